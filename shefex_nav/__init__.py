@@ -1,0 +1,44 @@
+"""Hybrid INS/GPS/star-tracker navigation simulator for sounding rockets and small satellites.
+
+The route of the data, which the folder listing repeats::
+
+    scenarios/*.yaml -> scenario -> world (flight, IMU, GPS, star camera frames)
+                     -> onboard (star tracker, navigation) -> log (MCAP) -> report, view
+
+``world`` is what happens, ``onboard`` is what flies; neither imports the other. They meet in
+``records`` (what is measured) and in ``simulate`` (the wiring).
+
+Conventions
+-----------
+Frames, one letter each, right-handed:
+
+- ``i`` inertial, axes of the GCRS, origin at the centre of the Earth
+- ``e`` Earth-centred Earth-fixed, WGS 84 (ITRS)
+- ``n`` north, east, down at the vehicle
+- ``l`` launch site: east, north, up
+- ``b`` body = IMU: x along the roll axis towards the nose, y and z across it
+- ``c`` camera: x right along the rows, y down along the columns, z along the boresight
+
+Rotations: ``C_ab`` and ``q_ab`` take components in b to components in a, ``v_a = C_ab @ v_b``; the
+letters must meet, ``C_ec = C_eb @ C_bc``. Quaternions are Hamilton's, scalar first, unit norm.
+
+Vectors end in the frame of their components: ``v_e``, ``g_i``, ``f_b``. Relative quantities are written
+in full: ``omega_ib_b`` is the rate of b with respect to i in components of b, ``r_ea_e`` the position of
+point a (GPS antenna) from the centre of e in components of e.
+
+Units: SI and radians inside; a scalar that is not obviously SI says so (``t_s``, ``sigma_px``). Human
+units appear in scenario files and in reports only. Time ``t_s`` counts from lift-off.
+
+Error states: truth = estimate (+) error; the attitude error is a rotation vector in body axes,
+``q_ib(true) = q_ib(estimate) * exp(dtheta_b)``.
+
+Pixels: (0, 0) is the centre of the top-left pixel, x to the right, y down.
+"""
+
+import os as _os
+
+from shefex_nav import compiled as _compiled
+
+__version__ = "0.1.0"
+
+_compiled.place_cache(_os.environ)

@@ -1,0 +1,30 @@
+"""Where numba keeps compiled kernels.
+
+numba notices an edit in the file of a kernel, but not one in another file whose functions that kernel
+calls. The small algebra of `geometry` and `environment` is called from everywhere, so the cache folder
+carries a hash of those files: after an edit there, every kernel is compiled again.
+"""
+
+import hashlib
+import os
+
+SHARED = ("geometry", "environment")
+
+
+def cache_key(package_dir):
+    """Hash of the source files whose functions are inlined into other files' kernels: str."""
+    digest = hashlib.sha256()
+    for folder in SHARED:
+        path = os.path.join(package_dir, folder)
+        for name in sorted(os.listdir(path)) if os.path.isdir(path) else ():
+            if name.endswith(".py"):
+                with open(os.path.join(path, name), "rb") as source:
+                    digest.update(source.read())
+    return digest.hexdigest()[:12]
+
+
+def place_cache(environ):
+    """Set NUMBA_CACHE_DIR in `environ`, unless the user has; must run before numba is imported."""
+    base = environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    key = cache_key(os.path.dirname(os.path.abspath(__file__)))
+    environ.setdefault("NUMBA_CACHE_DIR", os.path.join(base, "shefex_nav", f"numba-{key}"))

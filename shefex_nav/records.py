@@ -1,0 +1,240 @@
+"""The data that flows: what passes between world, on-board computer, log and report.
+
+Every record is an immutable tuple in SI units and radians; the last letter of a vector names the frame
+of its components (frames and rotations: package docstring). A measurement carries `t_valid_s`, the
+instant that it measures, and `t_available_s`, the instant at which the on-board computer has it.
+"""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Phase(IntEnum):
+    """Phase of the mission, as flown (truth)."""
+
+    PAD = 0
+    BOOST_1 = 1  # first stage burns, on the rail and after
+    COAST_1 = 2  # first stage burnt out, still attached
+    PRECESSION = 3  # separated, the spin axis is turned to the burn attitude
+    BOOST_2 = 4
+    DESPIN = 5  # second stage burnt out, despun
+    SLEW = 6  # turns to the star camera's attitude
+    POINTING = 7  # star camera sees free sky
+    ENTRY_SLEW = 8  # turns to the entry attitude
+    SPIN_UP = 9
+    ENTRY = 10  # free rigid body under aerodynamic loads until impact
+
+
+class Trajectory(NamedTuple):
+    """The truth at the IMU rate: arrays over N samples, sample k at t_s[k].
+
+    The vehicle's reference point is the IMU (origin of b), not the centre of mass.
+    """
+
+    t_s: np.ndarray  # (N,) from lift-off, equally spaced
+    phase: np.ndarray  # (N,) Phase as int8
+    r_i: np.ndarray  # (N, 3) m
+    v_i: np.ndarray  # (N, 3) m/s
+    q_ib: np.ndarray  # (N, 4)
+    omega_ib_b: np.ndarray  # (N, 3) rad/s
+    f_b: np.ndarray  # (N, 3) m/s^2, specific force at the IMU
+    dtheta_b: np.ndarray  # (N, 3) rad, integral of omega_ib_b over (t[k-1], t[k]]; row 0 is zero
+    dv_b: np.ndarray  # (N, 3) m/s, integral of f_b likewise, in the turning body frame
+    mass_kg: np.ndarray  # (N,)
+    mach: np.ndarray  # (N,)
+    dynamic_pressure_pa: np.ndarray  # (N,)
+    thrust_n: np.ndarray  # (N,)
+
+
+class TruthSample(NamedTuple):
+    """The truth at one tick of the on-board clock, for the log."""
+
+    t_s: float
+    phase: int  # Phase
+    r_i: np.ndarray  # (3,) m
+    v_i: np.ndarray  # (3,) m/s
+    q_ib: np.ndarray  # (4,)
+    omega_ib_b: np.ndarray  # (3,) rad/s
+    f_b: np.ndarray  # (3,) m/s^2
+
+
+class Event(NamedTuple):
+    """Something that happened in the mission."""
+
+    t_s: float
+    name: str  # lower case with underscores: lift_off, burn_out_1, apogee, entry, impact ...
+    altitude_m: float
+    detail: str  # for people; may be empty
+
+
+class Alignment(NamedTuple):
+    """Where the launch crew says the vehicle stands before lift-off; starts the navigation."""
+
+    t_valid_s: float
+    r_i: np.ndarray  # (3,) m, IMU
+    v_i: np.ndarray  # (3,) m/s
+    q_ib: np.ndarray  # (4,)
+    sigma_r: float  # m, each axis
+    sigma_v: float  # m/s, each axis
+    P_theta_b: np.ndarray  # (3, 3) rad^2, covariance of the attitude error in body axes
+
+
+class ImuBlock(NamedTuple):
+    """The IMU samples of one 100 Hz tick, oldest first; the last one ends at the tick."""
+
+    t_valid_s: float  # end of the last sample
+    t_available_s: float
+    dt_s: float  # duration of one sample
+    dtheta_b: np.ndarray  # (4, 3) rad, integrated rate
+    dv_b: np.ndarray  # (4, 3) m/s, integrated specific force
+    saturated: bool  # a sample of this block reached the range of its sensor
+
+
+class GpsFix(NamedTuple):
+    """Position and velocity of the GPS antenna a; valid is False while there is no solution."""
+
+    t_valid_s: float
+    t_available_s: float
+    valid: bool
+    r_ea_e: np.ndarray  # (3,) m
+    v_ea_e: np.ndarray  # (3,) m/s
+    R_r_e: np.ndarray  # (3, 3) m^2, covariance as the receiver reports it
+    R_v_e: np.ndarray  # (3, 3) m^2/s^2
+    n_satellites: int
+    pdop: float
+    reason: str  # why there is no fix; empty when valid
+
+
+class CameraCommand(NamedTuple):
+    """What the star tracker asks of the camera for the next frame."""
+
+    t_s: float
+    exposure_s: float
+    gain_db: float
+
+
+class Frame(NamedTuple):
+    """One picture of the star camera."""
+
+    number: int
+    t_start_s: float  # shutter opens
+    t_valid_s: float  # middle of the exposure
+    t_available_s: float  # read out and in the computer's memory
+    exposure_s: float
+    gain_db: float
+    image_dn: np.ndarray  # (rows, columns) uint8
+
+
+class FrameTruth(NamedTuple):
+    """What the camera really looked at, for scoring and the log; never seen on board."""
+
+    number: int
+    t_valid_s: float
+    q_ic: np.ndarray  # (4,) true attitude of the camera at t_valid_s, mounting error included
+    rate: float  # rad/s, largest true body rate during the exposure
+    sun_angle: float  # rad, boresight to the Sun
+    limb_angle: float  # rad, boresight to the Earth's limb, positive above it
+    exclusion_met: bool  # both angles outside their exclusion
+    hip: np.ndarray  # (n,) Hipparcos numbers of the brightest catalogue stars on the detector
+    xy_px: np.ndarray  # (n, 2) where their light is centred
+
+
+class Reason(IntEnum):
+    """Why a frame gave no attitude; NONE when it did."""
+
+    NONE = 0
+    TOO_FEW_STARS = 1
+    NO_MATCH = 2
+    AMBIGUOUS = 3  # more than one identification fits
+    RESIDUALS = 4  # the identified stars do not fit one attitude
+    SATURATED = 5  # mean grey value above its reference
+    SMEARED = 6  # the rate was too high for the exposure
+    SUN_EXCLUSION = 7
+    EARTH_EXCLUSION = 8
+
+
+class Detections(NamedTuple):
+    """Objects found in one frame, brightest first."""
+
+    xy_px: np.ndarray  # (n, 2) centroids
+    flux_dn: np.ndarray  # (n,) grey values above the background, summed
+    n_pixels: np.ndarray  # (n,) int
+    n_saturated: np.ndarray  # (n,) int, saturated pixels
+
+
+class StarFix(NamedTuple):
+    """Result of the star tracker chain for one frame, solved or not."""
+
+    number: int  # of the frame
+    t_valid_s: float
+    t_available_s: float
+    reason: int  # Reason; NONE = attitude is good
+    q_ic: np.ndarray  # (4,) attitude of the camera; NaN without a fix
+    P_c: np.ndarray  # (3, 3) rad^2, covariance of the rotation-vector error in camera axes; NaN likewise
+    detections: Detections
+    hip: np.ndarray  # (n,) Hipparcos number of each detection, 0 where unidentified
+    residual_px: float  # RMS of identified stars against the attitude, NaN without a fix
+    background_dn: float  # mean grey value of the frame
+    exposure_s: float
+    flag_saturated: bool
+    flag_no_stars: bool
+
+
+class GateResult(NamedTuple):
+    """Fate of one measurement in the navigation filter."""
+
+    t_s: float  # when it was processed
+    t_valid_s: float
+    sensor: str  # 'gps_position', 'gps_velocity', 'star_tracker'
+    dof: int
+    nis: float  # normalised innovation squared
+    limit: float  # accepted below it
+    accepted: bool
+    note: str  # '', 'rejected', 'reset after timeout', 'attitude reset' ...
+    innovation: np.ndarray  # (dof,)
+
+
+class NavSolution(NamedTuple):
+    """What the canard controller gets, 100 times a second."""
+
+    t_s: float
+    r_i: np.ndarray  # (3,) m, IMU
+    v_i: np.ndarray  # (3,) m/s
+    q_ib: np.ndarray  # (4,)
+    omega_ib_b: np.ndarray  # (3,) rad/s, corrected for the estimated gyro errors
+    r_e: np.ndarray  # (3,) m
+    v_e: np.ndarray  # (3,) m/s, relative to the rotating Earth
+    flight_path_angle: float  # rad, of v_e above the local horizontal
+    heading: float  # rad, of v_e, from north over east
+    angle_of_attack: float  # rad, atan2(v_z, v_x) of the air-relative velocity in b, no wind
+    sideslip: float  # rad, asin(v_y / |v|)
+    sigma_r_e: np.ndarray  # (3,) m
+    sigma_v_e: np.ndarray  # (3,) m/s
+    sigma_theta_b: np.ndarray  # (3,) rad
+    sigma_omega_b: np.ndarray  # (3,) rad/s
+    sigma_flight_path_angle: float  # rad
+    sigma_angle_of_attack: float  # rad
+    sigma_sideslip: float  # rad
+    star_aided: bool  # a star fix has been used since the start
+
+
+class NavCovariance(NamedTuple):
+    """Covariance of position, velocity (inertial) and attitude error (body), and the calibration states."""
+
+    t_s: float
+    P: np.ndarray  # (9, 9) order: position i [m], velocity i [m/s], attitude b [rad]
+    gyro_bias: np.ndarray  # (3,) rad/s
+    accel_bias: np.ndarray  # (3,) m/s^2
+    gyro_roll_column: np.ndarray  # (3,) errors on x, y, z per unit of roll rate: scale factor, misalignments
+    mounting: np.ndarray  # (3,) rad, rotation of the star camera against its nominal mounting, body axes
+    sigma: np.ndarray  # (12,) standard deviations of the four above, in that order
+
+
+class ComputeTime(NamedTuple):
+    """Measured durations, kept apart from everything that must be reproducible."""
+
+    t_s: float  # mission time
+    frame_number: int
+    chain_s: float  # star tracker chain of one frame
