@@ -1,0 +1,85 @@
+"""What is in the frames besides catalogue stars: bad pixels, false objects, planets.
+
+In: the settable numbers of `CameraParams` and a random generator. Out: lists drawn once per run (bad
+pixels, objects that are in no catalogue) or per frame (spikes), and the planets as the vehicle sees them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.environment.stars import silicon_magnitude
+
+# B-V of Mercury, Venus, Mars, Jupiter, Saturn (Allen's Astrophysical Quantities, 4th ed., table 12.10)
+PLANET_BV = np.array([0.93, 0.82, 1.36, 0.83, 1.04])
+FULL_MOON_VMAG = -12.74  # mean full Moon (Allen, 4th ed., section 12.12)
+MOON_BV = 0.92
+MOON_RADIUS = 1737.4e3  # m
+MOON_DISTANCE = 384.4e6  # m, mean
+
+
+class BadPixels(NamedTuple):
+    """Defects of this run's detector, as indices into the flattened frame."""
+
+    hot: np.ndarray  # (n,) pixels with extra dark current
+    hot_rate: np.ndarray  # (n,) electrons/s
+    dead: np.ndarray  # (m,) pixels that collect nothing
+    known: np.ndarray  # (k, 2) row, column of those found before flight
+
+
+def bad_pixels(params, rng):
+    """Draw the detector's defects; the last `unknown_bad_pixels` hot ones appeared after the calibration.
+
+    Their dark currents are spread evenly in the logarithm over `hot_pixel_rates`.
+    """
+    n_hot = params.hot_pixels + params.unknown_bad_pixels
+    pixels = rng.choice(params.width_px * params.height_px, n_hot + params.dead_pixels, replace=False)
+    hot, dead = pixels[:n_hot], pixels[n_hot:]
+    rates = np.exp(rng.uniform(*np.log(params.hot_pixel_rates), n_hot))
+    known = np.sort(np.concatenate([hot[: params.hot_pixels], dead]))
+    rows_columns = np.column_stack(np.divmod(known, params.width_px))
+    return BadPixels(hot, rates, dead, rows_columns)
+
+
+def false_objects(params, rng):
+    """Point sources on the whole sky that no catalogue lists: directions (n, 3), magnitudes (n,)."""
+    u_i = rng.standard_normal((params.false_objects, 3))
+    u_i /= np.linalg.norm(u_i, axis=1, keepdims=True)
+    return u_i, rng.uniform(*params.false_object_magnitudes, params.false_objects)
+
+
+def spikes(params, rng):
+    """Spots of one frame that are no stars (debris, particle hits): positions (n, 2) px, magnitudes (n,).
+
+    Their number is Poisson distributed; they sit still for the exposure.
+    """
+    n = rng.poisson(params.spikes_per_frame)
+    xy_px = rng.uniform([-0.5, -0.5], [params.width_px - 0.5, params.height_px - 0.5], (n, 2))
+    return xy_px, rng.uniform(*params.false_object_magnitudes, n)
+
+
+def planet_magnitudes(bodies):
+    """Magnitudes of the planets in the band of a silicon detector: (5,)."""
+    return silicon_magnitude(bodies.planet_vmag, PLANET_BV)
+
+
+def planets(bodies, r_i):
+    """Directions of the planets from the vehicle, without aberration: (5, 3)."""
+    toward_i = bodies.planet_r_i - r_i
+    return toward_i / np.linalg.norm(toward_i, axis=1, keepdims=True)
+
+
+def full_moon_magnitude(bodies):
+    """Magnitude in the band of a silicon detector that the Moon would have if it were full."""
+    vmag = FULL_MOON_VMAG + 5.0 * np.log10(np.linalg.norm(bodies.moon_r_i) / MOON_DISTANCE)
+    return silicon_magnitude(np.array([vmag]), np.array([MOON_BV]))[0]
+
+
+def moon(bodies, r_i):
+    """The Moon from the vehicle: direction (3,) and angular radius [rad].
+
+    Not aberrated: it shares the Earth's velocity, and its light is only 1.3 s old.
+    """
+    toward_i = bodies.moon_r_i - r_i
+    distance = np.linalg.norm(toward_i)
+    return toward_i / distance, np.arcsin(MOON_RADIUS / distance)

@@ -1,0 +1,68 @@
+"""Where the camera is mounted, how it projects, and how much light comes in from the side.
+
+In: the design values and their tolerances; directions of Sun and Earth. Out: the true mounting and pinhole
+of this run, and the background that stray light adds to every pixel. The exclusion angles (90 deg to the
+Sun, 45 deg to the Earth's limb) and the 50 deg baffle are those of the SHEFEX-2 star tracker; the shape
+of the stray light between them is an engineering guess [E].
+"""
+
+import numpy as np
+
+from shefex_nav.geometry import pinhole, rotation, wgs84
+
+TWILIGHT = 0.02  # brightness of the limb at sunrise as a fraction of the one under a high Sun [E]
+
+
+def true_mounting(C_bc, sigma_rad, rng):
+    """q_bc with a small random rotation, C_bc exp(phi), phi ~ N(0, sigma^2) about each camera axis."""
+    phi = sigma_rad * rng.standard_normal(3)
+    return rotation.quat_multiply(rotation.quat_from_dcm(C_bc), rotation.quat_from_rotvec(phi))
+
+
+def true_pinhole(params, rng):
+    """Pinhole with random errors of focal length and principal point."""
+    focal_length = params.focal_length_m * (1.0 + params.sigma_focal_length * rng.standard_normal())
+    nominal = pinhole.pinhole(params.width_px, params.height_px, focal_length / params.pixel_m)
+    dx, dy = params.sigma_principal_point_px * rng.standard_normal(2)
+    return nominal._replace(cx_px=nominal.cx_px + dx, cy_px=nominal.cy_px + dy)
+
+
+def limb_sunlight(boresight_i, r_i, sun_u_i):
+    """How brightly the Sun lights the limb below the boresight: 0 at night, 1 under a zenith Sun.
+
+    The sine of the Sun's elevation at the tangent point of a spherical Earth, smoothed over the twilight.
+    """
+    distance = np.linalg.norm(r_i)
+    up_i = r_i / distance
+    across_i = boresight_i - (boresight_i @ up_i) * up_i
+    norm = np.linalg.norm(across_i)
+    cos_arc = min(1.0, wgs84.A / distance)  # arc from below the vehicle to the tangent point
+    limb_up_i = cos_arc * up_i
+    if norm > 1e-9:
+        limb_up_i = limb_up_i + np.sqrt(1.0 - cos_arc**2) / norm * across_i
+    sin_elevation = limb_up_i @ sun_u_i
+    return 0.5 * (sin_elevation + np.hypot(sin_elevation, 2.0 * TWILIGHT))
+
+
+def stray_light(angle, exclusion, baffle, params):
+    """Electrons per second and pixel from a source at `angle` [rad] from the boresight.
+
+    `params.stray_rate` at the exclusion angle; ten times more (less) for every `params.stray_decade_rad`
+    inside (outside) it; below the baffle's half angle the lens itself is lit: `params.direct_rate`.
+    """
+    if angle <= baffle:
+        return params.direct_rate
+    decades = (exclusion - angle) / params.stray_decade_rad
+    return min(params.direct_rate, params.stray_rate * 10.0**decades)
+
+
+def behind_earth(u_i, vehicle):
+    """Which directions end on the ellipsoid. (n, 3) unit vectors -> (n,) bool.
+
+    With z stretched by A/B the Earth is a unit sphere; |r + s u| = 1 has a solution s > 0 there.
+    """
+    stretch = np.array([1.0 / wgs84.A, 1.0 / wgs84.A, 1.0 / wgs84.B])
+    r = (vehicle.C_ei @ vehicle.r_i) * stretch
+    u = (u_i @ vehicle.C_ei.T) * stretch
+    ru = u @ r
+    return (ru < 0.0) & (ru**2 > (u**2).sum(axis=1) * (r @ r - 1.0))

@@ -1,0 +1,48 @@
+"""The camera's electronics: commands in when they arrive, shutter open on its tick, frames out when read.
+
+In: `CameraCommand`s of the star tracker. Out: (Frame, FrameTruth) once the frame has been read out.
+"""
+
+from shefex_nav.world.camera.camera import expose
+
+EARLY_S = 1e-6  # rounding of the times of ticks
+
+
+class Shutter:
+    """A camera that is running.
+
+    camera : Camera
+    trajectory : Trajectory
+    every : int, ticks from frame to frame
+    off_s : s, no exposure starts from here on
+    rng : Generator of the noise of the frames
+    """
+
+    def __init__(self, camera, trajectory, *, every, off_s, rng):
+        self.camera, self.trajectory, self.rng = camera, trajectory, rng
+        self.every, self.off_s = every, off_s
+        self.end_s = float(trajectory.t_s[-1])
+        self.commands = []  # not yet in force, oldest first
+        self.command = None  # in force; none before the first: the camera is off
+        self.waiting = []  # (Frame, FrameTruth) not yet read out, oldest first
+        self.number = 0
+
+    def tick(self, n, now_s, commands):
+        """Take new commands; take a picture if one is due at tick n."""
+        self.commands += commands
+        while self.commands and self.commands[0].t_s <= now_s + EARLY_S:
+            self.command = self.commands.pop(0)
+        if self.command is None or n % self.every or now_s + EARLY_S >= self.off_s:
+            return
+        if now_s + self.command.exposure_s <= self.end_s:
+            self.waiting.append(
+                expose(self.camera, self.command, self.trajectory, self.number, now_s, self.rng)
+            )
+            self.number += 1
+
+    def arrived(self, now_s):
+        """Pictures that have been read out by now: list of (Frame, FrameTruth)."""
+        pictures = []
+        while self.waiting and self.waiting[0][0].t_available_s <= now_s + EARLY_S:
+            pictures.append(self.waiting.pop(0))
+        return pictures

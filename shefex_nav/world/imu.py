@@ -1,0 +1,220 @@
+"""Inertial measurement unit: the ideal increments of the flight in, what the instrument reports out.
+
+For the gyro triad and, without its g-sensitivity, for the accelerometer triad::
+
+    dtheta = (I + diag(s) + M) dtheta_ideal + (b + b(t) + k a_rms^2) dt + G dv_ideal
+             + sigma_random_walk sqrt(dt) w + vibration
+
+s scale factor, M misalignment, b turn-on bias, b(t) in-run bias (first-order Gauss-Markov), k vibration
+rectification, G sensitivity to specific force, w white noise; then clipped to the range and counted in whole
+quanta, the remainder being carried into the next sample (Groves, Principles of GNSS, Inertial and Multisensor
+Integrated Navigation Systems, 2nd ed., section 4.4).
+
+Vibration. The case of the instrument is shaken at random, its acceleration a having a flat spectrum of
+one-sided density S = a_rms^2/(f_high - f_low) between two frequencies and none outside (after the shock
+mount). The instrument does measure that motion, and the truth, the motion of the vehicle as a rigid body,
+does not contain it. Integrated over dt, flat acceleration gives increments of variance S dt/2 without
+correlation, what lies above half the sampling rate being folded into the band below; what lies below f_low
+is taken out by a fourth-order high-pass filter. It matters: 7 g rms make increments of 0.05 m/s, which would
+add up to a random walk of 8 m/s within 56 s; without the part below f_low the sum stays within 0.06 m/s
+(1 sigma), and spin does not turn it into a walk either. What a burn does leave behind is the rectification,
+a bias. Angular vibration is treated alike, as a flat spectrum of rate in proportion to the linear one.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.records import ImuBlock, Phase
+from shefex_nav.world.noise import gauss_markov
+
+SAMPLES_PER_BLOCK = 4  # 400 Hz samples in a 100 Hz tick
+
+
+class ImuParams(NamedTuple):
+    """Error model of the instrument; sigmas are one standard deviation of what is drawn per run and axis."""
+
+    gyro_bias: float  # rad/s, turn-on
+    gyro_bias_in_run: float  # rad/s
+    gyro_bias_tau_s: float  # correlation time of the in-run bias
+    gyro_random_walk: float  # rad/sqrt(s)
+    gyro_scale_factor_roll: float  # x axis
+    gyro_scale_factor: float  # y and z axes
+    gyro_misalignment: float  # rad
+    gyro_g_sensitivity: float  # rad/s per m/s^2
+    gyro_vibration_rectification: float  # rad/s per (m/s^2 rms)^2
+    gyro_range: float  # rad/s; inf = unlimited
+    gyro_quantum: float  # rad; 0 = continuous
+    accel_bias: float  # m/s^2, turn-on
+    accel_bias_in_run: float  # m/s^2
+    accel_bias_tau_s: float
+    accel_random_walk: float  # m/s/sqrt(s)
+    accel_scale_factor: float
+    accel_misalignment: float  # rad
+    accel_vibration_rectification: float  # m/s^2 per (m/s^2 rms)^2
+    accel_range: float  # m/s^2; inf = unlimited
+    accel_quantum: float  # m/s; 0 = continuous
+    vibration_boost_1: float  # m/s^2 rms on each axis while the first stage burns
+    vibration_boost_2: float  # m/s^2 rms, second stage
+    vibration_coast: float  # m/s^2 rms, at all other times
+    vibration_rate: float  # rad/s rms of angular vibration per m/s^2 rms
+    vibration_low_hz: float  # band of both vibrations
+    vibration_high_hz: float
+
+
+class ImuErrors(NamedTuple):
+    """The errors drawn for one run: what a filter may estimate, what a report compares with."""
+
+    gyro_bias: np.ndarray  # (3,) rad/s
+    gyro_scale_factor: np.ndarray  # (3,)
+    gyro_misalignment: np.ndarray  # (3, 3) zero diagonal; element ij: rate about j seen on axis i
+    gyro_g_sensitivity: np.ndarray  # (3, 3) rad/s per m/s^2
+    gyro_vibration_rectification: np.ndarray  # (3,) rad/s per (m/s^2 rms)^2
+    accel_bias: np.ndarray  # (3,) m/s^2
+    accel_scale_factor: np.ndarray  # (3,)
+    accel_misalignment: np.ndarray  # (3, 3)
+    accel_vibration_rectification: np.ndarray  # (3,) m/s^2 per (m/s^2 rms)^2
+
+
+class ImuData(NamedTuple):
+    """What the instrument reports over the whole flight; row 0, before its first sample, is zero."""
+
+    t_s: np.ndarray  # (N,) end of each sample
+    dtheta_b: np.ndarray  # (N, 3) rad
+    dv_b: np.ndarray  # (N, 3) m/s
+    saturated: np.ndarray  # (N,) bool
+    errors: ImuErrors
+
+
+def measure(params, trajectory, rng):
+    """IMU samples along a trajectory.
+
+    Parameters
+    ----------
+    params : ImuParams
+    trajectory : Trajectory, at the sampling rate of the instrument
+    rng : Generator; the order of the draws does not depend on `params`
+
+    Returns
+    -------
+    ImuData
+    """
+    errors = draw_errors(params, rng)
+    shape = trajectory.dtheta_b.shape
+    dt_s = (trajectory.t_s[-1] - trajectory.t_s[0]) / (shape[0] - 1)
+    rms = vibration_rms(params, trajectory.phase)
+
+    shaking, in_run, white = (rng.standard_normal(shape) for _ in range(3))
+    dtheta_b = _apply(_response(errors.gyro_scale_factor, errors.gyro_misalignment), trajectory.dtheta_b)
+    dtheta_b += _apply(errors.gyro_g_sensitivity, trajectory.dv_b)
+    dtheta_b += _bias(params.gyro_bias_in_run, params.gyro_bias_tau_s, dt_s, in_run) * dt_s
+    dtheta_b += (errors.gyro_bias + np.outer(rms**2, errors.gyro_vibration_rectification)) * dt_s
+    dtheta_b += params.gyro_random_walk * np.sqrt(dt_s) * white
+    dtheta_b += _vibration(params, params.vibration_rate * rms, dt_s, shaking)
+
+    shaking, in_run, white = (rng.standard_normal(shape) for _ in range(3))
+    dv_b = _apply(_response(errors.accel_scale_factor, errors.accel_misalignment), trajectory.dv_b)
+    dv_b += _bias(params.accel_bias_in_run, params.accel_bias_tau_s, dt_s, in_run) * dt_s
+    dv_b += (errors.accel_bias + np.outer(rms**2, errors.accel_vibration_rectification)) * dt_s
+    dv_b += params.accel_random_walk * np.sqrt(dt_s) * white
+    dv_b += _vibration(params, rms, dt_s, shaking)
+
+    dtheta_b[0] = dv_b[0] = 0.0
+    saturated = _clip(dtheta_b, params.gyro_range * dt_s) | _clip(dv_b, params.accel_range * dt_s)
+    dtheta_b = quantise(dtheta_b, params.gyro_quantum)
+    dv_b = quantise(dv_b, params.accel_quantum)
+    return ImuData(trajectory.t_s, dtheta_b, dv_b, saturated, errors)
+
+
+def draw_errors(params, rng):
+    """The constant errors of one run: ImuErrors."""
+    return ImuErrors(
+        gyro_bias=params.gyro_bias * rng.standard_normal(3),
+        gyro_scale_factor=np.array(
+            [params.gyro_scale_factor_roll, params.gyro_scale_factor, params.gyro_scale_factor]
+        )
+        * rng.standard_normal(3),
+        gyro_misalignment=params.gyro_misalignment * _off_diagonal(rng),
+        gyro_g_sensitivity=params.gyro_g_sensitivity * rng.standard_normal((3, 3)),
+        gyro_vibration_rectification=params.gyro_vibration_rectification * rng.standard_normal(3),
+        accel_bias=params.accel_bias * rng.standard_normal(3),
+        accel_scale_factor=params.accel_scale_factor * rng.standard_normal(3),
+        accel_misalignment=params.accel_misalignment * _off_diagonal(rng),
+        accel_vibration_rectification=params.accel_vibration_rectification * rng.standard_normal(3),
+    )
+
+
+def vibration_rms(params, phase):
+    """Level of the linear vibration at each sample. (N,) Phase -> (N,) m/s^2 rms."""
+    level = np.full(len(Phase), params.vibration_coast)
+    level[Phase.BOOST_1] = params.vibration_boost_1
+    level[Phase.BOOST_2] = params.vibration_boost_2
+    return level[phase]
+
+
+def quantise(increments, quantum):
+    """Whole quanta; what is left over is counted in the next sample, so that no drift arises.
+
+    The sum of the output is the sum of the input rounded to the nearest quantum, at every sample.
+    (N, 3) -> (N, 3).
+    """
+    if quantum == 0.0:
+        return increments
+    counts = np.rint(np.cumsum(increments, axis=0) / quantum)
+    return np.diff(counts, axis=0, prepend=0.0) * quantum
+
+
+def blocks(data):
+    """The samples as the on-board computer gets them: one ImuBlock of four per 100 Hz tick.
+
+    Block n (n >= 1) ends at sample 4n; the arrays are views into `data`. Yields ImuBlock.
+    """
+    n = (len(data.t_s) - 1) // SAMPLES_PER_BLOCK
+    used = slice(1, 1 + n * SAMPLES_PER_BLOCK)
+    dt_s = (data.t_s[-1] - data.t_s[0]) / (len(data.t_s) - 1)
+    ends_s = data.t_s[used][SAMPLES_PER_BLOCK - 1 :: SAMPLES_PER_BLOCK].tolist()
+    dtheta_b = data.dtheta_b[used].reshape(n, SAMPLES_PER_BLOCK, 3)
+    dv_b = data.dv_b[used].reshape(n, SAMPLES_PER_BLOCK, 3)
+    saturated = data.saturated[used].reshape(n, SAMPLES_PER_BLOCK).any(axis=1).tolist()
+    for t_s, dtheta, dv, at_range in zip(ends_s, dtheta_b, dv_b, saturated, strict=True):
+        yield ImuBlock(t_s, t_s, float(dt_s), dtheta, dv, at_range)
+
+
+def _response(scale_factor, misalignment):
+    """(3,), (3, 3) -> (3, 3) what a unit input about each axis gives on each axis."""
+    return np.eye(3) + np.diag(scale_factor) + misalignment
+
+
+def _apply(M, v_b):
+    """M @ v for every row; not through BLAS, whose rounding depends on its threads. (N, 3) -> (N, 3)."""
+    return np.einsum("ij,kj->ki", M, v_b)
+
+
+def _off_diagonal(rng):
+    """(3, 3) standard normal numbers with a zero diagonal."""
+    M = rng.standard_normal((3, 3))
+    np.fill_diagonal(M, 0.0)
+    return M
+
+
+def _bias(sigma, tau_s, dt_s, white):
+    """In-run bias at each sample, unit of sigma: (N, 3)."""
+    return sigma * gauss_markov(np.exp(-dt_s / tau_s), white)
+
+
+def _vibration(params, rms, dt_s, white):
+    """Increments that the vibration adds. (N,) rms of what they integrate, (N, 3) -> (N, 3)."""
+    from scipy.signal import butter, sosfilt
+
+    density = rms**2 / (params.vibration_high_hz - params.vibration_low_hz)
+    high_pass = butter(4, params.vibration_low_hz, "highpass", fs=1.0 / dt_s, output="sos")
+    drive = np.sqrt(0.5 * density * dt_s)[:, None] * white
+    drive[0] = 0.0  # the first sample starts at row 0
+    return sosfilt(high_pass, drive, axis=0)
+
+
+def _clip(increments, limit):
+    """Hold (N, 3) increments within +-limit in place; -> (N,) bool, whether a sample reached it."""
+    at_range = (np.abs(increments) >= limit).any(axis=1)
+    np.clip(increments, -limit, limit, out=increments)
+    return at_range

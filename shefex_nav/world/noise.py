@@ -1,0 +1,36 @@
+"""Random numbers: one independent stream per sensor, and the coloured noise that sensors share.
+
+The key of a stream never changes, so a new sensor or a draw more in one sensor changes no other's noise.
+"""
+
+import numpy as np
+
+STREAMS = {
+    "imu": 1,
+    "gps": 2,
+    "pad": 3,
+    "camera_errors": 4,  # mounting and calibration, drawn once per run
+    "camera_noise": 5,  # shot, dark and read noise of every frame
+    "sky": 6,  # uncatalogued stars, debris
+    "dispersions": 7,  # what a campaign varies from run to run
+}
+
+
+def generator(seed, stream):
+    """Generator of one stream, named in `STREAMS`, of the run with this seed."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, STREAMS[stream])))
+
+
+def gauss_markov(correlation, white):
+    """First-order Gauss-Markov processes of unit variance, stationary from their first sample.
+
+    x[k] = correlation * x[k-1] + sqrt(1 - correlation^2) * white[k],   x[0] = white[0]
+
+    The exact discrete form of dx/dt = -x/tau + noise for correlation = exp(-dt/tau).
+    (N, m) independent standard normal numbers -> (N, m), time along the first axis.
+    """
+    from scipy.signal import lfilter
+
+    drive = np.sqrt(1.0 - correlation**2) * white
+    drive[0] = white[0]
+    return lfilter([1.0], [1.0, -correlation], drive, axis=0)

@@ -1,0 +1,54 @@
+"""Before lift-off: where the launch crew says that the vehicle stands, with the errors of a survey."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.records import Alignment
+
+
+class PadParams(NamedTuple):
+    """One standard deviation of each error of the alignment."""
+
+    sigma_level: float  # rad, about north and about east
+    sigma_azimuth: float  # rad, about the vertical
+    sigma_r: float  # m, each axis
+    sigma_v: float  # m/s, each axis, relative to the Earth
+
+
+def align(params, trajectory, earth, rng):
+    """Alignment at the first sample of the trajectory.
+
+    truth = estimate (+) error, q_ib(true) = q_ib(estimate) * exp(error_b): the attitude error is drawn
+    about north, east and down, and its covariance is reported in body axes. The estimated velocity is that of
+    a point which stands on the Earth at the estimated position, but for its error.
+
+    Parameters
+    ----------
+    params : PadParams
+    trajectory : Trajectory
+    earth : EarthRotation
+    rng : Generator
+
+    Returns
+    -------
+    Alignment
+    """
+    t_s = float(trajectory.t_s[0])
+    r_e, v_e = frames.ecef_from_inertial(earth, t_s, trajectory.r_i[0], trajectory.v_i[0])
+    error_r, error_v, error_n = rng.standard_normal((3, 3))
+    r_i, v_i = frames.inertial_from_ecef(
+        earth, t_s, r_e - params.sigma_r * error_r, v_e - params.sigma_v * error_v
+    )
+
+    latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
+    C_in = frames.dcm_ie(earth, t_s) @ wgs84.dcm_en(latitude, longitude)
+    sigma_n = np.array([params.sigma_level, params.sigma_level, params.sigma_azimuth])
+    q_ib_true = trajectory.q_ib[0]
+    error_b = rotation.dcm_from_quat(q_ib_true).T @ C_in @ (sigma_n * error_n)
+    q_ib = rotation.quat_multiply(q_ib_true, rotation.quat_from_rotvec(-error_b))
+
+    C_bn = rotation.dcm_from_quat(q_ib).T @ C_in
+    P_theta_b = C_bn @ np.diag(sigma_n**2) @ C_bn.T
+    return Alignment(t_s, r_i, v_i, q_ib, params.sigma_r, params.sigma_v, P_theta_b)
