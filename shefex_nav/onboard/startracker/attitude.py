@@ -1,0 +1,150 @@
+"""Attitude from identified stars: ESOQ2, and its covariance.
+
+In: directions in the camera and in the inertial frame with one standard deviation per star. Out: q_ic and
+the covariance of its error. Mortari, "ESOQ-2: single-point algorithm for fast optimal spacecraft attitude
+determination" (1997) and "Second estimator of the optimal quaternion" (2000); coefficients of the
+characteristic polynomial as in Shuster and Oh (1981).
+"""
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.geometry.rotation import quat_normalise
+
+NEWTON_STEPS = 20  # bound only: it converges in two or three
+
+
+@njit(cache=True)
+def esoq2(u_c, v_i, sigma):
+    """Attitude that minimises sum |v_i - C_ic u_c|^2 / sigma^2 (Wahba's problem).
+
+    The optimum belongs to the largest eigenvalue lambda of Davenport's K = [[t, z'], [z, S - t I]] with
+    B = sum w v u', S = B + B', t = trace B. ESOQ2 eliminates the scalar part of q: the rotation axis e is
+    the null vector of (lambda - t) ((lambda + t) I - S) - z z'. That matrix vanishes for a small rotation,
+    so the camera frame is first turned by 180 degrees about the axis that makes t smallest, i.e. the
+    remaining rotation largest, and the quaternion is turned back at the end.
+
+    Parameters
+    ----------
+    u_c : (n, 3) unit vectors measured in the camera, n >= 2
+    v_i : (n, 3) the same in the inertial frame
+    sigma : (n,) rad, or anything proportional to it
+
+    Returns
+    -------
+    q_ic : (4,)
+    """
+    B = np.zeros((3, 3))
+    total = 0.0
+    for k in range(u_c.shape[0]):
+        weight = 1.0 / sigma[k] ** 2
+        total += weight
+        for r in range(3):
+            for c in range(3):
+                B[r, c] += weight * v_i[k, r] * u_c[k, c]
+    B /= total
+    trace = B[0, 0] + B[1, 1] + B[2, 2]
+    turned, t = -1, trace
+    for axis in range(3):
+        if 2.0 * B[axis, axis] - trace < t:
+            turned, t = axis, 2.0 * B[axis, axis] - trace
+    if turned >= 0:
+        for c in range(3):
+            if c != turned:
+                B[:, c] = -B[:, c]
+
+    S = B + B.T
+    z = np.array([B[2, 1] - B[1, 2], B[0, 2] - B[2, 0], B[1, 0] - B[0, 1]])
+    largest = _largest_eigenvalue(S, z, t)
+    a, b = largest - t, largest + t
+    M = -a * S
+    for r in range(3):
+        M[r, r] += a * b
+        for c in range(3):
+            M[r, c] -= z[r] * z[c]
+    e = _null_vector(M)
+    q = quat_normalise(np.array([z[0] * e[0] + z[1] * e[1] + z[2] * e[2], a * e[0], a * e[1], a * e[2]]))
+    if turned >= 0:
+        q = _turn_back(q, turned)
+    return q if q[0] >= 0.0 else -q
+
+
+@njit(cache=True)
+def _largest_eigenvalue(S, z, t):
+    """Largest root of det(K - lambda I) by Newton from its upper bound 1 (weights add up to one)."""
+    kappa = (
+        S[0, 0] * S[1, 1] - S[0, 1] ** 2 + S[0, 0] * S[2, 2] - S[0, 2] ** 2 + S[1, 1] * S[2, 2] - S[1, 2] ** 2
+    )
+    det_S = (
+        S[0, 0] * (S[1, 1] * S[2, 2] - S[1, 2] ** 2)
+        - S[0, 1] * (S[0, 1] * S[2, 2] - S[1, 2] * S[0, 2])
+        + S[0, 2] * (S[0, 1] * S[1, 2] - S[1, 1] * S[0, 2])
+    )
+    Sz = S @ z
+    zz, zSz, zSSz = (z * z).sum(), (z * Sz).sum(), (Sz * Sz).sum()
+    a, b, c, d = t * t - kappa, t * t + zz, det_S + zSz, zSSz
+    x = 1.0
+    for _ in range(NEWTON_STEPS):
+        value = ((x * x - (a + b)) * x - c) * x + (a * b + c * t - d)
+        slope = (4.0 * x * x - 2.0 * (a + b)) * x - c
+        if slope <= 0.0:  # a double root: the stars leave the rotation about one axis open
+            break
+        step = value / slope
+        x -= step
+        if abs(step) < 1e-15:
+            break
+    return x
+
+
+@njit(cache=True)
+def _null_vector(M):
+    """Unit vector e with M e = 0 of a symmetric matrix: the longest cross product of two rows."""
+    best, length2 = np.zeros(3), -1.0
+    for k in range(3):
+        p, q = M[k], M[(k + 1) % 3]
+        w = np.array([p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]])
+        norm2 = (w * w).sum()
+        if norm2 > length2:
+            best, length2 = w, norm2
+    return best / np.sqrt(length2)
+
+
+@njit(cache=True)
+def _turn_back(q, axis):
+    """q times the quaternion of 180 degrees about an axis (0, 1, 2). (4,) -> (4,)."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    if axis == 0:
+        return np.array([-x, w, z, -y])
+    if axis == 1:
+        return np.array([-y, -z, w, x])
+    return np.array([-z, y, -x, w])
+
+
+@njit(cache=True)
+def covariance(u_c, sigma):
+    """Covariance of the attitude error, q_ic(true) = q_ic * exp(dtheta_c).
+
+    P_c = [sum (I - u u') / sigma^2]^-1: each star measures the two rotations across its direction.
+
+    Parameters
+    ----------
+    u_c : (n, 3) unit vectors of at least two different directions
+    sigma : (n,) rad, standard deviation of each direction, per axis
+
+    Returns
+    -------
+    P_c : (3, 3) rad^2
+    """
+    F = np.zeros((3, 3))
+    for k in range(u_c.shape[0]):
+        weight = 1.0 / sigma[k] ** 2
+        for r in range(3):
+            F[r, r] += weight
+            for c in range(3):
+                F[r, c] -= weight * u_c[k, r] * u_c[k, c]
+    adjugate = np.empty((3, 3))
+    for r in range(3):
+        for c in range(3):
+            r1, r2, c1, c2 = (r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3
+            adjugate[c, r] = F[r1, c1] * F[r2, c2] - F[r1, c2] * F[r2, c1]
+    return adjugate / (F[0, 0] * adjugate[0, 0] + F[0, 1] * adjugate[1, 0] + F[0, 2] * adjugate[2, 0])

@@ -1,0 +1,184 @@
+"""The last word on every identification: does the whole field fit, and can it be chance?
+
+In: a few identified stars. Out: all detections matched with the catalogue, and the odds that this attitude
+is right. No method's own criterion is trusted: noise alone can build a pyramid of four.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.geometry.pinhole import Pinhole, pixels
+from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.onboard.startracker.attitude import covariance, esoq2
+from shefex_nav.records import Reason
+
+FIRST_GATE = 3.0  # times the gate: four stars in one corner say little about the far one
+MAGNITUDE_RANGE = 4.0  # mag, spread of the stars that a frame shows
+MUTE_SHARE = 0.2  # of the stars, whose brightness is not to be trusted [E]
+BORDER_PX = 5.0  # a predicted star nearer to the border may be missing
+
+
+class IdentifyParams(NamedTuple):
+    """Settings of the identification."""
+
+    method: str  # key of IDENTIFIERS
+    camera: Pinhole  # nominal
+    tolerance: float  # rad, of the angle between two detections; about three standard deviations
+    max_centroids: int  # the brightest ones, of which triangles are built
+    min_stars: int  # identified stars without which there is no attitude; at least 4
+    sigma_px: float  # centroid error per axis of an ordinary star
+    gate_sigma: float  # a detection further from its star than this many sigma_px is not that star
+    detection_probability: float  # of a star brighter than the faintest identified one
+    magnitude_margin: float  # such a star is brighter by at least this; passband and variable stars
+    magnitude_sigma: float  # of the brightness of an identified star: passband, variability, noise
+    false_alarm: float  # accepted probability that a verified attitude is chance
+
+
+class Identification(NamedTuple):
+    """Which star each detection is."""
+
+    star: np.ndarray  # (n,) int64 row of the on-board catalogue, -1 where unidentified
+    reason: int  # Reason; NONE = identified and verified
+    log_odds: float  # natural logarithm of the odds against chance
+
+
+def nothing(n, reason):
+    """Identification of n detections that failed for the given reason."""
+    return Identification(np.full(n, -1, dtype=np.int64), int(reason), -np.inf)
+
+
+def verify(params, stars, u_c, flux, star):
+    """Extend a first identification to the field and decide whether to believe it.
+
+    The attitude of the identified stars predicts where all catalogue stars are; detections near a prediction
+    are identified with it, and the attitude is found again with all of them. What is left must still hold
+    the stars that the identification began with (else RESIDUALS) and must not be chance (else AMBIGUOUS).
+
+    Parameters
+    ----------
+    params : IdentifyParams
+    stars : OnboardCatalogue
+    u_c : (n, 3) unit vectors, brightest detection first
+    flux : (n,) any unit
+    star : (n,) int64 rows of `stars`, -1 where unknown; at least two known
+
+    Returns
+    -------
+    Identification
+    """
+    xy_px = pixels(params.camera, u_c)
+    gate_px = params.gate_sigma * params.sigma_px
+    matched, distance2, n_missing = star, np.empty(0), 0
+    for widening in (FIRST_GATE, 1.0, 1.0):
+        known = np.flatnonzero(matched >= 0)
+        if len(known) < params.min_stars:
+            return nothing(len(star), Reason.RESIDUALS)
+        q_ic = esoq2(u_c[known], stars.u_i[matched[known]], np.ones(len(known)))
+        matched, distance2, n_missing = _match_kernel(
+            params.camera, q_ic, stars.u_i, stars.vmag, xy_px, widening * gate_px, params.magnitude_margin
+        )
+    known = matched >= 0
+    if known.sum() < params.min_stars or (matched[star >= 0] != star[star >= 0]).any():
+        return nothing(len(star), Reason.RESIDUALS)
+    odds = log_odds(params, u_c, known, distance2, n_missing)
+    odds += brightness_odds(params, stars.vmag[matched[known]], flux[known])
+    reason = Reason.NONE if odds > -np.log(params.false_alarm) else Reason.AMBIGUOUS
+    return Identification(matched, int(reason), float(odds))
+
+
+def log_odds(params, u_c, known, distance2, n_missing):
+    """Natural logarithm of the odds of an attitude against chance.
+
+    Chance: k detections anywhere on the detector, area A, so k / A of them per pixel. The attitude: an
+    identified star lies within its error of the prediction, the others are still anywhere, and a bright
+    star is missing with probability 1 - p. The attitude was free, any of 8 pi^2 rad^3, of which the data
+    leave sqrt((2 pi)^3 |P|):
+
+        ln sqrt((2 pi)^3 |P|) / (8 pi^2) + sum_identified [ln p A / (2 pi sigma^2 k) - d^2 / (2 sigma^2)]
+        + n_missing ln(1 - p)
+
+    Catalogue stars are the brighter ones: taking the k brightest detections only, for the best k, keeps
+    many faint uncatalogued ones from hiding them; ln n is the price of that choice.
+
+    Parameters
+    ----------
+    params : IdentifyParams
+    u_c : (n, 3) unit vectors, brightest first
+    known : (n,) bool, identified
+    distance2 : (n,) px^2, squared distance from the prediction where identified
+    n_missing : int, predicted bright stars that were not detected
+    """
+    camera, n = params.camera, len(known)
+    variance = params.sigma_px**2
+    u_known = u_c[known]
+    P = covariance(u_known, np.full(len(u_known), params.sigma_px / camera.focal_length_px))
+    attitude = 0.5 * np.log((2.0 * np.pi) ** 3 * np.linalg.det(P)) - np.log(8.0 * np.pi**2)
+    area = camera.width_px * camera.height_px
+    peak = np.log(params.detection_probability * area / (2.0 * np.pi * variance))
+    each = peak - distance2 / (2.0 * variance)
+    k = np.arange(1, n + 1)
+    evidence = np.cumsum(np.where(known, each, 0.0)) - np.cumsum(known) * np.log(k)
+    return attitude + evidence.max() - np.log(n) + n_missing * np.log(1.0 - params.detection_probability)
+
+
+def brightness_odds(params, vmag, flux):
+    """Logarithm of the odds that these brightnesses belong to these stars.
+
+    The zero point is free and is taken as the median. Against chance, where magnitudes spread over
+    MAGNITUDE_RANGE, a star counts ln [(1 - f) range N(difference) + f], f the share of stars whose
+    brightness says nothing (saturated, blended, variable); the fitted zero point costs one of them.
+    """
+    difference = vmag + 2.5 * np.log10(flux)
+    difference = (difference - np.median(difference)) / params.magnitude_sigma
+    peak = MAGNITUDE_RANGE / (np.sqrt(2.0 * np.pi) * params.magnitude_sigma)
+    each = np.log((1.0 - MUTE_SHARE) * peak * np.exp(-0.5 * difference**2) + MUTE_SHARE)
+    return each.sum() - np.log(peak * np.sqrt(len(vmag)))
+
+
+@njit(cache=True)
+def _match_kernel(camera, q_ic, u_i, vmag, xy_px, gate_px, magnitude_margin):
+    """Nearest detection within the gate of each predicted star; each detection keeps its nearest star.
+
+    Returns
+    -------
+    star : (n,) int64 row per detection, -1
+    distance2 : (n,) px^2
+    n_missing : stars well within the frame, brighter by the margin than the faintest match, undetected
+    """
+    n = xy_px.shape[0]
+    star = np.full(n, -1, dtype=np.int64)
+    distance2 = np.full(n, gate_px * gate_px)
+    C = dcm_from_quat(q_ic)
+    f, cx, cy = camera.focal_length_px, camera.cx_px, camera.cy_px
+    half_x, half_y = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
+    rim = np.hypot(half_x + abs(cx - half_x), half_y + abs(cy - half_y))
+    cos_rim = f / np.hypot(f, rim + gate_px)
+    inside = np.empty(u_i.shape[0], dtype=np.int64)
+    n_inside = 0
+    for s in range(u_i.shape[0]):
+        Z = C[0, 2] * u_i[s, 0] + C[1, 2] * u_i[s, 1] + C[2, 2] * u_i[s, 2]
+        if Z < cos_rim:
+            continue
+        x = cx + f * (C[0, 0] * u_i[s, 0] + C[1, 0] * u_i[s, 1] + C[2, 0] * u_i[s, 2]) / Z
+        y = cy + f * (C[0, 1] * u_i[s, 0] + C[1, 1] * u_i[s, 1] + C[2, 1] * u_i[s, 2]) / Z
+        if abs(x - half_x) < half_x - BORDER_PX and abs(y - half_y) < half_y - BORDER_PX:
+            inside[n_inside] = s
+            n_inside += 1
+        nearest, d2 = -1, gate_px * gate_px
+        for k in range(n):
+            r2 = (xy_px[k, 0] - x) ** 2 + (xy_px[k, 1] - y) ** 2
+            if r2 < d2:
+                nearest, d2 = k, r2
+        if nearest >= 0 and d2 < distance2[nearest]:
+            star[nearest], distance2[nearest] = s, d2
+    faintest = -np.inf
+    for k in range(n):
+        if star[k] >= 0:
+            faintest = max(faintest, vmag[star[k]])
+    n_missing = 0
+    for m in range(n_inside):
+        if vmag[inside[m]] < faintest - magnitude_margin and not (star == inside[m]).any():
+            n_missing += 1
+    return star, distance2, n_missing

@@ -1,0 +1,222 @@
+"""The star tracker chain: one frame in, one attitude or the reason for none out.
+
+frame -> detect -> identify and verify -> ESOQ2 -> `StarFix`; the flags of the frame set the exposure of the
+next one. Lost in space at every frame: no attitude from the navigation is used. What comes from the
+navigation, the `Context`, corrects aberration and names the reason of a failure; it never makes or vetoes
+an attitude.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.environment.stars import aberrate
+from shefex_nav.geometry.pinhole import pixels, unit_vectors
+from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
+from shefex_nav.onboard.startracker.attitude import covariance, esoq2
+from shefex_nav.onboard.startracker.catalogue import CatalogueParams, StarPairs
+from shefex_nav.onboard.startracker.detect import DetectParams, detect
+from shefex_nav.onboard.startracker.exposure import ExposureParams, flags, next_exposure
+from shefex_nav.onboard.startracker.identify import IDENTIFIERS
+from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
+from shefex_nav.records import CameraCommand, Reason, StarFix
+
+PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
+NO_ATTITUDE = np.full(4, np.nan)
+NO_COVARIANCE = np.full((3, 3), np.nan)
+
+
+class TrackerParams(NamedTuple):
+    """Settings of the star tracker; the nominal camera is identify.camera."""
+
+    catalogue: CatalogueParams
+    detect: DetectParams
+    identify: IdentifyParams
+    exposure: ExposureParams
+    earth_velocity_i: np.ndarray  # (3,) m/s, of the Earth relative to the solar-system barycentre
+    centroid_floor_px: float  # error of the brightest stars: pixel response, lens, catalogue
+    centroid_spot_px: float  # error = spot / signal-to-noise ratio of the object
+    outlier_sigma: float  # a star further than this from the attitude of the others is left out
+    latency_s: float  # from the frame in memory to the attitude
+    max_rate: float  # rad/s, above it a frame without attitude counts as smeared
+    sun_exclusion: float  # rad
+    limb_exclusion: float  # rad
+
+
+class Context(NamedTuple):
+    """What the navigation knows at the time of the frame; NaN or None where it does not."""
+
+    velocity_i: np.ndarray | None  # (3,) m/s, of the vehicle relative to the solar-system barycentre
+    rate: float  # rad/s
+    sun_angle: float  # rad, boresight to the Sun
+    limb_angle: float  # rad, boresight to the Earth's limb
+
+
+NO_CONTEXT = Context(None, np.nan, np.nan, np.nan)
+
+
+class Tracker(NamedTuple):
+    """Star tracker ready to run: settings and database."""
+
+    params: TrackerParams
+    pairs: StarPairs
+
+
+class TrackerState(NamedTuple):
+    """What the chain remembers from frame to frame."""
+
+    exposure_s: float  # as commanded last
+
+
+def init(params, catalogue, julian_year):
+    """Build the database of stars and pairs.
+
+    Parameters
+    ----------
+    params : TrackerParams
+    catalogue : StarCatalogue, all stars to V = 8: the faint ones shift the light of their neighbours
+    julian_year : float, epoch of the mission; proper motion is corrected once, here
+
+    Returns
+    -------
+    Tracker
+    """
+    if params.identify.method not in IDENTIFIERS:
+        raise ValueError(f"unknown star identification {params.identify.method!r}")
+    camera = params.identify.camera
+    half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
+    field = 2.0 * np.arctan(half_diagonal / camera.focal_length_px)
+    stars = onboard_catalogue.build(params.catalogue, catalogue, julian_year)
+    return Tracker(params, onboard_catalogue.pair_table(stars, field))
+
+
+def start(tracker, t_s):
+    """(state, command) with which the camera is switched on. Tracker, s -> TrackerState, CameraCommand."""
+    exposure = tracker.params.exposure
+    return TrackerState(exposure.start_s), CameraCommand(t_s, exposure.start_s, exposure.gain_db)
+
+
+def step(tracker, state, frame, context):
+    """Process one frame.
+
+    Parameters
+    ----------
+    tracker : Tracker
+    state : TrackerState
+    frame : Frame
+    context : Context
+
+    Returns
+    -------
+    TrackerState
+    StarFix, with the attitude or the reason for none
+    CameraCommand for the next frame
+    """
+    params = tracker.params
+    detections, statistics = detect(params.detect, frame.image_dn)
+    flag_saturated, flag_no_stars = flags(params.exposure, statistics.mean_dn, detections)
+    u_c = unit_vectors(params.identify.camera, detections.xy_px)
+    identify = IDENTIFIERS[params.identify.method]
+    found = identify(params.identify, tracker.pairs, u_c, detections.flux_dn)
+    q_ic, P_c, residual_px, reason = NO_ATTITUDE, NO_COVARIANCE, np.nan, found.reason
+    if reason == Reason.NONE:
+        sigma_px = centroid_sigma(params, detections, statistics.noise_dn)
+        n_used, *solution = _solve_identified(tracker, u_c, found.star, sigma_px, context.velocity_i)
+        if n_used >= params.identify.min_stars:
+            q_ic, P_c, residual_px = solution
+        else:
+            reason = Reason.RESIDUALS
+    if reason != Reason.NONE:
+        reason = explain(params, reason, statistics.mean_dn, context)
+    fix = StarFix(
+        number=frame.number,
+        t_valid_s=frame.t_valid_s,
+        t_available_s=frame.t_available_s + params.latency_s,
+        reason=int(reason),
+        q_ic=q_ic,
+        P_c=P_c,
+        detections=detections,
+        hip=np.where(found.star >= 0, tracker.pairs.stars.hip[found.star], 0),
+        residual_px=residual_px,
+        background_dn=statistics.mean_dn,
+        exposure_s=frame.exposure_s,
+        flag_saturated=flag_saturated,
+        flag_no_stars=flag_no_stars,
+    )
+    exposure_s = next_exposure(params.exposure, state.exposure_s, flag_saturated, flag_no_stars)
+    command = CameraCommand(fix.t_available_s, exposure_s, params.exposure.gain_db)
+    return TrackerState(exposure_s), fix, command
+
+
+def _solve_identified(tracker, u_c, star, sigma_px, velocity_i):
+    """`solve` with the identified detections and their stars as the moving vehicle sees them."""
+    if velocity_i is None:
+        velocity_i = tracker.params.earth_velocity_i
+    known = star >= 0
+    seen_i = aberrate(tracker.pairs.stars.u_i[star[known]], velocity_i)
+    return solve(tracker.params, u_c[known], seen_i, sigma_px[known])
+
+
+def centroid_sigma(params, detections, noise_dn):
+    """Standard deviation of each centroid, per axis: (n,) px.
+
+    sigma^2 = floor^2 + (spot / SNR)^2 with SNR = flux / (noise sqrt(pixels)).
+    """
+    noise_to_signal = noise_dn * np.sqrt(detections.n_pixels) / detections.flux_dn
+    return np.hypot(params.centroid_floor_px, params.centroid_spot_px * noise_to_signal)
+
+
+def solve(params, u_c, seen_i, sigma_px):
+    """Attitude, its covariance and the misfit; the worst star is left out until all that are used fit.
+
+    A neighbour too faint for the catalogue or a particle hit can shift the light of a star by more than its
+    error. Neither can be foreseen, but with more than four stars it shows. Streaks are less certain than
+    spots: the variance that sigma_px promises counts as an observation of PRIOR_DOF degrees of freedom, which
+    the misfit of this frame's stars corrects.
+
+    Parameters
+    ----------
+    params : TrackerParams
+    u_c : (n, 3) measured directions
+    seen_i : (n, 3) apparent directions of the stars, aberration included
+    sigma_px : (n,) standard deviation per axis
+
+    Returns
+    -------
+    n_used : int; fewer than identify.min_stars when no attitude fits that many
+    q_ic : (4,)
+    P_c : (3, 3) rad^2
+    residual_px : RMS distance of the used stars from where the attitude puts them
+    """
+    camera, min_stars = params.identify.camera, params.identify.min_stars
+    sigma = sigma_px / camera.focal_length_px
+    xy_px = pixels(camera, u_c)
+    used = np.ones(len(u_c), dtype=bool)
+    while True:
+        q_ic = esoq2(u_c[used], seen_i[used], sigma[used])
+        offset_px = xy_px - pixels(camera, seen_i @ dcm_from_quat(q_ic))
+        distance_px = np.where(used, np.hypot(offset_px[:, 0], offset_px[:, 1]), 0.0)
+        worst = np.argmax(distance_px / sigma_px)
+        fits = distance_px[worst] <= params.outlier_sigma * sigma_px[worst]
+        if fits or used.sum() < min_stars:
+            break
+        used[worst] = False
+    n_used = int(used.sum())
+    residual_px = float(np.sqrt((distance_px**2).sum() / n_used))
+    chi2 = ((distance_px / sigma_px) ** 2).sum()
+    factor = (PRIOR_DOF + chi2) / (PRIOR_DOF + 2 * n_used - 3)
+    return n_used, q_ic, factor * covariance(u_c[used], sigma[used]), residual_px
+
+
+def explain(params, reason, mean_dn, context):
+    """The most telling reason for a frame without attitude; comparisons with NaN are False."""
+    if context.sun_angle < params.sun_exclusion:
+        return Reason.SUN_EXCLUSION
+    if context.limb_angle < params.limb_exclusion:
+        return Reason.EARTH_EXCLUSION
+    if mean_dn > params.exposure.max_mean_dn:
+        return Reason.SATURATED
+    if context.rate > params.max_rate:
+        return Reason.SMEARED
+    return reason

@@ -1,0 +1,116 @@
+"""Detection: statistics, objects and centroids against frames whose content is known."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+from star_fields import DETECT, digitise, signal, spot
+
+from shefex_nav.onboard.startracker.detect import block_sums, detect, repair, tile_statistics
+
+SHAPE = (493, 659)
+
+
+def test_block_sums_are_a_3x3_convolution():
+    image = np.random.default_rng(1).integers(0, 256, SHAPE).astype(np.uint8)
+    expected = ndimage.convolve(image.astype(np.int64), np.ones((3, 3), dtype=np.int64))
+    expected[[0, -1]] = 0
+    expected[:, [0, -1]] = 0
+    np.testing.assert_array_equal(block_sums(image), expected)
+
+
+def test_statistics_of_a_frame_with_stars_and_a_gradient():
+    rng = np.random.default_rng(2)
+    light = np.zeros(SHAPE) + np.linspace(0.0, 60.0, SHAPE[1])  # electrons: stray light
+    for x, y in rng.uniform([20, 20], [640, 470], (60, 2)):
+        spot(light, x, y, signal(2.0))
+    image = digitise(rng, light)
+    background, sigma, mean_dn = tile_statistics(block_sums(image), 72)
+    whole_blocks = image[:492, :657]
+    assert mean_dn == pytest.approx(whole_blocks.mean(), abs=0.02)
+    # noise of one block of 9 pixels: shot noise of 60 + 30 electrons on average, read noise 16, quantisation
+    per_pixel = np.hypot(np.sqrt(60.0 + 30.0 + 16.0**2) / 7.4, np.sqrt(1 / 12))
+    assert np.median(sigma) == pytest.approx(3.0 * per_pixel, rel=0.05)
+    columns = (np.arange(9) * 72 + 36) * 60.0 / SHAPE[1]
+    expected = 9.0 * ((columns + 60.0) / 7.4 + 10.0)
+    np.testing.assert_allclose(np.median(background, axis=0)[:9], expected, atol=1.5)
+
+
+def test_objects_of_a_dark_frame():
+    """Every block of a noise frame is a trial of a 5.5 sigma threshold: almost none may be an object."""
+    rng = np.random.default_rng(3)
+    count = sum(len(detect(DETECT, digitise(rng, np.zeros(SHAPE)))[0].flux_dn) for _ in range(20))
+    assert count <= 8  # measured: 0.07 a frame; Poisson 1.4, 8 has a probability of 1e-4
+
+
+@pytest.mark.parametrize(
+    "sigma_px, streak_px, vmag, limit_px",
+    [
+        (0.6, 0.0, 5.5, 0.12),
+        (0.8, 0.0, 5.5, 0.15),
+        (0.8, 0.0, 4.5, 0.06),
+        (0.8, 0.0, 3.0, 0.03),
+        (0.8, 4.4, 4.5, 0.12),  # 2 deg/s for 50 ms
+        (0.8, 4.4, 3.0, 0.05),
+    ],
+)
+def test_centroids(sigma_px, streak_px, vmag, limit_px):
+    """RMS error per axis over 96 stars at random phases of the pixel grid, and no bias."""
+    rng = np.random.default_rng(4)
+    light = np.zeros(SHAPE)
+    xx, yy = np.meshgrid(np.arange(12) * 52 + 40, np.arange(8) * 56 + 40)
+    true_px = np.column_stack([xx.ravel(), yy.ravel()]) + rng.uniform(-3.0, 3.0, (96, 2))
+    for x, y in true_px:
+        spot(light, x, y, signal(vmag), sigma_px, streak_px, rng.uniform(0.0, np.pi))
+    found, _ = detect(DETECT._replace(max_objects=200), digitise(rng, light))
+    distance = np.linalg.norm(found.xy_px[:, None] - true_px[None], axis=2)
+    assert (distance.min(axis=0) < 1.5).all()  # every star, and a streak is one object:
+    assert len(found.flux_dn) <= 98
+    error = found.xy_px[distance.argmin(axis=0)] - true_px
+    assert np.sqrt((error**2).mean()) < limit_px
+    assert (np.abs(error.mean(axis=0)) < 3.5 * limit_px / np.sqrt(96)).all()
+
+
+def test_table_is_sorted_and_keeps_the_brightest():
+    rng = np.random.default_rng(5)
+    light = np.zeros(SHAPE)
+    vmag = rng.permutation(np.linspace(1.0, 4.5, 24))
+    xx, yy = np.meshgrid(np.arange(6) * 100 + 60, np.arange(4) * 110 + 60)
+    for m, x, y in zip(vmag, xx.ravel(), yy.ravel(), strict=True):
+        spot(light, x, y, signal(m))
+    image = digitise(rng, light)
+    found, _ = detect(DETECT._replace(max_objects=10), image)
+    assert len(found.flux_dn) == 10
+    assert (np.diff(found.flux_dn) <= 0.0).all()
+    brightest = np.column_stack([xx.ravel(), yy.ravel()])[np.argsort(vmag)[:10]]
+    distance = np.linalg.norm(found.xy_px[:, None] - brightest[None], axis=2)
+    assert (distance.min(axis=0) < 0.3).all()
+    boxes = [image[int(y) - 6 : int(y) + 7, int(x) - 6 : int(x) + 7] for x, y in np.rint(found.xy_px)]
+    np.testing.assert_array_equal(found.n_saturated, [(box == 255).sum() for box in boxes])
+    assert found.n_saturated[0] > 1  # V = 1 at 24 dB
+
+
+def test_known_bad_pixels_are_taken_out():
+    rng = np.random.default_rng(6)
+    image = digitise(rng, np.zeros(SHAPE))
+    bad = rng.integers([1, 1], [492, 658], (40, 2)).astype(np.int64)
+    bad = np.vstack([bad, bad[0] + [0, 1], [0, 0]])  # neighbours of each other, and a corner
+    image[bad[:, 0], bad[:, 1]] = 255
+    repaired = repair(image, bad)
+    assert repaired[bad[:, 0], bad[:, 1]].max() < 40
+    untouched = np.ones(SHAPE, dtype=bool)
+    untouched[bad[:, 0], bad[:, 1]] = False
+    np.testing.assert_array_equal(repaired[untouched], image[untouched])
+    assert len(detect(DETECT._replace(bad_pixels=bad), image)[0].flux_dn) <= 1
+
+
+def test_what_is_no_star_is_left_out():
+    rng = np.random.default_rng(7)
+    light = np.zeros(SHAPE)
+    light[100, 100] += 3000.0  # a hot pixel nobody knew of
+    spot(light, 300.0, 2.0, signal(2.0))  # cut off by the border
+    yy, xx = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    light[(xx - 450) ** 2 + (yy - 250) ** 2 < 18**2] += 2000.0  # the Moon is 27 px across
+    spot(light, 200.0, 300.0, signal(2.0))
+    found, _ = detect(DETECT, digitise(rng, light))
+    strong = found.flux_dn > 200.0
+    np.testing.assert_allclose(found.xy_px[strong], [[200.0, 300.0]], atol=0.1)

@@ -1,0 +1,202 @@
+"""The chain on frames: right attitudes, honest sigmas, a reason for every frame without one."""
+
+import numpy as np
+import pytest
+from star_fields import (
+    CAMERA,
+    DEG,
+    EXPOSURE,
+    TRACKER,
+    all_stars,
+    random_attitude,
+    ready_tracker,
+    sky_frame,
+    stars_in_frame,
+)
+
+from shefex_nav.environment.stars import aberrate
+from shefex_nav.geometry.pinhole import unit_vectors
+from shefex_nav.geometry.rotation import dcm_from_quat, rotvec_between
+from shefex_nav.onboard.startracker import tracker
+from shefex_nav.onboard.startracker.attitude import esoq2
+from shefex_nav.records import Frame, Reason
+
+VELOCITY = np.array([-29500.0, 3000.0, 1500.0])  # m/s: the Earth's, and a rocket's
+CONTEXT = tracker.NO_CONTEXT._replace(velocity_i=VELOCITY)
+
+
+def frame(image_dn, number=0, exposure_s=0.05):
+    return Frame(number, 1.0, 1.0 + 0.5 * exposure_s, 1.065, exposure_s, EXPOSURE.gain_db, image_dn)
+
+
+def process(image_dn, context=CONTEXT):
+    ready = ready_tracker()
+    state, _ = tracker.start(ready, 0.9)
+    return tracker.step(ready, state, frame(image_dn), context)
+
+
+def seen_sky():
+    """On-board catalogue as the moving vehicle sees it."""
+    stars = ready_tracker().pairs.stars
+    return stars._replace(u_i=aberrate(stars.u_i, VELOCITY))
+
+
+def sky_with_stars(rng, least=7):
+    while True:
+        q_ic = random_attitude(rng)
+        if len(stars_in_frame(seen_sky(), q_ic, margin_px=5.0)[0]) >= least:
+            return q_ic
+
+
+def test_frames_of_the_whole_sky():
+    """Static and at 2 deg/s: nothing wrong, better than 0.1 deg about each axis, sigmas honest."""
+    rng = np.random.default_rng(1)
+    sky, normalised = seen_sky(), []
+    n_possible = n_solved = 0
+    for k in range(60):
+        q_ic = random_attitude(rng)
+        n_possible += len(stars_in_frame(sky, q_ic, margin_px=5.0)[0]) >= 4
+        image_dn = sky_frame(rng, sky, q_ic, streak_px=4.4 * (k % 2), angle=rng.uniform(0.0, np.pi))
+        _, fix, _ = process(image_dn)
+        assert len(fix.hip) == len(fix.detections.flux_dn)
+        if fix.reason != Reason.NONE:
+            assert np.isnan(fix.q_ic).all() and np.isnan(fix.P_c).all() and np.isnan(fix.residual_px)
+            continue
+        n_solved += 1
+        error = rotvec_between(fix.q_ic, q_ic)
+        assert (np.abs(error) < 0.1 * DEG).all()
+        assert fix.residual_px < 0.5
+        normalised.append(error @ np.linalg.solve(fix.P_c, error))
+    assert n_solved >= n_possible - 2
+    # 3 if the sigmas were exact; 60 frames would then give 2.1 ... 3.9 (99.7 per cent)
+    assert 1.2 < np.mean(normalised) < 3.9
+
+
+def test_the_record_of_a_solved_frame():
+    rng = np.random.default_rng(2)
+    q_ic = sky_with_stars(rng)
+    state, fix, command = process(sky_frame(rng, seen_sky(), q_ic))
+    assert fix.reason == Reason.NONE
+    assert (fix.number, fix.t_valid_s, fix.exposure_s) == (0, 1.025, 0.05)
+    assert fix.t_available_s == pytest.approx(1.065 + TRACKER.latency_s)
+    assert command == (fix.t_available_s, 0.05, EXPOSURE.gain_db)
+    assert state.exposure_s == 0.05
+    rows, xy_px = stars_in_frame(seen_sky(), q_ic)
+    place = dict(zip(ready_tracker().pairs.stars.hip[rows], xy_px, strict=True))
+    identified = np.flatnonzero(fix.hip)
+    assert len(identified) >= 4
+    for k in identified:
+        assert np.linalg.norm(fix.detections.xy_px[k] - place[fix.hip[k]]) < 1.0
+    sigma = np.sqrt(np.diag(fix.P_c))
+    assert 1e-6 < sigma[0] < 1e-4 and 3.0 * sigma[0] < sigma[2] < 1e-3
+
+
+def test_aberration_is_corrected_and_matters():
+    """30 km/s shift the sky by 20 arcsec: with the velocity the error is a few arcsec, without it is not."""
+    rng = np.random.default_rng(3)
+    while True:
+        q_ic = sky_with_stars(rng, least=15)
+        boresight_i = dcm_from_quat(q_ic)[:, 2]
+        across = VELOCITY - (VELOCITY @ boresight_i) * boresight_i
+        if np.linalg.norm(across) > 28000.0:
+            break
+    image_dn = sky_frame(rng, seen_sky(), q_ic)
+    arcsec = DEG / 3600.0
+    _, corrected, _ = process(image_dn)
+    assert np.linalg.norm(rotvec_between(corrected.q_ic, q_ic)[:2]) < 6.0 * arcsec
+    _, still, _ = process(image_dn, CONTEXT._replace(velocity_i=np.zeros(3)))
+    expected = np.linalg.norm(across) / 299792458.0
+    assert np.linalg.norm(rotvec_between(still.q_ic, q_ic)[:2]) == pytest.approx(expected, abs=6.0 * arcsec)
+    _, annual, _ = process(image_dn, tracker.NO_CONTEXT)  # the Earth's velocity alone is 2 arcsec off
+    assert np.linalg.norm(rotvec_between(annual.q_ic, corrected.q_ic)) < 4.0 * arcsec
+
+
+@pytest.mark.parametrize(
+    "changed, expected",
+    [
+        ({}, Reason.TOO_FEW_STARS),
+        ({"rate": 3.0 * DEG}, Reason.SMEARED),
+        ({"sun_angle": 80.0 * DEG, "rate": 3.0 * DEG}, Reason.SUN_EXCLUSION),
+        ({"limb_angle": 30.0 * DEG}, Reason.EARTH_EXCLUSION),
+        ({"sun_angle": 100.0 * DEG, "limb_angle": 60.0 * DEG, "rate": 1.0 * DEG}, Reason.TOO_FEW_STARS),
+    ],
+)
+def test_reason_for_an_empty_frame(changed, expected):
+    image_dn = np.random.default_rng(4).normal(20.0, 2.4, (493, 659)).round().astype(np.uint8)
+    _, fix, command = process(image_dn, CONTEXT._replace(**changed))
+    assert fix.reason == expected
+    assert fix.flag_no_stars and not fix.flag_saturated
+    assert command.exposure_s == EXPOSURE.max_s
+
+
+def test_reason_never_vetoes_an_attitude():
+    rng = np.random.default_rng(5)
+    q_ic = sky_with_stars(rng)
+    pessimist = tracker.Context(VELOCITY, 10.0 * DEG, 10.0 * DEG, -10.0 * DEG)
+    _, fix, _ = process(sky_frame(rng, seen_sky(), q_ic), pessimist)
+    assert fix.reason == Reason.NONE
+
+
+@pytest.mark.parametrize("grey", [0, 128, 255])
+def test_uniform_frames(grey):
+    state, fix, _ = process(np.full((493, 659), grey, dtype=np.uint8))
+    assert fix.reason == (Reason.TOO_FEW_STARS if grey == 0 else Reason.SATURATED)
+    assert fix.flag_saturated == (grey > 100)
+    assert state.exposure_s == (0.048 if grey > 100 else 0.05)
+    assert fix.background_dn == pytest.approx(grey)
+
+
+def test_pure_noise_and_gradients_give_no_attitude():
+    rng = np.random.default_rng(6)
+    for k in range(20):
+        image = rng.normal(30.0, 3.0, (493, 659)) + np.linspace(0.0, 10.0 * k, 659)
+        image[rng.integers(2, 491, 40 * k), rng.integers(2, 657, 40 * k)] += 80.0
+        _, fix, _ = process(np.clip(np.rint(image), 0, 255).astype(np.uint8))
+        assert fix.reason != Reason.NONE
+
+
+def test_a_shifted_star_is_left_out_or_refused():
+    """One centroid 0.8 px off: with many stars it is dropped, with four there is no attitude to trust."""
+    rng = np.random.default_rng(7)
+    stars = ready_tracker().pairs.stars
+    for n, accepted in ((12, True), (4, False)):
+        q_ic = sky_with_stars(rng, least=n)
+        rows, xy_px = stars_in_frame(stars, q_ic, margin_px=5.0)
+        rows, xy_px = rows[:n], xy_px[:n] + rng.normal(0.0, 0.05, (n, 2))
+        xy_px[2] += [0.6, -0.6]
+        u_c, sigma_px = unit_vectors(CAMERA, xy_px), np.full(n, 0.05)
+        n_used, q, P_c, residual_px = tracker.solve(TRACKER, u_c, stars.u_i[rows], sigma_px)
+        assert (n_used >= 4) == accepted
+        if accepted:
+            assert n_used == n - 1
+            assert residual_px < 0.15
+            error = rotvec_between(q, q_ic)
+            assert error @ np.linalg.solve(P_c, error) < 16.3  # 99.9 per cent of chi-square, 3 dof
+            biased = rotvec_between(esoq2(u_c, stars.u_i[rows], sigma_px), q_ic)
+            assert np.linalg.norm(error) < np.linalg.norm(biased)
+
+
+def test_exposure_follows_the_flags_over_frames():
+    """Bright frames shorten it to the floor in 2 ms steps, empty ones lengthen it back to the ceiling."""
+    ready = ready_tracker()
+    state, command = tracker.start(ready, 0.0)
+    bright = np.full((493, 659), 200, dtype=np.uint8)
+    empty = np.full((493, 659), 10, dtype=np.uint8)
+    exposures_ms = []
+    for image_dn in [bright] * 9 + [empty] * 9:
+        state, _, command = tracker.step(ready, state, frame(image_dn, 0, command.exposure_s), CONTEXT)
+        exposures_ms.append(round(1e3 * command.exposure_s))
+    assert exposures_ms == [48, 46, 44, 42, 40, 38, 36, 35, 35, 37, 39, 41, 43, 45, 47, 49, 50, 50]
+
+
+def test_unknown_method_is_refused_at_once():
+    params = TRACKER._replace(identify=TRACKER.identify._replace(method="astrology"))
+    with pytest.raises(ValueError, match="astrology"):
+        tracker.init(params, all_stars(), 2012.47)
+
+
+def test_database_covers_the_diagonal_of_the_field():
+    pairs = ready_tracker().pairs
+    assert 18.4 * DEG < np.arccos(pairs.cosine[0]) < 18.7 * DEG
+    assert len(pairs.stars.hip) > 2800
+    assert len(all_stars().hip) > 10 * len(pairs.stars.hip)

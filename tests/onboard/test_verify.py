@@ -1,0 +1,108 @@
+"""Verification: the odds of an attitude, and what destroys them."""
+
+import numpy as np
+import pytest
+from star_fields import CAMERA, IDENTIFY, centroid_list, random_attitude, ready_tracker, stars_in_frame
+
+from shefex_nav.geometry.pinhole import pixels, unit_vectors
+from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.onboard.startracker.identify.verify import _match_kernel, log_odds, verify
+from shefex_nav.records import Reason
+
+
+def true_field(seed, n_stars):
+    """A frame with exactly n_stars catalogue stars: attitude, u_c, flux, star."""
+    rng = np.random.default_rng(seed)
+    stars = ready_tracker().pairs.stars
+    while True:
+        q_ic = random_attitude(rng)
+        u_c, flux, star = centroid_list(rng, stars, q_ic, 0)
+        if len(star) == n_stars:
+            return q_ic, u_c, flux, star
+
+
+def test_match_against_brute_force():
+    rng = np.random.default_rng(1)
+    stars = ready_tracker().pairs.stars
+    for _ in range(30):
+        q_ic = random_attitude(rng)
+        rows, xy_px = stars_in_frame(stars, q_ic)
+        detected = xy_px[rng.random(len(rows)) < 0.7] + rng.normal(0.0, 0.4, (1, 2))
+        detected = np.vstack([detected, rng.uniform(0.0, 490.0, (10, 2))])
+        star, distance2, n_missing = _match_kernel(CAMERA, q_ic, stars.u_i, stars.vmag, detected, 1.2, 0.3)
+        d = np.linalg.norm(detected[:, None] - xy_px[None], axis=2)
+        mutual = (d == d.min(axis=0)[None]) & (d == d.min(axis=1)[:, None]) & (d < 1.2)
+        expected = np.where(mutual.any(axis=1), rows[mutual.argmax(axis=1)], -1)
+        np.testing.assert_array_equal(star, expected)
+        np.testing.assert_allclose(np.sqrt(distance2[star >= 0]), d[mutual], atol=1e-9)
+        faintest = stars.vmag[star[star >= 0]].max(initial=-np.inf)
+        well_inside = ((xy_px > 5.0) & (xy_px < [653.0, 487.0])).all(axis=1)
+        due = rows[well_inside & (stars.vmag[rows] < faintest - 0.3)]
+        assert n_missing == len(set(due) - set(star))
+
+
+def test_four_stars_that_are_all_there_is_are_enough():
+    _, u_c, flux, star = true_field(2, 4)
+    found = verify(IDENTIFY, ready_tracker().pairs.stars, u_c, flux, star)
+    assert found.reason == Reason.NONE
+    assert found.log_odds > np.log(1e7)
+
+
+def test_four_stars_among_many_bright_missing_ones_are_not():
+    """Four right stars of a rich field whose brighter stars are not seen look like chance."""
+    _, u_c, flux, star = true_field(3, 25)
+    keep = slice(21, 25)
+    found = verify(IDENTIFY, ready_tracker().pairs.stars, u_c[keep], flux[keep], star[keep])
+    assert found.reason == Reason.AMBIGUOUS
+
+
+def test_extra_stars_are_found_from_four():
+    _, u_c, flux, star = true_field(4, 20)
+    first = np.where(np.arange(20) < 4, star, -1)
+    found = verify(IDENTIFY, ready_tracker().pairs.stars, u_c, flux, first)
+    assert found.reason == Reason.NONE
+    np.testing.assert_array_equal(found.star, star)
+
+
+def test_one_wrong_star_in_the_identification():
+    _, u_c, flux, star = true_field(5, 12)
+    wrong = star.copy()
+    wrong[3] = (star[3] + 700) % 2000
+    assert verify(IDENTIFY, ready_tracker().pairs.stars, u_c, flux, wrong).reason == Reason.RESIDUALS
+
+
+def test_odds_count_what_they_should():
+    """A missing star costs ln(1 - p), a distance d^2 / (2 sigma^2)."""
+    rng = np.random.default_rng(6)
+    u_c = unit_vectors(CAMERA, rng.uniform([0.0, 0.0], [658.0, 492.0], (8, 2)))
+    known, zero = np.ones(8, dtype=bool), np.zeros(8)
+    base = log_odds(IDENTIFY, u_c, known, zero, 0)
+    assert log_odds(IDENTIFY, u_c, known, zero, 3) - base == pytest.approx(3.0 * np.log(0.1))
+    off = np.zeros(8)
+    off[2] = (2.0 * IDENTIFY.sigma_px) ** 2
+    assert log_odds(IDENTIFY, u_c, known, off, 0) - base == pytest.approx(-2.0)
+    # faint unknown detections behind them cost no more than the choice of where to stop, ln(n)
+    u_more = unit_vectors(CAMERA, np.vstack([pixels(CAMERA, u_c), rng.uniform(0.0, 490.0, (22, 2))]))
+    known_more, zero_more = np.arange(30) < 8, np.zeros(30)
+    assert log_odds(IDENTIFY, u_more, known_more, zero_more, 0) - base == pytest.approx(np.log(8 / 30))
+
+
+def test_brightness_speaks_for_the_right_stars():
+    """The same geometry with shuffled brightness is less likely, and a dimmer exposure changes nothing."""
+    _, u_c, flux, star = true_field(7, 9)
+    stars = ready_tracker().pairs.stars
+    right = verify(IDENTIFY, stars, u_c, flux, star).log_odds
+    assert verify(IDENTIFY, stars, u_c, 0.01 * flux, star).log_odds == pytest.approx(right)
+    assert verify(IDENTIFY, stars, u_c, flux[::-1].copy(), star).log_odds < right - 5.0
+
+
+def test_attitude_from_detections_alone_is_not_needed():
+    """The first identification may be any four of the stars."""
+    q_ic, u_c, flux, star = true_field(8, 15)
+    stars = ready_tracker().pairs.stars
+    for first in ([0, 1, 2, 3], [11, 12, 13, 14], [0, 5, 10, 14]):
+        given = np.full(15, -1)
+        given[first] = star[first]
+        assert verify(IDENTIFY, stars, u_c, flux, given).reason == Reason.NONE
+    predicted = np.ascontiguousarray(stars.u_i[star] @ dcm_from_quat(q_ic))
+    assert np.abs(pixels(CAMERA, predicted) - pixels(CAMERA, u_c)).max() < 1.0
