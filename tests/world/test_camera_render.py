@@ -1,0 +1,147 @@
+"""Starlight on the detector against plain integration and superposition."""
+
+import numpy as np
+import pytest
+from camera_bench import DEG, PARAMS, T_S, turning
+from scipy import integrate
+from scipy.special import ndtr
+
+from shefex_nav.geometry import pinhole, rotation
+from shefex_nav.world.camera import render
+
+CAMERA = pinhole.pinhole(80, 60, 2520.0)
+SIGMA = 0.8
+PSF = render.gaussian_psf(SIGMA)
+STILL = np.eye(3)[None]
+
+
+def picture(light):
+    return light.electrons.reshape(CAMERA.height_px, CAMERA.width_px)
+
+
+def static(xy_px, electrons):
+    """Spots that do not move, all pixels, from the normal distribution function."""
+    columns, rows = np.arange(CAMERA.width_px), np.arange(CAMERA.height_px)
+    image = np.zeros((CAMERA.height_px, CAMERA.width_px))
+    for (x, y), n in zip(xy_px, electrons, strict=True):
+        along_x = ndtr((columns + 0.5 - x) / SIGMA) - ndtr((columns - 0.5 - x) / SIGMA)
+        along_y = ndtr((rows + 0.5 - y) / SIGMA) - ndtr((rows - 0.5 - y) / SIGMA)
+        image += n * np.outer(along_y, along_x)
+    return image
+
+
+def test_reference_spot_is_the_integral_of_a_gaussian_over_the_pixel():
+    def density(y, x):
+        return np.exp(-((x - 40.3) ** 2 + (y - 20.8) ** 2) / (2 * SIGMA**2)) / (2 * np.pi * SIGMA**2)
+
+    image = static([(40.3, 20.8)], [1.0])
+    for row, column in ((21, 40), (20, 41), (23, 38)):
+        pixel, _ = integrate.dblquad(density, column - 0.5, column + 0.5, row - 0.5, row + 0.5)
+        assert image[row, column] == pytest.approx(pixel, rel=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_still_stars_against_the_reference(seed):
+    """Also across the edges of the frame; what is left out is less than the limits that the file states."""
+    rng = np.random.default_rng(seed)
+    xy_px = rng.uniform([-3, -3], [82, 62], (30, 2))
+    electrons = 10.0 ** rng.uniform(1.0, 4.0, 30)
+    light = render.darkness(CAMERA.width_px * CAMERA.height_px)
+    u_c = pinhole.unit_vectors(CAMERA, xy_px)
+    centres = render.add_points(light, CAMERA, PSF, STILL, u_c, electrons)
+    np.testing.assert_allclose(centres, xy_px, atol=1e-9)
+    left_out = static(xy_px, electrons) - picture(light)
+    assert np.abs(left_out).max() < 0.05  # electrons; the read noise is 16
+    inside = ((xy_px > 5) & (xy_px < [74, 54])).all(axis=1)
+    assert abs(left_out.sum()) < 2.0 * len(electrons)
+    total = render.darkness(CAMERA.width_px * CAMERA.height_px)
+    render.add_points(total, CAMERA, PSF, STILL, u_c[inside], electrons[inside])
+    assert total.electrons.sum() == pytest.approx(electrons[inside].sum(), rel=2e-3)
+
+
+def test_lit_pixels_are_listed_once_and_darken_clears_them():
+    light = render.darkness(CAMERA.width_px * CAMERA.height_px)
+    u_c = pinhole.unit_vectors(CAMERA, np.array([[10.0, 10.0], [12.0, 11.0], [-0.4, 59.4]]))
+    render.add_points(light, CAMERA, PSF, STILL, u_c, np.array([500.0, 500.0, 3e4]))
+    lit = render.lit_pixels(light)
+    assert len(np.unique(lit)) == len(lit)
+    np.testing.assert_array_equal(np.sort(lit), np.flatnonzero(light.electrons))
+    render.darken(light)
+    assert not light.electrons.any()
+    assert len(render.lit_pixels(light)) == 0
+
+
+@pytest.mark.parametrize(
+    "omega_c",
+    [
+        np.array([2.0, 0.0, 0.0]) * DEG,
+        np.array([3.0, -5.0, 0.0]) * DEG,
+        np.array([0.0, 0.0, 300.0]) * DEG,
+        np.array([100.0, 20.0, 500.0]) * DEG,
+    ],
+)
+def test_streak_is_the_superposition_of_still_pictures(omega_c):
+    exposure_s, electrons = 0.02, 4000.0
+    fine_s = exposure_s * ((np.arange(4000) + 0.5) / 4000 - 0.5)
+    u_mid_c = pinhole.unit_vectors(CAMERA, np.array([[45.0, 22.0]]))[0]
+    xy_px = []
+    for t in fine_s:  # camera axes turn by omega t, so the star turns the other way
+        u_c = rotation.dcm_from_rotvec(omega_c * t).T @ u_mid_c
+        xy_px.append([CAMERA.cx_px + 2520 * u_c[0] / u_c[2], CAMERA.cy_px + 2520 * u_c[1] / u_c[2]])
+    xy_px = np.array(xy_px)
+    expected = static(xy_px, np.full(4000, electrons / 4000))
+
+    length_px = np.linalg.norm(np.diff(xy_px, axis=0), axis=1).sum()
+    n_steps = int(np.ceil(length_px / render.MAX_STEP_PX))
+    steps_s = exposure_s * ((np.arange(n_steps) + 0.5) / n_steps - 0.5)
+    C_ci = np.array([rotation.dcm_from_rotvec(omega_c * t).T for t in steps_s])
+    light = render.darkness(CAMERA.width_px * CAMERA.height_px)
+    centre = render.add_points(light, CAMERA, PSF, C_ci, u_mid_c[None], np.array([electrons]))[0]
+    # steps of 0.5 px leave out their own width, a box of variance 0.25/12 px^2 beside the 0.64 of the spot
+    assert np.abs(picture(light) - expected).max() < 0.5 * 0.25 / 12 / 0.64 * 1.1 * expected.max()
+    on_detector = expected.sum() > 0.999 * electrons
+    if on_detector:
+        rows, columns = np.mgrid[: CAMERA.height_px, : CAMERA.width_px]
+        x = (columns * expected).sum() / expected.sum()
+        y = (rows * expected).sum() / expected.sum()
+        assert centre == pytest.approx((x, y), abs=0.01)
+
+
+def test_star_behind_the_camera_is_not_drawn():
+    light = render.darkness(CAMERA.width_px * CAMERA.height_px)
+    xy_px = render.add_points(light, CAMERA, PSF, STILL, np.array([[0.0, 0.0, -1.0]]), np.array([1e5]))
+    assert np.isnan(xy_px[0, 0])
+    assert not light.electrons.any()
+
+
+def test_attitudes_between_samples():
+    """540 deg/s about one axis and 20 about another: the constant-rate motion, exactly."""
+    omega_c = np.array([540.0, 20.0, -30.0]) * DEG
+    trajectory = turning(110.0, 50.0, omega_c)
+    q_bc = rotation.quat_from_dcm(PARAMS.C_bc)
+    times_s = T_S + np.array([0.0, 0.00113, 0.0491, 0.3337, 0.5])
+    C_ci = render.attitudes(trajectory, q_bc, times_s)
+    C_ic_start = rotation.dcm_from_quat(rotation.quat_multiply(trajectory.q_ib[0], q_bc))
+    for t_s, C in zip(times_s, C_ci, strict=True):
+        np.testing.assert_allclose(
+            C.T, C_ic_start @ rotation.dcm_from_rotvec(omega_c * (t_s - T_S)), atol=1e-10
+        )
+
+
+def moonlight(sun_c, distance_px=0.0):
+    light = render.darkness(CAMERA.width_px * CAMERA.height_px)
+    moon_c = pinhole.unit_vectors(CAMERA, np.array([[40.2 + distance_px, 30.1]]))[0]
+    render.add_moon(light, CAMERA, STILL, moon_c, 0.26 * DEG, np.array(sun_c, dtype=float), 1e6)
+    return picture(light)
+
+
+def test_moon_has_the_size_and_phase_of_a_lambert_sphere():
+    full = moonlight([0.0, 0.0, -1.0])
+    assert full.sum() == pytest.approx(1e6, rel=0.01)
+    radius_px = 2520.0 * np.tan(0.26 * DEG)
+    assert np.count_nonzero(full) == pytest.approx(np.pi * radius_px**2, rel=0.02)
+    half = moonlight([1.0, 0.0, 0.0])
+    assert half.sum() == pytest.approx(1e6 / np.pi, rel=0.02)  # Lambert sphere at a phase angle of 90 deg
+    assert np.flatnonzero(half.any(axis=0)).min() >= 40  # the side towards the Sun
+    assert moonlight([0.0, 0.0, 1.0]).sum() == 0.0
+    assert 0.3e6 < moonlight([0.0, 0.0, -1.0], -40.0).sum() < 0.7e6  # half of it off the detector
