@@ -61,12 +61,9 @@ def dcm_en(latitude, longitude):
 @njit(cache=True)
 def dcm_el(latitude, longitude):
     """C_el: components in east-north-up at the launch site to components in e. rad -> (3, 3)."""
-    C = dcm_en(latitude, longitude)
-    out = np.empty((3, 3))
-    out[:, 0] = C[:, 1]
-    out[:, 1] = C[:, 0]
-    out[:, 2] = -C[:, 2]
-    return out
+    sp, cp = np.sin(latitude), np.cos(latitude)
+    sl, cl = np.sin(longitude), np.cos(longitude)
+    return np.array([[-sl, -sp * cl, cp * cl], [cl, -sp * sl, cp * sl], [0.0, cp, sp]])
 
 
 @njit(cache=True)

@@ -1,0 +1,140 @@
+"""The attitude between separation and re-entry, when cold gas steers the vehicle: prescribed body rates.
+
+In: the programme of the mission and the state at the start of each piece. Out: a `RateLaw` per piece, from
+which the equations of motion take the body rate and its derivative; the attitude itself is integrated there.
+
+Every rate is a function of time alone with a continuous derivative, and each piece starts with the rate with
+which the one before ended. The thrusters and their plumes are not modelled, and pure couples are assumed:
+they turn the vehicle and do not push it.
+
+A target direction is given as azimuth and elevation in the local level frame below the place where the
+vehicle will be at the instant for which the direction is meant; that place is predicted by a free fall.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry import frames, rotation, wgs84
+
+
+class Program(NamedTuple):
+    """Mission times [s from lift-off] and targets, in the order in which they are flown."""
+
+    separation_s: float  # first stage dropped; transverse rates are damped until precession_start_s
+    precession_start_s: float
+    precession_end_s: float
+    burn_azimuth: float  # rad from north over east, of the roll axis during the second burn
+    burn_elevation: float  # rad above the local horizontal at ignition_2_s
+    ignition_2_s: float
+    despin_start_s: float
+    despin_end_s: float  # the slew to the star camera's attitude starts
+    pointing_start_s: float
+    boresight_azimuth: float  # rad, at pointing_start_s
+    boresight_elevation: float  # rad
+    boresight_roll: (
+        float  # rad about the boresight; 0: camera x as near to the roll axis after the burn as it gets
+    )
+    residual_boresight_rate: float  # rad/s, constant, about the boresight
+    residual_cross_rate: float  # rad/s, across the boresight, turning in the camera's axes
+    residual_period_s: float  # of that turning
+    residual_phase: float  # rad
+    residual_ramp_s: float  # rates fade in after pointing_start_s and out before pointing_end_s
+    pointing_end_s: float  # the slew of the roll axis to the entry attitude starts
+    entry_aim_s: float  # the roll axis is laid along the air-relative velocity predicted for this time
+    entry_slew_end_s: float  # the spin-up starts
+    entry_spin: float  # rad/s
+    spin_up_end_s: float  # attitude free from here on
+
+
+class RateLaw(NamedTuple):
+    """Body rate during [t_0, t_1]: a spin about x, a turn about an axis that does not spin, small motions.
+
+    omega = p(t) e_x + dpsi/dt R_x(-phi) axis + (1 - S) R_x(nutation (t - t_0)) transverse
+            + fade(t) (steady + swing (cos(w t') a + sin(w t') b))
+    with p from spin_0 to spin_1 and psi from 0 to angle along the smooth step S, dphi/dt = p.
+    """
+
+    t_0: float
+    t_1: float
+    spin_0: float  # rad/s
+    spin_1: float  # rad/s
+    axis: np.ndarray  # (3,) unit, body axes at t_0
+    angle: float  # rad
+    transverse: np.ndarray  # (3,) rad/s at t_0, y and z
+    nutation: float  # rad/s, turning of the transverse rate in the body
+    steady: np.ndarray  # (3,) rad/s
+    swing: np.ndarray  # (2, 3) rad/s, body components at phase 0 and a quarter period later
+    frequency: float  # rad/s
+    phase: float  # rad
+    ramp: float  # s
+
+
+def hold(t_0, t_1, spin):
+    """Spin at a constant rate about x and do nothing else."""
+    still, none = (float(t_0), float(t_1), float(spin), float(spin)), np.zeros(3)
+    return RateLaw(*still, none, 0.0, none, 0.0, none, np.zeros((2, 3)), 0.0, 0.0, 1.0)
+
+
+def damp(t_0, t_1, omega_b, nutation):
+    """Keep the spin, let the transverse rate at t_0 go to zero while it nutates freely."""
+    law = hold(t_0, t_1, omega_b[0])
+    return law._replace(transverse=np.array([0.0, omega_b[1], omega_b[2]]), nutation=float(nutation))
+
+
+def ramp_spin(t_0, t_1, spin_0, spin_1):
+    """Change of the spin about x."""
+    return hold(t_0, t_1, spin_0)._replace(spin_1=float(spin_1))
+
+
+def turn_roll_axis(t_0, t_1, spin, q_ib, direction_i):
+    """Turn the roll axis along a great circle to a direction while spinning. (4,), (3,) unit -> RateLaw."""
+    target_b = rotation.quat_rotate(rotation.quat_conjugate(q_ib), direction_i)
+    axis = np.array([0.0, -target_b[2], target_b[1]])  # e_x x target
+    across = np.sqrt((axis**2).sum())
+    axis = axis / across if across > 1e-12 else np.array([0.0, 0.0, 1.0])
+    return hold(t_0, t_1, spin)._replace(axis=axis, angle=float(np.arctan2(across, target_b[0])))
+
+
+def turn_to(t_0, t_1, q_ib, q_target):
+    """Turn about the one axis that leads from one attitude to the other the shorter way; no spin."""
+    phi = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(q_ib), q_target))
+    angle = float(np.sqrt((phi**2).sum()))
+    axis = phi / angle if angle > 1e-12 else np.array([1.0, 0.0, 0.0])
+    return hold(t_0, t_1, 0.0)._replace(axis=axis, angle=angle)
+
+
+def dwell(program, C_bc):
+    """Hold the star camera's attitude, but for the residual rates. C_bc: (3, 3) nominal mounting."""
+    p = program
+    return hold(p.pointing_start_s, p.pointing_end_s, 0.0)._replace(
+        steady=p.residual_boresight_rate * np.ascontiguousarray(C_bc[:, 2]),
+        swing=p.residual_cross_rate * np.ascontiguousarray(C_bc[:, :2].T),
+        frequency=2.0 * np.pi / float(p.residual_period_s),
+        phase=float(p.residual_phase),
+        ramp=float(p.residual_ramp_s),
+    )
+
+
+def direction_i(earth, t_s, r_i, azimuth, elevation):
+    """Unit vector of an azimuth and elevation in the local level frame below r_i: (3,), frame i."""
+    C_ie = frames.dcm_ie(earth, t_s)
+    latitude, longitude, _ = wgs84.geodetic_from_ecef(C_ie.T @ r_i)
+    u_n = np.array(
+        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), -np.sin(elevation)]
+    )
+    return C_ie @ wgs84.dcm_en(latitude, longitude) @ u_n
+
+
+def camera_attitude(boresight_i, x_b_i, roll, C_bc):
+    """q_ib that lays the boresight along boresight_i.
+
+    At roll 0 the camera's x axis is as near as it gets to x_b_i; roll turns it about the boresight.
+    (3,), (3,) unit vectors, rad, (3, 3) -> (4,).
+    """
+    across = x_b_i - (x_b_i @ boresight_i) * boresight_i
+    norm = np.sqrt(across @ across)
+    across = across / norm if norm > 1e-6 else wgs84.perpendicular(boresight_i)
+    x_i = np.cos(roll) * across + np.sin(roll) * np.cross(boresight_i, across)
+    C_ic = np.stack([x_i, np.cross(boresight_i, x_i), boresight_i], axis=1)
+    return rotation.quat_from_dcm(C_ic @ C_bc.T)
