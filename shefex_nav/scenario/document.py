@@ -1,0 +1,151 @@
+"""YAML text -> plain dict and list with the place of every key and value.
+
+YAML 1.2 by ruamel.yaml (`off` is a word, `1e-6` a number, `12:30:00` a text). The tree is built here from
+ruamel's nodes, so that each value knows its file, line and column, all duplicate keys are found in one pass,
+and a date stays the text that was written.
+"""
+
+import re
+from typing import NamedTuple
+
+STR, INT, FLOAT, BOOL, NULL = (
+    f"tag:yaml.org,2002:{name}" for name in ("str", "int", "float", "bool", "null")
+)
+TEXT_TAGS = (STR, "tag:yaml.org,2002:timestamp")
+
+
+class Mark(NamedTuple):
+    """A place in a file; line and column count from 1, 0 where there are none (command line)."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self):
+        return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+
+
+class Document(NamedTuple):
+    """A parsed file: plain tree, and the marks of keys and values by their path from the root."""
+
+    tree: dict
+    keys: dict  # path (tuple) -> Mark of the key, or of the list item
+    values: dict  # path -> Mark of the value
+    errors: list  # (Mark, text)
+
+
+class BadText(Exception):
+    """Text that is not YAML: (Mark, text)."""
+
+
+def parse(text, file):
+    """Document of the YAML `text`, which came from `file`; BadText if it is not YAML."""
+    node = _compose(text, file)
+    document = Document({}, {}, {}, [])
+    if node is None:
+        raise BadText(
+            Mark(file, 1, 1), "the file is empty; a scenario is a mapping that starts with 'mission:'"
+        )
+    mark = _mark(node, file)
+    if node.tag != "tag:yaml.org,2002:map":
+        kind = "list" if isinstance(node.value, list) else "single value"
+        raise BadText(mark, f"the file holds a {kind}; expected a mapping that starts with 'mission:'")
+    document.keys[()] = document.values[()] = mark
+    return document._replace(tree=_build(node, (), file, document, ()))
+
+
+def parse_value(text, label):
+    """Plain value of a `--set` text, placed at `label`."""
+    node = _compose(text, label)
+    document = Document({}, {}, {}, [])
+    value = None if node is None else _build(node, (), label, document, ())
+    return value, document.errors
+
+
+def _compose(text, file):
+    """Root node of the YAML `text`, None if there is nothing in it."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+    try:
+        return YAML(typ="rt", pure=True).compose(text)
+    except RecursionError:
+        raise BadText(Mark(file, 1, 1), "not valid YAML: brackets within brackets without end") from None
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        words = ", ".join(str(part) for part in (error.context, error.problem) if part)
+        hint = "; indent with spaces, not tabs" if "'\\t'" in words else ""
+        raise BadText(Mark(file, mark.line + 1, mark.column + 1), f"not valid YAML: {words}{hint}") from None
+    except YAMLError as error:  # a character that YAML forbids
+        words = str(error).splitlines()[0]
+        position = getattr(error, "position", 0)
+        before = text[:position]
+        line, column = before.count("\n") + 1, position - (before.rfind("\n") + 1) + 1
+        raise BadText(Mark(file, line, column), f"not valid YAML: {words}") from None
+
+
+def _mark(node, file):
+    return Mark(file, node.start_mark.line + 1, node.start_mark.column + 1)
+
+
+def _build(node, path, file, document, parents):
+    """Plain value of `node`; its marks and errors go into `document`."""
+    document.values[path] = _mark(node, file)
+    if any(node is parent for parent in parents):
+        document.errors.append((_mark(node, file), f"{dotted(path)}: an alias must not contain itself"))
+        return None
+    if isinstance(node.value, str):
+        return _scalar(node, path, file, document)
+    parents = (*parents, node)
+    if node.tag == "tag:yaml.org,2002:seq":
+        for index, item in enumerate(node.value):
+            document.keys[(*path, index)] = _mark(item, file)
+        return [
+            _build(item, (*path, index), file, document, parents) for index, item in enumerate(node.value)
+        ]
+    return _mapping(node, path, file, document, parents)
+
+
+def _mapping(node, path, file, document, parents):
+    tree = {}
+    for key_node, value_node in node.value:
+        mark = _mark(key_node, file)
+        if not isinstance(key_node.value, str):
+            document.errors.append((mark, f"{dotted(path)}: a key must be a word"))
+            continue
+        key_path = (*path, key_node.value)
+        if key_node.value in tree:
+            first = document.keys[key_path].line
+            text = f"{dotted(key_path)}: duplicate key, already given in line {first}; keep one of them"
+            document.errors.append((mark, text))
+            continue
+        document.keys[key_path] = mark
+        tree[key_node.value] = _build(value_node, key_path, file, document, parents)
+    return tree
+
+
+def _scalar(node, path, file, document):
+    text = node.value
+    if node.tag in TEXT_TAGS:
+        return text
+    if node.tag == NULL:
+        if not text:  # nothing after the colon: its place is the key
+            document.values[path] = document.keys.get(path, document.values[path])
+        return None
+    if node.tag == BOOL:
+        return text.lower() == "true"
+    if node.tag == INT:
+        digits = text.replace("_", "")
+        try:
+            return int(digits, 0) if re.fullmatch(r"[+-]?0[xob].+", digits) else int(digits)
+        except ValueError:  # thousands of digits
+            return text
+    if node.tag == FLOAT:
+        return float(re.sub(r"\.(?=[in])", "", text.replace("_", "").lower()))
+    document.errors.append((_mark(node, file), f"{dotted(path)}: tag {node.tag} is not used in scenarios"))
+    return None
+
+
+def dotted(path):
+    """`('vehicle', 'stages', 0)` as `vehicle.stages.0`."""
+    return ".".join(map(str, path)) or "scenario"

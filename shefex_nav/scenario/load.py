@@ -1,0 +1,196 @@
+"""Scenario file -> `Scenario`: read, extend, override, validate; all errors at once, each with its place."""
+
+import os
+import re
+
+from pydantic import ValidationError
+
+from shefex_nav.scenario import document, messages
+from shefex_nav.scenario.checks import cross_check
+from shefex_nav.scenario.document import BadText, Mark, dotted
+from shefex_nav.scenario.schema import Scenario
+
+EXTENDS = "extends"
+
+
+class ScenarioError(Exception):
+    """A scenario that cannot be flown; `messages` are lines for the user, `file:line:col: field: what`."""
+
+    def __init__(self, found):
+        self.messages = tuple(found)
+        super().__init__("\n".join(self.messages))
+
+
+def load(path, overrides=()):
+    """Scenario of the YAML file at `path`, after its `extends` and the `overrides` (`a.b=value`).
+
+    Raises ScenarioError with every error found: those of the YAML text first, because a tree with holes would
+    be blamed for what it lacks; then those of single fields; then those between fields.
+    """
+    files = {}
+    tree, places = _extended(os.fspath(path), (), files)
+    _override(tree, places, overrides)
+    try:
+        scenario = Scenario.model_validate(tree)
+    except ValidationError as error:
+        raise _sorted_error(messages.lines(Scenario, error, places)) from None
+    found = [(places.value(where), f"{dotted(where)}: {words}") for where, words in cross_check(scenario)]
+    if found:
+        raise _sorted_error(found)
+    scenario.keep_text(_normalised(tree), files)
+    return scenario
+
+
+def json_schema():
+    """JSON Schema of a scenario file; a file that extends another need not be complete."""
+    complete = Scenario.model_json_schema()
+    blocks = complete.pop("$defs")
+    complete["properties"][EXTENDS] = {
+        "type": "string",
+        "description": "Scenario file, relative to this one, whose values hold where this file gives none",
+    }
+    blocks["Scenario"] = complete
+    parts = {f"{name}.partial": _partial(block) for name, block in blocks.items()}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "shefex_nav scenario",
+        "if": {"required": [EXTENDS]},
+        "then": {"$ref": "#/$defs/Scenario.partial"},
+        "else": {"$ref": "#/$defs/Scenario"},
+        "$defs": blocks | parts,
+    }
+
+
+def _partial(block):
+    """A schema block without required keys, pointing to others like it."""
+    if isinstance(block, dict):
+        return {
+            key: f"{value}.partial" if key == "$ref" else _partial(value)
+            for key, value in block.items()
+            if not (key == "required" and isinstance(value, list))
+        }
+    return [_partial(item) for item in block] if isinstance(block, list) else block
+
+
+def _sorted_error(found):
+    """ScenarioError of (Mark, text), in the order of the file; `--set a.b` need not name its field twice."""
+    lines = (f"{mark}: {text}" for mark, text in sorted(found))
+    return ScenarioError(re.sub(r"^(--set )(\S+): \2: ", r"\1\2: ", line) for line in lines)
+
+
+def _read(path, mark):
+    """Text of the file at `path`; complaints are placed at `mark`, at the file itself if that is None."""
+    where = f"{mark}: {EXTENDS}: '{path}'" if mark else f"{path}:"
+    try:
+        with open(path, encoding="utf-8-sig") as stream:
+            return stream.read()
+    except FileNotFoundError:
+        words = "there is no such file"
+    except IsADirectoryError:
+        words = "is a directory, expected a scenario file"
+    except UnicodeDecodeError as error:
+        words = f"is not UTF-8 text (byte {error.start}); save it as UTF-8"
+    except (OSError, ValueError) as error:  # ValueError: a null character in the path
+        words = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+    raise ScenarioError([f"{where} {words}"])
+
+
+def _extended(path, chain, files, mark=None):
+    """(tree, places) of the file at `path` merged over what it extends; texts are added to `files`."""
+    text = _read(path, mark)
+    real = os.path.realpath(path)
+    if real in chain:
+        raise ScenarioError([f"{mark}: {EXTENDS}: '{path}' extends itself in a circle; remove one extends"])
+    try:
+        own = document.parse(text, path)
+    except BadText as error:
+        raise ScenarioError([f"{error.args[0]}: {error.args[1]}"]) from None
+    if own.errors:
+        raise _sorted_error(own.errors)
+    files[path] = text
+    places = messages.Places(own.values[()])
+    if EXTENDS not in own.tree:
+        places.put((), own.keys, own.values)
+        return own.tree, places
+    base = own.tree.pop(EXTENDS)
+    here = own.values[EXTENDS,]
+    if not isinstance(base, str) or not base:
+        raise ScenarioError([f"{here}: {EXTENDS}: expected the name of a scenario file, such as base.yaml"])
+    tree, places = _extended(os.path.join(os.path.dirname(path), base), (*chain, real), files, here)
+    places.keys[()] = places.values[()] = own.values[()]
+    _merge(tree, own, (), own.tree, places)
+    return tree, places
+
+
+def _merge(tree, own, path, updates, places):
+    """Put `updates` into `tree`, section by section; a list or a value replaces what was there."""
+    for key, value in updates.items():
+        here = (*path, key)
+        if isinstance(value, dict) and isinstance(tree.get(key), dict):
+            places.keys[here], places.values[here] = own.keys[here], own.values[here]
+            _merge(tree[key], own, here, value, places)
+            continue
+        tree[key] = value
+        keys, values = (
+            {known[len(here) :]: mark for known, mark in marks.items() if known[: len(here)] == here}
+            for marks in (own.keys, own.values)
+        )
+        places.put(here, keys, values)
+
+
+def _override(tree, places, overrides):
+    """Carry out the `--set` texts in `tree`."""
+    found = []
+    for text in overrides:
+        name, equals, value_text = text.partition("=")
+        name = name.strip()
+        mark = Mark(f"--set {name}", 0, 0)
+        if not equals or not name:
+            found.append((mark, "expected path=value, for example --set star_tracker.rate='5 Hz'"))
+            continue
+        try:
+            value, errors = document.parse_value(value_text, mark.file)
+        except BadText as error:
+            found.append((mark, error.args[1]))
+            continue
+        found += [(mark, words) for _, words in errors]
+        problem = _put(tree, name.split("."), value, mark, places)
+        found += [(mark, problem)] if problem else []
+    if found:
+        raise _sorted_error(found)
+
+
+def _put(tree, parts, value, mark, places):
+    """Set one value by its path; the complaint if that is impossible, else None."""
+    node, path = tree, ()
+    for depth, part in enumerate(parts):
+        if isinstance(node, list):
+            if not part.isdecimal() or int(part) >= len(node):
+                return f"{dotted(path)} is a list, its items are 0 to {len(node) - 1}, got '{part}'"
+            part = int(part)
+        elif not isinstance(node, dict):
+            return f"{dotted(path)} is a single value, there is no '{part}' in it"
+        path = (*path, part)
+        if depth + 1 == len(parts):
+            node[part] = value
+            places.put(path, {(): mark}, {(): mark})
+        elif isinstance(node, dict) and part not in node:
+            node[part] = {}
+            places.put(path, {(): mark}, {(): mark})
+        node = node[part]
+    return None
+
+
+def _normalised(tree):
+    """YAML text of the merged tree, without comments, that loads to the same scenario."""
+    import io
+
+    from ruamel.yaml import YAML
+
+    writer = YAML(typ="safe", pure=True)
+    writer.default_flow_style = None  # lists of plain values in one line
+    writer.sort_base_mapping_type_on_output = False
+    writer.width = 4096
+    stream = io.StringIO()
+    writer.dump(tree, stream)
+    return stream.getvalue()

@@ -1,0 +1,174 @@
+"""Sections of a scenario about the software that flies: star tracker and navigation filter.
+
+Values are floats in SI and radians once loaded. What the filter assumes of the sensors is taken from their
+sections unless it is overridden in `navigation`.
+"""
+
+from typing import Literal
+
+from pydantic import Field, StrictBool
+
+from shefex_nav.scenario.block import Block
+from shefex_nav.scenario.quantity import Count, Number, Quantity, Time, Vector
+
+
+class ExposureControl(Block):
+    """Exposure and gain of the star camera, commanded frame by frame."""
+
+    start: Quantity("s", "40 ms", "exposure of the first frame", positive=True)
+    shortest: Quantity("s", "2 ms", "lower limit", positive=True)
+    longest: Quantity("s", "50 ms", "upper limit", positive=True)
+    step: Quantity("s", "2 ms", "change from frame to frame", positive=True)
+    gain: Quantity("dB", "24 dB", "of the amplifier, constant", at_least="0 dB", at_most="60 dB")
+    brightest_mean: Quantity(
+        "DN", "100 DN", "a frame with a higher mean is saturated", positive=True, at_most="255 DN"
+    )
+    fewest_objects: Count("4", "with fewer there are no stars", positive=True)
+    saturated_objects: Count("4", "so many saturated objects shorten the exposure ...", positive=True)
+    saturated_pixels: Count("1", "... that have more than so many saturated pixels", non_negative=True)
+
+
+class Detection(Block):
+    """Objects in a frame."""
+
+    tile: Count("48", "pixels, side of the tiles in which background and noise are measured", at_least=8)
+    seed_sigma: Number("6", "an object starts so far above the background", positive=True)
+    grow_sigma: Number("3", "and grows while it is so far above", positive=True)
+    fewest_pixels: Count("2", "smaller objects are noise", positive=True)
+    most_pixels: Count("200", "larger objects are no stars", positive=True)
+    largest_peak: Quantity(
+        "", "80 %", "share of the light in one pixel; more is a hot pixel", positive=True, at_most="100 %"
+    )
+    most_objects: Count("50", "length of the table", at_least=4)
+    saturation: Quantity("DN", "255 DN", "grey value of a saturated pixel", positive=True, at_most="255 DN")
+
+
+class Catalogue(Block):
+    """Stars on board."""
+
+    kind: Literal["combined", "magnitude_limited"] = Field(
+        description="all stars to a magnitude, or the bright ones and an even fill"
+    )
+    faintest: Quantity("mag", "5.5 mag", "V of the catalogue, or of the pool that fills it", at_most="8 mag")
+    merge_radius: Quantity(
+        "rad", "245 arcsec", "closer stars are one point of light", positive=True, at_most="1 deg"
+    )
+    keep_to: Quantity("mag", "4.5 mag", "combined: all stars to here are kept", at_most="8 mag")
+    size: Count("2023", "combined: number of stars", at_least=100)
+
+
+class Identification(Block):
+    """Which star is which."""
+
+    method: Literal["pyramid"] = Field(description="star identification")
+    tolerance: Quantity(
+        "rad", "60 arcsec", "of the angle between two detections", positive=True, at_most="1 deg"
+    )
+    most_centroids: Count("15", "the brightest, of which triangles are built", at_least=4)
+    fewest_stars: Count("4", "identified stars without which there is no attitude", at_least=4)
+    centroid_error: Quantity("pix", "0.2 pix", "per axis, of an ordinary star", positive=True)
+    gate_sigma: Number("4", "a detection further off is not that star", positive=True)
+    detection_probability: Quantity(
+        "", "90 %", "of a star brighter than the faintest found", positive=True, at_most="99.99 %"
+    )
+    magnitude_margin: Quantity("mag", "0.5 mag", "such a star is brighter by so much", at_least="0 mag")
+    magnitude_error: Quantity("mag", "0.3 mag", "of an identified star, 1 sigma", at_least="0.01 mag")
+    false_alarm: Number(
+        "1e-6", "accepted probability that an attitude is chance", positive=True, at_most=0.01
+    )
+
+
+class StarTracker(Block):
+    """Star tracker software."""
+
+    enabled: StrictBool = Field(description="false: the mission flies without it")
+    on: Time("222 s", "first frame")
+    off: Time("394 s", "no frame from here on")
+    rate: Quantity("Hz", "10 Hz", "frames a second; must divide 100 Hz", positive=True, at_most="100 Hz")
+    latency: Quantity(
+        "s", "30 ms", "processing, from picture in memory to attitude", non_negative=True, at_most="1 s"
+    )
+    highest_rate: Quantity(
+        "rad/s", "2 deg/s", "above it a frame without attitude counts as smeared", positive=True
+    )
+    centroid_floor: Quantity("pix", "0.05 pix", "centroid error of the brightest stars", positive=True)
+    centroid_spot: Quantity(
+        "pix", "1.15 pix", "centroid error at a signal-to-noise ratio of one", positive=True
+    )
+    outlier_sigma: Number("4", "a star further from the attitude of the others is left out", positive=True)
+    exposure: ExposureControl
+    detection: Detection
+    catalogue: Catalogue
+    identification: Identification
+
+
+class SensorOverrides(Block):
+    """What the filter assumes of the sensors; a value left out is taken from the section of the sensor."""
+
+    gyro_bias: Quantity("rad/s", "0.5 deg/h", "initial uncertainty", positive=True) | None = None
+    gyro_random_walk: (
+        Quantity("rad/sqrt(s)", "0.02 deg/sqrt(h)", "angular random walk", positive=True) | None
+    ) = None
+    gyro_scale_factor_roll: Quantity("", "30 ppm", "initial uncertainty", positive=True) | None = None
+    gyro_misalignment: Quantity("rad", "0.1 mrad", "initial uncertainty", positive=True) | None = None
+    accelerometer_bias: Quantity("m/s2", "0.3 mgee", "initial uncertainty", positive=True) | None = None
+    accelerometer_random_walk: (
+        Quantity("m/s(3/2)", "0.03 m/s/sqrt(h)", "velocity random walk", positive=True) | None
+    ) = None
+    camera_mounting: Quantity("rad", "0.02 deg", "initial uncertainty", positive=True) | None = None
+    lever_arm: Vector("m", "0.3 m", "IMU to GPS antenna in body axes") | None = None
+
+
+class Release(Block):
+    """When a sensor that contradicts the filter is believed after all."""
+
+    rejections: Count("3", "one after the other, that agree with each other", at_least=2)
+    duration: Quantity("s", "2 s", "from the first to the last of them", non_negative=True)
+
+
+class Releases(Block):
+    """Release rules of the sensors."""
+
+    gps: Release
+    first_star_fix: Release
+    star_fix: Release
+
+
+class Navigation(Block):
+    """Error-state Kalman filter with 21 error states."""
+
+    sensors: SensorOverrides = Field(
+        default=SensorOverrides(), description="what the filter assumes of the sensors"
+    )
+    gate_probability: Number("1e-4", "of rejecting a good measurement", positive=True, at_most=0.1)
+    star_fix_floor: Quantity("rad", "10 arcsec", "errors of a fix that it does not know", non_negative=True)
+    release: Releases
+    gps_agreement: Quantity(
+        "m/s", "10 m/s", "difference allowed between two fixes, per second", positive=True
+    )
+    history: Quantity("s", "0.5 s", "how far back a measurement may lie", positive=True, at_most="5 s")
+    thrust_threshold: Quantity("m/s2", "15 m/s2", "specific force above which a motor burns", positive=True)
+    thrust_memory: Quantity(
+        "s", "30 s", "for how long errors that go with thrust keep their sign", positive=True
+    )
+    manoeuvre_angle: Quantity("rad", "1 rad", "by which the roll axis is turned at a time", positive=True)
+    gravity_error: Quantity("m/s2", "30 ugee", "what gravity with J2 leaves out", non_negative=True)
+    gravity_memory: Quantity("s", "50 s", "for how long that keeps its sign", positive=True)
+    saturated_rate: Quantity("rad/s", "50 deg/s", "gyro error at the end of its range", positive=True)
+    saturated_acceleration: Quantity("m/s2", "5 gee", "accelerometer error likewise", positive=True)
+
+
+class FrameLog(Block):
+    """Which pictures of the star camera are kept."""
+
+    full_every: Count("100", "every n-th frame in full; 0 = never", non_negative=True)
+    otherwise: Literal["thresholded", "none"] = Field(
+        description="the other frames: with the sky background set to zero, or not at all"
+    )
+    threshold_sigma: Number("4", "what counts as sky background", positive=True)
+
+
+class Log(Block):
+    """What is logged."""
+
+    frames: FrameLog

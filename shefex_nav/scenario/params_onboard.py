@@ -1,0 +1,217 @@
+"""Sections of a scenario -> the parameters of the software that flies, in SI.
+
+What the navigation filter assumes of the sensors is derived from their data sheets, that is, from the
+sections that also drive the simulated sensors, unless `navigation.sensors` says otherwise.
+"""
+
+import numpy as np
+
+from shefex_nav.scenario.params import mounting
+
+
+def nominal_camera(scenario):
+    """Pinhole of the star camera as calibrated."""
+    from shefex_nav.geometry.pinhole import pinhole
+
+    optics, detector = scenario.star_camera.optics, scenario.star_camera.detector
+    return pinhole(detector.columns, detector.rows, optics.focal_length / detector.pixel_size)
+
+
+def computer_params(scenario, bodies, bad_pixels):
+    """ComputerParams of a scenario, with the SkyBodies of the epoch; `bad_pixels` as in `tracker_params`.
+
+    A star tracker that is not enabled is switched on never.
+    """
+    from shefex_nav.onboard.computer import ComputerParams
+
+    tracker = scenario.star_tracker
+
+    return ComputerParams(
+        nav=nav_params(scenario),
+        tracker=tracker_params(scenario, bodies.earth_v_i, bad_pixels),
+        tracker_on_s=tracker.on if tracker.enabled else np.inf,
+        tracker_off_s=tracker.off,
+        sun_i=bodies.sun_u_i,
+    )
+
+
+def tracker_params(scenario, earth_velocity_i, bad_pixels):
+    """TrackerParams of a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    earth_velocity_i : (3,) m/s, barycentric velocity of the Earth at the epoch
+    bad_pixels : (n, 2) row, column of the pixels found bad before flight
+    """
+    from shefex_nav.onboard.startracker.catalogue import CatalogueParams
+    from shefex_nav.onboard.startracker.tracker import TrackerParams
+
+    tracker, catalogue = scenario.star_tracker, scenario.star_tracker.catalogue
+    return TrackerParams(
+        catalogue=CatalogueParams(
+            kind=catalogue.kind,
+            max_magnitude=catalogue.faintest,
+            merge_radius=catalogue.merge_radius,
+            keep_magnitude=catalogue.keep_to,
+            n_stars=catalogue.size,
+        ),
+        detect=_detect_params(tracker.detection, bad_pixels),
+        identify=_identify_params(tracker.identification, nominal_camera(scenario)),
+        exposure=_exposure_params(tracker.exposure),
+        earth_velocity_i=earth_velocity_i,
+        centroid_floor_px=tracker.centroid_floor,
+        centroid_spot_px=tracker.centroid_spot,
+        outlier_sigma=tracker.outlier_sigma,
+        latency_s=tracker.latency,
+        max_rate=tracker.highest_rate,
+        sun_exclusion=scenario.star_camera.stray_light.sun_exclusion,
+        limb_exclusion=scenario.star_camera.stray_light.earth_exclusion,
+    )
+
+
+def _detect_params(detection, bad_pixels):
+    from shefex_nav.onboard.startracker.detect import DetectParams
+
+    return DetectParams(
+        bad_pixels=np.asarray(bad_pixels, dtype=np.int64),
+        tile_px=detection.tile,
+        seed_sigma=detection.seed_sigma,
+        grow_sigma=detection.grow_sigma,
+        min_pixels=detection.fewest_pixels,
+        max_pixels=detection.most_pixels,
+        max_peak_fraction=detection.largest_peak,
+        max_objects=detection.most_objects,
+        saturation_dn=int(detection.saturation),
+    )
+
+
+def _identify_params(identification, camera):
+    from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
+
+    return IdentifyParams(
+        method=identification.method,
+        camera=camera,
+        tolerance=identification.tolerance,
+        max_centroids=identification.most_centroids,
+        min_stars=identification.fewest_stars,
+        sigma_px=identification.centroid_error,
+        gate_sigma=identification.gate_sigma,
+        detection_probability=identification.detection_probability,
+        magnitude_margin=identification.magnitude_margin,
+        magnitude_sigma=identification.magnitude_error,
+        false_alarm=identification.false_alarm,
+    )
+
+
+def _exposure_params(exposure):
+    from shefex_nav.onboard.startracker.exposure import ExposureParams
+
+    return ExposureParams(
+        start_s=exposure.start,
+        min_s=exposure.shortest,
+        max_s=exposure.longest,
+        step_s=exposure.step,
+        gain_db=exposure.gain,
+        max_mean_dn=exposure.brightest_mean,
+        min_objects=exposure.fewest_objects,
+        saturated_objects=exposure.saturated_objects,
+        saturated_pixels=exposure.saturated_pixels,
+    )
+
+
+def nav_params(scenario):
+    """NavParams of a scenario."""
+    from shefex_nav.onboard.navigation.state import NavParams, ReleaseRule
+
+    navigation, sensors = scenario.navigation, scenario.navigation.sensors
+    gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
+    roll_misalignment = _given(sensors.gyro_misalignment, gyro.misalignment)
+    roll_column = (
+        _given(sensors.gyro_scale_factor_roll, gyro.scale_factor_roll),
+        roll_misalignment,
+        roll_misalignment,
+    )
+
+    def rule(release):
+        return ReleaseRule(release.rejections, release.duration)
+
+    return NavParams(
+        imu=_imu_model(scenario),
+        sigma_gyro_bias=_given(sensors.gyro_bias, float(np.hypot(gyro.bias, gyro.in_run_bias))),
+        sigma_accel_bias=_given(
+            sensors.accelerometer_bias, float(np.hypot(accelerometer.bias, accelerometer.in_run_bias))
+        ),
+        sigma_gyro_roll_column=np.array(roll_column),
+        sigma_mounting=_given(sensors.camera_mounting, _boresight_error(scenario)),
+        l_ba_b=np.array(_given(sensors.lever_arm, scenario.gps.antenna.lever_arm)),
+        C_bc=mounting(scenario),
+        gate_probability=navigation.gate_probability,
+        star_sigma_floor=navigation.star_fix_floor,
+        release_gps=rule(navigation.release.gps),
+        release_star_first=rule(navigation.release.first_star_fix),
+        release_star=rule(navigation.release.star_fix),
+        gps_agreement=navigation.gps_agreement,
+        history_s=navigation.history,
+    )
+
+
+def _boresight_error(scenario):
+    """Constant attitude error of the star camera, rad: mounting and offset of the principal point."""
+    optics, detector = scenario.star_camera.optics, scenario.star_camera.detector
+    offset = optics.principal_point_error * detector.pixel_size / optics.focal_length
+    return float(np.hypot(scenario.star_camera.mounting.error, offset))
+
+
+def _given(override, value):
+    """The override where there is one."""
+    return value if override is None else override
+
+
+def _imu_model(scenario):
+    """ImuModel: errors that are no states of the filter, from the data sheet of the IMU.
+
+    A bias that wanders with sigma and correlation time tau (Gauss-Markov) starts out as a random walk of
+    density sigma sqrt(2/tau). The slews turn the vehicle about any axis: scale factor on one axis and
+    misalignment on two count by their rms. Vibration is that of the first motor; the second one's is
+    relative to it.
+    """
+    from shefex_nav.onboard.navigation.state import ImuModel
+
+    navigation, vibration = scenario.navigation, scenario.imu.vibration
+    gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
+    swing = _swing(vibration)
+    return ImuModel(
+        gyro_random_walk=_given(navigation.sensors.gyro_random_walk, gyro.random_walk),
+        gyro_bias_walk=float(gyro.in_run_bias * np.sqrt(2.0 / gyro.in_run_bias_time)),
+        gyro_g_sensitivity=gyro.g_sensitivity,
+        gyro_cross=float(np.sqrt((gyro.scale_factor**2 + 2.0 * gyro.misalignment**2) / 3.0)),
+        manoeuvre_angle=navigation.manoeuvre_angle,
+        gyro_rectification=gyro.vibration_rectification * vibration.boost_1**2,
+        gyro_vibration=vibration.angular * swing,
+        gyro_quantum=gyro.quantum,
+        accel_random_walk=_given(navigation.sensors.accelerometer_random_walk, accelerometer.random_walk),
+        accel_bias_walk=float(accelerometer.in_run_bias * np.sqrt(2.0 / accelerometer.in_run_bias_time)),
+        accel_cross=accelerometer.scale_factor,  # thrust acts along the roll axis
+        accel_rectification=accelerometer.vibration_rectification * vibration.boost_1**2,
+        accel_vibration=swing,
+        thrust_threshold=navigation.thrust_threshold,
+        motor_2_s=scenario.programme.separation,
+        motor_2_vibration=vibration.boost_2 / vibration.boost_1 if vibration.boost_1 else 0.0,
+        thrust_time_s=navigation.thrust_memory,
+        gravity=navigation.gravity_error,
+        gravity_time_s=navigation.gravity_memory,
+        saturated_rate=navigation.saturated_rate,
+        saturated_acceleration=navigation.saturated_acceleration,
+    )
+
+
+def _swing(vibration):
+    """Velocity of the vibration while the first motor burns, m/s rms.
+
+    Acceleration of flat density S between f_low and f_high, integrated:
+    sigma^2 = S/(2 pi)^2 (1/f_low - 1/f_high).
+    """
+    low, high = vibration.lowest_frequency, vibration.highest_frequency
+    density = vibration.boost_1**2 / (high - low)
+    return float(np.sqrt(density * (1.0 / low - 1.0 / high)) / (2.0 * np.pi))

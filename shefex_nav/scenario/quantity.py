@@ -1,0 +1,250 @@
+"""Quantities as engineers write them: text with a unit in a scenario file -> float in SI and radians.
+
+In comes `25 mm`, `2 deg/s`, `0.1 deg/sqrt(h)`, `1 mgee`, `7 ppm`; out goes a float in the unit that the field
+names. A number without a unit, a wrong dimension, NaN and infinity are refused with a message that says what
+would be right. Units are read with `astropy.units`, imported when the first quantity is read. `gee`, `mgee`
+and `ugee` are standard gravity, 9.80665 m/s^2 (ISO 80000-3), because `g` is the gram.
+"""
+
+import math
+import re
+import warnings
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any
+
+from pydantic_core import PydanticCustomError, core_schema
+
+STANDARD_GRAVITY = 9.80665  # m/s^2, ISO 80000-3
+LARGEST = 1e300  # of a plain number; whole numbers in YAML know no bounds
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|[+-]?\.?(?:inf|nan)\b)\s*(.*?)\s*", re.I)
+_LOOSE_NUMBER = re.compile(r"(?<![\w^*/(+-])[\d.]")  # a second number that astropy would multiply in
+_DIMENSIONS = {  # astropy's names that an engineer would not use
+    "angular frequency/angular speed/angular velocity": "angular rate",
+    "speed/velocity": "velocity",
+    "energy/torque/work": "torque or energy",
+    "energy density/pressure/stress": "pressure",
+}
+_LEVELS = {"dB": "a level in dB", "mag": "a magnitude"}  # astropy would convert one into the other
+
+
+@cache
+def _own_units():
+    """Units that astropy lacks: gee with prefixes, parts per million, turns."""
+    import astropy.units as u
+
+    names = {}
+    prefixes = [(["m"], ["milli"], 1e-3), (["u", "µ"], ["micro"], 1e-6)]
+    u.def_unit(["gee"], STANDARD_GRAVITY * u.m / u.s**2, prefixes=prefixes, namespace=names)
+    u.def_unit(["ppm"], 1e-6 * u.dimensionless_unscaled, namespace=names)
+    u.def_unit(["rev"], 2 * math.pi * u.rad, namespace=names)
+    u.def_unit(["rpm"], 2 * math.pi * u.rad / u.min, namespace=names)
+    u.def_unit(["sec"], u.s, namespace=names)
+    u.def_unit(["px"], u.pix, namespace=names)
+    u.def_unit(["e-"], u.electron, namespace=names)
+    return list(names.values())
+
+
+@cache
+def _unit(text):
+    """The astropy unit written as `text`; ValueError if there is none."""
+    import astropy.units as u
+
+    with u.add_enabled_units(_own_units()), warnings.catch_warnings():
+        warnings.simplefilter("ignore", u.UnitsWarning)  # about several slashes: deg/h/gee is common use
+        unit = u.Unit(text)
+    if not isinstance(unit, u.UnitBase | u.function.FunctionUnitBase):  # 'm, s' is two units
+        raise ValueError(f"{text!r} is more than one unit")
+    return unit
+
+
+def _dimension(unit):
+    """What a unit measures, in words."""
+    name = str(unit.physical_type)
+    if str(unit) in _LEVELS:
+        return _LEVELS[str(unit)]
+    if name == "unknown":
+        return f"a quantity in {unit}"
+    name = _DIMENSIONS.get(name, name.split("/")[0])
+    if name == "dimensionless":
+        return "a plain ratio"
+    return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
+
+
+def refuse(message):
+    """The error with which a field refuses its value."""
+    return PydanticCustomError("scenario", message)
+
+
+def quoted(value):
+    """A value as the user wrote it, cut off if it is very long."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _similar_unit(error):
+    """`; did you mean Hz?` out of astropy's complaint, or nothing."""
+    found = re.search(r"Did you mean ([^?]*)\?", str(error))
+    return f"; did you mean {found[1]}?" if found else ""
+
+
+@dataclass(frozen=True)
+class QuantitySpec:
+    """How one field reads its text; the bounds are inclusive unless `positive`."""
+
+    unit: str  # SI unit of the float that comes out, as astropy writes it
+    example: str
+    description: str = ""
+    positive: bool = False
+    non_negative: bool = False
+    at_least: str | None = None
+    at_most: str | None = None
+    turns: bool = False  # also take Hz for turns per second
+    words: tuple[tuple[str, float], ...] = ()  # words allowed in place of a quantity, with their values
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any):
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any):
+        texts = [self.description] if self.description else []
+        texts.append(f"quantity with unit, for example {self.example}")
+        texts += [f"or '{word}'" for word, _ in self.words]
+        examples = [self.example, *(word for word, _ in self.words)]
+        return {"type": "string", "description": "; ".join(texts), "examples": examples}
+
+    def read(self, value):
+        """Float in `self.unit` out of the text `value`."""
+        for word, meaning in self.words:
+            if value == word:
+                return meaning
+        si = self._convert(value)
+        if self.positive and not si > 0.0:
+            raise refuse(f"must be greater than zero, got {quoted(value)}")
+        if self.non_negative and si < 0.0:
+            raise refuse(f"must not be negative, got {quoted(value)}")
+        if self.at_least is not None and si < self._convert(self.at_least):
+            raise refuse(f"must be at least {self.at_least}, got {quoted(value)}")
+        if self.at_most is not None and si > self._convert(self.at_most):
+            raise refuse(f"must be at most {self.at_most}, got {quoted(value)}")
+        return si
+
+    def _convert(self, value):
+        expected = f"expected a quantity such as '{self.example}'" + "".join(
+            f" or '{word}'" for word, _ in self.words
+        )
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise refuse(f"{expected}, got {describe(value)}")
+        found = _NUMBER.fullmatch(str(value))
+        if found is None:
+            raise refuse(f"cannot read {quoted(value)}: {expected}")
+        number, unit_text = float(re.sub(r"\.(?=[in])", "", found[1].lower())), found[2]
+        if not math.isfinite(number):
+            raise refuse(f"must be a finite number, got {quoted(value)}")
+        if _LOOSE_NUMBER.search(re.sub(r"^1\s*/", "", unit_text)):
+            raise refuse(f"cannot read {quoted(value)}: {expected}")
+        if not unit_text:
+            raise refuse(f"{quoted(value)} has no unit; write it with one, for example '{self.example}'")
+        return self._to_si(number, unit_text, value)
+
+    def _to_si(self, number, unit_text, value):
+        import astropy.units as u
+
+        try:
+            unit = _unit(unit_text)
+        except (ValueError, TypeError) as error:
+            hint = _similar_unit(error)
+            raise refuse(
+                f"{quoted(unit_text)} is not a unit; expected one as in '{self.example}'{hint}"
+            ) from None
+        target = _unit(self.unit)
+        if self.turns and unit.is_equivalent(u.Hz):
+            unit = unit * _unit("rev")
+        if not unit.is_equivalent(target) or (unit != target and self.unit in _LEVELS):
+            raise refuse(self._wrong_dimension(unit, target, value))
+        si = float(unit.to(target, number))
+        if not math.isfinite(si):
+            raise refuse(f"must be a finite number, got {quoted(value)}")
+        return si
+
+    def _wrong_dimension(self, unit, target, value):
+        hint = ""
+        gram = _unit("g")
+        if unit.is_equivalent(gram) and target.is_equivalent(_unit("gee")):
+            hint = "; g is the gram, standard gravity is written gee"
+        expected = f"{_dimension(target)} such as '{self.example}'"
+        return f"{quoted(value)} is {_dimension(unit)}, expected {expected}{hint}"
+
+
+def describe(value):
+    """A value of the wrong kind, in words."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, dict):
+        return "a section"
+    if isinstance(value, list):
+        return "a list"
+    return quoted(value).lower() if isinstance(value, bool) else quoted(value)
+
+
+@dataclass(frozen=True)
+class NumberSpec:
+    """A plain number: a count, a ratio written as 0.35, a coefficient."""
+
+    example: str
+    description: str = ""
+    whole: bool = False
+    positive: bool = False
+    non_negative: bool = False
+    at_least: float | None = None
+    at_most: float | None = None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any):
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any):
+        entry = {"type": "integer" if self.whole else "number", "examples": [float(self.example)]}
+        return entry | ({"description": self.description} if self.description else {})
+
+    def read(self, value):
+        """The number, checked."""
+        kind = "a whole number" if self.whole else "a number"
+        if isinstance(value, bool) or not isinstance(value, int if self.whole else int | float):
+            raise refuse(f"expected {kind} without unit such as {self.example}, got {describe(value)}")
+        if not abs(value) <= LARGEST:
+            raise refuse(f"must be a finite number, got {quoted(value)}")
+        if self.positive and not value > 0:
+            raise refuse(f"must be greater than zero, got {quoted(value)}")
+        if self.non_negative and value < 0:
+            raise refuse(f"must not be negative, got {quoted(value)}")
+        if self.at_least is not None and value < self.at_least:
+            raise refuse(f"must be at least {self.at_least}, got {quoted(value)}")
+        if self.at_most is not None and value > self.at_most:
+            raise refuse(f"must be at most {self.at_most}, got {quoted(value)}")
+        return int(value) if self.whole else float(value)
+
+
+def Quantity(unit: str, example: str, description: str = "", **limits):
+    """Type of a field that is text with a unit; its value is a float in `unit` (see `QuantitySpec`)."""
+    return Annotated[float, QuantitySpec(unit, example, description, **limits)]
+
+
+def Time(example: str, description: str = "", **limits):
+    """Type of a field that is a mission time, from lift-off."""
+    return Quantity("s", example, description, **limits)
+
+
+def Vector(unit: str, example: str, description: str = "", **limits):
+    """Type of a field that is a list of three quantities."""
+    component = Quantity(unit, example, description, **limits)
+    return tuple[component, component, component]
+
+
+def Number(example: str, description: str = "", **limits):
+    """Type of a field that is a plain number."""
+    return Annotated[float, NumberSpec(example, description, **limits)]
+
+
+def Count(example: str, description: str = "", **limits):
+    """Type of a field that is a whole number."""
+    return Annotated[int, NumberSpec(example, description, whole=True, **limits)]

@@ -1,0 +1,136 @@
+"""Sections of a scenario about the inertial measurement unit, the GPS receiver and the alignment on the pad.
+
+Values are floats in SI and radians once loaded; the text in the file carries its unit.
+"""
+
+from typing import Literal
+
+from pydantic import Field
+
+from shefex_nav.scenario.block import Block
+from shefex_nav.scenario.quantity import Number, Quantity, Vector
+
+UNLIMITED = (("unlimited", float("inf")),)
+OFF = (("off", 0.0),)
+
+
+class Gyro(Block):
+    """Gyro triad; every error is one standard deviation of what is drawn per run and axis."""
+
+    bias: Quantity("rad/s", "0.5 deg/h", "turn-on bias", non_negative=True)
+    in_run_bias: Quantity("rad/s", "0.1 deg/h", "bias that wanders during the run", non_negative=True)
+    in_run_bias_time: Quantity("s", "300 s", "correlation time of the in-run bias", positive=True)
+    random_walk: Quantity("rad/sqrt(s)", "0.02 deg/sqrt(h)", "angular random walk", non_negative=True)
+    scale_factor_roll: Quantity("", "30 ppm", "scale factor error of the roll (x) gyro", non_negative=True)
+    scale_factor: Quantity("", "100 ppm", "scale factor error of the y and z gyros", non_negative=True)
+    misalignment: Quantity("rad", "0.1 mrad", "each axis towards each other", non_negative=True)
+    g_sensitivity: Quantity("rad s/m", "0.5 deg/h/gee", "rate error per specific force", non_negative=True)
+    vibration_rectification: Quantity(
+        "rad s3/m2", "0.03 deg/h/gee2", "bias per square of the vibration level", non_negative=True
+    )
+    range: Quantity("rad/s", "1000 deg/s", "largest rate measured", positive=True, words=UNLIMITED)
+    quantum: Quantity("rad", "0.1 arcsec", "angle of one count", positive=True, words=OFF)
+
+
+class Accelerometer(Block):
+    """Accelerometer triad; every error is one standard deviation of what is drawn per run and axis."""
+
+    bias: Quantity("m/s2", "0.3 mgee", "turn-on bias", non_negative=True)
+    in_run_bias: Quantity("m/s2", "20 ugee", "bias that wanders during the run", non_negative=True)
+    in_run_bias_time: Quantity("s", "300 s", "correlation time of the in-run bias", positive=True)
+    random_walk: Quantity("m/s(3/2)", "0.03 m/s/sqrt(h)", "velocity random walk", non_negative=True)
+    scale_factor: Quantity("", "300 ppm", "scale factor error", non_negative=True)
+    misalignment: Quantity("rad", "0.1 mrad", "each axis towards each other", non_negative=True)
+    vibration_rectification: Quantity(
+        "s2/m", "20 ugee/gee2", "bias per square of the vibration level", non_negative=True
+    )
+    range: Quantity("m/s2", "20 gee", "largest specific force measured", positive=True, words=UNLIMITED)
+    quantum: Quantity("m/s", "0.1 mm/s", "velocity of one count", positive=True, words=OFF)
+
+
+class Vibration(Block):
+    """Random vibration at the IMU, root mean square on each axis."""
+
+    boost_1: Quantity("m/s2", "7 gee", "while the first stage burns", non_negative=True)
+    boost_2: Quantity("m/s2", "3.5 gee", "while the second stage burns", non_negative=True)
+    coast: Quantity("m/s2", "0.02 gee", "at all other times", non_negative=True)
+    angular: Quantity("rad s/m", "0.1 deg/s/gee", "rms rate per rms acceleration", non_negative=True)
+    lowest_frequency: Quantity("Hz", "20 Hz", "lower end of the flat spectrum", positive=True)
+    highest_frequency: Quantity("Hz", "2 kHz", "upper end of the flat spectrum", positive=True)
+
+
+class Imu(Block):
+    """Strapdown inertial measurement unit, 400 samples a second of integrated rate and specific force."""
+
+    gyro: Gyro
+    accelerometer: Accelerometer
+    vibration: Vibration
+
+
+class Spin(Block):
+    """What a rolling vehicle does to GPS reception."""
+
+    threshold: Quantity(
+        "rad/s", "0.3 Hz", "roll rate from which reception suffers", positive=True, turns=True
+    )
+    loss: Quantity("", "25 %", "chance per fix that a satellite is lost", non_negative=True, at_most="100 %")
+    noise_factor: Number("2.0", "on the noise of range and range rate", at_least=1.0)
+
+
+class Antenna(Block):
+    """Where the GPS antenna sits and where it cannot hear."""
+
+    lever_arm: Vector("m", "0.3 m", "IMU to antenna in body axes")
+    blind_nose: Quantity(
+        "rad", "20 deg", "half angle of the deaf cone about the nose", at_least="0 deg", at_most="90 deg"
+    )
+    blind_tail: Quantity(
+        "rad", "40 deg", "half angle of the deaf cone about the tail", at_least="0 deg", at_most="90 deg"
+    )
+
+
+class GpsOutage(Block):
+    """No GPS solution for a time after an event of the flight."""
+
+    event: Literal[
+        "lift_off",
+        "rail_exit",
+        "burn_out_1",
+        "separation",
+        "ignition_2",
+        "burn_out_2",
+        "despin_complete",
+        "apogee",
+        "spin_up_start",
+        "spin_up_complete",
+        "entry",
+    ] = Field(description="event of the flight at which the receiver loses its satellites")
+    shortest: Quantity("s", "3 s", "shortest duration", non_negative=True)
+    longest: Quantity("s", "20 s", "longest duration; each run draws one in between", non_negative=True)
+
+
+class Gps(Block):
+    """GPS receiver with one position and velocity fix a second."""
+
+    latency: Quantity(
+        "s", "0.2 s", "from the instant measured to the fix on board", non_negative=True, at_most="1 s"
+    )
+    range_noise: Quantity("m", "3 m", "range to one satellite, 1 sigma, all causes", positive=True)
+    range_rate_noise: Quantity("m/s", "0.1 m/s", "range rate, 1 sigma", positive=True)
+    elevation_mask: Quantity("rad", "5 deg", "lowest elevation", at_least="-30 deg", at_most="80 deg")
+    lowest_ray_height: Quantity(
+        "m", "50 km", "signals below the mask must pass above this height", non_negative=True
+    )
+    max_pdop: Number("10.0", "no fix above it", positive=True)
+    antenna: Antenna
+    spin: Spin
+    outages: list[GpsOutage]
+
+
+class PadAlignment(Block):
+    """What the launch crew knows about the vehicle on the pad, 1 sigma."""
+
+    level: Quantity("rad", "0.05 deg", "about north and about east", positive=True)
+    azimuth: Quantity("rad", "0.3 deg", "about the vertical", positive=True)
+    position: Quantity("m", "1 m", "each axis", positive=True)
+    velocity: Quantity("m/s", "0.01 m/s", "each axis", positive=True)

@@ -1,0 +1,444 @@
+"""Broken scenarios, each of one kind: one clear message with file, line, column and field."""
+
+from pathlib import Path
+
+import pytest
+
+from shefex_nav.scenario import load as load_module
+from shefex_nav.scenario.load import ScenarioError, load
+
+DEFAULT = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
+TEXT = DEFAULT.read_text(encoding="utf-8")
+
+
+def messages(path, overrides=()):
+    with pytest.raises(ScenarioError) as caught:
+        load(path, overrides)
+    assert str(caught.value) == "\n".join(caught.value.messages)
+    return caught.value.messages
+
+
+def the_message(path, overrides=()):
+    said = messages(path, overrides)
+    assert len(said) == 1, said
+    assert "\n" not in said[0]
+    return said[0]
+
+
+# kind: (text in the default scenario, what stands there instead, where "@" is the place complained about,
+#        field, words)
+BROKEN = {
+    "bare number": ("rate: 10 Hz", "rate: @10", "star_tracker.rate", "10 has no unit; write it with one"),
+    "wrong dimension": (
+        "rate: 10 Hz",
+        "rate: @10 m",
+        "star_tracker.rate",
+        "is a length, expected a frequency",
+    ),
+    "unknown unit": ("rate: 10 Hz", "rate: @10 Hzz", "star_tracker.rate", "did you mean Hz?"),
+    "no number": ("rate: 10 Hz", "rate: @fast", "star_tracker.rate", "cannot read 'fast'"),
+    "NaN": ("rate: 10 Hz", "rate: @.nan", "star_tracker.rate", "must be a finite number, got nan"),
+    "NaN with unit": ("rate: 10 Hz", "rate: @nan Hz", "star_tracker.rate", "must be a finite number"),
+    "infinity": ("rate: 10 Hz", "rate: @.inf", "star_tracker.rate", "must be a finite number, got inf"),
+    "negative rate": ("rate: 10 Hz", "rate: @-10 Hz", "star_tracker.rate", "must be greater than zero"),
+    "nothing": (
+        "rate: 10 Hz",
+        "@rate:",
+        "star_tracker.rate",
+        "expected a quantity such as '10 Hz', got nothing",
+    ),
+    "missing key": (
+        "@star_tracker:\n  enabled: true\n",
+        "@star_tracker:\n",
+        "star_tracker.enabled",
+        "is missing",
+    ),
+    "misspelt key": (
+        "rate: 10 Hz",
+        "@ratte: 10 Hz",
+        "star_tracker.ratte",
+        "unknown key; did you mean 'rate'?",
+    ),
+    "unknown key": (
+        "rate: 10 Hz",
+        "rate: 10 Hz\n  @colour: red",
+        "star_tracker.colour",
+        "known here: enabled, on",
+    ),
+    "duplicate key": (
+        "rate: 10 Hz",
+        "rate: 10 Hz\n  @rate: 5 Hz",
+        "star_tracker.rate",
+        "duplicate key, already given",
+    ),
+    "misspelt section": (
+        "\npad_alignment:",
+        "\n@pad_alignement:",
+        "pad_alignement",
+        "did you mean 'pad_alignment'?",
+    ),
+    "value for a section": (
+        "  spin:\n    threshold: 90 deg/s\n    loss: 20 %\n    noise_factor: 2\n",
+        "  spin: @off\n",
+        "gps.spin",
+        "expected a section with keys of its own, got 'off'",
+    ),
+    "zero mass": (
+        "mass: 4240 kg",
+        "mass: @0 kg",
+        "vehicle.stages.0.propellant.mass",
+        "must be greater than zero",
+    ),
+    "gram for standard gravity": (
+        "bias: 0.5 mgee",
+        "bias: @0.5 mg",
+        "imu.accelerometer.bias",
+        "g is the gram",
+    ),
+    "unknown star catalogue": (
+        "kind: magnitude_limited",
+        "kind: @hipparcos",
+        "star_tracker.catalogue.kind",
+        "'hipparcos' is not known; choose from: combined, magnitude_limited",
+    ),
+    "misspelt star catalogue": (
+        "kind: magnitude_limited",
+        "kind: @combind",
+        "star_tracker.catalogue.kind",
+        "did you mean 'combined'?",
+    ),
+    "unknown identification": (
+        "method: pyramid",
+        "method: @telepathy",
+        "star_tracker.identification.method",
+        "'telepathy' is not known; choose from: pyramid",
+    ),
+    "unknown event": (
+        "event: lift_off",
+        "event: @liftoff",
+        "gps.outages.0.event",
+        "did you mean 'lift_off'?",
+    ),
+    "yes for true": (
+        "enabled: true",
+        "enabled: @yes",
+        "star_tracker.enabled",
+        "expected true or false, got 'yes'",
+    ),
+    "fraction of a pixel": (
+        "columns: 659",
+        "columns: @659.5",
+        "star_camera.detector.columns",
+        "expected a whole number",
+    ),
+    "short vector": (
+        "[0.6 m, 0.05 m, -0.03 m]",
+        "@[0.6 m, 0.05 m]",
+        "gps.antenna.lever_arm",
+        "expected a list of 3 values, got 2",
+    ),
+    "long vector": (
+        "[0.6 m, 0.05 m, -0.03 m]",
+        "@[0 m, 0 m, 0 m, 0 m]",
+        "gps.antenna.lever_arm",
+        "expected a list of 3 values, got 4",
+    ),
+    "bare component": (
+        "[0.6 m, 0.05 m, -0.03 m]",
+        "[0.6 m, @0.05, -0.03 m]",
+        "gps.antenna.lever_arm.1",
+        "0.05 has no unit",
+    ),
+    "scalar for a vector": (
+        "[0.6 m, 0.05 m, -0.03 m]",
+        "@0.6 m",
+        "gps.antenna.lever_arm",
+        "expected a list of 3 values",
+    ),
+    "latitude": (
+        "latitude: 69.2942 deg",
+        "latitude: @169 deg",
+        "launch.latitude",
+        "must be at most 90 deg, got '169 deg'",
+    ),
+    "date": (
+        "epoch: 2012-06-22",
+        "epoch: @2012-06-32",
+        "mission.epoch",
+        "cannot read '2012-06-32T19:18:00Z' as a date",
+    ),
+    "time zone": ("19:18:00Z", "19:18:00+02:00", "mission.epoch", "is not marked as UTC; end it with Z"),
+    "file name": ("name: shefex2_andoya", "name: @a/b", "mission.name", "must be one word of letters"),
+    "table not monotonic": (
+        "mach: [0, 0.6, 0.9",
+        "mach: [0, 0.9, @0.6",
+        "vehicle.aerodynamics.stack.mach.2",
+        "must increase: 0.6 follows 0.9",
+    ),
+    "table column too long": (
+        "axial: [0.45,",
+        "axial: @[0.45, 0.45,",
+        "vehicle.aerodynamics.stack.axial",
+        "12 values for 11 Mach numbers",
+    ),
+    "table too short": (
+        "mach: [0, 0.6,",
+        "mach: @[0,",
+        "vehicle.aerodynamics.stack.mach",
+        "10 Mach numbers, but 11 values",
+    ),
+    "times out of order": (
+        "separation: 65 s",
+        "separation: @50 s",
+        "programme.separation",
+        "must be later than burn-out of the first stage, 56 s",
+    ),
+    "burn after despin": (
+        "ignition_2: 149.2 s",
+        "ignition_2: 160 s",
+        "programme.despin_start",
+        "must be later than burn-out of the second stage, 228 s",
+    ),
+    "mission too short": (
+        "time_limit: 600 s",
+        "time_limit: @394 s",
+        "mission.time_limit",
+        "must be later than spin_up_end, 394 s",
+    ),
+    "start between ticks": (
+        "start: -10 s",
+        "start: @-10.005 s",
+        "mission.start",
+        "must be a multiple of 10 ms",
+    ),
+    "thrust below weight": (
+        "mass: 4240 kg",
+        "mass: 1240 kg",
+        "vehicle.stages.0.motor",
+        "it would not lift off",
+    ),
+    "grain inside out": (
+        "inner_radius: 0.18 m",
+        "inner_radius: @0.5 m",
+        "vehicle.stages.0.propellant.inner_radius",
+        "must be smaller than outer_radius",
+    ),
+    "rate against clock": (
+        "rate: 10 Hz",
+        "rate: @7 Hz",
+        "star_tracker.rate",
+        "7 Hz does not divide the on-board clock, 100 Hz",
+    ),
+    "exposure over interval": (
+        "longest: 50 ms",
+        "longest: @120 ms",
+        "star_tracker.exposure.longest",
+        "take 135 ms, the frames follow each other after 100 ms",
+    ),
+    "window after the mission": (
+        "  off: 394 s",
+        "  off: @700 s",
+        "star_tracker.off",
+        "is after mission.time_limit",
+    ),
+    "window inside out": (
+        "  off: 394 s",
+        "  off: @200 s",
+        "star_tracker.off",
+        "must be later than on, 222 s",
+    ),
+    "vibration of the second motor alone": (
+        "boost_1: 7 gee",
+        "boost_1: @0 gee",
+        "imu.vibration.boost_1",
+        "must not be zero unless boost_2 is",
+    ),
+    "vibration band inside out": (
+        "lowest_frequency: 20 Hz",
+        "lowest_frequency: @3 kHz",
+        "imu.vibration.lowest_frequency",
+        "must be below highest_frequency, 2000 Hz",
+    ),
+    "outage inside out": (
+        "shortest: 0 s, longest: 2 s",
+        "shortest: @3 s, longest: 2 s",
+        "gps.outages.0.shortest",
+        "is longer than longest, 2 s",
+    ),
+    "camera axes": (
+        "boresight: [0, 1, 0]",
+        "boresight: [1, 1, 0]",
+        "star_camera.mounting.image_right",
+        "must be at right angles to boresight, is at 45.00 deg",
+    ),
+    "no direction": (
+        "boresight: [0, 1, 0]",
+        "boresight: @[0, 0, 0]",
+        "star_camera.mounting.boresight",
+        "must not be zero",
+    ),
+    "catalogue deeper than the sky": (
+        "faintest: 5.5 mag",
+        "faintest: @7.5 mag",
+        "star_tracker.catalogue.faintest",
+        "the camera draws stars to V 7",
+    ),
+    "memory of the filter": (
+        "history: 0.6 s",
+        "history: @80 ms",
+        "navigation.history",
+        "must be longer than the 200 ms that a GPS fix is late",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", BROKEN)
+def test_one_message_that_names_place_and_field(tmp_path, kind):
+    good, bad, field, words = BROKEN[kind]
+    assert TEXT.count(good.replace("@", "")) >= 1
+    marked = TEXT.replace(good.replace("@", ""), bad, 1)
+    path = tmp_path / "broken.yaml"
+    path.write_text(marked.replace("@", ""), encoding="utf-8")
+    said = the_message(path)
+    assert f": {field}: " in said
+    assert words in said
+    if "@" in bad:
+        before = marked[: marked.index("@")]
+        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
+        assert said.startswith(f"{path}:{line}:{column}: {field}: ")
+
+
+# kind: (whole file, place, words)
+NOT_A_SCENARIO = {
+    "empty file": ("", "1:1", "the file is empty"),
+    "only comments": ("# nothing\n", "1:1", "the file is empty"),
+    "list at the top": ("- mission\n- earth\n", "1:1", "the file holds a list; expected a mapping"),
+    "text": ("hello\n", "1:1", "the file holds a single value"),
+    "open bracket": ("mission: [1, 2\nearth: 3\n", "2:6", "not valid YAML"),
+    "two colons": ("mission: a: b\n", "1:11", "mapping values are not allowed here"),
+    "tab": ("mission:\n\tname: x\n", "2:1", "indent with spaces, not tabs"),
+    "two documents": ("mission: 1\n---\nearth: 2\n", "2:1", "another document"),
+    "control character": ("mission: \x02\n", "1:10", "special characters are not allowed"),
+    "list as a key": ("mission:\n  [1]: 2\n", "2:3", "mission: a key must be a word"),
+    "alias to nothing": ("mission: *m\n", "1:10", "undefined alias 'm'"),
+    "alias to itself": ("mission: &m\n  name: *m\n", "1:10", "must not contain itself"),
+    "foreign tag": ("mission: !!binary abcd\n", "1:10", "is not used in scenarios"),
+    "extends nothing": ("extends:\n", "1:1", "expected the name of a scenario file"),
+    "extends a missing file": ("extends: nowhere.yaml\n", "1:10", "nowhere.yaml' there is no such file"),
+    "extends itself": ("extends: broken.yaml\n", "1:10", "extends itself in a circle"),
+}
+
+
+@pytest.mark.parametrize("kind", NOT_A_SCENARIO)
+def test_a_file_that_is_no_scenario(tmp_path, kind):
+    text, place, words = NOT_A_SCENARIO[kind]
+    path = tmp_path / "broken.yaml"
+    path.write_text(text, encoding="utf-8")
+    said = the_message(path)
+    assert said.startswith(f"{path}:{place}: ")
+    assert words in said
+
+
+def test_brackets_without_end(tmp_path):
+    path = tmp_path / "deep.yaml"
+    path.write_text("mission: " + "[" * 500, encoding="utf-8")
+    assert "brackets within brackets" in the_message(path)
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
+def test_not_utf8(tmp_path, encoding):
+    path = tmp_path / "broken.yaml"
+    path.write_bytes("mission: Andøya\n".encode(encoding))
+    assert the_message(path).startswith(f"{path}: is not UTF-8 text")
+
+
+def test_a_byte_order_mark_is_no_error(tmp_path):
+    path = tmp_path / "windows.yaml"
+    path.write_text(TEXT, encoding="utf-8-sig")
+    assert load(path).mission.name == "shefex2_andoya"
+
+
+def test_missing_file_and_directory(tmp_path):
+    assert the_message(tmp_path / "no.yaml") == f"{tmp_path / 'no.yaml'}: there is no such file"
+    assert the_message(tmp_path) == f"{tmp_path}: is a directory, expected a scenario file"
+    assert "cannot be read" in the_message("a\0b.yaml")
+
+
+def test_a_file_without_permission(tmp_path, monkeypatch):
+    """Simulated, because the superuser may read everything."""
+
+    def locked(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(load_module, "open", locked, raising=False)
+    assert the_message(tmp_path / "x.yaml") == f"{tmp_path / 'x.yaml'}: cannot be read: Permission denied"
+
+
+def test_all_errors_at_once_in_the_order_of_the_file(tmp_path):
+    text = TEXT.replace("rate: 10 Hz", "rate: 10").replace("latency: 0.2 s", "latency: 0.2 m")
+    path = tmp_path / "broken.yaml"
+    path.write_text(text.replace("history: 0.6 s", "histroy: 0.6 s"), encoding="utf-8")
+    fields = [said.split(": ")[1] for said in messages(path)]
+    assert fields == ["gps.latency", "star_tracker.rate", "navigation.histroy"]
+
+
+def test_all_duplicate_keys_at_once(tmp_path):
+    path = tmp_path / "broken.yaml"
+    path.write_text("a: 1\na: 2\nb:\n  c: 1\n  c: 2\n", encoding="utf-8")
+    assert [said.split(": ")[1] for said in messages(path)] == ["a", "b.c"]
+
+
+# --set text: what is said
+BAD_OVERRIDES = {
+    "star_tracker.rate": "--set star_tracker.rate: expected path=value, "
+    "for example --set star_tracker.rate='5 Hz'",
+    "=5 Hz": "--set : expected path=value, for example --set star_tracker.rate='5 Hz'",
+    "star_tracker.rat=5 Hz": "--set star_tracker.rat: unknown key; did you mean 'rate'?",
+    "star_traker.rate=5 Hz": "--set star_traker.rate: star_traker: unknown key; did you mean 'star_tracker'?",
+    "star_tracker.rate=5 m": "--set star_tracker.rate: '5 m' is a length, "
+    "expected a frequency such as '10 Hz'",
+    "star_tracker.rate=7 Hz": "--set star_tracker.rate: 7 Hz does not divide the on-board clock, 100 Hz; "
+    "take 1, 2, 4, 5, 10 or 20 Hz",
+    "star_tracker.rate=": "--set star_tracker.rate: expected a quantity such as '10 Hz', got nothing",
+    "gps.antenna.lever_arm.3=1 m": "--set gps.antenna.lever_arm.3: gps.antenna.lever_arm is a list, "
+    "its items are 0 to 2, got '3'",
+    "gps.antenna.lever_arm.x=1 m": "--set gps.antenna.lever_arm.x: gps.antenna.lever_arm is a list, "
+    "its items are 0 to 2, got 'x'",
+    "gps.antenna.lever_arm.1=1 s": "--set gps.antenna.lever_arm.1: '1 s' is a time, expected a length "
+    "such as '0.3 m'",
+    "mission.name.first=x": "--set mission.name.first: mission.name is a single value, "
+    "there is no 'first' in it",
+    "imu=[1": "--set imu: not valid YAML: while parsing a flow sequence, expected ',' or ']', but got "
+    "'<stream end>'",
+}
+
+
+@pytest.mark.parametrize("override", BAD_OVERRIDES)
+def test_bad_override(override):
+    assert the_message(DEFAULT, [override]) == BAD_OVERRIDES[override]
+
+
+def test_bad_values_of_file_and_command_line_together(tmp_path):
+    path = tmp_path / "broken.yaml"
+    path.write_text(TEXT.replace("rate: 10 Hz", "rate: 10"), encoding="utf-8")
+    said = messages(path, ["gps.latency=1"])
+    assert said[0] == "--set gps.latency: 1 has no unit; write it with one, for example '0.2 s'"
+    assert said[1].startswith(f"{path}:")
+
+
+def test_an_error_in_the_base_names_the_base(tmp_path):
+    base, path = tmp_path / "base.yaml", tmp_path / "top.yaml"
+    base.write_text(TEXT.replace("rate: 10 Hz", "rate: 10"), encoding="utf-8")
+    path.write_text("extends: base.yaml\ngps:\n  latency: 0.2\n", encoding="utf-8")
+    in_base, in_top = messages(path)
+    line = TEXT[: TEXT.index("rate: 10 Hz")].count("\n") + 1
+    assert in_base.startswith(f"{base}:{line}:9: star_tracker.rate: ")
+    assert in_top.startswith(f"{path}:3:12: gps.latency: ")
+
+
+def test_a_cycle_of_three_files(tmp_path):
+    for name, base in (("a", "b"), ("b", "c"), ("c", "a")):
+        (tmp_path / f"{name}.yaml").write_text(f"extends: {base}.yaml\n", encoding="utf-8")
+    said = the_message(tmp_path / "a.yaml")
+    assert said.startswith(f"{tmp_path / 'c.yaml'}:1:10: extends: ")
+    assert "in a circle" in said
