@@ -20,6 +20,10 @@ from shefex_nav.world.flight.attitude_program import Program
 from shefex_nav.world.flight.vehicle import Aerodynamics, Part, Stage
 
 
+class FlightError(Exception):
+    """The vehicle cannot do what its programme asks; the message says what happened."""
+
+
 class LaunchSite(NamedTuple):
     """Where the IMU waits on the pad, and the rail."""
 
@@ -71,14 +75,14 @@ def fly(params, earth):
     free = attitude.hold(0.0, 1.0, 0.0)  # stands where a rate law is due and none rules
     t_rail, left_rail = section(0.0, p.separation_s, dynamics.ON_RAIL, free, stack)
     if not left_rail:
-        raise RuntimeError(f"the vehicle is still on the rail {p.separation_s} s after ignition")
+        raise FlightError(f"the vehicle is still on the rail {p.separation_s} s after ignition")
     section(t_rail, p.separation_s, dynamics.FREE, free, stack)
     for law in attitude_laws(params, world, x, upper):
         section(law.t_0, law.t_1, dynamics.PROGRAMMED, law, upper)
         x[10:13] = dynamics.body_rate(law, law.t_1)[:3]
     t_impact, landed = section(p.spin_up_end_s, params.time_limit_s, dynamics.FREE, free, upper)
     if not landed:
-        raise RuntimeError(f"the vehicle is still in the air at the time limit, {params.time_limit_s} s")
+        raise FlightError(f"the vehicle is still in the air at the time limit, {params.time_limit_s} s")
     trajectory = _trajectory(params, rows[:k], _phases(p, stack, upper))
     instants = {**_planned(p, stack, upper), "rail_exit": t_rail, "impact": t_impact}
     return trajectory, _events(trajectory, rows[:k, -1], earth, instants)

@@ -1,0 +1,228 @@
+"""The command line: parse, call one function, print.
+
+Results go to stdout, progress and messages to stderr. Exit codes: 0 done, 2 bad input (one clear message,
+nothing written), 1 an internal fault (traceback, and the log up to that moment stays readable),
+130 interrupted.
+"""
+
+import json as json_module
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name="shefex-nav",
+    help="Hybrid INS/GPS/star-tracker navigation simulator for sounding rockets and small satellites.",
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+)
+
+ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
+LogArgument = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Override one value, e.g. --set star_tracker.rate='5 Hz'."
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+
+
+@app.command()
+def run(
+    scenario: ScenarioArgument,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all randomness.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Log; default logs/<scenario>-seed<seed>.mcap.")] = None,
+    overrides: SetOption = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --out.")] = False,
+    json: JsonOption = False,
+):
+    """Fly a scenario: simulate, navigate, log, and print how well it went."""
+    import time
+
+    from shefex_nav.records import TruthSample
+    from shefex_nav.scenario import load
+
+    loaded = load.load(scenario, overrides or ())
+    path = out or free_name(loaded.mission.name, seed)
+    if path.exists() and not force:
+        raise typer.BadParameter(
+            f"{path} exists already; choose another name or add --force", param_hint="--out"
+        )
+    say(f"{loaded.mission.name}, seed {seed} -> {path}")
+    say("Getting ready; the first run on a machine compiles, which takes about a minute.")
+    began = time.perf_counter()
+    from shefex_nav import simulate
+    from shefex_nav.log.drawings import FramePolicy
+    from shefex_nav.log.run_data import RunDataBuilder
+    from shefex_nav.log.topics import RunSummary
+    from shefex_nav.log.writer import LogWriter
+    from shefex_nav.report import metrics
+
+    mission = simulate.mission(loaded, seed)
+    kept = RunDataBuilder(mission)
+    frames = loaded.log.frames
+    policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
+    if out is None:
+        path.parent.mkdir(exist_ok=True)
+    simulate.warm_up(loaded)
+    with LogWriter(path, mission, policy, overwrite=force) as log:
+        ready = time.perf_counter()
+        t_s = loaded.mission.start
+        for record in watched(simulate.run(loaded, seed), t_s):
+            log.write(record)
+            kept.add(record)
+            t_s = record.t_s if type(record) is TruthSample else t_s
+        done = RunSummary(t_s, time.perf_counter() - ready, ready - began)
+        log.write(done)
+        kept.add(done)
+    show(metrics.summarise(kept.build(), log=path), json)
+
+
+def free_name(name, seed):
+    """First unused path logs/<name>-seed<seed>[-<n>].mcap."""
+    path, n = Path("logs") / f"{name}-seed{seed}.mcap", 1
+    while path.exists():
+        n += 1
+        path = path.with_name(f"{name}-seed{seed}-{n}.mcap")
+    return path
+
+
+def say(text):
+    """A line for people, on stderr."""
+    typer.echo(text, err=True)
+
+
+def watched(records, start_s):
+    """The same records; shows mission time, phase and speed on stderr while they pass."""
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn
+
+    from shefex_nav.records import Phase, TruthSample
+
+    console = Console(stderr=True)
+    columns = (
+        SpinnerColumn(),
+        TextColumn(
+            "T{task.fields[t_s]:+7.1f} s  {task.fields[phase]:<11} {task.fields[speed]:6.0f} x real time"
+        ),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("fly", total=None, t_s=start_s, phase="", speed=0.0)
+        for record in records:
+            if type(record) is TruthSample and record.t_s % 1.0 < 0.005:
+                elapsed = max(progress.tasks[0].elapsed or 0.0, 1e-3)
+                phase = Phase(record.phase).name.lower()
+                progress.update(task, t_s=record.t_s, phase=phase, speed=(record.t_s - start_s) / elapsed)
+            yield record
+
+
+@app.command()
+def report(log: LogArgument, json: JsonOption = False):
+    """Print the results of a run from its log."""
+    from shefex_nav.log import reader
+    from shefex_nav.report import metrics
+
+    data = reader.read(log)
+    tell_if_cut(log, data)
+    show(metrics.summarise(data, log=log), json)
+
+
+@app.command()
+def view(
+    log: LogArgument,
+    save: Annotated[Path | None, typer.Option(help="Write a rerun recording (.rrd), do not open it.")] = None,
+    screenshot: Annotated[Path | None, typer.Option(help="PNG of the viewer; needs no screen.")] = None,
+    at: Annotated[str | None, typer.Option(help="Mission time of the screenshot, e.g. 240s.")] = None,
+):
+    """Open a log in the rerun viewer, laid out."""
+    at_s = None if at is None else mission_time(at)
+    from shefex_nav.report import viewer
+
+    data = viewer.view(log, save=save, screenshot=screenshot, at_s=at_s)
+    tell_if_cut(log, data)
+    for written in (save, screenshot):
+        if written is not None:
+            say(f"wrote {written}")
+
+
+def mission_time(text):
+    """Seconds from a time with its unit, such as 240s or '4 min'."""
+    from pydantic_core import PydanticCustomError
+
+    from shefex_nav.scenario.quantity import QuantitySpec
+
+    try:
+        return QuantitySpec("s", "240s").read(text)
+    except PydanticCustomError as error:
+        raise typer.BadParameter(error.message(), param_hint="--at") from None
+
+
+def tell_if_cut(log, data):
+    """A line for the user of a log that was not closed."""
+    if data.ended_early:
+        say(f"{log}: the run ended early, at T{data.last_t_s:+.2f} s; this is about what there is")
+
+
+@app.command()
+def check(scenario: ScenarioArgument, overrides: SetOption = None):
+    """Check a scenario file; all its errors at once, with line and column."""
+    from shefex_nav.scenario import load
+
+    load.load(scenario, overrides or ())
+    typer.echo(f"{scenario}: good")
+
+
+@app.command()
+def schema():
+    """Print the JSON Schema of scenario files, for completion in editors."""
+    from shefex_nav.scenario import load
+
+    typer.echo(json_module.dumps(load.json_schema(), indent=2))
+
+
+def show(summary, as_json):
+    """Print a summary as one JSON object or as a table."""
+    if as_json:
+        typer.echo(json_module.dumps(summary, allow_nan=False))
+        return
+    from rich.console import Console
+
+    from shefex_nav.report import table
+
+    Console(width=None if sys.stdout.isatty() else 100).print(table.summary_table(summary))
+
+
+def user_errors():
+    """The exceptions that mean bad input; importing their modules costs nothing once they were raised."""
+    names = (
+        "shefex_nav.scenario.load.ScenarioError",
+        "shefex_nav.world.flight.fly.FlightError",
+        "shefex_nav.log.topics.LogError",
+        "shefex_nav.report.viewer_program.ViewerError",
+    )
+    for name in names:
+        module, _, attribute = name.rpartition(".")
+        if module in sys.modules:
+            yield getattr(sys.modules[module], attribute)
+
+
+def main():
+    """Entry point: turns bad input into one message and exit code 2."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)
+    except Exception as error:
+        if isinstance(error, tuple(user_errors())):
+            print(error, file=sys.stderr)
+            sys.exit(2)
+        raise
+
+
+if __name__ == "__main__":
+    main()

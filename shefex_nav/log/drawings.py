@@ -1,0 +1,243 @@
+"""Foxglove messages of the records that viewers can draw: poses, the GPS track, camera pictures, text.
+
+Frames of the drawings: `launch` (east, north, up at the launch site, turning with the Earth), `body` (truth),
+`body_estimate` (navigation), `star_camera` (camera axes at the nominal mounting on `body`).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from foxglove import messages as fox
+from numba import njit
+
+from shefex_nav.geometry.frames import dcm_ie
+from shefex_nav.geometry.rotation import quat_from_dcm, quat_multiply, xyzw
+from shefex_nav.geometry.wgs84 import dcm_el, ecef_from_geodetic, geodetic_from_ecef
+from shefex_nav.records import Reason
+
+POSE_TICKS = 5  # of the 100 Hz clock between two drawn poses: 20 Hz is smooth to the eye
+LAUNCH, BODY, ESTIMATE, CAMERA = "launch", "body", "body_estimate", "star_camera"
+CHANNELS = {  # topic -> channel class of foxglove.channels
+    "/tf": "FrameTransformsChannel",
+    "/truth/pose": "PoseInFrameChannel",
+    "/nav/pose": "PoseInFrameChannel",
+    "/gps/location": "LocationFixChannel",
+    "/star_tracker/calibration": "CameraCalibrationChannel",
+    "/star_tracker/annotations": "ImageAnnotationsChannel",
+    "/star_tracker/image": "RawImageChannel",
+    "/star_tracker/image_full": "RawImageChannel",
+    "/log": "LogChannel",
+}
+_GREEN = fox.Color(r=0.25, g=1.0, b=0.35, a=1.0)
+_ORANGE = fox.Color(r=1.0, g=0.55, b=0.1, a=1.0)
+_NO_BACKGROUND = fox.Color(r=0.0, g=0.0, b=0.0, a=0.0)
+
+
+class FramePolicy(NamedTuple):
+    """Which pixels of the star camera's frames are kept."""
+
+    full_every: int  # every n-th frame as read out, 0 = never
+    otherwise: str  # every frame: 'thresholded' (sky background set to zero) or 'none'
+    threshold_sigma: float  # above the background, in its standard deviations
+
+
+def _timestamp(ns):
+    return fox.Timestamp(ns // 10**9, ns % 10**9)
+
+
+def _quaternion(q):
+    x, y, z, w = xyzw(q).tolist()
+    return fox.Quaternion(x=x, y=y, z=z, w=w)
+
+
+class Drawings:
+    """Turns records into (topic, message) pairs; remembers what was last said of star tracker and gates."""
+
+    def __init__(self, mission, policy):
+        self._mission = mission
+        self._policy = policy
+        C_el = dcm_el(mission.launch_latitude, mission.launch_longitude)
+        self._C_le = np.ascontiguousarray(C_el.T)
+        self._r_le_e = ecef_from_geodetic(
+            mission.launch_latitude, mission.launch_longitude, mission.launch_height
+        )
+        self._q_bc = _quaternion(quat_from_dcm(mission.C_bc))
+        self._last_reason = None
+        self._last_notes = {}  # by sensor
+
+    def calibration(self, mission, ns):
+        """The camera model, once."""
+        k = mission.camera
+        f, cx, cy = float(k.focal_length_px), float(k.cx_px), float(k.cy_px)
+        yield (
+            "/star_tracker/calibration",
+            fox.CameraCalibration(
+                timestamp=_timestamp(ns),
+                frame_id=CAMERA,
+                width=int(k.width_px),
+                height=int(k.height_px),
+                K=[f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0],
+                R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+                P=[f, 0.0, cx, 0.0, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+            ),
+        )
+
+    def truth(self, record, ns):
+        if round(record.t_s * 100) % POSE_TICKS:
+            return ()
+        mounted = fox.FrameTransform(
+            timestamp=_timestamp(ns),
+            parent_frame_id=BODY,
+            child_frame_id=CAMERA,
+            translation=fox.Vector3(),
+            rotation=self._q_bc,
+        )
+        return self._pose_messages("/truth/pose", BODY, record, ns, [mounted])
+
+    def navigation(self, record, ns):
+        if round(record.t_s * 100) % POSE_TICKS:
+            return ()
+        return self._pose_messages("/nav/pose", ESTIMATE, record, ns, [])
+
+    def _pose_messages(self, topic, child, record, ns, more_transforms):
+        """A body with r_i and q_ib in launch axes, as a frame and as a pose."""
+        stamp = _timestamp(ns)
+        r_l, q_lb = launch_pose(
+            self._mission.earth, self._C_le, self._r_le_e, record.t_s, record.r_i, record.q_ib
+        )
+        x, y, z = r_l.tolist()
+        orientation = _quaternion(q_lb)
+        transform = fox.FrameTransform(
+            timestamp=stamp,
+            parent_frame_id=LAUNCH,
+            child_frame_id=child,
+            translation=fox.Vector3(x=x, y=y, z=z),
+            rotation=orientation,
+        )
+        pose = fox.Pose(position=fox.Vector3(x=x, y=y, z=z), orientation=orientation)
+        return (
+            ("/tf", fox.FrameTransforms(transforms=[transform, *more_transforms])),
+            (topic, fox.PoseInFrame(timestamp=stamp, frame_id=LAUNCH, pose=pose)),
+        )
+
+    def gps(self, record, ns):
+        if not record.valid:
+            return
+        latitude, longitude, height = geodetic_from_ecef(np.asarray(record.r_ea_e, np.float64))
+        C_le = dcm_el(latitude, longitude).T
+        yield (
+            "/gps/location",
+            fox.LocationFix(
+                timestamp=_timestamp(ns),
+                frame_id="gps_antenna",
+                latitude=np.degrees(latitude),
+                longitude=np.degrees(longitude),
+                altitude=height,
+                position_covariance=(C_le @ record.R_r_e @ C_le.T).ravel().tolist(),  # east, north, up
+                position_covariance_type=fox.LocationFixPositionCovarianceType.Known,
+            ),
+        )
+
+    def frame(self, record, ns):
+        policy = self._policy
+        if policy.full_every and record.number % policy.full_every == 0:
+            yield "/star_tracker/image_full", _image(record.image_dn, ns)
+        if policy.otherwise == "thresholded":
+            yield "/star_tracker/image", _image(thresholded(record.image_dn, policy.threshold_sigma), ns)
+
+    def star_fix(self, record, ns):
+        """Centroids with Hipparcos numbers, and a line of text when the status changes."""
+        stamp = _timestamp(ns)
+        corner_xy = np.round(record.detections.xy_px, 2) + 0.5  # the corner, not the centre, of pixel 0
+        points = [fox.Point2(x=x, y=y) for x, y in corner_xy.tolist()]
+        is_known = [hip > 0 for hip in record.hip]
+        named = [
+            fox.TextAnnotation(
+                timestamp=stamp,
+                position=point,
+                text=f"HIP {hip}",
+                font_size=10.0,
+                text_color=_GREEN,
+                background_color=_NO_BACKGROUND,
+            )
+            for point, hip in zip(points, record.hip, strict=True)
+            if hip > 0
+        ]
+        marked = fox.PointsAnnotation(
+            timestamp=stamp,
+            type=fox.PointsAnnotationType.Points,
+            points=points,
+            outline_colors=[_GREEN if known else _ORANGE for known in is_known],
+            thickness=6.0,
+        )
+        yield (
+            "/star_tracker/annotations",
+            fox.ImageAnnotations(timestamp=stamp, points=[marked] if points else [], texts=named),
+        )
+        if record.reason != self._last_reason:
+            self._last_reason = record.reason
+            status = Reason(record.reason).name.lower().replace("_", " ")
+            text = "attitude found" if record.reason == Reason.NONE else f"no attitude: {status}"
+            yield "/log", _line(ns, fox.LogLevel.Debug, "star_tracker", f"star tracker: {text}")
+
+    def gate(self, record, ns):
+        """A line of text when the filter has something new to say of a sensor."""
+        if record.note == self._last_notes.get(record.sensor, ""):
+            return
+        self._last_notes[record.sensor] = record.note
+        if record.note:
+            numbers = f" (NIS {record.nis:.1f}, limit {record.limit:.1f})" if np.isfinite(record.nis) else ""
+            text = f"{record.sensor.replace('_', ' ')}: {record.note}{numbers}"
+            yield "/log", _line(ns, fox.LogLevel.Warning, "navigation", text)
+
+    def event(self, record, ns):
+        detail = f": {record.detail}" if record.detail else ""
+        name = record.name.replace("_", " ")
+        text = f"T{record.t_s:+.1f} s  {name}, {record.altitude_m / 1e3:.1f} km{detail}"
+        yield "/log", _line(ns, fox.LogLevel.Info, "mission", text)
+
+
+@njit(cache=True)
+def launch_pose(earth, C_le, r_le_e, t_s, r_i, q_ib):
+    """Position [m] and attitude (q_lb) in launch axes of a body given in inertial axes.
+
+    C_le: Earth-fixed to launch axes, r_le_e: launch site from the centre of the Earth, Earth-fixed axes [m].
+    """
+    C_li = C_le @ np.ascontiguousarray(dcm_ie(earth, t_s).T)
+    return C_li @ r_i - C_le @ r_le_e, quat_multiply(quat_from_dcm(C_li), q_ib)
+
+
+def _line(ns, level, name, message):
+    return fox.Log(timestamp=_timestamp(ns), level=level, name=name, message=message)
+
+
+def _image(image_dn, ns):
+    rows, columns = image_dn.shape
+    return fox.RawImage(
+        timestamp=_timestamp(ns),
+        frame_id=CAMERA,
+        width=columns,
+        height=rows,
+        encoding="mono8",
+        step=columns,
+        data=image_dn.tobytes(),
+    )
+
+
+def thresholded(image_dn, threshold_sigma):
+    """The frame with everything below mean + threshold_sigma * standard deviation of its background at zero.
+
+    The background is what lies within 4 standard deviations of the median, found by clipping the histogram of
+    every sixteenth row three times. (rows, columns) uint8 -> the same.
+    """
+    counts = np.bincount(image_dn[::16].ravel(), minlength=256).astype(np.float64)
+    levels = np.arange(256.0)
+    median = np.searchsorted(np.cumsum(counts), 0.5 * counts.sum())
+    low, high = 0.0, 2.0 * median + 4.0  # stars are bright: nothing of the sky is above twice its median
+    for _ in range(3):
+        inside = counts * ((levels >= low) & (levels <= high))
+        mean = (inside * levels).sum() / inside.sum()
+        sigma = np.sqrt((inside * (levels - mean) ** 2).sum() / inside.sum())
+        low, high = mean - 4.0 * sigma - 1.0, mean + 4.0 * sigma + 1.0
+    threshold = min(255.0, np.ceil(mean + threshold_sigma * sigma))
+    return image_dn * (image_dn >= np.uint8(threshold)).view(np.uint8)

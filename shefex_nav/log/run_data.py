@@ -1,0 +1,136 @@
+"""All records of one run as arrays: what `report` works on, from a log or from a run in memory.
+
+A record that comes at a steady rate becomes one record of the same type whose fields are arrays over N
+(`data.truth.r_i` is (N, 3)); the others are lists of records. `RunDataBuilder` fed with the records of a
+run gives what `reader.read` gives from its log.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.log.topics import TOPICS, Mission, RunSummary, Timing, timing
+from shefex_nav.log.wire import assemble
+from shefex_nav.records import (
+    Alignment,
+    CameraCommand,
+    ComputeTime,
+    Event,
+    Frame,
+    FrameTruth,
+    GateResult,
+    GpsFix,
+    ImuBlock,
+    NavCovariance,
+    NavSolution,
+    StarFix,
+    TruthSample,
+)
+
+
+class RunData(NamedTuple):
+    """One run."""
+
+    mission: Mission
+    truth: TruthSample  # arrays
+    imu: ImuBlock  # arrays
+    nav: NavSolution  # arrays
+    covariance: NavCovariance  # arrays
+    frames: Frame  # arrays, image_dn is None
+    commands: CameraCommand  # arrays
+    compute_times: ComputeTime  # arrays
+    gps: list[GpsFix]
+    star_fixes: list[StarFix]
+    frame_truths: list[FrameTruth]
+    gates: list[GateResult]
+    events: list[Event]
+    alignment: Alignment | None
+    summary: RunSummary | None
+    ended_early: bool  # the log was not closed
+    last_t_s: float  # mission time of the last truth; NaN without any
+
+
+ARRAYS = {
+    TruthSample: "truth",
+    ImuBlock: "imu",
+    NavSolution: "nav",
+    NavCovariance: "covariance",
+    Frame: "frames",
+    CameraCommand: "commands",
+    Timing: "timing",
+}
+LISTS = {
+    GpsFix: "gps",
+    StarFix: "star_fixes",
+    FrameTruth: "frame_truths",
+    GateResult: "gates",
+    Event: "events",
+}
+_TOPIC = {topic.record: topic for topic in TOPICS}
+
+
+def stack(record, rows):
+    """Rows of the given record type -> one record of arrays."""
+    values = {}
+    for field in _TOPIC[record].fields:
+        k = record._fields.index(field.source)
+        dtype = {"double": np.float64, "bool": np.bool_}.get(field.kind, np.int64)
+        if field.shape and rows:
+            column = np.concatenate([row[k] for row in rows]).reshape(len(rows), *field.shape)
+            values[field.source] = column.astype(dtype, copy=False)
+        else:
+            values[field.source] = np.array([row[k] for row in rows], dtype).reshape(len(rows), *field.shape)
+    return assemble(record, values)
+
+
+def gather(mission, arrays, lists, alignment, *, ended_early):
+    """RunData from records of arrays and lists of records by record type."""
+    times = arrays[Timing]
+    is_frame = times.frame_number >= 0
+    closing = np.flatnonzero(~is_frame)
+    summary = None
+    if len(closing):
+        k = closing[-1]
+        summary = RunSummary(float(times.t_s[k]), float(times.wall_s[k]), float(times.setup_s[k]))
+    compute_times = ComputeTime(times.t_s[is_frame], times.frame_number[is_frame], times.chain_s[is_frame])
+    truth = arrays[TruthSample]
+    return RunData(
+        mission=mission,
+        **{name: arrays[record] for record, name in ARRAYS.items() if record is not Timing},
+        **{name: lists[record] for record, name in LISTS.items()},
+        compute_times=compute_times,
+        alignment=alignment,
+        summary=summary,
+        ended_early=ended_early,
+        last_t_s=float(truth.t_s[-1]) if len(truth.t_s) else math.nan,
+    )
+
+
+class RunDataBuilder:
+    """Collects the records of a run in memory."""
+
+    def __init__(self, mission):
+        self._mission = mission
+        self._rows = {record: [] for record in (*ARRAYS, *LISTS, Alignment)}
+
+    def add(self, record):
+        """Take one record; the pixels of a frame are let go."""
+        kind = type(record)
+        if kind is Frame:
+            record = record._replace(image_dn=None)
+        elif kind is ComputeTime or kind is RunSummary:
+            kind, record = Timing, timing(record)
+        self._rows[kind].append(record)
+
+    @property
+    def last_t_s(self):
+        """Mission time of the last truth; NaN before the first."""
+        return float(self._rows[TruthSample][-1].t_s) if self._rows[TruthSample] else math.nan
+
+    def build(self):
+        """The RunData of everything taken so far."""
+        arrays = {record: stack(record, self._rows[record]) for record in ARRAYS}
+        lists = {record: list(self._rows[record]) for record in LISTS}
+        alignment = self._rows[Alignment][-1] if self._rows[Alignment] else None
+        return gather(self._mission, arrays, lists, alignment, ended_early=False)

@@ -1,0 +1,305 @@
+"""The table of the log: which record goes to which topic, under which schema, how often.
+
+Every message is protobuf. Where Foxglove has a schema that viewers draw, the record also goes there
+(`log.drawings`); its full content goes to a schema of our own, package `shefex`, listed here. One line of
+the table names a field of the message, the attribute of the record it holds, its type, its shape
+(row-major), and what it is with frame and unit, which becomes the field's comment in the stored schema.
+
+`timestamp_ns` is UTC since 1970: epoch of the scenario (t = 0) plus the time of the record, which is also
+its log time: `t_s`, or for a measurement `t_valid_s`, so that what belongs together stands together.
+"""
+
+import math
+from datetime import UTC, datetime, timedelta
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry.frames import EarthRotation
+from shefex_nav.geometry.pinhole import Pinhole
+from shefex_nav.records import (
+    Alignment,
+    CameraCommand,
+    Event,
+    Frame,
+    FrameTruth,
+    GateResult,
+    GpsFix,
+    ImuBlock,
+    NavCovariance,
+    NavSolution,
+    Phase,
+    Reason,
+    StarFix,
+    TruthSample,
+)
+
+FORMAT = "1"  # of this table; a reader refuses others
+METADATA = "shefex_nav"  # name of the metadata record
+ATTACHMENT = "scenario.yaml"
+
+
+class LogError(Exception):
+    """A log cannot be written or read; the message says why and is for people."""
+
+
+class Mission(NamedTuple):
+    """What one run is, and what a reader of its log must know to make sense of it."""
+
+    scenario: str  # name
+    scenario_text: str  # YAML
+    seed: int
+    version: str
+    epoch_utc: str  # ISO 8601, t = 0
+    start_s: float  # mission time at which the simulation starts
+    earth: EarthRotation
+    launch_latitude: float  # rad, geodetic
+    launch_longitude: float  # rad
+    launch_height: float  # m
+    camera: Pinhole  # as the on-board computer knows it
+    C_bc: np.ndarray  # (3, 3) nominal mounting
+
+
+class RunSummary(NamedTuple):
+    """How long the run took."""
+
+    t_s: float  # mission time at the end
+    wall_s: float  # the mission, without setting up
+    setup_s: float  # catalogue, compilation, trajectory
+
+
+class Timing(NamedTuple):
+    """Content of the one topic that differs between two equal runs."""
+
+    t_s: float
+    frame_number: int  # -1 in the closing message
+    chain_s: float
+    wall_s: float  # NaN but in the closing message
+    setup_s: float
+
+
+def timing(record):
+    """Timing of a records.ComputeTime or of the RunSummary."""
+    if isinstance(record, RunSummary):
+        return Timing(record.t_s, -1, math.nan, record.wall_s, record.setup_s)
+    return Timing(*record, math.nan, math.nan)
+
+
+class Field(NamedTuple):
+    """One field of a message."""
+
+    name: str
+    source: str  # attribute of the record, dotted where nested
+    kind: str  # double, bool, sfixed32, string, or an IntEnum
+    shape: tuple  # of the array, -1 = any number of rows; () = scalar
+    comment: str
+
+
+class Topic(NamedTuple):
+    """One line of the log's table of contents."""
+
+    record: type
+    topic: str
+    schema: str
+    rate_hz: float | None  # nominal; None = as it happens
+    time: str  # attribute of the record that is its log time
+    comment: str
+    fields: tuple[Field, ...]
+
+
+def _number(name, source, comment, shape=()):
+    return Field(name, source, "double", shape, comment)
+
+
+def _vector(name, source, comment, n=3):
+    return Field(name, source, "double", (n,), comment)
+
+
+def _matrix(name, source, comment, n=3):
+    return Field(name, source, "double", (n, n), f"{comment}, {n} x {n} row by row")
+
+
+def _integer(name, source, comment, shape=()):
+    return Field(name, source, "sfixed32", shape, comment)
+
+
+def _flag(name, source, comment):
+    return Field(name, source, "bool", (), comment)
+
+
+def _text(name, source, comment):
+    return Field(name, source, "string", (), comment)
+
+
+T_S = _number("t_s", "t_s", "mission time, from lift-off [s]")
+T_VALID = _number("t_valid_s", "t_valid_s", "mission time that is measured [s]")
+T_AVAILABLE = _number(
+    "t_available_s", "t_available_s", "mission time at which the on-board computer has it [s]"
+)
+Q_IB = _vector("q_ib_wxyz", "q_ib", "attitude, body to inertial axes, Hamilton, scalar first", 4)
+
+TOPICS = (
+    Topic(TruthSample, "/truth/state", "Truth", 100, "t_s", "What happens, at every tick.", (
+        T_S,
+        Field("phase", "phase", Phase, (), "phase of the mission"),
+        _vector("r_i_m", "r_i", "position of the IMU, inertial axes [m]"),
+        _vector("v_i_m_s", "v_i", "velocity, inertial axes [m/s]"),
+        Q_IB,
+        _vector("omega_ib_b_rad_s", "omega_ib_b", "rate of b against i, body axes [rad/s]"),
+        _vector("f_b_m_s2", "f_b", "specific force at the IMU, body axes [m/s^2]"),
+    )),
+    Topic(ImuBlock, "/imu", "ImuBlock", 100, "t_valid_s", "Four IMU samples, oldest first.", (
+        T_VALID,
+        T_AVAILABLE,
+        _number("dt_s", "dt_s", "duration of one sample [s]"),
+        _number("dtheta_b_rad", "dtheta_b", "integrated rate, body axes, 4 x 3 row by row [rad]", (4, 3)),
+        _number("dv_b_m_s", "dv_b", "integrated specific force, body axes, 4 x 3 row by row [m/s]", (4, 3)),
+        _flag("saturated", "saturated", "a sample reached the range of its sensor"),
+    )),
+    Topic(GpsFix, "/gps/fix", "GpsFix", 1, "t_valid_s", "Position and velocity of the GPS antenna a.", (
+        T_VALID,
+        T_AVAILABLE,
+        _flag("valid", "valid", "false while there is no solution"),
+        _vector("r_ea_e_m", "r_ea_e", "position, Earth-fixed axes [m]"),
+        _vector("v_ea_e_m_s", "v_ea_e", "velocity relative to the Earth, Earth-fixed axes [m/s]"),
+        _matrix("R_r_e_m2", "R_r_e", "covariance of the position [m^2]"),
+        _matrix("R_v_e_m2_s2", "R_v_e", "covariance of the velocity [m^2/s^2]"),
+        _integer("n_satellites", "n_satellites", "satellites used"),
+        _number("pdop", "pdop", "dilution of precision, position"),
+        _text("reason", "reason", "why there is no fix"),
+    )),
+    Topic(Alignment, "/nav/alignment", "Alignment", None, "t_valid_s", "What the navigation starts from.", (
+        T_VALID,
+        _vector("r_i_m", "r_i", "position of the IMU, inertial axes [m]"),
+        _vector("v_i_m_s", "v_i", "velocity, inertial axes [m/s]"),
+        Q_IB,
+        _number("sigma_r_m", "sigma_r", "standard deviation of each axis [m]"),
+        _number("sigma_v_m_s", "sigma_v", "standard deviation of each axis [m/s]"),
+        _matrix("P_theta_b_rad2", "P_theta_b", "covariance of the attitude error, body axes [rad^2]"),
+    )),
+    Topic(NavSolution, "/nav/solution", "NavSolution", 100, "t_s", "The navigation's output.", (
+        T_S,
+        _vector("r_i_m", "r_i", "position of the IMU, inertial axes [m]"),
+        _vector("v_i_m_s", "v_i", "velocity, inertial axes [m/s]"),
+        Q_IB,
+        _vector("omega_ib_b_rad_s", "omega_ib_b", "corrected rate, body axes [rad/s]"),
+        _vector("r_e_m", "r_e", "position, Earth-fixed axes [m]"),
+        _vector("v_e_m_s", "v_e", "velocity relative to the Earth, Earth-fixed axes [m/s]"),
+        _number("flight_path_angle_rad", "flight_path_angle", "of v_e above the horizontal [rad]"),
+        _number("heading_rad", "heading", "of v_e, from north over east [rad]"),
+        _number("angle_of_attack_rad", "angle_of_attack", "[rad], no wind"),
+        _number("sideslip_rad", "sideslip", "[rad], no wind"),
+        _vector("sigma_r_e_m", "sigma_r_e", "standard deviations of r_e [m]"),
+        _vector("sigma_v_e_m_s", "sigma_v_e", "standard deviations of v_e [m/s]"),
+        _vector("sigma_theta_b_rad", "sigma_theta_b", "standard deviations of the attitude, body axes [rad]"),
+        _vector("sigma_omega_b_rad_s", "sigma_omega_b", "standard deviations of the rate [rad/s]"),
+        _number("sigma_flight_path_angle_rad", "sigma_flight_path_angle", "standard deviation [rad]"),
+        _number("sigma_angle_of_attack_rad", "sigma_angle_of_attack", "standard deviation [rad]"),
+        _number("sigma_sideslip_rad", "sigma_sideslip", "standard deviation [rad]"),
+        _flag("star_aided", "star_aided", "a star fix has been used since the start"),
+    )),
+    Topic(NavCovariance, "/nav/covariance", "NavCovariance", 10, "t_s", "Covariance, calibration states.", (
+        T_S,
+        _matrix("P", "P", "position i [m], velocity i [m/s], attitude b [rad]", 9),
+        _vector("gyro_bias_rad_s", "gyro_bias", "estimated, body axes [rad/s]"),
+        _vector("accel_bias_m_s2", "accel_bias", "estimated, body axes [m/s^2]"),
+        _vector("gyro_roll_column", "gyro_roll_column", "estimated errors on x, y, z per unit of roll rate"),
+        _vector("mounting_rad", "mounting", "estimated rotation of the camera's mounting, body axes [rad]"),
+        _vector("sigma", "sigma", "standard deviations of the four above, in that order", 12),
+    )),
+    Topic(GateResult, "/nav/gates", "Gate", None, "t_s", "Fate of one measurement in the filter.", (
+        _number("t_s", "t_s", "mission time at which it was processed [s]"),
+        T_VALID,
+        _text("sensor", "sensor", "gps_position, gps_velocity or star_tracker"),
+        _integer("dof", "dof", "degrees of freedom"),
+        _number("nis", "nis", "normalised innovation squared"),
+        _number("limit", "limit", "accepted below it"),
+        _flag("accepted", "accepted", "used by the filter"),
+        _text("note", "note", "what else happened"),
+        _number("innovation", "innovation", "GPS: [m] or [m/s]; star tracker: [rad]", (-1,)),
+    )),
+    Topic(Frame, "/star_tracker/frame", "FrameInfo", 10, "t_valid_s", "One picture, without its pixels.", (
+        _integer("number", "number", "of the frame"),
+        _number("t_start_s", "t_start_s", "mission time at which the shutter opens [s]"),
+        T_VALID,
+        T_AVAILABLE,
+        _number("exposure_s", "exposure_s", "[s]"),
+        _number("gain_db", "gain_db", "[dB]"),
+    )),
+    Topic(StarFix, "/star_tracker/fix", "StarFix", 10, "t_valid_s", "What came out of one frame.", (
+        _integer("number", "number", "of the frame"),
+        T_VALID,
+        T_AVAILABLE,
+        Field("reason", "reason", Reason, (), "why there is no attitude, NONE when there is"),
+        _vector("q_ic_wxyz", "q_ic", "attitude, camera to inertial axes, scalar first; NaN without fix", 4),
+        _matrix("P_c_rad2", "P_c", "covariance of the rotation-vector error, camera axes [rad^2]"),
+        _number("xy_px", "detections.xy_px", "centroids, x and y in turn [px]", (-1, 2)),
+        _number("flux_dn", "detections.flux_dn", "grey values above the background, summed", (-1,)),
+        _integer("n_pixels", "detections.n_pixels", "pixels of each detection", (-1,)),
+        _integer("n_saturated", "detections.n_saturated", "saturated pixels of each detection", (-1,)),
+        _integer("hip", "hip", "Hipparcos number of each detection, 0 = unidentified", (-1,)),
+        _number("residual_px", "residual_px", "RMS of the identified stars against the attitude [px]"),
+        _number("background_dn", "background_dn", "mean grey value"),
+        _number("exposure_s", "exposure_s", "[s]"),
+        _flag("flag_saturated", "flag_saturated", "picture too bright"),
+        _flag("flag_no_stars", "flag_no_stars", "no star found"),
+    )),
+    Topic(CameraCommand, "/star_tracker/command", "CameraCommand", 10, "t_s", "Asked of the camera next.", (
+        T_S,
+        _number("exposure_s", "exposure_s", "[s]"),
+        _number("gain_db", "gain_db", "[dB]"),
+    )),
+    Topic(FrameTruth, "/truth/frame", "FrameTruth", 10, "t_valid_s", "What the camera really looked at.", (
+        _integer("number", "number", "of the frame"),
+        T_VALID,
+        _vector("q_ic_wxyz", "q_ic", "true attitude, camera to inertial axes, mounting error included", 4),
+        _number("rate_rad_s", "rate", "largest body rate during the exposure [rad/s]"),
+        _number("sun_angle_rad", "sun_angle", "boresight to the Sun [rad]"),
+        _number("limb_angle_rad", "limb_angle", "boresight to the Earth's limb, positive above [rad]"),
+        _flag("exclusion_met", "exclusion_met", "both angles outside their exclusion"),
+        _integer("hip", "hip", "Hipparcos numbers of the brightest stars on the detector", (-1,)),
+        _number("xy_px", "xy_px", "where their light is centred, x and y in turn [px]", (-1, 2)),
+    )),
+    Topic(Event, "/events", "Event", None, "t_s", "Something that happened in the mission.", (
+        T_S,
+        _text("name", "name", "what"),
+        _number("altitude_m", "altitude_m", "above the ellipsoid [m]"),
+        _text("detail", "detail", "for people"),
+    )),
+    Topic(Timing, "/timing", "ComputeTime", None, "t_s", "Measured durations; differ from run to run.", (
+        T_S,
+        _integer("frame_number", "frame_number", "star camera frame; -1 in the closing message"),
+        _number("chain_s", "chain_s", "star tracker chain of that frame [s]"),
+        _number("wall_s", "wall_s", "closing message: the whole mission [s]"),
+        _number("setup_s", "setup_s", "closing message: setting up [s]"),
+    )),
+    Topic(Mission, "/mission", "Mission", None, "start_s", "Constants of this run.", (
+        _number("start_s", "start_s", "mission time of the first record [s]"),
+        _matrix("C_iq", "earth.C_iq", "celestial intermediate frame to inertial axes"),
+        _matrix("C_re", "earth.C_re", "Earth-fixed axes to terrestrial intermediate frame"),
+        _number("earth_angle_0_rad", "earth.angle_0", "Earth rotation angle at t = 0 [rad]"),
+        _number("earth_rate_rad_s", "earth.rate", "rotation rate of the Earth [rad/s]"),
+        _number("launch_latitude_rad", "launch_latitude", "geodetic [rad]"),
+        _number("launch_longitude_rad", "launch_longitude", "[rad]"),
+        _number("launch_height_m", "launch_height", "above the ellipsoid [m]"),
+        _integer("width_px", "camera.width_px", "detector [px]"),
+        _integer("height_px", "camera.height_px", "detector [px]"),
+        _number("focal_length_px", "camera.focal_length_px", "nominal [px]"),
+        _number("cx_px", "camera.cx_px", "principal point [px]"),
+        _number("cy_px", "camera.cy_px", "principal point [px]"),
+        _matrix("C_bc", "C_bc", "nominal mounting, camera to body axes"),
+    )),
+)  # fmt: skip
+
+
+def epoch_ns(epoch_utc):
+    """Nanoseconds since 1970 of an ISO 8601 instant; UTC when it names no zone."""
+    instant = datetime.fromisoformat(epoch_utc)
+    if instant.tzinfo is None:
+        instant = instant.replace(tzinfo=UTC)
+    return (instant - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
+
+
+def log_time_ns(epoch, t_s):
+    """Log time of mission time t_s, `epoch` in nanoseconds since 1970."""
+    return epoch + round(t_s * 1e9)

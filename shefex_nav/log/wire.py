@@ -1,0 +1,210 @@
+"""Protobuf messages of the table in `topics`: schemas, encoding, decoding.
+
+A message all of whose fields have a fixed length has a fixed layout in protobuf's wire format too: tags
+and lengths are the same bytes every time, doubles stand between them. Such a message is one element of a
+NumPy structured array: encoding writes the values into it, decoding reads thousands at once instead of
+one object per message. The others go through google.protobuf.
+
+Wire format: https://protobuf.dev/programming-guides/encoding
+"""
+
+from enum import IntEnum
+from math import prod
+from operator import attrgetter
+
+import numpy as np
+
+from shefex_nav.log.topics import Field, LogError
+
+PACKAGE = "shefex"
+_TIMESTAMP = Field("timestamp_ns", "", "sfixed64", (), "UTC, since 1970 [ns]")
+_KINDS = {  # protobuf type number, wire type of a single value, NumPy type
+    "double": (1, 1, "<f8"),
+    "sfixed64": (16, 1, "<i8"),
+    "sfixed32": (15, 5, "<i4"),
+    "bool": (8, 0, "?"),
+    "enum": (14, 0, "u1"),  # one byte: values below 128
+    "string": (9, 2, None),
+}
+_LENGTH_DELIMITED = 2
+
+
+def _kind(field):
+    return field.kind if isinstance(field.kind, str) else "enum"
+
+
+def all_fields(topic):
+    """Fields of the message in the order of their numbers, 1 first."""
+    return (_TIMESTAMP, *topic.fields)
+
+
+def is_fixed(topic):
+    """All fields have one length."""
+    return all(field.kind != "string" and -1 not in field.shape for field in topic.fields)
+
+
+def file_descriptor(topic):
+    """FileDescriptorProto with the message, its enumerations and the comments of its fields."""
+    from google.protobuf import descriptor_pb2
+
+    file = descriptor_pb2.FileDescriptorProto(
+        name=f"{PACKAGE}/{topic.schema}.proto", package=PACKAGE, syntax="proto3"
+    )
+    message = file.message_type.add(name=topic.schema)
+    info = file.source_code_info
+    info.location.add(path=[4, 0], span=[0, 0, 0], leading_comments=topic.comment)
+    for k, field in enumerate(all_fields(topic)):
+        added = message.field.add(name=field.name, number=k + 1, type=_KINDS[_kind(field)][0])
+        added.label = added.LABEL_REPEATED if field.shape else added.LABEL_OPTIONAL
+        if _kind(field) == "enum":
+            added.type_name = f".{PACKAGE}.{topic.schema}.{field.kind.__name__}"
+            enum = message.enum_type.add(name=field.kind.__name__)
+            for member in field.kind:
+                enum.value.add(name=member.name, number=member.value)
+        info.location.add(path=[4, 0, 2, k], span=[k + 1, 0, 0], leading_comments=field.comment)
+    return file
+
+
+def schema_bytes(topic):
+    """FileDescriptorSet as an MCAP file stores it."""
+    from google.protobuf import descriptor_pb2
+
+    descriptors = descriptor_pb2.FileDescriptorSet(file=[file_descriptor(topic)])
+    return descriptors.SerializeToString(deterministic=True)
+
+
+def is_same_schema(data, topic):
+    """Whether a stored FileDescriptorSet describes the topic's message; comments do not count."""
+    from google.protobuf import descriptor_pb2
+
+    stored = descriptor_pb2.FileDescriptorSet.FromString(data)
+    ours = descriptor_pb2.FileDescriptorSet(file=[file_descriptor(topic)])
+    for file in (*stored.file, *ours.file):
+        file.ClearField("source_code_info")
+    return stored == ours
+
+
+def message_class(topic):
+    """google.protobuf class of the message."""
+    from google.protobuf import descriptor_pool, message_factory
+
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file_descriptor(topic))
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(f"{PACKAGE}.{topic.schema}"))
+
+
+def codec(topic):
+    """Encoder and decoder of one topic."""
+    return FixedCodec(topic) if is_fixed(topic) else VariableCodec(topic)
+
+
+class FixedCodec:
+    """Messages of fixed layout: `encode` one record, `decode` many messages into a record of arrays."""
+
+    def __init__(self, topic):
+        self.topic = topic
+        layout, self._constants = _layout(topic)
+        self._dtype = np.dtype(layout)
+        self._element = np.zeros((), self._dtype)
+        for name, data in self._constants:
+            self._element[name] = np.frombuffer(data, "u1")
+        self._timestamp = self._element["timestamp_ns"]
+        getters = [attrgetter(field.source) for field in topic.fields]
+        slots = [self._element[field.name] for field in topic.fields]
+        self._slots = list(zip(slots, getters, strict=True))
+
+    def encode(self, record, timestamp_ns):
+        self._timestamp[...] = timestamp_ns
+        for slot, getter in self._slots:
+            slot[...] = getter(record)
+        return self._element.tobytes()
+
+    def decode(self, messages):
+        """List of n messages -> the topic's record type, each field an array over n."""
+        data = b"".join(messages)
+        if len(data) != len(messages) * self._dtype.itemsize:
+            raise LogError(f"topic {self.topic.topic}: message of an unexpected length")
+        array = np.frombuffer(data, self._dtype)
+        for name, constant in self._constants:
+            if not np.all(array[name] == np.frombuffer(constant, "u1")):
+                raise LogError(f"topic {self.topic.topic}: message of an unexpected layout")
+        values = {}
+        for field in self.topic.fields:
+            column = np.ascontiguousarray(array[field.name])
+            values[field.source] = column.astype(np.int64) if _is_integer(field) else column
+        return assemble(self.topic.record, values)
+
+
+class VariableCodec:
+    """Messages with text or lists of any length: `encode` one record, `decode` a list of records."""
+
+    def __init__(self, topic):
+        self.topic = topic
+        self._class = message_class(topic)
+        self._slots = [(field, attrgetter(field.source)) for field in topic.fields]
+
+    def encode(self, record, timestamp_ns):
+        message = self._class(timestamp_ns=timestamp_ns)
+        for field, getter in self._slots:
+            value = getter(record)
+            if field.shape:
+                getattr(message, field.name).extend(np.ravel(value).tolist())
+            elif isinstance(value, str):
+                setattr(message, field.name, value)
+            else:
+                setattr(message, field.name, _PYTHON[_kind(field)](value))
+        return message.SerializeToString(deterministic=True)
+
+    def decode(self, messages):
+        """List of messages -> list of records."""
+        return [self._record(self._class.FromString(data)) for data in messages]
+
+    def _record(self, message):
+        values = {}
+        for field in self.topic.fields:
+            value = getattr(message, field.name)
+            if field.shape:
+                dtype = np.int64 if _is_integer(field) else np.float64
+                value = np.array(value, dtype).reshape(field.shape)
+            values[field.source] = value
+        return assemble(self.topic.record, values)
+
+
+_PYTHON = {"double": float, "sfixed32": int, "bool": bool, "enum": int}
+
+
+def assemble(record, values):
+    """Record from values by (dotted) attribute; an attribute without a value becomes None."""
+    arguments = []
+    for name, kind in record.__annotations__.items():
+        nested = {k[len(name) + 1 :]: v for k, v in values.items() if k.startswith(f"{name}.")}
+        arguments.append(assemble(kind, nested) if nested else values.get(name))
+    return record(*arguments)
+
+
+def _varint(value):
+    """Base-128 encoding, least significant group first."""
+    out = bytearray()
+    while value >= 0x80:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes(out) + bytes([value])
+
+
+def _layout(topic):
+    """NumPy structured type of a fixed message, and the (name, bytes) of its constant parts."""
+    layout, constants = [], []
+    for number, field in enumerate(all_fields(topic), start=1):
+        _, wire_type, dtype = _KINDS[_kind(field)]
+        if field.shape:
+            size = prod(field.shape) * np.dtype(dtype).itemsize
+            head = _varint(number << 3 | _LENGTH_DELIMITED) + _varint(size)
+        else:
+            head = _varint(number << 3 | wire_type)
+        constants.append((f"_{number}", head))
+        layout += [(f"_{number}", "u1", (len(head),)), (field.name, dtype, field.shape)]
+    return layout, constants
+
+
+def _is_integer(field):
+    return field.kind == "sfixed32" or (isinstance(field.kind, type) and issubclass(field.kind, IntEnum))

@@ -1,0 +1,176 @@
+"""Writes a mission's records to an MCAP file as they come.
+
+The file is flushed at every whole second of mission time, at least once a second of the wall clock and after
+every event: a run that is killed keeps all but its last second.
+"""
+
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from shefex_nav.log import topics, wire
+from shefex_nav.log.topics import LogError, RunSummary, Timing
+from shefex_nav.records import (
+    ComputeTime,
+    Event,
+    Frame,
+    GateResult,
+    GpsFix,
+    NavSolution,
+    StarFix,
+    TruthSample,
+)
+
+_FLUSH_WALL_S = 1.0
+_CHUNK_BYTES = 1 << 20
+
+
+class _Route(NamedTuple):
+    """Where one type of record goes."""
+
+    encode: object  # record, ns -> bytes
+    log: object  # bytes, ns -> file
+    time: int  # index of the record's log time
+    draw: object  # record, ns -> (topic, Foxglove message) pairs, or None
+
+
+class LogWriter:
+    """An open log.
+
+    with LogWriter(path, mission, policy) as log:
+        for record in records:
+            log.write(record)
+
+    `mission` is a `topics.Mission`, `policy` a `drawings.FramePolicy`. Leaving the block by an exception
+    still closes the file properly.
+    """
+
+    def __init__(self, path, mission, policy, *, overwrite=False):
+        self.path = Path(path)
+        self._mission = mission
+        self._epoch = topics.epoch_ns(mission.epoch_utc)
+        self._open(overwrite)
+        self._route(policy)
+        self._next_flush_s = mission.start_s + 1.0
+        self._flushed_at = time.monotonic()
+        self._describe()
+
+    def write(self, record):
+        """Log one record under every topic it belongs to."""
+        kind = type(record)
+        if kind is ComputeTime or kind is RunSummary:
+            record = topics.timing(record)
+            kind = Timing
+        if kind not in self._routes:
+            raise TypeError(f"{kind.__name__} is not a record of the log")
+        encode, log, time_index, draw = self._routes[kind]
+        t_s = record[time_index]
+        ns = self._epoch + round(t_s * 1e9)  # topics.log_time_ns, 150 000 times
+        log(encode(record, ns), ns)
+        if draw is not None:
+            for topic, message in draw(record, ns):
+                self._drawing_channels[topic].log(message, log_time=ns)
+        if kind is TruthSample or kind is Event:
+            self._flush_if_due(kind, t_s)
+
+    def flush(self):
+        """Put everything written so far on the disk."""
+        self._file.flush()
+
+    def close(self):
+        """Write the summary section; the log is complete."""
+        self._file.close()
+        for channel in self._channels:
+            channel.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exc_info):
+        self.close()
+
+    def _open(self, overwrite):
+        import foxglove
+        from foxglove.mcap import MCAPCompression, MCAPWriteOptions
+
+        if self.path.exists() and not overwrite:
+            raise LogError(f"{self.path}: exists already; choose another name or ask to overwrite it")
+        if not self.path.parent.is_dir():
+            raise LogError(f"{self.path}: cannot be written: no folder {self.path.parent}")
+        options = MCAPWriteOptions(
+            compression=MCAPCompression.Zstd,
+            compression_level=1,  # a fifth of the time less than the default, 3 % more bytes
+            compression_threads=0,
+            chunk_size=_CHUNK_BYTES,
+        )
+        self._context = foxglove.Context()
+        try:
+            self._file = foxglove.open_mcap(
+                self.path, allow_overwrite=overwrite, context=self._context, writer_options=options
+            )
+        except Exception as error:  # the SDK has no public type for it
+            raise LogError(f"{self.path}: cannot be written: {error}") from error
+
+    def _route(self, policy):
+        """Open every channel and list what happens with each type of record."""
+        from foxglove import Channel, Schema, channels
+
+        from shefex_nav.log.drawings import CHANNELS, Drawings
+
+        self._drawings = Drawings(self._mission, policy)
+        self._drawing_channels = {
+            topic: getattr(channels, name)(topic, context=self._context) for topic, name in CHANNELS.items()
+        }
+        drawn = {
+            TruthSample: self._drawings.truth,
+            NavSolution: self._drawings.navigation,
+            GpsFix: self._drawings.gps,
+            Frame: self._drawings.frame,
+            StarFix: self._drawings.star_fix,
+            GateResult: self._drawings.gate,
+            Event: self._drawings.event,
+            topics.Mission: self._drawings.calibration,
+        }
+        self._channels = list(self._drawing_channels.values())
+        self._routes = {}
+        for topic in topics.TOPICS:
+            name = f"{wire.PACKAGE}.{topic.schema}"
+            schema = Schema(name=name, encoding="protobuf", data=wire.schema_bytes(topic))
+            channel = Channel(topic.topic, schema=schema, message_encoding="protobuf", context=self._context)
+            self._channels.append(channel)
+            time_index = topic.record._fields.index(topic.time)
+            self._routes[topic.record] = _Route(
+                wire.codec(topic).encode, channel.base.log, time_index, drawn.get(topic.record)
+            )
+
+    def _describe(self):
+        """Metadata, the scenario and the constants, on disk before the first record."""
+        mission = self._mission
+        self._file.write_metadata(
+            topics.METADATA,
+            {
+                "format": topics.FORMAT,
+                "scenario": mission.scenario,
+                "seed": str(mission.seed),
+                "version": mission.version,
+                "epoch_utc": mission.epoch_utc,
+                "start_s": repr(float(mission.start_s)),
+            },
+        )
+        start_ns = topics.log_time_ns(self._epoch, mission.start_s)
+        self._file.attach(
+            log_time=start_ns,
+            create_time=start_ns,
+            name=topics.ATTACHMENT,
+            media_type="application/yaml",
+            data=mission.scenario_text.encode(),
+        )
+        self.write(mission)
+        self._file.flush()
+
+    def _flush_if_due(self, kind, t_s):
+        now = time.monotonic()
+        if kind is Event or t_s >= self._next_flush_s or now - self._flushed_at >= _FLUSH_WALL_S:
+            self._file.flush()
+            self._flushed_at = now
+            self._next_flush_s = t_s // 1.0 + 1.0

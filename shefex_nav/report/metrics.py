@@ -1,0 +1,289 @@
+"""Figures of one run: the object that `run --json` and `report --json` print.
+
+Every figure is computed from the records of the run and its truth; one that does not apply is None.
+
+Definitions
+-----------
+- Errors are truth minus estimate; position and velocity errors are norms in inertial axes, attitude errors
+  rotation vectors in body axes (navigation) or camera axes (star tracker; z is the boresight).
+- A star fix is wrong if it is given as good and more than 0.5 deg off, in the window or out of it.
+- The window is from the end of the despin to the start of the entry spin-up, where the true rate is at
+  most 2 deg/s and the true exclusion angles are met. A tick of the camera without a frame counts in it if
+  both neighbours do.
+- `cross_axis_rms` is per axis, over x and y; `max` is of the whole rotation angle.
+- NEES: position, velocity and attitude at whole seconds from the first star fix that the filter accepts
+  to entry.
+- Entry is the first descent through 100 km. Speed is relative to the Earth, range along the ellipsoid.
+"""
+
+import math
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry.rotation import rotvec_between
+from shefex_nav.records import Phase, Reason
+from shefex_nav.report import geodesic
+from shefex_nav.report.track import earth_fixed
+
+WRONG_ANGLE = math.radians(0.5)
+WINDOW_RATE = math.radians(2.0)  # rad/s
+ENTRY_HEIGHT = 100e3  # m
+NEES_DOF = 9  # position, velocity, attitude
+_ARCSEC = math.degrees(1.0) * 3600.0
+_SAME_TIME_S = 1e-6  # two records of one tick
+
+
+class NavErrors(NamedTuple):
+    """Truth minus estimate over the N ticks that have both."""
+
+    t_s: np.ndarray  # (N,)
+    position_i: np.ndarray  # (N, 3) m
+    velocity_i: np.ndarray  # (N, 3) m/s
+    attitude_b: np.ndarray  # (N, 3) rad
+
+
+class StarErrors(NamedTuple):
+    """The M fixes given as good, against the true attitude of the camera."""
+
+    number: np.ndarray  # (M,) of the frame
+    t_s: np.ndarray  # (M,) middle of the exposure
+    rotation_c: np.ndarray  # (M, 3) rad
+    sigma_c: np.ndarray  # (M, 3) rad, as the star tracker reports it
+
+
+def same_times(t_a, t_b):
+    """Indices into two sorted arrays of the times they have in common."""
+    if not len(t_a) or not len(t_b):
+        return np.zeros(0, int), np.zeros(0, int)
+    k = np.searchsorted(t_b, t_a - _SAME_TIME_S).clip(0, len(t_b) - 1)
+    both = np.abs(t_b[k] - t_a) <= _SAME_TIME_S
+    return np.flatnonzero(both), k[both]
+
+
+def navigation_errors(data):
+    """NavErrors of a RunData."""
+    i, j = same_times(data.truth.t_s, data.nav.t_s)
+    truth, nav = data.truth, data.nav
+    return NavErrors(
+        truth.t_s[i],
+        truth.r_i[i] - nav.r_i[j],
+        truth.v_i[i] - nav.v_i[j],
+        rotvec_between(nav.q_ib[j], truth.q_ib[i]),
+    )
+
+
+def star_errors(data):
+    """StarErrors of a RunData."""
+    true_q_ic = {truth.number: truth.q_ic for truth in data.frame_truths}
+    good = [fix for fix in data.star_fixes if fix.reason == Reason.NONE and fix.number in true_q_ic]
+    if not good:
+        return StarErrors(np.zeros(0, int), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+    estimates = np.array([fix.q_ic for fix in good])
+    return StarErrors(
+        np.array([fix.number for fix in good]),
+        np.array([fix.t_valid_s for fix in good]),
+        rotvec_between(estimates, np.array([true_q_ic[fix.number] for fix in good])),
+        np.sqrt(np.array([np.diag(fix.P_c) for fix in good])),
+    )
+
+
+def summarise(data, *, log=None):
+    """The summary object of a RunData: plain dict of numbers, texts and None, ready for JSON.
+
+    `log` is the path that the object names.
+    """
+    truth = data.truth
+    track = earth_fixed(data.mission.earth, truth)
+    entry = _entry(truth.t_s, track.height)
+    simulated_s = float(truth.t_s[-1] - truth.t_s[0]) if len(truth.t_s) else None
+    wall_s = data.summary.wall_s if data.summary else None
+    result = {
+        "scenario": data.mission.scenario,
+        "seed": data.mission.seed,
+        "version": data.mission.version,
+        "log": None if log is None else str(log),
+        "ended_early": data.ended_early,
+        "simulated_s": simulated_s,
+        "wall_s": wall_s,
+        "setup_s": data.summary.setup_s if data.summary else None,
+        "real_time_factor": simulated_s / wall_s if simulated_s and wall_s else None,
+        "flight": _flight(data, track),
+        "star_tracker": _star_tracker(data),
+        "navigation": _navigation(data, track.height, entry),
+    }
+    return _without_nan(result)
+
+
+def _entry(t_s, height):
+    """Index of the first sample at or below 100 km after having been above it, or None."""
+    above = np.flatnonzero(height > ENTRY_HEIGHT)
+    if not len(above):
+        return None
+    below = np.flatnonzero(height[above[0] :] <= ENTRY_HEIGHT)
+    return int(above[0] + below[0]) if len(below) else None
+
+
+def _flight(data, track):
+    impact = next((event for event in data.events if event.name == "impact"), None)
+    mission = data.mission
+    range_km = None
+    if impact and len(track.height):
+        k = int(np.argmin(np.abs(data.truth.t_s - impact.t_s)))
+        length = geodesic.distance(
+            mission.launch_latitude, mission.launch_longitude, track.latitude[k], track.longitude[k]
+        )
+        range_km = length / 1e3
+    speed = np.linalg.norm(track.v_e, axis=1)
+    return {
+        "apogee_km": float(track.height.max()) / 1e3 if len(speed) else None,
+        "range_km": range_km,
+        "max_speed_m_s": float(speed.max()) if len(speed) else None,
+        "events": [
+            {"name": event.name, "t_s": event.t_s, "altitude_km": event.altitude_m / 1e3}
+            for event in data.events
+        ],
+    }
+
+
+def window_frames(data):
+    """Numbers of the frames in the star tracker's window, and how many ticks in it had no frame."""
+    despun = _first_time(data.truth, Phase.SLEW)
+    spin_up = _first_time(data.truth, Phase.SPIN_UP)
+    inside = [
+        despun <= frame.t_valid_s < spin_up and frame.exclusion_met and frame.rate <= WINDOW_RATE
+        for frame in data.frame_truths
+    ]
+    numbers = {frame.number for frame, is_in in zip(data.frame_truths, inside, strict=True) if is_in}
+    t_s = np.array([frame.t_valid_s for frame in data.frame_truths])
+    if len(t_s) < 3:
+        return numbers, 0
+    steps = np.diff(t_s)
+    missing = np.maximum(np.round(steps / np.median(steps)).astype(int) - 1, 0)
+    both = np.array(inside[1:]) & np.array(inside[:-1])
+    return numbers, int(missing[both].sum())
+
+
+def _first_time(truth, phase):
+    """Mission time at which the phase, or one after it, begins; infinity if it never does."""
+    k = np.flatnonzero(truth.phase >= phase)
+    return truth.t_s[k[0]] if len(k) else math.inf
+
+
+def _star_tracker(data):
+    window, n_missing = window_frames(data)
+    reasons = {fix.number: fix.reason for fix in data.star_fixes}
+    no_fix = Counter({"no_frame": n_missing} if n_missing else {})
+    for number in window:
+        reason = reasons.get(number)
+        if reason is None:
+            no_fix["no_result"] += 1
+        elif reason != Reason.NONE:
+            no_fix[Reason(reason).name.lower()] += 1
+    errors = star_errors(data)
+    angle = np.linalg.norm(errors.rotation_c, axis=1)
+    in_window = np.isin(errors.number, list(window))
+    chosen = errors.rotation_c[in_window]
+    return {
+        "frames": len(data.frame_truths),
+        "in_window": len(window) + n_missing,
+        "solved": int(in_window.sum()),
+        "wrong": int((angle > WRONG_ANGLE).sum()),
+        "no_fix": dict(sorted(no_fix.items())),
+        "error_arcsec": {
+            "cross_axis_rms": _rms(chosen[:, :2].ravel()) * _ARCSEC,
+            "boresight_rms": _rms(chosen[:, 2]) * _ARCSEC,
+            "max": _max(angle[in_window]) * _ARCSEC,
+            "mean": (np.mean(chosen, axis=0) * _ARCSEC).tolist() if len(chosen) else None,  # x, y, z
+            "normalised_rms": _rms((chosen / errors.sigma_c[in_window]).ravel()),
+        },
+        "chain_ms": _chain_ms(data.compute_times.chain_s),
+    }
+
+
+def _chain_ms(chain_s):
+    if not len(chain_s):
+        return {"median": None, "p99": None}
+    median, p99 = np.percentile(chain_s * 1e3, [50, 99])
+    return {"median": float(median), "p99": float(p99)}
+
+
+def _navigation(data, height, entry):
+    errors = navigation_errors(data)
+    position, velocity, attitude = (
+        np.linalg.norm(error, axis=1) for error in (errors.position_i, errors.velocity_i, errors.attitude_b)
+    )
+    attitude_deg = np.degrees(attitude)
+    return {
+        "position_error_m": {"rms": _rms(position), "max": _max(position)},
+        "velocity_error_m_s": {"rms": _rms(velocity), "max": _max(velocity)},
+        "attitude_error_deg": {"rms": _rms(attitude_deg), "max": _max(attitude_deg)},
+        "at_entry": None if entry is None else _at_entry(data, errors, data.truth.t_s[entry], height[entry]),
+        "nees": _nees_summary(data, errors, math.inf if entry is None else data.truth.t_s[entry]),
+    }
+
+
+def _at_entry(data, errors, t_s, height):
+    k = np.flatnonzero(np.abs(errors.t_s - t_s) <= _SAME_TIME_S)
+    if not len(k):
+        return None
+    k = k[0]
+    times, nees, sigma = normalised_errors(data, errors)
+    before = np.flatnonzero(times <= t_s + _SAME_TIME_S)
+    known = before[-1] if len(before) else None
+    return {
+        "t_s": float(t_s),
+        "altitude_km": float(height) / 1e3,
+        "position_error_m": float(np.linalg.norm(errors.position_i[k])),
+        "velocity_error_m_s": float(np.linalg.norm(errors.velocity_i[k])),
+        "attitude_error_deg": np.degrees(errors.attitude_b[k]).tolist(),
+        "position_sigma_m": None if known is None else float(np.linalg.norm(sigma[known, :3])),
+        "velocity_sigma_m_s": None if known is None else float(np.linalg.norm(sigma[known, 3:6])),
+        "attitude_sigma_deg": None if known is None else np.degrees(sigma[known, 6:]).tolist(),
+        "nees": None if known is None else float(nees[known]),
+    }
+
+
+def normalised_errors(data, errors):
+    """(t_s, NEES, sigma) at the epochs of the logged covariance: (K,), (K,), (K, 9)."""
+    i, j = same_times(errors.t_s, data.covariance.t_s)
+    x = np.hstack([errors.position_i[i], errors.velocity_i[i], errors.attitude_b[i]])
+    P = data.covariance.P[j]
+    sigma = np.sqrt(np.einsum("kii->ki", P))
+    scaled = P / (sigma[:, :, None] * sigma[:, None, :])  # correlations: metres and radians in one matrix
+    z = x / sigma
+    nees = np.einsum("ki,ki->k", z, np.linalg.solve(scaled, z[:, :, None])[:, :, 0])
+    return errors.t_s[i], nees, sigma
+
+
+def _nees_summary(data, errors, end_s):
+    accepted = [gate.t_s for gate in data.gates if gate.sensor == "star_tracker" and gate.accepted]
+    nothing = {"mean": None, "dof": NEES_DOF, "samples": 0}
+    if not accepted:
+        return nothing
+    t_s, nees, _ = normalised_errors(data, errors)
+    is_second = np.abs(t_s - np.round(t_s)) <= _SAME_TIME_S
+    chosen = nees[is_second & (t_s >= accepted[0]) & (t_s <= end_s)]
+    if not len(chosen):
+        return nothing
+    return {"mean": float(chosen.mean()), "dof": NEES_DOF, "samples": len(chosen)}
+
+
+def _rms(values):
+    return float(np.sqrt(np.mean(values**2))) if len(values) else math.nan
+
+
+def _max(values):
+    return float(np.abs(values).max()) if len(values) else math.nan
+
+
+def _without_nan(value):
+    """The same with None for every number that is not finite."""
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

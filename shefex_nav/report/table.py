@@ -1,0 +1,96 @@
+"""The closing table of a run, for people."""
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+
+def _text(value, digits, unit=""):
+    return "-" if value is None else f"{value:,.{digits}f}{' ' if unit else ''}{unit}".replace(",", " ")
+
+
+def _pair(values, digits, unit):
+    return f"{_text(values['rms'], digits, unit)} rms, {_text(values['max'], digits, unit)} max"
+
+
+def summary_table(summary):
+    """rich Table of the object that `metrics.summarise` returns."""
+    table = Table(
+        title=f"{summary['scenario']}, seed {summary['seed']}", show_header=False, title_justify="left"
+    )
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for section, lines in rows(summary):
+        for k, (name, value) in enumerate(lines):
+            table.add_row(section if k == 0 else "", name, value)
+        table.add_section()
+    return table
+
+
+def show(summary):
+    """Print the table on stdout."""
+    Console().print(summary_table(summary))
+
+
+def rows(summary):
+    """(section, lines of name and value) of the summary, as texts."""
+    yield "flight", _flight_rows(summary["flight"])
+    yield "star tracker", _star_rows(summary["star_tracker"])
+    yield "navigation", _navigation_rows(summary["navigation"])
+    yield "run", _run_rows(summary)
+
+
+def _flight_rows(flight):
+    yield "apogee", _text(flight["apogee_km"], 1, "km")
+    yield "range", _text(flight["range_km"], 1, "km")
+    yield "highest speed", _text(flight["max_speed_m_s"], 0, "m/s")
+    for event in flight["events"]:
+        name = event["name"].replace("_", " ")
+        yield name, f"T{event['t_s']:+.1f} s, {_text(event['altitude_km'], 1, 'km')}"
+
+
+def _star_rows(star):
+    share = f" ({100.0 * star['solved'] / star['in_window']:.1f} %)" if star["in_window"] else ""
+    yield "frames", f"{star['frames']}, of which {star['in_window']} in the window"
+    yield "solved in the window", f"{star['solved']}{share}"
+    yield "wrong", Text(str(star["wrong"]), style="bold red" if star["wrong"] else "")
+    if star["no_fix"]:
+        reasons = (f"{reason.replace('_', ' ')} {count}" for reason, count in star["no_fix"].items())
+        yield "no fix", ", ".join(reasons)
+    error = star["error_arcsec"]
+    yield "error across the boresight", _text(error["cross_axis_rms"], 1, '" rms')
+    yield "error about the boresight", _text(error["boresight_rms"], 1, '" rms')
+    chain = star["chain_ms"]
+    yield "time per frame", f"{_text(chain['median'], 2, 'ms')} median, {_text(chain['p99'], 2, 'ms')} 99 %"
+
+
+def _navigation_rows(navigation):
+    yield "position error", _pair(navigation["position_error_m"], 1, "m")
+    yield "velocity error", _pair(navigation["velocity_error_m_s"], 3, "m/s")
+    yield "attitude error", _pair(navigation["attitude_error_deg"], 3, "deg")
+    entry = navigation["at_entry"]
+    if entry:
+        axes = ", ".join(f"{angle:+.3f}" for angle in entry["attitude_error_deg"])
+        yield (
+            f"at {entry['altitude_km']:.0f} km, T{entry['t_s']:+.1f} s",
+            (
+                f"{_text(entry['position_error_m'], 1, 'm')}, "
+                f"{_text(entry['velocity_error_m_s'], 3, 'm/s')}, "
+                f"attitude x, y, z {axes} deg"
+            ),
+        )
+    nees = navigation["nees"]
+    if nees["mean"] is not None:
+        yield "NEES", f"{nees['mean']:.1f} for {nees['dof']} degrees of freedom, {nees['samples']} epochs"
+
+
+def _run_rows(summary):
+    yield "simulated", _text(summary["simulated_s"], 1, "s")
+    if summary["wall_s"] is not None:
+        factor = _text(summary["real_time_factor"], 0)
+        yield "took", f"{_text(summary['wall_s'], 1, 's')}, {factor} x real time"
+    if summary["ended_early"]:
+        yield "log", Text("the run ended early; everything above is up to then", style="bold yellow")
+    if summary["log"]:
+        yield "log", summary["log"]

@@ -1,0 +1,368 @@
+"""A log as a laid-out rerun recording.
+
+The drawings in the log (pictures, poses, events) are taken from the file as they are; what has to be
+computed, the errors against their sigmas above all, comes from the same RunData and functions as the
+figures of `metrics`.
+Everything is on one timeline, `mission_time`.
+"""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from shefex_nav.geometry import wgs84
+from shefex_nav.log import reader
+from shefex_nav.log.topics import epoch_ns
+from shefex_nav.records import Phase, Reason
+from shefex_nav.report import layout, metrics, viewer_program
+from shefex_nav.report.layout import TIMELINE
+from shefex_nav.report.track import earth_fixed
+from shefex_nav.report.viewer_program import ViewerError
+
+APPLICATION = "shefex_nav"
+_DRAWN = "^(/tf|/gps/location|/log|/star_tracker/(calibration|image|image_full))$"
+_PLOT_STEP = 10  # samples of the 100 Hz records between two points of a curve
+_MARK_PX = 7.0  # half a side
+_NAME_M = 75e3  # between two events that are named in the scene
+_LINE_POINTS = 30  # of a meridian or parallel
+_GREEN, _ORANGE, _GREY = (64, 255, 90), (255, 140, 26), (130, 130, 130)
+_PHASE_COLOURS = {
+    Phase.BOOST_1: (255, 90, 60),
+    Phase.BOOST_2: (255, 90, 60),
+    Phase.POINTING: (64, 255, 90),
+    Phase.ENTRY: (190, 120, 255),
+}
+
+
+def view(log, *, save=None, screenshot=None, at_s=None):
+    """Open a log in the viewer and wait until it is closed, or save its recording, or a picture.
+
+    log, save, screenshot: .mcap, .rrd and .png files. The picture shows mission time `at_s`, by default
+    the middle of the star fixes. Returns the RunData of the log; its `ended_early` and `last_t_s` are worth
+    telling.
+    """
+    data = _read(log)
+    if save is not None:
+        build_recording(log, save, data)
+    if screenshot is not None:
+        at_s = layout.start_time(data) if at_s is None else at_s
+        _check_time(log, data, at_s)
+    if save is None or screenshot is not None:
+        with tempfile.TemporaryDirectory() as folder:
+            recording = Path(folder) / "view.rrd"
+            build_recording(log, recording, data)
+            if screenshot is None:
+                viewer_program.show(recording)
+            else:
+                viewer_program.take_picture(recording, screenshot, at_s)
+    return data
+
+
+def _read(log):
+    data = reader.read(log)
+    if not len(data.truth.t_s):
+        raise ViewerError(f"{log}: nothing to show, the run ended before its first record")
+    return data
+
+
+def _check_time(log, data, at_s):
+    first_s, last_s = data.truth.t_s[[0, -1]]
+    if not first_s <= at_s <= last_s:
+        raise ViewerError(f"{log}: covers {first_s:g} s to {last_s:g} s, not {at_s:g} s")
+
+
+def build_recording(log_path, rrd_path, data=None):
+    """Write the recording of a log with its layout to `rrd_path`."""
+    import rerun as rr
+
+    data = _read(log_path) if data is None else data
+    stream = rr.RecordingStream(APPLICATION, recording_id=_recording_id(data))
+    stream.save(rrd_path, default_blueprint=_layout(log_path, data))
+    fill(stream, log_path, data)
+    stream.flush()
+    stream.disconnect()
+
+
+def _recording_id(data):
+    return f"{data.mission.scenario}-{data.mission.seed}"
+
+
+def _layout(log_path, data):
+    from rerun.chunk import McapReader
+
+    channels = McapReader(log_path, recover=True).info().channels
+    counts = {channel.topic: channel.message_count for channel in channels}
+    return layout.blueprint(data, has_thresholded=bool(counts.get("/star_tracker/image")))
+
+
+def fill(stream, log_path, data):
+    """Send everything to a rerun RecordingStream."""
+    stream.send_recording_name(f"{data.mission.scenario}, seed {data.mission.seed}")
+    _send_drawings(stream, log_path, data)
+    _send_stars(stream, data)
+    _send_world(stream, data)
+    _send_errors(stream, data)
+    _send_flight(stream, data)
+    _send_states(stream, data)
+    _send_summary(stream, data)
+
+
+def _send_drawings(stream, log_path, data):
+    """The Foxglove messages of the log, decoded by rerun, with the mission time added."""
+    import pyarrow as pa
+    import rerun as rr
+    from rerun.chunk import Chunk, McapReader
+
+    epoch = epoch_ns(data.mission.epoch_utc)
+
+    def with_mission_time(chunk):
+        if chunk.is_static or "message_log_time" not in chunk.timeline_names:
+            return chunk
+        batch = chunk.to_record_batch()
+        k = batch.schema.get_field_index("message_log_time")
+        times = batch.column(k).cast(pa.int64()).to_numpy() - epoch
+        metadata = {**(batch.schema.field(k).metadata or {}), b"rerun:index_name": TIMELINE.encode()}
+        field = pa.field(TIMELINE, pa.duration("ns"), nullable=False, metadata=metadata)
+        column = pa.array(times).cast(pa.duration("ns"))
+        return Chunk.from_record_batch(batch.add_column(k + 1, field, column))[0]
+
+    source = McapReader(log_path, recover=True, include_topic_regex=[_DRAWN])
+    rr.send_chunks(source.stream().map(with_mission_time), recording=stream)
+
+
+def _times(t_s):
+    import rerun as rr
+
+    return [rr.TimeColumn(TIMELINE, duration=np.asarray(t_s, np.float64))]
+
+
+def _curve(stream, entity, t_s, values, colour, name, width=1.2):
+    """One curve of a plot."""
+    import rerun as rr
+
+    style = rr.SeriesLines(
+        colors=[colour],
+        names=[name],
+        widths=[width],
+        aggregation_policy="MinMax",  # the default averages and would flatter every error
+    )
+    stream.log(entity, style, static=True)
+    if len(t_s):
+        stream.send_columns(entity, indexes=_times(t_s), columns=rr.Scalars.columns(scalars=values))
+
+
+def _send_stars(stream, data):
+    """Centroids over the picture, identified ones with their Hipparcos number, and the counts as curves."""
+    import rerun as rr
+
+    camera = data.mission.camera
+    outline = rr.Boxes2D(
+        array=[0, 0, camera.width_px, camera.height_px], array_format=rr.Box2DFormat.XYWH, colors=[70, 70, 70]
+    )
+    plane = rr.CoordinateFrame("star_camera_image_plane")
+    for name in ("outline", "identified", "names", "unidentified"):
+        stream.log(f"stars/{name}", plane, static=True)
+    stream.log("stars/outline", outline, static=True)
+    fixes = data.star_fixes
+    if not fixes:
+        return
+    t_s = [fix.t_valid_s for fix in fixes]
+    known = [np.asarray(fix.hip) > 0 for fix in fixes]
+    _marks(stream, "stars/identified", t_s, fixes, known, _GREEN)
+    _names(stream, "stars/names", t_s, fixes, known, _GREEN)
+    _marks(stream, "stars/unidentified", t_s, fixes, [~k for k in known], _ORANGE)
+    _curve(stream, "plots/stars/detected", t_s, [float(len(k)) for k in known], _ORANGE, "detected")
+    _curve(stream, "plots/stars/identified", t_s, [float(k.sum()) for k in known], _GREEN, "identified")
+    stream.set_time(TIMELINE, duration=t_s[-1] + layout.FRAME_SHOWN_S)
+    for entity in (
+        "stars/identified",
+        "stars/names",
+        "stars/unidentified",
+        "star_tracker/image",
+        "star_tracker/image_full",
+    ):
+        stream.log(entity, rr.Clear(recursive=False))
+    stream.reset_time()
+
+
+def _marks(stream, entity, t_s, fixes, chosen, colour):
+    """A square around each chosen detection."""
+    import rerun as rr
+
+    centres, counts = _centres(fixes, chosen)
+    stream.log(entity, rr.Boxes2D.from_fields(radii=[-0.8], colors=[colour]), static=True)
+    columns = rr.Boxes2D.columns(centers=centres, half_sizes=np.full_like(centres, _MARK_PX))
+    stream.send_columns(entity, indexes=_times(t_s), columns=columns.partition(counts))
+
+
+def _names(stream, entity, t_s, fixes, chosen, colour):
+    """The Hipparcos number below each chosen detection."""
+    import rerun as rr
+
+    centres, counts = _centres(fixes, chosen)
+    names = [f"HIP {hip}" for fix, c in zip(fixes, chosen, strict=True) for hip in fix.hip[c]]
+    style = rr.Points2D.from_fields(radii=[0.0], colors=[colour], show_labels=True)
+    stream.log(entity, style, static=True)
+    columns = rr.Points2D.columns(positions=centres + np.array([0.0, _MARK_PX]), labels=names)
+    stream.send_columns(entity, indexes=_times(t_s), columns=columns.partition(counts))
+
+
+def _centres(fixes, chosen):
+    """Positions of all chosen detections, how many each fix has; rerun counts from the corner of pixel 0."""
+    xy_px = [fix.detections.xy_px[c] + 0.5 for fix, c in zip(fixes, chosen, strict=True)]
+    return np.concatenate(xy_px), [len(xy) for xy in xy_px]
+
+
+def _send_world(stream, data):
+    """Flown path, ground track, events and a piece of the globe, in axes of the launch site."""
+    import rerun as rr
+
+    mission = data.mission
+    base_e = wgs84.ecef_from_geodetic(
+        mission.launch_latitude, mission.launch_longitude, mission.launch_height
+    )
+    C_el = wgs84.dcm_el(mission.launch_latitude, mission.launch_longitude)
+
+    def in_launch_axes(r_e):
+        return (np.asarray(r_e) - base_e) @ C_el
+
+    frame = rr.CoordinateFrame("launch")
+    every = _thinned(data.truth)
+    track = earth_fixed(mission.earth, every)
+    path, ground = in_launch_axes(track.r_e), in_launch_axes(_on_ground(track.latitude, track.longitude))
+
+    def log(entity, drawing):
+        stream.log(f"world/{entity}", drawing, frame, static=True)
+
+    bounds = np.flatnonzero(np.diff(every.phase)) + 1
+    pieces = [p for p in np.split(np.arange(len(path)), bounds) if len(p)]
+    strips = [path[p[0] : p[-1] + 2] for p in pieces]
+    colours = [_PHASE_COLOURS.get(Phase(every.phase[p[0]]), (240, 240, 240)) for p in pieces]
+    log("path", rr.LineStrips3D(strips, colors=colours, radii=[-2.0]))
+    log("ground_track", rr.LineStrips3D([ground], colors=[110, 110, 110], radii=[-1.0]))
+    poles = [np.array([ground[k], path[k]]) for k in _event_rows(data, every.t_s)]
+    log("heights", rr.LineStrips3D(poles, colors=[90, 90, 110], radii=[-0.7]))
+    tops = [pole[1] for pole in poles]
+    names = [event.name.replace("_", " ") for event in data.events]
+    log("events", rr.Points3D(tops, colors=[255, 220, 120], radii=[-3.0]))
+    named = _far_apart(tops)
+    labels = rr.Points3D(
+        [tops[k] for k in named],
+        labels=[names[k] for k in named],
+        show_labels=True,
+        radii=[0.0],
+        colors=[255, 220, 120],
+    )
+    log("event_names", labels)
+    lines, is_round = _graticule(track)
+    shades = [(60, 90, 120) if r else (38, 54, 72) for r in is_round]
+    log("globe", rr.LineStrips3D([in_launch_axes(line) for line in lines], colors=shades, radii=[-0.7]))
+    stream.log(
+        "star_tracker/calibration", rr.Pinhole.from_fields(image_plane_distance=layout.FRUSTUM_M), static=True
+    )
+    stream.log("tf", rr.TransformAxes3D(layout.AXES_M), static=True)
+
+
+def _thinned(truth):
+    """Every n-th sample, enough for a curve."""
+    return truth._make(np.ascontiguousarray(values[::_PLOT_STEP]) for values in truth)
+
+
+def _on_ground(latitude, longitude):
+    return np.array([wgs84.ecef_from_geodetic(a, b, 0.0) for a, b in zip(latitude, longitude, strict=True)])
+
+
+def _far_apart(points):
+    """Indices of points that leave room for each other's names."""
+    chosen = []
+    for k, point in enumerate(points):
+        if all(np.linalg.norm(point - points[j]) > _NAME_M for j in chosen):
+            chosen.append(k)
+    return chosen
+
+
+def _event_rows(data, t_s):
+    return [int(np.argmin(np.abs(t_s - event.t_s))) for event in data.events]
+
+
+def _graticule(track):
+    """Meridians and parallels around the track: lines of (n, 3) m in frame e; which are at 10 degrees."""
+    south, north = np.degrees([track.latitude.min(), track.latitude.max()])
+    west, east = np.degrees([track.longitude.min(), track.longitude.max()])
+    south, north = max(-89.0, np.floor(south) - 2.0), min(89.0, np.ceil(north) + 2.0)
+    west, east = 5.0 * np.floor(west / 5.0) - 5.0, 5.0 * np.ceil(east / 5.0) + 5.0
+    along_parallel = np.radians(np.linspace(west, east, _LINE_POINTS))
+    along_meridian = np.radians(np.linspace(south, north, _LINE_POINTS))
+    parallels = np.arange(south, north + 0.5, 1.0)
+    meridians = np.arange(west, east + 0.5, 2.5)
+    lines = [_on_ground(np.full(_LINE_POINTS, np.radians(a)), along_parallel) for a in parallels]
+    lines += [_on_ground(along_meridian, np.full(_LINE_POINTS, np.radians(b))) for b in meridians]
+    return lines, [bool(x % 10 == 0) for x in (*parallels, *meridians)]
+
+
+def _send_errors(stream, data):
+    """Error of every axis inside plus and minus three of its logged standard deviations."""
+    errors = metrics.navigation_errors(data)
+    sigma_t_s, _, sigma = metrics.normalised_errors(data, errors)
+    nine = np.hstack([errors.position_i, errors.velocity_i, np.degrees(errors.attitude_b)])[::_PLOT_STEP]
+    sigma = np.hstack([sigma[:, :6], np.degrees(sigma[:, 6:])])
+    t_s = errors.t_s[::_PLOT_STEP]
+    for k, plot in enumerate(layout.ERROR_PLOTS):
+        for sign, name in ((1.0, "+3 sigma"), (-1.0, "-3 sigma")):
+            entity = f"{plot.entity}/{'plus' if sign > 0 else 'minus'}"
+            _curve(stream, entity, sigma_t_s, sign * 3.0 * sigma[:, k], (255, 90, 80), name)
+        _curve(stream, f"{plot.entity}/error", t_s, nine[:, k], (90, 170, 255), "error")
+
+
+def _send_flight(stream, data):
+    """Height and speed."""
+    every = _thinned(data.truth)
+    track = earth_fixed(data.mission.earth, every)
+    _curve(stream, "plots/height", every.t_s, track.height / 1e3, (240, 240, 240), "height [km]")
+    speed = np.linalg.norm(track.v_e, axis=1)
+    _curve(stream, "plots/speed", every.t_s, speed, (255, 200, 80), "speed [m/s]")
+    roll_rate = np.degrees(every.omega_ib_b[:, 0]) / 360.0
+    _curve(stream, "plots/roll_rate", every.t_s, roll_rate, (150, 200, 255), "roll rate [1/s]")
+
+
+def _send_states(stream, data):
+    """Phase of the mission, GPS receiver and star tracker as coloured lanes."""
+    phases = {phase.name.lower(): _PHASE_COLOURS.get(phase, (150, 160, 175)) for phase in Phase}
+    _lane(stream, "states/phase", data.truth.t_s, [Phase(p).name.lower() for p in data.truth.phase], phases)
+    gps = ["fix" if fix.valid else "no fix" for fix in data.gps]
+    _lane(stream, "states/gps", [f.t_valid_s for f in data.gps], gps, {"fix": _GREEN, "no fix": _ORANGE})
+    fixes = data.star_fixes
+    if fixes:
+        colours = {reason.name.lower(): _ORANGE for reason in Reason} | {"solved": _GREEN, "off": _GREY}
+        status = ["solved" if f.reason == Reason.NONE else Reason(f.reason).name.lower() for f in fixes]
+        t_s = [f.t_valid_s for f in fixes]
+        t_s, status = [*t_s, t_s[-1] + layout.FRAME_SHOWN_S], [*status, "off"]
+        _lane(stream, "states/star_tracker", t_s, status, colours)
+
+
+def _lane(stream, entity, t_s, states, colours):
+    """A state timeline; only changes are sent."""
+    import rerun as rr
+
+    changed = [k for k in range(len(states)) if k == 0 or states[k] != states[k - 1]]
+    if not changed:
+        return
+    labels = [state.replace("_", " ") for state in colours]
+    style = rr.StateConfiguration(values=list(colours), labels=labels, colors=list(colours.values()))
+    stream.log(entity, style, static=True)
+    columns = rr.StateChange.columns(state=[states[k] for k in changed])
+    stream.send_columns(entity, indexes=_times([t_s[k] for k in changed]), columns=columns)
+
+
+def _send_summary(stream, data):
+    """The figures of the run as a text."""
+    import rerun as rr
+
+    from shefex_nav.report.table import rows
+
+    parts = [f"| {data.mission.scenario}, seed {data.mission.seed} | |", "|---|---|"]
+    for section, lines in rows(metrics.summarise(data)):
+        parts += [f"| **{section}** | |", *(f"| {name} | {value} |" for name, value in lines)]
+    text = rr.TextDocument("\n".join(parts), media_type=rr.MediaType.MARKDOWN)
+    stream.log("summary", text, static=True)

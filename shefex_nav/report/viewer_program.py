@@ -1,0 +1,103 @@
+"""Runs the rerun viewer: on a screen, or without one for a picture and for what its views complain about."""
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import time
+from pathlib import Path
+
+from shefex_nav.report.layout import TIMELINE
+
+_SETTLE_S = 2.0  # for the views to be drawn after the time was set
+_LOAD_TIMEOUT_S = 120.0
+
+
+class ViewerError(Exception):
+    """The viewer cannot be used; the message says why and is for people."""
+
+
+def path():
+    """Path of the rerun viewer that belongs to this Python."""
+    name = "rerun.exe" if os.name == "nt" else "rerun"
+    for candidate in (Path(sysconfig.get_path("scripts")) / name, Path(sys.executable).parent / name):
+        if candidate.exists():
+            return candidate
+    found = shutil.which(name)
+    if found is None:
+        raise ViewerError("the rerun viewer is not installed: pip install rerun-sdk")
+    return Path(found)
+
+
+def show(recording):
+    """Open a recording in the viewer and wait until it is closed."""
+    environment = {"RUST_LOG": "error", **os.environ}
+    command = [str(path()), str(recording), "--port", "auto"]
+    done = subprocess.run(command, env=environment, stderr=subprocess.PIPE, text=True, check=False)
+    if done.returncode != 0:
+        reason = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+        raise ViewerError(
+            f"the viewer could not open a window: {reason}\n"
+            "On a machine without a screen, save a recording (--save) or a picture (--screenshot) instead."
+        )
+
+
+def take_picture(recording, picture, at_s):
+    """Save what the viewer shows of a recording at a mission time; returns the reports of its views.
+
+    recording: .rrd file, picture: .png file (1920 x 1080). The reports are {view name: [text, ...]}, empty
+    lists where nothing is wrong.
+    """
+    from rerun.experimental import ViewerClient
+
+    program = path()
+    picture = Path(picture).absolute()
+    if not picture.parent.is_dir():
+        raise ViewerError(f"{picture}: no folder {picture.parent}")
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ.setdefault("XDG_RUNTIME_DIR", folder)
+        os.environ.setdefault("RUST_LOG", "error")  # the viewer is talkative
+        try:
+            client = ViewerClient.spawn(
+                headless=True, port=_free_port(), hide_welcome_screen=True, executable_path=str(program)
+            )
+        except Exception as error:
+            raise ViewerError(_no_graphics(error)) from error
+        with client:
+            try:
+                _open(client, Path(recording).absolute())
+                client.set_time(TIMELINE, duration=float(at_s), play_state="paused")
+                time.sleep(_SETTLE_S)
+                client.save_screenshot(str(picture))
+                views = client.get_state().views
+            except (RuntimeError, ConnectionError, TimeoutError) as error:
+                raise ViewerError(_no_graphics(error)) from error
+    if not picture.exists():
+        raise ViewerError(f"{picture}: the viewer saved no picture")
+    return {view.name: [str(report) for report in view.reports] for view in views}
+
+
+def _open(client, recording):
+    client.open([str(recording)])
+    deadline = time.monotonic() + _LOAD_TIMEOUT_S
+    while client.get_state().loading:
+        if time.monotonic() > deadline:
+            raise ViewerError(f"{recording}: the viewer did not finish loading in {_LOAD_TIMEOUT_S:.0f} s")
+        time.sleep(0.1)
+
+
+def _free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def _no_graphics(error):
+    return (
+        f"the viewer cannot draw without a screen: {error}\n"
+        "It needs a Vulkan driver; in software on Debian or Ubuntu: "
+        "apt-get install mesa-vulkan-drivers libvulkan1 libgl1-mesa-dri"
+    )

@@ -1,0 +1,136 @@
+"""Damaged, foreign and missing files, and that a file gives back the run."""
+
+import numpy as np
+import pytest
+import synthetic_run
+from mcap.writer import Writer
+
+from shefex_nav.log import reader, topics, wire
+from shefex_nav.log.run_data import ARRAYS, RunDataBuilder
+from shefex_nav.log.topics import LogError
+from shefex_nav.log.writer import LogWriter
+
+OPTIONS = synthetic_run.Options(start_s=231.0, end_s=241.0)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """(path of the log, RunData of the same records in memory)."""
+    path = tmp_path_factory.mktemp("log") / "run.mcap"
+    mission = synthetic_run.mission(start_s=OPTIONS.start_s)
+    builder = RunDataBuilder(mission)
+    with LogWriter(path, mission, synthetic_run.THRESHOLDED) as log:
+        for record in (*synthetic_run.simulate(OPTIONS), synthetic_run.summary(OPTIONS)):
+            log.write(record)
+            builder.add(record)
+    return path, builder.build()
+
+
+def assert_equal(a, b, where=""):
+    assert type(a) is type(b), where
+    if hasattr(a, "_fields"):
+        for name in a._fields:
+            assert_equal(getattr(a, name), getattr(b, name), f"{where}.{name}")
+    elif isinstance(a, list):
+        assert len(a) == len(b), where
+        for k, (x, y) in enumerate(zip(a, b, strict=True)):
+            assert_equal(x, y, f"{where}[{k}]")
+    elif isinstance(a, np.ndarray):
+        assert a.dtype == b.dtype, where
+        np.testing.assert_array_equal(a, b, err_msg=where)
+    else:
+        assert a == b or (a != a and b != b), where
+
+
+def test_the_file_gives_back_the_run(run):
+    path, in_memory = run
+    assert_equal(reader.read(path), in_memory)
+
+
+def test_a_run_without_records_is_read(tmp_path):
+    path = tmp_path / "run.mcap"
+    with LogWriter(path, synthetic_run.mission(), synthetic_run.NO_PIXELS):
+        pass
+    data = reader.read(path)
+    assert np.isnan(data.last_t_s)
+    for name in ARRAYS.values():
+        if name != "timing":
+            assert len(getattr(data, name)[0]) == 0
+    assert_equal(data, RunDataBuilder(synthetic_run.mission()).build())
+
+
+def test_a_file_cut_anywhere_is_read_up_to_there_or_refused(run, tmp_path):
+    path, whole = run
+    data = path.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    last = -np.inf
+    lengths = np.unique(np.linspace(0, len(data) - 1, 60).astype(int))
+    for length in lengths:
+        cut.write_bytes(data[:length])
+        try:
+            found = reader.read(cut)
+        except LogError:
+            assert length < 0.1 * len(data)  # before the constants of the run
+            continue
+        assert found.ended_early
+        if not np.isnan(found.last_t_s):
+            assert found.last_t_s >= last
+            last = found.last_t_s
+            assert_equal(found.truth.r_i, whole.truth.r_i[: len(found.truth.r_i)])
+    assert last == whole.last_t_s
+
+
+def test_damage_in_the_middle_is_an_error(run, tmp_path):
+    path, _ = run
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data)
+    with pytest.raises(LogError, match="damaged"):
+        reader.read(damaged)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r", b"hello, I am a text file\n"])
+def test_what_is_not_mcap_is_refused(content, tmp_path):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(content)
+    with pytest.raises(LogError, match="not an MCAP file"):
+        reader.read(path)
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path):
+    with pytest.raises(LogError, match=r"nothing\.mcap: cannot be read: No such file"):
+        reader.read(tmp_path / "nothing.mcap")
+    with pytest.raises(LogError, match="cannot be read"):
+        reader.read(tmp_path)
+
+
+def foreign(path, metadata, schema_data):
+    """An MCAP written by other software, with a topic that is named like one of ours."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        if metadata:
+            writer.add_metadata(topics.METADATA, metadata)
+        schema = writer.register_schema("shefex.Truth", "protobuf", schema_data)
+        channel = writer.register_channel("/truth/state", "protobuf", schema)
+        writer.add_message(channel, 0, b"\x09" + bytes(8), 0)
+        writer.finish()
+
+
+def test_the_mcap_of_somebody_else_is_refused(tmp_path):
+    path = tmp_path / "other.mcap"
+    foreign(path, None, b"")
+    with pytest.raises(LogError, match="not a log of shefex_nav"):
+        reader.read(path)
+
+
+def test_the_log_of_another_version_is_refused(tmp_path):
+    path = tmp_path / "other.mcap"
+    foreign(path, {"format": "0", "version": "0.0.1"}, b"")
+    with pytest.raises(LogError, match="format 0"):
+        reader.read(path)
+    imu = next(t for t in topics.TOPICS if t.schema == "ImuBlock")
+    foreign(path, {"format": topics.FORMAT, "version": "0.0.1"}, wire.schema_bytes(imu))
+    with pytest.raises(LogError, match="other fields"):
+        reader.read(path)

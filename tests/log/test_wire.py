@@ -1,0 +1,124 @@
+"""Messages against google.protobuf, which knows nothing of our fixed layouts."""
+
+import numpy as np
+import pytest
+import synthetic_run
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+from shefex_nav import records as rec
+from shefex_nav.log import topics, wire
+from shefex_nav.log.topics import LogError
+
+NS = 1_340_392_680_123_456_789
+
+
+def parsed(topic, data):
+    """The message as a reader sees it that has nothing but the stored schema."""
+    files = descriptor_pb2.FileDescriptorSet.FromString(wire.schema_bytes(topic))
+    pool = descriptor_pool.DescriptorPool()
+    for file in files.file:
+        pool.Add(file)
+    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(f"shefex.{topic.schema}"))
+    return kind.FromString(data)
+
+
+def attribute(record, source):
+    for name in source.split("."):
+        record = getattr(record, name)
+    return record
+
+
+@pytest.fixture(scope="module")
+def samples():
+    """A few records of every type."""
+    run = synthetic_run.Options(start_s=222.0, end_s=222.4, frame_pixels=False)
+    found = {topics.Mission: [synthetic_run.mission()], rec.Event: [rec.Event(1.5, "näme", -3.0, "")]}
+    for record in synthetic_run.simulate(run):
+        if isinstance(record, rec.ComputeTime):
+            record = topics.timing(record)
+        found.setdefault(type(record), []).append(record)
+    found[topics.Timing].append(topics.timing(synthetic_run.summary()))
+    return found
+
+
+@pytest.mark.parametrize("topic", topics.TOPICS, ids=lambda topic: topic.schema)
+def test_google_protobuf_reads_what_was_encoded(topic, samples):
+    encoder = wire.codec(topic)
+    for record in samples[topic.record]:
+        message = parsed(topic, encoder.encode(record, NS))
+        assert message.timestamp_ns == NS
+        for field in topic.fields:
+            value = getattr(message, field.name)
+            expected = attribute(record, field.source)
+            if field.shape:
+                np.testing.assert_array_equal(list(value), np.ravel(expected), err_msg=field.name)
+            elif isinstance(expected, float) and np.isnan(expected):
+                assert np.isnan(value)
+            else:
+                assert value == expected, field.name
+
+
+@pytest.mark.parametrize("topic", topics.TOPICS, ids=lambda topic: topic.schema)
+def test_decoding_gives_back_the_records(topic, samples):
+    coder = wire.codec(topic)
+    rows = samples[topic.record]
+    decoded = coder.decode([coder.encode(row, NS) for row in rows])
+    for k, row in enumerate(rows):
+        for field in topic.fields:
+            value = attribute(decoded if wire.is_fixed(topic) else decoded[k], field.source)
+            value = value[k] if wire.is_fixed(topic) else value
+            expected = attribute(row, field.source)
+            if isinstance(expected, str):
+                assert value == expected
+            else:
+                np.testing.assert_array_equal(value, expected, err_msg=field.name)
+                assert np.shape(value) == np.shape(expected), field.name
+
+
+@pytest.mark.parametrize("topic", [*filter(wire.is_fixed, topics.TOPICS)], ids=lambda topic: topic.schema)
+def test_fixed_layouts_say_what_google_protobuf_says(topic, samples):
+    google = wire.VariableCodec(topic)
+    for record in samples[topic.record]:
+        message = wire.message_class(topic).FromString(wire.codec(topic).encode(record, NS))
+        assert message.SerializeToString() == google.encode(record, NS)
+
+
+def test_varints_have_the_published_encoding():
+    # protobuf.dev, Encoding, Base 128 Varints: 150 is 96 01
+    assert wire._varint(150) == b"\x96\x01"
+    assert wire._varint(1) == b"\x01"
+    assert wire._varint(300) == b"\xac\x02"
+
+
+def test_comments_travel_with_the_schema():
+    topic = next(t for t in topics.TOPICS if t.schema == "Truth")
+    file = descriptor_pb2.FileDescriptorSet.FromString(wire.schema_bytes(topic)).file[0]
+    comments = {tuple(place.path): place.leading_comments for place in file.source_code_info.location}
+    number = [field.name for field in file.message_type[0].field].index("r_i_m")
+    assert "inertial axes [m]" in comments[(4, 0, 2, number)]
+
+
+def test_schema_comparison_sees_fields_and_not_comments():
+    topic = next(t for t in topics.TOPICS if t.schema == "Truth")
+    reworded = topic._replace(comment="In other words.")
+    renamed = topic._replace(fields=(topic.fields[0]._replace(name="other"), *topic.fields[1:]))
+    assert wire.is_same_schema(wire.schema_bytes(reworded), topic)
+    assert not wire.is_same_schema(wire.schema_bytes(renamed), topic)
+
+
+def test_fixed_decoding_refuses_other_bytes():
+    topic = next(t for t in topics.TOPICS if t.schema == "Truth")
+    coder = wire.codec(topic)
+    truth = synthetic_run.truth_at(synthetic_run.mission(), 3.0)
+    data = coder.encode(truth, NS)
+    with pytest.raises(LogError, match="length"):
+        coder.decode([data, data[:-1]])
+    with pytest.raises(LogError, match="layout"):
+        coder.decode([data, b"\x00" + data[1:]])
+
+
+def test_wrong_shapes_are_refused():
+    coder = wire.codec(next(t for t in topics.TOPICS if t.schema == "Truth"))
+    truth = synthetic_run.truth_at(synthetic_run.mission(), 3.0)
+    with pytest.raises(ValueError, match="broadcast"):
+        coder.encode(truth._replace(r_i=np.zeros(4)), NS)

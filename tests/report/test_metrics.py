@@ -1,0 +1,283 @@
+"""Figures of runs whose errors are known because they were made."""
+
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+import synthetic_run
+from scipy.stats import chi2
+
+from shefex_nav import records as rec
+from shefex_nav.geometry import rotation
+from shefex_nav.geometry.frames import ecef_from_inertial
+from shefex_nav.geometry.wgs84 import geodetic_from_ecef
+from shefex_nav.log import reader
+from shefex_nav.log.run_data import RunDataBuilder
+from shefex_nav.log.writer import LogWriter
+from shefex_nav.report import metrics
+from shefex_nav.report.table import summary_table
+
+MISSION = synthetic_run.mission()
+OPTIONS = synthetic_run.Options(start_s=225.0, end_s=415.0, frame_pixels=False)
+
+
+def gathered(records):
+    builder = RunDataBuilder(MISSION)
+    for record in records:
+        builder.add(record)
+    return builder.build()
+
+
+@pytest.fixture(scope="module")
+def records():
+    return [*synthetic_run.simulate(OPTIONS), synthetic_run.summary(OPTIONS)]
+
+
+@pytest.fixture(scope="module")
+def data(records):
+    return gathered(records)
+
+
+@pytest.fixture(scope="module")
+def summary(data):
+    return metrics.summarise(data, log="run.mcap")
+
+
+def test_log_and_memory_give_one_summary(records, summary, tmp_path):
+    path = tmp_path / "run.mcap"
+    with LogWriter(path, MISSION, synthetic_run.NO_PIXELS) as log:
+        for record in records:
+            log.write(record)
+    assert metrics.summarise(reader.read(path), log="run.mcap") == summary
+
+
+def test_the_object_is_plain_json_with_every_key(summary):
+    again = json.loads(json.dumps(summary, allow_nan=False))
+    assert again == summary
+    assert {"scenario", "seed", "log", "simulated_s", "wall_s", "real_time_factor"} <= set(summary)
+    assert {"apogee_km", "range_km", "max_speed_m_s", "events"} <= set(summary["flight"])
+    star = summary["star_tracker"]
+    assert {"frames", "in_window", "solved", "wrong", "no_fix", "error_arcsec", "chain_ms"} <= set(star)
+    assert {"cross_axis_rms", "boresight_rms", "max"} <= set(star["error_arcsec"])
+    assert set(star["chain_ms"]) == {"median", "p99"}
+    navigation = summary["navigation"]
+    for name in ("position_error_m", "velocity_error_m_s", "attitude_error_deg"):
+        assert set(navigation[name]) == {"rms", "max"}
+    assert len(navigation["at_entry"]["attitude_error_deg"]) == 3
+    assert set(navigation["nees"]) == {"mean", "dof", "samples"}
+
+
+def test_run_times(summary):
+    assert summary["simulated_s"] == pytest.approx(190.0)
+    assert (summary["wall_s"], summary["setup_s"]) == (4.0, 1.5)
+    assert summary["real_time_factor"] == pytest.approx(190.0 / 4.0)
+
+
+def test_flight_figures():
+    times = np.arange(-1.0, 495.5, 0.5)
+    truths = [synthetic_run.truth_at(MISSION, t) for t in times]
+    flight = metrics.summarise(gathered([*truths, *synthetic_run._events(MISSION)]))["flight"]
+    heights, speeds = [], []
+    for truth in truths:
+        r_e, v_e = ecef_from_inertial(MISSION.earth, truth.t_s, truth.r_i, truth.v_i)
+        heights.append(geodetic_from_ecef(r_e)[2])
+        speeds.append(np.linalg.norm(v_e))
+    assert flight["apogee_km"] == pytest.approx(max(heights) / 1e3)
+    assert flight["max_speed_m_s"] == pytest.approx(max(speeds))
+    # 797.6 km in the horizontal plane of the launch site, a little more along the curved Earth
+    assert flight["range_km"] == pytest.approx(math.hypot(110.0, 790.0), rel=5e-3)
+    assert flight["events"][1] == {
+        "name": "burn_out_1", "t_s": 56.0, "altitude_km": pytest.approx(heights[114] / 1e3)
+    }  # fmt: skip
+
+
+def test_window_counts(data, summary):
+    star = summary["star_tracker"]
+    # window 235 to 384 s, frames valid 25 ms after each tick: 235.0 ... 383.9
+    numbers = set(range(130, 1620))
+    assert metrics.window_frames(data) == (numbers, 0)
+    assert star["in_window"] == 1490
+    failed = sum(1 for n in numbers if n % 25 == 3)
+    assert star["no_fix"] == {"too_few_stars": failed}
+    assert star["solved"] == 1490 - failed
+    assert star["frames"] == len(data.frame_truths)
+    assert star["wrong"] == 0
+
+
+def frame_truth(number, t_s, **changes):
+    truth = rec.FrameTruth(
+        number, t_s, np.array([1.0, 0, 0, 0]), 0.01, 2.0, 1.0, True, np.zeros(0, int), np.zeros((0, 2))
+    )
+    return truth._replace(**changes)
+
+
+def star_fix(number, t_s, error_c=(0.0, 0.0, 0.0), reason=rec.Reason.NONE):
+    """Fix of a frame whose true attitude is the unit quaternion: truth = estimate * exp(error)."""
+    q_ic = rotation.quat_from_rotvec(-np.array(error_c, float))
+    empty = rec.Detections(np.zeros((0, 2)), np.zeros(0), np.zeros(0, int), np.zeros(0, int))
+    P_c = np.diag([1e-4, 1e-4, 1e-3]) ** 2
+    return rec.StarFix(
+        number, t_s, t_s + 0.05, int(reason), q_ic, P_c, empty, np.zeros(0, int), 0.1, 5.0, 0.1, False, False
+    )
+
+
+def phases():
+    """Truth samples that open the window at 235 s and close it at 384 s."""
+    return [synthetic_run.truth_at(MISSION, t) for t in (234.99, 235.0, 383.99, 384.0)]
+
+
+def test_a_wrong_fix_is_counted_wherever_it_is():
+    half = math.radians(0.5)
+    frames = [frame_truth(k, t) for k, t in enumerate((230.0, 240.0, 240.1, 390.0))]
+    fixes = [
+        star_fix(0, 230.0, (0.0, 0.0, 1.02 * half)),
+        star_fix(1, 240.0, (0.98 * half, 0.0, 0.0)),
+        star_fix(2, 240.1, (2.0, 0.0, 0.0), reason=rec.Reason.NO_MATCH),  # not given as good
+        star_fix(3, 390.0, (0.0, -1.02 * half, 0.0)),
+    ]
+    star = metrics.summarise(gathered([*phases(), *frames, *fixes]))["star_tracker"]
+    assert star["wrong"] == 2
+    assert (star["in_window"], star["solved"], star["no_fix"]) == (2, 1, {"no_match": 1})
+
+
+def test_error_axes_of_the_star_tracker():
+    arcsec = math.radians(1.0 / 3600.0)
+    frames = [frame_truth(k, 240.0 + 0.1 * k) for k in range(3)]
+    fixes = [
+        star_fix(0, 240.0, (6.0 * arcsec, 0.0, 0.0)),
+        star_fix(1, 240.1, (0.0, -6.0 * arcsec, 30.0 * arcsec)),
+        star_fix(2, 240.2, (0.0, 0.0, -40.0 * arcsec)),
+    ]
+    error = metrics.summarise(gathered([*phases(), *frames, *fixes]))["star_tracker"]["error_arcsec"]
+    assert error["cross_axis_rms"] == pytest.approx(math.sqrt(72.0 / 6.0), rel=1e-6)
+    assert error["boresight_rms"] == pytest.approx(math.sqrt(2500.0 / 3.0), rel=1e-6)
+    assert error["max"] == pytest.approx(40.0, rel=1e-6)
+    assert error["mean"] == pytest.approx([2.0, -2.0, -10.0 / 3.0], rel=1e-6)
+    data = gathered([*phases(), *frames, *fixes])
+    np.testing.assert_allclose(
+        metrics.star_errors(data).rotation_c[1] / arcsec, [0.0, -6.0, 30.0], rtol=1e-6, atol=1e-9
+    )
+
+
+def test_what_is_outside_the_window():
+    frames = [
+        frame_truth(0, 240.0),
+        frame_truth(1, 240.1, exclusion_met=False),
+        frame_truth(2, 240.2, rate=math.radians(2.01)),
+        frame_truth(3, 240.3, rate=math.radians(1.99)),
+        frame_truth(4, 234.9),
+        frame_truth(5, 384.0),
+    ]
+    data = gathered([*phases(), *frames])
+    assert metrics.window_frames(data)[0] == {0, 3}
+
+
+def test_missing_frames_and_results_count_against_the_star_tracker():
+    times = [240.0, 240.1, 240.2, 240.5, 240.6, 240.7]
+    frames = [frame_truth(k, t) for k, t in enumerate(times)]
+    fixes = [star_fix(k, t) for k, t in enumerate(times) if k != 4]
+    star = metrics.summarise(gathered([*phases(), *frames, *fixes]))["star_tracker"]
+    assert star["in_window"] == 8
+    assert star["solved"] == 5
+    assert star["no_fix"] == {"no_frame": 2, "no_result": 1}
+
+
+def test_navigation_errors_have_the_made_size(summary, data):
+    n = len(data.nav.t_s)
+    navigation = summary["navigation"]
+    for name, sigma in (
+        ("position_error_m", synthetic_run.SIGMA_R),
+        ("velocity_error_m_s", synthetic_run.SIGMA_V),
+        ("attitude_error_deg", math.degrees(synthetic_run.SIGMA_THETA)),
+    ):
+        low, high = np.sqrt(chi2.ppf([0.0005, 0.9995], 3 * n) / n) * sigma  # 99.9 %
+        assert low < navigation[name]["rms"] < high
+    errors = metrics.navigation_errors(data)
+    nav = data.nav
+    truth_again = np.array(
+        [
+            rotation.quat_multiply(q, rotation.quat_from_rotvec(e))
+            for q, e in zip(nav.q_ib[:50], errors.attitude_b[:50], strict=True)
+        ]
+    )
+    same = np.abs(np.einsum("ki,ki->k", truth_again, data.truth.q_ib[:50]))
+    np.testing.assert_allclose(same, 1.0, atol=1e-12)
+
+
+def test_nees_epochs_and_value(summary):
+    nees = summary["navigation"]["nees"]
+    # accepted from 236.1 s (first gate at or after 236.0 s), so whole seconds 237 ... 410; entry at 410.9 s
+    assert nees["samples"] == 174
+    low, high = chi2.ppf([0.0005, 0.9995], 9 * 174) / 174  # 99.9 %
+    assert low < nees["mean"] < high
+
+
+def test_nees_needs_the_correlations():
+    t_s = 250.0
+    truth = synthetic_run.truth_at(MISSION, t_s)
+    nav = synthetic_run._navigation(MISSION, truth, np.random.default_rng(2))
+    root = np.random.default_rng(3).normal(size=(9, 9)) * np.repeat([4.0, 0.1, 1e-3], 3)[:, None]
+    P = root @ root.T
+    covariance = synthetic_run._covariance(t_s)._replace(P=P)
+    data = gathered([truth, nav, covariance])
+    errors = metrics.navigation_errors(data)
+    times, nees, sigma = metrics.normalised_errors(data, errors)
+    x = np.concatenate([errors.position_i[0], errors.velocity_i[0], errors.attitude_b[0]])
+    assert times[0] == t_s
+    assert nees[0] == pytest.approx(x @ np.linalg.inv(P) @ x, rel=1e-6)
+    np.testing.assert_allclose(sigma[0], np.sqrt(np.diag(P)))
+
+
+def test_entry_is_the_first_tick_below_100_km(summary, data):
+    entry = summary["navigation"]["at_entry"]
+    k = np.flatnonzero(np.abs(data.truth.t_s - entry["t_s"]) < 1e-9)[0]
+    heights = []
+    for j in (k - 1, k):
+        r_e, _ = ecef_from_inertial(MISSION.earth, data.truth.t_s[j], data.truth.r_i[j], data.truth.v_i[j])
+        heights.append(geodetic_from_ecef(r_e)[2])
+    assert heights[0] > 100e3 >= heights[1]
+    assert entry["altitude_km"] == pytest.approx(heights[1] / 1e3)
+    error = data.truth.r_i[k] - data.nav.r_i[k]
+    assert entry["position_error_m"] == pytest.approx(np.linalg.norm(error))
+    assert entry["attitude_sigma_deg"] == pytest.approx([math.degrees(synthetic_run.SIGMA_THETA)] * 3)
+
+
+def test_a_run_without_stars_or_entry_has_nulls():
+    few = [
+        r for r in synthetic_run.simulate(synthetic_run.Options(start_s=-2.0, end_s=3.0, frame_pixels=False))
+    ]
+    summary = metrics.summarise(gathered(few))
+    assert summary["navigation"]["at_entry"] is None
+    assert summary["navigation"]["nees"] == {"mean": None, "dof": 9, "samples": 0}
+    assert summary["star_tracker"]["error_arcsec"]["max"] is None
+    assert summary["star_tracker"]["chain_ms"] == {"median": None, "p99": None}
+    assert summary["flight"]["range_km"] is None
+    assert summary["wall_s"] is summary["real_time_factor"] is summary["log"] is None
+    summary_table(summary)
+
+
+def test_an_empty_run_has_nulls():
+    summary = metrics.summarise(gathered([]))
+    assert summary["flight"]["apogee_km"] is None
+    assert summary["navigation"]["position_error_m"] == {"rms": None, "max": None}
+    summary_table(summary)
+
+
+def test_the_builder_knows_how_far_it_is(records):
+    builder = RunDataBuilder(MISSION)
+    assert math.isnan(builder.last_t_s)
+    for record in records[:500]:
+        builder.add(record)
+    assert builder.last_t_s == builder.build().last_t_s == builder.build().truth.t_s[-1]
+
+
+def test_the_table_shows_the_figures(summary):
+    from rich.console import Console
+
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(summary_table(summary | {"ended_early": True}))
+    text = console.export_text()
+    for expected in ("made_up, seed 1", "1490 in the window", "too few stars 59", "at 100 km", "ended early"):
+        assert expected in text

@@ -1,0 +1,132 @@
+"""The recording and what the real viewer says about it."""
+
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import synthetic_run
+from rerun.chunk import RrdReader
+
+from shefex_nav.log.drawings import FramePolicy
+from shefex_nav.log.writer import LogWriter
+from shefex_nav.report import viewer, viewer_program
+from shefex_nav.report.viewer_program import ViewerError
+
+OPTIONS = synthetic_run.Options(start_s=231.0, end_s=241.0)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    path = tmp_path_factory.mktemp("view") / "run.mcap"
+    with LogWriter(path, synthetic_run.mission(), FramePolicy(10, "thresholded", 4.0)) as log:
+        for record in (*synthetic_run.simulate(OPTIONS), synthetic_run.summary(OPTIONS)):
+            log.write(record)
+    return path
+
+
+def chunks(recording):
+    return [chunk for chunk in RrdReader(recording).stream() if not chunk.is_static]
+
+
+def test_recording_has_a_layout_and_everything_on_mission_time(log, tmp_path):
+    recording = tmp_path / "run.rrd"
+    data = viewer.view(log, save=recording)
+    assert not data.ended_early
+    assert len(RrdReader(recording).blueprints()) == 1
+    found = chunks(recording)
+    entities = {str(chunk.entity_path) for chunk in found}
+    assert {"/star_tracker/image", "/star_tracker/image_full", "/stars/identified", "/tf", "/log"} <= entities
+    assert {"/plots/errors/position_x/error", "/plots/errors/attitude_z/plus"} <= entities
+    assert {"/states/phase", "/states/star_tracker", "/states/gps"} <= entities
+    for chunk in found:
+        if not str(chunk.entity_path).startswith("/__"):
+            assert "mission_time" in chunk.timeline_names, chunk.entity_path
+
+
+def test_error_curves_are_truth_minus_estimate(log, tmp_path):
+    recording = tmp_path / "run.rrd"
+    viewer.build_recording(log, recording)
+    points = {}
+    for chunk in chunks(recording):
+        if str(chunk.entity_path) == "/plots/errors/position_y/error":
+            batch = chunk.to_record_batch()
+            times = batch.column("mission_time").cast("int64").to_numpy() / 1e9
+            name = next(n for n in batch.schema.names if "scalars" in n)
+            points.update(zip(np.round(times, 2), batch.column(name).to_pylist(), strict=True))
+    truths, estimates = {}, {}
+    for record in synthetic_run.simulate(OPTIONS):
+        if type(record).__name__ == "TruthSample":
+            truths[round(record.t_s, 2)] = record.r_i
+        elif type(record).__name__ == "NavSolution":
+            estimates[round(record.t_s, 2)] = record.r_i
+    assert len(points) == 101
+    for t_s, value in points.items():
+        assert value[0] == pytest.approx(truths[t_s][1] - estimates[t_s][1], abs=1e-9)
+
+
+def test_a_killed_log_can_be_viewed(log, tmp_path):
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(log.read_bytes()[: int(0.6 * log.stat().st_size)])
+    data = viewer.view(cut, save=tmp_path / "cut.rrd")
+    assert data.ended_early
+    assert any(str(c.entity_path) == "/star_tracker/image" for c in chunks(tmp_path / "cut.rrd"))
+
+
+def test_a_log_without_a_flight_is_a_clear_error(tmp_path):
+    path = tmp_path / "empty.mcap"
+    with LogWriter(path, synthetic_run.mission(), synthetic_run.NO_PIXELS):
+        pass
+    with pytest.raises(ViewerError, match="nothing to show"):
+        viewer.view(path, save=tmp_path / "empty.rrd")
+
+
+def test_a_time_outside_the_log_is_a_clear_error(log, tmp_path):
+    with pytest.raises(ViewerError, match="covers 231 s to 241 s, not 300 s"):
+        viewer.view(log, screenshot=tmp_path / "picture.png", at_s=300.0)
+
+
+def test_no_screen_is_a_clear_error(log, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    if sys.platform != "linux":
+        pytest.skip("screens are found by other means")
+    with pytest.raises(ViewerError, match="could not open a window"):
+        viewer.view(log)
+
+
+def test_no_graphics_is_a_clear_error(log, tmp_path, monkeypatch):
+    monkeypatch.setenv("VK_ICD_FILENAMES", str(tmp_path / "none.json"))
+    monkeypatch.setenv("VK_DRIVER_FILES", str(tmp_path / "none.json"))
+    monkeypatch.setenv("WGPU_BACKEND", "vulkan")
+    recording = tmp_path / "run.rrd"
+    viewer.build_recording(log, recording)
+    with pytest.raises(ViewerError, match="apt-get install mesa-vulkan-drivers"):
+        viewer_program.take_picture(recording, tmp_path / "picture.png", 235.0)
+
+
+def test_a_missing_viewer_is_a_clear_error(log, tmp_path, monkeypatch):
+    monkeypatch.setattr(viewer_program.sysconfig, "get_path", lambda name: str(tmp_path))
+    monkeypatch.setattr(viewer_program.sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(ViewerError, match="not installed"):
+        viewer.view(log, screenshot=tmp_path / "picture.png")
+
+
+@pytest.mark.skipif(
+    sys.platform == "linux" and not any(Path("/usr/share/vulkan/icd.d").glob("*.json")),
+    reason="no Vulkan driver: apt-get install mesa-vulkan-drivers libvulkan1 libgl1-mesa-dri",
+)
+@pytest.mark.parametrize("policy", [FramePolicy(10, "thresholded", 4.0), FramePolicy(0, "none", 4.0)])
+def test_no_view_reports_an_error(policy, tmp_path):
+    path, picture = tmp_path / "run.mcap", tmp_path / "picture.png"
+    with LogWriter(path, synthetic_run.mission(), policy) as log:
+        for record in synthetic_run.simulate(OPTIONS._replace(end_s=236.0)):
+            log.write(record)
+    recording = tmp_path / "run.rrd"
+    viewer.build_recording(path, recording)
+    reports = viewer_program.take_picture(recording, picture, 235.0)
+    assert len(reports) >= 13
+    assert not any(reports.values()), reports
+    assert picture.stat().st_size > 20_000

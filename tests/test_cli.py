@@ -1,0 +1,148 @@
+"""The command line as users meet it: exit codes, messages, killed and interrupted runs."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+
+def test_help_is_quick():
+    """CPU of the child, the best of five: imports of simulation or viewer at start-up would cost seconds."""
+    best = float("inf")
+    for _ in range(5):
+        before = os.times()
+        subprocess.run([sys.executable, "-m", "shefex_nav.cli", "--help"], capture_output=True, check=True)
+        after = os.times()
+        best = min(
+            best,
+            after.children_user + after.children_system - before.children_user - before.children_system,
+        )
+    assert best < 0.5
+
+
+def test_check_of_a_good_scenario(command, default_scenario):
+    result = command("check", default_scenario)
+    assert result.code == 0
+    assert "good" in result.out
+
+
+def test_schema_is_json(command):
+    schema = json.loads(command("schema").out)
+    assert "mission" in schema["properties"]
+
+
+BROKEN = {
+    "wrong unit": ("imu.gyro.range=5 m", "range"),
+    "no unit": ("star_tracker.latency=0.03", "unit"),
+    "negative rate": ("star_tracker.rate=-10 Hz", "rate"),
+    "not a number": ("gps.latency=nan s", "finite"),
+    "unknown key": ("star_tracker.rat=10 Hz", "rate"),
+    "unknown catalogue": ("star_tracker.catalogue.kind=combinde", "combined"),
+}
+
+
+@pytest.mark.parametrize("kind", BROKEN)
+@pytest.mark.parametrize("verb", ["run", "check"])
+def test_broken_scenario_is_one_message_and_exit_code_2(kind, verb, command, default_scenario, tmp_path):
+    override, hint = BROKEN[kind]
+    out = tmp_path / "run.mcap"
+    extra = ("--out", out) if verb == "run" else ()
+    result = command(verb, default_scenario, "--set", override, *extra)
+    assert result.code == 2
+    assert result.out == ""
+    lines = [line for line in result.err.splitlines() if line.strip()]
+    assert len(lines) == 1 and hint in lines[0] and override.split("=")[0] in lines[0], result.err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (("run", "nowhere.yaml"), "no such file"),
+        (("check", "scenarios"), "directory"),
+        (("report", "nowhere.mcap"), "nowhere.mcap"),
+        (("report", "README.md"), "README.md"),
+        (("view", "nowhere.mcap"), "nowhere.mcap"),
+    ],
+)
+def test_wrong_files(arguments, hint, command):
+    result = command(*arguments)
+    assert result.code == 2
+    assert hint in result.err
+    assert "Traceback" not in result.err
+
+
+def test_impossible_flight_is_one_message(command, default_scenario, tmp_path):
+    """A rocket that cannot be known to fail before it flies: still in the air at the time limit."""
+    out = tmp_path / "run.mcap"
+    result = command("run", default_scenario, "--set", "mission.time_limit=450 s", "--out", out)
+    assert result.code == 2
+    assert "time limit" in result.err
+    assert "Traceback" not in result.err
+    assert not out.exists()
+
+
+def test_an_existing_log_is_not_overwritten(command, default_scenario, tmp_path):
+    out = tmp_path / "run.mcap"
+    out.write_bytes(b"precious")
+    result = command("run", default_scenario, "--out", out)
+    assert result.code == 2
+    assert "exists already" in result.err
+    assert out.read_bytes() == b"precious"
+
+
+def start_run(scenario, out):
+    return subprocess.Popen(
+        [sys.executable, "-m", "shefex_nav.cli", "run", str(scenario), "--out", str(out)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
+
+
+def wait_for_bytes(out, size, process):
+    deadline = time.monotonic() + 300.0
+    while not out.exists() or out.stat().st_size < size:
+        assert process.poll() is None, "the run ended before it could be stopped"
+        assert time.monotonic() < deadline, "the run does not write its log"
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize("size", [1e6, 10e6, 30e6])
+def test_killed_run_is_readable_to_its_last_second(size, default_run, command, default_scenario, tmp_path):
+    """kill -9 when the file has grown to `size`; what is on disk by then is a whole number of seconds."""
+    out = tmp_path / "run.mcap"
+    process = start_run(default_scenario, out)
+    wait_for_bytes(out, size, process)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stderr.close()
+
+    from shefex_nav.log import reader
+
+    data, whole = reader.read(out), reader.read(default_run.log)
+    assert data.ended_early
+    n = len(data.nav.t_s)
+    assert (data.nav.r_i == whole.nav.r_i[:n]).all()  # complete: no gap before the end
+    assert data.truth.t_s[-1] - data.nav.t_s[-1] < 0.5
+    result = command("report", out, "--json")
+    assert result.code == 0, result.err
+    assert json.loads(result.out)["ended_early"] is True
+    assert "ended early" in result.err
+
+
+def test_interrupted_run_closes_its_log(default_scenario, tmp_path):
+    out = tmp_path / "run.mcap"
+    process = start_run(default_scenario, out)
+    wait_for_bytes(out, 2e6, process)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert b"Traceback" not in err
+
+    from shefex_nav.log import reader
+
+    assert not reader.read(out).ended_early
