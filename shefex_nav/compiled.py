@@ -1,14 +1,14 @@
 """Where numba keeps compiled kernels.
 
-numba notices an edit in the file of a kernel, but not one in another file whose functions that kernel
-calls. The small algebra of `geometry` and `environment` is called from everywhere, so the cache folder
-carries a hash of those files: after an edit there, every kernel is compiled again.
+numba notices an edit in the file of a kernel, but not one in another file whose functions or constants
+that kernel uses. The cache folder therefore carries a hash of the folders whose code is used across files:
+after an edit there, every kernel is compiled again.
 """
 
 import hashlib
 import os
 
-SHARED = ("geometry", "environment")
+SHARED = ("geometry", "environment", "onboard/navigation")
 
 
 def cache_key(package_dir):

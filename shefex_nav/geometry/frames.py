@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.geometry.rotation import cross
+from shefex_nav.geometry.rotation import cross, rows
 
 
 class EarthRotation(NamedTuple):
@@ -27,7 +27,7 @@ def dcm_ie(earth, t_s):
     """C_ie at mission time t_s. EarthRotation, s -> (3, 3)."""
     angle = earth.angle_0 + earth.rate * t_s
     c, s = np.cos(angle), np.sin(angle)
-    C_qr = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    C_qr = rows((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
     return earth.C_iq @ C_qr @ earth.C_re
 
 

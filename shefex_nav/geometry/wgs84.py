@@ -6,6 +6,8 @@ Source of the constants: NIMA TR8350.2, third edition.
 import numpy as np
 from numba import njit
 
+from shefex_nav.geometry.rotation import rows
+
 A = 6378137.0  # m, semi-major axis
 F = 1.0 / 298.257223563  # flattening
 B = A * (1.0 - F)  # m, semi-minor axis
@@ -55,7 +57,7 @@ def dcm_en(latitude, longitude):
     """C_en: components in north-east-down to components in e. rad, rad -> (3, 3)."""
     sp, cp = np.sin(latitude), np.cos(latitude)
     sl, cl = np.sin(longitude), np.cos(longitude)
-    return np.array([[-sp * cl, -sl, -cp * cl], [-sp * sl, cl, -cp * sl], [cp, 0.0, -sp]])
+    return rows((-sp * cl, -sl, -cp * cl), (-sp * sl, cl, -cp * sl), (cp, 0.0, -sp))
 
 
 @njit(cache=True)
@@ -63,7 +65,7 @@ def dcm_el(latitude, longitude):
     """C_el: components in east-north-up at the launch site to components in e. rad -> (3, 3)."""
     sp, cp = np.sin(latitude), np.cos(latitude)
     sl, cl = np.sin(longitude), np.cos(longitude)
-    return np.array([[-sl, -sp * cl, cp * cl], [cl, -sp * sl, cp * sl], [0.0, cp, sp]])
+    return rows((-sl, -sp * cl, cp * cl), (cl, -sp * sl, cp * sl), (0.0, cp, sp))
 
 
 @njit(cache=True)

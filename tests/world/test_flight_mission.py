@@ -8,7 +8,7 @@ from shefex2 import DEG, EARTH, PARAMS, PROGRAM, SITE, flown
 from shefex_nav.environment.gravity import gravity_e, load_egm96
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Phase
-from shefex_nav.world.flight.fly import fly
+from shefex_nav.world.flight.fly import FlightError, fly
 from shefex_nav.world.flight.vehicle import combine
 
 SUN_I = np.array(
@@ -246,8 +246,8 @@ def test_mistakes_are_refused():
         fly(PARAMS._replace(program=late), EARTH)
     with pytest.raises(ValueError, match="residual_ramp_s"):
         fly(PARAMS._replace(program=PROGRAM._replace(residual_ramp_s=100.0)), EARTH)
-    with pytest.raises(RuntimeError, match="in the air"):
+    with pytest.raises(FlightError, match="in the air"):
         fly(PARAMS._replace(time_limit_s=420.0, sample_rate_hz=100.0), EARTH)
     heavy = PARAMS._replace(payload=PARAMS.payload._replace(mass_kg=30e3), sample_rate_hz=100.0)
-    with pytest.raises(RuntimeError, match="on the rail"):
+    with pytest.raises(FlightError, match="on the rail"):
         fly(heavy, EARTH)

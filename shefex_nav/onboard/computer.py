@@ -1,0 +1,138 @@
+"""The executive of the on-board computer: one call per 100 Hz tick, records in, records out.
+
+Order within a tick: strapdown and prediction with the IMU block, star tracker chain on the frames that have
+arrived, fusion of the GPS fixes and star fixes that are due, solution. A StarFix enters the filter at the
+first tick not earlier than its `t_available_s`.
+
+The computer's state is a tuple; the memory of the filter inside it (`fusion.Filter`: history of the last
+half second, health of the sensors) is changed in place, because copying it at every tick would cost more
+than the tick. So a state that has been advanced must not be advanced again.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.onboard.navigation import fusion, solution, strapdown
+from shefex_nav.onboard.navigation.state import NavParams
+from shefex_nav.onboard.startracker import tracker as star_tracker
+from shefex_nav.records import Reason
+
+COVARIANCE_TICKS = 10  # NavCovariance at every tenth tick
+EARLY_S = 1e-6  # rounding of the times of ticks
+
+
+class ComputerParams(NamedTuple):
+    """Parameters of the on-board computer."""
+
+    nav: NavParams
+    tracker: star_tracker.TrackerParams
+    tracker_on_s: float  # s from lift-off, camera and star tracker are switched on
+    tracker_off_s: float  # and off
+    sun_i: np.ndarray  # (3,) unit vector to the Sun, constant within the mission
+
+
+class Computer(NamedTuple):
+    """State of the computer after a tick."""
+
+    params: ComputerParams
+    earth: Any  # EarthRotation
+    nav: fusion.Filter
+    tracker: star_tracker.Tracker
+    tracker_state: Any  # star_tracker.TrackerState while switched on, else None
+    waiting: tuple  # StarFix that are not available yet
+    ticks: int
+
+
+def start(params, alignment, earth, catalogue, julian_year):
+    """Computer at the instant of the alignment.
+
+    Parameters
+    ----------
+    params : ComputerParams
+    alignment : Alignment
+    earth : EarthRotation
+    catalogue, julian_year : as `star_tracker.init` wants them
+
+    Returns
+    -------
+    Computer
+    """
+    tracker = star_tracker.init(params.tracker, catalogue, julian_year)
+    return Computer(params, earth, fusion.start(params.nav, alignment, earth), tracker, None, (), 0)
+
+
+def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.step):
+    """One tick.
+
+    Parameters
+    ----------
+    computer : Computer after the tick before
+    imu_block : ImuBlock that ends at this tick
+    gps_fixes : sequence of GpsFix with t_available_s not later than this tick, each handed over once
+    frames_arrived : sequence of Frame, likewise
+    chain : `star_tracker.step`, or something that wraps it to see how long it takes
+
+    Returns
+    -------
+    computer : Computer
+    outputs : list of records in the order in which they came about: CameraCommand (the first when the tracker
+        is switched on, then one with each frame), StarFix, GateResult, the NavSolution of the tick, and at
+        10 Hz NavCovariance
+    """
+    nav, now_s = computer.nav, imu_block.t_valid_s
+    fusion.advance(nav, imu_block)
+    computer, outputs, due = _track_stars(computer, now_s, frames_arrived, chain)
+    arrivals = [("gps", fix) for fix in gps_fixes] + [("star_tracker", fix) for fix in due]
+    if arrivals:
+        outputs += fusion.fuse(nav, arrivals)
+    outputs.append(solution.solution(nav))
+    ticks = computer.ticks + 1
+    if ticks % COVARIANCE_TICKS == 0:
+        outputs.append(solution.covariance(nav))
+    return computer._replace(ticks=ticks), outputs
+
+
+def _track_stars(computer, now_s, frames_arrived, chain):
+    """Switch the tracker, run its chain on frames. -> Computer, records, StarFix that are due now."""
+    params, outputs, due = computer.params, [], []
+    if computer.tracker_state is None and params.tracker_on_s <= now_s + EARLY_S < params.tracker_off_s:
+        tracker_state, command = star_tracker.start(computer.tracker, now_s)
+        computer = computer._replace(tracker_state=tracker_state)
+        outputs.append(command)
+    elif computer.tracker_state is not None and now_s + EARLY_S >= params.tracker_off_s:
+        computer = computer._replace(tracker_state=None)
+    if computer.tracker_state is not None:
+        for frame in frames_arrived:
+            context = star_context(computer, frame.t_valid_s)
+            tracker_state, fix, command = chain(computer.tracker, computer.tracker_state, frame, context)
+            outputs += [fix, command]
+            waiting = computer.waiting + ((fix,) if fix.reason == Reason.NONE else ())
+            computer = computer._replace(tracker_state=tracker_state, waiting=waiting)
+    if computer.waiting:
+        due = [fix for fix in computer.waiting if fix.t_available_s <= now_s + EARLY_S]
+        later = tuple(fix for fix in computer.waiting if fix.t_available_s > now_s + EARLY_S)
+        computer = computer._replace(waiting=later)
+    return computer, outputs, due
+
+
+def star_context(computer, t_s):
+    """What the navigation knows about a frame valid at t_s: `tracker.Context`.
+
+    Taken from the tick nearest to t_s: within 5 ms the geometry does not change.
+    """
+    params = computer.params
+    ticks = [tick for tick in computer.nav.history if tick.imu is not None]
+    near = min(ticks, key=lambda tick: abs(tick.state.t_s - t_s))
+    state = near.state
+    omega_ib_b = strapdown.rate(state, near.imu, strapdown.SAMPLES * near.imu.dt_s)
+    C_ic = rotation.dcm_from_quat(state.q_ib) @ rotation.dcm_from_rotvec(state.mounting) @ params.nav.C_bc
+    boresight_i = C_ic[:, 2]
+    C_ei = frames.dcm_ie(computer.earth, state.t_s).T
+    return star_tracker.Context(
+        velocity_i=state.v_i + params.tracker.earth_velocity_i,
+        rate=float(np.sqrt(omega_ib_b @ omega_ib_b)),
+        sun_angle=float(np.arccos(np.clip(boresight_i @ params.sun_i, -1.0, 1.0))),
+        limb_angle=float(wgs84.limb_angle(C_ei @ state.r_i, C_ei @ boresight_i)),
+    )

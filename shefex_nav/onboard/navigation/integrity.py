@@ -1,0 +1,124 @@
+"""Who is believed: gate, and release of the gate when a sensor insists.
+
+A measurement whose normalised innovation squared exceeds the chi-square limit is rejected. A filter that
+has gone wrong would reject everything from then on, so a sensor that keeps contradicting it is believed in
+the end, but only if its rejected fixes agree with each other: GPS fixes through the velocity that
+they report, star fixes through the gyros. A lone wrong fix, or a receiver that repeats its last fix,
+never gets through.
+"""
+
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry import rotation
+
+LONGEST_PAIR_S = 3.0  # [E] fixes further apart than this are not compared
+
+
+class Fate(IntEnum):
+    """What became of a measurement; decided once, repeated whenever the interval is integrated again."""
+
+    PENDING = 0
+    USED = 1
+    RESET = 2  # used after everything known of its block was forgotten
+    REJECTED = 3
+
+
+class Health(NamedTuple):
+    """Record of one sensor."""
+
+    used: int  # measurements used since the start
+    rejected: int  # consecutive rejected fixes which agree with each other
+    t_first_s: float  # the first of them
+    evidence: Any  # the last of them, in the form that `agrees` compares
+
+
+class StarEvidence(NamedTuple):
+    """A star fix against the attitude that the filter had."""
+
+    t_valid_s: float
+    error_i: np.ndarray  # (4,) rotation from the estimated to the measured attitude, inertial axes
+    R_i: np.ndarray  # (3, 3) rad^2
+
+
+HEALTHY = Health(0, 0, np.nan, None)
+
+
+def chi_square_limit(probability, dof):
+    """Value that a chi-square variable exceeds with the given probability."""
+    from scipy.special import chdtri
+
+    return float(chdtri(dof, probability))
+
+
+def judge(health, rule, nis, limit, t_valid_s, evidence, agree):
+    """Fate of a measurement.
+
+    Parameters
+    ----------
+    health : Health of its sensor
+    rule : state.ReleaseRule
+    nis, limit : normalised innovation squared and its chi-square limit
+    t_valid_s : s
+    evidence : what is kept of the fix if it is rejected
+    agree : function(earlier evidence, this evidence) -> bool
+
+    Returns
+    -------
+    fate : Fate
+    health : Health
+    """
+    if nis <= limit:
+        return Fate.USED, Health(health.used + 1, 0, np.nan, None)
+    if health.evidence is not None and agree(health.evidence, evidence):
+        rejected, t_first_s = health.rejected + 1, health.t_first_s
+    else:
+        rejected, t_first_s = 1, t_valid_s
+    if rejected >= rule.count and t_valid_s - t_first_s >= rule.duration_s - 1e-6:
+        return Fate.RESET, Health(health.used + 1, 0, np.nan, None)
+    return Fate.REJECTED, Health(health.used, rejected, t_first_s, evidence)
+
+
+def gps_fixes_agree(earlier, later, slack):
+    """Whether the change of position between two GpsFix is what their velocities say (trapezoidal rule).
+
+    slack : m per second between them, for the accelerations in between and the swing of the antenna.
+    Two fixes with the very same position are one fix repeated, and prove nothing.
+    """
+    dt_s = later.t_valid_s - earlier.t_valid_s
+    if not 0.0 < dt_s <= LONGEST_PAIR_S or np.array_equal(earlier.r_ea_e, later.r_ea_e):
+        return False
+    gap = later.r_ea_e - earlier.r_ea_e - 0.5 * dt_s * (earlier.v_ea_e + later.v_ea_e)
+    variance = np.trace(earlier.R_r_e + later.R_r_e)
+    return float(gap @ gap) <= 9.0 * (variance + (slack * dt_s) ** 2)
+
+
+def star_evidence(state, z, R):
+    """StarEvidence of a fix with residual z (3,) rad and covariance R (3, 3) rad^2 in body axes."""
+    C_ib = rotation.dcm_from_quat(state.q_ib)
+    measured = rotation.quat_multiply(state.q_ib, rotation.quat_from_rotvec(z))
+    error_i = rotation.quat_multiply(measured, rotation.quat_conjugate(state.q_ib))
+    return StarEvidence(state.t_s, error_i, C_ib @ R @ C_ib.T)
+
+
+def star_fixes_agree(earlier, later, P_rate, limit):
+    """Whether two star fixes differ by the rotation that the gyros saw.
+
+    The strapdown turns with the gyros, so its attitude error in inertial axes is the same at both fixes,
+    but for their noise and for what the gyros are still wrong by.
+
+    earlier, later : StarEvidence
+    P_rate : (3, 3) rad^2/s^2, covariance of the corrected rate
+    limit : chi-square
+    """
+    dt_s = later.t_valid_s - earlier.t_valid_s
+    if not 0.0 < dt_s <= LONGEST_PAIR_S:
+        return False
+    d = rotation.rotvec_from_quat(
+        rotation.quat_multiply(rotation.quat_conjugate(earlier.error_i), later.error_i)
+    )
+    # the largest rate variance stands for every axis, so that no frame has to be chosen for it
+    S = earlier.R_i + later.R_i + np.max(np.linalg.eigvalsh(P_rate)) * dt_s**2 * np.eye(3)
+    return float(d @ np.linalg.solve(S, d)) <= limit

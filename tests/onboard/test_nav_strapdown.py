@@ -1,0 +1,267 @@
+"""The strapdown against analytic motion, and its errors against finite differences of itself."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from shefex_nav.environment.gravity import gravity_j2_e
+from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.onboard.navigation import error_model, strapdown
+from shefex_nav.onboard.navigation.state import (
+    ATT,
+    BA,
+    BG,
+    MOUNT,
+    N_ERROR,
+    POS,
+    ROLL,
+    VEL,
+    ImuModel,
+    NavState,
+    correct,
+)
+from shefex_nav.records import ImuBlock
+
+EARTH = frames.EarthRotation(np.eye(3), np.eye(3), 1.234, 7.292115e-5)
+DT = 1.0 / 400.0
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)  # within one sample: error below 1e-16
+
+
+class Coning:
+    """A vehicle under thrust that spins and whose spin axis cones: C_ib = Rz(W t) Ry(cone) Rx(s t)."""
+
+    spin, precession, cone = 2 * np.pi * 1.5, 2 * np.pi * 0.2, np.deg2rad(5.0)
+    r_0, v_0 = np.array([2.3e6, 0.4e6, 6.0e6]), np.array([-300.0, 500.0, 1200.0])
+
+    def C_ib(self, t):
+        angles = [self.precession * t, self.cone, self.spin * t]
+        return Rotation.from_euler("ZYX", angles).as_matrix()
+
+    def omega_b(self, t):
+        """Kinematics of the three angles."""
+        roll = self.spin * t
+        along = self.precession * np.array(
+            [-np.sin(self.cone), np.cos(self.cone) * np.sin(roll), np.cos(self.cone) * np.cos(roll)]
+        )
+        return along + np.array([self.spin, 0.0, 0.0])
+
+    def f_b(self, t):
+        """Thrust with a ripple, and what an IMU off the spin axis feels."""
+        return np.array([60.0 + 5.0 * np.sin(3.0 * t), 2.0 + np.cos(9.0 * t), -1.0])
+
+    def block(self, n):
+        """ImuBlock n of ideal increments, by quadrature."""
+        dtheta, dv = np.zeros((4, 3)), np.zeros((4, 3))
+        for k in range(4):
+            begin = (4 * n + k) * DT
+            for x, w in zip(NODES, WEIGHTS, strict=True):
+                t = begin + 0.5 * DT * (1.0 + x)
+                dtheta[k] += 0.5 * DT * w * self.omega_b(t)
+                dv[k] += 0.5 * DT * w * self.f_b(t)
+        end = (4 * n + 4) * DT
+        return ImuBlock(end, end, DT, dtheta, dv, False)
+
+    def truth(self, t_end):
+        """(r_i, v_i) by an adaptive Runge-Kutta method of order 8."""
+
+        def rates(t, x):
+            C_ie = frames.dcm_ie(EARTH, t)
+            g_i = C_ie @ gravity_j2_e(C_ie.T @ x[:3])
+            return np.concatenate([x[3:], self.C_ib(t) @ self.f_b(t) + g_i])
+
+        start = np.concatenate([self.r_0, self.v_0])
+        x = solve_ivp(rates, (0.0, t_end), start, method="DOP853", rtol=1e-13, atol=1e-7).y[:, -1]
+        return x[:3], x[3:]
+
+    def start(self, **errors):
+        zero = {"gyro_bias": np.zeros(3), "accel_bias": np.zeros(3), "gyro_roll_column": np.zeros(3)}
+        q_ib = rotation.quat_from_dcm(self.C_ib(0.0))
+        return NavState(0.0, self.r_0, self.v_0, q_ib, mounting=np.zeros(3), **(zero | errors))
+
+
+MOTION = Coning()
+BLOCKS = [MOTION.block(n) for n in range(1000)]
+
+
+def fly(state, blocks, cuts=(0.0, 4 * DT)):
+    """The state after the blocks, each integrated in parts between the cuts."""
+    imu = None
+    for block in blocks:
+        imu = strapdown.window(block, imu)
+        for begin_s, end_s in pairwise(cuts):
+            r_i, v_i, q_ib, _ = strapdown.propagate(state, imu, begin_s, end_s, EARTH)
+            t_s = block.t_valid_s - 4 * DT + end_s
+            state = NavState(t_s, r_i, v_i, q_ib, *state[4:])
+    return state
+
+
+def attitude_error(state):
+    return rotation.rotvec_between(state.q_ib, rotation.quat_from_dcm(MOTION.C_ib(state.t_s)))
+
+
+def test_ideal_increments_give_back_coning_motion_under_thrust():
+    """10 s, 15 revolutions. Without coning compensation the attitude is 5e-4 rad off, see below."""
+    state = fly(MOTION.start(), BLOCKS)
+    r_i, v_i = MOTION.truth(10.0)
+    assert np.linalg.norm(attitude_error(state)) < 1e-7
+    assert np.linalg.norm(state.v_i - v_i) < 1e-4
+    assert np.linalg.norm(state.r_i - r_i) < 5e-4
+
+
+def test_compensation_is_needed():
+    """The increments taken as rotation vectors, as a reference without compensation."""
+    q_ib = rotation.quat_from_dcm(MOTION.C_ib(0.0))
+    for dtheta in np.concatenate([block.dtheta_b for block in BLOCKS]):
+        q_ib = rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(dtheta))
+    error = rotation.rotvec_between(q_ib, rotation.quat_from_dcm(MOTION.C_ib(10.0)))
+    assert np.linalg.norm(error) > 1e-4
+
+
+def test_cutting_a_sample_anywhere_changes_nothing():
+    """A cut at an arbitrary instant costs less than the compensation itself leaves."""
+    whole, cut = (
+        fly(MOTION.start(), BLOCKS[:200]),
+        fly(MOTION.start(), BLOCKS[:200], (0.0, 0.00137, 0.0081, 0.01)),
+    )
+    assert np.linalg.norm(rotation.rotvec_between(whole.q_ib, cut.q_ib)) < 1e-8
+    assert np.linalg.norm(whole.v_i - cut.v_i) < 1e-5
+    assert np.linalg.norm(whole.r_i - cut.r_i) < 1e-5
+
+
+def test_state_inside_a_tick_is_that_of_then():
+    imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]))
+    state = fly(MOTION.start(), BLOCKS[:1])
+    _, _, q_ib, _ = strapdown.propagate(state, imu, 0.0, 0.0037, EARTH)
+    q_true = rotation.quat_from_dcm(MOTION.C_ib(0.01 + 0.0037))
+    assert np.linalg.norm(rotation.rotvec_between(q_ib, q_true)) < 1e-7
+
+
+def test_known_sensor_errors_are_taken_out():
+    """Increments of gyros and accelerometers with errors, integrated with those errors as estimates."""
+    bias, accel, column = (
+        np.array([1e-4, -2e-4, 3e-4]),
+        np.array([0.02, -0.01, 0.03]),
+        np.array([4e-4, -3e-4, 2e-4]),
+    )
+    faulty = []
+    for block in BLOCKS[:300]:
+        dtheta_b = block.dtheta_b + np.outer(block.dtheta_b[:, 0], column) + bias * DT
+        faulty.append(block._replace(dtheta_b=dtheta_b, dv_b=block.dv_b + accel * DT))
+    clean = fly(MOTION.start(), BLOCKS[:300])
+    state = fly(MOTION.start(gyro_bias=bias, accel_bias=accel, gyro_roll_column=column), faulty)
+    assert np.linalg.norm(rotation.rotvec_between(clean.q_ib, state.q_ib)) < 1e-12
+    assert np.linalg.norm(clean.r_i - state.r_i) < 1e-6
+    omega_b = strapdown.rate(state, strapdown.window(faulty[-1]), 4 * DT)
+    middle = MOTION.omega_b(3.0 - 0.5 * DT)
+    assert np.allclose(omega_b, middle, atol=1e-4)  # mean of a sample against its middle: curvature only
+
+
+def test_standing_still_on_the_turning_earth():
+    """A minute at rest: specific force cancels gravity, rate is that of the Earth."""
+    r_e = wgs84.ecef_from_geodetic(np.deg2rad(69.3), np.deg2rad(16.0), 10.0)
+    r_i, v_i = frames.inertial_from_ecef(EARTH, 0.0, r_e, np.zeros(3))
+    q_ib = rotation.quat_from_dcm(frames.dcm_ie(EARTH, 0.0))  # body axes along those of the Earth
+    omega_e = np.array([0.0, 0.0, EARTH.rate])
+    f_e = np.cross(omega_e, np.cross(omega_e, r_e)) - gravity_j2_e(r_e)
+    dtheta_b, dv_b = np.tile(omega_e * DT, (4, 1)), np.tile(f_e * DT, (4, 1))
+    blocks = [ImuBlock(0.01 * (n + 1), 0.0, DT, dtheta_b, dv_b, False) for n in range(6000)]
+    state = fly(NavState(0.0, r_i, v_i, q_ib, *[np.zeros(3)] * 4), blocks)
+    r_end, v_end = frames.ecef_from_inertial(EARTH, 60.0, state.r_i, state.v_i)
+    assert np.linalg.norm(r_end - r_e) < 1e-4
+    assert np.linalg.norm(v_end) < 1e-5
+
+
+def error_between(estimate, truth):
+    """The error state dx with truth = estimate (+) dx."""
+    dx = np.empty(N_ERROR)
+    dx[POS], dx[VEL] = truth.r_i - estimate.r_i, truth.v_i - estimate.v_i
+    dx[ATT] = rotation.rotvec_between(estimate.q_ib, truth.q_ib)
+    dx[BG], dx[BA] = truth.gyro_bias - estimate.gyro_bias, truth.accel_bias - estimate.accel_bias
+    dx[ROLL] = truth.gyro_roll_column - estimate.gyro_roll_column
+    dx[MOUNT] = truth.mounting - estimate.mounting
+    return dx
+
+
+STEP = np.repeat([10.0, 0.1, 1e-4, 1e-3, 1.0, 1e-4, 1e-4], 3)
+
+
+@pytest.mark.parametrize(("begin_s", "end_s"), [(0.0, 0.01), (0.0013, 0.0087)])
+def test_transition_matrix_is_the_derivative_of_the_strapdown(begin_s, end_s):
+    """Central differences. Only the oblateness is left out of the gravity gradient: 0.3 % of that block."""
+    state = MOTION.start(
+        gyro_bias=np.array([1e-4, -2e-4, 3e-4]),
+        accel_bias=np.array([0.02, -0.01, 0.03]),
+        gyro_roll_column=np.array([4e-4, -3e-4, 2e-4]),
+    )
+    imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]))
+
+    def end(start):
+        r_i, v_i, q_ib, pieces = strapdown.propagate(start, imu, begin_s, end_s, EARTH)
+        return NavState(0.0, r_i, v_i, q_ib, *start[4:]), pieces
+
+    nominal, pieces = end(state)
+    Phi = error_model.transition(pieces, state.r_i, nominal.q_ib, state.gyro_roll_column)
+    measured = np.empty((N_ERROR, N_ERROR))
+    for j in range(N_ERROR):
+        dx = np.zeros(N_ERROR)
+        dx[j] = STEP[j]
+        up = error_between(nominal, end(correct(state, dx))[0])
+        down = error_between(nominal, end(correct(state, -dx))[0])
+        measured[:, j] = (up - down) / (2.0 * STEP[j])
+    gradient = wgs84.GM / np.linalg.norm(state.r_i) ** 3
+    T = end_s - begin_s
+    for rows in (POS, VEL, ATT, BG, BA, ROLL, MOUNT):
+        for columns in (POS, VEL, ATT, BG, BA, ROLL, MOUNT):
+            scale = np.abs(Phi[rows, columns]).max()
+            # rounding of positions of 6e6 m in the differences; gradient: oblateness, where g is evaluated
+            rounding = {POS.start: 2e-9, VEL.start: 1e-12}.get(rows.start, 1e-14) / STEP[columns.start]
+            gravity = {POS.start: 0.01, VEL.start: 0.01 * T}.get(columns.start, 1e-2 * T * T) * gradient * T
+            tolerance = 1e-6 * scale + rounding + (gravity if rows in (POS, VEL) else 0.0)
+            difference = np.abs(measured[rows, columns] - Phi[rows, columns]).max()
+            assert difference <= tolerance, (rows, columns, difference, tolerance, scale)
+
+
+MODEL = ImuModel(**dict.fromkeys(ImuModel._fields, 0.0))._replace(thrust_time_s=30.0, gravity_time_s=50.0)
+
+
+def process_noise(model, saturated=False):
+    imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]))
+    state = MOTION.start()
+    imu = imu._replace(saturated=saturated)
+    return error_model.step(model, state, imu, 0.0, 0.01, EARTH)[4]
+
+
+def test_white_noise_of_the_sensors_grows_as_the_datasheet_says():
+    """After 1 s of unaccelerated flight: angle random walk, velocity random walk."""
+    Q = process_noise(MODEL._replace(gyro_random_walk=2e-5, accel_random_walk=7e-4, gyro_bias_walk=3e-8))
+    assert np.allclose(np.diag(Q)[ATT], 2e-5**2 * 0.01, rtol=1e-9)
+    assert np.allclose(np.diag(Q)[VEL], 7e-4**2 * 0.01, rtol=1e-3)  # attitude noise under thrust adds to it
+    assert np.allclose(np.diag(Q)[BG], 3e-8**2 * 0.01)
+    assert np.linalg.eigvalsh(Q).min() > -1e-18
+
+
+def test_spin_averages_errors_across_the_roll_axis_only():
+    Q = process_noise(MODEL._replace(gyro_g_sensitivity=1e-6))
+    f = np.linalg.norm(MOTION.f_b(0.015))
+    assert Q[ATT, ATT][0, 0] == pytest.approx(2 * 30.0 * (1e-6 * f) ** 2 * 0.01, rel=1e-2)
+    assert Q[ATT, ATT][1, 1] < 1e-4 * Q[ATT, ATT][0, 0]
+
+
+def test_saturation_opens_the_covariance():
+    quiet = MODEL._replace(saturated_rate=0.5, saturated_acceleration=10.0)
+    assert np.allclose(process_noise(quiet), 0.0)
+    Q = process_noise(quiet, saturated=True)
+    assert np.allclose(np.sqrt(np.diag(Q)[ATT]), 0.5 * 0.01, rtol=1e-6)
+    assert np.sqrt(np.diag(Q)[VEL]).min() >= 10.0 * 0.01 * 0.999
+
+
+def test_vibration_is_that_of_the_motor_that_burns():
+    model = MODEL._replace(thrust_threshold=15.0, motor_2_s=5.0, motor_2_vibration=0.4)
+    burning, falling = BLOCKS[0], BLOCKS[0]._replace(dv_b=0.1 * BLOCKS[0].dv_b)
+    braking = BLOCKS[0]._replace(dv_b=-BLOCKS[0].dv_b)  # drag is no motor
+    assert error_model.vibration_level(model, burning) == 1.0
+    assert error_model.vibration_level(model, burning._replace(t_valid_s=6.0)) == 0.4
+    assert error_model.vibration_level(model, falling) == error_model.vibration_level(model, braking) == 0.0
