@@ -114,7 +114,9 @@ def test_filter_knows_the_data_sheets(scenario):
     assert nav.sigma_gyro_bias == pytest.approx(math.hypot(imu.gyro_bias, imu.gyro_bias_in_run))
     np.testing.assert_allclose(nav.sigma_gyro_roll_column, [30e-6, 5e-5, 5e-5])
     assert nav.imu.gyro_random_walk == imu.gyro_random_walk
-    assert nav.sigma_mounting == params.camera_params(scenario).sigma_mounting_rad
+    camera = params.camera_params(scenario)
+    offset = math.atan(camera.sigma_principal_point_px * camera.pixel_m / camera.focal_length_m)
+    assert nav.sigma_mounting == pytest.approx(math.hypot(camera.sigma_mounting_rad, offset))
     np.testing.assert_array_equal(nav.l_ba_b, params.gps_params(scenario).l_ba_b)
     np.testing.assert_array_equal(nav.C_bc, params.flight_params(scenario).C_bc)
 
@@ -180,7 +182,7 @@ def test_tracker_looks_through_the_nominal_camera(scenario, bodies):
     assert (camera.width_px, camera.height_px) == (659, 493)
     np.testing.assert_array_equal(computer.tracker.detect.bad_pixels, [[1, 2], [3, 4]])
     np.testing.assert_array_equal(computer.sun_i, bodies.sun_u_i)
-    assert (computer.tracker_on_s, computer.tracker_off_s) == (222.0, 394.0)
+    assert (computer.tracker_on_s, computer.tracker_off_s) == (234.0, 385.0)
 
 
 def test_a_disabled_tracker_is_never_switched_on(bodies):
