@@ -23,7 +23,7 @@ def fly(job):
     data = kept.build()
     summary = metrics.summarise(data)
     fixes = metrics.star_errors(data)
-    window = {frame.number for frame in metrics.window_frames(data)}
+    window, _ = metrics.window_frames(data)
     summary["fix_errors_c"] = fixes.rotation_c[[n in window for n in fixes.number]]
     summary["fix_sigmas_c"] = fixes.sigma_c[[n in window for n in fixes.number]]
     return summary
