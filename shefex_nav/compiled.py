@@ -8,7 +8,14 @@ after an edit there, every kernel is compiled again.
 import hashlib
 import os
 
-SHARED = ("geometry", "environment", "onboard/navigation")
+SHARED = (
+    "geometry",
+    "environment",
+    "onboard/navigation",
+    "onboard/startracker",
+    "onboard/startracker/identify",
+    "world/flight",
+)
 
 
 def cache_key(package_dir):

@@ -11,7 +11,7 @@ from foxglove import messages as fox
 from numba import njit
 
 from shefex_nav.geometry.frames import dcm_ie
-from shefex_nav.geometry.rotation import quat_from_dcm, quat_multiply, xyzw
+from shefex_nav.geometry.rotation import quat_from_dcm, quat_multiply
 from shefex_nav.geometry.wgs84 import dcm_el, ecef_from_geodetic, geodetic_from_ecef
 from shefex_nav.records import Reason
 
@@ -46,7 +46,7 @@ def _timestamp(ns):
 
 
 def _quaternion(q):
-    x, y, z, w = xyzw(q).tolist()
+    w, x, y, z = q.tolist()
     return fox.Quaternion(x=x, y=y, z=z, w=w)
 
 
@@ -62,6 +62,8 @@ class Drawings:
             mission.launch_latitude, mission.launch_longitude, mission.launch_height
         )
         self._q_bc = _quaternion(quat_from_dcm(mission.C_bc))
+        self._no_shift = fox.Vector3()
+        thresholded(np.zeros((1, 1), np.uint8), policy.threshold_sigma)  # loaded now, not during the run
         self._last_reason = None
         self._last_notes = {}  # by sensor
 
@@ -89,7 +91,7 @@ class Drawings:
             timestamp=_timestamp(ns),
             parent_frame_id=BODY,
             child_frame_id=CAMERA,
-            translation=fox.Vector3(),
+            translation=self._no_shift,
             rotation=self._q_bc,
         )
         return self._pose_messages("/truth/pose", BODY, record, ns, [mounted])
@@ -106,15 +108,16 @@ class Drawings:
             self._mission.earth, self._C_le, self._r_le_e, record.t_s, record.r_i, record.q_ib
         )
         x, y, z = r_l.tolist()
+        position = fox.Vector3(x=x, y=y, z=z)
         orientation = _quaternion(q_lb)
         transform = fox.FrameTransform(
             timestamp=stamp,
             parent_frame_id=LAUNCH,
             child_frame_id=child,
-            translation=fox.Vector3(x=x, y=y, z=z),
+            translation=position,
             rotation=orientation,
         )
-        pose = fox.Pose(position=fox.Vector3(x=x, y=y, z=z), orientation=orientation)
+        pose = fox.Pose(position=position, orientation=orientation)
         return (
             ("/tf", fox.FrameTransforms(transforms=[transform, *more_transforms])),
             (topic, fox.PoseInFrame(timestamp=stamp, frame_id=LAUNCH, pose=pose)),
@@ -224,20 +227,36 @@ def _image(image_dn, ns):
     )
 
 
+@njit(cache=True)
 def thresholded(image_dn, threshold_sigma):
     """The frame with everything below mean + threshold_sigma * standard deviation of its background at zero.
 
     The background is what lies within 4 standard deviations of the median, found by clipping the histogram of
     every sixteenth row three times. (rows, columns) uint8 -> the same.
     """
-    counts = np.bincount(image_dn[::16].ravel(), minlength=256).astype(np.float64)
-    levels = np.arange(256.0)
-    median = np.searchsorted(np.cumsum(counts), 0.5 * counts.sum())
+    counts = np.zeros(256, dtype=np.int64)
+    for r in range(0, image_dn.shape[0], 16):
+        for value in image_dn[r]:
+            counts[value] += 1
+    half, below, median = 0.5 * counts.sum(), counts[0], 0
+    while below < half:
+        median += 1
+        below += counts[median]
     low, high = 0.0, 2.0 * median + 4.0  # stars are bright: nothing of the sky is above twice its median
+    mean, sigma = 0.0, 0.0
     for _ in range(3):
-        inside = counts * ((levels >= low) & (levels <= high))
-        mean = (inside * levels).sum() / inside.sum()
-        sigma = np.sqrt((inside * (levels - mean) ** 2).sum() / inside.sum())
+        n, total, squares = 0, 0, 0
+        for level in range(max(0, np.ceil(low)), min(255, np.floor(high)) + 1):
+            n += counts[level]
+            total += counts[level] * level
+            squares += counts[level] * level * level  # whole numbers: nothing is rounded
+        mean = total / n
+        sigma = np.sqrt(max(squares / n - mean * mean, 0.0))
         low, high = mean - 4.0 * sigma - 1.0, mean + 4.0 * sigma + 1.0
-    threshold = min(255.0, np.ceil(mean + threshold_sigma * sigma))
-    return image_dn * (image_dn >= np.uint8(threshold)).view(np.uint8)
+    threshold = np.uint8(min(255.0, np.ceil(mean + threshold_sigma * sigma)))
+    kept = np.empty_like(image_dn)
+    for r in range(image_dn.shape[0]):
+        row, kept_row = image_dn[r], kept[r]  # of one row, the compiler takes many pixels at a time
+        for c in range(image_dn.shape[1]):
+            kept_row[c] = row[c] if row[c] >= threshold else np.uint8(0)
+    return kept

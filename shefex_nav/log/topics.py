@@ -301,5 +301,5 @@ def epoch_ns(epoch_utc):
 
 
 def log_time_ns(epoch, t_s):
-    """Log time of mission time t_s, `epoch` in nanoseconds since 1970."""
-    return epoch + round(t_s * 1e9)
+    """Log time of mission times t_s, `epoch` in nanoseconds since 1970. int, (n,) -> (n,) int64."""
+    return epoch + np.rint(t_s * 1e9).astype(np.int64)

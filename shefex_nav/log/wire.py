@@ -2,8 +2,8 @@
 
 A message all of whose fields have a fixed length has a fixed layout in protobuf's wire format too: tags
 and lengths are the same bytes every time, doubles stand between them. Such a message is one element of a
-NumPy structured array: encoding writes the values into it, decoding reads thousands at once instead of
-one object per message. The others go through google.protobuf.
+NumPy structured array: encoding and decoding handle a whole column of messages at a time instead of one
+value. The others go through google.protobuf.
 
 Wire format: https://protobuf.dev/programming-guides/encoding
 """
@@ -99,25 +99,33 @@ def codec(topic):
 
 
 class FixedCodec:
-    """Messages of fixed layout: `encode` one record, `decode` many messages into a record of arrays."""
+    """Messages of fixed layout: many records at once, to bytes and back into a record of arrays."""
 
     def __init__(self, topic):
         self.topic = topic
         layout, self._constants = _layout(topic)
         self._dtype = np.dtype(layout)
-        self._element = np.zeros((), self._dtype)
+        template = np.zeros((), self._dtype)
         for name, data in self._constants:
-            self._element[name] = np.frombuffer(data, "u1")
-        self._timestamp = self._element["timestamp_ns"]
-        getters = [attrgetter(field.source) for field in topic.fields]
-        slots = [self._element[field.name] for field in topic.fields]
-        self._slots = list(zip(slots, getters, strict=True))
+            template[name] = np.frombuffer(data, "u1")
+        self._template = template.tobytes()
+        self._sources = []  # field, position of its attribute in the record, rest of a dotted name
+        for field in topic.fields:
+            name, _, nested = field.source.partition(".")
+            getter = attrgetter(nested) if nested else None
+            self._sources.append((field, topic.record._fields.index(name), getter))
 
-    def encode(self, record, timestamp_ns):
-        self._timestamp[...] = timestamp_ns
-        for slot, getter in self._slots:
-            slot[...] = getter(record)
-        return self._element.tobytes()
+    def encode(self, records, timestamps_ns):
+        """List of n records, (n,) int64 -> list of n messages."""
+        n = len(records)
+        array = np.frombuffer(bytearray(self._template * n), self._dtype)
+        array["timestamp_ns"] = timestamps_ns
+        columns = list(zip(*records, strict=True))
+        for field, position, getter in self._sources:
+            values = columns[position] if getter is None else [getter(v) for v in columns[position]]
+            array[field.name] = values
+        data, size = array.tobytes(), self._dtype.itemsize
+        return [data[begin : begin + size] for begin in range(0, n * size, size)]
 
     def decode(self, messages):
         """List of n messages -> the topic's record type, each field an array over n."""
@@ -136,14 +144,18 @@ class FixedCodec:
 
 
 class VariableCodec:
-    """Messages with text or lists of any length: `encode` one record, `decode` a list of records."""
+    """Messages with text or lists of any length: list of records to list of messages and back."""
 
     def __init__(self, topic):
         self.topic = topic
         self._class = message_class(topic)
         self._slots = [(field, attrgetter(field.source)) for field in topic.fields]
 
-    def encode(self, record, timestamp_ns):
+    def encode(self, records, timestamps_ns):
+        """List of n records, (n,) int64 -> list of n messages."""
+        return [self._message(*pair) for pair in zip(records, timestamps_ns.tolist(), strict=True)]
+
+    def _message(self, record, timestamp_ns):
         message = self._class(timestamp_ns=timestamp_ns)
         for field, getter in self._slots:
             value = getter(record)

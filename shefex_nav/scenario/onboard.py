@@ -89,7 +89,7 @@ class StarTracker(Block):
         "s", "30 ms", "processing, from picture in memory to attitude", non_negative=True, at_most="1 s"
     )
     highest_rate: Quantity(
-        "rad/s", "2 deg/s", "above it a frame without attitude counts as smeared", positive=True
+        "rad/s", "2.5 deg/s", "frames taken faster are smeared and give no attitude", positive=True
     )
     centroid_floor: Quantity("pix", "0.05 pix", "centroid error of the brightest stars", positive=True)
     centroid_spot: Quantity(

@@ -114,6 +114,20 @@ def test_thresholding_keeps_stars_and_drops_the_sky():
         assert np.count_nonzero(kept) - 40 < 4e-4 * image.size
 
 
+def test_thresholding_against_numpy():
+    """The background clipped three times, from the grey values of every sixteenth row themselves."""
+    image = np.random.default_rng(6).normal(20.0, 3.0, (480, 640)).clip(0, 255).astype(np.uint8)
+    image[::40, ::40] = 255
+    values = image[::16].astype(float)
+    low, high = 0.0, 2.0 * np.median(values) + 4.0
+    for _ in range(3):
+        inside = values[(values >= low) & (values <= high)]
+        margin = 4.0 * inside.std() + 1.0
+        low, high = inside.mean() - margin, inside.mean() + margin
+    threshold = np.ceil(inside.mean() + 3.0 * inside.std())
+    np.testing.assert_array_equal(thresholded(image, 3.0), np.where(image >= threshold, image, 0))
+
+
 def test_thresholding_an_even_frame():
     assert np.count_nonzero(thresholded(np.zeros((64, 64), np.uint8), 4.0)) == 0
     assert thresholded(np.full((64, 64), 255, np.uint8), 4.0).dtype == np.uint8

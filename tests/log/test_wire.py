@@ -22,6 +22,10 @@ def parsed(topic, data):
     return kind.FromString(data)
 
 
+def stamps(records):
+    return np.full(len(records), NS)
+
+
 def attribute(record, source):
     for name in source.split("."):
         record = getattr(record, name)
@@ -44,8 +48,9 @@ def samples():
 @pytest.mark.parametrize("topic", topics.TOPICS, ids=lambda topic: topic.schema)
 def test_google_protobuf_reads_what_was_encoded(topic, samples):
     encoder = wire.codec(topic)
-    for record in samples[topic.record]:
-        message = parsed(topic, encoder.encode(record, NS))
+    rows = samples[topic.record]
+    for record, data in zip(rows, encoder.encode(rows, stamps(rows)), strict=True):
+        message = parsed(topic, data)
         assert message.timestamp_ns == NS
         for field in topic.fields:
             value = getattr(message, field.name)
@@ -62,7 +67,7 @@ def test_google_protobuf_reads_what_was_encoded(topic, samples):
 def test_decoding_gives_back_the_records(topic, samples):
     coder = wire.codec(topic)
     rows = samples[topic.record]
-    decoded = coder.decode([coder.encode(row, NS) for row in rows])
+    decoded = coder.decode(coder.encode(rows, stamps(rows)))
     for k, row in enumerate(rows):
         for field in topic.fields:
             value = attribute(decoded if wire.is_fixed(topic) else decoded[k], field.source)
@@ -77,10 +82,10 @@ def test_decoding_gives_back_the_records(topic, samples):
 
 @pytest.mark.parametrize("topic", [*filter(wire.is_fixed, topics.TOPICS)], ids=lambda topic: topic.schema)
 def test_fixed_layouts_say_what_google_protobuf_says(topic, samples):
-    google = wire.VariableCodec(topic)
-    for record in samples[topic.record]:
-        message = wire.message_class(topic).FromString(wire.codec(topic).encode(record, NS))
-        assert message.SerializeToString() == google.encode(record, NS)
+    rows = samples[topic.record]
+    google = wire.VariableCodec(topic).encode(rows, stamps(rows))
+    for data, expected in zip(wire.codec(topic).encode(rows, stamps(rows)), google, strict=True):
+        assert wire.message_class(topic).FromString(data).SerializeToString() == expected
 
 
 def test_varints_have_the_published_encoding():
@@ -110,7 +115,7 @@ def test_fixed_decoding_refuses_other_bytes():
     topic = next(t for t in topics.TOPICS if t.schema == "Truth")
     coder = wire.codec(topic)
     truth = synthetic_run.truth_at(synthetic_run.mission(), 3.0)
-    data = coder.encode(truth, NS)
+    data = coder.encode([truth], stamps([truth]))[0]
     with pytest.raises(LogError, match="length"):
         coder.decode([data, data[:-1]])
     with pytest.raises(LogError, match="layout"):
@@ -120,5 +125,6 @@ def test_fixed_decoding_refuses_other_bytes():
 def test_wrong_shapes_are_refused():
     coder = wire.codec(next(t for t in topics.TOPICS if t.schema == "Truth"))
     truth = synthetic_run.truth_at(synthetic_run.mission(), 3.0)
-    with pytest.raises(ValueError, match="broadcast"):
-        coder.encode(truth._replace(r_i=np.zeros(4)), NS)
+    for wrong in (np.zeros(4), np.zeros((3, 1))):
+        with pytest.raises(ValueError, match=r"broadcast|sequence"):
+            coder.encode([truth._replace(r_i=wrong)], stamps([truth]))

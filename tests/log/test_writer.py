@@ -85,6 +85,15 @@ def contents(path):
         return messages, [m.metadata for m in source.iter_metadata()], list(source.iter_attachments())
 
 
+def test_records_stand_in_the_order_in_which_they_came(records, log):
+    topic_of = {topic.record: topic.topic for topic in topics.TOPICS}
+    topic_of[rec.ComputeTime] = topic_of[topics.RunSummary] = topic_of[topics.Timing]
+    with log.open("rb") as file:
+        messages = make_reader(file).iter_messages(topics=list(topic_of.values()), log_time_order=False)
+        found = [channel.topic for _, channel, _ in messages]
+    assert found == ["/mission", *(topic_of[type(record)] for record in records)]
+
+
 def test_runs_that_differ_in_measured_times_alone_have_equal_records(records, tmp_path):
     slower = [
         r._replace(chain_s=2.0 * r.chain_s)

@@ -129,10 +129,21 @@ def test_reason_for_an_empty_frame(changed, expected):
     assert command.exposure_s == EXPOSURE.max_s
 
 
-def test_reason_never_vetoes_an_attitude():
+def test_no_attitude_faster_than_the_tracker_is_made_for():
+    rng = np.random.default_rng(5)
+    image_dn = sky_frame(rng, seen_sky(), sky_with_stars(rng))
+    _, good, _ = process(image_dn, CONTEXT._replace(rate=2.4 * DEG))
+    _, fast, _ = process(image_dn, CONTEXT._replace(rate=2.6 * DEG))
+    _, unknown, _ = process(image_dn, tracker.NO_CONTEXT)
+    assert good.reason == unknown.reason == Reason.NONE
+    assert fast.reason == Reason.SMEARED
+    assert np.isnan(fast.q_ic).all() and np.isnan(fast.P_c).all()
+
+
+def test_exclusion_angles_never_veto_an_attitude():
     rng = np.random.default_rng(5)
     q_ic = sky_with_stars(rng)
-    pessimist = tracker.Context(VELOCITY, 10.0 * DEG, 10.0 * DEG, -10.0 * DEG)
+    pessimist = tracker.Context(VELOCITY, 1.0 * DEG, 10.0 * DEG, -10.0 * DEG)
     _, fix, _ = process(sky_frame(rng, seen_sky(), q_ic), pessimist)
     assert fix.reason == Reason.NONE
 

@@ -6,7 +6,7 @@ from star_fields import CAMERA, IDENTIFY, centroid_list, random_attitude, ready_
 
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
-from shefex_nav.onboard.startracker.identify.verify import _match_kernel, log_odds, verify
+from shefex_nav.onboard.startracker.identify.verify import _match_kernel, brightness_odds, log_odds, verify
 from shefex_nav.records import Reason
 
 
@@ -75,16 +75,41 @@ def test_odds_count_what_they_should():
     """A missing star costs ln(1 - p), a distance d^2 / (2 sigma^2)."""
     rng = np.random.default_rng(6)
     u_c = unit_vectors(CAMERA, rng.uniform([0.0, 0.0], [658.0, 492.0], (8, 2)))
-    known, zero = np.ones(8, dtype=bool), np.zeros(8)
-    base = log_odds(IDENTIFY, u_c, known, zero, 0)
-    assert log_odds(IDENTIFY, u_c, known, zero, 3) - base == pytest.approx(3.0 * np.log(0.1))
+    star, zero = np.arange(8), np.zeros(8)
+    settings = (CAMERA, IDENTIFY.sigma_px, IDENTIFY.detection_probability)
+    base = log_odds(*settings, u_c, star, zero, 0)
+    assert log_odds(*settings, u_c, star, zero, 3) - base == pytest.approx(3.0 * np.log(0.1))
     off = np.zeros(8)
     off[2] = (2.0 * IDENTIFY.sigma_px) ** 2
-    assert log_odds(IDENTIFY, u_c, known, off, 0) - base == pytest.approx(-2.0)
+    assert log_odds(*settings, u_c, star, off, 0) - base == pytest.approx(-2.0)
     # faint unknown detections behind them cost no more than the choice of where to stop, ln(n)
     u_more = unit_vectors(CAMERA, np.vstack([pixels(CAMERA, u_c), rng.uniform(0.0, 490.0, (22, 2))]))
-    known_more, zero_more = np.arange(30) < 8, np.zeros(30)
-    assert log_odds(IDENTIFY, u_more, known_more, zero_more, 0) - base == pytest.approx(np.log(8 / 30))
+    star_more, zero_more = np.where(np.arange(30) < 8, np.arange(30), -1), np.zeros(30)
+    assert log_odds(*settings, u_more, star_more, zero_more, 0) - base == pytest.approx(np.log(8 / 30))
+
+
+def test_odds_against_numpy():
+    """Both kernels against their equations written with arrays; covariance and its determinant by numpy."""
+    rng = np.random.default_rng(9)
+    u_c = unit_vectors(CAMERA, rng.uniform([0.0, 0.0], [658.0, 492.0], (20, 2)))
+    star = np.where(rng.random(20) < 0.5, rng.permutation(20), -1)
+    known, distance2 = star >= 0, rng.exponential(0.1, 20)
+    sigma_px, p, n = 0.25, 0.9, np.arange(1, 21)
+    F = sum(np.eye(3) - np.outer(u, u) for u in u_c[known]) * (CAMERA.focal_length_px / sigma_px) ** 2
+    attitude = 0.5 * np.log((2 * np.pi) ** 3 / np.linalg.det(F)) - np.log(8 * np.pi**2)
+    peak = np.log(p * CAMERA.width_px * CAMERA.height_px / (2 * np.pi * sigma_px**2))
+    each = np.where(known, peak - distance2 / (2 * sigma_px**2), 0.0)
+    best = (np.cumsum(each) - np.cumsum(known) * np.log(n)).max()
+    odds = log_odds(CAMERA, sigma_px, p, u_c, star, distance2, 2)
+    assert odds == pytest.approx(attitude + best - np.log(20) + 2 * np.log(0.1), rel=1e-9)
+
+    vmag, flux = rng.uniform(2.0, 5.5, 20), rng.uniform(100.0, 3000.0, 20)
+    difference = vmag[star[known]] + 2.5 * np.log10(flux[known])
+    difference = (difference - np.median(difference)) / 0.3
+    peak = 4.0 / (np.sqrt(2 * np.pi) * 0.3)
+    each = np.log(0.8 * peak * np.exp(-0.5 * difference**2) + 0.2)
+    expected = each.sum() - np.log(peak * np.sqrt(known.sum()))
+    assert brightness_odds(0.3, vmag, flux, star) == pytest.approx(expected, rel=1e-12)
 
 
 def test_brightness_speaks_for_the_right_stars():

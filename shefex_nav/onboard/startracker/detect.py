@@ -58,15 +58,11 @@ def detect(params, image_dn):
     FrameStatistics
     """
     image_dn = repair(np.ascontiguousarray(image_dn), params.bad_pixels)
-    blocks = block_sums(image_dn)
-    background, sigma, mean_dn = tile_statistics(blocks, params.tile_px)
-    table, n = _scan_kernel(
+    table, n, *statistics = _detect_kernel(
         image_dn,
-        blocks,
-        background,
-        np.floor(background + params.seed_sigma * sigma).astype(np.int64),
-        np.floor(background + params.grow_sigma * sigma).astype(np.int64),
         params.tile_px,
+        params.seed_sigma,
+        params.grow_sigma,
         params.min_pixels,
         params.max_pixels,
         params.max_peak_fraction,
@@ -80,8 +76,7 @@ def detect(params, image_dn):
         table[:, 3].astype(np.int64),
         table[:, 4].astype(np.int64),
     )
-    background_dn = float(np.median(background)) / N_BLOCK
-    return detections, FrameStatistics(mean_dn, background_dn, float(np.median(sigma)) / BLOCK)
+    return detections, FrameStatistics(*statistics)
 
 
 @njit(cache=True)
@@ -89,15 +84,19 @@ def repair(image_dn, bad_pixels):
     """Copy of the frame with each bad pixel replaced by the mean of its good neighbours (up to 8)."""
     rows, columns = image_dn.shape
     repaired = image_dn.copy()
-    bad = np.zeros((rows, columns), dtype=np.bool_)
+    bad = np.zeros(
+        rows * columns // 8 + 1, dtype=np.uint8
+    )  # one bit a pixel: as large as the frame it were slow
     for k in range(bad_pixels.shape[0]):
-        bad[bad_pixels[k, 0], bad_pixels[k, 1]] = True
+        p = bad_pixels[k, 0] * columns + bad_pixels[k, 1]
+        bad[p >> 3] |= 1 << (p & 7)
     for k in range(bad_pixels.shape[0]):
         r, c = bad_pixels[k, 0], bad_pixels[k, 1]
         total, n = 0, 0
         for y in range(max(0, r - 1), min(rows, r + 2)):
             for x in range(max(0, c - 1), min(columns, c + 2)):
-                if not bad[y, x]:
+                p = y * columns + x
+                if not bad[p >> 3] >> (p & 7) & 1:
                     total += image_dn[y, x]
                     n += 1
         repaired[r, c] = (total + n // 2) // n if n > 0 else 0
@@ -108,13 +107,16 @@ def repair(image_dn, bad_pixels):
 def block_sums(image_dn):
     """Sum of the 3x3 pixels around each pixel. (rows, columns) uint8 -> int16, zero along the border."""
     rows, columns = image_dn.shape
-    blocks = np.zeros((rows, columns), dtype=np.int16)
+    blocks = np.empty((rows, columns), dtype=np.int16)
     column = np.empty(columns, dtype=np.int16)
+    blocks[0], blocks[rows - 1] = 0, 0
     for r in range(1, rows - 1):
+        above, middle, below, sums = image_dn[r - 1], image_dn[r], image_dn[r + 1], blocks[r]
         for c in range(columns):
-            column[c] = np.int16(image_dn[r - 1, c]) + np.int16(image_dn[r, c]) + np.int16(image_dn[r + 1, c])
+            column[c] = np.int16(above[c]) + np.int16(middle[c]) + np.int16(below[c])
+        sums[0], sums[columns - 1] = 0, 0
         for c in range(1, columns - 1):
-            blocks[r, c] = column[c - 1] + column[c] + column[c + 1]
+            sums[c] = column[c - 1] + column[c] + column[c + 1]
     return blocks
 
 
@@ -138,17 +140,18 @@ def tile_statistics(blocks, tile_px):
     rows, columns = blocks.shape
     n_r, n_c = (rows + tile_px - 1) // tile_px, (columns + tile_px - 1) // tile_px
     background, sigma = np.empty((n_r, n_c)), np.empty((n_r, n_c))
-    counts = np.empty(N_BLOCK * 255 + 1, dtype=np.int64)
+    counts = np.empty(N_BLOCK * 255 + 1, dtype=np.int32)
     total, n_total = 0, 0
     for i in range(n_r):
         for j in range(n_c):
             counts[:] = 0
             n = 0
             for r in range(i * tile_px + 1, min((i + 1) * tile_px, rows - 1), BLOCK):
-                for c in range(j * tile_px + 1, min((j + 1) * tile_px, columns - 1), BLOCK):
-                    counts[blocks[r, c]] += 1
-                    total += blocks[r, c]
-                    n += 1
+                row = blocks[r, j * tile_px + 1 : min((j + 1) * tile_px, columns - 1) : BLOCK]
+                for value in row:
+                    counts[np.uint16(value)] += 1  # unsigned: no check for an index from the end
+                    total += value
+                n += len(row)
             n_total += n
             if n == 0:  # a sliver of one pixel along the border
                 background[i, j], sigma[i, j] = background[max(i - 1, 0), max(j - 1, 0)], np.inf
@@ -167,23 +170,25 @@ def tile_statistics(blocks, tile_px):
 
 
 @njit(cache=True)
-def _grow(blocks, limit, tile_px, seed_r, seed_c, pixels):
+def _grow(blocks, limit, tile, seed_r, seed_c, pixels):
     """List the connected blocks above their tile's limit in `pixels`; returns how many.
 
-    The list is its own queue. A block that has been taken is marked by -1 - value.
+    The list is its own queue. A block that has been taken is marked by -1 - value. `tile` is the row or
+    column of tiles of each row or column of pixels: looked up, as nine divisions a pixel were the most costly
+    part.
     """
     rows, columns = blocks.shape
-    pixels[0] = seed_r * columns + seed_c
+    pixels[0, 0], pixels[0, 1] = seed_r, seed_c
     blocks[seed_r, seed_c] = -1 - blocks[seed_r, seed_c]
     n, k = 1, 0
     while k < n:
-        r, c = pixels[k] // columns, pixels[k] % columns
+        r, c = pixels[k, 0], pixels[k, 1]
         k += 1
         for y in range(max(1, r - 1), min(rows - 1, r + 2)):
             for x in range(max(1, c - 1), min(columns - 1, c + 2)):
-                if blocks[y, x] > limit[y // tile_px, x // tile_px]:
+                if blocks[y, x] > limit[tile[y], tile[x]]:
                     blocks[y, x] = -1 - blocks[y, x]
-                    pixels[n] = y * columns + x
+                    pixels[n, 0], pixels[n, 1] = y, x
                     n += 1
     return n
 
@@ -202,7 +207,7 @@ def _centroid(image_dn, blocks, background, pixels, n, saturation_dn):
     n_saturated = 0
     touches = False
     for k in range(n):
-        r, c = pixels[k] // columns, pixels[k] % columns
+        r, c = pixels[k, 0], pixels[k, 1]
         value = image_dn[r, c] - background / N_BLOCK
         weight = value * (-1 - blocks[r, c] - background)
         sum_w += weight
@@ -243,29 +248,36 @@ def _insert(table, n, x, y, flux, n_pixels, n_saturated):
 
 
 @njit(cache=True)
-def _scan_kernel(
+def _detect_kernel(
     image_dn,
-    blocks,
-    background,
-    seed_limit,
-    grow_limit,
     tile_px,
+    seed_sigma,
+    grow_sigma,
     min_pixels,
     max_pixels,
     max_peak_fraction,
     saturation_dn,
     max_objects,
 ):
-    """One pass over the frame; returns the table (x, y, flux, pixels, saturated) and its length.
+    """One pass over the frame; objects that have been taken are marked in `blocks`.
 
-    `blocks` is used up: objects that have been taken are marked in it.
+    Returns
+    -------
+    table : (max_objects, 5) x, y, flux, pixels, saturated pixels
+    n : int, length of the table
+    mean_dn, background_dn, noise_dn : as in FrameStatistics
     """
     rows, columns = image_dn.shape
-    pixels = np.empty(rows * columns, dtype=np.int64)
+    blocks = block_sums(image_dn)
+    background, sigma, mean_dn = tile_statistics(blocks, tile_px)
+    seed_limit = np.floor(background + seed_sigma * sigma).astype(np.int64)
+    grow_limit = np.floor(background + grow_sigma * sigma).astype(np.int64)
+    tile = np.arange(max(rows, columns)) // tile_px
+    pixels = np.empty((rows * columns, 2), dtype=np.int32)
     table = np.empty((max_objects, 5))
     n_objects = 0
     for r in range(1, rows - 1):
-        i = r // tile_px
+        i = tile[r]
         for j in range(seed_limit.shape[1]):
             limit = seed_limit[i, j]
             begin, end = max(1, j * tile_px), min((j + 1) * tile_px, columns - 1)
@@ -274,7 +286,7 @@ def _scan_kernel(
             for c in range(begin, end):
                 if blocks[r, c] <= limit:
                     continue
-                n = _grow(blocks, grow_limit, tile_px, r, c, pixels)
+                n = _grow(blocks, grow_limit, tile, r, c, pixels)
                 if n < min_pixels or n > max_pixels:
                     continue
                 x, y, flux, peak, n_saturated, touches = _centroid(
@@ -282,4 +294,4 @@ def _scan_kernel(
                 )
                 if not touches and peak <= max_peak_fraction * flux:
                     n_objects = _insert(table, n_objects, x, y, flux, n, n_saturated)
-    return table, n_objects
+    return table, n_objects, mean_dn, np.median(background) / N_BLOCK, np.median(sigma) / BLOCK

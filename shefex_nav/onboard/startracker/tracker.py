@@ -2,13 +2,15 @@
 
 frame -> detect -> identify and verify -> ESOQ2 -> `StarFix`; the flags of the frame set the exposure of the
 next one. Lost in space at every frame: no attitude from the navigation is used. What comes from the
-navigation, the `Context`, corrects aberration and names the reason of a failure; it never makes or vetoes
-an attitude.
+navigation, the `Context`, corrects aberration and names the reason of a failure. Its rate alone can withhold an
+attitude: faster than the tracker is made for, streaks break up, their centroids are worse than the covariance
+says, and an error message is better than a wrong attitude.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
@@ -39,7 +41,7 @@ class TrackerParams(NamedTuple):
     centroid_spot_px: float  # error = spot / signal-to-noise ratio of the object
     outlier_sigma: float  # a star further than this from the attitude of the others is left out
     latency_s: float  # from the frame in memory to the attitude
-    max_rate: float  # rad/s, above it a frame without attitude counts as smeared
+    max_rate: float  # rad/s, frames taken faster give no attitude
     sun_exclusion: float  # rad
     limb_exclusion: float  # rad
 
@@ -120,6 +122,8 @@ def step(tracker, state, frame, context):
     identify = IDENTIFIERS[params.identify.method]
     found = identify(params.identify, tracker.pairs, u_c, detections.flux_dn)
     q_ic, P_c, residual_px, reason = NO_ATTITUDE, NO_COVARIANCE, np.nan, found.reason
+    if reason == Reason.NONE and context.rate > params.max_rate:  # False where the rate is unknown
+        reason = Reason.SMEARED
     if reason == Reason.NONE:
         sigma_px = centroid_sigma(params, detections, statistics.noise_dn)
         n_used, *solution = _solve_identified(tracker, u_c, found.star, sigma_px, context.velocity_i)
@@ -190,20 +194,26 @@ def solve(params, u_c, seen_i, sigma_px):
     residual_px : RMS distance of the used stars from where the attitude puts them
     """
     camera, min_stars = params.identify.camera, params.identify.min_stars
+    return _solve_kernel(camera, params.outlier_sigma, min_stars, u_c, seen_i, sigma_px)
+
+
+@njit(cache=True)
+def _solve_kernel(camera, outlier_sigma, min_stars, u_c, seen_i, sigma_px):
+    """As `solve`, with the settings that it needs."""
     sigma = sigma_px / camera.focal_length_px
     xy_px = pixels(camera, u_c)
-    used = np.ones(len(u_c), dtype=bool)
+    used = np.ones(len(u_c), dtype=np.bool_)
+    n_used = len(u_c)
     while True:
         q_ic = esoq2(u_c[used], seen_i[used], sigma[used])
         offset_px = xy_px - pixels(camera, seen_i @ dcm_from_quat(q_ic))
         distance_px = np.where(used, np.hypot(offset_px[:, 0], offset_px[:, 1]), 0.0)
         worst = np.argmax(distance_px / sigma_px)
-        fits = distance_px[worst] <= params.outlier_sigma * sigma_px[worst]
-        if fits or used.sum() < min_stars:
+        if distance_px[worst] <= outlier_sigma * sigma_px[worst] or n_used < min_stars:
             break
         used[worst] = False
-    n_used = int(used.sum())
-    residual_px = float(np.sqrt((distance_px**2).sum() / n_used))
+        n_used -= 1
+    residual_px = np.sqrt((distance_px**2).sum() / n_used)
     chi2 = ((distance_px / sigma_px) ** 2).sum()
     factor = (PRIOR_DOF + chi2) / (PRIOR_DOF + 2 * n_used - 3)
     return n_used, q_ic, factor * covariance(u_c[used], sigma[used]), residual_px

@@ -68,27 +68,28 @@ def verify(params, stars, u_c, flux, star):
     -------
     Identification
     """
-    xy_px = pixels(params.camera, u_c)
-    gate_px = params.gate_sigma * params.sigma_px
-    matched, distance2, n_missing = star, np.empty(0), 0
-    for widening in (FIRST_GATE, 1.0, 1.0):
-        known = np.flatnonzero(matched >= 0)
-        if len(known) < params.min_stars:
-            return nothing(len(star), Reason.RESIDUALS)
-        q_ic = esoq2(u_c[known], stars.u_i[matched[known]], np.ones(len(known)))
-        matched, distance2, n_missing = _match_kernel(
-            params.camera, q_ic, stars.u_i, stars.vmag, xy_px, widening * gate_px, params.magnitude_margin
-        )
-    known = matched >= 0
-    if known.sum() < params.min_stars or (matched[star >= 0] != star[star >= 0]).any():
+    matched, distance2, n_missing = _extend_kernel(
+        params.camera,
+        stars.u_i,
+        stars.vmag,
+        u_c,
+        star,
+        params.gate_sigma * params.sigma_px,
+        params.magnitude_margin,
+        params.min_stars,
+    )
+    if n_missing < 0:
         return nothing(len(star), Reason.RESIDUALS)
-    odds = log_odds(params, u_c, known, distance2, n_missing)
-    odds += brightness_odds(params, stars.vmag[matched[known]], flux[known])
+    odds = log_odds(
+        params.camera, params.sigma_px, params.detection_probability, u_c, matched, distance2, n_missing
+    )
+    odds += brightness_odds(params.magnitude_sigma, stars.vmag, flux, matched)
     reason = Reason.NONE if odds > -np.log(params.false_alarm) else Reason.AMBIGUOUS
     return Identification(matched, int(reason), float(odds))
 
 
-def log_odds(params, u_c, known, distance2, n_missing):
+@njit(cache=True)
+def log_odds(camera, sigma_px, detection_probability, u_c, star, distance2, n_missing):
     """Natural logarithm of the odds of an attitude against chance.
 
     Chance: k detections anywhere on the detector, area A, so k / A of them per pixel. The attitude: an
@@ -104,37 +105,81 @@ def log_odds(params, u_c, known, distance2, n_missing):
 
     Parameters
     ----------
-    params : IdentifyParams
+    camera : Pinhole
+    sigma_px : float, centroid error per axis
+    detection_probability : float, p
     u_c : (n, 3) unit vectors, brightest first
-    known : (n,) bool, identified
+    star : (n,) int64, -1 where unidentified
     distance2 : (n,) px^2, squared distance from the prediction where identified
     n_missing : int, predicted bright stars that were not detected
     """
-    camera, n = params.camera, len(known)
-    variance = params.sigma_px**2
-    u_known = u_c[known]
-    P = covariance(u_known, np.full(len(u_known), params.sigma_px / camera.focal_length_px))
-    attitude = 0.5 * np.log((2.0 * np.pi) ** 3 * np.linalg.det(P)) - np.log(8.0 * np.pi**2)
+    known = np.flatnonzero(star >= 0)
+    P = covariance(u_c[known], np.full(len(known), sigma_px / camera.focal_length_px))
+    det_P = (
+        P[0, 0] * (P[1, 1] * P[2, 2] - P[1, 2] * P[2, 1])
+        - P[0, 1] * (P[1, 0] * P[2, 2] - P[1, 2] * P[2, 0])
+        + P[0, 2] * (P[1, 0] * P[2, 1] - P[1, 1] * P[2, 0])
+    )
+    attitude = 0.5 * np.log((2.0 * np.pi) ** 3 * det_P) - np.log(8.0 * np.pi**2)
     area = camera.width_px * camera.height_px
-    peak = np.log(params.detection_probability * area / (2.0 * np.pi * variance))
-    each = peak - distance2 / (2.0 * variance)
-    k = np.arange(1, n + 1)
-    evidence = np.cumsum(np.where(known, each, 0.0)) - np.cumsum(known) * np.log(k)
-    return attitude + evidence.max() - np.log(n) + n_missing * np.log(1.0 - params.detection_probability)
+    peak = np.log(detection_probability * area / (2.0 * np.pi * sigma_px**2))
+    total, n_known, best = 0.0, 0, -np.inf
+    for k in range(len(star)):
+        if star[k] >= 0:
+            total += peak - distance2[k] / (2.0 * sigma_px**2)
+            n_known += 1
+        best = max(best, total - n_known * np.log(k + 1.0))
+    return attitude + best - np.log(len(star)) + n_missing * np.log(1.0 - detection_probability)
 
 
-def brightness_odds(params, vmag, flux):
+@njit(cache=True)
+def brightness_odds(magnitude_sigma, vmag, flux, star):
     """Logarithm of the odds that these brightnesses belong to these stars.
 
     The zero point is free and is taken as the median. Against chance, where magnitudes spread over
     MAGNITUDE_RANGE, a star counts ln [(1 - f) range N(difference) + f], f the share of stars whose
     brightness says nothing (saturated, blended, variable); the fitted zero point costs one of them.
+
+    Parameters
+    ----------
+    magnitude_sigma : float, of the brightness of an identified star
+    vmag : magnitudes of the catalogue
+    flux : (n,) any unit
+    star : (n,) int64 row of the catalogue, -1 where unidentified
     """
-    difference = vmag + 2.5 * np.log10(flux)
-    difference = (difference - np.median(difference)) / params.magnitude_sigma
-    peak = MAGNITUDE_RANGE / (np.sqrt(2.0 * np.pi) * params.magnitude_sigma)
+    known = np.flatnonzero(star >= 0)
+    difference = vmag[star[known]] + 2.5 * np.log10(flux[known])
+    difference = (difference - np.median(difference)) / magnitude_sigma
+    peak = MAGNITUDE_RANGE / (np.sqrt(2.0 * np.pi) * magnitude_sigma)
     each = np.log((1.0 - MUTE_SHARE) * peak * np.exp(-0.5 * difference**2) + MUTE_SHARE)
-    return each.sum() - np.log(peak * np.sqrt(len(vmag)))
+    return each.sum() - np.log(peak * np.sqrt(len(known)))
+
+
+@njit(cache=True)
+def _extend_kernel(camera, u_i, vmag, u_c, star, gate_px, magnitude_margin, min_stars):
+    """Attitude and matches in turn, from a wide gate to the final one.
+
+    Returns
+    -------
+    star, distance2, n_missing : as `_match_kernel`; n_missing is -1 when the field does not hold what it
+        began with
+    """
+    xy_px = pixels(camera, u_c)
+    matched, distance2, n_missing = star, np.empty(0), 0
+    for widening in (FIRST_GATE, 1.0, 1.0):
+        known = np.flatnonzero(matched >= 0)
+        if len(known) < min_stars:
+            return matched, distance2, -1
+        q_ic = esoq2(u_c[known], u_i[matched[known]], np.ones(len(known)))
+        matched, distance2, n_missing = _match_kernel(
+            camera, q_ic, u_i, vmag, xy_px, widening * gate_px, magnitude_margin
+        )
+    n_known = 0
+    for k in range(len(star)):
+        n_known += matched[k] >= 0
+        if star[k] >= 0 and matched[k] != star[k]:
+            return matched, distance2, -1
+    return matched, distance2, n_missing if n_known >= min_stars else -1
 
 
 @njit(cache=True)
