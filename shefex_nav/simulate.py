@@ -100,7 +100,7 @@ def run(scenario, seed):
 
     Yields
     ------
-    records in order of time; measured durations are in ComputeTime only, all else depends on scenario and seed
+    records in order of time; all but the measured durations (ComputeTime) depends on scenario and seed alone
     """
     yield from route(build_world(scenario, seed), scenario, seed)
 

@@ -32,7 +32,7 @@ def test_check_of_a_good_scenario(command, default_scenario):
 
 def test_schema_is_json(command):
     schema = json.loads(command("schema").out)
-    assert "mission" in schema["properties"]
+    assert "mission" in schema["$defs"]["Scenario"]["properties"]
 
 
 BROKEN = {

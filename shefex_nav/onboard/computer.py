@@ -83,26 +83,36 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
     """
     nav, now_s = computer.nav, imu_block.t_valid_s
     fusion.advance(nav, imu_block)
-    computer, outputs, due = _track_stars(computer, now_s, frames_arrived, chain)
-    arrivals = [("gps", fix) for fix in gps_fixes] + [("star_tracker", fix) for fix in due]
-    if arrivals:
+    outputs, due = [], ()
+    if computer.waiting or frames_arrived or _switches(computer, now_s):
+        computer, outputs, due = _track_stars(computer, now_s, frames_arrived, chain)
+    if due or gps_fixes:
+        arrivals = [("gps", fix) for fix in gps_fixes] + [("star_tracker", fix) for fix in due]
         outputs += fusion.fuse(nav, arrivals)
     outputs.append(solution.solution(nav))
     ticks = computer.ticks + 1
     if ticks % COVARIANCE_TICKS == 0:
         outputs.append(solution.covariance(nav))
-    return computer._replace(ticks=ticks), outputs
+    return Computer(*computer[:-1], ticks), outputs  # ticks is the last field
+
+
+def _switches(computer, now_s):
+    """Whether the tracker has to be switched on or off at this tick."""
+    params = computer.params
+    wanted = params.tracker_on_s <= now_s + EARLY_S < params.tracker_off_s
+    return wanted != (computer.tracker_state is not None)
 
 
 def _track_stars(computer, now_s, frames_arrived, chain):
     """Switch the tracker, run its chain on frames. -> Computer, records, StarFix that are due now."""
-    params, outputs, due = computer.params, [], []
-    if computer.tracker_state is None and params.tracker_on_s <= now_s + EARLY_S < params.tracker_off_s:
-        tracker_state, command = star_tracker.start(computer.tracker, now_s)
+    outputs, due = [], []
+    if _switches(computer, now_s):
+        if computer.tracker_state is None:
+            tracker_state, command = star_tracker.start(computer.tracker, now_s)
+            outputs.append(command)
+        else:
+            tracker_state = None
         computer = computer._replace(tracker_state=tracker_state)
-        outputs.append(command)
-    elif computer.tracker_state is not None and now_s + EARLY_S >= params.tracker_off_s:
-        computer = computer._replace(tracker_state=None)
     if computer.tracker_state is not None:
         for frame in frames_arrived:
             context = star_context(computer, frame.t_valid_s)
@@ -123,8 +133,7 @@ def star_context(computer, t_s):
     Taken from the tick nearest to t_s: within 5 ms the geometry does not change.
     """
     params = computer.params
-    ticks = [tick for tick in computer.nav.history if tick.imu is not None]
-    near = min(ticks, key=lambda tick: abs(tick.state.t_s - t_s))
+    near = fusion.nearest(computer.nav, t_s)
     state = near.state
     omega_ib_b = strapdown.rate(state, near.imu, strapdown.SAMPLES * near.imu.dt_s)
     C_ic = rotation.dcm_from_quat(state.q_ib) @ rotation.dcm_from_rotvec(state.mounting) @ params.nav.C_bc

@@ -231,7 +231,7 @@ def process_noise(model, saturated=False):
     imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]))
     state = MOTION.start()
     imu = imu._replace(saturated=saturated)
-    return error_model.step(model, state, imu, 0.0, 0.01, EARTH)[4]
+    return error_model.step(error_model.record(model), state, imu, 0.0, 0.01, EARTH)[4]
 
 
 def test_white_noise_of_the_sensors_grows_as_the_datasheet_says():

@@ -7,12 +7,13 @@ from scipy import integrate
 from scipy.special import ndtr
 
 from shefex_nav.geometry import pinhole, rotation
-from shefex_nav.world.camera import render
+from shefex_nav.world.camera import motion, render
 
 CAMERA = pinhole.pinhole(80, 60, 2520.0)
 SIGMA = 0.8
 PSF = render.gaussian_psf(SIGMA)
 STILL = np.eye(3)[None]
+FINE = 0.02  # electrons, a hundredth of what frames leave out
 
 
 def picture(light):
@@ -48,21 +49,51 @@ def test_still_stars_against_the_reference(seed):
     electrons = 10.0 ** rng.uniform(1.0, 4.0, 30)
     light = render.darkness(CAMERA.width_px * CAMERA.height_px)
     u_c = pinhole.unit_vectors(CAMERA, xy_px)
-    centres = render.add_points(light, CAMERA, PSF, STILL, u_c, electrons)
+    centres = render.add_points(light, CAMERA, PSF, STILL, u_c, electrons, FINE)
     np.testing.assert_allclose(centres, xy_px, atol=1e-9)
     left_out = static(xy_px, electrons) - picture(light)
     assert np.abs(left_out).max() < 0.05  # electrons; the read noise is 16
     inside = ((xy_px > 5) & (xy_px < [74, 54])).all(axis=1)
     assert abs(left_out.sum()) < 2.0 * len(electrons)
     total = render.darkness(CAMERA.width_px * CAMERA.height_px)
-    render.add_points(total, CAMERA, PSF, STILL, u_c[inside], electrons[inside])
+    render.add_points(total, CAMERA, PSF, STILL, u_c[inside], electrons[inside], FINE)
     assert total.electrons.sum() == pytest.approx(electrons[inside].sum(), rel=2e-3)
+
+
+@pytest.mark.parametrize("electrons", [60.0, 1e3, 1e5])
+def test_what_the_wings_of_a_still_source_lose(electrons):
+    """No pixel loses more than `least`, and the source 2 pi sigma^2 least, evenly all round."""
+    least = 0.8
+    light = render.darkness(CAMERA.width_px * CAMERA.height_px)
+    u_c = pinhole.unit_vectors(CAMERA, np.array([[40.0, 30.0]]))
+    render.add_points(light, CAMERA, PSF, STILL, u_c, np.array([electrons]), least)
+    expected = static([(40.0, 30.0)], [electrons])
+    left_out = expected - picture(light)
+    assert np.abs(left_out).max() < least
+    lit = picture(light) > 0.0
+    np.testing.assert_array_equal(lit, expected > least)
+    assert left_out.sum() == pytest.approx(2 * np.pi * SIGMA**2 * least, rel=0.5)
+    np.testing.assert_array_equal(lit, np.roll(lit[::-1, ::-1], 1, (0, 1)))  # about pixel (40, 30)
+
+
+@pytest.mark.parametrize("omega_c", [(0.2, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 8.0), (0.1, 0.1, 2.0)])
+def test_what_the_wings_of_a_streak_lose(omega_c):
+    """Whether a star is quick or near the axis about which the picture turns: no pixel loses 2 least."""
+    least, electrons, exposure_s, n = 0.8, 2000.0, 0.05, 60
+    light, all_of_it = (render.darkness(CAMERA.width_px * CAMERA.height_px) for _ in range(2))
+    steps_s = exposure_s * ((np.arange(n) + 0.5) / n - 0.5)
+    C_ci = np.array([rotation.dcm_from_rotvec(np.array(omega_c) * t).T for t in steps_s])
+    u_c = pinhole.unit_vectors(CAMERA, np.array([[40.3, 30.1]]))
+    render.add_points(light, CAMERA, PSF, C_ci, u_c, np.array([electrons]), least)
+    render.add_points(all_of_it, CAMERA, PSF, C_ci, u_c, np.array([electrons]), 0.0)
+    assert (picture(all_of_it) - picture(light)).max() < 2.0 * least
+    assert len(render.lit_pixels(light)) < 0.8 * len(render.lit_pixels(all_of_it))
 
 
 def test_lit_pixels_are_listed_once_and_darken_clears_them():
     light = render.darkness(CAMERA.width_px * CAMERA.height_px)
     u_c = pinhole.unit_vectors(CAMERA, np.array([[10.0, 10.0], [12.0, 11.0], [-0.4, 59.4]]))
-    render.add_points(light, CAMERA, PSF, STILL, u_c, np.array([500.0, 500.0, 3e4]))
+    render.add_points(light, CAMERA, PSF, STILL, u_c, np.array([500.0, 500.0, 3e4]), FINE)
     lit = render.lit_pixels(light)
     assert len(np.unique(lit)) == len(lit)
     np.testing.assert_array_equal(np.sort(lit), np.flatnonzero(light.electrons))
@@ -92,11 +123,11 @@ def test_streak_is_the_superposition_of_still_pictures(omega_c):
     expected = static(xy_px, np.full(4000, electrons / 4000))
 
     length_px = np.linalg.norm(np.diff(xy_px, axis=0), axis=1).sum()
-    n_steps = int(np.ceil(length_px / render.MAX_STEP_PX))
+    n_steps = int(np.ceil(length_px / motion.MAX_STEP_PX))
     steps_s = exposure_s * ((np.arange(n_steps) + 0.5) / n_steps - 0.5)
     C_ci = np.array([rotation.dcm_from_rotvec(omega_c * t).T for t in steps_s])
     light = render.darkness(CAMERA.width_px * CAMERA.height_px)
-    centre = render.add_points(light, CAMERA, PSF, C_ci, u_mid_c[None], np.array([electrons]))[0]
+    centre = render.add_points(light, CAMERA, PSF, C_ci, u_mid_c[None], np.array([electrons]), FINE)[0]
     # steps of 0.5 px leave out their own width, a box of variance 0.25/12 px^2 beside the 0.64 of the spot
     assert np.abs(picture(light) - expected).max() < 0.5 * 0.25 / 12 / 0.64 * 1.1 * expected.max()
     on_detector = expected.sum() > 0.999 * electrons
@@ -109,7 +140,8 @@ def test_streak_is_the_superposition_of_still_pictures(omega_c):
 
 def test_star_behind_the_camera_is_not_drawn():
     light = render.darkness(CAMERA.width_px * CAMERA.height_px)
-    xy_px = render.add_points(light, CAMERA, PSF, STILL, np.array([[0.0, 0.0, -1.0]]), np.array([1e5]))
+    behind = np.array([[0.0, 0.0, -1.0]])
+    xy_px = render.add_points(light, CAMERA, PSF, STILL, behind, np.array([1e5]), FINE)
     assert np.isnan(xy_px[0, 0])
     assert not light.electrons.any()
 
@@ -120,7 +152,8 @@ def test_attitudes_between_samples():
     trajectory = turning(110.0, 50.0, omega_c)
     q_bc = rotation.quat_from_dcm(PARAMS.C_bc)
     times_s = T_S + np.array([0.0, 0.00113, 0.0491, 0.3337, 0.5])
-    C_ci = render.attitudes(trajectory, q_bc, times_s)
+    C_ci = np.empty((5, 3, 3))
+    motion.attitudes_at(trajectory.q_ib, q_bc, (times_s - T_S) * 400.0, C_ci)
     C_ic_start = rotation.dcm_from_quat(rotation.quat_multiply(trajectory.q_ib[0], q_bc))
     for t_s, C in zip(times_s, C_ci, strict=True):
         np.testing.assert_allclose(

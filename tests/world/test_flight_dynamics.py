@@ -10,11 +10,11 @@ from shefex_nav.environment.gravity import J2_WGS84, from_normalised, gravity_e,
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.world.flight import attitude_program as attitude
-from shefex_nav.world.flight import dynamics, fly, vehicle
+from shefex_nav.world.flight import dynamics, fly, surroundings, vehicle
 
 NO_GRAVITY = from_normalised(0.0, 6.4e6, np.ones((1, 1)), np.zeros((1, 1)))
 POINT_MASS = load_egm96(0)
-RAIL = dynamics.Rail(np.zeros(3), np.array([1.0, 0.0, 0.0]), 1e9)
+RAIL = surroundings.Rail(np.zeros(3), np.array([1.0, 0.0, 0.0]), 1e9)
 IDLE = attitude.hold(0.0, 1.0, 0.0)
 FAR = np.array([8.0e6, 0.0, 0.0])  # m, above the atmosphere
 BODY = vehicle.Part(500.0, 3.0, 60.0, 900.0)
@@ -32,7 +32,7 @@ def state(r_i, v_i, omega_b, q_ib=(1.0, 0.0, 0.0, 0.0)):
 def propagate(x, t_end, dt, configuration, gravity=NO_GRAVITY, mode=dynamics.FREE, law=IDLE, earth=EARTH):
     """Integrate a copy of x from 0; state at the end and the rows of all samples before it."""
     rows = np.zeros((round(t_end / dt) + 1, dynamics.ROW))
-    world, x = dynamics.World(gravity, earth, RAIL), x.copy()
+    world, x = surroundings.World(gravity, earth, RAIL), x.copy()
     dynamics.integrate(x, 0.0, t_end, 0, 0.0, dt, mode, law, configuration, world, rows)
     return x, rows[:-1]
 
@@ -44,7 +44,7 @@ def slow_derivative(t_s, x, mode, c, gravity, earth):
     r_e = C_ie.T @ x[0:3]
     g_i = C_ie @ gravity_e(gravity, r_e)
     density, pressure, _, sound = us76(wgs84.geodetic_from_ecef(r_e)[2])
-    vacuum, left = dynamics.thrust(c, t_s)
+    vacuum, left = vehicle.thrust(c, t_s)
     inner2 = c.grain_outer2 - (c.grain_outer2 - c.grain_inner2) * left / c.grain_mass
     grain = vehicle.Part(
         left,
@@ -98,7 +98,7 @@ def test_derivative_against_whole_vectors(mode, t_s):
     C_iq, C_re = (Rotation.from_rotvec(rng.normal(size=3) * s).as_matrix() for s in (1e-3, 1e-6))
     earth = EarthRotation(np.ascontiguousarray(C_iq), np.ascontiguousarray(C_re), 1.234, wgs84.OMEGA)
     gravity = load_egm96(4)
-    world = dynamics.World(gravity, earth, RAIL)
+    world = surroundings.World(gravity, earth, RAIL)
     for height in (100.0, 12e3, 60e3):
         r_e = wgs84.ecef_from_geodetic(rng.uniform(-1.5, 1.5), rng.uniform(-3, 3), height)
         r_i, v_i = frames.inertial_from_ecef(earth, t_s, r_e, rng.normal(size=3) * 500.0)
@@ -109,7 +109,8 @@ def test_derivative_against_whole_vectors(mode, t_s):
             along = rotation.quat_rotate(q, np.array([1.0, 0.0, 0.0]))
             x[3:6] = np.cross(frames.omega_ie_i(earth), r_i) + 20.0 * along
         rate, aux = np.empty(dynamics.STATE), np.empty(dynamics.AUX)
-        dynamics.derivative(t_s, x, mode, IDLE, c, world, np.empty((4, 3)), rate, aux)
+        fine = surroundings.fine_gravity_i(world, t_s, *r_i, np.empty(3))
+        dynamics.derivative(t_s, x, mode, IDLE, c, world, fine, np.empty((4, 3)), rate, aux)
         a_i, alpha, f_b = slow_derivative(t_s, x, mode, c, gravity, earth)
         # the gradient of gravitation is that of a point mass in the kernel
         assert np.allclose(rate[3:6], a_i, rtol=1e-12, atol=2e-7)
@@ -172,7 +173,7 @@ def test_rocket_equation():
     assert x[3] == pytest.approx(gain, rel=1e-9)
     assert np.allclose(x[4:6], 0.0, atol=1e-9)
     assert rows[-1, dynamics.STATE + 3] == pytest.approx(dry, rel=1e-12)
-    flow = np.trapezoid([dynamics.thrust(configuration, t)[0] for t in np.arange(0.0, 70.0, 0.01)], dx=0.01)
+    flow = np.trapezoid([vehicle.thrust(configuration, t)[0] for t in np.arange(0.0, 70.0, 0.01)], dx=0.01)
     assert flow / configuration.exhaust_speed == pytest.approx(stage.propellant_mass_kg, rel=1e-6)
 
 
@@ -202,7 +203,7 @@ def test_sphere_dropped_from_30000_feet():
     start = wgs84.ecef_from_geodetic(0.0, 0.0, 30000.0 * foot)
     r_i, v_i = frames.inertial_from_ecef(earth, 0.0, start, np.zeros(3))
     x, _ = propagate(state(r_i, v_i, np.zeros(3)), 30.0, 0.01, at_cg, gravity=gravity, earth=earth)
-    fallen, _ = dynamics.free_fall(dynamics.World(gravity, earth, RAIL), 0.0, r_i, v_i, 30.0)
+    fallen, _ = surroundings.free_fall(surroundings.World(gravity, earth, RAIL), 0.0, r_i, v_i, 30.0)
     for r in (x[0:3], fallen):
         _, longitude, height = wgs84.geodetic_from_ecef(frames.dcm_ie(earth, 30.0).T @ r)
         assert height / foot == pytest.approx(15598.90435228, abs=1e-6)
@@ -221,7 +222,7 @@ def test_increments_are_the_integrals():
 
 def test_aerodynamics_points_the_nose_into_the_wind():
     configuration = vehicle.configure([PARAMS.payload], None, 0.0, IMU, STACK)
-    world = dynamics.World(POINT_MASS, EarthRotation(np.eye(3), np.eye(3), 0.0, 0.0), RAIL)
+    world = surroundings.World(POINT_MASS, EarthRotation(np.eye(3), np.eye(3), 0.0, 0.0), RAIL)
     r_i = np.array([6378137.0 + 5e3, 0.0, 0.0])
     for v_i, moment_axis, sign in (
         ([500.0, 0.0, 20.0], 1, -1.0),  # air from below: nose down, towards +z, is a negative pitch
@@ -229,12 +230,12 @@ def test_aerodynamics_points_the_nose_into_the_wind():
     ):
         rate, aux = np.empty(dynamics.STATE), np.empty(dynamics.AUX)
         x = state(r_i, np.array(v_i), np.zeros(3))
-        work = np.empty((4, 3))
-        dynamics.derivative(0.0, x, dynamics.FREE, IDLE, configuration, world, work, rate, aux)
+        work, fine = np.empty((4, 3)), (0.0, 0.0, 0.0)
+        dynamics.derivative(0.0, x, dynamics.FREE, IDLE, configuration, world, fine, work, rate, aux)
         assert sign * rate[10 + moment_axis] > 0.0
         assert rate[10] > 0.0  # canted fins spin it up
         x[10] = 500.0  # rad/s: damped
-        dynamics.derivative(0.0, x, dynamics.FREE, IDLE, configuration, world, work, rate, aux)
+        dynamics.derivative(0.0, x, dynamics.FREE, IDLE, configuration, world, fine, work, rate, aux)
         assert rate[10] < 0.0
 
 
@@ -243,11 +244,11 @@ def test_mass_properties_of_a_stage():
     configuration = vehicle.configure([BODY, stage.dry], stage, 0.0, IMU, STACK)
     for left in (0.0, 1000.0, stage.propellant_mass_kg):
         expected = vehicle.combine([BODY, stage.dry, vehicle.grain(stage, left)])
-        got = dynamics.mass_properties(configuration, left)
+        got = vehicle.mass_properties(configuration, left)
         assert np.allclose(got[:4], expected, rtol=1e-13)
     # slope of the grain's own pitch inertia, for the jet damping
     own = [vehicle.grain(stage, 1000.0 + d).inertia_pitch for d in (-1.0, 1.0)]
-    assert dynamics.mass_properties(configuration, 1000.0)[4] == pytest.approx(
+    assert vehicle.mass_properties(configuration, 1000.0)[4] == pytest.approx(
         (own[1] - own[0]) / 2.0, rel=1e-6
     )
 
@@ -261,8 +262,8 @@ def test_jet_damping_takes_the_momentum_that_the_gas_carries_away():
     t = np.arange(len(rows)) * 2.5e-3
     inertia, loss = np.empty(len(t)), np.empty(len(t))
     for j, t_s in enumerate(t):
-        force, left = dynamics.thrust(configuration, t_s)
-        _, station, _, inertia[j], _ = dynamics.mass_properties(configuration, left)
+        force, left = vehicle.thrust(configuration, t_s)
+        _, station, _, inertia[j], _ = vehicle.mass_properties(configuration, left)
         flow = force / configuration.exhaust_speed
         loss[j] = flow * (configuration.exit_station - station) ** 2 * rows[j, 11]
     momentum = inertia * rows[:, 11]

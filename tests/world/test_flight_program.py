@@ -8,14 +8,13 @@ from shefex2 import C_BC, DEG, EARTH, PROGRAM
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.world.flight import attitude_program as attitude
-from shefex_nav.world.flight import dynamics
 
 
 def end_attitude(law, q_0):
     """Attitude at the end of a piece, integrated by scipy."""
 
     def rate(t_s, q):
-        omega = np.array(dynamics.body_rate(law, t_s)[:3])
+        omega = np.array(attitude.body_rate(law, t_s)[:3])
         return rotation.quat_multiply(q, np.concatenate([[0.0], omega])) / 2.0
 
     solution = solve_ivp(rate, (law.t_0, law.t_1), q_0, rtol=1e-10, atol=1e-12, method="DOP853")
@@ -38,13 +37,13 @@ def test_rate_and_its_derivative_agree():
         rng.normal(size=3) * 0.01, rng.normal(size=(2, 3)) * 0.01, 0.7, 0.3, 4.0,
     )  # fmt: skip
     for t_s in np.linspace(10.01, 29.99, 23):
-        after, before = (np.array(dynamics.body_rate(law, t_s + d)[:3]) for d in (1e-4, -1e-4))
-        assert np.allclose(dynamics.body_rate(law, t_s)[3:], (after - before) / 2e-4, atol=1e-5)
+        after, before = (np.array(attitude.body_rate(law, t_s + d)[:3]) for d in (1e-4, -1e-4))
+        assert np.allclose(attitude.body_rate(law, t_s)[3:], (after - before) / 2e-4, atol=1e-5)
 
 
 def test_smooth_step():
     u = np.linspace(0.0, 1.0, 2001)
-    s, ds, dds, integral = np.array([dynamics.smooth_step(x) for x in u]).T
+    s, ds, dds, integral = np.array([attitude.smooth_step(x) for x in u]).T
     assert (s[0], s[-1], ds[0], ds[-1], dds[0], dds[-1]) == (0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
     for function, derivative in ((s, ds), (ds, dds), (integral, s)):
         assert np.allclose(np.gradient(function, u)[1:-1], derivative[1:-1], atol=2e-5)
@@ -59,7 +58,7 @@ def test_roll_axis_turns_along_a_great_circle_to_its_target(seed):
     assert np.allclose(x_1, target, atol=1e-8)
     assert law.angle == pytest.approx(np.arccos(x_0 @ target), abs=1e-7)
     for t_s in (70.0, 80.0):  # from rest to rest but for the spin
-        assert np.allclose(dynamics.body_rate(law, t_s)[:3], [9.4, 0.0, 0.0], atol=1e-12)
+        assert np.allclose(attitude.body_rate(law, t_s)[:3], [9.4, 0.0, 0.0], atol=1e-12)
 
 
 def test_roll_axis_turns_to_the_opposite_direction_too():
@@ -75,22 +74,22 @@ def test_slew_arrives_at_rest(seed):
     law = attitude.turn_to(235.0, 250.0, q_0, q_1)
     assert np.linalg.norm(rotation.rotvec_between(end_attitude(law, q_0), q_1)) < 1e-8
     for t_s in (235.0, 250.0):
-        assert np.allclose(dynamics.body_rate(law, t_s), 0.0, atol=1e-12)
+        assert np.allclose(attitude.body_rate(law, t_s), 0.0, atol=1e-12)
 
 
 def test_damping_starts_with_the_rate_of_the_free_flight():
     omega = np.array([9.4, 0.3, -0.2])
     law = attitude.damp(65.0, 70.0, omega, -8.0)
-    assert np.allclose(dynamics.body_rate(law, 65.0)[:3], omega, atol=1e-15)
-    assert np.allclose(dynamics.body_rate(law, 70.0)[:3], [9.4, 0.0, 0.0], atol=1e-15)
+    assert np.allclose(attitude.body_rate(law, 65.0)[:3], omega, atol=1e-15)
+    assert np.allclose(attitude.body_rate(law, 70.0)[:3], [9.4, 0.0, 0.0], atol=1e-15)
     # for the first instant the transverse rate just nutates
-    assert np.allclose(dynamics.body_rate(law, 65.0)[3:], [0.0, -8.0 * 0.2, -8.0 * 0.3], atol=1e-12)
+    assert np.allclose(attitude.body_rate(law, 65.0)[3:], [0.0, -8.0 * 0.2, -8.0 * 0.3], atol=1e-12)
 
 
 def test_spin_ramp():
     law = attitude.ramp_spin(220.0, 235.0, 9.4, 0.0)
-    assert dynamics.body_rate(law, 220.0)[0] == 9.4
-    assert dynamics.body_rate(law, 235.0)[0] == pytest.approx(0.0, abs=1e-14)
+    assert attitude.body_rate(law, 220.0)[0] == 9.4
+    assert attitude.body_rate(law, 235.0)[0] == pytest.approx(0.0, abs=1e-14)
     rolled = Rotation.from_quat(rotation.xyzw(end_attitude(law, np.array([1.0, 0.0, 0.0, 0.0]))))
     assert (rolled * Rotation.from_rotvec([-9.4 * 7.5, 0.0, 0.0])).magnitude() < 1e-7
 
@@ -98,11 +97,11 @@ def test_spin_ramp():
 def test_residual_rates_have_the_size_that_was_asked_for():
     program = PROGRAM._replace(residual_boresight_rate=1.2 * DEG, residual_cross_rate=1.6 * DEG)
     law = attitude.dwell(program, C_BC)
-    middle = np.array([dynamics.body_rate(law, t)[:3] for t in np.arange(260.0, 360.0, 0.5)])
+    middle = np.array([attitude.body_rate(law, t)[:3] for t in np.arange(260.0, 360.0, 0.5)])
     assert np.allclose(np.linalg.norm(middle, axis=1), 2.0 * DEG, rtol=1e-9)
     assert np.allclose(middle @ C_BC[:, 2], 1.2 * DEG, rtol=1e-9)
     for t_s in (program.pointing_start_s, program.pointing_end_s):
-        assert np.allclose(dynamics.body_rate(law, t_s), 0.0, atol=1e-15)
+        assert np.allclose(attitude.body_rate(law, t_s), 0.0, atol=1e-15)
 
 
 @pytest.mark.parametrize("roll", [0.0, 0.7, np.pi])

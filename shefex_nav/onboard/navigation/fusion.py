@@ -44,6 +44,7 @@ class Filter(NamedTuple):
 
     params: Any  # NavParams
     earth: Any  # EarthRotation
+    imu_model: np.ndarray  # params.imu for the kernels, `error_model.record`
     kalman: Any  # covariance engine
     limit: float  # of the gate, three degrees of freedom
     history: deque  # of Tick, oldest first
@@ -56,6 +57,7 @@ def start(params, alignment, earth):
     return Filter(
         params=params,
         earth=earth,
+        imu_model=error_model.record(params.imu),
         kalman=eskf.engine(),
         limit=integrity.chi_square_limit(params.gate_probability, 3),
         history=deque([Tick(state, P, None, ())], maxlen=int(np.ceil(params.history_s * 100.0)) + 1),
@@ -100,8 +102,7 @@ def fuse(nav, arrivals):
         names = ("gps_position", "gps_velocity") if sensor == "gps" else (sensor,)
         index = _place(nav.history, fix.t_valid_s)
         if index is None:
-            note = "from the future" if fix.t_valid_s > now_s else "older than the history"
-            results.extend(_unused(now_s, fix, name, note) for name in names)
+            results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
             continue
         tick = nav.history[index]
         queue = tick.measurements + tuple(Measurement(name, fix, Fate.PENDING) for name in names)
@@ -119,6 +120,13 @@ def _unused(now_s, fix, sensor, note):
     return GateResult(now_s, fix.t_valid_s, sensor, 0, np.nan, np.nan, False, note, np.empty(0))
 
 
+def _out_of_reach(history, fix):
+    """Why there is no tick for a fix."""
+    if fix.t_valid_s > history[-1].state.t_s:
+        return "from the future"
+    return "not after the start of the filter" if history[0].imu is None else "older than the history"
+
+
 def _place(history, t_s):
     """Index of the tick in which t_s lies, after the tick before and not after its own end; or None."""
     if not history[0].state.t_s + SNAP_S < t_s <= history[-1].state.t_s + SNAP_S:
@@ -129,12 +137,24 @@ def _place(history, t_s):
     return index
 
 
+def nearest(nav, t_s):
+    """The Tick whose end is nearest to t_s, of those that have IMU samples; ticks are equally spaced."""
+    history = nav.history
+    last = history[-1]
+    oldest = len(history) - (2 if history[0].imu is None else 1)
+    back = int(max(last.state.t_s - t_s, 0.0) / (strapdown.SAMPLES * last.imu.dt_s))
+    around = [history[-1 - min(steps, oldest)] for steps in (back + 1, back)]
+    return min(around, key=lambda tick: abs(tick.state.t_s - t_s))
+
+
 def _repeat(nav, state, P, tick, results):
     """The tick again, from another state at its beginning, with its measurements. -> Tick"""
     length_s = strapdown.SAMPLES * tick.imu.dt_s
     begin_s, decided = 0.0, []
     for measurement in tick.measurements:
-        at_s = min(measurement.fix.t_valid_s - (tick.imu.t_end_s - length_s), length_s)
+        at_s = measurement.fix.t_valid_s - (tick.imu.t_end_s - length_s)
+        if at_s > length_s - SNAP_S:
+            at_s = length_s
         if at_s - begin_s > SNAP_S:
             state, P = _predict(nav, state, P, tick.imu, begin_s, at_s)
             begin_s = at_s
@@ -144,13 +164,13 @@ def _repeat(nav, state, P, tick, results):
             results.append(result)
     if length_s - begin_s > SNAP_S:
         state, P = _predict(nav, state, P, tick.imu, begin_s, length_s)
-    return Tick(state._replace(t_s=tick.imu.t_end_s), P, tick.imu, tuple(decided))
+    return Tick(state, P, tick.imu, tuple(decided))
 
 
 def _predict(nav, state, P, imu, begin_s, end_s):
     """State and covariance after the part begin_s ... end_s of a tick."""
-    r_i, v_i, q_ib, Phi, Q = error_model.step(nav.params.imu, state, imu, begin_s, end_s, nav.earth)
-    t_s = imu.t_end_s - strapdown.SAMPLES * imu.dt_s + end_s
+    r_i, v_i, q_ib, Phi, Q = error_model.step(nav.imu_model, state, imu, begin_s, end_s, nav.earth)
+    t_s = imu.t_end_s - (strapdown.SAMPLES * imu.dt_s - end_s)  # exact at the end of the tick
     state = NavState(t_s, r_i, v_i, q_ib, *state[4:])
     return state, eskf.predict(nav.kalman, P, Phi, Q)
 

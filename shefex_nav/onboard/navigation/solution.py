@@ -10,7 +10,8 @@ from numba import njit
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import strapdown
-from shefex_nav.onboard.navigation.state import ATT, BA, BG, N_ERROR, POS, PVA, ROLL, VEL
+from shefex_nav.onboard.navigation.state import ATT, BA, BG, N_ERROR, POS, PVA, ROLL, VEL, NavState
+from shefex_nav.onboard.navigation.strapdown import ImuWindow
 from shefex_nav.records import NavCovariance, NavSolution
 
 SLOWEST = 1e-3  # m/s, below it the angles of the velocity have no meaning; their sigma is pi
@@ -21,31 +22,17 @@ def solution(nav):
     tick = nav.history[-1]
     state = tick.state
     model = nav.params.imu
-    vectors, scalars = derive(
+    vectors, angles, sigmas = derive(
         state, reported(nav), tick.imu, model.gyro_random_walk, model.gyro_quantum, nav.earth
     )
-    r_e, v_e, omega_ib_b, sigma_r, sigma_v, sigma_theta, sigma_omega = vectors
-    path, heading, attack, slip, sigma_path, sigma_attack, sigma_slip = scalars.tolist()
+    r_e, v_e, omega_ib_b, *vector_sigmas = vectors
+    # by position, in the order of the record: nineteen keywords would cost more than the arithmetic
     return NavSolution(
-        t_s=state.t_s,
-        r_i=state.r_i,
-        v_i=state.v_i,
-        q_ib=state.q_ib,
-        omega_ib_b=omega_ib_b,
-        r_e=r_e,
-        v_e=v_e,
-        flight_path_angle=path,
-        heading=heading,
-        angle_of_attack=attack,
-        sideslip=slip,
-        sigma_r_e=sigma_r,
-        sigma_v_e=sigma_v,
-        sigma_theta_b=sigma_theta,
-        sigma_omega_b=sigma_omega,
-        sigma_flight_path_angle=sigma_path,
-        sigma_angle_of_attack=sigma_attack,
-        sigma_sideslip=sigma_slip,
-        star_aided=nav.health["star_tracker"].used > 0,
+        *(state.t_s, state.r_i, state.v_i, state.q_ib, omega_ib_b, r_e, v_e),
+        *angles,
+        *vector_sigmas,
+        *sigmas,
+        nav.health["star_tracker"].used > 0,
     )
 
 
@@ -91,7 +78,6 @@ def _variance(g, P):
     return max(total, 0.0)
 
 
-@njit(cache=True)
 def derive(state, P, imu, random_walk, quantum, earth):
     """Quantities derived from the state, and their sigmas.
 
@@ -107,9 +93,24 @@ def derive(state, P, imu, random_walk, quantum, earth):
     -------
     vectors : (7, 3) r_e [m], v_e [m/s], omega_ib_b [rad/s], mean of the last sample, and the sigmas of
         r_e, v_e, attitude in b [rad], rate [rad/s]
-    scalars : (7,) flight-path angle, heading, angle of attack, sideslip and the sigmas of the first, third
-        and fourth [rad], pi at most
+    angles : flight-path angle, heading, angle of attack, sideslip [rad]
+    sigmas : of the first, third and fourth [rad], pi at most
     """
+    # tuples are taken apart here: as arguments of a kernel they would cost as much as all that it does
+    return _derive(*state, *imu, *earth, P, random_walk, quantum)
+
+
+@njit(cache=True)
+def _derive(
+    t_s, r_i, v_i, q_ib, gyro_bias, accel_bias, gyro_roll_column, mounting,  # NavState
+    t_end_s, dt_s, dtheta_b, dv_b, dtheta_before_b, dv_before_b, saturated, vibration,  # ImuWindow
+    C_iq, C_re, angle_0, rate,  # EarthRotation
+    P, random_walk, quantum,
+):  # fmt: skip
+    """`derive` with the fields of its tuples."""
+    state = NavState(t_s, r_i, v_i, q_ib, gyro_bias, accel_bias, gyro_roll_column, mounting)
+    imu = ImuWindow(t_end_s, dt_s, dtheta_b, dv_b, dtheta_before_b, dv_before_b, saturated, vibration)
+    earth = frames.EarthRotation(C_iq, C_re, angle_0, rate)
     C_ei = np.ascontiguousarray(frames.dcm_ie(earth, state.t_s).T)
     C_bi = np.ascontiguousarray(rotation.dcm_from_quat(state.q_ib).T)
     omega_ie_i = frames.omega_ie_i(earth)
@@ -121,23 +122,22 @@ def derive(state, P, imu, random_walk, quantum, earth):
     speed = max(np.sqrt((u_i**2).sum()), SLOWEST)
     level = max(np.sqrt(v_n[0] ** 2 + v_n[1] ** 2), SLOWEST)
     pitch_plane = max(np.sqrt(v_b[0] ** 2 + v_b[2] ** 2), SLOWEST)
-    scalars = np.empty(7)
-    scalars[0] = np.arctan2(-v_n[2], np.sqrt(v_n[0] ** 2 + v_n[1] ** 2))
-    scalars[1] = np.arctan2(v_n[1], v_n[0])
-    scalars[2] = np.arctan2(v_b[2], v_b[0])
-    scalars[3] = np.arctan2(v_b[1], np.sqrt(v_b[0] ** 2 + v_b[2] ** 2))
+    path = np.arctan2(-v_n[2], np.sqrt(v_n[0] ** 2 + v_n[1] ** 2))
+    heading = np.arctan2(v_n[1], v_n[0])
+    attack_angle = np.arctan2(v_b[2], v_b[0])
+    slip_angle = np.arctan2(v_b[1], np.sqrt(v_b[0] ** 2 + v_b[2] ** 2))
 
     # gradients of the angles with respect to the velocity in n or b, with |v|^2 in the denominator
     up = np.array([v_n[0] * v_n[2] / level, v_n[1] * v_n[2] / level, -level]) / speed**2
     attack = np.array([-v_b[2], 0.0, v_b[0]]) / pitch_plane**2
     slip = np.array([-v_b[0] * v_b[1] / pitch_plane, pitch_plane, -v_b[2] * v_b[1] / pitch_plane]) / speed**2
     path_i = np.ascontiguousarray(C_ei.T) @ (C_en @ up)
-    g = np.zeros(9)
-    for k, u, dv_i in ((4, np.zeros(3), path_i), (5, attack, attack @ C_bi), (6, slip, slip @ C_bi)):
+    g, sigmas = np.zeros(9), np.empty(3)
+    for k, u, dv_i in ((0, np.zeros(3), path_i), (1, attack, attack @ C_bi), (2, slip, slip @ C_bi)):
         g[VEL] = dv_i
         g[POS] = rotation.cross(omega_ie_i, dv_i)  # dv_i . (-omega x dr) = (omega x dv_i) . dr
         g[ATT] = rotation.cross(u, v_b)  # u . (v_b x dtheta) = (u x v_b) . dtheta
-        scalars[k] = min(pi, np.sqrt(_variance(g, P)))
+        sigmas[k] = min(pi, np.sqrt(_variance(g, P)))
 
     vectors = np.empty((7, 3))
     vectors[0], vectors[1] = r_e, v_e
@@ -155,4 +155,4 @@ def derive(state, P, imu, random_walk, quantum, earth):
         b, c = BG.start + k, ROLL.start + k
         rate2 = P[b, b] + 2.0 * roll_rate * P[b, c] + roll_rate**2 * P[c, c]
         vectors[6, k] = np.sqrt(rate2 + rate_noise)
-    return vectors, scalars
+    return vectors, (path, heading, attack_angle, slip_angle), (sigmas[0], sigmas[1], sigmas[2])

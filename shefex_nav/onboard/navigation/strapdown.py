@@ -13,6 +13,8 @@ For a piece of duration T with rate A + B tau and specific force a + b tau::
     s_r = T/2 dv - T^3/12 b + T/6 dtheta x dv                                     the same for position
 
     q <- q exp(phi),   v <- v + C_ib s + g T,   r <- r + v T + C_ib s_r + g T^2/2
+
+The helpers are inlined by force: handing arrays to a function costs more than three sums.
 """
 
 from typing import NamedTuple
@@ -29,12 +31,14 @@ ROWS = BEFORE + SAMPLES
 
 
 class ImuWindow(NamedTuple):
-    """The samples of one tick, the last four rows, and the two before them, which give the first slopes."""
+    """The samples of one tick, and the two before them, which give the first slopes."""
 
     t_end_s: float
     dt_s: float
-    dtheta_b: np.ndarray  # (6, 3) rad
-    dv_b: np.ndarray  # (6, 3) m/s
+    dtheta_b: np.ndarray  # (4, 3) rad
+    dv_b: np.ndarray  # (4, 3) m/s
+    dtheta_before_b: np.ndarray  # (2, 3) rad
+    dv_before_b: np.ndarray  # (2, 3) m/s
     saturated: bool
     vibration: float  # level, 0: no motor burns, 1: the first motor
 
@@ -55,48 +59,100 @@ class Pieces(NamedTuple):
 
 def window(block, before=None, vibration=0.0):
     """ImuWindow of an ImuBlock and the window before it; at the start the first sample stands in for it."""
-    dtheta_b, dv_b = np.empty((ROWS, 3)), np.empty((ROWS, 3))
-    dtheta_b[BEFORE:], dv_b[BEFORE:] = block.dtheta_b, block.dv_b
-    dtheta_b[:BEFORE] = block.dtheta_b[0] if before is None else before.dtheta_b[SAMPLES:]
-    dv_b[:BEFORE] = block.dv_b[0] if before is None else before.dv_b[SAMPLES:]
-    return ImuWindow(block.t_valid_s, block.dt_s, dtheta_b, dv_b, block.saturated, vibration)
+    if before is None:
+        dtheta_before_b, dv_before_b = block.dtheta_b[[0] * BEFORE], block.dv_b[[0] * BEFORE]
+    else:
+        dtheta_before_b, dv_before_b = before.dtheta_b[-BEFORE:], before.dv_b[-BEFORE:]
+    return ImuWindow(
+        block.t_valid_s,
+        block.dt_s,
+        block.dtheta_b,
+        block.dv_b,
+        dtheta_before_b,
+        dv_before_b,
+        block.saturated,
+        vibration,
+    )
 
 
-@njit(cache=True)
-def corrected(state, imu):
-    """Increments free of the estimated sensor errors: (6, 3) rad, (6, 3) m/s.
+@njit(cache=True, forceinline=True)
+def _take_gyro_errors_out(dtheta_b, state, dt_s):
+    """Increment (3,) rad of one sample, corrected in place.
 
     measured = (I + k e_x^T) omega + bias, k the roll column; solved for omega.
     """
     k = state.gyro_roll_column
-    dtheta_b = imu.dtheta_b - state.gyro_bias * imu.dt_s
+    for j in range(3):
+        dtheta_b[j] -= state.gyro_bias[j] * dt_s
+    dtheta_b[0] /= 1.0 + k[0]
+    dtheta_b[1] -= k[1] * dtheta_b[0]
+    dtheta_b[2] -= k[2] * dtheta_b[0]
+
+
+@njit(cache=True, forceinline=True)
+def corrected(state, imu):
+    """Increments free of the estimated sensor errors, with those before the tick: (6, 3) rad, (6, 3) m/s."""
+    dtheta_b, dv_b = np.empty((ROWS, 3)), np.empty((ROWS, 3))
+    dtheta_b[:BEFORE], dtheta_b[BEFORE:] = imu.dtheta_before_b, imu.dtheta_b
+    dv_b[:BEFORE], dv_b[BEFORE:] = imu.dv_before_b, imu.dv_b
     for n in range(ROWS):
-        roll = dtheta_b[n, 0] / (1.0 + k[0])
-        dtheta_b[n, 0] = roll
-        dtheta_b[n, 1] -= k[1] * roll
-        dtheta_b[n, 2] -= k[2] * roll
-    return dtheta_b, imu.dv_b - state.accel_bias * imu.dt_s
+        _take_gyro_errors_out(dtheta_b[n], state, imu.dt_s)
+        for j in range(3):
+            dv_b[n, j] -= state.accel_bias[j] * imu.dt_s
+    return dtheta_b, dv_b
 
 
-@njit(cache=True)
-def turned(dtheta, dv):
-    """J(dtheta) dv, series to the fourth order: enough for 0.1 rad in a sample."""
-    t2 = dtheta[0] ** 2 + dtheta[1] ** 2 + dtheta[2] ** 2
-    first = rotation.cross(dtheta, dv)
-    return dv + (0.5 - t2 / 24.0) * first + (1.0 / 6.0 - t2 / 120.0) * rotation.cross(dtheta, first)
+@njit(cache=True, forceinline=True)
+def _add_cross(out, factor, u, v):
+    """out += factor u x v, in place: the loops below make no arrays, which would cost more than the sums."""
+    out[0] += factor * (u[1] * v[2] - u[2] * v[1])
+    out[1] += factor * (u[2] * v[0] - u[0] * v[2])
+    out[2] += factor * (u[0] * v[1] - u[1] * v[0])
 
 
-@njit(cache=True)
-def _no_pieces():
-    """Room for the pieces of one tick."""
-    v = np.zeros((6, SAMPLES, 3))
-    return Pieces(0, np.zeros(SAMPLES), np.zeros((SAMPLES, 3, 3)), v[0], v[1], v[2], v[3], v[4], v[5])
+@njit(cache=True, forceinline=True)
+def _room_for_pieces():
+    """Pieces without content."""
+    v = np.empty((6, SAMPLES, 3))
+    return Pieces(0, np.empty(SAMPLES), np.empty((SAMPLES, 3, 3)), v[0], v[1], v[2], v[3], v[4], v[5])
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _count(p, n):
     """The same pieces, n of them in use."""
     return Pieces(n, p.dt_s, p.C_ib, p.dtheta_b, p.dv_b, p.s_b, p.s_r_b, p.B_b, p.b_b)
+
+
+@njit(cache=True, forceinline=True)
+def _cut(dtheta_b, dv_b, k, h, x0, x1, pieces, n):
+    """Part x0 ... x1 (0 ... 1) of sample k becomes piece n. -> phi (3,) rad, the rotation in it
+
+    dtheta_b, dv_b : (6, 3) rad, m/s, corrected increments;  h : s, duration of a sample
+    """
+    T = (x1 - x0) * h
+    off_centre = 0.5 * (x0 + x1 - 1.0) * h * T
+    T3 = T * T * T / 12.0
+    A, a, phi = np.empty(3), np.empty(3), np.empty(3)  # A, a: means of the sample
+    dtheta, dv, s, s_r = pieces.dtheta_b[n], pieces.dv_b[n], pieces.s_b[n], pieces.s_r_b[n]
+    B, b = pieces.B_b[n], pieces.b_b[n]
+    for j in range(3):
+        B[j] = (1.5 * dtheta_b[k, j] - 2.0 * dtheta_b[k - 1, j] + 0.5 * dtheta_b[k - 2, j]) / (h * h)
+        b[j] = (1.5 * dv_b[k, j] - 2.0 * dv_b[k - 1, j] + 0.5 * dv_b[k - 2, j]) / (h * h)
+        A[j], a[j] = dtheta_b[k, j] / h, dv_b[k, j] / h
+        dtheta[j], dv[j] = A[j] * T + B[j] * off_centre, a[j] * T + b[j] * off_centre
+        phi[j], s[j], s_r[j] = dtheta[j], dv[j], T / 2.0 * dv[j] - T3 * b[j]
+    _add_cross(phi, T3, A, B)  # A x B is the same at every instant of the sample
+    # J(dtheta) dv as a series to the fourth order: enough for 0.1 rad in a sample
+    t2 = dtheta[0] * dtheta[0] + dtheta[1] * dtheta[1] + dtheta[2] * dtheta[2]
+    turn = rotation.cross(dtheta, dv)
+    for j in range(3):
+        s[j] += (0.5 - t2 / 24.0) * turn[j]
+        s_r[j] += T / 6.0 * turn[j]
+    _add_cross(s, 1.0 / 6.0 - t2 / 120.0, dtheta, turn)
+    _add_cross(s, T3, A, b)
+    _add_cross(s, T3, a, B)
+    pieces.dt_s[n] = T
+    return phi
 
 
 @njit(cache=True)
@@ -117,27 +173,20 @@ def integrate(state, imu, begin_s, end_s, g_i):
     """
     h = imu.dt_s
     dtheta_b, dv_b = corrected(state, imu)
-    r, v, q = state.r_i.copy(), state.v_i.copy(), state.q_ib.copy()
-    pieces = _no_pieces()
+    r, v, q = state.r_i.copy(), state.v_i.copy(), state.q_ib
+    pieces = _room_for_pieces()
     n = 0
     for k in range(BEFORE, ROWS):
         x0, x1 = max(begin_s / h - (k - BEFORE), 0.0), min(end_s / h - (k - BEFORE), 1.0)
         if x1 - x0 < 1e-9:
             continue
-        T = (x1 - x0) * h
-        B = (1.5 * dtheta_b[k] - 2.0 * dtheta_b[k - 1] + 0.5 * dtheta_b[k - 2]) / h**2
-        b = (1.5 * dv_b[k] - 2.0 * dv_b[k - 1] + 0.5 * dv_b[k - 2]) / h**2
-        A, a = dtheta_b[k] / h, dv_b[k] / h  # means of the sample: A x B is the same at every instant
-        skewness = 0.5 * (x0 + x1 - 1.0) * h * T
-        dtheta, dv = A * T + B * skewness, a * T + b * skewness
-        phi = dtheta + T**3 / 12.0 * rotation.cross(A, B)
-        s = turned(dtheta, dv) + T**3 / 12.0 * (rotation.cross(A, b) + rotation.cross(a, B))
-        s_r = T / 2.0 * dv - T**3 / 12.0 * b + T / 6.0 * rotation.cross(dtheta, dv)
-        pieces.dt_s[n], pieces.dtheta_b[n], pieces.dv_b[n] = T, dtheta, dv
-        pieces.s_b[n], pieces.s_r_b[n], pieces.B_b[n], pieces.b_b[n] = s, s_r, B, b
-        pieces.C_ib[n] = rotation.dcm_from_quat(q)
-        r = r + v * T + rotation.quat_rotate(q, s_r) + (0.5 * T * T) * g_i
-        v = v + rotation.quat_rotate(q, s) + T * g_i
+        phi = _cut(dtheta_b, dv_b, k, h, x0, x1, pieces, n)
+        T, s, s_r = pieces.dt_s[n], pieces.s_b[n], pieces.s_r_b[n]
+        C = rotation.dcm_from_quat(q)
+        pieces.C_ib[n] = C
+        for i in range(3):
+            r[i] += T * v[i] + C[i, 0] * s_r[0] + C[i, 1] * s_r[1] + C[i, 2] * s_r[2] + 0.5 * T * T * g_i[i]
+            v[i] += C[i, 0] * s[0] + C[i, 1] * s[1] + C[i, 2] * s[2] + T * g_i[i]
         q = rotation.quat_multiply(q, rotation.quat_from_rotvec(phi))
         n += 1
     return r, v, rotation.quat_normalise(q), _count(pieces, n)
@@ -156,4 +205,6 @@ def propagate(state, imu, begin_s, end_s, earth):
 def rate(state, imu, at_s):
     """omega_ib_b corrected for the estimated errors: mean of the sample in which at_s lies, (3,) rad/s."""
     k = min(max(int(np.ceil(at_s / imu.dt_s - 1e-6)), 1), SAMPLES)
-    return corrected(state, imu)[0][BEFORE - 1 + k] / imu.dt_s
+    dtheta_b = imu.dtheta_b[k - 1].copy()
+    _take_gyro_errors_out(dtheta_b, state, imu.dt_s)
+    return dtheta_b / imu.dt_s

@@ -2,9 +2,9 @@
 
 frame -> detect -> identify and verify -> ESOQ2 -> `StarFix`; the flags of the frame set the exposure of the
 next one. Lost in space at every frame: no attitude from the navigation is used. What comes from the
-navigation, the `Context`, corrects aberration and names the reason of a failure. Its rate alone can withhold an
-attitude: faster than the tracker is made for, streaks break up, their centroids are worse than the covariance
-says, and an error message is better than a wrong attitude.
+navigation, the `Context`, corrects aberration and names the reason of a failure. Its rate alone can withhold
+an attitude: faster than the tracker is made for, streaks break up, their centroids are worse than the
+covariance says, and an error message is better than a wrong attitude.
 """
 
 from typing import NamedTuple

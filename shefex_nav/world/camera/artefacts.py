@@ -1,7 +1,7 @@
 """What is in the frames besides catalogue stars: bad pixels, false objects, planets.
 
 In: the settable numbers of `CameraParams` and a random generator. Out: lists drawn once per run (bad
-pixels, objects that are in no catalogue) or per frame (spikes), and the planets as the vehicle sees them.
+pixels, objects that are in no catalogue) or per frame (spikes), and the light of planets and Moon.
 """
 
 from typing import NamedTuple
@@ -54,6 +54,8 @@ def spikes(params, rng):
     Their number is Poisson distributed; they sit still for the exposure.
     """
     n = rng.poisson(params.spikes_per_frame)
+    if n == 0:
+        return np.empty((0, 2)), np.empty(0)
     xy_px = rng.uniform([-0.5, -0.5], [params.width_px - 0.5, params.height_px - 0.5], (n, 2))
     return xy_px, rng.uniform(*params.false_object_magnitudes, n)
 
@@ -61,12 +63,6 @@ def spikes(params, rng):
 def planet_magnitudes(bodies):
     """Magnitudes of the planets in the band of a silicon detector: (5,)."""
     return silicon_magnitude(bodies.planet_vmag, PLANET_BV)
-
-
-def planets(bodies, r_i):
-    """Directions of the planets from the vehicle, without aberration: (5, 3)."""
-    toward_i = bodies.planet_r_i - r_i
-    return toward_i / np.linalg.norm(toward_i, axis=1, keepdims=True)
 
 
 def full_moon_magnitude(bodies):
@@ -81,5 +77,5 @@ def moon(bodies, r_i):
     Not aberrated: it shares the Earth's velocity, and its light is only 1.3 s old.
     """
     toward_i = bodies.moon_r_i - r_i
-    distance = np.linalg.norm(toward_i)
+    distance = np.sqrt(toward_i @ toward_i)
     return toward_i / distance, np.arcsin(MOON_RADIUS / distance)

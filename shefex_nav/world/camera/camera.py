@@ -9,20 +9,22 @@ vignetting, an anti-blooming drain (charge beyond the full well is lost), stars 
 from above the atmosphere.
 """
 
+from math import acos, atan, cos, hypot, pi
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.environment.ephemeris import SkyBodies
-from shefex_nav.environment.stars import aberrate, silicon_magnitude
+from shefex_nav.environment.stars import silicon_magnitude
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
 from shefex_nav.records import Frame, FrameTruth
-from shefex_nav.world.camera import artefacts, detector, optics, render
+from shefex_nav.world.camera import artefacts, detector, motion, optics, render, sky
 
 TRUTH_VMAG = 5.5  # FrameTruth lists stars down to here: the depth of an on-board catalogue
-FAINT = 0.05  # sources whose brightest pixel stays below this fraction of the noise are not drawn
+FAINT = 0.05  # light below this fraction of the noise is not drawn: the wings of spots, whole faint sources
+BACKGROUND_STEP = 0.01  # electrons, to which the mean is rounded: frames under one sky share their table
 
 
 class CameraParams(NamedTuple):
@@ -61,24 +63,6 @@ class CameraParams(NamedTuple):
     direct_rate: float  # electrons/s and pixel with Sun or day side within the baffle
 
 
-class Sky(NamedTuple):
-    """Point sources at infinity, catalogue stars first, at the epoch of the mission."""
-
-    u_i: np.ndarray  # (n, 3) barycentric
-    flux: np.ndarray  # (n,) electrons/s
-    hip: np.ndarray  # (n,) 0 for a false object
-    is_listed: np.ndarray  # (n,) bool: named in FrameTruth
-
-
-class Vehicle(NamedTuple):
-    """The vehicle in the middle of an exposure."""
-
-    r_i: np.ndarray  # (3,) m
-    v_i: np.ndarray  # (3,) m/s
-    omega_ib_i: np.ndarray  # (3,) rad/s
-    C_ei: np.ndarray  # (3, 3)
-
-
 class Camera(NamedTuple):
     """The camera of one run, the same for every frame; only `bad_pixel_map` may be known on board."""
 
@@ -86,9 +70,9 @@ class Camera(NamedTuple):
     pinhole: Pinhole  # true
     q_bc: np.ndarray  # (4,) true mounting
     psf: render.Psf
-    sky: Sky
+    sky: sky.Sky
     bodies: SkyBodies
-    planet_flux: np.ndarray  # (5,) electrons/s
+    planets: sky.Planets
     full_moon_flux: float  # electrons/s
     earth: EarthRotation
     bad_pixels: artefacts.BadPixels
@@ -114,7 +98,7 @@ def init(params, catalogue, bodies, earth, rng):
     seen = catalogue.vmag <= params.render_vmag
     vmag, bv = catalogue.vmag[seen], catalogue.bv[seen]
     magnitudes = silicon_magnitude(vmag, bv) + params.sigma_magnitude * rng.standard_normal(len(vmag))
-    sky = Sky(
+    sources = sky.ordered(
         u_i=np.concatenate([catalogue.u_i[seen], false_u_i]),
         flux=_flux(params, np.concatenate([magnitudes, false_magnitudes])),
         hip=np.concatenate([catalogue.hip[seen], np.zeros(len(false_magnitudes), dtype=np.int64)]),
@@ -125,9 +109,11 @@ def init(params, catalogue, bodies, earth, rng):
         pinhole=pinhole,
         q_bc=q_bc,
         psf=render.gaussian_psf(params.sigma_psf_px),
-        sky=sky,
+        sky=sources,
         bodies=bodies,
-        planet_flux=_flux(params, artefacts.planet_magnitudes(bodies)),
+        planets=sky.Planets(
+            np.ascontiguousarray(bodies.planet_r_i), _flux(params, artefacts.planet_magnitudes(bodies))
+        ),
         full_moon_flux=float(_flux(params, artefacts.full_moon_magnitude(bodies))),
         earth=earth,
         bad_pixels=defects,
@@ -156,15 +142,14 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
     t_valid_s, t_end_s = t_start_s + 0.5 * exposure_s, t_start_s + exposure_s
     if t_start_s < trajectory.t_s[0] or t_end_s > trajectory.t_s[-1]:
         raise ValueError(f"exposure from {t_start_s:.4f} s to {t_end_s:.4f} s is outside the trajectory")
-    omega_ib_b = _rates(trajectory, t_start_s, exposure_s)
-    rate = float(np.sqrt((omega_ib_b**2).sum(axis=1).max()))
-    C_ci = _attitudes(camera, trajectory, t_start_s, exposure_s, omega_ib_b)
-    C_ci_mid = render.attitudes(trajectory, camera.q_bc, np.array([t_valid_s]))[0]
-    vehicle = _vehicle(camera, trajectory, t_valid_s, C_ci_mid, omega_ib_b)
-    sun_angle, limb_angle, stray_rate = _surroundings(camera, C_ci_mid[2], vehicle)
+    move = motion.during(camera.pinhole, trajectory, camera.q_bc, t_start_s, exposure_s)
+    boresight_i, C_ei = move.C_ci_mid[2], np.ascontiguousarray(frames.dcm_ie(camera.earth, t_valid_s).T)
+    sun_angle, limb_angle, stray_rate = _surroundings(camera, boresight_i, move.r_i, C_ei)
     background = (params.background_rate + stray_rate) * exposure_s
-    hip, xy_px = _add_sky(camera, C_ci, C_ci_mid, vehicle, exposure_s, rate, background)
-    _add_spikes(camera, exposure_s, rng)
+    background = BACKGROUND_STEP * round(background / BACKGROUND_STEP)
+    least = FAINT * np.sqrt(params.read_noise_electrons**2 + background)
+    hip, xy_px = _add_sky(camera, move, C_ei, exposure_s, least)
+    _add_spikes(camera, exposure_s, least, rng)
     image_dn = _read_out(camera, background, command, rng)
     render.darken(camera.light)
 
@@ -180,8 +165,8 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
     truth = FrameTruth(
         number=number,
         t_valid_s=t_valid_s,
-        q_ic=rotation.quat_from_dcm(np.ascontiguousarray(C_ci_mid.T)),
-        rate=rate,
+        q_ic=rotation.quat_from_dcm(np.ascontiguousarray(move.C_ci_mid.T)),
+        rate=move.rate,
         sun_angle=sun_angle,
         limb_angle=limb_angle,
         exclusion_met=sun_angle >= params.sun_exclusion_rad and limb_angle >= params.earth_exclusion_rad,
@@ -196,120 +181,57 @@ def _flux(params, magnitudes):
     return params.zero_magnitude_flux * 10.0 ** (-0.4 * magnitudes)
 
 
-def _sample(trajectory, t_s):
-    """Fractional number of the trajectory's sample at t_s."""
-    times_s = trajectory.t_s
-    return (t_s - times_s[0]) / (times_s[-1] - times_s[0]) * (len(times_s) - 1)
-
-
-def _interpolate(trajectory, values, t_s):
-    """Linear interpolation of (N, 3) samples: position within 0.1 mm at 100 m/s^2 and 400 Hz."""
-    x = _sample(trajectory, t_s)
-    k = min(int(x), len(values) - 2)
-    return values[k] + (x - k) * (values[k + 1] - values[k])
-
-
-def _rates(trajectory, t_start_s, exposure_s):
-    """Body rates [rad/s] of the samples in and next to the exposure: (n, 3)."""
-    first = int(_sample(trajectory, t_start_s))
-    last = int(np.ceil(_sample(trajectory, t_start_s + exposure_s)))
-    return trajectory.omega_ib_b[first : last + 1]
-
-
-def _vehicle(camera, trajectory, t_s, C_ci, omega_ib_b):
-    """Position and velocity at t_s, the mean of the rates in the exposure."""
-    omega_ib_c = rotation.quat_rotate(rotation.quat_conjugate(camera.q_bc), omega_ib_b.mean(axis=0))
-    return Vehicle(
-        r_i=_interpolate(trajectory, trajectory.r_i, t_s),
-        v_i=_interpolate(trajectory, trajectory.v_i, t_s),
-        omega_ib_i=C_ci.T @ omega_ib_c,
-        C_ei=np.ascontiguousarray(frames.dcm_ie(camera.earth, t_s).T),
-    )
-
-
-def _attitudes(camera, trajectory, t_start_s, exposure_s, omega_ib_b):
-    """C_ci at the middles of steps in which no star moves more than MAX_STEP_PX.
-
-    In a corner, at the angle a from the boresight, the image moves by f / cos^2(a) times the rate across
-    the boresight plus f tan(a) times the rate about it.
-    """
-    focal_length_px = camera.pinhole.focal_length_px
-    tan_corner = 0.5 * np.hypot(camera.params.width_px, camera.params.height_px) / focal_length_px
-    omega_c = omega_ib_b @ rotation.dcm_from_quat(camera.q_bc)
-    across, about = np.hypot(omega_c[:, 0], omega_c[:, 1]), np.abs(omega_c[:, 2])
-    speed_px = focal_length_px * ((1.0 + tan_corner**2) * across + tan_corner * about).max()
-    n_steps = max(1, int(np.ceil(speed_px * exposure_s / render.MAX_STEP_PX)))
-    times_s = t_start_s + exposure_s * (np.arange(n_steps) + 0.5) / n_steps
-    return render.attitudes(trajectory, camera.q_bc, times_s)
-
-
-def _surroundings(camera, boresight_i, vehicle):
+def _surroundings(camera, boresight_i, r_i, C_ei):
     """Angles of the boresight to Sun and limb [rad], and the stray light [electrons/s and pixel]."""
     params, sun_u_i = camera.params, camera.bodies.sun_u_i
-    sun_angle = float(np.arccos(np.clip(boresight_i @ sun_u_i, -1.0, 1.0)))
-    limb_angle = float(wgs84.limb_angle(vehicle.C_ei @ vehicle.r_i, vehicle.C_ei @ boresight_i))
-    sunlight = optics.limb_sunlight(boresight_i, vehicle.r_i, sun_u_i)
+    sun_angle = acos(min(1.0, max(-1.0, boresight_i @ sun_u_i)))
+    limb_angle = wgs84.limb_angle(C_ei @ r_i, C_ei @ boresight_i)
+    sunlight = optics.limb_sunlight(boresight_i, r_i, sun_u_i)
     sun_rate = optics.stray_light(sun_angle, params.sun_exclusion_rad, params.baffle_rad, params)
     # the exclusion angle to the limb is less than the baffle's: light past its edge is in the exponential
     earth_rate = optics.stray_light(limb_angle, params.earth_exclusion_rad, 0.0, params)
     return sun_angle, limb_angle, sun_rate + sunlight * earth_rate
 
 
-def _add_sky(camera, C_ci, C_ci_mid, vehicle, exposure_s, rate, background):
+def _add_sky(camera, move, C_ei, exposure_s, least):
     """Draw stars, false objects, planets and Moon; returns (hip, xy_px) of the listed stars in the frame."""
-    params, sky, pinhole = camera.params, camera.sky, camera.pinhole
-    observer_v_i = camera.bodies.earth_v_i + vehicle.v_i
-    size_px = np.array([params.width_px, params.height_px], dtype=float)
-    half_diagonal = np.arctan(0.5 * np.hypot(*size_px) / pinhole.focal_length_px)
-    cone = min(np.pi, half_diagonal + 0.5 * rate * exposure_s + 0.005)  # rad; room for spot and aberration
-    near = np.flatnonzero(sky.u_i @ C_ci_mid[2] > np.cos(cone))
-    planets_i = artefacts.planets(camera.bodies, vehicle.r_i)
-    u_i = aberrate(np.concatenate([sky.u_i[near], planets_i]), observer_v_i)
-    electrons = exposure_s * np.concatenate([sky.flux[near], camera.planet_flux])
-    electrons[electrons < _faintest(camera, u_i, vehicle.omega_ib_i, exposure_s, background)] = 0.0
-    is_listed = np.append(sky.is_listed[near], np.zeros(len(planets_i), dtype=bool))
-    drawn = np.flatnonzero(((electrons > 0.0) | is_listed) & ~optics.behind_earth(u_i, vehicle))
-    xy_px = render.add_points(camera.light, pinhole, camera.psf, C_ci, u_i[drawn], electrons[drawn])
+    params, hole, psf = camera.params, camera.pinhole, camera.psf
+    half_diagonal = atan(0.5 * hypot(params.width_px, params.height_px) / hole.focal_length_px)
+    cone = min(pi, half_diagonal + 0.5 * move.rate * exposure_s + 0.005)  # rad; for spot and aberration
+    observer_v_i = camera.bodies.earth_v_i + move.v_i
+    view = sky.View(move.C_ci_mid[2], cone, move.r_i, observer_v_i, move.omega_ib_i, C_ei)
+    film = sky.Film(exposure_s, hole.focal_length_px, psf.width_px, least)
+    hip, u_i, electrons = sky.visible(camera.sky, camera.planets, view, film)
+    xy_px = render.add_points(camera.light, hole, psf, move.C_ci, u_i, electrons, least)
 
-    moon_i, radius = artefacts.moon(camera.bodies, vehicle.r_i)
-    if moon_i @ C_ci_mid[2] > np.cos(cone + radius) and not optics.behind_earth(moon_i[None], vehicle)[0]:
-        full_moon = camera.full_moon_flux * exposure_s
-        render.add_moon(camera.light, pinhole, C_ci, moon_i, radius, camera.bodies.sun_u_i, full_moon)
+    moon_i, radius = artefacts.moon(camera.bodies, move.r_i)
+    if moon_i @ view.boresight_i > cos(cone + radius):
+        if not sky.behind_earth(moon_i[None], move.r_i, C_ei)[0]:
+            full_moon = camera.full_moon_flux * exposure_s
+            sun_u_i = camera.bodies.sun_u_i
+            render.add_moon(camera.light, hole, move.C_ci, moon_i, radius, sun_u_i, full_moon)
 
-    with np.errstate(invalid="ignore"):  # NaN behind the camera
-        inside = (np.abs(xy_px - 0.5 * (size_px - 1.0)) <= 0.5 * size_px).all(axis=1)
-    listed = inside & is_listed[drawn]
-    return sky.hip[near[drawn[listed]]], xy_px[listed]
+    x, y = xy_px.T  # NaN behind the camera is inside of nothing
+    inside = (x >= -0.5) & (x <= params.width_px - 0.5) & (y >= -0.5) & (y <= params.height_px - 0.5)
+    listed = inside & (hip > 0)
+    return hip[listed], xy_px[listed]
 
 
-def _faintest(camera, u_i, omega_ib_i, exposure_s, background):
-    """Electrons below which a source's brightest pixel stays below FAINT of the noise: (n,).
-
-    A still star puts 1/(2 pi sigma^2) of its light into that pixel, one that moves by L px
-    1/(sqrt(2 pi) sigma L). This is what makes frames affordable while the vehicle spins.
-    """
-    params = camera.params
-    speed = np.sqrt(np.maximum(omega_ib_i @ omega_ib_i - (u_i @ omega_ib_i) ** 2, 0.0))  # |omega x u|
-    length_px = camera.pinhole.focal_length_px * exposure_s * speed
-    width_px = np.sqrt(2.0 * np.pi) * params.sigma_psf_px
-    noise = np.sqrt(params.read_noise_electrons**2 + background)
-    return FAINT * noise * width_px * np.maximum(width_px, length_px)
-
-
-def _add_spikes(camera, exposure_s, rng):
+def _add_spikes(camera, exposure_s, least, rng):
     """Draw the spots of this frame that sit still on the detector."""
     xy_px, magnitudes = artefacts.spikes(camera.params, rng)
     if len(xy_px):
         electrons = _flux(camera.params, magnitudes) * exposure_s
         u_c = unit_vectors(camera.pinhole, xy_px)
-        render.add_points(camera.light, camera.pinhole, camera.psf, np.eye(3)[None], u_c, electrons)
+        still = np.eye(3)[None]
+        render.add_points(camera.light, camera.pinhole, camera.psf, still, u_c, electrons, least)
 
 
 def _read_out(camera, background, command, rng):
     """Grey values of the whole frame: (rows, columns) uint8."""
     params, defects = camera.params, camera.bad_pixels
-    cdf = detector.grey_distribution(params, command.gain_db, background)
-    grey = detector.background(params.width_px * params.height_px, cdf, rng)
+    pairs = detector.background_pairs(params, command.gain_db, background)
+    grey = detector.background(params.width_px * params.height_px, pairs, rng)
     lit = render.lit_pixels(camera.light)
     pixels = np.concatenate([lit, defects.hot, defects.dead])
     mean = background + camera.light.electrons[pixels]

@@ -5,24 +5,36 @@ frame. A grey value is round((min(n, full well) + r) / (electrons per DN) + blac
 0..255, with n ~ Poisson(mean) and r ~ N(0, read noise^2).
 
 Most pixels hold background alone and share one distribution over the 256 grey values. It is computed
-exactly and drawn through a table of 65536 cells, 30 times as fast as Poisson and normal draws. A cell
-that lies across the border of two grey values is resolved by a second draw; with rounded borders the
-noise would end at 4.2 sigma and every figure about false alarms would flatter.
+exactly, and two neighbours at a time are drawn from a table of 65536 cells with a 16-bit word, 60 times as
+fast as by Poisson and normal draws. A pair of grey values gets as many whole cells as its probability has;
+what the fractions leave over is in cells of its own that are resolved by a second draw among the fractions.
+With rounded probabilities the noise would end at 3 sigma and every figure about false alarms would flatter.
 """
 
+from functools import lru_cache
 from math import erfc, exp, lgamma, log, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-CELLS = 65536  # of the inverse distribution table: one per 16-bit word
+CELLS = 65536  # of the table of pairs: one per 16-bit word
 
 # SplitMix64 (Steele, Lea & Flood 2014, OOPSLA 49(10), 453): a counter made random by two multiplications
 _GAMMA = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
 _S16, _S27, _S30, _S31 = np.uint64(16), np.uint64(27), np.uint64(30), np.uint64(31)
-_S32, _S48, _WORD = np.uint64(32), np.uint64(48), np.uint64(0xFFFF)
+_S11, _S32, _S48, _WORD = np.uint64(11), np.uint64(32), np.uint64(48), np.uint64(0xFFFF)
+
+
+class Pairs(NamedTuple):
+    """Distribution of the grey values of two pixels, made ready to draw from. A pair: 256 first + second."""
+
+    table: np.ndarray  # (CELLS,) uint16, pairs
+    marker: int  # in a cell of the table: to be drawn among the fractions; no pair that has a cell
+    fractions: np.ndarray  # (m,) running sum of what the whole cells leave over
+    pairs: np.ndarray  # (m,) uint16, to which the fractions belong
 
 
 def electrons_per_dn(params, gain_db):
@@ -41,15 +53,19 @@ def digitise(params, gain_db, mean_electrons, rng):
 
 def grey_distribution(params, gain_db, mean_electrons):
     """P(grey value <= k) of a pixel with the given mean electrons: (256,)."""
+    return _distribution(*_electronics(params, gain_db), mean_electrons)
+
+
+def _electronics(params, gain_db):
+    """What shapes the noise: read noise, full well [electrons], electrons per DN, black level [DN]."""
+    per_dn = electrons_per_dn(params, gain_db)
+    return params.read_noise_electrons, params.full_well_electrons, per_dn, params.black_level_dn
+
+
+def _distribution(read_noise, full_well, per_dn, black_level, mean):
+    """P(grey value <= k): (256,)."""
     cdf = np.zeros(256)
-    _distribution_kernel(
-        mean_electrons,
-        params.read_noise_electrons,
-        params.full_well_electrons,
-        electrons_per_dn(params, gain_db),
-        params.black_level_dn,
-        cdf,
-    )
+    _distribution_kernel(mean, read_noise, full_well, per_dn, black_level, cdf)
     return np.minimum(np.maximum.accumulate(cdf), 1.0)  # against rounding
 
 
@@ -84,51 +100,74 @@ def _add_step(cdf, first, probability):
         cdf[k] += probability
 
 
-def background(n_pixels, cdf, rng):
-    """Grey values of n pixels, independent, from their distribution cdf (256,): (n,) uint8."""
-    table = np.empty(CELLS, dtype=np.uint8)
-    rarest = _table_kernel(cdf, table)
-    grey = np.empty((n_pixels + 3) // 4 * 4, dtype=np.uint8)
-    _words_kernel(table, rng.integers(0, 2**64 - 1, dtype=np.uint64, endpoint=True), grey)
-    # whatever shows the rarest grey value is drawn again among the cells that do, to all digits
-    cells = np.flatnonzero(table == rarest)
-    doubtful = np.flatnonzero(grey == rarest)
-    x = (cells[rng.integers(0, len(cells), len(doubtful))] + rng.random(len(doubtful))) / CELLS
-    grey[doubtful] = np.searchsorted(cdf, x, side="right")
-    return grey[:n_pixels]
+def background_pairs(params, gain_db, mean_electrons):
+    """Pairs of pixels with the given mean electrons; those asked for last are kept."""
+    return _background_pairs(*_electronics(params, gain_db), mean_electrons)
+
+
+@lru_cache(maxsize=4)
+def _background_pairs(*electronics_and_mean):
+    return pairs(_distribution(*electronics_and_mean))
+
+
+def pairs(cdf):
+    """Pairs of independent pixels that follow the distribution cdf (256,)."""
+    probability = np.diff(cdf, prepend=0.0)
+    greys = np.flatnonzero(probability)
+    expected = CELLS * np.outer(probability[greys], probability[greys]).ravel()
+    whole = np.floor(expected).astype(np.int64)
+    both = (256 * greys[:, None] + greys).ravel().astype(np.uint16)
+    cells = np.repeat(both, whole)
+    marker = int(np.argmin(np.bincount(cells, minlength=CELLS)))
+    table = np.full(CELLS, marker, dtype=np.uint16)
+    table[: len(cells)] = cells
+    return Pairs(table, marker, np.cumsum(expected - whole), both)
+
+
+def background(n_pixels, pairs, rng):
+    """Grey values of n pixels, independent, drawn from Pairs: (n,) uint8."""
+    drawn = np.empty((n_pixels + 7) // 8 * 4, dtype=np.uint16)
+    _draw_kernel(pairs, rng.integers(0, 2**64 - 1, dtype=np.uint64, endpoint=True), drawn)
+    return drawn.view(np.uint8)[:n_pixels]
 
 
 @njit(cache=True)
-def _table_kernel(cdf, table):
-    """Write the grey value of each cell, or the rarest grey value where a cell lies across a border.
-
-    Cell c stands for c/CELLS <= x < (c + 1)/CELLS; grey value k for cdf[k - 1] <= x < cdf[k]. Returns the
-    grey value with the fewest cells of its own.
-    """
-    rarest, fewest = 0, table.size + 1
-    first = 0
-    for k in range(256):
-        last = int(np.floor(cdf[k] * table.size))
-        table[first:last] = k
-        if last - first < fewest:
-            rarest, fewest = k, last - first
-        first = max(first, int(np.ceil(cdf[k] * table.size)))
-    for k in range(255):
-        border = cdf[k] * table.size
-        if border > np.floor(border):
-            table[int(border)] = rarest
-    return rarest
+def _random_word(seed, k):
+    """Number k of the sequence that starts at seed, 64 random bits."""
+    z = seed + np.uint64(k) * _GAMMA
+    z = (z ^ (z >> _S30)) * _MIX_1
+    z = (z ^ (z >> _S27)) * _MIX_2
+    return z ^ (z >> _S31)
 
 
 @njit(cache=True)
-def _words_kernel(table, seed, grey):
-    """Write table entries of random 16-bit words, four from each 64-bit number."""
-    for k in range(grey.size // 4):
-        z = seed + np.uint64(k) * _GAMMA
-        z = (z ^ (z >> _S30)) * _MIX_1
-        z = (z ^ (z >> _S27)) * _MIX_2
-        z = z ^ (z >> _S31)
-        grey[4 * k] = table[z & _WORD]
-        grey[4 * k + 1] = table[(z >> _S16) & _WORD]
-        grey[4 * k + 2] = table[(z >> _S32) & _WORD]
-        grey[4 * k + 3] = table[z >> _S48]
+def _draw_kernel(pairs, seed, drawn):
+    """Write pairs, four for each random number; what shows the marker takes another number each."""
+    table, marker = pairs.table, np.uint16(pairs.marker)
+    n = drawn.size // 4
+    spare = n
+    for k in range(n):
+        z = _random_word(seed, k)
+        a, b = table[z & _WORD], table[(z >> _S16) & _WORD]
+        c, d = table[(z >> _S32) & _WORD], table[z >> _S48]
+        drawn[4 * k], drawn[4 * k + 1], drawn[4 * k + 2], drawn[4 * k + 3] = a, b, c, d
+        if (a == marker) | (b == marker) | (c == marker) | (d == marker):
+            for j in range(4 * k, 4 * k + 4):
+                if drawn[j] == marker:
+                    drawn[j] = _draw_fraction(pairs, _random_word(seed, spare))
+                    spare += 1
+
+
+@njit(cache=True)
+def _draw_fraction(pairs, word):
+    """A pair drawn among what the whole cells leave over."""
+    fractions = pairs.fractions
+    x = (word >> _S11) * 2.0**-53 * fractions[-1]
+    low, high = 0, fractions.size - 1  # the first running sum above x is in low ... high
+    while low < high:
+        middle = (low + high) // 2
+        if fractions[middle] > x:
+            high = middle
+        else:
+            low = middle + 1
+    return pairs.pairs[low]

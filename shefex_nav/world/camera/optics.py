@@ -7,6 +7,7 @@ of the stray light between them is an engineering guess [E].
 """
 
 import numpy as np
+from numba import njit
 
 from shefex_nav.geometry import pinhole, rotation, wgs84
 
@@ -27,15 +28,16 @@ def true_pinhole(params, rng):
     return nominal._replace(cx_px=nominal.cx_px + dx, cy_px=nominal.cy_px + dy)
 
 
+@njit(cache=True)
 def limb_sunlight(boresight_i, r_i, sun_u_i):
     """How brightly the Sun lights the limb below the boresight: 0 at night, 1 under a zenith Sun.
 
     The sine of the Sun's elevation at the tangent point of a spherical Earth, smoothed over the twilight.
     """
-    distance = np.linalg.norm(r_i)
+    distance = np.sqrt(r_i @ r_i)
     up_i = r_i / distance
     across_i = boresight_i - (boresight_i @ up_i) * up_i
-    norm = np.linalg.norm(across_i)
+    norm = np.sqrt(across_i @ across_i)
     cos_arc = min(1.0, wgs84.A / distance)  # arc from below the vehicle to the tangent point
     limb_up_i = cos_arc * up_i
     if norm > 1e-9:
@@ -54,15 +56,3 @@ def stray_light(angle, exclusion, baffle, params):
         return params.direct_rate
     decades = (exclusion - angle) / params.stray_decade_rad
     return min(params.direct_rate, params.stray_rate * 10.0**decades)
-
-
-def behind_earth(u_i, vehicle):
-    """Which directions end on the ellipsoid. (n, 3) unit vectors -> (n,) bool.
-
-    With z stretched by A/B the Earth is a unit sphere; |r + s u| = 1 has a solution s > 0 there.
-    """
-    stretch = np.array([1.0 / wgs84.A, 1.0 / wgs84.A, 1.0 / wgs84.B])
-    r = (vehicle.C_ei @ vehicle.r_i) * stretch
-    u = (u_i @ vehicle.C_ei.T) * stretch
-    ru = u @ r
-    return (ru < 0.0) & (ru**2 > (u**2).sum(axis=1) * (r @ r - 1.0))

@@ -2,27 +2,19 @@
 
 In: directions and electrons of the sources, the attitude of the camera at many instants of the exposure.
 Out: mean electrons per pixel. The point-spread function is a Gaussian integrated over each pixel; the
-motion is a sum over instants less than MAX_STEP_PX apart on the detector, which for a Gaussian of 0.8 px
-has a ripple below 1e-12.
+motion is a sum over instants less than 0.5 px apart on the detector (`motion`), which for a Gaussian of
+0.8 px has a ripple below 1e-12.
+
+Pixels to which a source gives less than `least` electrons are left out: the wings of the spots, far below
+the noise, are most of their area, and every pixel that is lit costs a draw from a Poisson distribution. A
+still source loses 2 pi sigma^2 least electrons by that, however bright it is.
 """
 
-from math import erfc, sqrt
+from math import erfc, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-
-from shefex_nav.geometry.rotation import (
-    dcm_from_quat,
-    quat_conjugate,
-    quat_from_rotvec,
-    quat_multiply,
-    rotvec_from_quat,
-)
-
-MAX_STEP_PX = 0.5
-LOST_ELECTRONS = 0.1  # light outside the square of pixels that a source is given, per edge
-LEAST_ELECTRONS = 0.02  # a source leaves out pixels with less: the corners of its square
 
 
 class Psf(NamedTuple):
@@ -31,12 +23,13 @@ class Psf(NamedTuple):
     cdf: np.ndarray  # at steps of 1/per_px from -reach_px to reach_px; interpolated linearly
     per_px: int
     reach_px: int
+    width_px: float  # sqrt(2 pi) sigma: of a box of the Gaussian's height and area
 
 
 class Light(NamedTuple):
     """Electrons per pixel and which pixels have any: work memory, dark between two frames."""
 
-    electrons: np.ndarray  # (rows * columns,)
+    electrons: np.ndarray  # (rows * columns,) float32: half the memory to fetch
     lit: np.ndarray  # (rows * columns,) int32, indices of lit pixels in the order of their first light
     n_lit: np.ndarray  # (1,) int64, how many
 
@@ -47,12 +40,12 @@ def gaussian_psf(sigma_px):
     reach_px = int(np.ceil(6.0 * sigma_px)) + 1
     x_px = np.arange(-reach_px * per_px, (reach_px + 1) * per_px + 1) / per_px
     cdf = np.array([0.5 * erfc(-x / (sqrt(2.0) * sigma_px)) for x in x_px])
-    return Psf(cdf, per_px, reach_px)
+    return Psf(cdf, per_px, reach_px, sqrt(2.0 * pi) * sigma_px)
 
 
 def darkness(n_pixels):
     """Light of a frame before any source has been added."""
-    return Light(np.zeros(n_pixels), np.empty(n_pixels, np.int32), np.zeros(1, np.int64))
+    return Light(np.zeros(n_pixels, np.float32), np.empty(n_pixels, np.int32), np.zeros(1, np.int64))
 
 
 def lit_pixels(light):
@@ -66,33 +59,7 @@ def darken(light):
     light.n_lit[0] = 0
 
 
-def attitudes(trajectory, q_bc, times_s):
-    """C_ci at times within the trajectory, at constant rate between its samples. (n,) s -> (n, 3, 3)."""
-    t_s = trajectory.t_s
-    step_s = (t_s[-1] - t_s[0]) / (len(t_s) - 1)
-    C_ci = np.empty((len(times_s), 3, 3))
-    _attitudes_kernel(trajectory.q_ib, (times_s - t_s[0]) / step_s, q_bc, C_ci)
-    return C_ci
-
-
-@njit(cache=True)
-def _attitudes_kernel(q_ib, samples, q_bc, C_ci):
-    """Write C_ci at fractional sample numbers."""
-    before = -1
-    phi_b = np.zeros(3)
-    for k in range(samples.size):
-        sample = min(int(samples[k]), q_ib.shape[0] - 2)
-        if sample != before:
-            before = sample
-            phi_b = rotvec_from_quat(quat_multiply(quat_conjugate(q_ib[sample]), q_ib[sample + 1]))
-        q_ib_k = quat_multiply(q_ib[sample], quat_from_rotvec((samples[k] - sample) * phi_b))
-        C_ic = dcm_from_quat(quat_multiply(q_ib_k, q_bc))
-        for row in range(3):  # an array assignment would double the time to compile
-            for column in range(3):
-                C_ci[k, row, column] = C_ic[column, row]
-
-
-def add_points(light, camera, psf, C_ci, u_i, electrons):
+def add_points(light, camera, psf, C_ci, u_i, electrons, least):
     """Add point sources to `light`, in place; returns where their light is centred.
 
     Parameters
@@ -103,84 +70,98 @@ def add_points(light, camera, psf, C_ci, u_i, electrons):
     C_ci : (n, 3, 3) attitudes at equal steps of the exposure
     u_i : (m, 3) directions as the moving camera sees them
     electrons : (m,) of the whole exposure; nothing is drawn for zero
+    least : float, electrons that a pixel is lit for
 
     Returns
     -------
     (m, 2) px, mean position over the exposure; NaN for a source that was behind the camera
     """
     xy_px = np.empty((len(u_i), 2))
-    _points_kernel(light, camera, psf, C_ci, u_i, electrons, xy_px)
+    _points_kernel(light, camera, psf, C_ci, u_i, electrons, float(least), xy_px)
     return xy_px
 
 
 @njit(cache=True)
-def _points_kernel(light, camera, psf, C_ci, u_i, electrons, xy_px):
+def _points_kernel(light, camera, psf, C_ci, u_i, electrons, least, xy_px):
     """Write the mean positions to xy_px and add the sources to light."""
     n = C_ci.shape[0]
+    shares = np.empty((2, 2 * psf.reach_px))
     for star in range(u_i.shape[0]):
-        radius = _patch_radius(psf, electrons[star])
+        x_0, y_0 = _project(camera, C_ci[0], u_i[star])
+        x_1, y_1 = _project(camera, C_ci[n - 1], u_i[star])
+        length_px = np.hypot(x_1 - x_0, y_1 - y_0)
+        # so many of the n steps give most of the light of one pixel
+        together = n / (length_px / psf.width_px) if length_px > psf.width_px else n
+        spot, faint = electrons[star] / n, least / together
+        radius = _patch_radius(psf, spot, faint)
         sum_x, sum_y = 0.0, 0.0
         for k in range(n):
-            ux, uy, uz = u_i[star, 0], u_i[star, 1], u_i[star, 2]
-            z = C_ci[k, 2, 0] * ux + C_ci[k, 2, 1] * uy + C_ci[k, 2, 2] * uz
-            if z <= 0.0:
-                sum_x = np.nan
-                continue
-            scale = camera.focal_length_px / z
-            x = camera.cx_px + scale * (C_ci[k, 0, 0] * ux + C_ci[k, 0, 1] * uy + C_ci[k, 0, 2] * uz)
-            y = camera.cy_px + scale * (C_ci[k, 1, 0] * ux + C_ci[k, 1, 1] * uy + C_ci[k, 1, 2] * uz)
+            x, y = _project(camera, C_ci[k], u_i[star])
             sum_x += x
             sum_y += y
-            if radius > 0:
-                _add_spot(light, camera, psf, x, y, electrons[star] / n, radius, LEAST_ELECTRONS / n)
+            if radius >= 0:
+                _add_spot(light, camera, psf, x, y, spot, radius, faint, shares)
         xy_px[star, 0], xy_px[star, 1] = sum_x / n, sum_y / n
 
 
 @njit(cache=True)
-def _patch_radius(psf, electrons):
-    """Half width in pixels of the square that holds a source but for LOST_ELECTRONS at each edge."""
+def _project(camera, C, u):
+    """Pixel position of a direction, NaN behind the camera. Pinhole, (3, 3), (3,) -> x, y."""
+    z = C[2, 0] * u[0] + C[2, 1] * u[1] + C[2, 2] * u[2]
+    if z <= 0.0:
+        return np.nan, np.nan
+    scale = camera.focal_length_px / z
+    x = camera.cx_px + scale * (C[0, 0] * u[0] + C[0, 1] * u[1] + C[0, 2] * u[2])
+    y = camera.cy_px + scale * (C[1, 0] * u[0] + C[1, 1] * u[1] + C[1, 2] * u[2])
+    return x, y
+
+
+@njit(cache=True)
+def _patch_radius(psf, electrons, least):
+    """Half width of the square of pixels outside which a spot gives none `least` electrons; -1: no spot."""
     if electrons <= 0.0:
-        return 0
-    for radius in range(1, psf.reach_px - 1):
-        if electrons * psf.cdf[(psf.reach_px - radius) * psf.per_px] < LOST_ELECTRONS:
+        return -1
+    middle, half = psf.reach_px * psf.per_px, psf.per_px // 2
+    most = electrons * (psf.cdf[middle + half] - psf.cdf[middle - half])  # in one row
+    for radius in range(psf.reach_px - 1):
+        # the centre may lie half a pixel off the middle of the square, at the edge of its pixel
+        if most * psf.cdf[middle - radius * psf.per_px] < least:
             return radius
     return psf.reach_px - 1
 
 
 @njit(cache=True)
-def _add_spot(light, camera, psf, x, y, electrons, radius, least):
+def _shares(psf, centre, first, last, shares):
+    """Write the shares of a spot's light that fall on pixels first ... last of one axis."""
+    place = (first - 0.5 - centre + psf.reach_px) * psf.per_px
+    k = int(place)
+    part = place - k  # the same at all edges
+    below = psf.cdf[k] + part * (psf.cdf[k + 1] - psf.cdf[k])
+    for j in range(last - first + 1):
+        k += psf.per_px
+        above = psf.cdf[k] + part * (psf.cdf[k + 1] - psf.cdf[k])
+        shares[j] = above - below
+        below = above
+
+
+@njit(cache=True)
+def _add_spot(light, camera, psf, x, y, electrons, radius, least, shares):
     """Add one Gaussian spot integrated over the pixels within `radius` of its own pixel."""
     if not (-0.5 - radius < x < camera.width_px - 0.5 + radius):
         return
     if not (-0.5 - radius < y < camera.height_px - 0.5 + radius):
         return
     column, row = int(np.floor(x + 0.5)), int(np.floor(y + 0.5))
-    # the left edge of pixel c is at c - 0.5 - x from the centre of the spot; all edges share the fraction
-    edge_x = (column - radius - 0.5 - x + psf.reach_px) * psf.per_px
-    edge_y = (row - radius - 0.5 - y + psf.reach_px) * psf.per_px
-    ix, iy = int(edge_x), int(edge_y)
-    fx, fy = edge_x - ix, edge_y - iy
-    below = psf.cdf[iy] + fy * (psf.cdf[iy + 1] - psf.cdf[iy])
-    for r in range(row - radius, row + radius + 1):
-        iy += psf.per_px
-        above = psf.cdf[iy] + fy * (psf.cdf[iy + 1] - psf.cdf[iy])
-        in_row = electrons * (above - below)
-        below = above
-        if 0 <= r < camera.height_px:
-            _add_row(light, camera, psf, r, column - radius, column + radius, ix, fx, in_row, least)
-
-
-@njit(cache=True)
-def _add_row(light, camera, psf, row, first, last, ix, fx, electrons, least):
-    """Spread the electrons of one row of a spot over its columns."""
-    left = psf.cdf[ix] + fx * (psf.cdf[ix + 1] - psf.cdf[ix])
-    for column in range(first, last + 1):
-        ix += psf.per_px
-        right = psf.cdf[ix] + fx * (psf.cdf[ix + 1] - psf.cdf[ix])
-        in_pixel = electrons * (right - left)
-        if in_pixel > least and 0 <= column < camera.width_px:
-            _add(light, row * camera.width_px + column, in_pixel)
-        left = right
+    left, right = max(0, column - radius), min(camera.width_px - 1, column + radius)
+    top, bottom = max(0, row - radius), min(camera.height_px - 1, row + radius)
+    _shares(psf, x, left, right, shares[0])
+    _shares(psf, y, top, bottom, shares[1])
+    for j in range(bottom - top + 1):
+        in_row, pixel = electrons * shares[1, j], (top + j) * camera.width_px + left
+        for i in range(right - left + 1):
+            in_pixel = in_row * shares[0, i]
+            if in_pixel > least:
+                _add(light, pixel + i, in_pixel)
 
 
 @njit(cache=True)

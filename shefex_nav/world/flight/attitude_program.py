@@ -1,7 +1,7 @@
 """The attitude between separation and re-entry, when cold gas steers the vehicle: prescribed body rates.
 
-In: the programme of the mission and the state at the start of each piece. Out: a `RateLaw` per piece, from
-which the equations of motion take the body rate and its derivative; the attitude itself is integrated there.
+In: the programme of the mission and the state at the start of each piece. Out: a `RateLaw` per piece, and
+from it the body rate and its derivative at any time; the attitude itself is integrated in `dynamics`.
 
 Every rate is a function of time alone with a continuous derivative, and each piece starts with the rate with
 which the one before ended. The thrusters and their plumes are not modelled, and pure couples are assumed:
@@ -14,6 +14,7 @@ vehicle will be at the instant for which the direction is meant; that place is p
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from shefex_nav.geometry import frames, rotation, wgs84
 
@@ -67,13 +68,74 @@ class RateLaw(NamedTuple):
     swing: np.ndarray  # (2, 3) rad/s, body components at phase 0 and a quarter period later
     frequency: float  # rad/s
     phase: float  # rad
-    ramp: float  # s
+    ramp: float  # s, of the fade; 0: without the small motions
+
+
+@njit(cache=True)
+def smooth_step(u):
+    """S(u) = 10 u^3 - 15 u^4 + 6 u^5 from 0 to 1, its two derivatives and its integral from 0."""
+    u = min(1.0, max(0.0, u))
+    s = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
+    ds = 30.0 * u**2 * (1.0 - u) ** 2
+    return s, ds, 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u), u**4 * (2.5 - 3.0 * u + u * u)
+
+
+@njit(cache=True)
+def _residual_rate(law, t_s):
+    """The small motions of a `RateLaw` and their derivative: six numbers."""
+    if law.ramp == 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    tau = t_s - law.t_0
+    rise, drise, _, _ = smooth_step(tau / law.ramp)
+    fall, dfall, _, _ = smooth_step((law.t_1 - t_s) / law.ramp)
+    fade, dfade = rise * fall, (drise * fall - rise * dfall) / law.ramp
+    c, s = np.cos(law.frequency * tau + law.phase), np.sin(law.frequency * tau + law.phase)
+    a, b = law.swing[0], law.swing[1]
+    x, y = law.steady[0] + c * a[0] + s * b[0], law.steady[1] + c * a[1] + s * b[1]
+    z = law.steady[2] + c * a[2] + s * b[2]
+    w = fade * law.frequency
+    return (
+        fade * x,
+        fade * y,
+        fade * z,
+        dfade * x + w * (c * b[0] - s * a[0]),
+        dfade * y + w * (c * b[1] - s * a[1]),
+        dfade * z + w * (c * b[2] - s * a[2]),
+    )
+
+
+@njit(cache=True)
+def body_rate(law, t_s):
+    """omega_ib_b of a `RateLaw` and its derivative at t_s within the piece: six numbers, rad/s, rad/s^2."""
+    width = law.t_1 - law.t_0
+    tau = t_s - law.t_0
+    s, ds, dds, integral = smooth_step(tau / width)
+    change = law.spin_1 - law.spin_0
+    p, dp = law.spin_0 + change * s, change * ds / width
+    phi = law.spin_0 * tau + change * integral * width
+    w, dw = law.angle * ds / width, law.angle * dds / width**2
+    # the axis keeps its direction in space while the body spins under it
+    c, sn = np.cos(phi), np.sin(phi)
+    ax, ay, az = law.axis[0], c * law.axis[1] + sn * law.axis[2], c * law.axis[2] - sn * law.axis[1]
+    # transverse rate at the start, nutating and damped
+    c, sn = np.cos(law.nutation * tau), np.sin(law.nutation * tau)
+    ty, tz = c * law.transverse[1] - sn * law.transverse[2], sn * law.transverse[1] + c * law.transverse[2]
+    left, dleft = 1.0 - s, -ds / width
+    x, y, z, dx, dy, dz = _residual_rate(law, t_s)
+    return (
+        x + p + w * ax,
+        y + w * ay + left * ty,
+        z + w * az + left * tz,
+        dx + dp + dw * ax,
+        dy + dw * ay + w * p * az + dleft * ty - left * law.nutation * tz,
+        dz + dw * az - w * p * ay + dleft * tz + left * law.nutation * ty,
+    )
 
 
 def hold(t_0, t_1, spin):
     """Spin at a constant rate about x and do nothing else."""
     still, none = (float(t_0), float(t_1), float(spin), float(spin)), np.zeros(3)
-    return RateLaw(*still, none, 0.0, none, 0.0, none, np.zeros((2, 3)), 0.0, 0.0, 1.0)
+    return RateLaw(*still, none, 0.0, none, 0.0, none, np.zeros((2, 3)), 0.0, 0.0, 0.0)
 
 
 def damp(t_0, t_1, omega_b, nutation):

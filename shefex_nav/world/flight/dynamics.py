@@ -1,6 +1,7 @@
-"""Equations of motion of the vehicle and their integration: everything of the flight that is compiled.
+"""Equations of motion of the vehicle and their integration.
 
-In: state, `vehicle.Configuration` of the section, `attitude_program.RateLaw`. Out: truth at the IMU rate.
+In: state, `vehicle.Configuration` of the section, `attitude_program.RateLaw`, `surroundings.World`. Out:
+truth at the IMU rate.
 
 The state is that of the IMU, a point fixed in the body, not of the centre of mass, which moves as propellant
 burns and jumps at staging. For a body of varying mass (solidification principle: Meirovitch, J. Spacecraft
@@ -16,152 +17,27 @@ omega_ib_b 13:16 and f_b 16:19 in the turning body frame: what ideal gyros and a
 Vectors are written out in components: arrays this small cost more to allocate than to compute.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
 from shefex_nav.environment.atmosphere import us76
-from shefex_nav.environment.gravity import gravity_e
-from shefex_nav.geometry import wgs84
-from shefex_nav.geometry.frames import dcm_ie
+from shefex_nav.world.flight.attitude_program import body_rate
+from shefex_nav.world.flight.surroundings import (
+    coarse_gravity_i,
+    fine_gravity_i,
+    height,
+    position_e,
+    times,
+    transposed_times,
+    turned,
+)
+from shefex_nav.world.flight.vehicle import mass_properties, thrust
 
 ON_RAIL, FREE, PROGRAMMED = 0, 1, 2  # how the attitude comes about
 STATE = 19
 AUX = 8  # f_b 0:3, mass 3, Mach number 4, dynamic pressure 5, thrust 6, height 7
 ROW = STATE + AUX
 TIME_EPS = 1e-9  # s, instants closer than this are one
-
-
-class Rail(NamedTuple):
-    """The launch rail, fixed to the Earth."""
-
-    r_e: np.ndarray  # (3,) m, IMU before lift-off
-    direction_e: np.ndarray  # (3,) unit
-    length: float  # m, travel until the vehicle is free
-
-
-class World(NamedTuple):
-    """What surrounds the vehicle."""
-
-    gravity: tuple  # environment.gravity.GravityModel
-    earth: tuple  # geometry.frames.EarthRotation
-    rail: Rail
-
-
-@njit(cache=True)
-def smooth_step(u):
-    """S(u) = 10 u^3 - 15 u^4 + 6 u^5 from 0 to 1, its two derivatives and its integral from 0."""
-    u = min(1.0, max(0.0, u))
-    s = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
-    ds = 30.0 * u**2 * (1.0 - u) ** 2
-    return s, ds, 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u), u**4 * (2.5 - 3.0 * u + u * u)
-
-
-@njit(cache=True)
-def _residual_rate(law, t_s):
-    """The small motions of a `RateLaw` and their derivative: six numbers."""
-    tau = t_s - law.t_0
-    rise, drise, _, _ = smooth_step(tau / law.ramp)
-    fall, dfall, _, _ = smooth_step((law.t_1 - t_s) / law.ramp)
-    fade, dfade = rise * fall, (drise * fall - rise * dfall) / law.ramp
-    c, s = np.cos(law.frequency * tau + law.phase), np.sin(law.frequency * tau + law.phase)
-    a, b = law.swing[0], law.swing[1]
-    x, y = law.steady[0] + c * a[0] + s * b[0], law.steady[1] + c * a[1] + s * b[1]
-    z = law.steady[2] + c * a[2] + s * b[2]
-    w = fade * law.frequency
-    return (
-        fade * x,
-        fade * y,
-        fade * z,
-        dfade * x + w * (c * b[0] - s * a[0]),
-        dfade * y + w * (c * b[1] - s * a[1]),
-        dfade * z + w * (c * b[2] - s * a[2]),
-    )
-
-
-@njit(cache=True)
-def body_rate(law, t_s):
-    """omega_ib_b of a `RateLaw` and its derivative at t_s within the piece: six numbers, rad/s, rad/s^2."""
-    width = law.t_1 - law.t_0
-    tau = t_s - law.t_0
-    s, ds, dds, integral = smooth_step(tau / width)
-    change = law.spin_1 - law.spin_0
-    p, dp = law.spin_0 + change * s, change * ds / width
-    phi = law.spin_0 * tau + change * integral * width
-    w, dw = law.angle * ds / width, law.angle * dds / width**2
-    # the axis keeps its direction in space while the body spins under it
-    c, sn = np.cos(phi), np.sin(phi)
-    ax, ay, az = law.axis[0], c * law.axis[1] + sn * law.axis[2], c * law.axis[2] - sn * law.axis[1]
-    # transverse rate at the start, nutating and damped
-    c, sn = np.cos(law.nutation * tau), np.sin(law.nutation * tau)
-    ty, tz = c * law.transverse[1] - sn * law.transverse[2], sn * law.transverse[1] + c * law.transverse[2]
-    left, dleft = 1.0 - s, -ds / width
-    x, y, z, dx, dy, dz = _residual_rate(law, t_s)
-    return (
-        x + p + w * ax,
-        y + w * ay + left * ty,
-        z + w * az + left * tz,
-        dx + dp + dw * ax,
-        dy + dw * ay + w * p * az + dleft * ty - left * law.nutation * tz,
-        dz + dw * az - w * p * ay + dleft * tz + left * law.nutation * ty,
-    )
-
-
-@njit(cache=True)
-def thrust(configuration, t_s):
-    """(vacuum thrust N, propellant left kg) at a mission time, both exact for the broken-line history."""
-    corners, levels = configuration.corners, configuration.levels
-    if t_s <= corners[0]:
-        return 0.0, configuration.grain_mass
-    impulse = 0.0
-    for k in range(3):
-        width = corners[k + 1] - corners[k]
-        part = min(t_s - corners[k], width)
-        force = levels[k] + (levels[k + 1] - levels[k]) * part / width
-        impulse += 0.5 * (levels[k] + force) * part
-        if t_s < corners[k + 1]:
-            return force, configuration.grain_mass - impulse / configuration.exhaust_speed
-    return 0.0, max(0.0, configuration.grain_mass - impulse / configuration.exhaust_speed)
-
-
-@njit(cache=True)
-def mass_properties(configuration, propellant):
-    """Mass, station of the centre of mass, inertia about the roll axis and across it, `propellant` kg left.
-
-    Also the derivative of the grain's own pitch inertia by its mass [m^2], for the jet damping.
-    """
-    c = configuration
-    mass = c.rigid_mass + propellant
-    station = (c.rigid_mass * c.rigid_station + propellant * c.grain_station) / mass
-    inner2 = c.grain_outer2
-    if c.grain_mass > 0.0:
-        inner2 -= (c.grain_outer2 - c.grain_inner2) * propellant / c.grain_mass
-    roll = c.rigid_roll + 0.5 * propellant * (c.grain_outer2 + inner2)
-    pitch = c.rigid_pitch + propellant * (3.0 * (c.grain_outer2 + inner2) + c.grain_length**2) / 12.0
-    pitch += c.rigid_mass * (c.rigid_station - station) ** 2
-    pitch += propellant * (c.grain_station - station) ** 2
-    return mass, station, roll, pitch, (6.0 * inner2 + c.grain_length**2) / 12.0
-
-
-@njit(cache=True)
-def _times(C, x, y, z):
-    """C @ (x, y, z)."""
-    return (
-        C[0, 0] * x + C[0, 1] * y + C[0, 2] * z,
-        C[1, 0] * x + C[1, 1] * y + C[1, 2] * z,
-        C[2, 0] * x + C[2, 1] * y + C[2, 2] * z,
-    )
-
-
-@njit(cache=True)
-def _transposed_times(C, x, y, z):
-    """C.T @ (x, y, z)."""
-    return (
-        C[0, 0] * x + C[1, 0] * y + C[2, 0] * z,
-        C[0, 1] * x + C[1, 1] * y + C[2, 1] * z,
-        C[0, 2] * x + C[1, 2] * y + C[2, 2] * z,
-    )
 
 
 @njit(cache=True)
@@ -177,26 +53,6 @@ def _attitude(x, C):
     C[0, 0], C[0, 1], C[0, 2] = 1.0 - 2.0 * (b * b + c * c), 2.0 * (a * b - w * c), 2.0 * (a * c + w * b)
     C[1, 0], C[1, 1], C[1, 2] = 2.0 * (a * b + w * c), 1.0 - 2.0 * (a * a + c * c), 2.0 * (b * c - w * a)
     C[2, 0], C[2, 1], C[2, 2] = 2.0 * (a * c - w * b), 2.0 * (b * c + w * a), 1.0 - 2.0 * (a * a + b * b)
-
-
-@njit(cache=True)
-def position_e(earth, t_s, r_i, r_e):
-    """Write the position in frame e into r_e: frames.dcm_ie(earth, t_s).T @ r_i."""
-    angle = earth.angle_0 + earth.rate * t_s
-    c, s = np.cos(angle), np.sin(angle)
-    x, y, z = _transposed_times(earth.C_iq, r_i[0], r_i[1], r_i[2])
-    r_e[0], r_e[1], r_e[2] = _transposed_times(earth.C_re, c * x + s * y, c * y - s * x, z)
-
-
-@njit(cache=True)
-def _gravity_i(world, t_s, r_e):
-    """Gravitation at r_e in inertial components: three numbers, m/s^2."""
-    g_e = gravity_e(world.gravity, r_e)
-    earth = world.earth
-    angle = earth.angle_0 + earth.rate * t_s
-    c, s = np.cos(angle), np.sin(angle)
-    x, y, z = _times(earth.C_re, g_e[0], g_e[1], g_e[2])
-    return _times(earth.C_iq, c * x - s * y, s * x + c * y, z)
 
 
 @njit(cache=True)
@@ -285,7 +141,7 @@ def _on_rail(x, C, earth, gx, gy, gz, push):
     if speed < 1e-6 and along < 0.0:
         along = 0.0
     kx, ky, kz = _cross(ex, ey, ez, ux, uy, uz)
-    return _transposed_times(
+    return transposed_times(
         C,
         ux * along + cx + 2.0 * speed * kx - gx,
         uy * along + cy + 2.0 * speed * ky - gy,
@@ -300,7 +156,7 @@ def _at_imu(x, C, gm, lx, ly, lz, ax, ay, az):
     a: angular acceleration. The gradient is that of a point mass: good to 1e-7 m/s^2 over a few metres.
     """
     p, q, r = x[10], x[11], x[12]
-    nx, ny, nz = _transposed_times(C, x[0], x[1], x[2])
+    nx, ny, nz = transposed_times(C, x[0], x[1], x[2])
     r2 = nx * nx + ny * ny + nz * nz
     k = gm / (r2 * np.sqrt(r2))
     ln = 3.0 * (lx * nx + ly * ny + lz * nz) / r2
@@ -314,16 +170,19 @@ def _at_imu(x, C, gm, lx, ly, lz, ax, ay, az):
 
 
 @njit(cache=True)
-def derivative(t_s, x, mode, law, configuration, world, work, rate, aux):
+def derivative(t_s, x, mode, law, configuration, world, fine, work, rate, aux):
     """Time derivative of the state into rate (19,), f_b and air data into aux (8,).
 
+    fine: three numbers, m/s^2, the gravitation in inertial components that the closed form lacks.
     work: (4, 3) to work in. In a programmed section omega_ib_b in x is overwritten by the programme's.
     """
     earth, r_e, C = world.earth, work[3], work[:3]
-    position_e(earth, t_s, x[0:3], r_e)
-    gx, gy, gz = _gravity_i(world, t_s, r_e)
-    _, _, height = wgs84.geodetic_from_ecef(r_e)
-    density, pressure, _, sound = us76(height)
+    c, s = turned(earth, t_s)
+    position_e(earth, c, s, x[0], x[1], x[2], r_e)
+    gx, gy, gz = coarse_gravity_i(earth, c, s, r_e)
+    gx, gy, gz = gx + fine[0], gy + fine[1], gz + fine[2]
+    height_m = height(r_e)
+    density, pressure, _, sound = us76(height_m)
     alpha_x, alpha_y, alpha_z = 0.0, 0.0, 0.0
     if mode == PROGRAMMED:
         x[10], x[11], x[12], alpha_x, alpha_y, alpha_z = body_rate(law, t_s)
@@ -336,8 +195,8 @@ def derivative(t_s, x, mode, law, configuration, world, work, rate, aux):
     # the air turns with the Earth
     ex, ey, ez = earth.C_iq[0, 2] * earth.rate, earth.C_iq[1, 2] * earth.rate, earth.C_iq[2, 2] * earth.rate
     wx, wy, wz = _cross(ex, ey, ez, x[0], x[1], x[2])
-    u, v, w = _transposed_times(C, x[3] - wx, x[4] - wy, x[5] - wz)
-    ex, ey, ez = _transposed_times(C, ex, ey, ez)
+    u, v, w = transposed_times(C, x[3] - wx, x[4] - wy, x[5] - wz)
+    ex, ey, ez = transposed_times(C, ex, ey, ez)
     ex, ey, ez = p - ex, q - ey, r - ez
     wx, wy, wz = _cross(ex, ey, ez, lx, ly, lz)
     fx, fy, fz, mx, my, mz, mach, q_dynamic = _aerodynamics(
@@ -355,8 +214,8 @@ def derivative(t_s, x, mode, law, configuration, world, work, rate, aux):
             alpha_z = (mz - damping * r - (i_pitch - i_roll) * p * q) / i_pitch
         dx, dy, dz = _at_imu(x, C, world.gravity.gm, lx, ly, lz, alpha_x, alpha_y, alpha_z)
         fx, fy, fz = fx + dx, fy + dy, fz + dz
-    ax, ay, az = _times(C, fx, fy, fz)
-    rate[0:3] = x[3:6]
+    ax, ay, az = times(C, fx, fy, fz)
+    rate[0], rate[1], rate[2] = x[3], x[4], x[5]
     rate[3], rate[4], rate[5] = ax + gx, ay + gy, az + gz
     rate[6] = 0.5 * (-x[7] * p - x[8] * q - x[9] * r)
     rate[7] = 0.5 * (x[6] * p + x[8] * r - x[9] * q)
@@ -366,20 +225,25 @@ def derivative(t_s, x, mode, law, configuration, world, work, rate, aux):
     rate[13], rate[14], rate[15] = p, q, r
     rate[16], rate[17], rate[18] = fx, fy, fz
     aux[0], aux[1], aux[2] = fx, fy, fz
-    aux[3], aux[4], aux[5], aux[6], aux[7] = mass, mach, q_dynamic, push, height
+    aux[3], aux[4], aux[5], aux[6], aux[7] = mass, mach, q_dynamic, push, height_m
 
 
 @njit(cache=True)
 def _step(t_s, h, x, mode, law, configuration, world, work, new, aux):
     """One step of the classical Runge-Kutta method from x into new; aux gets f_b and air data at t_s."""
     rate, total, other, small = work[0], work[1], work[2, :AUX], work[3, :12].reshape(4, 3)
+    half = 0.5 * h
+    fine = fine_gravity_i(
+        world, t_s + half, x[0] + half * x[3], x[1] + half * x[4], x[2] + half * x[5], small[3]
+    )
     new[:] = x
     total[:] = 0.0
     for stage in range(4):
-        at = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
-        derivative(t_s + at, new, mode, law, configuration, world, small, rate, aux if stage == 0 else other)
+        at = 0.0 if stage == 0 else (h if stage == 3 else half)
+        air = aux if stage == 0 else other
+        derivative(t_s + at, new, mode, law, configuration, world, fine, small, rate, air)
         weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
-        ahead = h if stage == 2 else 0.5 * h
+        ahead = h if stage == 2 else half
         for j in range(STATE):
             total[j] += weight * rate[j]
             new[j] = x[j] + ahead * rate[j]
@@ -393,15 +257,15 @@ def _step(t_s, h, x, mode, law, configuration, world, work, new, aux):
 @njit(cache=True)
 def _until_end(t_s, x, mode, world, r_e):
     """Negative until the section's event, the end of the rail or the ground; m."""
-    position_e(world.earth, t_s, x[0:3], r_e)
+    c, s = turned(world.earth, t_s)
+    position_e(world.earth, c, s, x[0], x[1], x[2], r_e)
     if mode == ON_RAIL:
         rail = world.rail
         travel = 0.0
         for j in range(3):
             travel += (r_e[j] - rail.r_e[j]) * rail.direction_e[j]
         return travel - rail.length
-    _, _, height = wgs84.geodetic_from_ecef(r_e)
-    return -height
+    return -height(r_e)
 
 
 @njit(cache=True)
@@ -445,26 +309,3 @@ def integrate(x, t_s, t_end, k, t_start, dt, mode, law, configuration, world, ro
             return t_s + h, k, True
         t_s = t_next
     return t_end, k, False
-
-
-@njit(cache=True)
-def _gravitation(world, t_s, r_i):
-    """Gravitation at an inertial position: (3,) m -> (3,) m/s^2, frame i."""
-    C_ie = dcm_ie(world.earth, t_s)
-    return C_ie @ gravity_e(world.gravity, C_ie.T @ r_i)
-
-
-@njit(cache=True)
-def free_fall(world, t_s, r_i, v_i, t_end):
-    """(r_i, v_i) at t_end under gravitation alone; Runge-Kutta-Nystrom with steps of at most 1 s."""
-    n = max(1, int(np.ceil(abs(t_end - t_s))))
-    h = (t_end - t_s) / n
-    r, v = r_i.copy(), v_i.copy()
-    for step in range(n):
-        t = t_s + step * h
-        g1 = _gravitation(world, t, r)
-        g2 = _gravitation(world, t + 0.5 * h, r + 0.5 * h * v + 0.125 * h * h * g1)
-        g3 = _gravitation(world, t + h, r + h * v + 0.5 * h * h * g2)
-        r = r + h * v + h * h / 6.0 * (g1 + 2.0 * g2)
-        v = v + h / 6.0 * (g1 + 4.0 * g2 + g3)
-    return r, v

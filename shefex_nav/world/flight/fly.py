@@ -15,7 +15,7 @@ from shefex_nav.environment.gravity import gravity_e, load_egm96
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Event, Phase, Trajectory
 from shefex_nav.world.flight import attitude_program as attitude
-from shefex_nav.world.flight import dynamics, vehicle
+from shefex_nav.world.flight import dynamics, surroundings, vehicle
 from shefex_nav.world.flight.attitude_program import Program
 from shefex_nav.world.flight.vehicle import Aerodynamics, Part, Stage
 
@@ -79,7 +79,7 @@ def fly(params, earth):
     section(t_rail, p.separation_s, dynamics.FREE, free, stack)
     for law in attitude_laws(params, world, x, upper):
         section(law.t_0, law.t_1, dynamics.PROGRAMMED, law, upper)
-        x[10:13] = dynamics.body_rate(law, law.t_1)[:3]
+        x[10:13] = attitude.body_rate(law, law.t_1)[:3]
     t_impact, landed = section(p.spin_up_end_s, params.time_limit_s, dynamics.FREE, free, upper)
     if not landed:
         raise FlightError(f"the vehicle is still in the air at the time limit, {params.time_limit_s} s")
@@ -94,7 +94,7 @@ def attitude_laws(params, world, x, upper):
     Each is made from the state x when its turn comes: integrate one before asking for the next.
     """
     p, earth = params.program, world.earth
-    _, _, i_roll, i_pitch, _ = dynamics.mass_properties(upper, upper.grain_mass)
+    _, _, i_roll, i_pitch, _ = vehicle.mass_properties(upper, upper.grain_mass)
     yield attitude.damp(p.separation_s, p.precession_start_s, x[10:13], (i_roll / i_pitch - 1.0) * x[10])
     spin = x[10]
     r_i, _ = _predict(world, p.precession_start_s, x, p.ignition_2_s)
@@ -119,7 +119,7 @@ def attitude_laws(params, world, x, upper):
 
 def _predict(world, t_s, x, t_end):
     """Free fall of the vehicle in state x at t_s to t_end: (r_i, v_i)."""
-    return dynamics.free_fall(world, float(t_s), x[0:3], x[3:6], float(t_end))
+    return surroundings.free_fall(world, float(t_s), x[0:3], x[3:6], float(t_end))
 
 
 def _check(params, stack, upper):
@@ -164,8 +164,8 @@ def _surroundings(params, earth):
     # own copies: read-only or strided arrays would compile every kernel a second time
     turning = [np.array(m, dtype=float, order="C") for m in (earth.C_iq, earth.C_re)]
     earth = frames.EarthRotation(*turning, float(earth.angle_0), float(earth.rate))
-    rail = dynamics.Rail(r_e, np.ascontiguousarray(C_eb[:, 0]), float(site.rail_length_m))
-    return dynamics.World(load_egm96(params.gravity_degree), earth, rail), rotation.quat_from_dcm(C_eb)
+    rail = surroundings.Rail(r_e, np.ascontiguousarray(C_eb[:, 0]), float(site.rail_length_m))
+    return surroundings.World(load_egm96(params.gravity_degree), earth, rail), rotation.quat_from_dcm(C_eb)
 
 
 def _stand_on_pad(params, world, q_eb, dt, rows):
@@ -178,21 +178,19 @@ def _stand_on_pad(params, world, q_eb, dt, rows):
     omega_e = earth.C_re.T @ np.array([0.0, 0.0, earth.rate])
     f_e = np.cross(omega_e, np.cross(omega_e, r_e)) - gravity_e(world.gravity, r_e)
     omega_b, f_b = C_eb.T @ omega_e, C_eb.T @ f_e
-
-    def state(t_s, since_s):
-        r_i, v_i = frames.inertial_from_ecef(earth, t_s, r_e, np.zeros(3))
-        q_ib = rotation.quat_multiply(rotation.quat_from_dcm(frames.dcm_ie(earth, t_s)), q_eb)
-        return np.concatenate([r_i, v_i, q_ib, omega_b, omega_b * since_s, f_b * since_s])
-
     mass = sum(part.mass_kg for part in (params.payload, params.stage_1.dry, params.stage_2.dry))
     mass += params.stage_1.propellant_mass_kg + params.stage_2.propellant_mass_kg
     aux = np.concatenate([f_b, [mass, 0.0, 0.0, 0.0, params.site.height_m]])
-    k = 0
-    while params.t_start_s + k * dt < -dynamics.TIME_EPS:
-        rows[k] = np.concatenate([state(params.t_start_s + k * dt, dt if k else 0.0), aux])
-        k += 1
-    last = params.t_start_s + (k - 1) * dt if k else 0.0
-    return state(0.0, -last), k
+    t_s = params.t_start_s + dt * np.arange(len(rows))
+    k = int(np.searchsorted(t_s, -dynamics.TIME_EPS))  # of the first sample that is not before lift-off
+    t_s = np.append(t_s[:k], 0.0)
+    since_s = np.diff(t_s, prepend=t_s[0])
+    states = np.empty((k + 1, dynamics.STATE))
+    surroundings.rest_on_earth(earth, r_e, q_eb, t_s, states)
+    states[:, 10:13] = omega_b
+    states[:, 13:16], states[:, 16:19] = np.outer(since_s, omega_b), np.outer(since_s, f_b)
+    rows[:k, : dynamics.STATE], rows[:k, dynamics.STATE :] = states[:k], aux
+    return states[k].copy(), k
 
 
 def _configurations(params):

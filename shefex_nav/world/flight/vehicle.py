@@ -1,7 +1,7 @@
 """The vehicle: mass, inertia, centre of mass and thrust of what is still attached; aerodynamic tables.
 
-In: the parameters of payload and stages. Out: a `Configuration` per flight section, plain numbers that the
-equations of motion (`dynamics`) take.
+In: the parameters of payload and stages. Out: a `Configuration` per flight section, and from it the thrust
+and the mass properties at any time.
 
 Places along the roll axis are stations: distance behind the nose tip, m. Everything is axisymmetric in mass;
 only the IMU may sit off the axis.
@@ -10,6 +10,7 @@ only the IMU may sit off the axis.
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 G_0 = 9.80665  # m/s^2, standard gravity, by which specific impulse is given in seconds
 
@@ -152,3 +153,39 @@ def configure(rigid, stage, t_ignition, imu, aerodynamics):
     numbers = [float(x) if np.ndim(x) == 0 else np.array(x, dtype=float) for x in (*body, *motor)]
     frame = (np.array(imu, dtype=float), float(a.area_m2), float(a.diameter_m), float(a.fin_cant))
     return Configuration(*numbers, *frame, table)
+
+
+@njit(cache=True)
+def thrust(configuration, t_s):
+    """(vacuum thrust N, propellant left kg) at a mission time, both exact for the broken-line history."""
+    corners, levels = configuration.corners, configuration.levels
+    if t_s <= corners[0]:
+        return 0.0, configuration.grain_mass
+    impulse = 0.0
+    for k in range(3):
+        width = corners[k + 1] - corners[k]
+        part = min(t_s - corners[k], width)
+        force = levels[k] + (levels[k + 1] - levels[k]) * part / width
+        impulse += 0.5 * (levels[k] + force) * part
+        if t_s < corners[k + 1]:
+            return force, configuration.grain_mass - impulse / configuration.exhaust_speed
+    return 0.0, max(0.0, configuration.grain_mass - impulse / configuration.exhaust_speed)
+
+
+@njit(cache=True)
+def mass_properties(configuration, propellant):
+    """Mass, station of the centre of mass, inertia about the roll axis and across it, `propellant` kg left.
+
+    Also the derivative of the grain's own pitch inertia by its mass [m^2], for the jet damping.
+    """
+    c = configuration
+    mass = c.rigid_mass + propellant
+    station = (c.rigid_mass * c.rigid_station + propellant * c.grain_station) / mass
+    inner2 = c.grain_outer2
+    if c.grain_mass > 0.0:
+        inner2 -= (c.grain_outer2 - c.grain_inner2) * propellant / c.grain_mass
+    roll = c.rigid_roll + 0.5 * propellant * (c.grain_outer2 + inner2)
+    pitch = c.rigid_pitch + propellant * (3.0 * (c.grain_outer2 + inner2) + c.grain_length**2) / 12.0
+    pitch += c.rigid_mass * (c.rigid_station - station) ** 2
+    pitch += propellant * (c.grain_station - station) ** 2
+    return mass, station, roll, pitch, (6.0 * inner2 + c.grain_length**2) / 12.0
