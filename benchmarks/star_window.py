@@ -11,9 +11,11 @@ import argparse
 import numpy as np
 from missions import SCENARIOS, fly_all
 
+from shefex_nav.scenario import load
 
-def dispersed(seed, azimuth_deg=115.0, elevation_deg=50.0):
-    """Overrides of one seed."""
+
+def dispersed(seed, azimuth_deg, elevation_deg):
+    """(rate, overrides) of one seed about the nominal direction."""
     rng = np.random.default_rng([seed, 2012])
     offset, direction = 5.0 * np.sqrt(rng.random()), 2.0 * np.pi * rng.random()
     elevation = elevation_deg + offset * np.cos(direction)
@@ -35,8 +37,10 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=20)
     seeds = range(parser.parse_args().seeds)
-    draws = [dispersed(seed) for seed in seeds]
     path = str(SCENARIOS / "shefex2_andoya.yaml")
+    pointing = load.load(path).programme.pointing
+    nominal = np.degrees([pointing.azimuth, pointing.elevation])
+    draws = [dispersed(seed, *nominal) for seed in seeds]
     runs = fly_all([(path, overrides, seed) for seed, (_, overrides) in zip(seeds, draws, strict=True)])
     print("seed  rate deg/s  window  solved  wrong  cross rms  boresight rms  max arcsec  median ms  p99 ms")
     for seed, (rate, _), run in zip(seeds, draws, runs, strict=True):

@@ -48,10 +48,7 @@ def run(
 
     loaded = load.load(scenario, overrides or ())
     path = out or free_name(loaded.mission.name, seed)
-    if path.exists() and not force:
-        raise typer.BadParameter(
-            f"{path} exists already; choose another name or add --force", param_hint="--out"
-        )
+    writable(path, "--out", force=force)
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
     say("Getting ready; the first run on a machine compiles, which takes about a minute.")
     began = time.perf_counter()
@@ -66,13 +63,11 @@ def run(
     kept = RunDataBuilder(mission)
     frames = loaded.log.frames
     policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
-    if out is None:
-        path.parent.mkdir(exist_ok=True)
     simulate.warm_up(loaded)
     with LogWriter(path, mission, policy, overwrite=force) as log:
         ready = time.perf_counter()
         t_s = loaded.mission.start
-        for record in watched(simulate.run(loaded, seed), t_s):
+        for record in watched(simulate.run(loaded, seed), t_s, loaded.mission.time_limit):
             log.write(record)
             kept.add(record)
             t_s = record.t_s if type(record) is TruthSample else t_s
@@ -83,12 +78,25 @@ def run(
 
 
 def free_name(name, seed):
-    """First unused path logs/<name>-seed<seed>[-<n>].mcap."""
+    """First unused path logs/<name>-seed<seed>[-<n>].mcap; the folder is made if need be."""
     path, n = Path("logs") / f"{name}-seed{seed}.mcap", 1
+    try:
+        path.parent.mkdir(exist_ok=True)
+    except OSError as error:
+        raise typer.BadParameter(f"cannot make the folder {path.parent}: {error.strerror}") from None
     while path.exists():
         n += 1
         path = path.with_name(f"{name}-seed{seed}-{n}.mcap")
     return path
+
+
+def writable(path, option, *, force=False):
+    """Refuse an output file that would be lost or that has no folder, before anything is computed."""
+    if path.exists() and not force:
+        hint = " or add --force" if option == "--out" else ""
+        raise typer.BadParameter(f"{path} exists already; choose another name{hint}", param_hint=option)
+    if not path.parent.is_dir():
+        raise typer.BadParameter(f"there is no folder {path.parent}", param_hint=option)
 
 
 def say(text):
@@ -96,27 +104,28 @@ def say(text):
     typer.echo(text, err=True)
 
 
-def watched(records, start_s):
+def watched(records, start_s, end_s):
     """The same records; shows mission time, phase and speed on stderr while they pass."""
     from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn
+    from rich.progress import BarColumn, Progress, TextColumn
 
     from shefex_nav.records import Phase, TruthSample
 
     console = Console(stderr=True)
     columns = (
-        SpinnerColumn(),
+        BarColumn(),
         TextColumn(
             "T{task.fields[t_s]:+7.1f} s  {task.fields[phase]:<11} {task.fields[speed]:6.0f} x real time"
         ),
     )
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("fly", total=None, t_s=start_s, phase="", speed=0.0)
+        task = progress.add_task("fly", total=end_s - start_s, t_s=start_s, phase="", speed=0.0)
         for record in records:
             if type(record) is TruthSample and record.t_s % 1.0 < 0.005:
                 elapsed = max(progress.tasks[0].elapsed or 0.0, 1e-3)
                 phase = Phase(record.phase).name.lower()
-                progress.update(task, t_s=record.t_s, phase=phase, speed=(record.t_s - start_s) / elapsed)
+                done_s = record.t_s - start_s
+                progress.update(task, completed=done_s, t_s=record.t_s, phase=phase, speed=done_s / elapsed)
             yield record
 
 
@@ -140,6 +149,11 @@ def view(
 ):
     """Open a log in the rerun viewer, laid out."""
     at_s = None if at is None else mission_time(at)
+    if at is not None and screenshot is None:
+        raise typer.BadParameter("is the time of a --screenshot, which is not asked for", param_hint="--at")
+    for path, option in ((save, "--save"), (screenshot, "--screenshot")):
+        if path is not None:
+            writable(path, option)
     from shefex_nav.report import viewer
 
     data = viewer.view(log, save=save, screenshot=screenshot, at_s=at_s)

@@ -31,7 +31,12 @@ def cache_key(package_dir):
 
 
 def place_cache(environ):
-    """Set NUMBA_CACHE_DIR in `environ`, unless the user has; must run before numba is imported."""
+    """Set NUMBA_CACHE_DIR in `environ`, unless the user has; must run before numba is imported.
+
+    Likewise one thread for linear algebra: sums in another order would end in other last digits.
+    """
+    for library in ("OMP", "OPENBLAS", "MKL"):
+        environ.setdefault(f"{library}_NUM_THREADS", "1")
     base = environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     key = cache_key(os.path.dirname(os.path.abspath(__file__)))
     environ.setdefault("NUMBA_CACHE_DIR", os.path.join(base, "shefex_nav", f"numba-{key}"))

@@ -138,7 +138,7 @@ class FrameTruth(NamedTuple):
     limb_angle: float  # rad, boresight to the Earth's limb, positive above it
     exclusion_met: bool  # both angles outside their exclusion
     hip: np.ndarray  # (n,) Hipparcos numbers of the brightest catalogue stars on the detector
-    xy_px: np.ndarray  # (n, 2) where their light is centred
+    xy_px: np.ndarray  # (n, 2) where their light is centred, mean over the exposure
 
 
 class Reason(IntEnum):
@@ -160,7 +160,7 @@ class Detections(NamedTuple):
 
     xy_px: np.ndarray  # (n, 2) centroids
     flux_dn: np.ndarray  # (n,) grey values above the background, summed
-    n_pixels: np.ndarray  # (n,) int
+    n_pixels: np.ndarray  # (n,) int, above the growth threshold
     n_saturated: np.ndarray  # (n,) int, saturated pixels
 
 
@@ -172,7 +172,8 @@ class StarFix(NamedTuple):
     t_available_s: float
     reason: int  # Reason; NONE = attitude is good
     q_ic: np.ndarray  # (4,) attitude of the camera; NaN without a fix
-    P_c: np.ndarray  # (3, 3) rad^2, covariance of the rotation-vector error in camera axes; NaN likewise
+    P_c: np.ndarray  # (3, 3) rad^2, covariance of the rotation-vector error in camera axes, without what
+    # is constant in a run (mounting, principal point); NaN likewise
     detections: Detections
     hip: np.ndarray  # (n,) Hipparcos number of each detection, 0 where unidentified
     residual_px: float  # RMS of identified stars against the attitude, NaN without a fix

@@ -1,1 +1,1 @@
-""""""
+"""The physical world both wings model: gravity, air, sky, satellites."""

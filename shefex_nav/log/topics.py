@@ -242,7 +242,7 @@ TOPICS = (
         _number("background_dn", "background_dn", "mean grey value"),
         _number("exposure_s", "exposure_s", "[s]"),
         _flag("flag_saturated", "flag_saturated", "picture too bright"),
-        _flag("flag_no_stars", "flag_no_stars", "no star found"),
+        _flag("flag_no_stars", "flag_no_stars", "fewer objects than an identification needs"),
     )),
     Topic(CameraCommand, "/star_tracker/command", "CameraCommand", 10, "t_s", "Asked of the camera next.", (
         T_S,

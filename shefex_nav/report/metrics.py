@@ -196,7 +196,10 @@ def _star_tracker(data):
             "boresight_rms": _rms(chosen[:, 2]) * _ARCSEC,
             "max": _max(angle[in_window]) * _ARCSEC,
             "mean": (np.mean(chosen, axis=0) * _ARCSEC).tolist() if len(chosen) else None,  # x, y, z
-            "normalised_rms": _rms((chosen / errors.sigma_c[in_window]).ravel()),
+            # without the run's mean, which is mounting and principal point and not in the covariance
+            "normalised_rms": _rms(((chosen - np.mean(chosen, axis=0)) / errors.sigma_c[in_window]).ravel())
+            if len(chosen)
+            else None,
         },
         "chain_ms": _chain_ms(data.compute_times.chain_s),
     }

@@ -1,6 +1,5 @@
 """The closing table of a run, for people."""
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -26,11 +25,6 @@ def summary_table(summary):
             table.add_row(section if k == 0 else "", name, value)
         table.add_section()
     return table
-
-
-def show(summary):
-    """Print the table on stdout."""
-    Console().print(summary_table(summary))
 
 
 def rows(summary):

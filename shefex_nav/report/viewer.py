@@ -55,7 +55,10 @@ def view(log, *, save=None, screenshot=None, at_s=None):
             if screenshot is None:
                 viewer_program.show(recording)
             else:
-                viewer_program.take_picture(recording, screenshot, at_s)
+                reports = viewer_program.take_picture(recording, screenshot, at_s)
+                bad = [f"{view}: {text}" for view, texts in reports.items() for text in texts]
+                if bad:
+                    raise ViewerError(f"{log}: views in error: " + "; ".join(bad))
     return data
 
 

@@ -1,1 +1,1 @@
-""""""
+"""Scenario files in human units -> checked models -> parameters in SI."""

@@ -6,6 +6,8 @@ from itertools import pairwise
 from shefex_nav.scenario.quantity import STANDARD_GRAVITY
 
 TICK_RATE = 100.0  # Hz, of the on-board computer
+REPORT_RATE = 10.0  # Hz, of the logged covariance, which reports want on whole seconds
+IMU_NYQUIST = 200.0  # Hz, half the rate of the IMU
 
 
 def cross_check(scenario):
@@ -57,10 +59,10 @@ def _times(scenario):
     if dwell > 0.0 and 2.0 * ramp > dwell:
         words = f"fading in and out takes {_seconds(2.0 * ramp)}, the pointing lasts {_seconds(dwell)} only"
         yield ("programme", "pointing", "ramp"), words
-    if abs(mission.start * TICK_RATE - round(mission.start * TICK_RATE)) > 1e-6:
+    if abs(mission.start * REPORT_RATE - round(mission.start * REPORT_RATE)) > 1e-6:
         yield (
             ("mission", "start"),
-            f"{_seconds(mission.start)} must be a multiple of 10 ms, the on-board tick",
+            f"{_seconds(mission.start)} must be a multiple of 0.1 s, the interval of the logged covariance",
         )
 
 
@@ -120,7 +122,12 @@ def _lift_off(scenario):
 def _sensors(scenario):
     """Bands and durations the right way round."""
     vibration = scenario.imu.vibration
-    if vibration.lowest_frequency >= vibration.highest_frequency:
+    if vibration.lowest_frequency >= IMU_NYQUIST:
+        words = (
+            f"{vibration.lowest_frequency:g} Hz must be below {IMU_NYQUIST:g} Hz, half the rate of the IMU"
+        )
+        yield ("imu", "vibration", "lowest_frequency"), words
+    elif vibration.lowest_frequency >= vibration.highest_frequency:
         words = f"must be below highest_frequency, {vibration.highest_frequency:g} Hz"
         yield ("imu", "vibration", "lowest_frequency"), words
     if vibration.boost_1 == 0.0 and vibration.boost_2 > 0.0:

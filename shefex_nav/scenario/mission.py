@@ -24,6 +24,8 @@ def _read_epoch(value):
         ) from None
     if when.tzinfo is None or when.utcoffset() != timedelta(0):
         raise refuse(f"{quoted(value)} is not marked as UTC; end it with Z, such as {EPOCH_EXAMPLE}")
+    if when.year < 1973:
+        raise refuse(f"{value!r} is before 1973, from when on the orientation of the Earth is tabulated")
     return when.replace(tzinfo=None).isoformat()
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from shefex_nav.onboard.navigation import error_model, eskf, integrity, measurements, strapdown
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.state import ATT, BG, POS, ROLL, VEL, NavState, initial
+from shefex_nav.onboard.navigation.state import ATT, BG, MOUNT, POS, ROLL, VEL, NavState, initial
 from shefex_nav.records import GateResult
 
 SNAP_S = 1e-6  # instants closer together than this are one
@@ -195,6 +195,8 @@ def _apply(nav, state, P, imu, at_s, measurement):
         return state, P, fate, result
     if fate == Fate.RESET:
         P = eskf.forget(P, block, FORGOTTEN[block.start])
+        if block == ATT:  # whatever misled the attitude has misled the mounting too
+            P = eskf.forget(P, MOUNT, nav.params.sigma_mounting)
     state, P = eskf.update(nav.kalman, state, P, z, H, R)
     return state, P, fate, result
 

@@ -121,6 +121,8 @@ def step(tracker, state, frame, context):
     u_c = unit_vectors(params.identify.camera, detections.xy_px)
     identify = IDENTIFIERS[params.identify.method]
     found = identify(params.identify, tracker.pairs, u_c, detections.flux_dn)
+    is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
+    hip = np.where(is_known, tracker.pairs.stars.hip[found.star], 0)
     q_ic, P_c, residual_px, reason = NO_ATTITUDE, NO_COVARIANCE, np.nan, found.reason
     if reason == Reason.NONE and context.rate > params.max_rate:  # False where the rate is unknown
         reason = Reason.SMEARED
@@ -141,7 +143,7 @@ def step(tracker, state, frame, context):
         q_ic=q_ic,
         P_c=P_c,
         detections=detections,
-        hip=np.where(found.star >= 0, tracker.pairs.stars.hip[found.star], 0),
+        hip=hip,
         residual_px=residual_px,
         background_dn=statistics.mean_dn,
         exposure_s=frame.exposure_s,

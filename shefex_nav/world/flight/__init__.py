@@ -1,1 +1,1 @@
-""""""
+"""Six degrees of freedom from the pad to the ground."""

@@ -76,16 +76,28 @@ def fly(params, earth):
     t_rail, left_rail = section(0.0, p.separation_s, dynamics.ON_RAIL, free, stack)
     if not left_rail:
         raise FlightError(f"the vehicle is still on the rail {p.separation_s} s after ignition")
-    section(t_rail, p.separation_s, dynamics.FREE, free, stack)
+    t_s, landed = section(t_rail, p.separation_s, dynamics.FREE, free, stack)
+    if landed:
+        raise FlightError(f"the vehicle hits the ground {t_s:.1f} s after ignition, before the separation")
     for law in attitude_laws(params, world, x, upper):
         section(law.t_0, law.t_1, dynamics.PROGRAMMED, law, upper)
         x[10:13] = attitude.body_rate(law, law.t_1)[:3]
+        if height_above_ground(world, law.t_1, x) < 0.0:
+            raise FlightError(
+                f"the vehicle hits the ground between T+{law.t_0:.1f} s and T+{law.t_1:.1f} s, before its "
+                "programme ends"
+            )
     t_impact, landed = section(p.spin_up_end_s, params.time_limit_s, dynamics.FREE, free, upper)
     if not landed:
         raise FlightError(f"the vehicle is still in the air at the time limit, {params.time_limit_s} s")
     trajectory = _trajectory(params, rows[:k], _phases(p, stack, upper))
     instants = {**_planned(p, stack, upper), "rail_exit": t_rail, "impact": t_impact}
     return trajectory, _events(trajectory, rows[:k, -1], earth, instants)
+
+
+def height_above_ground(world, t_s, x):
+    """Height [m] of the state x at t_s above the ellipsoid."""
+    return surroundings.height(frames.dcm_ie(world.earth, t_s).T @ x[:3])
 
 
 def attitude_laws(params, world, x, upper):
