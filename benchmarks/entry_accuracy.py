@@ -41,11 +41,16 @@ def table(name, runs):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scenarios", nargs="*", default=DEFAULT)
-    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--seeds", type=int, default=20, help="how many")
+    parser.add_argument("--first", type=int, default=0, help="the first of them")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="as of shefex-nav run"
+    )
     options = parser.parse_args()
+    seeds = range(options.first, options.first + options.seeds)
     for name in options.scenarios:
         path = SCENARIOS / f"{name}.yaml" if not name.endswith(".yaml") else Path(name)
-        table(name, fly_all([(str(path), (), seed) for seed in range(options.seeds)]))
+        table(name, fly_all([(str(path), tuple(options.set), seed) for seed in seeds]))
 
 
 if __name__ == "__main__":

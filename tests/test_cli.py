@@ -86,6 +86,29 @@ def test_impossible_flight_is_one_message(command, default_scenario, tmp_path):
     assert not out.exists()
 
 
+def test_flight_into_the_ground_is_one_message(command, default_scenario, tmp_path):
+    out = tmp_path / "run.mcap"
+    result = command("run", default_scenario, "--set", "vehicle.payload.mass=3000 kg", "--out", out)
+    assert result.code == 2
+    assert "hits the ground" in result.err
+    assert not out.exists()
+
+
+def test_view_never_overwrites(command, default_run):
+    before = default_run.log.read_bytes()
+    for arguments in (("--save", default_run.log), ("--screenshot", default_run.log, "--at", "300s")):
+        result = command("view", default_run.log, *arguments)
+        assert result.code == 2
+        assert "exists already" in result.err
+    assert default_run.log.read_bytes() == before
+
+
+def test_time_of_a_picture_that_is_not_asked_for(command, default_run):
+    result = command("view", default_run.log, "--at", "300s")
+    assert result.code == 2
+    assert "--screenshot" in result.err
+
+
 def test_an_existing_log_is_not_overwritten(command, default_scenario, tmp_path):
     out = tmp_path / "run.mcap"
     out.write_bytes(b"precious")
@@ -113,7 +136,7 @@ def wait_for_bytes(out, size, process):
 
 @pytest.mark.parametrize("size", [1e6, 10e6, 30e6])
 def test_killed_run_is_readable_to_its_last_second(size, default_run, command, default_scenario, tmp_path):
-    """kill -9 when the file has grown to `size`; what is on disk by then is a whole number of seconds."""
+    """kill -9 when the file has grown to `size`: no gap before its end, and every command can read it."""
     out = tmp_path / "run.mcap"
     process = start_run(default_scenario, out)
     wait_for_bytes(out, size, process)
@@ -132,6 +155,10 @@ def test_killed_run_is_readable_to_its_last_second(size, default_run, command, d
     assert result.code == 0, result.err
     assert json.loads(result.out)["ended_early"] is True
     assert "ended early" in result.err
+    recording = tmp_path / "view.rrd"
+    result = command("view", out, "--save", recording)
+    assert result.code == 0, result.err
+    assert "ended early" in result.err and recording.stat().st_size > 0
 
 
 def test_interrupted_run_closes_its_log(default_scenario, tmp_path):
