@@ -67,7 +67,7 @@ def run(
     with LogWriter(path, mission, policy, overwrite=force) as log:
         ready = time.perf_counter()
         t_s = loaded.mission.start
-        for record in watched(simulate.run(loaded, seed), t_s, loaded.mission.time_limit):
+        for record in interruptible(watched(simulate.run(loaded, seed), t_s, loaded.mission.time_limit)):
             log.write(record)
             kept.add(record)
             t_s = record.t_s if type(record) is TruthSample else t_s
@@ -102,6 +102,21 @@ def writable(path, option, *, force=False):
 def say(text):
     """A line for people, on stderr."""
     typer.echo(text, err=True)
+
+
+def interruptible(records):
+    """The same records; Ctrl-C takes effect between two of them, never inside compiled code."""
+    import signal
+
+    wishes = []
+    before = signal.signal(signal.SIGINT, lambda *_: wishes.append(True))
+    try:
+        for record in records:
+            if wishes:
+                raise KeyboardInterrupt
+            yield record
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def watched(records, start_s, end_s):
