@@ -50,7 +50,7 @@ def run(
     path = out or free_name(loaded.mission.name, seed)
     writable(path, "--out", force=force)
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
-    say("Getting ready; the first run on a machine compiles, which takes about a minute.")
+    say("Getting ready; the first run on a machine compiles, which takes a minute or two.")
     began = time.perf_counter()
     from shefex_nav import simulate
     from shefex_nav.log.drawings import FramePolicy
