@@ -9,10 +9,8 @@ STREAMS = {
     "imu": 1,
     "gps": 2,
     "pad": 3,
-    "camera_errors": 4,  # mounting and calibration, drawn once per run
+    "camera_errors": 4,  # mounting, calibration, defects, false objects: drawn once per run
     "camera_noise": 5,  # shot, dark and read noise of every frame
-    "sky": 6,  # uncatalogued stars, debris
-    "dispersions": 7,  # what a campaign varies from run to run
 }
 
 
