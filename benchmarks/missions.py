@@ -11,14 +11,17 @@ SCENARIOS = Path(__file__).parent.parent / "scenarios"
 def fly(job):
     """(scenario path, overrides, seed) -> summary of `report.metrics`, and errors of the window's fixes."""
     path, overrides, seed = job
-    from shefex_nav import simulate
+    from shefex_nav import prepare, simulate
     from shefex_nav.log.run_data import RunDataBuilder
+    from shefex_nav.log.thinning import thinned
     from shefex_nav.report import metrics
     from shefex_nav.scenario import load
 
     scenario = load.load(path, overrides)
-    kept = RunDataBuilder(simulate.mission(scenario, seed))
-    for record in simulate.run(scenario, seed):
+    world = prepare.build_world(scenario, seed)
+    mission = prepare.mission(scenario, seed, world.flight.trajectory)
+    kept = RunDataBuilder(mission)
+    for record in thinned(simulate.route(world, scenario, seed), scenario.log.rate, mission.start_s):
         kept.add(record)
     data = kept.build()
     summary = metrics.summarise(data)

@@ -21,7 +21,7 @@ def main():
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 
-    from shefex_nav import simulate
+    from shefex_nav import prepare, simulate
     from shefex_nav.log.drawings import FramePolicy
     from shefex_nav.log.writer import LogWriter
 
@@ -31,12 +31,14 @@ def main():
     simulate.warm_up(scenario)
     print("run   world s   route s   log s   simulated s   x real time")
     for run in range(1, runs + 1):
-        times, t_s = [time.perf_counter()], 0.0
-        world = simulate.build_world(scenario, 1)
+        times = [time.perf_counter()]
+        world = prepare.build_world(scenario, 1)
+        trajectory = world.flight.trajectory
+        mission = prepare.mission(scenario, 1, trajectory)
         times.append(time.perf_counter())
         logging_s = 0.0
         with tempfile.TemporaryDirectory() as folder:
-            with LogWriter(Path(folder) / "run.mcap", simulate.mission(scenario, 1), policy) as log:
+            with LogWriter(Path(folder) / "run.mcap", mission, policy) as log:
                 for record in simulate.route(world, scenario, 1):
                     begin = time.perf_counter()
                     log.write(record)
@@ -44,7 +46,7 @@ def main():
                 begin = time.perf_counter()
             logging_s += time.perf_counter() - begin
             times.append(time.perf_counter())
-        t_s = float(world.trajectory.t_s[-1] - world.trajectory.t_s[0])
+        t_s = float(trajectory.t_s[-1] - trajectory.t_s[0])
         world_s, rest_s = times[1] - times[0], times[2] - times[1]
         print(
             f"{run:3d}  {world_s:8.2f}  {rest_s - logging_s:8.2f}  {logging_s:6.2f}  {t_s:12.1f}"

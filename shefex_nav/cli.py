@@ -12,6 +12,8 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.verify.command import app as verify_app  # which imports late, too
+
 app = typer.Typer(
     name="shefex-nav",
     help="Hybrid INS/GPS/star-tracker navigation simulator for sounding rockets and small satellites.",
@@ -19,6 +21,7 @@ app = typer.Typer(
     add_completion=True,
     pretty_exceptions_enable=False,
 )
+app.add_typer(verify_app, name="verify")
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
 LogArgument = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
@@ -43,7 +46,6 @@ def run(
     """Fly a scenario: simulate, navigate, log, and print how well it went."""
     import time
 
-    from shefex_nav.records import TruthSample
     from shefex_nav.scenario import load
 
     loaded = load.load(scenario, overrides or ())
@@ -52,26 +54,28 @@ def run(
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
     say("Getting ready; the first run on a machine compiles, which takes a minute or two.")
     began = time.perf_counter()
-    from shefex_nav import simulate
+    from shefex_nav import prepare, simulate
     from shefex_nav.log.drawings import FramePolicy
     from shefex_nav.log.run_data import RunDataBuilder
+    from shefex_nav.log.thinning import thinned
     from shefex_nav.log.topics import RunSummary
     from shefex_nav.log.writer import LogWriter
     from shefex_nav.report import metrics
 
-    mission = simulate.mission(loaded, seed)
+    simulate.warm_up(loaded)
+    ready = time.perf_counter()
+    world = prepare.build_world(loaded, seed)
+    t_s = world.flight.trajectory.t_s
+    mission = prepare.mission(loaded, seed, world.flight.trajectory)
     kept = RunDataBuilder(mission)
     frames = loaded.log.frames
     policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
-    simulate.warm_up(loaded)
     with LogWriter(path, mission, policy, overwrite=force) as log:
-        ready = time.perf_counter()
-        t_s = loaded.mission.start
-        for record in interruptible(watched(simulate.run(loaded, seed), t_s, loaded.mission.time_limit)):
+        records = interruptible(watched(simulate.route(world, loaded, seed), float(t_s[0]), float(t_s[-1])))
+        for record in thinned(records, loaded.log.rate, mission.start_s):
             log.write(record)
             kept.add(record)
-            t_s = record.t_s if type(record) is TruthSample else t_s
-        done = RunSummary(t_s, time.perf_counter() - ready, ready - began)
+        done = RunSummary(kept.last_t_s, time.perf_counter() - ready, ready - began)
         log.write(done)
         kept.add(done)
     show(metrics.summarise(kept.build(), log=path), json)
@@ -120,7 +124,10 @@ def interruptible(records):
 
 
 def watched(records, start_s, end_s):
-    """The same records; shows mission time, phase and speed on stderr while they pass."""
+    """The same records; shows mission time, phase and speed on stderr while they pass.
+
+    start_s, end_s: of the flight, for the bar.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
@@ -130,7 +137,7 @@ def watched(records, start_s, end_s):
     columns = (
         BarColumn(),
         TextColumn(
-            "T{task.fields[t_s]:+7.1f} s  {task.fields[phase]:<11} {task.fields[speed]:6.0f} x real time"
+            "T{task.fields[t_s]:+8.1f} s  {task.fields[phase]:<9} {task.fields[speed]:6.0f} x real time"
         ),
     )
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
@@ -230,6 +237,9 @@ def user_errors():
     names = (
         "shefex_nav.scenario.load.ScenarioError",
         "shefex_nav.world.flight.fly.FlightError",
+        "shefex_nav.environment.msis.MissingModelError",
+        "shefex_nav.verify.daveml.DaveMlError",
+        "shefex_nav.verify.data.NescDataError",
         "shefex_nav.log.topics.LogError",
         "shefex_nav.report.viewer_program.ViewerError",
     )

@@ -15,16 +15,14 @@ class Phase(IntEnum):
     """Phase of the mission, as flown (truth)."""
 
     PAD = 0
-    BOOST_1 = 1  # first stage burns, on the rail and after
-    COAST_1 = 2  # first stage burnt out, still attached
-    PRECESSION = 3  # separated, the spin axis is turned to the burn attitude
-    BOOST_2 = 4
-    DESPIN = 5  # second stage burnt out, despun
-    SLEW = 6  # turns to the star camera's attitude
-    POINTING = 7  # star camera sees free sky
-    ENTRY_SLEW = 8  # turns to the entry attitude
-    SPIN_UP = 9
-    ENTRY = 10  # free rigid body under aerodynamic loads until impact
+    BOOST = 1  # a motor burns, on the rail and after
+    COAST = 2  # no motor burns, nothing steers
+    MANOEUVRE = 3  # the attitude control damps, turns or spins the vehicle
+    POINTING = 4  # it holds an attitude or a direction
+    DESCENT = 5  # free, past apogee, nothing left to do but land
+    PARACHUTE = 6
+    ORBIT = 7  # started in orbit and not steered
+    GROUND = 8  # stands on the ground and never leaves it
 
 
 class Trajectory(NamedTuple):
@@ -46,6 +44,8 @@ class Trajectory(NamedTuple):
     mach: np.ndarray  # (N,)
     dynamic_pressure_pa: np.ndarray  # (N,)
     thrust_n: np.ndarray  # (N,)
+    burning: np.ndarray  # (N,) int8, stage whose motor burns, counted from 1; 0: none
+    angle_of_attack: np.ndarray  # (N,) rad, total, between roll axis and air-relative velocity
 
 
 class TruthSample(NamedTuple):
@@ -58,6 +58,16 @@ class TruthSample(NamedTuple):
     q_ib: np.ndarray  # (4,)
     omega_ib_b: np.ndarray  # (3,) rad/s
     f_b: np.ndarray  # (3,) m/s^2
+    angle_of_attack: float  # rad, total: roll axis against the air-relative velocity
+
+
+class ControlSample(NamedTuple):
+    """The attitude control as flown (truth) at one instant, for the log."""
+
+    t_s: float
+    pointing_error: np.ndarray  # (3,) rad, body axes: wanted attitude -> true one; NaN where none is wanted
+    torque_b: np.ndarray  # (3,) N m, of the valves
+    propellant_kg: float  # used since the start
 
 
 class Event(NamedTuple):

@@ -5,89 +5,22 @@ This is the only place where the world and the flight software meet. `run` is an
 """
 
 import time
-from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav import __version__
-from shefex_nav.environment import ephemeris, gnss, stars
-from shefex_nav.log.topics import Mission
+from shefex_nav import prepare
+from shefex_nav.environment import ephemeris
+from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.onboard.startracker import tracker as star_tracker
-from shefex_nav.records import Alignment, CameraCommand, ComputeTime, TruthSample
-from shefex_nav.scenario import params, params_onboard
-from shefex_nav.world import camera, gps, imu, noise, pad
+from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, TruthSample
+from shefex_nav.world import camera, imu, noise
 from shefex_nav.world.camera.shutter import Shutter
-from shefex_nav.world.flight import fly
 
 TICKS_PER_S = 100  # of the on-board clock
 SAMPLES_PER_TICK = 4  # of the IMU
+CONTROL_TICKS = 10  # between two records of the attitude control
 EARLY_S = 1e-6  # rounding of the times of ticks
-
-
-class World(NamedTuple):
-    """Everything that is settled before the first tick: the flight, and what the sensors will say of it."""
-
-    earth: object  # EarthRotation
-    catalogue: object  # StarCatalogue at the epoch of its data
-    trajectory: object  # Trajectory
-    events: tuple
-    alignment: Alignment
-    imu: object  # ImuData
-    gps_fixes: list
-    camera: camera.Camera
-    computer: onboard.ComputerParams
-
-
-def mission(scenario, seed):
-    """Who, when and where, for the head of a log. Scenario, int -> Mission."""
-    return Mission(
-        scenario=scenario.mission.name,
-        scenario_text=scenario.source,
-        seed=seed,
-        version=__version__,
-        epoch_utc=scenario.mission.epoch,
-        start_s=scenario.mission.start,
-        earth=earth_rotation(scenario),
-        launch_latitude=scenario.launch.latitude,
-        launch_longitude=scenario.launch.longitude,
-        launch_height=scenario.launch.height,
-        camera=params_onboard.nominal_camera(scenario),
-        C_bc=params.mounting(scenario),
-    )
-
-
-def earth_rotation(scenario):
-    """EarthRotation of the scenario's epoch and pinned Earth orientation."""
-    earth = scenario.earth
-    return ephemeris.earth_rotation(scenario.mission.epoch, earth.ut1_minus_utc, earth.pole_x, earth.pole_y)
-
-
-def build_world(scenario, seed):
-    """Fly the vehicle and let the sensors measure it. Scenario, int -> World."""
-
-    def rng(stream):
-        return noise.generator(seed, stream)
-
-    epoch = scenario.mission.epoch
-    earth, bodies = earth_rotation(scenario), ephemeris.sky_bodies(epoch)
-    catalogue = stars.load_catalogue(8.0)
-    at_epoch = stars.at_epoch(catalogue, ephemeris.julian_year(epoch))
-    trajectory, events = fly.fly(params.flight_params(scenario), earth)
-    true_camera = camera.init(params.camera_params(scenario), at_epoch, bodies, earth, rng("camera_errors"))
-    return World(
-        earth=earth,
-        catalogue=catalogue,
-        trajectory=trajectory,
-        events=events,
-        alignment=pad.align(params.pad_params(scenario), trajectory, earth, rng("pad")),
-        imu=imu.measure(params.imu_params(scenario), trajectory, rng("imu")),
-        gps_fixes=gps.measure(
-            params.gps_params(scenario), trajectory, events, earth, gnss.nominal_24(epoch), rng("gps")
-        ),
-        camera=true_camera,
-        computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
-    )
 
 
 def run(scenario, seed):
@@ -102,29 +35,32 @@ def run(scenario, seed):
     ------
     records in order of time; all but the measured durations (ComputeTime) depends on scenario and seed alone
     """
-    yield from route(build_world(scenario, seed), scenario, seed)
+    yield from route(prepare.build_world(scenario, seed), scenario, seed)
 
 
 def route(world, scenario, seed, *, until_s=np.inf):
     """Tick by tick through a world that has been built; as `run`, until the mission time until_s at most."""
     yield world.alignment
+    trajectory, events = world.flight.trajectory, list(world.flight.events)[::-1]
     epoch_year = ephemeris.julian_year(scenario.mission.epoch)
     computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, epoch_year)
     shutter = Shutter(
         world.camera,
-        world.trajectory,
+        trajectory,
         every=round(TICKS_PER_S / scenario.star_tracker.rate),
         off_s=scenario.star_tracker.off,
         rng=noise.generator(seed, "camera_noise"),
     )
-    fixes, events = list(world.gps_fixes)[::-1], list(world.events)[::-1]
+    fixes, steered = list(world.gps_fixes)[::-1], control_samples(world.flight.control, trajectory)[::-1]
     for n, block in enumerate(imu.blocks(world.imu), 1):
         now_s = block.t_valid_s
         if now_s > until_s + EARLY_S:
             return
         while events and events[-1].t_s <= now_s + EARLY_S:
             yield events.pop()
-        yield truth_sample(world.trajectory, n * SAMPLES_PER_TICK)
+        yield truth_sample(trajectory, n * SAMPLES_PER_TICK)
+        while steered and steered[-1].t_s <= now_s + EARLY_S:
+            yield steered.pop()
         yield block
         arrived = due(fixes, now_s)
         pictures = shutter.arrived(now_s)
@@ -144,16 +80,29 @@ def route(world, scenario, seed, *, until_s=np.inf):
 
 def warm_up(scenario):
     """Compile or load every kernel of the route, so that a run is not measured with its compiler."""
-    world = build_world(scenario, seed=0)
+    world = prepare.build_world(scenario, seed=0, brief=True)
     for _ in route(world, scenario, 0, until_s=scenario.mission.start + 1.5):
         pass
     epoch_year = ephemeris.julian_year(scenario.mission.epoch)
     tracker = star_tracker.init(world.computer.tracker, world.catalogue, epoch_year)
-    state, command = star_tracker.start(tracker, scenario.programme.pointing_start)
-    picture, _ = camera.expose(
-        world.camera, command, world.trajectory, 0, command.t_s, noise.generator(0, "camera_noise")
-    )
+    state, command = star_tracker.start(tracker, scenario.mission.start)
+    trajectory = looking_up(world.flight.trajectory, world.camera)
+    rng = noise.generator(0, "camera_noise")
+    picture, _ = camera.expose(world.camera, command, trajectory, 0, command.t_s, rng)
     star_tracker.step(tracker, state, picture, star_tracker.NO_CONTEXT)
+
+
+def looking_up(trajectory, camera):
+    """The first second of a trajectory with the star camera held away from Earth and Sun. -> Trajectory"""
+    brief = trajectory._make(np.ascontiguousarray(column[:400]) for column in trajectory)
+    up_i, sun_i = brief.r_i[0] / np.linalg.norm(brief.r_i[0]), camera.bodies.sun_u_i
+    z_i = up_i - max(0.0, up_i @ sun_i) * sun_i
+    z_i = z_i / np.linalg.norm(z_i)
+    x_i = wgs84.perpendicular(z_i)
+    C_ic = np.column_stack([x_i, np.cross(z_i, x_i), z_i])
+    q_ib = rotation.quat_from_dcm(C_ic @ camera.params.C_bc.T)
+    n = len(brief.t_s)
+    return brief._replace(q_ib=np.tile(q_ib, (n, 1)), omega_ib_b=np.zeros((n, 3)))
 
 
 def due(waiting, now_s):
@@ -174,7 +123,26 @@ def truth_sample(trajectory, k):
         trajectory.q_ib[k],
         trajectory.omega_ib_b[k],
         trajectory.f_b[k],
+        float(trajectory.angle_of_attack[k]),
     )
+
+
+def control_samples(control, trajectory):
+    """A ControlSample for every tenth tick that has a new one: the last. ControlHistory or None -> list."""
+    if control is None or not len(control.t_s):
+        return []
+    period_s = CONTROL_TICKS / TICKS_PER_S
+    slot = np.ceil((control.t_s - trajectory.t_s[0]) / period_s - EARLY_S)
+    last = np.flatnonzero(np.diff(slot, append=np.inf))  # of each interval
+    return [
+        ControlSample(
+            float(control.t_s[k]),
+            control.pointing_error[k],
+            control.torque_b[k],
+            float(control.propellant_kg[k]),
+        )
+        for k in last
+    ]
 
 
 class Stopwatch:

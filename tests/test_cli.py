@@ -76,6 +76,13 @@ def test_wrong_files(arguments, hint, command):
     assert "Traceback" not in result.err
 
 
+def test_verify_without_data_is_one_message(command, tmp_path):
+    result = command("verify", "nesc", "--data", tmp_path)
+    assert result.code == 2
+    assert str(tmp_path) in result.err
+    assert "Traceback" not in result.err
+
+
 def test_impossible_flight_is_one_message(command, default_scenario, tmp_path):
     """A rocket that cannot be known to fail before it flies: still in the air at the time limit."""
     out = tmp_path / "run.mcap"
@@ -99,7 +106,7 @@ def test_view_never_overwrites(command, default_run):
     for arguments in (("--save", default_run.log), ("--screenshot", default_run.log, "--at", "300s")):
         result = command("view", default_run.log, *arguments)
         assert result.code == 2
-        assert "exists already" in result.err
+        assert "exists already" in " ".join(result.err.replace("│", " ").split())  # wrapped in its box
     assert default_run.log.read_bytes() == before
 
 

@@ -10,7 +10,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from shefex_nav import simulate
+from shefex_nav import prepare, simulate
 from shefex_nav.log import reader
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.records import ComputeTime
@@ -39,6 +39,14 @@ def test_star_tracker_in_its_window(default_run):
     assert star["wrong"] == 0
     assert star["solved"] >= 0.97 * star["in_window"]
     assert star["error_arcsec"]["max"] < 360.0
+
+
+def test_cold_gas_points_the_star_camera(default_run, default_scenario):
+    """The attitude is flown: a few tenths of a degree of dead band and reference errors, and gas to spare."""
+    control = default_run.summary["attitude_control"]
+    assert 0.0 < control["propellant_kg"] < load.load(default_scenario).vehicle.cold_gas.propellant
+    assert 0.02 < control["pointing_error_deg"]["rms"] < 3.0
+    assert control["pointing_error_deg"]["max"] < 8.0
 
 
 def test_navigation_at_entry(default_run):
@@ -82,6 +90,7 @@ def test_log_is_small_and_every_message_decodes(default_run):
         }
     assert counts["/nav/solution"] == counts["/truth/state"] == counts["/imu"]
     assert {
+        "/truth/attitude_control",
         "/gps/fix",
         "/star_tracker/fix",
         "/nav/covariance",
@@ -94,8 +103,9 @@ def test_log_is_small_and_every_message_decodes(default_run):
 def test_same_seed_same_records(default_run, default_scenario):
     """Every record but the measured durations, to the last bit, in another process than the first run's."""
     scenario = load.load(default_scenario)
-    again = RunDataBuilder(simulate.mission(scenario, 1))
-    for record in simulate.run(scenario, 1):
+    world = prepare.build_world(scenario, 1)
+    again = RunDataBuilder(prepare.mission(scenario, 1, world.flight.trajectory))
+    for record in simulate.route(world, scenario, 1):
         if not isinstance(record, ComputeTime):
             again.add(record)
     first, second = reader.read(default_run.log), again.build()

@@ -18,7 +18,9 @@ GAMMA = 1.4  # ratio of specific heats, table 2
 AVOGADRO = 6.022169e26  # 1/kmol, table 2
 TOP = 1.0e6  # m, end of the Standard
 Z_86 = 86.0e3  # m, where the mixed layers end
-STEP = 500.0  # m, grid of the interpolation above 86 km: log-linear to 1e-4
+STEP = 125.0  # m, grid of the interpolation above 86 km: log-linear to 3e-5
+FINE = 5  # integration steps per STEP
+JUMP = 100.0  # km, where the mean molar mass of the mixture drops, section 1.3.3
 
 # Base of each layer: geopotential height m, lapse of the molecular-scale temperature K/m (table 4)
 LAYER_H = np.array([0.0, 11e3, 20e3, 32e3, 47e3, 51e3, 71e3])
@@ -72,6 +74,13 @@ def _cumulative(values, step):
     return np.concatenate([[0.0], np.cumsum(pieces)])
 
 
+def _cumulative_of_two(below, above, z, step):
+    """As `_cumulative`, of `below` up to the jump and of `above` from there on."""
+    at = np.searchsorted(z, JUMP)
+    lower, upper = _cumulative(below[: at + 1], step), _cumulative(above[at:], step)
+    return np.concatenate([lower, lower[-1] + upper[1:]])
+
+
 # Per gas: molar mass kg/kmol, number density at 86 km 1/m^3, thermal diffusion alpha, diffusion a 1/(m s)
 # and b, transport Q, q 1/km^3, U, u km, W, w 1/km^3 (tables 3, 6, 7, 9)
 _GASES = {
@@ -87,7 +96,8 @@ _GASES = {
 def _diffused(gas, z, step, temperature, slope, gravity, background, mixed):
     """Number density of O, O2, Ar or He on the grid z [km], equations 36 and 37.
 
-    background: number density of the gas it diffuses through; mixed: molar mass of the turbulent mixture.
+    background: number density of the gas it diffuses through; mixed: molar mass of the turbulent mixture
+    above the jump, M_0 below it.
     """
     molar, n_86, alpha, a, b, q1, q2, u1, u2, w1, w2 = _GASES[gas]
     with np.errstate(divide="ignore", over="ignore"):
@@ -96,12 +106,14 @@ def _diffused(gas, z, step, temperature, slope, gravity, background, mixed):
         eddy[inside] = 120.0 * np.exp(1.0 - 400.0 / (400.0 - (z[inside] - 95.0) ** 2))
     molecular = a / background * (temperature / 273.15) ** b  # m^2/s, equation 8
     share = molecular / (molecular + eddy)
-    buoyancy = gravity / (R_STAR * temperature) * share * (
-        molar + mixed * eddy / molecular + alpha * R_STAR / gravity * slope
+    below, above = (
+        gravity / (R_STAR * temperature) * share
+        * (molar + mixture * eddy / molecular + alpha * R_STAR / gravity * slope)
+        for mixture in (M_0, mixed)
     )  # fmt: skip
     flow = q1 * (z - u1) ** 2 * np.exp(-w1 * (z - u1) ** 3)  # 1/km
     flow = flow + np.where(z <= u2, q2 * (u2 - z) ** 2 * np.exp(-w2 * np.maximum(u2 - z, 0.0) ** 3), 0.0)
-    exponent = _cumulative(buoyancy, step) + _cumulative(1e-3 * flow, step)
+    exponent = _cumulative_of_two(below, above, z, step) + _cumulative(1e-3 * flow, step)
     return n_86 * temperature[0] / temperature * np.exp(-exponent)
 
 
@@ -119,8 +131,7 @@ def _hydrogen(z, step, temperature, slope, gravity, background):
 
 def _upper_table():
     """Logarithms of density [kg/m^3] and pressure [Pa] from 86 km to 1000 km every STEP: (2, n)."""
-    fine = 20  # integration steps per STEP: the jump of the mean molar mass at 100 km then costs 7e-5
-    step = STEP / fine
+    step = STEP / FINE
     height = np.arange(Z_86, TOP + 0.5 * step, step)
     z = 1e-3 * height
     temperature = np.array([upper_temperature(h) for h in height])
@@ -128,19 +139,18 @@ def _upper_table():
     gravity = G_0 * (EARTH_RADIUS / (EARTH_RADIUS + height)) ** 2
     grid = (z, step, temperature, slope, gravity)
     molar, n_86 = _GASES["N2"]
-    mixed = np.where(z <= 100.0, M_0, molar)
     n = {}
-    weight = _cumulative(mixed * gravity / (R_STAR * temperature), step)
+    pull = gravity / (R_STAR * temperature)
+    weight = _cumulative_of_two(M_0 * pull, molar * pull, z, step)
     n["N2"] = n_86 * temperature[0] / temperature * np.exp(-weight)
-    n["O"], n["O2"] = (_diffused(gas, *grid, n["N2"], mixed) for gas in ("O", "O2"))
+    n["O"], n["O2"] = (_diffused(gas, *grid, n["N2"], molar) for gas in ("O", "O2"))
     background = n["N2"] + n["O"] + n["O2"]
-    of_three = sum(_GASES[gas][0] * n[gas] for gas in ("N2", "O", "O2")) / background
-    mixed = np.where(z <= 100.0, M_0, of_three)
+    mixed = sum(_GASES[gas][0] * n[gas] for gas in ("N2", "O", "O2")) / background
     n["Ar"], n["He"] = (_diffused(gas, *grid, background, mixed) for gas in ("Ar", "He"))
     n_h = _hydrogen(*grid, background + n["Ar"] + n["He"])
     density = (sum(_GASES[gas][0] * n[gas] for gas in n) + 1.00797 * n_h) / AVOGADRO
     pressure = (sum(n.values()) + n_h) * R_STAR / AVOGADRO * temperature
-    return np.log(np.stack([density, pressure]))[:, ::fine].copy()
+    return np.log(np.stack([density, pressure]))[:, ::FINE].copy()
 
 
 UPPER = _upper_table()
@@ -173,7 +183,7 @@ def us76(height_m):
         return density, pressure, t_molecular * ratio, np.sqrt(GAMMA * R_STAR * t_molecular / M_0)
     temperature = upper_temperature(height_m)
     sound = np.sqrt(GAMMA * R_STAR * temperature / (M_0 * MOLECULAR_RATIO[12]))
-    if height_m >= TOP:
+    if height_m > TOP:
         return 0.0, 0.0, temperature, sound
     x = (height_m - Z_86) / STEP
     k = min(int(x), UPPER.shape[1] - 2)

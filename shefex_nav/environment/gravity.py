@@ -1,10 +1,13 @@
-"""Gravitation of the Earth: spherical harmonics EGM96 for the truth, the J2 closed form for on board.
+"""Gravitation of the Earth: spherical harmonics for the truth, the J2 closed form for on board, and the
+gravity of the ellipsoid.
 
-In: position in frame e. Out: gravitation in frame e, without the centrifugal acceleration.
+In: position in frame e. Out: gravitation in frame e, without the centrifugal acceleration; normal gravity
+alone is with it.
 
 Table: Lemoine et al., NASA/TP-1998-206861 (EGM96, tide-free, fully normalised, to degree and order 36).
 Formulae: Cunningham (1970), as in Montenbruck & Gill, Satellite Orbits, section 3.2.4: solid harmonics V, W
-by recursion in Cartesian components, therefore without a singularity at the poles.
+by recursion in Cartesian components, therefore without a singularity at the poles. Normal gravity: Heiskanen
+& Moritz, Physical Geodesy, section 2-8; NIMA TR8350.2, section 4.
 """
 
 import csv
@@ -20,6 +23,7 @@ from shefex_nav.geometry import wgs84
 GM_EGM96 = 3.986004415e14  # m^3/s^2
 RADIUS_EGM96 = 6378136.3  # m, of the coefficients
 J2_WGS84 = 1.08262982e-3  # from the normalised C20 = -0.484166774985e-3, NIMA TR8350.2
+FOCUS = wgs84.A * sqrt(wgs84.E2)  # m, linear eccentricity E of the ellipsoid
 
 
 class GravityModel(NamedTuple):
@@ -35,6 +39,24 @@ class GravityModel(NamedTuple):
     recursion: np.ndarray  # (n, 2) factors of V_j-1,k and V_j-2,k in V_jk; at j = k of V_k-1,k-1, and 0
     p: np.ndarray  # (n, 3) of V_jk in the three components
     q: np.ndarray  # (n, 3) of W_jk
+
+
+def load(kind, degree=12):
+    """The field a scenario asks for: 'egm96' to degree and order 2 to 36, 'j2' or 'point'.
+
+    J2 and the point mass are those of WGS 84; the degree counts for EGM96 alone.
+    """
+    if kind == "egm96":
+        if degree < 2:
+            raise ValueError(f"degree {degree}: EGM96 is given from degree 2 on; 'point' is the point mass")
+        return load_egm96(degree)
+    if kind not in ("j2", "point"):
+        raise ValueError(f"unknown field of gravity '{kind}': egm96, j2 or point")
+    cosine = np.zeros((3, 3)) if kind == "j2" else np.zeros((1, 1))
+    cosine[0, 0] = 1.0
+    if kind == "j2":
+        cosine[2, 0] = -J2_WGS84 / sqrt(5.0)
+    return from_normalised(wgs84.GM, wgs84.A, cosine, np.zeros_like(cosine))
 
 
 def load_egm96(degree):
@@ -125,3 +147,64 @@ def gravity_j2_e(r_e):
     c = -wgs84.GM / (r2 * np.sqrt(r2))
     across = c * (1.0 + k * (1.0 - 5.0 * s2))
     return np.array([across * r_e[0], across * r_e[1], c * (1.0 + k * (3.0 - 5.0 * s2)) * r_e[2]])
+
+
+@njit(cache=True)
+def _focal_series(t):
+    """q = sum 2 n s_n t^(2n+1) and q' = sum 6 s_n t^2n, with s_n = (-1)^(n+1) / ((2n+1)(2n+3)), n from 1.
+
+    The closed forms q = ((1 + 3/t^2) atan t - 3/t)/2 and q' = 3 (1 + 1/t^2)(1 - atan(t)/t) - 1 lose seven
+    digits for the t = E/u <= 0.08 of the Earth; the series has all of them after eight terms.
+    """
+    q, q_prime = 0.0, 0.0
+    power = t * t
+    sign = 1.0
+    for n in range(1, 9):
+        term = sign * power / ((2 * n + 1) * (2 * n + 3))
+        q += 2.0 * n * term * t
+        q_prime += 6.0 * term
+        power *= t * t
+        sign = -sign
+    return q, q_prime
+
+
+@njit(cache=True)
+def normal_gravity_e(r_e):
+    """Gravity of the WGS 84 ellipsoid, with the centrifugal acceleration: (3,) m -> (3,) m/s^2, frame e.
+
+    Exact on and above the ellipsoid, which is a surface of constant potential: in the ellipsoidal coordinates
+    u (semi-minor axis of the confocal ellipsoid) and beta (reduced latitude) the field is a closed form.
+    """
+    x2 = r_e[0] ** 2 + r_e[1] ** 2
+    across, z = np.sqrt(x2), r_e[2]
+    e2 = FOCUS**2
+    difference = x2 + z * z - e2
+    u2 = 0.5 * (difference + np.sqrt(difference**2 + 4.0 * e2 * z * z))
+    u, v2 = np.sqrt(u2), u2 + e2
+    v = np.sqrt(v2)
+    length = np.sqrt((z / u) ** 2 + x2 / v2)  # 1 but for rounding
+    sine, cosine = z / (u * length), across / (v * length)
+    q, q_prime = _focal_series(FOCUS / u)
+    q_0, _ = _focal_series(FOCUS / wgs84.B)
+    turning = (wgs84.OMEGA * wgs84.A) ** 2 / q_0
+    # gradient along u and beta, but for the common 1/w
+    along = -wgs84.GM / v2 - turning * FOCUS / v2 * q_prime * (0.5 * sine**2 - 1.0 / 6.0)
+    along += wgs84.OMEGA**2 * u * cosine**2
+    aside = (turning * q / v - wgs84.OMEGA**2 * v) * sine * cosine
+    w2 = (u2 + e2 * sine**2) / v2
+    # unit vectors: d/du = (u/v cos, sin) / w, d/dbeta = (-sin, u/v cos) / w
+    outward = (along * u / v * cosine - aside * sine) / w2
+    up = (along * sine + aside * u / v * cosine) / w2
+    if across == 0.0:
+        return np.array([0.0, 0.0, up])
+    return np.array([outward * r_e[0] / across, outward * r_e[1] / across, up])
+
+
+@njit(cache=True)
+def normal_gravity(latitude, height):
+    """Magnitude of normal gravity [m/s^2] at a geodetic latitude [rad] and height [m], 0 or above.
+
+    On the ellipsoid this is Somigliana's formula.
+    """
+    g_e = normal_gravity_e(wgs84.ecef_from_geodetic(latitude, 0.0, height))
+    return np.sqrt(g_e[0] ** 2 + g_e[2] ** 2)

@@ -73,7 +73,8 @@ def limb_angle(r_e, direction_e):
     """Angle between a direction and the nearest point of the Earth's limb [rad]; negative below it.
 
     The ellipsoid becomes a unit sphere when z is scaled by A/B; the limb is the tangent cone there. The
-    angle is measured in the plane of the direction and the nadir, in true space.
+    angle is measured in the plane of the direction and the (geocentric) nadir, in true space. On the surface
+    and below it, where coasts with a sunken geoid lie, the limb is the tangent plane.
     """
     scale = np.array([1.0 / A, 1.0 / A, 1.0 / B])
     nadir = -r_e / np.sqrt((r_e**2).sum())
@@ -86,16 +87,17 @@ def limb_angle(r_e, direction_e):
         across = perpendicular(nadir)
         norm = 1.0
     across = across / norm
-    # |r' + s d'|^2 = 1 has a double root s at the tangent; d = cos(x) nadir + sin(x) across
-    r = r_e * scale
+    # scaled, the plane cuts a unit circle out; e_1 towards its centre, e_2 across, the tangent between them
     n, a = nadir * scale, across * scale
-    k = (r**2).sum() - 1.0
-    rn, ra = (r * n).sum(), (r * a).sum()
-    qa = ra * ra - k * (a * a).sum()
-    qb = 2.0 * (rn * ra - k * (n * a).sum())
-    qc = rn * rn - k * (n * n).sum()
-    t = (-qb - np.sqrt(qb * qb - 4.0 * qa * qc)) / (2.0 * qa)
-    return angle - np.arctan(t)
+    length = np.sqrt((n**2).sum())
+    e_1 = n / length
+    along = (a * e_1).sum()
+    e_2 = a - along * e_1
+    width = np.sqrt((e_2**2).sum())
+    s = min(1.0, 1.0 / np.sqrt(((r_e * scale) ** 2).sum()))
+    c = np.sqrt(1.0 - s * s)
+    # c e_1 + s e_2/width = x nadir + y across, scaled
+    return angle - np.arctan2(s / width, (c - s * along / width) / length)
 
 
 @njit(cache=True)

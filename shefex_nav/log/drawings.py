@@ -1,7 +1,8 @@
 """Foxglove messages of the records that viewers can draw: poses, the GPS track, camera pictures, text.
 
-Frames of the drawings: `launch` (east, north, up at the launch site, turning with the Earth), `body` (truth),
-`body_estimate` (navigation), `star_camera` (camera axes at the nominal mounting on `body`).
+Frames of the drawings: `launch` (east, north, up at the launch site, or below the first point of an orbit,
+turning with the Earth), `body` (truth), `body_estimate` (navigation), `star_camera` (camera axes at the
+nominal mounting on `body`).
 """
 
 from typing import NamedTuple
@@ -15,7 +16,7 @@ from shefex_nav.geometry.rotation import quat_from_dcm, quat_multiply
 from shefex_nav.geometry.wgs84 import dcm_el, ecef_from_geodetic, geodetic_from_ecef
 from shefex_nav.records import Reason
 
-POSE_TICKS = 5  # of the 100 Hz clock between two drawn poses: 20 Hz is smooth to the eye
+POSE_TICKS = 5  # of the 100 Hz clock between two drawn poses at least: 20 Hz is smooth to the eye
 LAUNCH, BODY, ESTIMATE, CAMERA = "launch", "body", "body_estimate", "star_camera"
 CHANNELS = {  # topic -> channel class of foxglove.channels
     "/tf": "FrameTransformsChannel",
@@ -85,7 +86,7 @@ class Drawings:
         )
 
     def truth(self, record, ns):
-        if round(record.t_s * 100) % POSE_TICKS:
+        if self._is_between_poses(record):
             return ()
         mounted = fox.FrameTransform(
             timestamp=_timestamp(ns),
@@ -97,9 +98,13 @@ class Drawings:
         return self._pose_messages("/truth/pose", BODY, record, ns, [mounted])
 
     def navigation(self, record, ns):
-        if round(record.t_s * 100) % POSE_TICKS:
+        if self._is_between_poses(record):
             return ()
         return self._pose_messages("/nav/pose", ESTIMATE, record, ns, [])
+
+    def _is_between_poses(self, record):
+        """Whether no pose is drawn at this tick, counted from the start as in a thinned log."""
+        return round((record.t_s - self._mission.start_s) * 100) % POSE_TICKS != 0
 
     def _pose_messages(self, topic, child, record, ns, more_transforms):
         """A body with r_i and q_ib in launch axes, as a frame and as a pose."""

@@ -16,6 +16,7 @@ from shefex_nav.records import (
     Alignment,
     CameraCommand,
     ComputeTime,
+    ControlSample,
     Event,
     Frame,
     FrameTruth,
@@ -34,6 +35,7 @@ class RunData(NamedTuple):
 
     mission: Mission
     truth: TruthSample  # arrays
+    control: ControlSample  # arrays; empty without attitude control
     imu: ImuBlock  # arrays
     nav: NavSolution  # arrays
     covariance: NavCovariance  # arrays
@@ -53,6 +55,7 @@ class RunData(NamedTuple):
 
 ARRAYS = {
     TruthSample: "truth",
+    ControlSample: "control",
     ImuBlock: "imu",
     NavSolution: "nav",
     NavCovariance: "covariance",
@@ -68,6 +71,7 @@ LISTS = {
     Event: "events",
 }
 _TOPIC = {topic.record: topic for topic in TOPICS}
+_STACK_ROWS = 4096  # records of one type that wait to be made arrays, which take a tenth of their memory
 
 
 def stack(record, rows):
@@ -107,30 +111,54 @@ def gather(mission, arrays, lists, alignment, *, ended_early):
     )
 
 
+def join(records):
+    """Records of arrays, one after the other -> one, nested records included."""
+    columns = []
+    for parts in zip(*records, strict=True):
+        if parts[0] is None:
+            columns.append(None)
+        else:
+            columns.append(join(parts) if isinstance(parts[0], tuple) else np.concatenate(parts))
+    return type(records[0])(*columns)
+
+
 class RunDataBuilder:
     """Collects the records of a run in memory."""
 
     def __init__(self, mission):
         self._mission = mission
         self._rows = {record: [] for record in (*ARRAYS, *LISTS, Alignment)}
+        self._stacked = {record: [] for record in ARRAYS}
+        self._last_t_s = math.nan
 
     def add(self, record):
         """Take one record; the pixels of a frame are let go."""
         kind = type(record)
-        if kind is Frame:
+        if kind is TruthSample:
+            self._last_t_s = float(record.t_s)
+        elif kind is Frame:
             record = record._replace(image_dn=None)
         elif kind is ComputeTime or kind is RunSummary:
             kind, record = Timing, timing(record)
-        self._rows[kind].append(record)
+        rows = self._rows[kind]
+        rows.append(record)
+        if len(rows) == _STACK_ROWS and kind in ARRAYS:
+            self._stacked[kind].append(stack(kind, rows))
+            rows.clear()
 
     @property
     def last_t_s(self):
         """Mission time of the last truth; NaN before the first."""
-        return float(self._rows[TruthSample][-1].t_s) if self._rows[TruthSample] else math.nan
+        return self._last_t_s
 
     def build(self):
         """The RunData of everything taken so far."""
-        arrays = {record: stack(record, self._rows[record]) for record in ARRAYS}
+        arrays = {record: self._arrays(record) for record in ARRAYS}
         lists = {record: list(self._rows[record]) for record in LISTS}
         alignment = self._rows[Alignment][-1] if self._rows[Alignment] else None
         return gather(self._mission, arrays, lists, alignment, ended_early=False)
+
+    def _arrays(self, record):
+        """One record of arrays of everything taken of a type."""
+        stacked, rows = self._stacked[record], self._rows[record]
+        return join([*stacked, stack(record, rows)]) if stacked else stack(record, rows)

@@ -5,6 +5,8 @@ Every message is protobuf. Where Foxglove has a schema that viewers draw, the re
 the table names a field of the message, the attribute of the record it holds, its type, its shape
 (row-major), and what it is with frame and unit, which becomes the field's comment in the stored schema.
 
+Rates are those of a log in full; `log.thinning` says which of them a scenario may lower.
+
 `timestamp_ns` is UTC since 1970: epoch of the scenario (t = 0) plus the time of the record, which is also
 its log time: `t_s`, or for a measurement `t_valid_s`, so that what belongs together stands together.
 """
@@ -20,6 +22,7 @@ from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.records import (
     Alignment,
     CameraCommand,
+    ControlSample,
     Event,
     Frame,
     FrameTruth,
@@ -34,7 +37,7 @@ from shefex_nav.records import (
     TruthSample,
 )
 
-FORMAT = "1"  # of this table; a reader refuses others
+FORMAT = "2"  # of this table; a reader refuses others
 METADATA = "shefex_nav"  # name of the metadata record
 ATTACHMENT = "scenario.yaml"
 
@@ -53,9 +56,9 @@ class Mission(NamedTuple):
     epoch_utc: str  # ISO 8601, t = 0
     start_s: float  # mission time at which the simulation starts
     earth: EarthRotation
-    launch_latitude: float  # rad, geodetic
+    launch_latitude: float  # rad, geodetic, below the vehicle at the start; origin of the launch axes
     launch_longitude: float  # rad
-    launch_height: float  # m
+    launch_height: float  # m, where it stands; 0 below an orbit
     camera: Pinhole  # as the on-board computer knows it
     C_bc: np.ndarray  # (3, 3) nominal mounting
 
@@ -147,6 +150,15 @@ TOPICS = (
         Q_IB,
         _vector("omega_ib_b_rad_s", "omega_ib_b", "rate of b against i, body axes [rad/s]"),
         _vector("f_b_m_s2", "f_b", "specific force at the IMU, body axes [m/s^2]"),
+        _number("angle_of_attack_rad", "angle_of_attack", "total, roll axis against the air [rad]"),
+    )),
+    Topic(ControlSample, "/truth/attitude_control", "AttitudeControl", 10, "t_s",
+          "The cold-gas system, while it steers.", (
+        T_S,
+        _vector("pointing_error_rad", "pointing_error",
+                "true against wanted attitude, body axes; NaN about axes that are left alone [rad]"),
+        _vector("torque_b_n_m", "torque_b", "torque of the valves, body axes [N m]"),
+        _number("propellant_kg", "propellant_kg", "gas used since the start [kg]"),
     )),
     Topic(ImuBlock, "/imu", "ImuBlock", 100, "t_valid_s", "Four IMU samples, oldest first.", (
         T_VALID,
@@ -279,9 +291,9 @@ TOPICS = (
         _matrix("C_re", "earth.C_re", "Earth-fixed axes to terrestrial intermediate frame"),
         _number("earth_angle_0_rad", "earth.angle_0", "Earth rotation angle at t = 0 [rad]"),
         _number("earth_rate_rad_s", "earth.rate", "rotation rate of the Earth [rad/s]"),
-        _number("launch_latitude_rad", "launch_latitude", "geodetic [rad]"),
-        _number("launch_longitude_rad", "launch_longitude", "[rad]"),
-        _number("launch_height_m", "launch_height", "above the ellipsoid [m]"),
+        _number("launch_latitude_rad", "launch_latitude", "of the origin of the launch axes, geodetic [rad]"),
+        _number("launch_longitude_rad", "launch_longitude", "likewise [rad]"),
+        _number("launch_height_m", "launch_height", "likewise, above the ellipsoid [m]"),
         _integer("width_px", "camera.width_px", "detector [px]"),
         _integer("height_px", "camera.height_px", "detector [px]"),
         _number("focal_length_px", "camera.focal_length_px", "nominal [px]"),

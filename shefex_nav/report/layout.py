@@ -4,12 +4,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry import wgs84
 from shefex_nav.report import metrics
 
 TIMELINE = "mission_time"
 FRAME_SHOWN_S = 0.15  # a picture disappears this long after the last one
-AXES_M = 60e3  # drawn body axes: 60 m would be invisible next to 800 km
-FRUSTUM_M = 90e3  # drawn field of view of the star camera
+SMALLEST_SCENE_M = 20e3  # of a vehicle that stands still
+AXES = 0.075  # drawn body axes, by the size of the scene: true to scale they would be invisible
+FRUSTUM = 0.11  # drawn field of view of the star camera likewise
+NAME = 0.09  # least distance of two events that are named
 
 
 class ErrorPlot(NamedTuple):
@@ -26,6 +29,23 @@ ERROR_PLOTS = tuple(  # order of NavCovariance.P
 )
 
 
+class Scene(NamedTuple):
+    """Where the flown path lies, launch axes."""
+
+    middle: np.ndarray  # (3,) m
+    size: float  # m, greatest extent
+    along: np.ndarray  # (3,) horizontal unit vector from the first point to the last
+
+
+def scene(path):
+    """Scene of a path (N, 3) m in launch axes."""
+    low, high = path.min(axis=0), path.max(axis=0)
+    along = (path[-1] - path[0]) * np.array([1.0, 1.0, 0.0])
+    length = np.linalg.norm(along)
+    along = along / length if length > 1.0 else np.array([0.0, 1.0, 0.0])
+    return Scene(0.5 * (low + high), max(float((high - low).max()), SMALLEST_SCENE_M), along)
+
+
 def start_time(data):
     """Mission time worth looking at first: the middle of the star fixes, else of the flight."""
     t_s = np.array([fix.t_valid_s for fix in data.star_fixes])
@@ -33,11 +53,11 @@ def start_time(data):
     return float(t_s[len(t_s) // 2]) if len(t_s) else 0.0
 
 
-def blueprint(data, *, has_thresholded):
+def blueprint(data, seen, *, has_thresholded):
     """rerun blueprint of the recording of `viewer.build_recording`.
 
-    `has_thresholded`: the log has every frame with its background at zero; else the frames as read out
-    come first.
+    `seen` is the Scene. `has_thresholded`: the log has every frame with its background at zero; else the
+    frames as read out come first.
     """
     import rerun.blueprint as rrb
 
@@ -46,7 +66,7 @@ def blueprint(data, *, has_thresholded):
         _star_camera("image_full", "Star camera, as read out"),
         active_tab=0 if has_thresholded else 1,
     )
-    upper = rrb.Horizontal(pictures, _trajectory(), _side(data), column_shares=[5, 6, 4])
+    upper = rrb.Horizontal(pictures, _trajectory(seen), _side(data), column_shares=[5, 6, 4])
     lower = rrb.Tabs(_errors(data), _curves(data), active_tab=0)
     return rrb.Blueprint(
         rrb.Vertical(upper, lower, row_shares=[9, 10]),
@@ -76,9 +96,14 @@ def _star_camera(picture, name):
     return rrb.Spatial2DView(origin=f"star_tracker/{picture}", contents=["$origin", "stars/**"], name=name)
 
 
-def _trajectory():
+def _trajectory(seen):
+    """The flight, seen from its right, behind and above."""
     import rerun.blueprint as rrb
 
+    right = np.array([seen.along[1], -seen.along[0], 0.0])
+    away = 0.85 * right - 0.33 * seen.along + np.array([0.0, 0.0, 0.4])
+    is_round = seen.size > wgs84.A  # around the Earth: there is as much above and below as along
+    eye = seen.middle + seen.size * (1.4 if is_round else 1.0) * away
     return rrb.Spatial3DView(
         origin="/",
         contents=["world/**", "tf", "star_tracker/calibration"],
@@ -87,7 +112,7 @@ def _trajectory():
         line_grid=False,
         spatial_information=rrb.SpatialInformation(target_frame="launch"),
         eye_controls=rrb.EyeControls3D(
-            position=[620e3, 120e3, 330e3], look_target=[-60e3, 385e3, 10e3], eye_up=[0.0, 0.0, 1.0]
+            position=eye.tolist(), look_target=seen.middle.tolist(), eye_up=[0.0, 0.0, 1.0]
         ),
     )
 
@@ -149,13 +174,16 @@ def _readable(value):
 def _curves(data):
     import rerun.blueprint as rrb
 
+    plots = [
+        ("height", "Height [km]"),
+        ("speed", "Speed against the Earth [m/s]"),
+        ("roll_rate", "Roll rate [1/s]"),
+        ("stars", "Stars in the frame"),
+    ]
+    if len(data.control.t_s):
+        plots += [("pointing", "Pointing error [deg]"), ("gas", "Cold gas used [kg]")]
     views = [
         rrb.TimeSeriesView(origin=f"plots/{entity}", name=title, axis_x=_whole_flight(data))
-        for entity, title in (
-            ("height", "Height [km]"),
-            ("speed", "Speed against the Earth [m/s]"),
-            ("roll_rate", "Roll rate [1/s]"),
-            ("stars", "Stars in the frame"),
-        )
+        for entity, title in plots
     ]
-    return rrb.Grid(*views, grid_columns=2, name="Flight and stars")
+    return rrb.Grid(*views, grid_columns=len(plots) // 2, name="Flight and stars")

@@ -7,13 +7,15 @@ Definitions
 - Errors are truth minus estimate; position and velocity errors are norms in inertial axes, attitude errors
   rotation vectors in body axes (navigation) or camera axes (star tracker; z is the boresight).
 - A star fix is wrong if it is given as good and more than 0.5 deg off, in the window or out of it.
-- The window is from the end of the despin to the start of the entry spin-up, where the true rate is at
-  most 2 deg/s and the true exclusion angles are met. A tick of the camera without a frame counts in it if
-  both neighbours do.
+- The window is where the true rate is at most 2 deg/s and the true exclusion angles are met. A tick of the
+  camera without a frame counts in it if both neighbours do.
 - `cross_axis_rms` is per axis, over x and y; `max` is of the whole rotation angle.
-- NEES: position, velocity and attitude at whole seconds from the first star fix that the filter accepts
-  to entry.
-- Entry is the first descent through 100 km. Speed is relative to the Earth, range along the ellipsoid.
+- NEES: position, velocity and attitude at whole seconds since the start of the run, from the first star fix
+  that the filter accepts to entry, or to the end of a run without one.
+- Entry is the first descent through 100 km. Speed is relative to the Earth, range along the ellipsoid from
+  the start to the impact; without an impact there is none.
+- Attitude control: the pointing error is the true attitude against the wanted one, the whole angle, or that
+  of the roll axis alone while the spin is left alone; in the phases POINTING.
 """
 
 import math
@@ -110,6 +112,7 @@ def summarise(data, *, log=None):
         "setup_s": data.summary.setup_s if data.summary else None,
         "real_time_factor": simulated_s / wall_s if simulated_s and wall_s else None,
         "flight": _flight(data, track),
+        "attitude_control": _attitude_control(data),
         "star_tracker": _star_tracker(data),
         "navigation": _navigation(data, track.height, entry),
     }
@@ -147,14 +150,38 @@ def _flight(data, track):
     }
 
 
+def _attitude_control(data):
+    """Gas used and pointing error; None without attitude control."""
+    control = data.control
+    if not len(control.t_s):
+        return None
+    error_deg = np.degrees(pointing_error(control)[phase_at(data.truth, control.t_s) == Phase.POINTING])
+    error_deg = error_deg[np.isfinite(error_deg)]
+    return {
+        "propellant_kg": float(control.propellant_kg[-1]),
+        "pointing_error_deg": {"rms": _rms(error_deg), "max": _max(error_deg)},
+    }
+
+
+def pointing_error(control):
+    """Angle between true and wanted attitude, or roll axes; NaN where nothing is wanted.
+
+    ControlSample of arrays -> (M,) rad
+    """
+    angle = np.sqrt(np.nansum(control.pointing_error**2, axis=1))
+    angle[np.isnan(control.pointing_error).all(axis=1)] = np.nan
+    return angle
+
+
+def phase_at(truth, t_s):
+    """Phase of the last sample of truth not later than each time, -1 before the first. (M,) s -> (M,)."""
+    k = np.searchsorted(truth.t_s, t_s + _SAME_TIME_S) - 1
+    return np.where(k >= 0, truth.phase[k.clip(0)], -1) if len(truth.t_s) else np.full(len(t_s), -1)
+
+
 def window_frames(data):
     """Numbers of the frames in the star tracker's window, and how many ticks in it had no frame."""
-    despun = _first_time(data.truth, Phase.SLEW)
-    spin_up = _first_time(data.truth, Phase.SPIN_UP)
-    inside = [
-        despun <= frame.t_valid_s < spin_up and frame.exclusion_met and frame.rate <= WINDOW_RATE
-        for frame in data.frame_truths
-    ]
+    inside = [frame.exclusion_met and frame.rate <= WINDOW_RATE for frame in data.frame_truths]
     numbers = {frame.number for frame, is_in in zip(data.frame_truths, inside, strict=True) if is_in}
     t_s = np.array([frame.t_valid_s for frame in data.frame_truths])
     if len(t_s) < 3:
@@ -163,12 +190,6 @@ def window_frames(data):
     missing = np.maximum(np.round(steps / np.median(steps)).astype(int) - 1, 0)
     both = np.array(inside[1:]) & np.array(inside[:-1])
     return numbers, int(missing[both].sum())
-
-
-def _first_time(truth, phase):
-    """Mission time at which the phase, or one after it, begins; infinity if it never does."""
-    k = np.flatnonzero(truth.phase >= phase)
-    return truth.t_s[k[0]] if len(k) else math.inf
 
 
 def _star_tracker(data):
@@ -266,7 +287,8 @@ def _nees_summary(data, errors, end_s):
     if not accepted:
         return nothing
     t_s, nees, _ = normalised_errors(data, errors)
-    is_second = np.abs(t_s - np.round(t_s)) <= _SAME_TIME_S
+    since_s = t_s - data.mission.start_s
+    is_second = np.abs(since_s - np.round(since_s)) <= _SAME_TIME_S
     chosen = nees[is_second & (t_s >= accepted[0]) & (t_s <= end_s)]
     if not len(chosen):
         return nothing

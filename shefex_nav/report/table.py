@@ -30,6 +30,8 @@ def summary_table(summary):
 def rows(summary):
     """(section, lines of name and value) of the summary, as texts."""
     yield "flight", _flight_rows(summary["flight"])
+    if summary["attitude_control"]:
+        yield "attitude control", _control_rows(summary["attitude_control"])
     yield "star tracker", _star_rows(summary["star_tracker"])
     yield "navigation", _navigation_rows(summary["navigation"])
     yield "run", _run_rows(summary)
@@ -42,6 +44,11 @@ def _flight_rows(flight):
     for event in flight["events"]:
         name = event["name"].replace("_", " ")
         yield name, f"T{event['t_s']:+.1f} s, {_text(event['altitude_km'], 1, 'km')}"
+
+
+def _control_rows(control):
+    yield "cold gas used", _text(control["propellant_kg"], 2, "kg")
+    yield "pointing error while pointing", _pair(control["pointing_error_deg"], 2, "deg")
 
 
 def _star_rows(star):

@@ -11,27 +11,30 @@ from pathlib import Path
 
 import numpy as np
 
-from shefex_nav.geometry import wgs84
 from shefex_nav.log import reader
 from shefex_nav.log.topics import epoch_ns
 from shefex_nav.records import Phase, Reason
-from shefex_nav.report import layout, metrics, viewer_program
+from shefex_nav.report import layout, metrics, viewer_program, world_view
 from shefex_nav.report.layout import TIMELINE
 from shefex_nav.report.track import earth_fixed
 from shefex_nav.report.viewer_program import ViewerError
 
 APPLICATION = "shefex_nav"
 _DRAWN = "^(/tf|/gps/location|/log|/star_tracker/(calibration|image|image_full))$"
-_PLOT_STEP = 10  # samples of the 100 Hz records between two points of a curve
+_PLOT_HZ = 10  # points of a curve in a second, where there are as many
+_MOST_POINTS = 20_000  # of a curve
 _MARK_PX = 7.0  # half a side
-_NAME_M = 75e3  # between two events that are named in the scene
-_LINE_POINTS = 30  # of a meridian or parallel
 _GREEN, _ORANGE, _GREY = (64, 255, 90), (255, 140, 26), (130, 130, 130)
 _PHASE_COLOURS = {
-    Phase.BOOST_1: (255, 90, 60),
-    Phase.BOOST_2: (255, 90, 60),
+    Phase.PAD: (130, 130, 130),
+    Phase.BOOST: (255, 90, 60),
+    Phase.COAST: (240, 240, 240),
+    Phase.MANOEUVRE: (90, 170, 255),
     Phase.POINTING: (64, 255, 90),
-    Phase.ENTRY: (190, 120, 255),
+    Phase.DESCENT: (190, 120, 255),
+    Phase.PARACHUTE: (255, 200, 80),
+    Phase.ORBIT: (240, 240, 240),
+    Phase.GROUND: (150, 130, 100),
 }
 
 
@@ -96,7 +99,8 @@ def _layout(log_path, data):
 
     channels = McapReader(log_path, recover=True).info().channels
     counts = {channel.topic: channel.message_count for channel in channels}
-    return layout.blueprint(data, has_thresholded=bool(counts.get("/star_tracker/image")))
+    seen = layout.scene(world_view.path(data))
+    return layout.blueprint(data, seen, has_thresholded=bool(counts.get("/star_tracker/image")))
 
 
 def fill(stream, log_path, data):
@@ -104,9 +108,10 @@ def fill(stream, log_path, data):
     stream.send_recording_name(f"{data.mission.scenario}, seed {data.mission.seed}")
     _send_drawings(stream, log_path, data)
     _send_stars(stream, data)
-    _send_world(stream, data)
+    world_view.send(stream, data, _PHASE_COLOURS)
     _send_errors(stream, data)
     _send_flight(stream, data)
+    _send_control(stream, data)
     _send_states(stream, data)
     _send_summary(stream, data)
 
@@ -217,100 +222,24 @@ def _centres(fixes, chosen):
     return np.concatenate(xy_px), [len(xy) for xy in xy_px]
 
 
-def _send_world(stream, data):
-    """Flown path, ground track, events and a piece of the globe, in axes of the launch site."""
-    import rerun as rr
-
-    mission = data.mission
-    base_e = wgs84.ecef_from_geodetic(
-        mission.launch_latitude, mission.launch_longitude, mission.launch_height
-    )
-    C_el = wgs84.dcm_el(mission.launch_latitude, mission.launch_longitude)
-
-    def in_launch_axes(r_e):
-        return (np.asarray(r_e) - base_e) @ C_el
-
-    frame = rr.CoordinateFrame("launch")
-    every = _thinned(data.truth)
-    track = earth_fixed(mission.earth, every)
-    path, ground = in_launch_axes(track.r_e), in_launch_axes(_on_ground(track.latitude, track.longitude))
-
-    def log(entity, drawing):
-        stream.log(f"world/{entity}", drawing, frame, static=True)
-
-    bounds = np.flatnonzero(np.diff(every.phase)) + 1
-    pieces = [p for p in np.split(np.arange(len(path)), bounds) if len(p)]
-    strips = [path[p[0] : p[-1] + 2] for p in pieces]
-    colours = [_PHASE_COLOURS.get(Phase(every.phase[p[0]]), (240, 240, 240)) for p in pieces]
-    log("path", rr.LineStrips3D(strips, colors=colours, radii=[-2.0]))
-    log("ground_track", rr.LineStrips3D([ground], colors=[110, 110, 110], radii=[-1.0]))
-    poles = [np.array([ground[k], path[k]]) for k in _event_rows(data, every.t_s)]
-    log("heights", rr.LineStrips3D(poles, colors=[90, 90, 110], radii=[-0.7]))
-    tops = [pole[1] for pole in poles]
-    names = [event.name.replace("_", " ") for event in data.events]
-    log("events", rr.Points3D(tops, colors=[255, 220, 120], radii=[-3.0]))
-    named = _far_apart(tops)
-    labels = rr.Points3D(
-        [tops[k] for k in named],
-        labels=[names[k] for k in named],
-        show_labels=True,
-        radii=[0.0],
-        colors=[255, 220, 120],
-    )
-    log("event_names", labels)
-    lines, is_round = _graticule(track)
-    shades = [(60, 90, 120) if r else (38, 54, 72) for r in is_round]
-    log("globe", rr.LineStrips3D([in_launch_axes(line) for line in lines], colors=shades, radii=[-0.7]))
-    stream.log(
-        "star_tracker/calibration", rr.Pinhole.from_fields(image_plane_distance=layout.FRUSTUM_M), static=True
-    )
-    stream.log("tf", rr.TransformAxes3D(layout.AXES_M), static=True)
-
-
-def _thinned(truth):
-    """Every n-th sample, enough for a curve."""
-    return truth._make(np.ascontiguousarray(values[::_PLOT_STEP]) for values in truth)
-
-
-def _on_ground(latitude, longitude):
-    return np.array([wgs84.ecef_from_geodetic(a, b, 0.0) for a, b in zip(latitude, longitude, strict=True)])
-
-
-def _far_apart(points):
-    """Indices of points that leave room for each other's names."""
-    chosen = []
-    for k, point in enumerate(points):
-        if all(np.linalg.norm(point - points[j]) > _NAME_M for j in chosen):
-            chosen.append(k)
-    return chosen
-
-
-def _event_rows(data, t_s):
-    return [int(np.argmin(np.abs(t_s - event.t_s))) for event in data.events]
-
-
-def _graticule(track):
-    """Meridians and parallels around the track: lines of (n, 3) m in frame e; which are at 10 degrees."""
-    south, north = np.degrees([track.latitude.min(), track.latitude.max()])
-    west, east = np.degrees([track.longitude.min(), track.longitude.max()])
-    south, north = max(-89.0, np.floor(south) - 2.0), min(89.0, np.ceil(north) + 2.0)
-    west, east = 5.0 * np.floor(west / 5.0) - 5.0, 5.0 * np.ceil(east / 5.0) + 5.0
-    along_parallel = np.radians(np.linspace(west, east, _LINE_POINTS))
-    along_meridian = np.radians(np.linspace(south, north, _LINE_POINTS))
-    parallels = np.arange(south, north + 0.5, 1.0)
-    meridians = np.arange(west, east + 0.5, 2.5)
-    lines = [_on_ground(np.full(_LINE_POINTS, np.radians(a)), along_parallel) for a in parallels]
-    lines += [_on_ground(along_meridian, np.full(_LINE_POINTS, np.radians(b))) for b in meridians]
-    return lines, [bool(x % 10 == 0) for x in (*parallels, *meridians)]
+def plot_step(t_s):
+    """Every how many samples there is a point of a curve."""
+    if len(t_s) < 2:
+        return 1
+    rate = (len(t_s) - 1) / (t_s[-1] - t_s[0])
+    return max(1, round(rate / _PLOT_HZ), -(-len(t_s) // _MOST_POINTS))
 
 
 def _send_errors(stream, data):
     """Error of every axis inside plus and minus three of its logged standard deviations."""
     errors = metrics.navigation_errors(data)
     sigma_t_s, _, sigma = metrics.normalised_errors(data, errors)
-    nine = np.hstack([errors.position_i, errors.velocity_i, np.degrees(errors.attitude_b)])[::_PLOT_STEP]
+    nine = np.hstack([errors.position_i, errors.velocity_i, np.degrees(errors.attitude_b)])
     sigma = np.hstack([sigma[:, :6], np.degrees(sigma[:, 6:])])
-    t_s = errors.t_s[::_PLOT_STEP]
+    shown = plot_step(errors.t_s)
+    t_s, nine = errors.t_s[::shown], nine[::shown]
+    shown = plot_step(sigma_t_s)
+    sigma_t_s, sigma = sigma_t_s[::shown], sigma[::shown]
     for k, plot in enumerate(layout.ERROR_PLOTS):
         for sign, name in ((1.0, "+3 sigma"), (-1.0, "-3 sigma")):
             entity = f"{plot.entity}/{'plus' if sign > 0 else 'minus'}"
@@ -320,7 +249,7 @@ def _send_errors(stream, data):
 
 def _send_flight(stream, data):
     """Height and speed."""
-    every = _thinned(data.truth)
+    every = world_view.thinned(data.truth, plot_step(data.truth.t_s))
     track = earth_fixed(data.mission.earth, every)
     _curve(stream, "plots/height", every.t_s, track.height / 1e3, (240, 240, 240), "height [km]")
     speed = np.linalg.norm(track.v_e, axis=1)
@@ -329,9 +258,24 @@ def _send_flight(stream, data):
     _curve(stream, "plots/roll_rate", every.t_s, roll_rate, (150, 200, 255), "roll rate [1/s]")
 
 
+def _send_control(stream, data):
+    """Pointing error about each axis, and the gas."""
+    control = data.control
+    if not len(control.t_s):
+        return
+    colours = ((255, 120, 120), (120, 255, 120), (120, 160, 255))
+    for k, (axis, colour) in enumerate(zip("xyz", colours, strict=True)):
+        error_deg = np.degrees(control.pointing_error[:, k])
+        known = np.isfinite(error_deg)
+        _curve(
+            stream, f"plots/pointing/{axis}", control.t_s[known], error_deg[known], colour, f"about {axis}"
+        )
+    _curve(stream, "plots/gas", control.t_s, control.propellant_kg, (240, 240, 240), "gas [kg]")
+
+
 def _send_states(stream, data):
     """Phase of the mission, GPS receiver and star tracker as coloured lanes."""
-    phases = {phase.name.lower(): _PHASE_COLOURS.get(phase, (150, 160, 175)) for phase in Phase}
+    phases = {phase.name.lower(): colour for phase, colour in _PHASE_COLOURS.items()}
     _lane(stream, "states/phase", data.truth.t_s, [Phase(p).name.lower() for p in data.truth.phase], phases)
     gps = ["fix" if fix.valid else "no fix" for fix in data.gps]
     _lane(stream, "states/gps", [f.t_valid_s for f in data.gps], gps, {"fix": _GREEN, "no fix": _ORANGE})

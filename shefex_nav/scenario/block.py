@@ -1,9 +1,49 @@
-"""What every section of a scenario has in common."""
+"""What every section of a scenario has in common, and sections that come in several forms."""
 
-from pydantic import BaseModel, ConfigDict
+from typing import Annotated, Any, Union
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Tag
 
 
 class Block(BaseModel):
-    """A section of a scenario; a key that it does not know is an error."""
+    """A section of a scenario; a key that it does not know is an error.
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    A default is written as in a scenario file, with its unit.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+
+    @classmethod
+    def keys(cls):
+        """Keys as they are written in a scenario file: {key: FieldInfo}."""
+        return {field.alias or name: field for name, field in cls.model_fields.items()}
+
+
+def is_tag(part):
+    """Whether a part of an error's location names a form (`<file>`), not a key of the scenario."""
+    return isinstance(part, str) and part.startswith("<")
+
+
+def forms(otherwise, **by_key):
+    """Type of a section in one of several forms, told apart by the first of `by_key` that is there.
+
+    Parameters
+    ----------
+    otherwise : (key, Block) of the form that is meant if there is none of them
+    by_key : the other forms; the key that tells each
+    """
+    models = {**by_key, otherwise[0]: otherwise[1]}
+
+    def choose(value: Any):
+        if isinstance(value, Block):
+            return next((f"<{key}>" for key, model in models.items() if type(value) is model), None)
+        present = value if isinstance(value, dict) else ()
+        return f"<{next((key for key in by_key if key in present), otherwise[0])}>"
+
+    return tagged(choose, models)
+
+
+def tagged(choose, models):
+    """Union of the types in `models`; `choose` takes the value and returns `<key>` of one of them."""
+    members = tuple(Annotated[model, Tag(f"<{key}>")] for key, model in models.items())
+    return Annotated[Union[members], Discriminator(choose)]  # noqa: UP007 the members are known at run time

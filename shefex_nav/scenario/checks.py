@@ -1,122 +1,45 @@
 """What single values cannot show: values of a scenario that contradict each other."""
 
 import math
-from itertools import pairwise
 
-from shefex_nav.scenario.quantity import STANDARD_GRAVITY
+from shefex_nav.scenario import checks_flight, checks_vehicle
+from shefex_nav.scenario.checks_flight import seconds
+from shefex_nav.scenario.events import possible
+from shefex_nav.scenario.messages import close
 
 TICK_RATE = 100.0  # Hz, of the on-board computer
 REPORT_RATE = 10.0  # Hz, of the logged covariance, which reports want on whole seconds
+LOG_RATES = (10.0, 20.0, 50.0, 100.0)  # Hz
 IMU_NYQUIST = 200.0  # Hz, half the rate of the IMU
 
 
-def cross_check(scenario):
-    """Contradictions in a valid scenario: list of (path of the field, text for people)."""
-    return [
-        *_times(scenario),
-        *_vehicle(scenario),
-        *_lift_off(scenario),
+def cross_check(scenario, rated=None):
+    """Contradictions in a valid scenario: list of (path of the field, text for people).
+
+    `rated`: what motor files say of their propellant, as `expand` returns it.
+    """
+    start = list(checks_flight.start(scenario))
+    return start or [  # without a start nothing else can be judged
+        *checks_flight.contradictions(scenario),
+        *checks_vehicle.contradictions(scenario, rated or {}),
+        *_mission(scenario),
         *_sensors(scenario),
+        *_outages(scenario),
         *_camera(scenario.star_camera),
         *_star_tracker(scenario),
     ]
 
 
-def _seconds(t_s):
-    return f"{t_s:g} s"
-
-
-def _times(scenario):
-    """The programme in order, burns before what follows them, everything within the mission."""
-    programme, mission = scenario.programme, scenario.mission
-    burn_out_1 = scenario.vehicle.stages[0].motor.burn_time
-    burn_out_2 = programme.ignition_2 + scenario.vehicle.stages[1].motor.burn_time
-    steps = [
-        ("burn-out of the first stage", burn_out_1),
-        ("separation", programme.separation),
-        ("precession_start", programme.precession_start),
-        ("precession_end", programme.precession_end),
-        ("ignition_2", programme.ignition_2),
-        ("burn-out of the second stage", burn_out_2),
-        ("despin_start", programme.despin_start),
-        ("despin_end", programme.despin_end),
-        ("pointing_start", programme.pointing_start),
-        ("pointing_end", programme.pointing_end),
-        ("entry_slew_end", programme.entry_slew_end),
-        ("spin_up_end", programme.spin_up_end),
-        ("mission.time_limit", mission.time_limit),
-    ]
-    for (before, t_before), (name, t_s) in pairwise(steps):
-        if t_s > t_before:
-            continue
-        where = ("mission", "time_limit") if name == "mission.time_limit" else ("programme", name)
-        yield where, f"{_seconds(t_s)} must be later than {before}, {_seconds(t_before)}"
-    if programme.entry_aim < programme.pointing_end:
-        end = _seconds(programme.pointing_end)
-        words = f"{_seconds(programme.entry_aim)} must not be before pointing_end, {end}"
-        yield ("programme", "entry_aim"), words
-    ramp, dwell = programme.pointing.ramp, programme.pointing_end - programme.pointing_start
-    if dwell > 0.0 and 2.0 * ramp > dwell:
-        words = f"fading in and out takes {_seconds(2.0 * ramp)}, the pointing lasts {_seconds(dwell)} only"
-        yield ("programme", "pointing", "ramp"), words
-    if abs(mission.start * REPORT_RATE - round(mission.start * REPORT_RATE)) > 1e-6:
+def _mission(scenario):
+    """Clocks that meet."""
+    start, rate = scenario.mission.start, scenario.log.rate
+    if abs(start * REPORT_RATE - round(start * REPORT_RATE)) > 1e-6:
         yield (
             ("mission", "start"),
-            f"{_seconds(mission.start)} must be a multiple of 0.1 s, the interval of the logged covariance",
+            f"{seconds(start)} must be a multiple of 0.1 s, the interval of the logged covariance",
         )
-
-
-def _vehicle(scenario):
-    """Motors that can burn, tables that can be interpolated."""
-    for number, stage in enumerate(scenario.vehicle.stages):
-        path = ("vehicle", "stages", number)
-        grain, motor = stage.propellant, stage.motor
-        if grain.inner_radius >= grain.outer_radius:
-            words = f"{grain.inner_radius:g} m must be smaller than outer_radius, {grain.outer_radius:g} m"
-            yield (*path, "propellant", "inner_radius"), words
-        if motor.rise + motor.tail_off >= motor.burn_time:
-            words = f"{_seconds(motor.burn_time)} must be longer than rise and tail_off together"
-            yield (*path, "motor", "burn_time"), words
-    for name in ("stack", "upper"):
-        yield from _tables(("vehicle", "aerodynamics", name), getattr(scenario.vehicle.aerodynamics, name))
-
-
-def _tables(path, tables):
-    """Columns of one length over increasing Mach numbers."""
-    mach = tables.mach
-    for k in range(1, len(mach)):
-        if mach[k] <= mach[k - 1]:
-            yield (*path, "mach", k), f"Mach numbers must increase: {mach[k]:g} follows {mach[k - 1]:g}"
-    columns = ("axial", "normal_slope", "pressure_station", "pitch_damping", "roll_damping", "roll_by_cant")
-    lengths = {column: len(getattr(tables, column)) for column in columns}
-    odd = [column for column in columns if lengths[column] != len(mach)]
-    if len(odd) == len(columns) and len(set(lengths.values())) == 1:
-        words = f"{len(mach)} Mach numbers, but {lengths['axial']} values in every other column"
-        yield (*path, "mach"), words
-        return
-    for column in odd:
-        yield (*path, column), f"{lengths[column]} values for {len(mach)} Mach numbers; give one for each"
-
-
-def _lift_off(scenario):
-    """Thrust after the rise, at sea level, against the weight on the rail."""
-    vehicle = scenario.vehicle
-    first, second = vehicle.stages
-    motor = first.motor
-    flat = motor.burn_time - motor.rise - motor.tail_off
-    if flat <= 0.0:
-        return
-    shape = 0.5 * (motor.rise + (1.0 + motor.level_ratio) * flat + motor.level_ratio * motor.tail_off)
-    vacuum_thrust = first.propellant.mass * motor.specific_impulse * STANDARD_GRAVITY / shape
-    thrust = vacuum_thrust - 101325.0 * motor.exit_area  # N, against the pressure at sea level
-    mass = vehicle.payload.mass + sum(stage.dry.mass + stage.propellant.mass for stage in (first, second))
-    weight = mass * STANDARD_GRAVITY
-    if thrust <= weight:
-        words = (
-            f"the first stage gives {1e-3 * thrust:.0f} kN at sea level, "
-            f"the vehicle weighs {1e-3 * weight:.0f} kN; it would not lift off"
-        )
-        yield ("vehicle", "stages", 0, "motor"), words
+    if rate not in LOG_RATES:
+        yield ("log", "rate"), f"{rate:g} Hz is not offered; choose from: 10 Hz, 20 Hz, 50 Hz, 100 Hz"
 
 
 def _sensors(scenario):
@@ -130,13 +53,33 @@ def _sensors(scenario):
     elif vibration.lowest_frequency >= vibration.highest_frequency:
         words = f"must be below highest_frequency, {vibration.highest_frequency:g} Hz"
         yield ("imu", "vibration", "lowest_frequency"), words
-    if vibration.boost_1 == 0.0 and vibration.boost_2 > 0.0:
-        words = "must not be zero unless boost_2 is: the filter takes boost_2 relative to it"
-        yield ("imu", "vibration", "boost_1"), words
+    stages = len(scenario.vehicle.stages)
+    if len(vibration.boost) != stages:
+        words = (
+            f"{count(len(vibration.boost), 'value')} for {count(stages, 'stage')}; give one for each stage"
+        )
+        yield ("imu", "vibration", "boost"), words
+
+
+def count(number, noun):
+    """`1 stage`, `2 stages`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _outages(scenario):
+    """Outages after events that the flight can have, with durations the right way round."""
+    events = possible(scenario)
     for number, outage in enumerate(scenario.gps.outages):
+        path = ("gps", "outages", number)
+        if not events:
+            yield path, "a vehicle that stands on the ground has no events; write outages: []"
+        elif outage.event not in events:
+            known = f"choose from: {', '.join(events)}"
+            words = f"'{outage.event}' is no event of this flight{close(outage.event, events)}; {known}"
+            yield (*path, "event"), words
         if outage.shortest > outage.longest:
-            words = f"{_seconds(outage.shortest)} is longer than longest, {_seconds(outage.longest)}"
-            yield ("gps", "outages", number, "shortest"), words
+            words = f"{seconds(outage.shortest)} is longer than longest, {seconds(outage.longest)}"
+            yield (*path, "shortest"), words
 
 
 def _camera(camera):
@@ -190,15 +133,15 @@ def _star_tracker(scenario):
     mission = scenario.mission
     if not mission.start <= tracker.on < mission.time_limit:
         words = (
-            f"{_seconds(tracker.on)} is not within the mission, {mission.start:g} to {mission.time_limit:g} s"
+            f"{seconds(tracker.on)} is not within the mission, {mission.start:g} to {mission.time_limit:g} s"
         )
         yield (*path, "on"), words
     if tracker.off <= tracker.on:
-        yield (*path, "off"), f"{_seconds(tracker.off)} must be later than on, {_seconds(tracker.on)}"
+        yield (*path, "off"), f"{seconds(tracker.off)} must be later than on, {seconds(tracker.on)}"
     elif tracker.off > mission.time_limit:
         yield (
             (*path, "off"),
-            f"{_seconds(tracker.off)} is after mission.time_limit, {_seconds(mission.time_limit)}",
+            f"{seconds(tracker.off)} is after mission.time_limit, {seconds(mission.time_limit)}",
         )
     if tracker.detection.fewest_pixels > tracker.detection.most_pixels:
         yield (*path, "detection", "fewest_pixels"), "must not exceed most_pixels"
@@ -220,6 +163,6 @@ def _catalogue_and_latency(scenario):
     delay, name = max((scenario.gps.latency, "GPS fix"), (star_delay, "star fix"))
     if delay >= navigation.history:
         words = (
-            f"{_seconds(navigation.history)} must be longer than the {1e3 * delay:g} ms that a {name} is late"
+            f"{seconds(navigation.history)} must be longer than the {1e3 * delay:g} ms that a {name} is late"
         )
         yield ("navigation", "history"), words

@@ -12,6 +12,7 @@ STR, INT, FLOAT, BOOL, NULL = (
     f"tag:yaml.org,2002:{name}" for name in ("str", "int", "float", "bool", "null")
 )
 TEXT_TAGS = (STR, "tag:yaml.org,2002:timestamp")
+REMOVED = object()  # the value `null`, written out
 
 
 class Mark(NamedTuple):
@@ -32,6 +33,7 @@ class Document(NamedTuple):
     keys: dict  # path (tuple) -> Mark of the key, or of the list item
     values: dict  # path -> Mark of the value
     errors: list  # (Mark, text)
+    removed: list  # paths of keys with the value `null`, which are not in the tree
 
 
 class BadText(Exception):
@@ -41,7 +43,7 @@ class BadText(Exception):
 def parse(text, file):
     """Document of the YAML `text`, which came from `file`; BadText if it is not YAML."""
     node = _compose(text, file)
-    document = Document({}, {}, {}, [])
+    document = Document({}, {}, {}, [], [])
     if node is None:
         raise BadText(
             Mark(file, 1, 1), "the file is empty; a scenario is a mapping that starts with 'mission:'"
@@ -55,9 +57,11 @@ def parse(text, file):
 
 
 def parse_value(text, label):
-    """Plain value of a `--set` text, placed at `label`."""
+    """Plain value of a `--set` text, placed at `label`; REMOVED for `null`."""
     node = _compose(text, label)
-    document = Document({}, {}, {}, [])
+    document = Document({}, {}, {}, [], [])
+    if _is_null(node):
+        return REMOVED, []
     value = None if node is None else _build(node, (), label, document, ())
     return value, document.errors
 
@@ -106,20 +110,29 @@ def _build(node, path, file, document, parents):
     return _mapping(node, path, file, document, parents)
 
 
+def _is_null(node):
+    """Whether a node is `null` or `~`, written out; nothing after the colon is not."""
+    return node is not None and node.tag == NULL and bool(node.value)
+
+
 def _mapping(node, path, file, document, parents):
-    tree = {}
+    tree, taken = {}, set()
     for key_node, value_node in node.value:
         mark = _mark(key_node, file)
         if not isinstance(key_node.value, str):
             document.errors.append((mark, f"{dotted(path)}: a key must be a word"))
             continue
         key_path = (*path, key_node.value)
-        if key_node.value in tree:
+        if key_node.value in taken:
             first = document.keys[key_path].line
             text = f"{dotted(key_path)}: duplicate key, already given in line {first}; keep one of them"
             document.errors.append((mark, text))
             continue
         document.keys[key_path] = mark
+        taken.add(key_node.value)
+        if _is_null(value_node):
+            document.removed.append(key_path)
+            continue
         tree[key_node.value] = _build(value_node, key_path, file, document, parents)
     return tree
 

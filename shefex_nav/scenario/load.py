@@ -5,9 +5,10 @@ import re
 
 from pydantic import ValidationError
 
-from shefex_nav.scenario import document, messages
+from shefex_nav.scenario import document, expand, messages
 from shefex_nav.scenario.checks import cross_check
-from shefex_nav.scenario.document import BadText, Mark, dotted
+from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted
+from shefex_nav.scenario.files import Unreadable, read_text
 from shefex_nav.scenario.schema import Scenario
 
 EXTENDS = "extends"
@@ -25,18 +26,24 @@ def load(path, overrides=()):
     """Scenario of the YAML file at `path`, after its `extends` and the `overrides` (`a.b=value`).
 
     Raises ScenarioError with every error found: those of the YAML text first, because a tree with holes would
-    be blamed for what it lacks; then those of single fields; then those between fields.
+    be blamed for what it lacks; then those of tables in files and of single fields; then those between
+    fields.
     """
     files = {}
     tree, places = _extended(os.fspath(path), (), files)
     _override(tree, places, overrides)
+    found, rated = expand.expand(tree, places, files)
     try:
         scenario = Scenario.model_validate(tree)
     except ValidationError as error:
-        raise _sorted_error(messages.lines(Scenario, error, places)) from None
-    found = [(places.value(where), f"{dotted(where)}: {words}") for where, words in cross_check(scenario)]
+        found += messages.lines(Scenario, error, places)
+    if not found:
+        found = [
+            (places.value(where), f"{dotted(where)}: {words}")
+            for where, words in cross_check(scenario, rated)
+        ]
     if found:
-        raise _sorted_error(found)
+        raise _sorted_error(found) from None
     scenario.keep_text(_normalised(tree), files)
     return scenario
 
@@ -62,14 +69,25 @@ def json_schema():
 
 
 def _partial(block):
-    """A schema block without required keys, pointing to others like it."""
-    if isinstance(block, dict):
-        return {
-            key: f"{value}.partial" if key == "$ref" else _partial(value)
-            for key, value in block.items()
-            if not (key == "required" and isinstance(value, list))
-        }
-    return [_partial(item) for item in block] if isinstance(block, list) else block
+    """A schema block without required keys, pointing to others like it; `null` takes any value away.
+
+    What is not complete may be any of several forms, hence anyOf for oneOf.
+    """
+    if isinstance(block, list):
+        return [_partial(item) for item in block]
+    if not isinstance(block, dict):
+        return block
+    partial = {
+        "anyOf" if key == "oneOf" else key: f"{value}.partial" if key == "$ref" else _partial(value)
+        for key, value in block.items()
+        if not (key == "required" and isinstance(value, list))
+    }
+    for key in ("properties", "patternProperties"):
+        values = partial.get(key, {})
+        partial |= (
+            {key: {name: {"anyOf": [v, {"type": "null"}]} for name, v in values.items()}} if values else {}
+        )
+    return partial
 
 
 def _sorted_error(found):
@@ -79,20 +97,12 @@ def _sorted_error(found):
 
 
 def _read(path, mark):
-    """Text of the file at `path`; complaints are placed at `mark`, at the file itself if that is None."""
+    """Text of the scenario file at `path`; complaints are placed at `mark`, at the file if that is None."""
     where = f"{mark}: {EXTENDS}: '{path}'" if mark else f"{path}:"
     try:
-        with open(path, encoding="utf-8-sig") as stream:
-            return stream.read()
-    except FileNotFoundError:
-        words = "there is no such file"
-    except IsADirectoryError:
-        words = "is a directory, expected a scenario file"
-    except UnicodeDecodeError as error:
-        words = f"is not UTF-8 text (byte {error.start}); save it as UTF-8"
-    except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        words = f"cannot be read: {getattr(error, 'strerror', None) or error}"
-    raise ScenarioError([f"{where} {words}"])
+        return read_text(path, "a scenario file")
+    except Unreadable as error:
+        raise ScenarioError([f"{where} {error}"]) from None
 
 
 def _extended(path, chain, files, mark=None):
@@ -108,6 +118,7 @@ def _extended(path, chain, files, mark=None):
     if own.errors:
         raise _sorted_error(own.errors)
     files[path] = text
+    expand.relative_to(own.tree, os.path.dirname(path))
     places = messages.Places(own.values[()])
     if EXTENDS not in own.tree:
         places.put((), own.keys, own.values)
@@ -119,7 +130,22 @@ def _extended(path, chain, files, mark=None):
     tree, places = _extended(os.path.join(os.path.dirname(path), base), (*chain, real), files, here)
     places.keys[()] = places.values[()] = own.values[()]
     _merge(tree, own, (), own.tree, places)
+    found = [(own.keys[removed], text) for removed in own.removed if (text := _remove(tree, removed, places))]
+    if found:
+        raise _sorted_error(found)
     return tree, places
+
+
+def _remove(tree, path, places):
+    """Take away what a base gives at `path`; the complaint if it gives nothing there, else None."""
+    node = tree
+    for part in path[:-1]:
+        node = node.get(part) if isinstance(node, dict) else None
+    if not isinstance(node, dict) or path[-1] not in node:
+        return f"{dotted(path)}: null takes away what the extended file gives, which is nothing; leave it out"
+    del node[path[-1]]
+    places.put(path, {}, {})
+    return None
 
 
 def _merge(tree, own, path, updates, places):
@@ -171,6 +197,13 @@ def _put(tree, parts, value, mark, places):
         elif not isinstance(node, dict):
             return f"{dotted(path)} is a single value, there is no '{part}' in it"
         path = (*path, part)
+        if depth + 1 == len(parts) and value is REMOVED:
+            if isinstance(node, list):
+                return f"an item of {dotted(path[:-1])} cannot be taken away; give the whole list"
+            if node.pop(part, REMOVED) is REMOVED:
+                return f"null takes away what the scenario gives; {dotted(path)} is not given"
+            places.put(path, {}, {})
+            return None
         if depth + 1 == len(parts):
             node[part] = value
             places.put(path, {(): mark}, {(): mark})
@@ -192,5 +225,12 @@ def _normalised(tree):
     writer.sort_base_mapping_type_on_output = False
     writer.width = 4096
     stream = io.StringIO()
-    writer.dump(tree, stream)
+    writer.dump(_given(tree), stream)
     return stream.getvalue()
+
+
+def _given(tree):
+    """A tree without keys that have no value, which is the same as not to give them."""
+    if isinstance(tree, dict):
+        return {key: _given(value) for key, value in tree.items() if value is not None}
+    return [_given(item) for item in tree] if isinstance(tree, list) else tree

@@ -2,12 +2,15 @@
 
 import difflib
 import re
-from typing import get_args, get_origin
+from typing import Annotated, get_args, get_origin
 
-from pydantic import BaseModel
+from pydantic import BaseModel, Tag
 
+from shefex_nav.scenario.block import is_tag
 from shefex_nav.scenario.document import Mark, dotted
 from shefex_nav.scenario.quantity import NumberSpec, QuantitySpec, describe, quoted
+
+BAD_KEY = "[key]"  # pydantic's last step to a key, not to its value
 
 
 class Places:
@@ -40,31 +43,49 @@ class Places:
         return marks[path]
 
 
-def _meant(model, path):
-    """The key that was meant by an unknown one: list of one or none."""
-    known = model_in(field_at(model, path[:-1])[0]).model_fields
-    return difflib.get_close_matches(str(path[-1]), list(known), n=1, cutoff=0.6)
-
-
-def field_at(model, path):
-    """(annotation, metadata) of the field at `path` inside `model`, (None, ()) if there is none."""
+def field_at(model, location):
+    """(annotation, metadata) at a pydantic location inside `model`, (None, ()) if there is nothing."""
     annotation, metadata = model, ()
-    for part in path:
-        inner = model_in(annotation)
-        if isinstance(part, str) and inner is not None and part in inner.model_fields:
-            field = inner.model_fields[part]
-            annotation, metadata = field.annotation, field.metadata
-        elif isinstance(part, int) and get_origin(annotation) in (list, tuple):
-            annotation = get_args(annotation)[0]
-        else:
-            return None, ()
+    for part in location:
+        annotation, metadata = _step(annotation, part)
+    return _bare(annotation, metadata)
+
+
+def _bare(annotation, metadata=()):
+    """An annotation without Annotated and without `| None`, and what was annotated."""
+    if get_origin(annotation) is Annotated:
+        inner, *more = get_args(annotation)
+        return _bare(inner, (*metadata, *more))
+    others = [option for option in get_args(annotation) if option is not type(None)]
+    if len(others) < len(get_args(annotation)) and len(others) == 1:
+        return _bare(others[0], metadata)
     return annotation, metadata
 
 
-def model_in(annotation):
-    """The model that an annotation names, alone or as an option; None if it names none."""
-    candidates = (annotation, *get_args(annotation)) if get_origin(annotation) not in (list, tuple) else ()
-    return next((c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)), None)
+def _step(annotation, part):
+    """One step of a location: a key, the number of an item, or the form of a section."""
+    annotation, _ = _bare(annotation)
+    if is_tag(part):
+        return next((option for option in get_args(annotation) if Tag(part) in _bare(option)[1]), None), ()
+    if is_model(annotation):
+        field = annotation.keys().get(part)
+        return (field.annotation, tuple(field.metadata)) if field else (None, ())
+    if get_origin(annotation) is dict:
+        return get_args(annotation)[1], ()
+    if isinstance(part, int) and get_origin(annotation) in (list, tuple):
+        return get_args(annotation)[0], ()
+    return None, ()
+
+
+def is_model(annotation):
+    """Whether an annotation is a section of its own."""
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _meant(model, location):
+    """The key that was meant by an unknown one: list of one or none."""
+    known = field_at(model, location[:-1])[0].keys()
+    return difflib.get_close_matches(str(location[-1]), list(known), n=1, cutoff=0.6)
 
 
 def lines(model, validation_error, places):
@@ -76,37 +97,42 @@ def lines(model, validation_error, places):
         if error["type"] == "extra_forbidden":
             misspelt[error["loc"][:-1]] |= set(_meant(model, error["loc"]))
     for error in errors:
-        path = error["loc"]
-        if error["type"] == "missing" and path[-1] in misspelt[path[:-1]]:
+        location = error["loc"]
+        if error["type"] == "missing" and location[-1] in misspelt[location[:-1]]:
             continue  # the message about the misspelt key says it
-        if error["type"] == "missing" and isinstance(path[-1], int):
-            path = path[:-1]
-            if any(text.startswith(f"{dotted(path)}:") for _, text in found):
+        if error["type"] == "missing" and isinstance(location[-1], int):
+            location = location[:-1]
+            if any(text.startswith(f"{dotted(plain(location))}:") for _, text in found):
                 continue  # one message for a list that lacks several values
-        mark, words = _explain(model, error, path, places)
-        found.append((mark, f"{dotted(path)}: {words}"))
+        mark, words = _explain(model, error, location, places)
+        found.append((mark, f"{dotted(plain(location))}: {words}"))
     return found
 
 
-def _explain(model, error, path, places) -> tuple[Mark, str]:
-    kind, value = error["type"], error["input"]
-    if kind == "missing" and path == error["loc"]:
-        return places.key(path[:-1]), f"is missing{_example(model, path)}"
+def plain(location):
+    """Path of the scenario out of a pydantic location."""
+    return tuple(part for part in location if not is_tag(part) and part != BAD_KEY)
+
+
+def _explain(model, error, location, places) -> tuple[Mark, str]:
+    kind, value, path = error["type"], error["input"], plain(location)
+    if kind == "missing" and location == error["loc"]:
+        return places.key(path[:-1]), f"is missing{_example(model, location)}"
     if kind == "extra_forbidden":
-        meant = _meant(model, path)
-        known = model_in(field_at(model, path[:-1])[0]).model_fields
-        hint = f"did you mean '{meant[0]}'?" if meant else f"known here: {', '.join(known)}"
-        return places.key(path), f"unknown key; {hint}"
+        return places.key(path), _unknown(model, location)
+    if location[-1] == BAD_KEY:
+        return places.key(path), f"{quoted(value)} must be one word of letters, digits, '-' and '_'"
     mark = places.value(path)
     if kind in ("missing", "too_short", "too_long", "tuple_type", "list_type"):
-        return mark, f"expected {_list_words(model, path)}, got {_length(value)}"
+        return mark, f"expected {_list_words(model, error, location)}, got {_length(value)}"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return mark, f"expected a section with keys of its own, got {describe(value)}"
     if kind == "literal_error":
         options = re.findall(r"'([^']*)'", error["ctx"]["expected"])
-        close = difflib.get_close_matches(str(value), options, n=1, cutoff=0.6)
-        hint = f"; did you mean '{close[0]}'?" if close else ""
-        return mark, f"{describe(value)} is not known; choose from: {', '.join(options)}{hint}"
+        return (
+            mark,
+            f"{describe(value)} is not known; choose from: {', '.join(options)}{close(value, options)}",
+        )
     if kind == "string_type":
         return mark, f"expected a text, got {describe(value)}"
     if kind == "string_too_short":
@@ -118,23 +144,49 @@ def _explain(model, error, path, places) -> tuple[Mark, str]:
     return mark, error["msg"]
 
 
-def _example(model, path):
+def close(value, options):
+    """`; did you mean 'x'?` if one of the options is like the value, else nothing."""
+    found = difflib.get_close_matches(str(value), list(options), n=1, cutoff=0.6)
+    return f"; did you mean '{found[0]}'?" if found else ""
+
+
+def _unknown(model, location):
+    """Words about a key that is not known, or not in this form of the section."""
+    known = field_at(model, location[:-1])[0].keys()
+    if is_tag(location[-2] if len(location) > 1 else ""):
+        forms = [_bare(option)[0] for option in get_args(field_at(model, location[:-2])[0])]
+        if any(is_model(form) and location[-1] in form.keys() for form in forms):
+            chosen = location[-2].strip("<>")
+            how = "take one of the two away (null does, where a file extends another)"
+            return f"does not go with {chosen}; {how}"
+    meant = _meant(model, location)
+    hint = f"did you mean '{meant[0]}'?" if meant else f"known here: {', '.join(known)}"
+    return f"unknown key; {hint}"
+
+
+def _example(model, location):
     """`; expected for example '10 Hz'` for a field that is missing."""
-    annotation, metadata = field_at(model, path)
+    annotation, metadata = field_at(model, location)
     spec = next((m for m in metadata if isinstance(m, QuantitySpec | NumberSpec)), None)
     if spec is not None:
-        return f"; expected for example '{path[-1]}: {spec.example}'"
-    if model_in(annotation) is not None:
+        return f"; expected for example '{location[-1]}: {spec.example}'"
+    if is_model(annotation) or get_origin(annotation) is dict or _is_form(annotation):
         return "; this section is required"
     return ""
 
 
-def _list_words(model, path):
-    annotation, _ = field_at(model, path)
+def _is_form(annotation):
+    """Whether an annotation is a section that comes in several forms."""
+    return any(is_model(_bare(option)[0]) for option in get_args(annotation))
+
+
+def _list_words(model, error, location):
+    annotation, _ = field_at(model, location)
     arguments = get_args(annotation)
     if get_origin(annotation) is tuple and arguments and arguments[-1] is not Ellipsis:
         return f"a list of {len(arguments)} values"
-    return "a list"
+    fewest = error.get("ctx", {}).get("min_length", 0)
+    return f"a list of at least {fewest} values" if fewest > 1 else "a list"
 
 
 def _length(value):

@@ -1,15 +1,15 @@
-"""Sections of a scenario about the mission: when, from where, on which Earth, what the vehicle is told to do.
+"""Sections of a scenario about the mission: when, from where, on which Earth, through which air.
 
 Values are floats in SI and radians once loaded. All times count from lift-off.
 """
 
 from datetime import datetime, timedelta
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from shefex_nav.scenario.block import Block
-from shefex_nav.scenario.quantity import Count, Quantity, Time, quoted, refuse
+from shefex_nav.scenario.block import Block, tagged
+from shefex_nav.scenario.quantity import Count, Number, Quantity, Time, quoted, refuse
 
 EPOCH_EXAMPLE = "2012-06-22T19:18:00Z"
 
@@ -44,8 +44,8 @@ class Mission(Block):
     name: str = Field(min_length=1, pattern=r"^[\w.-]+$", description="one word, used for file names")
     description: str = Field(description="for people")
     epoch: Epoch
-    start: Time("-10 s", "the simulation starts on the pad", at_most="0 s", at_least="-1 h")
-    time_limit: Time("600 s", "the vehicle must be on the ground by then", positive=True, at_most="1 h")
+    start: Time("-10 s", "start of the simulation, on the pad", at_most="0 s", at_least="-1 h")
+    time_limit: Time("600 s", "a rocket must be on the ground by then", positive=True, at_most="12 h")
 
 
 class Earth(Block):
@@ -54,7 +54,57 @@ class Earth(Block):
     ut1_minus_utc: Quantity("s", "-0.58479 s", "UT1-UTC (IERS)", at_least="-0.9 s", at_most="0.9 s")
     pole_x: Quantity("rad", "0.0787 arcsec", "polar motion (IERS)", at_least="-2 arcsec", at_most="2 arcsec")
     pole_y: Quantity("rad", "0.4084 arcsec", "polar motion (IERS)", at_least="-2 arcsec", at_most="2 arcsec")
-    gravity_degree: Count("18", "degree and order of EGM96 that the vehicle flies in", at_least=0, at_most=36)
+    gravity: Literal["egm96", "j2", "point"] = Field(description="gravity that the vehicle flies in")
+    gravity_degree: Count("12", "degree and order of egm96", at_least=2, at_most=36) = 12
+
+
+class Msis(Block):
+    """What the Sun does to the upper air, for NRLMSIS."""
+
+    f107: Number("97.7", "solar flux at 10.7 cm of the day before, in sfu", positive=True, at_most=500)
+    f107_average: Number("127.3", "its mean over 81 days, in sfu", positive=True, at_most=500)
+    ap: Number("4", "daily geomagnetic index", non_negative=True, at_most=400)
+
+
+class Atmosphere(Block):
+    """The air."""
+
+    model: Literal["us76", "msis"] = Field(
+        default="us76", description="US Standard Atmosphere 1976 or NRLMSIS 2"
+    )
+    density: Quantity("", "100 %", "of the density of the model", positive=True, at_most="1000 %") = "100 %"
+    msis: Msis | None = Field(default=None, description="needed by msis")
+
+
+class WindTable(Block):
+    """Wind over the height above the ellipsoid; constant below the first and above the last height."""
+
+    height: list[Quantity("m", "500 m", "")] = Field(min_length=1, description="increasing")
+    speed: list[Quantity("m/s", "12 m/s", "", non_negative=True)] = Field(description="at these heights")
+    direction: list[Quantity("rad", "270 deg", "", at_least="-360 deg", at_most="360 deg")] = Field(
+        alias="from", description="where it blows from, north over east"
+    )
+
+
+class WindFile(Block):
+    """Wind in a file."""
+
+    file: str = Field(
+        min_length=1, description="CSV with the columns height_m, speed_m_s, from_deg; relative to this file"
+    )
+
+
+def _wind_form(value: Any):
+    if isinstance(value, str):
+        return "<none>"
+    return (
+        "<file>"
+        if isinstance(value, WindFile) or (isinstance(value, dict) and "file" in value)
+        else "<height>"
+    )
+
+
+Wind = tagged(_wind_form, {"none": Literal["none"], "file": WindFile, "height": WindTable})
 
 
 class Launch(Block):
@@ -73,36 +123,29 @@ class Launch(Block):
     rail_length: Quantity("m", "12 m", "travel until the vehicle is free", positive=True)
 
 
-class Pointing(Block):
-    """The attitude in which the star camera works."""
+class Ground(Block):
+    """Where a vehicle stands still for the whole time, with the sky above it."""
 
-    azimuth: Quantity("rad", "100 deg", "of the boresight at the start, north over east")
-    elevation: Quantity("rad", "50 deg", "above the local horizontal", at_least="-90 deg", at_most="90 deg")
-    roll: Quantity(
-        "rad", "0 deg", "about the boresight; 0: camera x as near to the burn's roll axis as it gets"
+    latitude: Quantity("rad", "48.1 deg", "geodetic, WGS 84", at_least="-90 deg", at_most="90 deg")
+    longitude: Quantity("rad", "11.3 deg", "east of Greenwich", at_least="-180 deg", at_most="360 deg")
+    height: Quantity("m", "600 m", "of the IMU above the ellipsoid", at_least="-500 m", at_most="9 km")
+    azimuth: Quantity(
+        "rad", "90 deg", "of the roll axis, north over east", at_least="-360 deg", at_most="360 deg"
     )
-    boresight_rate: Quantity("rad/s", "0.1 deg/s", "constant rate about the boresight")
-    cross_rate: Quantity("rad/s", "0.2 deg/s", "rate across the boresight; its axis turns", non_negative=True)
-    cross_period: Quantity("s", "40 s", "of that turning", positive=True)
-    cross_phase: Quantity("rad", "0 deg", "of that turning at the start")
-    ramp: Quantity("s", "5 s", "in which the rates fade in and out", positive=True)
+    elevation: Quantity("rad", "0 deg", "of the roll axis", at_least="-90 deg", at_most="90 deg")
+    roll: Quantity(
+        "rad", "-90 deg", "about the roll axis; 0: body y is horizontal, to the right along the azimuth"
+    )
 
 
-class Programme(Block):
-    """What the vehicle does after the first burn. Its attitude is prescribed from separation to spin-up."""
+class Orbit(Block):
+    """Osculating elements at the start; the roll axis then points along the velocity, body z down."""
 
-    separation: Time("65 s", "the first stage is dropped", positive=True)
-    precession_start: Time("70 s", "the roll axis starts to turn to the attitude of the second burn")
-    precession_end: Time("145 s", "it has arrived")
-    burn_azimuth: Quantity("rad", "352 deg", "of the roll axis in the second burn, north over east")
-    burn_elevation: Quantity("rad", "8.2 deg", "above the horizontal", at_least="-90 deg", at_most="90 deg")
-    ignition_2: Time("149.2 s", "the second stage is lit")
-    despin_start: Time("220 s", "the spin starts to go to zero")
-    despin_end: Time("235 s", "no spin; the slew to the star camera's attitude starts")
-    pointing_start: Time("250 s", "the star camera's attitude is reached")
-    pointing: Pointing
-    pointing_end: Time("372 s", "the slew of the roll axis to the entry attitude starts")
-    entry_slew_end: Time("384 s", "the spin-up starts")
-    entry_aim: Time("397 s", "the roll axis points along the air-relative velocity of this instant")
-    entry_spin: Quantity("rad/s", "1 Hz", "roll rate at entry", turns=True)
-    spin_up_end: Time("394 s", "the attitude is free from here on")
+    perigee_height: Quantity("m", "500 km", "above the equatorial radius", at_least="80 km")
+    apogee_height: Quantity("m", "520 km", "above the equatorial radius", at_most="100000 km")
+    inclination: Quantity("rad", "97.4 deg", "to the equator", at_least="0 deg", at_most="180 deg")
+    node: Quantity(
+        "rad", "30 deg", "right ascension of the ascending node", at_least="-360 deg", at_most="360 deg"
+    )
+    perigee: Quantity("rad", "0 deg", "argument of perigee", at_least="-360 deg", at_most="360 deg")
+    anomaly: Quantity("rad", "0 deg", "true anomaly", at_least="-360 deg", at_most="360 deg")

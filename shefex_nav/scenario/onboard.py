@@ -171,4 +171,7 @@ class FrameLog(Block):
 class Log(Block):
     """What is logged."""
 
+    rate: Quantity("Hz", "100 Hz", "of truth, IMU and solution: 10, 20, 50 or 100 Hz", positive=True) = (
+        "100 Hz"
+    )
     frames: FrameLog

@@ -11,103 +11,92 @@ IMU_RATE = 400.0  # Hz, samples of the IMU and steps of the flight
 
 def flight_params(scenario):
     """FlightParams of a scenario."""
-    from shefex_nav.world.flight.attitude_program import Program
-    from shefex_nav.world.flight.fly import FlightParams, LaunchSite
+    from shefex_nav.environment import gravity
+    from shefex_nav.scenario import params_vehicle
+    from shefex_nav.world.flight import params as flight
 
-    launch, programme, pointing = scenario.launch, scenario.programme, scenario.programme.pointing
-    site = LaunchSite(
-        latitude=launch.latitude,
-        longitude=launch.longitude,
-        height_m=launch.height,
-        azimuth=launch.azimuth,
-        elevation=launch.elevation,
-        roll=launch.roll,
-        rail_length_m=launch.rail_length,
-    )
-    program = Program(
-        separation_s=programme.separation,
-        precession_start_s=programme.precession_start,
-        precession_end_s=programme.precession_end,
-        burn_azimuth=programme.burn_azimuth,
-        burn_elevation=programme.burn_elevation,
-        ignition_2_s=programme.ignition_2,
-        despin_start_s=programme.despin_start,
-        despin_end_s=programme.despin_end,
-        pointing_start_s=programme.pointing_start,
-        boresight_azimuth=pointing.azimuth,
-        boresight_elevation=pointing.elevation,
-        boresight_roll=pointing.roll,
-        residual_boresight_rate=pointing.boresight_rate,
-        residual_cross_rate=pointing.cross_rate,
-        residual_period_s=pointing.cross_period,
-        residual_phase=pointing.cross_phase,
-        residual_ramp_s=pointing.ramp,
-        pointing_end_s=programme.pointing_end,
-        entry_aim_s=programme.entry_aim,
-        entry_slew_end_s=programme.entry_slew_end,
-        entry_spin=programme.entry_spin,
-        spin_up_end_s=programme.spin_up_end,
-    )
-    vehicle = scenario.vehicle
-    return FlightParams(
+    vehicle, payload = scenario.vehicle, scenario.vehicle.payload
+    return flight.FlightParams(
         t_start_s=scenario.mission.start,
-        sample_rate_hz=IMU_RATE,
         time_limit_s=scenario.mission.time_limit,
-        gravity_degree=scenario.earth.gravity_degree,
-        site=site,
-        payload=_part(vehicle.payload),
-        stage_1=_stage(vehicle.stages[0]),
-        stage_2=_stage(vehicle.stages[1]),
-        imu_b=np.array(vehicle.imu),
-        aerodynamics_stack=_aerodynamics(vehicle.aerodynamics.stack),
-        aerodynamics_upper=_aerodynamics(vehicle.aerodynamics.upper),
-        program=program,
+        sample_rate_hz=IMU_RATE,
+        gravity=gravity.load(scenario.earth.gravity, scenario.earth.gravity_degree),
+        air=flight.Air(_air_table(scenario), scenario.atmosphere.density),
+        wind=wind(scenario.wind),
+        start=_start(scenario),
         C_bc=mounting(scenario),
+        imu_b=np.array(vehicle.imu),
+        payload=params_vehicle.part(payload),
+        offset_m=np.array(payload.centre_of_mass_offset),
+        tilt=np.array(payload.principal_axis_tilt),
+        payload_aerodynamics=params_vehicle.aerodynamics(payload.aerodynamics),
+        stages=tuple(params_vehicle.stage(name, stage) for name, stage in vehicle.stages.items()),
+        spin_motors=params_vehicle.spin_motors(vehicle.spin_motors),
+        yo_yo=params_vehicle.yo_yo(vehicle.yo_yo),
+        cold_gas=params_vehicle.cold_gas(vehicle.cold_gas),
+        parachute=params_vehicle.parachute(vehicle.parachute),
+        attitude=flight.FLOWN if scenario.attitude == "flown" else flight.PRESCRIBED,
+        programme=tuple(params_vehicle.task(name, task) for name, task in scenario.tasks),
     )
 
 
-def _part(part):
-    from shefex_nav.world.flight.vehicle import Part
+def _start(scenario):
+    """LaunchSite, GroundSite or Orbit."""
+    from shefex_nav.world.flight import params as flight
 
-    return Part(part.mass, part.station, part.inertia_roll, part.inertia_pitch)
+    if scenario.orbit is not None:
+        orbit = scenario.orbit
+        angles = (orbit.inclination, orbit.node, orbit.perigee, orbit.anomaly)
+        return flight.Orbit(orbit.perigee_height, orbit.apogee_height, *angles)
+    site = scenario.launch or scenario.ground
+    place = (site.latitude, site.longitude, site.height, site.azimuth, site.elevation, site.roll)
+    if scenario.ground is not None:
+        return flight.GroundSite(*place)
+    return flight.LaunchSite(*place, site.rail_length)
 
 
-def _stage(stage):
-    from shefex_nav.world.flight.vehicle import Stage
+def wind(section):
+    """Wind by height, (m, 3): height m, north m/s, east m/s, both towards which it blows; (0, 3) for none.
 
-    grain, motor = stage.propellant, stage.motor
-    return Stage(
-        dry=_part(stage.dry),
-        propellant_mass_kg=grain.mass,
-        grain_station_m=grain.station,
-        grain_length_m=grain.length,
-        grain_outer_radius_m=grain.outer_radius,
-        grain_inner_radius_m=grain.inner_radius,
-        isp_vacuum_s=motor.specific_impulse,
-        burn_time_s=motor.burn_time,
-        rise_s=motor.rise,
-        tail_off_s=motor.tail_off,
-        level_ratio=motor.level_ratio,
-        exit_area_m2=motor.exit_area,
-        exit_station_m=motor.exit_station,
+    Speed and direction are given at the heights; between them the components are linear.
+    """
+    if isinstance(section, str):
+        return np.zeros((0, 3))
+    speed, whence = np.array(section.speed), np.array(section.direction)
+    return np.column_stack([section.height, -speed * np.cos(whence), -speed * np.sin(whence)])
+
+
+def _air_table(scenario):
+    """Air of NRLMSIS above the place of the start, (n, 4) as `environment.msis.table`; (0, 4) for US76."""
+    atmosphere = scenario.atmosphere
+    if atmosphere.model == "us76":
+        return np.zeros((0, 4))
+    from shefex_nav.environment import msis
+
+    indices = atmosphere.msis
+    return msis.table(
+        scenario.mission.epoch, *_place(scenario), indices.f107, indices.f107_average, indices.ap
     )
 
 
-def _aerodynamics(tables):
-    from shefex_nav.world.flight.vehicle import Aerodynamics
+def _place(scenario):
+    """Latitude and longitude at the start, rad; for an orbit those below, latitude to a fifth of a degree."""
+    site = scenario.launch or scenario.ground
+    if site is not None:
+        return site.latitude, site.longitude
+    from shefex_nav.environment import ephemeris
+    from shefex_nav.geometry import frames
 
-    return Aerodynamics(
-        area_m2=tables.area,
-        diameter_m=tables.diameter,
-        fin_cant=tables.fin_cant,
-        mach=np.array(tables.mach),
-        axial=np.array(tables.axial),
-        normal_slope=np.array(tables.normal_slope),
-        pressure_station_m=np.array(tables.pressure_station),
-        pitch_damping=np.array(tables.pitch_damping),
-        roll_damping=np.array(tables.roll_damping),
-        roll_by_cant=np.array(tables.roll_by_cant),
+    orbit, earth = scenario.orbit, scenario.earth
+    along = orbit.perigee + orbit.anomaly  # from the ascending node
+    x, y = np.cos(along), np.sin(along) * np.cos(orbit.inclination)
+    cosine, sine = np.cos(orbit.node), np.sin(orbit.node)
+    u_i = np.array([cosine * x - sine * y, sine * x + cosine * y, np.sin(along) * np.sin(orbit.inclination)])
+    rotation = ephemeris.earth_rotation(
+        scenario.mission.epoch, earth.ut1_minus_utc, earth.pole_x, earth.pole_y
     )
+    u_e = frames.dcm_ie(rotation, scenario.mission.start).T @ u_i
+    return float(np.arcsin(u_e[2])), float(np.arctan2(u_e[1], u_e[0]))
 
 
 def mounting(scenario):
@@ -146,8 +135,7 @@ def imu_params(scenario):
         accel_vibration_rectification=accelerometer.vibration_rectification,
         accel_range=accelerometer.range,
         accel_quantum=accelerometer.quantum,
-        vibration_boost_1=vibration.boost_1,
-        vibration_boost_2=vibration.boost_2,
+        vibration_boost=np.array(vibration.boost),
         vibration_coast=vibration.coast,
         vibration_rate=vibration.angular,
         vibration_low_hz=vibration.lowest_frequency,

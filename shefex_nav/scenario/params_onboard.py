@@ -153,7 +153,26 @@ def nav_params(scenario):
         release_star=rule(navigation.release.star_fix),
         gps_agreement=navigation.gps_agreement,
         history_s=navigation.history,
+        motors=_motors(scenario),
     )
+
+
+def _motors(scenario):
+    """From when on each motor may be the one that burns, and its vibration by the strongest's: (n, 2).
+
+    That is known on board: a stage burns once the one below it is gone, so the instant of the ignition does
+    not matter.
+    """
+    boost, strongest = scenario.imu.vibration.boost, _strongest(scenario.imu.vibration)
+    drops = [stage.separation for stage in scenario.vehicle.stages.values()]
+    begins = [-np.inf, *(np.inf if drop is None else drop.at for drop in drops)]
+    rows = [(t_s, level / strongest if strongest else 0.0) for t_s, level in zip(begins, boost, strict=False)]
+    return np.array(rows).reshape(-1, 2)
+
+
+def _strongest(vibration):
+    """Vibration while the strongest motor burns, m/s^2 rms."""
+    return max(vibration.boost, default=0.0)
 
 
 def _boresight_error(scenario):
@@ -173,31 +192,29 @@ def _imu_model(scenario):
 
     A bias that wanders with sigma and correlation time tau (Gauss-Markov) starts out as a random walk of
     density sigma sqrt(2/tau). The slews turn the vehicle about any axis: scale factor on one axis and
-    misalignment on two count by their rms. Vibration is that of the first motor; the second one's is
-    relative to it.
+    misalignment on two count by their rms. Vibration is that of the strongest motor; `NavParams.motors` has
+    what the others do of it.
     """
     from shefex_nav.onboard.navigation.state import ImuModel
 
     navigation, vibration = scenario.navigation, scenario.imu.vibration
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
-    swing = _swing(vibration)
+    swing, strongest = _swing(vibration), _strongest(vibration)
     return ImuModel(
         gyro_random_walk=_given(navigation.sensors.gyro_random_walk, gyro.random_walk),
         gyro_bias_walk=float(gyro.in_run_bias * np.sqrt(2.0 / gyro.in_run_bias_time)),
         gyro_g_sensitivity=gyro.g_sensitivity,
         gyro_cross=float(np.sqrt((gyro.scale_factor**2 + 2.0 * gyro.misalignment**2) / 3.0)),
         manoeuvre_angle=navigation.manoeuvre_angle,
-        gyro_rectification=gyro.vibration_rectification * vibration.boost_1**2,
+        gyro_rectification=gyro.vibration_rectification * strongest**2,
         gyro_vibration=vibration.angular * swing,
         gyro_quantum=gyro.quantum,
         accel_random_walk=_given(navigation.sensors.accelerometer_random_walk, accelerometer.random_walk),
         accel_bias_walk=float(accelerometer.in_run_bias * np.sqrt(2.0 / accelerometer.in_run_bias_time)),
         accel_cross=accelerometer.scale_factor,  # thrust acts along the roll axis
-        accel_rectification=accelerometer.vibration_rectification * vibration.boost_1**2,
+        accel_rectification=accelerometer.vibration_rectification * strongest**2,
         accel_vibration=swing,
         thrust_threshold=navigation.thrust_threshold,
-        motor_2_s=scenario.programme.separation,
-        motor_2_vibration=vibration.boost_2 / vibration.boost_1 if vibration.boost_1 else 0.0,
         thrust_time_s=navigation.thrust_memory,
         gravity=navigation.gravity_error,
         gravity_time_s=navigation.gravity_memory,
@@ -207,11 +224,11 @@ def _imu_model(scenario):
 
 
 def _swing(vibration):
-    """Velocity of the vibration while the first motor burns, m/s rms.
+    """Velocity of the vibration while the strongest motor burns, m/s rms.
 
     Acceleration of flat density S between f_low and f_high, integrated:
     sigma^2 = S/(2 pi)^2 (1/f_low - 1/f_high).
     """
     low, high = vibration.lowest_frequency, vibration.highest_frequency
-    density = vibration.boost_1**2 / (high - low)
+    density = _strongest(vibration) ** 2 / (high - low)
     return float(np.sqrt(density * (1.0 / low - 1.0 / high)) / (2.0 * np.pi))

@@ -4,24 +4,34 @@ The models check single values; `checks` compares values with each other, `param
 parameters of the stages. Once loaded, a quantity is a float in SI and radians.
 """
 
-from pydantic import PrivateAttr
+from typing import Literal
+
+from pydantic import Field, PrivateAttr
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.camera import StarCamera
-from shefex_nav.scenario.mission import Earth, Launch, Mission, Programme
+from shefex_nav.scenario.mission import Atmosphere, Earth, Ground, Launch, Mission, Orbit, Wind
 from shefex_nav.scenario.onboard import Log, Navigation, StarTracker
+from shefex_nav.scenario.programme import Programme
 from shefex_nav.scenario.sensors import Gps, Imu, PadAlignment
 from shefex_nav.scenario.vehicle import Vehicle
 
 
 class Scenario(Block):
-    """A mission to simulate."""
+    """A mission to simulate; it starts from one of launch, orbit and ground."""
 
     mission: Mission
     earth: Earth
-    launch: Launch
+    atmosphere: Atmosphere = Field(default_factory=Atmosphere)
+    wind: Wind = Field(default="none", description="wind over the height, or 'none'")
+    launch: Launch | None = None
+    orbit: Orbit | None = None
+    ground: Ground | None = None
     vehicle: Vehicle
-    programme: Programme
+    attitude: Literal["flown", "prescribed"] = Field(
+        default="flown", description="by the cold-gas system, or exactly as the programme says"
+    )
+    programme: Programme = Field(description="tasks of the attitude control, by name; may be {}")
     imu: Imu
     gps: Gps
     pad_alignment: PadAlignment
@@ -35,13 +45,18 @@ class Scenario(Block):
 
     @property
     def source(self):
-        """YAML text with `extends` and overrides carried out; it loads to the same scenario."""
+        """YAML text with `extends`, overrides and tables in it; it loads to the same scenario."""
         return self._source
 
     @property
     def files(self):
         """(name, text) of each file it was read from, as it was written; the file itself first."""
         return self._files
+
+    @property
+    def tasks(self):
+        """(name, task) of the programme in order of time."""
+        return sorted(self.programme.items(), key=lambda item: item[1].start)
 
     def keep_text(self, source, files):
         """Remember where the scenario came from."""

@@ -3,8 +3,6 @@
 Values are floats in SI and radians once loaded; the text in the file carries its unit.
 """
 
-from typing import Literal
-
 from pydantic import Field
 
 from shefex_nav.scenario.block import Block
@@ -51,8 +49,9 @@ class Accelerometer(Block):
 class Vibration(Block):
     """Random vibration at the IMU, root mean square on each axis."""
 
-    boost_1: Quantity("m/s2", "7 gee", "while the first stage burns", non_negative=True)
-    boost_2: Quantity("m/s2", "3.5 gee", "while the second stage burns", non_negative=True)
+    boost: list[Quantity("m/s2", "7 gee", "", non_negative=True)] = Field(
+        description="while a motor burns, one value for each stage"
+    )
     coast: Quantity("m/s2", "0.02 gee", "at all other times", non_negative=True)
     angular: Quantity("rad s/m", "0.1 deg/s/gee", "rms rate per rms acceleration", non_negative=True)
     lowest_frequency: Quantity("Hz", "20 Hz", "lower end of the flat spectrum", positive=True)
@@ -92,19 +91,10 @@ class Antenna(Block):
 class GpsOutage(Block):
     """No GPS solution for a time after an event of the flight."""
 
-    event: Literal[
-        "lift_off",
-        "rail_exit",
-        "burn_out_1",
-        "separation",
-        "ignition_2",
-        "burn_out_2",
-        "despin_complete",
-        "apogee",
-        "spin_up_start",
-        "spin_up_complete",
-        "entry",
-    ] = Field(description="event of the flight at which the receiver loses its satellites")
+    event: str = Field(
+        description="event of the flight at which the receiver loses its satellites, such as lift_off, "
+        "burn_out_1, separation_1, ignition_2 or the start of a task, <task>_start"
+    )
     shortest: Quantity("s", "3 s", "shortest duration", non_negative=True)
     longest: Quantity("s", "20 s", "longest duration; each run draws one in between", non_negative=True)
 
@@ -128,7 +118,10 @@ class Gps(Block):
 
 
 class PadAlignment(Block):
-    """What the launch crew knows about the vehicle on the pad, 1 sigma."""
+    """What is known about position, velocity and attitude when navigation starts, 1 sigma.
+
+    For a rocket that is what the launch crew knows about it on the pad.
+    """
 
     level: Quantity("rad", "0.05 deg", "about north and about east", positive=True)
     azimuth: Quantity("rad", "0.3 deg", "about the vertical", positive=True)

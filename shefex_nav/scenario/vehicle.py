@@ -1,12 +1,16 @@
-"""Sections of a scenario about the vehicle: payload, stages, aerodynamics.
+"""Sections of a scenario about the vehicle: payload, stages, devices.
 
 Stations are distances behind the nose tip. Values are floats in SI and radians once loaded.
 """
 
 from pydantic import Field
 
+from shefex_nav.scenario.aerodynamics import Aerodynamics
 from shefex_nav.scenario.block import Block
-from shefex_nav.scenario.quantity import Number, Quantity, Vector
+from shefex_nav.scenario.devices import ColdGas, Parachute, SpinMotors, YoYo
+from shefex_nav.scenario.motor import Motor, Propellant
+from shefex_nav.scenario.programme import Name
+from shefex_nav.scenario.quantity import Quantity, Time, Vector
 
 
 class RigidPart(Block):
@@ -18,75 +22,51 @@ class RigidPart(Block):
     inertia_pitch: Quantity("kg m2", "700 kg m2", "across, about its own centre of mass", positive=True)
 
 
-class Grain(Block):
-    """Solid propellant: a hollow cylinder that burns outwards."""
+class Payload(RigidPart):
+    """What is left when every stage is gone, and in what the whole vehicle is not symmetric."""
 
-    mass: Quantity("kg", "814 kg", "at ignition", positive=True)
-    station: Quantity("m", "5 m", "middle of the grain", non_negative=True)
-    length: Quantity("m", "1.1 m", "length", positive=True)
-    outer_radius: Quantity("m", "0.48 m", "outer radius", positive=True)
-    inner_radius: Quantity("m", "0.15 m", "inner radius before ignition", positive=True)
-
-
-class Motor(Block):
-    """Thrust: a rise, a slow decline, a tail-off; their area is propellant mass times exhaust speed."""
-
-    specific_impulse: Quantity("s", "282 s", "in vacuum", positive=True)
-    burn_time: Quantity("s", "68 s", "from ignition to the end of the tail-off", positive=True)
-    rise: Quantity("s", "0.3 s", "thrust from zero to its first level", positive=True)
-    tail_off: Quantity("s", "4 s", "thrust to zero, at the end of the burn", positive=True)
-    level_ratio: Number("0.89", "thrust before the tail-off over thrust after the rise", positive=True)
-    exit_area: Quantity("m2", "0.45 m2", "nozzle exit", positive=True)
-    exit_station: Quantity("m", "12.6 m", "nozzle exit", positive=True)
+    centre_of_mass_offset: tuple[
+        Quantity("m", "1 mm", "of the vehicle off the roll axis in body y"),
+        Quantity("m", "1 mm", "in body z"),
+    ] = ("0 m", "0 m")
+    principal_axis_tilt: tuple[
+        Quantity("rad", "0.1 deg", "of the vehicle about body y", at_least="-10 deg", at_most="10 deg"),
+        Quantity("rad", "0.1 deg", "about body z", at_least="-10 deg", at_most="10 deg"),
+    ] = ("0 deg", "0 deg")
+    aerodynamics: Aerodynamics | None = Field(
+        default=None, description="of the payload alone; needed where no stage stays attached"
+    )
 
 
-class StageBlock(Block):
+class Separation(Block):
+    """How a stage is dropped."""
+
+    at: Time("65 s", "when", positive=True)
+    impulse: Quantity("N s", "200 N s", "on what flies on, towards the nose", non_negative=True) = "0 N s"
+    tip_off: tuple[
+        Quantity("rad/s", "0.5 deg/s", "given to what flies on, about body y"),
+        Quantity("rad/s", "0.5 deg/s", "about body z"),
+    ] = ("0 deg/s", "0 deg/s")
+
+
+class Stage(Block):
     """A stage with a solid motor."""
 
-    name: str = Field(min_length=1, description="name of the motor")
+    ignition: Time("0 s", "when its motor is lit")
+    separation: Separation | None = Field(default=None, description="none: it stays attached")
     dry: RigidPart
-    propellant: Grain
+    propellant: Propellant
     motor: Motor
-
-
-class AerodynamicsBlock(Block):
-    """Coefficients of one configuration over the Mach number, to one reference area and diameter."""
-
-    area: Quantity("m2", "0.8 m2", "reference area", positive=True)
-    diameter: Quantity("m", "1.01 m", "reference diameter", positive=True)
-    fin_cant: Quantity(
-        "rad", "0.4 deg", "angle of the fins that spins the vehicle up", at_least="-5 deg", at_most="5 deg"
-    )
-    mach: list[Number("1.05", "", non_negative=True)] = Field(
-        min_length=2, description="Mach numbers, increasing"
-    )
-    axial: list[Number("0.62", "", non_negative=True)] = Field(
-        description="axial force, at zero angle of attack"
-    )
-    normal_slope: list[Number("2.5")] = Field(description="slope of the normal force, per radian")
-    pressure_station: list[Quantity("m", "6.5 m", "", non_negative=True)] = Field(
-        description="centre of pressure"
-    )
-    pitch_damping: list[Number("-80")] = Field(
-        description="for pitch rate times diameter over 2 V; negative damps"
-    )
-    roll_damping: list[Number("-5")] = Field(
-        description="for roll rate times diameter over 2 V; negative damps"
-    )
-    roll_by_cant: list[Number("5")] = Field(description="rolling moment per radian of fin cant")
-
-
-class AerodynamicsPair(Block):
-    """Coefficients before and after the first stage is dropped."""
-
-    stack: AerodynamicsBlock
-    upper: AerodynamicsBlock
+    aerodynamics: Aerodynamics = Field(description="of the vehicle while this is the lowest stage attached")
 
 
 class Vehicle(Block):
-    """The rocket: payload and two stages, lit one after the other."""
+    """What flies: payload, stages in the order in which they burn, devices."""
 
     imu: Vector("m", "-2 m", "IMU from the nose tip, body axes (x to the nose)")
-    payload: RigidPart
-    stages: tuple[StageBlock, StageBlock] = Field(description="first and second stage")
-    aerodynamics: AerodynamicsPair
+    payload: Payload
+    stages: dict[Name, Stage] = Field(description="by name, in the order in which they burn; may be {}")
+    spin_motors: SpinMotors | None = None
+    yo_yo: YoYo | None = None
+    cold_gas: ColdGas | None = None
+    parachute: Parachute | None = None

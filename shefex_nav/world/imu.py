@@ -19,16 +19,20 @@ is taken out by a fourth-order high-pass filter. It matters: 7 g rms make increm
 add up to a random walk of 8 m/s within 56 s; without the part below f_low the sum stays within 0.06 m/s
 (1 sigma), and spin does not turn it into a walk either. What a burn does leave behind is the rectification,
 a bias. Angular vibration is treated alike, as a flat spectrum of rate in proportion to the linear one.
+
+Hours of samples fill gigabytes, so everything but what goes in and comes out is made in pieces of `PIECE`
+samples; the numbers drawn for a seed do not depend on their length.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.records import ImuBlock, Phase
+from shefex_nav.records import ImuBlock
 from shefex_nav.world.noise import gauss_markov
 
 SAMPLES_PER_BLOCK = 4  # 400 Hz samples in a 100 Hz tick
+PIECE = 1 << 16  # samples handled at a time
 
 
 class ImuParams(NamedTuple):
@@ -54,8 +58,7 @@ class ImuParams(NamedTuple):
     accel_vibration_rectification: float  # m/s^2 per (m/s^2 rms)^2
     accel_range: float  # m/s^2; inf = unlimited
     accel_quantum: float  # m/s; 0 = continuous
-    vibration_boost_1: float  # m/s^2 rms on each axis while the first stage burns
-    vibration_boost_2: float  # m/s^2 rms, second stage
+    vibration_boost: np.ndarray  # (n,) m/s^2 rms on each axis while each of the n stages burns
     vibration_coast: float  # m/s^2 rms, at all other times
     vibration_rate: float  # rad/s rms of angular vibration per m/s^2 rms
     vibration_low_hz: float  # band of both vibrations
@@ -100,24 +103,23 @@ def measure(params, trajectory, rng):
     ImuData
     """
     errors = draw_errors(params, rng)
-    shape = trajectory.dtheta_b.shape
-    dt_s = (trajectory.t_s[-1] - trajectory.t_s[0]) / (shape[0] - 1)
-    rms = vibration_rms(params, trajectory.phase)
+    dt_s = (trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1)
+    rms = vibration_rms(params, trajectory.burning)
 
-    shaking, in_run, white = (rng.standard_normal(shape) for _ in range(3))
-    dtheta_b = _apply(_response(errors.gyro_scale_factor, errors.gyro_misalignment), trajectory.dtheta_b)
-    dtheta_b += _apply(errors.gyro_g_sensitivity, trajectory.dv_b)
-    dtheta_b += _bias(params.gyro_bias_in_run, params.gyro_bias_tau_s, dt_s, in_run) * dt_s
-    dtheta_b += (errors.gyro_bias + np.outer(rms**2, errors.gyro_vibration_rectification)) * dt_s
-    dtheta_b += params.gyro_random_walk * np.sqrt(dt_s) * white
-    dtheta_b += _vibration(params, params.vibration_rate * rms, dt_s, shaking)
+    response = _response(errors.gyro_scale_factor, errors.gyro_misalignment)
+    dtheta_b = _apply(response, trajectory.dtheta_b)
+    _add_response(dtheta_b, errors.gyro_g_sensitivity, trajectory.dv_b)
+    _add_bias(dtheta_b, errors.gyro_bias, errors.gyro_vibration_rectification, rms, dt_s)
+    _add_vibration(dtheta_b, params, params.vibration_rate * rms, dt_s, rng)
+    _add_in_run_bias(dtheta_b, params.gyro_bias_in_run, params.gyro_bias_tau_s, dt_s, rng)
+    _add_random_walk(dtheta_b, params.gyro_random_walk, dt_s, rng)
 
-    shaking, in_run, white = (rng.standard_normal(shape) for _ in range(3))
-    dv_b = _apply(_response(errors.accel_scale_factor, errors.accel_misalignment), trajectory.dv_b)
-    dv_b += _bias(params.accel_bias_in_run, params.accel_bias_tau_s, dt_s, in_run) * dt_s
-    dv_b += (errors.accel_bias + np.outer(rms**2, errors.accel_vibration_rectification)) * dt_s
-    dv_b += params.accel_random_walk * np.sqrt(dt_s) * white
-    dv_b += _vibration(params, rms, dt_s, shaking)
+    response = _response(errors.accel_scale_factor, errors.accel_misalignment)
+    dv_b = _apply(response, trajectory.dv_b)
+    _add_bias(dv_b, errors.accel_bias, errors.accel_vibration_rectification, rms, dt_s)
+    _add_vibration(dv_b, params, rms, dt_s, rng)
+    _add_in_run_bias(dv_b, params.accel_bias_in_run, params.accel_bias_tau_s, dt_s, rng)
+    _add_random_walk(dv_b, params.accel_random_walk, dt_s, rng)
 
     dtheta_b[0] = dv_b[0] = 0.0
     saturated = _clip(dtheta_b, params.gyro_range * dt_s) | _clip(dv_b, params.accel_range * dt_s)
@@ -144,12 +146,9 @@ def draw_errors(params, rng):
     )
 
 
-def vibration_rms(params, phase):
-    """Level of the linear vibration at each sample. (N,) Phase -> (N,) m/s^2 rms."""
-    level = np.full(len(Phase), params.vibration_coast)
-    level[Phase.BOOST_1] = params.vibration_boost_1
-    level[Phase.BOOST_2] = params.vibration_boost_2
-    return level[phase]
+def vibration_rms(params, burning):
+    """Level of the linear vibration at each sample. (N,) stage that burns, or 0 -> (N,) m/s^2 rms."""
+    return np.concatenate([[params.vibration_coast], params.vibration_boost])[burning]
 
 
 def quantise(increments, quantum):
@@ -160,8 +159,11 @@ def quantise(increments, quantum):
     """
     if quantum == 0.0:
         return increments
-    counts = np.rint(np.cumsum(increments, axis=0) / quantum)
-    return np.diff(counts, axis=0, prepend=0.0) * quantum
+    out = np.empty_like(increments)
+    for j in range(increments.shape[1]):
+        counts = np.rint(np.cumsum(increments[:, j]) / quantum)
+        out[:, j] = np.diff(counts, prepend=0.0) * quantum
+    return out
 
 
 def blocks(data):
@@ -190,6 +192,11 @@ def _apply(M, v_b):
     return np.einsum("ij,kj->ki", M, v_b)
 
 
+def _pieces(n):
+    """Slices that cover n rows."""
+    return (slice(k, min(k + PIECE, n)) for k in range(0, n, PIECE))
+
+
 def _off_diagonal(rng):
     """(3, 3) standard normal numbers with a zero diagonal."""
     M = rng.standard_normal((3, 3))
@@ -197,24 +204,53 @@ def _off_diagonal(rng):
     return M
 
 
-def _bias(sigma, tau_s, dt_s, white):
-    """In-run bias at each sample, unit of sigma: (N, 3)."""
-    return sigma * gauss_markov(np.exp(-dt_s / tau_s), white)
+def _add_response(increments, M, v_b):
+    """Add M @ v of every row, in place."""
+    for piece in _pieces(len(increments)):
+        increments[piece] += _apply(M, v_b[piece])
 
 
-def _vibration(params, rms, dt_s, white):
-    """Increments that the vibration adds. (N,) rms of what they integrate, (N, 3) -> (N, 3)."""
+def _add_bias(increments, bias, rectification, rms, dt_s):
+    """Add turn-on bias and rectified vibration, in place. (N, 3), (3,), (3,), (N,) rms."""
+    for piece in _pieces(len(increments)):
+        increments[piece] += (bias + np.outer(rms[piece] ** 2, rectification)) * dt_s
+
+
+def _add_in_run_bias(increments, sigma, tau_s, dt_s, rng):
+    """Add the in-run bias, sigma in the unit of the rate, in place."""
+    correlation, last = np.exp(-dt_s / tau_s), None
+    for piece in _pieces(len(increments)):
+        bias = gauss_markov(correlation, rng.standard_normal(increments[piece].shape), last)
+        increments[piece] += sigma * dt_s * bias
+        last = bias[-1]
+
+
+def _add_random_walk(increments, sigma, dt_s, rng):
+    """Add white noise of the density sigma, in place."""
+    for piece in _pieces(len(increments)):
+        increments[piece] += sigma * np.sqrt(dt_s) * rng.standard_normal(increments[piece].shape)
+
+
+def _add_vibration(increments, params, rms, dt_s, rng):
+    """Add what the vibration makes, in place. (N, 3), (N,) rms of what the increments integrate."""
     from scipy.signal import butter, sosfilt
 
-    density = rms**2 / (params.vibration_high_hz - params.vibration_low_hz)
     high_pass = butter(4, params.vibration_low_hz, "highpass", fs=1.0 / dt_s, output="sos")
-    drive = np.sqrt(0.5 * density * dt_s)[:, None] * white
-    drive[0] = 0.0  # the first sample starts at row 0
-    return sosfilt(high_pass, drive, axis=0)
+    state = np.zeros((len(high_pass), 2, increments.shape[1]))
+    for piece in _pieces(len(increments)):
+        density = rms[piece] ** 2 / (params.vibration_high_hz - params.vibration_low_hz)
+        white = rng.standard_normal(increments[piece].shape)
+        drive = np.sqrt(0.5 * density * dt_s)[:, None] * white
+        if piece.start == 0:
+            drive[0] = 0.0  # the first sample starts at row 0
+        shaken, state = sosfilt(high_pass, drive, axis=0, zi=state)
+        increments[piece] += shaken
 
 
 def _clip(increments, limit):
     """Hold (N, 3) increments within +-limit in place; -> (N,) bool, whether a sample reached it."""
-    at_range = (np.abs(increments) >= limit).any(axis=1)
+    at_range = np.zeros(len(increments), dtype=bool)
+    for j in range(increments.shape[1]):
+        at_range |= np.abs(increments[:, j]) >= limit
     np.clip(increments, -limit, limit, out=increments)
     return at_range

@@ -11,6 +11,7 @@ STREAMS = {
     "pad": 3,
     "camera_errors": 4,  # mounting, calibration, defects, false objects: drawn once per run
     "camera_noise": 5,  # shot, dark and read noise of every frame
+    "attitude_control": 6,  # errors of the reference by which the cold-gas system steers
 }
 
 
@@ -19,16 +20,27 @@ def generator(seed, stream):
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, STREAMS[stream])))
 
 
-def gauss_markov(correlation, white):
+def gauss_markov(correlation, white, before=None):
     """First-order Gauss-Markov processes of unit variance, stationary from their first sample.
 
     x[k] = correlation * x[k-1] + sqrt(1 - correlation^2) * white[k],   x[0] = white[0]
 
     The exact discrete form of dx/dt = -x/tau + noise for correlation = exp(-dt/tau).
-    (N, m) independent standard normal numbers -> (N, m), time along the first axis.
+
+    Parameters
+    ----------
+    correlation : float
+    white : (N, m) independent standard normal numbers, time along the first axis
+    before : (m,) the last sample of a piece which this one goes on from; None: this is the first
+
+    Returns
+    -------
+    (N, m)
     """
     from scipy.signal import lfilter
 
     drive = np.sqrt(1.0 - correlation**2) * white
-    drive[0] = white[0]
-    return lfilter([1.0], [1.0, -correlation], drive, axis=0)
+    if before is None:
+        drive[0] = white[0]
+        return lfilter([1.0], [1.0, -correlation], drive, axis=0)
+    return lfilter([1.0], [1.0, -correlation], drive, axis=0, zi=correlation * before[None])[0]

@@ -1,11 +1,14 @@
-"""Before lift-off: where the launch crew says that the vehicle stands, with the errors of a survey."""
+"""What the navigation starts from: where the vehicle is said to be, with the errors of a survey.
+
+On the ground the launch crew says it, in orbit whatever determined orbit and attitude before.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.records import Alignment
+from shefex_nav.records import Alignment, Phase
 
 
 class PadParams(NamedTuple):
@@ -14,15 +17,16 @@ class PadParams(NamedTuple):
     sigma_level: float  # rad, about north and about east
     sigma_azimuth: float  # rad, about the vertical
     sigma_r: float  # m, each axis
-    sigma_v: float  # m/s, each axis, relative to the Earth
+    sigma_v: float  # m/s, each axis; on the ground relative to the Earth
 
 
 def align(params, trajectory, earth, rng):
     """Alignment at the first sample of the trajectory.
 
     truth = estimate (+) error, q_ib(true) = q_ib(estimate) * exp(error_b): the attitude error is drawn
-    about north, east and down, and its covariance is reported in body axes. The estimated velocity is that of
-    a point which stands on the Earth at the estimated position, but for its error.
+    about north, east and down, and its covariance is reported in body axes. On the ground the estimated
+    velocity is that of a point which stands on the Earth at the estimated position, but for its error; in
+    orbit errors of position and velocity have nothing to do with each other.
 
     Parameters
     ----------
@@ -38,9 +42,12 @@ def align(params, trajectory, earth, rng):
     t_s = float(trajectory.t_s[0])
     r_e, v_e = frames.ecef_from_inertial(earth, t_s, trajectory.r_i[0], trajectory.v_i[0])
     error_r, error_v, error_n = rng.standard_normal((3, 3))
-    r_i, v_i = frames.inertial_from_ecef(
-        earth, t_s, r_e - params.sigma_r * error_r, v_e - params.sigma_v * error_v
-    )
+    error_r, error_v = params.sigma_r * error_r, params.sigma_v * error_v
+    if trajectory.phase[0] == Phase.ORBIT:
+        C_ie = frames.dcm_ie(earth, t_s)
+        r_i, v_i = trajectory.r_i[0] - C_ie @ error_r, trajectory.v_i[0] - C_ie @ error_v
+    else:
+        r_i, v_i = frames.inertial_from_ecef(earth, t_s, r_e - error_r, v_e - error_v)
 
     latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
     C_in = frames.dcm_ie(earth, t_s) @ wgs84.dcm_en(latitude, longitude)

@@ -1,5 +1,9 @@
 """Gravitation: against a slow potential, published normal gravity, and closed forms."""
 
+import csv
+from decimal import Decimal, localcontext
+from importlib import resources
+
 import numpy as np
 import pytest
 from numpy.polynomial import legendre
@@ -72,25 +76,143 @@ def test_egm96_table_has_its_published_low_degrees():
     assert np.array_equal(gravity.gravity_e(flat, r_e), gravity.gravity_e(published, r_e))
 
 
-def test_normal_gravity_of_wgs84():
-    # the ellipsoid's even zonals in closed form (Heiskanen & Moritz 2-92) plus the centrifugal acceleration
-    # give Somigliana's normal gravity; values: boule 0.6.0
-    cosine = np.zeros((13, 13))
+def egm96_table():
+    """{(n, m): (C, S)} of the file, its digits as they stand."""
+    with (resources.files("shefex_nav") / "data" / "egm96_36x36.csv").open(newline="") as lines:
+        rows = csv.DictReader(lines)
+        table = {
+            (int(row["n"]), int(row["m"])): (Decimal(row["C_normalised"]), Decimal(row["S_normalised"]))
+            for row in rows
+        }
+    return {(0, 0): (Decimal(1), Decimal(0))} | table
+
+
+def potential_in_decimals(table, degree, x, y, z):
+    """R U / GM by unnormalised Legendre functions, column by column; `Decimal` in and out."""
+    r = (x * x + y * y + z * z).sqrt()
+    t, radius = z / r, Decimal("6378136.3")
+    total = Decimal(0)
+    cosine, sine = Decimal(1), Decimal(0)  # of m longitude, times cos(latitude)^m
+    sector = Decimal(1)  # d^m P_m / dt^m = (2 m - 1)!!
+    for m in range(degree + 1):
+        before, p = Decimal(0), sector
+        norm = Decimal(1 if m == 0 else 2)  # (n - m)! / (n + m)! times the factor of the order
+        for k in range(1, 2 * m + 1):
+            norm /= k
+        for n in range(m, degree + 1):
+            c, s = table.get((n, m), (Decimal(0), Decimal(0)))
+            total += (radius / r) ** (n + 1) * (norm * (2 * n + 1)).sqrt() * p * (c * cosine + s * sine)
+            before, p = p, ((2 * n + 1) * t * p - (n + m) * before) / (n - m + 1)
+            norm *= Decimal(n - m + 1) / Decimal(n + m + 1)
+        cosine, sine = (cosine * x - sine * y) / r, (cosine * y + sine * x) / r
+        sector *= 2 * m + 1
+    return total
+
+
+PLACES = [  # m: both poles, equator, the launch site, low and high, far away
+    (0.0, 0.0, 6356752.0),
+    (0.0, 0.0, -6700000.0),
+    (6378137.0, 0.0, 0.0),
+    (-1e-3, 2e-3, 6400000.0),
+    (2175000.0, 624500.0, 5943000.0),
+    (-4500000.0, 3000000.0, -3700000.0),
+    (1.2e7, -3.0e7, 2.5e7),
+]
+
+
+@pytest.mark.parametrize("degree", [2, 3, 12, 36])
+def test_egm96_in_fifty_digits(degree):
+    # gradient by central differences over 1e-12 m, wrong by 1e-37 of it: the rounding of the model is left
+    table, model = egm96_table(), gravity.load("egm96", degree)
+    with localcontext(prec=60):
+        step = Decimal("1e-12")
+        scale = Decimal("3.986004415e14") / Decimal("6378136.3") / (2 * step)
+        for place in PLACES:
+            r = [Decimal(c) for c in place]
+            expected = []
+            for axis in range(3):
+                ends = []
+                for sign in (1, -1):
+                    moved = list(r)
+                    moved[axis] += sign * step
+                    ends.append(potential_in_decimals(table, degree, *moved))
+                expected.append(float(scale * (ends[0] - ends[1])))
+            error = np.abs(gravity.gravity_e(model, np.array(place)) - expected).max()
+            assert error < 1e-14 * degree * np.linalg.norm(expected)
+
+
+def even_zonals():
+    """Normalised C20, C40 ... of the ellipsoid, and their J2: Heiskanen & Moritz 2-90 and 2-92."""
+    b = wgs84.B
+    focus = np.sqrt(wgs84.A**2 - b**2)
+    m = wgs84.OMEGA**2 * wgs84.A**2 * b / wgs84.GM
+    q_0 = 0.5 * ((1.0 + 3.0 * b**2 / focus**2) * np.arctan(focus / b) - 3.0 * b / focus)
+    j2 = wgs84.E2 / 3.0 * (1.0 - 2.0 / 15.0 * m * focus / b / q_0)
+    cosine = np.zeros((21, 21))
     cosine[0, 0] = 1.0
-    for n in range(1, 7):
-        ratio = 1.0 - n + 5.0 * n * gravity.J2_WGS84 / wgs84.E2
+    for n in range(1, 11):
+        ratio = 1.0 - n + 5.0 * n * j2 / wgs84.E2
         j_2n = (-1) ** (n + 1) * 3.0 * wgs84.E2**n / ((2 * n + 1) * (2 * n + 3)) * ratio
         cosine[2 * n, 0] = -j_2n / np.sqrt(4 * n + 1)
-    model = gravity.from_normalised(wgs84.GM, wgs84.A, cosine, np.zeros((13, 13)))
-    for latitude, value in (
-        (0.0, 9.78032533590406),
-        (45.0, 9.806197769377293),
-        (90.0, 9.832184937863067),
-        (69.2942, 9.825676743958033),
-    ):
-        r_e = wgs84.ecef_from_geodetic(np.deg2rad(latitude), 0.3, 0.0)
-        g = gravity.gravity_e(model, r_e) + wgs84.OMEGA**2 * r_e * np.array([1.0, 1.0, 0.0])
-        assert np.linalg.norm(g) == pytest.approx(value, abs=2e-9)
+    return cosine, j2
+
+
+def turning(r_e):
+    """Centrifugal acceleration."""
+    return wgs84.OMEGA**2 * r_e * np.array([1.0, 1.0, 0.0])
+
+
+# m/s^2 at 0, 1, 100, 177, 1000 km by latitude: boule 0.6.0, which gives the component along the normal of the
+# confocal ellipsoid
+BOULE = {
+    0.0: (9.78032533590406, 9.777238264593727, 9.478661321437203, 9.255729949317944, 7.291917597927627),
+    45.0: (9.806197769377293, 9.803112896926828, 9.504743909688264, 9.28196222489686, 7.319371286250578),
+    90.0: (9.832184937863067, 9.829102274251976, 9.530942199932175, 9.308310903555581, 7.346946649429957),
+    69.2942: (9.825676743958033, 9.822593527150861, 9.524381130091083, 9.301712167413568, 7.340040718837246),
+    -30.97: (9.794013247588042, 9.79092733955989, 9.49246041151662, 9.269608227123724, 7.306442085412644),
+}
+HEIGHTS = (0.0, 1e3, 100e3, 177e3, 1000e3)
+
+
+@pytest.mark.parametrize("latitude", BOULE)
+def test_normal_gravity(latitude):
+    cosine, j2 = even_zonals()
+    assert j2 == pytest.approx(gravity.J2_WGS84, abs=5e-12)
+    series = gravity.from_normalised(wgs84.GM, wgs84.A, cosine, np.zeros_like(cosine))
+    for height, value in zip(HEIGHTS, BOULE[latitude], strict=True):
+        r_e = wgs84.ecef_from_geodetic(np.deg2rad(latitude), 0.3, height)
+        g_e = gravity.normal_gravity_e(r_e)
+        # the closed form is the sum of the ellipsoid's harmonics
+        assert np.allclose(g_e, gravity.gravity_e(series, r_e) + turning(r_e), rtol=0.0, atol=5e-12)
+        assert gravity.normal_gravity(np.deg2rad(latitude), height) == pytest.approx(
+            np.linalg.norm(g_e), rel=1e-15
+        )
+        # confocal ellipsoid through r_e: x^2 / (u^2 + E^2) + z^2 / u^2 = 1
+        focus2 = wgs84.A**2 - wgs84.B**2
+        half = 0.5 * (r_e @ r_e - focus2)
+        u2 = half + np.sqrt(half**2 + focus2 * r_e[2] ** 2)
+        normal = r_e / np.array([u2 + focus2, u2 + focus2, u2])
+        assert -(g_e @ normal) / np.linalg.norm(normal) == pytest.approx(value, abs=5e-12)
+
+
+def test_normal_gravity_on_the_ellipsoid():
+    # perpendicular to it, of the size of Somigliana's formula with the constants of TR8350.2
+    for latitude in np.deg2rad([-90.0, -33.0, 0.0, 12.0, 69.2942, 90.0]):
+        down = wgs84.dcm_en(latitude, -1.1)[:, 2]
+        g_e = gravity.normal_gravity_e(wgs84.ecef_from_geodetic(latitude, -1.1, 0.0))
+        s2 = np.sin(latitude) ** 2
+        size = 9.7803253359 * (1.0 + 0.00193185265241 * s2) / np.sqrt(1.0 - wgs84.E2 * s2)
+        assert np.allclose(g_e, size * down, rtol=0.0, atol=1e-9)
+
+
+def test_j2_is_the_normal_gravity_but_for_the_higher_zonals():
+    # what the J2 field leaves out of the ellipsoid's own: J4 = -2.37e-6 makes up to 1e-4 m/s^2
+    worst = 0.0
+    for latitude in np.deg2rad(np.arange(-90.0, 91.0, 7.5)):
+        r_e = wgs84.ecef_from_geodetic(latitude, 2.0, 0.0)
+        difference = gravity.gravity_j2_e(r_e) + turning(r_e) - gravity.normal_gravity_e(r_e)
+        worst = max(worst, np.linalg.norm(difference))
+    assert 5e-5 < worst < 1.5e-4
 
 
 def test_j2_closed_form():
@@ -108,7 +230,24 @@ def test_truth_differs_from_on_board_by_what_a_real_field_does():
     assert 5e-5 < difference < 1e-3  # m/s^2
 
 
+def test_fields_by_name():
+    r_e = np.array([3.1e6, -2.2e6, 5.4e6])
+    assert np.allclose(gravity.gravity_e(gravity.load("j2"), r_e), gravity.gravity_j2_e(r_e), rtol=1e-14)
+    point = gravity.gravity_e(gravity.load("point"), r_e)
+    assert np.allclose(point, -wgs84.GM * r_e / np.linalg.norm(r_e) ** 3, rtol=1e-14)
+    fifth = gravity.gravity_e(gravity.load("egm96", 5), r_e)
+    assert np.array_equal(fifth, gravity.gravity_e(gravity.load_egm96(5), r_e))
+
+
 @pytest.mark.parametrize("degree", [-1, 37])
 def test_degree_beyond_the_table_is_refused(degree):
     with pytest.raises(ValueError, match="0 to 36"):
         gravity.load_egm96(degree)
+
+
+@pytest.mark.parametrize(
+    "kind, degree, message", [("egm96", 1, "from degree 2"), ("egm2008", 12, "egm96, j2")]
+)
+def test_unknown_fields_are_refused(kind, degree, message):
+    with pytest.raises(ValueError, match=message):
+        gravity.load(kind, degree)

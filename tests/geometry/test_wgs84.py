@@ -74,6 +74,22 @@ def test_limb_angle_is_zero_where_rays_begin_to_touch_the_earth(lat_deg, height)
                 assert touches_earth(r_e, np.cos(x) * nadir + np.sin(x) * across) is np.bool_(hit)
 
 
+@pytest.mark.parametrize("lat_deg", [0, 53, -40, 89])
+@pytest.mark.parametrize("height", [10.0, 0.0, -30.0])
+def test_limb_angle_on_the_ground_is_the_elevation(lat_deg, height):
+    """In every direction; the horizon of 10 m is 0.10 deg below the horizontal."""
+    r_e = wgs84.ecef_from_geodetic(np.radians(lat_deg), 0.3, height)
+    C_en = wgs84.dcm_en(np.radians(lat_deg), 0.3)
+    dip = np.sqrt(2.0 * max(height, 0.0) / wgs84.A)
+    for azimuth in np.radians([0, 60, 180, 250]):
+        for elevation in np.radians([-60, -5, 5, 45, 88]):
+            level = C_en @ [np.cos(azimuth), np.sin(azimuth), 0]
+            u_e = np.cos(elevation) * level - np.sin(elevation) * C_en[:, 2]
+            # in the plane of the geocentric nadir, 0.2 deg off the vertical, the limb is as much off
+            assert abs(wgs84.limb_angle(r_e, u_e) - elevation - dip) < 2e-3 * np.tan(abs(elevation)) + 1e-4
+    assert wgs84.limb_angle(r_e, C_en[:, 2]) == pytest.approx(-np.pi / 2, abs=5e-3)
+
+
 def test_limb_angle_straight_down_is_finite():
     r_e = wgs84.ecef_from_geodetic(1.2, 0.1, 2e5)
     assert wgs84.limb_angle(r_e, -r_e) < 0

@@ -21,17 +21,19 @@ STAR_SIGMA_C = np.array([5e-5, 5e-5, 5e-4])  # rad
 C_BC = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 PHASES = (  # start s, phase
     (-10.0, rec.Phase.PAD),
-    (0.0, rec.Phase.BOOST_1),
-    (56.0, rec.Phase.COAST_1),
-    (65.0, rec.Phase.PRECESSION),
-    (149.2, rec.Phase.BOOST_2),
-    (217.2, rec.Phase.DESPIN),
-    (235.0, rec.Phase.SLEW),
+    (0.0, rec.Phase.BOOST),
+    (56.0, rec.Phase.COAST),
+    (65.0, rec.Phase.MANOEUVRE),
+    (149.2, rec.Phase.BOOST),
+    (217.2, rec.Phase.MANOEUVRE),
     (250.0, rec.Phase.POINTING),
-    (372.0, rec.Phase.ENTRY_SLEW),
-    (384.0, rec.Phase.SPIN_UP),
-    (394.0, rec.Phase.ENTRY),
+    (372.0, rec.Phase.MANOEUVRE),
+    (394.0, rec.Phase.DESCENT),
 )
+SLOW_S = 235.0, 384.0  # between them the body turns at 1 deg/s, before and after at 1.5 Hz
+CONTROLLED_S = 65.0, 394.0  # the attitude is controlled
+POINTING_ERROR = np.radians([0.3, -0.4, 1.2])  # about x, y, z while pointing; twice that before and after
+GAS_RATE = 0.01  # kg/s
 
 
 class Options(NamedTuple):
@@ -69,7 +71,7 @@ def mission(seed=1, start_s=-10.0):
 
 
 def phase_at(t_s):
-    return max((start, int(phase)) for start, phase in PHASES if start <= t_s)[1]
+    return [int(phase) for start, phase in PHASES if start <= t_s][-1]
 
 
 def _position_l(t_s):
@@ -92,19 +94,27 @@ def truth_at(mission, t_s):
     )
     r_i, v_i = inertial_from_ecef(mission.earth, t_s, base_e + C_el @ r_l, C_el @ v_l)
     phase = phase_at(t_s)
-    is_pointing = phase in (rec.Phase.SLEW, rec.Phase.POINTING, rec.Phase.ENTRY_SLEW)
-    roll_rate = 0.0 if phase == rec.Phase.PAD else np.radians(1.0) if is_pointing else 2 * np.pi * 1.5
+    is_slow = SLOW_S[0] <= t_s < SLOW_S[1]
+    roll_rate = 0.0 if phase == rec.Phase.PAD else np.radians(1.0) if is_slow else 2 * np.pi * 1.5
     q_ib = rotation.quat_multiply(
         rotation.quat_from_rotvec(np.array([0.1, 0.7, -0.4])),
         rotation.quat_from_rotvec(np.array([roll_rate * t_s, 0.0, 0.0])),
     )
     omega = np.array([roll_rate, 0.0, 0.0])
-    return rec.TruthSample(t_s, phase, r_i, v_i, q_ib, omega, np.array([0.0, 0.0, -9.8]))
+    return rec.TruthSample(t_s, phase, r_i, v_i, q_ib, omega, np.array([0.0, 0.0, -9.8]), 0.02)
 
 
 def _height(mission, truth):
     r_e, _ = ecef_from_inertial(mission.earth, truth.t_s, truth.r_i, truth.v_i)
     return wgs84.geodetic_from_ecef(r_e)[2]
+
+
+def control(t_s):
+    """What the cold-gas system does; it leaves the spin alone until the body turns slowly."""
+    error = POINTING_ERROR * (1.0 if phase_at(t_s) == rec.Phase.POINTING else 2.0)
+    if t_s < SLOW_S[0]:
+        error[0] = np.nan
+    return rec.ControlSample(t_s, error, np.array([0.0, 15.0, -15.0]), GAS_RATE * (t_s - CONTROLLED_S[0]))
 
 
 def _navigation(mission, truth, rng):
@@ -180,6 +190,8 @@ def simulate(options=DEFAULT):
         t_s = options.start_s + n / 100
         truth = truth_at(run, t_s)
         yield truth
+        if n % 10 == 0 and CONTROLLED_S[0] <= t_s < CONTROLLED_S[1]:
+            yield control(t_s)
         yield rec.ImuBlock(t_s, t_s, 0.0025, rng.normal(0, 1e-3, (4, 3)), rng.normal(0, 0.1, (4, 3)), False)
         while events and events[0].t_s <= t_s:
             yield events.pop(0)

@@ -5,7 +5,7 @@ import pytest
 import synthetic_run
 from mcap.writer import Writer
 
-from shefex_nav.log import reader, topics, wire
+from shefex_nav.log import reader, run_data, topics, wire
 from shefex_nav.log.run_data import ARRAYS, RunDataBuilder
 from shefex_nav.log.topics import LogError
 from shefex_nav.log.writer import LogWriter
@@ -45,6 +45,15 @@ def assert_equal(a, b, where=""):
 def test_the_file_gives_back_the_run(run):
     path, in_memory = run
     assert_equal(reader.read(path), in_memory)
+
+
+def test_arrays_made_on_the_way_are_those_made_at_the_end(run, monkeypatch):
+    """However many records wait until they are stacked."""
+    monkeypatch.setattr(run_data, "_STACK_ROWS", 7)
+    builder = RunDataBuilder(synthetic_run.mission(start_s=OPTIONS.start_s))
+    for record in (*synthetic_run.simulate(OPTIONS), synthetic_run.summary(OPTIONS)):
+        builder.add(record)
+    assert_equal(builder.build(), run[1])
 
 
 def test_a_run_without_records_is_read(tmp_path):

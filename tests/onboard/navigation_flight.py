@@ -31,8 +31,6 @@ MODEL = ImuModel(
     accel_rectification=0.0,
     accel_vibration=0.0,
     thrust_threshold=15.0,
-    motor_2_s=100.0,
-    motor_2_vibration=0.5,
     thrust_time_s=30.0,
     gravity=1e-5,  # the truth of these tests has the on-board gravity
     gravity_time_s=50.0,
@@ -54,6 +52,7 @@ PARAMS = NavParams(
     release_star=ReleaseRule(20, 1.9),
     gps_agreement=20.0,
     history_s=0.6,
+    motors=np.array([[0.0, 1.0]]),
 )
 SIGMA_R, SIGMA_V = 2.0, 0.1  # of GPS: m, m/s
 P_STAR_C = np.diag([20 * ARCSEC, 20 * ARCSEC, 100 * ARCSEC]) ** 2

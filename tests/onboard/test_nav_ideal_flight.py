@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shefex_nav.environment.gravity import gravity_e, load_egm96
+from shefex_nav.environment.gravity import gravity_e
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.onboard.navigation import strapdown
 from shefex_nav.onboard.navigation.state import NavState
+from shefex_nav.prepare import earth_rotation
 from shefex_nav.records import ImuBlock
 from shefex_nav.scenario import load, params
-from shefex_nav.simulate import earth_rotation
 from shefex_nav.world.flight import fly
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
@@ -25,8 +25,7 @@ SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
 def flight():
     scenario = load.load(SCENARIO)
     earth, settings = earth_rotation(scenario), params.flight_params(scenario)
-    trajectory, _ = fly.fly(settings, earth)
-    return trajectory, earth, load_egm96(settings.gravity_degree)
+    return fly.fly(settings, earth, None).trajectory, earth, settings.gravity
 
 
 def test_ideal_increments_give_back_the_flight(flight):

@@ -95,7 +95,7 @@ def test_flight_figures():
 
 def test_window_counts(data, summary):
     star = summary["star_tracker"]
-    # window 235 to 384 s, frames valid 25 ms after each tick: 235.0 ... 383.9
+    # slow from 235 to 384 s, frames start at 235.0 ... 383.9 s
     numbers = set(range(130, 1620))
     assert metrics.window_frames(data) == (numbers, 0)
     assert star["in_window"] == 1490
@@ -123,21 +123,17 @@ def star_fix(number, t_s, error_c=(0.0, 0.0, 0.0), reason=rec.Reason.NONE):
     )
 
 
-def phases():
-    """Truth samples that open the window at 235 s and close it at 384 s."""
-    return [synthetic_run.truth_at(MISSION, t) for t in (234.99, 235.0, 383.99, 384.0)]
-
-
 def test_a_wrong_fix_is_counted_wherever_it_is():
     half = math.radians(0.5)
-    frames = [frame_truth(k, t) for k, t in enumerate((230.0, 240.0, 240.1, 390.0))]
+    times = (230.0, 240.0, 240.1, 390.0)
+    frames = [frame_truth(k, t, exclusion_met=t in times[1:3]) for k, t in enumerate(times)]
     fixes = [
         star_fix(0, 230.0, (0.0, 0.0, 1.02 * half)),
         star_fix(1, 240.0, (0.98 * half, 0.0, 0.0)),
         star_fix(2, 240.1, (2.0, 0.0, 0.0), reason=rec.Reason.NO_MATCH),  # not given as good
         star_fix(3, 390.0, (0.0, -1.02 * half, 0.0)),
     ]
-    star = metrics.summarise(gathered([*phases(), *frames, *fixes]))["star_tracker"]
+    star = metrics.summarise(gathered([*frames, *fixes]))["star_tracker"]
     assert star["wrong"] == 2
     assert (star["in_window"], star["solved"], star["no_fix"]) == (2, 1, {"no_match": 1})
 
@@ -150,35 +146,61 @@ def test_error_axes_of_the_star_tracker():
         star_fix(1, 240.1, (0.0, -6.0 * arcsec, 30.0 * arcsec)),
         star_fix(2, 240.2, (0.0, 0.0, -40.0 * arcsec)),
     ]
-    error = metrics.summarise(gathered([*phases(), *frames, *fixes]))["star_tracker"]["error_arcsec"]
+    error = metrics.summarise(gathered([*frames, *fixes]))["star_tracker"]["error_arcsec"]
     assert error["cross_axis_rms"] == pytest.approx(math.sqrt(72.0 / 6.0), rel=1e-6)
     assert error["boresight_rms"] == pytest.approx(math.sqrt(2500.0 / 3.0), rel=1e-6)
     assert error["max"] == pytest.approx(40.0, rel=1e-6)
     assert error["mean"] == pytest.approx([2.0, -2.0, -10.0 / 3.0], rel=1e-6)
-    data = gathered([*phases(), *frames, *fixes])
+    data = gathered([*frames, *fixes])
     np.testing.assert_allclose(
         metrics.star_errors(data).rotation_c[1] / arcsec, [0.0, -6.0, 30.0], rtol=1e-6, atol=1e-9
     )
 
 
 def test_what_is_outside_the_window():
+    """Rate and exclusion angles decide, not the phase of the mission."""
     frames = [
-        frame_truth(0, 240.0),
+        frame_truth(0, 20.0),
         frame_truth(1, 240.1, exclusion_met=False),
         frame_truth(2, 240.2, rate=math.radians(2.01)),
         frame_truth(3, 240.3, rate=math.radians(1.99)),
-        frame_truth(4, 234.9),
-        frame_truth(5, 384.0),
     ]
-    data = gathered([*phases(), *frames])
-    assert metrics.window_frames(data)[0] == {0, 3}
+    assert metrics.window_frames(gathered(frames))[0] == {0, 3}
+
+
+def test_pointing_error_counts_while_pointing(data, summary):
+    """Made: 0.3, -0.4, 1.2 deg about x, y, z while pointing, twice that in the manoeuvres around it."""
+    control = summary["attitude_control"]
+    assert control["pointing_error_deg"]["rms"] == pytest.approx(1.3)
+    assert control["pointing_error_deg"]["max"] == pytest.approx(1.3)
+    assert control["propellant_kg"] == pytest.approx(0.01 * (393.9 - 65.0))
+    phase = metrics.phase_at(data.truth, np.array([224.0, 249.99, 250.0, 371.99, 372.0]))
+    assert phase.tolist() == [
+        -1,
+        *(rec.Phase[name] for name in ("MANOEUVRE", "POINTING", "POINTING", "MANOEUVRE")),
+    ]
+
+
+def test_pointing_error_of_a_spinning_vehicle_is_that_of_its_axis():
+    truth = synthetic_run.truth_at(MISSION, 300.0)
+    sample = rec.ControlSample(300.0, np.radians([np.nan, 0.3, -0.4]), np.zeros(3), 0.2)
+    nothing_wanted = sample._replace(t_s=300.1, pointing_error=np.full(3, np.nan))
+    control = metrics.summarise(gathered([truth, sample, nothing_wanted]))["attitude_control"]
+    assert control["pointing_error_deg"]["rms"] == pytest.approx(0.5)
+
+
+def test_a_run_without_attitude_control_has_none():
+    records = [synthetic_run.truth_at(MISSION, t) for t in (300.0, 300.01)]
+    summary = metrics.summarise(gathered(records))
+    assert summary["attitude_control"] is None
+    summary_table(summary)
 
 
 def test_missing_frames_and_results_count_against_the_star_tracker():
     times = [240.0, 240.1, 240.2, 240.5, 240.6, 240.7]
     frames = [frame_truth(k, t) for k, t in enumerate(times)]
     fixes = [star_fix(k, t) for k, t in enumerate(times) if k != 4]
-    star = metrics.summarise(gathered([*phases(), *frames, *fixes]))["star_tracker"]
+    star = metrics.summarise(gathered([*frames, *fixes]))["star_tracker"]
     assert star["in_window"] == 8
     assert star["solved"] == 5
     assert star["no_fix"] == {"no_frame": 2, "no_result": 1}
@@ -258,6 +280,39 @@ def test_a_run_without_stars_or_entry_has_nulls():
     summary_table(summary)
 
 
+def circling(record, height=400e3):
+    """The record of truth or navigation moved to a height at which it stays: no entry, no impact."""
+    away = height * record.r_i / np.linalg.norm(record.r_i)
+    return record._replace(r_i=record.r_i + away)
+
+
+def test_without_entry_the_nees_covers_the_run_to_its_end():
+    """As in orbit: above 100 km from the first record to the last."""
+    records = []
+    for record in synthetic_run.simulate(OPTIONS):
+        if isinstance(record, rec.TruthSample | rec.NavSolution):
+            record = circling(record)
+        if not isinstance(record, rec.Event):
+            records.append(record)
+    summary = metrics.summarise(gathered(records))
+    assert summary["flight"]["range_km"] is None
+    assert summary["flight"]["events"] == []
+    assert summary["navigation"]["at_entry"] is None
+    assert summary["navigation"]["nees"]["samples"] == 179  # whole seconds 237 ... 415
+    summary_table(summary)
+
+
+def test_whole_seconds_count_from_the_start_of_the_run():
+    """A run that starts between two seconds has its covariances between them too."""
+    options = OPTIONS._replace(start_s=225.034, end_s=260.034)
+    mission = synthetic_run.mission(start_s=options.start_s)
+    builder = RunDataBuilder(mission)
+    for record in synthetic_run.simulate(options):
+        builder.add(record)
+    nees = metrics.summarise(builder.build())["navigation"]["nees"]
+    assert nees["samples"] == 24  # accepted from 236.134 s on: 237.034 ... 260.034 s
+
+
 def test_an_empty_run_has_nulls():
     summary = metrics.summarise(gathered([]))
     assert summary["flight"]["apogee_km"] is None
@@ -279,5 +334,8 @@ def test_the_table_shows_the_figures(summary):
     console = Console(width=120, record=True, file=io.StringIO())
     console.print(summary_table(summary | {"ended_early": True}))
     text = console.export_text()
-    for expected in ("made_up, seed 1", "1490 in the window", "too few stars 59", "at 100 km", "ended early"):
+    for expected in (
+        "made_up, seed 1", "1490 in the window", "too few stars 59", "at 100 km", "ended early",
+        "cold gas used", "3.29 kg", "1.30 deg rms",
+    ):  # fmt: skip
         assert expected in text

@@ -40,6 +40,7 @@ def test_recording_has_a_layout_and_everything_on_mission_time(log, tmp_path):
     assert {"/star_tracker/image", "/star_tracker/image_full", "/stars/identified", "/tf", "/log"} <= entities
     assert {"/plots/errors/position_x/error", "/plots/errors/attitude_z/plus"} <= entities
     assert {"/states/phase", "/states/star_tracker", "/states/gps"} <= entities
+    assert {"/plots/pointing/x", "/plots/pointing/z", "/plots/gas"} <= entities
     for chunk in found:
         if not str(chunk.entity_path).startswith("/__"):
             assert "mission_time" in chunk.timeline_names, chunk.entity_path

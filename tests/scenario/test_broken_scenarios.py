@@ -1,29 +1,10 @@
 """Broken scenarios, each of one kind: one clear message with file, line, column and field."""
 
-from pathlib import Path
-
 import pytest
+from broken import DEFAULT, TEXT, check_one_message, messages, the_message
 
-from shefex_nav.scenario import load as load_module
-from shefex_nav.scenario.load import ScenarioError, load
-
-DEFAULT = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
-TEXT = DEFAULT.read_text(encoding="utf-8")
-
-
-def messages(path, overrides=()):
-    with pytest.raises(ScenarioError) as caught:
-        load(path, overrides)
-    assert str(caught.value) == "\n".join(caught.value.messages)
-    return caught.value.messages
-
-
-def the_message(path, overrides=()):
-    said = messages(path, overrides)
-    assert len(said) == 1, said
-    assert "\n" not in said[0]
-    return said[0]
-
+from shefex_nav.scenario import files as files_module
+from shefex_nav.scenario.load import load
 
 # kind: (text in the default scenario, what stands there instead, where "@" is the place complained about,
 #        field, words)
@@ -83,12 +64,6 @@ BROKEN = {
         "gps.spin",
         "expected a section with keys of its own, got 'off'",
     ),
-    "zero mass": (
-        "mass: 4240 kg",
-        "mass: @0 kg",
-        "vehicle.stages.0.propellant.mass",
-        "must be greater than zero",
-    ),
     "gram for standard gravity": (
         "bias: 0.5 mgee",
         "bias: @0.5 mg",
@@ -112,12 +87,6 @@ BROKEN = {
         "method: @telepathy",
         "star_tracker.identification.method",
         "'telepathy' is not known; choose from: pyramid",
-    ),
-    "unknown event": (
-        "event: lift_off",
-        "event: @liftoff",
-        "gps.outages.0.event",
-        "did you mean 'lift_off'?",
     ),
     "yes for true": (
         "enabled: true",
@@ -169,59 +138,11 @@ BROKEN = {
     ),
     "time zone": ("19:18:00Z", "19:18:00+02:00", "mission.epoch", "is not marked as UTC; end it with Z"),
     "file name": ("name: shefex2_andoya", "name: @a/b", "mission.name", "must be one word of letters"),
-    "table not monotonic": (
-        "mach: [0, 0.6, 0.9",
-        "mach: [0, 0.9, @0.6",
-        "vehicle.aerodynamics.stack.mach.2",
-        "must increase: 0.6 follows 0.9",
-    ),
-    "table column too long": (
-        "axial: [0.45,",
-        "axial: @[0.45, 0.45,",
-        "vehicle.aerodynamics.stack.axial",
-        "12 values for 11 Mach numbers",
-    ),
-    "table too short": (
-        "mach: [0, 0.6,",
-        "mach: @[0,",
-        "vehicle.aerodynamics.stack.mach",
-        "10 Mach numbers, but 11 values",
-    ),
-    "times out of order": (
-        "separation: 65 s",
-        "separation: @50 s",
-        "programme.separation",
-        "must be later than burn-out of the first stage, 56 s",
-    ),
-    "burn after despin": (
-        "ignition_2: 149.2 s",
-        "ignition_2: 160 s",
-        "programme.despin_start",
-        "must be later than burn-out of the second stage, 228 s",
-    ),
-    "mission too short": (
-        "time_limit: 600 s",
-        "time_limit: @394 s",
-        "mission.time_limit",
-        "must be later than spin_up_end, 394 s",
-    ),
     "start between ticks": (
         "start: -10 s",
         "start: @-10.005 s",
         "mission.start",
         "must be a multiple of 0.1 s",
-    ),
-    "thrust below weight": (
-        "mass: 4240 kg",
-        "mass: 1240 kg",
-        "vehicle.stages.0.motor",
-        "it would not lift off",
-    ),
-    "grain inside out": (
-        "inner_radius: 0.18 m",
-        "inner_radius: @0.5 m",
-        "vehicle.stages.0.propellant.inner_radius",
-        "must be smaller than outer_radius",
     ),
     "rate against clock": (
         "rate: 10 Hz",
@@ -247,23 +168,11 @@ BROKEN = {
         "star_tracker.off",
         "must be later than on, 234 s",
     ),
-    "vibration of the second motor alone": (
-        "boost_1: 7 gee",
-        "boost_1: @0 gee",
-        "imu.vibration.boost_1",
-        "must not be zero unless boost_2 is",
-    ),
     "vibration band inside out": (
         "lowest_frequency: 20 Hz",
         "lowest_frequency: @3 kHz",
         "imu.vibration.lowest_frequency",
         "must be below 200 Hz, half the rate of the IMU",
-    ),
-    "outage inside out": (
-        "shortest: 0 s, longest: 2 s",
-        "shortest: @3 s, longest: 2 s",
-        "gps.outages.0.shortest",
-        "is longer than longest, 2 s",
     ),
     "camera axes": (
         "boresight: [0, 1, 0]",
@@ -294,18 +203,7 @@ BROKEN = {
 
 @pytest.mark.parametrize("kind", BROKEN)
 def test_one_message_that_names_place_and_field(tmp_path, kind):
-    good, bad, field, words = BROKEN[kind]
-    assert TEXT.count(good.replace("@", "")) >= 1
-    marked = TEXT.replace(good.replace("@", ""), bad, 1)
-    path = tmp_path / "broken.yaml"
-    path.write_text(marked.replace("@", ""), encoding="utf-8")
-    said = the_message(path)
-    assert f": {field}: " in said
-    assert words in said
-    if "@" in bad:
-        before = marked[: marked.index("@")]
-        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
-        assert said.startswith(f"{path}:{line}:{column}: {field}: ")
+    check_one_message(tmp_path, *BROKEN[kind])
 
 
 # kind: (whole file, place, words)
@@ -370,7 +268,7 @@ def test_a_file_without_permission(tmp_path, monkeypatch):
     def locked(*_, **__):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(load_module, "open", locked, raising=False)
+    monkeypatch.setattr(files_module, "open", locked, raising=False)
     assert the_message(tmp_path / "x.yaml") == f"{tmp_path / 'x.yaml'}: cannot be read: Permission denied"
 
 

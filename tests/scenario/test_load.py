@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from shefex_nav.scenario import document
 from shefex_nav.scenario.load import json_schema, load
 from shefex_nav.scenario.schema import Scenario
 
@@ -42,9 +43,15 @@ def test_default_values_in_si(default):
     assert default.mission.start == -10.0
     assert default.launch.latitude == pytest.approx(69.2942 * DEG)
     assert default.earth.pole_x == pytest.approx(0.0787 / 3600.0 * DEG)
-    assert [stage.name for stage in default.vehicle.stages] == ["S40M", "S44"]
-    assert default.vehicle.stages[1].propellant.mass == 814.0
-    assert default.programme.entry_spin == pytest.approx(2.0 * math.pi)  # written as 1 Hz
+    assert list(default.vehicle.stages) == ["S40M", "S44"]
+    assert default.vehicle.stages["S44"].propellant.mass == 814.0
+    assert default.vehicle.stages["S40M"].motor.thrust_factor == 1.0  # left to its default, 100 %
+    assert [name for name, _ in default.tasks] == list(default.programme)
+    assert default.programme["precession"].at == 149.2
+    assert load(DEFAULT, ["programme.despin.rate=1 Hz"]).programme["despin"].rate == pytest.approx(
+        2.0 * math.pi
+    )
+    assert (default.wind, default.orbit, default.ground) == ("none", None, None)
     assert default.imu.gyro.scale_factor_roll == pytest.approx(30e-6)
     assert default.star_camera.detector.pixel_size == pytest.approx(9.9e-6)
     assert default.star_camera.detector.columns == 659
@@ -52,12 +59,18 @@ def test_default_values_in_si(default):
     assert default.star_tracker.exposure.gain == 24.0
 
 
-def test_default_states_every_value():
-    """Nothing is left to a default but the overrides of what the filter knows of the sensors."""
+def test_what_the_default_leaves_out():
+    """The filter's own knowledge of the sensors, what this flight has not, imperfections."""
     given = load(DEFAULT).model_dump(exclude_unset=True)
     every = load(DEFAULT).model_dump()
     left = {path for path, _ in leaves(every)} - {path for path, _ in leaves(given)}
-    assert {path[:2] for path in left} == {("navigation", "sensors")}
+    sensors = {path for path in left if path[:2] == ("navigation", "sensors")}
+    assert {path[-1] if isinstance(path[-1], str) else path[-2] for path in left - sensors} == {
+        *("orbit", "ground", "parachute", "angle_of_attack", "damping_mach", "drag"),
+        *("centre_of_mass_offset", "principal_axis_tilt", "aerodynamics", "separation"),
+        *("thrust_factor", "misalignment", "offset", "axial_factor", "normal_factor"),
+        *("boresight_rate", "cross_rate", "cross_period", "cross_phase", "ramp"),
+    }
 
 
 def test_variants_differ_from_the_default_in_one_thing(default):
@@ -97,7 +110,7 @@ def test_overrides(default):
         "star_tracker.rate='5 Hz'",
         "gps.antenna.lever_arm.1=7 cm",
         "gps.antenna.blind_nose=10 deg",
-        "vehicle.stages.0.motor.burn_time = 55 s",
+        "vehicle.stages.S40M.motor.burn_time = 55 s",
         "gps.outages=[]",
         "navigation.sensors.gyro_bias=1 deg/h",
         "star_tracker.enabled=false",
@@ -105,7 +118,7 @@ def test_overrides(default):
     scenario = load(DEFAULT, overrides)
     assert scenario.star_tracker.rate == 5.0
     assert scenario.gps.antenna.lever_arm == pytest.approx((0.6, 0.07, -0.03))
-    assert scenario.vehicle.stages[0].motor.burn_time == 55.0
+    assert scenario.vehicle.stages["S40M"].motor.burn_time == 55.0
     assert scenario.gps.outages == []
     assert scenario.navigation.sensors.gyro_bias == pytest.approx(DEG / 3600.0)
     changed = {name.split("=")[0].strip() for name in overrides} - {"gps.outages"}
@@ -114,6 +127,48 @@ def test_overrides(default):
         for path, _ in leaves({"gps": {"outages": default.model_dump()["gps"]["outages"]}})
     }
     assert differences(default, scenario) == changed
+
+
+def test_null_takes_away(tmp_path):
+    """What a base gives and a variant has not; on the command line too."""
+    path = tmp_path / "calm.yaml"
+    path.write_text(
+        f"extends: {DEFAULT}\nprogramme:\n  precession: null\nvehicle:\n  yo_yo: ~\n  spin_motors: null\n",
+        encoding="utf-8",
+    )
+    scenario = load(path, ["vehicle.cold_gas=null", "attitude=prescribed"])
+    assert list(scenario.programme) == ["damping", "despin", "slew", "pointing", "entry_slew"]
+    assert (scenario.vehicle.yo_yo, scenario.vehicle.spin_motors, scenario.vehicle.cold_gas) == (
+        None,
+        None,
+        None,
+    )
+    again = tmp_path / "again.yaml"
+    again.write_text(scenario.source, encoding="utf-8")
+    assert differences(scenario, load(again)) == set()
+    assert "yo_yo" not in scenario.source
+
+
+def test_a_form_replaces_another_when_its_keys_are_taken_away(tmp_path):
+    path = tmp_path / "curve.yaml"
+    nulls = "".join(f"        {key}: null\n" for key in ("burn_time", "rise", "tail_off", "level_ratio"))
+    path.write_text(
+        f"extends: {DEFAULT}\nvehicle:\n  stages:\n    S44:\n      motor:\n{nulls}"
+        "        thrust: {time: [0 s, 1 s, 67 s, 68 s], force: [0 kN, 33.6 kN, 33.6 kN, 0 kN]}\n",
+        encoding="utf-8",
+    )
+    assert load(path).vehicle.stages["S44"].motor.thrust.force[1] == 33600.0
+
+
+def test_tasks_are_flown_in_order_of_time(tmp_path):
+    """A variant may add a task anywhere."""
+    path = tmp_path / "more.yaml"
+    path.write_text(
+        f"extends: {DEFAULT}\nprogramme:\n  rest: {{task: hold, from: 146 s, until: 148 s}}\n",
+        encoding="utf-8",
+    )
+    names = [name for name, _ in load(path).tasks]
+    assert names == ["damping", "precession", "rest", "despin", "slew", "pointing", "entry_slew"]
 
 
 def test_the_last_override_holds():
@@ -173,8 +228,35 @@ def test_schema_holds_together():
             assert reference.removeprefix("#/$defs/") in blocks
             assert reference.endswith(".partial") == name.endswith(".partial")
         assert block["additionalProperties"] is False
-        assert name.endswith(".partial") is not ("required" in block) or name == "SensorOverrides"
-    assert set(blocks["Scenario"]["required"]) == set(Scenario.model_fields)
+        optional = {"SensorOverrides", "Atmosphere"}
+        assert name.endswith(".partial") is not ("required" in block) or name in optional
+    needed = {name for name, field in Scenario.model_fields.items() if field.is_required()}
+    assert set(blocks["Scenario"]["required"]) == needed
+
+
+def test_schema_shows_every_form_of_a_section():
+    """An editor offers all of them, and the keys that the file has."""
+    blocks = json_schema()["$defs"]
+    motor = blocks["Stage"]["properties"]["motor"]
+    offered = {option["$ref"].rpartition("/")[2] for option in motor["oneOf"]}
+    assert offered == {"ShapedMotor", "MeasuredMotor", "MotorFile"}
+    assert {"from", "until", "task"} <= set(blocks["Turn"]["required"])
+    assert blocks["ShapedMotor"]["properties"]["thrust_factor"]["default"] == "100 %"
+    tasks = blocks["Scenario"]["properties"]["programme"]
+    assert "oneOf" in str(tasks) and "Dwell" in str(tasks) and "UnknownTask" not in str(blocks.keys())
+
+
+@pytest.mark.parametrize("path", sorted(SCENARIOS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_schema_accepts_the_scenarios(path):
+    """As an editor would say; and what it would say of a misspelt key."""
+    jsonschema = pytest.importorskip("jsonschema")
+    validator = jsonschema.Draft202012Validator(json_schema())
+    tree = document.parse(path.read_text(encoding="utf-8"), path.name).tree
+    validator.validate(tree)
+    tree.setdefault("programme", {})["damping"] = None
+    assert validator.is_valid(tree) == ("extends" in tree)
+    tree["programme"]["damping"] = {"task": "damp", "from": "65 s", "untill": "70 s"}
+    assert not validator.is_valid(tree)
 
 
 def test_loading_waits_for_nothing_heavy():

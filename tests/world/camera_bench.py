@@ -99,4 +99,6 @@ def turning(azimuth_deg, elevation_deg, omega_c=(0.0, 0.0, 0.0), duration_s=0.5)
         mach=one,
         dynamic_pressure_pa=one,
         thrust_n=one,
+        burning=np.zeros(n, np.int8),
+        angle_of_attack=one,
     )

@@ -1,13 +1,14 @@
-"""The attitude programme: each piece arrives where it should, with a rate that is continuous."""
+"""The attitude programme: each task arrives where it should, with a rate that is continuous."""
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from shefex2 import C_BC, DEG, EARTH, PROGRAM
+from shefex2 import C_BC, DEG, EARTH
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.world.flight import attitude_program as attitude
+from shefex_nav.world.flight import params as p
 
 
 def end_attitude(law, q_0):
@@ -94,14 +95,57 @@ def test_spin_ramp():
     assert (rolled * Rotation.from_rotvec([-9.4 * 7.5, 0.0, 0.0])).magnitude() < 1e-7
 
 
-def test_residual_rates_have_the_size_that_was_asked_for():
-    program = PROGRAM._replace(residual_boresight_rate=1.2 * DEG, residual_cross_rate=1.6 * DEG)
-    law = attitude.dwell(program, C_BC)
+def test_rates_of_a_dwell_have_the_size_that_was_asked_for():
+    task = p.Dwell("pointing", 250.0, 372.0, 1.2 * DEG, 1.6 * DEG, 20.0, 0.3, 3.0)
+    law = attitude.dwell(task, C_BC)
     middle = np.array([attitude.body_rate(law, t)[:3] for t in np.arange(260.0, 360.0, 0.5)])
     assert np.allclose(np.linalg.norm(middle, axis=1), 2.0 * DEG, rtol=1e-9)
     assert np.allclose(middle @ C_BC[:, 2], 1.2 * DEG, rtol=1e-9)
-    for t_s in (program.pointing_start_s, program.pointing_end_s):
+    turning = np.unwrap(np.arctan2(middle @ C_BC[:, 1], middle @ C_BC[:, 0]))
+    assert np.allclose(np.diff(turning) / 0.5, 2.0 * np.pi / 20.0, rtol=1e-6)
+    for t_s in (task.t_0, task.t_1):
         assert np.allclose(attitude.body_rate(law, t_s), 0.0, atol=1e-15)
+    still = attitude.dwell(task._replace(boresight_rate=0.0, cross_rate=0.0, ramp_s=0.0), C_BC)
+    assert not any(attitude.body_rate(still, 300.0))
+
+
+def test_tasks_become_the_laws_that_reach_their_targets():
+    rng = np.random.default_rng(6)
+    q_0, r_i = random_attitude(rng), np.array([2.0e6, 1.0e6, 6.1e6])
+    v_i = np.array([500.0, 1500.0, -2000.0])
+
+    def ahead(t_s):
+        assert t_s == 149.2  # the time that the task names
+        return r_i, v_i
+
+    def reached(task, spin):
+        law = attitude.rate_law(task, q_0, spin, ahead, EARTH, C_BC)
+        assert (law.t_0, law.t_1) == (100.0, 130.0)
+        assert attitude.body_rate(law, 100.0)[:3] == pytest.approx([spin, 0.0, 0.0], abs=1e-12)
+        return rotation.dcm_from_quat(end_attitude(law, q_0)), attitude.body_rate(law, 130.0)[0]
+
+    span = (100.0, 130.0)
+    C_ib, spin = reached(p.Turn("a", *span, 5.0, 0.2, 149.2), 9.0)
+    assert np.allclose(C_ib[:, 0], attitude.direction_i(EARTH, 149.2, r_i, 5.0, 0.2), atol=1e-7)
+    assert spin == 9.0
+    C_ib, _ = reached(p.AlignVelocity("b", *span, 149.2), 0.0)
+    v_air = v_i - np.cross(frames.omega_ie_i(EARTH), r_i)
+    assert np.allclose(C_ib[:, 0], v_air / np.linalg.norm(v_air), atol=1e-7)
+    assert reached(p.Spin("c", *span, 2.5), 9.0)[1] == pytest.approx(2.5, abs=1e-12)
+    C_ib, spin = reached(p.Hold("d", *span), 9.0)
+    assert np.allclose(C_ib[:, 0], rotation.dcm_from_quat(q_0)[:, 0], atol=1e-7) and spin == 9.0
+    with pytest.raises(TypeError, match="no law"):
+        attitude.rate_law(p.Damp("e", *span), q_0, 0.0, ahead, EARTH, C_BC)
+
+
+def test_point_lays_the_boresight_where_it_is_told_at_its_end():
+    q_0, r_i = random_attitude(np.random.default_rng(4)), np.array([2.0e6, 1.0e6, 6.1e6])
+    task = p.Point("slew", 235.0, 250.0, 115.0 * DEG, 52.0 * DEG, 0.4)
+    law = attitude.rate_law(task, q_0, 0.0, lambda t_s: (r_i + (t_s - 250.0), None), EARTH, C_BC)
+    C_ic = rotation.dcm_from_quat(end_attitude(law, q_0)) @ C_BC
+    assert np.allclose(
+        C_ic[:, 2], attitude.direction_i(EARTH, 250.0, r_i, 115.0 * DEG, 52.0 * DEG), atol=1e-7
+    )
 
 
 @pytest.mark.parametrize("roll", [0.0, 0.7, np.pi])

@@ -150,6 +150,25 @@ def test_satellites_below_the_horizon_count_in_space_only():
     assert len(seen[177e3]) > len(seen[10.0])
 
 
+def test_fixes_in_orbit():
+    """400 km: the Earth and its lowest 50 km of air hide what is more than 18.5 degrees down."""
+    flight = synthetic.orbit(end_s=3.0)
+    fixes = measure(CALM, flight, events=())
+    assert all(fix.valid and 7 <= fix.n_satellites <= 17 and fix.pdop < 4.0 for fix in fixes)
+    omni = CALM._replace(blind_nose=0.0, blind_tail=0.0)
+    antenna = gps.antenna_states(flight, synthetic.EARTH, omni.l_ba_b)
+    satellites_e = gnss.positions_e(CONSTELLATION, antenna.t_s)
+    u_e = gnss.lines_of_sight_e(antenna.r_ea_e, satellites_e)
+    seen = gps.visible(omni, antenna, u_e)
+    # the angle at the vehicle between satellite and nadir, of the sphere of 50 km above a mean radius
+    nadir = -antenna.r_ea_e / np.linalg.norm(antenna.r_ea_e, axis=1, keepdims=True)
+    from_nadir = np.arccos(np.einsum("mnk,mk->mn", u_e, nadir))
+    limb = [np.arcsin((r + 50e3) / (r + 400e3)) for r in (6357e3, 6378e3)]
+    assert np.all(seen[from_nadir > max(limb) + 0.01])
+    assert not np.any(seen[from_nadir < min(limb) - 0.01])
+    assert np.rad2deg(gnss.elevation(antenna.r_ea_e, u_e)[seen]).min() < -5.0
+
+
 def test_antenna_is_blind_about_nose_and_tail(flight):
     antenna = gps.antenna_states(flight, synthetic.EARTH, CALM.l_ba_b)
     rng = np.random.default_rng(6)
@@ -228,7 +247,7 @@ def test_gps_parameters_leave_the_imu_alone(flight):
     perfect = imu.ImuParams(*[0.0] * len(imu.ImuParams._fields))
     params = perfect._replace(
         gyro_random_walk=1e-5, gyro_bias_tau_s=1.0, accel_bias_tau_s=1.0, gyro_range=9.0, accel_range=1e3,
-        vibration_low_hz=20.0, vibration_high_hz=2000.0,
+        vibration_boost=np.zeros(2), vibration_low_hz=20.0, vibration_high_hz=2000.0,
     )  # fmt: skip
     alone = imu.measure(params, flight, noise.generator(1, "imu"))
     for gps_params in (PARAMS, CALM._replace(sigma_range=10.0)):

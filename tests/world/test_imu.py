@@ -5,7 +5,6 @@ import pytest
 import synthetic_trajectory as synthetic
 from scipy import stats
 
-from shefex_nav.records import Phase
 from shefex_nav.world import imu, noise
 
 DT_S = 1.0 / synthetic.RATE_HZ
@@ -13,6 +12,7 @@ G = 9.80665  # m/s^2
 PERFECT = imu.ImuParams(
     **{name: 0.0 for name in imu.ImuParams._fields}
 )._replace(
+    vibration_boost=np.zeros(2),
     gyro_bias_tau_s=1000.0,
     accel_bias_tau_s=1000.0,
     gyro_range=np.inf,
@@ -39,11 +39,13 @@ REAL = PERFECT._replace(
     accel_vibration_rectification=2e-6,
     accel_range=40 * G,
     accel_quantum=5e-5,
-    vibration_boost_1=7 * G,
-    vibration_boost_2=3.5 * G,
+    vibration_boost=np.array([7 * G, 3.5 * G]),
     vibration_coast=0.02 * G,
     vibration_rate=5.3e-4,
 )
+
+
+SHAKEN = PERFECT._replace(vibration_boost=np.array([7 * G]))
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +74,7 @@ def test_constant_errors_follow_their_equation(flight):
     """Every constant term at once, against the equation written for one sample."""
     params = REAL._replace(
         gyro_bias_in_run=0, gyro_random_walk=0, gyro_quantum=0, accel_bias_in_run=0, accel_random_walk=0,
-        accel_quantum=0, vibration_rate=0, vibration_coast=0, vibration_boost_1=0,
+        accel_quantum=0, vibration_rate=0, vibration_coast=0, vibration_boost=np.zeros(1),
     )  # fmt: skip
     data = measure(params, flight)
     e = data.errors
@@ -140,7 +142,7 @@ def test_vibration_has_the_size_of_its_spectrum():
     An increment is acceleration through |H| = sin(pi f dt)/(pi f), the velocity through 1/(2 pi f). The
     3 axes have 70 000 samples, scatter about 1 %; the filter's edge and the part above 2 kHz are the rest.
     """
-    data = measure(PERFECT._replace(vibration_boost_1=7 * G), synthetic.still(24_001, Phase.BOOST_1))
+    data = measure(SHAKEN, synthetic.still(24_001, burning=1))
     increment = np.sqrt(band(lambda f: (np.sin(np.pi * f * DT_S) / (np.pi * f)) ** 2, 7 * G))
     velocity = np.sqrt(band(lambda f: 1.0 / (2.0 * np.pi * f) ** 2, 7 * G))
     assert increment == pytest.approx(0.051, abs=0.001)  # the figures of the module's docstring
@@ -151,35 +153,35 @@ def test_vibration_has_the_size_of_its_spectrum():
 
 def test_vibration_leaves_no_velocity_behind_even_in_spin():
     """Summed over 60 s at 7 g rms, in body axes or turned at 1.5 Hz, it stays within 5 sigma."""
-    data = measure(PERFECT._replace(vibration_boost_1=7 * G), synthetic.still(24_001, Phase.BOOST_1))
+    data = measure(SHAKEN, synthetic.still(24_001, burning=1))
     angle = synthetic.SPIN * data.t_s
     turned = data.dv_b[:, 1] * np.cos(angle) - data.dv_b[:, 2] * np.sin(angle)
     assert np.abs(np.cumsum(turned)).max() < 5 * 0.055
     assert np.abs(np.cumsum(data.dv_b, axis=0)).max() < 5 * 0.055
 
 
-def test_vibration_follows_the_phase(flight):
-    params = PERFECT._replace(vibration_boost_1=7 * G, vibration_coast=0.02 * G, vibration_rate=5.3e-4)
+def test_vibration_follows_the_motor(flight):
+    params = SHAKEN._replace(vibration_coast=0.02 * G, vibration_rate=5.3e-4)
     data = measure(params, flight)
     noisy_v, noisy_theta = data.dv_b - flight.dv_b, data.dtheta_b - flight.dtheta_b
-    boost = flight.phase == Phase.BOOST_1
+    boost = flight.burning == 1
     coast = flight.t_s > synthetic.BURN_S + 1.0
     for increments in (noisy_v, noisy_theta):
         assert np.std(increments[boost]) / np.std(increments[coast]) == pytest.approx(350.0, rel=0.05)
     assert np.std(noisy_theta[boost]) / np.std(noisy_v[boost]) == pytest.approx(5.3e-4, rel=0.03)
-    level = imu.vibration_rms(REAL, np.array([Phase.PAD, Phase.BOOST_1, Phase.BOOST_2, Phase.ENTRY], np.int8))
+    level = imu.vibration_rms(REAL, np.array([0, 1, 2, 0], np.int8))
     np.testing.assert_allclose(level / G, [0.02, 7.0, 3.5, 0.02])
+    no_stages = REAL._replace(vibration_boost=np.zeros(0))
+    np.testing.assert_allclose(imu.vibration_rms(no_stages, np.zeros(2, np.int8)) / G, 0.02)
 
 
 def test_rectification_is_a_bias_that_grows_with_the_square_of_the_vibration(flight):
-    params = PERFECT._replace(
-        vibration_boost_1=7 * G, accel_vibration_rectification=2e-6, gyro_vibration_rectification=1e-9
-    )
+    params = SHAKEN._replace(accel_vibration_rectification=2e-6, gyro_vibration_rectification=1e-9)
     with_it = measure(params, flight)
     without = measure(
         params._replace(accel_vibration_rectification=0, gyro_vibration_rectification=0), flight
     )
-    boost = (flight.phase == Phase.BOOST_1)[:, None]
+    boost = (flight.burning == 1)[:, None]
     e = with_it.errors
     expected_v = np.where(boost, e.accel_vibration_rectification * (7 * G) ** 2 * DT_S, 0.0)
     expected_theta = np.where(boost, e.gyro_vibration_rectification * (7 * G) ** 2 * DT_S, 0.0)
@@ -238,6 +240,17 @@ def test_blocks_are_views_of_four_samples_ending_at_the_tick(flight):
         np.testing.assert_array_equal(block.dv_b, data.dv_b[4 * n - 3 : 4 * n + 1])
         assert np.shares_memory(block.dv_b, data.dv_b) and block.dv_b.flags.c_contiguous
         assert block.saturated == (n == 7)
+
+
+def test_pieces_leave_no_trace(flight, monkeypatch):
+    """Filters, biases and sums go on from piece to piece, and the same numbers are drawn."""
+    whole = measure(REAL, flight)
+    monkeypatch.setattr(imu, "PIECE", 777)
+    pieces = measure(REAL, flight)
+    assert len(flight.t_s) > 777
+    np.testing.assert_array_equal(pieces.dtheta_b, whole.dtheta_b)
+    np.testing.assert_array_equal(pieces.dv_b, whole.dv_b)
+    np.testing.assert_array_equal(pieces.saturated, whole.saturated)
 
 
 def test_same_seed_same_bytes_and_one_sensor_does_not_disturb_the_other(flight):

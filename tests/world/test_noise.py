@@ -17,7 +17,14 @@ def test_a_stream_repeats_and_differs_from_every_other():
 
 def test_keys_of_streams_are_frozen():
     """A changed key would change the numbers of every run ever made."""
-    assert noise.STREAMS == {"imu": 1, "gps": 2, "pad": 3, "camera_errors": 4, "camera_noise": 5}
+    assert noise.STREAMS == {
+        "imu": 1,
+        "gps": 2,
+        "pad": 3,
+        "camera_errors": 4,
+        "camera_noise": 5,
+        "attitude_control": 6,
+    }
 
 
 def test_unknown_stream_is_an_error():

@@ -76,6 +76,23 @@ def test_velocity_is_that_of_the_ground(flight):
     assert np.linalg.norm(alignment.v_i) == pytest.approx(165.0, abs=1.5)
 
 
+def test_alignment_in_orbit():
+    """Errors of position and velocity are independent, those of attitude are about local level."""
+    flight = synthetic.orbit(end_s=0.1)
+    far = PARAMS._replace(sigma_r=1e5)
+    alignments = [align(flight, seed, far) for seed in range(300)]
+    error_v = np.array([alignment.v_i - flight.v_i[0] for alignment in alignments])
+    low, high = stats.chi2.interval(0.999, error_v.size)  # 1e5 m turning with the Earth would add 7 m/s
+    assert low < np.sum(error_v**2) / PARAMS.sigma_v**2 < high
+    error_r = np.array([alignment.r_i - flight.r_i[0] for alignment in alignments])
+    assert low < np.sum(error_r**2) / far.sigma_r**2 < high
+    q_true = flight.q_ib[0]  # body x ahead, y to the right, z down: level but for the ellipsoid's normal
+    error_b = np.array([rotation.rotvec_between(alignment.q_ib, q_true) for alignment in alignments])
+    np.testing.assert_allclose(np.rad2deg(error_b.std(axis=0)), [0.05, 0.05, 0.3], rtol=0.2)
+    same = align(flight, 1, pad.PadParams(0.0, 0.0, 0.0, 0.0))
+    np.testing.assert_allclose(same.v_i, flight.v_i[0], atol=1e-12)
+
+
 def test_same_seed_same_alignment(flight):
     first, again, other = align(flight, 5), align(flight, 5), align(flight, 6)
     assert first.q_ib.tobytes() == again.q_ib.tobytes() and first.r_i.tobytes() == again.r_i.tobytes()

@@ -158,12 +158,19 @@ def transition(pieces, r_i, q_ib, gyro_roll_column):
     return Phi
 
 
-def vibration_level(model, block):
-    """Vibration in an ImuBlock relative to that of the first motor: 0 unless a motor pushes the vehicle."""
+def vibration_level(params, block):
+    """Vibration in an ImuBlock relative to that of the strongest motor: 0 unless a motor pushes the vehicle.
+
+    NavParams, ImuBlock -> float
+    """
     thrust = sum(block.dv_b[:, 0].tolist()) / (strapdown.SAMPLES * block.dt_s)
-    if thrust <= model.thrust_threshold:
+    if thrust <= params.imu.thrust_threshold:
         return 0.0
-    return 1.0 if block.t_valid_s < model.motor_2_s else model.motor_2_vibration
+    level = 0.0
+    for t_s, relative in params.motors.tolist():
+        if t_s <= block.t_valid_s:
+            level = relative
+    return level
 
 
 @njit(cache=True)

@@ -74,7 +74,7 @@ def advance(nav, block):
             f"IMU block ending at {block.t_valid_s:.6f} s does not follow on the state at "
             f"{last.state.t_s:.6f} s"
         )
-    level = error_model.vibration_level(nav.params.imu, block)
+    level = error_model.vibration_level(nav.params, block)
     imu = strapdown.window(block, last.imu, level)
     state, P = _predict(nav, last.state, last.P, imu, 0.0, length_s)
     nav.history.append(Tick(state, P, imu, ()))

@@ -129,7 +129,7 @@ def _derive(
 
     # gradients of the angles with respect to the velocity in n or b, with |v|^2 in the denominator
     up = np.array([v_n[0] * v_n[2] / level, v_n[1] * v_n[2] / level, -level]) / speed**2
-    attack = np.array([-v_b[2], 0.0, v_b[0]]) / pitch_plane**2
+    attack = np.array([-np.sin(attack_angle), 0.0, np.cos(attack_angle)]) / pitch_plane
     slip = np.array([-v_b[0] * v_b[1] / pitch_plane, pitch_plane, -v_b[2] * v_b[1] / pitch_plane]) / speed**2
     path_i = np.ascontiguousarray(C_ei.T) @ (C_en @ up)
     g, sigmas = np.zeros(9), np.empty(3)

@@ -51,17 +51,15 @@ class ImuModel(NamedTuple):
     gyro_cross: float  # scale factor and misalignment met by rates across the roll axis, rms of three axes
     manoeuvre_angle: float  # rad, angle through which the roll axis is typically turned at a time
     gyro_g_sensitivity: float  # rad/s per m/s^2
-    gyro_rectification: float  # rad/s, bias while the first motor burns
-    gyro_vibration: float  # rad rms, swinging of the sensors while the first motor burns
+    gyro_rectification: float  # rad/s, bias while the strongest motor burns
+    gyro_vibration: float  # rad rms, swinging of the sensors while the strongest motor burns
     gyro_quantum: float  # rad, smallest increment
     accel_random_walk: float  # m/s/sqrt(s)
     accel_bias_walk: float  # m/s^2/sqrt(s), wander of the bias
     accel_cross: float  # scale factor, as met by thrust along the roll axis
-    accel_rectification: float  # m/s^2, bias while the first motor burns
-    accel_vibration: float  # m/s rms, swinging of the sensors while the first motor burns
+    accel_rectification: float  # m/s^2, bias while the strongest motor burns
+    accel_vibration: float  # m/s rms, swinging of the sensors while the strongest motor burns
     thrust_threshold: float  # m/s^2, specific force towards the nose above which a motor burns
-    motor_2_s: float  # s from lift-off, by then the first motor has burnt out
-    motor_2_vibration: float  # vibration of the second motor relative to the first
     thrust_time_s: float  # correlation time of errors that go with specific force: half a burn
     gravity: float  # m/s^2, what the on-board gravity model leaves out
     gravity_time_s: float  # for how long it acts before GPS corrects for it, while the body turns
@@ -93,6 +91,7 @@ class NavParams(NamedTuple):
     release_star: ReleaseRule  # afterwards
     gps_agreement: float  # m per second between two fixes, for the check of fixes against each other
     history_s: float  # how far back a measurement may lie
+    motors: np.ndarray  # (n, 2) in order of burning: s from when it may burn, vibration by the strongest's
 
 
 def initial(params, alignment):

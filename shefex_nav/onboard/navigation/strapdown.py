@@ -40,7 +40,7 @@ class ImuWindow(NamedTuple):
     dtheta_before_b: np.ndarray  # (2, 3) rad
     dv_before_b: np.ndarray  # (2, 3) m/s
     saturated: bool
-    vibration: float  # level, 0: no motor burns, 1: the first motor
+    vibration: float  # level, 0: no motor burns, 1: the strongest motor
 
 
 class Pieces(NamedTuple):

@@ -1,13 +1,11 @@
-"""The attitude between separation and re-entry, when cold gas steers the vehicle: prescribed body rates.
+"""The attitude programme: what the body rate is while a task is flown.
 
-In: the programme of the mission and the state at the start of each piece. Out: a `RateLaw` per piece, and
-from it the body rate and its derivative at any time; the attitude itself is integrated in `dynamics`.
+In: a task of the mission's programme and the attitude from which it starts. Out: a `RateLaw`, and from it the
+body rate and its derivative at any time. Flown with a prescribed attitude the body follows the law itself;
+else the law moves the attitude that the cold-gas system follows.
 
-Every rate is a function of time alone with a continuous derivative, and each piece starts with the rate with
-which the one before ended. The thrusters and their plumes are not modelled, and pure couples are assumed:
-they turn the vehicle and do not push it.
-
-A target direction is given as azimuth and elevation in the local level frame below the place where the
+Every rate is a function of time alone with a continuous derivative, and begins and ends with nothing but the
+spin. A target direction is given as azimuth and elevation in the local level frame below the place where the
 vehicle will be at the instant for which the direction is meant; that place is predicted by a free fall.
 """
 
@@ -17,35 +15,7 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.geometry import frames, rotation, wgs84
-
-
-class Program(NamedTuple):
-    """Mission times [s from lift-off] and targets, in the order in which they are flown."""
-
-    separation_s: float  # first stage dropped; transverse rates are damped until precession_start_s
-    precession_start_s: float
-    precession_end_s: float
-    burn_azimuth: float  # rad from north over east, of the roll axis during the second burn
-    burn_elevation: float  # rad above the local horizontal at ignition_2_s
-    ignition_2_s: float
-    despin_start_s: float
-    despin_end_s: float  # the slew to the star camera's attitude starts
-    pointing_start_s: float
-    boresight_azimuth: float  # rad, at pointing_start_s
-    boresight_elevation: float  # rad
-    boresight_roll: (
-        float  # rad about the boresight; 0: camera x as near to the roll axis after the burn as it gets
-    )
-    residual_boresight_rate: float  # rad/s, constant, about the boresight
-    residual_cross_rate: float  # rad/s, across the boresight, turning in the camera's axes
-    residual_period_s: float  # of that turning
-    residual_phase: float  # rad
-    residual_ramp_s: float  # rates fade in after pointing_start_s and out before pointing_end_s
-    pointing_end_s: float  # the slew of the roll axis to the entry attitude starts
-    entry_aim_s: float  # the roll axis is laid along the air-relative velocity predicted for this time
-    entry_slew_end_s: float  # the spin-up starts
-    entry_spin: float  # rad/s
-    spin_up_end_s: float  # attitude free from here on
+from shefex_nav.world.flight import params
 
 
 class RateLaw(NamedTuple):
@@ -166,16 +136,48 @@ def turn_to(t_0, t_1, q_ib, q_target):
     return hold(t_0, t_1, 0.0)._replace(axis=axis, angle=angle)
 
 
-def dwell(program, C_bc):
-    """Hold the star camera's attitude, but for the residual rates. C_bc: (3, 3) nominal mounting."""
-    p = program
-    return hold(p.pointing_start_s, p.pointing_end_s, 0.0)._replace(
-        steady=p.residual_boresight_rate * np.ascontiguousarray(C_bc[:, 2]),
-        swing=p.residual_cross_rate * np.ascontiguousarray(C_bc[:, :2].T),
-        frequency=2.0 * np.pi / float(p.residual_period_s),
-        phase=float(p.residual_phase),
-        ramp=float(p.residual_ramp_s),
+def dwell(task, C_bc):
+    """Hold the star camera's attitude, but for the rates asked for. C_bc: (3, 3) nominal mounting."""
+    law = hold(task.t_0, task.t_1, 0.0)
+    if task.ramp_s == 0.0:
+        return law
+    return law._replace(
+        steady=task.boresight_rate * np.ascontiguousarray(C_bc[:, 2]),
+        swing=task.cross_rate * np.ascontiguousarray(C_bc[:, :2].T),
+        frequency=2.0 * np.pi / float(task.cross_period_s),
+        phase=float(task.cross_phase),
+        ramp=float(task.ramp_s),
     )
+
+
+def rate_law(task, q_ib, spin, ahead, earth, C_bc):
+    """The law by which a task moves the attitude q_ib (4,) that it starts from, spinning at `spin` rad/s.
+
+    ahead: function of the mission time s that predicts (r_i, v_i) of the free fall. Damping has no law of
+    this kind: what it leaves depends on the rates it finds, see `damp`.
+    """
+    t_0, t_1 = task.t_0, task.t_1
+    match task:
+        case params.Turn():
+            r_i, _ = ahead(task.t_at_s)
+            target_i = direction_i(earth, task.t_at_s, r_i, task.azimuth, task.elevation)
+            return turn_roll_axis(t_0, t_1, spin, q_ib, target_i)
+        case params.AlignVelocity():
+            r_i, v_i = ahead(task.t_at_s)
+            v_air_i = v_i - np.cross(frames.omega_ie_i(earth), r_i)
+            return turn_roll_axis(t_0, t_1, spin, q_ib, v_air_i / np.sqrt(v_air_i @ v_air_i))
+        case params.Spin():
+            return ramp_spin(t_0, t_1, spin, task.rate)
+        case params.Point():
+            r_i, _ = ahead(t_1)
+            boresight_i = direction_i(earth, t_1, r_i, task.azimuth, task.elevation)
+            roll_axis_i = rotation.quat_rotate(q_ib, np.array([1.0, 0.0, 0.0]))
+            return turn_to(t_0, t_1, q_ib, camera_attitude(boresight_i, roll_axis_i, task.roll, C_bc))
+        case params.Dwell():
+            return dwell(task, C_bc)
+        case params.Hold():
+            return hold(t_0, t_1, spin)
+    raise TypeError(f"no law for {task!r}")
 
 
 def direction_i(earth, t_s, r_i, azimuth, elevation):

@@ -1,15 +1,16 @@
-"""Equations of motion of the vehicle and their integration.
+"""Equations of motion of the vehicle.
 
-In: state, `vehicle.Configuration` of the section, `attitude_program.RateLaw`, `surroundings.World`. Out:
-truth at the IMU rate.
+In: state, `scene.Scene` of the section, `attitude_program.RateLaw`. Out: the time derivative of the state,
+and what an accelerometer and an air data sensor would feel.
 
 The state is that of the IMU, a point fixed in the body, not of the centre of mass, which moves as propellant
 burns and jumps at staging. For a body of varying mass (solidification principle: Meirovitch, J. Spacecraft
 and Rockets 7, 1970; Eke & Wang, ASME J. Appl. Mech. 61, 1994) the point that is the centre of mass at this
 instant obeys a_cg = F/m + g, and the IMU, from which the centre of mass lies at l,
     a_b = a_cg - C_ib (alpha x l + omega x (omega x l)),   f_b = C_bi (a_b - g(r_b)).
-F holds thrust, aerodynamic force and the Coriolis force of the gas on its way through the motor; the gas is
-taken to keep its angular momentum about the roll axis. No wind, no gravity-gradient torque.
+F holds thrust, aerodynamic force, the pull of a parachute, and the Coriolis force of the gas on its way
+through the motor; the gas is taken to keep its angular momentum about the roll axis. No gravity-gradient
+torque.
 
 State vector (19,): r_i 0:3, v_i 3:6, q_ib 6:10, omega_ib_b 10:13, and the integrals since the last sample of
 omega_ib_b 13:16 and f_b 16:19 in the turning body frame: what ideal gyros and accelerometers put out.
@@ -20,34 +21,36 @@ Vectors are written out in components: arrays this small cost more to allocate t
 import numpy as np
 from numba import njit
 
-from shefex_nav.environment.atmosphere import us76
+from shefex_nav.world.flight.aerodynamics import force_and_moment, total_angle
 from shefex_nav.world.flight.attitude_program import body_rate
+from shefex_nav.world.flight.devices import yo_yo_acceleration
 from shefex_nav.world.flight.surroundings import (
-    coarse_gravity_i,
-    fine_gravity_i,
-    height,
+    air,
+    coarse_gravity,
+    level,
     position_e,
     times,
+    to_inertial,
     transposed_times,
     turned,
+    wind_e,
 )
 from shefex_nav.world.flight.vehicle import mass_properties, thrust
 
-ON_RAIL, FREE, PROGRAMMED = 0, 1, 2  # how the attitude comes about
+ON_RAIL, FREE, PROGRAMMED, CONTROLLED = 0, 1, 2, 3  # how the attitude comes about
 STATE = 19
-AUX = 8  # f_b 0:3, mass 3, Mach number 4, dynamic pressure 5, thrust 6, height 7
+AUX = 9  # f_b 0:3, mass 3, Mach number 4, dynamic pressure 5, thrust 6, height 7, total angle of attack 8
 ROW = STATE + AUX
-TIME_EPS = 1e-9  # s, instants closer than this are one
 
 
-@njit(cache=True)
-def _cross(ax, ay, az, bx, by, bz):
+@njit(cache=True, error_model="numpy")
+def cross(ax, ay, az, bx, by, bz):
     """a x b."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@njit(cache=True)
-def _attitude(x, C):
+@njit(cache=True, error_model="numpy")
+def write_attitude(x, C):
     """Write C_ib of the state into C (3, 3)."""
     w, a, b, c = x[6], x[7], x[8], x[9]
     C[0, 0], C[0, 1], C[0, 2] = 1.0 - 2.0 * (b * b + c * c), 2.0 * (a * b - w * c), 2.0 * (a * c + w * b)
@@ -55,112 +58,133 @@ def _attitude(x, C):
     C[2, 0], C[2, 1], C[2, 2] = 2.0 * (a * c - w * b), 2.0 * (b * c + w * a), 1.0 - 2.0 * (a * a + b * b)
 
 
-@njit(cache=True)
-def _coefficients(table, mach):
-    """Row of the aerodynamic table at a Mach number, linear in between, constant outside: six numbers."""
-    last = table.shape[0] - 2
-    k = 0
-    while k < last and mach >= table[k + 1, 0]:
-        k += 1
-    part = min(1.0, max(0.0, (mach - table[k, 0]) / (table[k + 1, 0] - table[k, 0])))
-    rest = 1.0 - part
-    return (
-        rest * table[k, 1] + part * table[k + 1, 1],
-        rest * table[k, 2] + part * table[k + 1, 2],
-        rest * table[k, 3] + part * table[k + 1, 3],
-        rest * table[k, 4] + part * table[k + 1, 4],
-        rest * table[k, 5] + part * table[k + 1, 5],
-        rest * table[k, 6] + part * table[k + 1, 6],
-    )
+@njit(cache=True, error_model="numpy")
+def _relative_to_air(x, s, wind_x, wind_y, wind_z, lx, ly, lz):
+    """Velocity of the centre of mass, at l from the IMU, relative to the air, and rate relative to the Earth.
 
-
-@njit(cache=True)
-def _aerodynamics(configuration, station, density, sound, u, v, w, p, q, r):
-    """Aerodynamic force and moment about the centre of mass in body axes, Mach number, dynamic pressure.
-
-    u, v, w: velocity of the centre of mass relative to the air in body axes; p, q, r: relative rate.
-    Normal force C_N,alpha sin(alpha) against the cross flow at the centre of pressure, axial force
-    C_A cos(alpha) |cos(alpha)|, damping proportional to omega d/(2V).
+    Three numbers each, body axes. The air turns with the Earth, and the wind comes on top.
     """
-    speed2 = u * u + v * v + w * w
-    speed = np.sqrt(speed2)
-    mach = speed / sound
-    q_dynamic = 0.5 * density * speed2
-    if q_dynamic <= 0.0:
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, mach, q_dynamic
-    axial, normal, x_cp, pitch_damping, roll_damping, roll_by_cant = _coefficients(configuration.aero, mach)
-    d = configuration.diameter
-    force = q_dynamic * configuration.area
-    fx = -force * axial * u * abs(u) / speed2
-    fy, fz = -force * normal * v / speed, -force * normal * w / speed
-    arm = x_cp - station
-    by_rate = 0.5 * force * d * d / speed
-    mx = force * d * roll_by_cant * configuration.fin_cant + by_rate * roll_damping * p
-    return (
-        fx,
-        fy,
-        fz,
-        mx,
-        arm * fz + by_rate * pitch_damping * q,
-        -arm * fy + by_rate * pitch_damping * r,
-        mach,
-        q_dynamic,
-    )
+    wx, wy, wz = s.C_iq[0, 2] * s.rate, s.C_iq[1, 2] * s.rate, s.C_iq[2, 2] * s.rate
+    vx, vy, vz = cross(wx, wy, wz, x[0], x[1], x[2])
+    u, v, w = transposed_times(s.C, x[3] - vx - wind_x, x[4] - vy - wind_y, x[5] - vz - wind_z)
+    wx, wy, wz = transposed_times(s.C, wx, wy, wz)
+    p, q, r = x[10] - wx, x[11] - wy, x[12] - wz
+    vx, vy, vz = cross(p, q, r, lx, ly, lz)
+    return (u + vx, v + vy, w + vz), (p, q, r)
 
 
-@njit(cache=True)
-def _motor(configuration, vacuum_thrust, pressure, station, grain_k2, q, r):
-    """Thrust against ambient pressure, Coriolis force of the gas, coefficient of the jet damping.
+@njit(cache=True, error_model="numpy")
+def _parachute(s, t_s, density, arm, velocity, rate):
+    """Force of the parachute in body axes; arm: from the centre of mass to where its lines are fixed.
 
-    Gas that goes from the grain at x_p to the exit at x_e, flow mu, in a body that turns: force
-    -2 mu omega x (r_e - r_p), moment -mu ((x_e - x)^2 - (x_p - x)^2 - k^2) omega across the roll axis, k the
-    radius of gyration of the burning surface. Both follow from -2 int rho omega x v dV for steady flow.
+    It pulls against the motion of that place; its area grows evenly while it fills.
+    """
+    since = t_s - s.parachute[0]
+    area = s.parachute[2]
+    if since < s.parachute[1]:
+        area *= since / s.parachute[1]
+    wx, wy, wz = cross(rate[0], rate[1], rate[2], arm[0], arm[1], arm[2])
+    u, v, w = velocity[0] + wx, velocity[1] + wy, velocity[2] + wz
+    k = -0.5 * density * np.sqrt(u * u + v * v + w * w) * area
+    return k * u, k * v, k * w
+
+
+@njit(cache=True, error_model="numpy")
+def _motor(s, vacuum_thrust, pressure, station, x_burning, di_y, di_z, q, r):
+    """Force and moment of the motor about the centre of mass, body axes, and the thrust as it is: 7 numbers.
+
+    Gas that goes from the burning surface at the station x_p to the exit at x_e, flow mu, in a body that
+    turns: force -2 mu omega x (r_e - r_p), and across the roll axis the moment
+    -mu ((x_e - x)^2 - dI/dm) omega, where dI/dm = (x_p - x)^2 + k^2 with k the radius of gyration of the
+    burning surface. Both follow from -2 int rho omega x v dV for steady flow.
     """
     if vacuum_thrust <= 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    c = configuration
-    flow = vacuum_thrust / c.exhaust_speed
-    push = max(0.0, vacuum_thrust - c.exit_area * pressure)
-    across = 2.0 * flow * (c.exit_station - c.grain_station)
-    damping = flow * ((c.exit_station - station) ** 2 - (c.grain_station - station) ** 2 - grain_k2)
-    return push, across * r, -across * q, damping
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    push = max(0.0, vacuum_thrust - s.exit_area * pressure)
+    fx, fy, fz = push * s.thrust_axis[0], push * s.thrust_axis[1], push * s.thrust_axis[2]
+    ry, rz = s.thrust_offset[0] - s.offset[0], s.thrust_offset[1] - s.offset[1]
+    mx, my, mz = cross(station - s.exit_station, ry, rz, fx, fy, fz)
+    flow = s.gas * vacuum_thrust / s.exhaust_speed
+    across = 2.0 * flow * (s.exit_station - x_burning)
+    reach2 = (s.exit_station - station) ** 2
+    my -= flow * (reach2 - di_y) * q
+    mz -= flow * (reach2 - di_z) * r
+    return fx, fy + across * r, fz - across * q, mx, my, mz, push
 
 
-@njit(cache=True)
-def _on_rail(x, C, earth, gx, gy, gz, push):
+@njit(cache=True, error_model="numpy")
+def _outside(s, tables, t_s, density, sound, station, velocity, rate):
+    """Force and moment about the centre of mass, body axes, of air, parachute, spin motors: six numbers."""
+    fx, fy, fz, mx, my, mz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    moving = velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2 > 0.0
+    if density > 0.0 and moving:
+        fx, fy, fz, mx, my, mz = force_and_moment(s, tables, density, sound, station, velocity, rate)
+    if t_s >= s.parachute[0]:
+        arm = (station - s.parachute[3], -s.offset[0], -s.offset[1])
+        px, py, pz = _parachute(s, t_s, density, arm, velocity, rate)
+        tx, ty, tz = cross(arm[0], arm[1], arm[2], px, py, pz)
+        fx, fy, fz, mx, my, mz = fx + px, fy + py, fz + pz, mx + tx, my + ty, mz + tz
+    for k in range(s.spin_motors_n):
+        at = s.spin_motors_at + 3 * k
+        if tables[at] <= t_s < tables[at + 1]:
+            mx += tables[at + 2]
+    return fx, fy, fz, mx, my, mz
+
+
+@njit(cache=True, error_model="numpy")
+def _angular_acceleration(x, s, inertia, moment):
+    """I^-1 (M - omega x I omega) for the full inertia tensor: three numbers."""
+    p, q, r = x[10], x[11], x[12]
+    i_x, i_y, i_z = inertia
+    j_xy, j_xz, j_yz = s.products[0], s.products[1], s.products[2]
+    hx, hy, hz = i_x * p + j_xy * q + j_xz * r, j_xy * p + i_y * q + j_yz * r, j_xz * p + j_yz * q + i_z * r
+    tx, ty, tz = cross(p, q, r, hx, hy, hz)
+    mx, my, mz = moment[0] - tx, moment[1] - ty, moment[2] - tz
+    a_xx, a_yy, a_zz = i_y * i_z - j_yz * j_yz, i_x * i_z - j_xz * j_xz, i_x * i_y - j_xy * j_xy
+    a_xy, a_xz, a_yz = j_xz * j_yz - j_xy * i_z, j_xy * j_yz - j_xz * i_y, j_xy * j_xz - j_yz * i_x
+    d = 1.0 / (i_x * a_xx + j_xy * a_xy + j_xz * a_xz)
+    return (
+        d * (a_xx * mx + a_xy * my + a_xz * mz),
+        d * (a_xy * mx + a_yy * my + a_yz * mz),
+        d * (a_xz * mx + a_yz * my + a_zz * mz),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _on_rail(x, s, gx, gy, gz, push):
     """Specific force in body axes while the rail allows motion along itself only; push: F_x/m.
 
     s'' = F_x/m + u . (g - omega x (omega x r)) along the rail u, never backwards from rest.
     """
-    ex, ey, ez = earth.C_iq[0, 2] * earth.rate, earth.C_iq[1, 2] * earth.rate, earth.C_iq[2, 2] * earth.rate
-    vx, vy, vz = _cross(ex, ey, ez, x[0], x[1], x[2])
-    cx, cy, cz = _cross(ex, ey, ez, vx, vy, vz)
-    ux, uy, uz = C[0, 0], C[1, 0], C[2, 0]
+    ex, ey, ez = s.C_iq[0, 2] * s.rate, s.C_iq[1, 2] * s.rate, s.C_iq[2, 2] * s.rate
+    vx, vy, vz = cross(ex, ey, ez, x[0], x[1], x[2])
+    cx, cy, cz = cross(ex, ey, ez, vx, vy, vz)
+    ux, uy, uz = s.C[0, 0], s.C[1, 0], s.C[2, 0]
     along = push + ux * (gx - cx) + uy * (gy - cy) + uz * (gz - cz)
     speed = ux * (x[3] - vx) + uy * (x[4] - vy) + uz * (x[5] - vz)
     if speed < 1e-6 and along < 0.0:
         along = 0.0
-    kx, ky, kz = _cross(ex, ey, ez, ux, uy, uz)
+    kx, ky, kz = cross(ex, ey, ez, ux, uy, uz)
     return transposed_times(
-        C,
+        s.C,
         ux * along + cx + 2.0 * speed * kx - gx,
         uy * along + cy + 2.0 * speed * ky - gy,
         uz * along + cz + 2.0 * speed * kz - gz,
     )
 
 
-@njit(cache=True)
-def _at_imu(x, C, gm, lx, ly, lz, ax, ay, az):
+@njit(cache=True, error_model="numpy")
+def _at_imu(x, s, lx, ly, lz, ax, ay, az):
     """f_b(IMU) - F/m: what the rotation and the gradient of gravitation make of the distance l to the IMU.
 
     a: angular acceleration. The gradient is that of a point mass: good to 1e-7 m/s^2 over a few metres.
     """
     p, q, r = x[10], x[11], x[12]
-    nx, ny, nz = transposed_times(C, x[0], x[1], x[2])
+    nx, ny, nz = transposed_times(s.C, x[0], x[1], x[2])
     r2 = nx * nx + ny * ny + nz * nz
-    k = gm / (r2 * np.sqrt(r2))
+    k = s.gm / (r2 * np.sqrt(r2))
     ln = 3.0 * (lx * nx + ly * ny + lz * nz) / r2
-    tx, ty, tz = _cross(ax, ay, az, lx, ly, lz)
+    tx, ty, tz = cross(ax, ay, az, lx, ly, lz)
     wl, w2 = p * lx + q * ly + r * lz, p * p + q * q + r * r
     return (
         -tx - (p * wl - w2 * lx) - k * (lx - ln * nx),
@@ -169,143 +193,76 @@ def _at_imu(x, C, gm, lx, ly, lz, ax, ay, az):
     )
 
 
-@njit(cache=True)
-def derivative(t_s, x, mode, law, configuration, world, fine, work, rate, aux):
-    """Time derivative of the state into rate (19,), f_b and air data into aux (8,).
+@njit(cache=True, error_model="numpy")
+def _around(t_s, x, s, tables, fine):
+    """Gravitation in frame i, height, density, pressure, speed of sound, wind in frame i: ten numbers."""
+    turn = turned(s, t_s)
+    ex, ey, ez = position_e(s, turn, x[0], x[1], x[2])
+    gx, gy, gz = coarse_gravity(s, ex, ey, ez)
+    gx, gy, gz = to_inertial(s, turn, gx, gy, gz)
+    height_m, sine, cosine = level(s.a, s.e2, ex, ey, ez)
+    density, pressure, sound = air(s, tables, height_m)
+    wx, wy, wz = 0.0, 0.0, 0.0
+    if s.wind_n > 0:
+        wx, wy, wz = wind_e(s, tables, height_m, sine, cosine, ex, ey)
+        wx, wy, wz = to_inertial(s, turn, wx, wy, wz)
+    return gx + fine[0], gy + fine[1], gz + fine[2], height_m, density, pressure, sound, wx, wy, wz
 
-    fine: three numbers, m/s^2, the gravitation in inertial components that the closed form lacks.
-    work: (4, 3) to work in. In a programmed section omega_ib_b in x is overwritten by the programme's.
+
+@njit(cache=True, error_model="numpy")
+def _acting(t_s, x, s, tables, density, pressure, sound, wx, wy, wz):
+    """What acts on the vehicle but gravitation, and on what; body axes, three numbers each unless said.
+
+    Way from the IMU to the centre of mass m, velocity relative to the air m/s, force over mass m/s^2, moment
+    about the centre of mass N m, I_x, I_y, I_z kg m^2, and mass kg and thrust N, two numbers.
     """
-    earth, r_e, C = world.earth, work[3], work[:3]
-    c, s = turned(earth, t_s)
-    position_e(earth, c, s, x[0], x[1], x[2], r_e)
-    gx, gy, gz = coarse_gravity_i(earth, c, s, r_e)
-    gx, gy, gz = gx + fine[0], gy + fine[1], gz + fine[2]
-    height_m = height(r_e)
-    density, pressure, _, sound = us76(height_m)
-    alpha_x, alpha_y, alpha_z = 0.0, 0.0, 0.0
-    if mode == PROGRAMMED:
-        x[10], x[11], x[12], alpha_x, alpha_y, alpha_z = body_rate(law, t_s)
-    p, q, r = x[10], x[11], x[12]
-    _attitude(x, C)
-    vacuum_thrust, propellant = thrust(configuration, t_s)
-    mass, station, i_roll, i_pitch, grain_k2 = mass_properties(configuration, propellant)
-    lx, ly, lz = -station - configuration.imu[0], -configuration.imu[1], -configuration.imu[2]
-
-    # the air turns with the Earth
-    ex, ey, ez = earth.C_iq[0, 2] * earth.rate, earth.C_iq[1, 2] * earth.rate, earth.C_iq[2, 2] * earth.rate
-    wx, wy, wz = _cross(ex, ey, ez, x[0], x[1], x[2])
-    u, v, w = transposed_times(C, x[3] - wx, x[4] - wy, x[5] - wz)
-    ex, ey, ez = transposed_times(C, ex, ey, ez)
-    ex, ey, ez = p - ex, q - ey, r - ez
-    wx, wy, wz = _cross(ex, ey, ez, lx, ly, lz)
-    fx, fy, fz, mx, my, mz, mach, q_dynamic = _aerodynamics(
-        configuration, station, density, sound, u + wx, v + wy, w + wz, ex, ey, ez
-    )
-    push, side_y, side_z, damping = _motor(configuration, vacuum_thrust, pressure, station, grain_k2, q, r)
-    fx, fy, fz = (fx + push) / mass, (fy + side_y) / mass, (fz + side_z) / mass
-
-    if mode == ON_RAIL:
-        fx, fy, fz = _on_rail(x, C, earth, gx, gy, gz, fx)
-    else:
-        if mode == FREE:
-            alpha_x = mx / i_roll
-            alpha_y = (my - damping * q + (i_pitch - i_roll) * p * r) / i_pitch
-            alpha_z = (mz - damping * r - (i_pitch - i_roll) * p * q) / i_pitch
-        dx, dy, dz = _at_imu(x, C, world.gravity.gm, lx, ly, lz, alpha_x, alpha_y, alpha_z)
-        fx, fy, fz = fx + dx, fy + dy, fz + dz
-    ax, ay, az = times(C, fx, fy, fz)
-    rate[0], rate[1], rate[2] = x[3], x[4], x[5]
-    rate[3], rate[4], rate[5] = ax + gx, ay + gy, az + gz
-    rate[6] = 0.5 * (-x[7] * p - x[8] * q - x[9] * r)
-    rate[7] = 0.5 * (x[6] * p + x[8] * r - x[9] * q)
-    rate[8] = 0.5 * (x[6] * q + x[9] * p - x[7] * r)
-    rate[9] = 0.5 * (x[6] * r + x[7] * q - x[8] * p)
-    rate[10], rate[11], rate[12] = alpha_x, alpha_y, alpha_z
-    rate[13], rate[14], rate[15] = p, q, r
-    rate[16], rate[17], rate[18] = fx, fy, fz
-    aux[0], aux[1], aux[2] = fx, fy, fz
-    aux[3], aux[4], aux[5], aux[6], aux[7] = mass, mach, q_dynamic, push, height_m
+    vacuum, left = thrust(s, tables, t_s)
+    mass, station, i_x, i_y, i_z, x_burning, di_y, di_z = mass_properties(s, tables, left)
+    lever = (-station - s.imu[0], s.offset[0] - s.imu[1], s.offset[1] - s.imu[2])
+    velocity, turning = _relative_to_air(x, s, wx, wy, wz, lever[0], lever[1], lever[2])
+    fx, fy, fz, mx, my, mz = _outside(s, tables, t_s, density, sound, station, velocity, turning)
+    px, py, pz, nx, ny, nz, push = _motor(s, vacuum, pressure, station, x_burning, di_y, di_z, x[11], x[12])
+    mx += nx + s.torque[0] + i_x * yo_yo_acceleration(s.yo_yo, t_s)
+    force = ((fx + px) / mass, (fy + py) / mass, (fz + pz) / mass)
+    moment = (mx, my + ny + s.torque[1], mz + nz + s.torque[2])
+    return lever, velocity, force, moment, (i_x, i_y, i_z), (mass, push)
 
 
-@njit(cache=True)
-def _step(t_s, h, x, mode, law, configuration, world, work, new, aux):
-    """One step of the classical Runge-Kutta method from x into new; aux gets f_b and air data at t_s."""
-    rate, total, other, small = work[0], work[1], work[2, :AUX], work[3, :12].reshape(4, 3)
-    half = 0.5 * h
-    fine = fine_gravity_i(
-        world, t_s + half, x[0] + half * x[3], x[1] + half * x[4], x[2] + half * x[5], small[3]
-    )
-    new[:] = x
-    total[:] = 0.0
-    for stage in range(4):
-        at = 0.0 if stage == 0 else (h if stage == 3 else half)
-        air = aux if stage == 0 else other
-        derivative(t_s + at, new, mode, law, configuration, world, fine, small, rate, air)
-        weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
-        ahead = h if stage == 2 else half
-        for j in range(STATE):
-            total[j] += weight * rate[j]
-            new[j] = x[j] + ahead * rate[j]
-    for j in range(STATE):
-        new[j] = x[j] + total[j]
-    norm = np.sqrt(new[6] ** 2 + new[7] ** 2 + new[8] ** 2 + new[9] ** 2)
-    for j in range(6, 10):
-        new[j] /= norm
+@njit(cache=True, error_model="numpy")
+def derivative(t_s, x, mode, law, s, tables, fine, rate, aux):
+    """Time derivative of the state into rate (19,), f_b and air data into aux (9,).
 
-
-@njit(cache=True)
-def _until_end(t_s, x, mode, world, r_e):
-    """Negative until the section's event, the end of the rail or the ground; m."""
-    c, s = turned(world.earth, t_s)
-    position_e(world.earth, c, s, x[0], x[1], x[2], r_e)
-    if mode == ON_RAIL:
-        rail = world.rail
-        travel = 0.0
-        for j in range(3):
-            travel += (r_e[j] - rail.r_e[j]) * rail.direction_e[j]
-        return travel - rail.length
-    return -height(r_e)
-
-
-@njit(cache=True)
-def integrate(x, t_s, t_end, k, t_start, dt, mode, law, configuration, world, rows):
-    """Integrate one section from t_s until t_end or until its event: (time, next sample, by event).
+    That of the attitude, 6:10, is left to the integration, which knows how to turn.
 
     Parameters
     ----------
-    x : (19,) state, advanced in place
-    k : index of the next sample; sample k is at t_start + k dt and goes to rows[k] as state and aux, with
-        the values that hold just after it where they jump
-    mode : ON_RAIL, FREE or PROGRAMMED
+    x : (19,) state; in a programmed section its omega_ib_b is overwritten by the programme's
+    s, tables : of the Scene, with its rows chosen (`vehicle.choose_rows`)
+    fine : three numbers, m/s^2, the gravitation in inertial components that the closed form lacks
     """
-    new, aux, work = np.empty(STATE), np.empty(AUX), np.empty((4, STATE))
-    while t_s < t_end - TIME_EPS:
-        is_sample = abs(t_s - (t_start + k * dt)) < TIME_EPS
-        if is_sample:
-            rows[k, :STATE] = x
-            x[13:] = 0.0
-        t_next = min(t_start + (k + 1 if is_sample else k) * dt, t_end)
-        for corner in configuration.corners:
-            if t_s + TIME_EPS < corner < t_next - TIME_EPS:
-                t_next = corner
-        low, high = 0.0, t_next - t_s
-        h = high
-        while True:  # the step, or its halving down to the event
-            _step(t_s, h, x, mode, law, configuration, world, work, new, aux)
-            if mode == PROGRAMMED or _until_end(t_s + h, new, mode, world, work[3, :3]) < 0.0:
-                low = h
-            else:
-                high = h
-            if high - low < 1e-3 * TIME_EPS:
-                break
-            h = 0.5 * (low + high)
-        if is_sample:
-            rows[k, STATE:] = aux
-            k += 1
-        by_event = low < t_next - t_s
-        x[:] = new
-        if by_event:
-            return t_s + h, k, True
-        t_s = t_next
-    return t_end, k, False
+    gx, gy, gz, height_m, density, pressure, sound, wx, wy, wz = _around(t_s, x, s, tables, fine)
+    ax, ay, az = 0.0, 0.0, 0.0
+    if mode == PROGRAMMED:
+        x[10], x[11], x[12], ax, ay, az = body_rate(law, t_s)
+    write_attitude(x, s.C)
+    lever, velocity, force, moment, inertia, (mass, push) = _acting(
+        t_s, x, s, tables, density, pressure, sound, wx, wy, wz
+    )
+    if mode == ON_RAIL:
+        fx, fy, fz = _on_rail(x, s, gx, gy, gz, force[0])
+    else:
+        if mode != PROGRAMMED:
+            ax, ay, az = _angular_acceleration(x, s, inertia, moment)
+        dx, dy, dz = _at_imu(x, s, lever[0], lever[1], lever[2], ax, ay, az)
+        fx, fy, fz = force[0] + dx, force[1] + dy, force[2] + dz
+    nx, ny, nz = times(s.C, fx, fy, fz)
+    rate[0], rate[1], rate[2] = x[3], x[4], x[5]
+    rate[3], rate[4], rate[5] = nx + gx, ny + gy, nz + gz
+    rate[10], rate[11], rate[12] = ax, ay, az
+    rate[13], rate[14], rate[15] = x[10], x[11], x[12]
+    rate[16], rate[17], rate[18] = fx, fy, fz
+    u, v, w = velocity
+    speed2 = u * u + v * v + w * w
+    aux[0], aux[1], aux[2] = fx, fy, fz
+    aux[3], aux[4], aux[5] = mass, np.sqrt(speed2) / sound, 0.5 * density * speed2
+    aux[6], aux[7], aux[8] = push, height_m, total_angle(u, v, w)

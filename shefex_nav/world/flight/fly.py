@@ -1,297 +1,343 @@
-"""Fly the mission: from the parameters of vehicle, site and programme to the truth at the IMU rate.
+"""Fly the mission: from the parameters of vehicle, start and programme to the truth at the IMU rate.
 
-In: `FlightParams`, `EarthRotation`. Out: `Trajectory` and the events.
+In: `FlightParams`, `EarthRotation`, random numbers for the errors of the attitude reference. Out: `Flight`.
 
-Sections: on the pad (at rest on the Earth), on the rail, free flight of the full stack until separation,
-the attitude programme around the second burn and the star camera's window, free flight to the ground.
+The flight is a chain of sections, each integrated with one configuration, one kind of motion (on the rail,
+free, steered by cold gas, prescribed) and one task. They end at the moments of the timeline, and where the
+integration finds an end of its own: of the rail, at the height of the parachute, on the ground.
 """
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.environment.gravity import gravity_e, load_egm96
-from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.records import Event, Phase, Trajectory
+from shefex_nav.geometry import rotation
+from shefex_nav.records import Trajectory
 from shefex_nav.world.flight import attitude_program as attitude
-from shefex_nav.world.flight import dynamics, surroundings, vehicle
-from shefex_nav.world.flight.attitude_program import Program
-from shefex_nav.world.flight.vehicle import Aerodynamics, Part, Stage
+from shefex_nav.world.flight import control, devices, dynamics, events, start, surroundings, timeline, vehicle
+from shefex_nav.world.flight import params as p
+from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, integrate
+from shefex_nav.world.flight.timeline import EPS, Kind
+
+STOPPED = 0.01  # rad/s; slower than that a yo-yo does not unwind
 
 
 class FlightError(Exception):
     """The vehicle cannot do what its programme asks; the message says what happened."""
 
 
-class LaunchSite(NamedTuple):
-    """Where the IMU waits on the pad, and the rail."""
+class ControlHistory(NamedTuple):
+    """The attitude control as flown: arrays over its M ticks."""
 
-    latitude: float  # rad, geodetic
-    longitude: float  # rad
-    height_m: float  # above the ellipsoid
-    azimuth: float  # rad from north over east, of the rail
-    elevation: float  # rad above the horizontal
-    roll: float  # rad about the roll axis; 0: body y horizontal, to the right when looking along the azimuth
-    rail_length_m: float
+    t_s: np.ndarray  # (M,)
+    pointing_error: np.ndarray  # (M, 3) rad, body axes: wanted attitude -> true one; NaN where none is wanted
+    torque_b: np.ndarray  # (M, 3) N m, until the next tick
+    propellant_kg: np.ndarray  # (M,) used so far
 
 
-class FlightParams(NamedTuple):
-    """Everything that decides the flight."""
+class Flight(NamedTuple):
+    """A flight as flown."""
 
-    t_start_s: float  # at most 0; lift-off is at 0
-    sample_rate_hz: float  # of the IMU, and of the integration
-    time_limit_s: float  # the vehicle must be on the ground by then
-    gravity_degree: int  # of EGM96, 0 ... 36
-    site: LaunchSite
-    payload: Part
-    stage_1: Stage
-    stage_2: Stage
-    imu_b: np.ndarray  # (3,) m, IMU from the nose tip, body axes
-    aerodynamics_stack: Aerodynamics  # until separation
-    aerodynamics_upper: Aerodynamics  # second stage and payload
-    program: Program
-    C_bc: np.ndarray  # (3, 3) nominal mounting of the star camera
+    trajectory: Trajectory
+    events: tuple  # of Event in order of time
+    control: ControlHistory | None  # None: nothing was steered by cold gas
 
 
-def fly(params, earth):
-    """Fly the mission once. FlightParams, EarthRotation -> (Trajectory, tuple of Event in order of time)."""
-    stack, upper = _configurations(params)
-    _check(params, stack, upper)
+def fly(params, earth, rng=None):
+    """Fly the mission once.
+
+    Parameters
+    ----------
+    params : FlightParams
+    earth : EarthRotation
+    rng : numpy Generator of the errors of the attitude reference; None: it has no errors
+
+    Returns
+    -------
+    Flight
+    """
+    timeline.check(params)
+    world, q_eb = start.surround(params, earth)
     dt = 1.0 / params.sample_rate_hz
-    n_samples = int(np.floor((params.time_limit_s - params.t_start_s) / dt)) + 1
-    rows = np.zeros((n_samples, dynamics.ROW))
-    world, q_eb = _surroundings(params, earth)
-    x, k = _stand_on_pad(params, world, q_eb, dt, rows)
-    p = params.program
-
-    def section(t_s, t_end, mode, law, configuration):
-        nonlocal k
-        t_s, k, by_event = dynamics.integrate(
-            x, float(t_s), float(t_end), k, float(params.t_start_s), dt, mode, law, configuration, world, rows
-        )
-        return t_s, by_event
-
-    free = attitude.hold(0.0, 1.0, 0.0)  # stands where a rate law is due and none rules
-    t_rail, left_rail = section(0.0, p.separation_s, dynamics.ON_RAIL, free, stack)
-    if not left_rail:
-        raise FlightError(f"the vehicle is still on the rail {p.separation_s} s after ignition")
-    t_s, landed = section(t_rail, p.separation_s, dynamics.FREE, free, stack)
-    if landed:
-        raise FlightError(f"the vehicle hits the ground {t_s:.1f} s after ignition, before the separation")
-    for law in attitude_laws(params, world, x, upper):
-        section(law.t_0, law.t_1, dynamics.PROGRAMMED, law, upper)
-        x[10:13] = attitude.body_rate(law, law.t_1)[:3]
-        if height_above_ground(world, law.t_1, x) < 0.0:
-            raise FlightError(
-                f"the vehicle hits the ground between T+{law.t_0:.1f} s and T+{law.t_1:.1f} s, before its "
-                "programme ends"
-            )
-    t_impact, landed = section(p.spin_up_end_s, params.time_limit_s, dynamics.FREE, free, upper)
-    if not landed:
-        raise FlightError(f"the vehicle is still in the air at the time limit, {params.time_limit_s} s")
-    trajectory = _trajectory(params, rows[:k], _phases(p, stack, upper))
-    instants = {**_planned(p, stack, upper), "rail_exit": t_rail, "impact": t_impact}
-    return trajectory, _events(trajectory, rows[:k, -1], earth, instants)
+    rows = np.zeros((int(np.floor((params.time_limit_s - params.t_start_s) / dt + 1e-6)) + 1, dynamics.ROW))
+    if isinstance(params.start, p.GroundSite):
+        start.stand(params, world, q_eb, params.payload.mass_kg, rows, params.time_limit_s + dt)
+        return _record(params, earth, rows, {}, None, False)
+    steering = control.none() if params.cold_gas is None else _steering(params, rng)
+    run = _at_the_start(params, world, q_eb, rows, steering)
+    run.to_the_end()
+    history = None
+    if params.cold_gas is not None and params.programme and params.attitude == p.FLOWN:
+        h = steering.history[: steering.count[0]]
+        history = ControlHistory(h[:, 0].copy(), h[:, 1:4].copy(), h[:, 4:7].copy(), h[:, 7].copy())
+        empty = h[:, 7] >= params.cold_gas.propellant_kg * (1.0 - 1e-12)
+        if empty.any():
+            run.instants["cold_gas_empty"] = h[np.argmax(empty), 0]
+    return _record(params, earth, rows[: run.k], run.instants, history, run.landed)
 
 
-def height_above_ground(world, t_s, x):
-    """Height [m] of the state x at t_s above the ellipsoid."""
-    return surroundings.height(frames.dcm_ie(world.earth, t_s).T @ x[:3])
+def _at_the_start(params, world, q_eb, rows, steering):
+    """The run at lift-off, the time on the pad behind it, or in orbit: `_Run`."""
+    vehicles = configurations(params)
+    if isinstance(params.start, p.Orbit):
+        t_start = float(params.t_start_s)
+        x = start.orbit(params, lever(vehicles[0], t_start))
+        return _Run(params, world, rows, vehicles, steering, x, t_start, 0, dynamics.FREE)
+    lift_off = timeline.burns(params)[0].t_0
+    x, k = start.stand(params, world, q_eb, vehicles[0].mass[-1, 1], rows, lift_off)
+    run = _Run(params, world, rows, vehicles, steering, x, lift_off, k, dynamics.ON_RAIL)
+    run.instants["lift_off"] = lift_off
+    if lift_off > 0.0:
+        run.instants["ignition_1"] = lift_off
+    return run
 
 
-def attitude_laws(params, world, x, upper):
-    """Yield the rate laws from separation to the end of the spin-up.
-
-    Each is made from the state x when its turn comes: integrate one before asking for the next.
-    """
-    p, earth = params.program, world.earth
-    _, _, i_roll, i_pitch, _ = vehicle.mass_properties(upper, upper.grain_mass)
-    yield attitude.damp(p.separation_s, p.precession_start_s, x[10:13], (i_roll / i_pitch - 1.0) * x[10])
-    spin = x[10]
-    r_i, _ = _predict(world, p.precession_start_s, x, p.ignition_2_s)
-    burn_i = attitude.direction_i(earth, p.ignition_2_s, r_i, p.burn_azimuth, p.burn_elevation)
-    yield attitude.turn_roll_axis(p.precession_start_s, p.precession_end_s, spin, x[6:10], burn_i)
-    yield attitude.hold(p.precession_end_s, p.despin_start_s, spin)
-    yield attitude.ramp_spin(p.despin_start_s, p.despin_end_s, spin, 0.0)
-    r_i, _ = _predict(world, p.despin_end_s, x, p.pointing_start_s)
-    boresight_i = attitude.direction_i(
-        earth, p.pointing_start_s, r_i, p.boresight_azimuth, p.boresight_elevation
-    )
-    roll_axis_i = rotation.quat_rotate(x[6:10], np.array([1.0, 0.0, 0.0]))
-    target = attitude.camera_attitude(boresight_i, roll_axis_i, p.boresight_roll, params.C_bc)
-    yield attitude.turn_to(p.despin_end_s, p.pointing_start_s, x[6:10], target)
-    yield attitude.dwell(p, params.C_bc)
-    r_i, v_i = _predict(world, p.pointing_end_s, x, p.entry_aim_s)
-    v_air_i = v_i - np.cross(frames.omega_ie_i(earth), r_i)
-    v_air_i = v_air_i / np.sqrt(v_air_i @ v_air_i)
-    yield attitude.turn_roll_axis(p.pointing_end_s, p.entry_slew_end_s, 0.0, x[6:10], v_air_i)
-    yield attitude.ramp_spin(p.entry_slew_end_s, p.spin_up_end_s, 0.0, p.entry_spin)
+def configurations(params):
+    """The vehicle after 0, 1, 2 ... separations: tuple of `vehicle.Configuration`."""
+    stages, out = params.stages, []
+    for n, stage in enumerate(stages):
+        above = [_full(other.propellant) for other in stages[n + 1 :]]
+        rigid = [params.payload, *(other.dry for other in stages[n:]), *above]
+        out.append(vehicle.configure(rigid, stage, params, stage.aerodynamics))
+    if not stages or np.isfinite(stages[-1].t_separation_s):
+        out.append(vehicle.configure([params.payload], None, params, params.payload_aerodynamics))
+    motors = devices.spin_motor_rows(params.spin_motors)
+    t_0, t_1 = timeline.prescribed(params)
+    if params.spin_motors is not None and t_0 - EPS <= params.spin_motors.t_s < t_1 - EPS:
+        motors = devices.spin_motor_rows(None)  # the attitude happens as told
+    parachute, none = devices.parachute_row(params.parachute), devices.yo_yo_row(None, 0.0, 1.0)
+    return tuple(c._replace(spin_motors=motors, parachute=parachute, yo_yo=none) for c in out)
 
 
-def _predict(world, t_s, x, t_end):
-    """Free fall of the vehicle in state x at t_s to t_end: (r_i, v_i)."""
-    return surroundings.free_fall(world, float(t_s), x[0:3], x[3:6], float(t_end))
+def _full(propellant):
+    """All of a stage's propellant as a rigid part."""
+    q = propellant
+    return p.Part(q.mass_kg[-1], q.station_m[-1], q.inertia_roll[-1], q.inertia_pitch[-1])
 
 
-def _check(params, stack, upper):
-    """Refuse a programme whose instants are out of order."""
-    p = params.program
-    order = [
-        ("lift-off", 0.0),
-        ("burn-out of the first stage", stack.corners[3]),
-        ("separation_s", p.separation_s),
-        ("precession_start_s", p.precession_start_s),
-        ("precession_end_s", p.precession_end_s),
-        ("ignition_2_s", p.ignition_2_s),
-        ("burn-out of the second stage", upper.corners[3]),
-        ("despin_start_s", p.despin_start_s),
-        ("despin_end_s", p.despin_end_s),
-        ("pointing_start_s", p.pointing_start_s),
-        ("pointing_end_s", p.pointing_end_s),
-        ("entry_slew_end_s", p.entry_slew_end_s),
-        ("spin_up_end_s", p.spin_up_end_s),
-        ("time_limit_s", params.time_limit_s),
-    ]
-    for (before, t_0), (after, t_1) in pairwise(order):
-        if not t_0 < t_1:
-            raise ValueError(f"{after} ({t_1} s) has to be later than {before} ({t_0} s)")
-    if params.t_start_s > 0.0:
-        raise ValueError(f"t_start_s ({params.t_start_s} s) is after lift-off")
-    if not 0.0 < 2.0 * p.residual_ramp_s <= p.pointing_end_s - p.pointing_start_s:
-        raise ValueError(f"residual_ramp_s ({p.residual_ramp_s} s) does not fit twice into the pointing")
+def lever(configuration, t_s):
+    """(3,) m from the IMU to the centre of mass at t_s, body axes."""
+    station = _mass_row(configuration, t_s)[2]
+    return np.array([-station, *configuration.offset]) - configuration.imu
 
 
-def _surroundings(params, earth):
-    """World of the flight, and q_eb of the vehicle on the pad."""
-    site = params.site
-    C_el = wgs84.dcm_el(site.latitude, site.longitude)
-    ca, sa = np.cos(site.azimuth), np.sin(site.azimuth)
-    ce, se = np.cos(site.elevation), np.sin(site.elevation)
-    nose_l = np.array([sa * ce, ca * ce, se])
-    right_l = np.array([ca, -sa, 0.0])
-    C_lb = np.stack([nose_l, right_l, np.cross(nose_l, right_l)], axis=1)
-    C_eb = C_el @ C_lb @ rotation.dcm_from_rotvec(np.array([site.roll, 0.0, 0.0]))
-    r_e = wgs84.ecef_from_geodetic(site.latitude, site.longitude, site.height_m)
-    # own copies: read-only or strided arrays would compile every kernel a second time
-    turning = [np.array(m, dtype=float, order="C") for m in (earth.C_iq, earth.C_re)]
-    earth = frames.EarthRotation(*turning, float(earth.angle_0), float(earth.rate))
-    rail = surroundings.Rail(r_e, np.ascontiguousarray(C_eb[:, 0]), float(site.rail_length_m))
-    return surroundings.World(load_egm96(params.gravity_degree), earth, rail), rotation.quat_from_dcm(C_eb)
+def _mass_row(configuration, t_s):
+    """(6,) propellant, mass, station and inertia at t_s."""
+    left = np.interp(t_s, configuration.thrust[:, 0], configuration.thrust[:, 2])
+    table = configuration.mass
+    return np.array([np.interp(left, table[:, 0], column) for column in table.T])
 
 
-def _stand_on_pad(params, world, q_eb, dt, rows):
-    """Fill the rows before lift-off, at rest on the Earth; state at lift-off and the next sample.
-
-    Rate and specific force are constant in body axes, hence so are the increments.
-    """
-    earth, r_e = world.earth, world.rail.r_e
-    C_eb = rotation.dcm_from_quat(q_eb)
-    omega_e = earth.C_re.T @ np.array([0.0, 0.0, earth.rate])
-    f_e = np.cross(omega_e, np.cross(omega_e, r_e)) - gravity_e(world.gravity, r_e)
-    omega_b, f_b = C_eb.T @ omega_e, C_eb.T @ f_e
-    mass = sum(part.mass_kg for part in (params.payload, params.stage_1.dry, params.stage_2.dry))
-    mass += params.stage_1.propellant_mass_kg + params.stage_2.propellant_mass_kg
-    aux = np.concatenate([f_b, [mass, 0.0, 0.0, 0.0, params.site.height_m]])
-    t_s = params.t_start_s + dt * np.arange(len(rows))
-    k = int(np.searchsorted(t_s, -dynamics.TIME_EPS))  # of the first sample that is not before lift-off
-    t_s = np.append(t_s[:k], 0.0)
-    since_s = np.diff(t_s, prepend=t_s[0])
-    states = np.empty((k + 1, dynamics.STATE))
-    surroundings.rest_on_earth(earth, r_e, q_eb, t_s, states)
-    states[:, 10:13] = omega_b
-    states[:, 13:16], states[:, 16:19] = np.outer(since_s, omega_b), np.outer(since_s, f_b)
-    rows[:k, : dynamics.STATE], rows[:k, dynamics.STATE :] = states[:k], aux
-    return states[k].copy(), k
+def _steering(params, rng):
+    """The control, with room for the ticks of all tasks."""
+    seconds = [task.t_1 - task.t_0 for task in params.programme]
+    ticks = sum(int(s / params.cold_gas.period_s) + 3 for s in seconds) + 3  # and where sections are cut
+    return control.start(params.cold_gas, rng, ticks)
 
 
-def _configurations(params):
-    """The full stack, first stage burning from 0, and the upper part, second stage burning when it is due."""
-    one, two = params.stage_1, params.stage_2
-    carried = [params.payload, two.dry, vehicle.grain(two, two.propellant_mass_kg), one.dry]
-    stack = vehicle.configure(carried, one, 0.0, params.imu_b, params.aerodynamics_stack)
-    upper = vehicle.configure(
-        [params.payload, two.dry], two, params.program.ignition_2_s, params.imu_b, params.aerodynamics_upper
-    )
-    return stack, upper
+class _Run:
+    """The flight while it is flown: state, what is attached, who steers."""
+
+    def __init__(self, params, world, rows, vehicles, steering, x, t_s, k, mode):
+        self.params, self.world, self.rows = params, world, rows
+        self.vehicles, self.steering = vehicles, steering
+        self.x, self.t_s, self.k, self.mode = x, t_s, k, mode
+        self.configuration, self.law = vehicles[0], attitude.hold(0.0, 1.0, 0.0)
+        self.instants, self.landed = {}, False
+        self.moments = timeline.moments(params)
+        self.unsteered = control.none()
+        self.wanted_until = -np.inf  # s, up to when the control's wanted attitude has been carried on
+        self.gathered = 0  # samples whose drift the attitude reference has gathered
+        by_height = params.parachute is not None and np.isfinite(params.parachute.height_m)
+        self.stop_height = float(params.parachute.height_m) if by_height else -np.inf
+
+    def to_the_end(self):
+        """Fly through all moments until the ground or the time limit."""
+        for n, moment in enumerate(self.moments):
+            self._until(moment.t_s, moment.name)
+            self._do(moment, self.moments[n + 1 :])
+        self._until(self.params.time_limit_s + 0.5 / self.params.sample_rate_hz, None)  # with its sample
+        if isinstance(self.params.start, p.LaunchSite) and not self.landed:
+            limit = self.params.time_limit_s
+            raise FlightError(f"the vehicle is still in the air at the time limit, {limit} s")
+
+    def _until(self, t_end, waiting):
+        """Integrate to t_end; `waiting` names what is due then, None: nothing."""
+        while self.t_s < t_end - EPS and not self.landed:
+            event = self._section(float(t_end))
+            if event == T_END:
+                if self.mode == dynamics.ON_RAIL:
+                    raise FlightError(f"the vehicle is still on the rail at T+{t_end:.1f} s")
+            elif event == STOP:
+                self._open_parachute()
+            elif self.mode == dynamics.ON_RAIL:
+                self.instants["rail_exit"], self.mode = self.t_s, dynamics.FREE
+            elif waiting is not None:
+                raise FlightError(f"the vehicle hits the ground at T+{self.t_s:.1f} s, before {waiting}")
+            else:
+                self.instants["impact"], self.landed = self.t_s, True
+
+    def _section(self, t_end):
+        """Integrate one section: event as `integrate` gives it."""
+        steering = self.steering if self.mode == dynamics.CONTROLLED else self.unsteered
+        steering = steering._replace(stop_height=self.stop_height)
+        t_0, dt = float(self.params.t_start_s), 1.0 / self.params.sample_rate_hz
+        self.t_s, self.k, event = integrate(
+            self.x, self.t_s, t_end, self.k, t_0, dt, self.mode, self.law, self.configuration, self.world,
+            steering, TOLERANCE, self.rows,
+        )  # fmt: skip
+        if self.mode == dynamics.PROGRAMMED:
+            self.x[10:13] = attitude.body_rate(self.law, self.t_s)[:3]
+            self._check_height()
+        elif self.mode == dynamics.CONTROLLED:
+            self.gathered = self.k
+        return event
+
+    def _check_height(self):
+        """Where the attitude is prescribed nothing stops the integration: look afterwards."""
+        height = start.height(self.world, self.t_s, self.x[:3])
+        if height < max(0.0, self.stop_height) and self.x[:3] @ self.x[3:6] < 0.0:
+            what = "hits the ground" if height < 0.0 else "passes the height of its parachute"
+            raise FlightError(f"the vehicle {what} before T+{self.t_s:.1f} s, its attitude still prescribed")
+
+    def _do(self, moment, later):
+        """What happens at a moment; `later`: the moments after it."""
+        prescribed_0, prescribed_1 = timeline.prescribed(self.params)
+        as_told = prescribed_0 - EPS <= moment.t_s < prescribed_1 - EPS and self.mode == dynamics.PROGRAMMED
+        self.instants[moment.name] = moment.t_s
+        match moment.kind:
+            case Kind.END:
+                self._end(moment, later)
+            case Kind.SEPARATION:
+                self._separate(self.params.stages[moment.number - 1], moment.number, as_told)
+            case Kind.YO_YO if as_told:
+                del self.instants[moment.name]
+            case Kind.YO_YO:
+                self._release_yo_yo()
+            case Kind.SPIN_MOTORS if not len(self.configuration.spin_motors):
+                del self.instants[moment.name]
+            case Kind.BEGIN if self.params.attitude == p.FLOWN:
+                self._begin(self.params.programme[moment.number])
+            case Kind.BEGIN:
+                self._prescribe(self.params.programme[moment.number])
+
+    def _separate(self, stage, number, as_told):
+        """Leave a stage behind; a prescribed attitude is not disturbed by it."""
+        before, after = self.configuration, self.vehicles[number]
+        self.configuration = after._replace(yo_yo=before.yo_yo, parachute=before.parachute)
+        speed = stage.separation_impulse / _mass_row(after, self.t_s)[1]
+        rate = np.zeros(3) if as_told else np.array([0.0, *stage.tip_off])
+        devices.kick(self.x, self._C_ib(), speed, rate, lever(after, self.t_s))
+
+    def _release_yo_yo(self):
+        """Let the masses go; the law of their unwinding depends on the spin now."""
+        spin = self.x[10]
+        if abs(spin) < STOPPED:
+            raise FlightError(f"the yo-yo is released at T+{self.t_s:.1f} s, and the vehicle does not spin")
+        row = devices.yo_yo_row(self.params.yo_yo, spin, _mass_row(self.configuration, self.t_s)[3])
+        self.configuration = self.configuration._replace(yo_yo=row)
+        self.instants["yo_yo_off"] = row[1]
+
+    def _open_parachute(self):
+        """The height of the parachute has been passed on the way down."""
+        row = devices.parachute_row(self.params.parachute, self.t_s)
+        self.configuration = self.configuration._replace(parachute=row)
+        self.instants["parachute"], self.stop_height = self.t_s, -np.inf
+
+    def _end(self, moment, later):
+        """A task is over: free, or held until the next one where the attitude is prescribed."""
+        if self.params.attitude == p.FLOWN:
+            self.wanted_until, self.mode = self.t_s, dynamics.FREE
+            self.steering.torque[:] = 0.0
+            return
+        following = [m for m in later if m.kind == Kind.BEGIN]
+        self.mode = dynamics.PROGRAMMED if following else dynamics.FREE
+        if following and following[0].t_s > moment.t_s:
+            self.law = attitude.hold(moment.t_s, following[0].t_s, self.x[10])
+
+    def _prescribe(self, task):
+        """Begin a task whose attitude is prescribed."""
+        spin, row = self.x[10], _mass_row(self.configuration, self.t_s)
+        if isinstance(task, p.Point | p.Dwell) and abs(spin) > control.SPINNING:
+            raise FlightError(f"the vehicle spins with {spin:.1f} rad/s when {task.name} begins")
+        if isinstance(task, p.Damp):
+            self.law = attitude.damp(task.t_0, task.t_1, self.x[10:13], (row[3] / row[4] - 1.0) * spin)
+        else:
+            self.law = self._rate_law(task, self.x[6:10].copy(), spin)
+        self.mode = dynamics.PROGRAMMED
+        # rates that the law does not take over are gone at once; the centre of mass does not feel it
+        jump = np.array(attitude.body_rate(self.law, self.t_s)[:3]) - self.x[10:13]
+        devices.kick(self.x, self._C_ib(), 0.0, jump, lever(self.configuration, self.t_s))
+
+    def _begin(self, task):
+        """Begin a task flown by cold gas."""
+        c, x = self.steering, self.x
+        self._gather_drift()
+        control.settle(c, self.rows[self.k - self._last_revolutions() : self.k, 10:13])
+        spinning = abs(x[10]) > control.SPINNING
+        if isinstance(task, p.Damp):
+            follow = control.RATES
+        elif isinstance(task, p.Spin):
+            follow = control.AXIS_AND_SPIN
+        elif spinning and isinstance(task, p.Turn | p.AlignVelocity | p.Hold):
+            follow = control.AXIS
+        else:
+            follow = control.ATTITUDE
+        # a task that follows another goes on from what was wanted there, if that says enough
+        told = c.follow == control.ATTITUDE or (follow != control.ATTITUDE and c.follow != control.RATES)
+        if not (told and abs(self.wanted_until - self.t_s) < EPS):
+            c.q_wanted[:] = control.believed(c, x[6:10].copy())
+            c.owed[:] = 0.0
+        spin = x[10] if follow == control.AXIS_AND_SPIN else 0.0
+        law = attitude.hold(task.t_0, task.t_1, 0.0)
+        if follow != control.RATES:
+            law = self._rate_law(task, c.q_wanted.copy(), spin)
+        self.steering = c._replace(follow=follow, law=law)
+        c.clock[0], c.next_s[0], c.awake[0] = self.t_s, self.t_s, False
+        self.mode = dynamics.CONTROLLED
+
+    def _last_revolutions(self):
+        """Number of samples over which the control takes the mean rate."""
+        seconds = 2.0 * np.pi * control.REVOLUTIONS / max(abs(self.x[10]), control.SPINNING)
+        return min(self.k, round(seconds * self.params.sample_rate_hz))
+
+    def _gather_drift(self):
+        """Let the attitude reference drift over the samples since it was last used."""
+        c, rows = self.steering, self.rows[self.gathered : self.k]
+        dt = 1.0 / self.params.sample_rate_hz
+        c.tilt_i[:] += control.drift_over(rows[:, 6:10], rows[:, 13:16], dt, c.drift, c.roll_scale)
+        self.gathered = self.k
+
+    def _rate_law(self, task, q_ib, spin):
+        """The law of a task from an attitude (4,), spinning at `spin` rad/s."""
+
+        def ahead(t_s):
+            return surroundings.free_fall(self.world, self.t_s, self.x[0:3], self.x[3:6], float(t_s))
+
+        return attitude.rate_law(task, q_ib, spin, ahead, self.world.earth, self.params.C_bc)
+
+    def _C_ib(self):
+        return rotation.dcm_from_quat(self.x[6:10])
 
 
-def _phases(program, stack, upper):
-    """(start s, Phase) in order of time."""
-    p = program
-    return [
-        (0.0, Phase.BOOST_1),
-        (stack.corners[3], Phase.COAST_1),
-        (p.separation_s, Phase.PRECESSION),
-        (p.ignition_2_s, Phase.BOOST_2),
-        (upper.corners[3], Phase.DESPIN),
-        (p.despin_end_s, Phase.SLEW),
-        (p.pointing_start_s, Phase.POINTING),
-        (p.pointing_end_s, Phase.ENTRY_SLEW),
-        (p.entry_slew_end_s, Phase.SPIN_UP),
-        (p.spin_up_end_s, Phase.ENTRY),
-    ]
-
-
-def _planned(program, stack, upper):
-    """{name of event: s} of everything that happens at a set time."""
-    p = program
-    return {
-        "lift_off": 0.0,
-        "burn_out_1": stack.corners[3],
-        "separation": p.separation_s,
-        "ignition_2": p.ignition_2_s,
-        "burn_out_2": upper.corners[3],
-        "despin_complete": p.despin_end_s,
-        "pointing_start": p.pointing_start_s,
-        "pointing_end": p.pointing_end_s,
-        "spin_up_start": p.entry_slew_end_s,
-        "spin_up_complete": p.spin_up_end_s,
-    }
-
-
-def _trajectory(params, rows, marks):
-    """Split the rows of the integration into the record."""
+def _record(params, earth, rows, instants, history, landed):
+    """Split the rows of the integration into the record: Flight."""
     t_s = params.t_start_s + np.arange(len(rows)) / params.sample_rate_hz
-    starts = np.array([start for start, _ in marks])
-    names = np.array([Phase.PAD, *(phase for _, phase in marks)], dtype=np.int8)
-    phase = names[np.searchsorted(starts, t_s + dynamics.TIME_EPS)]
-    state = [slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)]
-    measured = [slice(19, 22), slice(13, 16), slice(16, 19)]  # f_b and the increments
-    columns = [*state, *measured, 22, 23, 24, 25]  # mass, Mach number, dynamic pressure, thrust
-    return Trajectory(t_s, phase, *(np.ascontiguousarray(rows[:, c]) for c in columns))
-
-
-def _crossing(t_s, values, level, after, rising):
-    """First time later than `after` at which the sampled values pass the level; None if they never do."""
-    above = values >= level
-    change = (~above[:-1] & above[1:]) if rising else (above[:-1] & ~above[1:])
-    where = np.flatnonzero(change & (t_s[:-1] > after))
-    if len(where) == 0:
-        return None
-    k = where[0]
-    return t_s[k] + (level - values[k]) / (values[k + 1] - values[k]) * (t_s[k + 1] - t_s[k])
-
-
-def _events(trajectory, height, earth, instants):
-    """Events of the programme and those found in the flight, in order of time."""
-    t_s = trajectory.t_s
-    k = int(np.argmax(height))
-    instants = dict(instants)
-    # vertical speed from the heights either side of the top sample, zero in between
-    d0, d1 = height[k] - height[k - 1], height[k + 1] - height[k]
-    instants["apogee"] = 0.5 * (t_s[k - 1] + t_s[k]) + (t_s[k + 1] - t_s[k]) * d0 / (d0 - d1)
-    for name, level in (("entry", 100e3), ("altitude_60km", 60e3), ("altitude_20km", 20e3)):
-        passed = _crossing(t_s, height, level, instants["apogee"], rising=False)
-        if passed is not None:
-            instants[name] = passed
-    instants["max_dynamic_pressure"] = t_s[int(np.argmax(trajectory.dynamic_pressure_pa))]
-    events = []
-    for name, t in sorted(instants.items(), key=lambda item: item[1]):
-        j = min(int(np.searchsorted(t_s, t)), len(t_s) - 1)
-        _, v_e = frames.ecef_from_inertial(earth, t_s[j], trajectory.r_i[j], trajectory.v_i[j])
-        detail = f"{np.sqrt(v_e @ v_e):.0f} m/s, Mach {trajectory.mach[j]:.1f}"
-        if name == "max_dynamic_pressure":
-            detail += f", {1e-3 * trajectory.dynamic_pressure_pa[j]:.0f} kPa"
-        events.append(Event(float(t), name, float(np.interp(t, t_s, height)), detail))
-    return tuple(events)
+    aux, height = dynamics.STATE, rows[:, dynamics.STATE + 7]
+    stage = events.burning(params, t_s)
+    if not isinstance(params.start, p.GroundSite):
+        for burn in timeline.burns(params):
+            instants[f"burn_out_{burn.number}"] = burn.t_1
+        instants |= events.found(params, t_s, height, rows[:, aux + 5], landed)
+    instants = {name: t for name, t in instants.items() if t <= max(t_s[-1], instants.get("impact", -np.inf))}
+    columns = [slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)]
+    columns += [slice(aux, aux + 3), slice(13, 16), slice(16, 19)]  # f_b and the increments
+    columns += [aux + 3, aux + 4, aux + 5, aux + 6]  # mass, Mach number, dynamic pressure, thrust
+    trajectory = Trajectory(
+        t_s,
+        events.phases(params, t_s, stage, instants),
+        *(np.ascontiguousarray(rows[:, c]) for c in columns),
+        burning=stage,
+        angle_of_attack=np.ascontiguousarray(rows[:, aux + 8]),
+    )
+    return Flight(trajectory, events.describe(trajectory, height, earth, instants), history)

@@ -1,12 +1,11 @@
-"""What surrounds the vehicle: the rotating Earth below it, its gravitation, the launch rail.
+"""What surrounds the vehicle: the rotating Earth below it, its gravitation, air and wind, the launch rail.
 
-In: inertial positions. Out: position and height over the Earth, gravitation, the free fall ahead.
+In: inertial positions. Out: position and height over the Earth, gravitation, air, the free fall ahead.
 
-Gravitation is the sum of the closed form with J2, evaluated wherever the integration asks for it, and of what
-the harmonics have beyond it, evaluated once in the middle of a step and held for its length. That is below
-1e-3 m/s^2 and changes over R/n, about 500 km at degree 12, while the vehicle moves by 8 m: half a step from
-the middle it is off by 1e-8 m/s^2, with opposite signs before and after. What is left after a step is of
-second order, about 1e-3 (8 m / 500 km)^2 / 24 = 1e-14 m/s^2.
+Gravitation is the sum of a closed form with J2, evaluated wherever the integration asks for it, and of what
+the harmonics have beyond it, evaluated where a step begins and where it will end, and linear in between. That
+remainder is below 1e-3 m/s^2 and changes over R/n, 530 km at degree 12: in a step of 0.05 s, 400 m in
+orbit, the line is off by at most 1e-3 (400 m / 530 km)^2 / 8 = 7e-11 m/s^2, to either side in turn.
 """
 
 from typing import NamedTuple
@@ -14,10 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.environment.gravity import gravity_e, gravity_j2_e
+from shefex_nav.environment.atmosphere import us76
+from shefex_nav.environment.gravity import GravityModel, gravity_e
 from shefex_nav.geometry import wgs84
-from shefex_nav.geometry.frames import dcm_ie, inertial_from_ecef
+from shefex_nav.geometry.frames import EarthRotation, dcm_ie, inertial_from_ecef
 from shefex_nav.geometry.rotation import quat_from_dcm, quat_multiply
+from shefex_nav.world.flight.lookup import mixed, place
 
 
 class Rail(NamedTuple):
@@ -29,11 +30,50 @@ class Rail(NamedTuple):
 
 
 class World(NamedTuple):
-    """What surrounds the vehicle."""
+    """What surrounds the vehicle. Arrays are writable, C-contiguous and of its own."""
 
-    gravity: tuple  # environment.gravity.GravityModel
-    earth: tuple  # geometry.frames.EarthRotation
+    gravity: GravityModel
+    coarse: np.ndarray  # (3,) GM m^3/s^2, radius m, J2 of the closed form
+    earth: EarthRotation
+    shape: np.ndarray  # (2,) semi-major axis m, first eccentricity squared: the ellipsoid of heights and wind
     rail: Rail
+    air: np.ndarray  # (n, 4) height m, ln(density), ln(pressure), speed of sound m/s; n = 0: US76
+    density_factor: float
+    wind: np.ndarray  # (m, 3) height m, wind to north m/s, to east m/s; m = 0: none
+
+
+def surround(gravity, earth, rail, air, wind):
+    """World of a field, an EarthRotation, a Rail, `params.Air` and a wind (m, 3), on the WGS 84 ellipsoid."""
+
+    def own(values):
+        return np.array(values, dtype=float, order="C")
+
+    def increasing(table, columns, what):
+        table = own(table).reshape(-1, columns)
+        if np.any(np.diff(table[:, 0]) <= 0.0):
+            raise ValueError(f"the heights of the {what} have to increase")
+        return table
+
+    if len(air.table) == 1:
+        raise ValueError("a table of the air has two heights at least")
+    turning = EarthRotation(own(earth.C_iq), own(earth.C_re), float(earth.angle_0), float(earth.rate))
+    return World(
+        gravity=gravity,
+        coarse=closed_form(gravity),
+        earth=turning,
+        shape=np.array([wgs84.A, wgs84.E2]),
+        rail=Rail(own(rail.r_e), own(rail.direction_e), float(rail.length)),
+        air=increasing(air.table, 4, "air"),
+        density_factor=float(air.density_factor),
+        wind=increasing(wind, 3, "wind"),
+    )
+
+
+def closed_form(gravity):
+    """(3,) GM, radius and J2 of a GravityModel: its own, so that little is left for the remainder."""
+    # the harmonic (3, 0), fourth in the order of the terms, gets J2 (n + 1) along z from C_20
+    j2 = gravity.p[3, 2] / 3.0 if gravity.degree >= 2 else 0.0
+    return np.array([gravity.gm, gravity.radius, j2])
 
 
 @njit(cache=True)
@@ -57,55 +97,105 @@ def transposed_times(C, x, y, z):
 
 
 @njit(cache=True)
-def turned(earth, t_s):
-    """Cosine and sine of the Earth rotation angle at a mission time."""
-    angle = earth.angle_0 + earth.rate * t_s
+def turned(s, t_s):
+    """Cosine and sine of the Earth rotation angle at a mission time. s: of the Scene, or an EarthRotation."""
+    angle = s.angle_0 + s.rate * t_s
     return np.cos(angle), np.sin(angle)
 
 
 @njit(cache=True)
-def position_e(earth, c, s, x, y, z, r_e):
-    """Write the position in frame e into r_e: dcm_ie(earth, t_s).T @ (x, y, z), with c, s = turned(...)."""
-    x, y, z = transposed_times(earth.C_iq, x, y, z)
-    r_e[0], r_e[1], r_e[2] = transposed_times(earth.C_re, c * x + s * y, c * y - s * x, z)
+def position_e(s, turn, x, y, z):
+    """Position in frame e: dcm_ie(earth, t_s).T @ (x, y, z), with turn = turned(s, t_s); three numbers."""
+    x, y, z = transposed_times(s.C_iq, x, y, z)
+    return transposed_times(s.C_re, turn[0] * x + turn[1] * y, turn[0] * y - turn[1] * x, z)
 
 
 @njit(cache=True)
-def height(r_e):
-    """Height above the ellipsoid [m] of a position (3,) m, frame e: that of wgs84.geodetic_from_ecef.
+def to_inertial(s, turn, x, y, z):
+    """Components in frame i of a vector in frame e: three numbers."""
+    x, y, z = times(s.C_re, x, y, z)
+    return times(s.C_iq, turn[0] * x - turn[1] * y, turn[1] * x + turn[0] * y, z)
 
-    Bowring's latitude in its first iteration and without angles. Its error enters the height squared and
-    stays below the rounding up to 1000 km.
+
+@njit(cache=True, error_model="numpy")
+def level(a, e2, x, y, z):
+    """Height [m] above an ellipsoid, and sine and cosine of the geodetic latitude, of a position in frame e.
+
+    a, e2: semi-major axis m and first eccentricity squared. Bowring's latitude in its first iteration and
+    without angles. Its error enters the height squared and stays below the rounding up to 1000 km.
     """
-    across, z = np.sqrt(r_e[0] ** 2 + r_e[1] ** 2), r_e[2]
-    s, c = z * wgs84.A, across * wgs84.B  # of the parametric latitude, times their norm
-    norm = np.sqrt(s * s + c * c)
-    s, c = s / norm, c / norm
-    s, c = z + wgs84.EP2 * wgs84.B * s**3, across - wgs84.E2 * wgs84.A * c**3  # of the geodetic one
-    norm = np.sqrt(s * s + c * c)
-    s, c = s / norm, c / norm
-    return across * c + z * s - wgs84.A * np.sqrt(1.0 - wgs84.E2 * s * s)
+    b = a * np.sqrt(1.0 - e2)
+    across = np.sqrt(x * x + y * y)
+    s, c = z * a, across * b  # of the parametric latitude, times their norm
+    norm = 1.0 / np.sqrt(s * s + c * c)
+    s, c = s * norm, c * norm
+    s, c = z + e2 / (1.0 - e2) * b * s**3, across - e2 * a * c**3  # of the geodetic one
+    norm = 1.0 / np.sqrt(s * s + c * c)
+    s, c = s * norm, c * norm
+    return across * c + z * s - a * np.sqrt(1.0 - e2 * s * s), s, c
 
 
 @njit(cache=True)
-def _to_inertial(earth, c, s, g_e):
-    """Components in frame i of g_e: three numbers."""
-    x, y, z = times(earth.C_re, g_e[0], g_e[1], g_e[2])
-    return times(earth.C_iq, c * x - s * y, s * x + c * y, z)
+def height(shape, r_e):
+    """Height [m] above the ellipsoid `World.shape` of a position (3,) m, frame e."""
+    h, _, _ = level(shape[0], shape[1], r_e[0], r_e[1], r_e[2])
+    return h
+
+
+@njit(cache=True, error_model="numpy")
+def coarse_gravity(s, x, y, z):
+    """The closed form with J2 at a position in frame e: three numbers, m/s^2, frame e.
+
+    g = -GM/r^3 (1 + 3/2 J2 (R/r)^2 ((1, 1, 3) - 5 (z/r)^2)) r, component by component.
+    """
+    r2 = x * x + y * y + z * z
+    k = 1.5 * s.j2 * s.radius**2 / r2
+    s2 = z * z / r2
+    c = -s.gm / (r2 * np.sqrt(r2))
+    across = c * (1.0 + k * (1.0 - 5.0 * s2))
+    return across * x, across * y, c * (1.0 + k * (3.0 - 5.0 * s2)) * z
 
 
 @njit(cache=True)
-def coarse_gravity_i(earth, c, s, r_e):
-    """The closed form with J2 in inertial components: three numbers, m/s^2."""
-    return _to_inertial(earth, c, s, gravity_j2_e(r_e))
+def fine_gravity_i(gravity, s, t_s, x, y, z):
+    """What the closed form lacks of a GravityModel at an inertial position: three numbers, m/s^2, frame i."""
+    turn = turned(s, t_s)
+    x, y, z = position_e(s, turn, x, y, z)
+    g = gravity_e(gravity, np.array([x, y, z]))
+    gx, gy, gz = coarse_gravity(s, x, y, z)
+    return to_inertial(s, turn, g[0] - gx, g[1] - gy, g[2] - gz)
 
 
-@njit(cache=True)
-def fine_gravity_i(world, t_s, x, y, z, r_e):
-    """What the closed form lacks at an inertial position: three numbers, m/s^2. r_e: (3,) to work in."""
-    c, s = turned(world.earth, t_s)
-    position_e(world.earth, c, s, x, y, z, r_e)
-    return _to_inertial(world.earth, c, s, gravity_e(world.gravity, r_e) - gravity_j2_e(r_e))
+@njit(cache=True, error_model="numpy")
+def air(s, tables, height_m):
+    """(density kg/m^3, pressure Pa, speed of sound m/s) at a height [m]. s, tables: of the Scene.
+
+    A table holds its first row below its first height, and ends in the vacuum above its last.
+    """
+    if s.air_n == 0:
+        density, pressure, _, sound = us76(height_m)
+        return s.density_factor * density, pressure, sound
+    end = s.air_at + 4 * (s.air_n - 1)
+    if height_m > tables[end]:
+        return 0.0, 0.0, tables[end + 3]
+    k, part = place(tables, s.air_at, s.air_n, 4, height_m)
+    at = s.air_at + 4 * k
+    density, pressure = np.exp(mixed(tables, at + 1, 4, part)), np.exp(mixed(tables, at + 2, 4, part))
+    return s.density_factor * density, pressure, mixed(tables, at + 3, 4, part)
+
+
+@njit(cache=True, error_model="numpy")
+def wind_e(s, tables, height_m, sine, cosine, x, y):
+    """Wind in frame e, three numbers, m/s; constant beyond the ends of its table. s, tables: of the Scene.
+
+    sine, cosine: of the geodetic latitude, with the height from `level`; x, y: m, position in frame e.
+    """
+    k, part = place(tables, s.wind_at, s.wind_n, 3, height_m)
+    at = s.wind_at + 3 * k
+    north, east = mixed(tables, at + 1, 3, part), mixed(tables, at + 2, 3, part)
+    across = np.sqrt(x * x + y * y)
+    cl, sl = (x / across, y / across) if across > 0.0 else (1.0, 0.0)
+    return -sine * cl * north - sl * east, -sine * sl * north + cl * east, cosine * north
 
 
 @njit(cache=True)

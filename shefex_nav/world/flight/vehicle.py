@@ -1,10 +1,10 @@
-"""The vehicle: mass, inertia, centre of mass and thrust of what is still attached; aerodynamic tables.
+"""The vehicle as the equations of motion need it: mass, inertia, thrust, devices, aerodynamic tables.
 
-In: the parameters of payload and stages. Out: a `Configuration` per flight section, and from it the thrust
-and the mass properties at any time.
+In: the parameters of rigid parts and of the stage that burns. Out: a `Configuration` per section of the
+flight, and from it thrust and mass properties at any time.
 
-Places along the roll axis are stations: distance behind the nose tip, m. Everything is axisymmetric in mass;
-only the IMU may sit off the axis.
+Places along the roll axis are stations: distance behind the nose tip, m. Body axes: x along the roll axis to
+the nose, so that the station s is at x = -s.
 """
 
 from typing import NamedTuple
@@ -12,180 +12,201 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-G_0 = 9.80665  # m/s^2, standard gravity, by which specific impulse is given in seconds
-
-
-class Part(NamedTuple):
-    """A rigid part: the payload, or a stage without its propellant."""
-
-    mass_kg: float
-    station_m: float  # centre of mass
-    inertia_roll: float  # kg m^2 about the roll axis
-    inertia_pitch: float  # kg m^2 across, about its own centre of mass
-
-
-class Stage(NamedTuple):
-    """A solid motor: dry part, a hollow cylindrical grain that burns outwards, a nozzle."""
-
-    dry: Part
-    propellant_mass_kg: float
-    grain_station_m: float  # middle of the grain
-    grain_length_m: float
-    grain_outer_radius_m: float
-    grain_inner_radius_m: float  # before ignition
-    isp_vacuum_s: float
-    burn_time_s: float
-    rise_s: float  # thrust from zero to its first level
-    tail_off_s: float  # thrust to zero at the end, part of burn_time_s
-    level_ratio: float  # thrust at the start of the tail-off over the thrust after the rise
-    exit_area_m2: float
-    exit_station_m: float
-
-
-class Aerodynamics(NamedTuple):
-    """Coefficients of one configuration over Mach number, all to the same reference area and diameter."""
-
-    area_m2: float
-    diameter_m: float
-    fin_cant: float  # rad
-    mach: np.ndarray  # (n,) increasing
-    axial: np.ndarray  # (n,) C_A at zero angle of attack
-    normal_slope: np.ndarray  # (n,) dC_N/dalpha, 1/rad
-    pressure_station_m: np.ndarray  # (n,) centre of pressure
-    pitch_damping: np.ndarray  # (n,) C_mq + C_m,alpha-dot for omega d/(2V), negative
-    roll_damping: np.ndarray  # (n,) C_lp for omega d/(2V), negative
-    roll_by_cant: np.ndarray  # (n,) dC_l/d(fin cant), 1/rad
+from shefex_nav.geometry.rotation import dcm_from_rotvec
+from shefex_nav.world.flight import devices
+from shefex_nav.world.flight.aerodynamics import AeroTables, tables
+from shefex_nav.world.flight.lookup import mixed, place
+from shefex_nav.world.flight.params import Part
 
 
 class Configuration(NamedTuple):
-    """What flies in one section of the flight, as the equations of motion need it."""
+    """What flies in one section of the flight. Arrays are writable, C-contiguous and of its own."""
 
-    rigid_mass: float  # kg, everything but the propellant that burns in this section
-    rigid_station: float  # m, its centre of mass
-    rigid_roll: float  # kg m^2
-    rigid_pitch: float  # kg m^2, about its own centre of mass
-    grain_mass: float  # kg at ignition; zero: no motor in this section
-    grain_station: float  # m
-    grain_length: float  # m
-    grain_outer2: float  # m^2, outer radius squared
-    grain_inner2: float  # m^2, inner radius squared at ignition
-    t_ignition: float  # s
-    corners: np.ndarray  # (4,) s, mission times of the corners of the thrust history
-    levels: np.ndarray  # (4,) N, vacuum thrust at them
-    exhaust_speed: float  # m/s, thrust per mass flow
+    mass: (
+        np.ndarray
+    )  # (n, 6) by propellant left, ascending: that kg, mass kg, station of c.m. m, I_x, I_y, I_z
+    products: np.ndarray  # (3,) kg m^2, J_xy, J_xz, J_yz of the inertia tensor
+    offset: np.ndarray  # (2,) m, centre of mass off the roll axis in y and z
+    thrust: np.ndarray  # (m, 3) mission time s, increasing, vacuum thrust N, propellant left kg; zero outside
+    exhaust_speed: float  # m/s, vacuum thrust per mass flow
     exit_area: float  # m^2
     exit_station: float  # m
-    imu: np.ndarray  # (3,) m, IMU from the nose tip in body axes
-    area: float  # m^2
-    diameter: float  # m
-    fin_cant: float  # rad
-    aero: np.ndarray  # (n, 7) columns: mach, C_A, C_N,alpha, station of pressure, C_mq, C_lp, C_l,cant
+    thrust_axis: np.ndarray  # (3,) unit, direction of the thrust, body axes
+    thrust_offset: np.ndarray  # (2,) m, line of the thrust off the roll axis in y and z, at the exit
+    gas: float  # 1: with Coriolis force and jet damping of the gas in the motor, 0: without
+    imu: np.ndarray  # (3,) m from the nose tip, body axes
+    aero: AeroTables
+    spin_motors: np.ndarray  # (k, 3) start s, end s, roll torque N m
+    yo_yo: np.ndarray  # (4,) release s, cords off s, spin at release rad/s, 1 + I_x/(m R^2); inf: none
+    parachute: (
+        np.ndarray
+    )  # (5,) opening s (inf: not yet), inflation s, drag area m^2, station of its lines m, 0
 
 
 def combine(parts):
-    """Rigid union of `Part`s, by the parallel-axis theorem."""
+    """Rigid union of `params.Part`s on one axis, by the parallel-axis theorem."""
     mass = sum(part.mass_kg for part in parts)
     station = sum(part.mass_kg * part.station_m for part in parts) / mass
     pitch = sum(p.inertia_pitch + p.mass_kg * (p.station_m - station) ** 2 for p in parts)
     return Part(mass, station, sum(part.inertia_roll for part in parts), pitch)
 
 
-def grain(stage, mass_kg):
-    """The propellant of a stage when mass_kg of it is left, as a `Part`."""
-    outer2, inner2 = stage.grain_outer_radius_m**2, stage.grain_inner_radius_m**2
-    inner2 = outer2 - (outer2 - inner2) * mass_kg / stage.propellant_mass_kg
-    roll = 0.5 * mass_kg * (outer2 + inner2)
-    pitch = mass_kg * (3.0 * (outer2 + inner2) + stage.grain_length_m**2) / 12.0
-    return Part(mass_kg, stage.grain_station_m, roll, pitch)
-
-
-def thrust_history(stage, t_ignition):
-    """Corners [s] and vacuum thrust at them [N], (4,) each: rise, slow decline, tail-off.
-
-    The area under it is propellant mass times exhaust speed: the motor burns out exactly at its end.
-    """
-    level_s = stage.burn_time_s - stage.rise_s - stage.tail_off_s
-    if min(stage.rise_s, stage.tail_off_s, level_s) <= 0.0:
-        raise ValueError("a stage needs rise and tail-off above zero that together are shorter than its burn")
-    corners = np.cumsum([0.0, stage.rise_s, level_s, stage.tail_off_s])
-    shape = np.array([0.0, 1.0, stage.level_ratio, 0.0])
-    area = (0.5 * (shape[1:] + shape[:-1]) * np.diff(corners)).sum()
-    impulse = stage.propellant_mass_kg * stage.isp_vacuum_s * G_0
-    return t_ignition + corners, impulse / area * shape
-
-
-def configure(rigid, stage, t_ignition, imu, aerodynamics):
+def configure(rigid_parts, stage, params, aerodynamics):
     """Configuration of rigid parts and one stage that burns; stage None: nothing burns any more.
 
-    `rigid` holds the dry part of the burning stage too.
+    Parameters
+    ----------
+    rigid_parts : `params.Part`s of all that flies but the propellant of that stage; its dry part belongs here
+    stage : params.Stage or None
+    params : FlightParams, for the IMU and the asymmetry of the vehicle
+    aerodynamics : params.Aerodynamics
     """
-    body = combine(rigid)
-    if stage is None:
-        motor = (0.0, 0.0, 1.0, 1.0, 0.5, t_ignition, t_ignition + np.arange(4.0), np.zeros(4), 1.0, 0.0, 0.0)
-    else:
-        corners, levels = thrust_history(stage, t_ignition)
-        motor = (
-            stage.propellant_mass_kg,
-            stage.grain_station_m,
-            stage.grain_length_m,
-            stage.grain_outer_radius_m**2,
-            stage.grain_inner_radius_m**2,
-            t_ignition,
-            corners,
-            levels,
-            stage.isp_vacuum_s * G_0,
-            stage.exit_area_m2,
-            stage.exit_station_m,
-        )
-    a = aerodynamics
-    if np.any(np.diff(a.mach) <= 0.0):
-        raise ValueError("the Mach numbers of an aerodynamic table have to increase")
-    columns = (
-        a.mach,
-        a.axial,
-        a.normal_slope,
-        a.pressure_station_m,
-        a.pitch_damping,
-        a.roll_damping,
-        a.roll_by_cant,
+    body = combine(rigid_parts)
+    table, products = _mass_table(body, stage, params.tilt)
+    return Configuration(
+        mass=table,
+        products=products,
+        offset=np.array(params.offset_m, dtype=float),
+        imu=np.array(params.imu_b, dtype=float),
+        aero=tables(aerodynamics),
+        spin_motors=devices.spin_motor_rows(None),
+        yo_yo=devices.yo_yo_row(None, 0.0, 1.0),
+        parachute=devices.parachute_row(None),
+        **_motor(stage),
     )
-    table = np.ascontiguousarray(np.stack([np.asarray(c, dtype=float) for c in columns], axis=1))
-    numbers = [float(x) if np.ndim(x) == 0 else np.array(x, dtype=float) for x in (*body, *motor)]
-    frame = (np.array(imu, dtype=float), float(a.area_m2), float(a.diameter_m), float(a.fin_cant))
-    return Configuration(*numbers, *frame, table)
 
 
-@njit(cache=True)
-def thrust(configuration, t_s):
-    """(vacuum thrust N, propellant left kg) at a mission time, both exact for the broken-line history."""
-    corners, levels = configuration.corners, configuration.levels
-    if t_s <= corners[0]:
-        return 0.0, configuration.grain_mass
-    impulse = 0.0
-    for k in range(3):
-        width = corners[k + 1] - corners[k]
-        part = min(t_s - corners[k], width)
-        force = levels[k] + (levels[k + 1] - levels[k]) * part / width
-        impulse += 0.5 * (levels[k] + force) * part
-        if t_s < corners[k + 1]:
-            return force, configuration.grain_mass - impulse / configuration.exhaust_speed
-    return 0.0, max(0.0, configuration.grain_mass - impulse / configuration.exhaust_speed)
+def _mass_table(body, stage, tilt):
+    """Mass table (n, 6) and products of inertia (3,) of a rigid body and the propellant of a stage.
+
+    The principal axis of roll is turned by tilt (2,) rad about y and z. The products are constant: those of
+    the vehicle when half of that propellant is left.
+    """
+    if stage is None:
+        left, parts = np.array([0.0, 1.0]), [body, body]
+    else:
+        q = stage.propellant
+        left = np.array(q.mass_kg, dtype=float)
+        if left[0] != 0.0 or np.any(np.diff(left) <= 0.0):
+            raise ValueError(f"{stage.name}: the propellant of its table has to grow from zero")
+        rows = zip(left, q.station_m, q.inertia_roll, q.inertia_pitch, strict=True)
+        parts = [combine([body, Part(*row)]) for row in rows]
+    turn = dcm_from_rotvec(np.array([0.0, tilt[0], tilt[1]]))
+    roll, pitch = np.array([p.inertia_roll for p in parts]), np.array([p.inertia_pitch for p in parts])
+    # R diag(I_x, I_t, I_t) R^T = I_t + (I_x - I_t) e e^T with e the principal axis of roll
+    axis = turn[:, 0]
+    table = np.empty((left.size, 6))
+    table[:, 0], table[:, 1] = left, [p.mass_kg for p in parts]
+    table[:, 2] = [p.station_m for p in parts]
+    table[:, 3:] = pitch[:, None] + np.outer(roll - pitch, axis**2)
+    half = np.interp(0.5 * left[-1], left, roll - pitch)
+    products = half * np.array([axis[0] * axis[1], axis[0] * axis[2], axis[1] * axis[2]])
+    return table, products
 
 
-@njit(cache=True)
-def mass_properties(configuration, propellant):
-    """Mass, station of the centre of mass, inertia about the roll axis and across it, `propellant` kg left.
+def _motor(stage):
+    """Fields of a Configuration about the motor of a stage; None: none."""
+    if stage is None:
+        thrust = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+        place, axis, offset = (1.0, 0.0, 0.0), np.array([1.0, 0.0, 0.0]), np.zeros(2)
+    else:
+        m = stage.motor
+        t_s, force = np.array(m.t_s, dtype=float), np.array(m.vacuum_thrust_n, dtype=float)
+        if t_s.size < 2 or np.any(np.diff(t_s) <= 0.0) or np.any(force < 0.0):
+            raise ValueError(
+                f"{stage.name}: the times of its thrust have to increase, thrust is never negative"
+            )
+        impulse = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(t_s))])
+        full = float(stage.propellant.mass_kg[-1])
+        if abs(impulse[-1] / (full * m.exhaust_speed) - 1.0) > 1e-6:
+            raise ValueError(
+                f"{stage.name}: {full:.6g} kg of propellant at {m.exhaust_speed:.6g} m/s do not give the "
+                f"impulse of its thrust, {impulse[-1]:.6g} N s"
+            )
+        left = full * (1.0 - impulse / impulse[-1])
+        thrust = np.column_stack([stage.t_ignition_s + t_s, force, left])
+        place = (impulse[-1] / full, float(m.exit_area_m2), float(m.exit_station_m))
+        axis = dcm_from_rotvec(np.array([0.0, m.misalignment[0], m.misalignment[1]]))[:, 0].copy()
+        offset = np.array(m.offset_m, dtype=float)
+    return {
+        "thrust": np.ascontiguousarray(thrust),
+        "exhaust_speed": float(place[0]),
+        "exit_area": place[1],
+        "exit_station": place[2],
+        "thrust_axis": axis,
+        "thrust_offset": offset,
+        "gas": 1.0,
+    }
 
-    Also the derivative of the grain's own pitch inertia by its mass [m^2], for the jet damping.
+
+def corners(configuration):
+    """Mission times at which something jumps or kinks, ascending: (n,) s.
+
+    Corners of the thrust, instants at which the propellant passes a row of the mass table, beginning and end
+    of the devices.
     """
     c = configuration
-    mass = c.rigid_mass + propellant
-    station = (c.rigid_mass * c.rigid_station + propellant * c.grain_station) / mass
-    inner2 = c.grain_outer2
-    if c.grain_mass > 0.0:
-        inner2 -= (c.grain_outer2 - c.grain_inner2) * propellant / c.grain_mass
-    roll = c.rigid_roll + 0.5 * propellant * (c.grain_outer2 + inner2)
-    pitch = c.rigid_pitch + propellant * (3.0 * (c.grain_outer2 + inner2) + c.grain_length**2) / 12.0
-    pitch += c.rigid_mass * (c.rigid_station - station) ** 2
-    pitch += propellant * (c.grain_station - station) ** 2
-    return mass, station, roll, pitch, (6.0 * inner2 + c.grain_length**2) / 12.0
+    t_s, force, left = c.thrust.T
+    k, j = np.nonzero((left[1:, None] < c.mass[:, 0]) & (c.mass[:, 0] < left[:-1, None]))
+    # impulse until then: F_0 s + slope s^2 / 2, solved for s without cancellation
+    impulse = (left[k] - c.mass[j, 0]) * c.exhaust_speed
+    slope = (np.diff(force) / np.diff(t_s))[k]
+    twice = force[k] + np.sqrt(np.maximum(0.0, force[k] ** 2 + 2.0 * slope * impulse))
+    passed = t_s[k[twice > 0.0]] + 2.0 * impulse[twice > 0.0] / twice[twice > 0.0]
+    full = c.parachute[0] + c.parachute[1]
+    times = np.concatenate([t_s, passed, c.spin_motors[:, :2].ravel(), c.yo_yo[:2], c.parachute[:1], [full]])
+    return np.unique(times[np.isfinite(times)])
+
+
+@njit(cache=True, error_model="numpy")
+def choose_rows(s, tables, t_s):
+    """Note in the record of the Scene in which rows of its tables thrust and mass are at t_s.
+
+    They stay the same between two corners. At the corners themselves only the side from which one comes tells
+    which rows hold; a time in the middle knows.
+    """
+    end = s.thrust_at + 3 * (s.thrust_n - 1)
+    if t_s < tables[s.thrust_at]:
+        s.thrust_row = -1
+    elif t_s >= tables[end]:
+        s.thrust_row = s.thrust_n - 1
+    else:
+        s.thrust_row, _ = place(tables, s.thrust_at, s.thrust_n, 3, t_s)
+    _, left = thrust(s, tables, t_s)
+    s.mass_row, _ = place(tables, s.mass_at, s.mass_n, 6, left)
+
+
+@njit(cache=True, error_model="numpy")
+def thrust(s, tables, t_s):
+    """(vacuum thrust N, propellant left kg) at a mission time; both exact for a broken line."""
+    k = s.thrust_row
+    if k < 0:
+        return 0.0, tables[s.thrust_at + 2]
+    at = s.thrust_at + 3 * k
+    if k == s.thrust_n - 1:
+        return 0.0, tables[at + 2]
+    since = t_s - tables[at]
+    force = mixed(tables, at + 1, 3, since / (tables[at + 3] - tables[at]))
+    return force, tables[at + 2] - 0.5 * (tables[at + 1] + force) * since / s.exhaust_speed
+
+
+@njit(cache=True, error_model="numpy")
+def mass_properties(s, tables, propellant):
+    """What the mass table says with `propellant` kg left, and its slopes: eight numbers.
+
+    Mass kg, station of the centre of mass m, I_x, I_y, I_z kg m^2 about it; station m of the propellant that
+    burns now, d(m x)/dm; dI_y/dm, dI_z/dm m^2. Slopes are those from row to row.
+    """
+    at = s.mass_at + 6 * s.mass_row
+    width = tables[at + 6] - tables[at]
+    part = (propellant - tables[at]) / width
+    return (
+        mixed(tables, at + 1, 6, part),
+        mixed(tables, at + 2, 6, part),
+        mixed(tables, at + 3, 6, part),
+        mixed(tables, at + 4, 6, part),
+        mixed(tables, at + 5, 6, part),
+        (tables[at + 7] * tables[at + 8] - tables[at + 1] * tables[at + 2]) / width,
+        (tables[at + 10] - tables[at + 4]) / width,
+        (tables[at + 11] - tables[at + 5]) / width,
+    )

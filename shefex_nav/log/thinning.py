@@ -1,0 +1,25 @@
+"""Fewer records of a long run: the steady ones at a lower rate, everything else as it comes.
+
+Truth, IMU and solution come at every tick of the on-board clock and fill gigabytes within hours. Thinned
+are what is written and what is kept in memory, never what the on-board computer gets.
+"""
+
+from shefex_nav.records import ImuBlock, NavSolution, TruthSample
+
+TICKS_PER_S = 100
+_AT_EVERY_TICK = {TruthSample: "t_s", ImuBlock: "t_valid_s", NavSolution: "t_s"}  # and their time
+
+
+def thinned(records, rate_hz, start_s):
+    """The records without those of truth, IMU and solution that `rate_hz` has no room for.
+
+    Ticks are counted from start_s, as those of the covariance are, so that their times meet; rate_hz is 10,
+    20, 50 or 100. Yields records.
+    """
+    every = round(TICKS_PER_S / rate_hz)
+    if every * rate_hz != TICKS_PER_S or every > TICKS_PER_S // 10:
+        raise ValueError(f"a log has 10, 20, 50 or 100 samples a second, not {rate_hz:g}")
+    for record in records:
+        time = _AT_EVERY_TICK.get(type(record))
+        if time is None or round((getattr(record, time) - start_s) * TICKS_PER_S) % every == 0:
+            yield record

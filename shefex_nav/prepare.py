@@ -1,0 +1,100 @@
+"""Everything that is settled before the first tick: the flight, and what the sensors will say of it."""
+
+from typing import NamedTuple
+
+from shefex_nav import __version__
+from shefex_nav.environment import ephemeris, gnss, stars
+from shefex_nav.geometry import frames, wgs84
+from shefex_nav.log.topics import Mission
+from shefex_nav.onboard import computer as onboard
+from shefex_nav.records import Alignment
+from shefex_nav.scenario import params, params_onboard
+from shefex_nav.world import camera, gps, imu, noise, pad
+from shefex_nav.world.flight import fly
+
+BRIEF_S = 5.0  # of a flight that nobody waits for
+
+
+class World(NamedTuple):
+    """The world of one run."""
+
+    earth: object  # EarthRotation
+    catalogue: object  # StarCatalogue at the epoch of its data
+    flight: fly.Flight
+    alignment: Alignment
+    imu: object  # ImuData
+    gps_fixes: list
+    camera: camera.Camera
+    computer: onboard.ComputerParams
+
+
+def build_world(scenario, seed, *, brief=False):
+    """Fly the vehicle and let the sensors measure it.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    seed : int
+    brief : of an orbit, or of a vehicle that stands on the ground, the first seconds alone; a launched one
+        flies to its end either way
+
+    Returns
+    -------
+    World
+    """
+
+    def rng(stream):
+        return noise.generator(seed, stream)
+
+    epoch = scenario.mission.epoch
+    earth, bodies = earth_rotation(scenario), ephemeris.sky_bodies(epoch)
+    catalogue = stars.load_catalogue(8.0)
+    at_epoch = stars.at_epoch(catalogue, ephemeris.julian_year(epoch))
+    flight_params = params.flight_params(scenario)
+    if brief and scenario.launch is None:
+        flight_params = flight_params._replace(time_limit_s=flight_params.t_start_s + BRIEF_S, programme=())
+    flight = fly.fly(flight_params, earth, rng("attitude_control"))
+    trajectory = flight.trajectory
+    true_camera = camera.init(params.camera_params(scenario), at_epoch, bodies, earth, rng("camera_errors"))
+    return World(
+        earth=earth,
+        catalogue=catalogue,
+        flight=flight,
+        alignment=pad.align(params.pad_params(scenario), trajectory, earth, rng("pad")),
+        imu=imu.measure(params.imu_params(scenario), trajectory, rng("imu")),
+        gps_fixes=gps.measure(
+            params.gps_params(scenario), trajectory, flight.events, earth, gnss.nominal_24(epoch), rng("gps")
+        ),
+        camera=true_camera,
+        computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
+    )
+
+
+def mission(scenario, seed, trajectory):
+    """Who, when and where, for the head of a log. Scenario, int, Trajectory -> Mission.
+
+    Drawings are in axes of the launch site, or of the point on the ellipsoid below the start of an orbit.
+    """
+    earth, t_s = earth_rotation(scenario), float(trajectory.t_s[0])
+    r_e, _ = frames.ecef_from_inertial(earth, t_s, trajectory.r_i[0], trajectory.v_i[0])
+    latitude, longitude, height = wgs84.geodetic_from_ecef(r_e)
+    return Mission(
+        scenario=scenario.mission.name,
+        scenario_text=scenario.source,
+        seed=seed,
+        version=__version__,
+        epoch_utc=scenario.mission.epoch,
+        start_s=scenario.mission.start,
+        earth=earth,
+        launch_latitude=latitude,
+        launch_longitude=longitude,
+        launch_height=height if scenario.orbit is None else 0.0,
+        camera=params_onboard.nominal_camera(scenario),
+        C_bc=params.mounting(scenario),
+    )
+
+
+def earth_rotation(scenario):
+    """EarthRotation of the scenario's epoch and pinned Earth orientation."""
+    earth = scenario.earth
+    return ephemeris.earth_rotation(scenario.mission.epoch, earth.ut1_minus_utc, earth.pole_x, earth.pole_y)

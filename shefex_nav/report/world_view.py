@@ -1,0 +1,118 @@
+"""The scene of the viewer: flown path, ground track, events and the globe, in axes of the launch site."""
+
+import numpy as np
+
+from shefex_nav.geometry import wgs84
+from shefex_nav.records import Phase
+from shefex_nav.report import layout
+from shefex_nav.report.track import earth_fixed
+
+_POINTS = 4000  # of the path, about
+_LINE_POINTS = 60  # of a meridian or parallel
+_EVENT = (255, 220, 120)
+
+
+def path(data):
+    """Flown path in launch axes, thinned: (n, 3) m."""
+    every = thinned(data.truth, _step(data))
+    return _in_launch_axes(data.mission, earth_fixed(data.mission.earth, every).r_e)
+
+
+def thinned(truth, step):
+    """Every so many samples of a TruthSample of arrays."""
+    return truth._make(np.ascontiguousarray(values[::step]) for values in truth)
+
+
+def _step(data):
+    return max(1, len(data.truth.t_s) // _POINTS)
+
+
+def _in_launch_axes(mission, r_e):
+    site = mission.launch_latitude, mission.launch_longitude
+    return (np.asarray(r_e) - wgs84.ecef_from_geodetic(*site, mission.launch_height)) @ wgs84.dcm_el(*site)
+
+
+def send(stream, data, phase_colours):
+    """Log the scene to a rerun RecordingStream; {Phase: colour} of the path."""
+    import rerun as rr
+
+    frame = rr.CoordinateFrame("launch")
+    every = thinned(data.truth, _step(data))
+    track = earth_fixed(data.mission.earth, every)
+    flown = _in_launch_axes(data.mission, track.r_e)
+    ground = _in_launch_axes(data.mission, _on_ground(track.latitude, track.longitude))
+    size = layout.scene(flown).size
+
+    def log(entity, drawing):
+        stream.log(f"world/{entity}", drawing, frame, static=True)
+
+    bounds = np.flatnonzero(np.diff(every.phase)) + 1
+    pieces = [p for p in np.split(np.arange(len(flown)), bounds) if len(p)]
+    strips = [flown[p[0] : p[-1] + 2] for p in pieces]
+    colours = [phase_colours[Phase(every.phase[p[0]])] for p in pieces]
+    log("path", rr.LineStrips3D(strips, colors=colours, radii=[-2.0]))
+    log("ground_track", rr.LineStrips3D([ground], colors=[110, 110, 110], radii=[-1.0]))
+    lines, is_round = _graticule(track)
+    shades = [(60, 90, 120) if r else (38, 54, 72) for r in is_round]
+    lines = [_in_launch_axes(data.mission, line) for line in lines]
+    log("globe", rr.LineStrips3D(lines, colors=shades, radii=[-0.7]))
+    _log_events(log, data, every.t_s, flown, ground, size)
+    pinhole = rr.Pinhole.from_fields(image_plane_distance=layout.FRUSTUM * size)
+    stream.log("star_tracker/calibration", pinhole, static=True)
+    stream.log("tf", rr.TransformAxes3D(layout.AXES * size), static=True)
+
+
+def _log_events(log, data, t_s, flown, ground, size):
+    """A pole from the ground to the place of each event, and the names of those that leave room."""
+    import rerun as rr
+
+    rows = [int(np.argmin(np.abs(t_s - event.t_s))) for event in data.events]
+    poles = [np.array([ground[k], flown[k]]) for k in rows]
+    log("heights", rr.LineStrips3D(poles, colors=[90, 90, 110], radii=[-0.7]))
+    tops = [pole[1] for pole in poles]
+    names = [event.name.replace("_", " ") for event in data.events]
+    log("events", rr.Points3D(tops, colors=_EVENT, radii=[-3.0]))
+    named = _far_apart(tops, layout.NAME * size)
+    labels = rr.Points3D(
+        [tops[k] for k in named],
+        labels=[names[k] for k in named],
+        show_labels=True,
+        radii=[0.0],
+        colors=_EVENT,
+    )
+    log("event_names", labels)
+
+
+def _on_ground(latitude, longitude):
+    return np.array([wgs84.ecef_from_geodetic(a, b, 0.0) for a, b in zip(latitude, longitude, strict=True)])
+
+
+def _far_apart(points, distance):
+    """Indices of points that leave room for each other's names."""
+    chosen = []
+    for k, point in enumerate(points):
+        if all(np.linalg.norm(point - points[j]) > distance for j in chosen):
+            chosen.append(k)
+    return chosen
+
+
+def _graticule(track):
+    """Meridians and parallels around the track: lines of (n, 3) m in frame e; which are at 10 degrees.
+
+    Of a track that leads around the Earth, those of the whole globe.
+    """
+    longitude = np.degrees(np.unwrap(track.longitude))  # does not jump at 180 degrees
+    south, north = np.degrees([track.latitude.min(), track.latitude.max()])
+    west, east = longitude.min(), longitude.max()
+    if max(east - west, north - south) > 90.0:
+        south, north, west, east, step = -80.0, 80.0, 0.0, 360.0, 10.0
+        parallels, meridians = np.arange(south, north + 0.5, step), np.arange(west, east - 0.5, step)
+    else:
+        south, north = max(-89.0, np.floor(south) - 2.0), min(89.0, np.ceil(north) + 2.0)
+        west, east = 5.0 * np.floor(west / 5.0) - 5.0, 5.0 * np.ceil(east / 5.0) + 5.0
+        parallels, meridians = np.arange(south, north + 0.5, 1.0), np.arange(west, east + 0.5, 2.5)
+    along_parallel = np.radians(np.linspace(west, east, _LINE_POINTS))
+    along_meridian = np.radians(np.linspace(south, north, _LINE_POINTS))
+    lines = [_on_ground(np.full(_LINE_POINTS, np.radians(a)), along_parallel) for a in parallels]
+    lines += [_on_ground(along_meridian, np.full(_LINE_POINTS, np.radians(b))) for b in meridians]
+    return lines, [bool(x % 10 == 0) for x in (*parallels, *meridians)]

@@ -1,0 +1,170 @@
+"""Contradictions about the flight: start, air, wind, attitude programme, devices."""
+
+from importlib.util import find_spec
+from itertools import pairwise
+
+from shefex_nav.scenario.programme import AlignVelocity, Dwell, Turn
+
+STARTS = ("launch", "orbit", "ground")
+SAMPLED = 0.5  # bandwidth times period up to which a sampled loop is well damped
+DEVICES = ("spin_motors", "yo_yo", "cold_gas", "parachute")
+
+
+def start(scenario):
+    """Complaint about a flight that starts from nowhere or from several places."""
+    given = [name for name in STARTS if getattr(scenario, name) is not None]
+    if not given:
+        yield ("launch",), "is missing; a flight starts from exactly one of launch, orbit and ground"
+    elif len(given) > 1:
+        words = (
+            f"a flight starts from exactly one of launch, orbit and ground, here are {' and '.join(given)}"
+        )
+        yield (given[-1],), f"{words}; {given[0]}: null takes away what an extended file gives"
+
+
+def contradictions(scenario):
+    """(path of the field, text for people) of each, in a scenario that starts from one place."""
+    yield from _air(scenario)
+    if scenario.orbit is not None and scenario.orbit.apogee_height < scenario.orbit.perigee_height:
+        words = f"must not be below perigee_height, {1e-3 * scenario.orbit.perigee_height:g} km"
+        yield ("orbit", "apogee_height"), words
+    if scenario.ground is not None:
+        yield from _ground(scenario)
+        return
+    yield from _programme(scenario)
+    yield from _devices(scenario)
+
+
+def seconds(t_s):
+    """A time as people write it."""
+    return f"{t_s:g} s"
+
+
+def _air(scenario):
+    """Atmosphere and wind."""
+    atmosphere, wind = scenario.atmosphere, scenario.wind
+    if atmosphere.model == "msis" and atmosphere.msis is None:
+        words = "is missing; msis needs it, for example 'msis: {f107: 97.7, f107_average: 127.3, ap: 4}'"
+        yield ("atmosphere", "msis"), words
+    if atmosphere.model == "msis" and find_spec("pymsis") is None:
+        words = "msis needs the package pymsis, which is not installed"
+        words += ": pip install 'shefex-nav[msis]'; or take us76"
+        yield ("atmosphere", "model"), words
+    if isinstance(wind, str):
+        return
+    for name, values in (("speed", wind.speed), ("from", wind.direction)):
+        if len(values) != len(wind.height):
+            words = f"{len(values)} values for {len(wind.height)} heights; give one for each"
+            yield ("wind", name), words
+    yield from increasing(("wind", "height"), wind.height, "heights", "m")
+
+
+def increasing(path, values, noun, unit, factor=1.0):
+    """Complaint about the first of `values` that does not exceed the one before; shown times `factor`."""
+    for k, (before, value) in enumerate(pairwise(values), 1):
+        if value <= before:
+            shown = (
+                f"{factor * value:g}{unit and ' ' + unit} follows {factor * before:g}{unit and ' ' + unit}"
+            )
+            yield (*path, k), f"{noun} must increase: {shown}"
+            return
+
+
+def _ground(scenario):
+    """A vehicle that stands still does nothing."""
+    hint = "null takes away what an extended file gives"
+    for name in scenario.vehicle.stages:
+        yield ("vehicle", "stages", name), f"a vehicle that stands on the ground burns no stage; {hint}"
+    for name in scenario.programme:
+        yield ("programme", name), f"a vehicle that stands on the ground flies no task; {hint}"
+    for name in DEVICES:
+        if getattr(scenario.vehicle, name) is not None:
+            yield ("vehicle", name), f"a vehicle that stands on the ground does not use it; {hint}"
+
+
+def earliest(scenario):
+    """Time before which nothing can be done, s, and its name."""
+    return (0.0, "lift-off") if scenario.launch is not None else (scenario.mission.start, "mission.start")
+
+
+def within(scenario, path, t_s):
+    """Complaint about a time that is not within the flight."""
+    begin, name = earliest(scenario)
+    if t_s < begin:
+        yield path, f"{seconds(t_s)} must not be before {name}, {seconds(begin)}"
+    elif t_s > scenario.mission.time_limit:
+        limit = seconds(scenario.mission.time_limit)
+        yield path, f"{seconds(t_s)} is after mission.time_limit, {limit}"
+
+
+def _programme(scenario):
+    """Tasks one after the other, within the flight, with what they need."""
+    before = None
+    for name, task in scenario.tasks:
+        path = ("programme", name)
+        yield from within(scenario, (*path, "from"), task.start)
+        if task.end <= task.start:
+            words = f"{seconds(task.end)} must be later than from, {seconds(task.start)}"
+            yield (*path, "until"), words
+            continue
+        yield from within(scenario, (*path, "until"), task.end)
+        if before is not None and task.start < before[1]:
+            words = f"{seconds(task.start)} is before the end of {before[0]}, {seconds(before[1])}"
+            yield (*path, "from"), f"{words}; tasks must not overlap"
+        before = (name, task.end)
+        yield from _task(scenario, path, task)
+    if scenario.programme and scenario.attitude == "flown" and scenario.vehicle.cold_gas is None:
+        words = "is missing; tasks are flown by a cold-gas system (or write attitude: prescribed)"
+        yield ("vehicle", "cold_gas"), words
+    gas = scenario.vehicle.cold_gas
+    if gas is not None and gas.bandwidth * gas.period > SAMPLED:
+        words = (
+            f"{gas.bandwidth:g} rad/s is too fast for valves that work every {1e3 * gas.period:g} ms; "
+            f"at most {SAMPLED / gas.period:.3g} rad/s"
+        )
+        yield ("vehicle", "cold_gas", "bandwidth"), words
+
+
+def _task(scenario, path, task):
+    """What the kinds of tasks have of their own."""
+    if isinstance(task, Turn | AlignVelocity) and task.at is not None:
+        if task.at < task.start:
+            words = f"{seconds(task.at)} must not be before the task, which starts at {seconds(task.start)}"
+            yield (*path, "at"), words
+        else:
+            yield from within(scenario, (*path, "at"), task.at)
+    if isinstance(task, Dwell):
+        yield from _dwell(path, task)
+
+
+def _dwell(path, task):
+    """Rates that can fade in and out."""
+    if task.ramp is None and (task.boresight_rate != 0.0 or task.cross_rate != 0.0):
+        yield (*path, "ramp"), "is missing; rates must fade in and out, expected for example 'ramp: 5 s'"
+    if task.cross_period is None and task.cross_rate != 0.0:
+        yield (*path, "cross_period"), "is missing; cross_rate needs it, for example 'cross_period: 40 s'"
+    length = task.end - task.start
+    if task.ramp is not None and 2.0 * task.ramp > length:
+        words = f"fading in and out takes {seconds(2.0 * task.ramp)}, the task lasts {seconds(length)} only"
+        yield (*path, "ramp"), words
+
+
+def _devices(scenario):
+    """Devices that work within the flight."""
+    vehicle = scenario.vehicle
+    if vehicle.spin_motors is not None:
+        path, motors = ("vehicle", "spin_motors"), vehicle.spin_motors
+        late = motors.at <= scenario.mission.time_limit < motors.at + motors.duration
+        yield from within(scenario, (*path, "at"), motors.at)
+        if late:
+            yield from within(scenario, (*path, "duration"), motors.at + motors.duration)
+        if motors.torque == 0.0:
+            yield (*path, "torque"), "must not be zero"
+    if vehicle.yo_yo is not None:
+        yield from within(scenario, ("vehicle", "yo_yo", "at"), vehicle.yo_yo.at)
+    parachute = vehicle.parachute
+    if parachute is not None and (parachute.height is None) == (parachute.at is None):
+        words = "opens through a height or at a time; give exactly one of height and at"
+        yield ("vehicle", "parachute"), words
+    elif parachute is not None and parachute.at is not None:
+        yield from within(scenario, ("vehicle", "parachute", "at"), parachute.at)

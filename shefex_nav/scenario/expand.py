@@ -1,0 +1,207 @@
+"""Tables in files -> the same tables in the tree of a scenario, each number with its place in its file.
+
+A section with a `file` becomes the section that gives the same values itself, as text with units. So every
+check holds for tables in files too, and the text that a log keeps needs no other file.
+"""
+
+import os
+from typing import NamedTuple
+
+from shefex_nav.scenario import rasp, tables
+from shefex_nav.scenario.document import Mark, dotted
+from shefex_nav.scenario.files import Unreadable, read_text
+from shefex_nav.scenario.tables import BadTable
+
+FILE = "file"
+
+
+class Rated(NamedTuple):
+    """Propellant mass of a motor file's header, kg, and where it stands."""
+
+    mass: float
+    mark: Mark
+
+
+def relative_to(tree, folder):
+    """Let the files that a scenario's own `tree` names be looked for in `folder`."""
+    for section, _, _ in _sections(tree):
+        if isinstance(section.get(FILE), str) and section[FILE]:
+            section[FILE] = os.path.join(folder, section[FILE])
+
+
+def expand(tree, places, texts):
+    """Put the tables of files into `tree` and their places into `places`; their texts go into `texts`.
+
+    A section that gives the same values itself, too, stays as it is, for the schema to complain about.
+
+    Returns
+    -------
+    errors : list of (Mark, text)
+    rated : {path of a stage: Rated} of motor files
+    """
+    errors, rated = [], {}
+    for section, path, convert in _sections(tree):
+        name = section.get(FILE)
+        if not isinstance(name, str) or not name:
+            continue
+        try:
+            text = read_text(name, "a table")
+            values, marks = convert(text, name)
+        except Unreadable as error:
+            here = places.value((*path, FILE))
+            errors.append((here, f"{dotted((*path, FILE))}: '{name}' {error}"))
+            continue
+        except BadTable as error:
+            errors += error.errors
+            continue
+        texts[name] = text
+        if convert is _motor:
+            rated[path[:-1]] = marks.pop("rated")
+        if set(values) & set(section):
+            continue
+        if convert is _motor:  # here, and not in the section that gives the same values itself
+            section.setdefault("measured_at", "sea_level")
+        del section[FILE]
+        here = places.value((*path, FILE))
+        places.put((*path, FILE), {}, {})
+        for key, value in values.items():
+            section[key] = value
+            inner = {(): here} | marks.get(key, {})
+            places.put((*path, key), inner, inner)
+    return errors, rated
+
+
+def _sections(tree):
+    """(section, path, converter) of every section that may name a file."""
+    vehicle = _inner(tree, "vehicle")
+    yield _inner(tree, "wind"), ("wind",), _wind
+    yield (
+        _inner(_inner(vehicle, "payload"), "aerodynamics"),
+        ("vehicle", "payload", "aerodynamics"),
+        _aerodynamics,
+    )
+    for name, stage in _inner(vehicle, "stages").items():
+        path = ("vehicle", "stages", name)
+        yield _inner(stage, "propellant"), (*path, "propellant"), _propellant
+        yield _inner(stage, "motor"), (*path, "motor"), _motor
+        yield _inner(stage, "aerodynamics"), (*path, "aerodynamics"), _aerodynamics
+
+
+def _inner(section, key):
+    """The section under a key, an empty one if there is none."""
+    found = section.get(key) if isinstance(section, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
+def _quantities(column, unit):
+    """A column as texts with unit, or as numbers where `unit` is empty."""
+    return [f"{cell.text} {unit}" if unit else cell.value for cell in column]
+
+
+def _places(column):
+    """Marks of a column's numbers by their path below the key."""
+    return {(k,): cell.mark for k, cell in enumerate(column)}
+
+
+def _wind(text, file):
+    columns = tables.read(text, file, ("height_m", "speed_m_s", "from_deg"))
+    units = {"height": ("height_m", "m"), "speed": ("speed_m_s", "m/s"), "from": ("from_deg", "deg")}
+    values = {key: _quantities(columns[name], unit) for key, (name, unit) in units.items()}
+    return values, {key: _places(columns[name]) for key, (name, _) in units.items()}
+
+
+def _propellant(text, file):
+    units = {
+        "burnt": ("burnt_percent", "%"),
+        "station": ("station_m", "m"),
+        "inertia_roll": ("inertia_roll_kg_m2", "kg m2"),
+        "inertia_pitch": ("inertia_pitch_kg_m2", "kg m2"),
+    }
+    columns = tables.read(text, file, [name for name, _ in units.values()])
+    values = {key: _quantities(columns[name], unit) for key, (name, unit) in units.items()}
+    marks = {
+        (key, *inner): mark
+        for key, (name, _) in units.items()
+        for inner, mark in _places(columns[name]).items()
+    }
+    return {"table": values}, {"table": marks}
+
+
+def _motor(text, file):
+    motor = rasp.read(text, file)
+    values = {"time": _quantities(motor.t_s, "s"), "force": _quantities(motor.thrust_n, "N")}
+    marks = {
+        (key, *inner): mark
+        for key, column in (("time", motor.t_s), ("force", motor.thrust_n))
+        for inner, mark in _places(column).items()
+    }
+    rated = Rated(motor.propellant_kg.value, motor.propellant_kg.mark)
+    return {"thrust": values}, {"thrust": marks, "rated": rated}
+
+
+def _aerodynamics(text, file):
+    """A long table, one row for each Mach number and angle of attack, as lists by angle of lists by Mach."""
+    needed = ("mach", "axial", "normal_slope", "pressure_station_m")
+    columns = tables.read(text, file, needed, ("alpha_deg", "drag"))
+    machs = _distinct(columns["mach"])
+    alphas = _distinct(columns["alpha_deg"]) if "alpha_deg" in columns else None
+    rows = _grid(columns)
+    if alphas and [cell.value for cell in alphas] == [0.0]:
+        alphas = None
+    keys = {
+        "axial": ("axial", ""),
+        "normal_slope": ("normal_slope", ""),
+        "pressure_station": ("pressure_station_m", "m"),
+    }
+    keys |= {"drag": ("drag", "")} if "drag" in columns else {}
+    values, marks = {"mach": _quantities(machs, "")}, {"mach": _places(machs)}
+    if alphas:
+        values["angle_of_attack"], marks["angle_of_attack"] = _quantities(alphas, "deg"), _places(alphas)
+    for key, (name, unit) in keys.items():
+        table = [[columns[name][rows[a, m.value]] for m in machs] for a in _values(alphas)]
+        lists = [_quantities(row, unit) for row in table]
+        values[key] = lists if alphas else lists[0]
+        marks[key] = {
+            (i, k) if alphas else (k,): cell.mark for i, row in enumerate(table) for k, cell in enumerate(row)
+        }
+        marks[key] |= {(i,): row[0].mark for i, row in enumerate(table)} if alphas else {}
+    return values, marks
+
+
+def _distinct(column):
+    """Different numbers of a column, ascending, each where it stands first."""
+    first = {}
+    for cell in column:
+        first.setdefault(cell.value, cell)
+    return [first[value] for value in sorted(first)]
+
+
+def _values(alphas):
+    return [cell.value for cell in alphas] if alphas else [0.0]
+
+
+def _grid(columns):
+    """{(alpha, mach): number of the row}; BadTable unless every pair is there once."""
+    machs, rows = columns["mach"], {}
+    alphas = columns.get("alpha_deg")
+    for n, mach in enumerate(machs):
+        pair = (alphas[n].value if alphas else 0.0, mach.value)
+        if pair in rows:
+            first = machs[rows[pair]].mark.line
+            words = f"mach: {_pair(pair, alphas)} stands in line {first} already; keep one of them"
+            raise BadTable([(mach.mark, words)])
+        rows[pair] = n
+    missing = [
+        (alpha, mach)
+        for alpha in sorted({pair[0] for pair in rows})
+        for mach in sorted({pair[1] for pair in rows})
+        if (alpha, mach) not in rows
+    ]
+    if missing:
+        words = "every Mach number needs a row for every angle of attack"
+        raise BadTable([(machs[-1].mark, f"mach: there is no row for {_pair(missing[0], alphas)}; {words}")])
+    return rows
+
+
+def _pair(pair, alphas):
+    return f"Mach {pair[1]:g} at {pair[0]:g} deg" if alphas else f"Mach {pair[1]:g}"

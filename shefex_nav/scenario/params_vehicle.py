@@ -1,0 +1,175 @@
+"""Sections of a scenario about vehicle and programme -> parameters of the flight, in SI."""
+
+import numpy as np
+
+from shefex_nav.scenario import thrust
+from shefex_nav.scenario.motor import Grain
+from shefex_nav.scenario.programme import AlignVelocity, Damp, Dwell, Hold, Point, SpinTo, Turn
+from shefex_nav.world.flight import params as flight
+
+GRAIN_ROWS = 101  # a grain between them is linear to 1e-5 of its inertia
+
+
+def part(block):
+    """flight.Part of a rigid part."""
+    return flight.Part(block.mass, block.station, block.inertia_roll, block.inertia_pitch)
+
+
+def stage(name, block):
+    """flight.Stage of a stage."""
+    drop = block.separation
+    return flight.Stage(
+        name=name,
+        dry=part(block.dry),
+        propellant=propellant(block.propellant),
+        motor=motor(block.motor, block.propellant.mass),
+        t_ignition_s=block.ignition,
+        t_separation_s=np.inf if drop is None else drop.at,
+        separation_impulse=0.0 if drop is None else drop.impulse,
+        tip_off=np.zeros(2) if drop is None else np.array(drop.tip_off),
+        aerodynamics=aerodynamics(block.aerodynamics),
+    )
+
+
+def propellant(block):
+    """flight.Propellant, from empty to full.
+
+    The hollow cylinder burns outwards: outer radius, length and middle stay, the inner radius grows. A table
+    is linear between its rows; more rows between them let what is made of it, the inertia of the whole
+    vehicle, be as right as the table.
+    """
+    left = np.linspace(0.0, 1.0, GRAIN_ROWS)
+    if isinstance(block, Grain):
+        outer2, inner2 = block.outer_radius**2, block.inner_radius**2
+        inner2 = outer2 - (outer2 - inner2) * left
+        roll = 0.5 * block.mass * left * (outer2 + inner2)
+        pitch = block.mass * left * (3.0 * (outer2 + inner2) + block.length**2) / 12.0
+        return flight.Propellant(block.mass * left, np.full(GRAIN_ROWS, block.station), roll, pitch)
+    table = block.table
+    burnt = np.clip(table.burnt, 0.0, 1.0)
+    burnt[[0, -1]] = 0.0, 1.0  # but for rounding of the percents they are
+    given = 1.0 - burnt[::-1]
+    left = np.union1d(left, given)
+    columns = (table.station, table.inertia_roll, table.inertia_pitch)
+    return flight.Propellant(block.mass * left, *(np.interp(left, given, column[::-1]) for column in columns))
+
+
+def motor(block, propellant_mass):
+    """flight.Motor; see `thrust.vacuum_curve` for how impulse and propellant are made to agree."""
+    curve = thrust.vacuum_curve(block, propellant_mass)
+    return flight.Motor(
+        t_s=np.array(curve.t_s),
+        vacuum_thrust_n=np.array(curve.thrust_n),
+        exhaust_speed=curve.exhaust_speed,
+        exit_area_m2=block.exit_area,
+        exit_station_m=block.exit_station,
+        misalignment=np.array(block.misalignment),
+        offset_m=np.array(block.offset),
+    )
+
+
+def aerodynamics(block):
+    """flight.Aerodynamics, None for None.
+
+    Where the damping has Mach numbers of its own, every column is taken to the union of both, between whose
+    rows all of them are linear.
+    """
+    if block is None:
+        return None
+    own = np.array(block.mach)
+    damping = own if block.damping_mach is None else np.array(block.damping_mach)
+    mach = np.union1d(own, damping)
+
+    def grid(values):
+        lists = np.atleast_2d(np.array(values, dtype=float))  # (k, n)
+        return np.column_stack([np.interp(mach, own, row) for row in lists])
+
+    def row(values):
+        return np.interp(mach, damping, np.zeros_like(damping) if values is None else values)
+
+    return flight.Aerodynamics(
+        area_m2=block.area,
+        diameter_m=block.diameter,
+        fin_cant=block.fin_cant,
+        mach=mach,
+        alpha=np.zeros(1) if block.angle_of_attack is None else np.array(block.angle_of_attack),
+        axial=block.axial_factor * grid(block.axial),
+        normal_slope=block.normal_factor * grid(block.normal_slope),
+        pressure_station_m=grid(block.pressure_station),
+        drag=np.zeros_like(grid(block.axial)) if block.drag is None else grid(block.drag),
+        pitch_damping=row(block.pitch_damping),
+        roll_damping=row(block.roll_damping),
+        roll_by_cant=row(block.roll_by_cant),
+    )
+
+
+def spin_motors(block):
+    """flight.SpinMotors, None for None."""
+    return None if block is None else flight.SpinMotors(block.at, block.duration, block.torque)
+
+
+def yo_yo(block):
+    """flight.YoYo, None for None."""
+    return None if block is None else flight.YoYo(block.at, block.mass, block.cord_length, block.radius)
+
+
+def cold_gas(block):
+    """flight.ColdGas, None for None."""
+    if block is None:
+        return None
+    reference = block.reference
+    return flight.ColdGas(
+        torque=np.array(block.torque),
+        arm_m=np.array(block.arm),
+        isp_s=block.specific_impulse,
+        propellant_kg=block.propellant,
+        period_s=block.period,
+        dead_band_angle=np.array(block.dead_band_angle),
+        dead_band_rate=np.array(block.dead_band_rate),
+        bandwidth=block.bandwidth,
+        reference=flight.AttitudeReference(
+            reference.misalignment, reference.drift, reference.roll_scale_factor
+        ),
+    )
+
+
+def parachute(block):
+    """flight.Parachute, None for None."""
+    if block is None:
+        return None
+    return flight.Parachute(
+        height_m=-np.inf if block.height is None else block.height,
+        t_s=np.inf if block.at is None else block.at,
+        drag_area_m2=block.drag_area,
+        inflation_s=block.inflation,
+        station_m=block.station,
+    )
+
+
+def task(name, block):
+    """The flight's task of a task in the programme."""
+    return _TASKS[type(block)]((name, block.start, block.end), block)
+
+
+def _dwell(head, block):
+    """Without rates there is no period and nothing fades."""
+    moves = block.boresight_rate != 0.0 or block.cross_rate != 0.0
+    return flight.Dwell(
+        *head,
+        boresight_rate=block.boresight_rate,
+        cross_rate=block.cross_rate,
+        cross_period_s=block.cross_period or 1.0,
+        cross_phase=block.cross_phase,
+        ramp_s=block.ramp if moves else 0.0,
+    )
+
+
+_TASKS = {
+    Damp: lambda head, b: flight.Damp(*head),
+    Turn: lambda head, b: flight.Turn(*head, b.azimuth, b.elevation, b.end if b.at is None else b.at),
+    AlignVelocity: lambda head, b: flight.AlignVelocity(*head, b.at),
+    SpinTo: lambda head, b: flight.Spin(*head, b.rate),
+    Point: lambda head, b: flight.Point(*head, b.azimuth, b.elevation, b.roll),
+    Dwell: _dwell,
+    Hold: lambda head, b: flight.Hold(*head),
+}

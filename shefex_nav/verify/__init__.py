@@ -1,0 +1,1 @@
+"""Verification: the flight mechanics against trajectories that others have published."""

@@ -1,0 +1,259 @@
+"""Everything that decides a flight, as data: where it starts, what flies, what it is told to do.
+
+Places along the roll axis are stations: distance behind the nose tip, m. Body axes: x along the roll axis to
+the nose. Times are mission times in seconds.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+FLOWN, PRESCRIBED = 0, 1  # attitude by the cold-gas system, or as the programme says
+
+
+class Part(NamedTuple):
+    """A rigid part: the payload, or a stage without its propellant."""
+
+    mass_kg: float
+    station_m: float  # centre of mass
+    inertia_roll: float  # kg m^2 about the roll axis
+    inertia_pitch: float  # kg m^2 across, about its own centre of mass
+
+
+class Propellant(NamedTuple):
+    """Propellant of a motor by what is left of it, n rows from empty to full; linear in between."""
+
+    mass_kg: np.ndarray  # (n,) left, from 0
+    station_m: np.ndarray  # (n,) its centre of mass
+    inertia_roll: np.ndarray  # (n,) kg m^2
+    inertia_pitch: np.ndarray  # (n,) kg m^2, about its own centre of mass
+
+
+class Motor(NamedTuple):
+    """Vacuum thrust over the time since ignition, a broken line of area propellant times exhaust speed."""
+
+    t_s: np.ndarray  # (m,) increasing from 0
+    vacuum_thrust_n: np.ndarray  # (m,)
+    exhaust_speed: float  # m/s, thrust in vacuum per mass flow
+    exit_area_m2: float
+    exit_station_m: float
+    misalignment: np.ndarray  # (2,) rad, thrust turned about body y and z
+    offset_m: np.ndarray  # (2,) m, thrust line off the roll axis in y and z, at the exit
+
+
+class Aerodynamics(NamedTuple):
+    """Coefficients of one configuration, all to the same reference area and diameter.
+
+    n Mach numbers, k total angles of attack; k = 1: C_A cos(alpha) |cos(alpha)| and C_N' sin(alpha) hold.
+    """
+
+    area_m2: float
+    diameter_m: float
+    fin_cant: float  # rad
+    mach: np.ndarray  # (n,) increasing
+    alpha: np.ndarray  # (k,) rad, increasing from 0
+    axial: np.ndarray  # (n, k) C_A
+    normal_slope: np.ndarray  # (n, k) C_N / sin(alpha)
+    pressure_station_m: np.ndarray  # (n, k) centre of pressure
+    drag: np.ndarray  # (n, k) C_D along the air velocity, added to the above; spheres, satellites
+    pitch_damping: np.ndarray  # (n,) C_mq + C_m,alpha-dot for omega d/(2V), negative
+    roll_damping: np.ndarray  # (n,) C_lp for omega d/(2V), negative
+    roll_by_cant: np.ndarray  # (n,) dC_l/d(fin cant), 1/rad
+
+
+class Stage(NamedTuple):
+    """A stage with a solid motor."""
+
+    name: str
+    dry: Part
+    propellant: Propellant
+    motor: Motor
+    t_ignition_s: float
+    t_separation_s: float  # inf: stays attached
+    separation_impulse: float  # N s on what flies on, along +x
+    tip_off: np.ndarray  # (2,) rad/s about y and z, given to what flies on
+    aerodynamics: Aerodynamics  # while this stage is the lowest one attached
+
+
+class SpinMotors(NamedTuple):
+    """Small motors that turn the vehicle about its roll axis."""
+
+    t_s: float
+    duration_s: float
+    torque: float  # N m, positive: positive roll rate
+
+
+class YoYo(NamedTuple):
+    """Two masses on cords, wound around the vehicle, that take its spin away."""
+
+    t_s: float  # release
+    mass_kg: float  # both masses together
+    cord_length_m: float  # of each
+    radius_m: float  # of the vehicle where they are wound up
+
+
+class AttitudeReference(NamedTuple):
+    """Errors of the attitude by which the cold-gas system steers, one standard deviation."""
+
+    misalignment: float  # rad, each axis, constant
+    drift: float  # rad/s, each axis, constant
+    roll_scale_factor: float
+
+
+class ColdGas(NamedTuple):
+    """Attitude control by cold gas: valves that are open or shut, working in pairs as pure couples."""
+
+    torque: np.ndarray  # (3,) N m about x, y, z while a pair is open
+    arm_m: np.ndarray  # (3,) m, torque per thrust
+    isp_s: float
+    propellant_kg: float
+    period_s: float  # of the controller, and the shortest opening
+    dead_band_angle: np.ndarray  # (3,) rad
+    dead_band_rate: np.ndarray  # (3,) rad/s
+    bandwidth: float  # rad/s
+    reference: AttitudeReference
+
+
+class Parachute(NamedTuple):
+    """A parachute; opens on the way down through a height, or at a time."""
+
+    height_m: float  # -inf: by time
+    t_s: float  # inf: by height
+    drag_area_m2: float  # C_D A when full
+    inflation_s: float
+    station_m: float  # where its lines are fixed
+
+
+class Air(NamedTuple):
+    """The air: a table, or the US Standard Atmosphere 1976 where the table is empty."""
+
+    table: np.ndarray  # (n, 4) height m, ln(density), ln(pressure), speed of sound m/s; (0, 4): US76
+    density_factor: float
+
+
+class LaunchSite(NamedTuple):
+    """Where the IMU waits on the pad, and the rail."""
+
+    latitude: float  # rad, geodetic
+    longitude: float  # rad
+    height_m: float  # above the ellipsoid
+    azimuth: float  # rad from north over east, of the rail
+    elevation: float  # rad above the horizontal
+    roll: float  # rad about the roll axis; 0: body y horizontal, to the right when looking along the azimuth
+    rail_length_m: float
+
+
+class GroundSite(NamedTuple):
+    """Where a vehicle stands that never leaves; as `LaunchSite`."""
+
+    latitude: float
+    longitude: float
+    height_m: float
+    azimuth: float
+    elevation: float
+    roll: float
+
+
+class Orbit(NamedTuple):
+    """Osculating elements at t_start_s, inertial; the body then looks along the velocity, z axis down."""
+
+    perigee_height_m: float  # above the equatorial radius
+    apogee_height_m: float
+    inclination: float  # rad
+    node: float  # rad, right ascension
+    perigee: float  # rad, argument
+    anomaly: float  # rad, true
+
+
+class Damp(NamedTuple):
+    """Damp the transverse rates and leave the spin alone."""
+
+    name: str
+    t_0: float
+    t_1: float
+
+
+class Turn(NamedTuple):
+    """Turn the roll axis to a direction in the local level frame below the place of the vehicle at t_at_s."""
+
+    name: str
+    t_0: float
+    t_1: float
+    azimuth: float  # rad from north over east
+    elevation: float  # rad
+    t_at_s: float
+
+
+class AlignVelocity(NamedTuple):
+    """Turn the roll axis along the air-relative velocity predicted for t_at_s."""
+
+    name: str
+    t_0: float
+    t_1: float
+    t_at_s: float
+
+
+class Spin(NamedTuple):
+    """Bring the spin about the roll axis to a rate."""
+
+    name: str
+    t_0: float
+    t_1: float
+    rate: float  # rad/s
+
+
+class Point(NamedTuple):
+    """Turn the star camera's boresight to a direction in the local level frame, both at t_1."""
+
+    name: str
+    t_0: float
+    t_1: float
+    azimuth: float  # rad
+    elevation: float  # rad
+    roll: float  # rad about the boresight; 0: camera x as near to the roll axis as it gets
+
+
+class Dwell(NamedTuple):
+    """Hold the attitude, but for rates that are asked for."""
+
+    name: str
+    t_0: float
+    t_1: float
+    boresight_rate: float  # rad/s, constant, about the star camera's boresight
+    cross_rate: float  # rad/s, across it, turning in the camera's axes
+    cross_period_s: float
+    cross_phase: float  # rad
+    ramp_s: float  # rates fade in after t_0 and out before t_1; 0: no rates asked for
+
+
+class Hold(NamedTuple):
+    """Hold the attitude, or the direction of the roll axis of a spinning vehicle."""
+
+    name: str
+    t_0: float
+    t_1: float
+
+
+class FlightParams(NamedTuple):
+    """Everything that decides the flight."""
+
+    t_start_s: float  # at most 0 for a launch; lift-off is at 0
+    time_limit_s: float
+    sample_rate_hz: float  # of the IMU
+    gravity: tuple  # environment.gravity.GravityModel
+    air: Air
+    wind: np.ndarray  # (m, 3) height m, north m/s, east m/s; (0, 3): none
+    start: LaunchSite | GroundSite | Orbit
+    C_bc: np.ndarray  # (3, 3) nominal mounting of the star camera
+    imu_b: np.ndarray  # (3,) m, IMU from the nose tip, body axes
+    payload: Part
+    offset_m: np.ndarray  # (2,) m, centre of mass off the roll axis in y and z
+    tilt: np.ndarray  # (2,) rad, roll principal axis turned about body y and z
+    payload_aerodynamics: Aerodynamics | None  # once every stage is gone; None: some stage stays
+    stages: tuple  # of Stage, in order of burning
+    spin_motors: SpinMotors | None
+    yo_yo: YoYo | None
+    cold_gas: ColdGas | None
+    parachute: Parachute | None
+    attitude: int  # FLOWN or PRESCRIBED
+    programme: tuple  # of tasks in order of time

@@ -1,0 +1,166 @@
+"""What happens when: stages, tasks and devices put in order of time, and checked against each other.
+
+In: `FlightParams`. Out: the moments at which a section of the flight ends, and which stage burns when.
+"""
+
+from enum import IntEnum
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.world.flight import params as p
+
+EPS = 1e-9  # s, instants closer than this are one
+LOOP = 0.5  # bandwidth times period up to which a sampled double pole is well damped
+
+
+class Kind(IntEnum):
+    """Kinds of moments; those of the same instant come in this order."""
+
+    END = 0  # of a task
+    SEPARATION = 1
+    IGNITION = 2
+    YO_YO = 3
+    SPIN_MOTORS = 4
+    PARACHUTE = 5  # at a set time
+    BEGIN = 6  # of a task
+
+
+class Moment(NamedTuple):
+    """Something that happens at a set time."""
+
+    t_s: float
+    kind: Kind
+    number: int  # of the stage from 1, or of the task from 0; else 0
+    name: str  # of the event
+
+
+class Burn(NamedTuple):
+    """From ignition to burn-out of a stage."""
+
+    t_0: float
+    t_1: float
+    number: int  # of the stage, from 1
+
+
+def burns(params):
+    """The burns in order of time: tuple of `Burn`."""
+    return tuple(
+        Burn(float(s.t_ignition_s), float(s.t_ignition_s + s.motor.t_s[-1]), n)
+        for n, s in enumerate(params.stages, 1)
+    )
+
+
+def moments(params):
+    """Every `Moment` of the flight until the time limit, in order of time."""
+    return [moment for moment in _planned(params) if moment.t_s <= params.time_limit_s]
+
+
+def _planned(params):
+    """Every `Moment` that is planned, in order of time.
+
+    The first ignition of a launch is left out: it belongs to the time on the rail.
+    """
+    launch = isinstance(params.start, p.LaunchSite)
+    found = [
+        Moment(burn.t_0, Kind.IGNITION, burn.number, f"ignition_{burn.number}")
+        for burn in burns(params)[1 if launch else 0 :]
+    ]
+    for n, stage in enumerate(params.stages, 1):
+        if np.isfinite(stage.t_separation_s):
+            found.append(Moment(stage.t_separation_s, Kind.SEPARATION, n, f"separation_{n}"))
+    for n, task in enumerate(params.programme):
+        found.append(Moment(task.t_0, Kind.BEGIN, n, f"{task.name}_start"))
+        found.append(Moment(task.t_1, Kind.END, n, f"{task.name}_end"))
+    if params.yo_yo is not None:
+        found.append(Moment(params.yo_yo.t_s, Kind.YO_YO, 0, "yo_yo_release"))
+    if params.spin_motors is not None:
+        found.append(Moment(params.spin_motors.t_s, Kind.SPIN_MOTORS, 0, "spin_motors"))
+    if params.parachute is not None and np.isfinite(params.parachute.t_s):
+        found.append(Moment(params.parachute.t_s, Kind.PARACHUTE, 0, "parachute"))
+    return sorted(found, key=lambda moment: (moment.t_s, moment.kind))
+
+
+def prescribed(params):
+    """(first s, last s) between which the attitude is prescribed; (inf, -inf) where it never is."""
+    if params.attitude != p.PRESCRIBED or not params.programme:
+        return np.inf, -np.inf
+    return params.programme[0].t_0, params.programme[-1].t_1
+
+
+def check(params):
+    """Refuse parameters that contradict each other: ValueError."""
+    launch, ground = isinstance(params.start, p.LaunchSite), isinstance(params.start, p.GroundSite)
+    if not params.t_start_s < params.time_limit_s:
+        raise ValueError(
+            f"time_limit_s, {params.time_limit_s} s, is not after t_start_s, {params.t_start_s} s"
+        )
+    if launch and params.t_start_s > 0.0:
+        raise ValueError(f"t_start_s ({params.t_start_s} s) is after lift-off")
+    if launch and not params.stages:
+        raise ValueError("a launch needs a stage: nothing burns")
+    devices = (params.stages, params.programme, params.spin_motors, params.yo_yo, params.parachute)
+    if ground and any(devices):
+        raise ValueError("a vehicle that stands on the ground burns, steers and releases nothing")
+    _check_stages(params, 0.0 if launch else params.t_start_s)
+    _check_programme(params, 0.0 if launch else params.t_start_s)
+    late = [moment for moment in _planned(params) if moment.t_s > params.time_limit_s]
+    if launch and late:
+        raise ValueError(f"{late[0].name} at {late[0].t_s} s is after time_limit_s, {params.time_limit_s} s")
+    for name, t_s in (
+        ("yo_yo", params.yo_yo and params.yo_yo.t_s),
+        ("spin_motors", params.spin_motors and params.spin_motors.t_s),
+        ("parachute", params.parachute and params.parachute.t_s),
+    ):
+        if t_s is not None and t_s < (0.0 if launch else params.t_start_s):
+            raise ValueError(f"{name} ({t_s} s) is before the start of the flight")
+
+
+def _check_stages(params, earliest):
+    """Stages burn one after the other, each when those below it are gone."""
+    gone, below = earliest, "the start of the flight"
+    for n, burn in enumerate(burns(params)):
+        stage = params.stages[n]
+        if np.any(np.diff(stage.motor.t_s) <= 0.0) or stage.motor.t_s[0] != 0.0:
+            raise ValueError(f"{stage.name}: the times of its thrust have to increase from 0")
+        if burn.t_0 < gone:
+            raise ValueError(f"{stage.name}: ignition at {burn.t_0} s is before {below} at {gone} s")
+        if stage.t_separation_s < burn.t_1:
+            raise ValueError(
+                f"{stage.name}: separation at {stage.t_separation_s} s is before its burn-out at {burn.t_1} s"
+            )
+        gone, below = stage.t_separation_s, f"the separation of {stage.name}"
+    alone = not params.stages or np.isfinite(params.stages[-1].t_separation_s)
+    if alone and params.payload_aerodynamics is None and not isinstance(params.start, p.GroundSite):
+        raise ValueError("the payload flies alone and has no aerodynamic coefficients")
+
+
+def _check_programme(params, earliest):
+    """Tasks follow each other and can be flown."""
+    tasks = params.programme
+    if tasks and params.attitude == p.FLOWN and params.cold_gas is None:
+        raise ValueError("the programme is to be flown, and there is no cold gas")
+    if params.cold_gas is not None and params.cold_gas.bandwidth * params.cold_gas.period_s > LOOP:
+        raise ValueError(
+            f"the valves work every {params.cold_gas.period_s} s: too slow for a bandwidth of "
+            f"{params.cold_gas.bandwidth} rad/s, whose product must not exceed {LOOP}"
+        )
+    if tasks and tasks[0].t_0 < earliest:
+        raise ValueError(f"{tasks[0].name} starts at {tasks[0].t_0} s, before the flight")
+    for task in tasks:
+        if not task.t_0 < task.t_1:
+            raise ValueError(f"{task.name} ends at {task.t_1} s, not after its start at {task.t_0} s")
+        if isinstance(task, p.Dwell):
+            rates = task.boresight_rate != 0.0 or task.cross_rate != 0.0
+            if not 0.0 <= 2.0 * task.ramp_s <= task.t_1 - task.t_0:
+                raise ValueError(f"{task.name}: ramp_s ({task.ramp_s} s) does not fit twice into the task")
+            if rates and task.ramp_s == 0.0:
+                raise ValueError(f"{task.name}: rates that are asked for need a ramp_s in which they fade in")
+            if task.cross_rate != 0.0 and not task.cross_period_s > 0.0:
+                raise ValueError(f"{task.name}: cross_rate needs a cross_period_s")
+    for before, after in pairwise(tasks):
+        if after.t_0 < before.t_1:
+            raise ValueError(
+                f"{after.name} starts at {after.t_0} s, before {before.name} ends at {before.t_1} s"
+            )
