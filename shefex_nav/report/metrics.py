@@ -32,6 +32,7 @@ from shefex_nav.report.track import earth_fixed
 WRONG_ANGLE = math.radians(0.5)
 WINDOW_RATE = math.radians(2.0)  # rad/s
 ENTRY_HEIGHT = 100e3  # m
+STANDING = 1e-3  # m/s; what never moves faster stands on the ground
 NEES_DOF = 9  # position, velocity, attitude
 _ARCSEC = math.degrees(1.0) * 3600.0
 _SAME_TIME_S = 1e-6  # two records of one tick
@@ -139,10 +140,11 @@ def _flight(data, track):
         )
         range_km = length / 1e3
     speed = np.linalg.norm(track.v_e, axis=1)
+    moved = bool(len(speed)) and float(speed.max()) > STANDING
     return {
-        "apogee_km": float(track.height.max()) / 1e3 if len(speed) else None,
+        "apogee_km": float(track.height.max()) / 1e3 if moved else None,
         "range_km": range_km,
-        "max_speed_m_s": float(speed.max()) if len(speed) else None,
+        "max_speed_m_s": float(speed.max()) if moved else None,
         "events": [
             {"name": event.name, "t_s": event.t_s, "altitude_km": event.altitude_m / 1e3}
             for event in data.events

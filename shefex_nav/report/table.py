@@ -3,6 +3,12 @@
 from rich.table import Table
 from rich.text import Text
 
+_FLOWN = (  # name, key, digits, unit
+    ("apogee", "apogee_km", 1, "km"),
+    ("range", "range_km", 1, "km"),
+    ("highest speed", "max_speed_m_s", 0, "m/s"),
+)
+
 
 def _text(value, digits, unit=""):
     return "-" if value is None else f"{value:,.{digits}f}{' ' if unit else ''}{unit}".replace(",", " ")
@@ -29,7 +35,7 @@ def summary_table(summary):
 
 def rows(summary):
     """(section, lines of name and value) of the summary, as texts."""
-    yield "flight", _flight_rows(summary["flight"])
+    yield "flight", _flight_rows(summary["flight"], stood=bool(summary["simulated_s"]))
     if summary["attitude_control"]:
         yield "attitude control", _control_rows(summary["attitude_control"])
     yield "star tracker", _star_rows(summary["star_tracker"])
@@ -37,10 +43,12 @@ def rows(summary):
     yield "run", _run_rows(summary)
 
 
-def _flight_rows(flight):
-    yield "apogee", _text(flight["apogee_km"], 1, "km")
-    yield "range", _text(flight["range_km"], 1, "km")
-    yield "highest speed", _text(flight["max_speed_m_s"], 0, "m/s")
+def _flight_rows(flight, *, stood):
+    for name, key, digits, unit in _FLOWN:
+        if flight[key] is not None:
+            yield name, _text(flight[key], digits, unit)
+    if stood and flight["apogee_km"] is None:
+        yield "motion", "none, it stands on the ground"
     for event in flight["events"]:
         name = event["name"].replace("_", " ")
         yield name, f"T{event['t_s']:+.1f} s, {_text(event['altitude_km'], 1, 'km')}"
@@ -52,6 +60,9 @@ def _control_rows(control):
 
 
 def _star_rows(star):
+    if not star["frames"]:
+        yield "frames", "none taken"
+        return
     share = f" ({100.0 * star['solved'] / star['in_window']:.1f} %)" if star["in_window"] else ""
     yield "frames", f"{star['frames']}, of which {star['in_window']} in the window"
     yield "solved in the window", f"{star['solved']}{share}"
