@@ -180,3 +180,19 @@ def test_interrupted_run_closes_its_log(default_scenario, tmp_path):
     from shefex_nav.log import reader
 
     assert not reader.read(out).ended_early
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("vehicle.spin_motors.torque=1e12 N m", "grows without bound"),
+        ("vehicle.yo_yo.cord_length=60 m", "cords of the yo-yo are too long"),
+    ],
+)
+def test_flights_that_cannot_be_are_one_message(command, default_scenario, tmp_path, override, words):
+    out = tmp_path / "run.mcap"
+    result = command("run", default_scenario, "--set", override, "--out", out)
+    assert result.code == 2
+    assert words in result.err
+    assert "Traceback" not in result.err
+    assert not out.exists()

@@ -33,10 +33,10 @@ class CoefficientBase(Block):
         min_length=2,
         description="Mach numbers of the damping coefficients, where they are not those of the others",
     )
-    pitch_damping: list[Number("-80")] = Field(
+    pitch_damping: list[Number("-80", at_most=0.0)] = Field(
         description="for pitch rate times diameter over 2 V; negative damps"
     )
-    roll_damping: list[Number("-5")] = Field(
+    roll_damping: list[Number("-5", at_most=0.0)] = Field(
         description="for roll rate times diameter over 2 V; negative damps"
     )
     roll_by_cant: list[Number("5")] | None = Field(

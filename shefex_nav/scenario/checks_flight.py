@@ -3,6 +3,7 @@
 from importlib.util import find_spec
 from itertools import pairwise
 
+from shefex_nav.scenario import thrust
 from shefex_nav.scenario.programme import AlignVelocity, Dwell, Turn
 
 STARTS = ("launch", "orbit", "ground")
@@ -97,12 +98,29 @@ def within(scenario, path, t_s):
         yield path, f"{seconds(t_s)} is after mission.time_limit, {limit}"
 
 
+def _on_rail(scenario, path, t_s):
+    """Complaint about something that is due while the vehicle still stands on its rail."""
+    if scenario.launch is not None and scenario.vehicle.stages:
+        ignition = next(iter(scenario.vehicle.stages.values())).ignition
+        if 0.0 <= t_s <= ignition:
+            yield path, f"{seconds(t_s)} must be later than the first ignition, {seconds(ignition)}"
+
+
+def _burning(scenario, path, t_s):
+    """Complaint about a device that is released while a motor burns."""
+    for name, stage in scenario.vehicle.stages.items():
+        burn_out = stage.ignition + thrust.burn_time(stage.motor)
+        if stage.ignition <= t_s < burn_out:
+            yield path, f"{seconds(t_s)} is before the burn-out of {name}, {seconds(burn_out)}"
+
+
 def _programme(scenario):
     """Tasks one after the other, within the flight, with what they need."""
     before = None
     for name, task in scenario.tasks:
         path = ("programme", name)
         yield from within(scenario, (*path, "from"), task.start)
+        yield from _on_rail(scenario, (*path, "from"), task.start)
         if task.end <= task.start:
             words = f"{seconds(task.end)} must be later than from, {seconds(task.start)}"
             yield (*path, "until"), words
@@ -162,9 +180,11 @@ def _devices(scenario):
             yield (*path, "torque"), "must not be zero"
     if vehicle.yo_yo is not None:
         yield from within(scenario, ("vehicle", "yo_yo", "at"), vehicle.yo_yo.at)
+        yield from _burning(scenario, ("vehicle", "yo_yo", "at"), vehicle.yo_yo.at)
     parachute = vehicle.parachute
     if parachute is not None and (parachute.height is None) == (parachute.at is None):
         words = "opens through a height or at a time; give exactly one of height and at"
         yield ("vehicle", "parachute"), words
     elif parachute is not None and parachute.at is not None:
         yield from within(scenario, ("vehicle", "parachute", "at"), parachute.at)
+        yield from _burning(scenario, ("vehicle", "parachute", "at"), parachute.at)

@@ -31,10 +31,26 @@ def contradictions(scenario, rated):
         return
     yield from _payload(scenario)
     yield from _order(scenario)
+    yield from _stations(vehicle)
     if scenario.launch is not None and not vehicle.stages:
         yield ("vehicle", "stages"), "is empty; a rocket on its rail needs a stage with a motor"
     elif scenario.launch is not None and next(iter(vehicle.stages)) not in faulty:
         yield from _lift_off(scenario)
+
+
+def _stations(vehicle):
+    """Nothing lies behind the last nozzle."""
+    if not vehicle.stages:
+        return
+    end = max(stage.motor.exit_station for stage in vehicle.stages.values())
+    places = {("payload", "station"): vehicle.payload.station}
+    for name, stage in vehicle.stages.items():
+        places["stages", name, "dry", "station"] = stage.dry.station
+    if vehicle.parachute is not None:
+        places["parachute", "station"] = vehicle.parachute.station
+    for where, station in places.items():
+        if station > end:
+            yield ("vehicle", *where), f"{station:g} m is behind the last nozzle exit, {end:g} m"
 
 
 def _payload(scenario):

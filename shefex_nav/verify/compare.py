@@ -108,7 +108,7 @@ def _comparison(stated, quantity, t_s, ours, theirs):
     apart = np.fmax.reduce(pairs) if pairs else np.full(t_s.size, np.nan)
     tolerance = stated or Tolerance(quantity.floor)
     allowed = _allowed(tolerance, ours, t_s)
-    wide = allowed + (np.nanmax(apart) if pairs else 0.0)
+    wide = allowed + (np.nan_to_num(apart) if pairs else 0.0)
     near = stated is None or any(_keeps(d, allowed) for d in differences.values())
     ok = near and all(_keeps(d, wide) for d in differences.values())
     return Comparison(quantity, t_s, differences, apart, tolerance, allowed, ok)

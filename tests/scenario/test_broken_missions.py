@@ -290,3 +290,19 @@ def test_taking_away_in_a_file_what_its_base_does_not_give(tmp_path):
         f"{path}:3:3: vehicle.parachut: null takes away what the extended file gives, "
         "which is nothing; leave it out"
     )
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["programme.damping.from=0 s"], "0 s must be later than the first ignition, 0 s"),
+        (["vehicle.yo_yo.at=200 s"], "200 s is before the burn-out of S44, 217.2 s"),
+        (["vehicle.payload.station=2600 m"], "2600 m is behind the last nozzle exit, 12.6 m"),
+        (
+            ["vehicle.stages.S44.aerodynamics.roll_damping=[" + ", ".join(["0.15"] * 11) + "]"],
+            "must be at most 0.0, got 0.15",
+        ),
+    ],
+)
+def test_slips_that_would_fly_nonsense(overrides, words):
+    assert words in "\n".join(messages(DEFAULT, overrides))

@@ -19,11 +19,20 @@ from flight_bench import (
     world,
 )
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 from shefex2 import EARTH, PRESCRIBED
 
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import rotation, wgs84
-from shefex_nav.world.flight import attitude_program, control, dynamics, fly, integrate, surroundings
+from shefex_nav.world.flight import (
+    attitude_program,
+    control,
+    dynamics,
+    fly,
+    integrate,
+    runge_kutta,
+    surroundings,
+)
 
 TUMBLING = state(FAR, [3.0, -2.0, 1.0], [5.0, 1.5, -0.8])
 COASTING = body(imu=AT_CG)
@@ -280,3 +289,23 @@ def test_sections_without_length_change_nothing():
     x, t, how, rows = section(TUMBLING, 3.0, 3.0, body(), world())
     assert np.array_equal(x, TUMBLING)
     assert (t, how, len(rows)) == (3.0, integrate.T_END, 0)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.1, 0.3, 0.33, 1.0, 2.5])
+def test_rotation_vector_of_a_turning_body(angle):
+    # t(s) with exp(t(0) + t' s) = exp(t(0)) exp(omega s), to the second order in s
+    start, omega = angle * np.array([0.6, -0.64, 0.48]), np.array([0.5, 2.0, -1.0])
+    slope = np.zeros(19)
+    runge_kutta.turning(*start, *omega, slope)
+    s = 1e-4
+    ends = [
+        (Rotation.from_rotvec(start) * Rotation.from_rotvec(sign * s * omega)).as_rotvec()
+        for sign in (1.0, -1.0)
+    ]
+    assert np.allclose(slope[6:9], (ends[0] - ends[1]) / (2.0 * s), rtol=0.0, atol=3e-7)
+    x, y = state(FAR, q_ib=rotation.xyzw([0.0, 0.6, 0.0, 0.8])), np.zeros(19)
+    y[6:9] = start
+    runge_kutta.turn(x, y)
+    expected = Rotation.from_quat(rotation.xyzw(x[6:10])) * Rotation.from_rotvec(start)
+    got = Rotation.from_quat(rotation.xyzw(y[6:10]))
+    assert (expected.inv() * got).magnitude() < 1e-15

@@ -49,6 +49,13 @@ def yo_yo_row(yo_yo, spin, i_roll):
     return np.array([yo_yo.t_s, yo_yo.t_s + unwinding_s, float(spin), k])
 
 
+def spin_left(row):
+    """Share of the spin left when the cords of a `yo_yo_row` are off; negative: the other way round."""
+    release, off, spin, k = row
+    unwound2 = (spin * (off - release)) ** 2
+    return (k - unwound2) / (k + unwound2)
+
+
 def cord_for(spin_ratio, mass_kg, radius_m, i_roll):
     """Length [m] of each cord that leaves spin_ratio (final over initial spin, -1 to 1) of the spin.
 

@@ -19,6 +19,7 @@ from shefex_nav.world.flight import params as p
 from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, integrate
 from shefex_nav.world.flight.timeline import EPS, Kind
 
+REVERSED = 0.5  # share of the spin beyond which a yo-yo must not leave it the other way round
 STOPPED = 0.01  # rad/s; slower than that a yo-yo does not unwind
 
 
@@ -160,6 +161,11 @@ class _Run:
         if isinstance(self.params.start, p.LaunchSite) and not self.landed:
             limit = self.params.time_limit_s
             raise FlightError(f"the vehicle is still in the air at the time limit, {limit} s")
+        if self.landed and np.isfinite(self.stop_height):
+            height = 1e-3 * self.stop_height
+            raise FlightError(
+                f"the parachute never opens: the vehicle does not come down through {height:g} km"
+            )
 
     def _until(self, t_end, waiting):
         """Integrate to t_end; `waiting` names what is due then, None: nothing."""
@@ -182,10 +188,17 @@ class _Run:
         steering = self.steering if self.mode == dynamics.CONTROLLED else self.unsteered
         steering = steering._replace(stop_height=self.stop_height)
         t_0, dt = float(self.params.t_start_s), 1.0 / self.params.sample_rate_hz
-        self.t_s, self.k, event = integrate(
-            self.x, self.t_s, t_end, self.k, t_0, dt, self.mode, self.law, self.configuration, self.world,
-            steering, TOLERANCE, self.rows,
-        )  # fmt: skip
+        begin = self.t_s
+        try:
+            self.t_s, self.k, event = integrate(
+                self.x, begin, t_end, self.k, t_0, dt, self.mode, self.law, self.configuration, self.world,
+                steering, TOLERANCE, self.rows,
+            )  # fmt: skip
+        except ArithmeticError:
+            raise FlightError(
+                f"the motion grows without bound between T+{begin:.1f} s and T+{t_end:.1f} s; look at the "
+                "damping coefficients, the inertias and the torques"
+            ) from None
         if self.mode == dynamics.PROGRAMMED:
             self.x[10:13] = attitude.body_rate(self.law, self.t_s)[:3]
             self._check_height()
@@ -205,6 +218,8 @@ class _Run:
         prescribed_0, prescribed_1 = timeline.prescribed(self.params)
         as_told = prescribed_0 - EPS <= moment.t_s < prescribed_1 - EPS and self.mode == dynamics.PROGRAMMED
         self.instants[moment.name] = moment.t_s
+        if moment.kind == Kind.BEGIN and self.mode == dynamics.ON_RAIL:
+            raise FlightError(f"{moment.name} is due at T+{moment.t_s:.1f} s, on the launch rail")
         match moment.kind:
             case Kind.END:
                 self._end(moment, later)
@@ -235,6 +250,12 @@ class _Run:
         if abs(spin) < STOPPED:
             raise FlightError(f"the yo-yo is released at T+{self.t_s:.1f} s, and the vehicle does not spin")
         row = devices.yo_yo_row(self.params.yo_yo, spin, _mass_row(self.configuration, self.t_s)[3])
+        left = devices.spin_left(row)
+        if left < -REVERSED:
+            raise FlightError(
+                f"the cords of the yo-yo are too long: they would turn {spin:.2f} rad/s into "
+                f"{left * spin:.2f} rad/s"
+            )
         self.configuration = self.configuration._replace(yo_yo=row)
         self.instants["yo_yo_off"] = row[1]
 
