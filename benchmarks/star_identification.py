@@ -138,9 +138,9 @@ def run_case(case, samples, seed, method="default"):
     fields = [make_field(rng, **CASES[case]) for _ in range(samples)]
     for xy, flux, prediction, q_ci, usable in fields:
         options = {} if prediction is None or method == "pyramid" else {"prediction": prediction}
-        begin = time.perf_counter()
+        begin = time.thread_time()
         found = solve_centroids(xy, flux, camera=CAMERA, epoch=EPOCH, method=method, **options)
-        elapsed = 1e3 * (time.perf_counter() - begin)
+        elapsed = 1e3 * (time.thread_time() - begin)
         ok = found.status == "ok"
         error = np.linalg.norm(rotvec_between(found.q_ci, q_ci)) if ok else np.nan
         rows.append((usable, ok, error, elapsed))

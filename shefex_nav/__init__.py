@@ -42,3 +42,12 @@ from shefex_nav import compiled as _compiled
 __version__ = "0.1.0"
 
 _compiled.place_cache(_os.environ)
+
+
+def __getattr__(name):
+    """The public functions are imported when they are asked for: commands start without them."""
+    if name in ("Camera", "solve_centroids"):
+        from shefex_nav import solve
+
+        return getattr(solve, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -7,6 +7,7 @@ and magnitude, and kept.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -31,8 +32,8 @@ NO_ROTATION = np.array([1.0, 0.0, 0.0, 0.0])
 class Camera:
     """A camera. Pixel (0, 0) is the centre of the top-left pixel, x right, y down, z along the boresight.
 
-    principal_point_px: (x, y), by default the middle of the detector. distortion: None or (k1, k2, p1, p2, k3)
-    of Brown and Conrady in the order of OpenCV, from the ideal to the distorted image.
+    principal_point_px: (x, y), by default the middle of the detector. distortion: None or
+    (k1, k2, p1, p2, k3) of Brown and Conrady in the order of OpenCV, from the ideal to the distorted image.
     """
 
     width_px: int
@@ -44,7 +45,7 @@ class Camera:
     def __post_init__(self):
         for name in ("width_px", "height_px", "focal_length_px"):
             value = getattr(self, name)
-            if not (np.isscalar(value) and np.isfinite(value) and value > 0):
+            if not (np.isscalar(value) and isfinite(value) and value > 0):
                 raise ValueError(f"Camera.{name}: expected a positive number, got {value!r}")
         if self.principal_point_px is None:
             centre = (0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1))
@@ -146,7 +147,7 @@ class _Sky(NamedTuple):
 @lru_cache(maxsize=8)
 def _sky(camera, epoch, max_magnitude):
     """Build what does not change from frame to frame."""
-    if not (np.isscalar(epoch) and np.isfinite(epoch) and 1900.0 < epoch < 2200.0):
+    if not (np.isscalar(epoch) and isfinite(epoch) and 1900.0 < epoch < 2200.0):
         raise ValueError(f"epoch: expected a Julian year between 1900 and 2200, got {epoch!r}")
     if not 0.0 < max_magnitude <= 8.0:
         raise ValueError(f"max_magnitude: expected V between 0 and 8, got {max_magnitude!r}")
@@ -201,10 +202,12 @@ def _numbers(name, value, shape):
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise ValueError(f"{name}: expected numbers of shape {shape}, got {value!r}") from None
-    if array.ndim != len(shape) or any(w is not None and w != h for w, h in zip(shape, array.shape, strict=True)):
-        wanted = str(shape).replace("None", "n")
-        raise ValueError(f"{name}: expected shape {wanted}, got {array.shape}")
-    if not np.isfinite(array).all():
+    fits = array.ndim == len(shape) and all(
+        wanted in (None, has) for wanted, has in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        raise ValueError(f"{name}: expected shape {str(shape).replace('None', 'n')}, got {array.shape}")
+    if not isfinite(array.sum()):  # one NaN or infinity is enough
         raise ValueError(f"{name}: contains NaN or infinite values")
     return array
 

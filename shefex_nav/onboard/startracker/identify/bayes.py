@@ -1,10 +1,10 @@
 """Identification by the odds against chance: pairs, a k-vector, a sky grid and a Bayes factor.
 
 The default of the project. Attitudes are proposed by pairs of detections (`search`), adjusted to all stars
-that fit (`evidence`) and weighed against chance (`odds`). An attitude is given out only if the expected number
-of chance attitudes as good as it is below a limit, in this frame, with its number of detections and the
-catalogue as it is there. With a prediction, the few pairs near it are tried first and three stars are enough;
-if they do not convince, the search begins again from nothing.
+that fit (`evidence`) and weighed against chance (`odds`). An attitude is given out only if the expected
+number of chance attitudes as good as it is below a limit, in this frame, with its number of detections and
+the catalogue as it is there. With a prediction, the few pairs near it are tried first and three stars are
+enough (`tracking`); if they do not convince, the search begins again from nothing.
 """
 
 from typing import NamedTuple
@@ -15,15 +15,9 @@ from numba import njit
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_dcm
 from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, Stars, new_view
-from shefex_nav.onboard.startracker.identify.search import (
-    MAX_DETECTIONS,
-    Best,
-    Pairs,
-    detection_table,
-    is_settled,
-    lost_in_space,
-    track,
-)
+from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, detection_table
+from shefex_nav.onboard.startracker.identify.search import Best, Pairs, Task, lost_in_space, margin
+from shefex_nav.onboard.startracker.identify.tracking import track
 from shefex_nav.onboard.startracker.identify.verify import Identification
 from shefex_nav.records import Reason
 
@@ -36,7 +30,7 @@ BUDGET = 45_000  # attitudes looked at, before giving up
 PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
 BORDER_PX = 5.0  # a predicted star nearer to the border may be missing
 
-REASONS = {code: Reason(code) for code in range(4)}
+TOO_FEW_STARS, NO_MATCH, AMBIGUOUS = int(Reason.TOO_FEW_STARS), int(Reason.NO_MATCH), int(Reason.AMBIGUOUS)
 
 
 class Settings(NamedTuple):
@@ -137,23 +131,22 @@ def solve_kernel(stars, pairs, settings, xy_px, magnitude, has_flux, has_predict
         settings.cx_px, settings.cy_px, settings.border_px, settings.sigma_px, settings.magnitude_sigma,
     )  # fmt: skip
     threshold = np.log(CHANCE / settings.false_limit)
-    best = new_best(n)
+    prior = Prior(has_prediction, dcm_from_quat(q_ci), P_c)
+    tracked = Task(
+        stars, scene, prior, detection_table(scene), new_best(n), new_view(), MIN_TRACKED, threshold
+    )
     trials = 0
-    if n >= MIN_TRACKED:
-        table, view = detection_table(scene), new_view()
-        prior = Prior(has_prediction, dcm_from_quat(q_ci), P_c)
-        if has_prediction:
-            trials = track(
-                stars, scene, prior, table, best, view, MIN_TRACKED, threshold, settings.budget // 4
-            )
-        if n >= settings.min_stars and not is_settled(best, threshold):
-            best = new_best(n)
-            nothing = Prior(False, prior.C_ci, P_c)
-            trials += lost_in_space(
-                stars, pairs, scene, nothing, table, best, view, settings.min_stars, threshold,
-                settings.budget - trials,
-            )  # fmt: skip
-    return conclude(best, settings, xy_px.shape[0], threshold, trials)
+    if has_prediction and n >= MIN_TRACKED:
+        trials = track(tracked, settings.budget // 4)
+        if margin(tracked) >= threshold:
+            return conclude(tracked, settings, xy_px.shape[0], trials)
+    nothing = Prior(False, prior.C_ci, P_c)
+    lost = Task(
+        stars, scene, nothing, tracked.table, new_best(n), tracked.room, settings.min_stars, threshold
+    )
+    if n >= settings.min_stars:
+        trials += lost_in_space(lost, pairs, settings.budget - trials)
+    return conclude(lost, settings, xy_px.shape[0], trials)
 
 
 @njit(cache=True)
@@ -164,15 +157,16 @@ def new_best(n):
 
 
 @njit(cache=True)
-def conclude(best, settings, n, threshold, trials):
+def conclude(task, settings, n, trials):
     """Reason, and the attitude if it is certain."""
+    best = task.best
     star = np.full(n, -1, dtype=np.int64)
     odds, rival = best.score[0], best.score[1]
     wrong = min(CHANCE * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0), 1.0)
-    if not is_settled(best, threshold):
-        reason = 2 if odds < threshold else 3
-        if len(best.star) < MIN_TRACKED:
-            reason = 1
+    if margin(task) < task.threshold:
+        reason = TOO_FEW_STARS if len(best.star) < task.min_stars else NO_MATCH
+        if odds >= task.threshold:
+            reason = AMBIGUOUS
         return reason, star, np.full(4, np.nan), np.full((3, 3), np.nan), odds, wrong, trials
     star[: len(best.star)] = best.star
     k = (best.star >= 0).sum()
