@@ -199,7 +199,7 @@ def undistort(pinhole, distortion, xy_px):
 def _numbers(name, value, shape):
     """Finite float array of a shape, where None is any length; or a ValueError that says what is wrong."""
     try:
-        array = np.asarray(value, dtype=np.float64)
+        array = np.array(value, dtype=np.float64, order="C")  # a copy: one layout, one compilation
     except (TypeError, ValueError):
         raise ValueError(f"{name}: expected numbers of shape {shape}, got {value!r}") from None
     fits = array.ndim == len(shape) and all(
@@ -219,7 +219,7 @@ def _checked(xy_px, flux, camera):
     xy_px = _numbers("xy_px", xy_px, (None, 2)) if len(xy_px) else np.zeros((0, 2))
     n = xy_px.shape[0]
     if flux is None:
-        return np.ascontiguousarray(xy_px), np.zeros(n), np.arange(n)
+        return xy_px, np.zeros(n), np.arange(n)
     flux = _numbers("flux", flux, (n,))
     if n and flux.min() <= 0.0:
         raise ValueError("flux: expected positive values")

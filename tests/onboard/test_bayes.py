@@ -97,13 +97,13 @@ def test_odds_against_plain_formulas():
         terms = []
         for scale, weight in zip(evidence.NOISE_SCALES, evidence.NOISE_WEIGHTS, strict=True):
             s2 = (0.15 * scale) ** 2
-            density = 0.9 * np.exp(-0.5 * d2 / s2) / s2 + 0.1 * np.exp(-0.5 * d2 / (16 * s2)) / (16 * s2)
+            density = 0.94 * np.exp(-0.5 * d2 / s2) / s2 + 0.06 * np.exp(-0.5 * d2 / (16 * s2)) / (16 * s2)
             place = np.log(659.0 * 493.0 / (2 * np.pi) * density)
             best = -np.inf
             for j in range(1, n_det + 1):
                 used = known & (det < j)
                 chance = np.log(np.arange(j - used.sum() + 1, j + 1)).sum()
-                share = 0.7 if j == n_det else 0.3 / n_det
+                share = 0.8 if j == n_det else 0.2 / n_det
                 best = max(best, np.log(share) + place[used].sum() - chance)
             terms.append(np.log(weight) + 1.5 * np.log(2 * np.pi * s2) - 0.5 * log_det + best)
         assert odds.place_odds(scene, view, n, log_det, 3) == pytest.approx(logsumexp(terms))
@@ -113,7 +113,7 @@ def test_odds_against_plain_formulas():
             within = faint <= stars.vmag[-1] - step
             value = betaln(3.0 + (seen & within).sum(), 0.5 + (due & within).sum()) - betaln(3.0, 0.5)
             value += (seen & ~within).sum() * np.log(0.1) + (due & ~within).sum() * np.log(0.9)
-            terms.append(value + np.log(0.6 if q == 0 else 0.4 / 6))
+            terms.append(value + np.log(0.7 if q == 0 else 0.3 / 6))
         assert odds.completeness_odds(stars, view, n, scene) == pytest.approx(logsumexp(terms))
 
 

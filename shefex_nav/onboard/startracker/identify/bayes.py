@@ -26,7 +26,7 @@ from shefex_nav.records import Reason
 CHANCE = 0.003
 MIN_STARS = 4
 MIN_TRACKED = 3  # with a prediction
-BUDGET = 45_000  # attitudes looked at, before giving up
+BUDGET = 38_000  # attitudes looked at, before giving up
 PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
 BORDER_PX = 5.0  # a predicted star nearer to the border may be missing
 

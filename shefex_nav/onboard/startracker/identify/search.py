@@ -24,12 +24,13 @@ from shefex_nav.onboard.startracker.identify.screen import (
 )
 
 PAIR_GATE = 3.0  # sigma of the angle of a pair
-MAGNITUDE_GATE = 4.5  # magnitude_sigma, of a difference of brightness
-WIDER = 1.6  # times that gate, in a pass that takes nothing for granted
-SHORT_PX = 40.0  # closer detections say little about the attitude
+MAGNITUDE_GATE = 3.2  # magnitude_sigma, of a difference of brightness
+WIDER = 2.2  # times that gate, in a pass that takes nothing for granted
+SHORT_PX = 50.0  # closer detections say little about the attitude
+BLOCK, LARGEST_BLOCK = 1.5, 40  # times n: pairs of about the same brightness, of which the cheaper go first
 TRIALS_PER_PAIR = 4  # cost of a pair of detections, in attitudes
 TRIALS_PER_LOOK = 100  # cost of adjusting and weighing one, in attitudes
-SURE = 5.0  # more than enough, in ln B: no need to look for a rival
+SURE = 3.0  # more than enough, in ln B: no need to look for a rival
 SAME_TRACE = 2.9999  # of the rotation between two attitudes that are one: 0.6 deg
 
 
@@ -44,10 +45,10 @@ class Pass(NamedTuple):
 
 
 PASSES = (
-    Pass(1.1, 1.0, 2, False, 0.55),
-    Pass(3.4, 1.0, 2, True, 0.75),
-    Pass(1.1, 1.0, 6, False, 0.85),
-    Pass(2.0, 1.008, 2, True, 0.93),
+    Pass(1.1, 1.0, 2, False, 0.5),
+    Pass(1.1, 1.0, 6, False, 0.7),
+    Pass(3.4, 1.0, 2, True, 0.88),
+    Pass(2.0, 1.008, 2, True, 0.94),
     Pass(2.0, 0.992, 2, True, 1.0),
 )
 
@@ -139,32 +140,33 @@ def margin(task):
 
 
 @njit(cache=True)
-def try_pair(task, pairs, u_c, i, j, way):
-    """All pairs of stars that can be the detections i and j; number of attitudes looked at."""
+def window(pairs, u_c, i, j, tolerance):
+    """Catalogue pairs with the angle of the detections i and j: begin, end; empty for close detections."""
+    angle = np.arccos(min(u_c[i, 0] * u_c[j, 0] + u_c[i, 1] * u_c[j, 1] + u_c[i, 2] * u_c[j, 2], 1.0))
+    low, high = np.cos(angle + tolerance), np.cos(max(angle - tolerance, 0.0))
+    return position(pairs, low), position(pairs, high)
+
+
+@njit(cache=True)
+def try_pair(task, pairs, u_c, i, j, begin, end, way):
+    """The catalogue pairs begin ... end as the detections i and j; attitudes looked at."""
     stars, scene, best = task.stars, task.scene, task.best
-    u, v = u_c[i], u_c[j]
     sigma_px, focal_px = way.noise * scene.sigma_px, way.focal * scene.focal_px
-    angle = np.arccos(min(u[0] * v[0] + u[1] * v[1] + u[2] * v[2], 1.0))
-    if angle * focal_px < SHORT_PX:
-        return 0
-    T = triad(u[0], u[1], u[2], v[0], v[1], v[2])
+    T = triad(u_c[i, 0], u_c[i, 1], u_c[i, 2], u_c[j, 0], u_c[j, 1], u_c[j, 2])
     lever, frame = lever_of(scene, i, j, sigma_px), frame_of(scene, focal_px, way.patience)
     width = MAGNITUDE_GATE * scene.magnitude_sigma * (WIDER if way.is_wide else 1.0)
     if not scene.has_flux:
         width = np.inf
     fainter = scene.mag[j] - scene.mag[i]
     gate = (fainter - width, fainter + width)
-    tolerance = PAIR_GATE * np.sqrt(2.0) * sigma_px / focal_px
-    entry = 2 * position(pairs, np.cos(angle + tolerance))
-    end = 2 * position(pairs, np.cos(max(angle - tolerance, 0.0)))
-    trials = TRIALS_PER_PAIR
-    while entry < end:
+    entry, trials = 2 * begin, TRIALS_PER_PAIR
+    while entry < 2 * end:
         entry, C, n = scan(
             stars.u_i, stars.vmag, stars.start, stars.row, pairs.first, pairs.second, task.table, scene.xy_px,
-            T, frame, lever, gate, (best.star[i], best.star[j]), task.min_stars - 2, entry, end,
+            T, frame, lever, gate, (best.star[i], best.star[j]), task.min_stars - 2, entry, 2 * end,
         )  # fmt: skip
         trials += n
-        if entry < end:
+        if entry < 2 * end:
             trials += TRIALS_PER_LOOK
             put(best.trial_C, C)
             look(task, focal_px, widest_gate(scene, lever), way.is_wide)
@@ -175,18 +177,56 @@ def try_pair(task, pairs, u_c, i, j, way):
 
 
 @njit(cache=True)
+def pairs_by_brightness(n):
+    """All pairs of n detections, brightest first: (m, 2)."""
+    order = np.empty((n * (n - 1) // 2, 2), dtype=np.int64)
+    m = 0
+    for total in range(1, 2 * n - 2):
+        for i in range(max(0, total - n + 1), (total + 1) // 2):
+            order[m, 0], order[m, 1] = i, total - i
+            m += 1
+    return order
+
+
+@njit(cache=True)
+def try_block(task, pairs, u_c, block, way):
+    """A few pairs of detections, those with the fewest catalogue pairs first; attitudes looked at."""
+    m = block.shape[0]
+    focal_px = way.focal * task.scene.focal_px
+    tolerance = PAIR_GATE * np.sqrt(2.0) * way.noise * task.scene.sigma_px / focal_px
+    begin, end, cost = np.empty(m, dtype=np.int64), np.empty(m, dtype=np.int64), np.empty(m)
+    for k in range(m):
+        i, j = block[k, 0], block[k, 1]
+        begin[k], end[k] = window(pairs, u_c, i, j, tolerance)
+        dx = task.scene.xy_px[i, 0] - task.scene.xy_px[j, 0]
+        dy = task.scene.xy_px[i, 1] - task.scene.xy_px[j, 1]
+        cost[k] = end[k] - begin[k] if dx * dx + dy * dy > SHORT_PX**2 else np.inf
+    trials = m * TRIALS_PER_PAIR
+    for _ in range(m):
+        k = np.argmin(cost)
+        if cost[k] == np.inf:
+            break
+        cost[k] = np.inf
+        trials += try_pair(task, pairs, u_c, block[k, 0], block[k, 1], begin[k], end[k], way)
+        if margin(task) >= task.threshold + SURE:
+            break
+    return trials
+
+
+@njit(cache=True)
 def lost_in_space(task, pairs, budget):
     """Go through the pairs of detections until one attitude is certain; attitudes looked at."""
-    n, trials = task.scene.xy_px.shape[0], 0
+    trials = 0
+    n = task.scene.xy_px.shape[0]
+    order, size = pairs_by_brightness(n), min(int(BLOCK * n), LARGEST_BLOCK)
     for way in PASSES:
         u_c = directions(task.scene, way.focal * task.scene.focal_px)
-        for total in range(1, 2 * n - 2):
-            for i in range(max(0, total - n + 1), (total + 1) // 2):
-                if trials > way.share * budget:
-                    break
-                trials += try_pair(task, pairs, u_c, i, total - i, way)
-                if margin(task) >= task.threshold + SURE:
-                    return trials
+        for first in range(0, order.shape[0], size):
+            if trials > way.share * budget:
+                break
+            trials += try_block(task, pairs, u_c, order[first : first + size], way)
+            if margin(task) >= task.threshold + SURE:
+                return trials
         if margin(task) >= task.threshold:
             break
     return trials
