@@ -107,14 +107,18 @@ def test_odds_against_plain_formulas():
                 best = max(best, np.log(share) + place[used].sum() - chance)
             terms.append(np.log(weight) + 1.5 * np.log(2 * np.pi * s2) - 0.5 * log_det + best)
         assert odds.place_odds(scene, view, n, log_det, 3) == pytest.approx(logsumexp(terms))
+        zero = np.median(scene.mag[det[known]] - stars.vmag[row[known]])
+        assert odds.zero_point(stars, scene, view, n) == pytest.approx(zero)
         seen, faint, terms = known, stars.vmag[row], []
         due = ~known & np.array([odds._is_due(scene, view, n, s) for s in range(n)])
         for q, step in enumerate(evidence.LIMIT_STEPS):
             within = faint <= stars.vmag[-1] - step
             value = betaln(3.0 + (seen & within).sum(), 0.5 + (due & within).sum()) - betaln(3.0, 0.5)
             value += (seen & ~within).sum() * np.log(0.1) + (due & ~within).sum() * np.log(0.9)
+            if q > 0:
+                value += (scene.mag > zero + stars.vmag[-1] - step + 0.3).sum() * np.log(0.5)
             terms.append(value + np.log(0.7 if q == 0 else 0.3 / 6))
-        assert odds.completeness_odds(stars, view, n, scene) == pytest.approx(logsumexp(terms))
+        assert odds.completeness_odds(stars, view, n, scene, zero) == pytest.approx(logsumexp(terms))
 
 
 def test_scan_against_brute_force():

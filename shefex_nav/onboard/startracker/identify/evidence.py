@@ -25,6 +25,7 @@ SEEN, UNSEEN = 3.0, 0.5  # Beta prior of the share of the stars that are detecte
 LIMIT_STEPS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0)  # mag, camera's limit above the catalogue's
 FULL_DEPTH = 0.7  # probability that the camera sees the whole catalogue
 BEYOND = 0.1  # share of the stars beyond the limit that are detected
+FAINTER, FAINTER_MARGIN = 0.5, 0.3  # odds of each detection that is fainter than the limit, by this [mag]
 ZERO_POINT_SIGMA = 0.7  # mag; the median detection tells the zero point that well before any match
 DEEPER = 0.2  # share of the cameras that see many stars fainter than the catalogue
 MUTE = 0.1  # share of the frames whose brightness says nothing

@@ -18,6 +18,8 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     BEYOND,
     BLEND_PX,
     DEEPER,
+    FAINTER,
+    FAINTER_MARGIN,
     FOCAL_SHARE,
     FOCAL_SIGMA,
     FULL_DEPTH,
@@ -121,7 +123,19 @@ def focal_odds(scene, focal_px, n_par):
 
 
 @njit(cache=True)
-def brightness_odds(stars, scene, view, n):
+def zero_point(stars, scene, view, n):
+    """Median of -2.5 log10 flux - V of the matched stars."""
+    difference = np.empty(n)
+    m = 0
+    for s in range(n):
+        if view.det[s] >= 0:
+            difference[m] = scene.mag[view.det[s]] - stars.vmag[view.row[s]]
+            m += 1
+    return np.median(difference[:m])
+
+
+@njit(cache=True)
+def brightness_odds(stars, scene, view, n, zero):
     """Logarithm of the odds that these brightnesses belong to these stars.
 
     Against chance, where a star of the catalogue has any of its magnitudes; zero point free, tails wide.
@@ -129,23 +143,17 @@ def brightness_odds(stars, scene, view, n):
     """
     if not scene.has_flux:
         return 0.0
-    difference, total = np.empty(n), 0.0
-    m = 0
+    sigma, total, m = scene.magnitude_sigma, 0.0, 0
+    peak = 1.0 / (np.sqrt(2.0 * np.pi) * sigma)
     for s in range(n):
         if view.det[s] >= 0:
-            difference[m] = scene.mag[view.det[s]] - stars.vmag[view.row[s]]
-            total -= stars.log_density[view.row[s]]
+            z2 = ((scene.mag[view.det[s]] - stars.vmag[view.row[s]] - zero) / sigma) ** 2
+            inner = 0.65 * np.exp(-0.5 * z2) + 0.1 * np.exp(-0.08 * z2)  # 0.25 with 2.5 sigma
+            total += np.log(peak * inner + 0.0125) - stars.log_density[view.row[s]]  # 0.1 over 8 mag
             m += 1
-    zero_point = np.median(difference[:m])
-    sigma = scene.magnitude_sigma
-    peak = 1.0 / (np.sqrt(2.0 * np.pi) * sigma)
-    for k in range(m):
-        z2 = ((difference[k] - zero_point) / sigma) ** 2
-        inner = 0.65 * np.exp(-0.5 * z2) + 0.1 * np.exp(-0.08 * z2)  # 0.25 with 2.5 sigma
-        total += np.log(peak * inner + 0.0125)  # 0.1 over 8 mag
     expected = np.median(scene.mag) - stars.vmag[len(stars.vmag) // 2]
     total += np.log(sigma / (np.sqrt(m) * ZERO_POINT_SIGMA))
-    total -= 0.5 * ((zero_point - expected) / ZERO_POINT_SIGMA) ** 2
+    total -= 0.5 * ((zero - expected) / ZERO_POINT_SIGMA) ** 2
     return add_logs(np.log(1.0 - MUTE) + total, np.log(MUTE))
 
 
@@ -163,11 +171,11 @@ def _is_due(scene, view, n, s):
 
 
 @njit(cache=True)
-def completeness_odds(stars, view, n, scene):
+def completeness_odds(stars, view, n, scene, zero):
     """Logarithm of the probability that these stars of the view are seen and those are not.
 
     Each star to the camera's limit is seen with the same unknown probability; the limit is that of the
-    catalogue or any brighter one.
+    catalogue or any brighter one. A frame with many detections below a limit does not have that limit.
     """
     faintest = stars.vmag[len(stars.vmag) - 1]
     due = np.zeros(n, dtype=np.bool_)
@@ -188,6 +196,9 @@ def completeness_odds(stars, view, n, scene):
             elif due[s]:
                 beyond += np.log(1.0 - BEYOND)
         log_beta = lgamma(SEEN + seen) + lgamma(UNSEEN + missing) - lgamma(SEEN + UNSEEN + seen + missing)
+        if q > 0 and scene.has_flux:
+            fainter = (scene.mag > zero + limit + FAINTER_MARGIN).sum()
+            beyond += fainter * np.log(FAINTER)
         weight = FULL_DEPTH if q == 0 else (1.0 - FULL_DEPTH) / (steps - 1)
         total = add_logs(total, np.log(weight) + log_beta - norm + beyond)
     return total
@@ -196,10 +207,11 @@ def completeness_odds(stars, view, n, scene):
 @njit(cache=True)
 def log_odds(stars, scene, prior, C, focal_px, view, n, L, log_det, noise_px, n_par):
     """ln B of an adjusted attitude."""
+    zero = zero_point(stars, scene, view, n)
     return (
         place_odds(scene, view, n, log_det, n_par)
         + attitude_odds(prior, C, L, noise_px)
         + focal_odds(scene, focal_px, n_par)
-        + brightness_odds(stars, scene, view, n)
-        + completeness_odds(stars, view, n, scene)
+        + brightness_odds(stars, scene, view, n, zero)
+        + completeness_odds(stars, view, n, scene, zero)
     )
