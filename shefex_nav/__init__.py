@@ -42,3 +42,19 @@ from shefex_nav import compiled as _compiled
 __version__ = "0.1.0"
 
 _compiled.place_cache(_os.environ)
+
+
+_PUBLIC = {"Camera": "solve.centroids", "solve_centroids": "solve.centroids"}
+
+
+def __getattr__(name):
+    """The public functions are imported when they are asked for: commands start without them."""
+    if name not in _PUBLIC:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
+
+
+def __dir__():
+    return [*globals(), *_PUBLIC]

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.environment.stars import at_epoch, photocentres
-from shefex_nav.onboard.startracker import kvector
+from shefex_nav.onboard.startracker import kvector, skygrid
 
 
 class CatalogueParams(NamedTuple):
@@ -41,6 +41,7 @@ class StarPairs(NamedTuple):
     first: np.ndarray  # (m,) int64 row of the brighter star
     second: np.ndarray  # (m,) int64 row of the fainter star
     index: kvector.KVector  # of cosine
+    sky: skygrid.SkyGrid  # stars within half of max_angle of each direction
 
 
 def build(params, catalogue, julian_year):
@@ -118,7 +119,8 @@ def pair_table(stars, max_angle):
     cosine, first, second = _pairs_kernel(stars.u_i, np.cos(max_angle))
     order = np.argsort(cosine, kind="stable")
     cosine = cosine[order]
-    return StarPairs(stars, cosine, first[order], second[order], kvector.build(cosine))
+    sky = skygrid.build(stars.u_i, stars.vmag, 0.5 * max_angle)
+    return StarPairs(stars, cosine, first[order], second[order], kvector.build(cosine), sky)
 
 
 @njit(cache=True)

@@ -1,0 +1,178 @@
+"""Identification by the odds against chance: pairs, a k-vector, a sky grid and a Bayes factor.
+
+The default of the project. Attitudes are proposed by pairs of detections (`search`), adjusted to all stars
+that fit (`evidence`) and weighed against chance (`odds`). An attitude is given out only if the expected
+number of chance attitudes as good as it is below a limit, in this frame, with its number of detections and
+the catalogue as it is there. With a prediction, the few pairs near it are tried first and three stars are
+enough (`tracking`); if they do not convince, the search begins again from nothing.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.geometry.pinhole import pixels
+from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_dcm
+from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, Stars, new_view
+from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, detection_table
+from shefex_nav.onboard.startracker.identify.search import Best, Pairs, Task, lost_in_space, margin
+from shefex_nav.onboard.startracker.identify.tracking import track
+from shefex_nav.onboard.startracker.identify.verify import Identification
+from shefex_nav.records import Reason
+
+# Expected number of chance attitudes with ln B > x is CHANCE exp(-x): the mean of B over chance fields is
+# one, but nearly all of it is in the fields that the truth makes, far above any limit. Measured.
+CHANCE = 0.003
+MIN_STARS = 4
+MIN_TRACKED = 3  # with a prediction
+BUDGET = 38_000  # attitudes looked at, before giving up
+PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
+BORDER_PX = 5.0  # a predicted star nearer to the border may be missing
+
+TOO_FEW_STARS, NO_MATCH, AMBIGUOUS = int(Reason.TOO_FEW_STARS), int(Reason.NO_MATCH), int(Reason.AMBIGUOUS)
+
+
+class Settings(NamedTuple):
+    """What is said of the camera; plain numbers, passed on to compiled code."""
+
+    width_px: float
+    height_px: float
+    focal_px: float
+    cx_px: float
+    cy_px: float
+    border_px: float
+    sigma_px: float
+    magnitude_sigma: float
+    false_limit: float
+    min_stars: int
+    budget: int
+
+
+class Solution(NamedTuple):
+    """Outcome of one frame."""
+
+    reason: int  # Reason; NONE = identified
+    star: np.ndarray  # (n,) int64 row of the catalogue, -1 where unidentified
+    q_ci: np.ndarray  # (4,)
+    P_c: np.ndarray  # (3, 3) rad^2, covariance of the rotation-vector error in camera axes
+    log_odds: float  # ln B of the best attitude, given out or not
+    false_probability: float  # expected number of chance attitudes as good
+    trials: int  # attitudes looked at
+
+
+def tables(pairs):
+    """StarPairs as the compiled code takes them: (Stars, Pairs)."""
+    stars, index, sky = pairs.stars, pairs.index, pairs.sky
+    return (
+        Stars(stars.u_i, stars.vmag, sky.log_density, sky.start, sky.row),
+        Pairs(pairs.cosine, pairs.first, pairs.second, index.count, index.slope, index.intercept),
+    )
+
+
+def identify(params, pairs, u_c, flux):
+    """Identify the stars of one frame without any idea of the attitude.
+
+    Parameters
+    ----------
+    params : IdentifyParams
+    pairs : StarPairs
+    u_c : (n, 3) unit vectors in the camera
+    flux : (n,) brightness, descending
+
+    Returns
+    -------
+    Identification
+    """
+    camera = params.camera
+    settings = Settings(
+        float(camera.width_px),
+        float(camera.height_px),
+        float(camera.focal_length_px),
+        float(camera.cx_px),
+        float(camera.cy_px),
+        BORDER_PX,
+        float(params.sigma_px),
+        float(params.magnitude_sigma),
+        float(params.false_alarm),
+        max(int(params.min_stars), MIN_STARS),
+        BUDGET,
+    )
+    magnitude = -2.5 * np.log10(np.asarray(flux, dtype=float))
+    found = Solution(
+        *solve_kernel(*tables(pairs), settings, pixels(camera, u_c), magnitude, True, *NO_PREDICTION)
+    )
+    return Identification(found.star, int(found.reason), float(found.log_odds))
+
+
+NO_PREDICTION = (False, np.array([1.0, 0.0, 0.0, 0.0]), np.zeros((3, 3)))
+
+
+@njit(cache=True)
+def solve_kernel(stars, pairs, settings, xy_px, magnitude, has_flux, has_prediction, q_ci, P_c):
+    """Attitude of one frame; detections brightest first, if there is a flux.
+
+    Parameters
+    ----------
+    stars, pairs : Stars, Pairs
+    settings : Settings
+    xy_px : (n, 2) of an ideal pinhole
+    magnitude : (n,) -2.5 log10 flux
+    has_flux, has_prediction : bool
+    q_ci, P_c : (4,), (3, 3) rad^2 predicted attitude and covariance of its error in camera axes
+
+    Returns
+    -------
+    Solution, as a plain tuple
+    """
+    n = min(xy_px.shape[0], MAX_DETECTIONS)
+    scene = Scene(
+        xy_px[:n], magnitude[:n], has_flux, settings.width_px, settings.height_px, settings.focal_px,
+        settings.cx_px, settings.cy_px, settings.border_px, settings.sigma_px, settings.magnitude_sigma,
+    )  # fmt: skip
+    threshold = np.log(CHANCE / settings.false_limit)
+    prior = Prior(has_prediction, dcm_from_quat(q_ci), P_c)
+    tracked = Task(
+        stars, scene, prior, detection_table(scene), new_best(n), new_view(), MIN_TRACKED, threshold
+    )
+    trials = 0
+    if has_prediction and n >= MIN_TRACKED:
+        trials = track(tracked, settings.budget // 4)
+        if margin(tracked) >= threshold:
+            return conclude(tracked, settings, xy_px.shape[0], trials)
+    nothing = Prior(False, prior.C_ci, P_c)
+    lost = Task(
+        stars, scene, nothing, tracked.table, new_best(n), tracked.room, settings.min_stars, threshold
+    )
+    if n >= settings.min_stars:
+        trials += lost_in_space(lost, pairs, settings.budget - trials)
+    return conclude(lost, settings, xy_px.shape[0], trials)
+
+
+@njit(cache=True)
+def new_best(n):
+    """Nothing found yet in n detections."""
+    score = np.array([-np.inf, -np.inf, 3.0, 0.0])
+    return Best(np.zeros((3, 3)), np.full(n, -1, dtype=np.int64), np.eye(3), np.zeros((4, 4)), score)
+
+
+@njit(cache=True)
+def conclude(task, settings, n, trials):
+    """Reason, and the attitude if it is certain."""
+    best = task.best
+    star = np.full(n, -1, dtype=np.int64)
+    odds, rival = best.score[0], best.score[1]
+    wrong = min(CHANCE * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0), 1.0)
+    if margin(task) < task.threshold:
+        reason = TOO_FEW_STARS if len(best.star) < task.min_stars else NO_MATCH
+        if odds >= task.threshold:
+            reason = AMBIGUOUS
+        return reason, star, np.full(4, np.nan), np.full((3, 3), np.nan), odds, wrong, trials
+    star[: len(best.star)] = best.star
+    k = (best.star >= 0).sum()
+    n_par = int(best.score[2])
+    factor = best.L[:n_par, :n_par].copy()
+    inverse = np.linalg.inv(factor @ factor.T.copy())[:3, :3].copy()
+    variance = settings.sigma_px**2
+    variance *= (PRIOR_DOF + best.score[3] / variance) / (PRIOR_DOF + 2 * k - n_par)
+    return 0, star, quat_from_dcm(best.C), variance * inverse, odds, wrong, trials

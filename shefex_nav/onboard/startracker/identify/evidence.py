@@ -1,0 +1,267 @@
+"""How much better 'these stars' explains a frame than chance: the logarithm of a Bayes factor.
+
+In: an attitude that may be right, the detections, the catalogue. Out: the attitude adjusted to all stars that
+fit it, and the odds for it. The simulator's noise is not assumed: the centroid error may be a few times what
+was said and has a heavy tail, the zero point of the brightness is free, the share of the stars that are
+detected and the faintest one that can be are not known, the focal length may be a little off.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.onboard.startracker.skygrid import cell_of
+
+MAX_STARS = 160  # predicted in one frame; more than four times the usual field
+OUTSIDE_PX = 2.0  # a star just beyond the border may still be a detection
+BLEND_PX = 8.0  # a star nearer than this to a brighter one may be part of its spot
+WIDE_GATE = 14.0  # sigma_px, for the first adjustment; holds the largest of NOISE_SCALES
+GATE = 4.5  # of the noise seen in the frame
+NOISE_SCALES = (1.0, 1.8, 3.4)  # times sigma_px, and how likely each is
+NOISE_WEIGHTS = (0.45, 0.28, 0.27)
+TAIL_SHARE, TAIL_SCALE = 0.06, 4.0  # of the centroids have an error this much larger: double stars
+SEEN, UNSEEN = 3.0, 0.5  # Beta prior of the share of the stars that are detected: 86 %, but open
+LIMIT_STEPS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0)  # mag, camera's limit above the catalogue's
+FULL_DEPTH = 0.7  # probability that the camera sees the whole catalogue
+BEYOND = 0.1  # share of the stars beyond the limit that are detected
+FAINTER, FAINTER_MARGIN = 0.5, 0.3  # odds of each detection that is fainter than the limit, by this [mag]
+ZERO_POINT_SIGMA = 0.7  # mag; the median detection tells the zero point that well before any match
+DEEPER = 0.2  # share of the cameras that see many stars fainter than the catalogue
+MUTE = 0.1  # share of the frames whose brightness says nothing
+FOCAL_SIGMA = 0.004  # relative error of the focal length ...
+FOCAL_SHARE = 0.2  # ... of the cameras whose focal length is off
+
+
+class Scene(NamedTuple):
+    """One frame: what was detected and what is known of the camera."""
+
+    xy_px: np.ndarray  # (n, 2) of an ideal pinhole, brightest first
+    mag: np.ndarray  # (n,) -2.5 log10 flux
+    has_flux: bool
+    width_px: float
+    height_px: float
+    focal_px: float  # nominal
+    cx_px: float
+    cy_px: float
+    border_px: float  # a predicted star nearer to the border may be missing
+    sigma_px: float
+    magnitude_sigma: float
+
+
+class Stars(NamedTuple):
+    """The catalogue by direction; see SkyGrid."""
+
+    u_i: np.ndarray
+    vmag: np.ndarray
+    log_density: np.ndarray
+    start: np.ndarray
+    row: np.ndarray
+
+
+class Prior(NamedTuple):
+    """What was known of the attitude before the frame."""
+
+    known: bool
+    C_ci: np.ndarray  # (3, 3)
+    P_c: np.ndarray  # (3, 3) rad^2
+
+
+class View(NamedTuple):
+    """Stars predicted in the frame; arrays of MAX_STARS of which the first n count."""
+
+    row: np.ndarray
+    xy_px: np.ndarray
+    det: np.ndarray  # detection, -1 where none
+    distance2: np.ndarray  # px^2 to the detection
+
+
+@njit(cache=True)
+def new_view():
+    """Room for the stars of one frame."""
+    return View(
+        np.empty(MAX_STARS, dtype=np.int64),
+        np.empty((MAX_STARS, 2)),
+        np.empty(MAX_STARS, dtype=np.int64),
+        np.empty(MAX_STARS),
+    )
+
+
+@njit(cache=True)
+def predict(stars, scene, C, focal_px, view):
+    """Fill `view` with the stars that the attitude C = C_ci puts into the frame; how many."""
+    n = 0
+    cell = cell_of(C[2, 0], C[2, 1], C[2, 2])
+    for e in range(stars.start[cell], stars.start[cell + 1]):
+        s = stars.row[e]
+        a, b, c = stars.u_i[s, 0], stars.u_i[s, 1], stars.u_i[s, 2]
+        Z = C[2, 0] * a + C[2, 1] * b + C[2, 2] * c
+        if Z <= 0.1:
+            continue
+        x = scene.cx_px + focal_px * (C[0, 0] * a + C[0, 1] * b + C[0, 2] * c) / Z
+        y = scene.cy_px + focal_px * (C[1, 0] * a + C[1, 1] * b + C[1, 2] * c) / Z
+        if x < -OUTSIDE_PX or y < -OUTSIDE_PX or n == MAX_STARS:
+            continue
+        if x > scene.width_px - 1.0 + OUTSIDE_PX or y > scene.height_px - 1.0 + OUTSIDE_PX:
+            continue
+        view.row[n], view.xy_px[n, 0], view.xy_px[n, 1] = s, x, y
+        n += 1
+    return n
+
+
+@njit(cache=True)
+def match(scene, view, n, gate_px):
+    """Nearest detection within the gate of each star, each detection to its nearest star; matches."""
+    n_det = scene.xy_px.shape[0]
+    taken = np.full(n_det, -1, dtype=np.int64)
+    matches = 0
+    for s in range(n):
+        view.det[s], view.distance2[s] = -1, gate_px * gate_px
+        x, y = view.xy_px[s, 0], view.xy_px[s, 1]
+        for k in range(n_det):
+            d2 = (scene.xy_px[k, 0] - x) ** 2 + (scene.xy_px[k, 1] - y) ** 2
+            if d2 < view.distance2[s]:
+                view.det[s], view.distance2[s] = k, d2
+        k = view.det[s]
+        if k < 0:
+            continue
+        rival = taken[k]
+        if rival >= 0 and view.distance2[rival] <= view.distance2[s]:
+            view.det[s] = -1
+            continue
+        if rival >= 0:
+            view.det[rival] = -1
+            matches -= 1
+        taken[k] = s
+        matches += 1
+    return matches
+
+
+@njit(cache=True)
+def jacobian(x, y):
+    """d(X/Z, Y/Z)/d(phi, ln f) for a small turn phi of the stars about the camera axes: 8 numbers."""
+    return -x * y, 1.0 + x * x, -y, -(1.0 + y * y), x * y, x, x, y
+
+
+@njit(cache=True)
+def information(scene, view, n, focal_px, n_par, noise_px):
+    """Normal equations of the matched stars, in pixels: N (4, 4), right side (4,).
+
+    Stars far from their detection, against the noise, weigh little.
+    """
+    N, g = np.zeros((4, 4)), np.zeros(4)
+    for s in range(n):
+        k = view.det[s]
+        if k < 0:
+            continue
+        x, y = (view.xy_px[s, 0] - scene.cx_px) / focal_px, (view.xy_px[s, 1] - scene.cy_px) / focal_px
+        J = jacobian(x, y)
+        weight = focal_px / (1.0 + view.distance2[s] / (9.0 * noise_px * noise_px))
+        rx, ry = scene.xy_px[k, 0] - view.xy_px[s, 0], scene.xy_px[k, 1] - view.xy_px[s, 1]
+        for a in range(n_par):
+            ux, uy = (J[a], J[3 + a]) if a < 3 else (J[6], J[7])
+            g[a] += weight * (ux * rx + uy * ry)
+            for b in range(a + 1):
+                vx, vy = (J[b], J[3 + b]) if b < 3 else (J[6], J[7])
+                N[a, b] += weight * focal_px * (ux * vx + uy * vy)
+    return N, g
+
+
+@njit(cache=True)
+def cholesky(N, n_par):
+    """Lower factor L of N = L L' in place; ln det N, or -inf when it is singular."""
+    log_det = 0.0
+    for a in range(n_par):
+        for b in range(a + 1):
+            value = N[a, b]
+            for c in range(b):
+                value -= N[a, c] * N[b, c]
+            if a > b:
+                N[a, b] = value / N[b, b]
+            elif value <= 1e-9 * N[a, a]:
+                return -np.inf
+            else:
+                N[a, a] = np.sqrt(value)
+                log_det += np.log(value)
+    return log_det
+
+
+@njit(cache=True)
+def solve_cholesky(L, g, n_par):
+    """Solution of L L' x = g in place of g."""
+    for a in range(n_par):
+        for c in range(a):
+            g[a] -= L[a, c] * g[c]
+        g[a] /= L[a, a]
+    for a in range(n_par - 1, -1, -1):
+        for c in range(a + 1, n_par):
+            g[a] -= L[c, a] * g[c]
+        g[a] /= L[a, a]
+
+
+@njit(cache=True)
+def turn(C, phi):
+    """exp(skew(phi)) C in place, for a small phi; the rows are made orthonormal again."""
+    for c in range(3):
+        x, y, z = C[0, c], C[1, c], C[2, c]
+        C[0, c] = x + phi[1] * z - phi[2] * y
+        C[1, c] = y + phi[2] * x - phi[0] * z
+        C[2, c] = z + phi[0] * y - phi[1] * x
+    norm = np.sqrt(C[2, 0] ** 2 + C[2, 1] ** 2 + C[2, 2] ** 2)
+    for c in range(3):
+        C[2, c] /= norm
+    along = C[0, 0] * C[2, 0] + C[0, 1] * C[2, 1] + C[0, 2] * C[2, 2]
+    for c in range(3):
+        C[0, c] -= along * C[2, c]
+    norm = np.sqrt(C[0, 0] ** 2 + C[0, 1] ** 2 + C[0, 2] ** 2)
+    for c in range(3):
+        C[0, c] /= norm
+    for c in range(3):
+        p, q = (c + 1) % 3, (c + 2) % 3
+        C[1, c] = C[2, p] * C[0, q] - C[2, q] * C[0, p]
+
+
+@njit(cache=True)
+def noise_seen(scene, view, n):
+    """Noise of the centroids from the median distance of the matches, within what is thought possible."""
+    distance2 = np.empty(n)
+    m = 0
+    for s in range(n):
+        if view.det[s] >= 0:
+            distance2[m] = view.distance2[s]
+            m += 1
+    seen = np.sqrt(np.median(distance2[:m]) / 1.386) if m > 0 else 0.0  # 2 ln 2: median of chi^2_2
+    return min(max(seen, scene.sigma_px), NOISE_SCALES[-1] * scene.sigma_px)
+
+
+@njit(cache=True)
+def adjust(stars, scene, C, focal_px, view, n_par, gate_px, min_stars):
+    """Turn C until the predicted stars fit their detections, from a wide gate to the noise.
+
+    Returns
+    -------
+    n : int, stars in the view; 0 when the field does not hold min_stars
+    focal_px : float, adjusted if n_par is 4
+    L : (4, 4) factor of the information, px^-2 rad^2
+    log_det : float, of the information
+    noise_px : float
+    """
+    noise_px = NOISE_SCALES[-1] * scene.sigma_px
+    L, log_det, n = np.zeros((4, 4)), -np.inf, 0
+    for step in range(4):
+        n = predict(stars, scene, C, focal_px, view)
+        if match(scene, view, n, gate_px) < min_stars:
+            return 0, focal_px, L, log_det, noise_px
+        if step > 0:
+            noise_px = noise_seen(scene, view, n)
+        L, g = information(scene, view, n, focal_px, n_par, noise_px)
+        log_det = cholesky(L, n_par)
+        if log_det == -np.inf:
+            return 0, focal_px, L, log_det, noise_px
+        if step == 3:
+            break
+        solve_cholesky(L, g, n_par)
+        turn(C, g)
+        focal_px *= 1.0 + g[3]
+        gate_px = min(gate_px, WIDE_GATE * scene.sigma_px) if step == 0 else GATE * noise_px
+    return n, focal_px, L, log_det, noise_px

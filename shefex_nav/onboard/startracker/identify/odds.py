@@ -1,0 +1,217 @@
+"""The terms of the Bayes factor: places, brightnesses, stars that are not seen, attitudes tried.
+
+Chance: n detections anywhere on the detector. The attitude: k of them are stars of the catalogue, near
+their predicted places, and the others are anywhere. With the density of the false ones unknown,
+
+    B = prod_matched [A f(r)] (n - k)! / n!  x  volume of the attitude  x  brightness  x  completeness
+
+The mean of B over chance fields is one, so B > 1 / p has a probability below p whatever the number of
+attitudes tried; `bayes.CHANCE` is what it is in fact.
+"""
+
+from math import lgamma
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.onboard.startracker.identify.evidence import (
+    BEYOND,
+    BLEND_PX,
+    DEEPER,
+    FAINTER,
+    FAINTER_MARGIN,
+    FOCAL_SHARE,
+    FOCAL_SIGMA,
+    FULL_DEPTH,
+    LIMIT_STEPS,
+    MUTE,
+    NOISE_SCALES,
+    NOISE_WEIGHTS,
+    SEEN,
+    TAIL_SCALE,
+    TAIL_SHARE,
+    UNSEEN,
+    ZERO_POINT_SIGMA,
+)
+
+
+@njit(cache=True)
+def add_logs(a, b):
+    """ln(exp(a) + exp(b))."""
+    high, low = max(a, b), min(a, b)
+    return high + np.log1p(np.exp(low - high)) if low > -np.inf else high
+
+
+@njit(cache=True)
+def log_factorials(n):
+    """ln 0!, ln 1! ... ln n!."""
+    table = np.zeros(n + 1)
+    for k in range(2, n + 1):
+        table[k] = table[k - 1] + np.log(k)
+    return table
+
+
+@njit(cache=True)
+def place_odds(scene, view, n, log_det, n_par):
+    """Logarithm of the places' part: over noise scales, of matches, false ones and attitude volume.
+
+    Catalogue stars are the brighter ones, and many faint uncatalogued ones would hide them. With a share
+    DEEPER of the cameras only the j brightest detections are data, any j being as likely.
+    """
+    n_det = scene.xy_px.shape[0]
+    area = scene.width_px * scene.height_px
+    factorial = log_factorials(n_det)
+    of_det = np.full(n_det, -1.0)
+    for s in range(n):
+        if view.det[s] >= 0:
+            of_det[view.det[s]] = view.distance2[s]
+    all_data = np.log(1.0 - DEEPER) if scene.has_flux else 0.0
+    first_data = np.log(DEEPER / n_det)
+    total = -np.inf
+    for q in range(len(NOISE_SCALES)):
+        variance = (NOISE_SCALES[q] * scene.sigma_px) ** 2
+        tail = TAIL_SCALE**2 * variance
+        volume = 0.5 * n_par * np.log(2.0 * np.pi * variance) - 0.5 * log_det
+        sum_log, k, best = 0.0, 0, -np.inf
+        for j in range(n_det):
+            if of_det[j] >= 0.0:
+                narrow = (1.0 - TAIL_SHARE) / variance * np.exp(-0.5 * of_det[j] / variance)
+                wide = TAIL_SHARE / tail * np.exp(-0.5 * of_det[j] / tail)
+                sum_log += np.log(area / (2.0 * np.pi) * (narrow + wide))
+                k += 1
+            if j == n_det - 1:
+                best = max(best, all_data + sum_log + factorial[j + 1 - k] - factorial[j + 1])
+            elif scene.has_flux:
+                best = max(best, first_data + sum_log + factorial[j + 1 - k] - factorial[j + 1])
+        total = add_logs(total, np.log(NOISE_WEIGHTS[q]) + volume + best)
+    return total
+
+
+@njit(cache=True)
+def attitude_odds(prior, C, L, noise_px):
+    """Logarithm of the prior density at the attitude [rad^-3].
+
+    Lost in space: 1 / (8 pi^2). With a prediction: its normal density, with the uncertainty of the
+    attitude itself added; twice the covariance, as predictions are more often too sure than too modest.
+    """
+    if not prior.known:
+        return -np.log(8.0 * np.pi**2)
+    R = np.zeros((3, 3))
+    for a in range(3):
+        for b in range(3):
+            for c in range(3):
+                R[a, b] += C[a, c] * prior.C_ci[b, c]
+    d = np.array([0.5 * (R[2, 1] - R[1, 2]), 0.5 * (R[0, 2] - R[2, 0]), 0.5 * (R[1, 0] - R[0, 1])])
+    S = 2.0 * prior.P_c
+    for a in range(3):
+        S[a, a] += noise_px**2 / L[a, a] ** 2
+    M = np.linalg.inv(S)
+    chi2 = 0.0
+    for a in range(3):
+        for b in range(3):
+            chi2 += d[a] * M[a, b] * d[b]
+    return -0.5 * np.log((2.0 * np.pi) ** 3 * np.linalg.det(S)) - 0.5 * chi2
+
+
+@njit(cache=True)
+def focal_odds(scene, focal_px, n_par):
+    """Logarithm of the prior of the focal length: off or not, and by how much."""
+    if n_par < 4:
+        return np.log(1.0 - FOCAL_SHARE)
+    off = np.log(focal_px / scene.focal_px) / FOCAL_SIGMA
+    return np.log(FOCAL_SHARE / (np.sqrt(2.0 * np.pi) * FOCAL_SIGMA)) - 0.5 * off**2
+
+
+@njit(cache=True)
+def zero_point(stars, scene, view, n):
+    """Median of -2.5 log10 flux - V of the matched stars."""
+    difference = np.empty(n)
+    m = 0
+    for s in range(n):
+        if view.det[s] >= 0:
+            difference[m] = scene.mag[view.det[s]] - stars.vmag[view.row[s]]
+            m += 1
+    return np.median(difference[:m])
+
+
+@njit(cache=True)
+def brightness_odds(stars, scene, view, n, zero):
+    """Logarithm of the odds that these brightnesses belong to these stars.
+
+    Against chance, where a star of the catalogue has any of its magnitudes; zero point free, tails wide.
+    A share MUTE of the frames has brightnesses that say nothing (gain, saturation): the loss is bounded.
+    """
+    if not scene.has_flux:
+        return 0.0
+    sigma, total, m = scene.magnitude_sigma, 0.0, 0
+    peak = 1.0 / (np.sqrt(2.0 * np.pi) * sigma)
+    for s in range(n):
+        if view.det[s] >= 0:
+            z2 = ((scene.mag[view.det[s]] - stars.vmag[view.row[s]] - zero) / sigma) ** 2
+            inner = 0.65 * np.exp(-0.5 * z2) + 0.1 * np.exp(-0.08 * z2)  # 0.25 with 2.5 sigma
+            total += np.log(peak * inner + 0.0125) - stars.log_density[view.row[s]]  # 0.1 over 8 mag
+            m += 1
+    expected = np.median(scene.mag) - stars.vmag[len(stars.vmag) // 2]
+    total += np.log(sigma / (np.sqrt(m) * ZERO_POINT_SIGMA))
+    total -= 0.5 * ((zero - expected) / ZERO_POINT_SIGMA) ** 2
+    return add_logs(np.log(1.0 - MUTE) + total, np.log(MUTE))
+
+
+@njit(cache=True)
+def _is_due(scene, view, n, s):
+    """Well inside the frame and not beside a brighter star (those come first)."""
+    x, y = view.xy_px[s, 0], view.xy_px[s, 1]
+    b = scene.border_px
+    if x < b or y < b or x > scene.width_px - 1.0 - b or y > scene.height_px - 1.0 - b:
+        return False
+    for r in range(s):
+        if (view.xy_px[r, 0] - x) ** 2 + (view.xy_px[r, 1] - y) ** 2 < BLEND_PX**2:
+            return False
+    return True
+
+
+@njit(cache=True)
+def completeness_odds(stars, view, n, scene, zero):
+    """Logarithm of the probability that these stars of the view are seen and those are not.
+
+    Each star to the camera's limit is seen with the same unknown probability; the limit is that of the
+    catalogue or any brighter one. A frame with many detections below a limit does not have that limit.
+    """
+    faintest = stars.vmag[len(stars.vmag) - 1]
+    due = np.zeros(n, dtype=np.bool_)
+    for s in range(n):
+        due[s] = view.det[s] < 0 and _is_due(scene, view, n, s)
+    norm = lgamma(SEEN) + lgamma(UNSEEN) - lgamma(SEEN + UNSEEN)
+    total = -np.inf
+    steps = len(LIMIT_STEPS)
+    for q in range(steps):
+        limit = faintest - LIMIT_STEPS[q]
+        seen, missing, beyond = 0, 0, 0.0
+        for s in range(n):
+            if stars.vmag[view.row[s]] <= limit:
+                seen += view.det[s] >= 0
+                missing += due[s]
+            elif view.det[s] >= 0:
+                beyond += np.log(BEYOND)
+            elif due[s]:
+                beyond += np.log(1.0 - BEYOND)
+        log_beta = lgamma(SEEN + seen) + lgamma(UNSEEN + missing) - lgamma(SEEN + UNSEEN + seen + missing)
+        if q > 0 and scene.has_flux:
+            fainter = (scene.mag > zero + limit + FAINTER_MARGIN).sum()
+            beyond += fainter * np.log(FAINTER)
+        weight = FULL_DEPTH if q == 0 else (1.0 - FULL_DEPTH) / (steps - 1)
+        total = add_logs(total, np.log(weight) + log_beta - norm + beyond)
+    return total
+
+
+@njit(cache=True)
+def log_odds(stars, scene, prior, C, focal_px, view, n, L, log_det, noise_px, n_par):
+    """ln B of an adjusted attitude."""
+    zero = zero_point(stars, scene, view, n)
+    return (
+        place_odds(scene, view, n, log_det, n_par)
+        + attitude_odds(prior, C, L, noise_px)
+        + focal_odds(scene, focal_px, n_par)
+        + brightness_odds(stars, scene, view, n, zero)
+        + completeness_odds(stars, view, n, scene, zero)
+    )

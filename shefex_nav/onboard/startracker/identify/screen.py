@@ -1,0 +1,183 @@
+"""The quick look at an attitude that a pair of detections proposes: are the bright stars there?
+
+In: pairs of stars with the right angle. Out: those whose attitude finds further stars before too many bright
+ones are missing. The innermost loops of the identification, on plain arrays and numbers.
+"""
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.onboard.startracker.skygrid import cell_of
+
+CELL_SHIFT = 4
+CELL_PX = 1 << CELL_SHIFT  # of the table of detections
+MAX_DETECTIONS = 64  # one bit each
+REACH_PX = 10.0  # no prediction is trusted to be worse
+STAR_GATE = 3.5  # sigma of a place predicted by a pair
+PATIENCE_PER_HIT = 3  # bright stars more that may be missing for each that is found
+
+
+@njit(cache=True)
+def detection_table(scene):
+    """Which detections are within REACH_PX of each cell of the detector, one bit each."""
+    rows, columns = int(scene.height_px) // CELL_PX + 3, int(scene.width_px) // CELL_PX + 3
+    table = np.zeros((rows, columns), dtype=np.uint64)
+    for k in range(scene.xy_px.shape[0]):
+        x, y = scene.xy_px[k, 0] + CELL_PX, scene.xy_px[k, 1] + CELL_PX
+        left = max(int((x - REACH_PX) / CELL_PX), 0)
+        right = min(int((x + REACH_PX) / CELL_PX), columns - 1)
+        top = max(int((y - REACH_PX) / CELL_PX), 0)
+        bottom = min(int((y + REACH_PX) / CELL_PX), rows - 1)
+        for r in range(top, bottom + 1):
+            for c in range(left, right + 1):
+                table[r, c] |= np.uint64(1) << np.uint64(k)
+    return table
+
+
+@njit(cache=True, inline="always")
+def screen(u_i, start, row, table, xy_px, C, frame, lever, a, b):
+    """Further stars found near where an attitude puts them; -1 as soon as too many bright ones are missing.
+
+    The innermost loop of the search, so it takes plain arrays and numbers: C is (3, 3) row by row; frame is
+    focal_px, cx, cy, right, bottom, border and the patience; lever is the middle of the pair (x, y), and the
+    squared gate as c0 + c1 r^2 at the distance r from it.
+    """
+    focal_px, cx, cy, right, bottom, border, patience = frame
+    hits = 0
+    cell = cell_of(C[6], C[7], C[8])
+    for e in range(start[cell], start[cell + 1]):
+        s = row[e]
+        p, q, r = u_i[s, 0], u_i[s, 1], u_i[s, 2]
+        scale = 1.0 / (C[6] * p + C[7] * q + C[8] * r)  # all stars of the list are in front
+        x = focal_px * (C[0] * p + C[1] * q + C[2] * r) * scale + cx
+        y = focal_px * (C[3] * p + C[4] * q + C[5] * r) * scale + cy
+        # few branches: the processor cannot foresee which stars are in the frame
+        column = min(max(x, -1.0), right + 1.0) + CELL_PX
+        line = min(max(y, -1.0), bottom + 1.0) + CELL_PX
+        bits = table[int(line) >> CELL_SHIFT, int(column) >> CELL_SHIFT]
+        if bits != 0 and (x >= 0.0) & (y >= 0.0) & (x <= right) & (y <= bottom) & (s != a) & (s != b):
+            from_middle2 = (x - lever[0]) ** 2 + (y - lever[1]) ** 2
+            gate2 = min(lever[2] + lever[3] * from_middle2, REACH_PX * REACH_PX)
+            k, near = 0, False
+            while bits != 0 and not near:
+                if bits & np.uint64(1):
+                    near = (xy_px[k, 0] - x) ** 2 + (xy_px[k, 1] - y) ** 2 < gate2
+                bits >>= np.uint64(1)
+                k += 1
+            if near:
+                hits += 1
+                patience += PATIENCE_PER_HIT
+                continue
+        due = (x > border) & (y > border) & (x < right - border) & (y < bottom - border)
+        patience -= due & (s != a) & (s != b)
+        if patience < 0:
+            return -1
+    return hits
+
+
+@njit(cache=True)
+def triad(p0, p1, p2, q0, q1, q2):
+    """Three unit vectors: along p + q, across in their plane, normal to it; 9 numbers for unit p and q."""
+    x, y, z = p0 + q0, p1 + q1, p2 + q2
+    norm = 1.0 / np.sqrt(x * x + y * y + z * z)
+    x, y, z = x * norm, y * norm, z * norm
+    u, v, w = p1 * q2 - p2 * q1, p2 * q0 - p0 * q2, p0 * q1 - p1 * q0
+    norm = 1.0 / np.sqrt(u * u + v * v + w * w)
+    u, v, w = u * norm, v * norm, w * norm
+    return x, y, z, v * z - w * y, w * x - u * z, u * y - v * x, u, v, w
+
+
+@njit(cache=True)
+def join(T, S):
+    """C_ci, row by row, from the triads of a pair in the camera, T, and in the sky, S."""
+    return (
+        T[0] * S[0] + T[3] * S[3] + T[6] * S[6],
+        T[0] * S[1] + T[3] * S[4] + T[6] * S[7],
+        T[0] * S[2] + T[3] * S[5] + T[6] * S[8],
+        T[1] * S[0] + T[4] * S[3] + T[7] * S[6],
+        T[1] * S[1] + T[4] * S[4] + T[7] * S[7],
+        T[1] * S[2] + T[4] * S[5] + T[7] * S[8],
+        T[2] * S[0] + T[5] * S[3] + T[8] * S[6],
+        T[2] * S[1] + T[5] * S[4] + T[8] * S[7],
+        T[2] * S[2] + T[5] * S[5] + T[8] * S[8],
+    )
+
+
+@njit(cache=True)
+def scan(u_i, vmag, start, row, first, second, table, xy_px, T, frame, lever, gate, ij, need, begin, end):
+    """Next attitude that passes the screen among those of one pair of detections.
+
+    Entry 2 p is pair p of the catalogue in its order, brighter star on detection i; 2 p + 1 the other way.
+
+    Parameters
+    ----------
+    T, frame, lever : as in `screen` and `join`
+    gate : (lowest, highest) vmag[star of j] - vmag[star of i]
+    ij : stars that are already known to be i and j
+    need : hits
+    begin, end : entries
+
+    Returns
+    -------
+    entry : int, end if there is none
+    C : its attitude, 9 numbers
+    trials : attitudes looked at
+    """
+    trials = 0
+    C = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    for entry in range(begin, end):
+        a, b = first[entry >> 1], second[entry >> 1]
+        if entry & 1:
+            a, b = b, a
+        if not gate[0] < vmag[b] - vmag[a] < gate[1] or (a == ij[0] and b == ij[1]):
+            continue
+        trials += 1
+        S = triad(u_i[a, 0], u_i[a, 1], u_i[a, 2], u_i[b, 0], u_i[b, 1], u_i[b, 2])
+        C = join(T, S)
+        if screen(u_i, start, row, table, xy_px, C, frame, lever, a, b) >= need:
+            return entry, C, trials
+    return end, C, trials
+
+
+@njit(cache=True)
+def directions(scene, focal_px):
+    """Unit vectors of the detections for a focal length: (n, 3)."""
+    n = scene.xy_px.shape[0]
+    u_c = np.empty((n, 3))
+    for k in range(n):
+        x = (scene.xy_px[k, 0] - scene.cx_px) / focal_px
+        y = (scene.xy_px[k, 1] - scene.cy_px) / focal_px
+        norm = 1.0 / np.sqrt(1.0 + x * x + y * y)
+        u_c[k, 0], u_c[k, 1], u_c[k, 2] = x * norm, y * norm, norm
+    return u_c
+
+
+@njit(cache=True)
+def lever_of(scene, i, j, sigma_px):
+    """How the error of a pair's attitude grows with the distance from its middle; see `screen`."""
+    dx, dy = scene.xy_px[j, 0] - scene.xy_px[i, 0], scene.xy_px[j, 1] - scene.xy_px[i, 1]
+    variance = (STAR_GATE * sigma_px) ** 2
+    xm, ym = 0.5 * (scene.xy_px[i, 0] + scene.xy_px[j, 0]), 0.5 * (scene.xy_px[i, 1] + scene.xy_px[j, 1])
+    return xm, ym, 1.5 * variance, 2.0 * variance / (dx * dx + dy * dy)
+
+
+@njit(cache=True)
+def widest_gate(scene, lever):
+    """Gate at the far end of the detector."""
+    far2 = 0.5 * (scene.width_px**2 + scene.height_px**2)
+    return min(np.sqrt(lever[2] + lever[3] * far2), REACH_PX)
+
+
+@njit(cache=True)
+def frame_of(scene, focal_px, patience):
+    """The camera and the patience as `screen` takes them."""
+    right, bottom = scene.width_px - 1.0, scene.height_px - 1.0
+    return focal_px, scene.cx_px, scene.cy_px, right, bottom, scene.border_px, patience
+
+
+@njit(cache=True)
+def put(C, nine):
+    """Nine numbers into a matrix."""
+    for a in range(3):
+        for b in range(3):
+            C[a, b] = nine[3 * a + b]

@@ -1,0 +1,232 @@
+"""Attitudes worth a look: pairs of detections, brightest first, and what else each attitude predicts.
+
+A pair of detections has an angle and a difference of brightness; the k-vector gives the pairs of stars that
+have them too. Each is an attitude, and most are dismissed by the first few bright stars that it predicts and
+that are not there (`screen`). What survives is adjusted and weighed (`evidence`, `odds`). The number of
+attitudes looked at is bounded.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, Stars, View, adjust
+from shefex_nav.onboard.startracker.identify.odds import log_odds
+from shefex_nav.onboard.startracker.identify.screen import (
+    directions,
+    frame_of,
+    lever_of,
+    put,
+    scan,
+    triad,
+    widest_gate,
+)
+
+PAIR_GATE = 3.0  # sigma of the angle of a pair
+MAGNITUDE_GATE = 3.2  # magnitude_sigma, of a difference of brightness
+WIDER = 2.2  # times that gate, in a pass that takes nothing for granted
+SHORT_PX = 50.0  # closer detections say little about the attitude
+BLOCK, LARGEST_BLOCK = 1.5, 40  # times n: pairs of about the same brightness, of which the cheaper go first
+TRIALS_PER_PAIR = 4  # cost of a pair of detections, in attitudes
+TRIALS_PER_LOOK = 100  # cost of adjusting and weighing one, in attitudes
+SURE = 3.0  # more than enough, in ln B: no need to look for a rival
+SAME_TRACE = 2.9999  # of the rotation between two attitudes that are one: 0.6 deg
+
+
+class Pass(NamedTuple):
+    """One way through all pairs of detections."""
+
+    noise: float  # times sigma_px
+    focal: float  # times the nominal focal length
+    patience: int  # bright stars that may be missing before the first further one is found
+    is_wide: bool  # the focal length is adjusted, too
+    share: float  # of the budget used up by its end
+
+
+PASSES = (
+    Pass(1.1, 1.0, 2, False, 0.5),
+    Pass(1.1, 1.0, 6, False, 0.7),
+    Pass(3.4, 1.0, 2, True, 0.88),
+    Pass(2.0, 1.008, 2, True, 0.94),
+    Pass(2.0, 0.992, 2, True, 1.0),
+)
+
+
+class Pairs(NamedTuple):
+    """Pairs of catalogue stars by the cosine of their angle; see StarPairs."""
+
+    cosine: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    count: np.ndarray
+    slope: float
+    intercept: float
+
+
+class Best(NamedTuple):
+    """The best attitude so far, in arrays, as it is replaced in place."""
+
+    C: np.ndarray  # (3, 3) C_ci
+    star: np.ndarray  # (n,) row of the catalogue per detection, -1
+    trial_C: np.ndarray  # (3, 3) the one under examination
+    L: np.ndarray  # (4, 4) factor of the information of `adjust`
+    score: np.ndarray  # [ln B, ln B of the best different attitude, parameters, sum of squares px^2]
+
+
+class Task(NamedTuple):
+    """All that a search needs, and where its result goes."""
+
+    stars: Stars
+    scene: Scene
+    prior: Prior
+    table: np.ndarray  # of `detection_table`
+    best: Best
+    room: View  # working space
+    min_stars: int
+    threshold: float  # of ln B
+
+
+@njit(cache=True)
+def position(pairs, value):
+    """Number of pairs whose cosine is below the value, by the k-vector."""
+    n = pairs.cosine.shape[0]
+    step = min(max((value - pairs.intercept) / pairs.slope, 1.0), float(n))
+    k = pairs.count[int(step) - 1]
+    while k > 0 and pairs.cosine[k - 1] >= value:
+        k -= 1
+    while k < n and pairs.cosine[k] < value:
+        k += 1
+    return k
+
+
+@njit(cache=True)
+def look(task, focal_px, gate_px, free_focal):
+    """Adjust and weigh best.trial_C, without and with a free focal length; keep it if it is the best."""
+    stars, scene, best, view = task.stars, task.scene, task.best, task.room
+    start = best.trial_C.copy()
+    for n_par in range(3, 5 if free_focal else 4):
+        best.trial_C[:] = start
+        f = focal_px if n_par == 4 else scene.focal_px
+        fit = adjust(stars, scene, best.trial_C, f, view, n_par, gate_px, task.min_stars)
+        n, f, L, log_det, noise_px = fit
+        if n == 0:
+            continue
+        odds = log_odds(stars, scene, task.prior, best.trial_C, f, view, n, L, log_det, noise_px, n_par)
+        same = 0.0
+        for a in range(3):
+            for b in range(3):
+                same += best.trial_C[a, b] * best.C[a, b]
+        if odds <= best.score[0]:
+            if same < SAME_TRACE:
+                best.score[1] = max(best.score[1], odds)
+            continue
+        if same < SAME_TRACE:
+            best.score[1] = best.score[0]
+        best.C[:] = best.trial_C
+        best.L[:] = L
+        best.score[0], best.score[2], best.score[3] = odds, n_par, 0.0
+        best.star[:] = -1
+        for s in range(n):
+            if view.det[s] >= 0:
+                best.star[view.det[s]] = view.row[s]
+                best.score[3] += view.distance2[s]
+
+
+@njit(cache=True)
+def margin(task):
+    """ln B of the best attitude, against chance and against a rival that is itself better than chance."""
+    return task.best.score[0] - max(task.best.score[1], 0.0)
+
+
+@njit(cache=True)
+def window(pairs, u_c, i, j, tolerance):
+    """Catalogue pairs with the angle of the detections i and j: begin, end; empty for close detections."""
+    angle = np.arccos(min(u_c[i, 0] * u_c[j, 0] + u_c[i, 1] * u_c[j, 1] + u_c[i, 2] * u_c[j, 2], 1.0))
+    low, high = np.cos(angle + tolerance), np.cos(max(angle - tolerance, 0.0))
+    return position(pairs, low), position(pairs, high)
+
+
+@njit(cache=True)
+def try_pair(task, pairs, u_c, i, j, begin, end, way):
+    """The catalogue pairs begin ... end as the detections i and j; attitudes looked at."""
+    stars, scene, best = task.stars, task.scene, task.best
+    sigma_px, focal_px = way.noise * scene.sigma_px, way.focal * scene.focal_px
+    T = triad(u_c[i, 0], u_c[i, 1], u_c[i, 2], u_c[j, 0], u_c[j, 1], u_c[j, 2])
+    lever, frame = lever_of(scene, i, j, sigma_px), frame_of(scene, focal_px, way.patience)
+    width = MAGNITUDE_GATE * scene.magnitude_sigma * (WIDER if way.is_wide else 1.0)
+    if not scene.has_flux:
+        width = np.inf
+    fainter = scene.mag[j] - scene.mag[i]
+    gate = (fainter - width, fainter + width)
+    entry, trials = 2 * begin, TRIALS_PER_PAIR
+    while entry < 2 * end:
+        entry, C, n = scan(
+            stars.u_i, stars.vmag, stars.start, stars.row, pairs.first, pairs.second, task.table, scene.xy_px,
+            T, frame, lever, gate, (best.star[i], best.star[j]), task.min_stars - 2, entry, 2 * end,
+        )  # fmt: skip
+        trials += n
+        if entry < 2 * end:
+            trials += TRIALS_PER_LOOK
+            put(best.trial_C, C)
+            look(task, focal_px, widest_gate(scene, lever), way.is_wide)
+            if margin(task) >= task.threshold + SURE:
+                break
+            entry += 1
+    return trials
+
+
+@njit(cache=True)
+def pairs_by_brightness(n):
+    """All pairs of n detections, brightest first: (m, 2)."""
+    order = np.empty((n * (n - 1) // 2, 2), dtype=np.int64)
+    m = 0
+    for total in range(1, 2 * n - 2):
+        for i in range(max(0, total - n + 1), (total + 1) // 2):
+            order[m, 0], order[m, 1] = i, total - i
+            m += 1
+    return order
+
+
+@njit(cache=True)
+def try_block(task, pairs, u_c, block, way):
+    """A few pairs of detections, those with the fewest catalogue pairs first; attitudes looked at."""
+    m = block.shape[0]
+    focal_px = way.focal * task.scene.focal_px
+    tolerance = PAIR_GATE * np.sqrt(2.0) * way.noise * task.scene.sigma_px / focal_px
+    begin, end, cost = np.empty(m, dtype=np.int64), np.empty(m, dtype=np.int64), np.empty(m)
+    for k in range(m):
+        i, j = block[k, 0], block[k, 1]
+        begin[k], end[k] = window(pairs, u_c, i, j, tolerance)
+        dx = task.scene.xy_px[i, 0] - task.scene.xy_px[j, 0]
+        dy = task.scene.xy_px[i, 1] - task.scene.xy_px[j, 1]
+        cost[k] = end[k] - begin[k] if dx * dx + dy * dy > SHORT_PX**2 else np.inf
+    trials = m * TRIALS_PER_PAIR
+    for _ in range(m):
+        k = np.argmin(cost)
+        if cost[k] == np.inf:
+            break
+        cost[k] = np.inf
+        trials += try_pair(task, pairs, u_c, block[k, 0], block[k, 1], begin[k], end[k], way)
+        if margin(task) >= task.threshold + SURE:
+            break
+    return trials
+
+
+@njit(cache=True)
+def lost_in_space(task, pairs, budget):
+    """Go through the pairs of detections until one attitude is certain; attitudes looked at."""
+    trials = 0
+    n = task.scene.xy_px.shape[0]
+    order, size = pairs_by_brightness(n), min(int(BLOCK * n), LARGEST_BLOCK)
+    for way in PASSES:
+        u_c = directions(task.scene, way.focal * task.scene.focal_px)
+        for first in range(0, order.shape[0], size):
+            if trials > way.share * budget:
+                break
+            trials += try_block(task, pairs, u_c, order[first : first + size], way)
+            if margin(task) >= task.threshold + SURE:
+                return trials
+        if margin(task) >= task.threshold:
+            break
+    return trials

@@ -1,0 +1,113 @@
+"""Identification with a prediction: each detection can only be one of the few stars predicted near it.
+
+Pairs of such proposals whose angles agree are attitudes, which are looked at as those of `search`.
+"""
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.onboard.startracker.identify.evidence import jacobian
+from shefex_nav.onboard.startracker.identify.screen import (
+    STAR_GATE,
+    directions,
+    frame_of,
+    join,
+    lever_of,
+    put,
+    screen,
+    triad,
+    widest_gate,
+)
+from shefex_nav.onboard.startracker.identify.search import (
+    PAIR_GATE,
+    SHORT_PX,
+    SURE,
+    TRIALS_PER_LOOK,
+    look,
+    margin,
+)
+from shefex_nav.onboard.startracker.skygrid import cell_of
+
+MAX_PROPOSALS = 512  # detections near their predicted places; with more, the prediction is no help
+NOISES = (1.1, 3.4)  # times sigma_px, one after the other
+PATIENCE = 6  # bright stars that may be missing before the first further one is found
+
+
+@njit(cache=True)
+def propose(stars, scene, prior, sigma_px):
+    """Detections near the predicted place of a star: (m, 2) detection, star; m = 0 when too many."""
+    found = np.empty((MAX_PROPOSALS, 2), dtype=np.int64)
+    m = 0
+    C, f = prior.C_ci, scene.focal_px
+    cell = cell_of(C[2, 0], C[2, 1], C[2, 2])
+    for e in range(stars.start[cell], stars.start[cell + 1]):
+        s = stars.row[e]
+        p = stars.u_i[s]
+        Z = C[2, 0] * p[0] + C[2, 1] * p[1] + C[2, 2] * p[2]
+        if Z <= 0.1:
+            continue
+        x = (C[0, 0] * p[0] + C[0, 1] * p[1] + C[0, 2] * p[2]) / Z
+        y = (C[1, 0] * p[0] + C[1, 1] * p[1] + C[1, 2] * p[2]) / Z
+        J = jacobian(x, y)
+        xx, xy, yy = (sigma_px / f) ** 2, 0.0, (sigma_px / f) ** 2
+        for a in range(3):
+            for b in range(3):
+                xx += 2.0 * J[a] * prior.P_c[a, b] * J[b]
+                xy += 2.0 * J[a] * prior.P_c[a, b] * J[3 + b]
+                yy += 2.0 * J[3 + a] * prior.P_c[a, b] * J[3 + b]
+        det = xx * yy - xy * xy
+        for k in range(scene.xy_px.shape[0]):
+            dx = (scene.xy_px[k, 0] - scene.cx_px) / f - x
+            dy = (scene.xy_px[k, 1] - scene.cy_px) / f - y
+            if (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) < STAR_GATE**2 * det:
+                if m == MAX_PROPOSALS:
+                    return found[:0]
+                found[m, 0], found[m, 1] = k, s
+                m += 1
+    return found[:m]
+
+
+@njit(cache=True)
+def angle_between(a, i, b, j):
+    """Angle between row i of a and row j of b."""
+    return np.arccos(min(a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2], 1.0))
+
+
+@njit(cache=True)
+def try_proposals(task, u_c, p, q, noise):
+    """The attitude that makes two proposals true, if they agree; cost in attitudes."""
+    stars, scene = task.stars, task.scene
+    i, a, j, b = p[0], p[1], q[0], q[1]
+    sigma_px, focal_px = noise * scene.sigma_px, scene.focal_px
+    seen, true = angle_between(u_c, i, u_c, j), angle_between(stars.u_i, a, stars.u_i, b)
+    if abs(seen - true) * focal_px > PAIR_GATE * np.sqrt(2.0) * sigma_px or seen * focal_px < SHORT_PX:
+        return 1
+    u, v, x, y = u_c[i], u_c[j], stars.u_i[a], stars.u_i[b]
+    S = triad(x[0], x[1], x[2], y[0], y[1], y[2])
+    C = join(triad(u[0], u[1], u[2], v[0], v[1], v[2]), S)
+    lever, frame = lever_of(scene, i, j, sigma_px), frame_of(scene, focal_px, PATIENCE)
+    hits = screen(stars.u_i, stars.start, stars.row, task.table, scene.xy_px, C, frame, lever, a, b)
+    if hits + 2 < task.min_stars:
+        return 1
+    put(task.best.trial_C, C)
+    look(task, focal_px, widest_gate(scene, lever), noise > NOISES[0])
+    return TRIALS_PER_LOOK
+
+
+@njit(cache=True)
+def track(task, budget):
+    """Go through the pairs of proposals until one attitude is certain; cost in attitudes."""
+    trials = 0
+    u_c = directions(task.scene, task.scene.focal_px)
+    for noise in NOISES:
+        found = propose(task.stars, task.scene, task.prior, noise * task.scene.sigma_px)
+        for p in range(found.shape[0]):
+            for q in range(p):
+                if found[p, 0] == found[q, 0] or found[p, 1] == found[q, 1] or trials > budget:
+                    continue
+                trials += try_proposals(task, u_c, found[p], found[q], noise)
+                if margin(task) >= task.threshold + SURE:
+                    return trials
+        if margin(task) >= task.threshold:
+            break
+    return trials

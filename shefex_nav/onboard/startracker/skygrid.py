@@ -1,0 +1,91 @@
+"""Which stars can be in the field: the sky in cells, each with the stars near it.
+
+In: the stars of the on-board catalogue and the radius of the field. Out: for every direction, a list of
+stars that holds all within that radius, brightest first. The cells are squares on the faces of a cube, so
+that a direction is found without trigonometry.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+CELLS = 24  # per edge of a face: 3.75 degrees, small against a field; 3456 lists in all
+DENSITY_WINDOW = 0.3  # mag, half width over which the density of magnitudes is averaged
+
+
+class SkyGrid(NamedTuple):
+    """Lists of stars by direction, and how common each magnitude is."""
+
+    start: np.ndarray  # (6 CELLS^2 + 1,) int64, list of cell c is row[start[c]:start[c + 1]]
+    row: np.ndarray  # uint16 rows of the catalogue, ascending, i.e. brightest first
+    log_density: np.ndarray  # (n,) ln of the density of catalogue magnitudes [1/mag] at each star
+
+
+def build(u_i, vmag, radius):
+    """Lists of all stars within `radius` [rad] of any direction. (n, 3), (n,) sorted -> SkyGrid."""
+    start, row = _lists_kernel(u_i, radius)
+    below = np.searchsorted(vmag, vmag - DENSITY_WINDOW, side="left")
+    above = np.searchsorted(vmag, vmag + DENSITY_WINDOW, side="right")
+    faint, bright = vmag[-1], vmag[0]  # the window ends with the catalogue
+    width = np.minimum(vmag + DENSITY_WINDOW, faint) - np.maximum(vmag - DENSITY_WINDOW, bright)
+    density = (above - below) / (len(vmag) * np.maximum(width, DENSITY_WINDOW))
+    return SkyGrid(start, row, np.log(density))
+
+
+@njit(cache=True)
+def cell_of(x, y, z):
+    """Cell of a direction: the face of the cube that it leaves through and the square on it."""
+    ax, ay, az = abs(x), abs(y), abs(z)
+    if az >= ax and az >= ay:
+        face, a, b, c = (4 if z > 0.0 else 5), x, y, az
+    elif ay >= ax:
+        face, a, b, c = (2 if y > 0.0 else 3), x, z, ay
+    else:
+        face, a, b, c = (0 if x > 0.0 else 1), y, z, ax
+    scale = 0.5 * CELLS / c
+    i = min(int(a * scale + 0.5 * CELLS), CELLS - 1)
+    j = min(int(b * scale + 0.5 * CELLS), CELLS - 1)
+    return (face * CELLS + i) * CELLS + j
+
+
+@njit(cache=True)
+def _on_face(face, a, b):
+    """Unit vector through the point (a, b) in [-1, 1]^2 of a face."""
+    v = np.empty(3)
+    sign = 1.0 if face % 2 == 0 else -1.0
+    if face < 2:
+        v[0], v[1], v[2] = sign, a, b
+    elif face < 4:
+        v[0], v[1], v[2] = a, sign, b
+    else:
+        v[0], v[1], v[2] = a, b, sign
+    return v / np.sqrt(1.0 + a * a + b * b)
+
+
+@njit(cache=True)
+def _lists_kernel(u_i, radius):
+    """Stars within the radius of any point of each cell: start, row."""
+    start = np.zeros(6 * CELLS * CELLS + 1, dtype=np.int64)
+    row = np.empty(1024, dtype=np.uint16)
+    n, step = 0, 1.0 / CELLS
+    for face in range(6):
+        for i in range(CELLS):
+            for j in range(CELLS):
+                a, b = (2 * i + 1) * step - 1.0, (2 * j + 1) * step - 1.0
+                centre = _on_face(face, a, b)
+                cosine = 1.0  # to the furthest corner
+                for da in (-step, step):
+                    for db in (-step, step):
+                        corner = _on_face(face, a + da, b + db)
+                        cosine = min(cosine, (centre * corner).sum())
+                limit = np.cos(min(np.arccos(cosine) + radius, np.pi))
+                for s in range(u_i.shape[0]):
+                    inside = centre[0] * u_i[s, 0] + centre[1] * u_i[s, 1] + centre[2] * u_i[s, 2] >= limit
+                    if inside and n == row.shape[0]:
+                        row = np.concatenate((row, np.empty(n, dtype=np.uint16)))
+                    if inside:
+                        row[n] = s
+                        n += 1
+                start[(face * CELLS + i) * CELLS + j + 1] = n
+    return start, row[:n].copy()

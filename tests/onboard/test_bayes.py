@@ -1,0 +1,252 @@
+"""Identification by odds against chance: its parts against slow references, and random fields."""
+
+import numpy as np
+import pytest
+from scipy.special import betaln, logsumexp
+from star_fields import CAMERA, IDENTIFY, centroid_list, random_attitude, ready_tracker
+
+from shefex_nav.geometry.pinhole import pixels, unit_vectors
+from shefex_nav.geometry.rotation import dcm_from_quat, dcm_from_rotvec, rotvec_between
+from shefex_nav.onboard.startracker.attitude import esoq2
+from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes, evidence, odds, screen, search
+from shefex_nav.records import Reason
+
+PARAMS = IDENTIFY._replace(sigma_px=0.15, magnitude_sigma=0.2)
+WRONG = np.radians(0.5)
+NO_PRIOR = evidence.Prior(False, np.eye(3), np.zeros((3, 3)))
+
+
+def scene_of(xy_px, magnitude):
+    order = np.argsort(magnitude)
+    width, height = float(CAMERA.width_px), float(CAMERA.height_px)
+    return evidence.Scene(
+        np.ascontiguousarray(xy_px[order]), magnitude[order], True, width, height, CAMERA.focal_length_px,
+        CAMERA.cx_px, CAMERA.cy_px, 5.0, 0.15, 0.2,
+    )  # fmt: skip
+
+
+def field(seed, n_false=5, **options):
+    """(scene, C_ci, star) of a random frame."""
+    rng = np.random.default_rng(seed)
+    q_ic = random_attitude(rng)
+    u_c, flux, star = centroid_list(rng, ready_tracker().pairs.stars, q_ic, n_false, **options)
+    return scene_of(pixels(CAMERA, u_c), -2.5 * np.log10(flux)), dcm_from_quat(q_ic).T.copy(), star
+
+
+def stars_and_pairs():
+    return bayes.tables(ready_tracker().pairs)
+
+
+def test_jacobian_against_differences():
+    for x, y in ((0.1, -0.05), (-0.13, 0.09)):
+        J = np.array(evidence.jacobian(x, y))
+        p = np.array([x, y, 1.0])
+        for axis in range(3):
+            turned = dcm_from_rotvec(1e-6 * np.eye(3)[axis]) @ p
+            slope = (turned[:2] / turned[2] - [x, y]) / 1e-6
+            np.testing.assert_allclose(slope, [J[axis], J[3 + axis]], atol=1e-6)
+        np.testing.assert_allclose(J[6:], [x, y])
+
+
+def test_view_and_matches_against_brute_force():
+    stars, _ = stars_and_pairs()
+    view = evidence.new_view()
+    for seed in range(20):
+        scene, C, _ = field(seed)
+        n = evidence.predict(stars, scene, C, scene.focal_px, view)
+        u_c = stars.u_i @ C.T
+        xy = pixels(CAMERA, np.ascontiguousarray(u_c))
+        with np.errstate(invalid="ignore"):
+            rows = np.flatnonzero(((xy >= -2.0) & (xy <= [660.0, 494.0])).all(axis=1))
+        np.testing.assert_array_equal(view.row[:n], rows)
+        np.testing.assert_allclose(view.xy_px[:n], xy[rows], atol=1e-8)
+        matches = evidence.match(scene, view, n, 3.0)
+        d = np.linalg.norm(xy[rows][:, None] - scene.xy_px[None], axis=2)
+        mutual = (d == d.min(axis=0)[None]) & (d == d.min(axis=1)[:, None]) & (d < 3.0)
+        np.testing.assert_array_equal(view.det[:n], np.where(mutual.any(axis=1), mutual.argmax(axis=1), -1))
+        assert matches == mutual.sum()
+
+
+@pytest.mark.parametrize("n_par, focal", [(3, 1.0), (4, 1.006)])
+def test_adjustment_finds_the_attitude_and_the_focal_length(n_par, focal):
+    stars, _ = stars_and_pairs()
+    for seed in range(10):
+        scene, C, star = field(seed, n_false=0, noise_px=0.0)
+        if (star >= 0).sum() < 6:
+            continue
+        middle = np.array([CAMERA.cx_px, CAMERA.cy_px])
+        scene = scene._replace(xy_px=middle + focal * (scene.xy_px - middle))
+        start = dcm_from_rotvec(np.array([1e-3, -8e-4, 2e-3])) @ C
+        out = evidence.adjust(stars, scene, start, scene.focal_px, evidence.new_view(), n_par, 10.0, 4)
+        assert out[0] > 0
+        assert out[1] / scene.focal_px == pytest.approx(focal, abs=1e-5)
+        assert np.abs(start @ C.T - np.eye(3)).max() < 2e-5
+        np.testing.assert_allclose(start @ start.T, np.eye(3), atol=1e-12)
+
+
+def test_odds_against_plain_formulas():
+    stars, _ = stars_and_pairs()
+    view = evidence.new_view()
+    for seed in range(5):
+        scene, C, _ = field(seed)
+        fit = evidence.adjust(stars, scene, C, scene.focal_px, view, 3, 5.0, 4)
+        n, _, L, log_det, _ = fit
+        assert log_det == pytest.approx(np.linalg.slogdet((L @ L.T)[:3, :3])[1]) or n == 0
+        det, row, d2 = view.det[:n], view.row[:n], view.distance2[:n]
+        known, n_det = det >= 0, len(scene.mag)
+        terms = []
+        for scale, weight in zip(evidence.NOISE_SCALES, evidence.NOISE_WEIGHTS, strict=True):
+            s2 = (0.15 * scale) ** 2
+            density = 0.94 * np.exp(-0.5 * d2 / s2) / s2 + 0.06 * np.exp(-0.5 * d2 / (16 * s2)) / (16 * s2)
+            place = np.log(659.0 * 493.0 / (2 * np.pi) * density)
+            best = -np.inf
+            for j in range(1, n_det + 1):
+                used = known & (det < j)
+                chance = np.log(np.arange(j - used.sum() + 1, j + 1)).sum()
+                share = 0.8 if j == n_det else 0.2 / n_det
+                best = max(best, np.log(share) + place[used].sum() - chance)
+            terms.append(np.log(weight) + 1.5 * np.log(2 * np.pi * s2) - 0.5 * log_det + best)
+        assert odds.place_odds(scene, view, n, log_det, 3) == pytest.approx(logsumexp(terms))
+        zero = np.median(scene.mag[det[known]] - stars.vmag[row[known]])
+        assert odds.zero_point(stars, scene, view, n) == pytest.approx(zero)
+        seen, faint, terms = known, stars.vmag[row], []
+        due = ~known & np.array([odds._is_due(scene, view, n, s) for s in range(n)])
+        for q, step in enumerate(evidence.LIMIT_STEPS):
+            within = faint <= stars.vmag[-1] - step
+            value = betaln(3.0 + (seen & within).sum(), 0.5 + (due & within).sum()) - betaln(3.0, 0.5)
+            value += (seen & ~within).sum() * np.log(0.1) + (due & ~within).sum() * np.log(0.9)
+            if q > 0:
+                value += (scene.mag > zero + stars.vmag[-1] - step + 0.3).sum() * np.log(0.5)
+            terms.append(value + np.log(0.7 if q == 0 else 0.3 / 6))
+        assert odds.completeness_odds(stars, view, n, scene, zero) == pytest.approx(logsumexp(terms))
+
+
+def test_scan_against_brute_force():
+    """Every pair of stars with the right angle and brightness, in both orders, and what it predicts."""
+    stars, pairs = stars_and_pairs()
+    scene, _, _ = field(3, n_false=10)
+    u_c = screen.directions(scene, scene.focal_px)
+    table, i, j = screen.detection_table(scene), 0, 1
+    T, lever = screen.triad(*u_c[i], *u_c[j]), screen.lever_of(scene, i, j, 0.5)
+    frame, gate = screen.frame_of(scene, scene.focal_px, 99), (-0.8, 1.2)
+    angle = np.arccos(u_c[i] @ u_c[j])
+    begin, end = search.position(pairs, np.cos(angle + 5e-4)), search.position(pairs, np.cos(angle - 5e-4))
+    assert begin == np.searchsorted(pairs.cosine, np.cos(angle + 5e-4))
+    entry, checked = 2 * begin, 0
+    while entry < 2 * end:
+        entry, C, _ = screen.scan(
+            stars.u_i, stars.vmag, stars.start, stars.row, pairs.first, pairs.second, table, scene.xy_px,
+            T, frame, lever, gate, (-1, -1), 0, entry, 2 * end,
+        )  # fmt: skip
+        if entry == 2 * end:
+            break
+        a, b = pairs.first[entry // 2], pairs.second[entry // 2]
+        a, b = (b, a) if entry % 2 else (a, b)
+        assert gate[0] < stars.vmag[b] - stars.vmag[a] < gate[1]
+        C_ci = np.array(C).reshape(3, 3)
+        np.testing.assert_allclose(C_ci @ C_ci.T, np.eye(3), atol=1e-9)
+        assert np.linalg.norm(C_ci @ (stars.u_i[a] - stars.u_i[b]) - (u_c[i] - u_c[j])) < 6e-4
+        hits = screen.screen.py_func(
+            stars.u_i, stars.start, stars.row, table, scene.xy_px, C, frame, lever, a, b
+        )
+        assert hits == brute_hits(stars, scene, C_ci, lever, a, b)
+        entry, checked = entry + 1, checked + 1
+        if checked == 150:
+            break
+    assert checked > 100
+
+
+def brute_hits(stars, scene, C_ci, lever, a, b):
+    """Stars but a and b with a detection within their gate."""
+    xy = pixels(CAMERA, np.ascontiguousarray(stars.u_i @ C_ci.T))
+    hits = 0
+    for s in range(len(xy)):
+        x, y = xy[s]
+        if s in (a, b) or not (0.0 <= x <= 658.0 and 0.0 <= y <= 492.0):
+            continue
+        r2 = (x - lever[0]) ** 2 + (y - lever[1]) ** 2
+        gate2 = min(lever[2] + lever[3] * r2, screen.REACH_PX**2)
+        hits += ((scene.xy_px - xy[s]) ** 2).sum(axis=1).min() < gate2
+    return hits
+
+
+def statistics(seed, n_frames, **options):
+    """(solved, frames with at least 4 stars, wrong attitudes, wrong stars) of the common signature."""
+    rng = np.random.default_rng(seed)
+    pairs = ready_tracker().pairs
+    solved = possible = wrong = wrong_stars = 0
+    for _ in range(n_frames):
+        q_ic = random_attitude(rng)
+        u_c, flux, star = centroid_list(rng, pairs.stars, q_ic, **options)
+        found = IDENTIFIERS["bayes"](PARAMS, pairs, u_c, flux)
+        possible += (star >= 0).sum() >= 4
+        known = found.star >= 0
+        if found.reason != Reason.NONE:
+            assert not known.any()
+            continue
+        q = esoq2(u_c[known], pairs.stars.u_i[found.star[known]], np.ones(known.sum()))
+        solved += 1
+        wrong += np.linalg.norm(rotvec_between(q, q_ic)) > WRONG
+        wrong_stars += (found.star[known] != star[known]).sum()
+    return solved, possible, wrong, wrong_stars
+
+
+@pytest.mark.parametrize("n_false", [0, 5, 15])
+def test_solves_what_can_be_solved(n_false):
+    solved, possible, wrong, wrong_stars = statistics(11 + n_false, 300, n_false=n_false)
+    assert wrong == 0
+    assert wrong_stars <= 2  # a false object may sit on a star's place
+    assert solved >= possible - 2
+
+
+def test_more_noise_than_said():
+    solved, possible, wrong, _ = statistics(7, 200, n_false=5, noise_px=0.5, magnitude_scatter=0.3)
+    assert wrong == 0
+    assert solved >= 0.96 * possible
+
+
+def test_noise_is_never_a_star_field():
+    rng = np.random.default_rng(41)
+    pairs = ready_tracker().pairs
+    for _ in range(100):
+        n = int(rng.integers(6, 25))
+        u_c = unit_vectors(CAMERA, rng.uniform([0.0, 0.0], [658.0, 492.0], (n, 2)))
+        flux = np.sort(10.0 ** rng.uniform(-2.2, 0.0, n))[::-1].copy()
+        found = bayes.identify(PARAMS, pairs, u_c, flux)
+        assert found.reason == Reason.NO_MATCH
+        assert (found.star == -1).all()
+
+
+def test_mirrored_sky_is_not_accepted():
+    rng = np.random.default_rng(51)
+    pairs = ready_tracker().pairs
+    for _ in range(50):
+        u_c, flux, _ = centroid_list(rng, pairs.stars, random_attitude(rng), 0, noise_px=0.0)
+        mirrored = np.ascontiguousarray(u_c * [-1.0, 1.0, 1.0])
+        assert bayes.identify(PARAMS, pairs, mirrored, flux).reason != Reason.NONE
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3])
+def test_too_few_detections(n):
+    u_c = unit_vectors(CAMERA, np.random.default_rng(6).uniform(0.0, 400.0, (n, 2)))
+    found = bayes.identify(PARAMS, ready_tracker().pairs, u_c, np.ones(n))
+    assert found.reason == Reason.TOO_FEW_STARS
+    assert len(found.star) == n
+
+
+def test_work_is_bounded():
+    """Whatever the number of detections: the budget, and at most one more pair."""
+    stars, pairs = stars_and_pairs()
+    rng = np.random.default_rng(8)
+    for n in (12, 40, 200):
+        settings = bayes.Settings(
+            659.0, 493.0, CAMERA.focal_length_px, CAMERA.cx_px, CAMERA.cy_px, 5.0, 0.15, 0.2, 1e-7, 4, 20_000
+        )
+        xy = rng.uniform([0.0, 0.0], [658.0, 492.0], (n, 2))
+        found = bayes.Solution(
+            *bayes.solve_kernel(
+                stars, pairs, settings, xy, np.sort(rng.random(n)), True, *bayes.NO_PREDICTION
+            )
+        )
+        assert found.reason == Reason.NO_MATCH and len(found.star) == n
+        assert found.trials < 26_000
