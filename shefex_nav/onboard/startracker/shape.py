@@ -12,12 +12,12 @@ from numba import njit
 
 from shefex_nav.onboard.startracker.scan import BACKGROUND, SATURATED, XX, XY, YY, X, Y
 
-MOST_STARS = 15  # brightest ones that are measured
+MOST_STARS = 9  # brightest ones that are measured
 ROUNDS = 2
 BLOCK_VARIANCE = 2.0 / 3.0  # px^2 per axis, of the 3x3 pixels of a block
 PIXEL_VARIANCE = 1.0 / 12.0  # px^2 per axis, of one pixel
 LEAST_SIGMA = 0.3  # px; a narrower spot lies in one pixel and has no shape
-STEP_SIGMAS = 1.2  # two spots this far apart, in sigmas, add up to a smooth ridge
+STEP_SIGMAS = 1.6  # two spots this far apart, in sigmas, add up to a smooth ridge
 
 
 class Shape(NamedTuple):
