@@ -34,7 +34,8 @@ WINDOW_NOISE = 0.5  # the window reaches to where the star's light is this fract
 LARGEST_REACH = 31  # px
 LEAST_PIXELS = 6  # with light, that are not saturated
 PRIOR_DOF = 30.0  # weight of the expected misfit against the one seen [E]
-UNFITTED_PX = 0.3  # error of what no star shape fits, per axis [E]
+UNFITTED_PX = 0.15  # error of the scan's centroid of what the shape does not fit, per axis [E]
+MOST_MISFIT = 9.0  # chi squared per pixel; slopes of a saturated star that fit worse say nothing of its place
 
 # columns of the result
 COLUMNS = 6  # x, y, flux, xx, xy, yy
@@ -292,6 +293,8 @@ def _fit_one(image_dn, star, spots, others, saturation_dn, dn_per_electron, work
     else:
         return False
     chi2 -= bx * dx + by * dy + bf * d_flux  # what the last step takes away
+    if n_used < width * height and chi2 > MOST_MISFIT * n_used:
+        return False
     factor = max(1.0, (PRIOR_DOF + chi2) / (PRIOR_DOF + n_used - 3.0))
     fitted[0], fitted[1], fitted[2] = x, y, flux
     fitted[3], fitted[4], fitted[5] = factor * d / det, -factor * b / det, factor * a / det
