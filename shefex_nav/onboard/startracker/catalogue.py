@@ -195,7 +195,9 @@ def pair_table(stars, max_angle):
     order = np.argsort(cosine, kind="stable")
     cosine, first, second = cosine[order], first[order], second[order]
     if len(cosine) < 2:
-        raise ValueError(f"{len(stars.hip)} stars make {len(cosine)} pairs within {max_angle:.3g} rad: too few")
+        raise ValueError(
+            f"{len(stars.hip)} stars make {len(cosine)} pairs within {max_angle:.3g} rad: too few"
+        )
     sky = skygrid.build(stars.u_i, stars.vmag, 0.5 * max_angle)
     index = kvector.build(cosine)
     return StarPairs(stars, cosine, first, second, index, sky, stars.vmag[first], stars.vmag[second])
