@@ -13,13 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from shefex_nav.onboard.startracker.background import N_BLOCK, block_sums, medians, repair, tile_statistics
 from shefex_nav.records import Detections
-
-BLOCK = 3  # pixels, side of the blocks that are summed
-N_BLOCK = BLOCK * BLOCK
-SIGMA_QUANTILE = 0.158655  # a normal variable is below its mean minus one sigma with this probability
-# One grey value of quantisation in each pixel of a block: noise that no quantile of a flat frame shows.
-QUANTISATION_SIGMA = np.sqrt(N_BLOCK / 12.0)
 
 
 class DetectParams(NamedTuple):
@@ -50,16 +45,27 @@ def detect(params, image_dn):
     Parameters
     ----------
     params : DetectParams
-    image_dn : (rows, columns) uint8
+    image_dn : (rows, columns) uint8 or uint16; saturation_dn in the same grey values
 
     Returns
     -------
     Detections, brightest first, at most params.max_objects
     FrameStatistics
     """
-    image_dn = repair(np.ascontiguousarray(image_dn), params.bad_pixels)
-    table, n, *statistics = _detect_kernel(
+    image_dn = np.ascontiguousarray(image_dn)
+    if image_dn.ndim != 2 or image_dn.dtype not in (np.uint8, np.uint16):
+        raise ValueError(
+            f"image: expected grey values of shape (rows, columns), uint8 or uint16, "
+            f"got {image_dn.dtype} of shape {image_dn.shape}"
+        )
+    image_dn = repair(image_dn, params.bad_pixels)
+    blocks = block_sums(image_dn)
+    background, sigma, mean_dn = tile_statistics(blocks, params.tile_px)
+    table, n = _detect_kernel(
         image_dn,
+        blocks,
+        background,
+        sigma,
         params.tile_px,
         params.seed_sigma,
         params.grow_sigma,
@@ -76,97 +82,8 @@ def detect(params, image_dn):
         table[:, 3].astype(np.int64),
         table[:, 4].astype(np.int64),
     )
-    return detections, FrameStatistics(*statistics)
-
-
-@njit(cache=True)
-def repair(image_dn, bad_pixels):
-    """Copy of the frame with each bad pixel replaced by the mean of its good neighbours (up to 8)."""
-    rows, columns = image_dn.shape
-    repaired = image_dn.copy()
-    bad = np.zeros(
-        rows * columns // 8 + 1, dtype=np.uint8
-    )  # one bit a pixel: as large as the frame it were slow
-    for k in range(bad_pixels.shape[0]):
-        p = bad_pixels[k, 0] * columns + bad_pixels[k, 1]
-        bad[p >> 3] |= 1 << (p & 7)
-    for k in range(bad_pixels.shape[0]):
-        r, c = bad_pixels[k, 0], bad_pixels[k, 1]
-        total, n = 0, 0
-        for y in range(max(0, r - 1), min(rows, r + 2)):
-            for x in range(max(0, c - 1), min(columns, c + 2)):
-                p = y * columns + x
-                if not bad[p >> 3] >> (p & 7) & 1:
-                    total += image_dn[y, x]
-                    n += 1
-        repaired[r, c] = (total + n // 2) // n if n > 0 else 0
-    return repaired
-
-
-@njit(cache=True)
-def block_sums(image_dn):
-    """Sum of the 3x3 pixels around each pixel. (rows, columns) uint8 -> int16, zero along the border."""
-    rows, columns = image_dn.shape
-    blocks = np.empty((rows, columns), dtype=np.int16)
-    column = np.empty(columns, dtype=np.int16)
-    blocks[0], blocks[rows - 1] = 0, 0
-    for r in range(1, rows - 1):
-        above, middle, below, sums = image_dn[r - 1], image_dn[r], image_dn[r + 1], blocks[r]
-        for c in range(columns):
-            column[c] = np.int16(above[c]) + np.int16(middle[c]) + np.int16(below[c])
-        sums[0], sums[columns - 1] = 0, 0
-        for c in range(1, columns - 1):
-            sums[c] = column[c - 1] + column[c] + column[c + 1]
-    return blocks
-
-
-@njit(cache=True)
-def tile_statistics(blocks, tile_px):
-    """Background and noise of the block sums in each tile, from blocks that do not overlap.
-
-    The background is the median, the noise its distance from the quantile one sigma below: stars and spikes
-    raise neither, as they only populate the upper end.
-
-    Parameters
-    ----------
-    blocks : (rows, columns) int16, block sums
-    tile_px : int, multiple of 3
-
-    Returns
-    -------
-    background, sigma : (tile rows, tile columns) of block sums
-    mean_dn : mean grey value of all pixels
-    """
-    rows, columns = blocks.shape
-    n_r, n_c = (rows + tile_px - 1) // tile_px, (columns + tile_px - 1) // tile_px
-    background, sigma = np.empty((n_r, n_c)), np.empty((n_r, n_c))
-    counts = np.empty(N_BLOCK * 255 + 1, dtype=np.int32)
-    total, n_total = 0, 0
-    for i in range(n_r):
-        for j in range(n_c):
-            counts[:] = 0
-            n = 0
-            for r in range(i * tile_px + 1, min((i + 1) * tile_px, rows - 1), BLOCK):
-                row = blocks[r, j * tile_px + 1 : min((j + 1) * tile_px, columns - 1) : BLOCK]
-                for value in row:
-                    counts[np.uint16(value)] += 1  # unsigned: no check for an index from the end
-                    total += value
-                n += len(row)
-            n_total += n
-            if n == 0:  # a sliver of one pixel along the border
-                background[i, j], sigma[i, j] = background[max(i - 1, 0), max(j - 1, 0)], np.inf
-                continue
-            below, k = 0, 0
-            quantile = np.zeros(2)
-            for which in range(2):
-                target = n * (SIGMA_QUANTILE if which == 0 else 0.5)
-                while below + counts[k] < target:
-                    below += counts[k]
-                    k += 1
-                quantile[which] = k - 0.5 + (target - below) / counts[k]
-            background[i, j] = quantile[1]
-            sigma[i, j] = max(quantile[1] - quantile[0], QUANTISATION_SIGMA)
-    return background, sigma, total / (N_BLOCK * n_total)
+    statistics = FrameStatistics(mean_dn, *medians(background, sigma))
+    return detections, statistics
 
 
 @njit(cache=True)
@@ -225,7 +142,7 @@ def _centroid(image_dn, blocks, background, pixels, n, saturation_dn):
 @njit(cache=True)
 def _maximum(blocks):
     """Largest of some blocks; so simple that the compiler takes 16 of them at a time."""
-    largest = np.int16(-1)
+    largest = blocks.dtype.type(-1)
     for k in range(blocks.shape[0]):
         largest = max(largest, blocks[k])
     return largest
@@ -250,6 +167,9 @@ def _insert(table, n, x, y, flux, n_pixels, n_saturated):
 @njit(cache=True)
 def _detect_kernel(
     image_dn,
+    blocks,
+    background,
+    sigma,
     tile_px,
     seed_sigma,
     grow_sigma,
@@ -265,11 +185,8 @@ def _detect_kernel(
     -------
     table : (max_objects, 5) x, y, flux, pixels, saturated pixels
     n : int, length of the table
-    mean_dn, background_dn, noise_dn : as in FrameStatistics
     """
     rows, columns = image_dn.shape
-    blocks = block_sums(image_dn)
-    background, sigma, mean_dn = tile_statistics(blocks, tile_px)
     seed_limit = np.floor(background + seed_sigma * sigma).astype(np.int64)
     grow_limit = np.floor(background + grow_sigma * sigma).astype(np.int64)
     tile = np.arange(max(rows, columns)) // tile_px
@@ -294,4 +211,4 @@ def _detect_kernel(
                 )
                 if not touches and peak <= max_peak_fraction * flux:
                     n_objects = _insert(table, n_objects, x, y, flux, n, n_saturated)
-    return table, n_objects, mean_dn, np.median(background) / N_BLOCK, np.median(sigma) / BLOCK
+    return table, n_objects
