@@ -169,9 +169,10 @@ class Detections(NamedTuple):
     """Objects found in one frame, brightest first."""
 
     xy_px: np.ndarray  # (n, 2) centroids
-    flux_dn: np.ndarray  # (n,) grey values above the background, summed
+    flux_dn: np.ndarray  # (n,) light in grey values above the background
     n_pixels: np.ndarray  # (n,) int, above the growth threshold
     n_saturated: np.ndarray  # (n,) int, saturated pixels
+    P_px: np.ndarray  # (n, 2, 2) covariance of the centroid [px^2], of the noise alone
 
 
 class StarFix(NamedTuple):

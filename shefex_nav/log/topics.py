@@ -249,6 +249,7 @@ TOPICS = (
         _number("flux_dn", "detections.flux_dn", "grey values above the background, summed", (-1,)),
         _integer("n_pixels", "detections.n_pixels", "pixels of each detection", (-1,)),
         _integer("n_saturated", "detections.n_saturated", "saturated pixels of each detection", (-1,)),
+        _number("P_px2", "detections.P_px", "covariance of each centroid [px^2]", (-1, 2, 2)),
         _integer("hip", "hip", "Hipparcos number of each detection, 0 = unidentified", (-1,)),
         _number("residual_px", "residual_px", "RMS of the identified stars against the attitude [px]"),
         _number("background_dn", "background_dn", "mean grey value"),

@@ -162,7 +162,8 @@ def star_camera(mission, truth, number, sky, rng):
         error_c = rng.normal(0.0, STAR_SIGMA_C)
         q_fix = rotation.quat_multiply(q_ic, rotation.quat_from_rotvec(-error_c))
         P_c = np.diag(STAR_SIGMA_C**2)
-    found = rec.Detections(xy_px, np.full(30, 700.0), np.full(30, 9), np.zeros(30, int))
+    P_px = np.tile(0.01 * np.eye(2), (30, 1, 1))
+    found = rec.Detections(xy_px, np.full(30, 700.0), np.full(30, 9), np.zeros(30, int), P_px)
     known = np.where(np.arange(30) < 22, hip, 0)
     yield rec.StarFix(
         number, t_valid, t_valid + 0.06, int(reason), q_fix, P_c, found, known, 0.21, 12.0, 0.05, False, False

@@ -72,7 +72,9 @@ def test_location_covariance_is_east_north_up(drawings):
 
 
 def test_identified_stars_are_named_and_pixels_count_from_the_corner(drawings):
-    found = rec.Detections(np.array([[10.0, 20.0], [0.0, 0.0]]), np.ones(2), np.ones(2), np.zeros(2))
+    found = rec.Detections(
+        np.array([[10.0, 20.0], [0.0, 0.0]]), np.ones(2), np.ones(2), np.zeros(2), np.zeros((2, 2, 2))
+    )
     nan = np.full(4, np.nan)
     fix = rec.StarFix(
         1, 1.0, 1.1, rec.Reason.NONE, nan, np.eye(3), found, np.array([0, 71683]), 0.1, 9, 0.1, False, False

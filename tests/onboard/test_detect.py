@@ -5,7 +5,8 @@ import pytest
 from scipy import ndimage
 from star_fields import DETECT, digitise, signal, spot
 
-from shefex_nav.onboard.startracker.detect import block_sums, detect, repair, tile_statistics
+from shefex_nav.onboard.startracker.background import block_sums, repair, tile_statistics
+from shefex_nav.onboard.startracker.detect import detect
 
 SHAPE = (493, 659)
 
@@ -33,6 +34,41 @@ def test_statistics_of_a_frame_with_stars_and_a_gradient():
     columns = (np.arange(9) * 72 + 36) * 60.0 / SHAPE[1]
     expected = 9.0 * ((columns + 60.0) / 7.4 + 10.0)
     np.testing.assert_allclose(np.median(background, axis=0)[:9], expected, atol=1.5)
+
+
+def test_a_frame_of_16_bits_gives_what_its_8_bits_give():
+    """Grey values that fit into both types: the same statistics and the same objects."""
+    rng = np.random.default_rng(8)
+    light = np.zeros(SHAPE)
+    for x, y in rng.uniform([20, 20], [640, 470], (30, 2)):
+        spot(light, x, y, signal(3.5))
+    image = digitise(rng, light)
+    narrow, narrow_statistics = detect(DETECT, image)
+    wide, wide_statistics = detect(DETECT, image.astype(np.uint16))
+    np.testing.assert_allclose(wide_statistics, narrow_statistics, rtol=1e-12)
+    for a, b in zip(wide, narrow, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+
+
+def test_a_bright_frame_of_16_bits():
+    """Beyond the 255 grey values and 2295 block sums of 8 bits: level, noise, flux and place."""
+    rng = np.random.default_rng(9)
+    light = np.zeros(SHAPE)
+    for x, y in [(100.2, 50.7), (400.0, 300.4)]:
+        spot(light, x, y, 4e5)
+    image = np.minimum(rng.poisson(light + 2500.0) * 10 + 5000, 65535).astype(np.uint16)
+    found, statistics = detect(DETECT._replace(saturation_dn=65535), image)
+    assert statistics.background_dn == pytest.approx(30000.0, rel=1e-3)
+    assert statistics.noise_dn == pytest.approx(500.0, rel=0.02)
+    np.testing.assert_array_equal(found.n_saturated[:2] > 0, True)
+    place = found.xy_px[:2][np.argsort(found.xy_px[:2, 0])]
+    np.testing.assert_allclose(place, [(100.2, 50.7), (400.0, 300.4)], atol=0.1)
+
+
+@pytest.mark.parametrize("image", [np.zeros(SHAPE), np.zeros((4, 5, 3), np.uint8)])
+def test_other_frames_are_refused(image):
+    with pytest.raises(ValueError, match="uint8 or uint16"):
+        detect(DETECT, image)
 
 
 def test_objects_of_a_dark_frame():

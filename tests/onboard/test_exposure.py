@@ -10,7 +10,8 @@ from shefex_nav.records import Detections
 
 def detections(n_saturated):
     n = len(n_saturated)
-    return Detections(np.zeros((n, 2)), np.ones(n), np.full(n, 9), np.array(n_saturated, dtype=np.int64))
+    saturated = np.array(n_saturated, dtype=np.int64)
+    return Detections(np.zeros((n, 2)), np.ones(n), np.full(n, 9), saturated, np.zeros((n, 2, 2)))
 
 
 @pytest.mark.parametrize(

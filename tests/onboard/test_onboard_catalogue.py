@@ -1,10 +1,13 @@
 """The on-board catalogues and their pairs against the counts of the paper and brute force."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 from star_fields import CATALOGUE, DEG, YEAR, all_stars
 
+from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.onboard.startracker import catalogue
 
 FIELD = 18.57 * DEG  # diagonal of the SHEFEX-2 camera
@@ -61,7 +64,112 @@ def test_pairs_are_all_pairs_within_the_field():
     assert (stars.vmag[pairs.first] <= stars.vmag[pairs.second]).all()
 
 
-@pytest.mark.parametrize("changed", [{"kind": "uniform"}, {"kind": "combined", "n_stars": 900}])
-def test_impossible_catalogues_are_refused(changed):
-    with pytest.raises(ValueError, match=r"unknown star catalogue|stars asked for"):
+def test_pairs_know_the_magnitudes_of_their_stars():
+    """The five columns P, I, J, B_I, B_J of the brightness-referenced method."""
+    pairs = catalogue.pair_table(catalogue.build(CATALOGUE, all_stars(), YEAR), FIELD)
+    np.testing.assert_array_equal(pairs.first_vmag, pairs.stars.vmag[pairs.first])
+    np.testing.assert_array_equal(pairs.second_vmag, pairs.stars.vmag[pairs.second])
+    assert (pairs.first_vmag <= pairs.second_vmag).all()
+
+
+# Numbers of stars in the literature are counts of Hipparcos entries: nothing merged.
+PLAIN = CATALOGUE._replace(kind="magnitude_limited", merge_radius=0.0)
+
+
+def count(limit, system="V", inclusive=True):
+    params = PLAIN._replace(max_magnitude=limit, magnitude_system=system, inclusive=inclusive)
+    return len(catalogue.build(params, everything(), YEAR).hip)
+
+
+@cache
+def everything():
+    """With the five stars of Hp < 7 that are fainter than V = 8."""
+    return load_catalogue(99.0)
+
+
+def test_counts_of_the_brightness_referenced_paper():
+    """Table 2 (2014) counts stars of Hp in [lo, hi); section 4.1: 1471 brighter than 5."""
+    counts = [count(limit, "Hp", inclusive=False) for limit in (3.0, 4.0, 5.0, 6.0, 7.0)]
+    assert np.diff([0, *counts]).tolist() == [165, 315, 991, 3088, 9381]
+    assert counts[2] == 1471
+
+
+@pytest.mark.parametrize(
+    "limit, inclusive, n", [(4.5, True, 921), (5.5, True, 2851), (5.5, False, 2819), (6.0, True, 5044)]
+)
+def test_counts_of_johnson_v(limit, inclusive, n):
+    """Counted in the file itself, with `awk` on its column of V."""
+    assert count(limit, inclusive=inclusive) == n
+
+
+def test_hp_is_the_magnitude_of_a_catalogue_in_hp():
+    params = CATALOGUE._replace(magnitude_system="Hp", max_magnitude=5.0, inclusive=False)
+    stars = catalogue.build(params, everything(), YEAR)
+    assert (np.diff(stars.vmag) >= 0.0).all() and stars.vmag[-1] < 5.0
+    raw = everything()
+    sirius = np.flatnonzero(stars.hip == 32349)[0]
+    assert stars.vmag[sirius] == pytest.approx(raw.hpmag[raw.hip == 32349][0], abs=0.01)  # -1.09, V = -1.44
+    assert stars.epoch == YEAR
+
+
+def test_asymmetric_catalogue_has_its_own_limit_in_the_south():
+    """SHEFEX figure 4: nothing over 5.4, and the stars from 5.2 on are those of one hemisphere alone."""
+    params = PLAIN._replace(kind="asymmetric", max_magnitude=5.2, south_magnitude=5.4)
+    stars = catalogue.build(params, all_stars(), YEAR)
+    faint = stars.vmag > 5.2
+    assert stars.vmag.max() <= 5.4
+    assert (stars.u_i[faint, 2] < 0.0).all()
+    assert faint.sum() == 249 and len(stars.hip) == 2061 + 249
+
+
+def test_uniform_catalogue_is_more_even_than_the_sky():
+    """SHEFEX figure 5: about 450 stars of 2000 between 5.25 and 5.75."""
+    params = CATALOGUE._replace(kind="uniform", max_magnitude=6.0, n_stars=2000)
+    stars = catalogue.build(params, all_stars(), YEAR)
+    assert len(stars.hip) == 2000
+    assert separations(stars.u_i).min() > 2.5 * DEG  # on a perfect hexagonal grid: 4.9 deg
+    bright = catalogue.build(PLAIN._replace(max_magnitude=5.17), all_stars(), YEAR)
+    assert len(bright.hip) == pytest.approx(2000, abs=50)
+    assert scatter(stars.u_i) < 0.5 * scatter(bright.u_i)
+    assert 380 < ((stars.vmag > 5.25) & (stars.vmag < 5.75)).sum() < 520
+
+
+def test_combined_catalogue_from_the_asymmetric_one():
+    """As the text of SHEFEX 3.3 has it: about 180 stars from 5.2 on, all of them in the south."""
+    params = CATALOGUE._replace(kind="combined", max_magnitude=5.2, south_magnitude=5.4)
+    stars = catalogue.build(params, all_stars(), YEAR)
+    faint = stars.vmag > 5.2
+    assert len(stars.hip) == 2023
+    assert (stars.u_i[faint, 2] < 0.0).all()
+    assert faint.sum() == pytest.approx(180, abs=20)
+
+
+def scatter(u_i):
+    """Standard deviation of the number of stars within 20 deg, over 500 directions."""
+    v = np.random.default_rng(5).standard_normal((500, 3))
+    v /= np.linalg.norm(v, axis=1, keepdims=True)
+    return np.std([len(near) for near in cKDTree(u_i).query_ball_point(v, 2.0 * np.sin(10.0 * DEG))])
+
+
+@pytest.mark.parametrize(
+    "changed, message",
+    [
+        ({"kind": "round"}, "unknown star catalogue 'round'; choose from: magnitude_limited, asymmetric"),
+        ({"magnitude_system": "B"}, "unknown magnitude system 'B'; choose V or Hp"),
+        ({"kind": "combined", "n_stars": 900}, r"900 stars: 9\d\d are to be kept"),
+        ({"kind": "combined", "n_stars": 9000}, r"9000 stars: only 28\d\d are within its limits"),
+        ({"kind": "uniform", "n_stars": 9000}, r"9000 stars: only 28\d\d are within its limits"),
+        ({"kind": "uniform", "n_stars": 0}, "0 stars"),
+        ({"kind": "asymmetric"}, "needs a south_magnitude"),
+        ({"max_magnitude": -3.0}, r"no star is as bright as -3.0 \(V\)"),
+    ],
+)
+def test_impossible_catalogues_are_refused(changed, message):
+    with pytest.raises(ValueError, match=message):
         catalogue.build(CATALOGUE._replace(**changed), all_stars(), YEAR)
+
+
+def test_a_table_without_pairs_is_refused():
+    stars = catalogue.build(CATALOGUE._replace(max_magnitude=-0.5), all_stars(), YEAR)
+    with pytest.raises(ValueError, match="2 stars make"):
+        catalogue.pair_table(stars, FIELD)

@@ -116,7 +116,8 @@ def frame_truth(number, t_s, **changes):
 def star_fix(number, t_s, error_c=(0.0, 0.0, 0.0), reason=rec.Reason.NONE):
     """Fix of a frame whose true attitude is the unit quaternion: truth = estimate * exp(error)."""
     q_ic = rotation.quat_from_rotvec(-np.array(error_c, float))
-    empty = rec.Detections(np.zeros((0, 2)), np.zeros(0), np.zeros(0, int), np.zeros(0, int))
+    none = np.zeros(0, int)
+    empty = rec.Detections(np.zeros((0, 2)), np.zeros(0), none, none, np.zeros((0, 2, 2)))
     P_c = np.diag([1e-4, 1e-4, 1e-3]) ** 2
     return rec.StarFix(
         number, t_s, t_s + 0.05, int(reason), q_ic, P_c, empty, np.zeros(0, int), 0.1, 5.0, 0.1, False, False

@@ -1,17 +1,28 @@
-"""Attitude from identified stars: ESOQ2, and its covariance.
+"""Attitude from identified stars: ESOQ2, two reference solutions, and its covariance.
 
 In: directions in the camera and in the inertial frame with one standard deviation per star. Out: q_ic and
 the covariance of its error. Mortari, "ESOQ-2: single-point algorithm for fast optimal spacecraft attitude
 determination" (1997) and "Second estimator of the optimal quaternion" (2000); coefficients of the
-characteristic polynomial as in Shuster and Oh (1981).
+characteristic polynomial as in Shuster and Oh (1981). Where each centroid has a covariance, `likelihood` goes
+on from here.
 """
 
 import numpy as np
 from numba import njit
 
-from shefex_nav.geometry.rotation import quat_normalise
+from shefex_nav.geometry.rotation import (
+    dcm_from_quat,
+    quat_from_dcm,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_normalise,
+)
 
 NEWTON_STEPS = 20  # bound only: it converges in two or three
+POLISH_STEPS = 4  # bound only: one is usual
+POLISHED = 1e-9  # rad; the next step is smaller by its square
+FAR_OFF = 1e-3  # rad; a first step this long means that the closed form has lost its digits
+OPEN = 1e-14  # of the information about the worst axis: nothing left above the rounding
 
 
 @njit(cache=True)
@@ -24,6 +35,11 @@ def esoq2(u_c, v_i, sigma):
     so the camera frame is first turned by 180 degrees about the axis that makes t smallest, i.e. the
     remaining rotation largest, and the quaternion is turned back at the end.
 
+    The two largest eigenvalues differ by about the squared size of the field, and the closed form loses
+    digits with its fourth power: stars within 1 degree would come out up to 1e-5 rad off. A Newton step on
+    B, which loses them with the second power as the other methods do, puts that right; where even its
+    starting point is lost, Davenport's q-method gives a new one.
+
     Parameters
     ----------
     u_c : (n, 3) unit vectors measured in the camera, n >= 2
@@ -34,6 +50,32 @@ def esoq2(u_c, v_i, sigma):
     -------
     q_ic : (4,)
     """
+    B = _profile(u_c, v_i, sigma)
+    q, first_step = _polish(_closed_form(B), B)
+    if first_step > FAR_OFF and np.isfinite(B.sum()):
+        q, _ = _polish(_davenport(B), B)
+    return q if q[0] >= 0.0 else -q
+
+
+@njit(cache=True)
+def davenport(u_c, v_i, sigma):
+    """As `esoq2`, by the eigenvector of K itself (Davenport 1968): slower, and a reference."""
+    q = _davenport(_profile(u_c, v_i, sigma))
+    return q if q[0] >= 0.0 else -q
+
+
+@njit(cache=True)
+def svd(u_c, v_i, sigma):
+    """As `esoq2`, by the singular values of B (Markley 1988): the reference."""
+    U, _, Vt = np.linalg.svd(_profile(u_c, v_i, sigma))
+    if np.linalg.det(U) * np.linalg.det(Vt) < 0.0:
+        U[:, 2] = -U[:, 2]
+    return quat_from_dcm(U @ Vt)
+
+
+@njit(cache=True)
+def _profile(u_c, v_i, sigma):
+    """B = sum w v u' with weights that add up to one."""
     B = np.zeros((3, 3))
     total = 0.0
     for k in range(u_c.shape[0]):
@@ -43,6 +85,26 @@ def esoq2(u_c, v_i, sigma):
             for c in range(3):
                 B[r, c] += weight * v_i[k, r] * u_c[k, c]
     B /= total
+    return B
+
+
+@njit(cache=True)
+def _davenport(B):
+    """Eigenvector of the largest eigenvalue of K."""
+    K = np.empty((4, 4))
+    trace = B[0, 0] + B[1, 1] + B[2, 2]
+    K[1:, 1:] = B + B.T
+    for r in range(3):
+        K[r + 1, r + 1] -= trace
+        K[0, r + 1] = K[r + 1, 0] = B[(r + 2) % 3, (r + 1) % 3] - B[(r + 1) % 3, (r + 2) % 3]
+    K[0, 0] = trace
+    return quat_normalise(np.linalg.eigh(K)[1][:, 3].copy())
+
+
+@njit(cache=True)
+def _closed_form(B):
+    """ESOQ2's quaternion."""
+    B = B.copy()
     trace = B[0, 0] + B[1, 1] + B[2, 2]
     turned, t = -1, trace
     for axis in range(3):
@@ -64,9 +126,49 @@ def esoq2(u_c, v_i, sigma):
             M[r, c] -= z[r] * z[c]
     e = _null_vector(M)
     q = quat_normalise(np.array([z[0] * e[0] + z[1] * e[1] + z[2] * e[2], a * e[0], a * e[1], a * e[2]]))
-    if turned >= 0:
-        q = _turn_back(q, turned)
-    return q if q[0] >= 0.0 else -q
+    return _turn_back(q, turned) if turned >= 0 else q
+
+
+@njit(cache=True)
+def _transposed_times(C, B):
+    """C' B of (3, 3) matrices; a call of BLAS would cost more."""
+    A = np.empty((3, 3))
+    for r in range(3):
+        for c in range(3):
+            A[r, c] = C[0, r] * B[0, c] + C[1, r] * B[1, c] + C[2, r] * B[2, c]
+    return A
+
+
+@njit(cache=True)
+def _polish(q, B):
+    """Newton steps towards the maximum of trace(C' B); the quaternion and the length of the first step.
+
+    With A = C' B and C exp(skew d) in place of C, the trace is trace A + d.w - d'(trace A I - sym A) d / 2,
+    w = (A32 - A23, A13 - A31, A21 - A12). Where no step is possible (a saddle, or the stars leave a rotation
+    open) the length is infinite.
+    """
+    first_step = np.inf
+    for k in range(POLISH_STEPS):
+        A = _transposed_times(dcm_from_quat(q), B)
+        xx, yy, zz = A[1, 1] + A[2, 2], A[0, 0] + A[2, 2], A[0, 0] + A[1, 1]
+        xy, xz, yz = -0.5 * (A[0, 1] + A[1, 0]), -0.5 * (A[0, 2] + A[2, 0]), -0.5 * (A[1, 2] + A[2, 1])
+        wx, wy, wz = A[2, 1] - A[1, 2], A[0, 2] - A[2, 0], A[1, 0] - A[0, 1]
+        cxx, cxy, cxz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+        cyy, cyz, czz = xx * zz - xz * xz, xy * xz - yz * xx, xx * yy - xy * xy
+        det = xx * cxx + xy * cxy + xz * cxz
+        if not (det > OPEN and czz + cyy + cxx > OPEN and xx + yy + zz > 0.0):
+            break
+        d = np.array(
+            [cxx * wx + cxy * wy + cxz * wz, cxy * wx + cyy * wy + cyz * wz, cxz * wx + cyz * wy + czz * wz]
+        )
+        d /= det
+        step = np.sqrt(d[0] ** 2 + d[1] ** 2 + d[2] ** 2)
+        q = quat_multiply(q, quat_from_rotvec(d))
+        if k == 0:
+            first_step = step
+        if step < POLISHED or step > 1.0:
+            break
+    return quat_normalise(q), first_step
 
 
 @njit(cache=True)
@@ -142,6 +244,12 @@ def covariance(u_c, sigma):
             F[r, r] += weight
             for c in range(3):
                 F[r, c] -= weight * u_c[k, r] * u_c[k, c]
+    return inverse3(F)
+
+
+@njit(cache=True)
+def inverse3(F):
+    """Inverse of a symmetric (3, 3) matrix."""
     adjugate = np.empty((3, 3))
     for r in range(3):
         for c in range(3):

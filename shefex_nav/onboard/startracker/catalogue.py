@@ -1,9 +1,10 @@
 """The star catalogue that flies: which stars, and the table of their pairs.
 
-In: all stars to V = 8 at the epoch of the mission. Out: `OnboardCatalogue` and `StarPairs`. Two ways to
-choose the stars: everything to a magnitude, or the combination flown on SHEFEX-2 (section 3.3), all bright
-stars plus fainter ones where the sky would be empty. Stars that the camera cannot separate are one entry at
-their centre of light.
+In: all stars to V = 8 and the epoch of the mission. Out: `OnboardCatalogue` and `StarPairs`. The stars are
+chosen in one of four ways (SHEFEX-2, section 3.3): everything to a magnitude; to one magnitude north and
+another south of the equator; as evenly spread as possible; or the combination that flew, all bright stars
+plus fainter ones where the sky would be empty. Stars that the camera cannot separate are one entry at their
+centre of light.
 """
 
 from typing import NamedTuple
@@ -11,18 +12,24 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.environment.stars import at_epoch, photocentres
+from shefex_nav.environment.stars import at_epoch, photocentres, select
 from shefex_nav.onboard.startracker import kvector, skygrid
+
+KINDS = ("magnitude_limited", "asymmetric", "uniform", "combined")
+SYSTEMS = ("V", "Hp")
 
 
 class CatalogueParams(NamedTuple):
     """Which stars fly."""
 
-    kind: str  # 'magnitude_limited' or 'combined'
-    max_magnitude: float  # V, of the catalogue or of the pool that fills it
-    merge_radius: float  # rad, closer stars are one point of light
-    keep_magnitude: float  # V, 'combined': all stars to here are kept
-    n_stars: int  # 'combined': size
+    kind: str  # one of KINDS
+    max_magnitude: float  # of the catalogue, or of the pool that it is thinned from
+    merge_radius: float  # rad, closer stars are one point of light; 0: none are merged
+    keep_magnitude: float  # 'combined': all stars to here are kept
+    n_stars: int  # 'uniform' and 'combined': size
+    magnitude_system: str = "V"  # of all magnitudes here and in the catalogue: Johnson V or Hipparcos Hp
+    inclusive: bool = True  # a star of exactly the limit belongs to the catalogue
+    south_magnitude: float | None = None  # limit south of the equator where it differs; 'asymmetric' needs it
 
 
 class OnboardCatalogue(NamedTuple):
@@ -30,11 +37,15 @@ class OnboardCatalogue(NamedTuple):
 
     hip: np.ndarray  # (n,) int64 Hipparcos number of the brightest star of each entry
     u_i: np.ndarray  # (n, 3) unit vectors at the epoch, without aberration
-    vmag: np.ndarray  # (n,) V of the summed light
+    vmag: np.ndarray  # (n,) magnitude of the summed light; V unless CatalogueParams asked for Hp
+    epoch: float = np.nan  # Julian year of u_i
 
 
 class StarPairs(NamedTuple):
-    """Pairs of stars that fit into the field of view, ordered by the cosine of their angle."""
+    """Pairs of stars that fit into the field of view, ordered by the cosine of their angle.
+
+    cosine, first, second and their magnitudes are P, I, J, B_I and B_J of the brightness-referenced method.
+    """
 
     stars: OnboardCatalogue
     cosine: np.ndarray  # (m,) ascending
@@ -42,46 +53,110 @@ class StarPairs(NamedTuple):
     second: np.ndarray  # (m,) int64 row of the fainter star
     index: kvector.KVector  # of cosine
     sky: skygrid.SkyGrid  # stars within half of max_angle of each direction
+    first_vmag: np.ndarray  # (m,) magnitude of `first`
+    second_vmag: np.ndarray  # (m,) magnitude of `second`
 
 
 def build(params, catalogue, julian_year):
-    """On-board catalogue of the given kind. CatalogueParams, StarCatalogue, year -> OnboardCatalogue."""
-    stars = photocentres(at_epoch(catalogue, julian_year), params.max_magnitude, params.merge_radius)
-    if params.kind == "magnitude_limited":
-        rows = np.flatnonzero(stars.vmag <= params.max_magnitude)
+    """On-board catalogue of the given kind.
+
+    Parameters
+    ----------
+    params : CatalogueParams
+    catalogue : StarCatalogue, deeper than the limits: faint neighbours shift the light of bright stars
+    julian_year : float, epoch of the positions
+
+    Returns
+    -------
+    OnboardCatalogue
+
+    Raises
+    ------
+    ValueError : a kind or magnitude system that does not exist, or a size that cannot be had
+    """
+    if params.kind not in KINDS:
+        raise ValueError(f"unknown star catalogue {params.kind!r}; choose from: {', '.join(KINDS)}")
+    stars, magnitude = pool(params, at_epoch(catalogue, julian_year))
+    rows = np.arange(len(magnitude))
+    if params.kind == "uniform":
+        rows = spread_rows(stars.u_i, 0, params.n_stars)
     elif params.kind == "combined":
-        rows = combined_rows(stars, params.keep_magnitude, params.n_stars)
-    else:
-        raise ValueError(f"unknown star catalogue {params.kind!r}")
+        n_keep = int((magnitude <= params.keep_magnitude).sum())
+        rows = spread_rows(stars.u_i, n_keep, params.n_stars)
     return OnboardCatalogue(
         stars.hip[rows].astype(np.int64),
         np.ascontiguousarray(stars.u_i[rows]),
-        np.ascontiguousarray(stars.vmag[rows]),
+        np.ascontiguousarray(magnitude[rows]),
+        float(julian_year),
     )
 
 
-def combined_rows(stars, keep_magnitude, n_stars):
-    """Rows of the combined catalogue: all bright stars, the rest as evenly spread as possible.
+def pool(params, catalogue):
+    """Stars within the limits of magnitude, merged where they are too close: those that a catalogue may hold.
 
-    Beyond keep_magnitude the stars are tried from bright to faint and taken when no taken star is nearer
+    An entry begins with a star that is itself within the limit of its hemisphere. In the Hp system the few
+    stars without Hp (17 to V = 8, all close doubles) do not exist, not even as neighbours.
+
+    Parameters
+    ----------
+    params : CatalogueParams
+    catalogue : StarCatalogue
+
+    Returns
+    -------
+    stars : StarCatalogue, brightest first
+    magnitude : (n,) of the summed light in the system of params
+    """
+    if params.magnitude_system not in SYSTEMS:
+        choice = " or ".join(SYSTEMS)
+        raise ValueError(f"unknown magnitude system {params.magnitude_system!r}; choose {choice}")
+    column = "vmag" if params.magnitude_system == "V" else "hpmag"
+    catalogue = select(catalogue, ~np.isnan(getattr(catalogue, column)))
+    own = getattr(catalogue, column)
+    limit = limits(params, catalogue.u_i)
+    within = own <= limit if params.inclusive else own < limit
+    if not within.any():
+        raise ValueError(f"no star is as bright as {params.max_magnitude} ({params.magnitude_system})")
+    stars = photocentres(catalogue, catalogue.vmag[within].max(), params.merge_radius)
+    stars = select(stars, np.isin(stars.hip, catalogue.hip[within]))
+    stars = select(stars, np.argsort(getattr(stars, column), kind="stable"))
+    return stars, getattr(stars, column)
+
+
+def limits(params, u_i):
+    """Limit of magnitude at each direction. CatalogueParams, (n, 3) -> (n,)."""
+    south = params.south_magnitude
+    if south is None:
+        if params.kind == "asymmetric":
+            raise ValueError("an asymmetric star catalogue needs a south_magnitude")
+        south = params.max_magnitude
+    return np.where(u_i[:, 2] < 0.0, south, params.max_magnitude)
+
+
+def spread_rows(u_i, n_keep, n_stars):
+    """Rows of a thinned catalogue: the first n_keep stars, the rest as evenly spread as possible.
+
+    Beyond those to keep, the stars are tried from bright to faint and taken when no taken star is nearer
     than a separation; the largest separation that still gives n_stars is found by bisection. The paper
     gives the outcome (2023 stars, 54 804 pairs), not the recipe.
 
     Parameters
     ----------
-    stars : StarCatalogue, brightest first
-    keep_magnitude : float, V
-    n_stars : int
+    u_i : (n, 3) unit vectors, brightest star first
+    n_keep : int
+    n_stars : int, size of the thinned catalogue
 
     Returns
     -------
     (n_stars,) int, ascending
     """
-    n_keep = int(np.searchsorted(stars.vmag, keep_magnitude, side="right"))
-    if not n_keep <= n_stars <= len(stars.hip):
-        raise ValueError(f"{n_stars} stars asked for, {n_keep} to keep, {len(stars.hip)} in all")
-    u_i = np.ascontiguousarray(stars.u_i)
-    low, high = 0.0, np.pi / 4
+    n = len(u_i)
+    if n_stars > n:
+        raise ValueError(f"a star catalogue of {n_stars} stars: only {n} are within its limits of magnitude")
+    if n_stars < max(n_keep, 1):
+        raise ValueError(f"a star catalogue of {n_stars} stars: {n_keep} are to be kept in any case")
+    u_i = np.ascontiguousarray(u_i)
+    low, high = 0.0, np.pi
     rows = np.arange(n_stars)
     while high - low > 1e-5:  # rad; far finer than the step between two separations that matter
         separation = 0.5 * (low + high)
@@ -118,9 +193,14 @@ def pair_table(stars, max_angle):
     """All pairs of stars not further apart than max_angle [rad]. OnboardCatalogue -> StarPairs."""
     cosine, first, second = _pairs_kernel(stars.u_i, np.cos(max_angle))
     order = np.argsort(cosine, kind="stable")
-    cosine = cosine[order]
+    cosine, first, second = cosine[order], first[order], second[order]
+    if len(cosine) < 2:
+        raise ValueError(
+            f"{len(stars.hip)} stars make {len(cosine)} pairs within {max_angle:.3g} rad: too few"
+        )
     sky = skygrid.build(stars.u_i, stars.vmag, 0.5 * max_angle)
-    return StarPairs(stars, cosine, first[order], second[order], kvector.build(cosine), sky)
+    index = kvector.build(cosine)
+    return StarPairs(stars, cosine, first, second, index, sky, stars.vmag[first], stars.vmag[second])
 
 
 @njit(cache=True)

@@ -32,6 +32,29 @@ def build(values):
 
 
 @njit(cache=True)
+def span(count, slope, intercept, values, low, high):
+    """Positions of the values within [low, high]: first, last of values[first:last], equal when it is empty.
+
+    The fields of KVector come one by one: compiled code takes plain arrays faster than records.
+    """
+    n = values.shape[0]
+    # clamped before they become integers: a range far outside would overflow
+    j_low = np.floor(min(max((low - intercept) / slope, 1.0), float(n)))
+    j_high = np.ceil(min(max((high - intercept) / slope, 1.0), float(n)))
+    a, b = count[int(j_low) - 1], count[int(j_high) - 1]
+    # The line is coarser than the values: trim. The rounding of the division may also have cut one off.
+    while a > 0 and values[a - 1] >= low:
+        a -= 1
+    while a < n and values[a] < low:
+        a += 1
+    while b < n and values[b] <= high:
+        b += 1
+    while b > 0 and values[b - 1] > high:
+        b -= 1
+    return a, max(a, b)
+
+
+@njit(cache=True)
 def search(index, values, low, high):
     """Positions of the values within [low, high], for m ranges at once.
 
@@ -45,21 +68,7 @@ def search(index, values, low, high):
     -------
     first, last : (m,) int64, the range is values[first:last]; first == last when it is empty
     """
-    n = values.shape[0]
     first, last = np.empty(low.shape[0], dtype=np.int64), np.empty(low.shape[0], dtype=np.int64)
     for k in range(low.shape[0]):
-        # clamped before they become integers: a range far outside would overflow
-        j_low = np.floor(min(max((low[k] - index.intercept) / index.slope, 1.0), float(n)))
-        j_high = np.ceil(min(max((high[k] - index.intercept) / index.slope, 1.0), float(n)))
-        a, b = index.count[int(j_low) - 1], index.count[int(j_high) - 1]
-        # The line is coarser than the values: trim. The rounding of the division may also have cut one off.
-        while a > 0 and values[a - 1] >= low[k]:
-            a -= 1
-        while a < n and values[a] < low[k]:
-            a += 1
-        while b < n and values[b] <= high[k]:
-            b += 1
-        while b > 0 and values[b - 1] > high[k]:
-            b -= 1
-        first[k], last[k] = a, max(a, b)
+        first[k], last[k] = span(index.count, index.slope, index.intercept, values, low[k], high[k])
     return first, last

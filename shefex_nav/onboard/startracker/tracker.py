@@ -127,7 +127,7 @@ def step(tracker, state, frame, context):
     if reason == Reason.NONE and context.rate > params.max_rate:  # False where the rate is unknown
         reason = Reason.SMEARED
     if reason == Reason.NONE:
-        sigma_px = centroid_sigma(params, detections, statistics.noise_dn)
+        sigma_px = centroid_sigma(params, detections)
         n_used, *solution = _solve_identified(tracker, u_c, found.star, sigma_px, context.velocity_i)
         if n_used >= params.identify.min_stars:
             q_ic, P_c, residual_px = solution
@@ -164,13 +164,13 @@ def _solve_identified(tracker, u_c, star, sigma_px, velocity_i):
     return solve(tracker.params, u_c[known], seen_i, sigma_px[known])
 
 
-def centroid_sigma(params, detections, noise_dn):
-    """Standard deviation of each centroid, per axis: (n,) px.
+def centroid_sigma(params, detections):
+    """Standard deviation of each centroid, mean of the axes: (n,) px.
 
-    sigma^2 = floor^2 + (spot / SNR)^2 with SNR = flux / (noise sqrt(pixels)).
+    sigma^2 = floor^2 + trace(P_px) / 2: what noise makes of it, and what is wrong with every centroid.
     """
-    noise_to_signal = noise_dn * np.sqrt(detections.n_pixels) / detections.flux_dn
-    return np.hypot(params.centroid_floor_px, params.centroid_spot_px * noise_to_signal)
+    noise2_px = 0.5 * (detections.P_px[:, 0, 0] + detections.P_px[:, 1, 1])
+    return np.sqrt(params.centroid_floor_px**2 + noise2_px)
 
 
 def solve(params, u_c, seen_i, sigma_px):

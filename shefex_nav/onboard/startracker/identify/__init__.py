@@ -1,9 +1,15 @@
-"""Star identification: lost in space, from directions alone. One method, one file, one signature.
+"""Star identification: lost in space, from directions and brightness. One method, one file, one signature.
 
 `identify(params, pairs, u_c, flux) -> Identification`: u_c (n, 3) unit vectors in the camera and flux (n,),
-brightest first; every method has its result verified against the whole field.
+brightest first; every method has its result verified against the whole field. The methods of the literature
+also have a `match` with the same arguments, the algorithm as published with the acceptance as published.
 """
 
-from shefex_nav.onboard.startracker.identify import bayes, pyramid
+from shefex_nav.onboard.startracker.identify import bayes, brightness, pyramid, voting
 
-IDENTIFIERS = {"pyramid": pyramid.identify, "bayes": bayes.identify}
+IDENTIFIERS = {
+    "bayes": bayes.identify,
+    "pyramid": pyramid.identify,
+    "brightness": brightness.identify,
+    "voting": voting.identify,
+}

@@ -3,18 +3,60 @@
 Three detections form a triangle; the k-vector gives the catalogue pairs with its angles, and a triple of
 stars that closes it is a candidate. A fourth detection that fits all three stars confirms it, the others are
 then tried on the same base. The triads are taken in Mortari's order, which does not keep one false star in
-many triads in a row.
+many triads in a row. `match` believes what the papers believe; `identify`, which flies, has it verified.
 """
 
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker import kvector
-from shefex_nav.onboard.startracker.identify.verify import nothing, verify
+from shefex_nav.onboard.startracker.identify.angles import extend, fits, look_up, new_sides, table
+from shefex_nav.onboard.startracker.identify.verify import Identification, nothing, verify
 from shefex_nav.records import Reason
 
 MAX_TRIANGLES = 64  # candidates of one triad that are followed up; 0.1 is usual
 MAX_PYRAMIDS = 8  # of one triad that are handed on
+NONE, NO_MATCH = int(Reason.NONE), int(Reason.NO_MATCH)
+
+
+def cos_error(factor, field, centroid_error_px, rad_per_px):
+    """Tolerance of the cosine, c |cos(FOV) - cos(FOV - e_c deg/px)|: SHEFEX-2 equation (3).
+
+    Parameters
+    ----------
+    factor : float, c, to be tuned
+    field : float [rad], the greatest angle in the field of view
+    centroid_error_px : float, e_c, 0.1 ... 0.3
+    rad_per_px : float
+    """
+    return factor * abs(np.cos(field) - np.cos(field - centroid_error_px * rad_per_px))
+
+
+def match(params, pairs, u_c, flux, accept_triangle=False):
+    """The paper's own algorithm with its own acceptance; nothing is verified.
+
+    The first triad in smart order on which exactly one pyramid stands is believed. With accept_triangle, as
+    it must have been in the comparison of the brightness-referenced paper (2014), whose pyramid is reported
+    right with three stars, the first triad with exactly one triangle is believed when there is no pyramid.
+
+    Parameters
+    ----------
+    params : IdentifyParams; of it `cos_error` or else `tolerance`, and `max_centroids`
+    pairs : StarPairs
+    u_c : (n, 3) unit vectors in the camera, brightest detection first
+    flux : (n,)
+    accept_triangle : bool
+
+    Returns
+    -------
+    Identification, its log_odds NaN: nobody has asked
+    """
+    n = min(len(flux), params.max_centroids)
+    if n < (3 if accept_triangle else 4):
+        return nothing(len(flux), Reason.TOO_FEW_STARS)
+    star = np.full(len(flux), -1, dtype=np.int64)
+    limits = float(params.tolerance), float(params.cos_error)
+    reason = _match_kernel(table(pairs), u_c[:n], *limits, bool(accept_triangle), star[:n])
+    return Identification(star, reason, np.nan)
 
 
 def identify(params, pairs, u_c, flux):
@@ -34,17 +76,11 @@ def identify(params, pairs, u_c, flux):
     n = min(len(flux), params.max_centroids)
     if n < params.min_stars:
         return nothing(len(flux), Reason.TOO_FEW_STARS)
-    u_base = np.ascontiguousarray(u_c[:n])
-    low, high = cosine_limits(u_base, params.tolerance)
-    first, last = kvector.search(pairs.index, pairs.cosine, low.ravel(), high.ravel())
-    first, last = first.reshape(n, n), last.reshape(n, n)
+    limits = float(params.tolerance), float(params.cos_error)
     best = nothing(len(flux), Reason.NO_MATCH)
-    triads = smart_triads(n)
-    begin = 0
-    while begin < len(triads):
-        begin, rows, n_rows = _pyramid_kernel(
-            u_base, pairs.stars.u_i, pairs.first, pairs.second, low, high, first, last, triads, begin
-        )
+    begin, n_triads = 0, n * (n - 1) * (n - 2) // 6
+    while begin < n_triads:
+        begin, rows, n_rows = _pyramid_kernel(table(pairs), u_c[:n], *limits, begin)
         for row in rows[:n_rows]:
             star = np.full(len(flux), -1, dtype=np.int64)
             star[:n] = row
@@ -54,24 +90,6 @@ def identify(params, pairs, u_c, flux):
             if best.reason != Reason.AMBIGUOUS:
                 best = nothing(len(flux), found.reason)
     return best
-
-
-@njit(cache=True)
-def cosine_limits(u_c, tolerance):
-    """Limits of the cosine of each angle, made wider by the tolerance. (n, 3), rad -> (n, n), (n, n).
-
-    The same angle either way, where a fixed error of the cosine (the paper's cosError) would be a wide
-    window for near stars and a narrow one for far ones.
-    """
-    n = u_c.shape[0]
-    low, high = np.ones((n, n)), np.ones((n, n))
-    for i in range(n):
-        for j in range(i + 1, n):
-            chord2 = ((u_c[i] - u_c[j]) ** 2).sum()
-            angle = 2.0 * np.arcsin(0.5 * np.sqrt(chord2))
-            low[i, j] = low[j, i] = np.cos(angle + tolerance)
-            high[i, j] = high[j, i] = np.cos(max(angle - tolerance, 0.0))
-    return low, high
 
 
 @njit(cache=True)
@@ -91,11 +109,6 @@ def smart_triads(n):
 
 
 @njit(cache=True)
-def _dot(a, i, b, j):
-    return a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2]
-
-
-@njit(cache=True)
 def _volume(a, i, j, k):
     """Triple product of rows i, j, k: its sign is the handedness of the triangle."""
     return (
@@ -103,45 +116,6 @@ def _volume(a, i, j, k):
         + a[i, 1] * (a[j, 2] * a[k, 0] - a[j, 0] * a[k, 2])
         + a[i, 2] * (a[j, 0] * a[k, 1] - a[j, 1] * a[k, 0])
     )
-
-
-@njit(cache=True)
-def _further_star(u_i, pair_first, pair_second, low, high, first, last, triad, abc, d):
-    """The one star that fits detection d on the base (triad, abc); -1 if there is none or more than one."""
-    i, j, k = triad[0], triad[1], triad[2]
-    found = -1
-    for p in range(first[i, d], last[i, d]):
-        if pair_first[p] == abc[0]:
-            s = pair_second[p]
-        elif pair_second[p] == abc[0]:
-            s = pair_first[p]
-        else:
-            continue
-        if s == abc[1] or s == abc[2]:
-            continue
-        cos_b, cos_c = _dot(u_i, s, u_i, abc[1]), _dot(u_i, s, u_i, abc[2])
-        if low[j, d] <= cos_b <= high[j, d] and low[k, d] <= cos_c <= high[k, d]:
-            if found >= 0:
-                return -1
-            found = s
-    return found
-
-
-@njit(cache=True)
-def _pyramid(u_c, u_i, pair_first, pair_second, low, high, first, last, triad, abc, row):
-    """Fill `row` with the stars of all detections that fit the base; number of them beyond the base."""
-    row[:] = -1
-    for v in range(3):
-        row[triad[v]] = abc[v]
-    confirmed = 0
-    for d in range(u_c.shape[0]):
-        if d == triad[0] or d == triad[1] or d == triad[2]:
-            continue
-        s = _further_star(u_i, pair_first, pair_second, low, high, first, last, triad, abc, d)
-        if s >= 0:
-            row[d] = s
-            confirmed += 1
-    return confirmed
 
 
 @njit(cache=True)
@@ -156,54 +130,58 @@ def _hang_up(pair_first, pair_second, begin, end, head, partner, link):
 
 
 @njit(cache=True)
-def _close_triangles(u_c, u_i, a, b, low, high, triad, head, partner, link, triangles, n):
+def _close_triangles(table, sides, a, b, triad, lists, triangles, n):
     """Add the triangles (a, b, c) that begin with the pair a-b to the list of n; its new length.
 
     Star a finds its partners c in the lists; side b-c must have its angle, and the triangle must not be a
     mirror image. (When three stars are so nearly on a line that noise decides the handedness, other triads
     of the same frame do the work.)
     """
-    j, k = triad[1], triad[2]
-    handedness = _volume(u_c, triad[0], j, k)
+    head, partner, link = lists
+    i, j, k = triad
+    handedness = _volume(sides.u_c, i, j, k)
     e = head[a]
     while e >= 0 and n < triangles.shape[0]:
         c = partner[e]
         e = link[e]
-        if c == b or not low[j, k] <= _dot(u_i, b, u_i, c) <= high[j, k]:
-            continue
-        if handedness * _volume(u_i, a, b, c) > 0.0:
+        if c != b and fits(table, sides, j, k, b, c) and handedness * _volume(table.u_i, a, b, c) > 0.0:
             triangles[n, 0], triangles[n, 1], triangles[n, 2] = a, b, c
             n += 1
     return n
 
 
 @njit(cache=True)
-def _base_triangles(
-    u_c, u_i, pair_first, pair_second, low, high, first, last, triad, head, partner, link, triangles
-):
+def _base_triangles(table, sides, triad, head, triangles):
     """List the catalogue triangles that have the three angles of a triad; how many.
 
     The pairs of side i-k are hung up by their stars; each pair of side i-j then finds the partners of its
     own star i, and the cosine of side j-k closes the triangle, which is the third search done on the spot.
     """
-    i, j, k = triad[0], triad[1], triad[2]
-    _hang_up(pair_first, pair_second, first[i, k], last[i, k], head, partner, link)
+    i, j, k = triad
+    first, second = table.first, table.second
+    begin, end = look_up(table, sides, i, k)
+    begin_ij, end_ij = look_up(table, sides, i, j)
+    if begin == end or begin_ij == end_ij:
+        return 0
+    partner, link = np.empty(2 * (end - begin), dtype=np.int64), np.empty(2 * (end - begin), dtype=np.int64)
+    _hang_up(first, second, begin, end, head, partner, link)
+    lists = (head, partner, link)
     n = 0
-    for p in range(first[i, j], last[i, j]):
-        a, b = pair_first[p], pair_second[p]
+    for p in range(begin_ij, end_ij):
+        a, b = first[p], second[p]
         if head[a] >= 0:  # most stars have no partner: not worth a call
-            n = _close_triangles(u_c, u_i, a, b, low, high, triad, head, partner, link, triangles, n)
+            n = _close_triangles(table, sides, a, b, triad, lists, triangles, n)
         if head[b] >= 0:
-            n = _close_triangles(u_c, u_i, b, a, low, high, triad, head, partner, link, triangles, n)
-    for p in range(first[i, k], last[i, k]):
-        head[pair_first[p]] = -1
-        head[pair_second[p]] = -1
+            n = _close_triangles(table, sides, b, a, triad, lists, triangles, n)
+    for p in range(begin, end):
+        head[first[p]] = -1
+        head[second[p]] = -1
     return n
 
 
 @njit(cache=True)
-def _pyramid_kernel(u_c, u_i, pair_first, pair_second, low, high, first, last, triads, begin):
-    """Go through the triads from `begin` on until one of them carries confirmed pyramids.
+def _pyramid_kernel(table, u_c, tolerance, cos_error, begin):
+    """Go through the triads from number `begin` on until one of them carries confirmed pyramids.
 
     Returns
     -------
@@ -211,24 +189,51 @@ def _pyramid_kernel(u_c, u_i, pair_first, pair_second, low, high, first, last, t
     rows : (MAX_PYRAMIDS, n) int64, star of each detection or -1
     n_rows : int
     """
+    sides = new_sides(u_c, tolerance, cos_error)
     rows = np.empty((MAX_PYRAMIDS, u_c.shape[0]), dtype=np.int64)
     triangles = np.empty((MAX_TRIANGLES, 3), dtype=np.int64)
-    head = np.full(u_i.shape[0], -1, dtype=np.int64)
-    longest = (last - first).max()
-    partner, link = np.empty(2 * longest, dtype=np.int64), np.empty(2 * longest, dtype=np.int64)
+    head = np.full(table.u_i.shape[0], -1, dtype=np.int64)
+    triads = smart_triads(u_c.shape[0])
     for t in range(begin, triads.shape[0]):
-        n = _base_triangles(
-            u_c, u_i, pair_first, pair_second, low, high, first, last, triads[t],
-            head, partner, link, triangles,
-        )  # fmt: skip
+        triad = (triads[t, 0], triads[t, 1], triads[t, 2])
+        n = _base_triangles(table, sides, triad, head, triangles)
         n_rows = 0
         for q in range(n):
             if n_rows == MAX_PYRAMIDS:
                 break
-            abc, row = triangles[q], rows[n_rows]
-            n_rows += 0 < _pyramid(
-                u_c, u_i, pair_first, pair_second, low, high, first, last, triads[t], abc, row
-            )
+            abc = (triangles[q, 0], triangles[q, 1], triangles[q, 2])
+            n_rows += 0 < extend(table, sides, triad, abc, rows[n_rows])
         if n_rows > 0:
             return t + 1, rows, n_rows
     return triads.shape[0], rows, 0
+
+
+@njit(cache=True)
+def _match_kernel(table, u_c, tolerance, cos_error, accept_triangle, star):
+    """Write the first unique pyramid, or else the first unique triangle if that will do; the reason."""
+    sides = new_sides(u_c, tolerance, cos_error)
+    row = np.empty(u_c.shape[0], dtype=np.int64)
+    triangles = np.empty((MAX_TRIANGLES, 3), dtype=np.int64)
+    head = np.full(table.u_i.shape[0], -1, dtype=np.int64)
+    triads = smart_triads(u_c.shape[0])
+    has_triangle, base, abc_base = False, (0, 0, 0), (0, 0, 0)
+    for t in range(triads.shape[0]):
+        triad = (triads[t, 0], triads[t, 1], triads[t, 2])
+        n = _base_triangles(table, sides, triad, head, triangles)
+        n_pyramids = 0
+        for q in range(n):
+            abc = (triangles[q, 0], triangles[q, 1], triangles[q, 2])
+            if extend(table, sides, triad, abc, row) > 0:
+                n_pyramids += 1
+                if n_pyramids == 1:
+                    star[:] = row
+        if n_pyramids == 1:
+            return NONE
+        if accept_triangle and n == 1 and not has_triangle:
+            has_triangle = True
+            base, abc_base = triad, (triangles[0, 0], triangles[0, 1], triangles[0, 2])
+    star[:] = -1
+    if not has_triangle:
+        return NO_MATCH
+    star[base[0]], star[base[1]], star[base[2]] = abc_base
+    return NONE

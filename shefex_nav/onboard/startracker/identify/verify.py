@@ -34,6 +34,8 @@ class IdentifyParams(NamedTuple):
     magnitude_margin: float  # such a star is brighter by at least this; passband and variable stars
     magnitude_sigma: float  # of the brightness of an identified star: passband, variability, noise
     false_alarm: float  # accepted probability that a verified attitude is chance
+    cos_error: float = 0.0  # > 0: constant tolerance of the cosine of an angle, in place of `tolerance`
+    reference_flux: float = np.inf  # a star with more is surely brighter than magnitude 3 ('brightness')
 
 
 class Identification(NamedTuple):

@@ -1,0 +1,166 @@
+"""What a frame looks like without its stars: bad pixels taken out, background and noise in square tiles.
+
+In: one frame of 8 or 16 bits. Out: the sums of 3x3 pixels on which objects are searched, and their level and
+scatter in each tile. The sums are a short matched filter: a star that is smeared over 4 pixels keeps twice
+the signal-to-noise ratio of its brightest pixel.
+"""
+
+import numpy as np
+from numba import njit
+
+BLOCK = 3  # pixels, side of the blocks that are summed
+N_BLOCK = BLOCK * BLOCK
+SIGMA_QUANTILE = 0.158655  # a normal variable is below its mean minus one sigma with this probability
+# One grey value of quantisation in each pixel of a block: noise that no quantile of a flat frame shows.
+QUANTISATION_SIGMA = np.sqrt(N_BLOCK / 12.0)
+
+
+@njit(cache=True)
+def repair(image_dn, bad_pixels):
+    """Copy of the frame with each bad pixel replaced by the mean of its good neighbours (up to 8)."""
+    rows, columns = image_dn.shape
+    repaired = image_dn.copy()
+    bad = np.zeros(
+        rows * columns // 8 + 1, dtype=np.uint8
+    )  # one bit a pixel: as large as the frame it were slow
+    for k in range(bad_pixels.shape[0]):
+        p = bad_pixels[k, 0] * columns + bad_pixels[k, 1]
+        bad[p >> 3] |= 1 << (p & 7)
+    for k in range(bad_pixels.shape[0]):
+        r, c = bad_pixels[k, 0], bad_pixels[k, 1]
+        total, n = 0, 0
+        for y in range(max(0, r - 1), min(rows, r + 2)):
+            for x in range(max(0, c - 1), min(columns, c + 2)):
+                p = y * columns + x
+                if not bad[p >> 3] >> (p & 7) & 1:
+                    total += np.int64(image_dn[y, x])
+                    n += 1
+        repaired[r, c] = (total + n // 2) // n if n > 0 else 0
+    return repaired
+
+
+def block_sums(image_dn):
+    """Sum of the 3x3 pixels around each pixel, zero along the border.
+
+    (rows, columns) uint8 -> int16; uint16 -> int32.
+    """
+    blocks = np.empty(image_dn.shape, dtype=np.int16 if image_dn.dtype == np.uint8 else np.int32)
+    _block_sums_kernel(image_dn, blocks)
+    return blocks
+
+
+@njit(cache=True)
+def _block_sums_kernel(image_dn, blocks):
+    """Write the sums to blocks; in its own narrow type, of which the compiler takes many at a time."""
+    rows, columns = image_dn.shape
+    narrow = blocks.dtype.type
+    column = np.empty(columns, dtype=blocks.dtype)
+    blocks[0], blocks[rows - 1] = 0, 0
+    for r in range(1, rows - 1):
+        above, middle, below, sums = image_dn[r - 1], image_dn[r], image_dn[r + 1], blocks[r]
+        for c in range(columns):
+            column[c] = narrow(above[c]) + narrow(middle[c]) + narrow(below[c])
+        sums[0], sums[columns - 1] = 0, 0
+        for c in range(1, columns - 1):
+            sums[c] = column[c - 1] + column[c] + column[c + 1]
+
+
+def tile_statistics(blocks, tile_px):
+    """Background and noise of the block sums in each tile, from blocks that do not overlap.
+
+    The background is the median, the noise its distance from the quantile one sigma below: stars and spikes
+    raise neither, as they only populate the upper end. Both are quantiles of a continuous variable of which
+    a block shows the nearest whole number.
+
+    Parameters
+    ----------
+    blocks : (rows, columns) block sums of `block_sums`
+    tile_px : int, multiple of 3
+
+    Returns
+    -------
+    background, sigma : (tile rows, tile columns) of block sums
+    mean_dn : mean grey value of all pixels
+    """
+    if blocks.dtype == np.int16:
+        return _tiles_by_count(blocks, tile_px)
+    return _tiles_by_order(blocks, tile_px)
+
+
+@njit(cache=True)
+def _tiles_by_count(blocks, tile_px):
+    """As `tile_statistics`, of 8-bit frames: their few possible values are counted."""
+    rows, columns = blocks.shape
+    n_r, n_c = (rows + tile_px - 1) // tile_px, (columns + tile_px - 1) // tile_px
+    background, sigma = np.empty((n_r, n_c)), np.empty((n_r, n_c))
+    counts = np.empty(N_BLOCK * 255 + 1, dtype=np.int32)
+    total, n_total = 0, 0
+    for i in range(n_r):
+        for j in range(n_c):
+            counts[:] = 0
+            n = 0
+            for r in range(i * tile_px + 1, min((i + 1) * tile_px, rows - 1), BLOCK):
+                row = blocks[r, j * tile_px + 1 : min((j + 1) * tile_px, columns - 1) : BLOCK]
+                for value in row:
+                    counts[np.uint16(value)] += 1  # unsigned: no check for an index from the end
+                    total += value
+                n += len(row)
+            n_total += n
+            if n == 0:  # a sliver of one pixel along the border
+                background[i, j], sigma[i, j] = background[max(i - 1, 0), max(j - 1, 0)], np.inf
+                continue
+            below, k = 0, 0
+            quantile = np.zeros(2)
+            for which in range(2):
+                target = n * (SIGMA_QUANTILE if which == 0 else 0.5)
+                while below + counts[k] < target:
+                    below += counts[k]
+                    k += 1
+                quantile[which] = k - 0.5 + (target - below) / counts[k]
+            background[i, j] = quantile[1]
+            sigma[i, j] = max(quantile[1] - quantile[0], QUANTISATION_SIGMA)
+    return background, sigma, total / (N_BLOCK * n_total)
+
+
+@njit(cache=True)
+def _tiles_by_order(blocks, tile_px):
+    """As `tile_statistics`, of 16-bit frames: half a million possible values, so a tile's are selected."""
+    rows, columns = blocks.shape
+    n_r, n_c = (rows + tile_px - 1) // tile_px, (columns + tile_px - 1) // tile_px
+    background, sigma = np.empty((n_r, n_c)), np.empty((n_r, n_c))
+    values = np.empty((tile_px // BLOCK + 1) ** 2, dtype=np.int32)
+    total, n_total = 0, 0
+    for i in range(n_r):
+        for j in range(n_c):
+            n = 0
+            for r in range(i * tile_px + 1, min((i + 1) * tile_px, rows - 1), BLOCK):
+                for c in range(j * tile_px + 1, min((j + 1) * tile_px, columns - 1), BLOCK):
+                    values[n] = blocks[r, c]
+                    total += blocks[r, c]
+                    n += 1
+            n_total += n
+            if n == 0:  # a sliver of one pixel along the border
+                background[i, j], sigma[i, j] = background[max(i - 1, 0), max(j - 1, 0)], np.inf
+                continue
+            background[i, j] = _quantile(values[:n], 0.5)
+            below = _quantile(values[:n], SIGMA_QUANTILE)
+            sigma[i, j] = max(background[i, j] - below, QUANTISATION_SIGMA)
+    return background, sigma, total / (N_BLOCK * n_total)
+
+
+@njit(cache=True)
+def _quantile(values, fraction):
+    """Quantile of whole numbers k, each of which stands for an even spread over k - 1/2 ... k + 1/2."""
+    target = fraction * len(values)
+    k = np.partition(values, int(np.ceil(target)) - 1)[int(np.ceil(target)) - 1]
+    below, equal = 0, 0
+    for value in values:
+        below += value < k
+        equal += value == k
+    return k - 0.5 + (target - below) / equal
+
+
+@njit(cache=True)
+def medians(background, sigma):
+    """Background and noise of one pixel, medians over the tiles: two floats [DN]."""
+    return np.median(background) / N_BLOCK, np.median(sigma) / BLOCK

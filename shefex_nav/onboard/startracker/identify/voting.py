@@ -1,0 +1,133 @@
+"""Geometric voting (Kolomenkin et al. 2008, IEEE Trans. AES 44(2); in Sensors 2014, 14, section 2.2).
+
+Every pair of detections is looked up in the catalogue; each pair of stars that has its angle votes, and as an
+angle does not say which end is which, both stars get a vote at both detections. The star with most votes is
+the detection's identity for the time being. In a second vote all pairs of identities whose own angle is the
+measured one vote for each other; right ones support each other, wrong ones stand alone. A cluster, grown
+from the identity with most of these votes, is the answer.
+
+The papers call the clustering simple and do not describe it. Here: identities join in the order of their
+votes when they agree with all that are in. Three are the least that an attitude can be checked with.
+`match` believes the cluster; `identify` has it verified.
+"""
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.onboard.startracker.identify.angles import fits, look_up, new_sides, table
+from shefex_nav.onboard.startracker.identify.verify import Identification, nothing, verify
+from shefex_nav.records import Reason
+
+LEAST_CLUSTER = 3
+
+NONE, NO_MATCH = int(Reason.NONE), int(Reason.NO_MATCH)
+
+
+def match(params, pairs, u_c, flux):
+    """The papers' own algorithm with its own acceptance; nothing is verified.
+
+    Parameters
+    ----------
+    params : IdentifyParams; of it `cos_error` or else `tolerance` (the papers' 3 epsilon), `max_centroids`
+    pairs : StarPairs
+    u_c : (n, 3) unit vectors in the camera, brightest detection first
+    flux : (n,)
+
+    Returns
+    -------
+    Identification, its log_odds NaN: nobody has asked
+    """
+    n = min(len(flux), params.max_centroids)
+    if n < LEAST_CLUSTER:
+        return nothing(len(flux), Reason.TOO_FEW_STARS)
+    star = np.full(len(flux), -1, dtype=np.int64)
+    limits = float(params.tolerance), float(params.cos_error)
+    n_cluster = _match_kernel(table(pairs), u_c[:n], *limits, star[:n])
+    if n_cluster < LEAST_CLUSTER:
+        return nothing(len(flux), Reason.NO_MATCH)
+    return Identification(star, NONE, np.nan)
+
+
+def identify(params, pairs, u_c, flux):
+    """Identify the stars of one frame without any idea of the attitude: right or nothing.
+
+    Parameters
+    ----------
+    params : IdentifyParams
+    pairs : StarPairs
+    u_c : (n, 3) unit vectors in the camera
+    flux : (n,) brightness, descending
+
+    Returns
+    -------
+    Identification
+    """
+    if min(len(flux), params.max_centroids) < params.min_stars:
+        return nothing(len(flux), Reason.TOO_FEW_STARS)
+    found = match(params, pairs, u_c, flux)
+    if (found.star >= 0).sum() < params.min_stars:
+        return nothing(len(flux), Reason.NO_MATCH)
+    found = verify(params, pairs.stars, u_c, flux, found.star)
+    return found if found.reason == Reason.NONE else nothing(len(flux), found.reason)
+
+
+@njit(cache=True)
+def first_vote(table, sides):
+    """Votes of the catalogue pairs: (n detections, n stars) int16."""
+    n = sides.u_c.shape[0]
+    votes = np.zeros((n, table.u_i.shape[0]), dtype=np.int16)
+    for i in range(n):
+        for j in range(i + 1, n):
+            begin, end = look_up(table, sides, i, j)
+            for p in range(begin, end):
+                a, b = table.first[p], table.second[p]
+                votes[i, a] += 1
+                votes[i, b] += 1
+                votes[j, a] += 1
+                votes[j, b] += 1
+    return votes
+
+
+@njit(cache=True)
+def validation_vote(table, sides, identity):
+    """Which identities agree: (n, n) bool. identity: (n,) star of each detection, -1 without a vote."""
+    n = len(identity)
+    agree = np.zeros((n, n), dtype=np.bool_)
+    for i in range(n):
+        for j in range(i + 1, n):
+            a, b = identity[i], identity[j]
+            if a >= 0 and b >= 0 and a != b:
+                agree[i, j] = agree[j, i] = fits(table, sides, i, j, a, b)
+    return agree
+
+
+@njit(cache=True)
+def cluster(agree):
+    """Detections whose identities all agree, from most votes to fewest: (n,) bool."""
+    n = agree.shape[0]
+    order = np.argsort(-agree.sum(axis=1), kind="mergesort")
+    member = np.zeros(n, dtype=np.bool_)
+    for k in order:
+        joins = True
+        for m in range(n):
+            if member[m] and not agree[k, m]:
+                joins = False
+                break
+        member[k] = joins
+    return member
+
+
+@njit(cache=True)
+def _match_kernel(table, u_c, tolerance, cos_error, star):
+    """Write the identities of the cluster to `star`; how many they are."""
+    sides = new_sides(u_c, tolerance, cos_error)
+    votes = first_vote(table, sides)
+    identity = np.empty(u_c.shape[0], dtype=np.int64)
+    for i in range(len(identity)):
+        best = votes[i].argmax()
+        identity[i] = best if votes[i, best] > 0 else -1
+    member = cluster(validation_vote(table, sides, identity))
+    for i in range(len(identity)):
+        if member[i]:
+            star[i] = identity[i]
+    return member.sum()

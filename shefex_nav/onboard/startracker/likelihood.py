@@ -1,0 +1,174 @@
+"""Attitude of largest likelihood from centroids with a covariance each, and a test for a bad star.
+
+Wahba's problem knows one weight a star. `sigma_of_centroids` gives the best one of a centroid with a 2x2
+covariance; where the covariances are elongated (streaks), `refine` goes on from there to the attitude of
+largest likelihood, and `drop_worst` leaves out a star that does not belong.
+"""
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, quat_normalise
+from shefex_nav.onboard.startracker.attitude import inverse3
+
+REFINE_STEPS = 10  # bound only: two or three are usual
+REFINED = 1e-10  # rad; far below any centroid
+
+
+@njit(cache=True)
+def sigma_of_centroids(camera, xy_px, P_px):
+    """Standard deviation of each direction, per axis, from the covariance of its centroid.
+
+    sigma^2 = trace(J P J') / 2 with J the derivative of the direction: the mean of the two axes across it,
+    and the best single weight where the directions of the elongations are not known. Towards the corner a
+    pixel is a smaller angle: 1.8 per cent of sigma at 9 degrees.
+
+    Parameters
+    ----------
+    camera : Pinhole
+    xy_px : (n, 2)
+    P_px : (n, 2, 2) px^2
+
+    Returns
+    -------
+    (n,) rad
+    """
+    sigma = np.empty(xy_px.shape[0])
+    f = camera.focal_length_px
+    for k in range(xy_px.shape[0]):
+        x, y = (xy_px[k, 0] - camera.cx_px) / f, (xy_px[k, 1] - camera.cy_px) / f
+        norm2 = 1.0 + x * x + y * y
+        # J'J = (I - (x, y)(x, y)' / norm2) / (norm2 f^2)
+        along = x * x * P_px[k, 0, 0] + x * y * (P_px[k, 0, 1] + P_px[k, 1, 0]) + y * y * P_px[k, 1, 1]
+        trace = (P_px[k, 0, 0] + P_px[k, 1, 1] - along / norm2) / (norm2 * f * f)
+        sigma[k] = np.sqrt(0.5 * trace)
+    return sigma
+
+
+@njit(cache=True)
+def _observe(camera, q_ic, xy_px, v_i):
+    """Residuals (n, 2) px and their derivatives (n, 2, 3) by the rotation dtheta_c; NaN behind the camera.
+
+    A star is seen at u = C_ic' v; q_ic exp(dtheta) moves it by u x dtheta.
+    """
+    n = xy_px.shape[0]
+    residual, H = np.empty((n, 2)), np.empty((n, 2, 3))
+    C = dcm_from_quat(q_ic)
+    f = camera.focal_length_px
+    for k in range(n):
+        X = C[0, 0] * v_i[k, 0] + C[1, 0] * v_i[k, 1] + C[2, 0] * v_i[k, 2]
+        Y = C[0, 1] * v_i[k, 0] + C[1, 1] * v_i[k, 1] + C[2, 1] * v_i[k, 2]
+        Z = C[0, 2] * v_i[k, 0] + C[1, 2] * v_i[k, 1] + C[2, 2] * v_i[k, 2]
+        x, y = (X / Z, Y / Z) if Z > 0.0 else (np.nan, np.nan)
+        residual[k, 0] = xy_px[k, 0] - camera.cx_px - f * x
+        residual[k, 1] = xy_px[k, 1] - camera.cy_px - f * y
+        H[k, 0, 0], H[k, 0, 1], H[k, 0, 2] = f * x * y, -f * (1.0 + x * x), f * y
+        H[k, 1, 0], H[k, 1, 1], H[k, 1, 2] = f * (1.0 + y * y), -f * x * y, -f * x
+    return residual, H
+
+
+@njit(cache=True)
+def _inverse2(P):
+    """Inverse of a (2, 2) matrix."""
+    out = np.empty((2, 2))
+    det = P[0, 0] * P[1, 1] - P[0, 1] * P[1, 0]
+    out[0, 0], out[0, 1], out[1, 0], out[1, 1] = P[1, 1] / det, -P[0, 1] / det, -P[1, 0] / det, P[0, 0] / det
+    return out
+
+
+@njit(cache=True)
+def refine(camera, q_ic, xy_px, v_i, P_px):
+    """Attitude of largest likelihood for centroids with covariances of any shape (Gauss-Newton).
+
+    Minimises chi2 = sum r' P^-1 r over the attitude, r the distances [px] from the predicted places.
+
+    Parameters
+    ----------
+    camera : Pinhole
+    q_ic : (4,) first attitude, e.g. of `esoq2`
+    xy_px : (n, 2), n >= 2
+    v_i : (n, 3) unit vectors
+    P_px : (n, 2, 2) px^2, positive definite
+
+    Returns
+    -------
+    q_ic : (4,)
+    P_c : (3, 3) rad^2, covariance of the error with q_ic(true) = q_ic exp(dtheta_c)
+    chi2 : float, 2 n - 3 degrees of freedom
+    """
+    P_c = np.full((3, 3), np.nan)
+    for _ in range(REFINE_STEPS):
+        residual, H = _observe(camera, q_ic, xy_px, v_i)
+        F, g = np.zeros((3, 3)), np.zeros(3)
+        for k in range(xy_px.shape[0]):
+            W = _inverse2(P_px[k])
+            for r in range(3):
+                a0 = H[k, 0, r] * W[0, 0] + H[k, 1, r] * W[1, 0]
+                a1 = H[k, 0, r] * W[0, 1] + H[k, 1, r] * W[1, 1]
+                g[r] += a0 * residual[k, 0] + a1 * residual[k, 1]
+                for c in range(3):
+                    F[r, c] += a0 * H[k, 0, c] + a1 * H[k, 1, c]
+        P_c = inverse3(F)
+        d = np.zeros(3)
+        for r in range(3):
+            d[r] = P_c[r, 0] * g[0] + P_c[r, 1] * g[1] + P_c[r, 2] * g[2]
+        q_ic = quat_multiply(q_ic, quat_from_rotvec(d))
+        if not d[0] ** 2 + d[1] ** 2 + d[2] ** 2 > REFINED**2:
+            break
+    residual, _ = _observe(camera, q_ic, xy_px, v_i)
+    chi2 = 0.0
+    for k in range(xy_px.shape[0]):
+        chi2 += _form2(_inverse2(P_px[k]), residual[k])
+    return quat_normalise(q_ic), P_c, chi2
+
+
+@njit(cache=True)
+def _form2(W, r):
+    """r' W r of a (2, 2) matrix and a (2,) vector."""
+    return W[0, 0] * r[0] ** 2 + (W[0, 1] + W[1, 0]) * r[0] * r[1] + W[1, 1] * r[1] ** 2
+
+
+@njit(cache=True)
+def drop_worst(camera, q_ic, xy_px, v_i, P_px, false_alarm, min_stars):
+    """Attitude by `refine`, without the worst star if that one does not belong.
+
+    The distance r of a star from where the OTHERS put it has the covariance P + H P_others H'; with the fit
+    of all stars that is r'(P - H P_c H')^-1 r, chi-square of two degrees of freedom if all errors are as P
+    says. Of n stars the largest is tested, so each has false_alarm / n: the limit is 2 ln(n / false_alarm)
+    (Bonferroni), and false_alarm is the probability that a star is dropped from a field without a bad one.
+    For one displaced star this is the most powerful test (the ratio of likelihoods); how far a star must be
+    off to be found follows from the non-central chi-square distribution.
+
+    Parameters
+    ----------
+    camera, q_ic, xy_px, v_i, P_px : as `refine`; n >= 3
+    false_alarm : float
+    min_stars : int, at least 3; no star is dropped if fewer would remain
+
+    Returns
+    -------
+    dropped : int, row of the star that was left out, or -1
+    q_ic, P_c, chi2 : as `refine`, without that star
+    """
+    n = xy_px.shape[0]
+    q_ic, P_c, chi2 = refine(camera, q_ic, xy_px, v_i, P_px)
+    if n - 1 < max(min_stars, 2):
+        return -1, q_ic, P_c, chi2
+    residual, H = _observe(camera, q_ic, xy_px, v_i)
+    worst, largest = -1, 2.0 * np.log(n / false_alarm)
+    for k in range(n):
+        left = P_px[k].copy()
+        for r in range(2):
+            for c in range(2):
+                for i in range(3):
+                    for j in range(3):
+                        left[r, c] -= H[k, r, i] * P_c[i, j] * H[k, c, j]
+        test = _form2(_inverse2(left), residual[k])
+        if test > largest:
+            worst, largest = k, test
+    if worst < 0:
+        return -1, q_ic, P_c, chi2
+    rest = np.ones(n, dtype=np.bool_)
+    rest[worst] = False
+    q_ic, P_c, chi2 = refine(camera, q_ic, xy_px[rest], v_i[rest], P_px[rest])
+    return worst, q_ic, P_c, chi2

@@ -1,0 +1,182 @@
+"""Objects in a frame: two ways to scan it, one way to grow what was hit.
+
+In: block sums, and their background and noise in tiles. Out: a table of objects, brightest first, each with
+a first centroid. The two scans are those of the SHEFEX-2 star tracker (section 3.2): `sequential` passes over
+the frame once and stops at every block above the threshold; `maximum_search` looks through the whole frame
+for the greatest block again and again. From there an object is grown over its neighbours; the paper does that
+by recursion, here a list of pixels is its own queue, which has no depth limit.
+"""
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.onboard.startracker.background import BLOCK, N_BLOCK
+
+# columns of the table of objects
+X, Y, FLUX, PIXELS, SATURATED, BACKGROUND, NOISE, XX, XY, YY = range(10)
+COLUMNS = 10
+
+
+@njit(cache=True)
+def sequential(image_dn, blocks, background, sigma, rules):
+    """One pass over the frame; objects that have been taken are marked in `blocks`.
+
+    Parameters
+    ----------
+    image_dn : (rows, columns) uint8 or uint16
+    blocks : (rows, columns) block sums, changed
+    background, sigma : of the blocks in tiles
+    rules : tile_px, seed_sigma, grow_sigma, min_pixels, max_pixels, max_peak_fraction, saturation_dn,
+        max_objects
+
+    Returns
+    -------
+    (n, COLUMNS) objects, brightest first
+    """
+    rows, columns = blocks.shape
+    tile_px, seed_sigma, grow_sigma, max_objects = rules[0], rules[1], rules[2], rules[7]
+    seed_limit = np.floor(background + seed_sigma * sigma).astype(np.int64)
+    grow_limit = np.floor(background + grow_sigma * sigma).astype(np.int64)
+    tile = np.arange(max(rows, columns)) // tile_px
+    pixels = np.empty((rows * columns, 2), dtype=np.int32)
+    table, n_objects = np.empty((max_objects, COLUMNS)), 0
+    for r in range(1, rows - 1):
+        i = tile[r]
+        for j in range(seed_limit.shape[1]):
+            limit = seed_limit[i, j]
+            begin, end = max(1, j * tile_px), min((j + 1) * tile_px, columns - 1)
+            if _maximum(blocks[r, begin:end]) <= limit:
+                continue
+            for c in range(begin, end):
+                if blocks[r, c] > limit:
+                    n = _grow(blocks, grow_limit, tile, r, c, pixels)
+                    level, noise = background[i, j], sigma[i, j]
+                    n_objects = _take(image_dn, blocks, level, noise, pixels, n, rules, table, n_objects)
+    return table[:n_objects]
+
+
+@njit(cache=True)
+def maximum_search(image_dn, blocks, background, sigma, rules):
+    """The greatest block above its background, again and again, until none is left or the table is full.
+
+    As `sequential`, with which it shares all but the order: it needs a pass for every object, and its table
+    is never too short for the object with the highest peak.
+    """
+    rows, columns = blocks.shape
+    tile_px, seed_sigma, grow_sigma, max_objects = rules[0], rules[1], rules[2], rules[7]
+    level_of = np.floor(background).astype(np.int64)
+    seed_limit = np.floor(background + seed_sigma * sigma).astype(np.int64)
+    grow_limit = np.floor(background + grow_sigma * sigma).astype(np.int64)
+    tile = np.arange(max(rows, columns)) // tile_px
+    pixels = np.empty((rows * columns, 2), dtype=np.int32)
+    table, n_objects = np.empty((max_objects, COLUMNS)), 0
+    while n_objects < max_objects:
+        highest, row, column = -1, -1, -1
+        for r in range(1, rows - 1):
+            i = tile[r]
+            for j in range(seed_limit.shape[1]):
+                begin, end = max(1, j * tile_px), min((j + 1) * tile_px, columns - 1)
+                largest = np.int64(_maximum(blocks[r, begin:end]))
+                if largest > seed_limit[i, j] and largest - level_of[i, j] > highest:
+                    highest, row = largest - level_of[i, j], r
+                    column = begin + np.argmax(blocks[r, begin:end])
+        if row < 0:
+            break
+        n = _grow(blocks, grow_limit, tile, row, column, pixels)
+        i, j = tile[row], tile[column]
+        level, noise = background[i, j], sigma[i, j]
+        n_objects = _take(image_dn, blocks, level, noise, pixels, n, rules, table, n_objects)
+    return table[:n_objects]
+
+
+@njit(cache=True)
+def _maximum(blocks):
+    """Largest of some blocks; so simple that the compiler takes 16 of them at a time."""
+    largest = blocks.dtype.type(-1)
+    for k in range(blocks.shape[0]):
+        largest = max(largest, blocks[k])
+    return largest
+
+
+@njit(cache=True)
+def _grow(blocks, limit, tile, seed_r, seed_c, pixels):
+    """List the connected blocks above their tile's limit in `pixels`; returns how many.
+
+    The list is its own queue. A block that has been taken is marked by -1 - value. `tile` is the row or
+    column of tiles of each row or column of pixels: looked up, as nine divisions a pixel were the most costly
+    part.
+    """
+    rows, columns = blocks.shape
+    pixels[0, 0], pixels[0, 1] = seed_r, seed_c
+    blocks[seed_r, seed_c] = -1 - blocks[seed_r, seed_c]
+    n, k = 1, 0
+    while k < n:
+        r, c = pixels[k, 0], pixels[k, 1]
+        k += 1
+        for y in range(max(1, r - 1), min(rows - 1, r + 2)):
+            for x in range(max(1, c - 1), min(columns - 1, c + 2)):
+                if blocks[y, x] > limit[tile[y], tile[x]]:
+                    blocks[y, x] = -1 - blocks[y, x]
+                    pixels[n, 0], pixels[n, 1] = y, x
+                    n += 1
+    return n
+
+
+@njit(cache=True)
+def _take(image_dn, blocks, level, noise, pixels, n, rules, table, n_objects):
+    """Measure a grown object and, if it may be a star, put it into the table; new length of the table.
+
+    x = sum(w I x) / sum(w I), I a pixel above the background, w its block above the background. The plain
+    centre of mass of a star cut at a threshold is drawn to the pixel grid, and over a wide window it is
+    noisy; the weight, which is the star's own smoothed shape, goes to zero at the cut and takes streaks as
+    they come.
+    """
+    min_pixels, max_pixels, max_peak_fraction, saturation_dn = rules[3], rules[4], rules[5], rules[6]
+    if n < min_pixels or n > max_pixels:
+        return n_objects
+    rows, columns = image_dn.shape
+    r_0, c_0 = pixels[0, 0], pixels[0, 1]
+    sum_w, sum_x, sum_y, sum_xx, sum_xy, sum_yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    flux, peak, n_saturated = 0.0, 0.0, 0
+    for k in range(n):
+        r, c = pixels[k, 0], pixels[k, 1]
+        if r == 1 or c == 1 or r == rows - 2 or c == columns - 2:
+            return n_objects  # cut off by the border
+        value = image_dn[r, c] - level / N_BLOCK
+        weight = value * (-1 - blocks[r, c] - level)
+        dx, dy = c - c_0, r - r_0
+        sum_w += weight
+        sum_x += weight * dx
+        sum_y += weight * dy
+        sum_xx += weight * dx * dx
+        sum_xy += weight * dx * dy
+        sum_yy += weight * dy * dy
+        flux += value
+        peak = max(peak, value)
+        n_saturated += image_dn[r, c] >= saturation_dn
+    if sum_w <= 0.0 or peak > max_peak_fraction * flux:
+        return n_objects
+    k = _insert(table, n_objects, flux)
+    if k < 0:
+        return n_objects
+    dx, dy = sum_x / sum_w, sum_y / sum_w
+    table[k, X], table[k, Y], table[k, FLUX] = c_0 + dx, r_0 + dy, flux
+    table[k, PIXELS], table[k, SATURATED] = n, n_saturated
+    table[k, BACKGROUND], table[k, NOISE] = level / N_BLOCK, noise / BLOCK
+    table[k, XX], table[k, YY] = sum_xx / sum_w - dx * dx, sum_yy / sum_w - dy * dy
+    table[k, XY] = sum_xy / sum_w - dx * dy
+    return min(n_objects + 1, table.shape[0])
+
+
+@njit(cache=True)
+def _insert(table, n, flux):
+    """Make room in the table sorted by flux, losing the faintest when it is full; row, -1 if too faint."""
+    if n == table.shape[0]:
+        if n == 0 or flux <= table[n - 1, FLUX]:
+            return -1
+        n -= 1
+    k = n
+    while k > 0 and table[k - 1, FLUX] < flux:
+        table[k] = table[k - 1]
+        k -= 1
+    return k

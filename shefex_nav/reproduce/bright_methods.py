@@ -1,0 +1,164 @@
+"""The methods that BRIGHT compares, and ours; how they are judged, and the rows of tables 3 and 4."""
+
+from functools import partial
+from time import perf_counter
+
+import numpy as np
+
+from shefex_nav.onboard.startracker.identify import bayes, brightness, pyramid, voting
+from shefex_nav.records import Reason
+from shefex_nav.reproduce import statistics
+from shefex_nav.reproduce.experiment import Row
+
+SUCCESS, FAILED, WRONG = 0, 1, 2
+OUTCOMES = ("success", "failed", "wrong")
+
+# BRIGHT's pyramid must also believe a triangle: with three true stars it is never at a loss.
+PUBLISHED = {
+    "brightness_referenced": brightness.match,
+    "pyramid": partial(pyramid.match, accept_triangle=True),
+    "geometric_voting": voting.match,
+}
+
+
+def default_of_ten(params, pairs, u_c, flux):
+    """Our default with no more than the paper's methods have: the ten brightest detections."""
+    n = params.max_centroids
+    return bayes.identify(params, pairs, u_c[:n], flux[:n])
+
+
+OWN = {
+    "default": bayes.identify,
+    "default_of_ten": default_of_ten,
+    "pyramid_verified": pyramid.identify,
+}
+METHODS = PUBLISHED | OWN
+
+FEW_SQUARE = ""
+FEW_ROUND = ""
+REASONS = {}
+TIME_REASON = ""
+
+
+def judge(found, star):
+    """The paper's terms: success if the stars are the right ones, wrong if one is not, failed if none."""
+    known = found.star >= 0
+    if found.reason != Reason.NONE or not known.any():
+        return FAILED
+    return SUCCESS if (found.star[known] == star[: len(known)][known]).all() else WRONG
+
+
+def attempt(params, tables, field):
+    """Outcome and seconds of each of METHODS on one field. tables: StarPairs of the paper's, of ours."""
+    outcome, seconds = [], []
+    for name, method in METHODS.items():
+        pairs = tables[0 if name in PUBLISHED else 1]
+        began = perf_counter()
+        found = method(params, pairs, field.u_c, field.flux)
+        seconds.append(perf_counter() - began)
+        outcome.append(judge(found, field.star))
+    return outcome, seconds
+
+
+def share_row(quantity, condition, published, k, n, n_published, why):
+    """A share beside a published one, which has a sampling error too; they agree if the intervals meet."""
+    low, high = statistics.proportion(k, n)
+    agrees = None
+    if published is not None:
+        low_p, high_p = statistics.proportion(round(published * n_published), n_published)
+        agrees = bool(low <= high_p and low_p <= high)
+    return Row(quantity, condition, published, k / n, (low, high), agrees, why if agrees is False else "")
+
+
+def outcome_rows(condition, method, codes, published, n_published):
+    """Success, failed and wrong of one of the paper's methods."""
+    shares = (published["success"], published["failed"] / n_published, published["wrong"] / n_published)
+    rows = []
+    for code, (outcome, share) in enumerate(zip(OUTCOMES, shares, strict=True)):
+        k, why = int((codes == code).sum()), reason(condition, method)
+        rows.append(share_row(f"{method}: {outcome}", condition, share, k, len(codes), n_published, why))
+    return rows
+
+
+def own_rows(condition, method, codes, n_stars):
+    """Of one of our methods: success where there are four catalogue stars, and wrong of all."""
+    possible = codes[n_stars >= 4]
+    k_success, k_wrong = int((possible == SUCCESS).sum()), int((codes == WRONG).sum())
+    four = f"{condition}, four catalogue stars"
+    return [
+        share_row(f"{method}: success", four, None, k_success, len(possible), None, ""),
+        share_row(f"{method}: wrong", condition, None, k_wrong, len(codes), None, ""),
+    ]
+
+
+def time_rows(condition, chunk_seconds, published):
+    """Mean times in units of the brightness-referenced method's.
+
+    chunk_seconds : (chunks, methods) mean time of a call in each chunk; a chunk's methods ran in turn, so what
+        else the machine did is in all of them
+    """
+    rng, names = np.random.default_rng(0), list(METHODS)
+    base, rows = names.index("brightness_referenced"), []
+    rows.append(
+        Row(
+            "brightness_referenced: mean time [ms]", condition, None,
+            float(1e3 * chunk_seconds[:, base].mean()), None, None, "",
+        )
+    )  # fmt: skip
+    for m, method in enumerate(names):
+        if m == base:
+            continue
+        columns = chunk_seconds[:, m], chunk_seconds[:, base]
+        measured = float(_ratio(*columns))
+        interval = statistics.bootstrap(_ratio, columns, rng) if len(chunk_seconds) > 1 else None
+        wanted = (
+            published[method]["ms"] / published["brightness_referenced"]["ms"]
+            if method in published
+            else None
+        )
+        agrees = None if wanted is None else bool(measured > 1.0)  # the order, not the factor
+        quantity = f"{method}: mean time over brightness_referenced's"
+        rows.append(
+            Row(
+                quantity,
+                condition,
+                wanted,
+                measured,
+                interval,
+                agrees,
+                TIME_REASON if agrees is False else "",
+            )
+        )
+    return rows
+
+
+def _ratio(above, below):
+    return above.mean() / below.mean()
+
+
+def reason(condition, method):
+    """Why the measured share differs."""
+    for words, text in REASONS.items():
+        if all(word in f"{condition} {method}" for word in words):
+            return text
+    return ""
+
+
+def draw_outcomes(figure, rows, conditions):
+    """Failed and wrong in each condition, published and measured with its interval."""
+    axes = figure.subplots(len(conditions), 1, squeeze=False)[:, 0]
+    for axis, condition in zip(axes, conditions, strict=True):
+        shown = [
+            row for row in rows
+            if row.condition == condition and row.quantity.endswith(("failed", "wrong"))
+            and row.published is not None
+        ]  # fmt: skip
+        places = np.arange(len(shown))
+        measured = np.array([row.measured for row in shown])
+        reach = np.abs(np.array([row.ci95 for row in shown]) - measured[:, None]).T
+        axis.bar(places - 0.2, [100.0 * row.published for row in shown], 0.4, label="published")
+        axis.bar(places + 0.2, 100.0 * measured, 0.4, yerr=100.0 * reach, capsize=3, label="measured")
+        axis.set_xticks(places, [row.quantity.replace(": ", "\n") for row in shown], fontsize=7)
+        axis.set_ylabel("per cent")
+        axis.set_title(condition.replace("_", " "), fontsize=9)
+    axes[0].legend()

@@ -1,0 +1,31 @@
+"""The names of the experiments, and where they are. Modules are imported when an experiment is asked for."""
+
+from importlib import import_module
+
+# name -> (module of this package, what it is about in a line)
+EXPERIMENTS = {
+    "shefex-scan": ("imaging", "SHEFEX 3.2: sequential scan against maximum search"),
+    "shefex-catalogue": ("shefex_stars", "SHEFEX 3.3, figures 4 and 5: the star catalogue that flies"),
+    "shefex-cos-error": ("shefex_stars", "SHEFEX figures 7 and 8: time and success against cosError"),
+    "shefex-spikes": ("shefex_stars", "SHEFEX figure 9: wrong identifications against false stars"),
+    "shefex-attitude": ("shefex_attitude", "SHEFEX figure 10: attitude error against centroid error"),
+    "shefex-end-to-end": ("imaging", "SHEFEX 4 and 5: success of the whole chain on rendered frames"),
+    "shefex-calibration": ("shefex_attitude", "SHEFEX 4: focal length from identified frames"),
+    "bright-table2": ("bright", "BRIGHT table 2: stars per magnitude"),
+    "bright-brightest": ("bright", "BRIGHT 4.1, figure 3: the brightest star of a field"),
+    "bright-centroids": ("imaging", "BRIGHT figure 1: centre of mass against Gaussian interpolation"),
+    "bright-table3": ("bright", "BRIGHT table 3: three identifications in three situations"),
+    "bright-table4": ("bright", "BRIGHT table 4: the same on rendered frames"),
+}
+
+
+def listing():
+    """The experiments for people: one line each, str."""
+    width = max(len(name) for name in EXPERIMENTS)
+    return "\n".join(f"  {name:<{width}}  {about}" for name, (_, about) in EXPERIMENTS.items())
+
+
+def load(name):
+    """The experiment of a name: Experiment. KeyError if there is none."""
+    module, _ = EXPERIMENTS[name]
+    return import_module(f"shefex_nav.reproduce.{module}").EXPERIMENTS[name]

@@ -1,0 +1,135 @@
+"""Confidence intervals of what an experiment measures.
+
+Each function returns (low, high) that contain the true value with the stated probability, by default 95 %.
+"""
+
+import numpy as np
+from scipy import stats
+
+CONFIDENCE = 0.95
+
+
+def proportion(k, n, confidence=CONFIDENCE):
+    """Interval of a probability after k successes in n trials (Clopper and Pearson 1934).
+
+    Exact: it covers the truth at least as often as it says, also for k = 0 or k = n, where the usual normal
+    approximation has no width. 0 of n gives (0, 3.7 / n).
+
+    Parameters
+    ----------
+    k, n : int, 0 <= k <= n, n >= 1
+    confidence : float
+
+    Returns
+    -------
+    low, high : float
+    """
+    if not (n >= 1 and 0 <= k <= n):
+        raise ValueError(f"expected 0 <= k <= n and n >= 1, got k = {k}, n = {n}")
+    tail = 0.5 * (1.0 - confidence)
+    low = float(stats.beta.ppf(tail, k, n - k + 1)) if k > 0 else 0.0
+    high = float(stats.beta.ppf(1.0 - tail, k + 1, n - k)) if k < n else 1.0
+    return low, high
+
+
+def percentile(values, q, confidence=CONFIDENCE):
+    """Interval of the q-th percentile of the distribution that independent values were drawn from.
+
+    Order statistics: the number of values below the percentile is binomial, whatever the distribution. Where
+    the sample is too small for an end (the maximum may still lie below the percentile) the end is the
+    smallest or largest value, and the interval covers less than it says; `values_needed` tells.
+
+    Parameters
+    ----------
+    values : (n,), n >= 1
+    q : float, per cent, between 0 and 100
+    confidence : float
+
+    Returns
+    -------
+    low, high : float
+    """
+    ordered = np.sort(_numbers(values))
+    n, tail = len(ordered), 0.5 * (1.0 - confidence)
+    # value number r (from 1) is at or below the percentile with P(N >= r), N ~ B(n, q)
+    low = int(stats.binom.ppf(tail, n, q / 100.0))  # P(N < low) <= tail
+    high = int(stats.binom.ppf(1.0 - tail, n, q / 100.0)) + 1  # P(N >= high) <= tail
+    return float(ordered[max(low, 1) - 1]), float(ordered[min(high, n) - 1])
+
+
+def values_needed(q, confidence=CONFIDENCE):
+    """Smallest sample whose extremes enclose the q-th percentile with the stated confidence: int."""
+    p, tail = max(q, 100.0 - q) / 100.0, 0.5 * (1.0 - confidence)
+    return int(np.ceil(np.log(tail) / np.log(p)))
+
+
+def rms(values, confidence=CONFIDENCE):
+    """Interval of the root of the mean square of independent values.
+
+    From the scatter of the squares themselves (their mean is nearly normal), so it holds for errors with
+    heavy tails too, where the chi-square interval of a normal distribution is too narrow.
+
+    Parameters
+    ----------
+    values : (n,), n >= 2
+    confidence : float
+
+    Returns
+    -------
+    low, high : float
+    """
+    squares = _numbers(values) ** 2
+    n = len(squares)
+    if n < 2:
+        raise ValueError("an interval of an RMS needs at least two values")
+    half = float(stats.t.ppf(0.5 + 0.5 * confidence, n - 1)) * squares.std(ddof=1) / np.sqrt(n)
+    mean = squares.mean()
+    return float(np.sqrt(max(mean - half, 0.0))), float(np.sqrt(mean + half))
+
+
+def mean(values, confidence=CONFIDENCE):
+    """Interval of a mean (Student). (n,), n >= 2 -> (low, high)."""
+    values = _numbers(values)
+    if len(values) < 2:
+        raise ValueError("an interval of a mean needs at least two values")
+    half = float(stats.t.ppf(0.5 + 0.5 * confidence, len(values) - 1))
+    half *= float(values.std(ddof=1)) / np.sqrt(len(values))
+    return float(values.mean()) - half, float(values.mean()) + half
+
+
+def bootstrap(statistic, columns, rng, *, resamples=1000, confidence=CONFIDENCE):
+    """Interval of any statistic of rows that were sampled together (percentile bootstrap, Efron 1979).
+
+    For what has no formula: a ratio of two medians, the place where a curve crosses a line.
+
+    Parameters
+    ----------
+    statistic : function of the resampled columns -> float
+    columns : sequence of (n, ...) arrays; row k of all of them belongs together
+    rng : numpy Generator
+    resamples : int
+    confidence : float
+
+    Returns
+    -------
+    low, high : float
+    """
+    columns = [np.asarray(column) for column in columns]
+    n = len(columns[0])
+    if n < 2:
+        raise ValueError("a bootstrap needs at least two rows")
+    drawn = np.empty(resamples)
+    for k in range(resamples):
+        rows = rng.integers(0, n, n)
+        drawn[k] = statistic(*(column[rows] for column in columns))
+    tail = 50.0 * (1.0 - confidence)
+    low, high = np.percentile(drawn, [tail, 100.0 - tail])
+    return float(low), float(high)
+
+
+def _numbers(values):
+    """(n,) float, n >= 1, all finite."""
+    values = np.asarray(values, dtype=float).ravel()
+    if len(values) == 0 or not np.isfinite(values).all():
+        raise ValueError("expected at least one value, all finite")
+    return values

@@ -1,0 +1,78 @@
+"""The table of an experiment, for people, and the same as numbers, for programs."""
+
+from math import isfinite
+
+from rich.console import Group
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+
+def as_numbers(name, outcome):
+    """One experiment as an object that JSON can hold: dict. A value that is no number becomes null."""
+    return {
+        "experiment": name,
+        "seed": outcome.seed,
+        "samples": outcome.samples,
+        "rows": [_row_as_numbers(row) for row in outcome.rows],
+        "wall_s": round(outcome.wall_s, 3),
+    }
+
+
+def _row_as_numbers(row):
+    return {
+        "quantity": row.quantity,
+        "condition": row.condition,
+        "published": _finite(row.published),
+        "measured": _finite(row.measured),
+        "ci95": None if row.ci95 is None else [_finite(end) for end in row.ci95],
+        "agrees": None if row.agrees is None else bool(row.agrees),
+        "why": row.why,
+    }
+
+
+def _finite(value):
+    return float(value) if value is not None and isfinite(value) else None
+
+
+def experiment_table(name, experiment, outcome):
+    """Table of published against measured, the reasons of disagreements below it: rich renderable."""
+    title = f"{name}: {experiment.title}"
+    table = Table(title=title, title_justify="left", title_style="bold")
+    table.add_column("quantity")
+    table.add_column("condition")
+    for heading in ("published", "measured", "95 % interval"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("agrees", no_wrap=True)
+    notes = []
+    for row in outcome.rows:
+        if row.why:
+            notes.append(row.why)
+        table.add_row(
+            Text(row.quantity),
+            Text(row.condition),
+            number(row.published),
+            number(row.measured),
+            "" if row.ci95 is None else f"{number(row.ci95[0])} … {number(row.ci95[1])}",
+            _verdict(row, len(notes)),
+        )
+    unit = experiment.unit
+    caption = f"{outcome.samples} {unit}, seed {outcome.seed}, {outcome.wall_s:.1f} s"
+    below = [Text(f"[{k}] {why}") for k, why in enumerate(notes, 1)]
+    return Group(table, *(Padding(line, (0, 0, 0, 1)) for line in (*below, Text(caption, style="dim"))), "")
+
+
+def _verdict(row, note):
+    reference = f" [{note}]" if row.why else ""
+    if row.agrees is None:
+        return Text("-" + reference)
+    return Text(("yes" if row.agrees else "NO") + reference, style="green" if row.agrees else "bold red")
+
+
+def number(value):
+    """A figure with four digits, whole numbers whole: str. '-' where there is none."""
+    if value is None or not isfinite(value):
+        return "-"
+    if abs(value) >= 1000.0 or (value == int(value) and abs(value) < 1e9):
+        return f"{value:.0f}"
+    return f"{value:.4g}"

@@ -1,0 +1,169 @@
+"""Attitude from centroids with covariances, and the test that drops a bad star."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from star_fields import CAMERA, random_attitude
+
+from shefex_nav.geometry.pinhole import pixels, unit_vectors
+from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, rotvec_between
+from shefex_nav.onboard.startracker.attitude import covariance, esoq2
+from shefex_nav.onboard.startracker.likelihood import drop_worst, refine, sigma_of_centroids
+
+CORNER = np.array([CAMERA.width_px - 1.0, CAMERA.height_px - 1.0])
+
+
+def streaks(rng, n, long_px=1.5, short_px=0.1):
+    """(n, 2, 2) covariances, all elongated in about one direction."""
+    angle = rng.uniform(0.0, np.pi) + rng.normal(0.0, 0.1, n)
+    along = np.column_stack([np.cos(angle), np.sin(angle)])
+    return short_px**2 * np.eye(2) + (long_px**2 - short_px**2) * along[:, :, None] * along[:, None, :]
+
+
+def frame(rng, n, P_px):
+    """(q_ic, xy_px, v_i): centroids with errors of the given covariances."""
+    q_ic = random_attitude(rng)
+    ideal = rng.uniform(0.0, CORNER, (n, 2))
+    v_i = unit_vectors(CAMERA, ideal) @ dcm_from_quat(q_ic).T
+    noise = np.einsum("nij,nj->ni", np.linalg.cholesky(P_px), rng.standard_normal((n, 2)))
+    return q_ic, ideal + noise, v_i
+
+
+def first_attitude(xy_px, v_i, P_px):
+    return esoq2(unit_vectors(CAMERA, xy_px), v_i, sigma_of_centroids(CAMERA, xy_px, P_px))
+
+
+def predicted(q_ic, v_i):
+    return pixels(CAMERA, np.ascontiguousarray(v_i @ dcm_from_quat(q_ic)))
+
+
+def chi2_of(q_ic, xy_px, v_i, P_px):
+    r = xy_px - predicted(q_ic, v_i)
+    return np.einsum("ni,nij,nj->", r, np.linalg.inv(P_px), r)
+
+
+def test_sigma_is_the_spread_of_the_direction():
+    """Against the derivative of the direction by differences, for an elongated covariance in a corner."""
+    P_px = streaks(np.random.default_rng(1), 3)
+    xy_px = np.array([[10.0, 20.0], [329.0, 246.0], [600.0, 480.0]])
+    step = 1e-3
+    for k in range(3):
+        J = np.column_stack(
+            [
+                (unit_vectors(CAMERA, xy_px[k : k + 1] + e) - unit_vectors(CAMERA, xy_px[k : k + 1] - e))[0]
+                for e in 0.5 * step * np.eye(2)
+            ]
+        )
+        expected = np.sqrt(0.5 * np.trace(J @ P_px[k] @ J.T)) / step
+        assert sigma_of_centroids(CAMERA, xy_px, P_px)[k] == pytest.approx(expected, rel=1e-6)
+
+
+def test_refined_attitude_is_a_minimum_and_its_covariance_the_curvature():
+    rng = np.random.default_rng(2)
+    P_px = streaks(rng, 7)
+    _, xy_px, v_i = frame(rng, 7, P_px)
+    q_ic, P_c, chi2 = refine(CAMERA, first_attitude(xy_px, v_i, P_px), xy_px, v_i, P_px)
+    assert chi2 == pytest.approx(chi2_of(q_ic, xy_px, v_i, P_px), rel=1e-9)
+    sigma = np.sqrt(np.diag(P_c))
+    for direction in np.eye(3):
+        step = sigma * direction
+        up, down = (
+            chi2_of(quat_multiply(q_ic, quat_from_rotvec(sign * step)), xy_px, v_i, P_px) for sign in (1, -1)
+        )
+        rise = step @ np.linalg.solve(P_c, step)  # chi2 = chi2_min + d' P^-1 d
+        assert 0.5 * (up + down) - chi2 == pytest.approx(rise, rel=5e-3)
+        assert (up - down) / rise == pytest.approx(0.0, abs=0.02)
+
+
+def test_round_covariances_give_the_covariance_of_esoq2():
+    rng = np.random.default_rng(3)
+    P_px = np.tile(0.2**2 * np.eye(2), (8, 1, 1))
+    _, xy_px, v_i = frame(rng, 8, P_px)
+    q_0 = first_attitude(xy_px, v_i, P_px)
+    q_ic, P_c, _ = refine(CAMERA, q_0, xy_px, v_i, P_px)
+    P_0 = covariance(unit_vectors(CAMERA, xy_px), sigma_of_centroids(CAMERA, xy_px, P_px))
+    np.testing.assert_allclose(np.sqrt(np.diag(P_c)), np.sqrt(np.diag(P_0)), rtol=0.03)
+    assert np.abs(rotvec_between(q_0, q_ic) / np.sqrt(np.diag(P_c))).max() < 0.2
+
+
+def test_elongated_covariances_are_consistent_and_better_than_one_weight():
+    """NEES has the chi-square distribution of three degrees of freedom, chi2 that of 2 n - 3."""
+    rng = np.random.default_rng(4)
+    trials, n = 1500, 8
+    nees, misfit, gain = [], [], []
+    for _ in range(trials):
+        P_px = streaks(rng, n) * rng.uniform(0.25, 4.0, n)[:, None, None]
+        truth, xy_px, v_i = frame(rng, n, P_px)
+        q_0 = first_attitude(xy_px, v_i, P_px)
+        q_ic, P_c, chi2 = refine(CAMERA, q_0, xy_px, v_i, P_px)
+        error = rotvec_between(q_ic, truth)
+        nees.append(error @ np.linalg.solve(P_c, error))
+        misfit.append(chi2)
+        gain.append((np.linalg.norm(rotvec_between(q_0, truth)), np.linalg.norm(error)))
+    for values, dof in ((nees, 3), (misfit, 2 * n - 3)):
+        low, high = stats.chi2.ppf([5e-4, 1.0 - 5e-4], dof * trials) / trials
+        assert low < np.mean(values) < high
+        assert stats.kstest(values, stats.chi2(dof).cdf).pvalue > 1e-3
+    before, after = np.sqrt(np.mean(np.square(gain), axis=0))
+    assert after < 0.9 * before
+
+
+def test_nothing_is_dropped_more_often_than_stated():
+    """Bonferroni is an upper limit, and a close one: the stars hardly depend on each other."""
+    rng = np.random.default_rng(5)
+    trials, false_alarm = 4000, 0.05
+    P_px = np.tile(0.15**2 * np.eye(2), (8, 1, 1))
+    dropped = 0
+    for _ in range(trials):
+        truth, xy_px, v_i = frame(rng, 8, P_px)
+        dropped += drop_worst(CAMERA, truth, xy_px, v_i, P_px, false_alarm, 4)[0] >= 0
+    assert 0.8 * false_alarm < dropped / trials < false_alarm + 3.0 * np.sqrt(false_alarm / trials)
+
+
+@pytest.mark.parametrize("shift_sigma", [4.0, 6.0, 10.0])
+def test_a_displaced_star_is_found_as_often_as_theory_says(shift_sigma):
+    """Power: a non-central chi-square, its centre the shift seen against the other stars' prediction."""
+    rng = np.random.default_rng(6)
+    trials, n, bad, sigma_px, false_alarm = 1200, 9, 3, 0.15, 1e-3
+    P_px = np.tile(sigma_px**2 * np.eye(2), (n, 1, 1))
+    found, expected, errors = 0, [], []
+    for _ in range(trials):
+        truth, xy_px, v_i = frame(rng, n, P_px)
+        others = np.arange(n) != bad
+        _, P_others, _ = refine(CAMERA, truth, xy_px[others], v_i[others], P_px[others])
+        H = (
+            np.column_stack(
+                [
+                    predicted(quat_multiply(truth, quat_from_rotvec(1e-6 * e)), v_i[bad : bad + 1])[0]
+                    - predicted(quat_multiply(truth, quat_from_rotvec(-1e-6 * e)), v_i[bad : bad + 1])[0]
+                    for e in np.eye(3)
+                ]
+            )
+            / 2e-6
+        )
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        shift = shift_sigma * sigma_px * np.array([np.cos(angle), np.sin(angle)])
+        centre = shift @ np.linalg.solve(P_px[bad] + H @ P_others @ H.T, shift)
+        expected.append(stats.ncx2.sf(2.0 * np.log(n / false_alarm), 2, centre))
+        xy_px[bad] += shift
+        start = first_attitude(xy_px, v_i, P_px)
+        dropped, q_ic, P_c, _ = drop_worst(CAMERA, start, xy_px, v_i, P_px, false_alarm, 4)
+        found += dropped == bad
+        if dropped == bad:
+            error = rotvec_between(q_ic, truth)
+            errors.append(error @ np.linalg.solve(P_c, error))
+    scatter = np.sqrt(np.mean(expected) * (1.0 - np.mean(expected)) / trials)
+    assert found / trials == pytest.approx(np.mean(expected), abs=4.0 * scatter + 0.01)  # 0.01: mistaken ones
+    if shift_sigma == 10.0:
+        assert found / trials > 0.99
+        assert np.mean(errors) == pytest.approx(3.0, abs=4.0 * np.sqrt(6.0 / len(errors)))
+
+
+def test_a_field_that_would_be_too_small_keeps_its_stars():
+    rng = np.random.default_rng(7)
+    P_px = np.tile(0.1**2 * np.eye(2), (4, 1, 1))
+    truth, xy_px, v_i = frame(rng, 4, P_px)
+    xy_px[2] += 30.0
+    dropped, _, _, chi2 = drop_worst(CAMERA, truth, xy_px, v_i, P_px, 1e-3, 4)
+    assert dropped == -1 and chi2 > 1000.0
+    assert drop_worst(CAMERA, truth, xy_px, v_i, P_px, 1e-3, 3)[0] == 2
