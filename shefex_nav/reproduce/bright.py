@@ -165,7 +165,7 @@ def measure_table3(samples, seed):
                 is_round = shape == "round"
                 field = fields.draw_field(rng, stars, least=least, n_false=n_false, is_round=is_round)
                 n_stars[s, k] = (field.star >= 0).sum()
-                outcome[s, :, k], seconds[s, :, k] = methods.attempt(fields.PARAMS, tables, field, k)
+                outcome[s, :, k], seconds[s, :, k] = methods.attempt(fields.PARAMS, tables, field)
         results[shape] = n_stars, outcome, seconds
     return results
 

@@ -128,7 +128,7 @@ def measure_table4(samples, seed):
     for k in range(samples):
         field = detected_field(*draw_frame(rng))
         n_false[k] = (field.star[: fields.PARAMS.max_centroids] < 0).sum()
-        outcome[:, k], seconds[:, k] = methods.attempt(params(), tables, field, k)
+        outcome[:, k], seconds[:, k] = methods.attempt(params(), tables, field)
     return outcome, seconds, n_false
 
 
