@@ -15,7 +15,8 @@ import numpy as np
 
 from shefex_nav.environment.stars import at_epoch, load_catalogue
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, rotvec_between
-from shefex_nav.solve.centroids import Camera, solve_centroids
+from shefex_nav.solve.camera import Camera
+from shefex_nav.solve.centroids import solve_centroids
 
 EPOCH = 2012.47
 CAMERA = Camera(659, 493, 25.0e-3 / 9.9e-6)

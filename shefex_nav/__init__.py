@@ -44,7 +44,7 @@ __version__ = "0.1.0"
 _compiled.place_cache(_os.environ)
 
 
-_PUBLIC = {"Camera": "solve.centroids", "solve_centroids": "solve.centroids"}
+_PUBLIC = {"Camera": "solve.camera", "solve_centroids": "solve.centroids"}
 
 
 def __getattr__(name):

@@ -5,7 +5,6 @@ wrong, or the reason for none. The catalogue and its pairs are built at the firs
 and magnitude, and kept.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 from math import isfinite
 from typing import NamedTuple
@@ -21,40 +20,13 @@ from shefex_nav.onboard.startracker.attitude import covariance, esoq2
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.records import Reason
+from shefex_nav.solve.camera import Camera, numbers, undistort
 
 MERGE_PX = 2.0  # closer stars are one point of light
-UNDISTORT_STEPS = 20
-NO_COVARIANCE = np.zeros((3, 3))
-NO_ROTATION = np.array([1.0, 0.0, 0.0, 0.0])
-
-
-@dataclass(frozen=True)
-class Camera:
-    """A camera. Pixel (0, 0) is the centre of the top-left pixel, x right, y down, z along the boresight.
-
-    principal_point_px: (x, y), by default the middle of the detector. distortion: None or
-    (k1, k2, p1, p2, k3) of Brown and Conrady in the order of OpenCV, from the ideal to the distorted image.
-    """
-
-    width_px: int
-    height_px: int
-    focal_length_px: float
-    principal_point_px: tuple | None = None
-    distortion: tuple | None = None
-
-    def __post_init__(self):
-        for name in ("width_px", "height_px", "focal_length_px"):
-            value = getattr(self, name)
-            if not (np.isscalar(value) and isfinite(value) and value > 0):
-                raise ValueError(f"Camera.{name}: expected a positive number, got {value!r}")
-        if self.principal_point_px is None:
-            centre = (0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1))
-        else:
-            centre = _numbers("Camera.principal_point_px", self.principal_point_px, (2,))
-        object.__setattr__(self, "principal_point_px", tuple(float(v) for v in centre))
-        if self.distortion is not None:
-            values = _numbers("Camera.distortion", self.distortion, (5,))
-            object.__setattr__(self, "distortion", tuple(float(v) for v in values))
+REASONS = {int(reason): reason.name.lower() for reason in Reason}
+NO_FLUX = np.zeros(0)
+SMALL = 64  # fewer are sorted by insertion
+BAD_PLACE, BAD_FLUX = -1, -2  # of the input, found by the compiled code
 
 
 class StarSolution(NamedTuple):
@@ -103,34 +75,72 @@ def solve_centroids(
     -------
     StarSolution; a frame that cannot be solved is not an error
     """
-    xy_px, magnitude, order = _checked(xy_px, flux, camera)
-    for name, value in (("centroid_sigma_px", centroid_sigma_px), ("magnitude_sigma", magnitude_sigma)):
-        if not 0.0 < value < 100.0:
-            raise ValueError(f"{name}: expected a positive number, got {value!r}")
-    if not 0.0 < false_limit < 1.0:
-        raise ValueError(f"false_limit: expected a probability between 0 and 1, got {false_limit!r}")
-    prior = bayes.NO_PREDICTION if prediction is None else _prediction(prediction)
-    sky = _sky(camera, epoch, max_magnitude)
+    if not isinstance(camera, Camera):
+        raise ValueError(f"camera: expected a Camera, got {camera!r}")
+    ready = _ready(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, false_limit)
+    xy_px = _places(xy_px)
+    flux = None if flux is None else _fluxes(flux, len(xy_px))
     if camera.distortion is not None:
-        xy_px = undistort(sky.pinhole, np.array(camera.distortion), xy_px)
-    if method in ("default", "bayes"):
-        settings = sky.settings._replace(
-            sigma_px=float(centroid_sigma_px),
-            magnitude_sigma=float(magnitude_sigma),
-            false_limit=float(false_limit),
-        )
-        reason, star, q_ci, P_c, _, wrong, _ = bayes.solve_kernel(
-            sky.stars, sky.index, settings, xy_px, magnitude, flux is not None, *prior
-        )
-    else:
-        sigmas = (centroid_sigma_px, magnitude_sigma, false_limit)
-        reason, star, q_ci, P_c, wrong = _by_method(method, sky, xy_px, flux, order, sigmas)
-    hip = np.zeros(len(star), dtype=np.int64)
-    if reason != 0:
-        return StarSolution("failed", Reason(reason).name.lower(), q_ci, hip, P_c, 1.0)
-    known = star >= 0
-    hip[order[known]] = sky.hip[star[known]]
-    return StarSolution("ok", "", q_ci, hip, P_c, wrong)
+        xy_px = undistort(ready.sky.pinhole, np.array(camera.distortion), xy_px)
+    if method not in ("default", "bayes"):
+        return _by_method(method, ready, xy_px, flux)
+    prior = bayes.NO_PREDICTION if prediction is None else _prediction(prediction)
+    sky = ready.sky
+    reason, hip, q_ci, P_c, wrong = _solve_kernel(
+        sky.stars, sky.index, sky.hip, ready.settings, xy_px, NO_FLUX if flux is None else flux, *prior
+    )
+    if reason == 0:
+        return StarSolution("ok", "", q_ci, hip, P_c, wrong)
+    _complain(reason)
+    return StarSolution("failed", REASONS[reason], q_ci, hip, P_c, 1.0)
+
+
+@njit(cache=True)
+def _solve_kernel(stars, index, hips, settings, xy_px, flux, has_prediction, q_ci, P_c):
+    """Sort by brightness, solve, name the stars in the order of the input.
+
+    flux : (n,), or (0,) where nothing is known of it
+    -> reason (Reason, BAD_PLACE, BAD_FLUX), hip (n,), q_ci, P_c, probability that it is chance
+    """
+    n, has_flux = xy_px.shape[0], flux.shape[0] > 0
+    hip = np.zeros(n, dtype=np.int64)
+    reason = 0
+    for k in range(n):
+        if not (np.isfinite(xy_px[k, 0]) and np.isfinite(xy_px[k, 1])):
+            reason = BAD_PLACE
+        elif has_flux and not (flux[k] > 0.0 and np.isfinite(flux[k])):
+            reason = BAD_FLUX
+    if reason < 0:
+        return reason, hip, np.full(4, np.nan), np.full((3, 3), np.nan), 1.0
+    order = np.arange(n)
+    ordered, magnitude = xy_px, np.zeros(n)
+    if has_flux:
+        if n <= SMALL:
+            _insertion_sort(flux, order)
+        else:
+            order = np.argsort(-flux, kind="mergesort")
+        ordered = np.empty((n, 2))
+        for k in range(n):
+            ordered[k, 0], ordered[k, 1] = xy_px[order[k], 0], xy_px[order[k], 1]
+            magnitude[k] = -2.5 * np.log10(flux[order[k]])
+    reason, star, q_ci, P_c, _, wrong, _ = bayes.solve_kernel(
+        stars, index, settings, ordered, magnitude, has_flux, has_prediction, q_ci, P_c
+    )
+    for k in range(n):
+        if star[k] >= 0:
+            hip[order[k]] = hips[star[k]]
+    return reason, hip, q_ci, P_c, wrong
+
+
+@njit(cache=True)
+def _insertion_sort(flux, order):
+    """Sort `order`, 0 ... n - 1, by falling flux; equal ones stay in their order."""
+    for k in range(1, flux.shape[0]):
+        j, moved = k, order[k]
+        while j > 0 and flux[order[j - 1]] < flux[moved]:
+            order[j] = order[j - 1]
+            j -= 1
+        order[j] = moved
 
 
 class _Sky(NamedTuple):
@@ -141,7 +151,31 @@ class _Sky(NamedTuple):
     pairs: catalogue.StarPairs
     stars: bayes.Stars
     index: bayes.Pairs
+    displaced_px: float  # by the distortion, at most
+
+
+class _Ready(NamedTuple):
+    """All that does not change from frame to frame."""
+
+    sky: _Sky
     settings: bayes.Settings
+
+
+@lru_cache(maxsize=64)
+def _ready(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, false_limit):
+    """Check what is said of the camera and its errors, once."""
+    for name, value in (("centroid_sigma_px", centroid_sigma_px), ("magnitude_sigma", magnitude_sigma)):
+        if not 0.0 < value < 100.0:
+            raise ValueError(f"{name}: expected a positive number, got {value!r}")
+    if not 0.0 < false_limit < 1.0:
+        raise ValueError(f"false_limit: expected a probability between 0 and 1, got {false_limit!r}")
+    sky = _sky(camera, epoch, max_magnitude)
+    settings = bayes.Settings(
+        float(camera.width_px), float(camera.height_px), sky.pinhole.focal_length_px,
+        sky.pinhole.cx_px, sky.pinhole.cy_px, bayes.BORDER_PX + sky.displaced_px,
+        float(centroid_sigma_px), float(magnitude_sigma), float(false_limit), bayes.MIN_STARS, bayes.BUDGET,
+    )  # fmt: skip
+    return _Ready(sky, settings)
 
 
 @lru_cache(maxsize=8)
@@ -169,62 +203,39 @@ def _sky(camera, epoch, max_magnitude):
     )
     stars = catalogue.build(params, load_catalogue(8.0), float(epoch))
     pairs = catalogue.pair_table(stars, 1.03 * field)  # the focal length may be a little shorter
-    settings = bayes.Settings(
-        float(camera.width_px), float(camera.height_px), pinhole.focal_length_px, cx, cy,
-        bayes.BORDER_PX + displaced, 0.0, 0.0, 0.0, bayes.MIN_STARS, bayes.BUDGET,
-    )  # fmt: skip
-    return _Sky(pinhole, stars.hip, pairs, *bayes.tables(pairs), settings)
+    return _Sky(pinhole, stars.hip, pairs, *bayes.tables(pairs), displaced)
 
 
-@njit(cache=True)
-def undistort(pinhole, distortion, xy_px):
-    """Pixels of an ideal pinhole from distorted ones, by iteration. Pinhole, (5,), (n, 2) -> (n, 2)."""
-    k1, k2, p1, p2, k3 = distortion
-    out = np.empty_like(xy_px)
-    for k in range(xy_px.shape[0]):
-        u = (xy_px[k, 0] - pinhole.cx_px) / pinhole.focal_length_px
-        v = (xy_px[k, 1] - pinhole.cy_px) / pinhole.focal_length_px
-        x, y = u, v
-        for _ in range(UNDISTORT_STEPS):
-            r2 = x * x + y * y
-            radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-            dx = 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-            dy = p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-            x, y = (u - dx) / radial, (v - dy) / radial
-        out[k, 0] = pinhole.cx_px + pinhole.focal_length_px * x
-        out[k, 1] = pinhole.cy_px + pinhole.focal_length_px * y
-    return out
-
-
-def _numbers(name, value, shape):
-    """Finite float array of a shape, where None is any length; or a ValueError that says what is wrong."""
+def _places(xy_px):
+    """Centroids as an array of our own: one layout, one compilation. -> (n, 2)."""
     try:
-        array = np.array(value, dtype=np.float64, order="C")  # a copy: one layout, one compilation
+        array = np.array(xy_px, dtype=np.float64, order="C")
     except (TypeError, ValueError):
-        raise ValueError(f"{name}: expected numbers of shape {shape}, got {value!r}") from None
-    fits = array.ndim == len(shape) and all(
-        wanted in (None, has) for wanted, has in zip(shape, array.shape, strict=True)
-    )
-    if not fits:
-        raise ValueError(f"{name}: expected shape {str(shape).replace('None', 'n')}, got {array.shape}")
-    if not isfinite(array.sum()):  # one NaN or infinity is enough
-        raise ValueError(f"{name}: contains NaN or infinite values")
+        raise ValueError(f"xy_px: expected numbers of shape (n, 2), got {xy_px!r}") from None
+    if array.size == 0 and array.ndim <= 2:
+        return np.zeros((0, 2))
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise ValueError(f"xy_px: expected shape (n, 2), got {array.shape}")
     return array
 
 
-def _checked(xy_px, flux, camera):
-    """Centroids and magnitudes, brightest first, and their order."""
-    if not isinstance(camera, Camera):
-        raise ValueError(f"camera: expected a Camera, got {camera!r}")
-    xy_px = _numbers("xy_px", xy_px, (None, 2)) if len(xy_px) else np.zeros((0, 2))
-    n = xy_px.shape[0]
-    if flux is None:
-        return xy_px, np.zeros(n), np.arange(n)
-    flux = _numbers("flux", flux, (n,))
-    if n and flux.min() <= 0.0:
-        raise ValueError("flux: expected positive values")
-    order = np.argsort(-flux, kind="stable")
-    return xy_px[order], -2.5 * np.log10(flux[order]), order
+def _fluxes(flux, n):
+    """Brightness of the n centroids, likewise."""
+    try:
+        array = np.array(flux, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        raise ValueError(f"flux: expected numbers of shape ({n},), got {flux!r}") from None
+    if array.shape != (n,):
+        raise ValueError(f"flux: expected shape ({n},), got {array.shape}")
+    return array
+
+
+def _complain(reason):
+    """The input is not what it should be: raise."""
+    if reason == BAD_PLACE:
+        raise ValueError("xy_px: contains NaN or infinite values")
+    if reason == BAD_FLUX:
+        raise ValueError("flux: expected finite positive values")
 
 
 def _prediction(prediction):
@@ -233,7 +244,7 @@ def _prediction(prediction):
         q_ci, P = prediction
     except (TypeError, ValueError):
         raise ValueError("prediction: expected (q_ci, covariance)") from None
-    q_ci, P = _numbers("prediction q_ci", q_ci, (4,)), _numbers("prediction covariance", P, (3, 3))
+    q_ci, P = numbers("prediction q_ci", q_ci, (4,)), numbers("prediction covariance", P, (3, 3))
     norm = np.linalg.norm(q_ci)
     if not 0.9 < norm < 1.1:
         raise ValueError(f"prediction q_ci: expected a unit quaternion, got norm {norm:.3g}")
@@ -242,32 +253,41 @@ def _prediction(prediction):
     return True, q_ci / norm, np.ascontiguousarray(0.5 * (P + P.T))
 
 
-def _by_method(method, sky, xy_px, flux, order, sigmas):
+def _by_method(method, ready, xy_px, flux):
     """Another method of the package, lost in space."""
     if method not in IDENTIFIERS:
         known = ", ".join(["default", *IDENTIFIERS])
         raise ValueError(f"method: {method!r} is not known; choose from: {known}")
-    centroid_sigma_px, magnitude_sigma, false_limit = sigmas
-    f = sky.pinhole.focal_length_px
+    pinhole, settings = ready.sky.pinhole, ready.settings
+    if not np.isfinite(xy_px).all():
+        _complain(BAD_PLACE)
+    if flux is not None and not (np.isfinite(flux) & (flux > 0.0)).all():
+        _complain(BAD_FLUX)
+    brightness = np.ones(len(xy_px)) if flux is None else flux
+    order = np.argsort(-brightness, kind="stable")
+    f = pinhole.focal_length_px
     params = IdentifyParams(
         method=method,
-        camera=sky.pinhole,
-        tolerance=3.0 * np.sqrt(2.0) * centroid_sigma_px / f,
+        camera=pinhole,
+        tolerance=3.0 * np.sqrt(2.0) * settings.sigma_px / f,
         max_centroids=15,
         min_stars=4,
-        sigma_px=centroid_sigma_px,
+        sigma_px=settings.sigma_px,
         gate_sigma=4.5,
         detection_probability=0.9,
         magnitude_margin=0.3,
-        magnitude_sigma=magnitude_sigma,
-        false_alarm=false_limit,
+        magnitude_sigma=settings.magnitude_sigma,
+        false_alarm=settings.false_limit,
     )
-    u_c = unit_vectors(sky.pinhole, xy_px)
-    brightness = np.ones(len(xy_px)) if flux is None else np.asarray(flux, dtype=float)[order]
-    found = IDENTIFIERS[method](params, sky.pairs, u_c, brightness)
+    u_c = unit_vectors(pinhole, xy_px[order])
+    found = IDENTIFIERS[method](params, ready.sky.pairs, u_c, brightness[order])
+    hip = np.zeros(len(xy_px), dtype=np.int64)
     if found.reason != Reason.NONE:
-        return found.reason, found.star, np.full(4, np.nan), np.full((3, 3), np.nan), 1.0
+        nothing = np.full(4, np.nan), hip, np.full((3, 3), np.nan), 1.0
+        return StarSolution("failed", REASONS[int(found.reason)], *nothing)
     known = found.star >= 0
-    sigma = np.full(known.sum(), centroid_sigma_px / f)
-    q_ic = esoq2(u_c[known], sky.pairs.stars.u_i[found.star[known]], sigma)
-    return 0, found.star, quat_conjugate(q_ic), covariance(u_c[known], sigma), float(np.exp(-found.log_odds))
+    hip[order[known]] = ready.sky.hip[found.star[known]]
+    sigma = np.full(known.sum(), settings.sigma_px / f)
+    q_ic = esoq2(u_c[known], ready.sky.pairs.stars.u_i[found.star[known]], sigma)
+    wrong = float(np.exp(-found.log_odds))
+    return StarSolution("ok", "", quat_conjugate(q_ic), hip, covariance(u_c[known], sigma), wrong)

@@ -84,6 +84,14 @@ def test_adjustment_finds_the_attitude_and_the_focal_length(n_par, focal):
         np.testing.assert_allclose(start @ start.T, np.eye(3), atol=1e-12)
 
 
+def crowding_of_one(xy_px, k):
+    """ln of density of the neighbours of detection k over four times the usual one, if more than two."""
+    d2 = np.delete(((xy_px - xy_px[k]) ** 2).sum(axis=1), k)
+    usual = 4.0 * len(xy_px) / (659.0 * 493.0)
+    near = d2[d2 < 3.0 / (np.pi * usual)]
+    return np.log(len(near) / (np.pi * max(near.max(), 1.0) * usual)) if len(near) >= 3 else 0.0
+
+
 def test_odds_against_plain_formulas():
     stars, _ = stars_and_pairs()
     view = evidence.new_view()
@@ -94,11 +102,12 @@ def test_odds_against_plain_formulas():
         assert log_det == pytest.approx(np.linalg.slogdet((L @ L.T)[:3, :3])[1]) or n == 0
         det, row, d2 = view.det[:n], view.row[:n], view.distance2[:n]
         known, n_det = det >= 0, len(scene.mag)
+        crowding = np.array([crowding_of_one(scene.xy_px, k) for k in det])
         terms = []
         for scale, weight in zip(evidence.NOISE_SCALES, evidence.NOISE_WEIGHTS, strict=True):
             s2 = (0.15 * scale) ** 2
             density = 0.94 * np.exp(-0.5 * d2 / s2) / s2 + 0.06 * np.exp(-0.5 * d2 / (16 * s2)) / (16 * s2)
-            place = np.log(659.0 * 493.0 / (2 * np.pi) * density)
+            place = np.log(659.0 * 493.0 / (2 * np.pi) * density) - crowding
             best = -np.inf
             for j in range(1, n_det + 1):
                 used = known & (det < j)
@@ -135,12 +144,12 @@ def test_scan_against_brute_force():
     entry, checked = 2 * begin, 0
     while entry < 2 * end:
         entry, C, _ = screen.scan(
-            stars.u_i, stars.vmag, stars.start, stars.row, pairs.first, pairs.second, table, scene.xy_px,
+            stars.u_i, stars.start, stars.row, pairs.star, pairs.fainter, table, scene.xy_px,
             T, frame, lever, gate, (-1, -1), 0, entry, 2 * end,
         )  # fmt: skip
         if entry == 2 * end:
             break
-        a, b = pairs.first[entry // 2], pairs.second[entry // 2]
+        a, b = pairs.star[entry // 2]
         a, b = (b, a) if entry % 2 else (a, b)
         assert gate[0] < stars.vmag[b] - stars.vmag[a] < gate[1]
         C_ci = np.array(C).reshape(3, 3)

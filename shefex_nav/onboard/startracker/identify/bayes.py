@@ -14,9 +14,22 @@ from numba import njit
 
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_dcm
-from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, Stars, new_view
+from shefex_nav.onboard.startracker.identify.doubts import (
+    fits_badly,
+    has_second_image,
+    leans_on_one_star,
+    recall,
+)
+from shefex_nav.onboard.startracker.identify.evidence import (
+    WIDE_GATE,
+    Prior,
+    Scene,
+    Stars,
+    new_view,
+    solve_cholesky,
+)
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, detection_table
-from shefex_nav.onboard.startracker.identify.search import Best, Pairs, Task, lost_in_space, margin
+from shefex_nav.onboard.startracker.identify.search import Best, Pairs, Task, look, lost_in_space, margin
 from shefex_nav.onboard.startracker.identify.tracking import track
 from shefex_nav.onboard.startracker.identify.verify import Identification
 from shefex_nav.records import Reason
@@ -26,11 +39,13 @@ from shefex_nav.records import Reason
 CHANCE = 0.003
 MIN_STARS = 4
 MIN_TRACKED = 3  # with a prediction
-BUDGET = 38_000  # attitudes looked at, before giving up
+BUDGET = 30_000  # attitudes looked at, before giving up
 PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
+NOISY = 1.3  # times the expected centroid error: the focal length may be off
 BORDER_PX = 5.0  # a predicted star nearer to the border may be missing
 
-TOO_FEW_STARS, NO_MATCH, AMBIGUOUS = int(Reason.TOO_FEW_STARS), int(Reason.NO_MATCH), int(Reason.AMBIGUOUS)
+TOO_FEW_STARS, NO_MATCH = int(Reason.TOO_FEW_STARS), int(Reason.NO_MATCH)
+AMBIGUOUS, RESIDUALS = int(Reason.AMBIGUOUS), int(Reason.RESIDUALS)
 
 
 class Settings(NamedTuple):
@@ -64,9 +79,13 @@ class Solution(NamedTuple):
 def tables(pairs):
     """StarPairs as the compiled code takes them: (Stars, Pairs)."""
     stars, index, sky = pairs.stars, pairs.index, pairs.sky
+    rows = np.column_stack([pairs.first, pairs.second]).astype(
+        np.uint16
+    )  # small: it is the cache that counts
+    fainter = (stars.vmag[pairs.second] - stars.vmag[pairs.first]).astype(np.float32)
     return (
         Stars(stars.u_i, stars.vmag, sky.log_density, sky.start, sky.row),
-        Pairs(pairs.cosine, pairs.first, pairs.second, index.count, index.slope, index.intercept),
+        Pairs(pairs.cosine, rows, fainter, index.count.astype(np.int32), index.slope, index.intercept),
     )
 
 
@@ -152,7 +171,7 @@ def solve_kernel(stars, pairs, settings, xy_px, magnitude, has_flux, has_predict
 @njit(cache=True)
 def new_best(n):
     """Nothing found yet in n detections."""
-    score = np.array([-np.inf, -np.inf, 3.0, 0.0])
+    score = np.array([-np.inf, -np.inf, 3.0, 0.0, 1.0, 1.0])
     return Best(np.zeros((3, 3)), np.full(n, -1, dtype=np.int64), np.eye(3), np.zeros((4, 4)), score)
 
 
@@ -161,6 +180,9 @@ def conclude(task, settings, n, trials):
     """Reason, and the attitude if it is certain."""
     best = task.best
     star = np.full(n, -1, dtype=np.int64)
+    if best.score[2] < 4.0 and best.score[5] > NOISY * settings.sigma_px and margin(task) >= task.threshold:
+        best.trial_C[:] = best.C  # is it the focal length?
+        look(task, settings.focal_px, WIDE_GATE * settings.sigma_px, True)
     odds, rival = best.score[0], best.score[1]
     wrong = min(CHANCE * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0), 1.0)
     if margin(task) < task.threshold:
@@ -168,11 +190,35 @@ def conclude(task, settings, n, trials):
         if odds >= task.threshold:
             reason = AMBIGUOUS
         return reason, star, np.full(4, np.nan), np.full((3, 3), np.nan), odds, wrong, trials
+    k, n_par = (best.star >= 0).sum(), int(best.score[2])
+    if is_doubtful(task, k, n_par):
+        return (
+            RESIDUALS if fits_badly(task, k, n_par) else AMBIGUOUS,
+            star,
+            np.full(4, np.nan),
+            np.full((3, 3), np.nan),
+            odds,
+            1.0,
+            trials,
+        )
     star[: len(best.star)] = best.star
-    k = (best.star >= 0).sum()
-    n_par = int(best.score[2])
-    factor = best.L[:n_par, :n_par].copy()
-    inverse = np.linalg.inv(factor @ factor.T.copy())[:3, :3].copy()
     variance = settings.sigma_px**2
     variance *= (PRIOR_DOF + best.score[3] / variance) / (PRIOR_DOF + 2 * k - n_par)
-    return 0, star, quat_from_dcm(best.C), variance * inverse, odds, wrong, trials
+    P_c = np.empty((3, 3))
+    for c in range(3):
+        column = np.zeros(4)
+        column[c] = variance
+        solve_cholesky(best.L, column, n_par)
+        for a in range(3):
+            P_c[a, c] = column[a]
+    return 0, star, quat_from_dcm(best.C), P_c, odds, wrong, trials
+
+
+@njit(cache=True)
+def is_doubtful(task, n_matched, n_par):
+    """Whether there is a reason not to give the attitude out; see `doubts`."""
+    focal_px, noise_px = task.best.score[4], task.best.score[5]
+    if fits_badly(task, n_matched, n_par):
+        return True
+    n = recall(task, focal_px)
+    return leans_on_one_star(task, n, focal_px, noise_px, n_par) or has_second_image(task, n, noise_px)

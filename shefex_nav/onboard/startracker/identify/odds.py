@@ -34,6 +34,9 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     ZERO_POINT_SIGMA,
 )
 
+CROWD = 3  # neighbours that tell how dense the detections are about one of them
+CROWDED = 4.0  # times the usual density
+
 
 @njit(cache=True)
 def add_logs(a, b):
@@ -52,6 +55,31 @@ def log_factorials(n):
 
 
 @njit(cache=True)
+def crowding_of(scene, of_det):
+    """By how much each matched detection is more likely to be chance because others crowd around it.
+
+    ln of the density of the CROWD nearest others against that of the frame, where it is more than
+    CROWDED times as high: evenly spread detections are rarely so close by chance.
+    """
+    n = scene.xy_px.shape[0]
+    crowding = np.zeros(n)
+    usual = n / (scene.width_px * scene.height_px)
+    within2 = CROWD / (np.pi * usual * CROWDED)
+    for j in range(n):
+        if of_det[j] < 0.0:
+            continue
+        near, furthest2 = 0, 1.0  # px^2: one place, not a point
+        for k in range(n):
+            d2 = (scene.xy_px[k, 0] - scene.xy_px[j, 0]) ** 2 + (scene.xy_px[k, 1] - scene.xy_px[j, 1]) ** 2
+            if k != j and d2 < within2:
+                near += 1
+                furthest2 = max(furthest2, d2)
+        if near >= CROWD:
+            crowding[j] = np.log(near / (np.pi * furthest2 * usual * CROWDED))
+    return crowding
+
+
+@njit(cache=True)
 def place_odds(scene, view, n, log_det, n_par):
     """Logarithm of the places' part: over noise scales, of matches, false ones and attitude volume.
 
@@ -65,6 +93,7 @@ def place_odds(scene, view, n, log_det, n_par):
     for s in range(n):
         if view.det[s] >= 0:
             of_det[view.det[s]] = view.distance2[s]
+    crowding = crowding_of(scene, of_det)
     all_data = np.log(1.0 - DEEPER) if scene.has_flux else 0.0
     first_data = np.log(DEEPER / n_det)
     total = -np.inf
@@ -77,7 +106,7 @@ def place_odds(scene, view, n, log_det, n_par):
             if of_det[j] >= 0.0:
                 narrow = (1.0 - TAIL_SHARE) / variance * np.exp(-0.5 * of_det[j] / variance)
                 wide = TAIL_SHARE / tail * np.exp(-0.5 * of_det[j] / tail)
-                sum_log += np.log(area / (2.0 * np.pi) * (narrow + wide))
+                sum_log += np.log(area / (2.0 * np.pi) * (narrow + wide)) - crowding[j]
                 k += 1
             if j == n_det - 1:
                 best = max(best, all_data + sum_log + factorial[j + 1 - k] - factorial[j + 1])

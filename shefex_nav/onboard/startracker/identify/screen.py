@@ -104,13 +104,14 @@ def join(T, S):
 
 
 @njit(cache=True)
-def scan(u_i, vmag, start, row, first, second, table, xy_px, T, frame, lever, gate, ij, need, begin, end):
+def scan(u_i, start, row, star, fainter, table, xy_px, T, frame, lever, gate, ij, need, begin, end):
     """Next attitude that passes the screen among those of one pair of detections.
 
     Entry 2 p is pair p of the catalogue in its order, brighter star on detection i; 2 p + 1 the other way.
 
     Parameters
     ----------
+    star, fainter : of `search.Pairs`
     T, frame, lever : as in `screen` and `join`
     gate : (lowest, highest) vmag[star of j] - vmag[star of i]
     ij : stars that are already known to be i and j
@@ -126,10 +127,11 @@ def scan(u_i, vmag, start, row, first, second, table, xy_px, T, frame, lever, ga
     trials = 0
     C = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     for entry in range(begin, end):
-        a, b = first[entry >> 1], second[entry >> 1]
-        if entry & 1:
-            a, b = b, a
-        if not gate[0] < vmag[b] - vmag[a] < gate[1] or (a == ij[0] and b == ij[1]):
+        difference = -fainter[entry >> 1] if entry & 1 else fainter[entry >> 1]
+        if not gate[0] < difference < gate[1]:
+            continue
+        a, b = star[entry >> 1, entry & 1], star[entry >> 1, 1 - (entry & 1)]
+        if a == ij[0] and b == ij[1]:
             continue
         trials += 1
         S = triad(u_i[a, 0], u_i[a, 1], u_i[a, 2], u_i[b, 0], u_i[b, 1], u_i[b, 2])

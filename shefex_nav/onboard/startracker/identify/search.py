@@ -56,9 +56,9 @@ PASSES = (
 class Pairs(NamedTuple):
     """Pairs of catalogue stars by the cosine of their angle; see StarPairs."""
 
-    cosine: np.ndarray
-    first: np.ndarray
-    second: np.ndarray
+    cosine: np.ndarray  # (m,) ascending
+    star: np.ndarray  # (m, 2) uint16 rows, brighter and fainter
+    fainter: np.ndarray  # (m,) float32 by how many magnitudes
     count: np.ndarray
     slope: float
     intercept: float
@@ -71,7 +71,9 @@ class Best(NamedTuple):
     star: np.ndarray  # (n,) row of the catalogue per detection, -1
     trial_C: np.ndarray  # (3, 3) the one under examination
     L: np.ndarray  # (4, 4) factor of the information of `adjust`
-    score: np.ndarray  # [ln B, ln B of the best different attitude, parameters, sum of squares px^2]
+    score: (
+        np.ndarray
+    )  # [ln B, ln B of the best different attitude, parameters, sum of squares px^2, focal, noise]
 
 
 class Task(NamedTuple):
@@ -126,6 +128,7 @@ def look(task, focal_px, gate_px, free_focal):
         best.C[:] = best.trial_C
         best.L[:] = L
         best.score[0], best.score[2], best.score[3] = odds, n_par, 0.0
+        best.score[4], best.score[5] = f, noise_px
         best.star[:] = -1
         for s in range(n):
             if view.det[s] >= 0:
@@ -162,7 +165,7 @@ def try_pair(task, pairs, u_c, i, j, begin, end, way):
     entry, trials = 2 * begin, TRIALS_PER_PAIR
     while entry < 2 * end:
         entry, C, n = scan(
-            stars.u_i, stars.vmag, stars.start, stars.row, pairs.first, pairs.second, task.table, scene.xy_px,
+            stars.u_i, stars.start, stars.row, pairs.star, pairs.fainter, task.table, scene.xy_px,
             T, frame, lever, gate, (best.star[i], best.star[j]), task.min_stars - 2, entry, 2 * end,
         )  # fmt: skip
         trials += n
@@ -189,25 +192,27 @@ def pairs_by_brightness(n):
 
 
 @njit(cache=True)
-def try_block(task, pairs, u_c, block, way):
-    """A few pairs of detections, those with the fewest catalogue pairs first; attitudes looked at."""
+def try_block(task, pairs, u_c, block, way, limit):
+    """A few pairs of detections, the closest first, as those have the fewest catalogue pairs; trials."""
     m = block.shape[0]
     focal_px = way.focal * task.scene.focal_px
     tolerance = PAIR_GATE * np.sqrt(2.0) * way.noise * task.scene.sigma_px / focal_px
-    begin, end, cost = np.empty(m, dtype=np.int64), np.empty(m, dtype=np.int64), np.empty(m)
+    cost = np.empty(m)
     for k in range(m):
         i, j = block[k, 0], block[k, 1]
-        begin[k], end[k] = window(pairs, u_c, i, j, tolerance)
         dx = task.scene.xy_px[i, 0] - task.scene.xy_px[j, 0]
         dy = task.scene.xy_px[i, 1] - task.scene.xy_px[j, 1]
-        cost[k] = end[k] - begin[k] if dx * dx + dy * dy > SHORT_PX**2 else np.inf
-    trials = m * TRIALS_PER_PAIR
+        distance2 = dx * dx + dy * dy
+        cost[k] = distance2 if distance2 > SHORT_PX**2 else np.inf
+    trials = m
     for _ in range(m):
         k = np.argmin(cost)
-        if cost[k] == np.inf:
+        if cost[k] == np.inf or trials > limit:
             break
         cost[k] = np.inf
-        trials += try_pair(task, pairs, u_c, block[k, 0], block[k, 1], begin[k], end[k], way)
+        i, j = block[k, 0], block[k, 1]
+        begin, end = window(pairs, u_c, i, j, tolerance)
+        trials += try_pair(task, pairs, u_c, i, j, begin, end, way)
         if margin(task) >= task.threshold + SURE:
             break
     return trials
@@ -222,9 +227,10 @@ def lost_in_space(task, pairs, budget):
     for way in PASSES:
         u_c = directions(task.scene, way.focal * task.scene.focal_px)
         for first in range(0, order.shape[0], size):
-            if trials > way.share * budget:
+            left = way.share * budget - trials
+            if left < 0.0:
                 break
-            trials += try_block(task, pairs, u_c, order[first : first + size], way)
+            trials += try_block(task, pairs, u_c, order[first : first + size], way, left)
             if margin(task) >= task.threshold + SURE:
                 return trials
         if margin(task) >= task.threshold:

@@ -1,0 +1,135 @@
+"""Reasons to doubt an attitude that beats chance.
+
+The odds weigh an attitude as a whole. Three things can be wrong with one that no chance explains: stars that
+crowd in one corner carry any attitude that turns about them, and a single false detection far away may set
+that turn; a second image of the sky, shifted by a reflection, is as good a sky as the first; and errors far
+beyond the model make an attitude of those stars that happen to fit. Each is refused.
+"""
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.onboard.startracker.identify.evidence import NOISE_SCALES, cholesky, jacobian, predict
+from shefex_nav.onboard.startracker.identify.odds import log_odds
+
+LEVER_SIGMA = np.radians(0.1)  # a star without which the attitude is less certain must prove itself
+IMAGE_SHIFT_PX = 80.0  # second images are looked for within this distance
+IMAGE_GATE = 5.0  # noise_px, of two shifts that are the same
+IMAGE_STARS = 4  # with the same shift make a second image
+RESIDUAL_QUANTILE = 3.1  # sigma of a normal variable: a right attitude is refused once in a thousand
+
+
+@njit(cache=True)
+def recall(task, focal_px):
+    """Fill the room with the stars of the best attitude and their detections; how many."""
+    best, scene, view = task.best, task.scene, task.room
+    n = predict(task.stars, scene, best.C, focal_px, view)
+    for s in range(n):
+        view.det[s], view.distance2[s] = -1, 0.0
+        for k in range(best.star.shape[0]):
+            if best.star[k] == view.row[s]:
+                dx, dy = scene.xy_px[k, 0] - view.xy_px[s, 0], scene.xy_px[k, 1] - view.xy_px[s, 1]
+                view.det[s], view.distance2[s] = k, dx * dx + dy * dy
+    return n
+
+
+@njit(cache=True)
+def fits_badly(task, n_matched, n_par):
+    """Whether the squared residuals are beyond the largest noise that is thought possible.
+
+    Quantile of chi squared by Wilson and Hilferty (1931).
+    """
+    dof = 2.0 * n_matched - n_par
+    spread = 2.0 / (9.0 * dof)
+    limit = dof * (1.0 - spread + RESIDUAL_QUANTILE * np.sqrt(spread)) ** 3
+    return task.best.score[3] > limit * (NOISE_SCALES[-1] * task.scene.sigma_px) ** 2
+
+
+@njit(cache=True)
+def _variances(L, n_par):
+    """Sum of the first three diagonal elements of (L L')^-1."""
+    total = 0.0
+    column = np.empty(4)
+    for c in range(3):
+        for a in range(n_par):
+            value = 1.0 if a == c else 0.0
+            for b in range(a):
+                value -= L[a, b] * column[b]
+            column[a] = value / L[a, a]
+            total += column[a] ** 2
+    return total
+
+
+@njit(cache=True)
+def leans_on_one_star(task, n, focal_px, noise_px, n_par):
+    """Whether one star fixes the attitude that has no better reason to be a star than chance.
+
+    Each star is left out in turn. Where the others alone leave the attitude uncertain, the odds with the star
+    must beat the odds without it by as much as an attitude must beat chance.
+    """
+    stars, scene, view = task.stars, task.scene, task.room
+    N = np.zeros((4, 4))
+    for s in range(n):
+        if view.det[s] >= 0:
+            _add(N, scene, view, s, focal_px, n_par, 1.0)
+    for s in range(n):
+        k = view.det[s]
+        if k < 0:
+            continue
+        L = N.copy()
+        _add(L, scene, view, s, focal_px, n_par, -1.0)
+        log_det = cholesky(L, n_par)
+        if log_det > -np.inf and noise_px**2 * _variances(L, n_par) < LEVER_SIGMA**2:
+            continue
+        if log_det == -np.inf:
+            return True
+        view.det[s] = -1
+        without = log_odds(
+            stars, scene, task.prior, task.best.C, focal_px, view, n, L, log_det, noise_px, n_par
+        )
+        view.det[s] = k
+        if task.best.score[0] - without < task.threshold:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _add(N, scene, view, s, focal_px, n_par, sign):
+    """Add the information of a star [px^-2 rad^2], lower triangle."""
+    J = jacobian((view.xy_px[s, 0] - scene.cx_px) / focal_px, (view.xy_px[s, 1] - scene.cy_px) / focal_px)
+    for a in range(n_par):
+        ux, uy = (J[a], J[3 + a]) if a < 3 else (J[6], J[7])
+        for b in range(a + 1):
+            vx, vy = (J[b], J[3 + b]) if b < 3 else (J[6], J[7])
+            N[a, b] += sign * focal_px**2 * (ux * vx + uy * vy)
+
+
+@njit(cache=True)
+def has_second_image(task, n, noise_px):
+    """Whether detections that are no stars repeat the stars: all shifted alike, or turned by 180 degrees.
+
+    A window reflects a shifted image of the sky; a lens, one turned about its axis.
+    """
+    scene, view = task.scene, task.room
+    n_det = scene.xy_px.shape[0]
+    shift, m, turned = np.empty((4 * n_det, 2)), 0, 0
+    gate2 = (IMAGE_GATE * noise_px) ** 2
+    for k in range(n_det):
+        if task.best.star[k] >= 0:
+            continue
+        x, y = scene.xy_px[k, 0], scene.xy_px[k, 1]
+        for s in range(n):
+            if view.det[s] < 0:
+                continue
+            star_x, star_y = view.xy_px[s, 0], view.xy_px[s, 1]
+            if (x - star_x) ** 2 + (y - star_y) ** 2 < IMAGE_SHIFT_PX**2 and m < shift.shape[0]:
+                shift[m, 0], shift[m, 1] = x - star_x, y - star_y
+                m += 1
+            turned += (x + star_x - 2.0 * scene.cx_px) ** 2 + (y + star_y - 2.0 * scene.cy_px) ** 2 < gate2
+    most = turned
+    for p in range(m):
+        alike = 0
+        for q in range(m):
+            alike += (shift[p, 0] - shift[q, 0]) ** 2 + (shift[p, 1] - shift[q, 1]) ** 2 < gate2
+        most = max(most, alike)
+    return most >= IMAGE_STARS

@@ -1,0 +1,74 @@
+"""The camera of the public functions: a pinhole with or without distortion."""
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from numba import njit
+
+UNDISTORT_STEPS = 20
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera. Pixel (0, 0) is the centre of the top-left pixel, x right, y down, z along the boresight.
+
+    principal_point_px: (x, y), by default the middle of the detector. distortion: None or
+    (k1, k2, p1, p2, k3) of Brown and Conrady in the order of OpenCV, from the ideal to the distorted image.
+    """
+
+    width_px: int
+    height_px: int
+    focal_length_px: float
+    principal_point_px: tuple | None = None
+    distortion: tuple | None = None
+
+    def __post_init__(self):
+        for name in ("width_px", "height_px", "focal_length_px"):
+            value = getattr(self, name)
+            if not (np.isscalar(value) and isfinite(value) and value > 0):
+                raise ValueError(f"Camera.{name}: expected a positive number, got {value!r}")
+        if self.principal_point_px is None:
+            centre = (0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1))
+        else:
+            centre = numbers("Camera.principal_point_px", self.principal_point_px, (2,))
+        object.__setattr__(self, "principal_point_px", tuple(float(v) for v in centre))
+        if self.distortion is not None:
+            values = numbers("Camera.distortion", self.distortion, (5,))
+            object.__setattr__(self, "distortion", tuple(float(v) for v in values))
+
+
+@njit(cache=True)
+def undistort(pinhole, distortion, xy_px):
+    """Pixels of an ideal pinhole from distorted ones, by iteration. Pinhole, (5,), (n, 2) -> (n, 2)."""
+    k1, k2, p1, p2, k3 = distortion
+    out = np.empty_like(xy_px)
+    for k in range(xy_px.shape[0]):
+        u = (xy_px[k, 0] - pinhole.cx_px) / pinhole.focal_length_px
+        v = (xy_px[k, 1] - pinhole.cy_px) / pinhole.focal_length_px
+        x, y = u, v
+        for _ in range(UNDISTORT_STEPS):
+            r2 = x * x + y * y
+            radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+            dx = 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+            dy = p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+            x, y = (u - dx) / radial, (v - dy) / radial
+        out[k, 0] = pinhole.cx_px + pinhole.focal_length_px * x
+        out[k, 1] = pinhole.cy_px + pinhole.focal_length_px * y
+    return out
+
+
+def numbers(name, value, shape):
+    """Finite float array of a shape, where None is any length; or a ValueError that says what is wrong."""
+    try:
+        array = np.array(value, dtype=np.float64, order="C")  # a copy: one layout, one compilation
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected numbers of shape {shape}, got {value!r}") from None
+    fits = array.ndim == len(shape) and all(
+        wanted in (None, has) for wanted, has in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        raise ValueError(f"{name}: expected shape {str(shape).replace('None', 'n')}, got {array.shape}")
+    if not isfinite(array.sum()):  # one NaN or infinity is enough
+        raise ValueError(f"{name}: contains NaN or infinite values")
+    return array
