@@ -216,10 +216,10 @@ def verdict(task, n_matched, n_par):
         if best.score[0] >= task.threshold:
             return AMBIGUOUS
         return TOO_FEW_STARS if len(best.star) < task.min_stars else NO_MATCH
-    if fits_badly(task, n_matched, n_par):
-        return RESIDUALS
     focal_px, noise_px = best.score[4], best.score[5]
     n = recall(task, focal_px)
+    if fits_badly(task, n, n_matched, n_par):
+        return RESIDUALS
     if leans_on_one_star(task, n, focal_px, noise_px, n_par) or has_second_image(task, n, noise_px):
         return AMBIGUOUS
     return 0

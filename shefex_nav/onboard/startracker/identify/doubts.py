@@ -9,21 +9,16 @@ beyond the model make an attitude of those stars that happen to fit. Each is ref
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker.identify.evidence import (
-    NOISE_SCALES,
-    TAIL_SCALE,
-    TAIL_SHARE,
-    cholesky,
-    jacobian,
-    predict,
-)
+from shefex_nav.onboard.startracker.identify.evidence import NOISE_SCALES, cholesky, jacobian, predict
 from shefex_nav.onboard.startracker.identify.odds import log_odds
 
-LEVER_SIGMA = np.radians(0.1)  # a star without which the attitude is less certain must prove itself
+LEVER_SIGMA = np.radians(0.1)  # a star without which the attitude is less certain than this ...
+LEVER = 2.0  # ... and than so many times what it is with it, must prove itself
 IMAGE_SHIFT_PX = 80.0  # second images are looked for within this distance
 SAME_PLACE_PX = 4.0  # a nearer detection is part of the star
 IMAGE_GATE, WIDEST_IMAGE_GATE = 5.0, 1.5  # noise_px, at most px: two shifts that are the same
 IMAGE_STARS = 4  # with the same shift make a second image
+KEPT, KEPT_SHARE = 0.75, 0.403  # share of the matches, and of the sum of squares that they have on average
 RESIDUAL_QUANTILE = 3.1  # sigma of a normal variable: a right attitude is refused once in a thousand
 
 
@@ -42,16 +37,22 @@ def recall(task, focal_px):
 
 
 @njit(cache=True)
-def fits_badly(task, n_matched, n_par):
+def fits_badly(task, n, n_matched, n_par):
     """Whether the squared residuals are beyond the largest noise that is thought possible.
 
-    Quantile of chi squared by Wilson and Hilferty (1931).
+    Of the best KEPT of the matches: a few double stars do not count. Quantile of chi squared by Wilson and
+    Hilferty (1931).
     """
+    distance2, m = np.empty(n_matched), 0
+    for s in range(n):
+        if task.room.det[s] >= 0 and m < n_matched:
+            distance2[m] = task.room.distance2[s]
+            m += 1
+    best = np.sort(distance2[:m])[: int(np.ceil(KEPT * m))]
     dof = 2.0 * n_matched - n_par
     spread = 2.0 / (9.0 * dof)
     limit = dof * (1.0 - spread + RESIDUAL_QUANTILE * np.sqrt(spread)) ** 3
-    variance = (NOISE_SCALES[-1] * task.scene.sigma_px) ** 2 * (1.0 + TAIL_SHARE * (TAIL_SCALE**2 - 1.0))
-    return task.best.score[3] > limit * variance
+    return best.sum() > KEPT_SHARE * limit * (NOISE_SCALES[-1] * task.scene.sigma_px) ** 2
 
 
 @njit(cache=True)
@@ -81,6 +82,10 @@ def leans_on_one_star(task, n, focal_px, noise_px, n_par):
     for s in range(n):
         if view.det[s] >= 0:
             _add(N, scene, view, s, focal_px, n_par, 1.0)
+    L = N.copy()
+    if cholesky(L, n_par) == -np.inf:
+        return True
+    tolerable = max(LEVER_SIGMA**2, LEVER**2 * noise_px**2 * _variances(L, n_par))
     for s in range(n):
         k = view.det[s]
         if k < 0:
@@ -88,7 +93,7 @@ def leans_on_one_star(task, n, focal_px, noise_px, n_par):
         L = N.copy()
         _add(L, scene, view, s, focal_px, n_par, -1.0)
         log_det = cholesky(L, n_par)
-        if log_det > -np.inf and noise_px**2 * _variances(L, n_par) < LEVER_SIGMA**2:
+        if log_det > -np.inf and noise_px**2 * _variances(L, n_par) < tolerable:
             continue
         if log_det == -np.inf:
             return True
