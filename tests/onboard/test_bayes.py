@@ -158,7 +158,7 @@ def test_scan_against_brute_force():
         hits, _ = screen.screen.py_func(
             stars.u_i, stars.start, stars.row, table, scene.xy_px, C, frame, lever, a, b
         )
-        assert hits == brute_hits(stars, scene, C_ci, lever, a, b)
+        assert hits == min(brute_hits(stars, scene, C_ci, lever, a, b), screen.CONVINCING)
         entry, checked = entry + 1, checked + 1
         if checked == 150:
             break

@@ -15,6 +15,7 @@ MAX_DETECTIONS = 64  # one bit each
 REACH_PX = 10.0  # no prediction is trusted to be worse
 STAR_GATE = 3.5  # sigma of a place predicted by a pair
 WORK_PER_TRIAL = 4  # cost of an attitude, in stars looked at
+CONVINCING = 5  # further stars are worth a closer look, however many fainter ones are missing
 PATIENCE_PER_HIT = 3  # bright stars more that may be missing for each that is found
 
 
@@ -39,7 +40,7 @@ def detection_table(scene):
 def screen(u_i, start, row, table, xy_px, C, frame, lever, a, b):
     """Further stars found near where an attitude puts them, and how many stars were looked at.
 
-    -1 is found as soon as too many bright ones are missing.
+    No more than CONVINCING; -1 is found as soon as too many bright ones are missing.
     The innermost loop of the search, so it takes plain arrays and numbers: C is (3, 3) row by row; frame is
     focal_px, cx, cy, right, bottom, border and the patience; lever is the middle of the pair (x, y), and the
     squared gate as c0 + c1 r^2 at the distance r from it.
@@ -68,6 +69,8 @@ def screen(u_i, start, row, table, xy_px, C, frame, lever, a, b):
                 k += 1
             if near:
                 hits += 1
+                if hits == CONVINCING:
+                    return hits, e + 1 - start[cell]
                 patience += PATIENCE_PER_HIT
                 continue
         due = (x > border) & (y > border) & (x < right - border) & (y < bottom - border)
