@@ -78,7 +78,7 @@ def test_judgement():
 
 
 def test_shares_agree_when_their_intervals_meet():
-    """Of 10 000 each: 118 and 124 may be the same, 118 and 30 may not; 0 published leaves room for 2, not 20."""
+    """Of 10 000 each: 118 and 124 may be the same, 118 and 30 may not; 0 leaves room for 2 and not for 20."""
 
     def row(published, k):
         return bright_methods.share_row("q", "c", published, k, 10000, 10000, "because")
