@@ -23,18 +23,19 @@ from shefex_nav.onboard.startracker.shape import STEP_SIGMAS, measure
 PER_SIGMA = 128  # steps of the tables below; linear interpolation is good to 2e-6
 REACH = 6  # sigmas
 _Z = np.arange(-REACH * PER_SIGMA, REACH * PER_SIGMA + 2) / PER_SIGMA
-CDF = np.array([0.5 * (1.0 + erf(z / sqrt(2.0))) for z in _Z])
-DENSITY = np.array([exp(-0.5 * z * z) / sqrt(2.0 * pi) for z in _Z])
+NORMAL = np.array([[0.5 * (1.0 + erf(z / sqrt(2.0))), exp(-0.5 * z * z) / sqrt(2.0 * pi)] for z in _Z])
 
 MOST_STEPS = 8
 SMALL_STEP_PX = 0.02  # the next step of Gauss and Newton would be the square of that
+SMALL_STEP_FLUX = 0.1  # relative; the flux is linear, only the weights and the covariance wait for it
 FARTHEST_PX = 2.0  # from the first centroid; further away it is not this star that is fitted
 WINDOW = (2.5, 5.0)  # sigmas, least and greatest radius of the pixels that are used
 WINDOW_NOISE = 0.5  # the window reaches to where the star's light is this fraction of the noise
 LARGEST_REACH = 31  # px
 LEAST_PIXELS = 6  # with light, that are not saturated
 PRIOR_DOF = 30.0  # weight of the expected misfit against the one seen [E]
-UNFITTED_PX = 0.3  # error of what no star shape fits, per axis [E]
+UNFITTED_PX = 0.15  # error of the scan's centroid of what the shape does not fit, per axis [E]
+MOST_MISFIT = 9.0  # chi squared per pixel; slopes of a saturated star that fit worse say nothing of its place
 
 # columns of the result
 COLUMNS = 6  # x, y, flux, xx, xy, yy
@@ -96,7 +97,7 @@ def fit(image_dn, table, shape, saturation_dn, dn_per_electron):
     # a neighbour's light counts over the greatest window of both
     spread = shape.sigma_px + 0.3 * max(abs(shape.streak_x), abs(shape.streak_y))
     near_px = 2.0 * min(WINDOW[0] * spread + 1.0, LARGEST_REACH)
-    work = np.empty((3, 2 * LARGEST_REACH + 1, 2 * LARGEST_REACH + 1))
+    work = np.empty((6, 2 * LARGEST_REACH + 2, 2 * LARGEST_REACH + 2))
     others = np.empty((n, COLUMNS))
     for turn in range(2):
         for k in range(n):
@@ -146,10 +147,11 @@ def _edges(centre, first, n, sigma, share, slope):
     for k in range(n + 1):
         place = ((first + k - 0.5 - centre) * inverse + REACH) * PER_SIGMA
         place = min(max(place, 0.0), 2.0 * REACH * PER_SIGMA)
-        index = int(place)
+        index = np.uint64(place)
         part = place - index
-        above_c = CDF[index] + part * (CDF[index + 1] - CDF[index])
-        above_d = (DENSITY[index] + part * (DENSITY[index + 1] - DENSITY[index])) * inverse
+        next_one = index + np.uint64(1)
+        above_c = NORMAL[index, 0] + part * (NORMAL[next_one, 0] - NORMAL[index, 0])
+        above_d = (NORMAL[index, 1] + part * (NORMAL[next_one, 1] - NORMAL[index, 1])) * inverse
         if k > 0:
             share[k - 1], slope[k - 1] = above_c - below_c, below_d - above_d
         below_c, below_d = above_c, above_d
@@ -158,102 +160,141 @@ def _edges(centre, first, n, sigma, share, slope):
 @njit(cache=True)
 def _model(spots, x, y, left, top, width, height, work):
     """Write the light of a star of flux one, and its derivatives to x and y, to work[:, :height, :width]."""
-    columns, slopes = np.empty(width), np.empty(width)
-    rows, row_slopes = np.empty(height), np.empty(height)
-    n = spots.shape[0]
-    work[:, :height, :width] = 0.0
-    for k in range(n):
-        _edges(x + spots[k, 0], left, width, spots[k, 2], columns, slopes)
+    edges = work[3]
+    columns, column_slopes, rows, row_slopes = edges[0], edges[1], edges[2], edges[3]
+    share = 1.0 / spots.shape[0]
+    for k in range(spots.shape[0]):
+        _edges(x + spots[k, 0], left, width, spots[k, 2], columns, column_slopes)
         _edges(y + spots[k, 1], top, height, spots[k, 2], rows, row_slopes)
         for r in range(height):
-            light, to_y = rows[r] / n, row_slopes[r] / n
+            light, slope = rows[r] * share, row_slopes[r] * share
+            spot, to_x, to_y = work[0, r], work[1, r], work[2, r]
+            if k == 0:
+                for c in range(width):
+                    spot[c] = light * columns[c]
+                    to_x[c] = light * column_slopes[c]
+                    to_y[c] = slope * columns[c]
+            else:
+                for c in range(width):
+                    spot[c] += light * columns[c]
+                    to_x[c] += light * column_slopes[c]
+                    to_y[c] += slope * columns[c]
+
+
+@njit(cache=True)
+def _window(star, spots, shape):
+    """First and last column and row of the pixels that are used for a star."""
+    half_x, half_y = abs(spots[0, 0]), abs(spots[0, 1])
+    sigma = spots[0, 2]
+    peak = star[FLUX] / (2.0 * pi * sigma * (sigma + 0.8 * np.hypot(half_x, half_y)))
+    radius = np.sqrt(2.0 * np.log(max(peak / (WINDOW_NOISE * star[NOISE]), 1.0)))
+    radius = min(max(radius, WINDOW[0]), WINDOW[1]) * sigma
+    reach_x = min(int(radius + half_x + 0.5), LARGEST_REACH)
+    reach_y = min(int(radius + half_y + 0.5), LARGEST_REACH)
+    column, row = int(np.rint(star[X])), int(np.rint(star[Y]))
+    left, right = max(0, column - reach_x), min(shape[1] - 1, column + reach_x)
+    top, bottom = max(0, row - reach_y), min(shape[0] - 1, row + reach_y)
+    return left, top, right - left + 1, bottom - top + 1
+
+
+@njit(cache=True)
+def _pixels(image_dn, star, spots, others, window, saturation_dn, dn_per_electron, work):
+    """Write the light of one star, without the others', to work[4], and its variance to work[5].
+
+    The variance lacks the star's own shot noise; that of a saturated pixel is infinite. Returns how many are
+    not.
+    """
+    left, top, width, height = window
+    light, variance = work[4], work[5]
+    noise2, n = star[NOISE] ** 2, 0
+    for r in range(height):
+        for c in range(width):
+            value = image_dn[top + r, left + c]
+            light[r, c] = value - star[BACKGROUND]
+            variance[r, c] = noise2 if value < saturation_dn else np.inf
+            n += value < saturation_dn
+    for j in range(others.shape[0]):
+        _model(spots, others[j, 0], others[j, 1], left, top, width, height, work)
+        for r in range(height):
             for c in range(width):
-                work[0, r, c] += light * columns[c]
-                work[1, r, c] += light * slopes[c]
-                work[2, r, c] += to_y * columns[c]
+                other = others[j, FITTED_FLUX] * work[0, r, c]
+                light[r, c] -= other
+                variance[r, c] += other * dn_per_electron
+    return n
+
+
+@njit(cache=True)
+def _equations(flux, window, dn_per_electron, work):
+    """Normal equations of place and flux: six sums of the matrix, three of the right side, chi squared."""
+    _, _, width, height = window
+    xx, xy, yy, xf, yf, ff, bx, by, bf, chi2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    shot = flux * dn_per_electron
+    for r in range(height):
+        spot, slope_x, slope_y, light, variance = work[0, r], work[1, r], work[2, r], work[4, r], work[5, r]
+        for c in range(width):
+            weight = 1.0 / (variance[c] + shot * spot[c])
+            rest = light[c] - flux * spot[c]
+            to_x, to_y, to_f = weight * slope_x[c], weight * slope_y[c], weight * spot[c]
+            xx += to_x * slope_x[c]
+            xy += to_x * slope_y[c]
+            yy += to_y * slope_y[c]
+            xf += to_x * spot[c]
+            yf += to_y * spot[c]
+            ff += to_f * spot[c]
+            bx += to_x * rest
+            by += to_y * rest
+            bf += to_f * rest
+            chi2 += weight * rest * rest
+    return (
+        xx * flux * flux,
+        xy * flux * flux,
+        yy * flux * flux,
+        xf * flux,
+        yf * flux,
+        ff,
+        bx * flux,
+        by * flux,
+        bf,
+        chi2,
+    )
 
 
 @njit(cache=True)
 def _fit_one(image_dn, star, spots, others, saturation_dn, dn_per_electron, work, fitted):
     """Fit one object, less the light of the others; write to `fitted`, returns whether it succeeded."""
-    n_rows, n_columns = image_dn.shape
-    x, y, flux = star[X], star[Y], star[FLUX]
-    noise2 = star[NOISE] ** 2
-    sigma = spots[0, 2]
-    half_x, half_y = abs(spots[0, 0]), abs(spots[0, 1])
-    peak = flux / (2.0 * pi * sigma * (sigma + 0.8 * np.hypot(half_x, half_y)))
-    radius = np.sqrt(2.0 * np.log(max(peak / (WINDOW_NOISE * star[NOISE]), 1.0)))
-    radius = min(max(radius, WINDOW[0]), WINDOW[1]) * sigma
-    reach_x = min(int(radius + half_x + 0.5), LARGEST_REACH)
-    reach_y = min(int(radius + half_y + 0.5), LARGEST_REACH)
-    left, right = max(0, int(np.rint(x)) - reach_x), min(n_columns - 1, int(np.rint(x)) + reach_x)
-    top, bottom = max(0, int(np.rint(y)) - reach_y), min(n_rows - 1, int(np.rint(y)) + reach_y)
-    width, height = right - left + 1, bottom - top + 1
-    if width < 3 or height < 3:
+    window = _window(star, spots, image_dn.shape)
+    n_used = _pixels(image_dn, star, spots, others, window, saturation_dn, dn_per_electron, work)
+    if n_used < LEAST_PIXELS:
         return False
-
-    data = np.empty((height, width))
-    for r in range(height):
-        for c in range(width):
-            data[r, c] = image_dn[top + r, left + c] - star[BACKGROUND]
-    shot = np.zeros((height, width))  # variance that the others bring
-    for j in range(others.shape[0]):
-        _model(spots, others[j, 0], others[j, 1], left, top, width, height, work)
-        for r in range(height):
-            for c in range(width):
-                light = others[j, FITTED_FLUX] * work[0, r, c]
-                data[r, c] -= light
-                shot[r, c] += light * dn_per_electron
-
-    normal, right_side = np.empty(6), np.empty(3)
+    left, top, width, height = window
+    x, y, flux = star[X], star[Y], star[FLUX]
+    sigma = spots[0, 2]
     for _ in range(MOST_STEPS):
         _model(spots, x, y, left, top, width, height, work)
-        normal[:], right_side[:] = 0.0, 0.0
-        chi2, n_used = 0.0, 0
-        for r in range(height):
-            for c in range(width):
-                if image_dn[top + r, left + c] >= saturation_dn:
-                    continue
-                light = work[0, r, c]
-                to_x, to_y = flux * work[1, r, c], flux * work[2, r, c]
-                weight = 1.0 / (noise2 + shot[r, c] + flux * light * dn_per_electron)
-                rest = data[r, c] - flux * light
-                normal[0] += weight * to_x * to_x
-                normal[1] += weight * to_x * to_y
-                normal[2] += weight * to_y * to_y
-                normal[3] += weight * to_x * light
-                normal[4] += weight * to_y * light
-                normal[5] += weight * light * light
-                right_side[0] += weight * to_x * rest
-                right_side[1] += weight * to_y * rest
-                right_side[2] += weight * light * rest
-                chi2 += weight * rest * rest
-                n_used += 1
-        if n_used < LEAST_PIXELS or normal[5] <= 0.0:
+        xx, xy, yy, xf, yf, ff, bx, by, bf, chi2 = _equations(flux, window, dn_per_electron, work)
+        if ff <= 0.0:
             return False
         # flux eliminated: 2x2 equations of the place
-        a = normal[0] - normal[3] * normal[3] / normal[5]
-        b = normal[1] - normal[3] * normal[4] / normal[5]
-        d = normal[2] - normal[4] * normal[4] / normal[5]
+        a, b, d = xx - xf * xf / ff, xy - xf * yf / ff, yy - yf * yf / ff
         det = a * d - b * b
         if not (a > 0.0 and det > 1e-12 * a * a):
             return False
-        e = right_side[0] - normal[3] * right_side[2] / normal[5]
-        f = right_side[1] - normal[4] * right_side[2] / normal[5]
+        e, f = bx - xf * bf / ff, by - yf * bf / ff
         dx, dy = (d * e - b * f) / det, (a * f - b * e) / det
-        d_flux = (right_side[2] - normal[3] * dx - normal[4] * dy) / normal[5]
+        d_flux = (bf - xf * dx - yf * dy) / ff
         step = np.hypot(dx, dy)
         scale = min(1.0, sigma / step) if step > 0.0 else 1.0
-        x += scale * dx
-        y += scale * dy
-        flux = max(flux + scale * d_flux, 0.3 * flux)
+        x, y = x + scale * dx, y + scale * dy
+        old_flux, flux = flux, max(flux + scale * d_flux, 0.3 * flux)
         if np.hypot(x - star[X], y - star[Y]) > FARTHEST_PX + 0.5 * sigma:
             return False
-        if step < SMALL_STEP_PX and abs(d_flux) < 0.1 * flux:
+        if step < SMALL_STEP_PX and abs(flux - old_flux) < SMALL_STEP_FLUX * flux:
             break
     else:
         return False
-    chi2 -= right_side[0] * dx + right_side[1] * dy + right_side[2] * d_flux  # after the last step
+    chi2 -= bx * dx + by * dy + bf * d_flux  # what the last step takes away
+    if n_used < width * height and chi2 > MOST_MISFIT * n_used:
+        return False
     factor = max(1.0, (PRIOR_DOF + chi2) / (PRIOR_DOF + n_used - 3.0))
     fitted[0], fitted[1], fitted[2] = x, y, flux
     fitted[3], fitted[4], fitted[5] = factor * d / det, -factor * b / det, factor * a / det

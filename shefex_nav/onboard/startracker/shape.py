@@ -10,14 +10,15 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker.scan import BACKGROUND, SATURATED, XX, XY, YY, X, Y
+from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, PIXELS, SATURATED, XX, XY, YY, X, Y
 
-MOST_STARS = 15  # brightest ones that are measured
+MOST_STARS = 9  # brightest ones that are measured
+LEAST_SIGNAL = 8.0  # of an object, in noise; what is fainter may be noise itself
 ROUNDS = 2
 BLOCK_VARIANCE = 2.0 / 3.0  # px^2 per axis, of the 3x3 pixels of a block
 PIXEL_VARIANCE = 1.0 / 12.0  # px^2 per axis, of one pixel
 LEAST_SIGMA = 0.3  # px; a narrower spot lies in one pixel and has no shape
-STEP_SIGMAS = 1.2  # two spots this far apart, in sigmas, add up to a smooth ridge
+STEP_SIGMAS = 1.6  # two spots this far apart, in sigmas, add up to a smooth ridge
 
 
 class Shape(NamedTuple):
@@ -32,12 +33,13 @@ class Shape(NamedTuple):
 def measure(image_dn, table, saturation_dn, default_sigma_px):
     """Shape of the stars in a frame. Frame, objects, DN, px -> Shape.
 
-    default_sigma_px is the width where the frame shows no star that is not saturated.
+    default_sigma_px is the width where the frame shows no clear star that is not saturated.
     """
     n = 0
     chosen = np.empty(MOST_STARS, dtype=np.int64)
     for k in range(table.shape[0]):
-        if table[k, SATURATED] == 0 and n < MOST_STARS:
+        signal_to_noise = table[k, FLUX] / (table[k, NOISE] * np.sqrt(table[k, PIXELS]))
+        if table[k, SATURATED] == 0 and signal_to_noise > LEAST_SIGNAL and n < MOST_STARS:
             chosen[n] = k
             n += 1
     if n == 0:
