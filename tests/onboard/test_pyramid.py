@@ -4,9 +4,14 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from slow_identify import Sky, volume
 from star_fields import (
     CAMERA,
+    CATALOGUE,
+    DEG,
     IDENTIFY,
+    YEAR,
+    all_stars,
     centroid_list,
     random_attitude,
     ready_tracker,
@@ -14,6 +19,7 @@ from star_fields import (
 
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import rotvec_between
+from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.identify import pyramid
 from shefex_nav.records import Reason
@@ -117,12 +123,100 @@ def test_smart_triads_are_all_triads():
     assert (triads[:10] == 0).any(axis=1).sum() == 1
 
 
-def test_cosine_limits_hold_the_angle():
-    rng = np.random.default_rng(7)
-    u_c = unit_vectors(CAMERA, rng.uniform([0.0, 0.0], [658.0, 492.0], (6, 2)))
-    low, high = pyramid.cosine_limits(u_c, 1e-3)
-    for i, j in combinations(range(6), 2):
-        angle = np.arctan2(np.linalg.norm(np.cross(u_c[i], u_c[j])), u_c[i] @ u_c[j])
-        assert np.arccos(low[i, j]) - angle == pytest.approx(1e-3, abs=1e-8)
-        assert angle - np.arccos(high[i, j]) == pytest.approx(1e-3, abs=1e-8)
-    np.testing.assert_array_equal(low, low.T)
+def reference(params, pairs, u_c):
+    """`match` with sets: the stars of the first triad on which exactly one pyramid stands, or None."""
+    sky, tolerance, n = Sky(pairs), params.tolerance, len(u_c)
+    for triad in pyramid.smart_triads(n).tolist():
+        standing = []
+        for abc in sky.tuples(u_c, triad, tolerance):
+            if volume(u_c, triad) * volume(sky.u_i, abc) <= 0.0:
+                continue
+            row = dict(zip(triad, abc, strict=True))
+            for d in set(range(n)) - set(triad):
+                fourth = {q[3] for q in sky.tuples(u_c, [*triad, d], tolerance) if q[:3] == abc}
+                if len(fourth) == 1:
+                    row[d] = fourth.pop()
+            if len(row) > 3:
+                standing.append([row.get(k, -1) for k in range(n)])
+        if len(standing) == 1:
+            return standing[0]
+    return None
+
+
+def small_pairs():
+    stars = catalogue.build(CATALOGUE._replace(max_magnitude=4.6), all_stars(), YEAR)
+    return catalogue.pair_table(stars, 18.6 * DEG)
+
+
+@pytest.mark.parametrize("tolerance, n_false", [(0.018 * DEG, 2), (0.15 * DEG, 1)])
+def test_match_against_sets_of_pairs(tolerance, n_false):
+    """Also with a tolerance so wide that triangles and pyramids are ambiguous."""
+    rng = np.random.default_rng(71)
+    pairs, params = small_pairs(), IDENTIFY._replace(tolerance=tolerance, max_centroids=7)
+    for _ in range(12):
+        u_c, flux, star = centroid_list(rng, pairs.stars, random_attitude(rng), n_false)
+        u_c, flux, star = u_c[:7], flux[:7], star[:7]
+        if len(star) < 4:
+            continue
+        found, expected = pyramid.match(params, pairs, u_c, flux), reference(params, pairs, u_c)
+        if expected is None:
+            assert found.reason == Reason.NO_MATCH and (found.star == -1).all()
+        else:
+            assert found.reason == Reason.NONE
+            np.testing.assert_array_equal(found.star, expected)
+
+
+def three_stars(rng, pairs):
+    while True:
+        u_c, flux, star = centroid_list(rng, pairs.stars, random_attitude(rng), 0)
+        if len(star) == 3:
+            return u_c, flux, star
+
+
+def test_a_triangle_is_believed_only_on_demand():
+    rng, pairs = np.random.default_rng(81), small_pairs()
+    n_right = 0
+    for _ in range(20):
+        u_c, flux, star = three_stars(rng, pairs)
+        assert pyramid.match(IDENTIFY, pairs, u_c, flux).reason == Reason.TOO_FEW_STARS
+        found = pyramid.match(IDENTIFY, pairs, u_c, flux, accept_triangle=True)
+        if found.reason == Reason.NONE:
+            n_right += (found.star == star).all()
+    assert n_right >= 18
+    u_c, flux, star = three_stars(rng, pairs)  # with a fourth that is none of the catalogue
+    u_c = np.vstack([u_c, unit_vectors(CAMERA, np.array([[333.0, 222.0]]))])
+    found = pyramid.match(IDENTIFY, pairs, u_c, np.append(flux, flux[-1] / 2), accept_triangle=True)
+    assert found.reason == Reason.NONE
+    np.testing.assert_array_equal(found.star, [*star, -1])
+
+
+def test_cos_error_is_the_equation_of_the_paper():
+    """c = 1, 18.57 deg, 0.15 px of 0.02 deg: 1.7e-5; the chosen 5.5e-5 is c = 3.3."""
+    plain = pyramid.cos_error(1.0, 18.57 * DEG, 0.15, 0.02 * DEG)
+    assert plain == pytest.approx(np.sin(18.57 * DEG) * 0.15 * 0.02 * DEG, rel=1e-3)
+    assert pyramid.cos_error(3.3, 18.57 * DEG, 0.15, 0.02 * DEG) == pytest.approx(5.5e-5, rel=0.01)
+
+
+def test_constant_tolerance_of_the_cosine():
+    """With SHEFEX's cosError the pyramid works as well; with one too small it finds little."""
+    rng, pairs = np.random.default_rng(91), ready_tracker().pairs
+    fields = [centroid_list(rng, pairs.stars, random_attitude(rng), 0) for _ in range(60)]
+    fields = [field for field in fields if len(field[2]) >= 4]
+
+    def solved(cos_error):
+        params = IDENTIFY._replace(cos_error=cos_error)
+        results = [pyramid.match(params, pairs, u_c, flux) for u_c, flux, _ in fields]
+        return sum(found.reason == Reason.NONE for found in results)
+
+    assert solved(5.5e-5) >= 0.97 * len(fields)
+    assert solved(2e-7) < 0.2 * len(fields)
+
+
+def test_angles_outside_the_table_match_nothing():
+    """A camera with twice the field of the table: no angle can be looked up."""
+    u_c = unit_vectors(
+        CAMERA._replace(focal_length_px=600.0), np.array([[0, 0], [658, 0], [0, 492], [658, 492]], float)
+    )
+    for method in (pyramid.identify, pyramid.match):
+        found = method(IDENTIFY, ready_tracker().pairs, u_c, np.ones(4))
+        assert found.reason == Reason.NO_MATCH and (found.star == -1).all()

@@ -3,11 +3,12 @@
 Every pair of detections is looked up in the catalogue; each pair of stars that has its angle votes, and as an
 angle does not say which end is which, both stars get a vote at both detections. The star with most votes is
 the detection's identity for the time being. In a second vote all pairs of identities whose own angle is the
-measured one vote for each other; right ones support each other, wrong ones stand alone. A cluster, grown
-from the identity with most of these votes, is the answer.
+measured one vote for each other; right ones support each other, wrong ones stand alone. The cluster of those
+that support each other is the answer.
 
-The papers call the clustering simple and do not describe it. Here: identities join in the order of their
-votes when they agree with all that are in. Three are the least that an attitude can be checked with.
+The papers call the clustering simple and do not describe it. Here: from each identity a group grows, others
+join in the order of their votes when they agree with all that are in, and the largest group is the cluster.
+Three are the least that an attitude can be checked with.
 `match` believes the cluster; `identify` has it verified.
 """
 
@@ -103,18 +104,25 @@ def validation_vote(table, sides, identity):
 
 @njit(cache=True)
 def cluster(agree):
-    """Detections whose identities all agree, from most votes to fewest: (n,) bool."""
+    """The largest group that grows from one detection: all its identities agree. (n, n) -> (n,) bool.
+
+    The others join in the order of their votes. Every detection is tried as the first: one wrong identity
+    that agrees with a right one by chance must not keep the rest out.
+    """
     n = agree.shape[0]
     order = np.argsort(-agree.sum(axis=1), kind="mergesort")
-    member = np.zeros(n, dtype=np.bool_)
-    for k in order:
-        joins = True
-        for m in range(n):
-            if member[m] and not agree[k, m]:
-                joins = False
-                break
-        member[k] = joins
-    return member
+    largest, n_largest = np.zeros(n, dtype=np.bool_), 0
+    for seed in order:
+        member = np.zeros(n, dtype=np.bool_)
+        member[seed] = True
+        n_members = 1
+        for k in order:
+            if agree[k, seed] and (agree[k] & member).sum() == n_members:
+                member[k] = True
+                n_members += 1
+        if n_members > n_largest:
+            largest, n_largest = member, n_members
+    return largest
 
 
 @njit(cache=True)
