@@ -26,7 +26,8 @@ from shefex_nav.reproduce.shefex_field import (
     match,
     random_attitude,
 )
-from shefex_nav.solve.centroids import Camera, solve_centroids, undistort
+from shefex_nav.solve.camera import Camera, undistort
+from shefex_nav.solve.centroids import solve_centroids
 
 # --- shefex-attitude ---
 
