@@ -12,6 +12,7 @@ import signal
 import threading
 import time
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from multiprocessing.connection import wait
 from typing import NamedTuple
 
@@ -85,14 +86,27 @@ def _parallel(measure, todo, workers, progress):
         for future, (size, _) in zip(futures, todo, strict=True):
             results.append(future.result())
             progress(size)
-        return results
     except BaseException:
-        for process in set(multiprocessing.active_children()) - before:
-            process.terminate()
-        pool.shutdown(wait=False, cancel_futures=True)
+        with _undisturbed():
+            for process in set(multiprocessing.active_children()) - before:
+                process.terminate()
+            pool.shutdown(wait=True, cancel_futures=True)
         raise
+    pool.shutdown()
+    return results
+
+
+@contextmanager
+def _undisturbed():
+    """A second Ctrl-C must not stop the tidying up. Only the main thread may say so."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        signal.signal(signal.SIGINT, handler)
 
 
 def _prepare_worker():

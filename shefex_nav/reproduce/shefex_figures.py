@@ -89,15 +89,18 @@ def draw_attitude(figure, results, _rows):
     """Errors about the three axes against the centroid error (figure 10)."""
     from shefex_nav.reproduce import shefex_attitude as attitude
 
-    errors = np.concatenate(results)[:, 0]
+    errors, known = np.moveaxis(np.concatenate([errors for errors, _ in results]), 1, 0)
     figure.set_size_inches(8.0, 5.4)
     axis = figure.subplots()
     for k, name in enumerate(attitude.AXES):
         style = {"color": COLOURS[k], "ms": 4, "lw": 1.2}
-        label = f"{name}: 97.5th percentile" + (", 3 sigma dashed" if k == 2 else "")
+        label = f"{name}: 97.5th percentile" + (" (3 sigma dashed)" if k == 2 else "")
         curve = attitude.percentiles(errors[:, :, k])
         axis.plot(attitude.ERRORS_PX, curve, STYLES[k], label=label, **style)
         axis.plot(attitude.ERRORS_PX, attitude.three_sigma(errors[:, :, k]), "--", color=COLOURS[k], lw=1.0)
+    axis.set_ylim(0.0, 1.3 * np.nanmax(curve))  # of yaw: a single wild attitude does not set the scale
+    curve = attitude.percentiles(known[:, :, 2])
+    axis.plot(attitude.ERRORS_PX, curve, color="0.6", lw=1.2, label="yaw, all stars known")
     axis.axhline(attitude.LIMIT_DEG, color="0.3", lw=0.9, ls=":")
     axis.axvline(attitude.CROSSING_PX, color="0.3", lw=0.9, ls=":")
     axis.set_xlabel("centroid error per axis [px]")
@@ -106,7 +109,6 @@ def draw_attitude(figure, results, _rows):
         "as figure 10; dotted: the requirement, and where the paper passes it", loc="left", fontsize=10
     )
     axis.set_xlim(0.0, attitude.ERRORS_PX[-1])
-    axis.set_ylim(bottom=0.0)
     axis.legend(frameon=False, fontsize=9)
     _tidy(axis)
 

@@ -67,11 +67,12 @@ def rms(values, confidence=CONFIDENCE):
     """Interval of the root of the mean square of independent values.
 
     From the scatter of the squares themselves (their mean is nearly normal), so it holds for errors with
-    heavy tails too, where the chi-square interval of a normal distribution is too narrow.
+    heavy tails too, where the chi-square interval of a normal distribution is too narrow. One value says
+    nothing of its scatter: the interval has no upper end.
 
     Parameters
     ----------
-    values : (n,), n >= 2
+    values : (n,), n >= 1
     confidence : float
 
     Returns
@@ -81,17 +82,17 @@ def rms(values, confidence=CONFIDENCE):
     squares = _numbers(values) ** 2
     n = len(squares)
     if n < 2:
-        raise ValueError("an interval of an RMS needs at least two values")
+        return 0.0, np.inf
     half = float(stats.t.ppf(0.5 + 0.5 * confidence, n - 1)) * squares.std(ddof=1) / np.sqrt(n)
     mean = squares.mean()
     return float(np.sqrt(max(mean - half, 0.0))), float(np.sqrt(mean + half))
 
 
 def mean(values, confidence=CONFIDENCE):
-    """Interval of a mean (Student). (n,), n >= 2 -> (low, high)."""
+    """Interval of a mean (Student). (n,) -> (low, high), infinite for a single value."""
     values = _numbers(values)
     if len(values) < 2:
-        raise ValueError("an interval of a mean needs at least two values")
+        return -np.inf, np.inf
     half = float(stats.t.ppf(0.5 + 0.5 * confidence, len(values) - 1))
     half *= float(values.std(ddof=1)) / np.sqrt(len(values))
     return float(values.mean()) - half, float(values.mean()) + half

@@ -66,6 +66,11 @@ def test_mean_and_bootstrap_agree_where_both_apply():
     assert b_high == pytest.approx(high, abs=0.1 * width)
 
 
+def test_one_value_says_nothing_of_its_scatter():
+    assert statistics.mean([3.0]) == (-np.inf, np.inf)
+    assert statistics.rms([3.0]) == (0.0, np.inf)
+
+
 def test_bootstrap_keeps_rows_together():
     x = np.arange(100.0)
     interval = statistics.bootstrap(
@@ -80,7 +85,6 @@ def test_bootstrap_keeps_rows_together():
         lambda: statistics.proportion(3, 2),
         lambda: statistics.proportion(0, 0),
         lambda: statistics.percentile([], 50.0),
-        lambda: statistics.rms([1.0]),
         lambda: statistics.mean([np.nan, 1.0]),
     ],
 )
