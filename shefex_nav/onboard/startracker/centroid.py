@@ -12,6 +12,7 @@ from numba import njit
 
 from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, PIXELS, XX, XY, YY, X, Y
 
+LEAST_VARIANCE = 1.0 / 12.0  # px^2, of one pixel
 FARTHEST_PX = 1.0  # of an interpolated centroid from the middle of the brightest column
 
 
@@ -44,7 +45,9 @@ def weighted_covariance(star, dn_per_electron):
     are about 8 pi sigma^2 of them.
     """
     noise_to_signal = (star[NOISE] ** 2 * star[PIXELS] + star[FLUX] * dn_per_electron) / star[FLUX] ** 2
-    xx, xy, yy = 2.0 * star[XX], 2.0 * star[XY], 2.0 * star[YY]
+    xx, yy = max(2.0 * star[XX], LEAST_VARIANCE), max(2.0 * star[YY], LEAST_VARIANCE)
+    most = 0.9 * np.sqrt(xx * yy)  # the moments of a faint object may be anything
+    xy = min(max(2.0 * star[XY], -most), most)
     return noise_to_signal * np.array([[xx, xy], [xy, yy]])
 
 

@@ -68,7 +68,7 @@ def detect(params, image_dn):
     image_dn = repair(image_dn, params.bad_pixels)
     blocks = block_sums(image_dn)
     background, sigma, mean_dn = tile_statistics(blocks, params.tile_px)
-    table = _named("scan", SCANS, params.scan)(image_dn, blocks, background, sigma, _rules(params))
+    table = _named("scan", SCANS, params.scan)(image_dn, blocks, background, sigma, rules(params))
     xy_px, flux_dn, P_px = _named("centroid", CENTROIDS, params.centroid)(params, image_dn, table)
     n_pixels, n_saturated = table[:, scan.PIXELS].astype(np.int64), table[:, scan.SATURATED].astype(np.int64)
     statistics = FrameStatistics(mean_dn, *medians(background, sigma))
@@ -77,7 +77,7 @@ def detect(params, image_dn):
     return detections, statistics
 
 
-def _rules(params):
+def rules(params):
     """The settings of a scan."""
     return (
         int(params.tile_px),
