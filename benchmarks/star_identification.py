@@ -1,199 +1,232 @@
-"""Star identification on random fields: success against what is possible, wrong attitudes, time.
+"""Star identification on random fields: our methods and other packages on the same ones, side by side.
 
-Fields are made from the Hipparcos catalogue, not from the on-board one. 'possible' is a field with at least
-four catalogue stars (three with a prediction); 'wrong' is an attitude more than 0.5 deg off.
+'possible' is a field with at least four catalogue stars (three with a good prediction): the ceiling; 'wrong'
+is an attitude more than 0.5 deg off, or any from noise. A time is that of one call as its user sees it. Peers
+have environments of their own (`peers/`), made at the first run, and see the first --peer-samples fields.
 
-    uv run python benchmarks/star_identification.py [--samples 1000] [--methods default pyramid] [--json FILE]
+    uv run python benchmarks/star_identification.py [--samples 1000] [--methods default tetra3rs] [--markdown]
 """
 
 import argparse
 import json
+import sys
+import tempfile
 import time
-from functools import cache
+from pathlib import Path
 
 import numpy as np
+from peers.run import PEERS, Unavailable, run, write_fields
+from star_fields import CAMERA, CASES, CUT, EPOCH, make_fields, stars_needed
 
-from shefex_nav.environment.stars import at_epoch, load_catalogue
-from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, rotvec_between
-from shefex_nav.solve.camera import Camera
+from shefex_nav.geometry.rotation import rotvec_between
+from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.solve.centroids import solve_centroids
 
-EPOCH = 2012.47
-CAMERA = Camera(659, 493, 25.0e-3 / 9.9e-6)
-CUT = 5.5  # V
-MERGE_PX = 2.0
 WRONG = np.radians(0.5)
-CASES = {
-    "0 false": {},
-    "1 false": {"n_false": 1},
-    "5 false": {"n_false": 5},
-    "15 false": {"n_false": 15},
-    "5 false, 0.5 px": {"n_false": 5, "noise_px": 0.5},
-    "0 false, 0.5 px": {"noise_px": 0.5},
-    "5 false, 30 % missing": {"n_false": 5, "missing": 0.3},
-    "1 false, focal +0.5 %": {"n_false": 1, "focal": 1.005},
-    "1 false, focal -0.5 %": {"n_false": 1, "focal": 0.995},
-    "5 false, 1.7 noise, 1.5 mag": {"n_false": 5, "noise_px": 0.255, "scatter": 0.3},
-    "15 false in a cluster": {"n_false": 15, "shape": "cluster"},
-    "15 false on a line": {"n_false": 15, "shape": "line"},
-    "5 false, zero point 0.3": {"n_false": 5, "zero_point": 0.3},
-    "5 false, stars to 6.5": {"n_false": 5, "depth": 6.5},
-    "5 false, stars to 5.0": {"n_false": 5, "depth": 5.0},
-    "5 false, scatter 0.5 mag": {"n_false": 5, "scatter": 0.5},
-    "5 false, doubles +-1 px": {"n_false": 5, "doubles": 0.2},
-    "5 false, no flux": {"n_false": 5, "with_flux": False},
-    "noise only": {"n_false": None},
-    "tracking, 0.05 deg off": {"n_false": 5, "predicted": 0.05},
-    "tracking, 10 deg off": {"n_false": 5, "predicted": 10.0},
+OURS = ["default", *(name for name in IDENTIFIERS if name != "bayes")]  # the default is bayes
+WARM_UP = 20
+SPARSE = ("0 false", "15 false", "tracking, 0.05 deg off")  # cases shown by number of stars
+QUANTILES = {"median": 50, "p95": 95, "p99": 99, "max": 100}
+BY_STARS = {
+    "3": (3, 4),
+    "4": (4, 5),
+    "5": (5, 6),
+    "6": (6, 7),
+    "7-8": (7, 9),
+    "9-11": (9, 12),
+    "12+": (12, 10_000),
 }
 
 
-@cache
-def sky():
-    """Stars to V = 8 at the epoch: directions, magnitudes; brightest first."""
-    stars = at_epoch(load_catalogue(8.0), EPOCH)
-    order = np.argsort(stars.vmag)
-    return np.ascontiguousarray(stars.u_i[order]), stars.vmag[order]
+def say(text):
+    """Progress."""
+    print(text, file=sys.stderr, flush=True)
 
 
-def stars_on_detector(C_ci, depth, focal):
-    """(xy_px, vmag) of the stars to V = depth, pairs closer than MERGE_PX as one, brightest first."""
-    u_i, vmag = sky()
-    n = np.searchsorted(vmag, depth, side="right")
-    near = np.flatnonzero(u_i[:n] @ C_ci[2] > 0.98)
-    u_c = u_i[near] @ C_ci.T
-    xy = focal * CAMERA.focal_length_px * u_c[:, :2] / u_c[:, 2:] + CAMERA.principal_point_px
-    size = np.array([CAMERA.width_px, CAMERA.height_px])
-    inside = ((xy >= -0.5) & (xy <= size - 0.5)).all(axis=1)
-    xy, mag = xy[inside], vmag[near][inside]
-    k = 0
-    while k < len(mag):
-        group = np.hypot(*(xy - xy[k]).T) < MERGE_PX
-        group[:k] = False
-        if group.sum() > 1:
-            flux = 10.0 ** (-0.4 * mag[group])
-            xy[k] = flux @ xy[group] / flux.sum()
-            mag[k] = -2.5 * np.log10(flux.sum())
-            group[k] = False
-            xy, mag = xy[~group], mag[~group]
-        k += 1
-    return xy, mag
+def solve_all(method, fields):
+    """One of our methods over fields: q_ci (n, 4), NaN if unsolved, and wall time (n,) [ms] of each call."""
+    q_ci, elapsed_ms = np.full((len(fields), 4), np.nan), np.empty(len(fields))
+    for k, field in enumerate(fields):
+        tracked = field.prediction is not None and method == "default"  # the others have no tracking
+        options = {"prediction": field.prediction} if tracked else {}
+        begin = time.perf_counter()
+        found = solve_centroids(field.xy_px, field.flux, camera=CAMERA, epoch=EPOCH, method=method, **options)
+        elapsed_ms[k] = 1e3 * (time.perf_counter() - begin)
+        if found.status == "ok":
+            q_ci[k] = found.q_ci
+    return q_ci, elapsed_ms
 
 
-def false_places(rng, n, shape):
-    """(n, 2) places of false detections."""
-    size = np.array([CAMERA.width_px, CAMERA.height_px]) - 1.0
-    if shape == "cluster":
-        return np.clip(rng.uniform([0.0, 0.0], size) + rng.normal(0.0, 25.0, (n, 2)), 0.0, size)
-    if shape == "line":
-        start, end = rng.uniform([0.0, 0.0], size, (2, 2))
-        return start + rng.random((n, 1)) * (end - start) + rng.normal(0.0, 0.5, (n, 2))
-    return rng.uniform([0.0, 0.0], size, (n, 2))
-
-
-def make_field(
-    rng,
-    *,
-    n_false=0,
-    noise_px=0.15,
-    scatter=0.1,
-    missing=0.0,
-    focal=1.0,
-    shape="uniform",
-    zero_point=0.0,
-    depth=CUT,
-    doubles=0.0,
-    with_flux=True,
-    predicted=None,
-):
-    """One frame: xy_px, flux, prediction, q_ci, catalogue stars in it, stars of the catalogue to CUT."""
-    q_ci = rng.standard_normal(4)
-    q_ci /= np.linalg.norm(q_ci)
-    xy, mag = stars_on_detector(dcm_from_quat(q_ci), depth, focal)
-    if n_false is None:
-        xy, mag, n_false = xy[:0], mag[:0], int(rng.integers(6, 25))
-    keep = rng.random(len(mag)) >= missing
-    xy, mag = xy[keep], mag[keep]
-    usable = int((mag <= CUT).sum())
-    xy = xy + rng.normal(0.0, noise_px, xy.shape)
-    shifted = rng.random(len(mag)) < doubles
-    xy[shifted] += rng.uniform(-1.0, 1.0, (shifted.sum(), 2))
-    mag = mag + rng.normal(0.0, scatter, len(mag))
-    xy = np.vstack([xy, false_places(rng, n_false, shape)])
-    mag = np.concatenate([mag, rng.choice(sky()[1][: np.searchsorted(sky()[1], CUT)], n_false)])
-    mix = rng.permutation(len(mag))
-    flux = 1000.0 * 10.0 ** (-0.4 * (mag[mix] + zero_point)) if with_flux else None
-    prediction = None
-    if predicted is not None:
-        axis = rng.standard_normal(3)
-        off = np.radians(predicted) * axis / np.linalg.norm(axis)
-        prediction = (quat_multiply(quat_from_rotvec(off), q_ci), np.eye(3) * np.radians(0.05) ** 2)
-    return np.ascontiguousarray(xy[mix]), flux, prediction, q_ci, usable
-
-
-def run_case(case, samples, seed, method="default"):
-    """Counts, times [ms] and errors of one case."""
-    rng = np.random.default_rng([seed, list(CASES).index(case)])
-    least = 3 if CASES[case].get("predicted") == 0.05 else 4
-    rows = []
-    fields = [make_field(rng, **CASES[case]) for _ in range(samples)]
-    for xy, flux, prediction, q_ci, usable in fields:
-        options = {} if prediction is None or method == "pyramid" else {"prediction": prediction}
-        begin = time.thread_time()
-        found = solve_centroids(xy, flux, camera=CAMERA, epoch=EPOCH, method=method, **options)
-        elapsed = 1e3 * (time.thread_time() - begin)
-        ok = found.status == "ok"
-        error = np.linalg.norm(rotvec_between(found.q_ci, q_ci)) if ok else np.nan
-        rows.append((usable, ok, error, elapsed))
-    usable, ok, error, elapsed = (np.array(column) for column in zip(*rows, strict=True))
-    right = ok & (error < WRONG)
-    if CASES[case].get("n_false", 0) is None:
-        right[:] = False
-    four = usable == 4
+def judge(case, method, fields, q_ci, elapsed_ms):
+    """Counts and times of one method on the fields of one case."""
+    n_stars = np.array([field.n_stars for field in fields])
+    ok = np.isfinite(q_ci[:, 0])
+    error = np.full(len(fields), np.inf)
+    for k in np.flatnonzero(ok):
+        error[k] = np.linalg.norm(rotvec_between(q_ci[k] / np.linalg.norm(q_ci[k]), fields[k].q_ci))
+    is_noise = CASES[case].get("n_false", 0) is None
+    right = ok & (error < WRONG) & (not is_noise)
+    possible = n_stars >= stars_needed(case)
     return {
         "case": case,
         "method": method,
-        "samples": samples,
-        "possible": int((usable >= least).sum()),
-        "solved": int((right & (usable >= least)).sum()),
+        "samples": len(fields),
+        "possible": int(possible.sum()),
+        "solved": int((right & possible).sum()),
         "wrong": int((ok & ~right).sum()),
-        "four_stars": int(four.sum()),
-        "four_solved": int((right & four).sum()),
-        "ms": {name: float(np.percentile(elapsed, q)) for name, q in QUANTILES.items()},
+        "ms": {name: float(np.percentile(elapsed_ms, q)) for name, q in QUANTILES.items()},
+        "by_stars": {
+            name: [int((right & at).sum()), int(at.sum())]
+            for name, (low, high) in BY_STARS.items()
+            for at in [(n_stars >= low) & (n_stars < high)]
+        },
     }
 
 
-QUANTILES = {"median": 50, "p95": 95, "p99": 99, "max": 100}
+def run_ours(method, fields_of):
+    """Results of one of our methods, case after case."""
+    for fields in fields_of.values():
+        solve_all(method, fields[:WARM_UP])  # compile, build the catalogue
+    for case, fields in fields_of.items():
+        yield judge(case, method, fields, *solve_all(method, fields))
+
+
+def run_peer(name, fields_of):
+    """Results of another package, case after case."""
+    with tempfile.TemporaryDirectory() as folder:
+        files = {f"case{k:02d}.npz": case for k, case in enumerate(fields_of)}
+        for file, case in files.items():
+            write_fields(Path(folder) / file, fields_of[case], CAMERA, EPOCH, CUT)
+        for file, q_ci, elapsed_ms in run(name, folder, list(files), say):
+            yield judge(files[file], name, fields_of[files[file]], q_ci, elapsed_ms)
+
+
+def measure(methods, cases, samples, peer_samples, seed):
+    """(results, {peer: why it could not run}); progress on stderr."""
+    say(f"{len(cases)} cases, {samples} fields each")
+    fields_of = {case: make_fields(case, samples, seed) for case in cases}
+    first_of = {case: fields[:peer_samples] for case, fields in fields_of.items()}
+    results, missing = [], {}
+    for method in methods:
+        is_peer = method in PEERS
+        try:
+            for result in (run_peer if is_peer else run_ours)(method, first_of if is_peer else fields_of):
+                results.append(result)
+                say(line(result))
+        except Unavailable as error:
+            missing[method] = str(error)
+            say(f"{method}: not available: {error}")
+    results.sort(key=lambda r: cases.index(r["case"]))
+    return results, missing
+
+
+HEADER = (
+    f"{'case':28s} {'method':18s} {'solved':>6s} / {'possible':8s}      % {'four stars':>11s} "
+    f"{'wrong':>5s}   {'median':>7s} {'p95':>8s} {'p99':>8s} {'max ms':>8s}"
+)
+
+
+def share(solved, possible):
+    """Success in per cent, as text."""
+    return f"{100.0 * solved / possible:.2f}" if possible else "-"
+
+
+def line(r):
+    """One result as a line of the table under HEADER."""
+    return (
+        f"{r['case']:28s} {r['method']:18s} {r['solved']:6d} / {r['possible']:<8d} "
+        f"{share(r['solved'], r['possible']):>6s} "
+        f"{'/'.join(str(count) for count in r['by_stars']['4']):>11s} {r['wrong']:5d}   "
+        + " ".join(f"{r['ms'][name]:8.3f}" for name in QUANTILES)
+    )
+
+
+def matrix(results, cell, first_column, rows_of):
+    """Markdown table: rows by rows_of(result), a column for each method."""
+    methods = list(dict.fromkeys(r["method"] for r in sorted(results, key=lambda r: order_of(r["method"]))))
+    lines = ["| " + " | ".join([first_column, *methods]) + " |", "|---" * (len(methods) + 1) + "|"]
+    table = {}
+    for r in results:
+        table.setdefault(rows_of(r), {})[r["method"]] = cell(r)
+    for name, cells in table.items():
+        lines.append("| " + " | ".join([name, *(cells.get(m, "") for m in methods)]) + " |")
+    return "\n".join(lines)
+
+
+def order_of(method):
+    """Place of a method in a table."""
+    return [*OURS, *PEERS].index(method)
+
+
+def markdown(results, missing, seed):
+    """The tables for a document: success with wrong ones, times, success by number of stars."""
+    samples = ", ".join(f"{r['method']} {r['samples']}" for r in {r["method"]: r for r in results}.values())
+    text = [
+        f"Seed {seed}; fields a case: {samples}.",
+        "Success in per cent of the possible fields, in brackets wrong attitudes:",
+        matrix(
+            results,
+            lambda r: f"{share(r['solved'], r['possible'])} ({r['wrong']})",
+            "case",
+            lambda r: r["case"],
+        ),
+        "Wall time of a call in ms, median / p95 / p99 / max:",
+        matrix(
+            results,
+            lambda r: " / ".join(f"{r['ms'][name]:.3g}" for name in QUANTILES),
+            "case",
+            lambda r: r["case"],
+        ),
+        "Success in per cent by number of catalogue stars in the frame:",
+        matrix(
+            [
+                {**r, "stars": name}
+                for r in results
+                for name, (low, _) in BY_STARS.items()
+                if r["case"] in SPARSE and low >= stars_needed(r["case"])
+            ],
+            lambda r: share(*r["by_stars"][r["stars"]]),
+            "case, stars",
+            lambda r: f"{r['case']}, {r['stars']}",
+        ),
+    ]
+    used = {r["method"] for r in results}
+    text += [f"{name} ({', '.join(p.packages)}): {p.note}." for name, p in PEERS.items() if name in used]
+    text += [f"{name}: not available: {why}" for name, why in missing.items()]
+    return "\n\n".join(text)
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--samples", type=int, default=1000, help="fields a case")
+    parser.add_argument("--peer-samples", type=int, default=500, help="of them for the peers, some are slow")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--cases", nargs="*", default=list(CASES), choices=list(CASES), metavar="CASE")
+    parser.add_argument(
+        "--methods",
+        nargs="*",
+        default=[*OURS, *PEERS],
+        choices=[*OURS, *PEERS],
+        metavar="METHOD",
+        help=", ".join([*OURS, *PEERS]),
+    )
+    parser.add_argument("--json", help="write the results there")
+    parser.add_argument("--markdown", action="store_true", help="print tables for a document instead")
+    return parser.parse_args()
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--samples", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--cases", nargs="*", default=list(CASES))
-    parser.add_argument("--methods", nargs="*", default=["default", "pyramid"])
-    parser.add_argument("--json", help="write the results there")
-    args = parser.parse_args()
-    results = []
-    print(
-        f"{'case':28s} {'method':8s} {'solved':>6s} / {'possible':8s}      % {'four stars':>11s} "
-        f"{'wrong':>5s}   {'median':>6s} {'p95':>7s} {'p99':>7s} {'max ms':>7s}"
-    )
-    for method in args.methods:
-        run_case(args.cases[0], 20, 0, method)  # compile
-        for case in args.cases:
-            r = run_case(case, args.samples, args.seed, method)
-            results.append(r)
-            share = 100.0 * r["solved"] / max(r["possible"], 1)
-            print(
-                f"{case:28s} {method:8s} {r['solved']:6d} / {r['possible']:<8d} {share:6.2f} "
-                f"{r['four_solved']:5d}/{r['four_stars']:<5d} {r['wrong']:5d}   "
-                + " ".join(f"{r['ms'][name]:7.3f}" for name in QUANTILES),
-                flush=True,
-            )
+    args = arguments()
+    results, missing = measure(args.methods, args.cases, args.samples, args.peer_samples, args.seed)
+    if args.markdown:
+        print(markdown(results, missing, args.seed))
+    else:
+        print("\n".join([HEADER, *(line(r) for r in results)]))
+        for name, why in missing.items():
+            print(f"{name}: not available: {why}")
     if args.json:
-        with open(args.json, "w", encoding="utf-8") as file:
-            json.dump(results, file, indent=1)
+        report = {"seed": args.seed, "results": results, "not_available": missing}
+        Path(args.json).write_text(json.dumps(report, indent=1), encoding="utf-8")
 
 
 if __name__ == "__main__":

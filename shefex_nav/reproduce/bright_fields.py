@@ -1,9 +1,9 @@
 """Star fields of the brightness-referenced paper (BRIGHT, sections 4.1 and 5.1), as lists of centroids.
 
 The camera is the ZY-3 star tracker's, 20 x 20 deg, the catalogue Hipparcos with Hp < 5. What the text leaves
-open: a false star has the magnitude of a random star of the catalogue; stars closer than 2 px are one, as no camera would see two (7 of the 1471). The text says 20 x 20 deg,
-but its counts of images with few stars are far from those of a square field and near those of a round one 20 deg
-across, so both shapes are drawn.
+open: a false star has the magnitude of a random star of the catalogue; stars closer than 2 px are one, as no
+camera would see two (7 of the 1471). The text says 20 x 20 deg, but its counts of images with few stars are
+far from those of a square field and near those of a round one 20 deg across, so both shapes are drawn.
 """
 
 from functools import lru_cache
@@ -28,6 +28,9 @@ CAMERA = pinhole(
 COS_ROUND = np.cos(np.radians(0.5 * BRIGHT["camera"]["fov_deg"][0]))
 MERGE_PX = 2.0
 SIGMA_PX = BRIGHT["camera"]["centroid_error_arcsec_3sigma"] / 3.0 * ARCSEC * CAMERA.focal_length_px
+# Three standard deviations of an angle. Voting takes 3 epsilon (section 2.2), epsilon the paper's 5 arcsec.
+TOLERANCE = 3.0 * np.sqrt(2.0) * SIGMA_PX / CAMERA.focal_length_px
+VOTING_TOLERANCE = 3.0 * BRIGHT["camera"]["centroid_error_arcsec_3sigma"] * ARCSEC
 MAGNITUDE_SIGMA = BRIGHT["protocol"]["magnitude_sigma"]
 # A star that looks brighter than this is brighter than magnitude 3 beyond three standard deviations.
 REFERENCE = BRIGHT["protocol"]["reference_star_mag"] - 3.0 * MAGNITUDE_SIGMA
@@ -35,7 +38,7 @@ REFERENCE = BRIGHT["protocol"]["reference_star_mag"] - 3.0 * MAGNITUDE_SIGMA
 PARAMS = IdentifyParams(
     method="",
     camera=CAMERA,
-    tolerance=3.0 * np.sqrt(2.0) * SIGMA_PX / CAMERA.focal_length_px,
+    tolerance=TOLERANCE,
     max_centroids=BRIGHT["protocol"]["brightest_used"],
     min_stars=4,
     sigma_px=SIGMA_PX,
@@ -72,7 +75,7 @@ def on_board(system="Hp", limit=BRIGHT["camera"]["catalogue_mag"], merge_px=MERG
 
 @lru_cache(maxsize=1)
 def pairs():
-    """Tables of pairs: StarPairs to 20 deg, as in the paper, and to the diagonal of the detector, for ours."""
+    """Tables of pairs: StarPairs to 20 deg, as in the paper, and to the diagonal of the detector for ours."""
     stars = on_board()
     half_diagonal = 0.5 * np.hypot(CAMERA.width_px, CAMERA.height_px)
     diagonal = 2.0 * np.arctan(half_diagonal / CAMERA.focal_length_px)

@@ -106,24 +106,30 @@ def _add(N, scene, view, s, focal_px, n_par, sign):
 
 @njit(cache=True)
 def has_second_image(task, n, noise_px):
-    """Whether detections that are no stars repeat the stars, all shifted alike."""
+    """Whether detections that are no stars repeat the stars: all shifted alike, or turned by 180 degrees.
+
+    A window reflects a shifted image of the sky; a lens, one turned about its axis.
+    """
     scene, view = task.scene, task.room
     n_det = scene.xy_px.shape[0]
-    shift, m = np.empty((4 * n_det, 2)), 0
+    shift, m, turned = np.empty((4 * n_det, 2)), 0, 0
+    gate2 = (IMAGE_GATE * noise_px) ** 2
     for k in range(n_det):
         if task.best.star[k] >= 0:
             continue
+        x, y = scene.xy_px[k, 0], scene.xy_px[k, 1]
         for s in range(n):
-            dx, dy = scene.xy_px[k, 0] - view.xy_px[s, 0], scene.xy_px[k, 1] - view.xy_px[s, 1]
-            near = dx * dx + dy * dy < IMAGE_SHIFT_PX**2
-            if view.det[s] >= 0 and near and m < shift.shape[0]:
-                shift[m, 0], shift[m, 1] = dx, dy
+            if view.det[s] < 0:
+                continue
+            star_x, star_y = view.xy_px[s, 0], view.xy_px[s, 1]
+            if (x - star_x) ** 2 + (y - star_y) ** 2 < IMAGE_SHIFT_PX**2 and m < shift.shape[0]:
+                shift[m, 0], shift[m, 1] = x - star_x, y - star_y
                 m += 1
-    gate2 = (IMAGE_GATE * noise_px) ** 2
+            turned += (x + star_x - 2.0 * scene.cx_px) ** 2 + (y + star_y - 2.0 * scene.cy_px) ** 2 < gate2
+    most = turned
     for p in range(m):
         alike = 0
         for q in range(m):
             alike += (shift[p, 0] - shift[q, 0]) ** 2 + (shift[p, 1] - shift[q, 1]) ** 2 < gate2
-        if alike >= IMAGE_STARS:
-            return True
-    return False
+        most = max(most, alike)
+    return most >= IMAGE_STARS
