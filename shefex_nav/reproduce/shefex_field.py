@@ -1,7 +1,7 @@
-"""What the SHEFEX experiments with lists of stars share: the camera, the catalogue, a field of stars.
+"""What the SHEFEX experiments with lists of stars share: camera, catalogue, fields of stars, identification.
 
 As in section 3.4.1 of the paper: random attitudes, the catalogue stars in the field of view, false objects,
-and a centroid error on each.
+and a centroid error on each; then the pyramid with a constant tolerance of the cosine, nothing verified.
 """
 
 from functools import cache
@@ -13,6 +13,8 @@ from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import pinhole, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise
 from shefex_nav.onboard.startracker import catalogue
+from shefex_nav.onboard.startracker.identify import pyramid
+from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.reproduce.published import SHEFEX
 
 YEAR = 2011.5  # of the paper
@@ -29,6 +31,21 @@ COMBINED = catalogue.CatalogueParams(
     merge_radius=MERGE,
     keep_magnitude=SHEFEX["catalogue"]["keep_all_to_mag"],
     n_stars=SHEFEX["catalogue"]["stars"],
+)
+MAX_CENTROIDS = SHEFEX["identification"]["max_centroids"]
+MIN_STARS = 4
+PYRAMID = IdentifyParams(
+    method="pyramid",
+    camera=CAMERA,
+    tolerance=0.0,  # cos_error stands in its place; what follows it here is of the verification, which is off
+    max_centroids=MAX_CENTROIDS,
+    min_stars=MIN_STARS,
+    sigma_px=0.15,
+    gate_sigma=4.5,
+    detection_probability=0.9,
+    magnitude_margin=0.3,
+    magnitude_sigma=0.3,
+    false_alarm=1e-7,
 )
 
 
@@ -83,3 +100,9 @@ def draw_field(rng, n_false=0):
 def directions(field, error_px):
     """Measured directions with a centroid error of error_px per axis. Field, px -> (n, 3)."""
     return unit_vectors(CAMERA, field.xy_px + error_px * field.noise)
+
+
+def match(pairs, u_c, cos_error):
+    """Rows of the catalogue, -1 where unidentified. StarPairs, (n, 3) brightest first, float -> (n,)."""
+    params = PYRAMID._replace(cos_error=float(cos_error))
+    return pyramid.match(params, pairs, u_c, np.ones(len(u_c))).star

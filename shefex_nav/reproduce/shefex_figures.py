@@ -89,7 +89,7 @@ def draw_attitude(figure, results, _rows):
     """Errors about the three axes against the centroid error (figure 10)."""
     from shefex_nav.reproduce import shefex_attitude as attitude
 
-    errors = np.concatenate(results)[:, 0]
+    errors = np.concatenate([errors for errors, _ in results])[:, 0]
     figure.set_size_inches(8.0, 5.4)
     axis = figure.subplots()
     for k, name in enumerate(attitude.AXES):

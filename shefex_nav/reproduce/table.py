@@ -1,6 +1,6 @@
 """The table of an experiment, for people, and the same as numbers, for programs."""
 
-from math import isfinite
+from math import floor, isfinite, log10
 
 from rich.console import Group
 from rich.padding import Padding
@@ -44,17 +44,16 @@ def experiment_table(name, experiment, outcome):
     for heading in ("published", "measured", "95 % interval"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("agrees", no_wrap=True)
-    notes = []
+    notes = list(dict.fromkeys(row.why for row in outcome.rows if row.why))  # each reason once
     for row in outcome.rows:
-        if row.why:
-            notes.append(row.why)
+        step = None if row.ci95 is None else row.ci95[1] - row.ci95[0]
         table.add_row(
             Text(row.quantity),
             Text(row.condition),
             number(row.published),
-            number(row.measured),
-            "" if row.ci95 is None else f"{number(row.ci95[0])} … {number(row.ci95[1])}",
-            _verdict(row, len(notes)),
+            number(row.measured, step),
+            "" if row.ci95 is None else f"{number(row.ci95[0], step)} … {number(row.ci95[1], step)}",
+            _verdict(row, notes),
         )
     unit = experiment.unit
     caption = f"{outcome.samples} {unit}, seed {outcome.seed}, {outcome.wall_s:.1f} s"
@@ -62,17 +61,22 @@ def experiment_table(name, experiment, outcome):
     return Group(table, *(Padding(line, (0, 0, 0, 1)) for line in (*below, Text(caption, style="dim"))), "")
 
 
-def _verdict(row, note):
-    reference = f" [{note}]" if row.why else ""
+def _verdict(row, notes):
+    reference = f" [{notes.index(row.why) + 1}]" if row.why else ""
     if row.agrees is None:
         return Text("-" + reference)
     return Text(("yes" if row.agrees else "NO") + reference, style="green" if row.agrees else "bold red")
 
 
-def number(value):
-    """A figure with four digits, whole numbers whole: str. '-' where there is none."""
+def number(value, width=None):
+    """A figure for people: str, '-' where there is none.
+
+    With the width of its interval: to two digits of that. Without: four digits, whole numbers whole.
+    """
     if value is None or not isfinite(value):
         return "-"
-    if abs(value) >= 1000.0 or (value == int(value) and abs(value) < 1e9):
+    if width is not None and isfinite(width) and width > 0.0:
+        return f"{value:.{min(max(1 - floor(log10(width)), 0), 9)}f}"
+    if abs(value) >= 1000.0 or value == int(value):
         return f"{value:.0f}"
     return f"{value:.4g}"
