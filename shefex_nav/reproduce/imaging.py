@@ -12,10 +12,10 @@ from shefex_nav.geometry.rotation import quat_from_rotvec, rotvec_between
 from shefex_nav.onboard.startracker import background, catalogue, scan
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.detect import DetectParams, detect, rules
-from shefex_nav.onboard.startracker.identify import IDENTIFIERS
+from shefex_nav.onboard.startracker.identify import IDENTIFIERS, pyramid
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.records import FrameTruth, Reason, StarFix
-from shefex_nav.reproduce import imaging_figures, shefex_match, statistics
+from shefex_nav.reproduce import imaging_figures, statistics
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.published import BRIGHT, SHEFEX
 from shefex_nav.reproduce.shefex_field import (
@@ -301,16 +301,16 @@ def solve_frame(image, way):
     found, _ = detect(params, image)
     u_c = unit_vectors(CAMERA, found.xy_px)
     if way == "as published":
-        pairs, star = flown_pairs(), shefex_match.match(flown_pairs(), u_c, COS_ERROR)
+        pairs = flown_pairs()
+        result = pyramid.match(IDENTIFY._replace(cos_error=COS_ERROR), pairs, u_c, found.flux_dn)
     else:
         pairs = default_pairs()
         result = IDENTIFIERS["bayes"](IDENTIFY, pairs, u_c, found.flux_dn)
-        star = result.star if result.reason == Reason.NONE else np.full(len(u_c), -1)
-    known = star >= 0
-    if known.sum() < IDENTIFY.min_stars:
+    known = result.star >= 0
+    if result.reason != Reason.NONE or known.sum() < IDENTIFY.min_stars:
         return None
     variance = 0.5 * np.trace(found.P_px[known], axis1=1, axis2=2)
-    return esoq2(u_c[known], pairs.stars.u_i[star[known]], np.sqrt(variance + 0.03**2))
+    return esoq2(u_c[known], pairs.stars.u_i[result.star[known]], np.sqrt(variance + 0.03**2))
 
 
 def verdict(q_ic, truth):
