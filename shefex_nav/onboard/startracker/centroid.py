@@ -133,7 +133,7 @@ def _between(light, sigma_px, noise2, dn_per_electron):
 
     I_1 = A g_1(u), I_2 = A g_2(u), u from the middle of the brightest towards its neighbour, g the share of a
     pixel. Without A: I_1 g_2(u) = I_2 g_1(u), and with g to the second order in u a quadratic equation. Its
-    root next to the middle of the brightest pixel is the place. The series is good to 0.02 px at u = 1/2 for
+    root next to the middle of the brightest pixel is the place. The series is off by 0.03 px at u = 1/2 for
     a spot of 1 px; that error repeats with the pixels.
     """
     middle = np.argmax(light[1:-1]) + 1
