@@ -226,8 +226,8 @@ def show(result):
         f"{result['solved_of_possible']} of these solved, {result['solved']} in all, {result['wrong']} wrong"
     )
     print(
-        f"chain: median {result['median_ms']:.3f} ms (CPU {result['median_cpu_ms']:.3f} ms), 95th percentile {result['p95_ms']:.3f} ms; "
-        f"attitude error, median {result['median_error_arcsec']:.1f} arcsec"
+        f"chain: median {result['median_ms']:.3f} ms (CPU {result['median_cpu_ms']:.3f} ms), 95th percentile "
+        f"{result['p95_ms']:.3f} ms; attitude error, median {result['median_error_arcsec']:.1f} arcsec"
     )
     print(f"false detections: {result['false_per_frame']:.3f} of {result['objects_per_frame']:.1f} a frame")
     print(
