@@ -81,7 +81,6 @@ def params(method, centroid, scan):
         exposure=ExposureParams(0.05, 0.035, 0.05, 0.002, 0.0, 100.0, 4, 4, 1),
         earth_velocity_i=np.zeros(3),
         centroid_floor_px=0.02,
-        centroid_spot_px=1.15,
         outlier_sigma=4.5,
         latency_s=0.0,
         max_rate=np.inf,

@@ -22,6 +22,7 @@ MERGE_PX = 2.0
 MIN_COSINE = 0.98  # 11.5 deg; the corner of the detector is at 9.2 deg
 PREDICTION_SIGMA = np.radians(0.05)  # per axis, what a prediction claims
 NOISE_ONLY = (6, 25)  # number of detections, at least and less than
+AIMS = {"Pleiades": (56.75, 24.12)}  # right ascension, declination [deg]: clusters weigh much and turn easily
 CASES = {
     "0 false": {},
     "1 false": {"n_false": 1},
@@ -44,6 +45,11 @@ CASES = {
     "noise only": {"n_false": None},
     "tracking, 0.05 deg off": {"n_false": 5, "predicted": 0.05},
     "tracking, 10 deg off": {"n_false": 5, "predicted": 10.0},
+    # a case added at the end leaves the fields of the others as they are
+    "noise only, no flux": {"n_false": None, "with_flux": False},
+    "noise only, clustered": {"n_false": None, "shape": "cluster"},
+    "5 false, Pleiades": {"n_false": 5, "aim": "Pleiades"},
+    "5 false, Pleiades, focal +0.5 %": {"n_false": 5, "aim": "Pleiades", "focal": 1.005},
 }
 
 
@@ -103,6 +109,19 @@ def false_places(rng, n, shape):
     return rng.uniform([0.0, 0.0], edge, (n, 2))
 
 
+def attitude_towards(rng, q_ci, aim):
+    """The attitude turned by the shortest way so that AIMS[aim] is anywhere on the detector."""
+    ra, dec = np.radians(AIMS[aim])
+    u_i = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+    from_c = dcm_from_quat(q_ci) @ u_i
+    place = (rng.uniform([0.0, 0.0], SIZE - 1.0) - CAMERA.principal_point_px) / CAMERA.focal_length_px
+    to_c = np.append(place, 1.0) / np.hypot(1.0, np.hypot(*place))
+    axis = np.cross(from_c, to_c)
+    sine = np.linalg.norm(axis)
+    angle = np.arctan2(sine, from_c @ to_c)
+    return quat_multiply(quat_from_rotvec(angle * axis / sine), q_ci)
+
+
 def predicted_attitude(rng, q_ci, off_deg):
     """A prediction that is wrong by an angle about a random axis, and claims PREDICTION_SIGMA."""
     axis = rng.standard_normal(3)
@@ -124,6 +143,7 @@ def make_field(
     doubles=0.0,
     with_flux=True,
     predicted=None,
+    aim=None,
 ):
     """One frame at a random attitude.
 
@@ -141,6 +161,7 @@ def make_field(
     doubles : float, share of the stars that are up to 1 px off per axis
     with_flux : bool
     predicted : None or float [deg], error of a prediction
+    aim : None or key of AIMS, somewhere on the detector
 
     Returns
     -------
@@ -148,6 +169,8 @@ def make_field(
     """
     q_ci = rng.standard_normal(4)
     q_ci /= np.linalg.norm(q_ci)
+    if aim is not None:
+        q_ci = attitude_towards(rng, q_ci, aim)
     xy, mag = stars_on_detector(dcm_from_quat(q_ci), depth, focal)
     if n_false is None:
         xy, mag, n_false = xy[:0], mag[:0], int(rng.integers(*NOISE_ONLY))

@@ -121,7 +121,7 @@ def measure(methods, cases, samples, peer_samples, seed):
 
 
 HEADER = (
-    f"{'case':28s} {'method':18s} {'solved':>6s} / {'possible':8s}      % {'four stars':>11s} "
+    f"{'case':32s} {'method':18s} {'solved':>6s} / {'possible':8s}      % {'four stars':>11s} "
     f"{'wrong':>5s}   {'median':>7s} {'p95':>8s} {'p99':>8s} {'max ms':>8s}"
 )
 
@@ -134,7 +134,7 @@ def share(solved, possible):
 def line(r):
     """One result as a line of the table under HEADER."""
     return (
-        f"{r['case']:28s} {r['method']:18s} {r['solved']:6d} / {r['possible']:<8d} "
+        f"{r['case']:32s} {r['method']:18s} {r['solved']:6d} / {r['possible']:<8d} "
         f"{share(r['solved'], r['possible']):>6s} "
         f"{'/'.join(str(count) for count in r['by_stars']['4']):>11s} {r['wrong']:5d}   "
         + " ".join(f"{r['ms'][name]:8.3f}" for name in QUANTILES)

@@ -146,10 +146,18 @@ GOOD = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [70.0, 80.0]])
         (GOOD, [1.0, 2.0, np.inf, 1.0], {}, "flux: expected finite positive"),
         (GOOD, [1.0, 2.0, -3.0, 1.0], {}, "flux: expected finite positive"),
         (GOOD, None, {"camera": (659, 493)}, "camera: expected a Camera"),
+        (None, None, {}, "xy_px: expected"),
+        (GOOD + 1j, None, {}, "xy_px: expected real numbers"),
+        (np.ma.masked_less(GOOD, 1.0), None, {}, "xy_px: expected real numbers"),
         (GOOD, None, {"epoch": np.nan}, "epoch: expected a Julian year"),
+        (GOOD, None, {"epoch": "2012"}, "epoch: expected a"),
+        (GOOD, None, {"epoch": np.array([2012.0])}, "epoch: expected a number"),
+        (GOOD, None, {"max_magnitude": None}, "max_magnitude: expected a number"),
+        (GOOD, None, {"max_magnitude": -1.4}, "holds no two of the"),
+        (GOOD, None, {"camera": Camera(1, 1, 1000.0)}, "holds no two of the"),
         (GOOD, None, {"max_magnitude": 20.0}, "max_magnitude: expected"),
-        (GOOD, None, {"centroid_sigma_px": 0.0}, "centroid_sigma_px: expected a positive"),
-        (GOOD, None, {"magnitude_sigma": -1.0}, "magnitude_sigma: expected a positive"),
+        (GOOD, None, {"centroid_sigma_px": 0.0}, "centroid_sigma_px: expected a number"),
+        (GOOD, None, {"magnitude_sigma": -1.0}, "magnitude_sigma: expected a number"),
         (GOOD, None, {"false_limit": 0.0}, "false_limit: expected a probability"),
         (GOOD, None, {"method": "telepathy"}, "choose from: default"),
         (GOOD, None, {"prediction": np.eye(3)}, "prediction: expected"),
@@ -166,6 +174,7 @@ def test_wrong_input_is_named(xy, flux, options, says):
     "arguments, says",
     [
         ((0, 493, 2500.0), "width_px"),
+        (("659", 493, 2500.0), "width_px"),
         ((659, 493, float("nan")), "focal_length_px"),
         ((659, 493, 2500.0, (1.0,)), "principal_point_px"),
         ((659, 493, 2500.0, None, (0.1, 0.2)), "distortion"),
@@ -174,3 +183,21 @@ def test_wrong_input_is_named(xy, flux, options, says):
 def test_wrong_camera_is_named(arguments, says):
     with pytest.raises(ValueError, match=says):
         Camera(*arguments)
+
+
+def test_a_wide_field_uses_the_stars_that_it_needs():
+    """60 x 47 deg hold 200 stars to V = 5.5, more than the search takes."""
+    rng, camera, solved = np.random.default_rng(12), Camera(659, 493, 570.0), 0
+    for _ in range(30):
+        xy, flux, q_ci, _ = field(rng, camera=camera, n_false=10)
+        found = solve_centroids(xy, flux, camera=camera, epoch=EPOCH)
+        if found.status == "ok":
+            assert error(found, q_ci) < WRONG
+            solved += 1
+    assert solved >= 29
+
+
+def test_epoch_as_an_array_of_one():
+    xy, flux, q_ci, _ = field(np.random.default_rng(13), least=8)
+    found = solve_centroids(xy, flux, camera=CAMERA, epoch=np.array(EPOCH))
+    assert error(found, q_ci) < WRONG

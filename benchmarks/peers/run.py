@@ -41,7 +41,7 @@ PEERS = {
         ("ruststartracker==0.2.10", "typing-extensions"),
         "ruststartracker_worker.py",
         {"PEER_MATCHES": "4"},
-        "its Hipparcos to our magnitude, 2.5e-4 rad, 4 matches, timeout 0.5 s",
+        "its Hipparcos to Hp 5.7, 2.5e-4 rad, 4 matches, timeout 0.5 s",
     ),
     "ruststartracker-5": Peer(
         ("ruststartracker==0.2.10", "typing-extensions"),

@@ -1,4 +1,4 @@
-"""ruststartracker: its Hipparcos catalogue to our magnitude, tolerance 2.5e-4 rad, give up after 0.5 s.
+"""ruststartracker: its Hipparcos catalogue to Hp 5.7, tolerance 2.5e-4 rad, give up after 0.5 s.
 
 Its defaults (8e-4 rad, 10 stars) solve about half of these fields. Pixel (0, 0) is a centre; the quaternion
 is scalar last and from the camera to ICRS. It has no tracking. PEER_MATCHES: stars it must match, 4 or 5.
@@ -12,9 +12,11 @@ from ruststartracker.catalog import StarCatalog
 from ruststartracker.star import CameraParameters
 from worker import serve
 
+HP_MINUS_V = 0.2  # mag; its magnitudes are Hp: with the same number as V it lacks red stars, and solves less
+
 
 def prepare(view):
-    stars = StarCatalog.from_hipparcos(max_magnitude=view.max_magnitude)
+    stars = StarCatalog.from_hipparcos(max_magnitude=view.max_magnitude + HP_MINUS_V)
     cx, cy = view.centre_px
     matrix = np.array([[view.focal_px, 0.0, cx], [0.0, view.focal_px, cy], [0.0, 0.0, 1.0]], dtype=np.float32)
     tracker = StarTracker(

@@ -15,11 +15,12 @@ import numpy as np
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import fusion, solution, strapdown
-from shefex_nav.onboard.navigation.state import NavParams
+from shefex_nav.onboard.navigation.state import ATT, MOUNT, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.records import Reason
 
 COVARIANCE_TICKS = 10  # NavCovariance at every tenth tick
+PREDICTION_FLOOR = np.radians(40.0 / 3600.0)  # rad; aberration, which the predicted places do not have
 EARLY_S = 1e-6  # rounding of the times of ticks
 
 
@@ -139,9 +140,23 @@ def star_context(computer, t_s):
     C_ic = rotation.dcm_from_quat(state.q_ib) @ rotation.dcm_from_rotvec(state.mounting) @ params.nav.C_bc
     boresight_i = C_ic[:, 2]
     C_ei = frames.dcm_ie(computer.earth, state.t_s).T
+    rate = float(np.sqrt(omega_ib_b @ omega_ib_b))
+    P_c = camera_covariance(near.P, params.nav.C_bc)
+    P_c += ((rate * (t_s - state.t_s)) ** 2 + PREDICTION_FLOOR**2) * np.eye(3)
     return star_tracker.Context(
         velocity_i=state.v_i + params.tracker.earth_velocity_i,
-        rate=float(np.sqrt(omega_ib_b @ omega_ib_b)),
+        rate=rate,
         sun_angle=float(np.arccos(np.clip(boresight_i @ params.sun_i, -1.0, 1.0))),
         limb_angle=float(wgs84.limb_angle(C_ei @ state.r_i, C_ei @ boresight_i)),
+        q_ic=rotation.quat_from_dcm(C_ic),
+        P_c=P_c,
     )
+
+
+def camera_covariance(P, C_bc):
+    """Covariance of the camera's attitude error in camera axes: attitude and mounting add up.
+
+    P : (21, 21) of the filter; C_bc : (3, 3) nominal mounting -> (3, 3) rad^2
+    """
+    P_b = P[ATT, ATT] + P[ATT, MOUNT] + P[MOUNT, ATT] + P[MOUNT, MOUNT]
+    return C_bc.T @ P_b @ C_bc

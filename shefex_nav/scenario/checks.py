@@ -157,6 +157,11 @@ def _catalogue_and_latency(scenario):
     if catalogue.faintest > camera.stars.faintest:
         words = f"V {catalogue.faintest:g} on board, the camera draws stars to V {camera.stars.faintest:g}"
         yield ("star_tracker", "catalogue", "faintest"), words
+    if catalogue.kind == "asymmetric" and catalogue.faintest_south is None:
+        yield ("star_tracker", "catalogue", "faintest_south"), "an asymmetric catalogue needs it"
+    if tracker.identification.tracking and tracker.identification.method != "bayes":
+        words = f"method {tracker.identification.method!r} cannot use a prediction; set tracking: false"
+        yield ("star_tracker", "identification", "tracking"), words
     if catalogue.kind == "combined" and catalogue.keep_to > catalogue.faintest:
         yield ("star_tracker", "catalogue", "keep_to"), "must not be fainter than faintest"
     star_delay = tracker.exposure.longest + camera.detector.readout + tracker.latency

@@ -31,6 +31,12 @@ class ExposureControl(Block):
 class Detection(Block):
     """Objects in a frame."""
 
+    scan: Literal["sequential", "maximum"] = Field(
+        "sequential", description="one pass over the frame, or search of the brightest pixel again and again"
+    )
+    centroid: Literal["fit", "weighted", "centre_of_mass", "gaussian_interpolation"] = Field(
+        "fit", description="fit of the spot's shape, or one of the literature"
+    )
     tile: Count("48", "pixels, side of the tiles in which background and noise are measured", at_least=8)
     seed_sigma: Number("6", "an object starts so far above the background", positive=True)
     grow_sigma: Number("3", "and grows while it is so far above", positive=True)
@@ -46,21 +52,31 @@ class Detection(Block):
 class Catalogue(Block):
     """Stars on board."""
 
-    kind: Literal["combined", "magnitude_limited"] = Field(
-        description="all stars to a magnitude, or the bright ones and an even fill"
+    kind: Literal["magnitude_limited", "asymmetric", "uniform", "combined"] = Field(
+        description="all stars to a magnitude; to another one in the south; thinned to an even spread; "
+        "or the bright ones and an even fill"
     )
-    faintest: Quantity("mag", "5.5 mag", "V of the catalogue, or of the pool that fills it", at_most="8 mag")
+    system: Literal["V", "Hp"] = Field("V", description="of all magnitudes here: Johnson V or Hipparcos Hp")
+    faintest: Quantity("mag", "5.5 mag", "of the catalogue, or of the pool that is thinned", at_most="8 mag")
+    faintest_south: Quantity("mag", "5.4 mag", "asymmetric: south of the equator", at_most="8 mag") | None = (
+        None
+    )
     merge_radius: Quantity(
         "rad", "245 arcsec", "closer stars are one point of light", positive=True, at_most="1 deg"
     )
     keep_to: Quantity("mag", "4.5 mag", "combined: all stars to here are kept", at_most="8 mag")
-    size: Count("2023", "combined: number of stars", at_least=100)
+    size: Count("2023", "uniform and combined: number of stars", at_least=100)
 
 
 class Identification(Block):
     """Which star is which."""
 
-    method: Literal["pyramid"] = Field(description="star identification")
+    method: Literal["bayes", "pyramid", "brightness", "voting"] = Field(
+        description="odds against chance (the project's own), or one of the literature"
+    )
+    tracking: StrictBool = Field(
+        description="look near the predicted attitude first, where three stars are enough; bayes only"
+    )
     tolerance: Quantity(
         "rad", "60 arcsec", "of the angle between two detections", positive=True, at_most="1 deg"
     )
@@ -92,9 +108,6 @@ class StarTracker(Block):
         "rad/s", "2.5 deg/s", "frames taken faster are smeared and give no attitude", positive=True
     )
     centroid_floor: Quantity("pix", "0.05 pix", "centroid error of the brightest stars", positive=True)
-    centroid_spot: Quantity(
-        "pix", "1.15 pix", "centroid error at a signal-to-noise ratio of one", positive=True
-    )
     outlier_sigma: Number("4", "a star further from the attitude of the others is left out", positive=True)
     exposure: ExposureControl
     detection: Detection

@@ -55,13 +55,15 @@ def tracker_params(scenario, earth_velocity_i, bad_pixels):
             merge_radius=catalogue.merge_radius,
             keep_magnitude=catalogue.keep_to,
             n_stars=catalogue.size,
+            magnitude_system=catalogue.system,
+            south_magnitude=catalogue.faintest_south,
         ),
-        detect=_detect_params(tracker.detection, bad_pixels),
+        detect=_detect_params(scenario, bad_pixels),
+        track=tracker.identification.tracking,
         identify=_identify_params(tracker.identification, nominal_camera(scenario)),
         exposure=_exposure_params(tracker.exposure),
         earth_velocity_i=earth_velocity_i,
         centroid_floor_px=tracker.centroid_floor,
-        centroid_spot_px=tracker.centroid_spot,
         outlier_sigma=tracker.outlier_sigma,
         latency_s=tracker.latency,
         max_rate=tracker.highest_rate,
@@ -70,9 +72,11 @@ def tracker_params(scenario, earth_velocity_i, bad_pixels):
     )
 
 
-def _detect_params(detection, bad_pixels):
+def _detect_params(scenario, bad_pixels):
     from shefex_nav.onboard.startracker.detect import DetectParams
 
+    detection, detector = scenario.star_tracker.detection, scenario.star_camera.detector
+    gain = 10.0 ** (scenario.star_tracker.exposure.gain / 20.0)
     return DetectParams(
         bad_pixels=np.asarray(bad_pixels, dtype=np.int64),
         tile_px=detection.tile,
@@ -83,6 +87,9 @@ def _detect_params(detection, bad_pixels):
         max_peak_fraction=detection.largest_peak,
         max_objects=detection.most_objects,
         saturation_dn=int(detection.saturation),
+        scan=detection.scan,
+        centroid=detection.centroid,
+        electrons_per_dn=detector.conversion / gain,
     )
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from math import isfinite
+from numbers import Real
 
 import numpy as np
 from numba import njit
@@ -26,7 +27,7 @@ class Camera:
     def __post_init__(self):
         for name in ("width_px", "height_px", "focal_length_px"):
             value = getattr(self, name)
-            if not (np.isscalar(value) and isfinite(value) and value > 0):
+            if not (isinstance(value, Real) and isfinite(value) and value > 0):
                 raise ValueError(f"Camera.{name}: expected a positive number, got {value!r}")
         if self.principal_point_px is None:
             centre = (0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1))

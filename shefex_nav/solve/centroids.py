@@ -6,7 +6,6 @@ and magnitude, and kept.
 """
 
 from functools import lru_cache
-from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -19,13 +18,16 @@ from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import covariance, esoq2
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
+from shefex_nav.onboard.startracker.tables import Pairs, Stars
 from shefex_nav.records import Reason
 from shefex_nav.solve.camera import Camera, numbers, undistort
 
 MERGE_PX = 2.0  # closer stars are one point of light
 REASONS = {int(reason): reason.name.lower() for reason in Reason}
 NO_FLUX = np.zeros(0)
+MOST_STARS = 50  # of the catalogue, in the field on average
 SMALL = 64  # fewer are sorted by insertion
+COMPLEX = (np.dtype(np.complex64), np.dtype(np.complex128))
 BAD_PLACE, BAD_FLUX = -1, -2  # of the input, found by the compiled code
 
 
@@ -65,7 +67,7 @@ def solve_centroids(
     camera : Camera
     epoch : float, Julian year, e.g. 2012.47
     method : 'default' or a key of IDENTIFIERS
-    max_magnitude : float, V of the faintest catalogue stars to use
+    max_magnitude : float, V of the faintest catalogue stars to use; wide fields need fewer and use fewer
     centroid_sigma_px : float, standard deviation of a centroid per axis
     magnitude_sigma : float, scatter of -2.5 log10 flux against V
     false_limit : float, accepted probability that a solution is chance
@@ -77,7 +79,17 @@ def solve_centroids(
     """
     if not isinstance(camera, Camera):
         raise ValueError(f"camera: expected a Camera, got {camera!r}")
-    ready = _ready(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, false_limit)
+    try:
+        ready = _ready(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, false_limit)
+    except TypeError:  # not what a number can be made of, or cannot be looked up
+        ready = _ready(
+            camera,
+            _number("epoch", epoch),
+            _number("max_magnitude", max_magnitude),
+            _number("centroid_sigma_px", centroid_sigma_px),
+            _number("magnitude_sigma", magnitude_sigma),
+            _number("false_limit", false_limit),
+        )
     xy_px = _places(xy_px)
     flux = None if flux is None else _fluxes(flux, len(xy_px))
     if camera.distortion is not None:
@@ -123,7 +135,7 @@ def _solve_kernel(stars, index, hips, settings, xy_px, flux, has_prediction, q_c
         for k in range(n):
             ordered[k, 0], ordered[k, 1] = xy_px[order[k], 0], xy_px[order[k], 1]
             magnitude[k] = -2.5 * np.log10(flux[order[k]])
-    reason, star, q_ci, P_c, _, wrong, _ = bayes.solve_kernel(
+    reason, star, q_ci, P_c, _, wrong, _, _ = bayes.solve_kernel(
         stars, index, settings, ordered, magnitude, has_flux, has_prediction, q_ci, P_c
     )
     for k in range(n):
@@ -149,8 +161,8 @@ class _Sky(NamedTuple):
     pinhole: Pinhole
     hip: np.ndarray
     pairs: catalogue.StarPairs
-    stars: bayes.Stars
-    index: bayes.Pairs
+    stars: Stars
+    index: Pairs
     displaced_px: float  # by the distortion, at most
 
 
@@ -165,8 +177,8 @@ class _Ready(NamedTuple):
 def _ready(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, false_limit):
     """Check what is said of the camera and its errors, once."""
     for name, value in (("centroid_sigma_px", centroid_sigma_px), ("magnitude_sigma", magnitude_sigma)):
-        if not 0.0 < value < 100.0:
-            raise ValueError(f"{name}: expected a positive number, got {value!r}")
+        if not 0.0 < value <= 10.0:
+            raise ValueError(f"{name}: expected a number between 0 and 10, got {value!r}")
     if not 0.0 < false_limit < 1.0:
         raise ValueError(f"false_limit: expected a probability between 0 and 1, got {false_limit!r}")
     sky = _sky(camera, epoch, max_magnitude)
@@ -180,11 +192,11 @@ def _ready(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, fal
 
 @lru_cache(maxsize=8)
 def _sky(camera, epoch, max_magnitude):
-    """Build what does not change from frame to frame."""
-    if not (np.isscalar(epoch) and isfinite(epoch) and 1900.0 < epoch < 2200.0):
+    """Catalogue and pairs of a camera; brighter than max_magnitude where the field would hold too many."""
+    if not 1900.0 < epoch < 2200.0:
         raise ValueError(f"epoch: expected a Julian year between 1900 and 2200, got {epoch!r}")
-    if not 0.0 < max_magnitude <= 8.0:
-        raise ValueError(f"max_magnitude: expected V between 0 and 8, got {max_magnitude!r}")
+    if not -2.0 < max_magnitude <= 8.0:
+        raise ValueError(f"max_magnitude: expected V between -2 and 8, got {max_magnitude!r}")
     cx, cy = camera.principal_point_px
     pinhole = Pinhole(camera.width_px, camera.height_px, float(camera.focal_length_px), cx, cy)
     right, bottom = camera.width_px - 0.5, camera.height_px - 0.5
@@ -194,20 +206,39 @@ def _sky(camera, epoch, max_magnitude):
         ideal = undistort(pinhole, np.array(camera.distortion), corners)
         displaced = float(np.abs(ideal - corners).max())
     field = 2.0 * np.arctan((np.hypot(*(corners - [cx, cy]).T).max() + displaced) / pinhole.focal_length_px)
+    sky = load_catalogue(8.0)
+    depth = _depth(np.sort(sky.vmag), float(max_magnitude), pinhole)
     params = catalogue.CatalogueParams(
         kind="magnitude_limited",
-        max_magnitude=float(max_magnitude),
+        max_magnitude=depth,
         merge_radius=MERGE_PX / pinhole.focal_length_px,
         keep_magnitude=0.0,
         n_stars=0,
     )
-    stars = catalogue.build(params, load_catalogue(8.0), float(epoch))
-    pairs = catalogue.pair_table(stars, 1.03 * field)  # the focal length may be a little shorter
-    return _Sky(pinhole, stars.hip, pairs, *bayes.tables(pairs), displaced)
+    stars = catalogue.build(params, sky, float(epoch))
+    try:
+        pairs = catalogue.pair_table(stars, 1.03 * field)  # the focal length may be a little shorter
+    except ValueError:
+        raise ValueError(
+            f"camera, max_magnitude: a field of {np.degrees(field):.3g} deg holds no two of the "
+            f"{len(stars.hip)} stars to V {depth:.2g}; expected a wider field or a fainter limit"
+        ) from None
+    return _Sky(pinhole, stars.hip, pairs, *pairs.quick, displaced)
+
+
+def _depth(vmag, max_magnitude, pinhole):
+    """V at which the field holds MOST_STARS on average, if that is brighter than max_magnitude.
+
+    vmag : ascending, of all stars. A deeper catalogue only slows the search: the brightest stars decide.
+    """
+    share = pinhole.width_px * pinhole.height_px / pinhole.focal_length_px**2 / (4.0 * np.pi)
+    enough = int(MOST_STARS / min(share, 0.5))
+    return max_magnitude if enough >= len(vmag) else min(max_magnitude, float(vmag[enough]))
 
 
 def _places(xy_px):
     """Centroids as an array of our own: one layout, one compilation. -> (n, 2)."""
+    _real("xy_px", xy_px)
     try:
         array = np.array(xy_px, dtype=np.float64, order="C")
     except (TypeError, ValueError):
@@ -219,8 +250,19 @@ def _places(xy_px):
     return array
 
 
+def _number(name, value):
+    """A float, or a ValueError that says what is wrong."""
+    if isinstance(value, str | bytes | bool | complex) or np.ndim(value):
+        raise ValueError(f"{name}: expected a number, got {value!r}")
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected a number, got {value!r}") from None
+
+
 def _fluxes(flux, n):
     """Brightness of the n centroids, likewise."""
+    _real("flux", flux)
     try:
         array = np.array(flux, dtype=np.float64, order="C")
     except (TypeError, ValueError):
@@ -228,6 +270,12 @@ def _fluxes(flux, n):
     if array.shape != (n,):
         raise ValueError(f"flux: expected shape ({n},), got {array.shape}")
     return array
+
+
+def _real(name, values):
+    """Refuse what a conversion to numbers would silently cut off."""
+    if isinstance(values, np.ma.MaskedArray) or getattr(values, "dtype", None) in COMPLEX:
+        raise ValueError(f"{name}: expected real numbers, none masked, got {type(values).__name__}")
 
 
 def _complain(reason):

@@ -66,7 +66,6 @@ TRACKER = tracker.TrackerParams(
     exposure=EXPOSURE,
     earth_velocity_i=np.array([-29000.0, 1000.0, 500.0]),
     centroid_floor_px=0.03,
-    centroid_spot_px=1.15,
     outlier_sigma=4.0,
     latency_s=0.020,
     max_rate=2.5 * DEG,

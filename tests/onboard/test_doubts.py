@@ -34,7 +34,7 @@ def test_shifted_image_of_the_sky_is_refused():
         xy, flux = sky_field(rng, random_attitude(rng))
         if len(xy) < 6:
             continue
-        moved = xy + [31.0, -12.0]
+        moved = xy + np.array([31.0, -12.0])
         found = solve(np.vstack([xy, moved]), np.concatenate([flux, 0.7 * flux]))
         assert found.status == "failed"
 

@@ -16,7 +16,7 @@ from star_fields import (
 
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.pinhole import unit_vectors
-from shefex_nav.geometry.rotation import dcm_from_quat, rotvec_between
+from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, rotvec_between
 from shefex_nav.onboard.startracker import tracker
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.records import Frame, Reason
@@ -176,7 +176,7 @@ def test_a_shifted_star_is_left_out_or_refused():
         rows, xy_px = rows[:n], xy_px[:n] + rng.normal(0.0, 0.05, (n, 2))
         xy_px[2] += [0.6, -0.6]
         u_c, sigma_px = unit_vectors(CAMERA, xy_px), np.full(n, 0.05)
-        n_used, q, P_c, residual_px = tracker.solve(TRACKER, u_c, stars.u_i[rows], sigma_px)
+        n_used, q, P_c, residual_px = tracker.solve(TRACKER, u_c, stars.u_i[rows], sigma_px, 4)
         assert (n_used >= 4) == accepted
         if accepted:
             assert n_used == n - 1
@@ -211,3 +211,43 @@ def test_database_covers_the_diagonal_of_the_field():
     assert 18.4 * DEG < np.arccos(pairs.cosine[0]) < 18.7 * DEG
     assert len(pairs.stars.hip) > 2800
     assert len(all_stars().hip) > 10 * len(pairs.stars.hip)
+
+
+def tracking(image_dn, q_ic, sigma):
+    """StarFix of a frame with a predicted attitude."""
+    ready = ready_tracker()
+    identify = TRACKER.identify._replace(method="bayes")
+    ready = ready._replace(params=TRACKER._replace(track=True, identify=identify))
+    state, _ = tracker.start(ready, 0.9)
+    context = CONTEXT._replace(q_ic=q_ic, P_c=sigma**2 * np.eye(3))
+    return tracker.step(ready, state, frame(image_dn), context)[1]
+
+
+def test_three_stars_are_enough_with_a_prediction():
+    rng = np.random.default_rng(11)
+    checked = 0
+    while checked < 5:
+        q_ic = random_attitude(rng)
+        n_stars = len(stars_in_frame(seen_sky(), q_ic, margin_px=5.0)[0])
+        if n_stars != 3 or len(stars_in_frame(seen_sky(), q_ic, margin_px=-3.0)[0]) != 3:
+            continue
+        image_dn = sky_frame(rng, seen_sky(), q_ic)
+        _, lost, _ = process(image_dn)
+        assert lost.reason != Reason.NONE
+        off = quat_multiply(q_ic, quat_from_rotvec(0.03 * DEG * rng.standard_normal(3)))
+        found = tracking(image_dn, off, 0.05 * DEG)
+        if found.reason == Reason.NONE:
+            checked += 1
+            assert np.linalg.norm(rotvec_between(found.q_ic, q_ic)) < 0.1 * DEG
+
+
+def test_a_wrong_prediction_is_forgotten():
+    """10 deg off and sure of itself: the frame is solved as if there were no prediction."""
+    rng = np.random.default_rng(12)
+    for _ in range(10):
+        q_ic = sky_with_stars(rng)
+        axis = rng.standard_normal(3)
+        off = quat_multiply(q_ic, quat_from_rotvec(10.0 * DEG * axis / np.linalg.norm(axis)))
+        found = tracking(sky_frame(rng, seen_sky(), q_ic), off, 0.01 * DEG)
+        assert found.reason == Reason.NONE
+        assert np.linalg.norm(rotvec_between(found.q_ic, q_ic)) < 0.1 * DEG

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.environment.stars import at_epoch, photocentres, select
-from shefex_nav.onboard.startracker import kvector, skygrid
+from shefex_nav.onboard.startracker import kvector, tables
 
 KINDS = ("magnitude_limited", "asymmetric", "uniform", "combined")
 SYSTEMS = ("V", "Hp")
@@ -52,7 +52,7 @@ class StarPairs(NamedTuple):
     first: np.ndarray  # (m,) int64 row of the brighter star
     second: np.ndarray  # (m,) int64 row of the fainter star
     index: kvector.KVector  # of cosine
-    sky: skygrid.SkyGrid  # stars within half of max_angle of each direction
+    quick: tuple  # (tables.Stars, tables.Pairs), the same for the search
     first_vmag: np.ndarray  # (m,) magnitude of `first`
     second_vmag: np.ndarray  # (m,) magnitude of `second`
 
@@ -198,9 +198,9 @@ def pair_table(stars, max_angle):
         raise ValueError(
             f"{len(stars.hip)} stars make {len(cosine)} pairs within {max_angle:.3g} rad: too few"
         )
-    sky = skygrid.build(stars.u_i, stars.vmag, 0.5 * max_angle)
     index = kvector.build(cosine)
-    return StarPairs(stars, cosine, first, second, index, sky, stars.vmag[first], stars.vmag[second])
+    quick = tables.build(stars, max_angle, cosine, first, second, index)
+    return StarPairs(stars, cosine, first, second, index, quick, stars.vmag[first], stars.vmag[second])
 
 
 @njit(cache=True)

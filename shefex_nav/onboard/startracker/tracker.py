@@ -1,10 +1,11 @@
 """The star tracker chain: one frame in, one attitude or the reason for none out.
 
 frame -> detect -> identify and verify -> ESOQ2 -> `StarFix`; the flags of the frame set the exposure of the
-next one. Lost in space at every frame: no attitude from the navigation is used. What comes from the
-navigation, the `Context`, corrects aberration and names the reason of a failure. Its rate alone can withhold
-an attitude: faster than the tracker is made for, streaks break up, their centroids are worse than the
-covariance says, and an error message is better than a wrong attitude.
+next one. What comes from the navigation, the `Context`, corrects aberration, says where to look for the stars
+first and names the reason of a failure. The attitude itself is that of the stars alone, and a prediction that
+the stars contradict is forgotten: the frame is lost in space. The rate alone can withhold an attitude: faster
+than the tracker is made for, streaks break up, their centroids are worse than the covariance says, and an
+error message is better than a wrong attitude.
 """
 
 from typing import NamedTuple
@@ -14,13 +15,14 @@ from numba import njit
 
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
-from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker.attitude import covariance, esoq2
 from shefex_nav.onboard.startracker.catalogue import CatalogueParams, StarPairs
 from shefex_nav.onboard.startracker.detect import DetectParams, detect
 from shefex_nav.onboard.startracker.exposure import ExposureParams, flags, next_exposure
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
+from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED, identify_near
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.records import CameraCommand, Reason, StarFix
 
@@ -38,12 +40,12 @@ class TrackerParams(NamedTuple):
     exposure: ExposureParams
     earth_velocity_i: np.ndarray  # (3,) m/s, of the Earth relative to the solar-system barycentre
     centroid_floor_px: float  # error of the brightest stars: pixel response, lens, catalogue
-    centroid_spot_px: float  # error = spot / signal-to-noise ratio of the object
     outlier_sigma: float  # a star further than this from the attitude of the others is left out
     latency_s: float  # from the frame in memory to the attitude
     max_rate: float  # rad/s, frames taken faster give no attitude
     sun_exclusion: float  # rad
     limb_exclusion: float  # rad
+    track: bool = False  # identify near the predicted attitude first
 
 
 class Context(NamedTuple):
@@ -53,6 +55,8 @@ class Context(NamedTuple):
     rate: float  # rad/s
     sun_angle: float  # rad, boresight to the Sun
     limb_angle: float  # rad, boresight to the Earth's limb
+    q_ic: np.ndarray | None = None  # (4,) predicted attitude of the camera
+    P_c: np.ndarray | None = None  # (3, 3) rad^2, covariance of its rotation-vector error in camera axes
 
 
 NO_CONTEXT = Context(None, np.nan, np.nan, np.nan)
@@ -119,8 +123,7 @@ def step(tracker, state, frame, context):
     detections, statistics = detect(params.detect, frame.image_dn)
     flag_saturated, flag_no_stars = flags(params.exposure, statistics.mean_dn, detections)
     u_c = unit_vectors(params.identify.camera, detections.xy_px)
-    identify = IDENTIFIERS[params.identify.method]
-    found = identify(params.identify, tracker.pairs, u_c, detections.flux_dn)
+    found, least = _identify(tracker, u_c, detections.flux_dn, context)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.pairs.stars.hip[found.star], 0)
     q_ic, P_c, residual_px, reason = NO_ATTITUDE, NO_COVARIANCE, np.nan, found.reason
@@ -128,8 +131,8 @@ def step(tracker, state, frame, context):
         reason = Reason.SMEARED
     if reason == Reason.NONE:
         sigma_px = centroid_sigma(params, detections)
-        n_used, *solution = _solve_identified(tracker, u_c, found.star, sigma_px, context.velocity_i)
-        if n_used >= params.identify.min_stars:
+        n_used, *solution = _solve_identified(tracker, u_c, found.star, sigma_px, context.velocity_i, least)
+        if n_used >= least:
             q_ic, P_c, residual_px = solution
         else:
             reason = Reason.RESIDUALS
@@ -155,13 +158,24 @@ def step(tracker, state, frame, context):
     return TrackerState(exposure_s), fix, command
 
 
-def _solve_identified(tracker, u_c, star, sigma_px, velocity_i):
+def _identify(tracker, u_c, flux, context):
+    """(Identification, fewest stars that make an attitude)."""
+    params = tracker.params
+    if params.track and context.q_ic is not None:
+        prediction = quat_conjugate(context.q_ic), context.P_c
+        found, tracked = identify_near(params.identify, tracker.pairs, u_c, flux, prediction)
+        return found, MIN_TRACKED if tracked else params.identify.min_stars
+    identify = IDENTIFIERS[params.identify.method]
+    return identify(params.identify, tracker.pairs, u_c, flux), params.identify.min_stars
+
+
+def _solve_identified(tracker, u_c, star, sigma_px, velocity_i, least):
     """`solve` with the identified detections and their stars as the moving vehicle sees them."""
     if velocity_i is None:
         velocity_i = tracker.params.earth_velocity_i
     known = star >= 0
     seen_i = aberrate(tracker.pairs.stars.u_i[star[known]], velocity_i)
-    return solve(tracker.params, u_c[known], seen_i, sigma_px[known])
+    return solve(tracker.params, u_c[known], seen_i, sigma_px[known], least)
 
 
 def centroid_sigma(params, detections):
@@ -173,7 +187,7 @@ def centroid_sigma(params, detections):
     return np.sqrt(params.centroid_floor_px**2 + noise2_px)
 
 
-def solve(params, u_c, seen_i, sigma_px):
+def solve(params, u_c, seen_i, sigma_px, least):
     """Attitude, its covariance and the misfit; the worst star is left out until all that are used fit.
 
     A neighbour too faint for the catalogue or a particle hit can shift the light of a star by more than its
@@ -187,20 +201,20 @@ def solve(params, u_c, seen_i, sigma_px):
     u_c : (n, 3) measured directions
     seen_i : (n, 3) apparent directions of the stars, aberration included
     sigma_px : (n,) standard deviation per axis
+    least : int, fewest stars that make an attitude
 
     Returns
     -------
-    n_used : int; fewer than identify.min_stars when no attitude fits that many
+    n_used : int; fewer than `least` when no attitude fits that many
     q_ic : (4,)
     P_c : (3, 3) rad^2
     residual_px : RMS distance of the used stars from where the attitude puts them
     """
-    camera, min_stars = params.identify.camera, params.identify.min_stars
-    return _solve_kernel(camera, params.outlier_sigma, min_stars, u_c, seen_i, sigma_px)
+    return _solve_kernel(params.identify.camera, params.outlier_sigma, least, u_c, seen_i, sigma_px)
 
 
 @njit(cache=True)
-def _solve_kernel(camera, outlier_sigma, min_stars, u_c, seen_i, sigma_px):
+def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, sigma_px):
     """As `solve`, with the settings that it needs."""
     sigma = sigma_px / camera.focal_length_px
     xy_px = pixels(camera, u_c)
@@ -211,7 +225,7 @@ def _solve_kernel(camera, outlier_sigma, min_stars, u_c, seen_i, sigma_px):
         offset_px = xy_px - pixels(camera, seen_i @ dcm_from_quat(q_ic))
         distance_px = np.where(used, np.hypot(offset_px[:, 0], offset_px[:, 1]), 0.0)
         worst = np.argmax(distance_px / sigma_px)
-        if distance_px[worst] <= outlier_sigma * sigma_px[worst] or n_used < min_stars:
+        if distance_px[worst] <= outlier_sigma * sigma_px[worst] or n_used < least:
             break
         used[worst] = False
         n_used -= 1

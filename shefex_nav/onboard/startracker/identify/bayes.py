@@ -24,12 +24,11 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     WIDE_GATE,
     Prior,
     Scene,
-    Stars,
     new_view,
     solve_cholesky,
 )
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, detection_table
-from shefex_nav.onboard.startracker.identify.search import Best, Pairs, Task, look, lost_in_space, margin
+from shefex_nav.onboard.startracker.identify.search import Best, Task, look, lost_in_space, margin
 from shefex_nav.onboard.startracker.identify.tracking import track
 from shefex_nav.onboard.startracker.identify.verify import Identification
 from shefex_nav.records import Reason
@@ -39,7 +38,7 @@ from shefex_nav.records import Reason
 CHANCE = 0.003
 MIN_STARS = 4
 MIN_TRACKED = 3  # with a prediction
-BUDGET = 30_000  # attitudes looked at, before giving up
+BUDGET = 400_000  # stars looked at, before giving up
 PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
 NOISY = 1.3  # times the expected centroid error: the focal length may be off
 BORDER_PX = 5.0  # a predicted star nearer to the border may be missing
@@ -73,20 +72,8 @@ class Solution(NamedTuple):
     P_c: np.ndarray  # (3, 3) rad^2, covariance of the rotation-vector error in camera axes
     log_odds: float  # ln B of the best attitude, given out or not
     false_probability: float  # expected number of chance attitudes as good
-    trials: int  # attitudes looked at
-
-
-def tables(pairs):
-    """StarPairs as the compiled code takes them: (Stars, Pairs)."""
-    stars, index, sky = pairs.stars, pairs.index, pairs.sky
-    rows = np.column_stack([pairs.first, pairs.second]).astype(
-        np.uint16
-    )  # small: it is the cache that counts
-    fainter = (stars.vmag[pairs.second] - stars.vmag[pairs.first]).astype(np.float32)
-    return (
-        Stars(stars.u_i, stars.vmag, sky.log_density, sky.start, sky.row),
-        Pairs(pairs.cosine, rows, fainter, index.count.astype(np.int32), index.slope, index.intercept),
-    )
+    work: int  # stars looked at
+    tracked: bool  # found near the prediction
 
 
 def identify(params, pairs, u_c, flux):
@@ -103,6 +90,27 @@ def identify(params, pairs, u_c, flux):
     -------
     Identification
     """
+    return _identify(params, pairs, u_c, flux, NO_PREDICTION)[0]
+
+
+def identify_near(params, pairs, u_c, flux, prediction):
+    """Identify the stars of one frame, first near a predicted attitude, then without.
+
+    Parameters
+    ----------
+    params, pairs, u_c, flux : as in `identify`
+    prediction : (q_ci, P_c), attitude and covariance (3, 3) [rad^2] of its error in camera axes
+
+    Returns
+    -------
+    Identification
+    tracked : bool, the prediction was confirmed; MIN_TRACKED stars are enough then
+    """
+    return _identify(params, pairs, u_c, flux, (True, *prediction))
+
+
+def _identify(params, pairs, u_c, flux, prediction):
+    """(Identification, whether the prediction was confirmed)."""
     camera = params.camera
     settings = Settings(
         float(camera.width_px),
@@ -118,10 +126,8 @@ def identify(params, pairs, u_c, flux):
         BUDGET,
     )
     magnitude = -2.5 * np.log10(np.asarray(flux, dtype=float))
-    found = Solution(
-        *solve_kernel(*tables(pairs), settings, pixels(camera, u_c), magnitude, True, *NO_PREDICTION)
-    )
-    return Identification(found.star, int(found.reason), float(found.log_odds))
+    found = Solution(*solve_kernel(*pairs.quick, settings, pixels(camera, u_c), magnitude, True, *prediction))
+    return Identification(found.star, int(found.reason), float(found.log_odds)), found.tracked
 
 
 NO_PREDICTION = (False, np.array([1.0, 0.0, 0.0, 0.0]), np.zeros((3, 3)))
@@ -154,18 +160,18 @@ def solve_kernel(stars, pairs, settings, xy_px, magnitude, has_flux, has_predict
     tracked = Task(
         stars, scene, prior, detection_table(scene), new_best(n), new_view(), MIN_TRACKED, threshold
     )
-    trials = 0
+    work = 0
     if has_prediction and n >= MIN_TRACKED:
-        trials = track(tracked, settings.budget // 4)
+        work = track(tracked, settings.budget // 4)
         if margin(tracked) >= threshold:
-            return conclude(tracked, settings, xy_px.shape[0], trials)
+            return conclude(tracked, settings, xy_px.shape[0], work, True)
     nothing = Prior(False, prior.C_ci, P_c)
     lost = Task(
         stars, scene, nothing, tracked.table, new_best(n), tracked.room, settings.min_stars, threshold
     )
     if n >= settings.min_stars:
-        trials += lost_in_space(lost, pairs, settings.budget - trials)
-    return conclude(lost, settings, xy_px.shape[0], trials)
+        work += lost_in_space(lost, pairs, settings.budget - work)
+    return conclude(lost, settings, xy_px.shape[0], work, False)
 
 
 @njit(cache=True)
@@ -176,7 +182,7 @@ def new_best(n):
 
 
 @njit(cache=True)
-def conclude(task, settings, n, trials):
+def conclude(task, settings, n, work, tracked):
     """Reason, and the attitude if it is certain."""
     best = task.best
     star = np.full(n, -1, dtype=np.int64)
@@ -185,22 +191,10 @@ def conclude(task, settings, n, trials):
         look(task, settings.focal_px, WIDE_GATE * settings.sigma_px, True)
     odds, rival = best.score[0], best.score[1]
     wrong = min(CHANCE * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0), 1.0)
-    if margin(task) < task.threshold:
-        reason = TOO_FEW_STARS if len(best.star) < task.min_stars else NO_MATCH
-        if odds >= task.threshold:
-            reason = AMBIGUOUS
-        return reason, star, np.full(4, np.nan), np.full((3, 3), np.nan), odds, wrong, trials
     k, n_par = (best.star >= 0).sum(), int(best.score[2])
-    if is_doubtful(task, k, n_par):
-        return (
-            RESIDUALS if fits_badly(task, k, n_par) else AMBIGUOUS,
-            star,
-            np.full(4, np.nan),
-            np.full((3, 3), np.nan),
-            odds,
-            1.0,
-            trials,
-        )
+    reason = verdict(task, k, n_par)
+    if reason != 0:
+        return reason, star, np.full(4, np.nan), np.full((3, 3), np.nan), odds, wrong, work, tracked
     star[: len(best.star)] = best.star
     variance = settings.sigma_px**2
     variance *= (PRIOR_DOF + best.score[3] / variance) / (PRIOR_DOF + 2 * k - n_par)
@@ -211,14 +205,21 @@ def conclude(task, settings, n, trials):
         solve_cholesky(best.L, column, n_par)
         for a in range(3):
             P_c[a, c] = column[a]
-    return 0, star, quat_from_dcm(best.C), P_c, odds, wrong, trials
+    return 0, star, quat_from_dcm(best.C), P_c, odds, wrong, work, tracked
 
 
 @njit(cache=True)
-def is_doubtful(task, n_matched, n_par):
-    """Whether there is a reason not to give the attitude out; see `doubts`."""
-    focal_px, noise_px = task.best.score[4], task.best.score[5]
+def verdict(task, n_matched, n_par):
+    """Why the best attitude must not be given out: a Reason, 0 when it may be; see `doubts`."""
+    best = task.best
+    if margin(task) < task.threshold:
+        if best.score[0] >= task.threshold:
+            return AMBIGUOUS
+        return TOO_FEW_STARS if len(best.star) < task.min_stars else NO_MATCH
     if fits_badly(task, n_matched, n_par):
-        return True
+        return RESIDUALS
+    focal_px, noise_px = best.score[4], best.score[5]
     n = recall(task, focal_px)
-    return leans_on_one_star(task, n, focal_px, noise_px, n_par) or has_second_image(task, n, noise_px)
+    if leans_on_one_star(task, n, focal_px, noise_px, n_par) or has_second_image(task, n, noise_px):
+        return AMBIGUOUS
+    return 0

@@ -9,12 +9,20 @@ beyond the model make an attitude of those stars that happen to fit. Each is ref
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker.identify.evidence import NOISE_SCALES, cholesky, jacobian, predict
+from shefex_nav.onboard.startracker.identify.evidence import (
+    NOISE_SCALES,
+    TAIL_SCALE,
+    TAIL_SHARE,
+    cholesky,
+    jacobian,
+    predict,
+)
 from shefex_nav.onboard.startracker.identify.odds import log_odds
 
 LEVER_SIGMA = np.radians(0.1)  # a star without which the attitude is less certain must prove itself
 IMAGE_SHIFT_PX = 80.0  # second images are looked for within this distance
-IMAGE_GATE = 5.0  # noise_px, of two shifts that are the same
+SAME_PLACE_PX = 4.0  # a nearer detection is part of the star
+IMAGE_GATE, WIDEST_IMAGE_GATE = 5.0, 1.5  # noise_px, at most px: two shifts that are the same
 IMAGE_STARS = 4  # with the same shift make a second image
 RESIDUAL_QUANTILE = 3.1  # sigma of a normal variable: a right attitude is refused once in a thousand
 
@@ -42,7 +50,8 @@ def fits_badly(task, n_matched, n_par):
     dof = 2.0 * n_matched - n_par
     spread = 2.0 / (9.0 * dof)
     limit = dof * (1.0 - spread + RESIDUAL_QUANTILE * np.sqrt(spread)) ** 3
-    return task.best.score[3] > limit * (NOISE_SCALES[-1] * task.scene.sigma_px) ** 2
+    variance = (NOISE_SCALES[-1] * task.scene.sigma_px) ** 2 * (1.0 + TAIL_SHARE * (TAIL_SCALE**2 - 1.0))
+    return task.best.score[3] > limit * variance
 
 
 @njit(cache=True)
@@ -113,7 +122,7 @@ def has_second_image(task, n, noise_px):
     scene, view = task.scene, task.room
     n_det = scene.xy_px.shape[0]
     shift, m, turned = np.empty((4 * n_det, 2)), 0, 0
-    gate2 = (IMAGE_GATE * noise_px) ** 2
+    gate2 = min(IMAGE_GATE * noise_px, WIDEST_IMAGE_GATE) ** 2
     for k in range(n_det):
         if task.best.star[k] >= 0:
             continue
@@ -122,7 +131,8 @@ def has_second_image(task, n, noise_px):
             if view.det[s] < 0:
                 continue
             star_x, star_y = view.xy_px[s, 0], view.xy_px[s, 1]
-            if (x - star_x) ** 2 + (y - star_y) ** 2 < IMAGE_SHIFT_PX**2 and m < shift.shape[0]:
+            distance2 = (x - star_x) ** 2 + (y - star_y) ** 2
+            if SAME_PLACE_PX**2 < distance2 < IMAGE_SHIFT_PX**2 and m < shift.shape[0]:
                 shift[m, 0], shift[m, 1] = x - star_x, y - star_y
                 m += 1
             turned += (x + star_x - 2.0 * scene.cx_px) ** 2 + (y + star_y - 2.0 * scene.cy_px) ** 2 < gate2

@@ -49,16 +49,6 @@ class Scene(NamedTuple):
     magnitude_sigma: float
 
 
-class Stars(NamedTuple):
-    """The catalogue by direction; see SkyGrid."""
-
-    u_i: np.ndarray
-    vmag: np.ndarray
-    log_density: np.ndarray
-    start: np.ndarray
-    row: np.ndarray
-
-
 class Prior(NamedTuple):
     """What was known of the attitude before the frame."""
 

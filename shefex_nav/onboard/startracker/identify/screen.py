@@ -14,6 +14,7 @@ CELL_PX = 1 << CELL_SHIFT  # of the table of detections
 MAX_DETECTIONS = 64  # one bit each
 REACH_PX = 10.0  # no prediction is trusted to be worse
 STAR_GATE = 3.5  # sigma of a place predicted by a pair
+WORK_PER_TRIAL = 4  # cost of an attitude, in stars looked at
 PATIENCE_PER_HIT = 3  # bright stars more that may be missing for each that is found
 
 
@@ -36,8 +37,9 @@ def detection_table(scene):
 
 @njit(cache=True, inline="always")
 def screen(u_i, start, row, table, xy_px, C, frame, lever, a, b):
-    """Further stars found near where an attitude puts them; -1 as soon as too many bright ones are missing.
+    """Further stars found near where an attitude puts them, and how many stars were looked at.
 
+    -1 is found as soon as too many bright ones are missing.
     The innermost loop of the search, so it takes plain arrays and numbers: C is (3, 3) row by row; frame is
     focal_px, cx, cy, right, bottom, border and the patience; lever is the middle of the pair (x, y), and the
     squared gate as c0 + c1 r^2 at the distance r from it.
@@ -71,8 +73,8 @@ def screen(u_i, start, row, table, xy_px, C, frame, lever, a, b):
         due = (x > border) & (y > border) & (x < right - border) & (y < bottom - border)
         patience -= due & (s != a) & (s != b)
         if patience < 0:
-            return -1
-    return hits
+            return -1, e + 1 - start[cell]
+    return hits, start[cell + 1] - start[cell]
 
 
 @njit(cache=True)
@@ -122,9 +124,9 @@ def scan(u_i, start, row, star, fainter, table, xy_px, T, frame, lever, gate, ij
     -------
     entry : int, end if there is none
     C : its attitude, 9 numbers
-    trials : attitudes looked at
+    work : stars looked at, with WORK_PER_TRIAL for each attitude
     """
-    trials = 0
+    work = 0
     C = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     for entry in range(begin, end):
         difference = -fainter[entry >> 1] if entry & 1 else fainter[entry >> 1]
@@ -133,12 +135,13 @@ def scan(u_i, start, row, star, fainter, table, xy_px, T, frame, lever, gate, ij
         a, b = star[entry >> 1, entry & 1], star[entry >> 1, 1 - (entry & 1)]
         if a == ij[0] and b == ij[1]:
             continue
-        trials += 1
         S = triad(u_i[a, 0], u_i[a, 1], u_i[a, 2], u_i[b, 0], u_i[b, 1], u_i[b, 2])
         C = join(T, S)
-        if screen(u_i, start, row, table, xy_px, C, frame, lever, a, b) >= need:
-            return entry, C, trials
-    return end, C, trials
+        hits, looked_at = screen(u_i, start, row, table, xy_px, C, frame, lever, a, b)
+        work += WORK_PER_TRIAL + looked_at
+        if hits >= need:
+            return entry, C, work
+    return end, C, work
 
 
 @njit(cache=True)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, Stars, View, adjust
+from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, View, adjust
 from shefex_nav.onboard.startracker.identify.odds import log_odds
 from shefex_nav.onboard.startracker.identify.screen import (
     directions,
@@ -22,14 +22,16 @@ from shefex_nav.onboard.startracker.identify.screen import (
     triad,
     widest_gate,
 )
+from shefex_nav.onboard.startracker.tables import Stars
 
 PAIR_GATE = 3.0  # sigma of the angle of a pair
 MAGNITUDE_GATE = 3.2  # magnitude_sigma, of a difference of brightness
 WIDER = 2.2  # times that gate, in a pass that takes nothing for granted
 SHORT_PX = 50.0  # closer detections say little about the attitude
 BLOCK, LARGEST_BLOCK = 1.5, 40  # times n: pairs of about the same brightness, of which the cheaper go first
-TRIALS_PER_PAIR = 4  # cost of a pair of detections, in attitudes
-TRIALS_PER_LOOK = 100  # cost of adjusting and weighing one, in attitudes
+WORK_PER_PAIR = 40  # cost of a pair of detections, in stars looked at by the screen
+WORK_PER_LOOK = 300  # cost of adjusting and weighing an attitude ...
+WORK_PER_MATCH = 1.0  # ... and for each star predicted times each detection
 SURE = 3.0  # more than enough, in ln B: no need to look for a rival
 SAME_TRACE = 2.9999  # of the rotation between two attitudes that are one: 0.6 deg
 
@@ -51,17 +53,6 @@ PASSES = (
     Pass(2.0, 1.008, 2, True, 0.94),
     Pass(2.0, 0.992, 2, True, 1.0),
 )
-
-
-class Pairs(NamedTuple):
-    """Pairs of catalogue stars by the cosine of their angle; see StarPairs."""
-
-    cosine: np.ndarray  # (m,) ascending
-    star: np.ndarray  # (m, 2) uint16 rows, brighter and fainter
-    fainter: np.ndarray  # (m,) float32 by how many magnitudes
-    count: np.ndarray
-    slope: float
-    intercept: float
 
 
 class Best(NamedTuple):
@@ -104,14 +95,15 @@ def position(pairs, value):
 
 @njit(cache=True)
 def look(task, focal_px, gate_px, free_focal):
-    """Adjust and weigh best.trial_C, without and with a free focal length; keep it if it is the best."""
+    """Adjust and weigh best.trial_C, without and with a free focal length; keep the best. Work."""
     stars, scene, best, view = task.stars, task.scene, task.best, task.room
-    start = best.trial_C.copy()
+    start, work = best.trial_C.copy(), 0
     for n_par in range(3, 5 if free_focal else 4):
         best.trial_C[:] = start
         f = focal_px if n_par == 4 else scene.focal_px
         fit = adjust(stars, scene, best.trial_C, f, view, n_par, gate_px, task.min_stars)
         n, f, L, log_det, noise_px = fit
+        work += WORK_PER_LOOK + int(WORK_PER_MATCH * n * scene.xy_px.shape[0])
         if n == 0:
             continue
         odds = log_odds(stars, scene, task.prior, best.trial_C, f, view, n, L, log_det, noise_px, n_par)
@@ -134,6 +126,7 @@ def look(task, focal_px, gate_px, free_focal):
             if view.det[s] >= 0:
                 best.star[view.det[s]] = view.row[s]
                 best.score[3] += view.distance2[s]
+    return work
 
 
 @njit(cache=True)
@@ -152,7 +145,7 @@ def window(pairs, u_c, i, j, tolerance):
 
 @njit(cache=True)
 def try_pair(task, pairs, u_c, i, j, begin, end, way):
-    """The catalogue pairs begin ... end as the detections i and j; attitudes looked at."""
+    """The catalogue pairs begin ... end as the detections i and j; work."""
     stars, scene, best = task.stars, task.scene, task.best
     sigma_px, focal_px = way.noise * scene.sigma_px, way.focal * scene.focal_px
     T = triad(u_c[i, 0], u_c[i, 1], u_c[i, 2], u_c[j, 0], u_c[j, 1], u_c[j, 2])
@@ -162,21 +155,20 @@ def try_pair(task, pairs, u_c, i, j, begin, end, way):
         width = np.inf
     fainter = scene.mag[j] - scene.mag[i]
     gate = (fainter - width, fainter + width)
-    entry, trials = 2 * begin, TRIALS_PER_PAIR
+    entry, work = 2 * begin, WORK_PER_PAIR
     while entry < 2 * end:
         entry, C, n = scan(
             stars.u_i, stars.start, stars.row, pairs.star, pairs.fainter, task.table, scene.xy_px,
             T, frame, lever, gate, (best.star[i], best.star[j]), task.min_stars - 2, entry, 2 * end,
         )  # fmt: skip
-        trials += n
+        work += n
         if entry < 2 * end:
-            trials += TRIALS_PER_LOOK
             put(best.trial_C, C)
-            look(task, focal_px, widest_gate(scene, lever), way.is_wide)
+            work += look(task, focal_px, widest_gate(scene, lever), way.is_wide)
             if margin(task) >= task.threshold + SURE:
                 break
             entry += 1
-    return trials
+    return work
 
 
 @njit(cache=True)
@@ -193,7 +185,7 @@ def pairs_by_brightness(n):
 
 @njit(cache=True)
 def try_block(task, pairs, u_c, block, way, limit):
-    """A few pairs of detections, the closest first, as those have the fewest catalogue pairs; trials."""
+    """A few pairs of detections, the closest first, as those have the fewest catalogue pairs; work."""
     m = block.shape[0]
     focal_px = way.focal * task.scene.focal_px
     tolerance = PAIR_GATE * np.sqrt(2.0) * way.noise * task.scene.sigma_px / focal_px
@@ -204,35 +196,35 @@ def try_block(task, pairs, u_c, block, way, limit):
         dy = task.scene.xy_px[i, 1] - task.scene.xy_px[j, 1]
         distance2 = dx * dx + dy * dy
         cost[k] = distance2 if distance2 > SHORT_PX**2 else np.inf
-    trials = m
+    work = m
     for _ in range(m):
         k = np.argmin(cost)
-        if cost[k] == np.inf or trials > limit:
+        if cost[k] == np.inf or work > limit:
             break
         cost[k] = np.inf
         i, j = block[k, 0], block[k, 1]
         begin, end = window(pairs, u_c, i, j, tolerance)
-        trials += try_pair(task, pairs, u_c, i, j, begin, end, way)
+        work += try_pair(task, pairs, u_c, i, j, begin, end, way)
         if margin(task) >= task.threshold + SURE:
             break
-    return trials
+    return work
 
 
 @njit(cache=True)
 def lost_in_space(task, pairs, budget):
-    """Go through the pairs of detections until one attitude is certain; attitudes looked at."""
-    trials = 0
+    """Go through the pairs of detections until one attitude is certain; work."""
+    work = 0
     n = task.scene.xy_px.shape[0]
     order, size = pairs_by_brightness(n), min(int(BLOCK * n), LARGEST_BLOCK)
     for way in PASSES:
         u_c = directions(task.scene, way.focal * task.scene.focal_px)
         for first in range(0, order.shape[0], size):
-            left = way.share * budget - trials
+            left = way.share * budget - work
             if left < 0.0:
                 break
-            trials += try_block(task, pairs, u_c, order[first : first + size], way, left)
+            work += try_block(task, pairs, u_c, order[first : first + size], way, left)
             if margin(task) >= task.threshold + SURE:
-                return trials
+                return work
         if margin(task) >= task.threshold:
             break
-    return trials
+    return work

@@ -22,7 +22,6 @@ from shefex_nav.onboard.startracker.identify.search import (
     PAIR_GATE,
     SHORT_PX,
     SURE,
-    TRIALS_PER_LOOK,
     look,
     margin,
 )
@@ -75,7 +74,7 @@ def angle_between(a, i, b, j):
 
 @njit(cache=True)
 def try_proposals(task, u_c, p, q, noise):
-    """The attitude that makes two proposals true, if they agree; cost in attitudes."""
+    """The attitude that makes two proposals true, if they agree; work."""
     stars, scene = task.stars, task.scene
     i, a, j, b = p[0], p[1], q[0], q[1]
     sigma_px, focal_px = noise * scene.sigma_px, scene.focal_px
@@ -86,28 +85,27 @@ def try_proposals(task, u_c, p, q, noise):
     S = triad(x[0], x[1], x[2], y[0], y[1], y[2])
     C = join(triad(u[0], u[1], u[2], v[0], v[1], v[2]), S)
     lever, frame = lever_of(scene, i, j, sigma_px), frame_of(scene, focal_px, PATIENCE)
-    hits = screen(stars.u_i, stars.start, stars.row, task.table, scene.xy_px, C, frame, lever, a, b)
+    hits, work = screen(stars.u_i, stars.start, stars.row, task.table, scene.xy_px, C, frame, lever, a, b)
     if hits + 2 < task.min_stars:
-        return 1
+        return work
     put(task.best.trial_C, C)
-    look(task, focal_px, widest_gate(scene, lever), noise > NOISES[0])
-    return TRIALS_PER_LOOK
+    return work + look(task, focal_px, widest_gate(scene, lever), noise > NOISES[0])
 
 
 @njit(cache=True)
 def track(task, budget):
-    """Go through the pairs of proposals until one attitude is certain; cost in attitudes."""
-    trials = 0
+    """Go through the pairs of proposals until one attitude is certain; work."""
+    work = 0
     u_c = directions(task.scene, task.scene.focal_px)
     for noise in NOISES:
         found = propose(task.stars, task.scene, task.prior, noise * task.scene.sigma_px)
         for p in range(found.shape[0]):
             for q in range(p):
-                if found[p, 0] == found[q, 0] or found[p, 1] == found[q, 1] or trials > budget:
+                if found[p, 0] == found[q, 0] or found[p, 1] == found[q, 1] or work > budget:
                     continue
-                trials += try_proposals(task, u_c, found[p], found[q], noise)
+                work += try_proposals(task, u_c, found[p], found[q], noise)
                 if margin(task) >= task.threshold + SURE:
-                    return trials
+                    return work
         if margin(task) >= task.threshold:
             break
-    return trials
+    return work
