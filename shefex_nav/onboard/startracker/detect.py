@@ -11,6 +11,7 @@ that of the SHEFEX-2 star tracker (section 3.2), one file a step:
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from shefex_nav.onboard.startracker import centroid, fit, scan
 from shefex_nav.onboard.startracker.background import block_sums, medians, repair, tile_statistics
@@ -68,16 +69,28 @@ def detect(params, image_dn):
     image_dn = repair(image_dn, params.bad_pixels)
     blocks = block_sums(image_dn)
     background, sigma, mean_dn = tile_statistics(blocks, params.tile_px)
-    table = _named("scan", SCANS, params.scan)(image_dn, blocks, background, sigma, _rules(params))
+    table = _named("scan", SCANS, params.scan)(image_dn, blocks, background, sigma, rules(params))
     xy_px, flux_dn, P_px = _named("centroid", CENTROIDS, params.centroid)(params, image_dn, table)
-    n_pixels, n_saturated = table[:, scan.PIXELS].astype(np.int64), table[:, scan.SATURATED].astype(np.int64)
     statistics = FrameStatistics(mean_dn, *medians(background, sigma))
-    order = np.argsort(-flux_dn, kind="stable")
-    detections = Detections(xy_px[order], flux_dn[order], n_pixels[order], n_saturated[order], P_px[order])
+    detections = Detections(*_brightest_first(table, xy_px, flux_dn, P_px))
     return detections, statistics
 
 
-def _rules(params):
+@njit(cache=True)
+def _brightest_first(table, xy_px, flux_dn, P_px):
+    """The columns of Detections, sorted by the light that the centroid found."""
+    n = len(flux_dn)
+    order = np.argsort(-flux_dn, kind="mergesort")
+    xy_sorted, P_sorted = np.empty((n, 2)), np.empty((n, 2, 2))
+    n_pixels, n_saturated = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    for k in range(n):
+        row = order[k]
+        xy_sorted[k], P_sorted[k] = xy_px[row], P_px[row]
+        n_pixels[k], n_saturated[k] = int(table[row, scan.PIXELS]), int(table[row, scan.SATURATED])
+    return xy_sorted, flux_dn[order], n_pixels, n_saturated, P_sorted
+
+
+def rules(params):
     """The settings of a scan."""
     return (
         int(params.tile_px),

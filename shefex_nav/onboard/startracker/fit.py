@@ -25,9 +25,9 @@ REACH = 6  # sigmas
 _Z = np.arange(-REACH * PER_SIGMA, REACH * PER_SIGMA + 2) / PER_SIGMA
 NORMAL = np.array([[0.5 * (1.0 + erf(z / sqrt(2.0))), exp(-0.5 * z * z) / sqrt(2.0 * pi)] for z in _Z])
 
-MOST_STEPS = 8
+MOST_STEPS = 5  # a star needs two; what needs more is none
 SMALL_STEP_PX = 0.02  # the next step of Gauss and Newton would be the square of that
-SMALL_STEP_FLUX = 0.1  # relative; the flux is linear, only the weights and the covariance wait for it
+SMALL_STEP_FLUX = 0.3  # relative; the flux is linear, only the weights wait for it
 FARTHEST_PX = 2.0  # from the first centroid; further away it is not this star that is fitted
 WINDOW = (2.5, 5.0)  # sigmas, least and greatest radius of the pixels that are used
 WINDOW_NOISE = 0.5  # the window reaches to where the star's light is this fraction of the noise
@@ -296,6 +296,7 @@ def _fit_one(image_dn, star, spots, others, saturation_dn, dn_per_electron, work
     if n_used < width * height and chi2 > MOST_MISFIT * n_used:
         return False
     factor = max(1.0, (PRIOR_DOF + chi2) / (PRIOR_DOF + n_used - 3.0))
+    factor *= (old_flux / flux) ** 2  # the derivatives to the place grow with the flux
     fitted[0], fitted[1], fitted[2] = x, y, flux
     fitted[3], fitted[4], fitted[5] = factor * d / det, -factor * b / det, factor * a / det
     return True

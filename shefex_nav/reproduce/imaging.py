@@ -1,0 +1,431 @@
+"""SHEFEX 3.2, 4 and BRIGHT figure 1: scanning a frame, centroids, the whole chain on rendered frames."""
+
+import time
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from shefex_nav.environment.stars import load_catalogue, silicon_magnitude
+from shefex_nav.geometry.pinhole import pinhole, unit_vectors
+from shefex_nav.geometry.rotation import quat_from_rotvec, rotvec_between
+from shefex_nav.onboard.startracker import background, catalogue, scan
+from shefex_nav.onboard.startracker.attitude import esoq2
+from shefex_nav.onboard.startracker.detect import DetectParams, detect, rules
+from shefex_nav.onboard.startracker.identify import IDENTIFIERS, pyramid
+from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
+from shefex_nav.records import FrameTruth, Reason, StarFix
+from shefex_nav.reproduce import imaging_figures, statistics
+from shefex_nav.reproduce.experiment import Experiment, Row
+from shefex_nav.reproduce.published import BRIGHT, SHEFEX
+from shefex_nav.reproduce.shefex_field import (
+    CAMERA,
+    FIELD,
+    MERGE,
+    YEAR,
+    flown_pairs,
+    in_view,
+    random_attitude,
+)
+from shefex_nav.reproduce.stills import Electronics, StillCamera, electrons, still
+
+WRONG = np.radians(0.5)
+# the camera of the mission at 24 dB and 50 ms: see scenarios/shefex2_andoya.yaml
+PER_DN = 118.0 * 10.0 ** (-24.0 / 20.0)
+SPACE = StillCamera(CAMERA, 0.8, Electronics(16.0, 30e3, PER_DN, 16.0), 400.0 * 0.05, 2.5e6 * 0.05)
+GROUND = SPACE._replace(background_electrons=700.0 * 0.05, zero_magnitude_electrons=0.7 * 2.5e6 * 0.05)
+FALSE_OBJECTS, FALSE_MAGNITUDES = 250, (3.0, 6.0)  # on the whole sky
+MAGNITUDE_ERROR = 0.1
+DETECT = DetectParams(
+    bad_pixels=np.zeros((0, 2), dtype=np.int64),
+    tile_px=72,
+    seed_sigma=5.5,
+    grow_sigma=3.5,
+    min_pixels=5,
+    max_pixels=400,
+    max_peak_fraction=0.75,
+    max_objects=40,
+    saturation_dn=255,
+    electrons_per_dn=PER_DN,
+)
+
+
+@cache
+def all_stars():
+    """Directions and silicon magnitudes of the stars to V 8: (n, 3), (n,)."""
+    stars = load_catalogue(8.0)
+    return stars.u_i, silicon_magnitude(stars.vmag, stars.bv)
+
+
+# --- shefex-scan ---
+
+OBJECTS = 12
+REPEATS = 5
+SCANS = (scan.sequential, scan.maximum_search)
+RATIO = SHEFEX["scan_ms_on_650MHz"]["maximum_search"] / SHEFEX["scan_ms_on_650MHz"]["sequential"]
+RATIO_RANGE = (8.0, 14.0)
+
+
+def frame_of(rng, n_stars):
+    """A frame with the n brightest stars of a random field of view, all clear of the border, and no more."""
+    u_i, magnitudes = all_stars()
+    while True:
+        q_ic = random_attitude(rng)
+        rows, xy_px = in_view(u_i, q_ic)
+        size = np.array([CAMERA.width_px, CAMERA.height_px])
+        rows = rows[((xy_px > 10.0) & (xy_px < size - 11.0)).all(axis=1)]
+        rows = rows[np.argsort(magnitudes[rows])][:n_stars]
+        separate = np.arccos(np.clip(u_i[rows] @ u_i[rows].T, -1.0, 1.0)) + 9.0 * np.eye(len(rows))
+        bright = len(rows) == n_stars and magnitudes[rows[-1]] < 5.5
+        if bright and separate.min() > 12.0 / CAMERA.focal_length_px:
+            return still(SPACE, u_i[rows], electrons(SPACE, magnitudes[rows]), q_ic, rng)[0]
+
+
+WHY_RATIO = (
+    "a pass over the frame is so fast here that growing the objects, which costs both methods the same, is "
+    "a large part of the sequential scan"
+)
+
+
+def measure_scan(samples, seed):
+    """For each frame: seconds of the two scans, of the steps before them, and whether the tables agree."""
+    rng = np.random.default_rng(seed)
+    out = np.empty((samples, 4))
+    chosen = rules(DETECT._replace(max_objects=OBJECTS))
+    for k in range(samples + 1):  # the first one compiles
+        image = frame_of(rng, OBJECTS)
+        blocks = background.block_sums(image)
+        level, sigma, _ = background.tile_statistics(blocks, DETECT.tile_px)
+        seconds, tables = np.full((REPEATS, 3), np.inf), []
+        for repeat in range(REPEATS):
+            for s, method in enumerate(SCANS):
+                work = blocks.copy()
+                begin = time.perf_counter()
+                table = method(image, work, level, sigma, chosen)
+                seconds[repeat, s] = time.perf_counter() - begin
+                if repeat == 0:
+                    tables.append(table)
+            begin = time.perf_counter()
+            background.tile_statistics(background.block_sums(image), DETECT.tile_px)
+            seconds[repeat, 2] = time.perf_counter() - begin
+        same = same_objects(*tables)
+        out[k - 1] = (*np.median(seconds, axis=0), same)
+    return out
+
+
+def same_objects(one, other):
+    """Whether two tables hold the same objects: as many pixels each, at the same place.
+
+    Not to the last digit: an object on the edge of a tile takes the background of the tile it was met in.
+    """
+    if len(one) != len(other):
+        return False
+    one, other = (table[np.argsort(table[:, scan.X])] for table in (one, other))
+    place = np.abs(one[:, [scan.X, scan.Y]] - other[:, [scan.X, scan.Y]]).max(initial=0.0)
+    return bool((one[:, scan.PIXELS] == other[:, scan.PIXELS]).all() and place < 0.1)
+
+
+def conclude_scan(results):
+    """Rows of the ratio and what it is made of."""
+    sequential, maximum, before, same = np.concatenate(results).T
+    ratio = maximum / sequential
+    measured = float(np.median(ratio))
+    agrees = RATIO_RANGE[0] <= measured <= RATIO_RANGE[1]
+    why = "" if agrees else WHY_RATIO
+    condition = f"{OBJECTS} objects, median of frames"
+    whole = (maximum + before) / (sequential + before)
+    n = len(same)
+    return [
+        Row(
+            "time of maximum search over sequential scan",
+            condition,
+            RATIO,
+            measured,
+            statistics.percentile(ratio, 50.0),
+            agrees,
+            why,
+        ),
+        _row("sequential scan [ms]", condition, 1e3 * sequential),
+        _row("maximum search [ms]", condition, 1e3 * maximum),
+        _row("the same ratio with background and noise of the frame", condition, whole),
+        Row(
+            "frames with the same objects by both",
+            condition,
+            None,
+            float(same.mean()),
+            statistics.proportion(int(same.sum()), n),
+            None,
+            "",
+        ),
+    ]
+
+
+def _row(quantity, condition, values):
+    """Row of a median that has nothing published beside it."""
+    return Row(
+        quantity,
+        condition,
+        None,
+        float(np.median(values)),
+        statistics.percentile(values, 50.0),
+        None,
+        "",
+    )
+
+
+# --- bright-centroids ---
+
+IMAGES = 50
+VMAG = 2.9
+ROI_PX = 5
+STEPS_PX = (0.1, 1.0)  # from image to image, drawn evenly [E]
+TRACK_CENTROIDS = ("centre_of_mass", "gaussian_interpolation", "fit")
+# [E] the paper tells neither the width of the spots nor the noise: those of the SHEFEX camera
+TRACKER = StillCamera(
+    pinhole(
+        128, 128, BRIGHT["camera"]["focal_length_mm"] * 1e3 / BRIGHT["camera"]["pixel_um"]
+    ),  # the part of the detector that the star crosses
+    0.8,
+    SPACE.electronics,
+    20.0,
+    2.5e6 * 0.05,
+)
+
+
+def track(rng):
+    """One star outwards from the middle of the detector: distance by method in each image, (methods, images).
+
+    Also the true distance, last.
+    """
+    angle, step_px = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(*STEPS_PX)
+    across = np.array([-np.sin(angle), np.cos(angle), 0.0])
+    f, light = TRACKER.pinhole.focal_length_px, electrons(TRACKER, [VMAG])
+    distance = np.empty((len(TRACK_CENTROIDS) + 1, IMAGES))
+    params = DETECT._replace(psf_sigma_px=TRACKER.sigma_psf_px, roi_px=ROI_PX)
+    middle = np.array([TRACKER.pinhole.cx_px, TRACKER.pinhole.cy_px])
+    begin_px = rng.uniform(2.0, 8.0)
+    for k in range(IMAGES):
+        q_ic = quat_from_rotvec(-across * np.arctan((begin_px + k * step_px) / f))
+        image, xy_px = still(TRACKER, np.array([[0.0, 0.0, 1.0]]), light, q_ic, rng)
+        distance[-1, k] = np.linalg.norm(xy_px[0] - middle)
+        for m, method in enumerate(TRACK_CENTROIDS):
+            found, _ = detect(params._replace(centroid=method), image)
+            distance[m, k] = np.linalg.norm(found.xy_px[0] - middle)
+    return distance
+
+
+def scatter(distance):
+    """1 - r^2 of a straight line through equal steps. (..., images) -> (...)."""
+    t = np.arange(distance.shape[-1]) - 0.5 * (distance.shape[-1] - 1)
+    centred = distance - distance.mean(axis=-1, keepdims=True)
+    slope = (centred @ t) / (t @ t)
+    rest = centred - slope[..., None] * t
+    return (rest**2).sum(axis=-1) / (centred**2).sum(axis=-1)
+
+
+def measure_centroids(samples, seed):
+    """Tracks of one star: (samples, methods + 1, images) px."""
+    rng = np.random.default_rng(seed)
+    return np.array([track(rng) for _ in range(samples)])
+
+
+def conclude_centroids(results):
+    """Rows: which centroid is the smoother, r^2 and error of each."""
+    distance = np.concatenate(results)
+    left = scatter(distance[:, :-1])
+    smoother = left[:, 0] < left[:, 1]
+    condition = f"{IMAGES} images of a star of V {VMAG:g}"
+    agrees = bool(smoother.mean() > 0.5)
+    rows = [
+        Row(
+            "tracks on which the centre of mass has the higher r^2",
+            condition + ", published: one track",
+            1.0,
+            float(smoother.mean()),
+            statistics.proportion(int(smoother.sum()), len(smoother)),
+            agrees,
+            ""
+            if agrees
+            else "with these spots and this noise the region carries more noise than two columns",
+        )
+    ]
+    for m, method in enumerate(TRACK_CENTROIDS):
+        rows.append(_row(f"1 - r^2, {method.replace('_', ' ')}", condition, left[:, m]))
+    for m, method in enumerate(TRACK_CENTROIDS):
+        error = np.sqrt(((distance[:, m] - distance[:, -1]) ** 2).mean(axis=1))
+        rows.append(_row(f"error along the track [px rms], {method.replace('_', ' ')}", condition, error))
+    return rows
+
+
+# --- shefex-end-to-end ---
+
+SCENARIO = Path(__file__).parents[2] / "scenarios" / "night_sky.yaml"
+PLACES = ("space", "ground")
+WAYS = ("as published", "default")
+FRAME_S = 0.1
+COS_ERROR = SHEFEX["identification"]["cos_error"]
+IDENTIFY = IdentifyParams(
+    method="bayes",
+    camera=CAMERA,
+    tolerance=np.radians(0.018),
+    max_centroids=15,
+    min_stars=4,
+    sigma_px=0.2,
+    gate_sigma=4.5,
+    detection_probability=0.9,
+    magnitude_margin=0.3,
+    magnitude_sigma=0.3,
+    false_alarm=1e-7,
+)
+
+
+@cache
+def default_pairs():
+    """Pairs of the default on-board catalogue."""
+    params = catalogue.CatalogueParams("magnitude_limited", 5.5, 1.5 * MERGE, 4.5, 2023)
+    return catalogue.pair_table(catalogue.build(params, load_catalogue(8.0), YEAR), FIELD)
+
+
+def sky_of(rng):
+    """The stars with an error of their brightness, and false objects: directions, magnitudes."""
+    u_i, magnitudes = all_stars()
+    false = rng.standard_normal((FALSE_OBJECTS, 3))
+    false /= np.linalg.norm(false, axis=1, keepdims=True)
+    scattered = magnitudes + MAGNITUDE_ERROR * rng.standard_normal(len(magnitudes))
+    return np.vstack([u_i, false]), np.append(scattered, rng.uniform(*FALSE_MAGNITUDES, FALSE_OBJECTS))
+
+
+def solve_frame(image, way):
+    """Attitude of a frame by one of the two chains: q_ic, or None."""
+    params = DETECT._replace(centroid="weighted") if way == "as published" else DETECT
+    found, _ = detect(params, image)
+    u_c = unit_vectors(CAMERA, found.xy_px)
+    if way == "as published":
+        pairs = flown_pairs()
+        result = pyramid.match(IDENTIFY._replace(cos_error=COS_ERROR), pairs, u_c, found.flux_dn)
+    else:
+        pairs = default_pairs()
+        result = IDENTIFIERS["bayes"](IDENTIFY, pairs, u_c, found.flux_dn)
+    known = result.star >= 0
+    if result.reason != Reason.NONE or known.sum() < IDENTIFY.min_stars:
+        return None
+    variance = 0.5 * np.trace(found.P_px[known], axis1=1, axis2=2)
+    return esoq2(u_c[known], pairs.stars.u_i[result.star[known]], np.sqrt(variance + 0.03**2))
+
+
+def verdict(q_ic, truth):
+    """1 solved, 0 not solved, -1 wrong."""
+    if q_ic is None:
+        return 0
+    return 1 if np.linalg.norm(rotvec_between(q_ic, truth)) < WRONG else -1
+
+
+def measure_end_to_end(samples, seed):
+    """Verdicts: (samples, 5) space and ground by both chains, and frames of the scenario."""
+    stills_seed, night_seed = seed.spawn(2)
+    rng = np.random.default_rng(stills_seed)
+    out = np.empty((samples, len(PLACES) * len(WAYS) + 1), dtype=np.int64)
+    for k in range(samples):
+        q_ic, (u_i, magnitudes) = random_attitude(rng), sky_of(rng)
+        for p, camera in enumerate((SPACE, GROUND)):
+            image, _ = still(camera, u_i, electrons(camera, magnitudes), q_ic, rng)
+            for w, way in enumerate(WAYS):
+                out[k, len(WAYS) * p + w] = verdict(solve_frame(image, way), q_ic)
+    out[:, -1] = night(samples, night_seed)
+    return out
+
+
+def night(samples, seed):
+    """Verdicts of so many frames of the night-sky scenario, pointed anywhere above 45 deg: (samples,)."""
+    from shefex_nav import prepare, simulate
+    from shefex_nav.scenario import load
+
+    if not SCENARIO.is_file():
+        raise ValueError(f"{SCENARIO}: not found; this experiment runs in a checkout, with its scenarios")
+    rng = np.random.default_rng(seed)
+    end_s = 1.0 + (samples + 2) * FRAME_S
+    overrides = (
+        f"mission.time_limit={end_s + 1.0:.2f} s",
+        f"star_tracker.off={end_s:.2f} s",
+        f"ground.azimuth={rng.uniform(0.0, 360.0):.2f} deg",
+        f"ground.roll={-rng.uniform(45.0, 90.0):.2f} deg",
+    )
+    scenario = load.load(str(SCENARIO), overrides)
+    run_seed = int(rng.integers(2**31))
+    world = prepare.build_world(scenario, run_seed)
+    truths, fixes = {}, []
+    for record in simulate.route(world, scenario, run_seed):
+        if isinstance(record, FrameTruth):
+            truths[record.number] = record.q_ic
+        elif isinstance(record, StarFix):
+            fixes.append(record)
+    solved = [verdict(f.q_ic if f.reason == Reason.NONE else None, truths[f.number]) for f in fixes]
+    return np.array(solved[:samples])
+
+
+def conclude_end_to_end(results):
+    """Rows of success and wrong attitudes."""
+    verdicts = np.concatenate(results)
+    n = len(verdicts)
+    goals = SHEFEX["identification"]
+    published = (goals["success_simulated"], goals["success_night_sky"])
+    columns = [
+        (f"rendered stills, {place}, chain {way}", published[p] if w == 0 else None)
+        for p, place in enumerate(PLACES)
+        for w, way in enumerate(WAYS)
+    ]
+    columns.append((f"scenario {SCENARIO.stem}, {len(results)} directions", published[1]))
+    rows = []
+    for column, (condition, goal) in enumerate(columns):
+        is_solved = verdicts[:, column] == 1
+        if column < len(columns) - 1:
+            ci95 = statistics.proportion(int(is_solved.sum()), n)
+        else:  # frames of one direction show the same stars: the directions are what was drawn
+            shares = [(chunk[:, column] == 1).mean() for chunk in results]
+            ci95 = statistics.mean(np.array(shares)) if len(shares) > 1 else None
+        measured = float(is_solved.mean())
+        agrees = None if goal is None else bool((ci95[1] if ci95 else measured) >= goal)
+        why = "" if agrees is not False else WHY_FEWER
+        rows.append(Row("success", condition, goal, measured, ci95, agrees, why))
+        wrong = int((verdicts[:, column] == -1).sum())
+        rows.append(
+            Row("wrong attitudes", condition, None, wrong / n, statistics.proportion(wrong, n), None, "")
+        )
+    return rows
+
+
+WHY_FEWER = (
+    "the attitudes are spread over the whole sky, and where fewer than four stars of the catalogue are found "
+    "no chain can solve the frame"
+)
+
+EXPERIMENTS = {
+    "shefex-scan": Experiment(
+        title="Sequential scan against maximum search (SHEFEX section 3.2)",
+        samples=200,
+        unit="frames",
+        chunk=50,
+        measure=measure_scan,
+        conclude=conclude_scan,
+        draw=imaging_figures.draw_scan,
+        timed=True,
+    ),
+    "bright-centroids": Experiment(
+        title="Centre of mass against Gaussian interpolation (BRIGHT figure 1)",
+        samples=200,
+        unit="tracks",
+        chunk=20,
+        measure=measure_centroids,
+        conclude=conclude_centroids,
+        draw=imaging_figures.draw_centroids,
+    ),
+    "shefex-end-to-end": Experiment(
+        title="Success of the whole chain on rendered frames (SHEFEX sections 4 and 5)",
+        samples=1000,
+        unit="attitudes",
+        chunk=50,
+        measure=measure_end_to_end,
+        conclude=conclude_end_to_end,
+        draw=imaging_figures.draw_end_to_end,
+    ),
+}

@@ -1,0 +1,108 @@
+"""The two scans, and the published centroids."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+from star_fields import DETECT, digitise, signal, spot
+from test_fit import PARAMS, SHAPE, errors
+
+from shefex_nav.onboard.startracker import scan
+from shefex_nav.onboard.startracker.background import block_sums, tile_statistics
+from shefex_nav.onboard.startracker.detect import detect, rules
+
+
+def frame(seed, n_stars=25):
+    rng = np.random.default_rng(seed)
+    light = np.zeros(SHAPE)
+    for x, y in rng.uniform([20, 20], [640, 470], (n_stars, 2)):
+        spot(light, x, y, signal(rng.uniform(1.5, 5.5)))
+    return digitise(rng, light)
+
+
+def scanned(method, image, params):
+    blocks = block_sums(image)
+    background, sigma, _ = tile_statistics(blocks, params.tile_px)
+    return method(image, blocks, background, sigma, rules(params))
+
+
+@pytest.mark.parametrize("method", [scan.sequential, scan.maximum_search])
+def test_objects_are_the_connected_regions_above_the_threshold(method):
+    """Against scipy's labels, with one tile for the whole frame."""
+    image = frame(20)
+    params = DETECT._replace(tile_px=660, max_objects=200, max_peak_fraction=1.0)
+    blocks = block_sums(image).astype(np.int64)
+    background, sigma, _ = tile_statistics(block_sums(image), 660)
+    labels, n = ndimage.label(blocks > np.floor(background + 3.5 * sigma)[0, 0], np.ones((3, 3)))
+    peaks = ndimage.maximum(blocks, labels, np.arange(1, n + 1))
+    sizes = ndimage.sum_labels(np.ones_like(blocks), labels, np.arange(1, n + 1))
+    rows, columns = np.array(ndimage.find_objects(labels), dtype=object).T
+    inner = [
+        r.start > 1 and c.start > 1 and r.stop < SHAPE[0] - 1 and c.stop < SHAPE[1] - 1
+        for r, c in zip(rows, columns, strict=True)
+    ]
+    is_object = (peaks > np.floor(background + 5.5 * sigma)[0, 0]) & (sizes >= 5) & (sizes <= 400) & inner
+    table = scanned(method, image, params)
+    assert sorted(table[:, scan.PIXELS]) == sorted(sizes[is_object])
+    light = image - background[0, 0] / 9.0
+    fluxes = ndimage.sum_labels(light, labels, np.flatnonzero(is_object) + 1)
+    np.testing.assert_allclose(table[:, scan.FLUX], np.sort(fluxes)[::-1], rtol=1e-12)
+
+
+def test_maximum_search_stops_at_the_length_of_its_table():
+    """... with the highest peaks, while the sequential scan keeps the brightest objects."""
+    image = frame(21)
+    few = DETECT._replace(max_objects=8)
+    peaks = scanned(scan.maximum_search, image, few)
+    everything = scanned(scan.sequential, image, DETECT._replace(max_objects=200))
+    assert len(peaks) == 8
+    np.testing.assert_allclose(
+        scanned(scan.sequential, image, few)[:, scan.FLUX], everything[:8, scan.FLUX], rtol=1e-12
+    )
+    assert (peaks[:, scan.FLUX] >= 0.5 * everything[7, scan.FLUX]).all()
+
+
+@pytest.mark.parametrize("name", ["scan", "centroid"])
+def test_unknown_methods_are_refused(name):
+    with pytest.raises(ValueError, match=f"{name}: 'guess' is not known; choose from: "):
+        detect(DETECT._replace(**{name: "guess"}), np.zeros(SHAPE, np.uint8))
+
+
+@pytest.mark.parametrize(
+    "method, limit_px",
+    [("weighted", 0.04), ("centre_of_mass", 0.06), ("gaussian_interpolation", 0.09)],
+)
+def test_published_centroids(method, limit_px):
+    """3000 electrons in spots of 1 px, bound 0.026 px: no bias, and a covariance that is not far off."""
+    error, nees = errors(PARAMS._replace(centroid=method), range(2), 3000.0)
+    assert np.sqrt((error**2).mean()) < limit_px
+    assert (np.abs(error.mean(axis=0)) < 4.0 * limit_px / np.sqrt(len(error))).all()
+    assert 1.3 < nees.mean() < 3.5
+
+
+def test_centre_of_mass_against_its_formula():
+    image = frame(22)
+    params = DETECT._replace(centroid="centre_of_mass", roi_px=7)
+    found, _ = detect(params, image)
+    background = tile_statistics(block_sums(image), 72)[0] / 9.0
+    x, y = found.xy_px[0]
+    r_0, c_0 = int(y) - 4, int(x) - 4
+    near = image[r_0 : r_0 + 10, c_0 : c_0 + 10]
+    row, column = np.unravel_index(near.argmax(), near.shape)
+    row, column = row + r_0, column + c_0
+    light = image[row - 3 : row + 4, column - 3 : column + 4] - background[row // 72, column // 72]
+    yy, xx = np.mgrid[row - 3 : row + 4, column - 3 : column + 4]
+    expected = [(light * xx).sum() / light.sum(), (light * yy).sum() / light.sum()]
+    np.testing.assert_allclose(found.xy_px[0], expected, atol=0.02)  # the tile's edge may lie in between
+
+
+def test_interpolation_of_a_spot_without_noise():
+    """The series to the second order is off by 0.03 px where two pixels are equal, and less elsewhere."""
+    for offset in np.linspace(-0.5, 0.5, 11):
+        light = np.zeros((61, 61))
+        spot(light, 30.0 + offset, 30.0, 4e5, 1.0)
+        image = np.rint(light / 4.0 + 100.0 + np.random.default_rng(1).normal(0, 1, (61, 61))).astype(
+            np.uint16
+        )
+        params = PARAMS._replace(centroid="gaussian_interpolation", saturation_dn=65535, tile_px=60)
+        found, _ = detect(params, image)
+        np.testing.assert_allclose(found.xy_px[0], [30.0 + offset, 30.0], atol=0.035)
