@@ -1,0 +1,121 @@
+"""Is it true? The odds of the identification that flies, with the price of everything that was adjusted.
+
+In: a fit to a picture. Out: attitude and the probability that chance made it. The picture is handed to
+`bayes.solve_kernel` with the camera that the fit found and the fitted attitude as a prediction. Both came from
+the picture itself and are no knowledge. The odds therefore pay for them: for the attitude the volume of all
+attitudes over that of the prediction, for the focal length and the distortion the range that was allowed over
+the range that fits as well (Laplace's approximation of the integral over the prior), for the two noise
+levels a factor of two.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry.pinhole import Pinhole
+from shefex_nav.geometry.rotation import quat_from_dcm
+from shefex_nav.onboard.startracker import skygrid
+from shefex_nav.onboard.startracker.identify import bayes
+from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
+from shefex_nav.solve import patterns
+from shefex_nav.solve.centroids import Camera, undistort
+
+FALSE_LIMIT = 1e-7  # accepted probability that a solution is chance
+MAGNITUDE_SIGMA = 0.4  # the picture's band, colour cameras, saturated stars
+QUIET_PX, NOISY_PX, LIMIT_PX = 0.25, 0.8, 0.6  # centroid noise: two classes, and the border between them
+PREDICTED_PX = 1.0  # the prediction, as an error at the edge of the picture
+DISTORTION_RANGE = 0.06  # of k1 r^2 in the corner: from -3 to 3 per cent
+MIN_MATCHED = 5  # stars; four only fit any four numbers
+
+
+class Proof(NamedTuple):
+    """Outcome for one fit."""
+
+    is_true: bool
+    is_rivalled: bool  # another identification of the same stars is nearly as good
+    q_ci: np.ndarray
+    n_matched: int
+    false_probability: float
+
+
+def camera_of(lens, size_px):
+    """Camera of a fit."""
+    if lens.k1 == 0.0:
+        return Camera(*size_px, lens.focal_px)
+    return Camera(*size_px, lens.focal_px, None, (lens.k1, 0.0, 0.0, 0.0, 0.0))
+
+
+def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
+    """Probability that chance made a fit.
+
+    Parameters
+    ----------
+    fit : Fit
+    sky : StarCatalogue, brightest first, of the picture and a little around it, as deep as the picture
+    xy_px, flux : (n, 2), (n,) detections, brightest first
+    size_px : (width, height)
+    log_focal_range : float, ln of the longest over the shortest focal length that was looked for
+
+    Returns
+    -------
+    Proof
+    """
+    lens = fit.lens
+    camera = camera_of(lens, size_px)
+    xy_px, flux = xy_px[:MAX_DETECTIONS], flux[:MAX_DETECTIONS]
+    if camera.distortion is not None:
+        pinhole = Pinhole(*size_px, lens.focal_px, *camera.principal_point_px)
+        xy_px = undistort(pinhole, np.array(camera.distortion), np.ascontiguousarray(xy_px))
+    P_c, log_price = price(fit, size_px, log_focal_range)
+    limit = FALSE_LIMIT * np.exp(-log_price)
+    settings = bayes.Settings(
+        float(size_px[0]), float(size_px[1]), lens.focal_px, *camera.principal_point_px, bayes.BORDER_PX,
+        QUIET_PX if fit.noise_px < LIMIT_PX else NOISY_PX, MAGNITUDE_SIGMA, limit, MIN_MATCHED, bayes.BUDGET,
+    )  # fmt: skip
+    reason, star, q_ci, _, log_odds, wrong, _ = bayes.solve_kernel(
+        local_stars(sky), NO_PAIRS, settings, np.ascontiguousarray(xy_px),
+        -2.5 * np.log10(flux), True, True, quat_from_dcm(lens.C_ci), P_c,
+    )  # fmt: skip
+    n = int((star >= 0).sum())
+    probability = min(wrong * np.exp(log_price), 1.0)
+    rivalled = reason == bayes.AMBIGUOUS
+    return Proof(reason == 0 and n >= MIN_MATCHED, rivalled, q_ci, n, float(probability))
+
+
+def price(fit, size_px, log_focal_range):
+    """Covariance of the prediction (3, 3) [rad^2], and ln of what the adjusted numbers cost."""
+    size = np.sqrt(size_px[0] * size_px[1])
+    across, about = PREDICTED_PX / fit.lens.focal_px, PREDICTED_PX / (0.5 * size)
+    P_c = np.diag([across**2, across**2, about**2])
+    # the tracking takes twice the covariance; its density is at most that in the middle
+    volume = np.sqrt((2.0 * np.pi) ** 3 * np.linalg.det(2.0 * P_c))
+    cost = np.log(8.0 * np.pi**2 / volume)
+    cost += np.log(max(log_focal_range / (np.sqrt(2.0 * np.pi) * fit.sigma_log_focal), 1.0))
+    if fit.lens.k1 != 0.0:
+        corner2 = (size_px[0] ** 2 + size_px[1] ** 2) / (2.0 * fit.lens.focal_px) ** 2
+        cost += np.log(max(DISTORTION_RANGE / corner2 / (np.sqrt(2.0 * np.pi) * fit.sigma_k1), 1.0))
+    return P_c, float(cost + np.log(2.0))
+
+
+# The prediction needs no pairs; two entries are the smallest table.
+NO_PAIRS = bayes.Pairs(
+    np.array([-1.0, 1.0]), np.zeros(2, dtype=np.int64), np.ones(2, dtype=np.int64), np.array([0, 2], dtype=np.int64), 2.0, -3.0
+)
+
+
+def local_stars(sky):
+    """A local catalogue as the identification takes it: every cell of the sky gets the same list."""
+    n, cells = len(sky.hip), 6 * skygrid.CELLS**2
+    start = np.arange(cells + 1) * n
+    row = np.tile(np.arange(n, dtype=np.uint16), cells)
+    return bayes.Stars(sky.u_i, sky.vmag, np.log(magnitude_density(patterns.magnitudes(), sky.vmag)), start, row)
+
+
+def magnitude_density(all_vmag, vmag):
+    """Share of the stars per magnitude, of all those as bright as the faintest; both ascending."""
+    all_vmag = all_vmag[: np.searchsorted(all_vmag, vmag[-1], side="right")]
+    half = skygrid.DENSITY_WINDOW
+    below = np.searchsorted(all_vmag, vmag - half)
+    above = np.searchsorted(all_vmag, vmag + half, side="right")
+    width = np.minimum(vmag + half, all_vmag[-1]) - np.maximum(vmag - half, all_vmag[0])
+    return np.maximum(above - below, 1) / (len(all_vmag) * np.maximum(width, half))
