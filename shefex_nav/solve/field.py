@@ -1,7 +1,8 @@
 """Point-like objects in a picture of the night sky, by the detection that flies.
 
 In: grey values of any range over any background. Out: centroids and brightnesses, brightest first. Large
-pictures are binned; what varies over tiles of the picture (sky glow, clouds, vignetting) is taken away and the
+pictures are binned. Gaps between leaves and the like have no sky around them or are not brighter than the sky
+near them, and are dropped. What varies over tiles of the picture (sky glow, clouds, vignetting) is taken away and the
 noise is brought to a few grey values, so that the 8-bit detection of the star tracker can be used as it is.
 """
 
@@ -16,7 +17,12 @@ LARGEST_PX = 2048  # of the longer side; larger pictures are binned
 TILE_PX = 24  # of the background
 BLACK_DN, NOISE_DN, WHITE_DN = 20.0, 3.0, 255.0  # of the 8-bit frame
 APERTURE_PX = 1.0  # beyond the radius of an object, for its brightness
-MAX_OBJECTS = 200
+MAX_OBJECTS = 1000
+RING_PX = (2.0, 5.5)  # around an object and its radius; a star has the sky there
+RING_SIGMA, RING_SHARE = 5.0, 0.25  # a pixel is not sky beyond this noise; so many of them may be
+EDGE_SIGMA = 8.0  # of the noise: neighbouring tiles that differ by more have something before the sky
+EDGE_TILES = 6  # so far from such an edge there may be gaps in it
+ABOVE_SIGMA = 5.0  # of the noise, the peak of a star over the brightest tile there
 FLAT_SIGMA = 0.3  # grey steps, noise of a picture without any: rounding hides it
 
 PARAMS = DetectParams(
@@ -37,6 +43,7 @@ class Field(NamedTuple):
 
     xy_px: np.ndarray  # (n, 2) centroids in pixels of the picture as it is
     flux: np.ndarray  # (n,) descending, grey values
+    in_sky: np.ndarray  # (n,) bool, no gap in a foreground: brighter than the sky around it
     n_pixels: np.ndarray  # (n,) of the binned picture
     binning: int
     noise: float  # grey values, of one binned pixel
@@ -47,14 +54,17 @@ def find(grey):
     binning = int(np.ceil(max(grey.shape) / LARGEST_PX))
     if binning > 1:
         grey = binned(grey, binning)
-    flat, noise = flatten(grey)
+    flat, noise, sky = flatten(grey)
     frame = np.clip(np.rint(BLACK_DN + NOISE_DN / noise * flat), 0.0, WHITE_DN).astype(np.uint8)
     found, _ = detect(PARAMS, frame)
-    flux = aperture(flat, found.xy_px, np.sqrt(found.n_pixels / np.pi) + APERTURE_PX)
+    radius_px = np.sqrt(found.n_pixels / np.pi)
+    flux = aperture(flat, found.xy_px, radius_px + APERTURE_PX)
+    lonely = crowding(flat, found.xy_px, radius_px, RING_SIGMA * noise) < RING_SHARE
     order = np.argsort(-flux, kind="stable")
-    order = order[flux[order] > 0.0]
+    order = order[(flux[order] > 0.0) & lonely[order]]
+    in_sky = brighter_than_sky(grey, found.xy_px, sky, noise)[order]
     xy_px = found.xy_px[order] * binning + 0.5 * (binning - 1)
-    return Field(np.ascontiguousarray(xy_px), flux[order], found.n_pixels[order], binning, float(noise))
+    return Field(np.ascontiguousarray(xy_px), flux[order], in_sky, found.n_pixels[order], binning, float(noise))
 
 
 def binned(grey, n):
@@ -65,13 +75,13 @@ def binned(grey, n):
 
 
 def flatten(grey):
-    """Picture without its background, and the noise of one pixel.
+    """Picture without its background, the noise of one pixel, and what a star has to outshine.
 
-    The background is the median of tiles, those with something large in them smoothed by their neighbours,
+    The last is -inf in a tile with an even background around it, else the brightest tile there. The background is the median of tiles, those with something large in them smoothed by their neighbours,
     interpolated linearly. The noise is the median over the tiles of the distance between the median and the
     quantile one sigma below.
     """
-    from scipy.ndimage import median_filter
+    from scipy.ndimage import maximum_filter, median_filter, minimum_filter
 
     rows, columns = grey.shape
     n_r, n_c = max(rows // TILE_PX, 1), max(columns // TILE_PX, 1)
@@ -81,7 +91,21 @@ def flatten(grey):
     noise = max(np.median(middle - low), FLAT_SIGMA * grey_step(grey))
     smooth = median_filter(middle, 3, mode="nearest")
     flat = subtract(grey, smooth, 0.5 * (edges_r[:-1] + edges_r[1:] - 1), 0.5 * (edges_c[:-1] + edges_c[1:] - 1))
-    return flat, noise
+    edge = maximum_filter(smooth, 3, mode="nearest") - minimum_filter(smooth, 3, mode="nearest") > EDGE_SIGMA * noise
+    reach = 2 * EDGE_TILES + 1
+    near = maximum_filter(edge, reach, mode="nearest")
+    return flat, noise, np.where(near, maximum_filter(middle, reach, mode="nearest"), -np.inf)
+
+
+def brighter_than_sky(grey, xy_px, sky, noise):
+    """Whether the brightest pixel around each centroid is above the sky of its tile. -> (n,) bool."""
+    if len(xy_px) == 0:
+        return np.zeros(0, dtype=bool)
+    column, row = np.rint(xy_px).astype(int).T
+    near = [(row + i, column + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]  # detections are not at the border
+    peak = np.max([grey[r, c] for r, c in near], axis=0)
+    tile = row * sky.shape[0] // grey.shape[0], column * sky.shape[1] // grey.shape[1]
+    return peak > sky[tile] + ABOVE_SIGMA * noise
 
 
 def grey_step(grey):
@@ -149,3 +173,22 @@ def aperture(flat, xy_px, radius_px):
                 if (c - x) ** 2 + (r - y) ** 2 <= radius * radius:
                     total[k] += flat[r, c]
     return total
+
+
+@njit(cache=True)
+def crowding(flat, xy_px, radius_px, limit):
+    """Share of the pixels in a ring around each object that differ from the background by the limit. -> (n,)."""
+    share = np.zeros(xy_px.shape[0])
+    rows, columns = flat.shape
+    for k in range(xy_px.shape[0]):
+        x, y = xy_px[k, 0], xy_px[k, 1]
+        inner, outer = radius_px[k] + RING_PX[0], radius_px[k] + RING_PX[1]
+        other, total = 0, 0
+        for r in range(max(int(y - outer), 0), min(int(y + outer) + 2, rows)):
+            for c in range(max(int(x - outer), 0), min(int(x + outer) + 2, columns)):
+                d2 = (c - x) ** 2 + (r - y) ** 2
+                if inner * inner <= d2 <= outer * outer:
+                    total += 1
+                    other += abs(flat[r, c]) > limit
+        share[k] = other / max(total, 1)
+    return share

@@ -22,9 +22,9 @@ from shefex_nav.solve.centroids import Camera, undistort
 FOV_DEG = (6.5, 32.0)  # horizontal, when nothing is said about it
 FOV_TOLERANCE = 1.2  # factor either way, of a field of view that is given
 CAMERA_TOLERANCE = 1.02  # of the focal length of a given camera
-ROUNDS = (4, 10, 16, 28)  # brightest detections that form triangles, more and more
-CLEAR, WORTH = 45.0, 14.0  # ln odds of proposals: tried at once, tried at all
-TRIED = 12  # proposals a round, apart from the clear ones
+ROUNDS = (4, 10, 16, 24)  # brightest detections that form triangles, more and more
+CLEAR, WORTH = 45.0, 18.0  # ln odds of proposals: tried at once, tried at all
+TRIED = 8  # proposals a round, apart from the clear ones
 LEAST = 5  # detections without which nothing is begun
 BLEND_PX = 2.5  # closer stars are one point of light
 FAINT_NEIGHBOUR = 1.5  # mag, a star may be fainter than the faintest and still pull a brighter one
@@ -56,6 +56,15 @@ class ImageSolution(NamedTuple):
     q_ci: np.ndarray  # (4,) ICRS to camera
     camera: Camera | None  # focal length and distortion as they were found
     xy_px: np.ndarray  # (n, 2) all detections, brightest first
+
+
+class _Search(NamedTuple):
+    """What is looked for."""
+
+    size_px: tuple  # (width, height)
+    focal_range: tuple  # (shortest, longest) focal length [px]
+    year: float
+    may_distort: bool
 
 
 def solve_image(image, *, camera=None, fov_deg=None, epoch=None):
@@ -92,10 +101,13 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None):
     if camera is not None:
         xy_px = _ideal(camera, xy_px)
     free = camera is None
-    solved, reason = _solve(xy_px, found.flux, size_px, focal_range, year, free)
+    search = _Search(size_px, focal_range, year, camera is None)
+    solved, reason = _solve(xy_px[found.in_sky], found.flux[found.in_sky], search)
+    if solved is None and not found.in_sky.all():
+        solved, reason = _solve(xy_px, found.flux, search)
     if solved is None and reason == "no_match":
-        turned = xy_px * [-1.0, 1.0] + [size_px[0] - 1.0, 0.0]
-        if _solve(turned, found.flux, size_px, focal_range, year, free)[0] is not None:
+        turned = xy_px[found.in_sky] * [-1.0, 1.0] + [size_px[0] - 1.0, 0.0]
+        if _solve(turned, found.flux[found.in_sky], search)[0] is not None:
             reason = "mirrored"
     wall_ms = 1e3 * (perf_counter() - began)
     if solved is None:
@@ -149,12 +161,13 @@ def _ideal(camera, xy_px):
     return xy_px - [cx, cy] + lens.middle((camera.width_px, camera.height_px))
 
 
-def _solve(xy_px, flux, size_px, focal_range, year, may_distort):
+def _solve(xy_px, flux, search):
     """The (Fit, Proof) that is true, or None; and the reason."""
     if len(flux) < LEAST:
         return None, "too_few_stars"
     xy_px, flux = np.ascontiguousarray(xy_px[:MAX_DETECTIONS]), flux[:MAX_DETECTIONS]
     mag = -2.5 * np.log10(flux)
+    size_px, focal_range, year, _ = search
     cells = triangles.detection_cells(xy_px, *size_px)
     size = np.sqrt(size_px[0] * size_px[1])
     bands = [patterns.band(n, year) for n in patterns.bands(size / focal_range[1], size / focal_range[0])]
@@ -169,12 +182,12 @@ def _solve(xy_px, flux, size_px, focal_range, year, may_distort):
                 xy_px, mag, wide_px, focal_range, first, min(last, len(flux)), band, cells, kept[b], filled[b]
             )
             for proposal in _best(kept[b], CLEAR, done, TRIED):
-                fit, proof_ = _examined(proposal, xy_px, flux, size_px, focal_range, year, may_distort)
+                fit, proof_ = _examined(proposal, xy_px, flux, search)
                 if proof_ is not None and proof_.is_true:
                     return (fit, proof_), ""
                 rivalled = rivalled or (proof_ is not None and proof_.is_rivalled)
         for proposal in _best(kept.reshape(-1, 11), WORTH, done, TRIED):
-            fit, proof_ = _examined(proposal, xy_px, flux, size_px, focal_range, year, may_distort)
+            fit, proof_ = _examined(proposal, xy_px, flux, search)
             if proof_ is not None and proof_.is_true:
                 return (fit, proof_), ""
             rivalled = rivalled or (proof_ is not None and proof_.is_rivalled)
@@ -194,8 +207,9 @@ def _best(kept, least, done, n):
     return chosen
 
 
-def _examined(proposal, xy_px, flux, size_px, focal_range, year, may_distort):
+def _examined(proposal, xy_px, flux, search):
     """Fit and Proof of a proposal; None, None when nothing fits."""
+    size_px, focal_range, year, may_distort = search
     first = lens.Lens(proposal[2:].reshape(3, 3), float(proposal[1]), 0.0)
     sky = _sky(first, len(flux), size_px, year)
     if len(sky.hip) < LEAST:

@@ -86,12 +86,12 @@ def fit(lens, u_i, xy_px, size_px, *, gates=GATES, least=4, may_distort=True):
     -------
     Fit, or None
     """
-    diagonal = float(np.hypot(*size_px))
+    diagonal, start_px = float(np.hypot(*size_px)), lens.focal_px
     star, residual, noise, covariance, distorted = None, None, np.inf, None, False
-    for step in range(len(gates) + CONVERGED):
+    last = len(gates) + CONVERGED - 1
+    for step in range(last + 1):
         wide = step < len(gates)
-        gate = gates[step] * diagonal if wide else NOISE_GATE * noise
-        gate = max(gate, LEAST_GATE_PX)
+        gate = max(gates[step] * diagonal if wide else NOISE_GATE * noise, LEAST_GATE_PX)
         predicted, ideal = project(lens, u_i, size_px)
         inside = np.flatnonzero(((predicted > -1.0) & (predicted < np.asarray(size_px))).all(axis=1))
         star = match(predicted[inside], xy_px, gate)
@@ -101,16 +101,19 @@ def fit(lens, u_i, xy_px, size_px, *, gates=GATES, least=4, may_distort=True):
         star[known] = inside[star[known]]
         residual = np.zeros_like(xy_px)
         residual[known] = xy_px[known] - predicted[star[known]]
+        if wide:
+            distorted = may_distort and len(known) >= FOR_DISTORTION
         noise = noise_of(residual[known], 5 if distorted else 4)
-        distorted = may_distort and len(known) >= FOR_DISTORTION and (wide or lens.k1 != 0.0)
         change, covariance = step_of(lens, ideal[star[known]], residual[known], noise, distorted)
-        if step == len(gates) + CONVERGED - 1:
+        if step == last:
             break
-        k1 = lens.k1 + change[4]
-        if step >= len(gates) - 2 and distorted and abs(k1) < DISTORTION_SIGMA * np.sqrt(covariance[4, 4]):
-            k1 = 0.0
+        k1 = lens.k1 + change[4] if distorted else 0.0
+        if step == len(gates) - 1 and abs(k1) < DISTORTION_SIGMA * np.sqrt(covariance[4, 4]):
+            k1, distorted = 0.0, False
         turned = dcm_from_rotvec(change[:3]) @ lens.C_ci
         lens = Lens(turned, lens.focal_px * float(np.exp(change[3])), float(k1))
+        if not 0.5 < lens.focal_px / start_px < 2.0:  # no fit, whatever it is
+            return None
     sigma_k1 = float(np.sqrt(covariance[4, 4])) if distorted else 0.0
     return Fit(lens, star, residual, noise, float(np.sqrt(covariance[3, 3])), sigma_k1)
 

@@ -5,7 +5,7 @@ In: a fit to a picture. Out: attitude and the probability that chance made it. T
 the picture itself and are no knowledge. The odds therefore pay for them: for the attitude the volume of all
 attitudes over that of the prediction, for the focal length and the distortion the range that was allowed over
 the range that fits as well (Laplace's approximation of the integral over the prior), for the two noise
-levels a factor of two.
+levels a factor of two, as for the two lists of detections.
 """
 
 from typing import NamedTuple
@@ -25,6 +25,8 @@ MAGNITUDE_SIGMA = 0.4  # the picture's band, colour cameras, saturated stars
 QUIET_PX, NOISY_PX, LIMIT_PX = 0.25, 0.8, 0.6  # centroid noise: two classes, and the border between them
 PREDICTED_PX = 1.0  # the prediction, as an error at the edge of the picture
 DISTORTION_RANGE = 0.06  # of k1 r^2 in the corner: from -3 to 3 per cent
+BUDGET = 8000  # of the identification: the prediction is right or it is not
+LISTS = 2.0  # of detections that are tried: all, and those that are no gaps in a foreground
 MIN_MATCHED = 5  # stars; four only fit any four numbers
 
 
@@ -70,7 +72,7 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
     limit = FALSE_LIMIT * np.exp(-log_price)
     settings = bayes.Settings(
         float(size_px[0]), float(size_px[1]), lens.focal_px, *camera.principal_point_px, bayes.BORDER_PX,
-        QUIET_PX if fit.noise_px < LIMIT_PX else NOISY_PX, MAGNITUDE_SIGMA, limit, MIN_MATCHED, bayes.BUDGET,
+        QUIET_PX if fit.noise_px < LIMIT_PX else NOISY_PX, MAGNITUDE_SIGMA, limit, MIN_MATCHED, BUDGET,
     )  # fmt: skip
     reason, star, q_ci, _, log_odds, wrong, _ = bayes.solve_kernel(
         local_stars(sky), NO_PAIRS, settings, np.ascontiguousarray(xy_px),
@@ -94,7 +96,7 @@ def price(fit, size_px, log_focal_range):
     if fit.lens.k1 != 0.0:
         corner2 = (size_px[0] ** 2 + size_px[1] ** 2) / (2.0 * fit.lens.focal_px) ** 2
         cost += np.log(max(DISTORTION_RANGE / corner2 / (np.sqrt(2.0 * np.pi) * fit.sigma_k1), 1.0))
-    return P_c, float(cost + np.log(2.0))
+    return P_c, float(cost + np.log(2.0 * LISTS))
 
 
 # The prediction needs no pairs; two entries are the smallest table.
