@@ -22,12 +22,13 @@ from shefex_nav.solve.centroids import Camera, undistort
 FOV_DEG = (6.5, 32.0)  # horizontal, when nothing is said about it
 FOV_TOLERANCE = 1.2  # factor either way, of a field of view that is given
 CAMERA_TOLERANCE = 1.02  # of the focal length of a given camera
-ROUNDS = (4, 10, 16, 24)  # brightest detections that form triangles, more and more
+ROUNDS = (8, 15, 24)  # brightest detections that form triangles, more and more
 CLEAR, WORTH = 45.0, 18.0  # ln odds of proposals: tried at once, tried at all
 TRIED = 8  # proposals a round, apart from the clear ones
 LEAST = 5  # detections without which nothing is begun
 BLEND_PX = 2.5  # closer stars are one point of light
 FAINT_NEIGHBOUR = 1.5  # mag, a star may be fainter than the faintest and still pull a brighter one
+DEEPER, DEEPER_BY = 1.5, 15  # stars for so many detections: the sky is uneven, and some are hidden
 FINAL_GATES = (0.0018, 0.0018)
 
 
@@ -52,10 +53,28 @@ class ImageSolution(NamedTuple):
     fov_y_deg: float
     matched: list  # of Match, brightest first
     false_probability: float  # bound of the probability that chance made this; 1 without a solution
-    wall_ms: float  # from the grey values to the solution
+    wall_ms: float  # from the grey values to the solution; tables are not counted when they are made
     q_ci: np.ndarray  # (4,) ICRS to camera
     camera: Camera | None  # focal length and distortion as they were found
     xy_px: np.ndarray  # (n, 2) all detections, brightest first
+
+
+class _Clock:
+    """Time since it was made, without the waits for tables."""
+
+    def __init__(self):
+        self.began = perf_counter()
+
+    def wait_for(self, make, *arguments):
+        """The result of a function whose time does not count."""
+        stopped = perf_counter()
+        made = make(*arguments)
+        self.began += perf_counter() - stopped
+        return made
+
+    def ms(self):
+        """Milliseconds."""
+        return 1e3 * (perf_counter() - self.began)
 
 
 class _Search(NamedTuple):
@@ -70,7 +89,8 @@ class _Search(NamedTuple):
 def solve_image(image, *, camera=None, fov_deg=None, epoch=None):
     """Attitude, field of view and stars of a picture of the night sky.
 
-    The lens may have a radial distortion of a few per cent. Mirrored pictures are refused.
+    The lens may have a radial distortion of a few per cent. Mirrored pictures are refused. The tables for a field
+    of view are made when they are first needed, 0.1 to 0.4 s for each third of its range, and kept.
 
     Parameters
     ----------
@@ -95,27 +115,26 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None):
     size_px = seen.grey.shape[::-1]
     focal_range = _focal_range(size_px, camera, fov_deg)
     year = _year(epoch, seen.julian_year)
-    began = perf_counter()
+    clock = _Clock()
     found = field.find(seen.grey)
     xy_px = found.xy_px
     if camera is not None:
         xy_px = _ideal(camera, xy_px)
     free = camera is None
     search = _Search(size_px, focal_range, year, camera is None)
-    solved, reason = _solve(xy_px[found.in_sky], found.flux[found.in_sky], search)
+    solved, reason = _solve(xy_px[found.in_sky], found.flux[found.in_sky], search, clock)
     if solved is None and not found.in_sky.all():
-        solved, reason = _solve(xy_px, found.flux, search)
+        solved, reason = _solve(xy_px, found.flux, search, clock)
     if solved is None and reason == "no_match":
         turned = xy_px[found.in_sky] * [-1.0, 1.0] + [size_px[0] - 1.0, 0.0]
-        if _solve(turned, found.flux[found.in_sky], search)[0] is not None:
+        if _solve(turned, found.flux[found.in_sky], search, clock)[0] is not None:
             reason = "mirrored"
-    wall_ms = 1e3 * (perf_counter() - began)
     if solved is None:
         nan = float("nan")
         return ImageSolution(
-            "failed", reason, nan, nan, nan, nan, nan, [], 1.0, wall_ms, np.full(4, nan), None, found.xy_px
+            "failed", reason, nan, nan, nan, nan, nan, [], 1.0, clock.ms(), np.full(4, nan), None, found.xy_px
         )
-    return _described(solved, found, xy_px, size_px, year, camera, began)
+    return _described(solved, found, xy_px, size_px, year, camera, clock)
 
 
 def _focal_range(size_px, camera, fov_deg):
@@ -161,48 +180,43 @@ def _ideal(camera, xy_px):
     return xy_px - [cx, cy] + lens.middle((camera.width_px, camera.height_px))
 
 
-def _solve(xy_px, flux, search):
+def _solve(xy_px, flux, search, clock):
     """The (Fit, Proof) that is true, or None; and the reason."""
     if len(flux) < LEAST:
         return None, "too_few_stars"
     xy_px, flux = np.ascontiguousarray(xy_px[:MAX_DETECTIONS]), flux[:MAX_DETECTIONS]
     mag = -2.5 * np.log10(flux)
-    size_px, focal_range, year, _ = search
-    cells = triangles.detection_cells(xy_px, *size_px)
-    size = np.sqrt(size_px[0] * size_px[1])
-    bands = [patterns.band(n, year) for n in patterns.bands(size / focal_range[1], size / focal_range[0])]
-    kept, filled = np.zeros((len(bands), triangles.KEPT, 11)), np.zeros(len(bands), dtype=np.int64)
-    wide_px = (float(size_px[0]), float(size_px[1]))
-    done, rivalled = [], False
+    cells = triangles.detection_cells(xy_px, *search.size_px)
+    size, wide_px = np.sqrt(search.size_px[0] * search.size_px[1]), tuple(float(n) for n in search.size_px)
+    numbers = patterns.bands(size / search.focal_range[1], size / search.focal_range[0])
+    kept, filled = np.zeros((len(numbers), triangles.KEPT, 11)), np.zeros(len(numbers), dtype=np.int64)
+    done, reason = set(), "no_match"
     for first, last in zip((2, *ROUNDS[:-1]), ROUNDS, strict=True):
-        if first >= len(flux):
-            break
-        for b, band in enumerate(bands):
-            filled[b], _ = triangles.propose(
-                xy_px, mag, wide_px, focal_range, first, min(last, len(flux)), band, cells, kept[b], filled[b]
-            )
-            for proposal in _best(kept[b], CLEAR, done, TRIED):
-                fit, proof_ = _examined(proposal, xy_px, flux, search)
-                if proof_ is not None and proof_.is_true:
-                    return (fit, proof_), ""
-                rivalled = rivalled or (proof_ is not None and proof_.is_rivalled)
-        for proposal in _best(kept.reshape(-1, 11), WORTH, done, TRIED):
-            fit, proof_ = _examined(proposal, xy_px, flux, search)
-            if proof_ is not None and proof_.is_true:
-                return (fit, proof_), ""
-            rivalled = rivalled or (proof_ is not None and proof_.is_rivalled)
-    return None, "ambiguous" if rivalled else "no_match"
+        for b in (*range(len(numbers)), -1):  # each band for itself, then the best of all
+            if b >= 0 and first < len(flux):
+                band = clock.wait_for(patterns.band, numbers[b], search.year)
+                filled[b], _ = triangles.propose(
+                    xy_px, mag, wide_px, search.focal_range, first, min(last, len(flux)), band, cells,
+                    kept[b], filled[b],
+                )  # fmt: skip
+            chosen = kept[b] if b >= 0 else kept.reshape(-1, 11)
+            for proposal in _best(chosen, CLEAR if b >= 0 else WORTH, done):
+                fit, outcome = _examined(proposal, xy_px, flux, search)
+                if outcome is not None and outcome.is_true:
+                    return (fit, outcome), ""
+                if outcome is not None and outcome.is_rivalled:
+                    reason = "ambiguous"
+    return None, reason
 
 
-def _best(kept, least, done, n):
-    """The n best proposals with at least these odds that have not been examined yet; they are noted in `done`."""
+def _best(kept, least, done):
+    """The best proposals with at least these odds that have not been examined yet; they are noted in `done`."""
     chosen = []
     for proposal in kept[np.argsort(-kept[:, 0])]:
-        key = (proposal[0], proposal[1])
-        if len(chosen) == n or proposal[0] < least:
+        if len(chosen) == TRIED or proposal[0] < least:
             break
-        if key not in done:
-            done.append(key)
+        if tuple(proposal) not in done:
+            done.add(tuple(proposal))
             chosen.append(proposal.copy())
     return chosen
 
@@ -211,7 +225,7 @@ def _examined(proposal, xy_px, flux, search):
     """Fit and Proof of a proposal; None, None when nothing fits."""
     size_px, focal_range, year, may_distort = search
     first = lens.Lens(proposal[2:].reshape(3, 3), float(proposal[1]), 0.0)
-    sky = _sky(first, len(flux), size_px, year)
+    sky = _sky(first, DEEPER * len(flux) + DEEPER_BY, size_px, year)
     if len(sky.hip) < LEAST:
         return None, None
     fit = lens.fit(first, sky.u_i, xy_px, size_px, least=proof.MIN_MATCHED, may_distort=may_distort)
@@ -230,7 +244,7 @@ def _sky(at, n_stars, size_px, year):
     return patterns.merged(select(stars, near), vmag, BLEND_PX / at.focal_px)
 
 
-def _described(solved, found, xy_px, size_px, year, camera, began):
+def _described(solved, found, xy_px, size_px, year, camera, clock):
     """ImageSolution of a proven fit: adjusted once more, to all detections and all stars."""
     fit, proof_ = solved
     sky = _sky(fit.lens, max(len(found.flux), MAX_DETECTIONS), size_px, year)
@@ -247,9 +261,8 @@ def _described(solved, found, xy_px, size_px, year, camera, began):
         camera = proof.camera_of(best.lens, size_px)
     else:
         camera = replace(camera, focal_length_px=best.lens.focal_px)
-    wall_ms = 1e3 * (perf_counter() - began)
     return ImageSolution(
-        "ok", "", ra, dec, roll, fov_x, fov_y, matched, proof_.false_probability, wall_ms,
+        "ok", "", ra, dec, roll, fov_x, fov_y, matched, proof_.false_probability, clock.ms(),
         quat_from_dcm(best.lens.C_ci), camera, found.xy_px,
     )  # fmt: skip
 

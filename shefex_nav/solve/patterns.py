@@ -17,9 +17,9 @@ from shefex_nav.onboard.startracker import skygrid
 
 MAX_MAGNITUDE = 8.0
 SMALLEST, LARGEST, RATIO = np.radians(4.5), np.radians(40.0), 1.34  # of S; a band reaches over RATIO
-CHOSEN = 12.0  # stars per S^2 that form triangles
+CHOSEN = 16.0  # stars per S^2 that form triangles
 SHOWN = 26.0  # stars per S^2 that a proposal is compared with
-LONGEST, SHORTEST = 0.55, 0.12  # longest side of a triangle, in S: limits
+LONGEST, SHORTEST = 0.5, 0.12  # longest side of a triangle, in S: limits
 SLIVER = 0.2  # shortest over longest side: thinner ones say little
 CELL = 0.02  # of the two side ratios
 COLUMNS = int(round(1.0 / CELL))  # ratios from 0 to 1
@@ -100,14 +100,14 @@ def _band(number, julian_year):
     size = np.sqrt(low * high)
     shown = magnitude_of(SHOWN / size**2)
     stars = merged(catalogue(julian_year), shown, BLEND * size)
-    grid = skygrid.build(stars.u_i, stars.vmag, REACH * high)
+    start, row = sky_lists(stars.u_i, REACH * high)
     order = np.argsort(stars.u_i[:, 2], kind="stable")
     chosen = choose(stars.u_i, order, 0.5 * size, int(0.25 * np.pi * CHOSEN + 0.5))
     corner, shape, key = _triangles(stars.u_i, np.flatnonzero(chosen), SHORTEST * low, LONGEST * high)
     order = np.argsort(key, kind="stable")
     cell = np.searchsorted(key[order], np.arange(2 * COLUMNS**2 + 1))
     corner, shape = np.ascontiguousarray(corner[order]), np.ascontiguousarray(shape[order])
-    return Band(low, high, stars.u_i, stars.vmag, grid.start, grid.row, corner, shape, cell.astype(np.int64))
+    return Band(low, high, stars.u_i, stars.vmag, start, row, corner, shape, cell.astype(np.int64))
 
 
 @njit(cache=True)
@@ -162,21 +162,27 @@ def _triangles(u_i, chosen, shortest, longest):
     n, size = 0, 4096
     corner, shape = np.empty((size, 3), dtype=np.int32), np.empty((size, 3))
     key = np.empty(size, dtype=np.int64)
-    near = np.empty(4096, dtype=np.int64)
+    near, reach = np.empty(4096, dtype=np.int64), np.empty(4096)
     for p in range(len(by_z)):
         s, m = by_z[p], 0  # s has the smallest z of its triangles
         for q in range(p + 1, len(by_z)):
             t = by_z[q]
             if u_i[t, 2] > u_i[s, 2] + longest or m == len(near):
                 break
-            if side(u_i, s, t) < longest:
-                near[m] = t
+            distance = side(u_i, s, t)
+            if distance < longest:
+                near[m], reach[m] = t, distance
                 m += 1
         for x in range(m):
             for y in range(x):
-                sides = np.array([side(u_i, near[x], near[y]), side(u_i, s, near[x]), side(u_i, s, near[y])])
-                rank = np.argsort(-sides)
-                a, b, c = sides[rank[0]], sides[rank[1]], sides[rank[2]]
+                # opposite of s, of x and of y, put in order
+                i, j, k, a, b, c = s, near[x], near[y], side(u_i, near[x], near[y]), reach[y], reach[x]
+                if a < b:
+                    i, j, a, b = j, i, b, a
+                if b < c:
+                    j, k, b, c = k, j, c, b
+                if a < b:
+                    i, j, a, b = j, i, b, a
                 if a > longest or a < shortest or c < SLIVER * a:
                     continue
                 if n == size:
@@ -184,11 +190,60 @@ def _triangles(u_i, chosen, shortest, longest):
                     corner = np.concatenate((corner, np.empty((n, 3), dtype=np.int32)))
                     shape = np.concatenate((shape, np.empty((n, 3))))
                     key = np.concatenate((key, np.empty(n, dtype=np.int64)))
-                opposite = np.array([s, near[y], near[x]])  # of the three sides, in their order
-                for k in range(3):
-                    corner[n, k] = opposite[rank[k]]
+                corner[n, 0], corner[n, 1], corner[n, 2] = i, j, k
                 shape[n, 0], shape[n, 1], shape[n, 2] = a, b / a, c / a
-                left = volume(u_i, corner[n, 0], corner[n, 1], corner[n, 2]) < 0.0
-                key[n] = cell_of_shape(b / a, c / a, left)
+                key[n] = cell_of_shape(b / a, c / a, volume(u_i, i, j, k) < 0.0)
                 n += 1
     return corner[:n], shape[:n], key[:n]
+
+
+def directions_of_cells():
+    """Middle of each cell of the sky grid (n, 3), and the angle from there to its furthest corner (n,)."""
+    c = skygrid.CELLS
+    middle, reach = np.empty((6 * c * c, 3)), np.empty(6 * c * c)
+    at = (2.0 * np.arange(c) + 1.0) / c - 1.0
+    a, b = (v.ravel() for v in np.meshgrid(at, at, indexing="ij"))
+    one = np.ones_like(a)
+    for face in range(6):
+        part = slice(face * c * c, (face + 1) * c * c)
+        sign = 1.0 if face % 2 == 0 else -1.0
+
+        def on_face(x, y, face=face, sign=sign):
+            columns = ((sign * one, x, y), (x, sign * one, y), (x, y, sign * one))[face // 2]
+            v = np.column_stack(columns)
+            return v / np.linalg.norm(v, axis=1, keepdims=True)
+
+        middle[part] = on_face(a, b)
+        corners = [(middle[part] * on_face(a + i / c, b + j / c)).sum(axis=1) for i in (-1, 1) for j in (-1, 1)]
+        reach[part] = np.arccos(np.min(corners, axis=0))
+    return middle, reach
+
+
+def sky_lists(u_i, radius):
+    """Lists of all stars within the radius of any direction, as SkyGrid has them: start, row."""
+    middle, reach = directions_of_cells()
+    order = np.argsort(middle[:, 2], kind="stable")
+    return _lists(u_i, radius, middle[order], reach[order], order)
+
+
+@njit(cache=True)
+def _lists(u_i, radius, middle, reach, order):
+    """The cells near each star, twice: to count, and to fill. Cells are ordered by their z."""
+    cells, z = len(order), middle[:, 2]
+    cosine, widest = np.cos(reach + radius), radius + reach.max()
+    start, fill = np.zeros(cells + 1, dtype=np.int64), np.zeros(cells, dtype=np.int64)
+    row = np.empty(0, dtype=np.uint16)
+    for final in range(2):
+        for s in range(u_i.shape[0]):
+            first = np.searchsorted(z, u_i[s, 2] - widest)
+            last = np.searchsorted(z, u_i[s, 2] + widest, side="right")
+            for k in range(first, last):
+                if middle[k, 0] * u_i[s, 0] + middle[k, 1] * u_i[s, 1] + z[k] * u_i[s, 2] >= cosine[k]:
+                    if final:
+                        row[fill[order[k]]] = s
+                    fill[order[k]] += 1
+        if not final:
+            start[1:] = np.cumsum(fill)
+            fill[:] = start[:-1]
+            row = np.empty(start[-1], dtype=np.uint16)
+    return start, row
