@@ -6,6 +6,7 @@ with the identification that flies. Nothing is given out that chance would make 
 """
 
 from dataclasses import replace
+from functools import lru_cache
 from math import isfinite
 from time import perf_counter
 from typing import NamedTuple
@@ -77,6 +78,27 @@ class _Clock:
         return 1e3 * (perf_counter() - self.began)
 
 
+@lru_cache(maxsize=4)
+def _load(year):
+    """Stars and compiled code, before the clock runs: one dark picture through all stages."""
+    patterns.catalogue(year)
+    patterns.magnitudes()
+    grid = np.mgrid[40:200:40, 40:200:40].reshape(2, -1).T.astype(float)
+    dark = np.zeros((256, 256), dtype=np.float32)
+    field.find(dark)
+    at = lens.Lens(np.eye(3), 2000.0, 0.0)
+    flux = np.linspace(2.0, 1.0, len(grid))
+    search = _Search((256, 256), (1900.0, 2100.0), year, True)
+    sky = _sky(at, 60, search.size_px, year)
+    perfect = lens.fit(at, sky.u_i, lens.project(at, sky.u_i, search.size_px)[0], search.size_px)
+    proof.prove(perfect, sky, grid, flux, search.size_px, 1.0)
+    band = patterns.band(patterns.bands(0.5, 0.5)[0], year)
+    cells = triangles.detection_cells(grid, *search.size_px)
+    triangles.propose(
+        grid, flux, (256.0, 256.0), (400.0, 600.0), 2, 4, band, cells, np.zeros((triangles.KEPT, 11)), 0
+    )
+
+
 class _Search(NamedTuple):
     """What is looked for."""
 
@@ -115,6 +137,7 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None):
     size_px = seen.grey.shape[::-1]
     focal_range = _focal_range(size_px, camera, fov_deg)
     year = _year(epoch, seen.julian_year)
+    _load(year)
     clock = _Clock()
     found = field.find(seen.grey)
     xy_px = found.xy_px

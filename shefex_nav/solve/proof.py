@@ -5,13 +5,14 @@ In: a fit to a picture. Out: attitude and the probability that chance made it. T
 the picture itself and are no knowledge. The odds therefore pay for them: for the attitude the volume of all
 attitudes over that of the prediction, for the focal length and the distortion the range that was allowed over
 the range that fits as well (Laplace's approximation of the integral over the prior), for the two noise
-levels a factor of two, as for the two lists of detections.
+levels a factor of two, as for the two lists of detections, and for the depths of the catalogue their number.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.environment.stars import select
 from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.geometry.rotation import quat_from_dcm
 from shefex_nav.onboard.startracker import skygrid
@@ -26,6 +27,7 @@ QUIET_PX, NOISY_PX, LIMIT_PX = 0.25, 0.8, 0.6  # centroid noise: two classes, an
 PREDICTED_PX = 1.0  # the prediction, as an error at the edge of the picture
 DISTORTION_RANGE = 0.06  # of k1 r^2 in the corner: from -3 to 3 per cent
 BUDGET = 8000  # of the identification: the prediction is right or it is not
+DEPTHS = (0.0, 1.2, 2.4)  # mag, how much of the catalogue's depth the picture may lack
 LISTS = 2.0  # of detections that are tried: all, and those that are no gaps in a foreground
 MIN_MATCHED = 5  # stars; four only fit any four numbers
 
@@ -35,7 +37,6 @@ class Proof(NamedTuple):
 
     is_true: bool
     is_rivalled: bool  # another identification of the same stars is nearly as good
-    q_ci: np.ndarray
     n_matched: int
     false_probability: float
 
@@ -69,19 +70,25 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
         pinhole = Pinhole(*size_px, lens.focal_px, *camera.principal_point_px)
         xy_px = undistort(pinhole, np.array(camera.distortion), np.ascontiguousarray(xy_px))
     P_c, log_price = price(fit, size_px, log_focal_range)
-    limit = FALSE_LIMIT * np.exp(-log_price)
     settings = bayes.Settings(
         float(size_px[0]), float(size_px[1]), lens.focal_px, *camera.principal_point_px, bayes.BORDER_PX,
-        QUIET_PX if fit.noise_px < LIMIT_PX else NOISY_PX, MAGNITUDE_SIGMA, limit, MIN_MATCHED, BUDGET,
+        QUIET_PX if fit.noise_px < LIMIT_PX else NOISY_PX, MAGNITUDE_SIGMA,
+        FALSE_LIMIT * np.exp(-log_price), MIN_MATCHED, BUDGET,
     )  # fmt: skip
-    reason, star, q_ci, _, log_odds, wrong, _ = bayes.solve_kernel(
-        local_stars(sky), NO_PAIRS, settings, np.ascontiguousarray(xy_px),
-        -2.5 * np.log10(flux), True, True, quat_from_dcm(lens.C_ci), P_c,
-    )  # fmt: skip
-    n = int((star >= 0).sum())
-    probability = min(wrong * np.exp(log_price), 1.0)
-    rivalled = reason == bayes.AMBIGUOUS
-    return Proof(reason == 0 and n >= MIN_MATCHED, rivalled, q_ci, n, float(probability))
+    xy_px, mag, q_ci = np.ascontiguousarray(xy_px), -2.5 * np.log10(flux), quat_from_dcm(lens.C_ci)
+    best = Proof(False, False, 0, 1.0)
+    for shallower in DEPTHS:
+        seen = select(sky, sky.vmag <= sky.vmag[-1] - shallower)
+        if len(seen.hip) < MIN_MATCHED:
+            break
+        reason, star, _, _, _, wrong, _ = bayes.solve_kernel(
+            local_stars(seen), NO_PAIRS, settings, xy_px, mag, True, True, q_ci, P_c
+        )
+        n, rivalled = int((star >= 0).sum()), reason == bayes.AMBIGUOUS or best.is_rivalled
+        best = Proof(reason == 0 and n >= MIN_MATCHED, rivalled, n, float(min(wrong * np.exp(log_price), 1.0)))
+        if best.is_true:
+            break
+    return best
 
 
 def price(fit, size_px, log_focal_range):
@@ -96,7 +103,7 @@ def price(fit, size_px, log_focal_range):
     if fit.lens.k1 != 0.0:
         corner2 = (size_px[0] ** 2 + size_px[1] ** 2) / (2.0 * fit.lens.focal_px) ** 2
         cost += np.log(max(DISTORTION_RANGE / corner2 / (np.sqrt(2.0 * np.pi) * fit.sigma_k1), 1.0))
-    return P_c, float(cost + np.log(2.0 * LISTS))
+    return P_c, float(cost + np.log(2.0 * LISTS * len(DEPTHS)))
 
 
 # The prediction needs no pairs; two entries are the smallest table.
