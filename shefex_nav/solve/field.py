@@ -64,7 +64,9 @@ def find(grey):
     order = order[(flux[order] > 0.0) & lonely[order]]
     in_sky = brighter_than_sky(grey, found.xy_px, sky, noise)[order]
     xy_px = found.xy_px[order] * binning + 0.5 * (binning - 1)
-    return Field(np.ascontiguousarray(xy_px), flux[order], in_sky, found.n_pixels[order], binning, float(noise))
+    return Field(
+        np.ascontiguousarray(xy_px), flux[order], in_sky, found.n_pixels[order], binning, float(noise)
+    )
 
 
 def binned(grey, n):
@@ -90,8 +92,13 @@ def flatten(grey):
     middle, low = tile_quantiles(grey, edges_r, edges_c)
     noise = max(np.median(middle - low), FLAT_SIGMA * grey_step(grey))
     smooth = median_filter(middle, 3, mode="nearest")
-    flat = subtract(grey, smooth, 0.5 * (edges_r[:-1] + edges_r[1:] - 1), 0.5 * (edges_c[:-1] + edges_c[1:] - 1))
-    edge = maximum_filter(smooth, 3, mode="nearest") - minimum_filter(smooth, 3, mode="nearest") > EDGE_SIGMA * noise
+    flat = subtract(
+        grey, smooth, 0.5 * (edges_r[:-1] + edges_r[1:] - 1), 0.5 * (edges_c[:-1] + edges_c[1:] - 1)
+    )
+    edge = (
+        maximum_filter(smooth, 3, mode="nearest") - minimum_filter(smooth, 3, mode="nearest")
+        > EDGE_SIGMA * noise
+    )
     reach = 2 * EDGE_TILES + 1
     near = maximum_filter(edge, reach, mode="nearest")
     return flat, noise, np.where(near, maximum_filter(middle, reach, mode="nearest"), -np.inf)

@@ -134,6 +134,11 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None):
         seen = picture.Picture(picture.grey(image), None)
     else:
         seen = picture.read(image)
+    return solve_picture(seen, camera=camera, fov_deg=fov_deg, epoch=epoch)
+
+
+def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None):
+    """`solve_image` for a Picture that has been read."""
     size_px = seen.grey.shape[::-1]
     focal_range = _focal_range(size_px, camera, fov_deg)
     year = _year(epoch, seen.julian_year)
@@ -272,7 +277,13 @@ def _described(solved, found, xy_px, size_px, year, camera, clock):
     fit, proof_ = solved
     sky = _sky(fit.lens, max(len(found.flux), MAX_DETECTIONS), size_px, year)
     best = lens.fit(
-        fit.lens, sky.u_i, xy_px, size_px, gates=FINAL_GATES, least=proof.MIN_MATCHED, may_distort=camera is None
+        fit.lens,
+        sky.u_i,
+        xy_px,
+        size_px,
+        gates=FINAL_GATES,
+        least=proof.MIN_MATCHED,
+        may_distort=camera is None,
     )
     known = np.flatnonzero(best.star >= 0)
     matched = [

@@ -37,7 +37,9 @@ class Band(NamedTuple):
     vmag: np.ndarray  # (n,)
     start: np.ndarray  # lists of stars by direction, see SkyGrid
     row: np.ndarray
-    corner: np.ndarray  # (m, 3) int32 rows of the stars of each triangle: opposite its long, middle, short side
+    corner: (
+        np.ndarray
+    )  # (m, 3) int32 rows of the stars of each triangle: opposite its long, middle, short side
     shape: np.ndarray  # (m, 3) longest side [rad, chord], middle / longest, shortest / longest
     cell: np.ndarray  # (2 COLUMNS^2 + 1,) int64, triangles of cell c are cell[c]:cell[c + 1]
 
@@ -214,7 +216,9 @@ def directions_of_cells():
             return v / np.linalg.norm(v, axis=1, keepdims=True)
 
         middle[part] = on_face(a, b)
-        corners = [(middle[part] * on_face(a + i / c, b + j / c)).sum(axis=1) for i in (-1, 1) for j in (-1, 1)]
+        corners = [
+            (middle[part] * on_face(a + i / c, b + j / c)).sum(axis=1) for i in (-1, 1) for j in (-1, 1)
+        ]
         reach[part] = np.arccos(np.min(corners, axis=0))
     return middle, reach
 

@@ -48,11 +48,26 @@ def read(path):
     except UnidentifiedImageError:
         raise PictureError(f"{path}: is not a picture that can be read; expected PNG, JPEG or TIFF") from None
     except Image.DecompressionBombError:
-        raise PictureError(f"{path}: has too many pixels; at most {MOST_PIXELS // 1_000_000} million") from None
-    except (OSError, SyntaxError, ValueError, EOFError, KeyError, IndexError, TypeError, MemoryError) as error:
+        raise PictureError(
+            f"{path}: has too many pixels; at most {MOST_PIXELS // 1_000_000} million"
+        ) from None
+    except (
+        OSError,
+        SyntaxError,
+        ValueError,
+        EOFError,
+        KeyError,
+        IndexError,
+        TypeError,
+        MemoryError,
+    ) as error:
         raise PictureError(f"{path}: is damaged or of an unknown kind ({error})") from None
-    except Exception as error:  # decoders of damaged files raise whatever they like (struct.error, zlib.error)
-        raise PictureError(f"{path}: is damaged or of an unknown kind ({type(error).__name__}: {error})") from None
+    except (
+        Exception
+    ) as error:  # decoders of damaged files raise whatever they like (struct.error, zlib.error)
+        raise PictureError(
+            f"{path}: is damaged or of an unknown kind ({type(error).__name__}: {error})"
+        ) from None
 
 
 def _decoded(path, image):
@@ -86,7 +101,9 @@ def grey(values, name="image"):
     if values.dtype == bool:
         values = values.astype(np.uint8)
     if values.dtype.kind not in "uif" or values.ndim not in (2, 3):
-        raise PictureError(f"{name}: expected numbers (rows, columns[, channels]), got {values.shape} {values.dtype}")
+        raise PictureError(
+            f"{name}: expected numbers (rows, columns[, channels]), got {values.shape} {values.dtype}"
+        )
     if values.ndim == 3 and values.shape[2] not in (1, 2, 3, 4):
         raise PictureError(f"{name}: expected 1 to 4 channels, got {values.shape[2]}")
     _check_size(name, values.shape[1], values.shape[0])

@@ -21,6 +21,7 @@ from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
 from shefex_nav.solve import patterns
 from shefex_nav.solve.centroids import Camera, undistort
 
+LEAST_PROBABILITY = 1e-300  # smaller ones are not told apart
 FALSE_LIMIT = 1e-7  # accepted probability that a solution is chance
 MAGNITUDE_SIGMA = 0.4  # the picture's band, colour cameras, saturated stars
 QUIET_PX, NOISY_PX, LIMIT_PX = 0.25, 0.8, 0.6  # centroid noise: two classes, and the border between them
@@ -85,10 +86,17 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
             local_stars(seen), NO_PAIRS, settings, xy_px, mag, True, True, q_ci, P_c
         )
         n, rivalled = int((star >= 0).sum()), reason == bayes.AMBIGUOUS or best.is_rivalled
-        best = Proof(reason == 0 and n >= MIN_MATCHED, rivalled, n, float(min(wrong * np.exp(log_price), 1.0)))
+        best = Proof(reason == 0 and n >= MIN_MATCHED, rivalled, n, bounded(wrong, log_price))
         if best.is_true:
             break
     return best
+
+
+def bounded(wrong, log_price):
+    """Probability times its price, from LEAST_PROBABILITY to 1."""
+    with np.errstate(divide="ignore"):
+        log_probability = np.log(wrong) + log_price
+    return float(np.exp(min(max(log_probability, np.log(LEAST_PROBABILITY)), 0.0)))
 
 
 def price(fit, size_px, log_focal_range):
@@ -108,7 +116,12 @@ def price(fit, size_px, log_focal_range):
 
 # The prediction needs no pairs; two entries are the smallest table.
 NO_PAIRS = bayes.Pairs(
-    np.array([-1.0, 1.0]), np.zeros(2, dtype=np.int64), np.ones(2, dtype=np.int64), np.array([0, 2], dtype=np.int64), 2.0, -3.0
+    np.array([-1.0, 1.0]),
+    np.zeros(2, dtype=np.int64),
+    np.ones(2, dtype=np.int64),
+    np.array([0, 2], dtype=np.int64),
+    2.0,
+    -3.0,
 )
 
 
@@ -117,7 +130,9 @@ def local_stars(sky):
     n, cells = len(sky.hip), 6 * skygrid.CELLS**2
     start = np.arange(cells + 1) * n
     row = np.tile(np.arange(n, dtype=np.uint16), cells)
-    return bayes.Stars(sky.u_i, sky.vmag, np.log(magnitude_density(patterns.magnitudes(), sky.vmag)), start, row)
+    return bayes.Stars(
+        sky.u_i, sky.vmag, np.log(magnitude_density(patterns.magnitudes(), sky.vmag)), start, row
+    )
 
 
 def magnitude_density(all_vmag, vmag):

@@ -206,9 +206,7 @@ def propose(xy_px, mag, size_px, focal_range, first, last, band, cells, kept, n)
 
 
 @njit(cache=True)
-def _try_triangle(
-    xy_px, mag, size_px, focal_range, focal_px, corner, sides, bend, u_c, band, cells, kept, n
-):
+def _try_triangle(xy_px, mag, size_px, focal_range, focal_px, corner, sides, bend, u_c, band, cells, kept, n):
     """All catalogue triangles with the shape of three detections, whichever of its sides is the longest."""
     tried = 0
     orders = ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))
@@ -220,7 +218,9 @@ def _try_triangle(
             continue
         at = np.array([corner[p], corner[q], corner[r]])
         left = volume(u_c, at[0], at[1], at[2]) < 0.0
-        for m in range(int(max(middle - slack, 0.0) / CELL), min(int((middle + slack) / CELL), COLUMNS - 1) + 1):
+        for m in range(
+            int(max(middle - slack, 0.0) / CELL), min(int((middle + slack) / CELL), COLUMNS - 1) + 1
+        ):
             begin = cell_of_shape((m + 0.5) * CELL, max(short - slack, 0.0), left)
             end = cell_of_shape((m + 0.5) * CELL, min(short + slack, 1.0), left)
             for t in range(band.cell[begin], band.cell[end + 1]):
@@ -245,7 +245,15 @@ def _try_triangle(
                 C = join(T, triad(x[0], x[1], x[2], y[0], y[1], y[2]))
                 at_middle = (xy_px[at[0]] + xy_px[at[1]] + xy_px[at[2]]) / 3.0
                 odds = compare(
-                    band.u_i, band.start, band.row, C, guess, size_px, xy_px, cells, (at_middle[0], at_middle[1])
+                    band.u_i,
+                    band.start,
+                    band.row,
+                    C,
+                    guess,
+                    size_px,
+                    xy_px,
+                    cells,
+                    (at_middle[0], at_middle[1]),
                 )
                 n = keep(kept, n, odds, C, guess)
     return n, tried

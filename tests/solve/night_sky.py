@@ -33,7 +33,9 @@ def axes(ra_deg, dec_deg, roll_deg):
     north = np.array([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)])
     east = np.array([-np.sin(ra), np.cos(ra), 0.0])
     up = np.cos(roll) * north + np.sin(roll) * east
-    right = np.cross(forward, up)  # to the north in front, east is on the right hand of one who looks north ...
+    right = np.cross(
+        forward, up
+    )  # to the north in front, east is on the right hand of one who looks north ...
     return right, -up, forward
 
 
@@ -101,7 +103,9 @@ def trees(rng, image, share=0.3, sky=60.0):
     """Branches and leaves along the lower border, darker than the sky, with sharp edges."""
     h, w = image.shape
     rough = gaussian_filter(rng.normal(size=(h, w)), 1.5)
-    rough = rough / rough.std() + 1.5 * (lambda z: z / z.std())(gaussian_filter(rng.normal(size=(h, w)), 12.0))
+    rough = rough / rough.std() + 1.5 * (lambda z: z / z.std())(
+        gaussian_filter(rng.normal(size=(h, w)), 12.0)
+    )
     line = h * (1.0 - share * (1.0 + 0.5 * np.sin(np.linspace(0.0, 7.0, w))))
     depth = (np.arange(h)[:, None] - line[None, :]) / (0.1 * h)
     return np.where(rough + depth * 1.5 > 1.0, image - 0.7 * sky, image)
@@ -127,7 +131,9 @@ def satellite(image, rng, light=200.0, sigma_px=1.0):
 def hot_pixels(image, rng, n=200):
     """Single bright pixels."""
     image = image.copy()
-    image[rng.integers(0, image.shape[0], n), rng.integers(0, image.shape[1], n)] += rng.uniform(30.0, 200.0, n)
+    image[rng.integers(0, image.shape[0], n), rng.integers(0, image.shape[1], n)] += rng.uniform(
+        30.0, 200.0, n
+    )
     return image
 
 
