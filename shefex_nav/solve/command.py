@@ -1,7 +1,7 @@
 """`shefex-nav solve`: attitude, field of view and stars of a picture of the night sky.
 
-Exit codes: 0 done, also when the picture could not be solved (the result says why), 2 a file that cannot be read
-or bad input.
+Exit codes: 0 done, also when the picture could not be solved (the result says why), 2 a file that cannot be
+read or bad input.
 """
 
 import json as json_module

@@ -1,9 +1,10 @@
 """Point-like objects in a picture of the night sky, by the detection that flies.
 
 In: grey values of any range over any background. Out: centroids and brightnesses, brightest first. Large
-pictures are binned. Gaps between leaves and the like have no sky around them or are not brighter than the sky
-near them, and are dropped. What varies over tiles of the picture (sky glow, clouds, vignetting) is taken away and the
-noise is brought to a few grey values, so that the 8-bit detection of the star tracker can be used as it is.
+pictures are binned. What varies over tiles of the picture (sky glow, clouds, vignetting) is taken away and the
+noise is brought to a few grey values, so that the detection of the star tracker can be used as it is. Gaps
+between leaves and the like have no sky around them or are not brighter than the sky near them: the former are
+dropped, the latter are marked.
 """
 
 from typing import NamedTuple
@@ -79,9 +80,9 @@ def binned(grey, n):
 def flatten(grey):
     """Picture without its background, the noise of one pixel, and what a star has to outshine.
 
-    The last is -inf in a tile with an even background around it, else the brightest tile there. The background is the median of tiles, those with something large in them smoothed by their neighbours,
-    interpolated linearly. The noise is the median over the tiles of the distance between the median and the
-    quantile one sigma below.
+    The last is the brightest tile in the neighbourhood of an edge, -inf where there is none. The background is
+    the median of tiles, smoothed over three of them and interpolated linearly. The noise is the median over
+    the tiles of the distance between the median and the quantile one sigma below.
     """
     from scipy.ndimage import maximum_filter, median_filter, minimum_filter
 
@@ -184,7 +185,7 @@ def aperture(flat, xy_px, radius_px):
 
 @njit(cache=True)
 def crowding(flat, xy_px, radius_px, limit):
-    """Share of the pixels in a ring around each object that differ from the background by the limit. -> (n,)."""
+    """Share of the pixels around each object that differ from the background by the limit. -> (n,)."""
     share = np.zeros(xy_px.shape[0])
     rows, columns = flat.shape
     for k in range(xy_px.shape[0]):

@@ -1,8 +1,9 @@
 """Attitude from a picture of the night sky, of any camera.
 
-The route: `picture` reads the file, `field` finds point-like objects with the detection that flies, `patterns` and
-`triangles` propose attitudes and focal lengths by the shape of triangles, `lens` adjusts them, and `proof` decides
-with the identification that flies. Nothing is given out that chance would make once in 10^7 pictures.
+The route: `picture` reads the file, `field` finds point-like objects with the detection that flies,
+`patterns` and `triangles` propose attitudes and focal lengths by the shape of triangles, `lens` adjusts them,
+and `proof` decides with the identification that flies. Nothing is given out that chance would make more often
+than once in 10^7 pictures.
 """
 
 from dataclasses import replace
@@ -111,8 +112,8 @@ class _Search(NamedTuple):
 def solve_image(image, *, camera=None, fov_deg=None, epoch=None):
     """Attitude, field of view and stars of a picture of the night sky.
 
-    The lens may have a radial distortion of a few per cent. Mirrored pictures are refused. The tables for a field
-    of view are made when they are first needed, 0.1 to 0.4 s for each third of its range, and kept.
+    The lens may have a radial distortion of a few per cent. Mirrored pictures are refused. The tables for a
+    range of fields of view are made when they are first needed, 0.1 to 0.4 s each, and kept.
 
     Parameters
     ----------
@@ -148,7 +149,6 @@ def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None):
     xy_px = found.xy_px
     if camera is not None:
         xy_px = _ideal(camera, xy_px)
-    free = camera is None
     search = _Search(size_px, focal_range, year, camera is None)
     solved, reason = _solve(xy_px[found.in_sky], found.flux[found.in_sky], search, clock)
     if solved is None and not found.in_sky.all():
@@ -238,7 +238,7 @@ def _solve(xy_px, flux, search, clock):
 
 
 def _best(kept, least, done):
-    """The best proposals with at least these odds that have not been examined yet; they are noted in `done`."""
+    """The best proposals with at least these odds that are not in `done`, where they are put."""
     chosen = []
     for proposal in kept[np.argsort(-kept[:, 0])]:
         if len(chosen) == TRIED or proposal[0] < least:

@@ -1,7 +1,8 @@
 """Attitude, focal length and radial distortion that fit the stars of a picture, by least squares.
 
-In: a proposal that is right to a percent. Out: the fit with its covariance, and which detection is which star.
-Distortion is Brown's k1: x = f X/Z (1 + k1 r^2) + cx, r^2 = (X^2 + Y^2) / Z^2, about the middle of the picture.
+In: a proposal that is right to a percent. Out: the fit with its covariance, and which detection is which
+star. Distortion is Brown's k1: x = f X/Z (1 + k1 r^2) + cx, r^2 = (X^2 + Y^2) / Z^2, about the middle of the
+picture.
 """
 
 from typing import NamedTuple

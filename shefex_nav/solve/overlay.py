@@ -1,8 +1,8 @@
 """A picture with what was found in it: rings on the detections, names beside the identified stars.
 
-In: grey values and an ImageSolution. Out: a PNG of the same size, or scaled to a size that people look at. Names
-are placed where they cover no other star and no other name, brightest star first; one without such a place
-is left out.
+In: grey values and an ImageSolution. Out: a PNG of the same size, or scaled to a size that people look at.
+Names are placed where they cover no other star and no other name, brightest star first; one without such a
+place is left out.
 """
 
 import numpy as np
@@ -74,8 +74,8 @@ def describe(solution):
     if solution.status != "ok":
         return f"not solved: {solution.reason.replace('_', ' ')}"
     return (
-        f"RA {solution.ra_deg:.3f} deg   Dec {solution.dec_deg:+.3f} deg   roll {solution.roll_deg:.2f} deg   "
-        f"field {solution.fov_x_deg:.2f} x {solution.fov_y_deg:.2f} deg   {len(solution.matched)} stars"
+        f"RA {solution.ra_deg:.3f} deg   Dec {solution.dec_deg:+.3f} deg   "
+        f"roll {solution.roll_deg:.2f} deg   field {solution.fov_x_deg:.2f} x {solution.fov_y_deg:.2f} deg   {len(solution.matched)} stars"
     )
 
 

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.solve import deep
+
 SMALLEST_PX, LARGEST_PX = 64, 20_000  # of a side
 MOST_PIXELS = 150_000_000
 EXIF_TAKEN, EXIF_CHANGED, EXIF_BLOCK = 36867, 306, 34665  # DateTimeOriginal, DateTime, the block of the first
@@ -76,8 +78,11 @@ def _decoded(path, image):
     if frames > 1:
         raise PictureError(f"{path}: holds {frames} pictures; expected one")
     _check_size(path, *image.size)
-    image.load()
-    return Picture(grey(np.asarray(_without_palette(image)), str(path)), _julian_year(image))
+    values = deep.read(path, image)
+    if values is None:
+        image.load()
+        values = np.asarray(_without_palette(image))
+    return Picture(grey(values, str(path)), _julian_year(image))
 
 
 def _check_size(name, width, height):
@@ -96,7 +101,7 @@ def _without_palette(image):
 
 
 def grey(values, name="image"):
-    """Grey values of an array (rows, columns[, 1 to 4 channels]), as float32; transparency is not looked at."""
+    """Grey values of an array (rows, columns[, 1 to 4 channels]), float32; transparency is not looked at."""
     values = np.asarray(values)
     if values.dtype == bool:
         values = values.astype(np.uint8)

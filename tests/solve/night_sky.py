@@ -1,6 +1,6 @@
 """Pictures of the night sky as a camera on a tripod takes them, with what spoils them.
 
-Written for the tests of `shefex_nav.solve`: its own projection, so that a sign that is wrong there cannot hide.
+Written for the tests of `shefex_nav.solve`, with its own projection: a sign that is wrong there cannot hide.
 """
 
 from typing import NamedTuple
@@ -27,15 +27,13 @@ class Shot(NamedTuple):
 
 
 def axes(ra_deg, dec_deg, roll_deg):
-    """Right, down and forward of a camera in ICRS, from spherical trigonometry: position angle of up is roll."""
+    """Right, down and forward of a camera in ICRS; roll is the position angle of up."""
     ra, dec, roll = np.radians([ra_deg, dec_deg, roll_deg])
     forward = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
     north = np.array([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)])
     east = np.array([-np.sin(ra), np.cos(ra), 0.0])
     up = np.cos(roll) * north + np.sin(roll) * east
-    right = np.cross(
-        forward, up
-    )  # to the north in front, east is on the right hand of one who looks north ...
+    right = np.cross(forward, up)  # who looks north has east on the right hand
     return right, -up, forward
 
 
@@ -45,8 +43,8 @@ def shoot(
 ):  # fmt: skip
     """A picture whose stars of V = limit have a signal-to-noise ratio of snr.
 
-    k1_edge: relative displacement at the middle of the left and right edge. 8-bit range in mind: background and
-    noise are grey values, stars saturate at 255.
+    k1_edge: relative displacement at the middle of the left and right edge. With 8 bits in mind: background
+    and noise are grey values, stars saturate at 255.
     """
     ra_deg = rng.uniform(0.0, 360.0) if ra_deg is None else ra_deg
     dec_deg = np.degrees(np.arcsin(rng.uniform(-1.0, 1.0))) if dec_deg is None else dec_deg
