@@ -19,7 +19,7 @@ from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.geometry.rotation import quat_from_dcm
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
 from shefex_nav.solve import field, lens, patterns, picture, proof, triangles
-from shefex_nav.solve.centroids import Camera, undistort
+from shefex_nav.solve.camera import Camera, undistort
 
 FOV_DEG = (6.5, 32.0)  # horizontal, when nothing is said about it
 FOV_TOLERANCE = 1.2  # factor either way, of a field of view that is given
@@ -81,12 +81,14 @@ class _Clock:
 
 @lru_cache(maxsize=4)
 def _load(year):
-    """Stars and compiled code, before the clock runs: one dark picture through all stages."""
+    """Stars and compiled code, before the clock runs: something small through all stages."""
     patterns.catalogue(year)
     patterns.magnitudes()
     grid = np.mgrid[40:200:40, 40:200:40].reshape(2, -1).T.astype(float)
-    dark = np.zeros((256, 256), dtype=np.float32)
-    field.find(dark)
+    spots = np.random.default_rng(0).normal(0.0, 1.0, (256, 256)).astype(np.float32)
+    for x, y in grid.astype(int):
+        spots[y - 1 : y + 2, x - 1 : x + 2] += [[10.0, 20.0, 10.0], [20.0, 40.0, 20.0], [10.0, 20.0, 10.0]]
+    field.find(spots)
     at = lens.Lens(np.eye(3), 2000.0, 0.0)
     flux = np.linspace(2.0, 1.0, len(grid))
     search = _Search((256, 256), (1900.0, 2100.0), year, True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_rotvec
-from shefex_nav.solve.centroids import undistort
+from shefex_nav.solve.camera import undistort
 
 GATES = (0.008, 0.005, 0.0035, 0.0025, 0.0018, 0.0018)  # of the picture's diagonal: from proposal to fit
 LEAST_GATE_PX = 1.5

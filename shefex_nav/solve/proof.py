@@ -1,11 +1,11 @@
 """Is it true? The odds of the identification that flies, with the price of everything that was adjusted.
 
-In: a fit to a picture. Out: the probability that chance made it. The picture is handed to
-`bayes.solve_kernel` with the camera that the fit found and the fitted attitude as a prediction. Both came
-from the picture itself and are no knowledge. The odds therefore pay for them: for the attitude the volume of all
-attitudes over that of the prediction, for the focal length and the distortion the range that was allowed over
-the range that fits as well (Laplace's approximation of the integral over the prior), for the two noise
-levels a factor of two, as for the two lists of detections, and for the depths of the catalogue their number.
+In: a fit to a picture. Out: the probability that chance made it. The detections go to `bayes.solve_kernel` with
+the camera that the fit found and the fitted attitude as a prediction. Both came from the picture itself and
+are no knowledge. The odds therefore pay for them: for the attitude the volume of all attitudes over that of
+the prediction; for the focal length and the distortion the range that was allowed over the range that fits as
+well (Laplace's approximation of the integral over the prior); for two noise levels, two lists of detections
+and a few depths of the catalogue their numbers.
 """
 
 from typing import NamedTuple
@@ -15,11 +15,10 @@ import numpy as np
 from shefex_nav.environment.stars import select
 from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.geometry.rotation import quat_from_dcm
-from shefex_nav.onboard.startracker import skygrid
+from shefex_nav.onboard.startracker.catalogue import OnboardCatalogue, pair_table
 from shefex_nav.onboard.startracker.identify import bayes
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
-from shefex_nav.solve import patterns
-from shefex_nav.solve.centroids import Camera, undistort
+from shefex_nav.solve.camera import Camera, undistort
 
 LEAST_PROBABILITY = 1e-300  # smaller ones are not told apart
 FALSE_LIMIT = 1e-7  # accepted probability that a solution is chance
@@ -27,6 +26,7 @@ MAGNITUDE_SIGMA = 0.4  # the picture's band, colour cameras, saturated stars
 QUIET_PX, NOISY_PX, LIMIT_PX = 0.25, 0.8, 0.6  # centroid noise: two classes, and the border between them
 PREDICTED_PX = 1.0  # the prediction, as an error at the edge of the picture
 DISTORTION_RANGE = 0.06  # of k1 r^2 in the corner: from -3 to 3 per cent
+MARGIN = 0.02  # rad, around the picture
 BUDGET = 8000  # of the identification: the prediction is right or it is not
 DEPTHS = (0.0, 1.2, 2.4)  # mag, how much of the catalogue's depth the picture may lack
 LISTS = 2.0  # of detections that are tried: all, and those that are no gaps in a foreground
@@ -77,13 +77,14 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
         FALSE_LIMIT * np.exp(-log_price), MIN_MATCHED, BUDGET,
     )  # fmt: skip
     xy_px, mag, q_ci = np.ascontiguousarray(xy_px), -2.5 * np.log10(flux), quat_from_dcm(lens.C_ci)
+    diameter = 2.0 * np.arctan(0.5 * np.hypot(*size_px) / lens.focal_px) + MARGIN
     best = Proof(False, False, 0, 1.0)
     for shallower in DEPTHS:
         seen = select(sky, sky.vmag <= sky.vmag[-1] - shallower)
         if len(seen.hip) < MIN_MATCHED:
             break
         reason, star, _, _, _, wrong, _ = bayes.solve_kernel(
-            local_stars(seen), NO_PAIRS, settings, xy_px, mag, True, True, q_ci, P_c
+            *local_tables(seen, diameter), settings, xy_px, mag, True, True, q_ci, P_c
         )
         n, rivalled = int((star >= 0).sum()), reason == bayes.AMBIGUOUS or best.is_rivalled
         best = Proof(reason == 0 and n >= MIN_MATCHED, rivalled, n, bounded(wrong, log_price))
@@ -114,32 +115,6 @@ def price(fit, size_px, log_focal_range):
     return P_c, float(cost + np.log(2.0 * LISTS * len(DEPTHS)))
 
 
-# The prediction needs no pairs; two entries are the smallest table.
-NO_PAIRS = bayes.Pairs(
-    np.array([-1.0, 1.0]),
-    np.zeros(2, dtype=np.int64),
-    np.ones(2, dtype=np.int64),
-    np.array([0, 2], dtype=np.int64),
-    2.0,
-    -3.0,
-)
-
-
-def local_stars(sky):
-    """A local catalogue as the identification takes it: every cell of the sky gets the same list."""
-    n, cells = len(sky.hip), 6 * skygrid.CELLS**2
-    start = np.arange(cells + 1) * n
-    row = np.tile(np.arange(n, dtype=np.uint16), cells)
-    return bayes.Stars(
-        sky.u_i, sky.vmag, np.log(magnitude_density(patterns.magnitudes(), sky.vmag)), start, row
-    )
-
-
-def magnitude_density(all_vmag, vmag):
-    """Share of the stars per magnitude, of all those as bright as the faintest; both ascending."""
-    all_vmag = all_vmag[: np.searchsorted(all_vmag, vmag[-1], side="right")]
-    half = skygrid.DENSITY_WINDOW
-    below = np.searchsorted(all_vmag, vmag - half)
-    above = np.searchsorted(all_vmag, vmag + half, side="right")
-    width = np.minimum(vmag + half, all_vmag[-1]) - np.maximum(vmag - half, all_vmag[0])
-    return np.maximum(above - below, 1) / (len(all_vmag) * np.maximum(width, half))
+def local_tables(stars, diameter):
+    """The stars of a picture as the identification takes them: (Stars, Pairs)."""
+    return bayes.tables(pair_table(OnboardCatalogue(stars.hip, stars.u_i, stars.vmag), diameter))

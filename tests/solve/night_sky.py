@@ -87,7 +87,7 @@ def star(image, x, y, light, sigma_px, trail_px=0.0, angle=0.0):
         image[r0 : r0 + spot.shape[0], c0 : c0 + spot.shape[1]] += light / n * spot
 
 
-def glow(rng, image, strength=60.0):
+def glow(image, rng, strength=60.0):
     """City light from below, vignetting, and clouds."""
     h, w = image.shape
     y, x = np.mgrid[0:h, 0:w]
@@ -97,7 +97,7 @@ def glow(rng, image, strength=60.0):
     return image + light + 0.12 * strength * clouds
 
 
-def trees(rng, image, share=0.3, sky=60.0):
+def trees(image, rng, share=0.3, sky=60.0):
     """Branches and leaves along the lower border, darker than the sky, with sharp edges."""
     h, w = image.shape
     rough = gaussian_filter(rng.normal(size=(h, w)), 1.5)
