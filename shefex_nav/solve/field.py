@@ -1,10 +1,10 @@
 """Point-like objects in a picture of the night sky, by the detection that flies.
 
 In: grey values of any range over any background. Out: centroids and brightnesses, brightest first. Large
-pictures are binned. What varies over tiles of the picture (sky glow, clouds, vignetting) is taken away and the
+pictures are binned. What varies over tiles of the picture (sky glow, clouds, vignetting) is taken away, the
 noise is brought to a few grey values, so that the detection of the star tracker can be used as it is. Gaps
-between leaves and the like have no sky around them or are not brighter than the sky near them: the former are
-dropped, the latter are marked.
+between leaves and the like have no sky around them or are not brighter than the sky near them: the former
+are dropped, the latter are marked.
 """
 
 from typing import NamedTuple
@@ -80,8 +80,8 @@ def binned(grey, n):
 def flatten(grey):
     """Picture without its background, the noise of one pixel, and what a star has to outshine.
 
-    The last is the brightest tile in the neighbourhood of an edge, -inf where there is none. The background is
-    the median of tiles, smoothed over three of them and interpolated linearly. The noise is the median over
+    The last is the brightest tile in the neighbourhood of an edge, -inf where there is none. The background
+    is the median of tiles, smoothed over three of them and interpolated linearly. The noise is the median over
     the tiles of the distance between the median and the quantile one sigma below.
     """
     from scipy.ndimage import maximum_filter, median_filter, minimum_filter

@@ -31,7 +31,7 @@ LEAST = 5  # detections without which nothing is begun
 BLEND_PX = 2.5  # closer stars are one point of light
 FAINT_NEIGHBOUR = 1.5  # mag, a star may be fainter than the faintest and still pull a brighter one
 DEEPER, DEEPER_BY = 1.5, 15  # stars for so many detections: the sky is uneven, and some are hidden
-FINAL_GATES = (0.0018, 0.0018)
+BRIGHTNESS = 1.2  # mag, between a detection and its star: band, saturation, noise
 
 
 class Match(NamedTuple):
@@ -275,32 +275,42 @@ def _sky(at, n_stars, size_px, year):
 
 
 def _described(solved, found, xy_px, size_px, year, camera, clock):
-    """ImageSolution of a proven fit: adjusted once more, to all detections and all stars."""
-    fit, proof_ = solved
-    sky = _sky(fit.lens, max(len(found.flux), MAX_DETECTIONS), size_px, year)
-    best = lens.fit(
-        fit.lens,
-        sky.u_i,
-        xy_px,
-        size_px,
-        gates=FINAL_GATES,
-        least=proof.MIN_MATCHED,
-        may_distort=camera is None,
-    )
-    known = np.flatnonzero(best.star >= 0)
+    """ImageSolution of a proven fit."""
+    fit, outcome = solved
+    star, sky = _all_stars(fit, found.flux, xy_px, size_px, year)
+    known = np.flatnonzero(star >= 0)
     matched = [
         Match(int(sky.hip[s]), float(x), float(y), float(sky.vmag[s]))
-        for s, (x, y) in zip(best.star[known], found.xy_px[known], strict=True)
+        for s, (x, y) in zip(star[known], found.xy_px[known], strict=True)
     ]
-    ra, dec, roll, fov_x, fov_y = _pointing(best.lens, size_px, camera)
+    ra, dec, roll, fov_x, fov_y = _pointing(fit.lens, size_px, camera)
     if camera is None:
-        camera = proof.camera_of(best.lens, size_px)
+        camera = proof.camera_of(fit.lens, size_px)
     else:
-        camera = replace(camera, focal_length_px=best.lens.focal_px)
+        camera = replace(camera, focal_length_px=fit.lens.focal_px)
     return ImageSolution(
-        "ok", "", ra, dec, roll, fov_x, fov_y, matched, proof_.false_probability, clock.ms(),
-        quat_from_dcm(best.lens.C_ci), camera, found.xy_px,
+        "ok", "", ra, dec, roll, fov_x, fov_y, matched, outcome.false_probability, clock.ms(),
+        quat_from_dcm(fit.lens.C_ci), camera, found.xy_px,
     )  # fmt: skip
+
+
+def _all_stars(fit, flux, xy_px, size_px, year):
+    """Which star each detection is, faint ones included: row per detection, -1; and the stars.
+
+    Among many faint detections and many faint stars, chance brings pairs together; those of the wrong
+    brightness are left out. The zero point is that of the bright ones.
+    """
+    sky = _sky(fit.lens, max(2 * len(flux), MAX_DETECTIONS), size_px, year)
+    predicted, _ = lens.project(fit.lens, sky.u_i, size_px)
+    inside = np.flatnonzero(((predicted > -1.0) & (predicted < size_px)).all(axis=1))
+    gate_px = max(lens.NOISE_GATE * fit.noise_px, lens.LEAST_GATE_PX)
+    star = lens.match(predicted[inside], xy_px, gate_px)
+    known = np.flatnonzero(star >= 0)
+    star[known] = inside[star[known]]
+    difference = -2.5 * np.log10(flux[known]) - sky.vmag[star[known]]
+    zero = np.median(difference[: max(len(difference) // 2, 4)])
+    star[known[np.abs(difference - zero) > BRIGHTNESS]] = -1
+    return star, sky
 
 
 def _pointing(at, size_px, camera):

@@ -75,7 +75,8 @@ def describe(solution):
         return f"not solved: {solution.reason.replace('_', ' ')}"
     return (
         f"RA {solution.ra_deg:.3f} deg   Dec {solution.dec_deg:+.3f} deg   "
-        f"roll {solution.roll_deg:.2f} deg   field {solution.fov_x_deg:.2f} x {solution.fov_y_deg:.2f} deg   {len(solution.matched)} stars"
+        f"roll {solution.roll_deg:.2f} deg   "
+        f"field {solution.fov_x_deg:.2f} x {solution.fov_y_deg:.2f} deg   {len(solution.matched)} stars"
     )
 
 
