@@ -81,8 +81,8 @@ def flatten(grey):
     """Picture without its background, the noise of one pixel, and what a star has to outshine.
 
     The last is the brightest tile in the neighbourhood of an edge, -inf where there is none. The background
-    is the median of tiles, smoothed over three of them and interpolated linearly. The noise is the median over
-    the tiles of the distance between the median and the quantile one sigma below.
+    is the median of tiles, smoothed over three of them and interpolated linearly. The noise is the median
+    over the tiles of the distance between the median and the quantile one sigma below.
     """
     from scipy.ndimage import maximum_filter, median_filter, minimum_filter
 

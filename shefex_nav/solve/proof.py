@@ -2,8 +2,8 @@
 
 In: a fit to a picture. Out: the probability that chance made it. The detections go to `bayes.solve_kernel`
 with the camera that the fit found and the fitted attitude as a prediction. Both came from the picture itself
-and are no knowledge. The odds therefore pay for them: for the attitude the volume of all attitudes over that of
-the prediction; for the focal length and the distortion the range that was allowed over the range that fits as
+and are no knowledge. So the odds pay for them: for the attitude the volume of all attitudes over that of the
+prediction; for the focal length and the distortion the range that was allowed over the range that fits as
 well (Laplace's approximation of the integral over the prior); for two noise levels, two lists of detections
 and a few depths of the catalogue their numbers.
 """

@@ -92,7 +92,7 @@ def tiff(pixels, *, compression=1, predictor=1, rows_per_strip=50, order="<"):
 
 
 def lzw(data):
-    """LZW of TIFF: codes of growing length, one code earlier than they would have to."""
+    """LZW of TIFF: codes of 9 to 12 bits, highest bit first."""
     codes, bits, n_bits, out = {}, 0, 0, bytearray()
     width, piece = 9, b""
 
@@ -119,7 +119,7 @@ def lzw(data):
         if len(codes) + 258 == 4094:
             put(256)
             codes, width = {}, 9
-        elif len(codes) + 258 + 1 > (1 << width) - 1:
+        elif len(codes) + 258 > (1 << width) - 1:
             width += 1
     put(code_of(piece))
     put(257)

