@@ -27,7 +27,7 @@ QUIET_PX, NOISY_PX, LIMIT_PX = 0.25, 0.8, 0.6  # centroid noise: two classes, an
 PREDICTED_PX = 1.0  # the prediction, as an error at the edge of the picture
 DISTORTION_RANGE = 0.06  # of k1 r^2 in the corner: from -3 to 3 per cent
 MARGIN = 0.02  # rad, around the picture
-BUDGET = 8000  # of the identification: the prediction is right or it is not
+BUDGET = bayes.BUDGET // 5  # of the identification: the prediction is right or it is not
 DEPTHS = (0.0, 1.2, 2.4)  # mag, how much of the catalogue's depth the picture may lack
 LISTS = 2.0  # of detections that are tried: all, and those that are no gaps in a foreground
 MIN_MATCHED = 5  # stars; four only fit any four numbers
@@ -83,11 +83,11 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
         seen = select(sky, sky.vmag <= sky.vmag[-1] - shallower)
         if len(seen.hip) < MIN_MATCHED:
             break
-        reason, star, _, _, _, wrong, _ = bayes.solve_kernel(
-            *local_tables(seen, diameter), settings, xy_px, mag, True, True, q_ci, P_c
-        )
-        n, rivalled = int((star >= 0).sum()), reason == bayes.AMBIGUOUS or best.is_rivalled
-        best = Proof(reason == 0 and n >= MIN_MATCHED, rivalled, n, bounded(wrong, log_price))
+        pairs = pair_table(OnboardCatalogue(seen.hip, seen.u_i, seen.vmag), diameter)
+        found = bayes.Solution(*bayes.solve_kernel(*pairs.quick, settings, xy_px, mag, True, True, q_ci, P_c))
+        n, rivalled = int((found.star >= 0).sum()), found.reason == bayes.AMBIGUOUS or best.is_rivalled
+        chance = bounded(found.false_probability, log_price)
+        best = Proof(found.reason == 0 and n >= MIN_MATCHED, rivalled, n, chance)
         if best.is_true:
             break
     return best
@@ -113,8 +113,3 @@ def price(fit, size_px, log_focal_range):
         corner2 = (size_px[0] ** 2 + size_px[1] ** 2) / (2.0 * fit.lens.focal_px) ** 2
         cost += np.log(max(DISTORTION_RANGE / corner2 / (np.sqrt(2.0 * np.pi) * fit.sigma_k1), 1.0))
     return P_c, float(cost + np.log(2.0 * LISTS * len(DEPTHS)))
-
-
-def local_tables(stars, diameter):
-    """The stars of a picture as the identification takes them: (Stars, Pairs)."""
-    return bayes.tables(pair_table(OnboardCatalogue(stars.hip, stars.u_i, stars.vmag), diameter))
