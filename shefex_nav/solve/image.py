@@ -95,6 +95,7 @@ def _load(year):
     sky = _sky(at, 60, search.size_px, year)
     perfect = lens.fit(at, sky.u_i, lens.project(at, sky.u_i, search.size_px)[0], search.size_px)
     proof.prove(perfect, sky, grid, flux, search.size_px, 1.0)
+    lens.directions(Camera(256, 256, 2000.0, None, (0.1, 0.0, 0.0, 0.0, 0.0)), grid)
     band = patterns.band(patterns.bands(0.5, 0.5)[0], year)
     cells = triangles.detection_cells(grid, *search.size_px)
     triangles.propose(
