@@ -44,7 +44,11 @@ __version__ = "0.1.0"
 _compiled.place_cache(_os.environ)
 
 
-_PUBLIC = {"Camera": "solve.camera", "solve_centroids": "solve.centroids"}
+_PUBLIC = {
+    "Camera": "solve.camera",
+    "solve_centroids": "solve.centroids",
+    "solve_image": "solve.image",
+}
 
 
 def __getattr__(name):

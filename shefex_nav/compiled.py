@@ -14,6 +14,7 @@ SHARED = (
     "onboard/navigation",
     "onboard/startracker",
     "onboard/startracker/identify",
+    "solve",
     "world/flight",
 )
 

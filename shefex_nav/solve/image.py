@@ -1,0 +1,331 @@
+"""Attitude from a picture of the night sky, of any camera.
+
+The route: `picture` reads the file, `field` finds point-like objects with the detection that flies,
+`patterns` and `triangles` propose attitudes and focal lengths by the shape of triangles, `lens` adjusts them,
+and `proof` decides with the identification that flies. Nothing is given out that chance would make more often
+than once in 10^7 pictures.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+from math import isfinite
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.environment.stars import select
+from shefex_nav.geometry.pinhole import Pinhole
+from shefex_nav.geometry.rotation import quat_from_dcm
+from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
+from shefex_nav.solve import field, lens, patterns, picture, proof, triangles
+from shefex_nav.solve.camera import Camera, undistort
+
+FOV_DEG = (6.5, 32.0)  # horizontal, when nothing is said about it
+FOV_TOLERANCE = 1.2  # factor either way, of a field of view that is given
+CAMERA_TOLERANCE = 1.02  # of the focal length of a given camera
+ROUNDS = (8, 15, 24)  # brightest detections that form triangles, more and more
+CLEAR, WORTH = 45.0, 18.0  # ln odds of proposals: tried at once, tried at all
+TRIED = 8  # proposals a round, apart from the clear ones
+LEAST = 5  # detections without which nothing is begun
+BLEND_PX = 2.5  # closer stars are one point of light
+FAINT_NEIGHBOUR = 1.5  # mag, a star may be fainter than the faintest and still pull a brighter one
+DEEPER, DEEPER_BY = 1.5, 15  # stars for so many detections: the sky is uneven, and some are hidden
+BRIGHTNESS = 1.2  # mag, between a detection and its star: band, saturation, noise
+
+
+class Match(NamedTuple):
+    """A star of the catalogue in the picture."""
+
+    hip: int  # Hipparcos number
+    x_px: float  # where it was detected
+    y_px: float
+    vmag: float
+
+
+class ImageSolution(NamedTuple):
+    """What `solve_image` found; NaN and None without a solution."""
+
+    status: str  # 'ok' or 'failed'
+    reason: str  # empty, or why: too_few_stars, no_match, ambiguous, mirrored
+    ra_deg: float  # of the middle of the picture, ICRS
+    dec_deg: float
+    roll_deg: float  # position angle of image up, from north through east, 0 to 360
+    fov_x_deg: float
+    fov_y_deg: float
+    matched: list  # of Match, brightest first
+    false_probability: float  # bound of the probability that chance made this; 1 without a solution
+    wall_ms: float  # from the grey values to the solution; tables are not counted when they are made
+    q_ci: np.ndarray  # (4,) ICRS to camera
+    camera: Camera | None  # focal length and distortion as they were found
+    xy_px: np.ndarray  # (n, 2) all detections, brightest first
+
+
+class _Clock:
+    """Time since it was made, without the waits for tables."""
+
+    def __init__(self):
+        self.began = perf_counter()
+
+    def wait_for(self, make, *arguments):
+        """The result of a function whose time does not count."""
+        stopped = perf_counter()
+        made = make(*arguments)
+        self.began += perf_counter() - stopped
+        return made
+
+    def ms(self):
+        """Milliseconds."""
+        return 1e3 * (perf_counter() - self.began)
+
+
+@lru_cache(maxsize=4)
+def _load(year):
+    """Stars and compiled code, before the clock runs: something small through all stages."""
+    patterns.catalogue(year)
+    patterns.magnitudes()
+    grid = np.mgrid[40:200:40, 40:200:40].reshape(2, -1).T.astype(float)
+    spots = np.random.default_rng(0).normal(0.0, 1.0, (256, 256)).astype(np.float32)
+    for x, y in grid.astype(int):
+        spots[y - 1 : y + 2, x - 1 : x + 2] += [[10.0, 20.0, 10.0], [20.0, 40.0, 20.0], [10.0, 20.0, 10.0]]
+    field.find(spots)
+    at = lens.Lens(np.eye(3), 2000.0, 0.0)
+    flux = np.linspace(2.0, 1.0, len(grid))
+    search = _Search((256, 256), (1900.0, 2100.0), year, True)
+    sky = _sky(at, 60, search.size_px, year)
+    perfect = lens.fit(at, sky.u_i, lens.project(at, sky.u_i, search.size_px)[0], search.size_px)
+    proof.prove(perfect, sky, grid, flux, search.size_px, 1.0)
+    lens.directions(Camera(256, 256, 2000.0, None, (0.1, 0.0, 0.0, 0.0, 0.0)), grid)
+    band = patterns.band(patterns.bands(0.5, 0.5)[0], year)
+    cells = triangles.detection_cells(grid, *search.size_px)
+    triangles.propose(
+        grid, flux, (256.0, 256.0), (400.0, 600.0), 2, 4, band, cells, np.zeros((triangles.KEPT, 11)), 0
+    )
+
+
+class _Search(NamedTuple):
+    """What is looked for."""
+
+    size_px: tuple  # (width, height)
+    focal_range: tuple  # (shortest, longest) focal length [px]
+    year: float
+    may_distort: bool
+
+
+def solve_image(image, *, camera=None, fov_deg=None, epoch=None):
+    """Attitude, field of view and stars of a picture of the night sky.
+
+    The lens may have a radial distortion of a few per cent. Mirrored pictures are refused. The tables for a
+    range of fields of view are made when they are first needed, 0.1 to 0.4 s each, and kept.
+
+    Parameters
+    ----------
+    image : path of a picture file, or an array (rows, columns[, channels]) of grey values, row 0 at the top
+    camera : None, or a Camera whose focal length is right to two per cent
+    fov_deg : None, or the horizontal field of view, right to 20 per cent; by default anything from 7 to 30
+    epoch : None or a Julian year, for proper motions only; by default the EXIF date of the file, else today
+
+    Returns
+    -------
+    ImageSolution; a picture that cannot be solved is not an error
+
+    Raises
+    ------
+    PictureError : a file that cannot be read, or an array that is no picture
+    ValueError : any other argument
+    """
+    if isinstance(image, np.ndarray):
+        seen = picture.Picture(picture.grey(image), None)
+    else:
+        seen = picture.read(image)
+    return solve_picture(seen, camera=camera, fov_deg=fov_deg, epoch=epoch)
+
+
+def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None):
+    """`solve_image` for a Picture that has been read."""
+    size_px = seen.grey.shape[::-1]
+    focal_range = _focal_range(size_px, camera, fov_deg)
+    year = _year(epoch, seen.julian_year)
+    _load(year)
+    clock = _Clock()
+    found = field.find(seen.grey)
+    xy_px = found.xy_px
+    if camera is not None:
+        xy_px = _ideal(camera, xy_px)
+    search = _Search(size_px, focal_range, year, camera is None)
+    solved, reason = _solve(xy_px[found.in_sky], found.flux[found.in_sky], search, clock)
+    if solved is None and not found.in_sky.all():
+        solved, reason = _solve(xy_px, found.flux, search, clock)
+    if solved is None and reason == "no_match":
+        turned = xy_px[found.in_sky] * [-1.0, 1.0] + [size_px[0] - 1.0, 0.0]
+        if _solve(turned, found.flux[found.in_sky], search, clock)[0] is not None:
+            reason = "mirrored"
+    if solved is None:
+        nan = float("nan")
+        return ImageSolution(
+            "failed", reason, nan, nan, nan, nan, nan, [], 1.0, clock.ms(), np.full(4, nan), None, found.xy_px
+        )
+    return _described(solved, found, xy_px, size_px, year, camera, clock)
+
+
+def _focal_range(size_px, camera, fov_deg):
+    """Shortest and longest focal length [px] to look for."""
+    width = size_px[0]
+    if camera is not None:
+        if fov_deg is not None:
+            raise ValueError("fov_deg: not together with a camera, which has its own")
+        if not isinstance(camera, Camera):
+            raise ValueError(f"camera: expected a Camera, got {camera!r}")
+        if (camera.width_px, camera.height_px) != size_px:
+            raise ValueError(
+                f"camera: has {camera.width_px} x {camera.height_px} pixels, "
+                f"the picture {size_px[0]} x {size_px[1]}"
+            )
+        return camera.focal_length_px / CAMERA_TOLERANCE, camera.focal_length_px * CAMERA_TOLERANCE
+    narrow, wide = FOV_DEG
+    if fov_deg is not None:
+        if not (np.isscalar(fov_deg) and isfinite(fov_deg) and narrow <= fov_deg <= wide):
+            raise ValueError(f"fov_deg: expected {narrow} to {wide} degrees, got {fov_deg!r}")
+        narrow, wide = max(fov_deg / FOV_TOLERANCE, narrow), min(fov_deg * FOV_TOLERANCE, wide)
+    return tuple(0.5 * width / np.tan(0.5 * np.radians(fov)) for fov in (wide, narrow))
+
+
+def _year(epoch, taken):
+    """Epoch of the star positions."""
+    if epoch is None:
+        from datetime import UTC, datetime
+
+        now = datetime.now(UTC).replace(tzinfo=None)
+        return taken if taken is not None else picture.julian_year(now)
+    if not (np.isscalar(epoch) and isfinite(epoch) and 1900.0 < epoch < 2200.0):
+        raise ValueError(f"epoch: expected a Julian year between 1900 and 2200, got {epoch!r}")
+    return float(epoch)
+
+
+def _ideal(camera, xy_px):
+    """Pixels of an ideal camera with its axis in the middle of the picture, from those of a given camera."""
+    cx, cy = camera.principal_point_px
+    if camera.distortion is not None and len(xy_px):
+        pinhole = Pinhole(camera.width_px, camera.height_px, float(camera.focal_length_px), cx, cy)
+        xy_px = undistort(pinhole, np.array(camera.distortion), np.ascontiguousarray(xy_px, dtype=float))
+    return xy_px - [cx, cy] + lens.middle((camera.width_px, camera.height_px))
+
+
+def _solve(xy_px, flux, search, clock):
+    """The (Fit, Proof) that is true, or None; and the reason."""
+    if len(flux) < LEAST:
+        return None, "too_few_stars"
+    xy_px, flux = np.ascontiguousarray(xy_px[:MAX_DETECTIONS]), flux[:MAX_DETECTIONS]
+    mag = -2.5 * np.log10(flux)
+    cells = triangles.detection_cells(xy_px, *search.size_px)
+    size, wide_px = np.sqrt(search.size_px[0] * search.size_px[1]), tuple(float(n) for n in search.size_px)
+    numbers = patterns.bands(size / search.focal_range[1], size / search.focal_range[0])
+    kept, filled = np.zeros((len(numbers), triangles.KEPT, 11)), np.zeros(len(numbers), dtype=np.int64)
+    done, reason = set(), "no_match"
+    for first, last in zip((2, *ROUNDS[:-1]), ROUNDS, strict=True):
+        for b in (*range(len(numbers)), -1):  # each band for itself, then the best of all
+            if b >= 0 and first < len(flux):
+                band = clock.wait_for(patterns.band, numbers[b], search.year)
+                filled[b], _ = triangles.propose(
+                    xy_px, mag, wide_px, search.focal_range, first, min(last, len(flux)), band, cells,
+                    kept[b], filled[b],
+                )  # fmt: skip
+            chosen = kept[b] if b >= 0 else kept.reshape(-1, 11)
+            for proposal in _best(chosen, CLEAR if b >= 0 else WORTH, done):
+                fit, outcome = _examined(proposal, xy_px, flux, search)
+                if outcome is not None and outcome.is_true:
+                    return (fit, outcome), ""
+                if outcome is not None and outcome.is_rivalled:
+                    reason = "ambiguous"
+    return None, reason
+
+
+def _best(kept, least, done):
+    """The best proposals with at least these odds that are not in `done`, where they are put."""
+    chosen = []
+    for proposal in kept[np.argsort(-kept[:, 0])]:
+        if len(chosen) == TRIED or proposal[0] < least:
+            break
+        if tuple(proposal) not in done:
+            done.add(tuple(proposal))
+            chosen.append(proposal.copy())
+    return chosen
+
+
+def _examined(proposal, xy_px, flux, search):
+    """Fit and Proof of a proposal; None, None when nothing fits."""
+    size_px, focal_range, year, may_distort = search
+    first = lens.Lens(proposal[2:].reshape(3, 3), float(proposal[1]), 0.0)
+    sky = _sky(first, DEEPER * len(flux) + DEEPER_BY, size_px, year)
+    if len(sky.hip) < LEAST:
+        return None, None
+    fit = lens.fit(first, sky.u_i, xy_px, size_px, least=proof.MIN_MATCHED, may_distort=may_distort)
+    if fit is None or not 0.98 * focal_range[0] < fit.lens.focal_px < 1.02 * focal_range[1]:
+        return None, None
+    log_range = np.log(focal_range[1] / focal_range[0])
+    return fit, proof.prove(fit, sky, xy_px, flux, size_px, log_range)
+
+
+def _sky(at, n_stars, size_px, year):
+    """Stars in and a little around a picture, to the magnitude that so many are in it in the mean."""
+    stars = patterns.catalogue(year)
+    vmag = patterns.magnitude_of(n_stars * at.focal_px**2 / (size_px[0] * size_px[1]))
+    radius = np.arctan(0.5 * np.hypot(*size_px) / at.focal_px) + 0.01
+    near = (stars.u_i @ at.C_ci[2] > np.cos(radius)) & (stars.vmag <= vmag + FAINT_NEIGHBOUR)
+    return patterns.merged(select(stars, near), vmag, BLEND_PX / at.focal_px)
+
+
+def _described(solved, found, xy_px, size_px, year, camera, clock):
+    """ImageSolution of a proven fit."""
+    fit, outcome = solved
+    star, sky = _all_stars(fit, found.flux, xy_px, size_px, year)
+    known = np.flatnonzero(star >= 0)
+    matched = [
+        Match(int(sky.hip[s]), float(x), float(y), float(sky.vmag[s]))
+        for s, (x, y) in zip(star[known], found.xy_px[known], strict=True)
+    ]
+    ra, dec, roll, fov_x, fov_y = _pointing(fit.lens, size_px, camera)
+    if camera is None:
+        camera = proof.camera_of(fit.lens, size_px)
+    else:
+        camera = replace(camera, focal_length_px=fit.lens.focal_px)
+    return ImageSolution(
+        "ok", "", ra, dec, roll, fov_x, fov_y, matched, outcome.false_probability, clock.ms(),
+        quat_from_dcm(fit.lens.C_ci), camera, found.xy_px,
+    )  # fmt: skip
+
+
+def _all_stars(fit, flux, xy_px, size_px, year):
+    """Which star each detection is, faint ones included: row per detection, -1; and the stars.
+
+    Among many faint detections and many faint stars, chance brings pairs together; those of the wrong
+    brightness are left out. The zero point is that of the bright ones.
+    """
+    sky = _sky(fit.lens, max(2 * len(flux), MAX_DETECTIONS), size_px, year)
+    predicted, _ = lens.project(fit.lens, sky.u_i, size_px)
+    inside = np.flatnonzero(((predicted > -1.0) & (predicted < size_px)).all(axis=1))
+    gate_px = max(lens.NOISE_GATE * fit.noise_px, lens.LEAST_GATE_PX)
+    star = lens.match(predicted[inside], xy_px, gate_px)
+    known = np.flatnonzero(star >= 0)
+    star[known] = inside[star[known]]
+    difference = -2.5 * np.log10(flux[known]) - sky.vmag[star[known]]
+    zero = np.median(difference[: max(len(difference) // 2, 4)])
+    star[known[np.abs(difference - zero) > BRIGHTNESS]] = -1
+    return star, sky
+
+
+def _pointing(at, size_px, camera):
+    """RA and Dec of the middle of the picture, position angle of up, fields of view: degrees."""
+    (cx, cy), right, bottom = lens.middle(size_px), size_px[0] - 0.5, size_px[1] - 0.5
+    marks = np.array([[cx, cy], [cx, cy - 1.0], [-0.5, cy], [right, cy], [cx, -0.5], [cx, bottom]])
+    if camera is not None:
+        marks = _ideal(camera, marks)
+    optics = proof.camera_of(at, size_px)
+    u_i = lens.directions(optics, marks) @ at.C_ci
+    centre, up = u_i[0], u_i[1]
+    ra, dec = np.arctan2(centre[1], centre[0]), np.arcsin(np.clip(centre[2], -1.0, 1.0))
+    north = np.array([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)])
+    east = np.array([-np.sin(ra), np.cos(ra), 0.0])
+    roll = np.arctan2(up @ east, up @ north)
+    fov = [2.0 * np.arcsin(0.5 * np.linalg.norm(u_i[k] - u_i[k + 1])) for k in (2, 4)]
+    return tuple(float(np.degrees(v)) for v in (ra % (2.0 * np.pi), dec, roll % (2.0 * np.pi), *fov))

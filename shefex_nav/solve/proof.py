@@ -1,0 +1,115 @@
+"""Is it true? The odds of the identification that flies, with the price of everything that was adjusted.
+
+In: a fit to a picture. Out: the probability that chance made it. The detections go to `bayes.solve_kernel`
+with the camera that the fit found and the fitted attitude as a prediction. Both came from the picture itself
+and are no knowledge. So the odds pay for them: for the attitude the volume of all attitudes over that of the
+prediction; for the focal length and the distortion the range that was allowed over the range that fits as
+well (Laplace's approximation of the integral over the prior); for two noise levels, two lists of detections
+and a few depths of the catalogue their numbers.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.environment.stars import select
+from shefex_nav.geometry.pinhole import Pinhole
+from shefex_nav.geometry.rotation import quat_from_dcm
+from shefex_nav.onboard.startracker.catalogue import OnboardCatalogue, pair_table
+from shefex_nav.onboard.startracker.identify import bayes
+from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
+from shefex_nav.solve.camera import Camera, undistort
+
+LEAST_PROBABILITY = 1e-300  # smaller ones are not told apart
+FALSE_LIMIT = 1e-7  # accepted probability that a solution is chance
+MAGNITUDE_SIGMA = 0.4  # the picture's band, colour cameras, saturated stars
+QUIET_PX, NOISY_PX, LIMIT_PX = 0.25, 0.8, 0.6  # centroid noise: two classes, and the border between them
+PREDICTED_PX = 1.0  # the prediction, as an error at the edge of the picture
+DISTORTION_RANGE = 0.06  # of k1 r^2 in the corner: from -3 to 3 per cent
+MARGIN = 0.02  # rad, around the picture
+BUDGET = bayes.BUDGET // 5  # of the identification: the prediction is right or it is not
+DEPTHS = (0.0, 1.2, 2.4)  # mag, how much of the catalogue's depth the picture may lack
+LISTS = 2.0  # of detections that are tried: all, and those that are no gaps in a foreground
+MIN_MATCHED = 5  # stars; four only fit any four numbers
+
+
+class Proof(NamedTuple):
+    """Outcome for one fit."""
+
+    is_true: bool
+    is_rivalled: bool  # another identification of the same stars is nearly as good
+    n_matched: int
+    false_probability: float
+
+
+def camera_of(lens, size_px):
+    """Camera of a fit."""
+    if lens.k1 == 0.0:
+        return Camera(*size_px, lens.focal_px)
+    return Camera(*size_px, lens.focal_px, None, (lens.k1, 0.0, 0.0, 0.0, 0.0))
+
+
+def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
+    """Probability that chance made a fit.
+
+    Parameters
+    ----------
+    fit : Fit
+    sky : StarCatalogue, brightest first, of the picture and a little around it, as deep as the picture
+    xy_px, flux : (n, 2), (n,) detections, brightest first
+    size_px : (width, height)
+    log_focal_range : float, ln of the longest over the shortest focal length that was looked for
+
+    Returns
+    -------
+    Proof
+    """
+    lens = fit.lens
+    camera = camera_of(lens, size_px)
+    xy_px, flux = xy_px[:MAX_DETECTIONS], flux[:MAX_DETECTIONS]
+    if camera.distortion is not None:
+        pinhole = Pinhole(*size_px, lens.focal_px, *camera.principal_point_px)
+        xy_px = undistort(pinhole, np.array(camera.distortion), np.ascontiguousarray(xy_px))
+    P_c, log_price = price(fit, size_px, log_focal_range)
+    settings = bayes.Settings(
+        float(size_px[0]), float(size_px[1]), lens.focal_px, *camera.principal_point_px, bayes.BORDER_PX,
+        QUIET_PX if fit.noise_px < LIMIT_PX else NOISY_PX, MAGNITUDE_SIGMA,
+        FALSE_LIMIT * np.exp(-log_price), MIN_MATCHED, BUDGET,
+    )  # fmt: skip
+    xy_px, mag, q_ci = np.ascontiguousarray(xy_px), -2.5 * np.log10(flux), quat_from_dcm(lens.C_ci)
+    diameter = 2.0 * np.arctan(0.5 * np.hypot(*size_px) / lens.focal_px) + MARGIN
+    best = Proof(False, False, 0, 1.0)
+    for shallower in DEPTHS:
+        seen = select(sky, sky.vmag <= sky.vmag[-1] - shallower)
+        if len(seen.hip) < MIN_MATCHED:
+            break
+        pairs = pair_table(OnboardCatalogue(seen.hip, seen.u_i, seen.vmag), diameter)
+        found = bayes.Solution(*bayes.solve_kernel(*pairs.quick, settings, xy_px, mag, True, True, q_ci, P_c))
+        n, rivalled = int((found.star >= 0).sum()), found.reason == bayes.AMBIGUOUS or best.is_rivalled
+        chance = bounded(found.false_probability, log_price)
+        best = Proof(found.reason == 0 and n >= MIN_MATCHED, rivalled, n, chance)
+        if best.is_true:
+            break
+    return best
+
+
+def bounded(wrong, log_price):
+    """Probability times its price, from LEAST_PROBABILITY to 1."""
+    with np.errstate(divide="ignore"):
+        log_probability = np.log(wrong) + log_price
+    return float(np.exp(min(max(log_probability, np.log(LEAST_PROBABILITY)), 0.0)))
+
+
+def price(fit, size_px, log_focal_range):
+    """Covariance of the prediction (3, 3) [rad^2], and ln of what the adjusted numbers cost."""
+    size = np.sqrt(size_px[0] * size_px[1])
+    across, about = PREDICTED_PX / fit.lens.focal_px, PREDICTED_PX / (0.5 * size)
+    P_c = np.diag([across**2, across**2, about**2])
+    # the tracking takes twice the covariance; its density is at most that in the middle
+    volume = np.sqrt((2.0 * np.pi) ** 3 * np.linalg.det(2.0 * P_c))
+    cost = np.log(8.0 * np.pi**2 / volume)
+    cost += np.log(max(log_focal_range / (np.sqrt(2.0 * np.pi) * fit.sigma_log_focal), 1.0))
+    if fit.lens.k1 != 0.0:
+        corner2 = (size_px[0] ** 2 + size_px[1] ** 2) / (2.0 * fit.lens.focal_px) ** 2
+        cost += np.log(max(DISTORTION_RANGE / corner2 / (np.sqrt(2.0 * np.pi) * fit.sigma_k1), 1.0))
+    return P_c, float(cost + np.log(2.0 * LISTS * len(DEPTHS)))

@@ -1,0 +1,259 @@
+"""Attitude and focal length from the shape of triangles: proposals, to be proven by others.
+
+In: detections of one picture and a band of triangles. Out: the few attitudes, each with its focal length,
+that put the most stars onto detections. Three stars fix the attitude and the focal length and leave two
+numbers to check; the stars around them decide.
+"""
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.onboard.startracker.identify.screen import join, triad
+from shefex_nav.onboard.startracker.skygrid import cell_of
+from shefex_nav.solve.patterns import (
+    CELL,
+    COLUMNS,
+    LONGEST,
+    SHORTEST,
+    SLIVER,
+    cell_of_shape,
+    side,
+    volume,
+)
+
+CENTROID_PX = 1.0  # error of a side, at most
+LENS = 0.004  # error of a side that a lens may make, relative
+MAGNITUDES = 2.2  # of a difference of brightness; saturated stars are compared, too
+GATE_PX, GATE_SHARE = 1.5, 0.006  # of a predicted star: at the triangle, and per pixel of distance from it
+COMPARED = 24  # brightest predicted stars that are looked for
+PATIENCE, PER_HIT = 9, 4  # stars that may be missing, and more for each that is found
+CELL_PX = 32  # of the table of detections
+PER_CELL = 8  # detections that it holds
+KEPT = 24  # proposals
+MISSED = 0.25  # ln of the odds that each predicted star costs which is not there
+
+
+@njit(cache=True)
+def detection_cells(xy_px, width_px, height_px):
+    """Detections near each cell of the detector: (rows, columns, PER_CELL) int64, -1 where none."""
+    rows, columns = int(height_px) // CELL_PX + 1, int(width_px) // CELL_PX + 1
+    table = np.full((rows, columns, PER_CELL), -1, dtype=np.int64)
+    for k in range(xy_px.shape[0]):
+        x, y = xy_px[k, 0] / CELL_PX, xy_px[k, 1] / CELL_PX
+        for r in range(max(int(y - 0.5), 0), min(int(y + 0.5), rows - 1) + 1):
+            for c in range(max(int(x - 0.5), 0), min(int(x + 0.5), columns - 1) + 1):
+                for m in range(PER_CELL):
+                    if table[r, c, m] < 0:
+                        table[r, c, m] = k
+                        break
+    return table
+
+
+@njit(cache=True)
+def compare(u_i, start, row, C, focal_px, size_px, xy_px, cells, middle):
+    """How well an attitude explains the detections: logarithm of the odds against chance.
+
+    Each predicted star that is found counts ln(1 / probability that a detection is there by chance).
+
+    Parameters
+    ----------
+    u_i, start, row : stars and their lists by direction
+    C : 9 numbers, C_ci row by row
+    focal_px : float
+    size_px : (width, height)
+    xy_px : (n, 2)
+    cells : of detection_cells
+    middle : (x, y) of the triangle
+    """
+    width, height = size_px
+    cx, cy = 0.5 * (width - 1.0), 0.5 * (height - 1.0)
+    per_area = np.pi * xy_px.shape[0] / (width * height)
+    patience, odds, compared = PATIENCE, 0.0, 0
+    cell = cell_of(C[6], C[7], C[8])
+    for e in range(start[cell], start[cell + 1]):
+        s = row[e]
+        p, q, r = u_i[s, 0], u_i[s, 1], u_i[s, 2]
+        Z = C[6] * p + C[7] * q + C[8] * r
+        if Z < 0.1:
+            continue
+        x = cx + focal_px * (C[0] * p + C[1] * q + C[2] * r) / Z
+        y = cy + focal_px * (C[3] * p + C[4] * q + C[5] * r) / Z
+        if x < 0.0 or y < 0.0 or x > width - 1.0 or y > height - 1.0:
+            continue
+        gate = GATE_PX + GATE_SHARE * np.sqrt((x - middle[0]) ** 2 + (y - middle[1]) ** 2)
+        found = False
+        for k in cells[int(y) // CELL_PX, int(x) // CELL_PX]:
+            if k < 0:
+                break
+            if (xy_px[k, 0] - x) ** 2 + (xy_px[k, 1] - y) ** 2 < gate * gate:
+                found = True
+                break
+        compared += 1
+        if found:
+            odds -= np.log(min(per_area * gate * gate, 0.9))
+            patience += PER_HIT
+        else:
+            odds -= MISSED
+            patience -= 1
+        if patience < 0 or compared == COMPARED:
+            break
+    return odds
+
+
+@njit(cache=True)
+def keep(kept, n, odds, C, focal_px):
+    """Put a proposal into the list of the best, sorted; how many there are."""
+    for k in range(n):  # the same attitude again: the better one stays
+        same = 0.0
+        for a in range(9):
+            same += kept[k, 2 + a] * C[a]
+        if same > 2.9995 and abs(kept[k, 1] / focal_px - 1.0) < 0.02:
+            if odds > kept[k, 0]:
+                kept[k, 0], kept[k, 1] = odds, focal_px
+                for a in range(9):
+                    kept[k, 2 + a] = C[a]
+            return n
+    if n == KEPT:
+        k = np.argmin(kept[:, 0])
+        if kept[k, 0] >= odds:
+            return n
+    else:
+        k, n = n, n + 1
+    kept[k, 0], kept[k, 1] = odds, focal_px
+    for a in range(9):
+        kept[k, 2 + a] = C[a]
+    return n
+
+
+@njit(cache=True)
+def directions(xy_px, size_px, focal_px):
+    """Unit vectors of pixels for a focal length: (n, 3)."""
+    u_c = np.empty((xy_px.shape[0], 3))
+    for k in range(xy_px.shape[0]):
+        x = (xy_px[k, 0] - 0.5 * (size_px[0] - 1.0)) / focal_px
+        y = (xy_px[k, 1] - 0.5 * (size_px[1] - 1.0)) / focal_px
+        norm = np.sqrt(1.0 + x * x + y * y)
+        u_c[k, 0], u_c[k, 1], u_c[k, 2] = x / norm, y / norm, 1.0 / norm
+    return u_c
+
+
+@njit(cache=True)
+def fit_three(xy_px, size_px, corner, sides, focal_px):
+    """Focal length that gives three detections the sides of a catalogue triangle, and the largest misfit.
+
+    sides: (3,) chords opposite the corners. The misfit is relative to the tolerance; beyond 1 it is none.
+    """
+    three = np.empty((3, 2))
+    for k in range(3):
+        three[k, 0], three[k, 1] = xy_px[corner[k], 0], xy_px[corner[k], 1]
+    u = directions(three, size_px, focal_px)
+    for _ in range(2):
+        ratio = 0.0
+        for k in range(3):
+            ratio += side(u, (k + 1) % 3, (k + 2) % 3)
+        focal_px *= ratio / (sides[0] + sides[1] + sides[2])
+        u = directions(three, size_px, focal_px)
+    worst = 0.0
+    for k in range(3):
+        seen = side(u, (k + 1) % 3, (k + 2) % 3)
+        worst = max(worst, abs(seen - sides[k]) / (CENTROID_PX / focal_px + LENS * sides[k]))
+    return focal_px, worst, u
+
+
+@njit(cache=True)
+def propose(xy_px, mag, size_px, focal_range, first, last, band, cells, kept, n):
+    """Try all triangles of detections whose faintest is number first ... last - 1.
+
+    Parameters
+    ----------
+    xy_px, mag : (n_det, 2), (n_det,) detections, brightest first
+    size_px : (width, height)
+    focal_range : (shortest, longest) focal length [px]
+    first, last : int
+    band : Band
+    cells : of detection_cells
+    kept : (KEPT, 11) proposals: ln odds, focal length, C_ci row by row; filled in place
+    n : int, proposals in `kept` so far
+
+    Returns
+    -------
+    n : int, proposals
+    tried : int, catalogue triangles compared
+    """
+    size = np.sqrt(size_px[0] * size_px[1])
+    low, high = max(focal_range[0], size / band.high), min(focal_range[1], size / band.low)
+    tried = 0
+    if low > high:
+        return n, tried
+    focal_px = np.sqrt(low * high)
+    u_c = directions(xy_px[:last], size_px, focal_px)
+    unit = size / focal_px
+    # the shape of a triangle off the axis depends on the focal length: half the band, at the corner
+    bend = 0.5 * np.log(high / low) * (0.5 * unit) ** 2
+    for i in range(first, last):
+        for j in range(i):
+            for k in range(j):
+                corner = np.array([i, j, k])
+                sides = np.array([side(u_c, j, k), side(u_c, i, k), side(u_c, i, j)])
+                longest = max(sides[0], sides[1], sides[2])
+                if longest > LONGEST * unit or longest < SHORTEST * unit:
+                    continue
+                n, more = _try_triangle(
+                    xy_px, mag, size_px, (low, high), focal_px, corner, sides, bend, u_c, band, cells, kept, n
+                )
+                tried += more
+    return n, tried
+
+
+@njit(cache=True)
+def _try_triangle(xy_px, mag, size_px, focal_range, focal_px, corner, sides, bend, u_c, band, cells, kept, n):
+    """All catalogue triangles with the shape of three detections, whichever of its sides is the longest."""
+    tried = 0
+    orders = ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))
+    for p, q, r in orders:
+        a, b, c = sides[p], sides[q], sides[r]
+        slack = 2.0 * CENTROID_PX / (focal_px * a) + LENS + bend
+        middle, short = b / a, c / a
+        if middle > 1.0 + slack or short > middle + slack or short < SLIVER - slack:
+            continue
+        at = np.array([corner[p], corner[q], corner[r]])
+        left = volume(u_c, at[0], at[1], at[2]) < 0.0
+        for m in range(
+            int(max(middle - slack, 0.0) / CELL), min(int((middle + slack) / CELL), COLUMNS - 1) + 1
+        ):
+            begin = cell_of_shape((m + 0.5) * CELL, max(short - slack, 0.0), left)
+            end = cell_of_shape((m + 0.5) * CELL, min(short + slack, 1.0), left)
+            for t in range(band.cell[begin], band.cell[end + 1]):
+                shape = band.shape[t]
+                if abs(shape[1] - middle) > slack or abs(shape[2] - short) > slack:
+                    continue
+                guess = focal_px * a / shape[0]
+                if guess < focal_range[0] or guess > focal_range[1]:
+                    continue
+                s0, s1, s2 = band.corner[t]
+                first = (mag[at[0]] - mag[at[1]]) - (band.vmag[s0] - band.vmag[s1])
+                second = (mag[at[0]] - mag[at[2]]) - (band.vmag[s0] - band.vmag[s2])
+                if max(abs(first), abs(second), abs(first - second)) > MAGNITUDES:
+                    continue
+                true = np.array([shape[0], shape[0] * shape[1], shape[0] * shape[2]])
+                guess, misfit, u = fit_three(xy_px, size_px, at, true, guess)
+                if misfit > 1.0:
+                    continue
+                tried += 1
+                T = triad(u[1, 0], u[1, 1], u[1, 2], u[2, 0], u[2, 1], u[2, 2])  # the longest side
+                x, y = band.u_i[s1], band.u_i[s2]
+                C = join(T, triad(x[0], x[1], x[2], y[0], y[1], y[2]))
+                at_middle = (xy_px[at[0]] + xy_px[at[1]] + xy_px[at[2]]) / 3.0
+                odds = compare(
+                    band.u_i,
+                    band.start,
+                    band.row,
+                    C,
+                    guess,
+                    size_px,
+                    xy_px,
+                    cells,
+                    (at_middle[0], at_middle[1]),
+                )
+                n = keep(kept, n, odds, C, guess)
+    return n, tried

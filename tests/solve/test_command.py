@@ -1,0 +1,125 @@
+"""`shefex-nav solve` as a user calls it."""
+
+import json
+
+import night_sky
+import numpy as np
+import pytest
+import test_picture
+from PIL import Image
+from typer.testing import CliRunner
+
+from shefex_nav.cli import app
+from shefex_nav.solve.overlay import free_place
+
+
+def solve(*arguments):
+    return CliRunner().invoke(app, ["solve", *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def sky(tmp_path_factory):
+    """A picture and its truth."""
+    shot = night_sky.shoot(np.random.default_rng(1), fov_deg=14.0, limit=6.5, ra_deg=84.0, dec_deg=5.0)
+    path = tmp_path_factory.mktemp("sky") / "orion.png"
+    Image.fromarray(night_sky.to_8_bit(shot.image)).save(path)
+    return path, shot
+
+
+def test_json(sky):
+    path, shot = sky
+    done = solve(path, "--json", "--epoch", night_sky.YEAR)
+    assert done.exit_code == 0, done.output
+    result = json.loads(done.stdout)
+    assert list(result) == [
+        "status", "reason", "ra_deg", "dec_deg", "roll_deg", "fov_x_deg", "fov_y_deg", "matched",
+        "false_probability", "wall_ms",
+    ]  # fmt: skip
+    assert result["status"] == "ok" and result["reason"] == ""
+    assert abs(result["ra_deg"] - shot.ra_deg) < 0.02 and abs(result["dec_deg"] - shot.dec_deg) < 0.02
+    assert set(result["matched"][0]) == {"hip", "x_px", "y_px", "vmag"}
+    assert 0.0 < result["false_probability"] < 1e-7 and result["wall_ms"] > 0.0
+
+
+@pytest.mark.parametrize("fov", ["14 deg", "13", "0.25 rad", "15°"])
+def test_table_and_field_of_view(sky, fov):
+    done = solve(sky[0], "--fov", fov)
+    assert done.exit_code == 0, done.output
+    for text in ("right ascension", "declination", "field of view", "brightest stars", "27989"):
+        assert text in done.stdout
+
+
+def test_unsolved_is_no_error(tmp_path):
+    rng = np.random.default_rng(2)
+    noise = np.clip(rng.normal(60.0, 5.0, (300, 400)), 0, 255).astype(np.uint8)
+    Image.fromarray(noise).save(tmp_path / "noise.png")
+    done = solve(tmp_path / "noise.png", "--json", "--overlay", tmp_path / "drawn.png")
+    assert done.exit_code == 0, done.output
+    result = json.loads(done.stdout)
+    assert (result["status"], result["reason"]) == ("failed", "too_few_stars")
+    assert result["ra_deg"] is None and result["matched"] == [] and result["false_probability"] == 1.0
+    assert (tmp_path / "drawn.png").exists()
+    done = solve(tmp_path / "noise.png")
+    assert done.exit_code == 0 and "not solved" in done.stdout and "too_few_stars" in done.stdout
+
+
+@pytest.mark.parametrize("name, content, says", test_picture.HOSTILE, ids=lambda value: str(value)[:16])
+def test_hostile_files_end_with_2(tmp_path, name, content, says):
+    path = tmp_path / name
+    path.write_bytes(content)
+    done = solve(path, "--json")
+    assert done.exit_code == 2 and done.stdout == ""
+    assert "Traceback" not in done.stderr and name in done.stderr.replace("\n", "").replace("│", "").replace(
+        " ", ""
+    )
+
+
+@pytest.mark.parametrize(
+    "options, says",
+    [
+        (["--fov", "wide"], "--fov"),
+        (["--fov", "11.4 parsec"], "--fov"),
+        (["--fov", "90 deg"], "--fov"),
+        (["--epoch", "20"], "--epoch"),
+        (["--overlay", "drawing.jpg"], "--overlay"),
+        (["--overlay", "nowhere/drawing.png"], "--overlay"),
+    ],
+)
+def test_wrong_options_end_with_2(sky, options, says):
+    done = solve(sky[0], *options)
+    assert done.exit_code == 2 and says in done.stderr and "Traceback" not in done.stderr
+    assert solve("nowhere.png").exit_code == 2
+
+
+def test_overlay(sky, tmp_path):
+    path, shot = sky
+    drawn = tmp_path / "drawn.png"
+    assert solve(path, "--overlay", drawn).exit_code == 0
+    image = np.asarray(Image.open(drawn)).astype(int)
+    assert image.shape[1] == shot.image.shape[1] and image.shape[0] > shot.image.shape[0]
+    betelgeuse = shot.xy_px[list(shot.hip).index(27989)]
+    x, y = np.rint(betelgeuse).astype(int)
+    ring = [image[y + dy, x + dx] for dx, dy in ((9, 0), (-9, 0), (0, 9), (0, -9))]
+    assert any(pixel[1] > pixel[0] + 40 for pixel in ring)  # green
+    before = drawn.read_bytes()
+    done = solve(path, "--overlay", drawn)
+    assert done.exit_code == 2 and "exists already" in done.stderr
+    assert drawn.read_bytes() == before
+
+
+def test_names_cover_nothing():
+    """Boxes of names and stars placed at random do not overlap, whatever the crowd."""
+    rng = np.random.default_rng(3)
+    stars = rng.uniform(20.0, 480.0, (60, 2))
+    taken = [(x - 9, y - 9, x + 9, y + 9) for x, y in stars]
+    n_stars, placed = len(taken), 0
+    for x, y in stars:
+        box = free_place(x, y, 70.0, 12.0, (500, 500), taken)
+        if box is None:
+            continue
+        assert box[0] >= 0 and box[1] >= 0 and box[2] <= 500 and box[3] <= 500
+        for other in taken:
+            assert box[0] >= other[2] or other[0] >= box[2] or box[1] >= other[3] or other[1] >= box[3]
+        taken.append(box)
+        placed += 1
+    assert placed > 0.4 * n_stars

@@ -1,0 +1,65 @@
+"""The adjustment of attitude, focal length and distortion, and the price of it."""
+
+import numpy as np
+import pytest
+
+from shefex_nav.geometry.rotation import dcm_from_rotvec, quat_from_dcm, rotvec_from_quat
+from shefex_nav.solve import lens, proof
+
+SIZE = (1024, 768)
+
+
+def scene(rng, n, k1=0.0, noise_px=0.0):
+    """A lens, stars in its view, and where they are detected."""
+    true = lens.Lens(dcm_from_rotvec(rng.normal(size=3)), 2000.0, k1)
+    xy = rng.uniform([-0.24, -0.18], [0.24, 0.18], (n, 2))
+    u_c = np.column_stack([xy, np.ones(n)])
+    u_i = u_c / np.linalg.norm(u_c, axis=1, keepdims=True) @ true.C_ci
+    seen = lens.project(true, u_i, SIZE)[0]
+    return true, u_i, seen + rng.normal(0.0, noise_px, seen.shape)
+
+
+@pytest.mark.parametrize("k1", [0.0, -0.2, 0.15])
+def test_without_noise_the_truth_comes_back(k1):
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        true, u_i, xy_px = scene(rng, 25, k1)
+        near = lens.Lens(dcm_from_rotvec(1e-3 * rng.normal(size=3)) @ true.C_ci, 2008.0, 0.0)
+        found = lens.fit(near, u_i, xy_px, SIZE)
+        np.testing.assert_array_equal(found.star, np.arange(25))
+        assert abs(found.lens.focal_px / 2000.0 - 1.0) < 1e-5 and abs(found.lens.k1 - k1) < 1e-3
+        assert np.linalg.norm(rotvec_from_quat(quat_from_dcm(found.lens.C_ci @ true.C_ci.T))) < 1e-5
+
+
+def test_errors_are_what_the_covariance_says():
+    """Normalised errors of focal length and noise over 60 fields: unit variance within 3 sigma of chi^2."""
+    rng = np.random.default_rng(2)
+    normalised, noise = [], []
+    for _ in range(60):
+        true, u_i, xy_px = scene(rng, 30, noise_px=0.3)
+        found = lens.fit(true, u_i, xy_px, SIZE, may_distort=False)
+        normalised.append(np.log(found.lens.focal_px / 2000.0) / found.sigma_log_focal)
+        noise.append(found.noise_px)
+    assert abs(np.mean(np.square(normalised)) - 1.0) < 3.0 * np.sqrt(2.0 / 60)
+    assert abs(np.mean(noise) - 0.3) < 0.03
+
+
+def test_too_few_stars_fit_nothing():
+    true, u_i, xy_px = scene(np.random.default_rng(3), 3)
+    assert lens.fit(true, u_i, xy_px, SIZE) is None
+    assert lens.fit(true, u_i, np.zeros((0, 2)), SIZE) is None
+
+
+def test_what_was_adjusted_has_its_price():
+    """The range of the focal length counts linearly, a distortion costs, too; the attitude is never cheap."""
+    rng = np.random.default_rng(4)
+    true, u_i, xy_px = scene(rng, 30, noise_px=0.3)
+    plain = lens.fit(true, u_i, xy_px, SIZE, may_distort=False)
+    once, twice = (proof.price(plain, SIZE, log_range)[1] for log_range in (0.7, 1.4))
+    assert abs(twice - once - np.log(2.0)) < 1e-9
+    _, P_c = None, proof.price(plain, SIZE, 1.4)[0]
+    cells = 8.0 * np.pi**2 / np.sqrt((2.0 * np.pi) ** 3 * np.linalg.det(2.0 * P_c))
+    assert twice > np.log(cells) > 15.0
+    true, u_i, xy_px = scene(rng, 30, k1=-0.3, noise_px=0.3)
+    bent = lens.fit(true, u_i, xy_px, SIZE)
+    assert bent.lens.k1 != 0.0 and proof.price(bent, SIZE, 1.4)[1] > twice

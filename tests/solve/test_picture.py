@@ -1,0 +1,122 @@
+"""Picture files of all kinds, and files that are none."""
+
+import io
+
+import numpy as np
+import picture_files
+import pytest
+from PIL import Image
+
+from shefex_nav.solve import picture
+from shefex_nav.solve.picture import PictureError, read
+
+
+@pytest.fixture
+def pixels():
+    """A dark linear picture in colour, 16 bits a channel; its signal is in the lower 8."""
+    rng = np.random.default_rng(1)
+    return rng.normal(1000.0, 20.0, (101, 130, 3)).clip(0, 65535).astype(np.uint16)
+
+
+def put(folder, name, content):
+    path = folder / name
+    path.write_bytes(content)
+    return path
+
+
+@pytest.mark.parametrize("interlaced", [False, True])
+def test_colour_png_with_16_bits(tmp_path, pixels, interlaced):
+    path = put(tmp_path, "deep.png", picture_files.png(pixels, interlaced=interlaced))
+    np.testing.assert_array_equal(read(path).grey, pixels.mean(axis=2, dtype=np.float32))
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("compression", [1, 5, 8])
+@pytest.mark.parametrize("predictor", [1, 2])
+def test_colour_tiff_with_16_bits(tmp_path, pixels, compression, predictor, order):
+    content = picture_files.tiff(pixels, compression=compression, predictor=predictor, order=order)
+    path = put(tmp_path, "deep.tif", content)
+    np.testing.assert_array_equal(read(path).grey, pixels.mean(axis=2, dtype=np.float32))
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif"])
+def test_grey_with_16_bits(tmp_path, pixels, name):
+    Image.fromarray(pixels[:, :, 0]).save(tmp_path / name)
+    np.testing.assert_array_equal(read(tmp_path / name).grey, pixels[:, :, 0].astype(np.float32))
+
+
+def test_alpha_and_palette_and_jpeg(tmp_path, pixels):
+    small = (pixels // 256 * 20).astype(np.uint8)
+    small[:50] += 100
+    grey = small.mean(axis=2)
+    Image.fromarray(np.dstack([small, np.full(small.shape[:2], 7, np.uint8)])).save(tmp_path / "alpha.png")
+    np.testing.assert_allclose(read(tmp_path / "alpha.png").grey, grey, atol=1e-4)
+    Image.fromarray(small).quantize(16).save(tmp_path / "palette.png")
+    Image.fromarray(small).save(tmp_path / "a.jpg", quality=95)
+    for name in ("palette.png", "a.jpg"):
+        assert np.abs(read(tmp_path / name).grey - grey).mean() < 3.0
+
+
+def test_date_of_the_picture(tmp_path):
+    exif = Image.Exif()
+    exif.get_ifd(picture.EXIF_BLOCK)[picture.EXIF_TAKEN] = "2019:07:29 20:47:26"
+    image = Image.new("L", (100, 80))
+    image.save(tmp_path / "a.jpg", exif=exif)
+    assert abs(read(tmp_path / "a.jpg").julian_year - 2019.57) < 0.01
+    image.save(tmp_path / "b.jpg")
+    assert read(tmp_path / "b.jpg").julian_year is None
+    exif.get_ifd(picture.EXIF_BLOCK)[picture.EXIF_TAKEN] = "0000:00:00 00:00:00"
+    image.save(tmp_path / "c.jpg", exif=exif)
+    assert read(tmp_path / "c.jpg").julian_year is None
+
+
+def saved(image, kind, **options):
+    file = io.BytesIO()
+    image.save(file, kind, **options)
+    return file.getvalue()
+
+
+def hostile():
+    """Name, content and what the message says, of files that are no picture to solve."""
+    rng = np.random.default_rng(2)
+    noise = Image.fromarray(rng.integers(0, 255, (120, 160), dtype=np.uint8))
+    deep = rng.integers(0, 65535, (120, 160, 3), dtype=np.uint16)
+    jpeg, png, tiff = saved(noise, "JPEG"), saved(noise, "PNG"), saved(noise, "TIFF")
+    deep_png, deep_lzw = picture_files.png(deep), picture_files.tiff(deep, compression=5)
+    size = (60_000).to_bytes(4, "big") * 2
+    huge = png[:8] + picture_files.chunk(b"IHDR", size + png[24:29]) + png[33:]
+    frames = [noise, noise.rotate(90.0), noise.rotate(180.0)]
+    yield "empty.png", b"", "is empty"
+    yield "words.jpg", b"this is a shopping list: milk, bread\n" * 20, "not a picture"
+    yield "zeros.tif", bytes(5000), "not a picture"
+    yield "only_magic.png", png[:8], "damaged|not a picture"
+    yield "cut.jpg", jpeg[: len(jpeg) // 2], "damaged"
+    yield "cut.png", png[: len(png) // 2], "damaged"
+    yield "cut.tif", tiff[: len(tiff) // 2], "damaged|not a picture"
+    yield "cut_deep.png", deep_png[: len(deep_png) // 2], "damaged"
+    yield "cut_lzw.tif", deep_lzw[:5000] + bytes(len(deep_lzw) - 8000) + deep_lzw[-3000:], "damaged"
+    yield "wrong_bytes.png", png[:60] + bytes(200) + png[260:], "damaged"
+    yield "huge.png", huge, "pixels"
+    yield "tiny.png", saved(Image.new("L", (1, 1)), "PNG"), "1 x 1 pixels"
+    yield "line.png", saved(Image.new("L", (5000, 3)), "PNG"), "5000 x 3 pixels"
+    yield "moving.gif", saved(frames[0], "GIF", save_all=True, append_images=frames[1:]), "3 pictures"
+    yield "pages.tif", saved(frames[0], "TIFF", save_all=True, append_images=frames[1:]), "3 pictures"
+    yield "drawing.svg", b'<svg xmlns="http://www.w3.org/2000/svg"><circle r="5"/></svg>', "not a picture"
+
+
+HOSTILE = list(hostile())
+
+
+@pytest.mark.parametrize("name, content, says", HOSTILE, ids=[name for name, _, _ in HOSTILE])
+def test_hostile_files_are_refused(tmp_path, name, content, says):
+    path = put(tmp_path, name, content)
+    with pytest.raises(PictureError, match=says) as caught:
+        read(path)
+    assert str(path) in str(caught.value)
+
+
+def test_missing_file_and_folder(tmp_path):
+    with pytest.raises(PictureError, match="no such file"):
+        read(tmp_path / "nowhere.png")
+    with pytest.raises(PictureError, match="is a folder"):
+        read(tmp_path)
