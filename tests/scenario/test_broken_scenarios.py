@@ -74,7 +74,7 @@ BROKEN = {
         "kind: magnitude_limited",
         "kind: @hipparcos",
         "star_tracker.catalogue.kind",
-        "'hipparcos' is not known; choose from: combined, magnitude_limited",
+        "'hipparcos' is not known; choose from: magnitude_limited, asymmetric, uniform, combined",
     ),
     "misspelt star catalogue": (
         "kind: magnitude_limited",
@@ -82,11 +82,23 @@ BROKEN = {
         "star_tracker.catalogue.kind",
         "did you mean 'combined'?",
     ),
+    "southern limit beyond the catalogue": (
+        "kind: magnitude_limited # or asymmetric, uniform, combined\n    system: V\n",
+        "kind: asymmetric\n    system: V\n    faintest_south: @9 mag\n",
+        "star_tracker.catalogue.faintest_south",
+        "8 mag",
+    ),
+    "prediction for a method that takes none": (
+        "method: bayes # or pyramid (as flown), brightness, voting\n    tracking: true",
+        "method: pyramid\n    tracking: @true",
+        "star_tracker.identification.tracking",
+        "method 'pyramid' cannot use a prediction; set tracking: false",
+    ),
     "unknown identification": (
-        "method: pyramid",
+        "method: bayes",
         "method: @telepathy",
         "star_tracker.identification.method",
-        "'telepathy' is not known; choose from: pyramid",
+        "'telepathy' is not known; choose from: bayes, pyramid, brightness, voting",
     ),
     "yes for true": (
         "enabled: true",
