@@ -18,7 +18,7 @@ IMAGE_SHIFT_PX = 80.0  # second images are looked for within this distance
 SAME_PLACE_PX = 4.0  # a nearer detection is part of the star
 IMAGE_GATE, WIDEST_IMAGE_GATE = 5.0, 1.5  # noise_px, at most px: two shifts that are the same
 IMAGE_STARS = 4  # with the same shift make a second image
-KEPT, KEPT_SHARE = 0.75, 0.403  # share of the matches, and of the sum of squares that they have on average
+KEPT, KEPT_SHARE = 0.75, 0.55  # share of the matches; of the limit, which their sum passes once in a thousand
 RESIDUAL_QUANTILE = 3.1  # sigma of a normal variable: a right attitude is refused once in a thousand
 
 
