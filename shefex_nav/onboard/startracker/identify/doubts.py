@@ -85,26 +85,45 @@ def leans_on_one_star(task, n, focal_px, noise_px, n_par):
     L = N.copy()
     if cholesky(L, n_par) == -np.inf:
         return True
-    tolerable = max(LEVER_SIGMA**2, LEVER**2 * noise_px**2 * _variances(L, n_par))
+    variance = noise_px**2 * _variances(L, n_par)
+    tolerable = max(LEVER_SIGMA**2, LEVER**2 * variance)
     for s in range(n):
         k = view.det[s]
-        if k < 0:
+        if k < 0 or variance < tolerable * (1.0 - _leverage(L, scene, view, s, focal_px, n_par)):
             continue
-        L = N.copy()
-        _add(L, scene, view, s, focal_px, n_par, -1.0)
-        log_det = cholesky(L, n_par)
-        if log_det > -np.inf and noise_px**2 * _variances(L, n_par) < tolerable:
+        rest = N.copy()
+        _add(rest, scene, view, s, focal_px, n_par, -1.0)
+        log_det = cholesky(rest, n_par)
+        if log_det > -np.inf and noise_px**2 * _variances(rest, n_par) < tolerable:
             continue
         if log_det == -np.inf:
             return True
         view.det[s] = -1
         without = log_odds(
-            stars, scene, task.prior, task.best.C, focal_px, view, n, L, log_det, noise_px, n_par
+            stars, scene, task.prior, task.best.C, focal_px, view, n, rest, log_det, noise_px, n_par
         )
         view.det[s] = k
         if task.best.score[0] - without < task.threshold:
             return True
     return False
+
+
+@njit(cache=True)
+def _leverage(L, scene, view, s, focal_px, n_par):
+    """Share h of the information that is one star's, L L' that of all: without it no variance grows beyond
+    1 / (1 - h) times (trace of N^-1 J' J, two rows of J).
+    """
+    J = jacobian((view.xy_px[s, 0] - scene.cx_px) / focal_px, (view.xy_px[s, 1] - scene.cy_px) / focal_px)
+    total = 0.0
+    for row in range(2):  # forward substitution; written out, as it is done for every star of every frame
+        x0 = J[3 * row] / L[0, 0]
+        x1 = (J[3 * row + 1] - L[1, 0] * x0) / L[1, 1]
+        x2 = (J[3 * row + 2] - L[2, 0] * x0 - L[2, 1] * x1) / L[2, 2]
+        total += x0 * x0 + x1 * x1 + x2 * x2
+        if n_par == 4:
+            x3 = (J[6 + row] - L[3, 0] * x0 - L[3, 1] * x1 - L[3, 2] * x2) / L[3, 3]
+            total += x3 * x3
+    return total * focal_px**2
 
 
 @njit(cache=True)

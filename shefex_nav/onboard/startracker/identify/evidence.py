@@ -18,6 +18,7 @@ OUTSIDE_PX = 2.0  # a star just beyond the border may still be a detection
 BLEND_PX = 8.0  # a star nearer than this to a brighter one may be part of its spot
 WIDE_GATE = 14.0  # sigma_px, for the first adjustment; holds the largest of NOISE_SCALES
 GATE = 4.5  # of the noise seen in the frame
+SETTLED = 0.2  # of the noise: a smaller step is the last
 NOISE_SCALES = (1.0, 1.8, 3.4)  # times sigma_px, and how likely each is
 NOISE_WEIGHTS = (0.45, 0.28, 0.27)
 TAIL_SHARE, TAIL_SCALE = 0.06, 4.0  # of the centroids have an error this much larger: double stars
@@ -225,6 +226,15 @@ def noise_seen(scene, view, n):
 
 
 @njit(cache=True)
+def _all_within(view, n, gate_px):
+    """Whether no match is further than the gate."""
+    for s in range(n):
+        if view.det[s] >= 0 and view.distance2[s] > gate_px * gate_px:
+            return False
+    return True
+
+
+@njit(cache=True)
 def adjust(stars, scene, C, focal_px, view, n_par, gate_px, min_stars):
     """Turn C until the predicted stars fit their detections, from a wide gate to the noise.
 
@@ -253,5 +263,8 @@ def adjust(stars, scene, C, focal_px, view, n_par, gate_px, min_stars):
         solve_cholesky(L, g, n_par)
         turn(C, g)
         focal_px *= 1.0 + g[3]
+        moved_px = focal_px * max(abs(g[0]), abs(g[1]), abs(g[2]), abs(g[3]))
+        if step > 0 and moved_px < SETTLED * noise_px and _all_within(view, n, GATE * noise_px):
+            break
         gate_px = min(gate_px, WIDE_GATE * scene.sigma_px) if step == 0 else GATE * noise_px
     return n, focal_px, L, log_det, noise_px
