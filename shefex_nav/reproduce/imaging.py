@@ -1,41 +1,28 @@
-"""SHEFEX 3.2, 4 and BRIGHT figure 1: scanning a frame, centroids, the whole chain on rendered frames."""
+"""SHEFEX 3.2 and BRIGHT figure 1: scanning a frame, and the centroids of a star that moves."""
 
 import time
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
 from shefex_nav.environment.stars import load_catalogue, silicon_magnitude
-from shefex_nav.geometry.pinhole import pinhole, unit_vectors
-from shefex_nav.geometry.rotation import quat_from_rotvec, rotvec_between
-from shefex_nav.onboard.startracker import background, catalogue, scan
-from shefex_nav.onboard.startracker.attitude import esoq2
+from shefex_nav.geometry.pinhole import pinhole
+from shefex_nav.geometry.rotation import quat_from_rotvec
+from shefex_nav.onboard.startracker import background, scan
 from shefex_nav.onboard.startracker.detect import DetectParams, detect, rules
-from shefex_nav.onboard.startracker.identify import IDENTIFIERS, pyramid
-from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
-from shefex_nav.records import FrameTruth, Reason, StarFix
 from shefex_nav.reproduce import imaging_figures, statistics
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.published import BRIGHT, SHEFEX
 from shefex_nav.reproduce.shefex_field import (
     CAMERA,
-    FIELD,
-    MERGE,
-    YEAR,
-    flown_pairs,
     in_view,
     random_attitude,
 )
 from shefex_nav.reproduce.stills import Electronics, StillCamera, electrons, still
 
-WRONG = np.radians(0.5)
 # the camera of the mission at 24 dB and 50 ms: see scenarios/shefex2_andoya.yaml
 PER_DN = 118.0 * 10.0 ** (-24.0 / 20.0)
 SPACE = StillCamera(CAMERA, 0.8, Electronics(16.0, 30e3, PER_DN, 16.0), 400.0 * 0.05, 2.5e6 * 0.05)
-GROUND = SPACE._replace(background_electrons=700.0 * 0.05, zero_magnitude_electrons=0.7 * 2.5e6 * 0.05)
-FALSE_OBJECTS, FALSE_MAGNITUDES = 250, (3.0, 6.0)  # on the whole sky
-MAGNITUDE_ERROR = 0.1
 DETECT = DetectParams(
     bad_pixels=np.zeros((0, 2), dtype=np.int64),
     tile_px=72,
@@ -257,148 +244,6 @@ def conclude_centroids(results):
     return rows
 
 
-# --- shefex-end-to-end ---
-
-SCENARIO = Path(__file__).parents[2] / "scenarios" / "night_sky.yaml"
-PLACES = ("space", "ground")
-WAYS = ("as published", "default")
-FRAME_S = 0.1
-COS_ERROR = SHEFEX["identification"]["cos_error"]
-IDENTIFY = IdentifyParams(
-    method="bayes",
-    camera=CAMERA,
-    tolerance=np.radians(0.018),
-    max_centroids=15,
-    min_stars=4,
-    sigma_px=0.2,
-    gate_sigma=4.5,
-    detection_probability=0.9,
-    magnitude_margin=0.3,
-    magnitude_sigma=0.3,
-    false_alarm=1e-7,
-)
-
-
-@cache
-def default_pairs():
-    """Pairs of the default on-board catalogue."""
-    params = catalogue.CatalogueParams("magnitude_limited", 5.5, 1.5 * MERGE, 4.5, 2023)
-    return catalogue.pair_table(catalogue.build(params, load_catalogue(8.0), YEAR), FIELD)
-
-
-def sky_of(rng):
-    """The stars with an error of their brightness, and false objects: directions, magnitudes."""
-    u_i, magnitudes = all_stars()
-    false = rng.standard_normal((FALSE_OBJECTS, 3))
-    false /= np.linalg.norm(false, axis=1, keepdims=True)
-    scattered = magnitudes + MAGNITUDE_ERROR * rng.standard_normal(len(magnitudes))
-    return np.vstack([u_i, false]), np.append(scattered, rng.uniform(*FALSE_MAGNITUDES, FALSE_OBJECTS))
-
-
-def solve_frame(image, way):
-    """Attitude of a frame by one of the two chains: q_ic, or None."""
-    params = DETECT._replace(centroid="weighted") if way == "as published" else DETECT
-    found, _ = detect(params, image)
-    u_c = unit_vectors(CAMERA, found.xy_px)
-    if way == "as published":
-        pairs = flown_pairs()
-        result = pyramid.match(IDENTIFY._replace(cos_error=COS_ERROR), pairs, u_c, found.flux_dn)
-    else:
-        pairs = default_pairs()
-        result = IDENTIFIERS["bayes"](IDENTIFY, pairs, u_c, found.flux_dn)
-    known = result.star >= 0
-    if result.reason != Reason.NONE or known.sum() < IDENTIFY.min_stars:
-        return None
-    variance = 0.5 * np.trace(found.P_px[known], axis1=1, axis2=2)
-    return esoq2(u_c[known], pairs.stars.u_i[result.star[known]], np.sqrt(variance + 0.03**2))
-
-
-def verdict(q_ic, truth):
-    """1 solved, 0 not solved, -1 wrong."""
-    if q_ic is None:
-        return 0
-    return 1 if np.linalg.norm(rotvec_between(q_ic, truth)) < WRONG else -1
-
-
-def measure_end_to_end(samples, seed):
-    """Verdicts: (samples, 5) space and ground by both chains, and frames of the scenario."""
-    stills_seed, night_seed = seed.spawn(2)
-    rng = np.random.default_rng(stills_seed)
-    out = np.empty((samples, len(PLACES) * len(WAYS) + 1), dtype=np.int64)
-    for k in range(samples):
-        q_ic, (u_i, magnitudes) = random_attitude(rng), sky_of(rng)
-        for p, camera in enumerate((SPACE, GROUND)):
-            image, _ = still(camera, u_i, electrons(camera, magnitudes), q_ic, rng)
-            for w, way in enumerate(WAYS):
-                out[k, len(WAYS) * p + w] = verdict(solve_frame(image, way), q_ic)
-    out[:, -1] = night(samples, night_seed)
-    return out
-
-
-def night(samples, seed):
-    """Verdicts of so many frames of the night-sky scenario, pointed anywhere above 45 deg: (samples,)."""
-    from shefex_nav import prepare, simulate
-    from shefex_nav.scenario import load
-
-    if not SCENARIO.is_file():
-        raise ValueError(f"{SCENARIO}: not found; this experiment runs in a checkout, with its scenarios")
-    rng = np.random.default_rng(seed)
-    end_s = 1.0 + (samples + 2) * FRAME_S
-    overrides = (
-        f"mission.time_limit={end_s + 1.0:.2f} s",
-        f"star_tracker.off={end_s:.2f} s",
-        f"ground.azimuth={rng.uniform(0.0, 360.0):.2f} deg",
-        f"ground.roll={-rng.uniform(45.0, 90.0):.2f} deg",
-    )
-    scenario = load.load(str(SCENARIO), overrides)
-    run_seed = int(rng.integers(2**31))
-    world = prepare.build_world(scenario, run_seed)
-    truths, fixes = {}, []
-    for record in simulate.route(world, scenario, run_seed):
-        if isinstance(record, FrameTruth):
-            truths[record.number] = record.q_ic
-        elif isinstance(record, StarFix):
-            fixes.append(record)
-    solved = [verdict(f.q_ic if f.reason == Reason.NONE else None, truths[f.number]) for f in fixes]
-    return np.array(solved[:samples])
-
-
-def conclude_end_to_end(results):
-    """Rows of success and wrong attitudes."""
-    verdicts = np.concatenate(results)
-    n = len(verdicts)
-    goals = SHEFEX["identification"]
-    published = (goals["success_simulated"], goals["success_night_sky"])
-    columns = [
-        (f"rendered stills, {place}, chain {way}", published[p] if w == 0 else None)
-        for p, place in enumerate(PLACES)
-        for w, way in enumerate(WAYS)
-    ]
-    columns.append((f"scenario {SCENARIO.stem}, {len(results)} directions", published[1]))
-    rows = []
-    for column, (condition, goal) in enumerate(columns):
-        is_solved = verdicts[:, column] == 1
-        if column < len(columns) - 1:
-            ci95 = statistics.proportion(int(is_solved.sum()), n)
-        else:  # frames of one direction show the same stars: the directions are what was drawn
-            shares = [(chunk[:, column] == 1).mean() for chunk in results]
-            ci95 = statistics.mean(np.array(shares)) if len(shares) > 1 else None
-        measured = float(is_solved.mean())
-        agrees = None if goal is None else bool((ci95[1] if ci95 else measured) >= goal)
-        why = "" if agrees is not False else WHY_FEWER
-        rows.append(Row("success", condition, goal, measured, ci95, agrees, why))
-        wrong = int((verdicts[:, column] == -1).sum())
-        rows.append(
-            Row("wrong attitudes", condition, None, wrong / n, statistics.proportion(wrong, n), None, "")
-        )
-    return rows
-
-
-WHY_FEWER = (
-    "the attitudes are spread over the whole sky, and where fewer than four stars of the catalogue are found "
-    "no chain can solve the frame"
-)
-
 EXPERIMENTS = {
     "shefex-scan": Experiment(
         title="Sequential scan against maximum search (SHEFEX section 3.2)",
@@ -418,14 +263,5 @@ EXPERIMENTS = {
         measure=measure_centroids,
         conclude=conclude_centroids,
         draw=imaging_figures.draw_centroids,
-    ),
-    "shefex-end-to-end": Experiment(
-        title="Success of the whole chain on rendered frames (SHEFEX sections 4 and 5)",
-        samples=1000,
-        unit="attitudes",
-        chunk=50,
-        measure=measure_end_to_end,
-        conclude=conclude_end_to_end,
-        draw=imaging_figures.draw_end_to_end,
     ),
 }

@@ -9,7 +9,7 @@ EXPERIMENTS = {
     "shefex-cos-error": ("shefex_stars", "SHEFEX figures 7 and 8: time and success against cosError"),
     "shefex-spikes": ("shefex_stars", "SHEFEX figure 9: wrong identifications against false stars"),
     "shefex-attitude": ("shefex_attitude", "SHEFEX figure 10: attitude error against centroid error"),
-    "shefex-end-to-end": ("imaging", "SHEFEX 4 and 5: success of the whole chain on rendered frames"),
+    "shefex-end-to-end": ("end_to_end", "SHEFEX 4 and 5: success of the whole chain on rendered frames"),
     "shefex-calibration": ("shefex_attitude", "SHEFEX 4: focal length from identified frames"),
     "bright-table2": ("bright", "BRIGHT table 2: stars per magnitude"),
     "bright-brightest": ("bright", "BRIGHT 4.1, figure 3: the brightest star of a field"),
