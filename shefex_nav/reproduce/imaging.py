@@ -69,8 +69,8 @@ def frame_of(rng, n_stars):
 
 
 WHY_RATIO = (
-    "a pass over the frame is so fast here that growing the objects, which costs both methods the same, is "
-    "a large part of the sequential scan"
+    "growing the objects is the same work for both and takes a fifth of the sequential scan here; without it "
+    "the ratio was 9.8 (30 frames, against frames without a star)"
 )
 
 
