@@ -161,6 +161,7 @@ GOOD = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [70.0, 80.0]])
         (GOOD, None, {"false_limit": 0.0}, "false_limit: expected a probability"),
         (GOOD, None, {"method": "telepathy"}, "choose from: default"),
         (GOOD, None, {"prediction": np.eye(3)}, "prediction: expected"),
+        (GOOD, None, {"method": "pyramid", "prediction": np.eye(3)}, "cannot use one"),
         (GOOD, None, {"prediction": (np.ones(4), np.eye(3))}, "unit quaternion"),
         (GOOD, None, {"prediction": ([1.0, 0, 0, 0], np.zeros((3, 3)))}, "positive definite"),
     ],

@@ -152,7 +152,17 @@ def conclude_end_to_end(results):
         measured = float(is_solved.mean())
         agrees = None if goal is None else bool((ci95[1] if ci95 else measured) >= goal)
         why = "" if agrees is not False else WHY_FEWER
-        rows.append(Row("success", condition, goal, measured, ci95, agrees, why))
+        rows.append(
+            Row(
+                "success; agrees when not below the published one",
+                condition,
+                goal,
+                measured,
+                ci95,
+                agrees,
+                why,
+            )
+        )
         wrong = int((verdicts[:, column] == -1).sum())
         rows.append(
             Row("wrong attitudes", condition, None, wrong / n, statistics.proportion(wrong, n), None, "")

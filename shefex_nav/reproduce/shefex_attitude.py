@@ -104,7 +104,11 @@ def conclude_attitude(results):
     curves = np.array([percentiles(identified[:, :, axis]) for axis in range(3)])
     rising = int((np.diff(curves, axis=1) > 0.0).all(axis=1).sum())
     critical = int((curves[:2, AT] > LIMIT_DEG).sum())
-    where, thin = f"centroid error {CROSSING_PX} px", "the tail of the sample is too thin to tell"
+    where = f"centroid error {CROSSING_PX} px"
+    n = len(identified)
+    thin = f"not explained ({n} attitudes)"
+    if n < statistics.values_needed(PERCENTILE):
+        thin = f"{n} attitudes do not have a {PERCENTILE}th percentile"
     fewer = _why_fewer(identified, errors[:, 1], used)
     stricter = (
         "three times the RMS lies above the 97.5th percentile (2.24 sigma if normal) and passes the limit "

@@ -15,9 +15,10 @@ from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
 from shefex_nav.geometry.rotation import quat_conjugate
 from shefex_nav.onboard.startracker import catalogue
-from shefex_nav.onboard.startracker.attitude import covariance, esoq2
+from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
+from shefex_nav.onboard.startracker.likelihood import refine
 from shefex_nav.onboard.startracker.tables import Pairs, Stars
 from shefex_nav.records import Reason
 from shefex_nav.solve.camera import Camera, numbers, undistort
@@ -95,6 +96,10 @@ def solve_centroids(
     if camera.distortion is not None:
         xy_px = undistort(ready.sky.pinhole, np.array(camera.distortion), xy_px)
     if method not in ("default", "bayes"):
+        if prediction is not None:
+            raise ValueError(
+                f"prediction: method {method!r} cannot use one; expected None, or the default method"
+            )
         return _by_method(method, ready, xy_px, flux)
     prior = bayes.NO_PREDICTION if prediction is None else _prediction(prediction)
     sky = ready.sky
@@ -335,7 +340,10 @@ def _by_method(method, ready, xy_px, flux):
         return StarSolution("failed", REASONS[int(found.reason)], *nothing)
     known = found.star >= 0
     hip[order[known]] = ready.sky.hip[found.star[known]]
-    sigma = np.full(known.sum(), settings.sigma_px / f)
-    q_ic = esoq2(u_c[known], ready.sky.pairs.stars.u_i[found.star[known]], sigma)
+    v_i, P_px = ready.sky.pairs.stars.u_i[found.star[known]], np.eye(2) * settings.sigma_px**2
+    q_ic = esoq2(u_c[known], v_i, np.full(known.sum(), settings.sigma_px / f))
+    k = int(known.sum())
+    q_ic, P_c, chi2 = refine(pinhole, q_ic, xy_px[order[known]], v_i, np.tile(P_px, (k, 1, 1)))
+    P_c *= (bayes.PRIOR_DOF + chi2) / (bayes.PRIOR_DOF + 2 * k - 3)  # if the noise is not what was said
     wrong = float(np.exp(-found.log_odds))
-    return StarSolution("ok", "", quat_conjugate(q_ic), hip, covariance(u_c[known], sigma), wrong)
+    return StarSolution("ok", "", quat_conjugate(q_ic), hip, P_c, wrong)

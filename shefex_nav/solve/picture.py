@@ -122,7 +122,7 @@ def grey(values, name="image"):
 
 
 def _julian_year(image):
-    """Julian year of the EXIF date, None without a usable one."""
+    """Julian year of the EXIF date, None without a usable one. Its orientation is not applied."""
     from datetime import datetime
 
     exif = image.getexif()

@@ -14,7 +14,7 @@ import numpy as np
 
 from shefex_nav.environment.stars import select
 from shefex_nav.geometry.pinhole import Pinhole
-from shefex_nav.geometry.rotation import quat_from_dcm
+from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_dcm, rotvec_from_quat
 from shefex_nav.onboard.startracker.catalogue import OnboardCatalogue, pair_table
 from shefex_nav.onboard.startracker.identify import bayes
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
@@ -30,6 +30,7 @@ MARGIN = 0.02  # rad, around the picture
 BUDGET = bayes.BUDGET // 5  # of the identification: the prediction is right or it is not
 DEPTHS = (0.0, 1.2, 2.4)  # mag, how much of the catalogue's depth the picture may lack
 LISTS = 2.0  # of detections that are tried: all, and those that are no gaps in a foreground
+SAME_PX = 4.0  # at the corner, between the fit and what is proved
 MIN_MATCHED = 5  # stars; four only fit any four numbers
 
 
@@ -87,10 +88,24 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
         found = bayes.Solution(*bayes.solve_kernel(*pairs.quick, settings, xy_px, mag, True, True, q_ci, P_c))
         n, rivalled = int((found.star >= 0).sum()), found.reason == bayes.AMBIGUOUS or best.is_rivalled
         chance = bounded(found.false_probability, log_price)
-        best = Proof(found.reason == 0 and n >= MIN_MATCHED, rivalled, n, chance)
+        is_true = found.reason == 0 and n >= MIN_MATCHED and is_of(fit, found, size_px)
+        best = Proof(is_true, rivalled, n, chance)
         if best.is_true:
             break
     return best
+
+
+def is_of(fit, found, size_px):
+    """Whether what was proved is this fit: found near its attitude, and no corner of the picture apart.
+
+    The identification goes on without the prediction where that fails. Another attitude proves nothing.
+    """
+    if not found.tracked:
+        return False
+    turned_c = rotvec_from_quat(quat_from_dcm(dcm_from_quat(found.q_ci) @ fit.lens.C_ci.T))
+    corner_px = 0.5 * np.hypot(*size_px)
+    shift_px = np.hypot(np.hypot(turned_c[0], turned_c[1]) * fit.lens.focal_px, turned_c[2] * corner_px)
+    return bool(shift_px < SAME_PX)
 
 
 def bounded(wrong, log_price):

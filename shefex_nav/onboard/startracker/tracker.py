@@ -17,15 +17,17 @@ from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
-from shefex_nav.onboard.startracker.attitude import covariance, esoq2
+from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.catalogue import CatalogueParams, StarPairs
 from shefex_nav.onboard.startracker.detect import DetectParams, detect
 from shefex_nav.onboard.startracker.exposure import ExposureParams, flags, next_exposure
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED, identify_near
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
+from shefex_nav.onboard.startracker.likelihood import drop_worst, sigma_of_centroids
 from shefex_nav.records import CameraCommand, Reason, StarFix
 
+MOST_DROPPED = 0.25  # of the identified stars; one in any case
 PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
 NO_ATTITUDE = np.full(4, np.nan)
 NO_COVARIANCE = np.full((3, 3), np.nan)
@@ -90,6 +92,8 @@ def init(params, catalogue, julian_year):
     """
     if params.identify.method not in IDENTIFIERS:
         raise ValueError(f"unknown star identification {params.identify.method!r}")
+    if params.track and params.identify.method != "bayes":
+        raise ValueError(f"star identification {params.identify.method!r} cannot use a prediction")
     camera = params.identify.camera
     half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
     field = 2.0 * np.arctan(half_diagonal / camera.focal_length_px)
@@ -130,9 +134,9 @@ def step(tracker, state, frame, context):
     if reason == Reason.NONE and context.rate > params.max_rate:  # False where the rate is unknown
         reason = Reason.SMEARED
     if reason == Reason.NONE:
-        sigma_px = centroid_sigma(params, detections)
-        n_used, *solution = _solve_identified(tracker, u_c, found.star, sigma_px, context.velocity_i, least)
-        if n_used >= least:
+        P_px = centroid_covariance(params, detections)
+        n_used, *solution = _solve_identified(tracker, u_c, found.star, P_px, context.velocity_i, least)
+        if n_used >= least and np.isfinite(solution[0].sum() + solution[1].sum()):
             q_ic, P_c, residual_px = solution
         else:
             reason = Reason.RESIDUALS
@@ -161,7 +165,7 @@ def step(tracker, state, frame, context):
 def _identify(tracker, u_c, flux, context):
     """(Identification, fewest stars that make an attitude)."""
     params = tracker.params
-    if params.track and context.q_ic is not None:
+    if params.track and context.q_ic is not None and np.isfinite(context.q_ic.sum() + context.P_c.sum()):
         prediction = quat_conjugate(context.q_ic), context.P_c
         found, tracked = identify_near(params.identify, tracker.pairs, u_c, flux, prediction)
         return found, MIN_TRACKED if tracked else params.identify.min_stars
@@ -169,30 +173,26 @@ def _identify(tracker, u_c, flux, context):
     return identify(params.identify, tracker.pairs, u_c, flux), params.identify.min_stars
 
 
-def _solve_identified(tracker, u_c, star, sigma_px, velocity_i, least):
+def _solve_identified(tracker, u_c, star, P_px, velocity_i, least):
     """`solve` with the identified detections and their stars as the moving vehicle sees them."""
     if velocity_i is None:
         velocity_i = tracker.params.earth_velocity_i
     known = star >= 0
     seen_i = aberrate(tracker.pairs.stars.u_i[star[known]], velocity_i)
-    return solve(tracker.params, u_c[known], seen_i, sigma_px[known], least)
+    return solve(tracker.params, u_c[known], seen_i, P_px[known], least)
 
 
-def centroid_sigma(params, detections):
-    """Standard deviation of each centroid, mean of the axes: (n,) px.
-
-    sigma^2 = floor^2 + trace(P_px) / 2: what noise makes of it, and what is wrong with every centroid.
-    """
-    noise2_px = 0.5 * (detections.P_px[:, 0, 0] + detections.P_px[:, 1, 1])
-    return np.sqrt(params.centroid_floor_px**2 + noise2_px)
+def centroid_covariance(params, detections):
+    """Covariance of each centroid, (n, 2, 2) px^2: noise, and what is wrong with every one."""
+    return detections.P_px + params.centroid_floor_px**2 * np.eye(2)
 
 
-def solve(params, u_c, seen_i, sigma_px, least):
+def solve(params, u_c, seen_i, P_px, least):
     """Attitude, its covariance and the misfit; the worst star is left out until all that are used fit.
 
     A neighbour too faint for the catalogue or a particle hit can shift the light of a star by more than its
     error. Neither can be foreseen, but with more than four stars it shows. Streaks are less certain than
-    spots: the variance that sigma_px promises counts as an observation of PRIOR_DOF degrees of freedom, which
+    spots: the variance that P_px promises counts as an observation of PRIOR_DOF degrees of freedom, which
     the misfit of this frame's stars corrects.
 
     Parameters
@@ -200,39 +200,41 @@ def solve(params, u_c, seen_i, sigma_px, least):
     params : TrackerParams
     u_c : (n, 3) measured directions
     seen_i : (n, 3) apparent directions of the stars, aberration included
-    sigma_px : (n,) standard deviation per axis
+    P_px : (n, 2, 2) px^2, covariance of each centroid
     least : int, fewest stars that make an attitude
 
     Returns
     -------
-    n_used : int; fewer than `least` when no attitude fits that many
+    n_used : int; fewer than `least` when no attitude fits that many, or not most of the stars
     q_ic : (4,)
     P_c : (3, 3) rad^2
     residual_px : RMS distance of the used stars from where the attitude puts them
     """
-    return _solve_kernel(params.identify.camera, params.outlier_sigma, least, u_c, seen_i, sigma_px)
+    return _solve_kernel(params.identify.camera, params.outlier_sigma, least, u_c, seen_i, P_px)
 
 
 @njit(cache=True)
-def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, sigma_px):
+def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px):
     """As `solve`, with the settings that it needs."""
-    sigma = sigma_px / camera.focal_length_px
     xy_px = pixels(camera, u_c)
-    used = np.ones(len(u_c), dtype=np.bool_)
-    n_used = len(u_c)
+    rows = np.arange(len(u_c))
+    q_ic = esoq2(u_c, seen_i, sigma_of_centroids(camera, xy_px, P_px))
     while True:
-        q_ic = esoq2(u_c[used], seen_i[used], sigma[used])
-        offset_px = xy_px - pixels(camera, seen_i @ dcm_from_quat(q_ic))
-        distance_px = np.where(used, np.hypot(offset_px[:, 0], offset_px[:, 1]), 0.0)
-        worst = np.argmax(distance_px / sigma_px)
-        if distance_px[worst] <= outlier_sigma * sigma_px[worst] or n_used < least:
+        false_alarm = len(rows) * np.exp(-0.5 * outlier_sigma**2)
+        dropped, q_ic, P_c, chi2 = drop_worst(
+            camera, q_ic, xy_px[rows], seen_i[rows], P_px[rows], false_alarm, least - 1
+        )
+        if dropped >= 0:
+            rows = np.delete(rows, dropped)
+        if dropped < 0 or len(rows) < least:
             break
-        used[worst] = False
-        n_used -= 1
-    residual_px = np.sqrt((distance_px**2).sum() / n_used)
-    chi2 = ((distance_px / sigma_px) ** 2).sum()
+    n_used = len(rows)
+    if len(u_c) - n_used > max(1.0, MOST_DROPPED * len(u_c)):
+        return 0, q_ic, P_c, np.nan  # those that are left may as well be the ones that are wrong
+    offset_px = xy_px[rows] - pixels(camera, seen_i[rows] @ dcm_from_quat(q_ic))
+    residual_px = np.sqrt((offset_px**2).sum() / n_used)
     factor = (PRIOR_DOF + chi2) / (PRIOR_DOF + 2 * n_used - 3)
-    return n_used, q_ic, factor * covariance(u_c[used], sigma[used]), residual_px
+    return n_used, q_ic, factor * P_c, residual_px
 
 
 def explain(params, reason, mean_dn, context):

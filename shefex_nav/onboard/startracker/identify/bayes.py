@@ -37,9 +37,10 @@ from shefex_nav.records import Reason
 # one, but nearly all of it is in the fields that the truth makes, far above any limit. Measured.
 CHANCE = 0.003
 MIN_STARS = 4
-MIN_TRACKED = 3  # with a prediction
+MIN_TRACKED = 3  # with a prediction ...
+NARROW = np.radians(0.3)  # ... whose sigma is below this about each axis; a wide one leaves room for chance
 BUDGET = 400_000  # stars looked at, before giving up
-PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
+PRIOR_DOF = 4.0  # weight of the expected variance of the centroids against the one of this frame [E]
 NOISY = 1.3  # times the expected centroid error: the focal length may be off
 BORDER_PX = 5.0  # a predicted star nearer to the border may be missing
 
@@ -156,15 +157,17 @@ def solve_kernel(stars, pairs, settings, xy_px, magnitude, has_flux, has_predict
         settings.cx_px, settings.cy_px, settings.border_px, settings.sigma_px, settings.magnitude_sigma,
     )  # fmt: skip
     threshold = np.log(CHANCE / settings.false_limit)
+    strict = -np.log(settings.false_limit)  # CHANCE is that of searches without a prediction
     prior = Prior(has_prediction, dcm_from_quat(q_ci), P_c)
-    tracked = Task(
-        stars, scene, prior, detection_table(scene), new_best(n), new_view(), MIN_TRACKED, threshold
-    )
+    is_narrow = max(P_c[0, 0], P_c[1, 1], P_c[2, 2]) < NARROW**2
+    least = MIN_TRACKED if is_narrow else settings.min_stars
+    tracked = Task(stars, scene, prior, detection_table(scene), new_best(n), new_view(), least, strict)
     work = 0
-    if has_prediction and n >= MIN_TRACKED:
+    if has_prediction and n >= least and np.isfinite(q_ci.sum() + P_c.sum()):
         work = track(tracked, settings.budget // 4)
-        if margin(tracked) >= threshold:
-            return conclude(tracked, settings, xy_px.shape[0], work, True)
+        found = conclude(tracked, settings, xy_px.shape[0], work, True)
+        if found[0] == 0:
+            return found
     nothing = Prior(False, prior.C_ci, P_c)
     lost = Task(
         stars, scene, nothing, tracked.table, new_best(n), tracked.room, settings.min_stars, threshold
@@ -190,7 +193,9 @@ def conclude(task, settings, n, work, tracked):
         best.trial_C[:] = best.C  # is it the focal length?
         look(task, settings.focal_px, WIDE_GATE * settings.sigma_px, True)
     odds, rival = best.score[0], best.score[1]
-    wrong = min(CHANCE * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0), 1.0)
+    wrong = min(
+        (1.0 if tracked else CHANCE) * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0), 1.0
+    )
     k, n_par = (best.star >= 0).sum(), int(best.score[2])
     reason = verdict(task, k, n_par)
     if reason != 0:

@@ -75,14 +75,18 @@ def leans_on_one_star(task, n, focal_px, noise_px, n_par):
     """Whether one star fixes the attitude that has no better reason to be a star than chance.
 
     Each star is left out in turn. Where the others alone leave the attitude uncertain, the odds with the star
-    must beat the odds without it by as much as an attitude must beat chance.
+    must beat the odds without it by as much as an attitude must beat chance. A prediction counts with the
+    others.
     """
     stars, scene, view = task.stars, task.scene, task.room
     N = np.zeros((4, 4))
     for s in range(n):
         if view.det[s] >= 0:
             _add(N, scene, view, s, focal_px, n_par, 1.0)
-    L = N.copy()
+    known = np.zeros((4, 4))  # of a prediction, with the doubled covariance that `odds` gives it
+    if task.prior.known:
+        known[:3, :3] = np.linalg.inv(2.0 * task.prior.P_c) * noise_px**2
+    L = N + known
     if cholesky(L, n_par) == -np.inf:
         return True
     variance = noise_px**2 * _variances(L, n_par)
@@ -93,9 +97,10 @@ def leans_on_one_star(task, n, focal_px, noise_px, n_par):
             continue
         rest = N.copy()
         _add(rest, scene, view, s, focal_px, n_par, -1.0)
-        log_det = cholesky(rest, n_par)
-        if log_det > -np.inf and noise_px**2 * _variances(rest, n_par) < tolerable:
+        held = rest + known
+        if cholesky(held, n_par) > -np.inf and noise_px**2 * _variances(held, n_par) < tolerable:
             continue
+        log_det = cholesky(rest, n_par)
         if log_det == -np.inf:
             return True
         view.det[s] = -1
