@@ -202,3 +202,16 @@ def test_epoch_as_an_array_of_one():
     xy, flux, q_ci, _ = field(np.random.default_rng(13), least=8)
     found = solve_centroids(xy, flux, camera=CAMERA, epoch=np.array(EPOCH))
     assert error(found, q_ci) < WRONG
+
+
+@pytest.mark.parametrize("depth", [4.5, 4.0, 3.5])
+def test_a_camera_that_sees_less_than_the_catalogue(depth):
+    """24 deg, stars to V = 5.5 in the catalogue, of which only the brightest are seen."""
+    rng, camera, solved = np.random.default_rng(14), Camera(1024, 1024, 2400.0), 0
+    for _ in range(20):
+        xy, flux, q_ci, _ = field(rng, camera=camera, n_false=0, least=5, depth=depth)
+        found = solve_centroids(xy, flux, camera=camera, epoch=EPOCH)
+        if found.status == "ok":
+            assert error(found, q_ci) < WRONG
+            solved += 1
+    assert solved >= 18

@@ -15,7 +15,6 @@ MAX_DETECTIONS = 64  # one bit each
 REACH_PX = 10.0  # no prediction is trusted to be worse
 STAR_GATE = 3.5  # sigma of a place predicted by a pair
 WORK_PER_TRIAL = 4  # cost of an attitude, in stars looked at
-CONVINCING = 5  # further stars are worth a closer look, however many fainter ones are missing
 PATIENCE_PER_HIT = 3  # bright stars more that may be missing for each that is found
 
 
@@ -40,12 +39,12 @@ def detection_table(scene):
 def screen(u_i, start, row, table, xy_px, C, frame, lever, a, b):
     """Further stars found near where an attitude puts them, and how many stars were looked at.
 
-    No more than CONVINCING; -1 is found as soon as too many bright ones are missing.
+    No more than are convincing; -1 is found as soon as too many bright ones are missing.
     The innermost loop of the search, so it takes plain arrays and numbers: C is (3, 3) row by row; frame is
-    focal_px, cx, cy, right, bottom, border and the patience; lever is the middle of the pair (x, y), and the
+    focal_px, cx, cy, right, bottom, border, patience and convincing hits; lever is the middle of the pair (x, y), and the
     squared gate as c0 + c1 r^2 at the distance r from it.
     """
-    focal_px, cx, cy, right, bottom, border, patience = frame
+    focal_px, cx, cy, right, bottom, border, patience, convincing = frame
     hits = 0
     cell = cell_of(C[6], C[7], C[8])
     for e in range(start[cell], start[cell + 1]):
@@ -69,7 +68,7 @@ def screen(u_i, start, row, table, xy_px, C, frame, lever, a, b):
                 k += 1
             if near:
                 hits += 1
-                if hits == CONVINCING:
+                if hits == convincing:
                     return hits, e + 1 - start[cell]
                 patience += PATIENCE_PER_HIT
                 continue
@@ -177,10 +176,10 @@ def widest_gate(scene, lever):
 
 
 @njit(cache=True)
-def frame_of(scene, focal_px, patience):
-    """The camera and the patience as `screen` takes them."""
+def frame_of(scene, focal_px, patience, convincing):
+    """The camera, the patience and what is convincing as `screen` takes them."""
     right, bottom = scene.width_px - 1.0, scene.height_px - 1.0
-    return focal_px, scene.cx_px, scene.cy_px, right, bottom, scene.border_px, patience
+    return focal_px, scene.cx_px, scene.cy_px, right, bottom, scene.border_px, patience, convincing
 
 
 @njit(cache=True)

@@ -42,16 +42,17 @@ class Pass(NamedTuple):
     noise: float  # times sigma_px
     focal: float  # times the nominal focal length
     patience: int  # bright stars that may be missing before the first further one is found
+    convincing: int  # further stars that are worth a closer look, however many fainter ones are missing
     is_wide: bool  # the focal length is adjusted, too
     share: float  # of the budget used up by its end
 
 
 PASSES = (
-    Pass(1.1, 1.0, 2, False, 0.5),
-    Pass(1.1, 1.0, 6, False, 0.7),
-    Pass(3.4, 1.0, 2, True, 0.88),
-    Pass(2.0, 1.008, 2, True, 0.94),
-    Pass(2.0, 0.992, 2, True, 1.0),
+    Pass(1.1, 1.0, 2, 3, False, 0.5),
+    Pass(1.1, 1.0, 6, 3, False, 0.7),
+    Pass(3.4, 1.0, 2, 5, True, 0.88),
+    Pass(2.0, 1.008, 2, 5, True, 0.94),
+    Pass(2.0, 0.992, 2, 5, True, 1.0),
 )
 
 
@@ -149,7 +150,7 @@ def try_pair(task, pairs, u_c, i, j, begin, end, way):
     stars, scene, best = task.stars, task.scene, task.best
     sigma_px, focal_px = way.noise * scene.sigma_px, way.focal * scene.focal_px
     T = triad(u_c[i, 0], u_c[i, 1], u_c[i, 2], u_c[j, 0], u_c[j, 1], u_c[j, 2])
-    lever, frame = lever_of(scene, i, j, sigma_px), frame_of(scene, focal_px, way.patience)
+    lever, frame = lever_of(scene, i, j, sigma_px), frame_of(scene, focal_px, way.patience, way.convincing)
     width = MAGNITUDE_GATE * scene.magnitude_sigma * (WIDER if way.is_wide else 1.0)
     if not scene.has_flux:
         width = np.inf

@@ -29,6 +29,7 @@ from shefex_nav.onboard.startracker.skygrid import cell_of
 
 MAX_PROPOSALS = 512  # detections near their predicted places; with more, the prediction is no help
 NOISES = (1.1, 3.4)  # times sigma_px, one after the other
+CONVINCING = 3  # further stars are worth a closer look
 PATIENCE = 6  # bright stars that may be missing before the first further one is found
 
 
@@ -84,7 +85,7 @@ def try_proposals(task, u_c, p, q, noise):
     u, v, x, y = u_c[i], u_c[j], stars.u_i[a], stars.u_i[b]
     S = triad(x[0], x[1], x[2], y[0], y[1], y[2])
     C = join(triad(u[0], u[1], u[2], v[0], v[1], v[2]), S)
-    lever, frame = lever_of(scene, i, j, sigma_px), frame_of(scene, focal_px, PATIENCE)
+    lever, frame = lever_of(scene, i, j, sigma_px), frame_of(scene, focal_px, PATIENCE, CONVINCING)
     hits, work = screen(stars.u_i, stars.start, stars.row, task.table, scene.xy_px, C, frame, lever, a, b)
     if hits + 2 < task.min_stars:
         return work
