@@ -29,7 +29,8 @@ def solve(
         str | None, typer.Option(help="Horizontal field of view, right to 20 %, e.g. '11.4 deg'.")
     ] = None,
     epoch: Annotated[
-        float | None, typer.Option(help="Julian year for proper motions; default EXIF date, else today.")
+        float | None,
+        typer.Option(help="Julian year for proper motions; default EXIF date, else today. Pixels as stored."),
     ] = None,
     overlay: Annotated[
         Path | None, typer.Option(help="Draw detections and names into a new .png file.")
