@@ -41,8 +41,8 @@ def screen(u_i, start, row, table, xy_px, C, frame, lever, a, b):
 
     No more than are convincing; -1 is found as soon as too many bright ones are missing.
     The innermost loop of the search, so it takes plain arrays and numbers: C is (3, 3) row by row; frame is
-    focal_px, cx, cy, right, bottom, border, patience and convincing hits; lever is the middle of the pair (x, y), and the
-    squared gate as c0 + c1 r^2 at the distance r from it.
+    focal_px, cx, cy, right, bottom, border, the patience and the hits that convince; lever is the middle of
+    the pair (x, y), and the squared gate as c0 + c1 r^2 at the distance r from it.
     """
     focal_px, cx, cy, right, bottom, border, patience, convincing = frame
     hits = 0
