@@ -24,10 +24,10 @@ from shefex_nav.geometry.pinhole import pinhole, pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise, rotvec_between
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.onboard.startracker.catalogue import CatalogueParams
-from shefex_nav.onboard.startracker.detect import DetectParams
 from shefex_nav.onboard.startracker.exposure import ExposureParams
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.records import Frame, Reason
+from shefex_nav.reproduce import imaging
 from shefex_nav.reproduce.stills import Electronics, StillCamera, electrons, still
 
 PER_DN, SIGMA_PX, READ_DN, BACKGROUND_DN = 4.0, 1.0, 2.0, 10.0
@@ -51,20 +51,7 @@ def params(method, centroid, scan):
     focal_px = CAMERA.pinhole.focal_length_px
     return star_tracker.TrackerParams(
         catalogue=CatalogueParams("magnitude_limited", DEPTH, 3.0 / focal_px, 4.5, 2023),
-        detect=DetectParams(
-            bad_pixels=np.zeros((0, 2), dtype=np.int64),
-            tile_px=72,
-            seed_sigma=5.5,
-            grow_sigma=3.5,
-            min_pixels=5,
-            max_pixels=400,
-            max_peak_fraction=0.75,
-            max_objects=40,
-            saturation_dn=255,
-            scan=scan,
-            centroid=centroid,
-            electrons_per_dn=PER_DN,
-        ),
+        detect=imaging.DETECT._replace(scan=scan, centroid=centroid, electrons_per_dn=PER_DN),
         identify=IdentifyParams(
             method=method,
             camera=CAMERA.pinhole,

@@ -53,6 +53,7 @@ def draw_counts(figure, results, rows):
     left.legend()
     right.plot(np.arctan2(u_i[:, 1], u_i[:, 0]), np.arcsin(u_i[:, 2]), ".", ms=4)
     right.set_title(f"{len(u_i)} reference stars (figure 2)")
+    right.set_xticklabels([])  # they would lie upon the stars and each other
     right.grid(True, alpha=0.3)
 
 

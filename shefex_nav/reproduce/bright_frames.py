@@ -13,10 +13,10 @@ import numpy as np
 from shefex_nav.environment.stars import at_epoch, load_catalogue
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
-from shefex_nav.onboard.startracker.detect import DetectParams, detect
+from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.reproduce import bright_fields as fields
 from shefex_nav.reproduce import bright_methods as methods
-from shefex_nav.reproduce import statistics
+from shefex_nav.reproduce import imaging, statistics
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.published import BRIGHT
 from shefex_nav.world.camera import render
@@ -31,14 +31,8 @@ PSF_SIGMA_PX = 1.0  # [E]
 BACKGROUND_ELECTRONS, READ_NOISE_ELECTRONS = 100.0, 20.0  # [E]
 ELECTRONS_PER_DN, BLACK_LEVEL_DN, LARGEST_DN = 15.0, 40.0, 4095  # 12 bits; V = 1 is on the edge [E]
 
-DETECT = DetectParams(
-    bad_pixels=np.zeros((0, 2), dtype=np.int64),
+DETECT = imaging.DETECT._replace(
     tile_px=64,
-    seed_sigma=5.5,
-    grow_sigma=3.5,
-    min_pixels=5,
-    max_pixels=400,
-    max_peak_fraction=0.75,
     max_objects=60,
     saturation_dn=LARGEST_DN,
     electrons_per_dn=ELECTRONS_PER_DN,

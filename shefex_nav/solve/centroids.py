@@ -18,7 +18,7 @@ from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
-from shefex_nav.onboard.startracker.likelihood import refine
+from shefex_nav.onboard.startracker.likelihood import misfit_factor, refine
 from shefex_nav.onboard.startracker.tables import Pairs, Stars
 from shefex_nav.records import Reason
 from shefex_nav.solve.camera import Camera, numbers, undistort
@@ -344,6 +344,6 @@ def _by_method(method, ready, xy_px, flux):
     q_ic = esoq2(u_c[known], v_i, np.full(known.sum(), settings.sigma_px / f))
     k = int(known.sum())
     q_ic, P_c, chi2 = refine(pinhole, q_ic, xy_px[order[known]], v_i, np.tile(P_px, (k, 1, 1)))
-    P_c *= (bayes.PRIOR_DOF + chi2) / (bayes.PRIOR_DOF + 2 * k - 3)  # if the noise is not what was said
+    P_c *= misfit_factor(chi2, 2 * k - 3, bayes.PRIOR_DOF)  # if the noise is not what was said
     wrong = float(np.exp(-found.log_odds))
     return StarSolution("ok", "", quat_conjugate(q_ic), hip, P_c, wrong)

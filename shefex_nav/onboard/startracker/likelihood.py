@@ -16,6 +16,15 @@ REFINED = 1e-10  # rad; far below any centroid
 
 
 @njit(cache=True)
+def misfit_factor(chi2, dof, prior_dof):
+    """By how much a covariance grows or shrinks with the misfit.
+
+    What was said of the noise counts as an observation of prior_dof degrees of freedom, chi2 as one of dof.
+    """
+    return (prior_dof + chi2) / (prior_dof + dof)
+
+
+@njit(cache=True)
 def sigma_of_centroids(camera, xy_px, P_px):
     """Standard deviation of each direction, per axis, from the covariance of its centroid.
 
@@ -143,7 +152,7 @@ def drop_worst(camera, q_ic, xy_px, v_i, P_px, false_alarm, min_stars):
     ----------
     camera, q_ic, xy_px, v_i, P_px : as `refine`; n >= 3
     false_alarm : float
-    min_stars : int, at least 3; no star is dropped if fewer would remain
+    min_stars : int, at least 2; no star is dropped if fewer would remain
 
     Returns
     -------

@@ -24,7 +24,7 @@ from shefex_nav.onboard.startracker.exposure import ExposureParams, flags, next_
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED, identify_near
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
-from shefex_nav.onboard.startracker.likelihood import drop_worst, sigma_of_centroids
+from shefex_nav.onboard.startracker.likelihood import drop_worst, misfit_factor, sigma_of_centroids
 from shefex_nav.records import CameraCommand, Reason, StarFix
 
 MOST_DROPPED = 0.25  # of the identified stars; one in any case
@@ -233,8 +233,7 @@ def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px):
         return 0, q_ic, P_c, np.nan  # those that are left may as well be the ones that are wrong
     offset_px = xy_px[rows] - pixels(camera, seen_i[rows] @ dcm_from_quat(q_ic))
     residual_px = np.sqrt((offset_px**2).sum() / n_used)
-    factor = (PRIOR_DOF + chi2) / (PRIOR_DOF + 2 * n_used - 3)
-    return n_used, q_ic, factor * P_c, residual_px
+    return n_used, q_ic, misfit_factor(chi2, 2 * n_used - 3, PRIOR_DOF) * P_c, residual_px
 
 
 def explain(params, reason, mean_dn, context):

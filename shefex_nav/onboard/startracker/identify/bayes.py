@@ -31,6 +31,7 @@ from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, detec
 from shefex_nav.onboard.startracker.identify.search import Best, Task, look, lost_in_space, margin
 from shefex_nav.onboard.startracker.identify.tracking import track
 from shefex_nav.onboard.startracker.identify.verify import Identification
+from shefex_nav.onboard.startracker.likelihood import misfit_factor
 from shefex_nav.records import Reason
 
 # Expected number of chance attitudes with ln B > x is CHANCE exp(-x): the mean of B over chance fields is
@@ -202,7 +203,7 @@ def conclude(task, settings, n, work, tracked):
         return reason, star, np.full(4, np.nan), np.full((3, 3), np.nan), odds, wrong, work, tracked
     star[: len(best.star)] = best.star
     variance = settings.sigma_px**2
-    variance *= (PRIOR_DOF + best.score[3] / variance) / (PRIOR_DOF + 2 * k - n_par)
+    variance *= misfit_factor(best.score[3] / variance, 2 * k - n_par, PRIOR_DOF)
     P_c = np.empty((3, 3))
     for c in range(3):
         column = np.zeros(4)
