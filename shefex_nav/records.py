@@ -129,12 +129,13 @@ class Frame(NamedTuple):
     """One picture of the star camera."""
 
     number: int
-    t_start_s: float  # shutter opens
-    t_valid_s: float  # middle of the exposure
+    t_start_s: float  # shutter opens, over the first row
+    t_valid_s: float  # middle of the exposure of the middle row
     t_available_s: float  # read out and in the computer's memory
-    exposure_s: float
+    exposure_s: float  # of every row
     gain_db: float
-    image_dn: np.ndarray  # (rows, columns) uint8
+    image_dn: np.ndarray  # (rows, columns) uint8, or uint16 of a detector with more bits
+    line_s: float = 0.0  # from the start of one row to the next; 0: global shutter
 
 
 class FrameTruth(NamedTuple):
@@ -148,7 +149,7 @@ class FrameTruth(NamedTuple):
     limb_angle: float  # rad, boresight to the Earth's limb, positive above it
     exclusion_met: bool  # both angles outside their exclusion
     hip: np.ndarray  # (n,) Hipparcos numbers of the brightest catalogue stars on the detector
-    xy_px: np.ndarray  # (n, 2) where their light is centred, mean over the exposure
+    xy_px: np.ndarray  # (n, 2) where they are at t_valid_s
 
 
 class Reason(IntEnum):
@@ -168,7 +169,7 @@ class Reason(IntEnum):
 class Detections(NamedTuple):
     """Objects found in one frame, brightest first."""
 
-    xy_px: np.ndarray  # (n, 2) centroids
+    xy_px: np.ndarray  # (n, 2) where they are at the frame's t_valid_s
     flux_dn: np.ndarray  # (n,) light in grey values above the background
     n_pixels: np.ndarray  # (n,) int, above the growth threshold
     n_saturated: np.ndarray  # (n,) int, saturated pixels

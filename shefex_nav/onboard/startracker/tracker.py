@@ -59,6 +59,8 @@ class Context(NamedTuple):
     limb_angle: float  # rad, boresight to the Earth's limb
     q_ic: np.ndarray | None = None  # (4,) predicted attitude of the camera
     P_c: np.ndarray | None = None  # (3, 3) rad^2, covariance of its rotation-vector error in camera axes
+    omega_c: np.ndarray | None = None  # (3,) rad/s, of the camera in its axes, mean of the exposure
+    P_omega_c: np.ndarray | None = None  # (3, 3) (rad/s)^2, its covariance
 
 
 NO_CONTEXT = Context(None, np.nan, np.nan, np.nan)
