@@ -55,10 +55,10 @@ PASSES = (
     Pass(2.0, 0.992, 2, 5, True, 1.0),
 )
 UNEVEN_PASSES = (
-    Pass(1.1, 1.0, 2, 3, False, 0.35),
-    Pass(1.1, 1.0, 6, 3, False, 0.65),
-    Pass(3.4, 1.0, 2, 5, True, 0.88),
-    Pass(2.0, 1.008, 2, 5, True, 0.94),
+    Pass(1.1, 1.0, 2, 3, False, 0.5),
+    Pass(1.1, 1.0, 6, 3, False, 0.8),
+    Pass(3.4, 1.0, 2, 5, True, 0.92),
+    Pass(2.0, 1.008, 2, 5, True, 0.96),
     Pass(2.0, 0.992, 2, 5, True, 1.0),
 )
 
