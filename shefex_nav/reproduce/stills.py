@@ -2,13 +2,19 @@
 world but without a vehicle; for experiments on images.
 """
 
+from functools import lru_cache
+from math import atan, cos, hypot, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.geometry.pinhole import Pinhole
-from shefex_nav.geometry.rotation import dcm_from_quat, dcm_from_rotvec
-from shefex_nav.world.camera import detector, render
+from shefex_nav.geometry.pinhole import Pinhole, pixels
+from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.geometry.shutter import RowTimes, instant_after_s
+from shefex_nav.world.camera import detector, motion, render
+
+FAINT = 0.05  # light below this fraction of the noise is not drawn
+MARGIN = 0.01  # rad around the field of view, for the spots
 
 
 class Electronics(NamedTuple):
@@ -18,6 +24,7 @@ class Electronics(NamedTuple):
     full_well_electrons: float
     electrons_per_dn: float
     black_level_dn: float
+    bits: int = 8
 
 
 class StillCamera(NamedTuple):
@@ -27,7 +34,8 @@ class StillCamera(NamedTuple):
     sigma_psf_px: float
     electronics: Electronics
     background_electrons: float  # per pixel and exposure
-    zero_magnitude_electrons: float  # of the exposure, from a star of magnitude 0
+    zero_magnitude_electrons: float  # of the exposure of a row, from a star of magnitude 0
+    times: RowTimes | None = None  # needed when the camera turns
 
 
 def electrons(camera, magnitudes):
@@ -35,37 +43,54 @@ def electrons(camera, magnitudes):
     return camera.zero_magnitude_electrons * 10.0 ** (-0.4 * np.asarray(magnitudes))
 
 
-def still(camera, u_i, light, q_ic, rng, *, turn_c=None):
+def still(camera, u_i, light, q_ic, rng, *, omega_c=None):
     """One frame.
 
     Parameters
     ----------
     camera : StillCamera
     u_i : (n, 3) directions as the camera sees them
-    light : (n,) electrons
-    q_ic : (4,) attitude in the middle of the exposure
+    light : (n,) electrons of the exposure of one row from a star at rest; with a rolling shutter a star that
+        moves is seen for longer or shorter than that
+    q_ic : (4,) attitude at the frame's instant, the middle of the exposure of the middle of the rows
     rng : Generator of the noise
-    turn_c : (3,) rad, rotation vector of the exposure in camera axes; None: the camera stands still
+    omega_c : (3,) rad/s, inertial rate in camera axes, constant in the frame; None: the camera stands still
 
     Returns
     -------
-    image_dn : (rows, columns) uint8
-    xy_px : (n, 2) mean place of each star's light; NaN behind the camera
+    image_dn : (rows, columns) uint8, or uint16 with more than 8 bits
+    xy_px : (n, 2) place of each star at the frame's instant; NaN behind the camera
+
+    Raises
+    ------
+    ValueError : the camera turns and has no times
     """
-    hole, psf = camera.pinhole, render.gaussian_psf(camera.sigma_psf_px)
-    C_ic = dcm_from_quat(q_ic)
-    if turn_c is None:
-        C_ci = np.ascontiguousarray(C_ic.T)[None]
+    if omega_c is not None and camera.times is None:
+        raise ValueError("a camera that turns needs the times of its rows (StillCamera.times)")
+    hole, electronics, background = camera.pinhole, camera.electronics, camera.background_electrons
+    psf, C_ic = render.gaussian_psf(camera.sigma_psf_px), dcm_from_quat(q_ic)
+    if omega_c is None:
+        path, cone = motion.at_rest(np.ascontiguousarray(C_ic.T)), 0.0
     else:
-        n = 2 + int(2.0 * np.linalg.norm(turn_c) * hole.focal_length_px)  # steps under half a pixel
-        parts = (np.arange(n) + 0.5) / n - 0.5
-        C_ci = np.array([(C_ic @ dcm_from_rotvec(part * turn_c)).T for part in parts])
-    least = 0.05 * np.hypot(camera.electronics.read_noise_electrons, np.sqrt(camera.background_electrons))
-    sheet = render.darkness(hole.width_px * hole.height_px)
-    xy_px = render.add_points(sheet, hole, psf, C_ci, u_i, light, least)
-    pairs = detector.background_pairs(camera.electronics, 0.0, camera.background_electrons)
-    grey = detector.background(hole.width_px * hole.height_px, pairs, rng)
+        omega_c = np.asarray(omega_c, dtype=float)
+        path = motion.turning(hole, C_ic, omega_c, camera.times, psf.step_px)
+        cone = float(np.linalg.norm(omega_c)) * instant_after_s(camera.times)
+    cone += atan(0.5 * hypot(hole.width_px, hole.height_px) / hole.focal_length_px) + MARGIN
+    near = u_i @ C_ic[:, 2] > cos(min(pi, cone))
+    least = FAINT * hypot(electronics.read_noise_electrons, sqrt(background))
+    sheet = _sheet(hole.width_px * hole.height_px)
+    render.darken(sheet)  # what the frame before left
+    render.add_points(sheet, hole, psf, path, u_i[near], np.asarray(light, dtype=float)[near], least)
+    grey = detector.background(
+        hole.width_px * hole.height_px, detector.background_cells(electronics, 0.0, background), rng
+    )
     lit = render.lit_pixels(sheet)
-    mean = camera.background_electrons + sheet.electrons[lit].astype(float)
-    grey[lit] = detector.digitise(camera.electronics, 0.0, mean, rng)
-    return grey.reshape(hole.height_px, hole.width_px), xy_px
+    mean = background + sheet.electrons[lit].astype(float)
+    grey[lit] = detector.digitise(electronics, 0.0, mean, rng)
+    return grey.reshape(hole.height_px, hole.width_px), pixels(hole, u_i @ C_ic)
+
+
+@lru_cache(maxsize=2)
+def _sheet(n_pixels):
+    """Work memory for the light of a frame: new memory for every frame would cost more than its stars."""
+    return render.darkness(n_pixels)
