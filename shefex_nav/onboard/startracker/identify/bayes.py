@@ -78,7 +78,7 @@ class Solution(NamedTuple):
     tracked: bool  # found near the prediction
 
 
-def identify(params, pairs, u_c, flux):
+def identify(params, pairs, u_c, flux, P_px=None):
     """Identify the stars of one frame without any idea of the attitude.
 
     Parameters
@@ -87,6 +87,7 @@ def identify(params, pairs, u_c, flux):
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera
     flux : (n,) brightness, descending
+    P_px : (n, 2, 2) px^2, covariance of each centroid; None: params.sigma_px for all
 
     Returns
     -------
@@ -95,12 +96,12 @@ def identify(params, pairs, u_c, flux):
     return _identify(params, pairs, u_c, flux, NO_PREDICTION)[0]
 
 
-def identify_near(params, pairs, u_c, flux, prediction):
+def identify_near(params, pairs, u_c, flux, prediction, P_px=None):
     """Identify the stars of one frame, first near a predicted attitude, then without.
 
     Parameters
     ----------
-    params, pairs, u_c, flux : as in `identify`
+    params, pairs, u_c, flux, P_px : as in `identify`
     prediction : (q_ci, P_c), attitude and covariance (3, 3) [rad^2] of its error in camera axes
 
     Returns
