@@ -1,11 +1,15 @@
 """Which way the objects of a frame are searched, with what the tracker knows of it.
 
-In: a frame and the navigation's `Context`. Out: objects at the frame's instant, and how they were found. As
-spots (`detect`), a frame speaks for itself. Along streaks (`streaks`), the rate of the camera says what a star
-looks like at every place: then faint stars are found at rates at which no pixel of them stands out, and their
-places are those of one instant whatever the shutter did. With a narrow prediction of the attitude the places
-of the stars are known too and only those are looked at; if they do not show the stars, the whole frame is.
-Without a rate a frame is searched for spots, which is right for a camera that is nearly at rest.
+In: a frame, the navigation's `Context`, what is remembered of the frame before. Out: objects at the frame's
+instant, and how they were found.
+
+As spots (`detect`), a frame speaks for itself. Along streaks (`streaks`), the rate of the camera says what a
+star looks like at every place: then faint stars are found at rates at which no pixel of them stands out, and
+their places are those of one instant whatever the shutter did. With a narrow prediction of the attitude the
+places of the stars are known too and only those are looked at; if they do not show the stars, the whole
+frame is. Without a rate a frame is searched for spots, which is right for a camera that is nearly at rest.
+By run lengths (`multipole_chain`, as published), streaks tell their own motion; its direction comes from the
+frame before, whose exposure must end where this one begins.
 """
 
 from typing import Any, NamedTuple
@@ -16,16 +20,17 @@ from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.shutter import row_times
-from shefex_nav.onboard.startracker.detect import SCANS, detect
+from shefex_nav.onboard.startracker.detect import SCANS, FrameStatistics, detect
 from shefex_nav.records import Scan
 
-STREAKS = "streaks"
-WAYS = (*SCANS, STREAKS)
+STREAKS, RUN_LENGTH = "streaks", "run_length"
+WAYS = (*SCANS, STREAKS, RUN_LENGTH)
 SPOTS = {"sequential": Scan.SEQUENTIAL, "maximum": Scan.MAXIMUM}
 KNOWN_PX = 1.0  # a rate is known if its error moves a star by less than this during the frame [E]
 NARROW_PX = 4.0  # a prediction is narrow if its error moves no star in the frame by more, 1 sigma [E]
 FEWEST = 3  # predicted stars that are worth looking at
 OUTSIDE_PX = 2.0  # a star predicted just beyond the border may be inside
+CONTIGUOUS = 1e-3  # of the exposure: gap between two frames that is none
 
 
 class Found(NamedTuple):
@@ -35,15 +40,25 @@ class Found(NamedTuple):
     statistics: Any  # FrameStatistics
     scan: int  # Scan
     at_instant: bool  # the places are those of the frame's instant
+    memory: Any = None  # Memory for the next frame
 
 
-def searches(params, stars, frame, context):
+class Memory(NamedTuple):
+    """What the next frame may need of this one."""
+
+    t_valid_s: float
+    exposure_s: float
+    clusters: Any  # Clusters
+
+
+def searches(params, stars, memory, frame, context):
     """Ways to find the objects of a frame, the cheapest first; the next is tried if one shows no attitude.
 
     Parameters
     ----------
     params : TrackerParams
     stars : the stars on board, `StarPairs.stars`
+    memory : Memory of the frame before, or None
     frame : Frame
     context : Context
 
@@ -53,6 +68,9 @@ def searches(params, stars, frame, context):
     """
     if params.detect.scan == STREAKS and rate_is_known(params.identify.camera, frame, context):
         yield from _along_streaks(params, stars, frame, context)
+        return
+    if params.detect.scan == RUN_LENGTH:
+        yield _by_run_length(params.run_length, memory, frame)
         return
     spots = params.detect._replace(scan="sequential") if params.detect.scan == STREAKS else params.detect
     detections, statistics = detect(spots, frame.image_dn)
@@ -73,6 +91,25 @@ def _along_streaks(params, stars, frame, context):
             yield Found(*near, int(Scan.STREAKS_NEAR), True)
     whole = streaks.detect_streaks(params.detect, camera, frame.image_dn, motion)
     yield Found(*whole, int(Scan.STREAKS), True)
+
+
+def _by_run_length(chain, memory, frame):
+    """Clusters of this frame that were in the frame before. ChainParams, Memory, Frame -> Found"""
+    from shefex_nav.onboard.startracker import multipole_chain
+
+    previous = memory.clusters if follows(memory, frame) else None
+    times = row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
+    clusters, detections = multipole_chain.objects(chain, times, previous, frame.image_dn)
+    statistics = FrameStatistics(clusters.mean_dn, clusters.background_dn, clusters.noise_dn)
+    kept = Memory(frame.t_valid_s, frame.exposure_s, clusters)
+    return Found(detections, statistics, int(Scan.RUN_LENGTH), True, kept)
+
+
+def follows(memory, frame):
+    """Whether a frame's exposure begins where that of the one before ended. Memory or None, Frame -> bool."""
+    if memory is None or memory.exposure_s != frame.exposure_s:
+        return False
+    return abs(frame.t_valid_s - memory.t_valid_s - frame.exposure_s) < CONTIGUOUS * frame.exposure_s
 
 
 def rate_is_known(camera, frame, context):

@@ -1,6 +1,6 @@
 """The star tracker chain: one frame in, one attitude or the reason for none out.
 
-frame -> detect -> identify and verify -> ESOQ2 -> `StarFix`; the flags of the frame set the exposure of the
+frame -> objects -> identify and verify -> ESOQ2 -> `StarFix`; the flags of the frame set the exposure of the
 next one. What comes from the navigation, the `Context`, corrects aberration, says where to look for the stars
 first and names the reason of a failure. The attitude itself is that of the stars alone, and a prediction that
 the stars contradict is forgotten: the frame is lost in space. The rate alone can withhold an attitude: faster
@@ -8,7 +8,7 @@ than the tracker is made for, streaks break up, their centroids are worse than t
 error message is better than a wrong attitude.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -39,7 +39,7 @@ class TrackerParams(NamedTuple):
 
     catalogue: CatalogueParams
     detect: DetectParams
-    identify: IdentifyParams
+    identify: IdentifyParams  # its zero_flux is that of the longest exposure
     exposure: ExposureParams
     earth_velocity_i: np.ndarray  # (3,) m/s, of the Earth relative to the solar-system barycentre
     centroid_floor_px: float  # error of the brightest stars: pixel response, lens, catalogue
@@ -49,6 +49,7 @@ class TrackerParams(NamedTuple):
     sun_exclusion: float  # rad
     limb_exclusion: float  # rad
     track: bool = False  # identify near the predicted attitude first
+    run_length: Any = None  # multipole_chain.ChainParams, for detect.scan 'run_length'
 
 
 class Context(NamedTuple):
@@ -78,6 +79,7 @@ class TrackerState(NamedTuple):
     """What the chain remembers from frame to frame."""
 
     exposure_s: float  # as commanded last
+    memory: Any = None  # objects.Memory of the frame before
 
 
 def init(params, catalogue, julian_year):
@@ -129,11 +131,11 @@ def step(tracker, state, frame, context):
     CameraCommand for the next frame
     """
     params = tracker.params
-    for seen in objects.searches(params, tracker.pairs.stars, frame, context):
+    for seen in objects.searches(params, tracker.pairs.stars, state.memory, frame, context):
         detections, mean_dn = seen.detections, seen.statistics.mean_dn
         u_c = unit_vectors(params.identify.camera, detections.xy_px)
         P_px = centroid_covariance(params, detections)
-        found, least = _identify(tracker, u_c, detections.flux_dn, context, P_px)
+        found, least = _identify(tracker, frame.exposure_s, u_c, detections.flux_dn, context, P_px)
         if found.reason == Reason.NONE:
             break
     flag_saturated, flag_no_stars = flags(params.exposure, mean_dn, detections)
@@ -169,18 +171,20 @@ def step(tracker, state, frame, context):
     )
     exposure_s = next_exposure(params.exposure, state.exposure_s, flag_saturated, flag_no_stars)
     command = CameraCommand(fix.t_available_s, exposure_s, params.exposure.gain_db)
-    return TrackerState(exposure_s), fix, command
+    return TrackerState(exposure_s, seen.memory), fix, command
 
 
-def _identify(tracker, u_c, flux, context, P_px):
+def _identify(tracker, exposure_s, u_c, flux, context, P_px):
     """(Identification, fewest stars that make an attitude)."""
     params = tracker.params
+    zero_flux = params.identify.zero_flux * exposure_s / params.exposure.max_s
+    settings = params.identify._replace(zero_flux=zero_flux)
     if params.track and context.q_ic is not None and np.isfinite(context.q_ic.sum() + context.P_c.sum()):
         prediction = quat_conjugate(context.q_ic), context.P_c
-        found, tracked = identify_near(params.identify, tracker.pairs, u_c, flux, prediction, P_px)
-        return found, MIN_TRACKED if tracked else params.identify.min_stars
+        found, tracked = identify_near(settings, tracker.pairs, u_c, flux, prediction, P_px)
+        return found, MIN_TRACKED if tracked else settings.min_stars
     identify = IDENTIFIERS[params.identify.method]
-    return identify(params.identify, tracker.pairs, u_c, flux, P_px), params.identify.min_stars
+    return identify(settings, tracker.pairs, u_c, flux, P_px), settings.min_stars
 
 
 def _solve_identified(tracker, u_c, star, P_px, velocity_i, least):
