@@ -64,6 +64,9 @@ class Stars(Block):
 
     faintest: Quantity("mag", "7.5 mag", "V of the faintest star drawn", at_most="8 mag")
     brightness_error: Quantity("mag", "0.15 mag", "of each star, 1 sigma", at_least="0 mag")
+    band: Literal["silicon", "V"] = Field(
+        description="of a bare silicon detector, for which red stars are brighter; or the catalogue's own"
+    )
 
 
 class Artefacts(Block):

@@ -215,4 +215,5 @@ def camera_params(scenario):
         direct_rate=stray.direct_rate,
         bits=detector.bits,
         line_s=detector.line_s,
+        band=camera.stars.band,
     )
