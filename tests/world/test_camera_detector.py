@@ -69,7 +69,7 @@ def test_background_follows_its_exact_distribution_into_the_tails(mean, gain_db,
     probabilities = np.diff(cdf, prepend=0.0)
     counts = np.zeros(256, dtype=np.int64)
     for _ in range(200):
-        counts += np.bincount(detector.background(N_PIXELS, detector.pairs(cdf), rng), minlength=256)
+        counts += np.bincount(detector.background(N_PIXELS, detector.cells(cdf), rng), minlength=256)
     assert chi_square(counts, probabilities) > 1e-3
     # beyond 4.2 sigma, where a table without second draws ends, and beyond 5 sigma
     for tail in (1.3e-5, 2.9e-7):
@@ -82,12 +82,12 @@ def test_background_follows_its_exact_distribution_into_the_tails(mean, gain_db,
 @pytest.mark.parametrize(("mean", "gain_db"), [(20.0, 24.0), (700.0, 24.0), (5e6, 24.0), (9000.0, 0.0)])
 def test_cells_and_fractions_make_up_the_distribution_of_pairs(mean, gain_db):
     cdf = detector.grey_distribution(CLEAN, gain_db, mean)
-    pairs = detector.pairs(cdf)
+    cells = detector.cells(cdf)
     probability = np.diff(cdf, prepend=0.0)
-    is_marker = pairs.table == pairs.marker
-    made = np.bincount(pairs.table[~is_marker], minlength=65536) / 65536
-    share = np.diff(pairs.fractions, prepend=0.0) / max(pairs.fractions[-1], 1e-300)
-    np.add.at(made, pairs.pairs.astype(int), is_marker.mean() * share)
+    is_marker = cells.table == cells.marker
+    made = np.bincount(cells.table[~is_marker], minlength=65536) / 65536
+    share = np.diff(cells.fractions, prepend=0.0) / max(cells.fractions[-1], 1e-300)
+    np.add.at(made, cells.outcomes.astype(int), is_marker.mean() * share)
     np.testing.assert_allclose(made, np.outer(probability, probability).ravel(), atol=1e-15, rtol=1e-9)
 
 
@@ -96,7 +96,7 @@ def test_background_pixels_are_independent():
     rng = np.random.default_rng(3)
     cdf = detector.grey_distribution(CLEAN, 24.0, 20.0)
     images = np.array(
-        [detector.background(N_PIXELS, detector.pairs(cdf), rng) for _ in range(20)], dtype=float
+        [detector.background(N_PIXELS, detector.cells(cdf), rng) for _ in range(20)], dtype=float
     )
     images = (images - images.mean()) / images.std()
     for lag in (1, 2, 3, 4, 8, 659):
@@ -123,14 +123,14 @@ def test_saturation():
     grey = detector.digitise(small, 24.0, np.full(10_000, 1e6), rng)
     assert grey.mean() == pytest.approx(1000.0 / 7.446 + 16.0, abs=0.1)
     cdf = detector.grey_distribution(CLEAN, 24.0, 5e6)
-    assert np.all(detector.background(1001, detector.pairs(cdf), rng) == 255)
+    assert np.all(detector.background(1001, detector.cells(cdf), rng) == 255)
 
 
 def test_same_seed_same_noise():
     cdf = detector.grey_distribution(CLEAN, 24.0, 20.0)
-    first = detector.background(N_PIXELS, detector.pairs(cdf), np.random.default_rng(7))
-    again = detector.background(N_PIXELS, detector.pairs(cdf), np.random.default_rng(7))
-    other = detector.background(N_PIXELS, detector.pairs(cdf), np.random.default_rng(8))
+    first = detector.background(N_PIXELS, detector.cells(cdf), np.random.default_rng(7))
+    again = detector.background(N_PIXELS, detector.cells(cdf), np.random.default_rng(7))
+    other = detector.background(N_PIXELS, detector.cells(cdf), np.random.default_rng(8))
     np.testing.assert_array_equal(first, again)
     assert first.shape == (N_PIXELS,)
     assert np.mean(first == other) < 0.2

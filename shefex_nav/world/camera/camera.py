@@ -61,6 +61,8 @@ class CameraParams(NamedTuple):
     stray_rate: float  # electrons/s and pixel at an exclusion angle
     stray_decade_rad: float  # angle over which stray light grows tenfold
     direct_rate: float  # electrons/s and pixel with Sun or day side within the baffle
+    bits: int = 8  # of a grey value
+    line_s: float = 0.0  # from the start of one row to the start of the next; 0: global shutter
 
 
 class Camera(NamedTuple):
@@ -230,8 +232,8 @@ def _add_spikes(camera, exposure_s, least, rng):
 def _read_out(camera, background, command, rng):
     """Grey values of the whole frame: (rows, columns) uint8."""
     params, defects = camera.params, camera.bad_pixels
-    pairs = detector.background_pairs(params, command.gain_db, background)
-    grey = detector.background(params.width_px * params.height_px, pairs, rng)
+    cells = detector.background_cells(params, command.gain_db, background)
+    grey = detector.background(params.width_px * params.height_px, cells, rng)
     lit = render.lit_pixels(camera.light)
     pixels = np.concatenate([lit, defects.hot, defects.dead])
     mean = background + camera.light.electrons[pixels]

@@ -1,14 +1,15 @@
-"""From electrons to grey values: shot noise, full well, read noise, gain, 8 bits.
+"""From electrons to grey values: shot noise, full well, read noise, gain, 8 to 16 bits.
 
 In: the mean background of every pixel and the mean light of the few pixels that stars reach. Out: the
 frame. A grey value is round((min(n, full well) + r) / (electrons per DN) + black level), clipped to
-0..255, with n ~ Poisson(mean) and r ~ N(0, read noise^2).
+0 .. 2^bits - 1, with n ~ Poisson(mean) and r ~ N(0, read noise^2).
 
-Most pixels hold background alone and share one distribution over the 256 grey values. It is computed
-exactly, and two neighbours at a time are drawn from a table of 65536 cells with a 16-bit word, 60 times as
-fast as by Poisson and normal draws. A pair of grey values gets as many whole cells as its probability has;
-what the fractions leave over is in cells of its own that are resolved by a second draw among the fractions.
-With rounded probabilities the noise would end at 3 sigma and every figure about false alarms would flatter.
+Most pixels hold background alone and share one distribution over the grey values. It is computed exactly,
+and two neighbours at a time are drawn from a table of 65536 cells with a 16-bit word, 60 times as fast as by
+Poisson and normal draws. A pair of grey values gets as many whole cells as its probability has; what the
+fractions leave over is in cells of its own that are resolved by a second draw among the fractions. With
+rounded probabilities the noise would end at 3 sigma and every figure about false alarms would flatter.
+Where a distribution has so many grey values that most pairs have no whole cell, they are drawn one by one.
 """
 
 from functools import lru_cache
@@ -18,7 +19,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-CELLS = 65536  # of the table of pairs: one per 16-bit word
+CELLS = 65536  # of the table: one per 16-bit word
+GUIDE = 1024  # parts of the fractions
+MOST_IN_PAIRS = 160  # grey values; with more the pairs leave over too much
 
 # SplitMix64 (Steele, Lea & Flood 2014, OOPSLA 49(10), 453): a counter made random by two multiplications
 _GAMMA = np.uint64(0x9E3779B97F4A7C15)
@@ -28,13 +31,18 @@ _S16, _S27, _S30, _S31 = np.uint64(16), np.uint64(27), np.uint64(30), np.uint64(
 _S11, _S32, _S48, _WORD = np.uint64(11), np.uint64(32), np.uint64(48), np.uint64(0xFFFF)
 
 
-class Pairs(NamedTuple):
-    """Distribution of the grey values of two pixels, made ready to draw from. A pair: 256 first + second."""
+class Cells(NamedTuple):
+    """Distribution of the grey values of one or two pixels, made ready to draw from.
 
-    table: np.ndarray  # (CELLS,) uint16, pairs
-    marker: int  # in a cell of the table: to be drawn among the fractions; no pair that has a cell
+    An outcome is one grey value, or two side by side in one word of twice the bits.
+    """
+
+    table: np.ndarray  # (CELLS,) uint16 or uint32, outcomes
+    marker: int  # in a cell of the table: to be drawn among the fractions; no outcome that has a cell
     fractions: np.ndarray  # (m,) running sum of what the whole cells leave over
-    pairs: np.ndarray  # (m,) uint16, to which the fractions belong
+    outcomes: np.ndarray  # (m,) to which the fractions belong
+    guide: np.ndarray  # (GUIDE + 1,) where equal parts of the sum begin among the fractions
+    together: int  # grey values in an outcome, 1 or 2
 
 
 def electrons_per_dn(params, gain_db):
@@ -42,36 +50,52 @@ def electrons_per_dn(params, gain_db):
     return params.electrons_per_dn * 10.0 ** (-gain_db / 20.0)
 
 
+def largest_dn(params):
+    """Largest grey value."""
+    return 2**params.bits - 1
+
+
 def digitise(params, gain_db, mean_electrons, rng):
-    """Noisy grey values of pixels drawn one by one. (n,) mean electrons -> (n,) uint8."""
+    """Noisy grey values of pixels drawn one by one. (n,) mean electrons -> (n,) uint8 or uint16."""
     bounded = np.minimum(mean_electrons, 10.0 * params.full_well_electrons)  # far beyond it all look alike
     collected = np.minimum(rng.poisson(bounded), params.full_well_electrons)
     amplified = collected + params.read_noise_electrons * rng.standard_normal(len(collected))
     grey = np.floor(amplified / electrons_per_dn(params, gain_db) + params.black_level_dn + 0.5)
-    return np.clip(grey, 0.0, 255.0).astype(np.uint8)
+    return np.clip(grey, 0.0, largest_dn(params)).astype(np.uint8 if params.bits == 8 else np.uint16)
 
 
 def grey_distribution(params, gain_db, mean_electrons):
-    """P(grey value <= k) of a pixel with the given mean electrons: (256,)."""
+    """P(grey value <= k) of a pixel with the given mean electrons: (2^bits,)."""
     return _distribution(*_electronics(params, gain_db), mean_electrons)
 
 
 def _electronics(params, gain_db):
-    """What shapes the noise: read noise, full well [electrons], electrons per DN, black level [DN]."""
+    """What shapes the noise: bits, read noise, full well [electrons], electrons per DN, black level [DN]."""
     per_dn = electrons_per_dn(params, gain_db)
-    return params.read_noise_electrons, params.full_well_electrons, per_dn, params.black_level_dn
+    return (
+        params.bits,
+        params.read_noise_electrons,
+        params.full_well_electrons,
+        per_dn,
+        params.black_level_dn,
+    )
 
 
-def _distribution(read_noise, full_well, per_dn, black_level, mean):
-    """P(grey value <= k): (256,)."""
-    cdf = np.zeros(256)
-    _distribution_kernel(mean, read_noise, full_well, per_dn, black_level, cdf)
+def _distribution(bits, read_noise, full_well, per_dn, black_level, mean):
+    """P(grey value <= k): (2^bits,)."""
+    cdf, certain = np.zeros(2**bits), np.zeros(2**bits)
+    _distribution_kernel(mean, read_noise, full_well, per_dn, black_level, cdf, certain)
+    cdf += np.cumsum(certain)
+    cdf[-1] = 1.0
     return np.minimum(np.maximum.accumulate(cdf), 1.0)  # against rounding
 
 
 @njit(cache=True)
-def _distribution_kernel(mean, read_noise, full_well, per_dn, black_level, cdf):
-    """Sum over the electron count of its probability times the normal distribution of the read noise."""
+def _distribution_kernel(mean, read_noise, full_well, per_dn, black_level, cdf, certain):
+    """Sum over the electron count of its probability times the normal distribution of the read noise.
+
+    What is certain from a grey value on is written there alone, to certain: its running sum belongs to cdf.
+    """
     spread = 8.0 * sqrt(mean) + 20.0  # what is outside has a probability below 1e-15
     n_first = max(0, int(mean - spread))
     n_last = int(min(mean + spread, full_well))
@@ -85,50 +109,66 @@ def _distribution_kernel(mean, read_noise, full_well, per_dn, black_level, cdf):
         left -= probability
         # grey value <= k when the amplified charge is below (k + 0.5 - black level) electrons-per-DN
         first = max(0, int(np.ceil((n - 9.0 * read_noise) / per_dn + black_level - 0.5)))
-        for k in range(first, 255):
+        for k in range(first, cdf.size - 1):
             deviation = ((k + 0.5 - black_level) * per_dn - n) / read_noise
             if deviation > 9.0:  # this and all higher k: certain
-                _add_step(cdf, k, probability)
+                certain[k] += probability
                 break
             cdf[k] += probability * 0.5 * erfc(-deviation / sqrt(2.0))
-    cdf[255] = 1.0
 
 
-@njit(cache=True)
-def _add_step(cdf, first, probability):
-    for k in range(first, 255):
-        cdf[k] += probability
-
-
-def background_pairs(params, gain_db, mean_electrons):
-    """Pairs of pixels with the given mean electrons; those asked for last are kept."""
-    return _background_pairs(*_electronics(params, gain_db), mean_electrons)
+def background_cells(params, gain_db, mean_electrons):
+    """Cells of pixels with the given mean electrons; those asked for last are kept."""
+    return _background_cells(*_electronics(params, gain_db), mean_electrons)
 
 
 @lru_cache(maxsize=4)
-def _background_pairs(*electronics_and_mean):
-    return pairs(_distribution(*electronics_and_mean))
+def _background_cells(*electronics_and_mean):
+    return cells(_distribution(*electronics_and_mean))
 
 
-def pairs(cdf):
-    """Pairs of independent pixels that follow the distribution cdf (256,)."""
+def cells(cdf):
+    """Cells of independent pixels that follow cdf: (256,) for uint8, (512 .. 65536,) for uint16."""
     probability = np.diff(cdf, prepend=0.0)
     greys = np.flatnonzero(probability)
-    expected = CELLS * np.outer(probability[greys], probability[greys]).ravel()
+    each, bits = probability[greys], 8 if len(cdf) == 256 else 16
+    if len(greys) > MOST_IN_PAIRS and bits > 8:
+        return _cells(each, greys.astype(np.uint16), 1)
+    both = (greys[:, None] << bits) + greys
+    return _cells(np.outer(each, each).ravel(), both.ravel().astype(np.uint16 if bits == 8 else np.uint32), 2)
+
+
+def _cells(probability, outcomes, together):
+    """Cells of outcomes (m,) with their probability (m,)."""
+    expected = CELLS * probability
     whole = np.floor(expected).astype(np.int64)
-    both = (256 * greys[:, None] + greys).ravel().astype(np.uint16)
-    cells = np.repeat(both, whole)
-    marker = int(np.argmin(np.bincount(cells, minlength=CELLS)))
-    table = np.full(CELLS, marker, dtype=np.uint16)
-    table[: len(cells)] = cells
-    return Pairs(table, marker, np.cumsum(expected - whole), both)
+    filled = np.repeat(outcomes, whole)
+    has_cell = np.zeros(len(outcomes) + 1, dtype=bool)  # of the numbers from 0 on: one of them has none
+    low = outcomes[(whole > 0) & (outcomes <= len(outcomes))]
+    has_cell[low] = True
+    marker = int(np.argmin(has_cell))
+    table = np.full(CELLS, marker, dtype=outcomes.dtype)
+    table[: len(filled)] = filled
+    fractions = np.cumsum(expected - whole)
+    guide = np.searchsorted(fractions, fractions[-1] * np.arange(GUIDE + 1) / GUIDE, side="right")
+    return Cells(table, marker, fractions, outcomes, np.minimum(guide, len(fractions) - 1), together)
 
 
-def background(n_pixels, pairs, rng):
-    """Grey values of n pixels, independent, drawn from Pairs: (n,) uint8."""
-    drawn = np.empty((n_pixels + 7) // 8 * 4, dtype=np.uint16)
-    _draw_kernel(pairs, rng.integers(0, 2**64 - 1, dtype=np.uint64, endpoint=True), drawn)
-    return drawn.view(np.uint8)[:n_pixels]
+def background(n_pixels, cells, rng):
+    """Grey values of n pixels, independent, drawn from Cells: (n,) uint8 or uint16."""
+    pixel = np.dtype(f"u{cells.table.itemsize // cells.together}")
+    drawn = np.empty(-(-n_pixels // (4 * cells.together)) * 4, dtype=cells.table.dtype)
+    seed = rng.integers(0, 2**64 - 1, dtype=np.uint64, endpoint=True)
+    _draw_kernel(
+        cells.table,
+        cells.table.dtype.type(cells.marker),
+        cells.fractions,
+        cells.outcomes,
+        cells.guide,
+        seed,
+        drawn,
+    )
+    return drawn.view(pixel)[:n_pixels]
 
 
 @njit(cache=True)
@@ -141,9 +181,8 @@ def _random_word(seed, k):
 
 
 @njit(cache=True)
-def _draw_kernel(pairs, seed, drawn):
-    """Write pairs, four for each random number; what shows the marker takes another number each."""
-    table, marker = pairs.table, np.uint16(pairs.marker)
+def _draw_kernel(table, marker, fractions, outcomes, guide, seed, drawn):
+    """Write outcomes, four for each random number; what shows the marker takes another number each."""
     n = drawn.size // 4
     spare = n
     for k in range(n):
@@ -154,20 +193,20 @@ def _draw_kernel(pairs, seed, drawn):
         if (a == marker) | (b == marker) | (c == marker) | (d == marker):
             for j in range(4 * k, 4 * k + 4):
                 if drawn[j] == marker:
-                    drawn[j] = _draw_fraction(pairs, _random_word(seed, spare))
+                    drawn[j] = outcomes[_fraction(fractions, guide, _random_word(seed, spare))]
                     spare += 1
 
 
 @njit(cache=True)
-def _draw_fraction(pairs, word):
-    """A pair drawn among what the whole cells leave over."""
-    fractions = pairs.fractions
-    x = (word >> _S11) * 2.0**-53 * fractions[-1]
-    low, high = 0, fractions.size - 1  # the first running sum above x is in low ... high
+def _fraction(fractions, guide, word):
+    """Index of an outcome drawn among what the whole cells leave over."""
+    part = (word >> _S11) * 2.0**-53
+    x, j = part * fractions[-1], int(part * GUIDE)
+    low, high = guide[j], guide[j + 1]  # the first running sum above x is in low ... high
     while low < high:
         middle = (low + high) // 2
         if fractions[middle] > x:
             high = middle
         else:
             low = middle + 1
-    return pairs.pairs[low]
+    return low
