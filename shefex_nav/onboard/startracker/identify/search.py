@@ -11,16 +11,16 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from shefex_nav.onboard.startracker.identify.ellipses import along
 from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, View, adjust
+from shefex_nav.onboard.startracker.identify.lever import lever_of, widest_gate
 from shefex_nav.onboard.startracker.identify.odds import log_odds
 from shefex_nav.onboard.startracker.identify.screen import (
     directions,
     frame_of,
-    lever_of,
     put,
     scan,
     triad,
-    widest_gate,
 )
 from shefex_nav.onboard.startracker.tables import Stars
 
@@ -95,14 +95,14 @@ def position(pairs, value):
 
 
 @njit(cache=True)
-def look(task, focal_px, gate_px, free_focal):
+def look(task, focal_px, gate_px, lever, free_focal):
     """Adjust and weigh best.trial_C, without and with a free focal length; keep the best. Work."""
     stars, scene, best, view = task.stars, task.scene, task.best, task.room
     start, work = best.trial_C.copy(), 0
     for n_par in range(3, 5 if free_focal else 4):
         best.trial_C[:] = start
         f = focal_px if n_par == 4 else scene.focal_px
-        fit = adjust(stars, scene, best.trial_C, f, view, n_par, gate_px, task.min_stars)
+        fit = adjust(stars, scene, best.trial_C, f, view, n_par, gate_px, lever, task.min_stars)
         n, f, L, log_det, noise_px = fit
         work += WORK_PER_LOOK + int(WORK_PER_MATCH * n * scene.xy_px.shape[0])
         if n == 0:
@@ -160,12 +160,13 @@ def try_pair(task, pairs, u_c, i, j, begin, end, way):
     while entry < 2 * end:
         entry, C, n = scan(
             stars.u_i, stars.start, stars.row, pairs.star, pairs.fainter, task.table, scene.xy_px,
-            T, frame, lever, gate, (best.star[i], best.star[j]), task.min_stars - 2, entry, 2 * end,
+            scene.ellipses.spread, T, frame, lever, gate, (best.star[i], best.star[j]), task.min_stars - 2,
+            entry, 2 * end,
         )  # fmt: skip
         work += n
         if entry < 2 * end:
             put(best.trial_C, C)
-            work += look(task, focal_px, widest_gate(scene, lever), way.is_wide)
+            work += look(task, focal_px, widest_gate(scene, lever), lever, way.is_wide)
             if margin(task) >= task.threshold + SURE:
                 break
             entry += 1
@@ -186,17 +187,20 @@ def pairs_by_brightness(n):
 
 @njit(cache=True)
 def try_block(task, pairs, u_c, block, way, limit):
-    """A few pairs of detections, the closest first, as those have the fewest catalogue pairs; work."""
+    """A few pairs of detections, those with the fewest catalogue pairs first: close, well measured; work."""
     m = block.shape[0]
     focal_px = way.focal * task.scene.focal_px
     tolerance = PAIR_GATE * np.sqrt(2.0) * way.noise * task.scene.sigma_px / focal_px
-    cost = np.empty(m)
+    cost, spread = np.empty(m), np.empty(m)
     for k in range(m):
         i, j = block[k, 0], block[k, 1]
         dx = task.scene.xy_px[i, 0] - task.scene.xy_px[j, 0]
         dy = task.scene.xy_px[i, 1] - task.scene.xy_px[j, 1]
         distance2 = dx * dx + dy * dy
-        cost[k] = distance2 if distance2 > SHORT_PX**2 else np.inf
+        cost[k] = np.inf
+        if distance2 > SHORT_PX**2:
+            spread[k] = along(task.scene.ellipses.spread, i, j, dx, dy)
+            cost[k] = distance2 * spread[k]
     work = m
     for _ in range(m):
         k = np.argmin(cost)
@@ -204,7 +208,7 @@ def try_block(task, pairs, u_c, block, way, limit):
             break
         cost[k] = np.inf
         i, j = block[k, 0], block[k, 1]
-        begin, end = window(pairs, u_c, i, j, tolerance)
+        begin, end = window(pairs, u_c, i, j, tolerance * np.sqrt(spread[k]))
         work += try_pair(task, pairs, u_c, i, j, begin, end, way)
         if margin(task) >= task.threshold + SURE:
             break
