@@ -6,11 +6,12 @@ ignore; every method has its result verified against the whole field. The method
 a `match(params, pairs, u_c, flux)`, the algorithm as published with the acceptance as published.
 """
 
-from shefex_nav.onboard.startracker.identify import bayes, brightness, pyramid, voting
+from shefex_nav.onboard.startracker.identify import bayes, brightness, multipole, pyramid, voting
 
 IDENTIFIERS = {
     "bayes": bayes.identify,
     "pyramid": pyramid.identify,
     "brightness": brightness.identify,
     "voting": voting.identify,
+    "multipole": multipole.identify,
 }
