@@ -93,7 +93,7 @@ def cores():
 
 
 def _parallel(measure, todo, workers):
-    """(number, result) in the order of their completion; an interruption or a fault ends the workers at once."""
+    """(number, result) in the order of completion; an interruption or a fault ends the workers at once."""
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker)
     before = set(multiprocessing.active_children())

@@ -1,13 +1,13 @@
 """The camera, the sky and the campaign of the IMPA paper (tables 1 and 2, section 6.2).
 
 The paper's sensor frame S has its boresight on x and S = (z, -x, -y) of our camera axes (x right, y down, z
-boresight): its roll is about our z, its pitch about our -x, its yaw about our -y; its horizontal is our x, its
-vertical, along which the rows are exposed one after the other, our y.
+boresight): its roll is about our z, its pitch about our -x, its yaw about our -y; its horizontal is our x,
+its vertical, along which the rows are exposed one after the other, our y.
 
 What the paper does not say is marked [E]. Attitudes: the centres of the 200 faces of the octahedral geodesic
-polyhedron {3,4+}5,0, whose edges are divided into equal angles; a geodesic polyhedron over the icosahedron has
-10 T + 2 vertices and 20 T faces, never 200. The rotation about the boresight is not given: multiples of the
-golden angle [E].
+polyhedron {3,4+}5,0, whose edges are divided into equal angles; a geodesic polyhedron over the icosahedron
+has 10 T + 2 vertices and 20 T faces, never 200. The rotation about the boresight is not given: multiples of
+the golden angle [E].
 """
 
 from functools import cache
@@ -32,10 +32,10 @@ CAMERA = pinhole(
     SETTINGS["focal_length_mm"] * 1e3 / SETTINGS["pixel_um"],
 )
 FIELD = 2.0 * np.arctan(0.5 * np.hypot(CAMERA.width_px, CAMERA.height_px) / CAMERA.focal_length_px)
-PSF_SIGMA_PX = 1.14  # Gaussian whose streaks are r_psf = 3 px wide, see impa_detection
+PSF_SIGMA_PX = 1.124  # Gaussian whose streaks are r_psf = 3 px wide, see impa_detection
 ELECTRONS_PER_DN, BLACK_LEVEL_DN, BITS = 16.0, 32.0, 12  # [E]
 FULL_WELL = 65e3  # [E]
-BACKGROUND = IMPA["noise"]["stray_light_e"] + IMPA["noise"]["dark_mean_e"]
+BACKGROUND = float(IMPA["noise"]["stray_light_e"] + IMPA["noise"]["dark_mean_e"])
 # the renderer's shot noise is that of the whole background; the paper gives the dark current a deviation of
 # its own, 5 electrons and not 10: the difference is taken off the read-out noise
 READ_NOISE = np.sqrt(
@@ -167,7 +167,7 @@ def cases(number):
     also has an attitude at rest, until the 200 are through, and every fifth the same case at 10 deg/s.
     """
     rate, k = number % len(RATES), number // len(RATES)
-    one = _pair(RATES[rate], k % PAIRS_OF_ALL)
+    one = pair(RATES[rate], k % PAIRS_OF_ALL)
     found = [one]
     if number % AT_REST_EVERY == 0 and number // AT_REST_EVERY < N_ATTITUDES:
         found.append(Case(0.0, int(_order()[number // AT_REST_EVERY]), 0))
@@ -176,7 +176,7 @@ def cases(number):
     return found
 
 
-def _pair(rate, k):
+def pair(rate, k):
     """Pair k of attitude and direction: the shift makes the two cycles of 26 and 200 meet every pair once."""
     shift = k // (PAIRS_OF_ALL // 2)
     return Case(float(rate), int(_order()[(k + shift) % N_ATTITUDES]), k % N_DIRECTIONS)

@@ -50,7 +50,9 @@ class Store(NamedTuple):
         wanted = self.head | {"chunk": number, "samples": size}
         if head != wanted:
             said = head if isinstance(head, dict) else {}
-            what = [key for key in wanted if said.get(key) != wanted[key]] or ["more than this version writes"]
+            what = [key for key in wanted if said.get(key) != wanted[key]] or [
+                "more than this version writes"
+            ]
             difference = "; ".join(f"{key}: {said.get(key)} there, {wanted.get(key)} here" for key in what)
             raise StoreError(f"{path} is of another run ({difference}); keep this one in another folder")
         return result
@@ -99,7 +101,7 @@ def store(experiment, seed, folder):
 
 
 def code_digest(modules):
-    """Fingerprint of what makes the results: these modules of the package, the world, the software on board."""
+    """Fingerprint of what makes the results: these modules, the world, the software on board."""
     package = files("shefex_nav")
     own = [Path(str(package / "reproduce" / f"{name}.py")) for name in modules]
     roots = [Path(str(package / name)) for name in WORLD]
