@@ -19,7 +19,7 @@ from shefex_nav.reproduce import bright_methods as methods
 from shefex_nav.reproduce import imaging, statistics
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.published import BRIGHT
-from shefex_nav.world.camera import render
+from shefex_nav.world.camera import motion, render
 
 LEAST_STARS = 6  # brighter than 5, in every image of the paper
 MAGNITUDE_SCATTER, MAGNITUDE_LIMIT = 0.25, 0.7  # mag; standard deviation [E], and the largest in the paper
@@ -62,11 +62,11 @@ def draw_frame(rng):
     light = render.darkness(camera.width_px * camera.height_px)
     electrons = ZERO_MAGNITUDE_ELECTRONS * 10.0 ** (-0.4 * (magnitude + off))
     near = u_i @ C_ci[2] > 0.9
-    render.add_points(light, camera, psf, C_ci[None], u_i[near], electrons[near], 0.01)
+    render.add_points(light, camera, psf, motion.at_rest(C_ci), u_i[near], electrons[near], 0.01)
     n_spikes = rng.poisson(SPIKES)
     places = rng.uniform(0.0, [camera.width_px - 1.0, camera.height_px - 1.0], (n_spikes, 2))
     spike_electrons = ZERO_MAGNITUDE_ELECTRONS * 10.0 ** (-0.4 * rng.choice(bright.vmag, n_spikes))
-    still = np.eye(3)[None]
+    still = motion.at_rest(np.eye(3))
     render.add_points(light, camera, psf, still, unit_vectors(camera, places), spike_electrons, 0.01)
     return read_out(light.electrons.reshape(camera.height_px, camera.width_px), rng), q_ic
 

@@ -2,14 +2,19 @@
 world but without a vehicle; for experiments on images.
 """
 
+from functools import lru_cache
+from math import atan, cos, hypot, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.geometry.pinhole import Pinhole, pixels
-from shefex_nav.geometry.rotation import dcm_from_quat, dcm_from_rotvec
-from shefex_nav.geometry.shutter import RowTimes, duration_s, instant_after_s, row_start_s
-from shefex_nav.world.camera import detector, render
+from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.geometry.shutter import RowTimes, instant_after_s
+from shefex_nav.world.camera import detector, motion, render
+
+FAINT = 0.05  # light below this fraction of the noise is not drawn
+MARGIN = 0.01  # rad around the field of view, for the spots
 
 
 class Electronics(NamedTuple):
@@ -60,55 +65,32 @@ def still(camera, u_i, light, q_ic, rng, *, omega_c=None):
     ------
     ValueError : the camera turns and has no times
     """
-    hole, psf = camera.pinhole, render.gaussian_psf(camera.sigma_psf_px)
     if omega_c is not None and camera.times is None:
         raise ValueError("a camera that turns needs the times of its rows (StillCamera.times)")
-    C_ic = dcm_from_quat(q_ic)
-    least = 0.05 * np.hypot(camera.electronics.read_noise_electrons, np.sqrt(camera.background_electrons))
-    sheet = render.darkness(hole.width_px * hole.height_px)
+    hole, electronics, background = camera.pinhole, camera.electronics, camera.background_electrons
+    psf, C_ic = render.gaussian_psf(camera.sigma_psf_px), dcm_from_quat(q_ic)
     if omega_c is None:
-        render.add_points(sheet, hole, psf, np.ascontiguousarray(C_ic.T)[None], u_i, light, least)
+        path, cone = motion.at_rest(np.ascontiguousarray(C_ic.T)), 0.0
     else:
-        sheet.electrons[:] = _turning(camera, u_i, light, C_ic, np.asarray(omega_c, dtype=float)).ravel()
-        lit = np.flatnonzero(sheet.electrons > least)
-        sheet.lit[: len(lit)] = lit
-        sheet.n_lit[0] = len(lit)
-    cells = detector.background_cells(camera.electronics, 0.0, camera.background_electrons)
-    grey = detector.background(hole.width_px * hole.height_px, cells, rng)
+        omega_c = np.asarray(omega_c, dtype=float)
+        path = motion.turning(hole, C_ic, omega_c, camera.times, psf.step_px)
+        cone = float(np.linalg.norm(omega_c)) * instant_after_s(camera.times)
+    cone += atan(0.5 * hypot(hole.width_px, hole.height_px) / hole.focal_length_px) + MARGIN
+    near = u_i @ C_ic[:, 2] > cos(min(pi, cone))
+    least = FAINT * hypot(electronics.read_noise_electrons, sqrt(background))
+    sheet = _sheet(hole.width_px * hole.height_px)
+    render.darken(sheet)  # what the frame before left
+    render.add_points(sheet, hole, psf, path, u_i[near], np.asarray(light, dtype=float)[near], least)
+    grey = detector.background(
+        hole.width_px * hole.height_px, detector.background_cells(electronics, 0.0, background), rng
+    )
     lit = render.lit_pixels(sheet)
-    mean = camera.background_electrons + sheet.electrons[lit].astype(float)
-    grey[lit] = detector.digitise(camera.electronics, 0.0, mean, rng)
+    mean = background + sheet.electrons[lit].astype(float)
+    grey[lit] = detector.digitise(electronics, 0.0, mean, rng)
     return grey.reshape(hole.height_px, hole.width_px), pixels(hole, u_i @ C_ic)
 
 
-def _turning(camera, u_i, light, C_ic, omega_c):
-    """Mean electrons of stars: (rows, columns)."""
-    from scipy.special import ndtr
-
-    hole, times, sigma = camera.pinhole, camera.times, camera.sigma_psf_px
-    image = np.zeros((hole.height_px, hole.width_px))
-    n = 2 + int(3.0 * np.linalg.norm(omega_c) * duration_s(times) * hole.focal_length_px)
-    step_s = duration_s(times) / n
-    reach = int(np.ceil(5.0 * sigma)) + 1
-    edges = np.arange(-reach, reach + 2) - 0.5
-    for k in range(n):
-        t_s = (k + 0.5) * step_s - instant_after_s(times)
-        places = pixels(hole, u_i @ (C_ic @ dcm_from_rotvec(t_s * omega_c)))
-        for (x, y), amount in zip(places, light, strict=True):
-            if not (-reach < x < hole.width_px - 1 + reach and -reach < y < hole.height_px - 1 + reach):
-                continue
-            column, row = int(np.floor(x + 0.5)), int(np.floor(y + 0.5))
-            rows = np.arange(row - reach, row + reach + 1)
-            starts = row_start_s(times, rows)
-            open_s = np.minimum(t_s + 0.5 * step_s, starts + times.exposure_s)
-            open_s = np.maximum(open_s - np.maximum(t_s - 0.5 * step_s, starts), 0.0)
-            if not open_s.any():
-                continue
-            in_rows = np.diff(ndtr((row + edges - y) / sigma)) * open_s / times.exposure_s
-            spot = amount * np.outer(in_rows, np.diff(ndtr((column + edges - x) / sigma)))
-            top, left = max(0, row - reach), max(0, column - reach)
-            bottom, right = min(hole.height_px, row + reach + 1), min(hole.width_px, column + reach + 1)
-            image[top:bottom, left:right] += spot[
-                top - row + reach : bottom - row + reach, left - column + reach : right - column + reach
-            ]
-    return image
+@lru_cache(maxsize=2)
+def _sheet(n_pixels):
+    """Work memory for the light of a frame: new memory for every frame would cost more than its stars."""
+    return render.darkness(n_pixels)

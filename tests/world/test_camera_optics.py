@@ -5,7 +5,7 @@ import pytest
 from camera_bench import DEG, PARAMS, sky
 
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.world.camera import artefacts, optics
+from shefex_nav.world.camera import artefacts, moon, optics
 from shefex_nav.world.camera import sky as sources
 
 
@@ -103,9 +103,9 @@ def test_bad_pixels_and_what_is_known_of_them():
 def test_planets_and_moon_from_the_vehicle():
     _, bodies, _ = sky()
     r_i = np.array([0.0, 0.0, 6.5e6])
-    moon_u_i, radius = artefacts.moon(bodies, r_i)
+    toward_i, radius = moon.seen_from(bodies, r_i)
     geocentric = bodies.moon_r_i / np.linalg.norm(bodies.moon_r_i)
-    assert 0.5 < np.degrees(np.arccos(moon_u_i @ geocentric)) < 1.0  # parallax
+    assert 0.5 < np.degrees(np.arccos(toward_i @ geocentric)) < 1.0  # parallax
     assert np.degrees(radius) == pytest.approx(0.26, abs=0.02)
     magnitudes = artefacts.planet_magnitudes(bodies)
     assert np.argmin(magnitudes) == 1  # Venus

@@ -1,4 +1,4 @@
-"""The star camera: the sky through a lens onto a CCD, as 8-bit frames."""
+"""The star camera: the sky through a lens onto a detector with a global or a rolling shutter."""
 
 from shefex_nav.world.camera.camera import Camera, CameraParams, expose, init
 

@@ -1,7 +1,7 @@
 """What is in the frames besides catalogue stars: bad pixels, false objects, planets.
 
 In: the settable numbers of `CameraParams` and a random generator. Out: lists drawn once per run (bad
-pixels, objects that are in no catalogue) or per frame (spikes), and the light of planets and Moon.
+pixels, objects that are in no catalogue) or per frame (spikes).
 """
 
 from typing import NamedTuple
@@ -14,7 +14,6 @@ from shefex_nav.environment.stars import silicon_magnitude
 PLANET_BV = np.array([0.93, 0.82, 1.36, 0.83, 1.04])
 FULL_MOON_VMAG = -12.74  # mean full Moon (Allen, 4th ed., section 12.12)
 MOON_BV = 0.92
-MOON_RADIUS = 1737.4e3  # m
 MOON_DISTANCE = 384.4e6  # m, mean
 
 
@@ -69,13 +68,3 @@ def full_moon_magnitude(bodies):
     """Magnitude in the band of a silicon detector that the Moon would have if it were full."""
     vmag = FULL_MOON_VMAG + 5.0 * np.log10(np.linalg.norm(bodies.moon_r_i) / MOON_DISTANCE)
     return silicon_magnitude(np.array([vmag]), np.array([MOON_BV]))[0]
-
-
-def moon(bodies, r_i):
-    """The Moon from the vehicle: direction (3,) and angular radius [rad].
-
-    Not aberrated: it shares the Earth's velocity, and its light is only 1.3 s old.
-    """
-    toward_i = bodies.moon_r_i - r_i
-    distance = np.sqrt(toward_i @ toward_i)
-    return toward_i / distance, np.arcsin(MOON_RADIUS / distance)

@@ -1,6 +1,6 @@
 """One star camera of one run: its parameters, its true calibration, and `expose`, which takes a picture.
 
-In: the star tracker's command, the true trajectory, the sky. Out: an 8-bit `Frame` and what it really
+In: the star tracker's command, the true trajectory, the sky. Out: a `Frame` and what it really
 showed, `FrameTruth`. Defaults of the SHEFEX-2 mission are those of its star tracker (Prosilica EC655 behind
 a 25 mm lens): see `scenarios/`.
 
@@ -18,9 +18,10 @@ from shefex_nav.environment.ephemeris import SkyBodies
 from shefex_nav.environment.stars import silicon_magnitude
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.geometry.frames import EarthRotation
-from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
+from shefex_nav.geometry.pinhole import Pinhole, pixels, unit_vectors
+from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
 from shefex_nav.records import Frame, FrameTruth
-from shefex_nav.world.camera import artefacts, detector, motion, optics, render, sky
+from shefex_nav.world.camera import artefacts, detector, moon, motion, optics, render, sky
 
 TRUTH_VMAG = 5.5  # FrameTruth lists stars down to here: the depth of an on-board catalogue
 FAINT = 0.05  # light below this fraction of the noise is not drawn: the wings of spots, whole faint sources
@@ -131,9 +132,9 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
     ----------
     camera : Camera
     command : CameraCommand, exposure and gain
-    trajectory : Trajectory, must cover the exposure
+    trajectory : Trajectory, must cover the frame from the opening of the first row to the end of the last
     number : int, of the frame
-    t_start_s : float, shutter opens
+    t_start_s : float, shutter opens over the first row
     rng : np.random.Generator for the noise of the frames
 
     Returns
@@ -141,16 +142,17 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
     Frame, FrameTruth
     """
     params, exposure_s = camera.params, command.exposure_s
-    t_valid_s, t_end_s = t_start_s + 0.5 * exposure_s, t_start_s + exposure_s
+    times = row_times(exposure_s, params.line_s, params.height_px)
+    t_valid_s, t_end_s = t_start_s + instant_after_s(times), t_start_s + duration_s(times)
     if t_start_s < trajectory.t_s[0] or t_end_s > trajectory.t_s[-1]:
         raise ValueError(f"exposure from {t_start_s:.4f} s to {t_end_s:.4f} s is outside the trajectory")
-    move = motion.during(camera.pinhole, trajectory, camera.q_bc, t_start_s, exposure_s)
-    boresight_i, C_ei = move.C_ci_mid[2], np.ascontiguousarray(frames.dcm_ie(camera.earth, t_valid_s).T)
+    move = motion.during(camera.pinhole, trajectory, camera.q_bc, t_valid_s, times, camera.psf.step_px)
+    boresight_i, C_ei = move.C_ci[2], np.ascontiguousarray(frames.dcm_ie(camera.earth, t_valid_s).T)
     sun_angle, limb_angle, stray_rate = _surroundings(camera, boresight_i, move.r_i, C_ei)
     background = (params.background_rate + stray_rate) * exposure_s
     background = BACKGROUND_STEP * round(background / BACKGROUND_STEP)
     least = FAINT * np.sqrt(params.read_noise_electrons**2 + background)
-    hip, xy_px = _add_sky(camera, move, C_ei, exposure_s, least)
+    hip, xy_px = _add_sky(camera, move, C_ei, least)
     _add_spikes(camera, exposure_s, least, rng)
     image_dn = _read_out(camera, background, command, rng)
     render.darken(camera.light)
@@ -163,11 +165,12 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
         exposure_s=exposure_s,
         gain_db=command.gain_db,
         image_dn=image_dn,
+        line_s=params.line_s,
     )
     truth = FrameTruth(
         number=number,
         t_valid_s=t_valid_s,
-        q_ic=rotation.quat_from_dcm(np.ascontiguousarray(move.C_ci_mid.T)),
+        q_ic=rotation.quat_from_dcm(np.ascontiguousarray(move.C_ci.T)),
         rate=move.rate,
         sun_angle=sun_angle,
         limb_angle=limb_angle,
@@ -195,24 +198,26 @@ def _surroundings(camera, boresight_i, r_i, C_ei):
     return sun_angle, limb_angle, sun_rate + sunlight * earth_rate
 
 
-def _add_sky(camera, move, C_ei, exposure_s, least):
+def _add_sky(camera, move, C_ei, least):
     """Draw stars, false objects, planets and Moon; returns (hip, xy_px) of the listed stars in the frame."""
     params, hole, psf = camera.params, camera.pinhole, camera.psf
+    times, r_i = move.path.times, move.r_i
     half_diagonal = atan(0.5 * hypot(params.width_px, params.height_px) / hole.focal_length_px)
-    cone = min(pi, half_diagonal + 0.5 * move.rate * exposure_s + 0.005)  # rad; for spot and aberration
+    cone = min(pi, half_diagonal + 0.5 * move.rate * duration_s(times) + 0.005)  # rad; spot and aberration
     observer_v_i = camera.bodies.earth_v_i + move.v_i
-    view = sky.View(move.C_ci_mid[2], cone, move.r_i, observer_v_i, move.omega_ib_i, C_ei)
-    film = sky.Film(exposure_s, hole.focal_length_px, psf.width_px, least)
+    view = sky.View(move.C_ci[2], cone, r_i, observer_v_i, move.omega_ib_i, C_ei)
+    film = sky.Film(times.exposure_s, hole.focal_length_px, psf.width_px, least)
     hip, u_i, electrons = sky.visible(camera.sky, camera.planets, view, film)
-    xy_px = render.add_points(camera.light, hole, psf, move.C_ci, u_i, electrons, least)
+    render.add_points(camera.light, hole, psf, move.path, u_i, electrons, least)
 
-    moon_i, radius = artefacts.moon(camera.bodies, move.r_i)
+    moon_i, radius = moon.seen_from(camera.bodies, r_i)
     if moon_i @ view.boresight_i > cos(cone + radius):
-        if not sky.behind_earth(moon_i[None], move.r_i, C_ei)[0]:
-            full_moon = camera.full_moon_flux * exposure_s
+        if not sky.behind_earth(moon_i[None], r_i, C_ei)[0]:
+            full_moon = camera.full_moon_flux * times.exposure_s
             sun_u_i = camera.bodies.sun_u_i
-            render.add_moon(camera.light, hole, move.C_ci, moon_i, radius, sun_u_i, full_moon)
+            moon.add_moon(camera.light, hole, move.path, moon_i, radius, sun_u_i, full_moon)
 
+    xy_px = pixels(hole, u_i @ move.C_ci.T)
     x, y = xy_px.T  # NaN behind the camera is inside of nothing
     inside = (x >= -0.5) & (x <= params.width_px - 0.5) & (y >= -0.5) & (y <= params.height_px - 0.5)
     listed = inside & (hip > 0)
@@ -225,7 +230,7 @@ def _add_spikes(camera, exposure_s, least, rng):
     if len(xy_px):
         electrons = _flux(camera.params, magnitudes) * exposure_s
         u_c = unit_vectors(camera.pinhole, xy_px)
-        still = np.eye(3)[None]
+        still = motion.at_rest(np.eye(3))
         render.add_points(camera.light, camera.pinhole, camera.psf, still, u_c, electrons, least)
 
 

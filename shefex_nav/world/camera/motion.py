@@ -1,7 +1,8 @@
-"""How the camera moves during an exposure.
+"""How the camera moves during a frame.
 
-In: the trajectory, the mounting, the times of the shutter. Out: attitudes at steps so close that the image of
-a star moves by less than MAX_STEP_PX from one to the next, and the vehicle's state in the middle.
+In: the trajectory, the mounting, the times of the rows; or a constant rate. Out: attitudes at steps so close
+that the image of a star moves by less than `step_px` from one to the next, from the opening of the first row
+to the closing of the last, and the vehicle's state at the frame's instant.
 """
 
 from typing import NamedTuple
@@ -11,58 +12,111 @@ from numba import njit
 
 from shefex_nav.geometry.rotation import (
     dcm_from_quat,
+    dcm_from_rotvec,
     quat_conjugate,
     quat_from_rotvec,
     quat_multiply,
     rotvec_from_quat,
 )
-
-MAX_STEP_PX = 0.5
+from shefex_nav.geometry.shutter import RowTimes, duration_s, instant_after_s
+from shefex_nav.world.camera.render import Path
 
 
 class Motion(NamedTuple):
-    """Attitude of the camera and state of the vehicle during one exposure."""
+    """Attitude of the camera during a frame and state of the vehicle at its instant."""
 
-    C_ci: np.ndarray  # (n, 3, 3) at the middles of n equal steps
-    C_ci_mid: np.ndarray  # (3, 3) in the middle of the exposure, like all below
+    path: Path
+    C_ci: np.ndarray  # (3, 3) at the frame's instant, like all below
     r_i: np.ndarray  # (3,) m
     v_i: np.ndarray  # (3,) m/s
     omega_ib_i: np.ndarray  # (3,) rad/s, mean of the samples
     rate: float  # rad/s, the greatest of the samples
 
 
-def during(camera, trajectory, q_bc, t_start_s, exposure_s):
-    """Motion in an exposure. Pinhole, Trajectory, (4,), s, s -> Motion."""
+def during(camera, trajectory, q_bc, t_valid_s, times, step_px):
+    """Motion in a frame.
+
+    Parameters
+    ----------
+    camera : Pinhole
+    trajectory : Trajectory
+    q_bc : (4,) mounting
+    t_valid_s : float, the frame's instant
+    times : RowTimes
+    step_px : float
+    """
     t_s = trajectory.t_s
-    first_s, per_s = t_s[0], (len(t_s) - 1) / (t_s[-1] - t_s[0])
-    tan_corner = 0.5 * np.hypot(camera.width_px, camera.height_px) / camera.focal_length_px
-    start, length = (t_start_s - first_s) * per_s, exposure_s * per_s
+    per_s = (len(t_s) - 1) / (t_s[-1] - t_s[0])
+    middle = (t_valid_s - t_s[0]) * per_s
+    start, length = middle - instant_after_s(times) * per_s, duration_s(times) * per_s
     states = trajectory.q_ib, trajectory.omega_ib_b, trajectory.r_i, trajectory.v_i
-    turn_px = camera.focal_length_px * exposure_s  # by which a rate across the boresight moves the middle
-    return Motion(*_motion_kernel(*states, q_bc, start, length, turn_px, tan_corner))
+    steps = duration_s(times) / step_px
+    C_ci, *rest = _motion_kernel(camera, *states, q_bc, start, length, middle, steps)
+    path = Path(C_ci, -instant_after_s(times), duration_s(times) / (len(C_ci) - 1), times)
+    return Motion(path, *rest)
+
+
+def at_rest(C_ci, times=None):
+    """Path of a camera that does not move: attitude (3, 3)."""
+    times = RowTimes(1.0, 0.0, 0.0) if times is None else times
+    return Path(np.stack([C_ci, C_ci]), -instant_after_s(times), duration_s(times), times)
+
+
+def turning(camera, C_ic, omega_c, times, step_px):
+    """Path of a camera that turns at a constant rate.
+
+    Parameters
+    ----------
+    camera : Pinhole
+    C_ic : (3, 3) attitude at the frame's instant
+    omega_c : (3,) rad/s, inertial, in camera axes
+    times : RowTimes
+    step_px : float
+    """
+    way_px = duration_s(times) * fastest(camera, omega_c)
+    n = max(1, int(np.ceil(way_px / step_px)))
+    begin_s, step_s = -instant_after_s(times), duration_s(times) / n
+    return Path(_turning_kernel(C_ic, omega_c, begin_s, step_s, n), begin_s, step_s, times)
 
 
 @njit(cache=True)
-def _motion_kernel(q_ib, omega_ib_b, r_i, v_i, q_bc, start, length, turn_px, tan_corner):
-    """Fields of Motion; start and length of the exposure as fractional numbers of samples.
+def _turning_kernel(C_ic, omega_c, begin_s, step_s, n):
+    """C_ci at the ends of n steps (n + 1, 3, 3)."""
+    C_ci = np.empty((n + 1, 3, 3))
+    for k in range(n + 1):
+        C_ci[k] = (C_ic @ dcm_from_rotvec((begin_s + k * step_s) * omega_c)).T
+    return C_ci
+
+
+@njit(cache=True)
+def fastest(camera, omega_c):
+    """Speed of the fastest star on the detector, no less: px/s.
 
     In a corner, at the angle a from the boresight, the image moves by f / cos^2(a) times the rate across
     the boresight plus f tan(a) times the rate about it.
     """
+    tan_corner = 0.5 * np.hypot(camera.width_px, camera.height_px) / camera.focal_length_px
+    across, about = np.hypot(omega_c[0], omega_c[1]), abs(omega_c[2])
+    return camera.focal_length_px * ((1.0 + tan_corner**2) * across + tan_corner * about)
+
+
+@njit(cache=True)
+def _motion_kernel(camera, q_ib, omega_ib_b, r_i, v_i, q_bc, start, length, middle, steps):
+    """C_ci (n + 1, 3, 3) of the path and the other fields of Motion.
+
+    Start, length and instant of the frame as fractional numbers of samples; steps for 1 px/s.
+    """
     C_bc = dcm_from_quat(q_bc)
     first, last = int(start), min(int(np.ceil(start + length)), omega_ib_b.shape[0] - 1)
-    mean_b, rate, way_px = np.zeros(3), 0.0, 0.0
+    mean_b, rate, speed = np.zeros(3), 0.0, 0.0
     for k in range(first, last + 1):
         omega_b = omega_ib_b[k]
-        omega_c = omega_b @ C_bc
         mean_b += omega_b / (last - first + 1)
         rate = max(rate, np.sqrt(omega_b @ omega_b))
-        across, about = np.hypot(omega_c[0], omega_c[1]), abs(omega_c[2])
-        way_px = max(way_px, turn_px * ((1.0 + tan_corner**2) * across + tan_corner * about))
-    n = max(1, int(np.ceil(way_px / MAX_STEP_PX)))
-    C_ci, C_ci_mid = np.empty((n, 3, 3)), np.empty((1, 3, 3))
-    attitudes_at(q_ib, q_bc, start + length * (np.arange(n) + 0.5) / n, C_ci)
-    middle = start + 0.5 * length
+        speed = max(speed, fastest(camera, omega_b @ C_bc))
+    n = max(1, int(np.ceil(speed * steps)))
+    C_ci, C_ci_mid = np.empty((n + 1, 3, 3)), np.empty((1, 3, 3))
+    attitudes_at(q_ib, q_bc, start + length * np.arange(n + 1) / n, C_ci)
     attitudes_at(q_ib, q_bc, np.array([middle]), C_ci_mid)
     C_ci_mid = C_ci_mid[0].copy()
     k = min(int(middle), r_i.shape[0] - 2)

@@ -1,8 +1,10 @@
 """The camera's electronics: commands in when they arrive, shutter open on its tick, frames out when read.
 
-In: `CameraCommand`s of the star tracker. Out: (Frame, FrameTruth) once the frame has been read out.
+In: `CameraCommand`s of the star tracker. Out: (Frame, FrameTruth) once the frame has been read out. With a
+rolling shutter a frame may start before the one before it has ended: its first row is free again by then.
 """
 
+from shefex_nav.geometry.shutter import duration_s, row_times
 from shefex_nav.world.camera.camera import expose
 
 EARLY_S = 1e-6  # rounding of the times of ticks
@@ -34,7 +36,9 @@ class Shutter:
             self.command = self.commands.pop(0)
         if self.command is None or n % self.every or now_s + EARLY_S >= self.off_s:
             return
-        if now_s + self.command.exposure_s <= self.end_s:
+        params = self.camera.params
+        frame_s = duration_s(row_times(self.command.exposure_s, params.line_s, params.height_px))
+        if now_s + frame_s <= self.end_s:
             self.waiting.append(
                 expose(self.camera, self.command, self.trajectory, self.number, now_s, self.rng)
             )
