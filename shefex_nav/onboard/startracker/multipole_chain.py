@@ -31,7 +31,7 @@ class ChainParams(NamedTuple):
 
 
 def objects(params, times, previous, image_dn):
-    """Objects of a frame that were in the frame before as well, at the frame's instant.
+    """Objects of a frame that were in the frame before as well and are whole, at the frame's instant.
 
     Parameters
     ----------
@@ -49,22 +49,32 @@ def objects(params, times, previous, image_dn):
     if previous is None:
         return clusters, _nothing()
     found = fuse(previous, clusters, params.fusion_distance_px)
-    return clusters, detections(params, times, clusters, found[:, 1], signs(previous, clusters, found))
+    whole = found[~at_border(clusters, image_dn.shape)[found[:, 1]]]
+    shift_px = clusters.xy_px[whole[:, 1]] - previous.xy_px[whole[:, 0]]
+    return clusters, detections(params, times, clusters, whole[:, 1], shift_px)
 
 
-def signs(first, second, found):
-    """Signs of the velocities along x and y, (m, 2): second less first; (3) is printed the other way.
+def at_border(clusters, shape):
+    """Which clusters are cut off by the border, so that their centroids are not the stars'. (n,) bool."""
+    first = np.minimum(clusters.first_row, clusters.first_column)
+    return (first == 0) | (clusters.last_row == shape[0] - 1) | (clusters.last_column == shape[1] - 1)
+
+
+def detections(params, times, clusters, rows, shift_px):
+    """Some clusters at the frame's instant.
 
     Parameters
     ----------
-    first, second : Clusters
-    found : (m, 2) of `fuse`
+    params : ChainParams
+    times : RowTimes
+    clusters : Clusters
+    rows : (m,) of clusters
+    shift_px : (m, 2) of their centroids since the frame before
+
+    Returns
+    -------
+    Detections
     """
-    return np.sign(second.xy_px[found[:, 1]] - first.xy_px[found[:, 0]])
-
-
-def detections(params, times, clusters, rows, sign):
-    """Detections of some clusters, compensated. `rows` (m,) of clusters, `sign` (m, 2) -> Detections."""
     extent_px = np.column_stack(
         (
             clusters.last_column[rows] - clusters.first_column[rows],
@@ -72,7 +82,7 @@ def detections(params, times, clusters, rows, sign):
         )
     )
     streaks = compensate(
-        params.compensation, times, clusters.xy_px[rows], extent_px, sign, clusters.sigma_px[rows]
+        params.compensation, times, clusters.xy_px[rows], extent_px, shift_px, clusters.sigma_px[rows]
     )
     flux_dn = clusters.energy_dn[rows] * times.exposure_s / streaks.seen_s
     order = np.argsort(-flux_dn, kind="stable")
