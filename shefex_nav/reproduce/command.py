@@ -30,6 +30,9 @@ def reproduce(
     samples: Annotated[int | None, typer.Option(help="Sample size; default as in the paper.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all randomness.")] = 1,
     out: Annotated[Path, typer.Option(help="Folder for the figures (PNG).")] = OUT,
+    keep: Annotated[
+        Path | None, typer.Option(help="Keep results here chunk by chunk; a second run goes on from them.")
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ):
     """Run an experiment of the papers again and compare with what was published."""
@@ -42,10 +45,13 @@ def reproduce(
         raise typer.BadParameter(f"there is no experiment {name!r}; choose from: {known}", param_hint="NAME")
     if samples is not None and samples < 1:
         raise typer.BadParameter(f"{samples} is not possible; at least 1", param_hint="--samples")
-    _writable(out)
+    _writable(out, "--out")
+    if keep is not None:
+        _writable(keep, "--keep")
     done = []
     for one in names:
-        outcome = _run(one, samples, seed, out, show=not json)
+        folder = keep if name != "all" or registry.load(one).kept else None
+        outcome = _run(one, samples, seed, out, folder, show=not json)
         done.append((one, outcome))
     if json:
         from shefex_nav.reproduce.table import as_numbers
@@ -55,16 +61,20 @@ def reproduce(
         typer.echo(json_module.dumps(result, allow_nan=False))
 
 
-def _run(name, samples, seed, out, show):
+def _run(name, samples, seed, out, keep, show):
     """One experiment: measure, draw, and show the table if wanted. Outcome."""
     from rich.console import Console
 
-    from shefex_nav.reproduce import engine, picture, table
+    from shefex_nav.reproduce import picture, table
+    from shefex_nav.reproduce.keep import StoreError
 
     experiment = registry.load(name)
     samples = samples or experiment.samples
     _say(f"{name}: {samples} {experiment.unit}, seed {seed}; the first run on a machine compiles")
-    outcome = _watched(engine, experiment, samples, seed)
+    try:
+        outcome = _watched(experiment, samples, seed, keep)
+    except StoreError as error:
+        raise typer.BadParameter(str(error), param_hint="--keep") from None
     if show:
         console = Console(width=None if sys.stdout.isatty() else 130)
         console.print(table.experiment_table(name, experiment, outcome))
@@ -74,29 +84,37 @@ def _run(name, samples, seed, out, show):
     return outcome
 
 
-def _watched(engine, experiment, samples, seed):
+def _watched(experiment, samples, seed, folder):
     """Run with a progress bar on stderr."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
+    from shefex_nav.reproduce import engine
+    from shefex_nav.reproduce import keep as keeping
+
+    store = None if folder is None else keeping.store(experiment, seed, folder)
     console = Console(stderr=True)
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("measure", total=samples)
         return engine.run(
-            experiment, samples=samples, seed=seed, progress=lambda n: progress.advance(task, n)
+            experiment,
+            samples=samples,
+            seed=seed,
+            progress=lambda n: progress.advance(task, n),
+            store=store,
         )
 
 
-def _writable(out):
-    """Refuse a folder that cannot take the figures, before anything is computed."""
+def _writable(out, option):
+    """Refuse a folder that cannot take files, before anything is computed."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=out):
             pass
     except OSError as error:
         raise typer.BadParameter(
-            f"cannot write into the folder {out}: {error.strerror}", param_hint="--out"
+            f"cannot write into the folder {out}: {error.strerror}", param_hint=option
         ) from None
 
 

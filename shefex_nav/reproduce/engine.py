@@ -11,8 +11,8 @@ import os
 import signal
 import threading
 import time
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import closing, contextmanager
 from multiprocessing.connection import wait
 from typing import NamedTuple
 
@@ -38,7 +38,7 @@ def chunks(experiment, samples, seed):
     return list(zip(sizes, np.random.SeedSequence(seed).spawn(n_chunks), strict=True))
 
 
-def run(experiment, *, samples, seed, workers=None, progress=lambda done: None):
+def run(experiment, *, samples, seed, workers=None, progress=lambda done: None, store=None):
     """Measure and conclude.
 
     Parameters
@@ -48,24 +48,41 @@ def run(experiment, *, samples, seed, workers=None, progress=lambda done: None):
     seed : int
     workers : int or None for one a core; an experiment that measures time has one, whatever is asked for
     progress : called with the number of samples that each finished chunk had
+    store : keep.Store or None; chunks that it holds are not measured again, new ones are put into it
 
     Returns
     -------
     Outcome
     """
-    todo = chunks(experiment, samples, seed)
-    workers = min(workers or cores(), len(todo))
-    experiment.measure(1, np.random.SeedSequence(WARM_UP_SEED))
-    began = time.perf_counter()
-    if experiment.timed or workers == 1:
-        results = []
-        for size, child in todo:
-            results.append(experiment.measure(size, child))
+    every = chunks(experiment, samples, seed)
+    results = [None if store is None else store.load(k, size) for k, (size, _) in enumerate(every)]
+    todo = {}
+    for k, (size, child) in enumerate(every):
+        if results[k] is None:
+            todo[k] = (size, child, k * experiment.chunk) if experiment.designed else (size, child)
+        else:
             progress(size)
-    else:
-        results = _parallel(experiment.measure, todo, workers, progress)
+    if todo:
+        first = (0,) if experiment.designed else ()
+        experiment.measure(1, np.random.SeedSequence(WARM_UP_SEED), *first)
+    began = time.perf_counter()
+    with closing(_measured(experiment, todo, min(workers or cores(), len(todo)))) as measured:
+        for k, result in measured:
+            results[k] = result
+            if store is not None:
+                store.save(k, every[k][0], result)
+            progress(every[k][0])
     rows = experiment.conclude(results)
     return Outcome(results, rows, samples, seed, time.perf_counter() - began)
+
+
+def _measured(experiment, todo, workers):
+    """(number, result) of each chunk as it is done: iterator."""
+    if experiment.timed or workers <= 1:
+        for k, chunk in todo.items():
+            yield k, experiment.measure(*chunk)
+    else:
+        yield from _parallel(experiment.measure, todo, workers)
 
 
 def cores():
@@ -75,17 +92,15 @@ def cores():
     return os.cpu_count() or 1
 
 
-def _parallel(measure, todo, workers, progress):
-    """Results in the order of the chunks; an interruption or a fault ends the workers at once."""
+def _parallel(measure, todo, workers):
+    """(number, result) in the order of completion; an interruption or a fault ends the workers at once."""
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker)
     before = set(multiprocessing.active_children())
     try:
-        futures = [pool.submit(measure, *chunk) for chunk in todo]
-        results = []
-        for future, (size, _) in zip(futures, todo, strict=True):
-            results.append(future.result())
-            progress(size)
+        futures = {pool.submit(measure, *chunk): k for k, chunk in todo.items()}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
     except BaseException:
         with _undisturbed():
             for process in set(multiprocessing.active_children()) - before:
@@ -93,7 +108,6 @@ def _parallel(measure, todo, workers, progress):
             pool.shutdown(wait=True, cancel_futures=True)
         raise
     pool.shutdown()
-    return results
 
 
 @contextmanager

@@ -1,7 +1,8 @@
 """What an experiment is: how it samples, what it concludes, what it draws.
 
 An experiment does not know how many processes run it. Its samples come in chunks of a fixed size with a seed
-each, so the outcome depends on the seed and the number of samples alone.
+each, so the outcome depends on the seed and the number of samples alone. Results that are to be kept from run
+to run (`keep`) are dictionaries of arrays.
 """
 
 from collections.abc import Callable
@@ -33,3 +34,5 @@ class Experiment(NamedTuple):
         [Any, list, list[Row]], None
     ]  # (matplotlib Figure, results, rows): a figure like the paper's
     timed: bool = False  # measures time: one process, nothing beside it
+    designed: bool = False  # sample number k is laid down: measure(samples, seed, number of the first)
+    kept: tuple = ()  # modules of this package whose code makes the results; empty: results cannot be kept

@@ -10,12 +10,17 @@ EXPERIMENTS = {
     "shefex-spikes": ("shefex_stars", "SHEFEX figure 9: wrong identifications against false stars"),
     "shefex-attitude": ("shefex_attitude", "SHEFEX figure 10: attitude error against centroid error"),
     "shefex-end-to-end": ("end_to_end", "SHEFEX 4 and 5: success of the whole chain on rendered frames"),
+    "shefex-rates": ("shefex_rates", "SHEFEX 4: success against rate, exposure under automatic control"),
     "shefex-calibration": ("shefex_attitude", "SHEFEX 4: focal length from identified frames"),
     "bright-table2": ("bright", "BRIGHT table 2: stars per magnitude"),
     "bright-brightest": ("bright", "BRIGHT 4.1, figure 3: the brightest star of a field"),
     "bright-centroids": ("imaging", "BRIGHT figure 1: centre of mass against Gaussian interpolation"),
     "bright-table3": ("bright", "BRIGHT table 3: three identifications in three situations"),
     "bright-table4": ("bright", "BRIGHT table 4: the same on rendered frames"),
+    "impa-detection": ("impa_detection", "IMPA figure 12: faintest magnitude found against rate"),
+    "impa-centroids": ("impa_centroids", "IMPA tables 3 to 5: centroid errors, both shutters"),
+    "impa-attitude": ("impa", "IMPA tables 6, 7, 10, 11: attitude errors"),
+    "impa-images": ("impa", "IMPA tables 8, 9, 12, 13: success against the number of images"),
 }
 
 

@@ -1,0 +1,33 @@
+"""IMPA section 6: success against the number of images and attitude errors, of its chain and of ours."""
+
+from shefex_nav.reproduce import impa_figures, impa_flight, impa_tables
+from shefex_nav.reproduce.experiment import Experiment
+
+# what makes the results of the campaign, besides the world and the software on board
+KEPT = ("impa_field", "impa_methods", "impa_flight", "stills", "published")
+SAMPLES = 26000  # as in the paper, both shutters and both cases each; and 200 at rest
+CHUNK = 20
+
+_CAMPAIGN = {
+    "samples": SAMPLES,
+    "unit": "simulations at 1 to 5 deg/s",
+    "chunk": CHUNK,
+    "measure": impa_flight.measure,
+    "designed": True,
+    "kept": KEPT,
+}
+
+EXPERIMENTS = {
+    "impa-images": Experiment(
+        title="Success against the number of images (IMPA tables 8, 9, 12, 13; figures 16 and 17)",
+        conclude=impa_tables.conclude_images,
+        draw=impa_figures.draw_images,
+        **_CAMPAIGN,
+    ),
+    "impa-attitude": Experiment(
+        title="Attitude errors (IMPA tables 6, 7, 10, 11)",
+        conclude=impa_tables.conclude_attitude,
+        draw=impa_figures.draw_attitude,
+        **_CAMPAIGN,
+    ),
+}

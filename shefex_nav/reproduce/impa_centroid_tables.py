@@ -1,0 +1,177 @@
+"""Rows and figure of the centroid errors; see `impa_centroids`."""
+
+import numpy as np
+from scipy import stats
+
+from shefex_nav.reproduce import statistics
+from shefex_nav.reproduce.experiment import Row
+from shefex_nav.reproduce.published import IMPA, IMPA_KURTOSIS
+
+KINDS = (
+    "global_shutter",
+    "rolling_compensated",  # with c_z
+    "rolling_implicit",  # with c~_z, as equation (22) is printed
+    "rolling_uncompensated",
+    "ours_global",
+    "ours_rolling",
+)
+COLUMNS = (
+    "rate_deg_s", "kind", "is_star", "x", "y", "electrons",  # of all
+    "seen", "snr", "inside", "along", "across", "least_along", "least_across", "nes", "said_along",
+    "said_across",
+)  # fmt: skip
+TABLE = {"rolling_implicit": "rolling_compensated"}  # whose published column a kind is held against
+RATES = tuple(IMPA["protocol"]["rates_deg_s"])
+MARGIN = 0.25  # of a standard deviation: what counts as the same
+OWN_GOAL_PX = 0.2  # at 5 deg/s with a rolling shutter, stars that the published threshold detects
+SNR = 15.0
+BOUND_GOAL = 1.3
+LEAST = 20  # values that make a standard deviation
+
+WHY = {
+    "global_shutter": "not explained yet",
+    "rolling_compensated": "not explained yet",
+    "rolling_implicit": "not explained yet",
+    "rolling_uncompensated": "not explained yet",
+}
+WHY_OWN = "not explained yet"
+
+
+def column(rows, name):
+    """A column of the results by its name."""
+    return rows[:, COLUMNS.index(name)]
+
+
+def chosen(rows, kind, rate):
+    """Rows of a kind and rate that belong to a star."""
+    at = (column(rows, "kind") == KINDS.index(kind)) & (column(rows, "rate_deg_s") == rate)
+    return rows[at & (column(rows, "is_star") == 1.0)]
+
+
+def conclude(results):
+    """Tables 3 to 5, and ours."""
+    rows = np.concatenate([result["rows"] for result in results])
+    out = []
+    for kind in KINDS[:4]:
+        for rate in RATES:
+            out += _published_rows(kind, rate, rows)
+    for kind in KINDS[4:]:
+        for rate in RATES:
+            out += _own_rows(kind, rate, chosen(rows, kind, rate))
+    return out
+
+
+def _published_rows(kind, rate, rows):
+    """Mean, standard deviation, skewness and kurtosis of one kind and rate; and what belongs to no star."""
+    mine = chosen(rows, kind, rate)
+    if len(mine) < LEAST:
+        return []
+    r, table = RATES.index(rate), TABLE.get(kind, kind)
+    condition = f"{kind.replace('_', ' ')}, {rate:g} deg/s, {len(mine)} clusters"
+    out = []
+    for axis, name in enumerate(("horizontal", "vertical")):
+        errors = mine[:, COLUMNS.index("x") + axis]
+        goal = IMPA["centroid_error_std_px"][table][name][r]
+        std, interval = float(errors.std(ddof=1)), statistics.rms(errors - errors.mean())
+        agrees = bool((1.0 - MARGIN) * goal <= std <= (1.0 + MARGIN) * goal)
+        why = "" if agrees else WHY[kind]
+        quantity = f"std, {name} [px]; agrees within 25 %"
+        out.append(Row(quantity, condition, goal, std, interval, agrees, why))
+        mean, skewness, kurtosis = errors.mean(), stats.skew(errors), stats.kurtosis(errors, fisher=False)
+        out.append(_info(f"mean, {name} [px]", condition, mean, statistics.mean(errors)))
+        out.append(_info(f"skewness, {name}", condition, skewness))
+        out.append(_info(f"kurtosis, {name}", condition, kurtosis, None, IMPA_KURTOSIS[table][name][r]))
+    at = (column(rows, "kind") == KINDS.index(kind)) & (column(rows, "rate_deg_s") == rate)
+    n_none = int(at.sum()) - len(mine)
+    share = n_none / max(at.sum(), 1)
+    out.append(_info("clusters at no star", condition, share, statistics.proportion(n_none, int(at.sum()))))
+    return out
+
+
+def _info(quantity, condition, value, interval=None, published=None):
+    """A row without a verdict."""
+    return Row(quantity, condition, published, float(value), interval, None, "")
+
+
+def _own_rows(kind, rate, mine):
+    """Ours: both axes for stars as bright as the published threshold detects; the bound for the fainter."""
+    out, words = [], f"{kind.replace('_', ' ')}, {rate:g} deg/s"
+    seen = column(mine, "seen") == 1.0
+    if seen.sum() >= LEAST:
+        condition = f"{words}, {int(seen.sum())} stars that the published threshold detects"
+        table = "global_shutter" if kind == "ours_global" else "rolling_compensated"
+        for axis, name in enumerate(("horizontal", "vertical")):
+            errors = mine[seen][:, COLUMNS.index("x") + axis]
+            goal = IMPA["centroid_error_std_px"][table][name][RATES.index(rate)]
+            std, interval = float(errors.std(ddof=1)), statistics.rms(errors - errors.mean())
+            strict = kind == "ours_rolling" and rate == RATES[-1]
+            agrees = std < (OWN_GOAL_PX if strict else goal)
+            quantity = f"ours: std, {name} [px]; agrees if " + ("under 0.2" if strict else "below")
+            out.append(Row(quantity, condition, goal, std, interval, agrees, "" if agrees else WHY_OWN))
+    whole = column(mine, "inside") == 1.0
+    faint = ~seen & whole & (column(mine, "snr") > SNR)
+    groups = (("fainter, SNR over 15", faint, True), ("brighter", seen & whole, False))
+    for what, group, judged in groups:
+        out += _bound_rows(mine[group], f"{words}, {int(group.sum())} stars, {what}", judged)
+    return out
+
+
+def _bound_rows(mine, condition, judged):
+    """Ratio of the errors to the bound along and across, and the normalised squared error."""
+    if len(mine) < LEAST:
+        return []
+    out = []
+    for name in ("along", "across"):
+        normal = column(mine, name) / np.sqrt(column(mine, "least_" + name))
+        ratio, interval = float(np.sqrt((normal**2).mean())), statistics.rms(normal)
+        agrees = bool(interval[0] <= BOUND_GOAL) if judged else None
+        quantity = f"ours: error {name} the streak over the Cramer-Rao bound"
+        why = "" if agrees is not False else WHY_BOUND
+        out.append(
+            Row(quantity + ("; goal 1.3" if judged else ""), condition, None, ratio, interval, agrees, why)
+        )
+    nes = column(mine, "nes") / 2.0
+    out.append(
+        _info("ours: normalised squared error per axis (1: as the covariance says)", condition, nes.mean(),
+              statistics.mean(nes))
+    )  # fmt: skip
+    return out
+
+
+WHY_BOUND = "not explained yet"
+STYLES = {
+    "global_shutter": ("#1f5fa8", "o-", "IMPA, global"),
+    "rolling_compensated": ("#d1622b", "o-", "IMPA, rolling, compensated"),
+    "rolling_uncompensated": ("0.45", "o-", "IMPA, rolling, not compensated"),
+    "ours_global": ("#1f5fa8", "s:", "ours, global"),
+    "ours_rolling": ("#d1622b", "s:", "ours, rolling"),
+}
+
+
+def draw(figure, results, _rows):
+    """As figure 14: spread against rate, measured and published."""
+    rows = np.concatenate([result["rows"] for result in results])
+    figure.set_size_inches(10.5, 5.0)
+    axes = figure.subplots(1, 2, sharey=True)
+    for axis, (k, name) in zip(axes, enumerate(("horizontal", "vertical")), strict=True):
+        for kind, (colour, style, label) in STYLES.items():
+            values = []
+            for rate in RATES:
+                mine = chosen(rows, kind, rate)
+                if kind.startswith("ours"):
+                    mine = mine[column(mine, "seen") == 1.0]
+                errors = mine[:, COLUMNS.index("x") + k]
+                values.append(errors.std() if len(errors) > 1 else np.nan)
+            axis.plot(RATES, values, style, color=colour, ms=4, lw=1.3, label=label)
+            if kind in IMPA["centroid_error_std_px"]:
+                published = IMPA["centroid_error_std_px"][kind][name]
+                label = "published" if kind == "global_shutter" else None
+                axis.plot(RATES, published, "x--", color=colour, ms=6, lw=0.8, label=label)
+        axis.set_yscale("log")
+        axis.set_xlabel("rate [deg/s]")
+        axis.set_title(f"{name} (stars that the published threshold detects)", loc="left", fontsize=10)
+        axis.grid(True, color="0.9", lw=0.6)
+        axis.spines[["top", "right"]].set_visible(False)
+    axes[0].set_ylabel("standard deviation of the centroid error [px]")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)

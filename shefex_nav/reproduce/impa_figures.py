@@ -1,0 +1,126 @@
+"""Figures of the IMPA experiments. Each `draw_*(figure, results, rows)` fills a matplotlib Figure."""
+
+import numpy as np
+
+from shefex_nav.reproduce import impa_tables as tables
+from shefex_nav.reproduce import statistics
+from shefex_nav.reproduce.impa_field import SHUTTERS
+from shefex_nav.reproduce.impa_flight import CASES, SITUATIONS
+from shefex_nav.reproduce.published import IMPA
+
+COLOURS = {"best_case": "#1f5fa8", "worst_case": "#d1622b", "hits in the frame": "#5f9e3f"}
+SHOWN_RATE = 3.0  # of figure 16
+
+
+def tidy(axis):
+    """The look of all figures."""
+    axis.grid(True, which="major", color="0.9", lw=0.6)
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def draw_images(figure, results, _rows):
+    """Figures 16 and 17: success against images at 3 deg/s, and against the rate; ours beside."""
+    found = tables.stack(results)
+    figure.set_size_inches(10.5, 8.0)
+    axes = figure.subplots(2, 2, sharey=True)
+    for s, shutter in enumerate(SHUTTERS):
+        for c, case in enumerate(CASES):
+            _success_by_images(axes[0, s], found, s, c)
+            _success_by_rate(axes[1, s], found, s, c)
+            _published(axes[0, s], axes[1, s], case, shutter)
+        _own_by_rate(axes[1, s], found, s)
+        axes[0, s].set_title(f"{shutter.replace('_', ' ')}, {SHOWN_RATE:g} deg/s", loc="left", fontsize=10)
+        axes[1, s].set_title(
+            f"{shutter.replace('_', ' ')}, within 60 images; ours: 2", loc="left", fontsize=10
+        )
+        axes[0, s].set_xlabel("images")
+        axes[1, s].set_xlabel("rate [deg/s]")
+        for axis in axes[:, s]:
+            axis.set_ylim(0.0, 102.0)
+            tidy(axis)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("successful simulations [%]")
+    handles, labels = axes[1, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+
+
+def _success_by_images(axis, found, s, c):
+    """Measured success within each number of images."""
+    here = found["published"][found["rate_deg_s"] == SHOWN_RATE][:, s, c]
+    if not len(here):
+        return
+    images = np.arange(2, max(tables.IMAGES) + 1)
+    right = tables.good(here[:, 1:]) & (here[:, 0] > 0)
+    share = [(right & (here[:, 0] <= n)).mean() for n in images]
+    axis.plot(images, 100.0 * np.array(share), color=COLOURS[CASES[c]], lw=1.4)
+
+
+def _success_by_rate(axis, found, s, c):
+    """Measured success of all images against the rate, with intervals."""
+    _points(axis, found, tables.RATES, lambda rows: (
+        (rows["published"][:, s, c, 0] > 0) & tables.good(rows["published"][:, s, c, 1:])
+    ), COLOURS[CASES[c]], "o-", f"IMPA, {CASES[c].replace('_', ' ')}")  # fmt: skip
+
+
+def _own_by_rate(axis, found, s):
+    """Ours within two images."""
+    for k, situation in enumerate(SITUATIONS):
+        _points(axis, found, (*tables.RATES, tables.FAST), lambda rows, k=k: (
+            (rows["own"][:, s, k, :, 0] > 0) & tables.good(rows["own"][:, s, k, :, 1:4])
+        ).any(axis=1), COLOURS[situation], "s:", f"ours, {situation.replace('_', ' ')}")  # fmt: skip
+
+
+def _points(axis, found, rates, which, colour, style, label):
+    """Shares with their intervals at the rates that were flown."""
+    shown, shares, ends = [], [], []
+    for rate in rates:
+        at = found["rate_deg_s"] == rate
+        if at.any():
+            done = which({name: column[at] for name, column in found.items()})
+            shown.append(rate)
+            shares.append(done.mean())
+            ends.append(statistics.proportion(int(done.sum()), len(done)))
+    if shown:
+        shares = np.array(shares)
+        reach = 100.0 * np.abs(np.array(ends) - shares[:, None]).T
+        axis.errorbar(
+            shown, 100.0 * shares, reach, fmt=style, color=colour, ms=4, lw=1.2, capsize=2, label=label
+        )
+
+
+def _published(by_images, by_rate, case, shutter):
+    """The paper's points."""
+    table = IMPA["success_percent_by_images"][case][shutter]
+    r = tables.RATES.index(SHOWN_RATE)
+    style = {"marker": "x", "ls": "--", "lw": 0.9, "ms": 5, "color": COLOURS[case]}
+    by_images.plot(tables.IMAGES, [table[n][r] for n in tables.IMAGES], **style)
+    label = f"published, {case.replace('_', ' ')}"
+    by_rate.plot(tables.RATES, table[max(tables.IMAGES)], label=label, **style)
+
+
+def draw_attitude(figure, _results, rows):
+    """Standard deviations against the rate: one picture a case and shutter, the axes by their colour."""
+    figure.set_size_inches(10.5, 8.0)
+    axes = figure.subplots(2, 2, sharey=True, sharex=True)
+    colours = dict(zip(tables.AXES, ("#1f5fa8", "#5f9e3f", "#d1622b"), strict=True))
+    for c, case in enumerate(CASES):
+        for s, shutter in enumerate(SHUTTERS):
+            axis, words = axes[c, s], f"{case}, {shutter}".replace("_", " ")
+            for name, colour in colours.items():
+                published = IMPA["attitude_error_std_arcsec"][case][shutter][name]
+                axis.plot(tables.RATES, published, "x--", lw=0.9, color=colour, label=f"published, {name}")
+                for who, style in (("IMPA", "o-"), ("ours", "s:")):
+                    mine = [row for row in rows if row.quantity.startswith(f"{who}: std of {name}")]
+                    mine = [row for row in mine if row.condition.startswith(words + ",")]
+                    at = [float(row.condition.split(", ")[-1].split()[0]) for row in mine]
+                    values = [row.measured for row in mine]
+                    axis.plot(at, values, style, ms=4, lw=1.2, color=colour, label=f"{who}, {name}")
+            axis.set_title(words, loc="left", fontsize=10)
+            axis.set_yscale("log")
+            tidy(axis)
+    for axis in axes[1]:
+        axis.set_xlabel("rate [deg/s]")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("standard deviation [arcsec]")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)

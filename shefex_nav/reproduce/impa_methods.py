@@ -1,0 +1,196 @@
+"""The two trackers of the IMPA campaign: the paper's chain and ours, which knows the rate; and false objects.
+
+The paper's: clusters fused over two frames, compensated, Improved Multi-Poles, q-method, as published and
+believed as published. Ours: one frame, streaks found along the motion that the gyros tell, the default
+identification and the attitude of largest likelihood, all with the covariance of each streak.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry.pinhole import unit_vectors
+from shefex_nav.geometry.rotation import rotvec_between
+from shefex_nav.geometry.streak import velocity
+from shefex_nav.onboard.startracker import multipole_chain, streaks, tracker
+from shefex_nav.onboard.startracker.clusters import ClusterParams
+from shefex_nav.onboard.startracker.compensate import CompensateParams
+from shefex_nav.onboard.startracker.detect import DetectParams
+from shefex_nav.onboard.startracker.identify import IDENTIFIERS
+from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
+from shefex_nav.records import Reason
+from shefex_nav.reproduce import impa_field as field
+from shefex_nav.reproduce.published import IMPA
+
+ARCSEC = np.radians(1.0 / 3600.0)
+ZERO_FLUX_DN = field.ZERO_MAGNITUDE / field.ELECTRONS_PER_DN
+SATURATION_DN = int(field.FULL_WELL / field.ELECTRONS_PER_DN + field.BLACK_LEVEL_DN)
+TAU_DN = IMPA["camera"]["tau_pre_electrons"] / field.ELECTRONS_PER_DN
+CHAIN = multipole_chain.ChainParams(
+    ClusterParams(TAU_DN, SATURATION_DN),
+    CompensateParams(15.0),  # v* [E]
+    float(IMPA["camera"]["fusion_distance_px"]),
+)
+IDENTIFY = IdentifyParams(
+    method="multipole",
+    camera=field.CAMERA,
+    tolerance=IMPA["protocol"]["tolerance_arcsec"] * ARCSEC,
+    max_centroids=200,
+    min_stars=IMPA["protocol"]["accept_stars"],
+    sigma_px=0.3,  # this and what follows is of the verification, which the paper does not have
+    gate_sigma=4.5,
+    detection_probability=0.9,
+    magnitude_margin=0.3,
+    magnitude_sigma=0.3,
+    false_alarm=1e-7,
+    zero_flux=ZERO_FLUX_DN,
+    magnitude_tolerance=0.7,  # eps_m is not given [E]
+)
+DETECT = DetectParams(
+    bad_pixels=np.zeros((0, 2), dtype=np.int64),
+    tile_px=64,
+    seed_sigma=5.5,
+    grow_sigma=3.5,
+    min_pixels=5,
+    max_pixels=2000,
+    max_peak_fraction=0.75,
+    max_objects=100,
+    saturation_dn=SATURATION_DN,
+    electrons_per_dn=field.ELECTRONS_PER_DN,
+    psf_sigma_px=field.PSF_SIGMA_PX,
+)
+N_FALSE = IMPA["protocol"]["false_objects_worst_case"]
+SUCCESS = IMPA["protocol"]["success_arcsec"] * ARCSEC  # of each cross-boresight error
+WRONG_ROLL = np.radians(0.5)
+
+
+@cache
+def own():
+    """Settings of our tracker for the paper's camera: TrackerParams."""
+    identify = IDENTIFY._replace(
+        method="bayes", max_centroids=15, min_stars=4, sigma_px=0.2, zero_flux=np.nan
+    )
+    return tracker.TrackerParams(
+        catalogue=None,
+        detect=DETECT,
+        identify=identify,
+        exposure=None,
+        earth_velocity_i=np.zeros(3),  # no aberration in the paper's sky
+        centroid_floor_px=0.03,
+        outlier_sigma=4.0,
+        latency_s=0.0,
+        max_rate=np.inf,
+        sun_exclusion=0.0,
+        limb_exclusion=-np.inf,
+    )
+
+
+class False50(NamedTuple):
+    """The false objects of one frame."""
+
+    xy_px: np.ndarray  # (50, 2) uniform on the detector
+    vmag: np.ndarray  # (50,) of stars of the on-board catalogue, drawn at random
+
+
+def false_objects(rng):
+    """Draw them: False50."""
+    size = np.array([field.CAMERA.width_px, field.CAMERA.height_px])
+    vmag = rng.choice(field.pairs(False).stars.vmag, N_FALSE)
+    return False50(rng.uniform(-0.5, size - 0.5, (N_FALSE, 2)), vmag)
+
+
+def with_false(found, false, omega_c):
+    """A list of detections with false objects in it, by brightness.
+
+    Each false object has the covariance of the star of the frame that is nearest in brightness, turned from
+    the direction in which that one moves to that in which a star would move there.
+    """
+    flux = ZERO_FLUX_DN * 10.0 ** (-0.4 * false.vmag)
+    P_px = np.tile(0.09 * np.eye(2), (len(flux), 1, 1))
+    if len(found.flux_dn):
+        like = np.abs(np.log(flux[:, None] / found.flux_dn[None])).argmin(axis=1)
+        for k, row in enumerate(like):
+            C = turn2(_heading(omega_c, false.xy_px[k]) - _heading(omega_c, found.xy_px[row]))
+            P_px[k] = C @ found.P_px[row] @ C.T
+    none = np.zeros(len(flux), dtype=np.int64)
+    columns = (false.xy_px, flux, none + 9, none, P_px)
+    order = np.argsort(-np.concatenate([found.flux_dn, flux]), kind="stable")
+    return type(found)(*(np.concatenate(pair)[order] for pair in zip(found, columns, strict=True)))
+
+
+def _heading(omega_c, xy_px):
+    """Direction in which a star moves there: rad."""
+    vx, vy = velocity(field.CAMERA, omega_c, xy_px[0], xy_px[1])
+    return np.arctan2(vy, vx)
+
+
+def turn2(angle):
+    """Rotation of the picture plane by an angle: (2, 2)."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def published_attitude(detections):
+    """q_ic by the paper's identification of a list, or None."""
+    found, q_ic = multipole_chain.attitude(IDENTIFY, field.pairs(False), detections, published=True)
+    return None if found.reason != Reason.NONE else q_ic
+
+
+def streaks_of(image_dn, omega_c, P_omega_c, times):
+    """Our detections in one frame: Detections."""
+    motion = streaks.Motion(omega_c, P_omega_c, times)
+    return streaks.detect_streaks(DETECT, field.CAMERA, image_dn, motion)[0]
+
+
+def own_attitude(detections):
+    """Attitude of a list by our tracker: q_ic and P_c, or None."""
+    params, pairs = own(), field.pairs(True)
+    u_c = unit_vectors(field.CAMERA, detections.xy_px)
+    P_px = tracker.centroid_covariance(params, detections)
+    found = IDENTIFIERS["bayes"](params.identify, pairs, u_c, detections.flux_dn, P_px)
+    known = found.star >= 0
+    if found.reason != Reason.NONE or known.sum() < params.identify.min_stars:
+        return None
+    least = params.identify.min_stars
+    n_used, q_ic, P_c, _ = tracker.solve(
+        params, u_c[known], pairs.stars.u_i[found.star[known]], P_px[known], least
+    )
+    return None if n_used < least or not np.isfinite(P_c.sum() + q_ic.sum()) else (q_ic, P_c)
+
+
+def error_of(q_ic, truth):
+    """Attitude error (3,) rad about the axes of the camera: x, y across the boresight, z about it."""
+    return rotvec_between(q_ic, truth)
+
+
+HIT_SIGMA_PX = 0.5  # of the charge that spreads in the silicon [E]
+HIT_TRACK_PX = 3.0  # mean length of a particle's track on the detector [E]
+
+
+def with_hits(image_dn, rng):
+    """A copy of a frame with 50 particle hits, as much light in each as in a false object.
+
+    A hit is a straight track of any direction, its length drawn from an exponential distribution.
+    """
+    hits, struck = false_objects(rng), image_dn.astype(np.int64)
+    rows, columns = image_dn.shape
+    for (x, y), light in zip(hits.xy_px, field.ZERO_MAGNITUDE * 10.0 ** (-0.4 * hits.vmag), strict=True):
+        length, angle = rng.exponential(HIT_TRACK_PX), rng.uniform(0.0, 2.0 * np.pi)
+        t = np.linspace(-0.5, 0.5, 2 + int(4.0 * length)) * length
+        xs, ys = x + t * np.cos(angle), y + t * np.sin(angle)
+        left, top = int(xs.min()) - 3, int(ys.min()) - 3
+        in_columns = _spread(xs, left, int(xs.max()) + 4)
+        in_rows = _spread(ys, top, int(ys.max()) + 4)
+        grey = rng.poisson(light / len(t) * in_rows.T @ in_columns) / field.ELECTRONS_PER_DN
+        bottom, right = min(top + grey.shape[0], rows), min(left + grey.shape[1], columns)
+        inside = grey[max(-top, 0) : bottom - top, max(-left, 0) : right - left]
+        struck[max(top, 0) : bottom, max(left, 0) : right] += np.rint(inside).astype(np.int64)
+    return np.minimum(struck, SATURATION_DN).astype(image_dn.dtype)
+
+
+def _spread(centres, first, last):
+    """Share of spots at `centres` in each pixel first ... last of one axis: (n, pixels)."""
+    from scipy.special import ndtr
+
+    edges = np.arange(first, last + 2) - 0.5
+    return np.diff(ndtr((edges - np.asarray(centres)[:, None]) / HIT_SIGMA_PX), axis=1)
