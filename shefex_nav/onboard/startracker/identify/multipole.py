@@ -132,22 +132,45 @@ def ways(light, i, j, p):
 
 
 @njit(cache=True)
+def _suitable(light, i, j, begin, end, pairs):
+    """List the pairs of begin ... end - 1 that `ways` admits in pairs[0], pairs[1]; how many of each.
+
+    Without a branch: which of them it will be is not to be guessed, and a wrong guess costs as much as ten
+    pairs.
+    """
+    mi, mj, tolerance = light.magnitude[i], light.magnitude[j], light.tolerance
+    n, n_reverse = 0, 0
+    for p in range(begin, end):
+        m1, m2 = light.first_vmag[p], light.second_vmag[p]
+        pairs[0, n] = pairs[1, n_reverse] = p
+        n += (abs(m1 - mi) < tolerance) & (abs(m2 - mj) < tolerance)
+        n_reverse += (abs(m2 - mi) < tolerance) & (abs(m1 - mj) < tolerance)
+    return n, n_reverse
+
+
+@njit(cache=True)
 def occurrences(table, light, sides, i):
     """With how many neighbours each star can be pole i: (n_stars,) int64, equations (37) to (41)."""
-    n_stars = table.u_i.shape[0]
+    n_stars, n = table.u_i.shape[0], sides.u_c.shape[0]
     count, counted = np.zeros(n_stars, dtype=np.int64), np.full(n_stars, -1, dtype=np.int64)
-    for j in range(sides.u_c.shape[0]):
+    most = 0
+    for j in range(n):
+        begin, end = look_up(table, sides, i, j) if j != i else (0, 0)
+        most = max(most, end - begin)
+    pairs = np.empty((2, most), dtype=np.int64)
+    for j in range(n):
         if j == i:
             continue
         begin, end = look_up(table, sides, i, j)
-        for p in range(begin, end):
-            as_listed, reverse = ways(light, i, j, p)
-            if as_listed and counted[table.first[p]] != j:
-                count[table.first[p]] += 1
-                counted[table.first[p]] = j
-            if reverse and counted[table.second[p]] != j:
-                count[table.second[p]] += 1
-                counted[table.second[p]] = j
+        listed, reverse = _suitable(light, i, j, begin, end, pairs)
+        for k in range(listed):
+            star = table.first[pairs[0, k]]
+            count[star] += counted[star] != j
+            counted[star] = j
+        for k in range(reverse):
+            star = table.second[pairs[1, k]]
+            count[star] += counted[star] != j
+            counted[star] = j
     return count
 
 
