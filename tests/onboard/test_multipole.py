@@ -122,6 +122,17 @@ def test_occurrences_against_sets():
             assert count[star[i]] >= 0.8 * ((star >= 0).sum() - 1)
 
 
+def test_a_pole_that_could_be_either_star_is_none():
+    """Two equally bright stars alone: each occurs once, "the algorithm cannot identify them" (section 5.2)."""
+    pairs = ready_tracker().pairs
+    p = np.flatnonzero(np.abs(pairs.first_vmag - pairs.second_vmag) < 0.01)[100]
+    u_c = pairs.stars.u_i[[pairs.first[p], pairs.second[p]]]
+    light = multipole.Light(pairs.first_vmag, pairs.second_vmag, np.full(2, pairs.first_vmag[p]), 0.1)
+    sides, row = multipole.new_sides(u_c, 1e-5, 0.0), np.empty(2, dtype=np.int64)
+    assert not multipole.accept(multipole.table(pairs), light, sides, 0, row)
+    np.testing.assert_array_equal(row, [-1, -1])
+
+
 def test_names_in_common():
     out = np.empty(6, dtype=np.int64)
     first, second = np.array([4, 7, 9, -1, 9, 2]), np.array([4, 8, 9, -1, 9, 2])
