@@ -8,11 +8,13 @@ from star_fields import CAMERA, IDENTIFY, centroid_list, random_attitude, ready_
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, dcm_from_rotvec, rotvec_between
 from shefex_nav.onboard.startracker.attitude import esoq2
-from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes, evidence, odds, screen, search
+from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes, evidence, lever, odds, screen, search
+from shefex_nav.onboard.startracker.identify.ellipses import round_ones
 from shefex_nav.records import Reason
 
 PARAMS = IDENTIFY._replace(sigma_px=0.15, magnitude_sigma=0.2)
 WRONG = np.radians(0.5)
+AT_REST = lever.no_lever(1.0)
 NO_PRIOR = evidence.Prior(False, np.eye(3), np.zeros((3, 3)))
 
 
@@ -21,7 +23,7 @@ def scene_of(xy_px, magnitude):
     width, height = float(CAMERA.width_px), float(CAMERA.height_px)
     return evidence.Scene(
         np.ascontiguousarray(xy_px[order]), magnitude[order], True, width, height, CAMERA.focal_length_px,
-        CAMERA.cx_px, CAMERA.cy_px, 5.0, 0.15, 0.2,
+        CAMERA.cx_px, CAMERA.cy_px, 5.0, 0.15, 0.2, round_ones(len(order)),
     )  # fmt: skip
 
 
@@ -60,7 +62,7 @@ def test_view_and_matches_against_brute_force():
             rows = np.flatnonzero(((xy >= -2.0) & (xy <= [660.0, 494.0])).all(axis=1))
         np.testing.assert_array_equal(view.row[:n], rows)
         np.testing.assert_allclose(view.xy_px[:n], xy[rows], atol=1e-8)
-        matches = evidence.match(scene, view, n, 3.0)
+        matches = evidence.match(scene, view, n, 3.0, 0.15)
         d = np.linalg.norm(xy[rows][:, None] - scene.xy_px[None], axis=2)
         mutual = (d == d.min(axis=0)[None]) & (d == d.min(axis=1)[:, None]) & (d < 3.0)
         np.testing.assert_array_equal(view.det[:n], np.where(mutual.any(axis=1), mutual.argmax(axis=1), -1))
@@ -77,7 +79,8 @@ def test_adjustment_finds_the_attitude_and_the_focal_length(n_par, focal):
         middle = np.array([CAMERA.cx_px, CAMERA.cy_px])
         scene = scene._replace(xy_px=middle + focal * (scene.xy_px - middle))
         start = dcm_from_rotvec(np.array([1e-3, -8e-4, 2e-3])) @ C
-        out = evidence.adjust(stars, scene, start, scene.focal_px, evidence.new_view(), n_par, 10.0, 4)
+        view = evidence.new_view()
+        out = evidence.adjust(stars, scene, start, scene.focal_px, view, n_par, 10.0, AT_REST, 4)
         assert out[0] > 0
         assert out[1] / scene.focal_px == pytest.approx(focal, abs=1e-5)
         assert np.abs(start @ C.T - np.eye(3)).max() < 2e-5
@@ -97,7 +100,7 @@ def test_odds_against_plain_formulas():
     view = evidence.new_view()
     for seed in range(5):
         scene, C, _ = field(seed)
-        fit = evidence.adjust(stars, scene, C, scene.focal_px, view, 3, 5.0, 4)
+        fit = evidence.adjust(stars, scene, C, scene.focal_px, view, 3, 5.0, AT_REST, 4)
         n, _, L, log_det, _ = fit
         assert log_det == pytest.approx(np.linalg.slogdet((L @ L.T)[:3, :3])[1]) or n == 0
         det, row, d2 = view.det[:n], view.row[:n], view.distance2[:n]
@@ -136,7 +139,7 @@ def test_scan_against_brute_force():
     scene, _, _ = field(3, n_false=10)
     u_c = screen.directions(scene, scene.focal_px)
     table, i, j = screen.detection_table(scene), 0, 1
-    T, lever = screen.triad(*u_c[i], *u_c[j]), screen.lever_of(scene, i, j, 0.5)
+    T, reach = screen.triad(*u_c[i], *u_c[j]), lever.lever_of(scene, i, j, 0.5)
     frame, gate = screen.frame_of(scene, scene.focal_px, 99, 5), (-0.8, 1.2)
     angle = np.arccos(u_c[i] @ u_c[j])
     begin, end = search.position(pairs, np.cos(angle + 5e-4)), search.position(pairs, np.cos(angle - 5e-4))
@@ -145,7 +148,7 @@ def test_scan_against_brute_force():
     while entry < 2 * end:
         entry, C, _ = screen.scan(
             stars.u_i, stars.start, stars.row, pairs.star, pairs.fainter, table, scene.xy_px,
-            T, frame, lever, gate, (-1, -1), 0, entry, 2 * end,
+            scene.ellipses.spread, T, frame, reach, gate, (-1, -1), 0, entry, 2 * end,
         )  # fmt: skip
         if entry == 2 * end:
             break
@@ -156,16 +159,17 @@ def test_scan_against_brute_force():
         np.testing.assert_allclose(C_ci @ C_ci.T, np.eye(3), atol=1e-9)
         assert np.linalg.norm(C_ci @ (stars.u_i[a] - stars.u_i[b]) - (u_c[i] - u_c[j])) < 6e-4
         hits, _ = screen.screen.py_func(
-            stars.u_i, stars.start, stars.row, table, scene.xy_px, C, frame, lever, a, b
-        )
-        assert hits == min(brute_hits(stars, scene, C_ci, lever, a, b), 5)
+            stars.u_i, stars.start, stars.row, table, scene.xy_px, scene.ellipses.spread,
+            C, frame, reach, a, b,
+        )  # fmt: skip
+        assert hits == min(brute_hits(stars, scene, C_ci, reach, a, b), 5)
         entry, checked = entry + 1, checked + 1
         if checked == 150:
             break
     assert checked > 100
 
 
-def brute_hits(stars, scene, C_ci, lever, a, b):
+def brute_hits(stars, scene, C_ci, reach, a, b):
     """Stars but a and b with a detection within their gate."""
     xy = pixels(CAMERA, np.ascontiguousarray(stars.u_i @ C_ci.T))
     hits = 0
@@ -173,8 +177,8 @@ def brute_hits(stars, scene, C_ci, lever, a, b):
         x, y = xy[s]
         if s in (a, b) or not (0.0 <= x <= 658.0 and 0.0 <= y <= 492.0):
             continue
-        r2 = (x - lever[0]) ** 2 + (y - lever[1]) ** 2
-        gate2 = min(lever[2] + lever[3] * r2, screen.REACH_PX**2)
+        r2 = (x - reach.x) ** 2 + (y - reach.y) ** 2
+        gate2 = min(reach.near2 + reach.far2 * r2, lever.REACH_PX**2)
         hits += ((scene.xy_px - xy[s]) ** 2).sum(axis=1).min() < gate2
     return hits
 

@@ -20,6 +20,7 @@ from shefex_nav.onboard.startracker.identify.doubts import (
     leans_on_one_star,
     recall,
 )
+from shefex_nav.onboard.startracker.identify.ellipses import checked, ellipses_of, round_ones
 from shefex_nav.onboard.startracker.identify.evidence import (
     WIDE_GATE,
     Prior,
@@ -27,6 +28,7 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     new_view,
     solve_cholesky,
 )
+from shefex_nav.onboard.startracker.identify.lever import no_lever
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, detection_table
 from shefex_nav.onboard.startracker.identify.search import Best, Task, look, lost_in_space, margin
 from shefex_nav.onboard.startracker.identify.tracking import track
@@ -78,7 +80,7 @@ class Solution(NamedTuple):
     tracked: bool  # found near the prediction
 
 
-def identify(params, pairs, u_c, flux):
+def identify(params, pairs, u_c, flux, P_px=None):
     """Identify the stars of one frame without any idea of the attitude.
 
     Parameters
@@ -87,20 +89,21 @@ def identify(params, pairs, u_c, flux):
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera
     flux : (n,) brightness, descending
+    P_px : (n, 2, 2) px^2, covariance of each centroid; None: params.sigma_px for all
 
     Returns
     -------
     Identification
     """
-    return _identify(params, pairs, u_c, flux, NO_PREDICTION)[0]
+    return _identify(params, pairs, u_c, flux, NO_PREDICTION, P_px)[0]
 
 
-def identify_near(params, pairs, u_c, flux, prediction):
+def identify_near(params, pairs, u_c, flux, prediction, P_px=None):
     """Identify the stars of one frame, first near a predicted attitude, then without.
 
     Parameters
     ----------
-    params, pairs, u_c, flux : as in `identify`
+    params, pairs, u_c, flux, P_px : as in `identify`
     prediction : (q_ci, P_c), attitude and covariance (3, 3) [rad^2] of its error in camera axes
 
     Returns
@@ -108,10 +111,10 @@ def identify_near(params, pairs, u_c, flux, prediction):
     Identification
     tracked : bool, the prediction was confirmed; MIN_TRACKED stars are enough then
     """
-    return _identify(params, pairs, u_c, flux, (True, *prediction))
+    return _identify(params, pairs, u_c, flux, (True, *prediction), P_px)
 
 
-def _identify(params, pairs, u_c, flux, prediction):
+def _identify(params, pairs, u_c, flux, prediction, P_px):
     """(Identification, whether the prediction was confirmed)."""
     camera = params.camera
     settings = Settings(
@@ -128,7 +131,12 @@ def _identify(params, pairs, u_c, flux, prediction):
         BUDGET,
     )
     magnitude = -2.5 * np.log10(np.asarray(flux, dtype=float))
-    found = Solution(*solve_kernel(*pairs.quick, settings, pixels(camera, u_c), magnitude, True, *prediction))
+    frame = pixels(camera, u_c), magnitude, True
+    if P_px is None:
+        found = Solution(*solve_kernel(*pairs.quick, settings, *frame, *prediction))
+    else:
+        P_px = checked(P_px, len(u_c))
+        found = Solution(*solve_kernel(*pairs.quick, settings, *frame, *prediction, P_px))
     return Identification(found.star, int(found.reason), float(found.log_odds)), found.tracked
 
 
@@ -136,7 +144,7 @@ NO_PREDICTION = (False, np.array([1.0, 0.0, 0.0, 0.0]), np.zeros((3, 3)))
 
 
 @njit(cache=True)
-def solve_kernel(stars, pairs, settings, xy_px, magnitude, has_flux, has_prediction, q_ci, P_c):
+def solve_kernel(stars, pairs, settings, xy_px, magnitude, has_flux, has_prediction, q_ci, P_c, P_px=None):
     """Attitude of one frame; detections brightest first, if there is a flux.
 
     Parameters
@@ -147,15 +155,18 @@ def solve_kernel(stars, pairs, settings, xy_px, magnitude, has_flux, has_predict
     magnitude : (n,) -2.5 log10 flux
     has_flux, has_prediction : bool
     q_ci, P_c : (4,), (3, 3) rad^2 predicted attitude and covariance of its error in camera axes
+    P_px : (n, 2, 2) px^2, covariance of each centroid; None: settings.sigma_px for all
 
     Returns
     -------
     Solution, as a plain tuple
     """
     n = min(xy_px.shape[0], MAX_DETECTIONS)
+    ellipses = round_ones(n) if P_px is None else ellipses_of(P_px, n, settings.sigma_px)
     scene = Scene(
         xy_px[:n], magnitude[:n], has_flux, settings.width_px, settings.height_px, settings.focal_px,
         settings.cx_px, settings.cy_px, settings.border_px, settings.sigma_px, settings.magnitude_sigma,
+        ellipses,
     )  # fmt: skip
     threshold = np.log(CHANCE / settings.false_limit)
     strict = -np.log(settings.false_limit)  # CHANCE is that of searches without a prediction
@@ -192,7 +203,8 @@ def conclude(task, settings, n, work, tracked):
     star = np.full(n, -1, dtype=np.int64)
     if best.score[2] < 4.0 and best.score[5] > NOISY * settings.sigma_px and margin(task) >= task.threshold:
         best.trial_C[:] = best.C  # is it the focal length?
-        look(task, settings.focal_px, WIDE_GATE * settings.sigma_px, True)
+        gate_px = WIDE_GATE * settings.sigma_px
+        look(task, settings.focal_px, gate_px, no_lever(gate_px), True)
     odds, rival = best.score[0], best.score[1]
     wrong = min(
         (1.0 if tracked else CHANCE) * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0), 1.0

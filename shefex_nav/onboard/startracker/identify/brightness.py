@@ -64,7 +64,7 @@ def match(params, pairs, u_c, flux):
     return Identification(star, reason, np.nan)
 
 
-def identify(params, pairs, u_c, flux):
+def identify(params, pairs, u_c, flux, P_px=None):
     """Identify the stars of one frame without any idea of the attitude: right or nothing.
 
     Without a `reference_flux` in params there is no reference-star mode: grey values have no magnitude.
@@ -75,6 +75,7 @@ def identify(params, pairs, u_c, flux):
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera
     flux : (n,) brightness, descending
+    P_px : ignored; the published method knows one tolerance for all centroids
 
     Returns
     -------

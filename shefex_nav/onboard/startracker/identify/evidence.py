@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from shefex_nav.onboard.startracker.identify.ellipses import Ellipses, weighted2
+from shefex_nav.onboard.startracker.identify.lever import REACH_PX, STAR_GATE, gate_of, reach_of
 from shefex_nav.onboard.startracker.skygrid import cell_of
 
 MAX_STARS = 160  # predicted in one frame; more than four times the usual field
@@ -46,8 +48,9 @@ class Scene(NamedTuple):
     cx_px: float
     cy_px: float
     border_px: float  # a predicted star nearer to the border may be missing
-    sigma_px: float
+    sigma_px: float  # error of an ordinary centroid, per axis
     magnitude_sigma: float
+    ellipses: Ellipses  # of the detections
 
 
 class Prior(NamedTuple):
@@ -64,7 +67,7 @@ class View(NamedTuple):
     row: np.ndarray
     xy_px: np.ndarray
     det: np.ndarray  # detection, -1 where none
-    distance2: np.ndarray  # px^2 to the detection
+    distance2: np.ndarray  # px^2 to the detection, weighted as in `ellipses`
 
 
 @njit(cache=True)
@@ -101,31 +104,65 @@ def predict(stars, scene, C, focal_px, view):
 
 
 @njit(cache=True)
-def match(scene, view, n, gate_px):
-    """Nearest detection within the gate of each star, each detection to its nearest star; matches."""
-    n_det = scene.xy_px.shape[0]
+def match(scene, view, n, gate_px, noise_px):
+    """Likeliest detection within the gate of each star, each detection to its nearest star; matches.
+
+    The likeliest is the one of highest density at the star's place for centroid errors of noise_px:
+    a small ellipse a little further off may be likelier than a large one.
+    """
+    n_det, weight, log_area = scene.xy_px.shape[0], scene.ellipses.weight, scene.ellipses.log_area
+    taken = np.full(n_det, -1, dtype=np.int64)
+    matches, gate2, of_area = 0, gate_px * gate_px, 2.0 * noise_px * noise_px
+    for s in range(n):
+        view.det[s], view.distance2[s], least = -1, gate2, np.inf
+        x, y = view.xy_px[s, 0], view.xy_px[s, 1]
+        for k in range(n_det):
+            d2 = weighted2(weight, k, scene.xy_px[k, 0] - x, scene.xy_px[k, 1] - y)
+            if d2 < gate2 and d2 + of_area * log_area[k] < least:
+                view.det[s], view.distance2[s], least = k, d2, d2 + of_area * log_area[k]
+        matches += _take(view, taken, s)
+    return matches
+
+
+@njit(cache=True)
+def match_first(scene, view, n, lever):
+    """As `match`, for an attitude that is only as good as the pair of detections it comes from.
+
+    Distances are weighted with the covariance of place and prediction together.
+    """
+    n_det, spread = scene.xy_px.shape[0], scene.ellipses.spread
     taken = np.full(n_det, -1, dtype=np.int64)
     matches = 0
     for s in range(n):
-        view.det[s], view.distance2[s] = -1, gate_px * gate_px
+        view.det[s], view.distance2[s], least = -1, 0.0, np.inf
         x, y = view.xy_px[s, 0], view.xy_px[s, 1]
+        reach = reach_of(lever, x, y)
         for k in range(n_det):
-            d2 = (scene.xy_px[k, 0] - x) ** 2 + (scene.xy_px[k, 1] - y) ** 2
-            if d2 < view.distance2[s]:
-                view.det[s], view.distance2[s] = k, d2
-        k = view.det[s]
-        if k < 0:
-            continue
-        rival = taken[k]
-        if rival >= 0 and view.distance2[rival] <= view.distance2[s]:
-            view.det[s] = -1
-            continue
-        if rival >= 0:
-            view.det[rival] = -1
-            matches -= 1
-        taken[k] = s
-        matches += 1
+            dx, dy = scene.xy_px[k, 0] - x, scene.xy_px[k, 1] - y
+            if abs(dx) > REACH_PX or abs(dy) > REACH_PX:
+                continue
+            q, det = gate_of(lever, reach, spread, k, dx, dy)
+            if q < 1.0 and STAR_GATE**2 * q + np.log(det) < least:
+                least = STAR_GATE**2 * q + np.log(det)
+                view.det[s], view.distance2[s] = k, q * lever.gate2
+        matches += _take(view, taken, s)
     return matches
+
+
+@njit(cache=True)
+def _take(view, taken, s):
+    """Give star s its detection unless a nearer star has it; by how much the number of matches grows."""
+    k = view.det[s]
+    if k < 0:
+        return 0
+    rival = taken[k]
+    if rival >= 0 and view.distance2[rival] <= view.distance2[s]:
+        view.det[s] = -1
+        return 0
+    if rival >= 0:
+        view.det[rival] = -1
+    taken[k] = s
+    return 0 if rival >= 0 else 1
 
 
 @njit(cache=True)
@@ -140,7 +177,7 @@ def information(scene, view, n, focal_px, n_par, noise_px):
 
     Stars far from their detection, against the noise, weigh little.
     """
-    N, g = np.zeros((4, 4)), np.zeros(4)
+    N, g, W = np.zeros((4, 4)), np.zeros(4), scene.ellipses.weight
     for s in range(n):
         k = view.det[s]
         if k < 0:
@@ -149,8 +186,10 @@ def information(scene, view, n, focal_px, n_par, noise_px):
         J = jacobian(x, y)
         weight = focal_px / (1.0 + view.distance2[s] / (9.0 * noise_px * noise_px))
         rx, ry = scene.xy_px[k, 0] - view.xy_px[s, 0], scene.xy_px[k, 1] - view.xy_px[s, 1]
+        xx, xy, yy = W[k, 0], W[k, 1], W[k, 2]
         for a in range(n_par):
             ux, uy = (J[a], J[3 + a]) if a < 3 else (J[6], J[7])
+            ux, uy = xx * ux + xy * uy, xy * ux + yy * uy
             g[a] += weight * (ux * rx + uy * ry)
             for b in range(a + 1):
                 vx, vy = (J[b], J[3 + b]) if b < 3 else (J[6], J[7])
@@ -235,8 +274,10 @@ def _all_within(view, n, gate_px):
 
 
 @njit(cache=True)
-def adjust(stars, scene, C, focal_px, view, n_par, gate_px, min_stars):
+def adjust(stars, scene, C, focal_px, view, n_par, gate_px, lever, min_stars):
     """Turn C until the predicted stars fit their detections, from a wide gate to the noise.
+
+    The first gate is gate_px; where the detections are not round, what the lever says.
 
     Returns
     -------
@@ -250,7 +291,11 @@ def adjust(stars, scene, C, focal_px, view, n_par, gate_px, min_stars):
     L, log_det, n = np.zeros((4, 4)), -np.inf, 0
     for step in range(4):
         n = predict(stars, scene, C, focal_px, view)
-        if match(scene, view, n, gate_px) < min_stars:
+        if step == 0 and not scene.ellipses.are_round:
+            matches, gate_px = match_first(scene, view, n, lever), np.inf
+        else:
+            matches = match(scene, view, n, gate_px, noise_px)
+        if matches < min_stars:
             return 0, focal_px, L, log_det, noise_px
         if step > 0:
             noise_px = noise_seen(scene, view, n)

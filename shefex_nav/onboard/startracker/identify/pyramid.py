@@ -59,7 +59,7 @@ def match(params, pairs, u_c, flux, accept_triangle=False):
     return Identification(star, reason, np.nan)
 
 
-def identify(params, pairs, u_c, flux):
+def identify(params, pairs, u_c, flux, P_px=None):
     """Identify the stars of one frame without any idea of the attitude.
 
     Parameters
@@ -68,6 +68,7 @@ def identify(params, pairs, u_c, flux):
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera
     flux : (n,) brightness, descending; the pyramid uses the order alone
+    P_px : ignored; the published method knows one tolerance for all centroids
 
     Returns
     -------

@@ -7,13 +7,12 @@ ones are missing. The innermost loops of the identification, on plain arrays and
 import numpy as np
 from numba import njit
 
+from shefex_nav.onboard.startracker.identify.lever import REACH_PX, is_near, reach_of
 from shefex_nav.onboard.startracker.skygrid import cell_of
 
 CELL_SHIFT = 4
 CELL_PX = 1 << CELL_SHIFT  # of the table of detections
 MAX_DETECTIONS = 64  # one bit each
-REACH_PX = 10.0  # no prediction is trusted to be worse
-STAR_GATE = 3.5  # sigma of a place predicted by a pair
 WORK_PER_TRIAL = 4  # cost of an attitude, in stars looked at
 PATIENCE_PER_HIT = 3  # bright stars more that may be missing for each that is found
 
@@ -36,13 +35,13 @@ def detection_table(scene):
 
 
 @njit(cache=True, inline="always")
-def screen(u_i, start, row, table, xy_px, C, frame, lever, a, b):
+def screen(u_i, start, row, table, xy_px, spread, C, frame, lever, a, b):
     """Further stars found near where an attitude puts them, and how many stars were looked at.
 
     No more than are convincing; -1 is found as soon as too many bright ones are missing.
     The innermost loop of the search, so it takes plain arrays and numbers: C is (3, 3) row by row; frame is
-    focal_px, cx, cy, right, bottom, border, the patience and the hits that convince; lever is the middle of
-    the pair (x, y), and the squared gate as c0 + c1 r^2 at the distance r from it.
+    focal_px, cx, cy, right, bottom, border, the patience and the hits that convince; spread is that of the
+    `ellipses`.
     """
     focal_px, cx, cy, right, bottom, border, patience, convincing = frame
     hits = 0
@@ -58,12 +57,11 @@ def screen(u_i, start, row, table, xy_px, C, frame, lever, a, b):
         line = min(max(y, -1.0), bottom + 1.0) + CELL_PX
         bits = table[int(line) >> CELL_SHIFT, int(column) >> CELL_SHIFT]
         if bits != 0 and (x >= 0.0) & (y >= 0.0) & (x <= right) & (y <= bottom) & (s != a) & (s != b):
-            from_middle2 = (x - lever[0]) ** 2 + (y - lever[1]) ** 2
-            gate2 = min(lever[2] + lever[3] * from_middle2, REACH_PX * REACH_PX)
+            reach = reach_of(lever, x, y)
             k, near = 0, False
             while bits != 0 and not near:
                 if bits & np.uint64(1):
-                    near = (xy_px[k, 0] - x) ** 2 + (xy_px[k, 1] - y) ** 2 < gate2
+                    near = is_near(lever, reach, spread, k, xy_px[k, 0] - x, xy_px[k, 1] - y)
                 bits >>= np.uint64(1)
                 k += 1
             if near:
@@ -108,7 +106,7 @@ def join(T, S):
 
 
 @njit(cache=True)
-def scan(u_i, start, row, star, fainter, table, xy_px, T, frame, lever, gate, ij, need, begin, end):
+def scan(u_i, start, row, star, fainter, table, xy_px, spread, T, frame, lever, gate, ij, need, begin, end):
     """Next attitude that passes the screen among those of one pair of detections.
 
     Entry 2 p is pair p of the catalogue in its order, brighter star on detection i; 2 p + 1 the other way.
@@ -139,7 +137,7 @@ def scan(u_i, start, row, star, fainter, table, xy_px, T, frame, lever, gate, ij
             continue
         S = triad(u_i[a, 0], u_i[a, 1], u_i[a, 2], u_i[b, 0], u_i[b, 1], u_i[b, 2])
         C = join(T, S)
-        hits, looked_at = screen(u_i, start, row, table, xy_px, C, frame, lever, a, b)
+        hits, looked_at = screen(u_i, start, row, table, xy_px, spread, C, frame, lever, a, b)
         work += WORK_PER_TRIAL + looked_at
         if hits >= need:
             return entry, C, work
@@ -157,22 +155,6 @@ def directions(scene, focal_px):
         norm = 1.0 / np.sqrt(1.0 + x * x + y * y)
         u_c[k, 0], u_c[k, 1], u_c[k, 2] = x * norm, y * norm, norm
     return u_c
-
-
-@njit(cache=True)
-def lever_of(scene, i, j, sigma_px):
-    """How the error of a pair's attitude grows with the distance from its middle; see `screen`."""
-    dx, dy = scene.xy_px[j, 0] - scene.xy_px[i, 0], scene.xy_px[j, 1] - scene.xy_px[i, 1]
-    variance = (STAR_GATE * sigma_px) ** 2
-    xm, ym = 0.5 * (scene.xy_px[i, 0] + scene.xy_px[j, 0]), 0.5 * (scene.xy_px[i, 1] + scene.xy_px[j, 1])
-    return xm, ym, 1.5 * variance, 2.0 * variance / (dx * dx + dy * dy)
-
-
-@njit(cache=True)
-def widest_gate(scene, lever):
-    """Gate at the far end of the detector."""
-    far2 = 0.5 * (scene.width_px**2 + scene.height_px**2)
-    return min(np.sqrt(lever[2] + lever[3] * far2), REACH_PX)
 
 
 @njit(cache=True)

@@ -6,17 +6,16 @@ Pairs of such proposals whose angles agree are attitudes, which are looked at as
 import numpy as np
 from numba import njit
 
+from shefex_nav.onboard.startracker.identify.ellipses import along
 from shefex_nav.onboard.startracker.identify.evidence import jacobian
+from shefex_nav.onboard.startracker.identify.lever import STAR_GATE, lever_of, widest_gate
 from shefex_nav.onboard.startracker.identify.screen import (
-    STAR_GATE,
     directions,
     frame_of,
     join,
-    lever_of,
     put,
     screen,
     triad,
-    widest_gate,
 )
 from shefex_nav.onboard.startracker.identify.search import (
     PAIR_GATE,
@@ -38,7 +37,7 @@ def propose(stars, scene, prior, sigma_px):
     """Detections near the predicted place of a star: (m, 2) detection, star; m = 0 when too many."""
     found = np.empty((MAX_PROPOSALS, 2), dtype=np.int64)
     m = 0
-    C, f = prior.C_ci, scene.focal_px
+    C, f, spread = prior.C_ci, scene.focal_px, scene.ellipses.spread
     cell = cell_of(C[2, 0], C[2, 1], C[2, 2])
     for e in range(stars.start[cell], stars.start[cell + 1]):
         s = stars.row[e]
@@ -49,17 +48,20 @@ def propose(stars, scene, prior, sigma_px):
         x = (C[0, 0] * p[0] + C[0, 1] * p[1] + C[0, 2] * p[2]) / Z
         y = (C[1, 0] * p[0] + C[1, 1] * p[1] + C[1, 2] * p[2]) / Z
         J = jacobian(x, y)
-        xx, xy, yy = (sigma_px / f) ** 2, 0.0, (sigma_px / f) ** 2
+        variance = (sigma_px / f) ** 2
+        xx, xy, yy = variance, 0.0, variance  # of an ordinary star
         for a in range(3):
             for b in range(3):
                 xx += 2.0 * J[a] * prior.P_c[a, b] * J[b]
                 xy += 2.0 * J[a] * prior.P_c[a, b] * J[3 + b]
                 yy += 2.0 * J[3 + a] * prior.P_c[a, b] * J[3 + b]
-        det = xx * yy - xy * xy
         for k in range(scene.xy_px.shape[0]):
             dx = (scene.xy_px[k, 0] - scene.cx_px) / f - x
             dy = (scene.xy_px[k, 1] - scene.cy_px) / f - y
-            if (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) < STAR_GATE**2 * det:
+            kxx, kxy = xx + variance * (spread[k, 0] - 1.0), xy + variance * spread[k, 1]
+            kyy = yy + variance * (spread[k, 2] - 1.0)
+            det = kxx * kyy - kxy * kxy
+            if (kyy * dx * dx - 2.0 * kxy * dx * dy + kxx * dy * dy) < STAR_GATE**2 * det:
                 if m == MAX_PROPOSALS:
                     return found[:0]
                 found[m, 0], found[m, 1] = k, s
@@ -80,17 +82,24 @@ def try_proposals(task, u_c, p, q, noise):
     i, a, j, b = p[0], p[1], q[0], q[1]
     sigma_px, focal_px = noise * scene.sigma_px, scene.focal_px
     seen, true = angle_between(u_c, i, u_c, j), angle_between(stars.u_i, a, stars.u_i, b)
-    if abs(seen - true) * focal_px > PAIR_GATE * np.sqrt(2.0) * sigma_px or seen * focal_px < SHORT_PX:
+    if seen * focal_px < SHORT_PX:
+        return 1
+    dx, dy = scene.xy_px[i, 0] - scene.xy_px[j, 0], scene.xy_px[i, 1] - scene.xy_px[j, 1]
+    gate_px = PAIR_GATE * np.sqrt(2.0) * sigma_px * np.sqrt(along(scene.ellipses.spread, i, j, dx, dy))
+    if abs(seen - true) * focal_px > gate_px:
         return 1
     u, v, x, y = u_c[i], u_c[j], stars.u_i[a], stars.u_i[b]
     S = triad(x[0], x[1], x[2], y[0], y[1], y[2])
     C = join(triad(u[0], u[1], u[2], v[0], v[1], v[2]), S)
     lever, frame = lever_of(scene, i, j, sigma_px), frame_of(scene, focal_px, PATIENCE, CONVINCING)
-    hits, work = screen(stars.u_i, stars.start, stars.row, task.table, scene.xy_px, C, frame, lever, a, b)
+    hits, work = screen(
+        stars.u_i, stars.start, stars.row, task.table, scene.xy_px, scene.ellipses.spread,
+        C, frame, lever, a, b,
+    )  # fmt: skip
     if hits + 2 < task.min_stars:
         return work
     put(task.best.trial_C, C)
-    return work + look(task, focal_px, widest_gate(scene, lever), noise > NOISES[0])
+    return work + look(task, focal_px, widest_gate(scene, lever), lever, noise > NOISES[0])
 
 
 @njit(cache=True)

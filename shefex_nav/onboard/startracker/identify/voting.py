@@ -49,7 +49,7 @@ def match(params, pairs, u_c, flux):
     return Identification(star, NONE, np.nan)
 
 
-def identify(params, pairs, u_c, flux):
+def identify(params, pairs, u_c, flux, P_px=None):
     """Identify the stars of one frame without any idea of the attitude: right or nothing.
 
     Parameters
@@ -58,6 +58,7 @@ def identify(params, pairs, u_c, flux):
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera
     flux : (n,) brightness, descending
+    P_px : ignored; the published method knows one tolerance for all centroids
 
     Returns
     -------

@@ -1,0 +1,93 @@
+"""How sure a star's place is that a pair of detections predicts.
+
+The attitude of a pair moves by the mean of their two errors, and turns about their middle by the difference
+of the errors across the line between them, over its length. A place far from the middle is predicted less
+well. For round errors that is a circle, otherwise an ellipse for every place.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+REACH_PX = 10.0  # no prediction is trusted to be worse
+STAR_GATE = 3.5  # sigma of a place predicted by a pair
+
+
+class Lever(NamedTuple):
+    """Error of the places that one pair predicts: all squared gates, px^2."""
+
+    x: float  # middle of the pair
+    y: float
+    near2: float  # round: gate in the middle, the detection's own error included ...
+    far2: float  # ... and its growth with the squared distance from there
+    is_round: bool
+    shift: tuple  # otherwise xx, xy, yy of the shift,
+    both: tuple  # x, y of its covariance with the turn
+    turn2: float  # and the turn;
+    gate2: float  # a detection adds this times its spread
+
+
+@njit(cache=True)
+def lever_of(scene, i, j, sigma_px):
+    """Lever of the detections i and j for centroid errors of sigma_px."""
+    dx, dy = scene.xy_px[j, 0] - scene.xy_px[i, 0], scene.xy_px[j, 1] - scene.xy_px[i, 1]
+    variance = (STAR_GATE * sigma_px) ** 2
+    xm, ym = 0.5 * (scene.xy_px[i, 0] + scene.xy_px[j, 0]), 0.5 * (scene.xy_px[i, 1] + scene.xy_px[j, 1])
+    spread, length = scene.ellipses.spread, np.sqrt(dx * dx + dy * dy)
+    nx, ny = -dy / length, dx / length  # across the line
+    xx, xy, yy = spread[i, 0] + spread[j, 0], spread[i, 1] + spread[j, 1], spread[i, 2] + spread[j, 2]
+    turn = variance * (xx * nx * nx + 2.0 * xy * nx * ny + yy * ny * ny) / (length * length)
+    shift = (0.25 * variance * xx, 0.25 * variance * xy, 0.25 * variance * yy)
+    xx, xy, yy = spread[j, 0] - spread[i, 0], spread[j, 1] - spread[i, 1], spread[j, 2] - spread[i, 2]
+    half = 0.5 * variance / length
+    both = (half * (xx * nx + xy * ny), half * (xy * nx + yy * ny))
+    return Lever(
+        xm, ym, 1.5 * variance, 2.0 * variance / (dx * dx + dy * dy), scene.ellipses.are_round,
+        shift, both, turn, variance,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def no_lever(gate_px):
+    """Lever of an attitude without error, for a gate of an ordinary star."""
+    gate2 = gate_px * gate_px
+    return Lever(0.0, 0.0, gate2, 0.0, False, (0.0, 0.0, 0.0), (0.0, 0.0), 0.0, gate2)
+
+
+@njit(cache=True)
+def widest_gate(scene, lever):
+    """Gate at the far end of the detector, where the errors are round."""
+    far2 = 0.5 * (scene.width_px**2 + scene.height_px**2)
+    return min(np.sqrt(lever.near2 + lever.far2 * far2), REACH_PX)
+
+
+@njit(cache=True)
+def reach_of(lever, x, y):
+    """Squared gate of the prediction at (x, y): xx, xy, yy; round: the whole gate, as xx."""
+    dx, dy = x - lever.x, y - lever.y
+    if lever.is_round:
+        return min(lever.near2 + lever.far2 * (dx**2 + dy**2), REACH_PX * REACH_PX), 0.0, 0.0
+    return (
+        lever.shift[0] - 2.0 * lever.both[0] * dy + lever.turn2 * dy * dy,
+        lever.shift[1] + lever.both[0] * dx - lever.both[1] * dy - lever.turn2 * dx * dy,
+        lever.shift[2] + 2.0 * lever.both[1] * dx + lever.turn2 * dx * dx,
+    )
+
+
+@njit(cache=True)
+def gate_of(lever, reach, spread, k, dx, dy):
+    """Squared distance (dx, dy) of detection k over the squared gate there, and the gate's determinant."""
+    xx, xy = reach[0] + lever.gate2 * spread[k, 0], reach[1] + lever.gate2 * spread[k, 1]
+    yy = reach[2] + lever.gate2 * spread[k, 2]
+    det = xx * yy - xy * xy
+    return (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / det, det
+
+
+@njit(cache=True)
+def is_near(lever, reach, spread, k, dx, dy):
+    """Whether detection k may be a star that is predicted (dx, dy) away; reach is that of the star."""
+    distance2 = dx**2 + dy**2
+    if lever.is_round:
+        return distance2 < reach[0]
+    return distance2 < REACH_PX * REACH_PX and gate_of(lever, reach, spread, k, dx, dy)[0] < 1.0
