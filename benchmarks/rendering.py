@@ -126,17 +126,14 @@ def main():
         ("SHEFEX-2, 659 x 493, 8 bits", mission_frames, 0.05 / 493),
         ("IMPA, 1024 x 1024, 12 bits", impa_frames, 0.2 / 1024),
     )
-    print(
-        "| camera | shutter | rate [deg/s] | median [ms] | on the processor [ms] | fastest [ms] |\n|---|---|---|---|---|---|"
-    )
+    print("| camera | shutter | rate [deg/s] | median [ms] | on the processor [ms] | fastest [ms] |")
+    print("|---|---|---|---|---|---|")
     for name, frames_of, line_s in cases:
         for shutter, line in (("global", 0.0), ("rolling", line_s)):
             for rate in RATES:
                 ms = 1e3 * frames_of(line, rate, arguments.frames, rng)
-                clock, processor = np.median(ms, axis=0)
-                print(
-                    f"| {name} | {shutter} | {rate:g} | {clock:.2f} | {processor:.2f} | {ms[:, 0].min():.2f} |"
-                )
+                (clock, processor), fastest = np.median(ms, axis=0), ms[:, 0].min()
+                print(f"| {name} | {shutter} | {rate:g} | {clock:.2f} | {processor:.2f} | {fastest:.2f} |")
     return 0
 
 
