@@ -214,59 +214,69 @@ def _detections(fitted, max_objects):
 def _fit_all(
     image_dn, bad, camera, motion, P_omega_c, level, found, sigma, dn_per_electron, saturation_dn, least
 ):
-    """Fit the candidates, brightest first, each without the light of those before it; then once more.
+    """Fit the candidates, brightest first, each without the light of those before it, and judge them.
+
+    A streak that another one touches is fitted and judged again when all are known, and so are all if the
+    bright ones are wider or narrower than expected.
 
     Returns
     -------
     fitted : (candidates, COLUMNS)
     n : number of stars, in the first rows
     """
-    omega_c, times = motion
-    work = np.empty((ROWS, MOST_PIXELS))
+    work, no_search = np.empty((ROWS, MOST_PIXELS)), (0.0, 0.0)
     fitted, paths = np.empty((found.shape[0], COLUMNS)), np.empty((found.shape[0], NUMBERS))
-    path, widths = np.empty(NUMBERS), np.empty(found.shape[0])
-    s, n_stars, n_widths = np.sqrt(sigma**2 + PIXEL_VARIANCE), 0, 0
+    verdict, widths = np.empty(found.shape[0], dtype=np.int64), np.empty(found.shape[0])
+    s, n_fits, n_widths = np.sqrt(sigma**2 + PIXEL_VARIANCE), 0, 0
     for k in range(found.shape[0]):
-        row = fitted[n_stars]
-        row[PLACE_X], row[PLACE_Y] = place_of_middle(
-            camera, times, omega_c, found[k, MIDDLE_X], found[k, MIDDLE_Y], path
-        )
+        row, path = fitted[n_fits], paths[n_fits]
+        x, y = found[k, MIDDLE_X], found[k, MIDDLE_Y]
+        row[PLACE_X], row[PLACE_Y] = place_of_middle(camera, motion[1], motion[0], x, y, path)
         if not np.isfinite(row[PLACE_X]):
             continue
         around = _tile_level(level, path)
-        n = _window(
-            image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, n_stars, -1, work, row
-        )
-        search = (0.0, 0.0)
+        n = _window(image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, n_fits, -1, work, row)
         if n == 0 or not fit_one(
-            camera, motion, P_omega_c, s, dn_per_electron, around[1], LEVEL_SIGMA, search, least, n, path, work, row
+            camera, motion, P_omega_c, s, dn_per_electron, around[1], LEVEL_SIGMA, no_search, least, n, path, work, row
         ):
             continue
-        if row[RATIO] < least or judge(camera, P_omega_c, s, dn_per_electron, n, path, work, row) != STAR:
+        if row[RATIO] < least:
             continue
-        if row[RATIO] > BRIGHT and row[N_SATURATED] == 0:
+        verdict[n_fits] = judge(camera, P_omega_c, s, dn_per_electron, n, path, work, row)
+        if verdict[n_fits] == STAR and row[RATIO] > BRIGHT and row[N_SATURATED] == 0:
             widths[n_widths] = width2(s, row[LEVEL], n, work)
             n_widths += 1
-        paths[n_stars] = path
-        n_stars += 1
+        n_fits += 1
+    expected = s
     if n_widths > 0:
-        seen = np.sqrt(max(np.median(widths[:n_widths]), PIXEL_VARIANCE))
+        seen = np.sqrt(np.median(widths[:n_widths]))
         if WIDTHS[0] * s < seen < WIDTHS[1] * s and abs(seen - s) > WIDTH_PART * s:
-            s = -seen
-    for k in range(n_stars):
-        path[:] = paths[k]
-        row = fitted[k].copy()
-        if s > 0.0 and not _has_neighbour(paths, k, n_stars, s):
+            s = seen
+    row, path = np.empty(COLUMNS), np.empty(NUMBERS)
+    for k in range(n_fits):
+        first = 0 if verdict[k] != STAR else k + 1
+        if s == expected and not _has_neighbour(paths, k, first, n_fits, s):
             continue
+        row[:], path[:] = fitted[k], paths[k]
         around = _tile_level(level, path)
-        n = _window(
-            image_dn, bad, path, abs(s), around, saturation_dn, dn_per_electron, paths, fitted, n_stars, k, work, row
-        )
+        n = _window(image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, n_fits, k, work, row)
         if n > 0 and fit_one(
-            camera, motion, P_omega_c, abs(s), dn_per_electron, around[1], LEVEL_SIGMA, (0.0, 0.0), least, n, path, work, row
+            camera, motion, P_omega_c, s, dn_per_electron, around[1], LEVEL_SIGMA, no_search, least, n, path, work, row
         ):
             fitted[k], paths[k] = row, path
-    return fitted, n_stars
+            verdict[k] = judge(camera, P_omega_c, s, dn_per_electron, n, path, work, row)
+    return _stars(fitted[:n_fits], verdict, least)
+
+
+@njit(cache=True)
+def _stars(fitted, verdict, least):
+    """Move the stars to the first rows; returns the rows and how many they are."""
+    n = 0
+    for k in range(fitted.shape[0]):
+        if verdict[k] == STAR and fitted[k, RATIO] >= least:
+            fitted[n] = fitted[k]
+            n += 1
+    return fitted, n
 
 
 @njit(cache=True)
@@ -292,9 +302,9 @@ def _window(
 
 
 @njit(cache=True)
-def _has_neighbour(paths, k, n, s):
-    """Whether a star that was fitted after this one is near."""
-    for j in range(k + 1, n):
-        if touching(paths[k], paths[j], s, reach_px(paths[k, LENGTH], s)):
+def _has_neighbour(paths, k, first, n, s):
+    """Whether one of the streaks first ... n - 1 is near streak k."""
+    for j in range(first, n):
+        if j != k and touching(paths[k], paths[j], s, reach_px(paths[k, LENGTH], s)):
             return True
     return False
