@@ -30,8 +30,10 @@ LEAST_PART = 0.4  # of a streak in the frame; what has less gets no candidate
 HISTOGRAM = 512  # steps of the filtered values
 STEP = 1.0 / 24.0  # sigma
 SAMPLE_EVERY = 3
+OVERLAP = 2  # bins, of tiles: a streak between two, seen askew by each, must not be left to the other
 MOST_RAW = 20000  # maxima
 MOST_CANDIDATES = 400
+SAME_BINS = 2.0  # closer than that along and across are the maxima of one streak
 FLAT_LINES = 1.5  # the ridge along a bright streak is this wide, in bins, on each side
 
 # columns of a candidate
@@ -109,7 +111,7 @@ def tile_side(gradient):
 
 def pad_of(side, longest_px, sigma_px):
     """Empty bins that `candidates` needs around the frame."""
-    return side + steps_of(longest_px, 0.0, sigma_px) + 8
+    return side + steps_of(longest_px, 0.0, sigma_px) + 8 + 4 * OVERLAP
 
 
 @njit(cache=True)
@@ -205,11 +207,11 @@ def _filter_tile(bins, shape, pad, tile, slope, along_px, sigma_px, least, raw, 
     r0, r1, c0, c1 = tile
     n = steps_of(along_px, slope, sigma_px)
     middle = 0.5 * (r0 + r1 - 1)
-    drift = abs(slope) * (0.5 * (r1 - r0) + 1.0)
+    drift = abs(slope) * (0.5 * (r1 - r0) + 1.0 + OVERLAP) + OVERLAP
     u0 = int(np.floor(c0 - drift)) - 2
     n_lines = int(np.ceil(c1 + drift)) + 2 - u0
-    first = r0 - (n - 1) // 2 - 1  # first row of the first sum; its middle is the row before the tile
-    n_sums = r1 - r0 + 2 + (n - 1) % 2
+    first = r0 - (n - 1) // 2 - 1 - OVERLAP  # first row of the first sum; its middle is before the tile
+    n_sums = r1 - r0 + 2 + 2 * OVERLAP + (n - 1) % 2
     values = np.empty((n_sums, n_lines), dtype=np.float32)
     across = np.float32(exp(-0.5 / (sigma_px**2 * (1.0 + slope * slope) / BIN**2 + BIN_VARIANCE)))
     _sums(bins, pad, slope, middle, first, n, u0, across, values)
@@ -266,19 +268,26 @@ def _sums(bins, pad, slope, middle, first, n, u0, across, values):
 @njit(cache=True)
 def _part_inside(shape, slope, middle, first, n, u0, values):
     """Weigh sums that the border cuts against the noise of the part inside; too small a part is no sum."""
+    n_lines = values.shape[1]
+    low, high = np.empty(n_lines, dtype=np.int32), np.empty(n_lines, dtype=np.int32)
+    for i in range(n_lines):
+        column = u0 + i  # at the middle row
+        low[i], high[i] = 0, shape[0] - 1
+        if abs(slope) > 1e-9:
+            one = middle + (0.0 - column) / slope
+            two = middle + (shape[1] - 1.0 - column) / slope
+            low[i] = max(0.0, np.ceil(min(max(min(one, two), -1e6), 1e6)))
+            high[i] = min(shape[0] - 1.0, np.floor(min(max(max(one, two), -1e6), 1e6)))
+        elif column < 0 or column > shape[1] - 1:
+            high[i] = -1
+    weight = np.zeros(n + 1, dtype=np.float32)
+    for count in range(n + 1):
+        weight[count] = np.sqrt(n / count) if count >= max(LEAST_PART * n, 1.0) else 0.0
     for k in range(values.shape[0]):
-        top, bottom = max(first + k, 0.0), min(first + k + n - 1.0, shape[0] - 1.0)
-        for i in range(values.shape[1]):
-            low, high = top, bottom
-            column = u0 + i  # at the middle row
-            if abs(slope) > 1e-9:
-                one = middle + (0.0 - column) / slope
-                two = middle + (shape[1] - 1.0 - column) / slope
-                low, high = max(low, min(one, two)), min(high, max(one, two))
-            elif column < 0 or column > shape[1] - 1:
-                high = low - 1.0
-            part = min((high - low + 1.0) / n, 1.0)
-            values[k, i] = values[k, i] / np.sqrt(part) if part >= LEAST_PART else 0.0
+        top, bottom, row = np.int32(first + k), np.int32(first + k + n - 1), values[k]
+        for i in range(n_lines):
+            count = min(high[i], bottom) - max(low[i], top) + 1
+            row[i] *= weight[np.uint32(max(count, 0))]
 
 
 @njit(cache=True)
@@ -289,7 +298,7 @@ def _maxima(values, least, tile, slope, middle, first_middle, u0, raw, n_raw):
     for k in range(1, values.shape[0] - 1):
         before, here, after = values[k - 1], values[k], values[k + 1]
         row = first_middle + k
-        if row < r0 - 0.25 or row >= r1 - 0.25:
+        if row < r0 - OVERLAP or row >= r1 + OVERLAP:
             continue
         shift = slope * (row - middle) + u0
         for i in range(1, values.shape[1] - 1):
@@ -301,7 +310,7 @@ def _maxima(values, least, tile, slope, middle, first_middle, u0, raw, n_raw):
             if v < before[i - 1] or v < before[i + 1] or v <= after[i - 1] or v <= after[i + 1]:
                 continue
             column = i + shift
-            if column < c0 - 0.5 or column >= c1 - 0.5 or n_raw == raw.shape[0]:
+            if column < c0 - OVERLAP or column >= c1 + OVERLAP or n_raw == raw.shape[0]:
                 continue
             raw[n_raw, 0] = v
             raw[n_raw, 1], raw[n_raw, 2] = BIN * column + 0.5, BIN * row + 0.5
@@ -345,6 +354,9 @@ def _thinned(raw, noise, level, least, sigma_px):
             reach = length + SPOT_SIGMAS * sigma_px + BIN
             along = abs(ex * kept[j, 3] + ey * kept[j, 4]) / length
             across = abs(ey * kept[j, 3] - ex * kept[j, 4]) / length
+            if along < SAME_BINS * BIN and across < SAME_BINS * BIN:
+                is_bump = True  # the same, of the next tile
+                break
             if along < reach and across < 3.0 * wide:
                 ridge = kept[j, 0] * (1.0 - along / reach) * np.exp(-0.5 * (across / wide) ** 2)
                 if value < ridge + least:
