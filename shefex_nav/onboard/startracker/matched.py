@@ -266,19 +266,26 @@ def _sums(bins, pad, slope, middle, first, n, u0, across, values):
 @njit(cache=True)
 def _part_inside(shape, slope, middle, first, n, u0, values):
     """Weigh sums that the border cuts against the noise of the part inside; too small a part is no sum."""
+    n_lines = values.shape[1]
+    low, high = np.empty(n_lines, dtype=np.int32), np.empty(n_lines, dtype=np.int32)
+    for i in range(n_lines):
+        column = u0 + i  # at the middle row
+        low[i], high[i] = 0, shape[0] - 1
+        if abs(slope) > 1e-9:
+            one = middle + (0.0 - column) / slope
+            two = middle + (shape[1] - 1.0 - column) / slope
+            low[i] = max(0.0, np.ceil(min(max(min(one, two), -1e6), 1e6)))
+            high[i] = min(shape[0] - 1.0, np.floor(min(max(max(one, two), -1e6), 1e6)))
+        elif column < 0 or column > shape[1] - 1:
+            high[i] = -1
+    weight = np.zeros(n + 1, dtype=np.float32)
+    for count in range(n + 1):
+        weight[count] = np.sqrt(n / count) if count >= max(LEAST_PART * n, 1.0) else 0.0
     for k in range(values.shape[0]):
-        top, bottom = max(first + k, 0.0), min(first + k + n - 1.0, shape[0] - 1.0)
-        for i in range(values.shape[1]):
-            low, high = top, bottom
-            column = u0 + i  # at the middle row
-            if abs(slope) > 1e-9:
-                one = middle + (0.0 - column) / slope
-                two = middle + (shape[1] - 1.0 - column) / slope
-                low, high = max(low, min(one, two)), min(high, max(one, two))
-            elif column < 0 or column > shape[1] - 1:
-                high = low - 1.0
-            part = min((high - low + 1.0) / n, 1.0)
-            values[k, i] = values[k, i] / np.sqrt(part) if part >= LEAST_PART else 0.0
+        top, bottom, row = np.int32(first + k), np.int32(first + k + n - 1), values[k]
+        for i in range(n_lines):
+            count = min(high[i], bottom) - max(low[i], top) + 1
+            row[i] *= weight[np.uint32(max(count, 0))]
 
 
 @njit(cache=True)

@@ -39,14 +39,15 @@ from shefex_nav.onboard.startracker.streak_path import (
 
 PIXEL_VARIANCE = 1.0 / 12.0  # px^2 per axis
 MOST_PIXELS = 12000  # of one streak's window
-ACROSS_SIGMAS = 4.5  # half width of the window
+ACROSS_SIGMAS = 3.5  # half width of the window
 BEYOND_SIGMAS = 4.0  # the window ends so far beyond the ends and the search
 SEARCH_PX = (2.5, 12.0)  # shortest and longest search along, each way
 SEARCH_PART = 0.3  # of the length
 PROFILE_PX = 0.5  # step of the profile along
 SHIFT_PX = 0.25  # step of the search along
 MOST_STEPS = 8
-SMALL_STEP_PX = 0.01
+SMALL_STEP_PX = 0.03
+SMALL_STEP_FLUX = 0.1  # relative; the flux is linear, only the weights wait for it
 FARTHEST_PX = 3.0  # from the place that the search along found, across and along
 OUTLIER_SIGMA = 5.0  # pixels further from the model are not this star's light
 MODEL_ERROR = 0.25  # of the light in a pixel, that the model may be off by before a pixel is an outlier [E]
@@ -55,6 +56,9 @@ POSTERIOR_PX = 0.25  # standard deviation along from which the mean of the likel
 NEIGHBOUR_ERROR = 0.1  # of a neighbour's light, that its model may be off by [E]
 PRIOR_DOF = 30.0  # weight of the expected misfit against the one seen [E]
 LEAST_PIXELS = 8
+EARLY_PART = 0.8  # half a sigma beside the line a streak shows 0.94 of its ratio
+NEAR_SIGMAS = 3.5  # around the streak: pixels of the fit; the others are for the search
+CORE_PART = 0.1  # of the brightest pixel's light: what counts as a pixel of the star
 
 # rows of the pixels of a window
 X, Y, LIGHT, VARIANCE, MODEL, ALONG, ACROSS, TIME = range(8)
@@ -136,6 +140,14 @@ def _table(z):
 
 
 @njit(cache=True)
+def _density(z):
+    """Normal density at -REACH < z < REACH."""
+    place = (z + REACH) * PER_SIGMA
+    index = np.uint64(place)
+    return NORMAL[index, 1] + (place - index) * (NORMAL[index + np.uint64(1), 1] - NORMAL[index, 1])
+
+
+@njit(cache=True)
 def light_at(path, s, x, y):
     """Light in a pixel of a star of flux one: itself, derivatives to a shift along and across, time.
 
@@ -146,14 +158,21 @@ def light_at(path, s, x, y):
     u = min(max(along / path[LENGTH], 0.0), 1.0)
     across = dy * path[TX] - dx * path[TY] - 4.0 * path[SAG] * u * (1.0 - u)
     z = across / s
-    if abs(z) > REACH:
-        return 0.0, 0.0, 0.0, path[BEGIN]
-    c_first, d_first = _table((along - path[SKEW] * dy) / s)
-    c_last, d_last = _table((along - path[LENGTH] - path[SKEW] * (y - path[Y1])) / s)
-    _, d_across = _table(z)
-    line = path[SHARE] * d_across / s
-    light = line * (c_first - c_last)
-    return light, line * (d_last - d_first) / s, light * z / s, path[BEGIN] + u * (path[END] - path[BEGIN])
+    time = path[BEGIN] + u * (path[END] - path[BEGIN])
+    from_first = (along - path[SKEW] * dy) / s
+    from_last = (along - path[LENGTH] - path[SKEW] * (y - path[Y1])) / s
+    if abs(z) > REACH or from_first < -REACH or from_last > REACH:
+        return 0.0, 0.0, 0.0, time
+    line = path[SHARE] * _density(z) / s
+    light, end = line, 0.0
+    if from_first < REACH:
+        c, d = _table(from_first)
+        light, end = line * c, -line * d / s
+    if from_last > -REACH:
+        c, d = _table(from_last)
+        light -= line * c
+        end += line * d / s
+    return light, end, light * z / s, time
 
 
 @njit(cache=True)
@@ -181,25 +200,26 @@ def profile(path, s, flux, level, dn_per_electron, n, start, sums, work):
     one; the weights w take the shot noise of a star of this flux where it would shine.
     """
     sums[:] = 0.0
-    n_steps = sums.shape[1]
+    n_steps, per_s, shot = sums.shape[1], 1.0 / s, max(flux, 0.0) * dn_per_electron
+    tx, ty, x_0, y_0, per_length = path[TX], path[TY], path[X0], path[Y0], 1.0 / path[LENGTH]
+    bend, height = 4.0 * path[SAG], path[SHARE] / s
     for k in range(n):
-        if not work[VARIANCE, k] < np.inf:
+        dx, dy = work[X, k] - x_0, work[Y, k] - y_0
+        along = dx * tx + dy * ty
+        u = min(max(along * per_length, 0.0), 1.0)
+        z = (dy * tx - dx * ty - bend * u * (1.0 - u)) * per_s
+        place = (along - start) * (1.0 / PROFILE_PX)
+        if abs(z) > NEAR_SIGMAS or place < 0.0 or place >= n_steps - 1:
             continue
-        dx, dy = work[X, k] - path[X0], work[Y, k] - path[Y0]
-        along = dx * path[TX] + dy * path[TY]
-        u = min(max(along / path[LENGTH], 0.0), 1.0)
-        z = (dy * path[TX] - dx * path[TY] - 4.0 * path[SAG] * u * (1.0 - u)) / s
-        place = (along - start) / PROFILE_PX
-        index = int(place)
-        if abs(z) > REACH or place < 0.0 or index + 1 >= n_steps:
-            continue
-        g = path[SHARE] * _table(z)[1] / s
-        w = g / (work[VARIANCE, k] + max(flux, 0.0) * dn_per_electron * work[MODEL, k])
+        g = height * _density(z)
+        w = g / (work[VARIANCE, k] + shot * work[MODEL, k])
+        index = np.uint64(place)
         f = place - index
-        sums[0, index] += (1.0 - f) * w * (work[LIGHT, k] - level)
-        sums[0, index + 1] += f * w * (work[LIGHT, k] - level)
-        sums[1, index] += (1.0 - f) * w * g
-        sums[1, index + 1] += f * w * g
+        up, norm = w * (work[LIGHT, k] - level), w * g
+        sums[0, index] += (1.0 - f) * up
+        sums[0, index + np.uint64(1)] += f * up
+        sums[1, index] += (1.0 - f) * norm
+        sums[1, index + np.uint64(1)] += f * norm
 
 
 @njit(cache=True, fastmath=True)
@@ -228,38 +248,63 @@ def shifts(path, s, start, reach, sums, ratio):
     return n_shifts
 
 
-@njit(cache=True)
-def _equations(flux, level, n, path, dn_per_electron, background_weight, work, A, g, T):
-    """Normal equations of place, flux and level, and of the rate's effect on them; returns chi squared.
+@njit(cache=True, fastmath=True)
+def _equations(flux, level, dn_per_electron, n, work, A, g):
+    """Normal equations of the shift along and across, flux and level; returns chi squared.
 
-    A (4, 4) and g (4,) of x, y, flux, level; T (4, 2): what a displacement of 1 px per s of the path would
-    put on the right side.
+    A (4, 4) and g (4,) are written.
     """
-    A[:], g[:], T[:] = 0.0, 0.0, 0.0
-    tx, ty = path[TX], path[TY]
-    chi2, d = 0.0, np.empty(4)
+    aa, ac, af, ab, cc, cf, cb, ff, fb, bb = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ga, gc, gf, gb, chi2 = 0.0, 0.0, 0.0, 0.0, 0.0
+    light, variance = work[LIGHT], work[VARIANCE]
+    model, along, across = work[MODEL], work[ALONG], work[ACROSS]
+    shot = flux * dn_per_electron
     for k in range(n):
-        m = work[MODEL, k]
-        w = 1.0 / (work[VARIANCE, k] + flux * dn_per_electron * m)
-        rest = work[LIGHT, k] - level - flux * m
-        d[0] = flux * (work[ALONG, k] * tx - work[ACROSS, k] * ty)
-        d[1] = flux * (work[ALONG, k] * ty + work[ACROSS, k] * tx)
-        d[2], d[3] = m, 1.0
-        t = work[TIME, k]
-        chi2 += w * rest * rest
-        for i in range(4):
-            wd = w * d[i]
-            g[i] += wd * rest
-            T[i, 0] += wd * d[0] * t
-            T[i, 1] += wd * d[1] * t
-            for j in range(i, 4):
-                A[i, j] += wd * d[j]
-    A[3, 3] += background_weight
-    g[3] -= background_weight * level
+        m, a, c = model[k], along[k], across[k]
+        w = 1.0 / (variance[k] + shot * m)
+        rest = light[k] - level - flux * m
+        wa, wc, wm, wr = w * a, w * c, w * m, w * rest
+        aa += wa * a
+        ac += wa * c
+        af += wa * m
+        ab += wa
+        cc += wc * c
+        cf += wc * m
+        cb += wc
+        ff += wm * m
+        fb += wm
+        bb += w
+        ga += wr * a
+        gc += wr * c
+        gf += wr * m
+        gb += wr
+        chi2 += wr * rest
+    square = flux * flux
+    A[0, 0], A[0, 1], A[0, 2], A[0, 3] = aa * square, ac * square, af * flux, ab * flux
+    A[1, 1], A[1, 2], A[1, 3], A[2, 2], A[2, 3], A[3, 3] = cc * square, cf * flux, cb * flux, ff, fb, bb
     for i in range(4):
         for j in range(i):
             A[i, j] = A[j, i]
+    g[0], g[1], g[2], g[3] = flux * ga, flux * gc, gf, gb
     return chi2
+
+
+@njit(cache=True)
+def _rate_effect(flux, dn_per_electron, n, work, T):
+    """Right sides that a motion of 1 px/s along and across, unknown to the model, would make: T (4, 2)."""
+    T[:] = 0.0
+    for k in range(n):
+        m, t = work[MODEL, k], work[TIME, k]
+        w = flux * t / (work[VARIANCE, k] + flux * dn_per_electron * m)
+        a, c = work[ALONG, k], work[ACROSS, k]
+        T[0, 0] += w * a * a * flux
+        T[0, 1] += w * a * c * flux
+        T[1, 0] += w * c * a * flux
+        T[1, 1] += w * c * c * flux
+        T[2, 0] += w * m * a
+        T[2, 1] += w * m * c
+        T[3, 0] += w * a
+        T[3, 1] += w * c
 
 
 @njit(cache=True)
@@ -293,31 +338,41 @@ def _inverse(A, out):
 
 
 @njit(cache=True)
-def newton(camera, motion, s, dn_per_electron, level_error, n, path, work, fitted, P, T):
+def newton(camera, motion, s, dn_per_electron, level_error, n, path, work, fitted, P):
     """Gauss and Newton from the place, flux and level in `fitted`, which is overwritten.
 
-    P (4, 4) is the covariance, T (4, 2) as in `_equations`, both at the result. Returns whether it settled.
+    Where the ends are not sure enough (POSTERIOR_PX) the place along stays as it is. P (4, 4) is the
+    covariance of along, across, flux, level. Returns whether it settled.
     """
     omega_c, times = motion
-    A, g = np.empty((4, 4)), np.empty(4)
+    A, g, held = np.empty((4, 4)), np.empty(4), np.empty((4, 4))
     x, y, flux, level = fitted[PLACE_X], fitted[PLACE_Y], fitted[FLUX], fitted[LEVEL]
     x_start, y_start = x, y
-    background_weight = 1.0 / level_error**2
     for _ in range(MOST_STEPS):
         if not path_of(camera, times, omega_c, x, y, path):
             return False
         draw(path, s, n, work)
-        chi2 = _equations(flux, level, n, path, dn_per_electron, background_weight, work, A, g, T)
+        chi2 = _equations(flux, level, dn_per_electron, n, work, A, g)
+        A[3, 3] += 1.0 / level_error**2
+        g[3] -= level / level_error**2
         if not _inverse(A, P):
             return False
-        step = P @ g
+        if P[0, 0] > POSTERIOR_PX**2:
+            A[0, 0] *= 1e6
+            if not _inverse(A, held):
+                return False
+            step = held @ g
+        else:
+            step = P @ g
         length = np.hypot(step[0], step[1])
         scale = min(1.0, s / length) if length > 0.0 else 1.0
-        x, y, level = x + scale * step[0], y + scale * step[1], level + scale * step[3]
+        x += scale * (step[0] * path[TX] - step[1] * path[TY])
+        y += scale * (step[0] * path[TY] + step[1] * path[TX])
+        level += scale * step[3]
         flux = max(flux + scale * step[2], 0.3 * flux)
         if np.hypot(x - x_start, y - y_start) > FARTHEST_PX + s:
             return False
-        if length < SMALL_STEP_PX and abs(step[2]) < 0.1 * flux:
+        if length < SMALL_STEP_PX and abs(step[2]) < SMALL_STEP_FLUX * flux:
             fitted[PLACE_X], fitted[PLACE_Y], fitted[FLUX], fitted[LEVEL] = x, y, flux, level
             fitted[CHI2] = chi2 - (g * step).sum()
             return path_of(camera, times, omega_c, x, y, path)
@@ -359,7 +414,7 @@ def width2(s, level, n, work):
 
 @njit(cache=True)
 def posterior(path, s, fitted, dn_per_electron, n, start, sums, ratio, work):
-    """Mean and variance of the shift along under the likelihood, and the highest ratio there."""
+    """Mean and variance of the shift along under the likelihood."""
     profile(path, s, fitted[FLUX], fitted[LEVEL], dn_per_electron, n, start, sums, work)
     n_shifts = shifts(path, s, start, SHIFT_PX * (ratio.shape[0] // 2), sums, ratio)
     best = ratio[:n_shifts].max()
@@ -372,11 +427,11 @@ def posterior(path, s, fitted, dn_per_electron, n, start, sums, ratio, work):
         first += weight * shift
         second += weight * shift * shift
     mean = first / total
-    return mean, second / total - mean * mean, best
+    return mean, second / total - mean * mean
 
 
 @njit(cache=True)
-def fit_one(camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, search_px, n, path, work, fitted):
+def fit_one(camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, search_px, least, n, path, work, fitted):
     """Fit one streak to the pixels in work.
 
     Parameters
@@ -389,6 +444,7 @@ def fit_one(camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, s
     noise : DN, of a pixel
     level_sigma : error of the background, in units of noise
     search_px : (along, across) how far the star may be; along at least `reach_px`, across 0 for a candidate
+    least : signal-to-noise ratio that is needed; EARLY_PART of it before the place across is known
     n : number of pixels in work
     path : (NUMBERS,) at the first place; overwritten by the fitted one
     work : (ROWS, MOST_PIXELS)
@@ -403,28 +459,48 @@ def fit_one(camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, s
     start = SHIFT_PX * np.floor(-(reach + BEYOND_SIGMAS * s + 1.0) / SHIFT_PX)
     sums = np.empty((2, int((path[LENGTH] - 2.0 * start) / PROFILE_PX) + 2))
     ratio = np.empty(2 * int(reach / SHIFT_PX) + 1)
-    if not _search(camera, motion, s, dn_per_electron, n, search_px, reach, path, start, sums, ratio, work, fitted):
+    if not _search(camera, motion, s, dn_per_electron, n, search_px, least, path, start, sums, ratio, work, fitted):
         return False
-    draw(path, s, n, work)
-    fitted[FLUX], fitted[LEVEL] = _first_flux(n, work), 0.0
-    P, T = np.empty((4, 4)), np.empty((4, 2))
-    if not (fitted[FLUX] > 0.0 and newton(camera, motion, s, dn_per_electron, level_sigma * noise, n, path, work, fitted, P, T)):
+    n_near = _nearest(path, s, n, work)
+    work[ALONG:, n_near:n] = 0.0
+    draw(path, s, n_near, work)
+    fitted[FLUX], fitted[LEVEL] = _first_flux(n_near, work), 0.0
+    P = np.empty((4, 4))
+    level_error = level_sigma * noise
+    if not (fitted[FLUX] > 0.0):
         return False
-    n_masked = 0
-    for _ in range(2):
-        draw(path, s, n, work)
+    fitted[N_MASKED] = 0.0
+    for _ in range(3):
+        if not newton(camera, motion, s, dn_per_electron, level_error, n_near, path, work, fitted, P):
+            return False
+        draw(path, s, n_near, work)
         now = mask(fitted[FLUX], fitted[LEVEL], s, path, dn_per_electron, n, work)
-        n_masked += now
+        fitted[N_MASKED] += now
         if now == 0:
             break
-        if not newton(camera, motion, s, dn_per_electron, level_sigma * noise, n, path, work, fitted, P, T):
-            return False
-    fitted[N_MASKED] = n_masked
-    return _finish(camera, motion, P_omega_c, s, dn_per_electron, n, path, start, sums, ratio, work, fitted, P, T)
+    return _finish(
+        camera, motion, P_omega_c, s, dn_per_electron, n, n_near, path, start, sums, ratio, work, fitted, P
+    )
 
 
 @njit(cache=True)
-def _search(camera, motion, s, dn_per_electron, n, search_px, reach, path, start, sums, ratio, work, fitted):
+def _nearest(path, s, n, work):
+    """Put the pixels that can have light of the streak first; returns how many they are."""
+    near_across, near_along = NEAR_SIGMAS * s + 0.5, NEAR_SIGMAS * s + 1.0
+    n_near = 0
+    for k in range(n):
+        dx, dy = work[X, k] - path[X0], work[Y, k] - path[Y0]
+        along, across = dx * path[TX] + dy * path[TY], dy * path[TX] - dx * path[TY]
+        if abs(across) < near_across and -near_along < along < path[LENGTH] + near_along:
+            for i in (X, Y, LIGHT, VARIANCE):
+                work[i, k], work[i, n_near] = work[i, n_near], work[i, k]
+            n_near += 1
+    work[MODEL, n_near:n] = 0.0
+    return n_near
+
+
+@njit(cache=True)
+def _search(camera, motion, s, dn_per_electron, n, search_px, least, path, start, sums, ratio, work, fitted):
     """Move the start along the streak, and across if search_px says so, to where its sum is highest."""
     omega_c, times = motion
     x, y = fitted[PLACE_X], fitted[PLACE_Y]
@@ -434,13 +510,13 @@ def _search(camera, motion, s, dn_per_electron, n, search_px, reach, path, start
     for across in range(-n_across, n_across + 1):
         path[X0], path[Y0] = x_first - across * s * path[TY], y_first + across * s * path[TX]
         profile(path, s, 0.0, 0.0, dn_per_electron, n, start, sums, work)
-        n_shifts = shifts(path, s, start, reach, sums, ratio)
+        n_shifts = shifts(path, s, start, SHIFT_PX * (ratio.shape[0] // 2), sums, ratio)
         i = np.argmax(ratio[:n_shifts])
         if ratio[i] > best:
             best, shift = ratio[i], (i - n_shifts // 2) * SHIFT_PX
             fitted[PLACE_X] = x + shift * path[TX] - across * s * path[TY]
             fitted[PLACE_Y] = y + shift * path[TY] + across * s * path[TX]
-    if not best > 2.0:
+    if not best > EARLY_PART * least:
         return False
     return path_of(camera, times, omega_c, fitted[PLACE_X], fitted[PLACE_Y], path)
 
@@ -457,38 +533,37 @@ def _first_flux(n, work):
 
 
 @njit(cache=True)
-def _finish(camera, motion, P_omega_c, s, dn_per_electron, n, path, start, sums, ratio, work, fitted, P, T):
+def _finish(camera, motion, P_omega_c, s, dn_per_electron, n, n_near, path, start, sums, ratio, work, fitted, P):
     """Covariance, the mean along where it is due, and the sums of a settled fit."""
     omega_c, times = motion
-    tx, ty = path[TX], path[TY]
-    draw(path, s, n, work)
-    variance = P[0, 0] * tx * tx + 2.0 * P[0, 1] * tx * ty + P[1, 1] * ty * ty
-    xx, xy, yy = P[0, 0], P[0, 1], P[1, 1]
-    if variance > POSTERIOR_PX**2:
-        mean, spread, _ = posterior(path, s, fitted, dn_per_electron, n, start, sums, ratio, work)
-        more = max(spread, 0.5 * variance) - variance
-        xx, xy, yy = xx + more * tx * tx, xy + more * tx * ty, yy + more * ty * ty
-        fitted[PLACE_X] += mean * tx
-        fitted[PLACE_Y] += mean * ty
-    n_used, n_core = 0, 0
-    up, norm, light = 0.0, 0.0, 0.0
-    for k in range(n):
+    turn = np.array([[path[TX], -path[TY]], [path[TY], path[TX]]])
+    T = np.empty((4, 2))
+    _rate_effect(fitted[FLUX], dn_per_electron, n_near, work, T)
+    # an error of the rate moves the light at time t by J domega t: what that does to the fitted place
+    J = np.ascontiguousarray(P[:2]) @ T @ turn.T @ rate_jacobian(camera, fitted[PLACE_X], fitted[PLACE_Y])
+    cov = P[:2, :2].copy()
+    if cov[0, 0] > POSTERIOR_PX**2:
+        mean, spread = posterior(path, s, fitted, dn_per_electron, n, start, sums, ratio, work)
+        wider = max(spread / cov[0, 0], 0.5)
+        cov[0, 0] *= wider
+        cov[0, 1] *= sqrt(wider)
+        cov[1, 0] *= sqrt(wider)
+        fitted[PLACE_X] += mean * path[TX]
+        fitted[PLACE_Y] += mean * path[TY]
+    n_used, n_core, up, norm, most = 0, 0, 0.0, 0.0, 0.0
+    for k in range(n_near):
+        most = max(most, work[MODEL, k])
         if work[VARIANCE, k] < np.inf:
             m = work[MODEL, k]
             n_used += 1
-            light = max(light, m)
             up += m * (work[LIGHT, k] - fitted[LEVEL]) / work[VARIANCE, k]
             norm += m * m / work[VARIANCE, k]
-    for k in range(n):
-        n_core += work[MODEL, k] > 0.1 * light
+    for k in range(n_near):
+        n_core += work[MODEL, k] > CORE_PART * most
     if n_used < LEAST_PIXELS or norm <= 0.0:
         return False
-    fitted[RATIO] = up / sqrt(norm)
-    fitted[DOF] = n_used - 3.0
-    factor = max(1.0, (PRIOR_DOF + fitted[CHI2]) / (PRIOR_DOF + fitted[DOF]))
-    # an error of the rate moves the light at time t by J domega t: what that does to the fitted place
-    J = P[:2] @ T @ rate_jacobian(camera, fitted[PLACE_X], fitted[PLACE_Y])
-    R = J @ P_omega_c @ J.T
-    fitted[XX], fitted[XY], fitted[YY] = factor * xx + R[0, 0], factor * xy + R[0, 1], factor * yy + R[1, 1]
-    fitted[N_PIXELS] = n_core
+    fitted[RATIO], fitted[N_PIXELS], fitted[DOF] = up / sqrt(norm), n_core, n_used - 3.0
+    cov *= max(1.0, (PRIOR_DOF + fitted[CHI2]) / (PRIOR_DOF + fitted[DOF]))
+    P_px = turn @ (cov + J @ P_omega_c @ J.T) @ turn.T
+    fitted[XX], fitted[XY], fitted[YY] = P_px[0, 0], P_px[0, 1], P_px[1, 1]
     return path_of(camera, times, omega_c, fitted[PLACE_X], fitted[PLACE_Y], path)

@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.geometry.shutter import RowTimes
+from shefex_nav.onboard.startracker import streak_near as near
 from shefex_nav.onboard.startracker.binned import BIN, bad_map, in_noise, interpolated, level_of
 from shefex_nav.onboard.startracker.detect import FrameStatistics
 from shefex_nav.onboard.startracker.matched import (
@@ -71,16 +72,12 @@ FIRST_PART = 0.8  # of the threshold, for candidates: the bins lose a tenth of a
 CLIP_PART = 0.5  # of the threshold: what one bin may add to the filtered value of a streak
 LEVEL_SIGMA = 0.05  # of the noise of a pixel: error of the level between tiles [E]
 SPOT_STEPS = 3  # a sum of fewer bins is not clipped
-STRIP_SIGMA = 0.1  # ... and of the level beside a streak
 ACROSS_PX = 1.5  # that a candidate may be off its line
 BRIGHT = 25.0  # signal-to-noise ratio of the stars that show their width
 WIDTH_PART = 0.02  # stars are fitted again if their width is off by more
 WIDTHS = (0.7, 1.5)  # of the expected one, that are believed
-STRIP_PX = 6.0  # width of the strips beside a streak that show its background
-STRIP_REACH_PX = 8.0  # beyond its ends
-MOST_STRIP = 4000  # pixels
-SEARCH_SIGMAS = 3.0  # around a predicted place
-LEAST_INSIDE = 0.4  # of a predicted streak, in the frame
+FALSE_NEAR = 0.05  # wanted number of objects near predictions that are noise
+MEAN_EVERY = 16
 
 
 class Motion(NamedTuple):
@@ -131,6 +128,46 @@ def detect_streaks(params, camera, image_dn, motion, false_objects=FALSE_OBJECTS
         k * noise,
     )
     statistics = FrameStatistics(mean_dn, float(np.median(level.background)), float(np.median(level.noise)))
+    return _detections(fitted[:n], params.max_objects), statistics
+
+
+def detect_near(params, camera, image_dn, motion, xy_px, P_px, false_objects=FALSE_NEAR):
+    """Stars near predicted places only, for tracking.
+
+    Each is searched SEARCH_SIGMAS around its prediction, against the background of the strips beside it.
+
+    Parameters
+    ----------
+    params, camera, image_dn, motion : as `detect_streaks`
+    xy_px : (m, 2) predicted places at the instant
+    P_px : (m, 2, 2) px^2, their covariances
+    false_objects : float, wanted number of objects, over all predictions, that are noise
+
+    Returns
+    -------
+    Detections, brightest first: the predictions that were found
+    FrameStatistics, of the strips; the mean of every MEAN_EVERY-th row of the frame
+    """
+    image_dn, omega_c, P_omega_c = _checked(camera, image_dn, motion)
+    xy_px, P_px = np.ascontiguousarray(xy_px, dtype=float), np.ascontiguousarray(P_px, dtype=float)
+    if xy_px.ndim != 2 or xy_px.shape[1] != 2 or P_px.shape != (len(xy_px), 2, 2):
+        raise ValueError(f"predictions: expected (m, 2) and (m, 2, 2), got {xy_px.shape} and {P_px.shape}")
+    sigma, times = float(params.psf_sigma_px), motion.times
+    bad = bad_map(*image_dn.shape, params.bad_pixels)
+    fitted, n, level, noise = near.fit_near(
+        image_dn,
+        bad,
+        camera,
+        (omega_c, times),
+        P_omega_c,
+        xy_px,
+        P_px,
+        sigma,
+        1.0 / params.electrons_per_dn,
+        int(params.saturation_dn),
+        float(false_objects),
+    )
+    statistics = FrameStatistics(float(image_dn[::MEAN_EVERY].mean()), level, noise)
     return _detections(fitted[:n], params.max_objects), statistics
 
 
@@ -201,7 +238,7 @@ def _fit_all(
         )
         search = (0.0, 0.0)
         if n == 0 or not fit_one(
-            camera, motion, P_omega_c, s, dn_per_electron, around[1], LEVEL_SIGMA, search, n, path, work, row
+            camera, motion, P_omega_c, s, dn_per_electron, around[1], LEVEL_SIGMA, search, least, n, path, work, row
         ):
             continue
         if row[RATIO] < least or judge(camera, P_omega_c, s, dn_per_electron, n, path, work, row) != STAR:
@@ -225,7 +262,7 @@ def _fit_all(
             image_dn, bad, path, abs(s), around, saturation_dn, dn_per_electron, paths, fitted, n_stars, k, work, row
         )
         if n > 0 and fit_one(
-            camera, motion, P_omega_c, abs(s), dn_per_electron, around[1], LEVEL_SIGMA, (0.0, 0.0), n, path, work, row
+            camera, motion, P_omega_c, abs(s), dn_per_electron, around[1], LEVEL_SIGMA, (0.0, 0.0), least, n, path, work, row
         ):
             fitted[k], paths[k] = row, path
     return fitted, n_stars
