@@ -1,7 +1,7 @@
 """Streaks near predicted places: the fit of `streaks` without the search through the frame.
 
 In: the frame, the motion, predicted places with covariances. Out: the stars found there. Level and noise come
-from two strips beside each streak, the noise as the median of all: 400 pixels tell it to 7 per cent only.
+from two strips beside each streak, the noise as the median of all: 200 pixels tell it to 10 per cent only.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ from shefex_nav.onboard.startracker.streak_fit import (
     reach_px,
     take_away,
 )
-from shefex_nav.onboard.startracker.streak_path import LENGTH, NUMBERS, TX, TY, X0, X1, Y0, Y1, path_of
+from shefex_nav.onboard.startracker.streak_path import LENGTH, NUMBERS, TX, TY, X0, X1, Y0, Y1, path_of, touching
 from shefex_nav.onboard.startracker.streak_shape import STAR, judge
 
 SEARCH_SIGMAS = 3.0  # around a predicted place
@@ -33,9 +33,9 @@ MOST_SEARCH_PX = 20.0
 STRIP_SIGMAS = 4.0  # from the line of the streak to the strips beside it
 STRIP_PX = 5.0  # their width
 STRIP_ENDS_PX = 8.0  # beyond the ends of the streak
-MOST_STRIP = 1024  # pixels of a strip that are looked at
+MOST_STRIP = 256  # pixels of a strip that are looked at
 LEAST_STRIP = 60
-LEVEL_SIGMA = 0.08  # of the noise of a pixel: error of the level of a strip
+LEVEL_SIGMA = 0.1  # of the noise of a pixel: error of the level of a strip
 LEAST_INSIDE = 0.5  # of a streak in the frame: its middle, then
 LEAST_NOISE = np.sqrt(1.0 / 12.0)  # DN, quantisation
 
@@ -106,7 +106,8 @@ def fit_near(
             image_dn, bad, path, s, (along, search[k, 1]), around[k, 0], own, saturation_dn, work
         )
         for j in range(n_stars):
-            take_away(found[j], s, fitted[j, FLUX], dn_per_electron, n, work)
+            if touching(path, found[j], s, along):
+                take_away(found[j], s, fitted[j, FLUX], dn_per_electron, n, work)
         reach = (search[k, 0], search[k, 1])
         if n == 0 or not fit_one(
             camera, motion, P_omega_c, s, dn_per_electron, own, LEVEL_SIGMA, reach, least, n, path, work, row

@@ -63,6 +63,7 @@ from shefex_nav.onboard.startracker.streak_path import (
     Y0,
     Y1,
     place_of_middle,
+    touching,
 )
 from shefex_nav.onboard.startracker.streak_shape import STAR, judge
 from shefex_nav.records import Detections
@@ -285,27 +286,15 @@ def _window(
     extra = (reach_px(path[LENGTH], s), ACROSS_PX)
     n, row[N_SATURATED] = collect(image_dn, bad, path, s, extra, around[0], around[1], saturation_dn, work)
     for j in range(n_stars):
-        if j != own and _is_near(path, paths[j], s):
+        if j != own and touching(path, paths[j], s, extra[0]):
             take_away(paths[j], s, fitted[j, FLUX], dn_per_electron, n, work)
     return n
-
-
-@njit(cache=True)
-def _is_near(path, other, s):
-    """Whether the windows of two streaks may touch."""
-    ex = 0.5 * (other[X0] + other[X1] - path[X0] - path[X1])
-    ey = 0.5 * (other[Y0] + other[Y1] - path[Y0] - path[Y1])
-    along, across = abs(ex * path[TX] + ey * path[TY]), abs(ey * path[TX] - ex * path[TY])
-    far = 0.5 * (path[LENGTH] + other[LENGTH]) + reach_px(path[LENGTH], s) + 8.0 * s + 2.0
-    # the other one may lie askew: half of what its direction differs by
-    askew = 0.5 * other[LENGTH] * abs(path[TX] * other[TY] - path[TY] * other[TX])
-    return along < far and across < 9.0 * s + ACROSS_PX + askew
 
 
 @njit(cache=True)
 def _has_neighbour(paths, k, n, s):
     """Whether a star that was fitted after this one is near."""
     for j in range(k + 1, n):
-        if _is_near(paths[k], paths[j], s):
+        if touching(paths[k], paths[j], s, reach_px(paths[k, LENGTH], s)):
             return True
     return False
