@@ -88,8 +88,12 @@ def warm_up(scenario):
     state, command = star_tracker.start(tracker, scenario.mission.start)
     trajectory = looking_up(world.flight.trajectory, world.camera)
     rng = noise.generator(0, "camera_noise")
-    picture, _ = camera.expose(world.camera, command, trajectory, 0, command.t_s, rng)
-    star_tracker.step(tracker, state, picture, star_tracker.NO_CONTEXT)
+    picture, truth = camera.expose(world.camera, command, trajectory, 0, command.t_s, rng)
+    at_rest = star_tracker.NO_CONTEXT._replace(omega_c=np.zeros(3), P_omega_c=1e-12 * np.eye(3))
+    predicted = at_rest._replace(q_ic=truth.q_ic, P_c=1e-8 * np.eye(3))
+    for context in (star_tracker.NO_CONTEXT, at_rest, predicted):  # every way to search a frame
+        state, _, _ = star_tracker.step(tracker, state, picture, context)
+        picture = picture._replace(t_valid_s=picture.t_valid_s + picture.exposure_s)
 
 
 def looking_up(trajectory, camera):

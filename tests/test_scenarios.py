@@ -299,6 +299,60 @@ def test_orbit_navigates_through_an_opening():
     assert result["navigation"]["position_error_m"]["max"] < 25.0
 
 
+def solved(rows, low, high):
+    """Frames and fixes of `by_rate` between two rates, deg/s."""
+    inside = [row for row in rows if low <= row["from_deg_s"] < high]
+    return sum(row["frames"] for row in inside), sum(row["solved"] for row in inside)
+
+
+def test_high_rate_is_fixed_at_every_rate():
+    """Circles of up to 10 deg/s: streaks of 22 pixels, of which no pixel of a faint star stands out."""
+    cut = ("mission.time_limit=60 s", "star_tracker.off=59 s", "programme.circle_3.cross_rate=10 deg/s")
+    cut += tuple(
+        f"programme.{task}=null"
+        for task in (
+            *("circle_5", "circle_7", "circle_10", "roll_5", "roll_10", "both", "back_and_forth", "up_again"),
+            *("spin_up", "spin", "spin_down", "to_the_zenith", "rest"),
+        )
+    )
+    result = summary("high_rate", *cut, "programme.circle_3.until=60 s")
+    star = result["star_tracker"]
+    assert star["wrong"] == 0
+    for low, high, least in ((0.0, 5.0, 0.99), (5.0, 15.0, 0.97)):
+        frames, fixed = solved(star["by_rate"], low, high)
+        assert frames > 50
+        assert fixed >= least * frames
+    spots = summary(
+        "high_rate", *cut, "programme.circle_3.until=60 s", "star_tracker.detection.scan=sequential"
+    )["star_tracker"]
+    assert spots["wrong"] == 0
+    assert solved(spots["by_rate"], 5.0, 15.0)[1] < 0.9 * fixed  # what the gyro rate is worth
+
+
+def test_rows_one_after_the_other_do_not_disturb_the_mission():
+    """From the despin to the entry: nothing is lost up to the highest rate, no fix contradicts the filter."""
+    result = summary("shefex2_aps_rolling", until_s=420.0)
+    star = result["star_tracker"]
+    assert star["wrong"] == 0
+    assert star["in_window"] > 1200 and star["solved"] >= 0.99 * star["in_window"]
+    frames, fixed = solved(star["by_rate"], 2.0, 10.0)
+    assert frames > 60 and fixed >= 0.97 * frames
+    assert solved(star["by_rate"], 15.0, np.inf)[1] == 0  # faster than it may be
+    assert star["error_arcsec"]["normalised_rms"] < 1.1
+    assert np.abs(result["navigation"]["at_entry"]["attitude_error_deg"]).max() < 0.05
+
+
+def test_multi_poles_on_a_satellite():
+    """The published chain without a gyro: most frames at 1 deg/s, a few at 2 deg/s, none wrong."""
+    result = summary("impa")
+    star = result["star_tracker"]
+    assert star["wrong"] == 0
+    assert star["frames"] > 700
+    frames, fixed = solved(star["by_rate"], 0.0, 2.0)
+    assert fixed > 0.5 * frames
+    assert 0 < solved(star["by_rate"], 2.0, 3.0)[1]
+
+
 @pytest.fixture(scope="module")
 def example(tmp_path_factory):
     """Path of the rocket of the how-to, written as its reader would write it."""

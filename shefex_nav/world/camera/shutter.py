@@ -16,7 +16,7 @@ class Shutter:
     camera : Camera
     trajectory : Trajectory
     every : int, ticks from frame to frame
-    off_s : s, no exposure starts from here on
+    off_s : s, a picture that would not have been read out by then is not taken
     rng : Generator of the noise of the frames
     """
 
@@ -34,10 +34,12 @@ class Shutter:
         self.commands += commands
         while self.commands and self.commands[0].t_s <= now_s + EARLY_S:
             self.command = self.commands.pop(0)
-        if self.command is None or n % self.every or now_s + EARLY_S >= self.off_s:
+        if self.command is None or n % self.every:
             return
         params = self.camera.params
         frame_s = duration_s(row_times(self.command.exposure_s, params.line_s, params.height_px))
+        if now_s + frame_s + params.readout_s > self.off_s + EARLY_S:
+            return
         if now_s + frame_s <= self.end_s:
             self.waiting.append(
                 expose(self.camera, self.command, self.trajectory, self.number, now_s, self.rng)
