@@ -29,7 +29,7 @@ SATURATION_DN = int(field.FULL_WELL / field.ELECTRONS_PER_DN + field.BLACK_LEVEL
 TAU_DN = IMPA["camera"]["tau_pre_electrons"] / field.ELECTRONS_PER_DN
 CHAIN = multipole_chain.ChainParams(
     ClusterParams(TAU_DN, SATURATION_DN),
-    CompensateParams(15.0),  # v* [E]
+    CompensateParams(10.0),  # v* [E]
     float(IMPA["camera"]["fusion_distance_px"]),
 )
 IDENTIFY = IdentifyParams(
