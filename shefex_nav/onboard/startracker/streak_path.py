@@ -1,0 +1,87 @@
+"""The streak of one star on the detector, as a few numbers that the filter and the fit draw it from.
+
+In: camera, motion and the star's place at the frame's instant. Out: the ends of its streak, from the exact
+path. Between them the path is a parabola through the exact middle, which is good to 0.01 px for the streaks
+of a tenth of a second or two.
+"""
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.geometry.streak import place_at, seen_from_to, velocity
+
+# Numbers of a path: first end, direction from end to end, length, sagitta, times of the ends, along-track
+# distance of the star from one row's opening to the next one's, last end, light per pixel of length
+X0, Y0, TX, TY, LENGTH, SAG, BEGIN, END, SKEW, X1, Y1, SHARE = range(12)
+NUMBERS = 12
+LEAST_LENGTH_PX = 0.3  # a spot is drawn as a streak this long: it adds 0.0075 px^2 to its variance
+CENTRED_PX = 1e-3
+MOST_ROUNDS = 6
+
+
+@njit(cache=True)
+def path_of(camera, times, omega_c, x_px, y_px, path):
+    """Write the numbers of a star's streak.
+
+    Parameters
+    ----------
+    camera : Pinhole
+    times : RowTimes
+    omega_c : (3,) rad/s
+    x_px, y_px : place at the frame's instant
+    path : (NUMBERS,) written
+
+    Returns
+    -------
+    bool, False for a star that leaves the front of the camera
+    """
+    begin, end = seen_from_to(camera, times, omega_c, x_px, y_px)
+    xa, ya = place_at(camera, omega_c, x_px, y_px, begin)
+    xb, yb = place_at(camera, omega_c, x_px, y_px, end)
+    if not (np.isfinite(xa + xb) and end > begin):
+        return False
+    length = np.hypot(xb - xa, yb - ya)
+    xm, ym = place_at(camera, omega_c, x_px, y_px, 0.5 * (begin + end))
+    if length >= LEAST_LENGTH_PX:
+        tx, ty = (xb - xa) / length, (yb - ya) / length
+        path[SAG] = -ty * (xm - 0.5 * (xa + xb)) + tx * (ym - 0.5 * (ya + yb))
+        path[SKEW] = length / (end - begin) * times.line_s
+    else:
+        vx, vy = velocity(camera, omega_c, x_px, y_px)
+        speed = np.hypot(vx, vy)
+        tx, ty = (vx / speed, vy / speed) if speed > 0.0 else (1.0, 0.0)
+        length = LEAST_LENGTH_PX
+        xa, ya, xb, yb = xm - 0.5 * length * tx, ym - 0.5 * length * ty, xm, ym
+        xb, yb = xm + 0.5 * length * tx, ym + 0.5 * length * ty
+        path[SAG] = path[SKEW] = 0.0
+    path[X0], path[Y0], path[TX], path[TY], path[LENGTH] = xa, ya, tx, ty, length
+    path[BEGIN], path[END], path[X1], path[Y1] = begin, end, xb, yb
+    path[SHARE] = (end - begin) / (times.exposure_s * length)
+    return True
+
+
+@njit(cache=True)
+def place_of_middle(camera, times, omega_c, middle_x, middle_y, path):
+    """Place at the instant of the star whose streak has its middle at a point; writes its path.
+
+    Returns
+    -------
+    x, y : px; NaN where there is none in front of the camera
+    """
+    x, y = middle_x, middle_y
+    for _ in range(MOST_ROUNDS):
+        if not path_of(camera, times, omega_c, x, y, path):
+            return np.nan, np.nan
+        dx, dy = middle_x - 0.5 * (path[X0] + path[X1]), middle_y - 0.5 * (path[Y0] + path[Y1])
+        if abs(dx) + abs(dy) < CENTRED_PX:
+            break
+        x, y = x + dx, y + dy
+    return x, y
+
+
+@njit(cache=True)
+def rate_jacobian(camera, x_px, y_px):
+    """Derivative (2, 3) px of a star's velocity to the camera's rate: `velocity` is linear in it."""
+    f = camera.focal_length_px
+    a, b = (x_px - camera.cx_px) / f, (y_px - camera.cy_px) / f
+    return f * np.array([[a * b, -(1.0 + a * a), b], [1.0 + b * b, -a * b, -a]])

@@ -1,0 +1,162 @@
+"""Whether a fitted streak is a star's: what does not move as the stars do looks different.
+
+In: the pixels of a fitted streak. Out: a verdict. A star's light lies evenly along its streak, ends where the
+streak ends, and on its line. A hit or a hot pixel has its light in few pixels (those have lost their weight
+as outliers, and what is left is no star), a satellite or a proton trail goes on past the ends, stops before
+them, or leaves the line at an angle. Each question is a normal or chi-square variable with the noise of the
+pixels, to which tolerances are added for what stars really look like: a width that is a little wrong, a
+path that the rate knows to P_omega_c, a neighbour too faint to be found.
+"""
+
+from math import sqrt
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.onboard.startracker.streak_fit import (
+    ACROSS,
+    ALONG,
+    BEYOND_SIGMAS,
+    FLUX,
+    LEVEL,
+    LIGHT,
+    MODEL,
+    N_MASKED,
+    N_PIXELS,
+    PLACE_X,
+    PLACE_Y,
+    RATIO,
+    VARIANCE,
+    X,
+    Y,
+)
+from shefex_nav.onboard.startracker.streak_path import BEGIN, END, LENGTH, TX, TY, X0, Y0, rate_jacobian
+
+STAR, UNEVEN, LONGER, TILTED, COMPACT, MISFIT = range(6)
+SEGMENT_SIGMAS = 4.0  # least length of a part of a streak
+MOST_SEGMENTS = 12
+SHORT_SIGMAS = 6.0  # a shorter streak is judged as a spot
+CLEAR_SIGMAS = 2.5  # light beyond the ends is looked for from here on
+UNEVEN_PART = 0.15  # of the light per length, that may be uneven [E]
+LEAST_PROBABILITY_SIGMA = 4.5  # of each question: a star fails it once in 100 000 [E]
+TILT_PX = 0.3  # of the ends, besides what the rate allows [E]
+MODEL_PART = 0.2  # of the light in a pixel, that a star's may differ from the model [E]
+MASKED_PART = 0.25  # of the pixels with most of the light; more outliers than that is no star
+
+
+@njit(cache=True)
+def judge(camera, P_omega_c, s, dn_per_electron, n, path, work, fitted):
+    """Verdict on a fitted streak: STAR, or why it is none.
+
+    Parameters
+    ----------
+    camera : Pinhole
+    P_omega_c : (3, 3) (rad/s)^2
+    s : px, width of the spot with the pixel's own variance
+    dn_per_electron : float
+    n : number of pixels in work
+    path : (NUMBERS,) fitted
+    work : (ROWS, MOST_PIXELS) pixels, with the model of `streak_fit.draw` at the fitted place
+    fitted : (COLUMNS,)
+    """
+    if fitted[N_MASKED] > max(2.0, MASKED_PART * fitted[N_PIXELS]):
+        return COMPACT
+    if _one_pixel(fitted, n, work):
+        return COMPACT
+    if _misfit(fitted, dn_per_electron, n, work):
+        return MISFIT
+    if path[LENGTH] < SHORT_SIGMAS * s:
+        return STAR
+    return _along(camera, P_omega_c, s, dn_per_electron, n, path, work, fitted)
+
+
+@njit(cache=True)
+def _one_pixel(fitted, n, work):
+    """Whether one pixel alone explains more than the star does."""
+    for k in range(n):
+        light = work[LIGHT, k] - fitted[LEVEL]
+        if light * light > fitted[RATIO] * fitted[RATIO] * work[VARIANCE, k]:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _misfit(fitted, dn_per_electron, n, work):
+    """Whether the pixels with light fit worse than a star's, its model's error allowed for."""
+    chi2, n_core, most = 0.0, 0, 0.0
+    for k in range(n):
+        most = max(most, work[MODEL, k])
+    for k in range(n):
+        m = work[MODEL, k]
+        if m > 0.1 * most and work[VARIANCE, k] < np.inf:
+            rest = work[LIGHT, k] - fitted[LEVEL] - fitted[FLUX] * m
+            variance = work[VARIANCE, k] + fitted[FLUX] * dn_per_electron * m
+            chi2 += rest * rest / (variance + (MODEL_PART * fitted[FLUX] * m) ** 2)
+            n_core += 1
+    return chi2 > n_core + LEAST_PROBABILITY_SIGMA * sqrt(2.0 * n_core) + 8.0
+
+
+@njit(cache=True)
+def _along(camera, P_omega_c, s, dn_per_electron, n, path, work, fitted):
+    """Evenness, ends and direction of a long streak."""
+    flux, level, length = fitted[FLUX], fitted[LEVEL], path[LENGTH]
+    n_parts = int(min(max(length / (SEGMENT_SIGMAS * s), 2.0), MOST_SEGMENTS))
+    # of each part: sum w r m, sum w m^2; of the first and the last: beyond the ends
+    parts = np.zeros((n_parts + 2, 2))
+    tilt = np.zeros(6)  # sums of w r c, w r c a, w c c, w c c a, w c c a a
+    beyond = min(BEYOND_SIGMAS * s + 0.35 * length, length)
+    for k in range(n):
+        if not work[VARIANCE, k] < np.inf:
+            continue
+        dx, dy = work[X, k] - path[X0], work[Y, k] - path[Y0]
+        along, m = dx * path[TX] + dy * path[TY], work[MODEL, k]
+        w = 1.0 / (work[VARIANCE, k] + flux * dn_per_electron * m)
+        rest = work[LIGHT, k] - level - flux * m
+        if along < 0.0 or along > length:
+            past = -along if along < 0.0 else along - length
+            if past < CLEAR_SIGMAS * s or past > beyond:
+                continue
+            across = (dy * path[TX] - dx * path[TY]) / s
+            m = np.exp(-0.5 * across * across) * 0.3989423 / (s * length)
+            part = 0 if along < 0.0 else n_parts + 1
+        else:
+            part = 1 + min(int(along / length * n_parts), n_parts - 1)
+            c, a = flux * work[ACROSS, k], along / length - 0.5
+            tilt[0] += w * rest * c
+            tilt[1] += w * rest * c * a
+            tilt[2] += w * c * c
+            tilt[3] += w * c * c * a
+            tilt[4] += w * c * c * a * a
+        parts[part, 0] += w * rest * m
+        parts[part, 1] += w * m * m
+    return _verdict(camera, P_omega_c, path, parts, tilt, fitted)
+
+
+@njit(cache=True)
+def _verdict(camera, P_omega_c, path, parts, tilt, fitted):
+    """The verdict of the sums."""
+    flux, n_parts = fitted[FLUX], parts.shape[0] - 2
+    limit = LEAST_PROBABILITY_SIGMA
+    chi2, dof = 0.0, 0
+    for p in range(n_parts + 2):
+        if parts[p, 1] <= 0.0:
+            continue
+        off = parts[p, 0] / parts[p, 1]
+        variance = 1.0 / parts[p, 1] + (UNEVEN_PART * flux) ** 2
+        if p == 0 or p == n_parts + 1:
+            if off > limit * sqrt(variance):
+                return LONGER
+        else:
+            chi2 += off * off / variance
+            dof += 1
+    if dof > 1 and chi2 > dof - 1.0 + limit * sqrt(2.0 * (dof - 1.0)) + 8.0:
+        return UNEVEN
+    det = tilt[2] * tilt[4] - tilt[3] * tilt[3]
+    if det > 0.0:
+        slope = (tilt[2] * tilt[1] - tilt[3] * tilt[0]) / det  # px from end to end
+        J = rate_jacobian(camera, fitted[PLACE_X], fitted[PLACE_Y]) * (path[END] - path[BEGIN])
+        across = -path[TY] * J[0] + path[TX] * J[1]
+        variance = tilt[2] / det + (2.0 * TILT_PX) ** 2 + across @ P_omega_c @ across
+        if slope * slope > limit * limit * variance:
+            return TILTED
+    return STAR

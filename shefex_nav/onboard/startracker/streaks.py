@@ -1,0 +1,274 @@
+"""Detection of stars in motion, when the rate is known: the gyro tells the shape of every streak.
+
+In: one frame and the motion of the camera. Out: `Detections` at the frame's instant, brightest first, and the
+statistics of the frame.
+
+    frame -> binned: bins of 2x2 pixels, level and noise in tiles
+          -> matched: sums along the streaks; candidates above a low threshold
+          -> streak_fit: each candidate at full resolution; place at the instant, flux, covariance
+          -> streak_shape: what does not look like a star's streak is refused
+          -> threshold of the matched signal-to-noise ratio, from the wanted number of false objects
+
+With a rate of zero the streaks are spots and all holds as well. `detect_near` does the same in windows around
+predicted places only.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.geometry.shutter import RowTimes
+from shefex_nav.onboard.startracker.binned import BIN, bad_map, in_noise, interpolated, level_of
+from shefex_nav.onboard.startracker.detect import FrameStatistics
+from shefex_nav.onboard.startracker.matched import (
+    MIDDLE_X,
+    MIDDLE_Y,
+    candidates,
+    looks,
+    pad_of,
+    steps_of,
+    threshold,
+    tile_side,
+)
+from shefex_nav.onboard.startracker.streak_fit import (
+    COLUMNS,
+    FLUX,
+    LEVEL,
+    MOST_PIXELS,
+    N_PIXELS,
+    N_SATURATED,
+    PIXEL_VARIANCE,
+    PLACE_X,
+    PLACE_Y,
+    RATIO,
+    ROWS,
+    XX,
+    XY,
+    YY,
+    collect,
+    fit_one,
+    reach_px,
+    take_away,
+    width2,
+)
+from shefex_nav.onboard.startracker.streak_path import (
+    LENGTH,
+    NUMBERS,
+    TX,
+    TY,
+    X0,
+    X1,
+    Y0,
+    Y1,
+    place_of_middle,
+)
+from shefex_nav.onboard.startracker.streak_shape import STAR, judge
+from shefex_nav.records import Detections
+
+FALSE_OBJECTS = 0.5  # wanted number of objects in a frame that are noise
+FIRST_PART = 0.8  # of the threshold, for candidates: the bins lose a tenth of a star's ratio
+CLIP_PART = 0.5  # of the threshold: what one bin may add to the filtered value of a streak
+LEVEL_SIGMA = 0.05  # of the noise of a pixel: error of the level between tiles [E]
+SPOT_STEPS = 3  # a sum of fewer bins is not clipped
+STRIP_SIGMA = 0.1  # ... and of the level beside a streak
+ACROSS_PX = 1.5  # that a candidate may be off its line
+BRIGHT = 25.0  # signal-to-noise ratio of the stars that show their width
+WIDTH_PART = 0.02  # stars are fitted again if their width is off by more
+WIDTHS = (0.7, 1.5)  # of the expected one, that are believed
+STRIP_PX = 6.0  # width of the strips beside a streak that show its background
+STRIP_REACH_PX = 8.0  # beyond its ends
+MOST_STRIP = 4000  # pixels
+SEARCH_SIGMAS = 3.0  # around a predicted place
+LEAST_INSIDE = 0.4  # of a predicted streak, in the frame
+
+
+class Motion(NamedTuple):
+    """How the camera turned during the exposure."""
+
+    omega_c: np.ndarray  # (3,) rad/s, of the camera in its own axes, mean of the exposure
+    P_omega_c: np.ndarray | None  # (3, 3) (rad/s)^2, its covariance; None: taken as exact
+    times: RowTimes
+
+
+def detect_streaks(params, camera, image_dn, motion, false_objects=FALSE_OBJECTS):
+    """Stars in a frame of a turning camera.
+
+    Parameters
+    ----------
+    params : DetectParams; of it bad_pixels, tile_px, saturation_dn, electrons_per_dn, psf_sigma_px, max_objects
+    camera : Pinhole of the whole image
+    image_dn : (rows, columns) uint8 or uint16
+    motion : Motion
+    false_objects : float, wanted number of objects in a frame that are noise
+
+    Returns
+    -------
+    Detections, brightest first, at most params.max_objects; places at the instant, some outside the frame
+    FrameStatistics
+    """
+    image_dn, omega_c, P_omega_c = _checked(camera, image_dn, motion)
+    bad = bad_map(*image_dn.shape, params.bad_pixels)
+    sums, level, mean_dn = level_of(image_dn, bad, params.tile_px)
+    sigma, times = float(params.psf_sigma_px), motion.times
+    density, longest, gradient = looks(camera, times, omega_c, sigma)
+    k = threshold(density, float(image_dn.size), float(false_objects))
+    side = tile_side(gradient)
+    pad = pad_of(side, longest, sigma)
+    bins = in_noise(sums, level, _clip(k, longest, sigma), pad)
+    found, noise = candidates(bins, sums.shape, pad, side, camera, times, omega_c, sigma, FIRST_PART * k)
+    fitted, n = _fit_all(
+        image_dn,
+        bad,
+        camera,
+        (omega_c, times),
+        P_omega_c,
+        level,
+        found,
+        sigma,
+        1.0 / params.electrons_per_dn,
+        int(params.saturation_dn),
+        k * noise,
+    )
+    statistics = FrameStatistics(mean_dn, float(np.median(level.background)), float(np.median(level.noise)))
+    return _detections(fitted[:n], params.max_objects), statistics
+
+
+def _checked(camera, image_dn, motion):
+    """Frame, rate and covariance in the types of the kernels."""
+    image_dn = np.ascontiguousarray(image_dn)
+    if image_dn.dtype not in (np.uint8, np.uint16) or image_dn.shape != (camera.height_px, camera.width_px):
+        raise ValueError(
+            f"image: expected uint8 or uint16 of shape {(camera.height_px, camera.width_px)}, "
+            f"got {image_dn.dtype} of shape {image_dn.shape}"
+        )
+    omega_c = np.ascontiguousarray(motion.omega_c, dtype=float)
+    P_omega_c = np.zeros((3, 3)) if motion.P_omega_c is None else np.array(motion.P_omega_c, dtype=float)
+    if omega_c.shape != (3,) or P_omega_c.shape != (3, 3):
+        raise ValueError(f"motion: expected a rate (3,) and (3, 3), got {omega_c.shape}, {P_omega_c.shape}")
+    if not np.isfinite(omega_c.sum() + P_omega_c.sum()):
+        raise ValueError("motion: the rate or its covariance is not finite")
+    return image_dn, omega_c, P_omega_c
+
+
+def _clip(k, longest_px, sigma_px):
+    """Largest value of a bin, in its own sigma: of a streak of n bins one adds c / sqrt(n) to the sum."""
+    steps = steps_of(longest_px, 0.0, sigma_px)
+    return CLIP_PART * k * np.sqrt(1.5 * steps) if steps > SPOT_STEPS else np.inf
+
+
+def _detections(fitted, max_objects):
+    """Records of the fitted stars, brightest first."""
+    fitted = fitted[np.argsort(-fitted[:, FLUX], kind="mergesort")][:max_objects]
+    P_px = np.empty((len(fitted), 2, 2))
+    P_px[:, 0, 0], P_px[:, 1, 1] = fitted[:, XX], fitted[:, YY]
+    P_px[:, 0, 1] = P_px[:, 1, 0] = fitted[:, XY]
+    return Detections(
+        xy_px=fitted[:, [PLACE_X, PLACE_Y]],
+        flux_dn=fitted[:, FLUX].copy(),
+        n_pixels=fitted[:, N_PIXELS].astype(np.int64),
+        n_saturated=fitted[:, N_SATURATED].astype(np.int64),
+        P_px=P_px,
+    )
+
+
+@njit(cache=True)
+def _fit_all(
+    image_dn, bad, camera, motion, P_omega_c, level, found, sigma, dn_per_electron, saturation_dn, least
+):
+    """Fit the candidates, brightest first, each without the light of those before it; then once more.
+
+    Returns
+    -------
+    fitted : (candidates, COLUMNS)
+    n : number of stars, in the first rows
+    """
+    omega_c, times = motion
+    work = np.empty((ROWS, MOST_PIXELS))
+    fitted, paths = np.empty((found.shape[0], COLUMNS)), np.empty((found.shape[0], NUMBERS))
+    path, widths = np.empty(NUMBERS), np.empty(found.shape[0])
+    s, n_stars, n_widths = np.sqrt(sigma**2 + PIXEL_VARIANCE), 0, 0
+    for k in range(found.shape[0]):
+        row = fitted[n_stars]
+        row[PLACE_X], row[PLACE_Y] = place_of_middle(
+            camera, times, omega_c, found[k, MIDDLE_X], found[k, MIDDLE_Y], path
+        )
+        if not np.isfinite(row[PLACE_X]):
+            continue
+        around = _tile_level(level, path)
+        n = _window(
+            image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, n_stars, -1, work, row
+        )
+        search = (0.0, 0.0)
+        if n == 0 or not fit_one(
+            camera, motion, P_omega_c, s, dn_per_electron, around[1], LEVEL_SIGMA, search, n, path, work, row
+        ):
+            continue
+        if row[RATIO] < least or judge(camera, P_omega_c, s, dn_per_electron, n, path, work, row) != STAR:
+            continue
+        if row[RATIO] > BRIGHT and row[N_SATURATED] == 0:
+            widths[n_widths] = width2(s, row[LEVEL], n, work)
+            n_widths += 1
+        paths[n_stars] = path
+        n_stars += 1
+    if n_widths > 0:
+        seen = np.sqrt(max(np.median(widths[:n_widths]), PIXEL_VARIANCE))
+        if WIDTHS[0] * s < seen < WIDTHS[1] * s and abs(seen - s) > WIDTH_PART * s:
+            s = -seen
+    for k in range(n_stars):
+        path[:] = paths[k]
+        row = fitted[k].copy()
+        if s > 0.0 and not _has_neighbour(paths, k, n_stars, s):
+            continue
+        around = _tile_level(level, path)
+        n = _window(
+            image_dn, bad, path, abs(s), around, saturation_dn, dn_per_electron, paths, fitted, n_stars, k, work, row
+        )
+        if n > 0 and fit_one(
+            camera, motion, P_omega_c, abs(s), dn_per_electron, around[1], LEVEL_SIGMA, (0.0, 0.0), n, path, work, row
+        ):
+            fitted[k], paths[k] = row, path
+    return fitted, n_stars
+
+
+@njit(cache=True)
+def _tile_level(level, path):
+    """Background and noise of a pixel in the middle of a streak."""
+    row = (0.5 * (path[Y0] + path[Y1]) - 0.5) / BIN
+    column = (0.5 * (path[X0] + path[X1]) - 0.5) / BIN
+    background = interpolated(level.background, level.tile, row, column)
+    return background, interpolated(level.noise, level.tile, row, column)
+
+
+@njit(cache=True)
+def _window(
+    image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, n_stars, own, work, row
+):
+    """Collect the pixels of a streak, without the light of the stars that are known; their number."""
+    extra = (reach_px(path[LENGTH], s), ACROSS_PX)
+    n, row[N_SATURATED] = collect(image_dn, bad, path, s, extra, around[0], around[1], saturation_dn, work)
+    for j in range(n_stars):
+        if j != own and _is_near(path, paths[j], s):
+            take_away(paths[j], s, fitted[j, FLUX], dn_per_electron, n, work)
+    return n
+
+
+@njit(cache=True)
+def _is_near(path, other, s):
+    """Whether the windows of two streaks may touch."""
+    ex = 0.5 * (other[X0] + other[X1] - path[X0] - path[X1])
+    ey = 0.5 * (other[Y0] + other[Y1] - path[Y0] - path[Y1])
+    along, across = abs(ex * path[TX] + ey * path[TY]), abs(ey * path[TX] - ex * path[TY])
+    far = 0.5 * (path[LENGTH] + other[LENGTH]) + reach_px(path[LENGTH], s) + 8.0 * s + 2.0
+    # the other one may lie askew: half of what its direction differs by
+    askew = 0.5 * other[LENGTH] * abs(path[TX] * other[TY] - path[TY] * other[TX])
+    return along < far and across < 9.0 * s + ACROSS_PX + askew
+
+
+@njit(cache=True)
+def _has_neighbour(paths, k, n, s):
+    """Whether a star that was fitted after this one is near."""
+    for j in range(k + 1, n):
+        if _is_near(paths[k], paths[j], s):
+            return True
+    return False
