@@ -1,10 +1,10 @@
 """All streaks to one instant, from their own length: the Improved Multi-Poles paper, equations (5)-(22).
 
 In: the extents of the streaks and their shifts since the frame before, from the cluster fusion. Out: their
-places at the frame's instant. A star that moves with the order of the rows is seen for longer than a row's exposure, by
-dT = dk t_l, one that moves against it for less; its velocity is its extent over that time. The middle of its
-light belongs to the time at which the row of its centroid is half exposed, so it is carried from there to the
-time of the middle row.
+places at the frame's instant. A star that moves with the order of the rows is seen for longer than a row's
+exposure, by dT = dk t_l, one that moves against it for less; its velocity is its extent over that time. The
+middle of its light belongs to the time at which the row of its centroid is half exposed, so it is carried
+from there to the time of the middle row.
 
 Axes: the paper's y is the column, our x; its z is the row, our y, and counts from the first row exposed, so
 its n_row / 2 is our `RowTimes.middle_row` and its T_exp is exposure_s. The paper has T_exp = t_l n_row; here

@@ -37,7 +37,7 @@ class IdentifyParams(NamedTuple):
     cos_error: float = 0.0  # > 0: constant tolerance of the cosine of an angle, in place of `tolerance`
     reference_flux: float = np.inf  # a star with more is surely brighter than magnitude 3 ('brightness')
     zero_flux: float = np.nan  # of a star of magnitude 0, in the unit of the fluxes ('multipole')
-    magnitude_tolerance: float = 1.0  # of a measured against a catalogued magnitude ('multipole') [E]
+    magnitude_tolerance: float = 0.7  # of a measured against a catalogued magnitude ('multipole') [E]
 
 
 class Identification(NamedTuple):
