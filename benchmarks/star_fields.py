@@ -61,6 +61,7 @@ class Field(NamedTuple):
     prediction: tuple | None  # (q_ci, P (3, 3) rad^2 in camera axes)
     q_ci: np.ndarray  # (4,)
     n_stars: int  # detected stars to V = CUT
+    P_px: np.ndarray | None = None  # (n, 2, 2) px^2, what is said of the errors of the places
 
 
 @cache
@@ -194,8 +195,3 @@ def make_fields(case, samples, seed):
     """The fields of one case; the first ones are the same for any number of samples."""
     rng = np.random.default_rng([seed, list(CASES).index(case)])
     return [make_field(rng, **CASES[case]) for _ in range(samples)]
-
-
-def stars_needed(case):
-    """Catalogue stars without which a field is not counted: four, three with a good prediction."""
-    return 3 if CASES[case].get("predicted") == 0.05 else 4

@@ -15,13 +15,16 @@ import time
 from pathlib import Path
 
 import numpy as np
+import star_fields
+import streak_fields
 from peers.run import PEERS, Unavailable, run, write_fields
-from star_fields import CAMERA, CASES, CUT, EPOCH, make_fields, stars_needed
+from star_fields import CUT, EPOCH
 
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.solve.centroids import solve_centroids
 
+CASES = {**star_fields.CASES, **streak_fields.CASES}
 WRONG = np.radians(0.5)
 OURS = ["default", *(name for name in IDENTIFIERS if name != "bayes")]  # the default is bayes
 WARM_UP = 20
@@ -43,14 +46,25 @@ def say(text):
     print(text, file=sys.stderr, flush=True)
 
 
-def solve_all(method, fields):
+def source(case):
+    """The module that a case's fields come from."""
+    return star_fields if case in star_fields.CASES else streak_fields
+
+
+def stars_needed(case):
+    """Catalogue stars without which a field is not counted: four, three with a good prediction."""
+    return 3 if CASES[case].get("predicted") == 0.05 else 4
+
+
+def solve_all(method, camera, fields):
     """One of our methods over fields: q_ci (n, 4), NaN if unsolved, and wall time (n,) [ms] of each call."""
     q_ci, elapsed_ms = np.full((len(fields), 4), np.nan), np.empty(len(fields))
     for k, field in enumerate(fields):
         tracked = field.prediction is not None and method == "default"  # the others have no tracking
         options = {"prediction": field.prediction} if tracked else {}
+        options |= {} if field.P_px is None else {"centroid_covariance_px": field.P_px}
         begin = time.perf_counter()
-        found = solve_centroids(field.xy_px, field.flux, camera=CAMERA, epoch=EPOCH, method=method, **options)
+        found = solve_centroids(field.xy_px, field.flux, camera=camera, epoch=EPOCH, method=method, **options)
         elapsed_ms[k] = 1e3 * (time.perf_counter() - begin)
         if found.status == "ok":
             q_ci[k] = found.q_ci
@@ -85,10 +99,10 @@ def judge(case, method, fields, q_ci, elapsed_ms):
 
 def run_ours(method, fields_of):
     """Results of one of our methods, case after case."""
-    for fields in fields_of.values():
-        solve_all(method, fields[:WARM_UP])  # compile, build the catalogue
     for case, fields in fields_of.items():
-        yield judge(case, method, fields, *solve_all(method, fields))
+        solve_all(method, source(case).CAMERA, fields[:WARM_UP])  # compile, build the catalogue
+    for case, fields in fields_of.items():
+        yield judge(case, method, fields, *solve_all(method, source(case).CAMERA, fields))
 
 
 def run_peer(name, fields_of):
@@ -96,7 +110,7 @@ def run_peer(name, fields_of):
     with tempfile.TemporaryDirectory() as folder:
         files = {f"case{k:02d}.npz": case for k, case in enumerate(fields_of)}
         for file, case in files.items():
-            write_fields(Path(folder) / file, fields_of[case], CAMERA, EPOCH, CUT)
+            write_fields(Path(folder) / file, fields_of[case], source(case).CAMERA, EPOCH, CUT)
         for file, q_ci, elapsed_ms in run(name, folder, list(files), say):
             yield judge(files[file], name, fields_of[files[file]], q_ci, elapsed_ms)
 
@@ -104,7 +118,7 @@ def run_peer(name, fields_of):
 def measure(methods, cases, samples, peer_samples, seed):
     """(results, {peer: why it could not run}); progress on stderr."""
     say(f"{len(cases)} cases, {samples} fields each")
-    fields_of = {case: make_fields(case, samples, seed) for case in cases}
+    fields_of = {case: source(case).make_fields(case, samples, seed) for case in cases}
     first_of = {case: fields[:peer_samples] for case, fields in fields_of.items()}
     results, missing = [], {}
     for method in methods:

@@ -17,6 +17,7 @@ from shefex_nav.geometry.rotation import quat_conjugate
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes
+from shefex_nav.onboard.startracker.identify.ellipses import checked
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.onboard.startracker.likelihood import misfit_factor, refine
 from shefex_nav.onboard.startracker.tables import Pairs, Stars
@@ -55,6 +56,7 @@ def solve_centroids(
     magnitude_sigma=0.2,
     false_limit=1e-7,
     prediction=None,
+    centroid_covariance_px=None,
 ):
     """Identify the stars of a frame and find the attitude of the camera.
 
@@ -73,6 +75,8 @@ def solve_centroids(
     magnitude_sigma : float, scatter of -2.5 log10 flux against V
     false_limit : float, accepted probability that a solution is chance
     prediction : None or (q_ci, P): attitude and covariance (3, 3) [rad^2] of its error in camera axes
+    centroid_covariance_px : None or (n, 2, 2) px^2, covariance of the error of each centroid, for those that
+        differ or are elongated; centroid_sigma_px is then that of an ordinary star
 
     Returns
     -------
@@ -93,6 +97,11 @@ def solve_centroids(
         )
     xy_px = _places(xy_px)
     flux = None if flux is None else _fluxes(flux, len(xy_px))
+    P_px = (
+        None
+        if centroid_covariance_px is None
+        else checked(centroid_covariance_px, len(xy_px), "centroid_covariance_px")
+    )
     if camera.distortion is not None:
         xy_px = undistort(ready.sky.pinhole, np.array(camera.distortion), xy_px)
     if method not in ("default", "bayes"):
@@ -100,12 +109,13 @@ def solve_centroids(
             raise ValueError(
                 f"prediction: method {method!r} cannot use one; expected None, or the default method"
             )
-        return _by_method(method, ready, xy_px, flux)
+        return _by_method(method, ready, xy_px, flux, P_px)
     prior = bayes.NO_PREDICTION if prediction is None else _prediction(prediction)
     sky = ready.sky
-    reason, hip, q_ci, P_c, wrong = _solve_kernel(
-        sky.stars, sky.index, sky.hip, ready.settings, xy_px, NO_FLUX if flux is None else flux, *prior
-    )
+    frame = xy_px, NO_FLUX if flux is None else flux, *prior
+    if P_px is not None:
+        frame = *frame, P_px
+    reason, hip, q_ci, P_c, wrong = _solve_kernel(sky.stars, sky.index, sky.hip, ready.settings, *frame)
     if reason == 0:
         return StarSolution("ok", "", q_ci, hip, P_c, wrong)
     _complain(reason)
@@ -113,7 +123,7 @@ def solve_centroids(
 
 
 @njit(cache=True)
-def _solve_kernel(stars, index, hips, settings, xy_px, flux, has_prediction, q_ci, P_c):
+def _solve_kernel(stars, index, hips, settings, xy_px, flux, has_prediction, q_ci, P_c, P_px=None):
     """Sort by brightness, solve, name the stars in the order of the input.
 
     flux : (n,), or (0,) where nothing is known of it
@@ -141,8 +151,9 @@ def _solve_kernel(stars, index, hips, settings, xy_px, flux, has_prediction, q_c
             ordered[k, 0], ordered[k, 1] = xy_px[order[k], 0], xy_px[order[k], 1]
             magnitude[k] = -2.5 * np.log10(flux[order[k]])
     reason, star, q_ci, P_c, _, wrong, _, _ = bayes.solve_kernel(
-        stars, index, settings, ordered, magnitude, has_flux, has_prediction, q_ci, P_c
-    )
+        stars, index, settings, ordered, magnitude, has_flux, has_prediction, q_ci, P_c,
+        None if P_px is None else P_px[order],
+    )  # fmt: skip
     for k in range(n):
         if star[k] >= 0:
             hip[order[k]] = hips[star[k]]
@@ -306,7 +317,7 @@ def _prediction(prediction):
     return True, q_ci / norm, np.ascontiguousarray(0.5 * (P + P.T))
 
 
-def _by_method(method, ready, xy_px, flux):
+def _by_method(method, ready, xy_px, flux, P_px):
     """Another method of the package, lost in space."""
     if method not in IDENTIFIERS:
         known = ", ".join(["default", *IDENTIFIERS])
@@ -333,17 +344,20 @@ def _by_method(method, ready, xy_px, flux):
         false_alarm=settings.false_limit,
     )
     u_c = unit_vectors(pinhole, xy_px[order])
-    found = IDENTIFIERS[method](params, ready.sky.pairs, u_c, brightness[order])
+    found = IDENTIFIERS[method](
+        params, ready.sky.pairs, u_c, brightness[order], None if P_px is None else P_px[order]
+    )
     hip = np.zeros(len(xy_px), dtype=np.int64)
     if found.reason != Reason.NONE:
         nothing = np.full(4, np.nan), hip, np.full((3, 3), np.nan), 1.0
         return StarSolution("failed", REASONS[int(found.reason)], *nothing)
     known = found.star >= 0
     hip[order[known]] = ready.sky.hip[found.star[known]]
-    v_i, P_px = ready.sky.pairs.stars.u_i[found.star[known]], np.eye(2) * settings.sigma_px**2
-    q_ic = esoq2(u_c[known], v_i, np.full(known.sum(), settings.sigma_px / f))
-    k = int(known.sum())
-    q_ic, P_c, chi2 = refine(pinhole, q_ic, xy_px[order[known]], v_i, np.tile(P_px, (k, 1, 1)))
+    k, v_i = int(known.sum()), ready.sky.pairs.stars.u_i[found.star[known]]
+    ordinary = np.tile(np.eye(2) * settings.sigma_px**2, (k, 1, 1))
+    q_ic = esoq2(u_c[known], v_i, np.full(k, settings.sigma_px / f))
+    errors = ordinary if P_px is None else P_px[order[known]]
+    q_ic, P_c, chi2 = refine(pinhole, q_ic, xy_px[order[known]], v_i, errors)
     P_c *= misfit_factor(chi2, 2 * k - 3, bayes.PRIOR_DOF)  # if the noise is not what was said
     wrong = float(np.exp(-found.log_odds))
     return StarSolution("ok", "", quat_conjugate(q_ic), hip, P_c, wrong)

@@ -24,19 +24,19 @@ class Ellipses(NamedTuple):
     log_area: np.ndarray  # (n,) ln sqrt det of the spread
 
 
-def checked(P_px, n):
-    """P_px as an array of our own layout, or a ValueError that says what is wrong. -> (n, 2, 2) px^2."""
+def checked(P_px, n, name="P_px"):
+    """Covariances (n, 2, 2) px^2 as an array of our own layout, or a ValueError that says what is wrong."""
     P = np.ascontiguousarray(P_px, dtype=np.float64)
     if P.shape != (n, 2, 2):
-        raise ValueError(f"P_px: expected shape ({n}, 2, 2), got {P.shape}")
+        raise ValueError(f"{name}: expected shape ({n}, 2, 2), got {P.shape}")
     if not np.isfinite(P).all():
-        raise ValueError("P_px: contains NaN or infinite values")
+        raise ValueError(f"{name}: contains NaN or infinite values")
     xx, yy, xy, yx = P[:, 0, 0], P[:, 1, 1], P[:, 0, 1], P[:, 1, 0]
     symmetric = np.abs(xy - yx) <= 1e-9 * (np.abs(xx) + np.abs(yy))
     bad = ~(symmetric & (xx > 0.0) & (yy > 0.0) & (xx * yy - xy * yx > 0.0))
     if bad.any():
         k = int(np.flatnonzero(bad)[0])
-        raise ValueError(f"P_px: expected positive definite matrices, got {P[k].tolist()} for centroid {k}")
+        raise ValueError(f"{name}: expected positive definite matrices, got {P[k].tolist()} for centroid {k}")
     return P
 
 

@@ -54,6 +54,13 @@ PASSES = (
     Pass(2.0, 1.008, 2, 5, True, 0.94),
     Pass(2.0, 0.992, 2, 5, True, 1.0),
 )
+UNEVEN_PASSES = (
+    Pass(1.1, 1.0, 2, 3, False, 0.5),
+    Pass(1.1, 1.0, 6, 3, False, 0.8),
+    Pass(3.4, 1.0, 2, 5, True, 0.92),
+    Pass(2.0, 1.008, 2, 5, True, 0.96),
+    Pass(2.0, 0.992, 2, 5, True, 1.0),
+)
 
 
 class Best(NamedTuple):
@@ -186,23 +193,34 @@ def pairs_by_brightness(n):
 
 
 @njit(cache=True)
-def try_block(task, pairs, u_c, block, way, limit):
-    """A few pairs of detections, those with the fewest catalogue pairs first: close, well measured; work."""
-    m = block.shape[0]
-    focal_px = way.focal * task.scene.focal_px
-    tolerance = PAIR_GATE * np.sqrt(2.0) * way.noise * task.scene.sigma_px / focal_px
-    cost, spread = np.empty(m), np.empty(m)
-    for k in range(m):
-        i, j = block[k, 0], block[k, 1]
-        dx = task.scene.xy_px[i, 0] - task.scene.xy_px[j, 0]
-        dy = task.scene.xy_px[i, 1] - task.scene.xy_px[j, 1]
+def costs_of(scene, order):
+    """Relative cost of pairs of detections, inf for close ones, and their variance along the line, (m,) each.
+
+    Squares of what the number of catalogue pairs grows with: the angle and its tolerance.
+    """
+    cost, spread = np.full(order.shape[0], np.inf), np.ones(order.shape[0])
+    for k in range(order.shape[0]):
+        i, j = order[k, 0], order[k, 1]
+        dx, dy = scene.xy_px[i, 0] - scene.xy_px[j, 0], scene.xy_px[i, 1] - scene.xy_px[j, 1]
         distance2 = dx * dx + dy * dy
-        cost[k] = np.inf
         if distance2 > SHORT_PX**2:
-            spread[k] = along(task.scene.ellipses.spread, i, j, dx, dy)
+            spread[k] = along(scene.ellipses.spread, i, j, dx, dy)
             cost[k] = distance2 * spread[k]
-    work = m
-    for _ in range(m):
+    return cost, spread
+
+
+@njit(cache=True)
+def tolerance_of(task, way):
+    """Tolerance [rad] of the angle of a pair of ordinary stars."""
+    return PAIR_GATE * np.sqrt(2.0) * way.noise * task.scene.sigma_px / (way.focal * task.scene.focal_px)
+
+
+@njit(cache=True)
+def try_block(task, pairs, u_c, block, way, limit):
+    """A few pairs of detections, the closest first, as those have the fewest catalogue pairs; work."""
+    cost, spread = costs_of(task.scene, block)
+    tolerance, work = tolerance_of(task, way), block.shape[0]
+    for _ in range(block.shape[0]):
         k = np.argmin(cost)
         if cost[k] == np.inf or work > limit:
             break
@@ -216,18 +234,47 @@ def try_block(task, pairs, u_c, block, way, limit):
 
 
 @njit(cache=True)
+def try_in_turn(task, pairs, u_c, order, size, way, limit):
+    """All pairs of detections: the cheapest of all, and the cheapest of a block of bright ones; work.
+
+    A pair of two good places is worth many others, but false detections may look good or stand close to
+    each other, too: half of the work for each.
+    """
+    cost, spread = costs_of(task.scene, order)
+    tolerance, work, ahead, first = tolerance_of(task, way), order.shape[0], 0, 0
+    while first < order.shape[0] and work <= limit:
+        is_bright = ahead > 0  # the cheap ones have had more of the work
+        k = first + np.argmin(cost[first : first + size]) if is_bright else np.argmin(cost)
+        if cost[k] == np.inf:
+            first += size
+            continue
+        cost[k] = np.inf
+        i, j = order[k, 0], order[k, 1]
+        begin, end = window(pairs, u_c, i, j, tolerance * np.sqrt(spread[k]))
+        more = try_pair(task, pairs, u_c, i, j, begin, end, way)
+        work, ahead = work + more, ahead + (-more if is_bright else more)
+        if margin(task) >= task.threshold + SURE:
+            break
+    return work
+
+
+@njit(cache=True)
 def lost_in_space(task, pairs, budget):
     """Go through the pairs of detections until one attitude is certain; work."""
     work = 0
     n = task.scene.xy_px.shape[0]
     order, size = pairs_by_brightness(n), min(int(BLOCK * n), LARGEST_BLOCK)
-    for way in PASSES:
+    are_round = task.scene.ellipses.are_round
+    for way in PASSES if are_round else UNEVEN_PASSES:
         u_c = directions(task.scene, way.focal * task.scene.focal_px)
-        for first in range(0, order.shape[0], size):
+        for first in range(0, order.shape[0] if are_round else 1, size):
             left = way.share * budget - work
             if left < 0.0:
                 break
-            work += try_block(task, pairs, u_c, order[first : first + size], way, left)
+            if are_round:
+                work += try_block(task, pairs, u_c, order[first : first + size], way, left)
+            else:
+                work += try_in_turn(task, pairs, u_c, order, size, way, left)
             if margin(task) >= task.threshold + SURE:
                 return work
         if margin(task) >= task.threshold:
