@@ -136,6 +136,7 @@ class Frame(NamedTuple):
     gain_db: float
     image_dn: np.ndarray  # (rows, columns) uint8, or uint16 of a detector with more bits
     line_s: float = 0.0  # from the start of one row to the next; 0: global shutter
+    bits: int = 8  # of a grey value: it is at most 2^bits - 1
 
 
 class FrameTruth(NamedTuple):
@@ -166,6 +167,17 @@ class Reason(IntEnum):
     EARTH_EXCLUSION = 8
 
 
+class Scan(IntEnum):
+    """How the objects of a frame were searched."""
+
+    UNKNOWN = 0  # a log that does not say
+    SEQUENTIAL = 1  # in one pass, as spots
+    MAXIMUM = 2  # the brightest place again and again, as spots
+    STREAKS = 3  # in the whole frame, along the streaks that the rate of the camera makes
+    STREAKS_NEAR = 4  # likewise, around the places where stars are predicted
+    RUN_LENGTH = 5  # clusters of this frame and the one before
+
+
 class Detections(NamedTuple):
     """Objects found in one frame, brightest first."""
 
@@ -193,6 +205,7 @@ class StarFix(NamedTuple):
     exposure_s: float
     flag_saturated: bool
     flag_no_stars: bool
+    scan: int = int(Scan.UNKNOWN)  # Scan
 
 
 class GateResult(NamedTuple):

@@ -64,7 +64,8 @@ class Drawings:
         )
         self._q_bc = _quaternion(quat_from_dcm(mission.C_bc))
         self._no_shift = fox.Vector3()
-        thresholded(np.zeros((1, 1), np.uint8), policy.threshold_sigma)  # loaded now, not during the run
+        for dtype in (np.uint8, np.uint16):  # loaded now, not during the run
+            thresholded(np.zeros((1, 1), dtype), policy.threshold_sigma)
         self._last_reason = None
         self._last_notes = {}  # by sensor
 
@@ -226,9 +227,9 @@ def _image(image_dn, ns):
         frame_id=CAMERA,
         width=columns,
         height=rows,
-        encoding="mono8",
-        step=columns,
-        data=image_dn.tobytes(),
+        encoding="mono8" if image_dn.dtype == np.uint8 else "mono16",
+        step=columns * image_dn.itemsize,
+        data=image_dn.astype(image_dn.dtype.newbyteorder("<"), copy=False).tobytes(),
     )
 
 
@@ -237,9 +238,11 @@ def thresholded(image_dn, threshold_sigma):
     """The frame with everything below mean + threshold_sigma * standard deviation of its background at zero.
 
     The background is what lies within 4 standard deviations of the median, found by clipping the histogram of
-    every sixteenth row three times. (rows, columns) uint8 -> the same.
+    every sixteenth row three times. (rows, columns) uint8 or uint16 -> the same.
     """
-    counts = np.zeros(256, dtype=np.int64)
+    narrow = image_dn.dtype.type
+    largest = 256**image_dn.itemsize - 1
+    counts = np.zeros(largest + 1, dtype=np.int64)
     for r in range(0, image_dn.shape[0], 16):
         for value in image_dn[r]:
             counts[value] += 1
@@ -251,17 +254,17 @@ def thresholded(image_dn, threshold_sigma):
     mean, sigma = 0.0, 0.0
     for _ in range(3):
         n, total, squares = 0, 0, 0
-        for level in range(max(0, np.ceil(low)), min(255, np.floor(high)) + 1):
+        for level in range(max(0, np.ceil(low)), min(largest, np.floor(high)) + 1):
             n += counts[level]
             total += counts[level] * level
             squares += counts[level] * level * level  # whole numbers: nothing is rounded
         mean = total / n
         sigma = np.sqrt(max(squares / n - mean * mean, 0.0))
         low, high = mean - 4.0 * sigma - 1.0, mean + 4.0 * sigma + 1.0
-    threshold = np.uint8(min(255.0, np.ceil(mean + threshold_sigma * sigma)))
+    threshold = narrow(min(float(largest), np.ceil(mean + threshold_sigma * sigma)))
     kept = np.empty_like(image_dn)
     for r in range(image_dn.shape[0]):
         row, kept_row = image_dn[r], kept[r]  # of one row, the compiler takes many pixels at a time
         for c in range(image_dn.shape[1]):
-            kept_row[c] = row[c] if row[c] >= threshold else np.uint8(0)
+            kept_row[c] = row[c] if row[c] >= threshold else narrow(0)
     return kept

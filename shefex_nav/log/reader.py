@@ -33,9 +33,8 @@ class _Raw(NamedTuple):
 def read(path):
     """RunData of a log; LogError with the reason when that is impossible."""
     raw, is_complete = _read_file(Path(path))
-    _check_origin(path, raw)
     arrays, lists, single = {}, {}, {}
-    for topic in topics.TOPICS:
+    for topic in _stored_topics(path, raw):
         decoded = wire.codec(topic).decode(raw.messages.get(topic.topic, []))
         if topic.record in ARRAYS:
             arrays[topic.record] = decoded
@@ -49,20 +48,24 @@ def read(path):
     return gather(mission, arrays, lists, single[Alignment], ended_early=not is_complete)
 
 
-def _check_origin(path, raw):
+def _stored_topics(path, raw):
+    """The topics of the table, with the fields that the log has."""
     found = raw.metadata.get("format")
     if found is None:
         raise LogError(f"{path}: an MCAP file, but not a log of shefex_nav (no metadata '{topics.METADATA}')")
     if found != topics.FORMAT:
         raise LogError(f"{path}: the log has format {found}, this version reads format {topics.FORMAT}")
-    ours = {topic.topic: topic for topic in topics.TOPICS}
+    stored = {topic.topic: topic for topic in topics.TOPICS}
     for channel in raw.channels.values():
-        topic = ours.get(channel.topic)
-        if topic and not wire.is_same_schema(raw.schemas[channel.schema_id].data, topic):
+        if channel.topic not in stored:
+            continue
+        stored[channel.topic] = wire.as_stored(raw.schemas[channel.schema_id].data, stored[channel.topic])
+        if stored[channel.topic] is None:
             version = raw.metadata["version"]
             raise LogError(
                 f"{path}: {channel.topic} has other fields than this version knows; {version} wrote it"
             )
+    return stored.values()
 
 
 def _last(decoded):

@@ -3,7 +3,9 @@
 Every message is protobuf. Where Foxglove has a schema that viewers draw, the record also goes there
 (`log.drawings`); its full content goes to a schema of our own, package `shefex`, listed here. One line of
 the table names a field of the message, the attribute of the record it holds, its type, its shape
-(row-major), and what it is with frame and unit, which becomes the field's comment in the stored schema.
+(row-major), and what it is with frame and unit, which becomes the field's comment in the stored schema. New
+fields go to the end of their message, with a default in the record: an older log, which lacks them, is read
+with the default.
 
 Rates are those of a log in full; `log.thinning` says which of them a scenario may lower.
 
@@ -33,6 +35,7 @@ from shefex_nav.records import (
     NavSolution,
     Phase,
     Reason,
+    Scan,
     StarFix,
     TruthSample,
 )
@@ -237,6 +240,8 @@ TOPICS = (
         T_AVAILABLE,
         _number("exposure_s", "exposure_s", "[s]"),
         _number("gain_db", "gain_db", "[dB]"),
+        _number("line_s", "line_s", "from the start of one row to that of the next, 0 = global shutter [s]"),
+        _integer("bits", "bits", "of a grey value, which is at most 2^bits - 1"),
     )),
     Topic(StarFix, "/star_tracker/fix", "StarFix", 10, "t_valid_s", "What came out of one frame.", (
         _integer("number", "number", "of the frame"),
@@ -256,6 +261,7 @@ TOPICS = (
         _number("exposure_s", "exposure_s", "[s]"),
         _flag("flag_saturated", "flag_saturated", "picture too bright"),
         _flag("flag_no_stars", "flag_no_stars", "fewer objects than an identification needs"),
+        Field("scan", "scan", Scan, (), "how the objects were searched"),
     )),
     Topic(CameraCommand, "/star_tracker/command", "CameraCommand", 10, "t_s", "Asked of the camera next.", (
         T_S,
@@ -271,7 +277,7 @@ TOPICS = (
         _number("limb_angle_rad", "limb_angle", "boresight to the Earth's limb, positive above [rad]"),
         _flag("exclusion_met", "exclusion_met", "both angles outside their exclusion"),
         _integer("hip", "hip", "Hipparcos numbers of the brightest stars on the detector", (-1,)),
-        _number("xy_px", "xy_px", "where their light is centred, x and y in turn [px]", (-1, 2)),
+        _number("xy_px", "xy_px", "where they are at t_valid_s, x and y in turn [px]", (-1, 2)),
     )),
     Topic(Event, "/events", "Event", None, "t_s", "Something that happened in the mission.", (
         T_S,

@@ -84,6 +84,23 @@ def is_same_schema(data, topic):
     return stored == ours
 
 
+def as_stored(data, topic):
+    """The topic with the fields that a stored FileDescriptorSet has; None where the two contradict.
+
+    A log of an older version may lack the last fields of a message, if the record has defaults for them.
+    """
+    from google.protobuf import descriptor_pb2
+
+    stored = descriptor_pb2.FileDescriptorSet.FromString(data)
+    messages = [message for file in stored.file for message in file.message_type]
+    n = len(messages[0].field) - 1 if messages else 0  # without the time stamp
+    missing = topic.fields[n:]
+    older = topic._replace(fields=topic.fields[:n])
+    if any(field.source not in topic.record._field_defaults for field in missing):
+        return None
+    return older if is_same_schema(data, older) else None
+
+
 def message_class(topic):
     """google.protobuf class of the message."""
     from google.protobuf import descriptor_pool, message_factory
@@ -136,7 +153,8 @@ class FixedCodec:
         for name, constant in self._constants:
             if not np.all(array[name] == np.frombuffer(constant, "u1")):
                 raise LogError(f"topic {self.topic.topic}: message of an unexpected layout")
-        values = {}
+        defaults = self.topic.record._field_defaults
+        values = {name: np.full(len(array), value) for name, value in defaults.items()}
         for field in self.topic.fields:
             column = np.ascontiguousarray(array[field.name])
             values[field.source] = column.astype(np.int64) if _is_integer(field) else column
@@ -172,7 +190,7 @@ class VariableCodec:
         return [self._record(self._class.FromString(data)) for data in messages]
 
     def _record(self, message):
-        values = {}
+        values = dict(self.topic.record._field_defaults)
         for field in self.topic.fields:
             value = getattr(message, field.name)
             if field.shape:

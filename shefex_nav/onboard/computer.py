@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.onboard.navigation import fusion, solution, strapdown
+from shefex_nav.geometry import frames, rotation, shutter, wgs84
+from shefex_nav.onboard.navigation import fusion, mean_rate, solution, strapdown
 from shefex_nav.onboard.navigation.state import ATT, MOUNT, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.records import Reason
@@ -116,7 +116,7 @@ def _track_stars(computer, now_s, frames_arrived, chain):
         computer = computer._replace(tracker_state=tracker_state)
     if computer.tracker_state is not None:
         for frame in frames_arrived:
-            context = star_context(computer, frame.t_valid_s)
+            context = star_context(computer, frame)
             tracker_state, fix, command = chain(computer.tracker, computer.tracker_state, frame, context)
             outputs += [fix, command]
             waiting = computer.waiting + ((fix,) if fix.reason == Reason.NONE else ())
@@ -128,28 +128,34 @@ def _track_stars(computer, now_s, frames_arrived, chain):
     return computer, outputs, due
 
 
-def star_context(computer, t_s):
-    """What the navigation knows about a frame valid at t_s: `tracker.Context`.
+def star_context(computer, frame):
+    """What the navigation knows about a frame: `tracker.Context`.
 
-    Taken from the tick nearest to t_s: within 5 ms the geometry does not change.
+    Place and geometry are those of the tick nearest to its instant: within 5 ms they do not change. The
+    attitude is carried on to the instant itself, and the rate is the mean from the opening of the first row
+    to the closing of the last.
     """
     params = computer.params
-    near = fusion.nearest(computer.nav, t_s)
+    near = fusion.nearest(computer.nav, frame.t_valid_s)
     state = near.state
     omega_ib_b = strapdown.rate(state, near.imu, strapdown.SAMPLES * near.imu.dt_s)
-    C_ic = rotation.dcm_from_quat(state.q_ib) @ rotation.dcm_from_rotvec(state.mounting) @ params.nav.C_bc
+    C_bc = rotation.dcm_from_rotvec(state.mounting) @ params.nav.C_bc
+    turned = rotation.dcm_from_rotvec(omega_ib_b * (frame.t_valid_s - state.t_s))
+    C_ic = rotation.dcm_from_quat(state.q_ib) @ turned @ C_bc
     boresight_i = C_ic[:, 2]
     C_ei = frames.dcm_ie(computer.earth, state.t_s).T
-    rate = float(np.sqrt(omega_ib_b @ omega_ib_b))
-    P_c = camera_covariance(near.P, params.nav.C_bc)
-    P_c += ((rate * (t_s - state.t_s)) ** 2 + PREDICTION_FLOOR**2) * np.eye(3)
+    times = shutter.row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
+    end_s = frame.t_start_s + shutter.duration_s(times)
+    omega_c, P_omega_c = mean_rate.camera_rate(computer.nav, near, C_bc, frame.t_start_s, end_s)
     return star_tracker.Context(
         velocity_i=state.v_i + params.tracker.earth_velocity_i,
-        rate=rate,
+        rate=float(np.sqrt(omega_ib_b @ omega_ib_b)),
         sun_angle=float(np.arccos(np.clip(boresight_i @ params.sun_i, -1.0, 1.0))),
         limb_angle=float(wgs84.limb_angle(C_ei @ state.r_i, C_ei @ boresight_i)),
         q_ic=rotation.quat_from_dcm(C_ic),
-        P_c=P_c,
+        P_c=camera_covariance(near.P, params.nav.C_bc) + PREDICTION_FLOOR**2 * np.eye(3),
+        omega_c=omega_c,
+        P_omega_c=P_omega_c,
     )
 
 

@@ -9,6 +9,9 @@ Definitions
 - A star fix is wrong if it is given as good and more than 0.5 deg off, in the window or out of it.
 - The window is where the true rate is at most 2 deg/s and the true exclusion angles are met. A tick of the
   camera without a frame counts in it if both neighbours do.
+- `by_rate` counts the frames whose exclusion angles are met, in the window or too fast for it, by the true
+  rate; its NEES is that of the fixes with their own covariance, less the run's mean error, which is mounting
+  and principal point.
 - `cross_axis_rms` is per axis, over x and y; `max` is of the whole rotation angle.
 - NEES: position, velocity and attitude at whole seconds since the start of the run, from the first star fix
   that the filter accepts to entry, or to the end of a run without one.
@@ -20,6 +23,7 @@ Definitions
 
 import math
 from collections import Counter
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +35,7 @@ from shefex_nav.report.track import earth_fixed
 
 WRONG_ANGLE = math.radians(0.5)
 WINDOW_RATE = math.radians(2.0)  # rad/s
+RATES_DEG_S = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, math.inf)  # bounds of by_rate
 ENTRY_HEIGHT = 100e3  # m
 STANDING = 1e-3  # m/s; what never moves faster stands on the ground
 NEES_DOF = 9  # position, velocity, attitude
@@ -224,8 +229,47 @@ def _star_tracker(data):
             if len(chosen)
             else None,
         },
+        "by_rate": by_rate(data, errors),
         "chain_ms": _chain_ms(data.compute_times.chain_s),
     }
+
+
+def by_rate(data, errors):
+    """Frames and fixes by the true rate: list of dicts, slowest first, of the intervals that have frames.
+
+    RunData, its StarErrors -> from_deg_s, to_deg_s (None: no limit), frames, solved, wrong, and of the fixes
+    that are not wrong cross_axis_rms_arcsec, boresight_rms_arcsec and nees, the mean squared normalised
+    error of three degrees of freedom, without the mean error of the run.
+    """
+    frames = [frame for frame in data.frame_truths if frame.exclusion_met]
+    number = np.array([frame.number for frame in frames], dtype=int)
+    rate_deg_s = np.degrees([frame.rate for frame in frames])
+    wrong = np.linalg.norm(errors.rotation_c, axis=1) > WRONG_ANGLE
+    good = np.isin(errors.number, number) & ~wrong
+    mean = np.mean(errors.rotation_c[good], axis=0) if good.any() else np.zeros(3)
+    covariances = {fix.number: fix.P_c for fix in data.star_fixes}
+    result = []
+    for low, high in pairwise(RATES_DEG_S):
+        inside = number[(rate_deg_s >= low) & (rate_deg_s < high)]
+        fixed = np.isin(errors.number, inside)
+        if not len(inside):
+            continue
+        rotation = errors.rotation_c[fixed & ~wrong]
+        P_c = [covariances[k] for k in errors.number[fixed & ~wrong].tolist()]
+        nees = [e @ np.linalg.solve(P, e) for e, P in zip(rotation - mean, P_c, strict=True)]
+        result.append(
+            {
+                "from_deg_s": low,
+                "to_deg_s": high if math.isfinite(high) else None,
+                "frames": len(inside),
+                "solved": int(fixed.sum()),
+                "wrong": int((fixed & wrong).sum()),
+                "cross_axis_rms_arcsec": _rms(rotation[:, :2].ravel()) * _ARCSEC,
+                "boresight_rms_arcsec": _rms(rotation[:, 2]) * _ARCSEC,
+                "nees": float(np.mean(nees)) if nees else None,
+            }
+        )
+    return result
 
 
 def _chain_ms(chain_s):

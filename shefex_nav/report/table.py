@@ -67,6 +67,7 @@ def _star_rows(star):
     yield "frames", f"{star['frames']}, of which {star['in_window']} in the window"
     yield "solved in the window", f"{star['solved']}{share}"
     yield "wrong", Text(str(star["wrong"]), style="bold red" if star["wrong"] else "")
+    yield from _rate_rows(star["by_rate"])
     if star["no_fix"]:
         reasons = (f"{reason.replace('_', ' ')} {count}" for reason, count in star["no_fix"].items())
         yield "no fix", ", ".join(reasons)
@@ -75,6 +76,17 @@ def _star_rows(star):
     yield "error about the boresight", _text(error["boresight_rms"], 1, '" rms')
     chain = star["chain_ms"]
     yield "time per frame", f"{_text(chain['median'], 2, 'ms')} median, {_text(chain['p99'], 2, 'ms')} 99 %"
+
+
+def _rate_rows(by_rate):
+    """Success against rate, where frames were taken beyond the window's 2 deg/s."""
+    if not by_rate or by_rate[-1]["from_deg_s"] < 2.0:
+        return
+    for row in by_rate:
+        limit = "above" if row["to_deg_s"] is None else f"to {row['to_deg_s']:.0f}"
+        share = 100.0 * row["solved"] / row["frames"]
+        name = f"solved at {row['from_deg_s']:.0f} {limit} deg/s"
+        yield name, f"{row['solved']} of {row['frames']} ({share:.1f} %)"
 
 
 def _navigation_rows(navigation):

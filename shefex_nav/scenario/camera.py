@@ -3,6 +3,10 @@
 Values are floats in SI and radians once loaded; charges in electrons, grey values in DN.
 """
 
+from typing import Literal
+
+from pydantic import Field
+
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.quantity import Count, Number, Quantity
 
@@ -30,7 +34,7 @@ class Optics(Block):
 
 
 class Detector(Block):
-    """Image sensor, 8 bits."""
+    """Image sensor."""
 
     columns: Count("659", "pixels in a row", at_least=64, at_most=4096)
     rows: Count("493", "rows", at_least=64, at_most=4096)
@@ -41,6 +45,18 @@ class Detector(Block):
     conversion: Quantity("electron/DN", "118 electron/DN", "at a gain of 0 dB", positive=True)
     black_level: Quantity("DN", "8 DN", "grey value without charge", non_negative=True, at_most="200 DN")
     readout: Quantity("s", "10 ms", "end of exposure to picture in memory", non_negative=True)
+    bits: Count("8", "of a grey value, which is at most 2^bits - 1", at_least=8, at_most=16)
+    shutter: Literal["global", "rolling"] = Field(
+        description="all rows are exposed at once, or one after the other"
+    )
+    line_time: (
+        Quantity("s", "60 us", "rolling: from the start of one row to that of the next", positive=True) | None
+    ) = None
+
+    @property
+    def line_s(self):
+        """From the start of one row to that of the next; 0 with a global shutter."""
+        return self.line_time if self.shutter == "rolling" and self.line_time else 0.0
 
 
 class Stars(Block):
@@ -48,6 +64,9 @@ class Stars(Block):
 
     faintest: Quantity("mag", "7.5 mag", "V of the faintest star drawn", at_most="8 mag")
     brightness_error: Quantity("mag", "0.15 mag", "of each star, 1 sigma", at_least="0 mag")
+    band: Literal["silicon", "V"] = Field(
+        description="of a bare silicon detector, for which red stars are brighter; or the catalogue's own"
+    )
 
 
 class Artefacts(Block):

@@ -2,12 +2,11 @@
 
 import math
 
-from shefex_nav.scenario import checks_flight, checks_vehicle
+from shefex_nav.scenario import checks_flight, checks_tracker, checks_vehicle
 from shefex_nav.scenario.checks_flight import seconds
 from shefex_nav.scenario.events import possible
 from shefex_nav.scenario.messages import close
 
-TICK_RATE = 100.0  # Hz, of the on-board computer
 REPORT_RATE = 10.0  # Hz, of the logged covariance, which reports want on whole seconds
 LOG_RATES = (10.0, 20.0, 50.0, 100.0)  # Hz
 IMU_NYQUIST = 200.0  # Hz, half the rate of the IMU
@@ -26,7 +25,7 @@ def cross_check(scenario, rated=None):
         *_sensors(scenario),
         *_outages(scenario),
         *_camera(scenario.star_camera),
-        *_star_tracker(scenario),
+        *checks_tracker.contradictions(scenario),
     ]
 
 
@@ -107,67 +106,3 @@ def _camera(camera):
             ("star_camera", "artefacts", "hot_pixels"),
             f"{bad} bad pixels are more than a tenth of the detector",
         )
-
-
-def _star_tracker(scenario):
-    """Frames that the clock can trigger, exposures that fit between them, a window within the mission."""
-    tracker, path = scenario.star_tracker, ("star_tracker",)
-    ticks = TICK_RATE / tracker.rate
-    if abs(ticks - round(ticks)) > 1e-6:
-        words = (
-            f"{tracker.rate:g} Hz does not divide the on-board clock, 100 Hz; take 1, 2, 4, 5, 10 or 20 Hz"
-        )
-        yield (*path, "rate"), words
-    exposure, interval = tracker.exposure, 1.0 / tracker.rate
-    busy = exposure.longest + scenario.star_camera.detector.readout
-    if busy > interval + 1e-9:
-        words = (
-            f"exposure and read-out take {1e3 * busy:g} ms, the frames follow each other "
-            f"after {1e3 * interval:g} ms; shorten it or lower star_tracker.rate"
-        )
-        yield (*path, "exposure", "longest"), words
-    if not exposure.shortest <= exposure.start <= exposure.longest:
-        limits = f"{1e3 * exposure.shortest:g} to {1e3 * exposure.longest:g} ms"
-        words = f"{1e3 * exposure.start:g} ms must lie between shortest and longest, {limits}"
-        yield (*path, "exposure", "start"), words
-    mission = scenario.mission
-    if not mission.start <= tracker.on < mission.time_limit:
-        words = (
-            f"{seconds(tracker.on)} is not within the mission, {mission.start:g} to {mission.time_limit:g} s"
-        )
-        yield (*path, "on"), words
-    if tracker.off <= tracker.on:
-        yield (*path, "off"), f"{seconds(tracker.off)} must be later than on, {seconds(tracker.on)}"
-    elif tracker.off > mission.time_limit:
-        yield (
-            (*path, "off"),
-            f"{seconds(tracker.off)} is after mission.time_limit, {seconds(mission.time_limit)}",
-        )
-    if tracker.detection.fewest_pixels > tracker.detection.most_pixels:
-        yield (*path, "detection", "fewest_pixels"), "must not exceed most_pixels"
-    if tracker.detection.grow_sigma > tracker.detection.seed_sigma:
-        yield (*path, "detection", "grow_sigma"), "must not exceed seed_sigma"
-    yield from _catalogue_and_latency(scenario)
-
-
-def _catalogue_and_latency(scenario):
-    """The catalogue flown against the stars that shine; the filter's memory against what arrives late."""
-    tracker, navigation = scenario.star_tracker, scenario.navigation
-    catalogue, camera = tracker.catalogue, scenario.star_camera
-    if catalogue.faintest > camera.stars.faintest:
-        words = f"V {catalogue.faintest:g} on board, the camera draws stars to V {camera.stars.faintest:g}"
-        yield ("star_tracker", "catalogue", "faintest"), words
-    if catalogue.kind == "asymmetric" and catalogue.faintest_south is None:
-        yield ("star_tracker", "catalogue", "faintest_south"), "an asymmetric catalogue needs it"
-    if tracker.identification.tracking and tracker.identification.method != "bayes":
-        words = f"method {tracker.identification.method!r} cannot use a prediction; set tracking: false"
-        yield ("star_tracker", "identification", "tracking"), words
-    if catalogue.kind == "combined" and catalogue.keep_to > catalogue.faintest:
-        yield ("star_tracker", "catalogue", "keep_to"), "must not be fainter than faintest"
-    star_delay = tracker.exposure.longest + camera.detector.readout + tracker.latency
-    delay, name = max((scenario.gps.latency, "GPS fix"), (star_delay, "star fix"))
-    if delay >= navigation.history:
-        words = (
-            f"{seconds(navigation.history)} must be longer than the {1e3 * delay:g} ms that a {name} is late"
-        )
-        yield ("navigation", "history"), words

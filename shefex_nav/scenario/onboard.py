@@ -21,18 +21,29 @@ class ExposureControl(Block):
     step: Quantity("s", "2 ms", "change from frame to frame", positive=True)
     gain: Quantity("dB", "24 dB", "of the amplifier, constant", at_least="0 dB", at_most="60 dB")
     brightest_mean: Quantity(
-        "DN", "100 DN", "a frame with a higher mean is saturated", positive=True, at_most="255 DN"
+        "DN", "100 DN", "a frame with a higher mean is saturated", positive=True, at_most="65535 DN"
     )
     fewest_objects: Count("4", "with fewer there are no stars", positive=True)
     saturated_objects: Count("4", "so many saturated objects shorten the exposure ...", positive=True)
     saturated_pixels: Count("1", "... that have more than so many saturated pixels", non_negative=True)
 
 
+class RunLength(Block):
+    """Clusters of pixels and their fusion from frame to frame, as in the literature."""
+
+    threshold: Quantity("electron", "500 electron", "a pixel of an object is so far above", positive=True)
+    window: Count("256", "pixels of the moving average of the sky, a power of two", at_least=16)
+    slowest: Quantity("pix/s", "15 pix/s", "a slower star is a spot and not moved", non_negative=True)
+    fusion_distance: Quantity("pix", "2 pix", "of a star in two frames", positive=True, at_most="100 pix")
+
+
 class Detection(Block):
     """Objects in a frame."""
 
-    scan: Literal["sequential", "maximum"] = Field(
-        "sequential", description="one pass over the frame, or search of the brightest pixel again and again"
+    scan: Literal["sequential", "maximum", "streaks", "run_length"] = Field(
+        "sequential",
+        description="one pass over the frame; search of the brightest pixel again and again; along the "
+        "streaks that the gyro rate predicts; or clusters of two contiguous frames",
     )
     centroid: Literal["fit", "weighted", "centre_of_mass", "gaussian_interpolation"] = Field(
         "fit", description="fit of the spot's shape, or one of the literature"
@@ -46,7 +57,8 @@ class Detection(Block):
         "", "80 %", "share of the light in one pixel; more is a hot pixel", positive=True, at_most="100 %"
     )
     most_objects: Count("50", "length of the table", at_least=4)
-    saturation: Quantity("DN", "255 DN", "grey value of a saturated pixel", positive=True, at_most="255 DN")
+    saturation: Quantity("DN", "255 DN", "grey value of a saturated pixel", positive=True, at_most="65535 DN")
+    run_length: RunLength = Field(description="settings of scan: run_length")
 
 
 class Catalogue(Block):
@@ -71,7 +83,7 @@ class Catalogue(Block):
 class Identification(Block):
     """Which star is which."""
 
-    method: Literal["bayes", "pyramid", "brightness", "voting"] = Field(
+    method: Literal["bayes", "pyramid", "brightness", "voting", "multipole"] = Field(
         description="odds against chance (the project's own), or one of the literature"
     )
     tracking: StrictBool = Field(
@@ -89,6 +101,9 @@ class Identification(Block):
     )
     magnitude_margin: Quantity("mag", "0.5 mag", "such a star is brighter by so much", at_least="0 mag")
     magnitude_error: Quantity("mag", "0.3 mag", "of an identified star, 1 sigma", at_least="0.01 mag")
+    magnitude_tolerance: Quantity(
+        "mag", "1 mag", "multipole: of a measured magnitude against the catalogue's", at_least="0.01 mag"
+    )
     false_alarm: Number(
         "1e-6", "accepted probability that an attitude is chance", positive=True, at_most=0.01
     )

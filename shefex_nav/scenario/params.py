@@ -213,4 +213,7 @@ def camera_params(scenario):
         stray_rate=stray.rate_at_exclusion,
         stray_decade_rad=stray.tenfold_angle,
         direct_rate=stray.direct_rate,
+        bits=detector.bits,
+        line_s=detector.line_s,
+        band=camera.stars.band,
     )

@@ -60,7 +60,8 @@ def tracker_params(scenario, earth_velocity_i, bad_pixels):
         ),
         detect=_detect_params(scenario, bad_pixels),
         track=tracker.identification.tracking,
-        identify=_identify_params(tracker.identification, nominal_camera(scenario)),
+        identify=_identify_params(scenario),
+        run_length=_run_length(scenario) if tracker.detection.scan == "run_length" else None,
         exposure=_exposure_params(tracker.exposure),
         earth_velocity_i=earth_velocity_i,
         centroid_floor_px=tracker.centroid_floor,
@@ -75,8 +76,7 @@ def tracker_params(scenario, earth_velocity_i, bad_pixels):
 def _detect_params(scenario, bad_pixels):
     from shefex_nav.onboard.startracker.detect import DetectParams
 
-    detection, detector = scenario.star_tracker.detection, scenario.star_camera.detector
-    gain = 10.0 ** (scenario.star_tracker.exposure.gain / 20.0)
+    detection = scenario.star_tracker.detection
     return DetectParams(
         bad_pixels=np.asarray(bad_pixels, dtype=np.int64),
         tile_px=detection.tile,
@@ -89,13 +89,39 @@ def _detect_params(scenario, bad_pixels):
         saturation_dn=int(detection.saturation),
         scan=detection.scan,
         centroid=detection.centroid,
-        electrons_per_dn=detector.conversion / gain,
+        electrons_per_dn=electrons_per_dn(scenario),
+        psf_sigma_px=scenario.star_camera.optics.psf_sigma,
     )
 
 
-def _identify_params(identification, camera):
+def electrons_per_dn(scenario):
+    """Charge for one grey value at the gain that is set."""
+    gain = 10.0 ** (scenario.star_tracker.exposure.gain / 20.0)
+    return scenario.star_camera.detector.conversion / gain
+
+
+def _run_length(scenario):
+    """ChainParams of the clusters."""
+    from shefex_nav.onboard.startracker.clusters import ClusterParams
+    from shefex_nav.onboard.startracker.compensate import CompensateParams
+    from shefex_nav.onboard.startracker.multipole_chain import ChainParams
+
+    detection = scenario.star_tracker.detection
+    settings = detection.run_length
+    return ChainParams(
+        ClusterParams(
+            settings.threshold / electrons_per_dn(scenario), int(detection.saturation), settings.window
+        ),
+        CompensateParams(settings.slowest),
+        settings.fusion_distance,
+    )
+
+
+def _identify_params(scenario):
     from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 
+    identification, camera = scenario.star_tracker.identification, nominal_camera(scenario)
+    zero_electrons = scenario.star_camera.optics.zero_magnitude_flux * scenario.star_tracker.exposure.longest
     return IdentifyParams(
         method=identification.method,
         camera=camera,
@@ -108,6 +134,8 @@ def _identify_params(identification, camera):
         magnitude_margin=identification.magnitude_margin,
         magnitude_sigma=identification.magnitude_error,
         false_alarm=identification.false_alarm,
+        zero_flux=zero_electrons / electrons_per_dn(scenario),
+        magnitude_tolerance=identification.magnitude_tolerance,
     )
 
 

@@ -10,7 +10,7 @@ from shefex_nav import records as rec
 from shefex_nav.geometry import wgs84
 from shefex_nav.geometry.frames import dcm_ie
 from shefex_nav.geometry.rotation import dcm_from_quat
-from shefex_nav.log.drawings import Drawings, thresholded
+from shefex_nav.log.drawings import Drawings, FramePolicy, thresholded
 
 
 @pytest.fixture
@@ -133,3 +133,34 @@ def test_thresholding_against_numpy():
 def test_thresholding_an_even_frame():
     assert np.count_nonzero(thresholded(np.zeros((64, 64), np.uint8), 4.0)) == 0
     assert thresholded(np.full((64, 64), 255, np.uint8), 4.0).dtype == np.uint8
+
+
+@pytest.mark.parametrize("scale", [1, 16, 257])
+def test_thresholding_more_bits(scale):
+    """Grey values in finer steps: the same pixels stay, against the same computation in NumPy."""
+    image = np.random.default_rng(7).normal(20.0, 3.0, (480, 640)).clip(0, 255).astype(np.uint16)
+    image[::40, ::40] = 255
+    image *= np.uint16(scale)
+    values = image[::16].astype(float)
+    low, high = 0.0, 2.0 * np.median(values) + 4.0
+    for _ in range(3):
+        inside = values[(values >= low) & (values <= high)]
+        margin = 4.0 * inside.std() + 1.0
+        low, high = inside.mean() - margin, inside.mean() + margin
+    threshold = np.ceil(inside.mean() + 3.0 * inside.std())
+    kept = thresholded(image, 3.0)
+    assert kept.dtype == np.uint16
+    np.testing.assert_array_equal(kept, np.where(image >= threshold, image, 0))
+    assert np.all(kept[::40, ::40] == 255 * scale)
+
+
+def test_pictures_say_how_many_bytes_a_grey_value_has():
+    image = np.arange(12, dtype=np.uint16).reshape(3, 4) * 300
+    drawings = Drawings(synthetic_run.mission(), FramePolicy(1, "none", 4.0))
+    frame = rec.Frame(0, 0.0, 0.025, 0.06, 0.05, 0.0, image, 1e-4, 12)
+    message = decoded(drawings.frame(frame, 1))["/star_tracker/image_full"]
+    assert (message.encoding, message.width, message.height, message.step) == ("mono16", 4, 3, 8)
+    np.testing.assert_array_equal(np.frombuffer(message.data, "<u2").reshape(3, 4), image)
+    narrow = frame._replace(image_dn=image.astype(np.uint8), bits=8)
+    message = decoded(drawings.frame(narrow, 1))["/star_tracker/image_full"]
+    assert (message.encoding, message.step, len(message.data)) == ("mono8", 4, 12)

@@ -143,3 +143,37 @@ def test_the_log_of_another_version_is_refused(tmp_path):
     foreign(path, {"format": topics.FORMAT, "version": "0.0.1"}, wire.schema_bytes(imu))
     with pytest.raises(LogError, match="other fields"):
         reader.read(path)
+
+
+def test_a_log_without_the_newest_fields_is_read_with_their_defaults(run, tmp_path, monkeypatch):
+    """As written before rows had times of their own and fixes said how their objects were searched."""
+    _, in_memory = run
+    older = tuple(
+        topic._replace(
+            fields=tuple(field for field in topic.fields if field.source not in topic.record._field_defaults)
+        )
+        for topic in topics.TOPICS
+    )
+    assert older != topics.TOPICS
+    path = tmp_path / "older.mcap"
+    with monkeypatch.context() as before:
+        before.setattr(topics, "TOPICS", older)
+        with LogWriter(path, synthetic_run.mission(), synthetic_run.NO_PIXELS) as log:
+            for record in synthetic_run.simulate(OPTIONS):
+                log.write(record)
+    data = reader.read(path)
+    assert len(data.frames.number) == len(in_memory.frames.number) > 10
+    assert np.all(data.frames.line_s == 0.0) and np.all(data.frames.bits == 8)
+    assert data.frames.line_s.shape == data.frames.number.shape
+    assert_equal(data.frames._replace(image_dn=None), in_memory.frames._replace(image_dn=None))
+    assert {fix.scan for fix in data.star_fixes} == {0}
+    assert_equal(data.star_fixes[0].detections, in_memory.star_fixes[0].detections)
+
+
+def test_a_log_that_lacks_what_has_no_default_is_refused(tmp_path):
+    path = tmp_path / "other.mcap"
+    truth = next(t for t in topics.TOPICS if t.schema == "Truth")
+    shorter = truth._replace(fields=truth.fields[:-1])
+    foreign(path, {"format": topics.FORMAT, "version": "0.0.1"}, wire.schema_bytes(shorter))
+    with pytest.raises(LogError, match="other fields"):
+        reader.read(path)

@@ -4,7 +4,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from navigation_flight import C_BC, EARTH, PARAMS, alignment, fly, gps_fix, star_fix
+from navigation_flight import (
+    C_BC,
+    EARTH,
+    PARAMS,
+    alignment,
+    fly,
+    gps_fix,
+    motion,
+    star_fix,
+    state_at,
+)
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard import computer
@@ -122,3 +132,19 @@ def test_two_runs_are_the_same():
         for a, b in zip(one, two, strict=True):
             if isinstance(a, NavSolution):
                 assert all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+
+
+def test_the_tracker_is_told_the_mean_rate_of_the_exposure():
+    """3 rad/s of spin, in camera axes; rows of a rolling shutter are open from t_start_s on."""
+    chain = Chain()
+    rolling = frame(2, 0.7)._replace(line_s=0.02, t_valid_s=0.735)  # two rows
+    fly_computer(frames_taken=[rolling], chain=chain)
+    (context,) = chain.contexts
+    expected = np.mean([motion(t)[0] for t in np.linspace(0.7, 0.77, 1001)], axis=0)
+    assert np.allclose(context.omega_c, C_BC.T @ expected, atol=1e-5)
+    truth, _ = state_at(BLOCKS, STATES, 0.735)
+    error = rotation.rotvec_between(
+        context.q_ic, rotation.quat_multiply(truth.q_ib, rotation.quat_from_dcm(C_BC))
+    )
+    assert np.abs(error).max() < 1e-4  # half a tick of spin would be 0.015
+    assert np.sqrt(np.diag(context.P_c)).max() < np.radians(0.2)

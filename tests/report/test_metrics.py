@@ -139,6 +139,33 @@ def test_a_wrong_fix_is_counted_wherever_it_is():
     assert (star["in_window"], star["solved"], star["no_fix"]) == (2, 1, {"no_match": 1})
 
 
+def test_success_against_rate():
+    """Frames within the exclusion angles count nowhere; a limit belongs to the faster interval."""
+    rates = (0.0, 0.99, 2.0, 2.5, 9.9, 20.0, 2.5)
+    frames = [
+        frame_truth(k, 240.0 + 0.1 * k, rate=math.radians(rate + 1e-9), exclusion_met=k != 6)
+        for k, rate in enumerate(rates)
+    ]
+    sigma = 1e-4
+    errors = {0: (sigma, 0.0, 0.0), 2: (-sigma, 0.0, 0.0), 3: (0.02, 0.0, 0.0), 6: (0.5, 0.0, 0.0)}
+    fixes = [star_fix(k, 240.0 + 0.1 * k, error) for k, error in errors.items()]
+    fixes.append(star_fix(4, 240.4, reason=rec.Reason.SMEARED))
+    rows = metrics.summarise(gathered([*frames, *fixes]))["star_tracker"]["by_rate"]
+    assert [
+        (row["from_deg_s"], row["to_deg_s"], row["frames"], row["solved"], row["wrong"]) for row in rows
+    ] == [
+        (0.0, 1.0, 2, 1, 0),
+        (2.0, 3.0, 2, 2, 1),
+        (8.0, 10.0, 1, 0, 0),
+        (15.0, None, 1, 0, 0),
+    ]
+    slow, fast = rows[:2]  # the run's mean error of the two good fixes is zero
+    assert slow["nees"] == pytest.approx(1.0)
+    assert fast["nees"] == pytest.approx(1.0)
+    assert fast["cross_axis_rms_arcsec"] == pytest.approx(math.degrees(sigma) * 3600.0 / math.sqrt(2.0))
+    assert rows[2]["nees"] is None
+
+
 def test_error_axes_of_the_star_tracker():
     arcsec = math.radians(1.0 / 3600.0)
     frames = [frame_truth(k, 240.0 + 0.1 * k) for k in range(3)]

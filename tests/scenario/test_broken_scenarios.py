@@ -1,5 +1,7 @@
 """Broken scenarios, each of one kind: one clear message with file, line, column and field."""
 
+import re
+
 import pytest
 from broken import DEFAULT, TEXT, check_one_message, messages, the_message
 
@@ -7,7 +9,7 @@ from shefex_nav.scenario import files as files_module
 from shefex_nav.scenario.load import load
 
 # kind: (text in the default scenario, what stands there instead, where "@" is the place complained about,
-#        field, words)
+#        field, words, and other lines that make the mistake one)
 BROKEN = {
     "bare number": ("rate: 10 Hz", "rate: @10", "star_tracker.rate", "10 has no unit; write it with one"),
     "wrong dimension": (
@@ -89,7 +91,7 @@ BROKEN = {
         "8 mag",
     ),
     "prediction for a method that takes none": (
-        "method: bayes # or pyramid (as flown), brightness, voting\n    tracking: true",
+        "method: bayes # or pyramid (as flown), brightness, voting, multipole\n    tracking: true",
         "method: pyramid\n    tracking: @true",
         "star_tracker.identification.tracking",
         "method 'pyramid' cannot use a prediction; set tracking: false",
@@ -98,7 +100,85 @@ BROKEN = {
         "method: bayes",
         "method: @telepathy",
         "star_tracker.identification.method",
-        "'telepathy' is not known; choose from: bayes, pyramid, brightness, voting",
+        "'telepathy' is not known; choose from: bayes, pyramid, brightness, voting, multipole",
+    ),
+    "rolling shutter without times": (
+        "    scan: sequential",
+        "    scan: streaks",
+        "star_camera.detector.line_time",
+        "a rolling shutter needs it; such as 60 us",
+        "    shutter: rolling",
+    ),
+    "row times of a global shutter": (
+        "    readout: 15 ms",
+        "    line_time: @60 us\n    readout: 15 ms",
+        "star_camera.detector.line_time",
+        "a global shutter exposes all rows at once; write shutter: rolling or leave it out",
+    ),
+    "rolling shutter and spots at rest": (
+        "    scan: sequential",
+        "    scan: @maximum",
+        "star_tracker.detection.scan",
+        "'maximum' takes all rows for exposed at once, which a rolling shutter does not do; choose streaks",
+        "    line_time: 60 us\n    shutter: rolling",
+    ),
+    "rows too slow for the frames": (
+        "    shutter: global",
+        "    shutter: rolling\n    line_time: @250 us",
+        "star_camera.detector.line_time",
+        "493 rows take 123.25 ms to read out, the frames follow each other after 100 ms; 202.8 us is",
+        "    scan: streaks",
+    ),
+    "rows exposed longer than the frames take": (
+        "    longest: 50 ms",
+        "    longest: @110 ms",
+        "star_tracker.exposure.longest",
+        "every row is exposed for 110 ms, the frames follow each other after 100 ms",
+        "    scan: streaks",
+        "    line_time: 60 us\n    shutter: rolling",
+    ),
+    "brighter than the detector": (
+        "    saturation: 255 DN",
+        "    saturation: @1023 DN",
+        "star_tracker.detection.saturation",
+        "1023 DN is above 255 DN, the largest grey value of 8 bits",
+    ),
+    "mean brighter than the detector": (
+        "    brightest_mean: 100 DN",
+        "    brightest_mean: @1024 DN",
+        "star_tracker.exposure.brightest_mean",
+        "1024 DN is above 1023 DN, the largest grey value of 10 bits",
+        "    bits: 10",
+    ),
+    "nothing between black and saturated": (
+        "    saturation: 255 DN",
+        "    saturation: @16 DN",
+        "star_tracker.detection.saturation",
+        "must be above star_camera.detector.black_level, 16 DN",
+    ),
+    "streaks with another centroid": (
+        "    centroid: fit",
+        "    centroid: @centre_of_mass",
+        "star_tracker.detection.centroid",
+        "scan 'streaks' brings its own way along; write centroid: fit",
+        "    scan: streaks",
+    ),
+    "clusters with gaps between the frames": (
+        "    shortest: 35 ms",
+        "    shortest: @90 ms",
+        "star_tracker.exposure.shortest",
+        "there must be no gap: 90 ms must be 100 ms, the interval of star_tracker.rate",
+        "    scan: run_length",
+        "    centroid: weighted",
+        "    start: 100 ms",
+        "    longest: 100 ms",
+        "    readout: 0 ms",
+    ),
+    "window that is no power of two": (
+        "      window: 256",
+        "      window: @100",
+        "star_tracker.detection.run_length.window",
+        "100 is not a power of two",
     ),
     "yes for true": (
         "enabled: true",
@@ -215,7 +295,13 @@ BROKEN = {
 
 @pytest.mark.parametrize("kind", BROKEN)
 def test_one_message_that_names_place_and_field(tmp_path, kind):
-    check_one_message(tmp_path, *BROKEN[kind])
+    good, bad, field, words, *others = BROKEN[kind]
+    text = TEXT
+    for lines in others:  # good in themselves, each in the place of the line with its last key
+        key = lines.rpartition("\n")[2].partition(":")[0]
+        text, n = re.subn(rf"^{key}: .*$", lines, text, count=1, flags=re.M)
+        assert n == 1, lines
+    check_one_message(tmp_path, good, bad, field, words, text)
 
 
 # kind: (whole file, place, words)

@@ -69,7 +69,7 @@ def test_what_the_default_leaves_out():
         *("orbit", "ground", "parachute", "angle_of_attack", "damping_mach", "drag"),
         *("centre_of_mass_offset", "principal_axis_tilt", "aerodynamics", "separation"),
         *("thrust_factor", "misalignment", "offset", "axial_factor", "normal_factor"),
-        *("faintest_south",),
+        *("faintest_south", "line_time"),
         *("boresight_rate", "cross_rate", "cross_period", "cross_phase", "ramp"),
     }
 

@@ -41,7 +41,7 @@ def assert_plain(record):
                 if hasattr(item, "_fields"):
                     assert_plain(item)
         elif value is None:
-            assert name in ("parachute", "payload_aerodynamics", "south_magnitude"), name
+            assert name in ("parachute", "payload_aerodynamics", "south_magnitude", "run_length"), name
         elif isinstance(value, np.ndarray):
             assert value.dtype in (np.float64, np.int64), name
         else:

@@ -202,6 +202,14 @@ def propagate(state, imu, begin_s, end_s, earth):
 
 
 @njit(cache=True)
+def corrected_turn(state, dtheta_b, duration_s):
+    """Summed increments (3,) rad of a duration, free of the estimated sensor errors. -> (3,) rad"""
+    free_b = dtheta_b.copy()
+    _take_gyro_errors_out(free_b, state, duration_s)
+    return free_b
+
+
+@njit(cache=True)
 def rate(state, imu, at_s):
     """omega_ib_b corrected for the estimated errors: mean of the sample in which at_s lies, (3,) rad/s."""
     k = min(max(int(np.ceil(at_s / imu.dt_s - 1e-6)), 1), SAMPLES)

@@ -1,6 +1,6 @@
 """The star tracker chain: one frame in, one attitude or the reason for none out.
 
-frame -> detect -> identify and verify -> ESOQ2 -> `StarFix`; the flags of the frame set the exposure of the
+frame -> objects -> identify and verify -> ESOQ2 -> `StarFix`; the flags of the frame set the exposure of the
 next one. What comes from the navigation, the `Context`, corrects aberration, says where to look for the stars
 first and names the reason of a failure. The attitude itself is that of the stars alone, and a prediction that
 the stars contradict is forgotten: the frame is lost in space. The rate alone can withhold an attitude: faster
@@ -8,7 +8,7 @@ than the tracker is made for, streaks break up, their centroids are worse than t
 error message is better than a wrong attitude.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,9 +17,10 @@ from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
+from shefex_nav.onboard.startracker import objects
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.catalogue import CatalogueParams, StarPairs
-from shefex_nav.onboard.startracker.detect import DetectParams, detect
+from shefex_nav.onboard.startracker.detect import DetectParams
 from shefex_nav.onboard.startracker.exposure import ExposureParams, flags, next_exposure
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED, identify_near
@@ -38,7 +39,7 @@ class TrackerParams(NamedTuple):
 
     catalogue: CatalogueParams
     detect: DetectParams
-    identify: IdentifyParams
+    identify: IdentifyParams  # its zero_flux is that of the longest exposure
     exposure: ExposureParams
     earth_velocity_i: np.ndarray  # (3,) m/s, of the Earth relative to the solar-system barycentre
     centroid_floor_px: float  # error of the brightest stars: pixel response, lens, catalogue
@@ -48,6 +49,7 @@ class TrackerParams(NamedTuple):
     sun_exclusion: float  # rad
     limb_exclusion: float  # rad
     track: bool = False  # identify near the predicted attitude first
+    run_length: Any = None  # multipole_chain.ChainParams, for detect.scan 'run_length'
 
 
 class Context(NamedTuple):
@@ -77,6 +79,7 @@ class TrackerState(NamedTuple):
     """What the chain remembers from frame to frame."""
 
     exposure_s: float  # as commanded last
+    memory: Any = None  # objects.Memory of the frame before
 
 
 def init(params, catalogue, julian_year):
@@ -96,6 +99,8 @@ def init(params, catalogue, julian_year):
         raise ValueError(f"unknown star identification {params.identify.method!r}")
     if params.track and params.identify.method != "bayes":
         raise ValueError(f"star identification {params.identify.method!r} cannot use a prediction")
+    if params.detect.scan not in objects.WAYS:
+        raise ValueError(f"unknown scan {params.detect.scan!r}; choose from: {', '.join(objects.WAYS)}")
     camera = params.identify.camera
     half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
     field = 2.0 * np.arctan(half_diagonal / camera.focal_length_px)
@@ -126,24 +131,28 @@ def step(tracker, state, frame, context):
     CameraCommand for the next frame
     """
     params = tracker.params
-    detections, statistics = detect(params.detect, frame.image_dn)
-    flag_saturated, flag_no_stars = flags(params.exposure, statistics.mean_dn, detections)
-    u_c = unit_vectors(params.identify.camera, detections.xy_px)
-    found, least = _identify(tracker, u_c, detections.flux_dn, context)
+    for seen in objects.searches(params, tracker.pairs.stars, state.memory, frame, context):
+        detections, mean_dn = seen.detections, seen.statistics.mean_dn
+        u_c = unit_vectors(params.identify.camera, detections.xy_px)
+        P_px = centroid_covariance(params, detections)
+        found, least = _identify(tracker, frame.exposure_s, u_c, detections.flux_dn, context, P_px)
+        if found.reason == Reason.NONE:
+            break
+    flag_saturated, flag_no_stars = flags(params.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.pairs.stars.hip[found.star], 0)
     q_ic, P_c, residual_px, reason = NO_ATTITUDE, NO_COVARIANCE, np.nan, found.reason
-    if reason == Reason.NONE and context.rate > params.max_rate:  # False where the rate is unknown
+    too_fast = context.rate > params.max_rate  # False where the rate is unknown
+    if reason == Reason.NONE and (too_fast or not seen.at_instant):
         reason = Reason.SMEARED
     if reason == Reason.NONE:
-        P_px = centroid_covariance(params, detections)
         n_used, *solution = _solve_identified(tracker, u_c, found.star, P_px, context.velocity_i, least)
         if n_used >= least and np.isfinite(solution[0].sum() + solution[1].sum()):
             q_ic, P_c, residual_px = solution
         else:
             reason = Reason.RESIDUALS
     if reason != Reason.NONE:
-        reason = explain(params, reason, statistics.mean_dn, context)
+        reason = explain(params, reason, mean_dn, context)
     fix = StarFix(
         number=frame.number,
         t_valid_s=frame.t_valid_s,
@@ -154,25 +163,28 @@ def step(tracker, state, frame, context):
         detections=detections,
         hip=hip,
         residual_px=residual_px,
-        background_dn=statistics.mean_dn,
+        background_dn=mean_dn,
         exposure_s=frame.exposure_s,
         flag_saturated=flag_saturated,
         flag_no_stars=flag_no_stars,
+        scan=seen.scan,
     )
     exposure_s = next_exposure(params.exposure, state.exposure_s, flag_saturated, flag_no_stars)
     command = CameraCommand(fix.t_available_s, exposure_s, params.exposure.gain_db)
-    return TrackerState(exposure_s), fix, command
+    return TrackerState(exposure_s, seen.memory), fix, command
 
 
-def _identify(tracker, u_c, flux, context):
+def _identify(tracker, exposure_s, u_c, flux, context, P_px):
     """(Identification, fewest stars that make an attitude)."""
     params = tracker.params
+    zero_flux = params.identify.zero_flux * exposure_s / params.exposure.max_s
+    settings = params.identify._replace(zero_flux=zero_flux)
     if params.track and context.q_ic is not None and np.isfinite(context.q_ic.sum() + context.P_c.sum()):
         prediction = quat_conjugate(context.q_ic), context.P_c
-        found, tracked = identify_near(params.identify, tracker.pairs, u_c, flux, prediction)
-        return found, MIN_TRACKED if tracked else params.identify.min_stars
+        found, tracked = identify_near(settings, tracker.pairs, u_c, flux, prediction, P_px)
+        return found, MIN_TRACKED if tracked else settings.min_stars
     identify = IDENTIFIERS[params.identify.method]
-    return identify(params.identify, tracker.pairs, u_c, flux), params.identify.min_stars
+    return identify(settings, tracker.pairs, u_c, flux, P_px), settings.min_stars
 
 
 def _solve_identified(tracker, u_c, star, P_px, velocity_i, least):

@@ -63,6 +63,7 @@ class CameraParams(NamedTuple):
     stray_decade_rad: float  # angle over which stray light grows tenfold
     direct_rate: float  # electrons/s and pixel with Sun or day side within the baffle
     bits: int = 8  # of a grey value
+    band: str = "silicon"  # in which the stars shine: that of a bare detector, or 'V', the catalogue's
     line_s: float = 0.0  # from the start of one row to the start of the next; 0: global shutter
 
 
@@ -100,7 +101,8 @@ def init(params, catalogue, bodies, earth, rng):
     false_u_i, false_magnitudes = artefacts.false_objects(params, rng)
     seen = catalogue.vmag <= params.render_vmag
     vmag, bv = catalogue.vmag[seen], catalogue.bv[seen]
-    magnitudes = silicon_magnitude(vmag, bv) + params.sigma_magnitude * rng.standard_normal(len(vmag))
+    in_band = silicon_magnitude(vmag, bv) if params.band == "silicon" else vmag
+    magnitudes = in_band + params.sigma_magnitude * rng.standard_normal(len(vmag))
     sources = sky.ordered(
         u_i=np.concatenate([catalogue.u_i[seen], false_u_i]),
         flux=_flux(params, np.concatenate([magnitudes, false_magnitudes])),
@@ -166,6 +168,7 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
         gain_db=command.gain_db,
         image_dn=image_dn,
         line_s=params.line_s,
+        bits=params.bits,
     )
     truth = FrameTruth(
         number=number,

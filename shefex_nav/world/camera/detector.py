@@ -21,6 +21,9 @@ from numba import njit
 
 CELLS = 65536  # of the table: one per 16-bit word
 GUIDE = 1024  # parts of the fractions
+# Above this mean a Poisson number is drawn as a normal one with its variance and, by the first term of
+# Cornish and Fisher's expansion, its skewness: sigma (z^2 - 1) skew / 6 = (z^2 - 1) / 6.
+MANY_ELECTRONS = 1000.0
 MOST_IN_PAIRS = 160  # grey values; with more the pairs leave over too much
 
 # SplitMix64 (Steele, Lea & Flood 2014, OOPSLA 49(10), 453): a counter made random by two multiplications
@@ -58,10 +61,28 @@ def largest_dn(params):
 def digitise(params, gain_db, mean_electrons, rng):
     """Noisy grey values of pixels drawn one by one. (n,) mean electrons -> (n,) uint8 or uint16."""
     bounded = np.minimum(mean_electrons, 10.0 * params.full_well_electrons)  # far beyond it all look alike
-    collected = np.minimum(rng.poisson(bounded), params.full_well_electrons)
-    amplified = collected + params.read_noise_electrons * rng.standard_normal(len(collected))
-    grey = np.floor(amplified / electrons_per_dn(params, gain_db) + params.black_level_dn + 0.5)
-    return np.clip(grey, 0.0, largest_dn(params)).astype(np.uint8 if params.bits == 8 else np.uint16)
+    collected = np.empty(len(bounded))
+    few = bounded < MANY_ELECTRONS
+    if few.any():
+        collected[few] = rng.poisson(bounded[few])
+    grey = np.empty(len(bounded), dtype=np.uint8 if params.bits == 8 else np.uint16)
+    _, read_noise, full_well, per_dn, black_level = _electronics(params, gain_db)
+    amplifier = read_noise, full_well, per_dn, black_level, float(largest_dn(params))
+    _digitise_kernel(bounded, collected, rng, *amplifier, grey)
+    return grey
+
+
+@njit(cache=True)
+def _digitise_kernel(mean, collected, rng, read_noise, full_well, per_dn, black_level, largest, grey):
+    """Grey values; the charge of pixels with many electrons is drawn here, that of the others collected."""
+    for k in range(mean.size):
+        electrons = collected[k]
+        if mean[k] >= MANY_ELECTRONS:
+            z = rng.standard_normal()
+            electrons = np.floor(mean[k] + sqrt(mean[k]) * z + (z * z - 1.0) / 6.0 + 0.5)
+        amplified = min(electrons, full_well) + read_noise * rng.standard_normal()
+        value = np.floor(amplified / per_dn + black_level + 0.5)
+        grey[k] = int(min(max(value, 0.0), largest))
 
 
 def grey_distribution(params, gain_db, mean_electrons):

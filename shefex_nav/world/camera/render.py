@@ -28,9 +28,12 @@ PARTS = 6  # of a step in which rows open or close
 
 
 class Psf(NamedTuple):
-    """Distribution function of the Gaussian point-spread function along one axis, as a table."""
+    """The Gaussian point-spread function along one axis, as tables that are interpolated linearly."""
 
-    cdf: np.ndarray  # at steps of 1/per_px from -reach_px to reach_px; interpolated linearly
+    cdf: np.ndarray  # distribution function at steps of 1/per_px from -reach_px to reach_px
+    shares: (
+        np.ndarray
+    )  # (per_px + 1, 2 reach_px) its differences from pixel to pixel, by the first one's place
     per_px: int
     reach_px: int
     width_px: float  # sqrt(2 pi) sigma: of a box of the Gaussian's height and area
@@ -61,7 +64,9 @@ def gaussian_psf(sigma_px):
     reach_px = int(np.ceil(6.0 * sigma_px)) + 1
     x_px = np.arange(-reach_px * per_px, (reach_px + 1) * per_px + 1) / per_px
     cdf = np.array([0.5 * erfc(-x / (sqrt(2.0) * sigma_px)) for x in x_px])
-    return Psf(cdf, per_px, reach_px, sqrt(2.0 * pi) * sigma_px, STEP_SIGMA * sigma_px)
+    first = np.arange(per_px + 1)[:, None] + per_px * np.arange(2 * reach_px)
+    shares = cdf[first + per_px] - cdf[first]
+    return Psf(cdf, shares, per_px, reach_px, sqrt(2.0 * pi) * sigma_px, STEP_SIGMA * sigma_px)
 
 
 def darkness(n_pixels):
@@ -109,33 +114,30 @@ def add_tracks(light, camera, psf, path, xy_px, electrons, least):
 def _points_kernel(light, camera, psf, path, u_i, electrons, least):
     n = path.C_ci.shape[0]
     x, y = np.empty(n), np.empty(n)
-    shares = np.empty((2, 2 * psf.reach_px))
+    shares = np.empty(2 * psf.reach_px), np.empty(2 * psf.reach_px)
     for star in range(u_i.shape[0]):
-        if electrons[star] <= 0.0:
-            continue
-        for k in range(n):
-            x[k], y[k] = _project(camera, path.C_ci[k], u_i[star])
-        _add_track(light, camera, psf, path, x, y, electrons[star], least, shares)
+        if electrons[star] > 0.0:
+            _project(camera, path.C_ci, u_i, star, x, y)
+            _add_track(light, camera, psf, path, x, y, electrons[star], least, shares)
 
 
 @njit(cache=True)
 def _tracks_kernel(light, camera, psf, path, xy_px, electrons, least):
-    shares = np.empty((2, 2 * psf.reach_px))
+    shares = np.empty(2 * psf.reach_px), np.empty(2 * psf.reach_px)
     for k in range(xy_px.shape[0]):
         x, y = np.ascontiguousarray(xy_px[k, :, 0]), np.ascontiguousarray(xy_px[k, :, 1])
         _add_track(light, camera, psf, path, x, y, electrons[k], least, shares)
 
 
 @njit(cache=True)
-def _project(camera, C, u):
-    """Pixel position of a direction, NaN behind the camera. Pinhole, (3, 3), (3,) -> x, y."""
-    z = C[2, 0] * u[0] + C[2, 1] * u[1] + C[2, 2] * u[2]
-    if z <= 0.0:
-        return np.nan, np.nan
-    scale = camera.focal_length_px / z
-    x = camera.cx_px + scale * (C[0, 0] * u[0] + C[0, 1] * u[1] + C[0, 2] * u[2])
-    y = camera.cy_px + scale * (C[1, 0] * u[0] + C[1, 1] * u[1] + C[1, 2] * u[2])
-    return x, y
+def _project(camera, C_ci, u_i, star, x, y):
+    """Write the pixel positions of one direction at all attitudes (n, 3, 3) to x, y (n,); NaN behind."""
+    ux, uy, uz = u_i[star, 0], u_i[star, 1], u_i[star, 2]
+    for k in range(x.size):
+        z = C_ci[k, 2, 0] * ux + C_ci[k, 2, 1] * uy + C_ci[k, 2, 2] * uz
+        scale = camera.focal_length_px / z if z > 0.0 else np.nan
+        x[k] = camera.cx_px + scale * (C_ci[k, 0, 0] * ux + C_ci[k, 0, 1] * uy + C_ci[k, 0, 2] * uz)
+        y[k] = camera.cy_px + scale * (C_ci[k, 1, 0] * ux + C_ci[k, 1, 1] * uy + C_ci[k, 1, 2] * uz)
 
 
 @njit(cache=True)
@@ -144,9 +146,10 @@ def _add_track(light, camera, psf, path, x, y, electrons, least, shares):
     times, exposure_s = path.times, path.times.exposure_s
     longest_px = 0.0
     for k in range(x.size - 1):
-        length_px = np.hypot(x[k + 1] - x[k], y[k + 1] - y[k])
-        if length_px > longest_px:  # not where one end is behind the camera
-            longest_px = length_px
+        square = (x[k + 1] - x[k]) ** 2 + (y[k + 1] - y[k]) ** 2
+        if square > longest_px:  # not where one end is behind the camera
+            longest_px = square
+    longest_px = sqrt(longest_px)
     speed = longest_px / path.step_s  # px/s
     if speed * (exposure_s + 2.0 * psf.reach_px * times.line_s) <= SLOW_STEP * psf.step_px:
         x_mid, y_mid = _middle(path, x, y)
@@ -164,34 +167,31 @@ def _add_track(light, camera, psf, path, x, y, electrons, least, shares):
         return
     for k in range(0, x.size - 1, stride):
         end = min(k + stride, x.size - 1)
-        _add_steps(
-            light, camera, psf, path, x[k : end + 1], y[k : end + 1], k, electrons, radius, faint, shares
-        )
+        if _is_near(camera, 0.5 * (x[k] + x[end]), 0.5 * (y[k] + y[end]), radius + 1):
+            _add_steps(light, camera, psf, path, x, y, (k, end), electrons, radius, faint, shares)
 
 
-@njit(cache=True)
-def _add_steps(light, camera, psf, path, x, y, first, electrons, radius, faint, shares):
-    """Add what a source gives on its way x, y (m + 1,), steps number `first` and on, taken as one."""
-    m, times = x.size - 1, path.times
-    if not _is_near(camera, 0.5 * (x[0] + x[m]), 0.5 * (y[0] + y[m]), radius + 1):
-        return
-    from_s = path.begin_s + first * path.step_s
-    length_s = m * path.step_s
+@njit(cache=True, inline="always")
+def _add_steps(light, camera, psf, path, x, y, ends, electrons, radius, faint, shares):
+    """Add what a source gives in the steps between two ends of steps, taken as one."""
+    first, last = ends
+    m, times = last - first, path.times
+    from_s, length_s = path.begin_s + first * path.step_s, m * path.step_s
     # rows that its light may reach
-    first_s = row_start_s(times, max(0.0, min(y[0], y[m]) - radius - 0.5))
-    last_s = row_start_s(times, min(camera.height_px - 1.0, max(y[0], y[m]) + radius + 0.5))
+    first_s = row_start_s(times, max(0.0, min(y[first], y[last]) - radius - 0.5))
+    last_s = row_start_s(times, min(camera.height_px - 1.0, max(y[first], y[last]) + radius + 0.5))
     if from_s + length_s <= first_s or from_s >= last_s + times.exposure_s:
         return  # none of them is open
     rate = electrons / times.exposure_s
     if times.line_s == 0.0 or (from_s >= last_s and from_s + length_s <= first_s + times.exposure_s):
         for along in (0.5 - GAUSS, 0.5 + GAUSS):
-            place_x, place_y = _between(x, along * m), _between(y, along * m)
+            place_x, place_y = _between(x, first + along * m), _between(y, first + along * m)
             _add_spot(light, camera, psf, place_x, place_y, 0.5 * rate * length_s, radius, faint, shares)
         return
     part_s, faint = length_s / PARTS, faint * 2.0 / PARTS
     for part in range(PARTS):
-        along, part_from_s = (part + 0.5) / PARTS, from_s + part * part_s
-        place, when_s = (_between(x, along * m), _between(y, along * m)), (part_from_s, part_from_s + part_s)
+        steps, part_from_s = first + m * (part + 0.5) / PARTS, from_s + part * part_s
+        place, when_s = (_between(x, steps), _between(y, steps)), (part_from_s, part_from_s + part_s)
         _add_part(light, camera, psf, place, when_s, times, rate, radius, faint, shares)
 
 
@@ -231,21 +231,18 @@ def _patch_radius(psf, electrons, least):
     return psf.reach_px - 1
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _shares(psf, centre, first, last, shares):
     """Write the shares of a spot's light that fall on pixels first ... last of one axis."""
     place = (first - 0.5 - centre + psf.reach_px) * psf.per_px
     k = int(place)
-    part = place - k  # the same at all edges
-    below = psf.cdf[k] + part * (psf.cdf[k + 1] - psf.cdf[k])
+    part, phase, pixel = place - k, k % psf.per_px, k // psf.per_px
     for j in range(last - first + 1):
-        k += psf.per_px
-        above = psf.cdf[k] + part * (psf.cdf[k + 1] - psf.cdf[k])
-        shares[j] = above - below
-        below = above
+        share = psf.shares[phase, pixel + j]
+        shares[j] = share + part * (psf.shares[phase + 1, pixel + j] - share)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _is_near(camera, x, y, radius):
     """Whether a spot reaches the detector; not if it is NaN."""
     return (
@@ -264,7 +261,7 @@ def _patch(camera, x, y, radius):
     return left, right, max(0, row - radius), min(camera.height_px - 1, row + radius)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _add_spot(light, camera, psf, x, y, electrons, radius, least, shares):
     """Add one Gaussian spot integrated over the pixels within `radius` of its own pixel."""
     left, right, top, bottom = _patch(camera, x, y, radius)
@@ -275,7 +272,7 @@ def _add_spot(light, camera, psf, x, y, electrons, radius, least, shares):
     _add_patch(light, camera, left, right, top, bottom, electrons, least, shares)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _add_part(light, camera, psf, place, when_s, times, rate, radius, least, shares):
     """As `_add_spot`, of a source there from and to when_s: each row gets what falls into its exposure."""
     left, right, top, bottom = _patch(camera, place[0], place[1], radius)
@@ -284,7 +281,7 @@ def _add_part(light, camera, psf, place, when_s, times, rate, radius, least, sha
     _shares(psf, place[0], left, right, shares[0])
     _shares(psf, place[1], top, bottom, shares[1])
     for row in range(top, bottom + 1):
-        shares[1, row - top] *= open_for(times, row, when_s[0], when_s[1])
+        shares[1][row - top] *= open_for(times, row, when_s[0], when_s[1])
     _add_patch(light, camera, left, right, top, bottom, rate, least, shares)
 
 
@@ -295,12 +292,12 @@ def open_for(times, row, from_s, to_s):
     return max(0.0, min(to_s, start_s + times.exposure_s) - max(from_s, start_s))
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _add_patch(light, camera, left, right, top, bottom, electrons, least, shares):
     for j in range(bottom - top + 1):
-        in_row, pixel = electrons * shares[1, j], (top + j) * camera.width_px + left
+        in_row, pixel = electrons * shares[1][j], (top + j) * camera.width_px + left
         for i in range(right - left + 1):
-            in_pixel = in_row * shares[0, i]
+            in_pixel = in_row * shares[0][i]
             if in_pixel > least:
                 add(light, pixel + i, in_pixel)
 

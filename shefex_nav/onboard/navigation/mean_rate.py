@@ -1,0 +1,108 @@
+"""The mean rate of an interval that has passed, as the star camera needs it: that of one exposure.
+
+In: the IMU increments that the filter keeps, and its estimates of the gyro errors and of the camera's
+mounting. Out: the rate of the camera in its own axes, and the covariance of its error. The mean over an
+exposure is far quieter than one sample: white noise falls with the duration, and of the quantisation, whose
+remainder is carried on, only the two ends are left.
+"""
+
+import numpy as np
+
+from shefex_nav.geometry import rotation
+from shefex_nav.onboard.navigation import strapdown
+from shefex_nav.onboard.navigation.state import BG, MOUNT, N_ERROR, ROLL
+
+COVERED_S = 1e-6  # rounding of the times of ticks
+
+
+def body_rate(nav, state, begin_s, end_s):
+    """Mean of omega_ib_b over an interval, corrected with the estimates of `state`.
+
+    Parameters
+    ----------
+    nav : fusion.Filter, advanced to the present tick
+    state : NavState, whose estimated gyro errors are taken out
+    begin_s, end_s : mission times
+
+    Returns
+    -------
+    omega_b : (3,) rad/s; NaN where the filter's memory does not cover the interval
+    noise : float, (rad/s)^2, variance on each axis of what is no state of the filter
+    """
+    ticks = _ticks(nav.history, begin_s, end_s)
+    if not ticks:
+        return np.full(3, np.nan), np.inf
+    dt_s = ticks[0].imu.dt_s
+    dtheta_b = np.concatenate([tick.imu.dtheta_b for tick in ticks])
+    dv_b = np.concatenate([tick.imu.dv_b for tick in ticks])
+    ends_s = ticks[0].imu.t_end_s + dt_s * np.arange(
+        1 - strapdown.SAMPLES, len(dtheta_b) + 1 - strapdown.SAMPLES
+    )
+    weight = np.clip((np.minimum(ends_s, end_s) - np.maximum(ends_s - dt_s, begin_s)) / dt_s, 0.0, 1.0)
+    duration_s = dt_s * weight.sum()
+    omega_b = strapdown.corrected_turn(state, weight @ dtheta_b, duration_s) / duration_s
+    f_b = weight @ dv_b / duration_s
+    vibration = max(tick.imu.vibration for tick in ticks)
+    saturated = any(tick.imu.saturated for tick in ticks)
+    return omega_b, _noise(nav.params.imu, omega_b, f_b, vibration, saturated, duration_s)
+
+
+def _ticks(history, begin_s, end_s):
+    """The ticks that an interval touches, oldest first; none where one of them is missing."""
+    oldest = history[1 if history[0].imu is None else 0] if len(history) > 1 else history[0]
+    if oldest.imu is None or not begin_s < end_s <= history[-1].state.t_s + COVERED_S:
+        return []
+    length_s = strapdown.SAMPLES * oldest.imu.dt_s
+    if begin_s < oldest.state.t_s - length_s - COVERED_S:
+        return []
+    return [
+        tick
+        for tick in history
+        if tick.imu is not None and begin_s < tick.state.t_s and tick.state.t_s - length_s < end_s
+    ]
+
+
+def _noise(model, omega_b, f_b, vibration, saturated, duration_s):
+    """Variance of the mean rate on each axis from what the filter counts as noise, (rad/s)^2.
+
+    `error_model.noise_densities` has the same errors as densities: here those that keep their sign over the
+    interval count in full, and those that swing by the angle they leave between its ends.
+    """
+    variance = model.gyro_random_walk**2 / duration_s
+    variance += (model.gyro_quantum**2 / 6.0 + 2.0 * (vibration * model.gyro_vibration) ** 2) / duration_s**2
+    variance += model.gyro_cross**2 * (omega_b[1] ** 2 + omega_b[2] ** 2)
+    variance += model.gyro_g_sensitivity**2 * (f_b @ f_b)
+    variance += (model.gyro_rectification * vibration**2) ** 2
+    if saturated:
+        variance += model.saturated_rate**2
+    return float(variance)
+
+
+def camera_rate(nav, tick, C_bc, begin_s, end_s):
+    """Mean inertial rate of the star camera over an interval, in camera axes.
+
+    omega_c = C_cb omega_b. An error of the mounting turns it: with C_bc(true) = exp(skew(dm)) C_bc,
+
+        d omega_c = C_cb (-d bias - omega_x d roll_column + omega_b x d mounting + noise)
+
+    Parameters
+    ----------
+    nav : fusion.Filter, advanced to the present tick
+    tick : fusion.Tick whose estimates and covariance are taken, near the interval
+    C_bc : (3, 3) estimated mounting
+    begin_s, end_s : mission times
+
+    Returns
+    -------
+    omega_c : (3,) rad/s
+    P_omega_c : (3, 3) (rad/s)^2; both None where the filter's memory does not cover the interval
+    """
+    omega_b, noise = body_rate(nav, tick.state, begin_s, end_s)
+    if not np.isfinite(omega_b.sum()):
+        return None, None
+    H = np.zeros((3, N_ERROR))
+    H[:, BG] = -np.eye(3)
+    H[:, ROLL] = -omega_b[0] * np.eye(3)
+    H[:, MOUNT] = rotation.skew(omega_b)
+    P_b = H @ tick.P @ H.T + noise * np.eye(3)
+    return C_bc.T @ omega_b, C_bc.T @ P_b @ C_bc

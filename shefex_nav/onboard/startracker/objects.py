@@ -1,0 +1,168 @@
+"""Which way the objects of a frame are searched, with what the tracker knows of it.
+
+In: a frame, the navigation's `Context`, what is remembered of the frame before. Out: objects at the frame's
+instant, and how they were found.
+
+As spots (`detect`), a frame speaks for itself. Along streaks (`streaks`), the rate of the camera says what a
+star looks like at every place: then faint stars are found at rates at which no pixel of them stands out, and
+their places are those of one instant whatever the shutter did. With a narrow prediction of the attitude the
+places of the stars are known too and only those are looked at; if they do not show the stars, the whole
+frame is. Without a rate a frame is searched for spots, which is right for a camera that is nearly at rest.
+By run lengths (`multipole_chain`, as published), streaks tell their own motion; its direction comes from the
+frame before, whose exposure must end where this one begins.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from shefex_nav.environment.stars import aberrate
+from shefex_nav.geometry.pinhole import pixels
+from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.geometry.shutter import row_times
+from shefex_nav.onboard.startracker.detect import SCANS, FrameStatistics, detect
+from shefex_nav.records import Scan
+
+STREAKS, RUN_LENGTH = "streaks", "run_length"
+WAYS = (*SCANS, STREAKS, RUN_LENGTH)
+SPOTS = {"sequential": Scan.SEQUENTIAL, "maximum": Scan.MAXIMUM}
+KNOWN_PX = 1.0  # a rate is known if its error moves a star by less than this during the frame [E]
+NARROW_PX = 4.0  # a prediction is narrow if its error moves no star in the frame by more, 1 sigma [E]
+FEWEST = 3  # predicted stars that are worth looking at
+OUTSIDE_PX = 2.0  # a star predicted just beyond the border may be inside
+CONTIGUOUS = 1e-3  # of the exposure: gap between two frames that is none
+
+
+class Found(NamedTuple):
+    """The objects of one frame."""
+
+    detections: Any  # Detections
+    statistics: Any  # FrameStatistics
+    scan: int  # Scan
+    at_instant: bool  # the places are those of the frame's instant
+    memory: Any = None  # Memory for the next frame
+
+
+class Memory(NamedTuple):
+    """What the next frame may need of this one."""
+
+    t_valid_s: float
+    exposure_s: float
+    clusters: Any  # Clusters
+
+
+def searches(params, stars, memory, frame, context):
+    """Ways to find the objects of a frame, the cheapest first; the next is tried if one shows no attitude.
+
+    Parameters
+    ----------
+    params : TrackerParams
+    stars : the stars on board, `StarPairs.stars`
+    memory : Memory of the frame before, or None
+    frame : Frame
+    context : Context
+
+    Yields
+    ------
+    Found
+    """
+    if params.detect.scan == STREAKS and rate_is_known(params.identify.camera, frame, context):
+        yield from _along_streaks(params, stars, frame, context)
+        return
+    if params.detect.scan == RUN_LENGTH:
+        yield _by_run_length(params.run_length, memory, frame)
+        return
+    spots = params.detect._replace(scan="sequential") if params.detect.scan == STREAKS else params.detect
+    detections, statistics = detect(spots, frame.image_dn)
+    yield Found(detections, statistics, int(SPOTS[spots.scan]), frame.line_s == 0.0)
+
+
+def _along_streaks(params, stars, frame, context):
+    """Around the predicted places, if they are known; then in the whole frame."""
+    from shefex_nav.onboard.startracker import streaks
+
+    camera = params.identify.camera
+    times = row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
+    motion = streaks.Motion(context.omega_c, context.P_omega_c, times)
+    if params.track and is_narrow(camera, context):
+        xy_px, P_px = predicted(params, stars, context)
+        if len(xy_px) >= FEWEST:
+            near = streaks.detect_near(params.detect, camera, frame.image_dn, motion, xy_px, P_px)
+            yield Found(*near, int(Scan.STREAKS_NEAR), True)
+    whole = streaks.detect_streaks(params.detect, camera, frame.image_dn, motion)
+    yield Found(*whole, int(Scan.STREAKS), True)
+
+
+def _by_run_length(chain, memory, frame):
+    """Clusters of this frame that were in the frame before. ChainParams, Memory, Frame -> Found"""
+    from shefex_nav.onboard.startracker import multipole_chain
+
+    previous = memory.clusters if follows(memory, frame) else None
+    times = row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
+    clusters, detections = multipole_chain.objects(chain, times, previous, frame.image_dn)
+    statistics = FrameStatistics(clusters.mean_dn, clusters.background_dn, clusters.noise_dn)
+    kept = Memory(frame.t_valid_s, frame.exposure_s, clusters)
+    return Found(detections, statistics, int(Scan.RUN_LENGTH), True, kept)
+
+
+def follows(memory, frame):
+    """Whether a frame's exposure begins where that of the one before ended. Memory or None, Frame -> bool."""
+    if memory is None or memory.exposure_s != frame.exposure_s:
+        return False
+    return abs(frame.t_valid_s - memory.t_valid_s - frame.exposure_s) < CONTIGUOUS * frame.exposure_s
+
+
+def rate_is_known(camera, frame, context):
+    """Whether the rate says where the light of a star went. Pinhole, Frame, Context -> bool."""
+    if context.omega_c is None or context.P_omega_c is None:
+        return False
+    sigma = np.sqrt(max(context.P_omega_c[0, 0], context.P_omega_c[1, 1]))
+    half_s = 0.5 * (frame.exposure_s + frame.line_s * (frame.image_dn.shape[0] - 1))
+    return bool(np.isfinite(context.omega_c.sum()) and sigma * camera.focal_length_px * half_s < KNOWN_PX)
+
+
+def is_narrow(camera, context):
+    """Whether the predicted attitude says where the stars are. Pinhole, Context -> bool."""
+    if context.q_ic is None or context.P_c is None:
+        return False
+    half_diagonal_px = 0.5 * np.hypot(camera.width_px, camera.height_px)
+    levers_px = np.array([camera.focal_length_px, camera.focal_length_px, half_diagonal_px])
+    variance = np.diag(context.P_c) * levers_px**2
+    return bool(np.isfinite(context.q_ic.sum()) and variance.max() < NARROW_PX**2)
+
+
+def predicted(params, stars, context):
+    """Where the stars on board must be at the frame's instant.
+
+    Returns
+    -------
+    xy_px : (m, 2)
+    P_px : (m, 2, 2) px^2, covariance of each place
+    """
+    camera = params.identify.camera
+    C_ci = dcm_from_quat(context.q_ic).T
+    half_diagonal_px = 0.5 * np.hypot(camera.width_px, camera.height_px)
+    cosine = np.cos(np.arctan((half_diagonal_px + OUTSIDE_PX) / camera.focal_length_px))
+    ahead_i = stars.u_i[stars.u_i @ C_ci[2] > cosine]
+    velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
+    u_c = np.ascontiguousarray(aberrate(ahead_i, velocity_i) @ C_ci.T)
+    xy_px = pixels(camera, u_c)
+    inside = (xy_px > -0.5 - OUTSIDE_PX) & (
+        xy_px < np.array([camera.width_px, camera.height_px]) - 0.5 + OUTSIDE_PX
+    )
+    inside = inside.all(axis=1)
+    H = shifts(camera, xy_px[inside])
+    P_px = H @ context.P_c @ H.transpose(0, 2, 1) + params.centroid_floor_px**2 * np.eye(2)
+    return xy_px[inside], P_px
+
+
+def shifts(camera, xy_px):
+    """How an attitude error moves the stars: d xy = H dtheta_c. Pinhole, (n, 2) px -> (n, 2, 3) px/rad.
+
+    q_ic(true) = q_ic exp(dtheta): u_c(true) = u_c - dtheta x u_c, projected.
+    """
+    f = camera.focal_length_px
+    a, b = ((xy_px - [camera.cx_px, camera.cy_px]) / f).T
+    one = np.ones_like(a)
+    H = np.array([[a * b, -(one + a * a), b], [one + b * b, -a * b, -a]])
+    return f * H.transpose(2, 0, 1)

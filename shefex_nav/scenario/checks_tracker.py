@@ -1,0 +1,160 @@
+"""Values of a scenario that contradict each other: star tracker, its camera, the filter that waits."""
+
+from shefex_nav.scenario.checks_flight import seconds
+
+TICK_RATE = 100.0  # Hz, of the on-board computer
+SPOTS = ("sequential", "maximum")  # scans that take a star for a spot at rest
+CENTROIDS = {"streaks": "fit", "run_length": "weighted"}  # what a scan brings along
+SAME = 1e-9  # s, rounding of times that are to be equal
+
+
+def contradictions(scenario):
+    """Contradictions in a valid scenario: pairs of the path of a field and text for people."""
+    yield from _clock_and_window(scenario)
+    yield from _rows_and_frames(scenario)
+    yield from _grey_values(scenario)
+    yield from _chain(scenario)
+    yield from _catalogue_and_latency(scenario)
+
+
+def _rows_and_frames(scenario):
+    """Exposures that fit between the frames, with the times of the rows."""
+    tracker, detector = scenario.star_tracker, scenario.star_camera.detector
+    longest, interval = tracker.exposure.longest, 1.0 / tracker.rate
+    field = ("star_tracker", "exposure", "longest")
+    if detector.shutter == "global":
+        if detector.line_time is not None:
+            words = "a global shutter exposes all rows at once; write shutter: rolling or leave it out"
+            yield ("star_camera", "detector", "line_time"), words
+        busy = longest + detector.readout
+        if busy > interval + SAME:
+            words = (
+                f"exposure and read-out take {1e3 * busy:g} ms, the frames follow each other "
+                f"after {1e3 * interval:g} ms; shorten it or lower star_tracker.rate"
+            )
+            yield field, words
+        return
+    if detector.line_time is None:
+        yield ("star_camera", "detector", "line_time"), "a rolling shutter needs it; such as 60 us"
+        return
+    if longest > interval + SAME:
+        words = (
+            f"every row is exposed for {1e3 * longest:g} ms, the frames follow each other "
+            f"after {1e3 * interval:g} ms; shorten it or lower star_tracker.rate"
+        )
+        yield field, words
+    rows_s = detector.line_time * detector.rows
+    if rows_s > interval + SAME:
+        words = (
+            f"{detector.rows} rows take {1e3 * rows_s:g} ms to read out, the frames follow each other after "
+            f"{1e3 * interval:g} ms; {1e6 * interval / detector.rows:.4g} us is the most"
+        )
+        yield ("star_camera", "detector", "line_time"), words
+
+
+def _grey_values(scenario):
+    """Grey values that the detector can have."""
+    tracker, bits = scenario.star_tracker, scenario.star_camera.detector.bits
+    largest = 2**bits - 1
+    for path, value in (
+        (("exposure", "brightest_mean"), tracker.exposure.brightest_mean),
+        (("detection", "saturation"), tracker.detection.saturation),
+    ):
+        if value > largest:
+            words = f"{value:g} DN is above {largest} DN, the largest grey value of {bits} bits"
+            yield ("star_tracker", *path), words
+    black = scenario.star_camera.detector.black_level
+    if black >= tracker.detection.saturation:
+        words = f"must be above star_camera.detector.black_level, {black:g} DN"
+        yield ("star_tracker", "detection", "saturation"), words
+
+
+def _chain(scenario):
+    """Ways to find and to identify objects that go together, with the camera that there is."""
+    tracker, detector = scenario.star_tracker, scenario.star_camera.detector
+    detection, path = tracker.detection, ("star_tracker", "detection")
+    if detector.shutter == "rolling" and detection.scan in SPOTS:
+        words = (
+            f"'{detection.scan}' takes all rows for exposed at once, which a rolling shutter does not do; "
+            "choose streaks or run_length, or star_camera.detector.shutter: global"
+        )
+        yield (*path, "scan"), words
+    needed = CENTROIDS.get(detection.scan, detection.centroid)
+    if detection.centroid != needed:
+        words = f"scan {detection.scan!r} brings its own way along; write centroid: {needed}"
+        yield (*path, "centroid"), words
+    if detection.scan == "run_length":
+        yield from _contiguous(tracker)
+    window = detection.run_length.window
+    if window & (window - 1):
+        yield (*path, "run_length", "window"), f"{window} is not a power of two"
+
+
+def _contiguous(tracker):
+    """Frames without gaps, as the fusion of clusters needs them."""
+    interval = 1.0 / tracker.rate
+    for name in ("start", "shortest", "longest"):
+        value = getattr(tracker.exposure, name)
+        if abs(value - interval) > SAME:
+            words = (
+                f"scan 'run_length' follows each streak into the next frame, so there must be no gap: "
+                f"{1e3 * value:g} ms must be {1e3 * interval:g} ms, the interval of star_tracker.rate"
+            )
+            yield ("star_tracker", "exposure", name), words
+
+
+def _clock_and_window(scenario):
+    """Frames that the clock can trigger, a window within the mission, thresholds the right way round."""
+    tracker, path = scenario.star_tracker, ("star_tracker",)
+    ticks = TICK_RATE / tracker.rate
+    if abs(ticks - round(ticks)) > 1e-6:
+        words = (
+            f"{tracker.rate:g} Hz does not divide the on-board clock, 100 Hz; take 1, 2, 4, 5, 10 or 20 Hz"
+        )
+        yield (*path, "rate"), words
+    exposure = tracker.exposure
+    if not exposure.shortest <= exposure.start <= exposure.longest:
+        limits = f"{1e3 * exposure.shortest:g} to {1e3 * exposure.longest:g} ms"
+        words = f"{1e3 * exposure.start:g} ms must lie between shortest and longest, {limits}"
+        yield (*path, "exposure", "start"), words
+    mission = scenario.mission
+    if not mission.start <= tracker.on < mission.time_limit:
+        words = (
+            f"{seconds(tracker.on)} is not within the mission, {mission.start:g} to {mission.time_limit:g} s"
+        )
+        yield (*path, "on"), words
+    if tracker.off <= tracker.on:
+        yield (*path, "off"), f"{seconds(tracker.off)} must be later than on, {seconds(tracker.on)}"
+    elif tracker.off > mission.time_limit:
+        yield (
+            (*path, "off"),
+            f"{seconds(tracker.off)} is after mission.time_limit, {seconds(mission.time_limit)}",
+        )
+    if tracker.detection.fewest_pixels > tracker.detection.most_pixels:
+        yield (*path, "detection", "fewest_pixels"), "must not exceed most_pixels"
+    if tracker.detection.grow_sigma > tracker.detection.seed_sigma:
+        yield (*path, "detection", "grow_sigma"), "must not exceed seed_sigma"
+
+
+def _catalogue_and_latency(scenario):
+    """The catalogue flown against the stars that shine; the filter's memory against what arrives late."""
+    tracker, navigation = scenario.star_tracker, scenario.navigation
+    catalogue, camera = tracker.catalogue, scenario.star_camera
+    if catalogue.faintest > camera.stars.faintest:
+        words = f"V {catalogue.faintest:g} on board, the camera draws stars to V {camera.stars.faintest:g}"
+        yield ("star_tracker", "catalogue", "faintest"), words
+    if catalogue.kind == "asymmetric" and catalogue.faintest_south is None:
+        yield ("star_tracker", "catalogue", "faintest_south"), "an asymmetric catalogue needs it"
+    if tracker.identification.tracking and tracker.identification.method != "bayes":
+        words = f"method {tracker.identification.method!r} cannot use a prediction; set tracking: false"
+        yield ("star_tracker", "identification", "tracking"), words
+    if catalogue.kind == "combined" and catalogue.keep_to > catalogue.faintest:
+        yield ("star_tracker", "catalogue", "keep_to"), "must not be fainter than faintest"
+    rows_s = camera.detector.line_s * (camera.detector.rows - 1)
+    star_delay = tracker.exposure.longest + rows_s + camera.detector.readout + tracker.latency
+    delay, name = max((scenario.gps.latency, "GPS fix"), (star_delay, "star fix"))
+    if delay >= navigation.history:
+        words = (
+            f"{seconds(navigation.history)} must be longer than the {1e3 * delay:g} ms that a {name} is late"
+        )
+        yield ("navigation", "history"), words

@@ -1,0 +1,134 @@
+"""Which way a frame is searched, and where stars are predicted."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from shefex_nav.environment.stars import aberrate
+from shefex_nav.geometry import rotation, streak
+from shefex_nav.geometry.pinhole import pinhole, pixels
+from shefex_nav.onboard.startracker import objects, tracker
+from shefex_nav.onboard.startracker.detect import DetectParams
+from shefex_nav.records import Frame, Scan
+
+CAMERA = pinhole(659, 493, 2520.2)
+DETECT = DetectParams(np.zeros((0, 2), dtype=np.int64), 72, 5.5, 3.5, 5, 400, 0.75, 40, 255)
+PARAMS = SimpleNamespace(
+    detect=DETECT,
+    identify=SimpleNamespace(camera=CAMERA),
+    earth_velocity_i=np.array([2.0e4, -1.0e4, 1.5e4]),
+    centroid_floor_px=0.03,
+    track=True,
+    run_length=None,
+)
+Q_IC = rotation.quat_normalise(np.array([0.3, -0.5, 0.7, 0.2]))
+RATE = np.array([0.02, -0.05, 0.1])
+
+
+def context(**known):
+    return tracker.NO_CONTEXT._replace(rate=0.1, **known)
+
+
+def sky(line_s=0.0, dtype=np.uint8, number=0, t_s=0.0):
+    """An empty frame with noise."""
+    image = np.random.default_rng(1).normal(20.0, 2.0, (493, 659)).clip(0, 255).astype(dtype)
+    return Frame(number, t_s, t_s + 0.025, t_s + 0.06, 0.05, 0.0, image, line_s)
+
+
+def stars(n=4000, seed=2):
+    u_i = np.random.default_rng(seed).standard_normal((n, 3))
+    return SimpleNamespace(u_i=u_i / np.linalg.norm(u_i, axis=1)[:, None])
+
+
+def test_stars_are_predicted_where_the_camera_sees_them():
+    """Against all stars, aberrated by the exact formula, one by one."""
+    catalogue = stars()
+    velocity_i = np.array([7e3, 1e3, 2.9e4])
+    P_c = np.diag([1e-4, 2e-4, 1e-3]) ** 2
+    known = context(q_ic=Q_IC, P_c=P_c, velocity_i=velocity_i)
+    xy_px, P_px = objects.predicted(PARAMS, catalogue, known)
+    u_c = aberrate(catalogue.u_i, velocity_i) @ rotation.dcm_from_quat(Q_IC)
+    every = pixels(CAMERA, np.ascontiguousarray(u_c))
+    margin = objects.OUTSIDE_PX
+    inside = np.all((every > -0.5 - margin) & (every < np.array([658.5, 492.5]) + margin), axis=1)
+    np.testing.assert_allclose(np.sort(xy_px, axis=0), np.sort(every[inside], axis=0), atol=1e-9)
+    assert len(xy_px) > 10 and P_px.shape == (len(xy_px), 2, 2)
+
+
+def test_covariance_of_a_predicted_place_is_that_of_turned_cameras():
+    """The camera turned by errors drawn from P_c, the stars projected again."""
+    rng = np.random.default_rng(3)
+    A = rng.standard_normal((3, 3)) * [2e-4, 2e-4, 1e-3]
+    P_c = A @ A.T
+    known = context(q_ic=Q_IC, P_c=P_c)
+    xy_px, P_px = objects.predicted(PARAMS, stars(), known)
+    u_c = np.column_stack(
+        [(xy_px - [CAMERA.cx_px, CAMERA.cy_px]) / CAMERA.focal_length_px, np.ones(len(xy_px))]
+    )
+    u_c /= np.linalg.norm(u_c, axis=1)[:, None]
+    seen = np.array(
+        [pixels(CAMERA, u_c @ rotation.dcm_from_rotvec(A @ e)) for e in rng.standard_normal((4000, 3))]
+    )
+    for k in range(len(xy_px)):
+        found = np.cov(seen[:, k].T)
+        expected = P_px[k] - PARAMS.centroid_floor_px**2 * np.eye(2)
+        np.testing.assert_allclose(found, expected, atol=0.1 * np.trace(expected))
+
+
+def test_an_error_of_the_attitude_moves_stars_as_a_turn_does():
+    """Turned by omega dt, the camera sees a star move by velocity dt."""
+    xy_px = np.array([[12.0, 7.5], [640.0, 480.0], [329.0, 246.0]])
+    moved = objects.shifts(CAMERA, xy_px) @ RATE
+    expected = [streak.velocity(CAMERA, RATE, x, y) for x, y in xy_px]
+    np.testing.assert_allclose(moved, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "sigma, omega, known",
+    [
+        (1e-3, RATE, True),  # 1e-3 rad/s moves a star by 0.06 px in half an exposure
+        (0.1, RATE, False),
+        (np.inf, RATE, False),
+        (1e-3, np.full(3, np.nan), False),
+    ],
+)
+def test_a_rate_is_known_if_it_says_where_the_light_went(sigma, omega, known):
+    told = context(omega_c=omega, P_omega_c=np.diag([sigma**2] * 3))
+    assert objects.rate_is_known(CAMERA, sky(), told) is known
+    assert not objects.rate_is_known(CAMERA, sky(), tracker.NO_CONTEXT)
+
+
+def test_rows_that_follow_each_other_want_a_better_rate():
+    told = context(omega_c=RATE, P_omega_c=0.012**2 * np.eye(3))
+    assert objects.rate_is_known(CAMERA, sky(), told)
+    assert not objects.rate_is_known(CAMERA, sky(line_s=1e-4), told)
+
+
+def test_a_prediction_is_narrow_in_all_axes():
+    def narrow(*sigma):
+        return objects.is_narrow(CAMERA, context(q_ic=Q_IC, P_c=np.diag(sigma) ** 2))
+
+    assert narrow(1e-3, 1e-3, 5e-3)
+    assert not narrow(3e-3, 1e-3, 5e-3)
+    assert not narrow(1e-3, 1e-3, 2e-2)  # 8 px in the corner
+    assert not objects.is_narrow(CAMERA, tracker.NO_CONTEXT)
+
+
+@pytest.mark.parametrize("scan", ["sequential", "maximum", "streaks"])
+def test_without_a_rate_a_frame_is_searched_for_spots(scan):
+    params = SimpleNamespace(**{**vars(PARAMS), "detect": DETECT._replace(scan=scan)})
+    (found,) = objects.searches(params, stars(), None, sky(), tracker.NO_CONTEXT)
+    assert found.scan == (Scan.MAXIMUM if scan == "maximum" else Scan.SEQUENTIAL)
+    assert found.at_instant
+    (found,) = objects.searches(params, stars(), None, sky(line_s=1e-4), tracker.NO_CONTEXT)
+    assert not found.at_instant
+
+
+def test_frames_follow_each_other_without_a_gap():
+    first, second = sky(t_s=1.0), sky(t_s=1.05)
+    memory = objects.Memory(first.t_valid_s, first.exposure_s, None)
+    assert objects.follows(memory, second)
+    assert not objects.follows(memory, sky(t_s=1.1))  # one is missing
+    assert not objects.follows(memory, second._replace(exposure_s=0.04))
+    assert not objects.follows(None, second)
