@@ -96,7 +96,7 @@ def measure(samples, seed, first):
     -------
     dict of arrays over the m simulations of the samples, two shutters each:
         rate_deg_s (m,), attitude (m,), direction (m,), published (m, 2, 2, 2, 4), own
-        (m, 2, 3, 2, 7), flown (m, 2); see `simulate`. Beyond the paper's rates the paper's chain has not flown.
+        (m, 2, 3, 2, 7), flown (m, 2); see `simulate`. At 10 deg/s the paper's chain has not flown.
     """
     names = ("rate_deg_s", "attitude", "direction", "published", "own", "flown")
     rows = {name: [] for name in names}

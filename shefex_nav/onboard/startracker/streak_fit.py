@@ -414,7 +414,9 @@ def posterior(path, s, fitted, dn_per_electron, n, start, sums, ratio, work):
 
 
 @njit(cache=True)
-def fit_one(camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, search_px, n, path, work, fitted):
+def fit_one(
+    camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, search_px, n, path, work, fitted
+):
     """Fit one streak to the pixels in work.
 
     Parameters
@@ -441,7 +443,9 @@ def fit_one(camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, s
     start = SHIFT_PX * np.floor(-(reach + BEYOND_SIGMAS * s + 1.0) / SHIFT_PX)
     sums = np.empty((2, int((path[LENGTH] - 2.0 * start) / PROFILE_PX) + 2))
     ratio = np.empty(2 * int(reach / SHIFT_PX) + 1)
-    if not _search(camera, motion, s, dn_per_electron, n, search_px, reach, path, start, sums, ratio, work, fitted):
+    if not _search(
+        camera, motion, s, dn_per_electron, n, search_px, reach, path, start, sums, ratio, work, fitted
+    ):
         return False
     n_near = _nearest(path, s, n, work)
     draw(path, s, n_near, work)
@@ -513,7 +517,9 @@ def _first_flux(n, work):
 
 
 @njit(cache=True)
-def _finish(camera, motion, P_omega_c, s, dn_per_electron, n, n_near, path, start, sums, ratio, work, fitted, P):
+def _finish(
+    camera, motion, P_omega_c, s, dn_per_electron, n, n_near, path, start, sums, ratio, work, fitted, P
+):
     """Covariance, the mean along where it is due, and the sums of a settled fit."""
     omega_c, times = motion
     turn = np.array([[path[TX], -path[TY]], [path[TY], path[TX]]])

@@ -197,7 +197,19 @@ def _fit_all(
             continue
         around = _tile_level(level, path)
         n = _window(
-            image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, n_stars, -1, work, row
+            image_dn,
+            bad,
+            path,
+            s,
+            around,
+            saturation_dn,
+            dn_per_electron,
+            paths,
+            fitted,
+            n_stars,
+            -1,
+            work,
+            row,
         )
         search = (0.0, 0.0)
         if n == 0 or not fit_one(
@@ -222,10 +234,33 @@ def _fit_all(
             continue
         around = _tile_level(level, path)
         n = _window(
-            image_dn, bad, path, abs(s), around, saturation_dn, dn_per_electron, paths, fitted, n_stars, k, work, row
+            image_dn,
+            bad,
+            path,
+            abs(s),
+            around,
+            saturation_dn,
+            dn_per_electron,
+            paths,
+            fitted,
+            n_stars,
+            k,
+            work,
+            row,
         )
         if n > 0 and fit_one(
-            camera, motion, P_omega_c, abs(s), dn_per_electron, around[1], LEVEL_SIGMA, (0.0, 0.0), n, path, work, row
+            camera,
+            motion,
+            P_omega_c,
+            abs(s),
+            dn_per_electron,
+            around[1],
+            LEVEL_SIGMA,
+            (0.0, 0.0),
+            n,
+            path,
+            work,
+            row,
         ):
             fitted[k], paths[k] = row, path
     return fitted, n_stars
