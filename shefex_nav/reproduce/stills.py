@@ -12,6 +12,7 @@ from shefex_nav.geometry.pinhole import Pinhole, pixels
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.shutter import RowTimes, instant_after_s
 from shefex_nav.world.camera import detector, motion, render
+from shefex_nav.world.camera.hits import NO_HITS, add_hits
 
 FAINT = 0.05  # light below this fraction of the noise is not drawn
 MARGIN = 0.01  # rad around the field of view, for the spots
@@ -43,7 +44,7 @@ def electrons(camera, magnitudes):
     return camera.zero_magnitude_electrons * 10.0 ** (-0.4 * np.asarray(magnitudes))
 
 
-def still(camera, u_i, light, q_ic, rng, *, omega_c=None):
+def still(camera, u_i, light, q_ic, rng, *, omega_c=None, hits=NO_HITS):
     """One frame.
 
     Parameters
@@ -55,6 +56,7 @@ def still(camera, u_i, light, q_ic, rng, *, omega_c=None):
     q_ic : (4,) attitude at the frame's instant, the middle of the exposure of the middle of the rows
     rng : Generator of the noise
     omega_c : (3,) rad/s, inertial rate in camera axes, constant in the frame; None: the camera stands still
+    hits : Hits, charge that is in this frame besides: see `world.camera.hits`
 
     Returns
     -------
@@ -81,6 +83,7 @@ def still(camera, u_i, light, q_ic, rng, *, omega_c=None):
     sheet = _sheet(hole.width_px * hole.height_px)
     render.darken(sheet)  # what the frame before left
     render.add_points(sheet, hole, psf, path, u_i[near], np.asarray(light, dtype=float)[near], least)
+    add_hits(sheet, hits)
     grey = detector.background(
         hole.width_px * hole.height_px, detector.background_cells(electronics, 0.0, background), rng
     )

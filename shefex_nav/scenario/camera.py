@@ -83,6 +83,19 @@ class Artefacts(Block):
     spikes_per_frame: Number("0.2", "spots in a single frame, mean number", non_negative=True)
     false_brightest: Quantity("mag", "3 mag", "brightness of both, from")
     false_faintest: Quantity("mag", "6 mag", "to")
+    hot_pixel_smear: Quantity(
+        "", "10 %", "of a hot pixel's charge, left in its column", non_negative=True, at_most="90 %"
+    ) = "0 %"
+    upsets_per_frame: Number("2", "particles that hit a pixel or a few, mean number", non_negative=True) = 0.0
+    trails_per_frame: Number("0.5", "particles along the detector, mean number", non_negative=True) = 0.0
+    particle_weakest: Quantity(
+        "electron", "500 electron", "charge of an upset, or of a trail in each pixel, from", positive=True
+    ) = "500 electron"  # [E]
+    particle_strongest: Quantity("electron", "20000 electron", "to", positive=True) = "20000 electron"  # [E]
+    trail_longest: Quantity("pix", "100 pix", "from one pixel to", at_least="1 pix") = "100 pix"  # [E]
+    moving_objects: Count("300", "satellites and debris, on the whole sky", non_negative=True) = 0
+    moving_slowest: Quantity("rad/s", "0.1 deg/s", "their rate, from", positive=True) = "0.1 deg/s"  # [E]
+    moving_fastest: Quantity("rad/s", "2 deg/s", "to", positive=True) = "2 deg/s"  # [E]
 
 
 class StrayLight(Block):
@@ -96,6 +109,13 @@ class StrayLight(Block):
     rate_at_exclusion: Quantity("electron/s", "200 electron/s", "per pixel", non_negative=True)
     tenfold_angle: Quantity("rad", "10 deg", "further in, stray light is ten times as bright", positive=True)
     direct_rate: Quantity("electron/s", "1e7 electron/s", "per pixel with the lens lit", positive=True)
+    gradient: Quantity(
+        "",
+        "20 %",
+        "more in the corner on the Sun's side than in the middle",
+        non_negative=True,
+        at_most="100 %",
+    ) = "0 %"
 
 
 class StarCamera(Block):

@@ -97,6 +97,9 @@ def _camera(camera):
     artefacts = camera.artefacts
     if artefacts.hot_pixel_weakest > artefacts.hot_pixel_strongest:
         yield ("star_camera", "artefacts", "hot_pixel_weakest"), "must not exceed hot_pixel_strongest"
+    for least, most in (("particle_weakest", "particle_strongest"), ("moving_slowest", "moving_fastest")):
+        if getattr(artefacts, least) > getattr(artefacts, most):
+            yield ("star_camera", "artefacts", least), f"must not exceed {most}"
     if artefacts.false_brightest > artefacts.false_faintest:
         words = "must not be a larger magnitude, that is fainter, than false_faintest"
         yield ("star_camera", "artefacts", "false_brightest"), words

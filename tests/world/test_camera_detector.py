@@ -134,3 +134,92 @@ def test_same_seed_same_noise():
     np.testing.assert_array_equal(first, again)
     assert first.shape == (N_PIXELS,)
     assert np.mean(first == other) < 0.2
+
+
+# --- more than 8 bits ---
+
+TWELVE = CLEAN._replace(
+    bits=12, read_noise_electrons=50.0, full_well_electrons=65e3, electrons_per_dn=16.0, black_level_dn=32.0
+)
+SIXTEEN = TWELVE._replace(bits=16, electrons_per_dn=1.0)
+
+
+def exact(params, mean):
+    """P(grey = k) by the double sum, for the few grey values that occur."""
+    n = np.arange(max(0, int(mean - 9 * np.sqrt(mean) - 30)), int(mean + 9 * np.sqrt(mean) + 30))
+    probability = stats.poisson.pmf(n, mean)
+    probability /= probability.sum()  # scipy's are 4e-12 off
+    edges = (np.arange(2**params.bits - 1) + 0.5 - params.black_level_dn) * params.electrons_per_dn
+    used = np.flatnonzero(np.abs(edges - mean) < 12 * np.sqrt(mean + params.read_noise_electrons**2))
+    cdf = np.where(edges < mean, 0.0, 1.0)
+    deviation = (edges[used] - n[:, None]) / params.read_noise_electrons
+    cdf[used] = probability @ stats.norm.cdf(deviation)
+    return np.diff(np.append(cdf, 1.0), prepend=0.0)
+
+
+@pytest.mark.parametrize(("params", "mean"), [(TWELVE, 6100.0), (TWELVE, 40.0), (SIXTEEN, 6100.0)])
+def test_distribution_of_more_grey_values(params, mean):
+    found = np.diff(detector.grey_distribution(params, 0.0, mean), prepend=0.0)
+    np.testing.assert_allclose(found, exact(params, mean), atol=1e-12)
+
+
+@pytest.mark.parametrize(("params", "together"), [(TWELVE, 2), (SIXTEEN, 1)])
+def test_background_of_more_grey_values_is_exact_into_the_tails(params, together):
+    """84 million pixels of IMPA's background, in pairs or one by one, and both tails beyond 5 sigma."""
+    rng, levels = np.random.default_rng(21), 2**params.bits
+    cdf = detector.grey_distribution(params, 0.0, 6100.0)
+    cells = detector.cells(cdf)
+    assert cells.together == together
+    counts = np.zeros(levels, dtype=np.int64)
+    for _ in range(80):
+        grey = detector.background(2**20, cells, rng)
+        assert grey.dtype == np.uint16
+        counts += np.bincount(grey, minlength=levels)
+    assert chi_square(counts, np.diff(cdf, prepend=0.0)) > 1e-3
+    for tail in (1.3e-5, 2.9e-7):
+        high = np.flatnonzero(1.0 - cdf < tail)[0]
+        low = np.flatnonzero(cdf < tail)[-1]
+        for observed, probability in (
+            (counts[high + 1 :].sum(), 1.0 - cdf[high]),
+            (counts[: low + 1].sum(), cdf[low]),
+        ):
+            few, many = stats.poisson.interval(0.9999, counts.sum() * probability)
+            assert few <= observed <= many
+
+
+def test_cells_of_single_grey_values_make_up_the_distribution():
+    cdf = detector.grey_distribution(SIXTEEN, 0.0, 6100.0)
+    cells = detector.cells(cdf)
+    is_marker = cells.table == cells.marker
+    made = np.bincount(cells.table[~is_marker], minlength=65536) / 65536
+    share = np.diff(cells.fractions, prepend=0.0) / cells.fractions[-1]
+    np.add.at(made, cells.outcomes.astype(int), is_marker.mean() * share)
+    np.testing.assert_allclose(made, np.diff(cdf, prepend=0.0), atol=1e-15, rtol=1e-9)
+
+
+def test_many_electrons_are_drawn_with_the_moments_and_the_tail_of_poisson():
+    """Just above the limit, next to no read noise: 20 million draws against Poisson(1000)."""
+    params = SIXTEEN._replace(read_noise_electrons=1e-3, black_level_dn=0.0)
+    mean, n, rng = detector.MANY_ELECTRONS, 20_000_000, np.random.default_rng(5)
+    grey = np.concatenate(
+        [detector.digitise(params, 0.0, np.full(n // 10, mean), rng).astype(float) for _ in range(10)]
+    )
+    assert grey.mean() == pytest.approx(mean, abs=4.0 * np.sqrt(mean / n))
+    assert grey.var() == pytest.approx(mean, rel=4.0 * np.sqrt(2.0 / n) + 1.5e-3)  # rounding: 1/12; skewness
+    skewness = ((grey - mean) ** 3).mean() / mean**1.5
+    assert skewness == pytest.approx(1.0 / np.sqrt(mean), abs=4.0 * np.sqrt(6.0 / n) + 1e-3)
+    for tail in (1e-3, 1e-5):  # a normal number would miss the upper one at 1e-5 by 45 %
+        high, low = stats.poisson.isf(tail, mean), stats.poisson.ppf(tail, mean) - 1.0
+        tolerance = 0.01 + 4.0 / np.sqrt(n * tail)  # of the expansion, of the draws
+        above, below = stats.poisson.sf(high, mean), stats.poisson.cdf(low, mean)
+        assert (grey > high).mean() == pytest.approx(above, rel=tolerance)
+        assert (grey <= low).mean() == pytest.approx(below, rel=tolerance)
+
+
+def test_many_and_few_electrons_follow_the_exact_distribution():
+    rng = np.random.default_rng(6)
+    for mean in (200.0, 1500.0, 6100.0, 20e3):
+        grey = detector.digitise(TWELVE, 0.0, np.full(2_000_000, mean), rng)
+        assert grey.dtype == np.uint16
+        cdf = detector.grey_distribution(TWELVE, 0.0, mean)
+        assert chi_square(np.bincount(grey, minlength=4096), np.diff(cdf, prepend=0.0)) > 1e-3

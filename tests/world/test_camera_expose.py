@@ -155,7 +155,7 @@ def mean_light(device, trajectory, monkeypatch, faint):
     monkeypatch.setattr(stages, "FAINT", faint)
     kept = {}
 
-    def read_out(device, background, command, rng):
+    def read_out(device, background, slope, command, rng):
         kept["light"] = device.light.electrons.copy()
         return np.zeros((493, 659), np.uint8)
 

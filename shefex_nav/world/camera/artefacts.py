@@ -14,6 +14,7 @@ from shefex_nav.environment.stars import silicon_magnitude
 PLANET_BV = np.array([0.93, 0.82, 1.36, 0.83, 1.04])
 FULL_MOON_VMAG = -12.74  # mean full Moon (Allen, 4th ed., section 12.12)
 MOON_BV = 0.92
+SMEAR_PX = 3.0  # over which the charge behind a hot pixel falls by a factor e [E]
 MOON_DISTANCE = 384.4e6  # m, mean
 
 
@@ -23,13 +24,16 @@ class BadPixels(NamedTuple):
     hot: np.ndarray  # (n,) pixels with extra dark current
     hot_rate: np.ndarray  # (n,) electrons/s
     dead: np.ndarray  # (m,) pixels that collect nothing
+    smeared: np.ndarray  # (s,) pixels behind hot ones that get some of their charge
+    smeared_rate: np.ndarray  # (s,) electrons/s
     known: np.ndarray  # (k, 2) row, column of those found before flight
 
 
 def bad_pixels(params, rng):
     """Draw the detector's defects; the last `unknown_bad_pixels` hot ones appeared after the calibration.
 
-    Their dark currents are spread evenly in the logarithm over `hot_pixel_rates`.
+    Their dark currents are spread evenly in the logarithm over `hot_pixel_rates`. A part of the charge of
+    each, `hot_pixel_smear`, stays behind when its column is moved to the read-out.
     """
     n_hot = params.hot_pixels + params.unknown_bad_pixels
     pixels = rng.choice(params.width_px * params.height_px, n_hot + params.dead_pixels, replace=False)
@@ -37,7 +41,20 @@ def bad_pixels(params, rng):
     rates = np.exp(rng.uniform(*np.log(params.hot_pixel_rates), n_hot))
     known = np.sort(np.concatenate([hot[: params.hot_pixels], dead]))
     rows_columns = np.column_stack(np.divmod(known, params.width_px))
-    return BadPixels(hot, rates, dead, rows_columns)
+    smeared, smeared_rate = _smear(params, hot, rates)
+    return BadPixels(hot, (1.0 - params.hot_pixel_smear) * rates, dead, smeared, smeared_rate, rows_columns)
+
+
+def _smear(params, hot, rates):
+    """Pixels that follow hot ones in their columns, and their share of the rates: falls off exponentially."""
+    if params.hot_pixel_smear == 0.0:
+        return np.empty(0, np.int64), np.empty(0)
+    behind = np.arange(1, int(5.0 * SMEAR_PX) + 1)
+    share = np.exp(-behind / SMEAR_PX)
+    pixels = hot[:, None] + params.width_px * behind
+    charge = params.hot_pixel_smear * rates[:, None] * share / share.sum()
+    inside = pixels < params.width_px * params.height_px
+    return pixels[inside], charge[inside]
 
 
 def false_objects(params, rng):

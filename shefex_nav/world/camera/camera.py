@@ -21,7 +21,7 @@ from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.geometry.pinhole import Pinhole, pixels, unit_vectors
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
 from shefex_nav.records import Frame, FrameTruth
-from shefex_nav.world.camera import artefacts, detector, moon, motion, optics, render, sky
+from shefex_nav.world.camera import artefacts, detector, hits, moon, motion, movers, optics, render, sky
 
 TRUTH_VMAG = 5.5  # FrameTruth lists stars down to here: the depth of an on-board catalogue
 FAINT = 0.05  # light below this fraction of the noise is not drawn: the wings of spots, whole faint sources
@@ -65,6 +65,14 @@ class CameraParams(NamedTuple):
     bits: int = 8  # of a grey value
     band: str = "silicon"  # in which the stars shine: that of a bare detector, or 'V', the catalogue's
     line_s: float = 0.0  # from the start of one row to the start of the next; 0: global shutter
+    hot_pixel_smear: float = 0.0  # part of a hot pixel's charge that the following pixels of its column get
+    upsets_per_frame: float = 0.0  # mean number of particles that hit a pixel or a few
+    trails_per_frame: float = 0.0  # mean number of particles that fly along the detector
+    particle_electrons: tuple = (500.0, 20e3)  # (least, most) of an upset, and of a trail for each pixel
+    trail_longest_px: float = 100.0
+    moving_objects: int = 0  # satellites and debris on the whole sky, as bright as false objects
+    moving_rates: tuple = (1.7e-3, 35e-3)  # (slowest, fastest) rad/s
+    stray_gradient: float = 0.0  # of stray light: half a diagonal nearer to the Sun against the middle
 
 
 class Camera(NamedTuple):
@@ -79,6 +87,7 @@ class Camera(NamedTuple):
     planets: sky.Planets
     full_moon_flux: float  # electrons/s
     earth: EarthRotation
+    movers: movers.Movers
     bad_pixels: artefacts.BadPixels
     bad_pixel_map: np.ndarray  # (n, 2) row, column of the defects that were found before flight
     light: render.Light  # work memory of `expose`
@@ -109,6 +118,9 @@ def init(params, catalogue, bodies, earth, rng):
         hip=np.concatenate([catalogue.hip[seen], np.zeros(len(false_magnitudes), dtype=np.int64)]),
         is_listed=np.concatenate([vmag <= TRUTH_VMAG, np.zeros(len(false_magnitudes), dtype=bool)]),
     )
+    # last, so that all else is as without them
+    moving_magnitudes = rng.uniform(*params.false_object_magnitudes, params.moving_objects)
+    moving = movers.draw(params.moving_objects, params.moving_rates, _flux(params, moving_magnitudes), rng)
     return Camera(
         params=params,
         pinhole=pinhole,
@@ -121,6 +133,7 @@ def init(params, catalogue, bodies, earth, rng):
         ),
         full_moon_flux=float(_flux(params, artefacts.full_moon_magnitude(bodies))),
         earth=earth,
+        movers=moving,
         bad_pixels=defects,
         bad_pixel_map=defects.known,
         light=render.darkness(params.width_px * params.height_px),
@@ -153,10 +166,13 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
     sun_angle, limb_angle, stray_rate = _surroundings(camera, boresight_i, move.r_i, C_ei)
     background = (params.background_rate + stray_rate) * exposure_s
     background = BACKGROUND_STEP * round(background / BACKGROUND_STEP)
+    slope = _slope(camera, move.C_ci, stray_rate * exposure_s)
     least = FAINT * np.sqrt(params.read_noise_electrons**2 + background)
     hip, xy_px = _add_sky(camera, move, C_ei, least)
+    _add_movers(camera, move, C_ei, t_valid_s, least)
     _add_spikes(camera, exposure_s, least, rng)
-    image_dn = _read_out(camera, background, command, rng)
+    _add_charges(camera, exposure_s, rng)
+    image_dn = _read_out(camera, background, slope, command, rng)
     render.darken(camera.light)
 
     frame = Frame(
@@ -237,15 +253,64 @@ def _add_spikes(camera, exposure_s, least, rng):
         render.add_points(camera.light, camera.pinhole, camera.psf, still, u_c, electrons, least)
 
 
-def _read_out(camera, background, command, rng):
-    """Grey values of the whole frame: (rows, columns) uint8."""
+def _add_movers(camera, move, C_ei, t_valid_s, least):
+    """Draw satellites and debris."""
+    if not len(camera.movers.rate):
+        return
+    hole, half_s, params = camera.pinhole, 0.5 * duration_s(move.path.times), camera.params
+    cone = atan(0.5 * hypot(params.width_px, params.height_px) / hole.focal_length_px)
+    cone += move.rate * half_s + 0.005  # rad; spot
+    rows = movers.near(camera.movers, t_valid_s, move.C_ci[2], cone, half_s)
+    some = movers.Movers(*(column[rows] for column in camera.movers))
+    visible = ~sky.behind_earth(movers.directions(some, t_valid_s), move.r_i, C_ei)
+    some = movers.Movers(*(column[visible] for column in some))
+    if len(some.rate):
+        path = motion.refined(move.path, float(some.rate.max()) * hole.focal_length_px, camera.psf.step_px)
+        xy_px = movers.tracks(some, hole, path, t_valid_s)
+        electrons = some.flux * path.times.exposure_s
+        render.add_tracks(camera.light, hole, camera.psf, path, xy_px, electrons, least)
+
+
+def _add_charges(camera, exposure_s, rng):
+    """Add the charge of particles and what hot pixels leave behind in their columns."""
     params, defects = camera.params, camera.bad_pixels
-    cells = detector.background_cells(params, command.gain_db, background)
-    grey = detector.background(params.width_px * params.height_px, cells, rng)
+    render.add_charge(camera.light, defects.smeared, defects.smeared_rate * exposure_s)
+    if params.upsets_per_frame or params.trails_per_frame:
+        # a generator of its own: what they draw must not change the noise of the pixels
+        hits.add_hits(camera.light, hits.of_frame(params, rng.spawn(1)[0]))
+
+
+def _slope(camera, C_ci, stray):
+    """What stray light adds to the mean background of each pixel (rows * columns,); None: it is even.
+
+    It grows towards the Sun's side of the detector, by `stray_gradient` in half a diagonal.
+    """
+    params, hole = camera.params, camera.pinhole
+    if params.stray_gradient == 0.0 or stray == 0.0:
+        return None
+    toward = C_ci[:2] @ camera.bodies.sun_u_i
+    toward = toward / max(hypot(*toward), 1e-12)
+    x, y = np.arange(params.width_px) - hole.cx_px, np.arange(params.height_px) - hole.cy_px
+    half_diagonal = 0.5 * hypot(params.width_px, params.height_px)
+    along = (y[:, None] * toward[1] + x * toward[0]) / half_diagonal
+    return stray * np.maximum(params.stray_gradient * along, -1.0).ravel()
+
+
+def _read_out(camera, background, slope, command, rng):
+    """Grey values of the whole frame: (rows, columns) uint8 or uint16."""
+    params, defects = camera.params, camera.bad_pixels
+    n_hot, n_dead = len(defects.hot), len(defects.dead)
     lit = render.lit_pixels(camera.light)
     pixels = np.concatenate([lit, defects.hot, defects.dead])
-    mean = background + camera.light.electrons[pixels]
-    mean[len(lit) : len(lit) + len(defects.hot)] += defects.hot_rate * command.exposure_s
-    mean[len(lit) + len(defects.hot) :] = 0.0
+    if slope is None:
+        cells = detector.background_cells(params, command.gain_db, background)
+        grey = detector.background(params.width_px * params.height_px, cells, rng)
+        level = background
+    else:  # no two pixels are alike
+        grey = detector.digitise(params, command.gain_db, background + slope, rng)
+        level = background + slope[pixels]
+    mean = level + camera.light.electrons[pixels]
+    mean[len(lit) : len(lit) + n_hot] += defects.hot_rate * command.exposure_s
+    mean[len(mean) - n_dead :] = 0.0
     grey[pixels] = detector.digitise(params, command.gain_db, mean, rng)  # the last entry of a pixel holds
     return grey.reshape(params.height_px, params.width_px)

@@ -13,7 +13,7 @@ Where a distribution has so many grey values that most pairs have no whole cell,
 """
 
 from functools import lru_cache
-from math import erfc, exp, lgamma, log, sqrt
+from math import erfc, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -117,25 +117,45 @@ def _distribution_kernel(mean, read_noise, full_well, per_dn, black_level, cdf, 
 
     What is certain from a grey value on is written there alone, to certain: its running sum belongs to cdf.
     """
-    spread = 8.0 * sqrt(mean) + 20.0  # what is outside has a probability below 1e-15
-    n_first = max(0, int(mean - spread))
-    n_last = int(min(mean + spread, full_well))
-    n_first = min(n_first, n_last)
-    left = 1.0
-    log_mean = log(max(mean, 1e-300))
-    for n in range(n_first, n_last + 1):
-        probability = left  # of the last one: what is above the full well is held at it
-        if n < n_last:
-            probability = exp(n * log_mean - mean - lgamma(n + 1.0))
-        left -= probability
-        # grey value <= k when the amplified charge is below (k + 0.5 - black level) electrons-per-DN
-        first = max(0, int(np.ceil((n - 9.0 * read_noise) / per_dn + black_level - 0.5)))
-        for k in range(first, cdf.size - 1):
-            deviation = ((k + 0.5 - black_level) * per_dn - n) / read_noise
-            if deviation > 9.0:  # this and all higher k: certain
-                certain[k] += probability
-                break
-            cdf[k] += probability * 0.5 * erfc(-deviation / sqrt(2.0))
+    first, probability = _poisson(mean)
+    well = int(full_well)  # what is above it is held at it
+    held = 0.0
+    for k in range(probability.size):
+        if first + k < well:
+            _add_count(first + k, probability[k], read_noise, per_dn, black_level, cdf, certain)
+        else:
+            held += probability[k]
+    if held > 0.0:
+        _add_count(well, held, read_noise, per_dn, black_level, cdf, certain)
+
+
+@njit(cache=True)
+def _poisson(mean):
+    """First count and the probabilities from it on; what is outside has less than 1e-15.
+
+    Up and down from the most probable count by p(n + 1) = p(n) mean / (n + 1): relative errors of 1e-13.
+    """
+    spread = 8.0 * sqrt(mean) + 20.0
+    first, top = max(0, int(mean - spread)), int(mean)
+    p = np.zeros(int(mean + spread) - first + 1)
+    p[top - first] = 1.0
+    for n in range(top, first, -1):
+        p[n - 1 - first] = p[n - first] * n / mean
+    for n in range(top + 1, first + p.size):
+        p[n - first] = p[n - 1 - first] * mean / n
+    return first, p / p.sum()
+
+
+@njit(cache=True)
+def _add_count(n, probability, read_noise, per_dn, black_level, cdf, certain):
+    """Add the grey values of n electrons: at most k when what is amplified is below k + 1/2."""
+    first = max(0, int(np.ceil((n - 9.0 * read_noise) / per_dn + black_level - 0.5)))
+    for k in range(first, cdf.size - 1):
+        deviation = ((k + 0.5 - black_level) * per_dn - n) / read_noise
+        if deviation > 9.0:  # this and all higher k: certain
+            certain[k] += probability
+            break
+        cdf[k] += probability * 0.5 * erfc(-deviation / sqrt(2.0))
 
 
 def background_cells(params, gain_db, mean_electrons):

@@ -79,6 +79,19 @@ def turning(camera, C_ic, omega_c, times, step_px):
     return Path(_turning_kernel(C_ic, omega_c, begin_s, step_s, n), begin_s, step_s, times)
 
 
+def refined(path, speed, step_px):
+    """Path with each step cut into equal ones for what moves by `speed` px/s more than the stars. -> Path
+
+    Attitudes between two ends are interpolated: the steps of the path itself are short.
+    """
+    cut = max(1, int(np.ceil(speed * path.step_s / step_px)))
+    ends = np.arange(cut * (len(path.C_ci) - 1) + 1) / cut
+    k = np.minimum(ends.astype(int), len(path.C_ci) - 2)
+    part = (ends - k)[:, None, None]
+    C_ci = (1.0 - part) * path.C_ci[k] + part * path.C_ci[k + 1]
+    return path._replace(C_ci=C_ci, step_s=path.step_s / cut)
+
+
 @njit(cache=True)
 def _turning_kernel(C_ic, omega_c, begin_s, step_s, n):
     """C_ci at the ends of n steps (n + 1, 3, 3)."""

@@ -152,7 +152,8 @@ def _add_track(light, camera, psf, path, x, y, electrons, least, shares):
     longest_px = sqrt(longest_px)
     speed = longest_px / path.step_s  # px/s
     if speed * (exposure_s + 2.0 * psf.reach_px * times.line_s) <= SLOW_STEP * psf.step_px:
-        x_mid, y_mid = _middle(path, x, y)
+        x_mid, y_mid, longer = _middle(path, x, y)
+        electrons *= longer
         radius = _patch_radius(psf, electrons, least)
         if radius >= 0:
             _add_spot(light, camera, psf, x_mid, y_mid, electrons, radius, least, shares)
@@ -204,17 +205,21 @@ def _between(x, steps):
 
 @njit(cache=True)
 def _middle(path, x, y):
-    """Where a slow source is in the middle of the exposure of the row that it is on then."""
+    """Where a slow source is in the middle of the exposure of the row that it is on then: x, y.
+
+    And for how much longer than the exposure of a row it is seen, 1 / (1 - v_y t_l): as a factor.
+    """
     times, n = path.times, x.size - 1
-    t_s = 0.0
-    x_mid, y_mid = 0.0, 0.0
+    t_s, x_mid, y_mid, speed = 0.0, 0.0, 0.0, 0.0
     for _ in range(4):  # each shrinks the error to a tenth or less: the source is slow
         steps = min(max((t_s - path.begin_s) / path.step_s, 0.0), float(n))
         x_mid, y_mid = _between(x, steps), _between(y, steps)
         if times.line_s == 0.0 or not np.isfinite(y_mid):
             break
+        k = min(int(steps), n - 1)
+        speed = (y[k + 1] - y[k]) / path.step_s
         t_s = row_start_s(times, y_mid) + 0.5 * times.exposure_s
-    return x_mid, y_mid
+    return x_mid, y_mid, 1.0 / (1.0 - speed * times.line_s)
 
 
 @njit(cache=True)
@@ -309,3 +314,10 @@ def add(light, pixel, electrons):
         light.lit[light.n_lit[0]] = pixel
         light.n_lit[0] += 1
     light.electrons[pixel] += electrons
+
+
+@njit(cache=True)
+def add_charge(light, pixels, electrons):
+    """Add electrons (n,) to pixels (n,), indices into the flattened frame, in place; a pixel may recur."""
+    for k in range(pixels.size):
+        add(light, pixels[k], electrons[k])
