@@ -30,8 +30,10 @@ LEAST_PART = 0.4  # of a streak in the frame; what has less gets no candidate
 HISTOGRAM = 512  # steps of the filtered values
 STEP = 1.0 / 24.0  # sigma
 SAMPLE_EVERY = 3
+OVERLAP = 2  # bins, of tiles: a streak between two, seen askew by each, must not be left to the other
 MOST_RAW = 20000  # maxima
 MOST_CANDIDATES = 400
+SAME_BINS = 2.0  # closer than that along and across are the maxima of one streak
 FLAT_LINES = 1.5  # the ridge along a bright streak is this wide, in bins, on each side
 
 # columns of a candidate
@@ -109,7 +111,7 @@ def tile_side(gradient):
 
 def pad_of(side, longest_px, sigma_px):
     """Empty bins that `candidates` needs around the frame."""
-    return side + steps_of(longest_px, 0.0, sigma_px) + 8
+    return side + steps_of(longest_px, 0.0, sigma_px) + 8 + 4 * OVERLAP
 
 
 @njit(cache=True)
@@ -205,11 +207,11 @@ def _filter_tile(bins, shape, pad, tile, slope, along_px, sigma_px, least, raw, 
     r0, r1, c0, c1 = tile
     n = steps_of(along_px, slope, sigma_px)
     middle = 0.5 * (r0 + r1 - 1)
-    drift = abs(slope) * (0.5 * (r1 - r0) + 1.0)
+    drift = abs(slope) * (0.5 * (r1 - r0) + 1.0 + OVERLAP) + OVERLAP
     u0 = int(np.floor(c0 - drift)) - 2
     n_lines = int(np.ceil(c1 + drift)) + 2 - u0
-    first = r0 - (n - 1) // 2 - 1  # first row of the first sum; its middle is the row before the tile
-    n_sums = r1 - r0 + 2 + (n - 1) % 2
+    first = r0 - (n - 1) // 2 - 1 - OVERLAP  # first row of the first sum; its middle is before the tile
+    n_sums = r1 - r0 + 2 + 2 * OVERLAP + (n - 1) % 2
     values = np.empty((n_sums, n_lines), dtype=np.float32)
     across = np.float32(exp(-0.5 / (sigma_px**2 * (1.0 + slope * slope) / BIN**2 + BIN_VARIANCE)))
     _sums(bins, pad, slope, middle, first, n, u0, across, values)
@@ -296,7 +298,7 @@ def _maxima(values, least, tile, slope, middle, first_middle, u0, raw, n_raw):
     for k in range(1, values.shape[0] - 1):
         before, here, after = values[k - 1], values[k], values[k + 1]
         row = first_middle + k
-        if row < r0 - 0.25 or row >= r1 - 0.25:
+        if row < r0 - OVERLAP or row >= r1 + OVERLAP:
             continue
         shift = slope * (row - middle) + u0
         for i in range(1, values.shape[1] - 1):
@@ -308,7 +310,7 @@ def _maxima(values, least, tile, slope, middle, first_middle, u0, raw, n_raw):
             if v < before[i - 1] or v < before[i + 1] or v <= after[i - 1] or v <= after[i + 1]:
                 continue
             column = i + shift
-            if column < c0 - 0.5 or column >= c1 - 0.5 or n_raw == raw.shape[0]:
+            if column < c0 - OVERLAP or column >= c1 + OVERLAP or n_raw == raw.shape[0]:
                 continue
             raw[n_raw, 0] = v
             raw[n_raw, 1], raw[n_raw, 2] = BIN * column + 0.5, BIN * row + 0.5
@@ -352,6 +354,9 @@ def _thinned(raw, noise, level, least, sigma_px):
             reach = length + SPOT_SIGMAS * sigma_px + BIN
             along = abs(ex * kept[j, 3] + ey * kept[j, 4]) / length
             across = abs(ey * kept[j, 3] - ex * kept[j, 4]) / length
+            if along < SAME_BINS * BIN and across < SAME_BINS * BIN:
+                is_bump = True  # the same, of the next tile
+                break
             if along < reach and across < 3.0 * wide:
                 ridge = kept[j, 0] * (1.0 - along / reach) * np.exp(-0.5 * (across / wide) ** 2)
                 if value < ridge + least:

@@ -39,14 +39,14 @@ from shefex_nav.onboard.startracker.streak_path import (
 
 PIXEL_VARIANCE = 1.0 / 12.0  # px^2 per axis
 MOST_PIXELS = 12000  # of one streak's window
-ACROSS_SIGMAS = 4.5  # half width of the window
+ACROSS_SIGMAS = 3.5  # half width of the window
 BEYOND_SIGMAS = 4.0  # the window ends so far beyond the ends and the search
 SEARCH_PX = (2.5, 12.0)  # shortest and longest search along, each way
 SEARCH_PART = 0.3  # of the length
 PROFILE_PX = 0.5  # step of the profile along
 SHIFT_PX = 0.25  # step of the search along
 MOST_STEPS = 8
-SMALL_STEP_PX = 0.01
+SMALL_STEP_PX = 0.03
 SMALL_STEP_FLUX = 0.1  # relative; the flux is linear, only the weights wait for it
 FARTHEST_PX = 3.0  # from the place that the search along found, across and along
 OUTLIER_SIGMA = 5.0  # pixels further from the model are not this star's light
@@ -56,7 +56,10 @@ POSTERIOR_PX = 0.25  # standard deviation along from which the mean of the likel
 NEIGHBOUR_ERROR = 0.1  # of a neighbour's light, that its model may be off by [E]
 PRIOR_DOF = 30.0  # weight of the expected misfit against the one seen [E]
 LEAST_PIXELS = 8
-NEAR_SIGMAS = 4.0  # around the streak: pixels of the fit; the others are for the search
+CAPTURE_SIGMAS = 1.3  # so far across the line the fit finds its star without a search
+ACROSS_STEP = 1.5  # sigmas, of a search across
+EARLY_PART = 0.8  # half a sigma beside the line a streak shows 0.94 of its ratio
+NEAR_SIGMAS = 3.5  # around the streak: pixels of the fit; the others are for the search
 CORE_PART = 0.1  # of the brightest pixel's light: what counts as a pixel of the star
 
 # rows of the pixels of a window
@@ -139,6 +142,14 @@ def _table(z):
 
 
 @njit(cache=True)
+def _density(z):
+    """Normal density at -REACH < z < REACH."""
+    place = (z + REACH) * PER_SIGMA
+    index = np.uint64(place)
+    return NORMAL[index, 1] + (place - index) * (NORMAL[index + np.uint64(1), 1] - NORMAL[index, 1])
+
+
+@njit(cache=True)
 def light_at(path, s, x, y):
     """Light in a pixel of a star of flux one: itself, derivatives to a shift along and across, time.
 
@@ -149,22 +160,62 @@ def light_at(path, s, x, y):
     u = min(max(along / path[LENGTH], 0.0), 1.0)
     across = dy * path[TX] - dx * path[TY] - 4.0 * path[SAG] * u * (1.0 - u)
     z = across / s
-    if abs(z) > REACH:
-        return 0.0, 0.0, 0.0, path[BEGIN]
-    c_first, d_first = _table((along - path[SKEW] * dy) / s)
-    c_last, d_last = _table((along - path[LENGTH] - path[SKEW] * (y - path[Y1])) / s)
-    _, d_across = _table(z)
-    line = path[SHARE] * d_across / s
-    light = line * (c_first - c_last)
-    return light, line * (d_last - d_first) / s, light * z / s, path[BEGIN] + u * (path[END] - path[BEGIN])
+    time = path[BEGIN] + u * (path[END] - path[BEGIN])
+    from_first = (along - path[SKEW] * dy) / s
+    from_last = (along - path[LENGTH] - path[SKEW] * (y - path[Y1])) / s
+    if abs(z) > REACH or from_first < -REACH or from_last > REACH:
+        return 0.0, 0.0, 0.0, time
+    line = path[SHARE] * _density(z) / s
+    light, end = line, 0.0
+    if from_first < REACH:
+        c, d = _table(from_first)
+        light, end = line * c, -line * d / s
+    if from_last > -REACH:
+        c, d = _table(from_last)
+        light -= line * c
+        end += line * d / s
+    return light, end, light * z / s, time
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True)
 def draw(path, s, n, work):
-    """Write the model of flux one, its derivatives and the times to work."""
+    """Write the model of flux one, its derivatives and the times to work: `light_at` of all pixels at once.
+
+    The Gaussian across is (exp(-z^2/32))^16 by its series, which the compiler takes many pixels at a time;
+    the ends are looked up only where there is one.
+    """
+    tx, ty, x_0, y_0, length = path[TX], path[TY], path[X0], path[Y0], path[LENGTH]
+    bend, per_length, per_s, begin = 4.0 * path[SAG], 1.0 / length, 1.0 / s, path[BEGIN]
+    seen, height, far2 = path[END] - path[BEGIN], path[SHARE] * 0.3989422804014327 / s, 1.0 * REACH * REACH
+    xs, ys, model, ends, slopes, time = work[X], work[Y], work[MODEL], work[ALONG], work[ACROSS], work[TIME]
     for k in range(n):
-        m, a, c, t = light_at(path, s, work[X, k], work[Y, k])
-        work[MODEL, k], work[ALONG, k], work[ACROSS, k], work[TIME, k] = m, a, c, t
+        dx, dy = xs[k] - x_0, ys[k] - y_0
+        along = dx * tx + dy * ty
+        u = min(max(along * per_length, 0.0), 1.0)
+        z = (dy * tx - dx * ty - bend * u * (1.0 - u)) * per_s
+        q = min(z * z, far2) * (1.0 / 32.0)
+        e = 1.0 - q * (1.0 - q * (0.5 - q * (1.0 / 6.0 - q * (1.0 / 24.0 - q * (1.0 / 120.0 - q / 720.0)))))
+        e *= e
+        e *= e
+        e *= e
+        model[k] = height * e * e
+        slopes[k] = z * per_s
+        time[k] = begin + u * seen
+        ends[k] = along
+    skew = path[SKEW]
+    for k in range(n):
+        from_first = (ends[k] - skew * (ys[k] - y_0)) * per_s
+        from_last = (ends[k] - length - skew * (ys[k] - path[Y1])) * per_s
+        line = model[k]
+        if from_first > REACH and from_last < -REACH:
+            ends[k] = 0.0
+        else:
+            c_first, d_first = _table(from_first)
+            c_last, d_last = _table(from_last)
+            line *= c_first - c_last
+            ends[k] = model[k] * (d_last - d_first) * per_s
+            model[k] = line
+        slopes[k] *= line
 
 
 @njit(cache=True)
@@ -184,25 +235,26 @@ def profile(path, s, flux, level, dn_per_electron, n, start, sums, work):
     one; the weights w take the shot noise of a star of this flux where it would shine.
     """
     sums[:] = 0.0
-    n_steps = sums.shape[1]
+    n_steps, per_s, shot = sums.shape[1], 1.0 / s, max(flux, 0.0) * dn_per_electron
+    tx, ty, x_0, y_0, per_length = path[TX], path[TY], path[X0], path[Y0], 1.0 / path[LENGTH]
+    bend, height = 4.0 * path[SAG], path[SHARE] / s
     for k in range(n):
-        if not work[VARIANCE, k] < np.inf:
+        dx, dy = work[X, k] - x_0, work[Y, k] - y_0
+        along = dx * tx + dy * ty
+        u = min(max(along * per_length, 0.0), 1.0)
+        z = (dy * tx - dx * ty - bend * u * (1.0 - u)) * per_s
+        place = (along - start) * (1.0 / PROFILE_PX)
+        if abs(z) > NEAR_SIGMAS or place < 0.0 or place >= n_steps - 1:
             continue
-        dx, dy = work[X, k] - path[X0], work[Y, k] - path[Y0]
-        along = dx * path[TX] + dy * path[TY]
-        u = min(max(along / path[LENGTH], 0.0), 1.0)
-        z = (dy * path[TX] - dx * path[TY] - 4.0 * path[SAG] * u * (1.0 - u)) / s
-        place = (along - start) / PROFILE_PX
-        index = int(place)
-        if abs(z) > REACH or place < 0.0 or index + 1 >= n_steps:
-            continue
-        g = path[SHARE] * _table(z)[1] / s
-        w = g / (work[VARIANCE, k] + max(flux, 0.0) * dn_per_electron * work[MODEL, k])
+        g = height * _density(z)
+        w = g / (work[VARIANCE, k] + shot * work[MODEL, k])
+        index = np.uint64(place)
         f = place - index
-        sums[0, index] += (1.0 - f) * w * (work[LIGHT, k] - level)
-        sums[0, index + 1] += f * w * (work[LIGHT, k] - level)
-        sums[1, index] += (1.0 - f) * w * g
-        sums[1, index + 1] += f * w * g
+        up, norm = w * (work[LIGHT, k] - level), w * g
+        sums[0, index] += (1.0 - f) * up
+        sums[0, index + np.uint64(1)] += f * up
+        sums[1, index] += (1.0 - f) * norm
+        sums[1, index + np.uint64(1)] += f * norm
 
 
 @njit(cache=True, fastmath=True)
@@ -414,9 +466,7 @@ def posterior(path, s, fitted, dn_per_electron, n, start, sums, ratio, work):
 
 
 @njit(cache=True)
-def fit_one(
-    camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, search_px, n, path, work, fitted
-):
+def fit_one(camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, search_px, least, n, path, work, fitted):
     """Fit one streak to the pixels in work.
 
     Parameters
@@ -429,6 +479,7 @@ def fit_one(
     noise : DN, of a pixel
     level_sigma : error of the background, in units of noise
     search_px : (along, across) how far the star may be; along at least `reach_px`, across 0 for a candidate
+    least : signal-to-noise ratio that is needed; EARLY_PART of it before the place across is known
     n : number of pixels in work
     path : (NUMBERS,) at the first place; overwritten by the fitted one
     work : (ROWS, MOST_PIXELS)
@@ -443,11 +494,10 @@ def fit_one(
     start = SHIFT_PX * np.floor(-(reach + BEYOND_SIGMAS * s + 1.0) / SHIFT_PX)
     sums = np.empty((2, int((path[LENGTH] - 2.0 * start) / PROFILE_PX) + 2))
     ratio = np.empty(2 * int(reach / SHIFT_PX) + 1)
-    if not _search(
-        camera, motion, s, dn_per_electron, n, search_px, reach, path, start, sums, ratio, work, fitted
-    ):
+    if not _search(camera, motion, s, dn_per_electron, n, search_px, least, path, start, sums, ratio, work, fitted):
         return False
     n_near = _nearest(path, s, n, work)
+    work[ALONG:, n_near:n] = 0.0
     draw(path, s, n_near, work)
     fitted[FLUX], fitted[LEVEL] = _first_flux(n_near, work), 0.0
     P = np.empty((4, 4))
@@ -458,7 +508,7 @@ def fit_one(
     for _ in range(3):
         if not newton(camera, motion, s, dn_per_electron, level_error, n_near, path, work, fitted, P):
             return False
-        draw(path, s, n, work)
+        draw(path, s, n_near, work)
         now = mask(fitted[FLUX], fitted[LEVEL], s, path, dn_per_electron, n, work)
         fitted[N_MASKED] += now
         if now == 0:
@@ -480,27 +530,28 @@ def _nearest(path, s, n, work):
             for i in (X, Y, LIGHT, VARIANCE):
                 work[i, k], work[i, n_near] = work[i, n_near], work[i, k]
             n_near += 1
+    work[MODEL, n_near:n] = 0.0
     return n_near
 
 
 @njit(cache=True)
-def _search(camera, motion, s, dn_per_electron, n, search_px, reach, path, start, sums, ratio, work, fitted):
+def _search(camera, motion, s, dn_per_electron, n, search_px, least, path, start, sums, ratio, work, fitted):
     """Move the start along the streak, and across if search_px says so, to where its sum is highest."""
     omega_c, times = motion
     x, y = fitted[PLACE_X], fitted[PLACE_Y]
     work[MODEL, :n] = 0.0
-    n_across = int(np.ceil(search_px[1] / s))
+    n_across, step = int(np.rint(max(search_px[1] - CAPTURE_SIGMAS * s, 0.0) / (ACROSS_STEP * s))), ACROSS_STEP * s
     x_first, y_first, best = path[X0], path[Y0], 0.0
     for across in range(-n_across, n_across + 1):
-        path[X0], path[Y0] = x_first - across * s * path[TY], y_first + across * s * path[TX]
+        path[X0], path[Y0] = x_first - across * step * path[TY], y_first + across * step * path[TX]
         profile(path, s, 0.0, 0.0, dn_per_electron, n, start, sums, work)
-        n_shifts = shifts(path, s, start, reach, sums, ratio)
+        n_shifts = shifts(path, s, start, SHIFT_PX * (ratio.shape[0] // 2), sums, ratio)
         i = np.argmax(ratio[:n_shifts])
         if ratio[i] > best:
             best, shift = ratio[i], (i - n_shifts // 2) * SHIFT_PX
-            fitted[PLACE_X] = x + shift * path[TX] - across * s * path[TY]
-            fitted[PLACE_Y] = y + shift * path[TY] + across * s * path[TX]
-    if not best > 2.0:
+            fitted[PLACE_X] = x + shift * path[TX] - across * step * path[TY]
+            fitted[PLACE_Y] = y + shift * path[TY] + across * step * path[TX]
+    if not best > EARLY_PART * least:
         return False
     return path_of(camera, times, omega_c, fitted[PLACE_X], fitted[PLACE_Y], path)
 
@@ -530,7 +581,10 @@ def _finish(
     cov = P[:2, :2].copy()
     if cov[0, 0] > POSTERIOR_PX**2:
         mean, spread = posterior(path, s, fitted, dn_per_electron, n, start, sums, ratio, work)
-        cov[0, 0] = max(spread, 0.5 * cov[0, 0])
+        wider = max(spread / cov[0, 0], 0.5)
+        cov[0, 0] *= wider
+        cov[0, 1] *= sqrt(wider)
+        cov[1, 0] *= sqrt(wider)
         fitted[PLACE_X] += mean * path[TX]
         fitted[PLACE_Y] += mean * path[TY]
     n_used, n_core, up, norm, most = 0, 0, 0.0, 0.0, 0.0

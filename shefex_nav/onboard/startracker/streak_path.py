@@ -85,3 +85,14 @@ def rate_jacobian(camera, x_px, y_px):
     f = camera.focal_length_px
     a, b = (x_px - camera.cx_px) / f, (y_px - camera.cy_px) / f
     return f * np.array([[a * b, -(1.0 + a * a), b], [1.0 + b * b, -a * b, -a]])
+
+
+@njit(cache=True)
+def touching(path, other, s, extra_px):
+    """Whether the light of another streak may reach the window of one that is searched extra_px along."""
+    ex = 0.5 * (other[X0] + other[X1] - path[X0] - path[X1])
+    ey = 0.5 * (other[Y0] + other[Y1] - path[Y0] - path[Y1])
+    along, across = abs(ex * path[TX] + ey * path[TY]), abs(ey * path[TX] - ex * path[TY])
+    # the other one may lie askew: half of what its direction differs by
+    askew = 0.5 * other[LENGTH] * abs(path[TX] * other[TY] - path[TY] * other[TX])
+    return along < 0.5 * (path[LENGTH] + other[LENGTH]) + extra_px + 8.0 * s and across < 9.0 * s + 2.0 + askew

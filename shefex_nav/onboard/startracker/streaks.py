@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.geometry.shutter import RowTimes
+from shefex_nav.onboard.startracker import streak_near as near
 from shefex_nav.onboard.startracker.binned import BIN, bad_map, in_noise, interpolated, level_of
 from shefex_nav.onboard.startracker.detect import FrameStatistics
 from shefex_nav.onboard.startracker.matched import (
@@ -62,6 +63,7 @@ from shefex_nav.onboard.startracker.streak_path import (
     Y0,
     Y1,
     place_of_middle,
+    touching,
 )
 from shefex_nav.onboard.startracker.streak_shape import STAR, judge
 from shefex_nav.records import Detections
@@ -71,16 +73,12 @@ FIRST_PART = 0.8  # of the threshold, for candidates: the bins lose a tenth of a
 CLIP_PART = 0.5  # of the threshold: what one bin may add to the filtered value of a streak
 LEVEL_SIGMA = 0.05  # of the noise of a pixel: error of the level between tiles [E]
 SPOT_STEPS = 3  # a sum of fewer bins is not clipped
-STRIP_SIGMA = 0.1  # ... and of the level beside a streak
 ACROSS_PX = 1.5  # that a candidate may be off its line
 BRIGHT = 25.0  # signal-to-noise ratio of the stars that show their width
 WIDTH_PART = 0.02  # stars are fitted again if their width is off by more
 WIDTHS = (0.7, 1.5)  # of the expected one, that are believed
-STRIP_PX = 6.0  # width of the strips beside a streak that show its background
-STRIP_REACH_PX = 8.0  # beyond its ends
-MOST_STRIP = 4000  # pixels
-SEARCH_SIGMAS = 3.0  # around a predicted place
-LEAST_INSIDE = 0.4  # of a predicted streak, in the frame
+FALSE_NEAR = 0.05  # wanted number of objects near predictions that are noise
+MEAN_EVERY = 16
 
 
 class Motion(NamedTuple):
@@ -134,6 +132,46 @@ def detect_streaks(params, camera, image_dn, motion, false_objects=FALSE_OBJECTS
     return _detections(fitted[:n], params.max_objects), statistics
 
 
+def detect_near(params, camera, image_dn, motion, xy_px, P_px, false_objects=FALSE_NEAR):
+    """Stars near predicted places only, for tracking.
+
+    Each is searched SEARCH_SIGMAS around its prediction, against the background of the strips beside it.
+
+    Parameters
+    ----------
+    params, camera, image_dn, motion : as `detect_streaks`
+    xy_px : (m, 2) predicted places at the instant
+    P_px : (m, 2, 2) px^2, their covariances
+    false_objects : float, wanted number of objects, over all predictions, that are noise
+
+    Returns
+    -------
+    Detections, brightest first: the predictions that were found
+    FrameStatistics, of the strips; the mean of every MEAN_EVERY-th row of the frame
+    """
+    image_dn, omega_c, P_omega_c = _checked(camera, image_dn, motion)
+    xy_px, P_px = np.ascontiguousarray(xy_px, dtype=float), np.ascontiguousarray(P_px, dtype=float)
+    if xy_px.ndim != 2 or xy_px.shape[1] != 2 or P_px.shape != (len(xy_px), 2, 2):
+        raise ValueError(f"predictions: expected (m, 2) and (m, 2, 2), got {xy_px.shape} and {P_px.shape}")
+    sigma, times = float(params.psf_sigma_px), motion.times
+    bad = bad_map(*image_dn.shape, params.bad_pixels)
+    fitted, n, level, noise = near.fit_near(
+        image_dn,
+        bad,
+        camera,
+        (omega_c, times),
+        P_omega_c,
+        xy_px,
+        P_px,
+        sigma,
+        1.0 / params.electrons_per_dn,
+        int(params.saturation_dn),
+        float(false_objects),
+    )
+    statistics = FrameStatistics(float(image_dn[::MEAN_EVERY].mean()), level, noise)
+    return _detections(fitted[:n], params.max_objects), statistics
+
+
 def _checked(camera, image_dn, motion):
     """Frame, rate and covariance in the types of the kernels."""
     image_dn = np.ascontiguousarray(image_dn)
@@ -176,94 +214,69 @@ def _detections(fitted, max_objects):
 def _fit_all(
     image_dn, bad, camera, motion, P_omega_c, level, found, sigma, dn_per_electron, saturation_dn, least
 ):
-    """Fit the candidates, brightest first, each without the light of those before it; then once more.
+    """Fit the candidates, brightest first, each without the light of those before it, and judge them.
+
+    A streak that another one touches is fitted and judged again when all are known, and so are all if the
+    bright ones are wider or narrower than expected.
 
     Returns
     -------
     fitted : (candidates, COLUMNS)
     n : number of stars, in the first rows
     """
-    omega_c, times = motion
-    work = np.empty((ROWS, MOST_PIXELS))
+    work, no_search = np.empty((ROWS, MOST_PIXELS)), (0.0, 0.0)
     fitted, paths = np.empty((found.shape[0], COLUMNS)), np.empty((found.shape[0], NUMBERS))
-    path, widths = np.empty(NUMBERS), np.empty(found.shape[0])
-    s, n_stars, n_widths = np.sqrt(sigma**2 + PIXEL_VARIANCE), 0, 0
+    verdict, widths = np.empty(found.shape[0], dtype=np.int64), np.empty(found.shape[0])
+    s, n_fits, n_widths = np.sqrt(sigma**2 + PIXEL_VARIANCE), 0, 0
     for k in range(found.shape[0]):
-        row = fitted[n_stars]
-        row[PLACE_X], row[PLACE_Y] = place_of_middle(
-            camera, times, omega_c, found[k, MIDDLE_X], found[k, MIDDLE_Y], path
-        )
+        row, path = fitted[n_fits], paths[n_fits]
+        x, y = found[k, MIDDLE_X], found[k, MIDDLE_Y]
+        row[PLACE_X], row[PLACE_Y] = place_of_middle(camera, motion[1], motion[0], x, y, path)
         if not np.isfinite(row[PLACE_X]):
             continue
         around = _tile_level(level, path)
-        n = _window(
-            image_dn,
-            bad,
-            path,
-            s,
-            around,
-            saturation_dn,
-            dn_per_electron,
-            paths,
-            fitted,
-            n_stars,
-            -1,
-            work,
-            row,
-        )
-        search = (0.0, 0.0)
+        n = _window(image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, n_fits, -1, work, row)
         if n == 0 or not fit_one(
-            camera, motion, P_omega_c, s, dn_per_electron, around[1], LEVEL_SIGMA, search, n, path, work, row
+            camera, motion, P_omega_c, s, dn_per_electron, around[1], LEVEL_SIGMA, no_search, least, n, path, work, row
         ):
             continue
-        if row[RATIO] < least or judge(camera, P_omega_c, s, dn_per_electron, n, path, work, row) != STAR:
+        if row[RATIO] < least:
             continue
-        if row[RATIO] > BRIGHT and row[N_SATURATED] == 0:
+        verdict[n_fits] = judge(camera, P_omega_c, s, dn_per_electron, n, path, work, row)
+        if verdict[n_fits] == STAR and row[RATIO] > BRIGHT and row[N_SATURATED] == 0:
             widths[n_widths] = width2(s, row[LEVEL], n, work)
             n_widths += 1
-        paths[n_stars] = path
-        n_stars += 1
+        n_fits += 1
+    expected = s
     if n_widths > 0:
-        seen = np.sqrt(max(np.median(widths[:n_widths]), PIXEL_VARIANCE))
+        seen = np.sqrt(np.median(widths[:n_widths]))
         if WIDTHS[0] * s < seen < WIDTHS[1] * s and abs(seen - s) > WIDTH_PART * s:
-            s = -seen
-    for k in range(n_stars):
-        path[:] = paths[k]
-        row = fitted[k].copy()
-        if s > 0.0 and not _has_neighbour(paths, k, n_stars, s):
+            s = seen
+    row, path = np.empty(COLUMNS), np.empty(NUMBERS)
+    for k in range(n_fits):
+        first = 0 if verdict[k] != STAR else k + 1
+        if s == expected and not _has_neighbour(paths, k, first, n_fits, s):
             continue
+        row[:], path[:] = fitted[k], paths[k]
         around = _tile_level(level, path)
-        n = _window(
-            image_dn,
-            bad,
-            path,
-            abs(s),
-            around,
-            saturation_dn,
-            dn_per_electron,
-            paths,
-            fitted,
-            n_stars,
-            k,
-            work,
-            row,
-        )
+        n = _window(image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, n_fits, k, work, row)
         if n > 0 and fit_one(
-            camera,
-            motion,
-            P_omega_c,
-            abs(s),
-            dn_per_electron,
-            around[1],
-            LEVEL_SIGMA,
-            (0.0, 0.0),
-            n,
-            path,
-            work,
-            row,
+            camera, motion, P_omega_c, s, dn_per_electron, around[1], LEVEL_SIGMA, no_search, least, n, path, work, row
         ):
             fitted[k], paths[k] = row, path
-    return fitted, n_stars
+            verdict[k] = judge(camera, P_omega_c, s, dn_per_electron, n, path, work, row)
+    return _stars(fitted[:n_fits], verdict, least)
+
+
+@njit(cache=True)
+def _stars(fitted, verdict, least):
+    """Move the stars to the first rows; returns the rows and how many they are."""
+    n = 0
+    for k in range(fitted.shape[0]):
+        if verdict[k] == STAR and fitted[k, RATIO] >= least:
+            fitted[n] = fitted[k]
+            n += 1
+    return fitted, n
 
 
 @njit(cache=True)
@@ -283,27 +296,15 @@ def _window(
     extra = (reach_px(path[LENGTH], s), ACROSS_PX)
     n, row[N_SATURATED] = collect(image_dn, bad, path, s, extra, around[0], around[1], saturation_dn, work)
     for j in range(n_stars):
-        if j != own and _is_near(path, paths[j], s):
+        if j != own and touching(path, paths[j], s, extra[0]):
             take_away(paths[j], s, fitted[j, FLUX], dn_per_electron, n, work)
     return n
 
 
 @njit(cache=True)
-def _is_near(path, other, s):
-    """Whether the windows of two streaks may touch."""
-    ex = 0.5 * (other[X0] + other[X1] - path[X0] - path[X1])
-    ey = 0.5 * (other[Y0] + other[Y1] - path[Y0] - path[Y1])
-    along, across = abs(ex * path[TX] + ey * path[TY]), abs(ey * path[TX] - ex * path[TY])
-    far = 0.5 * (path[LENGTH] + other[LENGTH]) + reach_px(path[LENGTH], s) + 8.0 * s + 2.0
-    # the other one may lie askew: half of what its direction differs by
-    askew = 0.5 * other[LENGTH] * abs(path[TX] * other[TY] - path[TY] * other[TX])
-    return along < far and across < 9.0 * s + ACROSS_PX + askew
-
-
-@njit(cache=True)
-def _has_neighbour(paths, k, n, s):
-    """Whether a star that was fitted after this one is near."""
-    for j in range(k + 1, n):
-        if _is_near(paths[k], paths[j], s):
+def _has_neighbour(paths, k, first, n, s):
+    """Whether one of the streaks first ... n - 1 is near streak k."""
+    for j in range(first, n):
+        if j != k and touching(paths[k], paths[j], s, reach_px(paths[k, LENGTH], s)):
             return True
     return False
