@@ -60,11 +60,12 @@ def published_errors(times, first, second, stars):
     """
     one, two = (cluster.find(methods.CHAIN.clusters, image) for image in (first, second))
     found = cluster.fuse(one, two, methods.CHAIN.fusion_distance_px)
-    rows, sign = found[:, 1], multipole_chain.signs(one, two, found)
+    found = found[~multipole_chain.at_border(two, second.shape)[found[:, 1]]]
+    rows, shift = found[:, 1], two.xy_px[found[:, 1]] - one.xy_px[found[:, 0]]
     extent = np.column_stack((two.last_column - two.first_column, two.last_row - two.first_row))[rows]
     places = [
         compensate(
-            methods.CHAIN.compensation._replace(form=form), times, two.xy_px[rows], extent, sign,
+            methods.CHAIN.compensation._replace(form=form), times, two.xy_px[rows], extent, shift,
             two.sigma_px[rows],
         ).xy_px
         for form in FORMS

@@ -36,7 +36,7 @@ TAU = IMPA["camera"]["tau_pre_electrons"]
 R_PSF = IMPA["camera"]["psf_diameter_px"]
 FAINTEST_SHOWN = 6.0  # of the paper's figure
 EDGE_PX, APART_PX = 478.0, 60.0  # where the artificial stars stand, from the middle
-SPREAD = 1.3  # mag, of the artificial stars around the model
+SPREAD = (-1.0, 3.0)  # mag, of the artificial stars around the model; ours finds fainter ones
 FOUND_PX = 2.0  # a cluster this near to the path of a star is that star's
 TOLERANCE = 0.3  # mag
 METHODS = ("published", "ours")
@@ -86,7 +86,7 @@ def frame_of(rate_deg_s, beta_deg, rng):
     u_c = unit_vectors(hole, np.ascontiguousarray(xy_px))
     alpha = np.arccos(np.clip(u_c @ axis, -1.0, 1.0))
     model = model_magnitude(rate_deg_s, alpha)
-    vmag = model + rng.uniform(-SPREAD, SPREAD, len(steps))
+    vmag = model + rng.uniform(*SPREAD, len(steps))
     q_ic = quat_normalise(rng.standard_normal(4))
     light = electrons(camera, vmag)
     image, _ = still(camera, u_c @ dcm_from_quat(q_ic).T, light, q_ic, rng, omega_c=omega_c)
@@ -155,10 +155,13 @@ def conclude(results):
                     interval = statistics.bootstrap(half_found, columns, rng, resamples=200)
                     interval = tuple(model + end for end in interval)
                 agrees = None if method == "ours" else bool(abs(value) <= TOLERANCE)
-                quantity = f"{method}: faintest magnitude found in half the cases, model as published"
+                quantity = f"{method}: faintest magnitude found in half the cases"
+                if method == "published":
+                    quantity += " beside the model; agrees within 0.3"
                 condition = f"{rate:g} deg/s, axis {beta:g} deg from the boresight"
                 why = WHY if agrees is False else ""
-                rows.append(Row(quantity, condition, model, model + value, interval, agrees, why))
+                goal = model if method == "published" else None
+                rows.append(Row(quantity, condition, goal, model + value, interval, agrees, why))
     return rows
 
 

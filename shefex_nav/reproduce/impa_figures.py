@@ -46,7 +46,7 @@ def draw_images(figure, results, _rows):
 
 def _success_by_images(axis, found, s, c):
     """Measured success within each number of images."""
-    here = found["published"][found["rate_deg_s"] == SHOWN_RATE][:, s, c]
+    here = found["published"][found["rate_deg_s"] == SHOWN_RATE][:, s, c, 0]
     if not len(here):
         return
     images = np.arange(2, max(tables.IMAGES) + 1)
@@ -58,7 +58,7 @@ def _success_by_images(axis, found, s, c):
 def _success_by_rate(axis, found, s, c):
     """Measured success of all images against the rate, with intervals."""
     _points(axis, found, tables.RATES, lambda rows: (
-        (rows["published"][:, s, c, 0] > 0) & tables.good(rows["published"][:, s, c, 1:])
+        (rows["published"][:, s, c, 0, 0] > 0) & tables.good(rows["published"][:, s, c, 0, 1:])
     ), COLOURS[CASES[c]], "o-", f"IMPA, {CASES[c].replace('_', ' ')}")  # fmt: skip
 
 

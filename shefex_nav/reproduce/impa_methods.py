@@ -29,7 +29,7 @@ SATURATION_DN = int(field.FULL_WELL / field.ELECTRONS_PER_DN + field.BLACK_LEVEL
 TAU_DN = IMPA["camera"]["tau_pre_electrons"] / field.ELECTRONS_PER_DN
 CHAIN = multipole_chain.ChainParams(
     ClusterParams(TAU_DN, SATURATION_DN),
-    CompensateParams(15.0),  # v* [E]
+    CompensateParams(10.0),  # v* [E]
     float(IMPA["camera"]["fusion_distance_px"]),
 )
 IDENTIFY = IdentifyParams(
@@ -130,10 +130,21 @@ def turn2(angle):
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def published_attitude(detections):
-    """q_ic by the paper's identification of a list, or None."""
-    found, q_ic = multipole_chain.attitude(IDENTIFY, field.pairs(False), detections, published=True)
-    return None if found.reason != Reason.NONE else q_ic
+ACCEPTANCES = ("verified", "as published")  # of the paper's identification
+
+
+def published_attitudes(detections):
+    """q_ic by the paper's identification of a list, or None, for each of ACCEPTANCES.
+
+    Where the paper's check phase lets nothing pass there is nothing to verify either.
+    """
+    out = []
+    for published in (True, False):
+        found, q_ic = multipole_chain.attitude(IDENTIFY, field.pairs(False), detections, published=published)
+        out.append(None if found.reason != Reason.NONE else q_ic)
+        if out[0] is None:
+            return None, None
+    return out[1], out[0]
 
 
 def streaks_of(image_dn, omega_c, P_omega_c, times):

@@ -10,6 +10,7 @@ from shefex_nav.reproduce import statistics
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.impa_field import SHUTTERS
 from shefex_nav.reproduce.impa_flight import CASES, SITUATIONS
+from shefex_nav.reproduce.impa_methods import ACCEPTANCES
 from shefex_nav.reproduce.published import IMPA
 
 IMAGES = tuple(IMPA["success_percent_by_images"][CASES[0]][SHUTTERS[0]])
@@ -51,7 +52,7 @@ def conclude_images(results):
             table = IMPA["success_percent_by_images"][case][shutter]
             for images in IMAGES:
                 for r, rate in enumerate(RATES):
-                    here = found["published"][found["rate_deg_s"] == rate][:, s, c]
+                    here = found["published"][found["rate_deg_s"] == rate][:, s, c, 0]
                     if len(here):
                         condition = f"{_words(case)}, {_words(shutter)}, {rate:g} deg/s"
                         rows.append(_images_row(here, images, condition, table[images][r] / 100.0))
@@ -75,11 +76,13 @@ def _wrong_rows(found):
     for s, shutter in enumerate(SHUTTERS):
         frames = int(found["flown"][:, s].sum())
         for c, case in enumerate(CASES):
-            published = found["published"][:, s, c]
-            across, about = wrong(published[:, 0] > 0, published[:, 1:])
             condition = f"{_words(case)}, {_words(shutter)}, {frames} frames flown"
-            for what, which, none in (("across", across, 0.0), ("about", about, None)):
-                rows.append(_count_row(f"IMPA: wrong {what} the boresight", condition, which, none))
+            for a, acceptance in enumerate(ACCEPTANCES):
+                published = found["published"][:, s, c, a]
+                across, about = wrong(published[:, 0] > 0, published[:, 1:])
+                for what, which, none in (("across", across, 0.0), ("about", about, None)):
+                    quantity = f"IMPA {acceptance}: wrong {what} the boresight"
+                    rows.append(_count_row(quantity, condition, which, none))
         for k, situation in enumerate(SITUATIONS):
             own = found["own"][:, s, k].reshape(-1, 7)
             across, about = wrong(own[:, 0] > 0, own[:, 1:4])
@@ -140,7 +143,7 @@ def conclude_attitude(results):
             for r, rate in enumerate(RATES):
                 at = found["rate_deg_s"] == rate
                 condition = f"{_words(case)}, {_words(shutter)}, {rate:g} deg/s"
-                published = found["published"][at][:, s, c]
+                published = found["published"][at][:, s, c, 0]
                 own = found["own"][at][:, s, c].reshape(-1, 7)
                 for name, codes, errors in (
                     ("IMPA", published[:, 0], published[:, 1:]),

@@ -568,7 +568,9 @@ def _first_flux(n, work):
 
 
 @njit(cache=True)
-def _finish(camera, motion, P_omega_c, s, dn_per_electron, n, n_near, path, start, sums, ratio, work, fitted, P):
+def _finish(
+    camera, motion, P_omega_c, s, dn_per_electron, n, n_near, path, start, sums, ratio, work, fitted, P
+):
     """Covariance, the mean along where it is due, and the sums of a settled fit."""
     omega_c, times = motion
     turn = np.array([[path[TX], -path[TY]], [path[TY], path[TX]]])
