@@ -21,8 +21,11 @@ from shefex_nav.reproduce.published import IMPA
 RATES = (0.0, 2.0, 5.0)  # deg/s
 FOUND_PX = 5.0  # an object this near to where a star is at the frame's instant is that star
 MARGIN_PX = 2.0  # stars nearer to the border are not counted
-SHOWN_SIGMA = (-1.0, 6.0)  # grey values, in units of the noise
-METHODS = ("published", "rate-aided")
+SHOWN_SIGMA = (-1.0, 3.5)  # grey values, in units of a pixel's noise
+SHOWN_PX = (192.0, 832.0)  # part of the picture, rows and columns
+SHOWN_DIRECTION = 24  # of the picture: (1, 1, 0), across the boresight along a diagonal
+OUTLINE_PX = 9.0
+METHODS = ("IMPA", "rate-aided")
 
 
 class Sheet(NamedTuple):
@@ -48,7 +51,7 @@ def sheet(shutter, case, seed):
     stars_px = catalogue_stars(case)
     lists = (fused, ours)
     near = [found_near(stars_px, one.xy_px) for one in lists]
-    solved = (methods.published_attitude(fused) is not None, methods.own_attitude(ours) is not None)
+    solved = (methods.published_attitudes(fused)[0] is not None, methods.own_attitude(ours) is not None)
     paths = [path_of(times, case.omega_c, xy_px) for xy_px in stars_px]
     return Sheet(image, paths, stars_px, tuple(one.xy_px for one in lists), np.array(near), solved)
 
@@ -81,6 +84,8 @@ def measure(samples, seed):
     for k, own_seed in enumerate(seed.spawn(samples)):
         rng = np.random.default_rng(own_seed.spawn(1)[0])
         attitude, direction = rng.integers(field.N_ATTITUDES), rng.integers(field.N_DIRECTIONS)
+        if first is None:
+            direction = SHOWN_DIRECTION
         sheets = []
         for s, shutter in enumerate(field.SHUTTERS):
             for r, rate in enumerate(RATES):
@@ -99,59 +104,67 @@ def conclude(results):
     for s, shutter in enumerate(field.SHUTTERS):
         for r, rate in enumerate(RATES):
             condition = f"{rate:g} deg/s, {shutter.replace('_', ' ')}"
-            stars, solved = counts[:, s, r, :3].sum(axis=0), counts[:, s, r, 3:].sum(axis=0)
+            n_stars, *found = counts[:, s, r, :3].sum(axis=0)
+            solved = counts[:, s, r, 3:].sum(axis=0)
             for m, method in enumerate(METHODS):
-                found, n = int(stars[1 + m]), int(stars[0])
-                interval = statistics.proportion(found, n)
+                out.append(_share(f"stars to V 5.5 found, {method} [%]", condition, found[m], n_stars))
                 out.append(
-                    Row(f"stars to V 5.5 found, {method} [%]", condition, None, 100.0 * found / n,
-                        tuple(100.0 * x for x in interval), None, "")
-                )  # fmt: skip
-                interval = statistics.proportion(int(solved[m]), len(counts))
-                out.append(
-                    Row(f"frames with an attitude, {method} [%]", condition, None, 100.0 * solved[m] / len(counts),
-                        tuple(100.0 * x for x in interval), None, "")
-                )  # fmt: skip
+                    _share(f"frames with an attitude, {method} [%]", condition, solved[m], len(counts))
+                )
     return out
 
 
+def _share(quantity, condition, k, n):
+    """Row of k in n, which the paper does not give."""
+    interval = statistics.proportion(int(k), int(n))
+    return Row(quantity, condition, None, 100.0 * k / n, tuple(100.0 * x for x in interval), None, "")
+
+
 def draw(figure, results, rows):
-    """Six frames: shutters down, rates across."""
+    """Six frames: shutters down, rates across; the middle of each."""
     sheets = results[0][1]
-    figure.set_size_inches(15.0, 10.6)
+    figure.set_layout_engine("constrained")
+    figure.set_size_inches(13.5, 9.8)
     axes = figure.subplots(len(field.SHUTTERS), len(RATES))
     noise = np.hypot(np.sqrt(field.BACKGROUND), IMPA["noise"]["read_std_e"]) / field.ELECTRONS_PER_DN
     level = field.BACKGROUND / field.ELECTRONS_PER_DN + field.BLACK_LEVEL_DN
     low, high = (level + k * noise for k in SHOWN_SIGMA)
+    rows_px, columns_px = sheets[0].image_dn.shape
     for k, (ax, one) in enumerate(zip(axes.ravel(), sheets, strict=True)):
-        ax.imshow(one.image_dn, cmap="gray", vmin=low, vmax=high, interpolation="antialiased")
+        pooled = one.image_dn.reshape(rows_px // 2, 2, columns_px // 2, 2).mean(axis=(1, 3))
+        extent = (-0.5, columns_px - 0.5, rows_px - 0.5, -0.5)
+        ax.imshow(pooled, cmap="gray", vmin=low, vmax=high, extent=extent, interpolation="nearest")
         for path_px in one.paths_px:
-            middle, half = path_px[20], 0.5 * np.linalg.norm(path_px[-1] - path_px[0]) + 12.0
-            ax.plot(*_ring(middle, half), color="#7f7f7f", lw=0.6)
+            ax.plot(*_outline(path_px).T, color="#6cb4ff", lw=0.9)
         fused, ours = one.objects_px
-        ax.plot(*ours.T, "+", color="#35d07f", ms=7, mew=1.2, label="rate-aided")
-        ax.plot(*fused.T, "s", mfc="none", mec="#ffa132", ms=11, mew=1.3, label="published (two frames)")
-        ax.set(xlim=(-0.5, 1023.5), ylim=(1023.5, -0.5), xticks=[], yticks=[])
-        n = len(one.stars_px)
+        ax.plot(*ours.T, "+", color="#35d07f", ms=8, mew=1.2, label="object, rate-aided (one frame)")
+        ax.plot(*fused.T, "s", mfc="none", mec="#ffa132", ms=13, mew=1.4, label="object, IMPA (two frames)")
+        ax.plot([], [], color="#6cb4ff", lw=0.9, label="star to V 5.5")
+        ax.set(xlim=SHOWN_PX, ylim=SHOWN_PX[::-1], xticks=[], yticks=[])
         counts = ", ".join(
-            f"{method} {found.sum()}{'' if solved else ', no attitude'}"
+            f"{method} {found.sum()}{'' if solved else ' (no attitude)'}"
             for method, found, solved in zip(METHODS, one.found, one.solved, strict=True)
         )
         shutter = field.SHUTTERS[k // len(RATES)].replace("_", " ")
-        ax.set_title(f"{RATES[k % len(RATES)]:g} deg/s, {shutter}\nof {n} stars: {counts}", fontsize=10)
-    axes[0, 0].legend(loc="lower left", fontsize=9, framealpha=0.8)
+        rate = RATES[k % len(RATES)]
+        ax.set_title(f"{rate:g} deg/s, {shutter}\nof {len(one.stars_px)} stars: {counts}", fontsize=10)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=10)
     figure.suptitle(
-        "The same stars at three rates, 0.2 s a row. Ringed: stars to V 5.5. Marks: objects found, where the "
-        "star is in the middle of the exposure.",
+        "One field at three rates, 0.2 s a row (the middle of the frame, counts of the whole). "
+        "Marks: where the object is in the middle of the exposure; most without an outline are fainter stars.",
         fontsize=11,
     )
-    figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.97))
 
 
-def _ring(middle, radius):
-    """Circle as (2, 61)."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 61)
-    return middle[0] + radius * np.cos(angle), middle[1] + radius * np.sin(angle)
+def _outline(path_px):
+    """A line around a streak, OUTLINE_PX away: (n, 2)."""
+    along = path_px[-1] - path_px[0]
+    heading = np.arctan2(along[1], along[0]) if np.hypot(*along) > 0.5 else 0.0
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 16) + heading
+    cap = OUTLINE_PX * np.column_stack([np.cos(angle), np.sin(angle)])
+    ring = np.concatenate([path_px[-1] + cap, path_px[0] - cap])
+    return np.vstack([ring, ring[:1]])
 
 
 EXPERIMENTS = {
