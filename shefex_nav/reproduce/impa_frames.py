@@ -152,7 +152,7 @@ def draw(figure, results, rows):
     figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=10)
     figure.suptitle(
         "One field at three rates, 0.2 s a row (the middle of the frame, counts of the whole). "
-        "Marks: where the object is in the middle of the exposure; most without an outline are fainter stars.",
+        "Marks: where the object is in the middle of the exposure; without outline: fainter stars, mostly.",
         fontsize=11,
     )
 
