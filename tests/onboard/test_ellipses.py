@@ -247,7 +247,7 @@ def outcome(rng, n_fields, n_false, told=lambda P: P, near=False, **options):
 
 
 def test_long_streaks_need_their_covariance():
-    """Errors of 1 to 3 px along and 0.1 px across: told, nearly all are solved; as circles of 0.15 px, half."""
+    """Errors of 1 to 3 px along, 0.1 px across: told, nearly all are solved; as circles of 0.15 px, half."""
     long = {"along": (1.0, 3.0), "across": (0.06, 0.15)}
     solved, possible, wrong = outcome(np.random.default_rng(4), 100, 10, **long)
     assert wrong == 0
