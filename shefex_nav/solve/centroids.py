@@ -17,7 +17,7 @@ from shefex_nav.geometry.rotation import quat_conjugate
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes
-from shefex_nav.onboard.startracker.identify.ellipses import checked
+from shefex_nav.onboard.startracker.identify.ellipses import checked, ellipses_of
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.onboard.startracker.likelihood import misfit_factor, refine
 from shefex_nav.onboard.startracker.tables import Pairs, Stars
@@ -76,7 +76,8 @@ def solve_centroids(
     false_limit : float, accepted probability that a solution is chance
     prediction : None or (q_ci, P): attitude and covariance (3, 3) [rad^2] of its error in camera axes
     centroid_covariance_px : None or (n, 2, 2) px^2, covariance of the error of each centroid, for those that
-        differ or are elongated; centroid_sigma_px is then that of an ordinary star
+        differ or are elongated (not changed by the distortion); centroid_sigma_px is then that of an
+        ordinary star
 
     Returns
     -------
@@ -97,11 +98,9 @@ def solve_centroids(
         )
     xy_px = _places(xy_px)
     flux = None if flux is None else _fluxes(flux, len(xy_px))
-    P_px = (
-        None
-        if centroid_covariance_px is None
-        else checked(centroid_covariance_px, len(xy_px), "centroid_covariance_px")
-    )
+    P_px = centroid_covariance_px
+    if P_px is not None:
+        P_px = checked(P_px, len(xy_px), "centroid_covariance_px")
     if camera.distortion is not None:
         xy_px = undistort(ready.sky.pinhole, np.array(camera.distortion), xy_px)
     if method not in ("default", "bayes"):
@@ -112,10 +111,11 @@ def solve_centroids(
         return _by_method(method, ready, xy_px, flux, P_px)
     prior = bayes.NO_PREDICTION if prediction is None else _prediction(prediction)
     sky = ready.sky
-    frame = xy_px, NO_FLUX if flux is None else flux, *prior
-    if P_px is not None:
-        frame = *frame, P_px
-    reason, hip, q_ci, P_c, wrong = _solve_kernel(sky.stars, sky.index, sky.hip, ready.settings, *frame)
+    tables, flux = (sky.stars, sky.index, sky.hip, ready.settings), NO_FLUX if flux is None else flux
+    if P_px is None:
+        reason, hip, q_ci, P_c, wrong = _solve_kernel(*tables, xy_px, flux, *prior)
+    else:
+        reason, hip, q_ci, P_c, wrong = _solve_uneven(tables, xy_px, flux, prior, P_px)
     if reason == 0:
         return StarSolution("ok", "", q_ci, hip, P_c, wrong)
     _complain(reason)
@@ -123,10 +123,11 @@ def solve_centroids(
 
 
 @njit(cache=True)
-def _solve_kernel(stars, index, hips, settings, xy_px, flux, has_prediction, q_ci, P_c, P_px=None):
+def _solve_kernel(stars, index, hips, settings, xy_px, flux, has_prediction, q_ci, P_c, ellipses=None):
     """Sort by brightness, solve, name the stars in the order of the input.
 
     flux : (n,), or (0,) where nothing is known of it
+    ellipses : of centroids that are sorted already, or None
     -> reason (Reason, BAD_PLACE, BAD_FLUX), hip (n,), q_ci, P_c, probability that it is chance
     """
     n, has_flux = xy_px.shape[0], flux.shape[0] > 0
@@ -151,13 +152,23 @@ def _solve_kernel(stars, index, hips, settings, xy_px, flux, has_prediction, q_c
             ordered[k, 0], ordered[k, 1] = xy_px[order[k], 0], xy_px[order[k], 1]
             magnitude[k] = -2.5 * np.log10(flux[order[k]])
     reason, star, q_ci, P_c, _, wrong, _, _ = bayes.solve_kernel(
-        stars, index, settings, ordered, magnitude, has_flux, has_prediction, q_ci, P_c,
-        None if P_px is None else P_px[order],
-    )  # fmt: skip
+        stars, index, settings, ordered, magnitude, has_flux, has_prediction, q_ci, P_c, ellipses
+    )
     for k in range(n):
         if star[k] >= 0:
             hip[order[k]] = hips[star[k]]
     return reason, hip, q_ci, P_c, wrong
+
+
+def _solve_uneven(tables, xy_px, flux, prior, P_px):
+    """`_solve_kernel` of centroids with a covariance each."""
+    order = np.argsort(-flux, kind="stable") if len(flux) else np.arange(len(xy_px))
+    ellipses = ellipses_of(P_px[order], tables[-1].sigma_px)
+    flux = flux[order] if len(flux) else flux
+    reason, in_order, *found = _solve_kernel(*tables, xy_px[order], flux, *prior, ellipses)
+    hip = np.empty_like(in_order)
+    hip[order] = in_order
+    return reason, hip, *found
 
 
 @njit(cache=True)

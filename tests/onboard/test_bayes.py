@@ -9,7 +9,6 @@ from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, dcm_from_rotvec, rotvec_between
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes, evidence, lever, odds, screen, search
-from shefex_nav.onboard.startracker.identify.ellipses import round_ones
 from shefex_nav.records import Reason
 
 PARAMS = IDENTIFY._replace(sigma_px=0.15, magnitude_sigma=0.2)
@@ -23,7 +22,7 @@ def scene_of(xy_px, magnitude):
     width, height = float(CAMERA.width_px), float(CAMERA.height_px)
     return evidence.Scene(
         np.ascontiguousarray(xy_px[order]), magnitude[order], True, width, height, CAMERA.focal_length_px,
-        CAMERA.cx_px, CAMERA.cy_px, 5.0, 0.15, 0.2, round_ones(len(order)),
+        CAMERA.cx_px, CAMERA.cy_px, 5.0, 0.15, 0.2, None,
     )  # fmt: skip
 
 
@@ -139,7 +138,7 @@ def test_scan_against_brute_force():
     scene, _, _ = field(3, n_false=10)
     u_c = screen.directions(scene, scene.focal_px)
     table, i, j = screen.detection_table(scene), 0, 1
-    T, reach = screen.triad(*u_c[i], *u_c[j]), lever.lever_of(scene, i, j, 0.5)
+    T, reach = screen.triad(*u_c[i], *u_c[j]), lever.lever_of(scene, None, i, j, 0.5)
     frame, gate = screen.frame_of(scene, scene.focal_px, 99, 5), (-0.8, 1.2)
     angle = np.arccos(u_c[i] @ u_c[j])
     begin, end = search.position(pairs, np.cos(angle + 5e-4)), search.position(pairs, np.cos(angle - 5e-4))
@@ -148,7 +147,7 @@ def test_scan_against_brute_force():
     while entry < 2 * end:
         entry, C, _ = screen.scan(
             stars.u_i, stars.start, stars.row, pairs.star, pairs.fainter, table, scene.xy_px,
-            scene.ellipses.spread, T, frame, reach, gate, (-1, -1), 0, entry, 2 * end,
+            scene.ellipses, T, frame, reach, gate, (-1, -1), 0, entry, 2 * end,
         )  # fmt: skip
         if entry == 2 * end:
             break
@@ -159,7 +158,7 @@ def test_scan_against_brute_force():
         np.testing.assert_allclose(C_ci @ C_ci.T, np.eye(3), atol=1e-9)
         assert np.linalg.norm(C_ci @ (stars.u_i[a] - stars.u_i[b]) - (u_c[i] - u_c[j])) < 6e-4
         hits, _ = screen.screen.py_func(
-            stars.u_i, stars.start, stars.row, table, scene.xy_px, scene.ellipses.spread,
+            stars.u_i, stars.start, stars.row, table, scene.xy_px, scene.ellipses,
             C, frame, reach, a, b,
         )  # fmt: skip
         assert hits == min(brute_hits(stars, scene, C_ci, reach, a, b), 5)

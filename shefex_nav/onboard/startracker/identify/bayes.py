@@ -20,7 +20,7 @@ from shefex_nav.onboard.startracker.identify.doubts import (
     leans_on_one_star,
     recall,
 )
-from shefex_nav.onboard.startracker.identify.ellipses import checked, ellipses_of, round_ones
+from shefex_nav.onboard.startracker.identify.ellipses import checked, ellipses_of
 from shefex_nav.onboard.startracker.identify.evidence import (
     WIDE_GATE,
     Prior,
@@ -135,8 +135,8 @@ def _identify(params, pairs, u_c, flux, prediction, P_px):
     if P_px is None:
         found = Solution(*solve_kernel(*pairs.quick, settings, *frame, *prediction))
     else:
-        P_px = checked(P_px, len(u_c))
-        found = Solution(*solve_kernel(*pairs.quick, settings, *frame, *prediction, P_px))
+        ellipses = ellipses_of(checked(P_px, len(u_c)), settings.sigma_px)
+        found = Solution(*solve_kernel(*pairs.quick, settings, *frame, *prediction, ellipses))
     return Identification(found.star, int(found.reason), float(found.log_odds)), found.tracked
 
 
@@ -144,7 +144,9 @@ NO_PREDICTION = (False, np.array([1.0, 0.0, 0.0, 0.0]), np.zeros((3, 3)))
 
 
 @njit(cache=True)
-def solve_kernel(stars, pairs, settings, xy_px, magnitude, has_flux, has_prediction, q_ci, P_c, P_px=None):
+def solve_kernel(
+    stars, pairs, settings, xy_px, magnitude, has_flux, has_prediction, q_ci, P_c, ellipses=None
+):
     """Attitude of one frame; detections brightest first, if there is a flux.
 
     Parameters
@@ -155,14 +157,13 @@ def solve_kernel(stars, pairs, settings, xy_px, magnitude, has_flux, has_predict
     magnitude : (n,) -2.5 log10 flux
     has_flux, has_prediction : bool
     q_ci, P_c : (4,), (3, 3) rad^2 predicted attitude and covariance of its error in camera axes
-    P_px : (n, 2, 2) px^2, covariance of each centroid; None: settings.sigma_px for all
+    ellipses : Ellipses of the centroids; None: settings.sigma_px for all
 
     Returns
     -------
     Solution, as a plain tuple
     """
     n = min(xy_px.shape[0], MAX_DETECTIONS)
-    ellipses = round_ones(n) if P_px is None else ellipses_of(P_px, n, settings.sigma_px)
     scene = Scene(
         xy_px[:n], magnitude[:n], has_flux, settings.width_px, settings.height_px, settings.focal_px,
         settings.cx_px, settings.cy_px, settings.border_px, settings.sigma_px, settings.magnitude_sigma,

@@ -9,7 +9,7 @@ beyond the model make an attitude of those stars that happen to fit. Each is ref
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker.identify.ellipses import between2, weighted2
+from shefex_nav.onboard.startracker.identify.ellipses import between2, factor, weigh, weighted2
 from shefex_nav.onboard.startracker.identify.evidence import NOISE_SCALES, cholesky, jacobian, predict
 from shefex_nav.onboard.startracker.identify.odds import log_odds
 
@@ -33,7 +33,7 @@ def recall(task, focal_px):
         for k in range(best.star.shape[0]):
             if best.star[k] == view.row[s]:
                 dx, dy = scene.xy_px[k, 0] - view.xy_px[s, 0], scene.xy_px[k, 1] - view.xy_px[s, 1]
-                view.det[s], view.distance2[s] = k, weighted2(scene.ellipses.weight, k, dx, dy)
+                view.det[s], view.distance2[s] = k, weighted2(scene.ellipses, k, dx, dy)
     return n
 
 
@@ -120,10 +120,8 @@ def _leverage(L, scene, view, s, focal_px, n_par):
     1 / (1 - h) times (trace of N^-1 J' W J: two rows of a factor of W times J).
     """
     J = jacobian((view.xy_px[s, 0] - scene.cx_px) / focal_px, (view.xy_px[s, 1] - scene.cy_px) / focal_px)
-    W, k, total = scene.ellipses.weight, view.det[s], 0.0
-    p = np.sqrt(W[k, 0])  # W = R' R, R = [[p, q], [0, r]]
-    q = W[k, 1] / p
-    r = np.sqrt(W[k, 2] - q * q)
+    p, q, r = factor(scene.ellipses, view.det[s])
+    total = 0.0
     for row in range(2):  # forward substitution; written out, as it is done for every star of every frame
         a, b = (p, q) if row == 0 else (0.0, r)
         x0 = (a * J[0] + b * J[3]) / L[0, 0]
@@ -140,10 +138,9 @@ def _leverage(L, scene, view, s, focal_px, n_par):
 def _add(N, scene, view, s, focal_px, n_par, sign):
     """Add the information of a star [px^-2 rad^2], lower triangle."""
     J = jacobian((view.xy_px[s, 0] - scene.cx_px) / focal_px, (view.xy_px[s, 1] - scene.cy_px) / focal_px)
-    W, k = scene.ellipses.weight, view.det[s]
     for a in range(n_par):
         ux, uy = (J[a], J[3 + a]) if a < 3 else (J[6], J[7])
-        ux, uy = W[k, 0] * ux + W[k, 1] * uy, W[k, 1] * ux + W[k, 2] * uy
+        ux, uy = weigh(scene.ellipses, view.det[s], ux, uy)
         for b in range(a + 1):
             vx, vy = (J[b], J[3 + b]) if b < 3 else (J[6], J[7])
             N[a, b] += sign * focal_px**2 * (ux * vx + uy * vy)
@@ -157,7 +154,7 @@ def has_second_image(task, n, noise_px):
     """
     scene, view = task.scene, task.room
     n_det = scene.xy_px.shape[0]
-    spread, size = scene.ellipses.spread, 4 * n_det
+    size = 4 * n_det
     shift, of_det, m, turned = np.empty((size, 2)), np.empty(size, dtype=np.int64), 0, 0
     gate2 = min(IMAGE_GATE * noise_px, WIDEST_IMAGE_GATE) ** 2
     for k in range(n_det):
@@ -173,12 +170,12 @@ def has_second_image(task, n, noise_px):
                 shift[m, 0], shift[m, 1], of_det[m] = x - star_x, y - star_y, k
                 m += 1
             dx, dy = x + star_x - 2.0 * scene.cx_px, y + star_y - 2.0 * scene.cy_px
-            turned += weighted2(scene.ellipses.weight, k, dx, dy) < gate2
+            turned += weighted2(scene.ellipses, k, dx, dy) < gate2
     most = turned
     for p in range(m):
         alike = 0
         for q in range(m):
             dx, dy = shift[p, 0] - shift[q, 0], shift[p, 1] - shift[q, 1]
-            alike += between2(spread, of_det[p], of_det[q], dx, dy) < gate2
+            alike += between2(scene.ellipses, of_det[p], of_det[q], dx, dy) < gate2
         most = max(most, alike)
     return most >= IMAGE_STARS

@@ -16,9 +16,8 @@ LONGEST_PX = 10.0  # nor longer: beyond, a centroid says nothing
 
 
 class Ellipses(NamedTuple):
-    """Errors of n centroids; all as one where they are round."""
+    """Errors of n centroids. None in its place: round, sigma_px for all, and the plain formulas."""
 
-    are_round: bool  # sigma_px for all: spread and weight are unit matrices
     spread: np.ndarray  # (n, 3) xx, xy, yy of the covariance, in sigma_px^2
     weight: np.ndarray  # (n, 3) of its inverse
     log_area: np.ndarray  # (n,) ln sqrt det of the spread
@@ -41,17 +40,10 @@ def checked(P_px, n, name="P_px"):
 
 
 @njit(cache=True)
-def round_ones(n):
-    """Ellipses of n centroids with the error sigma_px."""
-    unit = np.zeros((n, 3))
-    unit[:, 0] = unit[:, 2] = 1.0
-    return Ellipses(True, unit, unit, np.zeros(n))
-
-
-@njit(cache=True)
-def ellipses_of(P_px, n, sigma_px):
-    """Ellipses of the first n covariances P_px (m, 2, 2) px^2; axes within LEAST and LONGEST_PX."""
-    spread, weight, log_area = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+def ellipses_of(P_px, sigma_px):
+    """Ellipses of covariances (n, 2, 2) px^2; axes within LEAST and LONGEST_PX."""
+    n = P_px.shape[0]
+    spread, weight, log_areas = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
     least, most = LEAST**2, max((LONGEST_PX / sigma_px) ** 2, 1.0)
     for k in range(n):
         xx, yy = P_px[k, 0, 0] / sigma_px**2, P_px[k, 1, 1] / sigma_px**2
@@ -64,26 +56,69 @@ def ellipses_of(P_px, n, sigma_px):
         det = long * short
         spread[k, 0], spread[k, 1], spread[k, 2] = middle + half, xy, middle - half
         weight[k, 0], weight[k, 1], weight[k, 2] = (middle - half) / det, -xy / det, (middle + half) / det
-        log_area[k] = 0.5 * np.log(det)
-    return Ellipses(False, spread, weight, log_area)
+        log_areas[k] = 0.5 * np.log(det)
+    return Ellipses(spread, weight, log_areas)
 
 
 @njit(cache=True)
-def weighted2(weight, k, dx, dy):
-    """Squared distance from centroid k, px^2 of an ordinary star."""
-    return weight[k, 0] * dx * dx + 2.0 * weight[k, 1] * dx * dy + weight[k, 2] * dy * dy
+def weigh(ellipses, k, x, y):
+    """W (x, y), W the weight of centroid k."""
+    if ellipses is None:
+        return x, y
+    W = ellipses.weight
+    return W[k, 0] * x + W[k, 1] * y, W[k, 1] * x + W[k, 2] * y
 
 
 @njit(cache=True)
-def along(spread, i, j, dx, dy):
+def weighted2(ellipses, k, dx, dy):
+    """Squared distance (dx, dy) from centroid k, px^2 of an ordinary star."""
+    if ellipses is None:
+        return dx**2 + dy**2
+    W = ellipses.weight
+    return W[k, 0] * dx * dx + 2.0 * W[k, 1] * dx * dy + W[k, 2] * dy * dy
+
+
+@njit(cache=True)
+def log_area(ellipses, k):
+    """ln of the area of the ellipse of centroid k over that of an ordinary star."""
+    return 0.0 if ellipses is None else ellipses.log_area[k]
+
+
+@njit(cache=True)
+def factor(ellipses, k):
+    """p, q, r of the weight's factor: W = R' R, R = [[p, q], [0, r]]."""
+    if ellipses is None:
+        return 1.0, 0.0, 1.0
+    W = ellipses.weight
+    p = np.sqrt(W[k, 0])
+    q = W[k, 1] / p
+    return p, q, np.sqrt(W[k, 2] - q * q)
+
+
+@njit(cache=True)
+def with_own(ellipses, k, variance, xx, xy, yy):
+    """A covariance with the error of an ordinary star in it, with that of centroid k instead."""
+    if ellipses is None:
+        return xx, xy, yy
+    S = ellipses.spread
+    return xx + variance * (S[k, 0] - 1.0), xy + variance * S[k, 1], yy + variance * (S[k, 2] - 1.0)
+
+
+@njit(cache=True)
+def along(ellipses, i, j, dx, dy):
     """Mean of the variances of centroids i and j along the line (dx, dy), in sigma_px^2."""
-    a, b, c = spread[i, 0] + spread[j, 0], spread[i, 1] + spread[j, 1], spread[i, 2] + spread[j, 2]
-    return 0.5 * (a * dx * dx + 2.0 * b * dx * dy + c * dy * dy) / (dx * dx + dy * dy)
+    if ellipses is None:
+        return 1.0
+    S = ellipses.spread
+    xx, xy, yy = S[i, 0] + S[j, 0], S[i, 1] + S[j, 1], S[i, 2] + S[j, 2]
+    return 0.5 * (xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy) / (dx * dx + dy * dy)
 
 
 @njit(cache=True)
-def between2(spread, i, j, dx, dy):
+def between2(ellipses, i, j, dx, dy):
     """Squared distance (dx, dy) between centroids i and j, weighted with the mean of their covariances."""
-    xx, xy = 0.5 * (spread[i, 0] + spread[j, 0]), 0.5 * (spread[i, 1] + spread[j, 1])
-    yy = 0.5 * (spread[i, 2] + spread[j, 2])
+    if ellipses is None:
+        return dx**2 + dy**2
+    S = ellipses.spread
+    xx, xy, yy = 0.5 * (S[i, 0] + S[j, 0]), 0.5 * (S[i, 1] + S[j, 1]), 0.5 * (S[i, 2] + S[j, 2])
     return (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)

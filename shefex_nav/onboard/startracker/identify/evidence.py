@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker.identify.ellipses import Ellipses, weighted2
+from shefex_nav.onboard.startracker.identify.ellipses import Ellipses, log_area, weigh, weighted2
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX, STAR_GATE, gate_of, reach_of
 from shefex_nav.onboard.startracker.skygrid import cell_of
 
@@ -50,7 +50,7 @@ class Scene(NamedTuple):
     border_px: float  # a predicted star nearer to the border may be missing
     sigma_px: float  # error of an ordinary centroid, per axis
     magnitude_sigma: float
-    ellipses: Ellipses  # of the detections
+    ellipses: Ellipses | None  # of the detections; None: all round
 
 
 class Prior(NamedTuple):
@@ -110,38 +110,40 @@ def match(scene, view, n, gate_px, noise_px):
     The likeliest is the one of highest density at the star's place for centroid errors of noise_px:
     a small ellipse a little further off may be likelier than a large one.
     """
-    n_det, weight, log_area = scene.xy_px.shape[0], scene.ellipses.weight, scene.ellipses.log_area
+    n_det, ellipses = scene.xy_px.shape[0], scene.ellipses
     taken = np.full(n_det, -1, dtype=np.int64)
     matches, gate2, of_area = 0, gate_px * gate_px, 2.0 * noise_px * noise_px
     for s in range(n):
         view.det[s], view.distance2[s], least = -1, gate2, np.inf
         x, y = view.xy_px[s, 0], view.xy_px[s, 1]
         for k in range(n_det):
-            d2 = weighted2(weight, k, scene.xy_px[k, 0] - x, scene.xy_px[k, 1] - y)
-            if d2 < gate2 and d2 + of_area * log_area[k] < least:
-                view.det[s], view.distance2[s], least = k, d2, d2 + of_area * log_area[k]
+            d2 = weighted2(ellipses, k, scene.xy_px[k, 0] - x, scene.xy_px[k, 1] - y)
+            if d2 < gate2 and d2 + of_area * log_area(ellipses, k) < least:
+                view.det[s], view.distance2[s], least = k, d2, d2 + of_area * log_area(ellipses, k)
         matches += _take(view, taken, s)
     return matches
 
 
 @njit(cache=True)
-def match_first(scene, view, n, lever):
+def match_first(scene, ellipses, view, n, gate_px, lever, noise_px):
     """As `match`, for an attitude that is only as good as the pair of detections it comes from.
 
-    Distances are weighted with the covariance of place and prediction together.
+    Distances from ellipses are weighted with the covariance of place and prediction together.
     """
-    n_det, spread = scene.xy_px.shape[0], scene.ellipses.spread
+    if ellipses is None:
+        return match(scene, view, n, gate_px, noise_px)
+    n_det = scene.xy_px.shape[0]
     taken = np.full(n_det, -1, dtype=np.int64)
     matches = 0
     for s in range(n):
         view.det[s], view.distance2[s], least = -1, 0.0, np.inf
         x, y = view.xy_px[s, 0], view.xy_px[s, 1]
-        reach = reach_of(lever, x, y)
+        reach = reach_of(ellipses, lever, x, y)
         for k in range(n_det):
             dx, dy = scene.xy_px[k, 0] - x, scene.xy_px[k, 1] - y
             if abs(dx) > REACH_PX or abs(dy) > REACH_PX:
                 continue
-            q, det = gate_of(lever, reach, spread, k, dx, dy)
+            q, det = gate_of(ellipses, lever, reach, k, dx, dy)
             if q < 1.0 and STAR_GATE**2 * q + np.log(det) < least:
                 least = STAR_GATE**2 * q + np.log(det)
                 view.det[s], view.distance2[s] = k, q * lever.gate2
@@ -177,7 +179,7 @@ def information(scene, view, n, focal_px, n_par, noise_px):
 
     Stars far from their detection, against the noise, weigh little.
     """
-    N, g, W = np.zeros((4, 4)), np.zeros(4), scene.ellipses.weight
+    N, g = np.zeros((4, 4)), np.zeros(4)
     for s in range(n):
         k = view.det[s]
         if k < 0:
@@ -186,10 +188,9 @@ def information(scene, view, n, focal_px, n_par, noise_px):
         J = jacobian(x, y)
         weight = focal_px / (1.0 + view.distance2[s] / (9.0 * noise_px * noise_px))
         rx, ry = scene.xy_px[k, 0] - view.xy_px[s, 0], scene.xy_px[k, 1] - view.xy_px[s, 1]
-        xx, xy, yy = W[k, 0], W[k, 1], W[k, 2]
         for a in range(n_par):
             ux, uy = (J[a], J[3 + a]) if a < 3 else (J[6], J[7])
-            ux, uy = xx * ux + xy * uy, xy * ux + yy * uy
+            ux, uy = weigh(scene.ellipses, k, ux, uy)
             g[a] += weight * (ux * rx + uy * ry)
             for b in range(a + 1):
                 vx, vy = (J[b], J[3 + b]) if b < 3 else (J[6], J[7])
@@ -274,10 +275,17 @@ def _all_within(view, n, gate_px):
 
 
 @njit(cache=True)
+def after_first(scene, ellipses, gate_px):
+    """Gate of the second step of `adjust`: with ellipses, the first one was no multiple of sigma_px."""
+    wide_px = WIDE_GATE * scene.sigma_px
+    return min(gate_px, wide_px) if ellipses is None else wide_px
+
+
+@njit(cache=True)
 def adjust(stars, scene, C, focal_px, view, n_par, gate_px, lever, min_stars):
     """Turn C until the predicted stars fit their detections, from a wide gate to the noise.
 
-    The first gate is gate_px; where the detections are not round, what the lever says.
+    The first gate is gate_px; where the detections have ellipses, what the lever says.
 
     Returns
     -------
@@ -291,8 +299,8 @@ def adjust(stars, scene, C, focal_px, view, n_par, gate_px, lever, min_stars):
     L, log_det, n = np.zeros((4, 4)), -np.inf, 0
     for step in range(4):
         n = predict(stars, scene, C, focal_px, view)
-        if step == 0 and not scene.ellipses.are_round:
-            matches, gate_px = match_first(scene, view, n, lever), np.inf
+        if step == 0:
+            matches = match_first(scene, scene.ellipses, view, n, gate_px, lever, noise_px)
         else:
             matches = match(scene, view, n, gate_px, noise_px)
         if matches < min_stars:
@@ -311,5 +319,5 @@ def adjust(stars, scene, C, focal_px, view, n_par, gate_px, lever, min_stars):
         moved_px = focal_px * max(abs(g[0]), abs(g[1]), abs(g[2]), abs(g[3]))
         if step > 0 and moved_px < SETTLED * noise_px and _all_within(view, n, GATE * noise_px):
             break
-        gate_px = min(gate_px, WIDE_GATE * scene.sigma_px) if step == 0 else GATE * noise_px
+        gate_px = after_first(scene, scene.ellipses, gate_px) if step == 0 else GATE * noise_px
     return n, focal_px, L, log_det, noise_px

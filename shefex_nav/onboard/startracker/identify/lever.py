@@ -19,54 +19,59 @@ class Lever(NamedTuple):
 
     x: float  # middle of the pair
     y: float
-    near2: float  # round: gate in the middle, the detection's own error included ...
-    far2: float  # ... and its growth with the squared distance from there
-    is_round: bool
-    shift: tuple  # otherwise xx, xy, yy of the shift,
+    near2: float  # round errors: gate there, the detection's own error included ...
+    far2: float  # ... and its growth with the squared distance
+    shift: tuple  # ellipses: xx, xy, yy of the shift,
     both: tuple  # x, y of its covariance with the turn
     turn2: float  # and the turn;
     gate2: float  # a detection adds this times its spread
 
 
 @njit(cache=True)
-def lever_of(scene, i, j, sigma_px):
-    """Lever of the detections i and j for centroid errors of sigma_px."""
+def _round(x, y, near2, far2):
+    """Lever for round errors."""
+    return Lever(x, y, near2, far2, (0.0, 0.0, 0.0), (0.0, 0.0), 0.0, near2)
+
+
+@njit(cache=True)
+def lever_of(scene, ellipses, i, j, sigma_px):
+    """Lever of the detections i and j for centroid errors of sigma_px. ellipses: those of the scene."""
     dx, dy = scene.xy_px[j, 0] - scene.xy_px[i, 0], scene.xy_px[j, 1] - scene.xy_px[i, 1]
     variance = (STAR_GATE * sigma_px) ** 2
     xm, ym = 0.5 * (scene.xy_px[i, 0] + scene.xy_px[j, 0]), 0.5 * (scene.xy_px[i, 1] + scene.xy_px[j, 1])
-    spread, length = scene.ellipses.spread, np.sqrt(dx * dx + dy * dy)
+    if ellipses is None:
+        return _round(xm, ym, 1.5 * variance, 2.0 * variance / (dx * dx + dy * dy))
+    spread, length = ellipses.spread, np.sqrt(dx * dx + dy * dy)
     nx, ny = -dy / length, dx / length  # across the line
     xx, xy, yy = spread[i, 0] + spread[j, 0], spread[i, 1] + spread[j, 1], spread[i, 2] + spread[j, 2]
-    turn = variance * (xx * nx * nx + 2.0 * xy * nx * ny + yy * ny * ny) / (length * length)
+    turn2 = variance * (xx * nx * nx + 2.0 * xy * nx * ny + yy * ny * ny) / (length * length)
     shift = (0.25 * variance * xx, 0.25 * variance * xy, 0.25 * variance * yy)
     xx, xy, yy = spread[j, 0] - spread[i, 0], spread[j, 1] - spread[i, 1], spread[j, 2] - spread[i, 2]
     half = 0.5 * variance / length
     both = (half * (xx * nx + xy * ny), half * (xy * nx + yy * ny))
-    return Lever(
-        xm, ym, 1.5 * variance, 2.0 * variance / (dx * dx + dy * dy), scene.ellipses.are_round,
-        shift, both, turn, variance,
-    )  # fmt: skip
+    return Lever(xm, ym, 0.0, 0.0, shift, both, turn2, variance)
 
 
 @njit(cache=True)
 def no_lever(gate_px):
     """Lever of an attitude without error, for a gate of an ordinary star."""
-    gate2 = gate_px * gate_px
-    return Lever(0.0, 0.0, gate2, 0.0, False, (0.0, 0.0, 0.0), (0.0, 0.0), 0.0, gate2)
+    return _round(0.0, 0.0, gate_px * gate_px, 0.0)
 
 
 @njit(cache=True)
-def widest_gate(scene, lever):
-    """Gate at the far end of the detector, where the errors are round."""
-    far2 = 0.5 * (scene.width_px**2 + scene.height_px**2)
-    return min(np.sqrt(lever.near2 + lever.far2 * far2), REACH_PX)
+def widest_gate(scene, ellipses, lever):
+    """Gate at the far end of the detector."""
+    if ellipses is None:
+        far2 = 0.5 * (scene.width_px**2 + scene.height_px**2)
+        return min(np.sqrt(lever.near2 + lever.far2 * far2), REACH_PX)
+    return REACH_PX
 
 
 @njit(cache=True)
-def reach_of(lever, x, y):
-    """Squared gate of the prediction at (x, y): xx, xy, yy; round: the whole gate, as xx."""
+def reach_of(ellipses, lever, x, y):
+    """Squared gate of a star predicted at (x, y), 0, 0; with ellipses xx, xy, yy of its part."""
     dx, dy = x - lever.x, y - lever.y
-    if lever.is_round:
+    if ellipses is None:
         return min(lever.near2 + lever.far2 * (dx**2 + dy**2), REACH_PX * REACH_PX), 0.0, 0.0
     return (
         lever.shift[0] - 2.0 * lever.both[0] * dy + lever.turn2 * dy * dy,
@@ -76,8 +81,9 @@ def reach_of(lever, x, y):
 
 
 @njit(cache=True)
-def gate_of(lever, reach, spread, k, dx, dy):
+def gate_of(ellipses, lever, reach, k, dx, dy):
     """Squared distance (dx, dy) of detection k over the squared gate there, and the gate's determinant."""
+    spread = ellipses.spread
     xx, xy = reach[0] + lever.gate2 * spread[k, 0], reach[1] + lever.gate2 * spread[k, 1]
     yy = reach[2] + lever.gate2 * spread[k, 2]
     det = xx * yy - xy * xy
@@ -85,9 +91,9 @@ def gate_of(lever, reach, spread, k, dx, dy):
 
 
 @njit(cache=True)
-def is_near(lever, reach, spread, k, dx, dy):
+def is_near(ellipses, lever, reach, k, dx, dy):
     """Whether detection k may be a star that is predicted (dx, dy) away; reach is that of the star."""
     distance2 = dx**2 + dy**2
-    if lever.is_round:
+    if ellipses is None:
         return distance2 < reach[0]
-    return distance2 < REACH_PX * REACH_PX and gate_of(lever, reach, spread, k, dx, dy)[0] < 1.0
+    return distance2 < REACH_PX * REACH_PX and gate_of(ellipses, lever, reach, k, dx, dy)[0] < 1.0

@@ -14,6 +14,7 @@ from math import lgamma
 import numpy as np
 from numba import njit
 
+from shefex_nav.onboard.startracker.identify.ellipses import log_area
 from shefex_nav.onboard.startracker.identify.evidence import (
     BEYOND,
     BLEND_PX,
@@ -87,7 +88,7 @@ def place_odds(scene, view, n, log_det, n_par):
     DEEPER of the cameras only the j brightest detections are data, any j being as likely.
     """
     n_det = scene.xy_px.shape[0]
-    area, log_area = scene.width_px * scene.height_px, scene.ellipses.log_area
+    area = scene.width_px * scene.height_px
     factorial = log_factorials(n_det)
     of_det = np.full(n_det, -1.0)
     for s in range(n):
@@ -106,7 +107,8 @@ def place_odds(scene, view, n, log_det, n_par):
             if of_det[j] >= 0.0:
                 narrow = (1.0 - TAIL_SHARE) / variance * np.exp(-0.5 * of_det[j] / variance)
                 wide = TAIL_SHARE / tail * np.exp(-0.5 * of_det[j] / tail)
-                sum_log += np.log(area / (2.0 * np.pi) * (narrow + wide)) - crowding[j] - log_area[j]
+                sum_log += np.log(area / (2.0 * np.pi) * (narrow + wide)) - crowding[j]
+                sum_log -= log_area(scene.ellipses, j)
                 k += 1
             if j == n_det - 1:
                 best = max(best, all_data + sum_log + factorial[j + 1 - k] - factorial[j + 1])

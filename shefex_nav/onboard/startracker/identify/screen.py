@@ -35,13 +35,12 @@ def detection_table(scene):
 
 
 @njit(cache=True, inline="always")
-def screen(u_i, start, row, table, xy_px, spread, C, frame, lever, a, b):
+def screen(u_i, start, row, table, xy_px, ellipses, C, frame, lever, a, b):
     """Further stars found near where an attitude puts them, and how many stars were looked at.
 
     No more than are convincing; -1 is found as soon as too many bright ones are missing.
     The innermost loop of the search, so it takes plain arrays and numbers: C is (3, 3) row by row; frame is
-    focal_px, cx, cy, right, bottom, border, the patience and the hits that convince; spread is that of the
-    `ellipses`.
+    focal_px, cx, cy, right, bottom, border, the patience and the hits that convince.
     """
     focal_px, cx, cy, right, bottom, border, patience, convincing = frame
     hits = 0
@@ -57,11 +56,11 @@ def screen(u_i, start, row, table, xy_px, spread, C, frame, lever, a, b):
         line = min(max(y, -1.0), bottom + 1.0) + CELL_PX
         bits = table[int(line) >> CELL_SHIFT, int(column) >> CELL_SHIFT]
         if bits != 0 and (x >= 0.0) & (y >= 0.0) & (x <= right) & (y <= bottom) & (s != a) & (s != b):
-            reach = reach_of(lever, x, y)
+            reach = reach_of(ellipses, lever, x, y)
             k, near = 0, False
             while bits != 0 and not near:
                 if bits & np.uint64(1):
-                    near = is_near(lever, reach, spread, k, xy_px[k, 0] - x, xy_px[k, 1] - y)
+                    near = is_near(ellipses, lever, reach, k, xy_px[k, 0] - x, xy_px[k, 1] - y)
                 bits >>= np.uint64(1)
                 k += 1
             if near:
@@ -106,7 +105,7 @@ def join(T, S):
 
 
 @njit(cache=True)
-def scan(u_i, start, row, star, fainter, table, xy_px, spread, T, frame, lever, gate, ij, need, begin, end):
+def scan(u_i, start, row, star, fainter, table, xy_px, ellipses, T, frame, lever, gate, ij, need, begin, end):
     """Next attitude that passes the screen among those of one pair of detections.
 
     Entry 2 p is pair p of the catalogue in its order, brighter star on detection i; 2 p + 1 the other way.
@@ -137,7 +136,7 @@ def scan(u_i, start, row, star, fainter, table, xy_px, spread, T, frame, lever, 
             continue
         S = triad(u_i[a, 0], u_i[a, 1], u_i[a, 2], u_i[b, 0], u_i[b, 1], u_i[b, 2])
         C = join(T, S)
-        hits, looked_at = screen(u_i, start, row, table, xy_px, spread, C, frame, lever, a, b)
+        hits, looked_at = screen(u_i, start, row, table, xy_px, ellipses, C, frame, lever, a, b)
         work += WORK_PER_TRIAL + looked_at
         if hits >= need:
             return entry, C, work

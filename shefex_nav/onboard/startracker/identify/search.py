@@ -157,7 +157,8 @@ def try_pair(task, pairs, u_c, i, j, begin, end, way):
     stars, scene, best = task.stars, task.scene, task.best
     sigma_px, focal_px = way.noise * scene.sigma_px, way.focal * scene.focal_px
     T = triad(u_c[i, 0], u_c[i, 1], u_c[i, 2], u_c[j, 0], u_c[j, 1], u_c[j, 2])
-    lever, frame = lever_of(scene, i, j, sigma_px), frame_of(scene, focal_px, way.patience, way.convincing)
+    lever = lever_of(scene, scene.ellipses, i, j, sigma_px)
+    frame = frame_of(scene, focal_px, way.patience, way.convincing)
     width = MAGNITUDE_GATE * scene.magnitude_sigma * (WIDER if way.is_wide else 1.0)
     if not scene.has_flux:
         width = np.inf
@@ -167,13 +168,13 @@ def try_pair(task, pairs, u_c, i, j, begin, end, way):
     while entry < 2 * end:
         entry, C, n = scan(
             stars.u_i, stars.start, stars.row, pairs.star, pairs.fainter, task.table, scene.xy_px,
-            scene.ellipses.spread, T, frame, lever, gate, (best.star[i], best.star[j]), task.min_stars - 2,
+            scene.ellipses, T, frame, lever, gate, (best.star[i], best.star[j]), task.min_stars - 2,
             entry, 2 * end,
         )  # fmt: skip
         work += n
         if entry < 2 * end:
             put(best.trial_C, C)
-            work += look(task, focal_px, widest_gate(scene, lever), lever, way.is_wide)
+            work += look(task, focal_px, widest_gate(scene, scene.ellipses, lever), lever, way.is_wide)
             if margin(task) >= task.threshold + SURE:
                 break
             entry += 1
@@ -204,7 +205,7 @@ def costs_of(scene, order):
         dx, dy = scene.xy_px[i, 0] - scene.xy_px[j, 0], scene.xy_px[i, 1] - scene.xy_px[j, 1]
         distance2 = dx * dx + dy * dy
         if distance2 > SHORT_PX**2:
-            spread[k] = along(scene.ellipses.spread, i, j, dx, dy)
+            spread[k] = along(scene.ellipses, i, j, dx, dy)
             cost[k] = distance2 * spread[k]
     return cost, spread
 
@@ -259,24 +260,33 @@ def try_in_turn(task, pairs, u_c, order, size, way, limit):
 
 
 @njit(cache=True)
+def try_all(task, ellipses, pairs, u_c, order, way, limit):
+    """All pairs of detections, brightest first or, with ellipses, best first; work."""
+    size = min(int(BLOCK * task.scene.xy_px.shape[0]), LARGEST_BLOCK)
+    if ellipses is not None:
+        return try_in_turn(task, pairs, u_c, order, size, way, limit)
+    work = 0
+    for first in range(0, order.shape[0], size):
+        if limit - work < 0.0 or margin(task) >= task.threshold + SURE:
+            break
+        work += try_block(task, pairs, u_c, order[first : first + size], way, limit - work)
+    return work
+
+
+@njit(cache=True)
+def passes_of(ellipses):
+    """The ways through all pairs of detections."""
+    return PASSES if ellipses is None else UNEVEN_PASSES
+
+
+@njit(cache=True)
 def lost_in_space(task, pairs, budget):
     """Go through the pairs of detections until one attitude is certain; work."""
-    work = 0
-    n = task.scene.xy_px.shape[0]
-    order, size = pairs_by_brightness(n), min(int(BLOCK * n), LARGEST_BLOCK)
-    are_round = task.scene.ellipses.are_round
-    for way in PASSES if are_round else UNEVEN_PASSES:
+    work, ellipses = 0, task.scene.ellipses
+    order = pairs_by_brightness(task.scene.xy_px.shape[0])
+    for way in passes_of(ellipses):
         u_c = directions(task.scene, way.focal * task.scene.focal_px)
-        for first in range(0, order.shape[0] if are_round else 1, size):
-            left = way.share * budget - work
-            if left < 0.0:
-                break
-            if are_round:
-                work += try_block(task, pairs, u_c, order[first : first + size], way, left)
-            else:
-                work += try_in_turn(task, pairs, u_c, order, size, way, left)
-            if margin(task) >= task.threshold + SURE:
-                return work
+        work += try_all(task, ellipses, pairs, u_c, order, way, way.share * budget - work)
         if margin(task) >= task.threshold:
             break
     return work

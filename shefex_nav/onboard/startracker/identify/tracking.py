@@ -6,7 +6,7 @@ Pairs of such proposals whose angles agree are attitudes, which are looked at as
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker.identify.ellipses import along
+from shefex_nav.onboard.startracker.identify.ellipses import along, with_own
 from shefex_nav.onboard.startracker.identify.evidence import jacobian
 from shefex_nav.onboard.startracker.identify.lever import STAR_GATE, lever_of, widest_gate
 from shefex_nav.onboard.startracker.identify.screen import (
@@ -37,7 +37,7 @@ def propose(stars, scene, prior, sigma_px):
     """Detections near the predicted place of a star: (m, 2) detection, star; m = 0 when too many."""
     found = np.empty((MAX_PROPOSALS, 2), dtype=np.int64)
     m = 0
-    C, f, spread = prior.C_ci, scene.focal_px, scene.ellipses.spread
+    C, f = prior.C_ci, scene.focal_px
     cell = cell_of(C[2, 0], C[2, 1], C[2, 2])
     for e in range(stars.start[cell], stars.start[cell + 1]):
         s = stars.row[e]
@@ -58,8 +58,7 @@ def propose(stars, scene, prior, sigma_px):
         for k in range(scene.xy_px.shape[0]):
             dx = (scene.xy_px[k, 0] - scene.cx_px) / f - x
             dy = (scene.xy_px[k, 1] - scene.cy_px) / f - y
-            kxx, kxy = xx + variance * (spread[k, 0] - 1.0), xy + variance * spread[k, 1]
-            kyy = yy + variance * (spread[k, 2] - 1.0)
+            kxx, kxy, kyy = with_own(scene.ellipses, k, variance, xx, xy, yy)
             det = kxx * kyy - kxy * kxy
             if (kyy * dx * dx - 2.0 * kxy * dx * dy + kxx * dy * dy) < STAR_GATE**2 * det:
                 if m == MAX_PROPOSALS:
@@ -85,21 +84,22 @@ def try_proposals(task, u_c, p, q, noise):
     if seen * focal_px < SHORT_PX:
         return 1
     dx, dy = scene.xy_px[i, 0] - scene.xy_px[j, 0], scene.xy_px[i, 1] - scene.xy_px[j, 1]
-    gate_px = PAIR_GATE * np.sqrt(2.0) * sigma_px * np.sqrt(along(scene.ellipses.spread, i, j, dx, dy))
+    gate_px = PAIR_GATE * np.sqrt(2.0) * sigma_px * np.sqrt(along(scene.ellipses, i, j, dx, dy))
     if abs(seen - true) * focal_px > gate_px:
         return 1
     u, v, x, y = u_c[i], u_c[j], stars.u_i[a], stars.u_i[b]
     S = triad(x[0], x[1], x[2], y[0], y[1], y[2])
     C = join(triad(u[0], u[1], u[2], v[0], v[1], v[2]), S)
-    lever, frame = lever_of(scene, i, j, sigma_px), frame_of(scene, focal_px, PATIENCE, CONVINCING)
+    lever = lever_of(scene, scene.ellipses, i, j, sigma_px)
+    frame = frame_of(scene, focal_px, PATIENCE, CONVINCING)
     hits, work = screen(
-        stars.u_i, stars.start, stars.row, task.table, scene.xy_px, scene.ellipses.spread,
+        stars.u_i, stars.start, stars.row, task.table, scene.xy_px, scene.ellipses,
         C, frame, lever, a, b,
     )  # fmt: skip
     if hits + 2 < task.min_stars:
         return work
     put(task.best.trial_C, C)
-    return work + look(task, focal_px, widest_gate(scene, lever), lever, noise > NOISES[0])
+    return work + look(task, focal_px, widest_gate(scene, scene.ellipses, lever), lever, noise > NOISES[0])
 
 
 @njit(cache=True)
