@@ -123,7 +123,7 @@ def test_occurrences_against_sets():
 
 
 def test_a_pole_that_could_be_either_star_is_none():
-    """Two equally bright stars alone: each occurs once, "the algorithm cannot identify them" (section 5.2)."""
+    """Two equally bright stars alone: each occurs once, and the paper cannot identify them (section 5.2)."""
     pairs = ready_tracker().pairs
     p = np.flatnonzero(np.abs(pairs.first_vmag - pairs.second_vmag) < 0.01)[100]
     u_c = pairs.stars.u_i[[pairs.first[p], pairs.second[p]]]
