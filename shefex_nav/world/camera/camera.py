@@ -274,7 +274,8 @@ def _add_movers(camera, move, C_ei, t_valid_s, least):
 def _add_charges(camera, exposure_s, rng):
     """Add the charge of particles and what hot pixels leave behind in their columns."""
     params, defects = camera.params, camera.bad_pixels
-    render.add_charge(camera.light, defects.smeared, defects.smeared_rate * exposure_s)
+    if len(defects.smeared):
+        render.add_charge(camera.light, defects.smeared, defects.smeared_rate * exposure_s)
     if params.upsets_per_frame or params.trails_per_frame:
         # a generator of its own: what they draw must not change the noise of the pixels
         hits.add_hits(camera.light, hits.of_frame(params, rng.spawn(1)[0]))

@@ -24,6 +24,7 @@ GUIDE = 1024  # parts of the fractions
 # Above this mean a Poisson number is drawn as a normal one with its variance and, by the first term of
 # Cornish and Fisher's expansion, its skewness: sigma (z^2 - 1) skew / 6 = (z^2 - 1) / 6.
 MANY_ELECTRONS = 1000.0
+WORTH_A_CALL = 1000  # pixels with so many electrons; for fewer the kernel costs more to call than it saves
 MOST_IN_PAIRS = 160  # grey values; with more the pairs leave over too much
 
 # SplitMix64 (Steele, Lea & Flood 2014, OOPSLA 49(10), 453): a counter made random by two multiplications
@@ -61,12 +62,15 @@ def largest_dn(params):
 def digitise(params, gain_db, mean_electrons, rng):
     """Noisy grey values of pixels drawn one by one. (n,) mean electrons -> (n,) uint8 or uint16."""
     bounded = np.minimum(mean_electrons, 10.0 * params.full_well_electrons)  # far beyond it all look alike
-    collected = np.empty(len(bounded))
-    few = bounded < MANY_ELECTRONS
-    if few.any():
-        collected[few] = rng.poisson(bounded[few])
-    grey = np.empty(len(bounded), dtype=np.uint8 if params.bits == 8 else np.uint16)
+    pixel, few = np.uint8 if params.bits == 8 else np.uint16, bounded < MANY_ELECTRONS
     _, read_noise, full_well, per_dn, black_level = _electronics(params, gain_db)
+    if np.count_nonzero(~few) < WORTH_A_CALL:
+        collected = np.minimum(rng.poisson(bounded), full_well)
+        amplified = collected + read_noise * rng.standard_normal(len(collected))
+        grey = np.floor(amplified / per_dn + black_level + 0.5)
+        return np.clip(grey, 0.0, largest_dn(params)).astype(pixel)
+    collected, grey = np.empty(len(bounded)), np.empty(len(bounded), dtype=pixel)
+    collected[few] = rng.poisson(bounded[few])
     amplifier = read_noise, full_well, per_dn, black_level, float(largest_dn(params))
     _digitise_kernel(bounded, collected, rng, *amplifier, grey)
     return grey
