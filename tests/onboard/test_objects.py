@@ -20,6 +20,7 @@ PARAMS = SimpleNamespace(
     earth_velocity_i=np.array([2.0e4, -1.0e4, 1.5e4]),
     centroid_floor_px=0.03,
     track=True,
+    max_rate=1.0,
     run_length=None,
 )
 Q_IC = rotation.quat_normalise(np.array([0.3, -0.5, 0.7, 0.2]))

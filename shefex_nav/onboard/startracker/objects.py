@@ -66,7 +66,8 @@ def searches(params, stars, memory, frame, context):
     ------
     Found
     """
-    if params.detect.scan == STREAKS and rate_is_known(params.identify.camera, frame, context):
+    is_slow = not context.rate > params.max_rate  # faster, nothing that is found becomes an attitude
+    if params.detect.scan == STREAKS and is_slow and rate_is_known(params.identify.camera, frame, context):
         yield from _along_streaks(params, stars, frame, context)
         return
     if params.detect.scan == RUN_LENGTH:
