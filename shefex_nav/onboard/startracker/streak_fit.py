@@ -23,14 +23,12 @@ from shefex_nav.onboard.startracker.streak_path import (
     BEGIN,
     END,
     LENGTH,
-    NUMBERS,
     SAG,
     SHARE,
     SKEW,
     TX,
     TY,
     X0,
-    X1,
     Y0,
     Y1,
     path_of,
@@ -466,7 +464,9 @@ def posterior(path, s, fitted, dn_per_electron, n, start, sums, ratio, work):
 
 
 @njit(cache=True)
-def fit_one(camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, search_px, least, n, path, work, fitted):
+def fit_one(
+    camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, search_px, least, n, path, work, fitted
+):
     """Fit one streak to the pixels in work.
 
     Parameters
@@ -494,7 +494,9 @@ def fit_one(camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, s
     start = SHIFT_PX * np.floor(-(reach + BEYOND_SIGMAS * s + 1.0) / SHIFT_PX)
     sums = np.empty((2, int((path[LENGTH] - 2.0 * start) / PROFILE_PX) + 2))
     ratio = np.empty(2 * int(reach / SHIFT_PX) + 1)
-    if not _search(camera, motion, s, dn_per_electron, n, search_px, least, path, start, sums, ratio, work, fitted):
+    if not _search(
+        camera, motion, s, dn_per_electron, n, search_px, least, path, start, sums, ratio, work, fitted
+    ):
         return False
     n_near = _nearest(path, s, n, work)
     work[ALONG:, n_near:n] = 0.0
@@ -540,7 +542,10 @@ def _search(camera, motion, s, dn_per_electron, n, search_px, least, path, start
     omega_c, times = motion
     x, y = fitted[PLACE_X], fitted[PLACE_Y]
     work[MODEL, :n] = 0.0
-    n_across, step = int(np.rint(max(search_px[1] - CAPTURE_SIGMAS * s, 0.0) / (ACROSS_STEP * s))), ACROSS_STEP * s
+    n_across, step = (
+        int(np.rint(max(search_px[1] - CAPTURE_SIGMAS * s, 0.0) / (ACROSS_STEP * s))),
+        ACROSS_STEP * s,
+    )
     x_first, y_first, best = path[X0], path[Y0], 0.0
     for across in range(-n_across, n_across + 1):
         path[X0], path[Y0] = x_first - across * step * path[TY], y_first + across * step * path[TX]
@@ -568,7 +573,9 @@ def _first_flux(n, work):
 
 
 @njit(cache=True)
-def _finish(camera, motion, P_omega_c, s, dn_per_electron, n, n_near, path, start, sums, ratio, work, fitted, P):
+def _finish(
+    camera, motion, P_omega_c, s, dn_per_electron, n, n_near, path, start, sums, ratio, work, fitted, P
+):
     """Covariance, the mean along where it is due, and the sums of a settled fit."""
     omega_c, times = motion
     turn = np.array([[path[TX], -path[TY]], [path[TY], path[TX]]])

@@ -24,7 +24,18 @@ from shefex_nav.onboard.startracker.streak_fit import (
     reach_px,
     take_away,
 )
-from shefex_nav.onboard.startracker.streak_path import LENGTH, NUMBERS, TX, TY, X0, X1, Y0, Y1, path_of, touching
+from shefex_nav.onboard.startracker.streak_path import (
+    LENGTH,
+    NUMBERS,
+    TX,
+    TY,
+    X0,
+    X1,
+    Y0,
+    Y1,
+    path_of,
+    touching,
+)
 from shefex_nav.onboard.startracker.streak_shape import STAR, judge
 
 SEARCH_SIGMAS = 3.0  # around a predicted place

@@ -15,7 +15,6 @@ from numba import njit
 
 from shefex_nav.onboard.startracker.streak_fit import (
     ACROSS,
-    ALONG,
     FLUX,
     LEVEL,
     LIGHT,

@@ -239,9 +239,36 @@ def _fit_all(
         if not np.isfinite(row[PLACE_X]):
             continue
         around = _tile_level(level, path)
-        n = _window(image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, subtract, n_fits, -1, work, row)
+        n = _window(
+            image_dn,
+            bad,
+            path,
+            s,
+            around,
+            saturation_dn,
+            dn_per_electron,
+            paths,
+            fitted,
+            subtract,
+            n_fits,
+            -1,
+            work,
+            row,
+        )
         if n == 0 or not fit_one(
-            camera, motion, P_omega_c, s, dn_per_electron, around[1], LEVEL_SIGMA, no_search, least, n, path, work, row
+            camera,
+            motion,
+            P_omega_c,
+            s,
+            dn_per_electron,
+            around[1],
+            LEVEL_SIGMA,
+            no_search,
+            least,
+            n,
+            path,
+            work,
+            row,
         ):
             continue
         if row[RATIO] < least:
@@ -264,9 +291,36 @@ def _fit_all(
             continue
         row[:], path[:] = fitted[k], paths[k]
         around = _tile_level(level, path)
-        n = _window(image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, subtract, n_fits, k, work, row)
+        n = _window(
+            image_dn,
+            bad,
+            path,
+            s,
+            around,
+            saturation_dn,
+            dn_per_electron,
+            paths,
+            fitted,
+            subtract,
+            n_fits,
+            k,
+            work,
+            row,
+        )
         if n > 0 and fit_one(
-            camera, motion, P_omega_c, s, dn_per_electron, around[1], LEVEL_SIGMA, no_search, least, n, path, work, row
+            camera,
+            motion,
+            P_omega_c,
+            s,
+            dn_per_electron,
+            around[1],
+            LEVEL_SIGMA,
+            no_search,
+            least,
+            n,
+            path,
+            work,
+            row,
         ):
             fitted[k], paths[k] = row, path
             verdict[k] = judge(camera, P_omega_c, s, dn_per_electron, n, path, work, row)
@@ -316,7 +370,20 @@ def _tile_level(level, path):
 
 @njit(cache=True)
 def _window(
-    image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, subtract, n_fits, own, work, row
+    image_dn,
+    bad,
+    path,
+    s,
+    around,
+    saturation_dn,
+    dn_per_electron,
+    paths,
+    fitted,
+    subtract,
+    n_fits,
+    own,
+    work,
+    row,
 ):
     """Collect the pixels of a streak, without the light of those that are to be subtracted; their number."""
     extra = (reach_px(path[LENGTH], s), ACROSS_PX)
