@@ -12,6 +12,7 @@ import argparse
 import json
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "onboard"))
 from streak_fields import DEG, IMPA, SHEFEX, dark, detect_params, digitise, frame, match, motion_of, sky
 
-from shefex_nav.onboard.startracker.streak_fit import light_at
+from shefex_nav.onboard.startracker.streak_light import (
+    light_at,
+)
 from shefex_nav.onboard.startracker.streak_path import NUMBERS, TX, TY, X0, X1, Y0, Y1, path_of
 from shefex_nav.onboard.startracker.streaks import detect_near, detect_streaks
 
@@ -97,14 +100,14 @@ def summary(bench, rate, rolling, fields):
     """Figures of some fields."""
     rows = np.vstack([field[0] for field in fields])
     out = {"camera": bench.name, "shutter": "rolling" if rolling else "global", "rate": rate}
-    for low, high in zip(MAGNITUDES[:-1], MAGNITUDES[1:], strict=True):
+    for low, high in pairwise(MAGNITUDES):
         inside = (rows[:, 0] > low) & (rows[:, 0] <= high)
         out[f"V {low:g}..{high:g}"] = f"{int(rows[inside, 4].sum())}/{int(inside.sum())}"
     for name, column in (("false", 1), ("noise", 2)):
         out[name] = float(np.mean([field[column] for field in fields]))
     for name, column in (("ms", 3), ("ms near", 4)):
         out[name] = float(np.median([field[column] for field in fields]))
-    for low, high in zip(RATIOS[:-1], RATIOS[1:], strict=True):
+    for low, high in pairwise(RATIOS):
         part = rows[(rows[:, 3] > low) & (rows[:, 3] <= high) & (rows[:, 4] > 0.0)]
         if len(part) > 5:
             along, across = (spread(part[:, 5 + c] / part[:, 1 + c]) for c in range(2))

@@ -14,16 +14,18 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.onboard.startracker.streak_fit import (
-    ACROSS,
     FLUX,
     LEVEL,
-    LIGHT,
-    MODEL,
     N_MASKED,
     N_PIXELS,
     PLACE_X,
     PLACE_Y,
     RATIO,
+)
+from shefex_nav.onboard.startracker.streak_light import (
+    ACROSS,
+    LIGHT,
+    MODEL,
     VARIANCE,
     X,
     Y,

@@ -36,22 +36,24 @@ from shefex_nav.onboard.startracker.streak_fit import (
     COLUMNS,
     FLUX,
     LEVEL,
-    MOST_PIXELS,
     N_PIXELS,
     N_SATURATED,
-    PIXEL_VARIANCE,
     PLACE_X,
     PLACE_Y,
     RATIO,
-    ROWS,
     XX,
     XY,
     YY,
-    collect,
     fit_one,
     reach_px,
-    take_away,
     width2,
+)
+from shefex_nav.onboard.startracker.streak_light import (
+    MOST_PIXELS,
+    PIXEL_VARIANCE,
+    ROWS,
+    collect,
+    take_away,
 )
 from shefex_nav.onboard.startracker.streak_path import (
     LENGTH,
@@ -97,7 +99,8 @@ def detect_streaks(params, camera, image_dn, motion, false_objects=FALSE_OBJECTS
 
     Parameters
     ----------
-    params : DetectParams; of it bad_pixels, tile_px, saturation_dn, electrons_per_dn, psf_sigma_px, max_objects
+    params : DetectParams; of it bad_pixels, tile_px, saturation_dn, electrons_per_dn, psf_sigma_px and
+        max_objects
     camera : Pinhole of the whole image
     image_dn : (rows, columns) uint8 or uint16
     motion : Motion
