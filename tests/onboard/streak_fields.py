@@ -13,7 +13,7 @@ from numba import njit
 from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import Pinhole, pinhole, pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise
-from shefex_nav.geometry.shutter import RowTimes, row_start_s, row_times
+from shefex_nav.geometry.shutter import row_start_s, row_times
 from shefex_nav.geometry.streak import place_at
 from shefex_nav.onboard.startracker.detect import DetectParams
 from shefex_nav.onboard.startracker.streaks import Motion

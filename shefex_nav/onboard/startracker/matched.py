@@ -9,7 +9,8 @@ columns the shear interpolates. A weighted sum of three neighbouring lines is th
 no loss: a streak that is cut by it is weighed against the noise of the part that lies in the frame.
 
 The number of maxima above k that noise makes follows from the curvature of the filter's autocorrelation
-(Longuet-Higgins 1957; Adler & Hasofer 1976): N = A sqrt(lambda_along lambda_across) k exp(-k^2/2) / (2 pi)^1.5.
+(Longuet-Higgins 1957; Adler & Hasofer 1976):
+N = A sqrt(lambda_along lambda_across) k exp(-k^2/2) / (2 pi)^1.5.
 """
 
 from math import erf, exp, pi, sqrt
@@ -116,7 +117,7 @@ def pad_of(side, longest_px, sigma_px):
 
 @njit(cache=True)
 def steps_of(along_px, slope, sigma_px):
-    """Rows of bins that a sum takes: a streak that spans along_px rows of pixels, and the spot's own width."""
+    """Rows of bins that a sum takes: a streak over along_px rows of pixels, and the spot's own width."""
     spot = SPOT_SIGMAS * sigma_px / np.sqrt(1.0 + slope * slope)
     return max(1, int(np.rint(np.sqrt(along_px * along_px + spot * spot) / BIN)))
 
@@ -230,7 +231,7 @@ def _filter_tile(bins, shape, pad, tile, slope, along_px, sigma_px, least, raw, 
 
 @njit(cache=True)
 def _sums(bins, pad, slope, middle, first, n, u0, across, values):
-    """Write the sums of n rows, three lines weighted (across, 1, across), over their white-noise deviation."""
+    """Write the sums of n rows, three lines weighted (across, 1, across), in units of white noise."""
     n_sums, n_lines = values.shape
     total = np.zeros(n_lines, dtype=np.float32)
     own, shared = 0.0, 0.0  # variance of a line, and covariance with the next one

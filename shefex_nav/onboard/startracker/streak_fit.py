@@ -18,29 +18,32 @@ from math import exp, sqrt
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker.fit import NORMAL, PER_SIGMA, REACH
+from shefex_nav.onboard.startracker.streak_light import (
+    ACROSS,
+    ALONG,
+    BEYOND_SIGMAS,
+    LIGHT,
+    MODEL,
+    TIME,
+    VARIANCE,
+    X,
+    Y,
+    density,
+    draw,
+    normal,
+)
 from shefex_nav.onboard.startracker.streak_path import (
-    BEGIN,
-    END,
     LENGTH,
-    NUMBERS,
     SAG,
     SHARE,
-    SKEW,
     TX,
     TY,
     X0,
-    X1,
     Y0,
-    Y1,
     path_of,
     rate_jacobian,
 )
 
-PIXEL_VARIANCE = 1.0 / 12.0  # px^2 per axis
-MOST_PIXELS = 12000  # of one streak's window
-ACROSS_SIGMAS = 3.5  # half width of the window
-BEYOND_SIGMAS = 4.0  # the window ends so far beyond the ends and the search
 SEARCH_PX = (2.5, 12.0)  # shortest and longest search along, each way
 SEARCH_PART = 0.3  # of the length
 PROFILE_PX = 0.5  # step of the profile along
@@ -53,7 +56,6 @@ OUTLIER_SIGMA = 5.0  # pixels further from the model are not this star's light
 MODEL_ERROR = 0.25  # of the light in a pixel, that the model may be off by before a pixel is an outlier [E]
 WING_ERROR = 0.02  # of the peak, likewise
 POSTERIOR_PX = 0.25  # standard deviation along from which the mean of the likelihood is taken
-NEIGHBOUR_ERROR = 0.1  # of a neighbour's light, that its model may be off by [E]
 PRIOR_DOF = 30.0  # weight of the expected misfit against the one seen [E]
 LEAST_PIXELS = 8
 CAPTURE_SIGMAS = 1.3  # so far across the line the fit finds its star without a search
@@ -62,9 +64,6 @@ EARLY_PART = 0.8  # half a sigma beside the line a streak shows 0.94 of its rati
 NEAR_SIGMAS = 3.5  # around the streak: pixels of the fit; the others are for the search
 CORE_PART = 0.1  # of the brightest pixel's light: what counts as a pixel of the star
 
-# rows of the pixels of a window
-X, Y, LIGHT, VARIANCE, MODEL, ALONG, ACROSS, TIME = range(8)
-ROWS = 8
 # columns of a fit
 PLACE_X, PLACE_Y, FLUX, LEVEL, RATIO, XX, XY, YY, N_PIXELS, N_SATURATED, N_MASKED, CHI2, DOF = range(13)
 COLUMNS = 13
@@ -74,157 +73,6 @@ COLUMNS = 13
 def reach_px(length_px, sigma_px):
     """How far each way the search along a streak goes."""
     return min(max(SEARCH_PART * length_px, SEARCH_PX[0]), SEARCH_PX[1]) + sigma_px
-
-
-@njit(cache=True)
-def collect(image_dn, bad, path, sigma_px, extra_px, level, noise, saturation_dn, work):
-    """Write place, light above the level and variance of the pixels around a streak to work.
-
-    Parameters
-    ----------
-    image_dn : (rows, columns)
-    bad : bit map of `binned.bad_map`
-    path : (NUMBERS,)
-    sigma_px : width of the spot
-    extra_px : (along, across) that the streak may be off
-    level, noise : DN, of a pixel without the star
-    saturation_dn : pixels at or above it get an infinite variance, as bad ones do
-    work : (ROWS, MOST_PIXELS) written
-
-    Returns
-    -------
-    n : number of pixels, 0 if they are too many
-    n_saturated : among them, on the streak itself
-    """
-    rows, columns = image_dn.shape
-    tx, ty = path[TX], path[TY]
-    wide = ACROSS_SIGMAS * sigma_px + 0.5 + abs(path[SAG]) + extra_px[1]
-    far = BEYOND_SIGMAS * sigma_px + 0.5 + extra_px[0]
-    high = far * abs(ty) + wide * abs(tx)
-    top = max(0, int(np.ceil(min(path[Y0], path[Y1]) - high)))
-    bottom = min(rows - 1, int(np.floor(max(path[Y0], path[Y1]) + high)))
-    n, n_saturated, noise2 = 0, 0, noise * noise
-    for r in range(top, bottom + 1):
-        dy = r - path[Y0]
-        left, right = path[X0] - 1e6, path[X0] + 1e6
-        if abs(ty) > 1e-6:  # across = dy tx - dx ty within +- wide
-            one, two = (dy * tx - wide) / ty, (dy * tx + wide) / ty
-            left, right = max(left, path[X0] + min(one, two)), min(right, path[X0] + max(one, two))
-        elif abs(dy * tx) > wide:
-            continue
-        if abs(tx) > 1e-6:  # along = dx tx + dy ty within -far ... length + far
-            one, two = (-far - dy * ty) / tx, (path[LENGTH] + far - dy * ty) / tx
-            left, right = max(left, path[X0] + min(one, two)), min(right, path[X0] + max(one, two))
-        elif dy * ty < -far or dy * ty > path[LENGTH] + far:
-            continue
-        for c in range(max(0, int(np.ceil(left))), min(columns - 1, int(np.floor(right))) + 1):
-            if n == work.shape[1]:
-                return 0, 0
-            value, p = image_dn[r, c], r * columns + c
-            is_used = value < saturation_dn and not bad[p >> 3] >> (p & 7) & 1
-            n_saturated += value >= saturation_dn
-            work[X, n], work[Y, n], work[LIGHT, n] = c, r, value - level
-            work[VARIANCE, n] = noise2 if is_used else np.inf
-            n += 1
-    return n, n_saturated
-
-
-@njit(cache=True)
-def _table(z):
-    """Normal distribution and density at z, linear between the steps of a table."""
-    place = min(max((z + REACH) * PER_SIGMA, 0.0), 2.0 * REACH * PER_SIGMA)
-    index = np.uint64(place)
-    part = place - index
-    next_one = index + np.uint64(1)
-    c = NORMAL[index, 0] + part * (NORMAL[next_one, 0] - NORMAL[index, 0])
-    d = NORMAL[index, 1] + part * (NORMAL[next_one, 1] - NORMAL[index, 1])
-    return c, d
-
-
-@njit(cache=True)
-def _density(z):
-    """Normal density at -REACH < z < REACH."""
-    place = (z + REACH) * PER_SIGMA
-    index = np.uint64(place)
-    return NORMAL[index, 1] + (place - index) * (NORMAL[index + np.uint64(1), 1] - NORMAL[index, 1])
-
-
-@njit(cache=True)
-def light_at(path, s, x, y):
-    """Light in a pixel of a star of flux one: itself, derivatives to a shift along and across, time.
-
-    s is the width with the pixel's own variance.
-    """
-    dx, dy = x - path[X0], y - path[Y0]
-    along = dx * path[TX] + dy * path[TY]
-    u = min(max(along / path[LENGTH], 0.0), 1.0)
-    across = dy * path[TX] - dx * path[TY] - 4.0 * path[SAG] * u * (1.0 - u)
-    z = across / s
-    time = path[BEGIN] + u * (path[END] - path[BEGIN])
-    from_first = (along - path[SKEW] * dy) / s
-    from_last = (along - path[LENGTH] - path[SKEW] * (y - path[Y1])) / s
-    if abs(z) > REACH or from_first < -REACH or from_last > REACH:
-        return 0.0, 0.0, 0.0, time
-    line = path[SHARE] * _density(z) / s
-    light, end = line, 0.0
-    if from_first < REACH:
-        c, d = _table(from_first)
-        light, end = line * c, -line * d / s
-    if from_last > -REACH:
-        c, d = _table(from_last)
-        light -= line * c
-        end += line * d / s
-    return light, end, light * z / s, time
-
-
-@njit(cache=True, fastmath=True)
-def draw(path, s, n, work):
-    """Write the model of flux one, its derivatives and the times to work: `light_at` of all pixels at once.
-
-    The Gaussian across is (exp(-z^2/32))^16 by its series, which the compiler takes many pixels at a time;
-    the ends are looked up only where there is one.
-    """
-    tx, ty, x_0, y_0, length = path[TX], path[TY], path[X0], path[Y0], path[LENGTH]
-    bend, per_length, per_s, begin = 4.0 * path[SAG], 1.0 / length, 1.0 / s, path[BEGIN]
-    seen, height, far2 = path[END] - path[BEGIN], path[SHARE] * 0.3989422804014327 / s, 1.0 * REACH * REACH
-    xs, ys, model, ends, slopes, time = work[X], work[Y], work[MODEL], work[ALONG], work[ACROSS], work[TIME]
-    for k in range(n):
-        dx, dy = xs[k] - x_0, ys[k] - y_0
-        along = dx * tx + dy * ty
-        u = min(max(along * per_length, 0.0), 1.0)
-        z = (dy * tx - dx * ty - bend * u * (1.0 - u)) * per_s
-        q = min(z * z, far2) * (1.0 / 32.0)
-        e = 1.0 - q * (1.0 - q * (0.5 - q * (1.0 / 6.0 - q * (1.0 / 24.0 - q * (1.0 / 120.0 - q / 720.0)))))
-        e *= e
-        e *= e
-        e *= e
-        model[k] = height * e * e
-        slopes[k] = z * per_s
-        time[k] = begin + u * seen
-        ends[k] = along
-    skew = path[SKEW]
-    for k in range(n):
-        from_first = (ends[k] - skew * (ys[k] - y_0)) * per_s
-        from_last = (ends[k] - length - skew * (ys[k] - path[Y1])) * per_s
-        line = model[k]
-        if from_first > REACH and from_last < -REACH:
-            ends[k] = 0.0
-        else:
-            c_first, d_first = _table(from_first)
-            c_last, d_last = _table(from_last)
-            line *= c_first - c_last
-            ends[k] = model[k] * (d_last - d_first) * per_s
-            model[k] = line
-        slopes[k] *= line
-
-
-@njit(cache=True)
-def take_away(path, s, flux, dn_per_electron, n, work):
-    """Take a neighbour's light out of the pixels and put its shot noise into their variance."""
-    for k in range(n):
-        light = flux * light_at(path, s, work[X, k], work[Y, k])[0]
-        work[LIGHT, k] -= light
-        work[VARIANCE, k] += light * dn_per_electron + (NEIGHBOUR_ERROR * light) ** 2
 
 
 @njit(cache=True)
@@ -246,7 +94,7 @@ def profile(path, s, flux, level, dn_per_electron, n, start, sums, work):
         place = (along - start) * (1.0 / PROFILE_PX)
         if abs(z) > NEAR_SIGMAS or place < 0.0 or place >= n_steps - 1:
             continue
-        g = height * _density(z)
+        g = height * density(z)
         w = g / (work[VARIANCE, k] + shot * work[MODEL, k])
         index = np.uint64(place)
         f = place - index
@@ -270,7 +118,7 @@ def shifts(path, s, start, reach, sums, ratio):
     for j in range(box.shape[1]):
         for half in range(2):
             along = (2 * j + half + first) * SHIFT_PX
-            box[half, j] = _table(along / s)[0] - _table((along - path[LENGTH]) / s)[0]
+            box[half, j] = normal(along / s)[0] - normal((along - path[LENGTH]) / s)[0]
     up_sums, norm_sums = sums[0], sums[1]
     for i in range(n_shifts):
         back = n_shifts - (i - n_shifts // 2)
@@ -466,7 +314,9 @@ def posterior(path, s, fitted, dn_per_electron, n, start, sums, ratio, work):
 
 
 @njit(cache=True)
-def fit_one(camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, search_px, least, n, path, work, fitted):
+def fit_one(
+    camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, search_px, least, n, path, work, fitted
+):
     """Fit one streak to the pixels in work.
 
     Parameters
@@ -489,12 +339,13 @@ def fit_one(camera, motion, P_omega_c, s, dn_per_electron, noise, level_sigma, s
     -------
     bool
     """
-    omega_c, times = motion
     reach = max(search_px[0], reach_px(path[LENGTH], s))
     start = SHIFT_PX * np.floor(-(reach + BEYOND_SIGMAS * s + 1.0) / SHIFT_PX)
     sums = np.empty((2, int((path[LENGTH] - 2.0 * start) / PROFILE_PX) + 2))
     ratio = np.empty(2 * int(reach / SHIFT_PX) + 1)
-    if not _search(camera, motion, s, dn_per_electron, n, search_px, least, path, start, sums, ratio, work, fitted):
+    if not _search(
+        camera, motion, s, dn_per_electron, n, search_px, least, path, start, sums, ratio, work, fitted
+    ):
         return False
     n_near = _nearest(path, s, n, work)
     work[ALONG:, n_near:n] = 0.0
@@ -540,7 +391,10 @@ def _search(camera, motion, s, dn_per_electron, n, search_px, least, path, start
     omega_c, times = motion
     x, y = fitted[PLACE_X], fitted[PLACE_Y]
     work[MODEL, :n] = 0.0
-    n_across, step = int(np.rint(max(search_px[1] - CAPTURE_SIGMAS * s, 0.0) / (ACROSS_STEP * s))), ACROSS_STEP * s
+    n_across, step = (
+        int(np.rint(max(search_px[1] - CAPTURE_SIGMAS * s, 0.0) / (ACROSS_STEP * s))),
+        ACROSS_STEP * s,
+    )
     x_first, y_first, best = path[X0], path[Y0], 0.0
     for across in range(-n_across, n_across + 1):
         path[X0], path[Y0] = x_first - across * step * path[TY], y_first + across * step * path[TX]

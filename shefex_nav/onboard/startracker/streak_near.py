@@ -12,19 +12,32 @@ from shefex_nav.onboard.startracker.matched import looks, threshold
 from shefex_nav.onboard.startracker.streak_fit import (
     COLUMNS,
     FLUX,
-    MOST_PIXELS,
     N_SATURATED,
-    PIXEL_VARIANCE,
     PLACE_X,
     PLACE_Y,
     RATIO,
-    ROWS,
-    collect,
     fit_one,
     reach_px,
+)
+from shefex_nav.onboard.startracker.streak_light import (
+    MOST_PIXELS,
+    PIXEL_VARIANCE,
+    ROWS,
+    collect,
     take_away,
 )
-from shefex_nav.onboard.startracker.streak_path import LENGTH, NUMBERS, TX, TY, X0, X1, Y0, Y1, path_of, touching
+from shefex_nav.onboard.startracker.streak_path import (
+    LENGTH,
+    NUMBERS,
+    TX,
+    TY,
+    X0,
+    X1,
+    Y0,
+    Y1,
+    path_of,
+    touching,
+)
 from shefex_nav.onboard.startracker.streak_shape import STAR, judge
 
 SEARCH_SIGMAS = 3.0  # around a predicted place
@@ -167,7 +180,7 @@ def _strips(image_dn, bad, path, s, search_px, values, around):
 
 @njit(cache=True)
 def _quantile(ordered, fraction):
-    """Quantile of whole numbers in order, each of which stands for an even spread over k - 1/2 ... k + 1/2."""
+    """Quantile of ordered whole numbers k, each of which stands for an even spread over k - 1/2 ... k + 1/2."""
     target = fraction * ordered.shape[0]
     value = ordered[min(int(np.ceil(target)), ordered.shape[0]) - 1]
     below = np.searchsorted(ordered, value)

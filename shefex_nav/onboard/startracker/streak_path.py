@@ -95,4 +95,6 @@ def touching(path, other, s, extra_px):
     along, across = abs(ex * path[TX] + ey * path[TY]), abs(ey * path[TX] - ex * path[TY])
     # the other one may lie askew: half of what its direction differs by
     askew = 0.5 * other[LENGTH] * abs(path[TX] * other[TY] - path[TY] * other[TX])
-    return along < 0.5 * (path[LENGTH] + other[LENGTH]) + extra_px + 8.0 * s and across < 9.0 * s + 2.0 + askew
+    return (
+        along < 0.5 * (path[LENGTH] + other[LENGTH]) + extra_px + 8.0 * s and across < 9.0 * s + 2.0 + askew
+    )

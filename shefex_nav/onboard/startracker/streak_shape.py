@@ -14,18 +14,18 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.onboard.startracker.streak_fit import (
-    ACROSS,
-    ALONG,
-    BEYOND_SIGMAS,
     FLUX,
     LEVEL,
-    LIGHT,
-    MODEL,
     N_MASKED,
     N_PIXELS,
     PLACE_X,
     PLACE_Y,
     RATIO,
+)
+from shefex_nav.onboard.startracker.streak_light import (
+    ACROSS,
+    LIGHT,
+    MODEL,
     VARIANCE,
     X,
     Y,
@@ -36,10 +36,10 @@ STAR, UNEVEN, LONGER, TILTED, COMPACT, MISFIT = range(6)
 SEGMENT_SIGMAS = 4.0  # least length of a part of a streak
 MOST_SEGMENTS = 12
 SHORT_SIGMAS = 6.0  # a shorter streak is judged as a spot
-CLEAR_SIGMAS = 2.5  # light beyond the ends is looked for from here on
+CLEAR_SIGMAS = 1.5  # light beyond the ends is looked for from here on
 UNEVEN_PART = 0.15  # of the light per length, that may be uneven [E]
-LEAST_PROBABILITY_SIGMA = 4.5  # of each question: a star fails it once in 100 000 [E]
-TILT_PX = 0.3  # of the ends, besides what the rate allows [E]
+LIMIT_SIGMA = 3.5  # of each question: a star fails it once in 4000
+TILT_PX = 0.4  # from end to end, besides what the rate allows [E]
 MODEL_PART = 0.2  # of the light in a pixel, that a star's may differ from the model [E]
 MASKED_PART = 0.25  # of the pixels with most of the light; more outliers than that is no star
 
@@ -93,7 +93,7 @@ def _misfit(fitted, dn_per_electron, n, work):
             variance = work[VARIANCE, k] + fitted[FLUX] * dn_per_electron * m
             chi2 += rest * rest / (variance + (MODEL_PART * fitted[FLUX] * m) ** 2)
             n_core += 1
-    return chi2 > n_core + LEAST_PROBABILITY_SIGMA * sqrt(2.0 * n_core) + 8.0
+    return chi2 > _largest(float(n_core))
 
 
 @njit(cache=True)
@@ -101,10 +101,10 @@ def _along(camera, P_omega_c, s, dn_per_electron, n, path, work, fitted):
     """Evenness, ends and direction of a long streak."""
     flux, level, length = fitted[FLUX], fitted[LEVEL], path[LENGTH]
     n_parts = int(min(max(length / (SEGMENT_SIGMAS * s), 2.0), MOST_SEGMENTS))
-    # of each part: sum w r m, sum w m^2; of the first and the last: beyond the ends
-    parts = np.zeros((n_parts + 2, 2))
+    # of each part: sum w r m, sum w m^2; of the last four: near and far beyond the ends
+    parts = np.zeros((n_parts + 4, 2))
     tilt = np.zeros(6)  # sums of w r c, w r c a, w c c, w c c a, w c c a a
-    beyond = min(BEYOND_SIGMAS * s + 0.35 * length, length)
+    near, far = CLEAR_SIGMAS * s, (CLEAR_SIGMAS + SEGMENT_SIGMAS) * s
     for k in range(n):
         if not work[VARIANCE, k] < np.inf:
             continue
@@ -114,13 +114,13 @@ def _along(camera, P_omega_c, s, dn_per_electron, n, path, work, fitted):
         rest = work[LIGHT, k] - level - flux * m
         if along < 0.0 or along > length:
             past = -along if along < 0.0 else along - length
-            if past < CLEAR_SIGMAS * s or past > beyond:
+            if past < near or past > far + 0.35 * length:
                 continue
             across = (dy * path[TX] - dx * path[TY]) / s
             m = np.exp(-0.5 * across * across) * 0.3989423 / (s * length)
-            part = 0 if along < 0.0 else n_parts + 1
+            part = (0 if past < far else 1) + (n_parts if along < 0.0 else n_parts + 2)
         else:
-            part = 1 + min(int(along / length * n_parts), n_parts - 1)
+            part = min(int(along / length * n_parts), n_parts - 1)
             c, a = flux * work[ACROSS, k], along / length - 0.5
             tilt[0] += w * rest * c
             tilt[1] += w * rest * c * a
@@ -135,28 +135,31 @@ def _along(camera, P_omega_c, s, dn_per_electron, n, path, work, fitted):
 @njit(cache=True)
 def _verdict(camera, P_omega_c, path, parts, tilt, fitted):
     """The verdict of the sums."""
-    flux, n_parts = fitted[FLUX], parts.shape[0] - 2
-    limit = LEAST_PROBABILITY_SIGMA
+    flux, n_parts = fitted[FLUX], parts.shape[0] - 4
     chi2, dof = 0.0, 0
-    for p in range(n_parts + 2):
+    for p in range(n_parts + 4):
         if parts[p, 1] <= 0.0:
             continue
-        off = parts[p, 0] / parts[p, 1]
-        variance = 1.0 / parts[p, 1] + (UNEVEN_PART * flux) ** 2
-        if p == 0 or p == n_parts + 1:
-            if off > limit * sqrt(variance):
-                return LONGER
-        else:
-            chi2 += off * off / variance
+        off, variance = parts[p, 0] / parts[p, 1], 1.0 / parts[p, 1]
+        if p < n_parts:
+            chi2 += off * off / (variance + (UNEVEN_PART * flux) ** 2)
             dof += 1
-    if dof > 1 and chi2 > dof - 1.0 + limit * sqrt(2.0 * (dof - 1.0)) + 8.0:
+        elif off > LIMIT_SIGMA * sqrt(variance) + UNEVEN_PART * flux:
+            return LONGER
+    if dof > 1 and chi2 > _largest(dof - 1.0):
         return UNEVEN
     det = tilt[2] * tilt[4] - tilt[3] * tilt[3]
     if det > 0.0:
         slope = (tilt[2] * tilt[1] - tilt[3] * tilt[0]) / det  # px from end to end
         J = rate_jacobian(camera, fitted[PLACE_X], fitted[PLACE_Y]) * (path[END] - path[BEGIN])
         across = -path[TY] * J[0] + path[TX] * J[1]
-        variance = tilt[2] / det + (2.0 * TILT_PX) ** 2 + across @ P_omega_c @ across
-        if slope * slope > limit * limit * variance:
+        variance = tilt[2] / det + across @ P_omega_c @ across
+        if abs(slope) > LIMIT_SIGMA * sqrt(variance) + TILT_PX:
             return TILTED
     return STAR
+
+
+@njit(cache=True)
+def _largest(dof):
+    """Chi squared that LIMIT_SIGMA stands for, by its expansion of Cornish and Fisher."""
+    return dof + LIMIT_SIGMA * sqrt(2.0 * dof) + 2.0 / 3.0 * (LIMIT_SIGMA**2 - 1.0)

@@ -36,22 +36,24 @@ from shefex_nav.onboard.startracker.streak_fit import (
     COLUMNS,
     FLUX,
     LEVEL,
-    MOST_PIXELS,
     N_PIXELS,
     N_SATURATED,
-    PIXEL_VARIANCE,
     PLACE_X,
     PLACE_Y,
     RATIO,
-    ROWS,
     XX,
     XY,
     YY,
-    collect,
     fit_one,
     reach_px,
-    take_away,
     width2,
+)
+from shefex_nav.onboard.startracker.streak_light import (
+    MOST_PIXELS,
+    PIXEL_VARIANCE,
+    ROWS,
+    collect,
+    take_away,
 )
 from shefex_nav.onboard.startracker.streak_path import (
     LENGTH,
@@ -65,7 +67,7 @@ from shefex_nav.onboard.startracker.streak_path import (
     place_of_middle,
     touching,
 )
-from shefex_nav.onboard.startracker.streak_shape import STAR, judge
+from shefex_nav.onboard.startracker.streak_shape import SHORT_SIGMAS, STAR, judge
 from shefex_nav.records import Detections
 
 FALSE_OBJECTS = 0.5  # wanted number of objects in a frame that are noise
@@ -77,6 +79,9 @@ ACROSS_PX = 1.5  # that a candidate may be off its line
 BRIGHT = 25.0  # signal-to-noise ratio of the stars that show their width
 WIDTH_PART = 0.02  # stars are fitted again if their width is off by more
 WIDTHS = (0.7, 1.5)  # of the expected one, that are believed
+IN_LINE_RATIO = 1.6  # of the light of two parts of a longer streak
+IN_LINE_SIGMAS = 1.0  # they lie so close to one line
+IN_LINE_PART = (0.3, 1.25)  # and the middles are so many lengths apart
 FALSE_NEAR = 0.05  # wanted number of objects near predictions that are noise
 MEAN_EVERY = 16
 
@@ -94,7 +99,8 @@ def detect_streaks(params, camera, image_dn, motion, false_objects=FALSE_OBJECTS
 
     Parameters
     ----------
-    params : DetectParams; of it bad_pixels, tile_px, saturation_dn, electrons_per_dn, psf_sigma_px, max_objects
+    params : DetectParams; of it bad_pixels, tile_px, saturation_dn, electrons_per_dn, psf_sigma_px and
+        max_objects
     camera : Pinhole of the whole image
     image_dn : (rows, columns) uint8 or uint16
     motion : Motion
@@ -227,6 +233,7 @@ def _fit_all(
     work, no_search = np.empty((ROWS, MOST_PIXELS)), (0.0, 0.0)
     fitted, paths = np.empty((found.shape[0], COLUMNS)), np.empty((found.shape[0], NUMBERS))
     verdict, widths = np.empty(found.shape[0], dtype=np.int64), np.empty(found.shape[0])
+    subtract = np.ones(found.shape[0], dtype=np.bool_)
     s, n_fits, n_widths = np.sqrt(sigma**2 + PIXEL_VARIANCE), 0, 0
     for k in range(found.shape[0]):
         row, path = fitted[n_fits], paths[n_fits]
@@ -235,9 +242,36 @@ def _fit_all(
         if not np.isfinite(row[PLACE_X]):
             continue
         around = _tile_level(level, path)
-        n = _window(image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, n_fits, -1, work, row)
+        n = _window(
+            image_dn,
+            bad,
+            path,
+            s,
+            around,
+            saturation_dn,
+            dn_per_electron,
+            paths,
+            fitted,
+            subtract,
+            n_fits,
+            -1,
+            work,
+            row,
+        )
         if n == 0 or not fit_one(
-            camera, motion, P_omega_c, s, dn_per_electron, around[1], LEVEL_SIGMA, no_search, least, n, path, work, row
+            camera,
+            motion,
+            P_omega_c,
+            s,
+            dn_per_electron,
+            around[1],
+            LEVEL_SIGMA,
+            no_search,
+            least,
+            n,
+            path,
+            work,
+            row,
         ):
             continue
         if row[RATIO] < least:
@@ -252,31 +286,80 @@ def _fit_all(
         seen = np.sqrt(np.median(widths[:n_widths]))
         if WIDTHS[0] * s < seen < WIDTHS[1] * s and abs(seen - s) > WIDTH_PART * s:
             s = seen
+    subtract[:n_fits] = verdict[:n_fits] == STAR
     row, path = np.empty(COLUMNS), np.empty(NUMBERS)
     for k in range(n_fits):
         first = 0 if verdict[k] != STAR else k + 1
-        if s == expected and not _has_neighbour(paths, k, first, n_fits, s):
+        if s == expected and not _has_neighbour(paths, subtract, k, first, n_fits, s):
             continue
         row[:], path[:] = fitted[k], paths[k]
         around = _tile_level(level, path)
-        n = _window(image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, n_fits, k, work, row)
+        n = _window(
+            image_dn,
+            bad,
+            path,
+            s,
+            around,
+            saturation_dn,
+            dn_per_electron,
+            paths,
+            fitted,
+            subtract,
+            n_fits,
+            k,
+            work,
+            row,
+        )
         if n > 0 and fit_one(
-            camera, motion, P_omega_c, s, dn_per_electron, around[1], LEVEL_SIGMA, no_search, least, n, path, work, row
+            camera,
+            motion,
+            P_omega_c,
+            s,
+            dn_per_electron,
+            around[1],
+            LEVEL_SIGMA,
+            no_search,
+            least,
+            n,
+            path,
+            work,
+            row,
         ):
             fitted[k], paths[k] = row, path
             verdict[k] = judge(camera, P_omega_c, s, dn_per_electron, n, path, work, row)
-    return _stars(fitted[:n_fits], verdict, least)
+    return _stars(fitted[:n_fits], paths, verdict, least, s)
 
 
 @njit(cache=True)
-def _stars(fitted, verdict, least):
+def _stars(fitted, paths, verdict, least, s):
     """Move the stars to the first rows; returns the rows and how many they are."""
-    n = 0
-    for k in range(fitted.shape[0]):
-        if verdict[k] == STAR and fitted[k, RATIO] >= least:
+    n, n_fits = 0, fitted.shape[0]
+    in_line = np.zeros(n_fits, dtype=np.bool_)
+    for k in range(n_fits):
+        for j in range(n_fits):
+            if j != k and verdict[j] == STAR and fitted[j, RATIO] >= least:
+                in_line[k] |= _is_in_line(fitted[k], paths[k], fitted[j], paths[j], s)
+    for k in range(n_fits):
+        if verdict[k] == STAR and fitted[k, RATIO] >= least and not in_line[k]:
             fitted[n] = fitted[k]
             n += 1
     return fitted, n
+
+
+@njit(cache=True)
+def _is_in_line(fitted, path, other_fitted, other, s):
+    """Whether two streaks look like one that is longer: end to end, on one line and as bright.
+
+    Of true stars, about one in 500 has another one there by chance.
+    """
+    ratio = fitted[FLUX] / other_fitted[FLUX]
+    if path[LENGTH] < SHORT_SIGMAS * s or ratio > IN_LINE_RATIO or ratio * IN_LINE_RATIO < 1.0:
+        return False
+    ex = 0.5 * (other[X0] + other[X1] - path[X0] - path[X1])
+    ey = 0.5 * (other[Y0] + other[Y1] - path[Y0] - path[Y1])
+    along, across = abs(ex * path[TX] + ey * path[TY]), abs(ey * path[TX] - ex * path[TY])
+    between = along / path[LENGTH]
+    return across < IN_LINE_SIGMAS * s and IN_LINE_PART[0] < between < IN_LINE_PART[1]
 
 
 @njit(cache=True)
@@ -290,21 +373,34 @@ def _tile_level(level, path):
 
 @njit(cache=True)
 def _window(
-    image_dn, bad, path, s, around, saturation_dn, dn_per_electron, paths, fitted, n_stars, own, work, row
+    image_dn,
+    bad,
+    path,
+    s,
+    around,
+    saturation_dn,
+    dn_per_electron,
+    paths,
+    fitted,
+    subtract,
+    n_fits,
+    own,
+    work,
+    row,
 ):
-    """Collect the pixels of a streak, without the light of the stars that are known; their number."""
+    """Collect the pixels of a streak, without the light of those that are to be subtracted; their number."""
     extra = (reach_px(path[LENGTH], s), ACROSS_PX)
     n, row[N_SATURATED] = collect(image_dn, bad, path, s, extra, around[0], around[1], saturation_dn, work)
-    for j in range(n_stars):
-        if j != own and touching(path, paths[j], s, extra[0]):
+    for j in range(n_fits):
+        if j != own and subtract[j] and touching(path, paths[j], s, extra[0]):
             take_away(paths[j], s, fitted[j, FLUX], dn_per_electron, n, work)
     return n
 
 
 @njit(cache=True)
-def _has_neighbour(paths, k, first, n, s):
-    """Whether one of the streaks first ... n - 1 is near streak k."""
+def _has_neighbour(paths, subtract, k, first, n, s):
+    """Whether one of the streaks first ... n - 1 that are subtracted is near streak k."""
     for j in range(first, n):
-        if j != k and touching(paths[k], paths[j], s, reach_px(paths[k, LENGTH], s)):
+        if j != k and subtract[j] and touching(paths[k], paths[j], s, reach_px(paths[k, LENGTH], s)):
             return True
     return False

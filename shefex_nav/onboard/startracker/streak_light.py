@@ -1,0 +1,186 @@
+"""The light of one star in the pixels around its streak: what was seen, and what the model says.
+
+In: the frame and the path of a streak. Out: arrays over the pixels of its window. The model is a Gaussian
+spot on the exact path (`streak_path`): across, the Gaussian; along, the difference of two normal distributions at
+the ends, which are those of each row's own exposure. The square of a pixel adds its variance 1/12 px^2 to the
+spot's.
+"""
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.onboard.startracker.fit import NORMAL, PER_SIGMA, REACH
+from shefex_nav.onboard.startracker.streak_path import (
+    BEGIN,
+    END,
+    LENGTH,
+    SAG,
+    SHARE,
+    SKEW,
+    TX,
+    TY,
+    X0,
+    Y0,
+    Y1,
+)
+
+PIXEL_VARIANCE = 1.0 / 12.0  # px^2 per axis
+MOST_PIXELS = 12000  # of one streak's window
+ACROSS_SIGMAS = 3.5  # half width of the window
+BEYOND_SIGMAS = 4.0  # the window ends so far beyond the ends and the search
+NEIGHBOUR_ERROR = 0.1  # of a neighbour's light, that its model may be off by [E]
+
+# rows of the pixels of a window
+X, Y, LIGHT, VARIANCE, MODEL, ALONG, ACROSS, TIME = range(8)
+ROWS = 8
+
+
+@njit(cache=True)
+def collect(image_dn, bad, path, sigma_px, extra_px, level, noise, saturation_dn, work):
+    """Write place, light above the level and variance of the pixels around a streak to work.
+
+    Parameters
+    ----------
+    image_dn : (rows, columns)
+    bad : bit map of `binned.bad_map`
+    path : (NUMBERS,)
+    sigma_px : width of the spot
+    extra_px : (along, across) that the streak may be off
+    level, noise : DN, of a pixel without the star
+    saturation_dn : pixels at or above it get an infinite variance, as bad ones do
+    work : (ROWS, MOST_PIXELS) written
+
+    Returns
+    -------
+    n : number of pixels, 0 if they are too many
+    n_saturated : among them, on the streak itself
+    """
+    rows, columns = image_dn.shape
+    tx, ty = path[TX], path[TY]
+    wide = ACROSS_SIGMAS * sigma_px + 0.5 + abs(path[SAG]) + extra_px[1]
+    far = BEYOND_SIGMAS * sigma_px + 0.5 + extra_px[0]
+    high = far * abs(ty) + wide * abs(tx)
+    top = max(0, int(np.ceil(min(path[Y0], path[Y1]) - high)))
+    bottom = min(rows - 1, int(np.floor(max(path[Y0], path[Y1]) + high)))
+    n, n_saturated, noise2 = 0, 0, noise * noise
+    for r in range(top, bottom + 1):
+        dy = r - path[Y0]
+        left, right = path[X0] - 1e6, path[X0] + 1e6
+        if abs(ty) > 1e-6:  # across = dy tx - dx ty within +- wide
+            one, two = (dy * tx - wide) / ty, (dy * tx + wide) / ty
+            left, right = max(left, path[X0] + min(one, two)), min(right, path[X0] + max(one, two))
+        elif abs(dy * tx) > wide:
+            continue
+        if abs(tx) > 1e-6:  # along = dx tx + dy ty within -far ... length + far
+            one, two = (-far - dy * ty) / tx, (path[LENGTH] + far - dy * ty) / tx
+            left, right = max(left, path[X0] + min(one, two)), min(right, path[X0] + max(one, two))
+        elif dy * ty < -far or dy * ty > path[LENGTH] + far:
+            continue
+        for c in range(max(0, int(np.ceil(left))), min(columns - 1, int(np.floor(right))) + 1):
+            if n == work.shape[1]:
+                return 0, 0
+            value, p = image_dn[r, c], r * columns + c
+            is_used = value < saturation_dn and not bad[p >> 3] >> (p & 7) & 1
+            n_saturated += value >= saturation_dn
+            work[X, n], work[Y, n], work[LIGHT, n] = c, r, value - level
+            work[VARIANCE, n] = noise2 if is_used else np.inf
+            n += 1
+    return n, n_saturated
+
+
+@njit(cache=True)
+def normal(z):
+    """Normal distribution and density at z, linear between the steps of a table."""
+    place = min(max((z + REACH) * PER_SIGMA, 0.0), 2.0 * REACH * PER_SIGMA)
+    index = np.uint64(place)
+    part = place - index
+    next_one = index + np.uint64(1)
+    c = NORMAL[index, 0] + part * (NORMAL[next_one, 0] - NORMAL[index, 0])
+    d = NORMAL[index, 1] + part * (NORMAL[next_one, 1] - NORMAL[index, 1])
+    return c, d
+
+
+@njit(cache=True)
+def density(z):
+    """Normal density at -REACH < z < REACH."""
+    place = (z + REACH) * PER_SIGMA
+    index = np.uint64(place)
+    return NORMAL[index, 1] + (place - index) * (NORMAL[index + np.uint64(1), 1] - NORMAL[index, 1])
+
+
+@njit(cache=True)
+def light_at(path, s, x, y):
+    """Light in a pixel of a star of flux one: itself, derivatives to a shift along and across, time.
+
+    s is the width with the pixel's own variance.
+    """
+    dx, dy = x - path[X0], y - path[Y0]
+    along = dx * path[TX] + dy * path[TY]
+    u = min(max(along / path[LENGTH], 0.0), 1.0)
+    across = dy * path[TX] - dx * path[TY] - 4.0 * path[SAG] * u * (1.0 - u)
+    z = across / s
+    time = path[BEGIN] + u * (path[END] - path[BEGIN])
+    from_first = (along - path[SKEW] * dy) / s
+    from_last = (along - path[LENGTH] - path[SKEW] * (y - path[Y1])) / s
+    if abs(z) > REACH or from_first < -REACH or from_last > REACH:
+        return 0.0, 0.0, 0.0, time
+    line = path[SHARE] * density(z) / s
+    light, end = line, 0.0
+    if from_first < REACH:
+        c, d = normal(from_first)
+        light, end = line * c, -line * d / s
+    if from_last > -REACH:
+        c, d = normal(from_last)
+        light -= line * c
+        end += line * d / s
+    return light, end, light * z / s, time
+
+
+@njit(cache=True, fastmath=True)
+def draw(path, s, n, work):
+    """Write the model of flux one, its derivatives and the times to work: `light_at` of all pixels at once.
+
+    The Gaussian across is (exp(-z^2/32))^16 by its series, which the compiler takes many pixels at a time;
+    the ends are looked up only where there is one.
+    """
+    tx, ty, x_0, y_0, length = path[TX], path[TY], path[X0], path[Y0], path[LENGTH]
+    bend, per_length, per_s, begin = 4.0 * path[SAG], 1.0 / length, 1.0 / s, path[BEGIN]
+    seen, height, far2 = path[END] - path[BEGIN], path[SHARE] * 0.3989422804014327 / s, 1.0 * REACH * REACH
+    xs, ys, model, ends, slopes, time = work[X], work[Y], work[MODEL], work[ALONG], work[ACROSS], work[TIME]
+    for k in range(n):
+        dx, dy = xs[k] - x_0, ys[k] - y_0
+        along = dx * tx + dy * ty
+        u = min(max(along * per_length, 0.0), 1.0)
+        z = (dy * tx - dx * ty - bend * u * (1.0 - u)) * per_s
+        q = min(z * z, far2) * (1.0 / 32.0)
+        e = 1.0 - q * (1.0 - q * (0.5 - q * (1.0 / 6.0 - q * (1.0 / 24.0 - q * (1.0 / 120.0 - q / 720.0)))))
+        e *= e
+        e *= e
+        e *= e
+        model[k] = height * e * e
+        slopes[k] = z * per_s
+        time[k] = begin + u * seen
+        ends[k] = along
+    skew = path[SKEW]
+    for k in range(n):
+        from_first = (ends[k] - skew * (ys[k] - y_0)) * per_s
+        from_last = (ends[k] - length - skew * (ys[k] - path[Y1])) * per_s
+        line = model[k]
+        if from_first > REACH and from_last < -REACH:
+            ends[k] = 0.0
+        else:
+            c_first, d_first = normal(from_first)
+            c_last, d_last = normal(from_last)
+            line *= c_first - c_last
+            ends[k] = model[k] * (d_last - d_first) * per_s
+            model[k] = line
+        slopes[k] *= line
+
+
+@njit(cache=True)
+def take_away(path, s, flux, dn_per_electron, n, work):
+    """Take a neighbour's light out of the pixels and put its shot noise into their variance."""
+    for k in range(n):
+        light = flux * light_at(path, s, work[X, k], work[Y, k])[0]
+        work[LIGHT, k] -= light
+        work[VARIANCE, k] += light * dn_per_electron + (NEIGHBOUR_ERROR * light) ** 2
