@@ -181,8 +181,8 @@ HIT_TRAIL_PX = 3.0  # mean length of a trail on the detector [E]
 def with_hits(image_dn, rng):
     """A copy of a frame with 50 particle hits, as much charge in each as light in a false object.
 
-    Every second one comes down steeply, the others leave straight trails of any direction, their lengths drawn
-    from an exponential distribution.
+    Every second one comes down steeply, the others leave straight trails of any direction, their lengths
+    drawn from an exponential distribution.
     """
     objects, (rows, columns) = false_objects(rng), image_dn.shape
     charge = field.ZERO_MAGNITUDE * 10.0 ** (-0.4 * objects.vmag)
