@@ -30,7 +30,7 @@ LEAST = 20  # values that make a standard deviation
 
 EXTENTS = (
     "the extent of a streak's pixels is taken for the star's way, as published: it is longer by the spot and "
-    "shorter by the faint ends, so the error depends on the brightness of the stars and the width of the spot, "
+    "shorter by the faint ends, so the error depends on the stars' brightness and on the width of the spot, "
     "which the paper does not give"
 )
 WHY = {

@@ -65,9 +65,10 @@ def _success_by_rate(axis, found, s, c):
 def _own_by_rate(axis, found, s):
     """Ours within two images."""
     for k, situation in enumerate(SITUATIONS):
+        label, beside = f"ours, {situation.replace('_', ' ')}", 0.08 * (k + 1)  # they lie on one another
         _points(axis, found, (*tables.RATES, tables.FAST), lambda rows, k=k: (
             (rows["own"][:, s, k, :, 0] > 0) & tables.good(rows["own"][:, s, k, :, 1:4])
-        ).any(axis=1), COLOURS[situation], "s:", f"ours, {situation.replace('_', ' ')}", 0.08 * (k + 1))  # fmt: skip
+        ).any(axis=1), COLOURS[situation], "s:", label, beside)  # fmt: skip
 
 
 def _points(axis, found, rates, which, colour, style, label, shift=0.0):
