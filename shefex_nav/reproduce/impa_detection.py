@@ -40,7 +40,7 @@ SPREAD = (-1.0, 3.0)  # mag, of the artificial stars around the model; ours find
 FOUND_PX = 2.0  # a cluster this near to the path of a star is that star's
 TOLERANCE = 0.3  # mag
 METHODS = ("published", "ours")
-WHY = "not explained yet"
+WHY = "not explained"
 
 
 def streak_share(sigma_px):

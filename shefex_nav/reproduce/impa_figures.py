@@ -65,12 +65,13 @@ def _success_by_rate(axis, found, s, c):
 def _own_by_rate(axis, found, s):
     """Ours within two images."""
     for k, situation in enumerate(SITUATIONS):
+        label, beside = f"ours, {situation.replace('_', ' ')}", 0.08 * (k + 1)  # they lie on one another
         _points(axis, found, (*tables.RATES, tables.FAST), lambda rows, k=k: (
             (rows["own"][:, s, k, :, 0] > 0) & tables.good(rows["own"][:, s, k, :, 1:4])
-        ).any(axis=1), COLOURS[situation], "s:", f"ours, {situation.replace('_', ' ')}")  # fmt: skip
+        ).any(axis=1), COLOURS[situation], "s:", label, beside)  # fmt: skip
 
 
-def _points(axis, found, rates, which, colour, style, label):
+def _points(axis, found, rates, which, colour, style, label, shift=0.0):
     """Shares with their intervals at the rates that were flown."""
     shown, shares, ends = [], [], []
     for rate in rates:
@@ -84,7 +85,15 @@ def _points(axis, found, rates, which, colour, style, label):
         shares = np.array(shares)
         reach = 100.0 * np.abs(np.array(ends) - shares[:, None]).T
         axis.errorbar(
-            shown, 100.0 * shares, reach, fmt=style, color=colour, ms=4, lw=1.2, capsize=2, label=label
+            np.array(shown) + shift,
+            100.0 * shares,
+            reach,
+            fmt=style,
+            color=colour,
+            ms=4,
+            lw=1.2,
+            capsize=2,
+            label=label,
         )
 
 

@@ -22,6 +22,7 @@ from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.records import Reason
 from shefex_nav.reproduce import impa_field as field
 from shefex_nav.reproduce.published import IMPA
+from shefex_nav.world.camera import hits
 
 ARCSEC = np.radians(1.0 / 3600.0)
 ZERO_FLUX_DN = field.ZERO_MAGNITUDE / field.ELECTRONS_PER_DN
@@ -174,34 +175,26 @@ def error_of(q_ic, truth):
     return rotvec_between(q_ic, truth)
 
 
-HIT_SIGMA_PX = 0.5  # of the charge that spreads in the silicon [E]
-HIT_TRACK_PX = 3.0  # mean length of a particle's track on the detector [E]
+HIT_TRAIL_PX = 3.0  # mean length of a trail on the detector [E]
 
 
 def with_hits(image_dn, rng):
-    """A copy of a frame with 50 particle hits, as much light in each as in a false object.
+    """A copy of a frame with 50 particle hits, as much charge in each as light in a false object.
 
-    A hit is a straight track of any direction, its length drawn from an exponential distribution.
+    Every second one comes down steeply, the others leave straight trails of any direction, their lengths
+    drawn from an exponential distribution.
     """
-    hits, struck = false_objects(rng), image_dn.astype(np.int64)
-    rows, columns = image_dn.shape
-    for (x, y), light in zip(hits.xy_px, field.ZERO_MAGNITUDE * 10.0 ** (-0.4 * hits.vmag), strict=True):
-        length, angle = rng.exponential(HIT_TRACK_PX), rng.uniform(0.0, 2.0 * np.pi)
-        t = np.linspace(-0.5, 0.5, 2 + int(4.0 * length)) * length
-        xs, ys = x + t * np.cos(angle), y + t * np.sin(angle)
-        left, top = int(xs.min()) - 3, int(ys.min()) - 3
-        in_columns = _spread(xs, left, int(xs.max()) + 4)
-        in_rows = _spread(ys, top, int(ys.max()) + 4)
-        grey = rng.poisson(light / len(t) * in_rows.T @ in_columns) / field.ELECTRONS_PER_DN
-        bottom, right = min(top + grey.shape[0], rows), min(left + grey.shape[1], columns)
-        inside = grey[max(-top, 0) : bottom - top, max(-left, 0) : right - left]
-        struck[max(top, 0) : bottom, max(left, 0) : right] += np.rint(inside).astype(np.int64)
-    return np.minimum(struck, SATURATION_DN).astype(image_dn.dtype)
-
-
-def _spread(centres, first, last):
-    """Share of spots at `centres` in each pixel first ... last of one axis: (n, pixels)."""
-    from scipy.special import ndtr
-
-    edges = np.arange(first, last + 2) - 0.5
-    return np.diff(ndtr((edges - np.asarray(centres)[:, None]) / HIT_SIGMA_PX), axis=1)
+    objects, (rows, columns) = false_objects(rng), image_dn.shape
+    charge = field.ZERO_MAGNITUDE * 10.0 ** (-0.4 * objects.vmag)
+    steep = hits.upsets(columns, rows, objects.xy_px[::2], charge[::2])
+    electrons = np.zeros(rows * columns)
+    np.add.at(electrons, steep.pixel, steep.electrons)
+    for place, amount in zip(objects.xy_px[1::2], charge[1::2], strict=True):
+        length, angle = 1.0 + rng.exponential(HIT_TRAIL_PX), rng.uniform(0.0, 2.0 * np.pi)
+        half = 0.5 * length * np.array([np.cos(angle), np.sin(angle)])
+        one = hits.trail(columns, rows, place - half, place + half, amount / length)
+        np.add.at(electrons, one.pixel, one.electrons)
+    struck = np.flatnonzero(electrons)
+    grey = image_dn.ravel().astype(np.int64)
+    grey[struck] += np.rint(rng.poisson(electrons[struck]) / field.ELECTRONS_PER_DN).astype(np.int64)
+    return np.minimum(grey, SATURATION_DN).astype(image_dn.dtype).reshape(image_dn.shape)
