@@ -74,7 +74,8 @@ def seen_from_to(camera, times, omega_c, x_px, y_px):
 
     Returns
     -------
-    begin_s, end_s : from the frame's instant; NaN for a star that leaves the front of the camera
+    begin_s, end_s : from the frame's instant; NaN for a star that leaves the front of the camera, or that
+        outruns the rows: it may be seen several times or never
     """
     begin_s = end_s = row_start_s(times, y_px)
     end_s += times.exposure_s
@@ -87,5 +88,5 @@ def seen_from_to(camera, times, omega_c, x_px, y_px):
         settled = abs(next_begin - begin_s) < SOLVED_S and abs(next_end - end_s) < SOLVED_S
         begin_s, end_s = next_begin, next_end
         if settled:
-            break
-    return begin_s, end_s
+            return begin_s, end_s
+    return np.nan, np.nan

@@ -20,6 +20,7 @@ EXPERIMENTS = {
     "impa-detection": ("impa_detection", "IMPA figure 12: faintest magnitude found against rate"),
     "impa-centroids": ("impa_centroids", "IMPA tables 3 to 5: centroid errors, both shutters"),
     "impa-attitude": ("impa", "IMPA tables 6, 7, 10, 11: attitude errors"),
+    "impa-assumptions": ("impa_assumptions", "IMPA tables 8, 12: what hangs on what it does not say"),
     "impa-frames": ("impa_frames", "IMPA: what the frames look like, and what is found in them"),
     "impa-images": ("impa", "IMPA tables 8, 9, 12, 13: success against the number of images"),
 }

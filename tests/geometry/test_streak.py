@@ -63,3 +63,12 @@ def test_a_star_that_runs_with_the_rows_is_seen_longer():
         _, vy = velocity(CAMERA, omega_c, 512.0, 512.0)
         assert np.sign(vy) == sign
         assert end_s - begin_s == pytest.approx(0.2 / (1.0 - vy * times.line_s), rel=1e-4)
+
+
+def test_a_star_that_outruns_the_rows_has_no_one_exposure():
+    """Faster than a row a line time: t = row_start(y(t)) has any number of solutions."""
+    times = row_times(0.2, 0.2 / 1024, 1024)
+    omega_c = np.array([2.5, 0.0, 0.0])
+    _, vy = velocity(CAMERA, omega_c, 512.0, 512.0)
+    assert vy * times.line_s > 1.0
+    assert np.isnan(seen_from_to(CAMERA, times, omega_c, 512.0, 512.0)).all()
