@@ -281,15 +281,18 @@ def _fit_all(
             widths[n_widths] = width2(s, row[LEVEL], n, work)
             n_widths += 1
         n_fits += 1
-    expected = s
+    expected, first_verdict = s, verdict[:n_fits].copy()
     if n_widths > 0:
         seen = np.sqrt(np.median(widths[:n_widths]))
         if WIDTHS[0] * s < seen < WIDTHS[1] * s and abs(seen - s) > WIDTH_PART * s:
             s = seen
-    subtract[:n_fits] = verdict[:n_fits] == STAR
     row, path = np.empty(COLUMNS), np.empty(NUMBERS)
     for k in range(n_fits):
-        first = 0 if verdict[k] != STAR else k + 1
+        for j in range(n_fits):
+            subtract[j] = first_verdict[j] == STAR
+            if first_verdict[k] != STAR and _end_to_end(paths[k], paths[j], s):
+                subtract[j] = False  # what goes on past its ends is not excused by what goes on there
+        first = 0 if first_verdict[k] != STAR else k + 1
         if s == expected and not _has_neighbour(paths, subtract, k, first, n_fits, s):
             continue
         row[:], path[:] = fitted[k], paths[k]
@@ -353,7 +356,13 @@ def _is_in_line(fitted, path, other_fitted, other, s):
     Of true stars, about one in 500 has another one there by chance.
     """
     ratio = fitted[FLUX] / other_fitted[FLUX]
-    if path[LENGTH] < SHORT_SIGMAS * s or ratio > IN_LINE_RATIO or ratio * IN_LINE_RATIO < 1.0:
+    return ratio < IN_LINE_RATIO and ratio * IN_LINE_RATIO > 1.0 and _end_to_end(path, other, s)
+
+
+@njit(cache=True)
+def _end_to_end(path, other, s):
+    """Whether one streak goes on where another one ends, on the same line."""
+    if path[LENGTH] < SHORT_SIGMAS * s:
         return False
     ex = 0.5 * (other[X0] + other[X1] - path[X0] - path[X1])
     ey = 0.5 * (other[Y0] + other[Y1] - path[Y0] - path[Y1])
