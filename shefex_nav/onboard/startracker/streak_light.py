@@ -1,9 +1,9 @@
 """The light of one star in the pixels around its streak: what was seen, and what the model says.
 
 In: the frame and the path of a streak. Out: arrays over the pixels of its window. The model is a Gaussian
-spot on the exact path (`streak_path`): across, the Gaussian; along, the difference of two normal distributions at
-the ends, which are those of each row's own exposure. The square of a pixel adds its variance 1/12 px^2 to the
-spot's.
+spot on the exact path (`streak_path`): across, the Gaussian; along, the difference of two normal
+distributions at the ends, which are those of each row's own exposure. The square of a pixel adds its variance
+1/12 px^2 to the spot's.
 """
 
 import numpy as np

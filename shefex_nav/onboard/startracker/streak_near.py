@@ -180,7 +180,7 @@ def _strips(image_dn, bad, path, s, search_px, values, around):
 
 @njit(cache=True)
 def _quantile(ordered, fraction):
-    """Quantile of ordered whole numbers k, each of which stands for an even spread over k - 1/2 ... k + 1/2."""
+    """Quantile of ordered whole numbers k, each standing for an even spread over k - 1/2 ... k + 1/2."""
     target = fraction * ordered.shape[0]
     value = ordered[min(int(np.ceil(target)), ordered.shape[0]) - 1]
     below = np.searchsorted(ordered, value)

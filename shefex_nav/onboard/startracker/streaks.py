@@ -67,7 +67,7 @@ from shefex_nav.onboard.startracker.streak_path import (
     place_of_middle,
     touching,
 )
-from shefex_nav.onboard.startracker.streak_shape import SHORT_SIGMAS, STAR, judge
+from shefex_nav.onboard.startracker.streak_shape import MISFIT, SHORT_SIGMAS, STAR, judge
 from shefex_nav.records import Detections
 
 FALSE_OBJECTS = 0.5  # wanted number of objects in a frame that are noise
@@ -81,7 +81,8 @@ WIDTH_PART = 0.02  # stars are fitted again if their width is off by more
 WIDTHS = (0.7, 1.5)  # of the expected one, that are believed
 IN_LINE_RATIO = 1.6  # of the light of two parts of a longer streak
 IN_LINE_SIGMAS = 1.0  # they lie so close to one line
-IN_LINE_PART = (0.3, 1.25)  # and the middles are so many lengths apart
+IN_LINE_PART = 1.25  # and the middles are at most so many lengths apart
+GROWN = 1.6  # by more light than that no star grows when others are no longer taken away
 FALSE_NEAR = 0.05  # wanted number of objects near predictions that are noise
 MEAN_EVERY = 16
 
@@ -281,15 +282,18 @@ def _fit_all(
             widths[n_widths] = width2(s, row[LEVEL], n, work)
             n_widths += 1
         n_fits += 1
-    expected = s
+    expected, first_verdict, first_flux = s, verdict[:n_fits].copy(), fitted[:n_fits, FLUX].copy()
     if n_widths > 0:
         seen = np.sqrt(np.median(widths[:n_widths]))
         if WIDTHS[0] * s < seen < WIDTHS[1] * s and abs(seen - s) > WIDTH_PART * s:
             s = seen
-    subtract[:n_fits] = verdict[:n_fits] == STAR
     row, path = np.empty(COLUMNS), np.empty(NUMBERS)
     for k in range(n_fits):
-        first = 0 if verdict[k] != STAR else k + 1
+        for j in range(n_fits):
+            subtract[j] = first_verdict[j] == STAR
+            if first_verdict[k] != STAR and _end_to_end(paths[k], paths[j], s):
+                subtract[j] = False  # what goes on past its ends is not excused by what goes on there
+        first = 0 if first_verdict[k] != STAR else k + 1
         if s == expected and not _has_neighbour(paths, subtract, k, first, n_fits, s):
             continue
         row[:], path[:] = fitted[k], paths[k]
@@ -327,6 +331,8 @@ def _fit_all(
         ):
             fitted[k], paths[k] = row, path
             verdict[k] = judge(camera, P_omega_c, s, dn_per_electron, n, path, work, row)
+            if row[FLUX] > GROWN * first_flux[k]:
+                verdict[k] = MISFIT  # it was a part of something that is no star
     return _stars(fitted[:n_fits], paths, verdict, least, s)
 
 
@@ -353,13 +359,19 @@ def _is_in_line(fitted, path, other_fitted, other, s):
     Of true stars, about one in 500 has another one there by chance.
     """
     ratio = fitted[FLUX] / other_fitted[FLUX]
-    if path[LENGTH] < SHORT_SIGMAS * s or ratio > IN_LINE_RATIO or ratio * IN_LINE_RATIO < 1.0:
+    return ratio < IN_LINE_RATIO and ratio * IN_LINE_RATIO > 1.0 and _end_to_end(path, other, s)
+
+
+@njit(cache=True)
+def _end_to_end(path, other, s):
+    """Whether two streaks touch or overlap on the same line."""
+    if path[LENGTH] < SHORT_SIGMAS * s:
         return False
     ex = 0.5 * (other[X0] + other[X1] - path[X0] - path[X1])
     ey = 0.5 * (other[Y0] + other[Y1] - path[Y0] - path[Y1])
     along, across = abs(ex * path[TX] + ey * path[TY]), abs(ey * path[TX] - ex * path[TY])
     between = along / path[LENGTH]
-    return across < IN_LINE_SIGMAS * s and IN_LINE_PART[0] < between < IN_LINE_PART[1]
+    return across < IN_LINE_SIGMAS * s and between < IN_LINE_PART
 
 
 @njit(cache=True)
