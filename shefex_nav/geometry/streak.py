@@ -53,13 +53,31 @@ def place_at(camera, omega_c, x_px, y_px, t_s):
 
 
 @njit(cache=True)
-def velocity(camera, omega_c, x_px, y_px):
-    """Velocity of a star at (x_px, y_px). -> vx, vy [px/s]: the derivative of `place_at` at time zero."""
+def turn_jacobian(camera, x_px, y_px):
+    """How a small turn of the camera, dtheta_c, moves a star: d xy = H dtheta_c. -> (2, 3) px/rad.
+
+    q_ic(true) = q_ic exp(dtheta): u_c(true) = u_c - dtheta x u_c, projected.
+    """
     f = camera.focal_length_px
     a, b = (x_px - camera.cx_px) / f, (y_px - camera.cy_px) / f
-    wx, wy, wz = omega_c[0], omega_c[1], omega_c[2]
-    vx = f * (a * b * wx - (1.0 + a * a) * wy + b * wz)
-    vy = f * ((1.0 + b * b) * wx - a * b * wy - a * wz)
+    return f * np.array([[a * b, -(1.0 + a * a), b], [1.0 + b * b, -a * b, -a]])
+
+
+@njit(cache=True)
+def turn_jacobians(camera, xy_px):
+    """`turn_jacobian` at each place. (n, 2) px -> (n, 2, 3) px/rad."""
+    H = np.empty((len(xy_px), 2, 3))
+    for k in range(len(xy_px)):
+        H[k] = turn_jacobian(camera, xy_px[k, 0], xy_px[k, 1])
+    return H
+
+
+@njit(cache=True)
+def velocity(camera, omega_c, x_px, y_px):
+    """Velocity of a star at (x_px, y_px). -> vx, vy [px/s]: the derivative of `place_at` at time zero."""
+    H = turn_jacobian(camera, x_px, y_px)
+    vx = H[0, 0] * omega_c[0] + H[0, 1] * omega_c[1] + H[0, 2] * omega_c[2]
+    vy = H[1, 0] * omega_c[0] + H[1, 1] * omega_c[1] + H[1, 2] * omega_c[2]
     return vx, vy
 
 
@@ -90,3 +108,24 @@ def seen_from_to(camera, times, omega_c, x_px, y_px):
         if settled:
             return begin_s, end_s
     return np.nan, np.nan
+
+
+@njit(cache=True)
+def middles_seen(camera, times, omega_c, xy_px):
+    """When the light of stars is collected, in the mean. (n, 2) places at time zero -> (n,) s."""
+    t_s = np.empty(len(xy_px))
+    for k in range(len(xy_px)):
+        begin_s, end_s = seen_from_to(camera, times, omega_c, xy_px[k, 0], xy_px[k, 1])
+        t_s[k] = 0.5 * (begin_s + end_s)
+    return t_s
+
+
+@njit(cache=True)
+def rate_lever(camera, times, omega_c, x_px, y_px):
+    """How an error of the rate moves a star's place at time zero: d xy = S domega_c. -> (2, 3) px s.
+
+    The star was seen in the middle of its time; a rate that is domega too low carries it from there to time
+    zero by too little. With a global shutter the lever is zero to first order.
+    """
+    begin_s, end_s = seen_from_to(camera, times, omega_c, x_px, y_px)
+    return 0.5 * (begin_s + end_s) * turn_jacobian(camera, x_px, y_px)

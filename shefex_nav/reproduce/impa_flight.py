@@ -58,6 +58,7 @@ def simulate(shutter, case, seed, most_images=MOST_IMAGES):
     published = np.zeros((len(CASES), len(methods.ACCEPTANCES), 4))
     own = np.zeros((len(SITUATIONS), OWN_FRAMES, 7))
     times, clusters, number = field.times(shutter), None, 0
+    motion = methods.streaks.Motion(omega_c, P_omega_c, times)
     while number < max(OWN_FRAMES, most_images) and not (number >= OWN_FRAMES and published[..., 0].all()):
         image = frame(shutter, case, number, noise)
         truth, false = field.attitude_at(case, number), methods.false_objects(false_rng)
@@ -66,7 +67,7 @@ def simulate(shutter, case, seed, most_images=MOST_IMAGES):
             struck = methods.streaks_of(methods.with_hits(image, hit_rng), omega_c, P_omega_c, times)
             lists = (found, methods.with_false(found, false, omega_c), struck)
             for k, detections in enumerate(lists):
-                own[k, number] = _own_result(methods.own_attitude(detections), truth)
+                own[k, number] = _own_result(methods.own_attitude(detections, motion), truth)
         if most_images:
             clusters, fused = methods.multipole_chain.objects(methods.CHAIN, times, clusters, image)
         if most_images and number > 0:

@@ -47,11 +47,15 @@ def sheet(shutter, case, seed):
     for number in range(2):
         image = flight.frame(shutter, case, number, noise)
         clusters, fused = methods.multipole_chain.objects(methods.CHAIN, times, clusters, image)
+    motion = methods.streaks.Motion(omega_c, P_omega_c, times)
     ours = methods.streaks_of(image, omega_c, P_omega_c, times)
     stars_px = catalogue_stars(case)
     lists = (fused, ours)
     near = [found_near(stars_px, one.xy_px) for one in lists]
-    solved = (methods.published_attitudes(fused)[0] is not None, methods.own_attitude(ours) is not None)
+    solved = (
+        methods.published_attitudes(fused)[0] is not None,
+        methods.own_attitude(ours, motion) is not None,
+    )
     paths = [path_of(times, case.omega_c, xy_px) for xy_px in stars_px]
     return Sheet(image, paths, stars_px, tuple(one.xy_px for one in lists), np.array(near), solved)
 

@@ -13,7 +13,7 @@ import numpy as np
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.geometry.streak import velocity
-from shefex_nav.onboard.startracker import multipole_chain, streaks, tracker
+from shefex_nav.onboard.startracker import multipole_chain, objects, streaks, tracker
 from shefex_nav.onboard.startracker.clusters import ClusterParams
 from shefex_nav.onboard.startracker.compensate import CompensateParams
 from shefex_nav.onboard.startracker.detect import DetectParams
@@ -154,18 +154,20 @@ def streaks_of(image_dn, omega_c, P_omega_c, times):
     return streaks.detect_streaks(DETECT, field.CAMERA, image_dn, motion)[0]
 
 
-def own_attitude(detections):
-    """Attitude of a list by our tracker: q_ic and P_c, or None."""
+def own_attitude(detections, motion):
+    """Attitude of a list by our tracker with the motion that it was made with: q_ic and P_c, or None."""
     params, pairs = own(), field.pairs(True)
     u_c = unit_vectors(field.CAMERA, detections.xy_px)
     P_px = tracker.centroid_covariance(params, detections)
-    found = IDENTIFIERS["bayes"](params.identify, pairs, u_c, detections.flux_dn, P_px)
-    known = found.star >= 0
-    if found.reason != Reason.NONE or known.sum() < params.identify.min_stars:
+    t_s, P_omega_c = objects.rate_of(field.CAMERA, motion, detections)
+    with_rate = tracker.with_rate(params, detections, P_px, (t_s, P_omega_c))
+    found = IDENTIFIERS["bayes"](params.identify, pairs, u_c, detections.flux_dn, with_rate)
+    known, least = found.star >= 0, params.identify.min_stars
+    if found.reason != Reason.NONE or known.sum() < least:
         return None
-    least = params.identify.min_stars
+    seen_i = pairs.stars.u_i[found.star[known]]
     n_used, q_ic, P_c, _ = tracker.solve(
-        params, u_c[known], pairs.stars.u_i[found.star[known]], P_px[known], least
+        params, u_c[known], seen_i, P_px[known], least, (t_s[known], P_omega_c)
     )
     return None if n_used < least or not np.isfinite(P_c.sum() + q_ic.sum()) else (q_ic, P_c)
 

@@ -7,6 +7,7 @@ from star_fields import CAMERA, random_attitude
 
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, rotvec_between
+from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.onboard.startracker.attitude import covariance, esoq2
 from shefex_nav.onboard.startracker.likelihood import drop_worst, refine, sigma_of_centroids
 
@@ -167,3 +168,72 @@ def test_a_field_that_would_be_too_small_keeps_its_stars():
     dropped, _, _, chi2 = drop_worst(CAMERA, truth, xy_px, v_i, P_px, 1e-3, 4)
     assert dropped == -1 and chi2 > 1000.0
     assert drop_worst(CAMERA, truth, xy_px, v_i, P_px, 1e-3, 3)[0] == 2
+
+
+P_OMEGA = np.radians(np.diag([0.02, 0.03, 0.05])) ** 2  # (rad/s)^2
+
+
+def rolling_frame(rng, n, P_px, P_omega):
+    """A frame whose rows were exposed over 0.2 s, its places brought to one instant with a wrong rate.
+
+    Returns
+    -------
+    q_ic, xy_px, v_i as `frame`, and t_s (n,)
+    """
+    q_ic, xy_px, v_i = frame(rng, n, P_px)
+    truth_px = predicted(q_ic, v_i)
+    t_s = 0.2 * (truth_px[:, 1] / 492.0 - 0.5)
+    domega = rng.multivariate_normal(np.zeros(3), P_omega)
+    return q_ic, xy_px + t_s[:, None] * (turn_jacobians(CAMERA, truth_px) @ domega), v_i, t_s
+
+
+def test_common_error_of_the_rate_is_that_of_one_large_covariance():
+    """The same as all places together with the covariance P + S P_omega S' between every two of them."""
+    rng = np.random.default_rng(21)
+    P_px = streaks(rng, 9)
+    _, xy_px, v_i, t_s = rolling_frame(rng, 9, P_px, P_OMEGA)
+    q_ic, P_c, chi2 = refine(CAMERA, first_attitude(xy_px, v_i, P_px), xy_px, v_i, P_px, t_s, P_OMEGA)
+    at = predicted(q_ic, v_i)
+    H = turn_jacobians(CAMERA, at)
+    S = (t_s[:, None, None] * H).reshape(-1, 3)
+    V = S @ P_OMEGA @ S.T
+    for k in range(9):
+        V[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] += P_px[k]
+    H, r = H.reshape(-1, 3), (xy_px - at).ravel()
+    assert np.allclose(P_c, np.linalg.inv(H.T @ np.linalg.solve(V, H)), rtol=1e-6)
+    assert chi2 == pytest.approx(r @ np.linalg.solve(V, r), rel=1e-6)
+    assert np.abs(P_c @ H.T @ np.linalg.solve(V, r)).max() < 1e-3 * np.sqrt(np.diag(P_c)).min()
+
+
+def test_covariance_covers_a_wrong_rate_and_independent_errors_do_not():
+    """Chi-square of three degrees of freedom over 400 frames, about the boresight and in all."""
+    rng = np.random.default_rng(22)
+    common, apart = np.empty(400), np.empty(400)
+    for k in range(400):
+        P_px = np.tile(0.01 * np.eye(2), (20, 1, 1))
+        truth, xy_px, v_i, t_s = rolling_frame(rng, 20, P_px, P_OMEGA)
+        S = t_s[:, None, None] * turn_jacobians(CAMERA, xy_px)
+        for out, P, rate in (
+            (common, P_px, (t_s, P_OMEGA)),
+            (apart, P_px + S @ P_OMEGA @ S.transpose(0, 2, 1), (np.zeros(20), np.zeros((3, 3)))),
+        ):
+            q_ic, P_c, _ = refine(CAMERA, truth, xy_px, v_i, P, *rate)
+            error = rotvec_between(q_ic, truth)
+            out[k] = error @ np.linalg.solve(P_c, error) / 3.0
+    assert common.mean() == pytest.approx(1.0, abs=3.5 * np.sqrt(2.0 / 3.0 / 400))
+    assert apart.mean() > 1.0 + 5.0 * np.sqrt(2.0 / 3.0 / 400)
+
+
+def test_with_a_wrong_rate_the_bad_star_is_still_the_one_that_is_dropped():
+    """And without a bad star one is dropped as often as said: Poisson, 99.9 %."""
+    rng = np.random.default_rng(23)
+    n_dropped, n_right = 0, 0
+    for _ in range(300):
+        P_px = np.tile(0.01 * np.eye(2), (12, 1, 1))
+        truth, xy_px, v_i, t_s = rolling_frame(rng, 12, P_px, P_OMEGA)
+        rate = t_s, P_OMEGA
+        n_dropped += drop_worst(CAMERA, truth, xy_px, v_i, P_px, 0.05, 4, *rate)[0] >= 0
+        xy_px[5] += [0.9, -0.6]
+        n_right += drop_worst(CAMERA, truth, xy_px, v_i, P_px, 0.05, 4, *rate)[0] == 5
+    assert 4 <= n_dropped <= 30  # 15 expected
+    assert n_right > 290

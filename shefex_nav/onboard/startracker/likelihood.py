@@ -86,10 +86,46 @@ def _inverse2(P):
 
 
 @njit(cache=True)
-def refine(camera, q_ic, xy_px, v_i, P_px):
+def _normal(H, residual, P_px, t_s, P_omega):
+    """Normal equations of the attitude, the common error of the rate eliminated.
+
+    r_k = H_k (dtheta + t_k domega) + noise of P_px[k], domega of covariance P_omega. With
+    A = sum H'W H, B = sum t H'W H, C = sum t^2 H'W H the best domega is D (sum t H'W r - B' dtheta),
+    D = (C + P_omega^-1)^-1 = P_omega (I + C P_omega)^-1, which a P_omega of zero does not harm.
+
+    Returns
+    -------
+    P_c (3, 3), g (3,) right side, B (3, 3), D (3, 3), c (3,) = sum t H'W r, chi2 at dtheta = 0
+    """
+    A, B, C = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+    g, c, chi2 = np.zeros(3), np.zeros(3), 0.0
+    for k in range(residual.shape[0]):
+        W, t = _inverse2(P_px[k]), t_s[k]
+        chi2 += _form2(W, residual[k])
+        for i in range(3):
+            a0 = H[k, 0, i] * W[0, 0] + H[k, 1, i] * W[1, 0]
+            a1 = H[k, 0, i] * W[0, 1] + H[k, 1, i] * W[1, 1]
+            right = a0 * residual[k, 0] + a1 * residual[k, 1]
+            g[i] += right
+            c[i] += t * right
+            for j in range(3):
+                both = a0 * H[k, 0, j] + a1 * H[k, 1, j]
+                A[i, j] += both
+                B[i, j] += t * both
+                C[i, j] += t * t * both
+    D = P_omega @ inverse3(np.eye(3) + C @ P_omega)
+    Dc = D @ c
+    return inverse3(A - B @ D @ B.T), g - B @ Dc, B, D, c, chi2 - c @ Dc
+
+
+@njit(cache=True)
+def refine(camera, q_ic, xy_px, v_i, P_px, t_s=None, P_omega=None):
     """Attitude of largest likelihood for centroids with covariances of any shape (Gauss-Newton).
 
-    Minimises chi2 = sum r' P^-1 r over the attitude, r the distances [px] from the predicted places.
+    Minimises chi2 = sum r' P^-1 r over the attitude, r the distances [px] from the predicted places. Places
+    that were brought to one instant with a rate share its error: it is estimated along, with the prior
+    P_omega. With rows exposed one after the other it is mostly a shear, half of which looks like a turn about
+    the boresight: taken for independent errors of the stars it would be averaged away.
 
     Parameters
     ----------
@@ -97,7 +133,9 @@ def refine(camera, q_ic, xy_px, v_i, P_px):
     q_ic : (4,) first attitude, e.g. of `esoq2`
     xy_px : (n, 2), n >= 2
     v_i : (n, 3) unit vectors
-    P_px : (n, 2, 2) px^2, positive definite
+    P_px : (n, 2, 2) px^2, positive definite, without the error of the rate
+    t_s : (n,) when each star was seen, from the instant; None: no rate was used
+    P_omega : (3, 3) (rad/s)^2, covariance of the rate; None likewise
 
     Returns
     -------
@@ -105,30 +143,26 @@ def refine(camera, q_ic, xy_px, v_i, P_px):
     P_c : (3, 3) rad^2, covariance of the error with q_ic(true) = q_ic exp(dtheta_c)
     chi2 : float, 2 n - 3 degrees of freedom
     """
-    P_c = np.full((3, 3), np.nan)
+    t, P_rate = _rate_of(t_s, P_omega, xy_px.shape[0])
+    P_c, chi2 = np.full((3, 3), np.nan), np.nan
     for _ in range(REFINE_STEPS):
         residual, H = _observe(camera, q_ic, xy_px, v_i)
-        F, g = np.zeros((3, 3)), np.zeros(3)
-        for k in range(xy_px.shape[0]):
-            W = _inverse2(P_px[k])
-            for r in range(3):
-                a0 = H[k, 0, r] * W[0, 0] + H[k, 1, r] * W[1, 0]
-                a1 = H[k, 0, r] * W[0, 1] + H[k, 1, r] * W[1, 1]
-                g[r] += a0 * residual[k, 0] + a1 * residual[k, 1]
-                for c in range(3):
-                    F[r, c] += a0 * H[k, 0, c] + a1 * H[k, 1, c]
-        P_c = inverse3(F)
-        d = np.zeros(3)
-        for r in range(3):
-            d[r] = P_c[r, 0] * g[0] + P_c[r, 1] * g[1] + P_c[r, 2] * g[2]
+        P_c, g, _, _, _, _ = _normal(H, residual, P_px, t, P_rate)
+        d = P_c @ g
         q_ic = quat_multiply(q_ic, quat_from_rotvec(d))
         if not d[0] ** 2 + d[1] ** 2 + d[2] ** 2 > REFINED**2:
             break
-    residual, _ = _observe(camera, q_ic, xy_px, v_i)
-    chi2 = 0.0
-    for k in range(xy_px.shape[0]):
-        chi2 += _form2(_inverse2(P_px[k]), residual[k])
+    residual, H = _observe(camera, q_ic, xy_px, v_i)
+    chi2 = _normal(H, residual, P_px, t, P_rate)[5]
     return quat_normalise(q_ic), P_c, chi2
+
+
+@njit(cache=True)
+def _rate_of(t_s, P_omega, n):
+    """Times and covariance of the rate as arrays; zeros where there is none."""
+    if t_s is None or P_omega is None:
+        return np.zeros(n), np.zeros((3, 3))
+    return t_s, P_omega
 
 
 @njit(cache=True)
@@ -138,19 +172,20 @@ def _form2(W, r):
 
 
 @njit(cache=True)
-def drop_worst(camera, q_ic, xy_px, v_i, P_px, false_alarm, min_stars):
+def drop_worst(camera, q_ic, xy_px, v_i, P_px, false_alarm, min_stars, t_s=None, P_omega=None):
     """Attitude by `refine`, without the worst star if that one does not belong.
 
     The distance r of a star from where the OTHERS put it has the covariance P + H P_others H'; with the fit
     of all stars that is r'(P - H P_c H')^-1 r, chi-square of two degrees of freedom if all errors are as P
-    says. Of n stars the largest is tested, so each has false_alarm / n: the limit is 2 ln(n / false_alarm)
-    (Bonferroni), and false_alarm is the probability that a star is dropped from a field without a bad one.
-    For one displaced star this is the most powerful test (the ratio of likelihoods); how far a star must be
-    off to be found follows from the non-central chi-square distribution.
+    says; H and P_c are those of attitude and rate together. Of n stars the largest is tested, so each has
+    false_alarm / n: the limit is 2 ln(n / false_alarm) (Bonferroni), and false_alarm is the probability that
+    a star is dropped from a field without a bad one. For one displaced star this is the most powerful test
+    (the ratio of likelihoods); how far a star must be off to be found follows from the non-central chi-square
+    distribution.
 
     Parameters
     ----------
-    camera, q_ic, xy_px, v_i, P_px : as `refine`; n >= 3
+    camera, q_ic, xy_px, v_i, P_px, t_s, P_omega : as `refine`; n >= 3
     false_alarm : float
     min_stars : int, at least 2; no star is dropped if fewer would remain
 
@@ -160,24 +195,24 @@ def drop_worst(camera, q_ic, xy_px, v_i, P_px, false_alarm, min_stars):
     q_ic, P_c, chi2 : as `refine`, without that star
     """
     n = xy_px.shape[0]
-    q_ic, P_c, chi2 = refine(camera, q_ic, xy_px, v_i, P_px)
+    t, P_rate = _rate_of(t_s, P_omega, n)
+    q_ic, P_c, chi2 = refine(camera, q_ic, xy_px, v_i, P_px, t, P_rate)
     if n - 1 < max(min_stars, 2):
         return -1, q_ic, P_c, chi2
     residual, H = _observe(camera, q_ic, xy_px, v_i)
+    _, _, B, D, c, _ = _normal(H, residual, P_px, t, P_rate)
+    omega = D @ c  # at the best attitude the best error of the rate
+    P_cross = -P_c @ B @ D  # of attitude and rate
+    P_rest = D + D @ B.T @ P_c @ B @ D
     worst, largest = -1, 2.0 * np.log(n / false_alarm)
     for k in range(n):
-        left = P_px[k].copy()
-        for r in range(2):
-            for c in range(2):
-                for i in range(3):
-                    for j in range(3):
-                        left[r, c] -= H[k, r, i] * P_c[i, j] * H[k, c, j]
-        test = _form2(_inverse2(left), residual[k])
+        known = P_c + t[k] * (P_cross + P_cross.T) + t[k] * t[k] * P_rest
+        test = _form2(_inverse2(P_px[k] - H[k] @ known @ H[k].T), residual[k] - t[k] * (H[k] @ omega))
         if test > largest:
             worst, largest = k, test
     if worst < 0:
         return -1, q_ic, P_c, chi2
     rest = np.ones(n, dtype=np.bool_)
     rest[worst] = False
-    q_ic, P_c, chi2 = refine(camera, q_ic, xy_px[rest], v_i[rest], P_px[rest])
+    q_ic, P_c, chi2 = refine(camera, q_ic, xy_px[rest], v_i[rest], P_px[rest], t[rest], P_rate)
     return worst, q_ic, P_c, chi2

@@ -20,13 +20,16 @@ from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.shutter import row_times
+from shefex_nav.geometry.streak import middles_seen, turn_jacobian, turn_jacobians
 from shefex_nav.onboard.startracker.detect import SCANS, FrameStatistics, detect
 from shefex_nav.records import Scan
 
 STREAKS, RUN_LENGTH = "streaks", "run_length"
 WAYS = (*SCANS, STREAKS, RUN_LENGTH)
 SPOTS = {"sequential": Scan.SEQUENTIAL, "maximum": Scan.MAXIMUM}
-KNOWN_PX = 1.0  # a rate is known if its error moves a star by less than this during the frame [E]
+KNOWN_PX = (
+    1.0  # a rate is known if its error moves no star by more from the middle of the frame to its end [E]
+)
 NARROW_PX = 4.0  # a prediction is narrow if its error moves no star in the frame by more, 1 sigma [E]
 FEWEST = 3  # predicted stars that are worth looking at
 OUTSIDE_PX = 2.0  # a star predicted just beyond the border may be inside
@@ -41,6 +44,10 @@ class Found(NamedTuple):
     scan: int  # Scan
     at_instant: bool  # the places are those of the frame's instant
     memory: Any = None  # Memory for the next frame
+    rate: Any = (
+        None  # (t_s (n,), P_omega (3, 3)): when each was seen, and how well the rate is known by which
+    )
+    # all were brought to one instant
 
 
 class Memory(NamedTuple):
@@ -89,9 +96,14 @@ def _along_streaks(params, stars, frame, context):
         xy_px, P_px = predicted(params, stars, context)
         if len(xy_px) >= FEWEST:
             near = streaks.detect_near(params.detect, camera, frame.image_dn, motion, xy_px, P_px)
-            yield Found(*near, int(Scan.STREAKS_NEAR), True)
+            yield Found(*near, int(Scan.STREAKS_NEAR), True, rate=rate_of(camera, motion, near[0]))
     whole = streaks.detect_streaks(params.detect, camera, frame.image_dn, motion)
-    yield Found(*whole, int(Scan.STREAKS), True)
+    yield Found(*whole, int(Scan.STREAKS), True, rate=rate_of(camera, motion, whole[0]))
+
+
+def rate_of(camera, motion, detections):
+    """What detections that a rate has brought to one instant owe to it: `Found.rate`."""
+    return middles_seen(camera, motion.times, motion.omega_c, detections.xy_px), motion.P_omega_c
 
 
 def _by_run_length(chain, memory, frame):
@@ -117,19 +129,26 @@ def rate_is_known(camera, frame, context):
     """Whether the rate says where the light of a star went. Pinhole, Frame, Context -> bool."""
     if context.omega_c is None or context.P_omega_c is None:
         return False
-    sigma = np.sqrt(max(context.P_omega_c[0, 0], context.P_omega_c[1, 1]))
     half_s = 0.5 * (frame.exposure_s + frame.line_s * (frame.image_dn.shape[0] - 1))
-    return bool(np.isfinite(context.omega_c.sum()) and sigma * camera.focal_length_px * half_s < KNOWN_PX)
+    moved_px = half_s * _largest_sigma_px(camera, context.P_omega_c)
+    return bool(np.isfinite(context.omega_c.sum()) and moved_px < KNOWN_PX)
 
 
 def is_narrow(camera, context):
     """Whether the predicted attitude says where the stars are. Pinhole, Context -> bool."""
     if context.q_ic is None or context.P_c is None:
         return False
-    half_diagonal_px = 0.5 * np.hypot(camera.width_px, camera.height_px)
-    levers_px = np.array([camera.focal_length_px, camera.focal_length_px, half_diagonal_px])
-    variance = np.diag(context.P_c) * levers_px**2
-    return bool(np.isfinite(context.q_ic.sum()) and variance.max() < NARROW_PX**2)
+    return bool(np.isfinite(context.q_ic.sum()) and _largest_sigma_px(camera, context.P_c) < NARROW_PX)
+
+
+def _largest_sigma_px(camera, P_c):
+    """By how much turns of covariance P_c (3, 3) move the stars in the corners, the largest axis: float."""
+    largest = 0.0
+    for x in (0.0, camera.width_px - 1.0):
+        for y in (0.0, camera.height_px - 1.0):
+            H = turn_jacobian(camera, x, y)
+            largest = max(largest, np.linalg.eigvalsh(H @ P_c @ H.T)[-1])
+    return np.sqrt(largest)
 
 
 def predicted(params, stars, context):
@@ -152,18 +171,6 @@ def predicted(params, stars, context):
         xy_px < np.array([camera.width_px, camera.height_px]) - 0.5 + OUTSIDE_PX
     )
     inside = inside.all(axis=1)
-    H = shifts(camera, xy_px[inside])
+    H = turn_jacobians(camera, xy_px[inside])
     P_px = H @ context.P_c @ H.transpose(0, 2, 1) + params.centroid_floor_px**2 * np.eye(2)
     return xy_px[inside], P_px
-
-
-def shifts(camera, xy_px):
-    """How an attitude error moves the stars: d xy = H dtheta_c. Pinhole, (n, 2) px -> (n, 2, 3) px/rad.
-
-    q_ic(true) = q_ic exp(dtheta): u_c(true) = u_c - dtheta x u_c, projected.
-    """
-    f = camera.focal_length_px
-    a, b = ((xy_px - [camera.cx_px, camera.cy_px]) / f).T
-    one = np.ones_like(a)
-    H = np.array([[a * b, -(one + a * a), b], [one + b * b, -a * b, -a]])
-    return f * H.transpose(2, 0, 1)

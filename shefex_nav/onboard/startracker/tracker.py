@@ -16,6 +16,7 @@ from numba import njit
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate
+from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker import objects
 from shefex_nav.onboard.startracker.attitude import esoq2
@@ -133,24 +134,13 @@ def step(tracker, state, frame, context):
     params = tracker.params
     for seen in objects.searches(params, tracker.pairs.stars, state.memory, frame, context):
         detections, mean_dn = seen.detections, seen.statistics.mean_dn
-        u_c = unit_vectors(params.identify.camera, detections.xy_px)
-        P_px = centroid_covariance(params, detections)
-        found, least = _identify(tracker, frame.exposure_s, u_c, detections.flux_dn, context, P_px)
-        if found.reason == Reason.NONE:
+        found, reason, solution = _attitude(tracker, frame, seen, context)
+        if reason == Reason.NONE:
             break
     flag_saturated, flag_no_stars = flags(params.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.pairs.stars.hip[found.star], 0)
-    q_ic, P_c, residual_px, reason = NO_ATTITUDE, NO_COVARIANCE, np.nan, found.reason
-    too_fast = context.rate > params.max_rate  # False where the rate is unknown
-    if reason == Reason.NONE and (too_fast or not seen.at_instant):
-        reason = Reason.SMEARED
-    if reason == Reason.NONE:
-        n_used, *solution = _solve_identified(tracker, u_c, found.star, P_px, context.velocity_i, least)
-        if n_used >= least and np.isfinite(solution[0].sum() + solution[1].sum()):
-            q_ic, P_c, residual_px = solution
-        else:
-            reason = Reason.RESIDUALS
+    q_ic, P_c, residual_px = solution
     if reason != Reason.NONE:
         reason = explain(params, reason, mean_dn, context)
     fix = StarFix(
@@ -174,9 +164,35 @@ def step(tracker, state, frame, context):
     return TrackerState(exposure_s, seen.memory), fix, command
 
 
-def _identify(tracker, exposure_s, u_c, flux, context, P_px):
+NO_SOLUTION = NO_ATTITUDE, NO_COVARIANCE, np.nan
+
+
+def _attitude(tracker, frame, seen, context):
+    """(Identification, Reason, (q_ic, P_c, residual_px)) of the objects that one search has found."""
+    params, detections = tracker.params, seen.detections
+    u_c = unit_vectors(params.identify.camera, detections.xy_px)
+    P_px, rate = centroid_covariance(params, detections), seen.rate
+    found, least = _identify(
+        tracker, frame.exposure_s, u_c, detections, context, with_rate(params, detections, P_px, rate)
+    )
+    if found.reason != Reason.NONE:
+        return found, found.reason, NO_SOLUTION
+    if context.rate > params.max_rate or not seen.at_instant:  # False where the rate is unknown
+        return found, Reason.SMEARED, NO_SOLUTION
+    known = found.star >= 0
+    velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
+    seen_i = aberrate(tracker.pairs.stars.u_i[found.star[known]], velocity_i)
+    if rate is not None:
+        rate = rate[0][known], rate[1]
+    n_used, *solution = solve(params, u_c[known], seen_i, P_px[known], least, rate)
+    if n_used < least or not np.isfinite(solution[0].sum() + solution[1].sum()):
+        return found, Reason.RESIDUALS, NO_SOLUTION
+    return found, Reason.NONE, solution
+
+
+def _identify(tracker, exposure_s, u_c, detections, context, P_px):
     """(Identification, fewest stars that make an attitude)."""
-    params = tracker.params
+    params, flux = tracker.params, detections.flux_dn
     zero_flux = params.identify.zero_flux * exposure_s / params.exposure.max_s
     settings = params.identify._replace(zero_flux=zero_flux)
     if params.track and context.q_ic is not None and np.isfinite(context.q_ic.sum() + context.P_c.sum()):
@@ -187,21 +203,21 @@ def _identify(tracker, exposure_s, u_c, flux, context, P_px):
     return identify(settings, tracker.pairs, u_c, flux, P_px), settings.min_stars
 
 
-def _solve_identified(tracker, u_c, star, P_px, velocity_i, least):
-    """`solve` with the identified detections and their stars as the moving vehicle sees them."""
-    if velocity_i is None:
-        velocity_i = tracker.params.earth_velocity_i
-    known = star >= 0
-    seen_i = aberrate(tracker.pairs.stars.u_i[star[known]], velocity_i)
-    return solve(tracker.params, u_c[known], seen_i, P_px[known], least)
-
-
 def centroid_covariance(params, detections):
     """Covariance of each centroid, (n, 2, 2) px^2: noise, and what is wrong with every one."""
     return detections.P_px + params.centroid_floor_px**2 * np.eye(2)
 
 
-def solve(params, u_c, seen_i, P_px, least):
+def with_rate(params, detections, P_px, rate):
+    """Covariance of each centroid with what the error of the rate does to it; rate as in `solve`."""
+    if rate is None:
+        return P_px
+    t_s, P_omega = rate
+    S = t_s[:, None, None] * turn_jacobians(params.identify.camera, detections.xy_px)
+    return P_px + S @ P_omega @ S.transpose(0, 2, 1)
+
+
+def solve(params, u_c, seen_i, P_px, least, rate=None):
     """Attitude, its covariance and the misfit; the worst star is left out until all that are used fit.
 
     A neighbour too faint for the catalogue or a particle hit can shift the light of a star by more than its
@@ -214,8 +230,10 @@ def solve(params, u_c, seen_i, P_px, least):
     params : TrackerParams
     u_c : (n, 3) measured directions
     seen_i : (n, 3) apparent directions of the stars, aberration included
-    P_px : (n, 2, 2) px^2, covariance of each centroid
+    P_px : (n, 2, 2) px^2, covariance of each centroid, without the error of the rate
     least : int, fewest stars that make an attitude
+    rate : (t_s (n,), P_omega (3, 3)), when each star was seen and the covariance of the rate that brought all
+        to one instant; None where none did
 
     Returns
     -------
@@ -224,11 +242,12 @@ def solve(params, u_c, seen_i, P_px, least):
     P_c : (3, 3) rad^2
     residual_px : RMS distance of the used stars from where the attitude puts them
     """
-    return _solve_kernel(params.identify.camera, params.outlier_sigma, least, u_c, seen_i, P_px)
+    t_s, P_omega = (np.zeros(len(u_c)), np.zeros((3, 3))) if rate is None else rate
+    return _solve_kernel(params.identify.camera, params.outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega)
 
 
 @njit(cache=True)
-def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px):
+def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega):
     """As `solve`, with the settings that it needs."""
     xy_px = pixels(camera, u_c)
     rows = np.arange(len(u_c))
@@ -236,7 +255,7 @@ def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px):
     while True:
         false_alarm = len(rows) * np.exp(-0.5 * outlier_sigma**2)
         dropped, q_ic, P_c, chi2 = drop_worst(
-            camera, q_ic, xy_px[rows], seen_i[rows], P_px[rows], false_alarm, least - 1
+            camera, q_ic, xy_px[rows], seen_i[rows], P_px[rows], false_alarm, least - 1, t_s[rows], P_omega
         )
         if dropped >= 0:
             rows = np.delete(rows, dropped)
