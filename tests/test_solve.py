@@ -6,12 +6,14 @@ import pytest
 import shefex_nav
 from shefex_nav.environment.stars import at_epoch, load_catalogue
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, rotvec_between
+from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.solve.camera import Camera
 from shefex_nav.solve.centroids import solve_centroids
 
 EPOCH = 2012.47
 CAMERA = Camera(659, 493, 25.0e-3 / 9.9e-6)
 WRONG = np.radians(0.5)
+ZERO_FLUX = 50.0  # of a star of magnitude 0
 STARS = at_epoch(load_catalogue(5.5), EPOCH)
 
 
@@ -40,7 +42,7 @@ def field(rng, camera=CAMERA, n_false=5, noise_px=0.15, least=5, depth=5.5):
     mag = np.concatenate([STARS.vmag[rows], rng.choice(STARS.vmag, n_false)])
     mix = rng.permutation(len(mag))
     noise = rng.normal(0.0, noise_px, places.shape)
-    flux = 50.0 * 10.0 ** (-0.4 * (mag + rng.normal(0.0, 0.1, len(mag))))
+    flux = ZERO_FLUX * 10.0 ** (-0.4 * (mag + rng.normal(0.0, 0.1, len(mag))))
     hip = np.concatenate([STARS.hip[rows], np.zeros(n_false, dtype=np.int64)])
     return (places + noise)[mix], flux[mix], q_ci, hip[mix]
 
@@ -111,11 +113,20 @@ def test_prediction(least):
         assert found.status == "ok" or least == 3
 
 
-def test_another_method_of_the_package():
+@pytest.mark.parametrize("method", IDENTIFIERS)
+def test_another_method_of_the_package(method):
     rng = np.random.default_rng(5)
     xy, flux, q_ci, _ = field(rng, n_false=0, least=8)
-    found = solve_centroids(xy, flux, camera=CAMERA, epoch=EPOCH, method="pyramid")
+    zero_flux = ZERO_FLUX if method == "multipole" else None
+    found = solve_centroids(xy, flux, camera=CAMERA, epoch=EPOCH, method=method, zero_flux=zero_flux)
     assert found.status == "ok" and error(found, q_ci) < WRONG
+
+
+def test_multipole_says_what_it_needs():
+    xy, flux, _, _ = field(np.random.default_rng(5), n_false=0, least=8)
+    for given in ({"flux": flux}, {"flux": flux, "zero_flux": -1.0}, {"flux": None, "zero_flux": 1e3}):
+        with pytest.raises(ValueError, match="zero_flux"):
+            solve_centroids(xy, camera=CAMERA, epoch=EPOCH, method="multipole", **given)
 
 
 def test_failure_is_a_value():

@@ -43,7 +43,7 @@ class Detector(Block):
     read_noise: Quantity("electron", "16 electron", "1 sigma", positive=True)
     full_well: Quantity("electron", "30000 electron", "charge that a pixel can hold", positive=True)
     conversion: Quantity("electron/DN", "118 electron/DN", "at a gain of 0 dB", positive=True)
-    black_level: Quantity("DN", "8 DN", "grey value without charge", non_negative=True, at_most="200 DN")
+    black_level: Quantity("DN", "8 DN", "grey value without charge", non_negative=True, at_most="30000 DN")
     readout: Quantity("s", "10 ms", "end of exposure to picture in memory", non_negative=True)
     bits: Count("8", "of a grey value, which is at most 2^bits - 1", at_least=8, at_most=16)
     shutter: Literal["global", "rolling"] = Field(

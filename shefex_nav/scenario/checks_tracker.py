@@ -63,6 +63,12 @@ def _grey_values(scenario):
         if value > largest:
             words = f"{value:g} DN is above {largest} DN, the largest grey value of {bits} bits"
             yield ("star_tracker", *path), words
+    if bits > 8 and 4.0 * tracker.detection.saturation < largest:
+        words = (
+            f"{tracker.detection.saturation:g} DN is less than a quarter of {largest} DN, the largest grey "
+            f"value of {bits} bits: most stars would count as saturated; take {largest} DN"
+        )
+        yield ("star_tracker", "detection", "saturation"), words
     black = scenario.star_camera.detector.black_level
     if black >= tracker.detection.saturation:
         words = f"must be above star_camera.detector.black_level, {black:g} DN"

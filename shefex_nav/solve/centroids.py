@@ -57,6 +57,7 @@ def solve_centroids(
     false_limit=1e-7,
     prediction=None,
     centroid_covariance_px=None,
+    zero_flux=None,
 ):
     """Identify the stars of a frame and find the attitude of the camera.
 
@@ -78,6 +79,7 @@ def solve_centroids(
     centroid_covariance_px : None or (n, 2, 2) px^2, covariance of the error of each centroid, for those that
         differ or are elongated (not changed by the distortion); centroid_sigma_px is then that of an
         ordinary star
+    zero_flux : None or float, flux of a star of magnitude 0, without which 'multipole' cannot do
 
     Returns
     -------
@@ -108,7 +110,7 @@ def solve_centroids(
             raise ValueError(
                 f"prediction: method {method!r} cannot use one; expected None, or the default method"
             )
-        return _by_method(method, ready, xy_px, flux, P_px)
+        return _by_method(method, ready, xy_px, flux, P_px, zero_flux)
     prior = bayes.NO_PREDICTION if prediction is None else _prediction(prediction)
     sky = ready.sky
     tables, flux = (sky.stars, sky.index, sky.hip, ready.settings), NO_FLUX if flux is None else flux
@@ -328,7 +330,7 @@ def _prediction(prediction):
     return True, q_ci / norm, np.ascontiguousarray(0.5 * (P + P.T))
 
 
-def _by_method(method, ready, xy_px, flux, P_px):
+def _by_method(method, ready, xy_px, flux, P_px, zero_flux):
     """Another method of the package, lost in space."""
     if method not in IDENTIFIERS:
         known = ", ".join(["default", *IDENTIFIERS])
@@ -338,6 +340,9 @@ def _by_method(method, ready, xy_px, flux, P_px):
         _complain(BAD_PLACE)
     if flux is not None and not (np.isfinite(flux) & (flux > 0.0)).all():
         _complain(BAD_FLUX)
+    zero_flux = np.nan if zero_flux is None else _number("zero_flux", zero_flux)
+    if method == "multipole" and (flux is None or not zero_flux > 0.0):
+        raise ValueError("method: 'multipole' compares magnitudes; it needs flux and a positive zero_flux")
     brightness = np.ones(len(xy_px)) if flux is None else flux
     order = np.argsort(-brightness, kind="stable")
     f = pinhole.focal_length_px
@@ -345,7 +350,7 @@ def _by_method(method, ready, xy_px, flux, P_px):
         method=method,
         camera=pinhole,
         tolerance=3.0 * np.sqrt(2.0) * settings.sigma_px / f,
-        max_centroids=15,
+        max_centroids=200 if method == "multipole" else 15,  # the others build triangles
         min_stars=4,
         sigma_px=settings.sigma_px,
         gate_sigma=4.5,
@@ -353,6 +358,7 @@ def _by_method(method, ready, xy_px, flux, P_px):
         magnitude_margin=0.3,
         magnitude_sigma=settings.magnitude_sigma,
         false_alarm=settings.false_limit,
+        zero_flux=zero_flux,
     )
     u_c = unit_vectors(pinhole, xy_px[order])
     found = IDENTIFIERS[method](

@@ -6,7 +6,15 @@ import pytest
 from shefex_nav.geometry.pinhole import Pinhole, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_rotvec
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_start_s, row_times
-from shefex_nav.geometry.streak import place_at, seen_from_to, velocity
+from shefex_nav.geometry.streak import (
+    middles_seen,
+    place_at,
+    rate_lever,
+    seen_from_to,
+    turn_jacobian,
+    turn_jacobians,
+    velocity,
+)
 
 CAMERA = Pinhole(1024, 1024, 2889.0, 510.3, 512.9)
 
@@ -72,3 +80,27 @@ def test_a_star_that_outruns_the_rows_has_no_one_exposure():
     _, vy = velocity(CAMERA, omega_c, 512.0, 512.0)
     assert vy * times.line_s > 1.0
     assert np.isnan(seen_from_to(CAMERA, times, omega_c, 512.0, 512.0)).all()
+
+
+def test_a_small_turn_moves_a_star_by_the_jacobian():
+    step = 1e-6
+    for xy_px in ([12.0, 7.5], [640.0, 980.0], [512.0, 500.0]):
+        u_c = unit_vectors(CAMERA, np.array([xy_px]))
+        H = turn_jacobian(CAMERA, *xy_px)
+        for axis in np.eye(3):
+            ways = [pixels(CAMERA, u_c @ dcm_from_rotvec(sign * step * axis))[0] for sign in (0.5, -0.5)]
+            assert np.allclose(H @ axis, (ways[0] - ways[1]) / step, rtol=1e-5, atol=1e-3)
+        assert np.array_equal(turn_jacobians(CAMERA, np.array([xy_px]))[0], H)
+
+
+def test_a_wrong_rate_moves_the_place_at_the_instant_by_its_lever():
+    """A star is seen in the middle of its time and carried to time zero with one rate and with another."""
+    times, step = row_times(0.2, 0.2 / 1024, 1024), 1e-6
+    omega_c = np.array([0.05, -0.06, 0.03])
+    for xy_px in ([100.0, 60.0], [900.0, 950.0]):
+        t_s = middles_seen(CAMERA, times, omega_c, np.array([xy_px]))[0]
+        seen_px = place_at(CAMERA, omega_c, *xy_px, t_s)
+        S = rate_lever(CAMERA, times, omega_c, *xy_px)
+        for axis in np.eye(3):
+            low = place_at(CAMERA, omega_c - step * axis, *seen_px, -t_s)
+            assert np.allclose((np.array(low) - xy_px) / step, S @ axis, rtol=0.02, atol=2.0)

@@ -4,13 +4,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from star_fields import IDENTIFY, all_stars, random_attitude, ready_tracker
 
 from shefex_nav.environment.stars import aberrate
-from shefex_nav.geometry import rotation, streak
-from shefex_nav.geometry.pinhole import pinhole, pixels
+from shefex_nav.geometry import rotation
+from shefex_nav.geometry.pinhole import pinhole, pixels, unit_vectors
 from shefex_nav.onboard.startracker import objects, tracker
 from shefex_nav.onboard.startracker.detect import DetectParams
-from shefex_nav.records import Frame, Scan
+from shefex_nav.onboard.startracker.identify.bayes import identify_near
+from shefex_nav.records import Frame, Reason, Scan
 
 CAMERA = pinhole(659, 493, 2520.2)
 DETECT = DetectParams(np.zeros((0, 2), dtype=np.int64), 72, 5.5, 3.5, 5, 400, 0.75, 40, 255)
@@ -77,14 +79,6 @@ def test_covariance_of_a_predicted_place_is_that_of_turned_cameras():
         np.testing.assert_allclose(found, expected, atol=0.1 * np.trace(expected))
 
 
-def test_an_error_of_the_attitude_moves_stars_as_a_turn_does():
-    """Turned by omega dt, the camera sees a star move by velocity dt."""
-    xy_px = np.array([[12.0, 7.5], [640.0, 480.0], [329.0, 246.0]])
-    moved = objects.shifts(CAMERA, xy_px) @ RATE
-    expected = [streak.velocity(CAMERA, RATE, x, y) for x, y in xy_px]
-    np.testing.assert_allclose(moved, expected, rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     "sigma, omega, known",
     [
@@ -133,3 +127,49 @@ def test_frames_follow_each_other_without_a_gap():
     assert not objects.follows(memory, sky(t_s=1.1))  # one is missing
     assert not objects.follows(memory, second._replace(exposure_s=0.04))
     assert not objects.follows(None, second)
+
+
+@pytest.mark.parametrize("n_false", [0, 200])
+def test_a_wrong_prediction_confirms_nothing_by_looking_only_where_it_predicts(n_false):
+    """Predictions 0.3 to 3 deg off, as narrow as they may be; whatever is in their windows is taken."""
+    rng, camera, pairs = np.random.default_rng(7), IDENTIFY.camera, ready_tracker().pairs
+    sky = all_stars()
+    sky_i, vmag = sky.u_i[sky.vmag <= 6.0], sky.vmag[sky.vmag <= 6.0]
+    params = SimpleNamespace(identify=IDENTIFY, earth_velocity_i=np.zeros(3), centroid_floor_px=0.03)
+    sigma = 0.97 * objects.NARROW_PX / camera.focal_length_px
+    P_c = np.diag([sigma, sigma, 3.0 * sigma]) ** 2
+    n_lists = 0
+    for _ in range(400):
+        q_ic = random_attitude(rng)
+        off = rng.standard_normal(3)
+        off *= np.radians(rng.uniform(0.3, 3.0)) / np.linalg.norm(off)
+        told = rotation.quat_multiply(q_ic, rotation.quat_from_rotvec(off))
+        xy_px, mag = in_view(sky_i, vmag, q_ic, n_false, rng)
+        predicted_px, _ = objects.predicted(params, pairs.stars, context(q_ic=told, P_c=P_c))
+        near = np.linalg.norm(xy_px[:, None] - predicted_px[None], axis=2) < 3.0 * objects.NARROW_PX
+        rows = np.flatnonzero(near.any(axis=1))
+        rows = rows[np.argsort(mag[rows])]
+        if len(rows) < 3:
+            continue
+        n_lists += 1
+        u_c = unit_vectors(camera, np.ascontiguousarray(xy_px[rows]))
+        P_px = np.tile(0.08**2 * np.eye(2), (len(rows), 1, 1))
+        prediction = rotation.quat_conjugate(told), P_c
+        found, _ = identify_near(IDENTIFY, pairs, u_c, 10.0 ** (-0.4 * mag[rows]), prediction, P_px)
+        if found.reason == Reason.NONE:
+            known = found.star >= 0
+            seen_px = pixels(camera, pairs.stars.u_i[found.star[known]] @ rotation.dcm_from_quat(q_ic))
+            assert np.linalg.norm(seen_px - xy_px[rows][known], axis=1).max() < 1.0
+    assert n_lists > 20  # in most frames fewer than three windows hold anything
+
+
+def in_view(sky_i, vmag, q_ic, n_false, rng):
+    """Places and magnitudes of the stars of a frame, and of false objects."""
+    camera = IDENTIFY.camera
+    xy_px = pixels(camera, np.ascontiguousarray(sky_i @ rotation.dcm_from_quat(q_ic)))
+    size = np.array([camera.width_px, camera.height_px]) - 1.0
+    inside = np.flatnonzero(((xy_px > 0.0) & (xy_px < size)).all(axis=1))
+    xy_px = xy_px[inside] + 0.08 * rng.standard_normal((len(inside), 2))
+    mag = vmag[inside] + 0.15 * rng.standard_normal(len(inside))
+    xy_px = np.vstack([xy_px, rng.uniform(0.0, size, (n_false, 2))])
+    return xy_px, np.concatenate([mag, rng.choice(vmag, n_false)])

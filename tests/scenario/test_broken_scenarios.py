@@ -145,10 +145,17 @@ BROKEN = {
     ),
     "mean brighter than the detector": (
         "    brightest_mean: 100 DN",
-        "    brightest_mean: @1024 DN",
+        "    brightest_mean: @512 DN",
         "star_tracker.exposure.brightest_mean",
-        "1024 DN is above 1023 DN, the largest grey value of 10 bits",
-        "    bits: 10",
+        "512 DN is above 511 DN, the largest grey value of 9 bits",
+        "    bits: 9",
+    ),
+    "saturation of a detector of 8 bits": (
+        "    saturation: 255 DN",
+        "    saturation: @255.0 DN",
+        "star_tracker.detection.saturation",
+        "255 DN is less than a quarter of 4095 DN, the largest grey value of 12 bits: most stars would count",
+        "    bits: 12",
     ),
     "nothing between black and saturated": (
         "    saturation: 255 DN",

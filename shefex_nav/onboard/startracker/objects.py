@@ -143,6 +143,8 @@ def is_narrow(camera, context):
 
 def _largest_sigma_px(camera, P_c):
     """By how much turns of covariance P_c (3, 3) move the stars in the corners, the largest axis: float."""
+    if not np.isfinite(P_c.sum()):
+        return np.inf
     largest = 0.0
     for x in (0.0, camera.width_px - 1.0):
         for y in (0.0, camera.height_px - 1.0):

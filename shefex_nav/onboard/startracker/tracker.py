@@ -2,10 +2,11 @@
 
 frame -> objects -> identify and verify -> ESOQ2 -> `StarFix`; the flags of the frame set the exposure of the
 next one. What comes from the navigation, the `Context`, corrects aberration, says where to look for the stars
-first and names the reason of a failure. The attitude itself is that of the stars alone, and a prediction that
-the stars contradict is forgotten: the frame is lost in space. The rate alone can withhold an attitude: faster
-than the tracker is made for, streaks break up, their centroids are worse than the covariance says, and an
-error message is better than a wrong attitude.
+first, how they move (`objects`), and names the reason of a failure. The attitude is that of the stars alone;
+a prediction that they contradict is forgotten, the frame is lost in space. Only with rows exposed one after
+the other it rests on the rate too, whose error is solved for along. No attitude is given at rates for which
+the tracker is not made, nor of rows whose places no rate has brought to one instant: an error message is
+better than a wrong attitude.
 """
 
 from typing import Any, NamedTuple
