@@ -27,7 +27,7 @@ class ListingCommand(typer.core.TyperCommand):
 
 def reproduce(
     name: Annotated[str | None, typer.Argument(help="Experiment, or all; none lists them.")] = None,
-    samples: Annotated[int | None, typer.Option(help="Sample size; default as in the paper.")] = None,
+    samples: Annotated[int | None, typer.Option(help="Sample size; default: the paper's; of all: less for long ones.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all randomness.")] = 1,
     out: Annotated[Path, typer.Option(help="Folder for the figures (PNG).")] = OUT,
     keep: Annotated[
@@ -51,7 +51,8 @@ def reproduce(
     done = []
     for one in names:
         folder = keep if name != "all" or registry.load(one).kept else None
-        outcome = _run(one, samples, seed, out, folder, show=not json)
+        size = samples or (registry.load(one).brief if name == "all" else None)
+        outcome = _run(one, size, seed, out, folder, show=not json)
         done.append((one, outcome))
     if json:
         from shefex_nav.reproduce.table import as_numbers

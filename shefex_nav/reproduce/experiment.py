@@ -36,3 +36,4 @@ class Experiment(NamedTuple):
     timed: bool = False  # measures time: one process, nothing beside it
     designed: bool = False  # sample number k is laid down: measure(samples, seed, number of the first)
     kept: tuple = ()  # modules of this package whose code makes the results; empty: results cannot be kept
+    brief: int | None = None  # samples where the experiment is one of all; None: as many as alone

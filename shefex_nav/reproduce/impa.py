@@ -7,6 +7,7 @@ from shefex_nav.reproduce.experiment import Experiment
 KEPT = ("impa_field", "impa_methods", "impa_flight", "stills", "published")
 SAMPLES = 26000  # as in the paper, both shutters and both cases each; and 200 at rest
 CHUNK = 20
+BRIEF = 20  # where the campaign is one of all experiments
 
 _CAMPAIGN = {
     "samples": SAMPLES,
@@ -15,6 +16,7 @@ _CAMPAIGN = {
     "measure": impa_flight.measure,
     "designed": True,
     "kept": KEPT,
+    "brief": BRIEF,
 }
 
 EXPERIMENTS = {
