@@ -27,7 +27,9 @@ class ListingCommand(typer.core.TyperCommand):
 
 def reproduce(
     name: Annotated[str | None, typer.Argument(help="Experiment, or all; none lists them.")] = None,
-    samples: Annotated[int | None, typer.Option(help="Sample size; default: the paper's; of all: less for long ones.")] = None,
+    samples: Annotated[
+        int | None, typer.Option(help="Sample size; default as in the paper, with 'all' less for long ones.")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all randomness.")] = 1,
     out: Annotated[Path, typer.Option(help="Folder for the figures (PNG).")] = OUT,
     keep: Annotated[
