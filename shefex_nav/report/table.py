@@ -10,6 +10,9 @@ _FLOWN = (  # name, key, digits, unit
 )
 
 
+FAST_DEG_S = 3.0  # beyond this a star tracker is made for turns
+
+
 def _text(value, digits, unit=""):
     return "-" if value is None else f"{value:,.{digits}f}{' ' if unit else ''}{unit}".replace(",", " ")
 
@@ -79,13 +82,13 @@ def _star_rows(star):
 
 
 def _rate_rows(by_rate):
-    """Success against rate, where frames were taken beyond the window's 2 deg/s."""
-    if not by_rate or by_rate[-1]["from_deg_s"] < 2.0:
+    """Success against rate, of a star tracker that fixes well beyond the window's 2 deg/s."""
+    if not any(row["solved"] for row in by_rate if row["from_deg_s"] >= FAST_DEG_S):
         return
     for row in by_rate:
-        limit = "above" if row["to_deg_s"] is None else f"to {row['to_deg_s']:.0f}"
+        low, high = row["from_deg_s"], row["to_deg_s"]
+        name = f"solved above {low:.0f} deg/s" if high is None else f"solved at {low:.0f} to {high:.0f} deg/s"
         share = 100.0 * row["solved"] / row["frames"]
-        name = f"solved at {row['from_deg_s']:.0f} {limit} deg/s"
         yield name, f"{row['solved']} of {row['frames']} ({share:.1f} %)"
 
 
