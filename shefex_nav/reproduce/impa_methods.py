@@ -9,6 +9,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import rotvec_between
@@ -111,9 +112,9 @@ def with_false(found, false, omega_c):
     P_px = np.tile(0.09 * np.eye(2), (len(flux), 1, 1))
     if len(found.flux_dn):
         like = np.abs(np.log(flux[:, None] / found.flux_dn[None])).argmin(axis=1)
-        for k, row in enumerate(like):
-            C = turn2(_heading(omega_c, false.xy_px[k]) - _heading(omega_c, found.xy_px[row]))
-            P_px[k] = C @ found.P_px[row] @ C.T
+        turns = _heading(omega_c, false.xy_px) - _heading(omega_c, found.xy_px[like])
+        C = turn2(turns).transpose(2, 0, 1)
+        P_px = C @ found.P_px[like] @ C.transpose(0, 2, 1)
     none = np.zeros(len(flux), dtype=np.int64)
     columns = (false.xy_px, flux, none + 9, none, P_px)
     order = np.argsort(-np.concatenate([found.flux_dn, flux]), kind="stable")
@@ -121,9 +122,18 @@ def with_false(found, false, omega_c):
 
 
 def _heading(omega_c, xy_px):
-    """Direction in which a star moves there: rad."""
-    vx, vy = velocity(field.CAMERA, omega_c, xy_px[0], xy_px[1])
-    return np.arctan2(vy, vx)
+    """Direction in which a star moves at each place. (n, 2) -> (n,) rad."""
+    v = _velocities(field.CAMERA, omega_c, xy_px)
+    return np.arctan2(v[:, 1], v[:, 0])
+
+
+@njit(cache=True)
+def _velocities(camera, omega_c, xy_px):
+    """`velocity` at each place. (n, 2) -> (n, 2) px/s."""
+    out = np.empty(xy_px.shape)
+    for k in range(len(xy_px)):
+        out[k] = velocity(camera, omega_c, xy_px[k, 0], xy_px[k, 1])
+    return out
 
 
 def turn2(angle):
@@ -139,13 +149,9 @@ def published_attitudes(detections):
 
     Where the paper's check phase lets nothing pass there is nothing to verify either.
     """
-    out = []
-    for published in (True, False):
-        found, q_ic = multipole_chain.attitude(IDENTIFY, field.pairs(False), detections, published=published)
-        out.append(None if found.reason != Reason.NONE else q_ic)
-        if out[0] is None:
-            return None, None
-    return out[1], out[0]
+    results = multipole_chain.attitudes(IDENTIFY, field.pairs(False), detections)
+    published, verified = (q_ic if found.reason == Reason.NONE else None for found, q_ic in results)
+    return verified, published
 
 
 def streaks_of(image_dn, omega_c, P_omega_c, times):

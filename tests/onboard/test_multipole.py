@@ -92,6 +92,61 @@ def shefex_field(seed, n_false, **noise):
     return centroid_list(rng, pairs.stars, random_attitude(rng), n_false, **noise)
 
 
+def tables(pairs):
+    """Catalogue as the kernels take it."""
+    return multipole.table(pairs), multipole.packed(pairs)
+
+
+def test_stars_of_a_magnitude():
+    """The range is that of |difference| < eps_m, also where a star is just at the limit; NaN suits none."""
+    vmag = np.sort(np.concatenate([np.random.default_rng(2).uniform(-1.0, 6.0, 500), [2.0, 2.0, 3.5, 3.5]]))
+    magnitude = np.array([-5.0, -1.0, 2.75, 2.0, 3.5, 5.9, 9.0, np.nan, np.inf, -np.inf])
+    for tolerance in (0.75, 0.3, 1e-9):
+        light = multipole.light_of(vmag, magnitude, tolerance)
+        for i, one in enumerate(magnitude):
+            found = np.arange(light.begin[i], light.end[i])
+            np.testing.assert_array_equal(found, np.flatnonzero(np.abs(vmag - one) < tolerance))
+    with pytest.raises(ValueError, match="sorted by magnitude"):
+        multipole.light_of(vmag[::-1], magnitude, 0.5)
+
+
+def test_packed_pairs():
+    pairs = ready_tracker().pairs
+    brighter, fainter = multipole.packed(pairs) & multipole.LOW, multipole.packed(pairs) >> multipole.SHIFT
+    np.testing.assert_array_equal(brighter, pairs.first)
+    np.testing.assert_array_equal(fainter, pairs.second)
+    assert (brighter < fainter).all()  # what a pair in reverse rests on
+
+
+def test_detections_in_any_order():
+    """Which of two detections is the brighter one is found out, not believed."""
+    pairs = ready_tracker().pairs
+    u_c, flux, _ = shefex_field(9, 6, noise_px=0.3)
+    order = np.random.default_rng(3).permutation(len(flux))
+    u_c, flux = np.ascontiguousarray(u_c[order]), flux[order]
+    expected = list(SlowMultipole(SHEFEX, pairs, u_c, flux).candidates())
+    assert len(expected) > 2
+    np.testing.assert_array_equal(list(multipole._candidates(SHEFEX, pairs, u_c, flux)), expected)
+
+
+@pytest.mark.parametrize("n_false", [0, 30, 60])
+def test_both_are_match_and_identify(n_false):
+    """Among the fields are such as the paper believes and the verification does not."""
+    rng, n_refused = np.random.default_rng(100 + n_false), 0
+    for _ in range(40):
+        _, u_c, flux, _ = paper_field(rng, n_false, 4.5)
+        params = PAPER._replace(min_stars=4)
+        found = multipole.both(params, paper_pairs(), u_c, flux)
+        expected = [
+            method(params, paper_pairs(), u_c, flux) for method in (multipole.match, multipole.identify)
+        ]
+        for one, other in zip(found, expected, strict=True):
+            np.testing.assert_array_equal(one.star, other.star)
+            assert one.reason == other.reason
+        n_refused += found[0].reason == Reason.NONE and found[1].reason != Reason.NONE
+    assert n_refused > 0 or n_false == 0
+
+
 def test_both_phases_against_sets():
     """All lists and all candidates of fields with 2 ... 12 false objects."""
     pairs, n_candidates = ready_tracker().pairs, 0
@@ -109,10 +164,11 @@ def test_occurrences_against_sets():
     pairs = ready_tracker().pairs
     u_c, flux, star = shefex_field(7, 6)
     slow = SlowMultipole(SHEFEX, pairs, u_c, flux)
-    light = multipole.Light(pairs.first_vmag, pairs.second_vmag, slow.magnitude, SHEFEX.magnitude_tolerance)
-    sides = multipole.new_sides(u_c, SHEFEX.tolerance, 0.0)
+    light = multipole.light_of(pairs.stars.vmag, slow.magnitude, SHEFEX.magnitude_tolerance)
+    sides, n_pairs = multipole.new_sides(u_c, SHEFEX.tolerance, 0.0), len(pairs.cosine)
+    sky, votes = tables(pairs), multipole.new_votes(len(flux), len(pairs.stars.vmag), n_pairs)
     for i in range(len(flux)):
-        count = multipole.occurrences(multipole.table(pairs), light, sides, i)
+        count = multipole.occurrences(sky, light, sides, votes, i)
         expected = np.zeros_like(count)
         for j in range(len(flux)):
             for a in {a for a, _ in slow.pairs_of(i, j)} if j != i else ():
@@ -127,9 +183,10 @@ def test_a_pole_that_could_be_either_star_is_none():
     pairs = ready_tracker().pairs
     p = np.flatnonzero(np.abs(pairs.first_vmag - pairs.second_vmag) < 0.01)[100]
     u_c = pairs.stars.u_i[[pairs.first[p], pairs.second[p]]]
-    light = multipole.Light(pairs.first_vmag, pairs.second_vmag, np.full(2, pairs.first_vmag[p]), 0.1)
+    light = multipole.light_of(pairs.stars.vmag, np.full(2, pairs.first_vmag[p]), 0.1)
     sides, row = multipole.new_sides(u_c, 1e-5, 0.0), np.empty(2, dtype=np.int64)
-    assert not multipole.accept(multipole.table(pairs), light, sides, 0, row)
+    votes = multipole.new_votes(2, len(pairs.stars.vmag), len(pairs.cosine))
+    assert not multipole.accept(tables(pairs), light, sides, votes, 0, row)
     np.testing.assert_array_equal(row, [-1, -1])
 
 

@@ -120,7 +120,17 @@ def attitude(params, pairs, detections, published=False):
     """
     u_c = unit_vectors(params.camera, detections.xy_px)
     method = multipole.match if published else multipole.identify
-    found = method(params, pairs, u_c, detections.flux_dn)
+    return _with_attitude(pairs, u_c, method(params, pairs, u_c, detections.flux_dn))
+
+
+def attitudes(params, pairs, detections):
+    """`attitude` believed as published and verified, in the time of one of them: two pairs of results."""
+    u_c = unit_vectors(params.camera, detections.xy_px)
+    found = multipole.both(params, pairs, u_c, detections.flux_dn)
+    return tuple(_with_attitude(pairs, u_c, one) for one in found)
+
+
+def _with_attitude(pairs, u_c, found):
     known = found.star >= 0
     if found.reason != Reason.NONE:
         return found, np.full(4, np.nan)

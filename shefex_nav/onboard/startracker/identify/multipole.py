@@ -14,9 +14,15 @@ could be two stars is given no name, as (42) has room for one. When the check fa
 neighbour is the second pole, and after the last of them the next detection is the first one. Two recognised
 detections with the name of one star both lose it. (44) is taken with its >= and not with the text's
 "greater". eps_m is not given: `magnitude_tolerance`.
-`match` believes what the paper believes; `identify` has it verified.
+`match` believes what the paper believes; `identify` has it verified; `both` answers as the two of them do.
+
+The pairs of the catalogue that have the angle of two detections are looked up and sifted by magnitude once,
+for either of the two as the pole. Stars are numbered from the brightest on: those of a detection's magnitude
+are a range of numbers, and where a pair suits two detections with its fainter star on the brighter detection,
+it suits them the other way round as well.
 """
 
+from itertools import chain, islice
 from typing import NamedTuple
 
 import numpy as np
@@ -28,16 +34,24 @@ from shefex_nav.records import Reason
 
 MAX_CANDIDATES = 24  # that `identify` has verified before it gives up; one is usual
 
-NONE, NO_MATCH = int(Reason.NONE), int(Reason.NO_MATCH)
+NONE = int(Reason.NONE)
+
+LOW, SHIFT = np.uint32(0xFFFF), np.uint32(16)  # of two numbers in a word
 
 
 class Light(NamedTuple):
-    """Magnitudes, catalogued and measured."""
+    """Stars of the magnitude of each detection, (38): rows begin ... end - 1 of the catalogue."""
 
-    first_vmag: np.ndarray  # (m,) of the brighter star of each pair
-    second_vmag: np.ndarray  # (m,) and of the other
-    magnitude: np.ndarray  # (n,) of the detections
-    tolerance: float  # eps_m
+    begin: np.ndarray  # (n,) int64
+    end: np.ndarray  # (n,) int64
+
+
+class Votes(NamedTuple):
+    """How often each star occurs where each detection is the pole, as far as that has been counted."""
+
+    counts: np.ndarray  # (n, n_stars) uint32: low 16 bits neighbours, high 16 bits the last of them plus one
+    is_counted: np.ndarray  # (n, n) bool, of pole and neighbour
+    work: np.ndarray  # (m + 1,) uint32, room for all pairs: touched only as far as it is needed
 
 
 def magnitudes(params, flux):
@@ -46,6 +60,52 @@ def magnitudes(params, flux):
     if not zero_flux > 0.0:
         raise ValueError(f"star identification 'multipole' needs the flux of magnitude 0, not {zero_flux}")
     return -2.5 * np.log10(np.asarray(flux, dtype=np.float64) / zero_flux)
+
+
+def light_of(vmag, magnitude, tolerance):
+    """Stars of each magnitude: |vmag - magnitude| < tolerance.
+
+    Parameters
+    ----------
+    vmag : (n_stars,) ascending
+    magnitude : (n,) of the detections; NaN suits no star
+    tolerance : float, eps_m
+
+    Returns
+    -------
+    Light
+    """
+    if not (vmag[1:] >= vmag[:-1]).all():
+        raise ValueError("star identification 'multipole' needs a catalogue that is sorted by magnitude")
+    return _light_kernel(vmag, magnitude, float(tolerance))
+
+
+@njit(cache=True)
+def _light_kernel(vmag, magnitude, tolerance):
+    begin, end = np.zeros(len(magnitude), dtype=np.int64), np.zeros(len(magnitude), dtype=np.int64)
+    for i in range(len(magnitude)):
+        low, high = 0, len(vmag)  # the first star that is not too bright is in low ... high
+        while low < high:
+            middle = (low + high) // 2
+            if vmag[middle] - magnitude[i] > -tolerance:
+                high = middle
+            else:
+                low = middle + 1
+        begin[i], high = low, len(vmag)
+        while low < high:  # and the first that is too faint
+            middle = (low + high) // 2
+            if vmag[middle] - magnitude[i] < tolerance:
+                low = middle + 1
+            else:
+                high = middle
+        end[i] = low
+    return Light(begin, end)
+
+
+def packed(pairs):
+    """Rows of each catalogue pair in one word: the brighter star in the low 16 bits. StarPairs -> (m,)."""
+    star = pairs.quick[1].star
+    return star.view(np.dtype("<u4")).ravel()
 
 
 def match(params, pairs, u_c, flux):
@@ -63,11 +123,15 @@ def match(params, pairs, u_c, flux):
     -------
     Identification, its log_odds NaN: nobody has asked
     """
-    found = next(_candidates(params, pairs, u_c, flux), None)
-    if found is None:
+    return _believed(params, flux, next(_candidates(params, pairs, u_c, flux), None))
+
+
+def _believed(params, flux, star):
+    """Identification of recognised stars as they are; None: there are none."""
+    if star is None:
         few = min(len(flux), params.max_centroids) < params.min_stars
         return nothing(len(flux), Reason.TOO_FEW_STARS if few else Reason.NO_MATCH)
-    return Identification(found, NONE, np.nan)
+    return Identification(star, NONE, np.nan)
 
 
 def identify(params, pairs, u_c, flux, P_px=None):
@@ -91,16 +155,33 @@ def identify(params, pairs, u_c, flux, P_px=None):
     ------
     ValueError : no zero_flux
     """
-    if min(len(flux), params.max_centroids) < params.min_stars:
-        return nothing(len(flux), Reason.TOO_FEW_STARS)
+    return both(params, pairs, u_c, flux)[1]
+
+
+def both(params, pairs, u_c, flux):
+    """What `match` and `identify` find, with one search: the first candidate of the second is the first's.
+
+    Parameters
+    ----------
+    params, pairs, u_c, flux : as `match`
+
+    Returns
+    -------
+    published, verified : Identification
+    """
+    candidates = _candidates(params, pairs, u_c, flux)
+    first = next(candidates, None)
+    published = _believed(params, flux, first)
+    if first is None:
+        return published, published
     best = nothing(len(flux), Reason.NO_MATCH)
-    for _, star in zip(range(MAX_CANDIDATES), _candidates(params, pairs, u_c, flux), strict=False):
+    for star in chain([first], islice(candidates, MAX_CANDIDATES - 1)):
         found = verify(params, pairs.stars, u_c, flux, star)
         if found.reason == Reason.NONE:
-            return found
+            return published, found
         if best.reason != Reason.AMBIGUOUS:
             best = nothing(len(flux), found.reason)
-    return best
+    return published, best
 
 
 def _candidates(params, pairs, u_c, flux):
@@ -109,100 +190,118 @@ def _candidates(params, pairs, u_c, flux):
     magnitude = magnitudes(params, flux[:n])
     if n < params.min_stars:
         return
-    quick = table(pairs)
-    light = Light(pairs.first_vmag, pairs.second_vmag, magnitude, float(params.magnitude_tolerance))
+    sky = table(pairs), packed(pairs)
+    light = light_of(pairs.stars.vmag, magnitude, params.magnitude_tolerance)
     sides = new_sides(u_c[:n], float(params.tolerance), float(params.cos_error))
+    votes = new_votes(n, len(pairs.stars.vmag), len(sky[1]))
     accepted = np.full((n, n), -1, dtype=np.int64)  # A of each pole
     is_known = np.zeros(n, dtype=np.bool_)  # whose A has been found
     least, begin = int(params.min_stars), 0
     while begin >= 0:
         star = np.full(len(flux), -1, dtype=np.int64)
-        begin = _next_kernel(quick, light, sides, least, accepted, is_known, begin, star[:n])
+        begin = _next_kernel(sky, light, sides, votes, least, accepted, is_known, begin, star[:n])
         if begin >= 0:
             yield star
 
 
-@njit(cache=True)
-def ways(light, i, j, p):
-    """Whether pair p has the magnitudes of detections i and j as it is listed, and in reverse: (38)."""
-    mi, mj = light.magnitude[i], light.magnitude[j]
-    m1, m2, tolerance = light.first_vmag[p], light.second_vmag[p], light.tolerance
-    as_listed = abs(m1 - mi) < tolerance and abs(m2 - mj) < tolerance
-    return as_listed, abs(m2 - mi) < tolerance and abs(m1 - mj) < tolerance
+def new_votes(n, n_stars, n_pairs):
+    """Votes of n detections for n_stars stars that make n_pairs pairs: nothing counted."""
+    counts, is_counted = np.zeros((n, n_stars), dtype=np.uint32), np.zeros((n, n), dtype=np.bool_)
+    return Votes(counts, is_counted, np.empty(n_pairs + 1, dtype=np.uint32))
 
 
 @njit(cache=True)
-def _suitable(light, i, j, begin, end, pairs):
-    """List the pairs of begin ... end - 1 that `ways` admits in pairs[0], pairs[1]; how many of each.
+def _sift(pairs, light, i, j, out):
+    """List the pairs whose brighter star has the magnitude of detection i and the fainter that of j.
 
     Without a branch: which of them it will be is not to be guessed, and a wrong guess costs as much as ten
-    pairs.
+    pairs. Returns how many are in `out`.
     """
-    mi, mj, tolerance = light.magnitude[i], light.magnitude[j], light.tolerance
-    n, n_reverse = 0, 0
-    for p in range(begin, end):
-        m1, m2 = light.first_vmag[p], light.second_vmag[p]
-        pairs[0, n] = pairs[1, n_reverse] = p
-        n += (abs(m1 - mi) < tolerance) & (abs(m2 - mj) < tolerance)
-        n_reverse += (abs(m2 - mi) < tolerance) & (abs(m1 - mj) < tolerance)
-    return n, n_reverse
+    i_begin, i_many = np.uint32(light.begin[i]), np.uint32(light.end[i] - light.begin[i])
+    j_begin, j_many = np.uint32(light.begin[j]), np.uint32(light.end[j] - light.begin[j])
+    n = 0
+    for pair in pairs:
+        out[n] = pair
+        # a row before the first becomes a great number and is not below how many there are
+        is_i = np.uint32((pair & LOW) - i_begin) < i_many
+        n += is_i & (np.uint32((pair >> SHIFT) - j_begin) < j_many)
+    return n
+
+
+@njit(cache=True, inline="always")
+def _vote(counts, star, voter, is_so):
+    """Count a neighbour for a star of a pole, once, if it is so; without a branch, as in `_sift`."""
+    count = counts[star]
+    more = np.uint32(((voter << SHIFT) | (count & LOW)) + np.uint32(1))
+    counts[star] = more if is_so & (count >> SHIFT != voter) else count
 
 
 @njit(cache=True)
-def occurrences(table, light, sides, i):
-    """With how many neighbours each star can be pole i: (n_stars,) int64, equations (37) to (41)."""
-    n_stars, n = table.u_i.shape[0], sides.u_c.shape[0]
-    count, counted = np.zeros(n_stars, dtype=np.int64), np.full(n_stars, -1, dtype=np.int64)
-    most = 0
-    for j in range(n):
-        begin, end = look_up(table, sides, i, j) if j != i else (0, 0)
-        most = max(most, end - begin)
-    pairs = np.empty((2, most), dtype=np.int64)
-    for j in range(n):
-        if j == i:
-            continue
-        begin, end = look_up(table, sides, i, j)
-        listed, reverse = _suitable(light, i, j, begin, end, pairs)
-        for k in range(listed):
-            star = table.first[pairs[0, k]]
-            count[star] += counted[star] != j
-            counted[star] = j
-        for k in range(reverse):
-            star = table.second[pairs[1, k]]
-            count[star] += counted[star] != j
-            counted[star] = j
-    return count
+def _count(sky, light, sides, votes, i, j):
+    """Count what detections i and j say about each other's star, equations (37) to (40)."""
+    begin, end = look_up(sky[0], sides, i, j)
+    if light.begin[i] > light.begin[j] or (light.begin[i] == light.begin[j] and light.end[i] > light.end[j]):
+        i, j = j, i  # i is the brighter one, or they are alike
+    of_i, of_j, work = votes.counts[i], votes.counts[j], votes.work
+    i_voter, j_voter = np.uint32(i + 1), np.uint32(j + 1)
+    i_end, j_begin = np.uint32(light.end[i]), np.uint32(light.begin[j])
+    n = _sift(sky[1][begin:end], light, i, j, work)
+    for k in range(n):
+        brighter, fainter = work[k] & LOW, work[k] >> SHIFT
+        _vote(of_i, brighter, j_voter, True)
+        _vote(of_j, fainter, i_voter, True)
+        in_reverse = (brighter >= j_begin) & (fainter < i_end)
+        _vote(of_i, fainter, j_voter, in_reverse)
+        _vote(of_j, brighter, i_voter, in_reverse)
+    votes.is_counted[i, j] = votes.is_counted[j, i] = True
 
 
 @njit(cache=True)
-def partner(table, light, sides, i, j, pole):
-    """The star of neighbour j if that of i is `pole`; -1 if there is none or more than one: (42)."""
+def occurrences(sky, light, sides, votes, i):
+    """With how many neighbours each star can be pole i: (n_stars,) uint32, equations (37) to (41)."""
+    for j in range(len(light.begin)):
+        if j != i and not votes.is_counted[i, j]:
+            _count(sky, light, sides, votes, i, j)
+    return votes.counts[i] & LOW
+
+
+@njit(cache=True)
+def partner(sky, light, sides, i, j, pole):
+    """The star of neighbour j if that of i is `pole`; -1 if there is none or more than one: (42).
+
+    The pole has the magnitude of i.
+    """
+    begin, end = look_up(sky[0], sides, i, j)
+    pairs, pole, with_pole, others = sky[1][begin:end], np.uint32(pole), np.uint32(0), np.uint32(0)
+    for k in range(len(pairs)):  # sums alone: eight pairs at a time
+        brighter, fainter = pairs[k] & LOW, pairs[k] >> SHIFT
+        with_pole += np.uint32((brighter == pole) | (fainter == pole))
+        others += fainter if brighter == pole else (brighter if fainter == pole else np.uint32(0))
+    if with_pole <= 1:
+        is_one = with_pole == 1 and light.begin[j] <= others < light.end[j]
+        return np.int64(others) if is_one else -1
     found = -1
-    begin, end = look_up(table, sides, i, j)
-    for p in range(begin, end):
-        if table.first[p] == pole:
-            other, fits = table.second[p], ways(light, i, j, p)[0]
-        elif table.second[p] == pole:
-            other, fits = table.first[p], ways(light, i, j, p)[1]
-        else:
-            continue
-        if fits:
-            if found >= 0:
-                return -1
-            found = other
+    for pair in pairs:
+        brighter, fainter = pair & LOW, pair >> SHIFT
+        if brighter == pole or fainter == pole:
+            other = np.int64(fainter if brighter == pole else brighter)
+            if light.begin[j] <= other < light.end[j]:
+                if found >= 0:
+                    return -1
+                found = other
     return found
 
 
 @njit(cache=True)
-def accept(table, light, sides, i, row):
+def accept(sky, light, sides, votes, i, row):
     """Write A of pole i to `row`: the star of the pole and of each neighbour, -1; whether there is a pole."""
     row[:] = -1
-    count = occurrences(table, light, sides, i)
+    count = occurrences(sky, light, sides, votes, i)
     pole = count.argmax()
     if count[pole] == 0 or (count == count[pole]).sum() > 1:
         return False
     for j in range(len(row)):
-        row[j] = pole if j == i else partner(table, light, sides, i, j, pole)
+        row[j] = pole if j == i else partner(sky, light, sides, i, j, pole)
     return True
 
 
@@ -213,19 +312,22 @@ def common(first, second, star):
     for k in range(n):
         star[k] = first[k] if first[k] == second[k] else -1
     for k in range(n):
+        if star[k] < 0:
+            continue
         rivals = 0
         for e in range(k + 1, n):
-            if star[k] >= 0 and star[e] == star[k]:
+            if star[e] == star[k]:
                 star[e] = -1
                 rivals += 1
         if rivals > 0:
             star[k] = -1
-        count += star[k] >= 0
+        else:
+            count += 1
     return count
 
 
 @njit(cache=True)
-def _next_kernel(table, light, sides, least, accepted, is_known, begin, star):
+def _next_kernel(sky, light, sides, votes, least, accepted, is_known, begin, star):
     """Go on from the two poles number `begin` (first n + second) until two pass; they are in `star`.
 
     A list depends on its pole alone and is made once, in `accepted`.
@@ -238,12 +340,12 @@ def _next_kernel(table, light, sides, least, accepted, is_known, begin, star):
     for number in range(begin, n * n):
         i, j = number // n, number % n
         if not is_known[i]:
-            accept(table, light, sides, i, accepted[i])
+            accept(sky, light, sides, votes, i, accepted[i])
             is_known[i] = True
         if i == j or accepted[i, j] < 0:
             continue
         if not is_known[j]:
-            accept(table, light, sides, j, accepted[j])
+            accept(sky, light, sides, votes, j, accepted[j])
             is_known[j] = True
         if accepted[j, j] >= 0 and common(accepted[i], accepted[j], star) >= least:
             return number + 1
