@@ -92,25 +92,36 @@ def find(params, image_dn):
 
 
 @njit(cache=True)
-def _scan_row(row, average, shift, limit, clip_dn, column, energy_dn):
+def _scan_row(row, back, average, shift, limit, clip_dn, column, energy_dn):
     """Go along one row, list the bright pixels with their energies; how many, and the moving average.
 
+    As long as the level, which is the average rounded, stays the same, a pixel waits for the one before it
+    only with one sum: hence the two loops.
+
+    row : (n,), gone through from its end if `back`
     average : its window, the place in it of the oldest value, the sum of the window
     """
-    window, k, total = average
-    mask, half = (1 << shift) - 1, (1 << shift) >> 1
-    n = 0
-    for c in range(len(row)):
-        value = np.int64(row[c])
-        if (value << shift) - total > limit:
-            column[n], energy_dn[n] = c, value - total / (1 << shift)
-            n += 1
-        level = (total + half) >> shift
-        entry = min(max(value, level - clip_dn), level + clip_dn)
-        total += entry - window[k]
-        window[k] = entry
-        k = (k + 1) & mask
-    return n, (window, k, total)
+    window, oldest, total = average
+    size, k = 1 << shift, np.uint64(oldest)
+    mask, one = np.uint64(size - 1), np.uint64(1)
+    columns, n, passed = len(row), 0, 0
+    at, step = (columns - 1, -1) if back else (0, 1)
+    while passed < columns:
+        level = (total + (size >> 1)) >> shift
+        low_dn, high_dn = level - clip_dn, level + clip_dn
+        least = (level << shift) - (size >> 1)  # sum of this level
+        while passed < columns and least <= total < least + size:
+            value = np.int64(row[np.uint64(at)])
+            if (value << shift) - total > limit:
+                column[n], energy_dn[n] = at, value - total / size
+                n += 1
+            entry = min(max(value, low_dn), high_dn)
+            total += entry - window[k]
+            window[k] = entry
+            k = (k + one) & mask
+            at += step
+            passed += 1
+    return n, (window, np.int64(k), total)
 
 
 @njit(cache=True)
@@ -134,14 +145,13 @@ def _bright_pixels_kernel(image_dn, shift, tau_pre_dn, clip_dn, first_level):
     m, light, levels, squares, n_squares = 0, 0, 0, 0, 1
     for r in range(rows):
         back = r % 2 == 1
-        row = image_dn[r, ::-1] if back else image_dn[r]
-        n, average = _scan_row(row, average, shift, limit, clip_dn, hit, hit_dn)
+        n, average = _scan_row(image_dn[r], back, average, shift, limit, clip_dn, hit, hit_dn)
         if m + n > len(energy_dn):
             pixels = np.concatenate((pixels, np.empty_like(pixels)))
             energy_dn = np.concatenate((energy_dn, np.empty_like(energy_dn)))
         for h in range(n):
             place = m + n - 1 - h if back else m + h
-            pixels[place, 0], pixels[place, 1] = r, columns - 1 - hit[h] if back else hit[h]
+            pixels[place, 0], pixels[place, 1] = r, hit[h]
             energy_dn[place] = hit_dn[h]
         m += n
         levels += average[2]
