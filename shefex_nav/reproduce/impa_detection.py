@@ -35,7 +35,9 @@ HALF_FIELD = np.radians(0.5 * IMPA["camera"]["fov_deg"][0])
 TAU = IMPA["camera"]["tau_pre_electrons"]
 R_PSF = IMPA["camera"]["psf_diameter_px"]
 FAINTEST_SHOWN = 6.0  # of the paper's figure
-EDGE_PX, APART_PX = 478.0, 60.0  # where the artificial stars stand, from the middle
+# where the artificial stars stand, from the middle, and how far apart: no streak may run into the next one,
+# at 5 deg/s and 90 deg they are 50 px long and lie one behind the other
+EDGE_PX, APART_PX, JITTER_PX, N_STARS = 478.0, 78.0, 5.0, 12
 SPREAD = (-1.0, 3.0)  # mag, of the artificial stars around the model; ours finds fainter ones
 FOUND_PX = 2.0  # a cluster this near to the path of a star is that star's
 TOLERANCE = 0.3  # mag
@@ -80,13 +82,13 @@ def frame_of(rate_deg_s, beta_deg, rng):
     axis = np.array([*(np.sin(beta) * toward), np.cos(beta)])
     omega_c = np.radians(rate_deg_s) * axis
     camera, hole = field.camera("global_shutter"), field.CAMERA
-    steps = np.arange(-7, 8) * APART_PX
-    middle = np.array([hole.cx_px, hole.cy_px])
-    xy_px = middle + EDGE_PX * toward + steps[:, None] * beside + rng.uniform(-5.0, 5.0, (len(steps), 2))
+    steps = (np.arange(N_STARS) - 0.5 * (N_STARS - 1)) * APART_PX
+    jitter = rng.uniform(-JITTER_PX, JITTER_PX, (N_STARS, 2))
+    xy_px = np.array([hole.cx_px, hole.cy_px]) + EDGE_PX * toward + steps[:, None] * beside + jitter
     u_c = unit_vectors(hole, np.ascontiguousarray(xy_px))
     alpha = np.arccos(np.clip(u_c @ axis, -1.0, 1.0))
     model = model_magnitude(rate_deg_s, alpha)
-    vmag = model + rng.uniform(*SPREAD, len(steps))
+    vmag = model + rng.uniform(*SPREAD, N_STARS)
     q_ic = quat_normalise(rng.standard_normal(4))
     light = electrons(camera, vmag)
     image, _ = still(camera, u_c @ dcm_from_quat(q_ic).T, light, q_ic, rng, omega_c=omega_c)
@@ -174,7 +176,8 @@ def draw(figure, _results, rows):
     for beta, colour in zip(BETAS, colours, strict=True):
         model = model_magnitude(rate, np.radians(beta) - HALF_FIELD)
         axis.plot(rate, np.minimum(model, FAINTEST_SHOWN), color=colour, lw=1.2, label=f"model, {beta:g} deg")
-        for method, style in zip(METHODS, ("o", "s"), strict=True):
+    for method, style in zip(METHODS, ("o", "s"), strict=True):
+        for beta, colour in zip(BETAS, colours, strict=True):
             mine = [row for row in rows if row.quantity.startswith(method)]
             mine = [row for row in mine if row.condition.endswith(f"axis {beta:g} deg from the boresight")]
             values = np.array([row.measured for row in mine])
@@ -184,12 +187,18 @@ def draw(figure, _results, rows):
             axis.errorbar(
                 RATES, values, reach, fmt=style, color=colour, ms=5, mfc=face, capsize=2, label=label
             )
+    axis.set_ylim(top=axis.get_ylim()[1] + 1.2)  # room for the legend
     axis.set_xlabel("rate [deg/s]")
     axis.set_ylabel("faintest magnitude found in half the cases")
     axis.grid(True, color="0.9", lw=0.6)
     axis.spines[["top", "right"]].set_visible(False)
     axis.legend(
-        frameon=False, fontsize=9, ncols=3, title="angle between axis and boresight", title_fontsize=9
+        loc="upper right",
+        frameon=False,
+        fontsize=9,
+        ncols=3,
+        title="angle between axis and boresight",
+        title_fontsize=9,
     )
 
 
