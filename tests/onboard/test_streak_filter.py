@@ -7,6 +7,7 @@ from streak_fields import DEG, IMPA, SHEFEX, dark, detect_params, digitise, fram
 
 from shefex_nav.onboard.startracker import matched
 from shefex_nav.onboard.startracker.binned import BIN, bad_map, in_noise, level_of
+from shefex_nav.onboard.startracker.streak_path import Turning
 from shefex_nav.onboard.startracker.streaks import detect_streaks
 
 NO_BAD = np.zeros((0, 2), dtype=np.int64)
@@ -43,7 +44,7 @@ def test_sums_are_what_they_say():
     pad, n, slope, middle, first, u0, across = 40, 9, 0.37, 31.5, 20, 5, 0.4
     bins = rng.standard_normal((64 + 2 * pad, 64 + 2 * pad)).astype(np.float32)
     values = np.empty((12, 30), dtype=np.float32)
-    matched._sums(bins, pad, slope, middle, first, n, u0, np.float32(across), values)
+    matched._sums(bins, pad, matched.Lines(slope, middle, first, n, u0), np.float32(across), values)
 
     def line(image, k, u):
         rows = np.arange(first + k, first + k + n)
@@ -75,11 +76,9 @@ def test_streaks_are_found_where_they_are_in_every_direction():
         places = rng.uniform([40.0, 40.0], [619.0, 453.0], (12, 2))
         image = frame(SHEFEX, motion, places, 1500.0, rng)
         sums, level, _ = level_of(image, bad_map(*image.shape, NO_BAD), 96)
-        pad = matched.pad_of(64, 12.0, 0.8)
-        bins = in_noise(sums, level, 20.0, pad)
-        found, noise = matched.candidates(
-            bins, sums.shape, pad, 64, SHEFEX.camera, motion.times, motion.omega_c, 0.8, 4.0
-        )
+        turning = Turning(SHEFEX.camera, motion.omega_c, motion.P_omega_c, motion.times)
+        grid = matched.grid_of(sums.shape, matched.looks(turning, 0.8), 0.8)
+        found, noise = matched.candidates(in_noise(sums, level, 20.0, grid.pad), grid, turning, 0.8, 4.0)
         assert noise == pytest.approx(1.0, abs=0.06)
         distance = np.linalg.norm(found[:, None, 1:3] - places[None], axis=2)
         assert (distance.min(axis=0) < 2.0 * BIN).all()
