@@ -21,6 +21,7 @@ from shefex_nav.onboard.startracker.streak_light import (
     Picture,
     Pixels,
     Spot,
+    first_of,
     take_away,
     width2,
     window_of,
@@ -112,12 +113,12 @@ def _fit_each(field, spot, found):
         row[PLACE_X], row[PLACE_Y] = place_of_middle(field.turning, x, y, path)
         if not np.isfinite(row[PLACE_X]):
             continue
-        is_fitted, pixels = _fit(field, spot, fits, subtract, path, row)
-        if not is_fitted or row[RATIO] < field.least:
+        n_near, pixels = _fit(field, spot, fits, subtract, path, row)
+        if n_near == 0 or row[RATIO] < field.least:
             continue
-        verdict = judge(field.turning, spot, pixels, path, row)
+        verdict = judge(field.turning, spot, pixels, n_near, path, row)
         if verdict == STAR and row[RATIO] > BRIGHT and row[N_SATURATED] == 0:
-            fits.width2[n_fits] = width2(spot.s, row[LEVEL], pixels)
+            fits.width2[n_fits] = width2(spot.s, row[LEVEL], first_of(pixels, n_near))
         fits.verdict[n_fits], subtract[n_fits] = verdict, True
         n_fits += 1
     return Fits(fitted[:n_fits], paths[:n_fits], fits.verdict[:n_fits], fits.width2[:n_fits])
@@ -147,10 +148,10 @@ def _fit_again(field, spot, fits):
         if seen.s == spot.s and not _has_neighbour(paths, subtract, k, first, seen.s):
             continue
         row[:], path[:] = fitted[k], paths[k]
-        is_fitted, pixels = _fit(field, seen, fits, subtract, path, row)
-        if is_fitted:
+        n_near, pixels = _fit(field, seen, fits, subtract, path, row)
+        if n_near > 0:
             fitted[k], paths[k] = row, path
-            verdict[k] = judge(field.turning, seen, pixels, path, row)
+            verdict[k] = judge(field.turning, seen, pixels, n_near, path, row)
             if row[FLUX] > GROWN * first_flux[k]:
                 verdict[k] = MISFIT  # it was a part of something that is no star
     return seen.s, fits
@@ -158,7 +159,13 @@ def _fit_again(field, spot, fits):
 
 @njit(cache=True)
 def _fit(field, spot, fits, subtract, path, row):
-    """Fit one streak without the light of those that are to be subtracted; whether it went, its pixels."""
+    """Fit one streak without the light of those that are to be subtracted.
+
+    Returns
+    -------
+    n_near : of `streak_fit.fit_one`, 0: no fit
+    pixels : Pixels
+    """
     ground = _ground(field.level, path)
     reach = reach_px(path[LENGTH], spot.s)
     pixels, row[N_SATURATED] = window_of(
@@ -168,8 +175,9 @@ def _fit(field, spot, fits, subtract, path, row):
         if subtract[j] and touching(path, fits.paths[j], spot.s, reach):
             take_away(fits.paths[j], spot, fits.fitted[j, FLUX], pixels)
     search = Search(0.0, 0.0, field.least, LEVEL_SIGMA * ground.noise_dn)
-    is_fitted = pixels.x.shape[0] > 0 and fit_one(field.turning, spot, search, pixels, path, row)
-    return is_fitted, pixels
+    if pixels.x.shape[0] == 0:
+        return 0, pixels
+    return fit_one(field.turning, spot, search, pixels, path, row), pixels
 
 
 @njit(cache=True)

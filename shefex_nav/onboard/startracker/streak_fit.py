@@ -82,28 +82,28 @@ def fit_one(turning, spot, search, pixels, path, fitted):
 
     Returns
     -------
-    bool
+    n : number of pixels, the first ones of `pixels` now, that can have light of the streak; 0: no fit
     """
     line = line_of(path, spot.s, search.along_px)
     if not start_of(turning, spot, search, pixels, line, path, fitted):
-        return False
+        return 0
     near = _nearest(path, spot.s, pixels)
     draw(path, spot.s, near)
     fitted[FLUX], fitted[LEVEL], fitted[N_MASKED] = _first_flux(near), 0.0, 0.0
     if not (fitted[FLUX] > 0.0):
-        return False
+        return 0
     P = np.empty((4, 4))
     for _ in range(MOST_ROUNDS):
         if not newton(turning, spot, search.level_error_dn, near, path, fitted, P):
-            return False
+            return 0
         draw(path, spot.s, near)
         n_masked = _mask(spot, pixels, path, fitted)
         fitted[N_MASKED] += n_masked
         if n_masked == 0:
             break
     if not _sums(near, fitted) or not _covariance(turning, spot, pixels, near, line, path, fitted, P):
-        return False
-    return path_of(turning, fitted[PLACE_X], fitted[PLACE_Y], path)
+        return 0
+    return near.x.shape[0] if path_of(turning, fitted[PLACE_X], fitted[PLACE_Y], path) else 0
 
 
 @njit(cache=True)
@@ -180,7 +180,7 @@ def _equations(flux, level, dn_per_electron, pixels, A, g):
 @njit(cache=True)
 def _inverse(A, out):
     """Inverse of a positive definite (4, 4) matrix by Cholesky's method; False if it is none."""
-    L = np.zeros((4, 4))
+    L, b = np.empty((4, 4)), np.empty(4)
     for i in range(4):
         for j in range(i + 1):
             value = A[i, j]
@@ -193,7 +193,6 @@ def _inverse(A, out):
             else:
                 L[i, j] = value / L[j, j]
     for c in range(4):
-        b = np.zeros(4)
         for i in range(4):
             value = 1.0 if i == c else 0.0
             for k in range(i):

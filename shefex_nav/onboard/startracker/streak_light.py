@@ -163,6 +163,28 @@ def density(z):
 
 
 @njit(cache=True)
+def share_below(z):
+    """Normal distribution at z, 0 and 1 beyond REACH."""
+    if z <= -REACH:
+        return 0.0
+    return normal(z)[0] if z < REACH else 1.0
+
+
+@njit(cache=True, fastmath=True)
+def bell(z2):
+    """Normal density at z, of z squared < REACH^2: (exp(-z^2/32))^16 by the series, to 1e-6 of the peak.
+
+    The compiler takes many pixels at a time.
+    """
+    q = z2 * (1.0 / 32.0)
+    e = 1.0 - q * (1.0 - q * (0.5 - q * (1.0 / 6.0 - q * (1.0 / 24.0 - q * (1.0 / 120.0 - q / 720.0)))))
+    e *= e
+    e *= e
+    e *= e
+    return 0.3989422804014327 * e * e
+
+
+@njit(cache=True)
 def light_at(path, s, x, y):
     """Light in a pixel of a star of flux one: itself, derivatives to a shift along and across, time.
 
@@ -194,12 +216,11 @@ def light_at(path, s, x, y):
 def draw(path, s, pixels):
     """Write the model of flux one, its derivatives and the times: `light_at` of all pixels at once.
 
-    The Gaussian across is (exp(-z^2/32))^16 by its series, which the compiler takes many pixels at a time;
-    the ends are looked up only where there is one.
+    The ends are looked up only where there is one.
     """
     tx, ty, x_0, y_0, length = path[TX], path[TY], path[X0], path[Y0], path[LENGTH]
     bend, per_length, per_s, begin = 4.0 * path[SAG], 1.0 / length, 1.0 / s, path[BEGIN]
-    seen, height, far2 = path[END] - path[BEGIN], path[SHARE] * 0.3989422804014327 / s, 1.0 * REACH * REACH
+    seen, height, far2 = path[END] - path[BEGIN], path[SHARE] / s, 1.0 * REACH * REACH
     xs, ys, _, _, model, ends, slopes, time = pixels
     n = xs.shape[0]
     for k in range(n):
@@ -207,12 +228,7 @@ def draw(path, s, pixels):
         along = dx * tx + dy * ty
         u = min(max(along * per_length, 0.0), 1.0)
         z = (dy * tx - dx * ty - bend * u * (1.0 - u)) * per_s
-        q = min(z * z, far2) * (1.0 / 32.0)
-        e = 1.0 - q * (1.0 - q * (0.5 - q * (1.0 / 6.0 - q * (1.0 / 24.0 - q * (1.0 / 120.0 - q / 720.0)))))
-        e *= e
-        e *= e
-        e *= e
-        model[k] = height * e * e
+        model[k] = height * bell(min(z * z, far2))
         slopes[k] = z * per_s
         time[k] = begin + u * seen
         ends[k] = along

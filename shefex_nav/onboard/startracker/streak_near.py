@@ -129,9 +129,11 @@ def _fit_each(picture, turning, spot, predicted, around, least):
             if touching(path, paths[j], spot.s, reach):
                 take_away(paths[j], spot, fitted[j, FLUX], pixels)
         search = Search(along, across, least, LEVEL_SIGMA * noise)
-        if pixels.x.shape[0] == 0 or not fit_one(turning, spot, search, pixels, path, row):
+        if pixels.x.shape[0] == 0:
             continue
-        n += row[RATIO] >= least and judge(turning, spot, pixels, path, row) == STAR
+        n_near = fit_one(turning, spot, search, pixels, path, row)
+        if n_near > 0 and row[RATIO] >= least:
+            n += judge(turning, spot, pixels, n_near, path, row) == STAR
     return fitted[:n]
 
 

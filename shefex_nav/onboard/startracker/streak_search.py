@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker.streak_light import BEYOND_SIGMAS, density, normal
+from shefex_nav.onboard.startracker.streak_light import BEYOND_SIGMAS, bell, share_below
 from shefex_nav.onboard.startracker.streak_path import LENGTH, SAG, SHARE, TX, TY, X0, Y0, path_of
 
 SEARCH_PX = (2.5, 12.0)  # shortest and longest search along, each way
@@ -63,6 +63,23 @@ def line_of(path, s, along_px):
     return Line(start, sums, np.empty(2 * int(reach / SHIFT_PX) + 1))
 
 
+@njit(cache=True, fastmath=True)
+def _beside(path, s, start_px, pixels, place, height):
+    """Of each pixel the place along in steps of PROFILE_PX from start_px, and the light per px of length.
+
+    The light is 0 further than NEAR_SIGMAS from the line.
+    """
+    tx, ty, x_0, y_0, per_length, per_s = path[TX], path[TY], path[X0], path[Y0], 1.0 / path[LENGTH], 1.0 / s
+    bend, peak, xs, ys = 4.0 * path[SAG], path[SHARE] / s, pixels.x, pixels.y
+    for k in range(xs.shape[0]):
+        dx, dy = xs[k] - x_0, ys[k] - y_0
+        along = dx * tx + dy * ty
+        u = min(max(along * per_length, 0.0), 1.0)
+        z = (dy * tx - dx * ty - bend * u * (1.0 - u)) * per_s
+        height[k] = peak * bell(z * z) if z * z < NEAR_SIGMAS * NEAR_SIGMAS else 0.0
+        place[k] = (along - start_px) * (1.0 / PROFILE_PX)
+
+
 @njit(cache=True)
 def profile(path, spot, flux, level, pixels, line):
     """Matched sums across at steps of PROFILE_PX along the streak.
@@ -70,28 +87,24 @@ def profile(path, spot, flux, level, pixels, line):
     sums[0] = sum w d g, sums[1] = sum w g^2 over the pixels of a step, g the light per px of length of flux
     one; the weights w take the shot noise of a star of this flux where it would shine.
     """
-    sums, start = line.sums, line.start_px
-    sums[:] = 0.0
-    n_steps, per_s, shot = sums.shape[1], 1.0 / spot.s, max(flux, 0.0) * spot.dn_per_electron
-    tx, ty, x_0, y_0, per_length = path[TX], path[TY], path[X0], path[Y0], 1.0 / path[LENGTH]
-    bend, height = 4.0 * path[SAG], path[SHARE] / spot.s
-    for k in range(pixels.x.shape[0]):
-        dx, dy = pixels.x[k] - x_0, pixels.y[k] - y_0
-        along = dx * tx + dy * ty
-        u = min(max(along * per_length, 0.0), 1.0)
-        z = (dy * tx - dx * ty - bend * u * (1.0 - u)) * per_s
-        place = (along - start) * (1.0 / PROFILE_PX)
-        if abs(z) > NEAR_SIGMAS or place < 0.0 or place >= n_steps - 1:
+    line.sums[:] = 0.0
+    up_sums, norm_sums, last = line.sums[0], line.sums[1], line.sums.shape[1] - 1
+    _, _, light, variance, model, _, _, _ = pixels
+    shot, n = max(flux, 0.0) * spot.dn_per_electron, light.shape[0]
+    place, height = np.empty(n), np.empty(n)
+    _beside(path, spot.s, line.start_px, pixels, place, height)
+    for k in range(n):
+        g, at = height[k], place[k]
+        if g == 0.0 or at < 0.0 or at >= last:
             continue
-        g = height * density(z)
-        w = g / (pixels.variance[k] + shot * pixels.model[k])
-        index = np.uint64(place)
-        f = place - index
-        up, norm = w * (pixels.light[k] - level), w * g
-        sums[0, index] += (1.0 - f) * up
-        sums[0, index + np.uint64(1)] += f * up
-        sums[1, index] += (1.0 - f) * norm
-        sums[1, index + np.uint64(1)] += f * norm
+        w = g / (variance[k] + shot * model[k])
+        index = np.uint64(at)
+        after, f = index + np.uint64(1), at - index
+        up, norm = w * (light[k] - level), w * g
+        up_sums[index] += (1.0 - f) * up
+        up_sums[after] += f * up
+        norm_sums[index] += (1.0 - f) * norm
+        norm_sums[after] += f * norm
 
 
 @njit(cache=True, fastmath=True)
@@ -103,10 +116,11 @@ def shifts(path, s, line):
     n_shifts, n_steps = line.ratio.shape[0], line.sums.shape[1]
     first = int(np.rint(line.start_px / SHIFT_PX)) - n_shifts  # of the box, in SHIFT_PX from the first end
     box = np.empty((2, n_steps + n_shifts + 1))
-    for j in range(box.shape[1]):
-        for half in range(2):
+    for half in range(2):
+        soft, per_s = box[half], 1.0 / s
+        for j in range(soft.shape[0]):
             along = (2 * j + half + first) * SHIFT_PX
-            box[half, j] = normal(along / s)[0] - normal((along - path[LENGTH]) / s)[0]
+            soft[j] = share_below(along * per_s) - share_below((along - path[LENGTH]) * per_s)
     up_sums, norm_sums = line.sums[0], line.sums[1]
     for i in range(n_shifts):
         back = n_shifts - (i - n_shifts // 2)

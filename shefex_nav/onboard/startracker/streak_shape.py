@@ -13,6 +13,8 @@ from math import sqrt
 import numpy as np
 from numba import njit
 
+from shefex_nav.onboard.startracker.fit import REACH
+from shefex_nav.onboard.startracker.streak_light import bell, first_of
 from shefex_nav.onboard.startracker.streak_path import BEGIN, END, LENGTH, TX, TY, X0, Y0, rate_jacobian
 from shefex_nav.onboard.startracker.streak_search import (
     FLUX,
@@ -31,13 +33,14 @@ SHORT_SIGMAS = 6.0  # a shorter streak is judged as a spot
 CLEAR_SIGMAS = 1.5  # light beyond the ends is looked for from here on
 UNEVEN_PART = 0.15  # of the light per length, that may be uneven [E]
 LIMIT_SIGMA = 3.5  # of each question: a star fails it once in 4000
+CORE_PART = 0.1  # of the brightest pixel's light: pixels with light
 TILT_PX = 0.4  # from end to end, besides what the rate allows [E]
 MODEL_PART = 0.2  # of the light in a pixel, that a star's may differ from the model [E]
 MASKED_PART = 0.25  # of the pixels with most of the light; more outliers than that is no star
 
 
 @njit(cache=True)
-def judge(turning, spot, pixels, path, fitted):
+def judge(turning, spot, pixels, n_near, path, fitted):
     """Verdict on a fitted streak: STAR, or why it is none.
 
     Parameters
@@ -45,6 +48,7 @@ def judge(turning, spot, pixels, path, fitted):
     turning : Turning
     spot : Spot
     pixels : Pixels, as `streak_fit.fit_one` left them: with the model of the fitted place
+    n_near : number of the first ones, the others have no model
     path : (NUMBERS,) fitted
     fitted : (COLUMNS,)
     """
@@ -52,7 +56,7 @@ def judge(turning, spot, pixels, path, fitted):
         return COMPACT
     if _one_pixel(pixels, fitted):
         return COMPACT
-    if _misfit(spot, pixels, fitted):
+    if _misfit(spot, first_of(pixels, n_near), fitted):
         return MISFIT
     if path[LENGTH] < SHORT_SIGMAS * spot.s:
         return STAR
@@ -62,25 +66,23 @@ def judge(turning, spot, pixels, path, fitted):
 @njit(cache=True)
 def _one_pixel(pixels, fitted):
     """Whether one pixel alone explains more than the star does."""
+    n, level, ratio2 = 0, fitted[LEVEL], fitted[RATIO] * fitted[RATIO]
     for k in range(pixels.x.shape[0]):
-        light = pixels.light[k] - fitted[LEVEL]
-        if light * light > fitted[RATIO] * fitted[RATIO] * pixels.variance[k]:
-            return True
-    return False
+        light = pixels.light[k] - level
+        n += light * light > ratio2 * pixels.variance[k]
+    return n > 0
 
 
 @njit(cache=True)
 def _misfit(spot, pixels, fitted):
     """Whether the pixels with light fit worse than a star's, its model's error allowed for."""
-    chi2, n_core, most = 0.0, 0, 0.0
-    for k in range(pixels.x.shape[0]):
-        most = max(most, pixels.model[k])
+    flux, level, least = fitted[FLUX], fitted[LEVEL], CORE_PART * pixels.model.max()
+    chi2, n_core, shot = 0.0, 0, flux * spot.dn_per_electron
     for k in range(pixels.x.shape[0]):
         m = pixels.model[k]
-        if m > 0.1 * most and pixels.variance[k] < np.inf:
-            rest = pixels.light[k] - fitted[LEVEL] - fitted[FLUX] * m
-            variance = pixels.variance[k] + fitted[FLUX] * spot.dn_per_electron * m
-            chi2 += rest * rest / (variance + (MODEL_PART * fitted[FLUX] * m) ** 2)
+        if m > least and pixels.variance[k] < np.inf:
+            rest = pixels.light[k] - level - flux * m
+            chi2 += rest * rest / (pixels.variance[k] + shot * m + (MODEL_PART * flux * m) ** 2)
             n_core += 1
     return chi2 > _largest(float(n_core))
 
@@ -106,7 +108,7 @@ def _along(turning, spot, pixels, path, fitted):
             if past < near or past > far + 0.35 * length:
                 continue
             across = (dy * path[TX] - dx * path[TY]) / s
-            m = np.exp(-0.5 * across * across) * 0.3989423 / (s * length)
+            m = bell(across * across) / (s * length) if abs(across) < REACH else 0.0
             part = (0 if past < far else 1) + (n_parts if along < 0.0 else n_parts + 2)
         else:
             part = min(int(along / length * n_parts), n_parts - 1)
