@@ -23,7 +23,7 @@ from math import sqrt
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker.streak_light import draw, first_of
+from shefex_nav.onboard.startracker.streak_light import FREE_SUMS, draw, first_of
 from shefex_nav.onboard.startracker.streak_path import (
     LENGTH,
     SHARE,
@@ -126,7 +126,7 @@ def _nearest(path, s, pixels):
     return first_of(pixels, n)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
 def _first_flux(pixels):
     """Flux by least squares at the place of the search."""
     up, norm = 0.0, 1e-300
@@ -137,7 +137,7 @@ def _first_flux(pixels):
     return up / norm
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
 def _equations(flux, level, dn_per_electron, pixels, A, g):
     """Normal equations of the shift along and across, flux and level; returns chi squared.
 
@@ -245,15 +245,15 @@ def newton(turning, spot, level_error_dn, pixels, path, fitted, P):
 def _step(A, g, P):
     """Solve the normal equations: whether they can be, and the step. P is written; A is spoilt."""
     if not _inverse(A, P):
-        return False, g
+        return False, g.reshape(4, 1)[:, 0]
     if P[0, 0] <= POSTERIOR_PX**2:
-        return True, P @ g
+        return True, _product(P, g.reshape(4, 1))[:, 0]
     A[0, 0] *= 1e6
     held = np.empty((4, 4))
-    return _inverse(A, held), held @ g
+    return _inverse(A, held), _product(held, g.reshape(4, 1))[:, 0]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
 def _mask(spot, pixels, path, fitted):
     """Take the weight from pixels that are too bright or too dark for the model; returns how many."""
     flux, level = fitted[FLUX], fitted[LEVEL]
@@ -270,7 +270,7 @@ def _mask(spot, pixels, path, fitted):
     return n_masked
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
 def _rate_effect(flux, dn_per_electron, pixels):
     """Right sides (4, 2) that a motion of 1 px/s along and across, unknown to the model, would make."""
     T = np.zeros((4, 2))
@@ -290,13 +290,24 @@ def _rate_effect(flux, dn_per_electron, pixels):
 
 
 @njit(cache=True)
+def _product(A, B):
+    """A B of small matrices: calling BLAS takes longer than this."""
+    out = np.zeros((A.shape[0], B.shape[1]))
+    for i in range(A.shape[0]):
+        for j in range(B.shape[1]):
+            for k in range(B.shape[0]):
+                out[i, j] += A[i, k] * B[k, j]
+    return out
+
+
+@njit(cache=True)
 def _covariance(turning, spot, pixels, near, line, path, fitted, P):
     """Covariance of a settled fit, and the mean along where it is due; False if it is none."""
     turn = np.array([[path[TX], -path[TY]], [path[TY], path[TX]]])
     T = _rate_effect(fitted[FLUX], spot.dn_per_electron, near)
     # an error of the rate moves the light at time t by J domega t: what that does to the fitted place
     per_rate = rate_jacobian(turning.camera, fitted[PLACE_X], fitted[PLACE_Y])
-    J = np.ascontiguousarray(P[:2]) @ T @ turn.T @ per_rate
+    J = _product(_product(_product(P[:2], T), turn.T), per_rate)
     cov = P[:2, :2].copy()
     if cov[0, 0] > POSTERIOR_PX**2:
         mean, spread = posterior(spot, pixels, line, path, fitted)
@@ -307,12 +318,13 @@ def _covariance(turning, spot, pixels, near, line, path, fitted, P):
         fitted[PLACE_X] += mean * path[TX]
         fitted[PLACE_Y] += mean * path[TY]
     cov *= max(1.0, (PRIOR_DOF + fitted[CHI2]) / (PRIOR_DOF + fitted[DOF]))
-    P_px = turn @ (cov + J @ turning.P_omega_c @ J.T) @ turn.T
+    cov += _product(_product(J, turning.P_omega_c), J.T)
+    P_px = _product(_product(turn, cov), turn.T)
     fitted[XX], fitted[XY], fitted[YY] = P_px[0, 0], P_px[0, 1], P_px[1, 1]
     return P_px[0, 0] > 0.0 and P_px[0, 0] * P_px[1, 1] > P_px[0, 1] ** 2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
 def _sums(pixels, fitted):
     """Signal-to-noise ratio and number of pixels of a settled fit; False if it has too few."""
     n_used, n_core, up, norm, most = 0, 0, 0.0, 0.0, 0.0

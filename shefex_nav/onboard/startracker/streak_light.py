@@ -33,6 +33,9 @@ BEYOND_SIGMAS = 4.0  # the window ends so far beyond the ends and the search
 NEIGHBOUR_ERROR = 0.1  # of a neighbour's light, that its model may be off by [E]
 
 
+FREE_SUMS = {"reassoc", "contract", "arcp", "nsz"}  # fastmath of sums, without what infinite variances forbid
+
+
 class Picture(NamedTuple):
     """A frame and what is known of its pixels."""
 
@@ -212,7 +215,7 @@ def light_at(path, s, x, y):
     return light, end, light * z / s, time
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, error_model="numpy", fastmath=True)
 def draw(path, s, pixels):
     """Write the model of flux one, its derivatives and the times: `light_at` of all pixels at once.
 
@@ -257,7 +260,7 @@ def take_away(path, spot, flux, pixels):
         pixels.variance[k] += light * spot.dn_per_electron + (NEIGHBOUR_ERROR * light) ** 2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
 def width2(s, level, pixels):
     """Variance of the spot across, px^2, that of a pixel included, by moments under the model as window.
 

@@ -63,7 +63,7 @@ def line_of(path, s, along_px):
     return Line(start, sums, np.empty(2 * int(reach / SHIFT_PX) + 1))
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, error_model="numpy", fastmath=True)
 def _beside(path, s, start_px, pixels, place, height):
     """Of each pixel the place along in steps of PROFILE_PX from start_px, and the light per px of length.
 
@@ -80,7 +80,7 @@ def _beside(path, s, start_px, pixels, place, height):
         place[k] = (along - start_px) * (1.0 / PROFILE_PX)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def profile(path, spot, flux, level, pixels, line):
     """Matched sums across at steps of PROFILE_PX along the streak.
 
@@ -107,7 +107,7 @@ def profile(path, spot, flux, level, pixels, line):
         norm_sums[after] += f * norm
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, error_model="numpy", fastmath=True)
 def shifts(path, s, line):
     """Write the signal-to-noise ratio of the streak shifted along in steps of SHIFT_PX.
 

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.onboard.startracker.fit import REACH
-from shefex_nav.onboard.startracker.streak_light import bell, first_of
+from shefex_nav.onboard.startracker.streak_light import FREE_SUMS, bell, first_of
 from shefex_nav.onboard.startracker.streak_path import BEGIN, END, LENGTH, TX, TY, X0, Y0, rate_jacobian
 from shefex_nav.onboard.startracker.streak_search import (
     FLUX,
@@ -73,7 +73,7 @@ def _one_pixel(pixels, fitted):
     return n > 0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
 def _misfit(spot, pixels, fitted):
     """Whether the pixels with light fit worse than a star's, its model's error allowed for."""
     flux, level, least = fitted[FLUX], fitted[LEVEL], CORE_PART * pixels.model.max()
@@ -87,7 +87,7 @@ def _misfit(spot, pixels, fitted):
     return chi2 > _largest(float(n_core))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
 def _along(turning, spot, pixels, path, fitted):
     """Evenness, ends and direction of a long streak."""
     s, flux, level, length = spot.s, fitted[FLUX], fitted[LEVEL], path[LENGTH]
