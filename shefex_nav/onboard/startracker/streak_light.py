@@ -3,7 +3,8 @@
 In: the frame and the path of a streak. Out: arrays over the pixels of its window. The model is a Gaussian
 spot on the exact path (`streak_path`): across, the Gaussian; along, the difference of two normal
 distributions at the ends, which are those of each row's own exposure. The square of a pixel adds its variance
-1/12 px^2 to the spot's.
+1/12 px^2 to the spot's: the light in a pixel is within 0.2 per cent of the peak's of the integral over the
+pixel for a spot of sigma = 1 px, and within 0.7 at 0.6 px.
 """
 
 from typing import NamedTuple
