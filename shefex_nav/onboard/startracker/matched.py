@@ -158,7 +158,7 @@ def candidates(bins, grid, turning, sigma_px, least):
 
     Parameters
     ----------
-    bins : (rows + 2 pad, columns + 2 pad) float32 of `binned.in_noise`
+    bins : Bins of `binned.in_noise`
     grid : Grid
     turning : Turning
     sigma_px : float, width of a spot
@@ -170,7 +170,7 @@ def candidates(bins, grid, turning, sigma_px, least):
     noise : standard deviation of the filtered frame against white noise, measured
     """
     raw, n_raw, histogram = np.empty((MOST_RAW, 5)), 0, np.zeros(HISTOGRAM, dtype=np.int64)
-    turned, turned_grid = bins[:1, :1], Grid(grid.columns, grid.rows, grid.pad, grid.side, grid.most_steps)
+    is_turned, turned_grid = False, Grid(grid.columns, grid.rows, grid.pad, grid.side, grid.most_steps)
     path, side, low = np.empty(NUMBERS), grid.side, 0.9 * least
     for r0 in range(0, grid.rows, side):
         for c0 in range(0, grid.columns, side):
@@ -181,13 +181,14 @@ def candidates(bins, grid, turning, sigma_px, least):
             dx, dy = path[LENGTH] * path[TX], path[LENGTH] * path[TY]
             if abs(dy) >= abs(dx):
                 tile = (r0, r1, c0, c1)
-                n_raw = _filter_tile(bins, grid, tile, (dx, dy), sigma_px, low, raw, n_raw, histogram)
+                n_raw = _filter_tile(bins.upright, grid, tile, (dx, dy), sigma_px, low, raw, n_raw, histogram)
             else:
-                if turned.shape[0] == 1:
-                    turned = _transposed(bins)
+                if not is_turned:
+                    _transpose(bins.upright, bins.turned)
+                    is_turned = True
                 tile = (c0, c1, r0, r1)
                 n_raw = _filter_tile(
-                    turned, turned_grid, tile, (dy, dx), sigma_px, low, raw, n_raw, histogram
+                    bins.turned, turned_grid, tile, (dy, dx), sigma_px, low, raw, n_raw, histogram
                 )
                 for k in range(begin, n_raw):
                     raw[k, 1], raw[k, 2] = raw[k, 2], raw[k, 1]
@@ -198,16 +199,14 @@ def candidates(bins, grid, turning, sigma_px, least):
 
 
 @njit(cache=True)
-def _transposed(bins):
-    """Rows and columns exchanged, block by block as the cache likes it."""
+def _transpose(bins, out):
+    """Write rows and columns exchanged, block by block as the cache likes it."""
     rows, columns = bins.shape
-    out = np.empty((columns, rows), dtype=bins.dtype)
     for r0 in range(0, rows, 16):
         for c0 in range(0, columns, 16):
             for c in range(c0, min(c0 + 16, columns)):
                 for r in range(r0, min(r0 + 16, rows)):
                     out[c, r] = bins[r, c]
-    return out
 
 
 @njit(cache=True)
