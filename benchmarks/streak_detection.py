@@ -20,10 +20,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "onboard"))
 from streak_fields import DEG, IMPA, SHEFEX, dark, detect_params, digitise, frame, match, motion_of, sky
 
-from shefex_nav.onboard.startracker.streak_light import (
-    light_at,
-)
-from shefex_nav.onboard.startracker.streak_path import NUMBERS, TX, TY, X0, X1, Y0, Y1, path_of
+from shefex_nav.onboard.startracker.streak_light import light_at
+from shefex_nav.onboard.startracker.streak_path import NUMBERS, TX, TY, X0, X1, Y0, Y1, Turning, path_of
 from shefex_nav.onboard.startracker.streaks import detect_near, detect_streaks
 
 MAGNITUDES = (-2.0, 3.2, 4.5, 5.5, 6.0, 6.5)
@@ -59,9 +57,10 @@ def one_field(bench, rate, rolling, sigma, rng):
     motion = motion._replace(omega_c=omega_c + sigma * rng.normal(size=3))
     found, _ = detect_streaks(params, bench.camera, image, motion)
     k = match(found.xy_px, xy_px, REACH_PX)
+    turning = Turning(bench.camera, omega_c, motion.P_omega_c, motion.times)
     rows, path, size = [], np.empty(NUMBERS), np.array([bench.camera.width_px, bench.camera.height_px])
     for i in range(len(V)):
-        path_of(bench.camera, motion.times, omega_c, *xy_px[i], path)
+        path_of(turning, *xy_px[i], path)
         ends = path[[X0, Y0, X1, Y1]].reshape(2, 2)
         if not ((ends >= 0.0) & (ends <= size - 1.0)).all():
             continue

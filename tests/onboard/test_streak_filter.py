@@ -1,12 +1,20 @@
-"""The matched filter against its definition written out, and its threshold against noise."""
+"""The matched filter and the model against their definitions written out; the threshold against noise."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.special import erf
 from scipy.stats import poisson
 from streak_fields import DEG, IMPA, SHEFEX, dark, detect_params, digitise, frame, motion_of
 
+from shefex_nav.geometry.pinhole import pinhole
+from shefex_nav.geometry.shutter import row_start_s, row_times
+from shefex_nav.geometry.streak import place_at
 from shefex_nav.onboard.startracker import matched
 from shefex_nav.onboard.startracker.binned import BIN, bad_map, in_noise, level_of
+from shefex_nav.onboard.startracker.streak_light import PIXEL_VARIANCE, light_at
+from shefex_nav.onboard.startracker.streak_path import NUMBERS, Turning, path_of
 from shefex_nav.onboard.startracker.streaks import detect_streaks
 
 NO_BAD = np.zeros((0, 2), dtype=np.int64)
@@ -43,7 +51,7 @@ def test_sums_are_what_they_say():
     pad, n, slope, middle, first, u0, across = 40, 9, 0.37, 31.5, 20, 5, 0.4
     bins = rng.standard_normal((64 + 2 * pad, 64 + 2 * pad)).astype(np.float32)
     values = np.empty((12, 30), dtype=np.float32)
-    matched._sums(bins, pad, slope, middle, first, n, u0, np.float32(across), values)
+    matched._sums(bins, pad, matched.Lines(slope, middle, first, n, u0), np.float32(across), values)
 
     def line(image, k, u):
         rows = np.arange(first + k, first + k + n)
@@ -75,11 +83,9 @@ def test_streaks_are_found_where_they_are_in_every_direction():
         places = rng.uniform([40.0, 40.0], [619.0, 453.0], (12, 2))
         image = frame(SHEFEX, motion, places, 1500.0, rng)
         sums, level, _ = level_of(image, bad_map(*image.shape, NO_BAD), 96)
-        pad = matched.pad_of(64, 12.0, 0.8)
-        bins = in_noise(sums, level, 20.0, pad)
-        found, noise = matched.candidates(
-            bins, sums.shape, pad, 64, SHEFEX.camera, motion.times, motion.omega_c, 0.8, 4.0
-        )
+        turning = Turning(SHEFEX.camera, motion.omega_c, motion.P_omega_c, motion.times)
+        grid = matched.grid_of(sums.shape, matched.looks(turning, 0.8), 0.8)
+        found, noise = matched.candidates(in_noise(sums, level, 20.0, grid.pad), grid, turning, 0.8, 4.0)
         assert noise == pytest.approx(1.0, abs=0.06)
         distance = np.linalg.norm(found[:, None, 1:3] - places[None], axis=2)
         assert (distance.min(axis=0) < 2.0 * BIN).all()
@@ -95,6 +101,31 @@ def test_curvature_of_the_autocorrelation():
         along, across = matched.curvature(length, sigma)
         assert along == pytest.approx((slope**2).sum() / (profile**2).sum(), rel=0.02)
         assert across == pytest.approx(0.5 / sigma**2)
+
+
+@pytest.mark.parametrize("sigma, most", [(1.0, 0.002), (0.6, 0.007)])
+@pytest.mark.parametrize(
+    "omega_c, line_s", [((0.0, 0.0, 0.0), 0.0), ((0.046, 0.019, 0.02), 0.0), ((0.046, 0.019, 0.02), 1e-3)]
+)
+def test_the_model_is_the_integral_over_the_pixels(sigma, most, omega_c, line_s):
+    """Of a spot that moves in 1000 steps over the rows that are open then; most: part of the peak."""
+    rng = np.random.default_rng(7)
+    camera, times, omega_c = pinhole(64, 64, 2000.0), row_times(0.2, line_s, 64), np.array(omega_c)
+    turning, path, pixel = Turning(camera, omega_c, np.zeros((3, 3)), times), np.empty(NUMBERS), np.arange(64)
+    start, edges = row_start_s(times, pixel), np.linspace(-0.1 - 32.0 * line_s, 0.1 + 32.0 * line_s, 1001)
+    for x, y in 31.5 + rng.uniform(-0.5, 0.5, (3, 2)):
+        expected = np.zeros((64, 64))
+        for begin, end in pairwise(edges):
+            place = np.array(place_at(camera, omega_c, x, y, 0.5 * (begin + end)))
+            below = 0.5 * erf((np.arange(65) - 0.5 - place[:, None]) / (np.sqrt(2.0) * sigma))
+            across, down = np.diff(below)
+            open_s = np.minimum(end, start + times.exposure_s) - np.maximum(begin, start)
+            expected += np.outer(down * np.maximum(open_s, 0.0), across) / times.exposure_s
+        assert path_of(turning, x, y, path)
+        s = np.sqrt(sigma**2 + PIXEL_VARIANCE)
+        drawn = np.array([[light_at(path, s, float(c), float(r))[0] for c in pixel] for r in pixel])
+        assert np.abs(drawn - expected).max() < most * expected.max()
+        assert drawn.sum() == pytest.approx(expected.sum(), rel=2e-3)
 
 
 @pytest.mark.parametrize("bench, rate, frames", [(SHEFEX, 0.0, 30), (SHEFEX, 4.0, 30), (IMPA, 5.0, 10)])

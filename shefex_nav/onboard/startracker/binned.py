@@ -29,6 +29,13 @@ class Level(NamedTuple):
     noise: np.ndarray  # (tile rows, tile columns) DN, standard deviation
 
 
+class Bins(NamedTuple):
+    """A frame in units of its noise, with empty bins on each side."""
+
+    upright: np.ndarray  # (rows + 2 pad, columns + 2 pad) float32
+    turned: np.ndarray  # (columns + 2 pad, rows + 2 pad) float32, room for its transpose
+
+
 def level_of(image_dn, bad, tile_px):
     """Sums of 2x2 pixels, level and noise in tiles, and mean grey value of a frame.
 
@@ -161,12 +168,16 @@ def in_noise(sums, level, clip, pad):
 
     Returns
     -------
-    (rows + 2 pad, columns + 2 pad) float32
+    Bins, `turned` not written
     """
-    rows, columns = sums.shape
-    out = np.zeros((rows + 2 * pad, columns + 2 * pad), dtype=np.float32)
+    rows, columns = sums.shape[0] + 2 * pad, sums.shape[1] + 2 * pad
+    # one block: smaller ones go back to the system after each frame, and to get them anew takes time
+    block = np.empty((2, rows * columns), dtype=np.float32)
+    out = block[0].reshape(rows, columns)
+    out[:pad] = out[-pad:] = 0.0
+    out[:, :pad] = out[:, -pad:] = 0.0
     _in_noise_kernel(sums, N_BIN * level.background, 1.0 / (BIN * level.noise), level.tile, clip, pad, out)
-    return out
+    return Bins(out, block[1].reshape(columns, rows))
 
 
 @njit(cache=True)

@@ -14,6 +14,7 @@ N = A sqrt(lambda_along lambda_across) k exp(-k^2/2) / (2 pi)^1.5.
 """
 
 from math import erf, exp, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -50,44 +51,73 @@ def curvature(length_px, sigma_px):
     return slopes / energy, 0.5 / sigma_px**2
 
 
+class Looks(NamedTuple):
+    """What the streaks of a frame look like."""
+
+    density: float  # px^-2, of the maxima of noise: mean of sqrt(lambda_along lambda_across) / (2 pi)^1.5
+    longest_px: float
+    gradient: float  # change of the streak's vector per px of place
+
+
+class Grid(NamedTuple):
+    """Bins of a frame and how they are searched."""
+
+    rows: int  # of the frame
+    columns: int
+    pad: int  # empty bins around the frame
+    side: int  # of a tile
+    most_steps: int  # rows of a sum, for which the empty bins suffice
+
+
+class Lines(NamedTuple):
+    """Sheared lines of a tile: line u is at column u + slope (row - middle), u = u0, u0 + 1 ..."""
+
+    slope: float
+    middle: float  # row
+    first: int  # row of the first sum; sum k takes the rows first + k ... first + k + n - 1
+    n: int
+    u0: int
+
+
 @njit(cache=True)
-def looks(camera, times, omega_c, sigma_px):
-    """How densely the maxima of pure noise lie, and how much the streaks differ over the frame.
+def looks(turning, sigma_px):
+    """What streaks look like at places all over a frame. Turning, width of a spot -> Looks.
 
-    Parameters
-    ----------
-    camera, times, omega_c : as `streak_path.path_of`
-    sigma_px : float
-
-    Returns
-    -------
-    density : float px^-2, mean over the frame of sqrt(lambda_along lambda_across) / (2 pi)^1.5
-    longest_px : float
-    gradient : float, change of the streak's vector per px of place
+    The density is 0 where there is no streak at all: all stars are too fast (`streak_path.path_of`).
     """
-    path = np.empty(NUMBERS)
-    vectors = np.zeros((GRID, GRID, 2))
-    density, longest, gradient = 0.0, 0.0, 0.0
+    path, vectors = np.empty(NUMBERS), np.full((GRID, GRID, 2), np.nan)
+    density, longest = 0.0, 0.0
+    step_x, step_y = (
+        (turning.camera.width_px - 1.0) / (GRID - 1),
+        (turning.camera.height_px - 1.0) / (GRID - 1),
+    )
     for i in range(GRID):
         for j in range(GRID):
-            x, y = j * (camera.width_px - 1.0) / (GRID - 1), i * (camera.height_px - 1.0) / (GRID - 1)
-            place_of_middle(camera, times, omega_c, x, y, path)
-            vectors[i, j, 0], vectors[i, j, 1] = path[LENGTH] * path[TX], path[LENGTH] * path[TY]
-            longest = max(longest, path[LENGTH])
-            along, across = curvature(path[LENGTH], sigma_px)
+            x, _ = place_of_middle(turning, j * step_x, i * step_y, path)
+            if not np.isfinite(x):
+                continue
+            length = path[LENGTH]
+            longest = max(longest, length)
+            along, across = curvature(length, sigma_px)
             density += sqrt(along * across) / (2.0 * pi) ** 1.5 / GRID**2
-            if path[LENGTH] < 1.0:
-                vectors[i, j] = 0.0  # a spot has no direction
-    step_x, step_y = (camera.width_px - 1.0) / (GRID - 1), (camera.height_px - 1.0) / (GRID - 1)
-    for i in range(GRID):
-        for j in range(GRID):
-            if i > 0:
-                d = vectors[i, j] - vectors[i - 1, j]
-                gradient = max(gradient, np.hypot(d[0], d[1]) / step_y)
-            if j > 0:
-                d = vectors[i, j] - vectors[i, j - 1]
-                gradient = max(gradient, np.hypot(d[0], d[1]) / step_x)
-    return density, longest, gradient
+            shown = length if length >= 1.0 else 0.0  # a spot has no direction
+            vectors[i, j, 0], vectors[i, j, 1] = shown * path[TX], shown * path[TY]
+    return Looks(
+        density, longest, max(_steepest(vectors, step_x), _steepest(vectors.transpose(1, 0, 2), step_y))
+    )
+
+
+@njit(cache=True)
+def _steepest(vectors, step_px):
+    """Greatest change along the second axis, per px; NaN vectors do not count."""
+    steepest = 0.0
+    for i in range(vectors.shape[0]):
+        for j in range(1, vectors.shape[1]):
+            d = vectors[i, j] - vectors[i, j - 1]
+            change = np.hypot(d[0], d[1]) / step_px
+            if change > steepest:
+                steepest = change
+    return steepest
 
 
 @njit(cache=True)
@@ -102,17 +132,17 @@ def threshold(density, area_px, wanted):
     return k
 
 
-def tile_side(gradient):
-    """Side of a tile in bins whose streaks differ by no more than ALIKE_PX at their ends."""
-    for side in TILES:
-        if 0.5 * gradient * 0.7071 * side * BIN <= ALIKE_PX:
-            return side
-    return TILES[-1]
+def grid_of(shape, seen, sigma_px):
+    """Grid for a frame of shape (rows, columns) bins with streaks that look as `seen` (Looks).
 
-
-def pad_of(side, longest_px, sigma_px):
-    """Empty bins that `candidates` needs around the frame."""
-    return side + steps_of(longest_px, 0.0, sigma_px) + 8 + 4 * OVERLAP
+    The tiles are the largest whose streaks differ by no more than ALIKE_PX at their ends.
+    """
+    side = TILES[-1]
+    for wanted in TILES[::-1]:
+        if 0.5 * seen.gradient * 0.7071 * wanted * BIN <= ALIKE_PX:
+            side = wanted
+    most_steps = steps_of(seen.longest_px, 0.0, sigma_px) + 4
+    return Grid(shape[0], shape[1], side + most_steps + 4 + 4 * OVERLAP, side, most_steps)
 
 
 @njit(cache=True)
@@ -123,16 +153,14 @@ def steps_of(along_px, slope, sigma_px):
 
 
 @njit(cache=True)
-def candidates(bins, shape, pad, side, camera, times, omega_c, sigma_px, least):
+def candidates(bins, grid, turning, sigma_px, least):
     """Maxima of the frame filtered along the streaks.
 
     Parameters
     ----------
-    bins : (rows + 2 pad, columns + 2 pad) float32 of `binned.in_noise`
-    shape : (rows, columns) of bins in the frame
-    pad : int, at least `pad_of`
-    side : int, side of a tile in bins, of `tile_side`
-    camera, times, omega_c : as `streak_path.path_of`
+    bins : Bins of `binned.in_noise`
+    grid : Grid
+    turning : Turning
     sigma_px : float, width of a spot
     least : float, threshold in sigma of the filtered noise
 
@@ -141,42 +169,26 @@ def candidates(bins, shape, pad, side, camera, times, omega_c, sigma_px, least):
     (n, 3) value in sigma of the filtered noise, middle of the streak x, y [px]; best first, ridges thinned
     noise : standard deviation of the filtered frame against white noise, measured
     """
-    raw, n_raw = np.empty((MOST_RAW, 5)), 0
-    histogram = np.zeros(HISTOGRAM, dtype=np.int64)
-    turned = bins[:1, :1]
-    have_turned = False
-    path = np.empty(NUMBERS)
-    for r0 in range(0, shape[0], side):
-        for c0 in range(0, shape[1], side):
-            r1, c1 = min(r0 + side, shape[0]), min(c0 + side, shape[1])
-            x, y = BIN * 0.5 * (c0 + c1) - 0.5, BIN * 0.5 * (r0 + r1) - 0.5
-            place_of_middle(camera, times, omega_c, x, y, path)
+    raw, n_raw, histogram = np.empty((MOST_RAW, 5)), 0, np.zeros(HISTOGRAM, dtype=np.int64)
+    is_turned, turned_grid = False, Grid(grid.columns, grid.rows, grid.pad, grid.side, grid.most_steps)
+    path, side, low = np.empty(NUMBERS), grid.side, 0.9 * least
+    for r0 in range(0, grid.rows, side):
+        for c0 in range(0, grid.columns, side):
+            r1, c1, begin = min(r0 + side, grid.rows), min(c0 + side, grid.columns), n_raw
+            x, _ = place_of_middle(turning, BIN * 0.5 * (c0 + c1) - 0.5, BIN * 0.5 * (r0 + r1) - 0.5, path)
+            if not np.isfinite(x):
+                continue
             dx, dy = path[LENGTH] * path[TX], path[LENGTH] * path[TY]
-            begin = n_raw
             if abs(dy) >= abs(dx):
-                slope = dx / dy
                 tile = (r0, r1, c0, c1)
-                n_raw = _filter_tile(
-                    bins, shape, pad, tile, slope, abs(dy), sigma_px, 0.9 * least, raw, n_raw, histogram
-                )
+                n_raw = _filter_tile(bins.upright, grid, tile, (dx, dy), sigma_px, low, raw, n_raw, histogram)
             else:
-                if not have_turned:
-                    turned, have_turned = _transposed(bins), True
+                if not is_turned:
+                    _transpose(bins.upright, bins.turned)
+                    is_turned = True
                 tile = (c0, c1, r0, r1)
-                slope = dy / dx
-                turned_shape = (shape[1], shape[0])
                 n_raw = _filter_tile(
-                    turned,
-                    turned_shape,
-                    pad,
-                    tile,
-                    slope,
-                    abs(dx),
-                    sigma_px,
-                    0.9 * least,
-                    raw,
-                    n_raw,
-                    histogram,
+                    bins.turned, turned_grid, tile, (dy, dx), sigma_px, low, raw, n_raw, histogram
                 )
                 for k in range(begin, n_raw):
                     raw[k, 1], raw[k, 2] = raw[k, 2], raw[k, 1]
@@ -187,51 +199,52 @@ def candidates(bins, shape, pad, side, camera, times, omega_c, sigma_px, least):
 
 
 @njit(cache=True)
-def _transposed(bins):
-    """Rows and columns exchanged, block by block as the cache likes it."""
+def _transpose(bins, out):
+    """Write rows and columns exchanged, block by block as the cache likes it."""
     rows, columns = bins.shape
-    out = np.empty((columns, rows), dtype=bins.dtype)
     for r0 in range(0, rows, 16):
         for c0 in range(0, columns, 16):
             for c in range(c0, min(c0 + 16, columns)):
                 for r in range(r0, min(r0 + 16, rows)):
                     out[c, r] = bins[r, c]
-    return out
 
 
 @njit(cache=True)
-def _filter_tile(bins, shape, pad, tile, slope, along_px, sigma_px, least, raw, n_raw, histogram):
-    """Sums along the rows' order for streaks that pass `slope` columns a row; maxima go to raw.
+def _filter_tile(bins, grid, tile, streak_px, sigma_px, least, raw, n_raw, histogram):
+    """Sums along the rows' order for streaks (columns, rows); maxima go to raw, the values to histogram.
 
-    Line u is at column u + slope (row - middle row of the tile). Returns the new length of raw.
+    Returns the new length of raw. A tile whose streaks are longer than the empty bins allow is left out.
     """
     r0, r1, c0, c1 = tile
-    n = steps_of(along_px, slope, sigma_px)
-    middle = 0.5 * (r0 + r1 - 1)
+    slope = streak_px[0] / streak_px[1]
+    n = steps_of(abs(streak_px[1]), slope, sigma_px)
+    if n > grid.most_steps:
+        return n_raw
     drift = abs(slope) * (0.5 * (r1 - r0) + 1.0 + OVERLAP) + OVERLAP
     u0 = int(np.floor(c0 - drift)) - 2
-    n_lines = int(np.ceil(c1 + drift)) + 2 - u0
-    first = r0 - (n - 1) // 2 - 1 - OVERLAP  # first row of the first sum; its middle is before the tile
-    n_sums = r1 - r0 + 2 + 2 * OVERLAP + (n - 1) % 2
+    first = r0 - (n - 1) // 2 - 1 - OVERLAP  # the middle of its sum is before the tile
+    lines = Lines(slope, 0.5 * (r0 + r1 - 1), first, n, u0)
+    n_sums, n_lines = r1 - r0 + 2 + 2 * OVERLAP + (n - 1) % 2, int(np.ceil(c1 + drift)) + 2 - u0
     values = np.empty((n_sums, n_lines), dtype=np.float32)
     across = np.float32(exp(-0.5 / (sigma_px**2 * (1.0 + slope * slope) / BIN**2 + BIN_VARIANCE)))
-    _sums(bins, pad, slope, middle, first, n, u0, across, values)
+    _sums(bins, grid.pad, lines, across, values)
     half_columns = 0.5 * abs(slope) * n
-    inside = first >= 0 and first + n_sums + n <= shape[0]
-    inside = inside and u0 - drift - half_columns >= 0 and u0 + n_lines + drift + half_columns < shape[1]
+    inside = first >= 0 and first + n_sums + n <= grid.rows
+    inside = inside and u0 - drift - half_columns >= 0 and u0 + n_lines + drift + half_columns < grid.columns
     if not inside:
-        _part_inside(shape, slope, middle, first, n, u0, values)
+        _part_inside(grid, lines, values)
     for k in range(1, n_sums - 1, SAMPLE_EVERY):
         for i in range(2, n_lines - 2, SAMPLE_EVERY):
             if values[k, i] != 0.0:
                 step = int(values[k, i] / STEP + 0.5 * HISTOGRAM)
                 histogram[min(max(step, 0), HISTOGRAM - 1)] += 1
-    return _maxima(values, least, tile, slope, middle, first + 0.5 * (n - 1), u0, raw, n_raw)
+    return _maxima(values, least, tile, lines, raw, n_raw)
 
 
 @njit(cache=True)
-def _sums(bins, pad, slope, middle, first, n, u0, across, values):
+def _sums(bins, pad, lines, across, values):
     """Write the sums of n rows, three lines weighted (across, 1, across), in units of white noise."""
+    slope, middle, first, n, u0 = lines
     n_sums, n_lines = values.shape
     total = np.zeros(n_lines, dtype=np.float32)
     own, shared = 0.0, 0.0  # variance of a line, and covariance with the next one
@@ -267,19 +280,20 @@ def _sums(bins, pad, slope, middle, first, n, u0, across, values):
 
 
 @njit(cache=True)
-def _part_inside(shape, slope, middle, first, n, u0, values):
+def _part_inside(grid, lines, values):
     """Weigh sums that the border cuts against the noise of the part inside; too small a part is no sum."""
+    slope, middle, first, n, u0 = lines
     n_lines = values.shape[1]
     low, high = np.empty(n_lines, dtype=np.int32), np.empty(n_lines, dtype=np.int32)
     for i in range(n_lines):
         column = u0 + i  # at the middle row
-        low[i], high[i] = 0, shape[0] - 1
+        low[i], high[i] = 0, grid.rows - 1
         if abs(slope) > 1e-9:
             one = middle + (0.0 - column) / slope
-            two = middle + (shape[1] - 1.0 - column) / slope
+            two = middle + (grid.columns - 1.0 - column) / slope
             low[i] = max(0.0, np.ceil(min(max(min(one, two), -1e6), 1e6)))
-            high[i] = min(shape[0] - 1.0, np.floor(min(max(max(one, two), -1e6), 1e6)))
-        elif column < 0 or column > shape[1] - 1:
+            high[i] = min(grid.rows - 1.0, np.floor(min(max(max(one, two), -1e6), 1e6)))
+        elif column < 0 or column > grid.columns - 1:
             high[i] = -1
     weight = np.zeros(n + 1, dtype=np.float32)
     for count in range(n + 1):
@@ -292,13 +306,13 @@ def _part_inside(shape, slope, middle, first, n, u0, values):
 
 
 @njit(cache=True)
-def _maxima(values, least, tile, slope, middle, first_middle, u0, raw, n_raw):
+def _maxima(values, least, tile, lines, raw, n_raw):
     """Append maxima above `least` whose middle is in the tile: value, x, y [px]; new length."""
-    _, _, c0, c1 = tile
-    r0, r1 = tile[0], tile[1]
+    r0, r1, c0, c1 = tile
+    slope, middle, first, n, u0 = lines
     for k in range(1, values.shape[0] - 1):
         before, here, after = values[k - 1], values[k], values[k + 1]
-        row = first_middle + k
+        row = first + 0.5 * (n - 1) + k
         if row < r0 - OVERLAP or row >= r1 + OVERLAP:
             continue
         shift = slope * (row - middle) + u0

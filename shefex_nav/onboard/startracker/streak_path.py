@@ -5,9 +5,13 @@ path. Between them the path is a parabola through the exact middle, which is goo
 of a tenth of a second or two.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
+from shefex_nav.geometry.pinhole import Pinhole
+from shefex_nav.geometry.shutter import RowTimes
 from shefex_nav.geometry.streak import place_at, seen_from_to, velocity
 
 # Numbers of a path: first end, direction from end to end, length, sagitta, times of the ends, along-track
@@ -19,28 +23,39 @@ CENTRED_PX = 1e-3
 MOST_ROUNDS = 6
 
 
+class Turning(NamedTuple):
+    """A camera that turns at a constant rate during the exposure of its rows."""
+
+    camera: Pinhole
+    omega_c: np.ndarray  # (3,) rad/s, of the camera in its own axes
+    P_omega_c: np.ndarray  # (3, 3) (rad/s)^2
+    times: RowTimes
+
+
 @njit(cache=True)
-def path_of(camera, times, omega_c, x_px, y_px, path):
+def path_of(turning, x_px, y_px, path):
     """Write the numbers of a star's streak.
 
     Parameters
     ----------
-    camera : Pinhole
-    times : RowTimes
-    omega_c : (3,) rad/s
+    turning : Turning
     x_px, y_px : place at the frame's instant
     path : (NUMBERS,) written
 
     Returns
     -------
-    bool, False for a star that leaves the front of the camera
+    bool, False for a star that leaves the front of the camera, outruns the rows of a rolling shutter, or
+        leaves a streak longer than the frame's shorter side; path is not written then
     """
+    camera, omega_c, _, times = turning
     begin, end = seen_from_to(camera, times, omega_c, x_px, y_px)
     xa, ya = place_at(camera, omega_c, x_px, y_px, begin)
     xb, yb = place_at(camera, omega_c, x_px, y_px, end)
     if not (np.isfinite(xa + xb) and end > begin):
         return False
     length = np.hypot(xb - xa, yb - ya)
+    if not length <= min(camera.width_px, camera.height_px):
+        return False
     xm, ym = place_at(camera, omega_c, x_px, y_px, 0.5 * (begin + end))
     if length >= LEAST_LENGTH_PX:
         tx, ty = (xb - xa) / length, (yb - ya) / length
@@ -51,7 +66,7 @@ def path_of(camera, times, omega_c, x_px, y_px, path):
         speed = np.hypot(vx, vy)
         tx, ty = (vx / speed, vy / speed) if speed > 0.0 else (1.0, 0.0)
         length = LEAST_LENGTH_PX
-        xa, ya, xb, yb = xm - 0.5 * length * tx, ym - 0.5 * length * ty, xm, ym
+        xa, ya = xm - 0.5 * length * tx, ym - 0.5 * length * ty
         xb, yb = xm + 0.5 * length * tx, ym + 0.5 * length * ty
         path[SAG] = path[SKEW] = 0.0
     path[X0], path[Y0], path[TX], path[TY], path[LENGTH] = xa, ya, tx, ty, length
@@ -61,16 +76,16 @@ def path_of(camera, times, omega_c, x_px, y_px, path):
 
 
 @njit(cache=True)
-def place_of_middle(camera, times, omega_c, middle_x, middle_y, path):
+def place_of_middle(turning, middle_x, middle_y, path):
     """Place at the instant of the star whose streak has its middle at a point; writes its path.
 
     Returns
     -------
-    x, y : px; NaN where there is none in front of the camera
+    x, y : px; NaN where there is none
     """
     x, y = middle_x, middle_y
     for _ in range(MOST_ROUNDS):
-        if not path_of(camera, times, omega_c, x, y, path):
+        if not path_of(turning, x, y, path):
             return np.nan, np.nan
         dx, dy = middle_x - 0.5 * (path[X0] + path[X1]), middle_y - 0.5 * (path[Y0] + path[Y1])
         if abs(dx) + abs(dy) < CENTRED_PX:
