@@ -20,6 +20,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "onboard"))
 from streak_fields import DEG, IMPA, SHEFEX, dark, detect_params, digitise, frame, match, motion_of, sky
 
+from shefex_nav.geometry.streak import rate_lever
 from shefex_nav.onboard.startracker.streak_light import light_at
 from shefex_nav.onboard.startracker.streak_path import NUMBERS, TX, TY, X0, X1, Y0, Y1, Turning, path_of
 from shefex_nav.onboard.startracker.streaks import detect_near, detect_streaks
@@ -68,7 +69,9 @@ def one_field(bench, rate, rolling, sigma, rng):
         if k[i] >= 0:
             error = found.xy_px[k[i]] - xy_px[i]
             row[5:7] = error @ path[[TX, TY]], error @ [-path[TY], path[TX]]
-            row[7] = 0.5 * error @ np.linalg.solve(found.P_px[k[i]], error)
+            S = rate_lever(bench.camera, motion.times, omega_c, *xy_px[i])
+            P_px = found.P_px[k[i]] + sigma**2 * S @ S.T
+            row[7] = 0.5 * error @ np.linalg.solve(P_px, error)
         rows.append(row)
     n_false = int((match(xy_px, found.xy_px, REACH_PX) < 0).sum()) if len(xy_px) else len(found.flux_dn)
     near = found.xy_px[:20] + 0.5 * rng.normal(size=(min(20, len(found.xy_px)), 2))

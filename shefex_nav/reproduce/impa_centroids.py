@@ -87,6 +87,9 @@ def frames_of(shutter, case, seed):
             rows.append(_row(case, kind, s, e, stars.light[s]))
     omega_c, P_omega_c = field.gyro(case, gyro_rng)
     found = methods.streaks_of(second, omega_c, P_omega_c, times)
+    motion = methods.streaks.Motion(omega_c, P_omega_c, times)
+    rate = methods.objects.rate_of(field.CAMERA, motion, found)
+    P_px = methods.tracker.with_rate(methods.own(), found, found.P_px, rate)
     seen = set(star[star >= 0])
     kind = "ours_" + shutter.split("_")[0]
     for k, s in enumerate(nearest(found.xy_px, stars.xy_px)):
@@ -95,7 +98,7 @@ def frames_of(shutter, case, seed):
             rows.append(_row(case, kind, s, error, np.nan))
             continue
         best = impa_bound.bound(camera, case.omega_c, P_omega_c, stars.xy_px[s], stars.light[s])
-        rows.append(_row(case, kind, s, error, stars.light[s], found.P_px[k], best, s in seen))
+        rows.append(_row(case, kind, s, error, stars.light[s], P_px[k], best, s in seen))
     return rows
 
 

@@ -16,7 +16,7 @@ from streak_fields import (
     motion_of,
 )
 
-from shefex_nav.geometry.streak import place_at, velocity
+from shefex_nav.geometry.streak import place_at, rate_lever, velocity
 from shefex_nav.onboard.startracker.streaks import detect_near, detect_streaks
 
 REACH_PX = 12.0
@@ -41,7 +41,9 @@ def measured(bench, params, seed, frames, electrons, rate, rolling=False, sigma=
             along = np.array(velocity(bench.camera, omega_c, *place)) if rate > 0.0 else np.array([1.0, 0.0])
             along /= np.linalg.norm(along)
             errors.append([error @ along, error @ [-along[1], along[0]]])
-            nees.append(0.5 * error @ np.linalg.solve(found.P_px[row], error))
+            S = rate_lever(bench.camera, motion.times, omega_c, *place)
+            P_px = found.P_px[row] + (sigma**2 * S @ S.T if sigma > 0.0 else 0.0)
+            nees.append(0.5 * error @ np.linalg.solve(P_px, error))
     return np.array(errors), np.array(nees), len(errors), n
 
 
@@ -98,7 +100,7 @@ def test_a_wrong_width_does_not_spoil_the_covariance(sigma_factor):
         assert 0.7 < nees.mean() < 1.4
 
 
-def test_an_error_of_the_rate_is_in_the_covariance():
+def test_an_error_of_the_rate_moves_places_by_its_lever():
     """Rolling shutter: a star in the first row is seen 0.1 s before the instant; 20 independent rates."""
     params = detect_params(SHEFEX, max_objects=300)
     _, nees, found, n = measured(SHEFEX, params, 3, 20, 20e3, 5.0, rolling=True, sigma=0.1 * DEG)

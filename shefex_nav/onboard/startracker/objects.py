@@ -103,7 +103,8 @@ def _along_streaks(params, stars, frame, context):
 
 def rate_of(camera, motion, detections):
     """What detections that a rate has brought to one instant owe to it: `Found.rate`."""
-    return middles_seen(camera, motion.times, motion.omega_c, detections.xy_px), motion.P_omega_c
+    P_omega_c = np.zeros((3, 3)) if motion.P_omega_c is None else motion.P_omega_c
+    return middles_seen(camera, motion.times, motion.omega_c, detections.xy_px), P_omega_c
 
 
 def _by_run_length(chain, memory, frame):

@@ -32,7 +32,6 @@ from shefex_nav.onboard.startracker.streak_path import (
     X0,
     Y0,
     path_of,
-    rate_jacobian,
 )
 from shefex_nav.onboard.startracker.streak_search import (
     CHI2,
@@ -270,25 +269,6 @@ def _mask(spot, pixels, path, fitted):
     return n_masked
 
 
-@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
-def _rate_effect(flux, dn_per_electron, pixels):
-    """Right sides (4, 2) that a motion of 1 px/s along and across, unknown to the model, would make."""
-    T = np.zeros((4, 2))
-    for k in range(pixels.x.shape[0]):
-        m = pixels.model[k]
-        w = flux * pixels.time[k] / (pixels.variance[k] + flux * dn_per_electron * m)
-        a, c = pixels.d_along[k], pixels.d_across[k]
-        T[0, 0] += w * a * a * flux
-        T[0, 1] += w * a * c * flux
-        T[1, 0] += w * c * a * flux
-        T[1, 1] += w * c * c * flux
-        T[2, 0] += w * m * a
-        T[2, 1] += w * m * c
-        T[3, 0] += w * a
-        T[3, 1] += w * c
-    return T
-
-
 @njit(cache=True)
 def _product(A, B):
     """A B of small matrices: calling BLAS takes longer than this."""
@@ -304,10 +284,6 @@ def _product(A, B):
 def _covariance(turning, spot, pixels, near, line, path, fitted, P):
     """Covariance of a settled fit, and the mean along where it is due; False if it is none."""
     turn = np.array([[path[TX], -path[TY]], [path[TY], path[TX]]])
-    T = _rate_effect(fitted[FLUX], spot.dn_per_electron, near)
-    # an error of the rate moves the light at time t by J domega t: what that does to the fitted place
-    per_rate = rate_jacobian(turning.camera, fitted[PLACE_X], fitted[PLACE_Y])
-    J = _product(_product(_product(P[:2], T), turn.T), per_rate)
     cov = P[:2, :2].copy()
     if cov[0, 0] > POSTERIOR_PX**2:
         mean, spread = posterior(spot, pixels, line, path, fitted)
@@ -318,7 +294,6 @@ def _covariance(turning, spot, pixels, near, line, path, fitted, P):
         fitted[PLACE_X] += mean * path[TX]
         fitted[PLACE_Y] += mean * path[TY]
     cov *= max(1.0, (PRIOR_DOF + fitted[CHI2]) / (PRIOR_DOF + fitted[DOF]))
-    cov += _product(_product(J, turning.P_omega_c), J.T)
     P_px = _product(_product(turn, cov), turn.T)
     fitted[XX], fitted[XY], fitted[YY] = P_px[0, 0], P_px[0, 1], P_px[1, 1]
     return P_px[0, 0] > 0.0 and P_px[0, 0] * P_px[1, 1] > P_px[0, 1] ** 2

@@ -95,14 +95,6 @@ def place_of_middle(turning, middle_x, middle_y, path):
 
 
 @njit(cache=True)
-def rate_jacobian(camera, x_px, y_px):
-    """Derivative (2, 3) px of a star's velocity to the camera's rate: `velocity` is linear in it."""
-    f = camera.focal_length_px
-    a, b = (x_px - camera.cx_px) / f, (y_px - camera.cy_px) / f
-    return f * np.array([[a * b, -(1.0 + a * a), b], [1.0 + b * b, -a * b, -a]])
-
-
-@njit(cache=True)
 def touching(path, other, s, extra_px):
     """Whether the light of another streak may reach the window of one that is searched extra_px along."""
     ex = 0.5 * (other[X0] + other[X1] - path[X0] - path[X1])

@@ -13,9 +13,10 @@ from math import sqrt
 import numpy as np
 from numba import njit
 
+from shefex_nav.geometry.streak import turn_jacobian
 from shefex_nav.onboard.startracker.fit import REACH
 from shefex_nav.onboard.startracker.streak_light import FREE_SUMS, bell, first_of
-from shefex_nav.onboard.startracker.streak_path import BEGIN, END, LENGTH, TX, TY, X0, Y0, rate_jacobian
+from shefex_nav.onboard.startracker.streak_path import BEGIN, END, LENGTH, TX, TY, X0, Y0
 from shefex_nav.onboard.startracker.streak_search import (
     FLUX,
     LEVEL,
@@ -142,7 +143,7 @@ def _verdict(turning, path, parts, tilt, fitted):
     det = tilt[2] * tilt[4] - tilt[3] * tilt[3]
     if det > 0.0:
         slope = (tilt[2] * tilt[1] - tilt[3] * tilt[0]) / det  # px from end to end
-        J = rate_jacobian(turning.camera, fitted[PLACE_X], fitted[PLACE_Y]) * (path[END] - path[BEGIN])
+        J = turn_jacobian(turning.camera, fitted[PLACE_X], fitted[PLACE_Y]) * (path[END] - path[BEGIN])
         across = -path[TY] * J[0] + path[TX] * J[1]
         variance = tilt[2] / det + across @ turning.P_omega_c @ across
         if abs(slope) > LIMIT_SIGMA * sqrt(variance) + TILT_PX:
