@@ -15,7 +15,8 @@ the last, for the star's own way. It is longer by what the spot adds at the ends
 bright star, in both directions, and shorter where the faint ends of a streak stay below the threshold. At the
 first and last rows, carried by half of T_exp, that is one to two pixels, in the mean over the rows a third of
 it: the greater part of the errors of its Table 4, which for this reason hardly depend on the rate. It is left
-as it is, and is in the covariance.
+as it is. The covariances have it star by star; it is much the same for all stars, so the attitude is solved
+with a common error of the rate besides (`objects`).
 """
 
 from typing import NamedTuple

@@ -78,7 +78,7 @@ def searches(params, stars, memory, frame, context):
         yield from _along_streaks(params, stars, frame, context)
         return
     if params.detect.scan == RUN_LENGTH:
-        yield _by_run_length(params.run_length, memory, frame)
+        yield _by_run_length(params.run_length, params.identify.camera, memory, frame)
         return
     spots = params.detect._replace(scan="sequential") if params.detect.scan == STREAKS else params.detect
     detections, statistics = detect(spots, frame.image_dn)
@@ -107,16 +107,23 @@ def rate_of(camera, motion, detections):
     return middles_seen(camera, motion.times, motion.omega_c, detections.xy_px), P_omega_c
 
 
-def _by_run_length(chain, memory, frame):
-    """Clusters of this frame that were in the frame before. ChainParams, Memory, Frame -> Found"""
+def _by_run_length(chain, camera, memory, frame):
+    """Clusters of this frame that were in the frame before. ChainParams, Pinhole, Memory, Frame -> Found
+
+    The extents of all streaks are too long or too short by much the same, which moves all stars as a wrong
+    rate does.
+    """
     from shefex_nav.onboard.startracker import multipole_chain
+    from shefex_nav.onboard.startracker.compensate import EXTENT_PX
 
     previous = memory.clusters if follows(memory, frame) else None
     times = row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
     clusters, detections = multipole_chain.objects(chain, times, previous, frame.image_dn)
     statistics = FrameStatistics(clusters.mean_dn, clusters.background_dn, clusters.noise_dn)
     kept = Memory(frame.t_valid_s, frame.exposure_s, clusters)
-    return Found(detections, statistics, int(Scan.RUN_LENGTH), True, kept)
+    t_s = frame.line_s * (detections.xy_px[:, 1] - times.middle_row)
+    sigma = EXTENT_PX / (frame.exposure_s * camera.focal_length_px)
+    return Found(detections, statistics, int(Scan.RUN_LENGTH), True, kept, (t_s, sigma**2 * np.eye(3)))
 
 
 def follows(memory, frame):
