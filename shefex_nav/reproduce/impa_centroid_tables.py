@@ -133,7 +133,7 @@ def _bound_rows(mine, condition, judged):
     for name in ("along", "across"):
         normal = column(mine, name) / np.sqrt(column(mine, "least_" + name))
         ratio, interval = float(np.sqrt((normal**2).mean())), statistics.rms(normal)
-        agrees = bool(interval[0] <= BOUND_GOAL) if judged else None
+        agrees = ratio <= BOUND_GOAL if judged else None
         quantity = f"ours: error {name} the streak over the Cramer-Rao bound"
         why = "" if agrees is not False else WHY_BOUND
         out.append(

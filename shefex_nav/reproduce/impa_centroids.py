@@ -133,6 +133,12 @@ def magnitude(light):
     return -2.5 * np.log10(light / electrons(field.camera("global_shutter"), 0.0))
 
 
+# what makes the results or says what a stored number means
+KEPT = (
+    *("impa_field", "impa_methods", "impa_flight", "stills", "published"),
+    *("impa_centroids", "impa_centroid_tables", "impa_bound"),
+)
+
 EXPERIMENTS = {
     "impa-centroids": Experiment(
         title="Errors of the centroids (IMPA tables 3, 4, 5; figure 14)",
@@ -143,6 +149,15 @@ EXPERIMENTS = {
         conclude=impa_centroid_tables.conclude,
         draw=impa_centroid_tables.draw,
         designed=True,
-        kept=("impa_field", "impa_methods", "impa_flight", "impa_centroids", "impa_bound", "stills"),
+        kept=(
+            "impa_field",
+            "impa_methods",
+            "impa_flight",
+            "stills",
+            "published",
+            "impa_centroids",
+            "impa_centroid_tables",
+            "impa_bound",
+        ),
     ),
 }
