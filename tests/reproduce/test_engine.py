@@ -58,8 +58,11 @@ def test_a_fault_of_a_worker_is_the_fault_of_the_run():
         engine.run(toy.NORMAL._replace(measure=toy.fail), samples=200, seed=1, workers=2)
 
 
+# a shell that runs the tests in the background has its children ignore the interrupt
 SCRIPT = """
+import signal
 import sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.path.insert(0, {folder!r})
 import toy
 from shefex_nav.reproduce import engine
