@@ -56,7 +56,7 @@ def run(
     path = out or free_name(loaded.mission.name, seed)
     writable(path, "--out", force=force)
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
-    say("Getting ready; the first run on a machine compiles, which takes a minute or two.")
+    say("Getting ready; the first run on a machine compiles, which takes a few minutes.")
     began = time.perf_counter()
     from shefex_nav import prepare, simulate
     from shefex_nav.log.drawings import FramePolicy

@@ -14,7 +14,7 @@ from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker import clusters as cluster
 from shefex_nav.onboard.startracker import multipole_chain
-from shefex_nav.onboard.startracker.compensate import FORMS, compensate
+from shefex_nav.onboard.startracker.compensate import FORMS
 from shefex_nav.reproduce import impa_bound, impa_centroid_tables
 from shefex_nav.reproduce import impa_field as field
 from shefex_nav.reproduce import impa_flight as flight
@@ -59,17 +59,10 @@ def published_errors(times, first, second, stars):
     errors : (3, m, 2) px; compensated as in FORMS, and not compensated
     """
     one, two = (cluster.find(methods.CHAIN.clusters, image) for image in (first, second))
-    found = cluster.fuse(one, two, methods.CHAIN.fusion_distance_px)
-    found = found[~multipole_chain.at_border(two, second.shape)[found[:, 1]]]
-    rows, shift = found[:, 1], two.xy_px[found[:, 1]] - one.xy_px[found[:, 0]]
-    extent = np.column_stack((two.last_column - two.first_column, two.last_row - two.first_row))[rows]
-    places = [
-        compensate(
-            methods.CHAIN.compensation._replace(form=form), times, two.xy_px[rows], extent, shift,
-            two.sigma_px[rows],
-        ).xy_px
-        for form in FORMS
-    ] + [two.xy_px[rows]]  # fmt: skip
+    rows, shift_px = multipole_chain.fused(methods.CHAIN, one, two, second.shape)
+    settings = [methods.CHAIN.compensation._replace(form=form) for form in FORMS]
+    moved = [multipole_chain.compensated(one_way, times, two, rows, shift_px) for one_way in settings]
+    places = [*(streaks.xy_px for streaks in moved), two.xy_px[rows]]
     star = nearest(places[0], stars.xy_px)
     return star, np.array(places) - stars.xy_px[star]
 
@@ -135,7 +128,7 @@ def magnitude(light):
 
 # what makes the results or says what a stored number means
 KEPT = (
-    *("impa_field", "impa_methods", "impa_flight", "stills", "published"),
+    *("impa_field", "impa_methods", "impa_flight", "imaging", "stills", "published"),
     *("impa_centroids", "impa_centroid_tables", "impa_bound"),
 )
 

@@ -11,16 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.geometry.streak import velocity
 from shefex_nav.onboard.startracker import multipole_chain, objects, streaks, tracker
 from shefex_nav.onboard.startracker.clusters import ClusterParams
 from shefex_nav.onboard.startracker.compensate import CompensateParams
-from shefex_nav.onboard.startracker.detect import DetectParams
-from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.records import Reason
+from shefex_nav.reproduce import imaging
 from shefex_nav.reproduce import impa_field as field
 from shefex_nav.reproduce.published import IMPA
 from shefex_nav.world.camera import hits
@@ -49,14 +47,8 @@ IDENTIFY = IdentifyParams(
     zero_flux=ZERO_FLUX_DN,
     magnitude_tolerance=0.7,  # eps_m is not given [E]
 )
-DETECT = DetectParams(
-    bad_pixels=np.zeros((0, 2), dtype=np.int64),
+DETECT = imaging.DETECT._replace(
     tile_px=64,
-    seed_sigma=5.5,
-    grow_sigma=3.5,
-    min_pixels=5,
-    max_pixels=2000,
-    max_peak_fraction=0.75,
     max_objects=100,
     saturation_dn=SATURATION_DN,
     electrons_per_dn=field.ELECTRONS_PER_DN,
@@ -64,7 +56,6 @@ DETECT = DetectParams(
 )
 N_FALSE = IMPA["protocol"]["false_objects_worst_case"]
 SUCCESS = IMPA["protocol"]["success_arcsec"] * ARCSEC  # of each cross-boresight error
-WRONG_ROLL = np.radians(0.5)
 
 
 @cache
@@ -162,20 +153,10 @@ def streaks_of(image_dn, omega_c, P_omega_c, times):
 
 def own_attitude(detections, motion):
     """Attitude of a list by our tracker with the motion that it was made with: q_ic and P_c, or None."""
-    params, pairs = own(), field.pairs(True)
-    u_c = unit_vectors(field.CAMERA, detections.xy_px)
-    P_px = tracker.centroid_covariance(params, detections)
-    t_s, P_omega_c = objects.rate_of(field.CAMERA, motion, detections)
-    with_rate = tracker.with_rate(params, detections, P_px, (t_s, P_omega_c))
-    found = IDENTIFIERS["bayes"](params.identify, pairs, u_c, detections.flux_dn, with_rate)
-    known, least = found.star >= 0, params.identify.min_stars
-    if found.reason != Reason.NONE or known.sum() < least:
-        return None
-    seen_i = pairs.stars.u_i[found.star[known]]
-    n_used, q_ic, P_c, _ = tracker.solve(
-        params, u_c[known], seen_i, P_px[known], least, (t_s[known], P_omega_c)
-    )
-    return None if n_used < least or not np.isfinite(P_c.sum() + q_ic.sum()) else (q_ic, P_c)
+    ready = tracker.Tracker(own(), field.pairs(True))
+    rate = objects.rate_of(field.CAMERA, motion, detections)
+    _, reason, (q_ic, P_c, _) = tracker.attitude(ready, detections, tracker.NO_CONTEXT, rate)
+    return None if reason != Reason.NONE else (q_ic, P_c)
 
 
 def error_of(q_ic, truth):

@@ -38,7 +38,7 @@ def nesc(
     wanted = [number.strip().zfill(2) for item in case or () for number in item.split(",")]
     chosen, others = cases.choose(files, wanted)
     flown = []
-    _say("The first flight on a machine compiles, which takes a minute or two.")
+    _say("The first flight on a machine compiles, which takes a few minutes.")
     for number in chosen:
         _say(f"case {number}: {cases.CASES[number].title}")
         for note in cases.NOTES.get(number, ()):

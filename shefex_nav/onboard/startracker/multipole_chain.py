@@ -48,10 +48,14 @@ def objects(params, times, previous, image_dn):
     clusters = find(params.clusters, image_dn)
     if previous is None:
         return clusters, _nothing()
+    return clusters, detections(params, times, clusters, *fused(params, previous, clusters, image_dn.shape))
+
+
+def fused(params, previous, clusters, shape):
+    """Clusters that were in the frame before and are not cut off: rows (m,), shift_px (m, 2) since then."""
     found = fuse(previous, clusters, params.fusion_distance_px)
-    whole = found[~at_border(clusters, image_dn.shape)[found[:, 1]]]
-    shift_px = clusters.xy_px[whole[:, 1]] - previous.xy_px[whole[:, 0]]
-    return clusters, detections(params, times, clusters, whole[:, 1], shift_px)
+    whole = found[~at_border(clusters, shape)[found[:, 1]]]
+    return whole[:, 1], clusters.xy_px[whole[:, 1]] - previous.xy_px[whole[:, 0]]
 
 
 def at_border(clusters, shape):
@@ -75,15 +79,7 @@ def detections(params, times, clusters, rows, shift_px):
     -------
     Detections
     """
-    extent_px = np.column_stack(
-        (
-            clusters.last_column[rows] - clusters.first_column[rows],
-            clusters.last_row[rows] - clusters.first_row[rows],
-        )
-    )
-    streaks = compensate(
-        params.compensation, times, clusters.xy_px[rows], extent_px, shift_px, clusters.sigma_px[rows]
-    )
+    streaks = compensated(params.compensation, times, clusters, rows, shift_px)
     flux_dn = clusters.energy_dn[rows] * times.exposure_s / streaks.seen_s
     order = np.argsort(-flux_dn, kind="stable")
     order = order[np.isfinite(streaks.xy_px[order].sum(axis=1))]  # no star makes the others
@@ -95,6 +91,13 @@ def detections(params, times, clusters, rows, shift_px):
         clusters.n_saturated[rows][order],
         streaks.P_px[order],
     )
+
+
+def compensated(params, times, clusters, rows, shift_px):
+    """`compensate` of some clusters, as `detections`: Streaks."""
+    columns = clusters.last_column[rows] - clusters.first_column[rows]
+    extent_px = np.column_stack((columns, clusters.last_row[rows] - clusters.first_row[rows]))
+    return compensate(params, times, clusters.xy_px[rows], extent_px, shift_px, clusters.sigma_px[rows])
 
 
 def _nothing():

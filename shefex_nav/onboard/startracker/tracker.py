@@ -34,6 +34,7 @@ MOST_DROPPED = 0.25  # of the identified stars; one in any case
 PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
 NO_ATTITUDE = np.full(4, np.nan)
 NO_COVARIANCE = np.full((3, 3), np.nan)
+NO_SOLUTION = NO_ATTITUDE, NO_COVARIANCE, np.nan
 
 
 class TrackerParams(NamedTuple):
@@ -133,11 +134,15 @@ def step(tracker, state, frame, context):
     CameraCommand for the next frame
     """
     params = tracker.params
+    zero_flux = params.identify.zero_flux * frame.exposure_s / params.exposure.max_s
+    exposed = tracker._replace(params=params._replace(identify=params.identify._replace(zero_flux=zero_flux)))
     for seen in objects.searches(params, tracker.pairs.stars, state.memory, frame, context):
         detections, mean_dn = seen.detections, seen.statistics.mean_dn
-        found, reason, solution = _attitude(tracker, frame, seen, context)
+        found, reason, solution = attitude(exposed, detections, context, seen.rate)
         if reason == Reason.NONE:
             break
+    if reason == Reason.NONE and (context.rate > params.max_rate or not seen.at_instant):
+        reason, solution = Reason.SMEARED, NO_SOLUTION  # an unknown rate is NaN, not too high
     flag_saturated, flag_no_stars = flags(params.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.pairs.stars.hip[found.star], 0)
@@ -165,21 +170,29 @@ def step(tracker, state, frame, context):
     return TrackerState(exposure_s, seen.memory), fix, command
 
 
-NO_SOLUTION = NO_ATTITUDE, NO_COVARIANCE, np.nan
+def attitude(tracker, detections, context, rate=None):
+    """Identify a list of objects and find the attitude that they show.
 
+    Parameters
+    ----------
+    tracker : Tracker
+    detections : Detections, brightest first
+    context : Context
+    rate : as in `solve`
 
-def _attitude(tracker, frame, seen, context):
-    """(Identification, Reason, (q_ic, P_c, residual_px)) of the objects that one search has found."""
-    params, detections = tracker.params, seen.detections
+    Returns
+    -------
+    Identification
+    Reason; NONE when there is an attitude
+    (q_ic, P_c, residual_px), NO_SOLUTION without one
+    """
+    params = tracker.params
     u_c = unit_vectors(params.identify.camera, detections.xy_px)
-    P_px, rate = centroid_covariance(params, detections), seen.rate
-    found, least = _identify(
-        tracker, frame.exposure_s, u_c, detections, context, with_rate(params, detections, P_px, rate)
-    )
+    P_px = centroid_covariance(params, detections)
+    ellipses = with_rate(params, detections, P_px, rate)
+    found, least = _identify(tracker, u_c, detections.flux_dn, context, ellipses)
     if found.reason != Reason.NONE:
         return found, found.reason, NO_SOLUTION
-    if context.rate > params.max_rate or not seen.at_instant:  # False where the rate is unknown
-        return found, Reason.SMEARED, NO_SOLUTION
     known = found.star >= 0
     velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
     seen_i = aberrate(tracker.pairs.stars.u_i[found.star[known]], velocity_i)
@@ -191,17 +204,15 @@ def _attitude(tracker, frame, seen, context):
     return found, Reason.NONE, solution
 
 
-def _identify(tracker, exposure_s, u_c, detections, context, P_px):
+def _identify(tracker, u_c, flux, context, P_px):
     """(Identification, fewest stars that make an attitude)."""
-    params, flux = tracker.params, detections.flux_dn
-    zero_flux = params.identify.zero_flux * exposure_s / params.exposure.max_s
-    settings = params.identify._replace(zero_flux=zero_flux)
+    params = tracker.params
     if params.track and context.q_ic is not None and np.isfinite(context.q_ic.sum() + context.P_c.sum()):
         prediction = quat_conjugate(context.q_ic), context.P_c
-        found, tracked = identify_near(settings, tracker.pairs, u_c, flux, prediction, P_px)
-        return found, MIN_TRACKED if tracked else settings.min_stars
+        found, tracked = identify_near(params.identify, tracker.pairs, u_c, flux, prediction, P_px)
+        return found, MIN_TRACKED if tracked else params.identify.min_stars
     identify = IDENTIFIERS[params.identify.method]
-    return identify(settings, tracker.pairs, u_c, flux, P_px), settings.min_stars
+    return identify(params.identify, tracker.pairs, u_c, flux, P_px), params.identify.min_stars
 
 
 def centroid_covariance(params, detections):
