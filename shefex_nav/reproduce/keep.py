@@ -45,8 +45,9 @@ class Store(NamedTuple):
             with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
                 head = json.loads(str(archive[HEAD]))
                 result = {name: archive[name] for name in archive.files if name != HEAD}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise StoreError(f"{path} is damaged ({error}); move it away to measure it again") from None
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            words = "is damaged, or no file of results; move it away to measure it again"
+            raise StoreError(f"{path} {words}") from None
         wanted = self.head | {"chunk": number, "samples": size}
         if head != wanted:
             said = head if isinstance(head, dict) else {}
