@@ -17,7 +17,7 @@ from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.onboard.navigation import fusion, mean_rate, solution, strapdown
 from shefex_nav.onboard.navigation.state import ATT, MOUNT, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
-from shefex_nav.records import Reason
+from shefex_nav.records import GpsFix, Reason
 
 COVARIANCE_TICKS = 10  # NavCovariance at every tenth tick
 PREDICTION_FLOOR = np.radians(40.0 / 3600.0)  # rad; aberration, which the predicted places do not have
@@ -71,7 +71,8 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
     ----------
     computer : Computer after the tick before
     imu_block : ImuBlock that ends at this tick
-    gps_fixes : sequence of GpsFix with t_available_s not later than this tick, each handed over once
+    gps_fixes : sequence of GpsFix and GpsRanges with t_available_s not later than this tick, each handed
+        over once
     frames_arrived : sequence of Frame, likewise
     chain : `star_tracker.step`, or something that wraps it to see how long it takes
 
@@ -88,7 +89,8 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
     if computer.waiting or frames_arrived or _switches(computer, now_s):
         computer, outputs, due = _track_stars(computer, now_s, frames_arrived, chain)
     if due or gps_fixes:
-        arrivals = [("gps", fix) for fix in gps_fixes] + [("star_tracker", fix) for fix in due]
+        fixes = [fix for fix in gps_fixes if isinstance(fix, GpsFix)]
+        arrivals = [("gps", fix) for fix in fixes] + [("star_tracker", fix) for fix in due]
         outputs += fusion.fuse(nav, arrivals)
     outputs.append(solution.solution(nav))
     ticks = computer.ticks + 1
