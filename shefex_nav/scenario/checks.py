@@ -23,6 +23,7 @@ def cross_check(scenario, rated=None):
         *_sensors(scenario),
         *checks_gps.contradictions(scenario),
         *_camera(scenario.star_camera),
+        *_states(scenario.navigation.states),
         *checks_tracker.contradictions(scenario),
     ]
 
@@ -56,6 +57,17 @@ def _sensors(scenario):
             f"{count(len(vibration.boost), 'value')} for {count(stages, 'stage')}; give one for each stage"
         )
         yield ("imu", "vibration", "boost"), words
+
+
+def _states(names):
+    """Blocks of states of the filter that go together."""
+    from shefex_nav.onboard.navigation.state import LayoutError, layout
+
+    try:
+        layout(names)
+    except LayoutError as error:
+        last = len(names) - 1 - names[::-1].index(error.name)
+        yield ("navigation", "states", last), str(error)
 
 
 def count(number, noun):
