@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
-from shefex_nav.onboard.navigation import fusion, mean_rate, solution, strapdown
+from shefex_nav.onboard.navigation import fusion, mean_rate, sensors, solution, strapdown
 from shefex_nav.onboard.navigation.state import ATT, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
-from shefex_nav.records import GpsFix, Reason
+from shefex_nav.records import Reason
 
 COVARIANCE_TICKS = 10  # NavCovariance at every tenth tick
 PREDICTION_FLOOR = np.radians(40.0 / 3600.0)  # rad; aberration, which the predicted places do not have
@@ -89,8 +89,7 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
     if computer.waiting or frames_arrived or _switches(computer, now_s):
         computer, outputs, due = _track_stars(computer, now_s, frames_arrived, chain)
     if due or gps_fixes:
-        fixes = [fix for fix in gps_fixes if isinstance(fix, GpsFix)]
-        arrivals = [("gps", fix) for fix in fixes] + [("star_tracker", fix) for fix in due]
+        arrivals = sensors.gps_arrivals(nav.params, gps_fixes) + [("star_tracker", fix) for fix in due]
         outputs += fusion.fuse(nav, arrivals)
     outputs.append(solution.solution(nav))
     ticks = computer.ticks + 1

@@ -13,6 +13,10 @@ def contradictions(scenario):
     yield from _outages(scenario)
     yield from _almanac(scenario)
     yield from _spans(scenario.gps)
+    states = scenario.navigation.states
+    if scenario.navigation.gps == "tight" and "clock" not in states:
+        words = f"gps: tight needs the clock of the receiver; write [{', '.join([*states, 'clock'])}]"
+        yield ("navigation", "states"), words
     wait = scenario.gps.reacquisition
     if wait is not None and wait.shortest > wait.longest:
         words = f"{seconds(wait.shortest)} is longer than longest, {seconds(wait.longest)}"
