@@ -100,7 +100,7 @@ class Only(Block):
 
     start: Time("100 s", "first epoch") = Field(alias="from")
     end: Time("400 s", "and from here on all again") = Field(alias="until")
-    satellites: Count("2", "how many: those that are tracked longest", non_negative=True) | None = None
+    satellites: Count("2", "how many: far apart, of those tracked longest", non_negative=True) | None = None
     prn: list[Count("5", "number of a satellite", positive=True, at_most=MOST)] | None = Field(
         default=None, description="which ones: numbers, 1 to 24 for the nominal satellites"
     )

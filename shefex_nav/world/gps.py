@@ -107,7 +107,7 @@ def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
     if params.reacquisition is not None:
         present = gps_receiver.reacquired(present & lit, t_s, params.reacquisition, fractions)
     tracked = present & ~(spinning[:, None] & (fortune < params.spin_loss))
-    tracked = gps_receiver.limited(tracked, t_s, params.only, prn)
+    tracked = gps_receiver.limited(tracked, t_s, params.only, prn, u_e)
 
     factor = np.where(spinning, params.spin_noise_factor, 1.0)
     sigmas = np.stack([params.sigma_range * factor, params.sigma_range_rate * factor])

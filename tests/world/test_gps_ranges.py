@@ -223,6 +223,13 @@ def test_limits_name_or_count_satellites(flight):
         during = 5.0 <= ranges.t_valid_s < 20.0
         assert len(ranges.prn) == (2 if during else len(whole[k].prn))
         assert two.fixes[k].valid != during
+    chosen = next(r for r in two.ranges if r.t_valid_s == 10.0)
+    everything = next(r for r in whole if r.t_valid_s == 10.0)
+    u = everything.r_es_e - gps.antenna_states(flight, synthetic.EARTH, calm.l_ba_b).r_ea_e[20]
+    u /= np.linalg.norm(u, axis=1)[:, None]
+    pair = u[np.isin(everything.prn, chosen.prn)]
+    others = np.sort((u @ u.T)[np.triu_indices(len(u), 1)])
+    assert pair[0] @ pair[1] <= np.median(others)  # far apart
     named = tuple(sorted(seen))[1:4]
     some = measure(calm._replace(only=(gps_receiver.Only(5.0, 20.0, 0, named),)), flight).ranges
     assert all(tuple(r.prn) == named for r in some if 5.0 <= r.t_valid_s < 20.0)
