@@ -170,6 +170,7 @@ TOPICS = (
         _number("dtheta_b_rad", "dtheta_b", "integrated rate, body axes, 4 x 3 row by row [rad]", (4, 3)),
         _number("dv_b_m_s", "dv_b", "integrated specific force, body axes, 4 x 3 row by row [m/s]", (4, 3)),
         _flag("saturated", "saturated", "a sample reached the range of its sensor"),
+        _flag("valid", "valid", "false: the unit did not answer, the samples are NaN"),
     )),
     Topic(GpsFix, "/gps/fix", "GpsFix", 1, "t_valid_s", "Position and velocity of the GPS antenna a.", (
         T_VALID,

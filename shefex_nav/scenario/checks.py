@@ -2,7 +2,7 @@
 
 import math
 
-from shefex_nav.scenario import checks_flight, checks_tracker, checks_vehicle
+from shefex_nav.scenario import checks_flight, checks_tracker, checks_vehicle, faults
 from shefex_nav.scenario.checks_flight import seconds
 from shefex_nav.scenario.events import possible
 from shefex_nav.scenario.messages import close
@@ -26,6 +26,7 @@ def cross_check(scenario, rated=None):
         *_outages(scenario),
         *_camera(scenario.star_camera),
         *checks_tracker.contradictions(scenario),
+        *faults.contradictions(scenario),
     ]
 
 
