@@ -38,16 +38,6 @@ class Dead(Fault):
     axis: Axis = Field(description="which of its axes")
 
 
-class Saturation(Fault):
-    """One axis ends at a rate, or at a specific force, below that of its data sheet."""
-
-    fault: Literal["saturation"]
-    sensor: Triad = Field(description="which triad")
-    axis: Axis = Field(description="which of its axes")
-    rate: Quantity("rad/s", "100 deg/s", "largest rate of a gyro", positive=True) | None = None
-    acceleration: Quantity("m/s2", "5 gee", "largest specific force", positive=True) | None = None
-
-
 class Dropout(Fault):
     """The unit does not answer."""
 
@@ -131,7 +121,7 @@ def _forms(*kinds):
     return tagged(choose, {**known, "fault": Annotated[Unknown, WithJsonSchema({"not": {}})]})
 
 
-ImuFault = _forms(Stuck, Dead, Saturation, Dropout, Repeat)
+ImuFault = _forms(Stuck, Dead, Dropout, Repeat)
 GpsFault = _forms(Outage, Freeze, Jump, Drift)
 StarFault = _forms(Bias, WrongFixes, Blinded)
 
@@ -154,18 +144,5 @@ def contradictions(scenario):
                 yield (*path, "until"), f"{fault.end:g} s must be later than from, {fault.start:g} s"
             if fault.start > limit:
                 yield (*path, "from"), f"{fault.start:g} s is after mission.time_limit, {limit:g} s"
-            if isinstance(fault, Saturation):
-                yield from _saturation(path, fault)
             if isinstance(fault, WrongFixes) and fault.largest < fault.smallest:
                 yield (*path, "smallest"), "must not exceed largest"
-
-
-def _saturation(path, fault):
-    """A limit in the unit of the triad."""
-    wanted, other = ("rate", "acceleration") if fault.sensor == "gyro" else ("acceleration", "rate")
-    kind = "a gyro" if fault.sensor == "gyro" else "an accelerometer"
-    if getattr(fault, other) is not None:
-        yield (*path, other), f"is no limit of {kind}; give {wanted}"
-    if getattr(fault, wanted) is None:
-        example = "100 deg/s" if wanted == "rate" else "5 gee"
-        yield (*path, wanted), f"is missing; the limit of {kind}, for example '{wanted}: {example}'"

@@ -24,10 +24,7 @@ def _imu(fault):
     plain = ImuFault(fault.fault, fault.start, fault.end)
     if fault.fault in ("dropout", "repeat"):
         return plain
-    plain = plain._replace(sensor=fault.sensor, axis=AXES.index(fault.axis))
-    if fault.fault == "saturation":
-        plain = plain._replace(limit=fault.rate if fault.sensor == "gyro" else fault.acceleration)
-    return plain
+    return plain._replace(sensor=fault.sensor, axis=AXES.index(fault.axis))
 
 
 def _gps(fault):

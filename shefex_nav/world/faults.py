@@ -20,13 +20,12 @@ ROUNDING_S = 1e-6  # of the times of samples
 class ImuFault(NamedTuple):
     """One fault of the inertial measurement unit."""
 
-    kind: str  # stuck: one axis repeats its last reading; dead: it reads zero; saturation: it ends at
-    # `limit`; dropout: no samples at all; repeat: the last block of samples again and again
+    kind: str  # stuck: one axis repeats its last reading; dead: it reads zero; dropout: no samples at all;
+    # repeat: the last block of samples again and again
     start_s: float
     end_s: float
     sensor: str = ""  # gyro or accelerometer; empty: the whole unit
     axis: int = 0
-    limit: float = np.inf  # rad/s or m/s^2
 
 
 class GpsFault(NamedTuple):
@@ -74,7 +73,7 @@ def imu(faults, data):
         return data
     dt_s = (data.t_s[-1] - data.t_s[0]) / (len(data.t_s) - 1)
     dtheta_b, dv_b = data.dtheta_b.copy(), data.dv_b.copy()
-    saturated, missing = data.saturated.copy(), np.zeros(len(data.t_s), dtype=bool)
+    missing = np.zeros(len(data.t_s), dtype=bool)
     for fault in faults:
         rows = np.flatnonzero(_within(fault, data.t_s - dt_s))  # samples that begin within the fault
         rows = rows[rows > 0]
@@ -85,15 +84,11 @@ def imu(faults, data):
             increments[rows, fault.axis] = increments[rows[0] - 1, fault.axis]
         elif fault.kind == "dead":
             increments[rows, fault.axis] = 0.0
-        elif fault.kind == "saturation":
-            limit = fault.limit * dt_s
-            saturated[rows] |= np.abs(increments[rows, fault.axis]) >= limit
-            increments[rows, fault.axis] = np.clip(increments[rows, fault.axis], -limit, limit)
         elif fault.kind == "dropout":
             missing[rows] = True
         else:
             _repeat_block(dtheta_b, dv_b, rows)
-    return data._replace(dtheta_b=dtheta_b, dv_b=dv_b, saturated=saturated, missing=missing)
+    return data._replace(dtheta_b=dtheta_b, dv_b=dv_b, missing=missing)
 
 
 def _repeat_block(dtheta_b, dv_b, rows):
@@ -209,8 +204,7 @@ def _named(faults):
     """(name, fault, detail) of every fault."""
     for fault in faults.imu:
         axis = f"{fault.sensor}_{AXES[fault.axis]}" if fault.sensor else "imu"
-        unit = "rad/s" if fault.sensor == "gyro" else "m/s^2"
-        yield f"{axis}_{fault.kind}", fault, f"at {fault.limit:g} {unit}" if np.isfinite(fault.limit) else ""
+        yield f"{axis}_{fault.kind}", fault, ""
     for fault in faults.gps:
         north, east, down = fault.moved_n
         words = f"{north:g}, {east:g}, {down:g} {'m' if fault.kind == 'jump' else 'm/s'} north, east, down"

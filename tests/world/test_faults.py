@@ -45,16 +45,6 @@ def test_a_dead_axis_reads_zero(data):
     assert np.array_equal(bad.dtheta_b, data.dtheta_b)
 
 
-def test_saturation_clips_and_says_so(data):
-    """1 mrad in 2.5 ms is 0.4 rad/s; one in three samples of a normal distribution is beyond one sigma."""
-    bad = faults.imu((faults.ImuFault("saturation", 2.0, 3.0, "gyro", 0, 0.4),), data)
-    assert np.abs(bad.dtheta_b[801:1201, 0]).max() == pytest.approx(1e-3)
-    clipped = np.abs(data.dtheta_b[801:1201, 0]) >= 1e-3
-    assert np.array_equal(bad.saturated[801:1201], clipped)
-    assert not bad.saturated[:801].any() and not bad.saturated[1201:].any()
-    assert 0.2 < clipped.mean() < 0.45
-
-
 def test_a_dropout_makes_blocks_that_say_they_are_not_valid(data):
     blocks = list(imu.blocks(faults.imu((faults.ImuFault("dropout", 2.0, 2.05),), data)))
     lost = [block.t_valid_s for block in blocks if not block.valid]
