@@ -5,6 +5,10 @@ has gone wrong would reject everything from then on, so a sensor that keeps cont
 the end, but only if its rejected fixes agree with each other: GPS fixes through the velocity that
 they report, star fixes through the gyros. A lone wrong fix, or a receiver that repeats its last fix,
 never gets through.
+
+Inside the gate a fix may be wrong, too, as long as the gate is wide: before the first star fix, and after a
+long time without stars. Then a star fix is held until a second one agrees with it through the gyros; the
+second is used, the first never.
 """
 
 from enum import IntEnum
@@ -24,6 +28,7 @@ class Fate(IntEnum):
     USED = 1
     RESET = 2  # used after everything known of its block was forgotten
     REJECTED = 3
+    HELD = 4  # inside a gate that is too wide to trust a fix alone; kept for comparison, never used
 
 
 class Health(NamedTuple):
@@ -32,7 +37,8 @@ class Health(NamedTuple):
     used: int  # measurements used since the start
     rejected: int  # consecutive rejected fixes which agree with each other
     t_first_s: float  # the first of them
-    evidence: Any  # the last of them, in the form that `agrees` compares
+    evidence: Any  # the last of them, in the form that `agree` compares
+    held: Any = None  # likewise, the last fix inside the gate, where one alone does not count
 
 
 class StarEvidence(NamedTuple):
@@ -53,7 +59,7 @@ def chi_square_limit(probability, dof):
     return float(chdtri(dof, probability))
 
 
-def judge(health, rule, nis, limit, t_valid_s, evidence, agree):
+def judge(health, rule, nis, limit, t_valid_s, evidence, agree, alone=True):
     """Fate of a measurement.
 
     Parameters
@@ -64,6 +70,7 @@ def judge(health, rule, nis, limit, t_valid_s, evidence, agree):
     t_valid_s : s
     evidence : what is kept of the fix if it is rejected
     agree : function(earlier evidence, this evidence) -> bool
+    alone : whether a single fix inside the gate is enough
 
     Returns
     -------
@@ -71,14 +78,16 @@ def judge(health, rule, nis, limit, t_valid_s, evidence, agree):
     health : Health
     """
     if nis <= limit:
-        return Fate.USED, Health(health.used + 1, 0, np.nan, None)
+        if alone or (health.held is not None and agree(health.held, evidence)):
+            return Fate.USED, Health(health.used + 1, 0, np.nan, None)
+        return Fate.HELD, health._replace(held=evidence)
     if health.evidence is not None and agree(health.evidence, evidence):
         rejected, t_first_s = health.rejected + 1, health.t_first_s
     else:
         rejected, t_first_s = 1, t_valid_s
     if rejected >= rule.count and t_valid_s - t_first_s >= rule.duration_s - 1e-6:
         return Fate.RESET, Health(health.used + 1, 0, np.nan, None)
-    return Fate.REJECTED, Health(health.used, rejected, t_first_s, evidence)
+    return Fate.REJECTED, Health(health.used, rejected, t_first_s, evidence, health.held)
 
 
 def gps_fixes_agree(earlier, later, slack):
