@@ -90,6 +90,7 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
     if due or gps_fixes:
         arrivals = [("gps", fix) for fix in gps_fixes] + [("star_tracker", fix) for fix in due]
         outputs += fusion.fuse(nav, arrivals)
+    outputs += nav.watch.changes()
     outputs.append(solution.solution(nav))
     ticks = computer.ticks + 1
     if ticks % COVARIANCE_TICKS == 0:

@@ -18,7 +18,8 @@ import numpy as np
 
 from shefex_nav.geometry import rotation
 
-LONGEST_PAIR_S = 3.0  # [E] fixes further apart than this are not compared
+LONGEST_PAIR_S = 3.0  # [E] GPS fixes further apart than this are not compared
+LONGEST_STAR_PAIR_S = 60.0  # [E] nor star fixes further apart than this
 
 
 class Fate(IntEnum):
@@ -29,6 +30,7 @@ class Fate(IntEnum):
     RESET = 2  # used after everything known of its block was forgotten
     REJECTED = 3
     HELD = 4  # inside a gate that is too wide to trust a fix alone; kept for comparison, never used
+    DOUBTED = 5  # not used; what it has misled before is known less well from here on
 
 
 class Health(NamedTuple):
@@ -112,7 +114,7 @@ def star_evidence(state, z, R):
     return StarEvidence(state.t_s, error_i, C_ib @ R @ C_ib.T)
 
 
-def star_fixes_agree(earlier, later, P_rate, limit):
+def star_fixes_agree(earlier, later, P_rate, limit, noise=0.0):
     """Whether two star fixes differ by the rotation that the gyros saw.
 
     The strapdown turns with the gyros, so its attitude error in inertial axes is the same at both fixes,
@@ -121,13 +123,15 @@ def star_fixes_agree(earlier, later, P_rate, limit):
     earlier, later : StarEvidence
     P_rate : (3, 3) rad^2/s^2, covariance of the corrected rate
     limit : chi-square
+    noise : rad^2/s, white noise of the gyros, of the noisiest axis
     """
-    dt_s = later.t_valid_s - earlier.t_valid_s
-    if not 0.0 < dt_s <= LONGEST_PAIR_S:
+    dt_s = abs(later.t_valid_s - earlier.t_valid_s)  # they may have arrived in the other order
+    if not 0.0 < dt_s <= LONGEST_STAR_PAIR_S:
         return False
     d = rotation.rotvec_from_quat(
         rotation.quat_multiply(rotation.quat_conjugate(earlier.error_i), later.error_i)
     )
     # the largest rate variance stands for every axis, so that no frame has to be chosen for it
-    S = earlier.R_i + later.R_i + np.max(np.linalg.eigvalsh(P_rate)) * dt_s**2 * np.eye(3)
+    drift = np.max(np.linalg.eigvalsh(P_rate)) * dt_s**2 + noise * dt_s
+    S = earlier.R_i + later.R_i + drift * np.eye(3)
     return float(d @ np.linalg.solve(S, d)) <= limit

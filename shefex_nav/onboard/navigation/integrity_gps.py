@@ -1,13 +1,13 @@
 """Watch over the GPS receiver: fixes that it repeats, and positions that run away slowly.
 
 **Repeated fixes.** A measurement has noise, so two fixes that agree to the last bit are one fix sent twice.
-Stale: valid at the instant of one that was here before. Frozen: the position of one that was here before, with
-a new time, or its velocity, unless that is zero (a receiver at rest may well say so). Neither reaches the gate,
-so a frozen receiver neither corrects the filter nor counts as contradiction.
+Stale: valid at the instant of one that was here before. Frozen: the position of one that was here before,
+with a new time, or its velocity, unless that is zero (a receiver at rest may well say so). Neither reaches
+the gate, so a frozen receiver neither corrects the filter nor counts as contradiction.
 
-**Slow drift.** A position that runs away slowly takes the filter with it and passes every gate; but the filter
-lags behind, being held back by inertial sensors and GPS velocity, so the innovations keep their sign. Their
-mean over the last fixes, exponentially weighted, is compared with what white innovations would have::
+**Slow drift.** A position that runs away slowly takes the filter with it and passes every gate; but the
+filter lags behind, being held back by inertial sensors and GPS velocity, so the innovations keep their sign.
+Their mean over the last fixes, exponentially weighted, is compared with what white innovations would have::
 
     m <- (1 - a) m + a w,   v <- (1 - a)^2 v + a^2,   |m|^2 / v ~ chi-square with 3 degrees of freedom
 
@@ -49,21 +49,21 @@ def memory():
 def repeated(earlier, fix):
     """Why a valid fix is none: {sensor: reason} for those of 'gps_position', 'gps_velocity' that repeat.
 
-    earlier : `memory`, which takes the fix in unless it is stale
+    earlier : `memory`, which takes the fix in if it is new
     fix : GpsFix
     """
-    found = {}
-    for old in reversed(earlier):
+    moves = fix.v_ea_e.any()
+    for old in earlier:
         if abs(old.t_valid_s - fix.t_valid_s) < 1e-9:
-            words = "stale: of the same instant as the one before"
+            words = f"stale: of T{old.t_valid_s:+.1f} s, as one before"
             return {"gps_position": words, "gps_velocity": words}
         if np.array_equal(old.r_ea_e, fix.r_ea_e):
             words = f"frozen: position of T{old.t_valid_s:+.1f} s"
-            found = {"gps_position": words, "gps_velocity": words}
-        elif np.array_equal(old.v_ea_e, fix.v_ea_e) and fix.v_ea_e.any() and not found:
-            found = {"gps_velocity": f"frozen: velocity of T{old.t_valid_s:+.1f} s"}
+            return {"gps_position": words, "gps_velocity": words}
+        if moves and np.array_equal(old.v_ea_e, fix.v_ea_e):
+            return {"gps_velocity": f"frozen: velocity of T{old.t_valid_s:+.1f} s"}
     earlier.append(fix)
-    return found
+    return {}
 
 
 def follow(drift, z, S, limit):

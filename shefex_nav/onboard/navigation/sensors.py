@@ -9,8 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import calibration, integrity, measurements, strapdown
+from shefex_nav.onboard.navigation import calibration, integrity, integrity_watch, measurements, strapdown
 from shefex_nav.onboard.navigation.state import ReleaseRule
+
+MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
 
 
 class Trial(NamedTuple):
@@ -35,6 +37,11 @@ class Sensor(NamedTuple):
     rows: int = 0  # rows gated together, whose noise must not be tied to that of others; 0: all
     labels: Callable | None = None  # fix -> name of each group of rows, for notes
     reset_note: str = "reset after timeout"
+    # (nav, H, P, R) -> whether one fix inside the gate is enough; None: always
+    alone: Callable | None = None
+    # (nav, z) -> standard deviation of the error that a reset admits in the block and those with it, if it
+    # explains the contradiction without forgetting everything; None: it does not
+    admits: Callable | None = None
 
 
 def _gps_position(nav, state, imu, at_s, fix):
@@ -74,6 +81,14 @@ def _gps_trial(nav, state, P, z, R, imu, at_s, fix):
     return Trial(nav.params.release_gps, fix, agree)
 
 
+def _gps_position_trial(nav, state, P, z, R, imu, at_s, fix):
+    """A position that jumps while the velocity goes on is hardly right: it must insist for longer."""
+    trial = _gps_trial(nav, state, P, z, R, imu, at_s, fix)
+    if integrity_watch.jumped(nav.health):
+        return trial._replace(rule=nav.watch.params.release_gps_jump)
+    return trial
+
+
 def _star_trial(nav, state, P, z, R, imu, at_s, fix):
     params = nav.params
     used = nav.health["star_tracker"].used
@@ -81,10 +96,25 @@ def _star_trial(nav, state, P, z, R, imu, at_s, fix):
     P_rate = rate_covariance(nav.layout, state, P, *strapdown.felt(state, imu, at_s))
     limit = nav.limit(3)
 
+    noise = params.imu.gyro_random_walk**2 + imu.extra[0].max()
+
     def agree(earlier, later):
-        return integrity.star_fixes_agree(earlier, later, P_rate, limit)
+        return integrity.star_fixes_agree(earlier, later, P_rate, limit, noise)
 
     return Trial(rule, integrity.star_evidence(state, z, R), agree)
+
+
+def _star_alone(nav, H, P, R):
+    """Once stars have been used, and while the gate stops every fix that is wrong by as much as matters."""
+    S = H @ P @ H.T + R
+    gate = np.sqrt(nav.limit(len(S)) * np.max(np.linalg.eigvalsh(S)))
+    return nav.health["star_tracker"].used > 0 and gate < nav.watch.params.wrong_star_fix
+
+
+def _star_admits(nav, z):
+    """A small contradiction may be a camera that has moved or a wrong attitude: either is admitted."""
+    angle = float(np.sqrt(z @ z))
+    return angle if nav.health["star_tracker"].used > 1 and angle < MOVED_CAMERA else None
 
 
 def never(nav, state, P, z, R, imu, at_s, fix):
@@ -99,7 +129,7 @@ def rate_covariance(layout, state, P, omega_b, f_b):
 
 
 SENSORS = {
-    "gps_position": Sensor(_gps_position, "position", 1e5, _gps_trial),
+    "gps_position": Sensor(_gps_position, "position", 1e5, _gps_position_trial),
     "gps_velocity": Sensor(_gps_velocity, "velocity", 1e4, _gps_trial),
     "star_tracker": Sensor(
         _star_attitude,
@@ -108,6 +138,8 @@ SENSORS = {
         _star_trial,
         with_it=("mounting",),  # whatever misled the attitude has misled the mounting too
         reset_note="attitude reset",
+        alone=_star_alone,
+        admits=_star_admits,
     ),
 }
 ARRIVALS = {"gps": ("gps_position", "gps_velocity"), "star_tracker": ("star_tracker",)}
