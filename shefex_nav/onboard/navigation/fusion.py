@@ -228,6 +228,7 @@ def fuse(nav, arrivals):
         earliest = min(earliest, index)
     for index in range(earliest, len(nav.history)):
         nav.history[index] = _repeat(nav, nav.history[index - 1], nav.history[index], results)
+    nav.watch.protect(nav.history[-1].P)
     return results
 
 
@@ -301,9 +302,9 @@ def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
         return x, P, measurement, None
     sensor, state = SENSORS[measurement.sensor], unpack(t_s, x)
     z, H, R = sensor.linearise(nav, state, imu, at_s, measurement.fix)
-    result = None
+    result, confirmed = None, False
     if measurement.fate == Fate.PENDING:
-        measurement, result = _decide(nav, state, P, z, H, R, imu, at_s, measurement)
+        measurement, result, confirmed = _decide(nav, state, P, z, H, R, imu, at_s, measurement)
         if measurement.fate in (Fate.REJECTED, Fate.HELD):
             return x, P, measurement, result
     prior = P
@@ -319,17 +320,21 @@ def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
         name, fix, fate = measurement[:3]
         recorder(Correction(t_s, name, fix, fate, state, P, prior, z, H, R, after.dx, after.G, *after[:2]))
     if result is not None:
-        _protect(nav, measurement, prior, after.P, H, R)
+        _protect(nav, measurement, prior, after.P, H, R, confirmed)
+        if confirmed:
+            nav.health[measurement.sensor] = sensor.confirmed(nav, after.state, imu, at_s, measurement.fix)
     return pack(after.state), after.P, measurement, result
 
 
-def _protect(nav, measurement, P_before, P_after, H, R):
-    """Bring the protection level up to date with a measurement that has just been used."""
-    watch, confirmed = nav.watch, None
-    if measurement.sensor == "star_tracker":
-        if measurement.fate == Fate.RESET or not _alone(nav, SENSORS["star_tracker"], H, P_before, R):
-            confirmed = R
-    watch.level = integrity_protection.after_fix(watch.level, P_before, P_after, nav.limit(len(R)), confirmed)
+def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
+    """Tell the watch of a measurement that has just been used for the first time."""
+    watch, limit, name = nav.watch, nav.limit(len(R)), measurement.sensor
+    watch.used(name, measurement.fix.t_valid_s, nav.history[-1].t_s)
+    if name == "star_tracker":
+        found = integrity_protection.slope_of_stars(P_before, P_after, limit, H, R, confirmed)
+    else:
+        found = integrity_protection.slope(P_before, P_after, limit)
+    watch.used_now.append(found)
 
 
 def _alone(nav, sensor, H, P, R):
@@ -354,36 +359,42 @@ def _forgotten(nav, P, sensor, admitted):
 
 
 def _decide(nav, state, P, z, H, R, imu, at_s, measurement):
-    """Fate of a new measurement; that of its sensor's health is kept. -> Measurement, GateResult"""
+    """Fate of a new measurement; that of its sensor's health is kept.
+
+    -> Measurement, GateResult, whether another fix has confirmed it
+    """
     name, fix = measurement.sensor, measurement.fix
     sensor, now_s = SENSORS[name], nav.history[-1].t_s
     nis, limit = eskf.innovation_statistics(P, z, H, R), nav.limit(len(z))
     passed = gate_rows(nav, P, z, H, R, sensor.rows) if sensor.rows else np.full(len(z), nis <= limit)
-    rule = evidence = agree = rows = None
+    trial = rows = None
     alone = _alone(nav, sensor, H, P, R)
     if passed.any():
         nis_judged, rows = 0.0, None if passed.all() else passed
     else:
         nis_judged = np.inf
     if not (passed.any() and alone):
-        rule, evidence, agree = sensor.trial(nav, state, P, z, R, imu, at_s, fix)
-    fate, nav.health[name] = integrity.judge(
-        nav.health[name], rule, nis_judged, limit, fix.t_valid_s, evidence, agree, alone
-    )
+        trial = sensor.trial(nav, state, P, z, R, imu, at_s, fix)
+    fate, nav.health[name] = integrity.judge(nav.health[name], trial, nis_judged, limit, fix.t_valid_s, alone)
     admitted = sensor.admits(nav, z) if fate == Fate.RESET and sensor.admits else None
     if name == integrity_watch.DRIFTS:
         fate, admitted = _drifts(nav, fate, z, H @ P @ H.T + R, admitted)
     note = NOTES.get(fate, sensor.reset_note)
     if fate == Fate.RESET and admitted is not None:
         note += ", or the camera has moved"
-    nav.watch.tell(now_s, name, note if fate not in (Fate.USED, Fate.HELD) else "")
+    if fate == Fate.USED:
+        nav.watch.tell(now_s, name, "")
+    elif fate == Fate.DOUBTED or fate == Fate.RESET:
+        nav.watch.tell(now_s, name, note)
+    elif nav.health[name].rejected >= integrity_watch.CONTRADICTIONS:
+        nav.watch.tell(now_s, name, integrity_watch.reason(name, nav.health))
     if rows is not None:
         note = f"rejected: {', '.join(_rejected(sensor, fix, rows))}"
         z, H, R = z[rows], H[rows], R[np.ix_(rows, rows)]
         nis, limit = eskf.innovation_statistics(P, z, H, R), nav.limit(len(z))
     accepted = fate in (Fate.USED, Fate.RESET)
     result = GateResult(now_s, fix.t_valid_s, name, len(z), nis, limit, accepted, note, z)
-    return measurement._replace(fate=fate, rows=rows, admitted=admitted), result
+    return measurement._replace(fate=fate, rows=rows, admitted=admitted), result, not alone
 
 
 def _drifts(nav, fate, z, S, admitted):

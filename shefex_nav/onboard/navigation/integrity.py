@@ -41,6 +41,15 @@ class Health(NamedTuple):
     t_first_s: float  # the first of them
     evidence: Any  # the last of them, in the form that `agree` compares
     held: Any = None  # likewise, the last fix inside the gate, where one alone does not count
+    first: Any = None  # likewise, the first of the rejected
+
+
+class GpsEvidence(NamedTuple):
+    """A GPS fix against the state that the filter had."""
+
+    fix: Any  # GpsFix
+    z: np.ndarray  # (3,) m or m/s, innovation
+    P: np.ndarray  # (3, 3) of what the filter said of it
 
 
 class StarEvidence(NamedTuple):
@@ -61,17 +70,15 @@ def chi_square_limit(probability, dof):
     return float(chdtri(dof, probability))
 
 
-def judge(health, rule, nis, limit, t_valid_s, evidence, agree, alone=True):
+def judge(health, trial, nis, limit, t_valid_s, alone=True):
     """Fate of a measurement.
 
     Parameters
     ----------
     health : Health of its sensor
-    rule : state.ReleaseRule
+    trial : sensors.Trial, what decides if it contradicts the filter, or if one inside the gate is not enough
     nis, limit : normalised innovation squared and its chi-square limit
     t_valid_s : s
-    evidence : what is kept of the fix if it is rejected
-    agree : function(earlier evidence, this evidence) -> bool
     alone : whether a single fix inside the gate is enough
 
     Returns
@@ -80,16 +87,37 @@ def judge(health, rule, nis, limit, t_valid_s, evidence, agree, alone=True):
     health : Health
     """
     if nis <= limit:
-        if alone or (health.held is not None and agree(health.held, evidence)):
+        if alone or (health.held is not None and trial.agree(health.held, trial.evidence)):
             return Fate.USED, Health(health.used + 1, 0, np.nan, None)
-        return Fate.HELD, health._replace(held=evidence)
-    if health.evidence is not None and agree(health.evidence, evidence):
-        rejected, t_first_s = health.rejected + 1, health.t_first_s
+        return Fate.HELD, health._replace(held=trial.evidence)
+    if insists(health, trial):
+        rejected, t_first_s, first = health.rejected + 1, health.t_first_s, health.first
     else:
-        rejected, t_first_s = 1, t_valid_s
+        rejected, t_first_s, first = 1, t_valid_s, trial.evidence
+    rule = trial.rule
     if rejected >= rule.count and t_valid_s - t_first_s >= rule.duration_s - 1e-6:
         return Fate.RESET, Health(health.used + 1, 0, np.nan, None)
-    return Fate.REJECTED, Health(health.used, rejected, t_first_s, evidence, health.held)
+    return Fate.REJECTED, Health(health.used, rejected, t_first_s, trial.evidence, health.held, first)
+
+
+def insists(health, trial):
+    """Whether a rejected fix says what those before it have said. Health, sensors.Trial -> bool"""
+    if health.evidence is None or not trial.agree(health.evidence, trial.evidence):
+        return False
+    return trial.steady is None or trial.steady(health.first, trial.evidence)
+
+
+def offsets_agree(first, later, limit):
+    """Whether two GPS positions are off by the same vector.
+
+    A filter whose position is wrong while its velocity is right is off by a constant; a receiver that runs
+    away is not.
+
+    first, later : GpsEvidence;  limit : chi-square
+    """
+    d = later.z - first.z
+    S = first.fix.R_r_e + later.fix.R_r_e + later.P
+    return float(d @ np.linalg.solve(S, d)) <= limit
 
 
 def gps_fixes_agree(earlier, later, slack):

@@ -12,7 +12,9 @@ itself. An error of sigma s that keeps its sign for a time T (first-order Gauss-
     V(t) = 2 s^2 T^2 (t/T - 1 + exp(-t/T)),                     s^2 t^2 at first,
 
 and a held reading, from which the truth runs away at the rate c, to (c t^2/2)^2 before that. A fault is seen
-later than it begins; the variance of the time before is made up for at once.
+later than it begins; the variance of the time before is made up for at once. Once a fix has said where the
+integral was at an instant, the error counts from there, V(t) <= s^2 t^2 with t since the fix: that is much
+less than the same noise would add that knows nothing of a bound on the rate.
 
 An axis that is wrong in a way that looks alive is not seen here, but by the stars and by GPS, whose fixes
 then contradict the strapdown (`integrity`).
@@ -64,6 +66,7 @@ class ImuWatch(NamedTuple):
     since_s: np.ndarray  # (6,) when the present fault began; NaN: there is none
     seen_s: np.ndarray  # (6,) when it was last seen
     charged: np.ndarray  # (6,) rad^2, m^2/s^2, variance that the filter has been given for it
+    fixed_s: np.ndarray  # (6,) when a fix last said what the integral was; NaN: not since it began
     state: np.ndarray  # (6,) int, GOOD ...
 
 
@@ -83,8 +86,9 @@ def repeats(sigma, quantum):
 
 def start(rules, n):
     """ImuWatch for blocks of n samples. ImuRules, int -> ImuWatch"""
-    last, unknown = np.full((n, 6), np.nan), np.full((4, 6), np.nan)
-    return ImuWatch(rules, last, np.ones(6), *unknown, np.zeros(6), np.zeros(6, dtype=np.int64))
+    last, unknown = np.full((n, 6), np.nan), np.full((5, 6), np.nan)
+    good = np.zeros(6, dtype=np.int64)
+    return ImuWatch(rules, last, np.ones(6), *unknown[:4], np.zeros(6), unknown[4], good)
 
 
 def screen(watch, block):
@@ -111,6 +115,20 @@ def screen(watch, block):
         return block, densities, health
     doubtful = block.saturated or bool(watch.state[:3].any())
     return block._replace(dtheta_b=dtheta_b, dv_b=dv_b, saturated=doubtful, valid=True), densities, health
+
+
+def fixed(watch, sensor, t_valid_s, now_s):
+    """A fix of t_valid_s has been used that says what the readings of a triad add up to.
+
+    watch : ImuWatch;  sensor : 0 the gyros, 1 the accelerometers;  now_s : of the last block
+    """
+    for k in range(3 * sensor, 3 * sensor + 3):
+        if watch.state[k] != GOOD and t_valid_s > watch.since_s[k]:
+            watch.fixed_s[k] = t_valid_s
+            rules = watch.rules
+            watch.charged[k] = integrated_variance(
+                rules.wrong[sensor], rules.change[sensor], max(now_s - t_valid_s, 0.0), False
+            )
 
 
 def _health(t_s, before, after):
@@ -142,7 +160,7 @@ def integrated_variance(wrong, change, age_s, held):
 @njit(cache=True)
 def _screen(
     repeats, range_, wrong, change,  # ImuRules
-    last, run, mean, before, since_s, seen_s, charged, state,  # ImuWatch
+    last, run, mean, before, since_s, seen_s, charged, fixed_s, state,  # ImuWatch
     t_end_s, dt_s, dtheta_b, dv_b, saturated, valid,
 ):  # fmt: skip
     """`screen` with the fields of its tuples; the arrays of the watch are changed in place."""
@@ -167,7 +185,7 @@ def _screen(
                 code = SATURATED
         changed = changed or code != state[k]
         if code == GOOD:
-            since_s[k], charged[k], state[k] = np.nan, 0.0, GOOD
+            since_s[k], charged[k], fixed_s[k], state[k] = np.nan, 0.0, np.nan, GOOD
             continue
         if state[k] == GOOD:
             since_s[k] = t_end_s - age_s
@@ -179,7 +197,10 @@ def _screen(
             kept = before[k] if code == STUCK else mean[k]
             for m in range(n):
                 out[m, k] = kept * dt_s if np.isfinite(kept) else 0.0
-        variance = integrated_variance(wrong[sensor], change[sensor], t_end_s - since_s[k], held)
+        begin_s = since_s[k]
+        if fixed_s[k] > begin_s:  # what is held was right at the beginning, not at the fix
+            begin_s, held = fixed_s[k], False
+        variance = integrated_variance(wrong[sensor], change[sensor], t_end_s - begin_s, held)
         densities[sensor, k % 3] = max(variance - charged[k], 0.0) / length_s
         charged[k] = max(variance, charged[k])
     if whole == GOOD:

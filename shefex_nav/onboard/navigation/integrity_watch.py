@@ -13,6 +13,8 @@ from shefex_nav.records import NavHealth
 
 CONTRADICTIONS = 3  # [E] rejected fixes in a row that agree with each other
 DRIFTS = "gps_position"  # the sensor whose innovations are averaged
+WHY = {"star_tracker": "contradicts the gyros", "gps_velocity": "contradicts the accelerometers"}
+MEASURES = {"star_tracker": 0, "gps_velocity": 1}  # sensor -> triad whose readings it says the sum of
 
 
 class IntegrityParams(NamedTuple):
@@ -45,6 +47,7 @@ class Watch:
         self.gps = integrity_gps.memory()
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
+        self.used_now = []  # integrity_protection.Slope of each fix used in this tick
         self.reasons = {}  # source -> why it is not healthy
         self.said = []  # NavHealth not handed over yet
 
@@ -55,6 +58,17 @@ class Watch:
         block, densities, changes = integrity_imu.screen(self.imu, block)
         self.said += changes
         return block, densities
+
+    def used(self, sensor, t_valid_s, now_s):
+        """A measurement has been used."""
+        if sensor in MEASURES and self.imu is not None:
+            integrity_imu.fixed(self.imu, MEASURES[sensor], t_valid_s, now_s)
+
+    def protect(self, P_now):
+        """Bring the protection level up to date with the fixes used in this tick; P_now (n, n) of now."""
+        for slopes in self.used_now:
+            self.level = integrity_protection.after_fix(self.level, slopes, P_now)
+        self.used_now.clear()
 
     def tell(self, t_s, source, reason):
         """A source is healthy, reason '', or not; it is said once, and again when the kind of reason changes.
@@ -82,6 +96,13 @@ def start(params):
     from scipy.special import chdtri
 
     return Watch(params or DEFAULT, float(chdtri(3, integrity_gps.DRIFT_PROBABILITY)))
+
+
+def reason(name, health):
+    """Why a sensor that insists on contradicting the filter is not used. str, {sensor: Health} -> str"""
+    if name == "gps_position" and jumped(health):
+        return "moves without its velocity"
+    return WHY.get(name, "contradicts the filter")
 
 
 def contradicted(health):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.onboard.navigation import calibration, integrity, integrity_watch, measurements, strapdown
-from shefex_nav.onboard.navigation.state import ReleaseRule
+from shefex_nav.onboard.navigation.state import POS, ReleaseRule
 
 MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
 
@@ -21,6 +21,7 @@ class Trial(NamedTuple):
     rule: ReleaseRule
     evidence: Any  # what is kept of the fix if it is rejected
     agree: Callable  # (earlier evidence, this evidence) -> bool
+    steady: Callable | None = None  # (first evidence, this evidence) -> bool; None: always
 
 
 class Sensor(NamedTuple):
@@ -39,6 +40,8 @@ class Sensor(NamedTuple):
     reset_note: str = "reset after timeout"
     # (nav, H, P, R) -> whether one fix inside the gate is enough; None: always
     alone: Callable | None = None
+    # (nav, state after it was used, imu, at_s, fix) -> Health, in which it is there to confirm the next one
+    confirmed: Callable | None = None
     # (nav, z) -> standard deviation of the error that a reset admits in the block and those with it, if it
     # explains the contradiction without forgetting everything; None: it does not
     admits: Callable | None = None
@@ -76,17 +79,22 @@ def _gps_trial(nav, state, P, z, R, imu, at_s, fix):
     slack = nav.params.gps_agreement
 
     def agree(earlier, later):
-        return integrity.gps_fixes_agree(earlier, later, slack)
+        return integrity.gps_fixes_agree(earlier.fix, later.fix, slack)
 
-    return Trial(nav.params.release_gps, fix, agree)
+    return Trial(nav.params.release_gps, integrity.GpsEvidence(fix, z, P[POS, POS]), agree)
 
 
 def _gps_position_trial(nav, state, P, z, R, imu, at_s, fix):
-    """A position that jumps while the velocity goes on is hardly right: it must insist for longer."""
+    """A position that jumps while the velocity goes on is hardly right: it must insist, without moving on."""
     trial = _gps_trial(nav, state, P, z, R, imu, at_s, fix)
-    if integrity_watch.jumped(nav.health):
-        return trial._replace(rule=nav.watch.params.release_gps_jump)
-    return trial
+    if not integrity_watch.jumped(nav.health):
+        return trial
+    limit = nav.limit(3)
+
+    def steady(first, later):
+        return integrity.offsets_agree(first, later, limit)
+
+    return trial._replace(rule=nav.watch.params.release_gps_jump, steady=steady)
 
 
 def _star_trial(nav, state, P, z, R, imu, at_s, fix):
@@ -102,6 +110,11 @@ def _star_trial(nav, state, P, z, R, imu, at_s, fix):
         return integrity.star_fixes_agree(earlier, later, P_rate, limit, noise)
 
     return Trial(rule, integrity.star_evidence(state, z, R), agree)
+
+
+def _star_confirmed(nav, state, imu, at_s, fix):
+    z, _, R = _star_attitude(nav, state, imu, at_s, fix)
+    return nav.health["star_tracker"]._replace(held=integrity.star_evidence(state, z, R))
 
 
 def _star_alone(nav, H, P, R):
@@ -139,6 +152,7 @@ SENSORS = {
         with_it=("mounting",),  # whatever misled the attitude has misled the mounting too
         reset_note="attitude reset",
         alone=_star_alone,
+        confirmed=_star_confirmed,
         admits=_star_admits,
     ),
 }
