@@ -15,6 +15,9 @@ from shefex_nav.world.imu import SAMPLES_PER_BLOCK
 
 AXES = "xyz"
 ROUNDING_S = 1e-6  # of the times of samples
+OF_CHANNELS = (
+    "prn", "pseudorange", "range_rate", "r_es_e", "v_es_e", "sigma_range", "sigma_range_rate"
+)  # fmt: skip
 
 
 class ImuFault(NamedTuple):
@@ -112,6 +115,28 @@ def gps(faults, fixes):
             changed.append(_gps_fault(fault, fix, last) if acts else fix)
         fixes = changed
     return fixes
+
+
+def gps_ranges(faults, messages):
+    """The ranges with their faults; a jump or a drift of the solution is none of its ranges.
+
+    tuple of GpsFault, list of GpsRanges -> list of GpsRanges
+    """
+    for fault in faults:
+        changed, last = [], None
+        for message in messages:
+            acts = _within(fault, message.t_valid_s)
+            if not acts and not message.reason:
+                last = message
+            if acts and fault.kind == "outage":
+                message = message._replace(**{name: getattr(message, name)[:0] for name in OF_CHANNELS})
+                message = message._replace(reason="outage")
+            elif acts and fault.kind == "freeze" and last is not None:
+                t_valid_s = last.t_valid_s if fault.time_stands else message.t_valid_s
+                message = last._replace(t_valid_s=t_valid_s, t_available_s=message.t_available_s)
+            changed.append(message)
+        messages = changed
+    return messages
 
 
 def _gps_fault(fault, fix, last):

@@ -61,7 +61,7 @@ class Tick(NamedTuple):
     """The filter at the end of a tick."""
 
     t_s: float
-    x: np.ndarray  # (67,) packed nominal state
+    x: np.ndarray  # (87,) packed nominal state
     P: np.ndarray  # (n, n)
     imu: Any  # strapdown.ImuWindow that led here; None at the start
     measurements: tuple[Measurement, ...]  # valid within the tick, in the order of their instants
@@ -210,16 +210,16 @@ def fuse(nav, arrivals):
         reason = without_solution(arrival, fix)
         if reason:
             results.append(_unused(now_s, fix, names[0], reason))
-            nav.watch.tell(now_s, arrival, reason)
+            nav.watch.tell(now_s, "gps", reason)
             continue
         index = _place(nav.history, fix.t_valid_s)
         if index is None:
             results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
             continue
-        if arrival == "gps":
+        if arrival != "star_tracker":
             repeats = integrity_gps.repeated(nav.watch.gps, fix)
             results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())
-            nav.watch.tell(now_s, arrival, next(iter(repeats.values()), ""))
+            nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
             names = tuple(name for name in names if name not in repeats)
         tick = nav.history[index]
         queue = tick.measurements + tuple(Measurement(name, fix, Fate.PENDING) for name in names)

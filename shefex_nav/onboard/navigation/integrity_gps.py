@@ -23,6 +23,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.records import GpsFix, GpsRanges
+
+SAYS = {  # sensor and field of where and how fast, and what the first is called
+    GpsFix: (("gps_position", "r_ea_e"), ("gps_velocity", "v_ea_e"), "position"),
+    GpsRanges: (("gps_range", "pseudorange"), ("gps_range_rate", "range_rate"), "ranges"),
+}
 MEMORY = 8  # fixes that a new one is compared with
 WINDOWS = (10.0, 30.0)  # fixes, of the means
 DRIFT_PROBABILITY = 1e-7  # of calling white innovations a drift, per fix and window
@@ -47,21 +53,24 @@ def memory():
 
 
 def repeated(earlier, fix):
-    """Why a valid fix is none: {sensor: reason} for those of 'gps_position', 'gps_velocity' that repeat.
+    """Why a valid fix is none: {sensor: reason} for those of its sensors that repeat themselves.
 
     earlier : `memory`, which takes the fix in if it is new
-    fix : GpsFix
+    fix : GpsFix or GpsRanges
     """
-    moves = fix.v_ea_e.any()
+    where, how_fast, what = SAYS[type(fix)]
+    place, velocity = getattr(fix, where[1]), getattr(fix, how_fast[1])
     for old in earlier:
+        if type(old) is not type(fix):
+            continue
         if abs(old.t_valid_s - fix.t_valid_s) < 1e-9:
             words = f"stale: of T{old.t_valid_s:+.1f} s, as one before"
-            return {"gps_position": words, "gps_velocity": words}
-        if np.array_equal(old.r_ea_e, fix.r_ea_e):
-            words = f"frozen: position of T{old.t_valid_s:+.1f} s"
-            return {"gps_position": words, "gps_velocity": words}
-        if moves and np.array_equal(old.v_ea_e, fix.v_ea_e):
-            return {"gps_velocity": f"frozen: velocity of T{old.t_valid_s:+.1f} s"}
+            return {where[0]: words, how_fast[0]: words}
+        if np.array_equal(getattr(old, where[1]), place):
+            words = f"frozen: {what} of T{old.t_valid_s:+.1f} s"
+            return {where[0]: words, how_fast[0]: words}
+        if velocity.any() and np.array_equal(getattr(old, how_fast[1]), velocity):
+            return {how_fast[0]: f"frozen: velocity of T{old.t_valid_s:+.1f} s"}
     earlier.append(fix)
     return {}
 
