@@ -88,14 +88,34 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
     outputs, due = [], ()
     if computer.waiting or frames_arrived or _switches(computer, now_s):
         computer, outputs, due = _track_stars(computer, now_s, frames_arrived, chain)
-    if due or gps_fixes:
-        arrivals = sensors.gps_arrivals(nav.params, gps_fixes) + [("star_tracker", fix) for fix in due]
-        outputs += fusion.fuse(nav, arrivals)
-    outputs.append(solution.solution(nav))
     ticks = computer.ticks + 1
+    outputs += conclude(nav, ticks, gps_fixes, due)
+    return Computer(*computer[:-1], ticks), outputs  # ticks is the last field
+
+
+def conclude(nav, ticks, gps_fixes, star_fixes):
+    """What a tick does once the filter has been advanced and the star tracker has had its turn.
+
+    Parameters
+    ----------
+    nav : fusion.Filter
+    ticks : of this run, this one included
+    gps_fixes, star_fixes : what has become available, star fixes with an attitude only
+
+    Returns
+    -------
+    list of GateResult, the NavSolution of the tick, and at 10 Hz NavCovariance
+    """
+    outputs = []
+    if star_fixes or gps_fixes:
+        stars = [("star_tracker", fix) for fix in star_fixes]
+        arrivals = sensors.gps_arrivals(nav.params, gps_fixes) + stars
+        outputs += fusion.fuse(nav, arrivals)
+    outputs += nav.watch.changes()
+    outputs.append(solution.solution(nav))
     if ticks % COVARIANCE_TICKS == 0:
         outputs.append(solution.covariance(nav))
-    return Computer(*computer[:-1], ticks), outputs  # ticks is the last field
+    return outputs
 
 
 def _switches(computer, now_s):

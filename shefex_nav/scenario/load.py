@@ -31,6 +31,22 @@ def load(path, overrides=()):
     """
     files = {}
     tree, places = _extended(os.fspath(path), (), files)
+    return _validated(tree, places, files, overrides)
+
+
+def load_text(text, name, overrides=()):
+    """Scenario of a text that needs no other file, such as a log keeps; complaints call it `name`.
+
+    Raises ScenarioError as `load` does.
+    """
+    own = _parsed(text, name)
+    places = messages.Places(own.values[()])
+    places.put((), own.keys, own.values)
+    return _validated(own.tree, places, {name: text}, overrides)
+
+
+def _validated(tree, places, files, overrides):
+    """Scenario of a merged tree after the overrides."""
     _override(tree, places, overrides)
     found, rated = expand.expand(tree, places, files)
     try:
@@ -105,18 +121,24 @@ def _read(path, mark):
         raise ScenarioError([f"{where} {error}"]) from None
 
 
+def _parsed(text, name):
+    """document.Document of a text that came from the file `name`."""
+    try:
+        own = document.parse(text, name)
+    except BadText as error:
+        raise ScenarioError([f"{error.args[0]}: {error.args[1]}"]) from None
+    if own.errors:
+        raise _sorted_error(own.errors)
+    return own
+
+
 def _extended(path, chain, files, mark=None):
     """(tree, places) of the file at `path` merged over what it extends; texts are added to `files`."""
     text = _read(path, mark)
     real = os.path.realpath(path)
     if real in chain:
         raise ScenarioError([f"{mark}: {EXTENDS}: '{path}' extends itself in a circle; remove one extends"])
-    try:
-        own = document.parse(text, path)
-    except BadText as error:
-        raise ScenarioError([f"{error.args[0]}: {error.args[1]}"]) from None
-    if own.errors:
-        raise _sorted_error(own.errors)
+    own = _parsed(text, path)
     files[path] = text
     expand.relative_to(own.tree, os.path.dirname(path))
     places = messages.Places(own.values[()])
