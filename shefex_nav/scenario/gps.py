@@ -113,13 +113,6 @@ class Reacquisition(Block):
     longest: Quantity("s", "10 s", "longest time; each satellite draws one in between", non_negative=True)
 
 
-class Freeze(Block):
-    """The receiver repeats its last solution with the flag that says it is good."""
-
-    start: Time("5 s", "first epoch") = Field(alias="from")
-    end: Time("60 s", "and from here on it is alive again") = Field(alias="until")
-
-
 class Almanac(Block):
     """Elements of satellites, as in a YUMA file; one value for each."""
 
@@ -168,4 +161,3 @@ class Gps(Block):
     reacquisition: Reacquisition | None = Field(
         default=None, description="how long it takes to track a satellite again; left out: no time"
     )
-    freezes: list[Freeze] = Field(default=[], description="when the receiver repeats its last solution")

@@ -54,7 +54,6 @@ class GpsParams(NamedTuple):
     clock: gps_errors.ClockParams = gps_errors.ClockParams()
     only: tuple[gps_receiver.Only, ...] = ()
     reacquisition: gps_receiver.Reacquisition | None = None
-    freezes: tuple[gps_receiver.Freeze, ...] = ()
 
 
 class GpsData(NamedTuple):
@@ -120,7 +119,7 @@ def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
     ranges = gps_channels.ranges(
         geometry, clock, errors, sigmas, tracked & lit, prn, t_s, params.latency_s, reasons
     )
-    return GpsData(*(gps_receiver.frozen(messages, params.freezes) for messages in (fixes, ranges)))
+    return GpsData(fixes, ranges)
 
 
 def _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons):

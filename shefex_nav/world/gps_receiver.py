@@ -1,4 +1,7 @@
-"""How a receiver has a satellite or has it not: reacquisition and limits; and a solution that freezes."""
+"""Which of the satellites in view a receiver tracks: reacquisition after a loss, and limits.
+
+A solution that freezes, and other faults: `world.faults`.
+"""
 
 from typing import NamedTuple
 
@@ -15,13 +18,6 @@ class Only(NamedTuple):
     until_s: float
     satellites: int  # far apart, of those that are tracked longest; prn decides where it is not empty
     prn: tuple[int, ...] = ()
-
-
-class Freeze(NamedTuple):
-    """The receiver repeats what it last had, with the flag that says it is good."""
-
-    from_s: float
-    until_s: float
 
 
 class Reacquisition(NamedTuple):
@@ -88,23 +84,6 @@ def apart(seconds, count, u_e):
         nearest = np.max(u_e @ u_e[chosen].T, axis=1)  # cosine of the smallest angle
         chosen[np.argmin(np.where(good & ~chosen, nearest, np.inf))] = True
     return chosen
-
-
-def frozen(messages, freezes):
-    """The messages with those during a freeze replaced by the last good one before it, at their own times.
-
-    messages : GpsFix or GpsRanges of all epochs; without a good one before it, a freeze does nothing -> list
-    """
-    result = list(messages)
-    for freeze in freezes:
-        last = None
-        for k, message in enumerate(messages):
-            if message.t_valid_s < freeze.from_s - EARLY_S:
-                last = result[k] if not message.reason else last
-            elif message.t_valid_s < freeze.until_s - EARLY_S and last is not None:
-                times = {name: getattr(message, name) for name in ("t_valid_s", "t_available_s")}
-                result[k] = last._replace(**times)
-    return result
 
 
 def _during(t_s, span):

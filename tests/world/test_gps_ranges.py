@@ -255,20 +255,3 @@ def test_reacquisition_takes_its_time_for_each_satellite(flight):
     t_s = np.arange(6.0)
     got = gps_receiver.reacquired(flags, t_s, gps_receiver.Reacquisition(2.0, 2.0), np.zeros((6, 1)))
     assert got[:, 0].tolist() == [True, False, False, False, True, True]
-
-
-def test_a_frozen_receiver_repeats_its_last_solution_and_says_it_is_good(flight):
-    params = PARAMS._replace(freezes=(gps_receiver.Freeze(5.0, 26.0),))  # the outage lies within
-    alive, frozen = measure(PARAMS, flight), measure(params, flight)
-    last = next(fix for fix in alive.fixes if fix.t_valid_s == 4.0)
-    for was, fix, ranges in zip(alive.fixes, frozen.fixes, frozen.ranges, strict=True):
-        assert fix.t_valid_s == was.t_valid_s and fix.t_available_s == was.t_available_s
-        if 5.0 <= fix.t_valid_s < 26.0:
-            assert fix.valid and fix.n_satellites == last.n_satellites
-            np.testing.assert_array_equal(fix.r_ea_e, last.r_ea_e)
-            np.testing.assert_array_equal(fix.v_ea_e, last.v_ea_e)
-            assert len(ranges.prn) > 0 and ranges.t_valid_s == fix.t_valid_s
-        else:
-            np.testing.assert_array_equal(fix.r_ea_e, was.r_ea_e)
-    early = PARAMS._replace(freezes=(gps_receiver.Freeze(-20.0, -5.0),))  # nothing to repeat yet
-    np.testing.assert_array_equal(measure(early, flight).fixes[2].r_ea_e, alive.fixes[2].r_ea_e)
