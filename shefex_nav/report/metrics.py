@@ -30,7 +30,7 @@ import numpy as np
 
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.records import Phase, Reason
-from shefex_nav.report import geodesic
+from shefex_nav.report import geodesic, local_level
 from shefex_nav.report.track import earth_fixed
 
 WRONG_ANGLE = math.radians(0.5)
@@ -97,10 +97,11 @@ def star_errors(data):
     )
 
 
-def summarise(data, *, log=None):
+def summarise(data, *, log=None, from_s=None):
     """The summary object of a RunData: plain dict of numbers, texts and None, ready for JSON.
 
-    `log` is the path that the object names.
+    `log` is the path that the object names; `from_s` the time after the start from which on errors in local
+    level axes count, in a replay of external data.
     """
     truth = data.truth
     track = earth_fixed(data.mission.earth, truth)
@@ -122,6 +123,8 @@ def summarise(data, *, log=None):
         "star_tracker": _star_tracker(data),
         "navigation": _navigation(data, track.height, entry),
     }
+    if local_level.is_replay(data):
+        result["navigation"] |= local_level.summarise(data, from_s)
     return _without_nan(result)
 
 

@@ -34,6 +34,26 @@ def load(path, overrides=()):
     return _validated(tree, places, files, overrides)
 
 
+def load_as(model, path, overrides=()):
+    """The YAML file at `path` as another `model` than a mission by the same rules: `extends`, `--set`, units.
+
+    Returns
+    -------
+    loaded : instance of the model
+    places : messages.Places of its keys and values
+    source : YAML text with everything in it
+
+    Raises ScenarioError as `load` does.
+    """
+    tree, places = _extended(os.fspath(path), (), {})
+    _override(tree, places, overrides)
+    try:
+        loaded = model.model_validate(tree)
+    except ValidationError as error:
+        raise _sorted_error(messages.lines(model, error, places)) from None
+    return loaded, places, _normalised(tree)
+
+
 def load_text(text, name, overrides=()):
     """Scenario of a text that needs no other file, such as a log keeps; complaints call it `name`.
 

@@ -1,0 +1,123 @@
+"""`shefex-nav replay`: the on-board navigation over what was recorded elsewhere.
+
+Exit codes: 0 done, 2 bad input: a scenario or data that cannot be replayed (the message names file and line).
+"""
+
+import json as json_module
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+
+
+def replay(
+    source: Annotated[
+        Path, typer.Argument(help="Replay scenario, e.g. scenarios/replay/navego.yaml, or a log.")
+    ],
+    data: Annotated[Path | None, typer.Option(help="Folder with the data that the scenario names.")] = None,
+    from_: Annotated[
+        str | None, typer.Option("--from", help="Statistics from this time after the start on, e.g. 60s.")
+    ] = None,
+    log: Annotated[Path | None, typer.Option(help="Write a log (.mcap) for report and view.")] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Override one value, e.g. --set gnss.latency='0.1 s'."
+        ),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+):
+    """Run the on-board navigation over external data, or over a log with another configuration."""
+    from_s = 0.0 if from_ is None else _seconds(from_)
+    if data is not None and not data.is_dir():
+        raise typer.BadParameter(f"there is no folder {data}", param_hint="--data")
+    if log is not None:
+        _writable(log)
+    summary = _external(source, data, overrides or (), from_s, log)
+    if json:
+        typer.echo(json_module.dumps(summary, allow_nan=False))
+    else:
+        _show(summary)
+
+
+def _external(source, folder, overrides, from_s, log):
+    """Replay external data. -> the summary"""
+    import time
+
+    from shefex_nav.replay import load
+
+    scenario, files = load.load(source, overrides, folder)
+    typer.echo("Getting ready; the first run on a machine compiles, which takes a minute.", err=True)
+    began = time.perf_counter()
+    from shefex_nav.log.run_data import RunDataBuilder
+    from shefex_nav.log.topics import RunSummary
+    from shefex_nav.replay import external
+    from shefex_nav.report import metrics
+
+    ready = external.prepare(scenario, files)
+    external.warm_up(ready)
+    set_up, clock = time.perf_counter(), external.Clock()
+    mission = external.mission(ready)
+    kept = RunDataBuilder(mission)
+    with _writer(log, mission) as write:
+        for record in external.run(ready, clock):
+            write(record)
+            kept.add(record)
+        end_s = ready.blocks[-1].t_valid_s if ready.blocks else mission.start_s
+        done = RunSummary(end_s, time.perf_counter() - set_up, set_up - began)
+        write(done)
+        kept.add(done)
+    summary = metrics.summarise(kept.build(), log=log, from_s=from_s)
+    length_s = end_s - mission.start_s
+    summary["filter_s"] = clock.filter_s
+    summary["filter_real_time_factor"] = length_s / clock.filter_s if clock.filter_s else None
+    return summary
+
+
+def _writer(path, mission):
+    """Context that gives a function which writes a record, to the log or nowhere."""
+    from contextlib import contextmanager
+
+    @contextmanager
+    def nowhere():
+        yield lambda record: None
+
+    @contextmanager
+    def to_log():
+        from shefex_nav.log.drawings import FramePolicy
+        from shefex_nav.log.writer import LogWriter
+
+        with LogWriter(path, mission, FramePolicy(0, "none", 4.0)) as log:
+            yield log.write
+
+    return nowhere() if path is None else to_log()
+
+
+def _seconds(text):
+    """Seconds from a time with its unit, such as 60s."""
+    from pydantic_core import PydanticCustomError
+
+    from shefex_nav.scenario.quantity import QuantitySpec
+
+    try:
+        return QuantitySpec("s", "60s", non_negative=True).read(text)
+    except PydanticCustomError as error:
+        raise typer.BadParameter(error.message(), param_hint="--from") from None
+
+
+def _writable(path):
+    if path.exists():
+        raise typer.BadParameter(f"{path} exists already; choose another name", param_hint="--log")
+    if not path.parent.is_dir():
+        raise typer.BadParameter(f"there is no folder {path.parent}", param_hint="--log")
+
+
+def _show(summary):
+    from rich.console import Console
+
+    from shefex_nav.report import table
+
+    Console(width=None if sys.stdout.isatty() else 100).print(table.summary_table(summary))

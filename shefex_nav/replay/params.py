@@ -1,0 +1,61 @@
+"""Replay scenario -> parameters of the navigation filter, in SI."""
+
+import numpy as np
+
+from shefex_nav.onboard.navigation.state import ImuModel, NavParams, ReleaseRule
+
+
+def nav_params(scenario):
+    """NavParams of a ReplayScenario: no star camera, no motors."""
+    navigation, gyro, accelerometer = scenario.navigation, scenario.imu.gyro, scenario.imu.accelerometer
+
+    def rule(release):
+        return ReleaseRule(release.rejections, release.duration)
+
+    return NavParams(
+        imu=imu_model(scenario),
+        sigma_gyro_bias=float(np.hypot(gyro.bias, gyro.in_run_bias)),
+        sigma_accel_bias=float(np.hypot(accelerometer.bias, accelerometer.in_run_bias)),
+        sigma_gyro_roll_column=np.array([gyro.scale_factor_roll, gyro.misalignment, gyro.misalignment]),
+        sigma_mounting=0.0,
+        l_ba_b=np.array(scenario.gnss.lever_arm),
+        C_bc=np.eye(3),
+        gate_probability=navigation.gate_probability,
+        star_sigma_floor=navigation.star_fix_floor,
+        release_gps=rule(navigation.release.gps),
+        release_star_first=rule(navigation.release.first_star_fix),
+        release_star=rule(navigation.release.star_fix),
+        gps_agreement=navigation.gps_agreement,
+        history_s=navigation.history + scenario.gnss.latency,
+        motors=np.zeros((0, 2)),
+    )
+
+
+def imu_model(scenario):
+    """ImuModel of a ReplayScenario, as `scenario.params_onboard` makes it for a mission.
+
+    A bias that wanders with sigma and correlation time tau (Gauss-Markov) starts out as a random walk of
+    density sigma sqrt(2/tau).
+    """
+    navigation, gyro, accelerometer = scenario.navigation, scenario.imu.gyro, scenario.imu.accelerometer
+    return ImuModel(
+        gyro_random_walk=gyro.random_walk,
+        gyro_bias_walk=float(gyro.in_run_bias * np.sqrt(2.0 / gyro.in_run_bias_time)),
+        gyro_cross=float(np.sqrt((gyro.scale_factor**2 + 2.0 * gyro.misalignment**2) / 3.0)),
+        manoeuvre_angle=navigation.manoeuvre_angle,
+        gyro_g_sensitivity=gyro.g_sensitivity,
+        gyro_rectification=0.0,
+        gyro_vibration=0.0,
+        gyro_quantum=gyro.quantum,
+        accel_random_walk=accelerometer.random_walk,
+        accel_bias_walk=float(accelerometer.in_run_bias * np.sqrt(2.0 / accelerometer.in_run_bias_time)),
+        accel_cross=accelerometer.scale_factor,
+        accel_rectification=0.0,
+        accel_vibration=0.0,
+        thrust_threshold=navigation.thrust_threshold,
+        thrust_time_s=navigation.thrust_memory,
+        gravity=navigation.gravity_error,
+        gravity_time_s=navigation.gravity_memory,
+        saturated_rate=navigation.saturated_rate,
+        saturated_acceleration=navigation.saturated_acceleration,
+    )
