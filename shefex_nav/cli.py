@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from shefex_nav.replay.command import replay  # which imports late
+from shefex_nav.replay.smooth_command import smooth
 from shefex_nav.reproduce.command import ListingCommand, reproduce  # which import late
 from shefex_nav.solve.command import solve
 from shefex_nav.verify.command import app as verify_app  # which imports late, too
@@ -28,6 +29,7 @@ app.add_typer(verify_app, name="verify")
 app.command(cls=ListingCommand)(reproduce)
 app.command()(solve)
 app.command()(replay)
+app.command()(smooth)
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
 LogArgument = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]

@@ -11,10 +11,11 @@ from shefex_nav.geometry import frames, wgs84
 from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer
-from shefex_nav.onboard.navigation import fusion, strapdown
+from shefex_nav.onboard.navigation import fusion
 from shefex_nav.records import Alignment, Event, ImuBlock, Phase, TruthSample
 from shefex_nav.replay import align, dataset, params, reference
 
+BLOCK = 4  # IMU samples in a tick, as in the flights of the project, so that every log has them alike
 EARLY_S = 1e-6  # rounding of the times of ticks
 NO_CAMERA = pinhole(1, 1, 1.0)
 
@@ -56,7 +57,7 @@ def imu_blocks(imu, start_s, end_s=None):
 
     Samples of slightly unequal length count as equal within a block; its beginning and its end are exact.
     """
-    n, first = strapdown.SAMPLES, align.first_sample(imu, start_s)
+    n, first = BLOCK, align.first_sample(imu, start_s)
     last = len(imu.t_s) - 1 if end_s is None else int(np.searchsorted(imu.t_s, end_s + EARLY_S)) - 1
     out = []
     for k in range(first, last - n + 1, n):

@@ -4,6 +4,7 @@ import os
 
 from shefex_nav.replay.schema import CsvData, ReplayScenario, Static
 from shefex_nav.scenario import load as missions
+from shefex_nav.scenario.checks import states_that_clash
 from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.load import ScenarioError
 
@@ -56,6 +57,7 @@ def _contradictions(scenario):
             ("alignment", "method"),
             "'reference' needs data.truth; give it, or choose static",
         )
+    yield from states_that_clash(scenario.navigation.states)
     if isinstance(data, CsvData) and data.imu.gyro_unit.kind != data.imu.accelerometer_unit.kind:
         kinds = f"the gyros give {data.imu.gyro_unit.kind}s"
         words = f"{kinds}, the accelerometers {data.imu.accelerometer_unit.kind}s; both must be of one kind"

@@ -277,9 +277,22 @@ class ReplayImu(Block):
 RELEASE = Release(rejections=5, duration="4 s")
 
 
+ReplayStates = Literal[
+    "gyro_roll_column",
+    "gyro_scale",
+    "gyro_misalignment",
+    "gyro_g_sensitivity",
+    "accel_scale",
+    "accel_misalignment",
+    "lever_arm",
+    "gps_latency",
+]
+
+
 class ReplayNavigation(Navigation):
     """The filter; the defaults are for vehicles near the ground."""
 
+    states: list[ReplayStates] = Field(default=[], description="what is estimated besides the fifteen")
     gate_probability: Number("1e-4", "of rejecting a good measurement", positive=True, at_most=0.1) = 1e-4
     star_fix_floor: Quantity("rad", "10 arcsec", "", non_negative=True) = "0 arcsec"
     release: Releases = Releases(gps=RELEASE, first_star_fix=RELEASE, star_fix=RELEASE)

@@ -105,7 +105,7 @@ def summarise(data, *, log=None, from_s=None):
     """
     truth = data.truth
     track = earth_fixed(data.mission.earth, truth)
-    entry = _entry(truth.t_s, track.height)
+    entry = entry_index(truth.t_s, track.height)
     simulated_s = float(truth.t_s[-1] - truth.t_s[0]) if len(truth.t_s) else None
     wall_s = data.summary.wall_s if data.summary else None
     result = {
@@ -128,7 +128,7 @@ def summarise(data, *, log=None, from_s=None):
     return _without_nan(result)
 
 
-def _entry(t_s, height):
+def entry_index(t_s, height):
     """Index of the first sample at or below 100 km after having been above it, or None."""
     above = np.flatnonzero(height > ENTRY_HEIGHT)
     if not len(above):

@@ -17,7 +17,7 @@ import numpy as np
 
 from shefex_nav.onboard.navigation import error_model, eskf, integrity, prediction, strapdown
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import ARRIVALS, SENSORS, without_solution
+from shefex_nav.onboard.navigation.sensors import SENSORS, contents, without_solution
 from shefex_nav.onboard.navigation.state import (
     Layout,
     NavState,
@@ -187,7 +187,7 @@ def fuse(nav, arrivals):
     results = []
     earliest = len(nav.history)
     for arrival, fix in arrivals:
-        names = ARRIVALS[arrival]
+        names = contents(arrival, fix)
         reason = without_solution(arrival, fix)
         if reason:
             results.append(_unused(now_s, fix, names[0], reason))

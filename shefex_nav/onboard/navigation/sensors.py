@@ -113,6 +113,13 @@ SENSORS = {
 ARRIVALS = {"gps": ("gps_position", "gps_velocity"), "star_tracker": ("star_tracker",)}
 
 
+def contents(arrival, fix):
+    """Names of the measurements that an arrival holds; receivers that give no velocity leave it NaN."""
+    if arrival == "gps" and np.isnan(fix.v_ea_e[0]):
+        return ("gps_position",)
+    return ARRIVALS[arrival]
+
+
 def without_solution(arrival, fix):
     """Why a fix holds no measurement, '' if it does."""
     return f"no fix: {fix.reason}" if arrival == "gps" and not fix.valid else ""
