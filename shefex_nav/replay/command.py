@@ -5,12 +5,15 @@ Exit codes: 0 done, 2 bad input: a scenario or data that cannot be replayed (the
 
 import json as json_module
 import sys
+import time
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
+GETTING_READY = "Getting ready; the first run on a machine compiles, which takes a minute."
 
 
 def replay(
@@ -36,7 +39,14 @@ def replay(
         raise typer.BadParameter(f"there is no folder {data}", param_hint="--data")
     if log is not None:
         _writable(log)
-    summary = _external(source, data, overrides or (), from_s, log)
+    if _is_log(source):
+        if data is not None:
+            raise typer.BadParameter(
+                "belongs to a replay scenario; a log holds its data", param_hint="--data"
+            )
+        summary = _again(source, overrides or (), from_s, log)
+    else:
+        summary = _external(source, data, overrides or (), from_s, log)
     if json:
         typer.echo(json_module.dumps(summary, allow_nan=False))
     else:
@@ -45,41 +55,67 @@ def replay(
 
 def _external(source, folder, overrides, from_s, log):
     """Replay external data. -> the summary"""
-    import time
-
     from shefex_nav.replay import load
 
     scenario, files = load.load(source, overrides, folder)
-    typer.echo("Getting ready; the first run on a machine compiles, which takes a minute.", err=True)
+    typer.echo(GETTING_READY, err=True)
     began = time.perf_counter()
-    from shefex_nav.log.run_data import RunDataBuilder
-    from shefex_nav.log.topics import RunSummary
     from shefex_nav.replay import external
-    from shefex_nav.report import metrics
 
     ready = external.prepare(scenario, files)
     external.warm_up(ready)
-    set_up, clock = time.perf_counter(), external.Clock()
+    setup_s, clock = time.perf_counter() - began, external.Clock()
     mission = external.mission(ready)
+    end_s = ready.blocks[-1].t_valid_s
+    data = _collect(external.run(ready, clock), mission, end_s, setup_s, log)
+    return _summary(data, log, from_s, clock.filter_s, end_s - mission.start_s)
+
+
+def _again(source, overrides, from_s, log):
+    """Run the filter again over a log. -> the summary"""
+    from shefex_nav.replay import rerun
+
+    recording = rerun.open_log(source, overrides)
+    typer.echo(GETTING_READY, err=True)
+    from shefex_nav import __version__
+
+    data = recording.data
+    name = f"{data.mission.scenario} (replayed)"
+    mission = data.mission._replace(scenario=name, scenario_text=recording.scenario_text, version=__version__)
+    end_s = float(data.imu.t_valid_s[-1])
+    replayed = _collect(rerun.records(recording), mission, end_s, 0.0, log)
+    return _summary(replayed, log, from_s, None, end_s - mission.start_s)
+
+
+def _collect(records, mission, end_s, setup_s, log):
+    """RunData of records, which are written to the log as well, if there is one."""
+    from shefex_nav.log.run_data import RunDataBuilder
+    from shefex_nav.log.topics import RunSummary
+
+    began = time.perf_counter()
     kept = RunDataBuilder(mission)
     with _writer(log, mission) as write:
-        for record in external.run(ready, clock):
+        for record in records:
             write(record)
             kept.add(record)
-        end_s = ready.blocks[-1].t_valid_s if ready.blocks else mission.start_s
-        done = RunSummary(end_s, time.perf_counter() - set_up, set_up - began)
+        done = RunSummary(end_s, time.perf_counter() - began, setup_s)
         write(done)
         kept.add(done)
-    summary = metrics.summarise(kept.build(), log=log, from_s=from_s)
-    length_s = end_s - mission.start_s
-    summary["filter_s"] = clock.filter_s
-    summary["filter_real_time_factor"] = length_s / clock.filter_s if clock.filter_s else None
+    return kept.build()
+
+
+def _summary(data, log, from_s, filter_s, length_s):
+    """What `run` gives, and how long the filter itself took."""
+    from shefex_nav.report import metrics
+
+    summary = metrics.summarise(data, log=log, from_s=from_s)
+    summary["filter_s"] = filter_s
+    summary["filter_real_time_factor"] = length_s / filter_s if filter_s else None
     return summary
 
 
 def _writer(path, mission):
     """Context that gives a function which writes a record, to the log or nowhere."""
-    from contextlib import contextmanager
 
     @contextmanager
     def nowhere():
@@ -94,6 +130,15 @@ def _writer(path, mission):
             yield log.write
 
     return nowhere() if path is None else to_log()
+
+
+def _is_log(path):
+    """Whether a file is an MCAP file, whatever its name."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MCAP_MAGIC)) == MCAP_MAGIC
+    except OSError:
+        return path.suffix == ".mcap"  # whoever reads it says what is wrong
 
 
 def _seconds(text):

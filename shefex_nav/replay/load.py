@@ -24,7 +24,7 @@ def load(path, overrides=(), folder=None):
     Raises ScenarioError.
     """
     scenario, places, source = missions.load_as(ReplayScenario, path, overrides)
-    found = [f"{places.value(where)}: {dotted(where)}: {words}" for where, words in _contradictions(scenario)]
+    found = _complaints(scenario, places)
     base = os.path.join(os.path.dirname(path), scenario.data.folder) if folder is None else os.fspath(folder)
     files = {}
     for name, given in _names(scenario.data).items():
@@ -37,6 +37,21 @@ def load(path, overrides=(), folder=None):
         raise ScenarioError(found)
     scenario.keep_text(source)
     return scenario, files
+
+
+def load_text(text, name, overrides=()):
+    """ReplayScenario of a text, such as a log keeps; complaints call it `name`. Raises ScenarioError."""
+    scenario, places, source = missions.load_text_as(ReplayScenario, text, name, overrides)
+    found = _complaints(scenario, places)
+    if found:
+        raise ScenarioError(found)
+    scenario.keep_text(source)
+    return scenario
+
+
+def _complaints(scenario, places):
+    """Lines about values that do not go together."""
+    return [f"{places.value(where)}: {dotted(where)}: {words}" for where, words in _contradictions(scenario)]
 
 
 def _names(data):

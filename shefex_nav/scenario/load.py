@@ -45,7 +45,16 @@ def load_as(model, path, overrides=()):
 
     Raises ScenarioError as `load` does.
     """
-    tree, places = _extended(os.fspath(path), (), {})
+    return _validated_as(model, *_extended(os.fspath(path), (), {}), overrides)
+
+
+def load_text_as(model, text, name, overrides=()):
+    """The same of a text that needs no other file; complaints call it `name`."""
+    return _validated_as(model, *_whole(text, name), overrides)
+
+
+def _validated_as(model, tree, places, overrides):
+    """What `load_as` returns, of a merged tree."""
     _override(tree, places, overrides)
     try:
         loaded = model.model_validate(tree)
@@ -59,10 +68,15 @@ def load_text(text, name, overrides=()):
 
     Raises ScenarioError as `load` does.
     """
+    return _validated(*_whole(text, name), {name: text}, overrides)
+
+
+def _whole(text, name):
+    """(tree, places) of a text that needs no other file."""
     own = _parsed(text, name)
     places = messages.Places(own.values[()])
     places.put((), own.keys, own.values)
-    return _validated(own.tree, places, {name: text}, overrides)
+    return own.tree, places
 
 
 def _validated(tree, places, files, overrides):
