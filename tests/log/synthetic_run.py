@@ -133,7 +133,8 @@ def _navigation(mission, truth, rng):
 def _covariance(t_s):
     diagonal = np.repeat([SIGMA_R**2, SIGMA_V**2, SIGMA_THETA**2], 3)
     zero = np.zeros(3)
-    return rec.NavCovariance(t_s, np.diag(diagonal), zero, zero, zero, zero, np.arange(12.0))
+    blocks = "gyro_roll_column mounting", np.zeros(6), np.arange(6.0)
+    return rec.NavCovariance(t_s, np.diag(diagonal), zero, zero, zero, zero, np.arange(12.0), *blocks)
 
 
 def _sky(rng):
