@@ -4,6 +4,7 @@ Exit codes: 0 done, 2 bad input: a scenario or data that cannot be replayed (the
 """
 
 import json as json_module
+import math
 import sys
 import time
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from typing import Annotated
 import typer
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
+BRIEF_TICKS = 300  # of a log, by which everything is compiled: the first fixes are among them
 GETTING_READY = "Getting ready; the first run on a machine compiles, which takes a minute."
 
 
@@ -22,7 +24,7 @@ def replay(
     ],
     data: Annotated[Path | None, typer.Option(help="Folder with the data that the scenario names.")] = None,
     from_: Annotated[
-        str | None, typer.Option("--from", help="Statistics from this time after the start on, e.g. 60s.")
+        str | None, typer.Option("--from", help="Statistics from this mission time on, e.g. 60s.")
     ] = None,
     log: Annotated[Path | None, typer.Option(help="Write a log (.mcap) for report and view.")] = None,
     overrides: Annotated[
@@ -34,7 +36,7 @@ def replay(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ):
     """Run the on-board navigation over external data, or over a log with another configuration."""
-    from_s = 0.0 if from_ is None else _seconds(from_)
+    from_s = -math.inf if from_ is None else _seconds(from_)
     if data is not None and not data.is_dir():
         raise typer.BadParameter(f"there is no folder {data}", param_hint="--data")
     if log is not None:
@@ -77,13 +79,18 @@ def _again(source, overrides, from_s, log):
 
     recording = rerun.open_log(source, overrides)
     typer.echo(GETTING_READY, err=True)
+    began = time.perf_counter()
     from shefex_nav import __version__
 
     data = recording.data
+    nav = rerun.start(recording)
+    for k in range(min(len(data.imu.t_valid_s), BRIEF_TICKS)):
+        rerun.tick(recording, nav, k)
+    setup_s = time.perf_counter() - began
     name = f"{data.mission.scenario} (replayed)"
     mission = data.mission._replace(scenario=name, scenario_text=recording.scenario_text, version=__version__)
     end_s = float(data.imu.t_valid_s[-1])
-    replayed = _collect(rerun.records(recording), mission, end_s, 0.0, log)
+    replayed = _collect(rerun.records(recording), mission, end_s, setup_s, log)
     return _summary(replayed, log, from_s, None, end_s - mission.start_s)
 
 
@@ -148,7 +155,7 @@ def _seconds(text):
     from shefex_nav.scenario.quantity import QuantitySpec
 
     try:
-        return QuantitySpec("s", "60s", non_negative=True).read(text)
+        return QuantitySpec("s", "60s").read(text)
     except PydanticCustomError as error:
         raise typer.BadParameter(error.message(), param_hint="--from") from None
 

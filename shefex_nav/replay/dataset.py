@@ -91,7 +91,8 @@ def increments(imu, data):
         words = f"no sample for {dt_s[longest]:.4g} s before this row; data.longest_gap allows"
         raise DataError(f"{imu.table.place(longest + 1)}: {words} {data.longest_gap:g} s")
     if imu.kind == "increment":  # as rates: an increment is of its own sample, also after a gap
-        length_s = np.minimum(np.concatenate([[step_s], dt_s]), 1.5 * step_s)[:, None]
+        own_s = np.where(dt_s > 1.5 * step_s, step_s, dt_s)
+        length_s = np.concatenate([[step_s], own_s])[:, None]
         turn, gain = turn / length_s, gain / length_s
     t_s, turn, gain, bridged = _without_holes(imu.t_s, turn, gain, step_s)
     dt_s = np.diff(t_s)[:, None]

@@ -11,7 +11,6 @@ from shefex_nav.geometry import euler, frames, rotation, wgs84
 
 REPLAY_START = "replay_start"  # Event of a log whose data are not of the simulator
 LEVEL = 99.0  # %, of the interval in which the mean of a normalised innovation squared should lie
-SENSORS = ("gps_position", "gps_velocity")
 
 
 def is_replay(data):
@@ -22,14 +21,14 @@ def is_replay(data):
 def summarise(data, from_s=None):
     """Entries for `navigation` in the summary of a RunData.
 
-    from_s : statistics from here on, s after the start of the navigation
+    from_s : s, mission time from which on errors count; from the start without it
 
     Returns
     -------
     dict: position_rms_ned_m, velocity_rms_ned_m_s, attitude_rms_rpy_deg, error_over_sigma (rms of the errors
     over their own sigmas), nis by sensor, statistics_from_s; None where there is no truth
     """
-    begin_s = data.mission.start_s + (from_s or 0.0)
+    begin_s = data.mission.start_s if from_s is None else max(from_s, data.mission.start_s)
     t_s, error, sigma_t_s, ratio = errors(data)
     late, late_sigma = t_s >= begin_s - 1e-6, sigma_t_s >= begin_s - 1e-6
     rms, over = _rms(error[late]), _rms(ratio[late_sigma])
@@ -40,7 +39,7 @@ def summarise(data, from_s=None):
         "attitude_rms_rpy_deg": rms and np.degrees(rms[6:]).tolist(),
         "error_over_sigma": over
         and {"position_ned": over[:3], "velocity_ned": over[3:6], "attitude_rpy": over[6:]},
-        "nis": {name: _nis(data.gates, name, begin_s) for name in SENSORS},
+        "nis": {name: _nis(data.gates, name, begin_s) for name in sorted({g.sensor for g in data.gates})},
     }
 
 

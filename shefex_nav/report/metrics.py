@@ -100,8 +100,8 @@ def star_errors(data):
 def summarise(data, *, log=None, from_s=None):
     """The summary object of a RunData: plain dict of numbers, texts and None, ready for JSON.
 
-    `log` is the path that the object names; `from_s` the time after the start from which on errors in local
-    level axes count, in a replay of external data.
+    `log` is the path that the object names. A replay of external data, or whoever names a mission time
+    `from_s`, gets the errors in local level axes from then on as well (`local_level`).
     """
     truth = data.truth
     track = earth_fixed(data.mission.earth, truth)
@@ -123,7 +123,7 @@ def summarise(data, *, log=None, from_s=None):
         "star_tracker": _star_tracker(data),
         "navigation": _navigation(data, track.height, entry),
     }
-    if local_level.is_replay(data):
+    if from_s is not None or local_level.is_replay(data):
         result["navigation"] |= local_level.summarise(data, from_s)
     return _without_nan(result)
 

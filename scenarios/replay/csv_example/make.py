@@ -22,6 +22,7 @@ FLIGHT = (
     "wind=none",
     "launch.elevation=70 deg",
     "vehicle.stages.Orion.aerodynamics.fin_cant=0 deg",
+    "vehicle.yo_yo=null",
     "imu.vibration.boost=[0.05 gee]",
 )
 
