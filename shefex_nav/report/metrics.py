@@ -106,7 +106,8 @@ def summarise(data, *, log=None, from_s=None):
     truth = data.truth
     track = earth_fixed(data.mission.earth, truth)
     entry = entry_index(truth.t_s, track.height)
-    simulated_s = float(truth.t_s[-1] - truth.t_s[0]) if len(truth.t_s) else None
+    t_s = truth.t_s if len(truth.t_s) else data.nav.t_s
+    simulated_s = float(t_s[-1] - t_s[0]) if len(t_s) else None
     wall_s = data.summary.wall_s if data.summary else None
     result = {
         "scenario": data.mission.scenario,
