@@ -3,12 +3,12 @@
 from typing import NamedTuple
 
 from shefex_nav import __version__
-from shefex_nav.environment import ephemeris, gnss, stars
+from shefex_nav.environment import ephemeris, gnss, stars, yuma
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.records import Alignment
-from shefex_nav.scenario import params, params_onboard
+from shefex_nav.scenario import params, params_gps, params_onboard
 from shefex_nav.world import camera, gps, imu, noise, pad
 from shefex_nav.world.flight import fly
 
@@ -26,6 +26,7 @@ class World(NamedTuple):
     gps_fixes: list
     camera: camera.Camera
     computer: onboard.ComputerParams
+    gps_ranges: list
 
 
 def build_world(scenario, seed, *, brief=False):
@@ -56,18 +57,33 @@ def build_world(scenario, seed, *, brief=False):
     flight = fly.fly(flight_params, earth, rng("attitude_control"))
     trajectory = flight.trajectory
     true_camera = camera.init(params.camera_params(scenario), at_epoch, bodies, earth, rng("camera_errors"))
+    gps_data = gps.measure(
+        params_gps.gps_params(scenario),
+        trajectory,
+        flight.events,
+        earth,
+        constellation(scenario),
+        rng("gps"),
+        rng("gps_errors"),
+    )
     return World(
         earth=earth,
         catalogue=catalogue,
         flight=flight,
         alignment=pad.align(params.pad_params(scenario), trajectory, earth, rng("pad")),
         imu=imu.measure(params.imu_params(scenario), trajectory, rng("imu")),
-        gps_fixes=gps.measure(
-            params.gps_params(scenario), trajectory, flight.events, earth, gnss.nominal_24(epoch), rng("gps")
-        ),
+        gps_fixes=gps_data.fixes,
+        gps_ranges=gps_data.ranges,
         camera=true_camera,
         computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
     )
+
+
+def constellation(scenario):
+    """The GPS satellites of a scenario: those of its almanac, or the nominal ones. -> gnss.Constellation"""
+    if scenario.gps.almanac is None:
+        return gnss.nominal_24(scenario.mission.epoch)
+    return yuma.constellation(params_gps.almanac(scenario), scenario.mission.epoch)
 
 
 def mission(scenario, seed, trajectory):

@@ -117,6 +117,26 @@ class GpsFix(NamedTuple):
     reason: str  # why there is no fix; empty when valid
 
 
+class GpsRanges(NamedTuple):
+    """What the receiver's channels measure at one instant; n satellites are tracked, and there may be none.
+
+    A pseudorange is the distance from the satellite at transmission to the antenna at t_valid_s, plus the
+    bias of the receiver's clock; what is broadcast about the satellite's clock and the ionosphere, and a
+    model of the troposphere, have been taken out. A range rate is its change in time, likewise.
+    """
+
+    t_valid_s: float
+    t_available_s: float
+    prn: np.ndarray  # (n,) int, ascending; slots 1 to 24 of the nominal constellation
+    pseudorange: np.ndarray  # (n,) m
+    range_rate: np.ndarray  # (n,) m/s, positive as the distance grows
+    r_es_e: np.ndarray  # (n, 3) m, satellite at transmission as broadcast, in the axes e of t_valid_s
+    v_es_e: np.ndarray  # (n, 3) m/s, its velocity relative to these axes, which turn with the Earth
+    sigma_range: np.ndarray  # (n,) m, noise of the channel as the receiver reports it; white in time
+    sigma_range_rate: np.ndarray  # (n,) m/s
+    reason: str = ""  # why no satellite is tracked; empty otherwise
+
+
 class CameraCommand(NamedTuple):
     """What the star tracker asks of the camera for the next frame."""
 

@@ -51,7 +51,8 @@ def route(world, scenario, seed, *, until_s=np.inf):
         off_s=scenario.star_tracker.off,
         rng=noise.generator(seed, "camera_noise"),
     )
-    fixes, steered = list(world.gps_fixes)[::-1], control_samples(world.flight.control, trajectory)[::-1]
+    received = sorted(world.gps_fixes + world.gps_ranges, key=lambda m: m.t_available_s, reverse=True)
+    steered = control_samples(world.flight.control, trajectory)[::-1]
     for n, block in enumerate(imu.blocks(world.imu), 1):
         now_s = block.t_valid_s
         if now_s > until_s + EARLY_S:
@@ -62,7 +63,7 @@ def route(world, scenario, seed, *, until_s=np.inf):
         while steered and steered[-1].t_s <= now_s + EARLY_S:
             yield steered.pop()
         yield block
-        arrived = due(fixes, now_s)
+        arrived = due(received, now_s)
         pictures = shutter.arrived(now_s)
         for _, truth in pictures:
             yield truth

@@ -22,6 +22,7 @@ from shefex_nav.records import (
     FrameTruth,
     GateResult,
     GpsFix,
+    GpsRanges,
     ImuBlock,
     NavCovariance,
     NavSolution,
@@ -43,6 +44,7 @@ class RunData(NamedTuple):
     commands: CameraCommand  # arrays
     compute_times: ComputeTime  # arrays
     gps: list[GpsFix]
+    gps_ranges: list[GpsRanges]
     star_fixes: list[StarFix]
     frame_truths: list[FrameTruth]
     gates: list[GateResult]
@@ -65,6 +67,7 @@ ARRAYS = {
 }
 LISTS = {
     GpsFix: "gps",
+    GpsRanges: "gps_ranges",
     StarFix: "star_fixes",
     FrameTruth: "frame_truths",
     GateResult: "gates",

@@ -153,13 +153,13 @@ class SensorOverrides(Block):
     )
     clock_bias: Quantity("m", "300 km", "of the GPS receiver, unknown at the start", positive=True) = "300 km"
     clock_drift: Quantity("m/s", "300 m/s", "unknown at the start: 1 ppm", positive=True) = "300 m/s"
-    clock_white_frequency: Quantity("m/sqrt(s)", "0.1 m/sqrt(s)", "noise of the clock", positive=True) = (
-        "0.1 m/sqrt(s)"
+    clock_white_frequency: (
+        Quantity("m/sqrt(s)", "0.1 m/sqrt(s)", "noise of the clock", positive=True) | None
+    ) = None
+    clock_random_walk: Quantity("m/s(3/2)", "0.2 m/s/sqrt(s)", "of its frequency", positive=True) | None = (
+        None
     )
-    clock_random_walk: Quantity("m/s(3/2)", "0.2 m/s/sqrt(s)", "of its frequency", positive=True) = (
-        "0.2 m/s/sqrt(s)"
-    )
-    range_bias: Quantity("m", "3 m", "slow error of a range, if estimated", positive=True) = "3 m"
+    range_bias: Quantity("m", "3 m", "error of a range that lasts", positive=True) | None = None
     range_bias_time: Quantity("s", "300 s", "correlation time of it", positive=True) = "300 s"
 
 
@@ -202,6 +202,9 @@ class Navigation(Block):
     )
     sensors: SensorOverrides = Field(
         default=SensorOverrides(), description="what the filter assumes of the sensors"
+    )
+    gps: Literal["loose", "tight"] = Field(
+        "loose", description="how GPS is used: its fixes, or the ranges of its channels (needs state clock)"
     )
     gate_probability: Number("1e-4", "of rejecting a good measurement", positive=True, at_most=0.1)
     star_fix_floor: Quantity("rad", "10 arcsec", "errors of a fix that it does not know", non_negative=True)

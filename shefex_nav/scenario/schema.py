@@ -10,10 +10,11 @@ from pydantic import Field, PrivateAttr
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.camera import StarCamera
+from shefex_nav.scenario.gps import Gps
 from shefex_nav.scenario.mission import Atmosphere, Earth, Ground, Launch, Mission, Orbit, Wind
 from shefex_nav.scenario.onboard import Log, Navigation, StarTracker
 from shefex_nav.scenario.programme import Programme
-from shefex_nav.scenario.sensors import Gps, Imu, PadAlignment
+from shefex_nav.scenario.sensors import Imu, PadAlignment
 from shefex_nav.scenario.vehicle import Vehicle
 
 

@@ -227,7 +227,7 @@ def transition(model, pieces, x, q_ib, at, n):
     ----------
     model : `record`
     pieces : strapdown.Pieces
-    x : (67,) packed nominal state at the start
+    x : (87,) packed nominal state at the start
     q_ib : (4,) at the end
     at, n : of the Layout
 

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import calibration, integrity, measurements, strapdown
+from shefex_nav.onboard.navigation import calibration, integrity, measure_ranges, measurements, strapdown
 from shefex_nav.onboard.navigation.state import ReleaseRule
+from shefex_nav.records import GpsRanges
 
 
 class Trial(NamedTuple):
@@ -48,6 +49,20 @@ def _gps_velocity(nav, state, imu, at_s, fix):
     return z, H, R + vibration_covariance(nav.params, imu)
 
 
+def _gps_range(nav, state, imu, at_s, fix):
+    felt = strapdown.felt(state, imu, at_s)
+    params = nav.params
+    return measure_ranges.pseudoranges(
+        nav.layout, state, fix, nav.earth, params.l_ba_b, *felt, params.range_bias_sigma
+    )
+
+
+def _gps_range_rate(nav, state, imu, at_s, fix):
+    felt = strapdown.felt(state, imu, at_s)
+    z, H, R = measure_ranges.range_rates(nav.layout, state, fix, nav.earth, nav.params.l_ba_b, *felt)
+    return z, H, R + vibration_covariance(nav.params, imu)[0, 0] * np.eye(len(z))
+
+
 def _star_attitude(nav, state, imu, at_s, fix):
     params = nav.params
     return measurements.star_attitude(nav.layout, state, fix, params.C_bc, params.star_sigma_floor)
@@ -72,6 +87,20 @@ def _gps_trial(nav, state, P, z, R, imu, at_s, fix):
         return integrity.gps_fixes_agree(earlier, later, slack)
 
     return Trial(nav.params.release_gps, fix, agree)
+
+
+def _range_trial(nav, state, P, z, R, imu, at_s, fix):
+    slack = nav.params.gps_agreement
+
+    def agree(earlier, later):
+        return measure_ranges.ranges_agree(earlier, later, slack)
+
+    return Trial(nav.params.release_gps, fix, agree)
+
+
+def _satellites(fix):
+    """Names of the rows of GpsRanges."""
+    return [f"prn {prn}" for prn in fix.prn]
 
 
 def _star_trial(nav, state, P, z, R, imu, at_s, fix):
@@ -101,6 +130,18 @@ def rate_covariance(layout, state, P, omega_b, f_b):
 SENSORS = {
     "gps_position": Sensor(_gps_position, "position", 1e5, _gps_trial),
     "gps_velocity": Sensor(_gps_velocity, "velocity", 1e4, _gps_trial),
+    "gps_range": Sensor(
+        _gps_range,
+        "position",
+        1e5,
+        _range_trial,
+        with_it=("clock", "range_bias"),  # a clock that jumped misleads all ranges alike
+        rows=1,
+        labels=_satellites,
+    ),
+    "gps_range_rate": Sensor(
+        _gps_range_rate, "velocity", 1e4, _range_trial, with_it=("clock",), rows=1, labels=_satellites
+    ),
     "star_tracker": Sensor(
         _star_attitude,
         "attitude",
@@ -110,9 +151,25 @@ SENSORS = {
         reset_note="attitude reset",
     ),
 }
-ARRIVALS = {"gps": ("gps_position", "gps_velocity"), "star_tracker": ("star_tracker",)}
+ARRIVALS = {
+    "gps": ("gps_position", "gps_velocity"),
+    "gps_ranges": ("gps_range", "gps_range_rate"),
+    "star_tracker": ("star_tracker",),
+}
+
+
+def gps_arrivals(params, messages):
+    """What the filter takes of GpsFix and GpsRanges: fixes if it is coupled loosely, ranges if tightly.
+
+    NavParams, sequence of GpsFix and GpsRanges -> list of (arrival, fix)
+    """
+    tight = params.gps == "tight"
+    arrival = "gps_ranges" if tight else "gps"
+    return [(arrival, message) for message in messages if isinstance(message, GpsRanges) == tight]
 
 
 def without_solution(arrival, fix):
     """Why a fix holds no measurement, '' if it does."""
+    if arrival == "gps_ranges":
+        return "" if len(fix.prn) else f"no ranges: {fix.reason}"
     return f"no fix: {fix.reason}" if arrival == "gps" and not fix.valid else ""
