@@ -75,7 +75,7 @@ def open_log(log_path, overrides=()):
         data=data,
         params=nav_params,
         scenario_text=source,
-        gps=arrivals(data.gps, ticks_s),
+        gps=_merged(arrivals(data.gps, ticks_s), arrivals(data.gps_ranges, ticks_s)),
         stars=arrivals(sorted(data.star_fixes, key=lambda fix: fix.t_available_s), ticks_s),
     )
 
@@ -127,6 +127,11 @@ def arrivals(measurements, ticks_s):
     ):
         due.setdefault(tick, []).append(measurement)
     return due
+
+
+def _merged(one, two):
+    """Two dictionaries of `arrivals` as one: in each tick the records of the first come first."""
+    return {k: one.get(k, []) + two.get(k, []) for k in one.keys() | two.keys()}
 
 
 def start(recording):
