@@ -14,6 +14,7 @@ from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.records import Alignment, Event, ImuBlock, Phase, TruthSample
 from shefex_nav.replay import align, dataset, params, reference
+from shefex_nav.replay.table import DataError
 
 BLOCK = 4  # IMU samples in a tick, as in the flights of the project, so that every log has them alike
 EARLY_S = 1e-6  # rounding of the times of ticks
@@ -47,6 +48,9 @@ def prepare(scenario, files):
     )
     alignment = align.align(scenario, data, earth)
     blocks = imu_blocks(data.imu, alignment.t_valid_s, scenario.mission.end)
+    if not blocks:
+        words = f"ends at {data.imu.t_s[-1]:g} s; nothing is left to navigate after {alignment.t_valid_s:g} s"
+        raise DataError(f"{files['imu']}: {words}")
     ends_s = np.array([alignment.t_valid_s] + [block.t_valid_s for block in blocks])
     truth = None if data.truth is None else reference.at(data.truth, earth, ends_s)
     return Replay(scenario, data, earth, alignment, blocks, truth)
@@ -101,7 +105,7 @@ def run(replay, clock):
     yield alignment
     height = mission(replay).launch_height
     yield Event(alignment.t_valid_s, "replay_start", height, f"{scenario.data.format} data")
-    nav = fusion.start(params.nav_params(scenario), alignment, replay.earth)
+    nav = fusion.start(params.nav_params(scenario, replay.blocks[0].dt_s), alignment, replay.earth)
     waiting = [fix for fix in replay.data.fixes if fix.t_valid_s > alignment.t_valid_s][::-1]
     truth = _truth_samples(replay.truth)
     for ticks, block in enumerate(replay.blocks, 1):

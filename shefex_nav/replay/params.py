@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from shefex_nav.onboard.navigation import integrity_imu, integrity_protection, integrity_watch
 from shefex_nav.onboard.navigation.state import ImuModel, NavParams, ReleaseRule
 
 
-def nav_params(scenario):
-    """NavParams of a ReplayScenario: no star camera, no motors."""
+def nav_params(scenario, dt_s):
+    """NavParams of a ReplayScenario whose IMU samples last dt_s: no star camera, no motors."""
     navigation, gyro, accelerometer = scenario.navigation, scenario.imu.gyro, scenario.imu.accelerometer
 
     def rule(release):
@@ -28,6 +29,32 @@ def nav_params(scenario):
         history_s=navigation.history + scenario.gnss.latency,
         motors=np.zeros((0, 2)),
         states=tuple(navigation.states),
+        integrity=_integrity(scenario, dt_s),
+    )
+
+
+def _integrity(scenario, dt_s):
+    """IntegrityParams of a ReplayScenario.
+
+    An axis that repeats its reading is suspected only where the scenario says how coarse readings are: files
+    of others may well have been rounded.
+    """
+    section, navigation = scenario.navigation.integrity, scenario.navigation
+    triads = (scenario.imu.gyro, scenario.imu.accelerometer)
+    repeats = [
+        integrity_imu.repeats(triad.random_walk * np.sqrt(dt_s), triad.quantum) if triad.quantum else np.inf
+        for triad in triads
+    ]
+    return integrity_watch.IntegrityParams(
+        imu=integrity_imu.ImuRules(
+            repeats=np.array(repeats),
+            range=np.array([triad.range for triad in triads]),
+            wrong=np.array([navigation.saturated_rate, navigation.saturated_acceleration]),
+            change=np.array([section.angular_acceleration, section.thrust_change]),
+        ),
+        wanted=integrity_protection.requirement(section.attitude, section.risk),
+        wrong_star_fix=section.wrong_star_fix,
+        release_gps_jump=ReleaseRule(section.gps_jump.rejections, section.gps_jump.duration),
     )
 
 

@@ -85,7 +85,7 @@ def _configuration(data, name, overrides):
     text = data.mission.scenario_text
     if local_level.is_replay(data):
         scenario = external_load.load_text(text, name, overrides)
-        return external_params.nav_params(scenario), scenario.source
+        return external_params.nav_params(scenario, float(data.imu.dt_s[0])), scenario.source
     scenario = load.load_text(text, name, overrides)
     return params_onboard.nav_params(scenario), scenario.source
 
