@@ -1,22 +1,22 @@
 """The posterior Cramer-Rao bound of a flight: how well any estimator can know it.
 
-For errors that are linear along the true flight and Gaussian, the recursion of the posterior information matrix
-(Tichavsky, Muravchik, Nehorai, IEEE Trans. Signal Processing 46 (1998), eq. 21) is the covariance recursion of
-a Kalman filter whose matrices are evaluated at the truth and whose states are all that is unknown (Taylor,
-IEEE Trans. Automatic Control 24 (1979)). `bound_model` has the states. Rate and specific force are inputs that
-are measured, nothing is assumed of the flight itself.
+For errors that are linear along the true flight and Gaussian, the recursion of the posterior information
+matrix (Tichavsky, Muravchik, Nehorai, IEEE Trans. Signal Processing 46 (1998), eq. 21) is the covariance
+recursion of a Kalman filter whose matrices are evaluated at the truth and whose states are all that is
+unknown (Taylor, IEEE Trans. Automatic Control 24 (1979)). `bound_model` has the states. Rate and specific
+force are inputs that are measured, nothing is assumed of the flight itself.
 
 What is no state, and why:
 
 - Random walk of the sensors is white noise, as the world makes it.
-- The counts of the sensors carry their remainder on, so the sum of increments is off by a rounding alone. Spin
-  turns what is carried on: (w dt)^2 q^2/12 of white noise per sample.
-- Vibration above 20 Hz swings the sensors to and fro. Nothing of it stays: its spectrum is zero at the spin rate,
-  too. It is an error of the moment, added to what is reported while a motor burns and to the velocity of a GPS
-  fix, at instants so far apart that it is independent (correlation time 8 ms).
-- The gravity model on board has J2 alone. Whoever has the right field has no such error, so the lowest bound is
-  that of a known field; for software that may not know it the difference is a process with the variance and
-  the correlation time which it has along the flight (`gravity_process`). Both are offered.
+- The counts of the sensors carry their remainder on, so the sum of increments is off by a rounding alone.
+  Spin turns what is carried on: (w dt)^2 q^2/12 of white noise per sample.
+- Vibration above 20 Hz swings the sensors to and fro. Nothing of it stays: its spectrum is zero at the spin
+  rate, too. It is an error of the moment, added to what is reported while a motor burns and to the velocity
+  of a GPS fix, at instants so far apart that it is independent (correlation time 8 ms).
+- The gravity model on board has J2 alone. Whoever has the right field has no such error, so the lowest
+  bound is that of a known field; for software that may not know it the difference is a process with the
+  variance and the correlation time which it has along the flight (`gravity_process`). Both are offered.
 """
 
 from typing import NamedTuple
@@ -230,9 +230,7 @@ def _update(flight, layout, dt_s, k, fix):
         named = fix.hip > 0
         centre = np.array([0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)])
         focal_px = camera.focal_length_m / camera.pixel_m
-        H = bound_model.star_rows(
-            layout, C_ib, camera.C_bc, focal_px, fix.detections.xy_px[named] - centre
-        )
+        H = bound_model.star_rows(layout, C_ib, camera.C_bc, focal_px, fix.detections.xy_px[named] - centre)
         return linear.Update(t_s, fix.t_available_s, "star_tracker", H, fix.P_c)
     rms = float(world_imu.vibration_rms(flight.imu, trajectory.burning[k : k + 1])[0])
     row = slice(k, k + 1)
@@ -258,7 +256,8 @@ def _update(flight, layout, dt_s, k, fix):
 def _swing_of_antenna(flight, rms, dt_s):
     """Variance that vibration puts between strapdown and antenna, m^2/s^2, each axis.
 
-    The swing of the velocity, and the rate of one sample, variance S/(2 dt) of a flat density S, times the arm.
+    The swing of the velocity, and the rate of one sample, variance S/(2 dt) of a flat density S, times the
+    arm.
     """
     params = flight.imu
     density = (params.vibration_rate * rms) ** 2 / (params.vibration_high_hz - params.vibration_low_hz)

@@ -1,14 +1,14 @@
 """How every error of the simulated sensors grows into errors of navigation, along the true flight.
 
-In: true trajectory, parameters of the world's sensors. Out: `linear.Interval` and `linear.Update` of one state
-vector: errors of position, velocity and attitude in inertial axes, and behind them each error source of the
-world as a state of its own. It shares no code with the on-board error model, whose states are fewer and whose
-noise stands for the rest. Per sample of the IMU, with C = C_ib in its middle::
+In: true trajectory, parameters of the world's sensors. Out: `linear.Interval` and `linear.Update` of one
+state vector: errors of position, velocity and attitude in inertial axes, and behind them each error source
+of the world as a state of its own. It shares no code with the on-board error model, whose states are fewer
+and whose noise stands for the rest. Per sample of the IMU, with C = C_ib in its middle::
 
     psi <- psi - C d(dtheta),   dv <- dv - (C dv_b) x psi - C d(dv) + (G dr + dg) T,   dr <- dr + T dv
 
-d(dtheta), d(dv): what the error states put into the increments (`world.imu` has the equation). Groves, 2nd ed.,
-section 14.2; states of inertial sensors as in its section 14.2.6.
+d(dtheta), d(dv): what the error states put into the increments (`world.imu` has the equation). Groves, 2nd
+ed., section 14.2; states of inertial sensors as in its section 14.2.6.
 """
 
 from typing import NamedTuple
@@ -137,7 +137,7 @@ def spread_kernel(C_ib, dv_b, r_i, gyro, accel, gravity, dt_s, walks, X, Q):
 
     C_ib : (N, 3, 3) in the middle of each sample; dv_b : (N, 3); r_i : (N, 3) m
     gyro, accel : (N, 3, p) of `imu_columns`; gravity : index of the first of three states of gravity
-    walks : (N, 2) variance of white noise of attitude [rad^2] and velocity [m^2/s^2] in each sample, each axis
+    walks : (N, 2) variance of white noise of attitude [rad^2], velocity [m^2/s^2] in each sample and axis
     X : (9, 9 + p), written: begins as [I | 0];  Q : (9, 9), written: begins as 0
     """
     p = gyro.shape[2]
@@ -250,8 +250,8 @@ def start(layout, sigma_r, sigma_v, P_psi, omega_ie_i):
 def gps_rows(layout, C_ei, C_ib, l_ba_b, omega_ib_b, omega_ie_i, gyro_rate):
     """H of position and velocity of the antenna in frame e: (6, n).
 
-    gyro_rate : (3, n - 9) what unit error states put into the measured rate, rad/s: the velocity of the antenna
-    is told from that of the IMU with it
+    gyro_rate : (3, n - 9) what unit error states put into the measured rate, rad/s: the velocity of the
+    antenna is told from that of the IMU with it
     """
     arm_i, swing_i = C_ib @ l_ba_b, C_ib @ rotation.cross(omega_ib_b, l_ba_b)
     H = np.zeros((6, layout.n))

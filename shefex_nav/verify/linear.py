@@ -1,10 +1,11 @@
 """Errors as a linear Gaussian process: their covariance, and histories drawn from it.
 
-In: intervals (Phi, Q) and updates (H, R) in the order of their instants, each update with the instant at which
-it reaches the computer. Out: at given times the covariance of what is known then, and errors drawn at random
-that obey the same matrices and gains::
+In: intervals (Phi, Q) and updates (H, R) in the order of their instants, each update with the instant at
+which it reaches the computer. Out: at given times the covariance of what is known then, and errors drawn at
+random that obey the same matrices and gains::
 
-    e <- Phi e + w,   w ~ N(0, Q);      z = H e + v,  v ~ N(0, R),   e <- e - K z,   K = P H^T (H P H^T + R)^-1
+    e <- Phi e + w,   w ~ N(0, Q)
+    e <- e - K z,     z = H e + v,   v ~ N(0, R),   K = P H^T (H P H^T + R)^-1
 
 truth = estimate (+) error. A measurement that is still on its way is left out of what is known, and taken at
 its own instant as soon as it is there: two lanes, one up to the last instant that is settled, and from there

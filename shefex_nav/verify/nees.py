@@ -1,10 +1,11 @@
 """Statistics of a filter's errors over runs, and the bounds that they have to keep.
 
-Errors of one run are correlated in time, so the mean over a phase of the normalised squared error (NEES) of one
-run scatters far more than its number of epochs suggests. Its bounds come from histories of errors that obey
-the filter's own matrices (`linear.outputs`): the mean over n runs has the distribution of the mean of n such
-histories. NIS needs no histories, because innovations of a consistent filter are white: its sum is chi-square
-distributed (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 5.4).
+Errors of one run are correlated in time, so the mean over a phase of the normalised squared error (NEES) of
+one run scatters far more than its number of epochs suggests. Its bounds come from histories of errors that
+obey the filter's own matrices (`linear.outputs`): the mean over n runs has the distribution of the mean of
+n such histories. NIS needs no histories, because innovations of a consistent filter are white: its sum is
+chi-square distributed (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and
+Navigation, 5.4).
 """
 
 from typing import NamedTuple
