@@ -33,7 +33,7 @@ def increments(duration_s):
     t = DT * (np.arange(round(duration_s / DT) + 1) - 0.5)
     on = 1.0 / (1.0 + np.exp((t - 5.0) / 0.1))
     omega = np.column_stack([6.0 * on, 0.05 * np.sin(0.7 * t), 0.04 * np.cos(0.5 * t)])
-    force = np.column_stack([60.0 * on, 1.2 * on, np.zeros_like(t)])
+    force = np.column_stack([60.0 * on, 1.2 * on, -0.7 * on])
     omega[0] = force[0] = 0.0
     return omega * DT, force * DT
 
