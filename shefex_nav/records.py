@@ -92,13 +92,13 @@ class Alignment(NamedTuple):
 
 
 class ImuBlock(NamedTuple):
-    """The IMU samples of one 100 Hz tick, oldest first; the last one ends at the tick."""
+    """The IMU samples of one tick, oldest first, the last ends at the tick: four at 400 Hz and 100 Hz."""
 
     t_valid_s: float  # end of the last sample
     t_available_s: float
     dt_s: float  # duration of one sample
-    dtheta_b: np.ndarray  # (4, 3) rad, integrated rate
-    dv_b: np.ndarray  # (4, 3) m/s, integrated specific force
+    dtheta_b: np.ndarray  # (n, 3) rad, integrated rate
+    dv_b: np.ndarray  # (n, 3) m/s, integrated specific force
     saturated: bool  # a sample of this block reached the range of its sensor
 
 
@@ -247,7 +247,10 @@ class NavSolution(NamedTuple):
 
 
 class NavCovariance(NamedTuple):
-    """Covariance of position, velocity (inertial) and attitude error (body), and the calibration states."""
+    """Covariance of position, velocity (inertial) and attitude error (body), and the calibration states.
+
+    Of a block that is not estimated the sigma is NaN.
+    """
 
     t_s: float
     P: np.ndarray  # (9, 9) order: position i [m], velocity i [m/s], attitude b [rad]
@@ -256,6 +259,9 @@ class NavCovariance(NamedTuple):
     gyro_roll_column: np.ndarray  # (3,) errors on x, y, z per unit of roll rate: scale factor, misalignments
     mounting: np.ndarray  # (3,) rad, rotation of the star camera against its nominal mounting, body axes
     sigma: np.ndarray  # (12,) standard deviations of the four above, in that order
+    states: str = ""  # optional blocks of the filter, in order, separated by blanks
+    estimates: np.ndarray = np.empty(0)  # (k,) of those blocks, units of onboard.navigation.state.OPTIONAL
+    sigmas: np.ndarray = np.empty(0)  # (k,) standard deviations
 
 
 class ComputeTime(NamedTuple):

@@ -220,7 +220,10 @@ TOPICS = (
         _vector("accel_bias_m_s2", "accel_bias", "estimated, body axes [m/s^2]"),
         _vector("gyro_roll_column", "gyro_roll_column", "estimated errors on x, y, z per unit of roll rate"),
         _vector("mounting_rad", "mounting", "estimated rotation of the camera's mounting, body axes [rad]"),
-        _vector("sigma", "sigma", "standard deviations of the four above, in that order", 12),
+        _vector("sigma", "sigma", "standard deviations of the four above, in that order; NaN: no state", 12),
+        _text("states", "states", "optional blocks of the filter, in order, separated by blanks"),
+        _number("estimates", "estimates", "of those blocks", (-1,)),
+        _number("sigmas", "sigmas", "standard deviations of those", (-1,)),
     )),
     Topic(GateResult, "/nav/gates", "Gate", None, "t_s", "Fate of one measurement in the filter.", (
         _number("t_s", "t_s", "mission time at which it was processed [s]"),

@@ -15,7 +15,7 @@ import numpy as np
 
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.onboard.navigation import fusion, mean_rate, solution, strapdown
-from shefex_nav.onboard.navigation.state import ATT, MOUNT, NavParams
+from shefex_nav.onboard.navigation.state import ATT, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.records import Reason
 
@@ -138,7 +138,7 @@ def star_context(computer, frame):
     params = computer.params
     near = fusion.nearest(computer.nav, frame.t_valid_s)
     state = near.state
-    omega_ib_b = strapdown.rate(state, near.imu, strapdown.SAMPLES * near.imu.dt_s)
+    omega_ib_b = strapdown.rate(state, near.imu, near.imu.length_s)
     C_bc = rotation.dcm_from_rotvec(state.mounting) @ params.nav.C_bc
     turned = rotation.dcm_from_rotvec(omega_ib_b * (frame.t_valid_s - state.t_s))
     C_ic = rotation.dcm_from_quat(state.q_ib) @ turned @ C_bc
@@ -153,16 +153,18 @@ def star_context(computer, frame):
         sun_angle=float(np.arccos(np.clip(boresight_i @ params.sun_i, -1.0, 1.0))),
         limb_angle=float(wgs84.limb_angle(C_ei @ state.r_i, C_ei @ boresight_i)),
         q_ic=rotation.quat_from_dcm(C_ic),
-        P_c=camera_covariance(near.P, params.nav.C_bc) + PREDICTION_FLOOR**2 * np.eye(3),
+        P_c=camera_covariance(computer.nav.layout, near.P, params.nav.C_bc) + PREDICTION_FLOOR**2 * np.eye(3),
         omega_c=omega_c,
         P_omega_c=P_omega_c,
     )
 
 
-def camera_covariance(P, C_bc):
+def camera_covariance(layout, P, C_bc):
     """Covariance of the camera's attitude error in camera axes: attitude and mounting add up.
 
-    P : (21, 21) of the filter; C_bc : (3, 3) nominal mounting -> (3, 3) rad^2
+    Layout; P : (n, n) of the filter; C_bc : (3, 3) nominal mounting -> (3, 3) rad^2
     """
-    P_b = P[ATT, ATT] + P[ATT, MOUNT] + P[MOUNT, ATT] + P[MOUNT, MOUNT]
+    P_b = P[ATT, ATT]
+    if mounting := layout.places["mounting"]:
+        P_b = P_b + P[ATT, mounting] + P[mounting, ATT] + P[mounting, mounting]
     return C_bc.T @ P_b @ C_bc

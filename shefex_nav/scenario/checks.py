@@ -25,6 +25,7 @@ def cross_check(scenario, rated=None):
         *_sensors(scenario),
         *_outages(scenario),
         *_camera(scenario.star_camera),
+        *_states(scenario.navigation.states),
         *checks_tracker.contradictions(scenario),
     ]
 
@@ -58,6 +59,17 @@ def _sensors(scenario):
             f"{count(len(vibration.boost), 'value')} for {count(stages, 'stage')}; give one for each stage"
         )
         yield ("imu", "vibration", "boost"), words
+
+
+def _states(names):
+    """Blocks of states of the filter that go together."""
+    from shefex_nav.onboard.navigation.state import LayoutError, layout
+
+    try:
+        layout(names)
+    except LayoutError as error:
+        last = len(names) - 1 - names[::-1].index(error.name)
+        yield ("navigation", "states", last), str(error)
 
 
 def count(number, noun):

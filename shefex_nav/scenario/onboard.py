@@ -145,6 +145,22 @@ class SensorOverrides(Block):
     ) = None
     camera_mounting: Quantity("rad", "0.02 deg", "initial uncertainty", positive=True) | None = None
     lever_arm: Vector("m", "0.3 m", "IMU to GPS antenna in body axes") | None = None
+    lever_arm_error: Quantity("m", "2 cm", "of the lever arm, each axis, if estimated", positive=True) = (
+        "2 cm"
+    )
+    gps_latency_error: Quantity("s", "1 ms", "fixes are older than they say by so much", positive=True) = (
+        "1 ms"
+    )
+    clock_bias: Quantity("m", "300 km", "of the GPS receiver, unknown at the start", positive=True) = "300 km"
+    clock_drift: Quantity("m/s", "300 m/s", "unknown at the start: 1 ppm", positive=True) = "300 m/s"
+    clock_white_frequency: Quantity("m/sqrt(s)", "0.1 m/sqrt(s)", "noise of the clock", positive=True) = (
+        "0.1 m/sqrt(s)"
+    )
+    clock_random_walk: Quantity("m/s(3/2)", "0.2 m/s/sqrt(s)", "of its frequency", positive=True) = (
+        "0.2 m/s/sqrt(s)"
+    )
+    range_bias: Quantity("m", "3 m", "slow error of a range, if estimated", positive=True) = "3 m"
+    range_bias_time: Quantity("s", "300 s", "correlation time of it", positive=True) = "300 s"
 
 
 class Release(Block):
@@ -162,9 +178,28 @@ class Releases(Block):
     star_fix: Release
 
 
-class Navigation(Block):
-    """Error-state Kalman filter with 21 error states."""
+StateBlock = Literal[
+    "gyro_roll_column",
+    "gyro_scale",
+    "gyro_misalignment",
+    "gyro_g_sensitivity",
+    "accel_scale",
+    "accel_misalignment",
+    "mounting",
+    "lever_arm",
+    "clock",
+    "gps_latency",
+    "range_bias",
+]
 
+
+class Navigation(Block):
+    """Error-state Kalman filter: position, velocity, attitude, biases of the IMU, and blocks of choice."""
+
+    states: list[StateBlock] = Field(
+        default=["gyro_roll_column", "mounting"],
+        description="what is estimated besides: errors of the sensors, each a block of states",
+    )
     sensors: SensorOverrides = Field(
         default=SensorOverrides(), description="what the filter assumes of the sensors"
     )

@@ -161,12 +161,6 @@ def nav_params(scenario):
 
     navigation, sensors = scenario.navigation, scenario.navigation.sensors
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
-    roll_misalignment = _given(sensors.gyro_misalignment, gyro.misalignment)
-    roll_column = (
-        _given(sensors.gyro_scale_factor_roll, gyro.scale_factor_roll),
-        roll_misalignment,
-        roll_misalignment,
-    )
 
     def rule(release):
         return ReleaseRule(release.rejections, release.duration)
@@ -177,8 +171,7 @@ def nav_params(scenario):
         sigma_accel_bias=_given(
             sensors.accelerometer_bias, float(np.hypot(accelerometer.bias, accelerometer.in_run_bias))
         ),
-        sigma_gyro_roll_column=np.array(roll_column),
-        sigma_mounting=_given(sensors.camera_mounting, _boresight_error(scenario)),
+        sigma_blocks=_sigma_blocks(scenario),
         l_ba_b=np.array(_given(sensors.lever_arm, scenario.gps.antenna.lever_arm)),
         C_bc=mounting(scenario),
         gate_probability=navigation.gate_probability,
@@ -189,7 +182,34 @@ def nav_params(scenario):
         gps_agreement=navigation.gps_agreement,
         history_s=navigation.history,
         motors=_motors(scenario),
+        states=tuple(navigation.states),
+        clock_white=sensors.clock_white_frequency,
+        clock_walk=sensors.clock_random_walk,
+        range_bias_sigma=sensors.range_bias,
+        range_bias_time_s=sensors.range_bias_time,
     )
+
+
+def _sigma_blocks(scenario):
+    """What is known at the start of the optional blocks that are on: name -> (size,) sigma."""
+    sensors = scenario.navigation.sensors
+    gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
+    roll = _given(sensors.gyro_scale_factor_roll, gyro.scale_factor_roll)
+    misalignment = _given(sensors.gyro_misalignment, gyro.misalignment)
+    known = {
+        "gyro_roll_column": (roll, misalignment, misalignment),
+        "gyro_scale": (roll, gyro.scale_factor, gyro.scale_factor),
+        "gyro_misalignment": (misalignment,) * 6,
+        "gyro_g_sensitivity": (gyro.g_sensitivity,) * 9,
+        "accel_scale": (accelerometer.scale_factor,) * 3,
+        "accel_misalignment": (accelerometer.misalignment,) * 6,
+        "mounting": (_given(sensors.camera_mounting, _boresight_error(scenario)),) * 3,
+        "lever_arm": (sensors.lever_arm_error,) * 3,
+        "clock": (sensors.clock_bias, sensors.clock_drift),
+        "gps_latency": (sensors.gps_latency_error,),
+        "range_bias": (sensors.range_bias,) * 12,
+    }
+    return {name: np.array(known[name]) for name in scenario.navigation.states}
 
 
 def _motors(scenario):
@@ -228,25 +248,30 @@ def _imu_model(scenario):
     A bias that wanders with sigma and correlation time tau (Gauss-Markov) starts out as a random walk of
     density sigma sqrt(2/tau). The slews turn the vehicle about any axis: scale factor on one axis and
     misalignment on two count by their rms. Vibration is that of the strongest motor; `NavParams.motors` has
-    what the others do of it.
+    what the others do of it. Errors whose block is estimated are left out.
     """
     from shefex_nav.onboard.navigation.state import ImuModel
+
+    def left(name, value):
+        return 0.0 if name in scenario.navigation.states else value
 
     navigation, vibration = scenario.navigation, scenario.imu.vibration
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     swing, strongest = _swing(vibration), _strongest(vibration)
+    scale_factor = left("gyro_scale", gyro.scale_factor)
+    misalignment = left("gyro_misalignment", gyro.misalignment)
     return ImuModel(
         gyro_random_walk=_given(navigation.sensors.gyro_random_walk, gyro.random_walk),
         gyro_bias_walk=float(gyro.in_run_bias * np.sqrt(2.0 / gyro.in_run_bias_time)),
-        gyro_g_sensitivity=gyro.g_sensitivity,
-        gyro_cross=float(np.sqrt((gyro.scale_factor**2 + 2.0 * gyro.misalignment**2) / 3.0)),
+        gyro_g_sensitivity=left("gyro_g_sensitivity", gyro.g_sensitivity),
+        gyro_cross=float(np.sqrt((scale_factor**2 + 2.0 * misalignment**2) / 3.0)),
         manoeuvre_angle=navigation.manoeuvre_angle,
         gyro_rectification=gyro.vibration_rectification * strongest**2,
         gyro_vibration=vibration.angular * swing,
         gyro_quantum=gyro.quantum,
         accel_random_walk=_given(navigation.sensors.accelerometer_random_walk, accelerometer.random_walk),
         accel_bias_walk=float(accelerometer.in_run_bias * np.sqrt(2.0 / accelerometer.in_run_bias_time)),
-        accel_cross=accelerometer.scale_factor,  # thrust acts along the roll axis
+        accel_cross=left("accel_scale", accelerometer.scale_factor),  # thrust acts along the roll axis
         accel_rectification=accelerometer.vibration_rectification * strongest**2,
         accel_vibration=swing,
         thrust_threshold=navigation.thrust_threshold,

@@ -7,9 +7,11 @@ from scipy.stats import chi2
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import fusion, mean_rate, solution, state
-from shefex_nav.onboard.navigation.state import BG, MOUNT, N_ERROR, ROLL
+from shefex_nav.onboard.navigation.state import BG, layout, pack
 
 BLOCKS, STATES = fly(1.5)
+LAYOUT = layout()
+ROLL, MOUNT, N_ERROR = LAYOUT.places["gyro_roll_column"], LAYOUT.places["mounting"], LAYOUT.n
 T_S = 1.5
 BEGIN_S, END_S = 1.2034, 1.2871  # neither on a tick nor on a sample
 
@@ -45,7 +47,7 @@ def test_estimated_gyro_errors_are_taken_out():
     ]
     nav = filter_after(blocks)
     tick = nav.history[-1]
-    tick = tick._replace(state=tick.state._replace(gyro_bias=bias, gyro_roll_column=k))
+    tick = tick._replace(x=pack(tick.state._replace(gyro_bias=bias, gyro_roll_column=k)))
     omega_c, _ = mean_rate.camera_rate(nav, tick, C_BC, BEGIN_S, END_S)
     np.testing.assert_allclose(C_BC @ omega_c, true_mean(BEGIN_S, END_S), atol=3e-6)
 
@@ -62,12 +64,12 @@ def test_covariance_is_that_of_errors_put_into_the_state(error):
 
     def rate(of):
         C_bc = rotation.dcm_from_rotvec(of.mounting) @ C_BC
-        return mean_rate.camera_rate(nav, tick._replace(state=of), C_bc, BEGIN_S, END_S)
+        return mean_rate.camera_rate(nav, tick._replace(x=pack(of)), C_bc, BEGIN_S, END_S)
 
     nothing = np.zeros((N_ERROR, N_ERROR))
     quiet = mean_rate.camera_rate(nav, tick._replace(P=nothing), C_BC, BEGIN_S, END_S)[1]
     P = mean_rate.camera_rate(nav, tick._replace(P=np.outer(dx, dx)), C_BC, BEGIN_S, END_S)[1] - quiet
-    change = rate(state.correct(tick.state, dx))[0] - rate(tick.state)[0]
+    change = rate(state.correct(LAYOUT, tick.state, dx))[0] - rate(tick.state)[0]
     np.testing.assert_allclose(P, np.outer(change, change), atol=2e-4 * size**2 + 1e-16)
 
 
@@ -102,7 +104,9 @@ def test_errors_are_as_large_as_their_covariance_says():
         for k, window in enumerate(imu):
             noise = density * np.sqrt(DT) * rng.standard_normal((4, 3))
             felt = window.dtheta_b + window.dtheta_b[:, :1] * dx[ROLL] + dx[BG] * DT + noise
-            nav.history[k] = nav.history[k]._replace(imu=window._replace(dtheta_b=felt))
+            samples = np.column_stack([felt, window.dv_b])
+            increments = np.concatenate([window.increments[:2], samples])
+            nav.history[k] = nav.history[k]._replace(imu=window._replace(increments=increments))
         C_bc = rotation.dcm_from_rotvec(-dx[MOUNT]) @ C_BC  # the estimate; the true one is C_BC
         P = np.zeros((N_ERROR, N_ERROR))
         P[BG.start :, BG.start :] = np.diag(sigma[BG.start :] ** 2)

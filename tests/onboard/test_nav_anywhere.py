@@ -101,7 +101,7 @@ def navigate(place, duration_s, rng, star_every_s=None):
     nav = fusion.start(PARAMS, start, EARTH)
     drawn = rng.standard_normal((3, 3))
     bias_g, bias_a = PARAMS.sigma_gyro_bias * drawn[0], PARAMS.sigma_accel_bias * drawn[1]
-    mounting = PARAMS.sigma_mounting * drawn[2]
+    mounting = PARAMS.sigma_blocks["mounting"] * drawn[2]
     for second in range(1, duration_s + 1):
         noise = np.sqrt(DT) * rng.standard_normal((2, 400, 3))
         dtheta_b = (place.omega_b + bias_g) * DT + imu.gyro_random_walk * noise[0]
@@ -147,8 +147,8 @@ def test_exactly_at_rest_the_angles_are_numbers():
     nav = fusion.start(PARAMS, alignment(state), EARTH)
     rest = np.zeros((4, 3))
     imu = fusion.strapdown.window(ImuBlock(0.0, 0.0, DT, rest, rest, False))
-    P = nav.history[-1].P
-    vectors, angles, sigmas = solution.derive(state, P, imu, 1e-5, 0.0, EARTH)
+    tick = nav.history[-1]._replace(imu=imu)
+    vectors, angles, sigmas = solution.derive(nav.layout, tick, tick.P, 1e-5, 0.0, EARTH)
     assert np.isfinite(vectors).all() and np.isfinite(angles).all()
     assert np.linalg.norm(vectors[1]) < 1e-9
     np.testing.assert_allclose(sigmas, np.pi)

@@ -7,9 +7,11 @@ from scipy.stats import chi2
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import fusion, solution
-from shefex_nav.onboard.navigation.state import ATT, MOUNT, N_ERROR, POS, PVA, VEL, correct
+from shefex_nav.onboard.navigation.state import ATT, POS, PVA, VEL, correct, layout, pack
 
 BLOCKS, STATES = fly(30.0)
+LAYOUT = layout()
+MOUNT = LAYOUT.places["mounting"]
 
 
 def run(fixes, until_s, start=None, params=PARAMS, blocks=BLOCKS):
@@ -42,8 +44,8 @@ def apart(one, two):
             b.state.r_i - a.state.r_i,
             b.state.v_i - a.state.v_i,
             rotation.rotvec_between(a.state.q_ib, b.state.q_ib),
+            (b.x - a.x)[one.layout.nominal],
         ]
-        + [np.subtract(y, x) for x, y in zip(a.state[4:], b.state[4:], strict=True)]
     )
     return max(np.abs(dx / sigma).max(), np.abs((a.P - b.P) / np.outer(sigma, sigma)).max())
 
@@ -184,7 +186,7 @@ def test_two_star_fixes_that_agree_reset_a_lost_attitude():
     assert np.linalg.norm(error(nav, STATES[2600])[ATT]) < 1e-6
     P = nav.history[-1].P
     # what is left is the fix and the mounting, which the two share with opposite sign
-    expected = PARAMS.sigma_mounting**2 + np.array([20.0, 100.0, 20.0]) ** 2 * (DEG / 3600) ** 2
+    expected = PARAMS.sigma_blocks["mounting"] ** 2 + np.array([20.0, 100.0, 20.0]) ** 2 * (DEG / 3600) ** 2
     assert np.all(np.diag(P)[ATT] < 1.01 * expected) and np.all(np.diag(P)[ATT] > 0.5 * expected)
     assert np.all(np.diag(P[ATT, MOUNT]) < 0.0)
 
@@ -225,7 +227,7 @@ def faulty(rng):
     model = PARAMS.imu
     bias = PARAMS.sigma_gyro_bias * rng.standard_normal(3)
     accel = PARAMS.sigma_accel_bias * rng.standard_normal(3)
-    column = PARAMS.sigma_gyro_roll_column * rng.standard_normal(3)
+    column = PARAMS.sigma_blocks["gyro_roll_column"] * rng.standard_normal(3)
     blocks = []
     for block in BLOCKS:
         noise = rng.standard_normal((2, 4, 3)) * np.sqrt(DT)
@@ -254,7 +256,7 @@ def test_errors_have_the_size_that_the_covariance_says():
     nees = []
     for seed in range(30):
         rng = np.random.default_rng(seed)
-        mounting = PARAMS.sigma_mounting * rng.standard_normal(3)
+        mounting = PARAMS.sigma_blocks["mounting"] * rng.standard_normal(3)
         fixes = [("gps", gps_fix(BLOCKS, STATES, float(t), 0.2, rng)) for t in range(1, 29)]
         fixes += [
             ("star_tracker", star_fix(BLOCKS, STATES, 25.0031 + 0.1 * k, 0.1, rng, mounting))
@@ -289,11 +291,11 @@ def test_sigmas_of_the_solution_are_those_of_samples():
     nav, _ = run([("gps", gps_fix(BLOCKS, STATES, 5.0, 0.2))], 6.0)
     tick, out = nav.history[-1], solution.solution(nav)
     rng = np.random.default_rng(3)
-    samples = np.linalg.cholesky(tick.P) @ rng.standard_normal((N_ERROR, 4000))
+    samples = np.linalg.cholesky(tick.P) @ rng.standard_normal((LAYOUT.n, 4000))
     rows = []
     for dx in samples.T:
-        s = correct(tick.state, dx)
-        moved_by = solution.derive(s, tick.P, tick.imu, 0.0, 0.0, EARTH)
+        moved = tick._replace(x=pack(correct(LAYOUT, tick.state, dx)))
+        moved_by = solution.derive(LAYOUT, moved, tick.P, 0.0, 0.0, EARTH)
         rows.append(np.concatenate([moved_by[0][:3].ravel(), moved_by[1]]))
     deviation = np.std(rows, axis=0)
     expected = np.concatenate([out.sigma_r_e, out.sigma_v_e])

@@ -9,20 +9,19 @@ from shefex_nav.geometry import frames, rotation
 from shefex_nav.onboard.navigation import eskf, integrity, measurements
 from shefex_nav.onboard.navigation.state import (
     ATT,
-    BA,
-    BG,
-    MOUNT,
-    N_ERROR,
-    POS,
-    ROLL,
-    VEL,
+    CORE,
+    N_CORE,
+    OPTIONAL,
     NavState,
     correct,
+    layout,
     right_jacobian,
 )
 from shefex_nav.records import GpsFix, StarFix
 
 RNG = np.random.default_rng(7)
+LAYOUT = layout()
+N_ERROR = LAYOUT.n
 EARTH = frames.EarthRotation(
     rotation.dcm_from_rotvec(np.array([1e-3, -2e-3, 5e-4])), np.eye(3), 2.5, 7.292115e-5
 )
@@ -30,6 +29,7 @@ ARM = np.array([0.6, 0.05, -0.3])
 C_BC = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 Q_BC = rotation.quat_from_dcm(C_BC)
 SPIN = np.array([9.4, 0.2, -0.1])  # what the gyros measure, rad/s
+FORCE = np.array([60.0, 1.0, -2.0])  # m/s^2, corrected
 STEP = np.repeat([1.0, 1e-2, 1e-5, 1e-4, 1e-2, 1e-5, 1e-5], 3)
 
 
@@ -78,15 +78,15 @@ def star_fix(state):
 
 
 def gps_position(state, truth):
-    return measurements.gps_position(state, gps_fix(truth), EARTH, ARM)
+    return measurements.gps_position(LAYOUT, state, gps_fix(truth), EARTH, ARM, true_rate(state), FORCE)
 
 
 def gps_velocity(state, truth):
-    return measurements.gps_velocity(state, gps_fix(truth), EARTH, ARM, true_rate(state))
+    return measurements.gps_velocity(LAYOUT, state, gps_fix(truth), EARTH, ARM, true_rate(state), FORCE)
 
 
 def star_attitude(state, truth):
-    return measurements.star_attitude(state, star_fix(truth), C_BC, 0.0)
+    return measurements.star_attitude(LAYOUT, state, star_fix(truth), C_BC, 0.0)
 
 
 MODELS = [gps_position, gps_velocity, star_attitude]
@@ -111,7 +111,9 @@ def test_jacobian_is_the_derivative_of_the_measurement_with_respect_to_the_truth
     for j in range(N_ERROR):
         dx = np.zeros(N_ERROR)
         dx[j] = STEP[j]
-        slope = (model(state, correct(state, dx))[0] - model(state, correct(state, -dx))[0]) / (2 * STEP[j])
+        slope = (
+            model(state, correct(LAYOUT, state, dx))[0] - model(state, correct(LAYOUT, state, -dx))[0]
+        ) / (2 * STEP[j])
         scale = np.abs(H).max() if model is star_attitude else np.abs(H[:, j]).max()
         # rounding of 6e6 m (1e-9), of the same over 2e-4 s (2e-5 m/s), of a rotation; by the step
         rounding = {gps_position: 4e-9, gps_velocity: 2e-5, star_attitude: 1e-15}[model] / STEP[j]
@@ -124,13 +126,15 @@ def test_jacobian_of_the_velocity_against_its_own_innovation():
     fix = gps_fix(state)
 
     def innovation(estimate):
-        return measurements.gps_velocity(estimate, fix, EARTH, ARM, true_rate(estimate))[0]
+        return measurements.gps_velocity(LAYOUT, estimate, fix, EARTH, ARM, true_rate(estimate), FORCE)[0]
 
     _, H, _ = gps_velocity(state, state)
     for j in range(N_ERROR):
         dx = np.zeros(N_ERROR)
         dx[j] = STEP[j]
-        slope = -(innovation(correct(state, dx)) - innovation(correct(state, -dx))) / (2 * STEP[j])
+        slope = -(innovation(correct(LAYOUT, state, dx)) - innovation(correct(LAYOUT, state, -dx))) / (
+            2 * STEP[j]
+        )
         assert np.abs(slope - H[:, j]).max() <= 1e-6 * np.abs(H[:, j]).max() + 1e-12 / STEP[j], j
 
 
@@ -138,7 +142,7 @@ def test_covariance_of_a_star_fix_is_turned_from_camera_to_body():
     """The camera looks along body y: the large error about the boresight must come out about body y."""
     _, _, R = star_attitude(random_state(), random_state())
     assert np.allclose(np.sqrt(np.diag(R)), [1e-4, 5e-4, 1e-4])
-    _, _, R = measurements.star_attitude(random_state(), star_fix(random_state()), C_BC, 3e-4)
+    _, _, R = measurements.star_attitude(LAYOUT, random_state(), star_fix(random_state()), C_BC, 3e-4)
     assert np.allclose(np.diag(R), [1e-8 + 9e-8, 25e-8 + 9e-8, 1e-8 + 9e-8])
 
 
@@ -148,7 +152,7 @@ def test_star_residual_of_a_large_error_is_that_rotation():
     error = np.deg2rad([28.0, 0.3, -0.2])
     dx = np.zeros(N_ERROR)
     dx[ATT] = -error
-    z, _, _ = star_attitude(correct(truth, dx), truth)
+    z, _, _ = star_attitude(correct(LAYOUT, truth, dx), truth)
     assert np.allclose(z, error, atol=1e-12)
 
 
@@ -171,7 +175,7 @@ SCALE = np.repeat([2.0, 0.1, 1e-3, 1e-6, 1e-3, 1e-5, 1e-4], 3)
 def test_predict_is_phi_p_phi_transposed_plus_q():
     P, Q = random_covariance(SCALE), random_covariance(0.1 * SCALE)
     Phi = np.eye(N_ERROR) + 0.01 * RNG.standard_normal((N_ERROR, N_ERROR)) * np.outer(SCALE, 1 / SCALE)
-    after = eskf.predict(eskf.engine(), P.copy(), Phi, Q)
+    after = eskf.predict(eskf.engine(LAYOUT), P.copy(), Phi, Q)
     assert np.allclose(after / np.outer(SCALE, SCALE), (Phi @ P @ Phi.T + Q) / np.outer(SCALE, SCALE))
     assert np.array_equal(after, after.T)
 
@@ -181,8 +185,8 @@ def test_update_is_the_information_form_and_turns_the_attitude_error(model):
     state = random_state()
     P = random_covariance(SCALE)
     dx_true = np.linalg.cholesky(P) @ RNG.standard_normal(N_ERROR)
-    z, H, R = model(state, correct(state, dx_true))
-    after, P_after = eskf.update(eskf.engine(), state, P.copy(), z, H, R)
+    z, H, R = model(state, correct(LAYOUT, state, dx_true))
+    after, P_after, _, _ = eskf.update(eskf.engine(LAYOUT), LAYOUT, state, P.copy(), z, H, R)
     S = np.outer(SCALE, SCALE)
     information = np.linalg.inv(P / S) + (H * SCALE).T @ np.linalg.inv(R) @ (H * SCALE)
     P_ref = np.linalg.inv(information) * S
@@ -190,7 +194,7 @@ def test_update_is_the_information_form_and_turns_the_attitude_error(model):
     G = np.eye(N_ERROR)
     G[ATT, ATT] = right_jacobian(dx[ATT])
     assert np.allclose(P_after / S, G @ P_ref @ G.T / S, atol=1e-9)
-    expected = correct(state, dx)
+    expected = correct(LAYOUT, state, dx)
     assert np.allclose(after.r_i, expected.r_i, rtol=0, atol=1e-6)
     assert np.allclose(after.q_ib, expected.q_ib, atol=1e-11)
     assert np.allclose(after.gyro_roll_column, expected.gyro_roll_column, rtol=1e-6)
@@ -198,7 +202,7 @@ def test_update_is_the_information_form_and_turns_the_attitude_error(model):
 
 def test_forgetting_a_block_cuts_its_ties_and_no_others():
     P = random_covariance(SCALE)
-    after = eskf.forget(P, ATT, np.pi)
+    after = eskf.forget(P, ATT, np.pi**2)
     assert np.allclose(after[ATT, ATT], np.pi**2 * np.eye(3))
     others = [i for i in range(N_ERROR) if not ATT.start <= i < ATT.stop]
     assert np.all(after[ATT][:, others] == 0.0) and np.all(after[:, ATT][others] == 0.0)
@@ -206,8 +210,13 @@ def test_forgetting_a_block_cuts_its_ties_and_no_others():
 
 
 def test_every_error_has_one_place():
-    places = [i for block in (POS, VEL, ATT, BG, BA, ROLL, MOUNT) for i in range(block.start, block.stop)]
-    assert sorted(places) == list(range(N_ERROR))
+    for names in ((), ("mounting", "gyro_roll_column"), tuple(OPTIONAL)[1:]):
+        order = layout(names)
+        places = [i for place in order.places.values() if place for i in range(place.start, place.stop)]
+        assert sorted(places) == list(range(order.n))
+        assert set(order.names) == set(names) == {k for k in OPTIONAL if order.places[k] is not None}
+        assert order.n == N_CORE + sum(OPTIONAL[name] for name in names)
+        assert all(order.places[name] == place for name, place in CORE.items())
 
 
 @pytest.mark.parametrize("probability", [1e-2, 1e-4, 1e-6])

@@ -10,24 +10,25 @@ from scipy.spatial.transform import Rotation
 
 from shefex_nav.environment.gravity import gravity_j2_e
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.onboard.navigation import error_model, strapdown
+from shefex_nav.onboard.navigation import error_model, prediction, strapdown
 from shefex_nav.onboard.navigation.state import (
     ATT,
     BA,
     BG,
-    MOUNT,
-    N_ERROR,
     POS,
-    ROLL,
     VEL,
     ImuModel,
     NavState,
     correct,
+    layout,
+    pack,
 )
 from shefex_nav.records import ImuBlock
 
 EARTH = frames.EarthRotation(np.eye(3), np.eye(3), 1.234, 7.292115e-5)
 DT = 1.0 / 400.0
+LAYOUT = layout()
+ROLL, MOUNT, N_ERROR = LAYOUT.places["gyro_roll_column"], LAYOUT.places["mounting"], LAYOUT.n
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)  # within one sample: error below 1e-16
 
 
@@ -204,13 +205,13 @@ def test_transition_matrix_is_the_derivative_of_the_strapdown(begin_s, end_s):
         return NavState(0.0, r_i, v_i, q_ib, *start[4:]), pieces
 
     nominal, pieces = end(state)
-    Phi = error_model.transition(pieces, state.r_i, nominal.q_ib, state.gyro_roll_column)
+    Phi = error_model.transition(noise_of(MODEL), pieces, pack(state), nominal.q_ib, LAYOUT.at, LAYOUT.n)
     measured = np.empty((N_ERROR, N_ERROR))
     for j in range(N_ERROR):
         dx = np.zeros(N_ERROR)
         dx[j] = STEP[j]
-        up = error_between(nominal, end(correct(state, dx))[0])
-        down = error_between(nominal, end(correct(state, -dx))[0])
+        up = error_between(nominal, end(correct(LAYOUT, state, dx))[0])
+        down = error_between(nominal, end(correct(LAYOUT, state, -dx))[0])
         measured[:, j] = (up - down) / (2.0 * STEP[j])
     gradient = wgs84.GM / np.linalg.norm(state.r_i) ** 3
     T = end_s - begin_s
@@ -228,11 +229,17 @@ def test_transition_matrix_is_the_derivative_of_the_strapdown(begin_s, end_s):
 MODEL = ImuModel(**dict.fromkeys(ImuModel._fields, 0.0))._replace(thrust_time_s=30.0, gravity_time_s=50.0)
 
 
+def noise_of(model):
+    """Noise for the kernels of an ImuModel alone."""
+    receiver = {"clock_white": 0.0, "clock_walk": 0.0, "range_bias_sigma": 0.0, "range_bias_time_s": np.inf}
+    return error_model.record(SimpleNamespace(imu=model, **receiver))
+
+
 def process_noise(model, saturated=False):
     imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]))
     state = MOTION.start()
     imu = imu._replace(saturated=saturated)
-    return error_model.step(error_model.record(model), state, imu, 0.0, 0.01, EARTH)[4]
+    return prediction.growth(LAYOUT, noise_of(model), state, imu, 0.0, 0.01, EARTH).Q
 
 
 def test_white_noise_of_the_sensors_grows_as_the_datasheet_says():

@@ -106,11 +106,11 @@ def test_gps_outages(scenario):
 def test_filter_knows_the_data_sheets(scenario):
     nav, imu = params_onboard.nav_params(scenario), params.imu_params(scenario)
     assert nav.sigma_gyro_bias == pytest.approx(math.hypot(imu.gyro_bias, imu.gyro_bias_in_run))
-    np.testing.assert_allclose(nav.sigma_gyro_roll_column, [30e-6, 5e-5, 5e-5])
+    np.testing.assert_allclose(nav.sigma_blocks["gyro_roll_column"], [30e-6, 5e-5, 5e-5])
     assert nav.imu.gyro_random_walk == imu.gyro_random_walk
     camera = params.camera_params(scenario)
     offset = math.atan(camera.sigma_principal_point_px * camera.pixel_m / camera.focal_length_m)
-    assert nav.sigma_mounting == pytest.approx(math.hypot(camera.sigma_mounting_rad, offset))
+    assert nav.sigma_blocks["mounting"][0] == pytest.approx(math.hypot(camera.sigma_mounting_rad, offset))
     np.testing.assert_array_equal(nav.l_ba_b, params.gps_params(scenario).l_ba_b)
     np.testing.assert_array_equal(nav.C_bc, params.flight_params(scenario).C_bc)
 
@@ -163,11 +163,11 @@ def test_overrides_of_what_the_filter_knows():
     )
     nav, imu = params_onboard.nav_params(changed), params.imu_params(changed)
     assert nav.sigma_gyro_bias == pytest.approx(3.0 * DEG / 3600.0)
-    np.testing.assert_allclose(nav.sigma_gyro_roll_column, [1e-3, 1e-3, 1e-3])
+    np.testing.assert_allclose(nav.sigma_blocks["gyro_roll_column"], [1e-3, 1e-3, 1e-3])
     assert nav.imu.gyro_random_walk == pytest.approx(DEG / 60.0)
     assert nav.sigma_accel_bias == pytest.approx(2e-3 * G)
     assert nav.imu.accel_random_walk == pytest.approx(1.0 / 60.0)
-    assert nav.sigma_mounting == pytest.approx(0.1 * DEG)
+    assert nav.sigma_blocks["mounting"][0] == pytest.approx(0.1 * DEG)
     np.testing.assert_allclose(nav.l_ba_b, [1.0, 2.0, 3.0])
     unchanged = params.imu_params(load(SCENARIOS / "shefex2_andoya.yaml"))  # the sensors stay as they are
     for name, value in zip(imu._fields, imu, strict=True):

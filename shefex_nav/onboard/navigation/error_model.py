@@ -1,28 +1,57 @@
 """How errors grow: transition matrix and process noise of one interval of strapdown.
 
-In: what the strapdown passed through (`strapdown.Pieces`). Out: Phi, Qd in the order of `state`.
+In: what the strapdown passed through (`strapdown.Pieces`). Out: Phi, Qd in the order of a `state.Layout`.
 
 The attitude error is carried in inertial axes, psi = C_ib dtheta_b, in which it moves only by the errors
 of the gyros, and turned back into body axes at the end. Over a piece of duration T with increments
 dtheta, dv (Groves, 2nd ed., section 14.2.4; Sola, arXiv:1711.02508, section 5 for the body-axes form)::
 
-    psi <- psi + C_ib J d dtheta,       d dtheta = -M (T db_g + dtheta_x dk),   M = (I + k e_x^T)^-1
-    dv  <- dv - (C_ib s) x psi + C_ib (D d dtheta - T J db_a)
+    psi <- psi + C_ib J d dtheta
+    dv  <- dv - (C_ib s) x psi + C_ib (D d dtheta + J d dv)
     dr  <- dr + T dv - (C_ib s_r) x psi + ...,                plus the gradient of a central gravity field
 
-with s, s_r of `strapdown`; J, D in `_derivatives`.
+with s, s_r of `strapdown`; J, D in `_derivatives`. What an error of calibration does to the increments
+(`calibration`) is a fixed direction times a weight: the duration for a bias, an angle for scale factor and
+misalignment of the gyros, a gain of velocity for those of the accelerometers and for the g-sensitivity::
+
+    d dtheta = -(T, dtheta_x, dtheta_y, dtheta_z, dv_x, dv_y, dv_z) e,    d dv = -(T, dv_x, dv_y, dv_z) e
+
+So one response (to every direction e) is accumulated for each weight that is needed, and every column of Phi
+is a response times a direction.
 """
 
 import numpy as np
 from numba import njit
 
 from shefex_nav.geometry import rotation, wgs84
-from shefex_nav.geometry.frames import EarthRotation
-from shefex_nav.onboard.navigation import strapdown
-from shefex_nav.onboard.navigation.state import ATT, BA, BG, N_ERROR, POS, ROLL, VEL, NavState
-from shefex_nav.onboard.navigation.strapdown import ImuWindow
+from shefex_nav.onboard.navigation.calibration import (
+    OFF_DIAGONAL,
+    accel_inverse,
+    g_sensitivity,
+    gyro_inverse,
+)
+from shefex_nav.onboard.navigation.state import (
+    A_MISALIGN,
+    A_SCALE,
+    ATT,
+    BA,
+    BG,
+    CLOCK,
+    G_MISALIGN,
+    G_SCALE,
+    G_SENSE,
+    OPTIONAL,
+    POS,
+    RANGE_BIAS,
+    ROLL_COLUMN,
+    VEL,
+    X_R,
+)
 
 FIELD_TIME_S = 300.0  # [E] correlation time of gravity anomalies along the flight: some 500 km at 2 km/s
+DURATION, ANGLE, SPEED = 0, 1, 4  # first of the weights of each kind
+WEIGHTS = 7
+N_RANGE = OPTIONAL["range_bias"]
 
 
 @njit(cache=True, forceinline=True)
@@ -80,8 +109,9 @@ def _derivatives(T, dtheta, dv, B, b):
 
 
 @njit(cache=True, forceinline=True)
-def _carry(r, v, psi, T, u, u_r, w, CJ, CD, CD_r):
-    """Carry the columns of a gyro error over a piece, in place; w: minus d(dtheta) by that error."""
+def _carry(response, T, u, u_r, w, CJ, CD, CD_r):
+    """Carry the response (3, 3, 3) of r, v, psi to d dtheta = -w e over a piece, in place."""
+    r, v, psi = response[0], response[1], response[2]
     for j in range(3):
         x, y, z = psi[0, j], psi[1, j], psi[2, j]
         r[0, j] += T * v[0, j] + u_r[2] * y - u_r[1] * z - w * CD_r[0, j]
@@ -94,52 +124,132 @@ def _carry(r, v, psi, T, u, u_r, w, CJ, CD, CD_r):
             psi[i, j] -= w * CJ[i, j]
 
 
+@njit(cache=True, forceinline=True)
+def _carry_force(response, T, w, CJ, CJ_r):
+    """Carry the response (2, 3, 3) of r, v to d dv = -w e over a piece, in place."""
+    r, v = response[0], response[1]
+    for i in range(3):
+        for j in range(3):
+            r[i, j] += T * v[i, j] - w * CJ_r[i, j]
+            v[i, j] -= w * CJ[i, j]
+
+
 @njit(cache=True)
-def transition(pieces, r_i, q_ib, gyro_roll_column):
+def _needed(at, G):
+    """Which weights have a column: (7,) of the gyros, (7,) of the accelerometers, bool."""
+    gyro, accel = np.zeros(WEIGHTS, np.bool_), np.zeros(WEIGHTS, np.bool_)
+    gyro[DURATION] = accel[DURATION] = True
+    gyro[ANGLE] = at[ROLL_COLUMN] >= 0
+    if at[G_SCALE] >= 0 or at[G_MISALIGN] >= 0:
+        gyro[ANGLE:SPEED] = True
+    if at[A_SCALE] >= 0 or at[A_MISALIGN] >= 0:
+        accel[SPEED:] = True
+        for i in range(3):
+            for j in range(3):
+                if G[i, j] != 0.0:  # the gyros feel the corrected specific force
+                    gyro[SPEED:] = True
+    if at[G_SENSE] >= 0:
+        gyro[SPEED:] = True
+    return gyro, accel
+
+
+@njit(cache=True)
+def _responses(pieces, at, G):
+    """What attitude, gyros and accelerometers do to r, v, psi over the pieces, in inertial axes.
+
+    Returns
+    -------
+    u : (2, 3) position and velocity: -skew(u) psi for psi at the start
+    gyro : (7, 3, 3, 3) for each weight: of r, v, psi, to e in d dtheta = -w e
+    accel : (7, 2, 3, 3) for each weight: of r, v, to e in d dv = -w e
+    """
+    u_sum, gyro, accel = np.zeros((2, 3)), np.zeros((WEIGHTS, 3, 3, 3)), np.zeros((WEIGHTS, 2, 3, 3))
+    by_gyro, by_accel = _needed(at, G)
+    weights = np.empty(WEIGHTS)
+    for n in range(pieces.n):
+        T, C, dtheta, dv = pieces.dt_s[n], pieces.C_ib[n], pieces.dtheta_b[n], pieces.dv_b[n]
+        J, D, D_r, J_r = _derivatives(T, dtheta, dv, pieces.B_b[n], pieces.b_b[n])
+        CJ, CD, CD_r, CJ_r = _product(C, J), _product(C, D), _product(C, D_r), _product(C, J_r)
+        u, u_r = _turned(C, pieces.s_b[n]), _turned(C, pieces.s_r_b[n])
+        weights[DURATION], weights[ANGLE:SPEED], weights[SPEED:] = T, dtheta, dv
+        for k in range(WEIGHTS):
+            if by_gyro[k]:
+                _carry(gyro[k], T, u, u_r, weights[k], CJ, CD, CD_r)
+            if by_accel[k]:
+                _carry_force(accel[k], T, weights[k], CJ, CJ_r)
+        for i in range(3):
+            u_sum[0, i] += T * u_sum[1, i] + u_r[i]
+            u_sum[1, i] += u[i]
+    return u_sum, gyro, accel
+
+
+@njit(cache=True, forceinline=True)
+def _put(Phi, column, response, direction):
+    """Add a response times a direction (3,) to the first rows of a column."""
+    for block in range(response.shape[0]):
+        for i in range(3):
+            row = response[block, i]
+            Phi[3 * block + i, column] += (
+                row[0] * direction[0] + row[1] * direction[1] + row[2] * direction[2]
+            )
+
+
+@njit(cache=True)
+def _put_calibration(Phi, at, gyro, accel, M, A, MGA):
+    """The columns of all errors of the IMU. M, A: inverses of its triads; MGA: of specific force on rate."""
+    for i in range(3):
+        _put(Phi, BG.start + i, gyro[DURATION], M[:, i])
+        _put(Phi, BA.start + i, accel[DURATION], A[:, i])
+        _put(Phi, BA.start + i, gyro[DURATION], -MGA[:, i])
+        if at[ROLL_COLUMN] >= 0:
+            _put(Phi, at[ROLL_COLUMN] + i, gyro[ANGLE], M[:, i])
+        if at[G_SCALE] >= 0:
+            _put(Phi, at[G_SCALE] + i, gyro[ANGLE + i], M[:, i])
+        if at[A_SCALE] >= 0:
+            _put(Phi, at[A_SCALE] + i, accel[SPEED + i], A[:, i])
+            _put(Phi, at[A_SCALE] + i, gyro[SPEED + i], -MGA[:, i])
+        if at[G_SENSE] >= 0:
+            for j in range(3):
+                _put(Phi, at[G_SENSE] + 3 * i + j, gyro[SPEED + j], M[:, i])
+    for k, (i, j) in enumerate(OFF_DIAGONAL):
+        if at[G_MISALIGN] >= 0:
+            _put(Phi, at[G_MISALIGN] + k, gyro[ANGLE + j], M[:, i])
+        if at[A_MISALIGN] >= 0:
+            _put(Phi, at[A_MISALIGN] + k, accel[SPEED + j], A[:, i])
+            _put(Phi, at[A_MISALIGN] + k, gyro[SPEED + j], -MGA[:, i])
+
+
+@njit(cache=True)
+def transition(model, pieces, x, q_ib, at, n):
     """Transition matrix of the errors over an interval.
 
     Parameters
     ----------
+    model : `record`
     pieces : strapdown.Pieces
-    r_i : (3,) m, at the start, for the gravity gradient
+    x : (67,) packed nominal state at the start
     q_ib : (4,) at the end
-    gyro_roll_column : (3,) estimate used by the strapdown
+    at, n : of the Layout
 
     Returns
     -------
-    Phi : (21, 21)
+    Phi : (n, n)
     """
-    # u: of psi at the start (-skew(u) psi); g, k, a: of gyro bias, roll column, accelerometer bias
-    v_u, r_u, columns = np.zeros(3), np.zeros(3), np.zeros((8, 3, 3))
-    psi_g, v_g, r_g = columns[0], columns[1], columns[2]
-    psi_k, v_k, r_k = columns[3], columns[4], columns[5]
-    v_a, r_a = columns[6], columns[7]
+    M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
+    u_sum, gyro, accel = _responses(pieces, at, G)
     total_s = 0.0
-    for n in range(pieces.n):
-        T, C, dtheta = pieces.dt_s[n], pieces.C_ib[n], pieces.dtheta_b[n]
-        total_s += T
-        J, D, D_r, J_r = _derivatives(T, dtheta, pieces.dv_b[n], pieces.B_b[n], pieces.b_b[n])
-        CJ, CD, CD_r, CJ_r = _product(C, J), _product(C, D), _product(C, D_r), _product(C, J_r)
-        u, u_r = _turned(C, pieces.s_b[n]), _turned(C, pieces.s_r_b[n])
-        _carry(r_g, v_g, psi_g, T, u, u_r, T, CJ, CD, CD_r)
-        _carry(r_k, v_k, psi_k, T, u, u_r, dtheta[0], CJ, CD, CD_r)
-        for i in range(3):
-            r_u[i] += T * v_u[i] + u_r[i]
-            v_u[i] += u[i]
-            for j in range(3):
-                r_a[i, j] += T * (v_a[i, j] - CJ_r[i, j])
-                v_a[i, j] -= T * CJ[i, j]
-
-    M = np.eye(3)
-    for i in range(3):
-        M[i, 0] -= gyro_roll_column[i] / (1.0 + gyro_roll_column[0])
+    for k in range(pieces.n):
+        total_s += pieces.dt_s[k]
     C_bi = rotation.dcm_from_quat(rotation.quat_conjugate(q_ib))
     C_start = pieces.C_ib[0]
+    for k in range(WEIGHTS):
+        gyro[k, 2] = _product(C_bi, gyro[k, 2])
+
+    r_i = x[X_R]
     d2 = r_i[0] ** 2 + r_i[1] ** 2 + r_i[2] ** 2
     pull = wgs84.GM / (d2 * np.sqrt(d2))
-
-    Phi = np.zeros((N_ERROR, N_ERROR))
-    for i in range(N_ERROR):
+    Phi = np.zeros((n, n))
+    for i in range(n):
         Phi[i, i] = 1.0
     for i in range(3):
         Phi[POS.start + i, VEL.start + i] = total_s
@@ -148,13 +258,15 @@ def transition(pieces, r_i, q_ib, gyro_roll_column):
             Phi[POS.start + i, POS.start + j] += 0.5 * total_s**2 * gradient
             Phi[VEL.start + i, POS.start + j] = total_s * gradient
             Phi[VEL.start + i, VEL.start + j] += 0.5 * total_s**2 * gradient
-    Phi[POS, ATT] = _minus_cross(r_u, C_start)
-    Phi[POS, BG], Phi[POS, ROLL], Phi[POS, BA] = _product(r_g, M), _product(r_k, M), r_a
-    Phi[VEL, ATT] = _minus_cross(v_u, C_start)
-    Phi[VEL, BG], Phi[VEL, ROLL], Phi[VEL, BA] = _product(v_g, M), _product(v_k, M), v_a
+    Phi[POS, ATT] = _minus_cross(u_sum[0], C_start)
+    Phi[VEL, ATT] = _minus_cross(u_sum[1], C_start)
     Phi[ATT, ATT] = _product(C_bi, C_start)
-    Phi[ATT, BG] = _product(C_bi, _product(psi_g, M))
-    Phi[ATT, ROLL] = _product(C_bi, _product(psi_k, M))
+    _put_calibration(Phi, at, gyro, accel, M, A, _product(M, _product(G, A)))
+    if at[CLOCK] >= 0:
+        Phi[at[CLOCK], at[CLOCK] + 1] = total_s
+    if at[RANGE_BIAS] >= 0:
+        for i in range(at[RANGE_BIAS], at[RANGE_BIAS] + N_RANGE):
+            Phi[i, i] = np.exp(-total_s / model[0].range_bias_time_s)
     return Phi
 
 
@@ -163,7 +275,7 @@ def vibration_level(params, block):
 
     NavParams, ImuBlock -> float
     """
-    thrust = sum(block.dv_b[:, 0].tolist()) / (strapdown.SAMPLES * block.dt_s)
+    thrust = sum(block.dv_b[:, 0].tolist()) / (len(block.dv_b) * block.dt_s)
     if thrust <= params.imu.thrust_threshold:
         return 0.0
     level = 0.0
@@ -174,7 +286,7 @@ def vibration_level(params, block):
 
 
 @njit(cache=True)
-def noise_densities(model, imu, pieces):
+def noise_densities(model, saturated, vibration, pieces):
     """White noise that stands for everything which is not a state.
 
     An error of sigma s that keeps its sign for a time tau (Gauss-Markov) has the density
@@ -201,8 +313,8 @@ def noise_densities(model, imu, pieces):
     # fixed to the body: errors in proportion to specific force; vibration rectified, by its power
     gyro = model.gyro_g_sensitivity**2 * f2
     accel = model.accel_cross**2 * f2
-    gyro += (model.gyro_rectification * imu.vibration**2) ** 2
-    accel += (model.accel_rectification * imu.vibration**2) ** 2
+    gyro += (model.gyro_rectification * vibration**2) ** 2
+    accel += (model.accel_rectification * vibration**2) ** 2
     # turning the roll axis by an angle a leaves an attitude error s a: sigma^2 grows to (s a)^2 at any rate
     gyro_white = model.gyro_random_walk**2 + model.gyro_cross**2 * model.manoeuvre_angle * across_rate
     # what the gravity model leaves out is slow in inertial axes: while the attitude is held it is taken for
@@ -211,7 +323,7 @@ def noise_densities(model, imu, pieces):
     held = 1.0 / (1.0 + (rate * model.gravity_time_s) ** 2)
     accel_white = model.accel_random_walk**2 + 2.0 * (1.0 - held) * model.gravity**2 * model.gravity_time_s
     bias_walk = model.accel_bias_walk**2 + model.gravity**2 * (2.0 / FIELD_TIME_S + held * rate)
-    if imu.saturated:  # an error of unknown sign in every interval at the range
+    if saturated:  # an error of unknown sign in every interval at the range
         gyro_white += model.saturated_rate**2 * duration_s
         accel_white += model.saturated_acceleration**2 * duration_s
     along = np.array([gyro_white + slow * gyro, accel_white + slow * accel])
@@ -220,24 +332,33 @@ def noise_densities(model, imu, pieces):
 
 
 @njit(cache=True)
-def process_noise(model, imu, pieces, Phi):
+def process_noise(model, saturated, vibration, extra, pieces, Phi, at):
     """Qd of an interval, trapezoidal rule: Qd = T/2 (Phi W Phi^T + W), W the densities of the noise.
 
-    ImuModel, ImuWindow, Pieces, (21, 21) -> (21, 21)
+    The clock of the receiver: white frequency noise of density a^2 and a random walk of frequency of
+    density b^2 give its bias a^2 T + b^2 T^3/3, its drift b^2 T, the two together b^2 T^2/2 (Brown & Hwang,
+    Introduction to Random Signals and Applied Kalman Filtering, 4th ed., section 9.3).
+
+    Row of a `record`, bool, float, (2, 3), Pieces, (n, n), Layout.at -> (n, n)
+
+    extra : white noise of more, per body axis: rad^2/s of the attitude, m^2/s^3 of the velocity
     """
-    along, across, bias_walk = noise_densities(model, imu, pieces)
+    along, across, bias_walk = noise_densities(model, saturated, vibration, pieces)
     total_s = 0.0
-    for n in range(pieces.n):
-        total_s += pieces.dt_s[n]
-    nose = pieces.C_ib[0][:, 0]
+    for k in range(pieces.n):
+        total_s += pieces.dt_s[k]
+    C = pieces.C_ib[0]
+    nose = C[:, 0]
     W_v = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             W_v[i, j] = (along[1] - across[1]) * nose[i] * nose[j] + (across[1] if i == j else 0.0)
-    w_t = np.array([along[0], across[0], across[0]])
+            for k in range(3):
+                W_v[i, j] += extra[1, k] * C[i, k] * C[j, k]
+    w_t = np.array([along[0] + extra[0, 0], across[0] + extra[0, 1], across[0] + extra[0, 2]])
     half = 0.5 * total_s
 
-    Q = np.zeros((N_ERROR, N_ERROR))
+    Q = np.zeros(Phi.shape)
     top = Phi[: ATT.stop, ATT] * np.sqrt(w_t)  # (9, 3) what noise of the attitude does to r, v, attitude
     for i in range(ATT.stop):
         for j in range(ATT.stop):
@@ -250,38 +371,20 @@ def process_noise(model, imu, pieces, Phi):
         Q[ATT.start + i, ATT.start + i] += half * w_t[i]
         Q[BG.start + i, BG.start + i] = model.gyro_bias_walk**2 * total_s
         Q[BA.start + i, BA.start + i] = bias_walk * total_s
+    if at[CLOCK] >= 0:
+        c, walk = at[CLOCK], model.clock_walk**2
+        Q[c, c] = model.clock_white**2 * total_s + walk * total_s**3 / 3.0
+        Q[c, c + 1] = Q[c + 1, c] = walk * total_s**2 / 2.0
+        Q[c + 1, c + 1] = walk * total_s
+    if at[RANGE_BIAS] >= 0:
+        left = np.exp(-2.0 * total_s / model.range_bias_time_s)
+        for i in range(at[RANGE_BIAS], at[RANGE_BIAS] + N_RANGE):
+            Q[i, i] = model.range_bias_sigma**2 * (1.0 - left)
     return Q
 
 
-def record(model):
-    """ImuModel as an array of one record, which a kernel takes seven times as fast as a tuple of numbers."""
-    return np.array([tuple(model)], dtype=[(name, float) for name in model._fields])
-
-
-def step(model, state, imu, begin_s, end_s, earth):
-    """Strapdown and error model of the part begin_s ... end_s of a tick, in one call.
-
-    `record` of an ImuModel, NavState at begin_s, ImuWindow, s, s, EarthRotation
-    -> r_i, v_i, q_ib at end_s, Phi (21, 21), Qd (21, 21)
-    """
-    # tuples are taken apart here and results are views of two arrays: a third of the cost of the call
-    moved, matrices = _step(model, *state, *imu, *earth, begin_s, end_s)
-    return moved[:3], moved[3:6], moved[6:], matrices[0], matrices[1]
-
-
-@njit(cache=True)
-def _step(
-    model, t_s, r_i, v_i, q_ib, gyro_bias, accel_bias, gyro_roll_column, mounting,  # NavState
-    t_end_s, dt_s, dtheta_b, dv_b, dtheta_before_b, dv_before_b, saturated, vibration,  # ImuWindow
-    C_iq, C_re, angle_0, rate,  # EarthRotation
-    begin_s, end_s,
-):  # fmt: skip
-    """`step` with the fields of its tuples. -> (10,) r_i, v_i, q_ib; (2, 21, 21) Phi, Qd"""
-    state = NavState(t_s, r_i, v_i, q_ib, gyro_bias, accel_bias, gyro_roll_column, mounting)
-    imu = ImuWindow(t_end_s, dt_s, dtheta_b, dv_b, dtheta_before_b, dv_before_b, saturated, vibration)
-    moved, matrices = np.empty(10), np.empty((2, N_ERROR, N_ERROR))
-    earth = EarthRotation(C_iq, C_re, angle_0, rate)
-    moved[:3], moved[3:6], moved[6:], pieces = strapdown.propagate(state, imu, begin_s, end_s, earth)
-    matrices[0] = transition(pieces, r_i, moved[6:], gyro_roll_column)
-    matrices[1] = process_noise(model[0], imu, pieces, matrices[0])
-    return moved, matrices
+def record(params):
+    """Noise of NavParams for kernels: one record, which they take seven times as fast as a tuple."""
+    others = ("clock_white", "clock_walk", "range_bias_sigma", "range_bias_time_s")
+    values = params.imu._asdict() | {name: getattr(params, name) for name in others}
+    return np.array([tuple(values.values())], dtype=[(name, float) for name in values])

@@ -1,25 +1,37 @@
-"""The covariance engine: prediction and update of the error state through filterpy.
+"""The measurement update of the error state through filterpy, and what goes with it.
 
 The nominal state carries the estimate, so the error state is zero before every update (Sola,
-arXiv:1711.02508, section 6). filterpy's KalmanFilter is used with F, Q, H, R given with every call; its
-update is the Joseph form. It does not keep P symmetric, which is done here.
+arXiv:1711.02508, section 6). filterpy's KalmanFilter is used with H, R given with every call; its update is
+the Joseph form. It does not keep P symmetric, which is done here. The prediction is compiled together with
+the strapdown (`prediction`); `predict` is the same through filterpy, as its reference.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.navigation.state import ATT, N_ERROR, correct, right_jacobian
+from shefex_nav.onboard.navigation.state import ATT, NavState, correct, right_jacobian
 
 
-def engine():
-    """filterpy.kalman.KalmanFilter for the 21 errors; its contents do not outlive a call of this module."""
+class Corrected(NamedTuple):
+    """What an update made of the state."""
+
+    state: NavState
+    P: np.ndarray  # (n, n)
+    dx: np.ndarray  # (n,) the estimated error that was taken into the state
+    G: np.ndarray  # (3, 3) by which the attitude error was turned into the new body axes
+
+
+def engine(layout):
+    """filterpy.kalman.KalmanFilter for the errors; its contents do not outlive a call of this module."""
     from filterpy.kalman import KalmanFilter  # takes seconds to import, so not with the package
 
-    return KalmanFilter(dim_x=N_ERROR, dim_z=3)
+    return KalmanFilter(dim_x=layout.n, dim_z=3)
 
 
 def predict(kalman, P, Phi, Q):
-    """Covariance after an interval: Phi P Phi^T + Q, (21, 21)."""
+    """Covariance after an interval: Phi P Phi^T + Q, (n, n)."""
     kalman.P = P
     kalman.predict(F=Phi, Q=Q)
     return _symmetrise(kalman.P)
@@ -39,36 +51,42 @@ def innovation_statistics(P, z, H, R):
     return float(z @ np.linalg.solve(H @ P @ H.T + R, z))
 
 
-def update(kalman, state, P, z, H, R):
+def update(kalman, layout, state, P, z, H, R):
     """Nominal state and covariance after a measurement.
 
     After the estimated error is taken into the nominal state, the attitude error refers to new body axes:
     exp(new) = exp(-dtheta) exp(dtheta + e), so P <- G P G^T with G = Jr(dtheta) for the attitude.
 
+    Parameters
+    ----------
+    kalman : `engine`
+    layout : Layout
+    state : NavState
+    P : (n, n)
+    z, H, R : (m,), (m, n), (m, m)
+
     Returns
     -------
-    state : NavState
-    P : (21, 21)
+    Corrected
     """
     kalman.P = P
-    kalman.x = np.zeros((N_ERROR, 1))
+    kalman.x = np.zeros((layout.n, 1))
     kalman.update(z.reshape(-1, 1), R=R, H=H)
     dx = kalman.x[:, 0]
-    kalman.x = np.zeros((N_ERROR, 1))
     G = right_jacobian(np.ascontiguousarray(dx[ATT]))
     P = _symmetrise(kalman.P)
     P[ATT] = G @ P[ATT]
     P[:, ATT] = P[:, ATT] @ G.T
-    return correct(state, dx), P
+    return Corrected(correct(layout, state, dx), P, dx, G)
 
 
-def forget(P, block, sigma):
+def forget(P, block, covariance):
     """Covariance in which nothing is known of one block of errors any more, nor its ties to others.
 
-    P : (21, 21);  block : slice of `state`;  sigma : standard deviation given to each axis.
+    P : (n, n);  block : slice of k errors;  covariance : (k, k), or a number for k variances.
     """
     P = P.copy()
     P[block] = 0.0
     P[:, block] = 0.0
-    P[block, block] = sigma**2 * np.eye(3)
+    P[block, block] = np.eye(block.stop - block.start) * covariance if np.isscalar(covariance) else covariance
     return P

@@ -8,76 +8,166 @@ interval applied again in their order. The result is that of a filter which had 
 once, when it arrives, and repeated in later recomputations.
 """
 
+from bisect import bisect_left
 from collections import deque
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import error_model, eskf, integrity, measurements, strapdown
+from shefex_nav.onboard.navigation import error_model, eskf, integrity, prediction, strapdown
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.state import ATT, BG, MOUNT, POS, ROLL, VEL, NavState, initial
+from shefex_nav.onboard.navigation.sensors import ARRIVALS, SENSORS, without_solution
+from shefex_nav.onboard.navigation.state import (
+    Layout,
+    NavState,
+    initial,
+    initial_covariance,
+    layout,
+    pack,
+    unpack,
+)
 from shefex_nav.records import GateResult
 
 SNAP_S = 1e-6  # instants closer together than this are one
-FORGOTTEN = {POS.start: 1e5, VEL.start: 1e4, ATT.start: np.pi}  # m, m/s, rad: sigma that says nothing
 
 
 class Measurement(NamedTuple):
     """A measurement in the history of the filter."""
 
-    sensor: str  # 'gps_position', 'gps_velocity', 'star_tracker'
-    fix: Any  # GpsFix or StarFix
+    sensor: str  # of sensors.SENSORS
+    fix: Any
     fate: Fate
+    rows: Any = None  # (m,) bool, rows that are used; None: all
 
 
 class Tick(NamedTuple):
     """The filter at the end of a tick."""
 
-    state: NavState
-    P: np.ndarray  # (21, 21)
+    t_s: float
+    x: np.ndarray  # (67,) packed nominal state
+    P: np.ndarray  # (n, n)
     imu: Any  # strapdown.ImuWindow that led here; None at the start
     measurements: tuple[Measurement, ...]  # valid within the tick, in the order of their instants
+
+    @property
+    def state(self):
+        """NavState."""
+        return unpack(self.t_s, self.x)
+
+
+class Interval(NamedTuple):
+    """For a recorder: prediction over a tick, or over a part of it between measurements."""
+
+    t_begin_s: float
+    t_end_s: float
+    state: NavState  # at the beginning, and its covariance
+    P: np.ndarray  # (n, n)
+    Phi: np.ndarray  # (n, n)
+    Q: np.ndarray  # (n, n)
+    state_after: NavState
+    P_after: np.ndarray  # (n, n)
+    imu: Any  # ImuWindow of the tick
+
+
+class Correction(NamedTuple):
+    """For a recorder: one update. What is not used is not recorded."""
+
+    t_s: float  # of the state; the fix's, but for rounding
+    sensor: str
+    fix: Any
+    fate: Fate  # USED or RESET
+    state: NavState  # before
+    P: np.ndarray  # (n, n) before
+    P_forgotten: np.ndarray  # (n, n) the same after a reset forgot; P where there was none
+    z: np.ndarray  # (m,) rows used
+    H: np.ndarray  # (m, n)
+    R: np.ndarray  # (m, m)
+    dx: np.ndarray  # (n,) taken into the state
+    G: np.ndarray  # (3, 3) attitude error -> attitude error in the new body axes
+    state_after: NavState
+    P_after: np.ndarray  # (n, n)
 
 
 class Filter(NamedTuple):
     """The running filter. `history` and `health` change in place: they are the memory of the computer."""
 
     params: Any  # NavParams
+    layout: Layout
     earth: Any  # EarthRotation
-    imu_model: np.ndarray  # params.imu for the kernels, `error_model.record`
+    imu_model: np.ndarray  # noise for the kernels, `error_model.record`
     kalman: Any  # covariance engine
-    limit: float  # of the gate, three degrees of freedom
+    limits: dict  # degrees of freedom -> limit of the gate, as far as needed yet
     history: deque  # of Tick, oldest first
     health: dict  # sensor -> integrity.Health
+    recorder: Callable | None
+
+    def limit(self, dof):
+        """What a normalised innovation squared may be, chi-square with so many degrees of freedom."""
+        if dof not in self.limits:
+            self.limits[dof] = integrity.chi_square_limit(self.params.gate_probability, dof)
+        return self.limits[dof]
 
 
-def start(params, alignment, earth):
-    """Filter at the instant of the alignment. NavParams, Alignment, EarthRotation -> Filter."""
-    state, P = initial(params, alignment)
+def start(params, alignment, earth, recorder=None):
+    """Filter at the instant of the alignment.
+
+    Parameters
+    ----------
+    params : NavParams
+    alignment : Alignment
+    earth : EarthRotation
+    recorder : function of an Interval or a Correction, called with each in the order of their instants once
+        no later measurement can change it any more, `params.history_s` after it, or at `finish`
+
+    Returns
+    -------
+    Filter
+    """
+    order = layout(params.states)
+    state, P = initial(params, order, alignment)
     return Filter(
         params=params,
+        layout=order,
         earth=earth,
-        imu_model=error_model.record(params.imu),
-        kalman=eskf.engine(),
-        limit=integrity.chi_square_limit(params.gate_probability, 3),
-        history=deque([Tick(state, P, None, ())], maxlen=int(np.ceil(params.history_s * 100.0)) + 1),
-        health={name: integrity.HEALTHY for name in ("gps_position", "gps_velocity", "star_tracker")},
+        imu_model=error_model.record(params),
+        kalman=eskf.engine(order),
+        limits={},
+        history=deque([Tick(state.t_s, pack(state), P, None, ())]),
+        health={name: integrity.HEALTHY for name in SENSORS},
+        recorder=recorder,
     )
 
 
 def advance(nav, block):
     """One tick on: strapdown and prediction with an ImuBlock, which must follow on the last one."""
     last = nav.history[-1]
-    length_s = strapdown.SAMPLES * block.dt_s
-    if abs(block.t_valid_s - last.state.t_s - length_s) > SNAP_S:
+    length_s = len(block.dtheta_b) * block.dt_s
+    if abs(block.t_valid_s - last.t_s - length_s) > SNAP_S:
         raise ValueError(
-            f"IMU block ending at {block.t_valid_s:.6f} s does not follow on the state at "
-            f"{last.state.t_s:.6f} s"
+            f"IMU block ending at {block.t_valid_s:.6f} s does not follow on the state at {last.t_s:.6f} s"
         )
     level = error_model.vibration_level(nav.params, block)
     imu = strapdown.window(block, last.imu, level)
-    state, P = _predict(nav, last.state, last.P, imu, 0.0, length_s)
-    nav.history.append(Tick(state, P, imu, ()))
+    x, P = prediction.advance(
+        nav.layout, nav.imu_model, last.x, last.t_s, last.P, imu, 0.0, length_s, nav.earth
+    )
+    nav.history.append(Tick(imu.t_end_s, x, P, imu, ()))
+    while nav.history[1].t_s <= imu.t_end_s - nav.params.history_s + SNAP_S:
+        _forget_oldest(nav)
+
+
+def finish(nav):
+    """Hand all that is still open to the recorder; no measurement can be taken in afterwards."""
+    while len(nav.history) > 1:
+        _forget_oldest(nav)
+
+
+def _forget_oldest(nav):
+    """Let the oldest tick go; what led from it to the next is final."""
+    gone = nav.history.popleft()
+    if nav.recorder is not None:
+        _repeat(nav, gone, nav.history[0], [], nav.recorder)
 
 
 def fuse(nav, arrivals):
@@ -86,20 +176,22 @@ def fuse(nav, arrivals):
     Parameters
     ----------
     nav : Filter, advanced to the present tick
-    arrivals : list of (sensor, fix): 'gps' with a GpsFix, 'star_tracker' with a StarFix that has an attitude
+    arrivals : list of (arrival, fix), the first of `sensors.ARRIVALS`: 'gps' with a GpsFix, 'star_tracker'
+        with a StarFix that has an attitude
 
     Returns
     -------
     list of GateResult, one for each measurement
     """
-    now_s = nav.history[-1].state.t_s
+    now_s = nav.history[-1].t_s
     results = []
     earliest = len(nav.history)
-    for sensor, fix in arrivals:
-        if sensor == "gps" and not fix.valid:
-            results.append(_unused(now_s, fix, sensor + "_position", f"no fix: {fix.reason}"))
+    for arrival, fix in arrivals:
+        names = ARRIVALS[arrival]
+        reason = without_solution(arrival, fix)
+        if reason:
+            results.append(_unused(now_s, fix, names[0], reason))
             continue
-        names = ("gps_position", "gps_velocity") if sensor == "gps" else (sensor,)
         index = _place(nav.history, fix.t_valid_s)
         if index is None:
             results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
@@ -110,8 +202,7 @@ def fuse(nav, arrivals):
         nav.history[index] = tick._replace(measurements=queue)
         earliest = min(earliest, index)
     for index in range(earliest, len(nav.history)):
-        before = nav.history[index - 1]
-        nav.history[index] = _repeat(nav, before.state, before.P, nav.history[index], results)
+        nav.history[index] = _repeat(nav, nav.history[index - 1], nav.history[index], results)
     return results
 
 
@@ -122,133 +213,132 @@ def _unused(now_s, fix, sensor, note):
 
 def _out_of_reach(history, fix):
     """Why there is no tick for a fix."""
-    if fix.t_valid_s > history[-1].state.t_s:
+    if fix.t_valid_s > history[-1].t_s:
         return "from the future"
     return "not after the start of the filter" if history[0].imu is None else "older than the history"
 
 
 def _place(history, t_s):
     """Index of the tick in which t_s lies, after the tick before and not after its own end; or None."""
-    if not history[0].state.t_s + SNAP_S < t_s <= history[-1].state.t_s + SNAP_S:
+    if not history[0].t_s + SNAP_S < t_s <= history[-1].t_s + SNAP_S:
         return None
     index = len(history) - 1
-    while history[index - 1].state.t_s + SNAP_S >= t_s:
+    while history[index - 1].t_s + SNAP_S >= t_s:
         index -= 1
     return index
 
 
 def nearest(nav, t_s):
-    """The Tick whose end is nearest to t_s, of those that have IMU samples; ticks are equally spaced."""
+    """The Tick whose end is nearest to t_s, of those that have IMU samples."""
     history = nav.history
-    last = history[-1]
-    oldest = len(history) - (2 if history[0].imu is None else 1)
-    back = int(max(last.state.t_s - t_s, 0.0) / (strapdown.SAMPLES * last.imu.dt_s))
-    around = [history[-1 - min(steps, oldest)] for steps in (back + 1, back)]
-    return min(around, key=lambda tick: abs(tick.state.t_s - t_s))
+    first = 1 if history[0].imu is None else 0
+    later = min(max(bisect_left(history, t_s, key=lambda tick: tick.t_s), first), len(history) - 1)
+    around = [history[max(later - 1, first)], history[later]]
+    return min(around, key=lambda tick: abs(tick.t_s - t_s))
 
 
-def _repeat(nav, state, P, tick, results):
-    """The tick again, from another state at its beginning, with its measurements. -> Tick"""
-    length_s = strapdown.SAMPLES * tick.imu.dt_s
+def _repeat(nav, before, tick, results, recorder=None):
+    """The tick again, from the state of the one before it, with its measurements. -> Tick"""
+    imu = tick.imu
+    length_s = imu.length_s
     begin_s, decided = 0.0, []
+    t_s, x, P = before.t_s, before.x, before.P
     for measurement in tick.measurements:
-        at_s = measurement.fix.t_valid_s - (tick.imu.t_end_s - length_s)
+        at_s = measurement.fix.t_valid_s - (imu.t_end_s - length_s)
         if at_s > length_s - SNAP_S:
             at_s = length_s
         if at_s - begin_s > SNAP_S:
-            state, P = _predict(nav, state, P, tick.imu, begin_s, at_s)
+            t_s, x, P = _predict(nav, t_s, x, P, imu, begin_s, at_s, recorder)
             begin_s = at_s
-        state, P, fate, result = _apply(nav, state, P, tick.imu, at_s, measurement)
-        decided.append(measurement._replace(fate=fate))
+        x, P, measurement, result = _apply(nav, t_s, x, P, imu, at_s, measurement, recorder)
+        decided.append(measurement)
         if result is not None:
             results.append(result)
     if length_s - begin_s > SNAP_S:
-        state, P = _predict(nav, state, P, tick.imu, begin_s, length_s)
-    return Tick(state, P, tick.imu, tuple(decided))
+        t_s, x, P = _predict(nav, t_s, x, P, imu, begin_s, length_s, recorder)
+    return Tick(imu.t_end_s, x, P, imu, tuple(decided))
 
 
-def _predict(nav, state, P, imu, begin_s, end_s):
-    """State and covariance after the part begin_s ... end_s of a tick."""
-    r_i, v_i, q_ib, Phi, Q = error_model.step(nav.imu_model, state, imu, begin_s, end_s, nav.earth)
-    t_s = imu.t_end_s - (strapdown.SAMPLES * imu.dt_s - end_s)  # exact at the end of the tick
-    state = NavState(t_s, r_i, v_i, q_ib, *state[4:])
-    return state, eskf.predict(nav.kalman, P, Phi, Q)
+def _predict(nav, t_s, x, P, imu, begin_s, end_s, recorder):
+    """Mission time, state and covariance after the part begin_s ... end_s of a tick."""
+    after, P_after = prediction.advance(nav.layout, nav.imu_model, x, t_s, P, imu, begin_s, end_s, nav.earth)
+    after_s = imu.t_end_s - (imu.length_s - end_s)  # exact at the end of the tick
+    if recorder is not None:
+        state = unpack(t_s, x)
+        Phi, Q = prediction.growth(nav.layout, nav.imu_model, state, imu, begin_s, end_s, nav.earth)
+        recorder(Interval(t_s, after_s, state, P, Phi, Q, unpack(after_s, after), P_after, imu))
+    return after_s, after, P_after
 
 
-def _apply(nav, state, P, imu, at_s, measurement):
-    """Correct with one measurement. -> NavState, P, Fate, GateResult or None if its fate was known."""
-    sensor, fix, fate = measurement
-    if fate == Fate.REJECTED:
-        return state, P, fate, None
-    z, H, R, block = _linearise(nav, state, imu, at_s, sensor, fix)
+def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
+    """Correct with one measurement. -> x, P, Measurement, GateResult or None if its fate was known."""
+    if measurement.fate == Fate.REJECTED:
+        return x, P, measurement, None
+    sensor, state = SENSORS[measurement.sensor], unpack(t_s, x)
+    z, H, R = sensor.linearise(nav, state, imu, at_s, measurement.fix)
     result = None
-    if fate == Fate.PENDING:
-        nis = eskf.innovation_statistics(P, z, H, R)
-        fate = _decide(nav, state, P, z, R, imu, at_s, measurement, nis)
-        note = {Fate.USED: "", Fate.REJECTED: "rejected", Fate.RESET: "reset after timeout"}[fate]
-        if fate == Fate.RESET and sensor == "star_tracker":
-            note = "attitude reset"
-        now_s = nav.history[-1].imu.t_end_s
-        accepted = fate != Fate.REJECTED
-        result = GateResult(now_s, fix.t_valid_s, sensor, 3, nis, nav.limit, accepted, note, z)
-    if fate == Fate.REJECTED:
-        return state, P, fate, result
-    if fate == Fate.RESET:
-        P = eskf.forget(P, block, FORGOTTEN[block.start])
-        if block == ATT:  # whatever misled the attitude has misled the mounting too
-            P = eskf.forget(P, MOUNT, nav.params.sigma_mounting)
-    state, P = eskf.update(nav.kalman, state, P, z, H, R)
-    return state, P, fate, result
+    if measurement.fate == Fate.PENDING:
+        measurement, result = _decide(nav, state, P, z, H, R, imu, at_s, measurement)
+        if measurement.fate == Fate.REJECTED:
+            return x, P, measurement, result
+    used = measurement.rows
+    if used is not None:
+        z, H, R = z[used], H[used], R[np.ix_(used, used)]
+    prior = _forgotten(nav, P, sensor) if measurement.fate == Fate.RESET else P
+    after = eskf.update(nav.kalman, nav.layout, state, prior, z, H, R)
+    if recorder is not None:
+        name, fix, fate, _ = measurement
+        recorder(Correction(t_s, name, fix, fate, state, P, prior, z, H, R, after.dx, after.G, *after[:2]))
+    return pack(after.state), after.P, measurement, result
 
 
-def _linearise(nav, state, imu, at_s, sensor, fix):
-    """z, H, R of a measurement and the block of errors that it measures."""
-    params = nav.params
-    if sensor == "gps_position":
-        return *measurements.gps_position(state, fix, nav.earth, params.l_ba_b), POS
-    if sensor == "gps_velocity":
-        omega = strapdown.rate(state, imu, at_s)
-        z, H, R = measurements.gps_velocity(state, fix, nav.earth, params.l_ba_b, omega)
-        return z, H, R + vibration_covariance(params, imu), VEL
-    return *measurements.star_attitude(state, fix, params.C_bc, params.star_sigma_floor), ATT
+def _forgotten(nav, P, sensor):
+    """Covariance in which nothing is known of what a sensor measures."""
+    places = nav.layout.places
+    P = eskf.forget(P, places[sensor.block], sensor.forgotten**2)
+    for name in sensor.with_it:
+        if places[name] is not None:
+            P = eskf.forget(P, places[name], initial_covariance(nav.params, name))
+    return P
 
 
-def vibration_covariance(params, imu):
-    """What vibration puts between the strapdown's antenna velocity and the vehicle's: (3, 3) m^2/s^2.
-
-    The velocity of the sensors, and the rate of one sample (change of a swinging angle in dt) times the
-    lever arm.
-    """
-    model = params.imu
-    rate2 = 2.0 * (model.gyro_vibration / imu.dt_s) ** 2
-    variance = model.accel_vibration**2 + rate2 * (params.l_ba_b @ params.l_ba_b)
-    return imu.vibration**2 * variance * np.eye(3)
-
-
-def _decide(nav, state, P, z, R, imu, at_s, measurement, nis):
-    """Fate of a new measurement; the health of its sensor is brought up to date."""
-    params, sensor = nav.params, measurement.sensor
-    health = nav.health[sensor]
-    if sensor == "star_tracker":
-        rule = params.release_star if health.used else params.release_star_first
-        evidence = integrity.star_evidence(state, z, R)
-        P_rate = rate_covariance(P, strapdown.rate(state, imu, at_s)[0])
-
-        def agree(earlier, later):
-            return integrity.star_fixes_agree(earlier, later, P_rate, nav.limit)
+def _decide(nav, state, P, z, H, R, imu, at_s, measurement):
+    """Fate of a new measurement; that of its sensor's health is kept. -> Measurement, GateResult"""
+    name, fix = measurement.sensor, measurement.fix
+    sensor, now_s = SENSORS[name], nav.history[-1].t_s
+    nis, limit = eskf.innovation_statistics(P, z, H, R), nav.limit(len(z))
+    passed = gate_rows(nav, P, z, H, R, sensor.rows) if sensor.rows else np.full(len(z), nis <= limit)
+    rule = evidence = agree = rows = None
+    if passed.any():
+        nis_judged, rows = 0.0, None if passed.all() else passed
     else:
-        rule, evidence = params.release_gps, measurement.fix
-
-        def agree(earlier, later):
-            return integrity.gps_fixes_agree(earlier, later, params.gps_agreement)
-
-    fate, nav.health[sensor] = integrity.judge(
-        health, rule, nis, nav.limit, measurement.fix.t_valid_s, evidence, agree
+        nis_judged = np.inf
+        rule, evidence, agree = sensor.trial(nav, state, P, z, R, imu, at_s, fix)
+    fate, nav.health[name] = integrity.judge(
+        nav.health[name], rule, nis_judged, limit, fix.t_valid_s, evidence, agree
     )
-    return fate
+    note = {Fate.USED: "", Fate.REJECTED: "rejected", Fate.RESET: sensor.reset_note}[fate]
+    if rows is not None:
+        note = f"rejected: {', '.join(_rejected(sensor, fix, rows))}"
+        z, H, R = z[rows], H[rows], R[np.ix_(rows, rows)]
+        nis, limit = eskf.innovation_statistics(P, z, H, R), nav.limit(len(z))
+    accepted = fate != Fate.REJECTED
+    result = GateResult(now_s, fix.t_valid_s, name, len(z), nis, limit, accepted, note, z)
+    return measurement._replace(fate=fate, rows=rows), result
 
 
-def rate_covariance(P, roll_rate):
-    """Covariance of the corrected rate, from bias and roll column: (21, 21), rad/s -> (3, 3) rad^2/s^2."""
-    cross = P[BG, ROLL] * roll_rate
-    return P[BG, BG] + cross + cross.T + roll_rate**2 * P[ROLL, ROLL]
+def gate_rows(nav, P, z, H, R, size):
+    """Which rows pass the gate, in groups of `size`, each against its own limit. -> (m,) bool"""
+    S, limit = H @ P @ H.T + R, nav.limit(size)
+    passed = np.empty(len(z), dtype=bool)
+    for first in range(0, len(z), size):
+        group = slice(first, first + size)
+        passed[group] = z[group] @ np.linalg.solve(S[group, group], z[group]) <= limit
+    return passed
+
+
+def _rejected(sensor, fix, rows):
+    """Names of the groups of rows that did not pass."""
+    groups = rows[:: sensor.rows]
+    labels = sensor.labels(fix) if sensor.labels else [f"row {k}" for k in range(len(groups))]
+    return [label for label, passed in zip(labels, groups, strict=True) if not passed]

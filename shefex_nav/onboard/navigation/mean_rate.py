@@ -9,8 +9,7 @@ remainder is carried on, only the two ends are left.
 import numpy as np
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import strapdown
-from shefex_nav.onboard.navigation.state import BG, MOUNT, N_ERROR, ROLL
+from shefex_nav.onboard.navigation import calibration
 
 COVERED_S = 1e-6  # rounding of the times of ticks
 
@@ -27,38 +26,35 @@ def body_rate(nav, state, begin_s, end_s):
     Returns
     -------
     omega_b : (3,) rad/s; NaN where the filter's memory does not cover the interval
+    f_b : (3,) m/s^2, likewise
     noise : float, (rad/s)^2, variance on each axis of what is no state of the filter
     """
     ticks = _ticks(nav.history, begin_s, end_s)
     if not ticks:
-        return np.full(3, np.nan), np.inf
-    dt_s = ticks[0].imu.dt_s
-    dtheta_b = np.concatenate([tick.imu.dtheta_b for tick in ticks])
-    dv_b = np.concatenate([tick.imu.dv_b for tick in ticks])
-    ends_s = ticks[0].imu.t_end_s + dt_s * np.arange(
-        1 - strapdown.SAMPLES, len(dtheta_b) + 1 - strapdown.SAMPLES
-    )
+        return np.full(3, np.nan), np.full(3, np.nan), np.inf
+    increments = np.concatenate([tick.imu.increments[-tick.imu.n :] for tick in ticks])
+    dt_s = np.concatenate([np.full(tick.imu.n, tick.imu.dt_s) for tick in ticks])
+    ends_s = ticks[-1].imu.t_end_s - (np.cumsum(dt_s[::-1])[::-1] - dt_s)
     weight = np.clip((np.minimum(ends_s, end_s) - np.maximum(ends_s - dt_s, begin_s)) / dt_s, 0.0, 1.0)
-    duration_s = dt_s * weight.sum()
-    omega_b = strapdown.corrected_turn(state, weight @ dtheta_b, duration_s) / duration_s
-    f_b = weight @ dv_b / duration_s
+    duration_s = dt_s @ weight
+    omega_b, f_b = calibration.motion(state, weight @ increments, duration_s)
     vibration = max(tick.imu.vibration for tick in ticks)
     saturated = any(tick.imu.saturated for tick in ticks)
-    return omega_b, _noise(nav.params.imu, omega_b, f_b, vibration, saturated, duration_s)
+    noise = _noise(nav.params.imu, omega_b, f_b, vibration, saturated, duration_s)
+    return omega_b, f_b, noise
 
 
 def _ticks(history, begin_s, end_s):
     """The ticks that an interval touches, oldest first; none where one of them is missing."""
     oldest = history[1 if history[0].imu is None else 0] if len(history) > 1 else history[0]
-    if oldest.imu is None or not begin_s < end_s <= history[-1].state.t_s + COVERED_S:
+    if oldest.imu is None or not begin_s < end_s <= history[-1].t_s + COVERED_S:
         return []
-    length_s = strapdown.SAMPLES * oldest.imu.dt_s
-    if begin_s < oldest.state.t_s - length_s - COVERED_S:
+    if begin_s < oldest.t_s - oldest.imu.length_s - COVERED_S:
         return []
     return [
         tick
         for tick in history
-        if tick.imu is not None and begin_s < tick.state.t_s and tick.state.t_s - length_s < end_s
+        if tick.imu is not None and begin_s < tick.t_s and tick.t_s - tick.imu.length_s < end_s
     ]
 
 
@@ -83,7 +79,7 @@ def camera_rate(nav, tick, C_bc, begin_s, end_s):
 
     omega_c = C_cb omega_b. An error of the mounting turns it: with C_bc(true) = exp(skew(dm)) C_bc,
 
-        d omega_c = C_cb (-d bias - omega_x d roll_column + omega_b x d mounting + noise)
+        d omega_c = C_cb (J_omega dx + omega_b x d mounting + noise),   J_omega of `calibration.jacobians`
 
     Parameters
     ----------
@@ -97,12 +93,11 @@ def camera_rate(nav, tick, C_bc, begin_s, end_s):
     omega_c : (3,) rad/s
     P_omega_c : (3, 3) (rad/s)^2; both None where the filter's memory does not cover the interval
     """
-    omega_b, noise = body_rate(nav, tick.state, begin_s, end_s)
+    omega_b, f_b, noise = body_rate(nav, tick.state, begin_s, end_s)
     if not np.isfinite(omega_b.sum()):
         return None, None
-    H = np.zeros((3, N_ERROR))
-    H[:, BG] = -np.eye(3)
-    H[:, ROLL] = -omega_b[0] * np.eye(3)
-    H[:, MOUNT] = rotation.skew(omega_b)
+    H, _ = calibration.jacobians(nav.layout, tick.state, omega_b, f_b)
+    if mounting := nav.layout.places["mounting"]:
+        H[:, mounting] = rotation.skew(omega_b)
     P_b = H @ tick.P @ H.T + noise * np.eye(3)
     return C_bc.T @ omega_b, C_bc.T @ P_b @ C_bc

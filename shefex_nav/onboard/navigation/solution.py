@@ -9,9 +9,8 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.onboard.navigation import strapdown
-from shefex_nav.onboard.navigation.state import ATT, BA, BG, N_ERROR, POS, PVA, ROLL, VEL, NavState
-from shefex_nav.onboard.navigation.strapdown import ImuWindow
+from shefex_nav.onboard.navigation.calibration import correct_increments, jacobians_packed
+from shefex_nav.onboard.navigation.state import ATT, BA, BG, OPTIONAL, POS, PVA, VEL, X_Q, X_R, X_V
 from shefex_nav.records import NavCovariance, NavSolution
 
 SLOWEST = 1e-3  # m/s, below it the angles of the velocity have no meaning; their sigma is pi
@@ -19,16 +18,16 @@ SLOWEST = 1e-3  # m/s, below it the angles of the velocity have no meaning; thei
 
 def solution(nav):
     """NavSolution of the last tick of a running filter."""
-    tick = nav.history[-1]
-    state = tick.state
-    model = nav.params.imu
+    tick, model = nav.history[-1], nav.params.imu
+    P = reported(nav)
     vectors, angles, sigmas = derive(
-        state, reported(nav), tick.imu, model.gyro_random_walk, model.gyro_quantum, nav.earth
+        nav.layout, tick, P, model.gyro_random_walk, model.gyro_quantum, nav.earth
     )
+    x = tick.x
     r_e, v_e, omega_ib_b, *vector_sigmas = vectors
     # by position, in the order of the record: nineteen keywords would cost more than the arithmetic
     return NavSolution(
-        *(state.t_s, state.r_i, state.v_i, state.q_ib, omega_ib_b, r_e, v_e),
+        *(tick.t_s, x[X_R], x[X_V], x[X_Q], omega_ib_b, r_e, v_e),
         *angles,
         *vector_sigmas,
         *sigmas,
@@ -37,7 +36,7 @@ def solution(nav):
 
 
 def reported(nav):
-    """Covariance of the errors of the solution, (21, 21).
+    """Covariance of the errors of the solution, (n, n).
 
     While a motor burns, the sensors swing with the vibration and the strapdown follows them. Nothing of it
     stays, so the filter does not count it as an error that grows, but the solution of the moment contains it.
@@ -46,7 +45,7 @@ def reported(nav):
     if tick.imu is None or tick.imu.vibration == 0.0:
         return tick.P
     P = tick.P.copy()
-    variances = P.ravel()[:: N_ERROR + 1]  # a view of the diagonal
+    variances = P.ravel()[:: len(P) + 1]  # a view of the diagonal
     variances[VEL] += (tick.imu.vibration * model.accel_vibration) ** 2
     variances[ATT] += (tick.imu.vibration * model.gyro_vibration) ** 2
     return P
@@ -54,9 +53,15 @@ def reported(nav):
 
 def covariance(nav):
     """NavCovariance of the last tick."""
-    state, P = nav.history[-1].state, reported(nav)
+    state, P, layout = nav.history[-1].state, reported(nav), nav.layout
     variances = np.diag(P).copy()
     variances[BA] += nav.params.imu.gravity**2  # which the estimate of the bias contains
+    sigma = np.sqrt(variances)
+
+    def of(name):
+        place = layout.places[name]
+        return np.full(OPTIONAL[name], np.nan) if place is None else sigma[place]
+
     return NavCovariance(
         state.t_s,
         P[PVA, PVA].copy(),
@@ -64,7 +69,10 @@ def covariance(nav):
         state.accel_bias,
         state.gyro_roll_column,
         state.mounting,
-        np.sqrt(variances[PVA.stop :]),
+        np.concatenate([sigma[BG], sigma[BA], of("gyro_roll_column"), of("mounting")]),
+        " ".join(layout.names),
+        np.concatenate([np.empty(0), *(getattr(state, name) for name in layout.names)]),
+        sigma[BA.stop :],
     )
 
 
@@ -78,14 +86,14 @@ def _variance(g, P):
     return max(total, 0.0)
 
 
-def derive(state, P, imu, random_walk, quantum, earth):
+def derive(layout, tick, P, random_walk, quantum, earth):
     """Quantities derived from the state, and their sigmas.
 
     Parameters
     ----------
-    state : NavState
-    P : (21, 21)
-    imu : ImuWindow that ends at the state
+    layout : Layout
+    tick : fusion.Tick
+    P : (n, n)
     random_walk, quantum : rad/sqrt(s), rad, of the gyros
     earth : EarthRotation
 
@@ -96,26 +104,22 @@ def derive(state, P, imu, random_walk, quantum, earth):
     angles : flight-path angle, heading, angle of attack, sideslip [rad]
     sigmas : of the first, third and fourth [rad], pi at most
     """
-    # tuples are taken apart here: as arguments of a kernel they would cost as much as all that it does
-    return _derive(*state, *imu, *earth, P, random_walk, quantum)
+    imu = tick.imu
+    return _derive(
+        layout.at, tick.t_s, tick.x, P, imu.increments[-1:], imu.dt_s, random_walk, quantum, *earth
+    )
 
 
 @njit(cache=True)
-def _derive(
-    t_s, r_i, v_i, q_ib, gyro_bias, accel_bias, gyro_roll_column, mounting,  # NavState
-    t_end_s, dt_s, dtheta_b, dv_b, dtheta_before_b, dv_before_b, saturated, vibration,  # ImuWindow
-    C_iq, C_re, angle_0, rate,  # EarthRotation
-    P, random_walk, quantum,
-):  # fmt: skip
-    """`derive` with the fields of its tuples."""
-    state = NavState(t_s, r_i, v_i, q_ib, gyro_bias, accel_bias, gyro_roll_column, mounting)
-    imu = ImuWindow(t_end_s, dt_s, dtheta_b, dv_b, dtheta_before_b, dv_before_b, saturated, vibration)
+def _derive(at, t_s, x, P, sample, dt_s, random_walk, quantum, C_iq, C_re, angle_0, rate):
+    """`derive` with the fields of its tuples; sample (1, 6): the last increments."""
     earth = frames.EarthRotation(C_iq, C_re, angle_0, rate)
-    C_ei = np.ascontiguousarray(frames.dcm_ie(earth, state.t_s).T)
-    C_bi = np.ascontiguousarray(rotation.dcm_from_quat(state.q_ib).T)
+    r_i, v_i, q_ib = x[X_R], x[X_V], x[X_Q]
+    C_ei = np.ascontiguousarray(frames.dcm_ie(earth, t_s).T)
+    C_bi = np.ascontiguousarray(rotation.dcm_from_quat(q_ib).T)
     omega_ie_i = frames.omega_ie_i(earth)
-    u_i = state.v_i - rotation.cross(omega_ie_i, state.r_i)
-    r_e, v_e, v_b = C_ei @ state.r_i, C_ei @ u_i, C_bi @ u_i
+    u_i = v_i - rotation.cross(omega_ie_i, r_i)
+    r_e, v_e, v_b = C_ei @ r_i, C_ei @ u_i, C_bi @ u_i
     latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
     C_en = wgs84.dcm_en(latitude, longitude)
     v_n = np.ascontiguousarray(C_en.T) @ v_e
@@ -141,10 +145,11 @@ def _derive(
 
     vectors = np.empty((7, 3))
     vectors[0], vectors[1] = r_e, v_e
-    vectors[2] = strapdown.rate(state, imu, strapdown.SAMPLES * imu.dt_s)
-    roll_rate = vectors[2, 0]
+    felt = correct_increments(x, sample, dt_s)[0] / dt_s
+    vectors[2] = felt[:3]
+    J_omega, _ = jacobians_packed(at, P.shape[0], x, felt[:3], felt[3:])
     # of one increment: white noise, and rounding to whole quanta at both of its ends (variance q^2/12 each)
-    rate_noise = (random_walk**2 * imu.dt_s + quantum**2 / 6.0) / imu.dt_s**2
+    rate_noise = (random_walk**2 * dt_s + quantum**2 / 6.0) / dt_s**2
     g = np.zeros(6)
     for k in range(3):
         vectors[3, k] = np.sqrt(_variance(C_ei[k], P[POS, POS]))
@@ -152,7 +157,5 @@ def _derive(
         g[POS] = rotation.cross(omega_ie_i, C_ei[k])
         vectors[4, k] = np.sqrt(_variance(g, P))
         vectors[5, k] = np.sqrt(P[ATT.start + k, ATT.start + k])
-        b, c = BG.start + k, ROLL.start + k
-        rate2 = P[b, b] + 2.0 * roll_rate * P[b, c] + roll_rate**2 * P[c, c]
-        vectors[6, k] = np.sqrt(rate2 + rate_noise)
+        vectors[6, k] = np.sqrt(_variance(J_omega[k, ATT.stop :], P[ATT.stop :, ATT.stop :]) + rate_noise)
     return vectors, (path, heading, attack_angle, slip_angle), (sigmas[0], sigmas[1], sigmas[2])

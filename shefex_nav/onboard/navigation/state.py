@@ -4,9 +4,16 @@ Nominal states are carried by the strapdown; the covariance belongs to their err
 
     truth = estimate (+) error:   r = r^ + dr,   q_ib = q_ib^ * exp(dtheta_b),   b = b^ + db, ...
 
-The slices below are the only place where the order of the errors is written. To add a block: a slice and a
-new `N_ERROR` here, a field in `NavState`, a line in `correct` and in `initial`, its columns in
-`error_model.transition` (if it drives the others) and in the measurements that see it.
+Fifteen errors are always there (the slices below); further blocks are switched on by name. `layout` is the
+only place where the order of the errors is settled, `NOMINAL` where that of the packed nominal values is. To
+add a block: a line in `OPTIONAL`, a field in `NavState`, its columns in `error_model.transition` (if it
+drives the others) or in the measurements that see it, its initial sigma in `scenario.params_onboard`.
+
+What the sensors of the IMU measure, with the blocks of their errors::
+
+    dv_m     = (I + diag(accel_scale) + accel_misalignment) dv + accel_bias T
+    dtheta_m = (I + diag(gyro_scale) + gyro_misalignment + gyro_roll_column e_x^T) dtheta
+               + gyro_bias T + gyro_g_sensitivity dv
 """
 
 from typing import NamedTuple
@@ -21,14 +28,92 @@ VEL = slice(3, 6)  # dv_i [m/s]
 ATT = slice(6, 9)  # dtheta_b [rad]
 BG = slice(9, 12)  # gyro bias [rad/s]
 BA = slice(12, 15)  # accelerometer bias [m/s^2]
-ROLL = slice(15, 18)  # gyro error on x, y, z per unit of roll rate [-]: scale factor and two misalignments
-MOUNT = slice(18, 21)  # star camera against its nominal mounting, rotation vector in body axes [rad]
-N_ERROR = 21
+N_CORE = 15
 PVA = slice(0, 9)  # position, velocity, attitude
+CORE = {"position": POS, "velocity": VEL, "attitude": ATT, "gyro_bias": BG, "accel_bias": BA}
+
+OPTIONAL = {  # blocks and their sizes, in the order of the errors; those of the IMU come first
+    "gyro_roll_column": 3,  # error on x, y, z per unit of roll rate [-]: scale factor and two misalignments
+    "gyro_scale": 3,  # [-]
+    "gyro_misalignment": 6,  # elements ij = xy, xz, yx, yz, zx, zy: rate about j seen on axis i [rad]
+    "gyro_g_sensitivity": 9,  # row by row, ij: specific force along j seen on axis i [rad/s per m/s^2]
+    "accel_scale": 3,  # [-]
+    "accel_misalignment": 6,  # as of the gyros [rad]
+    "mounting": 3,  # star camera against its nominal mounting, rotation vector in body axes [rad]
+    "lever_arm": 3,  # GPS antenna against its nominal place, body axes [m]
+    "clock": 2,  # of the GPS receiver, ahead of GPS time: bias [m], drift [m/s]
+    "gps_latency": 1,  # a fix belongs to an instant so much before its t_valid_s [s]
+    "range_bias": 12,  # slow range errors of the channels of the receiver, first-order Gauss-Markov [m]
+}
+DEFAULT_STATES = ("gyro_roll_column", "mounting")
+CONTAINED = {"gyro_roll_column": ("gyro_scale", "gyro_misalignment")}  # its errors are errors of those, too
+# index of a block in `Layout.at`
+ROLL_COLUMN, G_SCALE, G_MISALIGN, G_SENSE, A_SCALE, A_MISALIGN, MOUNTING, LEVER, CLOCK, LATENCY = range(10)
+RANGE_BIAS = 10
+
+NOMINAL = {}  # place of every value in the packed nominal state, whether its error is estimated or not
+for _name, _size in {
+    "r_i": 3, "v_i": 3, "q_ib": 4, "gyro_bias": 3, "accel_bias": 3, **OPTIONAL
+}.items():  # fmt: skip
+    _start = max((place.stop for place in NOMINAL.values()), default=0)
+    NOMINAL[_name] = slice(_start, _start + _size)
+N_NOMINAL = max(place.stop for place in NOMINAL.values())
+# the same as constants, for kernels
+X_R, X_V, X_Q = NOMINAL["r_i"], NOMINAL["v_i"], NOMINAL["q_ib"]
+X_BG, X_BA = NOMINAL["gyro_bias"].start, NOMINAL["accel_bias"].start
+X_ROLL, X_GS = NOMINAL["gyro_roll_column"].start, NOMINAL["gyro_scale"].start
+X_GM, X_GG = NOMINAL["gyro_misalignment"].start, NOMINAL["gyro_g_sensitivity"].start
+X_AS, X_AM = NOMINAL["accel_scale"].start, NOMINAL["accel_misalignment"].start
+X_CLOCK, X_RANGE = NOMINAL["clock"].start, NOMINAL["range_bias"]
+
+
+class LayoutError(ValueError):
+    """Blocks that do not exist or do not go together; `name` is the one to blame."""
+
+    def __init__(self, name, message):
+        super().__init__(message)
+        self.name = name
+
+
+class Layout(NamedTuple):
+    """Which errors are estimated, and where each stands."""
+
+    names: tuple[str, ...]  # optional blocks that are on, in the order of their errors
+    n: int  # number of errors
+    places: dict  # name of a block, core and optional -> slice, or None if it is off
+    at: np.ndarray  # (11,) the same for kernels: first error of each block of OPTIONAL, -1 if it is off
+    nominal: np.ndarray  # (n - 9,) place in the packed nominal state of each error behind the attitude
+
+
+def layout(names=DEFAULT_STATES):
+    """Layout of the core and the named blocks. Iterable of names of OPTIONAL -> Layout; or LayoutError."""
+    names = tuple(names)
+    for k, name in enumerate(names):
+        if name not in OPTIONAL:
+            raise LayoutError(name, f"there is no block of states '{name}'; there are {', '.join(OPTIONAL)}")
+        if name in names[:k]:
+            raise LayoutError(name, f"'{name}' is named twice")
+        for whole in CONTAINED.get(name, ()):
+            if whole in names:
+                raise LayoutError(name, f"'{name}' and '{whole}' estimate the same error; name one of them")
+    places, at, n = dict(CORE), np.full(len(OPTIONAL), -1), N_CORE
+    for k, (name, size) in enumerate(OPTIONAL.items()):
+        places[name] = slice(n, n + size) if name in names else None
+        if name in names:
+            at[k], n = n, n + size
+    ordered = tuple(name for name in OPTIONAL if name in names)
+    of_errors = [NOMINAL[name] for name in ("gyro_bias", "accel_bias", *ordered)]
+    nominal = np.concatenate([np.arange(place.start, place.stop) for place in of_errors])
+    return Layout(ordered, n, places, at, nominal)
+
+
+_NOTHING = {size: np.zeros(size) for size in OPTIONAL.values()}
+for _zeros in _NOTHING.values():
+    _zeros.setflags(write=False)
 
 
 class NavState(NamedTuple):
-    """Nominal state at one instant."""
+    """Nominal state at one instant; what is not estimated keeps its value."""
 
     t_s: float
     r_i: np.ndarray  # (3,) m
@@ -36,14 +121,44 @@ class NavState(NamedTuple):
     q_ib: np.ndarray  # (4,)
     gyro_bias: np.ndarray  # (3,) rad/s
     accel_bias: np.ndarray  # (3,) m/s^2
-    gyro_roll_column: np.ndarray  # (3,)
-    mounting: np.ndarray  # (3,) rad; C_bc = exp(skew(mounting)) C_bc(nominal)
+    gyro_roll_column: np.ndarray = _NOTHING[3]  # this and all below as in OPTIONAL
+    mounting: np.ndarray = _NOTHING[3]  # (3,) rad; C_bc = exp(skew(mounting)) C_bc(nominal)
+    gyro_scale: np.ndarray = _NOTHING[3]
+    gyro_misalignment: np.ndarray = _NOTHING[6]
+    gyro_g_sensitivity: np.ndarray = _NOTHING[9]
+    accel_scale: np.ndarray = _NOTHING[3]
+    accel_misalignment: np.ndarray = _NOTHING[6]
+    lever_arm: np.ndarray = _NOTHING[3]  # (3,) m, to be added to the nominal one
+    clock: np.ndarray = _NOTHING[2]
+    gps_latency: np.ndarray = _NOTHING[1]  # (1,) s
+    range_bias: np.ndarray = _NOTHING[12]
+
+
+def pack(state):
+    """The nominal values of a NavState as one array for kernels, in the order of NOMINAL: (67,)."""
+    return np.concatenate(
+        [
+            state.r_i, state.v_i, state.q_ib, state.gyro_bias, state.accel_bias, state.gyro_roll_column,
+            state.gyro_scale, state.gyro_misalignment, state.gyro_g_sensitivity, state.accel_scale,
+            state.accel_misalignment, state.mounting, state.lever_arm, state.clock, state.gps_latency,
+            state.range_bias,
+        ]
+    )  # fmt: skip
+
+
+_SLICES = [NOMINAL[name] for name in NavState._fields[1:]]
+
+
+def unpack(t_s, x):
+    """NavState of packed values (67,), as views of them."""
+    return NavState(t_s, *[x[place] for place in _SLICES])
 
 
 class ImuModel(NamedTuple):
     """What the filter assumes of the inertial sensors beyond its states; all are numbers.
 
-    Errors that are no states enter as noise (`error_model.noise_densities` says how).
+    Errors that are no states enter as noise (`error_model.noise_densities` says how). An error whose block is
+    estimated must not be counted here as well: `scenario.params_onboard` leaves it out.
     """
 
     gyro_random_walk: float  # rad/sqrt(s)
@@ -80,8 +195,7 @@ class NavParams(NamedTuple):
     imu: ImuModel
     sigma_gyro_bias: float  # rad/s, at the start, each axis
     sigma_accel_bias: float  # m/s^2
-    sigma_gyro_roll_column: np.ndarray  # (3,)
-    sigma_mounting: float  # rad
+    sigma_blocks: dict  # name of each optional block that is on -> (size,) sigma at the start
     l_ba_b: np.ndarray  # (3,) m, IMU to GPS antenna
     C_bc: np.ndarray  # (3, 3) nominal mounting of the star camera
     gate_probability: float  # of rejecting a good measurement
@@ -92,12 +206,17 @@ class NavParams(NamedTuple):
     gps_agreement: float  # m per second between two fixes, for the check of fixes against each other
     history_s: float  # how far back a measurement may lie
     motors: np.ndarray  # (n, 2) in order of burning: s from when it may burn, vibration by the strongest's
+    states: tuple[str, ...] = DEFAULT_STATES  # optional blocks
+    clock_white: float = 0.0  # m/sqrt(s), of the receiver's clock: white frequency noise
+    clock_walk: float = 0.0  # m/s/sqrt(s), random walk of its frequency
+    range_bias_sigma: float = 0.0  # m, of the block range_bias in the long run
+    range_bias_time_s: float = np.inf  # its correlation time
 
 
-def initial(params, alignment):
+def initial(params, order, alignment):
     """State and covariance at the start.
 
-    NavParams, Alignment -> NavState, (21, 21)
+    NavParams, Layout, Alignment -> NavState, (n, n)
     """
     state = NavState(
         float(alignment.t_valid_s),
@@ -106,34 +225,44 @@ def initial(params, alignment):
         rotation.quat_normalise(np.array(alignment.q_ib, dtype=float)),
         np.zeros(3),
         np.zeros(3),
-        np.zeros(3),
-        np.zeros(3),
     )
-    P = np.zeros((N_ERROR, N_ERROR))
+    P = np.zeros((order.n, order.n))
     P[POS, POS] = alignment.sigma_r**2 * np.eye(3)
     P[VEL, VEL] = alignment.sigma_v**2 * np.eye(3)
     P[ATT, ATT] = alignment.P_theta_b
     P[BG, BG] = params.sigma_gyro_bias**2 * np.eye(3)
     P[BA, BA] = params.sigma_accel_bias**2 * np.eye(3)
-    P[ROLL, ROLL] = np.diag(params.sigma_gyro_roll_column**2)
-    P[MOUNT, MOUNT] = params.sigma_mounting**2 * np.eye(3)
+    for name in order.names:
+        place = order.places[name]
+        P[place, place] = initial_covariance(params, name)
     return state, P
 
 
-def correct(state, dx):
-    """Take an estimated error (21,) into the nominal state: truth = estimate (+) error."""
-    return NavState(
-        state.t_s,
-        state.r_i + dx[POS],
-        state.v_i + dx[VEL],
-        rotation.quat_normalise(
-            rotation.quat_multiply(state.q_ib, rotation.quat_from_rotvec(np.ascontiguousarray(dx[ATT])))
-        ),
-        state.gyro_bias + dx[BG],
-        state.accel_bias + dx[BA],
-        state.gyro_roll_column + dx[ROLL],
-        state.mounting + dx[MOUNT],
-    )
+def initial_covariance(params, name):
+    """What is known of an optional block at the start: (size, size), in the units of OPTIONAL."""
+    sigma = np.asarray(params.sigma_blocks[name], dtype=float)
+    if sigma.shape != (OPTIONAL[name],):
+        raise ValueError(f"sigma of '{name}': {OPTIONAL[name]} values are needed, shape is {sigma.shape}")
+    return np.diag(sigma**2)
+
+
+def correct(order, state, dx):
+    """Take an estimated error into the nominal state: truth = estimate (+) error. Layout, NavState, (n,)."""
+    return unpack(state.t_s, corrected(pack(state), np.asarray(dx, dtype=float), order.nominal))
+
+
+@njit(cache=True)
+def corrected(x, dx, nominal):
+    """`correct` of packed values: (67,), (n,), Layout.nominal -> (67,)."""
+    out = x.copy()
+    for i in range(3):
+        out[X_R.start + i] += dx[POS.start + i]
+        out[X_V.start + i] += dx[VEL.start + i]
+    turned = rotation.quat_multiply(x[X_Q], rotation.quat_from_rotvec(dx[ATT]))
+    out[X_Q] = rotation.quat_normalise(turned)
+    for k in range(nominal.shape[0]):
+        out[nominal[k]] += dx[ATT.stop + k]
+    return out
 
 
 @njit(cache=True)

@@ -1,6 +1,6 @@
 """Strapdown: IMU increments in, position, velocity and attitude out, in inertial axes.
 
-Every 400 Hz sample is taken as a rate and a specific force that change linearly, so that a sample may be cut
+Every sample is taken as a rate and a specific force that change linearly, so that a sample may be cut
 anywhere (measurements between samples). Coning and sculling compensation after Savage, JGCD 21 (1998),
 parts 1 and 2. The slopes in the middle of a sample come from the parabola through it and the two before;
 the usual difference of two samples is the slope half a sample earlier, which under spin at a rate w leaves a
@@ -14,7 +14,8 @@ For a piece of duration T with rate A + B tau and specific force a + b tau::
 
     q <- q exp(phi),   v <- v + C_ib s + g T,   r <- r + v T + C_ib s_r + g T^2/2
 
-The helpers are inlined by force: handing arrays to a function costs more than three sums.
+The kernels take the nominal state packed (`state.pack`), and the increments of a tick behind the two before
+it. The helpers are inlined by force: handing arrays to a function costs more than three sums.
 """
 
 from typing import NamedTuple
@@ -24,82 +25,72 @@ from numba import njit
 
 from shefex_nav.environment.gravity import gravity_j2_e
 from shefex_nav.geometry import frames, rotation
+from shefex_nav.onboard.navigation.calibration import correct_increments, motion
+from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V, pack
 
-SAMPLES = 4  # in one ImuBlock
-BEFORE = 2  # samples kept from the block before it, for the slopes
-ROWS = BEFORE + SAMPLES
+BEFORE = 2  # samples kept from before a block, for the slopes
+NO_EXTRA = np.zeros((2, 3))
 
 
 class ImuWindow(NamedTuple):
-    """The samples of one tick, and the two before them, which give the first slopes."""
+    """The samples of one tick, any number, and the two before them, which give the first slopes."""
 
     t_end_s: float
     dt_s: float
-    dtheta_b: np.ndarray  # (4, 3) rad
-    dv_b: np.ndarray  # (4, 3) m/s
-    dtheta_before_b: np.ndarray  # (2, 3) rad
-    dv_before_b: np.ndarray  # (2, 3) m/s
+    increments: np.ndarray  # (2 + n, 6) rad and m/s, as measured
     saturated: bool
     vibration: float  # level, 0: no motor burns, 1: the strongest motor
+    extra: np.ndarray = NO_EXTRA  # (2, 3) white noise of more, body axes: rad^2/s, m^2/s^3
+
+    @property
+    def dtheta_b(self):
+        """Integrated rate of the tick's own samples: (n, 3) rad."""
+        return self.increments[BEFORE:, :3]
+
+    @property
+    def dv_b(self):
+        """Integrated specific force of the tick's own samples: (n, 3) m/s."""
+        return self.increments[BEFORE:, 3:]
+
+    @property
+    def n(self):
+        """Number of the tick's own samples."""
+        return len(self.increments) - BEFORE
+
+    @property
+    def length_s(self):
+        """Duration of the tick."""
+        return self.n * self.dt_s
 
 
 class Pieces(NamedTuple):
     """What an interval passed through, for the error model: n pieces of samples, corrected increments."""
 
     n: int
-    dt_s: np.ndarray  # (4,) the first n are used, here and below
-    C_ib: np.ndarray  # (4, 3, 3) attitude at the start of the piece
-    dtheta_b: np.ndarray  # (4, 3) rad
-    dv_b: np.ndarray  # (4, 3) m/s
-    s_b: np.ndarray  # (4, 3) m/s, velocity gained, in the axes at the start of the piece
-    s_r_b: np.ndarray  # (4, 3) m, distance gained by it
-    B_b: np.ndarray  # (4, 3) rad/s^2, slope of the rate
-    b_b: np.ndarray  # (4, 3) m/s^3, slope of the specific force
+    dt_s: np.ndarray  # (N,) the first n are used, here and below
+    C_ib: np.ndarray  # (N, 3, 3) attitude at the start of the piece
+    dtheta_b: np.ndarray  # (N, 3) rad
+    dv_b: np.ndarray  # (N, 3) m/s
+    s_b: np.ndarray  # (N, 3) m/s, velocity gained, in the axes at the start of the piece
+    s_r_b: np.ndarray  # (N, 3) m, distance gained by it
+    B_b: np.ndarray  # (N, 3) rad/s^2, slope of the rate
+    b_b: np.ndarray  # (N, 3) m/s^3, slope of the specific force
 
 
 def window(block, before=None, vibration=0.0):
-    """ImuWindow of an ImuBlock and the window before it; at the start the first sample stands in for it."""
-    if before is None:
-        dtheta_before_b, dv_before_b = block.dtheta_b[[0] * BEFORE], block.dv_b[[0] * BEFORE]
-    else:
-        dtheta_before_b, dv_before_b = before.dtheta_b[-BEFORE:], before.dv_b[-BEFORE:]
-    return ImuWindow(
-        block.t_valid_s,
-        block.dt_s,
-        block.dtheta_b,
-        block.dv_b,
-        dtheta_before_b,
-        dv_before_b,
-        block.saturated,
-        vibration,
-    )
+    """ImuWindow of an ImuBlock and the window before it; at the start the first sample stands in for it.
 
-
-@njit(cache=True, forceinline=True)
-def _take_gyro_errors_out(dtheta_b, state, dt_s):
-    """Increment (3,) rad of one sample, corrected in place.
-
-    measured = (I + k e_x^T) omega + bias, k the roll column; solved for omega.
+    Samples of another duration are taken to have gone on at their rate.
     """
-    k = state.gyro_roll_column
-    for j in range(3):
-        dtheta_b[j] -= state.gyro_bias[j] * dt_s
-    dtheta_b[0] /= 1.0 + k[0]
-    dtheta_b[1] -= k[1] * dtheta_b[0]
-    dtheta_b[2] -= k[2] * dtheta_b[0]
-
-
-@njit(cache=True, forceinline=True)
-def corrected(state, imu):
-    """Increments free of the estimated sensor errors, with those before the tick: (6, 3) rad, (6, 3) m/s."""
-    dtheta_b, dv_b = np.empty((ROWS, 3)), np.empty((ROWS, 3))
-    dtheta_b[:BEFORE], dtheta_b[BEFORE:] = imu.dtheta_before_b, imu.dtheta_b
-    dv_b[:BEFORE], dv_b[BEFORE:] = imu.dv_before_b, imu.dv_b
-    for n in range(ROWS):
-        _take_gyro_errors_out(dtheta_b[n], state, imu.dt_s)
-        for j in range(3):
-            dv_b[n, j] -= state.accel_bias[j] * imu.dt_s
-    return dtheta_b, dv_b
+    increments = np.empty((BEFORE + len(block.dtheta_b), 6))
+    increments[BEFORE:, :3], increments[BEFORE:, 3:] = block.dtheta_b, block.dv_b
+    if before is None:
+        increments[:BEFORE] = increments[BEFORE]
+    else:
+        increments[:BEFORE] = before.increments[-BEFORE:]
+        if before.dt_s != block.dt_s:
+            increments[:BEFORE] *= block.dt_s / before.dt_s
+    return ImuWindow(block.t_valid_s, block.dt_s, increments, block.saturated, vibration)
 
 
 @njit(cache=True, forceinline=True)
@@ -111,10 +102,10 @@ def _add_cross(out, factor, u, v):
 
 
 @njit(cache=True, forceinline=True)
-def _room_for_pieces():
+def _room_for_pieces(most):
     """Pieces without content."""
-    v = np.empty((6, SAMPLES, 3))
-    return Pieces(0, np.empty(SAMPLES), np.empty((SAMPLES, 3, 3)), v[0], v[1], v[2], v[3], v[4], v[5])
+    v = np.empty((6, most, 3))
+    return Pieces(0, np.empty(most), np.empty((most, 3, 3)), v[0], v[1], v[2], v[3], v[4], v[5])
 
 
 @njit(cache=True, forceinline=True)
@@ -127,7 +118,7 @@ def _count(p, n):
 def _cut(dtheta_b, dv_b, k, h, x0, x1, pieces, n):
     """Part x0 ... x1 (0 ... 1) of sample k becomes piece n. -> phi (3,) rad, the rotation in it
 
-    dtheta_b, dv_b : (6, 3) rad, m/s, corrected increments;  h : s, duration of a sample
+    dtheta_b, dv_b : (N, 3) rad, m/s, corrected increments;  h : s, duration of a sample
     """
     T = (x1 - x0) * h
     off_centre = 0.5 * (x0 + x1 - 1.0) * h * T
@@ -156,27 +147,17 @@ def _cut(dtheta_b, dv_b, k, h, x0, x1, pieces, n):
 
 
 @njit(cache=True)
-def integrate(state, imu, begin_s, end_s, g_i):
-    """Carry the state from begin_s to end_s, counted from the start of the window, under the gravitation g_i.
-
-    Parameters
-    ----------
-    state : NavState at begin_s
-    imu : ImuWindow
-    begin_s, end_s : within 0 ... 4 dt_s
-    g_i : (3,) m/s^2, taken as constant: give the value in the middle of the interval
-
-    Returns
-    -------
-    r_i, v_i, q_ib : at end_s
-    pieces : Pieces
-    """
-    h = imu.dt_s
-    dtheta_b, dv_b = corrected(state, imu)
-    r, v, q = state.r_i.copy(), state.v_i.copy(), state.q_ib
-    pieces = _room_for_pieces()
+def integrate_packed(x, increments, dt_s, begin_s, end_s, g_i):
+    """`integrate` with packed values. -> (10,) r_i, v_i, q_ib; Pieces"""
+    h = dt_s
+    free = correct_increments(x, increments, h)
+    dtheta_b, dv_b = free[:, :3], free[:, 3:]
+    moved = np.empty(10)
+    r, v = moved[:3], moved[3:6]
+    r[:], v[:], q = x[X_R], x[X_V], x[X_Q]
+    pieces = _room_for_pieces(increments.shape[0] - BEFORE)
     n = 0
-    for k in range(BEFORE, ROWS):
+    for k in range(BEFORE, increments.shape[0]):
         x0, x1 = max(begin_s / h - (k - BEFORE), 0.0), min(end_s / h - (k - BEFORE), 1.0)
         if x1 - x0 < 1e-9:
             continue
@@ -189,30 +170,53 @@ def integrate(state, imu, begin_s, end_s, g_i):
             v[i] += C[i, 0] * s[0] + C[i, 1] * s[1] + C[i, 2] * s[2] + T * g_i[i]
         q = rotation.quat_multiply(q, rotation.quat_from_rotvec(phi))
         n += 1
-    return r, v, rotation.quat_normalise(q), _count(pieces, n)
+    moved[6:] = rotation.quat_normalise(q)
+    return moved, _count(pieces, n)
 
 
 @njit(cache=True)
+def propagate_packed(x, t_s, increments, dt_s, begin_s, end_s, C_iq, C_re, angle_0, rate):
+    """`propagate` with packed values and the fields of EarthRotation. -> (10,) r_i, v_i, q_ib; Pieces"""
+    half_s = 0.5 * (end_s - begin_s)
+    C_ie = frames.dcm_ie(frames.EarthRotation(C_iq, C_re, angle_0, rate), t_s + half_s)
+    g_i = C_ie @ gravity_j2_e(C_ie.T @ (x[X_R] + half_s * x[X_V]))
+    return integrate_packed(x, increments, dt_s, begin_s, end_s, g_i)
+
+
+def integrate(state, imu, begin_s, end_s, g_i):
+    """Carry the state from begin_s to end_s, counted from the start of the window, under the gravitation g_i.
+
+    Parameters
+    ----------
+    state : NavState at begin_s
+    imu : ImuWindow
+    begin_s, end_s : within 0 ... imu.length_s
+    g_i : (3,) m/s^2, taken as constant: give the value in the middle of the interval
+
+    Returns
+    -------
+    r_i, v_i, q_ib : at end_s
+    pieces : Pieces
+    """
+    moved, pieces = integrate_packed(pack(state), imu.increments, imu.dt_s, begin_s, end_s, g_i)
+    return moved[:3], moved[3:6], moved[6:], pieces
+
+
 def propagate(state, imu, begin_s, end_s, earth):
     """`integrate` under the on-board gravity model (J2), evaluated in the middle of the interval."""
-    half_s = 0.5 * (end_s - begin_s)
-    C_ie = frames.dcm_ie(earth, state.t_s + half_s)
-    g_i = C_ie @ gravity_j2_e(C_ie.T @ (state.r_i + half_s * state.v_i))
-    return integrate(state, imu, begin_s, end_s, g_i)
+    moved, pieces = propagate_packed(pack(state), state.t_s, imu.increments, imu.dt_s, begin_s, end_s, *earth)
+    return moved[:3], moved[3:6], moved[6:], pieces
 
 
-@njit(cache=True)
-def corrected_turn(state, dtheta_b, duration_s):
-    """Summed increments (3,) rad of a duration, free of the estimated sensor errors. -> (3,) rad"""
-    free_b = dtheta_b.copy()
-    _take_gyro_errors_out(free_b, state, duration_s)
-    return free_b
+def felt(state, imu, at_s):
+    """Corrected rate and specific force: means of the sample in which at_s lies.
+
+    NavState, ImuWindow, s from the start of the window -> omega_ib_b (3,) rad/s, f_b (3,) m/s^2
+    """
+    k = min(max(int(np.ceil(at_s / imu.dt_s - 1e-6)), 1), imu.n)
+    return motion(state, imu.increments[BEFORE + k - 1], imu.dt_s)
 
 
-@njit(cache=True)
 def rate(state, imu, at_s):
     """omega_ib_b corrected for the estimated errors: mean of the sample in which at_s lies, (3,) rad/s."""
-    k = min(max(int(np.ceil(at_s / imu.dt_s - 1e-6)), 1), SAMPLES)
-    dtheta_b = imu.dtheta_b[k - 1].copy()
-    _take_gyro_errors_out(dtheta_b, state, imu.dt_s)
-    return dtheta_b / imu.dt_s
+    return felt(state, imu, at_s)[0]
