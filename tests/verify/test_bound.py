@@ -292,7 +292,8 @@ def test_bound_is_the_filters_covariance_where_the_filter_knows_the_world():
     )
     nav_params = nav_params._replace(
         imu=nav_params.imu._replace(gyro_quantum=0.0, **silent),
-        sigma_gyro_roll_column=np.full(3, 1e-12),
+        states=(),
+        sigma_blocks={},
         sigma_gyro_bias=5e-5,
         sigma_accel_bias=5e-3,
         l_ba_b=ARM,
