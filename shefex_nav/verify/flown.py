@@ -42,8 +42,9 @@ class Run(NamedTuple):
 
 
 def fly(scenario, seed):
-    """Fly a scenario with rendered frames. -> list of StarFix that have an attitude"""
-    records = simulate.run(scenario, seed)
+    """Fly a scenario until there are no more frames. -> list of StarFix that have an attitude"""
+    until_s = scenario.star_tracker.off + 1.0
+    records = simulate.route(prepare.build_world(scenario, seed), scenario, seed, until_s=until_s)
     return [one for one in records if isinstance(one, StarFix) and one.reason == Reason.NONE]
 
 
