@@ -19,8 +19,6 @@ from pathlib import Path
 import numpy as np
 from missions import SCENARIOS
 
-PHASE_STARTS_AFTER_S = 10.0  # of each phase is left out where convergence is asked for
-
 
 def scenario_of(job):
     from shefex_nav.scenario import load
@@ -42,33 +40,15 @@ def fixes_path(job):
 
 
 def follow(job):
-    """The filter alone over one seed. -> Run, its Bounds: field of gravity unknown, known"""
+    """The filter alone over one seed. -> Run, its bounds (none unless asked for)"""
     from shefex_nav import prepare
-    from shefex_nav.environment import gravity
-    from shefex_nav.scenario import params
-    from shefex_nav.verify import bound, bound_model, flown
+    from shefex_nav.verify import flown, over_bound
 
     scenario = scenario_of(job)
     world = prepare.build_world(scenario, job["seed"])
     fixes = flown.load(fixes_path(job))
     run = flown.filter_run(scenario, job["seed"], fixes, star_factor=job["star_factor"], world=world)
-    if not job["bound"]:
-        return run, ()
-    imu, camera = params.imu_params(scenario), params.camera_params(scenario)
-    field = gravity.load(scenario.earth.gravity, scenario.earth.gravity_degree)
-    process = bound.gravity_process(field, world.flight.trajectory, world.earth)
-    flight = bound.Flight(
-        world.flight.trajectory,
-        world.earth,
-        world.alignment,
-        world.gps_fixes,
-        fixes,
-        imu,
-        camera,
-        world.computer.nav.l_ba_b,
-    )
-    layouts = [bound_model.sources(imu, camera, *one) for one in (process, (0.0, np.inf))]
-    return run, tuple(bound.follow(flight, layout) for layout in layouts)
+    return run, over_bound.bounds(scenario, world, fixes) if job["bound"] else None
 
 
 def in_parallel(function, jobs, workers, what):
@@ -98,47 +78,15 @@ def print_verdicts(title, verdicts):
         print(f"  {one.what:52s} {one.value:8.4f}   {bounds}  n {one.samples:6d}  {mark}")
 
 
-def sigma_trace(P, block):
-    """Root of the trace of a block's covariance, mean over runs of the variance. list of (m, 15, 15)"""
-    return np.sqrt(np.mean([np.einsum("kii->k", one[:, block, block]) for one in P], axis=0))
+def print_ratios(title, found):
+    from shefex_nav.verify import over_bound
 
-
-def bound_table(runs, bounds, filters):
-    """Ratios per phase: after `PHASE_STARTS_AFTER_S` of each."""
-    from shefex_nav.verify import bound as bounds_module
-    from shefex_nav.verify import consistency
-    from shefex_nav.verify.flown import PHASES
-
-    m = min(len(run.t_s) for run in runs)
-    t_s, phase = runs[0].t_s[:m], runs[0].phase[:m]
-    known = []
-    for which in range(2):
-        traces = [np.stack(bounds_module.sigmas(one[which]), axis=1)[:m] for one in bounds]
-        known.append(np.sqrt(np.mean(np.square(traces), axis=0)))
-    errors = {name: consistency.rms(some)[:m] for name, some in filters.items()}
-    print(f"\nrms error over the bound, {len(runs)} runs: position, velocity, attitude")
-    for p, name in enumerate(PHASES):
-        chosen = (phase == p) & settled(t_s, phase, p)
-        for label, error in errors.items():
-            ratio = [ratios(error, one, chosen) for one in known]
-            print(f"  {name:20s} {label:20s} {ratio[0]}   (gravity field known: {ratio[1]})")
-    return t_s, phase, known, errors
-
-
-def settled(t_s, phase, p):
-    """Epochs that come `PHASE_STARTS_AFTER_S` after the begin of their stretch of a phase."""
-    inside = phase == p
-    begins = np.flatnonzero(inside & ~np.concatenate([[False], inside[:-1]]))
-    since = np.full(len(t_s), np.inf)
-    for k in begins:
-        since[k:] = t_s[k:] - t_s[k]
-    return since >= PHASE_STARTS_AFTER_S
-
-
-def ratios(error, bound, chosen):
-    """rms over the chosen epochs of the error over that of the bound, three quantities, as text."""
-    value = np.sqrt((error[chosen] ** 2).mean(axis=0) / (bound[chosen] ** 2).mean(axis=0))
-    return "  ".join(f"{one:5.3f}" for one in value)
+    print(f"\n{title}: rms error over the bound (in brackets: if gravity is known)")
+    for phase, values in over_bound.ratios(found).items():
+        both = zip(values["ratio"], values["ratio_known"], strict=True)
+        ratio = "   ".join(f"{one:6.3f} ({other:6.3f})" for one, other in both)
+        error = "  ".join(f"{one:.3g}" for one in values["error"] * [1.0, 1.0, 180.0 / np.pi])
+        print(f"  {phase:20s} position, velocity, attitude {ratio}   errors {error} m, m/s, deg")
 
 
 def commit():
@@ -187,47 +135,42 @@ def main(argv=None):
 
 
 def judge(options, jobs):
-    from shefex_nav.verify import consistency, consistency_figures, flown
+    from shefex_nav.verify import consistency, consistency_figures, flown, over_bound
 
     results = in_parallel(follow, jobs, options.jobs, "filter and bound")
-    runs, bounds = [one[0] for one in results], [one[1] for one in results]
+    runs, pairs = [one[0] for one in results], [one[1] for one in results]
     print(f"{Path(options.scenario).name}, seeds {jobs[0]['seed']} to {jobs[-1]['seed']}, code {commit()}")
     rejected = {name: sum(run.rejected.get(name, 0) for run in runs) for name in runs[0].nis}
     print(f"refused by the gate: {rejected}")
     rng = np.random.default_rng(0)
-    first = jobs[0] | {"seed": options.representative}
-    fixes = flown.load(fixes_path(first))
-    one, histories = consistency.of_run(scenario_of(first), first["seed"], fixes, rng=rng)
-    apart = np.abs(histories.P / one.P - 1.0)[:, range(15), range(15)].max()
-    print(f"variances of the histories against the filter's own: {apart:.1e} apart at most")
+
+    def histories_of(job):
+        chosen = job | {"seed": options.representative}
+        fixes = flown.load(fixes_path(chosen))
+        one, histories = consistency.of_run(scenario_of(chosen), chosen["seed"], fixes, rng=rng)
+        ratio = np.diagonal(histories.P, axis1=1, axis2=2) / np.diagonal(one.P, axis1=1, axis2=2)
+        print(f"\nvariances of the histories within {np.abs(ratio - 1.0).max():.1%} of the filter's own")
+        return histories
+
+    histories = histories_of(jobs[0])
     verdicts = consistency.judge(runs, histories, rng)
     print_verdicts("default filter", verdicts)
-
-    filters = {"default": runs}
+    found = {"default": over_bound.curves(runs, pairs)}
     for text in options.filter:
         name, _, override = text.partition(":")
-        others = [
-            job | {"overrides": (*job["overrides"], *override.split(";")), "bound": False} for job in jobs
-        ]
-        filters[name] = [run for run, _ in in_parallel(follow, others, options.jobs, name)]
-        print_verdicts(
-            f"filter {name} ({override})",
-            consistency.judge_nis(filters[name]) + consistency.judge_nees(filters[name], histories, rng),
-        )
+        overrides = (*jobs[0]["overrides"], *override.split(";"))
+        others = [job | {"overrides": overrides, "bound": False} for job in jobs]
+        filtered = [run for run, _ in in_parallel(follow, others, options.jobs, name)]
+        print_verdicts(f"{name} ({override})", consistency.judge(filtered, histories_of(others[0]), rng))
+        found[name] = over_bound.curves(filtered, pairs)
     if options.mistuned:
         others = [job | {"star_factor": 0.5, "bound": False} for job in jobs]
         mistuned = [run for run, _ in in_parallel(follow, others, options.jobs, "mistuned")]
         print_verdicts("star noise halved", consistency.judge(mistuned, histories, rng))
-    t_s, phase, known, errors = bound_table(runs, bounds, filters)
-    m = len(t_s)
-    sigmas = np.stack(
-        [sigma_trace([run.P[:m] for run in runs], block) for block in (flown.POS, flown.VEL, flown.ATT)],
-        axis=1,
-    )
+    for name, one in found.items():
+        print_ratios(name, one)
     consistency_figures.draw_nees(runs, options.folder / "nees.png")
-    consistency_figures.draw_bound(
-        t_s, phase, known[0], errors, sigmas, options.folder / "bound.png", runs=len(runs)
-    )
+    consistency_figures.draw_bound(found, options.folder / "bound.png", runs=len(runs))
     return 0 if all(one.good for one in verdicts) else 1
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.verify import bound_model, linear
-from shefex_nav.verify.bound_model import N_NAV, POS, PSI, VEL
+from shefex_nav.verify.bound_model import POS, PSI, VEL
 from shefex_nav.world import imu as world_imu
 
 OUTPUT_S = 0.5  # between the times at which the bound is given
@@ -270,8 +270,3 @@ def sigmas(bound):
     return tuple(
         np.sqrt(np.einsum("kii->k", P)) for P in (bound.position_i, bound.velocity_i, bound.attitude_b)
     )
-
-
-def errors_only(P):
-    """The part of a covariance that belongs to position, velocity and attitude, (9, 9)."""
-    return P[:N_NAV, :N_NAV]

@@ -145,15 +145,3 @@ def judge_containment(runs):
 def judge(runs, histories, rng):
     """All Verdicts of some runs."""
     return judge_nees(runs, histories, rng) + judge_nis(runs) + judge_containment(runs)
-
-
-def rms(runs):
-    """Root mean square error over the runs at their common epochs: (m, 3) m, m/s, rad, of vectors."""
-    m = min(len(run.t_s) for run in runs)
-    return np.stack(
-        [
-            np.sqrt(np.mean([(run.errors[:m, block] ** 2).sum(axis=1) for run in runs], axis=0))
-            for block in (flown.POS, flown.VEL, flown.ATT)
-        ],
-        axis=1,
-    )

@@ -62,24 +62,27 @@ def draw_nees(runs, path):
     figure.savefig(path, dpi=110)
 
 
-def draw_bound(t_s, phase, bound, errors, sigmas, path, *, runs):
+def draw_bound(found, path, *, runs):
     """The bound and the filters' errors over time, and their ratio.
 
-    t_s, phase : (m,);  bound : (m, 3) position m, velocity m/s, attitude rad, roots of traces
-    errors : dict name -> (m, 3) rms over runs;  sigmas : (m, 3) as the first of them reports
+    found : dict name of a filter -> over_bound.Curves, the first with its reported sigma;  runs : how many
     """
     figure = _figure(14.0, 9.0)
     axes = figure.subplots(2, 3, sharex=True, height_ratios=(2, 1))
     colours = ("#1f5fa8", "#d1622b", "#9c4f96")
+    first = next(iter(found.values()))
+    t_s = first.t_s
     for q, (name, unit, factor) in enumerate(QUANTITIES):
         top, bottom = axes[0, q], axes[1, q]
-        top.fill_between(t_s, 1e-9, factor * bound[:, q], color="0.87", lw=0)
-        top.plot(t_s, factor * bound[:, q], color="0.3", lw=1.2, label="bound")
-        top.plot(t_s, factor * sigmas[:, q], color=colours[0], lw=0.9, ls=(0, (4, 2)), label="reported sigma")
-        for (label, error), colour in zip(errors.items(), colours, strict=False):
-            top.plot(t_s, factor * error[:, q], color=colour, lw=0.9, label=f"rms error, {label}")
-            bottom.plot(t_s, error[:, q] / bound[:, q], color=colour, lw=0.9)
-        shown = factor * np.concatenate([bound[:, q], *(error[:, q] for error in errors.values())])
+        bound = first.bound[:, q]
+        top.fill_between(t_s, 1e-9, factor * bound, color="0.87", lw=0)
+        top.plot(t_s, factor * bound, color="0.3", lw=1.2, label="bound")
+        top.plot(t_s, factor * first.sigma[:, q], color="0.1", lw=0.9, ls=":", label="reported sigma")
+        for (label, one), colour in zip(found.items(), colours, strict=False):
+            m = min(len(one.t_s), len(t_s))
+            top.plot(t_s[:m], factor * one.error[:m, q], color=colour, lw=0.9, label=f"rms error, {label}")
+            bottom.plot(t_s[:m], one.error[:m, q] / bound[:m], color=colour, lw=0.9)
+        shown = factor * np.concatenate([bound, *(one.error[:, q] for one in found.values())])
         top.set_yscale("log")
         top.set_ylim(0.6 * np.percentile(shown, 0.5), 1.8 * shown.max())
         top.set_ylabel(f"{name} [{unit}]")
@@ -89,10 +92,9 @@ def draw_bound(t_s, phase, bound, errors, sigmas, path, *, runs):
         bottom.set_ylabel("rms error / bound")
         bottom.set_xlabel("time from lift-off [s]")
         for axis in (top, bottom):
-            _tidy(axis, t_s, phase)
+            _tidy(axis, t_s, first.phase)
     handles, _ = axes[0, 0].get_legend_handles_labels()
-    figure.suptitle(
-        f"Errors of {runs} runs and the posterior Cramer-Rao bound", x=0.01, ha="left", fontsize=13
-    )
+    title = f"Errors of {runs} runs and the posterior Cramer-Rao bound"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=13)
     _phase_legend(figure, handles)
     figure.savefig(path, dpi=110)
