@@ -14,6 +14,7 @@ import numpy as np
 from shefex_nav import prepare, simulate
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.navigation import fusion, solution
+from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, POS, VEL
 from shefex_nav.records import Detections, Reason, StarFix
 from shefex_nav.scenario import params
@@ -169,6 +170,11 @@ class Recorder:
     def __call__(self, what):
         """Take a fusion.Interval or a fusion.Correction, in the order of their instants."""
         if isinstance(what, fusion.Correction):
+            if what.fate == Fate.RESET:
+                raise ValueError(
+                    f"the filter forgot its {what.sensor} block at {what.t_s:.2f} s: there are no "
+                    "linear histories of such a run; choose another seed"
+                )
             update = linear.Update(what.t_s, what.fix.t_available_s, what.sensor, what.H, what.R)
             self.steps.append(update)
             return

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.onboard.navigation.fusion import Correction, Interval
+from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.records import Detections, StarFix, Trajectory
 from shefex_nav.scenario import load, params
 from shefex_nav.verify import consistency, flown, linear
@@ -96,7 +97,7 @@ def test_recorder_joins_the_ticks_between_updates_and_epochs():
         recorder(Interval(t_s - 0.01, t_s, None, None, Phi, Q, None, None, Imu))
         if n == 20:
             H, R = np.ones((1, 2)), np.ones((1, 1))
-            recorder(Correction(t_s, "gps_position", Fix, *none[:5], H, R, *none[:4]))
+            recorder(Correction(t_s, "gps_position", Fix, Fate.USED, *none[:4], H, R, *none[:4]))
     kinds = [type(step).__name__ for step in recorder.steps]
     assert kinds == ["Interval", "Update", "Interval", "Interval"]
     assert [step.t_s for step in recorder.steps] == pytest.approx([0.2, 0.2, 0.5, 1.0])
@@ -105,6 +106,8 @@ def test_recorder_joins_the_ticks_between_updates_and_epochs():
     joined = intervals[2].Phi @ intervals[1].Phi @ intervals[0].Phi
     assert joined == pytest.approx(product, rel=1e-12)
     assert recorder.vibration(np.array([0.5, 1.0])).tolist() == [0.25, 0.25]
+    with pytest.raises(ValueError, match="choose another seed"):
+        recorder(Correction(1.0, "star_tracker", Fix, Fate.RESET, *none[:4], H, R, *none[:4]))
 
 
 def steps_and_times():
