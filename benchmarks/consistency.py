@@ -130,7 +130,8 @@ def options_of(argv):
     parser.add_argument("--representative", type=int, default=0, help="seed whose matrices make the bounds")
     parser.add_argument("--histories", type=int, default=1000, help="simulated, for the bounds of the NEES")
     parser.add_argument("--bounds", type=int, default=10, help="seeds along which the bound is followed")
-    parser.add_argument("--fly-only", action="store_true")
+    parser.add_argument("--fly-only", action="store_true", help="judge later")
+    parser.add_argument("--flown", action="store_true", help="only seeds that have been flown already")
     parser.add_argument("--mistuned", action="store_true", help="also with half the star noise")
     return parser.parse_args(argv)
 
@@ -149,6 +150,9 @@ def main(argv=None):
     }
     seeds = range(options.first, options.first + options.seeds)
     jobs = [base | {"seed": seed, "bound": k < options.bounds} for k, seed in enumerate(seeds)]
+    if options.flown:
+        jobs = [job for job in jobs if fixes_path(job).exists()]
+        jobs = [job | {"bound": k < options.bounds} for k, job in enumerate(jobs)]
     in_parallel(fly, [job for job in jobs if not fixes_path(job).exists()], options.jobs, "flown")
     if options.fly_only:
         return 0
@@ -160,7 +164,7 @@ def judge(options, jobs):
 
     results = in_parallel(follow, jobs, options.jobs, "filters and bounds")
     pairs = [pair for _, pair in results if pair is not None]
-    print(f"{Path(options.scenario).name}, seeds {jobs[0]['seed']} to {jobs[-1]['seed']}, code {commit()}")
+    print(f"{Path(options.scenario).name}, code {commit()}, {len(jobs)} seeds: {[j['seed'] for j in jobs]}")
     rng, found, histories, good = np.random.default_rng(0), {}, None, True
     for name, (overrides, _) in jobs[0]["filters"].items():
         runs = [one[name] for one, _ in results]
