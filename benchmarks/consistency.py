@@ -165,6 +165,8 @@ def judge(options, jobs):
     results = in_parallel(follow, jobs, options.jobs, "filters and bounds")
     pairs = [pair for _, pair in results if pair is not None]
     print(f"{Path(options.scenario).name}, code {commit()}, {len(jobs)} seeds: {[j['seed'] for j in jobs]}")
+    codes = {flown.made_by(fixes_path(job))["code"] for job in jobs}
+    print(f"frames flown by {', '.join(sorted(codes))}")
     rng, found, histories, good = np.random.default_rng(0), {}, None, True
     for name, (overrides, _) in jobs[0]["filters"].items():
         runs = [one[name] for one, _ in results]

@@ -67,6 +67,12 @@ def save(path, fixes, head):
     part.replace(path)
 
 
+def made_by(path):
+    """The head of a file of fixes: what made it. Path -> dict"""
+    with np.load(path, allow_pickle=False) as archive:
+        return json.loads(str(archive["head"]))
+
+
 def load(path, head=None):
     """The fixes of a file; ValueError if it was made by something else than `head`. Path, dict -> list"""
     with np.load(path, allow_pickle=False) as archive:

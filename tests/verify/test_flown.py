@@ -30,6 +30,7 @@ def test_kept_fixes_come_back(tmp_path, counts):
     rng = np.random.default_rng(0)
     fixes = [star_fix(rng, k, count) for k, count in enumerate(counts)]
     flown.save(tmp_path / "fixes.npz", fixes, {"code": "abc"})
+    assert flown.made_by(tmp_path / "fixes.npz") == {"code": "abc"}
     again = flown.load(tmp_path / "fixes.npz", {"code": "abc"})
     assert len(again) == len(fixes)
     for one, other in zip(fixes, again, strict=True):
