@@ -22,8 +22,10 @@ from shefex_nav.records import (
     FrameTruth,
     GateResult,
     GpsFix,
+    GpsRanges,
     ImuBlock,
     NavCovariance,
+    NavHealth,
     NavSolution,
     StarFix,
     TruthSample,
@@ -43,9 +45,11 @@ class RunData(NamedTuple):
     commands: CameraCommand  # arrays
     compute_times: ComputeTime  # arrays
     gps: list[GpsFix]
+    gps_ranges: list[GpsRanges]
     star_fixes: list[StarFix]
     frame_truths: list[FrameTruth]
     gates: list[GateResult]
+    health: list[NavHealth]
     events: list[Event]
     alignment: Alignment | None
     summary: RunSummary | None
@@ -65,9 +69,11 @@ ARRAYS = {
 }
 LISTS = {
     GpsFix: "gps",
+    GpsRanges: "gps_ranges",
     StarFix: "star_fixes",
     FrameTruth: "frame_truths",
     GateResult: "gates",
+    NavHealth: "health",
     Event: "events",
 }
 _TOPIC = {topic.record: topic for topic in TOPICS}

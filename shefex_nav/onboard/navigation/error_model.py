@@ -197,7 +197,7 @@ def vibration_level(params, block):
 
 
 @njit(cache=True)
-def noise_densities(model, saturated, vibration, duration_s, dtheta, dv, across_angle):
+def noise_densities(model, vibration, duration_s, dtheta, dv, across_angle):
     """White noise that stands for everything which is not a state.
 
     An error of sigma s that keeps its sign for a time tau (Gauss-Markov) has the density
@@ -208,7 +208,7 @@ def noise_densities(model, saturated, vibration, duration_s, dtheta, dv, across_
     Parameters
     ----------
     model : row of a `record`
-    saturated, vibration : of the ImuWindow
+    vibration : of the ImuWindow
     duration_s, dtheta, dv, across_angle : s, rad and m/s as three numbers, rad: passed through in all, the
         last the angle by which the roll axis was turned
 
@@ -235,9 +235,6 @@ def noise_densities(model, saturated, vibration, duration_s, dtheta, dv, across_
     held = 1.0 / (1.0 + (rate * model.gravity_time_s) ** 2)
     accel_white = model.accel_random_walk**2 + 2.0 * (1.0 - held) * model.gravity**2 * model.gravity_time_s
     bias_walk = model.accel_bias_walk**2 + model.gravity**2 * (2.0 / FIELD_TIME_S + held * rate)
-    if saturated:  # an error of unknown sign in every interval at the range
-        gyro_white += model.saturated_rate**2 * duration_s
-        accel_white += model.saturated_acceleration**2 * duration_s
     along = gyro_white + slow * gyro, accel_white + slow * accel
     across = gyro_white + spun * gyro, accel_white + spun * accel
     return along, across, bias_walk
