@@ -100,6 +100,7 @@ class ImuBlock(NamedTuple):
     dtheta_b: np.ndarray  # (n, 3) rad, integrated rate
     dv_b: np.ndarray  # (n, 3) m/s, integrated specific force
     saturated: bool  # a sample of this block reached the range of its sensor
+    valid: bool = True  # False: the unit did not answer, its increments are NaN
 
 
 class GpsFix(NamedTuple):
@@ -242,6 +243,24 @@ class GateResult(NamedTuple):
     innovation: np.ndarray  # (dof,)
 
 
+class NavHealth(NamedTuple):
+    """Change in what the navigation thinks of a sensor, or of an axis of one."""
+
+    t_s: float  # when it was noticed
+    source: str  # 'gyro x', 'accelerometer z', 'imu', 'gps', 'gps_position', 'star_tracker' ...
+    healthy: bool
+    reason: str  # why not; empty when healthy again
+
+
+class Doubt(IntEnum):
+    """Why the solution must not be used; NONE when it may."""
+
+    NONE = 0
+    ATTITUDE = 1  # its protection level exceeds what the mission requires
+    CONTRADICTED = 2  # a sensor contradicts it, and nothing says which of the two is wrong
+    IMU = 3  # rates or specific force of the moment are not measured
+
+
 class NavSolution(NamedTuple):
     """What the canard controller gets, 100 times a second."""
 
@@ -264,6 +283,9 @@ class NavSolution(NamedTuple):
     sigma_angle_of_attack: float  # rad
     sigma_sideslip: float  # rad
     star_aided: bool  # a star fix has been used since the start
+    protection_b: np.ndarray = np.full(3, np.nan)  # (3,) rad, protection level of the attitude
+    do_not_use: bool = False
+    doubt: int = int(Doubt.NONE)  # Doubt, why not
 
 
 class NavCovariance(NamedTuple):

@@ -25,6 +25,7 @@ from shefex_nav.records import (
     GpsRanges,
     ImuBlock,
     NavCovariance,
+    NavHealth,
     NavSolution,
     StarFix,
     TruthSample,
@@ -48,6 +49,7 @@ class RunData(NamedTuple):
     star_fixes: list[StarFix]
     frame_truths: list[FrameTruth]
     gates: list[GateResult]
+    health: list[NavHealth]
     events: list[Event]
     alignment: Alignment | None
     summary: RunSummary | None
@@ -71,6 +73,7 @@ LISTS = {
     StarFix: "star_fixes",
     FrameTruth: "frame_truths",
     GateResult: "gates",
+    NavHealth: "health",
     Event: "events",
 }
 _TOPIC = {topic.record: topic for topic in TOPICS}

@@ -25,6 +25,7 @@ from shefex_nav.records import (
     Alignment,
     CameraCommand,
     ControlSample,
+    Doubt,
     Event,
     Frame,
     FrameTruth,
@@ -33,6 +34,7 @@ from shefex_nav.records import (
     GpsRanges,
     ImuBlock,
     NavCovariance,
+    NavHealth,
     NavSolution,
     Phase,
     Reason,
@@ -171,6 +173,7 @@ TOPICS = (
         _number("dtheta_b_rad", "dtheta_b", "integrated rate, body axes, 4 x 3 row by row [rad]", (4, 3)),
         _number("dv_b_m_s", "dv_b", "integrated specific force, body axes, 4 x 3 row by row [m/s]", (4, 3)),
         _flag("saturated", "saturated", "a sample reached the range of its sensor"),
+        _flag("valid", "valid", "false: the unit did not answer, the samples are NaN"),
     )),
     Topic(GpsFix, "/gps/fix", "GpsFix", 1, "t_valid_s", "Position and velocity of the GPS antenna a.", (
         T_VALID,
@@ -227,6 +230,9 @@ TOPICS = (
         _number("sigma_angle_of_attack_rad", "sigma_angle_of_attack", "standard deviation [rad]"),
         _number("sigma_sideslip_rad", "sigma_sideslip", "standard deviation [rad]"),
         _flag("star_aided", "star_aided", "a star fix has been used since the start"),
+        _vector("protection_b_rad", "protection_b", "protection level of the attitude, body axes [rad]"),
+        _flag("do_not_use", "do_not_use", "the solution must not be used"),
+        Field("doubt", "doubt", Doubt, (), "why not"),
     )),
     Topic(NavCovariance, "/nav/covariance", "NavCovariance", 10, "t_s", "Covariance, calibration states.", (
         T_S,
@@ -250,6 +256,12 @@ TOPICS = (
         _flag("accepted", "accepted", "used by the filter"),
         _text("note", "note", "what else happened"),
         _number("innovation", "innovation", "GPS: [m] or [m/s]; star tracker: [rad]", (-1,)),
+    )),
+    Topic(NavHealth, "/nav/health", "NavHealth", None, "t_s", "What the navigation thinks of a sensor.", (
+        T_S,
+        _text("source", "source", "sensor, or axis of one"),
+        _flag("healthy", "healthy", "whether it is used again"),
+        _text("reason", "reason", "why it is not"),
     )),
     Topic(Frame, "/star_tracker/frame", "FrameInfo", 10, "t_valid_s", "One picture, without its pixels.", (
         _integer("number", "number", "of the frame"),

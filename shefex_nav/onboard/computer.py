@@ -109,9 +109,10 @@ def conclude(nav, ticks, gps_fixes, star_fixes):
     """
     outputs = []
     if star_fixes or gps_fixes:
-        arrivals = sensors.gps_arrivals(nav.params, gps_fixes)
-        arrivals += [("star_tracker", fix) for fix in star_fixes]
+        stars = [("star_tracker", fix) for fix in star_fixes]
+        arrivals = sensors.gps_arrivals(nav.params, gps_fixes) + stars
         outputs += fusion.fuse(nav, arrivals)
+    outputs += nav.watch.changes()
     outputs.append(solution.solution(nav))
     if ticks % COVARIANCE_TICKS == 0:
         outputs.append(solution.covariance(nav))

@@ -2,7 +2,7 @@
 
 import math
 
-from shefex_nav.scenario import checks_flight, checks_gps, checks_tracker, checks_vehicle
+from shefex_nav.scenario import checks_flight, checks_gps, checks_tracker, checks_vehicle, faults
 from shefex_nav.scenario.checks_flight import seconds
 
 REPORT_RATE = 10.0  # Hz, of the logged covariance, which reports want on whole seconds
@@ -23,8 +23,9 @@ def cross_check(scenario, rated=None):
         *_sensors(scenario),
         *checks_gps.contradictions(scenario),
         *_camera(scenario.star_camera),
-        *_states(scenario.navigation.states),
+        *states_that_clash(scenario.navigation.states),
         *checks_tracker.contradictions(scenario),
+        *faults.contradictions(scenario),
     ]
 
 
@@ -59,8 +60,8 @@ def _sensors(scenario):
         yield ("imu", "vibration", "boost"), words
 
 
-def _states(names):
-    """Blocks of states of the filter that go together."""
+def states_that_clash(names):
+    """(path, words) of blocks of states of the filter that do not go together."""
     from shefex_nav.onboard.navigation.state import LayoutError, layout
 
     try:

@@ -6,7 +6,7 @@ sections that also drive the simulated sensors, unless `navigation.sensors` says
 
 import numpy as np
 
-from shefex_nav.scenario.params import mounting
+from shefex_nav.scenario.params import IMU_RATE, mounting
 from shefex_nav.scenario.params_gps import clock_densities
 
 SLANT_IONOSPHERE = 6.0  # m [E], at mid elevation
@@ -187,6 +187,7 @@ def nav_params(scenario):
         gps_agreement=navigation.gps_agreement,
         history_s=navigation.history,
         motors=_motors(scenario),
+        integrity=_integrity(scenario),
         states=tuple(navigation.states),
         clock_white=_given(sensors.clock_white_frequency, float(np.sqrt(white))),
         clock_walk=_given(sensors.clock_random_walk, float(np.sqrt(walk))),
@@ -218,6 +219,28 @@ def _sigma_blocks(scenario):
         "range_bias": (_range_bias(scenario),) * OPTIONAL["range_bias"],
     }
     return {name: np.array(known[name]) for name in scenario.navigation.states}
+
+
+def _integrity(scenario):
+    """IntegrityParams of a scenario."""
+    from shefex_nav.onboard.navigation import integrity_imu, integrity_protection, integrity_watch
+    from shefex_nav.onboard.navigation.state import ReleaseRule
+
+    section, dt_s = scenario.navigation.integrity, 1.0 / IMU_RATE
+    triads = (scenario.imu.gyro, scenario.imu.accelerometer)
+    return integrity_watch.IntegrityParams(
+        imu=integrity_imu.ImuRules(
+            repeats=np.array(
+                [integrity_imu.repeats(triad.random_walk * np.sqrt(dt_s), triad.quantum) for triad in triads]
+            ),
+            range=np.array([triad.range for triad in triads]),
+            wrong=np.array([scenario.navigation.saturated_rate, scenario.navigation.saturated_acceleration]),
+            change=np.array([section.angular_acceleration, section.thrust_change]),
+        ),
+        wanted=integrity_protection.requirement(section.attitude, section.risk),
+        wrong_star_fix=section.wrong_star_fix,
+        release_gps_jump=ReleaseRule(section.gps_jump.rejections, section.gps_jump.duration),
+    )
 
 
 def _range_bias(scenario):

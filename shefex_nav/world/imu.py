@@ -87,6 +87,7 @@ class ImuData(NamedTuple):
     dv_b: np.ndarray  # (N, 3) m/s
     saturated: np.ndarray  # (N,) bool
     errors: ImuErrors
+    missing: np.ndarray | None = None  # (N,) bool, the unit did not answer; None: it always did
 
 
 def measure(params, trajectory, rng):
@@ -110,14 +111,14 @@ def measure(params, trajectory, rng):
     dtheta_b = _apply(response, trajectory.dtheta_b)
     _add_response(dtheta_b, errors.gyro_g_sensitivity, trajectory.dv_b)
     _add_bias(dtheta_b, errors.gyro_bias, errors.gyro_vibration_rectification, rms, dt_s)
-    _add_vibration(dtheta_b, params, params.vibration_rate * rms, dt_s, rng)
+    add_vibration(dtheta_b, params, params.vibration_rate * rms, dt_s, rng)
     _add_in_run_bias(dtheta_b, params.gyro_bias_in_run, params.gyro_bias_tau_s, dt_s, rng)
     _add_random_walk(dtheta_b, params.gyro_random_walk, dt_s, rng)
 
     response = _response(errors.accel_scale_factor, errors.accel_misalignment)
     dv_b = _apply(response, trajectory.dv_b)
     _add_bias(dv_b, errors.accel_bias, errors.accel_vibration_rectification, rms, dt_s)
-    _add_vibration(dv_b, params, rms, dt_s, rng)
+    add_vibration(dv_b, params, rms, dt_s, rng)
     _add_in_run_bias(dv_b, params.accel_bias_in_run, params.accel_bias_tau_s, dt_s, rng)
     _add_random_walk(dv_b, params.accel_random_walk, dt_s, rng)
 
@@ -169,7 +170,8 @@ def quantise(increments, quantum):
 def blocks(data):
     """The samples as the on-board computer gets them: one ImuBlock of four per 100 Hz tick.
 
-    Block n (n >= 1) ends at sample 4n; the arrays are views into `data`. Yields ImuBlock.
+    Block n (n >= 1) ends at sample 4n; the arrays are views into `data`. A block of which a sample is missing
+    is not valid as a whole. Yields ImuBlock.
     """
     n = (len(data.t_s) - 1) // SAMPLES_PER_BLOCK
     used = slice(1, 1 + n * SAMPLES_PER_BLOCK)
@@ -177,9 +179,19 @@ def blocks(data):
     ends_s = data.t_s[used][SAMPLES_PER_BLOCK - 1 :: SAMPLES_PER_BLOCK].tolist()
     dtheta_b = data.dtheta_b[used].reshape(n, SAMPLES_PER_BLOCK, 3)
     dv_b = data.dv_b[used].reshape(n, SAMPLES_PER_BLOCK, 3)
-    saturated = data.saturated[used].reshape(n, SAMPLES_PER_BLOCK).any(axis=1).tolist()
-    for t_s, dtheta, dv, at_range in zip(ends_s, dtheta_b, dv_b, saturated, strict=True):
-        yield ImuBlock(t_s, t_s, float(dt_s), dtheta, dv, at_range)
+    saturated = _any_of_block(data.saturated[used])
+    missing = [False] * n if data.missing is None else _any_of_block(data.missing[used])
+    for t_s, dtheta, dv, at_range, lost in zip(ends_s, dtheta_b, dv_b, saturated, missing, strict=True):
+        if lost:
+            nothing = np.full((SAMPLES_PER_BLOCK, 3), np.nan)
+            yield ImuBlock(t_s, t_s, float(dt_s), nothing, nothing, False, False)
+        else:
+            yield ImuBlock(t_s, t_s, float(dt_s), dtheta, dv, at_range)
+
+
+def _any_of_block(flags):
+    """Whether one of the samples of each block is flagged. (n SAMPLES_PER_BLOCK,) bool -> list of n bool"""
+    return flags.reshape(-1, SAMPLES_PER_BLOCK).any(axis=1).tolist()
 
 
 def _response(scale_factor, misalignment):
@@ -231,7 +243,7 @@ def _add_random_walk(increments, sigma, dt_s, rng):
         increments[piece] += sigma * np.sqrt(dt_s) * rng.standard_normal(increments[piece].shape)
 
 
-def _add_vibration(increments, params, rms, dt_s, rng):
+def add_vibration(increments, params, rms, dt_s, rng):
     """Add what the vibration makes, in place. (N, 3), (N,) rms of what the increments integrate."""
     from scipy.signal import butter, sosfilt
 

@@ -13,6 +13,7 @@ STREAMS = {
     "camera_noise": 5,  # shot, dark and read noise of every frame
     "attitude_control": 6,  # errors of the reference by which the cold-gas system steers
     "gps_errors": 7,  # of ranges, as far as they last; receiver clock, reacquisition
+    "faults": 8,  # wrong star fixes
 }
 
 

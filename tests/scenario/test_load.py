@@ -244,7 +244,7 @@ def test_schema_holds_together():
             assert reference.removeprefix("#/$defs/") in blocks
             assert reference.endswith(".partial") == name.endswith(".partial")
         assert block["additionalProperties"] is False
-        optional = {"SensorOverrides", "Atmosphere"}
+        optional = {"SensorOverrides", "Atmosphere", "Faults"}
         assert name.endswith(".partial") is not ("required" in block) or name in optional
     needed = {name for name, field in Scenario.model_fields.items() if field.is_required()}
     assert set(blocks["Scenario"]["required"]) == needed

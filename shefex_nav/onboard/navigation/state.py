@@ -16,7 +16,7 @@ What the sensors of the IMU measure, with the blocks of their errors::
                + gyro_bias T + gyro_g_sensitivity dv
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -212,6 +212,7 @@ class NavParams(NamedTuple):
     range_bias_sigma: float = 0.0  # m, of the block range_bias in the long run
     range_bias_time_s: float = np.inf  # its correlation time
     gps: str = "loose"  # GPS by its fixes; "tight": by the ranges of its channels
+    integrity: Any = None  # integrity_watch.IntegrityParams; None: nothing is expected of IMU and solution
 
 
 def initial(params, order, alignment):
