@@ -100,7 +100,8 @@ def conclude(nav, ticks, gps_fixes, star_fixes):
     ----------
     nav : fusion.Filter
     ticks : of this run, this one included
-    gps_fixes, star_fixes : what has become available, star fixes with an attitude only
+    gps_fixes : GpsFix and GpsRanges that have become available
+    star_fixes : StarFix likewise, those with an attitude only
 
     Returns
     -------

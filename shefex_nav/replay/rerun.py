@@ -17,6 +17,9 @@ from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.state import NavParams
 from shefex_nav.records import ControlSample, Event, FrameTruth, Reason, TruthSample
+from shefex_nav.replay import load as external_load
+from shefex_nav.replay import params as external_params
+from shefex_nav.report import local_level
 from shefex_nav.scenario import load, params_onboard
 
 CHANGEABLE = "navigation."  # what of a scenario may be changed after the flight
@@ -65,16 +68,26 @@ def open_log(log_path, overrides=()):
             )
     data = reader.read(log_path)
     _check(log_path, data)
-    scenario = load.load_text(data.mission.scenario_text, f"{log_path}: {ATTACHMENT}", overrides)
+    nav_params, source = _configuration(data, f"{log_path}: {ATTACHMENT}", overrides)
     ticks_s = data.imu.t_valid_s
     return Recording(
         path=str(log_path),
         data=data,
-        params=params_onboard.nav_params(scenario),
-        scenario_text=scenario.source,
-        gps=arrivals(data.gps, ticks_s),
+        params=nav_params,
+        scenario_text=source,
+        gps=_merged(arrivals(data.gps, ticks_s), arrivals(data.gps_ranges, ticks_s)),
         stars=arrivals(sorted(data.star_fixes, key=lambda fix: fix.t_available_s), ticks_s),
     )
+
+
+def _configuration(data, name, overrides):
+    """(NavParams, scenario text) of a log: that of a mission, or of a replay of external data."""
+    text = data.mission.scenario_text
+    if local_level.is_replay(data):
+        scenario = external_load.load_text(text, name, overrides)
+        return external_params.nav_params(scenario, float(data.imu.dt_s[0])), scenario.source
+    scenario = load.load_text(text, name, overrides)
+    return params_onboard.nav_params(scenario), scenario.source
 
 
 def _check(log_path, data):
@@ -114,6 +127,11 @@ def arrivals(measurements, ticks_s):
     ):
         due.setdefault(tick, []).append(measurement)
     return due
+
+
+def _merged(one, two):
+    """Two dictionaries of `arrivals` as one: in each tick the records of the first come first."""
+    return {k: one.get(k, []) + two.get(k, []) for k in one.keys() | two.keys()}
 
 
 def start(recording):

@@ -32,7 +32,9 @@ class Smoothed(NamedTuple):
     """What comes out."""
 
     filtered: RunData  # of the filter as it was run, on board or configured otherwise
-    smoothed: RunData  # the same with NavSolution and NavCovariance of the smoother
+    # the same with NavSolution and NavCovariance of the smoother; how far the solution can be trusted, which
+    # is judged on board, is what the filter said of its own
+    smoothed: RunData
 
 
 class Copy(NamedTuple):
@@ -59,6 +61,8 @@ def run(recording, progress=lambda share: None):
     copies, filtered = forward(recording, lambda k: progress(0.5 * k / n))
     star_aided = any(gate.accepted and gate.sensor.startswith("star") for gate in filtered.gates)
     nav, covariance = backward(recording, copies, star_aided, lambda k: progress(1.0 - 0.5 * k / n))
+    judged = NavSolution._fields[NavSolution._fields.index("star_aided") + 1 :]
+    nav = nav._replace(**{name: getattr(filtered.nav, name) for name in judged})
     return Smoothed(filtered, filtered._replace(nav=nav, covariance=covariance))
 
 
@@ -146,9 +150,24 @@ def _before(step, adjoint, layout):
     G = np.eye(layout.n)
     G[ATT, ATT] = step.G
     adjoint = smoother.before_update(adjoint, step.P_forgotten, step.z, step.H, step.R, G)
-    if step.fate == Fate.RESET:
-        sensor = SENSORS[step.sensor]
-        for name in (sensor.block, *sensor.with_it):
-            if layout.places[name] is not None:
-                adjoint = smoother.before_forgetting(adjoint, layout.places[name])
+    for block in _forgotten(step, layout):
+        adjoint = smoother.before_forgetting(adjoint, block)
     return adjoint
+
+
+def _forgotten(step, layout):
+    """Blocks that a reset drew anew before a Correction: all ties to other errors are cut.
+
+    A reset that only admits an error of its own, P + sigma^2 I, is noise and needs nothing here.
+    """
+    if step.fate != Fate.RESET:
+        return
+    sensor = SENSORS[step.sensor]
+    for name in (sensor.block, *sensor.with_it):
+        block = layout.places[name]
+        if block is None or np.array_equal(step.P[block], step.P_forgotten[block]):
+            continue
+        others = np.ones(layout.n, dtype=bool)
+        others[block] = False
+        if not np.any(step.P_forgotten[block][:, others]):
+            yield block

@@ -116,14 +116,15 @@ def _table(summary):
     """rich Table: filtered and smoothed RMS by part of the flight."""
     from rich.table import Table
 
-    title = f"{summary['scenario']}, seed {summary['seed']}: RMS error, filtered -> smoothed"
+    what = "RMS errors in m, m/s and deg, filtered -> smoothed"
+    title = f"{summary['scenario']}, seed {summary['seed']}: {what}"
     table = Table(title=title, title_justify="left")
     table.add_column("part", no_wrap=True)
-    table.add_column("from T [s]", justify="right")
-    for heading in ("position [m]", "velocity [m/s]", "attitude [deg]", "NEES of 9"):
+    table.add_column("from T", justify="right")
+    for heading in ("position", "velocity", "attitude", "NEES of 9"):
         table.add_column(heading, justify="right", no_wrap=True)
     for row in summary["parts"]:
-        cells = [f"{row['from_s']:+.1f}"]
+        cells = [f"{row['from_s']:+.1f} s"]
         for name, digits in (("position_m", 2), ("velocity_m_s", 4), ("attitude_deg", 4)):
             before, after = row["filtered"][name], row["smoothed"][name]
             cells.append(f"{before:.{digits}f} -> {after:.{digits}f}")

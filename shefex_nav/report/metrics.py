@@ -30,7 +30,7 @@ import numpy as np
 
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.records import Phase, Reason
-from shefex_nav.report import geodesic, trust
+from shefex_nav.report import geodesic, local_level, trust
 from shefex_nav.report.pairing import SAME_TIME_S, same_times
 from shefex_nav.report.track import earth_fixed
 
@@ -88,15 +88,17 @@ def star_errors(data):
     )
 
 
-def summarise(data, *, log=None):
+def summarise(data, *, log=None, from_s=None):
     """The summary object of a RunData: plain dict of numbers, texts and None, ready for JSON.
 
-    `log` is the path that the object names.
+    `log` is the path that the object names. A replay of external data, or whoever names a mission time
+    `from_s`, gets the errors in local level axes from then on as well (`local_level`).
     """
     truth = data.truth
     track = earth_fixed(data.mission.earth, truth)
     entry = entry_index(truth.t_s, track.height)
-    simulated_s = float(truth.t_s[-1] - truth.t_s[0]) if len(truth.t_s) else None
+    t_s = truth.t_s if len(truth.t_s) else data.nav.t_s
+    simulated_s = float(t_s[-1] - t_s[0]) if len(t_s) else None
     wall_s = data.summary.wall_s if data.summary else None
     result = {
         "scenario": data.mission.scenario,
@@ -113,6 +115,8 @@ def summarise(data, *, log=None):
         "star_tracker": _star_tracker(data),
         "navigation": _navigation(data, track.height, entry),
     }
+    if from_s is not None or local_level.is_replay(data):
+        result["navigation"] |= local_level.summarise(data, from_s)
     return _without_nan(result)
 
 

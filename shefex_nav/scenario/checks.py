@@ -23,7 +23,7 @@ def cross_check(scenario, rated=None):
         *_sensors(scenario),
         *checks_gps.contradictions(scenario),
         *_camera(scenario.star_camera),
-        *_states(scenario.navigation.states),
+        *states_that_clash(scenario.navigation.states),
         *checks_tracker.contradictions(scenario),
         *faults.contradictions(scenario),
     ]
@@ -60,8 +60,8 @@ def _sensors(scenario):
         yield ("imu", "vibration", "boost"), words
 
 
-def _states(names):
-    """Blocks of states of the filter that go together."""
+def states_that_clash(names):
+    """(path, words) of blocks of states of the filter that do not go together."""
     from shefex_nav.onboard.navigation.state import LayoutError, layout
 
     try:

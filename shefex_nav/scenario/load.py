@@ -34,15 +34,49 @@ def load(path, overrides=()):
     return _validated(tree, places, files, overrides)
 
 
+def load_as(model, path, overrides=()):
+    """The YAML file at `path` as another `model` than a mission by the same rules: `extends`, `--set`, units.
+
+    Returns
+    -------
+    loaded : instance of the model
+    places : messages.Places of its keys and values
+    source : YAML text with everything in it
+
+    Raises ScenarioError as `load` does.
+    """
+    return _validated_as(model, *_extended(os.fspath(path), (), {}), overrides)
+
+
+def load_text_as(model, text, name, overrides=()):
+    """The same of a text that needs no other file; complaints call it `name`."""
+    return _validated_as(model, *_whole(text, name), overrides)
+
+
+def _validated_as(model, tree, places, overrides):
+    """What `load_as` returns, of a merged tree."""
+    _override(tree, places, overrides)
+    try:
+        loaded = model.model_validate(tree)
+    except ValidationError as error:
+        raise _sorted_error(messages.lines(model, error, places)) from None
+    return loaded, places, _normalised(tree)
+
+
 def load_text(text, name, overrides=()):
     """Scenario of a text that needs no other file, such as a log keeps; complaints call it `name`.
 
     Raises ScenarioError as `load` does.
     """
+    return _validated(*_whole(text, name), {name: text}, overrides)
+
+
+def _whole(text, name):
+    """(tree, places) of a text that needs no other file."""
     own = _parsed(text, name)
     places = messages.Places(own.values[()])
     places.put((), own.keys, own.values)
-    return _validated(own.tree, places, {name: text}, overrides)
+    return own.tree, places
 
 
 def _validated(tree, places, files, overrides):

@@ -18,6 +18,14 @@ from shefex_nav.scenario import load, params_onboard
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
 END_S = 30.0
+# the errors of this flight are those that the filter estimates, and white noise
+SIMPLE = (
+    "imu.vibration.boost=[0 gee, 0 gee]",
+    "imu.gyro.g_sensitivity=0 deg/h/gee",
+    "imu.gyro.scale_factor=0 ppm",
+    "imu.accelerometer.scale_factor=0 ppm",
+    "navigation.gravity_error=0 ugee",
+)
 NOTHING = Detections(np.empty((0, 2)), np.empty(0), np.empty(0, int), np.empty(0, int), np.empty((0, 2, 2)))
 
 
@@ -49,15 +57,32 @@ def mission(scenario, options):
     )
 
 
-def fixes(flight, options):
+def measured(blocks, params, rng):
+    """ImuBlocks with errors drawn as the filter expects them: biases, roll column, white noise."""
+    gyro_bias = params.sigma_gyro_bias * rng.standard_normal(3)
+    accel_bias = params.sigma_accel_bias * rng.standard_normal(3)
+    roll_column = params.sigma_blocks["gyro_roll_column"] * rng.standard_normal(3)
+    for block in blocks:
+        dt, root = block.dt_s, np.sqrt(block.dt_s)
+        noise = rng.standard_normal((2, 4, 3))
+        yield block._replace(
+            dtheta_b=block.dtheta_b
+            + block.dtheta_b[:, :1] * roll_column
+            + gyro_bias * dt
+            + params.imu.gyro_random_walk * root * noise[0],
+            dv_b=block.dv_b + accel_bias * dt + params.imu.accel_random_walk * root * noise[1],
+        )
+
+
+def fixes(flight, params, options, rng):
     """GPS every second, 0.2 s late; stars at 10 Hz, 0.09 s late, every seventh frame in vain."""
-    rng = np.random.default_rng(options.seed)
     gps = [gps_fix(*flight, float(t), 0.2, rng) for t in range(1, round(END_S))]
     moved = np.array([options.gps_moved_m, 0.0, 0.0])
     gps = [fix._replace(r_ea_e=fix.r_ea_e + moved) if fix.t_valid_s >= 10.0 else fix for fix in gps]
+    mounting = params.sigma_blocks["mounting"] * rng.standard_normal(3)
     stars = []
     for number, t_s in enumerate(np.arange(options.stars_s[0] + 0.013, options.stars_s[1], 0.1)):
-        fix = star_fix(*flight, float(t_s), 0.09, rng)
+        fix = star_fix(*flight, float(t_s), 0.09, rng, wrong_by=mounting)
         fix = fix._replace(number=number, detections=NOTHING, hip=np.empty(0, int))
         if number % 7 == 3:
             fix = fix._replace(reason=2, q_ic=np.full(4, np.nan), P_c=np.full((3, 3), np.nan))
@@ -67,20 +92,20 @@ def fixes(flight, options):
 
 def records(options):
     """Mission, then an iterator of the records, as a run gives them."""
-    scenario = load.load(SCENARIO, options.overrides)
-    flight = fly(END_S)
-    return mission(scenario, options), _fly(scenario, flight, options)
+    scenario = load.load(SCENARIO, (*SIMPLE, *options.overrides))
+    return mission(scenario, options), _fly(params_onboard.nav_params(scenario), fly(END_S), options)
 
 
-def _fly(scenario, flight, options):
-    gps, stars = fixes(flight, options)
-    start = alignment(flight[1][0], np.random.default_rng(1000 + options.seed))
-    params = computer.ComputerParams(params_onboard.nav_params(scenario), None, np.inf, np.inf, np.zeros(3))
-    nav = fusion.start(params.nav, start, EARTH)
+def _fly(params, flight, options):
+    rng = np.random.default_rng(options.seed)
+    start = alignment(flight[1][0], rng)
+    gps, stars = fixes(flight, params, options, rng)
+    nav = fusion.start(params, start, EARTH)
     solved = tuple(fix for fix in stars if fix.reason == 0)
-    onboard = computer.Computer(params, EARTH, nav, None, None, solved, 0)
+    switched_off = computer.ComputerParams(params, None, np.inf, np.inf, np.zeros(3))
+    onboard = computer.Computer(switched_off, EARTH, nav, None, None, solved, 0)
     yield start
-    for block, state in zip(flight[0], flight[1][1:], strict=True):
+    for block, state in zip(measured(flight[0], params, rng), flight[1][1:], strict=True):
         now_s = block.t_valid_s
         if now_s in (20.0, END_S):
             yield Event(now_s, "burn_out_1" if now_s == 20.0 else "impact", 1e5, "")

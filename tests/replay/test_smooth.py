@@ -101,18 +101,18 @@ def flights(tmp_path_factory):
 
 
 def test_errors_are_smaller_and_as_large_as_said(flights):
-    """8 flights: attitude and position in the stars, attitude before them, and NEES at three instants."""
+    """8 flights: RMS ratios (the covariances say 0.35, 0.84, 0.76), and NEES at four instants."""
     rows = [{row["part"]: row for row in compare.compare(*flight)} for flight in flights]
     for part, quantity, limit in (
-        ("middle of the stars", "position_m", 0.7),
-        ("middle of the stars", "attitude_deg", 0.75),
         ("boost", "attitude_deg", 0.5),
+        ("middle of the stars", "position_m", 0.9),
+        ("stars", "velocity_m_s", 0.9),
     ):
         before, after = (
             np.mean([row[part][which][quantity] ** 2 for row in rows]) for which in ("filtered", "smoothed")
         )
         assert np.sqrt(after / before) < limit, (part, quantity)
-    for t_s in (10.0, 20.5, 25.0):
+    for t_s in (10.0, 20.5, 25.0, 29.0):
         nees = []
         for flight in flights:
             times, values, _ = metrics.normalised_errors(

@@ -26,7 +26,7 @@ from shefex_nav.onboard.navigation import (
     strapdown,
 )
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import ARRIVALS, SENSORS, without_solution
+from shefex_nav.onboard.navigation.sensors import SENSORS, contents, without_solution
 from shefex_nav.onboard.navigation.state import (
     Layout,
     NavState,
@@ -206,7 +206,7 @@ def fuse(nav, arrivals):
     results = []
     earliest = len(nav.history)
     for arrival, fix in arrivals:
-        names = ARRIVALS[arrival]
+        names = contents(arrival, fix)
         reason = without_solution(arrival, fix)
         if reason:
             results.append(_unused(now_s, fix, names[0], reason))

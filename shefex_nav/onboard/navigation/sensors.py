@@ -221,6 +221,13 @@ def gps_arrivals(params, messages):
     return [(arrival, message) for message in messages if isinstance(message, GpsRanges) == tight]
 
 
+def contents(arrival, fix):
+    """Names of the measurements that an arrival holds; receivers that give no velocity leave it NaN."""
+    if arrival == "gps" and np.isnan(fix.v_ea_e[0]):
+        return ("gps_position",)
+    return ARRIVALS[arrival]
+
+
 def without_solution(arrival, fix):
     """Why a fix holds no measurement, '' if it does."""
     if arrival == "gps_ranges":
