@@ -226,10 +226,30 @@ def fuse(nav, arrivals):
         queue = tuple(sorted(queue, key=lambda m: m.fix.t_valid_s))
         nav.history[index] = tick._replace(measurements=queue)
         earliest = min(earliest, index)
-    for index in range(earliest, len(nav.history)):
-        nav.history[index] = _repeat(nav, nav.history[index - 1], nav.history[index], results)
+    _integrate_again(nav, earliest, results)
     nav.watch.protect(nav.history[-1].P)
     return results
+
+
+def _integrate_again(nav, index, results):
+    """The ticks from an index on once more; what the gate says of new measurements goes to the results."""
+    history = nav.history
+    while index < len(history):
+        before, run = history[index - 1], []
+        for k in range(index, len(history)):
+            if any(m.fate not in (Fate.REJECTED, Fate.HELD) for m in history[k].measurements):
+                break
+            run.append(history[k])
+        if run:
+            xs, Ps = prediction.advance_ticks(
+                nav.layout, nav.imu_model, before.x, before.t_s, before.P, [t.imu for t in run], nav.earth
+            )
+            for k, tick in enumerate(run):
+                history[index + k] = Tick(tick.t_s, xs[k], Ps[k], tick.imu, tick.measurements)
+            index += len(run)
+        else:
+            history[index] = _repeat(nav, before, history[index], results)
+            index += 1
 
 
 def _unused(now_s, fix, sensor, note):
