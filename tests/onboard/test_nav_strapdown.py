@@ -234,10 +234,9 @@ def noise_of(model):
     return error_model.record(SimpleNamespace(imu=model, **receiver))
 
 
-def process_noise(model, saturated=False):
-    imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]))
+def process_noise(model, extra=strapdown.NO_EXTRA):
+    imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]), 0.0, extra)
     state = MOTION.start()
-    imu = imu._replace(saturated=saturated)
     return prediction.growth(LAYOUT, noise_of(model), state, imu, 0.0, 0.01, EARTH).Q
 
 
@@ -257,12 +256,19 @@ def test_spin_averages_errors_across_the_roll_axis_only():
     assert Q[ATT, ATT][1, 1] < 1e-4 * Q[ATT, ATT][0, 0]
 
 
-def test_saturation_opens_the_covariance():
-    quiet = MODEL._replace(saturated_rate=0.5, saturated_acceleration=10.0)
-    assert np.allclose(process_noise(quiet), 0.0)
-    Q = process_noise(quiet, saturated=True)
-    assert np.allclose(np.sqrt(np.diag(Q)[ATT]), 0.5 * 0.01, rtol=1e-6)
-    assert np.sqrt(np.diag(Q)[VEL]).min() >= 10.0 * 0.01 * 0.999
+def test_noise_that_comes_on_top_acts_along_its_axes():
+    """As of an axis at the end of its range, or one that is stuck: densities per body axis."""
+    assert np.allclose(process_noise(MODEL), 0.0)
+    rate, force = np.array([0.5, 0.0, 0.2]) ** 2 * 0.01, np.array([0.0, 10.0, 3.0]) ** 2 * 0.01
+    Q = process_noise(MODEL, np.array([rate, force]))
+    C_ib = MOTION.C_ib(0.0)  # at the start of the interval
+    angle = 0.01 * MOTION.spin / 2.0  # by which the axes have turned on average: all that is left out
+    assert np.allclose(Q[ATT, ATT], np.diag(rate) * 0.01, atol=rate.max() * 0.01 * 2.0 * angle)
+    assert np.allclose(Q[VEL, VEL], C_ib @ np.diag(force) @ C_ib.T * 0.01, atol=2e-5)
+    assert np.linalg.eigvalsh(Q[:9, :9] / np.outer(SCALE, SCALE)).min() > -1e-12
+
+
+SCALE = np.repeat([1e-3, 1.0, 5e-3], 3)
 
 
 def test_vibration_is_that_of_the_motor_that_burns():

@@ -197,7 +197,7 @@ def vibration_level(params, block):
 
 
 @njit(cache=True)
-def noise_densities(model, saturated, vibration, duration_s, dtheta, dv, across_angle):
+def noise_densities(model, vibration, duration_s, dtheta, dv, across_angle):
     """White noise that stands for everything which is not a state.
 
     An error of sigma s that keeps its sign for a time tau (Gauss-Markov) has the density
@@ -208,7 +208,7 @@ def noise_densities(model, saturated, vibration, duration_s, dtheta, dv, across_
     Parameters
     ----------
     model : row of a `record`
-    saturated, vibration : of the ImuWindow
+    vibration : of the ImuWindow
     duration_s, dtheta, dv, across_angle : s, rad and m/s as three numbers, rad: passed through in all, the
         last the angle by which the roll axis was turned
 

@@ -65,7 +65,7 @@ def growth(layout, model, state, imu, begin_s, end_s, earth):
     -------
     Growth
     """
-    arguments = (imu.increments, imu.dt_s, imu.saturated, imu.vibration, imu.extra, begin_s, end_s)
+    arguments = (imu.increments, imu.dt_s, imu.vibration, imu.extra, begin_s, end_s)
     return Growth(*_growth(layout.at, layout.n, model, pack(state), state.t_s, *arguments, *earth))
 
 
@@ -75,8 +75,10 @@ def advance(layout, model, x, t_s, P, imu, begin_s, end_s, earth):
     As `growth`, with the packed nominal state x at begin_s, mission time t_s, and its covariance P (n, n)
     -> x, P (n, n)
     """
-    arguments = (imu.increments, imu.dt_s, imu.saturated, imu.vibration, imu.extra, begin_s, end_s)
-    return _advance(layout.at, model, x, t_s, P, *arguments, *earth)
+    arguments = (imu.increments, imu.dt_s, imu.vibration, imu.extra, begin_s, end_s)
+    after, P_after = np.empty(x.shape), np.empty(P.shape)  # to make them here costs less than to return them
+    _advance(layout.at, model, x, t_s, P, *arguments, *earth, after, P_after)
+    return after, P_after
 
 
 def advance_ticks(layout, model, x, t_s, P, windows, earth):
@@ -85,14 +87,14 @@ def advance_ticks(layout, model, x, t_s, P, windows, earth):
     As `advance`, with a list of m ImuWindow -> x (m, N), P (m, n, n)
     """
     increments = np.concatenate([imu.increments for imu in windows])
-    numbers = np.array([(len(imu.increments), imu.dt_s, imu.saturated, imu.vibration) for imu in windows])
+    numbers = np.array([(len(imu.increments), imu.dt_s, imu.vibration) for imu in windows])
     extra = np.concatenate([imu.extra for imu in windows])
     return _advance_ticks(layout.at, model, x, t_s, P, increments, numbers, extra, *earth)
 
 
 @njit(cache=True)
 def _advance_ticks(at, model, x, t_s, P, increments, numbers, extra, C_iq, C_re, angle_0, rate):
-    """`advance_ticks`, all windows in one array; numbers (m, 4): rows, dt_s, saturated, vibration of each."""
+    """`advance_ticks`, all windows in one array; numbers (m, 3): rows, dt_s, vibration of each."""
     m, n, row = numbers.shape[0], P.shape[0], 0
     xs, Ps = np.empty((m, x.shape[0])), np.empty((m, n, n))
     top, Q = np.empty((TOP, n)), np.empty((TOP, TOP))
@@ -100,7 +102,7 @@ def _advance_ticks(at, model, x, t_s, P, increments, numbers, extra, C_iq, C_re,
         rows, h = int(numbers[k, 0]), numbers[k, 1]
         length_s = (rows - BEFORE) * h
         bias_walk = _interval(
-            at, model[0], x, t_s, increments[row : row + rows], h, numbers[k, 2] > 0.0, numbers[k, 3],
+            at, model[0], x, t_s, increments[row : row + rows], h, numbers[k, 2],
             extra[2 * k : 2 * k + 2], 0.0, length_s, C_iq, C_re, angle_0, rate, xs[k], top, Q,
         )  # fmt: skip
         _covariance(at, model[0], P, top, Q, bias_walk, length_s, Ps[k])
@@ -117,7 +119,6 @@ def _advance(
     P,
     increments,
     h,
-    saturated,
     vibration,
     extra,
     begin_s,
@@ -126,16 +127,17 @@ def _advance(
     C_re,
     angle_0,
     rate,
+    after,
+    P_after,
 ):
+    """`advance` with the fields of its tuples; after, P_after are written."""
     n = P.shape[0]
-    after, P_after = np.empty(x.shape[0]), np.empty((n, n))
     top, Q = np.empty((TOP, n)), np.empty((TOP, TOP))
     bias_walk = _interval(
-        at, model[0], x, t_s, increments, h, saturated, vibration, extra, begin_s, end_s,
+        at, model[0], x, t_s, increments, h, vibration, extra, begin_s, end_s,
         C_iq, C_re, angle_0, rate, after, top, Q,
     )  # fmt: skip
     _covariance(at, model[0], P, top, Q, bias_walk, end_s - begin_s, P_after)
-    return after, P_after
 
 
 @njit(cache=True)
@@ -147,7 +149,6 @@ def _growth(
     t_s,
     increments,
     h,
-    saturated,
     vibration,
     extra,
     begin_s,
@@ -161,7 +162,7 @@ def _growth(
     after, Phi, Q = np.empty(x.shape[0]), np.eye(n), np.empty((n, n))
     top, Q_top, T = np.empty((TOP, n)), np.empty((TOP, TOP)), end_s - begin_s
     bias_walk = _interval(
-        at, model[0], x, t_s, increments, h, saturated, vibration, extra, begin_s, end_s,
+        at, model[0], x, t_s, increments, h, vibration, extra, begin_s, end_s,
         C_iq, C_re, angle_0, rate, after, top, Q_top,
     )  # fmt: skip
     Phi[:TOP] = top
@@ -176,7 +177,7 @@ def _growth(
 
 @njit(cache=True)
 def _interval(
-    at, model, x, t_s, increments, h, saturated, vibration, extra, begin_s, end_s,
+    at, model, x, t_s, increments, h, vibration, extra, begin_s, end_s,
     C_iq, C_re, angle_0, rate, after, top, Q,
 ):  # fmt: skip
     """Strapdown and error model of a part of a tick.
@@ -242,9 +243,7 @@ def _interval(
     t3.store(triads[1], A)
     t3.store(triads[2], t3.product(M, t3.product(G, A)))
     error_model.put_calibration(top, at, gyro, accel, triads[0], triads[1], triads[2])
-    along, across, bias_walk = error_model.noise_densities(
-        model, saturated, vibration, T, angle, speed, across_angle
-    )
+    along, across, bias_walk = error_model.noise_densities(model, vibration, T, angle, speed, across_angle)
     error_model.process_noise(top, along, across, extra, C_start, T, Q)
     return bias_walk
 

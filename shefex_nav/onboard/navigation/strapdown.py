@@ -71,7 +71,7 @@ class ImuWindow(NamedTuple):
         return self.n * self.dt_s
 
 
-def window(block, before=None, vibration=0.0):
+def window(block, before=None, vibration=0.0, extra=NO_EXTRA):
     """ImuWindow of an ImuBlock and the window before it; at the start the first sample stands in for it.
 
     Samples of another duration are taken to have gone on at their rate.
@@ -84,7 +84,7 @@ def window(block, before=None, vibration=0.0):
         increments[:BEFORE] = before.increments[-BEFORE:]
         if before.dt_s != block.dt_s:
             increments[:BEFORE] *= block.dt_s / before.dt_s
-    return ImuWindow(block.t_valid_s, block.dt_s, increments, block.saturated, vibration)
+    return ImuWindow(block.t_valid_s, block.dt_s, increments, block.saturated, vibration, extra)
 
 
 @njit(cache=True, forceinline=True)
