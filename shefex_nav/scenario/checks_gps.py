@@ -73,11 +73,10 @@ def _almanac(scenario):
 
 def _spans(gps):
     """Times the right way round, limits that say one thing, satellites that there are."""
-    for name in ("only", "freezes"):
-        for number, span in enumerate(getattr(gps, name)):
-            if span.start >= span.end:
-                words = f"{seconds(span.end)} is not after from, {seconds(span.start)}"
-                yield ("gps", name, number, "until"), words
+    for number, span in enumerate(gps.only):
+        if span.start >= span.end:
+            words = f"{seconds(span.end)} is not after from, {seconds(span.start)}"
+            yield ("gps", "only", number, "until"), words
     known = range(1, NOMINAL + 1) if gps.almanac is None else gps.almanac.prn
     for number, limit in enumerate(gps.only):
         path = ("gps", "only", number)

@@ -100,7 +100,7 @@ class Only(Block):
 
     start: Time("100 s", "first epoch") = Field(alias="from")
     end: Time("400 s", "and from here on all again") = Field(alias="until")
-    satellites: Count("2", "how many: those that are tracked longest", non_negative=True) | None = None
+    satellites: Count("2", "how many: far apart, of those tracked longest", non_negative=True) | None = None
     prn: list[Count("5", "number of a satellite", positive=True, at_most=MOST)] | None = Field(
         default=None, description="which ones: numbers, 1 to 24 for the nominal satellites"
     )
@@ -111,13 +111,6 @@ class Reacquisition(Block):
 
     shortest: Quantity("s", "1 s", "shortest time", non_negative=True)
     longest: Quantity("s", "10 s", "longest time; each satellite draws one in between", non_negative=True)
-
-
-class Freeze(Block):
-    """The receiver repeats its last solution with the flag that says it is good."""
-
-    start: Time("5 s", "first epoch") = Field(alias="from")
-    end: Time("60 s", "and from here on it is alive again") = Field(alias="until")
 
 
 class Almanac(Block):
@@ -168,4 +161,3 @@ class Gps(Block):
     reacquisition: Reacquisition | None = Field(
         default=None, description="how long it takes to track a satellite again; left out: no time"
     )
-    freezes: list[Freeze] = Field(default=[], description="when the receiver repeats its last solution")

@@ -6,7 +6,7 @@ import numpy as np
 def gps_params(scenario):
     """GpsParams of a scenario."""
     from shefex_nav.world.gps import GpsParams, Outage
-    from shefex_nav.world.gps_receiver import Freeze, Only, Reacquisition
+    from shefex_nav.world.gps_receiver import Only, Reacquisition
 
     gps = scenario.gps
     wait = gps.reacquisition
@@ -28,7 +28,6 @@ def gps_params(scenario):
         clock=_clock_params(gps.clock),
         only=tuple(Only(o.start, o.end, o.satellites or 0, tuple(o.prn or ())) for o in gps.only),
         reacquisition=None if wait is None else Reacquisition(wait.shortest, wait.longest),
-        freezes=tuple(Freeze(f.start, f.end) for f in gps.freezes),
     )
 
 

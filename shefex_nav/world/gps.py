@@ -54,7 +54,6 @@ class GpsParams(NamedTuple):
     clock: gps_errors.ClockParams = gps_errors.ClockParams()
     only: tuple[gps_receiver.Only, ...] = ()
     reacquisition: gps_receiver.Reacquisition | None = None
-    freezes: tuple[gps_receiver.Freeze, ...] = ()
 
 
 class GpsData(NamedTuple):
@@ -107,7 +106,7 @@ def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
     if params.reacquisition is not None:
         present = gps_receiver.reacquired(present & lit, t_s, params.reacquisition, fractions)
     tracked = present & ~(spinning[:, None] & (fortune < params.spin_loss))
-    tracked = gps_receiver.limited(tracked, t_s, params.only, prn)
+    tracked = gps_receiver.limited(tracked, t_s, params.only, prn, u_e)
 
     factor = np.where(spinning, params.spin_noise_factor, 1.0)
     sigmas = np.stack([params.sigma_range * factor, params.sigma_range_rate * factor])
@@ -120,7 +119,7 @@ def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
     ranges = gps_channels.ranges(
         geometry, clock, errors, sigmas, tracked & lit, prn, t_s, params.latency_s, reasons
     )
-    return GpsData(*(gps_receiver.frozen(messages, params.freezes) for messages in (fixes, ranges)))
+    return GpsData(fixes, ranges)
 
 
 def _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons):

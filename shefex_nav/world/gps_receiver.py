@@ -1,10 +1,14 @@
-"""How a receiver has a satellite or has it not: reacquisition and limits; and a solution that freezes."""
+"""Which of the satellites in view a receiver tracks: reacquisition after a loss, and limits.
+
+A solution that freezes, and other faults: `world.faults`.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
 EARLY_S = 1e-6  # rounding of the times of epochs
+LONG = 0.9  # of the time that the best satellite is tracked, for one that counts as tracked long
 
 
 class Only(NamedTuple):
@@ -12,15 +16,8 @@ class Only(NamedTuple):
 
     from_s: float
     until_s: float
-    satellites: int  # those that are tracked longest in it; prn decides where it is not empty
+    satellites: int  # far apart, of those that are tracked longest; prn decides where it is not empty
     prn: tuple[int, ...] = ()
-
-
-class Freeze(NamedTuple):
-    """The receiver repeats what it last had, with the flag that says it is good."""
-
-    from_s: float
-    until_s: float
 
 
 class Reacquisition(NamedTuple):
@@ -55,36 +52,38 @@ def reacquired(present, t_s, reacquisition, fractions):
     return tracked
 
 
-def limited(tracked, t_s, limits, prn):
-    """The same without the satellites that `limits`, a sequence of Only, leave out. -> (m, n) bool"""
+def limited(tracked, t_s, limits, prn, u_e):
+    """The same without the satellites that `limits`, a sequence of Only, leave out.
+
+    tracked : (m, n) bool;  prn : (n,);  u_e : (m, n, 3) lines of sight -> (m, n) bool
+    """
     tracked = tracked.copy()
     for limit in limits:
         during = _during(t_s, limit)
         if limit.prn:
             kept = np.isin(prn, limit.prn)
         else:
-            seconds = tracked[during].sum(axis=0)
-            kept = np.zeros(len(prn), dtype=bool)
-            kept[np.argsort(-seconds, kind="stable")[: limit.satellites]] = True
+            kept = apart(tracked[during].sum(axis=0), limit.satellites, u_e[during].mean(axis=0))
         tracked[during] &= kept
     return tracked
 
 
-def frozen(messages, freezes):
-    """The messages with those during a freeze replaced by the last good one before it, at their own times.
+def apart(seconds, count, u_e):
+    """Choice of satellites that are tracked long and stand in different directions.
 
-    messages : GpsFix or GpsRanges of all epochs; without a good one before it, a freeze does nothing -> list
+    The one that is tracked longest, then each time the one whose smallest angle to the chosen is largest.
+
+    seconds : (n,) how long each is tracked;  u_e : (n, 3) mean lines of sight -> (n,) bool
     """
-    result = list(messages)
-    for freeze in freezes:
-        last = None
-        for k, message in enumerate(messages):
-            if message.t_valid_s < freeze.from_s - EARLY_S:
-                last = result[k] if not message.reason else last
-            elif message.t_valid_s < freeze.until_s - EARLY_S and last is not None:
-                times = {name: getattr(message, name) for name in ("t_valid_s", "t_available_s")}
-                result[k] = last._replace(**times)
-    return result
+    chosen = np.zeros(len(seconds), dtype=bool)
+    good = (seconds > 0) & (seconds >= LONG * seconds.max(initial=0))
+    for _ in range(min(count, int(good.sum()))):
+        if not chosen.any():
+            chosen[np.argmax(seconds)] = True
+            continue
+        nearest = np.max(u_e @ u_e[chosen].T, axis=1)  # cosine of the smallest angle
+        chosen[np.argmin(np.where(good & ~chosen, nearest, np.inf))] = True
+    return chosen
 
 
 def _during(t_s, span):

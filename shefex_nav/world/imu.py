@@ -111,14 +111,14 @@ def measure(params, trajectory, rng):
     dtheta_b = _apply(response, trajectory.dtheta_b)
     _add_response(dtheta_b, errors.gyro_g_sensitivity, trajectory.dv_b)
     _add_bias(dtheta_b, errors.gyro_bias, errors.gyro_vibration_rectification, rms, dt_s)
-    _add_vibration(dtheta_b, params, params.vibration_rate * rms, dt_s, rng)
+    add_vibration(dtheta_b, params, params.vibration_rate * rms, dt_s, rng)
     _add_in_run_bias(dtheta_b, params.gyro_bias_in_run, params.gyro_bias_tau_s, dt_s, rng)
     _add_random_walk(dtheta_b, params.gyro_random_walk, dt_s, rng)
 
     response = _response(errors.accel_scale_factor, errors.accel_misalignment)
     dv_b = _apply(response, trajectory.dv_b)
     _add_bias(dv_b, errors.accel_bias, errors.accel_vibration_rectification, rms, dt_s)
-    _add_vibration(dv_b, params, rms, dt_s, rng)
+    add_vibration(dv_b, params, rms, dt_s, rng)
     _add_in_run_bias(dv_b, params.accel_bias_in_run, params.accel_bias_tau_s, dt_s, rng)
     _add_random_walk(dv_b, params.accel_random_walk, dt_s, rng)
 
@@ -243,7 +243,7 @@ def _add_random_walk(increments, sigma, dt_s, rng):
         increments[piece] += sigma * np.sqrt(dt_s) * rng.standard_normal(increments[piece].shape)
 
 
-def _add_vibration(increments, params, rms, dt_s, rng):
+def add_vibration(increments, params, rms, dt_s, rng):
     """Add what the vibration makes, in place. (N, 3), (N,) rms of what the increments integrate."""
     from scipy.signal import butter, sosfilt
 

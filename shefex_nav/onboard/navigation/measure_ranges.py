@@ -83,7 +83,7 @@ def range_rates(layout, state, ranges, earth, l_ba_b, omega_ib_b, f_b):
 
 
 def lines_of_sight(ranges, r_ea_e):
-    """Distances (n,), unit vectors to the satellites (n, 3), their velocities in axes that do not turn (n, 3)."""
+    """Distances (n,), unit vectors to the satellites, their velocities in axes that do not turn (n, 3)."""
     d = ranges.r_es_e - r_ea_e
     rho = np.sqrt(np.sum(d * d, axis=1))
     return rho, d / rho[:, None], ranges.v_es_e + ranges.r_es_e @ EARTH_RATE.T

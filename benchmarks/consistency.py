@@ -1,0 +1,193 @@
+"""Is the filter what it says it is? NEES, NIS and containment over seeds, and its error over the bound.
+
+uv run python benchmarks/consistency.py FOLDER [--seeds 100] [--set navigation.states=...] [--jobs 2]
+
+Every seed is flown once with rendered frames; its star fixes are kept in FOLDER, so a second call goes on
+from there, and other configurations of the filter (--filter) are run over the same measurements in seconds.
+Prints every statistic with the interval it has to keep, the ratio of the error to the posterior Cramer-Rao
+bound, and writes nees.png and bound.png into FOLDER. Exit code 1 if a statistic is outside.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from missions import SCENARIOS
+
+MISTUNED = "star noise halved"
+
+
+def scenario_of(job):
+    from shefex_nav.scenario import load
+
+    return load.load(job["scenario"], job["overrides"])
+
+
+def fly(job):
+    """Fly one seed with frames unless its fixes are there."""
+    from shefex_nav.verify import flown
+
+    path = fixes_path(job)
+    if not path.exists():
+        flown.save(path, flown.fly(scenario_of(job), job["seed"]), job["head"])
+
+
+def fixes_path(job):
+    return Path(job["folder"]) / f"fixes-{job['seed']:04d}.npz"
+
+
+def follow(job):
+    """Every filter over one seed. -> dict of Run, bounds (None unless asked for)"""
+    from shefex_nav import prepare
+    from shefex_nav.scenario import params_onboard
+    from shefex_nav.verify import flown, over_bound
+
+    scenario = scenario_of(job)
+    world = prepare.build_world(scenario, job["seed"])
+    fixes = flown.load(fixes_path(job))
+    runs = {}
+    for name, (overrides, star_factor) in job["filters"].items():
+        other = scenario_of(job | {"overrides": (*job["overrides"], *overrides)})
+        computer = world.computer._replace(nav=params_onboard.nav_params(other))
+        runs[name] = flown.filter_run(
+            scenario, job["seed"], fixes, star_factor=star_factor, world=world._replace(computer=computer)
+        )
+    return runs, over_bound.bounds(scenario, world, fixes) if job["bound"] else None
+
+
+def in_parallel(function, jobs, workers, what):
+    """Results in the order of the jobs."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    if not jobs:
+        return []
+    results = [function(jobs[0])]  # compiles before the workers start
+    with (
+        Progress(console=Console(stderr=True)) as progress,
+        ProcessPoolExecutor(max_workers=workers, mp_context=get_context("spawn")) as pool,
+    ):
+        task = progress.add_task(what, total=len(jobs), completed=1)
+        futures = [pool.submit(function, job) for job in jobs[1:]]
+        for _ in as_completed(futures):
+            progress.advance(task)
+        return results + [future.result() for future in futures]
+
+
+def print_verdicts(title, verdicts):
+    print(f"\n{title}")
+    for one in verdicts:
+        mark = " " if one.good else "<" if one.value < one.low else ">"
+        bounds = f"{one.low:7.4f} ... {one.high:7.4f}"
+        print(f"  {one.what:52s} {one.value:8.4f}   {bounds}  n {one.samples:6d}  {mark}")
+
+
+def print_ratios(title, found):
+    from shefex_nav.verify import over_bound
+
+    print(f"\n{title}: rms error over the bound (in brackets: if gravity is known)")
+    for phase, values in over_bound.ratios(found).items():
+        both = zip(values["ratio"], values["ratio_known"], strict=True)
+        ratio = "   ".join(f"{one:6.3f} ({other:6.3f})" for one, other in both)
+        error = "  ".join(f"{one:.3g}" for one in values["error"] * [1.0, 1.0, 180.0 / np.pi])
+        print(f"  {phase:20s} position, velocity, attitude {ratio}   errors {error} m, m/s, deg")
+
+
+def commit():
+    """The version of the code, as far as it is known."""
+    words = ["git", "describe", "--always", "--dirty"]
+    found = subprocess.run(words, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
+    return found.stdout.strip() or "unknown"
+
+
+def filters_of(options):
+    """Name -> overrides of the scenario, factor on the sigmas of star fixes."""
+    filters = {"default": ((), 1.0)}
+    for text in options.filter:
+        name, _, overrides = text.partition(":")
+        filters[name] = (tuple(overrides.split(";")), 1.0)
+    if options.mistuned:
+        filters[MISTUNED] = ((), 0.5)
+    return filters
+
+
+def options_of(argv):
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--scenario", default=str(SCENARIOS / "shefex2_andoya.yaml"))
+    parser.add_argument("--seeds", type=int, default=100)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="as of shefex-nav run"
+    )
+    parser.add_argument("--filter", action="append", default=[], metavar="NAME:KEY=VALUE", help="another one")
+    parser.add_argument("--representative", type=int, default=0, help="seed whose matrices make the bounds")
+    parser.add_argument("--histories", type=int, default=1000, help="simulated, for the bounds of the NEES")
+    parser.add_argument("--bounds", type=int, default=10, help="seeds along which the bound is followed")
+    parser.add_argument("--fly-only", action="store_true", help="judge later")
+    parser.add_argument("--flown", action="store_true", help="only seeds that have been flown already")
+    parser.add_argument("--mistuned", action="store_true", help="also with half the star noise")
+    return parser.parse_args(argv)
+
+
+def main(argv=None):
+    options = options_of(argv)
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ[name] = "1"
+    options.folder.mkdir(parents=True, exist_ok=True)
+    base = {
+        "scenario": options.scenario,
+        "overrides": tuple(options.set),
+        "folder": str(options.folder),
+        "head": {"code": commit(), "scenario": Path(options.scenario).name, "set": list(options.set)},
+        "filters": filters_of(options),
+    }
+    seeds = range(options.first, options.first + options.seeds)
+    jobs = [base | {"seed": seed, "bound": k < options.bounds} for k, seed in enumerate(seeds)]
+    if options.flown:
+        jobs = [job for job in jobs if fixes_path(job).exists()]
+        jobs = [job | {"bound": k < options.bounds} for k, job in enumerate(jobs)]
+    in_parallel(fly, [job for job in jobs if not fixes_path(job).exists()], options.jobs, "flown")
+    if options.fly_only:
+        return 0
+    return judge(options, jobs)
+
+
+def judge(options, jobs):
+    from shefex_nav.verify import consistency, consistency_figures, flown, over_bound
+
+    results = in_parallel(follow, jobs, options.jobs, "filters and bounds")
+    pairs = [pair for _, pair in results if pair is not None]
+    print(f"{Path(options.scenario).name}, code {commit()}, {len(jobs)} seeds: {[j['seed'] for j in jobs]}")
+    codes = {flown.made_by(fixes_path(job))["code"] for job in jobs}
+    print(f"frames flown by {', '.join(sorted(codes))}")
+    rng, found, histories, good = np.random.default_rng(0), {}, None, True
+    for name, (overrides, _) in jobs[0]["filters"].items():
+        runs = [one[name] for one, _ in results]
+        if name != MISTUNED:  # which is judged by the bounds of the default
+            first = jobs[0] | {"overrides": (*jobs[0]["overrides"], *overrides)}
+            fixes = flown.load(fixes_path(first | {"seed": options.representative}))
+            one, histories = consistency.of_run(
+                scenario_of(first), options.representative, fixes, number=options.histories, rng=rng
+            )
+            found[name] = over_bound.curves(runs, pairs)
+        verdicts = consistency.judge(runs, histories, rng)
+        rejected = {sensor: sum(run.rejected.get(sensor, 0) for run in runs) for sensor in runs[0].nis}
+        print_verdicts(f"{name} {' '.join(overrides)}; refused by the gate: {rejected}", verdicts)
+        good &= name != "default" or all(one.good for one in verdicts)
+    for name, one in found.items():
+        print_ratios(name, one)
+    runs = [one["default"] for one, _ in results]
+    consistency_figures.draw_nees(runs, options.folder / "nees.png")
+    consistency_figures.draw_bound(found, options.folder / "bound.png", runs=len(runs))
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

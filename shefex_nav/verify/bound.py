@@ -1,0 +1,272 @@
+"""The posterior Cramer-Rao bound of a flight: how well any estimator can know it.
+
+For errors that are linear along the true flight and Gaussian, the recursion of the posterior information
+matrix (Tichavsky, Muravchik, Nehorai, IEEE Trans. Signal Processing 46 (1998), eq. 21) is the covariance
+recursion of a Kalman filter whose matrices are evaluated at the truth and whose states are all that is
+unknown (Taylor, IEEE Trans. Automatic Control 24 (1979)). `bound_model` has the states. Rate and specific
+force are inputs that are measured, nothing is assumed of the flight itself.
+
+What is no state, and why:
+
+- Random walk of the sensors is white noise, as the world makes it.
+- The counts of the sensors carry their remainder on, so the sum of increments is off by a rounding alone.
+  Spin turns what is carried on: (w dt)^2 q^2/12 of white noise per sample.
+- Vibration above 20 Hz swings the sensors to and fro. Nothing of it stays: its spectrum is zero at the spin
+  rate, too. It is an error of the moment, added to what is reported while a motor burns and to the velocity
+  of a GPS fix, at instants so far apart that it is independent (correlation time 8 ms).
+- The gravity model on board has J2 alone. Whoever has the right field has no such error, so the lowest
+  bound is that of a known field; for software that may not know it the difference is a process with the
+  variance and the correlation time which it has along the flight (`gravity_process`). Both are offered.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.environment import gravity
+from shefex_nav.geometry import frames, rotation
+from shefex_nav.verify import bound_model, linear
+from shefex_nav.verify.bound_model import POS, PSI, VEL
+from shefex_nav.world import imu as world_imu
+
+OUTPUT_S = 0.5  # between the times at which the bound is given
+SWING_LENGTH = 4000  # samples of the response of the vibration's filter
+
+
+class Flight(NamedTuple):
+    """What the bound needs of one run."""
+
+    trajectory: object  # Trajectory
+    earth: object  # EarthRotation
+    alignment: object  # Alignment
+    gps_fixes: list
+    star_fixes: list  # of StarFix that were used
+    imu: object  # world.imu.ImuParams
+    camera: object  # world.camera.CameraParams
+    l_ba_b: np.ndarray  # (3,) m
+
+
+class Bound(NamedTuple):
+    """The bound at m times: covariances of the errors of what is reported."""
+
+    t_s: np.ndarray  # (m,)
+    position_i: np.ndarray  # (m, 3, 3) m^2
+    velocity_i: np.ndarray  # (m, 3, 3) m^2/s^2
+    attitude_b: np.ndarray  # (m, 3, 3) rad^2
+
+
+def gravity_process(field, trajectory, earth):
+    """What a field has beyond the on-board model along a flight, as a process.
+
+    Parameters
+    ----------
+    field : environment.gravity.GravityModel of the world
+    trajectory : Trajectory
+    earth : EarthRotation
+
+    Returns
+    -------
+    sigma : m/s^2, root mean square per axis from lift-off on
+    tau_s : lag at which the sum of the axes' autocovariances has fallen to 1/e
+    """
+    chosen = slice(int(np.searchsorted(trajectory.t_s, 0.0)), None, 400)
+    difference = np.array(
+        [
+            frames.dcm_ie(earth, t_s) @ _beyond_j2(field, frames.dcm_ie(earth, t_s).T @ r_i)
+            for t_s, r_i in zip(trajectory.t_s[chosen], trajectory.r_i[chosen], strict=True)
+        ]
+    )
+    sigma = float(np.sqrt((difference**2).mean()))
+    if sigma == 0.0:
+        return 0.0, np.inf
+    lags = range(len(difference) // 2)
+    covariance = np.array([(difference[: len(difference) - k] * difference[k:]).mean() for k in lags])
+    below = np.flatnonzero(covariance < covariance[0] / np.e)
+    step_s = float(trajectory.t_s[400] - trajectory.t_s[0])
+    return sigma, step_s * float(below[0] if len(below) else len(lags))
+
+
+def _beyond_j2(field, r_e):
+    return gravity.gravity_e(field, r_e) - gravity.gravity_j2_e(r_e)
+
+
+def swing(params, rms, dt_s):
+    """Standard deviation of what vibration of a level leaves in the sum of increments, each axis.
+
+    The world's own filter (`world.imu`), summed over its response. ImuParams, level of what the increments
+    integrate (m/s^2 or rad/s rms), s -> m/s or rad
+    """
+    response = np.zeros((SWING_LENGTH, 1))
+    level = np.full(SWING_LENGTH, float(rms))
+
+    class One:
+        """Draws a single pulse."""
+
+        @staticmethod
+        def standard_normal(shape):
+            pulse = np.zeros(shape)
+            pulse[1] = 1.0
+            return pulse
+
+    world_imu.add_vibration(response, params, level, dt_s, One)
+    return float(np.sqrt((np.cumsum(response) ** 2).sum()))
+
+
+def follow(flight, layout, *, every_s=OUTPUT_S):
+    """The bound along one flight.
+
+    Parameters
+    ----------
+    flight : Flight
+    layout : bound_model.Layout
+    every_s : between outputs, a multiple of the sampling interval
+
+    Returns
+    -------
+    Bound
+    """
+    trajectory, earth = flight.trajectory, flight.earth
+    t_s = trajectory.t_s
+    dt_s = float((t_s[-1] - t_s[0]) / (len(t_s) - 1))
+    stride = round(every_s / dt_s)
+    at = np.arange(stride, len(t_s), stride)
+    steps = problem(flight, layout, dt_s, at)
+    C_ib = rotation.dcm_from_quat(trajectory.q_ib[0])
+    P_psi = C_ib @ flight.alignment.P_theta_b @ C_ib.T
+    omega_ie_i = frames.omega_ie_i(earth)
+    P = bound_model.start(layout, flight.alignment.sigma_r, flight.alignment.sigma_v, P_psi, omega_ie_i)
+    rms = world_imu.vibration_rms(flight.imu, trajectory.burning)
+    levels = {rms_at: _swings(flight.imu, rms_at, dt_s) for rms_at in np.unique(rms).tolist()}
+    covariances = []
+    for k, output in zip(at, linear.outputs(P, steps, t_s[at]), strict=True):
+        C_ib = rotation.dcm_from_quat(trajectory.q_ib[k])
+        velocity, angle = levels[float(rms[k])]
+        covariances.append(
+            (
+                output.P[POS, POS],
+                output.P[VEL, VEL] + velocity**2 * np.eye(3),
+                C_ib.T @ output.P[PSI, PSI] @ C_ib + angle**2 * np.eye(3),
+            )
+        )
+    return Bound(t_s[at], *(np.array(column) for column in zip(*covariances, strict=True)))
+
+
+def _swings(params, rms, dt_s):
+    """Swing of velocity and of attitude at a level of linear vibration."""
+    return swing(params, rms, dt_s), swing(params, params.vibration_rate * rms, dt_s)
+
+
+def problem(flight, layout, dt_s, at):
+    """The steps of `linear` along a flight.
+
+    Parameters
+    ----------
+    flight : Flight
+    layout : bound_model.Layout
+    dt_s : s, of one sample
+    at : (m,) indices of samples at which an interval has to end
+
+    Returns
+    -------
+    list of linear.Interval and linear.Update
+    """
+    begin_s = float(flight.trajectory.t_s[0])
+    updates = {}
+    for fix in flight.gps_fixes:
+        if fix.valid:
+            updates.setdefault(round((fix.t_valid_s - begin_s) / dt_s), []).append(fix)
+    for fix in flight.star_fixes:
+        updates.setdefault(round((fix.t_valid_s - begin_s) / dt_s), []).append(fix)
+    last = len(flight.trajectory.t_s) - 1
+    ends = sorted({k for k in (*at.tolist(), *updates) if 0 < k <= last})
+    steps, before = [], 0
+    for end in ends:
+        steps.append(_interval(flight, layout, dt_s, before, end))
+        steps += [_update(flight, layout, dt_s, end, fix) for fix in updates.get(end, ())]
+        before = end
+    return steps
+
+
+def _interval(flight, layout, dt_s, before, end):
+    """linear.Interval over the samples after `before` up to `end`."""
+    trajectory, params = flight.trajectory, flight.imu
+    rows, earlier = slice(before + 1, end + 1), slice(before, end)
+    dtheta_b, dv_b = trajectory.dtheta_b[rows], trajectory.dv_b[rows]
+    rms = world_imu.vibration_rms(params, trajectory.burning[rows])
+    gyro, accel = bound_model.imu_columns(layout, dtheta_b, dv_b, rms**2, dt_s)
+    carried = (dtheta_b**2).sum(axis=1) / 12.0  # turned remainders of the counts
+    walks = np.column_stack(
+        [
+            params.gyro_random_walk**2 * dt_s + carried * params.gyro_quantum**2,
+            params.accel_random_walk**2 * dt_s + carried * params.accel_quantum**2,
+        ]
+    )
+    q = trajectory.q_ib[earlier] + trajectory.q_ib[rows] * _sign(trajectory, earlier, rows)
+    q /= np.linalg.norm(q, axis=1)[:, None]
+    r_i = 0.5 * (trajectory.r_i[earlier] + trajectory.r_i[rows])
+    samples = (_dcms(q), np.ascontiguousarray(dv_b), r_i, gyro, accel, walks)
+    t_s = float(trajectory.t_s[end])
+    return linear.Interval(t_s, *bound_model.interval(layout, samples, t_s, dt_s))
+
+
+def _sign(trajectory, earlier, rows):
+    """+1 or -1: quaternions of one half of the sphere. (N, 1)"""
+    along = np.einsum("ki,ki->k", trajectory.q_ib[earlier], trajectory.q_ib[rows])
+    return np.where(along < 0.0, -1.0, 1.0)[:, None]
+
+
+def _dcms(q):
+    """(N, 4) -> (N, 3, 3)."""
+    return np.array([rotation.dcm_from_quat(one) for one in q])
+
+
+def _update(flight, layout, dt_s, k, fix):
+    """linear.Update of a GpsFix or a StarFix at sample k."""
+    trajectory = flight.trajectory
+    t_s = float(trajectory.t_s[k])
+    C_ib = rotation.dcm_from_quat(trajectory.q_ib[k])
+    if not hasattr(fix, "r_ea_e"):
+        camera = flight.camera
+        named = fix.hip > 0
+        centre = np.array([0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)])
+        focal_px = camera.focal_length_m / camera.pixel_m
+        H = bound_model.star_rows(layout, C_ib, camera.C_bc, focal_px, fix.detections.xy_px[named] - centre)
+        return linear.Update(t_s, fix.t_available_s, "star_tracker", H, fix.P_c)
+    rms = float(world_imu.vibration_rms(flight.imu, trajectory.burning[k : k + 1])[0])
+    row = slice(k, k + 1)
+    gyro, _ = bound_model.imu_columns(
+        layout, trajectory.dtheta_b[row], trajectory.dv_b[row], np.array([rms**2]), dt_s
+    )
+    C_ei = frames.dcm_ie(flight.earth, t_s).T
+    H = bound_model.gps_rows(
+        layout,
+        C_ei,
+        C_ib,
+        flight.l_ba_b,
+        trajectory.omega_ib_b[k],
+        frames.omega_ie_i(flight.earth),
+        gyro[0] / dt_s,
+    )
+    R = np.zeros((6, 6))
+    R[:3, :3] = fix.R_r_e
+    R[3:, 3:] = fix.R_v_e + _swing_of_antenna(flight, rms, dt_s) * np.eye(3)
+    return linear.Update(t_s, fix.t_available_s, "gps", H, R)
+
+
+def _swing_of_antenna(flight, rms, dt_s):
+    """Variance that vibration puts between strapdown and antenna, m^2/s^2, each axis.
+
+    The swing of the velocity, and the rate of one sample, variance S/(2 dt) of a flat density S, times the
+    arm.
+    """
+    params = flight.imu
+    density = (params.vibration_rate * rms) ** 2 / (params.vibration_high_hz - params.vibration_low_hz)
+    rate2 = 0.5 * density / dt_s
+    return swing(params, rms, dt_s) ** 2 + rate2 * float(flight.l_ba_b @ flight.l_ba_b) * 2.0 / 3.0
+
+
+def sigmas(bound):
+    """Root of the trace of each covariance: (m,) m, m/s, rad."""
+    return tuple(
+        np.sqrt(np.einsum("kii->k", P)) for P in (bound.position_i, bound.velocity_i, bound.attitude_b)
+    )

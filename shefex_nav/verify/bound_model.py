@@ -1,0 +1,303 @@
+"""How every error of the simulated sensors grows into errors of navigation, along the true flight.
+
+In: true trajectory, parameters of the world's sensors. Out: `linear.Interval` and `linear.Update` of one
+state vector: errors of position, velocity and attitude in inertial axes, and behind them each error source
+of the world as a state of its own. It shares no code with the on-board error model, whose states are fewer
+and whose noise stands for the rest. Per sample of the IMU, with C = C_ib in its middle::
+
+    psi <- psi - C d(dtheta),   dv <- dv - (C dv_b) x psi - C d(dv) + (G dr + dg) T,   dr <- dr + T dv
+
+d(dtheta), d(dv): what the error states put into the increments (`world.imu` has the equation). Groves, 2nd
+ed., section 14.2; states of inertial sensors as in its section 14.2.6.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.geometry import rotation, wgs84
+
+POS, VEL, PSI = slice(0, 3), slice(3, 6), slice(6, 9)  # m, m/s, rad, all in inertial axes
+N_NAV = 9
+
+
+class Source(NamedTuple):
+    """An error source: states that start with one sigma and may wander."""
+
+    name: str
+    size: int
+    sigma: np.ndarray  # (size,)
+    tau_s: float  # correlation time, stationary Gauss-Markov; inf: constant in a run
+
+
+class Layout(NamedTuple):
+    """The sources and where their states stand, counted from the start of the whole vector."""
+
+    sources: tuple[Source, ...]
+    places: dict  # name -> slice
+
+    @property
+    def n(self):
+        """Length of the state vector."""
+        return N_NAV + sum(source.size for source in self.sources)
+
+
+def layout(sources):
+    """Layout of the sources in their order."""
+    places, begin = {}, N_NAV
+    for source in sources:
+        places[source.name] = slice(begin, begin + source.size)
+        begin += source.size
+    return Layout(tuple(sources), places)
+
+
+def sources(imu, camera, gravity_sigma, gravity_tau_s):
+    """Every error source of a world.
+
+    Parameters
+    ----------
+    imu : world.imu.ImuParams
+    camera : world.camera.CameraParams
+    gravity_sigma, gravity_tau_s : m/s^2, s: what a gravity model leaves out; 0: the field is known
+
+    Returns
+    -------
+    Layout
+    """
+
+    def same(name, size, sigma, tau_s=np.inf):
+        return Source(name, size, np.full(size, float(sigma)), tau_s)
+
+    scale = np.array([imu.gyro_scale_factor_roll, imu.gyro_scale_factor, imu.gyro_scale_factor])
+    return layout(
+        [
+            same("gyro_bias", 3, imu.gyro_bias),
+            same("gyro_in_run_bias", 3, imu.gyro_bias_in_run, imu.gyro_bias_tau_s),
+            Source("gyro_scale_factor", 3, scale, np.inf),
+            same("gyro_misalignment", 6, imu.gyro_misalignment),
+            same("gyro_g_sensitivity", 9, imu.gyro_g_sensitivity),
+            same("gyro_rectification", 3, imu.gyro_vibration_rectification),
+            same("accel_bias", 3, imu.accel_bias),
+            same("accel_in_run_bias", 3, imu.accel_bias_in_run, imu.accel_bias_tau_s),
+            same("accel_scale_factor", 3, imu.accel_scale_factor),
+            same("accel_misalignment", 6, imu.accel_misalignment),
+            same("accel_rectification", 3, imu.accel_vibration_rectification),
+            same("gravity", 3, gravity_sigma, gravity_tau_s),
+            same("mounting", 3, camera.sigma_mounting_rad),
+            same("principal_point", 2, camera.sigma_principal_point_px),
+            same("focal_length", 1, camera.sigma_focal_length),
+        ]
+    )
+
+
+OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # misalignments: axis, and what it sees
+
+
+def imu_columns(layout, dtheta_b, dv_b, rms2, dt_s):
+    """What unit error states put into the increments of each sample.
+
+    Parameters
+    ----------
+    layout : Layout of `sources`
+    dtheta_b, dv_b : (N, 3) true increments
+    rms2 : (N,) square of the level of vibration, m^2/s^4
+    dt_s : duration of a sample
+
+    Returns
+    -------
+    gyro, accel : (N, 3, n - 9) rad, m/s per unit of each error state
+    """
+    N = len(dtheta_b)
+    gyro, accel = np.zeros((2, N, 3, layout.n - N_NAV))
+
+    def at(name, k=0):
+        return layout.places[name].start - N_NAV + k
+
+    for k in range(3):
+        for name in ("gyro_bias", "gyro_in_run_bias"):
+            gyro[:, k, at(name, k)] = dt_s
+        for name in ("accel_bias", "accel_in_run_bias"):
+            accel[:, k, at(name, k)] = dt_s
+        gyro[:, k, at("gyro_scale_factor", k)] = dtheta_b[:, k]
+        accel[:, k, at("accel_scale_factor", k)] = dv_b[:, k]
+        gyro[:, k, at("gyro_rectification", k)] = rms2 * dt_s
+        accel[:, k, at("accel_rectification", k)] = rms2 * dt_s
+        for j in range(3):
+            gyro[:, k, at("gyro_g_sensitivity", 3 * k + j)] = dv_b[:, j]
+    for m, (i, j) in enumerate(OFF_DIAGONAL):
+        gyro[:, i, at("gyro_misalignment", m)] = dtheta_b[:, j]
+        accel[:, i, at("accel_misalignment", m)] = dv_b[:, j]
+    return gyro, accel
+
+
+@njit(cache=True)
+def spread_kernel(C_ib, dv_b, r_i, gyro, accel, gravity, dt_s, walks, X, Q):
+    """Carry columns of errors and the covariance of white noise over samples, in place.
+
+    C_ib : (N, 3, 3) in the middle of each sample; dv_b : (N, 3); r_i : (N, 3) m
+    gyro, accel : (N, 3, p) of `imu_columns`; gravity : index of the first of three states of gravity
+    walks : (N, 2) variance of white noise of attitude [rad^2], velocity [m^2/s^2] in each sample and axis
+    X : (9, 9 + p), written: begins as [I | 0];  Q : (9, 9), written: begins as 0
+    """
+    p = gyro.shape[2]
+    F = np.empty((9, 9))
+    dt2 = 0.5 * dt_s
+    for k in range(C_ib.shape[0]):
+        C = C_ib[k]
+        f = C @ dv_b[k]
+        r = r_i[k]
+        d2 = r[0] ** 2 + r[1] ** 2 + r[2] ** 2
+        pull = wgs84.GM / (d2 * np.sqrt(d2)) * dt_s
+        F[:] = 0.0
+        for i in range(9):
+            F[i, i] = 1.0
+        for i in range(3):
+            for j in range(3):
+                F[3 + i, j] = pull * (3.0 * r[i] * r[j] / d2 - (1.0 if i == j else 0.0))
+        F[3, 7], F[3, 8], F[4, 6] = f[2], -f[1], -f[2]
+        F[4, 8], F[5, 6], F[5, 7] = f[0], f[1], -f[0]
+        for i in range(3):
+            for j in range(9):
+                F[i, j] += dt2 * F[3 + i, j]  # position goes with the mean of velocity before and after
+            F[i, 3 + i] = dt_s
+        Xn = F @ X
+        for c in range(p):
+            tx, ty, tz = 0.0, 0.0, 0.0
+            vx, vy, vz = 0.0, 0.0, 0.0
+            for j in range(3):
+                g, a = gyro[k, j, c], accel[k, j, c]
+                tx -= C[0, j] * g
+                ty -= C[1, j] * g
+                tz -= C[2, j] * g
+                vx -= C[0, j] * a
+                vy -= C[1, j] * a
+                vz -= C[2, j] * a
+            # half of the turn acts within the sample already
+            vx -= 0.5 * (f[1] * tz - f[2] * ty)
+            vy -= 0.5 * (f[2] * tx - f[0] * tz)
+            vz -= 0.5 * (f[0] * ty - f[1] * tx)
+            if c == gravity:
+                vx += dt_s
+            elif c == gravity + 1:
+                vy += dt_s
+            elif c == gravity + 2:
+                vz += dt_s
+            Xn[0, 9 + c] += dt2 * vx
+            Xn[1, 9 + c] += dt2 * vy
+            Xn[2, 9 + c] += dt2 * vz
+            Xn[3, 9 + c] += vx
+            Xn[4, 9 + c] += vy
+            Xn[5, 9 + c] += vz
+            Xn[6, 9 + c] += tx
+            Xn[7, 9 + c] += ty
+            Xn[8, 9 + c] += tz
+        X[:] = Xn
+        Qn = F @ Q @ F.T
+        for i in range(3):
+            Qn[6 + i, 6 + i] += walks[k, 0]
+            Qn[3 + i, 3 + i] += walks[k, 1]
+        Q[:] = Qn
+
+
+def interval(layout, samples, t_s, dt_s):
+    """Phi and Q of the whole state vector over some samples.
+
+    Parameters
+    ----------
+    layout : Layout
+    samples : tuple of C_ib (N, 3, 3), dv_b (N, 3), r_i (N, 3), gyro, accel (N, 3, p), walks (N, 2)
+    t_s : end of the last sample
+    dt_s : of one sample
+
+    Returns
+    -------
+    Phi, Q : (n, n)
+    """
+    C_ib, dv_b, r_i, gyro, accel, walks = samples
+    n, duration_s = layout.n, dt_s * len(C_ib)
+    X, Q_nav = np.eye(N_NAV, n), np.zeros((N_NAV, N_NAV))
+    gravity = layout.places["gravity"].start - N_NAV
+    spread_kernel(C_ib, dv_b, r_i, gyro, accel, gravity, dt_s, walks, X, Q_nav)
+    Phi, Q = np.eye(n), np.zeros((n, n))
+    Phi[:N_NAV], Q[:N_NAV, :N_NAV] = X, Q_nav
+    for source in layout.sources:
+        if np.isfinite(source.tau_s):
+            place = layout.places[source.name]
+            keeps = np.exp(-duration_s / source.tau_s)
+            Phi[place, place] *= keeps
+            Q[place, place] = np.diag(source.sigma**2 * (1.0 - keeps**2))
+    return Phi, Q
+
+
+def start(layout, sigma_r, sigma_v, P_psi, omega_ie_i):
+    """Covariance at the alignment: the velocity is that of a point on the Earth at the surveyed place.
+
+    Layout, m, m/s, (3, 3) rad^2 in inertial axes, (3,) rad/s -> (n, n)
+    """
+    P = np.zeros((layout.n, layout.n))
+    turn = rotation.skew(omega_ie_i)
+    P[POS, POS] = sigma_r**2 * np.eye(3)
+    P[VEL, POS] = sigma_r**2 * turn
+    P[POS, VEL] = P[VEL, POS].T
+    P[VEL, VEL] = sigma_v**2 * np.eye(3) + sigma_r**2 * turn @ turn.T
+    P[PSI, PSI] = P_psi
+    for source in layout.sources:
+        P[layout.places[source.name], layout.places[source.name]] = np.diag(source.sigma**2)
+    return P
+
+
+def gps_rows(layout, C_ei, C_ib, l_ba_b, omega_ib_b, omega_ie_i, gyro_rate):
+    """H of position and velocity of the antenna in frame e: (6, n).
+
+    gyro_rate : (3, n - 9) what unit error states put into the measured rate, rad/s: the velocity of the
+    antenna is told from that of the IMU with it
+    """
+    arm_i, swing_i = C_ib @ l_ba_b, C_ib @ rotation.cross(omega_ib_b, l_ba_b)
+    H = np.zeros((6, layout.n))
+    earth = rotation.skew(omega_ie_i)
+    H[:3, POS] = np.eye(3)
+    H[:3, PSI] = -rotation.skew(arm_i)
+    H[3:, POS] = -earth
+    H[3:, VEL] = np.eye(3)
+    H[3:, PSI] = -rotation.skew(swing_i) + earth @ rotation.skew(arm_i)
+    H[3:, N_NAV:] = C_ib @ rotation.skew(l_ba_b) @ gyro_rate
+    H[:3] = C_ei @ H[:3]
+    H[3:] = C_ei @ H[3:]
+    return H
+
+
+def star_rows(layout, C_ib, C_bc, focal_px, xy_px):
+    """H of an attitude fix, its rotation-vector error in camera axes: (3, n).
+
+    Parameters
+    ----------
+    C_ib : (3, 3) truth;  C_bc : (3, 3) nominal mounting
+    focal_px : focal length;  xy_px : (m, 2) of the stars in the fix, from the principal point
+    """
+    C_cb = C_bc.T
+    H = np.zeros((3, layout.n))
+    H[:, PSI] = C_cb @ C_ib.T
+    H[:, layout.places["mounting"]] = C_cb
+    H[:, layout.places["principal_point"]] = -fit_of_shift(focal_px, xy_px, np.eye(2))
+    H[:, layout.places["focal_length"]] = -fit_of_shift(focal_px, xy_px, xy_px[:, :, None])
+    return H
+
+
+def fit_of_shift(focal_px, xy_px, shift_px):
+    """Error of the attitude that fits best when the stars of a picture are shifted on the detector.
+
+    sum (I - u u^T) dtheta = sum u x du over the stars, each counted alike, du what the shift does to their
+    directions; q_ic(true) = q_ic(fix) exp(dtheta).
+
+    focal_px : float;  xy_px : (m, 2) from the principal point;  shift_px : (2, k) or (m, 2, k) -> (3, k) rad
+    """
+    shift = np.broadcast_to(shift_px, (len(xy_px), *shift_px.shape[-2:]))
+    rays = np.column_stack([xy_px / focal_px, np.ones(len(xy_px))])
+    length = np.linalg.norm(rays, axis=1)
+    u = rays / length[:, None]
+    d = np.concatenate([shift / focal_px, np.zeros_like(shift[:, :1])], axis=1) / length[:, None, None]
+    d = d - u[:, :, None] * np.einsum("mi,mik->mk", u, d)[:, None]
+    A = np.einsum("mij->ij", np.eye(3) - u[:, :, None] * u[:, None, :])
+    b = np.einsum("mik->ik", np.cross(u[:, :, None], d, axis=1))
+    return np.linalg.solve(A, b)

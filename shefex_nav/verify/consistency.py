@@ -1,0 +1,147 @@
+"""Whether a filter's errors are what its covariance says, over runs with different seeds.
+
+Per block of errors and phase of the mission the time-averaged NEES against histories that obey the filter's
+own matrices, per sensor the NIS against chi-square, per axis the share of runs inside 3 sigma. `nees` has
+the statistics, `flown` the runs, `linear` the histories.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav import prepare
+from shefex_nav.onboard.navigation import state
+from shefex_nav.onboard.navigation.state import ATT, BA, VEL
+from shefex_nav.verify import flown, linear, nees
+from shefex_nav.verify.flown import BLOCKS, N_CORE, PHASES
+
+HISTORIES = 1000
+NEES_PROBABILITY, NIS_PROBABILITY, CONTAINED_PROBABILITY = 0.999, 0.999, 0.99
+FIELD_TIME_S = 300.0  # correlation time of what the bias estimate contains of gravity
+
+
+class Extra(NamedTuple):
+    """What is reported beyond the covariance that the filter carries, at each epoch."""
+
+    velocity: np.ndarray  # (m,) m/s, swing of the vibration
+    attitude: np.ndarray  # (m,) rad
+    gravity: float  # m/s^2, part of the bias estimate
+
+
+class Histories(NamedTuple):
+    """Time-averaged NEES of simulated errors."""
+
+    averages: dict  # (block, phase) -> (number,)
+    P: np.ndarray  # (m, 15, 15) as reported, at the epochs
+
+
+def of_run(scenario, seed, fixes, *, number=HISTORIES, rng):
+    """A run and histories from the matrices that its filter used.
+
+    scenario, seed, fixes as `flown.filter_run` takes them -> Run, Histories
+    """
+    world = prepare.build_world(scenario, seed)
+    nav_params = world.computer.nav
+    recorder = flown.Recorder(float(world.alignment.t_valid_s))
+    run = flown.filter_run(scenario, seed, fixes, recorder=recorder, world=world)
+    _, P = state.initial(nav_params, state.layout(nav_params.states), world.alignment)
+    level, model = recorder.vibration(run.t_s), nav_params.imu
+    extra = Extra(level * model.accel_vibration, level * model.gyro_vibration, model.gravity)
+    return run, simulate(P, recorder.steps, run.t_s, run.phase, extra, number=number, rng=rng)
+
+
+def simulate(P, steps, t_s, phase, extra, *, number=HISTORIES, rng):
+    """Histories of the errors of a filter, from its own matrices.
+
+    Parameters
+    ----------
+    P : (n, n) at the start
+    steps : of `linear`, in order
+    t_s, phase : (m,) epochs of a Run
+    extra : Extra
+    number : of histories
+    rng : Generator
+
+    Returns
+    -------
+    Histories
+    """
+    sums = {(block, p): np.zeros(number) for block in BLOCKS for p in range(len(PHASES))}
+    counts = np.zeros(len(PHASES), dtype=int)
+    field, covariances = rng.standard_normal((3, number)), []
+    for k, output in enumerate(linear.outputs(P, steps, t_s, rng=rng, number=number)):
+        if k:
+            keeps = np.exp(-(t_s[k] - t_s[k - 1]) / FIELD_TIME_S)
+            field = keeps * field + np.sqrt(1.0 - keeps**2) * rng.standard_normal((3, number))
+        P_k, errors = output.P[:N_CORE, :N_CORE].copy(), output.errors[:N_CORE].copy()
+        for block, sigma in ((VEL, extra.velocity[k]), (ATT, extra.attitude[k])):
+            if sigma > 0.0:
+                P_k[block, block] += sigma**2 * np.eye(3)
+                errors[block] += sigma * rng.standard_normal((3, number))
+        P_k[BA, BA] += extra.gravity**2 * np.eye(3)
+        errors[BA] += extra.gravity * field
+        covariances.append(P_k)
+        if phase[k] < 0:
+            continue
+        counts[phase[k]] += 1
+        for name, block in BLOCKS.items():
+            sums[name, int(phase[k])] += nees.nees(errors[block].T, P_k[block, block][None])
+    averaged = {key: total / counts[key[1]] for key, total in sums.items() if counts[key[1]] > 0}
+    return Histories(averaged, np.array(covariances))
+
+
+def averages(run):
+    """Time-averaged NEES of one Run: (block, phase) -> float."""
+    result = {}
+    for name, block in BLOCKS.items():
+        values = nees.nees(run.errors[:, block], run.P[:, block, block])
+        for p in range(len(PHASES)):
+            if np.any(run.phase == p):
+                result[name, p] = float(values[run.phase == p].mean())
+    return result
+
+
+def judge_nees(runs, histories, rng):
+    """Verdict of each block and phase: mean over runs of the time-averaged NEES, per degree of freedom."""
+    each = [averages(run) for run in runs]
+    verdicts = []
+    for key, expected in histories.averages.items():
+        values = [one[key] for one in each if key in one]
+        low, high = nees.mean_interval(expected / 3.0, len(values), NEES_PROBABILITY, rng)
+        what = f"NEES {key[0]}, {PHASES[key[1]]}"
+        verdicts.append(nees.Verdict(what, float(np.mean(values)) / 3.0, low, high, len(values)))
+    return verdicts
+
+
+def judge_nis(runs):
+    """Verdict of each sensor: mean NIS per degree of freedom, of every measurement that met the gate."""
+    verdicts = []
+    for sensor in sorted({name for run in runs for name in run.nis}):
+        total = sum(float(run.nis[sensor].sum()) for run in runs if sensor in run.nis)
+        dof = sum(int(run.dof[sensor].sum()) for run in runs if sensor in run.nis)
+        low, high = nees.nis_interval(dof, NIS_PROBABILITY)
+        count = sum(len(run.nis[sensor]) for run in runs if sensor in run.nis)
+        verdicts.append(nees.Verdict(f"NIS {sensor}", total / dof, low, high, count))
+    return verdicts
+
+
+def judge_containment(runs):
+    """Verdict of each error at the end of each phase: share of the runs inside 3 sigma."""
+    verdicts = []
+    for p, phase in enumerate(PHASES):
+        chosen = [(run, np.flatnonzero(run.phase == p)[-1]) for run in runs if np.any(run.phase == p)]
+        if not chosen:
+            continue
+        sigma = np.array([np.sqrt(np.diag(run.P[k])) for run, k in chosen])
+        inside = np.abs(np.array([run.errors[k] for run, k in chosen])) <= 3.0 * sigma
+        low, high = nees.containment_interval(len(chosen), CONTAINED_PROBABILITY)
+        for name, block in BLOCKS.items():
+            for axis, share in zip("xyz", inside[:, block].mean(axis=0), strict=True):
+                what = f"3 sigma {name} {axis}, end of {phase}"
+                verdicts.append(nees.Verdict(what, float(share), low, high, len(chosen)))
+    return verdicts
+
+
+def judge(runs, histories, rng):
+    """All Verdicts of some runs."""
+    return judge_nees(runs, histories, rng) + judge_nis(runs) + judge_containment(runs)

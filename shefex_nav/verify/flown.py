@@ -1,0 +1,262 @@
+"""Runs of a mission for statistics: flown once with rendered frames, then the filter alone as often as
+needed.
+
+The star fixes of a run are kept in a file; IMU, GPS and truth are made again from the seed. So the filter
+can be run again with another configuration, over the same measurements, in seconds. The configuration that
+was flown gives the very same result that it gave in flight.
+"""
+
+import json
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav import prepare, simulate
+from shefex_nav.geometry.rotation import rotvec_between
+from shefex_nav.onboard.navigation import fusion, solution
+from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.state import ATT, BA, BG, POS, VEL
+from shefex_nav.records import Detections, Reason, StarFix
+from shefex_nav.scenario import params
+from shefex_nav.verify import linear
+from shefex_nav.world import imu, noise
+
+BLOCKS = {"attitude": ATT, "velocity": VEL, "position": POS, "gyro_bias": BG, "accel_bias": BA}
+PHASES = ("boost", "coast before stars", "star window", "entry")
+PAD = -1
+N_CORE = 15
+EPOCH_TICKS = 50  # between two epochs of the statistics
+EARLY_S = 1e-6
+
+
+class Run(NamedTuple):
+    """Errors of one run at m epochs, in the order of the filter's first fifteen errors."""
+
+    seed: int
+    t_s: np.ndarray  # (m,)
+    phase: np.ndarray  # (m,) index into PHASES, or PAD
+    errors: np.ndarray  # (m, 15) truth (-) estimate
+    P: np.ndarray  # (m, 15, 15) as reported
+    nis: dict  # sensor -> (k,) NIS of every measurement that met the gate
+    dof: dict  # sensor -> (k,) its degrees of freedom
+    rejected: dict  # sensor -> number of them that the gate refused
+
+
+def fly(scenario, seed):
+    """Fly a scenario until there are no more frames. -> list of StarFix that have an attitude"""
+    until_s = scenario.star_tracker.off + 1.0
+    records = simulate.route(prepare.build_world(scenario, seed), scenario, seed, until_s=until_s)
+    return [one for one in records if isinstance(one, StarFix) and one.reason == Reason.NONE]
+
+
+def save(path, fixes, head):
+    """Keep the fixes of a run in a file, written whole or not at all. head: dict that says what made them."""
+    arrays = {
+        "head": np.array(json.dumps(head)),
+        "number": np.array([fix.number for fix in fixes], dtype=np.int64),
+        "times": np.array([(fix.t_valid_s, fix.t_available_s) for fix in fixes]).reshape(-1, 2),
+        "q_ic": np.array([fix.q_ic for fix in fixes]).reshape(-1, 4),
+        "P_c": np.array([fix.P_c for fix in fixes]).reshape(-1, 3, 3),
+        "count": np.array([len(fix.hip) for fix in fixes], dtype=np.int64),
+        "hip": np.concatenate([fix.hip for fix in fixes] + [np.zeros(0, dtype=np.int64)]),
+        "xy_px": np.concatenate([fix.detections.xy_px for fix in fixes] + [np.zeros((0, 2))]),
+    }
+    part = path.with_name(path.name + ".part")
+    with part.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+    part.replace(path)
+
+
+def made_by(path):
+    """The head of a file of fixes: what made it. Path -> dict"""
+    with np.load(path, allow_pickle=False) as archive:
+        return json.loads(str(archive["head"]))
+
+
+def load(path, head=None):
+    """The fixes of a file; ValueError if it was made by something else than `head`. Path, dict -> list"""
+    with np.load(path, allow_pickle=False) as archive:
+        kept = {name: archive[name] for name in archive.files}
+    found = json.loads(str(kept["head"]))
+    if head is not None and found != head:
+        raise ValueError(
+            f"{path} was made by {found}, not by {head}; keep the results of another folder apart"
+        )
+    ends = np.cumsum(kept["count"])
+    return [
+        _fix(kept, k, slice(int(end - count), int(end)))
+        for k, (end, count) in enumerate(zip(ends, kept["count"], strict=True))
+    ]
+
+
+def _fix(kept, k, rows):
+    """StarFix with what the filter and the bound need of it."""
+    n = rows.stop - rows.start
+    seen = Detections(
+        kept["xy_px"][rows],
+        np.full(n, np.nan),
+        np.zeros(n, dtype=np.int64),
+        np.zeros(n, dtype=np.int64),
+        np.full((n, 2, 2), np.nan),
+    )
+    return StarFix(
+        number=int(kept["number"][k]),
+        t_valid_s=float(kept["times"][k, 0]),
+        t_available_s=float(kept["times"][k, 1]),
+        reason=int(Reason.NONE),
+        q_ic=kept["q_ic"][k],
+        P_c=kept["P_c"][k],
+        detections=seen,
+        hip=kept["hip"][rows],
+        residual_px=np.nan,
+        background_dn=np.nan,
+        exposure_s=np.nan,
+        flag_saturated=False,
+        flag_no_stars=False,
+    )
+
+
+def filter_run(scenario, seed, fixes, *, star_factor=1.0, recorder=None, world=None):
+    """Run the filter alone over a run's IMU and GPS and over the fixes.
+
+    Parameters
+    ----------
+    scenario : Scenario, whose navigation may differ from the one flown
+    seed : int
+    fixes : list of StarFix of that run
+    star_factor : on the sigma that the fixes report, for a filter that believes too much or too little
+    recorder : as `fusion.start` takes it
+    world : prepare.World of scenario and seed, if it is at hand
+
+    Returns
+    -------
+    Run
+    """
+    world = prepare.build_world(scenario, seed) if world is None else world
+    fixes = [fix._replace(P_c=star_factor**2 * fix.P_c) for fix in fixes]
+    nav = fusion.start(world.computer.nav, world.alignment, world.earth, recorder=recorder)
+    gps, stars = list(world.gps_fixes)[::-1], sorted(fixes, key=lambda fix: -fix.t_available_s)
+    gates, states, covariances = [], [], []
+    for n, block in enumerate(imu.blocks(world.imu), 1):
+        fusion.advance(nav, block)
+        now_s = block.t_valid_s
+        arrivals = [("gps", fix) for fix in simulate.due(gps, now_s)]
+        arrivals += [("star_tracker", fix) for fix in simulate.due(stars, now_s)]
+        if arrivals:
+            gates += fusion.fuse(nav, arrivals)
+        if n % EPOCH_TICKS == 0:
+            states.append(nav.history[-1].state)
+            covariances.append(reported(nav))
+    used_s = [gate.t_s for gate in gates if gate.sensor == "star_tracker" and gate.accepted]
+    if recorder is not None:
+        fusion.finish(nav)
+    t_s = np.array([state.t_s for state in states])
+    phase = phases(t_s, world.flight.trajectory, used_s)
+    errors = _errors(states, world.flight.trajectory, true_biases(scenario, seed, world.flight.trajectory))
+    met = [gate for gate in gates if gate.dof > 0]
+    sensors = sorted({gate.sensor for gate in met})
+    return Run(
+        seed,
+        t_s,
+        phase,
+        errors,
+        np.array(covariances),
+        {name: np.array([gate.nis for gate in met if gate.sensor == name]) for name in sensors},
+        {name: np.array([gate.dof for gate in met if gate.sensor == name]) for name in sensors},
+        {name: sum(not gate.accepted for gate in met if gate.sensor == name) for name in sensors},
+    )
+
+
+class Recorder:
+    """Keeps what the filter did as steps of `linear`: intervals from one update or epoch to the next."""
+
+    def __init__(self, begin_s):
+        self.begin_s, self.steps, self.levels = begin_s, [], {}
+
+    def __call__(self, what):
+        """Take a fusion.Interval or a fusion.Correction, in the order of their instants."""
+        if isinstance(what, fusion.Correction):
+            if what.fate == Fate.RESET:
+                raise ValueError(
+                    f"the filter forgot its {what.sensor} block at {what.t_s:.2f} s: there are no "
+                    "linear histories of such a run; choose another seed"
+                )
+            update = linear.Update(what.t_s, what.fix.t_available_s, what.sensor, what.H, what.R)
+            self.steps.append(update)
+            return
+        end_s = what.t_end_s
+        self.levels[self._epoch(end_s)] = what.imu.vibration
+        last = self.steps[-1] if self.steps else None
+        if isinstance(last, linear.Interval) and not self._is_epoch(last.t_s):
+            Q = what.Phi @ last.Q @ what.Phi.T + what.Q
+            self.steps[-1] = linear.Interval(end_s, what.Phi @ last.Phi, Q)
+        else:
+            self.steps.append(linear.Interval(end_s, what.Phi, what.Q))
+
+    def _epoch(self, t_s):
+        """Number of the tick that ends nearest to a time."""
+        return round((t_s - self.begin_s) * simulate.TICKS_PER_S)
+
+    def _is_epoch(self, t_s):
+        tick = self._epoch(t_s)
+        return tick % EPOCH_TICKS == 0 and abs(tick / simulate.TICKS_PER_S + self.begin_s - t_s) < EARLY_S
+
+    def vibration(self, t_s):
+        """Level of the vibration at the ends of ticks, by the strongest motor's. (m,) -> (m,)"""
+        return np.array([self.levels[self._epoch(one)] for one in t_s.tolist()])
+
+
+def reported(nav):
+    """Covariance of the core errors as the filter reports it, (15, 15).
+
+    The estimated accelerometer bias contains what the gravity model leaves out (`solution.covariance`).
+    """
+    P = solution.reported(nav)[:N_CORE, :N_CORE].copy()
+    P[BA, BA] += nav.params.imu.gravity**2 * np.eye(3)
+    return P
+
+
+def phases(t_s, trajectory, used_s):
+    """Phase at each time, given when star fixes were used. (m,), Trajectory, list -> (m,) int"""
+    k = np.clip(np.searchsorted(trajectory.t_s, t_s - EARLY_S), 0, len(trajectory.t_s) - 1)
+    first_s, last_s = (used_s[0], used_s[-1]) if used_s else (np.inf, np.inf)
+    phase = np.where(t_s < first_s, 1, np.where(t_s <= last_s, 2, 3))
+    phase[trajectory.burning[k] > 0] = 0
+    phase[t_s < 0.0] = PAD
+    return phase
+
+
+def _errors(states, trajectory, biases):
+    """truth (-) estimate of the core errors. list of NavState, Trajectory, (N, 6) -> (m, 15)"""
+    k = np.searchsorted(trajectory.t_s, np.array([state.t_s for state in states]) - EARLY_S)
+    errors = np.empty((len(states), N_CORE))
+    errors[:, POS] = trajectory.r_i[k] - np.array([state.r_i for state in states])
+    errors[:, VEL] = trajectory.v_i[k] - np.array([state.v_i for state in states])
+    errors[:, ATT] = rotvec_between(np.array([state.q_ib for state in states]), trajectory.q_ib[k])
+    errors[:, BG] = biases[k, :3] - np.array([state.gyro_bias for state in states])
+    errors[:, BA] = biases[k, 3:] - np.array([state.accel_bias for state in states])
+    return errors
+
+
+def true_biases(scenario, seed, trajectory):
+    """Turn-on and in-run bias of gyros and accelerometers at every sample: (N, 6) rad/s, m/s^2.
+
+    The instrument is asked again, with the same random numbers, at rest and without its other errors.
+    """
+    full = params.imu_params(scenario)
+    kept = ("bias", "bias_in_run", "bias_tau_s", "range")
+    silent = {
+        name: np.zeros_like(value) if isinstance(value, np.ndarray) else 0.0
+        for name, value in full._asdict().items()
+        if not name.startswith(tuple(f"{sensor}_{what}" for sensor in ("gyro", "accel") for what in kept))
+        and not name.endswith("_hz")
+    }
+    alone = full._replace(**silent)
+    rest = trajectory._replace(
+        dtheta_b=np.zeros_like(trajectory.dtheta_b), dv_b=np.zeros_like(trajectory.dv_b)
+    )
+    data = imu.measure(alone, rest, noise.generator(seed, "imu"))
+    dt_s = (trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1)
+    biases = np.hstack([data.dtheta_b, data.dv_b]) / dt_s
+    biases[0] = biases[1]
+    return biases

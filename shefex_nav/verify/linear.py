@@ -1,0 +1,132 @@
+"""Errors as a linear Gaussian process: their covariance, and histories drawn from it.
+
+In: intervals (Phi, Q) and updates (H, R) in the order of their instants, each update with the instant at
+which it reaches the computer. Out: at given times the covariance of what is known then, and errors drawn at
+random that obey the same matrices and gains::
+
+    e <- Phi e + w,   w ~ N(0, Q)
+    e <- e - K z,     z = H e + v,   v ~ N(0, R),   K = P H^T (H P H^T + R)^-1
+
+truth = estimate (+) error. A measurement that is still on its way is left out of what is known, and taken at
+its own instant as soon as it is there: two lanes, one up to the last instant that is settled, and from there
+one to the time that is asked for.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+EARLY_S = 1e-6  # rounding of times
+
+
+class Interval(NamedTuple):
+    """Growth of the errors up to t_s."""
+
+    t_s: float  # end
+    Phi: np.ndarray  # (n, n)
+    Q: np.ndarray  # (n, n)
+
+
+class Update(NamedTuple):
+    """A measurement valid at t_s."""
+
+    t_s: float
+    available_s: float
+    sensor: str
+    H: np.ndarray  # (m, n)
+    R: np.ndarray  # (m, m)
+
+
+class Output(NamedTuple):
+    """What is known at one time, and the errors then."""
+
+    t_s: float
+    P: np.ndarray  # (n, n)
+    errors: np.ndarray  # (n, number of histories); (n, 0) without them
+
+
+class _Drawn(NamedTuple):
+    """Random numbers of the steps that are not settled: step -> (., number of histories)."""
+
+    rng: object
+    number: int
+    kept: dict
+
+    def noise(self, k, covariance, *, last):
+        """Noise of step k: the same until it is asked for the last time."""
+        if k not in self.kept:
+            self.kept[k] = square_root(covariance) @ self.rng.standard_normal((len(covariance), self.number))
+        return self.kept.pop(k) if last else self.kept[k]
+
+
+def outputs(P, steps, times_s, *, rng=None, number=0):
+    """Follow the errors through the steps.
+
+    Parameters
+    ----------
+    P : (n, n) at the start
+    steps : sequence of Interval and Update, in order of t_s
+    times_s : increasing; each the end of an interval
+    rng : Generator, with `number` > 0
+    number : of histories
+
+    Yields
+    ------
+    Output, one for each time
+    """
+    drawn = _Drawn(rng, number, {})
+    errors = square_root(P) @ rng.standard_normal((len(P), number)) if number else np.zeros((len(P), 0))
+    settled = 0
+    for t_s in times_s:
+        while settled < len(steps) and _known_s(steps[settled]) <= t_s + EARLY_S:
+            P, errors = _take(P, errors, steps[settled], settled, drawn, last=True)
+            settled += 1
+        P_now, errors_now, k = P, errors, settled
+        while k < len(steps) and steps[k].t_s <= t_s + EARLY_S:
+            if _known_s(steps[k]) <= t_s + EARLY_S:
+                P_now, errors_now = _take(P_now, errors_now, steps[k], k, drawn, last=False)
+            k += 1
+        yield Output(t_s, P_now, errors_now)
+
+
+def _known_s(step):
+    """When a step can be taken."""
+    return step.available_s if isinstance(step, Update) else step.t_s
+
+
+def _take(P, errors, step, k, drawn, *, last):
+    """P and errors after a step."""
+    if isinstance(step, Interval):
+        grown = step.Phi @ P @ step.Phi.T + step.Q
+        if drawn.number:
+            errors = step.Phi @ errors + drawn.noise(k, step.Q, last=last)
+        return 0.5 * (grown + grown.T), errors
+    K = gain(P, step.H, step.R)
+    if drawn.number:
+        errors = errors - K @ (step.H @ errors + drawn.noise(k, step.R, last=last))
+    return _joseph(P, K, step.H, step.R), errors
+
+
+def gain(P, H, R):
+    """K = P H^T (H P H^T + R)^-1. (n, n), (m, n), (m, m) -> (n, m)"""
+    return np.linalg.solve(H @ P @ H.T + R, H @ P).T
+
+
+def _joseph(P, K, H, R):
+    """(I - K H) P (I - K H)^T + K R K^T, symmetric."""
+    left = P - K @ (H @ P)
+    P = left - (left @ H.T) @ K.T + K @ R @ K.T
+    return 0.5 * (P + P.T)
+
+
+def square_root(P):
+    """A with A A^T = P of a covariance that may be singular. (n, n) -> (n, n)
+
+    Scaled to correlations first: metres and radians in one matrix.
+    """
+    sigma = np.sqrt(np.diag(P))
+    scale = np.where(sigma > 0.0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(P / np.outer(scale, scale))
+    if values[0] < -1e-6:
+        raise ValueError(f"not a covariance: eigenvalue {values[0]:.1e} of the correlations")
+    return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))

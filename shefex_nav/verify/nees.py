@@ -1,0 +1,79 @@
+"""Statistics of a filter's errors over runs, and the bounds that they have to keep.
+
+Errors of one run are correlated in time, so the mean over a phase of the normalised squared error (NEES) of
+one run scatters far more than its number of epochs suggests. Its bounds come from histories of errors that
+obey the filter's own matrices (`linear.outputs`): the mean over n runs has the distribution of the mean of
+n such histories. NIS needs no histories, because innovations of a consistent filter are white: its sum is
+chi-square distributed (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and
+Navigation, 5.4).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+RESAMPLED = 20000  # means of n histories, of which the quantiles are taken
+
+
+class Verdict(NamedTuple):
+    """A statistic and the interval in which it has to lie."""
+
+    what: str
+    value: float
+    low: float
+    high: float
+    samples: int
+
+    @property
+    def good(self):
+        """Whether it lies in there."""
+        return bool(self.low <= self.value <= self.high)
+
+
+def nees(errors, P):
+    """Normalised squared errors: (..., m), (..., m, m) -> (...)."""
+    sigma = np.sqrt(np.einsum("...ii->...i", P))
+    scaled = P / (sigma[..., :, None] * sigma[..., None, :])  # correlations: no trouble with units
+    normal = errors / sigma
+    return np.einsum("...i,...i->...", normal, np.linalg.solve(scaled, normal[..., None])[..., 0])
+
+
+def mean_interval(per_history, n, probability, rng):
+    """Interval that holds the mean over n runs with a probability, each run being like one of the histories.
+
+    Parameters
+    ----------
+    per_history : (m,) the statistic of each history
+    n : number of runs
+    probability : e.g. 0.999
+    rng : Generator
+
+    Returns
+    -------
+    low, high : float
+    """
+    means = np.empty(RESAMPLED)
+    for k in range(0, RESAMPLED, 500):
+        means[k : k + 500] = per_history[rng.integers(len(per_history), size=(500, n))].mean(axis=1)
+    tail = 0.5 * (1.0 - probability)
+    low, high = np.quantile(means, [tail, 1.0 - tail])
+    return float(low), float(high)
+
+
+def nis_interval(dof, probability):
+    """Interval of the mean NIS per degree of freedom over `dof` degrees of freedom in all."""
+    from scipy.stats import chi2
+
+    tail = 0.5 * (1.0 - probability)
+    low, high = chi2.ppf([tail, 1.0 - tail], dof) / dof
+    return float(low), float(high)
+
+
+def containment_interval(n, probability, sigmas=3.0):
+    """Least and largest share of n independent runs whose error may lie within some sigmas."""
+    from scipy.stats import binom, norm
+
+    inside = norm.cdf(sigmas) - norm.cdf(-sigmas)
+    tail = 0.5 * (1.0 - probability)
+    low, high = binom.ppf([tail, 1.0 - tail], n, inside) / n
+    return float(low), float(high)

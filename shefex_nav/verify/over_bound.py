@@ -1,0 +1,108 @@
+"""The errors of runs over their posterior Cramer-Rao bound: as a curve and per phase of the mission."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.environment import gravity
+from shefex_nav.scenario import params
+from shefex_nav.verify import bound, bound_model
+from shefex_nav.verify.flown import ATT, PHASES, POS, VEL
+
+SETTLED_S = 10.0  # a phase's first seconds are left out of its ratio: the filter converges
+QUANTITIES = (POS, VEL, ATT)
+
+
+class Curves(NamedTuple):
+    """Over m epochs: position [m], velocity [m/s], attitude [rad], lengths of vectors, rms over the runs."""
+
+    t_s: np.ndarray  # (m,)
+    phase: np.ndarray  # (m,) of the first run
+    error: np.ndarray  # (m, 3)
+    sigma: np.ndarray  # (m, 3) as reported
+    bound: np.ndarray  # (m, 3) for a field of gravity that is not known beyond J2
+    bound_known: np.ndarray  # (m, 3) for one that is known
+
+
+def bounds(scenario, world, fixes):
+    """Bound of a run: for a field of gravity that is a random process beyond J2, and for a known one.
+
+    Scenario, prepare.World, list of StarFix -> (Bound, Bound)
+    """
+    imu, camera = params.imu_params(scenario), params.camera_params(scenario)
+    trajectory = world.flight.trajectory
+    field = gravity.load(scenario.earth.gravity, scenario.earth.gravity_degree)
+    flight = bound.Flight(
+        trajectory,
+        world.earth,
+        world.alignment,
+        world.gps_fixes,
+        fixes,
+        imu,
+        camera,
+        np.array(scenario.gps.antenna.lever_arm),
+    )
+    process = bound.gravity_process(field, trajectory, world.earth)
+    layouts = [bound_model.sources(imu, camera, *one) for one in (process, (0.0, np.inf))]
+    return tuple(bound.follow(flight, layout) for layout in layouts)
+
+
+def curves(runs, pairs):
+    """Curves of some runs.
+
+    runs : list of flown.Run;  pairs : list of `bounds`, at the same epochs -> Curves
+    """
+    m = min(len(run.t_s) for run in runs)
+    t_s = runs[0].t_s[:m]
+    for pair in pairs:
+        if not np.allclose(pair[0].t_s[:m], t_s, atol=1e-6):
+            raise ValueError("the bound is given at other epochs than the errors")
+
+    def rms(values):
+        return np.sqrt(np.mean(np.square(values), axis=0))
+
+    error = [np.stack([_length(run.errors[:m, q]) for q in QUANTITIES], axis=1) for run in runs]
+    sigma = [np.stack([_trace(run.P[:m, q, q]) for q in QUANTITIES], axis=1) for run in runs]
+    both = [rms([np.stack(bound.sigmas(pair[k]), axis=1)[:m] for pair in pairs]) for k in range(2)]
+    return Curves(t_s, runs[0].phase[:m], rms(error), rms(sigma), *both)
+
+
+def _length(errors):
+    """(m, 3) -> (m,)"""
+    return np.sqrt((errors**2).sum(axis=1))
+
+
+def _trace(P):
+    """Root of the trace. (m, 3, 3) -> (m,)"""
+    return np.sqrt(np.einsum("kii->k", P))
+
+
+def ratios(found):
+    """Error over bound in each phase, rms over its epochs but the first of each stretch.
+
+    Curves -> dict phase -> dict of (3,): error, sigma, bound, ratio, ratio_known (gravity)
+    """
+    result = {}
+    for p, name in enumerate(PHASES):
+        chosen = (found.phase == p) & settled(found.t_s, found.phase, p)
+        if not chosen.any():
+            continue
+        error, sigma, unknown, known = (np.sqrt((column[chosen] ** 2).mean(axis=0)) for column in found[2:])
+        result[name] = {
+            "error": error,
+            "sigma": sigma,
+            "bound": unknown,
+            "ratio": error / unknown,
+            "ratio_known": error / known,
+        }
+    return result
+
+
+def settled(t_s, phase, p):
+    """Epochs later than `SETTLED_S` in their stretch of a phase. (m,), (m,), int -> (m,) bool"""
+    inside = phase == p
+    begins = np.flatnonzero(inside & ~np.concatenate([[False], inside[:-1]]))
+    since = np.full(len(t_s), np.inf)
+    for k in begins:
+        since[k:] = t_s[k:] - t_s[k]
+    return since >= SETTLED_S

@@ -1,0 +1,166 @@
+"""Runs kept by their star fixes, and the statistics of a filter whose errors are known."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shefex_nav.onboard.navigation.fusion import Correction, Interval
+from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.records import Detections, StarFix, Trajectory
+from shefex_nav.scenario import load, params
+from shefex_nav.verify import consistency, flown, linear
+from shefex_nav.verify.flown import PHASES, Run
+from shefex_nav.world import imu, noise
+
+SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
+N = 15
+
+
+def star_fix(rng, number, n_stars):
+    seen = Detections(rng.random((n_stars, 2)) * 600, *[np.zeros(n_stars)] * 3, np.zeros((n_stars, 2, 2)))
+    return StarFix(
+        number, 250.0 + 0.1 * number, 250.08 + 0.1 * number, 0, rng.random(4), rng.random((3, 3)), seen,
+        rng.integers(0, 9, n_stars), 0.1, 20.0, 0.05, False, False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("counts", [(4, 0, 7), ()])
+def test_kept_fixes_come_back(tmp_path, counts):
+    rng = np.random.default_rng(0)
+    fixes = [star_fix(rng, k, count) for k, count in enumerate(counts)]
+    flown.save(tmp_path / "fixes.npz", fixes, {"code": "abc"})
+    assert flown.made_by(tmp_path / "fixes.npz") == {"code": "abc"}
+    again = flown.load(tmp_path / "fixes.npz", {"code": "abc"})
+    assert len(again) == len(fixes)
+    for one, other in zip(fixes, again, strict=True):
+        assert (one.number, one.t_valid_s, one.t_available_s) == (
+            other.number,
+            other.t_valid_s,
+            other.t_available_s,
+        )
+        for name in ("q_ic", "P_c", "hip"):
+            assert np.array_equal(getattr(one, name), getattr(other, name))
+        assert np.array_equal(one.detections.xy_px, other.detections.xy_px)
+    with pytest.raises(ValueError, match="made by"):
+        flown.load(tmp_path / "fixes.npz", {"code": "another"})
+
+
+def at_rest(seconds):
+    """Trajectory that stands still for some seconds and burns in between."""
+    n = seconds * 400 + 1
+    ones, zeros = np.ones(n), np.zeros((n, 3))
+    burning = np.zeros(n, dtype=np.int8)
+    burning[400:800] = 1
+    return Trajectory(
+        np.arange(n) / 400.0, burning, zeros, zeros, np.tile([1.0, 0, 0, 0], (n, 1)), zeros, zeros, zeros,
+        zeros, ones, ones, ones, ones, burning, ones,
+    )  # fmt: skip
+
+
+def test_true_biases_are_those_of_the_instrument():
+    """An instrument without random walk and vibration reads its biases, and nothing else, at rest."""
+    off = [f"imu.gyro.{name}" for name in ("random_walk=0 deg/sqrt(h)", "quantum=off")]
+    off += [f"imu.accelerometer.{name}" for name in ("random_walk=0 m/s/sqrt(h)", "quantum=off")]
+    off += ["imu.vibration.boost=[0 gee, 0 gee]", "imu.vibration.coast=0 gee"]
+    trajectory = at_rest(5)
+    scenario = load.load(str(SCENARIO), off)
+    read = imu.measure(params.imu_params(scenario), trajectory, noise.generator(7, "imu"))
+    true = flown.true_biases(load.load(str(SCENARIO)), 7, trajectory)
+    assert true[1:, :3] == pytest.approx(read.dtheta_b[1:] * 400.0, rel=1e-9)
+    assert true[1:, 3:] == pytest.approx(read.dv_b[1:] * 400.0, rel=1e-9)
+
+
+def test_phases_of_a_run():
+    t_s = np.array([0.5, 1.5, 2.5, 3.0, 4.0, 4.5])
+    assert flown.phases(t_s, at_rest(5), [2.9, 4.0]).tolist() == [1, 0, 1, 2, 2, 3]
+    assert flown.phases(t_s, at_rest(5), []).tolist() == [1, 0, 1, 1, 1, 1]
+    assert flown.phases(np.array([-1.0]), at_rest(5), []).tolist() == [flown.PAD]
+
+
+def test_recorder_joins_the_ticks_between_updates_and_epochs():
+    """100 ticks with one update: the product of all, cut at the update and at each half second."""
+
+    class Imu:
+        vibration = 0.25
+
+    class Fix:
+        t_available_s = 0.33
+
+    rng = np.random.default_rng(1)
+    recorder, product, noise_sum = flown.Recorder(0.0), np.eye(2), np.zeros((2, 2))
+    for n in range(1, 101):
+        t_s = n / 100.0
+        Phi = np.eye(2) + 0.01 * rng.standard_normal((2, 2))
+        Q = np.diag(rng.random(2))
+        product, noise_sum = Phi @ product, Phi @ noise_sum @ Phi.T + Q
+        none = [None] * 9
+        recorder(Interval(t_s - 0.01, t_s, None, None, Phi, Q, None, None, Imu))
+        if n == 20:
+            H, R = np.ones((1, 2)), np.ones((1, 1))
+            recorder(Correction(t_s, "gps_position", Fix, Fate.USED, *none[:4], H, R, *none[:4]))
+    kinds = [type(step).__name__ for step in recorder.steps]
+    assert kinds == ["Interval", "Update", "Interval", "Interval"]
+    assert [step.t_s for step in recorder.steps] == pytest.approx([0.2, 0.2, 0.5, 1.0])
+    assert recorder.steps[1].available_s == 0.33
+    intervals = [step for step in recorder.steps if isinstance(step, linear.Interval)]
+    joined = intervals[2].Phi @ intervals[1].Phi @ intervals[0].Phi
+    assert joined == pytest.approx(product, rel=1e-12)
+    assert recorder.vibration(np.array([0.5, 1.0])).tolist() == [0.25, 0.25]
+    with pytest.raises(ValueError, match="choose another seed"):
+        recorder(Correction(1.0, "star_tracker", Fix, Fate.RESET, *none[:4], H, R, *none[:4]))
+
+
+def steps_and_times():
+    """Fifteen errors that wander, with measurements of all of them; 60 s."""
+    steps, times_s = [], 0.5 * np.arange(1, 121)
+    for k, t_s in enumerate(times_s):
+        steps.append(linear.Interval(t_s, 0.99 * np.eye(N), 0.02 * np.eye(N)))
+        if k % 4 == 3:
+            steps.append(linear.Update(t_s, t_s + 0.2, "gps", np.eye(N)[:6], 0.5 * np.eye(6)))
+    return steps, times_s
+
+
+def runs_of(steps, times_s, phase, rng, number, factor=1.0):
+    """Runs whose errors obey the steps but for a factor on what the filter says of them."""
+    found = list(linear.outputs(np.eye(N), steps, times_s, rng=rng, number=number))
+    P = np.array([output.P for output in found]) * factor
+    errors = np.array([output.errors for output in found])
+    nis = rng.chisquare(6, (number, 40)) / factor
+    dof, refused = {"gps": np.full(40, 6)}, {"gps": 0}
+    return [
+        Run(seed, times_s, phase, errors[:, :, seed], P, {"gps": nis[seed]}, dof, refused)
+        for seed in range(number)
+    ]
+
+
+def test_a_consistent_filter_passes_and_one_that_says_too_little_does_not():
+    """100 runs of known statistics; then the same with covariances of a quarter, and of 1.5 times."""
+    rng = np.random.default_rng(5)
+    steps, times_s = steps_and_times()
+    phase = np.repeat(np.arange(4), 30)
+    none = consistency.Extra(np.zeros(120), np.zeros(120), 0.0)
+    histories = consistency.simulate(np.eye(N), steps, times_s, phase, none, number=1000, rng=rng)
+    verdicts = consistency.judge(runs_of(steps, times_s, phase, rng, 100), histories, rng)
+    assert len(verdicts) == 5 * 4 + 1 + 15 * 4
+    assert [one.what for one in verdicts if not one.good] == []
+    for factor, too in ((0.25, "much"), (1.5, "little")):
+        wrong = runs_of(steps, times_s, phase, rng, 100, factor)
+        judged = consistency.judge(wrong, histories, rng)
+        of_nees = [one for one in judged if one.what.startswith("NEES")]
+        assert not any(one.good for one in of_nees), factor
+        assert all((one.value > one.high) == (too == "much") for one in of_nees)
+        assert not next(one for one in judged if one.what.startswith("NIS")).good
+
+
+def test_what_is_reported_beyond_the_filter_is_in_the_histories():
+    """Swing and gravity: the mean NEES of the histories stays what it is for three degrees of freedom."""
+    rng = np.random.default_rng(6)
+    steps, times_s = steps_and_times()
+    extra = consistency.Extra(np.full(120, 2.0), np.full(120, 0.5), 3.0)
+    phase = np.zeros(120, dtype=int)
+    histories = consistency.simulate(np.eye(N), steps, times_s, phase, extra, number=1000, rng=rng)
+    for (block, p), values in histories.averages.items():
+        scatter = values.std() / np.sqrt(1000)
+        assert values.mean() == pytest.approx(3.0, abs=4.5 * scatter), (block, PHASES[p])
+    assert histories.P[50][3, 3] > 4.0

@@ -1,0 +1,104 @@
+"""Error histories of linear problems whose answers are known."""
+
+import numpy as np
+import pytest
+
+from shefex_nav.verify import linear
+from shefex_nav.verify.linear import Interval, Update
+
+
+def one(value):
+    return np.array([[float(value)]])
+
+
+def walk(times_s, q, r, late_s=0.0):
+    """A scalar random walk, measured at every second time."""
+    steps = []
+    for k, t_s in enumerate(times_s):
+        steps.append(Interval(t_s, one(1.0), one(q)))
+        if k % 2:
+            steps.append(Update(t_s, t_s + late_s, "position", one(1.0), one(r)))
+    return steps
+
+
+def oscillator(n, dt_s=0.1):
+    """A spring with a constant force, driven by noise: position, velocity, force; measured at times."""
+    A = np.array([[0.0, 1.0, 0.0], [-4.0, -0.3, 1.0], [0.0, 0.0, 0.0]])
+    Phi = np.eye(3) + dt_s * A + 0.5 * (dt_s * A) @ (dt_s * A)
+    Q = np.diag([1e-4, 0.02, 0.0])
+    steps = []
+    for k in range(1, n + 1):
+        steps.append(Interval(k * dt_s, Phi, Q))
+        if k % 5 == 0:
+            steps.append(
+                Update(k * dt_s, k * dt_s + 0.25, "position", np.array([[1.0, 0.0, 0.0]]), one(0.01))
+            )
+    return steps
+
+
+def test_a_random_walk_settles_at_the_root_of_its_riccati_equation():
+    q, r = 0.5, 2.0
+    times_s = np.arange(1.0, 101.0)
+    last = list(linear.outputs(one(10.0), walk(times_s, q, r), times_s))[-1]
+    # after an update: 1/P = 1/(P + 2q) + 1/r, so P^2 + 2qP - 2qr = 0
+    assert last.P[0, 0] == pytest.approx(-q + np.sqrt(q * q + 2.0 * q * r), rel=1e-12)
+
+
+def test_what_is_late_counts_when_it_is_there():
+    times_s = np.arange(1.0, 11.0)
+    in_time = [one.P[0, 0] for one in linear.outputs(one(10.0), walk(times_s, 0.5, 2.0), times_s)]
+    late = [one.P[0, 0] for one in linear.outputs(one(10.0), walk(times_s, 0.5, 2.0, late_s=1.0), times_s)]
+    # updates are at 2, 4, ... and arrive at 3, 5, ...: then all is as if they had never been late
+    assert late[2::2] == pytest.approx(in_time[2::2], rel=1e-12)
+    before = in_time[6] + 0.5  # at 8 s the update of 8 s is on its way: the knowledge of 7 s, a step older
+    assert late[7] == pytest.approx(before, rel=1e-12)
+
+
+def test_late_ones_in_another_order_than_their_instants():
+    """A fix that overtakes an older one: what is known is what has arrived."""
+    early, slow = one(1.0), one(4.0)
+    steps = [
+        Interval(1.0, one(1.0), one(0.0)),
+        Update(1.0, 3.5, "slow", one(1.0), slow),
+        Interval(2.0, one(1.0), one(0.0)),
+        Update(2.0, 2.5, "fast", one(1.0), early),
+        Interval(3.0, one(1.0), one(0.0)),
+        Interval(4.0, one(1.0), one(0.0)),
+    ]
+    P = [output.P[0, 0] for output in linear.outputs(one(2.0), steps, [1.0, 2.0, 3.0, 4.0])]
+    assert P == pytest.approx([2.0, 2.0, 1.0 / (1 / 2 + 1 / 1), 1.0 / (1 / 2 + 1 / 1 + 1 / 4)], rel=1e-12)
+
+
+def test_histories_have_the_covariance_that_is_said():
+    """Also while measurements are on their way; 20000 histories, seed 3, five standard deviations."""
+    steps = oscillator(60)
+    times_s = np.arange(1, 61) * 0.1
+    n = 20000
+    P = np.diag([1.0, 0.5, 0.2])
+    for output in linear.outputs(P, steps, times_s, rng=np.random.default_rng(3), number=n):
+        sampled = output.errors @ output.errors.T / n
+        spread = np.sqrt((np.outer(np.diag(output.P), np.diag(output.P)) + output.P**2) / n)
+        assert np.all(np.abs(sampled - output.P) < 5.0 * spread), output.t_s
+
+
+def test_a_history_is_one_history():
+    """Noise drawn on the way to an output is the same on the way to the next."""
+    steps = [Interval(0.1 * k, one(1.0), one(1.0)) for k in range(1, 21)]
+    steps.insert(5, Update(0.5, 1.95, "late", one(1.0), one(1e12)))  # holds all the rest back, says nothing
+    errors = [
+        output.errors
+        for output in linear.outputs(
+            one(1.0), steps, 0.1 * np.arange(1, 21), rng=np.random.default_rng(0), number=4000
+        )
+    ]
+    changes = np.diff(np.array(errors)[:, 0], axis=0)
+    assert np.var(changes, axis=1) == pytest.approx(np.ones(19), rel=0.15)  # 6 sigma of 4000
+
+
+def test_root_of_a_covariance_with_nothing_in_some_directions():
+    A = np.array([[1e6, 0.0, 0.0], [2e6, 1e-6, 0.0], [0.0, 0.0, 0.0]])
+    P = A @ A.T
+    root = linear.square_root(P)
+    assert root @ root.T == pytest.approx(P, rel=1e-9)
+    with pytest.raises(ValueError, match="not a covariance"):
+        linear.square_root(np.array([[1.0, 2.0], [2.0, 1.0]]))
