@@ -125,7 +125,7 @@ def run(replay, clock):
 
 
 def _tick(nav, ticks, block, waiting):
-    """One tick of the on-board computer without stars -> block, fixes that have arrived, what the filter says.
+    """One tick without stars -> block, fixes that have arrived, what the filter says.
 
     waiting : GpsFix, the last is the next to arrive
     """
