@@ -12,6 +12,8 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.replay.command import replay  # which imports late
+from shefex_nav.replay.smooth_command import smooth
 from shefex_nav.reproduce.command import ListingCommand, reproduce  # which import late
 from shefex_nav.solve.command import solve
 from shefex_nav.verify.command import app as verify_app  # which imports late, too
@@ -26,6 +28,8 @@ app = typer.Typer(
 app.add_typer(verify_app, name="verify")
 app.command(cls=ListingCommand)(reproduce)
 app.command()(solve)
+app.command()(replay)
+app.command()(smooth)
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
 LogArgument = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
@@ -246,6 +250,7 @@ def user_errors():
         "shefex_nav.verify.data.NescDataError",
         "shefex_nav.log.topics.LogError",
         "shefex_nav.report.viewer_program.ViewerError",
+        "shefex_nav.replay.table.DataError",
     )
     for name in names:
         module, _, attribute = name.rpartition(".")

@@ -3,13 +3,13 @@
 from typing import NamedTuple
 
 from shefex_nav import __version__
-from shefex_nav.environment import ephemeris, gnss, stars
+from shefex_nav.environment import ephemeris, gnss, stars, yuma
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.records import Alignment
-from shefex_nav.scenario import params, params_onboard
-from shefex_nav.world import camera, gps, imu, noise, pad
+from shefex_nav.scenario import params, params_faults, params_gps, params_onboard
+from shefex_nav.world import camera, faults, gps, imu, noise, pad
 from shefex_nav.world.flight import fly
 
 BRIEF_S = 5.0  # of a flight that nobody waits for
@@ -26,6 +26,8 @@ class World(NamedTuple):
     gps_fixes: list
     camera: camera.Camera
     computer: onboard.ComputerParams
+    gps_ranges: list
+    faults: faults.Faults
 
 
 def build_world(scenario, seed, *, brief=False):
@@ -54,20 +56,37 @@ def build_world(scenario, seed, *, brief=False):
     if brief and scenario.launch is None:
         flight_params = flight_params._replace(time_limit_s=flight_params.t_start_s + BRIEF_S, programme=())
     flight = fly.fly(flight_params, earth, rng("attitude_control"))
-    trajectory = flight.trajectory
+    trajectory, wrong = flight.trajectory, params_faults.faults(scenario)
     true_camera = camera.init(params.camera_params(scenario), at_epoch, bodies, earth, rng("camera_errors"))
+    gps_data = gps.measure(
+        params_gps.gps_params(scenario),
+        trajectory,
+        flight.events,
+        earth,
+        constellation(scenario),
+        rng("gps"),
+        rng("gps_errors"),
+    )
+    events = [*flight.events, *faults.events(wrong, trajectory, earth)]
     return World(
         earth=earth,
         catalogue=catalogue,
-        flight=flight,
+        flight=flight._replace(events=tuple(sorted(events, key=lambda event: event.t_s))),
         alignment=pad.align(params.pad_params(scenario), trajectory, earth, rng("pad")),
-        imu=imu.measure(params.imu_params(scenario), trajectory, rng("imu")),
-        gps_fixes=gps.measure(
-            params.gps_params(scenario), trajectory, flight.events, earth, gnss.nominal_24(epoch), rng("gps")
-        ),
+        imu=faults.imu(wrong.imu, imu.measure(params.imu_params(scenario), trajectory, rng("imu"))),
+        gps_fixes=faults.gps(wrong.gps, gps_data.fixes),
+        gps_ranges=faults.gps_ranges(wrong.gps, gps_data.ranges),
         camera=true_camera,
         computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
+        faults=wrong,
     )
+
+
+def constellation(scenario):
+    """The GPS satellites of a scenario: those of its almanac, or the nominal ones. -> gnss.Constellation"""
+    if scenario.gps.almanac is None:
+        return gnss.nominal_24(scenario.mission.epoch)
+    return yuma.constellation(params_gps.almanac(scenario), scenario.mission.epoch)
 
 
 def mission(scenario, seed, trajectory):

@@ -100,6 +100,7 @@ class ImuBlock(NamedTuple):
     dtheta_b: np.ndarray  # (n, 3) rad, integrated rate
     dv_b: np.ndarray  # (n, 3) m/s, integrated specific force
     saturated: bool  # a sample of this block reached the range of its sensor
+    valid: bool = True  # False: the unit did not answer, its increments are NaN
 
 
 class GpsFix(NamedTuple):
@@ -115,6 +116,26 @@ class GpsFix(NamedTuple):
     n_satellites: int
     pdop: float
     reason: str  # why there is no fix; empty when valid
+
+
+class GpsRanges(NamedTuple):
+    """What the receiver's channels measure at one instant; n satellites are tracked, and there may be none.
+
+    A pseudorange is the distance from the satellite at transmission to the antenna at t_valid_s, plus the
+    bias of the receiver's clock; what is broadcast about the satellite's clock and the ionosphere, and a
+    model of the troposphere, have been taken out. A range rate is its change in time, likewise.
+    """
+
+    t_valid_s: float
+    t_available_s: float
+    prn: np.ndarray  # (n,) int, ascending; slots 1 to 24 of the nominal constellation
+    pseudorange: np.ndarray  # (n,) m
+    range_rate: np.ndarray  # (n,) m/s, positive as the distance grows
+    r_es_e: np.ndarray  # (n, 3) m, satellite at transmission as broadcast, in the axes e of t_valid_s
+    v_es_e: np.ndarray  # (n, 3) m/s, its velocity relative to these axes, which turn with the Earth
+    sigma_range: np.ndarray  # (n,) m, noise of the channel as the receiver reports it; white in time
+    sigma_range_rate: np.ndarray  # (n,) m/s
+    reason: str = ""  # why no satellite is tracked; empty otherwise
 
 
 class CameraCommand(NamedTuple):
@@ -222,6 +243,24 @@ class GateResult(NamedTuple):
     innovation: np.ndarray  # (dof,)
 
 
+class NavHealth(NamedTuple):
+    """Change in what the navigation thinks of a sensor, or of an axis of one."""
+
+    t_s: float  # when it was noticed
+    source: str  # 'gyro x', 'accelerometer z', 'imu', 'gps', 'gps_position', 'star_tracker' ...
+    healthy: bool
+    reason: str  # why not; empty when healthy again
+
+
+class Doubt(IntEnum):
+    """Why the solution must not be used; NONE when it may."""
+
+    NONE = 0
+    ATTITUDE = 1  # its protection level exceeds what the mission requires
+    CONTRADICTED = 2  # a sensor contradicts it, and nothing says which of the two is wrong
+    IMU = 3  # rates or specific force of the moment are not measured
+
+
 class NavSolution(NamedTuple):
     """What the canard controller gets, 100 times a second."""
 
@@ -244,6 +283,9 @@ class NavSolution(NamedTuple):
     sigma_angle_of_attack: float  # rad
     sigma_sideslip: float  # rad
     star_aided: bool  # a star fix has been used since the start
+    protection_b: np.ndarray = np.full(3, np.nan)  # (3,) rad, protection level of the attitude
+    do_not_use: bool = False
+    doubt: int = int(Doubt.NONE)  # Doubt, why not
 
 
 class NavCovariance(NamedTuple):

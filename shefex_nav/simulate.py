@@ -14,7 +14,7 @@ from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, TruthSample
-from shefex_nav.world import camera, imu, noise
+from shefex_nav.world import camera, faults, imu, noise
 from shefex_nav.world.camera.shutter import Shutter
 
 TICKS_PER_S = 100  # of the on-board clock
@@ -51,7 +51,9 @@ def route(world, scenario, seed, *, until_s=np.inf):
         off_s=scenario.star_tracker.off,
         rng=noise.generator(seed, "camera_noise"),
     )
-    fixes, steered = list(world.gps_fixes)[::-1], control_samples(world.flight.control, trajectory)[::-1]
+    line = faults.StarLine(world.faults.stars, noise.generator(seed, "faults"))
+    received = sorted(world.gps_fixes + world.gps_ranges, key=lambda m: m.t_available_s, reverse=True)
+    steered = control_samples(world.flight.control, trajectory)[::-1]
     for n, block in enumerate(imu.blocks(world.imu), 1):
         now_s = block.t_valid_s
         if now_s > until_s + EARLY_S:
@@ -62,15 +64,15 @@ def route(world, scenario, seed, *, until_s=np.inf):
         while steered and steered[-1].t_s <= now_s + EARLY_S:
             yield steered.pop()
         yield block
-        arrived = due(fixes, now_s)
+        arrived = due(received, now_s)
         pictures = shutter.arrived(now_s)
         for _, truth in pictures:
             yield truth
         yield from arrived
-        frames = [frame for frame, _ in pictures]
+        frames = [line.picture(frame) for frame, _ in pictures]
         yield from frames
         clock = Stopwatch(star_tracker.step)
-        computer, outputs = onboard.tick(computer, block, arrived, frames, chain=clock.step)
+        computer, outputs = onboard.tick(computer, block, arrived, frames, chain=line.chain(clock.step))
         yield from outputs
         for frame, duration_s in zip(frames, clock.durations_s, strict=True):
             yield ComputeTime(now_s, frame.number, duration_s)

@@ -1,8 +1,9 @@
-"""The GPS constellation as it was laid out: 24 slots on circular orbits, and paths of their signals.
+"""GPS satellites on their orbits, and paths of their signals. All arrays are in frame e.
 
-Six planes of four satellites, kept on station so that each repeats its ground track every sidereal day
-(GPS Standard Positioning Service Performance Standard, October 2001, table 3-1 and appendix A). About 31
-satellites flew in 2012, so the geometry here is a little pessimistic. All arrays are in frame e.
+A `Constellation` comes from an almanac (`environment.yuma`), or is the one that was laid out: 24 slots on
+circular orbits, six planes of four satellites, kept on station so that each repeats its ground track every
+sidereal day (GPS Standard Positioning Service Performance Standard, October 2001, table 3-1 and appendix A).
+About 31 satellites flew in 2012, so its geometry is a little pessimistic.
 """
 
 from datetime import UTC, datetime
@@ -34,14 +35,17 @@ GREENWICH_HOUR_ANGLE = np.deg2rad(
 
 
 class Constellation(NamedTuple):
-    """Circular orbits with regressing nodes, at t = 0 of the mission."""
+    """Kepler orbits with regressing nodes, at t = 0 of the mission; a number stands for all satellites."""
 
     node: np.ndarray  # (n,) rad, longitude of the ascending node, from Greenwich
-    node_rate: float  # rad/s, relative to the rotating Earth
-    latitude: np.ndarray  # (n,) rad, argument of latitude
-    latitude_rate: float  # rad/s
-    inclination: float  # rad
-    radius: float  # m
+    node_rate: float | np.ndarray  # rad/s, relative to the rotating Earth
+    latitude: np.ndarray  # (n,) rad, mean argument of latitude: perigee + mean anomaly
+    latitude_rate: float | np.ndarray  # rad/s, mean motion
+    inclination: float | np.ndarray  # rad
+    radius: float | np.ndarray  # m, semi-major axis
+    eccentricity: float | np.ndarray = 0.0
+    perigee: float | np.ndarray = 0.0  # rad, argument of perigee
+    prn: np.ndarray | None = None  # (n,) int, ascending; None: 1 to n
 
 
 def nominal_24(epoch_utc):
@@ -64,15 +68,69 @@ def nominal_24(epoch_utc):
     )
 
 
+def numbers(constellation):
+    """PRN of each satellite, (n,) int."""
+    return np.arange(1, len(constellation.node) + 1) if constellation.prn is None else constellation.prn
+
+
 def positions_e(constellation, t_s):
-    """Where the satellites are. (m,) s since t = 0 -> (m, n, 3) m."""
-    t_s = np.asarray(t_s)[:, None]
-    node = constellation.node + constellation.node_rate * t_s
-    u = constellation.latitude + constellation.latitude_rate * t_s
-    ci, si = np.cos(constellation.inclination), np.sin(constellation.inclination)
+    """Where the satellites are. (m,) s since t = 0, or (m, n) one for each satellite -> (m, n, 3) m."""
+    node, u, r, _, _ = _in_orbit(constellation, t_s)
+    return r * _direction(constellation.inclination, node, u)
+
+
+def states_e(constellation, t_s):
+    """Positions and velocities relative to the Earth, t_s as in `positions_e`. -> (m, n, 3) m, m/s"""
+    node, u, r, u_rate, r_rate = _in_orbit(constellation, t_s)
+    i = constellation.inclination
+    along = _direction(i, node, u)
+    ahead = _direction(i, node, u + 0.5 * np.pi)  # d(along)/du
+    turn = np.stack(
+        [-along[..., 1], along[..., 0], np.zeros_like(along[..., 0])], axis=-1
+    )  # d(along)/d(node)
+    node_rate = np.broadcast_to(constellation.node_rate, u.shape)[..., None]
+    return r * along, r_rate * along + r * (u_rate * ahead + node_rate * turn)
+
+
+def _direction(inclination, node, u):
+    """Unit vectors at the argument of latitude u, (m, n) -> (m, n, 3)."""
+    ci, si = np.cos(inclination), np.sin(inclination)
     x = np.cos(u) * np.cos(node) - np.sin(u) * ci * np.sin(node)
     y = np.cos(u) * np.sin(node) + np.sin(u) * ci * np.cos(node)
-    return constellation.radius * np.stack([x, y, np.sin(u) * si], axis=-1)
+    return np.stack([x, y, np.sin(u) * si], axis=-1)
+
+
+def _in_orbit(constellation, t_s):
+    """Node and argument of latitude (m, n) rad, radius and both rates (m, n, 1) or numbers, in m and s.
+
+    Two-body motion in the orbital plane (IS-GPS-200, table 20-IV, without its harmonic corrections, which an
+    almanac does not have).
+    """
+    t_s = np.asarray(t_s, dtype=float)
+    t_s = t_s if t_s.ndim == 2 else t_s[:, None]
+    node = constellation.node + constellation.node_rate * t_s
+    mean = constellation.latitude + constellation.latitude_rate * t_s
+    if not np.any(constellation.eccentricity):
+        rate = np.broadcast_to(constellation.latitude_rate, mean.shape)[..., None]
+        radius = constellation.radius
+        return node, mean, radius if np.ndim(radius) == 0 else radius[:, None], rate, np.zeros_like(rate)
+    e, a = constellation.eccentricity, constellation.radius
+    anomaly = eccentric_anomaly(mean - constellation.perigee, e)
+    cosine, sine = np.cos(anomaly), np.sin(anomaly)
+    root = np.sqrt(1.0 - np.square(e))
+    u = np.arctan2(root * sine, cosine - e) + constellation.perigee
+    near = 1.0 - e * cosine
+    u_rate = constellation.latitude_rate * root / near**2
+    r_rate = a * e * sine * constellation.latitude_rate / near
+    return node, u, (a * near)[..., None], u_rate[..., None], r_rate[..., None]
+
+
+def eccentric_anomaly(mean_anomaly, eccentricity):
+    """E of Kepler's equation E - e sin E = M by Newton's method; e up to 0.5. rad -> rad, same turn."""
+    E = mean_anomaly + eccentricity * np.sin(mean_anomaly)
+    for _ in range(6):  # errors go 0.1, 1e-2, 1e-4, 1e-8, rounding for the largest e
+        E = E - (E - eccentricity * np.sin(E) - mean_anomaly) / (1.0 - eccentricity * np.cos(E))
+    return E
 
 
 def lines_of_sight_e(r_ea_e, satellites_e):

@@ -26,6 +26,20 @@ def pinhole(width_px, height_px, focal_length_px):
 
 
 @njit(cache=True)
+def turn_slopes(x, y):
+    """How a small turn of the camera, dtheta_c, moves the direction (x, y) = (X/Z, Y/Z) of a star.
+
+    q_ic(true) = q_ic exp(dtheta): u_c(true) = u_c - dtheta x u_c, over its third component. All that
+    linearises a star's place starts here.
+
+    Returns
+    -------
+    dx, dy : tuples of 3 each, derivatives by dtheta_c [1/rad]
+    """
+    return (x * y, -(1.0 + x * x), y), (1.0 + y * y, -x * y, -x)
+
+
+@njit(cache=True)
 def unit_vectors(camera, xy_px):
     """Directions in camera axes of pixel positions. (n, 2) px -> (n, 3)."""
     n = xy_px.shape[0]

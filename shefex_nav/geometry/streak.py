@@ -12,6 +12,7 @@ so the first and the last instant solve t = row_start(y(t)) and t = row_start(y(
 import numpy as np
 from numba import njit
 
+from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.geometry.shutter import row_start_s
 
 SOLVED_S = 1e-9  # of the first and last instant; less than 1e-5 px at any rate
@@ -56,11 +57,10 @@ def place_at(camera, omega_c, x_px, y_px, t_s):
 def turn_jacobian(camera, x_px, y_px):
     """How a small turn of the camera, dtheta_c, moves a star: d xy = H dtheta_c. -> (2, 3) px/rad.
 
-    q_ic(true) = q_ic exp(dtheta): u_c(true) = u_c - dtheta x u_c, projected.
+    q_ic(true) = q_ic exp(dtheta), as `turn_slopes`.
     """
     f = camera.focal_length_px
-    a, b = (x_px - camera.cx_px) / f, (y_px - camera.cy_px) / f
-    return f * np.array([[a * b, -(1.0 + a * a), b], [1.0 + b * b, -a * b, -a]])
+    return f * np.array(turn_slopes((x_px - camera.cx_px) / f, (y_px - camera.cy_px) / f))
 
 
 @njit(cache=True)
@@ -75,10 +75,11 @@ def turn_jacobians(camera, xy_px):
 @njit(cache=True)
 def velocity(camera, omega_c, x_px, y_px):
     """Velocity of a star at (x_px, y_px). -> vx, vy [px/s]: the derivative of `place_at` at time zero."""
-    H = turn_jacobian(camera, x_px, y_px)
-    vx = H[0, 0] * omega_c[0] + H[0, 1] * omega_c[1] + H[0, 2] * omega_c[2]
-    vy = H[1, 0] * omega_c[0] + H[1, 1] * omega_c[1] + H[1, 2] * omega_c[2]
-    return vx, vy
+    f = camera.focal_length_px
+    dx, dy = turn_slopes((x_px - camera.cx_px) / f, (y_px - camera.cy_px) / f)
+    vx = dx[0] * omega_c[0] + dx[1] * omega_c[1] + dx[2] * omega_c[2]
+    vy = dy[0] * omega_c[0] + dy[1] * omega_c[1] + dy[2] * omega_c[2]
+    return f * vx, f * vy
 
 
 @njit(cache=True)

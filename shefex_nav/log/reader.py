@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from shefex_nav.log import topics, wire
-from shefex_nav.log.run_data import ARRAYS, LISTS, gather
+from shefex_nav.log.run_data import ARRAYS, LISTS, gather, stack
 from shefex_nav.log.topics import LogError, Mission
 from shefex_nav.records import Alignment
 
@@ -37,7 +37,7 @@ def read(path):
     for topic in _stored_topics(path, raw):
         decoded = wire.codec(topic).decode(raw.messages.get(topic.topic, []))
         if topic.record in ARRAYS:
-            arrays[topic.record] = decoded
+            arrays[topic.record] = stack(topic.record, decoded) if isinstance(decoded, list) else decoded
         elif topic.record in LISTS:
             lists[topic.record] = decoded
         else:

@@ -22,8 +22,10 @@ from shefex_nav.records import (
     FrameTruth,
     GateResult,
     GpsFix,
+    GpsRanges,
     ImuBlock,
     NavCovariance,
+    NavHealth,
     NavSolution,
     StarFix,
     TruthSample,
@@ -43,9 +45,11 @@ class RunData(NamedTuple):
     commands: CameraCommand  # arrays
     compute_times: ComputeTime  # arrays
     gps: list[GpsFix]
+    gps_ranges: list[GpsRanges]
     star_fixes: list[StarFix]
     frame_truths: list[FrameTruth]
     gates: list[GateResult]
+    health: list[NavHealth]
     events: list[Event]
     alignment: Alignment | None
     summary: RunSummary | None
@@ -65,9 +69,11 @@ ARRAYS = {
 }
 LISTS = {
     GpsFix: "gps",
+    GpsRanges: "gps_ranges",
     StarFix: "star_fixes",
     FrameTruth: "frame_truths",
     GateResult: "gates",
+    NavHealth: "health",
     Event: "events",
 }
 _TOPIC = {topic.record: topic for topic in TOPICS}
@@ -75,16 +81,17 @@ _STACK_ROWS = 4096  # records of one type that wait to be made arrays, which tak
 
 
 def stack(record, rows):
-    """Rows of the given record type -> one record of arrays."""
+    """Rows of the given record type -> one record of arrays; a field has one length in all of them."""
     values = {}
     for field in _TOPIC[record].fields:
         k = record._fields.index(field.source)
-        dtype = {"double": np.float64, "bool": np.bool_}.get(field.kind, np.int64)
+        dtype = {"double": np.float64, "bool": np.bool_, "string": np.str_}.get(field.kind, np.int64)
+        shape = field.shape if rows else tuple(max(n, 0) for n in field.shape)
         if field.shape and rows:
-            column = np.concatenate([row[k] for row in rows]).reshape(len(rows), *field.shape)
+            column = np.concatenate([row[k] for row in rows]).reshape(len(rows), *shape)
             values[field.source] = column.astype(dtype, copy=False)
         else:
-            values[field.source] = np.array([row[k] for row in rows], dtype).reshape(len(rows), *field.shape)
+            values[field.source] = np.array([row[k] for row in rows], dtype).reshape(len(rows), *shape)
     return assemble(record, values)
 
 
@@ -117,8 +124,11 @@ def join(records):
     for parts in zip(*records, strict=True):
         if parts[0] is None:
             columns.append(None)
+        elif isinstance(parts[0], tuple):
+            columns.append(join(parts))
         else:
-            columns.append(join(parts) if isinstance(parts[0], tuple) else np.concatenate(parts))
+            filled = [part for part in parts if len(part)]  # an empty one does not know its length
+            columns.append(np.concatenate(filled) if filled else parts[0])
     return type(records[0])(*columns)
 
 

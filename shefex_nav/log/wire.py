@@ -154,7 +154,7 @@ class FixedCodec:
             if not np.all(array[name] == np.frombuffer(constant, "u1")):
                 raise LogError(f"topic {self.topic.topic}: message of an unexpected layout")
         defaults = self.topic.record._field_defaults
-        values = {name: np.full(len(array), value) for name, value in defaults.items()}
+        values = {name: np.full((len(array), *np.shape(value)), value) for name, value in defaults.items()}
         for field in self.topic.fields:
             column = np.ascontiguousarray(array[field.name])
             values[field.source] = column.astype(np.int64) if _is_integer(field) else column

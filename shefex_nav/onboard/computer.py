@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
-from shefex_nav.onboard.navigation import fusion, mean_rate, solution, strapdown
+from shefex_nav.onboard.navigation import fusion, mean_rate, sensors, solution, strapdown
 from shefex_nav.onboard.navigation.state import ATT, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.records import Reason
@@ -71,7 +71,8 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
     ----------
     computer : Computer after the tick before
     imu_block : ImuBlock that ends at this tick
-    gps_fixes : sequence of GpsFix with t_available_s not later than this tick, each handed over once
+    gps_fixes : sequence of GpsFix and GpsRanges with t_available_s not later than this tick, each handed
+        over once
     frames_arrived : sequence of Frame, likewise
     chain : `star_tracker.step`, or something that wraps it to see how long it takes
 
@@ -87,14 +88,35 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
     outputs, due = [], ()
     if computer.waiting or frames_arrived or _switches(computer, now_s):
         computer, outputs, due = _track_stars(computer, now_s, frames_arrived, chain)
-    if due or gps_fixes:
-        arrivals = [("gps", fix) for fix in gps_fixes] + [("star_tracker", fix) for fix in due]
-        outputs += fusion.fuse(nav, arrivals)
-    outputs.append(solution.solution(nav))
     ticks = computer.ticks + 1
+    outputs += conclude(nav, ticks, gps_fixes, due)
+    return Computer(*computer[:-1], ticks), outputs  # ticks is the last field
+
+
+def conclude(nav, ticks, gps_fixes, star_fixes):
+    """What a tick does once the filter has been advanced and the star tracker has had its turn.
+
+    Parameters
+    ----------
+    nav : fusion.Filter
+    ticks : of this run, this one included
+    gps_fixes : GpsFix and GpsRanges that have become available
+    star_fixes : StarFix likewise, those with an attitude only
+
+    Returns
+    -------
+    list of GateResult, the NavSolution of the tick, and at 10 Hz NavCovariance
+    """
+    outputs = []
+    if star_fixes or gps_fixes:
+        stars = [("star_tracker", fix) for fix in star_fixes]
+        arrivals = sensors.gps_arrivals(nav.params, gps_fixes) + stars
+        outputs += fusion.fuse(nav, arrivals)
+    outputs += nav.watch.changes()
+    outputs.append(solution.solution(nav))
     if ticks % COVARIANCE_TICKS == 0:
         outputs.append(solution.covariance(nav))
-    return Computer(*computer[:-1], ticks), outputs  # ticks is the last field
+    return outputs
 
 
 def _switches(computer, now_s):

@@ -30,7 +30,7 @@ import numpy as np
 
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.records import Phase, Reason
-from shefex_nav.report import geodesic
+from shefex_nav.report import geodesic, local_level
 from shefex_nav.report.track import earth_fixed
 
 WRONG_ANGLE = math.radians(0.5)
@@ -97,15 +97,17 @@ def star_errors(data):
     )
 
 
-def summarise(data, *, log=None):
+def summarise(data, *, log=None, from_s=None):
     """The summary object of a RunData: plain dict of numbers, texts and None, ready for JSON.
 
-    `log` is the path that the object names.
+    `log` is the path that the object names. A replay of external data, or whoever names a mission time
+    `from_s`, gets the errors in local level axes from then on as well (`local_level`).
     """
     truth = data.truth
     track = earth_fixed(data.mission.earth, truth)
-    entry = _entry(truth.t_s, track.height)
-    simulated_s = float(truth.t_s[-1] - truth.t_s[0]) if len(truth.t_s) else None
+    entry = entry_index(truth.t_s, track.height)
+    t_s = truth.t_s if len(truth.t_s) else data.nav.t_s
+    simulated_s = float(t_s[-1] - t_s[0]) if len(t_s) else None
     wall_s = data.summary.wall_s if data.summary else None
     result = {
         "scenario": data.mission.scenario,
@@ -122,10 +124,12 @@ def summarise(data, *, log=None):
         "star_tracker": _star_tracker(data),
         "navigation": _navigation(data, track.height, entry),
     }
+    if from_s is not None or local_level.is_replay(data):
+        result["navigation"] |= local_level.summarise(data, from_s)
     return _without_nan(result)
 
 
-def _entry(t_s, height):
+def entry_index(t_s, height):
     """Index of the first sample at or below 100 km after having been above it, or None."""
     above = np.flatnonzero(height > ENTRY_HEIGHT)
     if not len(above):

@@ -107,9 +107,29 @@ def _navigation_rows(navigation):
                 f"attitude x, y, z {axes} deg"
             ),
         )
+    if navigation.get("position_rms_ned_m"):
+        yield from _level_rows(navigation)
+    for sensor, nis in navigation.get("nis", {}).items():
+        if nis:
+            low, high = nis["interval"]
+            name = f"NIS, {sensor.replace('_', ' ')}"
+            yield name, f"{nis['mean']:.2f}, of {nis['samples']}; {low:.2f} to {high:.2f} expected"
     nees = navigation["nees"]
     if nees["mean"] is not None:
         yield "NEES", f"{nees['mean']:.1f} for {nees['dof']} degrees of freedom, {nees['samples']} epochs"
+
+
+def _level_rows(navigation):
+    """Errors in local level axes, and the same over their own sigmas."""
+    since, over = f"rms from T{navigation['statistics_from_s']:+.0f} s", navigation["error_over_sigma"]
+    for name, key, ratio, digits, unit in (
+        ("north, east, down", "position_rms_ned_m", "position_ned", 2, "m"),
+        ("north, east, down", "velocity_rms_ned_m_s", "velocity_ned", 3, "m/s"),
+        ("roll, pitch, heading", "attitude_rms_rpy_deg", "attitude_rpy", 3, "deg"),
+    ):
+        values = ", ".join(f"{value:.{digits}f}" for value in navigation[key])
+        sigmas = ", ".join(f"{value:.2f}" for value in over[ratio]) if over else "-"
+        yield name, f"{values} {unit} {since}; {sigmas} sigma"
 
 
 def _run_rows(summary):

@@ -13,7 +13,7 @@ import numpy as np
 
 from shefex_nav.log import reader
 from shefex_nav.log.topics import epoch_ns
-from shefex_nav.records import Phase, Reason
+from shefex_nav.records import Phase, Reason, TruthSample
 from shefex_nav.report import layout, metrics, viewer_program, world_view
 from shefex_nav.report.layout import TIMELINE
 from shefex_nav.report.track import earth_fixed
@@ -49,7 +49,7 @@ def view(log, *, save=None, screenshot=None, at_s=None):
     if save is not None:
         build_recording(log, save, data)
     if screenshot is not None:
-        at_s = layout.start_time(data) if at_s is None else at_s
+        at_s = layout.start_time(scene(data)) if at_s is None else at_s
         _check_time(log, data, at_s)
     if save is None or screenshot is not None:
         with tempfile.TemporaryDirectory() as folder:
@@ -67,13 +67,26 @@ def view(log, *, save=None, screenshot=None, at_s=None):
 
 def _read(log):
     data = reader.read(log)
-    if not len(data.truth.t_s):
+    if not len(data.truth.t_s) and not len(data.nav.t_s):
         raise ViewerError(f"{log}: nothing to show, the run ended before its first record")
     return data
 
 
+def scene(data):
+    """A RunData to draw the path of: where there is no truth, that of the navigation stands in for it."""
+    if len(data.truth.t_s):
+        return data
+    nav = data.nav
+    unknown = np.full_like(nav.r_i, np.nan)
+    phase = np.full(len(nav.t_s), int(Phase.COAST))
+    path = TruthSample(
+        nav.t_s, phase, nav.r_i, nav.v_i, nav.q_ib, nav.omega_ib_b, unknown, np.full(len(phase), np.nan)
+    )
+    return data._replace(truth=path)
+
+
 def _check_time(log, data, at_s):
-    first_s, last_s = data.truth.t_s[[0, -1]]
+    first_s, last_s = scene(data).truth.t_s[[0, -1]]
     if not first_s <= at_s <= last_s:
         raise ViewerError(f"{log}: covers {first_s:g} s to {last_s:g} s, not {at_s:g} s")
 
@@ -99,6 +112,7 @@ def _layout(log_path, data):
 
     channels = McapReader(log_path, recover=True).info().channels
     counts = {channel.topic: channel.message_count for channel in channels}
+    data = scene(data)
     seen = layout.scene(world_view.path(data))
     return layout.blueprint(data, seen, has_thresholded=bool(counts.get("/star_tracker/image")))
 
@@ -108,11 +122,12 @@ def fill(stream, log_path, data):
     stream.send_recording_name(f"{data.mission.scenario}, seed {data.mission.seed}")
     _send_drawings(stream, log_path, data)
     _send_stars(stream, data)
-    world_view.send(stream, data, _PHASE_COLOURS)
+    shown = scene(data)
+    world_view.send(stream, shown, _PHASE_COLOURS)
     _send_errors(stream, data)
-    _send_flight(stream, data)
+    _send_flight(stream, shown)
     _send_control(stream, data)
-    _send_states(stream, data)
+    _send_states(stream, shown)
     _send_summary(stream, data)
 
 
@@ -255,7 +270,8 @@ def _send_flight(stream, data):
     speed = np.linalg.norm(track.v_e, axis=1)
     _curve(stream, "plots/speed", every.t_s, speed, (255, 200, 80), "speed [m/s]")
     roll_rate = np.degrees(every.omega_ib_b[:, 0]) / 360.0
-    _curve(stream, "plots/roll_rate", every.t_s, roll_rate, (150, 200, 255), "roll rate [1/s]")
+    known = np.isfinite(roll_rate)  # which the truth of external data does not say
+    _curve(stream, "plots/roll_rate", every.t_s[known], roll_rate[known], (150, 200, 255), "roll rate [1/s]")
 
 
 def _send_control(stream, data):

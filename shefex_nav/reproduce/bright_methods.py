@@ -10,9 +10,11 @@ from shefex_nav.records import Reason
 from shefex_nav.reproduce import statistics
 from shefex_nav.reproduce.bright_fields import VOTING_TOLERANCE
 from shefex_nav.reproduce.experiment import Row
+from shefex_nav.reproduce.verdict import POINTS, judgement
 
 SUCCESS, FAILED, WRONG = 0, 1, 2
 REPEATS = 3
+TIME_RESOLVES = 0.25  # of a ratio of times beside one: what tells which is the longer
 OUTCOMES = ("success", "failed", "wrong")
 
 
@@ -129,11 +131,11 @@ def attempt(params, tables, field):
 def share_row(quantity, condition, published, k, n, n_published, why):
     """A share beside a published one, which has a sampling error too; they agree if the intervals meet."""
     low, high = statistics.proportion(k, n)
-    agrees = None
+    judged = None, ""
     if published is not None:
-        low_p, high_p = statistics.proportion(round(published * n_published), n_published)
-        agrees = bool(low <= high_p and low_p <= high)
-    return Row(quantity, condition, published, k / n, (low, high), agrees, why if agrees is False else "")
+        least, most = statistics.proportion(round(published * n_published), n_published)
+        judged = judgement(k / n, (low, high), why, least=least, most=most, resolves=POINTS, refuted=True)
+    return Row(quantity, condition, published, k / n, (low, high), *judged)
 
 
 def outcome_rows(condition, method, codes, published, n_published):
@@ -181,7 +183,11 @@ def time_rows(condition, chunk_seconds, published):
             if method in published
             else None
         )
-        agrees = None if wanted is None else bool(measured > 1.0)  # the order, not the factor
+        judged = None, ""
+        if wanted is not None:  # the order, not the factor
+            judged = judgement(
+                measured, interval, TIME_REASON, least=np.nextafter(1.0, 2.0), resolves=TIME_RESOLVES
+            )
         quantity = f"{method}: mean time over brightness_referenced's"
         rows.append(
             Row(
@@ -190,8 +196,7 @@ def time_rows(condition, chunk_seconds, published):
                 wanted,
                 measured,
                 interval,
-                agrees,
-                TIME_REASON if agrees is False else "",
+                *judged,
             )
         )
     return rows

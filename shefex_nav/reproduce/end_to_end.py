@@ -20,6 +20,7 @@ from shefex_nav.reproduce.imaging import DETECT, SPACE, all_stars
 from shefex_nav.reproduce.published import SHEFEX
 from shefex_nav.reproduce.shefex_field import CAMERA, FIELD, MERGE, YEAR, flown_pairs, random_attitude
 from shefex_nav.reproduce.stills import electrons, still
+from shefex_nav.reproduce.verdict import POINTS, judgement
 
 WRONG = np.radians(0.5)
 GROUND = SPACE._replace(background_electrons=700.0 * 0.05, zero_magnitude_electrons=0.7 * 2.5e6 * 0.05)
@@ -150,8 +151,9 @@ def conclude_end_to_end(results):
             shares = [(chunk[:, column] == 1).mean() for chunk in results]
             ci95 = statistics.mean(np.array(shares)) if len(shares) > 1 else None
         measured = float(is_solved.mean())
-        agrees = None if goal is None else bool((ci95[1] if ci95 else measured) >= goal)
-        why = "" if agrees is not False else WHY_FEWER
+        judged = None, ""
+        if goal is not None:
+            judged = judgement(measured, ci95, WHY_FEWER, least=goal, resolves=POINTS, refuted=True)
         rows.append(
             Row(
                 "success; agrees when not below the published one",
@@ -159,14 +161,12 @@ def conclude_end_to_end(results):
                 goal,
                 measured,
                 ci95,
-                agrees,
-                why,
+                *judged,
             )
         )
         wrong = int((verdicts[:, column] == -1).sum())
-        rows.append(
-            Row("wrong attitudes", condition, None, wrong / n, statistics.proportion(wrong, n), None, "")
-        )
+        interval = statistics.proportion(wrong, n)
+        rows.append(Row("share of wrong attitudes", condition, None, wrong / n, interval, None, ""))
     return rows
 
 

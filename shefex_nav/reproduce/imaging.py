@@ -19,6 +19,7 @@ from shefex_nav.reproduce.shefex_field import (
     random_attitude,
 )
 from shefex_nav.reproduce.stills import Electronics, StillCamera, electrons, still
+from shefex_nav.reproduce.verdict import POINTS, judgement
 
 # the camera of the mission at 24 dB and 50 ms: see scenarios/shefex2_andoya.yaml
 PER_DN = 118.0 * 10.0 ** (-24.0 / 20.0)
@@ -117,8 +118,9 @@ def conclude_scan(results):
     sequential, maximum, before, same = np.concatenate(results).T
     ratio = maximum / sequential
     measured = float(np.median(ratio))
-    agrees = RATIO_RANGE[0] <= measured <= RATIO_RANGE[1]
-    why = "" if agrees else WHY_RATIO
+    interval = statistics.percentile(ratio, 50.0)
+    least, most = RATIO_RANGE
+    judged = judgement(measured, interval, WHY_RATIO, least=least, most=most, resolves=0.5 * (most - least))
     condition = f"{OBJECTS} objects, median of frames"
     whole = (maximum + before) / (sequential + before)
     n = len(same)
@@ -128,9 +130,8 @@ def conclude_scan(results):
             condition,
             RATIO,
             measured,
-            statistics.percentile(ratio, 50.0),
-            agrees,
-            why,
+            interval,
+            *judged,
         ),
         _row("sequential scan [ms]", condition, 1e3 * sequential),
         _row("maximum search [ms]", condition, 1e3 * maximum),
@@ -216,24 +217,25 @@ def measure_centroids(samples, seed):
     return np.array([track(rng) for _ in range(samples)])
 
 
+WHY_ROUGHER = "with these spots and this noise the region carries more noise than two columns"
+
+
 def conclude_centroids(results):
     """Rows: which centroid is the smoother, r^2 and error of each."""
     distance = np.concatenate(results)
     left = scatter(distance[:, :-1])
     smoother = left[:, 0] < left[:, 1]
     condition = f"{IMAGES} images of a star of V {VMAG:g}"
-    agrees = bool(smoother.mean() > 0.5)
+    share, interval = float(smoother.mean()), statistics.proportion(int(smoother.sum()), len(smoother))
+    judged = judgement(share, interval, WHY_ROUGHER, least=np.nextafter(0.5, 1.0), resolves=POINTS)
     rows = [
         Row(
             "tracks on which the centre of mass has the higher r^2",
             condition + ", published: one track",
             1.0,
-            float(smoother.mean()),
-            statistics.proportion(int(smoother.sum()), len(smoother)),
-            agrees,
-            ""
-            if agrees
-            else "with these spots and this noise the region carries more noise than two columns",
+            share,
+            interval,
+            *judged,
         )
     ]
     for m, method in enumerate(TRACK_CENTROIDS):

@@ -120,7 +120,10 @@ def conclude(results):
             )
     n_wrong = int((found < 0).sum())
     interval = statistics.proportion(n_wrong, found.size)
-    return [*rows, Row("wrong attitudes", "all settings", None, n_wrong / found.size, interval, None, "")]
+    return [
+        *rows,
+        Row("share of wrong attitudes", "all settings", None, n_wrong / found.size, interval, None, ""),
+    ]
 
 
 def draw(figure, results, rows):

@@ -6,6 +6,7 @@ from scipy import stats
 from shefex_nav.reproduce import statistics
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.published import IMPA, IMPA_KURTOSIS
+from shefex_nav.reproduce.verdict import judgement
 
 KINDS = (
     "global_shutter",
@@ -82,10 +83,10 @@ def _published_rows(kind, rate, rows):
         errors = mine[:, COLUMNS.index("x") + axis]
         goal = IMPA["centroid_error_std_px"][table][name][r]
         std, interval = float(errors.std(ddof=1)), statistics.rms(errors - errors.mean())
-        agrees = bool((1.0 - MARGIN) * goal <= std <= (1.0 + MARGIN) * goal)
-        why = "" if agrees else WHY[kind]
+        margin = MARGIN * goal
+        judged = judgement(std, interval, WHY[kind], least=goal - margin, most=goal + margin, resolves=margin)
         quantity = f"std, {name} [px]; agrees within 25 %"
-        out.append(Row(quantity, condition, goal, std, interval, agrees, why))
+        out.append(Row(quantity, condition, goal, std, interval, *judged))
         mean, skewness, kurtosis = errors.mean(), stats.skew(errors), stats.kurtosis(errors, fisher=False)
         out.append(_info(f"mean, {name} [px]", condition, mean, statistics.mean(errors)))
         out.append(_info(f"skewness, {name}", condition, skewness))
@@ -114,9 +115,10 @@ def _own_rows(kind, rate, mine):
             goal = IMPA["centroid_error_std_px"][table][name][RATES.index(rate)]
             std, interval = float(errors.std(ddof=1)), statistics.rms(errors - errors.mean())
             strict = kind == "ours_rolling" and rate == RATES[-1]
-            agrees = std < (OWN_GOAL_PX if strict else goal)
+            most = OWN_GOAL_PX if strict else goal
+            judged = judgement(std, interval, WHY_OWN, most=most, resolves=MARGIN * most)
             quantity = f"ours: std, {name} [px]; agrees if " + ("under 0.2" if strict else "below")
-            out.append(Row(quantity, condition, goal, std, interval, agrees, "" if agrees else WHY_OWN))
+            out.append(Row(quantity, condition, goal, std, interval, *judged))
     whole = column(mine, "inside") == 1.0
     faint = ~seen & whole & (column(mine, "snr") > SNR)
     groups = (("fainter, SNR over 15", faint, True), ("brighter", seen & whole, False))
@@ -133,12 +135,12 @@ def _bound_rows(mine, condition, judged):
     for name in ("along", "across"):
         normal = column(mine, name) / np.sqrt(column(mine, "least_" + name))
         ratio, interval = float(np.sqrt((normal**2).mean())), statistics.rms(normal)
-        agrees = ratio <= BOUND_GOAL if judged else None
         quantity = f"ours: error {name} the streak over the Cramer-Rao bound"
-        why = "" if agrees is not False else WHY_BOUND
-        out.append(
-            Row(quantity + ("; goal 1.3" if judged else ""), condition, None, ratio, interval, agrees, why)
-        )
+        found = None, ""
+        if judged:
+            quantity += "; goal 1.3"
+            found = judgement(ratio, interval, WHY_BOUND, most=BOUND_GOAL, resolves=BOUND_GOAL - 1.0)
+        out.append(Row(quantity, condition, None, ratio, interval, *found))
     nes = column(mine, "nes") / 2.0
     out.append(
         _info("ours: normalised squared error per axis (1: as the covariance says)", condition, nes.mean(),

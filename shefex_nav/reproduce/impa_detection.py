@@ -28,6 +28,7 @@ from shefex_nav.reproduce import statistics
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.published import IMPA
 from shefex_nav.reproduce.stills import electrons, still
+from shefex_nav.reproduce.verdict import judgement
 
 RATES = tuple(float(rate) for rate in IMPA["protocol"]["rates_deg_s"])
 BETAS = (30.0, 60.0, 90.0)  # deg [E]
@@ -156,14 +157,17 @@ def conclude(results):
                 if len(difference) > 1 and np.isfinite(value):
                     interval = statistics.bootstrap(half_found, columns, rng, resamples=200)
                     interval = tuple(model + end for end in interval)
-                agrees = None if method == "ours" else bool(abs(value) <= TOLERANCE)
+                judged = None, ""
                 quantity = f"{method}: faintest magnitude found in half the cases"
                 if method == "published":
                     quantity += " beside the model; agrees within 0.3"
+                    judged = judgement(
+                        model + value, interval, WHY, least=model - TOLERANCE, most=model + TOLERANCE,
+                        resolves=TOLERANCE,
+                    )  # fmt: skip
                 condition = f"{rate:g} deg/s, axis {beta:g} deg from the boresight"
-                why = WHY if agrees is False else ""
                 goal = model if method == "published" else None
-                rows.append(Row(quantity, condition, goal, model + value, interval, agrees, why))
+                rows.append(Row(quantity, condition, goal, model + value, interval, *judged))
     return rows
 
 

@@ -63,16 +63,16 @@ def _success_by_rate(axis, found, s, c):
 
 
 def _own_by_rate(axis, found, s):
-    """Ours within two images."""
+    """Ours within two images, without intervals: they would lie on one another, and the rows have them."""
     for k, situation in enumerate(SITUATIONS):
-        label, beside = f"ours, {situation.replace('_', ' ')}", 0.08 * (k + 1)  # they lie on one another
+        label = f"ours, {situation.replace('_', ' ')}"
         _points(axis, found, (*tables.RATES, tables.FAST), lambda rows, k=k: (
             (rows["own"][:, s, k, :, 0] > 0) & tables.good(rows["own"][:, s, k, :, 1:4])
-        ).any(axis=1), COLOURS[situation], "s:", label, beside)  # fmt: skip
+        ).any(axis=1), COLOURS[situation], "s:", label, with_bars=False)  # fmt: skip
 
 
-def _points(axis, found, rates, which, colour, style, label, shift=0.0):
-    """Shares with their intervals at the rates that were flown."""
+def _points(axis, found, rates, which, colour, style, label, with_bars=True):
+    """Shares, and their intervals, at the rates that were flown."""
     shown, shares, ends = [], [], []
     for rate in rates:
         at = found["rate_deg_s"] == rate
@@ -84,17 +84,8 @@ def _points(axis, found, rates, which, colour, style, label, shift=0.0):
     if shown:
         shares = np.array(shares)
         reach = 100.0 * np.abs(np.array(ends) - shares[:, None]).T
-        axis.errorbar(
-            np.array(shown) + shift,
-            100.0 * shares,
-            reach,
-            fmt=style,
-            color=colour,
-            ms=4,
-            lw=1.2,
-            capsize=2,
-            label=label,
-        )
+        look = {"fmt": style, "color": colour, "ms": 4, "lw": 1.2, "capsize": 2, "label": label}
+        axis.errorbar(shown, 100.0 * shares, reach if with_bars else None, **look)
 
 
 def _published(by_images, by_rate, case, shutter):

@@ -270,7 +270,8 @@ def conclude_spikes(results):
         for s in (0, len(SPIKES) // 2, len(SPIKES) - 1):
             condition = f"cosError {cos_error:g}, {SPIKES[s]} spikes"
             interval = statistics.proportion(int(wrong[:, s, c].sum()), n)
-            rows.append(Row("wrong identifications", condition, None, float(rate[s, c]), interval, None, ""))
+            quantity = "share of wrong identifications"
+            rows.append(Row(quantity, condition, None, float(rate[s, c]), interval, None, ""))
     return rows
 
 

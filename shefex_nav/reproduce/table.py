@@ -7,6 +7,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from shefex_nav.reproduce.verdict import is_open
+
 
 def as_numbers(name, outcome):
     """One experiment as an object that JSON can hold: dict. A value that is no number becomes null."""
@@ -64,7 +66,7 @@ def experiment_table(name, experiment, outcome):
 def _verdict(row, notes):
     reference = f" [{notes.index(row.why) + 1}]" if row.why else ""
     if row.agrees is None:
-        return Text("-" + reference)
+        return Text(("too few" if is_open(row) else "-") + reference)
     return Text(("yes" if row.agrees else "NO") + reference, style="green" if row.agrees else "bold red")
 
 

@@ -2,10 +2,8 @@
 
 import math
 
-from shefex_nav.scenario import checks_flight, checks_tracker, checks_vehicle
+from shefex_nav.scenario import checks_flight, checks_gps, checks_tracker, checks_vehicle, faults
 from shefex_nav.scenario.checks_flight import seconds
-from shefex_nav.scenario.events import possible
-from shefex_nav.scenario.messages import close
 
 REPORT_RATE = 10.0  # Hz, of the logged covariance, which reports want on whole seconds
 LOG_RATES = (10.0, 20.0, 50.0, 100.0)  # Hz
@@ -23,10 +21,11 @@ def cross_check(scenario, rated=None):
         *checks_vehicle.contradictions(scenario, rated or {}),
         *_mission(scenario),
         *_sensors(scenario),
-        *_outages(scenario),
+        *checks_gps.contradictions(scenario),
         *_camera(scenario.star_camera),
-        *_states(scenario.navigation.states),
+        *states_that_clash(scenario.navigation.states),
         *checks_tracker.contradictions(scenario),
+        *faults.contradictions(scenario),
     ]
 
 
@@ -61,8 +60,8 @@ def _sensors(scenario):
         yield ("imu", "vibration", "boost"), words
 
 
-def _states(names):
-    """Blocks of states of the filter that go together."""
+def states_that_clash(names):
+    """(path, words) of blocks of states of the filter that do not go together."""
     from shefex_nav.onboard.navigation.state import LayoutError, layout
 
     try:
@@ -75,22 +74,6 @@ def _states(names):
 def count(number, noun):
     """`1 stage`, `2 stages`."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
-def _outages(scenario):
-    """Outages after events that the flight can have, with durations the right way round."""
-    events = possible(scenario)
-    for number, outage in enumerate(scenario.gps.outages):
-        path = ("gps", "outages", number)
-        if not events:
-            yield path, "a vehicle that stands on the ground has no events; write outages: []"
-        elif outage.event not in events:
-            known = f"choose from: {', '.join(events)}"
-            words = f"'{outage.event}' is no event of this flight{close(outage.event, events)}; {known}"
-            yield (*path, "event"), words
-        if outage.shortest > outage.longest:
-            words = f"{seconds(outage.shortest)} is longer than longest, {seconds(outage.longest)}"
-            yield (*path, "shortest"), words
 
 
 def _camera(camera):

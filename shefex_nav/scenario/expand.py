@@ -10,9 +10,12 @@ from typing import NamedTuple
 from shefex_nav.scenario import rasp, tables
 from shefex_nav.scenario.document import Mark, dotted
 from shefex_nav.scenario.files import Unreadable, read_text
+from shefex_nav.scenario.params_gps import ALMANAC_KEYS, ALMANAC_UNITS
+from shefex_nav.scenario.quantity import describe
 from shefex_nav.scenario.tables import BadTable
 
 FILE = "file"
+ALMANAC = "almanac"
 
 
 class Rated(NamedTuple):
@@ -27,6 +30,9 @@ def relative_to(tree, folder):
     for section, _, _ in _sections(tree):
         if isinstance(section.get(FILE), str) and section[FILE]:
             section[FILE] = os.path.join(folder, section[FILE])
+    gps = _inner(tree, "gps")
+    if isinstance(gps.get(ALMANAC), str) and gps[ALMANAC]:
+        gps[ALMANAC] = os.path.join(folder, gps[ALMANAC])
 
 
 def expand(tree, places, texts):
@@ -68,7 +74,42 @@ def expand(tree, places, texts):
             section[key] = value
             inner = {(): here} | marks.get(key, {})
             places.put((*path, key), inner, inner)
+    errors += _expand_almanac(tree, places, texts)
     return errors, rated
+
+
+def _expand_almanac(tree, places, texts):
+    """Put the elements of a YUMA file in the place of its name. -> list of (Mark, text)"""
+    gps, path = _inner(tree, "gps"), ("gps", ALMANAC)
+    name = gps.get(ALMANAC)
+    if name is None or isinstance(name, dict):
+        return []
+    from shefex_nav.environment import yuma
+
+    here = places.value(path)
+    del gps[ALMANAC]  # if it cannot be read, the schema need not complain as well
+    if not isinstance(name, str) or not name:
+        return [(here, f"{dotted(path)}: expected the name of a YUMA file, got {describe(name)}")]
+    try:
+        text = read_text(name, "a YUMA almanac")
+        satellites = yuma.items(text)
+    except Unreadable as error:
+        return [(here, f"{dotted(path)}: '{name}' {error}")]
+    except yuma.BadYuma as error:
+        return BadTable([(Mark(name, line, column), words) for line, column, words in error.errors]).errors
+    texts[name] = text
+    gps[ALMANAC], marks = {}, {(): here}
+    for key, field in ALMANAC_KEYS.items():
+        column = [satellite[field] for satellite in satellites]
+        unit = ALMANAC_UNITS.get(key)
+        whole = field in yuma.WHOLE
+        gps[ALMANAC][key] = [
+            f"{item.text} {unit}" if unit else int(item.value) if whole else item.value for item in column
+        ]
+        marks[key,] = here
+        marks |= {(key, k): Mark(name, item.line, item.column) for k, item in enumerate(column)}
+    places.put(path, {(): here}, marks)
+    return []
 
 
 def _sections(tree):

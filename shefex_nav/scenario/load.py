@@ -31,6 +31,56 @@ def load(path, overrides=()):
     """
     files = {}
     tree, places = _extended(os.fspath(path), (), files)
+    return _validated(tree, places, files, overrides)
+
+
+def load_as(model, path, overrides=()):
+    """The YAML file at `path` as another `model` than a mission by the same rules: `extends`, `--set`, units.
+
+    Returns
+    -------
+    loaded : instance of the model
+    places : messages.Places of its keys and values
+    source : YAML text with everything in it
+
+    Raises ScenarioError as `load` does.
+    """
+    return _validated_as(model, *_extended(os.fspath(path), (), {}), overrides)
+
+
+def load_text_as(model, text, name, overrides=()):
+    """The same of a text that needs no other file; complaints call it `name`."""
+    return _validated_as(model, *_whole(text, name), overrides)
+
+
+def _validated_as(model, tree, places, overrides):
+    """What `load_as` returns, of a merged tree."""
+    _override(tree, places, overrides)
+    try:
+        loaded = model.model_validate(tree)
+    except ValidationError as error:
+        raise _sorted_error(messages.lines(model, error, places)) from None
+    return loaded, places, _normalised(tree)
+
+
+def load_text(text, name, overrides=()):
+    """Scenario of a text that needs no other file, such as a log keeps; complaints call it `name`.
+
+    Raises ScenarioError as `load` does.
+    """
+    return _validated(*_whole(text, name), {name: text}, overrides)
+
+
+def _whole(text, name):
+    """(tree, places) of a text that needs no other file."""
+    own = _parsed(text, name)
+    places = messages.Places(own.values[()])
+    places.put((), own.keys, own.values)
+    return own.tree, places
+
+
+def _validated(tree, places, files, overrides):
+    """Scenario of a merged tree after the overrides."""
     _override(tree, places, overrides)
     found, rated = expand.expand(tree, places, files)
     try:
@@ -105,18 +155,24 @@ def _read(path, mark):
         raise ScenarioError([f"{where} {error}"]) from None
 
 
+def _parsed(text, name):
+    """document.Document of a text that came from the file `name`."""
+    try:
+        own = document.parse(text, name)
+    except BadText as error:
+        raise ScenarioError([f"{error.args[0]}: {error.args[1]}"]) from None
+    if own.errors:
+        raise _sorted_error(own.errors)
+    return own
+
+
 def _extended(path, chain, files, mark=None):
     """(tree, places) of the file at `path` merged over what it extends; texts are added to `files`."""
     text = _read(path, mark)
     real = os.path.realpath(path)
     if real in chain:
         raise ScenarioError([f"{mark}: {EXTENDS}: '{path}' extends itself in a circle; remove one extends"])
-    try:
-        own = document.parse(text, path)
-    except BadText as error:
-        raise ScenarioError([f"{error.args[0]}: {error.args[1]}"]) from None
-    if own.errors:
-        raise _sorted_error(own.errors)
+    own = _parsed(text, path)
     files[path] = text
     expand.relative_to(own.tree, os.path.dirname(path))
     places = messages.Places(own.values[()])

@@ -153,13 +153,13 @@ class SensorOverrides(Block):
     )
     clock_bias: Quantity("m", "300 km", "of the GPS receiver, unknown at the start", positive=True) = "300 km"
     clock_drift: Quantity("m/s", "300 m/s", "unknown at the start: 1 ppm", positive=True) = "300 m/s"
-    clock_white_frequency: Quantity("m/sqrt(s)", "0.1 m/sqrt(s)", "noise of the clock", positive=True) = (
-        "0.1 m/sqrt(s)"
+    clock_white_frequency: (
+        Quantity("m/sqrt(s)", "0.1 m/sqrt(s)", "noise of the clock", positive=True) | None
+    ) = None
+    clock_random_walk: Quantity("m/s(3/2)", "0.2 m/s/sqrt(s)", "of its frequency", positive=True) | None = (
+        None
     )
-    clock_random_walk: Quantity("m/s(3/2)", "0.2 m/s/sqrt(s)", "of its frequency", positive=True) = (
-        "0.2 m/s/sqrt(s)"
-    )
-    range_bias: Quantity("m", "3 m", "slow error of a range, if estimated", positive=True) = "3 m"
+    range_bias: Quantity("m", "3 m", "error of a range that lasts", positive=True) | None = None
     range_bias_time: Quantity("s", "300 s", "correlation time of it", positive=True) = "300 s"
 
 
@@ -193,6 +193,31 @@ StateBlock = Literal[
 ]
 
 
+class Integrity(Block):
+    """What the mission requires of the attitude, and how faults of the sensors are noticed."""
+
+    attitude: Quantity("rad", "0.17 deg", "largest error that may be, about each axis", positive=True) = (
+        "0.17 deg"
+    )
+    risk: Number("1e-5", "that a normal error exceeds the protection level", positive=True, at_most=0.1) = (
+        1e-5
+    )
+    wrong_star_fix: Quantity(
+        "rad", "0.5 deg", "smallest error that makes a star fix wrong", positive=True
+    ) = "0.5 deg"
+    gps_jump: Release = Field(
+        {"rejections": 30, "duration": "29 s"},
+        validate_default=True,
+        description="when a GPS position that contradicts the filter while its velocity does not is believed",
+    )
+    angular_acceleration: Quantity(
+        "rad/s2", "20 deg/s2", "how fast the rate leaves a gyro reading that is held", positive=True
+    ) = "20 deg/s2"
+    thrust_change: Quantity(
+        "m/s3", "3 gee/s", "how fast specific force leaves a reading that is held", positive=True
+    ) = "3 gee/s"
+
+
 class Navigation(Block):
     """Error-state Kalman filter: position, velocity, attitude, biases of the IMU, and blocks of choice."""
 
@@ -203,12 +228,16 @@ class Navigation(Block):
     sensors: SensorOverrides = Field(
         default=SensorOverrides(), description="what the filter assumes of the sensors"
     )
+    gps: Literal["loose", "tight"] = Field(
+        "loose", description="how GPS is used: its fixes, or the ranges of its channels (needs state clock)"
+    )
     gate_probability: Number("1e-4", "of rejecting a good measurement", positive=True, at_most=0.1)
     star_fix_floor: Quantity("rad", "10 arcsec", "errors of a fix that it does not know", non_negative=True)
     release: Releases
     gps_agreement: Quantity(
         "m/s", "10 m/s", "difference allowed between two fixes, per second", positive=True
     )
+    integrity: Integrity = Field(default_factory=Integrity, description="protection level and faults")
     history: Quantity("s", "0.5 s", "how far back a measurement may lie", positive=True, at_most="5 s")
     thrust_threshold: Quantity("m/s2", "15 m/s2", "specific force above which a motor burns", positive=True)
     thrust_memory: Quantity(

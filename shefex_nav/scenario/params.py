@@ -1,6 +1,7 @@
 """Sections of a scenario -> the parameters of the stages, in SI.
 
-One function for each stage of the world; those of the flight software are in `params_onboard`. A stage is
+One function for each stage of the world; that of the GPS receiver is in `params_gps`, those of the flight
+software are in `params_onboard`. A stage is
 imported when its parameters are asked for: checking a scenario must not wait for compiled kernels.
 """
 
@@ -140,28 +141,6 @@ def imu_params(scenario):
         vibration_rate=vibration.angular,
         vibration_low_hz=vibration.lowest_frequency,
         vibration_high_hz=vibration.highest_frequency,
-    )
-
-
-def gps_params(scenario):
-    """GpsParams of a scenario."""
-    from shefex_nav.world.gps import GpsParams, Outage
-
-    gps = scenario.gps
-    return GpsParams(
-        l_ba_b=np.array(gps.antenna.lever_arm),
-        latency_s=gps.latency,
-        sigma_range=gps.range_noise,
-        sigma_range_rate=gps.range_rate_noise,
-        elevation_mask=gps.elevation_mask,
-        lowest_height=gps.lowest_ray_height,
-        blind_nose=gps.antenna.blind_nose,
-        blind_tail=gps.antenna.blind_tail,
-        max_pdop=gps.max_pdop,
-        spin_threshold=gps.spin.threshold,
-        spin_loss=gps.spin.loss,
-        spin_noise_factor=gps.spin.noise_factor,
-        outages=tuple(Outage(o.event, o.shortest, o.longest) for o in gps.outages),
     )
 
 

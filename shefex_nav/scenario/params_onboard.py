@@ -6,7 +6,11 @@ sections that also drive the simulated sensors, unless `navigation.sensors` says
 
 import numpy as np
 
-from shefex_nav.scenario.params import mounting
+from shefex_nav.scenario.params import IMU_RATE, mounting
+from shefex_nav.scenario.params_gps import clock_densities
+
+SLANT_IONOSPHERE = 6.0  # m [E], at mid elevation
+SLANT_TROPOSPHERE = 5.0  # m
 
 
 def nominal_camera(scenario):
@@ -165,6 +169,7 @@ def nav_params(scenario):
     def rule(release):
         return ReleaseRule(release.rejections, release.duration)
 
+    white, walk = clock_densities(scenario.gps.clock)
     return NavParams(
         imu=_imu_model(scenario),
         sigma_gyro_bias=_given(sensors.gyro_bias, float(np.hypot(gyro.bias, gyro.in_run_bias))),
@@ -182,16 +187,20 @@ def nav_params(scenario):
         gps_agreement=navigation.gps_agreement,
         history_s=navigation.history,
         motors=_motors(scenario),
+        integrity=_integrity(scenario),
         states=tuple(navigation.states),
-        clock_white=sensors.clock_white_frequency,
-        clock_walk=sensors.clock_random_walk,
-        range_bias_sigma=sensors.range_bias,
+        clock_white=_given(sensors.clock_white_frequency, float(np.sqrt(white))),
+        clock_walk=_given(sensors.clock_random_walk, float(np.sqrt(walk))),
+        range_bias_sigma=_range_bias(scenario),
         range_bias_time_s=sensors.range_bias_time,
+        gps=navigation.gps,
     )
 
 
 def _sigma_blocks(scenario):
     """What is known at the start of the optional blocks that are on: name -> (size,) sigma."""
+    from shefex_nav.onboard.navigation.state import OPTIONAL
+
     sensors = scenario.navigation.sensors
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     roll = _given(sensors.gyro_scale_factor_roll, gyro.scale_factor_roll)
@@ -207,9 +216,43 @@ def _sigma_blocks(scenario):
         "lever_arm": (sensors.lever_arm_error,) * 3,
         "clock": (sensors.clock_bias, sensors.clock_drift),
         "gps_latency": (sensors.gps_latency_error,),
-        "range_bias": (sensors.range_bias,) * 12,
+        "range_bias": (_range_bias(scenario),) * OPTIONAL["range_bias"],
     }
     return {name: np.array(known[name]) for name in scenario.navigation.states}
+
+
+def _integrity(scenario):
+    """IntegrityParams of a scenario."""
+    from shefex_nav.onboard.navigation import integrity_imu, integrity_protection, integrity_watch
+    from shefex_nav.onboard.navigation.state import ReleaseRule
+
+    section, dt_s = scenario.navigation.integrity, 1.0 / IMU_RATE
+    triads = (scenario.imu.gyro, scenario.imu.accelerometer)
+    return integrity_watch.IntegrityParams(
+        imu=integrity_imu.ImuRules(
+            repeats=np.array(
+                [integrity_imu.repeats(triad.random_walk * np.sqrt(dt_s), triad.quantum) for triad in triads]
+            ),
+            range=np.array([triad.range for triad in triads]),
+            wrong=np.array([scenario.navigation.saturated_rate, scenario.navigation.saturated_acceleration]),
+            change=np.array([section.angular_acceleration, section.thrust_change]),
+        ),
+        wanted=integrity_protection.requirement(section.attitude, section.risk),
+        wrong_star_fix=section.wrong_star_fix,
+        release_gps_jump=ReleaseRule(section.gps_jump.rejections, section.gps_jump.duration),
+    )
+
+
+def _range_bias(scenario):
+    """Sigma of range errors that last, m: satellites, multipath, what the models of the air leave."""
+    errors = scenario.gps.errors
+    sigmas = [
+        errors.satellite.range if errors.satellite else 0.0,
+        errors.ionosphere.residual * SLANT_IONOSPHERE if errors.ionosphere else 0.0,
+        errors.troposphere.residual * SLANT_TROPOSPHERE if errors.troposphere else 0.0,
+        errors.multipath.range if errors.multipath else 0.0,
+    ]
+    return _given(scenario.navigation.sensors.range_bias, float(np.linalg.norm(sigmas)))
 
 
 def _motors(scenario):

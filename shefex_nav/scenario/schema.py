@@ -10,10 +10,12 @@ from pydantic import Field, PrivateAttr
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.camera import StarCamera
+from shefex_nav.scenario.faults import Faults
+from shefex_nav.scenario.gps import Gps
 from shefex_nav.scenario.mission import Atmosphere, Earth, Ground, Launch, Mission, Orbit, Wind
 from shefex_nav.scenario.onboard import Log, Navigation, StarTracker
 from shefex_nav.scenario.programme import Programme
-from shefex_nav.scenario.sensors import Gps, Imu, PadAlignment
+from shefex_nav.scenario.sensors import Imu, PadAlignment
 from shefex_nav.scenario.vehicle import Vehicle
 
 
@@ -39,6 +41,7 @@ class Scenario(Block):
     star_tracker: StarTracker
     navigation: Navigation
     log: Log
+    faults: Faults = Field(default_factory=Faults, description="what goes wrong with the sensors")
 
     _source: str = PrivateAttr("")
     _files: tuple[tuple[str, str], ...] = PrivateAttr(())

@@ -1,4 +1,4 @@
-"""Sections of a scenario about the inertial measurement unit, the GPS receiver and the alignment on the pad.
+"""Sections of a scenario about the inertial measurement unit and the alignment on the pad.
 
 Values are floats in SI and radians once loaded; the text in the file carries its unit.
 """
@@ -6,7 +6,7 @@ Values are floats in SI and radians once loaded; the text in the file carries it
 from pydantic import Field
 
 from shefex_nav.scenario.block import Block
-from shefex_nav.scenario.quantity import Number, Quantity, Vector
+from shefex_nav.scenario.quantity import Quantity
 
 UNLIMITED = (("unlimited", float("inf")),)
 OFF = (("off", 0.0),)
@@ -64,57 +64,6 @@ class Imu(Block):
     gyro: Gyro
     accelerometer: Accelerometer
     vibration: Vibration
-
-
-class Spin(Block):
-    """What a rolling vehicle does to GPS reception."""
-
-    threshold: Quantity(
-        "rad/s", "0.3 Hz", "roll rate from which reception suffers", positive=True, turns=True
-    )
-    loss: Quantity("", "25 %", "chance per fix that a satellite is lost", non_negative=True, at_most="100 %")
-    noise_factor: Number("2.0", "on the noise of range and range rate", at_least=1.0)
-
-
-class Antenna(Block):
-    """Where the GPS antenna sits and where it cannot hear."""
-
-    lever_arm: Vector("m", "0.3 m", "IMU to antenna in body axes")
-    blind_nose: Quantity(
-        "rad", "20 deg", "half angle of the deaf cone about the nose", at_least="0 deg", at_most="90 deg"
-    )
-    blind_tail: Quantity(
-        "rad", "40 deg", "half angle of the deaf cone about the tail", at_least="0 deg", at_most="90 deg"
-    )
-
-
-class GpsOutage(Block):
-    """No GPS solution for a time after an event of the flight."""
-
-    event: str = Field(
-        description="event of the flight at which the receiver loses its satellites, such as lift_off, "
-        "burn_out_1, separation_1, ignition_2 or the start of a task, <task>_start"
-    )
-    shortest: Quantity("s", "3 s", "shortest duration", non_negative=True)
-    longest: Quantity("s", "20 s", "longest duration; each run draws one in between", non_negative=True)
-
-
-class Gps(Block):
-    """GPS receiver with one position and velocity fix a second."""
-
-    latency: Quantity(
-        "s", "0.2 s", "from the instant measured to the fix on board", non_negative=True, at_most="1 s"
-    )
-    range_noise: Quantity("m", "3 m", "range to one satellite, 1 sigma, all causes", positive=True)
-    range_rate_noise: Quantity("m/s", "0.1 m/s", "range rate, 1 sigma", positive=True)
-    elevation_mask: Quantity("rad", "5 deg", "lowest elevation", at_least="-30 deg", at_most="80 deg")
-    lowest_ray_height: Quantity(
-        "m", "50 km", "signals below the mask must pass above this height", non_negative=True
-    )
-    max_pdop: Number("10.0", "no fix above it", positive=True)
-    antenna: Antenna
-    spin: Spin
-    outages: list[GpsOutage]
 
 
 class PadAlignment(Block):

@@ -11,6 +11,7 @@ import numpy as np
 
 from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_rotvec
+from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.solve.camera import undistort
 
 GATES = (0.008, 0.005, 0.0035, 0.0025, 0.0018, 0.0018)  # of the picture's diagonal: from proposal to fit
@@ -20,6 +21,7 @@ LEAST_NOISE_PX = 0.08
 FOR_DISTORTION = 10  # stars without which no distortion is fitted
 DISTORTION_SIGMA = 4.0  # less is not significant and set to zero
 CONVERGED = 3  # steps with the final gate
+IDEAL = Pinhole(2, 2, 1.0, 0.0, 0.0)  # its pixels are X/Z, Y/Z
 
 
 class Lens(NamedTuple):
@@ -131,12 +133,10 @@ def step_of(lens, ideal, residual_px, noise_px, distorted):
     x, y = ideal.T
     radial = 1.0 + lens.k1 * (x * x + y * y)
     J = np.zeros((len(x), 2, 5))
-    J[:, 0, 0], J[:, 0, 1], J[:, 0, 2] = -x * y, 1.0 + x * x, -y
-    J[:, 1, 0], J[:, 1, 1], J[:, 1, 2] = -(1.0 + y * y), x * y, x
     bend = np.empty((len(x), 2, 2))  # d distorted / d ideal
     bend[:, 0, 0], bend[:, 0, 1] = radial + 2.0 * lens.k1 * x * x, 2.0 * lens.k1 * x * y
     bend[:, 1, 0], bend[:, 1, 1] = bend[:, 0, 1], radial + 2.0 * lens.k1 * y * y
-    J[:, :, :3] = bend @ J[:, :, :3]
+    J[:, :, :3] = bend @ -turn_jacobians(IDEAL, ideal)  # the stars turn against the camera
     J[:, :, 3] = ideal * radial[:, None]
     J[:, :, 4] = ideal * (x * x + y * y)[:, None]
     J *= lens.focal_px

@@ -1,13 +1,17 @@
-"""GPS receiver: a fix of the antenna's position and velocity on every whole second, or why there is none.
+"""GPS receiver: a fix of the antenna's position and velocity on every whole second, or why there is none, and
+what its channels measure.
 
 A satellite is tracked if its signal clears the Earth, arrives outside the blind cones of the antenna and is
-not lost in the spin. Range errors of the tracked satellites, white in time, go through the least-squares
-solution with a receiver clock, so that their scatter has the covariance which the receiver reports::
+not lost in the spin (`gps_receiver`: nor limited, nor to be acquired again). Range errors of the tracked
+satellites go through the least-squares solution with a receiver clock, linear about the truth, so that their
+scatter has the covariance which the receiver reports::
 
-    R_r_e = sigma_range^2 [(H^T H)^-1]_rr,   R_v_e = sigma_range_rate^2 [(H^T H)^-1]_rr,   H = [-u_e^T, 1]
+    R_r_e = A (sigma_range^2 I + Sigma) A^T,   A = (H^T H)^-1 H^T,   H = [-u_e^T, 1],   likewise R_v_e
 
 (Groves, Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems, 2nd ed., section 9.4.3).
-Ionosphere, troposphere and orbit errors are in sigma_range; errors correlated in time are not modelled.
+Sigma are the variances of the errors that last (`gps_errors`); unless they are asked for, ionosphere,
+troposphere and orbits are in sigma_range, which is white in time. The pseudoranges and range rates
+(`gps_channels`) have the very same errors.
 """
 
 from typing import NamedTuple
@@ -16,7 +20,8 @@ import numpy as np
 
 from shefex_nav.environment import gnss
 from shefex_nav.geometry import frames, rotation
-from shefex_nav.records import GpsFix
+from shefex_nav.records import GpsFix, GpsRanges
+from shefex_nav.world import gps_channels, gps_errors, gps_receiver
 
 MIN_SATELLITES = 4  # position and receiver clock
 
@@ -45,6 +50,17 @@ class GpsParams(NamedTuple):
     spin_loss: float  # probability, per fix and satellite, that it is not tracked in the spin
     spin_noise_factor: float  # on both sigmas in the spin
     outages: tuple[Outage, ...]
+    errors: gps_errors.ErrorParams | None = None  # that last; None: all is in sigma_range
+    clock: gps_errors.ClockParams = gps_errors.ClockParams()
+    only: tuple[gps_receiver.Only, ...] = ()
+    reacquisition: gps_receiver.Reacquisition | None = None
+
+
+class GpsData(NamedTuple):
+    """What the receiver gives, one of each a second."""
+
+    fixes: list[GpsFix]
+    ranges: list[GpsRanges]
 
 
 class Antenna(NamedTuple):
@@ -57,8 +73,8 @@ class Antenna(NamedTuple):
     roll_rate: np.ndarray  # (m,) rad/s
 
 
-def measure(params, trajectory, events, earth, constellation, rng):
-    """Fixes on every whole second of a trajectory.
+def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
+    """Fixes and ranges on every whole second of a trajectory.
 
     Parameters
     ----------
@@ -67,37 +83,58 @@ def measure(params, trajectory, events, earth, constellation, rng):
     events : sequence of Event; those named by `params.outages` interrupt the solution
     earth : EarthRotation
     constellation : environment.gnss.Constellation
-    rng : Generator; as many numbers are drawn whatever is visible, so each satellite keeps its errors
+    rng : Generator of noise, spin and outages; as many numbers are drawn whatever is visible, so each
+        satellite keeps its errors
+    rng_errors : Generator of errors that last, clock and reacquisition
 
     Returns
     -------
-    list of GpsFix, one a second, valid or not
+    GpsData
     """
     antenna = antenna_states(trajectory, earth, params.l_ba_b)
-    satellites_e = gnss.positions_e(constellation, antenna.t_s)
-    u_e = gnss.lines_of_sight_e(antenna.r_ea_e, satellites_e)
-    errors = rng.standard_normal((2, *u_e.shape[:2]))
+    t_s, prn = antenna.t_s, gnss.numbers(constellation)
+    u_e = gnss.lines_of_sight_e(antenna.r_ea_e, gnss.positions_e(constellation, t_s))
+    white = rng.standard_normal((2, *u_e.shape[:2]))
     fortune = rng.random(u_e.shape[:2])
-    reasons = outage_reasons(params.outages, events, antenna.t_s, rng.random(len(params.outages)))
+    reasons = outage_reasons(params.outages, events, t_s, rng.random(len(params.outages)))
+    fractions = rng_errors.random(u_e.shape[:2])
+    clock = gps_errors.clock(params.clock, t_s, rng_errors)
 
     spinning = np.abs(antenna.roll_rate) > params.spin_threshold
-    tracked = visible(params, antenna, u_e) & ~(spinning[:, None] & (fortune < params.spin_loss))
-    pdop, cofactor, per_sigma = solve(u_e, tracked, errors)
+    lit = np.array([not reason for reason in reasons])[:, None]
+    present = visible(params, antenna, u_e)
+    if params.reacquisition is not None:
+        present = gps_receiver.reacquired(present & lit, t_s, params.reacquisition, fractions)
+    tracked = present & ~(spinning[:, None] & (fortune < params.spin_loss))
+    tracked = gps_receiver.limited(tracked, t_s, params.only, prn, u_e)
+
     factor = np.where(spinning, params.spin_noise_factor, 1.0)
-    sigma_r, sigma_v = params.sigma_range * factor, params.sigma_range_rate * factor
+    sigmas = np.stack([params.sigma_range * factor, params.sigma_range_rate * factor])
+    lasting = None
+    if params.errors is not None:
+        lasting = gps_errors.range_errors(params.errors, t_s, antenna.r_ea_e, u_e, rng_errors)
+    fixes = _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons)
+    errors = sigmas[..., None] * white + (0.0 if lasting is None else lasting.error)
+    geometry = gps_channels.geometry(constellation, t_s, antenna.r_ea_e, antenna.v_ea_e)
+    ranges = gps_channels.ranges(
+        geometry, clock, errors, sigmas, tracked & lit, prn, t_s, params.latency_s, reasons
+    )
+    return GpsData(fixes, ranges)
+
+
+def _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons):
+    """GpsFix of every epoch: errors and covariance by least squares. -> list"""
+    pdop, cofactor, per_sigma = solve(u_e, tracked, white)
+    error, R = sigmas[..., None] * per_sigma, sigmas[..., None, None] ** 2 * cofactor
+    if lasting is not None:
+        error = error + solve(u_e, tracked, lasting.error)[2]
+        R = R + spread(u_e, tracked, lasting.variance)
+    r_ea_e, v_ea_e = antenna.r_ea_e + error[0], antenna.v_ea_e + error[1]
     return [
-        _fix(
-            params,
-            float(antenna.t_s[k]),
-            antenna.r_ea_e[k] + sigma_r[k] * per_sigma[0, k],
-            antenna.v_ea_e[k] + sigma_v[k] * per_sigma[1, k],
-            sigma_r[k] ** 2 * cofactor[k],
-            sigma_v[k] ** 2 * cofactor[k],
-            int(tracked[k].sum()),
-            float(pdop[k]),
-            reasons[k],
+        _fix(params, float(t), r, v, R_r, R_v, int(n), float(dop), reason)
+        for t, r, v, R_r, R_v, n, dop, reason in zip(
+            antenna.t_s, r_ea_e, v_ea_e, R[0], R[1], tracked.sum(axis=1), pdop, reasons, strict=True
         )
-        for k in range(len(antenna.t_s))
     ]
 
 
@@ -159,6 +196,20 @@ def solve(u_e, tracked, errors):
     cofactor = inverse[:, :3, :3]
     per_sigma = np.einsum("mij,mnj,amn->ami", inverse, H, errors, optimize=["einsum_path", (1, 2), (0, 1)])
     return np.sqrt(np.trace(cofactor, axis1=1, axis2=2)), cofactor, per_sigma[..., :3]
+
+
+def spread(u_e, tracked, variances):
+    """Covariance of the least-squares position for ranges with variances of their own.
+
+    u_e : (m, n, 3); tracked : (m, n) bool; variances : (a, m, n) -> (a, m, 3, 3), NaN without a solution
+    """
+    H = np.concatenate([-u_e, np.ones_like(u_e[..., :1])], axis=-1) * tracked[..., None]
+    information = np.einsum("mni,mnj->mij", H, H)
+    unsolvable = tracked.sum(axis=1) < MIN_SATELLITES
+    information[unsolvable] = np.eye(4)
+    A = np.linalg.solve(information, np.swapaxes(H, 1, 2))
+    A[unsolvable] = np.nan
+    return np.einsum("min,amn,mjn->amij", A[:, :3], variances, A[:, :3])
 
 
 def outage_reasons(outages, events, t_s, fractions):

@@ -87,6 +87,7 @@ class ImuData(NamedTuple):
     dv_b: np.ndarray  # (N, 3) m/s
     saturated: np.ndarray  # (N,) bool
     errors: ImuErrors
+    missing: np.ndarray | None = None  # (N,) bool, the unit did not answer; None: it always did
 
 
 def measure(params, trajectory, rng):
@@ -169,7 +170,8 @@ def quantise(increments, quantum):
 def blocks(data):
     """The samples as the on-board computer gets them: one ImuBlock of four per 100 Hz tick.
 
-    Block n (n >= 1) ends at sample 4n; the arrays are views into `data`. Yields ImuBlock.
+    Block n (n >= 1) ends at sample 4n; the arrays are views into `data`. A block of which a sample is missing
+    is not valid as a whole. Yields ImuBlock.
     """
     n = (len(data.t_s) - 1) // SAMPLES_PER_BLOCK
     used = slice(1, 1 + n * SAMPLES_PER_BLOCK)
@@ -177,9 +179,19 @@ def blocks(data):
     ends_s = data.t_s[used][SAMPLES_PER_BLOCK - 1 :: SAMPLES_PER_BLOCK].tolist()
     dtheta_b = data.dtheta_b[used].reshape(n, SAMPLES_PER_BLOCK, 3)
     dv_b = data.dv_b[used].reshape(n, SAMPLES_PER_BLOCK, 3)
-    saturated = data.saturated[used].reshape(n, SAMPLES_PER_BLOCK).any(axis=1).tolist()
-    for t_s, dtheta, dv, at_range in zip(ends_s, dtheta_b, dv_b, saturated, strict=True):
-        yield ImuBlock(t_s, t_s, float(dt_s), dtheta, dv, at_range)
+    saturated = _any_of_block(data.saturated[used])
+    missing = [False] * n if data.missing is None else _any_of_block(data.missing[used])
+    for t_s, dtheta, dv, at_range, lost in zip(ends_s, dtheta_b, dv_b, saturated, missing, strict=True):
+        if lost:
+            nothing = np.full((SAMPLES_PER_BLOCK, 3), np.nan)
+            yield ImuBlock(t_s, t_s, float(dt_s), nothing, nothing, False, False)
+        else:
+            yield ImuBlock(t_s, t_s, float(dt_s), dtheta, dv, at_range)
+
+
+def _any_of_block(flags):
+    """Whether one of the samples of each block is flagged. (n SAMPLES_PER_BLOCK,) bool -> list of n bool"""
+    return flags.reshape(-1, SAMPLES_PER_BLOCK).any(axis=1).tolist()
 
 
 def _response(scale_factor, misalignment):

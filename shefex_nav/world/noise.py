@@ -12,6 +12,8 @@ STREAMS = {
     "camera_errors": 4,  # mounting, calibration, defects, false objects: drawn once per run
     "camera_noise": 5,  # shot, dark and read noise of every frame
     "attitude_control": 6,  # errors of the reference by which the cold-gas system steers
+    "gps_errors": 7,  # of ranges, as far as they last; receiver clock, reacquisition
+    "faults": 8,  # wrong star fixes
 }
 
 

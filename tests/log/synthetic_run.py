@@ -133,7 +133,8 @@ def _navigation(mission, truth, rng):
 def _covariance(t_s):
     diagonal = np.repeat([SIGMA_R**2, SIGMA_V**2, SIGMA_THETA**2], 3)
     zero = np.zeros(3)
-    return rec.NavCovariance(t_s, np.diag(diagonal), zero, zero, zero, zero, np.arange(12.0))
+    blocks = "gyro_roll_column mounting", np.zeros(6), np.arange(6.0)
+    return rec.NavCovariance(t_s, np.diag(diagonal), zero, zero, zero, zero, np.arange(12.0), *blocks)
 
 
 def _sky(rng):
@@ -172,6 +173,18 @@ def star_camera(mission, truth, number, sky, rng):
     yield rec.ComputeTime(truth.t_s, number, 0.002 + 0.001 * (number % 5))
 
 
+def _ranges(t_s, r_e, rng, n):
+    """Ranges of n satellites around; none for n = 0."""
+    u_e = rng.normal(size=(n, 3))
+    r_es_e = 26.6e6 * u_e / np.linalg.norm(u_e, axis=1, keepdims=True)
+    pseudorange = np.linalg.norm(r_es_e - r_e, axis=1) + 1e4
+    sigma, reason = np.full(n, 1.5), "" if n else "signals lost at ignition"
+    return rec.GpsRanges(
+        t_s, t_s + 0.2, np.arange(n) + 3, pseudorange, rng.normal(0.0, 500.0, n), r_es_e,
+        rng.normal(0.0, 2e3, (n, 3)), sigma, sigma / 30.0, reason,
+    )  # fmt: skip
+
+
 def _events(mission):
     for t_s, name in ((0.0, "lift_off"), (56.0, "burn_out_1"), (149.2, "ignition_2"), (235.0, "despun")):
         yield rec.Event(t_s, name, _height(mission, truth_at(mission, t_s)), "")
@@ -201,6 +214,7 @@ def simulate(options=DEFAULT):
             valid = n % 1000 != 300
             reason = "" if valid else "lost at ignition"
             yield rec.GpsFix(t_s, t_s + 0.2, valid, r_e, v_e, cov3, cov3 * 1e-4, 9, 1.8, reason)
+            yield _ranges(t_s, r_e, np.random.default_rng(n), 0 if not valid else 4 + n // 100 % 3)
             yield rec.GateResult(t_s + 0.2, t_s, "gps_position", 3, 2.5, 16.3, True, "", np.ones(3))
         if n % 10 == 0 and options.tracker_on_s <= t_s < options.tracker_off_s:
             number = round((t_s - options.tracker_on_s) * 10)

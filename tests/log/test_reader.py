@@ -167,6 +167,9 @@ def test_a_log_without_the_newest_fields_is_read_with_their_defaults(run, tmp_pa
     assert data.frames.line_s.shape == data.frames.number.shape
     assert_equal(data.frames._replace(image_dn=None), in_memory.frames._replace(image_dn=None))
     assert {fix.scan for fix in data.star_fixes} == {0}
+    n = len(data.covariance.t_s)
+    assert set(data.covariance.states) == {""} and data.covariance.sigmas.shape == (n, 0)
+    assert in_memory.covariance.sigmas.shape == (n, 6)
     assert_equal(data.star_fixes[0].detections, in_memory.star_fixes[0].detections)
 
 

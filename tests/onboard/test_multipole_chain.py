@@ -97,7 +97,7 @@ def test_streaks_are_brought_to_the_instant(direction, times):
     assert (ratio > 0.80).all() and (ratio < 1.02).all()  # what is below the threshold is lost
     assert (np.diff(detections.flux_dn) <= 0.0).all()
     chi2 = np.einsum("ki,kij,kj->k", offset, np.linalg.inv(detections.P_px[rows]), offset)
-    assert chi2.mean() < 2.0 * 2.0  # the covariance covers the errors
+    assert 2.0 / 25.0 < chi2.mean() < 2.0 * 2.0  # covers the errors, and is not five sigmas wide for one
 
 
 def test_at_rest_nothing_is_carried():

@@ -129,8 +129,24 @@ def test_nothing_is_overwritten(tmp_path):
 
 
 def test_the_fingerprint_follows_the_code(monkeypatch, tmp_path):
-    assert keep.code_digest(("keep",)) == keep.code_digest(("keep",))
-    assert keep.code_digest(("keep",)) != keep.code_digest(("keep", "engine"))
+    """One byte of a file in a copy of the package, of the same length and under the same name."""
+    copy = tmp_path / "shefex_nav"
+    for name in ("reproduce/keep.py", "reproduce/engine.py", "onboard/startracker/streaks.py", "records.py"):
+        (copy / name).parent.mkdir(parents=True, exist_ok=True)
+        (copy / name).write_bytes((keep.files("shefex_nav") / name).read_bytes())
+    monkeypatch.setattr(keep, "files", lambda package: copy)
+    monkeypatch.setattr(keep, "WORLD", ("records.py", "onboard"))
+    before = keep.code_digest(("keep",))
+    assert before == keep.code_digest(("keep",)) != keep.code_digest(("keep", "engine"))
+    for name, counts in (
+        ("reproduce/keep.py", True), ("onboard/startracker/streaks.py", True), ("records.py", True),
+        ("reproduce/engine.py", False),
+    ):  # fmt: skip
+        content = (copy / name).read_bytes()
+        (copy / name).write_bytes(content[:100] + bytes([content[100] ^ 1]) + content[101:])
+        assert (keep.code_digest(("keep",)) != before) is counts, name
+        (copy / name).write_bytes(content)
+        assert keep.code_digest(("keep",)) == before
 
 
 def reproduce(*arguments):

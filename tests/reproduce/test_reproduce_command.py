@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from shefex_nav.cli import app
 from shefex_nav.reproduce import registry
+from shefex_nav.reproduce.verdict import TOO_FEW
 
 RUNNER = CliRunner()
 
@@ -53,6 +54,18 @@ def test_json_is_one_strict_object(toy_registered, tmp_path):
     assert list(mean) == ["quantity", "condition", "published", "measured", "ci95", "agrees", "why"]
     assert mean["ci95"][0] < mean["measured"] < mean["ci95"][1] and mean["agrees"] is True
     assert impossible["measured"] is None and impossible["ci95"] is None and impossible["agrees"] is False
+
+
+def test_a_sample_that_cannot_tell_says_so(toy_registered, tmp_path, monkeypatch):
+    def undecided(results):
+        return [toy.conclude(results)[0]._replace(agrees=None, why=TOO_FEW)]
+
+    monkeypatch.setattr(registry, "load", lambda name: toy.NORMAL._replace(conclude=undecided))
+    arguments = ("toy", "--samples", 2, "--out", tmp_path)
+    shown = reproduce(*arguments).stdout
+    assert "too few [1]" in shown and "NO" not in shown and "[1] too few samples" in shown
+    (row,) = json.loads(reproduce(*arguments, "--json").stdout)["rows"]
+    assert row["agrees"] is None and row["why"] == TOO_FEW
 
 
 def test_all_is_an_object_of_experiments(toy_registered, tmp_path):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from shefex_nav.scenario import document
-from shefex_nav.scenario.load import json_schema, load
+from shefex_nav.scenario.load import ScenarioError, json_schema, load, load_text
 from shefex_nav.scenario.schema import Scenario
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -74,6 +74,8 @@ def test_what_the_default_leaves_out():
         *("particle_weakest", "particle_strongest"),
         *("moving_objects", "moving_slowest", "moving_fastest"),
         *("boresight_rate", "cross_rate", "cross_period", "cross_phase", "ramp"),
+        *("almanac", "bias", "drift", "h_0", "h_minus_2", "reacquisition"),  # of the GPS receiver
+        *("satellite", "ionosphere", "troposphere", "multipath"),
     }
 
 
@@ -190,6 +192,16 @@ def test_the_text_kept_loads_to_the_same_scenario(tmp_path, name):
     assert "extends" not in scenario.source
 
 
+def test_a_text_loads_without_a_file_and_is_blamed_by_its_name():
+    source = load(DEFAULT).source
+    scenario = load_text(source, "run.mcap: scenario.yaml", ["navigation.history=0.4 s"])
+    assert differences(load(DEFAULT), scenario) == {"navigation.history"}
+    with pytest.raises(ScenarioError, match=r"^run\.mcap: scenario\.yaml:1:1: log: is missing"):
+        load_text(source[: source.index("navigation:")], "run.mcap: scenario.yaml")
+    with pytest.raises(ScenarioError, match=r"^--set navigation\.histori: unknown key"):
+        load_text(source, "run.mcap: scenario.yaml", ["navigation.histori=0.4 s"])
+
+
 def test_yaml_1_2_words_stay_words(tmp_path):
     path = tmp_path / "x.yaml"
     path.write_text(
@@ -232,7 +244,7 @@ def test_schema_holds_together():
             assert reference.removeprefix("#/$defs/") in blocks
             assert reference.endswith(".partial") == name.endswith(".partial")
         assert block["additionalProperties"] is False
-        optional = {"SensorOverrides", "Atmosphere"}
+        optional = {"SensorOverrides", "Atmosphere", "Faults"}
         assert name.endswith(".partial") is not ("required" in block) or name in optional
     needed = {name for name, field in Scenario.model_fields.items() if field.is_required()}
     assert set(blocks["Scenario"]["required"]) == needed

@@ -33,9 +33,13 @@ def flight():
     return synthetic.fly()
 
 
+def received(params, flight, seed=1, events=synthetic.EVENTS):
+    rngs = noise.generator(seed, "gps"), noise.generator(seed, "gps_errors")
+    return gps.measure(params, flight, events, synthetic.EARTH, CONSTELLATION, *rngs)
+
+
 def measure(params, flight, seed=1, events=synthetic.EVENTS):
-    rng = noise.generator(seed, "gps")
-    return gps.measure(params, flight, events, synthetic.EARTH, CONSTELLATION, rng)
+    return received(params, flight, seed, events).fixes
 
 
 def numbers(fixes):

@@ -87,7 +87,7 @@ def g_sensitivity(x):
 def correct_increments(x, increments, duration_s):
     """Increments free of the estimated sensor errors.
 
-    x : (67,) packed nominal values
+    x : (87,) packed nominal values
     increments : (N, 6) rad, m/s as measured, each over duration_s -> (N, 6)
     """
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)

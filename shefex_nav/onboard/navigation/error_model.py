@@ -227,7 +227,7 @@ def transition(model, pieces, x, q_ib, at, n):
     ----------
     model : `record`
     pieces : strapdown.Pieces
-    x : (67,) packed nominal state at the start
+    x : (87,) packed nominal state at the start
     q_ib : (4,) at the end
     at, n : of the Layout
 
@@ -323,9 +323,6 @@ def noise_densities(model, saturated, vibration, pieces):
     held = 1.0 / (1.0 + (rate * model.gravity_time_s) ** 2)
     accel_white = model.accel_random_walk**2 + 2.0 * (1.0 - held) * model.gravity**2 * model.gravity_time_s
     bias_walk = model.accel_bias_walk**2 + model.gravity**2 * (2.0 / FIELD_TIME_S + held * rate)
-    if saturated:  # an error of unknown sign in every interval at the range
-        gyro_white += model.saturated_rate**2 * duration_s
-        accel_white += model.saturated_acceleration**2 * duration_s
     along = np.array([gyro_white + slow * gyro, accel_white + slow * accel])
     across = np.array([gyro_white + spun * gyro, accel_white + spun * accel])
     return along, across, bias_walk

@@ -15,9 +15,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import error_model, eskf, integrity, prediction, strapdown
+from shefex_nav.onboard.navigation import (
+    error_model,
+    eskf,
+    integrity,
+    integrity_gps,
+    integrity_protection,
+    integrity_watch,
+    prediction,
+    strapdown,
+)
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import ARRIVALS, SENSORS, without_solution
+from shefex_nav.onboard.navigation.sensors import SENSORS, contents, without_solution
 from shefex_nav.onboard.navigation.state import (
     Layout,
     NavState,
@@ -30,6 +39,12 @@ from shefex_nav.onboard.navigation.state import (
 from shefex_nav.records import GateResult
 
 SNAP_S = 1e-6  # instants closer together than this are one
+NOTES = {
+    Fate.USED: "",
+    Fate.REJECTED: "rejected",
+    Fate.HELD: "held: waits for a second fix that agrees",
+    Fate.DOUBTED: "drifts: its innovations keep their sign",
+}
 
 
 class Measurement(NamedTuple):
@@ -39,13 +54,14 @@ class Measurement(NamedTuple):
     fix: Any
     fate: Fate
     rows: Any = None  # (m,) bool, rows that are used; None: all
+    admitted: float | None = None  # sigma that is added to what it measures; None: a reset forgets it all
 
 
 class Tick(NamedTuple):
     """The filter at the end of a tick."""
 
     t_s: float
-    x: np.ndarray  # (67,) packed nominal state
+    x: np.ndarray  # (87,) packed nominal state
     P: np.ndarray  # (n, n)
     imu: Any  # strapdown.ImuWindow that led here; None at the start
     measurements: tuple[Measurement, ...]  # valid within the tick, in the order of their instants
@@ -101,6 +117,7 @@ class Filter(NamedTuple):
     history: deque  # of Tick, oldest first
     health: dict  # sensor -> integrity.Health
     recorder: Callable | None
+    watch: integrity_watch.Watch  # over the sensors, changes in place, too
 
     def limit(self, dof):
         """What a normalised innovation squared may be, chi-square with so many degrees of freedom."""
@@ -136,6 +153,7 @@ def start(params, alignment, earth, recorder=None):
         history=deque([Tick(state.t_s, pack(state), P, None, ())]),
         health={name: integrity.HEALTHY for name in SENSORS},
         recorder=recorder,
+        watch=integrity_watch.start(params.integrity),
     )
 
 
@@ -147,8 +165,9 @@ def advance(nav, block):
         raise ValueError(
             f"IMU block ending at {block.t_valid_s:.6f} s does not follow on the state at {last.t_s:.6f} s"
         )
+    block, extra = nav.watch.screen(block)
     level = error_model.vibration_level(nav.params, block)
-    imu = strapdown.window(block, last.imu, level)
+    imu = strapdown.window(block, last.imu, level)._replace(extra=extra)
     x, P = prediction.advance(
         nav.layout, nav.imu_model, last.x, last.t_s, last.P, imu, 0.0, length_s, nav.earth
     )
@@ -187,15 +206,21 @@ def fuse(nav, arrivals):
     results = []
     earliest = len(nav.history)
     for arrival, fix in arrivals:
-        names = ARRIVALS[arrival]
+        names = contents(arrival, fix)
         reason = without_solution(arrival, fix)
         if reason:
             results.append(_unused(now_s, fix, names[0], reason))
+            nav.watch.tell(now_s, "gps", reason)
             continue
         index = _place(nav.history, fix.t_valid_s)
         if index is None:
             results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
             continue
+        if arrival != "star_tracker":
+            repeats = integrity_gps.repeated(nav.watch.gps, fix)
+            results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())
+            nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
+            names = tuple(name for name in names if name not in repeats)
         tick = nav.history[index]
         queue = tick.measurements + tuple(Measurement(name, fix, Fate.PENDING) for name in names)
         queue = tuple(sorted(queue, key=lambda m: m.fix.t_valid_s))
@@ -203,6 +228,7 @@ def fuse(nav, arrivals):
         earliest = min(earliest, index)
     for index in range(earliest, len(nav.history)):
         nav.history[index] = _repeat(nav, nav.history[index - 1], nav.history[index], results)
+    nav.watch.protect(nav.history[-1].P)
     return results
 
 
@@ -272,29 +298,59 @@ def _predict(nav, t_s, x, P, imu, begin_s, end_s, recorder):
 
 def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
     """Correct with one measurement. -> x, P, Measurement, GateResult or None if its fate was known."""
-    if measurement.fate == Fate.REJECTED:
+    if measurement.fate in (Fate.REJECTED, Fate.HELD):
         return x, P, measurement, None
     sensor, state = SENSORS[measurement.sensor], unpack(t_s, x)
     z, H, R = sensor.linearise(nav, state, imu, at_s, measurement.fix)
-    result = None
+    result, confirmed = None, False
     if measurement.fate == Fate.PENDING:
-        measurement, result = _decide(nav, state, P, z, H, R, imu, at_s, measurement)
-        if measurement.fate == Fate.REJECTED:
+        measurement, result, confirmed = _decide(nav, state, P, z, H, R, imu, at_s, measurement)
+        if measurement.fate in (Fate.REJECTED, Fate.HELD):
             return x, P, measurement, result
+    prior = P
+    if measurement.fate in (Fate.RESET, Fate.DOUBTED):
+        prior = _forgotten(nav, P, sensor, measurement.admitted)
+    if measurement.fate == Fate.DOUBTED:
+        return x, prior, measurement, result
     used = measurement.rows
     if used is not None:
         z, H, R = z[used], H[used], R[np.ix_(used, used)]
-    prior = _forgotten(nav, P, sensor) if measurement.fate == Fate.RESET else P
     after = eskf.update(nav.kalman, nav.layout, state, prior, z, H, R)
     if recorder is not None:
-        name, fix, fate, _ = measurement
+        name, fix, fate = measurement[:3]
         recorder(Correction(t_s, name, fix, fate, state, P, prior, z, H, R, after.dx, after.G, *after[:2]))
+    if result is not None:
+        _protect(nav, measurement, prior, after.P, H, R, confirmed)
+        if confirmed:
+            nav.health[measurement.sensor] = sensor.confirmed(nav, after.state, imu, at_s, measurement.fix)
     return pack(after.state), after.P, measurement, result
 
 
-def _forgotten(nav, P, sensor):
-    """Covariance in which nothing is known of what a sensor measures."""
+def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
+    """Tell the watch of a measurement that has just been used for the first time."""
+    watch, limit, name = nav.watch, nav.limit(len(R)), measurement.sensor
+    watch.used(name, measurement.fix.t_valid_s, nav.history[-1].t_s)
+    if name == "star_tracker":
+        found = integrity_protection.slope_of_stars(P_before, P_after, limit, H, R, confirmed)
+    else:
+        found = integrity_protection.slope(P_before, P_after, limit)
+    watch.used_now.append(found)
+
+
+def _alone(nav, sensor, H, P, R):
+    """Whether one fix inside the gate is enough."""
+    return sensor.alone is None or sensor.alone(nav, H, P, R)
+
+
+def _forgotten(nav, P, sensor, admitted):
+    """Covariance in which nothing is known of what a sensor measures, or less by a sigma that is admitted."""
     places = nav.layout.places
+    if admitted is not None:
+        P = P.copy()
+        for name in (sensor.block, *sensor.with_it):
+            if places[name] is not None:
+                P[places[name], places[name]] += admitted**2 * np.eye(3)
+        return P
     P = eskf.forget(P, places[sensor.block], sensor.forgotten**2)
     for name in sensor.with_it:
         if places[name] is not None:
@@ -303,28 +359,55 @@ def _forgotten(nav, P, sensor):
 
 
 def _decide(nav, state, P, z, H, R, imu, at_s, measurement):
-    """Fate of a new measurement; that of its sensor's health is kept. -> Measurement, GateResult"""
+    """Fate of a new measurement; that of its sensor's health is kept.
+
+    -> Measurement, GateResult, whether another fix has confirmed it
+    """
     name, fix = measurement.sensor, measurement.fix
     sensor, now_s = SENSORS[name], nav.history[-1].t_s
     nis, limit = eskf.innovation_statistics(P, z, H, R), nav.limit(len(z))
     passed = gate_rows(nav, P, z, H, R, sensor.rows) if sensor.rows else np.full(len(z), nis <= limit)
-    rule = evidence = agree = rows = None
+    trial = rows = None
+    alone = _alone(nav, sensor, H, P, R)
     if passed.any():
         nis_judged, rows = 0.0, None if passed.all() else passed
     else:
         nis_judged = np.inf
-        rule, evidence, agree = sensor.trial(nav, state, P, z, R, imu, at_s, fix)
-    fate, nav.health[name] = integrity.judge(
-        nav.health[name], rule, nis_judged, limit, fix.t_valid_s, evidence, agree
-    )
-    note = {Fate.USED: "", Fate.REJECTED: "rejected", Fate.RESET: sensor.reset_note}[fate]
+    if not (passed.any() and alone):
+        trial = sensor.trial(nav, state, P, z, R, imu, at_s, fix)
+    fate, nav.health[name] = integrity.judge(nav.health[name], trial, nis_judged, limit, fix.t_valid_s, alone)
+    admitted = sensor.admits(nav, z) if fate == Fate.RESET and sensor.admits else None
+    if name == integrity_watch.DRIFTS:
+        fate, admitted = _drifts(nav, fate, z, H @ P @ H.T + R, admitted)
+    note = NOTES.get(fate, sensor.reset_note)
+    if fate == Fate.RESET and admitted is not None:
+        note += ", or the camera has moved"
+    if fate == Fate.USED:
+        nav.watch.tell(now_s, name, "")
+    elif fate == Fate.DOUBTED or fate == Fate.RESET:
+        nav.watch.tell(now_s, name, note)
+    elif nav.health[name].rejected >= integrity_watch.CONTRADICTIONS:
+        nav.watch.tell(now_s, name, integrity_watch.reason(name, nav.health))
     if rows is not None:
         note = f"rejected: {', '.join(_rejected(sensor, fix, rows))}"
         z, H, R = z[rows], H[rows], R[np.ix_(rows, rows)]
         nis, limit = eskf.innovation_statistics(P, z, H, R), nav.limit(len(z))
-    accepted = fate != Fate.REJECTED
+    accepted = fate in (Fate.USED, Fate.RESET)
     result = GateResult(now_s, fix.t_valid_s, name, len(z), nis, limit, accepted, note, z)
-    return measurement._replace(fate=fate, rows=rows), result
+    return measurement._replace(fate=fate, rows=rows, admitted=admitted), result, not alone
+
+
+def _drifts(nav, fate, z, S, admitted):
+    """Fate of a measurement that passed, if its sensor drifts; what is admitted when that is noticed."""
+    watch = nav.watch
+    if fate != Fate.USED:
+        watch.drift = integrity_gps.QUIET
+        return fate, admitted
+    before = watch.drift.suspected
+    watch.drift = integrity_gps.follow(watch.drift, z, S, watch.drift_limit)
+    if not watch.drift.suspected:
+        return fate, admitted
+    return Fate.DOUBTED, 0.0 if before else integrity_gps.followed(watch.drift, S)
 
 
 def gate_rows(nav, P, z, H, R, size):

@@ -5,6 +5,10 @@ has gone wrong would reject everything from then on, so a sensor that keeps cont
 the end, but only if its rejected fixes agree with each other: GPS fixes through the velocity that
 they report, star fixes through the gyros. A lone wrong fix, or a receiver that repeats its last fix,
 never gets through.
+
+Inside the gate a fix may be wrong, too, as long as the gate is wide: before the first star fix, and after a
+long time without stars. Then a star fix is held until a second one agrees with it through the gyros; the
+second is used, the first never.
 """
 
 from enum import IntEnum
@@ -14,7 +18,8 @@ import numpy as np
 
 from shefex_nav.geometry import rotation
 
-LONGEST_PAIR_S = 3.0  # [E] fixes further apart than this are not compared
+LONGEST_PAIR_S = 3.0  # [E] GPS fixes further apart than this are not compared
+LONGEST_STAR_PAIR_S = 60.0  # [E] nor star fixes further apart than this
 
 
 class Fate(IntEnum):
@@ -24,6 +29,8 @@ class Fate(IntEnum):
     USED = 1
     RESET = 2  # used after everything known of its block was forgotten
     REJECTED = 3
+    HELD = 4  # inside a gate that is too wide to trust a fix alone; kept for comparison, never used
+    DOUBTED = 5  # not used; what it has misled before is known less well from here on
 
 
 class Health(NamedTuple):
@@ -32,7 +39,17 @@ class Health(NamedTuple):
     used: int  # measurements used since the start
     rejected: int  # consecutive rejected fixes which agree with each other
     t_first_s: float  # the first of them
-    evidence: Any  # the last of them, in the form that `agrees` compares
+    evidence: Any  # the last of them, in the form that `agree` compares
+    held: Any = None  # likewise, the last fix inside the gate, where one alone does not count
+    first: Any = None  # likewise, the first of the rejected
+
+
+class GpsEvidence(NamedTuple):
+    """A GPS fix against the state that the filter had."""
+
+    fix: Any  # GpsFix
+    z: np.ndarray  # (3,) m or m/s, innovation
+    P: np.ndarray  # (3, 3) of what the filter said of it
 
 
 class StarEvidence(NamedTuple):
@@ -53,17 +70,16 @@ def chi_square_limit(probability, dof):
     return float(chdtri(dof, probability))
 
 
-def judge(health, rule, nis, limit, t_valid_s, evidence, agree):
+def judge(health, trial, nis, limit, t_valid_s, alone=True):
     """Fate of a measurement.
 
     Parameters
     ----------
     health : Health of its sensor
-    rule : state.ReleaseRule
+    trial : sensors.Trial, what decides if it contradicts the filter, or if one inside the gate is not enough
     nis, limit : normalised innovation squared and its chi-square limit
     t_valid_s : s
-    evidence : what is kept of the fix if it is rejected
-    agree : function(earlier evidence, this evidence) -> bool
+    alone : whether a single fix inside the gate is enough
 
     Returns
     -------
@@ -71,14 +87,37 @@ def judge(health, rule, nis, limit, t_valid_s, evidence, agree):
     health : Health
     """
     if nis <= limit:
-        return Fate.USED, Health(health.used + 1, 0, np.nan, None)
-    if health.evidence is not None and agree(health.evidence, evidence):
-        rejected, t_first_s = health.rejected + 1, health.t_first_s
+        if alone or (health.held is not None and trial.agree(health.held, trial.evidence)):
+            return Fate.USED, Health(health.used + 1, 0, np.nan, None)
+        return Fate.HELD, health._replace(held=trial.evidence)
+    if insists(health, trial):
+        rejected, t_first_s, first = health.rejected + 1, health.t_first_s, health.first
     else:
-        rejected, t_first_s = 1, t_valid_s
+        rejected, t_first_s, first = 1, t_valid_s, trial.evidence
+    rule = trial.rule
     if rejected >= rule.count and t_valid_s - t_first_s >= rule.duration_s - 1e-6:
         return Fate.RESET, Health(health.used + 1, 0, np.nan, None)
-    return Fate.REJECTED, Health(health.used, rejected, t_first_s, evidence)
+    return Fate.REJECTED, Health(health.used, rejected, t_first_s, trial.evidence, health.held, first)
+
+
+def insists(health, trial):
+    """Whether a rejected fix says what those before it have said. Health, sensors.Trial -> bool"""
+    if health.evidence is None or not trial.agree(health.evidence, trial.evidence):
+        return False
+    return trial.steady is None or trial.steady(health.first, trial.evidence)
+
+
+def offsets_agree(first, later, limit):
+    """Whether two GPS positions are off by the same vector.
+
+    A filter whose position is wrong while its velocity is right is off by a constant; a receiver that runs
+    away is not.
+
+    first, later : GpsEvidence;  limit : chi-square
+    """
+    d = later.z - first.z
+    S = first.fix.R_r_e + later.fix.R_r_e + later.P
+    return float(d @ np.linalg.solve(S, d)) <= limit
 
 
 def gps_fixes_agree(earlier, later, slack):
@@ -103,7 +142,7 @@ def star_evidence(state, z, R):
     return StarEvidence(state.t_s, error_i, C_ib @ R @ C_ib.T)
 
 
-def star_fixes_agree(earlier, later, P_rate, limit):
+def star_fixes_agree(earlier, later, P_rate, limit, noise=0.0):
     """Whether two star fixes differ by the rotation that the gyros saw.
 
     The strapdown turns with the gyros, so its attitude error in inertial axes is the same at both fixes,
@@ -112,13 +151,15 @@ def star_fixes_agree(earlier, later, P_rate, limit):
     earlier, later : StarEvidence
     P_rate : (3, 3) rad^2/s^2, covariance of the corrected rate
     limit : chi-square
+    noise : rad^2/s, white noise of the gyros, of the noisiest axis
     """
-    dt_s = later.t_valid_s - earlier.t_valid_s
-    if not 0.0 < dt_s <= LONGEST_PAIR_S:
+    dt_s = abs(later.t_valid_s - earlier.t_valid_s)  # they may have arrived in the other order
+    if not 0.0 < dt_s <= LONGEST_STAR_PAIR_S:
         return False
     d = rotation.rotvec_from_quat(
         rotation.quat_multiply(rotation.quat_conjugate(earlier.error_i), later.error_i)
     )
     # the largest rate variance stands for every axis, so that no frame has to be chosen for it
-    S = earlier.R_i + later.R_i + np.max(np.linalg.eigvalsh(P_rate)) * dt_s**2 * np.eye(3)
+    drift = np.max(np.linalg.eigvalsh(P_rate)) * dt_s**2 + noise * dt_s
+    S = earlier.R_i + later.R_i + drift * np.eye(3)
     return float(d @ np.linalg.solve(S, d)) <= limit

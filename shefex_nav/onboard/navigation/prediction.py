@@ -44,8 +44,8 @@ def growth(layout, model, state, imu, begin_s, end_s, earth):
 def advance(layout, model, x, t_s, P, imu, begin_s, end_s, earth):
     """State and covariance after the part begin_s ... end_s of a tick.
 
-    As `growth`, with the packed nominal state x (67,) at begin_s, mission time t_s, and its covariance
-    P (n, n) -> x (67,), P (n, n)
+    As `growth`, with the packed nominal state x (87,) at begin_s, mission time t_s, and its covariance
+    P (n, n) -> x (87,), P (n, n)
     """
     arguments = (imu.increments, imu.dt_s, imu.saturated, imu.vibration, imu.extra, begin_s, end_s)
     return _advance(layout.at, layout.n, model, x, t_s, P, *arguments, *earth)

@@ -9,8 +9,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import calibration, integrity, measurements, strapdown
-from shefex_nav.onboard.navigation.state import ReleaseRule
+from shefex_nav.onboard.navigation import (
+    calibration,
+    integrity,
+    integrity_watch,
+    measure_ranges,
+    measurements,
+    strapdown,
+)
+from shefex_nav.onboard.navigation.state import POS, ReleaseRule
+from shefex_nav.records import GpsRanges
+
+MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
 
 
 class Trial(NamedTuple):
@@ -19,6 +29,7 @@ class Trial(NamedTuple):
     rule: ReleaseRule
     evidence: Any  # what is kept of the fix if it is rejected
     agree: Callable  # (earlier evidence, this evidence) -> bool
+    steady: Callable | None = None  # (first evidence, this evidence) -> bool; None: always
 
 
 class Sensor(NamedTuple):
@@ -35,6 +46,13 @@ class Sensor(NamedTuple):
     rows: int = 0  # rows gated together, whose noise must not be tied to that of others; 0: all
     labels: Callable | None = None  # fix -> name of each group of rows, for notes
     reset_note: str = "reset after timeout"
+    # (nav, H, P, R) -> whether one fix inside the gate is enough; None: always
+    alone: Callable | None = None
+    # (nav, state after it was used, imu, at_s, fix) -> Health, in which it is there to confirm the next one
+    confirmed: Callable | None = None
+    # (nav, z) -> standard deviation of the error that a reset admits in the block and those with it, if it
+    # explains the contradiction without forgetting everything; None: it does not
+    admits: Callable | None = None
 
 
 def _gps_position(nav, state, imu, at_s, fix):
@@ -46,6 +64,20 @@ def _gps_velocity(nav, state, imu, at_s, fix):
     felt = strapdown.felt(state, imu, at_s)
     z, H, R = measurements.gps_velocity(nav.layout, state, fix, nav.earth, nav.params.l_ba_b, *felt)
     return z, H, R + vibration_covariance(nav.params, imu)
+
+
+def _gps_range(nav, state, imu, at_s, fix):
+    felt = strapdown.felt(state, imu, at_s)
+    params = nav.params
+    return measure_ranges.pseudoranges(
+        nav.layout, state, fix, nav.earth, params.l_ba_b, *felt, params.range_bias_sigma
+    )
+
+
+def _gps_range_rate(nav, state, imu, at_s, fix):
+    felt = strapdown.felt(state, imu, at_s)
+    z, H, R = measure_ranges.range_rates(nav.layout, state, fix, nav.earth, nav.params.l_ba_b, *felt)
+    return z, H, R + vibration_covariance(nav.params, imu)[0, 0] * np.eye(len(z))
 
 
 def _star_attitude(nav, state, imu, at_s, fix):
@@ -69,9 +101,36 @@ def _gps_trial(nav, state, P, z, R, imu, at_s, fix):
     slack = nav.params.gps_agreement
 
     def agree(earlier, later):
-        return integrity.gps_fixes_agree(earlier, later, slack)
+        return integrity.gps_fixes_agree(earlier.fix, later.fix, slack)
+
+    return Trial(nav.params.release_gps, integrity.GpsEvidence(fix, z, P[POS, POS]), agree)
+
+
+def _gps_position_trial(nav, state, P, z, R, imu, at_s, fix):
+    """A position that jumps while the velocity goes on is hardly right: it must insist, without moving on."""
+    trial = _gps_trial(nav, state, P, z, R, imu, at_s, fix)
+    if not integrity_watch.jumped(nav.health):
+        return trial
+    limit = nav.limit(3)
+
+    def steady(first, later):
+        return integrity.offsets_agree(first, later, limit)
+
+    return trial._replace(rule=nav.watch.params.release_gps_jump, steady=steady)
+
+
+def _range_trial(nav, state, P, z, R, imu, at_s, fix):
+    slack = nav.params.gps_agreement
+
+    def agree(earlier, later):
+        return measure_ranges.ranges_agree(earlier, later, slack)
 
     return Trial(nav.params.release_gps, fix, agree)
+
+
+def _satellites(fix):
+    """Names of the rows of GpsRanges."""
+    return [f"prn {prn}" for prn in fix.prn]
 
 
 def _star_trial(nav, state, P, z, R, imu, at_s, fix):
@@ -81,10 +140,30 @@ def _star_trial(nav, state, P, z, R, imu, at_s, fix):
     P_rate = rate_covariance(nav.layout, state, P, *strapdown.felt(state, imu, at_s))
     limit = nav.limit(3)
 
+    noise = params.imu.gyro_random_walk**2 + imu.extra[0].max()
+
     def agree(earlier, later):
-        return integrity.star_fixes_agree(earlier, later, P_rate, limit)
+        return integrity.star_fixes_agree(earlier, later, P_rate, limit, noise)
 
     return Trial(rule, integrity.star_evidence(state, z, R), agree)
+
+
+def _star_confirmed(nav, state, imu, at_s, fix):
+    z, _, R = _star_attitude(nav, state, imu, at_s, fix)
+    return nav.health["star_tracker"]._replace(held=integrity.star_evidence(state, z, R))
+
+
+def _star_alone(nav, H, P, R):
+    """Once stars have been used, and while the gate stops every fix that is wrong by as much as matters."""
+    S = H @ P @ H.T + R
+    gate = np.sqrt(nav.limit(len(S)) * np.max(np.linalg.eigvalsh(S)))
+    return nav.health["star_tracker"].used > 0 and gate < nav.watch.params.wrong_star_fix
+
+
+def _star_admits(nav, z):
+    """A small contradiction may be a camera that has moved or a wrong attitude: either is admitted."""
+    angle = float(np.sqrt(z @ z))
+    return angle if nav.health["star_tracker"].used > 1 and angle < MOVED_CAMERA else None
 
 
 def never(nav, state, P, z, R, imu, at_s, fix):
@@ -99,8 +178,20 @@ def rate_covariance(layout, state, P, omega_b, f_b):
 
 
 SENSORS = {
-    "gps_position": Sensor(_gps_position, "position", 1e5, _gps_trial),
+    "gps_position": Sensor(_gps_position, "position", 1e5, _gps_position_trial),
     "gps_velocity": Sensor(_gps_velocity, "velocity", 1e4, _gps_trial),
+    "gps_range": Sensor(
+        _gps_range,
+        "position",
+        1e5,
+        _range_trial,
+        with_it=("clock", "range_bias"),  # a clock that jumped misleads all ranges alike
+        rows=1,
+        labels=_satellites,
+    ),
+    "gps_range_rate": Sensor(
+        _gps_range_rate, "velocity", 1e4, _range_trial, with_it=("clock",), rows=1, labels=_satellites
+    ),
     "star_tracker": Sensor(
         _star_attitude,
         "attitude",
@@ -108,11 +199,37 @@ SENSORS = {
         _star_trial,
         with_it=("mounting",),  # whatever misled the attitude has misled the mounting too
         reset_note="attitude reset",
+        alone=_star_alone,
+        confirmed=_star_confirmed,
+        admits=_star_admits,
     ),
 }
-ARRIVALS = {"gps": ("gps_position", "gps_velocity"), "star_tracker": ("star_tracker",)}
+ARRIVALS = {
+    "gps": ("gps_position", "gps_velocity"),
+    "gps_ranges": ("gps_range", "gps_range_rate"),
+    "star_tracker": ("star_tracker",),
+}
+
+
+def gps_arrivals(params, messages):
+    """What the filter takes of GpsFix and GpsRanges: fixes if it is coupled loosely, ranges if tightly.
+
+    NavParams, sequence of GpsFix and GpsRanges -> list of (arrival, fix)
+    """
+    tight = params.gps == "tight"
+    arrival = "gps_ranges" if tight else "gps"
+    return [(arrival, message) for message in messages if isinstance(message, GpsRanges) == tight]
+
+
+def contents(arrival, fix):
+    """Names of the measurements that an arrival holds; receivers that give no velocity leave it NaN."""
+    if arrival == "gps" and np.isnan(fix.v_ea_e[0]):
+        return ("gps_position",)
+    return ARRIVALS[arrival]
 
 
 def without_solution(arrival, fix):
     """Why a fix holds no measurement, '' if it does."""
+    if arrival == "gps_ranges":
+        return "" if len(fix.prn) else f"no ranges: {fix.reason}"
     return f"no fix: {fix.reason}" if arrival == "gps" and not fix.valid else ""

@@ -9,9 +9,10 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.onboard.navigation import integrity_protection, integrity_watch
 from shefex_nav.onboard.navigation.calibration import correct_increments, jacobians_packed
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, OPTIONAL, POS, PVA, VEL, X_Q, X_R, X_V
-from shefex_nav.records import NavCovariance, NavSolution
+from shefex_nav.records import Doubt, NavCovariance, NavSolution
 
 SLOWEST = 1e-3  # m/s, below it the angles of the velocity have no meaning; their sigma is pi
 
@@ -32,7 +33,18 @@ def solution(nav):
         *vector_sigmas,
         *sigmas,
         nav.health["star_tracker"].used > 0,
+        *_trust(nav, vector_sigmas[2]),
     )
+
+
+def _trust(nav, sigma_b):
+    """Protection level of the attitude (3,) rad, whether not to use the solution, and the Doubt."""
+    watch = nav.watch
+    wanted = watch.params.wanted
+    protection_b = integrity_protection.of_attitude(watch.level, wanted, sigma_b)
+    contradicted = integrity_watch.contradicted(nav.health)
+    doubt = integrity_protection.doubt(protection_b, wanted, contradicted, watch.imu_blind)
+    return protection_b, doubt != Doubt.NONE, int(doubt)
 
 
 def reported(nav):

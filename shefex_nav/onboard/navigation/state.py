@@ -16,7 +16,7 @@ What the sensors of the IMU measure, with the blocks of their errors::
                + gyro_bias T + gyro_g_sensitivity dv
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -43,7 +43,7 @@ OPTIONAL = {  # blocks and their sizes, in the order of the errors; those of the
     "lever_arm": 3,  # GPS antenna against its nominal place, body axes [m]
     "clock": 2,  # of the GPS receiver, ahead of GPS time: bias [m], drift [m/s]
     "gps_latency": 1,  # a fix belongs to an instant so much before its t_valid_s [s]
-    "range_bias": 12,  # slow range errors of the channels of the receiver, first-order Gauss-Markov [m]
+    "range_bias": 32,  # range errors that last, of satellites 1 to 32, first-order Gauss-Markov [m]
 }
 DEFAULT_STATES = ("gyro_roll_column", "mounting")
 CONTAINED = {"gyro_roll_column": ("gyro_scale", "gyro_misalignment")}  # its errors are errors of those, too
@@ -131,11 +131,11 @@ class NavState(NamedTuple):
     lever_arm: np.ndarray = _NOTHING[3]  # (3,) m, to be added to the nominal one
     clock: np.ndarray = _NOTHING[2]
     gps_latency: np.ndarray = _NOTHING[1]  # (1,) s
-    range_bias: np.ndarray = _NOTHING[12]
+    range_bias: np.ndarray = _NOTHING[32]
 
 
 def pack(state):
-    """The nominal values of a NavState as one array for kernels, in the order of NOMINAL: (67,)."""
+    """The nominal values of a NavState as one array for kernels, in the order of NOMINAL: (87,)."""
     return np.concatenate(
         [
             state.r_i, state.v_i, state.q_ib, state.gyro_bias, state.accel_bias, state.gyro_roll_column,
@@ -150,7 +150,7 @@ _SLICES = [NOMINAL[name] for name in NavState._fields[1:]]
 
 
 def unpack(t_s, x):
-    """NavState of packed values (67,), as views of them."""
+    """NavState of packed values (87,), as views of them."""
     return NavState(t_s, *[x[place] for place in _SLICES])
 
 
@@ -211,6 +211,8 @@ class NavParams(NamedTuple):
     clock_walk: float = 0.0  # m/s/sqrt(s), random walk of its frequency
     range_bias_sigma: float = 0.0  # m, of the block range_bias in the long run
     range_bias_time_s: float = np.inf  # its correlation time
+    gps: str = "loose"  # GPS by its fixes; "tight": by the ranges of its channels
+    integrity: Any = None  # integrity_watch.IntegrityParams; None: nothing is expected of IMU and solution
 
 
 def initial(params, order, alignment):
@@ -253,7 +255,7 @@ def correct(order, state, dx):
 
 @njit(cache=True)
 def corrected(x, dx, nominal):
-    """`correct` of packed values: (67,), (n,), Layout.nominal -> (67,)."""
+    """`correct` of packed values: (87,), (n,), Layout.nominal -> (87,)."""
     out = x.copy()
     for i in range(3):
         out[X_R.start + i] += dx[POS.start + i]

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from scipy import stats
 
-from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
+from shefex_nav.geometry.pinhole import Pinhole, turn_slopes, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, quat_normalise
 from shefex_nav.onboard.startracker.attitude import esoq2, inverse3
 
@@ -269,14 +269,9 @@ def _jacobian(theta, x, y, r2, radial, Jc, Ja):
     Jc[0, 4], Jc[1, 4] = f * x * r2 * r2, f * y * r2 * r2
     slope = 2.0 * (theta[3] + 2.0 * r2 * theta[4])  # d radial = slope (x dx + y dy)
     xx, xy, yy = f * (radial + slope * x * x), f * slope * x * y, f * (radial + slope * y * y)
+    dx, dy = turn_slopes(x, y)
     for axis in range(3):
-        if axis == 0:
-            dx, dy = x * y, 1.0 + y * y
-        elif axis == 1:
-            dx, dy = -(1.0 + x * x), -x * y
-        else:
-            dx, dy = y, -x
-        Ja[0, axis], Ja[1, axis] = xx * dx + xy * dy, xy * dx + yy * dy
+        Ja[0, axis], Ja[1, axis] = xx * dx[axis] + xy * dy[axis], xy * dx[axis] + yy * dy[axis]
 
 
 @njit(cache=True)

@@ -32,7 +32,7 @@ class DetectParams(NamedTuple):
     max_peak_fraction: float  # of the light in one pixel; more is a hot pixel, the lens cannot do it
     max_objects: int  # length of the table
     saturation_dn: int  # grey value of a saturated pixel
-    scan: str = "sequential"  # or "maximum"
+    scan: str = "sequential"  # or "maximum"; "streaks" and "run_length" are ways of `objects`
     centroid: str = "fit"  # or "weighted", "centre_of_mass", "gaussian_interpolation"
     electrons_per_dn: float = np.inf  # of camera and gain; infinite: not known, no shot noise of the stars
     psf_sigma_px: float = 1.0  # width of a spot, where the frame does not show it (interpolation: anywhere)

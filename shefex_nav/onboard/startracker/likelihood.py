@@ -8,6 +8,7 @@ largest likelihood, and `drop_worst` leaves out a star that does not belong.
 import numpy as np
 from numba import njit
 
+from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, quat_normalise
 from shefex_nav.onboard.startracker.attitude import inverse3
 
@@ -58,7 +59,7 @@ def sigma_of_centroids(camera, xy_px, P_px):
 def _observe(camera, q_ic, xy_px, v_i):
     """Residuals (n, 2) px and their derivatives (n, 2, 3) by the rotation dtheta_c; NaN behind the camera.
 
-    A star is seen at u = C_ic' v; q_ic exp(dtheta) moves it by u x dtheta.
+    A star is seen at u = C_ic' v; how q_ic exp(dtheta) moves it is what `turn_slopes` says.
     """
     n = xy_px.shape[0]
     residual, H = np.empty((n, 2)), np.empty((n, 2, 3))
@@ -71,8 +72,9 @@ def _observe(camera, q_ic, xy_px, v_i):
         x, y = (X / Z, Y / Z) if Z > 0.0 else (np.nan, np.nan)
         residual[k, 0] = xy_px[k, 0] - camera.cx_px - f * x
         residual[k, 1] = xy_px[k, 1] - camera.cy_px - f * y
-        H[k, 0, 0], H[k, 0, 1], H[k, 0, 2] = f * x * y, -f * (1.0 + x * x), f * y
-        H[k, 1, 0], H[k, 1, 1], H[k, 1, 2] = f * (1.0 + y * y), -f * x * y, -f * x
+        dx, dy = turn_slopes(x, y)
+        for axis in range(3):
+            H[k, 0, axis], H[k, 1, axis] = f * dx[axis], f * dy[axis]
     return residual, H
 
 

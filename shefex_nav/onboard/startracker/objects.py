@@ -27,9 +27,7 @@ from shefex_nav.records import Scan
 STREAKS, RUN_LENGTH = "streaks", "run_length"
 WAYS = (*SCANS, STREAKS, RUN_LENGTH)
 SPOTS = {"sequential": Scan.SEQUENTIAL, "maximum": Scan.MAXIMUM}
-KNOWN_PX = (
-    1.0  # a rate is known if its error moves no star by more from the middle of the frame to its end [E]
-)
+KNOWN_PX = 1.0  # a rate is known if its error moves no star by more in half of the frame [E]
 NARROW_PX = 4.0  # a prediction is narrow if its error moves no star in the frame by more, 1 sigma [E]
 FEWEST = 3  # predicted stars that are worth looking at
 OUTSIDE_PX = 2.0  # a star predicted just beyond the border may be inside
@@ -44,10 +42,8 @@ class Found(NamedTuple):
     scan: int  # Scan
     at_instant: bool  # the places are those of the frame's instant
     memory: Any = None  # Memory for the next frame
-    rate: Any = (
-        None  # (t_s (n,), P_omega (3, 3)): when each was seen, and how well the rate is known by which
-    )
-    # all were brought to one instant
+    # (t_s (n,), P_omega (3, 3)): when each was seen, and of the rate that brought them to one instant
+    rate: Any = None
 
 
 class Memory(NamedTuple):

@@ -192,7 +192,8 @@ def bell(z2):
 def light_at(path, s, x, y):
     """Light in a pixel of a star of flux one: itself, derivatives to a shift along and across, time.
 
-    s is the width with the pixel's own variance.
+    s is the width with the pixel's own variance. The plain form, for a few pixels and as the reference of
+    `draw`, which takes many at a time and so needs a series in place of the table and no early end.
     """
     dx, dy = x - path[X0], y - path[Y0]
     along = dx * path[TX] + dy * path[TY]

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 LEAST = 0.3  # sigma_px; no axis is believed to be shorter, as lens and catalogue have errors, too [E]
-LONGEST_PX = 10.0  # nor longer: beyond, a centroid says nothing
+LONGEST_PX = 10.0  # nor longer
 
 
 class Ellipses(NamedTuple):
@@ -41,7 +41,12 @@ def checked(P_px, n, name="P_px"):
 
 @njit(cache=True)
 def ellipses_of(P_px, sigma_px):
-    """Ellipses of covariances (n, 2, 2) px^2; axes within LEAST and LONGEST_PX."""
+    """Ellipses of covariances (n, 2, 2) px^2; axes within LEAST and LONGEST_PX.
+
+    A star whose error is larger than its shortened ellipse says may fall outside the gates and be lost. A
+    false detection gains nothing: it falls into a smaller ellipse less often, by as much as it counts for
+    more there, since the density stays normalised.
+    """
     n = P_px.shape[0]
     spread, weight, log_areas = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
     least, most = LEAST**2, max((LONGEST_PX / sigma_px) ** 2, 1.0)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.onboard.startracker.identify.ellipses import Ellipses, log_area, weigh, weighted2
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX, STAR_GATE, gate_of, reach_of
 from shefex_nav.onboard.startracker.skygrid import cell_of
@@ -169,8 +170,12 @@ def _take(view, taken, s):
 
 @njit(cache=True)
 def jacobian(x, y):
-    """d(X/Z, Y/Z)/d(phi, ln f) for a small turn phi of the stars about the camera axes: 8 numbers."""
-    return -x * y, 1.0 + x * x, -y, -(1.0 + y * y), x * y, x, x, y
+    """d(X/Z, Y/Z)/d(phi, ln f) for a small turn phi of the stars about the camera axes: 8 numbers.
+
+    The stars turn against the camera: phi = -dtheta_c of `turn_slopes`.
+    """
+    dx, dy = turn_slopes(x, y)
+    return -dx[0], -dx[1], -dx[2], -dy[0], -dy[1], -dy[2], x, y
 
 
 @njit(cache=True)

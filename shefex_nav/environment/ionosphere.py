@@ -1,0 +1,82 @@
+"""Delay of the L1 signal in the ionosphere: the broadcast model of GPS, and how much of it is overhead.
+
+The broadcast (Klobuchar) model is made for receivers on the ground: IS-GPS-200, section 20.3.3.5.2.5. For a
+vehicle inside the layer it is multiplied by the share of the electrons above it, those of an alpha-Chapman
+layer (Rishbeth & Garriott, Introduction to Ionospheric Physics, section 3.4)::
+
+    N(z) ~ exp((1 - z - exp(-z))/2),   z = (h - h_max)/H,   share above h = erf(exp(-z/2)/sqrt(2))
+
+Little is below 150 km and nothing to speak of above 900 km. Slanting rays, also those that lead down and pass
+the layer twice, are compared with the ray from the ground by adding up the layer along both.
+"""
+
+import numpy as np
+
+from shefex_nav.environment.stars import SPEED_OF_LIGHT
+
+PEAK_HEIGHT = 350e3  # m, of the F layer, where the broadcast model has its shell
+SCALE_HEIGHT = 60e3  # m [E] of the neutral gas there; the layer's own is twice as large above its peak
+FLOOR_S = 5e-9  # zenith delay at night
+LOWEST_ELEVATION = 0.0  # rad; the broadcast model is not made for rays that lead downwards
+EARTH_RADIUS = 6371e3  # m; a sphere will do here
+STEP, FURTHEST = 20e3, 6000e3  # m along a ray; the step is a third of the scale height
+
+
+def share_above(height):
+    """Part of the electrons that is above a height, m: 1 on the ground, 0.68 at the peak, 0 far out."""
+    from scipy.special import erf
+
+    z = (np.asarray(height, dtype=float) - PEAK_HEIGHT) / SCALE_HEIGHT
+    return erf(np.exp(-0.5 * np.maximum(z, -20.0)) / np.sqrt(2.0))
+
+
+def klobuchar(alpha, beta, latitude, longitude, elevation, azimuth, gps_s):
+    """Delay on the ground by the broadcast model.
+
+    Parameters
+    ----------
+    alpha : (4,) s, s/semicircle, ... of the amplitude, as broadcast
+    beta : (4,) s, s/semicircle, ... of the period
+    latitude, longitude : rad, geodetic, of the receiver
+    elevation, azimuth : rad, of the satellite; elevations below zero count as zero
+    gps_s : s, GPS time (of the day or since any midnight)
+
+    Returns
+    -------
+    m, at L1; angles may be arrays of shapes that go together
+    """
+    E = np.maximum(elevation, LOWEST_ELEVATION) / np.pi
+    earth_angle = 0.0137 / (E + 0.11) - 0.022  # semicircles, as all angles here
+    lat_i = np.clip(latitude / np.pi + earth_angle * np.cos(azimuth), -0.416, 0.416)
+    lon_i = longitude / np.pi + earth_angle * np.sin(azimuth) / np.cos(lat_i * np.pi)
+    lat_m = lat_i + 0.064 * np.cos((lon_i - 1.617) * np.pi)
+    local_s = np.mod(43200.0 * lon_i + gps_s, 86400.0)
+    amplitude_s = np.maximum(np.polyval(np.asarray(alpha)[::-1], lat_m), 0.0)
+    period_s = np.maximum(np.polyval(np.asarray(beta)[::-1], lat_m), 72000.0)
+    x = 2.0 * np.pi * (local_s - 50400.0) / period_s
+    day_s = np.where(np.abs(x) < 1.57, amplitude_s * (1.0 - x**2 / 2.0 + x**4 / 24.0), 0.0)
+    return SPEED_OF_LIGHT * obliquity(elevation) * (FLOOR_S + day_s)
+
+
+def obliquity(elevation):
+    """Slant over zenith delay, of the broadcast model."""
+    return 1.0 + 16.0 * (0.53 - np.maximum(elevation, LOWEST_ELEVATION) / np.pi) ** 3
+
+
+def slant_share(height, elevation):
+    """What a ray meets, over what the ray of the same elevation (of zero, if it leads down) from the ground.
+
+    height : m, of the receiver;  elevation : rad; both of shapes that go together -> factor on `klobuchar`
+    """
+    return electrons(height, elevation) / electrons(0.0, np.maximum(elevation, LOWEST_ELEVATION))
+
+
+def electrons(height, elevation):
+    """The layer added up along straight rays from a height, m and rad; 1 from the ground to the zenith."""
+    radius, sine = EARTH_RADIUS + np.asarray(height, dtype=float), np.sin(elevation)
+    total = 0.0
+    for s in np.arange(0.0, FURTHEST, STEP):
+        h = np.sqrt(radius**2 + s**2 + 2.0 * radius * s * sine) - EARTH_RADIUS
+        z = np.maximum((h - PEAK_HEIGHT) / SCALE_HEIGHT, -10.0)
+        total = total + (0.5 if s == 0.0 else 1.0) * np.exp(0.5 * (1.0 - z - np.exp(-z)))
+    return total * STEP / (SCALE_HEIGHT * np.sqrt(2.0 * np.pi * np.e))

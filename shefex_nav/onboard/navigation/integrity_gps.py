@@ -1,0 +1,116 @@
+"""Watch over the GPS receiver: fixes that it repeats, and positions that run away slowly.
+
+**Repeated fixes.** A measurement has noise, so two fixes that agree to the last bit are one fix sent twice.
+Stale: valid at the instant of one that was here before. Frozen: the position of one that was here before,
+with a new time, or its velocity, unless that is zero (a receiver at rest may well say so). Neither reaches
+the gate, so a frozen receiver neither corrects the filter nor counts as contradiction.
+
+**Slow drift.** A position that runs away slowly takes the filter with it and passes every gate; but the
+filter lags behind, being held back by inertial sensors and GPS velocity, so the innovations keep their sign.
+Their mean over the last fixes, exponentially weighted, is compared with what white innovations would have::
+
+    m <- (1 - a) m + a w,   v <- (1 - a)^2 v + a^2,   |m|^2 / v ~ chi-square with 3 degrees of freedom
+
+w being the whitened innovation, L^-1 z with S = L L^T. Averaging innovations over several times is due to
+Diesel and Luu (GPS IAIM: calculation of thresholds and protection radius, ION GPS 1995). So that small errors
+with a memory, which every receiver has, are not taken for a drift, the mean must also exceed `LEAST` sigma of
+one innovation. What this cannot see: drifts so slow that the lag stays below that, and those which the
+reported velocity confirms, until the accelerometers contradict them.
+"""
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.records import GpsFix, GpsRanges
+
+SAYS = {  # sensor and field of where and how fast, and what the first is called
+    GpsFix: (("gps_position", "r_ea_e"), ("gps_velocity", "v_ea_e"), "position"),
+    GpsRanges: (("gps_range", "pseudorange"), ("gps_range_rate", "range_rate"), "ranges"),
+}
+MEMORY = 8  # fixes that a new one is compared with
+WINDOWS = (10.0, 30.0)  # fixes, of the means
+DRIFT_PROBABILITY = 1e-7  # of calling white innovations a drift, per fix and window
+LEAST = 2.0  # [E] sigma of one innovation, norm of the mean of a drift
+CALM = 0.5  # [E] share of `LEAST` below which a drift is over
+
+
+class Drift(NamedTuple):
+    """Means of the innovations of one sensor."""
+
+    mean: np.ndarray  # (windows, 3) of the whitened innovations
+    variance: np.ndarray  # (windows,) of each, if they are white
+    suspected: bool
+
+
+QUIET = Drift(np.zeros((len(WINDOWS), 3)), np.zeros(len(WINDOWS)), False)
+
+
+def memory():
+    """What is remembered of the fixes: GpsFix, oldest first; changed in place."""
+    return deque(maxlen=MEMORY)
+
+
+def repeated(earlier, fix):
+    """Why a valid fix is none: {sensor: reason} for those of its sensors that repeat themselves.
+
+    earlier : `memory`, which takes the fix in if it is new
+    fix : GpsFix or GpsRanges
+    """
+    where, how_fast, what = SAYS[type(fix)]
+    place, velocity = getattr(fix, where[1]), getattr(fix, how_fast[1])
+    for old in earlier:
+        if type(old) is not type(fix):
+            continue
+        if abs(old.t_valid_s - fix.t_valid_s) < 1e-9:
+            words = f"stale: of T{old.t_valid_s:+.1f} s, as one before"
+            return {where[0]: words, how_fast[0]: words}
+        if np.array_equal(getattr(old, where[1]), place):
+            words = f"frozen: {what} of T{old.t_valid_s:+.1f} s"
+            return {where[0]: words, how_fast[0]: words}
+        if velocity.any() and np.array_equal(getattr(old, how_fast[1]), velocity):
+            return {how_fast[0]: f"frozen: velocity of T{old.t_valid_s:+.1f} s"}
+    earlier.append(fix)
+    return {}
+
+
+def follow(drift, z, S, limit):
+    """Take an innovation into the means.
+
+    Parameters
+    ----------
+    drift : Drift
+    z, S : (3,), (3, 3), innovation and its covariance
+    limit : chi-square, 3 degrees of freedom, `DRIFT_PROBABILITY`
+
+    Returns
+    -------
+    Drift
+    """
+    a = 1.0 / np.array(WINDOWS)
+    w = np.linalg.solve(np.linalg.cholesky(S), z)
+    mean = (1.0 - a)[:, None] * drift.mean + a[:, None] * w
+    variance = (1.0 - a) ** 2 * drift.variance + a**2
+    norm2 = (mean**2).sum(axis=1)
+    if drift.suspected:
+        suspected = bool(norm2[0] > (CALM * LEAST) ** 2)
+    else:
+        filled = variance < 1.5 * a / (2.0 - a)  # most of a window has been seen
+        suspected = bool(((norm2 > limit * variance) & (norm2 > LEAST**2) & filled).any())
+    return Drift(mean, variance, suspected)
+
+
+def followed(drift, S):
+    """Standard deviation, of each axis, by which a drift may have misled the state.
+
+    While the filter lags behind by the mean innovation m, it takes over a share of m with every fix; over
+    the longest window that adds up to no more than the window's length times m, if every share were one. A
+    share of a tenth is typical of a position that velocity holds back, hence
+
+    sigma = |m| sqrt(max eig S) (1 + windows/10)
+
+    drift : Drift;  S : (3, 3) -> float, in the unit of sqrt(S)
+    """
+    largest = np.sqrt(np.max(np.linalg.eigvalsh(S)))
+    return float(np.sqrt((drift.mean**2).sum(axis=1)).max() * largest * (1.0 + 0.1 * WINDOWS[-1]))

@@ -1,0 +1,116 @@
+"""Protection level: how wrong the attitude may be without anyone on board noticing, against what is required.
+
+About each body axis
+
+    level = k sigma + w
+
+k sigma is what the known errors do, k such that a normal error exceeds it with the probability that the
+mission accepts. w is what a single wrong fix could do that the gate lets through: an innovation z passes if
+z^T S^-1 z <= T^2, it moves the state by K z, and the worst of them moves axis j by
+
+    w_j = T sqrt((K S K^T)_jj) = T sqrt(P_jj(before) - P_jj(after)),
+
+the slope of the error over the test statistic times the limit of the test, as in receiver autonomous
+integrity monitoring (Brown and Chin 1998; for Kalman filters Joerger and Pervan, JGCD 36 (2013)). Later fixes
+take the wrong one out again at the rate at which they reduce errors, so w is the worst over all fixes so far
+of what is left of each. What a star fix has misled is what star fixes measure, attitude and mounting
+together, and goes as H P H^T; what another sensor has done to the attitude goes as P. A fix that has been
+confirmed by a second one through the gyros can only be wrong by what that comparison lets through,
+T sqrt(2 R).
+
+Two faults at once, and one that is common to all fixes (a star camera that has moved by less than the gate
+notices), are beyond this.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.onboard.navigation.state import ATT
+from shefex_nav.records import Doubt
+
+
+class Requirement(NamedTuple):
+    """What the mission asks of the attitude."""
+
+    attitude: float  # rad, each axis
+    k: float  # sigmas, of the accepted probability
+
+
+class Level(NamedTuple):
+    """Running protection level."""
+
+    stars_b: np.ndarray  # (3,) rad, w of the module's text, of star fixes
+    others_b: np.ndarray  # (3,) rad, and of other sensors
+
+
+NO_FIX = Level(np.zeros(3), np.zeros(3))
+
+
+def requirement(attitude, risk):
+    """Requirement for an accepted probability `risk` that a normal error exceeds k sigma."""
+    from scipy.special import ndtri
+
+    return Requirement(attitude, float(-ndtri(0.5 * risk)))
+
+
+class Slope(NamedTuple):
+    """What a wrong fix could have done to the attitude, and what this fix has left of older errors."""
+
+    stars: bool  # of a star fix
+    worst_b: np.ndarray  # (3,) rad, at the instant of the fix
+    variance_b: np.ndarray  # (3,) rad^2, of the attitude after it
+    left: np.ndarray  # (3,) share of older errors of other sensors
+    left_stars: np.ndarray  # (3,) share of those of star fixes
+
+
+def slope(P_before, P_after, limit):
+    """Slope of a fix of another sensor than the star tracker.
+
+    P_before, P_after : (n, n) of the filter, at the instant of the fix;  limit : of its gate, chi-square
+    """
+    before, after = np.diag(P_before)[ATT], np.diag(P_after)[ATT]
+    worst = np.sqrt(limit * np.maximum(before - after, 0.0))
+    return Slope(False, worst, after, np.minimum(after / before, 1.0), np.ones(3))
+
+
+def slope_of_stars(P_before, P_after, limit, H, R, confirmed):
+    """Slope of a star fix, whose three rows are about the body axes.
+
+    As `slope`, and
+    H, R : (3, n), (3, 3) rad^2, of the fix
+    confirmed : whether a second fix agrees with it
+    """
+    found = slope(P_before, P_after, limit)
+    worst = np.minimum(found.worst_b, np.sqrt(2.0 * limit * np.diag(R))) if confirmed else found.worst_b
+    seen = np.einsum("ij,jk,ik->i", H, P_after, H) / np.einsum("ij,jk,ik->i", H, P_before, H)
+    return found._replace(stars=True, worst_b=worst, left_stars=np.minimum(seen, 1.0))
+
+
+def after_fix(level, found, P_now):
+    """Level after a fix has been used and the time since then has been taken again.
+
+    What later fixes, used already, do to the effect of a late one is in P: it shrinks as P has since.
+
+    level : Level;  found : Slope;  P_now : (n, n) -> Level
+    """
+    now = found.worst_b * np.sqrt(np.minimum(np.diag(P_now)[ATT] / found.variance_b, 1.0))
+    stars, others = level.stars_b * found.left_stars, level.others_b * found.left
+    if found.stars:
+        return Level(np.maximum(stars, now), others)
+    return Level(stars, np.maximum(others, now))
+
+
+def of_attitude(level, wanted, sigma_b):
+    """Protection level (3,) rad for the standard deviations (3,) rad of the attitude."""
+    return wanted.k * sigma_b + np.maximum(level.stars_b, level.others_b)
+
+
+def doubt(protection_b, wanted, contradicted, imu_blind):
+    """Doubt about a solution, the gravest first. (3,) rad, Requirement, bool, bool -> Doubt"""
+    if imu_blind:
+        return Doubt.IMU
+    if contradicted:
+        return Doubt.CONTRADICTED
+    # not "greater": a level that is not a number must not pass
+    return Doubt.NONE if bool(np.all(protection_b <= wanted.attitude)) else Doubt.ATTITUDE

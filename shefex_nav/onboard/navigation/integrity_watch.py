@@ -1,0 +1,123 @@
+"""The memory of everything that watches the sensors, and the list of what it has to say.
+
+`fusion` asks it at each IMU block and each measurement; `computer` hands what it says to the log.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.onboard.navigation import integrity_gps, integrity_imu, integrity_protection
+from shefex_nav.onboard.navigation.state import ReleaseRule
+from shefex_nav.records import NavHealth
+
+CONTRADICTIONS = 3  # [E] rejected fixes in a row that agree with each other
+DRIFTS = "gps_position"  # the sensor whose innovations are averaged
+WHY = {"star_tracker": "contradicts the gyros", "gps_velocity": "contradicts the accelerometers"}
+MEASURES = {"star_tracker": 0, "gps_velocity": 1}  # sensor -> triad whose readings it says the sum of
+
+
+class IntegrityParams(NamedTuple):
+    """What is expected of sensors and solution."""
+
+    imu: integrity_imu.ImuRules
+    wanted: integrity_protection.Requirement
+    wrong_star_fix: float  # rad, smallest error of a star fix that must be noticed
+    release_gps_jump: ReleaseRule  # of a GPS position that contradicts the filter while its velocity does not
+
+
+DEFAULT = IntegrityParams(
+    imu=integrity_imu.NO_RULES,
+    wanted=integrity_protection.requirement(np.radians(0.17), 1e-5),
+    wrong_star_fix=np.radians(0.5),
+    release_gps_jump=ReleaseRule(30, 29.0),
+)
+
+
+class Watch:
+    """Memory, changed in place.
+
+    params : IntegrityParams
+    drift_limit : chi-square limit of the means of innovations
+    """
+
+    def __init__(self, params, drift_limit):
+        self.params, self.drift_limit = params, drift_limit
+        self.imu = None  # integrity_imu.ImuWatch, from the first block on
+        self.gps = integrity_gps.memory()
+        self.drift = integrity_gps.QUIET
+        self.level = integrity_protection.NO_FIX
+        self.used_now = []  # integrity_protection.Slope of each fix used in this tick
+        self.reasons = {}  # source -> why it is not healthy
+        self.said = []  # NavHealth not handed over yet
+
+    def screen(self, block):
+        """What of an ImuBlock can be used -> ImuBlock, (2, 3) densities of additional noise."""
+        if self.imu is None or len(self.imu.last) != len(block.dtheta_b):
+            self.imu = integrity_imu.start(self.params.imu, len(block.dtheta_b))
+        block, densities, changes = integrity_imu.screen(self.imu, block)
+        self.said += changes
+        return block, densities
+
+    def used(self, sensor, t_valid_s, now_s):
+        """A measurement has been used."""
+        if sensor in MEASURES and self.imu is not None:
+            integrity_imu.fixed(self.imu, MEASURES[sensor], t_valid_s, now_s)
+
+    def protect(self, P_now):
+        """Bring the protection level up to date with the fixes used in this tick; P_now (n, n) of now."""
+        for slopes in self.used_now:
+            self.level = integrity_protection.after_fix(self.level, slopes, P_now)
+        self.used_now.clear()
+
+    def tell(self, t_s, source, reason):
+        """A source is healthy, reason '', or not; it is said once, and again when the kind of reason changes.
+
+        The kind of a reason is what stands before its colon.
+        """
+        before = self.reasons.get(source, "")
+        self.reasons[source] = reason
+        if before.split(":")[0] != reason.split(":")[0]:
+            self.said.append(NavHealth(t_s, source, not reason, reason))
+
+    def changes(self):
+        """The list of NavHealth since the last call."""
+        said, self.said = self.said, []
+        return said
+
+    @property
+    def imu_blind(self):
+        """Whether rates or specific force of the moment are not measured on an axis."""
+        return self.imu is not None and bool(self.imu.state.any())
+
+
+def start(params):
+    """Watch of a filter that starts. IntegrityParams, None for those that expect nothing -> Watch"""
+    from scipy.special import chdtri
+
+    return Watch(params or DEFAULT, float(chdtri(3, integrity_gps.DRIFT_PROBABILITY)))
+
+
+def reason(name, health):
+    """Why a sensor that insists on contradicting the filter is not used. str, {sensor: Health} -> str"""
+    if name == "gps_position" and jumped(health):
+        return "moves without its velocity"
+    return WHY.get(name, "contradicts the filter")
+
+
+def contradicted(health):
+    """Whether a sensor contradicts the solution, and nothing says which is wrong. {sensor: Health} -> bool
+
+    A GPS position that contradicts while its velocity does not is wrong itself: the inertial sensors and the
+    velocity say the same.
+    """
+    bad = {name for name, record in health.items() if record.rejected >= CONTRADICTIONS}
+    if "gps_position" in bad and jumped(health):
+        bad.discard("gps_position")
+    return bool(bad)
+
+
+def jumped(health):
+    """Whether a GPS position that contradicts the filter is the receiver's fault. {sensor: Health} -> bool"""
+    velocity, position = health["gps_velocity"], health["gps_position"]
+    return position.used > 0 and velocity.used > 0 and velocity.rejected == 0

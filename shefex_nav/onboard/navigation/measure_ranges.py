@@ -1,0 +1,108 @@
+"""What the receiver's channels say about the errors: pseudoranges and range rates, one row a satellite.
+
+z = H dx + noise, noise ~ N(0, R), dx in the order of a `state.Layout`, as in `measurements`. The satellites
+come with the ranges, already at transmission and in the axes e of reception; with the antenna at r_a::
+
+    pseudorange = |r_s - r_a| + clock bias + range bias of the satellite
+    range rate  = u . (v_s - v_a)/(1 + u . v_s/c) + clock drift,     u = (r_s - r_a)/|r_s - r_a|
+
+with velocities against axes that do not turn (Groves, 2nd ed., sections 8.5 and 14.3.2). One satellite says
+something about the line of sight as far as the clock is known, and two about their difference whatever it is.
+
+Errors that last. Clock and orbit of a satellite, what the models of ionosphere and troposphere leave, and
+multipath wander over minutes. The block `range_bias` has a state for each satellite, first-order
+Gauss-Markov with one sigma and one correlation time for all causes together; then innovations are as white
+and as large as their covariance says. Without the block the same variance is added to R: each innovation is
+then as large as R says, but not independent of the one before, and the filter is too sure of what it gathers
+in minutes.
+"""
+
+import numpy as np
+
+from shefex_nav.environment.stars import SPEED_OF_LIGHT
+from shefex_nav.geometry import wgs84
+from shefex_nav.onboard.navigation.measurements import antenna
+from shefex_nav.onboard.navigation.state import OPTIONAL
+
+FEWEST_TO_AGREE = 4  # satellites by which two sets of ranges are compared
+LONGEST_PAIR_S = 3.0  # [E] sets further apart than this are not compared
+EARTH_RATE = np.array([[0.0, -wgs84.OMEGA, 0.0], [wgs84.OMEGA, 0.0, 0.0], [0.0, 0.0, 0.0]])  # cross product
+
+
+def pseudoranges(layout, state, ranges, earth, l_ba_b, omega_ib_b, f_b, sigma_bias=0.0):
+    """Pseudoranges of n satellites.
+
+    Parameters
+    ----------
+    layout : Layout with the block `clock`
+    state : NavState at the instant of the ranges
+    ranges : GpsRanges
+    earth, l_ba_b, omega_ib_b, f_b : as of `measurements.antenna`
+    sigma_bias : m, of range errors that last, where no state has them
+
+    Returns
+    -------
+    z : (n,) m;  H : (n, layout.n);  R : (n, n) m^2, diagonal
+    """
+    a = antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b)
+    rho, u, _ = lines_of_sight(ranges, a.r_e)
+    H = -u @ a.J_r
+    H[:, layout.places["clock"].start] = 1.0
+    z = ranges.pseudorange - rho - state.clock[0]
+    variance = ranges.sigma_range**2
+    place, has_state = layout.places["range_bias"], ranges.prn <= OPTIONAL["range_bias"]
+    if place is not None:
+        rows, slots = np.flatnonzero(has_state), ranges.prn[has_state] - 1
+        z[rows] -= state.range_bias[slots]
+        H[rows, place.start + slots] = 1.0
+        variance = variance + np.where(has_state, 0.0, sigma_bias**2)
+    else:
+        variance = variance + sigma_bias**2
+    return z, H, np.diag(variance)
+
+
+def range_rates(layout, state, ranges, earth, l_ba_b, omega_ib_b, f_b):
+    """Range rates of n satellites; parameters as of `pseudoranges`.
+
+    Returns
+    -------
+    z : (n,) m/s;  H : (n, layout.n);  R : (n, n) m^2/s^2, diagonal
+    """
+    a = antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b)
+    rho, u, v_s = lines_of_sight(ranges, a.r_e)
+    v = v_s - (a.v_e + EARTH_RATE @ a.r_e)
+    stretch = 1.0 + np.sum(u * v_s, axis=1) / SPEED_OF_LIGHT
+    rate = np.sum(u * v, axis=1) / stretch
+    # u moves with the antenna by -(1 - u u^T)/rho; w: what the rate is the product of u with, and its change
+    w = v - rate[:, None] * v_s / SPEED_OF_LIGHT
+    across = w - np.sum(w * u, axis=1)[:, None] * u
+    H = -(across / rho[:, None]) @ a.J_r - u @ (a.J_v + EARTH_RATE @ a.J_r)
+    H /= stretch[:, None]
+    H[:, layout.places["clock"].start + 1] = 1.0
+    return ranges.range_rate - rate - state.clock[1], H, np.diag(ranges.sigma_range_rate**2)
+
+
+def lines_of_sight(ranges, r_ea_e):
+    """Distances (n,), unit vectors to the satellites, their velocities in axes that do not turn (n, 3)."""
+    d = ranges.r_es_e - r_ea_e
+    rho = np.sqrt(np.sum(d * d, axis=1))
+    return rho, d / rho[:, None], ranges.v_es_e + ranges.r_es_e @ EARTH_RATE.T
+
+
+def ranges_agree(earlier, later, slack):
+    """Whether pseudoranges changed between two GpsRanges as their range rates say (trapezoidal rule).
+
+    slack : m per second between them, for the accelerations in between.
+    It takes four satellites that both have. Ranges that did not change at all are one set repeated, and
+    prove nothing.
+    """
+    dt_s = later.t_valid_s - earlier.t_valid_s
+    common, i, j = np.intersect1d(earlier.prn, later.prn, return_indices=True)
+    if not 0.0 < dt_s <= LONGEST_PAIR_S or len(common) < FEWEST_TO_AGREE:
+        return False
+    change = later.pseudorange[j] - earlier.pseudorange[i]
+    if np.any(change == 0.0):
+        return False
+    gap = change - 0.5 * dt_s * (earlier.range_rate[i] + later.range_rate[j])
+    variance = earlier.sigma_range[i] ** 2 + later.sigma_range[j] ** 2 + (slack * dt_s) ** 2
+    return bool(np.all(gap**2 <= 9.0 * variance))

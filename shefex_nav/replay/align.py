@@ -1,0 +1,138 @@
+"""Where the navigation of external data starts from: the truth, or sensors of a vehicle that stands still."""
+
+import numpy as np
+
+from shefex_nav.environment import gravity
+from shefex_nav.geometry import euler, frames, rotation, wgs84
+from shefex_nav.records import Alignment
+from shefex_nav.replay import reference
+from shefex_nav.replay.table import DataError
+
+MOST_HEADING_SIGMA = np.radians(20.0)  # beyond it a linear filter cannot start
+STILL_SPEED = 0.5  # m/s, mean velocity of GNSS, above its noise
+FEWEST_SAMPLES = 20
+
+
+def align(scenario, data, earth):
+    """Alignment of a ReplayScenario and its Dataset; DataError where the data do not allow it.
+
+    It is valid at the sample of the IMU that begins the navigation.
+    """
+    if scenario.alignment.method == "static":
+        return static(scenario, data, earth)
+    return from_reference(scenario, data, earth)
+
+
+def first_sample(imu, start_s):
+    """Row of the Increments that ends at start_s, or of the next one."""
+    return min(int(np.searchsorted(imu.t_s, start_s - 1e-6)), len(imu.t_s) - 1)
+
+
+def from_reference(scenario, data, earth):
+    """Alignment at the truth of mission.start, as well known as the scenario says."""
+    settings = scenario.alignment
+    t_s = data.imu.t_s[[first_sample(data.imu, scenario.mission.start)]]
+    state = reference.at(data.truth, earth, t_s)
+    if not len(state.t_s):
+        covers = f"covers {data.truth.t_s[0]:g} s to {data.truth.t_s[-1]:g} s"
+        words = f"{covers}, not the start of the navigation at {t_s[0]:g} s; set mission.start"
+        raise DataError(f"{data.truth.table.file}: {words}")
+    sigmas = (settings.position, settings.velocity)
+    P_n = np.diag([settings.level, settings.level, settings.azimuth]) ** 2
+    return _alignment(float(t_s[0]), state.r_i[0], state.v_i[0], state.q_ib[0], earth, *sigmas, P_n)
+
+
+def static(scenario, data, earth):
+    """Alignment of a vehicle that stands still for a time, at the end of that time.
+
+    Position from GNSS; level from the specific force, which is minus gravity; heading from the rate of the
+    Earth (Groves, 2nd ed., section 5.6), unless it is given. A bias b of an accelerometer tilts the level by
+    b/g, one of the gyros turns the heading by b/(omega_ie cos(latitude)).
+    """
+    settings, imu = scenario.alignment, data.imu
+    begin = first_sample(imu, scenario.mission.start)
+    end = first_sample(imu, scenario.mission.start + settings.duration)
+    span_s = float(imu.t_s[end] - imu.t_s[begin])
+    if end - begin < FEWEST_SAMPLES or span_s < 0.9 * settings.duration:
+        raise DataError(f"alignment.duration: the data end {span_s:g} s after mission.start")
+    r_a_e, sigma_r = _place(data.fixes, imu.t_s[begin], imu.t_s[end])
+    latitude, longitude, _ = wgs84.geodetic_from_ecef(r_a_e)
+    f_b = imu.dv_b[begin + 1 : end + 1].sum(axis=0) / span_s
+    omega_b = imu.dtheta_b[begin + 1 : end + 1].sum(axis=0) / span_s
+    C_en = wgs84.dcm_en(latitude, longitude)
+    g = float(np.linalg.norm(gravity.normal_gravity_e(r_a_e)))
+    _check_still(scenario, f_b, omega_b, g)
+    roll, pitch = np.arctan2(-f_b[1], -f_b[2]), np.arctan2(f_b[0], np.hypot(f_b[1], f_b[2]))
+    level, azimuth = _sigmas(scenario, span_s, g, latitude)
+    heading = settings.heading
+    if heading is None:
+        omega_level = euler.dcm_from_euler(roll, pitch, 0.0) @ omega_b
+        heading = float(np.arctan2(-omega_level[1], omega_level[0]))
+    C_nb = euler.dcm_from_euler(roll, pitch, heading)
+    t_s = float(imu.t_s[end])
+    C_ie = frames.dcm_ie(earth, t_s)
+    r_e = r_a_e - C_en @ C_nb @ np.array(scenario.gnss.lever_arm)
+    r_i, v_i = frames.inertial_from_ecef(earth, t_s, r_e, np.zeros(3))
+    q_ib = rotation.quat_from_dcm(C_ie @ C_en @ C_nb)
+    return _alignment(
+        t_s, r_i, v_i, q_ib, earth, sigma_r, settings.velocity, np.diag([level, level, azimuth]) ** 2
+    )
+
+
+def _alignment(t_s, r_i, v_i, q_ib, earth, sigma_r, sigma_v, P_n):
+    """Alignment with the covariance of the attitude given about north, east and down, (3, 3) rad^2."""
+    C_ie = frames.dcm_ie(earth, t_s)
+    latitude, longitude, _ = wgs84.geodetic_from_ecef(C_ie.T @ r_i)
+    C_bn = rotation.dcm_from_quat(q_ib).T @ C_ie @ wgs84.dcm_en(latitude, longitude)
+    return Alignment(t_s, r_i, v_i, q_ib, sigma_r, sigma_v, C_bn @ P_n @ C_bn.T)
+
+
+def _place(fixes, begin_s, end_s):
+    """Mean position of the fixes of a time, (3,) m, frame e, and its 1 sigma.
+
+    Errors of fixes that follow on each other are taken as one error: the mean is no better than a fix.
+    """
+    used = [fix for fix in fixes if fix.valid and begin_s <= fix.t_valid_s <= end_s]
+    if not used:
+        raise DataError(f"static alignment needs a GNSS fix from {begin_s:g} s to {end_s:g} s; there is none")
+    moving = [fix for fix in used if np.isfinite(fix.v_ea_e).all()]
+    if moving:
+        speed = np.linalg.norm(np.mean([fix.v_ea_e for fix in moving], axis=0))
+        noise = np.sqrt(np.mean([np.trace(fix.R_v_e) for fix in moving]))
+        if speed > STILL_SPEED + 3.0 * noise:
+            words = f"from {begin_s:g} s to {end_s:g} s GNSS says {speed:.2f} m/s"
+            raise DataError(f"static alignment: {words}; set alignment.duration to the time it stands still")
+    variance = np.mean([np.max(np.linalg.eigvalsh(fix.R_r_e)) for fix in used])
+    return np.mean([fix.r_ea_e for fix in used], axis=0), float(np.sqrt(variance))
+
+
+def _check_still(scenario, f_b, omega_b, g):
+    """Refuse sensors that say that the vehicle moves, or that are not in the units or axes said."""
+    gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
+    excess = abs(np.linalg.norm(f_b) - g)
+    if excess > 5.0 * np.sqrt(3.0) * np.hypot(accelerometer.bias, accelerometer.scale_factor * g) + 0.05:
+        words = f"the mean specific force is {np.linalg.norm(f_b):.4g} m/s2, gravity {g:.4g} m/s2"
+        raise DataError(f"static alignment: {words}; check units and imu.accelerometer.bias")
+    rate = np.linalg.norm(omega_b)
+    if rate > wgs84.OMEGA + 5.0 * np.sqrt(3.0) * gyro.bias + 1e-4:
+        words = f"the mean rate is {np.degrees(rate):.4g} deg/s"
+        raise DataError(f"static alignment: {words}; check units, imu.gyro.bias and alignment.duration")
+    if f_b[2] > 0.5 * g:
+        words = "the specific force points down where the vehicle stands on the ground"
+        raise DataError(f"static alignment: {words}; check the signs in data.axes")
+
+
+def _sigmas(scenario, span_s, g, latitude):
+    """1 sigma of level and heading, rad; DataError if the gyros cannot find north."""
+    settings, gyro, accelerometer = scenario.alignment, scenario.imu.gyro, scenario.imu.accelerometer
+    acceleration = np.hypot(accelerometer.bias, accelerometer.in_run_bias)
+    acceleration = np.hypot(acceleration, accelerometer.random_walk / np.sqrt(span_s))
+    level = float(np.hypot(acceleration / g, settings.disturbance))
+    if settings.azimuth is not None:
+        return level, settings.azimuth
+    rate = np.hypot(np.hypot(gyro.bias, gyro.in_run_bias), gyro.random_walk / np.sqrt(span_s))
+    azimuth = float(rate / (wgs84.OMEGA * np.cos(latitude)))
+    if not azimuth <= MOST_HEADING_SIGMA:
+        words = f"these gyros find north to {np.degrees(min(azimuth, np.pi)):.0f} deg only (1 sigma)"
+        raise DataError(f"static alignment: {words}; give alignment.heading and alignment.azimuth")
+    return level, azimuth

@@ -1,0 +1,54 @@
+"""Text files as KF-GINS (i2Nav, Wuhan University) reads and writes them.
+
+Columns, from the project's README, section 2.2: IMU time of week [s], increments of angle [rad] and of
+velocity [m/s], forward-right-down; GNSS time, latitude, longitude [deg], height [m], sigmas north, east, down
+[m], or, in files of thirteen columns, velocity north, east, down [m/s] before the sigmas of position and
+velocity; truth week, time, latitude, longitude [deg], height [m], velocity north, east, down [m/s], roll,
+pitch, heading [deg].
+"""
+
+import numpy as np
+
+from shefex_nav.replay import series
+from shefex_nav.replay.series import ImuSeries, TruthSeries
+from shefex_nav.replay.table import read_columns
+
+PLACE = ("latitude", "longitude", "height")
+VELOCITY = ("north velocity", "east velocity", "down velocity")
+ANGLES = ("roll", "pitch", "heading")
+TURN = ("x angle", "y angle", "z angle")
+GAIN = ("x velocity", "y velocity", "z velocity")
+SIGMA_R = ("north sigma", "east sigma", "down sigma")
+SIGMA_V = ("north velocity sigma", "east velocity sigma", "down velocity sigma")
+DEGREE = np.pi / 180.0
+
+
+def read(_, files):
+    """(ImuSeries, GnssSeries, TruthSeries or None) of the paths of the files."""
+    table = read_columns(files["imu"], ("time", *TURN, *GAIN))
+    imu = ImuSeries(table, table.columns["time"], table.stack(TURN), table.stack(GAIN), "increment")
+    return imu, _gnss(files["gnss"]), _truth(files["truth"])
+
+
+def _gnss(path):
+    long = ("time", *PLACE, *VELOCITY, *SIGMA_R, *SIGMA_V)
+    table = read_columns(path, ("time", *PLACE, *SIGMA_R), (long,))
+    r_e = series.positions(table, PLACE, "geodetic", DEGREE)
+    has_velocity = VELOCITY[0] in table.columns
+    return series.gnss(
+        table,
+        table.columns["time"],
+        r_e,
+        series.velocities(table, VELOCITY, "ned", r_e) if has_velocity else None,
+        table.stack(SIGMA_R),
+        table.stack(SIGMA_V) if has_velocity else None,
+    )
+
+
+def _truth(path):
+    if path is None:
+        return None
+    table = read_columns(path, ("week", "time", *PLACE, *VELOCITY, *ANGLES))
+    r_e = series.positions(table, PLACE, "geodetic", DEGREE)
+    velocity = series.velocities(table, VELOCITY, "ned", r_e)
+    return TruthSeries(table, table.columns["time"], r_e, velocity, table.stack(ANGLES) * DEGREE)

@@ -1,0 +1,184 @@
+"""The on-board navigation again, over the measurements that a log has.
+
+The log holds everything that the filter got: alignment, IMU blocks, GPS fixes, star fixes, each with the
+instant at which it was available. With the configuration of the flight the same solution comes out, to the
+last bit on a machine of the same type; with another one, the solution which that would have given. Star
+fixes are those of the log: which frames were solved, and how, is not decided again.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.log import reader
+from shefex_nav.log.run_data import RunData
+from shefex_nav.log.topics import ATTACHMENT, LogError
+from shefex_nav.onboard import computer
+from shefex_nav.onboard.navigation import fusion
+from shefex_nav.onboard.navigation.state import NavParams
+from shefex_nav.records import ControlSample, Event, FrameTruth, Reason, TruthSample
+from shefex_nav.replay import load as external_load
+from shefex_nav.replay import params as external_params
+from shefex_nav.report import local_level
+from shefex_nav.scenario import load, params_onboard
+
+CHANGEABLE = "navigation."  # what of a scenario may be changed after the flight
+
+
+class Recording(NamedTuple):
+    """A log that can be run again."""
+
+    path: str
+    data: RunData
+    params: NavParams  # of the filter that is run
+    scenario_text: str  # with the overrides in it
+    gps: dict  # tick, counted from 0 -> list of what the GPS receiver said in it
+    stars: dict  # likewise of StarFix, those without an attitude too
+
+
+def run(log_path, overrides=()):
+    """Run the filter again over a log.
+
+    Parameters
+    ----------
+    log_path : MCAP file
+    overrides : texts 'navigation.key=value', of a filter that is configured otherwise than in flight
+
+    Yields
+    ------
+    records in order of time: Alignment, then in each tick Event, TruthSample, FrameTruth, ImuBlock, what the
+    sensors said, GateResult, NavSolution, at 10 Hz NavCovariance
+
+    Raises
+    ------
+    LogError, ScenarioError with a message for people, before the first record
+    """
+    return records(open_log(log_path, overrides))
+
+
+def open_log(log_path, overrides=()):
+    """Recording of a log; LogError or ScenarioError where it cannot be run again."""
+    for text in overrides:
+        if not text.strip().startswith(CHANGEABLE):
+            raise load.ScenarioError(
+                [
+                    f"--set {text.partition('=')[0].strip()}: the flight of a log is over; only what starts "
+                    f"with '{CHANGEABLE}' can be changed"
+                ]
+            )
+    data = reader.read(log_path)
+    _check(log_path, data)
+    nav_params, source = _configuration(data, f"{log_path}: {ATTACHMENT}", overrides)
+    ticks_s = data.imu.t_valid_s
+    return Recording(
+        path=str(log_path),
+        data=data,
+        params=nav_params,
+        scenario_text=source,
+        gps=_merged(arrivals(data.gps, ticks_s), arrivals(data.gps_ranges, ticks_s)),
+        stars=arrivals(sorted(data.star_fixes, key=lambda fix: fix.t_available_s), ticks_s),
+    )
+
+
+def _configuration(data, name, overrides):
+    """(NavParams, scenario text) of a log: that of a mission, or of a replay of external data."""
+    text = data.mission.scenario_text
+    if local_level.is_replay(data):
+        scenario = external_load.load_text(text, name, overrides)
+        return external_params.nav_params(scenario, float(data.imu.dt_s[0])), scenario.source
+    scenario = load.load_text(text, name, overrides)
+    return params_onboard.nav_params(scenario), scenario.source
+
+
+def _check(log_path, data):
+    """LogError unless the log has an alignment and every IMU block from it to the end."""
+    if data.alignment is None:
+        raise LogError(f"{log_path}: cannot be run again: it has no alignment to start from")
+    t_s = np.concatenate([[data.alignment.t_valid_s], data.imu.t_valid_s])
+    if len(t_s) == 1:
+        raise LogError(
+            f"{log_path}: cannot be run again: it has no IMU samples; give the log of the flight itself"
+        )
+    length_s = data.imu.dt_s[0] * data.imu.dtheta_b.shape[1]
+    gaps = np.flatnonzero(np.diff(t_s) > 1.5 * length_s)
+    if not len(gaps):
+        return
+    step_s = np.median(np.diff(t_s))
+    if step_s > 1.5 * length_s:
+        raise LogError(
+            f"{log_path}: cannot be run again: it has {1.0 / step_s:.0f} IMU blocks a second of the "
+            f"{1.0 / length_s:.0f} that were measured; fly with --set log.rate='100 Hz'"
+        )
+    raise LogError(
+        f"{log_path}: cannot be run again: IMU samples are missing from T{t_s[gaps[0]]:+.2f} s to "
+        f"T{t_s[gaps[0] + 1]:+.2f} s"
+    )
+
+
+def arrivals(measurements, ticks_s):
+    """When measurements arrive: what stands behind one that is not available yet waits with it.
+
+    records with t_available_s, in order; (N,) s -> {tick, counted from 0: list of records}
+    """
+    available_s = np.maximum.accumulate([measurement.t_available_s for measurement in measurements])
+    due = {}
+    for tick, measurement in zip(
+        np.searchsorted(ticks_s + computer.EARLY_S, available_s).tolist(), measurements, strict=True
+    ):
+        due.setdefault(tick, []).append(measurement)
+    return due
+
+
+def _merged(one, two):
+    """Two dictionaries of `arrivals` as one: in each tick the records of the first come first."""
+    return {k: one.get(k, []) + two.get(k, []) for k in one.keys() | two.keys()}
+
+
+def start(recording):
+    """fusion.Filter at the alignment."""
+    return fusion.start(recording.params, recording.data.alignment, recording.data.mission.earth)
+
+
+def tick(recording, nav, k):
+    """Tick k, counted from 0, of the on-board computer without camera and star tracker.
+
+    Recording, fusion.Filter after tick k - 1 -> list of records: measurements, then what the filter says
+    """
+    gps, stars = recording.gps.get(k, []), recording.stars.get(k, [])
+    block = imu_block(recording.data, k)
+    fusion.advance(nav, block)
+    usable = [fix for fix in stars if fix.reason == Reason.NONE]
+    return [block, *gps, *stars, *computer.conclude(nav, k + 1, gps, usable)]
+
+
+def records(recording):
+    """The records of `run`."""
+    data = recording.data
+    yield data.alignment
+    nav, aside = start(recording), not_seen_on_board(data)[::-1]
+    for k, now_s in enumerate(data.imu.t_valid_s.tolist()):
+        while aside and aside[-1][0] <= now_s + computer.EARLY_S:
+            yield aside.pop()[1]
+        yield from tick(recording, nav, k)
+    for _, record in aside[::-1]:  # the impact, after the last tick
+        yield record
+
+
+def row(arrays, k):
+    """Record k of a record of arrays."""
+    return type(arrays)(*(column[k].item() if column.ndim == 1 else column[k] for column in arrays))
+
+
+def imu_block(data, k):
+    """ImuBlock k of a RunData."""
+    return row(data.imu, k)
+
+
+def not_seen_on_board(data):
+    """(t_s, record) of truth and events of a RunData, in order of time."""
+    rank = {Event: 0, TruthSample: 1, ControlSample: 2, FrameTruth: 3}
+    pairs = [(event.t_s, event) for event in data.events]
+    pairs += [(frame.t_valid_s, frame) for frame in data.frame_truths]
+    for arrays in (data.truth, data.control):
+        pairs += [(t_s, row(arrays, k)) for k, t_s in enumerate(arrays.t_s.tolist())]
+    return sorted(pairs, key=lambda pair: (pair[0], rank[type(pair[1])]))

@@ -1,0 +1,98 @@
+"""What every reader gives: series of one sensor each, in SI, with the clock and the axes of the file."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.geometry import wgs84
+from shefex_nav.replay.table import DataError, Table
+
+
+class ImuSeries(NamedTuple):
+    """Inertial sensors, in the axes of the file."""
+
+    table: Table
+    t_s: np.ndarray  # (N,)
+    gyro: np.ndarray  # (N, 3) rad/s, or rad within the sample that ends at t_s
+    accelerometer: np.ndarray  # (N, 3) m/s^2, or m/s likewise
+    kind: str  # 'rate' or 'increment'
+
+
+class GnssSeries(NamedTuple):
+    """Fixes of a GNSS antenna."""
+
+    table: Table
+    t_s: np.ndarray  # (M,)
+    r_e: np.ndarray  # (M, 3) m
+    v_e: np.ndarray | None  # (M, 3) m/s relative to the Earth
+    sigma_r_n: np.ndarray | None  # (M, 3) m, north, east, down
+    sigma_v_n: np.ndarray | None  # (M, 3) m/s
+    valid: np.ndarray  # (M,) bool
+
+
+class TruthSeries(NamedTuple):
+    """What really happened to the IMU."""
+
+    table: Table
+    t_s: np.ndarray  # (L,)
+    r_e: np.ndarray  # (L, 3) m
+    v_e: np.ndarray  # (L, 3) m/s relative to the Earth
+    angles: np.ndarray  # (L, 3) rad: roll, pitch, heading
+
+
+def gnss(table, t_s, r_e, v_e=None, sigma_r_n=None, sigma_v_n=None, valid=None):
+    """GnssSeries, checked."""
+    valid = np.ones(len(t_s), dtype=bool) if valid is None else valid
+    for sigma in (sigma_r_n, sigma_v_n):
+        bad = [] if sigma is None else np.flatnonzero(valid & ~(sigma > 0.0).all(axis=1))
+        if len(bad):
+            raise DataError(f"{table.place(bad[0])}: a sigma must be greater than zero")
+    return GnssSeries(table, t_s, r_e, v_e, sigma_r_n, sigma_v_n, valid)
+
+
+def positions(table, names, frame, angle=1.0):
+    """Positions of three columns, (N, 3) m, frame e.
+
+    frame : 'geodetic' (latitude, longitude, height) or 'ecef';  angle : rad, unit of the angles
+    """
+    given = table.stack(names)
+    if frame == "ecef":
+        return given
+    latitude = given[:, 0] * angle
+    bad = np.flatnonzero(np.abs(latitude) > 0.5 * np.pi)
+    if len(bad):
+        words = f"a latitude of {given[bad[0], 0]:g} is beyond the poles; check column and unit"
+        raise DataError(f"{table.place(bad[0])}: {names[0]}: {words}")
+    return _ecef_kernel(latitude, given[:, 1] * angle, given[:, 2].copy())
+
+
+def velocities(table, names, frame, r_e):
+    """Velocities of three columns in 'ned', 'enu' or 'ecef' at the positions r_e: (N, 3) m/s, frame e."""
+    given = table.stack(names)
+    if frame == "ecef":
+        return given
+    if frame == "enu":
+        given = np.column_stack([given[:, 1], given[:, 0], -given[:, 2]])
+    return to_ecef(given, r_e)
+
+
+@njit(cache=True)
+def to_ecef(v_n, r_e):
+    """Vectors north-east-down at positions in frame e. (N, 3), (N, 3) m -> (N, 3), frame e."""
+    out = np.empty_like(v_n)
+    for k in range(v_n.shape[0]):
+        latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e[k])
+        C = wgs84.dcm_en(latitude, longitude)
+        for i in range(3):
+            out[k, i] = C[i, 0] * v_n[k, 0] + C[i, 1] * v_n[k, 1] + C[i, 2] * v_n[k, 2]
+    return out
+
+
+@njit(cache=True)
+def _ecef_kernel(latitude, longitude, height):
+    """(N,) rad, rad, m -> (N, 3) m, frame e."""
+    out = np.empty((latitude.shape[0], 3))
+    for k in range(latitude.shape[0]):
+        out[k] = wgs84.ecef_from_geodetic(latitude[k], longitude[k], height[k])
+    return out

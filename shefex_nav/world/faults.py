@@ -1,0 +1,244 @@
+"""What goes wrong: faults of the sensors between two times, put into what healthy sensors report.
+
+In: the data of `imu.measure`, the fixes of `gps.measure`, pictures and star fixes on their way. Out: the same
+as the on-board computer gets it, and an Event at the begin and at the end of every fault, which is truth and
+never seen on board. Without faults everything passes unchanged.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.records import Event, Reason
+from shefex_nav.world.imu import SAMPLES_PER_BLOCK
+
+AXES = "xyz"
+ROUNDING_S = 1e-6  # of the times of samples
+OF_CHANNELS = (
+    "prn", "pseudorange", "range_rate", "r_es_e", "v_es_e", "sigma_range", "sigma_range_rate"
+)  # fmt: skip
+
+
+class ImuFault(NamedTuple):
+    """One fault of the inertial measurement unit."""
+
+    kind: str  # stuck: one axis repeats its last reading; dead: it reads zero; dropout: no samples at all;
+    # repeat: the last block of samples again and again
+    start_s: float
+    end_s: float
+    sensor: str = ""  # gyro or accelerometer; empty: the whole unit
+    axis: int = 0
+
+
+class GpsFault(NamedTuple):
+    """One fault of the GPS receiver."""
+
+    kind: str  # outage; freeze: the last solution again and again; jump, drift: of the position
+    start_s: float
+    end_s: float
+    moved_n: np.ndarray = np.zeros(3)  # (3,) north, east, down: jump m, drift m/s
+    velocity_too: bool = False  # drift: the velocity that is reported contains it
+    time_stands: bool = False  # freeze: the time of validity is repeated too
+
+
+class StarFault(NamedTuple):
+    """One fault of the star camera or of its software."""
+
+    kind: str  # bias; wrong_fixes; blinded: light falls into the camera, pictures are white
+    start_s: float
+    end_s: float
+    bias_c: np.ndarray = np.zeros(3)  # (3,) rad, camera axes
+    every: int = 1  # wrong_fixes: the first that would have been good and every so-manieth after it
+    smallest: float = 0.0  # rad, by which a fix is wrong; the logarithm of the angle is drawn evenly
+    largest: float = 0.0
+
+
+class Faults(NamedTuple):
+    """All faults of a mission."""
+
+    imu: tuple[ImuFault, ...] = ()
+    gps: tuple[GpsFault, ...] = ()
+    stars: tuple[StarFault, ...] = ()
+
+
+NONE = Faults()
+
+
+def _within(fault, t_s):
+    """Whether a fault acts at t_s; its end does not belong to it."""
+    return (t_s > fault.start_s - ROUNDING_S) & (t_s < fault.end_s - ROUNDING_S)
+
+
+def imu(faults, data):
+    """The samples with their faults. tuple of ImuFault, ImuData -> ImuData"""
+    if not faults:
+        return data
+    dt_s = (data.t_s[-1] - data.t_s[0]) / (len(data.t_s) - 1)
+    dtheta_b, dv_b = data.dtheta_b.copy(), data.dv_b.copy()
+    missing = np.zeros(len(data.t_s), dtype=bool)
+    for fault in faults:
+        rows = np.flatnonzero(_within(fault, data.t_s - dt_s))  # samples that begin within the fault
+        rows = rows[rows > 0]
+        if not len(rows):
+            continue
+        increments = dtheta_b if fault.sensor == "gyro" else dv_b
+        if fault.kind == "stuck":
+            increments[rows, fault.axis] = increments[rows[0] - 1, fault.axis]
+        elif fault.kind == "dead":
+            increments[rows, fault.axis] = 0.0
+        elif fault.kind == "dropout":
+            missing[rows] = True
+        else:
+            _repeat_block(dtheta_b, dv_b, rows)
+    return data._replace(dtheta_b=dtheta_b, dv_b=dv_b, missing=missing)
+
+
+def _repeat_block(dtheta_b, dv_b, rows):
+    """Samples of whole blocks become those of the last block before them, in place."""
+    first = 1 + ((rows[0] - 1) // SAMPLES_PER_BLOCK) * SAMPLES_PER_BLOCK  # row 0 belongs to no block
+    if first == 1:
+        return
+    rows = np.arange(first, rows[-1] + 1)
+    source = first - SAMPLES_PER_BLOCK + (rows - first) % SAMPLES_PER_BLOCK
+    dtheta_b[rows], dv_b[rows] = dtheta_b[source], dv_b[source]
+
+
+def gps(faults, fixes):
+    """The fixes with their faults. tuple of GpsFault, list of GpsFix -> list of GpsFix"""
+    for fault in faults:
+        changed, last = [], None
+        for fix in fixes:
+            acts = _within(fault, fix.t_valid_s)
+            if not acts and fix.valid:
+                last = fix
+            changed.append(_gps_fault(fault, fix, last) if acts else fix)
+        fixes = changed
+    return fixes
+
+
+def gps_ranges(faults, messages):
+    """The ranges with their faults; a jump or a drift of the solution is none of its ranges.
+
+    tuple of GpsFault, list of GpsRanges -> list of GpsRanges
+    """
+    for fault in faults:
+        changed, last = [], None
+        for message in messages:
+            acts = _within(fault, message.t_valid_s)
+            if not acts and not message.reason:
+                last = message
+            if acts and fault.kind == "outage":
+                message = message._replace(**{name: getattr(message, name)[:0] for name in OF_CHANNELS})
+                message = message._replace(reason="outage")
+            elif acts and fault.kind == "freeze" and last is not None:
+                t_valid_s = last.t_valid_s if fault.time_stands else message.t_valid_s
+                message = last._replace(t_valid_s=t_valid_s, t_available_s=message.t_available_s)
+            changed.append(message)
+        messages = changed
+    return messages
+
+
+def _gps_fault(fault, fix, last):
+    """A fix under a fault. GpsFault, GpsFix, the last valid GpsFix without it or None -> GpsFix"""
+    if fault.kind == "freeze":
+        if last is None:
+            return fix
+        t_valid_s = last.t_valid_s if fault.time_stands else fix.t_valid_s
+        return last._replace(t_valid_s=t_valid_s, t_available_s=fix.t_available_s)
+    if fault.kind == "outage":
+        nothing, unknown = np.full(3, np.nan), np.full((3, 3), np.nan)
+        return fix._replace(
+            valid=False, r_ea_e=nothing, v_ea_e=nothing, R_r_e=unknown, R_v_e=unknown, n_satellites=0,
+            pdop=np.nan, reason="outage",
+        )  # fmt: skip
+    if not fix.valid:
+        return fix
+    latitude, longitude, _ = wgs84.geodetic_from_ecef(fix.r_ea_e)
+    moved_e = wgs84.dcm_en(latitude, longitude) @ fault.moved_n
+    if fault.kind == "jump":
+        return fix._replace(r_ea_e=fix.r_ea_e + moved_e)
+    v_ea_e = fix.v_ea_e + moved_e if fault.velocity_too else fix.v_ea_e
+    return fix._replace(r_ea_e=fix.r_ea_e + (fix.t_valid_s - fault.start_s) * moved_e, v_ea_e=v_ea_e)
+
+
+class StarLine:
+    """The line between star camera, star tracker and navigation, with the faults on it.
+
+    faults : tuple of StarFault
+    rng : Generator of the wrong fixes
+    """
+
+    def __init__(self, faults, rng):
+        self.faults, self.rng = faults, rng
+        self.good = [0] * len(faults)  # fixes since each fault began
+
+    def picture(self, frame):
+        """A Frame as it reaches the star tracker."""
+        if any(fault.kind == "blinded" and _within(fault, frame.t_valid_s) for fault in self.faults):
+            white = np.full_like(frame.image_dn, 2**frame.bits - 1)
+            return frame._replace(image_dn=white)
+        return frame
+
+    def fix(self, fix):
+        """A StarFix as it reaches the navigation."""
+        if fix.reason != Reason.NONE:
+            return fix
+        for k, fault in enumerate(self.faults):
+            if fault.kind == "blinded" or not _within(fault, fix.t_valid_s):
+                continue
+            turned_c = fault.bias_c
+            if fault.kind == "wrong_fixes":
+                self.good[k] += 1
+                if (self.good[k] - 1) % fault.every:
+                    continue
+                turned_c = self._wrong(fault)
+            fix = fix._replace(q_ic=rotation.quat_multiply(fix.q_ic, rotation.quat_from_rotvec(turned_c)))
+        return fix
+
+    def chain(self, step):
+        """`step(...) -> state, fix, command`, the chain of the star tracker, with the faults of its fixes."""
+
+        def faulty(*arguments):
+            state, fix, command = step(*arguments)
+            return state, self.fix(fix), command
+
+        return faulty
+
+    def _wrong(self, fault):
+        """Rotation vector (3,) rad about a random axis."""
+        direction = self.rng.standard_normal(3)
+        angle = fault.smallest * (fault.largest / fault.smallest) ** self.rng.random()
+        return angle * direction / np.sqrt(direction @ direction)
+
+
+def events(faults, trajectory, earth):
+    """Begin and end of every fault within the flight: list of Event, by time."""
+    t_s, found = trajectory.t_s, []
+    for name, fault, detail in _named(faults):
+        for suffix, at_s, text in (("", fault.start_s, detail), ("_end", fault.end_s, "")):
+            if t_s[0] <= at_s <= t_s[-1]:
+                k = min(int(np.searchsorted(t_s, at_s - ROUNDING_S)), len(t_s) - 1)
+                r_e, _ = frames.ecef_from_inertial(earth, t_s[k], trajectory.r_i[k], trajectory.v_i[k])
+                height = float(wgs84.geodetic_from_ecef(r_e)[2])
+                found.append(Event(float(at_s), f"fault_{name}{suffix}", height, text))
+    return sorted(found, key=lambda event: event.t_s)
+
+
+def _named(faults):
+    """(name, fault, detail) of every fault."""
+    for fault in faults.imu:
+        axis = f"{fault.sensor}_{AXES[fault.axis]}" if fault.sensor else "imu"
+        yield f"{axis}_{fault.kind}", fault, ""
+    for fault in faults.gps:
+        north, east, down = fault.moved_n
+        words = f"{north:g}, {east:g}, {down:g} {'m' if fault.kind == 'jump' else 'm/s'} north, east, down"
+        yield f"gps_{fault.kind}", fault, words if fault.kind in ("jump", "drift") else ""
+    for fault in faults.stars:
+        words = ""
+        if fault.kind == "wrong_fixes":
+            low, high = np.degrees([fault.smallest, fault.largest])
+            words = f"every {fault.every}th fix by {low:g} to {high:g} deg"
+        elif fault.kind == "bias":
+            words = ", ".join(f"{angle:g}" for angle in np.degrees(fault.bias_c)) + " deg, camera axes"
+        yield f"star_tracker_{fault.kind}", fault, words

@@ -1,0 +1,156 @@
+"""Errors of the ranges that a receiver's channels measure, beyond the thermal noise, and its clock.
+
+What is left after the receiver has taken out what it knows: it corrects with the same models of ionosphere
+and troposphere that give the mean of the truth here, so that a share of each remains. All errors are drawn
+per satellite of the constellation, tracked or not. The ionosphere delays the code and advances the carrier,
+from which the range rate comes, by as much (Groves, 2nd ed., section 9.3.2).
+
+The clock has two states, driven by white noise of frequency and by its random walk::
+
+    db/dt = d + w_f,   dd/dt = w_g,   S_f = c^2 h_0/2,   S_g = 2 pi^2 c^2 h_-2
+
+(Brown and Hwang, Introduction to Random Signals and Applied Kalman Filtering, 4th ed., section 9.3.)
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.environment import gnss, ionosphere, troposphere
+from shefex_nav.geometry import wgs84
+from shefex_nav.world import noise
+
+COMMON_SHARE = 0.5  # [E] of the variance left by the ionosphere's model: an error of all satellites alike
+
+
+class ClockParams(NamedTuple):
+    """Oscillator of the receiver, times the speed of light."""
+
+    sigma_bias: float = 0.0  # m, at the start
+    sigma_drift: float = 0.0  # m/s, at the start
+    white: float = 0.0  # m^2/s, S_f
+    walk: float = 0.0  # m^2/s^3, S_g
+
+
+class ErrorParams(NamedTuple):
+    """Errors of ranges that last; all standard deviations."""
+
+    gps_start_s: float = 0.0  # GPS time of t = 0
+    satellite: float = 0.0  # m, clock and orbit of a satellite, constant
+    satellite_rate: float = 0.0  # m/s, by which that changes
+    alpha: tuple = (0.0, 0.0, 0.0, 0.0)  # of the broadcast ionosphere
+    beta: tuple = (0.0, 0.0, 0.0, 0.0)
+    ionosphere: float = 0.0  # share of the ionosphere's delay that is left
+    troposphere: float = 0.0  # share of the troposphere's
+    multipath: float = 0.0  # m, first-order Gauss-Markov
+    multipath_time_s: float = 1.0
+
+
+class RangeErrors(NamedTuple):
+    """Errors of n satellites at m epochs, and their variance as a receiver would give it.
+
+    The first row is of the range (m, m^2), the second of the range rate (m/s, m^2/s^2).
+    """
+
+    error: np.ndarray  # (2, m, n)
+    variance: np.ndarray  # (2, m, n)
+
+
+def range_errors(params, t_s, r_ea_e, u_e, rng):
+    """Errors that last, of every satellite at every epoch.
+
+    ErrorParams, (m,) s equally spaced, (m, 3) m antenna, (m, n, 3) lines of sight, Generator -> RangeErrors
+    """
+    m, n = u_e.shape[:2]
+    satellite = rng.standard_normal((2, n))
+    of_air, common, own = rng.standard_normal(), rng.standard_normal(), rng.standard_normal(n)
+    white = rng.standard_normal((m, n))
+
+    elapsed_s = (t_s - t_s[0])[:, None]
+    drift = params.satellite_rate * satellite[1]
+    error = params.satellite * satellite[0] + drift * elapsed_s
+    rate = np.broadcast_to(drift, (m, n)).copy()
+    variance = np.broadcast_to(params.satellite**2 + (params.satellite_rate * elapsed_s) ** 2, (m, n)).copy()
+    rate_variance = np.full((m, n), params.satellite_rate**2)
+
+    left = np.sqrt(COMMON_SHARE) * common + np.sqrt(1.0 - COMMON_SHARE) * own
+    for share, delay, factor, sign in (
+        (params.ionosphere, ionospheric_delay, left, -1.0),
+        (params.troposphere, tropospheric_delay, of_air, 1.0),
+    ):
+        if share > 0.0:
+            D = share * delay(params, t_s, r_ea_e, u_e)
+            D_rate = np.gradient(D, t_s, axis=0) if m > 1 else np.zeros_like(D)
+            error, rate = error + D * factor, rate + sign * D_rate * factor
+            variance, rate_variance = variance + D**2, rate_variance + D_rate**2
+
+    if params.multipath > 0.0:
+        step_s = t_s[1] - t_s[0] if m > 1 else 1.0
+        correlation = float(np.exp(-step_s / params.multipath_time_s))
+        error = error + params.multipath * noise.gauss_markov(correlation, white)
+        variance = variance + params.multipath**2
+    return RangeErrors(np.stack([error, rate]), np.stack([variance, rate_variance]))
+
+
+def ionospheric_delay(params, t_s, r_ea_e, u_e):
+    """Delay of the code at L1 by the broadcast model, less what of the layer is below: (m, n) m."""
+    latitude, longitude, height = geodetic(r_ea_e)
+    elevation, azimuth = gnss.elevation(r_ea_e, u_e), azimuths(latitude, longitude, u_e)
+    ground = ionosphere.klobuchar(
+        params.alpha,
+        params.beta,
+        latitude,
+        longitude,
+        elevation,
+        azimuth,
+        params.gps_start_s + t_s[:, None],
+    )
+    return ground * ionosphere.slant_share(np.maximum(height, 0.0), elevation)
+
+
+def tropospheric_delay(params, t_s, r_ea_e, u_e):
+    """Delay in the air: (m, n) m. Rays that the Earth blocks have no meaning, but a bound."""
+    _, _, height = geodetic(r_ea_e)
+    lowest = np.maximum(gnss.lowest_height(r_ea_e, u_e), 0.0)
+    return troposphere.delay(np.maximum(height, 0.0), gnss.elevation(r_ea_e, u_e), lowest)
+
+
+def geodetic(r_e):
+    """Latitude, longitude and height of positions (m, 3): (m, 1) each."""
+    return np.array([wgs84.geodetic_from_ecef(r) for r in r_e]).T[..., None]
+
+
+def azimuths(latitude, longitude, u_e):
+    """Azimuth of lines of sight, from north over east. (m, 1), (m, 1), (m, n, 3) -> (m, n) rad."""
+    sp, cp, sl, cl = np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude)
+    north = -sp * cl * u_e[..., 0] - sp * sl * u_e[..., 1] + cp * u_e[..., 2]
+    east = -sl * u_e[..., 0] + cl * u_e[..., 1]
+    return np.arctan2(east, north)
+
+
+def clock(params, t_s, rng):
+    """Bias and drift of the receiver's clock. ClockParams, (m,) s, Generator -> (m,) m, (m,) m/s."""
+    start, white = rng.standard_normal(2), rng.standard_normal((len(t_s), 2))
+    bias, drift = np.empty(len(t_s)), np.empty(len(t_s))
+    b, d = params.sigma_bias * start[0], params.sigma_drift * start[1]
+    for k in range(len(t_s)):
+        if k:
+            T = t_s[k] - t_s[k - 1]
+            w_b, w_d = factor(clock_noise(params.white, params.walk, T)) @ white[k]
+            b, d = b + d * T + w_b, d + w_d
+        bias[k], drift[k] = b, d
+    return bias, drift
+
+
+def clock_noise(white, walk, T):
+    """Covariance that the clock's noise has gathered in T seconds: (2, 2)."""
+    return np.array(
+        [[white * T + walk * T**3 / 3.0, walk * T**2 / 2.0], [walk * T**2 / 2.0, walk * T]],
+    )
+
+
+def factor(Q):
+    """Lower triangular L with L L^T = Q, (2, 2), which may be singular."""
+    a = np.sqrt(Q[0, 0])
+    b = Q[1, 0] / a if a > 0.0 else 0.0
+    return np.array([[a, 0.0], [b, np.sqrt(max(Q[1, 1] - b * b, 0.0))]])

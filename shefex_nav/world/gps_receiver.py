@@ -1,0 +1,91 @@
+"""Which of the satellites in view a receiver tracks: reacquisition after a loss, and limits.
+
+A solution that freezes, and other faults: `world.faults`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+EARLY_S = 1e-6  # rounding of the times of epochs
+LONG = 0.9  # of the time that the best satellite is tracked, for one that counts as tracked long
+
+
+class Only(NamedTuple):
+    """No more than some satellites for a time."""
+
+    from_s: float
+    until_s: float
+    satellites: int  # far apart, of those that are tracked longest; prn decides where it is not empty
+    prn: tuple[int, ...] = ()
+
+
+class Reacquisition(NamedTuple):
+    """How long a signal must be there, after it was not, before it is tracked."""
+
+    shortest_s: float
+    longest_s: float
+
+
+def reacquired(present, t_s, reacquisition, fractions):
+    """Which signals are tracked: those that have been there for long enough since they came back.
+
+    Parameters
+    ----------
+    present : (m, n) bool, signals that could be tracked
+    t_s : (m,) s
+    reacquisition : Reacquisition
+    fractions : (m, n) in [0, 1), where the time lies that a signal coming back at an epoch needs
+
+    Returns
+    -------
+    (m, n) bool; what is there at the first epoch is tracked at once
+    """
+    wait_s = reacquisition.shortest_s + fractions * (reacquisition.longest_s - reacquisition.shortest_s)
+    tracked = np.zeros_like(present)
+    ready_s, before = np.full(present.shape[1], -np.inf), present[0]
+    for k, now in enumerate(present):
+        back = now & ~before
+        ready_s[back] = t_s[k] + wait_s[k, back]
+        tracked[k] = now & (t_s[k] >= ready_s - EARLY_S)
+        before = now
+    return tracked
+
+
+def limited(tracked, t_s, limits, prn, u_e):
+    """The same without the satellites that `limits`, a sequence of Only, leave out.
+
+    tracked : (m, n) bool;  prn : (n,);  u_e : (m, n, 3) lines of sight -> (m, n) bool
+    """
+    tracked = tracked.copy()
+    for limit in limits:
+        during = _during(t_s, limit)
+        if limit.prn:
+            kept = np.isin(prn, limit.prn)
+        else:
+            kept = apart(tracked[during].sum(axis=0), limit.satellites, u_e[during].mean(axis=0))
+        tracked[during] &= kept
+    return tracked
+
+
+def apart(seconds, count, u_e):
+    """Choice of satellites that are tracked long and stand in different directions.
+
+    The one that is tracked longest, then each time the one whose smallest angle to the chosen is largest.
+
+    seconds : (n,) how long each is tracked;  u_e : (n, 3) mean lines of sight -> (n,) bool
+    """
+    chosen = np.zeros(len(seconds), dtype=bool)
+    good = (seconds > 0) & (seconds >= LONG * seconds.max(initial=0))
+    for _ in range(min(count, int(good.sum()))):
+        if not chosen.any():
+            chosen[np.argmax(seconds)] = True
+            continue
+        nearest = np.max(u_e @ u_e[chosen].T, axis=1)  # cosine of the smallest angle
+        chosen[np.argmin(np.where(good & ~chosen, nearest, np.inf))] = True
+    return chosen
+
+
+def _during(t_s, span):
+    """(m,) bool: epochs from from_s on and before until_s."""
+    return (t_s >= span.from_s - EARLY_S) & (t_s < span.until_s - EARLY_S)

@@ -1,0 +1,145 @@
+"""The watch over the IMU: what it sees, when, and that its noise covers the error that is made."""
+
+import numpy as np
+import pytest
+
+from shefex_nav.onboard.navigation import integrity_imu as watch_imu
+from shefex_nav.onboard.navigation.integrity_imu import GOOD, REPEATED, SATURATED, SILENT, STUCK
+from shefex_nav.records import ImuBlock
+
+DT, N = 1.0 / 400.0, 4
+SIGMA, QUANTUM = np.array([4.4e-7, 2.5e-5]), np.array([4.85e-7, 5e-5])  # of the default mission's IMU
+RULES = watch_imu.ImuRules(
+    repeats=np.array([watch_imu.repeats(*pair) for pair in zip(SIGMA, QUANTUM, strict=True)]),
+    range=np.array([np.radians(1000.0), 400.0]),
+    wrong=np.array([1.0, 50.0]),
+    change=np.array([0.35, 30.0]),
+)
+
+
+def readings(seconds, rng, rate=(0.3, -0.02, 0.01), f=(20.0, 0.5, -0.3)):
+    """(n, 6) increments of gyros and accelerometers, noisy and rounded."""
+    n = round(seconds * 400)
+    noise = rng.standard_normal((n, 6)) * np.repeat(SIGMA, 3)
+    quantum = np.repeat(QUANTUM, 3)
+    return np.rint((np.concatenate([rate, f]) * DT + noise) / quantum) * quantum
+
+
+def blocks(samples, saturated=(), lost=()):
+    for k in range(len(samples) // N):
+        rows = samples[N * k : N * k + N]
+        t_s = (k + 1) * N * DT
+        values = np.full((2, N, 3), np.nan) if k in lost else (rows[:, :3], rows[:, 3:])
+        yield ImuBlock(t_s, t_s, DT, *values, k in saturated, k not in lost)
+
+
+def run(samples, rules=RULES, **options):
+    """What `screen` gives for every block: blocks, densities (n, 2, 3), states (n, 6), health."""
+    watch, found = watch_imu.start(rules, N), []
+    for block in blocks(samples, **options):
+        block, densities, health = watch_imu.screen(watch, block)
+        found.append((block, densities, watch.state.copy(), health))
+    out, densities, states, health = zip(*found, strict=True)
+    return out, np.array(densities), np.array(states), [record for group in health for record in group]
+
+
+def test_a_healthy_unit_passes_unchanged():
+    """Two minutes: 288 000 readings, of which one in a thousand million might look stuck."""
+    watch = watch_imu.start(RULES, N)
+    for block in blocks(readings(120.0, np.random.default_rng(1))):
+        screened, densities, health = watch_imu.screen(watch, block)
+        assert screened is block and not densities.any() and not health
+
+
+def test_repeats_follow_from_noise_and_quantum():
+    assert watch_imu.repeats(4.4e-7, 4.85e-7) == pytest.approx(np.log(1e-9) / np.log(0.418), abs=1.0)
+    assert watch_imu.repeats(0.0, 1e-6) == np.inf  # without noise it may repeat for ever
+    assert watch_imu.repeats(1e-9, 1e-6) == np.inf
+    assert watch_imu.repeats(1e-6, 0.0) == watch_imu.FEWEST_REPEATS
+
+
+@pytest.mark.parametrize("axis", range(6))
+@pytest.mark.parametrize("zero", [False, True])
+def test_a_stuck_axis_is_found_after_as_many_readings_as_it_takes(axis, zero):
+    samples = readings(4.0, np.random.default_rng(axis))
+    samples[800:1200, axis] = 0.0 if zero else samples[799, axis]
+    out, _, states, health = run(samples)
+    needed = int(RULES.repeats[axis // 3])
+    bad = np.flatnonzero(states[:, axis])
+    assert 800 <= N * bad[0] + N - 1 <= 800 + needed + N
+    assert bad[-1] in (299, 300)  # the first new reading may happen to be the same
+    assert np.all(states[bad, axis] == STUCK)
+    assert not np.delete(states, axis, axis=1).any()
+    assert [record.source for record in health] == [watch_imu.NAMES[axis]] * 2
+    assert [record.healthy for record in health] == [False, True] and "stuck" in health[0].reason
+    # it is given the mean that it had: within 5 sigma of the mean of the 40 samples that count
+    good = samples[:, axis].reshape(-1, N).sum(axis=1)
+    held = (out[250].dtheta_b if axis < 3 else out[250].dv_b)[:, axis % 3].sum()
+    rounding = QUANTUM[axis // 3] / np.sqrt(12.0)
+    assert held == pytest.approx(
+        good[:199].mean(), abs=5 * N * np.hypot(SIGMA[axis // 3], rounding) / np.sqrt(20)
+    )
+
+
+def test_the_noise_covers_a_held_reading_that_the_truth_leaves():
+    """Variance given until t is that of the integrated error, whenever the fault was found."""
+    samples = readings(30.0, np.random.default_rng(2))
+    samples[400:, 1] = samples[399, 1]
+    _, densities, _, _ = run(samples)
+    given = np.cumsum(densities[:, 0, 1]) * N * DT
+    for age in (0.2, 1.0, 5.0, 20.0):
+        k = round((1.0 + age) / (N * DT)) - 1
+        age_s = age + DT  # counted from the reading that is repeated
+        # sigma of the angle: c t^2/2 at first, then that of a Gauss-Markov rate, by quadrature
+        t = np.linspace(0.0, age_s, 20001)
+        weight = (age_s - t) * np.exp(-t / watch_imu.SIGN_S)
+        markov = 2.0 * RULES.wrong[0] ** 2 * np.trapezoid(weight, t)
+        expected = min(markov, (0.5 * RULES.change[0] * age_s**2) ** 2)
+        assert given[k] == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_silent_unit_is_bridged_with_the_mean():
+    samples = readings(3.0, np.random.default_rng(3))
+    out, densities, states, health = run(samples, lost=range(100, 120))
+    assert np.all(states[100:120] == SILENT) and not np.delete(states, range(100, 120), axis=0).any()
+    for k in range(100, 120):
+        assert out[k].valid and np.isfinite(out[k].dtheta_b).all()
+        assert np.allclose(out[k].dv_b / DT, [20.0, 0.5, -0.3], atol=0.1)
+        assert np.allclose(out[k].dtheta_b / DT, [0.3, -0.02, 0.01], atol=1e-3)
+    age = 20 * N * DT
+    given = densities.sum(axis=0) * N * DT
+    assert np.allclose(given, (0.5 * RULES.change[:, None] * age**2) ** 2)
+    assert [(record.source, record.healthy) for record in health] == [("imu", False), ("imu", True)]
+
+
+def test_a_block_sent_again_is_not_believed():
+    samples = readings(3.0, np.random.default_rng(4))
+    samples[400:480] = np.tile(samples[396:400], (20, 1))
+    _, densities, states, health = run(samples)
+    assert np.all(states[100:120] == REPEATED) and not states[120:].any() and not states[:100].any()
+    assert densities[100:120].all() and "again" in health[0].reason
+
+
+def test_an_axis_at_the_end_of_its_range_is_told_from_the_others():
+    samples = readings(6.0, np.random.default_rng(5))
+    samples[800:1200, 0] = RULES.range[0] * DT
+    out, _, states, _ = run(samples, saturated=range(200, 300))
+    bad = np.flatnonzero(states[:, 0])
+    assert bad[0] == 200 and not states[:, 1:].any()
+    # it is calm for a second before it is trusted again
+    assert bad[-1] == pytest.approx(299 + watch_imu.CALM_S * 100, abs=1.0)
+    assert np.all(states[bad, 0] == SATURATED)
+    assert all(out[k].saturated for k in bad) and not out[bad[-1] + 1].saturated
+    assert np.array_equal(out[250].dtheta_b[:, 0], samples[1000:1004, 0])  # at least as fast as that
+
+
+def test_a_flag_without_an_axis_concerns_them_all():
+    _, _, states, _ = run(readings(3.0, np.random.default_rng(6)), saturated=[100])
+    assert np.all(states[100] == SATURATED) and np.all(states[-1] == GOOD)
+
+
+def test_a_unit_without_noise_may_repeat_itself():
+    """An ideal one at rest: every block is the same, and nothing is wrong."""
+    rules = RULES._replace(repeats=np.full(2, np.inf))
+    _, densities, states, health = run(np.tile([0.0, 0.0, 0.0, 0.02, 0.0, 0.0], (400, 1)), rules)
+    assert not densities.any() and not states.any() and not health

@@ -1,0 +1,129 @@
+"""The log of a short flight: real on-board computer over noisy fixes, truth beside it."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from navigation_flight import C_BC, EARTH, alignment, fly, gps_fix, star_fix
+
+from shefex_nav.geometry.pinhole import pinhole
+from shefex_nav.log.drawings import FramePolicy
+from shefex_nav.log.thinning import thinned
+from shefex_nav.log.topics import Mission
+from shefex_nav.log.writer import LogWriter
+from shefex_nav.onboard import computer
+from shefex_nav.onboard.navigation import fusion
+from shefex_nav.records import Detections, Event, Phase, TruthSample
+from shefex_nav.scenario import load, params_onboard
+
+SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
+END_S = 30.0
+# the errors of this flight are those that the filter estimates, and white noise
+SIMPLE = (
+    "imu.vibration.boost=[0 gee, 0 gee]",
+    "imu.gyro.g_sensitivity=0 deg/h/gee",
+    "imu.gyro.scale_factor=0 ppm",
+    "imu.accelerometer.scale_factor=0 ppm",
+    "navigation.gravity_error=0 ugee",
+)
+NOTHING = Detections(np.empty((0, 2)), np.empty(0), np.empty(0, int), np.empty(0, int), np.empty((0, 2, 2)))
+
+
+class Options(NamedTuple):
+    """What is special about a flight."""
+
+    seed: int = 1
+    overrides: tuple = ()  # of the scenario
+    rate_hz: float = 100.0  # of truth, IMU and solution in the log
+    stars_s: tuple = (22.0, 28.0)  # from, until
+    gps_moved_m: float = 0.0  # of all GPS fixes from 10 s
+
+
+def mission(scenario, options):
+    """Mission of the log; the Earth is that of the flight."""
+    return Mission(
+        scenario="short_flight",
+        scenario_text=scenario.source,
+        seed=options.seed,
+        version="0.1.0",
+        epoch_utc="2012-06-22T19:18:00Z",
+        start_s=0.0,
+        earth=EARTH,
+        launch_latitude=1.2,
+        launch_longitude=0.3,
+        launch_height=0.0,
+        camera=pinhole(659, 493, 2500.0),
+        C_bc=C_BC,
+    )
+
+
+def measured(blocks, params, rng):
+    """ImuBlocks with errors drawn as the filter expects them: biases, roll column, white noise."""
+    gyro_bias = params.sigma_gyro_bias * rng.standard_normal(3)
+    accel_bias = params.sigma_accel_bias * rng.standard_normal(3)
+    roll_column = params.sigma_blocks["gyro_roll_column"] * rng.standard_normal(3)
+    for block in blocks:
+        dt, root = block.dt_s, np.sqrt(block.dt_s)
+        noise = rng.standard_normal((2, 4, 3))
+        yield block._replace(
+            dtheta_b=block.dtheta_b
+            + block.dtheta_b[:, :1] * roll_column
+            + gyro_bias * dt
+            + params.imu.gyro_random_walk * root * noise[0],
+            dv_b=block.dv_b + accel_bias * dt + params.imu.accel_random_walk * root * noise[1],
+        )
+
+
+def fixes(flight, params, options, rng):
+    """GPS every second, 0.2 s late; stars at 10 Hz, 0.09 s late, every seventh frame in vain."""
+    gps = [gps_fix(*flight, float(t), 0.2, rng) for t in range(1, round(END_S))]
+    moved = np.array([options.gps_moved_m, 0.0, 0.0])
+    gps = [fix._replace(r_ea_e=fix.r_ea_e + moved) if fix.t_valid_s >= 10.0 else fix for fix in gps]
+    mounting = params.sigma_blocks["mounting"] * rng.standard_normal(3)
+    stars = []
+    for number, t_s in enumerate(np.arange(options.stars_s[0] + 0.013, options.stars_s[1], 0.1)):
+        fix = star_fix(*flight, float(t_s), 0.09, rng, wrong_by=mounting)
+        fix = fix._replace(number=number, detections=NOTHING, hip=np.empty(0, int))
+        if number % 7 == 3:
+            fix = fix._replace(reason=2, q_ic=np.full(4, np.nan), P_c=np.full((3, 3), np.nan))
+        stars.append(fix)
+    return gps, stars
+
+
+def records(options):
+    """Mission, then an iterator of the records, as a run gives them."""
+    scenario = load.load(SCENARIO, (*SIMPLE, *options.overrides))
+    return mission(scenario, options), _fly(params_onboard.nav_params(scenario), fly(END_S), options)
+
+
+def _fly(params, flight, options):
+    rng = np.random.default_rng(options.seed)
+    start = alignment(flight[1][0], rng)
+    gps, stars = fixes(flight, params, options, rng)
+    nav = fusion.start(params, start, EARTH)
+    solved = tuple(fix for fix in stars if fix.reason == 0)
+    switched_off = computer.ComputerParams(params, None, np.inf, np.inf, np.zeros(3))
+    onboard = computer.Computer(switched_off, EARTH, nav, None, None, solved, 0)
+    yield start
+    for block, state in zip(measured(flight[0], params, rng), flight[1][1:], strict=True):
+        now_s = block.t_valid_s
+        if now_s in (20.0, END_S):
+            yield Event(now_s, "burn_out_1" if now_s == 20.0 else "impact", 1e5, "")
+        phase = Phase.BOOST if now_s < 20.0 else Phase.POINTING
+        yield TruthSample(now_s, int(phase), state.r_i, state.v_i, state.q_ib, np.zeros(3), np.zeros(3), 0.0)
+        yield block
+        due = [fix for fix in gps if now_s - 0.01 + 1e-6 < fix.t_available_s <= now_s + 1e-6]
+        yield from due
+        yield from (fix for fix in stars if now_s - 0.01 < fix.t_available_s - 0.05 <= now_s)
+        onboard, outputs = computer.tick(onboard, block, due, [])
+        yield from outputs
+
+
+def write(path, options=None):
+    """Write the log of a flight. -> path"""
+    options = options or Options()
+    head, stream = records(options)
+    with LogWriter(path, head, FramePolicy(0, "none", 4.0)) as log:
+        for record in thinned(stream, options.rate_hz, head.start_s):
+            log.write(record)
+    return path

@@ -1,0 +1,177 @@
+"""Series on one time axis: increments from samples of several kinds, gaps, fixes that are chosen."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import replay_files
+
+from shefex_nav.geometry import wgs84
+from shefex_nav.replay import dataset, load, schema
+from shefex_nav.replay.series import GnssSeries, ImuSeries
+from shefex_nav.replay.table import DataError, Table
+from shefex_nav.scenario.load import ScenarioError
+
+
+def imu_series(t_s, gyro, kind="rate"):
+    """ImuSeries with this rate about x, y, z and no force."""
+    lines = np.arange(len(t_s)) + 2
+    return ImuSeries(Table("imu.csv", {}, lines), t_s, gyro, np.zeros_like(gyro), kind)
+
+
+def settings(samples="mean", longest_gap=0.1, rate=100.0, axes=("x", "y", "z")):
+    """What dataset.increments wants to know."""
+    part = SimpleNamespace(rate=rate)
+    return SimpleNamespace(samples=samples, longest_gap=longest_gap, imu=part, axes=axes)
+
+
+def test_instant_samples_of_a_growing_rate_are_integrated_exactly():
+    t_s = np.arange(101) / 100.0
+    gyro = np.column_stack([3.0 * t_s, -t_s, 0.5 + 0.0 * t_s])
+    out = dataset.increments(imu_series(t_s, gyro), settings("instant"))
+    np.testing.assert_allclose(out.dtheta_b.sum(axis=0), [1.5, -0.5, 0.5], atol=1e-13)
+
+
+def test_mean_samples_are_those_of_the_interval_before():
+    t_s = np.arange(101) / 100.0
+    means = np.column_stack([3.0 * (t_s - 0.005), -(t_s - 0.005), 0.5 + 0.0 * t_s])
+    out = dataset.increments(imu_series(t_s, means), settings())
+    np.testing.assert_allclose(out.dtheta_b.sum(axis=0), [1.5, -0.5, 0.5], atol=1e-13)
+    np.testing.assert_allclose(np.cumsum(out.dtheta_b[:, 0]), 1.5 * out.t_s**2, atol=1e-13)
+
+
+@pytest.mark.parametrize("kind", ["rate", "increment"])
+def test_a_gap_is_bridged_without_loss_of_angle(kind):
+    """Seven samples are missing while the rate grows evenly; their angle is that of the rates around them."""
+    t_s = np.delete(np.arange(101) / 100.0, np.arange(40, 47))
+    gyro = np.column_stack([2.0 + t_s - 0.005, 0.0 * t_s, 0.0 * t_s])
+    values = gyro / 100.0 if kind == "increment" else gyro
+    out = dataset.increments(imu_series(t_s, values, kind), settings())
+    assert len(out.t_s) == 101 and out.bridged.sum() == 7
+    np.testing.assert_allclose(out.t_s, np.arange(101) / 100.0, atol=1e-12)
+    assert out.dtheta_b[:, 0].sum() == pytest.approx(2.5, abs=1e-9)
+
+
+def test_uneven_samples_keep_their_own_length():
+    rng = np.random.default_rng(5)
+    t_s = np.arange(201) / 100.0 + 1e-3 * rng.uniform(-1.0, 1.0, 201)
+    out = dataset.increments(imu_series(t_s, np.ones((201, 3))), settings())
+    assert not out.bridged.any()
+    np.testing.assert_allclose(np.cumsum(out.dtheta_b[:, 0]), t_s - t_s[0], atol=1e-12)
+
+
+def test_a_gap_that_is_too_long_is_named():
+    t_s = np.delete(np.arange(101) / 100.0, np.arange(40, 60))
+    with pytest.raises(DataError, match=r"imu\.csv:42: no sample for 0\.21 s .* allows 0\.1 s"):
+        dataset.increments(imu_series(t_s, np.ones((81, 3))), settings())
+
+
+def test_another_rate_than_stated_is_named():
+    with pytest.raises(DataError, match=r"has 100 samples a second, data\.imu\.rate says 200"):
+        dataset.increments(imu_series(np.arange(11) / 100.0, np.ones((11, 3))), settings(rate=200.0))
+
+
+def test_axes():
+    """A sensor with y forward, x right, z up, as surveyors like it."""
+    body = dataset.body_axes(np.array([[1.0, 2.0, 3.0]]), ("y", "x", "-z"))
+    np.testing.assert_array_equal(body, [[2.0, 1.0, -3.0]])
+
+
+def gnss_series(t_s):
+    """Fixes of one place with sigmas 1, 2, 3 m."""
+    n = len(t_s)
+    r_e = np.tile(wgs84.ecef_from_geodetic(0.8, 0.2, 100.0), (n, 1))
+    sigma = np.tile([1.0, 2.0, 3.0], (n, 1))
+    table = Table("gnss.csv", {}, np.arange(n) + 2)
+    return GnssSeries(table, t_s, r_e, np.zeros((n, 3)), sigma, None, np.ones(n, dtype=bool))
+
+
+def chosen(t_s, **given):
+    """Times of the fixes that are taken."""
+    given = {"velocity_noise": ["0.1 m/s"] * 3} | given
+    fixes = dataset.fixes(gnss_series(t_s), schema.ReplayGnss(**given))
+    return [fix.t_valid_s for fix in fixes]
+
+
+def test_one_fix_a_second_of_five():
+    t_s = np.arange(21) / 5.0
+    assert chosen(t_s) == t_s.tolist()
+    assert chosen(t_s, every="1 s") == [0.0, 1.0, 2.0, 3.0, 4.0]
+    np.testing.assert_allclose(chosen(t_s, every="1 s", first="0.2 s"), [0.2, 1.2, 2.2, 3.2])
+
+
+def test_a_fix_that_is_missing_is_not_replaced_by_its_neighbour():
+    t_s = np.delete(np.arange(21) / 5.0, [10])
+    assert chosen(t_s, every="1 s") == [0.0, 1.0, 3.0, 4.0]
+
+
+def test_noise_of_fixes_is_turned_into_the_axes_of_the_earth():
+    fix = dataset.fixes(gnss_series(np.arange(3.0)), schema.ReplayGnss(velocity_noise=["0.1 m/s"] * 3))[0]
+    C_en = wgs84.dcm_en(0.8, 0.2)
+    np.testing.assert_allclose(C_en.T @ fix.R_r_e @ C_en, np.diag([1.0, 4.0, 9.0]), atol=1e-12)
+    np.testing.assert_allclose(fix.R_v_e, 0.01 * np.eye(3), atol=1e-15)
+
+
+def test_a_receiver_that_says_nothing_of_its_noise_needs_a_word():
+    with pytest.raises(
+        DataError, match=r"gnss\.csv: says nothing about the noise of the velocity; give gnss"
+    ):
+        dataset.fixes(gnss_series(np.arange(3.0)), schema.ReplayGnss())
+
+
+def small(folder, imu_times, gnss_times, **given):
+    """Dataset of small CSVs."""
+    rows = [(t, 0.0, 0.0, 0.0, 0.0, 0.0, -9.8) for t in imu_times]
+    replay_files.write_csv(folder / "imu.csv", ("t", "wx", "wy", "wz", "fx", "fy", "fz"), rows)
+    names = ("t", "lat", "lon", "h", "vn", "ve", "vd")
+    fixes = [(t, 48.0, 11.0, 500.0, 0.0, 0.0, 0.0) for t in gnss_times]
+    replay_files.write_csv(folder / "gnss.csv", names, fixes)
+    columns = (*names, "roll", "pitch", "heading")
+    replay_files.write_csv(folder / "truth.csv", columns, [(*fix, 0.0, 0.0, 0.0) for fix in fixes])
+    path = replay_files.scenario(folder, replay_files.CSV.format(rate=20), **given)
+    return dataset.read(*load.load(path))
+
+
+def test_time_counts_from_the_first_sample_of_the_imu(tmp_path):
+    data = small(tmp_path, np.arange(500.0, 510.0, 0.05), np.arange(501.0, 509.0))
+    assert data.imu.t_s[0] == 0.0
+    np.testing.assert_allclose([fix.t_valid_s for fix in data.fixes], np.arange(1.0, 9.0))
+    np.testing.assert_allclose(data.truth.t_s, np.arange(1.0, 9.0))
+
+
+def test_clocks_that_have_nothing_in_common_are_noticed(tmp_path):
+    with pytest.raises(DataError, match=r"gnss\.csv: covers -500 s to -493 s .* are the clocks the same\?"):
+        small(tmp_path, np.arange(500.0, 510.0, 0.05), np.arange(0.0, 8.0))
+
+
+def test_time_that_runs_back_is_named_with_its_line(tmp_path):
+    with pytest.raises(DataError, match=r"gnss\.csv:5: time 501\.500000 s does not follow on 503"):
+        small(tmp_path, np.arange(500.0, 510.0, 0.05), [501.0, 502.0, 503.0, 501.5])
+
+
+REFUSED = {
+    "left-handed": ("data.axes=[x, y, -z]", "data: axes: x, y, -z are left-handed"),
+    "twice": ("data.axes=[x, -x, z]", "data: axes: x, -x, z name one axis twice"),
+    "format": (
+        "data.format=navigo",
+        "data: format: 'navigo' is not known; choose from: csv, kf_gins, navego",
+    ),
+    "method": ("alignment.method=guess", "alignment: method: 'guess' is not known; choose from: reference, "),
+    "unit": ("data.imu.gyro_unit=m/s", "data.imu.gyro_unit: 'm/s' is no unit of these columns"),
+    "kinds": ("data.imu.gyro_unit=rad", "data.imu.accelerometer_unit: the gyros give increments"),
+    "truth": ("data.truth=null", "alignment.method: 'reference' needs data.truth"),
+    "file": ("data.gnss.file=g.csv", "data.gnss.file: there is no file"),
+    "states": ("navigation.states=[gyro_scale, gyro_roll_column]", "estimate the same error"),
+    "no block": ("navigation.states=[clock]", "navigation.states.0: 'clock' is not known"),
+    "bias": ("imu.gyro.bias=1 m", "imu.gyro.bias: '1 m' is a length"),
+    "end": ("mission.end=0.5 s", "mission.end: must be at least 1 s after mission.start"),
+}
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_a_scenario_that_cannot_be_is_refused(kind, tmp_path):
+    override, words = REFUSED[kind]
+    small(tmp_path, np.arange(500.0, 510.0, 0.05), np.arange(501.0, 509.0))
+    with pytest.raises(ScenarioError) as caught:
+        load.load(tmp_path / "small.yaml", [override])
+    assert len(caught.value.messages) == 1 and words in str(caught.value), str(caught.value)

@@ -1,0 +1,207 @@
+"""Files of others: what is in them comes out in SI, in our frames; what is wrong is named with its line."""
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from shefex_nav.geometry import wgs84
+from shefex_nav.replay import csv_folder, kf_gins, navego, schema, series, table
+from shefex_nav.replay.table import DataError
+
+IMU = "t_ms,wx,wy,wz,fx,fy,fz\n# a comment\n0,1,2,3,0.1,0.2,-1\n\n5,4,5,6,0.3,0.4,-1.5\n"
+COLUMNS = {
+    "file": "imu.csv",
+    "rate": "200 Hz",
+    "time": "t_ms",
+    "time_unit": "ms",
+    "gyro": ["wx", "wy", "wz"],
+    "gyro_unit": "deg/s",
+    "accelerometer": ["fx", "fy", "fz"],
+    "accelerometer_unit": "gee",
+}
+GNSS = {"file": "g.csv", "time": "t", "position": ["lat", "lon", "h"]}
+FIXES = "t,lat,lon,h\n0,48,11,500\n1,48,11,500\n"
+
+
+def read_csv(folder, imu=IMU, gnss=FIXES, columns=COLUMNS, gnss_columns=GNSS, truth=None, truth_columns=None):
+    """Series of a folder with these texts."""
+    (folder / "imu.csv").write_text(imu, encoding="utf-8")
+    (folder / "g.csv").write_text(gnss, encoding="utf-8")
+    files = {"imu": str(folder / "imu.csv"), "gnss": str(folder / "g.csv"), "truth": None}
+    if truth is not None:
+        (folder / "truth.csv").write_text(truth, encoding="utf-8")
+        files["truth"] = str(folder / "truth.csv")
+    data = schema.CsvData(format="csv", imu=columns, gnss=gnss_columns, truth=truth_columns)
+    return csv_folder.read(data, files)
+
+
+def test_units_of_a_csv(tmp_path):
+    imu, gnss, truth = read_csv(tmp_path)
+    np.testing.assert_allclose(imu.t_s, [0.0, 0.005])
+    np.testing.assert_allclose(imu.gyro[1], np.radians([4.0, 5.0, 6.0]))
+    np.testing.assert_allclose(imu.accelerometer[1], 9.80665 * np.array([0.3, 0.4, -1.5]))
+    assert imu.kind == "rate" and truth is None and gnss.v_e is None and gnss.valid.all()
+    r_e = wgs84.ecef_from_geodetic(np.radians(48.0), np.radians(11.0), 500.0)
+    np.testing.assert_allclose(gnss.r_e[0], r_e, rtol=1e-15)
+
+
+def test_a_unit_of_angle_says_that_rows_are_increments(tmp_path):
+    columns = COLUMNS | {"gyro_unit": "arcsec", "accelerometer_unit": "mm/s"}
+    imu, _, _ = read_csv(tmp_path, columns=columns)
+    assert imu.kind == "increment"
+    np.testing.assert_allclose(imu.gyro[0], np.radians(np.array([1.0, 2.0, 3.0]) / 3600.0))
+    np.testing.assert_allclose(imu.accelerometer[0], [1e-4, 2e-4, -1e-3])
+
+
+@pytest.mark.parametrize("separator", [";", "\t", "  "])
+def test_other_separators(separator, tmp_path):
+    imu, _, _ = read_csv(tmp_path, IMU.replace(",", separator))
+    assert imu.gyro.shape == (2, 3)
+
+
+def test_columns_may_stand_in_any_order_among_others(tmp_path):
+    text = "name,h,lon,lat,t\nfirst,500,11,48,0\nsecond,500,11,48,1\n"
+    _, gnss, _ = read_csv(tmp_path, gnss=text)
+    _, same, _ = read_csv(tmp_path)
+    np.testing.assert_array_equal(gnss.r_e, same.r_e)
+
+
+def test_velocities_in_three_frames(tmp_path):
+    """Two m/s to the north, one to the east, three up, said in three ways."""
+    C_en = wgs84.dcm_en(np.radians(48.0), np.radians(11.0))
+    v_e = C_en @ [2.0, 1.0, -3.0]
+    said = {"ned": "2,1,-3", "enu": "1,2,3", "ecef": ",".join(map(repr, v_e.tolist()))}
+    for frame, values in said.items():
+        text = f"t,lat,lon,h,a,b,c,f\n0,48,11,500,{values},1\n1,48,11,500,{values},0\n"
+        columns = GNSS | {"velocity": ["a", "b", "c"], "velocity_frame": frame, "valid": "f"}
+        _, gnss, _ = read_csv(tmp_path, gnss=text, gnss_columns=columns)
+        np.testing.assert_allclose(gnss.v_e[0], v_e, atol=1e-12)
+        assert gnss.valid.tolist() == [True, False]
+
+
+WRONG = {
+    "a word": (IMU.replace("4,5,6", "4,five,6"), "imu.csv:5: wy: expected a number such as 12.5, got 'five'"),
+    "nothing": (IMU.replace("4,5,6", "4,,6"), "imu.csv:5: wy: expected a number such as 12.5, got nothing"),
+    "a short row": (IMU.replace(",0.4,-1.5", ""), "imu.csv:5: fy: expected 6 columns at least, got 5"),
+    "not a number": (IMU.replace("4,5,6", "4,nan,6"), "imu.csv:5: wy: must be a finite number"),
+    "a name": (IMU.replace("wy", "wyy"), "imu.csv:1: column 'wy' is missing; did you mean 'wyy'?"),
+    "twice": (IMU.replace("wy", "wx"), "imu.csv:1: column 'wx' is there 2 times; keep one of them"),
+    "no rows": ("t_ms,wx,wy,wz,fx,fy,fz\n", "imu.csv:1: there is no row below the names"),
+    "empty": ("\n", "imu.csv: the file is empty"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_what_is_wrong_in_a_csv_is_named_with_its_line(kind, tmp_path):
+    text, words = WRONG[kind]
+    with pytest.raises(DataError) as caught:
+        read_csv(tmp_path, text)
+    assert words in str(caught.value)
+
+
+def test_degrees_taken_for_radians_are_noticed(tmp_path):
+    with pytest.raises(DataError, match=r"g\.csv:2: lat: a latitude of 48 is beyond the poles"):
+        read_csv(tmp_path, gnss_columns=GNSS | {"angle_unit": "rad"})
+
+
+def test_a_file_of_the_wrong_kind_is_not_listed_line_by_line(tmp_path):
+    rows = "\n".join("a,b,c,d,e,f,g" for _ in range(1000))
+    with pytest.raises(DataError) as caught:
+        read_csv(tmp_path, "t_ms,wx,wy,wz,fx,fy,fz\n" + rows)
+    assert len(str(caught.value).splitlines()) == table.MOST_ERRORS
+
+
+def kf_gins_files(folder, gnss):
+    """Paths of KF-GINS files."""
+    (folder / "imu.txt").write_text("100.0 1e-5 2e-5 3e-5 0.01 0.02 -0.05\n100.005 0 0 0 0 0 0\n")
+    (folder / "gnss.txt").write_text(gnss)
+    (folder / "nav.txt").write_text(
+        "2000 100.0 30.5 114.4 20 1 2 3 10 -5 270\n2000 101 30.5 114.4 20 1 2 3 10 -5 270\n"
+    )
+    return {
+        name: str(folder / f"{file}.txt")
+        for name, file in (("imu", "imu"), ("gnss", "gnss"), ("truth", "nav"))
+    }
+
+
+@pytest.mark.parametrize("long", [False, True])
+def test_kf_gins(long, tmp_path):
+    velocity, noise = (" 1 2 3", " 0.01 0.02 0.03") if long else ("", "")
+    row = f" 30.5 114.4 20{velocity} 0.1 0.2 0.3{noise}\n"
+    imu, gnss, truth = kf_gins.read(None, kf_gins_files(tmp_path, "100.0" + row + "101.0" + row))
+    assert imu.kind == "increment"
+    np.testing.assert_allclose(imu.gyro[0], [1e-5, 2e-5, 3e-5])
+    np.testing.assert_allclose(gnss.sigma_r_n[1], [0.1, 0.2, 0.3])
+    C_en = wgs84.dcm_en(np.radians(30.5), np.radians(114.4))
+    np.testing.assert_allclose(truth.v_e[0], C_en @ [1.0, 2.0, 3.0], atol=1e-12)
+    np.testing.assert_allclose(truth.angles[0], np.radians([10.0, -5.0, 270.0]))
+    np.testing.assert_allclose(truth.r_e, gnss.r_e)
+    if long:
+        np.testing.assert_allclose(gnss.v_e[0], truth.v_e[0])
+        np.testing.assert_allclose(gnss.sigma_v_n[0], [0.01, 0.02, 0.03])
+    else:
+        assert gnss.v_e is None
+
+
+def test_kf_gins_with_too_few_columns(tmp_path):
+    with pytest.raises(DataError, match=r"gnss\.txt:1: expected 7 columns \(time, latitude.*, got 4"):
+        kf_gins.read(None, kf_gins_files(tmp_path, "100.0 30 114 20\n"))
+
+
+def navego_files(folder, **changes):
+    """Paths of small files as NaveGo saves them."""
+    t = np.arange(5) / 100.0
+    imu = {"t": t, "wb": np.tile([1.0, 2.0, 3.0], (5, 1)), "fb": np.tile([0.0, 0.0, -9.8], (5, 1))}
+    place = {"lat": np.full(5, 0.5), "lon": np.full(5, 0.2), "h": np.full(5, 30.0), "vel": np.ones((5, 3))}
+    gnss = {
+        "t": t,
+        **place,
+        "stdm": np.array([5.0, 5.0, 10.0]),
+        "stdv": np.full(3, 0.1),
+        "larm": np.zeros((3, 1)),
+    }
+    angles = {name: np.full(5, value) for name, value in (("roll", 0.1), ("pitch", 0.2), ("yaw", 0.3))}
+    parts = {"imu": imu, "gnss": gnss, "truth": {"t": t, **place, **angles}}
+    for name, part in parts.items():
+        savemat(folder / f"{name}.mat", {name: part | changes.get(name, {})})
+    return {name: str(folder / f"{name}.mat") for name in parts}
+
+
+def test_navego(tmp_path):
+    imu, gnss, truth = navego.read(None, navego_files(tmp_path))
+    np.testing.assert_array_equal(imu.gyro[4], [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(gnss.sigma_r_n[2], [5.0, 5.0, 10.0])
+    np.testing.assert_allclose(gnss.v_e[0], wgs84.dcm_en(0.5, 0.2) @ np.ones(3), atol=1e-12)
+    np.testing.assert_allclose(truth.angles[3], [0.1, 0.2, 0.3])
+    np.testing.assert_array_equal(navego.lever_arm(str(tmp_path / "gnss.mat")), np.zeros(3))
+
+
+def test_navego_without_a_field(tmp_path):
+    files = navego_files(tmp_path)
+    savemat(files["imu"], {"imu": {"t": np.arange(3.0), "wb": np.ones((3, 3)), "fbs": np.ones((3, 3))}})
+    with pytest.raises(DataError, match=r"imu\.mat: field 'fb' is missing; did you mean 'fbs'\?"):
+        navego.read(None, files)
+
+
+def test_navego_with_fields_that_differ_in_length(tmp_path):
+    files = navego_files(tmp_path, imu={"wb": np.ones((4, 3))})
+    with pytest.raises(DataError, match=r"fields differ in length: t 5, wb\.0 4"):
+        navego.read(None, files)
+
+
+def test_a_text_is_no_matlab_file(tmp_path):
+    (tmp_path / "imu.mat").write_text("t,wx\n")
+    with pytest.raises(DataError, match=r"imu\.mat: cannot be read as a Matlab file"):
+        table.read_matlab(str(tmp_path / "imu.mat"), ("t",))
+
+
+def test_a_sigma_of_zero_is_refused(tmp_path):
+    text = "t,lat,lon,h,sn,se,sd\n0,48,11,500,1,1,1\n1,48,11,500,1,0,1\n"
+    with pytest.raises(DataError, match=r"g\.csv:3: a sigma must be greater than zero"):
+        read_csv(tmp_path, gnss=text, gnss_columns=GNSS | {"position_sigma": ["sn", "se", "sd"]})
+
+
+def test_round_trip_of_a_place():
+    r_e = np.array([wgs84.ecef_from_geodetic(0.3, -1.2, 900.0)])
+    v_e = series.to_ecef(np.array([[1.0, 2.0, 3.0]]), r_e)
+    np.testing.assert_allclose(v_e[0], wgs84.dcm_en(0.3, -1.2) @ [1.0, 2.0, 3.0], atol=1e-12)

@@ -1,0 +1,108 @@
+"""The filter again over a log: the same with the same configuration, refused where data are missing."""
+
+import numpy as np
+import pytest
+from flown_log import Options, write
+
+from shefex_nav.log import reader
+from shefex_nav.log.run_data import RunDataBuilder
+from shefex_nav.log.topics import LogError
+from shefex_nav.records import GateResult, NavSolution, TruthSample
+from shefex_nav.replay import rerun
+from shefex_nav.report import metrics
+from shefex_nav.scenario.load import ScenarioError
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    return write(tmp_path_factory.mktemp("flown") / "run.mcap")
+
+
+def again(log, overrides=()):
+    """RunData of a rerun."""
+    recording = rerun.open_log(log, overrides)
+    builder = RunDataBuilder(recording.data.mission)
+    for record in rerun.records(recording):
+        builder.add(record)
+    return builder.build()
+
+
+def same(one, two):
+    """Whether two records of arrays are the same to the last bit, NaN included."""
+    return all(np.array_equal(a, b, equal_nan=a.dtype.kind == "f") for a, b in zip(one, two, strict=True))
+
+
+def test_the_same_configuration_gives_the_logged_solution(log):
+    flown, rerun_ = reader.read(log), again(log)
+    assert len(flown.nav.t_s) == 3000 and flown.nav.star_aided[-1]
+    assert same(flown.nav, rerun_.nav)
+    assert same(flown.covariance, rerun_.covariance)
+    assert same(flown.truth, rerun_.truth) and same(flown.imu, rerun_.imu)
+    assert len(flown.gates) == len(rerun_.gates) > 100
+    for a, b in zip(flown.gates, rerun_.gates, strict=True):
+        assert a[:4] == b[:4] and a.accepted == b.accepted and a.note == b.note
+        assert np.array_equal(a.innovation, b.innovation)
+    assert metrics.summarise(rerun_) == metrics.summarise(flown)
+
+
+def test_another_configuration_gives_what_would_have_been(log, tmp_path):
+    """A flight with that configuration and the same fixes is the reference."""
+    change = "navigation.star_fix_floor=60 arcsec"
+    expected = reader.read(write(tmp_path / "other.mcap", Options(overrides=(change,))))
+    changed = again(log, [change])
+    assert same(changed.nav, expected.nav)
+    assert not np.array_equal(changed.nav.q_ib, reader.read(log).nav.q_ib)
+
+
+def test_records_come_in_order(log):
+    kinds = [type(record) for record in rerun.run(log) if type(record) in (TruthSample, NavSolution)]
+    assert kinds == [TruthSample, NavSolution] * 3000
+    times = [record.t_s for record in rerun.run(log) if type(record) in (TruthSample, GateResult)]
+    assert np.all(np.diff(times) >= 0.0)
+
+
+def test_only_the_navigation_can_be_changed(log):
+    with pytest.raises(ScenarioError, match=r"^--set gps\.rate: the flight of a log is over"):
+        rerun.open_log(log, ["gps.rate=2 Hz"])
+    with pytest.raises(ScenarioError, match=r"^--set navigation\.histori: unknown key"):
+        rerun.open_log(log, ["navigation.histori=1 s"])
+
+
+def test_a_thinned_log_is_refused(tmp_path):
+    path = write(tmp_path / "thin.mcap", Options(rate_hz=20.0))
+    with pytest.raises(LogError, match=r"20 IMU blocks a second of the 100 .* log\.rate='100 Hz'"):
+        rerun.open_log(path)
+
+
+def test_a_log_without_imu_is_refused(log, tmp_path):
+    from shefex_nav.log.drawings import FramePolicy
+    from shefex_nav.log.writer import LogWriter
+
+    data = reader.read(log)
+    for name, records, message in (
+        ("empty", [data.alignment], "no IMU samples"),
+        ("lost", [data.gps[0]], "no alignment"),
+        (
+            "gap",
+            [data.alignment, *(rerun.imu_block(data, k) for k in (*range(9), 12))],
+            r"T\+0\.09 s to T\+0\.13",
+        ),
+    ):
+        path = tmp_path / f"{name}.mcap"
+        with LogWriter(path, data.mission, FramePolicy(0, "none", 4.0)) as writer:
+            for record in records:
+                writer.write(record)
+        with pytest.raises(LogError, match=message):
+            rerun.open_log(path)
+
+
+def test_a_log_that_was_cut_off_is_run_to_its_end(log, tmp_path):
+    """The writer was killed: what is left is run again and agrees."""
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
+    cut, rerun_ = reader.read(path), again(path)
+    n = min(len(cut.nav.t_s), len(rerun_.nav.t_s))
+    assert cut.ended_early and 500 < n < 2900
+    assert abs(len(cut.imu.t_valid_s) - len(rerun_.nav.t_s)) == 0
+    assert np.array_equal(cut.nav.q_ib[:n], rerun_.nav.q_ib[:n])
+    assert np.array_equal(cut.nav.r_i[:n], rerun_.nav.r_i[:n])

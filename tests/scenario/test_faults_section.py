@@ -1,0 +1,60 @@
+"""Section `faults`: what is read, and what is said about nonsense."""
+
+import numpy as np
+import pytest
+from broken import DEFAULT, TEXT, check_one_message
+
+from shefex_nav.scenario.load import load
+from shefex_nav.scenario.params_faults import faults
+
+GOOD = """
+faults:
+  imu:
+    - {fault: stuck, sensor: gyro, axis: y, from: 300 s, until: 310 s}
+    - {fault: dead, sensor: accelerometer, axis: x, from: 10 s, until: 20 s}
+    - {fault: dropout, from: 320 s, until: 320.05 s}
+  gps:
+    - {fault: freeze, from: 1 s, until: 60 s}
+    - {fault: jump, position: [300 m, 0 m, 0 m], from: 100 s, until: 110 s}
+    - {fault: drift, rate: [0 m/s, 2 m/s, 0 m/s], velocity_too: true, from: 120 s, until: 140 s}
+  star_tracker:
+    - {fault: wrong_fixes, every: 10, smallest: 0.5 deg, largest: 180 deg, from: 230 s, until: 400 s}
+    - {fault: bias, angles: [0.1 deg, 0 deg, 0 deg], from: 300 s, until: 400 s}
+"""
+
+
+def test_without_the_section_nothing_goes_wrong():
+    assert faults(load(DEFAULT)) == ((), (), ())
+
+
+def test_faults_are_read_in_si(tmp_path):
+    path = tmp_path / "faulty.yaml"
+    path.write_text(TEXT + GOOD, encoding="utf-8")
+    imu, gps, stars = faults(load(path))
+    assert [fault.kind for fault in imu] == ["stuck", "dead", "dropout"]
+    assert (imu[0].sensor, imu[0].axis, imu[0].start_s, imu[0].end_s) == ("gyro", 1, 300.0, 310.0)
+    assert (imu[1].sensor, imu[1].axis) == ("accelerometer", 0)
+    assert [fault.kind for fault in gps] == ["freeze", "jump", "drift"]
+    assert np.array_equal(gps[1].moved_n, [300.0, 0.0, 0.0]) and gps[2].velocity_too
+    assert (stars[0].every, stars[0].smallest) == (10, pytest.approx(np.radians(0.5)))
+    assert stars[1].bias_c == pytest.approx([np.radians(0.1), 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "field", "words"),
+    [
+        ("fault: freeze", "fault: @freze", "faults.gps.0.fault", "did you mean 'freeze'?"),
+        ("until: 60 s", "until: @0.5 s", "faults.gps.0.until", "0.5 s must be later than from, 1 s"),
+        ("sensor: gyro", "sensor: @giro", "faults.imu.0.sensor", "choose from: gyro, accelerometer"),
+        ("axis: y", "axis: @roll", "faults.imu.0.axis", "'roll' is not known; choose from: x, y, z"),
+        ("smallest: 0.5 deg", "smallest: @190 deg", "faults.star_tracker.0.smallest", "180 deg"),
+        (
+            "from: 120 s, until: 140 s",
+            "from: @700 s, until: 740 s",
+            "faults.gps.2.from",
+            "after mission.time_limit",
+        ),
+    ],
+)
+def test_nonsense_is_refused_in_one_line(tmp_path, good, bad, field, words):
+    check_one_message(tmp_path, good, bad, field, words, text=TEXT + GOOD)
