@@ -31,9 +31,14 @@ def bound(
     from shefex_nav.scenario import load
 
     loaded = load.load(scenario, overrides or ())
+    from shefex_nav.verify import over_bound
+
+    if over_bound.left_out(loaded):
+        words = f"{scenario} has errors that the bound does not know: {over_bound.left_out(loaded)}"
+        raise typer.BadParameter(words, param_hint="SCENARIO")
     _say("The first flight on a machine compiles, which takes a few minutes.")
     from shefex_nav import prepare
-    from shefex_nav.verify import flown, over_bound
+    from shefex_nav.verify import flown
 
     runs, pairs = [], []
     for seed in range(first, first + seeds):

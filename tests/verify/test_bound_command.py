@@ -27,6 +27,13 @@ def test_bad_input_is_refused_before_anything_flies(arguments, words):
     assert words in done.output
 
 
+def test_scenarios_with_errors_that_are_no_states_are_refused():
+    for name, words in (("tight", "gps.errors.multipath"), ("frozen_gps", "faults.gps")):
+        done = CliRunner().invoke(app, ["bound", str(SCENARIO.with_name(f"{name}.yaml"))])
+        assert done.exit_code == 2
+        assert words in done.output.replace("\n", "").replace(" ", "").replace("│", "")
+
+
 def test_what_is_printed_is_what_was_found(monkeypatch):
     """Flights and bounds are stood in for; the seeds asked for are the seeds flown."""
     seeds = []
