@@ -183,14 +183,13 @@ def main(argv=None):
 def judge(options, jobs):
     from shefex_nav.verify import consistency, consistency_figures, flown, over_bound
 
-    imagined = {"seed": options.representative, "histories": options.histories, "do": imagine}
-    # every filter's histories are a job of their own
     filters = jobs[0]["filters"]
-    alone = [jobs[0] | imagined | {"filters": {name: one}} for name, one in filters.items()]
-    everything = [*alone, *(job | {"do": follow} for job in jobs)]
-    done = in_parallel(work, everything, options.jobs, "filters and bounds")
-    histories = {name: one for found in done[: len(alone)] for name, one in found.items()}
-    results = done[len(alone) :]
+    chosen = jobs[0] | {"seed": options.representative, "histories": options.histories, "do": imagine}
+    alone = [chosen | {"filters": {name: one}} for name, one in filters.items()]  # the longest jobs
+    seeds = [job | {"do": follow} for job in jobs]
+    done = in_parallel(work, [seeds[0], *alone, *seeds[1:]], options.jobs, "filters and bounds")
+    histories = {name: one for found in done[1 : 1 + len(alone)] for name, one in found.items()}
+    results = [done[0], *done[1 + len(alone) :]]
     pairs = [pair for _, pair in results if pair is not None]
     print(f"{Path(options.scenario).name}, code {commit()}, {len(jobs)} seeds: {[j['seed'] for j in jobs]}")
     codes = {flown.made_by(fixes_path(job))["code"] for job in jobs}
