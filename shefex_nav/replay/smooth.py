@@ -20,11 +20,11 @@ from shefex_nav.onboard.navigation.fusion import Interval, Tick, finish
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.onboard.navigation.state import ATT, correct, pack
-from shefex_nav.records import GateResult, NavCovariance, NavSolution
+from shefex_nav.records import GateResult, NavCovariance, NavHealth, NavSolution
 from shefex_nav.replay import rerun, smoother
 
 SEGMENT_TICKS = 1000
-SAID = GateResult, NavSolution, NavCovariance
+SAID = {NavSolution: "nav", NavCovariance: "covariance", GateResult: "gates", NavHealth: "health"}
 SAME_S = 1e-6  # instants closer together than this are one
 
 
@@ -74,12 +74,10 @@ def forward(recording, progress=lambda k: None):
             copies.append(Copy(k, copy.deepcopy(nav), nav.history[0].t_s))
             progress(k)
         for record in rerun.tick(recording, nav, k):
-            if isinstance(record, SAID):
+            if type(record) in SAID:
                 said.add(record)
     said = said.build()
-    return copies, recording.data._replace(
-        **{name: getattr(said, name) for name in ("nav", "covariance", "gates")}
-    )
+    return copies, recording.data._replace(**{name: getattr(said, name) for name in SAID.values()})
 
 
 def backward(recording, copies, star_aided, progress=lambda k: None):

@@ -13,7 +13,7 @@ from shefex_nav.log.topics import Mission
 from shefex_nav.log.writer import LogWriter
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
-from shefex_nav.records import Detections, Event, Phase, TruthSample
+from shefex_nav.records import Detections, Event, GpsRanges, Phase, TruthSample
 from shefex_nav.scenario import load, params_onboard
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
@@ -74,6 +74,30 @@ def measured(blocks, params, rng):
         )
 
 
+def ranges(fix, rng):
+    """GpsRanges that belong to a noiseless GpsFix: eight satellites above it, a clock of 100 m and 1 m/s."""
+    up = fix.r_ea_e / np.linalg.norm(fix.r_ea_e)
+    spread = np.random.default_rng(0).standard_normal((8, 3))
+    r_es_e = 26.56e6 * (up + 0.6 * spread) / np.linalg.norm(up + 0.6 * spread, axis=1)[:, None]
+    d = r_es_e - fix.r_ea_e
+    distance = np.linalg.norm(d, axis=1)
+    u, turn = d / distance[:, None], np.array([0.0, 0.0, EARTH.rate])
+    v_s = np.cross(turn, r_es_e)  # the satellites stand still over the Earth
+    v = v_s - fix.v_ea_e - np.cross(turn, fix.r_ea_e)
+    rate = np.sum(u * v, axis=1) / (1.0 + np.sum(u * v_s, axis=1) / 299792458.0)
+    return GpsRanges(
+        t_valid_s=fix.t_valid_s,
+        t_available_s=fix.t_available_s,
+        prn=np.arange(1, 9),
+        pseudorange=distance + 100.0 + fix.t_valid_s + 1.5 * rng.standard_normal(8),
+        range_rate=rate + 1.0 + 0.05 * rng.standard_normal(8),
+        r_es_e=r_es_e,
+        v_es_e=np.zeros((8, 3)),
+        sigma_range=np.full(8, 1.5),
+        sigma_range_rate=np.full(8, 0.05),
+    )
+
+
 def fixes(flight, params, options, rng):
     """GPS every second, 0.2 s late; stars at 10 Hz, 0.09 s late, every seventh frame in vain."""
     gps = [gps_fix(*flight, float(t), 0.2, rng) for t in range(1, round(END_S))]
@@ -104,6 +128,7 @@ def _fly(params, flight, options):
     solved = tuple(fix for fix in stars if fix.reason == 0)
     switched_off = computer.ComputerParams(params, None, np.inf, np.inf, np.zeros(3))
     onboard = computer.Computer(switched_off, EARTH, nav, None, None, solved, 0)
+    noise = np.random.default_rng(options.seed + 100)
     yield start
     for block, state in zip(measured(flight[0], params, rng), flight[1][1:], strict=True):
         now_s = block.t_valid_s
@@ -113,6 +138,9 @@ def _fly(params, flight, options):
         yield TruthSample(now_s, int(phase), state.r_i, state.v_i, state.q_ib, np.zeros(3), np.zeros(3), 0.0)
         yield block
         due = [fix for fix in gps if now_s - 0.01 + 1e-6 < fix.t_available_s <= now_s + 1e-6]
+        due += [
+            ranges(gps_fix(*flight, fix.t_valid_s, fix.t_available_s - fix.t_valid_s), noise) for fix in due
+        ]
         yield from due
         yield from (fix for fix in stars if now_s - 0.01 < fix.t_available_s - 0.05 <= now_s)
         onboard, outputs = computer.tick(onboard, block, due, [])

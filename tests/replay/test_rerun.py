@@ -54,6 +54,17 @@ def test_another_configuration_gives_what_would_have_been(log, tmp_path):
     assert not np.array_equal(changed.nav.q_ib, reader.read(log).nav.q_ib)
 
 
+def test_tight_instead_of_loose_coupling(log, tmp_path):
+    """The log has both, fixes and ranges."""
+    changes = ("navigation.gps=tight", "navigation.states=[gyro_roll_column, mounting, clock]")
+    expected = reader.read(write(tmp_path / "tight.mcap", Options(overrides=changes)))
+    used = [gate for gate in expected.gates if gate.sensor == "gps_range" and gate.accepted]
+    assert len(used) == 29 and all(gate.dof == 8 for gate in used)
+    changed = again(log, changes)
+    assert same(changed.nav, expected.nav)
+    assert same(changed.covariance, expected.covariance)
+
+
 def test_records_come_in_order(log):
     kinds = [type(record) for record in rerun.run(log) if type(record) in (TruthSample, NavSolution)]
     assert kinds == [TruthSample, NavSolution] * 3000

@@ -7,7 +7,8 @@ from scipy.stats import chi2
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import fusion
-from shefex_nav.onboard.navigation.state import ATT
+from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.state import ATT, POS, layout
 from shefex_nav.replay import compare, rerun, smooth
 from shefex_nav.report import metrics
 
@@ -132,6 +133,22 @@ def test_a_filter_that_was_led_astray_is_smoothed_on_both_sides(tmp_path):
     assert np.abs(errors.position_i[errors.t_s < 8.0]).max() < 10.0
     late = errors.position_i[errors.t_s > 16.0]
     assert np.abs(np.linalg.norm(late, axis=1) - 2000.0).max() < 10.0
+
+
+def test_which_resets_forget():
+    """Cut from all others, a block is new; with an error admitted on top, it is what it was."""
+    order = layout()
+    root = np.random.default_rng(1).standard_normal((order.n, order.n))
+    P = root @ root.T
+    admitted, cut = P.copy(), P.copy()
+    admitted[POS, POS] += 100.0 * np.eye(3)
+    cut[POS], cut[:, POS] = 0.0, 0.0
+    cut[POS, POS] = 1e10 * np.eye(3)
+    correction = fusion.Correction(*[None] * len(fusion.Correction._fields))
+    correction = correction._replace(sensor="gps_position", P=P, fate=Fate.RESET)
+    for P_forgotten, expected in ((admitted, []), (cut, [POS]), (P, [])):
+        assert list(smooth._forgotten(correction._replace(P_forgotten=P_forgotten), order)) == expected
+    assert list(smooth._forgotten(correction._replace(P_forgotten=cut, fate=Fate.USED), order)) == []
 
 
 def test_parts_of_the_flight(result):
