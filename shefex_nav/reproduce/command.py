@@ -1,6 +1,6 @@
 """`shefex-nav reproduce`: the papers' experiments, published against measured.
 
-Exit codes: 0 done, also where a figure disagrees (the table says so and why), 2 bad input.
+Exit codes: 0 done, also where a figure disagrees (the table says so and why), 2 bad input, 130 interrupted.
 """
 
 import json as json_module
@@ -33,7 +33,11 @@ def reproduce(
     seed: Annotated[int, typer.Option(min=0, help="Seed of all randomness.")] = 1,
     out: Annotated[Path, typer.Option(help="Folder for the figures (PNG).")] = OUT,
     keep: Annotated[
-        Path | None, typer.Option(help="Keep results here chunk by chunk; a second run goes on from them.")
+        Path | None,
+        typer.Option(
+            help="Keep results here chunk by chunk; a second run goes on from them, one with more --samples "
+            "too if the first had whole chunks alone (a message says of how many)."
+        ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ):
@@ -88,25 +92,38 @@ def _run(name, samples, seed, out, keep, show):
 
 
 def _watched(experiment, samples, seed, folder):
-    """Run with a progress bar on stderr."""
+    """Run with a progress bar on stderr, or with lines where that is no terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
     from shefex_nav.reproduce import engine
     from shefex_nav.reproduce import keep as keeping
+    from shefex_nav.reproduce.progress import lines
 
     store = None if folder is None else keeping.store(experiment, seed, folder)
     console = Console(stderr=True)
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("measure", total=samples)
-        return engine.run(
-            experiment,
-            samples=samples,
-            seed=seed,
-            progress=lambda n: progress.advance(task, n),
-            store=store,
+        told = (lambda n: progress.advance(task, n)) if console.is_terminal else lines(samples, _say)
+        try:
+            return engine.run(experiment, samples=samples, seed=seed, progress=told, store=store)
+        except KeyboardInterrupt:
+            words = _interrupted(experiment, samples, store)
+    _say(words)  # below the bar, which is gone now
+    raise typer.Exit(130)
+
+
+def _interrupted(experiment, samples, store):
+    """What is left of an experiment that was stopped: str."""
+    if store is not None:
+        n_chunks = -(-samples // experiment.chunk)
+        kept = sum(store.path(k).exists() for k in range(n_chunks))
+        return (
+            f"interrupted; {kept} of {n_chunks} chunks are kept in {store.folder}, the same command goes on "
+            "from there"
         )
+    return "interrupted; nothing is kept" + (", --keep FOLDER would" if experiment.kept else "")
 
 
 def _writable(out, option):
