@@ -31,6 +31,7 @@ def load(path, overrides=()):
     """
     files = {}
     tree, places = _extended(os.fspath(path), (), files)
+    parents = [file for file in files if file != os.fspath(path)]
     _override(tree, places, overrides)
     found, rated = expand.expand(tree, places, files)
     try:
@@ -39,13 +40,22 @@ def load(path, overrides=()):
         found += messages.lines(Scenario, error, places)
     if not found:
         found = [
-            (places.value(where), f"{dotted(where)}: {words}")
+            (places.value(where), f"{dotted(where)}: {words}{_whose(places.value(where), path, parents)}")
             for where, words in cross_check(scenario, rated)
         ]
     if found:
         raise _sorted_error(found) from None
     scenario.keep_text(_normalised(tree), files)
     return scenario
+
+
+def _whose(mark, path, parents):
+    """Where to put right what stands in a file that the user's own extends: nobody need edit that one."""
+    return (
+        f" (set in {mark.file}; change it in {os.fspath(path)}, which extends it)"
+        if mark.file in parents
+        else ""
+    )
 
 
 def json_schema():
