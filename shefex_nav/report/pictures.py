@@ -7,7 +7,7 @@ mapped to eight bits for the recording: the same ones over the whole recording, 
 
 import numpy as np
 
-BELOW_SIGMA, ABOVE_SIGMA = 3.0, 60.0  # of the sky's noise about its level: black and white
+BELOW_SIGMA, ABOVE_SIGMA = 3.0, 20.0  # of the sky's noise about its level: black and white; streaks are faint
 _U16, _U8 = 8, 6  # rerun's numbers of the two kinds of pixels
 
 
