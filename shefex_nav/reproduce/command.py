@@ -4,8 +4,11 @@ Exit codes: 0 done, also where a figure disagrees (the table says so and why), 2
 """
 
 import json as json_module
+import signal
 import sys
 import tempfile
+import threading
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -106,12 +109,43 @@ def _watched(experiment, samples, seed, folder):
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("measure", total=samples)
         told = (lambda n: progress.advance(task, n)) if console.is_terminal else lines(samples, _say)
-        try:
-            return engine.run(experiment, samples=samples, seed=seed, progress=told, store=store)
-        except KeyboardInterrupt:
-            words = _interrupted(experiment, samples, store)
+        with _interrupts() as asked:
+
+            def note(n):
+                told(n)
+                if asked:  # and something took no notice
+                    raise KeyboardInterrupt
+
+            try:
+                return engine.run(experiment, samples=samples, seed=seed, progress=note, store=store)
+            except BaseException as error:
+                if not (asked or isinstance(error, KeyboardInterrupt)):
+                    raise
+                words = _interrupted(experiment, samples, store)
     _say(words)  # below the bar, which is gone now
     raise typer.Exit(130)
+
+
+@contextmanager
+def _interrupts():
+    """A list that gets an entry with each Ctrl-C, which raises KeyboardInterrupt as ever.
+
+    The compiler can swallow the exception and fail a little later with another one; the list still knows.
+    """
+    asked, before = [], signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
+        yield asked  # ignored, or in other hands
+        return
+
+    def take(number, frame):
+        asked.append(number)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, take)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _interrupted(experiment, samples, store):

@@ -1,5 +1,8 @@
 """Experiments that are kept: interrupted and continued they give the same, and foreign files are refused."""
 
+import contextlib
+import signal
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -161,6 +164,37 @@ def test_an_interrupted_command_says_what_is_left(kept, monkeypatch, tmp_path):
     assert result.stderr.endswith(words)
     head = keep.store(KEPT._replace(measure=measure_until_interrupted), 1, folder)
     assert all(head.path(k).exists() == (k < 4) for k in range(10))
+
+
+def measure_like_the_compiler(samples, seed, first):
+    if first >= 40:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        if first == 40:
+            return measure(samples, seed, first)  # the interrupt is swallowed
+        raise RuntimeError("no compiled object yet")
+    return measure(samples, seed, first)
+
+
+@pytest.mark.parametrize("start", [0, 5])
+def test_an_interrupt_that_the_compiler_swallows_counts(start, monkeypatch, tmp_path):
+    """Whether what was interrupted goes on as if nothing had been, or fails with another exception."""
+
+    def measured(samples, seed, first):
+        return measure_like_the_compiler(samples, seed, first + start)
+
+    monkeypatch.setattr(registry, "EXPERIMENTS", {"kept": ("kept", "numbers")})
+    monkeypatch.setattr(engine, "cores", lambda: 1)
+    monkeypatch.setattr(registry, "load", lambda name: KEPT._replace(measure=measured))
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        result = reproduce("kept", "--samples", 95, "--out", tmp_path, "--keep", tmp_path / "kept")
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert result.exit_code == 130
+    kept = 5 if start == 0 else 4
+    assert f"interrupted; {kept} of 10 chunks are kept" in result.stderr
 
 
 def test_lines_of_progress_come_each_tenth_or_each_minute():
