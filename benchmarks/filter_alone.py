@@ -1,8 +1,8 @@
 """How fast the navigation filter alone runs, in processor time on one core, against real time.
 
-The default mission's flight: IMU at 400 Hz, prediction at 100 Hz, GPS at 1 Hz (0.2 s late), star fixes at 10 Hz
-(0.1 s late) from the first tick to the last: more than ever flies, and no frames. Each fix makes the filter
-integrate again from the instant it measures. Best of the rounds, since the machine is shared.
+The default mission's flight: IMU at 400 Hz, prediction at 100 Hz, GPS at 1 Hz (0.2 s late), star fixes at
+10 Hz (0.1 s late) from the first tick to the last: more than ever flies, and no frames. Each fix makes the
+filter integrate again from the instant it measures. Best of the rounds, since the machine is shared.
 
 uv run python benchmarks/filter_alone.py [--rounds 5] [--json]
 """

@@ -83,7 +83,7 @@ def fly(duration_s):
                 dv_b[k] += 0.5 * DT * w * f_b
         block = ImuBlock((n + 1) / 100.0, (n + 1) / 100.0, DT, dtheta_b, dv_b, False)
         imu = strapdown.window(block, imu)
-        r_i, v_i, q_ib, _ = strapdown.propagate(state, imu, 0.0, 4 * DT, EARTH)
+        r_i, v_i, q_ib = strapdown.propagate(state, imu, 0.0, 4 * DT, EARTH)
         state = NavState(block.t_valid_s, r_i, v_i, q_ib, *state[4:])
         blocks.append(block)
         states.append(state)
@@ -94,7 +94,7 @@ def state_at(blocks, states, t_s):
     """The truth at any instant, between samples too."""
     n = max(int(np.ceil(t_s * 100.0 - 1e-9)) - 1, 0)
     imu = strapdown.window(blocks[n], strapdown.window(blocks[n - 1]) if n else None)
-    r_i, v_i, q_ib, _ = strapdown.propagate(states[n], imu, 0.0, t_s - states[n].t_s, EARTH)
+    r_i, v_i, q_ib = strapdown.propagate(states[n], imu, 0.0, t_s - states[n].t_s, EARTH)
     return NavState(t_s, r_i, v_i, q_ib, *states[n][4:]), strapdown.rate(states[n], imu, t_s - states[n].t_s)
 
 

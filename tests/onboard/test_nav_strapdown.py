@@ -21,7 +21,6 @@ from shefex_nav.onboard.navigation.state import (
     NavState,
     correct,
     layout,
-    pack,
 )
 from shefex_nav.records import ImuBlock
 
@@ -94,7 +93,7 @@ def fly(state, blocks, cuts=(0.0, 4 * DT)):
     for block in blocks:
         imu = strapdown.window(block, imu)
         for begin_s, end_s in pairwise(cuts):
-            r_i, v_i, q_ib, _ = strapdown.propagate(state, imu, begin_s, end_s, EARTH)
+            r_i, v_i, q_ib = strapdown.propagate(state, imu, begin_s, end_s, EARTH)
             t_s = block.t_valid_s - 4 * DT + end_s
             state = NavState(t_s, r_i, v_i, q_ib, *state[4:])
     return state
@@ -136,7 +135,7 @@ def test_cutting_a_sample_anywhere_changes_nothing():
 def test_state_inside_a_tick_is_that_of_then():
     imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]))
     state = fly(MOTION.start(), BLOCKS[:1])
-    _, _, q_ib, _ = strapdown.propagate(state, imu, 0.0, 0.0037, EARTH)
+    _, _, q_ib = strapdown.propagate(state, imu, 0.0, 0.0037, EARTH)
     q_true = rotation.quat_from_dcm(MOTION.C_ib(0.01 + 0.0037))
     assert np.linalg.norm(rotation.rotvec_between(q_ib, q_true)) < 1e-7
 
@@ -201,17 +200,17 @@ def test_transition_matrix_is_the_derivative_of_the_strapdown(begin_s, end_s):
     imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]))
 
     def end(start):
-        r_i, v_i, q_ib, pieces = strapdown.propagate(start, imu, begin_s, end_s, EARTH)
-        return NavState(0.0, r_i, v_i, q_ib, *start[4:]), pieces
+        r_i, v_i, q_ib = strapdown.propagate(start, imu, begin_s, end_s, EARTH)
+        return NavState(0.0, r_i, v_i, q_ib, *start[4:])
 
-    nominal, pieces = end(state)
-    Phi = error_model.transition(noise_of(MODEL), pieces, pack(state), nominal.q_ib, LAYOUT.at, LAYOUT.n)
+    nominal = end(state)
+    Phi, _ = prediction.growth(LAYOUT, noise_of(MODEL), state, imu, begin_s, end_s, EARTH)
     measured = np.empty((N_ERROR, N_ERROR))
     for j in range(N_ERROR):
         dx = np.zeros(N_ERROR)
         dx[j] = STEP[j]
-        up = error_between(nominal, end(correct(LAYOUT, state, dx))[0])
-        down = error_between(nominal, end(correct(LAYOUT, state, -dx))[0])
+        up = error_between(nominal, end(correct(LAYOUT, state, dx)))
+        down = error_between(nominal, end(correct(LAYOUT, state, -dx)))
         measured[:, j] = (up - down) / (2.0 * STEP[j])
     gradient = wgs84.GM / np.linalg.norm(state.r_i) ** 3
     T = end_s - begin_s
@@ -235,10 +234,9 @@ def noise_of(model):
     return error_model.record(SimpleNamespace(imu=model, **receiver))
 
 
-def process_noise(model, saturated=False):
-    imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]))
+def process_noise(model, extra=strapdown.NO_EXTRA):
+    imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]), 0.0, extra)
     state = MOTION.start()
-    imu = imu._replace(saturated=saturated)
     return prediction.growth(LAYOUT, noise_of(model), state, imu, 0.0, 0.01, EARTH).Q
 
 
@@ -258,12 +256,19 @@ def test_spin_averages_errors_across_the_roll_axis_only():
     assert Q[ATT, ATT][1, 1] < 1e-4 * Q[ATT, ATT][0, 0]
 
 
-def test_saturation_opens_the_covariance():
-    quiet = MODEL._replace(saturated_rate=0.5, saturated_acceleration=10.0)
-    assert np.allclose(process_noise(quiet), 0.0)
-    Q = process_noise(quiet, saturated=True)
-    assert np.allclose(np.sqrt(np.diag(Q)[ATT]), 0.5 * 0.01, rtol=1e-6)
-    assert np.sqrt(np.diag(Q)[VEL]).min() >= 10.0 * 0.01 * 0.999
+def test_noise_that_comes_on_top_acts_along_its_axes():
+    """As of an axis at the end of its range, or one that is stuck: densities per body axis."""
+    assert np.allclose(process_noise(MODEL), 0.0)
+    rate, force = np.array([0.5, 0.0, 0.2]) ** 2 * 0.01, np.array([0.0, 10.0, 3.0]) ** 2 * 0.01
+    Q = process_noise(MODEL, np.array([rate, force]))
+    C_ib = MOTION.C_ib(0.0)  # at the start of the interval
+    angle = 0.01 * MOTION.spin / 2.0  # by which the axes have turned on average: all that is left out
+    assert np.allclose(Q[ATT, ATT], np.diag(rate) * 0.01, atol=rate.max() * 0.01 * 2.0 * angle)
+    assert np.allclose(Q[VEL, VEL], C_ib @ np.diag(force) @ C_ib.T * 0.01, atol=2e-5)
+    assert np.linalg.eigvalsh(Q[:9, :9] / np.outer(SCALE, SCALE)).min() > -1e-12
+
+
+SCALE = np.repeat([1e-3, 1.0, 5e-3], 3)
 
 
 def test_vibration_is_that_of_the_motor_that_burns():

@@ -36,10 +36,12 @@ def assert_plain(record):
         if hasattr(value, "_fields"):
             assert_plain(value)
         elif isinstance(value, tuple):
-            assert all(is_number(item) or hasattr(item, "_fields") for item in value), name
+            assert all(is_number(item) or isinstance(item, str) or hasattr(item, "_fields") for item in value)
             for item in value:
                 if hasattr(item, "_fields"):
                     assert_plain(item)
+        elif isinstance(value, dict):
+            assert all(item.dtype == np.float64 for item in value.values()), name
         elif value is None:
             assert name in ("parachute", "payload_aerodynamics", "south_magnitude", "run_length"), name
         elif isinstance(value, np.ndarray):

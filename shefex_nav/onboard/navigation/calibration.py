@@ -13,6 +13,7 @@ so that an error of the estimates (truth = estimate (+) error) changes the corre
 import numpy as np
 from numba import njit
 
+from shefex_nav.onboard.navigation import triples as t3
 from shefex_nav.onboard.navigation.state import (
     A_MISALIGN,
     A_SCALE,
@@ -36,74 +37,63 @@ from shefex_nav.onboard.navigation.state import (
 OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # order of misalignments
 
 
-@njit(cache=True)
-def _inverse(A):
-    """Inverse of a (3, 3) matrix by its cofactors; the library's costs several times as much."""
-    out = np.empty((3, 3))
-    out[0, 0] = A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1]
-    out[0, 1] = A[0, 2] * A[2, 1] - A[0, 1] * A[2, 2]
-    out[0, 2] = A[0, 1] * A[1, 2] - A[0, 2] * A[1, 1]
-    out[1, 0] = A[1, 2] * A[2, 0] - A[1, 0] * A[2, 2]
-    out[1, 1] = A[0, 0] * A[2, 2] - A[0, 2] * A[2, 0]
-    out[1, 2] = A[0, 2] * A[1, 0] - A[0, 0] * A[1, 2]
-    out[2, 0] = A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0]
-    out[2, 1] = A[0, 1] * A[2, 0] - A[0, 0] * A[2, 1]
-    out[2, 2] = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
-    out /= A[0, 0] * out[0, 0] + A[0, 1] * out[1, 0] + A[0, 2] * out[2, 0]
-    return out
+@njit(cache=True, forceinline=True)
+def _response(scale, misalignment, column):
+    """I + diag(scale) + misalignment + column e_x^T: what a triad makes of its input, nine numbers."""
+    return (
+        1.0 + scale[0] + column[0], misalignment[0], misalignment[1],
+        misalignment[2] + column[1], 1.0 + scale[1], misalignment[3],
+        misalignment[4] + column[2], misalignment[5], 1.0 + scale[2],
+    )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def gyro_inverse(x):
-    """A_g^-1 of packed nominal values: (3, 3)."""
-    A = np.zeros((3, 3))
-    for i in range(3):
-        A[i, i] = 1.0 + x[X_GS + i]
-    for k, (i, j) in enumerate(OFF_DIAGONAL):
-        A[i, j] = x[X_GM + k]
-    for i in range(3):
-        A[i, 0] += x[X_ROLL + i]
-    return _inverse(A)
+    """A_g^-1 of packed nominal values, as nine numbers."""
+    k = X_GM
+    misalignment = x[k], x[k + 1], x[k + 2], x[k + 3], x[k + 4], x[k + 5]
+    return t3.inverse(_response(t3.vector(x, X_GS), misalignment, t3.vector(x, X_ROLL)))
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def accel_inverse(x):
-    """A_a^-1 of packed nominal values: (3, 3)."""
-    A = np.zeros((3, 3))
-    for i in range(3):
-        A[i, i] = 1.0 + x[X_AS + i]
-    for k, (i, j) in enumerate(OFF_DIAGONAL):
-        A[i, j] = x[X_AM + k]
-    return _inverse(A)
+    """A_a^-1 of packed nominal values, as nine numbers."""
+    k = X_AM
+    misalignment = x[k], x[k + 1], x[k + 2], x[k + 3], x[k + 4], x[k + 5]
+    return t3.inverse(_response(t3.vector(x, X_AS), misalignment, (0.0, 0.0, 0.0)))
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def g_sensitivity(x):
-    """G of packed nominal values: (3, 3) rad/s per m/s^2."""
-    return x[X_GG : X_GG + 9].copy().reshape(3, 3)
+    """G of packed nominal values, rad/s per m/s^2, as nine numbers."""
+    k = X_GG
+    return x[k], x[k + 1], x[k + 2], x[k + 3], x[k + 4], x[k + 5], x[k + 6], x[k + 7], x[k + 8]
+
+
+@njit(cache=True, forceinline=True)
+def free_increment(x, M, A, G, increments, n, duration_s):
+    """Sample n of (N, 6) increments free of the estimated sensor errors; M, A, G as nine numbers.
+
+    -> dtheta_b (3,) rad, dv_b (3,) m/s
+    """
+    dv = t3.turned(A, t3.plus(t3.vector(increments[n], 3), -duration_s, t3.vector(x, X_BA)))
+    w = t3.plus(t3.vector(increments[n], 0), -duration_s, t3.vector(x, X_BG))
+    return t3.turned(M, t3.plus(w, -1.0, t3.turned(G, dv))), dv
 
 
 @njit(cache=True)
 def correct_increments(x, increments, duration_s):
     """Increments free of the estimated sensor errors.
 
-    x : (87,) packed nominal values
+    x : (n,) packed nominal values
     increments : (N, 6) rad, m/s as measured, each over duration_s -> (N, 6)
     """
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     out = np.empty(increments.shape)
-    w = np.empty(6)
     for n in range(increments.shape[0]):
-        for j in range(3):
-            w[3 + j] = increments[n, 3 + j] - x[X_BA + j] * duration_s
-        for i in range(3):
-            out[n, 3 + i] = A[i, 0] * w[3] + A[i, 1] * w[4] + A[i, 2] * w[5]
-        for i in range(3):
-            w[i] = increments[n, i] - x[X_BG + i] * duration_s
-            for j in range(3):
-                w[i] -= G[i, j] * out[n, 3 + j]
-        for i in range(3):
-            out[n, i] = M[i, 0] * w[0] + M[i, 1] * w[1] + M[i, 2] * w[2]
+        dtheta, dv = free_increment(x, M, A, G, increments, n, duration_s)
+        out[n, 0], out[n, 1], out[n, 2] = dtheta
+        out[n, 3], out[n, 4], out[n, 5] = dv
     return out
 
 
@@ -139,7 +129,10 @@ def jacobians(layout, state, omega_b, f_b):
 @njit(cache=True)
 def jacobians_packed(at, n, x, omega_b, f_b):
     """`jacobians` with the fields of the Layout and the packed nominal values."""
-    M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
+    M, A, G = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    t3.store(M, gyro_inverse(x))
+    t3.store(A, accel_inverse(x))
+    t3.store(G, g_sensitivity(x))
     J_omega, J_f = np.zeros((3, n)), np.zeros((3, n))
     for i in range(3):
         J_omega[:, BG.start + i] = -M[:, i]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.navigation.state import ATT, NavState, correct, right_jacobian
+from shefex_nav.onboard.navigation.state import ATT, NavState, corrected, pack, right_jacobian, unpack
 
 
 class Corrected(NamedTuple):
@@ -27,7 +27,9 @@ def engine(layout):
     """filterpy.kalman.KalmanFilter for the errors; its contents do not outlive a call of this module."""
     from filterpy.kalman import KalmanFilter  # takes seconds to import, so not with the package
 
-    return KalmanFilter(dim_x=layout.n, dim_z=3)
+    kalman = KalmanFilter(dim_x=layout.n, dim_z=3)
+    kalman.inv = _inverse  # of S; filterpy's own call takes longer than its arithmetic
+    return kalman
 
 
 def predict(kalman, P, Phi, Q):
@@ -35,6 +37,12 @@ def predict(kalman, P, Phi, Q):
     kalman.P = P
     kalman.predict(F=Phi, Q=Q)
     return _symmetrise(kalman.P)
+
+
+@njit(cache=True)
+def _inverse(S):
+    """Inverse of the covariance of an innovation."""
+    return np.linalg.inv(S)
 
 
 @njit(cache=True)
@@ -48,7 +56,13 @@ def _symmetrise(P):
 
 def innovation_statistics(P, z, H, R):
     """Normalised innovation squared z^T (H P H^T + R)^-1 z."""
-    return float(z @ np.linalg.solve(H @ P @ H.T + R, z))
+    z, H, R = np.ascontiguousarray(z), np.ascontiguousarray(H), np.ascontiguousarray(R)
+    return _normalised(P, z, H, R)
+
+
+@njit(cache=True)
+def _normalised(P, z, H, R):
+    return z @ np.linalg.solve(H @ P @ H.T + R, z)
 
 
 def update(kalman, layout, state, P, z, H, R):
@@ -69,15 +83,31 @@ def update(kalman, layout, state, P, z, H, R):
     -------
     Corrected
     """
+    x, P, dx, G = update_packed(kalman, layout, pack(state), P, z, H, R)
+    return Corrected(unpack(state.t_s, x), P, dx, G)
+
+
+def update_packed(kalman, layout, x, P, z, H, R):
+    """`update` with packed nominal values. -> x, P, dx, G"""
     kalman.P = P
     kalman.x = np.zeros((layout.n, 1))
     kalman.update(z.reshape(-1, 1), R=R, H=H)
-    dx = kalman.x[:, 0]
-    G = right_jacobian(np.ascontiguousarray(dx[ATT]))
-    P = _symmetrise(kalman.P)
-    P[ATT] = G @ P[ATT]
-    P[:, ATT] = P[:, ATT] @ G.T
-    return Corrected(correct(layout, state, dx), P, dx, G)
+    dx, P = kalman.x[:, 0], kalman.P
+    after, G = np.empty(len(x)), np.empty((3, 3))
+    _take_in(x, dx, layout.nominal, P, after, G)
+    return after, P, dx, G
+
+
+@njit(cache=True)
+def _take_in(x, dx, nominal, P, after, G):
+    """Estimated error into the nominal state; P symmetric and turned into the new body axes, in place."""
+    after[:] = corrected(x, dx, nominal)
+    G[:] = right_jacobian(dx[ATT])
+    _symmetrise(P)
+    turned = G @ P[ATT]
+    P[ATT] = turned
+    P[:, ATT] = turned.T
+    P[ATT, ATT] = np.ascontiguousarray(turned[:, ATT]) @ G.T
 
 
 def forget(P, block, covariance):

@@ -39,6 +39,7 @@ from shefex_nav.onboard.navigation.state import (
 from shefex_nav.records import GateResult
 
 SNAP_S = 1e-6  # instants closer together than this are one
+UNUSED = (Fate.REJECTED, Fate.HELD)
 NOTES = {
     Fate.USED: "",
     Fate.REJECTED: "rejected",
@@ -167,7 +168,7 @@ def advance(nav, block):
         )
     block, extra = nav.watch.screen(block)
     level = error_model.vibration_level(nav.params, block)
-    imu = strapdown.window(block, last.imu, level)._replace(extra=extra)
+    imu = strapdown.window(block, last.imu, level, extra)
     x, P = prediction.advance(
         nav.layout, nav.imu_model, last.x, last.t_s, last.P, imu, 0.0, length_s, nav.earth
     )
@@ -226,10 +227,30 @@ def fuse(nav, arrivals):
         queue = tuple(sorted(queue, key=lambda m: m.fix.t_valid_s))
         nav.history[index] = tick._replace(measurements=queue)
         earliest = min(earliest, index)
-    for index in range(earliest, len(nav.history)):
-        nav.history[index] = _repeat(nav, nav.history[index - 1], nav.history[index], results)
+    _integrate_again(nav, earliest, results)
     nav.watch.protect(nav.history[-1].P)
     return results
+
+
+def _integrate_again(nav, index, results):
+    """The ticks from an index on once more; what the gate says of new measurements goes to the results."""
+    history = nav.history
+    while index < len(history):
+        before, run = history[index - 1], []
+        for k in range(index, len(history)):
+            if any(measurement.fate not in UNUSED for measurement in history[k].measurements):
+                break
+            run.append(history[k])
+        if run:
+            xs, Ps = prediction.advance_ticks(
+                nav.layout, nav.imu_model, before.x, before.t_s, before.P, [t.imu for t in run], nav.earth
+            )
+            for k, tick in enumerate(run):
+                history[index + k] = Tick(tick.t_s, xs[k], Ps[k], tick.imu, tick.measurements)
+            index += len(run)
+        else:
+            history[index] = _repeat(nav, before, history[index], results)
+            index += 1
 
 
 def _unused(now_s, fix, sensor, note):
@@ -298,14 +319,14 @@ def _predict(nav, t_s, x, P, imu, begin_s, end_s, recorder):
 
 def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
     """Correct with one measurement. -> x, P, Measurement, GateResult or None if its fate was known."""
-    if measurement.fate in (Fate.REJECTED, Fate.HELD):
+    if measurement.fate in UNUSED:
         return x, P, measurement, None
     sensor, state = SENSORS[measurement.sensor], unpack(t_s, x)
     z, H, R = sensor.linearise(nav, state, imu, at_s, measurement.fix)
     result, confirmed = None, False
     if measurement.fate == Fate.PENDING:
         measurement, result, confirmed = _decide(nav, state, P, z, H, R, imu, at_s, measurement)
-        if measurement.fate in (Fate.REJECTED, Fate.HELD):
+        if measurement.fate in UNUSED:
             return x, P, measurement, result
     prior = P
     if measurement.fate in (Fate.RESET, Fate.DOUBTED):
@@ -315,15 +336,17 @@ def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
     used = measurement.rows
     if used is not None:
         z, H, R = z[used], H[used], R[np.ix_(used, used)]
-    after = eskf.update(nav.kalman, nav.layout, state, prior, z, H, R)
+    after, P_after, dx, G = eskf.update_packed(nav.kalman, nav.layout, x, prior, z, H, R)
     if recorder is not None:
         name, fix, fate = measurement[:3]
-        recorder(Correction(t_s, name, fix, fate, state, P, prior, z, H, R, after.dx, after.G, *after[:2]))
+        ends = unpack(t_s, after), P_after
+        recorder(Correction(t_s, name, fix, fate, state, P, prior, z, H, R, dx, G, *ends))
     if result is not None:
-        _protect(nav, measurement, prior, after.P, H, R, confirmed)
+        _protect(nav, measurement, prior, P_after, H, R, confirmed)
         if confirmed:
-            nav.health[measurement.sensor] = sensor.confirmed(nav, after.state, imu, at_s, measurement.fix)
-    return pack(after.state), after.P, measurement, result
+            state = unpack(t_s, after)
+            nav.health[measurement.sensor] = sensor.confirmed(nav, state, imu, at_s, measurement.fix)
+    return after, P_after, measurement, result
 
 
 def _protect(nav, measurement, P_before, P_after, H, R, confirmed):

@@ -6,6 +6,7 @@ z = H dx + noise, noise ~ N(0, R), dx in the order of a `state.Layout`. Frames a
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from shefex_nav.environment.gravity import gravity_j2_e
 from shefex_nav.geometry import frames, rotation, wgs84
@@ -139,12 +140,24 @@ def star_attitude(layout, state, fix, C_bc, sigma_floor):
     ----------
     Markley & Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, section 6.2.
     """
-    q_mounting = rotation.quat_from_rotvec(state.mounting)
-    q_predicted = rotation.quat_multiply(state.q_ib, q_mounting)
-    q_measured = rotation.quat_multiply(fix.q_ic, rotation.quat_from_dcm(np.ascontiguousarray(C_bc.T)))
+    mounting = layout.places["mounting"]
+    first = -1 if mounting is None else mounting.start
+    H, R = np.zeros((3, layout.n)), np.empty((3, 3))
+    z = _star_attitude(state.q_ib, state.mounting, fix.q_ic, fix.P_c, C_bc, sigma_floor, first, H, R)
+    return z, H, R
+
+
+@njit(cache=True)
+def _star_attitude(q_ib, mounting, q_ic, P_c, C_bc, sigma_floor, first, H, R):
+    """`star_attitude` of its parts; first: error of the mounting, -1 if it is none. H, R are written."""
+    q_mounting = rotation.quat_from_rotvec(mounting)
+    q_predicted = rotation.quat_multiply(q_ib, q_mounting)
+    q_measured = rotation.quat_multiply(q_ic, rotation.quat_from_dcm(np.ascontiguousarray(C_bc.T)))
     z = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(q_predicted), q_measured))
-    H = np.zeros((3, layout.n))
     H[:, ATT] = rotation.dcm_from_quat(q_mounting).T
-    if mounting := layout.places["mounting"]:
-        H[:, mounting] = right_jacobian(state.mounting)
-    return z, H, C_bc @ fix.P_c @ C_bc.T + sigma_floor**2 * np.eye(3)
+    if first >= 0:
+        H[:, first : first + 3] = right_jacobian(mounting)
+    R[:] = C_bc @ P_c @ C_bc.T
+    for i in range(3):
+        R[i, i] += sigma_floor**2
+    return z

@@ -15,7 +15,7 @@ For a piece of duration T with rate A + B tau and specific force a + b tau::
     q <- q exp(phi),   v <- v + C_ib s + g T,   r <- r + v T + C_ib s_r + g T^2/2
 
 The kernels take the nominal state packed (`state.pack`), and the increments of a tick behind the two before
-it. The helpers are inlined by force: handing arrays to a function costs more than three sums.
+it, and work on tuples of numbers (`triples`).
 """
 
 from typing import NamedTuple
@@ -23,12 +23,20 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.environment.gravity import gravity_j2_e
-from shefex_nav.geometry import frames, rotation
-from shefex_nav.onboard.navigation.calibration import correct_increments, motion
+from shefex_nav.environment.gravity import J2_WGS84
+from shefex_nav.geometry import wgs84
+from shefex_nav.onboard.navigation import triples as t3
+from shefex_nav.onboard.navigation.calibration import (
+    accel_inverse,
+    free_increment,
+    g_sensitivity,
+    gyro_inverse,
+    motion,
+)
 from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V, pack
 
 BEFORE = 2  # samples kept from before a block, for the slopes
+LEAST = 1e-9  # share of a sample that is worth a step
 NO_EXTRA = np.zeros((2, 3))
 
 
@@ -63,21 +71,7 @@ class ImuWindow(NamedTuple):
         return self.n * self.dt_s
 
 
-class Pieces(NamedTuple):
-    """What an interval passed through, for the error model: n pieces of samples, corrected increments."""
-
-    n: int
-    dt_s: np.ndarray  # (N,) the first n are used, here and below
-    C_ib: np.ndarray  # (N, 3, 3) attitude at the start of the piece
-    dtheta_b: np.ndarray  # (N, 3) rad
-    dv_b: np.ndarray  # (N, 3) m/s
-    s_b: np.ndarray  # (N, 3) m/s, velocity gained, in the axes at the start of the piece
-    s_r_b: np.ndarray  # (N, 3) m, distance gained by it
-    B_b: np.ndarray  # (N, 3) rad/s^2, slope of the rate
-    b_b: np.ndarray  # (N, 3) m/s^3, slope of the specific force
-
-
-def window(block, before=None, vibration=0.0):
+def window(block, before=None, vibration=0.0, extra=NO_EXTRA):
     """ImuWindow of an ImuBlock and the window before it; at the start the first sample stands in for it.
 
     Samples of another duration are taken to have gone on at their rate.
@@ -90,97 +84,101 @@ def window(block, before=None, vibration=0.0):
         increments[:BEFORE] = before.increments[-BEFORE:]
         if before.dt_s != block.dt_s:
             increments[:BEFORE] *= block.dt_s / before.dt_s
-    return ImuWindow(block.t_valid_s, block.dt_s, increments, block.saturated, vibration)
+    return ImuWindow(block.t_valid_s, block.dt_s, increments, block.saturated, vibration, extra)
 
 
 @njit(cache=True, forceinline=True)
-def _add_cross(out, factor, u, v):
-    """out += factor u x v, in place: the loops below make no arrays, which would cost more than the sums."""
-    out[0] += factor * (u[1] * v[2] - u[2] * v[1])
-    out[1] += factor * (u[2] * v[0] - u[0] * v[2])
-    out[2] += factor * (u[0] * v[1] - u[1] * v[0])
+def cut(last, before, sample, h, x0, x1):
+    """Part x0 ... x1 (0 ... 1) of a sample of duration h, from its two predecessors' and its own increments.
 
+    last, before, sample : (dtheta, dv), corrected, of which `last` is the oldest
 
-@njit(cache=True, forceinline=True)
-def _room_for_pieces(most):
-    """Pieces without content."""
-    v = np.empty((6, most, 3))
-    return Pieces(0, np.empty(most), np.empty((most, 3, 3)), v[0], v[1], v[2], v[3], v[4], v[5])
-
-
-@njit(cache=True, forceinline=True)
-def _count(p, n):
-    """The same pieces, n of them in use."""
-    return Pieces(n, p.dt_s, p.C_ib, p.dtheta_b, p.dv_b, p.s_b, p.s_r_b, p.B_b, p.b_b)
-
-
-@njit(cache=True, forceinline=True)
-def _cut(dtheta_b, dv_b, k, h, x0, x1, pieces, n):
-    """Part x0 ... x1 (0 ... 1) of sample k becomes piece n. -> phi (3,) rad, the rotation in it
-
-    dtheta_b, dv_b : (N, 3) rad, m/s, corrected increments;  h : s, duration of a sample
+    Returns
+    -------
+    T : s
+    dtheta, dv : rad, m/s, increments of the part
+    B, b : rad/s^2, m/s^3, slopes of rate and specific force
+    phi : rad, rotation in it
+    s, s_r : m/s, m, velocity and distance gained, in the axes at its start
     """
     T = (x1 - x0) * h
     off_centre = 0.5 * (x0 + x1 - 1.0) * h * T
     T3 = T * T * T / 12.0
-    A, a, phi = np.empty(3), np.empty(3), np.empty(3)  # A, a: means of the sample
-    dtheta, dv, s, s_r = pieces.dtheta_b[n], pieces.dv_b[n], pieces.s_b[n], pieces.s_r_b[n]
-    B, b = pieces.B_b[n], pieces.b_b[n]
-    for j in range(3):
-        B[j] = (1.5 * dtheta_b[k, j] - 2.0 * dtheta_b[k - 1, j] + 0.5 * dtheta_b[k - 2, j]) / (h * h)
-        b[j] = (1.5 * dv_b[k, j] - 2.0 * dv_b[k - 1, j] + 0.5 * dv_b[k - 2, j]) / (h * h)
-        A[j], a[j] = dtheta_b[k, j] / h, dv_b[k, j] / h
-        dtheta[j], dv[j] = A[j] * T + B[j] * off_centre, a[j] * T + b[j] * off_centre
-        phi[j], s[j], s_r[j] = dtheta[j], dv[j], T / 2.0 * dv[j] - T3 * b[j]
-    _add_cross(phi, T3, A, B)  # A x B is the same at every instant of the sample
+    B = _slope(last[0], before[0], sample[0], h)
+    b = _slope(last[1], before[1], sample[1], h)
+    A, a = t3.scaled(1.0 / h, sample[0]), t3.scaled(1.0 / h, sample[1])  # means
+    dtheta = t3.plus(t3.scaled(T, A), off_centre, B)
+    dv = t3.plus(t3.scaled(T, a), off_centre, b)
+    phi = t3.plus(dtheta, T3, t3.cross(A, B))  # A x B is the same at every instant of the sample
     # J(dtheta) dv as a series to the fourth order: enough for 0.1 rad in a sample
-    t2 = dtheta[0] * dtheta[0] + dtheta[1] * dtheta[1] + dtheta[2] * dtheta[2]
-    turn = rotation.cross(dtheta, dv)
-    for j in range(3):
-        s[j] += (0.5 - t2 / 24.0) * turn[j]
-        s_r[j] += T / 6.0 * turn[j]
-    _add_cross(s, 1.0 / 6.0 - t2 / 120.0, dtheta, turn)
-    _add_cross(s, T3, A, b)
-    _add_cross(s, T3, a, B)
-    pieces.dt_s[n] = T
-    return phi
+    t2, turn = t3.dot(dtheta, dtheta), t3.cross(dtheta, dv)
+    s = t3.plus(dv, 0.5 - t2 / 24.0, turn)
+    s = t3.plus(s, 1.0 / 6.0 - t2 / 120.0, t3.cross(dtheta, turn))
+    s = t3.plus(t3.plus(s, T3, t3.cross(A, b)), T3, t3.cross(a, B))
+    s_r = t3.plus(t3.plus(t3.scaled(T / 2.0, dv), -T3, b), T / 6.0, turn)
+    return T, dtheta, dv, B, b, phi, s, s_r
+
+
+@njit(cache=True, forceinline=True)
+def _slope(last, before, sample, h):
+    """Slope in the middle of a sample of what the increments integrate: parabola through three samples."""
+    return t3.scaled(1.0 / (h * h), t3.plus(t3.plus(t3.scaled(1.5, sample), -2.0, before), 0.5, last))
+
+
+@njit(cache=True, forceinline=True)
+def move(r, v, q, C, T, phi, s, s_r, g):
+    """Position, velocity and attitude at the end of a part that starts with the attitude C (of q)."""
+    r = t3.plus(t3.plus(t3.plus(r, T, v), 1.0, t3.turned(C, s_r)), 0.5 * T * T, g)
+    v = t3.plus(t3.plus(v, 1.0, t3.turned(C, s)), T, g)
+    return r, v, t3.quat_multiply(q, t3.quat_from_rotvec(phi))
+
+
+@njit(cache=True, forceinline=True)
+def gravity_i(r, angle, C_iq, C_re):
+    """Gravitation with J2 at r, inertial axes, the Earth turned by an angle. -> m/s^2
+
+    As `environment.gravity.gravity_j2_e`, which needs of the Earth's attitude its axis alone.
+    """
+    c, s = np.cos(angle), np.sin(angle)
+    pole = c * C_re[0, 2] - s * C_re[1, 2], s * C_re[0, 2] + c * C_re[1, 2], C_re[2, 2]
+    pole = t3.turned(t3.matrix(C_iq), pole)
+    r2, z = t3.dot(r, r), t3.dot(r, pole)
+    k = 1.5 * J2_WGS84 * wgs84.A**2 / r2
+    pull = -wgs84.GM / (r2 * np.sqrt(r2))
+    return t3.plus(t3.scaled(pull * (1.0 + k * (1.0 - 5.0 * z * z / r2)), r), 2.0 * pull * k * z, pole)
 
 
 @njit(cache=True)
-def integrate_packed(x, increments, dt_s, begin_s, end_s, g_i):
-    """`integrate` with packed values. -> (10,) r_i, v_i, q_ib; Pieces"""
-    h = dt_s
-    free = correct_increments(x, increments, h)
-    dtheta_b, dv_b = free[:, :3], free[:, 3:]
-    moved = np.empty(10)
-    r, v = moved[:3], moved[3:6]
-    r[:], v[:], q = x[X_R], x[X_V], x[X_Q]
-    pieces = _room_for_pieces(increments.shape[0] - BEFORE)
-    n = 0
-    for k in range(BEFORE, increments.shape[0]):
-        x0, x1 = max(begin_s / h - (k - BEFORE), 0.0), min(end_s / h - (k - BEFORE), 1.0)
-        if x1 - x0 < 1e-9:
-            continue
-        phi = _cut(dtheta_b, dv_b, k, h, x0, x1, pieces, n)
-        T, s, s_r = pieces.dt_s[n], pieces.s_b[n], pieces.s_r_b[n]
-        C = rotation.dcm_from_quat(q)
-        pieces.C_ib[n] = C
-        for i in range(3):
-            r[i] += T * v[i] + C[i, 0] * s_r[0] + C[i, 1] * s_r[1] + C[i, 2] * s_r[2] + 0.5 * T * T * g_i[i]
-            v[i] += C[i, 0] * s[0] + C[i, 1] * s[1] + C[i, 2] * s[2] + T * g_i[i]
-        q = rotation.quat_multiply(q, rotation.quat_from_rotvec(phi))
-        n += 1
-    moved[6:] = rotation.quat_normalise(q)
-    return moved, _count(pieces, n)
+def integrate_packed(x, increments, h, begin_s, end_s, g):
+    """`integrate` with packed values and g as three numbers. -> (10,) r_i, v_i, q_ib"""
+    M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
+    r, v = t3.vector(x, X_R.start), t3.vector(x, X_V.start)
+    k = X_Q.start
+    q = x[k], x[k + 1], x[k + 2], x[k + 3]
+    last = free_increment(x, M, A, G, increments, 0, h)
+    before = free_increment(x, M, A, G, increments, 1, h)
+    for n in range(BEFORE, increments.shape[0]):
+        sample = free_increment(x, M, A, G, increments, n, h)
+        x0, x1 = max(begin_s / h - (n - BEFORE), 0.0), min(end_s / h - (n - BEFORE), 1.0)
+        if x1 - x0 >= LEAST:
+            T, _, _, _, _, phi, s, s_r = cut(last, before, sample, h, x0, x1)
+            r, v, q = move(r, v, q, t3.dcm_from_quat(q), T, phi, s, s_r, g)
+        last, before = before, sample
+    q = t3.quat_normalise(q)
+    out = np.empty(10)
+    out[0], out[1], out[2] = r
+    out[3], out[4], out[5] = v
+    out[6], out[7], out[8], out[9] = q
+    return out
 
 
 @njit(cache=True)
-def propagate_packed(x, t_s, increments, dt_s, begin_s, end_s, C_iq, C_re, angle_0, rate):
-    """`propagate` with packed values and the fields of EarthRotation. -> (10,) r_i, v_i, q_ib; Pieces"""
+def propagate_packed(x, t_s, increments, h, begin_s, end_s, C_iq, C_re, angle_0, rate):
+    """`propagate` with packed values and the fields of EarthRotation. -> (10,) r_i, v_i, q_ib"""
     half_s = 0.5 * (end_s - begin_s)
-    C_ie = frames.dcm_ie(frames.EarthRotation(C_iq, C_re, angle_0, rate), t_s + half_s)
-    g_i = C_ie @ gravity_j2_e(C_ie.T @ (x[X_R] + half_s * x[X_V]))
-    return integrate_packed(x, increments, dt_s, begin_s, end_s, g_i)
+    middle = t3.plus(t3.vector(x, X_R.start), half_s, t3.vector(x, X_V.start))
+    g = gravity_i(middle, angle_0 + rate * (t_s + half_s), C_iq, C_re)
+    return integrate_packed(x, increments, h, begin_s, end_s, g)
 
 
 def integrate(state, imu, begin_s, end_s, g_i):
@@ -196,16 +194,15 @@ def integrate(state, imu, begin_s, end_s, g_i):
     Returns
     -------
     r_i, v_i, q_ib : at end_s
-    pieces : Pieces
     """
-    moved, pieces = integrate_packed(pack(state), imu.increments, imu.dt_s, begin_s, end_s, g_i)
-    return moved[:3], moved[3:6], moved[6:], pieces
+    moved = integrate_packed(pack(state), imu.increments, imu.dt_s, begin_s, end_s, tuple(g_i))
+    return moved[:3], moved[3:6], moved[6:]
 
 
 def propagate(state, imu, begin_s, end_s, earth):
     """`integrate` under the on-board gravity model (J2), evaluated in the middle of the interval."""
-    moved, pieces = propagate_packed(pack(state), state.t_s, imu.increments, imu.dt_s, begin_s, end_s, *earth)
-    return moved[:3], moved[3:6], moved[6:], pieces
+    moved = propagate_packed(pack(state), state.t_s, imu.increments, imu.dt_s, begin_s, end_s, *earth)
+    return moved[:3], moved[3:6], moved[6:]
 
 
 def felt(state, imu, at_s):
