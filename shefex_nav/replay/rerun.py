@@ -70,7 +70,11 @@ def open_log(log_path, overrides=()):
                     f"with '{CHANGEABLE}' can be changed"
                 ]
             )
-    data = reader.read(log_path)
+    return of_data(reader.read(log_path), log_path, overrides)
+
+
+def of_data(data, log_path, overrides=()):
+    """Recording of a RunData, read from `log_path` or kept in memory under this name."""
     _check(log_path, data)
     nav_params, source, known = _configuration(data, f"{log_path}: {ATTACHMENT}", overrides)
     ticks_s = data.imu.t_valid_s
