@@ -41,6 +41,7 @@ from shefex_nav.records import GateResult
 
 SNAP_S = 1e-6  # instants closer together than this are one
 UNUSED = (Fate.REJECTED, Fate.HELD)
+RANK = {name: k for k, name in enumerate(SENSORS)}
 
 
 class Measurement(NamedTuple):
@@ -219,12 +220,20 @@ def fuse(nav, arrivals):
             names = tuple(name for name in names if name not in repeats)
         tick = nav.history[index]
         queue = tick.measurements + tuple(Measurement(name, fix, Fate.PENDING) for name in names)
-        queue = tuple(sorted(queue, key=lambda m: m.fix.t_valid_s))
+        queue = tuple(sorted(queue, key=_turn))
         nav.history[index] = tick._replace(measurements=queue)
         earliest = min(earliest, index)
     _integrate_again(nav, earliest, results)
     nav.watch.protect(nav.history[-1].P)
     return results
+
+
+def _turn(measurement):
+    """When a measurement has its turn: at its instant; of one instant in the order of the table of sensors.
+
+    So the order of arrival does not matter.
+    """
+    return measurement.fix.t_valid_s, RANK[measurement.sensor]
 
 
 def _integrate_again(nav, index, results):
