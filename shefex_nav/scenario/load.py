@@ -101,11 +101,7 @@ def _validated(tree, places, files, overrides, path):
 
 def _whose(mark, path, parents):
     """Where to put right what stands in a file that the user's own extends: nobody need edit that one."""
-    return (
-        f" (set in {mark.file}; change it in {path}, which extends it)"
-        if mark.file in parents
-        else ""
-    )
+    return f" (set in {mark.file}; change it in {path}, which extends it)" if mark.file in parents else ""
 
 
 def json_schema():
