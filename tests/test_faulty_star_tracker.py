@@ -24,7 +24,8 @@ def test_no_wrong_fix_is_ever_used(seed):
     assert len(stars) == len(times)
     assert not [gate for gate in stars if gate.accepted and gate.t_valid_s in is_wrong]
     refused = [gate.t_valid_s for gate in stars if not gate.accepted and gate.t_valid_s not in is_wrong]
-    assert refused == [times[1]]  # the first good one waits for the second
+    assert refused[0] == times[1]  # the first good one waits for the second
+    assert len(refused) <= 6  # one in 10 000 good ones is rejected by chance, of 1300
     rms = [
         np.sqrt((flown.error[flown.during(250.0, 406.0), 6:] ** 2).sum(axis=1).mean())
         for flown in (clean, wrong)
