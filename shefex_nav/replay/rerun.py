@@ -6,10 +6,12 @@ last bit on a machine of the same type; with another one, the solution which tha
 fixes are those of the log: which frames were solved, and how, is not decided again.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.environment import gravity
+from shefex_nav.geometry import frames, rotation
 from shefex_nav.log import reader
 from shefex_nav.log.run_data import RunData
 from shefex_nav.log.topics import ATTACHMENT, LogError
@@ -34,6 +36,8 @@ class Recording(NamedTuple):
     scenario_text: str  # with the overrides in it
     gps: dict  # tick, counted from 0 -> list of what the GPS receiver said in it
     stars: dict  # likewise of StarFix, those without an attitude too
+    gravity: tuple | None  # kind and degree of the field that the scenario names; external data name none
+    field: Any = None  # GravityModel that is felt instead of the on-board one; None: that of the filter
 
 
 def run(log_path, overrides=()):
@@ -66,28 +70,34 @@ def open_log(log_path, overrides=()):
                     f"with '{CHANGEABLE}' can be changed"
                 ]
             )
-    data = reader.read(log_path)
+    return of_data(reader.read(log_path), log_path, overrides)
+
+
+def of_data(data, log_path, overrides=()):
+    """Recording of a RunData, read from `log_path` or kept in memory under this name."""
     _check(log_path, data)
-    nav_params, source = _configuration(data, f"{log_path}: {ATTACHMENT}", overrides)
+    nav_params, source, known = _configuration(data, f"{log_path}: {ATTACHMENT}", overrides)
     ticks_s = data.imu.t_valid_s
     return Recording(
         path=str(log_path),
         data=data,
         params=nav_params,
         scenario_text=source,
+        gravity=known,
         gps=_merged(arrivals(data.gps, ticks_s), arrivals(data.gps_ranges, ticks_s)),
         stars=arrivals(sorted(data.star_fixes, key=lambda fix: fix.t_available_s), ticks_s),
     )
 
 
 def _configuration(data, name, overrides):
-    """(NavParams, scenario text) of a log: that of a mission, or of a replay of external data."""
+    """(NavParams, scenario text, gravity) of a log: that of a mission, or of a replay of external data."""
     text = data.mission.scenario_text
     if local_level.is_replay(data):
         scenario = external_load.load_text(text, name, overrides)
-        return external_params.nav_params(scenario, float(data.imu.dt_s[0])), scenario.source
+        return external_params.nav_params(scenario, float(data.imu.dt_s[0])), scenario.source, None
     scenario = load.load_text(text, name, overrides)
-    return params_onboard.nav_params(scenario), scenario.source
+    known = scenario.earth.gravity, scenario.earth.gravity_degree
+    return params_onboard.nav_params(scenario), scenario.source, known
 
 
 def _check(log_path, data):
@@ -146,9 +156,28 @@ def tick(recording, nav, k):
     """
     gps, stars = recording.gps.get(k, []), recording.stars.get(k, [])
     block = imu_block(recording.data, k)
-    fusion.advance(nav, block)
+    felt = block if recording.field is None else in_field(recording, nav.history[-1].state, block)
+    fusion.advance(nav, felt)
     usable = [fix for fix in stars if fix.reason == Reason.NONE]
     return [block, *gps, *stars, *computer.conclude(nav, k + 1, gps, usable)]
+
+
+def in_field(recording, state, block):
+    """The ImuBlock for a filter that knows a better field of the Earth than its own: what that pulls more.
+
+    The difference of the two fields, taken in the middle of the tick, turned into the axes of the middle of
+    each sample, is added to the velocity increments, so that the on-board integration needs not change.
+
+    state : NavState at the beginning of the block
+    """
+    earth, half_s = recording.data.mission.earth, 0.5 * block.dt_s * len(block.dv_b)
+    C_ie = frames.dcm_ie(earth, state.t_s + half_s)
+    r_e = C_ie.T @ (state.r_i + half_s * state.v_i)
+    more_i = C_ie @ (gravity.gravity_e(recording.field, r_e) - gravity.gravity_j2_e(r_e))
+    more_b = rotation.dcm_from_quat(state.q_ib).T @ more_i
+    turns = np.cumsum(block.dtheta_b, axis=0) - 0.5 * block.dtheta_b
+    more = np.array([rotation.dcm_from_rotvec(turn).T @ more_b for turn in turns])
+    return block._replace(dv_b=block.dv_b + block.dt_s * more)
 
 
 def records(recording):

@@ -1,10 +1,11 @@
 """Best estimate of a flight from its log: the filter forward, the smoother backward.
 
-The forward run is the one on board, with its delays and its decisions which measurement to believe. What is
-smoothed is its final pass, in which every measurement stands at its instant. That pass is kept piece by
-piece only: on the way forward a copy of the filter is put aside every SEGMENT_TICKS, and on the way back each
-segment is run once more from its copy. So memory is that of one segment, 10 s, some 50 MB with 21 states,
-and of the copies and the result, some 0.1 MB and 0.6 MB per second of flight; time is twice the filter's.
+The forward run is the one on board, with its delays and its decisions which measurement to believe, but for
+the field of the Earth, which is known better after the flight (`knowing_the_field`). What is smoothed is its
+final pass, in which every measurement stands at its instant. That pass is kept piece by piece only: on the
+way forward a copy of the filter is put aside every SEGMENT_TICKS, and on the way back each segment is run
+once more from its copy. So memory is that of one segment, 10 s, some 50 MB with 21 states, and of the copies
+and the result, some 0.1 MB and 0.6 MB per second of flight; time is some four times the filter's.
 """
 
 import copy
@@ -13,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.environment import gravity
 from shefex_nav.log.run_data import RunData, RunDataBuilder, join, stack
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import solution
@@ -25,6 +27,7 @@ from shefex_nav.replay import rerun, smoother
 
 SEGMENT_TICKS = 1000
 SAID = {NavSolution: "nav", NavCovariance: "covariance", GateResult: "gates", NavHealth: "health"}
+FIELD_ERROR = 2e-6 * 9.80665  # [E] m/s^2, of the field that is known after the flight
 SAME_S = 1e-6  # instants closer together than this are one
 
 
@@ -58,12 +61,29 @@ def run(recording, progress=lambda share: None):
     Smoothed
     """
     n = len(recording.data.imu.t_valid_s)
-    copies, filtered = forward(recording, lambda k: progress(0.5 * k / n))
-    star_aided = any(gate.accepted and gate.sensor.startswith("star") for gate in filtered.gates)
-    nav, covariance = backward(recording, copies, star_aided, lambda k: progress(1.0 - 0.5 * k / n))
+    _, filtered = forward(recording, lambda k: progress(k / (4.0 * n)))
+    recording = knowing_the_field(recording)
+    copies, final = forward(recording, lambda k: progress((n + k) / (4.0 * n)))
+    star_aided = any(gate.accepted and gate.sensor.startswith("star") for gate in final.gates)
+    nav, covariance = backward(recording, copies, star_aided, lambda k: progress((2 * n - k) / (2.0 * n)))
     judged = NavSolution._fields[NavSolution._fields.index("star_aided") + 1 :]
     nav = nav._replace(**{name: getattr(filtered.nav, name) for name in judged})
-    return Smoothed(filtered, filtered._replace(nav=nav, covariance=covariance))
+    return Smoothed(filtered, final._replace(nav=nav, covariance=covariance))
+
+
+def knowing_the_field(recording):
+    """The Recording with the field of the Earth that its scenario names instead of the on-board model.
+
+    On board, what J2 leaves out is taken for bias that walks and for noise, which is good enough to filter
+    by and too optimistic to smooth by: it keeps its sign for longer. External data name no field and are left
+    with that of the filter.
+    """
+    if recording.gravity is None:
+        return recording
+    imu = recording.params.imu._replace(gravity=FIELD_ERROR)
+    return recording._replace(
+        field=gravity.load(*recording.gravity), params=recording.params._replace(imu=imu)
+    )
 
 
 def forward(recording, progress=lambda k: None):

@@ -25,6 +25,7 @@ SIMPLE = (
     "imu.gyro.scale_factor=0 ppm",
     "imu.accelerometer.scale_factor=0 ppm",
     "navigation.gravity_error=0 ugee",
+    "earth.gravity=j2",
 )
 NOTHING = Detections(np.empty((0, 2)), np.empty(0), np.empty(0, int), np.empty(0, int), np.empty((0, 2, 2)))
 
@@ -36,7 +37,7 @@ class Options(NamedTuple):
     overrides: tuple = ()  # of the scenario
     rate_hz: float = 100.0  # of truth, IMU and solution in the log
     stars_s: tuple = (22.0, 28.0)  # from, until
-    gps_moved_m: float = 0.0  # of all GPS fixes from 10 s
+    stars_turned: float = 0.0  # rad, of all star fixes about the body's y axis: the camera has been bent
 
 
 def mission(scenario, options):
@@ -101,9 +102,8 @@ def ranges(fix, rng):
 def fixes(flight, params, options, rng):
     """GPS every second, 0.2 s late; stars at 10 Hz, 0.09 s late, every seventh frame in vain."""
     gps = [gps_fix(*flight, float(t), 0.2, rng) for t in range(1, round(END_S))]
-    moved = np.array([options.gps_moved_m, 0.0, 0.0])
-    gps = [fix._replace(r_ea_e=fix.r_ea_e + moved) if fix.t_valid_s >= 10.0 else fix for fix in gps]
     mounting = params.sigma_blocks["mounting"] * rng.standard_normal(3)
+    mounting = mounting + np.array([0.0, options.stars_turned, 0.0])
     stars = []
     for number, t_s in enumerate(np.arange(options.stars_s[0] + 0.013, options.stars_s[1], 0.1)):
         fix = star_fix(*flight, float(t_s), 0.09, rng, wrong_by=mounting)
