@@ -62,10 +62,10 @@ def _sensors(scenario):
 
 def states_that_clash(names):
     """(path, words) of blocks of states of the filter that do not go together."""
-    from shefex_nav.onboard.navigation.state import LayoutError, layout
+    from shefex_nav.onboard.navigation.blocks import LayoutError, checked
 
     try:
-        layout(names)
+        checked(names)
     except LayoutError as error:
         last = len(names) - 1 - names[::-1].index(error.name)
         yield ("navigation", "states", last), str(error)

@@ -226,7 +226,7 @@ class Navigation(Block):
         description="what is estimated besides: errors of the sensors, each a block of states",
     )
     sensors: SensorOverrides = Field(
-        default=SensorOverrides(), description="what the filter assumes of the sensors"
+        default_factory=SensorOverrides, description="what the filter assumes of the sensors"
     )
     gps: Literal["loose", "tight"] = Field(
         "loose", description="how GPS is used: its fixes, or the ranges of its channels (needs state clock)"

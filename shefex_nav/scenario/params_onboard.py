@@ -199,7 +199,7 @@ def nav_params(scenario):
 
 def _sigma_blocks(scenario):
     """What is known at the start of the optional blocks that are on: name -> (size,) sigma."""
-    from shefex_nav.onboard.navigation.state import OPTIONAL
+    from shefex_nav.onboard.navigation.blocks import OPTIONAL
 
     sensors = scenario.navigation.sensors
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer

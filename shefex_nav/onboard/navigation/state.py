@@ -6,8 +6,8 @@ Nominal states are carried by the strapdown; the covariance belongs to their err
 
 Fifteen errors are always there (the slices below); further blocks are switched on by name. `layout` is the
 only place where the order of the errors is settled, `NOMINAL` where that of the packed nominal values is. To
-add a block: a line in `OPTIONAL`, a field in `NavState`, its columns in `error_model.transition` (if it
-drives the others) or in the measurements that see it, its initial sigma in `scenario.params_onboard`.
+add a block: a line in `blocks.OPTIONAL`, a field in `NavState`, its columns in `error_model.transition` (if
+it drives the others) or in the measurements that see it, its initial sigma in `scenario.params_onboard`.
 
 What the sensors of the IMU measure, with the blocks of their errors::
 
@@ -22,6 +22,7 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.geometry import rotation
+from shefex_nav.onboard.navigation.blocks import DEFAULT_STATES, OPTIONAL, checked
 
 POS = slice(0, 3)  # dr_i [m]
 VEL = slice(3, 6)  # dv_i [m/s]
@@ -32,21 +33,6 @@ N_CORE = 15
 PVA = slice(0, 9)  # position, velocity, attitude
 CORE = {"position": POS, "velocity": VEL, "attitude": ATT, "gyro_bias": BG, "accel_bias": BA}
 
-OPTIONAL = {  # blocks and their sizes, in the order of the errors; those of the IMU come first
-    "gyro_roll_column": 3,  # error on x, y, z per unit of roll rate [-]: scale factor and two misalignments
-    "gyro_scale": 3,  # [-]
-    "gyro_misalignment": 6,  # elements ij = xy, xz, yx, yz, zx, zy: rate about j seen on axis i [rad]
-    "gyro_g_sensitivity": 9,  # row by row, ij: specific force along j seen on axis i [rad/s per m/s^2]
-    "accel_scale": 3,  # [-]
-    "accel_misalignment": 6,  # as of the gyros [rad]
-    "mounting": 3,  # star camera against its nominal mounting, rotation vector in body axes [rad]
-    "lever_arm": 3,  # GPS antenna against its nominal place, body axes [m]
-    "clock": 2,  # of the GPS receiver, ahead of GPS time: bias [m], drift [m/s]
-    "gps_latency": 1,  # a fix belongs to an instant so much before its t_valid_s [s]
-    "range_bias": 32,  # range errors that last, of satellites 1 to 32, first-order Gauss-Markov [m]
-}
-DEFAULT_STATES = ("gyro_roll_column", "mounting")
-CONTAINED = {"gyro_roll_column": ("gyro_scale", "gyro_misalignment")}  # its errors are errors of those, too
 # index of a block in `Layout.at`
 ROLL_COLUMN, G_SCALE, G_MISALIGN, G_SENSE, A_SCALE, A_MISALIGN, MOUNTING, LEVER, CLOCK, LATENCY = range(10)
 RANGE_BIAS = 10
@@ -67,14 +53,6 @@ X_AS, X_AM = NOMINAL["accel_scale"].start, NOMINAL["accel_misalignment"].start
 X_CLOCK, X_RANGE = NOMINAL["clock"].start, NOMINAL["range_bias"]
 
 
-class LayoutError(ValueError):
-    """Blocks that do not exist or do not go together; `name` is the one to blame."""
-
-    def __init__(self, name, message):
-        super().__init__(message)
-        self.name = name
-
-
 class Layout(NamedTuple):
     """Which errors are estimated, and where each stands."""
 
@@ -87,15 +65,7 @@ class Layout(NamedTuple):
 
 def layout(names=DEFAULT_STATES):
     """Layout of the core and the named blocks. Iterable of names of OPTIONAL -> Layout; or LayoutError."""
-    names = tuple(names)
-    for k, name in enumerate(names):
-        if name not in OPTIONAL:
-            raise LayoutError(name, f"there is no block of states '{name}'; there are {', '.join(OPTIONAL)}")
-        if name in names[:k]:
-            raise LayoutError(name, f"'{name}' is named twice")
-        for whole in CONTAINED.get(name, ()):
-            if whole in names:
-                raise LayoutError(name, f"'{name}' and '{whole}' estimate the same error; name one of them")
+    names = checked(names)
     places, at, n = dict(CORE), np.full(len(OPTIONAL), -1), N_CORE
     for k, (name, size) in enumerate(OPTIONAL.items()):
         places[name] = slice(n, n + size) if name in names else None

@@ -1,0 +1,42 @@
+"""The blocks of errors that a scenario may switch on, and which go together.
+
+Apart from `state`, so that a scenario can be checked without a compiler.
+"""
+
+OPTIONAL = {  # blocks and their sizes, in the order of the errors; those of the IMU come first
+    "gyro_roll_column": 3,  # error on x, y, z per unit of roll rate [-]: scale factor and two misalignments
+    "gyro_scale": 3,  # [-]
+    "gyro_misalignment": 6,  # elements ij = xy, xz, yx, yz, zx, zy: rate about j seen on axis i [rad]
+    "gyro_g_sensitivity": 9,  # row by row, ij: specific force along j seen on axis i [rad/s per m/s^2]
+    "accel_scale": 3,  # [-]
+    "accel_misalignment": 6,  # as of the gyros [rad]
+    "mounting": 3,  # star camera against its nominal mounting, rotation vector in body axes [rad]
+    "lever_arm": 3,  # GPS antenna against its nominal place, body axes [m]
+    "clock": 2,  # of the GPS receiver, ahead of GPS time: bias [m], drift [m/s]
+    "gps_latency": 1,  # a fix belongs to an instant so much before its t_valid_s [s]
+    "range_bias": 32,  # range errors that last, of satellites 1 to 32, first-order Gauss-Markov [m]
+}
+DEFAULT_STATES = ("gyro_roll_column", "mounting")
+CONTAINED = {"gyro_roll_column": ("gyro_scale", "gyro_misalignment")}  # its errors are errors of those, too
+
+
+class LayoutError(ValueError):
+    """Blocks that do not exist or do not go together; `name` is the one to blame."""
+
+    def __init__(self, name, message):
+        super().__init__(message)
+        self.name = name
+
+
+def checked(names):
+    """The names as a tuple, or a LayoutError. Iterable of names of OPTIONAL -> tuple."""
+    names = tuple(names)
+    for k, name in enumerate(names):
+        if name not in OPTIONAL:
+            raise LayoutError(name, f"there is no block of states '{name}'; there are {', '.join(OPTIONAL)}")
+        if name in names[:k]:
+            raise LayoutError(name, f"'{name}' is named twice")
+        for whole in CONTAINED.get(name, ()):
+            if whole in names:
+                raise LayoutError(name, f"'{name}' and '{whole}' estimate the same error; name one of them")
+    return names
