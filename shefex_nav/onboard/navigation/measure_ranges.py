@@ -21,8 +21,8 @@ import numpy as np
 
 from shefex_nav.environment.stars import SPEED_OF_LIGHT
 from shefex_nav.geometry import wgs84
-from shefex_nav.onboard.navigation.measurements import antenna
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
+from shefex_nav.onboard.navigation.measurements import antenna
 
 FEWEST_TO_AGREE = 4  # satellites by which two sets of ranges are compared
 LONGEST_PAIR_S = 3.0  # [E] sets further apart than this are not compared
