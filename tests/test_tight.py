@@ -9,7 +9,7 @@ import pytest
 from shefex_nav import prepare, simulate
 from shefex_nav.geometry import frames
 from shefex_nav.onboard import computer as onboard
-from shefex_nav.records import GateResult, GpsRanges
+from shefex_nav.records import GateResult, GpsRanges, NavSolution
 from shefex_nav.scenario import load
 from shefex_nav.world import imu
 
@@ -46,7 +46,8 @@ def flown(seed, *overrides):
         last = next(r for r in reversed(few) if tuple(r.prn) == numbers)
         sight = last.r_es_e @ C_ie.T - r_i
         sight /= np.linalg.norm(sight, axis=1, keepdims=True)
-    return outputs[-1].r_i - r_i, sight, gates
+    solution = next(record for record in outputs if isinstance(record, NavSolution))
+    return solution.r_i - r_i, sight, gates
 
 
 def nis(gates, sensor):
@@ -84,18 +85,14 @@ def test_innovations_of_the_ranges_are_as_large_as_the_filter_says():
     assert sum(gate.note.startswith("rejected") for gate in gates) <= 3
 
 
-def test_ranges_and_fixes_without_limits_are_as_good_as_each_other():
-    """Some ten satellites throughout: both within the errors of the satellites."""
-    tight = np.linalg.norm(flown(1, "gps.only=[]")[0])
-    loose = np.linalg.norm(flown(1, "gps.only=[]", "navigation.gps=loose")[0])
-    assert tight < 5.0
-    assert loose < 8.0
-
-
 @pytest.mark.slow
 def test_ten_flights():
     """Seeds 1 to 10; and the ratios of the root mean squares, which say more than the single ones."""
-    rows = np.array([check(seed) for seed in range(1, 11)])
-    rms = np.sqrt(np.mean(rows**2, axis=0))
+    rows = []
+    for seed in range(1, 11):
+        rows.append(check(seed))
+        flown.cache_clear()
+        print(seed, *(f"{value:.2f}" for value in rows[-1]), flush=True)  # seen with pytest -s
+    rms = np.sqrt(np.mean(np.square(rows), axis=0))
     assert rms[1] < rms[0] and rms[2] <= 0.65 * rms[0]
     assert rms[3] < 1.5

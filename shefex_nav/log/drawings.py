@@ -221,6 +221,12 @@ def _line(ns, level, name, message):
 
 
 def _image(image_dn, ns):
+    """A picture with its grey values as measured: mono16 is not shifted up to 16 bits.
+
+    Whoever reads the log finds the camera's numbers, and how many bits they have in /star_tracker/frame.
+    Foxglove's image panel lets the range that it draws be set (least and greatest value); our viewer makes
+    12-bit pictures bright by itself (`report.pictures`).
+    """
     rows, columns = image_dn.shape
     return fox.RawImage(
         timestamp=_timestamp(ns),

@@ -53,20 +53,15 @@ def start_time(data):
     return float(t_s[len(t_s) // 2]) if len(t_s) else 0.0
 
 
-def blueprint(data, seen, *, has_thresholded):
+def blueprint(data, seen, *, pictures):
     """rerun blueprint of the recording of `viewer.build_recording`.
 
-    `seen` is the Scene. `has_thresholded`: the log has every frame with its background at zero; else the
-    frames as read out come first.
+    `seen` is the Scene. `pictures`: entities of the pictures that the log has; those with their background at
+    zero, of every frame, come first, then the frames as read out.
     """
     import rerun.blueprint as rrb
 
-    pictures = rrb.Tabs(
-        _star_camera("image", "Star camera"),
-        _star_camera("image_full", "Star camera, as read out"),
-        active_tab=0 if has_thresholded else 1,
-    )
-    upper = rrb.Horizontal(pictures, _trajectory(seen), _side(data), column_shares=[5, 6, 4])
+    upper = rrb.Horizontal(_cameras(pictures), _trajectory(seen), _side(data), column_shares=[5, 6, 4])
     lower = rrb.Tabs(_errors(data), _curves(data), active_tab=0)
     return rrb.Blueprint(
         rrb.Vertical(upper, lower, row_shares=[9, 10]),
@@ -90,10 +85,19 @@ def _whole_flight(data):
     )
 
 
-def _star_camera(picture, name):
+def _cameras(pictures):
+    """A tab for each kind of pictures; without any the marks alone, and a name that says so."""
     import rerun.blueprint as rrb
 
-    return rrb.Spatial2DView(origin=f"star_tracker/{picture}", contents=["$origin", "stars/**"], name=name)
+    names = {"star_tracker/image": "Star camera", "star_tracker/image_full": "Star camera, as read out"}
+    views = [_star_camera(entity, name) for entity, name in names.items() if entity in pictures]
+    return rrb.Tabs(*(views or [_star_camera("stars", "Detections; this log has no pictures")]), active_tab=0)
+
+
+def _star_camera(entity, name):
+    import rerun.blueprint as rrb
+
+    return rrb.Spatial2DView(origin=entity, contents=["$origin", "stars/**"], name=name)
 
 
 def _trajectory(seen):

@@ -30,7 +30,8 @@ import numpy as np
 
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.records import Phase, Reason
-from shefex_nav.report import geodesic, local_level
+from shefex_nav.report import geodesic, local_level, trust
+from shefex_nav.report.pairing import SAME_TIME_S, same_times
 from shefex_nav.report.track import earth_fixed
 
 WRONG_ANGLE = math.radians(0.5)
@@ -40,7 +41,6 @@ ENTRY_HEIGHT = 100e3  # m
 STANDING = 1e-3  # m/s; what never moves faster stands on the ground
 NEES_DOF = 9  # position, velocity, attitude
 _ARCSEC = math.degrees(1.0) * 3600.0
-_SAME_TIME_S = 1e-6  # two records of one tick
 
 
 class NavErrors(NamedTuple):
@@ -59,15 +59,6 @@ class StarErrors(NamedTuple):
     t_s: np.ndarray  # (M,) middle of the exposure
     rotation_c: np.ndarray  # (M, 3) rad
     sigma_c: np.ndarray  # (M, 3) rad, as the star tracker reports it
-
-
-def same_times(t_a, t_b):
-    """Indices into two sorted arrays of the times they have in common."""
-    if not len(t_a) or not len(t_b):
-        return np.zeros(0, int), np.zeros(0, int)
-    k = np.searchsorted(t_b, t_a - _SAME_TIME_S).clip(0, len(t_b) - 1)
-    both = np.abs(t_b[k] - t_a) <= _SAME_TIME_S
-    return np.flatnonzero(both), k[both]
 
 
 def navigation_errors(data):
@@ -186,7 +177,7 @@ def pointing_error(control):
 
 def phase_at(truth, t_s):
     """Phase of the last sample of truth not later than each time, -1 before the first. (M,) s -> (M,)."""
-    k = np.searchsorted(truth.t_s, t_s + _SAME_TIME_S) - 1
+    k = np.searchsorted(truth.t_s, t_s + SAME_TIME_S) - 1
     return np.where(k >= 0, truth.phase[k.clip(0)], -1) if len(truth.t_s) else np.full(len(t_s), -1)
 
 
@@ -295,16 +286,17 @@ def _navigation(data, height, entry):
         "attitude_error_deg": {"rms": _rms(attitude_deg), "max": _max(attitude_deg)},
         "at_entry": None if entry is None else _at_entry(data, errors, data.truth.t_s[entry], height[entry]),
         "nees": _nees_summary(data, errors, math.inf if entry is None else data.truth.t_s[entry]),
+        "integrity": trust.trust(data, errors, None if entry is None else float(data.truth.t_s[entry])),
     }
 
 
 def _at_entry(data, errors, t_s, height):
-    k = np.flatnonzero(np.abs(errors.t_s - t_s) <= _SAME_TIME_S)
+    k = np.flatnonzero(np.abs(errors.t_s - t_s) <= SAME_TIME_S)
     if not len(k):
         return None
     k = k[0]
     times, nees, sigma = normalised_errors(data, errors)
-    before = np.flatnonzero(times <= t_s + _SAME_TIME_S)
+    before = np.flatnonzero(times <= t_s + SAME_TIME_S)
     known = before[-1] if len(before) else None
     return {
         "t_s": float(t_s),
@@ -338,7 +330,7 @@ def _nees_summary(data, errors, end_s):
         return nothing
     t_s, nees, _ = normalised_errors(data, errors)
     since_s = t_s - data.mission.start_s
-    is_second = np.abs(since_s - np.round(since_s)) <= _SAME_TIME_S
+    is_second = np.abs(since_s - np.round(since_s)) <= SAME_TIME_S
     chosen = nees[is_second & (t_s >= accepted[0]) & (t_s <= end_s)]
     if not len(chosen):
         return nothing

@@ -10,6 +10,7 @@ _FLOWN = (  # name, key, digits, unit
 )
 
 
+MOST_FAULTS = 12  # in the table
 FAST_DEG_S = 3.0  # beyond this a star tracker is made for turns
 
 
@@ -107,6 +108,7 @@ def _navigation_rows(navigation):
                 f"attitude x, y, z {axes} deg"
             ),
         )
+    yield from _integrity_rows(navigation["integrity"])
     if navigation.get("position_rms_ned_m"):
         yield from _level_rows(navigation)
     for sensor, nis in navigation.get("nis", {}).items():
@@ -117,6 +119,28 @@ def _navigation_rows(navigation):
     nees = navigation["nees"]
     if nees["mean"] is not None:
         yield "NEES", f"{nees['mean']:.1f} for {nees['dof']} degrees of freedom, {nees['samples']} epochs"
+
+
+def _integrity_rows(integrity):
+    """When the solution may be used, and what was noticed; losses of GPS alone are too common to list."""
+    if integrity is None:
+        return
+    yield "usable", f"{100.0 * integrity['usable_share']:.1f} % of the time"
+    entry = integrity["at_entry"]
+    if entry:
+        levels = ", ".join(f"{level:.3f}" for level in entry["protection_deg"])
+        words = "usable" if entry["usable"] else f"do not use, {entry['doubt']}"
+        yield "at entry", f"{words}, protection level {levels} deg"
+    if integrity["misleading_share"]:
+        yield "misleading", Text(f"{100.0 * integrity['misleading_share']:.2f} %", style="bold red")
+    faults = [
+        entry for entry in integrity["noticed"] if not entry["reason"].startswith(("no fix", "no ranges"))
+    ]
+    for entry in faults[:MOST_FAULTS]:
+        until = "the end" if entry["until_s"] is None else f"T{entry['until_s']:+.1f} s"
+        yield entry["source"].replace("_", " "), f"T{entry['from_s']:+.1f} s to {until}: {entry['reason']}"
+    if len(faults) > MOST_FAULTS:
+        yield "and", f"{len(faults) - MOST_FAULTS} more, see --json"
 
 
 def _level_rows(navigation):

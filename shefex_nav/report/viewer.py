@@ -14,12 +14,13 @@ import numpy as np
 from shefex_nav.log import reader
 from shefex_nav.log.topics import epoch_ns
 from shefex_nav.records import Phase, Reason, TruthSample
-from shefex_nav.report import layout, metrics, viewer_program, world_view
+from shefex_nav.report import layout, metrics, pictures, viewer_program, world_view
 from shefex_nav.report.layout import TIMELINE
 from shefex_nav.report.track import earth_fixed
 from shefex_nav.report.viewer_program import ViewerError
 
 APPLICATION = "shefex_nav"
+_PICTURES = "star_tracker/image", "star_tracker/image_full"
 _DRAWN = "^(/tf|/gps/location|/log|/star_tracker/(calibration|image|image_full))$"
 _PLOT_HZ = 10  # points of a curve in a second, where there are as many
 _MOST_POINTS = 20_000  # of a curve
@@ -114,7 +115,7 @@ def _layout(log_path, data):
     counts = {channel.topic: channel.message_count for channel in channels}
     data = scene(data)
     seen = layout.scene(world_view.path(data))
-    return layout.blueprint(data, seen, has_thresholded=bool(counts.get("/star_tracker/image")))
+    return layout.blueprint(data, seen, pictures=[one for one in _PICTURES if counts.get(f"/{one}")])
 
 
 def fill(stream, log_path, data):
@@ -137,12 +138,14 @@ def _send_drawings(stream, log_path, data):
     import rerun as rr
     from rerun.chunk import Chunk, McapReader
 
-    epoch = epoch_ns(data.mission.epoch_utc)
+    epoch, grey = epoch_ns(data.mission.epoch_utc), _grey(log_path, data)
 
     def with_mission_time(chunk):
         if chunk.is_static or "message_log_time" not in chunk.timeline_names:
             return chunk
         batch = chunk.to_record_batch()
+        if pictures.is_wide(batch):
+            batch = pictures.narrowed(batch, grey)
         k = batch.schema.get_field_index("message_log_time")
         times = batch.column(k).cast(pa.int64()).to_numpy() - epoch
         metadata = {**(batch.schema.field(k).metadata or {}), b"rerun:index_name": TIMELINE.encode()}
@@ -152,6 +155,20 @@ def _send_drawings(stream, log_path, data):
 
     source = McapReader(log_path, recover=True, include_topic_regex=[_DRAWN])
     rr.send_chunks(source.stream().map(with_mission_time), recording=stream)
+
+
+def _grey(log_path, data):
+    """Table of the grey values shown for 16-bit pictures, by the first one as read out, else by the bits."""
+    from rerun.chunk import McapReader
+
+    if not len(data.frames.bits) or data.frames.bits[0] <= 8:
+        return None
+    full = McapReader(log_path, recover=True, include_topic_regex=[f"^/{_PICTURES[1]}$"])
+    batches = (chunk.to_record_batch() for chunk in full.stream())
+    first = next((batch for batch in batches if pictures.is_wide(batch)), None)
+    if first is None:
+        return pictures.grey_of_bits(int(data.frames.bits[0]))
+    return pictures.grey_of_sky(pictures.values(first.slice(0, 1)))
 
 
 def _times(t_s):
@@ -184,8 +201,9 @@ def _send_stars(stream, data):
         array=[0, 0, camera.width_px, camera.height_px], array_format=rr.Box2DFormat.XYWH, colors=[70, 70, 70]
     )
     plane = rr.CoordinateFrame("star_camera_image_plane")
-    for name in ("outline", "identified", "names", "unidentified"):
-        stream.log(f"stars/{name}", plane, static=True)
+    marks = [f"stars/{name}" for name in ("outline", "identified", "names", "unidentified")]
+    for entity in (*marks, *_PICTURES):  # static: the clearing at the end would take away those of the log
+        stream.log(entity, plane, static=True)
     stream.log("stars/outline", outline, static=True)
     fixes = data.star_fixes
     if not fixes:
@@ -198,13 +216,7 @@ def _send_stars(stream, data):
     _curve(stream, "plots/stars/detected", t_s, [float(len(k)) for k in known], _ORANGE, "detected")
     _curve(stream, "plots/stars/identified", t_s, [float(k.sum()) for k in known], _GREEN, "identified")
     stream.set_time(TIMELINE, duration=t_s[-1] + layout.FRAME_SHOWN_S)
-    for entity in (
-        "stars/identified",
-        "stars/names",
-        "stars/unidentified",
-        "star_tracker/image",
-        "star_tracker/image_full",
-    ):
+    for entity in (*marks[1:], *_PICTURES):
         stream.log(entity, rr.Clear(recursive=False))
     stream.reset_time()
 

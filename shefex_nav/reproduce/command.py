@@ -1,11 +1,14 @@
 """`shefex-nav reproduce`: the papers' experiments, published against measured.
 
-Exit codes: 0 done, also where a figure disagrees (the table says so and why), 2 bad input.
+Exit codes: 0 done, also where a figure disagrees (the table says so and why), 2 bad input, 130 interrupted.
 """
 
 import json as json_module
+import signal
 import sys
 import tempfile
+import threading
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -33,7 +36,11 @@ def reproduce(
     seed: Annotated[int, typer.Option(min=0, help="Seed of all randomness.")] = 1,
     out: Annotated[Path, typer.Option(help="Folder for the figures (PNG).")] = OUT,
     keep: Annotated[
-        Path | None, typer.Option(help="Keep results here chunk by chunk; a second run goes on from them.")
+        Path | None,
+        typer.Option(
+            help="Keep results here chunk by chunk; a second run goes on from them, one with more --samples "
+            "too if the first had whole chunks alone (a message says of how many)."
+        ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ):
@@ -88,25 +95,69 @@ def _run(name, samples, seed, out, keep, show):
 
 
 def _watched(experiment, samples, seed, folder):
-    """Run with a progress bar on stderr."""
+    """Run with a progress bar on stderr, or with lines where that is no terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
     from shefex_nav.reproduce import engine
     from shefex_nav.reproduce import keep as keeping
+    from shefex_nav.reproduce.progress import lines
 
     store = None if folder is None else keeping.store(experiment, seed, folder)
     console = Console(stderr=True)
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("measure", total=samples)
-        return engine.run(
-            experiment,
-            samples=samples,
-            seed=seed,
-            progress=lambda n: progress.advance(task, n),
-            store=store,
+        told = (lambda n: progress.advance(task, n)) if console.is_terminal else lines(samples, _say)
+        with _interrupts() as asked:
+
+            def note(n):
+                told(n)
+                if asked:  # and something took no notice
+                    raise KeyboardInterrupt
+
+            try:
+                return engine.run(experiment, samples=samples, seed=seed, progress=note, store=store)
+            except BaseException as error:
+                if not (asked or isinstance(error, KeyboardInterrupt)):
+                    raise
+                words = _interrupted(experiment, samples, store)
+    _say(words)  # below the bar, which is gone now
+    raise typer.Exit(130)
+
+
+@contextmanager
+def _interrupts():
+    """A list that gets an entry with each Ctrl-C, which raises KeyboardInterrupt as ever.
+
+    The compiler can swallow the exception and fail a little later with another one; the list still knows.
+    """
+    asked, before = [], signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
+        yield asked  # ignored, or in other hands
+        return
+
+    def take(number, frame):
+        asked.append(number)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, take)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _interrupted(experiment, samples, store):
+    """What is left of an experiment that was stopped: str."""
+    if store is not None:
+        n_chunks = -(-samples // experiment.chunk)
+        kept = sum(store.path(k).exists() for k in range(n_chunks))
+        return (
+            f"interrupted; {kept} of {n_chunks} chunks are kept in {store.folder}, the same command goes on "
+            "from there"
         )
+    return "interrupted; nothing is kept" + (", --keep FOLDER would" if experiment.kept else "")
 
 
 def _writable(out, option):

@@ -31,6 +31,7 @@ class Store(NamedTuple):
 
     folder: Path
     head: dict  # of every file, without the chunk's own entries
+    chunk: int  # samples of a whole chunk
 
     def path(self, number):
         """File of a chunk."""
@@ -55,6 +56,12 @@ class Store(NamedTuple):
                 "more than this version writes"
             ]
             difference = "; ".join(f"{key}: {said.get(key)} there, {wanted.get(key)} here" for key in what)
+            if what == ["samples"]:
+                raise StoreError(
+                    f"{path} is a chunk of another size ({difference}): what is kept can be extended where "
+                    f"--samples is a multiple of {self.chunk}, a whole chunk; move this file away to measure "
+                    "the chunk again, the others stay"
+                )
             raise StoreError(f"{path} is of another run ({difference}); keep this one in another folder")
         return result
 
@@ -98,7 +105,7 @@ def store(experiment, seed, folder):
         "version": __version__,
         "code": code_digest(experiment.kept),
     }
-    return Store(Path(folder), head)
+    return Store(Path(folder), head, experiment.chunk)
 
 
 def code_digest(modules):

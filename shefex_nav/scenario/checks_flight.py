@@ -116,9 +116,12 @@ def _burning(scenario, path, t_s):
 
 def _programme(scenario):
     """Tasks one after the other, within the flight, with what they need."""
-    before = None
+    before, limit = None, scenario.mission.time_limit
     for name, task in scenario.tasks:
         path = ("programme", name)
+        if task.end > limit and task.end > task.start:
+            yield _too_long(scenario, name, task)  # the tasks after it would all say the same
+            break
         yield from within(scenario, (*path, "from"), task.start)
         yield from _on_rail(scenario, (*path, "from"), task.start)
         if task.end <= task.start:
@@ -141,6 +144,22 @@ def _programme(scenario):
             f"at most {SAMPLED / gas.period:.3g} rad/s"
         )
         yield ("vehicle", "cold_gas", "bandwidth"), words
+
+
+def _too_long(scenario, name, task):
+    """Complaint about the first task that the flight has no time for, and how to shorten the programme."""
+    limit = seconds(scenario.mission.time_limit)
+    names = [other for other, _ in scenario.tasks]
+    later = names[names.index(name) + 1 :]
+    if task.start < scenario.mission.time_limit:
+        words = f"{seconds(task.end)} is after mission.time_limit, {limit}"
+        words += f"; for a shorter flight give {limit} here"
+        more = f" and null for what comes after it ({', '.join(later)})" if later else ""
+        return ("programme", name, "until"), words + more
+    words = (
+        f"{seconds(task.start)} is not before mission.time_limit, {limit}; for a shorter flight give null for"
+    )
+    return ("programme", name, "from"), f"{words} {', '.join([name, *later])}"
 
 
 def _task(scenario, path, task):

@@ -31,7 +31,7 @@ def load(path, overrides=()):
     """
     files = {}
     tree, places = _extended(os.fspath(path), (), files)
-    return _validated(tree, places, files, overrides)
+    return _validated(tree, places, files, overrides, os.fspath(path))
 
 
 def load_as(model, path, overrides=()):
@@ -68,7 +68,7 @@ def load_text(text, name, overrides=()):
 
     Raises ScenarioError as `load` does.
     """
-    return _validated(*_whole(text, name), {name: text}, overrides)
+    return _validated(*_whole(text, name), {name: text}, overrides, name)
 
 
 def _whole(text, name):
@@ -79,8 +79,9 @@ def _whole(text, name):
     return own.tree, places
 
 
-def _validated(tree, places, files, overrides):
-    """Scenario of a merged tree after the overrides."""
+def _validated(tree, places, files, overrides, path):
+    """Scenario of a merged tree after the overrides; `path` is the file or text that the user gave."""
+    parents = [file for file in files if file != path]
     _override(tree, places, overrides)
     found, rated = expand.expand(tree, places, files)
     try:
@@ -89,13 +90,18 @@ def _validated(tree, places, files, overrides):
         found += messages.lines(Scenario, error, places)
     if not found:
         found = [
-            (places.value(where), f"{dotted(where)}: {words}")
+            (places.value(where), f"{dotted(where)}: {words}{_whose(places.value(where), path, parents)}")
             for where, words in cross_check(scenario, rated)
         ]
     if found:
         raise _sorted_error(found) from None
     scenario.keep_text(_normalised(tree), files)
     return scenario
+
+
+def _whose(mark, path, parents):
+    """Where to put right what stands in a file that the user's own extends: nobody need edit that one."""
+    return f" (set in {mark.file}; change it in {path}, which extends it)" if mark.file in parents else ""
 
 
 def json_schema():

@@ -1,4 +1,4 @@
-"""`shefex-nav verify`: fly check-cases that others have published, and compare.
+"""`shefex-nav verify`: fly check-cases that others have published, and compare; errors over their bound.
 
 Exit codes: 0 all within their tolerances, 1 a comparison fails, 2 no data or bad input.
 """
@@ -10,12 +10,18 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(help="Compare the flight mechanics with published check-cases.", no_args_is_help=True)
+from shefex_nav.verify.bound_command import bound  # which imports late
+
+app = typer.Typer(
+    help="Compare flights with published check-cases, and navigation with what is possible.",
+    no_args_is_help=True,
+)
+app.command()(bound)
 
 
 @app.callback()
 def verify():
-    """Compare the flight mechanics with published check-cases."""
+    """Compare flights with published check-cases, and navigation with what is possible."""
 
 
 @app.command()
@@ -29,7 +35,7 @@ def nesc(
 ):
     """Fly NASA's NESC check-cases (01 to 10 and 17) and compare with its simulators."""
     if out is not None:
-        _writable(out)
+        writable(out)
     from shefex_nav.verify.data import search
 
     files = search(data)
@@ -65,7 +71,7 @@ def _say(text):
     typer.echo(text, err=True)
 
 
-def _writable(path):
+def writable(path):
     """Refuse a picture that could not be written or would overwrite a file, before anything is flown."""
     if path.suffix.lower() not in (".png", ".svg"):
         raise typer.BadParameter(f"{path} has to end in .png or .svg", param_hint="--out")

@@ -13,7 +13,7 @@ import numpy as np
 
 from shefex_nav import prepare, simulate
 from shefex_nav.geometry.rotation import rotvec_between
-from shefex_nav.onboard.navigation import fusion, solution
+from shefex_nav.onboard.navigation import fusion, sensors, solution
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, POS, VEL
 from shefex_nav.records import Detections, Reason, StarFix
@@ -135,12 +135,13 @@ def filter_run(scenario, seed, fixes, *, star_factor=1.0, recorder=None, world=N
     world = prepare.build_world(scenario, seed) if world is None else world
     fixes = [fix._replace(P_c=star_factor**2 * fix.P_c) for fix in fixes]
     nav = fusion.start(world.computer.nav, world.alignment, world.earth, recorder=recorder)
-    gps, stars = list(world.gps_fixes)[::-1], sorted(fixes, key=lambda fix: -fix.t_available_s)
+    received = sorted(world.gps_fixes + world.gps_ranges, key=lambda one: one.t_available_s, reverse=True)
+    stars = sorted(fixes, key=lambda fix: fix.t_available_s, reverse=True)
     gates, states, covariances = [], [], []
     for n, block in enumerate(imu.blocks(world.imu), 1):
         fusion.advance(nav, block)
         now_s = block.t_valid_s
-        arrivals = [("gps", fix) for fix in simulate.due(gps, now_s)]
+        arrivals = sensors.gps_arrivals(nav.params, simulate.due(received, now_s))
         arrivals += [("star_tracker", fix) for fix in simulate.due(stars, now_s)]
         if arrivals:
             gates += fusion.fuse(nav, arrivals)
@@ -154,16 +155,16 @@ def filter_run(scenario, seed, fixes, *, star_factor=1.0, recorder=None, world=N
     phase = phases(t_s, world.flight.trajectory, used_s)
     errors = _errors(states, world.flight.trajectory, true_biases(scenario, seed, world.flight.trajectory))
     met = [gate for gate in gates if gate.dof > 0]
-    sensors = sorted({gate.sensor for gate in met})
+    names = sorted({gate.sensor for gate in met})
     return Run(
         seed,
         t_s,
         phase,
         errors,
         np.array(covariances),
-        {name: np.array([gate.nis for gate in met if gate.sensor == name]) for name in sensors},
-        {name: np.array([gate.dof for gate in met if gate.sensor == name]) for name in sensors},
-        {name: sum(not gate.accepted for gate in met if gate.sensor == name) for name in sensors},
+        {name: np.array([gate.nis for gate in met if gate.sensor == name]) for name in names},
+        {name: np.array([gate.dof for gate in met if gate.sensor == name]) for name in names},
+        {name: sum(not gate.accepted for gate in met if gate.sensor == name) for name in names},
     )
 
 

@@ -24,11 +24,25 @@ class Curves(NamedTuple):
     bound_known: np.ndarray  # (m, 3) for one that is known
 
 
+def left_out(scenario):
+    """What a scenario has that is no state of the bound, in words; '' if there is nothing."""
+    gps, faults = scenario.gps, scenario.faults
+    found = []
+    if scenario.navigation.gps == "tight":
+        found.append("navigation.gps: tight (it takes fixes, not ranges)")
+    found += [f"gps.errors.{name}" for name in type(gps.errors).model_fields if getattr(gps.errors, name)]
+    found += [f"faults.{name}" for name in type(faults).model_fields if getattr(faults, name)]
+    return ", ".join(found)
+
+
 def bounds(scenario, world, fixes):
     """Bound of a run: for a field of gravity that is a random process beyond J2, and for a known one.
 
-    Scenario, prepare.World, list of StarFix -> (Bound, Bound)
+    Scenario, prepare.World, list of StarFix -> (Bound, Bound). ValueError if the scenario has errors that
+    are not in it (`left_out`).
     """
+    if left_out(scenario):
+        raise ValueError(f"the bound does not know {left_out(scenario)}")
     imu, camera = params.imu_params(scenario), params.camera_params(scenario)
     trajectory = world.flight.trajectory
     field = gravity.load(scenario.earth.gravity, scenario.earth.gravity_degree)

@@ -7,7 +7,7 @@ from scipy.stats import chi2
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import fusion, solution
-from shefex_nav.onboard.navigation.state import ATT, POS, PVA, VEL, correct, layout, pack
+from shefex_nav.onboard.navigation.state import ATT, OPTIONAL, POS, PVA, VEL, correct, layout, pack
 
 BLOCKS, STATES = fly(30.0)
 LAYOUT = layout()
@@ -78,6 +78,44 @@ def test_a_delayed_measurement_counts_as_if_it_had_come_in_time(latency):
     in_time, _ = run(fixes_of({"gps": 0.0, "star": 0.0}, np.random.default_rng(2)), 24.0, start)
     delayed, _ = run(fixes_of(latency, np.random.default_rng(2)), 24.0, start)
     assert apart(in_time, delayed) < 1e-6
+
+
+def test_a_delay_changes_nothing_with_every_block_on():
+    """Out of order, between samples, several fixes at one instant, all blocks: 1e-6 of sigma."""
+    names = tuple(OPTIONAL)[1:]
+    sigmas = {name: np.full(size, SIGMAS.get(name, 1e-4)) for name, size in OPTIONAL.items()}
+    clock = {"clock_white": 0.1, "clock_walk": 0.2, "range_bias_sigma": 3.0, "range_bias_time_s": 100.0}
+    params = PARAMS._replace(states=names, sigma_blocks=sigmas, **clock)
+    start = alignment(STATES[0], np.random.default_rng(1))
+    runs = []
+    for late in (False, True):
+        rng = np.random.default_rng(2)
+        fixes = fixes_of({"gps": 0.0, "star": 0.0}, rng)
+        fixes += [
+            ("star_tracker", star_fix(BLOCKS, STATES, t, 0.0, rng)) for t in (5.0, 5.5, 6.9988, 7.0012, 22.5)
+        ]
+        delays = np.random.default_rng(3).uniform(0.0, 0.55, len(fixes)) * late
+        fixes = [
+            (name, fix._replace(t_available_s=fix.t_valid_s + delay))
+            for (name, fix), delay in zip(fixes, delays, strict=True)
+        ]
+        runs.append(run(fixes, 24.0, start, params))
+    (in_time, decided), (delayed, decided_late) = runs
+    assert in_time.layout.n == 15 + sum(OPTIONAL[name] for name in names)
+    used = [
+        sorted((r.t_valid_s, r.sensor, r.accepted) for r in results) for results in (decided, decided_late)
+    ]
+    assert used[0] == used[1] and sum(accepted for *_, accepted in used[0]) >= 24
+    assert apart(in_time, delayed) < 1e-6
+
+
+SIGMAS = {
+    "gyro_g_sensitivity": 1e-6,
+    "lever_arm": 0.1,
+    "clock": 100.0,
+    "gps_latency": 1e-3,
+    "range_bias": 3.0,
+}
 
 
 def test_ignoring_the_delay_would_be_seen():

@@ -60,7 +60,8 @@ def turntable_folder(folder, table, make_increments, rate_hz, length_s):
     first = np.concatenate([[t_s[0]], rows[0, 1:]])  # before the start; its content does not matter
     write_csv(folder / "imu.csv", ("t", "wx", "wy", "wz", "fx", "fy", "fz"), [first, *rows])
     place = (np.degrees(LATITUDE), np.degrees(LONGITUDE), HEIGHT)
-    fixes = [(t, *place, 0.0, 0.0, 0.0) for t in np.arange(0.5, length_s, 1.0)]
+    times_s = np.arange(0.5, length_s, 1.0)  # heights a micrometre apart: a fix to the last bit is no new fix
+    fixes = [(t, *place[:2], HEIGHT + 1e-6 * k, 0.0, 0.0, 0.0) for k, t in enumerate(times_s)]
     write_csv(folder / "gnss.csv", ("t", "lat", "lon", "h", "vn", "ve", "vd"), fixes)
     coarse_s = np.arange(round(length_s * 20.0) + 1) / 20.0
     angles = np.degrees(table.angles(coarse_s))

@@ -127,7 +127,69 @@ def test_no_view_reports_an_error(policy, tmp_path):
             log.write(record)
     recording = tmp_path / "run.rrd"
     viewer.build_recording(path, recording)
-    reports = viewer_program.take_picture(recording, picture, 235.0)
-    assert len(reports) >= 13
-    assert not any(reports.values()), reports
-    assert picture.stat().st_size > 20_000
+    for at_s in (235.0, 236.5):  # the latter is after the last frame, when the pictures are gone
+        reports = viewer_program.take_picture(recording, picture, at_s)
+        assert len(reports) >= 13
+        assert not any(reports.values()), reports
+        assert picture.stat().st_size > 20_000
+    names = {name for name in reports if "amera" in name or "etections" in name}
+    if policy.otherwise == "none":
+        assert names == {"Detections; this log has no pictures"}
+    else:
+        assert "Star camera" in names
+
+
+def wide(record):
+    """A frame with 12 bits: sky of 400 with a noise of 6, and a star."""
+    if type(record).__name__ != "Frame":
+        return record
+    rows, columns = record.image_dn.shape
+    image = np.random.default_rng(record.number).normal(400.0, 6.0, (rows, columns)).astype(np.uint16)
+    image[10, 20] = 2000
+    return record._replace(image_dn=image, bits=12)
+
+
+def shown_pictures(recording, entity):
+    """Pictures of a recording by mission time: {s: (rows, columns) array}."""
+    found = {}
+    for chunk in chunks(recording):
+        if str(chunk.entity_path) != entity:
+            continue
+        batch = chunk.to_record_batch()
+        if "Image:buffer" not in batch.schema.names:
+            continue
+        times = batch.column("mission_time").cast("int64").to_numpy() / 1e9
+        for t_s, data, form in zip(
+            times,
+            batch.column("Image:buffer").to_pylist(),
+            batch.column("Image:format").to_pylist(),
+            strict=True,
+        ):
+            if data:
+                assert form[0]["channel_datatype"] == 6  # 8 bits
+                shape = form[0]["height"], form[0]["width"]
+                found[round(t_s, 3)] = np.array(data[0], dtype=np.uint8).reshape(shape)
+    return found
+
+
+@pytest.mark.parametrize("full_every", [10, 0])
+def test_twelve_bits_are_not_black(full_every, tmp_path):
+    """Sky is dark grey, a star white; without a frame as read out the whole range of the camera is shown."""
+    path, recording = tmp_path / "run.mcap", tmp_path / "run.rrd"
+    policy = FramePolicy(full_every, "thresholded", 4.0)
+    with LogWriter(path, synthetic_run.mission(), policy) as log:
+        for record in synthetic_run.simulate(OPTIONS._replace(end_s=233.0)):
+            log.write(wide(record))
+    viewer.build_recording(path, recording)
+    thresholded = shown_pictures(recording, "/star_tracker/image")
+    full = shown_pictures(recording, "/star_tracker/image_full")
+    assert len(thresholded) >= 15
+    for image in thresholded.values():
+        assert image[10, 20] == (255 if full_every else round(255 * 2000 / 4095))
+        assert np.mean(image == 0) > 0.99
+    assert (len(full) >= 1) == bool(full_every)
+    for image in full.values():
+        assert image[10, 20] == 255
+        # three sigma above black, of 23 to white
+        assert np.median(image) == pytest.approx(255 * 3 / 23, abs=6)
+        assert 7.0 < image[:8].std() < 15.0  # a sigma is 11

@@ -1,11 +1,14 @@
 """Experiments that are kept: interrupted and continued they give the same, and foreign files are refused."""
 
+import contextlib
+import signal
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from shefex_nav.cli import app
-from shefex_nav.reproduce import engine, keep, registry
+from shefex_nav.reproduce import engine, keep, progress, registry
 from shefex_nav.reproduce.experiment import Experiment, Row
 
 CALLS = []
@@ -90,7 +93,7 @@ def test_seeds_have_files_of_their_own(tmp_path):
 )
 def test_a_foreign_file_is_refused(key, value, says, tmp_path):
     store = keep.store(KEPT, 3, tmp_path)
-    foreign = keep.Store(tmp_path, store.head | {key: value})
+    foreign = keep.Store(tmp_path, store.head | {key: value}, KEPT.chunk)
     foreign.save(1, 10, measure(10, 5, 10))
     foreign.path(1).rename(store.path(1)) if foreign.path(1) != store.path(1) else None
     with pytest.raises(keep.StoreError, match=says):
@@ -99,8 +102,10 @@ def test_a_foreign_file_is_refused(key, value, says, tmp_path):
 
 def test_the_last_chunk_of_another_size_is_refused(tmp_path):
     outcome(tmp_path, samples=95)
-    with pytest.raises(keep.StoreError, match="samples: 5 there, 10 here"):
+    with pytest.raises(keep.StoreError, match=r"samples: 5 there, 10 here.* multiple of 10, a whole chunk"):
         outcome(tmp_path, samples=200)
+    keep.store(KEPT, 3, tmp_path).path(9).unlink()  # as the message says
+    assert outcome(tmp_path, samples=200).rows == engine.run(KEPT, samples=200, seed=3, workers=1).rows
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut off", b"not an archive at all" * 20])
@@ -151,6 +156,81 @@ def test_the_fingerprint_follows_the_code(monkeypatch, tmp_path):
 
 def reproduce(*arguments):
     return CliRunner().invoke(app, ["reproduce", *(str(one) for one in arguments)])
+
+
+def measure_until_interrupted(samples, seed, first):
+    if first >= 40:
+        raise KeyboardInterrupt  # as from Ctrl-C
+    return measure(samples, seed, first)
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_an_interrupted_command_says_what_is_left(kept, monkeypatch, tmp_path):
+    monkeypatch.setattr(registry, "EXPERIMENTS", {"kept": ("kept", "numbers")})
+    monkeypatch.setattr(engine, "cores", lambda: 1)
+    monkeypatch.setattr(registry, "load", lambda name: KEPT._replace(measure=measure_until_interrupted))
+    folder = tmp_path / "kept"
+    arguments = ("kept", "--samples", 95, "--out", tmp_path, *(("--keep", folder) if kept else ()))
+    result = reproduce(*arguments)
+    assert result.exit_code == 130 and result.stdout == ""
+    if not kept:
+        assert result.stderr.endswith("interrupted; nothing is kept, --keep FOLDER would\n")
+        return
+    words = f"interrupted; 4 of 10 chunks are kept in {folder}, the same command goes on from there\n"
+    assert result.stderr.endswith(words)
+    head = keep.store(KEPT._replace(measure=measure_until_interrupted), 1, folder)
+    assert all(head.path(k).exists() == (k < 4) for k in range(10))
+
+
+def measure_like_the_compiler(samples, seed, first):
+    if first >= 40:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        if first == 40:
+            return measure(samples, seed, first)  # the interrupt is swallowed
+        raise RuntimeError("no compiled object yet")
+    return measure(samples, seed, first)
+
+
+@pytest.mark.parametrize("start", [0, 5])
+def test_an_interrupt_that_the_compiler_swallows_counts(start, monkeypatch, tmp_path):
+    """Whether what was interrupted goes on as if nothing had been, or fails with another exception."""
+
+    def measured(samples, seed, first):
+        return measure_like_the_compiler(samples, seed, first + start)
+
+    monkeypatch.setattr(registry, "EXPERIMENTS", {"kept": ("kept", "numbers")})
+    monkeypatch.setattr(engine, "cores", lambda: 1)
+    monkeypatch.setattr(registry, "load", lambda name: KEPT._replace(measure=measured))
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        result = reproduce("kept", "--samples", 95, "--out", tmp_path, "--keep", tmp_path / "kept")
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert result.exit_code == 130
+    kept = 5 if start == 0 else 4
+    assert f"interrupted; {kept} of 10 chunks are kept" in result.stderr
+
+
+def test_lines_of_progress_come_each_tenth_or_each_minute():
+    said, now = [], [0.0]
+    told = progress.lines(1000, said.append, clock=lambda: now[0])
+    for _ in range(1000):
+        now[0] += 30.0  # a tenth takes fifty minutes
+        told(1)
+    assert said == [f"{k} of 1000 done" for k in range(2, 1000, 2)]
+    said.clear()
+    told = progress.lines(1000, said.append, clock=lambda: now[0])
+    for _ in range(1000):
+        now[0] += 0.1
+        told(1)
+    assert said == [f"{k} of 1000 done" for k in range(100, 1000, 100)]
+    said.clear()
+    told = progress.lines(20, said.append, clock=lambda: now[0])
+    for _ in range(20):
+        told(1)
+    assert said == []  # done at once
 
 
 def test_the_command_keeps_and_refuses(monkeypatch, tmp_path):

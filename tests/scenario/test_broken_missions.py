@@ -6,6 +6,7 @@ import pytest
 from broken import DEFAULT, TEXT, check_one_message, messages, the_message
 
 from shefex_nav.scenario import checks_flight
+from shefex_nav.scenario.load import load
 
 LAUNCH = TEXT[TEXT.index("launch: #") : TEXT.index("vehicle:")]
 ORBIT = (
@@ -211,6 +212,34 @@ def test_a_mission_too_short_says_what_does_not_fit():
     said = messages(DEFAULT, ["mission.time_limit=390 s"])
     assert [line.split(": ")[1] for line in said] == ["programme.entry_slew.at"]
     assert "405 s is after mission.time_limit, 390 s" in said[0]
+
+
+def test_a_flight_too_short_for_its_programme_says_how_to_shorten_it():
+    """One message, of the first task that does not fit, and what it says works."""
+    path = DEFAULT.parent / "impa.yaml"
+    said = [line for line in messages(path, ["mission.time_limit=60 s"]) if "programme" in line]
+    words = (
+        "105 s is after mission.time_limit, 60 s; for a shorter flight give 60 s here and null for what comes"
+    )
+    assert len(said) == 1 and said[0].split(": ", 1)[1].startswith("programme.pointing.until: ")
+    assert f"{words} after it (faster)" in said[0]
+    said = [line for line in messages(path, ["mission.time_limit=30 s"]) if "programme" in line]
+    words = "30 s is not before mission.time_limit, 30 s; for a shorter flight give null for pointing, faster"
+    assert len(said) == 1 and f"programme.pointing.from: {words}" in said[0]
+    shorter = ["mission.time_limit=60 s", "programme.pointing.until=60 s", "programme.faster=null"]
+    scenario = load(path, [*shorter, "star_tracker.off=59 s"])
+    assert [task.end for _, task in scenario.tasks] == [30.0, 60.0]
+
+
+def test_what_a_variant_contradicts_is_to_be_changed_in_the_variant(tmp_path):
+    path = tmp_path / "variant.yaml"
+    path.write_text(f"extends: {DEFAULT}\nmission:\n  time_limit: 390 s\n", encoding="utf-8")
+    said = the_message(path)
+    assert said.startswith(f"{DEFAULT}:") and "405 s is after mission.time_limit, 390 s" in said
+    assert said.endswith(f" (set in {DEFAULT}; change it in {path}, which extends it)")
+    path.write_text(f"extends: {DEFAULT}\nprogramme: {{entry_slew: {{at: 700 s}}}}\n", encoding="utf-8")
+    assert "change it in" not in the_message(path)  # it is written there
+    assert "change it in" not in the_message(DEFAULT, ["mission.time_limit=390 s"])
 
 
 def test_valves_keep_up_with_the_bandwidth():

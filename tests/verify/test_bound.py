@@ -264,9 +264,10 @@ def filter_alone(trajectory, fixes, params, alignment, every):
     from shefex_nav.onboard.navigation import fusion
 
     nav = fusion.start(params, alignment, EARTH)
-    data = imu.ImuData(
-        trajectory.t_s, trajectory.dtheta_b, trajectory.dv_b, np.zeros(len(trajectory.t_s), bool), None
-    )
+    # a little noise: samples that repeat each other exactly are taken for those of a stuck axis
+    noise = np.random.default_rng(8).standard_normal((2, *trajectory.dv_b.shape))
+    dtheta_b, dv_b = trajectory.dtheta_b + 1e-9 * noise[0], trajectory.dv_b + 1e-7 * noise[1]
+    data = imu.ImuData(trajectory.t_s, dtheta_b, dv_b, np.zeros(len(trajectory.t_s), bool), None)
     waiting, variances = list(fixes), []
     for n, block in enumerate(imu.blocks(data), 1):
         fusion.advance(nav, block)

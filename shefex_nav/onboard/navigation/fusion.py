@@ -18,6 +18,7 @@ import numpy as np
 from shefex_nav.onboard.navigation import (
     error_model,
     eskf,
+    gate,
     integrity,
     integrity_gps,
     integrity_protection,
@@ -40,12 +41,7 @@ from shefex_nav.records import GateResult
 
 SNAP_S = 1e-6  # instants closer together than this are one
 UNUSED = (Fate.REJECTED, Fate.HELD)
-NOTES = {
-    Fate.USED: "",
-    Fate.REJECTED: "rejected",
-    Fate.HELD: "held: waits for a second fix that agrees",
-    Fate.DOUBTED: "drifts: its innovations keep their sign",
-}
+RANK = {name: k for k, name in enumerate(SENSORS)}
 
 
 class Measurement(NamedTuple):
@@ -224,12 +220,20 @@ def fuse(nav, arrivals):
             names = tuple(name for name in names if name not in repeats)
         tick = nav.history[index]
         queue = tick.measurements + tuple(Measurement(name, fix, Fate.PENDING) for name in names)
-        queue = tuple(sorted(queue, key=lambda m: m.fix.t_valid_s))
+        queue = tuple(sorted(queue, key=_turn))
         nav.history[index] = tick._replace(measurements=queue)
         earliest = min(earliest, index)
     _integrate_again(nav, earliest, results)
     nav.watch.protect(nav.history[-1].P)
     return results
+
+
+def _turn(measurement):
+    """When a measurement has its turn: at its instant; of one instant in the order of the table of sensors.
+
+    So the order of arrival does not matter.
+    """
+    return measurement.fix.t_valid_s, RANK[measurement.sensor]
 
 
 def _integrate_again(nav, index, results):
@@ -325,7 +329,7 @@ def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
     z, H, R = sensor.linearise(nav, state, imu, at_s, measurement.fix)
     result, confirmed = None, False
     if measurement.fate == Fate.PENDING:
-        measurement, result, confirmed = _decide(nav, state, P, z, H, R, imu, at_s, measurement)
+        measurement, result, confirmed = gate.decide(nav, state, P, z, H, R, imu, at_s, measurement)
         if measurement.fate in UNUSED:
             return x, P, measurement, result
     prior = P
@@ -360,11 +364,6 @@ def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
     watch.used_now.append(found)
 
 
-def _alone(nav, sensor, H, P, R):
-    """Whether one fix inside the gate is enough."""
-    return sensor.alone is None or sensor.alone(nav, H, P, R)
-
-
 def _forgotten(nav, P, sensor, admitted):
     """Covariance in which nothing is known of what a sensor measures, or less by a sigma that is admitted."""
     places = nav.layout.places
@@ -379,72 +378,3 @@ def _forgotten(nav, P, sensor, admitted):
         if places[name] is not None:
             P = eskf.forget(P, places[name], initial_covariance(nav.params, name))
     return P
-
-
-def _decide(nav, state, P, z, H, R, imu, at_s, measurement):
-    """Fate of a new measurement; that of its sensor's health is kept.
-
-    -> Measurement, GateResult, whether another fix has confirmed it
-    """
-    name, fix = measurement.sensor, measurement.fix
-    sensor, now_s = SENSORS[name], nav.history[-1].t_s
-    nis, limit = eskf.innovation_statistics(P, z, H, R), nav.limit(len(z))
-    passed = gate_rows(nav, P, z, H, R, sensor.rows) if sensor.rows else np.full(len(z), nis <= limit)
-    trial = rows = None
-    alone = _alone(nav, sensor, H, P, R)
-    if passed.any():
-        nis_judged, rows = 0.0, None if passed.all() else passed
-    else:
-        nis_judged = np.inf
-    if not (passed.any() and alone):
-        trial = sensor.trial(nav, state, P, z, R, imu, at_s, fix)
-    fate, nav.health[name] = integrity.judge(nav.health[name], trial, nis_judged, limit, fix.t_valid_s, alone)
-    admitted = sensor.admits(nav, z) if fate == Fate.RESET and sensor.admits else None
-    if name == integrity_watch.DRIFTS:
-        fate, admitted = _drifts(nav, fate, z, H @ P @ H.T + R, admitted)
-    note = NOTES.get(fate, sensor.reset_note)
-    if fate == Fate.RESET and admitted is not None:
-        note += ", or the camera has moved"
-    if fate == Fate.USED:
-        nav.watch.tell(now_s, name, "")
-    elif fate == Fate.DOUBTED or fate == Fate.RESET:
-        nav.watch.tell(now_s, name, note)
-    elif nav.health[name].rejected >= integrity_watch.CONTRADICTIONS:
-        nav.watch.tell(now_s, name, integrity_watch.reason(name, nav.health))
-    if rows is not None:
-        note = f"rejected: {', '.join(_rejected(sensor, fix, rows))}"
-        z, H, R = z[rows], H[rows], R[np.ix_(rows, rows)]
-        nis, limit = eskf.innovation_statistics(P, z, H, R), nav.limit(len(z))
-    accepted = fate in (Fate.USED, Fate.RESET)
-    result = GateResult(now_s, fix.t_valid_s, name, len(z), nis, limit, accepted, note, z)
-    return measurement._replace(fate=fate, rows=rows, admitted=admitted), result, not alone
-
-
-def _drifts(nav, fate, z, S, admitted):
-    """Fate of a measurement that passed, if its sensor drifts; what is admitted when that is noticed."""
-    watch = nav.watch
-    if fate != Fate.USED:
-        watch.drift = integrity_gps.QUIET
-        return fate, admitted
-    before = watch.drift.suspected
-    watch.drift = integrity_gps.follow(watch.drift, z, S, watch.drift_limit)
-    if not watch.drift.suspected:
-        return fate, admitted
-    return Fate.DOUBTED, 0.0 if before else integrity_gps.followed(watch.drift, S)
-
-
-def gate_rows(nav, P, z, H, R, size):
-    """Which rows pass the gate, in groups of `size`, each against its own limit. -> (m,) bool"""
-    S, limit = H @ P @ H.T + R, nav.limit(size)
-    passed = np.empty(len(z), dtype=bool)
-    for first in range(0, len(z), size):
-        group = slice(first, first + size)
-        passed[group] = z[group] @ np.linalg.solve(S[group, group], z[group]) <= limit
-    return passed
-
-
-def _rejected(sensor, fix, rows):
-    """Names of the groups of rows that did not pass."""
-    groups = rows[:: sensor.rows]
-    labels = sensor.labels(fix) if sensor.labels else [f"row {k}" for k in range(len(groups))]
-    return [label for label, passed in zip(labels, groups, strict=True) if not passed]

@@ -106,15 +106,17 @@ def screen(watch, block):
     health : list of NavHealth, one for each axis whose state has changed
     """
     state = watch.state.copy()
-    dtheta_b, dv_b, densities, changed = _screen(
+    out, densities = np.empty((len(block.dtheta_b), 6)), np.zeros((2, 3))
+    changed, unhealthy = _screen(
         *watch.rules, *watch[1:], block.t_valid_s, block.dt_s, block.dtheta_b, block.dv_b, block.saturated,
-        block.valid,
+        block.valid, out, densities,
     )  # fmt: skip
     health = _health(block.t_valid_s, state, watch.state) if changed else []
-    if not densities.any():
+    if not unhealthy:
         return block, densities, health
     doubtful = block.saturated or bool(watch.state[:3].any())
-    return block._replace(dtheta_b=dtheta_b, dv_b=dv_b, saturated=doubtful, valid=True), densities, health
+    block = block._replace(dtheta_b=out[:, :3].copy(), dv_b=out[:, 3:].copy(), saturated=doubtful, valid=True)
+    return block, densities, health
 
 
 def fixed(watch, sensor, t_valid_s, now_s):
@@ -161,20 +163,22 @@ def integrated_variance(wrong, change, age_s, held):
 def _screen(
     repeats, range_, wrong, change,  # ImuRules
     last, run, mean, before, since_s, seen_s, charged, fixed_s, state,  # ImuWatch
-    t_end_s, dt_s, dtheta_b, dv_b, saturated, valid,
+    t_end_s, dt_s, dtheta_b, dv_b, saturated, valid, out, densities,
 ):  # fmt: skip
-    """`screen` with the fields of its tuples; the arrays of the watch are changed in place."""
+    """`screen` with the fields of its tuples; the arrays of the watch are changed in place.
+
+    Written: out (n, 6) rad, m/s, what can be used; densities (2, 3), zero before.
+    -> whether the state of an axis has changed, whether there are densities
+    """
     n = dtheta_b.shape[0]
     length_s = n * dt_s
-    out = np.empty((n, 6))
     out[:, :3], out[:, 3:] = dtheta_b, dv_b
     same = valid and bool(np.all(out == last)) and np.isfinite(repeats[0]) and np.isfinite(repeats[1])
     whole = SILENT if not valid else (REPEATED if same else GOOD)
     at_range = _at_range(out, range_, dt_s)
     if saturated and not at_range.any():  # the unit does not say which axis
         at_range[:] = True
-    densities = np.zeros((2, 3))
-    changed = False
+    changed = unhealthy = False
     for k in range(6):
         sensor = k // 3
         code, age_s = whole, length_s
@@ -203,9 +207,10 @@ def _screen(
         variance = integrated_variance(wrong[sensor], change[sensor], t_end_s - begin_s, held)
         densities[sensor, k % 3] = max(variance - charged[k], 0.0) / length_s
         charged[k] = max(variance, charged[k])
+        unhealthy = unhealthy or densities[sensor, k % 3] > 0.0
     if whole == GOOD:
         last[:, :3], last[:, 3:] = dtheta_b, dv_b
-    return np.ascontiguousarray(out[:, :3]), np.ascontiguousarray(out[:, 3:]), densities, changed
+    return changed, unhealthy
 
 
 @njit(cache=True)

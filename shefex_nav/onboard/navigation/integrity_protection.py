@@ -25,6 +25,7 @@ notices), are beyond this.
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from shefex_nav.onboard.navigation.state import ATT
 from shefex_nav.records import Doubt
@@ -64,14 +65,40 @@ class Slope(NamedTuple):
     left_stars: np.ndarray  # (3,) share of those of star fixes
 
 
+@njit(cache=True)
+def _slope(P_before, P_after, limit):
+    """worst_b, variance_b and left of a `Slope`, the rows of a (3, 3) array."""
+    out = np.empty((3, 3))
+    for i in range(3):
+        k = ATT.start + i
+        before, after = P_before[k, k], P_after[k, k]
+        out[0, i], out[1, i] = np.sqrt(limit * max(before - after, 0.0)), after
+        out[2, i] = min(after / before, 1.0)
+    return out
+
+
+@njit(cache=True)
+def _left_of_seen(P_before, P_after, H):
+    """Share that is left of the variance of what each row of H sees, (m,)."""
+    out = np.empty(H.shape[0])
+    for i in range(H.shape[0]):
+        before, after = 0.0, 0.0
+        for j in range(H.shape[1]):
+            if H[i, j] != 0.0:
+                for k in range(H.shape[1]):
+                    before += H[i, j] * P_before[j, k] * H[i, k]
+                    after += H[i, j] * P_after[j, k] * H[i, k]
+        out[i] = min(after / before, 1.0)
+    return out
+
+
 def slope(P_before, P_after, limit):
     """Slope of a fix of another sensor than the star tracker.
 
     P_before, P_after : (n, n) of the filter, at the instant of the fix;  limit : of its gate, chi-square
     """
-    before, after = np.diag(P_before)[ATT], np.diag(P_after)[ATT]
-    worst = np.sqrt(limit * np.maximum(before - after, 0.0))
-    return Slope(False, worst, after, np.minimum(after / before, 1.0), np.ones(3))
+    worst, after, left = _slope(P_before, P_after, limit)
+    return Slope(False, worst, after, left, np.ones(3))
 
 
 def slope_of_stars(P_before, P_after, limit, H, R, confirmed):
@@ -81,10 +108,10 @@ def slope_of_stars(P_before, P_after, limit, H, R, confirmed):
     H, R : (3, n), (3, 3) rad^2, of the fix
     confirmed : whether a second fix agrees with it
     """
-    found = slope(P_before, P_after, limit)
-    worst = np.minimum(found.worst_b, np.sqrt(2.0 * limit * np.diag(R))) if confirmed else found.worst_b
-    seen = np.einsum("ij,jk,ik->i", H, P_after, H) / np.einsum("ij,jk,ik->i", H, P_before, H)
-    return found._replace(stars=True, worst_b=worst, left_stars=np.minimum(seen, 1.0))
+    worst, after, left = _slope(P_before, P_after, limit)
+    if confirmed:
+        worst = np.minimum(worst, np.sqrt(2.0 * limit * np.diag(R)))
+    return Slope(True, worst, after, left, _left_of_seen(P_before, P_after, H))
 
 
 def after_fix(level, found, P_now):
@@ -113,4 +140,4 @@ def doubt(protection_b, wanted, contradicted, imu_blind):
     if contradicted:
         return Doubt.CONTRADICTED
     # not "greater": a level that is not a number must not pass
-    return Doubt.NONE if bool(np.all(protection_b <= wanted.attitude)) else Doubt.ATTITUDE
+    return Doubt.NONE if bool((protection_b <= wanted.attitude).all()) else Doubt.ATTITUDE

@@ -44,6 +44,7 @@ class Watch:
     def __init__(self, params, drift_limit):
         self.params, self.drift_limit = params, drift_limit
         self.imu = None  # integrity_imu.ImuWatch, from the first block on
+        self.imu_blind = False  # whether rate or specific force of the moment are not measured on an axis
         self.gps = integrity_gps.memory()
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
@@ -56,7 +57,9 @@ class Watch:
         if self.imu is None or len(self.imu.last) != len(block.dtheta_b):
             self.imu = integrity_imu.start(self.params.imu, len(block.dtheta_b))
         block, densities, changes = integrity_imu.screen(self.imu, block)
-        self.said += changes
+        if changes:
+            self.said += changes
+            self.imu_blind = bool(self.imu.state.any())
         return block, densities
 
     def used(self, sensor, t_valid_s, now_s):
@@ -85,11 +88,6 @@ class Watch:
         said, self.said = self.said, []
         return said
 
-    @property
-    def imu_blind(self):
-        """Whether rates or specific force of the moment are not measured on an axis."""
-        return self.imu is not None and bool(self.imu.state.any())
-
 
 def start(params):
     """Watch of a filter that starts. IntegrityParams, None for those that expect nothing -> Watch"""
@@ -111,9 +109,9 @@ def contradicted(health):
     A GPS position that contradicts while its velocity does not is wrong itself: the inertial sensors and the
     velocity say the same.
     """
-    bad = {name for name, record in health.items() if record.rejected >= CONTRADICTIONS}
+    bad = [name for name, record in health.items() if record.rejected >= CONTRADICTIONS]
     if "gps_position" in bad and jumped(health):
-        bad.discard("gps_position")
+        bad.remove("gps_position")
     return bool(bad)
 
 

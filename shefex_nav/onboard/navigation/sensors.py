@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 
 from shefex_nav.onboard.navigation import (
     calibration,
@@ -155,9 +156,16 @@ def _star_confirmed(nav, state, imu, at_s, fix):
 
 def _star_alone(nav, H, P, R):
     """Once stars have been used, and while the gate stops every fix that is wrong by as much as matters."""
-    S = H @ P @ H.T + R
-    gate = np.sqrt(nav.limit(len(S)) * np.max(np.linalg.eigvalsh(S)))
-    return nav.health["star_tracker"].used > 0 and gate < nav.watch.params.wrong_star_fix
+    if not nav.health["star_tracker"].used:
+        return False
+    gate = np.sqrt(nav.limit(len(R)) * _largest(np.ascontiguousarray(H), P, np.ascontiguousarray(R)))
+    return bool(gate < nav.watch.params.wrong_star_fix)
+
+
+@njit(cache=True)
+def _largest(H, P, R):
+    """Largest eigenvalue of the covariance of an innovation."""
+    return np.linalg.eigvalsh(H @ P @ H.T + R)[-1]
 
 
 def _star_admits(nav, z):

@@ -1,0 +1,99 @@
+"""Repeated fixes and slow drift: what the rules call which."""
+
+import numpy as np
+import pytest
+from scipy.special import chdtri
+
+from shefex_nav.onboard.navigation import integrity_gps
+from shefex_nav.records import GpsFix, GpsRanges
+
+LIMIT = float(chdtri(3, integrity_gps.DRIFT_PROBABILITY))
+BOTH = {"gps_position", "gps_velocity"}
+
+
+def fix(t_s, r, v):
+    r, v = np.array(r, dtype=float), np.array(v, dtype=float)
+    return GpsFix(t_s, t_s + 0.2, True, r, v, np.eye(3), np.eye(3), 8, 2.0, "")
+
+
+def verdicts(*fixes):
+    memory = integrity_gps.memory()
+    return [integrity_gps.repeated(memory, one) for one in fixes]
+
+
+def test_new_fixes_pass():
+    assert verdicts(*(fix(t, [t, 0, 0], [1, 0, t]) for t in range(20))) == [{}] * 20
+
+
+def test_a_frozen_position_takes_its_velocity_with_it():
+    first = fix(0.0, [1, 2, 3], [4, 5, 6])
+    found = verdicts(
+        first, fix(1.0, [1, 2, 3], [4, 5, 7]), fix(2.0, [1, 2, 3], [4, 5, 6]), fix(3.0, [2, 2, 3], [1, 1, 1])
+    )
+    assert [set(one) for one in found] == [set(), BOTH, BOTH, set()]
+    assert found[2]["gps_position"] == "frozen: position of T+0.0 s"
+
+
+def test_a_frozen_velocity_leaves_the_position():
+    found = verdicts(fix(0.0, [1, 2, 3], [4, 5, 6]), fix(1.0, [1, 2, 4], [4, 5, 6]))
+    assert set(found[1]) == {"gps_velocity"}
+    at_rest = verdicts(fix(0.0, [1, 2, 3], [0, 0, 0]), fix(1.0, [1, 2, 4], [0, 0, 0]))
+    assert at_rest[1] == {}
+
+
+def test_a_stale_fix_is_one_of_an_instant_that_was_here():
+    """Whatever it says; a late one of an instant that was not is none."""
+    found = verdicts(
+        fix(0.0, [1, 2, 3], [4, 5, 6]), fix(2.0, [2, 2, 3], [4, 5, 7]), fix(1.0, [3, 2, 3], [4, 5, 8])
+    )
+    assert found[2] == {}
+    found = verdicts(fix(0.0, [1, 2, 3], [4, 5, 6]), fix(0.0, [2, 2, 3], [4, 5, 7]))
+    assert set(found[1]) == BOTH and found[1]["gps_position"].startswith("stale")
+
+
+def test_ranges_repeat_like_fixes():
+    def ranges(t_s, shift):
+        n = np.ones(3)
+        return GpsRanges(
+            t_s, t_s, np.arange(3), 2e7 * n + shift, n + shift, np.ones((3, 3)), np.ones((3, 3)), n, n
+        )
+
+    found = verdicts(ranges(0.0, 0.0), ranges(1.0, 5.0), ranges(2.0, 0.0), fix(3.0, [1, 2, 3], [4, 5, 6]))
+    assert [set(one) for one in found] == [set(), set(), {"gps_range", "gps_range_rate"}, set()]
+
+
+def drift_found(slope, sigma, seconds, rng, gain=0.1):
+    """Seconds until a drift (3,) m/s is suspected by a filter that takes over `gain` of every innovation."""
+    drift, lag, S = integrity_gps.QUIET, np.zeros(3), sigma**2 * np.eye(3)
+    for k in range(seconds):
+        lag = (1.0 - gain) * lag + slope
+        drift = integrity_gps.follow(drift, lag + sigma * rng.standard_normal(3), S, LIMIT)
+        if drift.suspected:
+            return k, drift, lag, S
+    return None, drift, lag, S
+
+
+def test_white_innovations_are_no_drift():
+    """Twenty hours of a receiver with one fix a second."""
+    found = drift_found(np.zeros(3), 2.0, 72000, np.random.default_rng(1))
+    assert found[0] is None
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_drift_that_the_filter_follows_is_noticed(seed):
+    """1 m/s with innovations of 2 m: the lag is 10 m in the end, five sigma."""
+    k, drift, lag, S = drift_found(np.array([0.6, -0.8, 0.0]), 2.0, 120, np.random.default_rng(seed))
+    assert k is not None and k < 20
+    misled = np.linalg.norm((k + 1) * np.array([0.6, -0.8, 0.0]) - lag)
+    assert misled < 3.0 * integrity_gps.followed(drift, S)  # what is admitted covers what was taken over
+
+
+def test_the_means_have_the_variance_that_is_kept_with_them():
+    """Over 4000 sequences of 25 white innovations: chi-square means of 3 within five sigma."""
+    rng, statistics = np.random.default_rng(3), []
+    for _ in range(4000):
+        drift = integrity_gps.QUIET
+        for z in rng.standard_normal((25, 3)):
+            drift = integrity_gps.follow(drift, z, np.eye(3), LIMIT)
+        statistics.append((drift.mean**2).sum(axis=1) / drift.variance)
+    assert np.allclose(np.mean(statistics, axis=0), 3.0, atol=5.0 * np.sqrt(6.0 / 4000))

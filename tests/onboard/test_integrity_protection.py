@@ -1,0 +1,80 @@
+"""Protection level: the slope against the worst case found by brute force, and what later fixes do to it."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from shefex_nav.onboard.navigation import integrity_protection as protection
+from shefex_nav.onboard.navigation.state import ATT
+from shefex_nav.records import Doubt
+
+N, LIMIT = 15, 21.1
+
+
+def updated(P, H, R):
+    S = H @ P @ H.T + R
+    K = P @ H.T @ np.linalg.inv(S)
+    return P - K @ S @ K.T, K, S
+
+
+def case(seed):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((N, N))
+    return A @ A.T, rng.standard_normal((3, N)), np.diag(rng.uniform(0.1, 2.0, 3))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_slope_is_the_worst_that_passes_the_gate(seed):
+    """100 000 innovations on the surface of the gate: none moves the attitude further, one almost as far."""
+    P, H, R = case(seed)
+    after, K, S = updated(P, H, R)
+    directions = np.random.default_rng(seed).standard_normal((100_000, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    z = np.sqrt(LIMIT) * directions @ np.linalg.cholesky(S).T
+    moved = np.abs(z @ K.T)[:, ATT].max(axis=0)
+    worst = protection.slope(P, after, LIMIT).worst_b
+    assert np.all(moved <= worst * (1 + 1e-9)) and np.all(moved > 0.999 * worst)
+
+
+def test_a_confirmed_fix_can_be_wrong_by_less():
+    P, H, R = np.eye(N), np.zeros((3, N)), 1e-6 * np.eye(3)
+    H[:, ATT] = np.eye(3)
+    after, _, _ = updated(P, H, R)
+    alone, confirmed = (protection.slope_of_stars(P, after, LIMIT, H, R, c).worst_b for c in (False, True))
+    assert np.allclose(alone, np.sqrt(LIMIT), rtol=1e-5)
+    assert np.allclose(confirmed, np.sqrt(2.0 * LIMIT * 1e-6))
+
+
+def test_later_fixes_take_the_error_of_a_wrong_one_out():
+    """A fix wrong by b, then good ones: what is left of b in the estimate stays below the level."""
+    H, R, P = np.zeros((3, N)), 1e-2 * np.eye(3), np.eye(N)
+    H[:, ATT] = np.eye(3)
+    level, x = protection.NO_FIX, np.zeros(N)
+    for k in range(30):
+        after, K, S = updated(P, H, R)
+        wrong = np.sqrt(LIMIT * S[0, 0]) * np.array([1.0, 0.0, 0.0]) if k == 0 else np.zeros(3)
+        x = x + K @ (wrong - H @ x)
+        found = protection.slope_of_stars(P, after, LIMIT, H, R, False)
+        level = protection.after_fix(level, found, after)
+        P = after
+        assert abs(x[ATT.start]) <= level.stars_b[0] * (1 + 1e-9)
+    assert level.stars_b[0] < 0.2 * np.sqrt(LIMIT)
+
+
+def test_k_is_that_of_the_normal_distribution():
+    for risk in (0.05, 1e-5):
+        wanted = protection.requirement(0.003, risk)
+        assert 2.0 * norm.sf(wanted.k) == pytest.approx(risk)
+    level = protection.Level(np.array([0.1, 0.0, 0.3]), np.array([0.0, 0.2, 0.1]))
+    expected = wanted.k * 0.01 + np.array([0.1, 0.2, 0.3])
+    assert np.allclose(protection.of_attitude(level, wanted, np.full(3, 0.01)), expected)
+
+
+def test_the_gravest_doubt_counts_and_what_is_no_number_never_passes():
+    wanted = protection.Requirement(0.003, 4.4)
+    good, bad = np.full(3, 0.003), np.array([0.001, 0.0031, 0.001])
+    assert protection.doubt(good, wanted, False, False) == Doubt.NONE
+    assert protection.doubt(bad, wanted, False, False) == Doubt.ATTITUDE
+    assert protection.doubt(bad * np.nan, wanted, False, False) == Doubt.ATTITUDE
+    assert protection.doubt(good, wanted, True, False) == Doubt.CONTRADICTED
+    assert protection.doubt(good, wanted, True, True) == Doubt.IMU

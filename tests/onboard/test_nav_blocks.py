@@ -1,0 +1,402 @@
+"""Every block of states on: Jacobians against finite differences, sensors without noise, and the layout."""
+
+import numpy as np
+import pytest
+from navigation_flight import C_BC, DEG, DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix, star_fix
+from scipy.spatial.transform import Rotation
+
+from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.onboard.navigation import (
+    calibration,
+    error_model,
+    fusion,
+    measurements,
+    prediction,
+    strapdown,
+)
+from shefex_nav.onboard.navigation.state import (
+    ATT,
+    CORE,
+    OPTIONAL,
+    POS,
+    VEL,
+    LayoutError,
+    NavState,
+    correct,
+    layout,
+    pack,
+)
+from shefex_nav.records import GpsFix, StarFix
+
+ALL = layout(tuple(OPTIONAL)[1:])  # the roll column is part of scale factor and misalignment
+ROLL = layout(("gyro_roll_column", "gyro_g_sensitivity", "accel_misalignment", "lever_arm"))
+STEPS = {
+    "position": 10.0,
+    "velocity": 0.1,
+    "attitude": 1e-4,
+    "gyro_bias": 1e-3,
+    "accel_bias": 1.0,
+    "gyro_roll_column": 1e-4,
+    "gyro_scale": 1e-4,
+    "gyro_misalignment": 1e-4,
+    "gyro_g_sensitivity": 1e-5,
+    "accel_scale": 1e-4,
+    "accel_misalignment": 1e-4,
+    "mounting": 1e-4,
+    "lever_arm": 0.1,
+    "clock": 1.0,
+    "gps_latency": 1e-4,
+    "range_bias": 1.0,
+}
+RNG = np.random.default_rng(11)
+BLOCKS, STATES = fly(0.3)
+ARM = PARAMS.l_ba_b
+SPIN, FORCE = np.array([9.4, 0.2, -0.1]), np.array([60.0, 1.0, -2.0])  # as the sensors measure them
+CLOCK = {"clock_white": 0.1, "clock_walk": 0.2, "range_bias_sigma": 3.0, "range_bias_time_s": 100.0}
+NOISE = error_model.record(PARAMS._replace(**CLOCK))
+
+
+def state_with_errors(names, latency_s=0.0, t_s=123.4):
+    """A state in flight, nothing zero of what is estimated."""
+    small = {"gyro_g_sensitivity": 1e-6, "mounting": 2e-3, "lever_arm": 0.1, "clock": 5.0, "range_bias": 2.0}
+    blocks = {name: small.get(name, 5e-4) * RNG.standard_normal(OPTIONAL[name]) for name in names}
+    if "gps_latency" in names:
+        blocks["gps_latency"] = np.array([latency_s])
+    return NavState(
+        t_s,
+        np.array([2.1e6, 0.6e6, 6.0e6]),
+        np.array([1500.0, -900.0, 700.0]),
+        rotation.quat_normalise(RNG.standard_normal(4)),
+        1e-4 * RNG.standard_normal(3),
+        0.01 * RNG.standard_normal(3),
+        **blocks,
+    )
+
+
+def each_error(order):
+    """(name of the block, index of the error, step) of all errors."""
+    for name, place in order.places.items():
+        for j in range(place.start, place.stop) if place else ():
+            yield name, j, STEPS[name]
+
+
+def unit(order, j, size):
+    dx = np.zeros(order.n)
+    dx[j] = size
+    return dx
+
+
+def error_between(order, estimate, truth):
+    """The error dx with truth = estimate (+) dx."""
+    dx = np.zeros(order.n)
+    dx[POS], dx[VEL] = truth.r_i - estimate.r_i, truth.v_i - estimate.v_i
+    dx[ATT] = rotation.rotvec_between(estimate.q_ib, truth.q_ib)
+    for name in ("gyro_bias", "accel_bias", *order.names):
+        dx[order.places[name]] = getattr(truth, name) - getattr(estimate, name)
+    return dx
+
+
+@pytest.mark.parametrize("order", [ALL, ROLL], ids=["all", "roll column"])
+@pytest.mark.parametrize(("begin_s", "end_s"), [(0.0, 0.01), (0.0013, 0.0087)])
+def test_transition_of_every_block_is_the_derivative_of_the_strapdown(order, begin_s, end_s):
+    """Central differences, each pair of blocks to 1e-6 of its largest element.
+
+    In the gravity gradient the oblateness is left out: 0.3 % of that block.
+    """
+    state, T = state_with_errors(order.names), end_s - begin_s
+    imu = strapdown.window(BLOCKS[11], strapdown.window(BLOCKS[10]))
+
+    def end(start):
+        r_i, v_i, q_ib = strapdown.propagate(start, imu, begin_s, end_s, EARTH)
+        clock = start.clock + np.array([start.clock[1] * T, 0.0])
+        decayed = start.range_bias * np.exp(-T / CLOCK["range_bias_time_s"])
+        return start._replace(r_i=r_i, v_i=v_i, q_ib=q_ib, clock=clock, range_bias=decayed)
+
+    nominal = end(state)
+    Phi, _ = prediction.growth(order, NOISE, state, imu, begin_s, end_s, EARTH)
+    measured = np.empty((order.n, order.n))
+    for _, j, step in each_error(order):
+        up = error_between(order, nominal, end(correct(order, state, unit(order, j, step))))
+        down = error_between(order, nominal, end(correct(order, state, unit(order, j, -step))))
+        measured[:, j] = (up - down) / (2.0 * step)
+    gradient = wgs84.GM / np.linalg.norm(state.r_i) ** 3
+    for rows_name, rows in order.places.items():
+        for name, columns in order.places.items():
+            if rows is None or columns is None:
+                continue
+            rounding = {"position": 2e-9, "velocity": 1e-12}.get(rows_name, 2e-15) / STEPS[name]
+            gravity = {"position": 0.01, "velocity": 0.01 * T}.get(name, 0.01 * T * T) * gradient * T
+            tolerance = 1e-6 * np.abs(Phi[rows, columns]).max() + rounding
+            tolerance += gravity if rows in (POS, VEL) else 0.0
+            difference = np.abs(measured[rows, columns] - Phi[rows, columns]).max()
+            assert difference <= tolerance, (rows_name, name, difference, tolerance)
+
+
+def test_the_kernel_carries_the_state_as_the_strapdown_does():
+    """One compiled call for all, and eleven ticks in one, against strapdown and Phi P Phi^T + Q in NumPy."""
+    state = state_with_errors(ALL.names, t_s=BLOCKS[0].t_valid_s - 0.01)
+    x, t_s = pack(state), state.t_s
+    scale = np.array([step for _, _, step in each_error(ALL)])
+    A = RNG.standard_normal((ALL.n, ALL.n))
+    P = 1e-4 * (A @ A.T + np.eye(ALL.n)) * np.outer(scale, scale)
+    windows = []
+    for block in BLOCKS[:11]:
+        windows.append(strapdown.window(block, windows[-1] if windows else None, 0.3))
+    xs, Ps = prediction.advance_ticks(ALL, NOISE, x, t_s, P, windows, EARTH)
+    for k, imu in enumerate(windows):
+        r_i, v_i, q_ib = strapdown.propagate(state, imu, 0.0, 0.01, EARTH)
+        Phi, Q = prediction.growth(ALL, NOISE, state, imu, 0.0, 0.01, EARTH)
+        x, P_step = prediction.advance(ALL, NOISE, x, t_s, P, imu, 0.0, 0.01, EARTH)
+        P = Phi @ P @ Phi.T + Q
+        P = 0.5 * (P + P.T)
+        clock = state.clock + np.array([0.01 * state.clock[1], 0.0])
+        range_bias = state.range_bias * np.exp(-0.01 / CLOCK["range_bias_time_s"])
+        state = state._replace(r_i=r_i, v_i=v_i, q_ib=q_ib, clock=clock, range_bias=range_bias)
+        t_s += 0.01
+        state = state._replace(t_s=t_s)
+        sigma = np.sqrt(np.diag(P))
+        for found in (P_step, Ps[k]):
+            assert np.abs((found - P) / np.outer(sigma, sigma)).max() < 1e-9
+            assert np.array_equal(found, found.T)
+        for found in (x, xs[k]):
+            np.testing.assert_allclose(found, pack(state), rtol=1e-12, atol=1e-15)
+
+
+def test_noise_of_the_receiver_grows_as_allan_says():
+    """White frequency noise and random walk of it over 10 s, many steps against the closed form."""
+    order, imu = layout(("clock", "range_bias")), strapdown.window(BLOCKS[0])
+    state = NavState(0.0, *STATES[0][1:6])
+    P, n = np.zeros((order.n, order.n)), 1000
+    for _ in range(n):
+        _, P = prediction.advance(order, NOISE, pack(state), 0.0, P, imu, 0.0, 0.01, EARTH)
+    T, white, walk = 10.0, CLOCK["clock_white"] ** 2, CLOCK["clock_walk"] ** 2
+    c, r = order.places["clock"], order.places["range_bias"]
+    expected = [[white * T + walk * T**3 / 3.0, walk * T**2 / 2.0], [walk * T**2 / 2.0, walk * T]]
+    np.testing.assert_allclose(P[c, c], expected, rtol=1e-9)
+    share = 1.0 - np.exp(-2.0 * T / CLOCK["range_bias_time_s"])
+    np.testing.assert_allclose(np.diag(P)[r], CLOCK["range_bias_sigma"] ** 2 * share, rtol=1e-9)
+
+
+def measured_motion(state):
+    """Rate and specific force for which sensors with the errors of `state` measure SPIN and FORCE."""
+
+    def response(scale, misalignment):
+        A = np.diag(1.0 + scale)
+        A[[0, 0, 1, 1, 2, 2], [1, 2, 0, 2, 0, 1]] += misalignment
+        return A
+
+    gyro = response(state.gyro_scale, state.gyro_misalignment)
+    gyro += np.outer(state.gyro_roll_column, [1.0, 0.0, 0.0])
+    f_b = np.linalg.solve(response(state.accel_scale, state.accel_misalignment), FORCE - state.accel_bias)
+    pull = state.gyro_g_sensitivity.reshape(3, 3) @ f_b
+    return np.linalg.solve(gyro, SPIN - state.gyro_bias - pull), f_b
+
+
+def test_the_sensors_are_inverted():
+    state = state_with_errors(ALL.names)
+    omega_b, f_b = calibration.motion(state, np.concatenate([SPIN, FORCE]) * DT, DT)
+    np.testing.assert_allclose(omega_b, measured_motion(state)[0], rtol=1e-12)
+    np.testing.assert_allclose(f_b, measured_motion(state)[1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", [ALL, ROLL], ids=["all", "roll column"])
+def test_jacobians_of_the_corrected_motion(order):
+    state = state_with_errors(order.names)
+    J_omega, J_f = calibration.jacobians(order, state, *measured_motion(state))
+    for name, j, step in each_error(order):
+        up = measured_motion(correct(order, state, unit(order, j, step)))
+        down = measured_motion(correct(order, state, unit(order, j, -step)))
+        for k, J in enumerate((J_omega, J_f)):
+            slope = (up[k] - down[k]) / (2.0 * step)
+            assert np.abs(slope - J[:, j]).max() <= 1e-6 * np.abs(J[:, j]).max() + 1e-14 / step, (name, j)
+
+
+def antenna(state):
+    """Position and velocity of the antenna in e when a fix of the state's time was really taken.
+
+    From the motion of the point: constant rate and specific force, differences in time.
+    """
+    omega_b, f_b = measured_motion(state)
+    a_i = measurements_gravity(state) + Rotation.from_quat(rotation.xyzw(state.q_ib)).apply(f_b)
+
+    def place(dt):
+        turned = Rotation.from_quat(rotation.xyzw(state.q_ib)) * Rotation.from_rotvec(omega_b * dt)
+        r_i = state.r_i + state.v_i * dt + 0.5 * a_i * dt**2 + turned.apply(ARM + state.lever_arm)
+        return frames.dcm_ie(EARTH, state.t_s + dt).T @ r_i
+
+    at, h = -state.gps_latency[0], 1e-4
+    return place(at), (place(at + h) - place(at - h)) / (2.0 * h)
+
+
+def measurements_gravity(state):
+    """Gravitation at a state, inertial axes."""
+    from shefex_nav.environment.gravity import gravity_j2_e
+
+    C_ie = frames.dcm_ie(EARTH, state.t_s)
+    return C_ie @ gravity_j2_e(C_ie.T @ state.r_i)
+
+
+def fixes_of(state):
+    """What GPS and star tracker without noise measure."""
+    r_e, v_e = antenna(state)
+    gps = GpsFix(state.t_s, state.t_s, True, r_e, v_e, 4.0 * np.eye(3), 0.01 * np.eye(3), 9, 2.0, "")
+    C_bc = rotation.dcm_from_rotvec(state.mounting) @ C_BC
+    q_ic = rotation.quat_from_dcm(rotation.dcm_from_quat(state.q_ib) @ C_bc)
+    P_c = np.diag([1e-4, 1e-4, 5e-4]) ** 2
+    return gps, StarFix(0, state.t_s, state.t_s, 0, q_ic, P_c, None, None, 0.3, 12.0, 0.05, False, False)
+
+
+def linearised(order, state, fixes):
+    """(z, H, R) of position, velocity, attitude."""
+    motion = measured_motion(state)
+    return (
+        measurements.gps_position(order, state, fixes[0], EARTH, ARM, *motion),
+        measurements.gps_velocity(order, state, fixes[0], EARTH, ARM, *motion),
+        measurements.star_attitude(order, state, fixes[1], C_BC, 0.0),
+    )
+
+
+@pytest.mark.parametrize("order", [ALL, ROLL], ids=["all", "roll column"])
+def test_measurements_move_with_the_truth_as_their_jacobians_say(order):
+    """truth = estimate (+) dx: the fix moves, differentiated from the motion of the antenna.
+
+    Hence its rounding: 1e-9 m of 6e6 m, by 1e-4 s in the velocity. 20 us of latency: hardly any turn.
+    """
+    state = state_with_errors(order.names, 2e-5)
+    here = linearised(order, state, fixes_of(state))
+    for k, (z, H, _) in enumerate(here):
+        assert np.abs(z).max() < (1e-8, 2e-4, 1e-14)[k]
+        for name, j, step in each_error(order):
+            up = linearised(order, state, fixes_of(correct(order, state, unit(order, j, step))))[k][0]
+            down = linearised(order, state, fixes_of(correct(order, state, unit(order, j, -step))))[k][0]
+            rounding = (4e-9, 4e-5, 2e-15)[k] / step
+            scale = np.abs(H[:, j]).max() if k < 2 else np.abs(H).max()
+            assert np.abs((up - down) / (2.0 * step) - H[:, j]).max() <= 1e-6 * scale + rounding, (k, name, j)
+
+
+@pytest.mark.parametrize("order", [ALL, ROLL], ids=["all", "roll column"])
+def test_jacobians_against_their_own_innovations(order):
+    """The estimate moves, the fix stays; without rounding of a differentiated position: to 1e-6."""
+    state = state_with_errors(order.names, 2e-3)
+    fixes = fixes_of(state)
+    here = linearised(order, state, fixes)
+    for name, j, step in each_error(order):
+        up = linearised(order, correct(order, state, unit(order, j, step)), fixes)
+        down = linearised(order, correct(order, state, unit(order, j, -step)), fixes)
+        for k in (0, 1):
+            slope, H = -(up[k][0] - down[k][0]) / (2.0 * step), here[k][1]
+            scale, rounding = np.abs(H[:, order.places[name]]).max(), (2e-9, 1e-12)[k] / step
+            assert np.abs(slope - H[:, j]).max() <= 1e-6 * scale + rounding, (k, name, j)
+
+
+def test_latency_is_what_a_fix_is_older_than_it_says():
+    """A fix taken 5 ms before its time is explained by a latency of 5 ms, and by none other."""
+    truth = state_with_errors(ALL.names, 5e-3)
+    fixes = fixes_of(truth)
+    z_r, z_v = (linearised(ALL, truth, fixes)[k][0] for k in (0, 1))
+    assert np.abs(z_r).max() < 1e-4 and np.abs(z_v).max() < 0.02  # spin: third, second order in 5 ms
+    z_r, z_v = (linearised(ALL, truth._replace(gps_latency=np.zeros(1)), fixes)[k][0] for k in (0, 1))
+    assert np.linalg.norm(z_r) > 5.0 and np.linalg.norm(z_v) > 0.2
+
+
+def test_sensors_without_noise_leave_no_error_with_every_block_on():
+    """Faulty increments, errors known: the estimate stays on the truth, every block on its value."""
+    blocks, states = fly(3.0)
+    errors = state_with_errors(ALL.names)
+    known = states[0]._replace(**{name: getattr(errors, name) for name in ALL.names if name not in OUTSIDE})
+    known = known._replace(gyro_bias=errors.gyro_bias, accel_bias=errors.accel_bias)
+    params = PARAMS._replace(states=ALL.names, sigma_blocks=SIGMAS, **CLOCK)
+    nav = fusion.start(params, alignment(states[0]), EARTH)
+    nav.history[0] = nav.history[0]._replace(x=pack(known))
+    for k, block in enumerate(faulty(blocks, known), 1):
+        fusion.advance(nav, block)
+        if k % 50 == 0:
+            fusion.fuse(nav, [("gps", gps_fix(blocks, states, block.t_valid_s - 0.0813, 0.08))])
+        if k % 10 == 0:
+            fix = star_fix(blocks, states, block.t_valid_s - 0.05, 0.05)
+            q_ic = rotation.quat_multiply(fix.q_ic, mounting_in_camera(known.mounting))
+            fusion.fuse(nav, [("star_tracker", fix._replace(q_ic=q_ic))])
+    state, P = nav.history[-1].state, nav.history[-1].P
+    sigma = np.sqrt(np.diag(P))
+    dx = error_between(
+        ALL, state, known._replace(r_i=states[-1].r_i, v_i=states[-1].v_i, q_ib=states[-1].q_ib)
+    )
+    assert np.linalg.norm(dx[POS]) < 1e-4 and np.linalg.norm(dx[VEL]) < 1e-4
+    assert np.linalg.norm(dx[ATT]) < 1e-8
+    assert np.abs(dx / sigma).max() < 1e-3
+    assert nav.health["gps_position"].used == 6 and nav.health["star_tracker"].used > 20
+
+
+OUTSIDE = ("lever_arm", "clock", "gps_latency", "range_bias")  # of the fixes; theirs are those of the truth
+SIGMAS = {name: np.full(size, 10.0 * STEPS[name]) for name, size in OPTIONAL.items()}
+
+
+def mounting_in_camera(mounting):
+    """Quaternion that turns the attitude of a nominally mounted camera into that of the true one."""
+    C = C_BC.T @ rotation.dcm_from_rotvec(mounting) @ C_BC
+    return rotation.quat_from_dcm(np.ascontiguousarray(C))
+
+
+def faulty(blocks, errors):
+    """The blocks as sensors with errors measure them."""
+
+    def response(scale, misalignment):
+        A = np.diag(1.0 + scale)
+        A[[0, 0, 1, 1, 2, 2], [1, 2, 0, 2, 0, 1]] += misalignment
+        return A
+
+    gyro = response(errors.gyro_scale, errors.gyro_misalignment)
+    accel = response(errors.accel_scale, errors.accel_misalignment)
+    G = errors.gyro_g_sensitivity.reshape(3, 3)
+    for block in blocks:
+        dtheta_b = block.dtheta_b @ gyro.T + block.dv_b @ G.T + errors.gyro_bias * DT
+        yield block._replace(dtheta_b=dtheta_b, dv_b=block.dv_b @ accel.T + errors.accel_bias * DT)
+
+
+def test_names_that_make_no_layout_are_refused():
+    with pytest.raises(LayoutError, match="no block of states 'gyro_skale'"):
+        layout(("gyro_skale",))
+    with pytest.raises(LayoutError, match="estimate the same error"):
+        layout(("mounting", "gyro_roll_column", "gyro_misalignment"))
+    with pytest.raises(LayoutError, match="twice"):
+        layout(("mounting", "mounting"))
+    assert set(layout(()).places) == {*CORE, *OPTIONAL}
+
+
+def test_a_block_without_its_sigmas_is_refused():
+    start = alignment(STATES[0])
+    with pytest.raises(KeyError):
+        fusion.start(PARAMS._replace(states=("clock",)), start, EARTH)
+    with pytest.raises(ValueError, match="2 values are needed"):
+        fusion.start(PARAMS._replace(states=("clock",), sigma_blocks={"clock": np.ones(1)}), start, EARTH)
+
+
+def test_two_samples_a_tick():
+    """A motion sampled at 200 Hz, ticks of 10, 20 and 5 ms: as at 400 Hz, as well as the samples can tell."""
+    blocks, states = fly(0.6)
+
+    def ticks(samples):
+        joined = (
+            np.concatenate([np.hstack([b.dtheta_b, b.dv_b]) for b in blocks]).reshape(-1, 2, 6).sum(axis=1)
+        )
+        for k in range(0, len(joined), samples):
+            rows, end_s = joined[k : k + samples], (k + samples) * 2 * DT
+            yield blocks[0]._replace(
+                t_valid_s=end_s, t_available_s=end_s, dt_s=2 * DT, dtheta_b=rows[:, :3], dv_b=rows[:, 3:]
+            )
+
+    quiet = PARAMS._replace(imu=MODEL)
+    ends = []
+    for samples in (2, 4, 1):
+        nav = fusion.start(quiet, alignment(states[0]), EARTH)
+        for block in ticks(samples):
+            fusion.advance(nav, block)
+        ends.append(nav.history[-1])
+        assert nav.history[-1].t_s == pytest.approx(0.6)
+        assert nav.history[0].t_s == pytest.approx(0.0)
+        error = rotation.rotvec_between(nav.history[-1].state.q_ib, states[-1].q_ib)
+        assert np.linalg.norm(error) < 1e-7 * DEG * 57.3
+        assert np.linalg.norm(nav.history[-1].state.v_i - states[-1].v_i) < 1e-5
+    for end in ends[1:]:
+        sigma = np.sqrt(np.diag(ends[0].P))
+        assert np.abs((end.P - ends[0].P) / np.outer(sigma, sigma)).max() < 1e-3  # noise by the trapezoid

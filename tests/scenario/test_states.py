@@ -1,0 +1,62 @@
+"""Blocks of states of the filter: what a scenario may name, and what they change of the filter's noise."""
+
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from shefex_nav.onboard.navigation.state import DEFAULT_STATES, OPTIONAL
+from shefex_nav.scenario import params_onboard
+from shefex_nav.scenario.load import ScenarioError, load
+from shefex_nav.scenario.onboard import Navigation, StateBlock
+
+SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
+
+
+def nav_params(states):
+    return params_onboard.nav_params(load(SCENARIO, [f"navigation.states=[{', '.join(states)}]"]))
+
+
+def test_a_scenario_may_name_every_block_of_the_filter():
+    assert get_args(StateBlock) == tuple(OPTIONAL)
+    assert tuple(Navigation.model_fields["states"].default) == DEFAULT_STATES
+    states = tuple(OPTIONAL)[1:]
+    params = nav_params(states)
+    assert params.states == states
+    for name in states:
+        sigma = params.sigma_blocks[name]
+        assert sigma.shape == (OPTIONAL[name],)
+        assert np.all(sigma > 0.0) or name == "range_bias"  # the receiver of the default mission has none
+
+
+@pytest.mark.parametrize(
+    ("states", "place", "words"),
+    [
+        ("[mounting, gyro_skale]", "navigation.states.1", "'gyro_skale' is not known"),
+        ("[gyro_scale, mounting, gyro_roll_column]", "navigation.states.2", "estimate the same error"),
+        ("[gyro_roll_column, gyro_misalignment]", "navigation.states.0", "'gyro_misalignment'"),
+        ("[clock, clock]", "navigation.states.1", "'clock' is named twice"),
+        ("clock", "navigation.states", "expected a list, got 'clock'"),
+    ],
+)
+def test_wrong_names_are_refused_with_place_and_value(states, place, words):
+    with pytest.raises(ScenarioError) as caught:
+        load(SCENARIO, [f"navigation.states={states}"])
+    (line,) = str(caught.value).splitlines()
+    assert f"{place}:" in line and words in line
+
+
+def test_what_is_estimated_is_no_noise_as_well():
+    """Scale factor and misalignment of the gyros share a term; the rms of three axes."""
+    nothing, gyro = nav_params(()).imu, load(SCENARIO).imu.gyro
+    assert nothing == nav_params(DEFAULT_STATES).imu
+    assert nav_params(("gyro_scale",)).imu.gyro_cross == pytest.approx(gyro.misalignment * np.sqrt(2.0 / 3.0))
+    assert nav_params(("gyro_misalignment",)).imu.gyro_cross == pytest.approx(
+        gyro.scale_factor / np.sqrt(3.0)
+    )
+    every = nav_params(("gyro_scale", "gyro_misalignment", "gyro_g_sensitivity", "accel_scale")).imu
+    gone = {"gyro_cross": 0.0, "gyro_g_sensitivity": 0.0, "accel_cross": 0.0}
+    assert (
+        every == nothing._replace(**gone) and nothing.gyro_g_sensitivity > 0.0 and nothing.accel_cross > 0.0
+    )
