@@ -24,7 +24,7 @@ SIMPLE = (
     "imu.gyro.g_sensitivity=0 deg/h/gee",
     "imu.gyro.scale_factor=0 ppm",
     "imu.accelerometer.scale_factor=0 ppm",
-    "navigation.gravity_error=0 ugee",
+    "navigation.gravity_error=2 ugee",  # what smoothing assumes, so that both are the same filter
     "earth.gravity=j2",
 )
 NOTHING = Detections(np.empty((0, 2)), np.empty(0), np.empty(0, int), np.empty(0, int), np.empty((0, 2, 2)))
