@@ -216,6 +216,8 @@ def simulate(options=DEFAULT):
             yield rec.GpsFix(t_s, t_s + 0.2, valid, r_e, v_e, cov3, cov3 * 1e-4, 9, 1.8, reason)
             yield _ranges(t_s, r_e, np.random.default_rng(n), 0 if not valid else 4 + n // 100 % 3)
             yield rec.GateResult(t_s + 0.2, t_s, "gps_position", 3, 2.5, 16.3, True, "", np.ones(3))
+            if n % 1000 in (0, 300):
+                yield rec.NavHealth(t_s, "gps", valid, reason)
         if n % 10 == 0 and options.tracker_on_s <= t_s < options.tracker_off_s:
             number = round((t_s - options.tracker_on_s) * 10)
             yield from star_camera(run, truth, number, sky, rng)

@@ -76,6 +76,8 @@ def test_what_the_default_leaves_out():
         *("boresight_rate", "cross_rate", "cross_period", "cross_phase", "ramp"),
         *("almanac", "bias", "drift", "h_0", "h_minus_2", "reacquisition"),  # of the GPS receiver
         *("satellite", "ionosphere", "troposphere", "multipath"),
+        *("gps", "states", "attitude", "risk", "wrong_star_fix", "rejections", "duration"),  # navigation
+        *("angular_acceleration", "thrust_change"),
     }
 
 
@@ -244,7 +246,8 @@ def test_schema_holds_together():
             assert reference.removeprefix("#/$defs/") in blocks
             assert reference.endswith(".partial") == name.endswith(".partial")
         assert block["additionalProperties"] is False
-        optional = {"SensorOverrides", "Atmosphere", "Faults"}
+        optional = {"SensorOverrides", "Atmosphere", "Faults", "Integrity"}
+        optional |= {"Clock", "RangeErrors", "SatelliteErrors"}  # of GPS
         assert name.endswith(".partial") is not ("required" in block) or name in optional
     needed = {name for name, field in Scenario.model_fields.items() if field.is_required()}
     assert set(blocks["Scenario"]["required"]) == needed

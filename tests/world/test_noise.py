@@ -24,6 +24,8 @@ def test_keys_of_streams_are_frozen():
         "camera_errors": 4,
         "camera_noise": 5,
         "attitude_control": 6,
+        "gps_errors": 7,
+        "faults": 8,
     }
 
 
