@@ -14,13 +14,13 @@ from shefex_nav.onboard.navigation import (
     prediction,
     strapdown,
 )
+from shefex_nav.onboard.navigation.blocks import LayoutError
 from shefex_nav.onboard.navigation.state import (
     ATT,
     CORE,
     OPTIONAL,
     POS,
     VEL,
-    LayoutError,
     NavState,
     correct,
     layout,
