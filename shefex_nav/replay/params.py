@@ -106,5 +106,4 @@ def imu_model(scenario):
         gravity=navigation.gravity_error,
         gravity_time_s=navigation.gravity_memory,
         saturated_rate=navigation.saturated_rate,
-        saturated_acceleration=navigation.saturated_acceleration,
     )

@@ -1,8 +1,8 @@
 """What every section of a scenario has in common, and sections that come in several forms."""
 
-from typing import Annotated, Any, Union
+from typing import Annotated, Any, Literal, Union, get_args
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Tag
+from pydantic import BaseModel, ConfigDict, Discriminator, Tag, WithJsonSchema, create_model
 
 
 class Block(BaseModel):
@@ -41,6 +41,29 @@ def forms(otherwise, **by_key):
         return f"<{next((key for key in by_key if key in present), otherwise[0])}>"
 
     return tagged(choose, models)
+
+
+class _Unknown(Block):
+    """Stands for a section whose kind is missing or misspelt."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+def kinds(key, *models):
+    """Type of a section of one of several kinds, told apart by the value of `key`, a Literal in each.
+
+    A kind that is missing or misspelt is what is complained about, not the other keys.
+    """
+    known = {get_args(model.model_fields[key].annotation)[0]: model for model in models}
+    unknown = create_model("Unknown", __base__=_Unknown, **{key: (Literal[tuple(known)], ...)})
+
+    def choose(value: Any):
+        if isinstance(value, Block):
+            return f"<{getattr(value, key, key)}>"
+        kind = value.get(key) if isinstance(value, dict) else None
+        return f"<{kind}>" if isinstance(kind, str) and kind in known else f"<{key}>"
+
+    return tagged(choose, {**known, key: Annotated[unknown, WithJsonSchema({"not": {}})]})
 
 
 def tagged(choose, models):

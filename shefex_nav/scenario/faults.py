@@ -4,11 +4,11 @@ Each fault says what it is (`fault`), `from` when and `until` when; times count 
 the sensors describe healthy ones.
 """
 
-from typing import Annotated, Any, Literal, get_args
+from typing import Literal
 
-from pydantic import ConfigDict, Field, StrictBool, WithJsonSchema
+from pydantic import Field, StrictBool
 
-from shefex_nav.scenario.block import Block, tagged
+from shefex_nav.scenario.block import Block, kinds
 from shefex_nav.scenario.quantity import Count, Quantity, Time, Vector
 
 Axis = Literal["x", "y", "z"]
@@ -101,29 +101,9 @@ class Blinded(Fault):
     fault: Literal["blinded"]
 
 
-def _forms(*kinds):
-    """Type of a fault of one device, told apart by `fault`; a misspelt one is what is complained about."""
-    known = {get_args(kind.model_fields["fault"].annotation)[0]: kind for kind in kinds}
-
-    class Unknown(Block):
-        """Stands for a fault that is missing or misspelt."""
-
-        model_config = ConfigDict(extra="ignore")
-
-        fault: Literal[tuple(known)]
-
-    def choose(value: Any):
-        if isinstance(value, Block):
-            return f"<{getattr(value, 'fault', 'fault')}>"
-        name = value.get("fault") if isinstance(value, dict) else None
-        return f"<{name}>" if isinstance(name, str) and name in known else "<fault>"
-
-    return tagged(choose, {**known, "fault": Annotated[Unknown, WithJsonSchema({"not": {}})]})
-
-
-ImuFault = _forms(Stuck, Dead, Dropout, Repeat)
-GpsFault = _forms(Outage, Freeze, Jump, Drift)
-StarFault = _forms(Bias, WrongFixes, Blinded)
+ImuFault = kinds("fault", Stuck, Dead, Dropout, Repeat)
+GpsFault = kinds("fault", Outage, Freeze, Jump, Drift)
+StarFault = kinds("fault", Bias, WrongFixes, Blinded)
 
 
 class Faults(Block):

@@ -3,11 +3,11 @@
 Values are floats in SI and radians once loaded. All times count from lift-off.
 """
 
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, WithJsonSchema
+from pydantic import Field
 
-from shefex_nav.scenario.block import Block, tagged
+from shefex_nav.scenario.block import Block, kinds
 from shefex_nav.scenario.quantity import Quantity, Time
 
 Name = Annotated[str, Field(pattern=r"^[\w-]+$", description="one word")]
@@ -80,26 +80,5 @@ class Hold(Task):
     task: Literal["hold"]
 
 
-TASKS = {
-    get_args(kind.model_fields["task"].annotation)[0]: kind
-    for kind in (Damp, Turn, AlignVelocity, SpinTo, Point, Dwell, Hold)
-}
-
-
-class UnknownTask(Block):
-    """Stands for a task whose kind is missing or misspelt, so that this is what is complained about."""
-
-    model_config = ConfigDict(extra="ignore")
-
-    task: Literal[tuple(TASKS)]
-
-
-def _kind(value: Any):
-    if isinstance(value, Block):
-        return f"<{getattr(value, 'task', 'task')}>"
-    kind = value.get("task") if isinstance(value, dict) else None
-    return f"<{kind}>" if isinstance(kind, str) and kind in TASKS else "<task>"
-
-
-AnyTask = tagged(_kind, {**TASKS, "task": Annotated[UnknownTask, WithJsonSchema({"not": {}})]})
+AnyTask = kinds("task", Damp, Turn, AlignVelocity, SpinTo, Point, Dwell, Hold)
 Programme = dict[Name, AnyTask]

@@ -35,7 +35,6 @@ MODEL = ImuModel(
     gravity=1e-5,  # the truth of these tests has the on-board gravity
     gravity_time_s=50.0,
     saturated_rate=1.0,
-    saturated_acceleration=50.0,
 )
 PARAMS = NavParams(
     imu=MODEL,

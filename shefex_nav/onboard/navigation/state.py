@@ -149,7 +149,6 @@ class ImuModel(NamedTuple):
     gravity: float  # m/s^2, what the on-board gravity model leaves out
     gravity_time_s: float  # for how long it acts before GPS corrects for it, while the body turns
     saturated_rate: float  # rad/s, error while a sensor is at its range
-    saturated_acceleration: float  # m/s^2
 
 
 class ReleaseRule(NamedTuple):
