@@ -182,6 +182,7 @@ class NavParams(NamedTuple):
     range_bias_time_s: float = np.inf  # its correlation time
     gps: str = "loose"  # GPS by its fixes; "tight": by the ranges of its channels
     integrity: Any = None  # integrity_watch.IntegrityParams; None: nothing is expected of IMU and solution
+    stars: str = "attitude"  # stars by the attitude of each frame; "vectors": each star by itself
 
 
 def initial(params, order, alignment):
