@@ -122,7 +122,9 @@ class StarTracker(Block):
     highest_rate: Quantity(
         "rad/s", "2.5 deg/s", "frames taken faster are smeared and give no attitude", positive=True
     )
-    centroid_floor: Quantity("pix", "0.05 pix", "centroid error of the brightest stars", positive=True)
+    centroid_floor: Quantity(
+        "pix", "0.05 pix", "error of every centroid that no pixel's noise tells", non_negative=True
+    )
     outlier_sigma: Number("4", "a star further from the attitude of the others is left out", positive=True)
     exposure: ExposureControl
     detection: Detection

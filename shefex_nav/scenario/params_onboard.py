@@ -70,6 +70,7 @@ def tracker_params(scenario, earth_velocity_i, bad_pixels):
         exposure=_exposure_params(tracker.exposure),
         earth_velocity_i=earth_velocity_i,
         centroid_floor_px=tracker.centroid_floor,
+        sigma_focal=scenario.star_camera.optics.focal_length_error,
         outlier_sigma=tracker.outlier_sigma,
         latency_s=tracker.latency,
         max_rate=tracker.highest_rate,

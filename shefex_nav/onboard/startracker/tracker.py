@@ -27,7 +27,12 @@ from shefex_nav.onboard.startracker.exposure import ExposureParams, flags, next_
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED, identify_near
 from shefex_nav.onboard.startracker.identify.verify import Identification, IdentifyParams
-from shefex_nav.onboard.startracker.likelihood import drop_worst, misfit_factor, sigma_of_centroids
+from shefex_nav.onboard.startracker.likelihood import (
+    drop_worst,
+    misfit_factor,
+    misfit_growth,
+    sigma_of_centroids,
+)
 from shefex_nav.records import NO_STARS, CameraCommand, Reason, StarFix
 
 MOST_DROPPED = 0.25  # of the identified stars; one in any case
@@ -45,13 +50,14 @@ class TrackerParams(NamedTuple):
     identify: IdentifyParams  # its zero_flux is that of the longest exposure
     exposure: ExposureParams
     earth_velocity_i: np.ndarray  # (3,) m/s, of the Earth relative to the solar-system barycentre
-    centroid_floor_px: float  # error of the brightest stars: pixel response, lens, catalogue
+    centroid_floor_px: float  # independent error of every star that no pixel's noise tells: lens, catalogue
     outlier_sigma: float  # a star further than this from the attitude of the others is left out
     latency_s: float  # from the frame in memory to the attitude
     max_rate: float  # rad/s, frames taken faster give no attitude
     sun_exclusion: float  # rad
     limb_exclusion: float  # rad
     track: bool = False  # identify near the predicted attitude first
+    sigma_focal: float = 0.0  # relative error of the focal length that the calibration left
     run_length: Any = None  # multipole_chain.ChainParams, for detect.scan 'run_length'
     vectors: bool = False  # near the predicted attitude, one or two stars are given as well
 
@@ -223,6 +229,7 @@ def _attitude(tracker, detections, context, rate):
         misfit * P_px[rows],
         seen_i[used],
         rate,
+        params.sigma_focal,
     )
     return found, Reason.NONE, (q_ic, P_c, residual_px), stars
 
@@ -265,9 +272,9 @@ def solve(params, u_c, seen_i, P_px, least, rate=None):
     """Attitude, its covariance and the misfit; the worst star is left out until all that are used fit.
 
     A neighbour too faint for the catalogue or a particle hit can shift the light of a star by more than its
-    error. Neither can be foreseen, but with more than four stars it shows. Streaks are less certain than
-    spots: the variance that P_px promises counts as an observation of PRIOR_DOF degrees of freedom, which
-    the misfit of this frame's stars corrects.
+    error. Neither can be foreseen, but with more than four stars it shows. The variance that P_px promises
+    counts as an observation of PRIOR_DOF degrees of freedom. Streaks are less certain than spots: the misfit
+    of this frame's stars corrects it; that of spots only where it is more than chance makes.
 
     Parameters
     ----------
@@ -292,19 +299,39 @@ def solve(params, u_c, seen_i, P_px, least, rate=None):
 def _solved(params, u_c, seen_i, P_px, least, rate):
     """`solve`, and the rows of the stars used (n_used,), and by what their misfit multiplies P_px and P_c."""
     t_s, P_omega = (np.zeros(len(u_c)), np.zeros((3, 3))) if rate is None else rate
-    return _solve_kernel(params.identify.camera, params.outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega)
+    return _solve_kernel(
+        params.identify.camera,
+        params.outlier_sigma,
+        least,
+        u_c,
+        seen_i,
+        P_px,
+        t_s,
+        P_omega,
+        params.sigma_focal,
+        rate is None,
+    )
 
 
 @njit(cache=True)
-def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega):
-    """As `_solved`, with the settings that it needs."""
+def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega, sigma_focal, spots):
+    """As `_solved`, with the settings that it needs; spots: whether these are no streaks."""
     xy_px = pixels(camera, u_c)
     rows = np.arange(len(u_c))
     q_ic = esoq2(u_c, seen_i, sigma_of_centroids(camera, xy_px, P_px))
     while True:
         false_alarm = len(rows) * np.exp(-0.5 * outlier_sigma**2)
         dropped, q_ic, P_c, chi2 = drop_worst(
-            camera, q_ic, xy_px[rows], seen_i[rows], P_px[rows], false_alarm, least - 1, t_s[rows], P_omega
+            camera,
+            q_ic,
+            xy_px[rows],
+            seen_i[rows],
+            P_px[rows],
+            false_alarm,
+            least - 1,
+            t_s[rows],
+            P_omega,
+            sigma_focal,
         )
         if dropped >= 0:
             rows = np.delete(rows, dropped)
@@ -316,7 +343,8 @@ def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega)
         return 0, q_ic, P_c, np.nan, rows, np.nan
     offset_px = xy_px[rows] - pixels(camera, seen_i[rows] @ dcm_from_quat(q_ic))
     residual_px = np.sqrt((offset_px**2).sum() / n_used)
-    misfit = misfit_factor(chi2, 2 * n_used - 3, PRIOR_DOF)
+    dof = 2 * n_used - 3
+    misfit = misfit_growth(chi2, dof, PRIOR_DOF) if spots else misfit_factor(chi2, dof, PRIOR_DOF)
     return n_used, q_ic, misfit * P_c, residual_px, rows, misfit
 
 
