@@ -92,6 +92,7 @@ def identify(params, stars, detections, P_px, context, rate=None):
         P_px[k],
         np.ascontiguousarray(seen_i[s]),
         _of(rate, k),
+        params.sigma_focal,
     )
     return star, found, False
 
