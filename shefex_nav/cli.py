@@ -52,8 +52,6 @@ def run(
     json: JsonOption = False,
 ):
     """Fly a scenario: simulate, navigate, log, and print how well it went."""
-    import time
-
     from shefex_nav.scenario import load
 
     loaded = load.load(scenario, overrides or ())
@@ -61,32 +59,16 @@ def run(
     writable(path, "--out", force=force)
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
     say("Getting ready; the first run on a machine compiles, which takes a few minutes.")
-    began = time.perf_counter()
-    from shefex_nav import prepare, simulate
-    from shefex_nav.log.drawings import FramePolicy
-    from shefex_nav.log.run_data import RunDataBuilder
-    from shefex_nav.log.thinning import thinned
-    from shefex_nav.log.topics import RunSummary
-    from shefex_nav.log.writer import LogWriter
-    from shefex_nav.report import metrics
+    from shefex_nav import runs
 
-    simulate.warm_up(loaded)
-    ready = time.perf_counter()
-    world = prepare.build_world(loaded, seed)
-    t_s = world.flight.trajectory.t_s
-    mission = prepare.mission(loaded, seed, world.flight.trajectory)
-    kept = RunDataBuilder(mission)
-    frames = loaded.log.frames
-    policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
-    with LogWriter(path, mission, policy, overwrite=force) as log:
-        records = interruptible(watched(simulate.route(world, loaded, seed), float(t_s[0]), float(t_s[-1])))
-        for record in thinned(records, loaded.log.rate, mission.start_s):
-            log.write(record)
-            kept.add(record)
-        done = RunSummary(kept.last_t_s, time.perf_counter() - ready, ready - began)
-        log.write(done)
-        kept.add(done)
-    show(metrics.summarise(kept.build(), log=path), json)
+    flown = runs.fly(
+        loaded,
+        seed,
+        log=path,
+        overwrite=force,
+        watch=lambda records, start_s, end_s: interruptible(watched(records, start_s, end_s)),
+    )
+    show(flown.summary(), json)
 
 
 def free_name(name, seed):
