@@ -4,8 +4,9 @@ import numpy as np
 
 from shefex_nav.geometry import wgs84
 from shefex_nav.records import Phase
-from shefex_nav.report import layout
+from shefex_nav.report import coast
 from shefex_nav.report.track import earth_fixed
+from shefex_nav.report.viewer import layout, vehicle
 
 _POINTS = 4000  # of the path, about
 _LINE_POINTS = 60  # of a meridian or parallel
