@@ -46,7 +46,9 @@ def _timed(chunk, epoch, grey):
         (UTC, pa.timestamp("ns"), stamps),
         (TIMELINE, pa.duration("ns"), stamps - epoch),
     ):
-        field = pa.field(name, kind, nullable=False, metadata={**metadata, b"rerun:index_name": name.encode()})
+        field = pa.field(
+            name, kind, nullable=False, metadata={**metadata, b"rerun:index_name": name.encode()}
+        )
         batch = batch.add_column(1, field, pa.array(values).cast(kind))
     return Chunk.from_record_batch(batch)[0]
 

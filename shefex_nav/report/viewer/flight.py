@@ -5,26 +5,14 @@ import numpy as np
 from shefex_nav.records import Phase
 from shefex_nav.report.track import earth_fixed
 from shefex_nav.report.viewer import world
-from shefex_nav.report.viewer.sender import BLUE, GREEN, GREY, VIOLET, WHITE, YELLOW, plot_step
-
-PHASE_COLOURS = {
-    Phase.PAD: GREY,
-    Phase.BOOST: (255, 90, 60),
-    Phase.COAST: WHITE,
-    Phase.MANOEUVRE: BLUE,
-    Phase.POINTING: GREEN,
-    Phase.DESCENT: VIOLET,
-    Phase.PARACHUTE: YELLOW,
-    Phase.ORBIT: WHITE,
-    Phase.GROUND: (150, 130, 100),
-}
+from shefex_nav.report.viewer.sender import WHITE, YELLOW, plot_step
 
 
 def send(sender, data):
     """Everything of one run."""
     motion(sender, data)
     control(sender, data)
-    phases = {phase.name.lower(): colour for phase, colour in PHASE_COLOURS.items()}
+    phases = {phase.name.lower(): colour for phase, colour in world.PHASE_COLOURS.items()}
     sender.lane("states/phase", data.truth.t_s, [Phase(p).name.lower() for p in data.truth.phase], phases)
 
 

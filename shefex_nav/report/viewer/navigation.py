@@ -74,7 +74,7 @@ def biases(sender, data):
 
 def consistency(sender, data, run="", colour=BLUE):
     """NEES with its bounds, and every measurement's NIS by its limit: refused above one."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri  # in an eighth of the time of scipy.stats
 
     t_s, nees, _ = metrics.normalised_errors(data, metrics.navigation_errors(data))
     step = plot_step(t_s)
@@ -85,7 +85,7 @@ def consistency(sender, data, run="", colour=BLUE):
     tail = 0.5 * (1.0 - CONFIDENCE)
     ends = t_s[[0, -1]] if len(t_s) else []
     for name, share in (("lower", tail), ("upper", 1.0 - tail)):
-        limit = float(chi2.ppf(share, metrics.NEES_DOF))
+        limit = float(chdtri(metrics.NEES_DOF, 1.0 - share))
         sender.curve(f"plots/nees/{name}", ends, [limit] * len(ends), RED, f"{name} bound, {CONFIDENCE:.0%}")
     for sensor in sorted({gate.sensor for gate in data.gates}):
         _innovations(sender, sensor, [gate for gate in data.gates if gate.sensor == sensor])
@@ -128,5 +128,8 @@ def trust(sender, data):
         times = [record.t_s for record in records]
         start = data.mission.start_s
         sender.lane(
-            f"states/health/{source.replace(' ', '_')}", [start, *times], ["good", *states], {**colours, "": GREY}
+            f"states/health/{source.replace(' ', '_')}",
+            [start, *times],
+            ["good", *states],
+            {**colours, "": GREY},
         )

@@ -44,7 +44,9 @@ class Sender:
         """What was drawn of an entity is gone from a time on."""
         import rerun as rr
 
-        self.stream.send_columns(entity, indexes=self.times([t_s]), columns=rr.Clear.columns(is_recursive=[False]))
+        self.stream.send_columns(
+            entity, indexes=self.times([t_s]), columns=rr.Clear.columns(is_recursive=[False])
+        )
 
     def curve(self, entity, t_s, values, colour, name, width=1.2):
         """One curve of a plot; values that are not finite leave a gap in the data, not in the line."""

@@ -24,7 +24,7 @@ def send(sender, data):
 
 
 def marks(sender, data):
-    """Centroids over the picture, identified ones with their Hipparcos number; where catalogue stars truly are."""
+    """Centroids over the picture, with Hipparcos numbers if identified; where catalogue stars truly are."""
     import rerun as rr
 
     camera = data.mission.camera
@@ -100,7 +100,9 @@ def settings(sender, data):
     sender.curve("plots/exposure/exposure", t_s, 1e3 * frames.exposure_s, YELLOW, "exposure [ms]")
     sender.curve("plots/exposure/gain", t_s, frames.gain_db, BLUE, "gain [dB]")
     times = [fix.t_valid_s for fix in fixes]
-    sender.curve("plots/exposure/background", times, [f.background_dn for f in fixes], GREY, "mean grey value")
+    sender.curve(
+        "plots/exposure/background", times, [f.background_dn for f in fixes], GREY, "mean grey value"
+    )
     sender.curve("plots/residual", times, [f.residual_px for f in fixes], GREEN, "residual [px]")
     clock = data.compute_times
     sender.curve("plots/chain_time", clock.t_s, 1e3 * clock.chain_s, WHITE, "chain [ms]")
@@ -118,7 +120,7 @@ def status(sender, data):
 
 
 def sky(sender, data):
-    """The stars around the middle of the camera's path, and what it looks at: degrees, north up, east left."""
+    """The stars around the camera, and where it looks: degrees, north up, east left."""
     import rerun as rr
 
     from shefex_nav.environment import stars
@@ -136,7 +138,9 @@ def sky(sender, data):
     sender.static("sky/path", rr.LineStrips2D([path[seen]], colors=[GREY], radii=[-1.0]))
     camera = data.mission.camera
     half = np.array([camera.width_px, camera.height_px]) / (2.0 * camera.focal_length_px)
-    corners = np.array([(sx * half[0], sy * half[1], 1.0) for sx, sy in ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))])
+    corners = np.array(
+        [(sx * half[0], sy * half[1], 1.0) for sx, sy in ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))]
+    )
     strips = [on_map(C_ms, (C @ corners.T).T)[0] for C in C_ic]
     columns = rr.LineStrips2D.columns(strips=strips)
     sender.static("sky/field", rr.LineStrips2D.from_fields(colors=[GREEN], radii=[-1.5]))
@@ -153,7 +157,7 @@ def map_axes(middle_i):
 
 
 def on_map(C_ms, u_i):
-    """Azimuthal equidistant places [deg], x to the left is east as seen from below, y down, and which are near.
+    """Azimuthal equidistant places [deg], x to the west, y to the south; which of them are near.
 
     (3, 3), (n, 3) -> (n, 2), (n,) bool
     """

@@ -13,7 +13,7 @@ from shefex_nav.geometry.rotation import quat_from_dcm, xyzw
 from shefex_nav.report.viewer.sender import GREY, YELLOW
 
 LENGTH = 0.06  # of the drawn rocket, by the size of the scene
-BEAM = 0.16  # of the drawn cones and lines of sight likewise
+BEAM = 0.12  # of the drawn cones and lines of sight likewise
 LEVEL = "vehicle"  # frame at the vehicle with inertial axes
 POSE_S = 0.5  # between two places of that frame
 SIDES = 16
@@ -42,7 +42,7 @@ def rocket(sender, size):
 
 
 def rocket_mesh(length):
-    """Vertices (n, 3) m and triangles (m, 3) of a rocket of a length, its middle at the origin, nose along x."""
+    """Vertices (n, 3) m and triangles (m, 3) of a rocket, its middle at the origin, its nose along x."""
     radius, shoulder = 0.045 * length, 0.25 * length
     turn = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
     ring = np.column_stack([np.zeros(SIDES), np.cos(turn), np.sin(turn)]) * radius
@@ -82,35 +82,22 @@ def cones(sender, data, t_s, r_l, size):
     """Cones about the Sun and about the Earth that the camera must keep out of, as lines."""
     import rerun as rr
 
-    from shefex_nav.environment import ephemeris
-
-    exclusion = exclusions(data)
-    if exclusion is None:
-        return
-    sun_i = ephemeris.sky_bodies(data.mission.epoch_utc).sun_u_i
+    mission = data.mission
+    if not np.isfinite(mission.sun_exclusion):
+        return  # a log of before they were in it, or external data
     frame = rr.CoordinateFrame(LEVEL)
-    lines = cone_lines(sun_i, exclusion[0], BEAM * size)
+    lines = cone_lines(mission.sun_i, mission.sun_exclusion, BEAM * size)
     sender.static(SUN_ENTITY, rr.LineStrips3D(lines, colors=[YELLOW], radii=[-0.6]), frame)
     k = np.searchsorted(data.truth.t_s, t_s).clip(0, len(data.truth.t_s) - 1)
     r_i = data.truth.r_i[k]
     height = np.linalg.norm(r_i, axis=1)
-    half = np.arcsin(np.minimum(wgs84.A / height, 1.0)) + exclusion[1]  # from nadir to the limb and beyond
+    limb = np.arcsin(np.minimum(wgs84.A / height, 1.0))  # from nadir
+    half = limb + mission.limb_exclusion
     strips = [cone_lines(-r / h, a, BEAM * size) for r, h, a in zip(r_i, height, half, strict=True)]
     style = rr.LineStrips3D.from_fields(colors=[(90, 140, 190)], radii=[-0.5])
     sender.static(EARTH_ENTITY, style, frame)
     columns = rr.LineStrips3D.columns(strips=[line for lines in strips for line in lines])
     sender.columns(EARTH_ENTITY, t_s, columns.partition([len(lines) for lines in strips]))
-
-
-def exclusions(data):
-    """Angles to keep from the Sun and from the Earth's limb [rad] of the run's scenario; None without one."""
-    from shefex_nav.scenario import load
-
-    try:
-        stray = load.load_text(data.mission.scenario_text, "scenario").star_camera.stray_light
-    except load.ScenarioError:  # that of another version or of external data
-        return None
-    return stray.sun_exclusion, stray.earth_exclusion
 
 
 def cone_lines(axis, half_angle, length):
