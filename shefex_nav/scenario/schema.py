@@ -15,6 +15,7 @@ from shefex_nav.scenario.gps import Gps
 from shefex_nav.scenario.mission import Atmosphere, Earth, Ground, Launch, Mission, Orbit, Wind
 from shefex_nav.scenario.onboard import Log, Navigation, StarTracker
 from shefex_nav.scenario.programme import Programme
+from shefex_nav.scenario.requirements import Requirements
 from shefex_nav.scenario.sensors import Imu, PadAlignment
 from shefex_nav.scenario.vehicle import Vehicle
 
@@ -42,6 +43,9 @@ class Scenario(Block):
     navigation: Navigation
     log: Log
     faults: Faults = Field(default_factory=Faults, description="what goes wrong with the sensors")
+    requirements: Requirements = Field(
+        default_factory=Requirements, description="what a run has to achieve; a campaign counts how often"
+    )
 
     _source: str = PrivateAttr("")
     _files: tuple[tuple[str, str], ...] = PrivateAttr(())

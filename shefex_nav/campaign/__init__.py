@@ -1,0 +1,1 @@
+"""Campaigns: many runs of one scenario with dispersions, and what they say."""
