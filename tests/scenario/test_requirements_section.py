@@ -35,9 +35,13 @@ def test_the_text_that_a_campaign_keeps_has_them():
         (["requirements.usable_at_entry=false"], "usable_at_entry", "True"),
         (["requirements.atitude_at_entry=1 deg"], "atitude_at_entry", "attitude_at_entry"),
         (["star_tracker.enabled=false"], "star_fixes", "star_tracker.enabled"),
-        (["vehicle.cold_gas=null", "attitude=prescribed", "requirements.cold_gas=3 kg"], "cold_gas", "vehicle.cold_gas"),
+        (
+            ["vehicle.cold_gas=null", "attitude=prescribed", "requirements.cold_gas=3 kg"],
+            "cold_gas",
+            "vehicle.cold_gas",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_is_refused(overrides, field, words):
     said = the_message(DEFAULT, overrides)
     assert field in said and words in said, said
