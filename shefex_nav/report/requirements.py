@@ -86,10 +86,11 @@ def judge(requirements, summary):
 
 def limits(requirements):
     """{name: limit in its unit} of what is required."""
+    wanted = {name: getattr(requirements, name) for name in MEASURES}
     return {
-        name: _limit(getattr(requirements, name), measure)
-        for name, measure in MEASURES.items()
-        if getattr(requirements, name) is not None
+        name: _limit(value, MEASURES[name])
+        for name, value in wanted.items()
+        if value is not None and value is not False
     }
 
 

@@ -4,9 +4,7 @@ Each is judged on the figures of a single run, as `report` prints them; one that
 Entry is the first descent through 100 km: a mission that does not come there must not require anything of it.
 """
 
-from typing import Literal
-
-from pydantic import Field
+from pydantic import Field, StrictBool
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.quantity import Count, Quantity
@@ -20,8 +18,8 @@ class Requirements(Block):
     ) = None
     position_at_entry: Quantity("m", "100 m", "navigation error at most", positive=True) | None = None
     velocity_at_entry: Quantity("m/s", "1 m/s", "navigation error at most", positive=True) | None = None
-    usable_at_entry: Literal[True] | None = Field(
-        None, description="true: the navigation must not say 'do not use' at entry"
+    usable_at_entry: StrictBool = Field(
+        False, description="true: the navigation must not say 'do not use' at entry"
     )
     protection_at_entry: (
         Quantity("rad", "0.17 deg", "protection level at most, about each axis", positive=True) | None
