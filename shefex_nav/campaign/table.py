@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 LONGEST = 6  # numbers of a list that become columns
-HEAD = ("run", "status", "reason", "traceback", "seed")
+HEAD = ("run", "status", "reason", "traceback", "seed", "series_sha256")
 MEASURED = ("wall_s", "setup_s", "real_time_factor", "star_tracker.chain_ms.")  # of a summary
 NOT_RESULTS = ("log",)  # of a summary: where a file was put
 EXACT = 2**53  # whole numbers to here are the same as float
