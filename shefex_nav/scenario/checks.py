@@ -7,6 +7,7 @@ from shefex_nav.scenario import (
     checks_gps,
     checks_tracker,
     checks_vehicle,
+    dispersions,
     faults,
     requirements,
 )
@@ -34,6 +35,7 @@ def cross_check(scenario, rated=None):
         *checks_tracker.contradictions(scenario),
         *faults.contradictions(scenario),
         *requirements.contradictions(scenario),
+        *dispersions.contradictions(scenario),
     ]
 
 

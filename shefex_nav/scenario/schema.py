@@ -10,6 +10,7 @@ from pydantic import Field, PrivateAttr
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.camera import StarCamera
+from shefex_nav.scenario.dispersions import Campaign, Dispersions
 from shefex_nav.scenario.faults import Faults
 from shefex_nav.scenario.gps import Gps
 from shefex_nav.scenario.mission import Atmosphere, Earth, Ground, Launch, Mission, Orbit, Wind
@@ -45,6 +46,11 @@ class Scenario(Block):
     faults: Faults = Field(default_factory=Faults, description="what goes wrong with the sensors")
     requirements: Requirements = Field(
         default_factory=Requirements, description="what a run has to achieve; a campaign counts how often"
+    )
+
+    campaign: Campaign = Field(default_factory=Campaign, description="how runs of a campaign are made")
+    dispersions: Dispersions = Field(
+        default_factory=dict, description="what differs from run to run: path of a field, and how it is drawn"
     )
 
     _source: Any = PrivateAttr("")
