@@ -18,7 +18,11 @@ def test_coasts_are_near_harbours_and_far_from_deserts():
         ("Longyearbyen", 15.63, 78.22), ("Cape Horn", -67.29, -55.98),
     ):  # fmt: skip
         assert _nearest_km(longitude, latitude) < 120.0, name
-    for name, longitude, latitude in (("Sahara", 8.0, 23.0), ("Omsk", 73.4, 55.0), ("Pacific", -130.0, -45.0)):
+    for name, longitude, latitude in (
+        ("Sahara", 8.0, 23.0),
+        ("Omsk", 73.4, 55.0),
+        ("Pacific", -130.0, -45.0),
+    ):
         assert _nearest_km(longitude, latitude) > 600.0, name
 
 

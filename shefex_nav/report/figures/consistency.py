@@ -87,14 +87,22 @@ def _nis_of(axes, sensor, gates):
     times, low, high, edge = style.gapped(t_s[order], low[order], high[order], limit[order])
     axes.fill_between(times, low, high, color=style.BAND, lw=0, label=f"{LEVEL:.0%} of χ²")
     axes.plot(times, edge, color=style.BLACK, lw=1.0, ls="--", label="gate")
-    style.dots(axes, t_s[accepted], value[accepted], ms=3.0, color=style.BLUE, label=f"used ({accepted.sum()})")
+    style.dots(
+        axes, t_s[accepted], value[accepted], ms=3.0, color=style.BLUE, label=f"used ({accepted.sum()})"
+    )
     if not accepted.all():
         refused = ~accepted
         axes.plot(
-            t_s[refused], value[refused], "x", ms=6, mew=1.6, color=style.RED, label=f"refused ({refused.sum()})"
+            t_s[refused],
+            value[refused],
+            "x",
+            ms=6,
+            mew=1.6,
+            color=style.RED,
+            label=f"refused ({refused.sum()})",
         )
     top = float(np.nanmax(np.concatenate([value, limit[np.isfinite(limit)]])))
-    style.log_scale(axes, bottom=max(1e-3, 0.5 * float(value[value > 0].min(initial=1.0))), top=4.0 * top)
+    style.log_scale(axes, bottom=max(1e-3, 0.5 * float(value[value > 0].min(initial=1.0))), top=15.0 * top)
     axes.set_ylabel(sensor.replace("_", " "))
     mean = float(np.sum(value[accepted]) / max(np.sum(dof[accepted]), 1))
     axes.text(
@@ -112,17 +120,19 @@ def protection(data):
         return None
     errors = metrics.navigation_errors(data)
     required = configured(data).attitude_rad
-    words = "Protection level of the attitude: the error stays below it, and it below what is required"
+    words = "Protection level of the attitude, against the true error and what is required"
     figure, rows = style.panels(data, 3, words)
     lowest = []
     for k, axis in enumerate("xyz"):
         axes = rows[k, 0]
         for start, length in style.spans(nav.t_s, nav.do_not_use):
             axes.axvspan(start, start + length, color="#eeeeee", lw=0, zorder=0)
-        style.curve(axes, nav.t_s, np.degrees(nav.protection_b[:, k]), color=style.BLACK, label="protection level")
+        style.curve(
+            axes, nav.t_s, np.degrees(nav.protection_b[:, k]), color=style.BLACK, label="protection level"
+        )
         if len(errors.t_s):
             error_deg = np.degrees(np.abs(errors.attitude_b[:, k]))
-            style.curve(axes, errors.t_s, error_deg, color=_colour(axis), lw=0.9, label="error")
+            style.curve(axes, errors.t_s, error_deg, color=style.AXES[axis], lw=0.9, label="error")
             lowest.append(float(np.quantile(error_deg, 0.05)))
         if required is not None:
             label = f"required, {np.degrees(required):g}°"
@@ -136,17 +146,13 @@ def protection(data):
     return figure
 
 
-def _colour(axis):
-    return style.AXES[axis]
-
-
 @style.styled
 def health(data):
     """What was out of order or refused, a lane for each source. RunData -> Figure; None if nothing was."""
     lanes = _lanes(data)
     if not lanes:
         return None
-    words = "What the navigation noticed: sensors out of use, measurements refused, doubts about the solution"
+    words = "What the navigation noticed: sensors out of use, refusals, doubts"
     figure, rows = style.panels(data, 1, words, height=0.5 + 0.32 * len(lanes))
     axes, end_s = rows[0, 0], style.whole(data)[1]
     for k, (_, bars, marks, colour) in enumerate(lanes):
@@ -165,7 +171,7 @@ def _lanes(data):
     for doubt, colour, name in _DOUBTS:
         bars = style.spans(data.nav.t_s, data.nav.doubt == doubt) if len(data.nav.t_s) else []
         if bars:
-            out.append((f"doubt: {name}", bars, [], colour))
+            out.append((f"doubt, {name}", bars, [], colour))
     found = trust.noticed(data.health)
     refused = {}
     for gate in data.gates:

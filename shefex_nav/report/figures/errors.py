@@ -26,7 +26,9 @@ def attitude(data):
         t_s, error, _, sigma_t_s, sigma = local_level.errors_and_sigmas(data)
         names, columns = ("roll", "pitch", "heading"), slice(6, 9)
         words = "Attitude error: roll, pitch and heading"
-        return _three(data, words, names, "deg", (t_s, error[:, columns] * _DEG, sigma_t_s, sigma[:, columns] * _DEG))
+        return _three(
+            data, words, names, "deg", (t_s, error[:, columns] * _DEG, sigma_t_s, sigma[:, columns] * _DEG)
+        )
     errors = metrics.navigation_errors(data)
     sigma_t_s, _, sigma = metrics.normalised_errors(data, errors)
     names = tuple(f"about {axis}" for axis in "xyz")
@@ -115,7 +117,9 @@ def _three(data, words, names, unit, series):
             style.curve(axes, t_s[late], error[late, k], color=_COLOURS[k], label=f"error, {name}")
             settled = late & (t_s > span_s[0] + 0.02 * (span_s[1] - span_s[0])) if c else late
             settled_sigma = late_sigma & (sigma_t_s >= t_s[settled][0]) if settled.any() else late_sigma
-            style.limits(axes, [error[settled, k], 3.0 * sigma[settled_sigma, k], -3.0 * sigma[settled_sigma, k]])
+            style.limits(
+                axes, [error[settled, k], 3.0 * sigma[settled_sigma, k], -3.0 * sigma[settled_sigma, k]]
+            )
         rows[k, 0].set_ylabel(f"{name} [{unit}]")
     style.legend(rows[0, 0], ncols=2, loc="best")
     return figure
@@ -139,8 +143,9 @@ def biases(data):
     for c, (estimate, sigma) in enumerate((gyro, accel)):
         for k, axis in enumerate("xyz"):
             style.band(rows[k, c], covariance.t_s, sigma[:, k], centre=estimate[:, k])
-            style.curve(rows[k, c], covariance.t_s, estimate[:, k], color=_COLOURS[k], label=f"{axis}, estimate")
+            style.curve(
+                rows[k, c], covariance.t_s, estimate[:, k], color=_COLOURS[k], label=f"{axis}, estimate"
+            )
             rows[k, c].axhline(0.0, color=style.GREY, lw=0.6)
             rows[k, 0].set_ylabel(axis)
     return figure
-

@@ -83,7 +83,9 @@ def history(data):
     if path is None:
         return None
     has_truth = path.name == "truth"
-    figure, rows = style.panels(data, 5 if has_truth else 2, f"The flight over time ({path.name})", height=1.4)
+    figure, rows = style.panels(
+        data, 5 if has_truth else 2, f"The flight over time ({path.name})", height=1.4
+    )
     style.curve(rows[0, 0], path.t_s, path.track.height / 1e3, color=style.BLUE)
     rows[0, 0].set_ylabel("height [km]")
     style.curve(rows[1, 0], path.t_s, np.linalg.norm(path.track.v_e, axis=1), color=style.BLUE)
@@ -259,7 +261,9 @@ def attitude_control(data):
     control = data.control
     if not len(control.t_s):
         return None
-    figure, rows = style.panels(data, 2, "Attitude control: true against wanted attitude, and the gas it took")
+    figure, rows = style.panels(
+        data, 2, "Attitude control: true against wanted attitude, and the gas it took"
+    )
     error_deg = np.degrees(control.pointing_error)
     for k, axis in enumerate("xyz"):
         style.curve(
@@ -271,8 +275,6 @@ def attitude_control(data):
     style.legend(rows[0, 0], ncols=3, loc="upper right")
     style.curve(rows[1, 0], control.t_s, control.propellant_kg, color=style.BLUE)
     rows[1, 0].set_ylabel("gas used [kg]")
-    for start, length in style.spans(
-        data.truth.t_s, data.truth.phase == Phase.POINTING
-    ):
+    for start, length in style.spans(data.truth.t_s, data.truth.phase == Phase.POINTING):
         rows[0, 0].axvspan(start, start + length, color=style.GREEN, alpha=0.12, lw=0)
     return figure

@@ -27,7 +27,10 @@ def imu(data):
     rows[1, 0].set_ylabel("force, y z\n[gee]")
     rows[2, 0].set_ylabel("rate, x\n[deg/s]")
     rows[3, 0].set_ylabel("rate, y z\n[deg/s]")
-    for flags, colour, name in ((blocks.saturated, style.ORANGE, "saturated"), (~blocks.valid, style.RED, "silent")):
+    for flags, colour, name in (
+        (blocks.saturated, style.ORANGE, "saturated"),
+        (~blocks.valid, style.RED, "silent"),
+    ):
         for start, length in style.spans(blocks.t_valid_s, flags):
             for axes in rows[:, 0]:
                 axes.axvspan(start, start + length, color=colour, alpha=0.4, lw=0, label=name)
@@ -53,7 +56,9 @@ def gps(data):
         return None
     t_s = np.array([fix.t_valid_s for fix in fixes])
     valid = np.array([fix.valid for fix in fixes])
-    figure, rows = style.panels(data, 3, "GPS: satellites, geometry, and the accuracy the receiver claims", height=1.5)
+    figure, rows = style.panels(
+        data, 3, "GPS: satellites, geometry, and the accuracy the receiver claims", height=1.5
+    )
     satellites = np.array([fix.n_satellites for fix in fixes], dtype=float)
     style.curve(rows[0, 0], t_s, satellites, color=style.BLUE, drawstyle="steps-mid")
     rows[0, 0].set_ylabel("satellites\nused")
@@ -62,14 +67,18 @@ def gps(data):
     rows[1, 0].plot(t_s, pdop, ".-", ms=3, lw=0.8, color=style.BLUE)
     rows[1, 0].set_ylabel("PDOP")
     rows[1, 0].set_ylim(bottom=0.0)
-    sigma = np.array([np.sqrt(max(float(np.trace(fix.R_r_e)), 0.0)) if fix.valid else np.nan for fix in fixes])
+    sigma = np.array(
+        [np.sqrt(max(float(np.trace(fix.R_r_e)), 0.0)) if fix.valid else np.nan for fix in fixes]
+    )
     rows[2, 0].plot(t_s, sigma, ".-", ms=3, lw=0.8, color=style.BLUE)
     rows[2, 0].set_ylabel("position\nσ, 3D [m]")
-    style.log_scale(rows[2, 0])
+    rows[2, 0].set_ylim(bottom=0.0)
     first = True
     for start, length in style.spans(t_s, ~valid):
         for axes in rows[:, 0]:
-            axes.axvspan(start, start + length, color=style.ORANGE, alpha=0.3, lw=0, label="no fix" if first else None)
+            axes.axvspan(
+                start, start + length, color=style.ORANGE, alpha=0.3, lw=0, label="no fix" if first else None
+            )
             first = False
     style.legend(rows[0, 0], loc="lower right")
     return figure

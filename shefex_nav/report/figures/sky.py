@@ -139,7 +139,9 @@ def _draw_whole(axes, data, sky, stars):
     _graticule(axes, middle_rad)
     u_i, vmag = stars
     bright = vmag < _ALL_SKY_VMAG
-    axes.scatter(*hammer(u_i[bright], middle_rad).T, s=_size(vmag[bright], 4.0), color="#555555", lw=0, rasterized=True)
+    axes.scatter(
+        *hammer(u_i[bright], middle_rad).T, s=_size(vmag[bright], 4.0), color="#555555", lw=0, rasterized=True
+    )
     chosen = sky.t_s[sky.solved] if sky.solved.any() else sky.t_s
     half_s = float(chosen[len(chosen) // 2])
     _exclusion(axes, data, sky, half_s, middle_rad)
@@ -154,7 +156,9 @@ def _draw_whole(axes, data, sky, stars):
             style.dots(axes, *path.T, ms=3.5, color=colour, label=f"boresight, {name}")
     sun = hammer(sky.sun_i, middle_rad)
     axes.plot(*sun, "o", ms=13, mfc=style.YELLOW, mec=style.BLACK, mew=0.8, ls="none", label="Sun")
-    axes.figure.legend(*axes.get_legend_handles_labels(), loc="lower left", ncols=3, fontsize=10, borderaxespad=0.8)
+    axes.figure.legend(
+        *axes.get_legend_handles_labels(), loc="lower left", ncols=3, fontsize=10, borderaxespad=0.8
+    )
 
 
 def _size(vmag, largest):
@@ -219,18 +223,25 @@ def _draw_near(axes, data, sky, stars):
     inside = u_i @ centre > np.cos(np.radians(1.5 * reach))
     faintest = 6.0 if reach < 15.0 else 5.0
     drawn = inside & (vmag < faintest)
-    axes.scatter(*_tangent(u_i[drawn], centre).T, s=_size(vmag[drawn], 20.0), color="#666666", lw=0, rasterized=True)
+    axes.scatter(
+        *_tangent(u_i[drawn], centre).T, s=_size(vmag[drawn], 20.0), color="#666666", lw=0, rasterized=True
+    )
     for is_solved, (colour, _) in _PATH.items():
         those = sky.solved == is_solved
         style.dots(axes, *_tangent(sky.boresight_i[those], centre).T, ms=3, color=colour)
-    frame = data.frame_truths[int(np.flatnonzero(sky.solved)[sky.solved.sum() // 2])] if sky.solved.any() else (
-        data.frame_truths[len(data.frame_truths) // 2]
+    frame = (
+        data.frame_truths[int(np.flatnonzero(sky.solved)[sky.solved.sum() // 2])]
+        if sky.solved.any()
+        else (data.frame_truths[len(data.frame_truths) // 2])
     )
     corners = _corners(camera) @ rotation.dcm_from_quat(frame.q_ic).T
     outline = _tangent(corners, centre)
     axes.plot(*outline.T, color=style.BLACK, lw=1.2, label=f"field of view, T{frame.t_valid_s:+.0f} s")
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-    ra_h, dec_deg = np.degrees(np.arctan2(centre[1], centre[0])) % 360.0 / 15.0, np.degrees(np.arcsin(centre[2]))
+    ra_h, dec_deg = (
+        np.degrees(np.arctan2(centre[1], centre[0])) % 360.0 / 15.0,
+        np.degrees(np.arcsin(centre[2])),
+    )
     axes.set_title(f"around {ra_h:.1f} h, {dec_deg:+.1f}°; stars to V {faintest:.0f}", fontsize=11)
     axes.set_xlabel("west [deg]")
     axes.set_ylabel("north [deg]")

@@ -46,7 +46,9 @@ def _reasons(axes, fixes, t_s):
         axes.broken_barh([(a, max(b, least)) for a, b in runs], (lane - 0.36, 0.72), color=colour, lw=0.4)
     counts = [int((reasons == reason).sum()) for reason in present]
     names = ["fix" if r == Reason.NONE else _short(Reason(r)) for r in present]
-    axes.set_yticks(range(len(present)), [f"{n}\n({c})" for n, c in zip(names, counts, strict=True)], fontsize=9)
+    axes.set_yticks(
+        range(len(present)), [f"{n}\n({c})" for n, c in zip(names, counts, strict=True)], fontsize=9
+    )
     axes.set_ylim(len(present) - 0.4, -0.6)
     axes.grid(False, axis="y")
 

@@ -176,9 +176,7 @@ def phase_pieces(truth):
     if not len(truth.t_s):
         return []
     bounds = [0, *(np.flatnonzero(np.diff(truth.phase)) + 1).tolist(), len(truth.t_s)]
-    return [
-        (Phase(int(truth.phase[a])), slice(a, b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)
-    ]
+    return [(Phase(int(truth.phase[a])), slice(a, b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
 
 
 def phase_strip(axes, data, span_s):
@@ -281,9 +279,7 @@ def spans(t_s, flags):
     step = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
     changed = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, dtype=np.int8), [0]])))
     starts, ends = changed[::2], changed[1::2]
-    return [
-        (float(t_s[a]), float(t_s[b - 1] - t_s[a]) + step) for a, b in zip(starts, ends, strict=True)
-    ]
+    return [(float(t_s[a]), float(t_s[b - 1] - t_s[a]) + step) for a, b in zip(starts, ends, strict=True)]
 
 
 @styled
