@@ -12,8 +12,10 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.replay.command import replay  # which imports late
+from shefex_nav.campaign.command import campaign  # which imports late
+from shefex_nav.replay.command import replay  # likewise
 from shefex_nav.replay.smooth_command import smooth
+from shefex_nav.report import export_command  # imports late
 from shefex_nav.reproduce.command import ListingCommand, reproduce  # which import late
 from shefex_nav.solve.command import solve
 from shefex_nav.verify.command import app as verify_app  # which imports late, too
@@ -30,6 +32,7 @@ app.command(cls=ListingCommand)(reproduce)
 app.command()(solve)
 app.command()(replay)
 app.command()(smooth)
+app.command()(campaign)
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
 LogArgument = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
@@ -142,13 +145,22 @@ def watched(records, start_s, end_s):
 
 
 @app.command()
-def report(log: LogArgument, json: JsonOption = False):
+def report(
+    log: LogArgument,
+    html: Annotated[Path | None, typer.Option(help="Write a page to hand over, with every figure.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --html.")] = False,
+    json: JsonOption = False,
+):
     """Print the results of a run from its log."""
+    if html is not None:
+        export_command.check_file(html, "--html", force=force)
     from shefex_nav.log import reader
     from shefex_nav.report import metrics
 
     data = reader.read(log)
     tell_if_cut(log, data)
+    if html is not None:
+        export_command.write_page(html, data, log)
     show(metrics.summarise(data, log=log), json)
 
 
