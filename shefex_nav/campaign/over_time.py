@@ -14,6 +14,7 @@ import numpy as np
 from shefex_nav.report import intervals
 
 BLOCKS = ("attitude", "velocity", "position", "gyro_bias", "accel_bias")  # columns of the NEES
+CORRELATED = BLOCKS[:3]  # whose NEES has the correlations between axes, without which it is no chi-square
 FRAME = {"attitude": "b", "velocity": "i", "position": "i"}
 AXES = "xyz"
 SIGMAS = 3.0
@@ -46,7 +47,7 @@ class Contained(NamedTuple):
 
 
 class Normalised(NamedTuple):
-    """Mean over the runs of a normalised square over its degrees of freedom, which should be 1, at T epochs."""
+    """Mean over the runs of a normalised square per degree of freedom, which should be 1, at T epochs."""
 
     dof: np.ndarray  # (T,) degrees of freedom of the sum
     mean: np.ndarray  # (T, ...); NaN where dof is 0
@@ -202,7 +203,7 @@ def judge_nees(series):
     found = []
     for phase, (runs, epochs) in last_epochs(series).items():
         at_end = series.nees[runs, epochs]
-        for b, block in enumerate(BLOCKS):
+        for b, block in enumerate(CORRELATED):
             values = at_end[:, b][np.isfinite(at_end[:, b])]
             if len(values):
                 what = f"NEES of {block.replace('_', ' ')}, end of {phase_name(phase)}"

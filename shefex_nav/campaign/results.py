@@ -142,7 +142,7 @@ class Campaign:
 
 
 def _figure(row):
-    """Function that gives the figure at a dotted path of the summary, out of a row; a list comes as a list."""
+    """Function that gives the figure at a dotted path of the summary, out of a row; lists come as lists."""
 
     def get(path):
         name = f"{SUMMARY}{path}"

@@ -16,6 +16,7 @@ QUANTILES = (50.0, 95.0, 99.0)
 CONFIDENCE = 0.95
 FLAT = 1e-9  # km; a dispersion below this is none
 ENTRY = "summary.navigation.at_entry"
+PLACE = ("latitude_deg", "longitude_deg", "altitude_km")
 
 
 class Success(NamedTuple):
