@@ -162,8 +162,21 @@ def watched(records, start_s, end_s):
 
 
 @app.command()
-def report(log: LogArgument, json: JsonOption = False):
-    """Print the results of a run from its log."""
+def report(
+    log: Annotated[Path, typer.Argument(help="Log of a run (MCAP), or folder of a campaign.")],
+    json: JsonOption = False,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for pictures (PNG) of a campaign, e.g. DIR/figures.")
+    ] = None,
+):
+    """Print the results of a run from its log, or those of a campaign from its folder."""
+    if log.is_dir():
+        from shefex_nav.campaign import report_command
+
+        report_command.report(log, json=json, figures=figures)
+        return
+    if figures is not None:
+        raise typer.BadParameter("is for the folder of a campaign, not for a log", param_hint="--figures")
     from shefex_nav.log import reader
     from shefex_nav.report import metrics
 
