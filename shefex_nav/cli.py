@@ -97,6 +97,16 @@ def writable(path, option, *, force=False):
         raise typer.BadParameter(f"there is no folder {path.parent}", param_hint=option)
 
 
+def folder_for(path, option):
+    """Make a folder for results, or say why not."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise typer.BadParameter(
+            f"cannot make the folder {path}: {error.strerror}", param_hint=option
+        ) from None
+
+
 def say(text):
     """A line for people, on stderr."""
     typer.echo(text, err=True)
@@ -147,14 +157,20 @@ def watched(records, start_s, end_s):
 
 @app.command()
 def report(
-    log: LogArgument,
+    log: Annotated[Path, typer.Argument(help="Log of a run (MCAP), or folder of a campaign.")],
     html: Annotated[Path | None, typer.Option(help="Write a page to hand over, with every figure.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --html.")] = False,
+    figures: Annotated[Path | None, typer.Option(help="Folder for the pictures, each a PNG.")] = None,
     json: JsonOption = False,
 ):
-    """Print the results of a run from its log."""
+    """Print the results of a run from its log, or those of a campaign from its folder."""
     if html is not None:
         export_command.check_file(html, "--html", force=force)
+    if log.is_dir():
+        from shefex_nav.campaign import report_command
+
+        report_command.report(log, json=json, figures=figures)
+        return
     from shefex_nav.log import reader
     from shefex_nav.report import metrics
 
@@ -162,6 +178,12 @@ def report(
     tell_if_cut(log, data)
     if html is not None:
         export_command.write_page(html, data, log)
+    if figures is not None:
+        from shefex_nav.report import figures as pictures
+
+        folder_for(figures, "--figures")
+        for path in pictures.save_all(data, figures):
+            say(f"wrote {path}")
     show(metrics.summarise(data, log=log), json)
 
 
