@@ -42,6 +42,7 @@ STEPS = {
     "gyro_g_sensitivity": 1e-5,
     "accel_scale": 1e-4,
     "accel_misalignment": 1e-4,
+    "gravity": 1e-2,
     "mounting": 1e-4,
     "lever_arm": 0.1,
     "clock": 1.0,
@@ -53,6 +54,7 @@ BLOCKS, STATES = fly(0.3)
 ARM = PARAMS.l_ba_b
 SPIN, FORCE = np.array([9.4, 0.2, -0.1]), np.array([60.0, 1.0, -2.0])  # as the sensors measure them
 CLOCK = {"clock_white": 0.1, "clock_walk": 0.2, "range_bias_sigma": 3.0, "range_bias_time_s": 100.0}
+CLOCK["gravity_sigma"] = 2e-4
 NOISE = error_model.record(PARAMS._replace(**CLOCK))
 
 
@@ -110,7 +112,8 @@ def test_transition_of_every_block_is_the_derivative_of_the_strapdown(order, beg
         r_i, v_i, q_ib = strapdown.propagate(start, imu, begin_s, end_s, EARTH)
         clock = start.clock + np.array([start.clock[1] * T, 0.0])
         decayed = start.range_bias * np.exp(-T / CLOCK["range_bias_time_s"])
-        return start._replace(r_i=r_i, v_i=v_i, q_ib=q_ib, clock=clock, range_bias=decayed)
+        gravity = start.gravity * np.exp(-T / error_model.FIELD_TIME_S)
+        return start._replace(r_i=r_i, v_i=v_i, q_ib=q_ib, clock=clock, range_bias=decayed, gravity=gravity)
 
     nominal = end(state)
     Phi, _ = prediction.growth(order, NOISE, state, imu, begin_s, end_s, EARTH)
@@ -151,7 +154,10 @@ def test_the_kernel_carries_the_state_as_the_strapdown_does():
         P = 0.5 * (P + P.T)
         clock = state.clock + np.array([0.01 * state.clock[1], 0.0])
         range_bias = state.range_bias * np.exp(-0.01 / CLOCK["range_bias_time_s"])
-        state = state._replace(r_i=r_i, v_i=v_i, q_ib=q_ib, clock=clock, range_bias=range_bias)
+        gravity = state.gravity * np.exp(-0.01 / error_model.FIELD_TIME_S)
+        state = state._replace(
+            r_i=r_i, v_i=v_i, q_ib=q_ib, clock=clock, range_bias=range_bias, gravity=gravity
+        )
         t_s += 0.01
         state = state._replace(t_s=t_s)
         sigma = np.sqrt(np.diag(P))
@@ -162,9 +168,9 @@ def test_the_kernel_carries_the_state_as_the_strapdown_does():
             np.testing.assert_allclose(found, pack(state), rtol=1e-12, atol=1e-15)
 
 
-def test_noise_of_the_receiver_grows_as_allan_says():
+def test_noise_of_receiver_and_field_grows_as_said():
     """White frequency noise and random walk of it over 10 s, many steps against the closed form."""
-    order, imu = layout(("clock", "range_bias")), strapdown.window(BLOCKS[0])
+    order, imu = layout(("clock", "range_bias", "gravity")), strapdown.window(BLOCKS[0])
     state = NavState(0.0, *STATES[0][1:6])
     P, n = np.zeros((order.n, order.n)), 1000
     for _ in range(n):
@@ -175,6 +181,10 @@ def test_noise_of_the_receiver_grows_as_allan_says():
     np.testing.assert_allclose(P[c, c], expected, rtol=1e-9)
     share = 1.0 - np.exp(-2.0 * T / CLOCK["range_bias_time_s"])
     np.testing.assert_allclose(np.diag(P)[r], CLOCK["range_bias_sigma"] ** 2 * share, rtol=1e-9)
+    share = 1.0 - np.exp(-2.0 * T / error_model.FIELD_TIME_S)
+    np.testing.assert_allclose(
+        np.diag(P)[order.places["gravity"]], CLOCK["gravity_sigma"] ** 2 * share, rtol=1e-9
+    )
 
 
 def measured_motion(state):

@@ -58,7 +58,7 @@ class Tick(NamedTuple):
     """The filter at the end of a tick."""
 
     t_s: float
-    x: np.ndarray  # (87,) packed nominal state
+    x: np.ndarray  # (90,) packed nominal state
     P: np.ndarray  # (n, n)
     imu: Any  # strapdown.ImuWindow that led here; None at the start
     measurements: tuple[Measurement, ...]  # valid within the tick, in the order of their instants
@@ -163,7 +163,9 @@ def advance(nav, block):
             f"IMU block ending at {block.t_valid_s:.6f} s does not follow on the state at {last.t_s:.6f} s"
         )
     block, extra = nav.watch.screen(block)
-    level = error_model.vibration_level(nav.params, block)
+    thrust, shake = block.dv_b[:, 0].sum() / length_s, error_model.shake(block.dv_b)
+    limits = nav.params.imu.thrust_threshold, nav.params.imu.shake_threshold
+    level = error_model.vibration_level(nav.params.motors, *limits, block.t_valid_s, thrust, shake)
     imu = strapdown.window(block, last.imu, level, extra)
     x, P = prediction.advance(
         nav.layout, nav.imu_model, last.x, last.t_s, last.P, imu, 0.0, length_s, nav.earth

@@ -33,7 +33,7 @@ from shefex_nav.onboard.navigation.calibration import (
     gyro_inverse,
     motion,
 )
-from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V, pack
+from shefex_nav.onboard.navigation.state import X_GRAVITY, X_Q, X_R, X_V, pack
 
 BEFORE = 2  # samples kept from before a block, for the slopes
 LEAST = 1e-9  # share of a sample that is worth a step
@@ -178,6 +178,7 @@ def propagate_packed(x, t_s, increments, h, begin_s, end_s, C_iq, C_re, angle_0,
     half_s = 0.5 * (end_s - begin_s)
     middle = t3.plus(t3.vector(x, X_R.start), half_s, t3.vector(x, X_V.start))
     g = gravity_i(middle, angle_0 + rate * (t_s + half_s), C_iq, C_re)
+    g = t3.plus(g, 1.0, t3.vector(x, X_GRAVITY))
     return integrate_packed(x, increments, h, begin_s, end_s, g)
 
 
