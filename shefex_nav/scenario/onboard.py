@@ -187,6 +187,7 @@ StateBlock = Literal[
     "gyro_g_sensitivity",
     "accel_scale",
     "accel_misalignment",
+    "accel_rectification",
     "gravity",
     "mounting",
     "lever_arm",

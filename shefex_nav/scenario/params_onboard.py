@@ -207,6 +207,7 @@ def _sigma_blocks(scenario):
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     roll = _given(sensors.gyro_scale_factor_roll, gyro.scale_factor_roll)
     misalignment = _given(sensors.gyro_misalignment, gyro.misalignment)
+    rectified = accelerometer.vibration_rectification * _strongest(scenario.imu.vibration) ** 2
     known = {
         "gyro_roll_column": (roll, misalignment, misalignment),
         "gyro_scale": (roll, gyro.scale_factor, gyro.scale_factor),
@@ -214,6 +215,7 @@ def _sigma_blocks(scenario):
         "gyro_g_sensitivity": (gyro.g_sensitivity,) * 9,
         "accel_scale": (accelerometer.scale_factor,) * 3,
         "accel_misalignment": (accelerometer.misalignment,) * 6,
+        "accel_rectification": (rectified,) * 3,
         "gravity": (scenario.navigation.gravity_error,) * 3,
         "mounting": (_given(sensors.camera_mounting, _boresight_error(scenario)),) * 3,
         "lever_arm": (sensors.lever_arm_error,) * 3,
@@ -319,7 +321,7 @@ def _imu_model(scenario):
         accel_bias_walk=float(accelerometer.in_run_bias * np.sqrt(2.0 / accelerometer.in_run_bias_time)),
         accel_scale=left("accel_scale", accelerometer.scale_factor),
         accel_misalignment=left("accel_misalignment", accelerometer.misalignment),
-        accel_rectification=accelerometer.vibration_rectification * strongest**2,
+        accel_rectification=left("accel_rectification", accelerometer.vibration_rectification * strongest**2),
         accel_vibration=swing,
         thrust_threshold=navigation.thrust_threshold,
         shake_threshold=_shake_threshold(vibration),

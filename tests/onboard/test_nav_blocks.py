@@ -42,6 +42,7 @@ STEPS = {
     "gyro_g_sensitivity": 1e-5,
     "accel_scale": 1e-4,
     "accel_misalignment": 1e-4,
+    "accel_rectification": 1.0,
     "gravity": 1e-2,
     "mounting": 1e-4,
     "lever_arm": 0.1,

@@ -34,12 +34,9 @@ def fixes(world, rng):
         q_ic = quat_multiply(trajectory.q_ib[k], world.camera.q_bc)
         q_ic = quat_multiply(q_ic, quat_from_rotvec(SIGMA_C * rng.standard_normal(3)))
         at_s = float(trajectory.t_s[k])
-        found.append(
-            StarFix(
-                number, at_s, at_s + 0.06, 0, q_ic, np.diag(SIGMA_C**2), NOTHING, np.zeros(0, dtype=int), 0.1,
-                20.0, 0.05, False, False,
-            )  # fmt: skip
-        )
+        values = 0.1, 20.0, 0.05, False, False
+        none = np.zeros(0, dtype=int)
+        found.append(StarFix(number, at_s, at_s + 0.06, 0, q_ic, np.diag(SIGMA_C**2), NOTHING, none, *values))
     return found
 
 

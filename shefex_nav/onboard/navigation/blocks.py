@@ -10,6 +10,7 @@ OPTIONAL = {  # blocks and their sizes, in the order of the errors; what drives 
     "gyro_g_sensitivity": 9,  # row by row, ij: specific force along j seen on axis i [rad/s per m/s^2]
     "accel_scale": 3,  # [-]
     "accel_misalignment": 6,  # as of the gyros [rad]
+    "accel_rectification": 3,  # bias under the strongest motor; goes with the power of vibration [m/s^2]
     "gravity": 3,  # what the on-board field leaves out, inertial axes, first-order Gauss-Markov [m/s^2]
     "mounting": 3,  # star camera against its nominal mounting, rotation vector in body axes [rad]
     "lever_arm": 3,  # GPS antenna against its nominal place, body axes [m]

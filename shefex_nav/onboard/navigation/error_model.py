@@ -29,6 +29,7 @@ from shefex_nav.onboard.navigation import triples as t3
 from shefex_nav.onboard.navigation.calibration import OFF_DIAGONAL
 from shefex_nav.onboard.navigation.state import (
     A_MISALIGN,
+    A_RECTIFIED,
     A_SCALE,
     ATT,
     BA,
@@ -157,6 +158,15 @@ def put_calibration(top, at, gyro, accel, M, A, MGA):
         if at[A_MISALIGN] >= 0:
             _put(top, at[A_MISALIGN] + k, accel, SPEED + j, 1.0, A, i)
             _put(top, at[A_MISALIGN] + k, gyro, SPEED + j, -1.0, MGA, i)
+
+
+@njit(cache=True, forceinline=True)
+def put_rectification(top, at, vibration):
+    """Add the columns of rectified vibration: those of the accelerometer bias by its power, in place."""
+    if at[A_RECTIFIED] >= 0:
+        for i in range(3):
+            for row in range(9):
+                top[row, at[A_RECTIFIED] + i] += vibration**2 * top[row, BA.start + i]
 
 
 @njit(cache=True, forceinline=True)

@@ -37,7 +37,7 @@ from shefex_nav.onboard.navigation.state import (
     X_V,
     pack,
 )
-from shefex_nav.onboard.navigation.strapdown import BEFORE, LEAST, cut, gravity_i, move
+from shefex_nav.onboard.navigation.strapdown import BEFORE, LEAST, cut, gravity_i, move, shaken
 
 SIZES = np.array(list(OPTIONAL.values()))
 TOP = PVA.stop  # rows of Phi that the strapdown makes
@@ -189,6 +189,7 @@ def _interval(
     Arguments of `advance`, the tuples in their fields. Written: after (N,) the packed state at the end;
     top (9, n) first rows of Phi; Q (9, 9) of them. -> m^2/s^5, random walk of the accelerometer bias
     """
+    true, x = x, shaken(x, vibration)
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     r, v = t3.vector(x, X_R.start), t3.vector(x, X_V.start)
     q = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
@@ -231,7 +232,7 @@ def _interval(
         last, before = before, sample
 
     q = t3.quat_normalise(q)
-    after[:] = x
+    after[:] = true
     after[0], after[1], after[2], after[3], after[4], after[5] = r[0], r[1], r[2], v[0], v[1], v[2]
     after[6], after[7], after[8], after[9] = q
     after[X_CLOCK] += T * x[X_CLOCK + 1]
@@ -250,6 +251,7 @@ def _interval(
     t3.store(triads[1], A)
     t3.store(triads[2], t3.product(M, t3.product(G, A)))
     error_model.put_calibration(top, at, gyro, accel, triads[0], triads[1], triads[2])
+    error_model.put_rectification(top, at, vibration)
     along, across, bias_walk = error_model.noise_densities(model, vibration, T, angle, speed, across_angle)
     error_model.process_noise(top, along, across, extra, C_start, T, Q)
     return bias_walk

@@ -11,9 +11,11 @@ it drives the others) or in the measurements that see it, its initial sigma in `
 
 What the sensors of the IMU measure, with the blocks of their errors::
 
-    dv_m     = (I + diag(accel_scale) + accel_misalignment) dv + accel_bias T
+    dv_m     = (I + diag(accel_scale) + accel_misalignment) dv + (accel_bias + accel_rectification V^2) T
     dtheta_m = (I + diag(gyro_scale) + gyro_misalignment + gyro_roll_column e_x^T) dtheta
                + gyro_bias T + gyro_g_sensitivity dv
+
+V is the level of vibration, by that of the strongest motor.
 """
 
 from typing import Any, NamedTuple
@@ -34,8 +36,8 @@ PVA = slice(0, 9)  # position, velocity, attitude
 CORE = {"position": POS, "velocity": VEL, "attitude": ATT, "gyro_bias": BG, "accel_bias": BA}
 
 # index of a block in `Layout.at`
-ROLL_COLUMN, G_SCALE, G_MISALIGN, G_SENSE, A_SCALE, A_MISALIGN, GRAVITY, MOUNTING, LEVER, CLOCK = range(10)
-LATENCY, RANGE_BIAS = 10, 11
+ROLL_COLUMN, G_SCALE, G_MISALIGN, G_SENSE, A_SCALE, A_MISALIGN, A_RECTIFIED, GRAVITY = range(8)
+MOUNTING, LEVER, CLOCK, LATENCY, RANGE_BIAS = range(8, 13)
 
 NOMINAL = {}  # place of every value in the packed nominal state, whether its error is estimated or not
 for _name, _size in {
@@ -51,7 +53,7 @@ X_ROLL, X_GS = NOMINAL["gyro_roll_column"].start, NOMINAL["gyro_scale"].start
 X_GM, X_GG = NOMINAL["gyro_misalignment"].start, NOMINAL["gyro_g_sensitivity"].start
 X_AS, X_AM = NOMINAL["accel_scale"].start, NOMINAL["accel_misalignment"].start
 X_CLOCK, X_RANGE = NOMINAL["clock"].start, NOMINAL["range_bias"]
-X_GRAVITY = NOMINAL["gravity"].start
+X_RECTIFIED, X_GRAVITY = NOMINAL["accel_rectification"].start, NOMINAL["gravity"].start
 
 
 class Layout(NamedTuple):
@@ -60,7 +62,7 @@ class Layout(NamedTuple):
     names: tuple[str, ...]  # optional blocks that are on, in the order of their errors
     n: int  # number of errors
     places: dict  # name of a block, core and optional -> slice, or None if it is off
-    at: np.ndarray  # (12,) the same for kernels: first error of each block of OPTIONAL, -1 if it is off
+    at: np.ndarray  # (13,) the same for kernels: first error of each block of OPTIONAL, -1 if it is off
     nominal: np.ndarray  # (n - 9,) place in the packed nominal state of each error behind the attitude
 
 
@@ -103,17 +105,18 @@ class NavState(NamedTuple):
     clock: np.ndarray = _NOTHING[2]
     gps_latency: np.ndarray = _NOTHING[1]  # (1,) s
     range_bias: np.ndarray = _NOTHING[32]
+    accel_rectification: np.ndarray = _NOTHING[3]
     gravity: np.ndarray = _NOTHING[3]  # (3,) m/s^2, inertial axes, to be added to that of the on-board field
 
 
 def pack(state):
-    """The nominal values of a NavState as one array for kernels, in the order of NOMINAL: (90,)."""
+    """The nominal values of a NavState as one array for kernels, in the order of NOMINAL: (93,)."""
     return np.concatenate(
         [
             state.r_i, state.v_i, state.q_ib, state.gyro_bias, state.accel_bias, state.gyro_roll_column,
             state.gyro_scale, state.gyro_misalignment, state.gyro_g_sensitivity, state.accel_scale,
-            state.accel_misalignment, state.gravity, state.mounting, state.lever_arm, state.clock,
-            state.gps_latency, state.range_bias,
+            state.accel_misalignment, state.accel_rectification, state.gravity, state.mounting,
+            state.lever_arm, state.clock, state.gps_latency, state.range_bias,
         ]
     )  # fmt: skip
 
@@ -122,7 +125,7 @@ _SLICES = [NOMINAL[name] for name in NavState._fields[1:]]
 
 
 def unpack(t_s, x):
-    """NavState of packed values (90,), as views of them."""
+    """NavState of packed values (93,), as views of them."""
     return NavState(t_s, *[x[place] for place in _SLICES])
 
 
@@ -229,7 +232,7 @@ def correct(order, state, dx):
 
 @njit(cache=True)
 def corrected(x, dx, nominal):
-    """`correct` of packed values: (90,), (n,), Layout.nominal -> (90,)."""
+    """`correct` of packed values: (93,), (n,), Layout.nominal -> (93,)."""
     out = x.copy()
     for i in range(3):
         out[X_R.start + i] += dx[POS.start + i]
