@@ -235,6 +235,11 @@ class Navigation(Block):
     gps: Literal["loose", "tight"] = Field(
         "loose", description="how GPS is used: its fixes, or the ranges of its channels (needs state clock)"
     )
+    stars: Literal["attitude", "vectors"] = Field(
+        "attitude",
+        description="how stars are used: the attitude that they show together, or each by itself, one or two "
+        "as well (needs star_tracker.identification.tracking)",
+    )
     gate_probability: Number("1e-4", "of rejecting a good measurement", positive=True, at_most=0.1)
     star_fix_floor: Quantity("rad", "10 arcsec", "errors of a fix that it does not know", non_negative=True)
     release: Releases

@@ -64,6 +64,7 @@ def tracker_params(scenario, earth_velocity_i, bad_pixels):
         ),
         detect=_detect_params(scenario, bad_pixels),
         track=tracker.identification.tracking,
+        vectors=scenario.navigation.stars == "vectors",
         identify=_identify_params(scenario),
         run_length=_run_length(scenario) if tracker.detection.scan == "run_length" else None,
         exposure=_exposure_params(tracker.exposure),
@@ -196,6 +197,7 @@ def nav_params(scenario):
         range_bias_time_s=sensors.range_bias_time,
         gravity_sigma=navigation.gravity_error,
         gps=navigation.gps,
+        stars=navigation.stars,
     )
 
 
