@@ -338,7 +338,7 @@ def test_sensors_without_noise_leave_no_error_with_every_block_on():
     assert nav.health["gps_position"].used == 6 and nav.health["star_tracker"].used > 20
 
 
-OUTSIDE = ("lever_arm", "clock", "gps_latency", "range_bias")  # of the fixes; theirs are those of the truth
+OUTSIDE = ("gravity", "lever_arm", "clock", "gps_latency", "range_bias")  # theirs are those of the truth
 SIGMAS = {name: np.full(size, 10.0 * STEPS[name]) for name, size in OPTIONAL.items()}
 
 
@@ -349,7 +349,7 @@ def mounting_in_camera(mounting):
 
 
 def faulty(blocks, errors):
-    """The blocks as sensors with errors measure them."""
+    """The blocks as sensors with errors measure them, the motor burning."""
 
     def response(scale, misalignment):
         A = np.diag(1.0 + scale)
@@ -359,9 +359,10 @@ def faulty(blocks, errors):
     gyro = response(errors.gyro_scale, errors.gyro_misalignment)
     accel = response(errors.accel_scale, errors.accel_misalignment)
     G = errors.gyro_g_sensitivity.reshape(3, 3)
+    bias = errors.accel_bias + errors.accel_rectification
     for block in blocks:
         dtheta_b = block.dtheta_b @ gyro.T + block.dv_b @ G.T + errors.gyro_bias * DT
-        yield block._replace(dtheta_b=dtheta_b, dv_b=block.dv_b @ accel.T + errors.accel_bias * DT)
+        yield block._replace(dtheta_b=dtheta_b, dv_b=block.dv_b @ accel.T + bias * DT)
 
 
 def test_names_that_make_no_layout_are_refused():
