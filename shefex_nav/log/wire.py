@@ -96,7 +96,7 @@ def as_stored(data, topic):
     n = len(messages[0].field) - 1 if messages else 0  # without the time stamp
     missing = topic.fields[n:]
     older = topic._replace(fields=topic.fields[:n])
-    if any(field.source not in topic.record._field_defaults for field in missing):
+    if any(field.source.partition(".")[0] not in topic.record._field_defaults for field in missing):
         return None
     return older if is_same_schema(data, older) else None
 
