@@ -300,9 +300,8 @@ def table(name, rows):
     for name in columns:
         values = np.array([row[name] for row in rows if not isinstance(row[name], str)], dtype=float)
         if len(values):
-            print(
-                f"  {name}: sum {values.sum():.6g}, median {np.median(values):.4g}, largest {values.max():.4g}"
-            )
+            total, middle, most = values.sum(), np.median(values), values.max()
+            print(f"  {name}: sum {total:.6g}, median {middle:.4g}, largest {most:.4g}")
 
 
 def main():
