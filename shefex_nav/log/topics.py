@@ -67,6 +67,9 @@ class Mission(NamedTuple):
     launch_height: float  # m, where it stands; 0 below an orbit
     camera: Pinhole  # as the on-board computer knows it
     C_bc: np.ndarray  # (3, 3) nominal mounting
+    sun_i: np.ndarray = np.full(3, np.nan)  # (3,) direction of the Sun from the Earth at t = 0
+    sun_exclusion: float = math.nan  # rad, that the camera must keep from the Sun
+    limb_exclusion: float = math.nan  # rad, and from the Earth's limb
 
 
 class RunSummary(NamedTuple):
@@ -348,6 +351,9 @@ TOPICS = (
         _number("cx_px", "camera.cx_px", "principal point [px]"),
         _number("cy_px", "camera.cy_px", "principal point [px]"),
         _matrix("C_bc", "C_bc", "nominal mounting, camera to body axes"),
+        _vector("sun_i", "sun_i", "direction of the Sun from the Earth at t = 0, inertial axes"),
+        _number("sun_exclusion_rad", "sun_exclusion", "that the camera must keep from the Sun [rad]"),
+        _number("limb_exclusion_rad", "limb_exclusion", "that it must keep from the Earth's limb [rad]"),
     )),
 )  # fmt: skip
 

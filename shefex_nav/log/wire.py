@@ -205,6 +205,8 @@ _PYTHON = {"double": float, "sfixed32": int, "bool": bool, "enum": int}
 
 def assemble(record, values):
     """Record from values by (dotted) attribute; an attribute without a value becomes None."""
+    if not any("." in name for name in values):
+        return record(*map(values.get, record._fields))
     arguments = []
     for name, kind in record.__annotations__.items():
         nested = {k[len(name) + 1 :]: v for k, v in values.items() if k.startswith(f"{name}.")}

@@ -187,6 +187,8 @@ StateBlock = Literal[
     "gyro_g_sensitivity",
     "accel_scale",
     "accel_misalignment",
+    "accel_rectification",
+    "gravity",
     "mounting",
     "lever_arm",
     "clock",
@@ -252,7 +254,9 @@ class Navigation(Block):
     )
     manoeuvre_angle: Quantity("rad", "1 rad", "by which the roll axis is turned at a time", positive=True)
     gravity_error: Quantity("m/s2", "30 ugee", "what gravity with J2 leaves out", non_negative=True)
-    gravity_memory: Quantity("s", "50 s", "for how long that keeps its sign", positive=True)
+    gravity_memory: Quantity(
+        "s", "50 s", "how long that acts before GPS corrects for it, where it is no state", positive=True
+    )
     saturated_rate: Quantity("rad/s", "50 deg/s", "gyro error at the end of its range", positive=True)
     saturated_acceleration: Quantity("m/s2", "5 gee", "accelerometer error likewise", positive=True)
 

@@ -226,7 +226,7 @@ def _attitude(tracker, detections, context, rate):
         params.identify.camera,
         tracker.pairs.stars.hip[found.star[rows]],
         detections.xy_px[rows],
-        misfit * P_px[rows],
+        misfit * P_px[rows] + focal_covariance(params, detections.xy_px[rows]),
         seen_i[used],
         rate,
         params.sigma_focal,
@@ -237,7 +237,7 @@ def _attitude(tracker, detections, context, rate):
 def _single(tracker, detections, context, rate, reason):
     """Single stars near their predicted places. -> Identification, Reason, StarVectors"""
     params = tracker.params
-    P_px = centroid_covariance(params, detections)
+    P_px = centroid_covariance(params, detections) + focal_covariance(params, detections.xy_px)
     star, stars, ambiguous = single.identify(params, tracker.pairs.stars, detections, P_px, context, rate)
     named = Identification(star, int(Reason.NONE), np.nan)
     return named, Reason.AMBIGUOUS if ambiguous else reason, stars
@@ -257,6 +257,12 @@ def _identify(tracker, u_c, flux, context, P_px):
 def centroid_covariance(params, detections):
     """Covariance of each centroid, (n, 2, 2) px^2: noise, and what is wrong with every one."""
     return detections.P_px + params.centroid_floor_px**2 * np.eye(2)
+
+
+def focal_covariance(params, xy_px):
+    """What the error of the focal length does to each place, (n, 2, 2) px^2, for stars one by one."""
+    offset_px = xy_px - np.array([params.identify.camera.cx_px, params.identify.camera.cy_px])
+    return params.sigma_focal**2 * offset_px[:, :, None] * offset_px[:, None, :]
 
 
 def with_rate(params, detections, P_px, rate):
