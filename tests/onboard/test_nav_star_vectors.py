@@ -364,7 +364,7 @@ def test_what_one_wrong_star_could_do():
 
 @pytest.mark.parametrize("way", ["attitude", "vectors"])
 def test_a_wrong_gyro_is_noticed_either_way(way):
-    """200 arcsec/s across the boresight from 3 s after the first stars on: told within a second and a half."""
+    """200 arcsec/s across the boresight from 3 s after the first stars on: told in a second and a half."""
     rng = np.random.default_rng(8)
     params = VECTORS._replace(stars=way)
     nav, blocks = mission(rng, np.zeros(3), params)
