@@ -12,8 +12,10 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.replay.command import replay  # which imports late
+from shefex_nav.campaign.command import campaign, repeat  # which imports late
+from shefex_nav.replay.command import replay  # likewise
 from shefex_nav.replay.smooth_command import smooth
+from shefex_nav.report import export_command  # imports late
 from shefex_nav.reproduce.command import ListingCommand, reproduce  # which import late
 from shefex_nav.solve.command import solve
 from shefex_nav.verify.command import app as verify_app  # which imports late, too
@@ -30,6 +32,8 @@ app.command(cls=ListingCommand)(reproduce)
 app.command()(solve)
 app.command()(replay)
 app.command()(smooth)
+app.command()(campaign)
+app.command()(repeat)
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
 LogArgument = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
@@ -93,6 +97,16 @@ def writable(path, option, *, force=False):
         raise typer.BadParameter(f"there is no folder {path.parent}", param_hint=option)
 
 
+def folder_for(path, option):
+    """Make a folder for results, or say why not."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise typer.BadParameter(
+            f"cannot make the folder {path}: {error.strerror}", param_hint=option
+        ) from None
+
+
 def say(text):
     """A line for people, on stderr."""
     typer.echo(text, err=True)
@@ -142,13 +156,34 @@ def watched(records, start_s, end_s):
 
 
 @app.command()
-def report(log: LogArgument, json: JsonOption = False):
-    """Print the results of a run from its log."""
+def report(
+    log: Annotated[Path, typer.Argument(help="Log of a run (MCAP), or folder of a campaign.")],
+    html: Annotated[Path | None, typer.Option(help="Write a page to hand over, with every figure.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --html.")] = False,
+    figures: Annotated[Path | None, typer.Option(help="Folder for the pictures, each a PNG.")] = None,
+    json: JsonOption = False,
+):
+    """Print the results of a run from its log, or those of a campaign from its folder."""
+    if html is not None:
+        export_command.check_file(html, "--html", force=force)
+    if log.is_dir():
+        from shefex_nav.campaign import report_command
+
+        report_command.report(log, json=json, figures=figures)
+        return
     from shefex_nav.log import reader
     from shefex_nav.report import metrics
 
     data = reader.read(log)
     tell_if_cut(log, data)
+    if html is not None:
+        export_command.write_page(html, data, log)
+    if figures is not None:
+        from shefex_nav.report import figures as pictures
+
+        folder_for(figures, "--figures")
+        for path in pictures.save_all(data, figures):
+            say(f"wrote {path}")
     show(metrics.summarise(data, log=log), json)
 
 

@@ -5,6 +5,7 @@
     run.solution.q_ib            # (N, 4), 100 times a second
     run.errors().attitude_b      # (N, 3) rad, truth minus estimate
     run.frames[300.0].image_dn   # the picture of the star camera at T+300 s
+    run.plot.attitude()          # a matplotlib Figure
 
 Arrays are in SI units and radians; the frames of their components are the last letter of their names.
 """
@@ -158,6 +159,11 @@ class Run:
         """Frames of the star camera by mission time: `run.frames[300.0]`, `len(run.frames)`, iteration."""
         return Frames(self.data, self.log)
 
+    @property
+    def plot(self):
+        """Pictures of the run, each a matplotlib Figure: `run.plot.attitude()`; `dir(run.plot)` names them."""
+        return Plots(self.data)
+
     def view(self, save=None):
         """Open the run in the rerun viewer and wait until it is closed, or save its recording (.rrd)."""
         from shefex_nav.report import viewer
@@ -171,6 +177,25 @@ class Run:
             raise FileExistsError(f"{path}: exists already; choose another name")
         shutil.copyfile(self.log, path)
         return path
+
+
+class Plots:
+    """The figures of `report.figures` for one run, by their names."""
+
+    def __init__(self, data):
+        self._data = data
+
+    def __dir__(self):
+        from shefex_nav.report import figures
+
+        return [entry.name for entry in figures.CATALOGUE]
+
+    def __getattr__(self, name):
+        from shefex_nav.report import figures
+
+        if name not in dir(self):
+            raise AttributeError(f"there is no figure {name!r}; choose from {', '.join(dir(self))}")
+        return lambda: figures.draw(name, self._data)
 
 
 class SeenFrame(NamedTuple):

@@ -62,6 +62,14 @@ def test_a_temporary_log_goes_with_its_run_and_can_be_saved(default_scenario, tm
     assert shefex_nav.open_run(kept).data.summary is not None
 
 
+def test_every_figure_can_be_asked_for_by_its_name(sky):
+    assert {"attitude", "trajectory", "sky_map"} <= set(dir(sky.plot))
+    figure = sky.plot.attitude()
+    assert len(figure.axes) >= 3
+    with pytest.raises(AttributeError, match="choose from trajectory"):
+        sky.plot.nothing()
+
+
 def test_a_bad_override_is_refused(default_scenario):
     with pytest.raises(ScenarioError, match="unit"):
         shefex_nav.Scenario.load(default_scenario, {"star_tracker.latency": "0.03"})

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry import frames
 from shefex_nav.onboard.navigation import (
     error_model,
     eskf,
@@ -51,7 +52,8 @@ class Measurement(NamedTuple):
     fix: Any
     fate: Fate
     rows: Any = None  # (m,) bool, rows that are used; None: all
-    admitted: float | None = None  # sigma that is added to what it measures; None: a reset forgets it all
+    # sigma that is added to what it measures, or to the blocks of a dict; None: a reset forgets it all
+    admitted: Any = None
 
 
 class Tick(NamedTuple):
@@ -150,7 +152,7 @@ def start(params, alignment, earth, recorder=None):
         history=deque([Tick(state.t_s, pack(state), P, None, ())]),
         health={name: integrity.HEALTHY for name in SENSORS},
         recorder=recorder,
-        watch=integrity_watch.start(params.integrity),
+        watch=integrity_watch.start(params),
     )
 
 
@@ -216,7 +218,7 @@ def fuse(nav, arrivals):
             results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
             continue
         if arrival.startswith("gps"):
-            repeats = integrity_gps.repeated(nav.watch.gps, fix)
+            repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, *_whereabouts(nav, index))
             results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())
             nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
             names = tuple(name for name in names if name not in repeats)
@@ -228,6 +230,12 @@ def fuse(nav, arrivals):
     _integrate_again(nav, earliest, results)
     nav.watch.protect(nav.history[-1].P)
     return results
+
+
+def _whereabouts(nav, index):
+    """Position and velocity of a tick, axes of the Earth: (3,) m, (3,) m/s."""
+    state = nav.history[index].state
+    return frames.ecef_from_inertial(nav.earth, state.t_s, state.r_i, state.v_i)
 
 
 def _turn(measurement):
@@ -343,6 +351,8 @@ def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
     if used is not None:
         z, H, R = z[used], H[used], R[np.ix_(used, used)]
     after, P_after, dx, G = eskf.update_packed(nav.kalman, nav.layout, x, prior, z, H, R)
+    if measurement.fate == Fate.RESET and sensor.block == "attitude":
+        P_after, G = eskf.turned_back(P_after, G), np.eye(3)
     if recorder is not None:
         name, fix, fate = measurement[:3]
         ends = unpack(t_s, after), P_after
@@ -372,6 +382,11 @@ def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
 def _forgotten(nav, P, sensor, admitted):
     """Covariance in which nothing is known of what a sensor measures, or less by a sigma that is admitted."""
     places = nav.layout.places
+    if isinstance(admitted, dict):  # block -> (3,)
+        P = P.copy()
+        for name, sigma in admitted.items():
+            P[places[name], places[name]] += np.diag(sigma**2)
+        return P
     if admitted is not None:
         P = P.copy()
         for name in (sensor.block, *sensor.with_it):

@@ -108,6 +108,8 @@ def _gps_trial(nav, state, P, z, R, imu, at_s, fix):
     slack = nav.params.gps_agreement
 
     def agree(earlier, later):
+        if np.isnan(earlier.fix.v_ea_e[0]) or np.isnan(later.fix.v_ea_e[0]):
+            return integrity.positions_agree(earlier, later, slack)
         return integrity.gps_fixes_agree(earlier.fix, later.fix, slack)
 
     return Trial(nav.params.release_gps, integrity.GpsEvidence(fix, z, P[POS, POS]), agree)
