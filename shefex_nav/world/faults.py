@@ -187,18 +187,20 @@ class StarLine:
 
     def fix(self, fix):
         """A StarFix as it reaches the navigation."""
-        if fix.reason != Reason.NONE:
+        if fix.reason != Reason.NONE and not len(fix.stars.hip):
             return fix
         for k, fault in enumerate(self.faults):
             if fault.kind == "blinded" or not _within(fault, fix.t_valid_s):
                 continue
             turned_c = fault.bias_c
             if fault.kind == "wrong_fixes":
+                if fix.reason != Reason.NONE:
+                    continue
                 self.good[k] += 1
                 if (self.good[k] - 1) % fault.every:
                     continue
                 turned_c = self._wrong(fault)
-            fix = fix._replace(q_ic=rotation.quat_multiply(fix.q_ic, rotation.quat_from_rotvec(turned_c)))
+            fix = _turned(fix, turned_c)
         return fix
 
     def chain(self, step):
@@ -215,6 +217,13 @@ class StarLine:
         direction = self.rng.standard_normal(3)
         angle = fault.smallest * (fault.largest / fault.smallest) ** self.rng.random()
         return angle * direction / np.sqrt(direction @ direction)
+
+
+def _turned(fix, turned_c):
+    """StarFix of a camera that is turned away: q_ic exp(turned_c); (3,) rad, camera axes."""
+    q_ic = rotation.quat_multiply(fix.q_ic, rotation.quat_from_rotvec(turned_c))
+    u_c = fix.stars.u_c @ rotation.dcm_from_rotvec(turned_c)  # row by row exp(-turned_c) u_c
+    return fix._replace(q_ic=q_ic, stars=fix.stars._replace(u_c=u_c))
 
 
 def events(faults, trajectory, earth):

@@ -38,7 +38,7 @@ from shefex_nav.onboard.navigation.state import (
     pack,
     unpack,
 )
-from shefex_nav.records import GateResult
+from shefex_nav.records import GateResult, Reason
 
 SNAP_S = 1e-6  # instants closer together than this are one
 UNUSED = (Fate.REJECTED, Fate.HELD)
@@ -60,7 +60,7 @@ class Tick(NamedTuple):
     """The filter at the end of a tick."""
 
     t_s: float
-    x: np.ndarray  # (87,) packed nominal state
+    x: np.ndarray  # (93,) packed nominal state
     P: np.ndarray  # (n, n)
     imu: Any  # strapdown.ImuWindow that led here; None at the start
     measurements: tuple[Measurement, ...]  # valid within the tick, in the order of their instants
@@ -165,7 +165,9 @@ def advance(nav, block):
             f"IMU block ending at {block.t_valid_s:.6f} s does not follow on the state at {last.t_s:.6f} s"
         )
     block, extra = nav.watch.screen(block)
-    level = error_model.vibration_level(nav.params, block)
+    thrust, shake = block.dv_b[:, 0].sum() / length_s, error_model.shake(block.dv_b)
+    limits = nav.params.imu.thrust_threshold, nav.params.imu.shake_threshold
+    level = error_model.vibration_level(nav.params.motors, *limits, block.t_valid_s, thrust, shake)
     imu = strapdown.window(block, last.imu, level, extra)
     x, P = prediction.advance(
         nav.layout, nav.imu_model, last.x, last.t_s, last.P, imu, 0.0, length_s, nav.earth
@@ -195,7 +197,7 @@ def fuse(nav, arrivals):
     ----------
     nav : Filter, advanced to the present tick
     arrivals : list of (arrival, fix), the first of `sensors.ARRIVALS`: 'gps' with a GpsFix, 'star_tracker'
-        with a StarFix that has an attitude
+        with a StarFix that has an attitude, 'star_vectors' with one that has stars
 
     Returns
     -------
@@ -209,13 +211,13 @@ def fuse(nav, arrivals):
         reason = without_solution(arrival, fix)
         if reason:
             results.append(_unused(now_s, fix, names[0], reason))
-            nav.watch.tell(now_s, "gps", reason)
+            nav.watch.tell(now_s, "gps" if arrival.startswith("gps") else arrival, reason)
             continue
         index = _place(nav.history, fix.t_valid_s)
         if index is None:
             results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
             continue
-        if arrival != "star_tracker":
+        if arrival.startswith("gps"):
             repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, *_whereabouts(nav, index))
             results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())
             nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
@@ -366,8 +368,11 @@ def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
 def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
     """Tell the watch of a measurement that has just been used for the first time."""
     watch, limit, name = nav.watch, nav.limit(len(R)), measurement.sensor
-    watch.used(name, measurement.fix.t_valid_s, nav.history[-1].t_s)
-    if name == "star_tracker":
+    whole = name == "star_vectors" and measurement.fix.reason == Reason.NONE  # as good as the attitude
+    watch.used("star_tracker" if whole else name, measurement.fix.t_valid_s, nav.history[-1].t_s)
+    if name == "star_vectors":
+        found = integrity_protection.slope_of_vectors(nav.layout, P_before, P_after, nav.limit(2), H, R)
+    elif name == "star_tracker":
         found = integrity_protection.slope_of_stars(P_before, P_after, limit, H, R, confirmed)
     else:
         found = integrity_protection.slope(P_before, P_after, limit)
