@@ -11,9 +11,11 @@ BLUE, ORANGE, GREEN, GREY = "#1f5fa8", "#d1622b", "#5f9e3f", "0.45"
 AXIS_COLOURS = (ORANGE, GREEN, BLUE)
 QUANTITIES = (("position", "m", 1.0), ("velocity", "m/s", 1.0), ("attitude", "deg", 180.0 / np.pi))
 TITLES = {"gyro_bias": "gyro bias", "accel_bias": "accelerometer bias"}
+SETTLING = ("attitude at entry, worst axis", "position at entry", "attitude, rms of the run")
 MOST_BARS = 8
 MOST_PANELS = 9
 FEW_RUNS = 40  # of fewer, each is drawn
+FIRST_SHOWN = 10  # number of runs from which estimates are worth looking at
 
 
 def _figure(width, height):
@@ -80,8 +82,10 @@ def _percentiles(t_s, values, percents):
 def draw_nees(series):
     """Mean normalised squares over the runs, of errors and of innovations, with 95 % bounds."""
     found, innovations = over_time.anees(series), over_time.anis(series)
-    panels = [(f"NEES, {TITLES.get(name, name)}", found.mean[:, b], found) for b, name in
-              enumerate(over_time.BLOCKS)]  # fmt: skip
+    panels = []
+    for b, name in enumerate(over_time.BLOCKS):
+        words = "" if name in over_time.CORRELATED else ", without the correlations of its axes"
+        panels.append((f"NEES, {TITLES.get(name, name)}{words}", found.mean[:, b], found))
     panels += [(f"NIS, {name.replace('_', ' ')}", one.mean, one) for name, one in innovations.items()]
     figure = _figure(11.0, 1.0 + 1.8 * len(panels))
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
@@ -129,7 +133,7 @@ def draw_ellipses(campaign):
     figure = _figure(6.5 * len(found), 6.5)
     for axis, one in zip(np.atleast_1d(figure.subplots(1, len(found))), found, strict=True):
         north, east = one.offsets_km[:, 0], one.offsets_km[:, 1]
-        axis.plot(east, north, ".", color=BLUE, ms=4, alpha=0.5, mew=0)
+        axis.plot(east, north, ".", color=BLUE, ms=7, alpha=0.5, mew=0)
         along = np.radians(one.azimuth_deg)
         angle = np.linspace(0.0, 2.0 * np.pi, 200)
         long, short = one.semi_axes_km[0] * np.cos(angle), one.semi_axes_km[1] * np.sin(angle)
@@ -163,7 +167,6 @@ def draw_convergence(campaign):
         values = size[np.isfinite(size) & campaign.succeeded]
         if (len(values) > 1 and "worst axis" in one[0]) or one[0].startswith("position at"):
             panels.append((f"{one[0]}: 95 % [{one[2]}]", convergence.percentile_course(values, 95.0)))
-    panels = panels[-MOST_PANELS:]
     if not panels:
         return None
     rows = -(-len(panels) // 3)
@@ -175,6 +178,11 @@ def draw_convergence(campaign):
         axis.fill_between(course.n, course.low, course.high, color=BLUE, alpha=0.2, lw=0)
         axis.plot(course.n, course.value, color=BLUE, lw=1.3)
         axis.set_xscale("log")
+        first = FIRST_SHOWN if course.n[-1] > 2 * FIRST_SHOWN else 1
+        axis.set_xlim(first, max(course.n[-1], 2))
+        shown = np.concatenate([part[course.n >= first] for part in course[1:]])
+        low, high = np.nanmin(shown), np.nanmax(shown)
+        axis.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low) + 1e-9)
         axis.set_title(title, loc="left", fontsize=10)
         axis.set_xlabel("runs")
         _tidy(axis)

@@ -13,7 +13,7 @@ from shefex_nav.report.requirements import severity
 
 RATE_PRECISION = 0.01  # to which 'runs still needed' is told: one point of a success rate,
 PERCENTILE_PRECISION = 0.05  # and this share of a percentile
-MOST_CAUSES, MOST_RUNS, MOST_WORST, MOST_EXPLAIN = 8, 6, 3, 12  # lines of the tables
+MOST_CAUSES, MOST_RUNS, MOST_WORST, MOST_EXPLAIN, MOST_SEPARATIONS = 8, 6, 3, 12, 3  # lines of the tables
 CONTAINED = "errors inside 3 sigma at the ends of the phases"
 
 
@@ -229,22 +229,29 @@ def _failures(campaign):
     causes = campaign.causes()
     if not causes:
         return None
-    table = _table("Why runs failed", ">runs", "reason", "of these", "look at one")
+    lines = [Text("Why runs failed", style="bold")]
     for cause in causes[:MOST_CAUSES]:
         some = ", ".join(str(run) for run in cause.runs[:MOST_RUNS])
         more = ", ..." if len(cause.runs) > MOST_RUNS else ""
-        table.add_row(str(len(cause.runs)), cause.words, some + more, repeat(campaign, cause.runs[0]))
+        count = f"{len(cause.runs)} run{'s' if len(cause.runs) > 1 else ''}"
+        lines.append(Text.assemble("  ", (count, "bold red"), f" ({some}{more}): {cause.words}"))
+        lines.append(_command(campaign, cause.runs[0]))
     if len(causes) > MOST_CAUSES:
-        table.add_row("", f"and {len(causes) - MOST_CAUSES} other reasons", "", "")
-    lines = [
-        Text(
-            f"Failed runs drew {one.feature} from {one.failed_from:.6g} to {one.failed_to:.6g}, the others "
-            f"from {one.others_from:.6g} to {one.others_to:.6g} (p {one.p_holm:.1e})"
+        lines.append(Text(f"  and {len(causes) - MOST_CAUSES} other reasons"))
+    certain = [one for one in sensitivity.separations(campaign) if one.p_holm < sensitivity.SIGNIFICANT]
+    for one in certain[:MOST_SEPARATIONS]:
+        lines.append(
+            Text(
+                f"  Failed runs drew {one.feature} from {one.failed_from:.6g} to {one.failed_to:.6g}, the others "
+                f"from {one.others_from:.6g} to {one.others_to:.6g} (p {one.p_holm:.1e})"
+            )
         )
-        for one in sensitivity.separations(campaign)
-        if one.p_holm < sensitivity.SIGNIFICANT
-    ]
-    return Group(table, *lines[:3])
+    return Group(*lines, "")
+
+
+def _command(campaign, run):
+    """The line with which to look at a run; not broken, so that it can be copied."""
+    return Text(f"    {repeat(campaign, run)}", style="cyan", no_wrap=True, overflow="ignore")
 
 
 def repeat(campaign, run):
@@ -256,10 +263,10 @@ def _worst(campaign):
     worst = worst_runs(campaign)
     if not worst or not statistics.successes(campaign):
         return None
-    table = _table("Worst of the other runs", ">run", "because of", "look at it")
+    lines = [Text("Worst of the other runs", style="bold")]
     for one in worst:
-        table.add_row(str(one.run), one.words, repeat(campaign, one.run))
-    return table
+        lines += [Text(f"  run {one.run}: {one.words}"), _command(campaign, one.run)]
+    return Group(*lines, "")
 
 
 def _explained(campaign):
