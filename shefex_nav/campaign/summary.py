@@ -240,12 +240,10 @@ def _failures(campaign):
         lines.append(Text(f"  and {len(causes) - MOST_CAUSES} other reasons"))
     certain = [one for one in sensitivity.separations(campaign) if one.p_holm < sensitivity.SIGNIFICANT]
     for one in certain[:MOST_SEPARATIONS]:
-        lines.append(
-            Text(
-                f"  Failed runs drew {one.feature} from {one.failed_from:.6g} to {one.failed_to:.6g}, the others "
-                f"from {one.others_from:.6g} to {one.others_to:.6g} (p {one.p_holm:.1e})"
-            )
-        )
+        failed = f"from {one.failed_from:.6g} to {one.failed_to:.6g}"
+        others = f"from {one.others_from:.6g} to {one.others_to:.6g}"
+        words = f"Failed runs drew {one.feature} {failed}, the others {others} (p {one.p_holm:.1e})"
+        lines.append(Text(f"  {words}"))
     return Group(*lines, "")
 
 
