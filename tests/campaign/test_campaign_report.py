@@ -2,14 +2,12 @@
 
 import json
 
-import numpy as np
 import pytest
 import synthetic_campaign
-from rich.console import Console
 from typer.testing import CliRunner
 
 from shefex_nav import cli
-from shefex_nav.campaign import summary
+from shefex_nav.campaign import over_time, parts, summary
 from shefex_nav.campaign.results import open_campaign
 
 N = 60
@@ -127,11 +125,22 @@ def test_the_worst_runs_are_those_that_miss_most(folder):
 
 def test_a_wrong_covariance_is_in_the_tables(tmp_path):
     campaign = open_campaign(synthetic_campaign.write(tmp_path / "c", 60, truth_over_sigma=1.4))
-    from shefex_nav.campaign import over_time
+    found = parts.covariance(campaign, over_time.read(campaign))
+    words = [str(cell) for row in found.rows for cell in row]
+    assert "covariance too small" in words and "covariance too large" not in words
+    assert {"  NEES of attitude, end of coast", "  NIS of gps"} <= set(words)
 
-    console = Console(width=150, record=True, file=open("/dev/null", "w"))
-    with console.file:
-        console.print(summary.tables(campaign, over_time.read(campaign)))
-    text = console.export_text()
-    assert "covariance too small" in text and "covariance too large" not in text
-    assert np.all(["NEES of attitude, end of coast" in text, "NIS of gps" in text])
+
+def test_the_page_has_everything_and_loads_nothing(folder, tmp_path):
+    path = tmp_path / "page.html"
+    result = CliRunner().invoke(cli.app, ["report", str(folder), "--json", "--html", str(path)])
+    assert result.exit_code == 0, result.output
+    page = path.read_text()
+    for words in (
+        "Campaign synthetic, seed 3", "attitude at entry", "more than the thrust can lift", "Worst of the",
+        open_campaign(folder).digest, "figure-errors", "figure-sensitivity", "imu:",
+    ):  # fmt: skip
+        assert words in page, words
+    assert "://" not in page and "<script" not in page
+    again = CliRunner().invoke(cli.app, ["report", str(folder), "--html", str(path)])
+    assert again.exit_code == 2 and "exists already" in " ".join(again.output.split())
