@@ -169,7 +169,7 @@ def report(
     if log.is_dir():
         from shefex_nav.campaign import report_command
 
-        report_command.report(log, json=json, figures=figures)
+        report_command.report(log, json=json, html=html, figures=figures)
         return
     from shefex_nav.log import reader
     from shefex_nav.report import metrics
