@@ -202,7 +202,6 @@ def _interval(
     error_model.needed(at, G, by_gyro, by_accel)
     weights, m = np.empty(WEIGHTS), np.empty((4, 3, 3))
     u_sum = u_r_sum = angle = speed = (0.0, 0.0, 0.0)
-    across_angle = 0.0
     last = free_increment(x, M, A, G, increments, 0, h)
     before = free_increment(x, M, A, G, increments, 1, h)
     for n in range(BEFORE, increments.shape[0]):
@@ -227,7 +226,6 @@ def _interval(
             u_r_sum = t3.plus(t3.plus(u_r_sum, part_s, u_sum), 1.0, u_r)
             u_sum = t3.plus(u_sum, 1.0, u)
             angle, speed = t3.plus(angle, 1.0, dtheta), t3.plus(speed, 1.0, dv)
-            across_angle += np.sqrt(dtheta[1] * dtheta[1] + dtheta[2] * dtheta[2])
             r, v, q = move(r, v, q, C, part_s, phi, s, s_r, g)
         last, before = before, sample
 
@@ -252,7 +250,7 @@ def _interval(
     t3.store(triads[2], t3.product(M, t3.product(G, A)))
     error_model.put_calibration(top, at, gyro, accel, triads[0], triads[1], triads[2])
     error_model.put_rectification(top, at, vibration)
-    along, across, bias_walk = error_model.noise_densities(model, vibration, T, angle, speed, across_angle)
+    along, across, bias_walk = error_model.noise_densities(model, vibration, T, angle, speed)
     error_model.process_noise(top, along, across, extra, C_start, T, Q)
     return bias_walk
 
