@@ -272,12 +272,9 @@ SCALE = np.repeat([1e-3, 1.0, 5e-3], 3)
 
 
 def test_vibration_is_that_of_the_motor_that_burns():
-    model = MODEL._replace(thrust_threshold=15.0)
-    params = SimpleNamespace(imu=model, motors=np.array([[0.0, 1.0], [5.0, 0.4], [9.0, 0.7]]))
-    burning, falling = BLOCKS[0], BLOCKS[0]._replace(dv_b=0.1 * BLOCKS[0].dv_b)
-    braking = BLOCKS[0]._replace(dv_b=-BLOCKS[0].dv_b)  # drag is no motor
+    motors = np.array([[0.0, 1.0], [5.0, 0.4], [9.0, 0.7]])
     for t_s, level in ((0.01, 1.0), (4.99, 1.0), (6.0, 0.4), (20.0, 0.7)):
-        assert error_model.vibration_level(params, burning._replace(t_valid_s=t_s)) == level
-    assert error_model.vibration_level(params, falling) == error_model.vibration_level(params, braking) == 0.0
-    no_motor = SimpleNamespace(imu=model, motors=np.zeros((0, 2)))
-    assert error_model.vibration_level(no_motor, burning) == 0.0
+        assert error_model.vibration_level(motors, 15.0, t_s, 60.0) == level
+    for thrust in (6.0, -60.0):  # drag is no motor
+        assert error_model.vibration_level(motors, 15.0, 20.0, thrust) == 0.0
+    assert error_model.vibration_level(np.zeros((0, 2)), 15.0, 20.0, 60.0) == 0.0

@@ -70,6 +70,27 @@ def derivatives(T, dtheta, dv, B, b):
 
 
 @njit(cache=True, forceinline=True)
+def carry_all(by_gyro, by_accel, gyro, accel, m, weights, piece, C, u, u_r):
+    """Carry the responses of all weights that are wanted over a part, in place.
+
+    piece : of `strapdown.cut`;  C : C_ib at its start;  weights : (7,) and m written;  others as in `carry`
+    """
+    T, dtheta, dv, B, b = piece[0], piece[1], piece[2], piece[3], piece[4]
+    J, D, D_r, J_r = derivatives(T, dtheta, dv, B, b)
+    t3.store(m[0], t3.product(C, J))
+    t3.store(m[1], t3.product(C, D))
+    t3.store(m[2], t3.product(C, D_r))
+    t3.store(m[3], t3.product(C, J_r))
+    weights[0], weights[1], weights[2], weights[3] = T, dtheta[0], dtheta[1], dtheta[2]
+    weights[4], weights[5], weights[6] = dv
+    for k in range(WEIGHTS):
+        if by_gyro[k]:
+            carry(gyro, k, T, u, u_r, weights[k], m)
+        if by_accel[k]:
+            carry_force(accel, k, T, weights[k], m)
+
+
+@njit(cache=True, forceinline=True)
 def carry(gyro, k, T, u, u_r, w, m):
     """Carry the response of weight k over a part, in place.
 
@@ -181,18 +202,17 @@ def put_motion(top, r, u, u_r, C, C_bi, T):
     t3.store(top[ATT, ATT], t3.product(C_bi, C))
 
 
-def vibration_level(params, block):
-    """Vibration in an ImuBlock relative to that of the strongest motor: 0 unless a motor pushes the vehicle.
+@njit(cache=True)
+def vibration_level(motors, threshold, t_s, thrust):
+    """Vibration relative to that of the strongest motor: 0 unless a motor pushes the vehicle.
 
-    NavParams, ImuBlock -> float
+    motors, threshold : of NavParams and ImuModel;  t_s, thrust : m/s^2, mean along the roll axis -> float
     """
-    thrust = sum(block.dv_b[:, 0].tolist()) / (len(block.dv_b) * block.dt_s)
-    if thrust <= params.imu.thrust_threshold:
-        return 0.0
     level = 0.0
-    for t_s, relative in params.motors.tolist():
-        if t_s <= block.t_valid_s:
-            level = relative
+    if thrust > threshold:
+        for k in range(motors.shape[0]):
+            if motors[k, 0] <= t_s:
+                level = motors[k, 1]
     return level
 
 

@@ -52,15 +52,14 @@ class Watch:
         self.reasons = {}  # source -> why it is not healthy
         self.said = []  # NavHealth not handed over yet
 
-    def screen(self, block):
-        """What of an ImuBlock can be used -> ImuBlock, (2, 3) densities of additional noise."""
+    def screen(self, block, readings, densities):
+        """What of an ImuBlock can be used: `integrity_imu.screen`, which writes the two arrays."""
         if self.imu is None or len(self.imu.last) != len(block.dtheta_b):
             self.imu = integrity_imu.start(self.params.imu, len(block.dtheta_b))
-        block, densities, changes = integrity_imu.screen(self.imu, block)
+        changes = integrity_imu.screen(self.imu, block, readings, densities)
         if changes:
             self.said += changes
             self.imu_blind = bool(self.imu.state.any())
-        return block, densities
 
     def used(self, sensor, t_valid_s, now_s):
         """A measurement has been used."""

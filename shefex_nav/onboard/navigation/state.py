@@ -51,6 +51,7 @@ X_ROLL, X_GS = NOMINAL["gyro_roll_column"].start, NOMINAL["gyro_scale"].start
 X_GM, X_GG = NOMINAL["gyro_misalignment"].start, NOMINAL["gyro_g_sensitivity"].start
 X_AS, X_AM = NOMINAL["accel_scale"].start, NOMINAL["accel_misalignment"].start
 X_CLOCK, X_RANGE = NOMINAL["clock"].start, NOMINAL["range_bias"]
+X_MOUNTING, X_LEVER, X_LATENCY = NOMINAL["mounting"], NOMINAL["lever_arm"], NOMINAL["gps_latency"].start
 
 
 class Layout(NamedTuple):
