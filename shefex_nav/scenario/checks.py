@@ -2,7 +2,14 @@
 
 import math
 
-from shefex_nav.scenario import checks_flight, checks_gps, checks_tracker, checks_vehicle, faults
+from shefex_nav.scenario import (
+    checks_flight,
+    checks_gps,
+    checks_tracker,
+    checks_vehicle,
+    dispersions,
+    faults,
+)
 from shefex_nav.scenario.checks_flight import seconds
 
 REPORT_RATE = 10.0  # Hz, of the logged covariance, which reports want on whole seconds
@@ -26,6 +33,7 @@ def cross_check(scenario, rated=None):
         *states_that_clash(scenario.navigation.states),
         *checks_tracker.contradictions(scenario),
         *faults.contradictions(scenario),
+        *dispersions.contradictions(scenario),
     ]
 
 

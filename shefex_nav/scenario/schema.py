@@ -4,17 +4,19 @@ The models check single values; `checks` compares values with each other, `param
 parameters of the stages. Once loaded, a quantity is a float in SI and radians.
 """
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field, PrivateAttr
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.camera import StarCamera
+from shefex_nav.scenario.dispersions import Campaign, Dispersions
 from shefex_nav.scenario.faults import Faults
 from shefex_nav.scenario.gps import Gps
 from shefex_nav.scenario.mission import Atmosphere, Earth, Ground, Launch, Mission, Orbit, Wind
 from shefex_nav.scenario.onboard import Log, Navigation, StarTracker
 from shefex_nav.scenario.programme import Programme
+from shefex_nav.scenario.requirements import Requirements
 from shefex_nav.scenario.sensors import Imu, PadAlignment
 from shefex_nav.scenario.vehicle import Vehicle
 
@@ -42,13 +44,34 @@ class Scenario(Block):
     navigation: Navigation
     log: Log
     faults: Faults = Field(default_factory=Faults, description="what goes wrong with the sensors")
+    requirements: Requirements = Field(
+        default_factory=Requirements, description="what a run has to achieve; a campaign counts how often"
+    )
 
-    _source: str = PrivateAttr("")
+    campaign: Campaign = Field(default_factory=Campaign, description="how runs of a campaign are made")
+    dispersions: Dispersions = Field(
+        default_factory=dict, description="what differs from run to run: path of a field, and how it is drawn"
+    )
+
+    _source: Any = PrivateAttr("")
     _files: tuple[tuple[str, str], ...] = PrivateAttr(())
+
+    @classmethod
+    def load(cls, path, overrides=()):
+        """Scenario of a YAML file, with overrides ["gps.rate=5 Hz"] or {"gps.rate": "5 Hz"}.
+
+        Raises ScenarioError, which lists every error with its place.
+        """
+        from shefex_nav.scenario.load import load  # which needs this class
+
+        pairs = overrides.items() if isinstance(overrides, dict) else None
+        return load(path, overrides if pairs is None else [f"{key}={value}" for key, value in pairs])
 
     @property
     def source(self):
         """YAML text with `extends`, overrides and tables in it; it loads to the same scenario."""
+        if callable(self._source):
+            self._source = self._source()
         return self._source
 
     @property
@@ -62,5 +85,5 @@ class Scenario(Block):
         return sorted(self.programme.items(), key=lambda item: item[1].start)
 
     def keep_text(self, source, files):
-        """Remember where the scenario came from."""
+        """Remember where the scenario came from; `source` is its text, or a function that gives it."""
         self._source, self._files = source, tuple(files.items())

@@ -20,7 +20,8 @@ def free(state, imu):
     A_g = triad(state.gyro_scale, state.gyro_misalignment, state.gyro_roll_column)
     A_a = triad(state.accel_scale, state.accel_misalignment)
     G, h = state.gyro_g_sensitivity.reshape(3, 3), imu.dt_s
-    dv = np.linalg.solve(A_a, (imu.increments[:, 3:] - h * state.accel_bias).T).T
+    bias = state.accel_bias + imu.vibration**2 * state.accel_rectification
+    dv = np.linalg.solve(A_a, (imu.increments[:, 3:] - h * bias).T).T
     turned = imu.increments[:, :3] - h * state.gyro_bias - dv @ G.T
     return np.linalg.solve(A_g, turned.T).T, dv
 
@@ -31,7 +32,7 @@ def propagate(state, imu, begin_s, end_s, earth):
     h, r, v = imu.dt_s, state.r_i, state.v_i
     C_ib = Rotation.from_quat(state.q_ib, scalar_first=True).as_matrix()
     C_ie = frames.dcm_ie(earth, state.t_s + 0.5 * (end_s - begin_s))
-    g = C_ie @ gravity_j2_e(C_ie.T @ (r + 0.5 * (end_s - begin_s) * v))
+    g = C_ie @ gravity_j2_e(C_ie.T @ (r + 0.5 * (end_s - begin_s) * v)) + state.gravity
     for k in range(imu.n):
         x0, x1 = np.clip([begin_s / h - k, end_s / h - k], 0.0, 1.0)
         if x1 <= x0:

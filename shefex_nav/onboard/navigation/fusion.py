@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry import frames
 from shefex_nav.onboard.navigation import (
     error_model,
     eskf,
@@ -27,6 +28,8 @@ from shefex_nav.onboard.navigation.history import SNAP_S, History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import SENSORS, Measurement, contents, without_solution
 from shefex_nav.onboard.navigation.state import (
+    X_R,
+    X_V,
     Layout,
     NavState,
     initial,
@@ -36,7 +39,7 @@ from shefex_nav.onboard.navigation.state import (
     unpack,
 )
 from shefex_nav.onboard.navigation.strapdown import BEFORE
-from shefex_nav.records import GateResult
+from shefex_nav.records import GateResult, Reason
 
 UNUSED = (Fate.REJECTED, Fate.HELD)
 RANK = {name: k for k, name in enumerate(SENSORS)}
@@ -123,7 +126,7 @@ def start(params, alignment, earth, recorder=None):
         history=History(Tick(state.t_s, pack(state), P, None)),
         health={name: integrity.HEALTHY for name in SENSORS},
         recorder=recorder,
-        watch=integrity_watch.start(params.integrity),
+        watch=integrity_watch.start(params),
     )
 
 
@@ -165,7 +168,7 @@ def fuse(nav, arrivals):
     ----------
     nav : Filter, advanced to the present tick
     arrivals : list of (arrival, fix), the first of `sensors.ARRIVALS`: 'gps' with a GpsFix, 'star_tracker'
-        with a StarFix that has an attitude
+        with a StarFix that has an attitude, 'star_vectors' with one that has stars
 
     Returns
     -------
@@ -175,7 +178,7 @@ def fuse(nav, arrivals):
     earliest = len(history)
     for arrival, fix in arrivals:
         index = history.within(fix.t_valid_s)
-        names = _worth_trying(nav, arrival, fix, index, results)
+        names, fix = _worth_trying(nav, arrival, fix, index, results)
         if names:
             queue = [*history.measurements[index], *(Measurement(name, fix, Fate.PENDING) for name in names)]
             history.measurements[index] = tuple(sorted(queue, key=_turn))
@@ -187,22 +190,31 @@ def fuse(nav, arrivals):
 
 
 def _worth_trying(nav, arrival, fix, index, results):
-    """Names of the measurements of a fix that are to meet the gate; results of the others are added."""
+    """Names of the measurements of a fix that are to meet the gate, and the fix as it may be used.
+
+    Results of those that are not are added.
+    """
     now_s, names = nav.history.ends_s[-1], contents(arrival, fix)
     reason = without_solution(arrival, fix)
     if reason:
         results.append(_unused(now_s, fix, names[0], reason))
-        nav.watch.tell(now_s, "gps", reason)
-        return ()
+        nav.watch.tell(now_s, "gps" if arrival.startswith("gps") else arrival, reason)
+        return (), fix
     if index is None:
         results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
-        return ()
-    if arrival != "star_tracker":
-        repeats = integrity_gps.repeated(nav.watch.gps, fix)
+        return (), fix
+    if arrival.startswith("gps"):
+        repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, *_whereabouts(nav, index))
         results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())
         nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
         names = tuple(name for name in names if name not in repeats)
-    return names
+    return names, fix
+
+
+def _whereabouts(nav, index):
+    """Position and velocity of a tick, axes of the Earth: (3,) m, (3,) m/s."""
+    x = nav.history.xs[nav.history.place(index)]
+    return frames.ecef_from_inertial(nav.earth, nav.history.ends_s[index], x[X_R], x[X_V])
 
 
 def _turn(measurement):
@@ -286,6 +298,8 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         z, H, R = z[used], H[used], R[np.ix_(used, used)]
     state = None if recorder is None else now.state
     dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P)
+    if measurement.fate == Fate.RESET and sensor.block == "attitude":
+        history.P[:], G = eskf.turned_back(history.P, G), np.eye(3)
     if recorder is not None:
         name, _, fate = measurement[:3]
         after = now.state, history.P.copy()
@@ -300,8 +314,11 @@ def _apply(nav, index, at_s, measurement, results, recorder):
 def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
     """Tell the watch of a measurement that has just been used for the first time."""
     watch, limit, name = nav.watch, nav.limit(len(R)), measurement.sensor
-    watch.used(name, measurement.fix.t_valid_s, nav.history.ends_s[-1])
-    if name == "star_tracker":
+    whole = name == "star_vectors" and measurement.fix.reason == Reason.NONE  # as good as the attitude
+    watch.used("star_tracker" if whole else name, measurement.fix.t_valid_s, nav.history.ends_s[-1])
+    if name == "star_vectors":
+        found = integrity_protection.slope_of_vectors(nav.layout, P_before, P_after, nav.limit(2), H, R)
+    elif name == "star_tracker":
         found = integrity_protection.slope_of_stars(P_before, P_after, limit, H, R, confirmed)
     else:
         found = integrity_protection.slope(P_before, P_after, limit)
@@ -311,6 +328,11 @@ def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
 def _forgotten(nav, P, sensor, admitted):
     """Covariance in which nothing is known of what a sensor measures, or less by a sigma that is admitted."""
     places = nav.layout.places
+    if isinstance(admitted, dict):  # block -> (3,)
+        P = P.copy()
+        for name, sigma in admitted.items():
+            P[places[name], places[name]] += np.diag(sigma**2)
+        return P
     if admitted is not None:
         P = P.copy()
         for name in (sensor.block, *sensor.with_it):

@@ -1,8 +1,10 @@
 """The gate: what becomes of a new measurement, and what is said about it.
 
-A measurement passes if its normalised innovation squared, or that of each group of its rows, stays below the
-chi-square limit. The rest is a matter of trust: `integrity` says when a sensor that contradicts the filter is
-believed after all, and when a fix inside the gate is not enough; `integrity_gps` when a receiver drifts.
+A measurement passes if its normalised innovation squared stays below the chi-square limit. One of several
+groups of rows passes group by group, as long as most of them do: where half of all satellites contradict the
+filter, it is not for the filter to say which half is right. The rest is a matter of trust: `integrity` says
+when a sensor that contradicts the filter is believed after all, and when a fix inside the gate is not enough;
+`integrity_gps` when a receiver drifts; `integrity_gyro` when it is the gyros that are wrong.
 """
 
 import numpy as np
@@ -40,7 +42,12 @@ def decide(nav, now, z, H, R, measurement):
     note = NOTES.get(fate, sensor.reset_note)
     if fate == Fate.RESET and admitted is not None:
         note += ", or the camera has moved"
-    _tell(nav, now_s, name, fate, note)
+    found = _gyros_wrong(nav, now, z, R, S, fate) if name == "star_tracker" else None
+    _tell(nav, now_s, name, Fate.USED if found else fate, note)
+    if found:
+        fate, rows, note = Fate.RESET, None, f"{' '.join(found.axes)} wrong: bias to be found again"
+        admitted = {"attitude": np.full(3, np.sqrt(z @ z)), "gyro_bias": found.admitted}
+        nav.health[name] = integrity.Health(nav.health[name].used + 1, 0, np.nan, None)
     if rows is not None:
         note = f"rejected: {', '.join(_rejected(sensor, fix, rows))}"
         z, limit = z[rows], nav.limit(int(rows.sum()))
@@ -57,8 +64,20 @@ def _tell(nav, now_s, name, fate, note):
         nav.watch.tell(now_s, name, "")
     elif fate in (Fate.DOUBTED, Fate.RESET):
         nav.watch.tell(now_s, name, note)
-    elif nav.health[name].rejected >= integrity_watch.CONTRADICTIONS:
+    elif integrity_watch.contradicts(name, nav.health[name]):
         nav.watch.tell(now_s, name, integrity_watch.reason(name, nav.health))
+
+
+def _gyros_wrong(nav, now, z, R, S, fate):
+    """What the stars find the gyros wrong by: integrity_gyro.Finding, or None."""
+    watch = nav.watch
+    if watch.unread or now.vibration > 0.0 or fate == Fate.RESET:
+        watch.gyros.forget()
+        return None
+    found = watch.gyros.compare(now.state, now.P, z, R, S if fate == Fate.USED else None)
+    if found:
+        watch.gyros_wrong(nav.history.ends_s[-1], found)
+    return found
 
 
 def _drifts(nav, fate, z, S, admitted):
@@ -75,15 +94,16 @@ def _drifts(nav, fate, z, S, admitted):
 
 
 def _passed(nav, S, z, size):
-    """Which rows pass the gate, in groups of `size`, each against its own limit. -> rows, whether any does
+    """Which rows pass the gate, in groups of `size`, each against its own limit. -> rows, whether most do
 
-    rows : (m,) bool; None if all pass, or none
+    rows : (m,) bool; None if all pass, or not most of them
     """
     limit, rows = nav.limit(size), np.empty(len(z), dtype=bool)
     for first in range(0, len(z), size):
         group = slice(first, first + size)
         rows[group] = eskf.normalised(S[group, group], z[group]) <= limit
-    return (rows if rows.any() and not rows.all() else None), bool(rows.any())
+    credible = 2 * np.count_nonzero(rows) > len(rows)
+    return (rows if credible and not rows.all() else None), credible
 
 
 def _rejected(sensor, fix, rows):

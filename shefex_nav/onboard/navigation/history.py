@@ -20,7 +20,7 @@ class Tick(NamedTuple):
     """The filter at the end of a tick."""
 
     t_s: float
-    x: np.ndarray  # (87,) packed nominal state
+    x: np.ndarray  # (93,) packed nominal state
     P: np.ndarray  # (n, n)
     imu: Any  # strapdown.ImuWindow that led here; None at the start
 
@@ -36,11 +36,11 @@ class History:
     ends_s : deque of the mission times at which they end
     measurements : deque of tuples, what is valid within each, in the order of their instants
     newest : number of the last tick
-    x, P : (87,), (n, n) of the instant that has been reached: the end of the last tick, but for `fusion` on
+    x, P : (93,), (n, n) of the instant that has been reached: the end of the last tick, but for `fusion` on
         its way
     numbers : (size, 4) mission time of the end [s], s of a sample, number of samples, vibration
     increments : (size, 2 + samples, 6) of ImuWindow;  extra : (size, 2, 3) likewise
-    xs, Ps : (size, 87), (size, n, n)
+    xs, Ps : (size, 93), (size, n, n)
     """
 
     def __init__(self, tick):
@@ -154,7 +154,7 @@ class History:
 class Moment:
     """The instant that a filter on its way through its history has reached, at_s in its tick k.
 
-    x, P : (87,), (n, n), the present values of the History, not copied
+    x, P : (93,), (n, n), the present values of the History, not copied
     """
 
     def __init__(self, history, k, at_s):
@@ -171,6 +171,11 @@ class Moment:
     def imu(self):
         """ImuWindow of the tick."""
         return self.history.imu(self.k)
+
+    @property
+    def vibration(self):
+        """Level of the vibration in the tick."""
+        return float(self.history.numbers[self.history.place(self.k), 3])
 
     @property
     def felt(self):

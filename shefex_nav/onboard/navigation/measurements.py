@@ -14,6 +14,7 @@ from shefex_nav.onboard.navigation import calibration
 from shefex_nav.onboard.navigation import triples as t3
 from shefex_nav.onboard.navigation.state import (
     ATT,
+    GRAVITY,
     LATENCY,
     LEVER,
     MOUNTING,
@@ -66,7 +67,7 @@ def antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b):
     r_e, v_e, J_r, J_v = np.empty(3), np.empty(3), np.empty((3, layout.n)), np.empty((3, layout.n))
     x, C_ie = pack(state), frames.dcm_ie(earth, state.t_s)
     J_omega, J_f = calibration.jacobians(layout, state, omega_ib_b, f_b)
-    g_i = C_ie @ gravity_j2_e(C_ie.T @ state.r_i)
+    g_i = C_ie @ gravity_j2_e(C_ie.T @ state.r_i) + state.gravity
     known = l_ba_b, frames.omega_ie_i(earth), omega_ib_b, f_b, g_i
     _antenna(layout.at, x, C_ie, np.array(known), J_omega, J_f, r_e, v_e, J_r, J_v)
     return Antenna(r_e, v_e, J_r, J_v)
@@ -95,6 +96,7 @@ def _antenna(at, x, C_ie, known, J_omega, J_f, r_e, v_e, J_r, J_v):
     for j in range(J_r.shape[1]):
         dr, dv, dtheta = _unit(j - POS.start), _unit(j - VEL.start), _unit(j - ATT.start)
         dl = _unit(j - at[LEVER]) if at[LEVER] >= 0 else zero
+        dg = _unit(j - at[GRAVITY]) if at[GRAVITY] >= 0 else zero
         w, f = (J_omega[0, j], J_omega[1, j], J_omega[2, j]), (J_f[0, j], J_f[1, j], J_f[2, j])
         moved = t3.plus(t3.cross(dtheta, arm), 1.0, dl)
         swung = t3.plus(t3.plus(t3.cross(dtheta, swing), 1.0, t3.cross(w, arm)), 1.0, t3.cross(omega, dl))
@@ -103,7 +105,8 @@ def _antenna(at, x, C_ie, known, J_omega, J_f, r_e, v_e, J_r, J_v):
         shaken = t3.plus(shaken, 1.0, t3.cross(omega, driven))
         gradient = t3.scaled(pull, t3.plus(t3.scaled(3.0 / d2 * t3.dot(r_i, dr), r_i), -1.0, dr))
         dr, dv = t3.plus(dr, 1.0, t3.turned(C, moved)), t3.plus(dv, 1.0, t3.turned(C, swung))
-        dr, dv, _ = _seen(dr, dv, t3.plus(gradient, 1.0, t3.turned(C, shaken)), turn, delay)
+        da = t3.plus(t3.plus(gradient, 1.0, dg), 1.0, t3.turned(C, shaken))
+        dr, dv, _ = _seen(dr, dv, da, turn, delay)
         if j == at[LATENCY]:
             dr, dv = t3.scaled(-1.0, v), t3.scaled(-1.0, a)
         dr, dv = t3.turned(C_ei, dr), t3.turned(C_ei, dv)

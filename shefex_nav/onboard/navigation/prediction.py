@@ -14,17 +14,18 @@ from numba import njit
 from shefex_nav.onboard.navigation import error_model, strapdown
 from shefex_nav.onboard.navigation import triples as t3
 from shefex_nav.onboard.navigation.calibration import accel_inverse, g_sensitivity, gyro_inverse
-from shefex_nav.onboard.navigation.error_model import WEIGHTS
+from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S, WEIGHTS
 from shefex_nav.onboard.navigation.state import (
-    A_MISALIGN,
     BA,
     BG,
     CLOCK,
+    GRAVITY,
     N_CORE,
     OPTIONAL,
     PVA,
     RANGE_BIAS,
     X_CLOCK,
+    X_GRAVITY,
     X_Q,
     X_R,
     X_RANGE,
@@ -134,7 +135,9 @@ def enter(
     gained = 0.0
     for i in range(BEFORE, BEFORE + n):
         gained += increments[k, i, 3]
-    vibration = error_model.vibration_level(motors, model[0].thrust_threshold, t_end_s, gained / (n * dt_s))
+    shake = error_model.shake(increments[k, BEFORE : BEFORE + n, 3:])
+    limits = model[0].thrust_threshold, model[0].shake_threshold
+    vibration = error_model.vibration_level(motors, limits[0], limits[1], t_end_s, gained / (n * dt_s), shake)
     numbers[k, 0], numbers[k, 1], numbers[k, 2], numbers[k, 3] = t_end_s, dt_s, n, vibration
     travel(
         at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
@@ -166,6 +169,9 @@ def _growth(at, n, model, x, t_s, increments, h, vibration, extra, begin_s, end_
     if at[RANGE_BIAS] >= 0:
         for i in range(at[RANGE_BIAS], at[RANGE_BIAS] + SIZES[RANGE_BIAS]):
             Phi[i, i] = np.exp(-T / model[0].range_bias_time_s)
+    if at[GRAVITY] >= 0:
+        for i in range(at[GRAVITY], at[GRAVITY] + 3):
+            Phi[i, i] = np.exp(-T / FIELD_TIME_S)
     _covariance(at, model[0], Q, work, bias_walk, T)
     return Phi, Q
 
@@ -183,6 +189,7 @@ def _interval(
     r, v, T = t3.vector(x, X_R.start), t3.vector(x, X_V.start), end_s - begin_s
     C = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
     g = gravity_i(t3.plus(r, 0.5 * T, v), angle_0 + rate * (t_s + 0.5 * T), C_iq, C_re)
+    g = t3.plus(g, 1.0, t3.vector(x, X_GRAVITY))
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     error_model.needed(at, G, by_gyro, by_accel)
     for k in range(WEIGHTS):
@@ -191,10 +198,11 @@ def _interval(
         if by_accel[k]:
             accel[k] = 0.0
     u, u_r, angle, speed, across_angle = strapdown.travel(
-        x, increments, h, begin_s, end_s, g, by_gyro, by_accel, gyro, accel
+        x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gyro, accel
     )
     x[X_CLOCK] += T * x[X_CLOCK + 1]
     x[X_RANGE] *= np.exp(-T / model.range_bias_time_s)
+    x[X_GRAVITY : X_GRAVITY + 3] *= np.exp(-T / FIELD_TIME_S)
     q_after = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
     C_bi = t3.transposed(t3.dcm_from_quat(q_after))
     for k in range(WEIGHTS):
@@ -202,11 +210,13 @@ def _interval(
             t3.store(gyro[k, 2], t3.product(C_bi, t3.matrix(gyro[k, 2])))
     top[:] = 0.0
     error_model.put_motion(top, r, u, u_r, C, C_bi, T)
+    error_model.put_gravity(top, at, T)
     triads = np.empty((3, 3, 3))
     t3.store(triads[0], M)
     t3.store(triads[1], A)
     t3.store(triads[2], t3.product(M, t3.product(G, A)))
     error_model.put_calibration(top, at, gyro, accel, triads[0], triads[1], triads[2])
+    error_model.put_rectification(top, at, vibration)
     along, across, bias_walk = error_model.noise_densities(model, vibration, T, angle, speed, across_angle)
     error_model.process_noise(top, along, across, extra, C, T, Q)
     return bias_walk
@@ -217,7 +227,7 @@ def _covariance(at, model, P, work, bias_walk, T):
     """P <- Phi P Phi^T + Q, in place, exactly symmetric; work: of `_interval`."""
     top, Q, A = work[4], work[5], work[6]
     n, drivers = P.shape[0], N_CORE
-    for k in range(A_MISALIGN + 1):
+    for k in range(GRAVITY + 1):
         if at[k] >= 0:
             drivers += SIZES[k]
     for i in range(TOP):
@@ -241,13 +251,10 @@ def _covariance(at, model, P, work, bias_walk, T):
     if at[CLOCK] >= 0:
         _clock(P, at[CLOCK], model.clock_white**2, model.clock_walk**2, T)
     if at[RANGE_BIAS] >= 0:
-        left, first = np.exp(-T / model.range_bias_time_s), at[RANGE_BIAS]
-        for i in range(first, first + SIZES[RANGE_BIAS]):
-            for j in range(n):
-                P[i, j] *= left
-            for j in range(n):
-                P[j, i] *= left
-            P[i, i] += model.range_bias_sigma**2 * (1.0 - left * left)
+        left = np.exp(-T / model.range_bias_time_s)
+        _wander(P, at[RANGE_BIAS], SIZES[RANGE_BIAS], left, model.range_bias_sigma)
+    if at[GRAVITY] >= 0:
+        _wander(P, at[GRAVITY], 3, np.exp(-T / FIELD_TIME_S), model.gravity_sigma)
 
 
 @njit(cache=True)
@@ -267,3 +274,14 @@ def _clock(P, c, white, walk, T):
     P[c, c + 1] += walk * T**2 / 2.0
     P[c + 1, c] = P[c, c + 1]
     P[c + 1, c + 1] += walk * T
+
+
+@njit(cache=True)
+def _wander(P, first, size, left, sigma):
+    """Rows and columns of a first-order Gauss-Markov process of which a part `left` is left, in place."""
+    for i in range(first, first + size):
+        for j in range(P.shape[0]):
+            P[i, j] *= left
+        for j in range(P.shape[0]):
+            P[j, i] *= left
+        P[i, i] += sigma**2 * (1.0 - left * left)

@@ -34,7 +34,7 @@ from shefex_nav.onboard.navigation.calibration import (
     g_sensitivity,
     gyro_inverse,
 )
-from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V, pack
+from shefex_nav.onboard.navigation.state import X_BA, X_Q, X_R, X_RECTIFIED, X_V, pack
 
 BEFORE = 2  # samples kept from before a block, for the slopes
 LEAST = 1e-9  # share of a sample that is worth a step
@@ -141,13 +141,22 @@ def gravity_i(r, angle, C_iq, C_re):
 
 
 @njit(cache=True)
-def travel(x, increments, h, begin_s, end_s, g, by_gyro, by_accel, gyro, accel):
+def shaken(x, vibration):
+    """The packed values with the accelerometer bias as it is under a level of vibration. (93,), float"""
+    out = x.copy()
+    for i in range(3):
+        out[X_BA + i] += vibration**2 * x[X_RECTIFIED + i]
+    return out
+
+
+@njit(cache=True)
+def travel(x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gyro, accel):
     """Carry packed values through a part of a window, and with them the responses to errors of the IMU.
 
     Parameters
     ----------
     x : (87,) packed nominal state at begin_s; position, velocity and attitude are written
-    increments : (2 + n, 6) of an ImuWindow;  h : s, of each sample
+    increments : (2 + n, 6) of an ImuWindow;  h : s, of each sample;  vibration : level
     begin_s, end_s : s from the start of the window
     g : m/s^2, three numbers, inertial axes
     by_gyro, by_accel : (7,) bool, weights whose responses are wanted (`error_model.needed`)
@@ -164,10 +173,11 @@ def travel(x, increments, h, begin_s, end_s, g, by_gyro, by_accel, gyro, accel):
     q = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
     u_sum = u_r_sum = angle = speed = (0.0, 0.0, 0.0)
     across_angle, m, weights = 0.0, np.empty((4, 3, 3)), np.empty(error_model.WEIGHTS)
-    last = free_increment(x, M, A, G, increments, 0, h)
-    before = free_increment(x, M, A, G, increments, 1, h)
+    known = shaken(x, vibration)
+    last = free_increment(known, M, A, G, increments, 0, h)
+    before = free_increment(known, M, A, G, increments, 1, h)
     for n in range(BEFORE, increments.shape[0]):
-        sample = free_increment(x, M, A, G, increments, n, h)
+        sample = free_increment(known, M, A, G, increments, n, h)
         x0, x1 = max(begin_s / h - (n - BEFORE), 0.0), min(end_s / h - (n - BEFORE), 1.0)
         if x1 - x0 >= LEAST:
             piece = cut(last, before, sample, h, x0, x1)
@@ -204,7 +214,7 @@ def integrate(state, imu, begin_s, end_s, g_i):
     """
     x, none = pack(state), np.zeros(error_model.WEIGHTS, dtype=bool)
     nothing = np.empty((0, 3, 3, 3)), np.empty((0, 2, 3, 3))
-    travel(x, imu.increments, imu.dt_s, begin_s, end_s, tuple(g_i), none, none, *nothing)
+    travel(x, imu.increments, imu.dt_s, imu.vibration, begin_s, end_s, tuple(g_i), none, none, *nothing)
     return x[X_R], x[X_V], x[X_Q]
 
 
@@ -213,7 +223,7 @@ def propagate(state, imu, begin_s, end_s, earth):
     half_s = 0.5 * (end_s - begin_s)
     middle = tuple(state.r_i + half_s * state.v_i)
     g = gravity_i(middle, earth.angle_0 + earth.rate * (state.t_s + half_s), earth.C_iq, earth.C_re)
-    return integrate(state, imu, begin_s, end_s, g)
+    return integrate(state, imu, begin_s, end_s, state.gravity + g)
 
 
 @njit(cache=True)
