@@ -147,9 +147,12 @@ def enter(
 
 @njit(cache=True)
 def _workspace(n):
-    """Responses to errors, which of them are wanted, rows of Phi and Q, a product: see `_interval`."""
+    """Responses to errors, which of them are wanted, rows of Phi and Q, a product: see `_interval`.
+
+    Responses that nobody wants are multiplied by zero: they must be numbers.
+    """
     return (
-        np.empty((WEIGHTS, 3, 3, 3)), np.empty((WEIGHTS, 2, 3, 3)),
+        np.zeros((WEIGHTS, 3, 3, 3)), np.zeros((WEIGHTS, 2, 3, 3)),
         np.empty(WEIGHTS, np.bool_), np.empty(WEIGHTS, np.bool_),
         np.empty((TOP, n)), np.empty((TOP, TOP)), np.empty((TOP, n)),
     )  # fmt: skip
