@@ -308,6 +308,7 @@ TOPICS = (
         _number("star_t_seen_s", "stars.t_seen_s", "when each was seen, from t_valid_s [s]", (-1,)),
         _matrix("star_P_omega_c", "stars.P_omega_c",
                 "covariance of the rate that carried them to t_valid_s, camera axes [rad^2/s^2]"),
+        _number("star_sigma_focal", "stars.sigma_focal", "relative error of the focal length"),
     )),
     Topic(CameraCommand, "/star_tracker/command", "CameraCommand", 10, "t_s", "Asked of the camera next.", (
         T_S,
