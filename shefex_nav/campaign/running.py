@@ -1,7 +1,7 @@
 """A campaign from its scenario to its table: what `shefex-nav campaign` does, without the command line."""
 
 import time
-from contextlib import contextmanager
+from functools import partial
 from typing import NamedTuple
 
 from shefex_nav import workers as machine
@@ -54,7 +54,7 @@ def prepared(scenario, runs, seed):
     return plan, draws.Sampler(plan, dispersed)
 
 
-def fly(request, store, show, stopped=lambda: False):
+def fly(request, store, show, stopped=lambda: False, crew=None):
     """Fly what is missing in the store, keep it, and make the table.
 
     Parameters
@@ -63,6 +63,7 @@ def fly(request, store, show, stopped=lambda: False):
     store : Store, open
     show : progress.Show, told of what happens
     stopped : called often; True ends the campaign with what there is
+    crew : function of Plan and number of runs that gives the lanes to fly in; None: as requested
 
     Returns
     -------
@@ -72,14 +73,17 @@ def fly(request, store, show, stopped=lambda: False):
     plan, sampler = prepared(request.scenario, request.runs, request.seed)
     store.begin(plan, described(request.scenario))
     tally = progress.Tally(plan.runs, badness(request.scenario))
+    done = set()
     for record in store.records(plan.runs):
         tally.take(record, flown=False)
-    done = store.done()
+        done.add(record["run"])
     missing = [run for run in range(plan.runs) if run not in done]
     interrupted = False
     try:
         if missing:
-            plan = ready(plan, store, request.scenario, show)
+            if crew is None:
+                compile_kernels(request.scenario, show)
+            plan = with_flight(plan, store, request.scenario)
             with show.bar(tally) as note:
 
                 def take(flown):
@@ -87,8 +91,8 @@ def fly(request, store, show, stopped=lambda: False):
                     tally.take(flown.record)
                     note()
 
-                with lanes(request, plan, len(missing)) as crew:
-                    engine.fly((sampler.job(run) for run in missing), crew, take, stopped)
+                lanes = (crew or partial(_lanes, request))(plan, len(missing))
+                engine.fly((sampler.job(run) for run in missing), lanes, take, stopped)
         _keep_logs(request, plan, sampler, store, show, stopped)
     except engine.Interrupted:
         interrupted = True
@@ -110,13 +114,19 @@ def result(scenario, ended):
     }
 
 
-def ready(plan, store, scenario, show):
-    """The plan with the shared flight, if it has one; kernels compiled: workers would do so all at once."""
-    from shefex_nav import prepare, simulate
-    from shefex_nav.campaign import flight_file
+def compile_kernels(scenario, show):
+    """Compile what is not compiled yet: workers would do so all at once and get into each other's way."""
+    from shefex_nav import simulate
 
     show.say("Getting ready; the first run on a machine compiles, which takes a few minutes.")
     simulate.warm_up(scenario)
+
+
+def with_flight(plan, store, scenario):
+    """The plan with the flight that all runs share, if they do: as it is kept, else flown now."""
+    from shefex_nav import prepare
+    from shefex_nav.campaign import flight_file
+
     if not plan.shared:
         return plan
 
@@ -126,8 +136,7 @@ def ready(plan, store, scenario, show):
     return plan._replace(flight=store.flight(make))
 
 
-@contextmanager
-def lanes(request, plan, runs):
+def _lanes(request, plan, runs):
     """The workers, as lanes of the engine."""
     if request.cluster is not None:
         try:
@@ -137,9 +146,8 @@ def lanes(request, plan, runs):
                 f"--engine dask needs the extra 'cluster' ({error.name} is not installed): "
                 "uv sync --extra cluster, or pip install 'shefex-nav[cluster]'"
             ) from None
-        yield [ClusterLane(request.cluster, plan)]
-        return
-    yield [engine.ProcessLane(plan) for _ in range(min(request.workers or machine.cores(), runs))]
+        return [ClusterLane(request.cluster, plan)]
+    return [engine.ProcessLane(plan) for _ in range(min(request.workers or machine.cores(), runs))]
 
 
 def described(scenario):
@@ -202,11 +210,11 @@ def _keep_logs(request, plan, sampler, store, show, stopped):
     if not missing:
         return
     show.say(f"flying again with a log: {', '.join(f'run {run}' for run in missing)}")
-    plan = ready(plan, store, request.scenario, show)
-    pilot = flight.Pilot(plan)
+    pilot = flight.Pilot(with_flight(plan, store, request.scenario))
     for run in missing:
         if stopped():
             raise engine.Interrupted
         part = store.log(run).with_suffix(".part")
         pilot.fly(sampler.job(run), log=part)
-        part.replace(store.log(run))
+        if part.exists():  # a run may fail before its first record
+            part.replace(store.log(run))
