@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-OUT = Path("campaigns")
+OUT = Path("logs/campaigns")
 
 
 def campaign(
@@ -26,7 +26,7 @@ def campaign(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Root of all randomness.")] = 1,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the results; default campaigns/<scenario>-seed<seed>.")
+        Path | None, typer.Option(help="Folder of the results; default logs/campaigns/<scenario>-seed<seed>.")
     ] = None,
     keep: Annotated[
         list[str] | None,
@@ -48,6 +48,7 @@ def campaign(
 ):
     """Fly a scenario many times; the same command goes on with a campaign that was interrupted."""
     from shefex_nav.campaign import engine, running
+    from shefex_nav.campaign.flight import WorkerError
     from shefex_nav.campaign.progress import show
     from shefex_nav.campaign.stopping import stopping
     from shefex_nav.campaign.store import Store, StoreError
@@ -66,7 +67,7 @@ def campaign(
         with Store(folder) as store, stopping() as stop:
             _say(f"{loaded.mission.name}, {runs} runs, seed {seed} -> {folder}")
             ended = running.fly(request, store, show(_say), stop)
-    except (StoreError, engine.EngineError, running.BadCampaign) as error:
+    except (StoreError, engine.EngineError, WorkerError, running.BadCampaign) as error:
         _say(str(error))
         raise typer.Exit(2) from None
     result = running.result(loaded, ended)
