@@ -70,15 +70,12 @@ def campaign(
     except (StoreError, engine.EngineError, WorkerError, running.BadCampaign) as error:
         _say(str(error))
         raise typer.Exit(2) from None
-    result = running.result(loaded, ended)
+    failed = sum(row["status"] == "failed" for row in ended.rows)
     if ended.interrupted:
-        _say(f"interrupted; {result['runs']} of {runs} runs are kept, the same command goes on from there")
+        _say(f"interrupted; {len(ended.rows)} of {runs} runs are kept, the same command goes on from there")
         raise typer.Exit(130)
-    if json:
-        typer.echo(json_module.dumps(result, allow_nan=False))
-    else:
-        _print(result, folder)
-    raise typer.Exit(1 if result["failed"] else 0)
+    _show(folder, json)
+    raise typer.Exit(1 if failed else 0)
 
 
 def repeat(
@@ -162,17 +159,17 @@ def _print_draws(sampler, runs, as_json):
         writer.writerow([run, job.seed, *job.draws.values()])
 
 
-def _print(result, folder):
-    """The result for people."""
-    typer.echo(f"{result['succeeded']} of {result['runs']} runs succeeded, {result['failed']} failed")
-    for one in result["requirements"]:
-        low, high = (100.0 * share for share in one["ci95"])
-        unit = f" {one['unit']}" if one["unit"] else ""
-        typer.echo(
-            f"  {one['name']:<22} {one['limit']}{unit}: {one['passed']} of {one['of']}, "
-            f"95 % interval {low:.1f} to {high:.1f} %"
-        )
-    typer.echo(f"results {folder / 'results.parquet'}, digest {result['results_digest'][:16]}")
+def _show(folder, as_json):
+    """The results on stdout."""
+    from shefex_nav.campaign import over_time, report_command, summary
+    from shefex_nav.campaign.results import open_campaign
+
+    done = open_campaign(folder)
+    if as_json:
+        typer.echo(json_module.dumps(summary.summary_object(done), allow_nan=False))
+    else:
+        report_command.show(done, over_time.read(done))
+        _say(f"results {folder / 'results.parquet'}")
 
 
 def _say(text):

@@ -177,7 +177,9 @@ def _check_versions(wanted):
         f"{name} {own.get(name)}, not {value}" for name, value in wanted.items() if own.get(name) != value
     ]
     if differ:
-        raise WorkerError(f"a worker has {'; '.join(differ)}: all need the same, from the first run to the last")
+        raise WorkerError(
+            f"a worker has {'; '.join(differ)}: all need the same, from the first run to the last"
+        )
 
 
 def _check_threads():

@@ -93,25 +93,13 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
 
                 lanes = (crew or partial(_lanes, request))(plan, len(missing))
                 engine.fly((sampler.job(run) for run in missing), lanes, take, stopped)
+        store.tabulate(plan.runs)  # before logs, which nothing depends on
         _keep_logs(request, plan, sampler, store, show, stopped)
     except engine.Interrupted:
         interrupted = True
     wall_s = store.took(time.perf_counter() - began)
     rows, digest = store.tabulate(plan.runs)
     return Ended(rows, digest, wall_s, interrupted)
-
-
-def result(scenario, ended):
-    """The object of `campaign --json` and of `report DIR --json`."""
-    failed = sum(row["status"] == "failed" for row in ended.rows)
-    return {
-        "runs": len(ended.rows),
-        "succeeded": len(ended.rows) - failed,
-        "failed": failed,
-        "requirements": [],
-        "wall_s": ended.wall_s,
-        "results_digest": ended.digest,
-    }
 
 
 def compile_kernels(scenario, show):
@@ -160,8 +148,8 @@ def described(scenario):
 def badness(scenario):
     """Function that says how bad a run's record is, None of one that failed.
 
-    The largest ratio of what was found to a requirement's limit; among equals, and without requirements, the
-    rms attitude error.
+    How many requirements it misses and how near it comes to the others; among equals, and without any, its rms
+    attitude error.
     """
     from shefex_nav.report import requirements
 
@@ -170,20 +158,9 @@ def badness(scenario):
             return None
         judged = requirements.judge(scenario.requirements, record["summary"])
         rms = record["summary"]["navigation"]["attitude_error_deg"]["rms"]
-        return max((_ratio(one) for one in judged), default=0.0), rms or 0.0
+        return requirements.severity(judged), rms or 0.0
 
     return bad
-
-
-def _ratio(judged):
-    """How far a figure is from its limit: above 1 where it is missed."""
-    if judged.found is None or isinstance(judged.required, bool):
-        return 0.0 if judged.passed else float("inf")
-    if judged.found == judged.required:
-        return 1.0 if judged.required else 0.0
-    ratio = judged.found / judged.required if judged.required else float("inf")
-    at_least = judged.passed == (judged.found > judged.required)
-    return (1.0 / ratio if ratio else float("inf")) if at_least else ratio
 
 
 def chosen(keep, records, bad):
@@ -193,11 +170,9 @@ def chosen(keep, records, bad):
         if one.what == "failed":
             found += [record["run"] for record in records if record["status"] == "failed"]
         else:
-            ranked = sorted(
-                ((bad(record), -record["run"]) for record in records if record["status"] != "failed"),
-                reverse=True,
-            )
-            found += [-run for _, run in ranked[: one.most]]
+            flown = [record for record in records if record["status"] != "failed"]
+            flown.sort(key=bad, reverse=True)  # stable: of equals the first
+            found += [record["run"] for record in flown[: one.most]]
     return list(dict.fromkeys(found))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from short_campaign import BREAKS, HereLane, fly, write
 
-from shefex_nav.campaign import draws, engine, repeating, running, store, table
+from shefex_nav.campaign import draws, engine, repeating, results, running, store, summary, table
 from shefex_nav.campaign.flight import Pilot
 from shefex_nav.log import reader
 from shefex_nav.report import metrics
@@ -174,7 +174,7 @@ def test_every_fifth_run_fails_and_says_why(tmp_path):
     assert all(
         row["summary.navigation.position_error_m.rms"] < 100.0 for row in ended.rows if row not in failed
     )
-    result = running.result(scenario, ended)
+    result = summary.summary_object(results.open_campaign(tmp_path / "campaign"))
     assert (result["runs"], result["succeeded"], result["failed"]) == (10, 8, 2)
     assert json.loads(json.dumps(result, allow_nan=False))["results_digest"] == ended.digest
 
