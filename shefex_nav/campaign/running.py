@@ -148,8 +148,8 @@ def described(scenario):
 def badness(scenario):
     """Function that says how bad a run's record is, None of one that failed.
 
-    How many requirements it misses and how near it comes to the others; among equals, and without any, its rms
-    attitude error.
+    How many requirements it misses and how near it comes to the others; among equals, and without any, its
+    rms attitude error.
     """
     from shefex_nav.report import requirements
 
