@@ -160,7 +160,7 @@ def star_context(computer, frame):
     to the closing of the last.
     """
     params = computer.params
-    near = fusion.nearest(computer.nav, frame.t_valid_s)
+    near = computer.nav.history.nearest(frame.t_valid_s)
     state = near.state
     omega_ib_b = strapdown.rate(state, near.imu, near.imu.length_s)
     C_bc = rotation.dcm_from_rotvec(state.mounting) @ params.nav.C_bc

@@ -72,6 +72,27 @@ def derivatives(T, dtheta, dv, B, b):
 
 
 @njit(cache=True, forceinline=True)
+def carry_all(by_gyro, by_accel, gyro, accel, m, weights, piece, C, u, u_r):
+    """Carry the responses of all weights that are wanted over a part, in place.
+
+    piece : of `strapdown.cut`;  C : C_ib at its start;  weights : (7,) and m written;  others as in `carry`
+    """
+    T, dtheta, dv, B, b = piece[0], piece[1], piece[2], piece[3], piece[4]
+    J, D, D_r, J_r = derivatives(T, dtheta, dv, B, b)
+    t3.store(m[0], t3.product(C, J))
+    t3.store(m[1], t3.product(C, D))
+    t3.store(m[2], t3.product(C, D_r))
+    t3.store(m[3], t3.product(C, J_r))
+    weights[0], weights[1], weights[2], weights[3] = T, dtheta[0], dtheta[1], dtheta[2]
+    weights[4], weights[5], weights[6] = dv
+    for k in range(WEIGHTS):
+        if by_gyro[k]:
+            carry(gyro, k, T, u, u_r, weights[k], m)
+        if by_accel[k]:
+            carry_force(accel, k, T, weights[k], m)
+
+
+@njit(cache=True, forceinline=True)
 def carry(gyro, k, T, u, u_r, w, m):
     """Carry the response of weight k over a part, in place.
 
