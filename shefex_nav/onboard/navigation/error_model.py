@@ -255,7 +255,7 @@ def shake(dv_b):
 
 
 @njit(cache=True)
-def noise_densities(model, vibration, duration_s, dtheta, dv, across_angle):
+def noise_densities(model, vibration, duration_s, dtheta, dv):
     """White noise that stands for everything which is not a state.
 
     An error of sigma s that keeps its sign for a time tau (Gauss-Markov) has the density
@@ -267,8 +267,7 @@ def noise_densities(model, vibration, duration_s, dtheta, dv, across_angle):
     ----------
     model : row of a `record`
     vibration : of the ImuWindow
-    duration_s, dtheta, dv, across_angle : s, rad and m/s as three numbers, rad: passed through in all, the
-        last the angle by which the roll axis was turned
+    duration_s, dtheta, dv : s, rad and m/s as three numbers: passed through in all
 
     Returns
     -------
@@ -276,7 +275,10 @@ def noise_densities(model, vibration, duration_s, dtheta, dv, across_angle):
     bias_walk : m^2/s^5 of the accelerometer bias
     """
     f2 = t3.dot(dv, dv) / duration_s**2
-    roll_rate, across_rate = dtheta[0] / duration_s, across_angle / duration_s
+    # swinging is no turning: the angle at either end of the time is off by as much on both axes
+    swung2 = 4.0 * (model.gyro_vibration * vibration) ** 2
+    roll_rate = dtheta[0] / duration_s
+    across_rate = np.sqrt(max(dtheta[1] ** 2 + dtheta[2] ** 2 - swung2, 0.0)) / duration_s
     tau = model.thrust_time_s
     slow, spun = 2.0 * tau, 2.0 * tau / (1.0 + (roll_rate * tau) ** 2)
 

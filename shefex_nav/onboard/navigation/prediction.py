@@ -197,7 +197,7 @@ def _interval(
             gyro[k] = 0.0
         if by_accel[k]:
             accel[k] = 0.0
-    u, u_r, angle, speed, across_angle = strapdown.travel(
+    u, u_r, angle, speed = strapdown.travel(
         x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gyro, accel
     )
     x[X_CLOCK] += T * x[X_CLOCK + 1]
@@ -217,7 +217,7 @@ def _interval(
     t3.store(triads[2], t3.product(M, t3.product(G, A)))
     error_model.put_calibration(top, at, gyro, accel, triads[0], triads[1], triads[2])
     error_model.put_rectification(top, at, vibration)
-    along, across, bias_walk = error_model.noise_densities(model, vibration, T, angle, speed, across_angle)
+    along, across, bias_walk = error_model.noise_densities(model, vibration, T, angle, speed)
     error_model.process_noise(top, along, across, extra, C, T, Q)
     return bias_walk
 

@@ -166,13 +166,12 @@ def travel(x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gy
     -------
     u, u_r : velocity and distance gained against free fall, inertial axes
     angle, speed : sums of the corrected increments, rad, m/s
-    across_angle : rad, by which the roll axis was turned
     """
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     r, v = t3.vector(x, X_R.start), t3.vector(x, X_V.start)
     q = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
     u_sum = u_r_sum = angle = speed = (0.0, 0.0, 0.0)
-    across_angle, m, weights = 0.0, np.empty((4, 3, 3)), np.empty(error_model.WEIGHTS)
+    m, weights = np.empty((4, 3, 3)), np.empty(error_model.WEIGHTS)
     known = shaken(x, vibration)
     last = free_increment(known, M, A, G, increments, 0, h)
     before = free_increment(known, M, A, G, increments, 1, h)
@@ -188,14 +187,13 @@ def travel(x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gy
                 error_model.carry_all(by_gyro, by_accel, gyro, accel, m, weights, piece, C, u, u_r)
             u_r_sum, u_sum = t3.plus(t3.plus(u_r_sum, T, u_sum), 1.0, u_r), t3.plus(u_sum, 1.0, u)
             angle, speed = t3.plus(angle, 1.0, dtheta), t3.plus(speed, 1.0, dv)
-            across_angle += np.sqrt(dtheta[1] * dtheta[1] + dtheta[2] * dtheta[2])
             r = t3.plus(t3.plus(t3.plus(r, T, v), 1.0, u_r), 0.5 * T * T, g)
             v = t3.plus(t3.plus(v, 1.0, u), T, g)
             q = t3.quat_multiply(q, t3.quat_from_rotvec(phi))
         last, before = before, sample
     x[0], x[1], x[2], x[3], x[4], x[5] = r[0], r[1], r[2], v[0], v[1], v[2]
     x[6], x[7], x[8], x[9] = t3.quat_normalise(q)
-    return u_sum, u_r_sum, angle, speed, across_angle
+    return u_sum, u_r_sum, angle, speed
 
 
 def integrate(state, imu, begin_s, end_s, g_i):
