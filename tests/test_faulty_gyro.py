@@ -56,7 +56,7 @@ def test_a_bias_that_jumps_before_the_stars():
 
 
 def test_a_scale_factor_that_jumps_does_nothing_until_the_vehicle_turns():
-    """1 % is nothing while the attitude is held; the turn for the entry makes it 0.2 deg, and it is noticed."""
+    """1 % is nothing while the attitude is held; the turn for the entry makes it 0.2 deg: noticed."""
     flown = fly("shefex2_andoya", gyro("gyro_scale", "y", "1 %", 260), until_s=406.0)
     assert not flown.doubt[flown.during(262.0, 370.0)].any()
     assert np.degrees(np.abs(flown.error[flown.during(370.0, 384.0), 6:]).max()) > 0.15
