@@ -145,8 +145,9 @@ def lasting_factor(share, time_s, gap_s):
     """By how much more a position fix is uncertain than it says, because it errs as the one before it did.
 
     A part of its variance is of errors that last, first-order Gauss-Markov: r = exp(-gap/time) of them is
-    what the fix before had. Fixes at a steady rate tell as much about a position that stands still as fixes with
-    independent errors of (1 + r)/(1 - r) times that part would; the first after a long gap counts in full.
+    what the fix before had. Fixes at a steady rate tell as much about a position that stands still as fixes
+    with independent errors of (1 + r)/(1 - r) times that part would; the first after a long gap counts in
+    full.
 
     Parameters
     ----------
