@@ -34,6 +34,7 @@ app.command()(replay)
 app.command()(smooth)
 app.command()(campaign)
 app.command()(repeat)
+app.command()(export_command.export)
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
 LogArgument = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]

@@ -151,11 +151,12 @@ def draw_ellipses(campaign):
 @style.styled
 def draw_convergence(campaign):
     """Success rates and percentiles of errors against the number of runs, with 95 % intervals."""
-    panels = [
-        (f"{column[0].name.replace('_', ' ')}: share of runs",
-         convergence.success_course(np.array([one.passed for one in column])))
-        for column in zip(*campaign.judged, strict=True)
-    ]  # fmt: skip
+    panels, judged = [], campaign.judgements
+    if len(judged.passed):
+        panels = [
+            (f"{name.replace('_', ' ')}: share of runs", convergence.success_course(judged.passed[:, k]))
+            for k, name in enumerate(judged.names)
+        ]
     for one in statistics.ERRORS:
         size = np.abs(np.array([campaign.numbers(column) for column in one[1]])).max(axis=0)
         values = size[np.isfinite(size) & campaign.succeeded]

@@ -99,7 +99,7 @@ def _still(spread):
     if not now.value > 0.0:
         return "-"
     needed = convergence.needed_for_percentile(now, spread.samples, PERCENTILE_PRECISION * now.value)
-    return f"{'over ' if needed.half_width == math.inf else ''}{needed.still:,}"
+    return f"{'≥ ' if needed.half_width == math.inf else ''}{needed.still:,}"
 
 
 def flights(campaign):

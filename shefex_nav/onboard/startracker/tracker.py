@@ -229,6 +229,7 @@ def _attitude(tracker, detections, context, rate):
         misfit * P_px[rows] + focal_covariance(params, detections.xy_px[rows]),
         seen_i[used],
         rate,
+        params.sigma_focal,
     )
     return found, Reason.NONE, (q_ic, P_c, residual_px), stars
 
