@@ -32,7 +32,7 @@ class Briefing(WorkerPlugin):
 
     def setup(self, worker):
         """Before the first run of a worker."""
-        flight.prepare_worker(self.plan)
+        flight.prepare_worker(self.plan, worker.state.nthreads)
 
 
 class ClusterLane:

@@ -158,9 +158,10 @@ def _reason(error):
 
 
 def _traceback(error):
-    """The traceback as text that is the same on every machine: no addresses, files from the package on."""
+    """The traceback as text that is the same on every machine: no addresses, no places of files."""
     text = "".join(traceback.format_exception(error))
     text = text.replace(PACKAGE, os.path.basename(PACKAGE))
+    text = re.sub(r'File "[^"]*[/\\](?:site-packages|python3\.\d+)[/\\]', 'File "', text)
     return re.sub(r"0x[0-9a-fA-F]{6,}", "0x...", text)
 
 
@@ -169,10 +170,12 @@ def _traceback(error):
 _pilot = None  # Pilot of this process, or why there is none
 
 
-def prepare_worker(plan):
+def prepare_worker(plan, runs_at_a_time=1):
     """Make this process ready to fly the runs of a plan; a fault is raised by the first run."""
     global _pilot
     try:
+        if runs_at_a_time != 1:
+            raise WorkerError(f"a worker flies {runs_at_a_time} runs at a time; start each with --nthreads 1")
         _check_threads()
         _check_versions(plan.versions)
         _pilot = Pilot(plan)
