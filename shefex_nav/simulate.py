@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 
-from shefex_nav import prepare
+from shefex_nav import prepare, statistical
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard import computer as onboard
@@ -44,14 +44,19 @@ def route(world, scenario, seed, *, until_s=np.inf):
     trajectory, events = world.flight.trajectory, list(world.flight.events)[::-1]
     epoch_year = ephemeris.julian_year(scenario.mission.epoch)
     computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, epoch_year)
+    line = faults.StarLine(world.faults.stars, noise.generator(seed, "faults"))
+    sight = None  # what stands for pictures, if there are none
+    if statistical.is_wanted(scenario):
+        sight = statistical.Statistical(scenario, world, computer.tracker, seed, line)
     shutter = Shutter(
         world.camera,
         trajectory,
         every=round(TICKS_PER_S / scenario.star_tracker.rate),
         off_s=scenario.star_tracker.off,
         rng=noise.generator(seed, "camera_noise"),
+        take=sight.expose if sight else camera.expose,
     )
-    line = faults.StarLine(world.faults.stars, noise.generator(seed, "faults"))
+    ways = {"context": onboard.brief_context} if sight else {}
     received = sorted(world.gps_fixes + world.gps_ranges, key=lambda m: m.t_available_s, reverse=True)
     steered = control_samples(world.flight.control, trajectory)[::-1]
     for n, block in enumerate(imu.blocks(world.imu), 1):
@@ -70,11 +75,13 @@ def route(world, scenario, seed, *, until_s=np.inf):
             yield truth
         yield from arrived
         frames = [line.picture(frame) for frame, _ in pictures]
-        yield from frames
-        clock = Stopwatch(star_tracker.step)
-        computer, outputs = onboard.tick(computer, block, arrived, frames, chain=line.chain(clock.step))
+        if not sight:
+            yield from frames
+        clock = Stopwatch(sight.step if sight else star_tracker.step)
+        chain = line.chain(clock.step)
+        computer, outputs = onboard.tick(computer, block, arrived, frames, chain=chain, **ways)
         yield from outputs
-        for frame, duration_s in zip(frames, clock.durations_s, strict=True):
+        for frame, duration_s in zip(frames if not sight else (), clock.durations_s, strict=not sight):
             yield ComputeTime(now_s, frame.number, duration_s)
         shutter.tick(n, now_s, [record for record in outputs if isinstance(record, CameraCommand)])
     yield from reversed(events)  # the impact, between the last tick and the one that did not come

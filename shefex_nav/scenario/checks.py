@@ -2,7 +2,14 @@
 
 import math
 
-from shefex_nav.scenario import checks_flight, checks_gps, checks_tracker, checks_vehicle, faults
+from shefex_nav.scenario import (
+    checks_flight,
+    checks_gps,
+    checks_tracker,
+    checks_vehicle,
+    faults,
+    star_statistics,
+)
 from shefex_nav.scenario.checks_flight import seconds
 
 REPORT_RATE = 10.0  # Hz, of the logged covariance, which reports want on whole seconds
@@ -25,6 +32,7 @@ def cross_check(scenario, rated=None):
         *_camera(scenario.star_camera),
         *states_that_clash(scenario.navigation.states),
         *checks_tracker.contradictions(scenario),
+        *star_statistics.contradictions(scenario),
         *faults.contradictions(scenario),
     ]
 

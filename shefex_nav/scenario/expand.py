@@ -8,7 +8,7 @@ import os
 from typing import NamedTuple
 
 from shefex_nav.scenario import rasp, tables
-from shefex_nav.scenario.document import Mark, dotted
+from shefex_nav.scenario.document import BadText, Mark, dotted, parse
 from shefex_nav.scenario.files import Unreadable, read_text
 from shefex_nav.scenario.params_gps import ALMANAC_KEYS, ALMANAC_UNITS
 from shefex_nav.scenario.quantity import describe
@@ -16,6 +16,7 @@ from shefex_nav.scenario.tables import BadTable
 
 FILE = "file"
 ALMANAC = "almanac"
+MODEL = "model"  # of the star tracker
 
 
 class Rated(NamedTuple):
@@ -30,9 +31,9 @@ def relative_to(tree, folder):
     for section, _, _ in _sections(tree):
         if isinstance(section.get(FILE), str) and section[FILE]:
             section[FILE] = os.path.join(folder, section[FILE])
-    gps = _inner(tree, "gps")
-    if isinstance(gps.get(ALMANAC), str) and gps[ALMANAC]:
-        gps[ALMANAC] = os.path.join(folder, gps[ALMANAC])
+    for key, section in ((ALMANAC, _inner(tree, "gps")), (MODEL, _inner(tree, "star_tracker"))):
+        if isinstance(section.get(key), str) and section[key]:
+            section[key] = os.path.join(folder, section[key])
 
 
 def expand(tree, places, texts):
@@ -74,7 +75,7 @@ def expand(tree, places, texts):
             section[key] = value
             inner = {(): here} | marks.get(key, {})
             places.put((*path, key), inner, inner)
-    errors += _expand_almanac(tree, places, texts)
+    errors += _expand_almanac(tree, places, texts) + _expand_model(tree, places, texts)
     return errors, rated
 
 
@@ -109,6 +110,32 @@ def _expand_almanac(tree, places, texts):
         marks[key,] = here
         marks |= {(key, k): Mark(name, item.line, item.column) for k, item in enumerate(column)}
     places.put(path, {(): here}, marks)
+    return []
+
+
+def _expand_model(tree, places, texts):
+    """Put the statistics of the star tracker in the place of their file, if they are used.
+
+    -> list of (Mark, text)
+    """
+    tracker, path = _inner(tree, "star_tracker"), ("star_tracker", MODEL)
+    name = tracker.get(MODEL)
+    if tracker.get("frames") != "statistical" or not isinstance(name, str):
+        return []
+    here = places.value(path)
+    del tracker[MODEL]  # if it cannot be read, the schema need not complain as well
+    try:
+        text = read_text(name, "a file of `shefex-nav characterise`")
+        found = parse(text, name)  # JSON is YAML
+    except Unreadable as error:
+        return [(here, f"{dotted(path)}: '{name}' {error}")]
+    except BadText as error:
+        return [error.args[0]]
+    if found.errors:
+        return found.errors
+    texts[name] = text
+    tracker[MODEL] = found.tree
+    places.put(path, found.keys, found.values)
     return []
 
 

@@ -141,6 +141,24 @@ def step(tracker, state, frame, context):
         found, reason, solution = attitude(exposed, detections, context, seen.rate)
         if reason == Reason.NONE:
             break
+    return concluded(tracker, state, frame, context, seen, (found, reason, solution))
+
+
+def concluded(tracker, state, frame, context, seen, result):
+    """What a frame ends with once its objects have been searched.
+
+    Parameters
+    ----------
+    tracker, state, frame, context : as in `step`
+    seen : objects.Found
+    result : what `attitude` returns
+
+    Returns
+    -------
+    as `step`
+    """
+    params, (found, reason, solution) = tracker.params, result
+    detections, mean_dn = seen.detections, seen.statistics.mean_dn
     if reason == Reason.NONE and (context.rate > params.max_rate or not seen.at_instant):
         reason, solution = Reason.SMEARED, NO_SOLUTION  # an unknown rate is NaN, not too high
     flag_saturated, flag_no_stars = flags(params.exposure, mean_dn, detections)
@@ -191,9 +209,27 @@ def attitude(tracker, detections, context, rate=None):
     P_px = centroid_covariance(params, detections)
     ellipses = with_rate(params, detections, P_px, rate)
     found, least = _identify(tracker, u_c, detections.flux_dn, context, ellipses)
+    return identified(tracker, detections, context, found, least, rate)
+
+
+def identified(tracker, detections, context, found, least, rate=None):
+    """The attitude that identified objects show.
+
+    Parameters
+    ----------
+    tracker, detections, context, rate : as in `attitude`
+    found : Identification
+    least : int, fewest stars that make an attitude
+
+    Returns
+    -------
+    as `attitude`
+    """
     if found.reason != Reason.NONE:
         return found, found.reason, NO_SOLUTION
-    known = found.star >= 0
+    params, known = tracker.params, found.star >= 0
+    u_c = unit_vectors(params.identify.camera, detections.xy_px)
+    P_px = centroid_covariance(params, detections)
     velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
     seen_i = aberrate(tracker.pairs.stars.u_i[found.star[known]], velocity_i)
     if rate is not None:
