@@ -12,7 +12,8 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.replay.command import replay  # which imports late
+from shefex_nav.campaign.command import campaign  # which imports late
+from shefex_nav.replay.command import replay  # likewise
 from shefex_nav.replay.smooth_command import smooth
 from shefex_nav.reproduce.command import ListingCommand, reproduce  # which import late
 from shefex_nav.solve.command import solve
@@ -30,6 +31,7 @@ app.command(cls=ListingCommand)(reproduce)
 app.command()(solve)
 app.command()(replay)
 app.command()(smooth)
+app.command()(campaign)
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
 LogArgument = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]

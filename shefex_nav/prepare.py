@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from shefex_nav import __version__
 from shefex_nav.environment import ephemeris, gnss, stars, yuma
 from shefex_nav.geometry import frames, wgs84
@@ -30,7 +32,7 @@ class World(NamedTuple):
     faults: faults.Faults
 
 
-def build_world(scenario, seed, *, brief=False):
+def build_world(scenario, seed, *, brief=False, flight=None):
     """Fly the vehicle and let the sensors measure it.
 
     Parameters
@@ -39,6 +41,7 @@ def build_world(scenario, seed, *, brief=False):
     seed : int
     brief : of an orbit, or of a vehicle that stands on the ground, the first seconds alone; a launched one
         flies to its end either way
+    flight : a Flight of the same vehicle that has been flown already, if there is one
 
     Returns
     -------
@@ -52,10 +55,8 @@ def build_world(scenario, seed, *, brief=False):
     earth, bodies = earth_rotation(scenario), ephemeris.sky_bodies(epoch)
     catalogue = stars.load_catalogue(8.0)
     at_epoch = stars.at_epoch(catalogue, ephemeris.julian_year(epoch))
-    flight_params = params.flight_params(scenario)
-    if brief and scenario.launch is None:
-        flight_params = flight_params._replace(time_limit_s=flight_params.t_start_s + BRIEF_S, programme=())
-    flight = fly.fly(flight_params, earth, rng("attitude_control"))
+    if flight is None:
+        flight = fly_vehicle(scenario, seed, brief=brief)
     trajectory, wrong = flight.trajectory, params_faults.faults(scenario)
     true_camera = camera.init(params.camera_params(scenario), at_epoch, bodies, earth, rng("camera_errors"))
     gps_data = gps.measure(
@@ -80,6 +81,15 @@ def build_world(scenario, seed, *, brief=False):
         computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
         faults=wrong,
     )
+
+
+def fly_vehicle(scenario, seed, *, brief=False):
+    """The flight alone, without sensors; arguments as of `build_world`. -> Flight"""
+    flight_params = params.flight_params(scenario)
+    if brief and scenario.launch is None:
+        flight_params = flight_params._replace(time_limit_s=flight_params.t_start_s + BRIEF_S, programme=())
+    rng = noise.generator(seed, "attitude_control")
+    return fly.fly(flight_params, earth_rotation(scenario), rng)
 
 
 def constellation(scenario):
@@ -117,3 +127,27 @@ def earth_rotation(scenario):
     """EarthRotation of the scenario's epoch and pinned Earth orientation."""
     earth = scenario.earth
     return ephemeris.earth_rotation(scenario.mission.epoch, earth.ut1_minus_utc, earth.pole_x, earth.pole_y)
+
+
+def true_biases(scenario, seed, trajectory):
+    """Turn-on and in-run bias of gyros and accelerometers at every sample: (N, 6) rad/s, m/s^2.
+
+    The instrument is asked again, with the same random numbers, at rest and without its other errors.
+    """
+    full = params.imu_params(scenario)
+    kept = ("bias", "bias_in_run", "bias_tau_s", "range")
+    silent = {
+        name: np.zeros_like(value) if isinstance(value, np.ndarray) else 0.0
+        for name, value in full._asdict().items()
+        if not name.startswith(tuple(f"{sensor}_{what}" for sensor in ("gyro", "accel") for what in kept))
+        and not name.endswith("_hz")
+    }
+    alone = full._replace(**silent)
+    rest = trajectory._replace(
+        dtheta_b=np.zeros_like(trajectory.dtheta_b), dv_b=np.zeros_like(trajectory.dv_b)
+    )
+    data = imu.measure(alone, rest, noise.generator(seed, "imu"))
+    dt_s = (trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1)
+    biases = np.hstack([data.dtheta_b, data.dv_b]) / dt_s
+    biases[0] = biases[1]
+    return biases

@@ -7,16 +7,14 @@ would write the same cache files at once.
 """
 
 import multiprocessing
-import os
-import signal
-import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import closing, contextmanager
-from multiprocessing.connection import wait
+from contextlib import closing
 from typing import NamedTuple
 
 import numpy as np
+
+from shefex_nav.workers import bind_to_parent, cores, undisturbed
 
 WARM_UP_SEED = 0  # of the sample that compiles; its result is not used
 
@@ -85,51 +83,19 @@ def _measured(experiment, todo, workers):
         yield from _parallel(experiment.measure, todo, workers)
 
 
-def cores():
-    """Number of cores that this process may use: int."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def _parallel(measure, todo, workers):
     """(number, result) in the order of completion; an interruption or a fault ends the workers at once."""
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker)
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=bind_to_parent)
     before = set(multiprocessing.active_children())
     try:
         futures = {pool.submit(measure, *chunk): k for k, chunk in todo.items()}
         for future in as_completed(futures):
             yield futures[future], future.result()
     except BaseException:
-        with _undisturbed():
+        with undisturbed():
             for process in set(multiprocessing.active_children()) - before:
                 process.terminate()
             pool.shutdown(wait=True, cancel_futures=True)
         raise
     pool.shutdown()
-
-
-@contextmanager
-def _undisturbed():
-    """A second Ctrl-C must not stop the tidying up. Only the main thread may say so."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, handler)
-
-
-def _prepare_worker():
-    """Leave Ctrl-C to the parent, and end when the parent is gone, however it ended."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-
-    def watch():
-        wait([parent.sentinel])
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()

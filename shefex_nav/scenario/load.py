@@ -1,7 +1,9 @@
 """Scenario file -> `Scenario`: read, extend, override, validate; all errors at once, each with its place."""
 
+import copy
 import os
 import re
+from functools import partial
 
 from pydantic import ValidationError
 
@@ -71,6 +73,24 @@ def load_text(text, name, overrides=()):
     return _validated(*_whole(text, name), {name: text}, overrides, name)
 
 
+class Pattern:
+    """A scenario that is read once and then made again and again with other values."""
+
+    def __init__(self, text, name):
+        self._text, self._name = text, name
+        self._tree, self._places = _whole(text, name)
+
+    def with_draws(self, draws):
+        """Scenario with drawn values {path: value in the unit of its dispersion}; ScenarioError as `load`."""
+        tree = copy.deepcopy(self._tree)
+        return _validated(tree, self._places.copy(), {self._name: self._text}, (), self._name)
+
+
+def pattern(text, name):
+    """Pattern of a text that needs no other file; complaints call it `name`."""
+    return Pattern(text, name)
+
+
 def _whole(text, name):
     """(tree, places) of a text that needs no other file."""
     own = _parsed(text, name)
@@ -95,7 +115,7 @@ def _validated(tree, places, files, overrides, path):
         ]
     if found:
         raise _sorted_error(found) from None
-    scenario.keep_text(_normalised(tree), files)
+    scenario.keep_text(partial(_normalised, tree), files)  # which takes longer than all the rest
     return scenario
 
 

@@ -20,6 +20,12 @@ class Places:
         self.keys = {(): root}
         self.values = {(): root}
 
+    def copy(self):
+        """The same places, to be changed."""
+        other = Places(None)
+        other.keys, other.values = dict(self.keys), dict(self.values)
+        return other
+
     def key(self, path):
         """Mark of the key at `path`, or of the nearest section around it."""
         return self._nearest(self.keys, path)

@@ -4,7 +4,7 @@ The models check single values; `checks` compares values with each other, `param
 parameters of the stages. Once loaded, a quantity is a float in SI and radians.
 """
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field, PrivateAttr
 
@@ -43,12 +43,14 @@ class Scenario(Block):
     log: Log
     faults: Faults = Field(default_factory=Faults, description="what goes wrong with the sensors")
 
-    _source: str = PrivateAttr("")
+    _source: Any = PrivateAttr("")
     _files: tuple[tuple[str, str], ...] = PrivateAttr(())
 
     @property
     def source(self):
         """YAML text with `extends`, overrides and tables in it; it loads to the same scenario."""
+        if callable(self._source):
+            self._source = self._source()
         return self._source
 
     @property
@@ -62,5 +64,5 @@ class Scenario(Block):
         return sorted(self.programme.items(), key=lambda item: item[1].start)
 
     def keep_text(self, source, files):
-        """Remember where the scenario came from."""
+        """Remember where the scenario came from; `source` is its text, or a function that gives it."""
         self._source, self._files = source, tuple(files.items())

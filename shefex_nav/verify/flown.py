@@ -17,9 +17,8 @@ from shefex_nav.onboard.navigation import fusion, sensors, solution
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, POS, VEL
 from shefex_nav.records import Detections, Reason, StarFix
-from shefex_nav.scenario import params
 from shefex_nav.verify import linear
-from shefex_nav.world import imu, noise
+from shefex_nav.world import imu
 
 BLOCKS = {"attitude": ATT, "velocity": VEL, "position": POS, "gyro_bias": BG, "accel_bias": BA}
 PHASES = ("boost", "coast before stars", "star window", "entry")
@@ -152,8 +151,9 @@ def filter_run(scenario, seed, fixes, *, star_factor=1.0, recorder=None, world=N
     if recorder is not None:
         fusion.finish(nav)
     t_s = np.array([state.t_s for state in states])
-    phase = phases(t_s, world.flight.trajectory, used_s)
-    errors = _errors(states, world.flight.trajectory, true_biases(scenario, seed, world.flight.trajectory))
+    trajectory = world.flight.trajectory
+    phase = phases(t_s, trajectory, used_s)
+    errors = _errors(states, trajectory, prepare.true_biases(scenario, seed, trajectory))
     met = [gate for gate in gates if gate.dof > 0]
     names = sorted({gate.sensor for gate in met})
     return Run(
@@ -237,27 +237,3 @@ def _errors(states, trajectory, biases):
     errors[:, BG] = biases[k, :3] - np.array([state.gyro_bias for state in states])
     errors[:, BA] = biases[k, 3:] - np.array([state.accel_bias for state in states])
     return errors
-
-
-def true_biases(scenario, seed, trajectory):
-    """Turn-on and in-run bias of gyros and accelerometers at every sample: (N, 6) rad/s, m/s^2.
-
-    The instrument is asked again, with the same random numbers, at rest and without its other errors.
-    """
-    full = params.imu_params(scenario)
-    kept = ("bias", "bias_in_run", "bias_tau_s", "range")
-    silent = {
-        name: np.zeros_like(value) if isinstance(value, np.ndarray) else 0.0
-        for name, value in full._asdict().items()
-        if not name.startswith(tuple(f"{sensor}_{what}" for sensor in ("gyro", "accel") for what in kept))
-        and not name.endswith("_hz")
-    }
-    alone = full._replace(**silent)
-    rest = trajectory._replace(
-        dtheta_b=np.zeros_like(trajectory.dtheta_b), dv_b=np.zeros_like(trajectory.dv_b)
-    )
-    data = imu.measure(alone, rest, noise.generator(seed, "imu"))
-    dt_s = (trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1)
-    biases = np.hstack([data.dtheta_b, data.dv_b]) / dt_s
-    biases[0] = biases[1]
-    return biases

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from shefex_nav import prepare
 from shefex_nav.onboard.navigation.fusion import Correction, Interval
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.records import Detections, StarFix, Trajectory
@@ -66,7 +67,7 @@ def test_true_biases_are_those_of_the_instrument():
     trajectory = at_rest(5)
     scenario = load.load(str(SCENARIO), off)
     read = imu.measure(params.imu_params(scenario), trajectory, noise.generator(7, "imu"))
-    true = flown.true_biases(load.load(str(SCENARIO)), 7, trajectory)
+    true = prepare.true_biases(load.load(str(SCENARIO)), 7, trajectory)
     assert true[1:, :3] == pytest.approx(read.dtheta_b[1:] * 400.0, rel=1e-9)
     assert true[1:, 3:] == pytest.approx(read.dv_b[1:] * 400.0, rel=1e-9)
 

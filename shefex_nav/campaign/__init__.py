@@ -1,0 +1,19 @@
+"""Monte Carlo campaigns: many runs of a scenario, each with draws and sensor seeds of its own.
+
+The folder of a campaign
+------------------------
+campaign.json
+    What is flown: the scenario's whole text and its digest, root seed, number of runs asked for,
+    dispersions, versions; what the sessions took.
+runs/000123.json, runs/000123.npz
+    One run: its record and its series (`flight.Pilot.fly`). Each is written whole or not at all, the record
+    last: a run whose record is there is done.
+flight.pkl
+    The one flight of all runs, if the campaign has `flight: shared`.
+logs/000123.mcap
+    Runs that were flown again with a log (`--keep`).
+results.parquet
+    One row a run, sorted by run (`table.row`).
+
+Everything but what was measured with a clock depends on scenario, root seed and number of the run alone.
+"""

@@ -1,0 +1,138 @@
+"""Runs to workers and back: in any order, none lost.
+
+A lane is a `concurrent.futures.Executor` and how many runs it may have at a time. On this machine a worker is
+a lane: a pool of one new process (spawn), which takes with it, if it is killed, the one run that it had; a
+new process takes its place, and the run is flown again. A cluster is one lane, its scheduler sees to the
+rest.
+"""
+
+import multiprocessing
+from collections import deque
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, ProcessPoolExecutor, wait
+from typing import NamedTuple
+
+from shefex_nav.campaign import flight
+from shefex_nav.workers import bind_to_parent, undisturbed
+
+ATTEMPTS = 3  # of a run whose worker is killed
+DEATHS = 8  # of workers, one after the other, with nothing flown in between: then something else is wrong
+POLL_S = 0.2  # between two looks at whether to stop
+
+
+class EngineError(Exception):
+    """Workers that cannot be used; the message says why."""
+
+
+class Interrupted(Exception):
+    """Somebody asked for an end; what is done is kept."""
+
+
+class Trial(NamedTuple):
+    """A run in the hands of a worker."""
+
+    job: object
+    attempt: int  # from 1 on
+    lane: object
+
+
+class ProcessLane:
+    """One worker process on this machine."""
+
+    capacity = 1
+
+    def __init__(self, plan):
+        self._plan = plan
+        self._pool = None
+        self._processes = []
+
+    def submit(self, job):
+        """Future of a run."""
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(1, context, _begin, (self._plan,))
+        before = set(multiprocessing.active_children())
+        future = self._pool.submit(flight.fly, job)
+        self._processes += set(multiprocessing.active_children()) - before
+        return future
+
+    def renew(self):
+        """After the death of the worker: the next run gets a new one."""
+        self._pool.shutdown(wait=False)
+        self._pool, self._processes = None, []
+
+    def stop(self, at_once=False):
+        """End the worker; at once: whatever it is doing."""
+        if self._pool is None:
+            return
+        if at_once:
+            for process in self._processes:
+                process.terminate()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._pool = None
+
+
+def _begin(plan):
+    """First thing that a worker process does."""
+    bind_to_parent()
+    flight.prepare_worker(plan)
+
+
+def fly(jobs, lanes, take, stopped=lambda: False):
+    """Fly jobs.
+
+    Parameters
+    ----------
+    jobs : iterable of Job, asked for one at a time
+    lanes : list of lanes, such as ProcessLane
+    take : called with the Flown of each run, in the order in which they end
+    stopped : called between them; True ends the work at once with Interrupted
+    """
+    try:
+        _fly(iter(jobs), lanes, take, stopped)
+    except BaseException:
+        with undisturbed():
+            for lane in lanes:
+                lane.stop(at_once=True)
+        raise
+    for lane in lanes:
+        lane.stop()
+
+
+def _fly(jobs, lanes, take, stopped):
+    again, flying, deaths = deque(), {}, 0
+    while True:
+        for lane in lanes:
+            used = sum(trial.lane is lane for trial in flying.values())
+            for _ in range(lane.capacity - used):
+                job, attempt = again.popleft() if again else (next(jobs, None), 1)
+                if job is None:
+                    break
+                flying[lane.submit(job)] = Trial(job, attempt, lane)
+        if not flying:
+            return
+        over, _ = wait(flying, timeout=POLL_S, return_when=FIRST_COMPLETED)
+        if stopped():
+            raise Interrupted
+        for future in over:
+            trial = flying.pop(future)
+            error = future.exception() if not future.cancelled() else None
+            if not _is_death(future, error):
+                take(future.result())
+                deaths = 0
+                continue
+            deaths += 1
+            if deaths > max(DEATHS, ATTEMPTS * len(lanes)):
+                raise EngineError(
+                    f"{deaths} workers ended one after the other without a result; the last: {error}"
+                )
+            if isinstance(trial.lane, ProcessLane):
+                trial.lane.renew()
+            if trial.attempt < ATTEMPTS:
+                again.append((trial.job, trial.attempt + 1))
+            else:
+                take(flight.lost(trial.job, f"its worker was killed in each of {ATTEMPTS} attempts"))
+
+
+def _is_death(future, error):
+    """Whether a future ended because its worker did."""
+    return future.cancelled() or isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"

@@ -1,0 +1,168 @@
+"""One run of a campaign: its scenario, the mission, what is kept of it."""
+
+import io
+import os
+import pickle
+import re
+import time
+import traceback
+from typing import NamedTuple
+
+import numpy as np
+
+PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+LONGEST_REASON = 500
+
+
+class Flown(NamedTuple):
+    """A run that is over."""
+
+    record: dict  # what runs/000123.json holds
+    series: bytes | None  # what runs/000123.npz holds; None of a run that failed
+
+
+class Pilot:
+    """Flies the runs of one plan; what they have in common is made once."""
+
+    def __init__(self, plan):
+        from shefex_nav.scenario import load
+
+        self.plan = plan
+        self.pattern = load.pattern(plan.source, plan.name)
+        self.flight = None if plan.flight is None else pickle.loads(plan.flight)
+
+    def scenario(self, job):
+        """Scenario of a run."""
+        return self.pattern.with_draws(job.draws)
+
+    def fly(self, job, log=None):
+        """Fly one run, with a log at the path `log` if one is given. -> Flown
+
+        An exception is the end of the run, not of the campaign: it becomes the run's reason and traceback.
+        """
+        from shefex_nav.campaign import plan
+
+        began, record = time.perf_counter(), _record(job)
+        try:
+            summary, kept = self._mission(job, log)
+        except Exception as error:
+            record |= {"status": "failed", "reason": _reason(error), "traceback": _traceback(error)}
+            series = None
+        else:
+            series = _npz(kept)
+            record |= {"summary": summary, "series_sha256": plan.digest_of_bytes(series)}
+        record["timing"] = {"wall_s": time.perf_counter() - began}
+        return Flown(record, series)
+
+    def _mission(self, job, log):
+        """(summary, series) of a run."""
+        from shefex_nav import prepare
+        from shefex_nav.campaign.series import series
+        from shefex_nav.report import metrics
+
+        scenario = self.scenario(job)
+        world = prepare.build_world(scenario, job.seed, flight=self.flight)
+        trajectory = world.flight.trajectory
+        data = _records(scenario, job.seed, world, log)
+        summary = metrics.summarise(data)
+        return summary, series(data, scenario, job.seed, trajectory, self.plan.series_rate)
+
+
+def _record(job):
+    """Record of a run that has not been flown yet."""
+    return {
+        "run": job.run,
+        "status": "succeeded",
+        "reason": "",
+        "traceback": "",
+        "seed": job.seed,
+        "draws": job.draws,
+        "summary": {},
+        "series_sha256": "",
+        "timing": {},
+    }
+
+
+def lost(job, reason):
+    """Flown of a run that never came back."""
+    return Flown(_record(job) | {"status": "failed", "reason": reason}, None)
+
+
+def _records(scenario, seed, world, log):
+    """RunData of a mission, without the IMU's samples, which no figure needs; they are in the log."""
+    from shefex_nav import prepare, simulate
+    from shefex_nav.log.drawings import FramePolicy
+    from shefex_nav.log.run_data import RunDataBuilder
+    from shefex_nav.log.thinning import thinned
+    from shefex_nav.log.topics import RunSummary
+    from shefex_nav.log.writer import LogWriter
+    from shefex_nav.records import ImuBlock
+
+    mission, began = prepare.mission(scenario, seed, world.flight.trajectory), time.perf_counter()
+    kept = RunDataBuilder(mission)
+    records = thinned(simulate.route(world, scenario, seed), scenario.log.rate, mission.start_s)
+    if log is None:
+        for record in records:
+            if type(record) is not ImuBlock:
+                kept.add(record)
+        return kept.build()
+    frames = scenario.log.frames
+    policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
+    with LogWriter(log, mission, policy, overwrite=True) as writer:
+        for record in records:
+            writer.write(record)
+            if type(record) is not ImuBlock:
+                kept.add(record)
+        writer.write(RunSummary(kept.last_t_s, time.perf_counter() - began, 0.0))
+    return kept.build()
+
+
+def _npz(arrays):
+    """Arrays as the bytes of an .npz file; the same arrays give the same bytes."""
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **arrays)
+    return stream.getvalue()
+
+
+def _reason(error):
+    """The first line of what an exception says."""
+    words = str(error).strip().splitlines()
+    return f"{type(error).__name__}: {words[0] if words else ''}"[:LONGEST_REASON].rstrip(": ")
+
+
+def _traceback(error):
+    """The traceback as text that is the same on every machine: no addresses, files from the package on."""
+    text = "".join(traceback.format_exception(error))
+    text = text.replace(PACKAGE, os.path.basename(PACKAGE))
+    return re.sub(r"0x[0-9a-fA-F]{6,}", "0x...", text)
+
+
+# ---- in a worker -----------------------------------------------------------------------------------------
+
+_pilot = None  # Pilot of this process, or why there is none
+
+
+def prepare_worker(plan):
+    """Make this process ready to fly the runs of a plan; a fault is raised by the first run."""
+    global _pilot
+    try:
+        _check_threads()
+        _pilot = Pilot(plan)
+    except Exception as error:
+        _pilot = error
+
+
+def fly(job):
+    """Fly one run in a worker that has been prepared."""
+    if isinstance(_pilot, Exception):
+        raise _pilot
+    if _pilot is None:
+        raise RuntimeError("this worker was not told what to fly")
+    return _pilot.fly(job)
+
+
+def _check_threads():
+    """One thread for linear algebra: sums in another order would end in other last digits."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        if os.environ.get(name) != "1":
+            raise RuntimeError(f"start the worker with {name}=1, it is {os.environ.get(name, 'not set')}")

@@ -1,0 +1,132 @@
+"""Results of a run as one row of a table: names of the columns, Parquet, digest.
+
+What a run writes (`runs/000123.json`) is a tree; its scalars become columns named by their path:
+`summary.navigation.at_entry.position_error_m`. Short lists of numbers are columns .0, .1, .2; longer lists
+and lists of sections stay in the file of the run alone. Durations that were measured, wherever they stand,
+are columns `timing.*`: all others depend on scenario, seed and index of the run alone.
+"""
+
+import hashlib
+import json
+import math
+
+import numpy as np
+
+LONGEST = 6  # numbers of a list that become columns
+HEAD = ("run", "status", "reason", "traceback", "seed")
+MEASURED = ("wall_s", "setup_s", "real_time_factor", "star_tracker.chain_ms.")  # of a summary
+NOT_RESULTS = ("log",)  # of a summary: where a file was put
+EXACT = 2**53  # whole numbers to here are the same as float
+
+
+def row(record):
+    """Row of a run: dict column -> number, text, bool or None.
+
+    record : object of a runs/*.json: run, status, reason, traceback, seed, draws, summary, timing
+    """
+    result = {name: record.get(name) for name in HEAD}
+    result |= {f"draw.{path}": value for path, value in _scalars(record.get("draws") or {})}
+    for path, value in _scalars(record.get("summary") or {}):
+        if path in NOT_RESULTS:
+            continue
+        measured = any(path == name or (name.endswith(".") and path.startswith(name)) for name in MEASURED)
+        result[f"timing.summary.{path}" if measured else f"summary.{path}"] = value
+    result |= {f"timing.{path}": value for path, value in _scalars(record.get("timing") or {})}
+    return result
+
+
+def _scalars(value, path=""):
+    """(dotted path, scalar) of everything in a tree that becomes a column."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _scalars(item, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list):
+        if len(value) <= LONGEST and all(isinstance(item, int | float | None) for item in value):
+            for k, item in enumerate(value):
+                yield f"{path}.{k}", item
+    else:
+        yield path, value
+
+
+def digest(rows):
+    """sha256 over all columns but timing.*, in the order of the runs: hexadecimal str.
+
+    Neither the order of the rows nor that of the columns counts, nor whether a value that is missing has a
+    column.
+    """
+    total = hashlib.sha256()
+    for one in sorted(rows, key=lambda one: one["run"]):
+        kept = {
+            name: plain
+            for name, value in sorted(one.items())
+            if not name.startswith("timing.") and (plain := _plain(value)) is not None
+        }
+        total.update(json.dumps(kept, separators=(",", ":")).encode() + b"\n")
+    return total.hexdigest()
+
+
+def _plain(value):
+    """A value in the one form that JSON and Parquet give back alike: 1 and 1.0 are one number."""
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return float(value) if abs(int(value)) <= EXACT else str(int(value))
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def columns(rows):
+    """Arrays by the name of the column: {name: (N,)}.
+
+    Numbers are float with NaN where there is none, whole numbers without a gap int; bool without a gap stays
+    bool, with gaps it is float (1, 0, NaN). Texts are object arrays with None.
+    """
+    names = dict.fromkeys(name for one in rows for name in one)
+    return {name: _column([one.get(name) for one in rows]) for name in names}
+
+
+def _column(values):
+    given = [value for value in values if value is not None]
+    whole = len(given) == len(values)
+    if any(isinstance(value, str) for value in given):
+        return np.array(values, dtype=object)
+    if whole and given and all(isinstance(value, bool) for value in given):
+        return np.array(values, dtype=bool)
+    if whole and given and all(isinstance(value, int) and abs(value) < 2**63 for value in given):
+        return np.array(values, dtype=np.int64)
+    return np.array([math.nan if value is None else float(value) for value in values])
+
+
+def save(rows, path):
+    """Write rows as Parquet, sorted by run; the file is whole or not there. list of dict, Path"""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    rows = sorted(rows, key=lambda one: one["run"])
+    names = [*HEAD, *sorted({name for one in rows for name in one} - set(HEAD))]
+    arrays = [_arrow([one.get(name) for one in rows]) for name in names]
+    part = path.with_name(path.name + ".part")
+    pq.write_table(pa.table(arrays, names=names), part, compression="zstd")
+    part.replace(path)
+
+
+def _arrow(values):
+    """pyarrow array of one column; a column of mixed kinds is text."""
+    import pyarrow as pa
+
+    given = [value for value in values if value is not None]
+    if all(isinstance(value, bool) for value in given) and given:
+        return pa.array(values, pa.bool_())
+    if any(isinstance(value, bool | str) for value in given) or not given:
+        return pa.array([None if value is None else str(value) for value in values], pa.string())
+    if all(isinstance(value, int) and abs(value) < 2**63 for value in given):
+        return pa.array(values, pa.int64())
+    return pa.array([None if value is None else float(value) for value in values], pa.float64())
+
+
+def load(path):
+    """Rows of a Parquet file that `save` wrote: list of dict."""
+    import pyarrow.parquet as pq
+
+    return pq.read_table(path).to_pylist()
