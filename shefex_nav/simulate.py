@@ -38,8 +38,11 @@ def run(scenario, seed):
     yield from route(prepare.build_world(scenario, seed), scenario, seed)
 
 
-def route(world, scenario, seed, *, until_s=np.inf):
-    """Tick by tick through a world that has been built; as `run`, until the mission time until_s at most."""
+def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step):
+    """Tick by tick through a world that has been built; as `run`, until the mission time until_s at most.
+
+    step : `star_tracker.step`, or something that wraps it to see what it is given
+    """
     yield world.alignment
     trajectory, events = world.flight.trajectory, list(world.flight.events)[::-1]
     epoch_year = ephemeris.julian_year(scenario.mission.epoch)
@@ -77,7 +80,7 @@ def route(world, scenario, seed, *, until_s=np.inf):
         frames = [line.picture(frame) for frame, _ in pictures]
         if not sight:
             yield from frames
-        clock = Stopwatch(sight.step if sight else star_tracker.step)
+        clock = Stopwatch(sight.step if sight else step)
         chain = line.chain(clock.step)
         computer, outputs = onboard.tick(computer, block, arrived, frames, chain=chain, **ways)
         yield from outputs

@@ -38,8 +38,8 @@ class IdentificationModel(NamedTuple):
     stars: np.ndarray  # (k,) int, catalogue stars among the objects of a frame, ascending
     first: np.ndarray  # (k,) share of frames with so many that are identified, without a fix before
     later: np.ndarray  # (k,) likewise, soon after a fix
+    wrong: np.ndarray  # (k,) share of these attitudes that is wrong
     named: float  # share of the catalogue stars of an identified frame that get their name
-    wrong: float  # share of identified frames that give a wrong attitude
     wrong_turns: np.ndarray  # (m, 3) rad, by how much those were wrong
     fastest: float  # rad/s, of the frames that gave an attitude
 
@@ -53,7 +53,7 @@ def models(scenario):
     """SightingModel and IdentificationModel of a scenario that names them."""
     model = scenario.star_tracker.model
     sight, search = model.sightings, model.identification
-    table = np.array(search.table, dtype=float).reshape(-1, 3)
+    table = np.array(search.table, dtype=float).reshape(-1, 4)
     return (
         sightings.SightingModel(
             detection=np.array(sight.detection),
@@ -67,8 +67,8 @@ def models(scenario):
             stars=table[:, 0].astype(np.int64),
             first=table[:, 1],
             later=table[:, 2],
+            wrong=table[:, 3],
             named=search.named,
-            wrong=search.wrong,
             wrong_turns=np.array(search.wrong_turns, dtype=float).reshape(-1, 3),
             fastest=search.fastest,
         ),
@@ -90,8 +90,8 @@ class Statistical:
         self.camera = sightings.catalogued(tracker.pairs.stars, world.camera, merge_radius)
         self.line, self.rng = line, noise.generator(seed, "sightings")
         self.max_rate, self.detect = tracker.params.max_rate, tracker.params.detect
-        self.by_hip = np.argsort(tracker.pairs.stars.hip)
-        self.hip = tracker.pairs.stars.hip[self.by_hip]
+        self.hip = tracker.pairs.stars.hip
+        self.by_hip = np.argsort(self.hip)
         self.seen = {}  # Sighting of each frame under way, by its number
         self.fixed_s = -np.inf
 
@@ -109,10 +109,10 @@ class Statistical:
         if self.line.blinds(frame.t_valid_s):
             full_dn = 2.0**frame.bits - 1.0
             sighting = sightings.Sighting(NOTHING, np.zeros(0, dtype=np.int64), full_dn)
-        found, least = self._identification(tracker, sighting, frame, context)
+        found, least, wrong = self._identification(tracker, sighting, frame, context)
         result = star_tracker.identified(tracker, sighting.detections, context, found, least)
-        if result[1] == Reason.NONE:
-            result = self._maybe_wrong(*result)
+        if result[1] == Reason.NONE and self.rng.random() < wrong:
+            result = self._misled(*result)
         statistics = FrameStatistics(sighting.mean_dn, np.nan, np.nan)
         seen = objects.Found(sighting.detections, statistics, int(objects.Scan.UNKNOWN), True)
         state, fix, command = star_tracker.concluded(tracker, state, frame, context, seen, result)
@@ -121,42 +121,35 @@ class Statistical:
         return state, fix, command
 
     def _identification(self, tracker, sighting, frame, context):
-        """(Identification, fewest stars that make an attitude), by the fitted shares."""
+        """(Identification, fewest stars that make an attitude, chance that it is wrong), by fitted shares."""
         rng, search = self.rng, self.search
         is_first = frame.t_valid_s - self.fixed_s > LOST_S
-        least = tracker.params.identify.min_stars
-        if tracker.params.track and not is_first:
-            least = min(least, MIN_TRACKED)
+        least = MIN_TRACKED if tracker.params.track else tracker.params.identify.min_stars
         star = np.full(len(sighting.hip), -1, dtype=np.int64)
         candidates = np.flatnonzero(sighting.hip > 0)
         chance, names = rng.random(), rng.random(len(candidates))
         if len(candidates) < least:
-            return Identification(star, int(Reason.TOO_FEW_STARS), np.nan), least
-        share = search.first if is_first else search.later
+            return Identification(star, int(Reason.TOO_FEW_STARS), np.nan), least, 0.0
         row = int(np.searchsorted(search.stars, len(candidates), side="right")) - 1
-        if row < 0 and context.rate > self.max_rate:  # gives no attitude anyway
-            return Identification(star, int(Reason.NO_MATCH), np.nan), least
-        if row < 0:
+        if row < 0 and not context.rate > self.max_rate:  # faster, it gives no attitude anyway
             raise OutsideModelError(
                 f"the frame at T{frame.t_valid_s:+.2f} s shows {len(candidates)} stars of the catalogue; the "
                 f"statistics of the star tracker begin at {search.stars[0]}: fly with frames: rendered, or "
                 "characterise with a mission that shows so few"
             )
-        if chance >= share[row]:
-            return Identification(star, int(Reason.NO_MATCH), np.nan), least
+        share = search.first if is_first else search.later
+        if row < 0 or chance >= share[row]:
+            return Identification(star, int(Reason.NO_MATCH), np.nan), least, 0.0
         named = candidates[names < search.named]
-        star[named] = self.by_hip[np.searchsorted(self.hip, sighting.hip[named])]
+        star[named] = self.by_hip[np.searchsorted(self.hip, sighting.hip[named], sorter=self.by_hip)]
         reason = Reason.NONE if len(named) >= least else Reason.TOO_FEW_STARS
-        return Identification(star, int(reason), np.nan), least
+        return Identification(star, int(reason), np.nan), least, search.wrong[row]
 
-    def _maybe_wrong(self, found, reason, solution):
-        """The result of a frame, turned away as often as frames are identified wrongly."""
-        search = self.search
-        if self.rng.random() < search.wrong:
-            turn = search.wrong_turns[self.rng.integers(len(search.wrong_turns))]
-            q_ic, *rest = solution
-            solution = (quat_multiply(q_ic, quat_from_rotvec(turn)), *rest)
-        return found, reason, solution
+    def _misled(self, found, reason, solution):
+        """The result of a frame, turned away as wrong ones were."""
+        turn = self.search.wrong_turns[self.rng.integers(len(self.search.wrong_turns))]
+        q_ic, *rest = solution
+        return found, reason, (quat_multiply(q_ic, quat_from_rotvec(turn)), *rest)
 
     def _check_rate(self, truth):
         """Refuse a frame that is slow enough for an attitude and faster than any that was characterised."""

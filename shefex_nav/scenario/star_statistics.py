@@ -23,7 +23,7 @@ def _share(words):
 
 
 Terms = tuple[Number("0.001"), Number("1.2"), Number("1.2")]
-Row = tuple[Number("8"), _share("without a fix before"), _share("soon after a fix")]
+Row = tuple[Number("8"), _share("without a fix before"), _share("soon after a fix"), _share("of them wrong")]
 
 
 class SightingsFit(Block):
@@ -47,12 +47,12 @@ class IdentificationFit(Block):
     """Which frames give an attitude."""
 
     table: list[Row] = Field(
-        description="rows of: stars of the catalogue found, share identified without and after a fix"
+        description="rows of: stars of the catalogue found, share identified without and after a fix, share "
+        "of these attitudes that is wrong"
     )
     named: _share("of the stars of an identified frame that get their name")
-    wrong: _share("of the identified frames that give a wrong attitude")
     wrong_turns: list[tuple[Number("0.1"), Number("0"), Number("0")]] = Field(
-        description="rotation vectors of those that were, rad"
+        description="rotation vectors of wrong attitudes, rad"
     )
     fastest: Quantity("rad/s", "2.5 deg/s", "rate of the frames that gave an attitude", positive=True)
 

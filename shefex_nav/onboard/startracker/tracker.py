@@ -133,15 +133,20 @@ def step(tracker, state, frame, context):
     StarFix, with the attitude or the reason for none
     CameraCommand for the next frame
     """
-    params = tracker.params
-    zero_flux = params.identify.zero_flux * frame.exposure_s / params.exposure.max_s
-    exposed = tracker._replace(params=params._replace(identify=params.identify._replace(zero_flux=zero_flux)))
+    params, exposed = tracker.params, of_exposure(tracker, frame.exposure_s)
     for seen in objects.searches(params, tracker.pairs.stars, state.memory, frame, context):
         detections, mean_dn = seen.detections, seen.statistics.mean_dn
         found, reason, solution = attitude(exposed, detections, context, seen.rate)
         if reason == Reason.NONE:
             break
     return concluded(tracker, state, frame, context, seen, (found, reason, solution))
+
+
+def of_exposure(tracker, exposure_s):
+    """The tracker for frames of an exposure: how much light a star gives. Tracker, s -> Tracker"""
+    params = tracker.params
+    zero_flux = params.identify.zero_flux * exposure_s / params.exposure.max_s
+    return tracker._replace(params=params._replace(identify=params.identify._replace(zero_flux=zero_flux)))
 
 
 def concluded(tracker, state, frame, context, seen, result):

@@ -9,11 +9,12 @@ of the rendered picture. Fitted are which sources are found and how well their c
 The form of both is that of a Gaussian spot in noise. A star of E electrons, drawn out by its motion to the
 standard deviations w along and s across, in pixels with the noise n, stands out by
 
-    q = E / (n sqrt(4 pi w s))
+    q = E / (2 pi w s n)
 
-(matched filter), and no unbiased centroid has less variance along a direction a, with b the one across, than
-the larger of w_a^2 / E (the star's own shot noise) and 8 pi w_a^3 w_b (n / E)^2 (that of the background); see
-Winick, J. Opt. Soc. Am. A 3 (1986) 1809. The fit says how much of each, and what else, the real chain has.
+(its brightest pixel, with which a search begins), and no unbiased centroid has less variance along a
+direction a, with b the one across, than the larger of w_a^2 / E (the star's own shot noise) and
+8 pi w_a^3 w_b (n / E)^2 (that of the background); see Winick, J. Opt. Soc. Am. A 3 (1986) 1809. The fit says
+how much of each, and what else, the real chain has.
 """
 
 from math import atan, hypot, pi
@@ -245,8 +246,8 @@ def terms(along_px, across_px, electrons, noise):
 
 @njit(cache=True)
 def contrast(along_px, across_px, electrons, noise):
-    """q, by how much a star stands out of the noise."""
-    return electrons / (noise * np.sqrt(4.0 * pi * along_px * across_px))
+    """q, by how much the brightest pixel of a star stands out of the noise."""
+    return electrons / (2.0 * pi * along_px * across_px * noise)
 
 
 @njit(cache=True)
