@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.campaign.command import campaign  # which imports late
+from shefex_nav.campaign.command import campaign, repeat  # which imports late
 from shefex_nav.replay.command import replay  # likewise
 from shefex_nav.replay.smooth_command import smooth
 from shefex_nav.reproduce.command import ListingCommand, reproduce  # which import late
@@ -32,6 +32,7 @@ app.command()(solve)
 app.command()(replay)
 app.command()(smooth)
 app.command()(campaign)
+app.command()(repeat)
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
 LogArgument = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]

@@ -1,23 +1,102 @@
-"""What run k of a campaign draws, from the root seed and k alone.
+"""What run k of a campaign draws, from scenario, root seed and k alone.
 
-Each drawn path has a stream of its own, SeedSequence(root, spawn_key=(k, stream of the path)), so that a
-dispersion more changes no other draw; stream 0 gives the seed of the run's sensors.
+Each dispersed path has a stream of its own, SeedSequence(root, spawn_key=(k, stream of the path)), so that a
+dispersion more changes no other draw; stream 0 gives the seed of the run's sensors. A probability u out of
+the stream goes through the inverse of the distribution function, so a draw never takes a second number.
+
+A Latin hypercube (McKay, Beckman, Conover, Technometrics 21, 1979) divides each distribution into N parts of
+the same probability and draws one value from each, in random order: a draw then depends on N, too. Within a
+correlated group the independent numbers are so stratified, not what they are mixed to, except the first
+path's (Stein, Technometrics 29, 1987).
 """
+
+import hashlib
 
 import numpy as np
 
 from shefex_nav.campaign.plan import Job
 
 SENSORS = 0  # stream of the seed of a run's sensors
-SEED_BITS = 53  # of that seed: any reader of JSON keeps it whole
+FLIGHT = 1  # of the seed of the one flight that all runs share, of run 0
+SEED_BITS = 53  # of such a seed: any reader of JSON keeps it whole
+LATIN = 2**32  # in place of the number of a run: the streams of the hypercube
+UNIT = 2.0**-53
+
+
+class Sampler:
+    """Draws of a campaign, run by run."""
+
+    def __init__(self, plan, dispersed):
+        """plan: Plan; dispersed: list of disperse.Dispersed of its scenario."""
+        self.plan, self.dispersed = plan, dispersed
+        self._columns = None
+        if plan.sampling == "latin_hypercube":
+            self._columns = {one.name: _latin_column(plan, one.name) for one in dispersed}
+
+    def job(self, run):
+        """Job of run number `run`."""
+        return Job(run, sensor_seed(self.plan.seed, run), self.draws(run))
+
+    def draws(self, run):
+        """{path as written: value in the unit of the dispersion} of a run."""
+        drawn = {}
+        for one in self.dispersed:
+            if one.group:
+                drawn[one.name] = one.law.sigma * self._mixed(one, run)
+            else:
+                drawn[one.name] = one.law.draw(self._u(one.name, run), run)
+        return drawn
+
+    def _u(self, name, run):
+        """Number between 0 and 1, both excluded, of a path and a run."""
+        if self._columns is not None:
+            return self._columns[name][run]
+        return _inside(generator(self.plan.seed, run, name).random())
+
+    def _mixed(self, one, run):
+        """Standard normal number of a path of a group, correlated with the others."""
+        from scipy.special import ndtri
+
+        return float(
+            sum(
+                factor * ndtri(self._u(name, run))
+                for factor, name in zip(one.factors, one.group, strict=True)
+                if factor
+            )
+        )
+
+
+def stream(name):
+    """Stream of a path: a number that depends on its name alone."""
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
+
+
+def generator(root, run, name):
+    """Generator of the draws of a path in a run."""
+    return np.random.default_rng(np.random.SeedSequence(root, spawn_key=(run, stream(name))))
 
 
 def sensor_seed(root, run):
     """Seed of all sensors of a run: int."""
-    state = np.random.SeedSequence(root, spawn_key=(run, SENSORS)).generate_state(1, np.uint64)
+    return _seed(root, (run, SENSORS))
+
+
+def flight_seed(root):
+    """Seed of the one flight that all runs share: int."""
+    return _seed(root, (0, FLIGHT))
+
+
+def _seed(root, key):
+    state = np.random.SeedSequence(root, spawn_key=key).generate_state(1, np.uint64)
     return int(state[0] >> np.uint64(64 - SEED_BITS))
 
 
-def job(plan, run):
-    """Job of run number `run`."""
-    return Job(run, sensor_seed(plan.seed, run), {})
+def _latin_column(plan, name):
+    """(N,) numbers of a path, one in each Nth part of the unit interval, in random order."""
+    rng = generator(plan.seed, LATIN, name)
+    return [_inside(u) for u in ((rng.permutation(plan.runs) + rng.random(plan.runs)) / plan.runs).tolist()]
+
+
+def _inside(u):
+    """A number off 0 and 1, where distribution functions have no inverse."""
+    return min(max(u, UNIT), 1.0 - UNIT)

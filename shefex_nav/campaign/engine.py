@@ -51,7 +51,11 @@ class ProcessLane:
             context = multiprocessing.get_context("spawn")
             self._pool = ProcessPoolExecutor(1, context, _begin, (self._plan,))
         before = set(multiprocessing.active_children())
-        future = self._pool.submit(flight.fly, job)
+        try:
+            future = self._pool.submit(flight.fly, job)
+        except BrokenExecutor:  # killed while it had nothing to do
+            self.renew()
+            return self.submit(job)
         self._processes += set(multiprocessing.active_children()) - before
         return future
 

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 LONGEST = 6  # numbers of a list that become columns
-HEAD = ("run", "status", "reason", "traceback", "seed")
+HEAD = ("run", "status", "reason", "traceback", "seed", "series_sha256")
 MEASURED = ("wall_s", "setup_s", "real_time_factor", "star_tracker.chain_ms.")  # of a summary
 NOT_RESULTS = ("log",)  # of a summary: where a file was put
 EXACT = 2**53  # whole numbers to here are the same as float
@@ -120,8 +120,8 @@ def _arrow(values):
         return pa.array(values, pa.bool_())
     if any(isinstance(value, bool | str) for value in given) or not given:
         return pa.array([None if value is None else str(value) for value in values], pa.string())
-    if all(isinstance(value, int) and abs(value) < 2**63 for value in given):
-        return pa.array(values, pa.int64())
+    if all(isinstance(value, int) for value in given):
+        return pa.array(values, pa.int64() if max(given) < 2**63 else pa.uint64())
     return pa.array([None if value is None else float(value) for value in values], pa.float64())
 
 

@@ -110,7 +110,7 @@ def summarise(data, *, log=None, from_s=None):
         "wall_s": wall_s,
         "setup_s": data.summary.setup_s if data.summary else None,
         "real_time_factor": simulated_s / wall_s if simulated_s and wall_s else None,
-        "flight": _flight(data, track),
+        "flight": _flight(data, track, entry),
         "attitude_control": _attitude_control(data),
         "star_tracker": _star_tracker(data),
         "navigation": _navigation(data, track.height, entry),
@@ -129,7 +129,7 @@ def entry_index(t_s, height):
     return int(above[0] + below[0]) if len(below) else None
 
 
-def _flight(data, track):
+def _flight(data, track, entry):
     impact = next((event for event in data.events if event.name == "impact"), None)
     mission = data.mission
     range_km = None
@@ -145,10 +145,22 @@ def _flight(data, track):
         "apogee_km": float(track.height.max()) / 1e3 if moved else None,
         "range_km": range_km,
         "max_speed_m_s": float(speed.max()) if moved else None,
+        "at_apogee": _place(data, track, int(np.argmax(track.height))) if moved else None,
+        "at_entry": None if entry is None else _place(data, track, entry),
         "events": [
             {"name": event.name, "t_s": event.t_s, "altitude_km": event.altitude_m / 1e3}
             for event in data.events
         ],
+    }
+
+
+def _place(data, track, k):
+    """Where the vehicle truly is at sample k."""
+    return {
+        "t_s": float(data.truth.t_s[k]),
+        "latitude_deg": math.degrees(track.latitude[k]),
+        "longitude_deg": math.degrees(track.longitude[k]),
+        "altitude_km": float(track.height[k]) / 1e3,
     }
 
 

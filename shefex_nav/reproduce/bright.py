@@ -4,10 +4,10 @@ import numpy as np
 
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.identify import brightness
+from shefex_nav.report import intervals
 from shefex_nav.reproduce import bright_fields as fields
 from shefex_nav.reproduce import bright_frames as frames
 from shefex_nav.reproduce import bright_methods as methods
-from shefex_nav.reproduce import statistics
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.published import BRIGHT
 
@@ -92,7 +92,7 @@ def conclude_brightest(results):
             "may have missed them",
         )
     ]  # fmt: skip
-    difference, interval = seen[:, 2].mean(), statistics.mean(seen[:, 2])
+    difference, interval = seen[:, 2].mean(), intervals.mean(seen[:, 2])
     wanted = published["mean_difference_to_third_dimmest_mag"]
     rows.append(
         Row(
@@ -109,7 +109,7 @@ def conclude_brightest(results):
         )
     )  # fmt: skip
     k_bright = int((seen[:, 1] < BRIGHT["protocol"]["reference_star_mag"]).sum())
-    low, high = statistics.proportion(k_bright, k_four)
+    low, high = intervals.proportion(k_bright, k_four)
     rows.append(Row("a reference star, Hp < 3", "'most'", None, k_bright / k_four, (low, high), None, ""))
     return [*rows, _pair_row()]
 

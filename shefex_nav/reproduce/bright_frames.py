@@ -14,9 +14,10 @@ from shefex_nav.environment.stars import at_epoch, load_catalogue
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker.detect import detect
+from shefex_nav.report import intervals
 from shefex_nav.reproduce import bright_fields as fields
 from shefex_nav.reproduce import bright_methods as methods
-from shefex_nav.reproduce import imaging, statistics
+from shefex_nav.reproduce import imaging
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.published import BRIGHT
 from shefex_nav.world.camera import motion, render
@@ -133,7 +134,7 @@ def conclude_table4(results):
     n_false = np.concatenate([result[2] for result in results])
     share, interval = n_false.mean() / fields.PARAMS.max_centroids, None
     if len(n_false) > 1:
-        interval = tuple(v / fields.PARAMS.max_centroids for v in statistics.mean(n_false))
+        interval = tuple(v / fields.PARAMS.max_centroids for v in intervals.mean(n_false))
     quantity = "false stars among the ten brightest"
     rows = [Row(quantity, condition, None, float(share), interval, None, "")]
     for method, codes in zip(methods.METHODS, outcome, strict=True):

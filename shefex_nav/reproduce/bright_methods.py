@@ -7,7 +7,7 @@ import numpy as np
 
 from shefex_nav.onboard.startracker.identify import bayes, brightness, pyramid, voting
 from shefex_nav.records import Reason
-from shefex_nav.reproduce import statistics
+from shefex_nav.report import intervals
 from shefex_nav.reproduce.bright_fields import VOTING_TOLERANCE
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.verdict import POINTS, judgement
@@ -130,10 +130,10 @@ def attempt(params, tables, field):
 
 def share_row(quantity, condition, published, k, n, n_published, why):
     """A share beside a published one, which has a sampling error too; they agree if the intervals meet."""
-    low, high = statistics.proportion(k, n)
+    low, high = intervals.proportion(k, n)
     judged = None, ""
     if published is not None:
-        least, most = statistics.proportion(round(published * n_published), n_published)
+        least, most = intervals.proportion(round(published * n_published), n_published)
         judged = judgement(k / n, (low, high), why, least=least, most=most, resolves=POINTS, refuted=True)
     return Row(quantity, condition, published, k / n, (low, high), *judged)
 
@@ -177,7 +177,7 @@ def time_rows(condition, chunk_seconds, published):
             continue
         columns = chunk_seconds[:, m], chunk_seconds[:, base]
         measured = float(_ratio(*columns))
-        interval = statistics.bootstrap(_ratio, columns, rng) if len(chunk_seconds) > 1 else None
+        interval = intervals.bootstrap(_ratio, columns, rng) if len(chunk_seconds) > 1 else None
         wanted = (
             published[method]["ms"] / published["brightness_referenced"]["ms"]
             if method in published

@@ -14,7 +14,8 @@ from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS, pyramid
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.records import FrameTruth, Reason, StarFix
-from shefex_nav.reproduce import imaging_figures, statistics
+from shefex_nav.report import intervals
+from shefex_nav.reproduce import imaging_figures
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.imaging import DETECT, SPACE, all_stars
 from shefex_nav.reproduce.published import SHEFEX
@@ -146,10 +147,10 @@ def conclude_end_to_end(results):
     for column, (condition, goal) in enumerate(columns):
         is_solved = verdicts[:, column] == 1
         if column < len(columns) - 1:
-            ci95 = statistics.proportion(int(is_solved.sum()), n)
+            ci95 = intervals.proportion(int(is_solved.sum()), n)
         else:  # frames of one direction show the same stars: the directions are what was drawn
             shares = [(chunk[:, column] == 1).mean() for chunk in results]
-            ci95 = statistics.mean(np.array(shares)) if len(shares) > 1 else None
+            ci95 = intervals.mean(np.array(shares)) if len(shares) > 1 else None
         measured = float(is_solved.mean())
         judged = None, ""
         if goal is not None:
@@ -165,7 +166,7 @@ def conclude_end_to_end(results):
             )
         )
         wrong = int((verdicts[:, column] == -1).sum())
-        interval = statistics.proportion(wrong, n)
+        interval = intervals.proportion(wrong, n)
         rows.append(Row("share of wrong attitudes", condition, None, wrong / n, interval, None, ""))
     return rows
 

@@ -10,7 +10,8 @@ from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.geometry.rotation import quat_from_rotvec
 from shefex_nav.onboard.startracker import background, scan
 from shefex_nav.onboard.startracker.detect import DetectParams, detect, rules
-from shefex_nav.reproduce import imaging_figures, statistics
+from shefex_nav.report import intervals
+from shefex_nav.reproduce import imaging_figures
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.published import BRIGHT, SHEFEX
 from shefex_nav.reproduce.shefex_field import (
@@ -118,7 +119,7 @@ def conclude_scan(results):
     sequential, maximum, before, same = np.concatenate(results).T
     ratio = maximum / sequential
     measured = float(np.median(ratio))
-    interval = statistics.percentile(ratio, 50.0)
+    interval = intervals.percentile(ratio, 50.0)
     least, most = RATIO_RANGE
     judged = judgement(measured, interval, WHY_RATIO, least=least, most=most, resolves=0.5 * (most - least))
     condition = f"{OBJECTS} objects, median of frames"
@@ -141,7 +142,7 @@ def conclude_scan(results):
             condition,
             None,
             float(same.mean()),
-            statistics.proportion(int(same.sum()), n),
+            intervals.proportion(int(same.sum()), n),
             None,
             "",
         ),
@@ -155,7 +156,7 @@ def _row(quantity, condition, values):
         condition,
         None,
         float(np.median(values)),
-        statistics.percentile(values, 50.0),
+        intervals.percentile(values, 50.0),
         None,
         "",
     )
@@ -226,7 +227,7 @@ def conclude_centroids(results):
     left = scatter(distance[:, :-1])
     smoother = left[:, 0] < left[:, 1]
     condition = f"{IMAGES} images of a star of V {VMAG:g}"
-    share, interval = float(smoother.mean()), statistics.proportion(int(smoother.sum()), len(smoother))
+    share, interval = float(smoother.mean()), intervals.proportion(int(smoother.sum()), len(smoother))
     judged = judgement(share, interval, WHY_ROUGHER, least=np.nextafter(0.5, 1.0), resolves=POINTS)
     rows = [
         Row(

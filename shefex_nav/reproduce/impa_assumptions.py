@@ -12,10 +12,10 @@ import numpy as np
 
 from shefex_nav.onboard.startracker import multipole_chain
 from shefex_nav.records import Reason
+from shefex_nav.report import intervals
 from shefex_nav.reproduce import impa_field as field
 from shefex_nav.reproduce import impa_flight as flight
 from shefex_nav.reproduce import impa_methods as methods
-from shefex_nav.reproduce import statistics
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.published import IMPA
 from shefex_nav.reproduce.stills import still
@@ -114,12 +114,12 @@ def conclude(results):
             here = found[:, r, s]
             k, n = int((here > 0).sum()), len(here)
             condition = f"{setting.case.replace('_', ' ')}, {setting.words}, {rate:g} deg/s"
-            interval = statistics.proportion(k, n)
+            interval = intervals.proportion(k, n)
             rows.append(
                 Row("success within 2 images", condition, published[1 + r] / 100.0, k / n, interval, None, "")
             )
     n_wrong = int((found < 0).sum())
-    interval = statistics.proportion(n_wrong, found.size)
+    interval = intervals.proportion(n_wrong, found.size)
     return [
         *rows,
         Row("share of wrong attitudes", "all settings", None, n_wrong / found.size, interval, None, ""),

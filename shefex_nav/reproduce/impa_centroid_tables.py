@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import stats
 
-from shefex_nav.reproduce import statistics
+from shefex_nav.report import intervals
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.published import IMPA, IMPA_KURTOSIS
 from shefex_nav.reproduce.verdict import judgement
@@ -82,19 +82,19 @@ def _published_rows(kind, rate, rows):
     for axis, name in enumerate(("horizontal", "vertical")):
         errors = mine[:, COLUMNS.index("x") + axis]
         goal = IMPA["centroid_error_std_px"][table][name][r]
-        std, interval = float(errors.std(ddof=1)), statistics.rms(errors - errors.mean())
+        std, interval = float(errors.std(ddof=1)), intervals.rms(errors - errors.mean())
         margin = MARGIN * goal
         judged = judgement(std, interval, WHY[kind], least=goal - margin, most=goal + margin, resolves=margin)
         quantity = f"std, {name} [px]; agrees within 25 %"
         out.append(Row(quantity, condition, goal, std, interval, *judged))
         mean, skewness, kurtosis = errors.mean(), stats.skew(errors), stats.kurtosis(errors, fisher=False)
-        out.append(_info(f"mean, {name} [px]", condition, mean, statistics.mean(errors)))
+        out.append(_info(f"mean, {name} [px]", condition, mean, intervals.mean(errors)))
         out.append(_info(f"skewness, {name}", condition, skewness))
         out.append(_info(f"kurtosis, {name}", condition, kurtosis, None, IMPA_KURTOSIS[table][name][r]))
     at = (column(rows, "kind") == KINDS.index(kind)) & (column(rows, "rate_deg_s") == rate)
     n_none = int(at.sum()) - len(mine)
     share = n_none / max(at.sum(), 1)
-    out.append(_info("clusters at no star", condition, share, statistics.proportion(n_none, int(at.sum()))))
+    out.append(_info("clusters at no star", condition, share, intervals.proportion(n_none, int(at.sum()))))
     return out
 
 
@@ -113,7 +113,7 @@ def _own_rows(kind, rate, mine):
         for axis, name in enumerate(("horizontal", "vertical")):
             errors = mine[seen][:, COLUMNS.index("x") + axis]
             goal = IMPA["centroid_error_std_px"][table][name][RATES.index(rate)]
-            std, interval = float(errors.std(ddof=1)), statistics.rms(errors - errors.mean())
+            std, interval = float(errors.std(ddof=1)), intervals.rms(errors - errors.mean())
             strict = kind == "ours_rolling" and rate == RATES[-1]
             most = OWN_GOAL_PX if strict else goal
             judged = judgement(std, interval, WHY_OWN, most=most, resolves=MARGIN * most)
@@ -134,7 +134,7 @@ def _bound_rows(mine, condition, judged):
     out = []
     for name in ("along", "across"):
         normal = column(mine, name) / np.sqrt(column(mine, "least_" + name))
-        ratio, interval = float(np.sqrt((normal**2).mean())), statistics.rms(normal)
+        ratio, interval = float(np.sqrt((normal**2).mean())), intervals.rms(normal)
         quantity = f"ours: error {name} the streak over the Cramer-Rao bound"
         found = None, ""
         if judged:
@@ -144,7 +144,7 @@ def _bound_rows(mine, condition, judged):
     nes = column(mine, "nes") / 2.0
     out.append(
         _info("ours: normalised squared error per axis (1: as the covariance says)", condition, nes.mean(),
-              statistics.mean(nes))
+              intervals.mean(nes))
     )  # fmt: skip
     return out
 

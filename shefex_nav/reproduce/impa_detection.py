@@ -22,9 +22,9 @@ from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise
 from shefex_nav.geometry.streak import place_at
 from shefex_nav.onboard.startracker import clusters
+from shefex_nav.report import intervals
 from shefex_nav.reproduce import impa_field as field
 from shefex_nav.reproduce import impa_methods as methods
-from shefex_nav.reproduce import statistics
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.published import IMPA
 from shefex_nav.reproduce.stills import electrons, still
@@ -155,7 +155,7 @@ def conclude(results):
                 value = half_found(*columns)
                 interval = None
                 if len(difference) > 1 and np.isfinite(value):
-                    interval = statistics.bootstrap(half_found, columns, rng, resamples=200)
+                    interval = intervals.bootstrap(half_found, columns, rng, resamples=200)
                     interval = tuple(model + end for end in interval)
                 judged = None, ""
                 quantity = f"{method}: faintest magnitude found in half the cases"

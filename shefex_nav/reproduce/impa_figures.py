@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from shefex_nav.report import intervals
 from shefex_nav.reproduce import impa_tables as tables
-from shefex_nav.reproduce import statistics
 from shefex_nav.reproduce.impa_field import SHUTTERS
 from shefex_nav.reproduce.impa_flight import CASES, SITUATIONS
 from shefex_nav.reproduce.published import IMPA
@@ -80,7 +80,7 @@ def _points(axis, found, rates, which, colour, style, label, with_bars=True):
             done = which({name: column[at] for name, column in found.items()})
             shown.append(rate)
             shares.append(done.mean())
-            ends.append(statistics.proportion(int(done.sum()), len(done)))
+            ends.append(intervals.proportion(int(done.sum()), len(done)))
     if shown:
         shares = np.array(shares)
         reach = 100.0 * np.abs(np.array(ends) - shares[:, None]).T

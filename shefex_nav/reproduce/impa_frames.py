@@ -11,10 +11,10 @@ import numpy as np
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.streak import place_at, seen_from_to
+from shefex_nav.report import intervals
 from shefex_nav.reproduce import impa_field as field
 from shefex_nav.reproduce import impa_flight as flight
 from shefex_nav.reproduce import impa_methods as methods
-from shefex_nav.reproduce import statistics
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.published import IMPA
 
@@ -120,7 +120,7 @@ def conclude(results):
 
 def _share(quantity, condition, k, n):
     """Row of k in n, which the paper does not give."""
-    interval = statistics.proportion(int(k), int(n))
+    interval = intervals.proportion(int(k), int(n))
     return Row(quantity, condition, None, 100.0 * k / n, tuple(100.0 * x for x in interval), None, "")
 
 

@@ -6,7 +6,7 @@ beyond that, or with the error about the boresight beyond 0.5 deg.
 
 import numpy as np
 
-from shefex_nav.reproduce import statistics
+from shefex_nav.report import intervals
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.impa_field import SHUTTERS
 from shefex_nav.reproduce.impa_flight import CASES, SITUATIONS
@@ -71,7 +71,7 @@ def _images_row(published, images, condition, share, why):
     """One cell of the tables."""
     done = (published[:, 0] > 0) & (published[:, 0] <= images) & good(published[:, 1:])
     k, n = int(done.sum()), len(done)
-    interval = statistics.proportion(k, n)
+    interval = intervals.proportion(k, n)
     judged = judgement(k / n, interval, why, least=share - POINTS, resolves=POINTS)
     quantity = f"IMPA: success within {images} images; agrees if not 10 points below"
     return Row(quantity, condition, share, k / n, interval, *judged)
@@ -109,7 +109,7 @@ def _count_row(quantity, condition, which, published, why, goal=False):
     """
     k, n = int(which.sum()), len(which)
     agrees = k == 0 if goal or published is not None else None
-    interval = tuple(n * v for v in statistics.proportion(k, n))
+    interval = tuple(n * v for v in intervals.proportion(k, n))
     return Row(quantity, condition, published, float(k), interval, agrees, why if agrees is False else "")
 
 
@@ -133,7 +133,7 @@ def own_rows(found):
                     continue
                 done = (good(own[..., 1:4]) & (own[..., 0] > 0)).any(axis=1)
                 n_done, n = int(done.sum()), len(done)
-                interval = statistics.proportion(n_done, n)
+                interval = intervals.proportion(n_done, n)
                 share, judged, quantity = None, (None, ""), "ours: success within 2 images"
                 if rate < FAST and situation in CASES:
                     share = IMPA["success_percent_by_images"][situation][shutter][2][r] / 100.0
@@ -172,7 +172,7 @@ def _sigma_rows(condition, normal):
     """Whether the covariances of our attitudes cover their errors, axis by axis. (n, 3)"""
     rows = []
     for axis in range(3 if len(normal) > 1 else 0):
-        ratio, interval = float(np.sqrt((normal[:, axis] ** 2).mean())), statistics.rms(normal[:, axis])
+        ratio, interval = float(np.sqrt((normal[:, axis] ** 2).mean())), intervals.rms(normal[:, axis])
         margin = (STD_MARGIN - 1.0) * COVERED
         judged = judgement(ratio, interval, NOT_EXPLAINED, most=COVERED, resolves=margin, refuted=True)
         quantity = f"ours: {AXES[axis]} error over its sigma, RMS; agrees if {COVERED:g} is possible"
@@ -194,7 +194,7 @@ def _std_rows(name, condition, errors, published, rate):
     for axis, value in enumerate(published):
         std, interval = (
             float(errors[:, axis].std(ddof=1)),
-            statistics.rms(errors[:, axis] - errors[:, axis].mean()),
+            intervals.rms(errors[:, axis] - errors[:, axis].mean()),
         )
         quantity, most = f"{name}: std of {AXES[axis]} [arcsec]", value
         if name == "IMPA":

@@ -10,7 +10,8 @@ from shefex_nav.geometry.rotation import dcm_from_quat, rotvec_between
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.calibrate import calibrate
-from shefex_nav.reproduce import shefex_figures, statistics
+from shefex_nav.report import intervals
+from shefex_nav.reproduce import shefex_figures
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.published import SHEFEX
 from shefex_nav.reproduce.shefex_field import (
@@ -109,7 +110,7 @@ def conclude_attitude(results):
     where = f"centroid error {CROSSING_PX} px"
     n = len(identified)
     thin = f"not explained ({n} attitudes)"
-    if n < statistics.values_needed(PERCENTILE):
+    if n < intervals.values_needed(PERCENTILE):
         thin = f"{n} attitudes do not have a {PERCENTILE}th percentile"
     fewer = _why_fewer(identified, errors[:, 1], used)
     stricter = (
@@ -131,7 +132,7 @@ def conclude_attitude(results):
 
 def _why_fewer(identified, known, used):
     """What the identification has to do with the error."""
-    if len(identified) < statistics.values_needed(PERCENTILE):
+    if len(identified) < intervals.values_needed(PERCENTILE):
         return f"{len(identified)} attitudes do not have a {PERCENTILE}th percentile"
     there = np.isfinite(identified[:, AT, 2])
     n_named, n_all = used[there, 0, AT].mean(), used[there, 1, AT].mean()
@@ -150,7 +151,7 @@ def _crossing_row(errors, what, condition, why):
     interval = None
     if len(yaw) > 1 and np.isfinite(measured):
         rng = np.random.default_rng(BOOTSTRAP_SEED)
-        interval = statistics.bootstrap(lambda x: crossing(what(x)), [yaw], rng, resamples=RESAMPLES)
+        interval = intervals.bootstrap(lambda x: crossing(what(x)), [yaw], rng, resamples=RESAMPLES)
     least, most = CROSSING_PX - NEAR_PX, CROSSING_PX + NEAR_PX
     judged = judgement(measured, interval, why, least=least, most=most, resolves=NEAR_PX)
     quantity = "centroid error where yaw passes 0.1 deg [px]"
@@ -161,7 +162,7 @@ def _percentile_row(values, axis, why):
     """97.5th percentile at the published crossing, where that of the yaw error is the limit. (n,) deg."""
     values = np.abs(values[np.isfinite(values)])
     measured = float(np.percentile(values, PERCENTILE)) if len(values) else np.nan
-    interval = statistics.percentile(values, PERCENTILE) if len(values) else None
+    interval = intervals.percentile(values, PERCENTILE) if len(values) else None
     published, judged = None, (None, "")
     if AXES[axis] == "yaw":
         published = LIMIT_DEG
@@ -177,7 +178,7 @@ def _identified_row(errors, e):
     """Share of the attitudes that the pyramid identified."""
     n_ok = int(np.isfinite(errors[:, e, 0]).sum())
     condition = f"cosError 5.5e-5, centroid error {ERRORS_PX[e]:g} px"
-    interval = statistics.proportion(n_ok, len(errors))
+    interval = intervals.proportion(n_ok, len(errors))
     return Row("identified", condition, None, n_ok / len(errors), interval, None, "")
 
 
@@ -192,7 +193,7 @@ def _ratio_row(errors):
     if len(errors) < 2:
         return Row(quantity, condition, 10, np.nan, None, None, TOO_FEW)
     rng = np.random.default_rng(BOOTSTRAP_SEED)
-    interval = statistics.bootstrap(ratio, [errors], rng, resamples=RESAMPLES)
+    interval = intervals.bootstrap(ratio, [errors], rng, resamples=RESAMPLES)
     measured, why = ratio(errors), "not explained"
     judged = judgement(measured, interval, why, least=10.0, most=100.0, resolves=RATIO_RESOLVES, refuted=True)
     return Row(quantity, condition, 10, measured, interval, *judged)
@@ -284,7 +285,7 @@ def conclude_calibration(results):
     """What the calibration finds of the true camera."""
     frames = [frame for chunk in results for frame in chunk]
     named = [frame for frame in frames if frame is not None]
-    share, interval = len(named) / len(frames), statistics.proportion(len(named), len(frames))
+    share, interval = len(named) / len(frames), intervals.proportion(len(named), len(frames))
     condition = "with the nominal focal length, 25.00 mm"
     rows = [Row("frames identified", condition, None, share, interval, None, "")]
     n_wrong = sum(frame[2] for frame in named)
@@ -317,9 +318,7 @@ def _scatter_rows(frames):
         return []
     errors = np.array([calibrated(block).camera.focal_length_px * PIXEL_MM - TRUE_MM for block in blocks])
     rms, condition = float(np.sqrt(np.mean(errors**2))), f"{len(blocks)} calibrations of {BLOCK} frames each"
-    return [
-        Row("error of the focal length, RMS [mm]", condition, None, rms, statistics.rms(errors), None, "")
-    ]
+    return [Row("error of the focal length, RMS [mm]", condition, None, rms, intervals.rms(errors), None, "")]
 
 
 EXPERIMENTS = {

@@ -64,15 +64,15 @@ def draw_cos_error(figure, results, _rows):
 
 def draw_spikes(figure, results, _rows):
     """Wrong identifications against the number of spikes (figure 9)."""
+    from shefex_nav.report import intervals
     from shefex_nav.reproduce import shefex_stars as stars
-    from shefex_nav.reproduce import statistics
 
     wrong = np.concatenate(results) == stars.WRONG_ONE
     figure.set_size_inches(7.5, 5.0)
     axis = figure.subplots()
     for c, cos_error in enumerate(stars.SPIKE_COS_ERRORS):
         k = wrong[:, :, c].sum(axis=0)
-        ends = 100.0 * np.array([statistics.proportion(int(count), len(wrong)) for count in k])
+        ends = 100.0 * np.array([intervals.proportion(int(count), len(wrong)) for count in k])
         axis.fill_between(stars.SPIKES, ends[:, 0], ends[:, 1], color=COLOURS[c], alpha=0.12, lw=0)
         rate = 100.0 * k / len(wrong)
         axis.plot(stars.SPIKES, rate, STYLES[c], ms=4, lw=1.2, color=COLOURS[c], label=f"{cos_error:g}")

@@ -14,7 +14,8 @@ from shefex_nav.geometry.shutter import row_times
 from shefex_nav.onboard.startracker import exposure, objects, streaks, tracker
 from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.records import Reason
-from shefex_nav.reproduce import end_to_end, statistics
+from shefex_nav.report import intervals
+from shefex_nav.reproduce import end_to_end
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.imaging import DETECT, SPACE
 from shefex_nav.reproduce.published import SHEFEX
@@ -135,7 +136,7 @@ def conclude(results):
                     judged = (which is enough) == (way == "as published")  # ours: all that were taken
                     rows.append(_success_row(way, rate, words, verdicts[which, w, r] == 1, judged))
         n_wrong, n = int((verdicts[:, w] == -1).sum()), verdicts[:, w].size
-        interval = statistics.proportion(n_wrong, n)
+        interval = intervals.proportion(n_wrong, n)
         agrees = n_wrong == 0 if way == "ours" else None
         why = WHY_OWN if agrees is False else ""
         rows.append(
@@ -143,7 +144,7 @@ def conclude(results):
         )
         at = exposures[:, w]
         inside = int(((at >= GOOD_S[0] - 1e-9) & (at <= GOOD_S[1] + 1e-9)).sum())
-        interval = statistics.percentile(1e3 * at, 50.0)
+        interval = intervals.percentile(1e3 * at, 50.0)
         condition = f"all rates; {inside} of {at.size} in the published range of 35 to 50 ms"
         rows.append(Row(f"{way}: exposure, median [ms]", condition, None, 1e3 * float(np.median(at)),
                         interval, None, ""))  # fmt: skip
@@ -154,7 +155,7 @@ def _success_row(way, rate, words, solved, judged):
     """Success of one chain at one rate; most is more than a half, rarely is less."""
     quantity, least, most = f"{way}: success", None, 1.0
     limits = SHEFEX["identification"]
-    measured, interval = float(solved.mean()), statistics.proportion(int(solved.sum()), len(solved))
+    measured, interval = float(solved.mean()), intervals.proportion(int(solved.sum()), len(solved))
     if way == "as published" and judged and rate <= limits["identified_up_to_deg_s"]:
         least, quantity = np.nextafter(MOSTLY, 1.0), quantity + "; published: most"
     elif way == "as published" and judged and rate > limits["rarely_above_deg_s"]:

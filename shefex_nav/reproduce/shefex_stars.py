@@ -12,7 +12,8 @@ from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import esoq2
-from shefex_nav.reproduce import shefex_figures, statistics
+from shefex_nav.report import intervals
+from shefex_nav.reproduce import shefex_figures
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.published import SHEFEX
 from shefex_nav.reproduce.shefex_field import (
@@ -77,7 +78,7 @@ def conclude_catalogue(results):
     for name in CATALOGUES:
         n_stars = np.concatenate([one[name] for one in results])
         few = int((n_stars < MIN_STARS).sum())
-        interval = statistics.proportion(few, len(n_stars))
+        interval = intervals.proportion(few, len(n_stars))
         rows.append(
             Row("fields with fewer than four stars", name, None, few / len(n_stars), interval, None, "")
         )
@@ -199,10 +200,10 @@ def _rows_at_chosen(verdict, seconds):
     conditions = [f"cosError 5.5e-5, centroid error {error_px:g} px" for error_px in CENTROID_ERRORS_PX]
     for e, condition in enumerate(conditions):
         right = int((verdict[:, e, CHOSEN] == RIGHT).sum())
-        rows.append(Row("success", condition, None, right / n, statistics.proportion(right, n), None, ""))
+        rows.append(Row("success", condition, None, right / n, intervals.proportion(right, n), None, ""))
     for e, condition in enumerate(conditions):
         ms = 1e3 * seconds[:, e, CHOSEN]
-        interval = statistics.mean(ms) if n > 1 else None
+        interval = intervals.mean(ms) if n > 1 else None
         rows.append(Row("mean time [ms]", condition, None, float(ms.mean()), interval, None, ""))
     return rows
 
@@ -212,7 +213,7 @@ def _is_lowest(seconds, best):
     if len(seconds) < 2:
         return False
     ends = (seconds[:, 0] - seconds[:, best], seconds[:, -1] - seconds[:, best])
-    return all(statistics.mean(difference)[0] > 0.0 for difference in ends)
+    return all(intervals.mean(difference)[0] > 0.0 for difference in ends)
 
 
 def _optimum(mean):
@@ -269,7 +270,7 @@ def conclude_spikes(results):
     for c, cos_error in enumerate(SPIKE_COS_ERRORS):
         for s in (0, len(SPIKES) // 2, len(SPIKES) - 1):
             condition = f"cosError {cos_error:g}, {SPIKES[s]} spikes"
-            interval = statistics.proportion(int(wrong[:, s, c].sum()), n)
+            interval = intervals.proportion(int(wrong[:, s, c].sum()), n)
             quantity = "share of wrong identifications"
             rows.append(Row(quantity, condition, None, float(rate[s, c]), interval, None, ""))
     return rows
@@ -279,7 +280,7 @@ def _rises(wrong):
     """More wrong ones with many spikes than with few: halves of the curve. (n, number of spikes) -> bool."""
     half = wrong.shape[1] // 2
     few, many = wrong[:, :half].mean(axis=1), wrong[:, half:].mean(axis=1)
-    return bool(len(wrong) > 1 and statistics.mean(many - few)[0] > 0.0)
+    return bool(len(wrong) > 1 and intervals.mean(many - few)[0] > 0.0)
 
 
 EXPERIMENTS = {

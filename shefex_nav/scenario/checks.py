@@ -7,7 +7,9 @@ from shefex_nav.scenario import (
     checks_gps,
     checks_tracker,
     checks_vehicle,
+    dispersions,
     faults,
+    requirements,
     star_statistics,
 )
 from shefex_nav.scenario.checks_flight import seconds
@@ -34,6 +36,8 @@ def cross_check(scenario, rated=None):
         *checks_tracker.contradictions(scenario),
         *star_statistics.contradictions(scenario),
         *faults.contradictions(scenario),
+        *requirements.contradictions(scenario),
+        *dispersions.contradictions(scenario),
     ]
 
 

@@ -7,7 +7,10 @@ check holds for tables in files too, and the text that a log keeps needs no othe
 import os
 from typing import NamedTuple
 
+from pydantic import ValidationError
+
 from shefex_nav.scenario import rasp, tables
+from shefex_nav.scenario.dispersions import ColumnOfFile
 from shefex_nav.scenario.document import BadText, Mark, dotted, parse
 from shefex_nav.scenario.files import Unreadable, read_text
 from shefex_nav.scenario.params_gps import ALMANAC_KEYS, ALMANAC_UNITS
@@ -31,6 +34,9 @@ def relative_to(tree, folder):
     for section, _, _ in _sections(tree):
         if isinstance(section.get(FILE), str) and section[FILE]:
             section[FILE] = os.path.join(folder, section[FILE])
+    for _, table in _tables_of_dispersions(tree):
+        if isinstance(table.get(FILE), str) and table[FILE]:
+            table[FILE] = os.path.join(folder, table[FILE])
     for key, section in ((ALMANAC, _inner(tree, "gps")), (MODEL, _inner(tree, "star_tracker"))):
         if isinstance(section.get(key), str) and section[key]:
             section[key] = os.path.join(folder, section[key])
@@ -76,7 +82,56 @@ def expand(tree, places, texts):
             inner = {(): here} | marks.get(key, {})
             places.put((*path, key), inner, inner)
     errors += _expand_almanac(tree, places, texts) + _expand_model(tree, places, texts)
+    errors += _expand_dispersions(tree, places, texts)
     return errors, rated
+
+
+def _tables_of_dispersions(tree):
+    """(name, table) of every dispersion whose table is a section, that is, names a file."""
+    for name, one in _inner(tree, "dispersions").items():
+        if isinstance(one, dict) and isinstance(one.get("table"), dict):
+            yield name, one["table"]
+
+
+def _expand_dispersions(tree, places, texts):
+    """Put columns of files in the place of what names them. -> list of (Mark, text)"""
+    errors = []
+    for name, table in _tables_of_dispersions(tree):
+        path = ("dispersions", name, "table")
+        here = places.value(path)
+        try:
+            asked = ColumnOfFile.model_validate(table)
+            text = read_text(asked.file, "a table")
+            column = tables.read(text, asked.file, (asked.column,))[asked.column]
+        except ValidationError as error:
+            errors += [
+                (places.value((*path, *inner)), f"{dotted((*path, *inner))}: {words}")
+                for inner, words in _complaints(error)
+            ]
+            continue
+        except Unreadable as error:
+            errors.append((places.value((*path, FILE)), f"{dotted((*path, FILE))}: '{asked.file}' {error}"))
+            continue
+        except BadTable as error:
+            errors += error.errors
+            continue
+        finally:
+            tree["dispersions"][name]["table"] = [0.0]  # the schema need not complain as well
+        texts[asked.file] = text
+        tree["dispersions"][name]["table"] = _quantities(column, asked.unit)
+        places.put(path, {(): here}, {(): here} | _places(column))
+    return errors
+
+
+def _complaints(error):
+    """(key, words) of what is wrong in a section that names a column of a file."""
+    for one in error.errors(include_url=False):
+        if one["type"] == "missing":
+            yield one["loc"], "is missing; expected {file: runs.csv, column: elevation_deg, unit: deg}"
+        elif one["type"] == "extra_forbidden":
+            yield one["loc"], "unknown key; known here: file, column, unit"
+        else:
+            yield one["loc"], f"expected a text, got {describe(one['input'])}"
 
 
 def _expand_almanac(tree, places, texts):

@@ -7,13 +7,15 @@ from functools import partial
 
 from pydantic import ValidationError
 
-from shefex_nav.scenario import document, expand, messages
+from shefex_nav.scenario import disperse, document, expand, fields, messages
 from shefex_nav.scenario.checks import cross_check
+from shefex_nav.scenario.dispersions import KEYS
 from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted
 from shefex_nav.scenario.files import Unreadable, read_text
 from shefex_nav.scenario.schema import Scenario
 
 EXTENDS = "extends"
+DISPERSIONS = "dispersions"  # the section whose keys are paths
 
 
 class ScenarioError(Exception):
@@ -74,21 +76,28 @@ def load_text(text, name, overrides=()):
 
 
 class Pattern:
-    """A scenario that is read once and then made again and again with other values."""
+    """A scenario with dispersions, read once and then made again and again with what was drawn."""
 
     def __init__(self, text, name):
         self._text, self._name = text, name
         self._tree, self._places = _whole(text, name)
+        self.scenario = load_text(text, name)
+        self.dispersed, _ = disperse.resolve(Scenario, self._tree, self.scenario.dispersions)
+        for one in self.dispersed:
+            fields.fill(Scenario, self._tree, one.path)
+        self._tree.pop(DISPERSIONS, None)
 
     def with_draws(self, draws):
-        """Scenario with drawn values {path: value in the unit of its dispersion}; ScenarioError as `load`."""
-        tree = copy.deepcopy(self._tree)
-        return _validated(tree, self._places.copy(), {self._name: self._text}, (), self._name)
+        """Scenario of what was drawn, {path as written: value in the unit of its dispersion}.
 
-
-def pattern(text, name):
-    """Pattern of a text that needs no other file; complaints call it `name`."""
-    return Pattern(text, name)
+        The values are checked as those of a file are; raises ScenarioError.
+        """
+        tree, places = copy.deepcopy(self._tree), self._places.copy()
+        for one in self.dispersed:
+            fields.put(tree, one.path, disperse.applied(one, draws[one.name]))
+            mark = Mark("drawn", 0, 0)
+            places.put(one.path, {(): mark}, {(): mark})
+        return _validated(tree, places, {self._name: self._text}, (), self._name)
 
 
 def _whole(text, name):
@@ -109,9 +118,10 @@ def _validated(tree, places, files, overrides, path):
     except ValidationError as error:
         found += messages.lines(Scenario, error, places)
     if not found:
+        wrong = disperse.resolve(Scenario, tree, scenario.dispersions)[1]
         found = [
             (places.value(where), f"{dotted(where)}: {words}{_whose(places.value(where), path, parents)}")
-            for where, words in cross_check(scenario, rated)
+            for where, words in [*cross_check(scenario, rated), *wrong]
         ]
     if found:
         raise _sorted_error(found) from None
@@ -262,10 +272,24 @@ def _override(tree, places, overrides):
             found.append((mark, error.args[1]))
             continue
         found += [(mark, words) for _, words in errors]
-        problem = _put(tree, name.split("."), value, mark, places)
+        problem = _put(tree, _parts(tree, name), value, mark, places)
         found += [(mark, problem)] if problem else []
     if found:
         raise _sorted_error(found)
+
+
+def _parts(tree, name):
+    """Keys of a path; below `dispersions` the path of a field is one key, as far as there is such a one."""
+    parts = name.split(".")
+    if parts[0] != DISPERSIONS or len(parts) < 3:
+        return parts
+    given = tree.get(DISPERSIONS)
+    for end in range(len(parts), 1, -1):
+        key = ".".join(parts[1:end])
+        if isinstance(given, dict) and key in given:
+            return [DISPERSIONS, key, *parts[end:]]
+    end = len(parts) - (parts[-1] in KEYS)
+    return [DISPERSIONS, ".".join(parts[1:end]), *parts[end:]]
 
 
 def _put(tree, parts, value, mark, places):

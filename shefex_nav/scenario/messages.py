@@ -53,26 +53,26 @@ def field_at(model, location):
     """(annotation, metadata) at a pydantic location inside `model`, (None, ()) if there is nothing."""
     annotation, metadata = model, ()
     for part in location:
-        annotation, metadata = _step(annotation, part)
-    return _bare(annotation, metadata)
+        annotation, metadata = step(annotation, part)
+    return bare(annotation, metadata)
 
 
-def _bare(annotation, metadata=()):
+def bare(annotation, metadata=()):
     """An annotation without Annotated and without `| None`, and what was annotated."""
     if get_origin(annotation) is Annotated:
         inner, *more = get_args(annotation)
-        return _bare(inner, (*metadata, *more))
+        return bare(inner, (*metadata, *more))
     others = [option for option in get_args(annotation) if option is not type(None)]
     if len(others) < len(get_args(annotation)) and len(others) == 1:
-        return _bare(others[0], metadata)
+        return bare(others[0], metadata)
     return annotation, metadata
 
 
-def _step(annotation, part):
+def step(annotation, part):
     """One step of a location: a key, the number of an item, or the form of a section."""
-    annotation, _ = _bare(annotation)
+    annotation, _ = bare(annotation)
     if is_tag(part):
-        return next((option for option in get_args(annotation) if Tag(part) in _bare(option)[1]), None), ()
+        return next((option for option in get_args(annotation) if Tag(part) in bare(option)[1]), None), ()
     if is_model(annotation):
         field = annotation.keys().get(part)
         return (field.annotation, tuple(field.metadata)) if field else (None, ())
@@ -160,7 +160,7 @@ def _unknown(model, location):
     """Words about a key that is not known, or not in this form of the section."""
     known = field_at(model, location[:-1])[0].keys()
     if is_tag(location[-2] if len(location) > 1 else ""):
-        forms = [_bare(option)[0] for option in get_args(field_at(model, location[:-2])[0])]
+        forms = [bare(option)[0] for option in get_args(field_at(model, location[:-2])[0])]
         if any(is_model(form) and location[-1] in form.keys() for form in forms):
             chosen = location[-2].strip("<>")
             how = "take one of the two away (null does, where a file extends another)"
@@ -183,7 +183,7 @@ def _example(model, location):
 
 def _is_form(annotation):
     """Whether an annotation is a section that comes in several forms."""
-    return any(is_model(_bare(option)[0]) for option in get_args(annotation))
+    return any(is_model(bare(option)[0]) for option in get_args(annotation))
 
 
 def _list_words(model, error, location):

@@ -118,18 +118,19 @@ class QuantitySpec:
         for word, meaning in self.words:
             if value == word:
                 return meaning
-        si = self._convert(value)
+        si = self.convert(value)
         if self.positive and not si > 0.0:
             raise refuse(f"must be greater than zero, got {quoted(value)}")
         if self.non_negative and si < 0.0:
             raise refuse(f"must not be negative, got {quoted(value)}")
-        if self.at_least is not None and si < self._convert(self.at_least):
+        if self.at_least is not None and si < self.convert(self.at_least):
             raise refuse(f"must be at least {self.at_least}, got {quoted(value)}")
-        if self.at_most is not None and si > self._convert(self.at_most):
+        if self.at_most is not None and si > self.convert(self.at_most):
             raise refuse(f"must be at most {self.at_most}, got {quoted(value)}")
         return si
 
-    def _convert(self, value):
+    def convert(self, value):
+        """Float in `self.unit`, whatever the bounds of the field are."""
         expected = f"expected a quantity such as '{self.example}'" + "".join(
             f" or '{word}'" for word, _ in self.words
         )
@@ -176,6 +177,12 @@ class QuantitySpec:
         return f"{quoted(value)} is {_dimension(unit)}, expected {expected}{hint}"
 
 
+def split(text):
+    """(number, unit as written) of a quantity that has been found good."""
+    found = _NUMBER.fullmatch(text)
+    return float(found[1]), found[2]
+
+
 def describe(value):
     """A value of the wrong kind, in words."""
     if value is None:
@@ -206,13 +213,22 @@ class NumberSpec:
         entry = {"type": "integer" if self.whole else "number", "examples": [float(self.example)]}
         return entry | ({"description": self.description} if self.description else {})
 
-    def read(self, value):
-        """The number, checked."""
+    def convert(self, value):
+        """The number, whatever the bounds of the field are."""
         kind = "a whole number" if self.whole else "a number"
-        if isinstance(value, bool) or not isinstance(value, int if self.whole else int | float):
+        if isinstance(value, bool) or not isinstance(value, int | float):
             raise refuse(f"expected {kind} without unit such as {self.example}, got {describe(value)}")
         if not abs(value) <= LARGEST:
             raise refuse(f"must be a finite number, got {quoted(value)}")
+        return value
+
+    def read(self, value):
+        """The number, checked."""
+        if self.whole and not isinstance(value, int):
+            raise refuse(
+                f"expected a whole number without unit such as {self.example}, got {describe(value)}"
+            )
+        value = self.convert(value)
         if self.positive and not value > 0:
             raise refuse(f"must be greater than zero, got {quoted(value)}")
         if self.non_negative and value < 0:

@@ -10,11 +10,13 @@ from pydantic import Field, PrivateAttr
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.camera import StarCamera
+from shefex_nav.scenario.dispersions import Campaign, Dispersions
 from shefex_nav.scenario.faults import Faults
 from shefex_nav.scenario.gps import Gps
 from shefex_nav.scenario.mission import Atmosphere, Earth, Ground, Launch, Mission, Orbit, Wind
 from shefex_nav.scenario.onboard import Log, Navigation, StarTracker
 from shefex_nav.scenario.programme import Programme
+from shefex_nav.scenario.requirements import Requirements
 from shefex_nav.scenario.sensors import Imu, PadAlignment
 from shefex_nav.scenario.vehicle import Vehicle
 
@@ -42,6 +44,14 @@ class Scenario(Block):
     navigation: Navigation
     log: Log
     faults: Faults = Field(default_factory=Faults, description="what goes wrong with the sensors")
+    requirements: Requirements = Field(
+        default_factory=Requirements, description="what a run has to achieve; a campaign counts how often"
+    )
+
+    campaign: Campaign = Field(default_factory=Campaign, description="how runs of a campaign are made")
+    dispersions: Dispersions = Field(
+        default_factory=dict, description="what differs from run to run: path of a field, and how it is drawn"
+    )
 
     _source: Any = PrivateAttr("")
     _files: tuple[tuple[str, str], ...] = PrivateAttr(())

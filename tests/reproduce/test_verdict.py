@@ -4,13 +4,13 @@ from math import inf, nan
 
 import pytest
 
-from shefex_nav.reproduce import statistics
+from shefex_nav.report import intervals
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.verdict import NO_FIGURE, POINTS, TOO_FEW, is_open, judgement
 
 
 def share(k, n, least):
-    return judgement(k / n, statistics.proportion(k, n), "because", least=least, resolves=POINTS)
+    return judgement(k / n, intervals.proportion(k, n), "because", least=least, resolves=POINTS)
 
 
 @pytest.mark.parametrize("k, n, least", [(0, 1, 0.3), (1, 1, 0.95), (0, 3, 0.3), (11, 12, 0.9), (5, 12, 0.3)])

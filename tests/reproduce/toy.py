@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shefex_nav.reproduce import statistics
+from shefex_nav.report import intervals
 from shefex_nav.reproduce.experiment import Experiment, Row
 
 
@@ -17,7 +17,7 @@ def draw_normal(samples, seed):
 
 def conclude(results):
     values = np.concatenate([values for _, values in results])
-    interval = statistics.mean(values) if len(values) > 1 else None
+    interval = intervals.mean(values) if len(values) > 1 else None
     return [
         Row("mean", "of a standard normal", 0.0, float(values.mean()), interval, True, ""),
         Row(

@@ -1,4 +1,4 @@
-"""Confidence intervals of what an experiment measures.
+"""Confidence intervals of what is estimated from independent samples.
 
 Each function returns (low, high) that contain the true value with the stated probability, by default 95 %.
 """

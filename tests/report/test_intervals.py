@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from shefex_nav.reproduce import statistics
+from shefex_nav.report import intervals
 
 
 def test_clopper_pearson_has_the_published_ends():
     # Closed forms: 0 of n ends at 1 - (alpha/2)^(1/n), n of n begins at (alpha/2)^(1/n); in between,
     # P(X >= k | low) = P(X <= k | high) = alpha/2 defines the ends.
-    assert statistics.proportion(0, 10) == pytest.approx((0.0, 0.3085), abs=5e-5)
-    assert statistics.proportion(10, 10) == pytest.approx((0.6915, 1.0), abs=5e-5)
-    low, high = statistics.proportion(97, 100)
+    assert intervals.proportion(0, 10) == pytest.approx((0.0, 0.3085), abs=5e-5)
+    assert intervals.proportion(10, 10) == pytest.approx((0.6915, 1.0), abs=5e-5)
+    low, high = intervals.proportion(97, 100)
     assert stats.binom.sf(96, 100, low) == pytest.approx(0.025, rel=1e-6)
     assert stats.binom.cdf(97, 100, high) == pytest.approx(0.025, rel=1e-6)
 
@@ -21,7 +21,7 @@ def test_clopper_pearson_has_the_published_ends():
 def test_proportion_covers_for_every_outcome(p):
     n = 200
     k = np.arange(n + 1)
-    inside = [low <= p <= high for low, high in (statistics.proportion(int(i), n) for i in k)]
+    inside = [low <= p <= high for low, high in (intervals.proportion(int(i), n) for i in k)]
     coverage = stats.binom.pmf(k, n, p)[inside].sum()  # exact, no sampling
     assert 0.95 <= coverage < 1.0
 
@@ -33,16 +33,16 @@ def test_percentile_covers_whatever_the_distribution(q):
     truth = stats.expon.ppf(q / 100.0)
     covered = 0
     for _ in range(tries):
-        low, high = statistics.percentile(rng.exponential(size=n), q)
+        low, high = intervals.percentile(rng.exponential(size=n), q)
         covered += low <= truth <= high
     # 95 % is promised, steps between order statistics give a little more; 3 sigma of the binomial below
     assert 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / tries) < covered / tries < 0.99
 
 
 def test_percentile_of_a_small_sample_says_how_many_it_needs():
-    n = statistics.values_needed(97.5)
+    n = intervals.values_needed(97.5)
     assert 0.975**n <= 0.025 < 0.975 ** (n - 1)
-    assert statistics.percentile([3.0, 1.0, 2.0], 97.5) == (2.0, 3.0)
+    assert intervals.percentile([3.0, 1.0, 2.0], 97.5) == (2.0, 3.0)
 
 
 @pytest.mark.parametrize("draw", [lambda r, n: r.normal(size=n), lambda r, n: r.laplace(size=n) / np.sqrt(2)])
@@ -51,7 +51,7 @@ def test_rms_covers_normal_and_heavy_tailed_errors(draw):
     tries = 2000
     covered = 0
     for _ in range(tries):
-        low, high = statistics.rms(draw(rng, 300))
+        low, high = intervals.rms(draw(rng, 300))
         covered += low <= 1.0 <= high  # both have unit variance
     assert 0.92 < covered / tries < 0.97
 
@@ -59,21 +59,21 @@ def test_rms_covers_normal_and_heavy_tailed_errors(draw):
 def test_mean_and_bootstrap_agree_where_both_apply():
     rng = np.random.default_rng(13)
     values = rng.gamma(3.0, size=500)
-    low, high = statistics.mean(values)
+    low, high = intervals.mean(values)
     width = high - low
-    b_low, b_high = statistics.bootstrap(np.mean, [values], np.random.default_rng(1), resamples=2000)
+    b_low, b_high = intervals.bootstrap(np.mean, [values], np.random.default_rng(1), resamples=2000)
     assert b_low == pytest.approx(low, abs=0.1 * width)
     assert b_high == pytest.approx(high, abs=0.1 * width)
 
 
 def test_one_value_says_nothing_of_its_scatter():
-    assert statistics.mean([3.0]) == (-np.inf, np.inf)
-    assert statistics.rms([3.0]) == (0.0, np.inf)
+    assert intervals.mean([3.0]) == (-np.inf, np.inf)
+    assert intervals.rms([3.0]) == (0.0, np.inf)
 
 
 def test_bootstrap_keeps_rows_together():
     x = np.arange(100.0)
-    interval = statistics.bootstrap(
+    interval = intervals.bootstrap(
         lambda a, b: float(np.max(np.abs(a - b))), [x, x], np.random.default_rng(2), resamples=20
     )
     assert interval == (0.0, 0.0)
@@ -82,10 +82,10 @@ def test_bootstrap_keeps_rows_together():
 @pytest.mark.parametrize(
     "call",
     [
-        lambda: statistics.proportion(3, 2),
-        lambda: statistics.proportion(0, 0),
-        lambda: statistics.percentile([], 50.0),
-        lambda: statistics.mean([np.nan, 1.0]),
+        lambda: intervals.proportion(3, 2),
+        lambda: intervals.proportion(0, 0),
+        lambda: intervals.percentile([], 50.0),
+        lambda: intervals.mean([np.nan, 1.0]),
     ],
 )
 def test_nonsense_is_refused(call):

@@ -1,0 +1,233 @@
+"""Which dispersion explains the results: rank correlation, a standardised regression, and what fails.
+
+An error about zero (attitude about an axis) follows a draw with its sign. The size of an error does not: it
+grows to both sides of the nominal value, which no correlation with the draw itself shows. So each draw counts
+twice, as it is and by its distance from the median of the draws (`|path|`). A draw of words becomes one
+feature of 0 and 1 for each word but the most frequent.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.campaign.over_time import holm
+
+RUNS_PER_FEATURE = 5  # a regression on fewer finds what is not there
+CONFIDENCE = 0.95
+FEWEST = 8  # runs of which a correlation is worth a test
+SIGNIFICANT = 0.05
+SAME = 1e-10  # share of a feature's variance that the others leave, below which it is one of them again
+ENTRY = "summary.navigation.at_entry"
+OUTCOMES = (  # name, columns (their norm if several), keeps its sign
+    ("attitude x at entry", (f"{ENTRY}.attitude_error_deg.0",)),
+    ("attitude y at entry", (f"{ENTRY}.attitude_error_deg.1",)),
+    ("attitude z at entry", (f"{ENTRY}.attitude_error_deg.2",)),
+    ("attitude at entry, size", tuple(f"{ENTRY}.attitude_error_deg.{k}" for k in range(3))),
+    ("position at entry, size", (f"{ENTRY}.position_error_m",)),
+    ("velocity at entry, size", (f"{ENTRY}.velocity_error_m_s",)),
+    ("attitude, rms of the run", ("summary.navigation.attitude_error_deg.rms",)),
+    ("position, rms of the run", ("summary.navigation.position_error_m.rms",)),
+    ("star fixes", ("summary.star_tracker.solved",)),
+    ("apogee", ("summary.flight.apogee_km",)),
+)
+
+
+class Feature(NamedTuple):
+    """A draw as a number."""
+
+    name: str
+    values: np.ndarray  # (N,)
+
+
+class Rank(NamedTuple):
+    """Spearman's correlation of an outcome with a feature."""
+
+    outcome: str
+    feature: str
+    rho: float
+    p: float
+    p_holm: float  # corrected for all outcomes and features
+    samples: int
+
+
+class Effect(NamedTuple):
+    """Standardised coefficient of a regression: sigmas of the outcome per sigma of the feature."""
+
+    feature: str
+    value: float
+    low: float
+    high: float
+
+
+class Regression(NamedTuple):
+    """Linear regression of an outcome on all features."""
+
+    outcome: str
+    samples: int
+    r2: float
+    r2_low: float
+    r2_high: float
+    r2_adjusted: float
+    effects: tuple  # of Effect, the largest first
+    left_out: tuple  # names of features that others determine
+
+
+class Separation(NamedTuple):
+    """How the draws of failed runs differ from the others' (Mann and Whitney)."""
+
+    feature: str
+    effect: float  # rank-biserial: 1 if every failed run drew more than every other, -1 if less
+    p_holm: float
+    failed_from: float
+    failed_to: float
+    others_from: float
+    others_to: float
+
+
+def features(draws, *, spread=True):
+    """Features of draws {path: (N,)}; constant ones are none. -> list of Feature"""
+    result = []
+    for path, values in draws.items():
+        if values.dtype == object:
+            result += _of_words(path, values)
+            continue
+        values = values.astype(float)
+        known = values[np.isfinite(values)]
+        if not len(known) or np.ptp(known) == 0.0:
+            continue
+        result.append(Feature(path, values))
+        distance = np.abs(values - np.median(known))
+        if spread and len(np.unique(distance[np.isfinite(distance)])) > 2:  # of two values it is a constant
+            result.append(Feature(f"|{path}|", distance))
+    return result
+
+
+def _of_words(path, values):
+    """One feature for each word but the most frequent."""
+    words, counts = np.unique([str(value) for value in values], return_counts=True)
+    others = np.delete(words, np.argmax(counts)).tolist()
+    return [Feature(f"{path} = {word}", (values.astype(str) == word).astype(float)) for word in others]
+
+
+def outcomes(campaign):
+    """What is to be explained: dict name -> (N,), NaN of runs without it."""
+    result = {}
+    for name, columns in OUTCOMES:
+        values = np.array([campaign.numbers(column) for column in columns])
+        one = values[0] if len(columns) == 1 else np.linalg.norm(values, axis=0)
+        one = np.where(campaign.succeeded, one, np.nan)
+        known = one[np.isfinite(one)]
+        if len(known) >= FEWEST and np.ptp(known) > 0.0:
+            result[name] = one
+    return result
+
+
+def ranks(found, features):
+    """Spearman's correlation of every outcome with every feature, the surest first: list of Rank.
+
+    found : dict name -> (N,);  features : list of Feature
+    """
+    from scipy import stats
+
+    result = []
+    for name, values in found.items():
+        for feature in features:
+            known = np.isfinite(values) & np.isfinite(feature.values)
+            x = feature.values[known]
+            if known.sum() >= FEWEST and np.ptp(x) > 0.0 and np.ptp(values[known]) > 0.0:
+                rho, p = stats.spearmanr(x, values[known])
+                result.append(Rank(name, feature.name, float(rho), float(p), 1.0, int(known.sum())))
+    corrected = holm([one.p for one in result])
+    result = [one._replace(p_holm=float(p)) for one, p in zip(result, corrected, strict=True)]
+    return sorted(result, key=lambda one: (one.p, -abs(one.rho)))
+
+
+def regress(outcome, values, features):
+    """Standardised linear regression of values (N,) on features; None if there are too few runs for it.
+
+    Intervals are those of the delta method with the influence of each run on coefficient and standard
+    deviations (robust against errors whose size depends on a draw); 95 %.
+    """
+    columns = np.array([feature.values for feature in features]).T
+    known = np.isfinite(values) & np.isfinite(columns).all(axis=1) if len(features) else np.zeros(0, bool)
+    n = int(known.sum())
+    if n < max(RUNS_PER_FEATURE * (len(features) + 1), FEWEST) or np.ptp(values[known]) == 0.0:
+        return None
+    y, x = values[known] - values[known].mean(), columns[known] - columns[known].mean(axis=0)
+    y_std, x_std = y / y.std(), x / np.where(x.std(axis=0) > 0.0, x.std(axis=0), 1.0)
+    kept = _independent(x_std)
+    names = [feature.name for feature in features]
+    fit = _standardised(y_std, x_std[:, kept])
+    effects = (Effect(names[j], *row) for j, row in zip(kept, fit.effects, strict=True))
+    left_out = tuple(name for j, name in enumerate(names) if j not in kept)
+    adjusted = 1.0 - (1.0 - fit.r2[0]) * (n - 1.0) / (n - 1.0 - len(kept))
+    ordered = tuple(sorted(effects, key=lambda effect: -abs(effect.value)))
+    return Regression(outcome, n, *fit.r2, adjusted, ordered, left_out)
+
+
+class _Fit(NamedTuple):
+    effects: list  # of (value, low, high)
+    r2: tuple  # value, low, high
+
+
+def _standardised(y, x):
+    """Fit of standardised y (n,) on standardised x (n, m)."""
+    from scipy import stats
+
+    n, m = x.shape
+    gram = x.T @ x / n
+    beta = np.linalg.solve(gram, x.T @ y / n)
+    e = y - x @ beta
+    # influence of each run on beta, and on the deviations by which it is standardised
+    influence = np.linalg.solve(gram, (x * e[:, None]).T).T + 0.5 * beta * (x**2 - (y**2)[:, None])
+    free = n - m - 1
+    t = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, free))
+    half = t * influence.std(axis=0) / np.sqrt(free)
+    r2 = 1.0 - float(e @ e) / n
+    r2_half = t * float(np.std(-(e**2) + (1.0 - r2) * y**2)) / np.sqrt(free)
+    effects = [(float(b), float(b - h), float(b + h)) for b, h in zip(beta, half, strict=True)]
+    return _Fit(effects, (r2, max(r2 - r2_half, 0.0), min(r2 + r2_half, 1.0)))
+
+
+def _independent(x):
+    """Indices of standardised columns (n, m) that those before them do not determine."""
+    kept, basis = [], np.zeros((len(x), 0))
+    for j in range(x.shape[1]):
+        rest = x[:, j] - basis @ (basis.T @ x[:, j])
+        rest = rest - basis @ (basis.T @ rest)
+        size = float(rest @ rest)
+        if size > SAME * len(x):
+            kept.append(j)
+            basis = np.column_stack([basis, rest / np.sqrt(size)])
+    return kept
+
+
+def regressions(found, draws):
+    """Regression of every outcome: on draws and their distances, or on the draws alone if runs are few."""
+    result = []
+    for name, values in found.items():
+        one = regress(name, values, features(draws)) or regress(name, values, features(draws, spread=False))
+        if one is not None:
+            result.append(one)
+    return result
+
+
+def separations(campaign):
+    """How draws tell failed runs from the others, the surest first: list of Separation; empty if none can."""
+    from scipy import stats
+
+    failed, result = ~campaign.succeeded, []
+    if not failed.any() or failed.all():
+        return result
+    for feature in features(campaign.draws):
+        known = np.isfinite(feature.values)
+        bad, good = feature.values[known & failed], feature.values[known & ~failed]
+        if not len(bad) or not len(good):
+            continue
+        u, p = stats.mannwhitneyu(bad, good)
+        effect = 2.0 * float(u) / (len(bad) * len(good)) - 1.0
+        ends = (float(end) for end in (bad.min(), bad.max(), good.min(), good.max()))
+        result.append(Separation(feature.name, effect, float(p), *ends))
+    corrected = holm([one.p_holm for one in result])
+    result = [one._replace(p_holm=float(p)) for one, p in zip(result, corrected, strict=True)]
+    return sorted(result, key=lambda one: (one.p_holm, -abs(one.effect)))

@@ -1,0 +1,246 @@
+"""How well and how often: success, percentiles, star fixes, dispersion. Runs are independent samples.
+
+Figures over time are in `over_time`, what explains them in `sensitivity`, how far one can trust them in
+`convergence`. Confidence is 95 % unless something else is said.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.report import intervals
+from shefex_nav.report.requirements import MEASURES, words
+
+QUANTILES = (50.0, 95.0, 99.0)
+CONFIDENCE = 0.95
+FLAT = 1e-9  # km; a dispersion below this is none
+ENTRY = "summary.navigation.at_entry"
+PLACE = ("latitude_deg", "longitude_deg", "altitude_km")
+
+
+class Success(NamedTuple):
+    """How many of the succeeded runs kept a requirement."""
+
+    name: str
+    limit: float | bool
+    unit: str
+    passed: int
+    of: int
+    ci95: tuple | None  # of the probability, Clopper and Pearson; None without runs
+    without: int  # of those not passed: runs that do not have the figure
+
+    @property
+    def words(self):
+        """The limit for people."""
+        return words(self.name, self.limit, self.unit)
+
+
+class Percentile(NamedTuple):
+    """A percentile of an error over the runs."""
+
+    percent: float
+    value: float
+    low: float | None  # of its 95 % interval; None where the sample is too small for that end
+    high: float | None
+
+
+class Spread(NamedTuple):
+    """Percentiles of one figure."""
+
+    name: str
+    unit: str
+    samples: int
+    percentiles: tuple  # of Percentile
+    worst: float
+    worst_run: int
+
+
+class Share(NamedTuple):
+    """A probability with its interval."""
+
+    part: int
+    whole: int
+    value: float | None
+    low: float | None
+    high: float | None
+
+
+class StarFixes(NamedTuple):
+    """What the star tracker did."""
+
+    availability: Share  # frames of the window with an attitude; the interval is over runs
+    wrong: int
+    runs_with_wrong: Share
+    most_wrong_runs: float | None  # one-sided 95 % bound of the probability of a run with a wrong fix
+    most_wrong_fixes: float | None  # likewise of a fix, had the fixes of a run nothing in common
+
+
+class Ellipse(NamedTuple):
+    """Dispersion of the true position about its mean, in local axes there."""
+
+    what: str
+    samples: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_km: float
+    offsets_km: np.ndarray  # (n, 3) north, east, up of each run
+    covariance_km2: np.ndarray  # (3, 3) north, east, up
+    semi_axes_km: tuple  # of the horizontal 95 % ellipse, the long one first
+    azimuth_deg: float  # of its long axis, from north to east, 0 to 180
+    inside: int  # runs in it
+
+
+# (name, column or columns whose largest size counts, unit)
+ERRORS = (
+    ("attitude x at entry", (f"{ENTRY}.attitude_error_deg.0",), "deg"),
+    ("attitude y at entry", (f"{ENTRY}.attitude_error_deg.1",), "deg"),
+    ("attitude z at entry", (f"{ENTRY}.attitude_error_deg.2",), "deg"),
+    ("attitude at entry, worst axis", tuple(f"{ENTRY}.attitude_error_deg.{k}" for k in range(3)), "deg"),
+    ("position at entry", (f"{ENTRY}.position_error_m",), "m"),
+    ("velocity at entry", (f"{ENTRY}.velocity_error_m_s",), "m/s"),
+    ("attitude, rms of the run", ("summary.navigation.attitude_error_deg.rms",), "deg"),
+    ("position, rms of the run", ("summary.navigation.position_error_m.rms",), "m"),
+    ("velocity, rms of the run", ("summary.navigation.velocity_error_m_s.rms",), "m/s"),
+    (
+        "star tracker across the boresight, rms",
+        ("summary.star_tracker.error_arcsec.cross_axis_rms",),
+        "arcsec",
+    ),
+)
+
+
+def successes(campaign):
+    """Success against each requirement: list of Success, in the order of the requirements."""
+    result = []
+    for column in zip(*campaign.judged, strict=True):
+        first, passed, of = column[0], sum(one.passed for one in column), len(column)
+        without = sum(one.found is None for one in column)
+        interval = intervals.proportion(passed, of)
+        result.append(Success(first.name, first.required, first.unit, passed, of, interval, without))
+    return result or _unjudged(campaign)
+
+
+def _unjudged(campaign):
+    """The requirements of a campaign of which no run succeeded."""
+    from shefex_nav.report.requirements import limits
+
+    required = limits(campaign.scenario.requirements).items()
+    return [Success(name, limit, MEASURES[name].unit, 0, 0, None, 0) for name, limit in required]
+
+
+def errors(campaign):
+    """Percentiles of the sizes of the errors over the succeeded runs that have them: list of Spread."""
+    result = []
+    for name, columns, unit in ERRORS:
+        size = np.abs(np.array([campaign.numbers(column) for column in columns])).max(axis=0)
+        known = np.isfinite(size) & campaign.succeeded
+        if known.any():
+            result.append(spread(name, unit, size[known], campaign.runs[known]))
+    return result
+
+
+def spread(name, unit, values, runs):
+    """Spread of the values (n,) of some runs (n,)."""
+    worst = int(np.argmax(values))
+    percentiles = tuple(percentile(values, percent) for percent in QUANTILES)
+    return Spread(name, unit, len(values), percentiles, float(values[worst]), int(runs[worst]))
+
+
+def percentile(values, percent, confidence=CONFIDENCE):
+    """Percentile of a sample with the interval of order statistics; an end beyond the sample is None."""
+    n, p, tail = len(values), percent / 100.0, 0.5 * (1.0 - confidence)
+    low, high = intervals.percentile(values, percent, confidence)
+    has_low, has_high = (1.0 - p) ** n <= tail, p**n <= tail
+    value = float(np.percentile(values, percent))
+    return Percentile(percent, value, low if has_low else None, high if has_high else None)
+
+
+def star_fixes(campaign):
+    """StarFixes of the succeeded runs; None if the star tracker took no frame in the window."""
+    good = campaign.succeeded
+    solved = campaign.numbers("summary.star_tracker.solved")[good]
+    frames = campaign.numbers("summary.star_tracker.in_window")[good]
+    wrong = np.nan_to_num(campaign.numbers("summary.star_tracker.wrong")[good])
+    if not np.nansum(frames):
+        return None
+    known = np.isfinite(solved) & np.isfinite(frames)
+    n, k = len(wrong), int((wrong > 0).sum())
+    runs_with_wrong = Share(k, n, k / n, *intervals.proportion(k, n))
+    return StarFixes(
+        pooled(solved[known], frames[known]),
+        int(wrong.sum()),
+        runs_with_wrong,
+        at_most(k, n),
+        at_most(int(wrong.sum()), int(np.nansum(solved))),
+    )
+
+
+def pooled(parts, wholes):
+    """Share of all parts in all wholes, of runs whose parts have something in common.
+
+    Ratio estimator over the runs (Cochran, Sampling Techniques, 3rd ed., section 6.4); its interval needs at
+    least two runs, and says nothing where every run gives the very same share.
+    """
+    part, whole, n = int(parts.sum()), int(wholes.sum()), len(parts)
+    ratio = part / whole
+    rest = parts - ratio * wholes
+    if n < 2 or not rest.any():
+        return Share(part, whole, ratio, None, None)
+    from scipy import stats
+
+    sigma = math.sqrt(n / (n - 1) * float(rest @ rest)) / whole
+    half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, n - 1)) * sigma
+    return Share(part, whole, ratio, max(ratio - half, 0.0), min(ratio + half, 1.0))
+
+
+def at_most(k, n, confidence=CONFIDENCE):
+    """One-sided upper bound of a probability after k of n; 0 of n gives nearly 3 / n, the rule of three."""
+    if n < 1:
+        return None
+    return intervals.proportion(k, n, 2.0 * confidence - 1.0)[1]
+
+
+def ellipses(campaign):
+    """Dispersion of the flights at apogee and at entry: list of Ellipse; empty if there is none."""
+    result = []
+    for what in ("apogee", "entry"):
+        names = [
+            f"summary.flight.at_{what}.{key}" for key in ("latitude_deg", "longitude_deg", "altitude_km")
+        ]
+        places = np.array([campaign.numbers(name) for name in names]).T
+        places = places[np.isfinite(places).all(axis=1) & campaign.succeeded]
+        if len(places) > 2 and (found := ellipse(what, places)) is not None:
+            result.append(found)
+    return result
+
+
+def ellipse(what, places):
+    """Ellipse of places (n, 3) latitude [deg], longitude [deg], height [km], n > 2; None if all are one.
+
+    The 95 % ellipse is the one that holds the next run with that probability if the dispersion is normal: its
+    size is Hotelling's 2 (n^2 - 1) / (n (n - 2)) F_{2, n-2}, which tends to chi-square with the number of
+    runs (Johnson, Wichern, Applied Multivariate Statistical Analysis, 6th ed., section 5.4).
+    """
+    from scipy import stats
+
+    from shefex_nav.geometry import wgs84
+
+    angles = np.radians(places[:, :2])
+    r_e = np.array([wgs84.ecef_from_geodetic(*a, 1e3 * h) for a, h in zip(angles, places[:, 2], strict=True)])
+    mean_e = r_e.mean(axis=0)
+    latitude, longitude, height = wgs84.geodetic_from_ecef(mean_e)
+    offsets = (r_e - mean_e) @ wgs84.dcm_en(latitude, longitude) / 1e3 * (1.0, 1.0, -1.0)
+    n, covariance = len(places), np.cov(offsets.T)
+    variances, axes = np.linalg.eigh(covariance[:2, :2])
+    if variances[1] < FLAT**2:
+        return None
+    scale = 2.0 * (n * n - 1.0) / (n * (n - 2.0)) * float(stats.f.ppf(CONFIDENCE, 2, n - 2))
+    along = offsets[:, :2] @ axes
+    inside = (along**2 / np.maximum(variances, FLAT**2)).sum(axis=1) <= scale
+    minor, major = np.sqrt(scale * np.maximum(variances, 0.0))
+    azimuth = math.degrees(math.atan2(axes[1, 1], axes[0, 1])) % 180.0
+    return Ellipse(
+        what, n, math.degrees(latitude), math.degrees(longitude), height / 1e3, offsets, covariance,
+        (float(major), float(minor)), azimuth, int(inside.sum()),
+    )  # fmt: skip

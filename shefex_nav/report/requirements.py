@@ -1,0 +1,125 @@
+"""Whether a run kept what its scenario requires: the section `requirements` against the summary of the run.
+
+A requirement whose figure a run does not have (no entry, no frame in the window) is not met by it: nothing
+counts as passed that was not measured.
+"""
+
+import math
+from typing import NamedTuple
+
+
+class Judged(NamedTuple):
+    """One requirement and what a run made of it."""
+
+    name: str
+    required: float | bool  # the limit, in `unit`
+    found: float | bool | None  # None: the run has no such figure
+    unit: str  # "" for counts and what is true or not
+    passed: bool
+
+
+class _Measure(NamedTuple):
+    """How a requirement is measured."""
+
+    figure: object  # function of `get`, which gives the value at a dotted path of the summary
+    unit: str
+    factor: float  # from the scenario's SI to `unit`
+    word: str  # how the limit is meant
+
+
+def _at(path):
+    return lambda get: get(path)
+
+
+def _largest(path):
+    """Largest size of the elements of a vector."""
+
+    def figure(get):
+        values = get(path)
+        return None if not values or None in values else max(abs(value) for value in values)
+
+    return figure
+
+
+def _percent(path):
+    return lambda get: None if get(path) is None else 100.0 * get(path)
+
+
+def _star_fixes(get):
+    solved, frames = get("star_tracker.solved"), get("star_tracker.in_window")
+    return 100.0 * solved / frames if frames else None
+
+
+DEG = math.degrees(1.0)
+MEASURES = {
+    "attitude_at_entry": _Measure(_largest("navigation.at_entry.attitude_error_deg"), "deg", DEG, "at most"),
+    "position_at_entry": _Measure(_at("navigation.at_entry.position_error_m"), "m", 1.0, "at most"),
+    "velocity_at_entry": _Measure(_at("navigation.at_entry.velocity_error_m_s"), "m/s", 1.0, "at most"),
+    "usable_at_entry": _Measure(_at("navigation.integrity.at_entry.usable"), "", 1.0, "is"),
+    "protection_at_entry": _Measure(
+        _largest("navigation.integrity.at_entry.protection_deg"), "deg", DEG, "at most"
+    ),
+    "misleading": _Measure(_percent("navigation.integrity.misleading_share"), "%", 100.0, "at most"),
+    "wrong_star_fixes": _Measure(_at("star_tracker.wrong"), "", 1.0, "at most"),
+    "star_fixes": _Measure(_star_fixes, "%", 100.0, "at least"),
+    "pointing_error": _Measure(_at("attitude_control.pointing_error_deg.max"), "deg", DEG, "at most"),
+    "cold_gas": _Measure(_at("attitude_control.propellant_kg"), "kg", 1.0, "at most"),
+    "apogee": _Measure(_at("flight.apogee_km"), "km", 1e-3, "at least"),
+}
+
+
+def judge(requirements, summary):
+    """Requirements of a scenario against the summary of one run.
+
+    requirements : scenario.requirements.Requirements;  summary : object of `metrics.summarise`
+    -> list of Judged, of those that are required, in the order of MEASURES
+    """
+
+    def get(path):
+        value = summary
+        for key in path.split("."):
+            value = value.get(key) if isinstance(value, dict) else None
+        return value
+
+    return judge_figures(limits(requirements), get)
+
+
+def limits(requirements):
+    """{name: limit in its unit} of what is required."""
+    wanted = {name: getattr(requirements, name) for name in MEASURES}
+    return {
+        name: _limit(value, MEASURES[name])
+        for name, value in wanted.items()
+        if value is not None and value is not False
+    }
+
+
+def _limit(value, measure):
+    """A limit in the unit in which it is shown, without the last digits of a conversion there and back."""
+    if isinstance(value, bool | int):
+        return value
+    return float(f"{value * measure.factor:.12g}")
+
+
+def judge_figures(required, get):
+    """The same of limits and of a function that gives the figure at a dotted path, None if there is none."""
+    result = []
+    for name, limit in required.items():
+        measure = MEASURES[name]
+        found = measure.figure(get)
+        result.append(Judged(name, limit, found, measure.unit, _kept(found, limit, measure.word)))
+    return result
+
+
+def _kept(found, limit, word):
+    if found is None:
+        return False
+    if word == "is":
+        return found is limit
+    return bool(found <= limit if word == "at most" else found >= limit)
+
+
+def words(name, limit, unit):
+    """A requirement for people: `at most 0.17 deg`."""
+    word = MEASURES[name].word
+    return "yes" if word == "is" else f"{word} {limit:g}{' ' if unit else ''}{unit}"

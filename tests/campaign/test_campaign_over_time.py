@@ -1,0 +1,117 @@
+"""Containment, NEES and NIS over the runs: right covariances pass, wrong ones are found."""
+
+import numpy as np
+import pytest
+import synthetic_campaign
+from scipy import stats
+
+from shefex_nav.campaign import over_time
+from shefex_nav.campaign.results import open_campaign
+
+
+def series_of(folder, n=120, **options):
+    return over_time.read(open_campaign(synthetic_campaign.write(folder, n, **options)))
+
+
+@pytest.fixture(scope="module")
+def right(tmp_path_factory):
+    return series_of(tmp_path_factory.mktemp("right") / "c", seed=4)
+
+
+@pytest.fixture(scope="module")
+def too_small(tmp_path_factory):
+    """Errors 1.3 times as large as the covariance says."""
+    return series_of(tmp_path_factory.mktemp("wrong") / "c", seed=4, truth_over_sigma=1.3)
+
+
+def test_epochs_of_all_runs_coincide(right):
+    assert right.errors.shape == (120, synthetic_campaign.T, 5, 3)
+    assert right.t_s[0] == -3.0 and np.allclose(np.diff(right.t_s), synthetic_campaign.STEP_S)
+    assert np.isfinite(right.errors).all() and not (right.phase < 0).any()
+
+
+def test_runs_of_different_length_are_put_at_their_times(tmp_path):
+    campaign = open_campaign(synthetic_campaign.write(tmp_path / "c", 3))
+    path = campaign.folder / "runs" / "000001.npz"
+    kept = campaign.series(1)
+    late = {name: values[5:30] for name, values in kept.items()}
+    np.savez_compressed(path, **late)
+    series = over_time.read(campaign)
+    assert len(series.t_s) == synthetic_campaign.T
+    assert np.isnan(series.errors[1, :5]).all() and np.isnan(series.errors[1, 30:]).all()
+    assert np.allclose(series.errors[1, 5:30, 2], kept["position_error_i"][5:30])
+    assert over_time.contained(series).runs.tolist() == [2] * 5 + [3] * 25 + [2] * 10
+    assert over_time.anees(series).dof[0] == 6
+    assert series.nis_dof["gps"].tolist() == [12.0] * 5 + [18.0] * 25 + [12.0] * 10
+
+
+def test_bounds_are_those_of_scipy(right):
+    found = over_time.contained(right)
+    p = stats.chi2.cdf(9.0, 1)
+    assert found.low[0] == stats.binom.ppf(0.005, 120, p) / 120 and found.high[0] == 1.0
+    found = over_time.anees(right)
+    assert (found.low[3], found.high[3]) == pytest.approx(stats.chi2.ppf([0.025, 0.975], 360) / 360)
+
+
+def test_a_right_covariance_passes(right):
+    assert all(one.good for one in over_time.judge_containment(right))
+    assert all(one.good for one in over_time.judge_nees(right))
+    assert all(one.good for one in over_time.judge_nis(right))
+    for block, (value, low, high) in over_time.time_averages(right).items():
+        assert low <= 1.0 <= high and low < value < high, block
+    anees, share = over_time.anees(right), over_time.contained(right).share
+    inside = (anees.mean >= anees.low[:, None]) & (anees.mean <= anees.high[:, None])
+    assert inside.mean() > 0.9  # 95 % of correlated epochs
+    assert share.mean() == pytest.approx(0.9973, abs=0.0015)
+
+
+def test_a_covariance_that_is_too_small_is_found(too_small):
+    verdicts = [
+        *over_time.judge_nees(too_small), *over_time.judge_nis(too_small)
+    ]  # fmt: skip
+    assert not any(one.good for one in verdicts)
+    assert verdicts[0].value == pytest.approx(1.69, rel=0.2) and verdicts[0].value > verdicts[0].high
+    contained = over_time.judge_containment(too_small)
+    # P(inside) is 0.979: at 120 runs some axes still pass, all together do not
+    assert sum(not one.good for one in contained) >= 3
+    for value, low, _ in over_time.time_averages(too_small).values():
+        assert low > 1.0 and value == pytest.approx(1.69, rel=0.1)
+
+
+def test_a_covariance_that_is_too_large_is_found(tmp_path):
+    careful = series_of(tmp_path / "c", seed=5, truth_over_sigma=0.75)
+    assert not any(one.good for one in over_time.judge_nees(careful))
+    assert all(one.good for one in over_time.judge_containment(careful))  # nothing is outside 3 sigma
+
+
+def test_chance_alone_seldom_fails_anything():
+    # 200 campaigns of 40 runs that are right: a judgement of five blocks fails 5 % of them, not more
+    rng = np.random.default_rng(10)
+    bad = 0
+    for _ in range(200):
+        z = rng.standard_normal((40, 1, 5, 3))
+        series = over_time.Series(
+            np.arange(40), np.zeros(1), z, np.ones_like(z), (z**2).sum(axis=3), np.full((40, 1), 2), {}, {}
+        )
+        bad += not all(one.good for one in over_time.judge_nees(series))
+    assert stats.binomtest(bad, 200, 0.05, alternative="greater").pvalue > 1e-3, bad
+
+
+def test_each_run_is_judged_at_its_own_end_of_a_phase():
+    z = np.zeros((2, 6, 5, 3))
+    z[0, 2], z[1, 4], z[1, 2] = 7.0, 2.0, 9.0  # boost ends at epoch 2 of the first run, at 4 of the other
+    phase = np.array([[1, 1, 1, 2, 2, 2], [1, 1, 1, 1, 1, 2]])
+    series = over_time.Series(
+        np.arange(2), np.arange(6.0), z, np.ones_like(z), (z**2).sum(axis=3), phase, {}, {}
+    )
+    ends = over_time.last_epochs(series)
+    assert [end.tolist() for end in ends[1]] == [[0, 1], [2, 4]]
+    assert [end.tolist() for end in ends[2]] == [[0, 1], [5, 5]]
+    boost = [one for one in over_time.judge_containment(series) if "boost" in one.what]
+    assert len(boost) == 15 and {one.value for one in boost} == {0.5}
+
+
+def test_holm_by_hand():
+    # sorted 0.005, 0.01, 0.03, 0.04 times 4, 3, 2, 1, never falling: 0.02, 0.03, 0.06, 0.06
+    assert over_time.holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert over_time.holm([0.9, 0.8]).tolist() == [1.0, 1.0]

@@ -1,0 +1,127 @@
+"""Rows, columns and digest of a campaign's table."""
+
+import copy
+import json
+import math
+
+import numpy as np
+import pytest
+import synthetic_campaign
+
+from shefex_nav.campaign import store, table
+from shefex_nav.campaign.results import open_campaign
+
+
+def records(n=6, **options):
+    return [synthetic_campaign.one_record(k, np.random.default_rng(k), **options) for k in range(n)]
+
+
+def test_scalars_and_short_vectors_are_columns():
+    row = table.row(records(1)[0])
+    assert row["run"] == 0 and row["status"] == "succeeded" and row["seed"] == 1000
+    assert 450.0 < row["draw.vehicle.payload.mass"] < 520.0
+    assert row["draw.star_tracker.detection.centroid"] in ("fit", "weighted")
+    assert row["summary.star_tracker.error_arcsec.mean.2"] == 3.0
+    assert row["summary.navigation.integrity.at_entry.usable"] is True
+    assert not any("by_rate" in name or "events" in name or name.endswith(".log") for name in row)
+
+
+def test_what_a_clock_measured_is_timing():
+    row = table.row(records(1)[0])
+    timing = {name for name in row if name.startswith("timing.")}
+    assert timing == {
+        "timing.wall_s", "timing.summary.wall_s", "timing.summary.setup_s", "timing.summary.real_time_factor",
+        "timing.summary.star_tracker.chain_ms.median", "timing.summary.star_tracker.chain_ms.p99",
+    }  # fmt: skip
+
+
+def test_digest_is_of_results_in_any_order_and_of_nothing_measured():
+    rows = [table.row(record) for record in records()]
+    first = table.digest(rows)
+    slower = copy.deepcopy(rows)
+    for row in slower:
+        row.update({name: 99.0 for name in row if name.startswith("timing.")})
+    backwards = [dict(reversed(row.items())) for row in reversed(slower)]
+    assert table.digest(backwards) == first
+    for name, value in (
+        ("seed", 7),
+        ("draw.imu.gyro.bias", 0.5),
+        ("summary.navigation.at_entry.t_s", 430.0000001),
+    ):
+        other = copy.deepcopy(rows)
+        other[3][name] = value
+        assert table.digest(other) != first, name
+    assert table.digest(rows[:-1]) != first
+
+
+def test_parquet_gives_back_the_same_digest(tmp_path):
+    rows = [table.row(record) for record in records(8, breaks=True)]
+    rows[2]["seed"] = 2**63 + 11  # a seed that no float and no int64 holds
+    rows[1]["summary.star_tracker.wrong"] = 0.5  # whole numbers and others in one column
+    table.save(list(reversed(rows)), tmp_path / "results.parquet")
+    again = table.load(tmp_path / "results.parquet")
+    assert [row["run"] for row in again] == list(range(8))
+    assert table.digest(again) == table.digest(rows)
+
+
+def test_columns_of_numbers_with_gaps_and_of_words():
+    found = table.columns(
+        [{"run": 0, "a": 1, "w": "x"}, {"run": 1, "a": None, "w": None}, {"run": 2, "a": 2.5}]
+    )
+    assert found["run"].dtype == np.int64
+    assert found["a"][0] == 1.0 and math.isnan(found["a"][1])
+    assert found["w"].tolist() == ["x", None, None]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return synthetic_campaign.write(tmp_path_factory.mktemp("campaign") / "one", 30, breaks=True)
+
+
+def test_an_unfinished_campaign_opens_and_the_finished_one_is_the_same(folder):
+    before = open_campaign(folder)
+    _, digest = store.Store(folder).tabulate(30)
+    after = open_campaign(folder)
+    assert len(before) == len(after) == 30
+    assert before.digest == after.digest == digest
+    assert before.draws.keys() == after.draws.keys()
+    assert np.array_equal(before["draw.vehicle.payload.mass"], after["draw.vehicle.payload.mass"])
+
+
+def test_a_table_that_lacks_runs_is_not_believed(folder):
+    table.save([table.row(record) for record in store.Store(folder).records(20)], folder / "results.parquet")
+    assert len(open_campaign(folder)) == 30
+
+
+def test_series_and_summary_of_one_run(folder):
+    campaign = open_campaign(folder)
+    run = int(campaign.runs[campaign.succeeded][3])
+    series = campaign.series(run)
+    assert series["position_error_i"].shape == (synthetic_campaign.T, 3)
+    assert campaign.summary(run)["star_tracker"]["by_rate"] == [{"from_deg_s": 0.0}]
+    with pytest.raises(KeyError, match="not there"):
+        campaign.summary(30)
+    with pytest.raises(KeyError, match=r"did you mean summary\.flight\.apogee_km"):
+        campaign["summary.flight.apogee_m"]
+
+
+def test_failures_are_named_and_grouped_by_what_they_say(folder):
+    campaign = open_campaign(folder)
+    failed = campaign.runs[~campaign.succeeded].tolist()
+    assert failed and [failure.run for failure in campaign.failures()] == failed
+    assert all(failure.traceback for failure in campaign.failures())
+    (cause,) = campaign.causes()  # they differ by their numbers alone
+    assert cause.runs == tuple(failed) and "more than the thrust can lift" in cause.words
+    masses = campaign.draws["vehicle.payload.mass"]
+    assert masses[~campaign.succeeded].min() > synthetic_campaign.BROKEN_MASS
+
+
+def test_what_is_no_campaign_is_refused(tmp_path):
+    with pytest.raises(store.StoreError, match=r"no campaign\.json"):
+        open_campaign(tmp_path)
+    (tmp_path / "campaign.json").write_text("{")
+    with pytest.raises(store.StoreError, match="cannot be read"):
+        open_campaign(tmp_path)
+    (tmp_path / "campaign.json").write_text(json.dumps({"format": 1, "runs": 3}))
+    with pytest.raises(store.StoreError, match="no run"):
+        open_campaign(tmp_path)

@@ -1,0 +1,65 @@
+"""Requirements against the summary of a run."""
+
+import math
+
+import pytest
+
+from shefex_nav.report import requirements
+from shefex_nav.scenario.requirements import Requirements
+
+SUMMARY = {
+    "flight": {"apogee_km": 176.2},
+    "attitude_control": None,
+    "star_tracker": {"solved": 95, "in_window": 100, "wrong": 1},
+    "navigation": {
+        "at_entry": {"attitude_error_deg": [0.1, -0.18, 0.0], "position_error_m": 99.0},
+        "integrity": {
+            "misleading_share": 0.002,
+            "at_entry": {"usable": True, "protection_deg": [0.1, 0.2, 0.1]},
+        },
+    },
+}
+
+
+def passed(**wanted):
+    (one,) = requirements.judge(Requirements(**wanted), SUMMARY)
+    return one.found, one.passed
+
+
+@pytest.mark.parametrize(
+    ("wanted", "found", "is_passed"),
+    [
+        ({"attitude_at_entry": "0.17 deg"}, 0.18, False),  # the largest of the axes, whatever its sign
+        ({"attitude_at_entry": "0.18 deg"}, 0.18, True),  # the limit itself is kept
+        ({"position_at_entry": "0.1 km"}, 99.0, True),
+        ({"usable_at_entry": True}, True, True),
+        ({"protection_at_entry": "0.15 deg"}, 0.2, False),
+        ({"misleading": "0 %"}, 0.2, False),
+        ({"misleading": "0.2 %"}, 0.2, True),
+        ({"wrong_star_fixes": 0}, 1, False),
+        ({"star_fixes": "95 %"}, 95.0, True),
+        ({"star_fixes": "95.1 %"}, 95.0, False),
+        ({"apogee": "170 km"}, 176.2, True),
+        ({"apogee": "177 km"}, 176.2, False),
+    ],
+)
+def test_limits(wanted, found, is_passed):
+    assert passed(**wanted) == (pytest.approx(found), is_passed)
+
+
+@pytest.mark.parametrize("wanted", [{"cold_gas": "5 kg"}, {"velocity_at_entry": "1 m/s"}])
+def test_what_was_not_measured_was_not_met(wanted):
+    assert passed(**wanted) == (None, False)
+
+
+def test_limits_are_shown_as_they_were_written():
+    found = requirements.limits(
+        Requirements(attitude_at_entry="0.17 deg", star_fixes="95 %", usable_at_entry=True)
+    )
+    assert found == {"attitude_at_entry": 0.17, "usable_at_entry": True, "star_fixes": 95.0}
+    assert requirements.words("attitude_at_entry", 0.17, "deg") == "at most 0.17 deg"
+
+
+def test_every_field_of_the_section_is_measured():
+    assert set(requirements.MEASURES) == set(Requirements.model_fields)
+    assert math.isclose(requirements.MEASURES["cold_gas"].factor, 1.0)
