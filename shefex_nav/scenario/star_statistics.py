@@ -21,7 +21,6 @@ def _share(words):
     return Number("1", words, non_negative=True, at_most=1.0)
 
 
-
 Terms = tuple[Number("0.001"), Number("1.2"), Number("1.2")]
 Row = tuple[Number("8"), _share("without a fix before"), _share("soon after a fix"), _share("of them wrong")]
 
@@ -37,9 +36,9 @@ class SightingsFit(Block):
         description="variance of a centroid: 1 px2, times its shot noise, times that of the background"
     )
     reported: Terms = Field(description="variance that is reported with it, likewise")
-    saturation: Quantity("electron", "1900 electron", "in one pixel: it is saturated", positive=True) | None = (
-        None
-    )
+    saturation: (
+        Quantity("electron", "1900 electron", "in one pixel: it is saturated", positive=True) | None
+    ) = None
     mean_offset: Quantity("DN", "0.1 DN", "of the mean grey value against the one expected")
 
 
@@ -116,7 +115,7 @@ def contradictions(scenario):
         words = "frames: statistical needs the file that `shefex-nav characterise` writes"
         yield ("star_tracker", "model"), words
         return
-    yield from fitness(scenario, ("star_tracker", "frames"))
+    yield from fitness(scenario)
     found = settings(scenario)
     for path, value in tracker.model.settings.items():
         if path not in found:
@@ -133,13 +132,21 @@ def contradictions(scenario):
         yield ("star_tracker", "model"), words
 
 
-def fitness(scenario, path):
-    """Why there can be no statistics for a camera or a way to search, at the field `path`."""
+def fitness(scenario):
+    """Why there can be no statistics for a scenario's camera or way to search: as `contradictions`."""
+    path = ("star_tracker", "frames")
     if scenario.star_camera.detector.shutter != "global":
         yield path, "statistics of the star tracker are of a global shutter; fly with frames: rendered"
     if scenario.star_tracker.detection.scan == "run_length":
         words = "statistics of the star tracker do not know scan: run_length; fly with frames: rendered"
         yield path, words
+
+
+def with_model(scenario, content):
+    """The same scenario with frames: statistical and the content of a file. Scenario, dict -> Scenario"""
+    model = StarStatistics.model_validate(content)
+    tracker = scenario.star_tracker.model_copy(update={"frames": "statistical", "model": model})
+    return scenario.model_copy(update={"star_tracker": tracker})
 
 
 def _holds(wanted, found):

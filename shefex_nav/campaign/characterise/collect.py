@@ -109,6 +109,16 @@ def flown(scenario, seed):
     return [(taken.get(fix.number), fix, truths[fix.number]) for fix in fixes], world
 
 
+def fixes(scenario, seed):
+    """Rows of judge.Fixes of a run, with pictures or without, as far as its last frame."""
+    records, _ = flown(scenario, seed)
+    rows = []
+    for _, fix, truth in records:
+        good = fix.reason == Reason.NONE
+        rows.append((fix.reason, fix.exposure_s, _error(fix.q_ic, truth, good), np.sqrt(np.diag(fix.P_c))))
+    return rows
+
+
 def collect(scenario, seed):
     """Fly a rendered run as far as its last frame. Scenario, int -> Collected"""
     records, world = flown(scenario, seed)

@@ -34,10 +34,10 @@ def joined(parts):
 def sightings(runs, max_rate, full_dn):
     """SightingModel of rendered runs: list of Collected, rad/s, DN."""
     sources = joined([run.sources for run in runs])
-    slow = _of_sources(runs, np.concatenate([run.frames.rate for run in runs]) <= max_rate)
+    slow = of_sources(runs, np.concatenate([run.frames.rate for run in runs]) <= max_rate)
     frames = joined([run.frames for run in runs])
     dark = frames.level_dn < WHITE_DN * full_dn
-    sources = sources._replace(clear=sources.clear & _of_sources(runs, dark))
+    sources = sources._replace(clear=sources.clear & of_sources(runs, dark))
     border_px = border(sources)
     inside = sources.border_px > border_px
     detection = odds(sources.q[sources.clear & inside], sources.found[sources.clear & inside])
@@ -57,7 +57,7 @@ def sightings(runs, max_rate, full_dn):
     )
 
 
-def _of_sources(runs, values):
+def of_sources(runs, values):
     """Values of all frames of the runs, for each of their sources."""
     begins = np.cumsum([0] + [len(run.frames.t_s) for run in runs[:-1]])
     rows = [begin + run.sources.frame for begin, run in zip(begins, runs, strict=True)]
@@ -141,7 +141,7 @@ def identification(runs, max_rate, limit_wrong):
     good = frames.reason == Reason.NONE
     if not good.any():
         raise FitError("no frame of the runs gave an attitude")
-    tracked = _of_sources(runs, good) & sources.found & (sources.hip > 0)
+    tracked = of_sources(runs, good) & sources.found & (sources.hip > 0)
     searches = joined([run.searches for run in runs])
     wrong = searches.good & (np.linalg.norm(searches.error, axis=1) > limit_wrong)
     fastest = float(frames.rate[good].max())
