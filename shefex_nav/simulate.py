@@ -59,7 +59,8 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step):
         rng=noise.generator(seed, "camera_noise"),
         take=sight.expose if sight else camera.expose,
     )
-    ways = {"context": onboard.brief_context} if sight else {}
+    brief = sight and not world.computer.tracker.vectors  # single stars are found by the prediction
+    context = onboard.brief_context if brief else onboard.star_context
     received = sorted(world.gps_fixes + world.gps_ranges, key=lambda m: m.t_available_s, reverse=True)
     steered = control_samples(world.flight.control, trajectory)[::-1]
     for n, block in enumerate(imu.blocks(world.imu), 1):
@@ -82,7 +83,7 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step):
             yield from frames
         clock = Stopwatch(sight.step if sight else step)
         chain = line.chain(clock.step)
-        computer, outputs = onboard.tick(computer, block, arrived, frames, chain=chain, **ways)
+        computer, outputs = onboard.tick(computer, block, arrived, frames, chain=chain, context=context)
         yield from outputs
         for frame, duration_s in zip(frames if not sight else (), clock.durations_s, strict=not sight):
             yield ComputeTime(now_s, frame.number, duration_s)

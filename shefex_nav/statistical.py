@@ -1,9 +1,9 @@
 """Star camera and star tracker without pictures: the second way of `simulate`.
 
-In the place of a picture the world says what its detection would find (`world.camera.sightings`); in the place
-of the search among the catalogue, fitted shares say whether the stars of the frame are identified. All that
-follows (aberration, attitude, covariance, outliers, reasons, exposure control) is the tracker's own code, with
-the same context, and its records go the same way at the same times. So the filter cannot tell the two apart.
+In the place of a picture the world says what its detection would find (`world.camera.sightings`); in the
+place of the search among the catalogue, fitted shares say whether the stars of the frame are identified. All
+that follows (aberration, attitude, covariance, outliers, reasons, exposure control) is the tracker's own
+code, and its records go the same way at the same times. So the filter cannot tell the two apart.
 """
 
 from typing import NamedTuple
@@ -145,11 +145,11 @@ class Statistical:
         reason = Reason.NONE if len(named) >= least else Reason.TOO_FEW_STARS
         return Identification(star, int(reason), np.nan), least, search.wrong[row]
 
-    def _misled(self, found, reason, solution):
+    def _misled(self, found, reason, solution, stars):
         """The result of a frame, turned away as wrong ones were."""
         turn = self.search.wrong_turns[self.rng.integers(len(self.search.wrong_turns))]
         q_ic, *rest = solution
-        return found, reason, (quat_multiply(q_ic, quat_from_rotvec(turn)), *rest)
+        return found, reason, (quat_multiply(q_ic, quat_from_rotvec(turn)), *rest), stars
 
     def _check_rate(self, truth):
         """Refuse a frame that is slow enough for an attitude and faster than any that was characterised."""

@@ -67,6 +67,9 @@ class Mission(NamedTuple):
     launch_height: float  # m, where it stands; 0 below an orbit
     camera: Pinhole  # as the on-board computer knows it
     C_bc: np.ndarray  # (3, 3) nominal mounting
+    sun_i: np.ndarray = np.full(3, np.nan)  # (3,) direction of the Sun from the Earth at t = 0
+    sun_exclusion: float = math.nan  # rad, that the camera must keep from the Sun
+    limb_exclusion: float = math.nan  # rad, and from the Earth's limb
 
 
 class RunSummary(NamedTuple):
@@ -249,13 +252,13 @@ TOPICS = (
     Topic(GateResult, "/nav/gates", "Gate", None, "t_s", "Fate of one measurement in the filter.", (
         _number("t_s", "t_s", "mission time at which it was processed [s]"),
         T_VALID,
-        _text("sensor", "sensor", "gps_position, gps_velocity or star_tracker"),
+        _text("sensor", "sensor", "gps_position, gps_velocity, star_tracker, star_vectors ..."),
         _integer("dof", "dof", "degrees of freedom"),
         _number("nis", "nis", "normalised innovation squared"),
         _number("limit", "limit", "accepted below it"),
         _flag("accepted", "accepted", "used by the filter"),
         _text("note", "note", "what else happened"),
-        _number("innovation", "innovation", "GPS: [m] or [m/s]; star tracker: [rad]", (-1,)),
+        _number("innovation", "innovation", "GPS: [m] or [m/s]; stars: [rad]", (-1,)),
     )),
     Topic(NavHealth, "/nav/health", "NavHealth", None, "t_s", "What the navigation thinks of a sensor.", (
         T_S,
@@ -292,6 +295,16 @@ TOPICS = (
         _flag("flag_saturated", "flag_saturated", "picture too bright"),
         _flag("flag_no_stars", "flag_no_stars", "fewer objects than an identification needs"),
         Field("scan", "scan", Scan, (), "how the objects were searched"),
+        _integer("star_hip", "stars.hip", "Hipparcos numbers of the m stars that may be used by themselves",
+                 (-1,)),
+        _number("star_u_c", "stars.u_c", "where the nominal camera sees them, unit vectors, m x 3", (-1, 3)),
+        _number("star_P_u_rad2", "stars.P_u",
+                "covariance of each along the cross axes e1 (camera x, made perpendicular to the star) and "
+                "e2 = u x e1 [rad^2]", (-1, 2, 2)),
+        _number("star_u_i", "stars.u_i", "where the moving vehicle sees them, inertial axes, m x 3", (-1, 3)),
+        _number("star_t_seen_s", "stars.t_seen_s", "when each was seen, from t_valid_s [s]", (-1,)),
+        _matrix("star_P_omega_c", "stars.P_omega_c",
+                "covariance of the rate that carried them to t_valid_s, camera axes [rad^2/s^2]"),
     )),
     Topic(CameraCommand, "/star_tracker/command", "CameraCommand", 10, "t_s", "Asked of the camera next.", (
         T_S,
@@ -337,6 +350,9 @@ TOPICS = (
         _number("cx_px", "camera.cx_px", "principal point [px]"),
         _number("cy_px", "camera.cy_px", "principal point [px]"),
         _matrix("C_bc", "C_bc", "nominal mounting, camera to body axes"),
+        _vector("sun_i", "sun_i", "direction of the Sun from the Earth at t = 0, inertial axes"),
+        _number("sun_exclusion_rad", "sun_exclusion", "that the camera must keep from the Sun [rad]"),
+        _number("limb_exclusion_rad", "limb_exclusion", "that it must keep from the Earth's limb [rad]"),
     )),
 )  # fmt: skip
 

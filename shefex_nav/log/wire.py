@@ -96,7 +96,7 @@ def as_stored(data, topic):
     n = len(messages[0].field) - 1 if messages else 0  # without the time stamp
     missing = topic.fields[n:]
     older = topic._replace(fields=topic.fields[:n])
-    if any(field.source not in topic.record._field_defaults for field in missing):
+    if any(field.source.partition(".")[0] not in topic.record._field_defaults for field in missing):
         return None
     return older if is_same_schema(data, older) else None
 
@@ -205,6 +205,8 @@ _PYTHON = {"double": float, "sfixed32": int, "bool": bool, "enum": int}
 
 def assemble(record, values):
     """Record from values by (dotted) attribute; an attribute without a value becomes None."""
+    if not any("." in name for name in values):
+        return record(*map(values.get, record._fields))
     arguments = []
     for name, kind in record.__annotations__.items():
         nested = {k[len(name) + 1 :]: v for k, v in values.items() if k.startswith(f"{name}.")}

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.geometry import euler, frames, rotation, wgs84
+from shefex_nav.report.pairing import same_times
 
 REPLAY_START = "replay_start"  # Event of a log whose data are not of the simulator
 LEVEL = 99.0  # %, of the interval in which the mean of a normalised innovation squared should lie
@@ -78,8 +79,15 @@ def errors(data):
     sigma_t_s : (K,) ticks that have a covariance too
     ratio : (K, 9) error over sigma
     """
-    from shefex_nav.report.metrics import same_times
+    t_s, error, index, sigma_t_s, sigma = errors_and_sigmas(data)
+    return t_s, error, sigma_t_s, error[index] / sigma
 
+
+def errors_and_sigmas(data):
+    """Errors and their sigmas of a RunData: t_s (N,), error (N, 9), index (K,), sigma_t_s (K,), sigma (K, 9).
+
+    As in `errors`; row k of the sigmas belongs to row index[k] of the errors.
+    """
     truth, nav, earth = data.truth, data.nav, data.mission.earth
     i, j = same_times(truth.t_s, nav.t_s)
     t_s = truth.t_s[i]
@@ -87,7 +95,7 @@ def errors(data):
     error = _errors_kernel(earth, t_s, *states)
     a, b = same_times(t_s, data.covariance.t_s)
     sigma = _sigmas_kernel(earth, t_s[a], *(state[a] for state in states[:3]), data.covariance.P[b])
-    return t_s, error, t_s[a], error[a] / sigma
+    return t_s, error, a, t_s[a], sigma
 
 
 @njit(cache=True)

@@ -64,11 +64,13 @@ def tracker_params(scenario, earth_velocity_i, bad_pixels):
         ),
         detect=_detect_params(scenario, bad_pixels),
         track=tracker.identification.tracking,
+        vectors=scenario.navigation.stars == "vectors",
         identify=_identify_params(scenario),
         run_length=_run_length(scenario) if tracker.detection.scan == "run_length" else None,
         exposure=_exposure_params(tracker.exposure),
         earth_velocity_i=earth_velocity_i,
         centroid_floor_px=tracker.centroid_floor,
+        sigma_focal=scenario.star_camera.optics.focal_length_error,
         outlier_sigma=tracker.outlier_sigma,
         latency_s=tracker.latency,
         max_rate=tracker.highest_rate,
@@ -193,7 +195,9 @@ def nav_params(scenario):
         clock_walk=_given(sensors.clock_random_walk, float(np.sqrt(walk))),
         range_bias_sigma=_range_bias(scenario),
         range_bias_time_s=sensors.range_bias_time,
+        gravity_sigma=navigation.gravity_error,
         gps=navigation.gps,
+        stars=navigation.stars,
     )
 
 
@@ -205,6 +209,7 @@ def _sigma_blocks(scenario):
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     roll = _given(sensors.gyro_scale_factor_roll, gyro.scale_factor_roll)
     misalignment = _given(sensors.gyro_misalignment, gyro.misalignment)
+    rectified = accelerometer.vibration_rectification * _strongest(scenario.imu.vibration) ** 2
     known = {
         "gyro_roll_column": (roll, misalignment, misalignment),
         "gyro_scale": (roll, gyro.scale_factor, gyro.scale_factor),
@@ -212,6 +217,8 @@ def _sigma_blocks(scenario):
         "gyro_g_sensitivity": (gyro.g_sensitivity,) * 9,
         "accel_scale": (accelerometer.scale_factor,) * 3,
         "accel_misalignment": (accelerometer.misalignment,) * 6,
+        "accel_rectification": (rectified,) * 3,
+        "gravity": (scenario.navigation.gravity_error,) * 3,
         "mounting": (_given(sensors.camera_mounting, _boresight_error(scenario)),) * 3,
         "lever_arm": (sensors.lever_arm_error,) * 3,
         "clock": (sensors.clock_bias, sensors.clock_drift),
@@ -314,15 +321,29 @@ def _imu_model(scenario):
         gyro_quantum=gyro.quantum,
         accel_random_walk=_given(navigation.sensors.accelerometer_random_walk, accelerometer.random_walk),
         accel_bias_walk=float(accelerometer.in_run_bias * np.sqrt(2.0 / accelerometer.in_run_bias_time)),
-        accel_cross=left("accel_scale", accelerometer.scale_factor),  # thrust acts along the roll axis
-        accel_rectification=accelerometer.vibration_rectification * strongest**2,
+        accel_scale=left("accel_scale", accelerometer.scale_factor),
+        accel_misalignment=left("accel_misalignment", accelerometer.misalignment),
+        accel_rectification=left("accel_rectification", accelerometer.vibration_rectification * strongest**2),
         accel_vibration=swing,
         thrust_threshold=navigation.thrust_threshold,
+        shake_threshold=_shake_threshold(vibration),
         thrust_time_s=navigation.thrust_memory,
-        gravity=navigation.gravity_error,
+        gravity=left("gravity", navigation.gravity_error),
         gravity_time_s=navigation.gravity_memory,
         saturated_rate=navigation.saturated_rate,
     )
+
+
+def _shake_threshold(vibration):
+    """Noise of velocity increments that tells a burning motor from coasting, m/s rms.
+
+    Half way, as levels go, between the weakest motor and coasting, of which at least a hundredth of the motor
+    is assumed. Acceleration of flat density S has the variance S dt/2 in the increment of dt.
+    """
+    weakest = min((level for level in vibration.boost if level > 0.0), default=np.inf)
+    level2 = weakest * max(vibration.coast, 0.01 * weakest)
+    width = vibration.highest_frequency - vibration.lowest_frequency
+    return float(np.sqrt(0.5 * level2 / width / IMU_RATE))
 
 
 def _swing(vibration):

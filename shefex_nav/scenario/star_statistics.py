@@ -1,7 +1,7 @@
 """Section of a scenario that a file gives: the fitted star tracker of `frames: statistical`.
 
-`shefex-nav characterise` writes the file. `settings` are those of the star camera and the star tracker that it
-was fitted to, in SI: with others it does not hold, and the scenario is refused.
+`shefex-nav characterise` writes the file. `settings` are those of the star camera and the star tracker that
+it was fitted to, in SI: with others it does not hold, and the scenario is refused.
 """
 
 from typing import Annotated, Any, Literal
@@ -78,7 +78,7 @@ Model = Annotated[
 
 
 def settings(scenario):
-    """What a fitted star tracker depends on: {path: number, text or bool}, in SI; what is not given is not."""
+    """What a fitted star tracker depends on: {path: number, text or bool}, in SI, as far as it is given."""
     tracker = scenario.star_tracker.model_dump(exclude=NOT_OF_THE_MODEL)
     found = _flat(scenario.star_camera.model_dump(), ("star_camera",)) | _flat(tracker, ("star_tracker",))
     return {path: value for path, value in found.items() if value is not None}
@@ -107,7 +107,7 @@ def digest(values):
 
 
 def contradictions(scenario):
-    """Why the statistics of the star tracker do not hold: pairs of the path of a field and text for people."""
+    """Why the statistics of the star tracker do not hold: pairs of a field's path and text for people."""
     tracker = scenario.star_tracker
     if tracker.frames != "statistical" or not tracker.enabled:
         return

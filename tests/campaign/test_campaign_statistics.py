@@ -39,7 +39,7 @@ def test_success_is_counted_over_succeeded_runs_and_has_scipy_s_interval(campaig
 def test_known_probabilities_lie_in_the_intervals(campaign):
     # attitude: three normal errors of 0.05 deg within 0.17 deg, of which x is cut at heavy masses, which is
     # a change far below the interval; star fixes: at least 950 of 1000 at 97 %
-    limit = 0.17 / synthetic_campaign.ATTITUDE_SIGMA_DEG
+    limit = success(campaign, "attitude_at_entry").limit / synthetic_campaign.ATTITUDE_SIGMA_DEG
     within = (stats.norm.cdf(limit) - stats.norm.cdf(-limit)) ** 3
     solved = stats.binom.sf(949, synthetic_campaign.FRAMES, synthetic_campaign.AVAILABILITY)
     for name, truth in (("attitude_at_entry", within), ("star_fixes", solved), ("wrong_star_fixes", 1.0)):

@@ -87,7 +87,7 @@ def odds(q, found):
 
 
 def threshold(value, above):
-    """The limit of `value` that tells best which are `above`; infinite if none is. (n,), (n,) bool -> float"""
+    """The limit of `value` that tells best which are `above`; infinite if none is. Arrays (n,) -> float"""
     if not above.any():
         return np.inf
     order = np.argsort(value)
@@ -160,8 +160,8 @@ def identification(runs, max_rate, limit_wrong):
 def table(searches, wrong):
     """Shares by the number of stars of the catalogue among the objects.
 
-    Numbers of stars are put together, from the largest down, until a row has ROW_SEARCHES searches after a fix;
-    the rest goes to the last. A row without FEW first searches takes the share of all rows above.
+    Numbers of stars are put together, from the largest down, until a row has ROW_SEARCHES searches after a
+    fix; the rest goes to the last. A row without FEW first searches takes the share of all rows above.
 
     Parameters
     ----------

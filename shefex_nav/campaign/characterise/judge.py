@@ -135,7 +135,7 @@ def fixes(rendered, statistical, limit_wrong):
 
 
 def _spread(runs, limit_wrong):
-    """Root mean square about each run's mean of the attitudes that are not wrong, and of their sigmas: (3,)."""
+    """Root mean square of attitudes that are not wrong about each run's mean, and of their sigmas: (3,)."""
     squares, variances, n = np.zeros(3), np.zeros(3), 0
     for part in runs:
         good = np.linalg.norm(part.error, axis=1) <= limit_wrong  # NaN is not

@@ -114,6 +114,38 @@ def slope_of_stars(P_before, P_after, limit, H, R, confirmed):
     return Slope(True, worst, after, left, _left_of_seen(P_before, P_after, H))
 
 
+def slope_of_vectors(layout, P_before, P_after, limit, H, R):
+    """Slope of stars that were used and gated one by one, two rows each: of the star that could do worst.
+
+    Star k passes if z_k^T S_kk^-1 z_k <= limit and moves the state by K_k z_k, K_k its columns of the gain,
+    so the worst of it about axis j is sqrt(limit (K_k S_kk K_k^T)_jj).
+
+    layout : Layout;  limit : of the gate of one star;  H, R : (2 m, n), (2 m, 2 m);  else as `slope`
+    """
+    seen = np.zeros((3, layout.n))  # what stars have misled is attitude and mounting together
+    seen[:, ATT] = np.eye(3)
+    if mounting := layout.places["mounting"]:
+        seen[:, mounting] = np.eye(3)
+    _, after, left = _slope(P_before, P_after, limit)
+    worst = _worst_star(P_before, np.ascontiguousarray(H), np.ascontiguousarray(R), limit)
+    return Slope(True, worst, after, left, _left_of_seen(P_before, P_after, seen))
+
+
+@njit(cache=True)
+def _worst_star(P, H, R, limit):
+    """What the worst star can do to the attitude, (3,) rad."""
+    PH = P @ H.T
+    S = H @ PH + R
+    K = np.linalg.solve(S, PH[ATT.start : ATT.stop].T.copy()).T
+    worst = np.zeros(3)
+    for k in range(0, H.shape[0], 2):
+        for i in range(3):
+            a, b = K[i, k], K[i, k + 1]
+            variance = a * a * S[k, k] + 2.0 * a * b * S[k, k + 1] + b * b * S[k + 1, k + 1]
+            worst[i] = max(worst[i], np.sqrt(limit * variance))
+    return worst
+
+
 def after_fix(level, found, P_now):
     """Level after a fix has been used and the time since then has been taken again.
 

@@ -68,10 +68,12 @@ def antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b):
     delay = state.gps_latency[0]
     if latency or delay:
         felt, turn = f_b + W @ swing, W @ arm_x + rotation.skew(swing)  # d(W W l) = -turn d(omega)
-        a_i = C_ib @ felt + C_ie @ gravity_j2_e(C_ei @ state.r_i)
+        a_i = C_ib @ felt + C_ie @ gravity_j2_e(C_ei @ state.r_i) + state.gravity
         J_ai = C_ib @ (J_f - turn @ J_omega)
         J_ai[:, ATT] = -C_ib @ rotation.skew(felt)
         J_ai[:, POS] = gravity_gradient(state.r_i)
+        if layout.places["gravity"]:
+            J_ai[:, layout.places["gravity"]] = np.eye(3)
         if lever:
             J_ai[:, lever] = C_ib @ W @ W
         a, J_a = (

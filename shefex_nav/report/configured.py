@@ -1,0 +1,46 @@
+"""What the scenario of a log said, as far as this version can still read it."""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+from shefex_nav.report import local_level
+
+
+class Configured(NamedTuple):
+    """Of the scenario of a run; None where it does not say, or cannot be read."""
+
+    description: str  # may be empty
+    requirements: object  # scenario.requirements.Requirements
+    attitude_rad: float | None  # largest error that may be, about each axis
+    sun_exclusion_rad: float | None
+    limb_exclusion_rad: float | None
+    problem: str  # why the scenario cannot be read; empty otherwise
+
+
+NOTHING = Configured("", None, None, None, None, "")
+
+
+def configured(data):
+    """Configured of a RunData. The scenario of a replay of external data has no such limits."""
+    text = data.mission.scenario_text
+    return NOTHING if local_level.is_replay(data) or not text.strip() else _read(text)
+
+
+@lru_cache(maxsize=4)
+def _read(text):
+    """Configured of the text of a scenario, which takes half a second."""
+    from shefex_nav.scenario import load
+
+    try:
+        scenario = load.load_text(text, "scenario.yaml")
+    except load.ScenarioError as error:
+        return NOTHING._replace(problem=str(error))
+    stray = scenario.star_camera.stray_light
+    return Configured(
+        description=scenario.mission.description,
+        requirements=scenario.requirements,
+        attitude_rad=scenario.navigation.integrity.attitude,
+        sun_exclusion_rad=stray.sun_exclusion,
+        limb_exclusion_rad=stray.earth_exclusion,
+        problem="",
+    )

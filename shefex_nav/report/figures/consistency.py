@@ -1,0 +1,189 @@
+"""Whether the filter knows how wrong it is: NEES, NIS, gates, faults noticed, protection level."""
+
+import numpy as np
+
+from shefex_nav.report import metrics, trust
+from shefex_nav.report.configured import configured
+from shefex_nav.report.figures import style
+
+LEVEL = 0.95  # of the bounds
+_BLOCKS = (("position", slice(0, 3)), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
+_DOUBTS = ((1, style.SKY, "attitude"), (2, style.RED, "contradicted"), (3, style.ORANGE, "IMU"))
+_MOST_LANES = 12
+
+
+def chi2_bounds(dof, level=LEVEL):
+    """Interval that holds a chi-square variable with a probability. Degrees of freedom -> low, high"""
+    from scipy.stats import chi2
+
+    tail = 0.5 * (1.0 - level)
+    return tuple(chi2.ppf([tail, 1.0 - tail], dof).tolist())
+
+
+def nees_of_blocks(data):
+    """NEES at the epochs of the covariance: t_s (K,), {'position', 'velocity', 'attitude', 'all': (K,)}."""
+    errors = metrics.navigation_errors(data)
+    i, j = metrics.same_times(errors.t_s, data.covariance.t_s)
+    x = np.hstack([errors.position_i[i], errors.velocity_i[i], errors.attitude_b[i]])
+    P = data.covariance.P[j]
+    out = {}
+    for name, block in (*_BLOCKS, ("all", slice(0, 9))):
+        sigma = np.sqrt(np.einsum("kii->ki", P[:, block, block]))
+        correlation = P[:, block, block] / (sigma[:, :, None] * sigma[:, None, :])
+        z = x[:, block] / sigma
+        out[name] = np.einsum("ki,ki->k", z, np.linalg.solve(correlation, z[:, :, None])[:, :, 0])
+    return errors.t_s[i], out
+
+
+@style.styled
+def nees(data):
+    """NEES of position, velocity, attitude and all nine. RunData -> Figure; None without truth."""
+    if not len(data.covariance.t_s) or not len(data.truth.t_s):
+        return None
+    t_s, values = nees_of_blocks(data)
+    if not len(t_s):
+        return None
+    words = "NEES: squared error over what the covariance says, with where 95 % of epochs should lie"
+    figure, rows = style.panels(data, len(values), words, height=1.5)
+    for axes, (name, value) in zip(rows[:, 0], values.items(), strict=True):
+        dof = 9 if name == "all" else 3
+        low, high = chi2_bounds(dof)
+        axes.axhspan(low, high, color=style.BAND, lw=0, label=f"{LEVEL:.0%} of χ² of {dof}")
+        axes.axhline(dof, color=style.BLACK, lw=0.9, ls="--", label="expected mean")
+        style.curve(axes, t_s, value, color=style.BLUE, lw=0.9, label="NEES")
+        style.log_scale(axes, bottom=min(0.03, 0.5 * low), top=max(30.0, 2.0 * float(np.nanmax(value))))
+        inside = float(np.mean((value >= low) & (value <= high)))
+        axes.set_ylabel(name)
+        axes.text(
+            0.995, 0.06, f"mean {np.mean(value):.2f}, {inside:.0%} of the epochs inside", ha="right", fontsize=9,
+            transform=axes.transAxes, bbox={"color": "white", "alpha": 0.8, "pad": 1.5},
+        )  # fmt: skip
+    style.legend(rows[0, 0], ncols=3, loc="upper right")
+    return figure
+
+
+@style.styled
+def nis(data):
+    """NIS of every measurement by sensor, its gate, and refusals. RunData -> Figure; None without gates."""
+    judged = [gate for gate in data.gates if gate.dof > 0 and np.isfinite(gate.nis)]
+    sensors = sorted({gate.sensor for gate in judged})
+    if not sensors:
+        return None
+    words = "NIS: squared surprise of each measurement, with 95 % bounds, gate and refusals"
+    figure, rows = style.panels(data, len(sensors), words, height=1.7)
+    for axes, sensor in zip(rows[:, 0], sensors, strict=True):
+        _nis_of(axes, sensor, [gate for gate in judged if gate.sensor == sensor])
+    return figure
+
+
+def _nis_of(axes, sensor, gates):
+    t_s = np.array([gate.t_valid_s for gate in gates])
+    value, limit = np.array([gate.nis for gate in gates]), np.array([gate.limit for gate in gates])
+    dof = np.array([gate.dof for gate in gates])
+    accepted = np.array([gate.accepted for gate in gates])
+    order = np.argsort(t_s, kind="stable")
+    bounds = {n: chi2_bounds(n) for n in set(dof.tolist())}
+    low, high = np.array([bounds[n] for n in dof.tolist()]).T
+    times, low, high, edge = style.gapped(t_s[order], low[order], high[order], limit[order])
+    axes.fill_between(times, low, high, color=style.BAND, lw=0, label=f"{LEVEL:.0%} of χ²")
+    axes.plot(times, edge, color=style.BLACK, lw=1.0, ls="--", label="gate")
+    style.dots(
+        axes, t_s[accepted], value[accepted], ms=3.0, color=style.BLUE, label=f"used ({accepted.sum()})"
+    )
+    if not accepted.all():
+        refused = ~accepted
+        axes.plot(
+            t_s[refused],
+            value[refused],
+            "x",
+            ms=6,
+            mew=1.6,
+            color=style.RED,
+            label=f"refused ({refused.sum()})",
+        )
+    top = float(np.nanmax(np.concatenate([value, limit[np.isfinite(limit)]])))
+    style.log_scale(axes, bottom=max(1e-3, 0.5 * float(value[value > 0].min(initial=1.0))), top=15.0 * top)
+    axes.set_ylabel(sensor.replace("_", " "))
+    mean = float(np.sum(value[accepted]) / max(np.sum(dof[accepted]), 1))
+    axes.text(
+        0.995, 0.06, f"used: mean NIS per degree of freedom {mean:.2f}", ha="right", fontsize=9,
+        transform=axes.transAxes, bbox={"color": "white", "alpha": 0.8, "pad": 1.5},
+    )  # fmt: skip
+    style.legend(axes, ncols=4, loc="upper right", markerscale=1.5)
+
+
+@style.styled
+def protection(data):
+    """Protection level and attitude error against what is required. RunData -> Figure; None without levels."""
+    nav = data.nav
+    if not len(nav.t_s) or not np.isfinite(nav.protection_b).any():
+        return None
+    errors = metrics.navigation_errors(data)
+    required = configured(data).attitude_rad
+    words = "Protection level of the attitude, against the true error and what is required"
+    figure, rows = style.panels(data, 3, words)
+    lowest = []
+    for k, axis in enumerate("xyz"):
+        axes = rows[k, 0]
+        for start, length in style.spans(nav.t_s, nav.do_not_use):
+            axes.axvspan(start, start + length, color="#eeeeee", lw=0, zorder=0)
+        style.curve(
+            axes, nav.t_s, np.degrees(nav.protection_b[:, k]), color=style.BLACK, label="protection level"
+        )
+        if len(errors.t_s):
+            error_deg = np.degrees(np.abs(errors.attitude_b[:, k]))
+            style.curve(axes, errors.t_s, error_deg, color=style.AXES[axis], lw=0.9, label="error")
+            lowest.append(float(np.quantile(error_deg, 0.05)))
+        if required is not None:
+            label = f"required, {np.degrees(required):g}°"
+            axes.axhline(np.degrees(required), color=style.RED, lw=1.3, ls="--", label=label)
+        axes.set_ylabel(f"about {axis} [deg]")
+    bottom = max(min(lowest, default=1e-3), 1e-4)
+    for axes in rows[:, 0]:
+        style.log_scale(axes, bottom=bottom, top=1.6 * axes.get_ylim()[1])
+    rows[0, 0].fill_between([], [], color="#eeeeee", label="do not use")
+    style.legend(rows[0, 0], ncols=4, loc="upper right")
+    return figure
+
+
+@style.styled
+def health(data):
+    """What was out of order or refused, a lane for each source. RunData -> Figure; None if nothing was."""
+    lanes = _lanes(data)
+    if not lanes:
+        return None
+    words = "What the navigation noticed: sensors out of use, refusals, doubts"
+    figure, rows = style.panels(data, 1, words, height=0.5 + 0.32 * len(lanes))
+    axes, end_s = rows[0, 0], style.whole(data)[1]
+    for k, (_, bars, marks, colour) in enumerate(lanes):
+        least = 0.002 * (end_s - style.whole(data)[0])
+        axes.broken_barh([(a, max(b, least)) for a, b in bars], (k - 0.32, 0.64), color=colour, lw=0)
+        axes.plot(marks, np.full(len(marks), k), "x", ms=6, mew=1.6, color=style.RED)
+    axes.set_yticks(range(len(lanes)), [lane[0] for lane in lanes], fontsize=9)
+    axes.set_ylim(len(lanes) - 0.5, -0.5)
+    return figure
+
+
+def _lanes(data):
+    """(name, bars, marks, colour) of each lane."""
+    end_s = style.whole(data)[1]
+    out = []
+    for doubt, colour, name in _DOUBTS:
+        bars = style.spans(data.nav.t_s, data.nav.doubt == doubt) if len(data.nav.t_s) else []
+        if bars:
+            out.append((f"doubt, {name}", bars, [], colour))
+    found = trust.noticed(data.health)
+    refused = {}
+    for gate in data.gates:
+        if not gate.accepted and gate.dof > 0:
+            refused.setdefault(gate.sensor, []).append(gate.t_valid_s)
+    for source in [*dict.fromkeys(entry["source"] for entry in found), *sorted(refused)]:
+        name = source.replace("_", " ")
+        if name in [lane[0] for lane in out] or len(out) == _MOST_LANES:
+            continue
+        bars = [
+            (entry["from_s"], (end_s if entry["until_s"] is None else entry["until_s"]) - entry["from_s"])
+            for entry in found if entry["source"] == source
+        ]  # fmt: skip
+        out.append((name, bars, refused.get(source, []), style.GREY))
+    return out

@@ -1,0 +1,59 @@
+"""The path of a log, truth where there is one and the estimate otherwise, and what it is drawn with."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.report import geodesic
+from shefex_nav.report.track import Track, earth_fixed
+
+PATH_POINTS = 1500  # of a drawn path
+
+
+class Path(NamedTuple):
+    """A path over m instants."""
+
+    name: str  # 'truth' or 'estimate'
+    t_s: np.ndarray  # (m,)
+    track: Track
+
+
+def path(data, most=PATH_POINTS):
+    """Path of a RunData at about so many instants, first and last among them; None without any."""
+    for name, states in (("truth", data.truth), ("estimate", data.nav)):
+        if len(states.t_s):
+            return of_states(name, data, states, most)
+    return None
+
+
+def estimate(data, most=PATH_POINTS):
+    """The estimated path; None without a solution."""
+    return of_states("estimate", data, data.nav, most) if len(data.nav.t_s) else None
+
+
+def of_states(name, data, states, most):
+    """Path of records of arrays with t_s, r_i and v_i."""
+    rows = np.unique(np.linspace(0, len(states.t_s) - 1, min(most, len(states.t_s))).astype(int))
+    chosen = states._make(np.ascontiguousarray(values[rows]) for values in states)
+    return Path(name, chosen.t_s, earth_fixed(data.mission.earth, chosen))
+
+
+def along_ground(track):
+    """Distance along the ground track since its first point: (m,) m on the ellipsoid."""
+    steps = [0.0]
+    latitude, longitude = track.latitude.tolist(), track.longitude.tolist()
+    for k in range(1, len(latitude)):
+        steps.append(geodesic.distance(latitude[k - 1], longitude[k - 1], latitude[k], longitude[k]))
+    return np.cumsum(steps)
+
+
+def event_names(events):
+    """Events of one instant together: list of (t_s, altitude_m, 'name, name')."""
+    out = []
+    for event in events:
+        name = event.name.replace("_", " ")
+        if out and abs(out[-1][0] - event.t_s) < 0.05:
+            out[-1] = (*out[-1][:2], f"{out[-1][2]}, {name}")
+        else:
+            out.append((event.t_s, event.altitude_m, name))
+    return out

@@ -1,0 +1,84 @@
+"""What the IMU and the GPS receiver said."""
+
+import numpy as np
+
+from shefex_nav.report.figures import style
+
+_GEE = 9.80665
+
+
+@style.styled
+def imu(data):
+    """Specific force and rate as measured, each block averaged, and blocks at the end of the range or silent.
+
+    RunData -> Figure; None without IMU samples.
+    """
+    blocks = data.imu
+    if not len(blocks.t_valid_s):
+        return None
+    duration = blocks.dt_s * blocks.dtheta_b.shape[1]
+    force = blocks.dv_b.sum(axis=1) / duration[:, None] / _GEE
+    rate = np.degrees(blocks.dtheta_b.sum(axis=1) / duration[:, None])
+    words = "IMU as measured: specific force and rates, means of each block"
+    figure, rows = style.panels(data, 4, words, height=1.5)
+    _along_and_across(rows[0, 0], rows[1, 0], blocks.t_valid_s, force, "gee")
+    _along_and_across(rows[2, 0], rows[3, 0], blocks.t_valid_s, rate, "deg/s")
+    rows[0, 0].set_ylabel("force, x\n[gee]")
+    rows[1, 0].set_ylabel("force, y z\n[gee]")
+    rows[2, 0].set_ylabel("rate, x\n[deg/s]")
+    rows[3, 0].set_ylabel("rate, y z\n[deg/s]")
+    for flags, colour, name in (
+        (blocks.saturated, style.ORANGE, "saturated"),
+        (~blocks.valid, style.RED, "silent"),
+    ):
+        for start, length in style.spans(blocks.t_valid_s, flags):
+            for axes in rows[:, 0]:
+                axes.axvspan(start, start + length, color=colour, alpha=0.4, lw=0, label=name)
+                name = None
+    style.legend(rows[1, 0], ncols=4, loc="upper right")
+    return figure
+
+
+def _along_and_across(along, across, t_s, values, unit):
+    style.curve(along, t_s, values[:, 0], color=style.BLUE, lw=0.9)
+    for k, axis in ((1, "y"), (2, "z")):
+        style.curve(
+            across, t_s, values[:, k], color=style.AXES[axis], lw=0.8, ls=style.DASHES[axis] if k == 1 else "-",
+            alpha=0.85, label=axis,
+        )  # fmt: skip
+
+
+@style.styled
+def gps(data):
+    """Satellites, dilution of precision and loss of the fix. RunData -> Figure; None without GPS."""
+    fixes = data.gps
+    if not fixes:
+        return None
+    t_s = np.array([fix.t_valid_s for fix in fixes])
+    valid = np.array([fix.valid for fix in fixes])
+    figure, rows = style.panels(
+        data, 3, "GPS: satellites, geometry, and the accuracy the receiver claims", height=1.5
+    )
+    satellites = np.array([fix.n_satellites for fix in fixes], dtype=float)
+    style.curve(rows[0, 0], t_s, satellites, color=style.BLUE, drawstyle="steps-mid")
+    rows[0, 0].set_ylabel("satellites\nused")
+    rows[0, 0].set_ylim(bottom=0.0)
+    pdop = np.where(valid, [fix.pdop for fix in fixes], np.nan)
+    rows[1, 0].plot(t_s, pdop, ".-", ms=3, lw=0.8, color=style.BLUE)
+    rows[1, 0].set_ylabel("PDOP")
+    rows[1, 0].set_ylim(bottom=0.0)
+    sigma = np.array(
+        [np.sqrt(max(float(np.trace(fix.R_r_e)), 0.0)) if fix.valid else np.nan for fix in fixes]
+    )
+    rows[2, 0].plot(t_s, sigma, ".-", ms=3, lw=0.8, color=style.BLUE)
+    rows[2, 0].set_ylabel("position\nσ, 3D [m]")
+    rows[2, 0].set_ylim(bottom=0.0)
+    first = True
+    for start, length in style.spans(t_s, ~valid):
+        for axes in rows[:, 0]:
+            axes.axvspan(
+                start, start + length, color=style.ORANGE, alpha=0.3, lw=0, label="no fix" if first else None
+            )
+            first = False
+    style.legend(rows[0, 0], loc="lower right")
+    return figure

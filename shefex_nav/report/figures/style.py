@@ -1,0 +1,296 @@
+"""What all figures have in common: colours, fonts, panels over mission time, and how they are written.
+
+Figures are matplotlib `Figure` objects of their own, no state of pyplot is touched, and matplotlib is imported
+when one is drawn. Colours are those of Okabe and Ito (Color Universal Design, 2008), told apart with every
+kind of colour vision; where curves share a panel, they differ in their lines as well.
+"""
+
+import re
+from functools import wraps
+from io import BytesIO
+
+import numpy as np
+
+from shefex_nav.records import Phase
+
+BLACK, GREY = "#000000", "#767676"
+ORANGE, SKY, GREEN, YELLOW = "#e69f00", "#56b4e9", "#009e73", "#f0e442"
+BLUE, RED, PURPLE = "#0072b2", "#d55e00", "#cc79a7"
+BAND = "#cfe3f1"  # of sigmas and of bounds
+AXES = dict(zip("xyz", (BLUE, RED, GREEN), strict=True))
+DASHES = dict(zip("xyz", ("-", "--", "-."), strict=True))
+PHASES = {  # lightness alone tells neighbours apart
+    Phase.PAD: "#bdbdbd", Phase.BOOST: RED, Phase.COAST: SKY, Phase.MANOEUVRE: YELLOW,
+    Phase.POINTING: GREEN, Phase.DESCENT: BLUE, Phase.PARACHUTE: PURPLE, Phase.ORBIT: SKY,
+    Phase.GROUND: "#bdbdbd",
+}  # fmt: skip
+_DARK = {Phase.BOOST, Phase.POINTING, Phase.DESCENT}  # white letters on these
+
+WIDTH = 11.0  # inches: on a page of 1280 px letters are a little larger than in print
+_FEW_DOTS = 200
+_DIGITS = re.compile(rb"(\.\d\d)\d+")  # of coordinates in 1/72 inch, where two are plenty
+_GAP = 8.0  # steps without a sample are a gap
+_DPI = 160  # of pictures within figures
+MOST_POINTS = 1200  # of a curve over the whole width, about: one for each dot of a screen
+STYLE = {
+    "font.family": ["DejaVu Sans"],
+    "font.size": 11.0,
+    "axes.titlesize": 12.0,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 11.0,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.useoffset": False,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.7,
+    "legend.fontsize": 10.0,
+    "legend.frameon": True,
+    "legend.framealpha": 0.9,
+    "legend.edgecolor": "#dddddd",
+    "lines.linewidth": 1.3,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "shefex_nav",
+}
+
+
+def styled(draw):
+    """Decorator: the function draws and writes with STYLE, whatever the user's own settings are."""
+
+    @wraps(draw)
+    def wrapper(*args, **kwargs):
+        from matplotlib import style
+
+        with style.context(["default", STYLE]):
+            return draw(*args, **kwargs)
+
+    return wrapper
+
+
+def figure(height, width=WIDTH):
+    """An empty Figure, sizes in inches. Axes are put at fixed places: a layout engine costs half the time."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height))
+
+
+def title(figure, text):
+    """The one line above a figure that says what is seen."""
+    y = 1.0 - 0.08 / figure.get_figheight()
+    figure.text(0.01, y, text, ha="left", va="top", fontsize=14, fontweight="bold")
+
+
+def grid(figure, heights, *, columns=1, gap=0.24, left=1.02, right=0.15, top=0.5, bottom=0.55, between=0.85):
+    """GridSpec with everything in inches: heights of the rows, gaps, margins."""
+    width, height = figure.get_size_inches()
+    each = (width - left - right - (columns - 1) * between) / columns
+    mean = float(np.mean(heights))
+    return figure.add_gridspec(
+        len(heights), columns, height_ratios=heights, hspace=gap / mean, wspace=between / each,
+        left=left / width, right=1.0 - right / width, top=1.0 - top / height, bottom=bottom / height,
+    )  # fmt: skip
+
+
+def single(height, text):
+    """Figure with one Axes: (Figure, Axes)."""
+    drawn = figure(height)
+    axes = drawn.add_subplot(grid(drawn, [height - 1.05], left=0.8)[0, 0])
+    title(drawn, text)
+    return drawn, axes
+
+
+def panels(data, n, text, *, columns=1, height=1.75, heads=None, spans_s=None):
+    """Figure of n panels over mission time below a strip of the mission's phases.
+
+    text : title;  height : inches of a panel;  heads : title of each column;  spans_s : (start, end) of the
+    time axis of each column, else that of the log. Returns Figure, (n, columns) array of Axes.
+    """
+    spans_s = spans_s or [whole(data)] * columns
+    has_phases = len(data.truth.t_s) > 0
+    heights = [0.24] * has_phases + [height] * n
+    gap, top = 0.24, 0.5 + (0.28 if heads else 0.0)
+    drawn = figure(top + 0.55 + sum(heights) + gap * (len(heights) - 1))
+    spec = grid(drawn, heights, columns=columns, gap=gap, top=top)
+    rows = np.empty((n, columns), dtype=object)
+    for c in range(columns):
+        for k in range(n):
+            rows[k, c] = drawn.add_subplot(spec[k + has_phases, c], sharex=rows[0, c] if k else None)
+            rows[k, c].tick_params(labelbottom=k == n - 1, bottom=k == n - 1)
+            rows[k, c].yaxis.set_label_coords(-0.6 / _width_of(rows[k, c]), 0.5)
+        if has_phases:
+            strip = drawn.add_subplot(spec[0, c], sharex=rows[0, c])
+            phase_strip(strip, data, spans_s[c])
+        if heads:
+            (strip if has_phases else rows[0, c]).set_title(heads[c], pad=7)
+        rows[-1, c].set_xlabel("time from lift-off [s]")
+        rows[0, c].set_xlim(*spans_s[c])
+    title(drawn, text)
+    return drawn, rows
+
+
+def whole(data):
+    """Mission time of the first and the last sample of truth, or of the estimate."""
+    t_s = data.truth.t_s if len(data.truth.t_s) else data.nav.t_s
+    if not len(t_s):
+        return data.mission.start_s, data.mission.start_s + 1.0
+    return float(t_s[0]), max(float(t_s[-1]), float(t_s[0]) + 1e-2)
+
+
+def around(t_s):
+    """A span of time a little wider than sorted times."""
+    margin = max(1.0, 0.02 * float(t_s[-1] - t_s[0]))
+    return float(t_s[0]) - margin, float(t_s[-1]) + margin
+
+
+def _width_of(axes):
+    """Width of an Axes in inches."""
+    return axes.get_position().width * axes.figure.get_figwidth()
+
+
+def event_lines(axes, data):
+    """A thin line at each event."""
+    axes.vlines(
+        [event.t_s for event in data.events], 0.0, 1.0, transform=axes.get_xaxis_transform(), colors="#999999",
+        lw=0.5, ls=":", zorder=0,
+    )  # fmt: skip
+
+
+def log_scale(axes, bottom=None, top=None):
+    """Logarithmic y axis with its numbers written out."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+    axes.set_yscale("log")
+    axes.set_ylim(bottom, top)
+    low, high = axes.get_ylim()
+    decades = np.log10(high / low)
+    axes.yaxis.set_major_locator(LogLocator(10.0, numticks=8))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    if decades > 1.5:
+        axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def phase_pieces(truth):
+    """(Phase, slice of the samples) of every phase in turn. TruthSample of arrays -> list"""
+    if not len(truth.t_s):
+        return []
+    bounds = [0, *(np.flatnonzero(np.diff(truth.phase)) + 1).tolist(), len(truth.t_s)]
+    return [(Phase(int(truth.phase[a])), slice(a, b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+
+
+def phase_strip(axes, data, span_s):
+    """Bars of the phases of the mission, named where there is room between the ends of span_s."""
+    t_s = data.truth.t_s
+    axes.set_ylim(0.0, 1.0)
+    axes.axis("off")
+    per_inch = (span_s[1] - span_s[0]) / _width_of(axes)
+    for phase, piece in phase_pieces(data.truth):
+        start, end = float(t_s[piece.start]), float(t_s[min(piece.stop, len(t_s) - 1)])
+        axes.broken_barh([(start, end - start)], (0.0, 1.0), color=PHASES[phase], lw=0)
+        start, end = max(start, span_s[0]), min(end, span_s[1])
+        name = phase.name.lower()
+        if (end - start) / per_inch > 0.08 * len(name) + 0.05:
+            colour = "white" if phase in _DARK else "black"
+            middle = 0.5 * (start + end)
+            axes.text(middle, 0.45, name, ha="center", va="center", fontsize=9, color=colour, clip_on=True)
+
+
+def envelope(values, most=MOST_POINTS):
+    """Indices of the samples that a curve needs: the least and the largest of every stretch, the two ends.
+
+    A curve through them covers what that through all samples covers, at a resolution of most / 2 stretches;
+    averages would flatter. (n,) -> (m,) ascending, m <= most + 2; all of them where n is small.
+    """
+    n = len(values)
+    if n <= most:
+        return np.arange(n)
+    stretch = -(-n // (most // 2))
+    full = n // stretch * stretch
+    blocks = np.asarray(values[:full], dtype=float).reshape(-1, stretch)
+    known = np.isfinite(blocks)
+    least = np.argmin(np.where(known, blocks, np.inf), axis=1)
+    largest = np.argmax(np.where(known, blocks, -np.inf), axis=1)
+    first = np.arange(len(blocks)) * stretch
+    rest = np.asarray(values[full:], dtype=float)
+    tail = [full + int(f(rest)) for f in (np.argmin, np.argmax)] if len(rest) else []
+    return np.unique(np.concatenate([[0, n - 1], first + least, first + largest, tail]).astype(int))
+
+
+def gapped(t_s, *values):
+    """The same series with a NaN wherever the time leaps, so that no line is drawn across."""
+    steps = np.diff(t_s)
+    leaps = np.flatnonzero(steps > _GAP * max(np.median(steps), 1e-9)) + 1 if len(steps) > 2 else []
+    return tuple(np.insert(np.asarray(v, dtype=float), leaps, np.nan) for v in (t_s, *values))
+
+
+def curve(axes, t_s, values, **kwargs):
+    """Plot a curve through the samples of `envelope`, interrupted where the samples are. Line2D"""
+    t_s, values = gapped(t_s, values)
+    shown = envelope(values, _points(axes))
+    return axes.plot(t_s[shown], values[shown], **kwargs)[0]
+
+
+def _points(axes):
+    """How many points a curve needs in an Axes."""
+    return max(2, int(MOST_POINTS * _width_of(axes) / (WIDTH - 1.2)))
+
+
+def dots(axes, x, y, **kwargs):
+    """Plot points; many of them are a picture within the figure, or it would be megabytes. Line2D"""
+    many = len(x) > _FEW_DOTS
+    return axes.plot(x, y, ".", rasterized=many, **{"ms": 2.5, **kwargs})[0]
+
+
+def band(axes, t_s, sigma, *, centre=0.0, label="±3 σ", n_sigma=3.0):
+    """Band of n_sigma about a centre (number or (n,)); gaps where the sigma is NaN or the time leaps."""
+    t_s, sigma, middle = gapped(t_s, sigma, np.broadcast_to(centre, np.shape(sigma)))
+    shown = envelope(sigma, _points(axes) // 2)
+    t_s, low, high = t_s[shown], (middle - n_sigma * sigma)[shown], (middle + n_sigma * sigma)[shown]
+    axes.fill_between(t_s, low, high, color=BAND, lw=0, label=label)
+    edges = np.concatenate([low, [np.nan], high])
+    axes.plot(np.concatenate([t_s, [np.nan], t_s]), edges, color=BLUE, lw=0.5, alpha=0.6, label="_edges")
+
+
+def legend(axes, **kwargs):
+    """Legend of the labelled things, if there are any."""
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(**{"loc": "best", "borderaxespad": 0.3, **kwargs})
+
+
+def limits(axes, values, *, margin=0.08, least=0.0, head=0.0):
+    """Limits of the y axis around finite values.
+
+    least : smallest height shown;  head : room above for a legend, over the height
+    """
+    known = np.concatenate([np.ravel(v) for v in values])
+    known = known[np.isfinite(known)]
+    if not len(known):
+        return
+    low, high = float(known.min()), float(known.max())
+    pad = margin * (high - low) + 0.5 * max(least - (high - low), 0.0) or 1.0
+    axes.set_ylim(low - pad, high + pad + head * (high - low + 2.0 * pad))
+
+
+def spans(t_s, flags):
+    """Intervals in which samples are flagged: list of (start, length) for broken_barh. (n,), (n,) bool"""
+    if not len(t_s) or not np.any(flags):
+        return []
+    step = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
+    changed = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, dtype=np.int8), [0]])))
+    starts, ends = changed[::2], changed[1::2]
+    return [(float(t_s[a]), float(t_s[b - 1] - t_s[a]) + step) for a, b in zip(starts, ends, strict=True)]
+
+
+@styled
+def svg(figure):
+    """A figure as an SVG text: bytes, the same for the same figure; letters are outlines, no font is needed."""
+    out = BytesIO()
+    figure.savefig(out, format="svg", dpi=_DPI, metadata={"Date": None})
+    return re.sub(rb' d="[^"]*"', lambda found: _DIGITS.sub(rb"\1", found.group()), out.getvalue())
+
+
+@styled
+def save(figure, path, dpi=150):
+    """Write a figure; the ending of the name says how (.png, .svg, .pdf)."""
+    figure.savefig(path, dpi=dpi)

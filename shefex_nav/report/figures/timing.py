@@ -1,0 +1,36 @@
+"""How long the computations took."""
+
+import numpy as np
+
+from shefex_nav.report.figures import style
+
+
+@style.styled
+def chain(data):
+    """Time of the star tracker's chain, frame by frame and as a share. RunData -> Figure; None without frames."""
+    times = data.compute_times
+    chosen = np.isfinite(times.chain_s) & (times.chain_s > 0.0)
+    if not chosen.any():
+        return None
+    t_s, chain_ms = times.t_s[chosen], 1e3 * times.chain_s[chosen]
+    figure = style.figure(3.8)
+    style.title(figure, "Time that the star tracker's chain took for a frame")
+    spec = style.grid(figure, [2.6], columns=2, left=0.9, between=0.8)
+    over_time, share = figure.add_subplot(spec[0, 0]), figure.add_subplot(spec[0, 1])
+    style.dots(over_time, t_s, chain_ms, color=style.BLUE)
+    style.log_scale(over_time)
+    over_time.set_xlabel("time from lift-off [s]")
+    over_time.set_ylabel("time [ms]")
+    ordered = np.sort(chain_ms)
+    percent = 100.0 * np.arange(1, len(ordered) + 1) / len(ordered)
+    shown = style.envelope(ordered)
+    share.plot(ordered[shown], percent[shown], color=style.BLUE, drawstyle="steps-post")
+    median, p99 = np.percentile(chain_ms, [50, 99])
+    for value, name, dashes in ((median, "median", "--"), (p99, "99 %", ":")):
+        share.axvline(value, color=style.BLACK, lw=1.0, ls=dashes, label=f"{name}: {value:.2f} ms")
+    share.set_xlim(0.0, 1.3 * float(np.percentile(chain_ms, 99.5)))
+    share.set_ylim(0.0, 100.5)
+    share.set_xlabel("time [ms]")
+    share.set_ylabel("frames done [%]")
+    share.legend(loc="lower right")
+    return figure

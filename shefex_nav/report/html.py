@@ -1,0 +1,71 @@
+"""Pieces of an HTML page. Every text that is not written here is escaped here."""
+
+import base64
+from html import escape
+from typing import NamedTuple
+
+
+class Safe(NamedTuple):
+    """HTML that has been made by this module."""
+
+    html: str
+
+
+def text(value):
+    """A text as HTML; what is Safe already stays as it is. -> str"""
+    return value.html if isinstance(value, Safe) else escape(str(value), quote=True)
+
+
+def element(tag, *children, **attributes):
+    """An element with children (texts or Safe); `class_` is the attribute class. -> Safe"""
+    written = "".join(
+        f' {name.rstrip("_").replace("_", "-")}="{escape(str(v), quote=True)}"'
+        for name, v in attributes.items()
+    )
+    return Safe(f"<{tag}{written}>{''.join(text(child) for child in children)}</{tag}>")
+
+
+def join(parts):
+    """Parts (texts or Safe) one after the other."""
+    return Safe("\n".join(text(part) for part in parts))
+
+
+def table(caption, heads, rows, numbers=()):
+    """A table; the first cell of a row is its head, `numbers` are the columns set to the right. -> Safe"""
+
+    def cell(tag, k, value, **attributes):
+        if k in numbers:
+            attributes["class_"] = "number"
+        return element(tag, value, **attributes)
+
+    parts = [element("caption", caption)] if caption else []
+    if heads:
+        head = element("tr", *(cell("th", k, value, scope="col") for k, value in enumerate(heads)))
+        parts.append(element("thead", head))
+    lines = [
+        element("tr", *(cell("td" if k else "th", k, v, **({} if k else {"scope": "row"})) for k, v in enumerate(row)))
+        for row in rows
+    ]  # fmt: skip
+    parts.append(element("tbody", *lines))
+    return element("div", element("table", *parts), class_="scroll")
+
+
+def picture(svg, name, alt, caption, size_inches):
+    """A figure of an SVG text (bytes), within the page and cut off from its styles and names. -> Safe"""
+    width, height = (round(96 * inches) for inches in size_inches)
+    source = "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
+    image = Safe(f'<img src="{source}" alt="{escape(alt, quote=True)}" width="{width}" height="{height}">')
+    return element("figure", image, element("figcaption", caption), id=f"figure-{name}")
+
+
+def document(title, style, *, header, main, footer):
+    """The whole page: str. `style` is trusted CSS; the policy forbids the page to load anything."""
+    policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{text(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
+        f"<header>{text(header)}</header>\n<main>\n{text(main)}\n</main>\n<footer>{text(footer)}</footer>\n"
+        "</body>\n</html>\n"
+    )

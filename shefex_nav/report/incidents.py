@@ -1,0 +1,115 @@
+"""What went wrong in a run, and when: one list out of all the places of a log that say so."""
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.records import Doubt, Reason
+from shefex_nav.report import metrics, trust
+
+_TOGETHER_S = 2.5  # refusals of one sensor that are not farther apart are one incident
+
+
+class Incident(NamedTuple):
+    """Something out of order."""
+
+    from_s: float
+    until_s: float | None  # None: it lasted to the end of the log
+    what: str
+
+
+def incidents(data):
+    """Incidents of a RunData by time: list of Incident, empty where all went well."""
+    found = [*_noticed(data), *_refused(data), *_resets(data), *_doubts(data), *_imu(data), *_stars(data)]
+    if data.ended_early:
+        found.append(Incident(_end(data), None, "the log ends here: the run was cut off"))
+    return sorted(found, key=lambda incident: (incident.from_s, incident.what))
+
+
+def _end(data):
+    known = [t for t in (data.last_t_s, *data.nav.t_s[-1:], data.mission.start_s) if np.isfinite(t)]
+    return float(known[0])
+
+
+def _noticed(data):
+    for entry in trust.noticed(data.health):
+        name = entry["source"].replace("_", " ")
+        yield Incident(entry["from_s"], entry["until_s"], f"{name} out of use: {entry['reason']}")
+
+
+def _refused(data):
+    """Refused measurements, those of a sensor in a row together."""
+    by_sensor = {}
+    for gate in data.gates:
+        if not gate.accepted and gate.dof > 0:
+            by_sensor.setdefault(gate.sensor, []).append(gate)
+    for sensor, gates in by_sensor.items():
+        times = np.array([gate.t_valid_s for gate in gates])
+        for group in np.split(np.arange(len(gates)), np.flatnonzero(np.diff(times) > _TOGETHER_S) + 1):
+            notes = Counter(gates[k].note for k in group)
+            why = "; ".join(note for note, _ in notes.most_common(2) if note)
+            what = f"{len(group)} measurement{'s' if len(group) > 1 else ''} of {sensor.replace('_', ' ')} refused"
+            yield Incident(float(times[group[0]]), float(times[group[-1]]), f"{what}: {why}" if why else what)
+
+
+def _resets(data):
+    """Measurements that were used in an unusual way."""
+    for gate in data.gates:
+        if gate.accepted and gate.note:
+            yield Incident(gate.t_s, gate.t_s, f"{gate.sensor.replace('_', ' ')}: {gate.note}")
+
+
+def _doubts(data):
+    nav = data.nav
+    if not len(nav.t_s):
+        return
+    words = {
+        Doubt.ATTITUDE: "protection level of the attitude above what is required",
+        Doubt.CONTRADICTED: "a sensor contradicts the solution",
+        Doubt.IMU: "the IMU does not measure",
+    }
+    for doubt, text in words.items():
+        for start, end in _runs(nav.t_s, nav.do_not_use & (nav.doubt == doubt)):
+            yield Incident(start, end, f"solution not to be used: {text}")
+
+
+def _imu(data):
+    imu = data.imu
+    for flags, text in ((imu.saturated, "IMU at the end of its range"), (~imu.valid, "IMU silent")):
+        for start, end in _runs(imu.t_valid_s, flags):
+            yield Incident(start, end, text)
+
+
+def _runs(t_s, flags):
+    """(first, last or None at the end of the samples) of every run of flagged samples."""
+    if not len(t_s) or not np.any(flags):
+        return
+    changed = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, dtype=np.int8), [0]])))
+    for a, b in zip(changed[::2], changed[1::2], strict=True):
+        yield float(t_s[a]), None if b == len(t_s) else float(t_s[b])
+
+
+def _stars(data):
+    """Frames of the window without an attitude, in runs of one reason, and wrong attitudes."""
+    window, _ = metrics.window_frames(data)
+    errors = metrics.star_errors(data)
+    wrong = errors.t_s[np.linalg.norm(errors.rotation_c, axis=1) > metrics.WRONG_ANGLE]
+    for t_s in wrong.tolist():
+        yield Incident(t_s, t_s, "wrong star fix, given as good")
+    run = []
+    for fix in data.star_fixes:
+        bad = fix.number in window and fix.reason != Reason.NONE
+        if run and (not bad or fix.reason != run[-1].reason):
+            yield _without(run)
+            run = []
+        if bad:
+            run.append(fix)
+    if run:
+        yield _without(run)
+
+
+def _without(fixes):
+    n, reason = len(fixes), Reason(fixes[0].reason).name.lower().replace("_", " ")
+    what = f"{n} frame{'s' if n > 1 else ''} in the window without a star fix: {reason}"
+    return Incident(fixes[0].t_valid_s, fixes[-1].t_valid_s, what)

@@ -1,0 +1,114 @@
+"""The report of one run to hand over: one HTML page with everything in it.
+
+No network, no scripts: figures are SVG texts inside the page, letters in them are outlines. Summary first,
+then sections in the order of the route from the flight to the solution, the scenario and the versions last.
+"""
+
+from importlib.resources import files
+from typing import NamedTuple
+
+from shefex_nav.report import figures, html, incidents, metrics, page_summary, table
+from shefex_nav.report.configured import configured
+from shefex_nav.report.figures import style
+from shefex_nav.report.html import element
+
+_HEADINGS = (  # section of figures.CATALOGUE, heading
+    ("flight", "Flight"),
+    ("sensors", "Sensors"),
+    ("star tracker", "Star tracker"),
+    ("navigation", "Navigation errors"),
+    ("consistency", "Consistency and trust"),
+    ("computing time", "Computing time"),
+)
+
+
+class Run(NamedTuple):
+    """What a page is about."""
+
+    data: object  # RunData
+    summary: dict  # metrics.summarise
+    limits: object  # configured.Configured
+    log: str  # name of the file
+    digest: str  # sha256 of it; may be empty
+
+
+def write(path, data, log=None):
+    """Make the page of a RunData and write it in one piece. `log`: file that it was read from."""
+    from pathlib import Path
+
+    target = Path(path)
+    content = page(data, log)
+    part = target.with_name(target.name + ".part")
+    part.write_text(content, encoding="utf-8")
+    part.replace(target)
+
+
+def page(data, log=None):
+    """The page of a RunData: str."""
+    name = data.mission.scenario if log is None else log
+    run = Run(
+        data,
+        metrics.summarise(data, log=log),
+        configured(data),
+        str(name),
+        "" if log is None else _digest(log),
+    )
+    sections = [("summary", "Summary", page_summary.summary(run, incidents.incidents(data)))]
+    drawn = _figures(data)
+    for section, heading in _HEADINGS:
+        parts = [*page_summary.tables(run, section), *drawn.get(section, [])]
+        if parts:
+            sections.append((section.replace(" ", "-"), heading, parts))
+    sections.append(("figures", "All figures of the run", [_all_figures(run.summary)]))
+    sections.append(("scenario", "Scenario and versions", page_summary.origin(run)))
+    title = f"{data.mission.scenario}, seed {data.mission.seed}"
+    return html.document(
+        f"{title}: report of a run",
+        (files("shefex_nav") / "report" / "page.css").read_text(),
+        header=html.join([element("h1", title), page_summary.lead(run), _contents(sections)]),
+        main=html.join(_section(*section) for section in sections),
+        footer=f"Report of {run.log}, made by shefex_nav {_version()}.",
+    )
+
+
+def _version():
+    from shefex_nav import __version__
+
+    return __version__
+
+
+def _digest(log):
+    from hashlib import file_digest
+
+    with open(log, "rb") as file:
+        return file_digest(file, "sha256").hexdigest()
+
+
+def _contents(sections):
+    links = [element("li", element("a", heading, href=f"#{name}")) for name, heading, _ in sections]
+    return element("nav", element("ol", *links), aria_label="Contents")
+
+
+def _section(name, heading, parts):
+    return element("section", element("h2", heading), html.join(parts), id=name)
+
+
+def _figures(data):
+    """{section: its figures as HTML}."""
+    out = {}
+    for entry in figures.CATALOGUE:
+        figure = figures.draw(entry.name, data)
+        if figure is None:
+            continue
+        alt = f"{figure.texts[0].get_text()}. {entry.caption}" if figure.texts else entry.caption
+        piece = html.picture(style.svg(figure), entry.name, alt, entry.caption, figure.get_size_inches())
+        out.setdefault(entry.section, []).append(piece)
+    return out
+
+
+def _all_figures(summary):
+    """The table of `report`."""
+    rows = []
+    for section, lines in table.rows(summary):
+        rows += [(section if k == 0 else "", name, str(value)) for k, (name, value) in enumerate(lines)]
+    return html.table("", ("", "figure", "value"), rows)

@@ -1,0 +1,245 @@
+"""The words and tables of the report of one run."""
+
+import platform
+
+import numpy as np
+
+from shefex_nav.report import html, requirements
+from shefex_nav.report.html import element
+
+_MOST_INCIDENTS = 40
+_DASH = "–"
+
+
+def lead(run):
+    """What flew, when, and where the log ends if it was cut off."""
+    mission, summary = run.data.mission, run.summary
+    words = [run.limits.description.rstrip(".")] if run.limits.description else []
+    words.append(f"epoch (T+0 s) {mission.epoch_utc.replace('T', ' ').removesuffix('Z')} UTC")
+    if summary["simulated_s"] is not None:
+        words.append(f"{summary['simulated_s']:.1f} s simulated from T{mission.start_s:+.1f} s")
+    parts = [element("p", "; ".join(words) + ".", class_="lead")]
+    if summary["ended_early"]:
+        end = (
+            f"T{run.data.last_t_s:+.2f} s"
+            if np.isfinite(run.data.last_t_s)
+            else "before its first sample of truth"
+        )
+        cut = f"The run was cut off: its log ends at {end}. Everything on this page is up to then."
+        parts.append(element("p", element("strong", cut), class_="verdict bad"))
+    if run.limits.problem:
+        told = f"The scenario in the log cannot be read by this version, so its limits are not shown: {run.limits.problem}"
+        parts.append(element("p", told, class_="verdict open"))
+    return html.join(parts)
+
+
+def summary(run, found):
+    """Verdict, figures, requirements, what went wrong."""
+    judged, source = judge(run)
+    parts = [_verdict(judged), _tiles(run)]
+    if judged:
+        rows = [
+            (
+                one.name.replace("_", " "),
+                requirements.words(one.name, one.required, one.unit),
+                _found(one),
+                element("span", "met" if one.passed else "not met", class_="met" if one.passed else "missed"),
+            )
+            for one in judged
+        ]
+        parts.append(html.table(f"Requirements {source}", ("requirement", "required", "this run", ""), rows))
+    parts.append(element("h3", "What went wrong, and when"))
+    parts.append(_incidents(found))
+    return parts
+
+
+def judge(run):
+    """(list of requirements.Judged, where they are stated) of a run."""
+    stated = run.limits.requirements
+    if stated is not None and requirements.limits(stated):
+        return requirements.judge(stated, run.summary), "of the scenario"
+    if run.limits.attitude_rad is not None and run.summary["navigation"]["at_entry"]:
+        limit = float(f"{np.degrees(run.limits.attitude_rad):.12g}")
+
+        def get(path):
+            value = run.summary
+            for key in path.split("."):
+                value = value.get(key) if isinstance(value, dict) else None
+            return value
+
+        return requirements.judge_figures({"attitude_at_entry": limit}, get), "of navigation.integrity"
+    return [], ""
+
+
+def _found(one):
+    if one.found is None:
+        return "no such figure in this run"
+    if isinstance(one.found, bool):
+        return "yes" if one.found else "no"
+    return f"{one.found:.4g}{' ' if one.unit else ''}{one.unit}"
+
+
+def _verdict(judged):
+    if not judged:
+        return element("p", "The scenario states no requirements.", class_="verdict open")
+    missed = [one.name.replace("_", " ") for one in judged if not one.passed]
+    if not missed:
+        words = "The requirement is met." if len(judged) == 1 else f"All {len(judged)} requirements are met."
+        return element("p", element("strong", words), class_="verdict")
+    words = f"{len(missed)} of {len(judged)} requirements not met: {', '.join(missed)}."
+    return element("p", element("strong", words), class_="verdict bad")
+
+
+def _tiles(run):
+    """The figures that say most, those that the run has."""
+    flight, star, nav = (run.summary[key] for key in ("flight", "star_tracker", "navigation"))
+    entry, nees = nav["at_entry"], nav["nees"]
+    tiles = [
+        ("apogee", _number(flight["apogee_km"], 1, "km"), ""),
+        ("range", _number(flight["range_km"], 1, "km"), ""),
+        ("highest speed", _number(flight["max_speed_m_s"], 0, "m/s"), ""),
+        ("star fixes in the window", *_star_tile(star)),
+        ("attitude error", *_rms_tile(nav["attitude_error_deg"], 3, "deg")),
+        ("velocity error", *_rms_tile(nav["velocity_error_m_s"], 3, "m/s")),
+        ("position error", *_rms_tile(nav["position_error_m"], 1, "m")),
+        ("NEES of 9", _number(nees["mean"], 1, ""), f"{nees['samples']} epochs with star fixes before entry"),
+    ]
+    if entry:
+        largest = max(abs(value) for value in entry["attitude_error_deg"])
+        when = f"at {entry['altitude_km']:.0f} km, T{entry['t_s']:+.1f} s"
+        tiles[4:4] = [
+            ("attitude error at entry", _number(largest, 4, "deg"), f"largest axis, {when}"),
+            ("position error at entry", _number(entry["position_error_m"], 2, "m"), when),
+        ]
+    if nav["integrity"]:
+        share = nav["integrity"]["misleading_share"]
+        misleading = (
+            "never misleading" if share == 0.0 else f"misleading {_number(100.0 * (share or 0.0), 2, '%')}"
+        )
+        tiles.append(
+            ("solution usable", _number(100.0 * nav["integrity"]["usable_share"], 1, "%"), misleading)
+        )
+    shown = [
+        element("div", element("dt", name), element("dd", value, *([element("small", note)] if note else [])))
+        for name, value, note in tiles
+        if value != _DASH
+    ]
+    return element("dl", *shown, class_="tiles") if shown else ""
+
+
+def _number(value, digits, unit):
+    return _DASH if value is None else f"{value:,.{digits}f}{' ' if unit else ''}{unit}".replace(",", " ")
+
+
+def _star_tile(star):
+    if not star["in_window"]:
+        return _DASH, ""
+    share = 100.0 * star["solved"] / star["in_window"]
+    return f"{share:.1f} %", f"{star['solved']} of {star['in_window']} frames, {star['wrong']} wrong"
+
+
+def _rms_tile(values, digits, unit):
+    if values["rms"] is None:
+        return _DASH, ""
+    return f"{_number(values['rms'], digits, unit)} rms", f"{_number(values['max'], digits, unit)} at most"
+
+
+def _incidents(found):
+    if not found:
+        return element(
+            "p", "Nothing: no sensor was lost or refused, and the solution could be used all the time."
+        )
+    rows = [(f"T{one.from_s:+.2f} s", _until(one), one.what) for one in found[:_MOST_INCIDENTS]]
+    parts = [html.table("", ("from", "to", "what"), rows)]
+    if len(found) > _MOST_INCIDENTS:
+        parts.append(
+            element(
+                "p", f"And {len(found) - _MOST_INCIDENTS} more, see the figures of consistency and trust."
+            )
+        )
+    return html.join(parts)
+
+
+def _until(one):
+    if one.until_s is None:
+        return "the end of the log"
+    return "" if one.until_s == one.from_s else f"T{one.until_s:+.2f} s"
+
+
+def tables(run, section):
+    """Tables at the head of a section."""
+    if section == "flight" and run.data.events:
+        rows = [
+            (event.name.replace("_", " "), f"{event.t_s:+.2f}", f"{event.altitude_m / 1e3:.2f}", event.detail)
+            for event in run.data.events
+        ]
+        yield html.table("Events", ("event", "T [s]", "height [km]", ""), rows, numbers=(1, 2))
+    if section == "star tracker" and run.summary["star_tracker"]["by_rate"]:
+        rows = [_rate_row(row) for row in run.summary["star_tracker"]["by_rate"]]
+        heads = (
+            "true rate [deg/s]",
+            "frames",
+            "with a fix",
+            "wrong",
+            "across [arcsec rms]",
+            "about [arcsec rms]",
+        )
+        yield html.table(
+            "Success by rate, outside the exclusion angles", heads, rows, numbers=(1, 2, 3, 4, 5)
+        )
+    if section == "navigation" and run.summary["navigation"]["at_entry"]:
+        yield _entry_table(run.summary["navigation"]["at_entry"])
+
+
+def _rate_row(row):
+    high = row["to_deg_s"]
+    name = f"above {row['from_deg_s']:g}" if high is None else f"{row['from_deg_s']:g} to {high:g}"
+    rms = (_number(row[key], 1, "") for key in ("cross_axis_rms_arcsec", "boresight_rms_arcsec"))
+    return name, row["frames"], row["solved"], row["wrong"], *rms
+
+
+def _entry_table(entry):
+    rows = [
+        (
+            "position [m]",
+            _number(entry["position_error_m"], 3, ""),
+            _number(entry["position_sigma_m"], 3, ""),
+        ),
+        (
+            "velocity [m/s]",
+            _number(entry["velocity_error_m_s"], 4, ""),
+            _number(entry["velocity_sigma_m_s"], 4, ""),
+        ),
+    ]
+    sigmas = entry["attitude_sigma_deg"] or [None] * 3
+    for axis, error, sigma in zip("xyz", entry["attitude_error_deg"], sigmas, strict=True):
+        rows.append((f"attitude about {axis} [deg]", f"{error:+.5f}", _number(sigma, 5, "")))
+    title = f"At entry: {entry['altitude_km']:.1f} km, T{entry['t_s']:+.2f} s"
+    return html.table(title, ("", "error", "1 sigma"), rows, numbers=(1, 2))
+
+
+def origin(run):
+    """Where all this comes from: versions, machine-made figures, the scenario."""
+    import matplotlib
+    from numpy import __version__ as numpy_version
+
+    from shefex_nav import __version__
+
+    mission = run.data.mission
+    rows = [
+        ("log", run.log),
+        ("sha256 of the log", run.digest or _DASH),
+        ("simulated by", f"shefex_nav {mission.version}"),
+        ("scenario", mission.scenario),
+        ("seed", str(mission.seed)),
+        ("page made by", f"shefex_nav {__version__}, Python {platform.python_version()}, NumPy {numpy_version}, "
+         f"matplotlib {matplotlib.__version__}"),
+    ]  # fmt: skip
+    if run.summary["wall_s"] is not None:
+        factor = run.summary["real_time_factor"]
+        speed = f", {factor:.0f} times faster than the flight" if factor else ""
+        rows.append(("simulation took", f"{run.summary['wall_s']:.1f} s{speed}"))
+    parts = [html.table("", (), rows)]
+    if mission.scenario_text:
+        parts += [element("h3", "Scenario as flown"), element("pre", mission.scenario_text)]
+    return parts
