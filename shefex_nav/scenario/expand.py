@@ -169,28 +169,31 @@ def _expand_almanac(tree, places, texts):
 
 
 def _expand_model(tree, places, texts):
-    """Put the statistics of the star tracker in the place of their file, if they are used.
+    """Put the statistics of the star tracker in the place of their file, or nothing if they are not used.
 
     -> list of (Mark, text)
     """
     tracker, path = _inner(tree, "star_tracker"), ("star_tracker", MODEL)
     name = tracker.get(MODEL)
-    if tracker.get("frames") != "statistical" or not isinstance(name, str):
+    if not isinstance(name, str):
         return []
     here = places.value(path)
     del tracker[MODEL]  # if it cannot be read, the schema need not complain as well
     try:
         text = read_text(name, "a file of `shefex-nav characterise`")
+        if tracker.get("frames") != "statistical":
+            return []
         found = parse(text, name)  # JSON is YAML
     except Unreadable as error:
         return [(here, f"{dotted(path)}: '{name}' {error}")]
     except BadText as error:
-        return [error.args[0]]
+        mark, words = error.args
+        return [(mark, words if words.startswith("not valid") else "this is no file of shefex-nav characterise")]
     if found.errors:
         return found.errors
     texts[name] = text
     tracker[MODEL] = found.tree
-    places.put(path, found.keys, found.values)
+    places.put(path, {(): here} | found.keys, {(): here} | found.values)
     return []
 
 

@@ -14,6 +14,7 @@ from shefex_nav.world.camera.sightings import SightingModel
 CLIP = 4.5  # sigmas; a centroid further off is another object's light
 ROUNDS = 6  # of the weights of a fit of variances
 SURE_Q = 20.0  # contrast at which only the border or a neighbour hides a star
+NEAR_PX = 8.0  # of the border; further in, it hides nothing
 ROW_SEARCHES = 50  # searches that make a row of the table of identification
 FEW = 10  # first searches of a row; with fewer, those with more stars speak too
 REACH = 1.05  # of the highest rate seen
@@ -101,10 +102,12 @@ def threshold(value, above):
 
 def border(sources):
     """How near to the border even a bright source is not found [px]."""
-    bright = sources.clear & (sources.q > SURE_Q) & ~sources.saturated
-    if not bright.any() or sources.found[bright].all():
+    near = sources.clear & (sources.q > SURE_Q) & ~sources.saturated & (sources.border_px < NEAR_PX)
+    if sources.found[near].all():
         return 0.0
-    return max(0.0, min(threshold(sources.border_px[bright], sources.found[bright]), 5.0))
+    if not sources.found[near].any():
+        raise FitError(f"no bright source nearer to the border than {NEAR_PX:g} pix is found")
+    return max(0.0, threshold(sources.border_px[near], sources.found[near]))
 
 
 def variance(sources, chosen, values, *, clip):

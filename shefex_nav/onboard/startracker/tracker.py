@@ -114,8 +114,20 @@ def init(params, catalogue, julian_year):
     camera = params.identify.camera
     half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
     field = 2.0 * np.arctan(half_diagonal / camera.focal_length_px)
-    stars = onboard_catalogue.build(params.catalogue, catalogue, julian_year)
-    return Tracker(params, onboard_catalogue.pair_table(stars, field))
+    return Tracker(params, _pairs(params.catalogue, catalogue, julian_year, field))
+
+
+def _pairs(params, catalogue, julian_year, field):
+    """StarPairs of a catalogue; those made last are kept, a campaign asks for the same ones every time."""
+    wanted = params, julian_year, field
+    if _last and _last[0] == wanted and _last[1] is catalogue:
+        return _last[2]
+    pairs = onboard_catalogue.pair_table(onboard_catalogue.build(params, catalogue, julian_year), field)
+    _last[:] = wanted, catalogue, pairs
+    return pairs
+
+
+_last = []  # what was wanted, of which catalogue, StarPairs
 
 
 def start(tracker, t_s):
