@@ -36,6 +36,7 @@ app.command()(replay)
 app.command()(smooth)
 app.command()(campaign)
 app.command()(repeat)
+app.command()(export_command.export)
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
 LogArgument = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
@@ -171,7 +172,7 @@ def report(
     if log.is_dir():
         from shefex_nav.campaign import report_command
 
-        report_command.report(log, json=json, figures=figures)
+        report_command.report(log, json=json, html=html, figures=figures)
         return
     from shefex_nav.log import reader
     from shefex_nav.report import metrics

@@ -222,6 +222,7 @@ class StarVectors(NamedTuple):
     u_i: np.ndarray  # (m, 3) where the moving vehicle sees them: proper motion and aberration are in it
     t_seen_s: np.ndarray  # (m,) s after t_valid_s, when the light was collected; a rate has carried it over
     P_omega_c: np.ndarray  # (3, 3) (rad/s)^2, covariance of that rate, whose error all stars share
+    sigma_focal: float = 0.0  # relative error of the focal length, which they share as well
 
 
 NO_STARS = StarVectors(

@@ -65,6 +65,9 @@ class ClusterLane:
         """Future of a run."""
         return self._executor.submit(flight.fly, job)
 
+    def renew(self):
+        """After the death of a worker: the scheduler has taken note."""
+
     def stop(self, at_once=False):
         """Let the cluster go; at once: what it has not flown yet is given up."""
         self._executor.shutdown(wait=not at_once, cancel_futures=at_once)

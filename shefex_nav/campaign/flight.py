@@ -13,6 +13,10 @@ PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LONGEST_REASON = 500
 
 
+class WorkerError(Exception):
+    """A worker that cannot fly this campaign; the message says why."""
+
+
 class Flown(NamedTuple):
     """A run that is over."""
 
@@ -160,7 +164,7 @@ def fly(job):
     if isinstance(_pilot, Exception):
         raise _pilot
     if _pilot is None:
-        raise RuntimeError("this worker was not told what to fly")
+        raise WorkerError("a worker was not told what to fly")
     return _pilot.fly(job)
 
 
@@ -173,11 +177,13 @@ def _check_versions(wanted):
         f"{name} {own.get(name)}, not {value}" for name, value in wanted.items() if own.get(name) != value
     ]
     if differ:
-        raise RuntimeError(f"the worker has {'; '.join(differ)}: install the same there")
+        raise WorkerError(
+            f"a worker has {'; '.join(differ)}: all need the same, from the first run to the last"
+        )
 
 
 def _check_threads():
     """One thread for linear algebra: sums in another order would end in other last digits."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         if os.environ.get(name) != "1":
-            raise RuntimeError(f"start the worker with {name}=1, it is {os.environ.get(name, 'not set')}")
+            raise WorkerError(f"start the worker with {name}=1, it is {os.environ.get(name, 'not set')}")

@@ -6,7 +6,7 @@ catalogue that flies on board.
 """
 
 import gzip
-from functools import cache
+from functools import lru_cache
 from importlib.resources import files
 from typing import NamedTuple
 
@@ -36,7 +36,7 @@ class StarCatalogue(NamedTuple):
     epoch: float  # Julian year of u_i
 
 
-@cache
+@lru_cache(maxsize=2)  # a campaign asks again for every run
 def load_catalogue(max_magnitude):
     """Stars with V <= max_magnitude, ordered by Hipparcos number, at epoch J1991.25.
 

@@ -9,7 +9,6 @@ from shefex_nav.scenario import (
     checks_vehicle,
     dispersions,
     faults,
-    requirements,
     star_statistics,
 )
 from shefex_nav.scenario.checks_flight import seconds
@@ -36,7 +35,6 @@ def cross_check(scenario, rated=None):
         *checks_tracker.contradictions(scenario),
         *star_statistics.contradictions(scenario),
         *faults.contradictions(scenario),
-        *requirements.contradictions(scenario),
         *dispersions.contradictions(scenario),
     ]
 

@@ -24,6 +24,7 @@ from shefex_nav.onboard.navigation import (
     integrity_gps,
     integrity_protection,
     integrity_watch,
+    measurements,
     prediction,
     strapdown,
 )
@@ -54,6 +55,7 @@ class Measurement(NamedTuple):
     rows: Any = None  # (m,) bool, rows that are used; None: all
     # sigma that is added to what it measures, or to the blocks of a dict; None: a reset forgets it all
     admitted: Any = None
+    noise: float = 1.0  # factor on its covariance where it is used, `measurements.lasting_factor`
 
 
 class Tick(NamedTuple):
@@ -223,13 +225,23 @@ def fuse(nav, arrivals):
             nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
             names = tuple(name for name in names if name not in repeats)
         tick = nav.history[index]
-        queue = tick.measurements + tuple(Measurement(name, fix, Fate.PENDING) for name in names)
+        new = [Measurement(name, fix, Fate.PENDING, noise=_lasting(nav, name, fix)) for name in names]
+        queue = tick.measurements + tuple(new)
         queue = tuple(sorted(queue, key=_turn))
         nav.history[index] = tick._replace(measurements=queue)
         earliest = min(earliest, index)
     _integrate_again(nav, earliest, results)
     nav.watch.protect(nav.history[-1].P)
     return results
+
+
+def _lasting(nav, name, fix):
+    """Factor on the covariance of a measurement that errs as the one before it did."""
+    if name != "gps_position":
+        return 1.0
+    gap_s = abs(fix.t_valid_s - nav.watch.position_s)
+    nav.watch.position_s = max(fix.t_valid_s, nav.watch.position_s)
+    return measurements.lasting_factor(nav.params.lasting_share, nav.params.range_bias_time_s, gap_s)
 
 
 def _whereabouts(nav, index):
@@ -342,7 +354,7 @@ def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
         measurement, result, confirmed = gate.decide(nav, state, P, z, H, R, imu, at_s, measurement)
         if measurement.fate in UNUSED:
             return x, P, measurement, result
-    prior = P
+    prior, R = P, measurement.noise * R
     if measurement.fate in (Fate.RESET, Fate.DOUBTED):
         prior = _forgotten(nav, P, sensor, measurement.admitted)
     if measurement.fate == Fate.DOUBTED:

@@ -12,8 +12,9 @@ estimate,
 
 One star says nothing about turns around itself, two at different places say all there is to say about the
 attitude. What the stars of a frame share is in R: the error of the rate that carried places to one instant
-(rolling shutter), and the floor of `measurements.star_attitude`, a small turn of the camera. So many stars
-say together what the attitude says that is made of them. The camera's mounting is a state, if it is one.
+(rolling shutter), that of the focal length, which moves all stars outwards, and the floor of
+`measurements.star_attitude`, a small turn of the camera. So many stars say together what the attitude says
+that is made of them. The camera's mounting is a state, if it is one.
 
 Unit vectors as measurements: Markley and Crassidis, Fundamentals of Spacecraft Attitude Determination and
 Control, section 6.2.2.
@@ -50,13 +51,13 @@ def star_vectors(layout, state, fix, C_bc, sigma_floor):
     H, R = np.zeros((2 * m, layout.n)), np.zeros((2 * m, 2 * m))
     z = _star_vectors(
         state.q_ib, np.array(state.mounting), np.ascontiguousarray(stars.u_c), stars.P_u, stars.u_i,
-        stars.t_seen_s, stars.P_omega_c, C_bc, sigma_floor, first, H, R,
+        stars.t_seen_s, stars.P_omega_c, stars.sigma_focal, C_bc, sigma_floor, first, H, R,
     )  # fmt: skip
     return z, H, R
 
 
 @njit(cache=True)
-def _star_vectors(q_ib, mounting, u_c, P_u, u_i, t_s, P_omega, C_bc, sigma_floor, first, H, R):
+def _star_vectors(q_ib, mounting, u_c, P_u, u_i, t_s, P_omega, sigma_focal, C_bc, sigma_floor, first, H, R):
     """`star_vectors` of its parts; first: error of the mounting, -1 if it is none. H, R are written."""
     m = u_c.shape[0]
     C_bi = np.ascontiguousarray(rotation.dcm_from_quat(q_ib).T)
@@ -64,7 +65,7 @@ def _star_vectors(q_ib, mounting, u_c, P_u, u_i, t_s, P_omega, C_bc, sigma_floor
     C_m = np.ascontiguousarray(rotation.dcm_from_rotvec(mounting).T)
     J_m = right_jacobian(mounting)
     E = cross_axes(u_c)
-    z, A = np.empty(2 * m), np.empty((2 * m, 3))
+    z, A, F = np.empty(2 * m), np.empty((2 * m, 3)), np.empty((2 * m, 1))
     for k in range(m):
         two = slice(2 * k, 2 * k + 2)
         u_b = C_bi @ np.ascontiguousarray(u_i[k])
@@ -76,9 +77,10 @@ def _star_vectors(q_ib, mounting, u_c, P_u, u_i, t_s, P_omega, C_bc, sigma_floor
         if first >= 0:
             H[two, first : first + 3] = EC @ rotation.skew(w_b) @ J_m
         A[two] = E[k] @ rotation.skew(u_c[k])
+        F[two, 0] = -u_c[k, 2] * E[k, :, 2]  # u = n/|n|: n outwards is all of n but the boresight
         R[two, two] = P_u[k]
     T = np.empty((2 * m, 3))
     for i in range(2 * m):
         T[i] = t_s[i // 2] * A[i]
-    R += T @ P_omega @ T.T + sigma_floor**2 * (A @ A.T)
+    R += T @ P_omega @ T.T + sigma_floor**2 * (A @ A.T) + sigma_focal**2 * (F @ F.T)
     return z

@@ -26,7 +26,7 @@ CHANCE = 1e-3  # [E] expected number of objects in a gate that are there by chan
 UNSOLVED = (Reason.TOO_FEW_STARS, Reason.NO_MATCH, Reason.AMBIGUOUS)  # of which single stars may be used
 
 
-def vectors(camera, hip, xy_px, P_px, seen_i, rate):
+def vectors(camera, hip, xy_px, P_px, seen_i, rate, sigma_focal):
     """StarVectors of identified stars.
 
     Parameters
@@ -37,6 +37,7 @@ def vectors(camera, hip, xy_px, P_px, seen_i, rate):
     P_px : (m, 2, 2) px^2, covariance of each centroid by itself
     seen_i : (m, 3) apparent directions
     rate : (t_s (m,), P_omega (3, 3)), or None where no rate brought the stars to one instant
+    sigma_focal : relative error of the focal length
 
     Returns
     -------
@@ -45,7 +46,7 @@ def vectors(camera, hip, xy_px, P_px, seen_i, rate):
     t_s, P_omega = (np.zeros(len(hip)), np.zeros((3, 3))) if rate is None else rate
     return StarVectors(
         np.asarray(hip, dtype=np.int64), unit_vectors(camera, xy_px), cross_covariance(camera, xy_px, P_px),
-        seen_i, t_s, P_omega,
+        seen_i, t_s, P_omega, sigma_focal,
     )  # fmt: skip
 
 
@@ -91,6 +92,7 @@ def identify(params, stars, detections, P_px, context, rate=None):
         P_px[k],
         np.ascontiguousarray(seen_i[s]),
         _of(rate, k),
+        params.sigma_focal,
     )
     return star, found, False
 

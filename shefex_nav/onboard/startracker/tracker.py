@@ -282,6 +282,7 @@ def identified(tracker, detections, context, found, least, rate=None):
         misfit * P_px[rows] + focal_covariance(params, detections.xy_px[rows]),
         seen_i[used],
         rate,
+        params.sigma_focal,
     )
     return found, Reason.NONE, (q_ic, P_c, residual_px), stars
 
