@@ -78,7 +78,7 @@ def describe(name, campaign):
     available = 100.0 * np.nansum(solved) / np.nansum(frames)
     good = int(campaign.succeeded.sum())
     print(
-        f"{name:12s} {good} of {len(campaign)} runs succeeded; fixes in the window {available:.3f} %, wrong fixes "
+        f"{name:12s} {good} of {len(campaign)} runs succeeded; fixes in the window {available:.3f} %, wrong "
         f"{wrong:.0f} of {np.nansum(solved):.0f}; {np.nanmean(wall_s):.2f} s a mission, "
         f"{3600.0 / np.nanmean(wall_s):.0f} an hour and worker"
     )
@@ -98,7 +98,7 @@ def show(title, ratio, interval):
 def options_of(argv):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--scenario", default=str(SCENARIOS / "shefex2_andoya.yaml"))
+    parser.add_argument("--scenario", default=str(SCENARIOS / "campaign.yaml"))
     parser.add_argument("--rendered", type=int, default=300)
     parser.add_argument("--statistical", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)

@@ -1,4 +1,4 @@
-"""A star tracker by statistics beside one that searches pictures: same sensors, same records, same navigation."""
+"""A star tracker by statistics beside one that searches pictures: the same sensors, as good a navigation."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -52,9 +52,7 @@ def test_other_sensors_are_the_same_to_the_bit(worlds, runs):
     assert rendered.camera.pinhole == drawn.camera.pinhole
     first = [of(records, StarFix)[0].t_valid_s for records in runs]
     for kind in ("NavSolution", "GateResult"):  # so all is the same until the first fix
-        before = [
-            [r for r in records if type(r).__name__ == kind and r.t_s < min(first)] for records in runs
-        ]
+        before = [[r for r in records if type(r).__name__ == kind and r.t_s < min(first)] for records in runs]
         assert len(before[0]) == len(before[1]) > 100
         assert all(np.array_equal(a[1], b[1]) for a, b in zip(*before, strict=True))
 
@@ -168,7 +166,7 @@ def test_fewer_stars_than_a_fix_needs_give_none():
 
 def test_fewer_stars_than_were_characterised_and_faster_rates_are_refused():
     one = chain(stars=np.array([4, 5]))
-    with pytest.raises(statistical.OutsideModelError, match="shows 3 stars .* begin at 4"):
+    with pytest.raises(statistical.OutsideModelError, match=r"shows 3 stars .* begin at 4"):
         identified(one, 3, 1)
     assert identified(one, 3, 1, rate=0.05)[0][0].reason == Reason.NO_MATCH  # too fast for a fix in any case
     truth = SimpleNamespace(rate=0.035, t_valid_s=250.0)

@@ -190,7 +190,8 @@ def _expand_model(tree, places, texts):
         return [(here, f"{dotted(path)}: '{name}' {error}")]
     except BadText as error:
         mark, words = error.args
-        return [(mark, words if words.startswith("not valid") else "this is no file of shefex-nav characterise")]
+        ours = words if words.startswith("not valid") else "this is no file of shefex-nav characterise"
+        return [(mark, ours)]
     if found.errors:
         return found.errors
     texts[name] = text

@@ -162,7 +162,7 @@ def _lasting(sources):
 
 def test_ranges_of_dispersed_settings():
     runs = [{"a": 1.0, "b": "x", "c": 2.0}, {"a": 1.0, "b": "x", "c": 4.0}, {"a": 1.0, "b": "x", "c": 3.0}]
-    assert running.spans(runs) == {"c": (1.0, 5.0)}
+    assert running.spans(runs) == {"c": (2.0, 4.0)}
 
 
 def test_the_file_is_a_section_of_a_scenario(runs):

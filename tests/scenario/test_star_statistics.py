@@ -52,12 +52,20 @@ def test_the_text_that_a_log_keeps_needs_no_file_and_knows_no_path():
 @pytest.mark.parametrize(
     ("override", "field", "words"),
     [
-        ("star_camera.optics.psf_sigma=0.9 pix", "star_camera.optics.psf_sigma", "is 0.9 in SI, the statistics"),
+        (
+            "star_camera.optics.psf_sigma=0.9 pix",
+            "star_camera.optics.psf_sigma",
+            "is 0.9 in SI, the statistics",
+        ),
         ("star_tracker.exposure.longest=45 ms", "star_tracker.exposure.longest", "were fitted to 0.05"),
         ("star_tracker.highest_rate=3 deg/s", "star_tracker.highest_rate", "is 0.0523599 in SI"),
         ("star_tracker.identification.method=pyramid", "star_tracker.identification.method", "is pyramid"),
         ("star_tracker.catalogue.faintest=6 mag", "star_tracker.catalogue.faintest", "fitted to 5.5"),
-        ("star_camera.stray_light.baffle=40 deg", "star_camera.stray_light.baffle", "characterise this scenario"),
+        (
+            "star_camera.stray_light.baffle=40 deg",
+            "star_camera.stray_light.baffle",
+            "characterise this scenario",
+        ),
     ],
 )
 def test_other_settings_are_refused(override, field, words):
@@ -107,4 +115,7 @@ def test_a_rolling_shutter_has_no_statistics():
         "were fitted to" in line for line in said
     )
     rolling = [line for line in messages(DEFAULT.with_name("shefex2_aps_rolling.yaml"), [STATISTICAL])]
-    assert any("star_tracker.frames: statistics of the star tracker are of a global shutter" in line for line in rolling)
+    assert any(
+        "star_tracker.frames: statistics of the star tracker are of a global shutter" in line
+        for line in rolling
+    )

@@ -12,7 +12,7 @@ from shefex_nav.workers import bind_to_parent, cores
 
 LEAST_RUNS = 3
 HELD_OUT = 3  # every third run is not fitted, but judges
-WIDER = 0.5  # of the range that the runs had: a setting may lie so far beyond either end
+RARE = 1e-6  # probability of a draw beyond either end of the range that a dispersed setting may have
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -59,7 +59,7 @@ def characterise(scenario, runs, seed, *, workers=None, done=lambda text: None):
         sightings, search = _fitted(scenario, [one.collected for one in others])
         made = {"runs": len(others), "held_out": runs - len(others), "seed": seed}
         made["frames"] = sum(len(one.collected.frames.t_s) for one in others)
-        ranges = spans([one.settings for one in flown])
+        ranges = spans([one.settings for one in flown] + extremes(plan, sampler))
         content = model.section(scenario, sightings, search, made, [], ranges)
         held = [(job, content) for k, job in enumerate(jobs) if _held(k)]
         statistical = _all(pool, fly_statistical, held, done, "statistical")
@@ -96,15 +96,30 @@ def _judged(scenario, sightings, rendered, statistical):
     ]
 
 
+def extremes(plan, sampler):
+    """Settings of the star camera and the star tracker at both ends of each dispersion of theirs: list."""
+    from shefex_nav.scenario import load, star_statistics
+
+    pattern, drawn, found = load.Pattern(plan.source, plan.name), sampler.draws(0), []
+    for one in sampler.dispersed:
+        if one.path[0] not in ("star_camera", "star_tracker") or one.group:
+            continue
+        for u in (RARE, 1.0 - RARE):
+            try:
+                scenario = pattern.with_draws(drawn | {one.name: one.law.draw(u, 0)})
+            except load.ScenarioError:  # a draw that cannot be flown needs no place in the range
+                continue
+            found.append(star_statistics.settings(scenario))
+    return found
+
+
 def spans(settings):
-    """{path: (low, high)} of numbers that differ from run to run, WIDER on either side."""
+    """{path: (low, high)} of numbers that are not the same in all of a list of settings."""
     found = {}
     for path, first in settings[0].items():
         values = [one[path] for one in settings if path in one]
-        if isinstance(first, bool | str) or all(value == first for value in values):
-            continue
-        low, high = min(values), max(values)
-        found[path] = (low - WIDER * (high - low), high + WIDER * (high - low))
+        if not isinstance(first, bool | str) and any(value != first for value in values):
+            found[path] = (min(values), max(values))
     return found
 
 
