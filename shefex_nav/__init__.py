@@ -45,6 +45,9 @@ _compiled.place_cache(_os.environ)
 
 
 _PUBLIC = {
+    "Scenario": "scenario.schema",
+    "fly": "runs",
+    "open_run": "runs",
     "Camera": "solve.camera",
     "solve_centroids": "solve.centroids",
     "solve_image": "solve.image",

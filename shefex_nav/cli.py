@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.campaign.command import campaign  # which imports late
+from shefex_nav.campaign.command import campaign, repeat  # which imports late
 from shefex_nav.replay.command import replay  # likewise
 from shefex_nav.replay.smooth_command import smooth
 from shefex_nav.report import export_command  # imports late
@@ -33,6 +33,7 @@ app.command()(solve)
 app.command()(replay)
 app.command()(smooth)
 app.command()(campaign)
+app.command()(repeat)
 app.command()(export_command.export)
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
@@ -56,8 +57,6 @@ def run(
     json: JsonOption = False,
 ):
     """Fly a scenario: simulate, navigate, log, and print how well it went."""
-    import time
-
     from shefex_nav.scenario import load
 
     loaded = load.load(scenario, overrides or ())
@@ -65,32 +64,16 @@ def run(
     writable(path, "--out", force=force)
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
     say("Getting ready; the first run on a machine compiles, which takes a few minutes.")
-    began = time.perf_counter()
-    from shefex_nav import prepare, simulate
-    from shefex_nav.log.drawings import FramePolicy
-    from shefex_nav.log.run_data import RunDataBuilder
-    from shefex_nav.log.thinning import thinned
-    from shefex_nav.log.topics import RunSummary
-    from shefex_nav.log.writer import LogWriter
-    from shefex_nav.report import metrics
+    from shefex_nav import runs
 
-    simulate.warm_up(loaded)
-    ready = time.perf_counter()
-    world = prepare.build_world(loaded, seed)
-    t_s = world.flight.trajectory.t_s
-    mission = prepare.mission(loaded, seed, world.flight.trajectory)
-    kept = RunDataBuilder(mission)
-    frames = loaded.log.frames
-    policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
-    with LogWriter(path, mission, policy, overwrite=force) as log:
-        records = interruptible(watched(simulate.route(world, loaded, seed), float(t_s[0]), float(t_s[-1])))
-        for record in thinned(records, loaded.log.rate, mission.start_s):
-            log.write(record)
-            kept.add(record)
-        done = RunSummary(kept.last_t_s, time.perf_counter() - ready, ready - began)
-        log.write(done)
-        kept.add(done)
-    show(metrics.summarise(kept.build(), log=path), json)
+    flown = runs.fly(
+        loaded,
+        seed,
+        log=path,
+        overwrite=force,
+        watch=lambda records, start_s, end_s: interruptible(watched(records, start_s, end_s)),
+    )
+    show(flown.summary(), json)
 
 
 def free_name(name, seed):
@@ -113,6 +96,16 @@ def writable(path, option, *, force=False):
         raise typer.BadParameter(f"{path} exists already; choose another name{hint}", param_hint=option)
     if not path.parent.is_dir():
         raise typer.BadParameter(f"there is no folder {path.parent}", param_hint=option)
+
+
+def folder_for(path, option):
+    """Make a folder for results, or say why not."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise typer.BadParameter(
+            f"cannot make the folder {path}: {error.strerror}", param_hint=option
+        ) from None
 
 
 def say(text):
@@ -165,14 +158,20 @@ def watched(records, start_s, end_s):
 
 @app.command()
 def report(
-    log: LogArgument,
+    log: Annotated[Path, typer.Argument(help="Log of a run (MCAP), or folder of a campaign.")],
     html: Annotated[Path | None, typer.Option(help="Write a page to hand over, with every figure.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --html.")] = False,
+    figures: Annotated[Path | None, typer.Option(help="Folder for the pictures, each a PNG.")] = None,
     json: JsonOption = False,
 ):
-    """Print the results of a run from its log."""
+    """Print the results of a run from its log, or those of a campaign from its folder."""
     if html is not None:
         export_command.check_file(html, "--html", force=force)
+    if log.is_dir():
+        from shefex_nav.campaign import report_command
+
+        report_command.report(log, json=json, html=html, figures=figures)
+        return
     from shefex_nav.log import reader
     from shefex_nav.report import metrics
 
@@ -180,27 +179,55 @@ def report(
     tell_if_cut(log, data)
     if html is not None:
         export_command.write_page(html, data, log)
+    if figures is not None:
+        from shefex_nav.report import figures as pictures
+
+        folder_for(figures, "--figures")
+        for path in pictures.save_all(data, figures):
+            say(f"wrote {path}")
     show(metrics.summarise(data, log=log), json)
 
 
 @app.command()
 def view(
-    log: LogArgument,
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            help="Logs of runs (MCAP), killed runs too; the others are drawn over the first one.",
+        ),
+    ],
+    page: Annotated[
+        str,
+        typer.Option(
+            "--view",
+            metavar="NAME",
+            help="Page open at first: overview, mission, star-tracker, navigation, sensors.",
+        ),
+    ] = "overview",
     save: Annotated[Path | None, typer.Option(help="Write a rerun recording (.rrd), do not open it.")] = None,
     screenshot: Annotated[Path | None, typer.Option(help="PNG of the viewer; needs no screen.")] = None,
     at: Annotated[str | None, typer.Option(help="Mission time of the screenshot, e.g. 240s.")] = None,
+    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine.")] = False,
 ):
-    """Open a log in the rerun viewer, laid out."""
+    """Open logs in the rerun viewer, laid out."""
     at_s = None if at is None else mission_time(at)
     if at is not None and screenshot is None:
         raise typer.BadParameter("is the time of a --screenshot, which is not asked for", param_hint="--at")
+    if web and (save or screenshot):
+        raise typer.BadParameter("does not go with --save or --screenshot", param_hint="--web")
     for path, option in ((save, "--save"), (screenshot, "--screenshot")):
         if path is not None:
             writable(path, option)
     from shefex_nav.report import viewer
+    from shefex_nav.report.viewer import layout
 
-    data = viewer.view(log, save=save, screenshot=screenshot, at_s=at_s)
-    tell_if_cut(log, data)
+    names = {name.lower().replace(" ", "-"): name for name in layout.PAGES}
+    if page.lower() not in names:
+        raise typer.BadParameter(f"is one of {', '.join(names)}, not {page!r}", param_hint="--view")
+    runs = viewer.view(logs, save=save, screenshot=screenshot, at_s=at_s, page=names[page.lower()], web=web)
+    for log, data in zip(logs, runs, strict=True):
+        tell_if_cut(log, data)
     for written in (save, screenshot):
         if written is not None:
             say(f"wrote {written}")
@@ -262,7 +289,7 @@ def user_errors():
         "shefex_nav.verify.daveml.DaveMlError",
         "shefex_nav.verify.data.NescDataError",
         "shefex_nav.log.topics.LogError",
-        "shefex_nav.report.viewer_program.ViewerError",
+        "shefex_nav.report.viewer.program.ViewerError",
         "shefex_nav.replay.table.DataError",
     )
     for name in names:

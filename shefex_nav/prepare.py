@@ -120,6 +120,9 @@ def mission(scenario, seed, trajectory):
         launch_height=height if scenario.orbit is None else 0.0,
         camera=params_onboard.nominal_camera(scenario),
         C_bc=params.mounting(scenario),
+        sun_i=ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i,
+        sun_exclusion=scenario.star_camera.stray_light.sun_exclusion,
+        limb_exclusion=scenario.star_camera.stray_light.earth_exclusion,
     )
 
 

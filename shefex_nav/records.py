@@ -209,6 +209,28 @@ class Detections(NamedTuple):
     P_px: np.ndarray  # (n, 2, 2) covariance of the centroid [px^2], of the noise alone
 
 
+class StarVectors(NamedTuple):
+    """Stars of one frame that may be used each by itself, m of them; their directions need no corrections.
+
+    The stars that made the attitude, without those that did not fit; in a frame without attitude the one or
+    two that a prediction leaves no doubt about, if the navigation asks for them.
+    """
+
+    hip: np.ndarray  # (m,) Hipparcos numbers
+    u_c: np.ndarray  # (m, 3) where the nominal camera sees them at t_valid_s, unit vectors
+    P_u: np.ndarray  # (m, 2, 2) rad^2, covariance of u_c along `pinhole.cross_axes`, of each star by itself
+    u_i: np.ndarray  # (m, 3) where the moving vehicle sees them: proper motion and aberration are in it
+    t_seen_s: np.ndarray  # (m,) s after t_valid_s, when the light was collected; a rate has carried it over
+    P_omega_c: np.ndarray  # (3, 3) (rad/s)^2, covariance of that rate, whose error all stars share
+    sigma_focal: float = 0.0  # relative error of the focal length, which they share as well
+
+
+NO_STARS = StarVectors(
+    np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 2, 2)), np.empty((0, 3)), np.empty(0),
+    np.zeros((3, 3)),
+)  # fmt: skip
+
+
 class StarFix(NamedTuple):
     """Result of the star tracker chain for one frame, solved or not."""
 
@@ -227,6 +249,7 @@ class StarFix(NamedTuple):
     flag_saturated: bool
     flag_no_stars: bool
     scan: int = int(Scan.UNKNOWN)  # Scan
+    stars: StarVectors = NO_STARS
 
 
 class GateResult(NamedTuple):
@@ -234,7 +257,7 @@ class GateResult(NamedTuple):
 
     t_s: float  # when it was processed
     t_valid_s: float
-    sensor: str  # 'gps_position', 'gps_velocity', 'star_tracker'
+    sensor: str  # 'gps_position', 'gps_velocity', 'star_tracker', 'star_vectors' ...
     dof: int
     nis: float  # normalised innovation squared
     limit: float  # accepted below it

@@ -1,14 +1,17 @@
 """`shefex-nav campaign`: fly a scenario many times, each time with draws and sensor seeds of its own.
 
-Exit codes: 0 all runs flew to their end, 1 a run failed (a row of the table says why), 2 bad input,
+Exit codes: 0 all runs flew to their end, 1 a run failed (its row in the table says why), 2 bad input,
 130 interrupted; the same command goes on.
 """
 
 import json as json_module
+import re
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+OUT = Path("logs/campaigns")
 
 
 def campaign(
@@ -17,9 +20,20 @@ def campaign(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes on this machine; default one a core.")
     ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option("--engine", metavar="dask://HOST:PORT", help="Fly on a Dask cluster: its scheduler."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Root of all randomness.")] = 1,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the results; default campaigns/<scenario>-seed<seed>.")
+        Path | None, typer.Option(help="Folder of the results; default logs/campaigns/<scenario>-seed<seed>.")
+    ] = None,
+    keep: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="worst:K|failed|none",
+            help="Runs that are flown again at the end with a log each (several times: all of these).",
+        ),
     ] = None,
     overrides: Annotated[
         list[str] | None,
@@ -27,26 +41,135 @@ def campaign(
             "--set", metavar="KEY=VALUE", help="Override one value, e.g. --set star_tracker.rate='5 Hz'."
         ),
     ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Print what each run would draw, as CSV or JSON; fly nothing.")
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ):
     """Fly a scenario many times; the same command goes on with a campaign that was interrupted."""
     from shefex_nav.campaign import engine, running
+    from shefex_nav.campaign.flight import WorkerError
+    from shefex_nav.campaign.progress import show
+    from shefex_nav.campaign.stopping import stopping
     from shefex_nav.campaign.store import Store, StoreError
     from shefex_nav.scenario import load
 
+    address, kept = _address(cluster), _kept(keep or ())
+    if address is not None and workers is not None:
+        raise typer.BadParameter("the cluster has its own workers; leave one away", param_hint="--workers")
     loaded = load.load(scenario, overrides or ())
-    plan = running.plan_of(loaded, seed, runs)
-    folder = out or Path("campaigns") / f"{loaded.mission.name}-seed{seed}"
+    request = running.Request(loaded, runs, seed, workers, address, kept)
+    folder = out or OUT / f"{loaded.mission.name}-seed{seed}"
     try:
-        with Store(folder) as store:
-            store.begin(plan, {})
-            _say(f"{plan.name}, {runs} runs, seed {seed} -> {folder}")
-            result = running.run(loaded, plan, store, workers, _say)
-    except (StoreError, engine.EngineError) as error:
-        raise typer.BadParameter(str(error)) from None
+        if dry_run:
+            _print_draws(running.prepared(loaded, runs, seed)[1], runs, json)
+            return
+        with Store(folder) as store, stopping() as stop:
+            _say(f"{loaded.mission.name}, {runs} runs, seed {seed} -> {folder}")
+            ended = running.fly(request, store, show(_say), stop)
+    except (StoreError, engine.EngineError, WorkerError, running.BadCampaign) as error:
+        _say(str(error))
+        raise typer.Exit(2) from None
+    failed = sum(row["status"] == "failed" for row in ended.rows)
+    if ended.interrupted:
+        _say(f"interrupted; {len(ended.rows)} of {runs} runs are kept, the same command goes on from there")
+        raise typer.Exit(130)
+    _show(folder, json)
+    raise typer.Exit(1 if failed else 0)
+
+
+def repeat(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a campaign.")],
+    run: Annotated[int, typer.Argument(min=0, help="Number of the run.")],
+    log: Annotated[Path | None, typer.Option(help="Write the log of the run (MCAP).")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --log.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+):
+    """Fly one run of a campaign again, exactly, and compare it with what was kept."""
+    from shefex_nav.campaign import repeating, running
+    from shefex_nav.campaign.store import StoreError
+
+    if log is not None and log.exists() and not force:
+        raise typer.BadParameter(
+            f"{log} exists already; choose another name or add --force", param_hint="--log"
+        )
+    if log is not None and not log.parent.is_dir():
+        raise typer.BadParameter(f"there is no folder {log.parent}", param_hint="--log")
+    try:
+        _say(f"{folder}, run {run}; the first run on a machine compiles, which takes a few minutes.")
+        repeated = repeating.repeat(folder, run, log)
+    except (StoreError, running.BadCampaign) as error:
+        _say(str(error))
+        raise typer.Exit(2) from None
+    for line in repeated.notes:
+        _say(line)
     if json:
-        typer.echo(json_module.dumps(result, allow_nan=False))
-    raise typer.Exit(1 if result["failed"] else 0)
+        typer.echo(json_module.dumps(repeated.result(), allow_nan=False))
+    else:
+        typer.echo(repeated.words())
+    raise typer.Exit(0 if repeated.same else 1)
+
+
+def _address(cluster):
+    """HOST:PORT of what --engine names, None without it."""
+    if cluster is None:
+        return None
+    found = re.fullmatch(r"dask://([\w.\-\[\]:]+:\d+)", cluster)
+    if found is None:
+        raise typer.BadParameter(
+            f"{cluster!r}: expected dask://HOST:PORT of a scheduler", param_hint="--engine"
+        )
+    return found[1]
+
+
+def _kept(texts):
+    """tuple of Keep."""
+    from shefex_nav.campaign.running import Keep
+
+    kept = []
+    for text in texts:
+        found = re.fullmatch(r"worst:([1-9]\d*)|(failed)|(none)", text)
+        if found is None:
+            raise typer.BadParameter(f"{text!r}: expected worst:K, failed or none", param_hint="--keep")
+        if text != "none":
+            kept.append(Keep("worst", int(found[1])) if found[1] else Keep("failed"))
+    if kept and "none" in texts:
+        raise typer.BadParameter("none does not go with others", param_hint="--keep")
+    return tuple(kept)
+
+
+def _print_draws(sampler, runs, as_json):
+    """Draws of all runs on stdout."""
+    if as_json:
+        jobs = (sampler.job(run) for run in range(runs))
+        typer.echo(json_module.dumps([job._asdict() for job in jobs], allow_nan=False))
+        return
+    import csv
+    import sys
+
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    units = [one.unit or ("times" if one.apply == "factor" else "") for one in sampler.dispersed]
+    names = [
+        f"{one.name} [{unit}]" if unit else one.name
+        for one, unit in zip(sampler.dispersed, units, strict=True)
+    ]
+    writer.writerow(["run", "seed", *names])
+    for run in range(runs):
+        job = sampler.job(run)
+        writer.writerow([run, job.seed, *job.draws.values()])
+
+
+def _show(folder, as_json):
+    """The results on stdout."""
+    from shefex_nav.campaign import over_time, report_command, summary
+    from shefex_nav.campaign.results import open_campaign
+
+    done = open_campaign(folder)
+    if as_json:
+        typer.echo(json_module.dumps(summary.summary_object(done), allow_nan=False))
+    else:
+        report_command.show(done, over_time.read(done))
+        _say(f"results {folder / 'results.parquet'}")
 
 
 def _say(text):

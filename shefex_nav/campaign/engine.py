@@ -51,7 +51,11 @@ class ProcessLane:
             context = multiprocessing.get_context("spawn")
             self._pool = ProcessPoolExecutor(1, context, _begin, (self._plan,))
         before = set(multiprocessing.active_children())
-        future = self._pool.submit(flight.fly, job)
+        try:
+            future = self._pool.submit(flight.fly, job)
+        except BrokenExecutor:  # killed while it had nothing to do
+            self.renew()
+            return self.submit(job)
         self._processes += set(multiprocessing.active_children()) - before
         return future
 
@@ -125,8 +129,7 @@ def _fly(jobs, lanes, take, stopped):
                 raise EngineError(
                     f"{deaths} workers ended one after the other without a result; the last: {error}"
                 )
-            if isinstance(trial.lane, ProcessLane):
-                trial.lane.renew()
+            trial.lane.renew()
             if trial.attempt < ATTEMPTS:
                 again.append((trial.job, trial.attempt + 1))
             else:

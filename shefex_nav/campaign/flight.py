@@ -2,7 +2,6 @@
 
 import io
 import os
-import pickle
 import re
 import time
 import traceback
@@ -12,6 +11,10 @@ import numpy as np
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LONGEST_REASON = 500
+
+
+class WorkerError(Exception):
+    """A worker that cannot fly this campaign; the message says why."""
 
 
 class Flown(NamedTuple):
@@ -25,11 +28,12 @@ class Pilot:
     """Flies the runs of one plan; what they have in common is made once."""
 
     def __init__(self, plan):
+        from shefex_nav.campaign import flight_file
         from shefex_nav.scenario import load
 
         self.plan = plan
-        self.pattern = load.pattern(plan.source, plan.name)
-        self.flight = None if plan.flight is None else pickle.loads(plan.flight)
+        self.pattern = load.Pattern(plan.source, plan.name)
+        self.flight = flight_file.from_bytes(plan.flight) if plan.shared else None
 
     def scenario(self, job):
         """Scenario of a run."""
@@ -40,7 +44,7 @@ class Pilot:
 
         An exception is the end of the run, not of the campaign: it becomes the run's reason and traceback.
         """
-        from shefex_nav.campaign import plan
+        from shefex_nav.campaign.plan import digest
 
         began, record = time.perf_counter(), _record(job)
         try:
@@ -50,7 +54,7 @@ class Pilot:
             series = None
         else:
             series = _npz(kept)
-            record |= {"summary": summary, "series_sha256": plan.digest_of_bytes(series)}
+            record |= {"summary": summary, "series_sha256": digest(series)}
         record["timing"] = {"wall_s": time.perf_counter() - began}
         return Flown(record, series)
 
@@ -61,6 +65,8 @@ class Pilot:
         from shefex_nav.report import metrics
 
         scenario = self.scenario(job)
+        if log is None:
+            scenario.keep_text("", {})  # its text goes into logs alone, and takes as long to make as all else
         world = prepare.build_world(scenario, job.seed, flight=self.flight)
         trajectory = world.flight.trajectory
         data = _records(scenario, job.seed, world, log)
@@ -147,6 +153,7 @@ def prepare_worker(plan):
     global _pilot
     try:
         _check_threads()
+        _check_versions(plan.versions)
         _pilot = Pilot(plan)
     except Exception as error:
         _pilot = error
@@ -157,12 +164,26 @@ def fly(job):
     if isinstance(_pilot, Exception):
         raise _pilot
     if _pilot is None:
-        raise RuntimeError("this worker was not told what to fly")
+        raise WorkerError("a worker was not told what to fly")
     return _pilot.fly(job)
+
+
+def _check_versions(wanted):
+    """The same program as the one that asks; another NumPy or code may end in other last digits."""
+    from shefex_nav.campaign.plan import versions
+
+    own = versions()
+    differ = [
+        f"{name} {own.get(name)}, not {value}" for name, value in wanted.items() if own.get(name) != value
+    ]
+    if differ:
+        raise WorkerError(
+            f"a worker has {'; '.join(differ)}: all need the same, from the first run to the last"
+        )
 
 
 def _check_threads():
     """One thread for linear algebra: sums in another order would end in other last digits."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         if os.environ.get(name) != "1":
-            raise RuntimeError(f"start the worker with {name}=1, it is {os.environ.get(name, 'not set')}")
+            raise WorkerError(f"start the worker with {name}=1, it is {os.environ.get(name, 'not set')}")

@@ -1,11 +1,13 @@
 """What the runs of a campaign have in common, and what tells one from the other."""
 
 import hashlib
-import pickle
 import sys
+from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 FORMAT = 1  # of the folder
+PACKAGE = Path(__file__).parents[1]
 
 
 class Plan(NamedTuple):
@@ -17,7 +19,9 @@ class Plan(NamedTuple):
     runs: int  # asked for
     sampling: str  # random, latin_hypercube
     series_rate: float  # Hz
-    flight: bytes | None  # the one flight of all runs, pickled; None: each has its own
+    shared: bool  # whether all runs have one flight
+    versions: dict  # of what results depend on
+    flight: bytes | None = None  # that flight, as `flight_file` writes it
 
 
 class Job(NamedTuple):
@@ -28,29 +32,39 @@ class Job(NamedTuple):
     draws: dict  # path -> value, in the unit of the dispersion
 
 
-def digest(text):
-    """sha256 of a text, as 64 hexadecimal digits."""
-    return digest_of_bytes(text.encode())
+def of_scenario(scenario, seed, runs):
+    """Plan of a campaign of a Scenario, still without its flight."""
+    how = scenario.campaign
+    return Plan(
+        name=scenario.mission.name,
+        source=scenario.source,
+        seed=seed,
+        runs=runs,
+        sampling=how.sampling,
+        series_rate=how.series,
+        shared=how.flight == "shared",
+        versions=versions(),
+    )
 
 
-def digest_of_bytes(content):
-    """sha256 of bytes, as 64 hexadecimal digits."""
-    return hashlib.sha256(content).hexdigest()
+def digest(content):
+    """sha256 of a text or of bytes, as 64 hexadecimal digits."""
+    return hashlib.sha256(content.encode() if isinstance(content, str) else content).hexdigest()
 
 
 def versions():
-    """Versions of what a result may depend on."""
+    """Versions of what a result may depend on; `code` is a digest of this package's source files."""
     from importlib.metadata import version
 
-    names = ("numpy", "scipy", "numba", "astropy", "filterpy")
-    python = ".".join(map(str, sys.version_info[:3]))
     from shefex_nav import __version__
 
-    return {"shefex_nav": __version__, "python": python} | {name: version(name) for name in names}
+    own = {"shefex_nav": __version__, "code": _code(), "python": ".".join(map(str, sys.version_info[:3]))}
+    return own | {name: version(name) for name in ("numpy", "scipy", "numba", "astropy", "filterpy")}
 
 
-def shared_flight(scenario, seed):
-    """The flight that all runs share, as bytes."""
-    from shefex_nav import prepare
-
-    return pickle.dumps(prepare.fly_vehicle(scenario, seed), protocol=5)
+@cache
+def _code():
+    total = hashlib.sha256()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        total.update(path.relative_to(PACKAGE).as_posix().encode() + path.read_bytes())
+    return total.hexdigest()[:16]

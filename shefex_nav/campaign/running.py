@@ -1,46 +1,195 @@
-"""A campaign from plan to table."""
+"""A campaign from its scenario to its table: what `shefex-nav campaign` does, without the command line."""
 
 import time
+from functools import partial
+from typing import NamedTuple
 
 from shefex_nav import workers as machine
-from shefex_nav.campaign import draws, engine, progress
-from shefex_nav.campaign.plan import Plan
+from shefex_nav.campaign import draws, engine, flight, progress
+from shefex_nav.campaign import plan as planning
+from shefex_nav.scenario import load
+from shefex_nav.scenario.laws import TableLaw
 
 
-def plan_of(scenario, seed, runs):
-    """Plan of a campaign of a scenario."""
-    return Plan(scenario.mission.name, scenario.source, seed, runs, "random", 1.0, None)
+class Request(NamedTuple):
+    """What to fly and how."""
+
+    scenario: object  # Scenario
+    runs: int
+    seed: int
+    workers: int | None  # processes on this machine; None: one a core
+    cluster: str | None  # HOST:PORT of a Dask scheduler; None: this machine
+    keep: tuple  # of Keep
 
 
-def run(scenario, plan, store, workers, say):
-    """Fly what is missing, keep it, and make the table. -> the object of `campaign --json`"""
+class Keep(NamedTuple):
+    """Runs that get a log."""
+
+    what: str  # worst, failed
+    most: int | None = None  # of the worst
+
+
+class Ended(NamedTuple):
+    """A campaign that was flown, or stopped."""
+
+    rows: list  # of the table
+    digest: str  # of the results
+    wall_s: float  # of all sessions so far
+    interrupted: bool
+
+
+class BadCampaign(Exception):
+    """A campaign that cannot be flown; the message says why."""
+
+
+def prepared(scenario, runs, seed):
+    """(Plan, Sampler) of a campaign; BadCampaign if a table is too short for its runs."""
+    plan = planning.of_scenario(scenario, seed, runs)
+    dispersed = load.Pattern(plan.source, plan.name).dispersed
+    for one in dispersed:
+        if isinstance(one.law, TableLaw) and len(one.law.values) < runs:
+            raise BadCampaign(
+                f"dispersions.{one.name}.table: {len(one.law.values)} values for {runs} runs; one for each"
+            )
+    return plan, draws.Sampler(plan, dispersed)
+
+
+def fly(request, store, show, stopped=lambda: False, crew=None):
+    """Fly what is missing in the store, keep it, and make the table.
+
+    Parameters
+    ----------
+    request : Request
+    store : Store, open
+    show : progress.Show, told of what happens
+    stopped : called often; True ends the campaign with what there is
+    crew : function of Plan and number of runs that gives the lanes to fly in; None: as requested
+
+    Returns
+    -------
+    Ended
+    """
     began = time.perf_counter()
-    done = store.done()
-    missing = [k for k in range(plan.runs) if k not in done]
-    tally = progress.Tally(plan.runs)
+    plan, sampler = prepared(request.scenario, request.runs, request.seed)
+    store.begin(plan, described(request.scenario))
+    tally = progress.Tally(plan.runs, badness(request.scenario))
+    done = set()
     for record in store.records(plan.runs):
         tally.take(record, flown=False)
-    if missing:
-        from shefex_nav import simulate
+        done.add(record["run"])
+    missing = [run for run in range(plan.runs) if run not in done]
+    interrupted = False
+    try:
+        if missing:
+            if crew is None:
+                compile_kernels(request.scenario, show)
+            plan = with_flight(plan, store, request.scenario)
+            with show.bar(tally) as note:
 
-        simulate.warm_up(scenario)  # compiles; workers that compiled together would get into each other's way
-        lanes = [engine.ProcessLane(plan) for _ in range(min(workers or machine.cores(), len(missing)))]
-        note = progress.lines(tally, say)
+                def take(flown):
+                    store.keep(flown)
+                    tally.take(flown.record)
+                    note()
 
-        def take(flown):
-            store.keep(flown)
-            tally.take(flown.record)
-            note()
-
-        engine.fly((draws.job(plan, k) for k in missing), lanes, take)
+                lanes = (crew or partial(_lanes, request))(plan, len(missing))
+                engine.fly((sampler.job(run) for run in missing), lanes, take, stopped)
+        store.tabulate(plan.runs)  # before logs, which nothing depends on
+        _keep_logs(request, plan, sampler, store, show, stopped)
+    except engine.Interrupted:
+        interrupted = True
     wall_s = store.took(time.perf_counter() - began)
     rows, digest = store.tabulate(plan.runs)
-    failed = sum(row["status"] == "failed" for row in rows)
+    return Ended(rows, digest, wall_s, interrupted)
+
+
+def compile_kernels(scenario, show):
+    """Compile what is not compiled yet: workers would do so all at once and get into each other's way."""
+    from shefex_nav import simulate
+
+    show.say("Getting ready; the first run on a machine compiles, which takes a few minutes.")
+    simulate.warm_up(scenario)
+
+
+def with_flight(plan, store, scenario):
+    """The plan with the flight that all runs share, if they do: as it is kept, else flown now."""
+    from shefex_nav import prepare
+    from shefex_nav.campaign import flight_file
+
+    if not plan.shared:
+        return plan
+
+    def make():
+        return flight_file.to_bytes(prepare.fly_vehicle(scenario, draws.flight_seed(plan.seed)))
+
+    return plan._replace(flight=store.flight(make))
+
+
+def _lanes(request, plan, runs):
+    """The workers, as lanes of the engine."""
+    if request.cluster is not None:
+        try:
+            from shefex_nav.campaign.cluster import ClusterLane
+        except ModuleNotFoundError as error:
+            raise BadCampaign(
+                f"--engine dask needs the extra 'cluster' ({error.name} is not installed): "
+                "uv sync --extra cluster, or pip install 'shefex-nav[cluster]'"
+            ) from None
+        return [ClusterLane(request.cluster, plan)]
+    return [engine.ProcessLane(plan) for _ in range(min(request.workers or machine.cores(), runs))]
+
+
+def described(scenario):
+    """The dispersions of a scenario as plain values: {path or name of a group: {...}}."""
     return {
-        "runs": len(rows),
-        "succeeded": len(rows) - failed,
-        "failed": failed,
-        "requirements": [],
-        "wall_s": wall_s,
-        "results_digest": digest,
+        name: one.model_dump(exclude_none=True, mode="json") for name, one in scenario.dispersions.items()
     }
+
+
+def badness(scenario):
+    """Function that says how bad a run's record is, None of one that failed.
+
+    How many requirements it misses and how near it comes to the others; among equals, and without any, its
+    rms attitude error.
+    """
+    from shefex_nav.report import requirements
+
+    def bad(record):
+        if record["status"] == "failed":
+            return None
+        judged = requirements.judge(scenario.requirements, record["summary"])
+        rms = record["summary"]["navigation"]["attitude_error_deg"]["rms"]
+        return requirements.severity(judged), rms or 0.0
+
+    return bad
+
+
+def chosen(keep, records, bad):
+    """Runs that get a log, by what is to be kept: list, the worst first."""
+    found = []
+    for one in keep:
+        if one.what == "failed":
+            found += [record["run"] for record in records if record["status"] == "failed"]
+        else:
+            flown = [record for record in records if record["status"] != "failed"]
+            flown.sort(key=bad, reverse=True)  # stable: of equals the first
+            found += [record["run"] for record in flown[: one.most]]
+    return list(dict.fromkeys(found))
+
+
+def _keep_logs(request, plan, sampler, store, show, stopped):
+    """Fly the runs that are to be kept again, with a log each, on this machine."""
+    if not request.keep:
+        return
+    wanted = chosen(request.keep, list(store.records(plan.runs)), badness(request.scenario))
+    missing = [run for run in wanted if not store.log(run).exists()]
+    if not missing:
+        return
+    show.say(f"flying again with a log: {', '.join(f'run {run}' for run in missing)}")
+    pilot = flight.Pilot(with_flight(plan, store, request.scenario))
+    for run in missing:
+        if stopped():
+            raise engine.Interrupted
+        part = store.log(run).with_suffix(".part")
+        pilot.fly(sampler.job(run), log=part)
+        if part.exists():  # a run may fail before its first record
+            part.replace(store.log(run))

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign import table
+from shefex_nav.scenario import document
 
 DIGITS = 6
 LONGEST_DIFFERENCE = 60  # lines
@@ -72,10 +73,10 @@ class Store:
             "seed": plan.seed,
             "runs": plan.runs,
             "sampling": plan.sampling,
-            "flight": "dispersed" if plan.flight is None else "shared",
+            "flight": "shared" if plan.shared else "dispersed",
             "rate": plan.series_rate,
             "dispersions": dispersions,
-            "versions": planning.versions() if old is None else old["versions"],
+            "versions": plan.versions if old is None else old["versions"],
             "wall_s": 0.0 if old is None else old["wall_s"],
         }
         self._keep_head(head)
@@ -91,11 +92,23 @@ class Store:
     def _keep_head(self, head):
         put(self.folder / "campaign.json", json.dumps(head, indent=1, allow_nan=False) + "\n")
 
+    def flight(self, make):
+        """The flight that all runs share, as bytes: the one that is kept here, else `make()`."""
+        path = self.folder / "flight.npz"
+        if not path.exists():
+            put(path, make())
+        return path.read_bytes()
+
     # ---- runs --------------------------------------------------------------------------------------------
 
     def path(self, run, ending):
         """Path of a file of a run."""
         return self.folder / "runs" / f"{run:0{DIGITS}d}.{ending}"
+
+    def log(self, run):
+        """Path of the log of a run; its folder is made."""
+        (self.folder / "logs").mkdir(exist_ok=True)
+        return self.folder / "logs" / f"{run:0{DIGITS}d}.mcap"
 
     def keep(self, flown):
         """Keep a run; its record comes last, because it says that the run is done."""
@@ -178,20 +191,27 @@ def _compare(old, plan, folder):
             f"{folder}: a Latin hypercube of {old['runs']} runs, of which each draw depends on that number; "
             f"--runs {plan.runs} is another campaign: {how}"
         )
-    from shefex_nav import __version__
-
-    if old["versions"]["shefex_nav"] != __version__:
+    if old["versions"]["shefex_nav"] != plan.versions["shefex_nav"]:
         raise StoreError(
-            f"{folder}: was flown by version {old['versions']['shefex_nav']}, this is {__version__}; {how}"
+            f"{folder}: was flown by version {old['versions']['shefex_nav']}, this is "
+            f"{plan.versions['shefex_nav']}; {how}"
         )
 
 
 def difference(old, new):
-    """Unified difference of two scenarios' texts, cut off if it is long."""
-    lines = list(
-        difflib.unified_diff(
-            old.splitlines(), new.splitlines(), "flown here", "asked for now", n=2, lineterm=""
-        )
-    )
+    """Unified difference of two scenarios' texts, one line a value, cut off if it is long."""
+    before, after = (list(_values(document.parse(text, "").tree)) for text in (old, new))
+    lines = list(difflib.unified_diff(before, after, "flown here", "asked for now", n=0, lineterm=""))
+    lines = [line for line in lines if not line.startswith("@@")]
     more = len(lines) - LONGEST_DIFFERENCE
     return "\n".join([*lines[:LONGEST_DIFFERENCE], *([f"... and {more} more lines"] if more > 0 else [])])
+
+
+def _values(tree, path=""):
+    """`launch.elevation: 86.43 deg` for each value of a scenario."""
+    for key, value in tree.items():
+        name = f"{path}.{key}" if path else str(key)
+        if isinstance(value, dict) and value:
+            yield from _values(value, name)
+        else:
+            yield f"{name}: {value}"

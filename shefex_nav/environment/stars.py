@@ -6,6 +6,7 @@ catalogue that flies on board.
 """
 
 import gzip
+from functools import lru_cache
 from importlib.resources import files
 from typing import NamedTuple
 
@@ -35,6 +36,7 @@ class StarCatalogue(NamedTuple):
     epoch: float  # Julian year of u_i
 
 
+@lru_cache(maxsize=2)  # a campaign asks again for every run
 def load_catalogue(max_magnitude):
     """Stars with V <= max_magnitude, ordered by Hipparcos number, at epoch J1991.25.
 

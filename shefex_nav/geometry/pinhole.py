@@ -64,3 +64,37 @@ def pixels(camera, u_c):
             xy_px[k, 0] = camera.cx_px + camera.focal_length_px * u_c[k, 0] / u_c[k, 2]
             xy_px[k, 1] = camera.cy_px + camera.focal_length_px * u_c[k, 1] / u_c[k, 2]
     return xy_px
+
+
+@njit(cache=True)
+def cross_axes(u_c):
+    """Two axes across each direction: e1 is the camera's x made perpendicular to u, e2 = u x e1.
+
+    u_c : (n, 3) unit vectors, none along x -> (n, 2, 3) unit vectors
+    """
+    E = np.empty((u_c.shape[0], 2, 3))
+    for k in range(u_c.shape[0]):
+        x, y, z = u_c[k, 0], u_c[k, 1], u_c[k, 2]
+        norm = np.sqrt(y * y + z * z)
+        a, b, c = norm, -x * y / norm, -x * z / norm
+        E[k, 0, 0], E[k, 0, 1], E[k, 0, 2] = a, b, c
+        E[k, 1, 0], E[k, 1, 1], E[k, 1, 2] = y * c - z * b, z * a - x * c, x * b - y * a
+    return E
+
+
+@njit(cache=True)
+def cross_covariance(camera, xy_px, P_px):
+    """Covariance of directions along their `cross_axes` from that of their places in the picture.
+
+    With n = (x, y, 1), u = n/|n|: du = (I - u u^T) dn/|n|, and the axes are perpendicular to u.
+
+    camera : Pinhole;  xy_px : (n, 2);  P_px : (n, 2, 2) px^2 -> (n, 2, 2) rad^2
+    """
+    E = cross_axes(unit_vectors(camera, xy_px))
+    P_u = np.empty((xy_px.shape[0], 2, 2))
+    f = camera.focal_length_px
+    for k in range(xy_px.shape[0]):
+        x, y = (xy_px[k, 0] - camera.cx_px) / f, (xy_px[k, 1] - camera.cy_px) / f
+        J = np.ascontiguousarray(E[k, :, :2]) / (f * np.sqrt(1.0 + x * x + y * y))
+        P_u[k] = J @ np.ascontiguousarray(P_px[k]) @ J.T
+    return P_u

@@ -102,7 +102,7 @@ def _mission(numbers, raw):
 def _read_file(path):
     """(_Raw, whether the file was closed properly)."""
     from mcap.data_stream import ReadDataStream
-    from mcap.exceptions import EndOfFile, InvalidMagic, RecordLengthLimitExceeded
+    from mcap.exceptions import EndOfFile, InvalidMagic
     from mcap.stream_reader import StreamReader, read_magic
 
     raw = _Raw({}, {}, {}, {}, {})
@@ -118,13 +118,20 @@ def _read_file(path):
         try:
             for record in StreamReader(file, skip_magic=True, emit_chunks=True).records:
                 _take(record, raw)
-        except (EndOfFile, InvalidMagic, RecordLengthLimitExceeded, struct.error):
+        except cut_errors():
             return raw, False  # the writer was killed in the middle of this record
         except _damage_errors() as error:
             if file.read(1):
                 raise LogError(f"{path}: damaged at byte {file.tell()}: {error}") from error
             return raw, False
     return raw, True
+
+
+def cut_errors():
+    """What mcap raises where a file ends in the middle of a record."""
+    from mcap.exceptions import EndOfFile, InvalidMagic, RecordLengthLimitExceeded
+
+    return EndOfFile, InvalidMagic, RecordLengthLimitExceeded, struct.error
 
 
 def _damage_errors():

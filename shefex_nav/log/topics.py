@@ -67,6 +67,9 @@ class Mission(NamedTuple):
     launch_height: float  # m, where it stands; 0 below an orbit
     camera: Pinhole  # as the on-board computer knows it
     C_bc: np.ndarray  # (3, 3) nominal mounting
+    sun_i: np.ndarray = np.full(3, np.nan)  # (3,) direction of the Sun from the Earth at t = 0
+    sun_exclusion: float = math.nan  # rad, that the camera must keep from the Sun
+    limb_exclusion: float = math.nan  # rad, and from the Earth's limb
 
 
 class RunSummary(NamedTuple):
@@ -94,13 +97,16 @@ def timing(record):
     return Timing(*record, math.nan, math.nan)
 
 
+EQUAL = -2
+
+
 class Field(NamedTuple):
     """One field of a message."""
 
     name: str
     source: str  # attribute of the record, dotted where nested
     kind: str  # double, bool, sfixed32, string, or an IntEnum
-    shape: tuple  # of the array, -1 = any number of rows; () = scalar
+    shape: tuple  # of the array; () = scalar, -1 = any number of rows, EQUAL = any, the same in a whole log
     comment: str
 
 
@@ -166,12 +172,12 @@ TOPICS = (
         _vector("torque_b_n_m", "torque_b", "torque of the valves, body axes [N m]"),
         _number("propellant_kg", "propellant_kg", "gas used since the start [kg]"),
     )),
-    Topic(ImuBlock, "/imu", "ImuBlock", 100, "t_valid_s", "Four IMU samples, oldest first.", (
+    Topic(ImuBlock, "/imu", "ImuBlock", 100, "t_valid_s", "The IMU samples of a tick, oldest first.", (
         T_VALID,
         T_AVAILABLE,
         _number("dt_s", "dt_s", "duration of one sample [s]"),
-        _number("dtheta_b_rad", "dtheta_b", "integrated rate, body axes, 4 x 3 row by row [rad]", (4, 3)),
-        _number("dv_b_m_s", "dv_b", "integrated specific force, body axes, 4 x 3 row by row [m/s]", (4, 3)),
+        _number("dtheta_b_rad", "dtheta_b", "integrated rate, body axes, n x 3 row by row [rad]", (EQUAL, 3)),
+        _number("dv_b_m_s", "dv_b", "integrated force per mass, body axes, n x 3 row by row [m/s]", (EQUAL, 3)),
         _flag("saturated", "saturated", "a sample reached the range of its sensor"),
         _flag("valid", "valid", "false: the unit did not answer, the samples are NaN"),
     )),
@@ -249,13 +255,13 @@ TOPICS = (
     Topic(GateResult, "/nav/gates", "Gate", None, "t_s", "Fate of one measurement in the filter.", (
         _number("t_s", "t_s", "mission time at which it was processed [s]"),
         T_VALID,
-        _text("sensor", "sensor", "gps_position, gps_velocity or star_tracker"),
+        _text("sensor", "sensor", "gps_position, gps_velocity, star_tracker, star_vectors ..."),
         _integer("dof", "dof", "degrees of freedom"),
         _number("nis", "nis", "normalised innovation squared"),
         _number("limit", "limit", "accepted below it"),
         _flag("accepted", "accepted", "used by the filter"),
         _text("note", "note", "what else happened"),
-        _number("innovation", "innovation", "GPS: [m] or [m/s]; star tracker: [rad]", (-1,)),
+        _number("innovation", "innovation", "GPS: [m] or [m/s]; stars: [rad]", (-1,)),
     )),
     Topic(NavHealth, "/nav/health", "NavHealth", None, "t_s", "What the navigation thinks of a sensor.", (
         T_S,
@@ -292,6 +298,17 @@ TOPICS = (
         _flag("flag_saturated", "flag_saturated", "picture too bright"),
         _flag("flag_no_stars", "flag_no_stars", "fewer objects than an identification needs"),
         Field("scan", "scan", Scan, (), "how the objects were searched"),
+        _integer("star_hip", "stars.hip", "Hipparcos numbers of the m stars that may be used by themselves",
+                 (-1,)),
+        _number("star_u_c", "stars.u_c", "where the nominal camera sees them, unit vectors, m x 3", (-1, 3)),
+        _number("star_P_u_rad2", "stars.P_u",
+                "covariance of each along the cross axes e1 (camera x, made perpendicular to the star) and "
+                "e2 = u x e1 [rad^2]", (-1, 2, 2)),
+        _number("star_u_i", "stars.u_i", "where the moving vehicle sees them, inertial axes, m x 3", (-1, 3)),
+        _number("star_t_seen_s", "stars.t_seen_s", "when each was seen, from t_valid_s [s]", (-1,)),
+        _matrix("star_P_omega_c", "stars.P_omega_c",
+                "covariance of the rate that carried them to t_valid_s, camera axes [rad^2/s^2]"),
+        _number("star_sigma_focal", "stars.sigma_focal", "relative error of the focal length"),
     )),
     Topic(CameraCommand, "/star_tracker/command", "CameraCommand", 10, "t_s", "Asked of the camera next.", (
         T_S,
@@ -337,6 +354,9 @@ TOPICS = (
         _number("cx_px", "camera.cx_px", "principal point [px]"),
         _number("cy_px", "camera.cy_px", "principal point [px]"),
         _matrix("C_bc", "C_bc", "nominal mounting, camera to body axes"),
+        _vector("sun_i", "sun_i", "direction of the Sun from the Earth at t = 0, inertial axes"),
+        _number("sun_exclusion_rad", "sun_exclusion", "that the camera must keep from the Sun [rad]"),
+        _number("limb_exclusion_rad", "limb_exclusion", "that it must keep from the Earth's limb [rad]"),
     )),
 )  # fmt: skip
 

@@ -101,17 +101,18 @@ def conclude(nav, ticks, gps_fixes, star_fixes):
     nav : fusion.Filter
     ticks : of this run, this one included
     gps_fixes : GpsFix and GpsRanges that have become available
-    star_fixes : StarFix likewise, those with an attitude only
+    star_fixes : StarFix likewise, also those that hold nothing for the filter
 
     Returns
     -------
     list of GateResult, the NavSolution of the tick, and at 10 Hz NavCovariance
     """
     outputs = []
-    if star_fixes or gps_fixes:
-        stars = [("star_tracker", fix) for fix in star_fixes]
-        arrivals = sensors.gps_arrivals(nav.params, gps_fixes) + stars
+    arrivals = sensors.gps_arrivals(nav.params, gps_fixes) + sensors.star_arrivals(nav, star_fixes)
+    if arrivals:
         outputs += fusion.fuse(nav, arrivals)
+        if instead := sensors.attitudes_instead(nav, arrivals, outputs):
+            outputs += fusion.fuse(nav, instead)
     outputs += nav.watch.changes()
     outputs.append(solution.solution(nav))
     if ticks % COVARIANCE_TICKS == 0:
@@ -141,7 +142,8 @@ def _track_stars(computer, now_s, frames_arrived, chain):
             context = star_context(computer, frame)
             tracker_state, fix, command = chain(computer.tracker, computer.tracker_state, frame, context)
             outputs += [fix, command]
-            waiting = computer.waiting + ((fix,) if fix.reason == Reason.NONE else ())
+            usable = fix.reason == Reason.NONE or len(fix.stars.hip)
+            waiting = computer.waiting + ((fix,) if usable else ())
             computer = computer._replace(tracker_state=tracker_state, waiting=waiting)
     if computer.waiting:
         due = [fix for fix in computer.waiting if fix.t_available_s <= now_s + EARLY_S]

@@ -77,6 +77,13 @@ def of_data(data, log_path, overrides=()):
     """Recording of a RunData, read from `log_path` or kept in memory under this name."""
     _check(log_path, data)
     nav_params, source, known = _configuration(data, f"{log_path}: {ATTACHMENT}", overrides)
+    if nav_params.stars == "vectors" and any(
+        fix.reason == Reason.NONE and not len(fix.stars.hip) for fix in data.star_fixes
+    ):
+        raise LogError(
+            f"{log_path}: cannot be run again with navigation.stars=vectors: its star fixes do not hold the "
+            "stars by themselves; it was written by an older version"
+        )
     ticks_s = data.imu.t_valid_s
     return Recording(
         path=str(log_path),
@@ -158,8 +165,7 @@ def tick(recording, nav, k):
     block = imu_block(recording.data, k)
     felt = block if recording.field is None else in_field(recording, nav.history[-1].state, block)
     fusion.advance(nav, felt)
-    usable = [fix for fix in stars if fix.reason == Reason.NONE]
-    return [block, *gps, *stars, *computer.conclude(nav, k + 1, gps, usable)]
+    return [block, *gps, *stars, *computer.conclude(nav, k + 1, gps, stars)]
 
 
 def in_field(recording, state, block):

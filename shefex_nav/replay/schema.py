@@ -294,6 +294,7 @@ class ReplayNavigation(Navigation):
 
     states: list[ReplayStates] = Field(default=[], description="what is estimated besides the fifteen")
     gps: Literal["loose"] = Field(default="loose", description="by its fixes")
+    stars: Literal["attitude"] = Field(default="attitude", description="there are no stars in these data")
     gate_probability: Number("1e-4", "of rejecting a good measurement", positive=True, at_most=0.1) = 1e-4
     star_fix_floor: Quantity("rad", "10 arcsec", "", non_negative=True) = "0 arcsec"
     release: Releases = Releases(gps=RELEASE, first_star_fix=RELEASE, star_fix=RELEASE)

@@ -74,16 +74,19 @@ def run(recording, progress=lambda share: None):
 def knowing_the_field(recording):
     """The Recording with the field of the Earth that its scenario names instead of the on-board model.
 
-    On board, what J2 leaves out is taken for bias that walks and for noise, which is good enough to filter
-    by and too optimistic to smooth by: it keeps its sign for longer. External data name no field and are left
-    with that of the filter.
+    On board, what J2 leaves out is a process of a few hundred seconds, or, where that is no state, bias that
+    walks and noise: good enough to filter by and too optimistic to smooth by. External data name no field and
+    are left with that of the filter.
     """
     if recording.gravity is None:
         return recording
-    imu = recording.params.imu._replace(gravity=FIELD_ERROR)
-    return recording._replace(
-        field=gravity.load(*recording.gravity), params=recording.params._replace(imu=imu)
-    )
+    params = recording.params
+    if "gravity" in params.states:
+        known = params.sigma_blocks | {"gravity": np.full(3, FIELD_ERROR)}
+        params = params._replace(sigma_blocks=known, gravity_sigma=FIELD_ERROR)
+    else:
+        params = params._replace(imu=params.imu._replace(gravity=FIELD_ERROR))
+    return recording._replace(field=gravity.load(*recording.gravity), params=params)
 
 
 def forward(recording, progress=lambda k: None):

@@ -123,3 +123,24 @@ def words(name, limit, unit):
     """A requirement for people: `at most 0.17 deg`."""
     word = MEASURES[name].word
     return "yes" if word == "is" else f"{word} {limit:g}{' ' if unit else ''}{unit}"
+
+
+def severity(judged):
+    """How bad a run is, to put runs in order: the number of requirements not met, then how near the limits.
+
+    list of Judged -> float; its whole part counts what is not met, the rest grows with the largest share of
+    a limit that was used up.
+    """
+    used = max((_used(one) for one in judged), default=0.0)
+    return sum(not one.passed for one in judged) + (used / (1.0 + used) if math.isfinite(used) else 0.0)
+
+
+def _used(one):
+    """Share of a limit that was used up: 1 at the limit; 0 where there are no shares."""
+    if one.found is None or isinstance(one.required, bool) or not one.required or not one.found:
+        return 0.0
+    if MEASURES[one.name].word == "at most":
+        return abs(one.found / one.required)
+    if one.unit == "%":  # of what may be missing
+        return (100.0 - one.found) / max(100.0 - one.required, 1e-9)
+    return one.required / one.found

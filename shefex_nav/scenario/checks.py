@@ -9,7 +9,6 @@ from shefex_nav.scenario import (
     checks_vehicle,
     dispersions,
     faults,
-    requirements,
 )
 from shefex_nav.scenario.checks_flight import seconds
 
@@ -34,7 +33,6 @@ def cross_check(scenario, rated=None):
         *states_that_clash(scenario.navigation.states),
         *checks_tracker.contradictions(scenario),
         *faults.contradictions(scenario),
-        *requirements.contradictions(scenario),
         *dispersions.contradictions(scenario),
     ]
 

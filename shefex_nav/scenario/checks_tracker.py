@@ -154,6 +154,12 @@ def _catalogue_and_latency(scenario):
     if tracker.identification.tracking and tracker.identification.method != "bayes":
         words = f"method {tracker.identification.method!r} cannot use a prediction; set tracking: false"
         yield ("star_tracker", "identification", "tracking"), words
+    if navigation.stars == "vectors" and not tracker.identification.tracking:
+        words = (
+            "stars: vectors identifies one or two stars by the predicted attitude; set "
+            "star_tracker.identification.tracking: true, or choose attitude"
+        )
+        yield ("navigation", "stars"), words
     if catalogue.kind == "combined" and catalogue.keep_to > catalogue.faintest:
         yield ("star_tracker", "catalogue", "keep_to"), "must not be fainter than faintest"
     rows_s = camera.detector.line_s * (camera.detector.rows - 1)

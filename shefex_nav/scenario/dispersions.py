@@ -171,10 +171,5 @@ def contradictions(scenario):
         for path in one.paths if isinstance(one, Group) else [name]:
             parts = tuple(path.split("."))
             if any(parts[: len(part)] == part for part in OF_FLIGHT):
-                yield (
-                    ("dispersions", name),
-                    (
-                        f"{path} changes the flight, which campaign.flight: shared flies once for all runs; take "
-                        "one of the two away"
-                    ),
-                )
+                words = "changes the flight, which campaign.flight: shared flies once for all runs"
+                yield ("dispersions", name), f"{path} {words}; take one of the two away"

@@ -101,7 +101,9 @@ def _expand_dispersions(tree, places, texts):
         try:
             asked = ColumnOfFile.model_validate(table)
             text = read_text(asked.file, "a table")
-            column = tables.read(text, asked.file, (asked.column,))[asked.column]
+            column = tables.read(text, asked.file, (asked.column,), tables.names(text, asked.file))[
+                asked.column
+            ]
         except ValidationError as error:
             errors += [
                 (places.value((*path, *inner)), f"{dotted((*path, *inner))}: {words}")

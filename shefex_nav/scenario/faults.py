@@ -38,6 +38,22 @@ class Dead(Fault):
     axis: Axis = Field(description="which of its axes")
 
 
+class GyroBias(Fault):
+    """The bias of one gyro is another than before."""
+
+    fault: Literal["gyro_bias"]
+    axis: Axis = Field(description="which axis")
+    rate: Quantity("rad/s", "0.1 deg/s", "that is added to what it reads")
+
+
+class GyroScale(Fault):
+    """The scale factor of one gyro is another than before."""
+
+    fault: Literal["gyro_scale"]
+    axis: Axis = Field(description="which axis")
+    factor: Quantity("", "1 %", "by which it reads more")
+
+
 class Dropout(Fault):
     """The unit does not answer."""
 
@@ -101,7 +117,7 @@ class Blinded(Fault):
     fault: Literal["blinded"]
 
 
-ImuFault = kinds("fault", Stuck, Dead, Dropout, Repeat)
+ImuFault = kinds("fault", Stuck, Dead, Dropout, Repeat, GyroBias, GyroScale)
 GpsFault = kinds("fault", Outage, Freeze, Jump, Drift)
 StarFault = kinds("fault", Bias, WrongFixes, Blinded)
 

@@ -122,7 +122,9 @@ class StarTracker(Block):
     highest_rate: Quantity(
         "rad/s", "2.5 deg/s", "frames taken faster are smeared and give no attitude", positive=True
     )
-    centroid_floor: Quantity("pix", "0.05 pix", "centroid error of the brightest stars", positive=True)
+    centroid_floor: Quantity(
+        "pix", "0.05 pix", "error of every centroid that no pixel's noise tells", non_negative=True
+    )
     outlier_sigma: Number("4", "a star further from the attitude of the others is left out", positive=True)
     exposure: ExposureControl
     detection: Detection
@@ -185,6 +187,8 @@ StateBlock = Literal[
     "gyro_g_sensitivity",
     "accel_scale",
     "accel_misalignment",
+    "accel_rectification",
+    "gravity",
     "mounting",
     "lever_arm",
     "clock",
@@ -231,6 +235,11 @@ class Navigation(Block):
     gps: Literal["loose", "tight"] = Field(
         "loose", description="how GPS is used: its fixes, or the ranges of its channels (needs state clock)"
     )
+    stars: Literal["attitude", "vectors"] = Field(
+        "attitude",
+        description="how stars are used: the attitude that they show together, or each by itself, one or two "
+        "as well (needs star_tracker.identification.tracking)",
+    )
     gate_probability: Number("1e-4", "of rejecting a good measurement", positive=True, at_most=0.1)
     star_fix_floor: Quantity("rad", "10 arcsec", "errors of a fix that it does not know", non_negative=True)
     release: Releases
@@ -245,7 +254,9 @@ class Navigation(Block):
     )
     manoeuvre_angle: Quantity("rad", "1 rad", "by which the roll axis is turned at a time", positive=True)
     gravity_error: Quantity("m/s2", "30 ugee", "what gravity with J2 leaves out", non_negative=True)
-    gravity_memory: Quantity("s", "50 s", "for how long that keeps its sign", positive=True)
+    gravity_memory: Quantity(
+        "s", "50 s", "how long that acts before GPS corrects for it, where it is no state", positive=True
+    )
     saturated_rate: Quantity("rad/s", "50 deg/s", "gyro error at the end of its range", positive=True)
     saturated_acceleration: Quantity("m/s2", "5 gee", "accelerometer error likewise", positive=True)
 

@@ -24,6 +24,10 @@ def _imu(fault):
     plain = ImuFault(fault.fault, fault.start, fault.end)
     if fault.fault in ("dropout", "repeat"):
         return plain
+    if fault.fault in ("gyro_bias", "gyro_scale"):
+        error = fault.rate if fault.fault == "gyro_bias" else fault.factor
+        kind = fault.fault.removeprefix("gyro_")
+        return plain._replace(kind=kind, sensor="gyro", axis=AXES.index(fault.axis), error=error)
     return plain._replace(sensor=fault.sensor, axis=AXES.index(fault.axis))
 
 

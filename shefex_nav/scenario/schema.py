@@ -56,6 +56,17 @@ class Scenario(Block):
     _source: Any = PrivateAttr("")
     _files: tuple[tuple[str, str], ...] = PrivateAttr(())
 
+    @classmethod
+    def load(cls, path, overrides=()):
+        """Scenario of a YAML file, with overrides ["gps.rate=5 Hz"] or {"gps.rate": "5 Hz"}.
+
+        Raises ScenarioError, which lists every error with its place.
+        """
+        from shefex_nav.scenario.load import load  # which needs this class
+
+        pairs = overrides.items() if isinstance(overrides, dict) else None
+        return load(path, overrides if pairs is None else [f"{key}={value}" for key, value in pairs])
+
     @property
     def source(self):
         """YAML text with `extends`, overrides and tables in it; it loads to the same scenario."""

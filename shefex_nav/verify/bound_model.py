@@ -140,64 +140,60 @@ def spread_kernel(C_ib, dv_b, r_i, gyro, accel, gravity, dt_s, walks, X, Q):
     walks : (N, 2) variance of white noise of attitude [rad^2], velocity [m^2/s^2] in each sample and axis
     X : (9, 9 + p), written: begins as [I | 0];  Q : (9, 9), written: begins as 0
     """
-    p = gyro.shape[2]
-    F = np.empty((9, 9))
-    dt2 = 0.5 * dt_s
+    F, drive = np.empty((9, 9)), np.empty((9, gyro.shape[2]))
     for k in range(C_ib.shape[0]):
-        C = C_ib[k]
-        f = C @ dv_b[k]
-        r = r_i[k]
-        d2 = r[0] ** 2 + r[1] ** 2 + r[2] ** 2
-        pull = wgs84.GM / (d2 * np.sqrt(d2)) * dt_s
-        F[:] = 0.0
-        for i in range(9):
-            F[i, i] = 1.0
+        f = C_ib[k] @ dv_b[k]
+        _transition(f, r_i[k], dt_s, F)
+        _drive(C_ib[k], f, gyro[k], accel[k], gravity, dt_s, drive)
+        X[:] = F @ X
+        X[:, 9:] += drive
+        Q[:] = F @ Q @ F.T
         for i in range(3):
+            Q[6 + i, 6 + i] += walks[k, 0]
+            Q[3 + i, 3 + i] += walks[k, 1]
+
+
+@njit(cache=True)
+def _transition(f, r, dt_s, F):
+    """Write how errors of position, velocity and attitude go over one sample to F (9, 9).
+
+    f : (3,) m/s, velocity gained by specific force, inertial axes;  r : (3,) m
+    """
+    d2 = r[0] ** 2 + r[1] ** 2 + r[2] ** 2
+    pull = wgs84.GM / (d2 * np.sqrt(d2)) * dt_s
+    F[:] = 0.0
+    for i in range(9):
+        F[i, i] = 1.0
+    for i in range(3):
+        for j in range(3):
+            F[3 + i, j] = pull * (3.0 * r[i] * r[j] / d2 - (1.0 if i == j else 0.0))
+    F[3, 7], F[3, 8], F[4, 6] = f[2], -f[1], -f[2]
+    F[4, 8], F[5, 6], F[5, 7] = f[0], f[1], -f[0]
+    for i in range(3):
+        for j in range(9):
+            F[i, j] += 0.5 * dt_s * F[3 + i, j]  # position goes with the mean of velocity before and after
+        F[i, 3 + i] = dt_s
+
+
+@njit(cache=True)
+def _drive(C, f, gyro, accel, gravity, dt_s, drive):
+    """Write what unit error states put into position, velocity and attitude in one sample to drive (9, p).
+
+    C : C_ib;  f : as in `_transition`;  gyro, accel : (3, p) of the sample;  gravity : as in `spread_kernel`
+    """
+    t, v = np.empty(3), np.empty(3)
+    for c in range(gyro.shape[1]):
+        for i in range(3):
+            t[i], v[i] = 0.0, dt_s if c == gravity + i else 0.0
             for j in range(3):
-                F[3 + i, j] = pull * (3.0 * r[i] * r[j] / d2 - (1.0 if i == j else 0.0))
-        F[3, 7], F[3, 8], F[4, 6] = f[2], -f[1], -f[2]
-        F[4, 8], F[5, 6], F[5, 7] = f[0], f[1], -f[0]
+                t[i] -= C[i, j] * gyro[j, c]
+                v[i] -= C[i, j] * accel[j, c]
+        # half of the turn acts within the sample already
+        v[0] -= 0.5 * (f[1] * t[2] - f[2] * t[1])
+        v[1] -= 0.5 * (f[2] * t[0] - f[0] * t[2])
+        v[2] -= 0.5 * (f[0] * t[1] - f[1] * t[0])
         for i in range(3):
-            for j in range(9):
-                F[i, j] += dt2 * F[3 + i, j]  # position goes with the mean of velocity before and after
-            F[i, 3 + i] = dt_s
-        Xn = F @ X
-        for c in range(p):
-            tx, ty, tz = 0.0, 0.0, 0.0
-            vx, vy, vz = 0.0, 0.0, 0.0
-            for j in range(3):
-                g, a = gyro[k, j, c], accel[k, j, c]
-                tx -= C[0, j] * g
-                ty -= C[1, j] * g
-                tz -= C[2, j] * g
-                vx -= C[0, j] * a
-                vy -= C[1, j] * a
-                vz -= C[2, j] * a
-            # half of the turn acts within the sample already
-            vx -= 0.5 * (f[1] * tz - f[2] * ty)
-            vy -= 0.5 * (f[2] * tx - f[0] * tz)
-            vz -= 0.5 * (f[0] * ty - f[1] * tx)
-            if c == gravity:
-                vx += dt_s
-            elif c == gravity + 1:
-                vy += dt_s
-            elif c == gravity + 2:
-                vz += dt_s
-            Xn[0, 9 + c] += dt2 * vx
-            Xn[1, 9 + c] += dt2 * vy
-            Xn[2, 9 + c] += dt2 * vz
-            Xn[3, 9 + c] += vx
-            Xn[4, 9 + c] += vy
-            Xn[5, 9 + c] += vz
-            Xn[6, 9 + c] += tx
-            Xn[7, 9 + c] += ty
-            Xn[8, 9 + c] += tz
-        X[:] = Xn
-        Qn = F @ Q @ F.T
-        for i in range(3):
-            Qn[6 + i, 6 + i] += walks[k, 0]
-            Qn[3 + i, 3 + i] += walks[k, 1]
-        Q[:] = Qn
+            drive[i, c], drive[3 + i, c], drive[6 + i, c] = 0.5 * dt_s * v[i], v[i], t[i]
 
 
 def interval(layout, samples, t_s, dt_s):

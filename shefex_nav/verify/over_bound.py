@@ -30,6 +30,8 @@ def left_out(scenario):
     found = []
     if scenario.navigation.gps == "tight":
         found.append("navigation.gps: tight (it takes fixes, not ranges)")
+    if scenario.navigation.stars == "vectors":
+        found.append("navigation.stars: vectors (it takes attitudes)")
     found += [f"gps.errors.{name}" for name in type(gps.errors).model_fields if getattr(gps.errors, name)]
     found += [f"faults.{name}" for name in type(faults).model_fields if getattr(faults, name)]
     return ", ".join(found)

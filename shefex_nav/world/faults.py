@@ -24,11 +24,12 @@ class ImuFault(NamedTuple):
     """One fault of the inertial measurement unit."""
 
     kind: str  # stuck: one axis repeats its last reading; dead: it reads zero; dropout: no samples at all;
-    # repeat: the last block of samples again and again
+    # repeat: the last block of samples again and again; bias, scale: one axis reads too much
     start_s: float
     end_s: float
     sensor: str = ""  # gyro or accelerometer; empty: the whole unit
     axis: int = 0
+    error: float = 0.0  # bias: rad/s or m/s^2; scale: relative
 
 
 class GpsFault(NamedTuple):
@@ -87,6 +88,10 @@ def imu(faults, data):
             increments[rows, fault.axis] = increments[rows[0] - 1, fault.axis]
         elif fault.kind == "dead":
             increments[rows, fault.axis] = 0.0
+        elif fault.kind == "bias":
+            increments[rows, fault.axis] += fault.error * dt_s
+        elif fault.kind == "scale":
+            increments[rows, fault.axis] *= 1.0 + fault.error
         elif fault.kind == "dropout":
             missing[rows] = True
         else:
@@ -182,18 +187,20 @@ class StarLine:
 
     def fix(self, fix):
         """A StarFix as it reaches the navigation."""
-        if fix.reason != Reason.NONE:
+        if fix.reason != Reason.NONE and not len(fix.stars.hip):
             return fix
         for k, fault in enumerate(self.faults):
             if fault.kind == "blinded" or not _within(fault, fix.t_valid_s):
                 continue
             turned_c = fault.bias_c
             if fault.kind == "wrong_fixes":
+                if fix.reason != Reason.NONE:
+                    continue
                 self.good[k] += 1
                 if (self.good[k] - 1) % fault.every:
                     continue
                 turned_c = self._wrong(fault)
-            fix = fix._replace(q_ic=rotation.quat_multiply(fix.q_ic, rotation.quat_from_rotvec(turned_c)))
+            fix = _turned(fix, turned_c)
         return fix
 
     def chain(self, step):
@@ -210,6 +217,13 @@ class StarLine:
         direction = self.rng.standard_normal(3)
         angle = fault.smallest * (fault.largest / fault.smallest) ** self.rng.random()
         return angle * direction / np.sqrt(direction @ direction)
+
+
+def _turned(fix, turned_c):
+    """StarFix of a camera that is turned away: q_ic exp(turned_c); (3,) rad, camera axes."""
+    q_ic = rotation.quat_multiply(fix.q_ic, rotation.quat_from_rotvec(turned_c))
+    u_c = fix.stars.u_c @ rotation.dcm_from_rotvec(turned_c)  # row by row exp(-turned_c) u_c
+    return fix._replace(q_ic=q_ic, stars=fix.stars._replace(u_c=u_c))
 
 
 def events(faults, trajectory, earth):
@@ -229,7 +243,8 @@ def _named(faults):
     """(name, fault, detail) of every fault."""
     for fault in faults.imu:
         axis = f"{fault.sensor}_{AXES[fault.axis]}" if fault.sensor else "imu"
-        yield f"{axis}_{fault.kind}", fault, ""
+        words = {"bias": f"{np.degrees(fault.error):g} deg/s", "scale": f"{1e6 * fault.error:g} ppm"}
+        yield f"{axis}_{fault.kind}", fault, words.get(fault.kind, "")
     for fault in faults.gps:
         north, east, down = fault.moved_n
         words = f"{north:g}, {east:g}, {down:g} {'m' if fault.kind == 'jump' else 'm/s'} north, east, down"

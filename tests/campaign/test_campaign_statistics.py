@@ -39,7 +39,7 @@ def test_success_is_counted_over_succeeded_runs_and_has_scipy_s_interval(campaig
 def test_known_probabilities_lie_in_the_intervals(campaign):
     # attitude: three normal errors of 0.05 deg within 0.17 deg, of which x is cut at heavy masses, which is
     # a change far below the interval; star fixes: at least 950 of 1000 at 97 %
-    limit = 0.17 / synthetic_campaign.ATTITUDE_SIGMA_DEG
+    limit = success(campaign, "attitude_at_entry").limit / synthetic_campaign.ATTITUDE_SIGMA_DEG
     within = (stats.norm.cdf(limit) - stats.norm.cdf(-limit)) ** 3
     solved = stats.binom.sf(949, synthetic_campaign.FRAMES, synthetic_campaign.AVAILABILITY)
     for name, truth in (("attitude_at_entry", within), ("star_fixes", solved), ("wrong_star_fixes", 1.0)):
@@ -164,7 +164,8 @@ def test_runs_still_needed_for_a_rate_are_the_fewest_that_do():
 def test_runs_still_needed_for_a_percentile_give_that_precision():
     rng = np.random.default_rng(8)
     wanted, widths = 0.1, []
-    asked = convergence.needed_for_percentile(np.abs(rng.standard_normal(400)), 95.0, wanted)
+    first = statistics.percentile(np.abs(rng.standard_normal(400)), 95.0)
+    asked = convergence.needed_for_percentile(first, 400, wanted)
     assert asked.still > 0
     for _ in range(50):
         one = statistics.percentile(np.abs(rng.standard_normal(asked.total)), 95.0)
@@ -172,7 +173,7 @@ def test_runs_still_needed_for_a_percentile_give_that_precision():
     assert np.mean(widths) == pytest.approx(
         wanted, rel=0.35
     )  # the width itself is estimated, from 400 values
-    few = convergence.needed_for_percentile(np.arange(50.0), 99.0, 1.0)
+    few = convergence.needed_for_percentile(statistics.percentile(np.arange(50.0), 99.0), 50, 1.0)
     assert few.half_width == np.inf and few.total == intervals.values_needed(99.0) and few.still > 300
 
 

@@ -166,9 +166,17 @@ def star_camera(mission, truth, number, sky, rng):
     P_px = np.tile(0.01 * np.eye(2), (30, 1, 1))
     found = rec.Detections(xy_px, np.full(30, 700.0), np.full(30, 9), np.zeros(30, int), P_px)
     known = np.where(np.arange(30) < 22, hip, 0)
+    m = 2 if reason else 21
+    u_c = np.column_stack([(xy_px[:m] - [329.0, 246.0]) / 2520.0, np.ones(m)])
+    u_c /= np.linalg.norm(u_c, axis=1, keepdims=True)
+    stars = rec.StarVectors(
+        known[:m], u_c, P_px[:m] / 2520.0**2, u_c @ rotation.dcm_from_quat(q_ic).T, 1e-4 * np.arange(m),
+        1e-8 * np.eye(3),
+    )  # fmt: skip
     yield rec.StarFix(
-        number, t_valid, t_valid + 0.06, int(reason), q_fix, P_c, found, known, 0.21, 12.0, 0.05, False, False
-    )
+        number, t_valid, t_valid + 0.06, int(reason), q_fix, P_c, found, known, 0.21, 12.0, 0.05, False,
+        False, stars=stars,
+    )  # fmt: skip
     yield rec.CameraCommand(truth.t_s + 0.09, 0.05, 20.0)
     yield rec.ComputeTime(truth.t_s, number, 0.002 + 0.001 * (number % 5))
 

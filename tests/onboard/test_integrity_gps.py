@@ -16,9 +16,13 @@ def fix(t_s, r, v):
     return GpsFix(t_s, t_s + 0.2, True, r, v, np.eye(3), np.eye(3), 8, 2.0, "")
 
 
-def verdicts(*fixes):
-    memory = integrity_gps.memory()
-    return [integrity_gps.repeated(memory, one) for one in fixes]
+def verdicts(*fixes, speed=100.0, acceleration=10.0):
+    """Reasons of `repeated` for a vehicle that moves, by what the filter says."""
+    memory, found = integrity_gps.memory(), []
+    for one in fixes:
+        r_e, v_e = np.array([[speed * one.t_valid_s, 0, 0], [acceleration * one.t_valid_s, 0, 0]])
+        found.append(integrity_gps.repeated(memory, one, r_e, v_e)[0])
+    return found
 
 
 def test_new_fixes_pass():
@@ -39,6 +43,25 @@ def test_a_frozen_velocity_leaves_the_position():
     assert set(found[1]) == {"gps_velocity"}
     at_rest = verdicts(fix(0.0, [1, 2, 3], [0, 0, 0]), fix(1.0, [1, 2, 4], [0, 0, 0]))
     assert at_rest[1] == {}
+    coarse = (fix(0.0, [1, 2, 3], [4, 5, 6]), fix(1.0, [1, 2, 4], [4, 5, 6]))
+    assert verdicts(*coarse, acceleration=1.0)[1] == {}  # of a receiver with sigma 1 m/s
+    assert set(verdicts(*coarse, acceleration=2.0)[1]) == {"gps_velocity"}
+
+
+def test_a_coarse_receiver_at_rest_may_repeat_itself():
+    """It is used, but a hundred times the same says less than six times something new: sum of 1/k."""
+    memory, information = integrity_gps.memory(), 0.0
+    for k in range(100):
+        here = np.array([0.001 * k, 0.0, 0.0])  # the filter wanders
+        reasons, one = integrity_gps.repeated(memory, fix(float(k), [1, 2, 3], [0, 0, 0]), here, here)
+        assert reasons == {}
+        information += 1.0 / one.R_r_e[0, 0]
+    assert information == pytest.approx(np.sum(1.0 / np.arange(1, 101)))
+    again, _ = integrity_gps.repeated(memory, fix(99.0, [1, 2, 3], [0, 0, 0]), here, here)
+    assert set(again) == BOTH  # the last one once more, its time as well
+    moved = np.array([1.8, 0.0, 0.0])  # of sqrt(3) m
+    gone, _ = integrity_gps.repeated(memory, fix(100.0, [1, 2, 3], [0, 0, 0]), moved, here)
+    assert set(gone) == BOTH and gone["gps_position"].startswith("frozen")
 
 
 def test_a_stale_fix_is_one_of_an_instant_that_was_here():

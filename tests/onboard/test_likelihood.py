@@ -9,7 +9,13 @@ from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, rotvec_between
 from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.onboard.startracker.attitude import covariance, esoq2
-from shefex_nav.onboard.startracker.likelihood import drop_worst, refine, sigma_of_centroids
+from shefex_nav.onboard.startracker.likelihood import (
+    drop_worst,
+    misfit_factor,
+    misfit_growth,
+    refine,
+    sigma_of_centroids,
+)
 
 CORNER = np.array([CAMERA.width_px - 1.0, CAMERA.height_px - 1.0])
 
@@ -237,3 +243,60 @@ def test_with_a_wrong_rate_the_bad_star_is_still_the_one_that_is_dropped():
         n_right += drop_worst(CAMERA, truth, xy_px, v_i, P_px, 0.05, 4, *rate)[0] == 5
     assert 4 <= n_dropped <= 30  # 15 expected
     assert n_right > 290
+
+
+def wrong_focal_length(xy_px, part):
+    """Places behind a lens whose focal length is longer by a part."""
+    middle = np.array([CAMERA.cx_px, CAMERA.cy_px])
+    return middle + (1.0 + part) * (xy_px - middle)
+
+
+def test_common_error_of_the_focal_length_is_that_of_one_large_covariance():
+    """Best for P + s s' sigma^2 between all places, s from the middle; P_c is what P alone leaves of it."""
+    rng = np.random.default_rng(24)
+    sigma, P_px = 3e-4, np.tile(0.02**2 * np.eye(2), (8, 1, 1))
+    _, xy_px, v_i = frame(rng, 8, P_px)
+    xy_px = wrong_focal_length(xy_px, 2.0 * sigma)
+    q_ic, P_c, chi2 = refine(
+        CAMERA, first_attitude(xy_px, v_i, P_px), xy_px, v_i, P_px, None, None, sigma_focal=sigma
+    )
+    at = predicted(q_ic, v_i)
+    H, r = turn_jacobians(CAMERA, at).reshape(-1, 3), (xy_px - at).ravel()
+    s = (at - [CAMERA.cx_px, CAMERA.cy_px]).ravel()
+    V = 0.02**2 * np.eye(16) + sigma**2 * np.outer(s, s)
+    K = np.linalg.solve(H.T @ np.linalg.solve(V, H), np.linalg.solve(V, H).T)
+    assert np.allclose(P_c, 0.02**2 * K @ K.T, rtol=1e-6)
+    assert chi2 == pytest.approx(r @ np.linalg.solve(V, r), rel=1e-6)
+    assert np.abs(K @ r).max() < 1e-3 * np.sqrt(np.diag(P_c)).min()
+
+
+def test_with_a_wrong_focal_length_the_covariance_is_that_of_what_changes():
+    """400 frames of the same stars: chi-square of three degrees of freedom about the mean; no more drops
+    than said. To forget the focal length drops good stars."""
+    rng = np.random.default_rng(25)
+    sigma, P_px = 2e-4, np.tile(0.02**2 * np.eye(2), (8, 1, 1))
+    truth, ideal_px, v_i = frame(rng, 8, 1e-20 * P_px)
+    errors, dropped = np.empty((400, 3)), np.zeros(2)
+    for k in range(400):
+        xy_px = wrong_focal_length(ideal_px, 2.0 * sigma) + 0.02 * rng.standard_normal((8, 2))
+        q_ic, P_c, _ = refine(CAMERA, truth, xy_px, v_i, P_px, None, None, sigma_focal=sigma)
+        errors[k] = rotvec_between(q_ic, truth)
+        for j, known in enumerate((sigma, 0.0)):
+            arguments = CAMERA, truth, xy_px, v_i, P_px, 0.01, 4, None, None
+            dropped[j] += drop_worst(*arguments, sigma_focal=known)[0] >= 0
+    errors -= errors.mean(axis=0)
+    nees = np.einsum("ki,ij,kj->k", errors, np.linalg.inv(P_c), errors) / 3.0
+    assert nees.mean() == pytest.approx(1.0, abs=3.5 * np.sqrt(2.0 / 3.0 / 400))
+    assert dropped[0] <= 13  # 4 expected; Poisson, 99.9 %
+    assert dropped[1] > 100
+
+
+def test_only_a_misfit_beyond_chance_makes_a_covariance_grow():
+    """Chi squared as predicted: the mean of 1/factor, which an NIS is multiplied by, stays one."""
+    chi2 = stats.chi2(11).rvs(20000, random_state=np.random.default_rng(26))
+    growth = np.array([misfit_growth(one, 11.0, 10.0) for one in chi2])
+    follow = np.array([misfit_factor(one, 11.0, 10.0) for one in chi2])
+    assert growth.min() == 1.0
+    assert (1.0 / growth).mean() == pytest.approx(1.0, abs=0.01)
+    assert (1.0 / follow).mean() > 1.03
+    assert misfit_growth(44.0, 11.0, 10.0) == pytest.approx((54.0 - 3.0 * np.sqrt(22.0)) / 21.0)

@@ -22,7 +22,8 @@ SENSORS = PARAMS.imu._replace(
     gyro_cross=0.0,
     gyro_g_sensitivity=0.0,
     accel_bias_walk=0.0,
-    accel_cross=0.0,
+    accel_scale=0.0,
+    accel_misalignment=0.0,
     gravity=0.0,
 )
 PARAMS = PARAMS._replace(imu=SENSORS)

@@ -42,6 +42,8 @@ STEPS = {
     "gyro_g_sensitivity": 1e-5,
     "accel_scale": 1e-4,
     "accel_misalignment": 1e-4,
+    "accel_rectification": 1.0,
+    "gravity": 1e-2,
     "mounting": 1e-4,
     "lever_arm": 0.1,
     "clock": 1.0,
@@ -53,6 +55,7 @@ BLOCKS, STATES = fly(0.3)
 ARM = PARAMS.l_ba_b
 SPIN, FORCE = np.array([9.4, 0.2, -0.1]), np.array([60.0, 1.0, -2.0])  # as the sensors measure them
 CLOCK = {"clock_white": 0.1, "clock_walk": 0.2, "range_bias_sigma": 3.0, "range_bias_time_s": 100.0}
+CLOCK["gravity_sigma"] = 2e-4
 NOISE = error_model.record(PARAMS._replace(**CLOCK))
 
 
@@ -110,7 +113,8 @@ def test_transition_of_every_block_is_the_derivative_of_the_strapdown(order, beg
         r_i, v_i, q_ib = strapdown.propagate(start, imu, begin_s, end_s, EARTH)
         clock = start.clock + np.array([start.clock[1] * T, 0.0])
         decayed = start.range_bias * np.exp(-T / CLOCK["range_bias_time_s"])
-        return start._replace(r_i=r_i, v_i=v_i, q_ib=q_ib, clock=clock, range_bias=decayed)
+        gravity = start.gravity * np.exp(-T / error_model.FIELD_TIME_S)
+        return start._replace(r_i=r_i, v_i=v_i, q_ib=q_ib, clock=clock, range_bias=decayed, gravity=gravity)
 
     nominal = end(state)
     Phi, _ = prediction.growth(order, NOISE, state, imu, begin_s, end_s, EARTH)
@@ -151,7 +155,10 @@ def test_the_kernel_carries_the_state_as_the_strapdown_does():
         P = 0.5 * (P + P.T)
         clock = state.clock + np.array([0.01 * state.clock[1], 0.0])
         range_bias = state.range_bias * np.exp(-0.01 / CLOCK["range_bias_time_s"])
-        state = state._replace(r_i=r_i, v_i=v_i, q_ib=q_ib, clock=clock, range_bias=range_bias)
+        gravity = state.gravity * np.exp(-0.01 / error_model.FIELD_TIME_S)
+        state = state._replace(
+            r_i=r_i, v_i=v_i, q_ib=q_ib, clock=clock, range_bias=range_bias, gravity=gravity
+        )
         t_s += 0.01
         state = state._replace(t_s=t_s)
         sigma = np.sqrt(np.diag(P))
@@ -162,9 +169,9 @@ def test_the_kernel_carries_the_state_as_the_strapdown_does():
             np.testing.assert_allclose(found, pack(state), rtol=1e-12, atol=1e-15)
 
 
-def test_noise_of_the_receiver_grows_as_allan_says():
+def test_noise_of_receiver_and_field_grows_as_said():
     """White frequency noise and random walk of it over 10 s, many steps against the closed form."""
-    order, imu = layout(("clock", "range_bias")), strapdown.window(BLOCKS[0])
+    order, imu = layout(("clock", "range_bias", "gravity")), strapdown.window(BLOCKS[0])
     state = NavState(0.0, *STATES[0][1:6])
     P, n = np.zeros((order.n, order.n)), 1000
     for _ in range(n):
@@ -175,6 +182,10 @@ def test_noise_of_the_receiver_grows_as_allan_says():
     np.testing.assert_allclose(P[c, c], expected, rtol=1e-9)
     share = 1.0 - np.exp(-2.0 * T / CLOCK["range_bias_time_s"])
     np.testing.assert_allclose(np.diag(P)[r], CLOCK["range_bias_sigma"] ** 2 * share, rtol=1e-9)
+    share = 1.0 - np.exp(-2.0 * T / error_model.FIELD_TIME_S)
+    np.testing.assert_allclose(
+        np.diag(P)[order.places["gravity"]], CLOCK["gravity_sigma"] ** 2 * share, rtol=1e-9
+    )
 
 
 def measured_motion(state):
@@ -327,7 +338,7 @@ def test_sensors_without_noise_leave_no_error_with_every_block_on():
     assert nav.health["gps_position"].used == 6 and nav.health["star_tracker"].used > 20
 
 
-OUTSIDE = ("lever_arm", "clock", "gps_latency", "range_bias")  # of the fixes; theirs are those of the truth
+OUTSIDE = ("gravity", "lever_arm", "clock", "gps_latency", "range_bias")  # theirs are those of the truth
 SIGMAS = {name: np.full(size, 10.0 * STEPS[name]) for name, size in OPTIONAL.items()}
 
 
@@ -338,7 +349,7 @@ def mounting_in_camera(mounting):
 
 
 def faulty(blocks, errors):
-    """The blocks as sensors with errors measure them."""
+    """The blocks as sensors with errors measure them, the motor burning."""
 
     def response(scale, misalignment):
         A = np.diag(1.0 + scale)
@@ -348,9 +359,10 @@ def faulty(blocks, errors):
     gyro = response(errors.gyro_scale, errors.gyro_misalignment)
     accel = response(errors.accel_scale, errors.accel_misalignment)
     G = errors.gyro_g_sensitivity.reshape(3, 3)
+    bias = errors.accel_bias + errors.accel_rectification
     for block in blocks:
         dtheta_b = block.dtheta_b @ gyro.T + block.dv_b @ G.T + errors.gyro_bias * DT
-        yield block._replace(dtheta_b=dtheta_b, dv_b=block.dv_b @ accel.T + errors.accel_bias * DT)
+        yield block._replace(dtheta_b=dtheta_b, dv_b=block.dv_b @ accel.T + bias * DT)
 
 
 def test_names_that_make_no_layout_are_refused():

@@ -287,7 +287,8 @@ def test_errors_have_the_size_that_the_covariance_says():
     exact = PARAMS._replace(
         imu=PARAMS.imu._replace(
             gravity=0.0,
-            accel_cross=0.0,
+            accel_scale=0.0,
+            accel_misalignment=0.0,
             gyro_cross=0.0,
             gyro_g_sensitivity=0.0,
             accel_bias_walk=0.0,

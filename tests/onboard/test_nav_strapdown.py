@@ -231,6 +231,7 @@ MODEL = ImuModel(**dict.fromkeys(ImuModel._fields, 0.0))._replace(thrust_time_s=
 def noise_of(model):
     """Noise for the kernels of an ImuModel alone."""
     receiver = {"clock_white": 0.0, "clock_walk": 0.0, "range_bias_sigma": 0.0, "range_bias_time_s": np.inf}
+    receiver["gravity_sigma"] = 0.0
     return error_model.record(SimpleNamespace(imu=model, **receiver))
 
 
@@ -272,12 +273,22 @@ SCALE = np.repeat([1e-3, 1.0, 5e-3], 3)
 
 
 def test_vibration_is_that_of_the_motor_that_burns():
-    model = MODEL._replace(thrust_threshold=15.0)
-    params = SimpleNamespace(imu=model, motors=np.array([[0.0, 1.0], [5.0, 0.4], [9.0, 0.7]]))
-    burning, falling = BLOCKS[0], BLOCKS[0]._replace(dv_b=0.1 * BLOCKS[0].dv_b)
-    braking = BLOCKS[0]._replace(dv_b=-BLOCKS[0].dv_b)  # drag is no motor
+    limits = 15.0, 0.002
+    motors = np.array([[0.0, 1.0], [5.0, 0.4], [9.0, 0.7]])
     for t_s, level in ((0.01, 1.0), (4.99, 1.0), (6.0, 0.4), (20.0, 0.7)):
-        assert error_model.vibration_level(params, burning._replace(t_valid_s=t_s)) == level
-    assert error_model.vibration_level(params, falling) == error_model.vibration_level(params, braking) == 0.0
-    no_motor = SimpleNamespace(imu=model, motors=np.zeros((0, 2)))
-    assert error_model.vibration_level(no_motor, burning) == 0.0
+        assert error_model.vibration_level(motors, *limits, t_s, 40.0, 0.0) == level
+        assert error_model.vibration_level(motors, *limits, t_s, 5.0, 0.01) == level  # the last of a burn
+    assert error_model.vibration_level(motors, *limits, 6.0, 4.0, 0.001) == 0.0
+    assert error_model.vibration_level(motors, *limits, 6.0, -40.0, 0.001) == 0.0  # drag is no motor
+    assert error_model.vibration_level(np.zeros((0, 2)), *limits, 6.0, 40.0, 0.01) == 0.0
+
+
+def test_shaking_is_told_from_motion():
+    """Increments with noise of 5 mm/s while thrust rises by 100 m/s^2 a second; 2000 ticks, 3 sigma."""
+    rng = np.random.default_rng(8)
+    rising = np.array([[100.0, 0.0, 0.0]]) * (DT**2 * np.arange(4))[:, None]
+    found = [error_model.shake(rising + 0.005 * rng.standard_normal((4, 3))) ** 2 for _ in range(2000)]
+    scatter = np.sqrt(2.0 / 7.0 / 2000)  # of 9 changes that share samples
+    assert np.mean(found) == pytest.approx(0.005**2, rel=3.0 * scatter)
+    assert error_model.shake(rising) < 0.001
+    assert error_model.shake(rising[:1]) == 0.0

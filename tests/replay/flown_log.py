@@ -4,16 +4,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from navigation_flight import C_BC, EARTH, alignment, fly, gps_fix, star_fix
+from navigation_flight import C_BC, EARTH, alignment, fly, gps_fix, star_fix, state_at
 
-from shefex_nav.geometry.pinhole import pinhole
+from shefex_nav.geometry import rotation
+from shefex_nav.geometry.pinhole import cross_axes, pinhole
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.thinning import thinned
 from shefex_nav.log.topics import Mission
 from shefex_nav.log.writer import LogWriter
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
-from shefex_nav.records import Detections, Event, GpsRanges, Phase, TruthSample
+from shefex_nav.records import Detections, Event, GpsRanges, Phase, StarVectors, TruthSample
 from shefex_nav.scenario import load, params_onboard
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
@@ -38,6 +39,7 @@ class Options(NamedTuple):
     rate_hz: float = 100.0  # of truth, IMU and solution in the log
     stars_s: tuple = (22.0, 28.0)  # from, until
     stars_turned: float = 0.0  # rad, of all star fixes about the body's y axis: the camera has been bent
+    vectors: bool = True  # the fixes hold their stars by themselves, frames without attitude one star
 
 
 def mission(scenario, options):
@@ -108,10 +110,27 @@ def fixes(flight, params, options, rng):
     for number, t_s in enumerate(np.arange(options.stars_s[0] + 0.013, options.stars_s[1], 0.1)):
         fix = star_fix(*flight, float(t_s), 0.09, rng, wrong_by=mounting)
         fix = fix._replace(number=number, detections=NOTHING, hip=np.empty(0, int))
-        if number % 7 == 3:
+        unsolved = number % 7 == 3
+        if options.vectors:
+            sky = np.random.default_rng([options.seed, number])
+            fix = fix._replace(stars=stars_seen(flight, fix.t_valid_s, mounting, 1 if unsolved else 8, sky))
+        if unsolved:
             fix = fix._replace(reason=2, q_ic=np.full(4, np.nan), P_c=np.full((3, 3), np.nan))
         stars.append(fix)
     return gps, stars
+
+
+def stars_seen(flight, t_s, mounting, m, rng):
+    """StarVectors of m stars anywhere in the field of a camera that is mounted wrong; 20 arcsec of noise."""
+    u_c = np.column_stack([rng.uniform(-0.13, 0.13, m), rng.uniform(-0.1, 0.1, m), np.ones(m)])
+    u_c /= np.linalg.norm(u_c, axis=1, keepdims=True)
+    state, _ = state_at(*flight, t_s)
+    C_ic = rotation.dcm_from_quat(state.q_ib) @ rotation.dcm_from_rotvec(mounting) @ C_BC
+    sigma = np.radians(20.0 / 3600.0)
+    seen_c = u_c + sigma * np.einsum("ki,kij->kj", rng.standard_normal((m, 2)), cross_axes(u_c))
+    seen_c /= np.linalg.norm(seen_c, axis=1, keepdims=True)
+    P_u = np.tile(sigma**2 * np.eye(2), (m, 1, 1))
+    return StarVectors(rng.integers(1, 10**5, m), seen_c, P_u, u_c @ C_ic.T, np.zeros(m), np.zeros((3, 3)))
 
 
 def records(options):
@@ -125,9 +144,8 @@ def _fly(params, flight, options):
     start = alignment(flight[1][0], rng)
     gps, stars = fixes(flight, params, options, rng)
     nav = fusion.start(params, start, EARTH)
-    solved = tuple(fix for fix in stars if fix.reason == 0)
     switched_off = computer.ComputerParams(params, None, np.inf, np.inf, np.zeros(3))
-    onboard = computer.Computer(switched_off, EARTH, nav, None, None, solved, 0)
+    onboard = computer.Computer(switched_off, EARTH, nav, None, None, tuple(stars), 0)
     noise = np.random.default_rng(options.seed + 100)
     yield start
     for block, state in zip(measured(flight[0], params, rng), flight[1][1:], strict=True):

@@ -69,6 +69,30 @@ def test_tight_instead_of_loose_coupling(log, tmp_path):
     assert same(changed.covariance, expected.covariance)
 
 
+def test_stars_by_themselves_instead_of_attitudes(log, tmp_path):
+    """The log holds the stars of every frame; a flight that uses them is the reference."""
+    change = ("navigation.stars=vectors",)
+    path = write(tmp_path / "vectors.mcap", Options(overrides=change))
+    expected = reader.read(path)
+    used = [gate for gate in expected.gates if gate.sensor == "star_vectors" and gate.accepted]
+    assert {gate.dof for gate in used} >= {2, 16}  # frames without attitude, too
+    assert len(used) > 50
+    for repeated in (again(log, change), again(path)):
+        assert same(repeated.nav, expected.nav) and same(repeated.covariance, expected.covariance)
+    before = again(path, ["navigation.stars=attitude"])
+    assert same(before.nav, reader.read(log).nav)
+    flown = reader.read(log).star_fixes
+    for one, two in zip(expected.star_fixes, flown, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(one.stars, two.stars, strict=True))
+
+
+def test_a_log_without_single_stars_cannot_be_run_with_them(tmp_path):
+    path = write(tmp_path / "older.mcap", Options(vectors=False))
+    with pytest.raises(LogError, match=r"older.mcap: cannot be run again with navigation.stars=vectors: its"):
+        rerun.open_log(path, ["navigation.stars=vectors"])
+    assert rerun.open_log(path).params.stars == "attitude"
+
+
 def test_a_better_field_of_the_earth_reaches_the_integration(log):
     """One tick with J2 and increments that hold the rest, against the strapdown under the field itself."""
     recording = rerun.open_log(log)

@@ -63,3 +63,19 @@ def test_limits_are_shown_as_they_were_written():
 def test_every_field_of_the_section_is_measured():
     assert set(requirements.MEASURES) == set(Requirements.model_fields)
     assert math.isclose(requirements.MEASURES["cold_gas"].factor, 1.0)
+
+
+def test_runs_are_put_in_order_by_what_they_miss_and_then_by_how_near_they_came():
+    wanted = Requirements(attitude_at_entry="0.17 deg", wrong_star_fixes=0, star_fixes="90 %")
+
+    def severity(attitude_deg, wrong, solved):
+        summary = {
+            "navigation": {"at_entry": {"attitude_error_deg": [attitude_deg, 0.0, 0.0]}},
+            "star_tracker": {"solved": solved, "in_window": 100, "wrong": wrong},
+        }
+        return requirements.severity(requirements.judge(wanted, summary))
+
+    order = [severity(0.01, 0, 99), severity(0.01, 0, 95), severity(0.165, 0, 99), severity(0.2, 0, 99)]
+    order += [severity(0.5, 0, 99), severity(0.2, 1, 99), severity(0.2, 1, 0)]
+    assert order == sorted(order) and len(set(order)) == len(order)
+    assert order[2] < 1.0 <= order[3] < 2.0 <= order[5] < 3.0 <= order[6]

@@ -1,5 +1,6 @@
 """The recording and what the real viewer says about it."""
 
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -11,8 +12,8 @@ from rerun.chunk import RrdReader
 
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.writer import LogWriter
-from shefex_nav.report import viewer, viewer_program
-from shefex_nav.report.viewer_program import ViewerError
+from shefex_nav.report import viewer
+from shefex_nav.report.viewer import ViewerError, layout, program, recording
 
 OPTIONS = synthetic_run.Options(start_s=231.0, end_s=241.0)
 
@@ -31,11 +32,11 @@ def chunks(recording):
 
 
 def test_recording_has_a_layout_and_everything_on_mission_time(log, tmp_path):
-    recording = tmp_path / "run.rrd"
-    data = viewer.view(log, save=recording)
+    saved = tmp_path / "run.rrd"
+    data = viewer.view(log, save=saved)[0]
     assert not data.ended_early
-    assert len(RrdReader(recording).blueprints()) == 1
-    found = chunks(recording)
+    assert len(RrdReader(saved).blueprints()) == 1
+    found = chunks(saved)
     entities = {str(chunk.entity_path) for chunk in found}
     assert {"/star_tracker/image", "/star_tracker/image_full", "/stars/identified", "/tf", "/log"} <= entities
     assert {"/plots/errors/position_x/error", "/plots/errors/attitude_z/plus"} <= entities
@@ -47,10 +48,10 @@ def test_recording_has_a_layout_and_everything_on_mission_time(log, tmp_path):
 
 
 def test_error_curves_are_truth_minus_estimate(log, tmp_path):
-    recording = tmp_path / "run.rrd"
-    viewer.build_recording(log, recording)
+    saved = tmp_path / "run.rrd"
+    recording.build([log], saved)
     points = {}
-    for chunk in chunks(recording):
+    for chunk in chunks(saved):
         if str(chunk.entity_path) == "/plots/errors/position_y/error":
             batch = chunk.to_record_batch()
             times = batch.column("mission_time").cast("int64").to_numpy() / 1e9
@@ -70,7 +71,7 @@ def test_error_curves_are_truth_minus_estimate(log, tmp_path):
 def test_a_killed_log_can_be_viewed(log, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(log.read_bytes()[: int(0.6 * log.stat().st_size)])
-    data = viewer.view(cut, save=tmp_path / "cut.rrd")
+    data = viewer.view(cut, save=tmp_path / "cut.rrd")[0]
     assert data.ended_early
     assert any(str(c.entity_path) == "/star_tracker/image" for c in chunks(tmp_path / "cut.rrd"))
 
@@ -101,15 +102,15 @@ def test_no_graphics_is_a_clear_error(log, tmp_path, monkeypatch):
     monkeypatch.setenv("VK_ICD_FILENAMES", str(tmp_path / "none.json"))
     monkeypatch.setenv("VK_DRIVER_FILES", str(tmp_path / "none.json"))
     monkeypatch.setenv("WGPU_BACKEND", "vulkan")
-    recording = tmp_path / "run.rrd"
-    viewer.build_recording(log, recording)
+    saved = tmp_path / "run.rrd"
+    recording.build([log], saved)
     with pytest.raises(ViewerError, match="apt-get install mesa-vulkan-drivers"):
-        viewer_program.take_picture(recording, tmp_path / "picture.png", 235.0)
+        program.take_picture(saved, tmp_path / "picture.png", 235.0)
 
 
 def test_a_missing_viewer_is_a_clear_error(log, tmp_path, monkeypatch):
-    monkeypatch.setattr(viewer_program.sysconfig, "get_path", lambda name: str(tmp_path))
-    monkeypatch.setattr(viewer_program.sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setattr(program.sysconfig, "get_path", lambda name: str(tmp_path))
+    monkeypatch.setattr(program.sys, "executable", str(tmp_path / "python"))
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(ViewerError, match="not installed"):
         viewer.view(log, screenshot=tmp_path / "picture.png")
@@ -125,18 +126,62 @@ def test_no_view_reports_an_error(policy, tmp_path):
     with LogWriter(path, synthetic_run.mission(), policy) as log:
         for record in synthetic_run.simulate(OPTIONS._replace(end_s=236.0)):
             log.write(record)
-    recording = tmp_path / "run.rrd"
-    viewer.build_recording(path, recording)
-    for at_s in (235.0, 236.5):  # the latter is after the last frame, when the pictures are gone
-        reports = viewer_program.take_picture(recording, picture, at_s)
-        assert len(reports) >= 13
-        assert not any(reports.values()), reports
-        assert picture.stat().st_size > 20_000
-    names = {name for name in reports if "amera" in name or "etections" in name}
+    saved = tmp_path / "run.rrd"
+    recording.build([path], saved)
+    names = set()
+    for page in layout.PAGES:
+        recording.build([path], saved, page=page)
+        # 236.5 is after the last frame, when the pictures are gone
+        for at_s in (235.0, 236.5) if page == layout.OVERVIEW else (235.0,):
+            reports = program.take_picture(saved, picture, at_s)
+            assert len(reports) >= 5, page
+            assert not any(texts for _, texts in reports), reports
+            assert picture.stat().st_size > 20_000
+            names |= {name for name, _ in reports if "amera" in name or "etections" in name}
     if policy.otherwise == "none":
-        assert names == {"Detections; this log has no pictures"}
+        assert "Detections; this log has no pictures" in names
     else:
         assert "Star camera" in names
+
+
+def test_other_logs_are_drawn_over_the_first(log, tmp_path):
+    """Two runs of one name: both curves are in one plot, each with its own sigmas."""
+    other = tmp_path / "other.mcap"
+    options = OPTIONS._replace(seed=2)
+    with LogWriter(other, synthetic_run.mission(seed=2), FramePolicy(0, "none", 4.0)) as writer:
+        for record in synthetic_run.simulate(options):
+            writer.write(record)
+    saved = tmp_path / "both.rrd"
+    viewer.view([log, other], save=saved)
+    entities = {str(chunk.entity_path) for chunk in chunks(saved)}
+    assert {"/plots/errors/velocity_x/error", "/plots/errors/velocity_x/made_up-2/error"} <= entities
+    assert "/plots/nees/made_up-2" in entities
+    everything = {str(chunk.entity_path) for chunk in RrdReader(saved).stream()}
+    assert "/world/overlay/made_up-2" in everything
+
+
+def test_the_recording_beside_a_log_is_made_again_when_the_log_is_newer(log, tmp_path):
+    mine = tmp_path / "run.mcap"
+    shutil.copy(log, mine)
+    path = recording.kept(mine)
+    assert path == tmp_path / "run.view.rrd" and len(RrdReader(path).blueprints()) == 1
+    first = path.stat().st_mtime_ns
+    assert recording.kept(mine) == path and path.stat().st_mtime_ns == first
+    os.utime(mine, ns=(1, 1))
+    recording.kept(mine)
+    assert path.stat().st_mtime_ns > first
+
+
+def test_curves_are_on_both_timelines(log, tmp_path):
+    saved = tmp_path / "run.rrd"
+    recording.build([log], saved)
+    for chunk in chunks(saved):
+        if str(chunk.entity_path) in ("/plots/height", "/star_tracker/image", "/tf"):
+            assert {"mission_time", "utc"} <= set(chunk.timeline_names)
+            batch = chunk.to_record_batch()
+            seconds = batch.column("mission_time").cast("int64").to_numpy() / 1e9
+            utc = batch.column("utc").cast("int64").to_numpy() / 1e9
+            assert utc - seconds == pytest.approx(1340392680.0, abs=1e-3)  # 2012-06-22T19:18:00Z
 
 
 def wide(record):
@@ -149,10 +194,10 @@ def wide(record):
     return record._replace(image_dn=image, bits=12)
 
 
-def shown_pictures(recording, entity):
+def shown_pictures(saved, entity):
     """Pictures of a recording by mission time: {s: (rows, columns) array}."""
     found = {}
-    for chunk in chunks(recording):
+    for chunk in chunks(saved):
         if str(chunk.entity_path) != entity:
             continue
         batch = chunk.to_record_batch()
@@ -175,14 +220,14 @@ def shown_pictures(recording, entity):
 @pytest.mark.parametrize("full_every", [10, 0])
 def test_twelve_bits_are_not_black(full_every, tmp_path):
     """Sky is dark grey, a star white; without a frame as read out the whole range of the camera is shown."""
-    path, recording = tmp_path / "run.mcap", tmp_path / "run.rrd"
+    path, saved = tmp_path / "run.mcap", tmp_path / "run.rrd"
     policy = FramePolicy(full_every, "thresholded", 4.0)
     with LogWriter(path, synthetic_run.mission(), policy) as log:
         for record in synthetic_run.simulate(OPTIONS._replace(end_s=233.0)):
             log.write(wide(record))
-    viewer.build_recording(path, recording)
-    thresholded = shown_pictures(recording, "/star_tracker/image")
-    full = shown_pictures(recording, "/star_tracker/image_full")
+    recording.build([path], saved)
+    thresholded = shown_pictures(saved, "/star_tracker/image")
+    full = shown_pictures(saved, "/star_tracker/image_full")
     assert len(thresholded) >= 15
     for image in thresholded.values():
         assert image[10, 20] == (255 if full_every else round(255 * 2000 / 4095))

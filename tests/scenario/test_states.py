@@ -55,8 +55,10 @@ def test_what_is_estimated_is_no_noise_as_well():
     assert nav_params(("gyro_misalignment",)).imu.gyro_cross == pytest.approx(
         gyro.scale_factor / np.sqrt(3.0)
     )
-    every = nav_params(("gyro_scale", "gyro_misalignment", "gyro_g_sensitivity", "accel_scale")).imu
-    gone = {"gyro_cross": 0.0, "gyro_g_sensitivity": 0.0, "accel_cross": 0.0}
-    assert (
-        every == nothing._replace(**gone) and nothing.gyro_g_sensitivity > 0.0 and nothing.accel_cross > 0.0
-    )
+    every = nav_params(
+        ("gyro_scale", "gyro_misalignment", "gyro_g_sensitivity", "accel_scale", "gravity")
+    ).imu
+    gone = {"gyro_cross": 0.0, "gyro_g_sensitivity": 0.0, "accel_scale": 0.0, "gravity": 0.0}
+    assert every == nothing._replace(**gone)
+    assert min(nothing.gyro_g_sensitivity, nothing.accel_scale, nothing.gravity) > 0.0
+    assert nav_params(("accel_misalignment",)).imu == nothing._replace(accel_misalignment=0.0)

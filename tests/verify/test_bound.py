@@ -289,7 +289,15 @@ def test_bound_is_the_filters_covariance_where_the_filter_knows_the_world():
     silent = dict.fromkeys(
         ("gyro_bias_walk", "gyro_cross", "gyro_g_sensitivity", "gyro_rectification", "gyro_vibration"), 0.0
     ) | dict.fromkeys(
-        ("accel_bias_walk", "accel_cross", "accel_rectification", "accel_vibration", "gravity"), 0.0
+        (
+            "accel_bias_walk",
+            "accel_scale",
+            "accel_misalignment",
+            "accel_rectification",
+            "accel_vibration",
+            "gravity",
+        ),
+        0.0,
     )
     nav_params = nav_params._replace(
         imu=nav_params.imu._replace(gyro_quantum=0.0, **silent),

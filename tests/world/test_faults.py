@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.records import Frame, GpsFix, Reason, StarFix, Trajectory
+from shefex_nav.records import NO_STARS, Frame, GpsFix, Reason, StarFix, Trajectory
 from shefex_nav.world import faults, imu
 
 N = 4001  # samples: 10 s at 400 Hz
@@ -130,6 +130,25 @@ def test_a_bias_turns_every_fix_alike():
     for number in range(6):
         turned = rotation.rotvec_between(star_fix(number).q_ic, line.fix(star_fix(number)).q_ic)
         assert np.allclose(turned, bias_c if number in (2, 3) else 0.0, atol=1e-12)
+
+
+def test_single_stars_show_the_turned_camera_too():
+    """u_i = C_ic u_c holds for the turned attitude; so do stars of a frame without one."""
+    bias_c = np.array([0.1, -0.2, 0.3])
+    line = faults.StarLine((faults.StarFault("bias", 100.0, 200.0, bias_c),), None)
+    rng = np.random.default_rng(3)
+    u_c = rng.standard_normal((4, 3))
+    u_c /= np.linalg.norm(u_c, axis=1, keepdims=True)
+    fix = star_fix(1)
+    u_i = u_c @ rotation.dcm_from_quat(fix.q_ic).T
+    stars = NO_STARS._replace(hip=np.arange(1, 5), u_c=u_c, u_i=u_i)
+    turned = line.fix(fix._replace(stars=stars))
+    np.testing.assert_allclose(turned.stars.u_c @ rotation.dcm_from_quat(turned.q_ic).T, u_i, atol=1e-14)
+    unsolved = line.fix(star_fix(1, Reason.TOO_FEW_STARS)._replace(stars=stars))
+    np.testing.assert_array_equal(unsolved.stars.u_c, turned.stars.u_c)
+    wrong = faults.StarLine((faults.StarFault("wrong_fixes", 100.0, 200.0, smallest=0.1, largest=1.0),), rng)
+    untouched = wrong.fix(star_fix(1, Reason.TOO_FEW_STARS)._replace(stars=stars))
+    np.testing.assert_array_equal(untouched.stars.u_c, u_c)
 
 
 def test_a_blinded_camera_is_white_and_its_fixes_are_not_touched():

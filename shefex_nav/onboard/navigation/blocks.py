@@ -3,13 +3,15 @@
 Apart from `state`, so that a scenario can be checked without a compiler.
 """
 
-OPTIONAL = {  # blocks and their sizes, in the order of the errors; those of the IMU come first
+OPTIONAL = {  # blocks and their sizes, in the order of the errors; what drives the first nine comes first
     "gyro_roll_column": 3,  # error on x, y, z per unit of roll rate [-]: scale factor and two misalignments
     "gyro_scale": 3,  # [-]
     "gyro_misalignment": 6,  # elements ij = xy, xz, yx, yz, zx, zy: rate about j seen on axis i [rad]
     "gyro_g_sensitivity": 9,  # row by row, ij: specific force along j seen on axis i [rad/s per m/s^2]
     "accel_scale": 3,  # [-]
     "accel_misalignment": 6,  # as of the gyros [rad]
+    "accel_rectification": 3,  # bias under the strongest motor; goes with the power of vibration [m/s^2]
+    "gravity": 3,  # what the on-board field leaves out, inertial axes, first-order Gauss-Markov [m/s^2]
     "mounting": 3,  # star camera against its nominal mounting, rotation vector in body axes [rad]
     "lever_arm": 3,  # GPS antenna against its nominal place, body axes [m]
     "clock": 2,  # of the GPS receiver, ahead of GPS time: bias [m], drift [m/s]

@@ -29,6 +29,7 @@ from shefex_nav.onboard.navigation import triples as t3
 from shefex_nav.onboard.navigation.calibration import OFF_DIAGONAL
 from shefex_nav.onboard.navigation.state import (
     A_MISALIGN,
+    A_RECTIFIED,
     A_SCALE,
     ATT,
     BA,
@@ -36,6 +37,7 @@ from shefex_nav.onboard.navigation.state import (
     G_MISALIGN,
     G_SCALE,
     G_SENSE,
+    GRAVITY,
     POS,
     ROLL_COLUMN,
     VEL,
@@ -159,6 +161,24 @@ def put_calibration(top, at, gyro, accel, M, A, MGA):
 
 
 @njit(cache=True, forceinline=True)
+def put_rectification(top, at, vibration):
+    """Add the columns of rectified vibration: those of the accelerometer bias by its power, in place."""
+    if at[A_RECTIFIED] >= 0:
+        for i in range(3):
+            for row in range(9):
+                top[row, at[A_RECTIFIED] + i] += vibration**2 * top[row, BA.start + i]
+
+
+@njit(cache=True, forceinline=True)
+def put_gravity(top, at, T):
+    """Add the columns of what the on-board field leaves out to the first rows of Phi, in place."""
+    if at[GRAVITY] >= 0:
+        for i in range(3):
+            top[POS.start + i, at[GRAVITY] + i] += 0.5 * T * T
+            top[VEL.start + i, at[GRAVITY] + i] += T
+
+
+@njit(cache=True, forceinline=True)
 def put_motion(top, r, u, u_r, C, C_bi, T):
     """Write the columns of position, velocity and attitude into the first rows of Phi.
 
@@ -181,19 +201,36 @@ def put_motion(top, r, u, u_r, C, C_bi, T):
     t3.store(top[ATT, ATT], t3.product(C_bi, C))
 
 
-def vibration_level(params, block):
-    """Vibration in an ImuBlock relative to that of the strongest motor: 0 unless a motor pushes the vehicle.
+@njit(cache=True)
+def vibration_level(motors, thrust_threshold, shake_threshold, t_s, thrust, shake):
+    """Vibration relative to that of the strongest motor: 0 unless a motor burns.
 
-    NavParams, ImuBlock -> float
+    One burns if it pushes the vehicle, or if it shakes it: the last of a burn pushes little.
+
+    Parameters
+    ----------
+    motors : of NavParams
+    thrust_threshold, shake_threshold : of ImuModel
+    t_s : mission time
+    thrust : m/s^2, specific force towards the nose, mean of a tick
+    shake : m/s, of `shake`
     """
-    thrust = sum(block.dv_b[:, 0].tolist()) / (len(block.dv_b) * block.dt_s)
-    if thrust <= params.imu.thrust_threshold:
-        return 0.0
     level = 0.0
-    for t_s, relative in params.motors.tolist():
-        if t_s <= block.t_valid_s:
-            level = relative
+    if thrust > thrust_threshold or shake > shake_threshold:
+        for k in range(motors.shape[0]):
+            if motors[k, 0] <= t_s:
+                level = motors[k, 1]
     return level
+
+
+@njit(cache=True)
+def shake(dv_b):
+    """Noise of velocity increments (n, 3), from their changes: m/s rms, 0 for a single sample."""
+    total, n = 0.0, dv_b.shape[0] - 1
+    for k in range(n):
+        for i in range(3):
+            total += (dv_b[k + 1, i] - dv_b[k, i]) ** 2
+    return np.sqrt(total / (6.0 * n)) if n > 0 else 0.0
 
 
 @njit(cache=True)
@@ -223,20 +260,23 @@ def noise_densities(model, vibration, duration_s, dtheta, dv, across_angle):
     slow, spun = 2.0 * tau, 2.0 * tau / (1.0 + (roll_rate * tau) ** 2)
 
     # fixed to the body: errors in proportion to specific force; vibration rectified, by its power
-    gyro = model.gyro_g_sensitivity**2 * f2
-    accel = model.accel_cross**2 * f2
-    gyro += (model.gyro_rectification * vibration**2) ** 2
-    accel += (model.accel_rectification * vibration**2) ** 2
+    gyro = model.gyro_g_sensitivity**2 * f2 + (model.gyro_rectification * vibration**2) ** 2
+    shaken = (model.accel_rectification * vibration**2) ** 2
+    accel_along = slow * (model.accel_scale**2 * f2 + shaken)
+    accel_across = spun * (model.accel_misalignment**2 * f2 + shaken)
     # turning the roll axis by an angle a leaves an attitude error s a: sigma^2 grows to (s a)^2 at any rate
     gyro_white = model.gyro_random_walk**2 + model.gyro_cross**2 * model.manoeuvre_angle * across_rate
     # what the gravity model leaves out is slow in inertial axes: while the attitude is held it is taken for
     # accelerometer bias, which walks with the field and with the attitude; while the body turns it is noise
+    # the roll axis may be held while the body turns about it
     rate = np.sqrt(t3.dot(dtheta, dtheta)) / duration_s
     held = 1.0 / (1.0 + (rate * model.gravity_time_s) ** 2)
-    accel_white = model.accel_random_walk**2 + 2.0 * (1.0 - held) * model.gravity**2 * model.gravity_time_s
+    held_along = 1.0 / (1.0 + (across_rate * model.gravity_time_s) ** 2)
+    left_out = 2.0 * model.gravity**2 * model.gravity_time_s
+    accel_white = model.accel_random_walk**2
     bias_walk = model.accel_bias_walk**2 + model.gravity**2 * (2.0 / FIELD_TIME_S + held * rate)
-    along = gyro_white + slow * gyro, accel_white + slow * accel
-    across = gyro_white + spun * gyro, accel_white + spun * accel
+    along = gyro_white + slow * gyro, accel_white + (1.0 - held_along) * left_out + accel_along
+    across = gyro_white + spun * gyro, accel_white + (1.0 - held) * left_out + accel_across
     return along, across, bias_walk
 
 
@@ -276,6 +316,6 @@ def process_noise(top, along, across, extra, C, T, Q):
 
 def record(params):
     """Noise of NavParams for kernels: one record, which they take seven times as fast as a tuple."""
-    others = ("clock_white", "clock_walk", "range_bias_sigma", "range_bias_time_s")
+    others = ("clock_white", "clock_walk", "range_bias_sigma", "range_bias_time_s", "gravity_sigma")
     values = params.imu._asdict() | {name: getattr(params, name) for name in others}
     return np.array([tuple(values.values())], dtype=[(name, float) for name in values])

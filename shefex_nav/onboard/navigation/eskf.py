@@ -110,6 +110,21 @@ def _take_in(x, dx, nominal, P, after, G):
     P[ATT, ATT] = np.ascontiguousarray(turned[:, ATT]) @ G.T
 
 
+def turned_back(P, G):
+    """Covariance after an update of the attitude alone that is believed at any angle, G of `update` undone.
+
+    A star fix says exp(z) = exp(e) exp(m), e the attitude's error, m the camera's. Linear at e = 0 that is
+    e = z - m, whose turned error is -G m; but what is left after the correction is exp(-z) exp(e) = exp(-m).
+    With G, the next fix would seem to tell e from m by the angle of G, which it cannot.
+    """
+    P, inverse = P.copy(), np.linalg.inv(G)
+    turned = inverse @ P[ATT]
+    P[ATT] = turned
+    P[:, ATT] = turned.T
+    P[ATT, ATT] = turned[:, ATT] @ inverse.T
+    return P
+
+
 def forget(P, block, covariance):
     """Covariance in which nothing is known of one block of errors any more, nor its ties to others.
 

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry import frames
 from shefex_nav.onboard.navigation import (
     error_model,
     eskf,
@@ -23,6 +24,7 @@ from shefex_nav.onboard.navigation import (
     integrity_gps,
     integrity_protection,
     integrity_watch,
+    measurements,
     prediction,
     strapdown,
 )
@@ -37,7 +39,7 @@ from shefex_nav.onboard.navigation.state import (
     pack,
     unpack,
 )
-from shefex_nav.records import GateResult
+from shefex_nav.records import GateResult, Reason
 
 SNAP_S = 1e-6  # instants closer together than this are one
 UNUSED = (Fate.REJECTED, Fate.HELD)
@@ -51,14 +53,16 @@ class Measurement(NamedTuple):
     fix: Any
     fate: Fate
     rows: Any = None  # (m,) bool, rows that are used; None: all
-    admitted: float | None = None  # sigma that is added to what it measures; None: a reset forgets it all
+    # sigma that is added to what it measures, or to the blocks of a dict; None: a reset forgets it all
+    admitted: Any = None
+    noise: float = 1.0  # factor on its covariance where it is used, `measurements.lasting_factor`
 
 
 class Tick(NamedTuple):
     """The filter at the end of a tick."""
 
     t_s: float
-    x: np.ndarray  # (87,) packed nominal state
+    x: np.ndarray  # (93,) packed nominal state
     P: np.ndarray  # (n, n)
     imu: Any  # strapdown.ImuWindow that led here; None at the start
     measurements: tuple[Measurement, ...]  # valid within the tick, in the order of their instants
@@ -150,7 +154,7 @@ def start(params, alignment, earth, recorder=None):
         history=deque([Tick(state.t_s, pack(state), P, None, ())]),
         health={name: integrity.HEALTHY for name in SENSORS},
         recorder=recorder,
-        watch=integrity_watch.start(params.integrity),
+        watch=integrity_watch.start(params),
     )
 
 
@@ -163,7 +167,9 @@ def advance(nav, block):
             f"IMU block ending at {block.t_valid_s:.6f} s does not follow on the state at {last.t_s:.6f} s"
         )
     block, extra = nav.watch.screen(block)
-    level = error_model.vibration_level(nav.params, block)
+    thrust, shake = block.dv_b[:, 0].sum() / length_s, error_model.shake(block.dv_b)
+    limits = nav.params.imu.thrust_threshold, nav.params.imu.shake_threshold
+    level = error_model.vibration_level(nav.params.motors, *limits, block.t_valid_s, thrust, shake)
     imu = strapdown.window(block, last.imu, level, extra)
     x, P = prediction.advance(
         nav.layout, nav.imu_model, last.x, last.t_s, last.P, imu, 0.0, length_s, nav.earth
@@ -193,7 +199,7 @@ def fuse(nav, arrivals):
     ----------
     nav : Filter, advanced to the present tick
     arrivals : list of (arrival, fix), the first of `sensors.ARRIVALS`: 'gps' with a GpsFix, 'star_tracker'
-        with a StarFix that has an attitude
+        with a StarFix that has an attitude, 'star_vectors' with one that has stars
 
     Returns
     -------
@@ -207,25 +213,41 @@ def fuse(nav, arrivals):
         reason = without_solution(arrival, fix)
         if reason:
             results.append(_unused(now_s, fix, names[0], reason))
-            nav.watch.tell(now_s, "gps", reason)
+            nav.watch.tell(now_s, "gps" if arrival.startswith("gps") else arrival, reason)
             continue
         index = _place(nav.history, fix.t_valid_s)
         if index is None:
             results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
             continue
-        if arrival != "star_tracker":
-            repeats = integrity_gps.repeated(nav.watch.gps, fix)
+        if arrival.startswith("gps"):
+            repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, *_whereabouts(nav, index))
             results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())
             nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
             names = tuple(name for name in names if name not in repeats)
         tick = nav.history[index]
-        queue = tick.measurements + tuple(Measurement(name, fix, Fate.PENDING) for name in names)
+        new = [Measurement(name, fix, Fate.PENDING, noise=_lasting(nav, name, fix)) for name in names]
+        queue = tick.measurements + tuple(new)
         queue = tuple(sorted(queue, key=_turn))
         nav.history[index] = tick._replace(measurements=queue)
         earliest = min(earliest, index)
     _integrate_again(nav, earliest, results)
     nav.watch.protect(nav.history[-1].P)
     return results
+
+
+def _lasting(nav, name, fix):
+    """Factor on the covariance of a measurement that errs as the one before it did."""
+    if name != "gps_position":
+        return 1.0
+    gap_s = abs(fix.t_valid_s - nav.watch.position_s)
+    nav.watch.position_s = max(fix.t_valid_s, nav.watch.position_s)
+    return measurements.lasting_factor(nav.params.lasting_share, nav.params.range_bias_time_s, gap_s)
+
+
+def _whereabouts(nav, index):
+    """Position and velocity of a tick, axes of the Earth: (3,) m, (3,) m/s."""
+    state = nav.history[index].state
+    return frames.ecef_from_inertial(nav.earth, state.t_s, state.r_i, state.v_i)
 
 
 def _turn(measurement):
@@ -332,7 +354,7 @@ def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
         measurement, result, confirmed = gate.decide(nav, state, P, z, H, R, imu, at_s, measurement)
         if measurement.fate in UNUSED:
             return x, P, measurement, result
-    prior = P
+    prior, R = P, measurement.noise * R
     if measurement.fate in (Fate.RESET, Fate.DOUBTED):
         prior = _forgotten(nav, P, sensor, measurement.admitted)
     if measurement.fate == Fate.DOUBTED:
@@ -341,6 +363,8 @@ def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
     if used is not None:
         z, H, R = z[used], H[used], R[np.ix_(used, used)]
     after, P_after, dx, G = eskf.update_packed(nav.kalman, nav.layout, x, prior, z, H, R)
+    if measurement.fate == Fate.RESET and sensor.block == "attitude":
+        P_after, G = eskf.turned_back(P_after, G), np.eye(3)
     if recorder is not None:
         name, fix, fate = measurement[:3]
         ends = unpack(t_s, after), P_after
@@ -356,8 +380,11 @@ def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
 def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
     """Tell the watch of a measurement that has just been used for the first time."""
     watch, limit, name = nav.watch, nav.limit(len(R)), measurement.sensor
-    watch.used(name, measurement.fix.t_valid_s, nav.history[-1].t_s)
-    if name == "star_tracker":
+    whole = name == "star_vectors" and measurement.fix.reason == Reason.NONE  # as good as the attitude
+    watch.used("star_tracker" if whole else name, measurement.fix.t_valid_s, nav.history[-1].t_s)
+    if name == "star_vectors":
+        found = integrity_protection.slope_of_vectors(nav.layout, P_before, P_after, nav.limit(2), H, R)
+    elif name == "star_tracker":
         found = integrity_protection.slope_of_stars(P_before, P_after, limit, H, R, confirmed)
     else:
         found = integrity_protection.slope(P_before, P_after, limit)
@@ -367,6 +394,11 @@ def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
 def _forgotten(nav, P, sensor, admitted):
     """Covariance in which nothing is known of what a sensor measures, or less by a sigma that is admitted."""
     places = nav.layout.places
+    if isinstance(admitted, dict):  # block -> (3,)
+        P = P.copy()
+        for name, sigma in admitted.items():
+            P[places[name], places[name]] += np.diag(sigma**2)
+        return P
     if admitted is not None:
         P = P.copy()
         for name in (sensor.block, *sensor.with_it):

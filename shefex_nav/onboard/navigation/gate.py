@@ -1,8 +1,10 @@
 """The gate: what becomes of a new measurement, and what is said about it.
 
-A measurement passes if its normalised innovation squared, or that of each group of its rows, stays below the
-chi-square limit. The rest is a matter of trust: `integrity` says when a sensor that contradicts the filter is
-believed after all, and when a fix inside the gate is not enough; `integrity_gps` when a receiver drifts.
+A measurement passes if its normalised innovation squared stays below the chi-square limit. One of several
+groups of rows passes group by group, as long as most of them do: where half of all satellites contradict the
+filter, it is not for the filter to say which half is right. The rest is a matter of trust: `integrity` says
+when a sensor that contradicts the filter is believed after all, and when a fix inside the gate is not enough;
+`integrity_gps` when a receiver drifts; `integrity_gyro` when it is the gyros that are wrong.
 """
 
 import numpy as np
@@ -31,11 +33,12 @@ def decide(nav, state, P, z, H, R, imu, at_s, measurement):
     passed = rows_passed(nav, P, z, H, R, sensor.rows) if sensor.rows else np.full(len(z), nis <= limit)
     trial = rows = None
     alone = _alone(nav, sensor, H, P, R)
-    if passed.any():
+    credible = 2 * np.count_nonzero(passed) > len(passed)
+    if credible:
         nis_judged, rows = 0.0, None if passed.all() else passed
     else:
         nis_judged = np.inf
-    if not (passed.any() and alone):
+    if not (credible and alone):
         trial = sensor.trial(nav, state, P, z, R, imu, at_s, fix)
     fate, nav.health[name] = integrity.judge(nav.health[name], trial, nis_judged, limit, fix.t_valid_s, alone)
     admitted = sensor.admits(nav, z) if fate == Fate.RESET and sensor.admits else None
@@ -44,7 +47,12 @@ def decide(nav, state, P, z, H, R, imu, at_s, measurement):
     note = NOTES.get(fate, sensor.reset_note)
     if fate == Fate.RESET and admitted is not None:
         note += ", or the camera has moved"
-    _tell(nav, now_s, name, fate, note)
+    found = _gyros_wrong(nav, state, P, z, H, R, imu, fate) if name == "star_tracker" else None
+    _tell(nav, now_s, name, Fate.USED if found else fate, note)
+    if found:
+        fate, rows, note = Fate.RESET, None, f"{' '.join(found.axes)} wrong: bias to be found again"
+        admitted = {"attitude": np.full(3, np.sqrt(z @ z)), "gyro_bias": found.admitted}
+        nav.health[name] = integrity.Health(nav.health[name].used + 1, 0, np.nan, None)
     if rows is not None:
         note = f"rejected: {', '.join(_rejected(sensor, fix, rows))}"
         z, H, R = z[rows], H[rows], R[np.ix_(rows, rows)]
@@ -61,8 +69,20 @@ def _tell(nav, now_s, name, fate, note):
         nav.watch.tell(now_s, name, "")
     elif fate in (Fate.DOUBTED, Fate.RESET):
         nav.watch.tell(now_s, name, note)
-    elif nav.health[name].rejected >= integrity_watch.CONTRADICTIONS:
+    elif integrity_watch.contradicts(name, nav.health[name]):
         nav.watch.tell(now_s, name, integrity_watch.reason(name, nav.health))
+
+
+def _gyros_wrong(nav, state, P, z, H, R, imu, fate):
+    """What the stars find the gyros wrong by: integrity_gyro.Finding, or None."""
+    watch = nav.watch
+    if watch.unread or imu.vibration > 0.0 or fate == Fate.RESET:
+        watch.gyros.forget()
+        return None
+    found = watch.gyros.compare(state, P, z, R, H @ P @ H.T + R if fate == Fate.USED else None)
+    if found:
+        watch.gyros_wrong(nav.history[-1].t_s, found)
+    return found
 
 
 def _drifts(nav, fate, z, S, admitted):

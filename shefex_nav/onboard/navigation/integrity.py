@@ -42,6 +42,7 @@ class Health(NamedTuple):
     evidence: Any  # the last of them, in the form that `agree` compares
     held: Any = None  # likewise, the last fix inside the gate, where one alone does not count
     first: Any = None  # likewise, the first of the rejected
+    in_a_row: int = 0  # rejected fixes since the last that was not, whether they agree or not
 
 
 class GpsEvidence(NamedTuple):
@@ -97,7 +98,10 @@ def judge(health, trial, nis, limit, t_valid_s, alone=True):
     rule = trial.rule
     if rejected >= rule.count and t_valid_s - t_first_s >= rule.duration_s - 1e-6:
         return Fate.RESET, Health(health.used + 1, 0, np.nan, None)
-    return Fate.REJECTED, Health(health.used, rejected, t_first_s, trial.evidence, health.held, first)
+    in_a_row = health.in_a_row + 1
+    return Fate.REJECTED, Health(
+        health.used, rejected, t_first_s, trial.evidence, health.held, first, in_a_row
+    )
 
 
 def insists(health, trial):
@@ -131,6 +135,20 @@ def gps_fixes_agree(earlier, later, slack):
         return False
     gap = later.r_ea_e - earlier.r_ea_e - 0.5 * dt_s * (earlier.v_ea_e + later.v_ea_e)
     variance = np.trace(earlier.R_r_e + later.R_r_e)
+    return float(gap @ gap) <= 9.0 * (variance + (slack * dt_s) ** 2)
+
+
+def positions_agree(earlier, later, slack):
+    """Whether two positions of a receiver that reports no velocity move as the filter does, GpsEvidence each.
+
+    A filter that is off by a constant is off by the same vector twice; slack, m per second between them, is
+    also what its velocity may be wrong by. A fix repeated proves nothing, as in `gps_fixes_agree`.
+    """
+    dt_s = later.fix.t_valid_s - earlier.fix.t_valid_s
+    if not 0.0 < dt_s <= LONGEST_PAIR_S or np.array_equal(earlier.fix.r_ea_e, later.fix.r_ea_e):
+        return False
+    gap = later.z - earlier.z
+    variance = np.trace(earlier.fix.R_r_e + later.fix.R_r_e)
     return float(gap @ gap) <= 9.0 * (variance + (slack * dt_s) ** 2)
 
 

@@ -1,9 +1,11 @@
 """Watch over the GPS receiver: fixes that it repeats, and positions that run away slowly.
 
-**Repeated fixes.** A measurement has noise, so two fixes that agree to the last bit are one fix sent twice.
-Stale: valid at the instant of one that was here before. Frozen: the position of one that was here before,
-with a new time, or its velocity, unless that is zero (a receiver at rest may well say so). Neither reaches
-the gate, so a frozen receiver neither corrects the filter nor counts as contradiction.
+**Repeated fixes.** A measurement has noise, so two fixes that agree to the last bit are one fix sent twice,
+unless the last bit is coarse. Stale: valid at the instant of one that was here before. Frozen: the position
+of one that was here before, with a new time, although the vehicle has moved meanwhile, by what the filter
+says, further than a fix is uncertain; or likewise its velocity. Neither reaches the gate, so a frozen
+receiver neither corrects the filter nor counts as contradiction. A coarse receiver at rest may well repeat
+itself.
 
 **Slow drift.** A position that runs away slowly takes the filter with it and passes every gate; but the
 filter lags behind, being held back by inertial sensors and GPS velocity, so the innovations keep their sign.
@@ -19,7 +21,7 @@ reported velocity confirms, until the accelerometers contradict them.
 """
 
 from collections import deque
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,32 +49,66 @@ class Drift(NamedTuple):
 QUIET = Drift(np.zeros((len(WINDOWS), 3)), np.zeros(len(WINDOWS)), False)
 
 
+class Kept(NamedTuple):
+    """A fix that was here."""
+
+    fix: Any  # GpsFix or GpsRanges; the last of those that say the same
+    r_e: np.ndarray  # (3,) m, where the filter had the vehicle at the first of them
+    v_e: np.ndarray  # (3,) m/s, and how fast
+    times: int  # how often its position has been said again by a receiver at rest
+
+
 def memory():
-    """What is remembered of the fixes: GpsFix, oldest first; changed in place."""
+    """What is remembered of the fixes: Kept, oldest first; changed in place."""
     return deque(maxlen=MEMORY)
 
 
-def repeated(earlier, fix):
-    """Why a valid fix is none: {sensor: reason} for those of its sensors that repeat themselves.
+def repeated(earlier, fix, r_e, v_e):
+    """What of a valid fix repeats one that was here.
 
+    Parameters
+    ----------
     earlier : `memory`, which takes the fix in if it is new
     fix : GpsFix or GpsRanges
+    r_e, v_e : (3,) m, m/s, where the filter has the vehicle at that instant, and how fast
+
+    Returns
+    -------
+    reasons : {sensor: reason} for those of its sensors that are not to be used
+    fix : the same, but that of a receiver that rightly says the same again: nothing new, so the k-th of them
+        counts with k times the variance of position, and all of them as ln(k) fixes
     """
     where, how_fast, what = SAYS[type(fix)]
     place, velocity = getattr(fix, where[1]), getattr(fix, how_fast[1])
-    for old in earlier:
+    for k, kept in enumerate(earlier):
+        old = kept.fix
         if type(old) is not type(fix):
             continue
         if abs(old.t_valid_s - fix.t_valid_s) < 1e-9:
             words = f"stale: of T{old.t_valid_s:+.1f} s, as one before"
-            return {where[0]: words, how_fast[0]: words}
+            return {where[0]: words, how_fast[0]: words}, fix
         if np.array_equal(getattr(old, where[1]), place):
+            if _rests(fix, kept, r_e):
+                earlier[k] = kept._replace(fix=fix, times=kept.times + 1)
+                return {}, fix._replace(R_r_e=(kept.times + 2) * fix.R_r_e)
             words = f"frozen: {what} of T{old.t_valid_s:+.1f} s"
-            return {where[0]: words, how_fast[0]: words}
+            return {where[0]: words, how_fast[0]: words}, fix
         if velocity.any() and np.array_equal(getattr(old, how_fast[1]), velocity):
-            return {how_fast[0]: f"frozen: velocity of T{old.t_valid_s:+.1f} s"}
-    earlier.append(fix)
-    return {}
+            if type(fix) is GpsFix and _within(v_e - kept.v_e, fix.R_v_e):
+                continue
+            return {how_fast[0]: f"frozen: velocity of T{old.t_valid_s:+.1f} s"}, fix
+    earlier.append(Kept(fix, r_e, v_e, 0))
+    return {}, fix
+
+
+def _rests(fix, kept, r_e):
+    """Whether nothing has moved since a fix; ranges change always, with the satellites."""
+    return type(fix) is GpsFix and _within(r_e - kept.r_e, fix.R_r_e)
+
+
+def _within(d, R):
+    """Whether a change is no larger than the noise of one fix. (3,), (3, 3) -> bool"""
+    return bool(d @ d < np.trace(R))
 
 
 def follow(drift, z, S, limit):

@@ -16,7 +16,8 @@ take the wrong one out again at the rate at which they reduce errors, so w is th
 of what is left of each. What a star fix has misled is what star fixes measure, attitude and mounting
 together, and goes as H P H^T; what another sensor has done to the attitude goes as P. A fix that has been
 confirmed by a second one through the gyros can only be wrong by what that comparison lets through,
-T sqrt(2 R).
+T sqrt(2 R). And a star fix that passes the gate bounds what other sensors may have done before: had it been
+more than 2 T sqrt(S), the gate's T and as much for noise that hides it, the fix would not have passed.
 
 Two faults at once, and one that is common to all fixes (a star camera that has moved by less than the gate
 notices), are beyond this.
@@ -63,6 +64,7 @@ class Slope(NamedTuple):
     variance_b: np.ndarray  # (3,) rad^2, of the attitude after it
     left: np.ndarray  # (3,) share of older errors of other sensors
     left_stars: np.ndarray  # (3,) share of those of star fixes
+    most: np.ndarray = np.full(3, np.inf)  # (3,) rad, that an older error of other sensors can have been
 
 
 @njit(cache=True)
@@ -111,7 +113,40 @@ def slope_of_stars(P_before, P_after, limit, H, R, confirmed):
     worst, after, left = _slope(P_before, P_after, limit)
     if confirmed:
         worst = np.minimum(worst, np.sqrt(2.0 * limit * np.diag(R)))
-    return Slope(True, worst, after, left, _left_of_seen(P_before, P_after, H))
+    most = 2.0 * np.sqrt(limit * np.diag(H @ P_before @ H.T + R))
+    return Slope(True, worst, after, left, _left_of_seen(P_before, P_after, H), most)
+
+
+def slope_of_vectors(layout, P_before, P_after, limit, H, R):
+    """Slope of stars that were used and gated one by one, two rows each: of the star that could do worst.
+
+    Star k passes if z_k^T S_kk^-1 z_k <= limit and moves the state by K_k z_k, K_k its columns of the gain,
+    so the worst of it about axis j is sqrt(limit (K_k S_kk K_k^T)_jj).
+
+    layout : Layout;  limit : of the gate of one star;  H, R : (2 m, n), (2 m, 2 m);  else as `slope`
+    """
+    seen = np.zeros((3, layout.n))  # what stars have misled is attitude and mounting together
+    seen[:, ATT] = np.eye(3)
+    if mounting := layout.places["mounting"]:
+        seen[:, mounting] = np.eye(3)
+    _, after, left = _slope(P_before, P_after, limit)
+    worst = _worst_star(P_before, np.ascontiguousarray(H), np.ascontiguousarray(R), limit)
+    return Slope(True, worst, after, left, _left_of_seen(P_before, P_after, seen))
+
+
+@njit(cache=True)
+def _worst_star(P, H, R, limit):
+    """What the worst star can do to the attitude, (3,) rad."""
+    PH = P @ H.T
+    S = H @ PH + R
+    K = np.linalg.solve(S, PH[ATT.start : ATT.stop].T.copy()).T
+    worst = np.zeros(3)
+    for k in range(0, H.shape[0], 2):
+        for i in range(3):
+            a, b = K[i, k], K[i, k + 1]
+            variance = a * a * S[k, k] + 2.0 * a * b * S[k, k + 1] + b * b * S[k + 1, k + 1]
+            worst[i] = max(worst[i], np.sqrt(limit * variance))
+    return worst
 
 
 def after_fix(level, found, P_now):
@@ -122,7 +157,7 @@ def after_fix(level, found, P_now):
     level : Level;  found : Slope;  P_now : (n, n) -> Level
     """
     now = found.worst_b * np.sqrt(np.minimum(np.diag(P_now)[ATT] / found.variance_b, 1.0))
-    stars, others = level.stars_b * found.left_stars, level.others_b * found.left
+    stars, others = level.stars_b * found.left_stars, np.minimum(level.others_b, found.most) * found.left
     if found.stars:
         return Level(np.maximum(stars, now), others)
     return Level(stars, np.maximum(others, now))

@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import integrity_gps, integrity_imu, integrity_protection
+from shefex_nav.onboard.navigation import integrity_gps, integrity_gyro, integrity_imu, integrity_protection
 from shefex_nav.onboard.navigation.state import ReleaseRule
 from shefex_nav.records import NavHealth
 
 CONTRADICTIONS = 3  # [E] rejected fixes in a row that agree with each other
 DRIFTS = "gps_position"  # the sensor whose innovations are averaged
 WHY = {"star_tracker": "contradicts the gyros", "gps_velocity": "contradicts the accelerometers"}
+UNCHECKED = "has been wrong before: no stars to check it by"
 MEASURES = {"star_tracker": 0, "gps_velocity": 1}  # sensor -> triad whose readings it says the sum of
 
 
@@ -39,13 +40,16 @@ class Watch:
 
     params : IntegrityParams
     drift_limit : chi-square limit of the means of innovations
+    gyros : integrity_gyro.GyroWatch
     """
 
-    def __init__(self, params, drift_limit):
-        self.params, self.drift_limit = params, drift_limit
+    def __init__(self, params, drift_limit, gyros):
+        self.params, self.drift_limit, self.gyros = params, drift_limit, gyros
         self.imu = None  # integrity_imu.ImuWatch, from the first block on
-        self.imu_blind = False  # whether rate or specific force of the moment are not measured on an axis
+        self.unread = False  # whether readings of an axis have been replaced, or are at the end of its range
+        self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
+        self.position_s = -np.inf  # of the last position fix
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
         self.used_now = []  # integrity_protection.Slope of each fix used in this tick
@@ -59,8 +63,32 @@ class Watch:
         block, densities, changes = integrity_imu.screen(self.imu, block)
         if changes:
             self.said += changes
-            self.imu_blind = bool(self.imu.state.any())
+            self.unread = bool(self.imu.state.any())
+            self.gyros.forget()
+        if self.gyros.failed:
+            self._gyros_now(block.t_valid_s)
         return block, densities
+
+    @property
+    def imu_blind(self):
+        """Whether rate or specific force of the moment are not measured on an axis, or cannot be trusted."""
+        return self.unread or self.distrusted
+
+    def gyros_wrong(self, now_s, found):
+        """An integrity_gyro.Finding of this tick."""
+        for name in found.axes:
+            k = integrity_gyro.AXES.index(name)
+            words = f"turns otherwise than the stars: by {np.degrees(found.rate_b[k]):.3g} deg/s"
+            self.tell(now_s, name, words)
+        self.distrusted = True
+
+    def _gyros_now(self, now_s):
+        """Gyros that have been wrong: right again, or wrong still, or not checked any more."""
+        gyros = self.gyros
+        self.distrusted = not gyros.trust(now_s)
+        for name in gyros.failed:
+            if name not in gyros.wrong:
+                self.tell(now_s, name, UNCHECKED if gyros.unchecked else "")
 
     def used(self, sensor, t_valid_s, now_s):
         """A measurement has been used."""
@@ -90,10 +118,12 @@ class Watch:
 
 
 def start(params):
-    """Watch of a filter that starts. IntegrityParams, None for those that expect nothing -> Watch"""
+    """Watch of a filter that starts. NavParams -> Watch"""
     from scipy.special import chdtri
 
-    return Watch(params or DEFAULT, float(chdtri(3, integrity_gps.DRIFT_PROBABILITY)))
+    gyros = integrity_gyro.GyroWatch(params.imu, integrity_gyro.relative_error(params))
+    limit = float(chdtri(3, integrity_gps.DRIFT_PROBABILITY))
+    return Watch(params.integrity or DEFAULT, limit, gyros)
 
 
 def reason(name, health):
@@ -103,13 +133,23 @@ def reason(name, health):
     return WHY.get(name, "contradicts the filter")
 
 
+def contradicts(name, record):
+    """Whether a sensor insists on contradicting the solution. str, Health -> bool
+
+    Its rejected fixes agree with each other. Those of the star tracker need not: where gyros are wrong, star
+    fixes that are right do not agree through them.
+    """
+    in_a_row = record.in_a_row if name == "star_tracker" else record.rejected
+    return in_a_row >= CONTRADICTIONS
+
+
 def contradicted(health):
     """Whether a sensor contradicts the solution, and nothing says which is wrong. {sensor: Health} -> bool
 
     A GPS position that contradicts while its velocity does not is wrong itself: the inertial sensors and the
     velocity say the same.
     """
-    bad = [name for name, record in health.items() if record.rejected >= CONTRADICTIONS]
+    bad = [name for name, record in health.items() if contradicts(name, record)]
     if "gps_position" in bad and jumped(health):
         bad.remove("gps_position")
     return bool(bad)

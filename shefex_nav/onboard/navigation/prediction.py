@@ -19,24 +19,25 @@ from shefex_nav.onboard.navigation.calibration import (
     g_sensitivity,
     gyro_inverse,
 )
-from shefex_nav.onboard.navigation.error_model import WEIGHTS
+from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S, WEIGHTS
 from shefex_nav.onboard.navigation.state import (
-    A_MISALIGN,
     BA,
     BG,
     CLOCK,
+    GRAVITY,
     N_CORE,
     OPTIONAL,
     PVA,
     RANGE_BIAS,
     X_CLOCK,
+    X_GRAVITY,
     X_Q,
     X_R,
     X_RANGE,
     X_V,
     pack,
 )
-from shefex_nav.onboard.navigation.strapdown import BEFORE, LEAST, cut, gravity_i, move
+from shefex_nav.onboard.navigation.strapdown import BEFORE, LEAST, cut, gravity_i, move, shaken
 
 SIZES = np.array(list(OPTIONAL.values()))
 TOP = PVA.stop  # rows of Phi that the strapdown makes
@@ -171,6 +172,9 @@ def _growth(
     if at[RANGE_BIAS] >= 0:
         for i in range(at[RANGE_BIAS], at[RANGE_BIAS] + SIZES[RANGE_BIAS]):
             Phi[i, i] = np.exp(-T / model[0].range_bias_time_s)
+    if at[GRAVITY] >= 0:
+        for i in range(at[GRAVITY], at[GRAVITY] + 3):
+            Phi[i, i] = np.exp(-T / FIELD_TIME_S)
     _covariance(at, model[0], np.zeros((n, n)), top, Q_top, bias_walk, T, Q)
     return Phi, Q
 
@@ -185,11 +189,13 @@ def _interval(
     Arguments of `advance`, the tuples in their fields. Written: after (N,) the packed state at the end;
     top (9, n) first rows of Phi; Q (9, 9) of them. -> m^2/s^5, random walk of the accelerometer bias
     """
+    true, x = x, shaken(x, vibration)
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     r, v = t3.vector(x, X_R.start), t3.vector(x, X_V.start)
     q = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
     start, C_start, T = r, t3.dcm_from_quat(q), end_s - begin_s
     g = gravity_i(t3.plus(r, 0.5 * T, v), angle_0 + rate * (t_s + 0.5 * T), C_iq, C_re)
+    g = t3.plus(g, 1.0, t3.vector(x, X_GRAVITY))
 
     gyro, accel = np.zeros((WEIGHTS, 3, 3, 3)), np.zeros((WEIGHTS, 2, 3, 3))
     by_gyro, by_accel = np.empty(WEIGHTS, np.bool_), np.empty(WEIGHTS, np.bool_)
@@ -226,11 +232,12 @@ def _interval(
         last, before = before, sample
 
     q = t3.quat_normalise(q)
-    after[:] = x
+    after[:] = true
     after[0], after[1], after[2], after[3], after[4], after[5] = r[0], r[1], r[2], v[0], v[1], v[2]
     after[6], after[7], after[8], after[9] = q
     after[X_CLOCK] += T * x[X_CLOCK + 1]
     after[X_RANGE] *= np.exp(-T / model.range_bias_time_s)
+    after[X_GRAVITY : X_GRAVITY + 3] *= np.exp(-T / FIELD_TIME_S)
 
     C_bi = t3.transposed(t3.dcm_from_quat(q))
     for k in range(WEIGHTS):
@@ -238,11 +245,13 @@ def _interval(
             t3.store(gyro[k, 2], t3.product(C_bi, t3.matrix(gyro[k, 2])))
     top[:] = 0.0
     error_model.put_motion(top, start, u_sum, u_r_sum, C_start, C_bi, T)
+    error_model.put_gravity(top, at, T)
     triads = np.empty((3, 3, 3))
     t3.store(triads[0], M)
     t3.store(triads[1], A)
     t3.store(triads[2], t3.product(M, t3.product(G, A)))
     error_model.put_calibration(top, at, gyro, accel, triads[0], triads[1], triads[2])
+    error_model.put_rectification(top, at, vibration)
     along, across, bias_walk = error_model.noise_densities(model, vibration, T, angle, speed, across_angle)
     error_model.process_noise(top, along, across, extra, C_start, T, Q)
     return bias_walk
@@ -257,7 +266,7 @@ def _covariance(at, model, P, top, Q, bias_walk, T, out):
     Introduction to Random Signals and Applied Kalman Filtering, 4th ed., section 9.3).
     """
     n, drivers = P.shape[0], N_CORE
-    for k in range(A_MISALIGN + 1):
+    for k in range(GRAVITY + 1):
         if at[k] >= 0:
             drivers += SIZES[k]
     A = np.zeros((TOP, n))
@@ -292,10 +301,18 @@ def _covariance(at, model, P, top, Q, bias_walk, T, out):
         out[c + 1, c] = out[c, c + 1]
         out[c + 1, c + 1] += walk * T
     if at[RANGE_BIAS] >= 0:
-        left, first = np.exp(-T / model.range_bias_time_s), at[RANGE_BIAS]
-        for i in range(first, first + SIZES[RANGE_BIAS]):
-            for j in range(n):
-                out[i, j] *= left
-            for j in range(n):
-                out[j, i] *= left
-            out[i, i] += model.range_bias_sigma**2 * (1.0 - left * left)
+        left = np.exp(-T / model.range_bias_time_s)
+        _wander(out, at[RANGE_BIAS], SIZES[RANGE_BIAS], left, model.range_bias_sigma)
+    if at[GRAVITY] >= 0:
+        _wander(out, at[GRAVITY], 3, np.exp(-T / FIELD_TIME_S), model.gravity_sigma)
+
+
+@njit(cache=True)
+def _wander(P, first, size, left, sigma):
+    """Rows and columns of a first-order Gauss-Markov process of which a part `left` is left, in place."""
+    for i in range(first, first + size):
+        for j in range(P.shape[0]):
+            P[i, j] *= left
+        for j in range(P.shape[0]):
+            P[j, i] *= left
+        P[i, i] += sigma**2 * (1.0 - left * left)

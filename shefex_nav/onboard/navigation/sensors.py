@@ -15,11 +15,12 @@ from shefex_nav.onboard.navigation import (
     integrity,
     integrity_watch,
     measure_ranges,
+    measure_stars,
     measurements,
     strapdown,
 )
 from shefex_nav.onboard.navigation.state import POS, ReleaseRule
-from shefex_nav.records import GpsRanges
+from shefex_nav.records import GpsRanges, Reason
 
 MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
 
@@ -86,6 +87,11 @@ def _star_attitude(nav, state, imu, at_s, fix):
     return measurements.star_attitude(nav.layout, state, fix, params.C_bc, params.star_sigma_floor)
 
 
+def _star_vectors(nav, state, imu, at_s, fix):
+    params = nav.params
+    return measure_stars.star_vectors(nav.layout, state, fix, params.C_bc, params.star_sigma_floor)
+
+
 def vibration_covariance(params, imu):
     """What vibration puts between the strapdown's antenna velocity and the vehicle's: (3, 3) m^2/s^2.
 
@@ -102,6 +108,8 @@ def _gps_trial(nav, state, P, z, R, imu, at_s, fix):
     slack = nav.params.gps_agreement
 
     def agree(earlier, later):
+        if np.isnan(earlier.fix.v_ea_e[0]) or np.isnan(later.fix.v_ea_e[0]):
+            return integrity.positions_agree(earlier, later, slack)
         return integrity.gps_fixes_agree(earlier.fix, later.fix, slack)
 
     return Trial(nav.params.release_gps, integrity.GpsEvidence(fix, z, P[POS, POS]), agree)
@@ -147,6 +155,26 @@ def _star_trial(nav, state, P, z, R, imu, at_s, fix):
         return integrity.star_fixes_agree(earlier, later, P_rate, limit, noise)
 
     return Trial(rule, integrity.star_evidence(state, z, R), agree)
+
+
+def _vectors_trial(nav, state, P, z, R, imu, at_s, fix):
+    """Single stars never insist: what contradicts them is left to the attitudes, which stand alone."""
+    return Trial(ReleaseRule(2, np.inf), None, lambda earlier, later: False)
+
+
+def _hip(fix):
+    """Names of the stars of a StarFix."""
+    return [f"HIP {hip}" for hip in fix.stars.hip]
+
+
+def _vectors_alone(nav, H, P, R):
+    """While the gate stops every star that is off by as much as matters."""
+    limit = nav.limit(2)
+    pairs = (slice(k, k + 2) for k in range(0, len(R), 2))
+    widest = max(
+        _largest(np.ascontiguousarray(H[two]), P, np.ascontiguousarray(R[two, two])) for two in pairs
+    )
+    return bool(np.sqrt(limit * widest) < nav.watch.params.wrong_star_fix)
 
 
 def _star_confirmed(nav, state, imu, at_s, fix):
@@ -211,11 +239,15 @@ SENSORS = {
         confirmed=_star_confirmed,
         admits=_star_admits,
     ),
+    "star_vectors": Sensor(
+        _star_vectors, "attitude", np.pi, _vectors_trial, rows=2, labels=_hip, alone=_vectors_alone
+    ),
 }
 ARRIVALS = {
     "gps": ("gps_position", "gps_velocity"),
     "gps_ranges": ("gps_range", "gps_range_rate"),
     "star_tracker": ("star_tracker",),
+    "star_vectors": ("star_vectors",),
 }
 
 
@@ -229,6 +261,42 @@ def gps_arrivals(params, messages):
     return [(arrival, message) for message in messages if isinstance(message, GpsRanges) == tight]
 
 
+def star_arrivals(nav, fixes):
+    """What the filter takes of StarFix: the attitude, or each star by itself.
+
+    Before stars have been used for the first time it is the attitude in any case: one fix is compared with
+    another one there, and single stars have been named with the filter's own prediction.
+
+    fusion.Filter, sequence of StarFix -> list of (arrival, fix)
+    """
+    solved = [("star_tracker", fix) for fix in fixes if fix.reason == Reason.NONE]
+    if nav.params.stars == "attitude" or not nav.health["star_tracker"].used:
+        return solved
+    return [("star_vectors", fix) for fix in fixes if fix.reason == Reason.NONE or len(fix.stars.hip)]
+
+
+def attitudes_instead(nav, arrivals, results):
+    """Attitudes of frames of which not one star was used, so that it shows whether they insist.
+
+    A star that is used ends what attitudes may have said against the filter.
+
+    arrivals : as they were fused;  results : list in which their GateResult are
+    -> list of (arrival, fix)
+    """
+    fixes = {fix.t_valid_s: fix for arrival, fix in arrivals if arrival == "star_vectors"}
+    instead = []
+    for result in results if fixes else ():
+        if result.sensor != "star_vectors":
+            continue
+        fix = fixes[result.t_valid_s]
+        if result.accepted:
+            nav.health["star_tracker"] = nav.health["star_tracker"]._replace(rejected=0, evidence=None)
+            nav.watch.tell(result.t_s, "star_tracker", "")
+        elif fix.reason == Reason.NONE:
+            instead.append(("star_tracker", fix))
+    return instead
+
+
 def contents(arrival, fix):
     """Names of the measurements that an arrival holds; receivers that give no velocity leave it NaN."""
     if arrival == "gps" and np.isnan(fix.v_ea_e[0]):
@@ -240,4 +308,6 @@ def without_solution(arrival, fix):
     """Why a fix holds no measurement, '' if it does."""
     if arrival == "gps_ranges":
         return "" if len(fix.prn) else f"no ranges: {fix.reason}"
+    if arrival == "star_vectors":
+        return "" if len(fix.stars.hip) else "no stars by themselves"
     return f"no fix: {fix.reason}" if arrival == "gps" and not fix.valid else ""

@@ -11,9 +11,11 @@ it drives the others) or in the measurements that see it, its initial sigma in `
 
 What the sensors of the IMU measure, with the blocks of their errors::
 
-    dv_m     = (I + diag(accel_scale) + accel_misalignment) dv + accel_bias T
+    dv_m     = (I + diag(accel_scale) + accel_misalignment) dv + (accel_bias + accel_rectification V^2) T
     dtheta_m = (I + diag(gyro_scale) + gyro_misalignment + gyro_roll_column e_x^T) dtheta
                + gyro_bias T + gyro_g_sensitivity dv
+
+V is the level of vibration, by that of the strongest motor.
 """
 
 from typing import Any, NamedTuple
@@ -34,8 +36,8 @@ PVA = slice(0, 9)  # position, velocity, attitude
 CORE = {"position": POS, "velocity": VEL, "attitude": ATT, "gyro_bias": BG, "accel_bias": BA}
 
 # index of a block in `Layout.at`
-ROLL_COLUMN, G_SCALE, G_MISALIGN, G_SENSE, A_SCALE, A_MISALIGN, MOUNTING, LEVER, CLOCK, LATENCY = range(10)
-RANGE_BIAS = 10
+ROLL_COLUMN, G_SCALE, G_MISALIGN, G_SENSE, A_SCALE, A_MISALIGN, A_RECTIFIED, GRAVITY = range(8)
+MOUNTING, LEVER, CLOCK, LATENCY, RANGE_BIAS = range(8, 13)
 
 NOMINAL = {}  # place of every value in the packed nominal state, whether its error is estimated or not
 for _name, _size in {
@@ -51,6 +53,7 @@ X_ROLL, X_GS = NOMINAL["gyro_roll_column"].start, NOMINAL["gyro_scale"].start
 X_GM, X_GG = NOMINAL["gyro_misalignment"].start, NOMINAL["gyro_g_sensitivity"].start
 X_AS, X_AM = NOMINAL["accel_scale"].start, NOMINAL["accel_misalignment"].start
 X_CLOCK, X_RANGE = NOMINAL["clock"].start, NOMINAL["range_bias"]
+X_RECTIFIED, X_GRAVITY = NOMINAL["accel_rectification"].start, NOMINAL["gravity"].start
 
 
 class Layout(NamedTuple):
@@ -59,7 +62,7 @@ class Layout(NamedTuple):
     names: tuple[str, ...]  # optional blocks that are on, in the order of their errors
     n: int  # number of errors
     places: dict  # name of a block, core and optional -> slice, or None if it is off
-    at: np.ndarray  # (11,) the same for kernels: first error of each block of OPTIONAL, -1 if it is off
+    at: np.ndarray  # (13,) the same for kernels: first error of each block of OPTIONAL, -1 if it is off
     nominal: np.ndarray  # (n - 9,) place in the packed nominal state of each error behind the attitude
 
 
@@ -102,16 +105,18 @@ class NavState(NamedTuple):
     clock: np.ndarray = _NOTHING[2]
     gps_latency: np.ndarray = _NOTHING[1]  # (1,) s
     range_bias: np.ndarray = _NOTHING[32]
+    accel_rectification: np.ndarray = _NOTHING[3]
+    gravity: np.ndarray = _NOTHING[3]  # (3,) m/s^2, inertial axes, to be added to that of the on-board field
 
 
 def pack(state):
-    """The nominal values of a NavState as one array for kernels, in the order of NOMINAL: (87,)."""
+    """The nominal values of a NavState as one array for kernels, in the order of NOMINAL: (93,)."""
     return np.concatenate(
         [
             state.r_i, state.v_i, state.q_ib, state.gyro_bias, state.accel_bias, state.gyro_roll_column,
             state.gyro_scale, state.gyro_misalignment, state.gyro_g_sensitivity, state.accel_scale,
-            state.accel_misalignment, state.mounting, state.lever_arm, state.clock, state.gps_latency,
-            state.range_bias,
+            state.accel_misalignment, state.accel_rectification, state.gravity, state.mounting,
+            state.lever_arm, state.clock, state.gps_latency, state.range_bias,
         ]
     )  # fmt: skip
 
@@ -120,7 +125,7 @@ _SLICES = [NOMINAL[name] for name in NavState._fields[1:]]
 
 
 def unpack(t_s, x):
-    """NavState of packed values (87,), as views of them."""
+    """NavState of packed values (93,), as views of them."""
     return NavState(t_s, *[x[place] for place in _SLICES])
 
 
@@ -141,12 +146,14 @@ class ImuModel(NamedTuple):
     gyro_quantum: float  # rad, smallest increment
     accel_random_walk: float  # m/s/sqrt(s)
     accel_bias_walk: float  # m/s^2/sqrt(s), wander of the bias
-    accel_cross: float  # scale factor, as met by thrust along the roll axis
+    accel_scale: float  # scale factor, as met by thrust along the roll axis
+    accel_misalignment: float  # of the axes across it
     accel_rectification: float  # m/s^2, bias while the strongest motor burns
     accel_vibration: float  # m/s rms, swinging of the sensors while the strongest motor burns
     thrust_threshold: float  # m/s^2, specific force towards the nose above which a motor burns
+    shake_threshold: float  # m/s, noise of its increments above which it burns, too
     thrust_time_s: float  # correlation time of errors that go with specific force: half a burn
-    gravity: float  # m/s^2, what the on-board gravity model leaves out
+    gravity: float  # m/s^2, what the on-board gravity model leaves out, where it is no state
     gravity_time_s: float  # for how long it acts before GPS corrects for it, while the body turns
     saturated_rate: float  # rad/s, error while a sensor is at its range
 
@@ -180,8 +187,11 @@ class NavParams(NamedTuple):
     clock_walk: float = 0.0  # m/s/sqrt(s), random walk of its frequency
     range_bias_sigma: float = 0.0  # m, of the block range_bias in the long run
     range_bias_time_s: float = np.inf  # its correlation time
+    gravity_sigma: float = 0.0  # m/s^2, each axis, of the block gravity in the long run
     gps: str = "loose"  # GPS by its fixes; "tight": by the ranges of its channels
+    lasting_share: float = 0.0  # of the variance of a position fix: errors that last range_bias_time_s
     integrity: Any = None  # integrity_watch.IntegrityParams; None: nothing is expected of IMU and solution
+    stars: str = "attitude"  # stars by the attitude of each frame; "vectors": each star by itself
 
 
 def initial(params, order, alignment):
@@ -224,7 +234,7 @@ def correct(order, state, dx):
 
 @njit(cache=True)
 def corrected(x, dx, nominal):
-    """`correct` of packed values: (87,), (n,), Layout.nominal -> (87,)."""
+    """`correct` of packed values: (93,), (n,), Layout.nominal -> (93,)."""
     out = x.copy()
     for i in range(3):
         out[X_R.start + i] += dx[POS.start + i]

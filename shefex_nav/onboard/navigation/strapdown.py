@@ -33,7 +33,7 @@ from shefex_nav.onboard.navigation.calibration import (
     gyro_inverse,
     motion,
 )
-from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V, pack
+from shefex_nav.onboard.navigation.state import X_BA, X_GRAVITY, X_Q, X_R, X_RECTIFIED, X_V, pack
 
 BEFORE = 2  # samples kept from before a block, for the slopes
 LEAST = 1e-9  # share of a sample that is worth a step
@@ -149,6 +149,15 @@ def gravity_i(r, angle, C_iq, C_re):
 
 
 @njit(cache=True)
+def shaken(x, vibration):
+    """The packed values with the accelerometer bias as it is under a level of vibration. (93,), float"""
+    out = x.copy()
+    for i in range(3):
+        out[X_BA + i] += vibration**2 * x[X_RECTIFIED + i]
+    return out
+
+
+@njit(cache=True)
 def integrate_packed(x, increments, h, begin_s, end_s, g):
     """`integrate` with packed values and g as three numbers. -> (10,) r_i, v_i, q_ib"""
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
@@ -178,6 +187,7 @@ def propagate_packed(x, t_s, increments, h, begin_s, end_s, C_iq, C_re, angle_0,
     half_s = 0.5 * (end_s - begin_s)
     middle = t3.plus(t3.vector(x, X_R.start), half_s, t3.vector(x, X_V.start))
     g = gravity_i(middle, angle_0 + rate * (t_s + half_s), C_iq, C_re)
+    g = t3.plus(g, 1.0, t3.vector(x, X_GRAVITY))
     return integrate_packed(x, increments, h, begin_s, end_s, g)
 
 
@@ -195,13 +205,15 @@ def integrate(state, imu, begin_s, end_s, g_i):
     -------
     r_i, v_i, q_ib : at end_s
     """
-    moved = integrate_packed(pack(state), imu.increments, imu.dt_s, begin_s, end_s, tuple(g_i))
+    x = shaken(pack(state), imu.vibration)
+    moved = integrate_packed(x, imu.increments, imu.dt_s, begin_s, end_s, tuple(g_i))
     return moved[:3], moved[3:6], moved[6:]
 
 
 def propagate(state, imu, begin_s, end_s, earth):
     """`integrate` under the on-board gravity model (J2), evaluated in the middle of the interval."""
-    moved = propagate_packed(pack(state), state.t_s, imu.increments, imu.dt_s, begin_s, end_s, *earth)
+    x = shaken(pack(state), imu.vibration)
+    moved = propagate_packed(x, state.t_s, imu.increments, imu.dt_s, begin_s, end_s, *earth)
     return moved[:3], moved[3:6], moved[6:]
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.onboard.startracker.centroid import weighted
+from shefex_nav.onboard.startracker.likelihood import misfit_growth
 from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, X, Y
 from shefex_nav.onboard.startracker.shape import STEP_SIGMAS, measure
 
@@ -295,7 +296,7 @@ def _fit_one(image_dn, star, spots, others, saturation_dn, dn_per_electron, work
     chi2 -= bx * dx + by * dy + bf * d_flux  # what the last step takes away
     if n_used < width * height and chi2 > MOST_MISFIT * n_used:
         return False
-    factor = max(1.0, (PRIOR_DOF + chi2) / (PRIOR_DOF + n_used - 3.0))
+    factor = misfit_growth(chi2, n_used - 3.0, PRIOR_DOF)
     factor *= (old_flux / flux) ** 2  # the derivatives to the place grow with the flux
     fitted[0], fitted[1], fitted[2] = x, y, flux
     fitted[3], fitted[4], fitted[5] = factor * d / det, -factor * b / det, factor * a / det

@@ -14,6 +14,9 @@ from shefex_nav.onboard.startracker.attitude import inverse3
 
 REFINE_STEPS = 10  # bound only: two or three are usual
 REFINED = 1e-10  # rad; far below any centroid
+UNKNOWNS = 7  # attitude, and what all stars of a frame share: rate, focal length
+FOCAL = 6  # its place among them
+CHANCE = 3.0  # standard deviations of chi squared that are no misfit
 
 
 @njit(cache=True)
@@ -23,6 +26,16 @@ def misfit_factor(chi2, dof, prior_dof):
     What was said of the noise counts as an observation of prior_dof degrees of freedom, chi2 as one of dof.
     """
     return (prior_dof + chi2) / (prior_dof + dof)
+
+
+@njit(cache=True)
+def misfit_growth(chi2, dof, prior_dof):
+    """By how much a covariance grows with a misfit that chance does not explain; 1 for any smaller one.
+
+    For noise that is predicted: to follow the chance of each frame, as `misfit_factor` does, would make the
+    covariance itself noisy and too small for as many errors as too large.
+    """
+    return max(1.0, misfit_factor(chi2 - CHANCE * np.sqrt(2.0 * dof), dof, prior_dof))
 
 
 @njit(cache=True)
@@ -56,13 +69,14 @@ def sigma_of_centroids(camera, xy_px, P_px):
 
 
 @njit(cache=True)
-def _observe(camera, q_ic, xy_px, v_i):
-    """Residuals (n, 2) px and their derivatives (n, 2, 3) by the rotation dtheta_c; NaN behind the camera.
+def _observe(camera, q_ic, xy_px, v_i, t_s):
+    """Residuals (n, 2) px and their derivatives G (n, 2, 7) by the `UNKNOWNS`; NaN behind the camera.
 
-    A star is seen at u = C_ic' v; how q_ic exp(dtheta) moves it is what `turn_slopes` says.
+    A star is seen at u = C_ic' v; how q_ic exp(dtheta) moves it is what `turn_slopes` says. A rate that is
+    wrong by domega turns it by t domega, a focal length that is wrong by a part d moves it outwards by d.
     """
     n = xy_px.shape[0]
-    residual, H = np.empty((n, 2)), np.empty((n, 2, 3))
+    residual, G = np.empty((n, 2)), np.empty((n, 2, UNKNOWNS))
     C = dcm_from_quat(q_ic)
     f = camera.focal_length_px
     for k in range(n):
@@ -74,8 +88,10 @@ def _observe(camera, q_ic, xy_px, v_i):
         residual[k, 1] = xy_px[k, 1] - camera.cy_px - f * y
         dx, dy = turn_slopes(x, y)
         for axis in range(3):
-            H[k, 0, axis], H[k, 1, axis] = f * dx[axis], f * dy[axis]
-    return residual, H
+            G[k, 0, axis], G[k, 1, axis] = f * dx[axis], f * dy[axis]
+            G[k, 0, 3 + axis], G[k, 1, 3 + axis] = t_s[k] * f * dx[axis], t_s[k] * f * dy[axis]
+        G[k, 0, FOCAL], G[k, 1, FOCAL] = f * x, f * y
+    return residual, G
 
 
 @njit(cache=True)
@@ -88,46 +104,50 @@ def _inverse2(P):
 
 
 @njit(cache=True)
-def _normal(H, residual, P_px, t_s, P_omega):
-    """Normal equations of the attitude, the common error of the rate eliminated.
+def _normal(G, residual, P_px, P_common):
+    """Normal equations of the attitude, the errors that all stars share eliminated.
 
-    r_k = H_k (dtheta + t_k domega) + noise of P_px[k], domega of covariance P_omega. With
-    A = sum H'W H, B = sum t H'W H, C = sum t^2 H'W H the best domega is D (sum t H'W r - B' dtheta),
-    D = (C + P_omega^-1)^-1 = P_omega (I + C P_omega)^-1, which a P_omega of zero does not harm.
+    r_k = H_k dtheta + N_k d + noise of P_px[k], [H N] = G, d of covariance P_common (4, 4). With
+    A = sum H'W H, B = sum H'W N, C = sum N'W N the best d is D (sum N'W r - B' dtheta),
+    D = (C + P_common^-1)^-1 = P_common (I + C P_common)^-1, which a P_common of zero does not harm.
 
     Returns
     -------
-    P_c (3, 3), g (3,) right side, B (3, 3), D (3, 3), c (3,) = sum t H'W r, chi2 at dtheta = 0
+    P : (7, 7) covariance of dtheta and d
+    g : (3,) right side of the attitude: dtheta = P[:3, :3] g
+    d : (4,) best d at dtheta = 0
+    chi2 : float, at dtheta = 0 and that d
     """
-    A, B, C = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
-    g, c, chi2 = np.zeros(3), np.zeros(3), 0.0
+    M, b, chi2 = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS), 0.0
     for k in range(residual.shape[0]):
-        W, t = _inverse2(P_px[k]), t_s[k]
+        W = _inverse2(P_px[k])
         chi2 += _form2(W, residual[k])
-        for i in range(3):
-            a0 = H[k, 0, i] * W[0, 0] + H[k, 1, i] * W[1, 0]
-            a1 = H[k, 0, i] * W[0, 1] + H[k, 1, i] * W[1, 1]
-            right = a0 * residual[k, 0] + a1 * residual[k, 1]
-            g[i] += right
-            c[i] += t * right
-            for j in range(3):
-                both = a0 * H[k, 0, j] + a1 * H[k, 1, j]
-                A[i, j] += both
-                B[i, j] += t * both
-                C[i, j] += t * t * both
-    D = P_omega @ inverse3(np.eye(3) + C @ P_omega)
-    Dc = D @ c
-    return inverse3(A - B @ D @ B.T), g - B @ Dc, B, D, c, chi2 - c @ Dc
+        for i in range(UNKNOWNS):
+            a0 = G[k, 0, i] * W[0, 0] + G[k, 1, i] * W[1, 0]
+            a1 = G[k, 0, i] * W[0, 1] + G[k, 1, i] * W[1, 1]
+            b[i] += a0 * residual[k, 0] + a1 * residual[k, 1]
+            for j in range(UNKNOWNS):
+                M[i, j] += a0 * G[k, 0, j] + a1 * G[k, 1, j]
+    B, C, c = M[:3, 3:].copy(), M[3:, 3:].copy(), b[3:].copy()
+    D = P_common @ np.linalg.inv(np.eye(UNKNOWNS - 3) + C @ P_common)
+    d, BD = D @ c, B @ D
+    P_c = inverse3(M[:3, :3] - BD @ B.T)
+    P = np.empty((UNKNOWNS, UNKNOWNS))
+    P[:3, :3], P[:3, 3:], P[3:, :3], P[3:, 3:] = P_c, -P_c @ BD, -(P_c @ BD).T, D + BD.T @ P_c @ BD
+    return P, b[:3] - B @ d, d, chi2 - c @ d
 
 
 @njit(cache=True)
-def refine(camera, q_ic, xy_px, v_i, P_px, t_s=None, P_omega=None):
+def refine(camera, q_ic, xy_px, v_i, P_px, t_s=None, P_omega=None, sigma_focal=0.0):
     """Attitude of largest likelihood for centroids with covariances of any shape (Gauss-Newton).
 
     Minimises chi2 = sum r' P^-1 r over the attitude, r the distances [px] from the predicted places. Places
     that were brought to one instant with a rate share its error: it is estimated along, with the prior
     P_omega. With rows exposed one after the other it is mostly a shear, half of which looks like a turn about
-    the boresight: taken for independent errors of the stars it would be averaged away.
+    the boresight: taken for independent errors of the stars it would be averaged away. What the calibration
+    left of the focal length they share likewise: taken for errors of the stars it would drown what the bright
+    ones tell. What it does to the attitude stays the same from frame to frame, as the mounting does, and is
+    not in P_c.
 
     Parameters
     ----------
@@ -138,6 +158,7 @@ def refine(camera, q_ic, xy_px, v_i, P_px, t_s=None, P_omega=None):
     P_px : (n, 2, 2) px^2, positive definite, without the error of the rate
     t_s : (n,) when each star was seen, from the instant; None: no rate was used
     P_omega : (3, 3) (rad/s)^2, covariance of the rate; None likewise
+    sigma_focal : relative error of the focal length
 
     Returns
     -------
@@ -145,26 +166,45 @@ def refine(camera, q_ic, xy_px, v_i, P_px, t_s=None, P_omega=None):
     P_c : (3, 3) rad^2, covariance of the error with q_ic(true) = q_ic exp(dtheta_c)
     chi2 : float, 2 n - 3 degrees of freedom
     """
-    t, P_rate = _rate_of(t_s, P_omega, xy_px.shape[0])
+    t, P_common = _common(t_s, P_omega, sigma_focal, xy_px.shape[0])
     P_c, chi2 = np.full((3, 3), np.nan), np.nan
     for _ in range(REFINE_STEPS):
-        residual, H = _observe(camera, q_ic, xy_px, v_i)
-        P_c, g, _, _, _, _ = _normal(H, residual, P_px, t, P_rate)
-        d = P_c @ g
+        residual, G = _observe(camera, q_ic, xy_px, v_i, t)
+        P, g, _, _ = _normal(G, residual, P_px, P_common)
+        d = np.ascontiguousarray(P[:3, :3]) @ g
+        P_c = _less_constant(P, sigma_focal)
         q_ic = quat_multiply(q_ic, quat_from_rotvec(d))
         if not d[0] ** 2 + d[1] ** 2 + d[2] ** 2 > REFINED**2:
             break
-    residual, H = _observe(camera, q_ic, xy_px, v_i)
-    chi2 = _normal(H, residual, P_px, t, P_rate)[5]
+    residual, G = _observe(camera, q_ic, xy_px, v_i, t)
+    chi2 = _normal(G, residual, P_px, P_common)[3]
     return quat_normalise(q_ic), P_c, chi2
 
 
 @njit(cache=True)
-def _rate_of(t_s, P_omega, n):
-    """Times and covariance of the rate as arrays; zeros where there is none."""
+def _less_constant(P, sigma_focal):
+    """Covariance of the attitude (3, 3) without the share of the focal length, from all of `_normal`.
+
+    The attitude answers to an error of the focal length with w = -P[attitude, FOCAL] / sigma^2, because
+    P[attitude, FOCAL] = -P_c B D and, with the prior P_common, D = (I - D C) P_common.
+    """
+    P_c = P[:3, :3].copy()
+    if sigma_focal > 0.0:
+        for i in range(3):
+            for j in range(3):
+                P_c[i, j] -= P[i, FOCAL] * P[j, FOCAL] / sigma_focal**2
+    return P_c
+
+
+@njit(cache=True)
+def _common(t_s, P_omega, sigma_focal, n):
+    """Times (n,), zeros without a rate, and the covariance of what all stars share: rate, focal length."""
+    P = np.zeros((UNKNOWNS - 3, UNKNOWNS - 3))
+    P[FOCAL - 3, FOCAL - 3] = sigma_focal**2
     if t_s is None or P_omega is None:
-        return np.zeros(n), np.zeros((3, 3))
-    return t_s, P_omega
+        return np.zeros(n), P
+    P[:3, :3] = P_omega
+    return t_s, P
 
 
 @njit(cache=True)
@@ -174,20 +214,22 @@ def _form2(W, r):
 
 
 @njit(cache=True)
-def drop_worst(camera, q_ic, xy_px, v_i, P_px, false_alarm, min_stars, t_s=None, P_omega=None):
+def drop_worst(
+    camera, q_ic, xy_px, v_i, P_px, false_alarm, min_stars, t_s=None, P_omega=None, sigma_focal=0.0
+):
     """Attitude by `refine`, without the worst star if that one does not belong.
 
-    The distance r of a star from where the OTHERS put it has the covariance P + H P_others H'; with the fit
-    of all stars that is r'(P - H P_c H')^-1 r, chi-square of two degrees of freedom if all errors are as P
-    says; H and P_c are those of attitude and rate together. Of n stars the largest is tested, so each has
-    false_alarm / n: the limit is 2 ln(n / false_alarm) (Bonferroni), and false_alarm is the probability that
-    a star is dropped from a field without a bad one. For one displaced star this is the most powerful test
-    (the ratio of likelihoods); how far a star must be off to be found follows from the non-central chi-square
-    distribution.
+    The distance r of a star from where the OTHERS put it has the covariance P + G P_others G'; with the fit
+    of all stars that is r'(P - G P_all G')^-1 r, chi-square of two degrees of freedom if all errors are as P
+    says; G and P_all are those of attitude and common errors together. Of n stars the largest is tested, so
+    each has false_alarm / n: the limit is 2 ln(n / false_alarm) (Bonferroni), and false_alarm is the
+    probability that a star is dropped from a field without a bad one. For one displaced star this is the most
+    powerful test (the ratio of likelihoods); how far a star must be off to be found follows from the
+    non-central chi-square distribution.
 
     Parameters
     ----------
-    camera, q_ic, xy_px, v_i, P_px, t_s, P_omega : as `refine`; n >= 3
+    camera, q_ic, xy_px, v_i, P_px, t_s, P_omega, sigma_focal : as `refine`; n >= 3
     false_alarm : float
     min_stars : int, at least 2; no star is dropped if fewer would remain
 
@@ -197,24 +239,23 @@ def drop_worst(camera, q_ic, xy_px, v_i, P_px, false_alarm, min_stars, t_s=None,
     q_ic, P_c, chi2 : as `refine`, without that star
     """
     n = xy_px.shape[0]
-    t, P_rate = _rate_of(t_s, P_omega, n)
-    q_ic, P_c, chi2 = refine(camera, q_ic, xy_px, v_i, P_px, t, P_rate)
+    t, P_common = _common(t_s, P_omega, sigma_focal, n)
+    q_ic, P_c, chi2 = refine(camera, q_ic, xy_px, v_i, P_px, t_s, P_omega, sigma_focal)
     if n - 1 < max(min_stars, 2):
         return -1, q_ic, P_c, chi2
-    residual, H = _observe(camera, q_ic, xy_px, v_i)
-    _, _, B, D, c, _ = _normal(H, residual, P_px, t, P_rate)
-    omega = D @ c  # at the best attitude the best error of the rate
-    P_cross = -P_c @ B @ D  # of attitude and rate
-    P_rest = D + D @ B.T @ P_c @ B @ D
+    residual, G = _observe(camera, q_ic, xy_px, v_i, t)
+    P_all, _, d, _ = _normal(G, residual, P_px, P_common)
     worst, largest = -1, 2.0 * np.log(n / false_alarm)
     for k in range(n):
-        known = P_c + t[k] * (P_cross + P_cross.T) + t[k] * t[k] * P_rest
-        test = _form2(_inverse2(P_px[k] - H[k] @ known @ H[k].T), residual[k] - t[k] * (H[k] @ omega))
+        rest = residual[k] - np.ascontiguousarray(G[k, :, 3:]) @ d
+        test = _form2(_inverse2(P_px[k] - G[k] @ P_all @ G[k].T), rest)
         if test > largest:
             worst, largest = k, test
     if worst < 0:
         return -1, q_ic, P_c, chi2
-    rest = np.ones(n, dtype=np.bool_)
-    rest[worst] = False
-    q_ic, P_c, chi2 = refine(camera, q_ic, xy_px[rest], v_i[rest], P_px[rest], t[rest], P_rate)
+    rest_of = np.ones(n, dtype=np.bool_)
+    rest_of[worst] = False
+    q_ic, P_c, chi2 = refine(
+        camera, q_ic, xy_px[rest_of], v_i[rest_of], P_px[rest_of], t[rest_of], P_common[:3, :3], sigma_focal
+    )
     return worst, q_ic, P_c, chi2

@@ -19,16 +19,21 @@ from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate
 from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
-from shefex_nav.onboard.startracker import objects
+from shefex_nav.onboard.startracker import objects, single
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.catalogue import CatalogueParams, StarPairs
 from shefex_nav.onboard.startracker.detect import DetectParams
 from shefex_nav.onboard.startracker.exposure import ExposureParams, flags, next_exposure
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED, identify_near
-from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
-from shefex_nav.onboard.startracker.likelihood import drop_worst, misfit_factor, sigma_of_centroids
-from shefex_nav.records import CameraCommand, Reason, StarFix
+from shefex_nav.onboard.startracker.identify.verify import Identification, IdentifyParams
+from shefex_nav.onboard.startracker.likelihood import (
+    drop_worst,
+    misfit_factor,
+    misfit_growth,
+    sigma_of_centroids,
+)
+from shefex_nav.records import NO_STARS, CameraCommand, Reason, StarFix
 
 MOST_DROPPED = 0.25  # of the identified stars; one in any case
 PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
@@ -45,14 +50,16 @@ class TrackerParams(NamedTuple):
     identify: IdentifyParams  # its zero_flux is that of the longest exposure
     exposure: ExposureParams
     earth_velocity_i: np.ndarray  # (3,) m/s, of the Earth relative to the solar-system barycentre
-    centroid_floor_px: float  # error of the brightest stars: pixel response, lens, catalogue
+    centroid_floor_px: float  # independent error of every star that no pixel's noise tells: lens, catalogue
     outlier_sigma: float  # a star further than this from the attitude of the others is left out
     latency_s: float  # from the frame in memory to the attitude
     max_rate: float  # rad/s, frames taken faster give no attitude
     sun_exclusion: float  # rad
     limb_exclusion: float  # rad
     track: bool = False  # identify near the predicted attitude first
+    sigma_focal: float = 0.0  # relative error of the focal length that the calibration left
     run_length: Any = None  # multipole_chain.ChainParams, for detect.scan 'run_length'
+    vectors: bool = False  # near the predicted attitude, one or two stars are given as well
 
 
 class Context(NamedTuple):
@@ -138,11 +145,15 @@ def step(tracker, state, frame, context):
     exposed = tracker._replace(params=params._replace(identify=params.identify._replace(zero_flux=zero_flux)))
     for seen in objects.searches(params, tracker.pairs.stars, state.memory, frame, context):
         detections, mean_dn = seen.detections, seen.statistics.mean_dn
-        found, reason, solution = attitude(exposed, detections, context, seen.rate)
+        found, reason, solution, stars = _attitude(exposed, detections, context, seen.rate)
         if reason == Reason.NONE:
             break
-    if reason == Reason.NONE and (context.rate > params.max_rate or not seen.at_instant):
-        reason, solution = Reason.SMEARED, NO_SOLUTION  # an unknown rate is NaN, not too high
+    if context.rate > params.max_rate or not seen.at_instant:  # an unknown rate is NaN, not too high
+        stars = NO_STARS
+        if reason == Reason.NONE:
+            reason, solution = Reason.SMEARED, NO_SOLUTION
+    elif params.vectors and reason in single.UNSOLVED:
+        found, reason, stars = _single(exposed, detections, context, seen.rate, reason)
     flag_saturated, flag_no_stars = flags(params.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.pairs.stars.hip[found.star], 0)
@@ -164,6 +175,7 @@ def step(tracker, state, frame, context):
         flag_saturated=flag_saturated,
         flag_no_stars=flag_no_stars,
         scan=seen.scan,
+        stars=stars,
     )
     exposure_s = next_exposure(params.exposure, state.exposure_s, flag_saturated, flag_no_stars)
     command = CameraCommand(fix.t_available_s, exposure_s, params.exposure.gain_db)
@@ -186,22 +198,49 @@ def attitude(tracker, detections, context, rate=None):
     Reason; NONE when there is an attitude
     (q_ic, P_c, residual_px), NO_SOLUTION without one
     """
+    return _attitude(tracker, detections, context, rate)[:3]
+
+
+def _attitude(tracker, detections, context, rate):
+    """`attitude`, and the StarVectors of the stars that make it."""
     params = tracker.params
     u_c = unit_vectors(params.identify.camera, detections.xy_px)
     P_px = centroid_covariance(params, detections)
     ellipses = with_rate(params, detections, P_px, rate)
     found, least = _identify(tracker, u_c, detections.flux_dn, context, ellipses)
     if found.reason != Reason.NONE:
-        return found, found.reason, NO_SOLUTION
+        return found, found.reason, NO_SOLUTION, NO_STARS
     known = found.star >= 0
     velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
     seen_i = aberrate(tracker.pairs.stars.u_i[found.star[known]], velocity_i)
     if rate is not None:
         rate = rate[0][known], rate[1]
-    n_used, *solution = solve(params, u_c[known], seen_i, P_px[known], least, rate)
-    if n_used < least or not np.isfinite(solution[0].sum() + solution[1].sum()):
-        return found, Reason.RESIDUALS, NO_SOLUTION
-    return found, Reason.NONE, solution
+    solved = _solved(params, u_c[known], seen_i, P_px[known], least, rate)
+    n_used, q_ic, P_c, residual_px, used, misfit = solved
+    if n_used < least or not np.isfinite(q_ic.sum() + P_c.sum()):
+        return found, Reason.RESIDUALS, NO_SOLUTION, NO_STARS
+    rows = np.flatnonzero(known)[used]
+    if rate is not None:
+        rate = rate[0][used], misfit * rate[1]
+    stars = single.vectors(
+        params.identify.camera,
+        tracker.pairs.stars.hip[found.star[rows]],
+        detections.xy_px[rows],
+        misfit * P_px[rows] + focal_covariance(params, detections.xy_px[rows]),
+        seen_i[used],
+        rate,
+        params.sigma_focal,
+    )
+    return found, Reason.NONE, (q_ic, P_c, residual_px), stars
+
+
+def _single(tracker, detections, context, rate, reason):
+    """Single stars near their predicted places. -> Identification, Reason, StarVectors"""
+    params = tracker.params
+    P_px = centroid_covariance(params, detections) + focal_covariance(params, detections.xy_px)
+    star, stars, ambiguous = single.identify(params, tracker.pairs.stars, detections, P_px, context, rate)
+    named = Identification(star, int(Reason.NONE), np.nan)
+    return named, Reason.AMBIGUOUS if ambiguous else reason, stars
 
 
 def _identify(tracker, u_c, flux, context, P_px):
@@ -220,6 +259,12 @@ def centroid_covariance(params, detections):
     return detections.P_px + params.centroid_floor_px**2 * np.eye(2)
 
 
+def focal_covariance(params, xy_px):
+    """What the error of the focal length does to each place, (n, 2, 2) px^2, for stars one by one."""
+    offset_px = xy_px - np.array([params.identify.camera.cx_px, params.identify.camera.cy_px])
+    return params.sigma_focal**2 * offset_px[:, :, None] * offset_px[:, None, :]
+
+
 def with_rate(params, detections, P_px, rate):
     """Covariance of each centroid with what the error of the rate does to it; rate as in `solve`."""
     if rate is None:
@@ -233,9 +278,9 @@ def solve(params, u_c, seen_i, P_px, least, rate=None):
     """Attitude, its covariance and the misfit; the worst star is left out until all that are used fit.
 
     A neighbour too faint for the catalogue or a particle hit can shift the light of a star by more than its
-    error. Neither can be foreseen, but with more than four stars it shows. Streaks are less certain than
-    spots: the variance that P_px promises counts as an observation of PRIOR_DOF degrees of freedom, which
-    the misfit of this frame's stars corrects.
+    error. Neither can be foreseen, but with more than four stars it shows. The variance that P_px promises
+    counts as an observation of PRIOR_DOF degrees of freedom. Streaks are less certain than spots: the misfit
+    of this frame's stars corrects it; that of spots only where it is more than chance makes.
 
     Parameters
     ----------
@@ -254,20 +299,45 @@ def solve(params, u_c, seen_i, P_px, least, rate=None):
     P_c : (3, 3) rad^2
     residual_px : RMS distance of the used stars from where the attitude puts them
     """
+    return _solved(params, u_c, seen_i, P_px, least, rate)[:4]
+
+
+def _solved(params, u_c, seen_i, P_px, least, rate):
+    """`solve`, and the rows of the stars used (n_used,), and by what their misfit multiplies P_px and P_c."""
     t_s, P_omega = (np.zeros(len(u_c)), np.zeros((3, 3))) if rate is None else rate
-    return _solve_kernel(params.identify.camera, params.outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega)
+    return _solve_kernel(
+        params.identify.camera,
+        params.outlier_sigma,
+        least,
+        u_c,
+        seen_i,
+        P_px,
+        t_s,
+        P_omega,
+        params.sigma_focal,
+        rate is None,
+    )
 
 
 @njit(cache=True)
-def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega):
-    """As `solve`, with the settings that it needs."""
+def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega, sigma_focal, spots):
+    """As `_solved`, with the settings that it needs; spots: whether these are no streaks."""
     xy_px = pixels(camera, u_c)
     rows = np.arange(len(u_c))
     q_ic = esoq2(u_c, seen_i, sigma_of_centroids(camera, xy_px, P_px))
     while True:
         false_alarm = len(rows) * np.exp(-0.5 * outlier_sigma**2)
         dropped, q_ic, P_c, chi2 = drop_worst(
-            camera, q_ic, xy_px[rows], seen_i[rows], P_px[rows], false_alarm, least - 1, t_s[rows], P_omega
+            camera,
+            q_ic,
+            xy_px[rows],
+            seen_i[rows],
+            P_px[rows],
+            false_alarm,
+            least - 1,
+            t_s[rows],
+            P_omega,
+            sigma_focal,
         )
         if dropped >= 0:
             rows = np.delete(rows, dropped)
@@ -275,10 +345,13 @@ def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega)
             break
     n_used = len(rows)
     if len(u_c) - n_used > max(1.0, MOST_DROPPED * len(u_c)):
-        return 0, q_ic, P_c, np.nan  # those that are left may as well be the ones that are wrong
+        # those that are left may as well be the ones that are wrong
+        return 0, q_ic, P_c, np.nan, rows, np.nan
     offset_px = xy_px[rows] - pixels(camera, seen_i[rows] @ dcm_from_quat(q_ic))
     residual_px = np.sqrt((offset_px**2).sum() / n_used)
-    return n_used, q_ic, misfit_factor(chi2, 2 * n_used - 3, PRIOR_DOF) * P_c, residual_px
+    dof = 2 * n_used - 3
+    misfit = misfit_growth(chi2, dof, PRIOR_DOF) if spots else misfit_factor(chi2, dof, PRIOR_DOF)
+    return n_used, q_ic, misfit * P_c, residual_px, rows, misfit
 
 
 def explain(params, reason, mean_dn, context):

@@ -4,12 +4,26 @@ import numpy as np
 
 from shefex_nav.geometry import wgs84
 from shefex_nav.records import Phase
-from shefex_nav.report import layout
+from shefex_nav.report import coast
 from shefex_nav.report.track import earth_fixed
+from shefex_nav.report.viewer import layout, vehicle
+from shefex_nav.report.viewer.sender import BLUE, GREEN, GREY, VIOLET, WHITE, YELLOW
 
 _POINTS = 4000  # of the path, about
 _LINE_POINTS = 60  # of a meridian or parallel
+COAST_M = 1.5e6  # from the track, of the coasts that are drawn
 _EVENT = (255, 220, 120)
+PHASE_COLOURS = {
+    Phase.PAD: GREY,
+    Phase.BOOST: (255, 90, 60),
+    Phase.COAST: WHITE,
+    Phase.MANOEUVRE: BLUE,
+    Phase.POINTING: GREEN,
+    Phase.DESCENT: VIOLET,
+    Phase.PARACHUTE: YELLOW,
+    Phase.ORBIT: WHITE,
+    Phase.GROUND: (150, 130, 100),
+}
 
 
 def path(data):
@@ -32,34 +46,73 @@ def _in_launch_axes(mission, r_e):
     return (np.asarray(r_e) - wgs84.ecef_from_geodetic(*site, mission.launch_height)) @ wgs84.dcm_el(*site)
 
 
-def send(stream, data, phase_colours):
-    """Log the scene to a rerun RecordingStream; {Phase: colour} of the path."""
+def send(sender, data):
+    """Send the scene of one run."""
     import rerun as rr
 
-    frame = rr.CoordinateFrame("launch")
     every = thinned(data.truth, _step(data))
     track = earth_fixed(data.mission.earth, every)
     flown = _in_launch_axes(data.mission, track.r_e)
     ground = _in_launch_axes(data.mission, _on_ground(track.latitude, track.longitude))
     size = layout.scene(flown).size
+    frame = rr.CoordinateFrame("launch")
 
     def log(entity, drawing):
-        stream.log(f"world/{entity}", drawing, frame, static=True)
+        sender.static(f"world/{entity}", drawing, frame)
 
     bounds = np.flatnonzero(np.diff(every.phase)) + 1
     pieces = [p for p in np.split(np.arange(len(flown)), bounds) if len(p)]
     strips = [flown[p[0] : p[-1] + 2] for p in pieces]
-    colours = [phase_colours[Phase(every.phase[p[0]])] for p in pieces]
+    colours = [PHASE_COLOURS[Phase(every.phase[p[0]])] for p in pieces]
     log("path", rr.LineStrips3D(strips, colors=colours, radii=[-2.0]))
     log("ground_track", rr.LineStrips3D([ground], colors=[110, 110, 110], radii=[-1.0]))
-    lines, is_round = _graticule(track)
-    shades = [(60, 90, 120) if r else (38, 54, 72) for r in is_round]
-    lines = [_in_launch_axes(data.mission, line) for line in lines]
-    log("globe", rr.LineStrips3D(lines, colors=shades, radii=[-0.7]))
+    _log_earth(log, data.mission, track)
     _log_events(log, data, every.t_s, flown, ground, size)
     pinhole = rr.Pinhole.from_fields(image_plane_distance=layout.FRUSTUM * size)
-    stream.log("star_tracker/calibration", pinhole, static=True)
-    stream.log("tf", rr.TransformAxes3D(layout.AXES * size), static=True)
+    sender.static("star_tracker/calibration", pinhole)
+    sender.static("tf", rr.TransformAxes3D(layout.AXES * size))
+    step = max(1, round(vehicle.POSE_S / max(np.median(np.diff(every.t_s)), 1e-3))) if len(flown) > 1 else 1
+    vehicle.send(sender, data, (every.t_s[::step], flown[::step]), size)
+
+
+def send_path(sender, data, mission, name, colour):
+    """The path of another run in the launch axes of `mission`."""
+    import rerun as rr
+
+    every = thinned(data.truth, _step(data))
+    flown = _in_launch_axes(mission, earth_fixed(data.mission.earth, every).r_e)
+    drawing = rr.LineStrips3D([flown], colors=[colour], radii=[-1.5], labels=[name.rpartition("/")[2]])
+    sender.static(f"world/{name}", drawing, rr.CoordinateFrame("launch"))
+
+
+def _log_earth(log, mission, track):
+    """Meridians, parallels and coasts around the track, or of the whole globe around an orbit."""
+    import rerun as rr
+
+    lines, is_round = _graticule(track)
+    shades = [(60, 90, 120) if r else (38, 54, 72) for r in is_round]
+    lines = [_in_launch_axes(mission, line) for line in lines]
+    log("globe", rr.LineStrips3D(lines, colors=shades, radii=[-0.7]))
+    coasts = [_in_launch_axes(mission, line) for line in _coasts(track)]
+    log("coasts", rr.LineStrips3D(coasts, colors=[(120, 170, 110)], radii=[-0.9]))
+
+
+def _coasts(track):
+    """Coast lines within COAST_M of the track, Earth-fixed; those of the whole globe around an orbit."""
+    places = _on_ground(track.latitude[::50], track.longitude[::50])
+    whole = np.linalg.norm(places.max(axis=0) - places.min(axis=0)) > wgs84.A
+    found = []
+    for line in coast.lines():
+        longitude, latitude = np.radians(line).T
+        points = _on_ground(latitude, longitude)
+        if whole:
+            found.append(points)
+            continue
+        near = np.array([np.linalg.norm(places - point, axis=1).min() < COAST_M for point in points])
+        cuts = np.flatnonzero(np.diff(near)) + 1
+        parts = zip(np.split(points, cuts), np.split(near, cuts), strict=True)
+        found += [part for part, is_near in parts if is_near[0] and len(part) > 1]
+    return found
 
 
 def _log_events(log, data, t_s, flown, ground, size):

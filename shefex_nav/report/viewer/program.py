@@ -10,7 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from shefex_nav.report.layout import TIMELINE
+from shefex_nav.report.viewer.sender import TIMELINE
 
 _SETTLE_S = 2.0  # for the views to be drawn after the time was set
 _LOAD_TIMEOUT_S = 120.0
@@ -45,11 +45,25 @@ def show(recording):
         )
 
 
+def serve(recording):
+    """Serve a recording to browsers on this machine until interrupted; says where."""
+    grpc, web = _free_port(), _free_port()
+    url = f"http://127.0.0.1:{web}/?url=rerun%2Bhttp://127.0.0.1:{grpc}/proxy"
+    print(f"open {url} in a browser; Ctrl-C ends it", file=sys.stderr)
+    command = [str(path()), "--serve-web", "--bind", "127.0.0.1", "--port", str(grpc)]
+    environment = {"RUST_LOG": "error", **os.environ}
+    command += ["--web-viewer-port", str(web), str(recording)]
+    done = subprocess.run(command, env=environment, stderr=subprocess.PIPE, text=True, check=False)
+    if done.returncode != 0:
+        reason = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+        raise ViewerError(f"the viewer could not be served: {reason}")
+
+
 def take_picture(recording, picture, at_s):
     """Save what the viewer shows of a recording at a mission time; returns the reports of its views.
 
-    recording: .rrd file, picture: .png file (1920 x 1080). The reports are {view name: [text, ...]}, empty
-    lists where nothing is wrong.
+    recording: .rrd file, picture: .png file (1920 x 1080). The reports are [(view name, [text, ...])],
+    empty lists where nothing is wrong.
     """
     from rerun.experimental import ViewerClient
 
@@ -77,7 +91,7 @@ def take_picture(recording, picture, at_s):
                 raise ViewerError(_no_graphics(error)) from error
     if not picture.exists():
         raise ViewerError(f"{picture}: the viewer saved no picture")
-    return {view.name: [str(report) for report in view.reports] for view in views}
+    return [(view.name, [str(report) for report in view.reports]) for view in views]
 
 
 def _open(client, recording):

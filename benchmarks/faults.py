@@ -1,0 +1,340 @@
+"""Does the navigation keep the promises of the fault scenarios, with more than one seed? And false alarms.
+
+uv run python benchmarks/faults.py NAME ... [--seeds 8] [--first 0] [--jobs 2] [--stars FOLDER] [--json FILE]
+
+NAME is gps_outage, frozen_gps, star_tracker_blinded, imu_faults, or clean: the default mission, in which
+every alarm is a false one. Star fixes are those of rendered frames, flown with the scenario; with --stars
+those of the default mission that `benchmarks/consistency.py FOLDER` has kept, which takes seconds instead of
+minutes. Prints a row for every seed with what the scenario promises, and what was not kept. Exit code 1 if
+something was not.
+"""
+
+import argparse
+import json
+import os
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from missions import SCENARIOS
+
+REQUIRED = np.radians(0.17)
+WRONG = np.radians(
+    0.3
+)  # a star fix that is off by more is a wrong one; the smallest of them is off by 0.5 deg
+ONLY_BLINDED = "faults.star_tracker=[{fault: blinded, from: 300 s, until: 330 s}]"
+IMU_FAULTS = (  # source, from, until, the reason begins with
+    ("imu", 120.0, 120.05, "no samples"),
+    ("imu", 130.0, 130.05, "the same block"),
+    ("gyro y", 290.0, 300.0, "stuck"),
+    ("accelerometer x", 310.0, 320.0, "stuck"),
+)
+
+
+class Flight(NamedTuple):
+    """Ten times a second: truth minus estimate and what the solution said of it; and what was said at all."""
+
+    t_s: np.ndarray  # (n,)
+    error: np.ndarray  # (n, 9) m, m/s, rad: axes of the Earth, attitude in body axes
+    sigma: np.ndarray  # (n, 9)
+    protection_b: np.ndarray  # (n, 3) rad
+    doubt: np.ndarray  # (n,)
+    aided: np.ndarray  # (n,) bool, a star fix has been used
+    gates: list  # GateResult
+    health: list  # NavHealth
+    wrong_s: set  # times of validity of wrong star fixes
+    entry_s: float
+
+    def during(self, begin_s, end_s):
+        return (self.t_s >= begin_s) & (self.t_s < end_s)
+
+    def used(self, sensor, begin_s=-np.inf, end_s=np.inf):
+        """Times of validity of the measurements that were used."""
+        of_sensor = [gate for gate in self.gates if gate.sensor == sensor and gate.accepted]
+        return [gate.t_valid_s for gate in of_sensor if begin_s <= gate.t_valid_s < end_s]
+
+    def attitude_at_entry(self):
+        """Largest error of an axis in deg, whether it meets the requirement and may be used."""
+        k = int(np.argmin(np.abs(self.t_s - self.entry_s)))
+        error = np.abs(self.error[k, 6:]).max()
+        return np.degrees(error), bool(error < REQUIRED and self.doubt[k] == 0)
+
+    def rms_attitude(self, begin_s, end_s):
+        """deg, of the angle."""
+        angles = self.error[self.during(begin_s, end_s), 6:]
+        return np.degrees(np.sqrt((angles**2).sum(axis=1).mean()))
+
+
+def fly(job):
+    """One flight; Flight."""
+    from shefex_nav import prepare
+    from shefex_nav.scenario import load
+
+    scenario = load.load(SCENARIOS / f"{job['scenario']}.yaml", job["overrides"])
+    world = prepare.build_world(scenario, job["seed"])
+    follow = with_kept_stars if job["stars"] else with_rendered_stars
+    return follow(scenario, world, job)
+
+
+def with_rendered_stars(scenario, world, job):
+    """The whole chain."""
+    from shefex_nav import simulate
+
+    log = Log(world)
+    for record in simulate.route(world, scenario, job["seed"], until_s=job["until_s"]):
+        log.take(record)
+    return log.flight()
+
+
+def with_kept_stars(scenario, world, job):
+    """The filter alone, over star fixes that are kept; the faults of the star tracker are put into them."""
+    from shefex_nav import simulate
+    from shefex_nav.onboard import computer
+    from shefex_nav.onboard.navigation import fusion
+    from shefex_nav.verify import flown
+    from shefex_nav.world import faults, imu, noise
+
+    line = faults.StarLine(world.faults.stars, noise.generator(job["seed"], "faults"))
+    white = [(one.start_s, one.end_s) for one in world.faults.stars if one.kind == "blinded"]
+    fixes = flown.load(Path(job["stars"]) / f"fixes-{job['seed']:04d}.npz")
+    seen = [fix for fix in fixes if not any(begin <= fix.t_valid_s < end for begin, end in white)]
+    stars = sorted(map(line.fix, seen), key=lambda fix: -fix.t_available_s)
+    gps = sorted(world.gps_fixes + world.gps_ranges, key=lambda fix: -fix.t_available_s)
+    nav, log = fusion.start(world.computer.nav, world.alignment, world.earth), Log(world)
+    for n, block in enumerate(imu.blocks(world.imu), 1):
+        if block.t_valid_s > job["until_s"]:
+            break
+        fusion.advance(nav, block)
+        due = simulate.due(stars, block.t_valid_s)
+        records = computer.conclude(nav, n, simulate.due(gps, block.t_valid_s), due)
+        for record in [*due, *records]:
+            log.take(record)
+    return log.flight()
+
+
+class Log:
+    """Keeps of the records of a flight what is needed."""
+
+    def __init__(self, world):
+        self.world, self.rows, self.gates, self.health, self.wrong_s = world, [], [], [], set()
+        self.start_s = world.flight.trajectory.t_s[0]
+
+    def take(self, record):
+        from shefex_nav.geometry import rotation
+        from shefex_nav.records import GateResult, NavHealth, NavSolution, Reason, StarFix
+
+        truth = self.world.flight.trajectory
+        if isinstance(record, GateResult):
+            self.gates.append(record)
+        elif isinstance(record, NavHealth):
+            self.health.append(record)
+        elif isinstance(record, StarFix) and record.reason == Reason.NONE:
+            k = int(np.argmin(np.abs(truth.t_s - record.t_valid_s)))
+            q_ic = rotation.quat_multiply(truth.q_ib[k], self.world.camera.q_bc)
+            off = rotation.rotvec_between(q_ic, record.q_ic)
+            # within half a sample of the IMU a vehicle that turns slowly enough for stars moves by 0.02 deg
+            if np.linalg.norm(off) > WRONG:
+                self.wrong_s.add(record.t_valid_s)
+        elif isinstance(record, NavSolution) and round((record.t_s - self.start_s) * 100) % 10 == 0:
+            self.rows.append(self._row(record, rotation))
+
+    def _row(self, out, rotation):
+        truth = self.world.flight.trajectory
+        k = int(np.searchsorted(truth.t_s, out.t_s - 1e-6))
+        turned = rotation.rotvec_between(out.q_ib, truth.q_ib[k])
+        r_e, v_e = self._in_e(out.t_s, truth.r_i[k], truth.v_i[k])
+        error = np.concatenate([r_e - out.r_e, v_e - out.v_e, turned])
+        sigma = np.concatenate([out.sigma_r_e, out.sigma_v_e, out.sigma_theta_b])
+        return out.t_s, error, sigma, out.protection_b, out.doubt, out.star_aided
+
+    def _in_e(self, t_s, r_i, v_i):
+        from shefex_nav.geometry import frames
+
+        return frames.ecef_from_inertial(self.world.earth, t_s, r_i, v_i)
+
+    def flight(self):
+        columns = [np.array(column) for column in zip(*self.rows, strict=True)]
+        entry_s = next(event.t_s for event in self.world.flight.events if event.name == "entry")
+        return Flight(*columns, self.gates, self.health, self.wrong_s, entry_s)
+
+
+def gps_outage(flight, _):
+    lost = flight.during(100.0, 400.0)
+    ratio = float((np.abs(flight.error[lost, :3]) / flight.sigma[lost, :3]).max())
+    error_deg, met = flight.attitude_at_entry()
+    back_s = (flight.used("gps_position", 400.0) or [np.inf])[0]
+    row = {
+        "position error / sigma, largest": ratio,
+        "position error at T+400 s, m": float(np.linalg.norm(flight.error[lost, :3][-1])),
+        "attitude at entry, deg": error_deg,
+        "first fix after, s": back_s - 400.0,
+    }
+    used = flight.used("gps_position", 100.0, 400.0) + flight.used("gps_velocity", 100.0, 400.0)
+    return row, {"3 sigma": ratio < 3.0, "entry": met, "none used": not used, "back": back_s <= 402.0}
+
+
+def frozen_gps(flight, _):
+    sensors = ("gps_position", "gps_velocity")
+    frozen = sum(len(flight.used(sensor, 2.5, 59.9)) for sensor in sensors)
+    again_s = (flight.used("gps_position", 59.9) or [np.inf])[0] - 60.0
+    jumped = len(flight.used("gps_position", 99.9, 119.9))
+    drifted = flight.used("gps_position", 279.9, 339.9)
+    after = flight.during(60.0, 400.0)
+    row = {
+        "frozen fixes used": frozen,
+        "first good one used after, s": again_s,
+        "jumped fixes used": jumped,
+        "drift: last used after, s": max(drifted, default=280.0) - 280.0,
+        "largest position error from T+60 s, m": float(np.linalg.norm(flight.error[after, :3], axis=1).max()),
+        "position error / sigma, largest": float(
+            (np.abs(flight.error[after, :3]) / flight.sigma[after, :3]).max()
+        ),
+    }
+    kept = {"none frozen": frozen == 0, "back": again_s <= 2.0, "none jumped": jumped == 0}
+    return row, kept | {"drift": row["drift: last used after, s"] < 15.0}
+
+
+def star_tracker_blinded(flight, clean):
+    stars = [gate for gate in flight.gates if gate.sensor == "star_tracker"]
+    used = [gate for gate in stars if gate.accepted and gate.t_valid_s in flight.wrong_s]
+    refused = [
+        gate for gate in stars if gate.dof and not gate.accepted and gate.t_valid_s not in flight.wrong_s
+    ]
+    begin_s = flight.used("star_tracker")[0]
+    before, with_wrong = (one.rms_attitude(begin_s, flight.entry_s) for one in (clean, flight))
+    error_deg, met = flight.attitude_at_entry()
+    row = {
+        "star fixes": len(stars),
+        "wrong": len(flight.wrong_s),
+        "wrong and used": len(used),
+        "good and refused": len(refused),
+        "attitude, deg": with_wrong,
+        "over that without wrong ones": with_wrong / before,
+        "attitude at entry, deg": error_deg,
+    }
+    return row, {
+        "none used": not used and bool(flight.wrong_s),
+        "1.1": with_wrong < 1.1 * before,
+        "entry": met,
+    }
+
+
+def imu_faults(flight, _):
+    delays, ends = [], []
+    for source, begin_s, end_s, reason in IMU_FAULTS:
+        said = [one for one in flight.health if one.source == source]
+        seen = [one.t_s for one in said if begin_s <= one.t_s <= end_s + 0.2 and reason in one.reason]
+        over = [one.t_s for one in said if end_s <= one.t_s <= end_s + 0.05 and one.healthy]
+        delays.append(min(seen, default=np.inf) - begin_s)
+        ends.append(bool(over))
+    ratio = float((np.abs(flight.error) / flight.sigma).max())
+    misled = (np.abs(flight.error[:, 6:]) > flight.protection_b).any(axis=1) & (flight.doubt == 0)
+    error_deg, met = flight.attitude_at_entry()
+    blamed = {one.source for one in flight.health} - {"gps", "imu", "gyro y", "accelerometer x"}
+    row = {
+        "longest until noticed, s": max(delays),
+        "error / sigma, largest": ratio,
+        "misleading, s": 0.1 * int(misled.sum()),
+        "attitude at entry, deg": error_deg,
+        "others blamed": " ".join(sorted(blamed)) or "-",
+    }
+    kept = {"0.2 s": max(delays) <= 0.2, "over": all(ends), "entry": met, "misleading": not misled.any()}
+    return row, kept | {"blame": not blamed}
+
+
+def clean(flight, _):
+    """Every alarm is false."""
+    met = [gate for gate in flight.gates if gate.dof]
+    refused = {}
+    for gate in met:
+        if not gate.accepted:
+            kind = f"{gate.sensor} {gate.note.split(':')[0]}"
+            refused[kind] = refused.get(kind, 0) + 1
+    aided = flight.aided & (flight.t_s <= flight.entry_s)
+    outside = (np.abs(flight.error[:, 6:]) > flight.protection_b).any(axis=1)
+    needless = (flight.doubt > 0) & aided & (np.abs(flight.error[:, 6:]) < REQUIRED).all(axis=1)
+    sources = {one.source for one in flight.health if not one.healthy} - {"gps"}
+    row = {
+        "measurements": len(met),
+        "held": refused.pop("star_tracker held", 0),
+        "refused": sum(refused.values()),
+        "refused, which": ", ".join(f"{n} {kind}" for kind, n in sorted(refused.items())) or "-",
+        "'do not use' needlessly after stars, s": 0.1 * int(needless.sum()),
+        "misleading, s": 0.1 * int((outside & (flight.doubt == 0)).sum()),
+        "blamed": " ".join(sorted(sources)) or "-",
+    }
+    return row, {"blame": not sources, "misleading": row["misleading, s"] == 0.0}
+
+
+CHECKS = {  # scenario, until, overrides of the flight that it is compared with
+    "gps_outage": (gps_outage, "gps_outage", 420.0, None),
+    "frozen_gps": (frozen_gps, "frozen_gps", 400.0, None),
+    "star_tracker_blinded": (star_tracker_blinded, "star_tracker_blinded", 420.0, (ONLY_BLINDED,)),
+    "imu_faults": (imu_faults, "imu_faults", 420.0, None),
+    "clean": (clean, "shefex2_andoya", np.inf, None),
+}
+
+
+def check(job):
+    """One seed: what was measured, and whether each promise was kept."""
+    function, scenario, until_s, other = CHECKS[job["name"]]
+    job = job | {"scenario": scenario, "until_s": until_s, "overrides": job["set"]}
+    compared = None if other is None else fly(job | {"overrides": (*job["set"], *other)})
+    row, kept = function(fly(job), compared)
+    return {"seed": job["seed"], **row, "not kept": [what for what, good in kept.items() if not good]}
+
+
+def table(name, rows):
+    """Print the rows, columns named above them."""
+    columns = [key for key in rows[0] if key not in ("seed", "not kept")]
+    print(
+        f"\n{name}, {len(rows)} seeds; columns: " + "; ".join(f"[{k}] {c}" for k, c in enumerate(columns, 1))
+    )
+    print("  seed " + "".join(f"{f'[{k}]':>10s}" for k in range(1, len(columns) + 1)) + "  not kept")
+    for row in rows:
+        cells = [f"{row[c]:10.4g}" if not isinstance(row[c], str) else f"  {row[c]:>8s}" for c in columns]
+        print(f"  {row['seed']:4d} {''.join(cells)}  {', '.join(row['not kept']) or '-'}")
+    for name in columns:
+        values = np.array([row[name] for row in rows if not isinstance(row[name], str)], dtype=float)
+        if len(values):
+            total, middle, most = values.sum(), np.median(values), values.max()
+            print(f"  {name}: sum {total:.6g}, median {middle:.4g}, largest {most:.4g}")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("names", nargs="+", choices=list(CHECKS), metavar="NAME")
+    parser.add_argument("--seeds", type=int, default=8)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument("--stars", help="folder of star fixes that are kept; seeds without are left out")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="as of shefex-nav run"
+    )
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ[name] = "1"
+    seeds = range(options.first, options.first + options.seeds)
+    if options.stars:
+        folder = Path(options.stars)
+        seeds = [seed for seed in seeds if (folder / f"fixes-{seed:04d}.npz").exists()]
+        if not seeds:
+            parser.error(f"{folder} holds no star fixes of these seeds")
+    found = {}
+    with ProcessPoolExecutor(max_workers=options.jobs, mp_context=get_context("spawn")) as pool:
+        for name in options.names:
+            base = {"name": name, "stars": options.stars, "set": tuple(options.set)}
+            found[name] = list(pool.map(check, [base | {"seed": seed} for seed in seeds]))
+            table(name, found[name])
+            sys.stdout.flush()
+            if options.json:
+                options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+    return int(any(row["not kept"] for rows in found.values() for row in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,74 @@
+"""Workers of a Dask cluster that is already there; needs the extra `cluster`.
+
+    dask scheduler --host 127.0.0.1 --port 8786
+    dask worker tcp://127.0.0.1:8786 --nthreads 1      (as many as wanted, on any machine that reaches it)
+    shefex-nav campaign SCENARIO --runs 1000 --engine dask://127.0.0.1:8786
+
+Workers need this package in the same version and nothing else: no common disk. A worker that joins later, or
+that its nanny starts again, is told what to fly too. Runs of a worker that is killed are flown by another,
+which is the scheduler's doing; after so many deaths as it allows (`allowed-failures`) the run is given up.
+"""
+
+import time
+
+from distributed import Client
+from distributed.diagnostics.plugin import WorkerPlugin
+
+from shefex_nav.campaign import flight
+from shefex_nav.campaign.engine import EngineError
+
+CONNECT_S = 20.0
+AHEAD = 2  # runs that a worker has: the one that it flies and the next
+LOOK_S = 2.0  # between two looks at how many workers there are
+
+
+class Briefing(WorkerPlugin):
+    """Tells a worker what to fly."""
+
+    name = "shefex_nav campaign"
+
+    def __init__(self, plan):
+        self.plan = plan
+
+    def setup(self, worker):
+        """Before the first run of a worker."""
+        flight.prepare_worker(self.plan)
+
+
+class ClusterLane:
+    """All workers of a scheduler."""
+
+    def __init__(self, address, plan):
+        """address: HOST:PORT of the scheduler."""
+        try:
+            self._client = Client(f"tcp://{address}", timeout=CONNECT_S, set_as_default=False)
+            self._client.wait_for_workers(1, timeout=CONNECT_S)
+        except (OSError, TimeoutError, ValueError) as error:
+            words = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise EngineError(f"dask://{address}: no scheduler with a worker answers: {words}") from None
+        self._client.register_plugin(Briefing(plan))
+        self._executor = self._client.get_executor(pure=False)
+        self._looked_at, self._slots = -LOOK_S, 1
+
+    @property
+    def capacity(self):
+        """How many runs it may have at a time."""
+        if time.monotonic() - self._looked_at >= LOOK_S:
+            self._looked_at, self._slots = time.monotonic(), self.slots()
+        return AHEAD * max(self._slots, 1)
+
+    def slots(self):
+        """How many runs its workers fly at a time."""
+        return sum(self._client.nthreads().values())
+
+    def submit(self, job):
+        """Future of a run."""
+        return self._executor.submit(flight.fly, job)
+
+    def renew(self):
+        """After the death of a worker: the scheduler has taken note."""
+
+    def stop(self, at_once=False):
+        """Let the cluster go; at once: what it has not flown yet is given up."""
+        self._executor.shutdown(wait=not at_once, cancel_futures=at_once)
+        self._client.close()

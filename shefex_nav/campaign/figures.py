@@ -1,0 +1,247 @@
+"""Pictures of a campaign. matplotlib is imported when a picture is drawn, not before.
+
+Each `draw_*` returns a matplotlib Figure, or None where there is nothing to draw.
+"""
+
+import numpy as np
+
+from shefex_nav.campaign import convergence, over_time, sensitivity, statistics
+from shefex_nav.report.figures import style
+from shefex_nav.report.figures.style import BLUE, GREY, RED
+
+FAINT = "0.87"
+QUANTITIES = (("position", "m", 1.0), ("velocity", "m/s", 1.0), ("attitude", "deg", 180.0 / np.pi))
+TITLES = {"gyro_bias": "gyro bias", "accel_bias": "accelerometer bias"}
+SETTLING = ("attitude at entry, worst axis", "position at entry", "attitude, rms of the run")
+MOST_BARS = 8
+MOST_PANELS = 9
+FEW_RUNS = 40  # of fewer, each is drawn
+FIRST_SHOWN = 10  # number of runs from which estimates are worth looking at
+
+
+def _figure(width, height):
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def _title(figure, text):
+    figure.suptitle(text, x=0.01, ha="left", fontsize=14, fontweight="bold")
+
+
+@style.styled
+def draw_errors(series):
+    """Errors of every axis over time: percentiles over the runs, and 3 sigma as the filter reports it."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    figure = _figure(14.0, 9.0)
+    axes = figure.subplots(3, 3, sharex=True)
+    for q, (name, unit, factor) in enumerate(QUANTITIES):
+        block = over_time.BLOCKS.index(name)
+        for k, axis in enumerate(axes[:, q]):
+            errors = factor * series.errors[:, :, block, k]
+            limit = factor * over_time.SIGMAS * series.sigmas[:, :, block, k]
+            t_s, (low, middle, high) = _percentiles(series.t_s, errors, (2.5, 50.0, 97.5))
+            axis.fill_between(t_s, low, high, color=BLUE, alpha=0.25, lw=0)
+            if len(errors) <= FEW_RUNS:
+                axis.plot(series.t_s, errors.T, color=BLUE, lw=0.4, alpha=0.5)
+            axis.plot(t_s, middle, color=BLUE, lw=1.0)
+            t_s, (sigma,) = _percentiles(series.t_s, limit, (50.0,))
+            for sign in (-1.0, 1.0):
+                axis.plot(t_s, sign * sigma, color=RED, lw=1.0)
+            top = 1.15 * max(np.percentile(sigma, 98.0), np.percentile(np.maximum(-low, high), 98.0))
+            axis.set_ylim(-top, top)
+            axis.set_ylabel(f"{over_time.AXES[k]} [{unit}]")
+        axes[0, q].set_title(f"{name}, {'body' if name == 'attitude' else 'inertial'} axes", loc="left")
+        axes[2, q].set_xlabel("time from lift-off [s]")
+    handles = [
+        Patch(color=BLUE, alpha=0.25, label="95 % of the runs"),
+        Line2D([], [], color=BLUE, label="median"),
+        Line2D([], [], color=RED, label="3 sigma of the filter, median"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    _title(figure, f"Errors of {len(series.runs)} runs")
+    return figure
+
+
+def _percentiles(t_s, values, percents):
+    """(t_s, percentiles) of the epochs that have values: (T',), (P, T')."""
+    known = np.isfinite(values).any(axis=0)
+    return t_s[known], np.nanpercentile(values[:, known], percents, axis=0)
+
+
+@style.styled
+def draw_nees(series):
+    """Mean normalised squares over the runs, of errors and of innovations, with 95 % bounds."""
+    found, innovations = over_time.anees(series), over_time.anis(series)
+    panels = []
+    for b, name in enumerate(over_time.BLOCKS):
+        words = "" if name in over_time.CORRELATED else ", without the correlations of its axes"
+        panels.append((f"NEES, {TITLES.get(name, name)}{words}", found.mean[:, b], found))
+    panels += [(f"NIS, {name.replace('_', ' ')}", one.mean, one) for name, one in innovations.items()]
+    figure = _figure(11.0, 1.0 + 1.8 * len(panels))
+    axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
+    for axis, (title, mean, one) in zip(axes, panels, strict=True):
+        known = np.isfinite(mean)
+        axis.fill_between(series.t_s, one.low, one.high, color=FAINT, lw=0, step="mid")
+        axis.plot(series.t_s[known], mean[known], color=BLUE, lw=1.0)
+        axis.axhline(1.0, color=GREY, lw=0.8)
+        top = np.nanmax([1.2 * np.percentile(mean[known], 99.0), 1.1 * np.nanmedian(one.high), 1.5])
+        axis.set_ylim(0.0, top)
+        axis.set_ylabel("per deg. of freedom")
+        axis.set_title(title, loc="left", fontsize=10)
+    axes[-1].set_xlabel("time from lift-off [s]")
+    _title(figure, f"Normalised squares, mean of {len(series.runs)} runs; grey: 95 % if the filter is right")
+    return figure
+
+
+@style.styled
+def draw_containment(series):
+    """Share of the runs inside 3 sigma over time, axis by axis."""
+    found = over_time.contained(series)
+    figure = _figure(11.0, 10.0)
+    for b, (axis, name) in enumerate(zip(figure.subplots(5, 1, sharex=True), over_time.BLOCKS, strict=True)):
+        axis.fill_between(series.t_s, found.low, found.high, color=FAINT, lw=0, step="mid")
+        for k, name_of_axis in enumerate(over_time.AXES):
+            look = {"color": style.AXES[name_of_axis], "ls": style.DASHES[name_of_axis]}
+            axis.plot(series.t_s, found.share[:, b, k], lw=1.0, label=name_of_axis, **look)
+        axis.axhline(over_time.inside_probability(), color=GREY, lw=0.8)
+        low = min(np.nanmin(found.share[:, b]), np.nanmin(found.low))
+        axis.set_ylim(max(0.0, low - 0.25 * (1.0 - low) - 0.005), 1.005)
+        axis.set_title(TITLES.get(name, name), loc="left", fontsize=10)
+        axis.set_ylabel("share")
+        if b == 0:
+            axis.legend(ncols=3, frameon=False, fontsize=9, loc="lower left")
+    axis.set_xlabel("time from lift-off [s]")
+    _title(figure, f"Runs inside 3 sigma, of {len(series.runs)}; grey: 99 % if the covariance is right")
+    return figure
+
+
+@style.styled
+def draw_ellipses(campaign):
+    """Where the flights are at apogee and at entry."""
+    found = statistics.ellipses(campaign)
+    if not found:
+        return None
+    figure = _figure(6.5 * len(found), 6.5)
+    for axis, one in zip(np.atleast_1d(figure.subplots(1, len(found))), found, strict=True):
+        north, east = one.offsets_km[:, 0], one.offsets_km[:, 1]
+        axis.plot(east, north, ".", color=BLUE, ms=7, alpha=0.5, mew=0)
+        along = np.radians(one.azimuth_deg)
+        angle = np.linspace(0.0, 2.0 * np.pi, 200)
+        long, short = one.semi_axes_km[0] * np.cos(angle), one.semi_axes_km[1] * np.sin(angle)
+        axis.plot(
+            long * np.sin(along) + short * np.cos(along), long * np.cos(along) - short * np.sin(along),
+            color=RED, lw=1.5,
+        )  # fmt: skip
+        axis.plot(0.0, 0.0, "+", color=GREY, ms=10)
+        axis.set_aspect("equal", adjustable="datalim")
+        axis.set_xlabel("east [km]")
+        axis.set_ylabel("north [km]")
+        axis.set_title(
+            f"{one.what}: {one.samples} runs, {one.inside} inside\n{one.semi_axes_km[0]:.3g} by "
+            f"{one.semi_axes_km[1]:.3g} km about {one.latitude_deg:.3f} N, {one.longitude_deg:.3f} E",
+            loc="left", fontsize=10,
+        )  # fmt: skip
+    _title(figure, "Dispersion of the flights, 95 % ellipse")
+    return figure
+
+
+@style.styled
+def draw_convergence(campaign):
+    """Success rates and percentiles of errors against the number of runs, with 95 % intervals."""
+    panels, judged = [], campaign.judgements
+    if len(judged.passed):
+        panels = [
+            (f"{name.replace('_', ' ')}: share of runs", convergence.success_course(judged.passed[:, k]))
+            for k, name in enumerate(judged.names)
+        ]
+    for one in statistics.ERRORS:
+        size = np.abs(np.array([campaign.numbers(column) for column in one[1]])).max(axis=0)
+        values = size[np.isfinite(size) & campaign.succeeded]
+        if (len(values) > 1 and "worst axis" in one[0]) or one[0].startswith("position at"):
+            panels.append((f"{one[0]}: 95 % [{one[2]}]", convergence.percentile_course(values, 95.0)))
+    if not panels:
+        return None
+    rows = -(-len(panels) // 3)
+    figure = _figure(13.0, 0.6 + 2.8 * rows)
+    axes = figure.subplots(rows, 3, squeeze=False).ravel()
+    for axis in axes[len(panels) :]:
+        axis.remove()
+    for axis, (title, course) in zip(axes, panels, strict=False):
+        axis.fill_between(course.n, course.low, course.high, color=BLUE, alpha=0.2, lw=0)
+        axis.plot(course.n, course.value, color=BLUE, lw=1.3)
+        axis.set_xscale("log")
+        first = FIRST_SHOWN if course.n[-1] > 2 * FIRST_SHOWN else 1
+        axis.set_xlim(first, max(course.n[-1], 2))
+        shown = np.concatenate([part[course.n >= first] for part in course[1:]])
+        low, high = np.nanmin(shown), np.nanmax(shown)
+        axis.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low) + 1e-9)
+        axis.set_title(title, loc="left", fontsize=10)
+        axis.set_xlabel("runs")
+    _title(figure, "Estimates against the number of runs, with 95 % intervals")
+    return figure
+
+
+@style.styled
+def draw_sensitivity(campaign):
+    """Standardised coefficients of the regressions, with 95 % intervals."""
+    found = sensitivity.outcomes(campaign)
+    panels = sensitivity.regressions(found, campaign.draws)[:MOST_PANELS]
+    if not panels:
+        return None
+    columns = min(len(panels), 3)
+    rows = -(-len(panels) // columns)
+    figure = _figure(5.5 * columns, 0.6 + 2.9 * rows)
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis in axes[len(panels) :]:
+        axis.remove()
+    for axis, one in zip(axes, panels, strict=False):
+        effects = one.effects[:MOST_BARS][::-1]
+        values = np.array([effect.value for effect in effects])
+        ends = np.array([(effect.low, effect.high) for effect in effects])
+        clear = (ends[:, 0] > 0.0) | (ends[:, 1] < 0.0)
+        place = np.arange(len(effects))
+        axis.barh(place, values, color=[BLUE if sure else "0.8" for sure in clear], height=0.65)
+        axis.hlines(place, ends[:, 0], ends[:, 1], color="0.2", lw=1.0)
+        axis.set_yticks(place, [_short(effect.feature) for effect in effects], fontsize=8)
+        axis.axvline(0.0, color=GREY, lw=0.8)
+        axis.set_title(
+            f"{one.outcome}: R² {one.r2:.2f} ({one.r2_low:.2f} to {one.r2_high:.2f})", loc="left", fontsize=10
+        )
+    _title(figure, "What explains the results: sigmas per sigma of a draw, 95 %; grey: none that is certain")
+    return figure
+
+
+def _short(name):
+    """A path that fits beside a bar: its last parts."""
+    parts = name.strip("|").split(".")
+    text = ".".join(parts[-2:]) if len(parts) > 2 else name.strip("|")
+    return f"|{text}|" if name.startswith("|") else text
+
+
+def draw(campaign, series):
+    """All pictures that there is something for: list of (name, Figure). series : over_time.Series or None"""
+    pictures = {}
+    if series is not None:
+        pictures = {
+            "errors": draw_errors(series),
+            "nees": draw_nees(series),
+            "containment": draw_containment(series),
+        }
+    pictures |= {
+        "ellipses": draw_ellipses(campaign),
+        "convergence": draw_convergence(campaign),
+        "sensitivity": draw_sensitivity(campaign),
+    }
+    return [(name, figure) for name, figure in pictures.items() if figure is not None]
+
+
+def save_all(campaign, series, folder):
+    """Write all pictures as PNG into a folder that is there. -> list of Path"""
+    written = []
+    for name, figure in draw(campaign, series):
+        style.save(figure, folder / f"{name}.png", dpi=100)
+        written.append(folder / f"{name}.png")
+    return written

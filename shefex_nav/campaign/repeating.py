@@ -1,0 +1,107 @@
+"""One run of a campaign again: the same scenario, draws and seeds, compared with what was kept of it."""
+
+from typing import NamedTuple
+
+from shefex_nav.campaign import draws, flight, store, table
+from shefex_nav.campaign import plan as planning
+
+MOST_WORDS = 8  # differences that are told
+
+
+class Repeated(NamedTuple):
+    """What came out of a run that was flown again."""
+
+    run: int
+    record: dict  # of this time
+    differences: dict  # column -> (kept, now); empty if they are the same
+    found: bool  # whether there was anything to compare with
+    notes: list  # texts for people
+    log: str | None
+
+    @property
+    def same(self):
+        """Whether the row is the kept one, timing aside."""
+        return self.found and not self.differences
+
+    def result(self):
+        """Plain dict for JSON."""
+        return {
+            "run": self.run,
+            "same": self.same,
+            "differences": {name: list(values) for name, values in self.differences.items()},
+            "status": self.record["status"],
+            "reason": self.record["reason"],
+            "seed": self.record["seed"],
+            "draws": self.record["draws"],
+            "summary": self.record["summary"],
+            "log": self.log,
+        }
+
+    def words(self):
+        """For people."""
+        about = f"run {self.run}: {self.record['status']}"
+        about += f", {self.record['reason']}" if self.record["reason"] else ""
+        if not self.found:
+            return f"{about}; nothing was kept of it that could be compared"
+        if not self.differences:
+            return f"{about}; the same as its row"
+        lines = [f"{about}; differs from its row in {len(self.differences)} columns:"]
+        for name, (kept, now) in list(self.differences.items())[:MOST_WORDS]:
+            lines.append(f"  {name}: {kept!r} was kept, now {now!r}")
+        return "\n".join(lines)
+
+
+def repeat(folder, run, log=None):
+    """Fly run number `run` of the campaign in `folder` again, with a log at the path `log` if one is given.
+
+    -> Repeated; StoreError if there is no such campaign or run
+    """
+    head = store.read_head(folder)
+    if not 0 <= run < head["runs"]:
+        raise store.StoreError(f"{folder}: has runs 0 to {head['runs'] - 1}, there is no run {run}")
+    plan = _plan(head, folder)
+    pilot = flight.Pilot(plan)
+    job = draws.Sampler(plan, pilot.pattern.dispersed).job(run)
+    flown = pilot.fly(job, log)
+    kept = store.read_record(folder, run)
+    differences = {} if kept is None else compared(kept, flown.record)
+    return Repeated(
+        run, flown.record, differences, kept is not None, _changes(head["versions"], plan.versions),
+        None if log is None else str(log),
+    )  # fmt: skip
+
+
+def _plan(head, folder):
+    """Plan of a campaign as it was flown."""
+    shared = head["flight"] == "shared"
+    path = folder / "flight.npz"
+    if shared and not path.exists():
+        raise store.StoreError(f"{path}: the flight that all runs share is not there")
+    return planning.Plan(
+        name=head["scenario"],
+        source=head["source"],
+        seed=head["seed"],
+        runs=head["runs"],
+        sampling=head["sampling"],
+        series_rate=head["rate"],
+        shared=shared,
+        versions=planning.versions(),
+        flight=path.read_bytes() if shared else None,
+    )
+
+
+def compared(kept, now):
+    """{column: (kept, now)} of two records whose rows differ, timing aside."""
+    a, b = table.row(kept), table.row(now)
+    names = [name for name in dict.fromkeys([*a, *b]) if not name.startswith("timing.")]
+    return {name: (a.get(name), b.get(name)) for name in names if a.get(name) != b.get(name)}
+
+
+def _changes(then, now):
+    """A line for each version that has changed since the campaign."""
+    what = {"code": "the source code of shefex_nav"}
+    return [
+        f"{what.get(name, name)} has changed since: {then[name]} then, {now.get(name)} now"
+        for name in then
+        if then[name] != now.get(name)
+    ]

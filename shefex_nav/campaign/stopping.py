@@ -1,0 +1,26 @@
+"""Ctrl-C and SIGTERM as a wish that is asked for between two steps, not an exception in the middle of one."""
+
+import signal
+import threading
+from contextlib import contextmanager
+
+
+@contextmanager
+def stopping():
+    """A function that says whether somebody wants the end; the second wish raises KeyboardInterrupt."""
+    wishes = []
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
+
+    def take(number, frame):
+        wishes.append(number)
+        if len(wishes) > 1:
+            raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, take) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: bool(wishes)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

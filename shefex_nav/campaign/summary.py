@@ -1,0 +1,75 @@
+"""What a campaign says to programs, and which of its runs to look at."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.campaign import statistics
+from shefex_nav.report.requirements import severity
+
+MOST_WORST = 3  # runs to look at
+
+
+class Worst(NamedTuple):
+    """A run to look at."""
+
+    run: int
+    severity: float
+    words: str  # what it did not meet, or came nearest to
+
+
+def summary_object(campaign):
+    """The object that `campaign --json` and `report DIR --json` print: plain dict, ready for JSON."""
+    succeeded = int(campaign.succeeded.sum())
+    return {
+        "runs": len(campaign),
+        "succeeded": succeeded,
+        "failed": len(campaign) - succeeded,
+        "requirements": [
+            {
+                "name": one.name,
+                "limit": one.limit,
+                "unit": one.unit,
+                "passed": one.passed,
+                "of": one.of,
+                "ci95": None if one.ci95 is None else list(one.ci95),
+            }
+            for one in statistics.successes(campaign)
+        ],
+        "wall_s": campaign.wall_s,
+        "results_digest": campaign.digest,
+    }
+
+
+def worst_runs(campaign, k=MOST_WORST):
+    """The k succeeded runs that met the fewest requirements, or came nearest to the limits: list of Worst."""
+    runs, severity = campaign.runs[campaign.succeeded], campaign.judgements.severity
+    first = np.lexsort((runs, -severity))[:k].tolist()
+    judged = campaign.judged(runs[first].tolist())
+    return [Worst(int(runs[j]), float(severity[j]), _why(judged[int(runs[j])])) for j in first]
+
+
+def _why(judged):
+    """What a run missed, or what it came nearest to."""
+    missed = [one for one in judged if not one.passed]
+    nearest = sorted(judged, key=lambda one: -severity([one]))[:1]
+    words = ", ".join(f"{name_of(one.name)} {_found(one)}" for one in missed or nearest)
+    return words if missed else f"all kept; nearest: {words}"
+
+
+def _found(one):
+    if one.found is None:
+        return "not measured"
+    if isinstance(one.found, bool):
+        return "yes" if one.found else "no"
+    return f"{one.found:.4g}{' ' if one.unit else ''}{one.unit}"
+
+
+def name_of(name):
+    """A requirement in words."""
+    return name.replace("_", " ")
+
+
+def repeat(campaign, run):
+    """The command that flies a run again."""
+    return f"shefex-nav repeat {campaign.folder} {run} --log run{run}.mcap"

@@ -1,0 +1,79 @@
+"""The pixels of the star camera's frames, read from a log when they are asked for.
+
+A log holds a frame as read out (`/star_tracker/image_full`), with the background of its sky set to zero
+(`/star_tracker/image`), both, or neither: the scenario says which (`log.frames`).
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.log.reader import cut_errors
+
+FULL, THRESHOLDED = "/star_tracker/image_full", "/star_tracker/image"
+
+
+class Pixels(NamedTuple):
+    """Grey values of one frame."""
+
+    ns: int  # log time of the frame, UTC since 1970
+    image_dn: np.ndarray  # (rows, columns) uint8, or uint16 of a detector with more bits
+    is_full: bool  # as read out; otherwise without the background of the sky
+
+
+def at(path, ns):
+    """Pixels of the frame with log time `ns`, as read out if there are such; None if none were kept."""
+    found = list(between(path, ns, ns + 1))
+    return max(found, key=lambda pixels: pixels.is_full, default=None)
+
+
+def between(path, begin_ns=None, end_ns=None):
+    """Pixels of the frames from begin_ns to before end_ns in the order of the log.
+
+    Of a log whose writer was killed, those it has. A frame that was kept both ways comes twice.
+    All frames without the two times.
+    """
+    from mcap.reader import NonSeekingReader, SeekingReader
+
+    decoders = {}
+    with Path(path).open("rb") as file:
+        # without an index at its end a file is read from the front, up to where its writer was killed
+        reader = (SeekingReader if _is_closed(file) else NonSeekingReader)(file)
+        wanted = {"starting_at": begin_ns, "ending_before": end_ns, "log_time_order": False}
+        messages = reader.iter_messages([FULL, THRESHOLDED], **wanted)
+        try:
+            for schema, channel, message in messages:
+                image = _message(decoders, schema).FromString(message.data)
+                yield Pixels(message.log_time, _grey_values(image), channel.topic == FULL)
+        except cut_errors():
+            return
+
+
+def _is_closed(file):
+    """Whether an MCAP file ends as it should; the file is at its beginning afterwards."""
+    from mcap.stream_reader import MAGIC_SIZE
+
+    file.seek(0)
+    magic = file.read(MAGIC_SIZE)
+    file.seek(-MAGIC_SIZE, 2)
+    ending = file.read()
+    file.seek(0)
+    return ending == magic
+
+
+def _message(decoders, schema):
+    """Message class of a schema of the file, made once."""
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+    if schema.id not in decoders:
+        pool = descriptor_pool.DescriptorPool()
+        for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
+            pool.Add(file)
+        decoders[schema.id] = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+    return decoders[schema.id]
+
+
+def _grey_values(image):
+    dtype = np.dtype("u1" if image.encoding == "mono8" else "<u2")
+    return np.frombuffer(image.data, dtype).reshape(image.height, image.width).astype(dtype.newbyteorder("="))

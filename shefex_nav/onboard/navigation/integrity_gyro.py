@@ -1,0 +1,243 @@
+"""Watch over the gyros by the stars: a gyro that is wrong in a way that looks alive.
+
+Between two star fixes the strapdown turns with the gyros, so whatever the gyros are wrong by is there as a
+rotation between what the stars say and what the strapdown says; corrections by the filter in between are
+known and taken out. Per star fix k, all in inertial axes, where a rotation that is past stays what it is::
+
+    E_k = e_k A_k,   A_(k+1) = (e_k r_k^-1) A_k,   D = log(E_l E_f^-1) = integral of C_ib (rate error), f to l
+
+with e_k the rotation from the estimated to the measured attitude before the update, r_k the same after it.
+
+One wrong star fix, or a star camera that has been knocked, is a step in E; a wrong gyro is a slope. So three
+fixes are compared, first, middle and last: the rotation from the first to the last must be far more than star
+and gyro noise explain, with what the filter thinks of the gyro bias; so must each half of it, and the first
+half must be its share of the whole. That several times in a row, and the gyro is called wrong: its bias is
+made unknown, to be found again from the stars. Short comparisons find large errors soon, long ones small
+ones: after 8 s some 6 arcsec/s with stars good to an arcsecond.
+
+What this cannot see. A wrong scale factor or misalignment while the vehicle does not turn does nothing, and
+is found when it turns. Without stars nothing is found. So a gyro that has been wrong once is not trusted
+without them: `UNCHECKED_S` after the last check the solution is not to be used, and the log says why. A star
+tracker whose fixes all turn away at one steady rate cannot be told from a gyro.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.geometry import rotation
+from shefex_nav.onboard.navigation.state import BG
+
+BASELINES_S = np.array([0.4, 2.0, 8.0])  # [E] from the first fix to the last
+LONGEST_GAP_S = 0.55  # [E] between two fixes, else it starts anew
+PROBABILITY = 1e-9  # of calling healthy gyros wrong, in one comparison
+HALF_PROBABILITY = 1e-4  # likewise of each half, which guards against steps
+SHARE_PROBABILITY = 0.05  # of not seeing a wrong gyro in one comparison, because the middle seems off
+CONFORM_PROBABILITY = 1e-3  # of not seeing that a gyro is right
+SLACK = 0.12  # [E] of D by which the middle may be off: axes that have turned meanwhile
+CONFIRMATIONS = 3  # comparisons that must agree
+WITHIN_S = 1.0  # [E] and within how long
+SIGNIFICANT = 4.0  # sigma of the rate error of an axis that is blamed
+UNCHECKED_S = 10.0  # [E] for how long a gyro that was wrong once is trusted without stars
+ROWS = 256  # fixes that are remembered at most; half of them go when they are full
+T, Q_E, R_I, PATH, P_BG, Q_IB = 0, slice(1, 5), slice(5, 14), 14, slice(15, 24), slice(24, 28)
+WIDTH = 28
+UNDECIDED, CONFORM, WRONG = range(3)
+AXES = ("gyro x", "gyro y", "gyro z")
+
+
+class Finding(NamedTuple):
+    """A gyro that turns otherwise than the stars."""
+
+    axes: tuple[str, ...]
+    rate_b: np.ndarray  # (3,) rad/s, error of the corrected rate, truth minus measured
+    sigma_b: np.ndarray  # (3,) rad/s, to which it is known
+
+    @property
+    def admitted(self):
+        """Standard deviation that the bias gets on top: (3,) rad/s, of the axes that are wrong."""
+        wrong = np.array([name in self.axes for name in AXES])
+        return np.where(wrong, np.hypot(self.rate_b, self.sigma_b), 0.0)
+
+
+def relative_error(params):
+    """What angles that the gyros have turned may be wrong by, relative to them. NavParams -> float
+
+    Scale factors, misalignments, and the mounting of the camera, about whose axes the same angle is seen.
+    """
+    names = ("gyro_roll_column", "gyro_scale", "gyro_misalignment", "mounting")
+    known = [np.abs(params.sigma_blocks[name]).max() for name in names if name in params.sigma_blocks]
+    return float(np.linalg.norm([params.imu.gyro_cross, *known]))
+
+
+class GyroWatch:
+    """Memory, changed in place.
+
+    model : ImuModel
+    relative : error of a turned angle, relative to it: scale factor and misalignment, as known at the start
+    """
+
+    def __init__(self, model, relative):
+        from scipy.special import chdtri
+
+        self.noise = np.array([model.gyro_random_walk**2, model.gyro_quantum**2 / 6.0, relative**2])
+        self.limits = np.array(
+            [
+                float(chdtri(3, p))
+                for p in (PROBABILITY, SHARE_PROBABILITY, CONFORM_PROBABILITY, HALF_PROBABILITY)
+            ]
+        )
+        self.rows, self.n = np.empty((ROWS, WIDTH)), 0
+        self.corrected = np.array([1.0, 0.0, 0.0, 0.0])  # A of the module's text
+        self.found_s = []  # of comparisons that called a gyro wrong
+        self.wrong = ()  # axes
+        self.failed = ()  # axes that have ever been wrong
+        self.checked_s = np.nan  # when the stars last agreed with the gyros
+        self.unchecked = False
+
+    def forget(self):
+        """Start anew: the readings of the gyros have been replaced, or the attitude reset."""
+        self.n = 0
+        self.found_s.clear()
+
+    def compare(self, state, P, z, R, used):
+        """Take in a star fix.
+
+        Parameters
+        ----------
+        state, P : NavState, (n, n) at its instant, before the update
+        z, R : (3,) rad, (3, 3) rad^2, residual and covariance in body axes
+        used : (3, 3) covariance of the innovation if the fix is used by the filter, None if it is not
+
+        Returns
+        -------
+        Finding, or None if nothing is wrong as far as that can be said
+        """
+        t_s = state.t_s
+        if self.n and not 0.0 < t_s - self.rows[self.n - 1, T]:
+            return None  # late; those of a later instant have been compared
+        if self.n and t_s - self.rows[self.n - 1, T] > LONGEST_GAP_S:
+            self.forget()
+        if self.n == ROWS:
+            self.n = ROWS // 2
+            self.rows[: self.n] = self.rows[ROWS - self.n :]
+        left = z if used is None else R @ np.linalg.solve(used, z)  # z - H dx
+        self.corrected = _remember(
+            self.rows, self.n, self.corrected, t_s, state.q_ib, z, left, R, np.ascontiguousarray(P[BG, BG])
+        )
+        self.n += 1
+        verdict, rate_b, sigma_b = _compare(self.rows, self.n, BASELINES_S, self.noise, self.limits)
+        return self._conclude(t_s, verdict, rate_b, sigma_b)
+
+    def _conclude(self, t_s, verdict, rate_b, sigma_b):
+        """Finding or None, by the comparison of one fix."""
+        if verdict == CONFORM:
+            self.checked_s, self.wrong, self.unchecked = t_s, (), False
+        if verdict != WRONG:
+            return None
+        self.found_s = [one for one in self.found_s if t_s - one <= WITHIN_S] + [t_s]
+        if len(self.found_s) < CONFIRMATIONS:
+            return None
+        far = np.abs(rate_b) / sigma_b
+        axes = tuple(
+            name for name, one in zip(AXES, far, strict=True) if one > max(SIGNIFICANT, 0.2 * far.max())
+        )
+        self.wrong = axes
+        self.failed = tuple(name for name in AXES if name in self.failed or name in axes)
+        self.forget()
+        return Finding(axes, rate_b, sigma_b)
+
+    def trust(self, now_s):
+        """Whether gyros that have been wrong before may be relied on now; none of them: always."""
+        if not self.failed:
+            return True
+        self.unchecked = not now_s - self.checked_s <= UNCHECKED_S
+        return not (self.wrong or self.unchecked)
+
+
+@njit(cache=True)
+def _remember(rows, n, corrected, t_s, q_ib, z, left, R, P_bg):
+    """Write row n. -> (4,) A of the next"""
+    C_ib = rotation.dcm_from_quat(q_ib)
+    inverse = rotation.quat_conjugate(q_ib)
+    before = rotation.quat_multiply(rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(z)), inverse)
+    after = rotation.quat_multiply(rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(left)), inverse)
+    R_i, P_i = C_ib @ R @ C_ib.T, C_ib @ P_bg @ C_ib.T
+    row = rows[n]
+    row[T] = t_s
+    row[Q_E] = rotation.quat_multiply(before, corrected)
+    row[R_I], row[P_BG] = R_i.ravel(), P_i.ravel()
+    row[PATH] = 0.0
+    if n > 0:
+        turned = rotation.quat_multiply(rotation.quat_conjugate(rows[n - 1, Q_IB]), q_ib)
+        v = rotation.rotvec_from_quat(turned)
+        row[PATH] = rows[n - 1, PATH] + np.sqrt((v**2).sum())
+    row[Q_IB] = q_ib
+    moved = rotation.quat_multiply(before, rotation.quat_conjugate(after))
+    return rotation.quat_normalise(rotation.quat_multiply(moved, corrected))
+
+
+@njit(cache=True)
+def _between(rows, f, l):
+    """D from row f to row l, (3,) rad, inertial axes."""
+    turned = rotation.quat_multiply(rows[l, Q_E], rotation.quat_conjugate(rows[f, Q_E]))
+    return rotation.rotvec_from_quat(turned)
+
+
+@njit(cache=True)
+def _covariance(rows, f, l, noise):
+    """Of D from row f to row l if the gyros are right, (3, 3) rad^2, inertial axes."""
+    T_s = rows[l, T] - rows[f, T]
+    white = noise[0] * T_s + noise[1] + noise[2] * (rows[l, PATH] - rows[f, PATH]) ** 2
+    of_fixes = rows[f, R_I] + rows[l, R_I] + T_s**2 * rows[f, P_BG]
+    return of_fixes.reshape(3, 3) + white * np.eye(3)
+
+
+@njit(cache=True)
+def _steady(rows, first, middle, last, share, D, D_middle, noise, limits):
+    """Whether D grows steadily: both halves are significant, and the first is its share of the whole."""
+    rest = _between(rows, middle, last)
+    if D_middle @ np.linalg.solve(_covariance(rows, first, middle, noise), D_middle) < limits[3]:
+        return False
+    if rest @ np.linalg.solve(_covariance(rows, middle, last, noise), rest) < limits[3]:
+        return False
+    T_s = rows[last, T] - rows[first, T]
+    white = noise[0] * T_s * share * (1.0 - share) + noise[1] + SLACK**2 * (D**2).sum()
+    white += noise[2] * (rows[last, PATH] - rows[first, PATH]) ** 2
+    of_fixes = (1.0 - share) ** 2 * rows[first, R_I] + rows[middle, R_I] + share**2 * rows[last, R_I]
+    off = D_middle - share * D
+    return off @ np.linalg.solve(of_fixes.reshape(3, 3) + white * np.eye(3), off) < limits[1]
+
+
+@njit(cache=True)
+def _compare(rows, n, baselines_s, noise, limits):
+    """Verdict of the last of n rows, rate error and its sigma in body axes, (3,) rad/s.
+
+    noise : white rad^2/s, rad^2 of one reading, square of the relative error of angles
+    limits : chi-square of D, of the middle, of D where it is conform, of each half
+    """
+    last, verdict, none = n - 1, UNDECIDED, np.zeros(3)
+    for k in range(baselines_s.shape[0]):
+        first = last
+        while first > 0 and rows[last, T] - rows[first, T] < baselines_s[k] - 1e-6:
+            first -= 1
+        T_all = rows[last, T] - rows[first, T]
+        if T_all < baselines_s[k] - 1e-6 or T_all > 1.5 * baselines_s[k]:
+            continue
+        middle = first
+        while rows[middle, T] - rows[first, T] < 0.5 * T_all - 1e-6:
+            middle += 1
+        share = (rows[middle, T] - rows[first, T]) / T_all
+        if share > 0.6:
+            continue
+        D, D_middle = _between(rows, first, last), _between(rows, first, middle)
+        S = _covariance(rows, first, last, noise)
+        far = D @ np.linalg.solve(S, D)
+        if far > limits[0] and _steady(rows, first, middle, last, share, D, D_middle, noise, limits):
+            C_ib = rotation.dcm_from_quat(rows[last, Q_IB])
+            S_b = C_ib.T @ S @ C_ib
+            return WRONG, C_ib.T @ D / T_all, np.sqrt(np.diag(S_b)) / T_all
+        if k > 0 and far < limits[2]:
+            verdict = CONFORM
+    return verdict, none, none

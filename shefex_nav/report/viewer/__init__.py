@@ -1,0 +1,64 @@
+"""Logs in the rerun viewer: opened on a screen, served to a browser, saved, or taken a picture of."""
+
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+
+from shefex_nav.report.viewer import layout, program, recording
+from shefex_nav.report.viewer.program import ViewerError
+
+__all__ = ["ViewerError", "view"]
+
+
+def view(logs, *, save=None, screenshot=None, at_s=None, page=layout.OVERVIEW, web=False):
+    """Open logs in the viewer and wait until it is closed, or save their recording, or a picture.
+
+    Parameters
+    ----------
+    logs : .mcap file, or a list of them; the first is shown whole, the others are drawn over it
+    save, screenshot : .rrd and .png files to write
+    at_s : s, mission time of the picture, by default the middle of the star fixes
+    page : of `layout.PAGES`, open at first
+    web : serve it to a browser on this machine
+
+    Returns
+    -------
+    list of RunData; their `ended_early` and `last_t_s` are worth telling
+    """
+    logs = [logs] if isinstance(logs, str | Path) else list(logs)
+    runs = [recording.read(log) for log in logs]
+    if screenshot is not None:
+        at_s = layout.start_time(recording.scene(runs[0])) if at_s is None else at_s
+        _check_time(logs[0], runs[0], at_s)
+    if save is not None:
+        recording.build(logs, save, runs, page=page)
+    if screenshot is not None:
+        with _temporary(logs, runs, page) as path:
+            reports = program.take_picture(path, screenshot, at_s)
+        bad = [f"{view}: {text}" for view, texts in reports for text in texts]
+        if bad:
+            raise ViewerError(f"{logs[0]}: views in error: " + "; ".join(bad))
+    if save is None and screenshot is None:
+        show = program.serve if web else program.show
+        beside = recording.kept(logs[0], runs[0]) if len(logs) == 1 and page == layout.OVERVIEW else None
+        if beside is not None:
+            show(beside)
+        else:
+            with _temporary(logs, runs, page) as path:
+                show(path)
+    return runs
+
+
+@contextmanager
+def _temporary(logs, runs, page):
+    """A recording that is deleted afterwards."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "view.rrd"
+        recording.build(logs, path, runs, page=page)
+        yield path
+
+
+def _check_time(log, data, at_s):
+    first_s, last_s = recording.scene(data).truth.t_s[[0, -1]]
+    if not first_s <= at_s <= last_s:
+        raise ViewerError(f"{log}: covers {first_s:g} s to {last_s:g} s, not {at_s:g} s")

@@ -1,0 +1,67 @@
+"""The Foxglove messages of a log (pictures, poses, events) as rerun decodes them, on both timelines."""
+
+from shefex_nav.log.topics import epoch_ns
+from shefex_nav.report.viewer import pictures
+from shefex_nav.report.viewer.sender import TIMELINE, UTC
+
+PICTURES = "star_tracker/image", "star_tracker/image_full"
+_DRAWN = "^(/tf|/gps/location|/log|/star_tracker/(calibration|image|image_full))$"
+_LOG_TIME = "message_log_time"
+
+
+def send(stream, log_path, data):
+    """Send them to a rerun RecordingStream."""
+    import rerun as rr
+    from rerun.chunk import McapReader
+
+    epoch, grey = epoch_ns(data.mission.epoch_utc), _grey(log_path, data)
+    source = McapReader(log_path, recover=True, include_topic_regex=[_DRAWN])
+    rr.send_chunks(source.stream().map(lambda chunk: _timed(chunk, epoch, grey)), recording=stream)
+
+
+def kept_pictures(log_path):
+    """Which of PICTURES a log has."""
+    from rerun.chunk import McapReader
+
+    channels = McapReader(log_path, recover=True).info().channels
+    counts = {channel.topic: channel.message_count for channel in channels}
+    return [one for one in PICTURES if counts.get(f"/{one}")]
+
+
+def _timed(chunk, epoch, grey):
+    """The chunk with mission time and UTC for the time at which it was logged; its other times go."""
+    import pyarrow as pa
+    from rerun.chunk import Chunk
+
+    if chunk.is_static or _LOG_TIME not in chunk.timeline_names:
+        return chunk
+    batch = chunk.to_record_batch()
+    if pictures.is_wide(batch):
+        batch = pictures.narrowed(batch, grey)
+    k = batch.schema.get_field_index(_LOG_TIME)
+    stamps, metadata = batch.column(k).cast(pa.int64()).to_numpy(), batch.schema.field(k).metadata or {}
+    for name in (n for n in chunk.timeline_names if n in batch.schema.names):
+        batch = batch.remove_column(batch.schema.get_field_index(name))
+    for name, kind, values in (
+        (UTC, pa.timestamp("ns"), stamps),
+        (TIMELINE, pa.duration("ns"), stamps - epoch),
+    ):
+        field = pa.field(
+            name, kind, nullable=False, metadata={**metadata, b"rerun:index_name": name.encode()}
+        )
+        batch = batch.add_column(1, field, pa.array(values).cast(kind))
+    return Chunk.from_record_batch(batch)[0]
+
+
+def _grey(log_path, data):
+    """Table of the grey values shown for 16-bit pictures, by the first one as read out, else by the bits."""
+    from rerun.chunk import McapReader
+
+    if not len(data.frames.bits) or data.frames.bits[0] <= 8:
+        return None
+    full = McapReader(log_path, recover=True, include_topic_regex=[f"^/{PICTURES[1]}$"])
+    batches = (chunk.to_record_batch() for chunk in full.stream())
+    first = next((batch for batch in batches if pictures.is_wide(batch)), None)
+    if first is None:
+        return pictures.grey_of_bits(int(data.frames.bits[0]))
+    return pictures.grey_of_sky(pictures.values(first.slice(0, 1)))

@@ -1,0 +1,135 @@
+"""What the viewer shows of the navigation: errors, consistency, trust."""
+
+import numpy as np
+
+from shefex_nav.records import Doubt
+from shefex_nav.report import metrics
+from shefex_nav.report.viewer import layout
+from shefex_nav.report.viewer.sender import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    VIOLET,
+    YELLOW,
+    plot_step,
+)
+
+CONFIDENCE = 0.95  # of the bounds of NEES
+_SENSORS = {  # colour of what it accepted
+    "gps_position": BLUE,
+    "gps_velocity": VIOLET,
+    "star_tracker": GREEN,
+}
+
+
+def send(sender, data):
+    """Everything of one run."""
+    errors(sender, data)
+    biases(sender, data)
+    consistency(sender, data)
+    trust(sender, data)
+
+
+def errors(sender, data, run="", colours=(BLUE, RED)):
+    """Error of every axis inside plus and minus three of its logged standard deviations.
+
+    run : name of the run where there are several; colours : of its error and of its sigmas
+    """
+    found = metrics.navigation_errors(data)
+    sigma_t_s, _, sigma = metrics.normalised_errors(data, found)
+    nine = np.hstack([found.position_i, found.velocity_i, np.degrees(found.attitude_b)])
+    sigma = np.hstack([sigma[:, :6], np.degrees(sigma[:, 6:])])
+    shown = plot_step(found.t_s)
+    t_s, nine = found.t_s[::shown], nine[::shown]
+    shown = plot_step(sigma_t_s)
+    sigma_t_s, sigma = sigma_t_s[::shown], sigma[::shown]
+    suffix = f" {run}" if run else ""
+    for k, plot in enumerate(layout.ERROR_PLOTS):
+        folder = f"{plot.entity}/{run}" if run else plot.entity
+        for sign, name, side in ((1.0, "+3 sigma", "plus"), (-1.0, "-3 sigma", "minus")):
+            sender.curve(f"{folder}/{side}", sigma_t_s, sign * 3.0 * sigma[:, k], colours[1], name + suffix)
+        sender.curve(f"{folder}/error", t_s, nine[:, k], colours[0], f"error{suffix}")
+
+
+def biases(sender, data):
+    """Estimated biases with three standard deviations about them; the log does not have the true ones."""
+    covariance = data.covariance
+    if not len(covariance.t_s):
+        return
+    step = plot_step(covariance.t_s)
+    t_s, sigma = covariance.t_s[::step], covariance.sigma[::step]
+    for name, values, columns, unit in (
+        ("gyro_bias", covariance.gyro_bias, slice(0, 3), np.degrees(3600.0)),  # deg/h
+        ("accel_bias", covariance.accel_bias, slice(3, 6), 1e3 / 9.80665),  # mg
+    ):
+        value, band = values[::step] * unit, 3.0 * sigma[:, columns] * unit
+        for k, axis in enumerate("xyz"):
+            entity = f"plots/biases/{name}_{axis}"
+            sender.curve(f"{entity}/plus", t_s, value[:, k] + band[:, k], RED, "+3 sigma")
+            sender.curve(f"{entity}/minus", t_s, value[:, k] - band[:, k], RED, "-3 sigma")
+            sender.curve(f"{entity}/estimate", t_s, value[:, k], BLUE, "estimate")
+
+
+def consistency(sender, data, run="", colour=BLUE):
+    """NEES with its bounds, and every measurement's NIS by its limit: refused above one."""
+    from scipy.special import chdtri  # in an eighth of the time of scipy.stats
+
+    t_s, nees, _ = metrics.normalised_errors(data, metrics.navigation_errors(data))
+    step = plot_step(t_s)
+    entity = f"plots/nees/{run or 'run'}"
+    sender.curve(entity, t_s[::step], nees[::step], colour, f"NEES {run}".strip())
+    if run:
+        return
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    ends = t_s[[0, -1]] if len(t_s) else []
+    for name, share in (("lower", tail), ("upper", 1.0 - tail)):
+        limit = float(chdtri(metrics.NEES_DOF, 1.0 - share))
+        sender.curve(f"plots/nees/{name}", ends, [limit] * len(ends), RED, f"{name} bound, {CONFIDENCE:.0%}")
+    for sensor in sorted({gate.sensor for gate in data.gates}):
+        _innovations(sender, sensor, [gate for gate in data.gates if gate.sensor == sensor])
+
+
+def _innovations(sender, sensor, gates):
+    t_s = np.array([gate.t_s for gate in gates])
+    share = np.array([gate.nis / gate.limit if gate.limit else np.nan for gate in gates])
+    accepted = np.array([gate.accepted for gate in gates])
+    known = np.isfinite(share)
+    entity, name = f"plots/nis/{sensor}", sensor.replace("_", " ")
+    colour = _SENSORS.get(sensor, YELLOW)
+    used = accepted & known
+    sender.marks(f"{entity}/used", t_s[used], share[used], colour, f"{name}, used")
+    refused = ~accepted
+    if refused.any():
+        shown = np.where(known, share, 0.0)[refused].clip(0.0, layout.MOST_NIS)
+        sender.marks(f"{entity}/refused", t_s[refused], shown, ORANGE, f"{name}, refused", "cross", 4.0)
+
+
+def trust(sender, data):
+    """Protection level against the attitude error, whether to use the solution, the health of the sensors."""
+    nav = data.nav
+    if len(nav.t_s) and np.isfinite(nav.protection_b).any():
+        step = plot_step(nav.t_s)
+        sender.axes("plots/protection/level", nav.t_s[::step], np.degrees(nav.protection_b[::step]))
+        found = metrics.navigation_errors(data)
+        step = plot_step(found.t_s)
+        worst = np.degrees(np.abs(found.attitude_b).max(axis=1))[::step]
+        sender.curve("plots/protection/error", found.t_s[::step], worst, (240, 240, 240), "error, worst axis")
+        words = {int(doubt): doubt.name.lower() for doubt in Doubt}
+        words[int(Doubt.NONE)] = "usable"
+        colours = {word: GREEN if word == "usable" else ORANGE for word in words.values()}
+        changes = np.flatnonzero(np.diff(nav.doubt, prepend=-1))
+        sender.lane("states/solution", nav.t_s[changes], [words[int(d)] for d in nav.doubt[changes]], colours)
+    for source in sorted({record.source for record in data.health}):
+        records = [record for record in data.health if record.source == source]
+        states = ["good" if record.healthy else record.reason for record in records]
+        colours = {"good": GREEN} | {state: ORANGE for state in states if state != "good"}
+        times = [record.t_s for record in records]
+        start = data.mission.start_s
+        sender.lane(
+            f"states/health/{source.replace(' ', '_')}",
+            [start, *times],
+            ["good", *states],
+            {**colours, "": GREY},
+        )

@@ -1,0 +1,132 @@
+"""A log as a laid-out rerun recording.
+
+The drawings in the log (pictures, poses, events) are taken from the file as they are; what has to be
+computed, the errors against their sigmas above all, comes from the same RunData and functions as the
+figures of `metrics`. Other logs are drawn over the first one: their paths and their errors, in colours of
+their own.
+"""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from shefex_nav import __version__
+from shefex_nav.log import reader
+from shefex_nav.records import Phase, TruthSample
+from shefex_nav.report import metrics
+from shefex_nav.report.viewer import drawings, flight, layout, navigation, sensors, stars, world
+from shefex_nav.report.viewer.program import ViewerError
+from shefex_nav.report.viewer.sender import Sender
+
+APPLICATION = "shefex_nav"
+ENDING = ".view.rrd"  # of the recording kept beside its log
+OVERLAY = ((255, 170, 60), (200, 130, 255), (90, 230, 210), (255, 120, 170), (200, 200, 90))
+
+
+def read(log):
+    """RunData of a log that has something to show; ViewerError otherwise."""
+    data = reader.read(log)
+    if not len(data.truth.t_s) and not len(data.nav.t_s):
+        raise ViewerError(f"{log}: nothing to show, the run ended before its first record")
+    return data
+
+
+def scene(data):
+    """A RunData to draw the path of: where there is no truth, that of the navigation stands in for it."""
+    if len(data.truth.t_s):
+        return data
+    nav = data.nav
+    unknown = np.full_like(nav.r_i, np.nan)
+    phase = np.full(len(nav.t_s), int(Phase.COAST))
+    path = TruthSample(
+        nav.t_s, phase, nav.r_i, nav.v_i, nav.q_ib, nav.omega_ib_b, unknown, np.full(len(phase), np.nan)
+    )
+    return data._replace(truth=path)
+
+
+def kept(log, data=None):
+    """Path of the recording of a log, kept beside it and made anew when the log is newer.
+
+    None where the folder cannot be written.
+    """
+    path = Path(log).with_suffix(ENDING)
+    stamp = path.with_suffix(".version")
+    wanted = f"{__version__} {os.stat(log).st_mtime_ns}"
+    try:
+        if path.exists() and stamp.exists() and stamp.read_text() == wanted:
+            return path
+        half = path.with_suffix(".part")
+        build([log], half, [data] if data else None)
+        half.replace(path)
+        stamp.write_text(wanted)
+    except OSError:
+        return None
+    return path
+
+
+def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
+    """Write the recording of logs to `rrd_path`, laid out with a page of `layout.PAGES` open.
+
+    logs : list of paths, the first is shown whole, the others are drawn over it
+    runs : RunData of each, where they have been read
+    """
+    import rerun as rr
+
+    runs = [read(log) for log in logs] if runs is None else runs
+    first, others = runs[0], names(runs)[1:]
+    stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(first))
+    shown = scene(first)
+    seen = layout.scene(world.path(shown))
+    has = layout.content(shown, drawings.kept_pictures(logs[0]))
+    stream.save(rrd_path, default_blueprint=layout.blueprint(shown, seen, has, page=page))
+    fill(stream, logs[0], first)
+    sender = Sender(stream, first.mission.epoch_utc)
+    for k, (data, name) in enumerate(zip(runs[1:], others, strict=True)):
+        overlay(sender, data, first.mission, name, OVERLAY[k % len(OVERLAY)])
+    stream.flush()
+    stream.disconnect()
+
+
+def _identifier(data):
+    return f"{data.mission.scenario}-{data.mission.seed}"
+
+
+def names(runs):
+    """A name for each of some RunData: scenario and seed, with a number where that is not enough."""
+    found = [_identifier(data) for data in runs]
+    return [name if found.count(name) == 1 else f"{name}-{k + 1}" for k, name in enumerate(found)]
+
+
+def fill(stream, log_path, data):
+    """Send everything of one run to a rerun RecordingStream."""
+    stream.send_recording_name(f"{data.mission.scenario}, seed {data.mission.seed}")
+    drawings.send(stream, log_path, data)
+    sender, shown = Sender(stream, data.mission.epoch_utc), scene(data)
+    world.send(sender, shown)
+    flight.send(sender, shown)
+    sensors.send(sender, data)
+    stars.send(sender, data)
+    navigation.send(sender, data)
+    _send_summary(sender, data)
+
+
+def overlay(sender, data, mission, name, colour):
+    """Draw another run over the first: its path in the first's axes, its errors and sigmas, its NEES."""
+    pale = tuple(round(0.55 * c) for c in colour)
+    world.send_path(sender, scene(data), mission, f"overlay/{name}", colour)
+    navigation.errors(sender, data, name, (colour, pale))
+    navigation.consistency(sender, data, name, colour)
+
+
+def _send_summary(sender, data):
+    """The figures of the run as a text."""
+    import rerun as rr
+
+    from shefex_nav.report.table import rows
+
+    parts = [f"| {data.mission.scenario}, seed {data.mission.seed} | |", "|---|---|"]
+    for section, lines in rows(metrics.summarise(data)):
+        parts += [f"| **{section}** | |", *(f"| {name} | {value} |" for name, value in lines)]
+    text = rr.TextDocument("\n".join(parts), media_type=rr.MediaType.MARKDOWN)
+    sender.static("summary", text)

@@ -1,0 +1,71 @@
+"""What the viewer shows of IMU and GPS: rates, specific force, vibration, satellites, how old data are."""
+
+import numpy as np
+
+from shefex_nav.report.viewer.sender import BLUE, GREEN, ORANGE, WHITE, YELLOW, plot_step
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+VIBRATION_S = 1.0  # over which the scatter of the specific force is taken
+
+
+def send(sender, data):
+    """Everything of one run."""
+    imu(sender, data)
+    gps(sender, data)
+    ages(sender, data)
+
+
+def imu(sender, data):
+    """Mean rate and specific force of the ticks, scatter of the specific force within a second."""
+    block = data.imu
+    if not len(block.t_valid_s):
+        return
+    t_s, dt_s = block.t_valid_s, block.dt_s[:, None]
+    n = block.dv_b.shape[1]
+    rate = np.degrees(block.dtheta_b.sum(axis=1) / (n * dt_s))
+    force = block.dv_b.sum(axis=1) / (n * dt_s) / STANDARD_GRAVITY
+    step = plot_step(t_s)
+    sender.axes("plots/imu/rate", t_s[::step], rate[::step])
+    sender.axes("plots/imu/force", t_s[::step], force[::step])
+    times, scatter = vibration(t_s, block.dv_b / dt_s[:, :, None] / STANDARD_GRAVITY)
+    sender.axes("plots/imu/vibration", times, scatter)
+
+
+def vibration(t_s, force):
+    """Standard deviation of the differences between neighbouring samples over the root of two, each second.
+
+    Slow changes of the specific force drop out of the differences. (N,) s, (N, n, 3) -> (M,), (M, 3)
+    """
+    per_tick = np.diff(force, axis=1) ** 2
+    second = np.floor((t_s - t_s[0]) / VIBRATION_S).astype(int)
+    starts = np.flatnonzero(np.diff(second, prepend=-1))
+    if force.shape[1] < 2 or not len(starts):
+        return np.zeros(0), np.zeros((0, 3))
+    sums = np.add.reduceat(np.nan_to_num(per_tick).sum(axis=1), starts)
+    counts = np.diff([*starts, len(t_s)]) * per_tick.shape[1]
+    return t_s[starts], np.sqrt(sums / counts[:, None] / 2.0)
+
+
+def gps(sender, data):
+    """Fix or none as a lane, satellites, dilution of precision."""
+    fixes = data.gps
+    times = [fix.t_valid_s for fix in fixes]
+    states = ["fix" if fix.valid else "no fix" for fix in fixes]
+    sender.lane("states/gps", times, states, {"fix": GREEN, "no fix": ORANGE})
+    if fixes:
+        sender.curve("plots/gps/satellites", times, [f.n_satellites for f in fixes], GREEN, "satellites used")
+        pdop = [f.pdop if f.valid else np.nan for f in fixes]
+        sender.curve("plots/gps/pdop", times, pdop, YELLOW, "position dilution")
+
+
+def ages(sender, data):
+    """How old a measurement is when the computer has it."""
+    for name, records, colour in (("gps", data.gps, BLUE), ("star tracker", data.star_fixes, GREEN)):
+        if records:
+            age = [1e3 * (r.t_available_s - r.t_valid_s) for r in records]
+            entity = f"plots/age/{name.replace(' ', '_')}"
+            sender.curve(entity, [r.t_available_s for r in records], age, colour, name)
+    if len(data.frames.t_valid_s):
+        frames = data.frames
+        age = 1e3 * (frames.t_available_s - frames.t_valid_s)
+        sender.curve("plots/age/frame", frames.t_available_s, age, WHITE, "frame read out")

@@ -1,0 +1,167 @@
+"""What the viewer shows of the star tracker: marks over the picture, counts, exposure, the sky around it."""
+
+import math
+
+import numpy as np
+
+from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.records import Reason
+from shefex_nav.report.viewer import layout
+from shefex_nav.report.viewer.drawings import PICTURES
+from shefex_nav.report.viewer.sender import BLUE, GREEN, GREY, ORANGE, WHITE, YELLOW
+
+_MARK_PX = 7.0  # half a side
+_SKY_MAGNITUDE = 5.0  # faintest star of the map
+SKY_RADIUS = math.radians(50.0)  # of the map
+
+
+def send(sender, data):
+    """Everything of one run."""
+    marks(sender, data)
+    settings(sender, data)
+    status(sender, data)
+    sky(sender, data)
+
+
+def marks(sender, data):
+    """Centroids over the picture, with Hipparcos numbers if identified; where catalogue stars truly are."""
+    import rerun as rr
+
+    camera = data.mission.camera
+    outline = rr.Boxes2D(
+        array=[0, 0, camera.width_px, camera.height_px], array_format=rr.Box2DFormat.XYWH, colors=[70, 70, 70]
+    )
+    plane = rr.CoordinateFrame("star_camera_image_plane")
+    names = [f"stars/{name}" for name in ("outline", "identified", "names", "unidentified", "true_places")]
+    for entity in (*names, *PICTURES):  # static: the clearing at the end would take away those of the log
+        sender.static(entity, plane)
+    sender.static("stars/outline", outline)
+    fixes = data.star_fixes
+    if not fixes:
+        return
+    t_s = [fix.t_valid_s for fix in fixes]
+    known = [np.asarray(fix.hip) > 0 for fix in fixes]
+    _squares(sender, "stars/identified", t_s, fixes, known, GREEN)
+    _names(sender, "stars/names", t_s, fixes, known, GREEN)
+    _squares(sender, "stars/unidentified", t_s, fixes, [~k for k in known], ORANGE)
+    _true_places(sender, data.frame_truths)
+    sender.curve("plots/stars/detected", t_s, [float(len(k)) for k in known], ORANGE, "detected")
+    sender.curve("plots/stars/identified", t_s, [float(k.sum()) for k in known], GREEN, "identified")
+    for entity in (*names[1:], *PICTURES):
+        sender.clear(entity, t_s[-1] + layout.FRAME_SHOWN_S)
+
+
+def _squares(sender, entity, t_s, fixes, chosen, colour):
+    """A square around each chosen detection."""
+    import rerun as rr
+
+    centres, counts = _centres(fixes, chosen)
+    sender.static(entity, rr.Boxes2D.from_fields(radii=[-0.8], colors=[colour]))
+    columns = rr.Boxes2D.columns(centers=centres, half_sizes=np.full_like(centres, _MARK_PX))
+    sender.columns(entity, t_s, columns.partition(counts))
+
+
+def _names(sender, entity, t_s, fixes, chosen, colour):
+    """The Hipparcos number below each chosen detection."""
+    import rerun as rr
+
+    centres, counts = _centres(fixes, chosen)
+    names = [f"HIP {hip}" for fix, c in zip(fixes, chosen, strict=True) for hip in fix.hip[c]]
+    sender.static(entity, rr.Points2D.from_fields(radii=[0.0], colors=[colour], show_labels=True))
+    columns = rr.Points2D.columns(positions=centres + np.array([0.0, _MARK_PX]), labels=names)
+    sender.columns(entity, t_s, columns.partition(counts))
+
+
+def _true_places(sender, truths):
+    """A dot where each bright catalogue star on the detector truly is, found or not."""
+    import rerun as rr
+
+    if not truths:
+        return
+    places = [truth.xy_px + 0.5 for truth in truths]
+    sender.static("stars/true_places", rr.Points2D.from_fields(radii=[-1.5], colors=[BLUE]))
+    columns = rr.Points2D.columns(positions=np.concatenate(places))
+    times = [truth.t_valid_s for truth in truths]
+    sender.columns("stars/true_places", times, columns.partition([len(xy) for xy in places]))
+
+
+def _centres(fixes, chosen):
+    """Positions of all chosen detections, how many each fix has; rerun counts from the corner of pixel 0."""
+    xy_px = [fix.detections.xy_px[c] + 0.5 for fix, c in zip(fixes, chosen, strict=True)]
+    return np.concatenate(xy_px), [len(xy) for xy in xy_px]
+
+
+def settings(sender, data):
+    """Exposure and gain of the frames, their background, how well the stars fit, the time it took."""
+    frames, fixes = data.frames, data.star_fixes
+    if not len(frames.t_valid_s):
+        return
+    t_s = frames.t_valid_s
+    sender.curve("plots/exposure/exposure", t_s, 1e3 * frames.exposure_s, YELLOW, "exposure [ms]")
+    sender.curve("plots/exposure/gain", t_s, frames.gain_db, BLUE, "gain [dB]")
+    times = [fix.t_valid_s for fix in fixes]
+    sender.curve(
+        "plots/exposure/background", times, [f.background_dn for f in fixes], GREY, "mean grey value"
+    )
+    sender.curve("plots/residual", times, [f.residual_px for f in fixes], GREEN, "residual [px]")
+    clock = data.compute_times
+    sender.curve("plots/chain_time", clock.t_s, 1e3 * clock.chain_s, WHITE, "chain [ms]")
+
+
+def status(sender, data):
+    """Solved, or why not, as a coloured lane."""
+    fixes = data.star_fixes
+    if not fixes:
+        return
+    colours = {reason.name.lower(): ORANGE for reason in Reason} | {"solved": GREEN, "off": GREY}
+    states = ["solved" if f.reason == Reason.NONE else Reason(f.reason).name.lower() for f in fixes]
+    t_s = [f.t_valid_s for f in fixes]
+    sender.lane("states/star_tracker", [*t_s, t_s[-1] + layout.FRAME_SHOWN_S], [*states, "off"], colours)
+
+
+def sky(sender, data):
+    """The stars around the camera, and where it looks: degrees, north up, east left."""
+    import rerun as rr
+
+    from shefex_nav.environment import stars
+
+    truths = data.frame_truths
+    if not truths:
+        return
+    C_ic = np.array([dcm_from_quat(truth.q_ic) for truth in truths])
+    C_ms = map_axes(C_ic[:, :, 2].mean(axis=0))
+    catalogue = stars.load_catalogue(_SKY_MAGNITUDE)
+    xy, near = on_map(C_ms, stars.at_epoch(catalogue, float(data.mission.epoch_utc[:4])).u_i)
+    size = 0.9 * (_SKY_MAGNITUDE + 0.6 - catalogue.vmag[near]) / _SKY_MAGNITUDE
+    sender.static("sky/stars", rr.Points2D(xy[near], radii=size.clip(0.12), colors=[(220, 220, 255)]))
+    path, seen = on_map(C_ms, C_ic[:, :, 2])
+    sender.static("sky/path", rr.LineStrips2D([path[seen]], colors=[GREY], radii=[-1.0]))
+    camera = data.mission.camera
+    half = np.array([camera.width_px, camera.height_px]) / (2.0 * camera.focal_length_px)
+    corners = np.array(
+        [(sx * half[0], sy * half[1], 1.0) for sx, sy in ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))]
+    )
+    strips = [on_map(C_ms, (C @ corners.T).T)[0] for C in C_ic]
+    columns = rr.LineStrips2D.columns(strips=strips)
+    sender.static("sky/field", rr.LineStrips2D.from_fields(colors=[GREEN], radii=[-1.5]))
+    sender.columns("sky/field", [truth.t_valid_s for truth in truths], columns.partition([1] * len(strips)))
+
+
+def map_axes(middle_i):
+    """Axes of the map as rows: east, north, and its middle. (3,) direction -> (3, 3)."""
+    z = middle_i / np.linalg.norm(middle_i)
+    pole = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.999 else np.array([1.0, 0.0, 0.0])
+    east = np.cross(pole, z)
+    east = east / np.linalg.norm(east)
+    return np.array([east, np.cross(z, east), z])
+
+
+def on_map(C_ms, u_i):
+    """Azimuthal equidistant places [deg], x to the west, y to the south; which of them are near.
+
+    (3, 3), (n, 3) -> (n, 2), (n,) bool
+    """
+    east, north, toward = C_ms @ (np.asarray(u_i) / np.linalg.norm(u_i, axis=1, keepdims=True)).T
+    angle = np.arccos(np.clip(toward, -1.0, 1.0))
+    scale = np.degrees(angle) / np.maximum(np.hypot(east, north), 1e-12)
+    return np.column_stack([-east * scale, -north * scale]), angle < SKY_RADIUS

@@ -1,0 +1,249 @@
+"""Fly a scenario from Python and look at what came out; a log read back gives the same object.
+
+    scenario = Scenario.load("scenarios/shefex2_andoya.yaml")
+    run = fly(scenario, seed=1)
+    run.solution.q_ib            # (N, 4), 100 times a second
+    run.errors().attitude_b      # (N, 3) rad, truth minus estimate
+    run.frames[300.0].image_dn   # the picture of the star camera at T+300 s
+    run.plot.attitude()          # a matplotlib Figure
+
+Arrays are in SI units and radians; the frames of their components are the last letter of their names.
+"""
+
+import shutil
+import tempfile
+import time
+import weakref
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.log import pixels, reader
+from shefex_nav.log.topics import epoch_ns, log_time_ns
+from shefex_nav.records import FrameTruth, StarFix
+
+FOLDER_PREFIX = "shefex_nav-"  # of temporary logs
+LOG_NAME = "run.mcap"
+
+
+def fly(scenario, seed=1, *, log=None, overwrite=False, watch=lambda records, *_: records):
+    """Fly a scenario once: simulate, navigate, log.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    seed : int
+    log : path of the log; without it a temporary one, which lives as long as the Run
+    overwrite : whether an existing log may be replaced
+    watch : function (records, start_s, end_s) -> the same records, called once; for progress bars
+
+    Returns
+    -------
+    Run
+
+    Raises LogError if the log cannot be written, FlightError if the vehicle cannot be flown.
+    """
+    from shefex_nav import prepare, simulate
+    from shefex_nav.log.drawings import FramePolicy
+    from shefex_nav.log.run_data import RunDataBuilder
+    from shefex_nav.log.thinning import thinned
+    from shefex_nav.log.topics import RunSummary
+    from shefex_nav.log.writer import LogWriter
+
+    folder = None if log else Folder()
+    path = Path(log) if log else folder.path / LOG_NAME
+    began = time.perf_counter()
+    simulate.warm_up(scenario)
+    compiled = time.perf_counter()
+    world = prepare.build_world(scenario, seed)
+    t_s = world.flight.trajectory.t_s
+    mission = prepare.mission(scenario, seed, world.flight.trajectory)
+    kept = RunDataBuilder(mission)
+    frames = scenario.log.frames
+    policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
+    with LogWriter(path, mission, policy, overwrite=overwrite) as writer:
+        records = watch(simulate.route(world, scenario, seed), float(t_s[0]), float(t_s[-1]))
+        for record in thinned(records, scenario.log.rate, mission.start_s):
+            writer.write(record)
+            kept.add(record)
+        done = RunSummary(kept.last_t_s, time.perf_counter() - compiled, compiled - began)
+        writer.write(done)
+        kept.add(done)
+    return Run(kept.build(), path, folder)
+
+
+def open_run(log):
+    """The Run of a log, of a killed run too; LogError if it is none."""
+    return Run(reader.read(log), Path(log))
+
+
+class Folder:
+    """A temporary folder that goes with whoever holds this."""
+
+    def __init__(self):
+        self.path = Path(tempfile.mkdtemp(prefix=FOLDER_PREFIX))
+        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+
+
+class Errors(NamedTuple):
+    """Truth minus estimate, and what the filter believes of it."""
+
+    t_s: np.ndarray  # (N,) of the errors
+    position_i: np.ndarray  # (N, 3) m
+    velocity_i: np.ndarray  # (N, 3) m/s
+    attitude_b: np.ndarray  # (N, 3) rad, rotation vector
+    sigma_t_s: np.ndarray  # (K,) of the logged covariances
+    sigma_position_i: np.ndarray  # (K, 3) m
+    sigma_velocity_i: np.ndarray  # (K, 3) m/s
+    sigma_attitude_b: np.ndarray  # (K, 3) rad
+
+
+class Run:
+    """One flight: its records as arrays, its pictures, its figures.
+
+    Attributes
+    ----------
+    data : RunData, every record of the log
+    log : Path of the log
+    """
+
+    def __init__(self, data, log, folder=None):
+        self.data = data
+        self.log = log
+        self._folder = folder  # a temporary log is deleted with it
+
+    def __repr__(self):
+        mission = self.data.mission
+        end = f"{'ended early' if self.data.ended_early else 'ended'} at T{self.data.last_t_s:+.1f} s"
+        return f"<Run {mission.scenario}, seed {mission.seed}, {end}, {self.log}>"
+
+    @property
+    def truth(self):
+        """TruthSample of arrays over the ticks of the on-board clock."""
+        return self.data.truth
+
+    @property
+    def solution(self):
+        """NavSolution of arrays over the ticks of the on-board clock."""
+        return self.data.nav
+
+    @property
+    def events(self):
+        """list of Event in order of time."""
+        return self.data.events
+
+    def errors(self):
+        """Errors of position, velocity and attitude with their standard deviations."""
+        from shefex_nav.report import metrics
+
+        errors, covariance = metrics.navigation_errors(self.data), self.data.covariance
+        sigma = np.sqrt(np.einsum("kii->ki", covariance.P))
+        return Errors(*errors, covariance.t_s, sigma[:, :3], sigma[:, 3:6], sigma[:, 6:])
+
+    def summary(self):
+        """The object that `shefex-nav run --json` prints: dict of numbers, texts and None."""
+        from shefex_nav.report import metrics
+
+        return metrics.summarise(self.data, log=self.log)
+
+    def table(self):
+        """The closing table of `shefex-nav run`, a rich Table."""
+        from shefex_nav.report import table
+
+        return table.summary_table(self.summary())
+
+    @cached_property
+    def frames(self):
+        """Frames of the star camera by mission time: `run.frames[300.0]`, `len(run.frames)`, iteration."""
+        return Frames(self.data, self.log)
+
+    @property
+    def plot(self):
+        """Figures of the run, each of matplotlib: `run.plot.attitude()`; `dir(run.plot)` names them."""
+        return Plots(self.data)
+
+    def view(self, save=None):
+        """Open the run in the rerun viewer and wait until it is closed, or save its recording (.rrd)."""
+        from shefex_nav.report import viewer
+
+        viewer.view(self.log, save=save)
+
+    def save(self, path):
+        """Copy the log to a path that does not exist yet; returns it."""
+        path = Path(path)
+        if path.exists():
+            raise FileExistsError(f"{path}: exists already; choose another name")
+        shutil.copyfile(self.log, path)
+        return path
+
+
+class Plots:
+    """The figures of `report.figures` for one run, by their names."""
+
+    def __init__(self, data):
+        self._data = data
+
+    def __dir__(self):
+        from shefex_nav.report import figures
+
+        return [entry.name for entry in figures.CATALOGUE]
+
+    def __getattr__(self, name):
+        from shefex_nav.report import figures
+
+        if name not in dir(self):
+            raise AttributeError(f"there is no figure {name!r}; choose from {', '.join(dir(self))}")
+        return lambda: figures.draw(name, self._data)
+
+
+class SeenFrame(NamedTuple):
+    """One frame of the star camera, what came out of it and what it really looked at."""
+
+    number: int
+    t_s: float  # middle of the exposure
+    exposure_s: float
+    gain_db: float
+    image_dn: np.ndarray | None  # (rows, columns) grey values; None where the log keeps none
+    is_full: bool  # as read out; otherwise the background of the sky is zero
+    fix: StarFix | None  # of the star tracker; None if the run ended before
+    truth: FrameTruth | None
+
+
+class Frames:
+    """The frames of a run; their pixels are read from its log when they are asked for."""
+
+    def __init__(self, data, log):
+        self._data, self._log = data, log
+        self._fixes = {fix.number: fix for fix in data.star_fixes}
+        self._truths = {truth.number: truth for truth in data.frame_truths}
+        self.t_s = data.frames.t_valid_s  # (N,) middles of the exposures
+
+    def __len__(self):
+        return len(self.t_s)
+
+    def __getitem__(self, t_s):
+        """SeenFrame nearest to a mission time [s]; LookupError before the first and after the last frame."""
+        if not len(self) or not self.t_s[0] - 1.0 <= t_s <= self.t_s[-1] + 1.0:
+            covered = f"T{self.t_s[0]:+.1f} to {self.t_s[-1]:+.1f} s" if len(self) else "no time"
+            raise LookupError(f"no frame of the star camera at T{t_s:+.1f} s; the run has them for {covered}")
+        return self._frame(int(np.argmin(np.abs(self.t_s - t_s))))
+
+    def __iter__(self):
+        return (self._frame(k) for k in range(len(self)))
+
+    def _frame(self, k):
+        frames = self._data.frames
+        number, ns = int(frames.number[k]), log_time_ns(epoch_ns(self._data.mission.epoch_utc), self.t_s[k])
+        found = pixels.at(self._log, int(ns))
+        return SeenFrame(
+            number,
+            float(self.t_s[k]),
+            float(frames.exposure_s[k]),
+            float(frames.gain_db[k]),
+            found.image_dn if found else None,
+            bool(found and found.is_full),
+            self._fixes.get(number),
+            self._truths.get(number),
+        )
