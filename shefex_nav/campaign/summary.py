@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from shefex_nav.campaign import statistics
 from shefex_nav.report.requirements import severity
 
@@ -41,11 +43,10 @@ def summary_object(campaign):
 
 def worst_runs(campaign, k=MOST_WORST):
     """The k succeeded runs that met the fewest requirements, or came nearest to the limits: list of Worst."""
-    runs = campaign.runs[campaign.succeeded].tolist()
-    found = [
-        Worst(run, severity(judged), _why(judged)) for run, judged in zip(runs, campaign.judged, strict=True)
-    ]
-    return sorted(found, key=lambda one: (-one.severity, one.run))[:k]
+    runs, severity = campaign.runs[campaign.succeeded], campaign.judgements.severity
+    first = np.lexsort((runs, -severity))[:k].tolist()
+    judged = campaign.judged(runs[first].tolist())
+    return [Worst(int(runs[j]), float(severity[j]), _why(judged[int(runs[j])])) for j in first]
 
 
 def _why(judged):

@@ -186,6 +186,7 @@ def nav_params(scenario):
         clock_walk=_given(sensors.clock_random_walk, float(np.sqrt(walk))),
         range_bias_sigma=_range_bias(scenario),
         range_bias_time_s=sensors.range_bias_time,
+        lasting_share=_lasting_share(scenario),
         gravity_sigma=navigation.gravity_error,
         gps=navigation.gps,
         stars=navigation.stars,
@@ -223,6 +224,14 @@ def _range_bias(scenario):
         errors.multipath.range if errors.multipath else 0.0,
     ]
     return _given(scenario.navigation.sensors.range_bias, float(np.linalg.norm(sigmas)))
+
+
+def _lasting_share(scenario):
+    """Share of the variance of a position fix that is of errors which last; ranges have states for them."""
+    if scenario.navigation.gps == "tight":
+        return 0.0
+    lasting = _range_bias(scenario)
+    return lasting**2 / (lasting**2 + scenario.gps.range_noise**2) if lasting else 0.0
 
 
 def _motors(scenario):

@@ -33,10 +33,16 @@ def executable():
 
 
 def visit(page, profile, questions, width=1280, timeout_s=120.0):
-    """Open a file and ask about it. page, profile : Path;  questions : {name: JavaScript expression} -> Visit"""
+    """Open a file and ask about it. Path, Path of a profile, {name: JavaScript expression} -> Visit"""
     to_browser, ours_out = os.pipe()
     ours_in, from_browser = os.pipe()
-    command = [executable(), *_FLAGS, f"--user-data-dir={profile}", f"--window-size={width},900", "about:blank"]
+    command = [
+        executable(),
+        *_FLAGS,
+        f"--user-data-dir={profile}",
+        f"--window-size={width},900",
+        "about:blank",
+    ]
     process = subprocess.Popen(
         ["bash", "-c", f'exec "$@" 3<&{to_browser} 4>&{from_browser}', "bash", *command],
         pass_fds=(to_browser, from_browser),
@@ -98,7 +104,9 @@ def _talk(pipe, url, questions):
     pipe.wait(lambda message: message.get("method") == "Page.loadEventFired")
     facts = {}
     for name, expression in questions.items():
-        answer = pipe.call("Runtime.evaluate", session, expression=expression, returnByValue=True, awaitPromise=True)
+        answer = pipe.call(
+            "Runtime.evaluate", session, expression=expression, returnByValue=True, awaitPromise=True
+        )
         facts[name] = answer["result"].get("value")
     asked, complaints = [], []
     for event in pipe.events:
@@ -107,7 +115,11 @@ def _talk(pipe, url, questions):
             asked.append(params["request"]["url"])
         elif event["method"] == "Log.entryAdded" and params["entry"]["level"] in ("error", "warning"):
             complaints.append(params["entry"]["text"])
-        elif event["method"] == "Runtime.consoleAPICalled" and params["type"] in ("error", "warning", "assert"):
+        elif event["method"] == "Runtime.consoleAPICalled" and params["type"] in (
+            "error",
+            "warning",
+            "assert",
+        ):
             complaints.append(str(params["args"]))
         elif event["method"] == "Runtime.exceptionThrown":
             complaints.append(params["exceptionDetails"]["text"])

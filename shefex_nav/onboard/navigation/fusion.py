@@ -22,6 +22,7 @@ from shefex_nav.onboard.navigation import (
     integrity_gps,
     integrity_protection,
     integrity_watch,
+    measurements,
     prediction,
 )
 from shefex_nav.onboard.navigation.history import SNAP_S, History, Moment, Tick
@@ -180,7 +181,7 @@ def fuse(nav, arrivals):
         index = history.within(fix.t_valid_s)
         names, fix = _worth_trying(nav, arrival, fix, index, results)
         if names:
-            queue = [*history.measurements[index], *(Measurement(name, fix, Fate.PENDING) for name in names)]
+            queue = [*history.measurements[index], *(_to_try(nav, name, fix) for name in names)]
             history.measurements[index] = tuple(sorted(queue, key=_turn))
             earliest = min(earliest, index)
     if earliest < len(history):
@@ -209,6 +210,20 @@ def _worth_trying(nav, arrival, fix, index, results):
         nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
         names = tuple(name for name in names if name not in repeats)
     return names, fix
+
+
+def _to_try(nav, name, fix):
+    """The Measurement of a part of a fix before the gate."""
+    return Measurement(name, fix, Fate.PENDING, noise=_lasting(nav, name, fix))
+
+
+def _lasting(nav, name, fix):
+    """Factor on the covariance of a measurement that errs as the one before it did."""
+    if name != "gps_position":
+        return 1.0
+    gap_s = abs(fix.t_valid_s - nav.watch.position_s)
+    nav.watch.position_s = max(fix.t_valid_s, nav.watch.position_s)
+    return measurements.lasting_factor(nav.params.lasting_share, nav.params.range_bias_time_s, gap_s)
 
 
 def _whereabouts(nav, index):
@@ -287,6 +302,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         results.append(result)
         if measurement.fate in UNUSED:
             return measurement
+    R = measurement.noise * R
     P = prior = history.P.copy()
     if measurement.fate in (Fate.RESET, Fate.DOUBTED):
         prior = _forgotten(nav, P, sensor, measurement.admitted)

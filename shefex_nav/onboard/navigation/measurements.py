@@ -141,6 +141,30 @@ def gps_position(layout, state, fix, earth, l_ba_b, omega_ib_b, f_b):
     return fix.r_ea_e - a.r_e, a.J_r, fix.R_r_e
 
 
+def lasting_factor(share, time_s, gap_s):
+    """By how much more a position fix is uncertain than it says, because it errs as the one before it did.
+
+    A part of its variance is of errors that last, first-order Gauss-Markov: r = exp(-gap/time) of them is
+    what the fix before had. Fixes at a steady rate tell as much about a position that stands still as fixes
+    with independent errors of (1 + r)/(1 - r) times that part would; the first after a long gap counts in
+    full.
+
+    Parameters
+    ----------
+    share : of the variance that lasts, 0 to 1
+    time_s : correlation time
+    gap_s : since the fix before; inf: there was none
+
+    Returns
+    -------
+    float, on the covariance of the fix
+    """
+    if not share or gap_s == np.inf:
+        return 1.0
+    r = np.exp(-gap_s / time_s)
+    return float(1.0 - share + share * (1.0 + r) / max(1.0 - r, 1e-6))
+
+
 def gps_velocity(layout, state, fix, earth, l_ba_b, omega_ib_b, f_b):
     """Velocity fix of the antenna, relative to the rotating Earth: z = v_ea_e(measured) - v_ea_e.
 

@@ -30,7 +30,9 @@ class Measurement(NamedTuple):
     fix: Any
     fate: Any  # integrity.Fate
     rows: Any = None  # (m,) bool, rows that are used; None: all
-    admitted: float | None = None  # sigma that is added to what it measures; None: a reset forgets it all
+    # sigma that is added to what it measures, or to the blocks of a dict; None: a reset forgets it all
+    admitted: Any = None
+    noise: float = 1.0  # factor on its covariance where it is used, `measurements.lasting_factor`
 
 
 class Trial(NamedTuple):

@@ -190,6 +190,7 @@ class NavParams(NamedTuple):
     range_bias_time_s: float = np.inf  # its correlation time
     gravity_sigma: float = 0.0  # m/s^2, each axis, of the block gravity in the long run
     gps: str = "loose"  # GPS by its fixes; "tight": by the ranges of its channels
+    lasting_share: float = 0.0  # of the variance of a position fix: errors that last range_bias_time_s
     integrity: Any = None  # integrity_watch.IntegrityParams; None: nothing is expected of IMU and solution
     stars: str = "attitude"  # stars by the attitude of each frame; "vectors": each star by itself
 

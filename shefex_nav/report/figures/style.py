@@ -158,9 +158,11 @@ def event_lines(axes, data):
 
 
 def log_scale(axes, bottom=None, top=None):
-    """Logarithmic y axis with its numbers written out."""
+    """Logarithmic y axis with its numbers written out; linear where no curve has anything above zero."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
+    if not any((np.asarray(line.get_ydata(), dtype=float) > 0.0).any() for line in axes.lines):
+        return
     axes.set_yscale("log")
     axes.set_ylim(bottom, top)
     low, high = axes.get_ylim()
