@@ -437,3 +437,15 @@ def test_two_samples_a_tick():
     for end in ends[1:]:
         sigma = np.sqrt(np.diag(ends[0].P))
         assert np.abs((end.P - ends[0].P) / np.outer(sigma, sigma)).max() < 1e-3  # noise by the trapezoid
+
+
+@pytest.mark.parametrize("name", [name for name in OPTIONAL if name != "gyro_roll_column"])
+def test_every_block_alone_gives_numbers_whatever_the_memory_held(name):
+    """Freed memory full of NaN before each call: nothing that was not written may be used."""
+    order, imu = layout((name,)), strapdown.window(BLOCKS[0])
+    x, P = pack(state_with_errors((name,))), np.eye(order.n)
+    for _ in range(5):
+        held = [np.full(shape, np.nan) for shape in ((7, 3, 3, 3), (7, 2, 3, 3), (9, order.n), (9, 9))]
+        del held
+        _, after = prediction.advance(order, NOISE, x, 0.0, P, imu, 0.0, 0.01, EARTH)
+        assert np.all(np.isfinite(after))
