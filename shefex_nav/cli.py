@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.campaign.characterise.command import characterise
 from shefex_nav.campaign.command import campaign, repeat  # which imports late
 from shefex_nav.replay.command import replay  # likewise
 from shefex_nav.replay.smooth_command import smooth
@@ -30,6 +31,7 @@ app = typer.Typer(
 app.add_typer(verify_app, name="verify")
 app.command(cls=ListingCommand)(reproduce)
 app.command()(solve)
+app.command()(characterise)
 app.command()(replay)
 app.command()(smooth)
 app.command()(campaign)
@@ -291,6 +293,7 @@ def user_errors():
         "shefex_nav.log.topics.LogError",
         "shefex_nav.report.viewer.program.ViewerError",
         "shefex_nav.replay.table.DataError",
+        "shefex_nav.statistical.OutsideModelError",
     )
     for name in names:
         module, _, attribute = name.rpartition(".")

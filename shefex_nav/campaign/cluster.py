@@ -32,7 +32,7 @@ class Briefing(WorkerPlugin):
 
     def setup(self, worker):
         """Before the first run of a worker."""
-        flight.prepare_worker(self.plan)
+        flight.prepare_worker(self.plan, worker.state.nthreads)
 
 
 class ClusterLane:
@@ -70,5 +70,5 @@ class ClusterLane:
 
     def stop(self, at_once=False):
         """Let the cluster go; at once: what it has not flown yet is given up."""
-        self._executor.shutdown(wait=not at_once, cancel_futures=at_once)
+        self._executor.shutdown(wait=not at_once)  # which cancels what is left if it does not wait
         self._client.close()

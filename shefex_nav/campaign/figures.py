@@ -50,8 +50,7 @@ def draw_errors(series):
             t_s, (sigma,) = _percentiles(series.t_s, limit, (50.0,))
             for sign in (-1.0, 1.0):
                 axis.plot(t_s, sign * sigma, color=RED, lw=1.0)
-            top = 1.15 * max(np.percentile(sigma, 98.0), np.percentile(np.maximum(-low, high), 98.0))
-            axis.set_ylim(-top, top)
+            _both_ways(axis, sigma, np.maximum(-low, high))
             axis.set_ylabel(f"{over_time.AXES[k]} [{unit}]")
         axes[0, q].set_title(f"{name}, {'body' if name == 'attitude' else 'inertial'} axes", loc="left")
         axes[2, q].set_xlabel("time from lift-off [s]")
@@ -63,6 +62,25 @@ def draw_errors(series):
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     _title(figure, f"Errors of {len(series.runs)} runs")
     return figure
+
+
+def _both_ways(axis, sigma, size):
+    """y axis from a linear part about zero, where errors are small, to decades where they are large.
+
+    sigma : (T,) limits drawn;  size : (T,) of the errors drawn
+    """
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    small = max(float(np.percentile(sigma, 20.0)), 1e-12)
+    top = 1.3 * max(float(np.max(sigma)), float(np.max(size)), 1.01 * small)
+    axis.set_ylim(-top, top)
+    if top < 6.0 * small:
+        return
+    axis.set_yscale("symlog", linthresh=small, linscale=1.0)
+    decades = 10.0 ** np.arange(np.ceil(np.log10(small)), np.floor(np.log10(top)) + 1.0)
+    axis.yaxis.set_major_locator(FixedLocator([*-decades[::-1], 0.0, *decades]))
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.yaxis.set_minor_locator(NullLocator())
 
 
 def _percentiles(t_s, values, percents):

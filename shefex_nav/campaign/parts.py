@@ -77,8 +77,8 @@ def errors(campaign):
     found = statistics.errors(campaign)
     if not found:
         return None
-    names = (f">{percent:g} % (95 % interval)" for percent in statistics.QUANTILES)
-    heads = ("error", "unit", *names, ">worst", ">run", ">runs more for 95 % ±5 %")
+    names = (f">{percent:g} %" for percent in statistics.QUANTILES)
+    heads = ("error", "unit", *names, ">worst", ">run", ">runs to add")
     rows = tuple(
         (
             one.name,
@@ -90,7 +90,8 @@ def errors(campaign):
         )
         for one in found
     )
-    return Part("Sizes of errors: percentiles over the runs", heads, rows)
+    note = "Runs to add: until the 95 % percentile is known to 5 % of itself."
+    return Part("Sizes of errors: percentiles over the runs, with 95 % intervals", heads, rows, (note,))
 
 
 def _still(spread):

@@ -81,7 +81,7 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
     interrupted = False
     try:
         if missing:
-            if crew is None:
+            if crew is None and request.cluster is None:
                 compile_kernels(request.scenario, show)
             plan = with_flight(plan, store, request.scenario)
             with show.bar(tally) as note:

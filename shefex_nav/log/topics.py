@@ -177,7 +177,7 @@ TOPICS = (
         T_AVAILABLE,
         _number("dt_s", "dt_s", "duration of one sample [s]"),
         _number("dtheta_b_rad", "dtheta_b", "integrated rate, body axes, n x 3 row by row [rad]", (EQUAL, 3)),
-        _number("dv_b_m_s", "dv_b", "integrated force per mass, body axes, n x 3 row by row [m/s]", (EQUAL, 3)),
+        _number("dv_b_m_s", "dv_b", "integrated specific force, body axes, n x 3 [m/s]", (EQUAL, 3)),
         _flag("saturated", "saturated", "a sample reached the range of its sensor"),
         _flag("valid", "valid", "false: the unit did not answer, the samples are NaN"),
     )),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from short_campaign import BREAKS, HereLane, fly, write
 
-from shefex_nav.campaign import draws, engine, repeating, results, running, store, summary, table
+from shefex_nav.campaign import draws, engine, flight, repeating, results, running, store, summary, table
 from shefex_nav.campaign.flight import Pilot
 from shefex_nav.log import reader
 from shefex_nav.report import metrics
@@ -289,3 +289,29 @@ def test_the_scenario_of_a_run_is_that_of_its_draws(scenario):
     degrees = np.degrees(flown.ground.latitude - scenario.ground.latitude)
     assert degrees == pytest.approx(job.draws["ground.latitude"], abs=1e-9)
     assert draws.sensor_seed(1, 4) == job.seed != draws.sensor_seed(2, 4)
+
+
+def test_a_traceback_does_not_say_where_things_are_installed():
+    """It is in the table, and the table is to be the same on every machine."""
+    try:
+        np.linalg.cholesky(-np.eye(2))
+    except np.linalg.LinAlgError as error:
+        text = flight._traceback(error)
+    assert 'File "numpy/linalg/_linalg.py"' in text
+    assert text.endswith("LinAlgError: Matrix is not positive definite\n")
+
+
+def test_a_worker_that_does_not_fit_is_refused(scenario, monkeypatch):
+    plan, sampler = running.prepared(scenario, 1, 1)
+    monkeypatch.setattr(flight, "_pilot", None)
+    bad = {
+        "flies 2 runs at a time; start each with --nthreads 1": lambda: flight.prepare_worker(plan, 2),
+        "not 1.0: all need the same": lambda: flight.prepare_worker(
+            plan._replace(versions=plan.versions | {"numpy": "1.0"})
+        ),
+    }
+    for words, prepare in bad.items():
+        prepare()
+        with pytest.raises(flight.WorkerError) as refused:
+            flight.fly(sampler.job(0))
+        assert words in str(refused.value)

@@ -56,18 +56,17 @@ class Watch:
         self.reasons = {}  # source -> why it is not healthy
         self.said = []  # NavHealth not handed over yet
 
-    def screen(self, block):
-        """What of an ImuBlock can be used -> ImuBlock, (2, 3) densities of additional noise."""
+    def screen(self, block, readings, densities):
+        """What of an ImuBlock can be used: `integrity_imu.screen`, which writes the two arrays."""
         if self.imu is None or len(self.imu.last) != len(block.dtheta_b):
             self.imu = integrity_imu.start(self.params.imu, len(block.dtheta_b))
-        block, densities, changes = integrity_imu.screen(self.imu, block)
+        changes = integrity_imu.screen(self.imu, block, readings, densities)
         if changes:
             self.said += changes
             self.unread = bool(self.imu.state.any())
             self.gyros.forget()
         if self.gyros.failed:
             self._gyros_now(block.t_valid_s)
-        return block, densities
 
     @property
     def imu_blind(self):

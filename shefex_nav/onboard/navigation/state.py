@@ -54,6 +54,7 @@ X_GM, X_GG = NOMINAL["gyro_misalignment"].start, NOMINAL["gyro_g_sensitivity"].s
 X_AS, X_AM = NOMINAL["accel_scale"].start, NOMINAL["accel_misalignment"].start
 X_CLOCK, X_RANGE = NOMINAL["clock"].start, NOMINAL["range_bias"]
 X_RECTIFIED, X_GRAVITY = NOMINAL["accel_rectification"].start, NOMINAL["gravity"].start
+X_MOUNTING, X_LEVER, X_LATENCY = NOMINAL["mounting"], NOMINAL["lever_arm"], NOMINAL["gps_latency"].start
 
 
 class Layout(NamedTuple):
