@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.log.topics import TOPICS
+from shefex_nav.log.topics import EQUAL, TOPICS
 from shefex_nav.records import (
     CameraCommand,
     ControlSample,
@@ -48,13 +48,14 @@ _SOURCES = {  # table -> record and field of RunData
     "health": (NavHealth, "health"),
     "events": (Event, "events"),
 }
-_PER_ELEMENT = {  # table of what has a length of its own, and a field that has it
-    GpsRanges: ("gps_ranges", "prn"),
-    StarFix: ("star_fix_objects", "hip"),
-    FrameTruth: ("frame_truth_stars", "hip"),
-    GateResult: ("gate_innovations", "innovation"),
-    NavCovariance: ("nav_states", "estimates"),
+_PER_ELEMENT = {  # tables of what has a length of its own: name, and an attribute that has it
+    GpsRanges: (("gps_ranges", "prn"),),
+    StarFix: (("star_fix_objects", "hip"), ("star_vectors", "stars.hip")),
+    FrameTruth: (("frame_truth_stars", "hip"),),
+    GateResult: (("gate_innovations", "innovation"),),
+    NavCovariance: (("nav_states", "estimates"),),
 }
+_SAMPLES = ("dtheta_b_rad", "dv_b_m_s")  # a vector in each row
 _TOPIC = {topic.record: topic for topic in TOPICS}
 
 
@@ -73,8 +74,7 @@ def tables(data):
         topic, source = _TOPIC[record], getattr(data, field)
         if record is not GpsRanges:
             out[name] = _table(topic, source)
-        if record in _PER_ELEMENT:
-            inner, counted = _PER_ELEMENT[record]
+        for inner, counted in _PER_ELEMENT.get(record, ()):
             out[inner] = _elements(topic, source, counted)
     out |= _errors(data)
     return {name: columns for name, columns in out.items() if columns and len(columns[0].values)}
@@ -110,9 +110,10 @@ def _table(topic, source):
             columns.append(Column(field.name, values, field.comment))
             continue
         name = field.name.removesuffix("_wxyz")
+        shape = values.shape[1:]
         columns += [
             Column(f"{name}_{ending}", values[(slice(None), *index)], field.comment)
-            for index, ending in zip(np.ndindex(field.shape), endings(field), strict=True)
+            for index, ending in zip(np.ndindex(shape), endings(field.name, shape), strict=True)
         ]
     return columns
 
@@ -122,18 +123,21 @@ def _column(field, values):
     if isinstance(field.kind, type):  # an IntEnum
         return np.array([field.kind(int(value)).name.lower() for value in values], dtype=str)
     dtype = {"double": float, "bool": bool, "string": str, "sfixed32": np.int64}[field.kind]
-    return np.asarray(values, dtype=dtype).reshape(len(values), *field.shape)
+    array = np.asarray(values, dtype=dtype)
+    if EQUAL in field.shape:  # as many in each record as in the first
+        return array if array.ndim == 1 + len(field.shape) else array.reshape(0, *map(abs, field.shape))
+    return array.reshape(len(values), *field.shape)
 
 
-def endings(field):
-    """What tells the columns of a vector or matrix apart, in the order of np.ndindex."""
-    if field.name.endswith("_wxyz"):
+def endings(name, shape):
+    """What tells the columns of a field of a shape apart, in the order of np.ndindex."""
+    if name.endswith("_wxyz"):
         return list("wxyz")
-    if field.shape == (3,):
+    if shape == (3,):
         return list("xyz")
-    if len(field.shape) == 2 and field.shape[1] == 3 and field.shape[0] != 3:  # samples of a vector
-        return [f"{i + 1}_{'xyz'[j]}" for i, j in np.ndindex(field.shape)]
-    return ["_".join(str(i + 1) for i in index) for index in np.ndindex(field.shape)]
+    if len(shape) == 2 and name in _SAMPLES:
+        return [f"{i + 1}_{'xyz'[j]}" for i, j in np.ndindex(shape)]
+    return ["_".join(str(i + 1) for i in index) for index in np.ndindex(shape)]
 
 
 def _elements(topic, source, counted):
@@ -152,7 +156,8 @@ def _elements(topic, source, counted):
             values = _column(field, _values(source, field.source))
             columns.append(Column(name, np.repeat(values, lengths), field.comment))
     for field in topic.fields:
-        if field.shape and field.shape[0] == -1:
+        own = field.source.startswith("stars.") == counted.startswith("stars.")
+        if field.shape and field.shape[0] == -1 and own:
             columns += _of_elements(field, _values(source, field.source), lengths)
     return columns
 

@@ -95,6 +95,25 @@ def test_what_differs_in_length_has_a_row_for_each_element(data, written):
     assert states.num_rows == 6 * len(data.covariance.t_s)
 
 
+def test_stars_used_by_themselves_have_a_table_of_their_own(data):
+    stars = rec.StarVectors(
+        np.array([11, 12]),
+        np.eye(3)[:2],
+        np.tile(np.eye(2), (2, 1, 1)),
+        np.eye(3)[1:],
+        np.zeros(2),
+        np.eye(3),
+    )
+    first, second = data.star_fixes[:2]
+    fixes = [first._replace(stars=rec.NO_STARS), second._replace(stars=stars)]
+    tables = export.tables(data._replace(star_fixes=fixes))
+    named = {one.name: one.values for one in tables["star_vectors"]}
+    assert named["star_hip"].tolist() == [11, 12] and named["number"].tolist() == [fixes[1].number] * 2
+    assert named["star_u_i_y"].tolist() == [1.0, 0.0]
+    objects = {one.name for one in tables["star_fix_objects"]}
+    assert "hip" in objects and not any(name.startswith("star_") for name in objects)
+
+
 def test_a_list_says_what_every_column_is(data, tmp_path):
     export.write(data, tmp_path, "csv")
     with (tmp_path / export.COLUMNS).open(newline="") as file:

@@ -91,7 +91,7 @@ def _level_axes(earth, truth):
 
 def aided_since(data):
     """Mission time of the first star fix that the filter used; None without any."""
-    used = (gate.t_s for gate in data.gates if gate.sensor == "star_tracker" and gate.accepted)
+    used = (gate.t_s for gate in data.gates if gate.sensor.startswith("star_") and gate.accepted)
     return next(used, None)
 
 
