@@ -18,7 +18,7 @@ from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import eskf, fusion, integrity_protection, measure_stars, measurements
 from shefex_nav.onboard.navigation.state import ATT, correct, layout
 from shefex_nav.onboard.startracker import likelihood
-from shefex_nav.records import GateResult, Reason, StarFix, StarVectors
+from shefex_nav.records import GateResult, NavHealth, Reason, StarFix, StarVectors
 
 VECTORS = PARAMS._replace(stars="vectors")
 MOUNT = layout().places["mounting"]
@@ -184,15 +184,15 @@ def mission(rng, bias, params=VECTORS):
     return nav, blocks
 
 
-def flown(nav, blocks, fixes):
-    """Hand fixes over when they are available, through the executive. -> [GateResult]"""
+def flown(nav, blocks, fixes, kind=GateResult):
+    """Hand fixes over when they are available, through the executive. -> list of records of a kind"""
     waiting, results = sorted(fixes, key=lambda fix: fix.t_available_s), []
     for n, block in enumerate(blocks, 1):
         fusion.advance(nav, block)
         due = [fix for fix in waiting if fix.t_available_s <= block.t_valid_s + 1e-9]
         waiting = waiting[len(due) :]
         outputs = computer.conclude(nav, n, [], due)
-        results += [record for record in outputs if isinstance(record, GateResult)]
+        results += [record for record in outputs if isinstance(record, kind)]
     return results
 
 
@@ -360,3 +360,29 @@ def test_what_one_wrong_star_could_do():
     np.testing.assert_allclose(found.worst_b, worst, rtol=1e-6)
     np.testing.assert_allclose(found.variance_b, np.diag(P_after)[ATT])
     assert np.all(found.left_stars < 1.0)
+
+
+@pytest.mark.parametrize("way", ["attitude", "vectors"])
+def test_a_wrong_gyro_is_noticed_either_way(way):
+    """200 arcsec/s across the boresight from 3 s after the first stars on: told in a second and a half."""
+    rng = np.random.default_rng(8)
+    params = VECTORS._replace(stars=way)
+    nav, blocks = mission(rng, np.zeros(3), params)
+    begin_s, bias = START_S + 3.5, np.array([0.0, 0.0, 200.0 / 3600.0 * DEG])
+    blocks = [
+        block._replace(dtheta_b=block.dtheta_b + bias * block.dt_s) if block.t_valid_s > begin_s else block
+        for block in blocks[:600]
+    ]
+    fixes = []
+    for t_s in START_S + 0.2 + 0.1 * np.arange(50):
+        truth, _ = state_at(BLOCKS, STATES, t_s)
+        stars = seen(truth, places(rng, 10), rng)
+        P_px = np.tile(SIGMA_PX**2 * np.eye(2), (10, 1, 1))
+        q_ic = rotation.quat_from_dcm(camera_attitude(truth))
+        q_ic, P_c, _ = likelihood.refine(CAMERA, q_ic, pixels(CAMERA, stars.u_c), stars.u_i, P_px)
+        fixes.append(frame_of(t_s, stars, q_ic, P_c, 0.05))
+    said = flown(nav, blocks, fixes, NavHealth)
+    wrong = [record for record in said if record.source.startswith("gyro") and not record.healthy]
+    assert wrong[0].source == "gyro z" and len({record.source for record in wrong}) == 1
+    assert begin_s < wrong[0].t_s < begin_s + 1.5
+    assert nav.history[-1].state.gyro_bias[2] == pytest.approx(bias[2], rel=0.1)

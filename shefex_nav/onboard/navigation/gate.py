@@ -12,7 +12,7 @@ import numpy as np
 from shefex_nav.onboard.navigation import eskf, integrity, integrity_gps, integrity_watch
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import SENSORS, Measurement
-from shefex_nav.records import GateResult
+from shefex_nav.records import GateResult, Reason
 
 NOTES = {
     Fate.USED: "",
@@ -42,11 +42,13 @@ def decide(nav, now, z, H, R, measurement):
     note = NOTES.get(fate, sensor.reset_note)
     if fate == Fate.RESET and admitted is not None:
         note += ", or the camera has moved"
-    found = _gyros_wrong(nav, now, z, R, S, fate) if name == "star_tracker" else None
+    found, attitude = None, _attitude(nav, now, z, R, S, measurement, fate)
+    if attitude:
+        found = _gyros_wrong(nav, now, *attitude, fate)
     _tell(nav, now_s, name, Fate.USED if found else fate, note)
     if found:
-        fate, rows, note = Fate.RESET, None, f"{' '.join(found.axes)} wrong: bias to be found again"
-        admitted = {"attitude": np.full(3, np.sqrt(z @ z)), "gyro_bias": found.admitted}
+        fate, note = Fate.RESET, f"{' '.join(found.axes)} wrong: bias to be found again"
+        admitted = {"attitude": np.full(3, np.sqrt(attitude[0] @ attitude[0])), "gyro_bias": found.admitted}
         nav.health[name] = integrity.Health(nav.health[name].used + 1, 0, np.nan, None)
     if rows is not None:
         note = f"rejected: {', '.join(_rejected(sensor, fix, rows))}"
@@ -66,6 +68,21 @@ def _tell(nav, now_s, name, fate, note):
         nav.watch.tell(now_s, name, note)
     elif integrity_watch.contradicts(name, nav.health[name]):
         nav.watch.tell(now_s, name, integrity_watch.reason(name, nav.health))
+
+
+def _attitude(nav, now, z, R, S, measurement, fate):
+    """Innovation, its noise and its covariance of the attitude that a measurement says, or None.
+
+    Of stars that are used one by one it is that of their frame; of stars that are not used, the attitude is
+    judged next (`sensors.attitudes_instead`).
+    """
+    if measurement.sensor == "star_tracker":
+        return z, R, S
+    fix = measurement.fix
+    if measurement.sensor == "star_vectors" and fate == Fate.USED and fix.reason == Reason.NONE:
+        z, H, R = SENSORS["star_tracker"].linearise(nav, now, fix)
+        return z, R, H @ now.P @ H.T + R
+    return None
 
 
 def _gyros_wrong(nav, now, z, R, S, fate):

@@ -286,7 +286,9 @@ def attitudes_instead(nav, arrivals, results):
             continue
         fix = fixes[result.t_valid_s]
         if result.accepted:
-            nav.health["star_tracker"] = nav.health["star_tracker"]._replace(rejected=0, evidence=None)
+            nav.health["star_tracker"] = nav.health["star_tracker"]._replace(
+                rejected=0, evidence=None, in_a_row=0
+            )
             nav.watch.tell(result.t_s, "star_tracker", "")
         elif fix.reason == Reason.NONE:
             instead.append(("star_tracker", fix))
