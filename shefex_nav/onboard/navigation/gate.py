@@ -11,7 +11,7 @@ import numpy as np
 
 from shefex_nav.onboard.navigation import eskf, integrity, integrity_gps, integrity_watch
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS, Measurement
+from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.records import GateResult, Reason
 
 NOTES = {
@@ -57,7 +57,8 @@ def decide(nav, now, z, H, R, measurement):
     accepted = fate in (Fate.USED, Fate.RESET)
     result = GateResult(now_s, fix.t_valid_s, name, len(z), nis, limit, accepted, note, z)
     confirmed = not alone or (fate == Fate.RESET and sensor.confirmed is not None)
-    return Measurement(name, fix, fate, rows, admitted), result, confirmed
+    decided = measurement._replace(fate=fate, rows=rows, admitted=admitted)
+    return decided, result, confirmed
 
 
 def _tell(nav, now_s, name, fate, note):
