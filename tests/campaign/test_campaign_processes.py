@@ -84,7 +84,7 @@ def test_interrupted_then_killed_then_finished(path, digest, tmp_path):
     first.send_signal(signal.SIGINT)
     _, said = first.communicate(timeout=PATIENCE_S)
     assert first.returncode == 130
-    done = len(table.load(folder / "results.parquet"))
+    done = len(list(table.load(folder / "results.parquet")))
     assert f"interrupted; {done} of {RUNS} runs are kept, the same command goes on from there" in said
     if done < RUNS - 1:
         second = campaign(path, folder, "--workers", 1)

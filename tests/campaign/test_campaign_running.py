@@ -31,7 +31,7 @@ def whole(scenario, tmp_path_factory):
 
 def test_every_run_is_a_row_with_its_draws(whole, scenario):
     folder, ended = whole
-    rows = table.load(folder / "results.parquet")
+    rows = list(table.load(folder / "results.parquet"))
     assert [row["run"] for row in rows] == list(range(RUNS))
     assert {row["status"] for row in rows} == {"succeeded"}
     assert not ended.interrupted and ended.digest == table.digest(rows)
