@@ -181,10 +181,10 @@ def _expand_model(tree, places, texts):
         return []
     here = places.value(path)
     del tracker[MODEL]  # if it cannot be read, the schema need not complain as well
+    if tracker.get("frames") != "statistical":  # a scenario without statistics can be carried anywhere
+        return []
     try:
         text = read_text(name, "a file of `shefex-nav characterise`")
-        if tracker.get("frames") != "statistical":
-            return []
         found = parse(text, name)  # JSON is YAML
     except Unreadable as error:
         return [(here, f"{dotted(path)}: '{name}' {error}")]

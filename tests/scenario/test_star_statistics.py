@@ -95,9 +95,9 @@ def test_a_model_that_is_missing_broken_or_of_something_else_is_refused(tmp_path
         DEFAULT, [STATISTICAL, "star_tracker.model=null"]
     )
     nowhere = tmp_path / "nowhere.json"
-    for frames in ("statistical", "rendered"):
-        said = the_message(DEFAULT, [f"star_tracker.frames={frames}", f"star_tracker.model={nowhere}"])
-        assert f"star_tracker.model: '{nowhere}' there is no such file" in said
+    said = the_message(DEFAULT, [STATISTICAL, f"star_tracker.model={nowhere}"])
+    assert f"star_tracker.model: '{nowhere}' there is no such file" in said
+    assert load(DEFAULT, [f"star_tracker.model={nowhere}"]).star_tracker.model is None
     path, overrides = with_model(tmp_path, lambda found: found["sightings"].pop("noise"))
     assert "star_tracker.model.sightings.noise: " in the_message(DEFAULT, overrides)
     path.write_text("[1, 2]", encoding="utf-8")
