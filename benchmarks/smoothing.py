@@ -3,7 +3,8 @@
 uv run python benchmarks/smoothing.py FOLDER [--seeds 20] [--first 0] [--json FILE]
 
 FOLDER holds star fixes of whole runs of the default mission, as `benchmarks/consistency.py FOLDER` keeps
-them; IMU, GPS and truth are made again from the seed. Prints for each part of the flight the RMS over all
+them; the first seeds of which there are some are taken. IMU, GPS and truth are made again from the seed.
+Prints for each part of the flight the RMS over all
 seeds of filter and smoother with their ratio and its 95 % interval (bootstrap over seeds), and the NEES of
 both at some instants with the interval that holds 99.9 % of means over so many seeds.
 """
@@ -110,8 +111,12 @@ def main():
     from shefex_nav.scenario import load
 
     scenario = load.load(SCENARIOS / "shefex2_andoya.yaml")
-    runs = []
-    for seed in range(options.first, options.first + options.seeds):
+    runs, folder = [], Path(options.folder)
+    kept = sorted(int(path.stem.removeprefix("fixes-")) for path in folder.glob("fixes-*.npz"))
+    seeds = [seed for seed in kept if seed >= options.first][: options.seeds]
+    if not seeds:
+        parser.error(f"{folder} holds no star fixes of seed {options.first} or later")
+    for seed in seeds:
         runs.append(measure(scenario, seed, options.folder))
         print(f"seed {seed} done", flush=True)
         if options.json:

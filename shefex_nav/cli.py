@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.campaign.characterise.command import characterise
 from shefex_nav.campaign.command import campaign, repeat  # which imports late
 from shefex_nav.replay.command import replay  # likewise
 from shefex_nav.replay.smooth_command import smooth
@@ -30,10 +31,12 @@ app = typer.Typer(
 app.add_typer(verify_app, name="verify")
 app.command(cls=ListingCommand)(reproduce)
 app.command()(solve)
+app.command()(characterise)
 app.command()(replay)
 app.command()(smooth)
 app.command()(campaign)
 app.command()(repeat)
+app.command()(export_command.export)
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
 LogArgument = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
@@ -169,7 +172,7 @@ def report(
     if log.is_dir():
         from shefex_nav.campaign import report_command
 
-        report_command.report(log, json=json, figures=figures)
+        report_command.report(log, json=json, html=html, figures=figures)
         return
     from shefex_nav.log import reader
     from shefex_nav.report import metrics
@@ -290,6 +293,7 @@ def user_errors():
         "shefex_nav.log.topics.LogError",
         "shefex_nav.report.viewer.program.ViewerError",
         "shefex_nav.replay.table.DataError",
+        "shefex_nav.statistical.OutsideModelError",
     )
     for name in names:
         module, _, attribute = name.rpartition(".")

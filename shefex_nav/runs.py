@@ -161,7 +161,7 @@ class Run:
 
     @property
     def plot(self):
-        """Pictures of the run, each a matplotlib Figure: `run.plot.attitude()`; `dir(run.plot)` names them."""
+        """Figures of the run, each of matplotlib: `run.plot.attitude()`; `dir(run.plot)` names them."""
         return Plots(self.data)
 
     def view(self, save=None):

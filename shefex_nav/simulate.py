@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 
-from shefex_nav import prepare
+from shefex_nav import prepare, statistical
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard import computer as onboard
@@ -38,20 +38,29 @@ def run(scenario, seed):
     yield from route(prepare.build_world(scenario, seed), scenario, seed)
 
 
-def route(world, scenario, seed, *, until_s=np.inf):
-    """Tick by tick through a world that has been built; as `run`, until the mission time until_s at most."""
+def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step):
+    """Tick by tick through a world that has been built; as `run`, until the mission time until_s at most.
+
+    step : `star_tracker.step`, or something that wraps it to see what it is given
+    """
     yield world.alignment
     trajectory, events = world.flight.trajectory, list(world.flight.events)[::-1]
     epoch_year = ephemeris.julian_year(scenario.mission.epoch)
     computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, epoch_year)
+    line = faults.StarLine(world.faults.stars, noise.generator(seed, "faults"))
+    sight = None  # what stands for pictures, if there are none
+    if statistical.is_wanted(scenario):
+        sight = statistical.Statistical(scenario, world, computer.tracker, seed, line)
     shutter = Shutter(
         world.camera,
         trajectory,
         every=round(TICKS_PER_S / scenario.star_tracker.rate),
         off_s=scenario.star_tracker.off,
         rng=noise.generator(seed, "camera_noise"),
+        take=sight.expose if sight else camera.expose,
     )
-    line = faults.StarLine(world.faults.stars, noise.generator(seed, "faults"))
+    brief = sight and not world.computer.tracker.vectors  # single stars are found by the prediction
+    context = onboard.brief_context if brief else onboard.star_context
     received = sorted(world.gps_fixes + world.gps_ranges, key=lambda m: m.t_available_s, reverse=True)
     steered = control_samples(world.flight.control, trajectory)[::-1]
     for n, block in enumerate(imu.blocks(world.imu), 1):
@@ -70,11 +79,13 @@ def route(world, scenario, seed, *, until_s=np.inf):
             yield truth
         yield from arrived
         frames = [line.picture(frame) for frame, _ in pictures]
-        yield from frames
-        clock = Stopwatch(star_tracker.step)
-        computer, outputs = onboard.tick(computer, block, arrived, frames, chain=line.chain(clock.step))
+        if not sight:
+            yield from frames
+        clock = Stopwatch(sight.step if sight else step)
+        chain = line.chain(clock.step)
+        computer, outputs = onboard.tick(computer, block, arrived, frames, chain=chain, context=context)
         yield from outputs
-        for frame, duration_s in zip(frames, clock.durations_s, strict=True):
+        for frame, duration_s in zip(frames if not sight else (), clock.durations_s, strict=not sight):
             yield ComputeTime(now_s, frame.number, duration_s)
         shutter.tick(n, now_s, [record for record in outputs if isinstance(record, CameraCommand)])
     yield from reversed(events)  # the impact, between the last tick and the one that did not come

@@ -23,9 +23,14 @@ def test_no_wrong_fix_is_ever_used(seed):
     is_wrong = set(times[::10])
     assert len(stars) == len(times)
     assert not [gate for gate in stars if gate.accepted and gate.t_valid_s in is_wrong]
-    refused = [gate.t_valid_s for gate in stars if not gate.accepted and gate.t_valid_s not in is_wrong]
-    assert refused[0] == times[1]  # the first good one waits for the second
-    assert len(refused) <= 6  # one in 10 000 good ones is rejected by chance, of 1300
+    # the first good one waits for the second; the gate rejects one good fix in 10 000, with or without the
+    # wrong ones: those that it rejects here are the same as there, or at the limit
+    refused = [gate for gate in stars if not gate.accepted and gate.t_valid_s not in is_wrong]
+    by_chance = {gate.t_valid_s for gate in clean.gates if gate.note == "rejected"}
+    first, *others = refused
+    assert first.t_valid_s == times[1] and first.note.startswith("held")
+    assert not [g for g in others if g.t_valid_s not in by_chance and g.nis > 1.1 * g.limit]
+    assert len(others) <= 2  # of 1271: three by chance in one flight of 3000
     rms = [
         np.sqrt((flown.error[flown.during(250.0, 406.0), 6:] ** 2).sum(axis=1).mean())
         for flown in (clean, wrong)

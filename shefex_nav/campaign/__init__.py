@@ -8,7 +8,7 @@ campaign.json
 runs/000123.json, runs/000123.npz
     One run: its record and its series (`flight.Pilot.fly`). Each is written whole or not at all, the record
     last: a run whose record is there is done.
-flight.pkl
+flight.npz
     The one flight of all runs, if the campaign has `flight: shared`.
 logs/000123.mcap
     Runs that were flown again with a log (`--keep`).

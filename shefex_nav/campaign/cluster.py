@@ -32,7 +32,7 @@ class Briefing(WorkerPlugin):
 
     def setup(self, worker):
         """Before the first run of a worker."""
-        flight.prepare_worker(self.plan)
+        flight.prepare_worker(self.plan, worker.state.nthreads)
 
 
 class ClusterLane:
@@ -65,7 +65,10 @@ class ClusterLane:
         """Future of a run."""
         return self._executor.submit(flight.fly, job)
 
+    def renew(self):
+        """After the death of a worker: the scheduler has taken note."""
+
     def stop(self, at_once=False):
         """Let the cluster go; at once: what it has not flown yet is given up."""
-        self._executor.shutdown(wait=not at_once, cancel_futures=at_once)
+        self._executor.shutdown(wait=not at_once)  # which cancels what is left if it does not wait
         self._client.close()

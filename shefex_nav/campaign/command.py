@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-OUT = Path("campaigns")
+OUT = Path("logs/campaigns")
 
 
 def campaign(
@@ -26,7 +26,7 @@ def campaign(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Root of all randomness.")] = 1,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the results; default campaigns/<scenario>-seed<seed>.")
+        Path | None, typer.Option(help="Folder of the results; default logs/campaigns/<scenario>-seed<seed>.")
     ] = None,
     keep: Annotated[
         list[str] | None,
@@ -48,6 +48,7 @@ def campaign(
 ):
     """Fly a scenario many times; the same command goes on with a campaign that was interrupted."""
     from shefex_nav.campaign import engine, running
+    from shefex_nav.campaign.flight import WorkerError
     from shefex_nav.campaign.progress import show
     from shefex_nav.campaign.stopping import stopping
     from shefex_nav.campaign.store import Store, StoreError
@@ -66,18 +67,15 @@ def campaign(
         with Store(folder) as store, stopping() as stop:
             _say(f"{loaded.mission.name}, {runs} runs, seed {seed} -> {folder}")
             ended = running.fly(request, store, show(_say), stop)
-    except (StoreError, engine.EngineError, running.BadCampaign) as error:
+    except (StoreError, engine.EngineError, WorkerError, running.BadCampaign) as error:
         _say(str(error))
         raise typer.Exit(2) from None
-    result = running.result(loaded, ended)
+    failed = sum(row["status"] == "failed" for row in ended.rows)
     if ended.interrupted:
-        _say(f"interrupted; {result['runs']} of {runs} runs are kept, the same command goes on from there")
+        _say(f"interrupted; {len(ended.rows)} of {runs} runs are kept, the same command goes on from there")
         raise typer.Exit(130)
-    if json:
-        typer.echo(json_module.dumps(result, allow_nan=False))
-    else:
-        _print(result, folder)
-    raise typer.Exit(1 if result["failed"] else 0)
+    _show(folder, json)
+    raise typer.Exit(1 if failed else 0)
 
 
 def repeat(
@@ -161,17 +159,17 @@ def _print_draws(sampler, runs, as_json):
         writer.writerow([run, job.seed, *job.draws.values()])
 
 
-def _print(result, folder):
-    """The result for people."""
-    typer.echo(f"{result['succeeded']} of {result['runs']} runs succeeded, {result['failed']} failed")
-    for one in result["requirements"]:
-        low, high = (100.0 * share for share in one["ci95"])
-        unit = f" {one['unit']}" if one["unit"] else ""
-        typer.echo(
-            f"  {one['name']:<22} {one['limit']}{unit}: {one['passed']} of {one['of']}, "
-            f"95 % interval {low:.1f} to {high:.1f} %"
-        )
-    typer.echo(f"results {folder / 'results.parquet'}, digest {result['results_digest'][:16]}")
+def _show(folder, as_json):
+    """The results on stdout."""
+    from shefex_nav.campaign import over_time, report_command, summary
+    from shefex_nav.campaign.results import open_campaign
+
+    done = open_campaign(folder)
+    if as_json:
+        typer.echo(json_module.dumps(summary.summary_object(done), allow_nan=False))
+    else:
+        report_command.show(done, over_time.read(done))
+        _say(f"results {folder / 'results.parquet'}")
 
 
 def _say(text):

@@ -72,15 +72,16 @@ def _half(rate, n):
     return 0.5 * (high - low)
 
 
-def needed_for_percentile(values, percent, wanted):
-    """Runs for a percentile to +- wanted, in the unit of the values: Needed.
+def needed_for_percentile(now, n, wanted):
+    """Runs for a percentile to +- wanted, in its unit: Needed.
 
     The interval shrinks with the square root of the number, and never exists below the number whose extremes
     enclose the percentile.
+
+    now : statistics.Percentile;  n : values that it comes from;  wanted : float
     """
-    n = len(values)
     _check(wanted, n)
-    now, least = percentile(values, percent), intervals.values_needed(percent)
+    least = intervals.values_needed(now.percent)
     if now.low is None or now.high is None:
         return Needed(math.inf, wanted, least, max(least - n, 1))
     half = 0.5 * (now.high - now.low)

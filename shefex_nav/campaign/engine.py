@@ -129,8 +129,7 @@ def _fly(jobs, lanes, take, stopped):
                 raise EngineError(
                     f"{deaths} workers ended one after the other without a result; the last: {error}"
                 )
-            if isinstance(trial.lane, ProcessLane):
-                trial.lane.renew()
+            trial.lane.renew()
             if trial.attempt < ATTEMPTS:
                 again.append((trial.job, trial.attempt + 1))
             else:

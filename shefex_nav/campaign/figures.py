@@ -1,40 +1,35 @@
 """Pictures of a campaign. matplotlib is imported when a picture is drawn, not before.
 
-Each `draw_*` returns a matplotlib Figure, or None where there is nothing to draw; `write` makes PNG files.
+Each `draw_*` returns a matplotlib Figure, or None where there is nothing to draw.
 """
 
 import numpy as np
 
 from shefex_nav.campaign import convergence, over_time, sensitivity, statistics
+from shefex_nav.report.figures import style
+from shefex_nav.report.figures.style import BLUE, GREY, RED
 
-BLUE, ORANGE, GREEN, GREY = "#1f5fa8", "#d1622b", "#5f9e3f", "0.45"
-AXIS_COLOURS = (ORANGE, GREEN, BLUE)
+FAINT = "0.87"
 QUANTITIES = (("position", "m", 1.0), ("velocity", "m/s", 1.0), ("attitude", "deg", 180.0 / np.pi))
 TITLES = {"gyro_bias": "gyro bias", "accel_bias": "accelerometer bias"}
+SETTLING = ("attitude at entry, worst axis", "position at entry", "attitude, rms of the run")
 MOST_BARS = 8
 MOST_PANELS = 9
 FEW_RUNS = 40  # of fewer, each is drawn
+FIRST_SHOWN = 10  # number of runs from which estimates are worth looking at
 
 
 def _figure(width, height):
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _tidy(axis):
-    axis.grid(True, color="0.93", lw=0.6)
-    axis.set_axisbelow(True)
-    axis.spines[["top", "right"]].set_visible(False)
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 def _title(figure, text):
-    figure.suptitle(text, x=0.01, ha="left", fontsize=13)
+    figure.suptitle(text, x=0.01, ha="left", fontsize=14, fontweight="bold")
 
 
+@style.styled
 def draw_errors(series):
     """Errors of every axis over time: percentiles over the runs, and 3 sigma as the filter reports it."""
     from matplotlib.lines import Line2D
@@ -54,21 +49,38 @@ def draw_errors(series):
             axis.plot(t_s, middle, color=BLUE, lw=1.0)
             t_s, (sigma,) = _percentiles(series.t_s, limit, (50.0,))
             for sign in (-1.0, 1.0):
-                axis.plot(t_s, sign * sigma, color=ORANGE, lw=1.0)
-            top = 1.15 * max(np.percentile(sigma, 98.0), np.percentile(np.maximum(-low, high), 98.0))
-            axis.set_ylim(-top, top)
+                axis.plot(t_s, sign * sigma, color=RED, lw=1.0)
+            _both_ways(axis, sigma, np.maximum(-low, high))
             axis.set_ylabel(f"{over_time.AXES[k]} [{unit}]")
-            _tidy(axis)
         axes[0, q].set_title(f"{name}, {'body' if name == 'attitude' else 'inertial'} axes", loc="left")
         axes[2, q].set_xlabel("time from lift-off [s]")
     handles = [
         Patch(color=BLUE, alpha=0.25, label="95 % of the runs"),
         Line2D([], [], color=BLUE, label="median"),
-        Line2D([], [], color=ORANGE, label="3 sigma of the filter, median"),
+        Line2D([], [], color=RED, label="3 sigma of the filter, median"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     _title(figure, f"Errors of {len(series.runs)} runs")
     return figure
+
+
+def _both_ways(axis, sigma, size):
+    """y axis from a linear part about zero, where errors are small, to decades where they are large.
+
+    sigma : (T,) limits drawn;  size : (T,) of the errors drawn
+    """
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    small = max(float(np.percentile(sigma, 20.0)), 1e-12)
+    top = 1.3 * max(float(np.max(sigma)), float(np.max(size)), 1.01 * small)
+    axis.set_ylim(-top, top)
+    if top < 6.0 * small:
+        return
+    axis.set_yscale("symlog", linthresh=small, linscale=1.0)
+    decades = 10.0 ** np.arange(np.ceil(np.log10(small)), np.floor(np.log10(top)) + 1.0)
+    axis.yaxis.set_major_locator(FixedLocator([*-decades[::-1], 0.0, *decades]))
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.yaxis.set_minor_locator(NullLocator())
 
 
 def _percentiles(t_s, values, percents):
@@ -77,43 +89,46 @@ def _percentiles(t_s, values, percents):
     return t_s[known], np.nanpercentile(values[:, known], percents, axis=0)
 
 
+@style.styled
 def draw_nees(series):
     """Mean normalised squares over the runs, of errors and of innovations, with 95 % bounds."""
     found, innovations = over_time.anees(series), over_time.anis(series)
-    panels = [(f"NEES, {TITLES.get(name, name)}", found.mean[:, b], found) for b, name in
-              enumerate(over_time.BLOCKS)]  # fmt: skip
+    panels = []
+    for b, name in enumerate(over_time.BLOCKS):
+        words = "" if name in over_time.CORRELATED else ", without the correlations of its axes"
+        panels.append((f"NEES, {TITLES.get(name, name)}{words}", found.mean[:, b], found))
     panels += [(f"NIS, {name.replace('_', ' ')}", one.mean, one) for name, one in innovations.items()]
     figure = _figure(11.0, 1.0 + 1.8 * len(panels))
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
     for axis, (title, mean, one) in zip(axes, panels, strict=True):
         known = np.isfinite(mean)
-        axis.fill_between(series.t_s, one.low, one.high, color="0.87", lw=0, step="mid")
+        axis.fill_between(series.t_s, one.low, one.high, color=FAINT, lw=0, step="mid")
         axis.plot(series.t_s[known], mean[known], color=BLUE, lw=1.0)
         axis.axhline(1.0, color=GREY, lw=0.8)
         top = np.nanmax([1.2 * np.percentile(mean[known], 99.0), 1.1 * np.nanmedian(one.high), 1.5])
         axis.set_ylim(0.0, top)
         axis.set_ylabel("per deg. of freedom")
         axis.set_title(title, loc="left", fontsize=10)
-        _tidy(axis)
     axes[-1].set_xlabel("time from lift-off [s]")
     _title(figure, f"Normalised squares, mean of {len(series.runs)} runs; grey: 95 % if the filter is right")
     return figure
 
 
+@style.styled
 def draw_containment(series):
     """Share of the runs inside 3 sigma over time, axis by axis."""
     found = over_time.contained(series)
     figure = _figure(11.0, 10.0)
     for b, (axis, name) in enumerate(zip(figure.subplots(5, 1, sharex=True), over_time.BLOCKS, strict=True)):
-        axis.fill_between(series.t_s, found.low, found.high, color="0.87", lw=0, step="mid")
-        for k, colour in enumerate(AXIS_COLOURS):
-            axis.plot(series.t_s, found.share[:, b, k], color=colour, lw=0.9, label=over_time.AXES[k])
+        axis.fill_between(series.t_s, found.low, found.high, color=FAINT, lw=0, step="mid")
+        for k, name_of_axis in enumerate(over_time.AXES):
+            look = {"color": style.AXES[name_of_axis], "ls": style.DASHES[name_of_axis]}
+            axis.plot(series.t_s, found.share[:, b, k], lw=1.0, label=name_of_axis, **look)
         axis.axhline(over_time.inside_probability(), color=GREY, lw=0.8)
         low = min(np.nanmin(found.share[:, b]), np.nanmin(found.low))
         axis.set_ylim(max(0.0, low - 0.25 * (1.0 - low) - 0.005), 1.005)
         axis.set_title(TITLES.get(name, name), loc="left", fontsize=10)
         axis.set_ylabel("share")
-        _tidy(axis)
         if b == 0:
             axis.legend(ncols=3, frameon=False, fontsize=9, loc="lower left")
     axis.set_xlabel("time from lift-off [s]")
@@ -121,6 +136,7 @@ def draw_containment(series):
     return figure
 
 
+@style.styled
 def draw_ellipses(campaign):
     """Where the flights are at apogee and at entry."""
     found = statistics.ellipses(campaign)
@@ -129,13 +145,13 @@ def draw_ellipses(campaign):
     figure = _figure(6.5 * len(found), 6.5)
     for axis, one in zip(np.atleast_1d(figure.subplots(1, len(found))), found, strict=True):
         north, east = one.offsets_km[:, 0], one.offsets_km[:, 1]
-        axis.plot(east, north, ".", color=BLUE, ms=4, alpha=0.5, mew=0)
+        axis.plot(east, north, ".", color=BLUE, ms=7, alpha=0.5, mew=0)
         along = np.radians(one.azimuth_deg)
         angle = np.linspace(0.0, 2.0 * np.pi, 200)
         long, short = one.semi_axes_km[0] * np.cos(angle), one.semi_axes_km[1] * np.sin(angle)
         axis.plot(
             long * np.sin(along) + short * np.cos(along), long * np.cos(along) - short * np.sin(along),
-            color=ORANGE, lw=1.5,
+            color=RED, lw=1.5,
         )  # fmt: skip
         axis.plot(0.0, 0.0, "+", color=GREY, ms=10)
         axis.set_aspect("equal", adjustable="datalim")
@@ -146,24 +162,24 @@ def draw_ellipses(campaign):
             f"{one.semi_axes_km[1]:.3g} km about {one.latitude_deg:.3f} N, {one.longitude_deg:.3f} E",
             loc="left", fontsize=10,
         )  # fmt: skip
-        _tidy(axis)
     _title(figure, "Dispersion of the flights, 95 % ellipse")
     return figure
 
 
+@style.styled
 def draw_convergence(campaign):
     """Success rates and percentiles of errors against the number of runs, with 95 % intervals."""
-    panels = [
-        (f"{column[0].name.replace('_', ' ')}: share of runs",
-         convergence.success_course(np.array([one.passed for one in column])))
-        for column in zip(*campaign.judged, strict=True)
-    ]  # fmt: skip
+    panels, judged = [], campaign.judgements
+    if len(judged.passed):
+        panels = [
+            (f"{name.replace('_', ' ')}: share of runs", convergence.success_course(judged.passed[:, k]))
+            for k, name in enumerate(judged.names)
+        ]
     for one in statistics.ERRORS:
         size = np.abs(np.array([campaign.numbers(column) for column in one[1]])).max(axis=0)
         values = size[np.isfinite(size) & campaign.succeeded]
         if (len(values) > 1 and "worst axis" in one[0]) or one[0].startswith("position at"):
             panels.append((f"{one[0]}: 95 % [{one[2]}]", convergence.percentile_course(values, 95.0)))
-    panels = panels[-MOST_PANELS:]
     if not panels:
         return None
     rows = -(-len(panels) // 3)
@@ -175,13 +191,18 @@ def draw_convergence(campaign):
         axis.fill_between(course.n, course.low, course.high, color=BLUE, alpha=0.2, lw=0)
         axis.plot(course.n, course.value, color=BLUE, lw=1.3)
         axis.set_xscale("log")
+        first = FIRST_SHOWN if course.n[-1] > 2 * FIRST_SHOWN else 1
+        axis.set_xlim(first, max(course.n[-1], 2))
+        shown = np.concatenate([part[course.n >= first] for part in course[1:]])
+        low, high = np.nanmin(shown), np.nanmax(shown)
+        axis.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low) + 1e-9)
         axis.set_title(title, loc="left", fontsize=10)
         axis.set_xlabel("runs")
-        _tidy(axis)
     _title(figure, "Estimates against the number of runs, with 95 % intervals")
     return figure
 
 
+@style.styled
 def draw_sensitivity(campaign):
     """Standardised coefficients of the regressions, with 95 % intervals."""
     found = sensitivity.outcomes(campaign)
@@ -207,7 +228,6 @@ def draw_sensitivity(campaign):
         axis.set_title(
             f"{one.outcome}: R² {one.r2:.2f} ({one.r2_low:.2f} to {one.r2_high:.2f})", loc="left", fontsize=10
         )
-        _tidy(axis)
     _title(figure, "What explains the results: sigmas per sigma of a draw, 95 %; grey: none that is certain")
     return figure
 
@@ -219,23 +239,27 @@ def _short(name):
     return f"|{text}|" if name.startswith("|") else text
 
 
-def write(campaign, series, folder):
-    """Write all pictures that there is something for. Campaign, over_time.Series or None, Path -> paths"""
-    pictures = {
-        "ellipses": draw_ellipses(campaign),
-        "convergence": draw_convergence(campaign),
-        "sensitivity": draw_sensitivity(campaign),
-    }
+def draw(campaign, series):
+    """All pictures that there is something for: list of (name, Figure). series : over_time.Series or None"""
+    pictures = {}
     if series is not None:
-        pictures |= {
+        pictures = {
             "errors": draw_errors(series),
             "nees": draw_nees(series),
             "containment": draw_containment(series),
         }
-    folder.mkdir(parents=True, exist_ok=True)
+    pictures |= {
+        "ellipses": draw_ellipses(campaign),
+        "convergence": draw_convergence(campaign),
+        "sensitivity": draw_sensitivity(campaign),
+    }
+    return [(name, figure) for name, figure in pictures.items() if figure is not None]
+
+
+def save_all(campaign, series, folder):
+    """Write all pictures as PNG into a folder that is there. -> list of Path"""
     written = []
-    for name, figure in pictures.items():
-        if figure is not None:
-            figure.savefig(folder / f"{name}.png", dpi=100)
-            written.append(folder / f"{name}.png")
-    return sorted(written)
+    for name, figure in draw(campaign, series):
+        style.save(figure, folder / f"{name}.png", dpi=100)
+        written.append(folder / f"{name}.png")
+    return written

@@ -3,14 +3,20 @@
 import io
 import os
 import re
+import sys
 import time
 import traceback
+from importlib import import_module
 from typing import NamedTuple
 
 import numpy as np
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LONGEST_REASON = 500
+
+
+class WorkerError(Exception):
+    """A worker that cannot fly this campaign; the message says why."""
 
 
 class Flown(NamedTuple):
@@ -24,12 +30,16 @@ class Pilot:
     """Flies the runs of one plan; what they have in common is made once."""
 
     def __init__(self, plan):
+        began = time.perf_counter()
         from shefex_nav.campaign import flight_file
         from shefex_nav.scenario import load
 
+        for name in ("simulate", "report.metrics"):  # what a run needs, so that none is measured with it
+            import_module(f"shefex_nav.{name}")
         self.plan = plan
         self.pattern = load.Pattern(plan.source, plan.name)
         self.flight = flight_file.from_bytes(plan.flight) if plan.shared else None
+        self.start_s = time.perf_counter() - began  # from the first import on
 
     def scenario(self, job):
         """Scenario of a run."""
@@ -42,7 +52,7 @@ class Pilot:
         """
         from shefex_nav.campaign.plan import digest
 
-        began, record = time.perf_counter(), _record(job)
+        began, cpu_s, record = time.perf_counter(), time.process_time(), _record(job)
         try:
             summary, kept = self._mission(job, log)
         except Exception as error:
@@ -51,7 +61,12 @@ class Pilot:
         else:
             series = _npz(kept)
             record |= {"summary": summary, "series_sha256": digest(series)}
-        record["timing"] = {"wall_s": time.perf_counter() - began}
+        record["timing"] = {
+            "wall_s": time.perf_counter() - began,
+            "cpu_s": time.process_time() - cpu_s,
+            "start_s": self.start_s,
+            "peak_memory_mb": _peak_memory_mb(),
+        }
         return Flown(record, series)
 
     def _mission(self, job, log):
@@ -68,6 +83,16 @@ class Pilot:
         data = _records(scenario, job.seed, world, log)
         summary = metrics.summarise(data)
         return summary, series(data, scenario, job.seed, trajectory, self.plan.series_rate)
+
+
+def _peak_memory_mb():
+    """The most memory that this process has had, MB; None where that is not told."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
 def _record(job):
@@ -133,9 +158,10 @@ def _reason(error):
 
 
 def _traceback(error):
-    """The traceback as text that is the same on every machine: no addresses, files from the package on."""
+    """The traceback as text that is the same on every machine: no addresses, no places of files."""
     text = "".join(traceback.format_exception(error))
     text = text.replace(PACKAGE, os.path.basename(PACKAGE))
+    text = re.sub(r'File "[^"]*[/\\](?:site-packages|python3\.\d+)[/\\]', 'File "', text)
     return re.sub(r"0x[0-9a-fA-F]{6,}", "0x...", text)
 
 
@@ -144,10 +170,12 @@ def _traceback(error):
 _pilot = None  # Pilot of this process, or why there is none
 
 
-def prepare_worker(plan):
+def prepare_worker(plan, runs_at_a_time=1):
     """Make this process ready to fly the runs of a plan; a fault is raised by the first run."""
     global _pilot
     try:
+        if runs_at_a_time != 1:
+            raise WorkerError(f"a worker flies {runs_at_a_time} runs at a time; start each with --nthreads 1")
         _check_threads()
         _check_versions(plan.versions)
         _pilot = Pilot(plan)
@@ -160,7 +188,7 @@ def fly(job):
     if isinstance(_pilot, Exception):
         raise _pilot
     if _pilot is None:
-        raise RuntimeError("this worker was not told what to fly")
+        raise WorkerError("a worker was not told what to fly")
     return _pilot.fly(job)
 
 
@@ -173,11 +201,13 @@ def _check_versions(wanted):
         f"{name} {own.get(name)}, not {value}" for name, value in wanted.items() if own.get(name) != value
     ]
     if differ:
-        raise RuntimeError(f"the worker has {'; '.join(differ)}: install the same there")
+        raise WorkerError(
+            f"a worker has {'; '.join(differ)}: all need the same, from the first run to the last"
+        )
 
 
 def _check_threads():
     """One thread for linear algebra: sums in another order would end in other last digits."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         if os.environ.get(name) != "1":
-            raise RuntimeError(f"start the worker with {name}=1, it is {os.environ.get(name, 'not set')}")
+            raise WorkerError(f"start the worker with {name}=1, it is {os.environ.get(name, 'not set')}")

@@ -260,7 +260,8 @@ def time_averages(series):
         if some.any():
             total = np.where(known, series.nees[:, :, b], 0.0).sum(axis=1)[some]
             each = total / known.sum(axis=1)[some] / DOF
-            result[block] = (float(each.mean()), *intervals.mean(each, BLOCK_CONFIDENCE))
+            low, high = intervals.mean(each, BLOCK_CONFIDENCE)
+            result[block] = (float(each.mean()), max(low, 0.0), high)
     return result
 
 

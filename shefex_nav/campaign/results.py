@@ -15,7 +15,7 @@ import numpy as np
 from shefex_nav.campaign import store, table
 from shefex_nav.report import requirements
 
-DRAW, SUMMARY = "draw.", "summary."
+DRAW, SUMMARY, SUCCEEDED = "draw.", "summary.", "succeeded"
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
@@ -34,15 +34,35 @@ class Cause(NamedTuple):
     runs: tuple  # indices of the runs
 
 
-class Campaign:
-    """An open folder of a campaign. Columns are in the order of the runs: `campaign["summary.seed"]`."""
+class Judgements(NamedTuple):
+    """What the n succeeded runs made of the R requirements."""
 
-    def __init__(self, folder, head, rows):
-        self.folder, self.head, self.rows = Path(folder), head, rows
-        self.columns = table.columns(rows)
+    names: tuple  # (R,)
+    limits: tuple  # (R,) in the units
+    units: tuple  # (R,)
+    measured: np.ndarray  # (n, R) whether the run has the figure
+    passed: np.ndarray  # (n, R)
+    severity: np.ndarray  # (n,) report.requirements.severity
+
+
+class Campaign:
+    """An open folder of a campaign. Columns are in the order of the runs: `campaign["summary.seed"]`.
+
+    The table of a finished campaign stays on disk but for its columns; `rows` goes through it.
+    """
+
+    def __init__(self, folder, head, *, rows=None, path=None):
+        """rows : list of dict in the order of the runs, or path : results.parquet."""
+        self.folder, self.head = Path(folder), head
+        self._rows, self._path = rows, path
+        self.columns = table.columns(rows) if path is None else table.load_columns(path)
+
+    def rows(self):
+        """Rows in the order of the runs: iterator of dict."""
+        return iter(self._rows) if self._path is None else table.load(self._path)
 
     def __len__(self):
-        return len(self.rows)
+        return len(self.columns["run"])
 
     def __getitem__(self, name):
         """(N,) array of a column; KeyError with similar names if there is none."""
@@ -70,7 +90,7 @@ class Campaign:
     @property
     def succeeded(self):
         """(N,) whether a run flew to its end."""
-        return self["status"] == "succeeded"
+        return self["status"] == SUCCEEDED
 
     @property
     def draws(self):
@@ -85,7 +105,7 @@ class Campaign:
     @cached_property
     def digest(self):
         """sha256 over all columns but timing.*."""
-        return table.digest(self.rows)
+        return table.digest_sorted(self.rows())
 
     @cached_property
     def scenario(self):
@@ -95,14 +115,32 @@ class Campaign:
         return load.load_text(self.head["source"], f"{self.folder}/campaign.json")
 
     @cached_property
-    def judged(self):
-        """Per run that succeeded, what `report.requirements.judge` says of it: list of lists of Judged."""
-        required = requirements.limits(self.scenario.requirements)
-        return [
-            requirements.judge_figures(required, _figure(row))
-            for row in self.rows
-            if row["status"] == "succeeded"
-        ]
+    def limits(self):
+        """{name: limit in its unit} of what the scenario requires."""
+        return requirements.limits(self.scenario.requirements)
+
+    def _judged(self):
+        """(run, list of Judged) of the succeeded runs, in order."""
+        for row in self.rows():
+            if row["status"] == SUCCEEDED:
+                yield row["run"], requirements.judge_figures(self.limits, _figure(row))
+
+    @cached_property
+    def judgements(self):
+        """Judgements of the succeeded runs."""
+        shape = (int(self.succeeded.sum()), len(self.limits))
+        measured, passed, severity = np.zeros(shape, bool), np.zeros(shape, bool), np.zeros(shape[0])
+        for k, (_, judged) in enumerate(self._judged()):
+            measured[k] = [one.found is not None for one in judged]
+            passed[k] = [one.passed for one in judged]
+            severity[k] = requirements.severity(judged)
+        units = tuple(requirements.MEASURES[name].unit for name in self.limits)
+        return Judgements(tuple(self.limits), tuple(self.limits.values()), units, measured, passed, severity)
+
+    def judged(self, runs):
+        """What succeeded runs made of the requirements: {run: list of report.requirements.Judged}."""
+        wanted = set(runs)
+        return {run: judged for run, judged in self._judged() if run in wanted}
 
     def record(self, run):
         """Object of runs/*.json of a run, with its whole summary; KeyError if it is not done."""
@@ -126,11 +164,9 @@ class Campaign:
 
     def failures(self):
         """Runs that failed, in order: list of Failure."""
-        return [
-            Failure(row["run"], row["reason"] or "", row["traceback"] or "")
-            for row in self.rows
-            if row["status"] != "succeeded"
-        ]
+        failed = ~self.succeeded
+        kept = (self[name][failed].tolist() for name in ("run", "reason", "traceback"))
+        return [Failure(run, _text(why), _text(trace)) for run, why, trace in zip(*kept, strict=True)]
 
     def causes(self):
         """Failures by what they say, the most frequent first: list of Cause."""
@@ -139,6 +175,11 @@ class Campaign:
             found.setdefault(_NUMBER.sub("#", failure.reason), []).append(failure)
         groups = [Cause(group[0].reason, tuple(one.run for one in group)) for group in found.values()]
         return sorted(groups, key=lambda cause: (-len(cause.runs), cause.runs[0]))
+
+
+def _text(value):
+    """A text of a column; a column without any text holds NaN."""
+    return value if isinstance(value, str) else ""
 
 
 def _figure(row):
@@ -165,9 +206,11 @@ def open_campaign(folder):
     kept = store.Store(folder)
     done = {run for run in kept.done() if run < head["runs"]}
     path = kept.folder / "results.parquet"
-    rows = table.load(path) if path.exists() else []
-    if not done <= {row["run"] for row in rows}:
-        rows = [table.row(record) for record in kept.records(head["runs"])]
+    if path.exists():
+        campaign = Campaign(folder, head, path=path)
+        if done <= set(campaign.runs.tolist()) and len(campaign):
+            return campaign
+    rows = [table.row(record) for record in kept.records(head["runs"])]
     if not rows:
         raise store.StoreError(f"{folder}: no run of this campaign is done yet")
-    return Campaign(folder, head, sorted(rows, key=lambda row: row["run"]))
+    return Campaign(folder, head, rows=rows)

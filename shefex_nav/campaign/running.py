@@ -1,7 +1,7 @@
 """A campaign from its scenario to its table: what `shefex-nav campaign` does, without the command line."""
 
 import time
-from contextlib import contextmanager
+from functools import partial
 from typing import NamedTuple
 
 from shefex_nav import workers as machine
@@ -54,7 +54,7 @@ def prepared(scenario, runs, seed):
     return plan, draws.Sampler(plan, dispersed)
 
 
-def fly(request, store, show, stopped=lambda: False):
+def fly(request, store, show, stopped=lambda: False, crew=None):
     """Fly what is missing in the store, keep it, and make the table.
 
     Parameters
@@ -63,6 +63,7 @@ def fly(request, store, show, stopped=lambda: False):
     store : Store, open
     show : progress.Show, told of what happens
     stopped : called often; True ends the campaign with what there is
+    crew : function of Plan and number of runs that gives the lanes to fly in; None: as requested
 
     Returns
     -------
@@ -72,14 +73,17 @@ def fly(request, store, show, stopped=lambda: False):
     plan, sampler = prepared(request.scenario, request.runs, request.seed)
     store.begin(plan, described(request.scenario))
     tally = progress.Tally(plan.runs, badness(request.scenario))
+    done = set()
     for record in store.records(plan.runs):
         tally.take(record, flown=False)
-    done = store.done()
+        done.add(record["run"])
     missing = [run for run in range(plan.runs) if run not in done]
     interrupted = False
     try:
         if missing:
-            plan = ready(plan, store, request.scenario, show)
+            if crew is None and request.cluster is None:
+                compile_kernels(request.scenario, show)
+            plan = with_flight(plan, store, request.scenario)
             with show.bar(tally) as note:
 
                 def take(flown):
@@ -87,8 +91,9 @@ def fly(request, store, show, stopped=lambda: False):
                     tally.take(flown.record)
                     note()
 
-                with lanes(request, plan, len(missing)) as crew:
-                    engine.fly((sampler.job(run) for run in missing), crew, take, stopped)
+                lanes = (crew or partial(_lanes, request))(plan, len(missing))
+                engine.fly((sampler.job(run) for run in missing), lanes, take, stopped)
+        store.tabulate(plan.runs)  # before logs, which nothing depends on
         _keep_logs(request, plan, sampler, store, show, stopped)
     except engine.Interrupted:
         interrupted = True
@@ -97,26 +102,19 @@ def fly(request, store, show, stopped=lambda: False):
     return Ended(rows, digest, wall_s, interrupted)
 
 
-def result(scenario, ended):
-    """The object of `campaign --json` and of `report DIR --json`."""
-    failed = sum(row["status"] == "failed" for row in ended.rows)
-    return {
-        "runs": len(ended.rows),
-        "succeeded": len(ended.rows) - failed,
-        "failed": failed,
-        "requirements": [],
-        "wall_s": ended.wall_s,
-        "results_digest": ended.digest,
-    }
-
-
-def ready(plan, store, scenario, show):
-    """The plan with the shared flight, if it has one; kernels compiled: workers would do so all at once."""
-    from shefex_nav import prepare, simulate
-    from shefex_nav.campaign import flight_file
+def compile_kernels(scenario, show):
+    """Compile what is not compiled yet: workers would do so all at once and get into each other's way."""
+    from shefex_nav import simulate
 
     show.say("Getting ready; the first run on a machine compiles, which takes a few minutes.")
     simulate.warm_up(scenario)
+
+
+def with_flight(plan, store, scenario):
+    """The plan with the flight that all runs share, if they do: as it is kept, else flown now."""
+    from shefex_nav import prepare
+    from shefex_nav.campaign import flight_file
+
     if not plan.shared:
         return plan
 
@@ -126,8 +124,7 @@ def ready(plan, store, scenario, show):
     return plan._replace(flight=store.flight(make))
 
 
-@contextmanager
-def lanes(request, plan, runs):
+def _lanes(request, plan, runs):
     """The workers, as lanes of the engine."""
     if request.cluster is not None:
         try:
@@ -137,9 +134,8 @@ def lanes(request, plan, runs):
                 f"--engine dask needs the extra 'cluster' ({error.name} is not installed): "
                 "uv sync --extra cluster, or pip install 'shefex-nav[cluster]'"
             ) from None
-        yield [ClusterLane(request.cluster, plan)]
-        return
-    yield [engine.ProcessLane(plan) for _ in range(min(request.workers or machine.cores(), runs))]
+        return [ClusterLane(request.cluster, plan)]
+    return [engine.ProcessLane(plan) for _ in range(min(request.workers or machine.cores(), runs))]
 
 
 def described(scenario):
@@ -152,7 +148,7 @@ def described(scenario):
 def badness(scenario):
     """Function that says how bad a run's record is, None of one that failed.
 
-    The largest ratio of what was found to a requirement's limit; among equals, and without requirements, the
+    How many requirements it misses and how near it comes to the others; among equals, and without any, its
     rms attitude error.
     """
     from shefex_nav.report import requirements
@@ -162,20 +158,9 @@ def badness(scenario):
             return None
         judged = requirements.judge(scenario.requirements, record["summary"])
         rms = record["summary"]["navigation"]["attitude_error_deg"]["rms"]
-        return max((_ratio(one) for one in judged), default=0.0), rms or 0.0
+        return requirements.severity(judged), rms or 0.0
 
     return bad
-
-
-def _ratio(judged):
-    """How far a figure is from its limit: above 1 where it is missed."""
-    if judged.found is None or isinstance(judged.required, bool):
-        return 0.0 if judged.passed else float("inf")
-    if judged.found == judged.required:
-        return 1.0 if judged.required else 0.0
-    ratio = judged.found / judged.required if judged.required else float("inf")
-    at_least = judged.passed == (judged.found > judged.required)
-    return (1.0 / ratio if ratio else float("inf")) if at_least else ratio
 
 
 def chosen(keep, records, bad):
@@ -185,11 +170,9 @@ def chosen(keep, records, bad):
         if one.what == "failed":
             found += [record["run"] for record in records if record["status"] == "failed"]
         else:
-            ranked = sorted(
-                ((bad(record), -record["run"]) for record in records if record["status"] != "failed"),
-                reverse=True,
-            )
-            found += [-run for _, run in ranked[: one.most]]
+            flown = [record for record in records if record["status"] != "failed"]
+            flown.sort(key=bad, reverse=True)  # stable: of equals the first
+            found += [record["run"] for record in flown[: one.most]]
     return list(dict.fromkeys(found))
 
 
@@ -202,11 +185,11 @@ def _keep_logs(request, plan, sampler, store, show, stopped):
     if not missing:
         return
     show.say(f"flying again with a log: {', '.join(f'run {run}' for run in missing)}")
-    plan = ready(plan, store, request.scenario, show)
-    pilot = flight.Pilot(plan)
+    pilot = flight.Pilot(with_flight(plan, store, request.scenario))
     for run in missing:
         if stopped():
             raise engine.Interrupted
         part = store.log(run).with_suffix(".part")
         pilot.fly(sampler.job(run), log=part)
-        part.replace(store.log(run))
+        if part.exists():  # a run may fail before its first record
+            part.replace(store.log(run))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.report import intervals
-from shefex_nav.report.requirements import MEASURES, words
+from shefex_nav.report.requirements import words
 
 QUANTILES = (50.0, 95.0, 99.0)
 CONFIDENCE = 0.95
@@ -112,21 +112,13 @@ ERRORS = (
 
 def successes(campaign):
     """Success against each requirement: list of Success, in the order of the requirements."""
-    result = []
-    for column in zip(*campaign.judged, strict=True):
-        first, passed, of = column[0], sum(one.passed for one in column), len(column)
-        without = sum(one.found is None for one in column)
-        interval = intervals.proportion(passed, of)
-        result.append(Success(first.name, first.required, first.unit, passed, of, interval, without))
-    return result or _unjudged(campaign)
-
-
-def _unjudged(campaign):
-    """The requirements of a campaign of which no run succeeded."""
-    from shefex_nav.report.requirements import limits
-
-    required = limits(campaign.scenario.requirements).items()
-    return [Success(name, limit, MEASURES[name].unit, 0, 0, None, 0) for name, limit in required]
+    found, result = campaign.judgements, []
+    for k, name in enumerate(found.names):
+        passed, of = int(found.passed[:, k].sum()), len(found.passed)
+        interval = intervals.proportion(passed, of) if of else None
+        without = of - int(found.measured[:, k].sum())
+        result.append(Success(name, found.limits[k], found.units[k], passed, of, interval, without))
+    return result
 
 
 def errors(campaign):

@@ -17,6 +17,7 @@ HEAD = ("run", "status", "reason", "traceback", "seed", "series_sha256")
 MEASURED = ("wall_s", "setup_s", "real_time_factor", "star_tracker.chain_ms.")  # of a summary
 NOT_RESULTS = ("log",)  # of a summary: where a file was put
 EXACT = 2**53  # whole numbers to here are the same as float
+BATCH = 4096  # rows in memory at a time
 
 
 def row(record):
@@ -54,8 +55,13 @@ def digest(rows):
     Neither the order of the rows nor that of the columns counts, nor whether a value that is missing has a
     column.
     """
+    return digest_sorted(sorted(rows, key=lambda one: one["run"]))
+
+
+def digest_sorted(rows):
+    """The same of rows, any iterable, that are in the order of the runs."""
     total = hashlib.sha256()
-    for one in sorted(rows, key=lambda one: one["run"]):
+    for one in rows:
         kept = {
             name: plain
             for name, value in sorted(one.items())
@@ -126,7 +132,32 @@ def _arrow(values):
 
 
 def load(path):
-    """Rows of a Parquet file that `save` wrote: list of dict."""
+    """Rows of a Parquet file that `save` wrote, one after the other: iterator of dict."""
     import pyarrow.parquet as pq
 
-    return pq.read_table(path).to_pylist()
+    with pq.ParquetFile(path) as file:
+        for batch in file.iter_batches(batch_size=BATCH):
+            yield from batch.to_pylist()
+
+
+def load_columns(path):
+    """Arrays of a Parquet file as `columns` makes them of rows, without the rows."""
+    import pyarrow.parquet as pq
+
+    found = pq.read_table(path)
+    return {name: _of_arrow(found[name]) for name in found.column_names}
+
+
+def _of_arrow(values):
+    """What `_column` makes of a column of Parquet."""
+    import pyarrow as pa
+
+    if pa.types.is_string(values.type):
+        if values.null_count == len(values):  # nothing is known of its kind
+            return np.full(len(values), np.nan)
+        return np.array(values.to_pylist(), dtype=object)
+    if pa.types.is_boolean(values.type) and values.null_count:
+        values = values.cast(pa.int8())
+    plain = values.to_numpy()
+    whole = plain.dtype == bool or (plain.dtype.kind == "i" and not values.null_count)
+    return plain if whole else plain.astype(float)

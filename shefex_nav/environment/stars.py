@@ -6,6 +6,7 @@ catalogue that flies on board.
 """
 
 import gzip
+from functools import lru_cache
 from importlib.resources import files
 from typing import NamedTuple
 
@@ -35,11 +36,12 @@ class StarCatalogue(NamedTuple):
     epoch: float  # Julian year of u_i
 
 
+@lru_cache(maxsize=2)  # a campaign asks again for every run
 def load_catalogue(max_magnitude):
     """Stars with V <= max_magnitude, ordered by Hipparcos number, at epoch J1991.25.
 
     The file is complete for V < 8; it also holds the five stars with V >= 8 that van Leeuwen lists with
-    Hp < 7.
+    Hp < 7. It is read once in a process: nobody may change the arrays.
     """
     packed = (files("shefex_nav") / "data" / "hipparcos_v8.csv.gz").read_bytes()
     text = gzip.decompress(packed)

@@ -86,8 +86,9 @@ def stack(record, rows):
     for field in _TOPIC[record].fields:
         k = record._fields.index(field.source)
         dtype = {"double": np.float64, "bool": np.bool_, "string": np.str_}.get(field.kind, np.int64)
-        shape = field.shape if rows else tuple(max(n, 0) for n in field.shape)
+        shape = tuple(max(n, -1 if rows else 0) for n in field.shape)
         if field.shape and rows:
+            # lists of any number of rows are no arrays; those of an equal number make one
             column = np.concatenate([row[k] for row in rows]).reshape(len(rows), *shape)
             values[field.source] = column.astype(dtype, copy=False)
         else:

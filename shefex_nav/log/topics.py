@@ -97,13 +97,16 @@ def timing(record):
     return Timing(*record, math.nan, math.nan)
 
 
+EQUAL = -2
+
+
 class Field(NamedTuple):
     """One field of a message."""
 
     name: str
     source: str  # attribute of the record, dotted where nested
     kind: str  # double, bool, sfixed32, string, or an IntEnum
-    shape: tuple  # of the array, -1 = any number of rows; () = scalar
+    shape: tuple  # of the array; () = scalar, -1 = any number of rows, EQUAL = any, the same in a whole log
     comment: str
 
 
@@ -169,12 +172,12 @@ TOPICS = (
         _vector("torque_b_n_m", "torque_b", "torque of the valves, body axes [N m]"),
         _number("propellant_kg", "propellant_kg", "gas used since the start [kg]"),
     )),
-    Topic(ImuBlock, "/imu", "ImuBlock", 100, "t_valid_s", "Four IMU samples, oldest first.", (
+    Topic(ImuBlock, "/imu", "ImuBlock", 100, "t_valid_s", "The IMU samples of a tick, oldest first.", (
         T_VALID,
         T_AVAILABLE,
         _number("dt_s", "dt_s", "duration of one sample [s]"),
-        _number("dtheta_b_rad", "dtheta_b", "integrated rate, body axes, 4 x 3 row by row [rad]", (4, 3)),
-        _number("dv_b_m_s", "dv_b", "integrated specific force, body axes, 4 x 3 row by row [m/s]", (4, 3)),
+        _number("dtheta_b_rad", "dtheta_b", "integrated rate, body axes, n x 3 row by row [rad]", (EQUAL, 3)),
+        _number("dv_b_m_s", "dv_b", "integrated specific force, body axes, n x 3 [m/s]", (EQUAL, 3)),
         _flag("saturated", "saturated", "a sample reached the range of its sensor"),
         _flag("valid", "valid", "false: the unit did not answer, the samples are NaN"),
     )),

@@ -14,7 +14,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from shefex_nav.log.topics import Field, LogError
+from shefex_nav.log.topics import EQUAL, Field, LogError
 
 PACKAGE = "shefex"
 _TIMESTAMP = Field("timestamp_ns", "", "sfixed64", (), "UTC, since 1970 [ns]")
@@ -112,7 +112,18 @@ def message_class(topic):
 
 def codec(topic):
     """Encoder and decoder of one topic."""
+    if any(EQUAL in field.shape for field in topic.fields):
+        return EqualCodec(topic)
     return FixedCodec(topic) if is_fixed(topic) else VariableCodec(topic)
+
+
+def with_rows(topic, n):
+    """The topic with n rows where every message of a log has the same number."""
+    fields = tuple(
+        field._replace(shape=tuple(n if size == EQUAL else size for size in field.shape))
+        for field in topic.fields
+    )
+    return topic._replace(fields=fields)
 
 
 class FixedCodec:
@@ -126,6 +137,7 @@ class FixedCodec:
         for name, data in self._constants:
             template[name] = np.frombuffer(data, "u1")
         self._template = template.tobytes()
+        self.size = self._dtype.itemsize  # bytes of a message
         self._sources = []  # field, position of its attribute in the record, rest of a dotted name
         for field in topic.fields:
             name, _, nested = field.source.partition(".")
@@ -159,6 +171,40 @@ class FixedCodec:
             column = np.ascontiguousarray(array[field.name])
             values[field.source] = column.astype(np.int64) if _is_integer(field) else column
         return assemble(self.topic.record, values)
+
+
+class EqualCodec:
+    """Messages of a layout that is fixed once the first has shown how many rows it has."""
+
+    def __init__(self, topic):
+        self.topic, self._codec, self._rows = topic, None, 0
+        self._sources = [field.source for field in topic.fields if EQUAL in field.shape]
+
+    def encode(self, records, timestamps_ns):
+        """As FixedCodec; LogError if a record has another number of rows than those before."""
+        for record in records:
+            rows = {len(getattr(record, source)) for source in self._sources}
+            if self._codec is None and len(rows) == 1:
+                self._use(rows.pop())
+            elif rows != {self._rows}:
+                raise LogError(
+                    f"topic {self.topic.topic}: a message of {sorted(rows)} rows in a log whose others have "
+                    f"{self._rows}"
+                )
+        return self._codec.encode(records, timestamps_ns) if records else []
+
+    def decode(self, messages):
+        """As FixedCodec; the number of rows follows from the length of the first message."""
+        if not messages:
+            return FixedCodec(with_rows(self.topic, 0)).decode(messages)
+        rows = 0
+        while FixedCodec(with_rows(self.topic, rows)).size < len(messages[0]):
+            rows += 1
+        self._use(rows)
+        return self._codec.decode(messages)
+
+    def _use(self, rows):
+        self._codec, self._rows = FixedCodec(with_rows(self.topic, rows)), rows
 
 
 class VariableCodec:

@@ -64,7 +64,7 @@ def start(params, alignment, earth, catalogue, julian_year):
     return Computer(params, earth, fusion.start(params.nav, alignment, earth), tracker, None, (), 0)
 
 
-def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.step):
+def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.step, context=None):
     """One tick.
 
     Parameters
@@ -75,6 +75,7 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
         over once
     frames_arrived : sequence of Frame, likewise
     chain : `star_tracker.step`, or something that wraps it to see how long it takes
+    context : as `star_context`, which it is by default: what the chain wants to know of a frame
 
     Returns
     -------
@@ -87,7 +88,7 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
     fusion.advance(nav, imu_block)
     outputs, due = [], ()
     if computer.waiting or frames_arrived or _switches(computer, now_s):
-        computer, outputs, due = _track_stars(computer, now_s, frames_arrived, chain)
+        computer, outputs, due = _track_stars(computer, now_s, frames_arrived, chain, context or star_context)
     ticks = computer.ticks + 1
     outputs += conclude(nav, ticks, gps_fixes, due)
     return Computer(*computer[:-1], ticks), outputs  # ticks is the last field
@@ -127,7 +128,7 @@ def _switches(computer, now_s):
     return wanted != (computer.tracker_state is not None)
 
 
-def _track_stars(computer, now_s, frames_arrived, chain):
+def _track_stars(computer, now_s, frames_arrived, chain, context_of):
     """Switch the tracker, run its chain on frames. -> Computer, records, StarFix that are due now."""
     outputs, due = [], []
     if _switches(computer, now_s):
@@ -139,7 +140,7 @@ def _track_stars(computer, now_s, frames_arrived, chain):
         computer = computer._replace(tracker_state=tracker_state)
     if computer.tracker_state is not None:
         for frame in frames_arrived:
-            context = star_context(computer, frame)
+            context = context_of(computer, frame)
             tracker_state, fix, command = chain(computer.tracker, computer.tracker_state, frame, context)
             outputs += [fix, command]
             usable = fix.reason == Reason.NONE or len(fix.stars.hip)
@@ -160,27 +161,44 @@ def star_context(computer, frame):
     to the closing of the last.
     """
     params = computer.params
-    near = fusion.nearest(computer.nav, frame.t_valid_s)
-    state = near.state
-    omega_ib_b = strapdown.rate(state, near.imu, near.imu.length_s)
-    C_bc = rotation.dcm_from_rotvec(state.mounting) @ params.nav.C_bc
-    turned = rotation.dcm_from_rotvec(omega_ib_b * (frame.t_valid_s - state.t_s))
-    C_ic = rotation.dcm_from_quat(state.q_ib) @ turned @ C_bc
-    boresight_i = C_ic[:, 2]
-    C_ei = frames.dcm_ie(computer.earth, state.t_s).T
+    near = computer.nav.history.nearest(frame.t_valid_s)
+    C_bc, C_ic, surroundings = _surroundings(computer, near, frame.t_valid_s)
     times = shutter.row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
     end_s = frame.t_start_s + shutter.duration_s(times)
     omega_c, P_omega_c = mean_rate.camera_rate(computer.nav, near, C_bc, frame.t_start_s, end_s)
-    return star_tracker.Context(
-        velocity_i=state.v_i + params.tracker.earth_velocity_i,
-        rate=float(np.sqrt(omega_ib_b @ omega_ib_b)),
-        sun_angle=float(np.arccos(np.clip(boresight_i @ params.sun_i, -1.0, 1.0))),
-        limb_angle=float(wgs84.limb_angle(C_ei @ state.r_i, C_ei @ boresight_i)),
+    return surroundings._replace(
         q_ic=rotation.quat_from_dcm(C_ic),
         P_c=camera_covariance(computer.nav.layout, near.P, params.nav.C_bc) + PREDICTION_FLOOR**2 * np.eye(3),
         omega_c=omega_c,
         P_omega_c=P_omega_c,
     )
+
+
+def brief_context(computer, frame):
+    """`star_context` without the prediction, for a chain that does not search by it."""
+    near = computer.nav.history.nearest(frame.t_valid_s)
+    return _surroundings(computer, near, frame.t_valid_s)[2]
+
+
+def _surroundings(computer, near, t_valid_s):
+    """Mounting and attitude of the camera at an instant, and the Context without the prediction.
+
+    Computer, the tick nearest to it, time -> C_bc, C_ic, Context
+    """
+    params, state = computer.params, near.state
+    omega_ib_b = strapdown.rate(state, near.imu, near.imu.length_s)
+    C_bc = rotation.dcm_from_rotvec(state.mounting) @ params.nav.C_bc
+    turned = rotation.dcm_from_rotvec(omega_ib_b * (t_valid_s - state.t_s))
+    C_ic = rotation.dcm_from_quat(state.q_ib) @ turned @ C_bc
+    boresight_i = C_ic[:, 2]
+    C_ei = frames.dcm_ie(computer.earth, state.t_s).T
+    context = star_tracker.Context(
+        velocity_i=state.v_i + params.tracker.earth_velocity_i,
+        rate=float(np.sqrt(omega_ib_b @ omega_ib_b)),
+        sun_angle=float(np.arccos(np.clip(boresight_i @ params.sun_i, -1.0, 1.0))),
+        limb_angle=float(wgs84.limb_angle(C_ei @ state.r_i, C_ei @ boresight_i)),
+    )
+    return C_bc, C_ic, context
 
 
 def camera_covariance(layout, P, C_bc):

@@ -9,7 +9,6 @@ and the result, some 0.1 MB and 0.6 MB per second of flight; time is some four t
 """
 
 import copy
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,8 @@ from shefex_nav.environment import gravity
 from shefex_nav.log.run_data import RunData, RunDataBuilder, join, stack
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import solution
-from shefex_nav.onboard.navigation.fusion import Interval, Tick, finish
+from shefex_nav.onboard.navigation.fusion import Interval, finish
+from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.onboard.navigation.state import ATT, correct, pack
@@ -144,7 +144,7 @@ def _said(nav, ticks, step, adjoint, star_aided):
     state = correct(nav.layout, step.state_after, e)
     stars = nav.health["star_tracker"]._replace(used=int(star_aided))
     nav = nav._replace(
-        history=deque([Tick(state.t_s, pack(state), P, step.imu, ())]),
+        history=History(Tick(state.t_s, pack(state), P, step.imu)),
         health={**nav.health, "star_tracker": stars},
     )
     yield solution.solution(nav)

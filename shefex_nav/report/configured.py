@@ -1,5 +1,6 @@
 """What the scenario of a log said, as far as this version can still read it."""
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -22,8 +23,11 @@ NOTHING = Configured("", None, None, None, None, "")
 
 def configured(data):
     """Configured of a RunData. The scenario of a replay of external data has no such limits."""
-    text = data.mission.scenario_text
-    return NOTHING if local_level.is_replay(data) or not text.strip() else _read(text)
+    text, mission = data.mission.scenario_text, data.mission
+    found = NOTHING if local_level.is_replay(data) or not text.strip() else _read(text)
+    if math.isnan(mission.sun_exclusion) or math.isnan(mission.limb_exclusion):  # a log that does not say
+        return found
+    return found._replace(sun_exclusion_rad=mission.sun_exclusion, limb_exclusion_rad=mission.limb_exclusion)
 
 
 @lru_cache(maxsize=4)

@@ -19,8 +19,8 @@ def text(value):
 def element(tag, *children, **attributes):
     """An element with children (texts or Safe); `class_` is the attribute class. -> Safe"""
     written = "".join(
-        f' {name.rstrip("_").replace("_", "-")}="{escape(str(v), quote=True)}"'
-        for name, v in attributes.items()
+        f' {name.rstrip("_").replace("_", "-")}="{escape(str(value), quote=True)}"'
+        for name, value in attributes.items()
     )
     return Safe(f"<{tag}{written}>{''.join(text(child) for child in children)}</{tag}>")
 
@@ -42,10 +42,10 @@ def table(caption, heads, rows, numbers=()):
     if heads:
         head = element("tr", *(cell("th", k, value, scope="col") for k, value in enumerate(heads)))
         parts.append(element("thead", head))
-    lines = [
-        element("tr", *(cell("td" if k else "th", k, v, **({} if k else {"scope": "row"})) for k, v in enumerate(row)))
-        for row in rows
-    ]  # fmt: skip
+    lines = []
+    for first, *others in rows:
+        cells = [cell("td", k, value) for k, value in enumerate(others, start=1)]
+        lines.append(element("tr", cell("th", 0, first, scope="row"), *cells))
     parts.append(element("tbody", *lines))
     return element("div", element("table", *parts), class_="scroll")
 

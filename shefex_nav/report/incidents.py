@@ -49,7 +49,8 @@ def _refused(data):
         for group in np.split(np.arange(len(gates)), np.flatnonzero(np.diff(times) > _TOGETHER_S) + 1):
             notes = Counter(gates[k].note for k in group)
             why = "; ".join(note for note, _ in notes.most_common(2) if note)
-            what = f"{len(group)} measurement{'s' if len(group) > 1 else ''} of {sensor.replace('_', ' ')} refused"
+            plural = "s" if len(group) > 1 else ""
+            what = f"{len(group)} measurement{plural} of {sensor.replace('_', ' ')} refused"
             yield Incident(float(times[group[0]]), float(times[group[-1]]), f"{what}: {why}" if why else what)
 
 

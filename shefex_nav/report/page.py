@@ -59,7 +59,7 @@ def page(data, log=None):
         parts = [*page_summary.tables(run, section), *drawn.get(section, [])]
         if parts:
             sections.append((section.replace(" ", "-"), heading, parts))
-    sections.append(("figures", "All figures of the run", [_all_figures(run.summary)]))
+    sections.append(("numbers", "All numbers of the run", [_numbers(run.summary)]))
     sections.append(("scenario", "Scenario and versions", page_summary.origin(run)))
     title = f"{data.mission.scenario}, seed {data.mission.seed}"
     return html.document(
@@ -106,9 +106,11 @@ def _figures(data):
     return out
 
 
-def _all_figures(summary):
-    """The table of `report`."""
+def _numbers(summary):
+    """The table of `report`, without the events, which have one of their own."""
+    events = {event["name"].replace("_", " ") for event in summary["flight"]["events"]}
     rows = []
     for section, lines in table.rows(summary):
+        lines = [(name, value) for name, value in lines if section != "flight" or name not in events]
         rows += [(section if k == 0 else "", name, str(value)) for k, (name, value) in enumerate(lines)]
-    return html.table("", ("", "figure", "value"), rows)
+    return html.table("", ("", "", "value"), rows)

@@ -28,7 +28,8 @@ def lead(run):
         cut = f"The run was cut off: its log ends at {end}. Everything on this page is up to then."
         parts.append(element("p", element("strong", cut), class_="verdict bad"))
     if run.limits.problem:
-        told = f"The scenario in the log cannot be read by this version, so its limits are not shown: {run.limits.problem}"
+        told = "The scenario in the log cannot be read by this version, so its limits are not shown: "
+        told += run.limits.problem
         parts.append(element("p", told, class_="verdict open"))
     return html.join(parts)
 
@@ -149,7 +150,9 @@ def _incidents(found):
         return element(
             "p", "Nothing: no sensor was lost or refused, and the solution could be used all the time."
         )
-    rows = [(f"T{one.from_s:+.2f} s", _until(one), one.what) for one in found[:_MOST_INCIDENTS]]
+    rows = [
+        (_short(f"T{one.from_s:+.2f} s"), _short(_until(one)), one.what) for one in found[:_MOST_INCIDENTS]
+    ]
     parts = [html.table("", ("from", "to", "what"), rows)]
     if len(found) > _MOST_INCIDENTS:
         parts.append(
@@ -158,6 +161,11 @@ def _incidents(found):
             )
         )
     return html.join(parts)
+
+
+def _short(words):
+    """Words that stay on one line."""
+    return element("span", words, class_="short")
 
 
 def _until(one):
@@ -226,15 +234,20 @@ def origin(run):
     from shefex_nav import __version__
 
     mission = run.data.mission
+    versions = {
+        "shefex_nav": __version__,
+        "Python": platform.python_version(),
+        "NumPy": numpy_version,
+        "matplotlib": matplotlib.__version__,
+    }
     rows = [
         ("log", run.log),
         ("sha256 of the log", run.digest or _DASH),
         ("simulated by", f"shefex_nav {mission.version}"),
         ("scenario", mission.scenario),
         ("seed", str(mission.seed)),
-        ("page made by", f"shefex_nav {__version__}, Python {platform.python_version()}, NumPy {numpy_version}, "
-         f"matplotlib {matplotlib.__version__}"),
-    ]  # fmt: skip
+        ("page made by", ", ".join(f"{name} {version}" for name, version in versions.items())),
+    ]
     if run.summary["wall_s"] is not None:
         factor = run.summary["real_time_factor"]
         speed = f", {factor:.0f} times faster than the flight" if factor else ""

@@ -139,5 +139,8 @@ def _used(one):
     """Share of a limit that was used up: 1 at the limit; 0 where there are no shares."""
     if one.found is None or isinstance(one.required, bool) or not one.required or not one.found:
         return 0.0
-    ratio = abs(one.found / one.required)
-    return 1.0 / ratio if MEASURES[one.name].word == "at least" else ratio
+    if MEASURES[one.name].word == "at most":
+        return abs(one.found / one.required)
+    if one.unit == "%":  # of what may be missing
+        return (100.0 - one.found) / max(100.0 - one.required, 1e-9)
+    return one.required / one.found

@@ -9,7 +9,7 @@ from shefex_nav.scenario import (
     checks_vehicle,
     dispersions,
     faults,
-    requirements,
+    star_statistics,
 )
 from shefex_nav.scenario.checks_flight import seconds
 
@@ -33,8 +33,8 @@ def cross_check(scenario, rated=None):
         *_camera(scenario.star_camera),
         *states_that_clash(scenario.navigation.states),
         *checks_tracker.contradictions(scenario),
+        *star_statistics.contradictions(scenario),
         *faults.contradictions(scenario),
-        *requirements.contradictions(scenario),
         *dispersions.contradictions(scenario),
     ]
 

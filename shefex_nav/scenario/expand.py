@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from shefex_nav.scenario import rasp, tables
 from shefex_nav.scenario.dispersions import ColumnOfFile
-from shefex_nav.scenario.document import Mark, dotted
+from shefex_nav.scenario.document import BadText, Mark, dotted, parse
 from shefex_nav.scenario.files import Unreadable, read_text
 from shefex_nav.scenario.params_gps import ALMANAC_KEYS, ALMANAC_UNITS
 from shefex_nav.scenario.quantity import describe
@@ -19,6 +19,7 @@ from shefex_nav.scenario.tables import BadTable
 
 FILE = "file"
 ALMANAC = "almanac"
+MODEL = "model"  # of the star tracker
 
 
 class Rated(NamedTuple):
@@ -36,9 +37,9 @@ def relative_to(tree, folder):
     for _, table in _tables_of_dispersions(tree):
         if isinstance(table.get(FILE), str) and table[FILE]:
             table[FILE] = os.path.join(folder, table[FILE])
-    gps = _inner(tree, "gps")
-    if isinstance(gps.get(ALMANAC), str) and gps[ALMANAC]:
-        gps[ALMANAC] = os.path.join(folder, gps[ALMANAC])
+    for key, section in ((ALMANAC, _inner(tree, "gps")), (MODEL, _inner(tree, "star_tracker"))):
+        if isinstance(section.get(key), str) and section[key]:
+            section[key] = os.path.join(folder, section[key])
 
 
 def expand(tree, places, texts):
@@ -80,7 +81,7 @@ def expand(tree, places, texts):
             section[key] = value
             inner = {(): here} | marks.get(key, {})
             places.put((*path, key), inner, inner)
-    errors += _expand_almanac(tree, places, texts)
+    errors += _expand_almanac(tree, places, texts) + _expand_model(tree, places, texts)
     errors += _expand_dispersions(tree, places, texts)
     return errors, rated
 
@@ -101,7 +102,9 @@ def _expand_dispersions(tree, places, texts):
         try:
             asked = ColumnOfFile.model_validate(table)
             text = read_text(asked.file, "a table")
-            column = tables.read(text, asked.file, (asked.column,))[asked.column]
+            column = tables.read(text, asked.file, (asked.column,), tables.names(text, asked.file))[
+                asked.column
+            ]
         except ValidationError as error:
             errors += [
                 (places.value((*path, *inner)), f"{dotted((*path, *inner))}: {words}")
@@ -164,6 +167,36 @@ def _expand_almanac(tree, places, texts):
         marks[key,] = here
         marks |= {(key, k): Mark(name, item.line, item.column) for k, item in enumerate(column)}
     places.put(path, {(): here}, marks)
+    return []
+
+
+def _expand_model(tree, places, texts):
+    """Put the statistics of the star tracker in the place of their file, or nothing if they are not used.
+
+    -> list of (Mark, text)
+    """
+    tracker, path = _inner(tree, "star_tracker"), ("star_tracker", MODEL)
+    name = tracker.get(MODEL)
+    if not isinstance(name, str):
+        return []
+    here = places.value(path)
+    del tracker[MODEL]  # if it cannot be read, the schema need not complain as well
+    if tracker.get("frames") != "statistical":  # a scenario without statistics can be carried anywhere
+        return []
+    try:
+        text = read_text(name, "a file of `shefex-nav characterise`")
+        found = parse(text, name)  # JSON is YAML
+    except Unreadable as error:
+        return [(here, f"{dotted(path)}: '{name}' {error}")]
+    except BadText as error:
+        mark, words = error.args
+        ours = words if words.startswith("not valid") else "this is no file of shefex-nav characterise"
+        return [(mark, ours)]
+    if found.errors:
+        return found.errors
+    texts[name] = text
+    tracker[MODEL] = found.tree
+    places.put(path, {(): here} | found.keys, {(): here} | found.values)
     return []
 
 

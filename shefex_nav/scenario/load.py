@@ -286,7 +286,8 @@ def _parts(tree, name):
     given = tree.get(DISPERSIONS)
     for end in range(len(parts), 1, -1):
         key = ".".join(parts[1:end])
-        if isinstance(given, dict) and key in given:
+        whole = end == len(parts) or parts[end] in KEYS
+        if whole and isinstance(given, dict) and key in given:
             return [DISPERSIONS, key, *parts[end:]]
     end = len(parts) - (parts[-1] in KEYS)
     return [DISPERSIONS, ".".join(parts[1:end]), *parts[end:]]

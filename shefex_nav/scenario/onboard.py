@@ -10,6 +10,7 @@ from pydantic import Field, StrictBool
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.quantity import Count, Number, Quantity, Time, Vector
+from shefex_nav.scenario.star_statistics import Model
 
 
 class ExposureControl(Block):
@@ -130,6 +131,14 @@ class StarTracker(Block):
     detection: Detection
     catalogue: Catalogue
     identification: Identification
+    frames: Literal["rendered", "statistical"] = Field(
+        "rendered",
+        description="pictures are drawn and searched; or what would be found follows from statistics, "
+        "which takes a tenth of the time",
+    )
+    model: Model | None = Field(
+        None, description="file of `shefex-nav characterise` with the statistics, relative to this one"
+    )
 
 
 class SensorOverrides(Block):

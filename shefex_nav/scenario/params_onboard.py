@@ -6,6 +6,7 @@ sections that also drive the simulated sensors, unless `navigation.sensors` says
 
 import numpy as np
 
+from shefex_nav.scenario import params_filter
 from shefex_nav.scenario.params import IMU_RATE, mounting
 from shefex_nav.scenario.params_gps import clock_densities
 
@@ -163,14 +164,11 @@ def _exposure_params(exposure):
 
 def nav_params(scenario):
     """NavParams of a scenario."""
-    from shefex_nav.onboard.navigation.state import NavParams, ReleaseRule
+    from shefex_nav.onboard.navigation.state import NavParams
 
     navigation, sensors = scenario.navigation, scenario.navigation.sensors
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
-
-    def rule(release):
-        return ReleaseRule(release.rejections, release.duration)
-
+    integrity = params_filter.integrity_params(scenario, 1.0 / IMU_RATE, coarse_if_silent=False)
     white, walk = clock_densities(scenario.gps.clock)
     return NavParams(
         imu=_imu_model(scenario),
@@ -181,20 +179,14 @@ def nav_params(scenario):
         sigma_blocks=_sigma_blocks(scenario),
         l_ba_b=np.array(_given(sensors.lever_arm, scenario.gps.antenna.lever_arm)),
         C_bc=mounting(scenario),
-        gate_probability=navigation.gate_probability,
-        star_sigma_floor=navigation.star_fix_floor,
-        release_gps=rule(navigation.release.gps),
-        release_star_first=rule(navigation.release.first_star_fix),
-        release_star=rule(navigation.release.star_fix),
-        gps_agreement=navigation.gps_agreement,
+        **params_filter.common(scenario, integrity),
         history_s=navigation.history,
         motors=_motors(scenario),
-        integrity=_integrity(scenario),
-        states=tuple(navigation.states),
         clock_white=_given(sensors.clock_white_frequency, float(np.sqrt(white))),
         clock_walk=_given(sensors.clock_random_walk, float(np.sqrt(walk))),
         range_bias_sigma=_range_bias(scenario),
         range_bias_time_s=sensors.range_bias_time,
+        lasting_share=_lasting_share(scenario),
         gravity_sigma=navigation.gravity_error,
         gps=navigation.gps,
         stars=navigation.stars,
@@ -210,13 +202,7 @@ def _sigma_blocks(scenario):
     roll = _given(sensors.gyro_scale_factor_roll, gyro.scale_factor_roll)
     misalignment = _given(sensors.gyro_misalignment, gyro.misalignment)
     rectified = accelerometer.vibration_rectification * _strongest(scenario.imu.vibration) ** 2
-    known = {
-        "gyro_roll_column": (roll, misalignment, misalignment),
-        "gyro_scale": (roll, gyro.scale_factor, gyro.scale_factor),
-        "gyro_misalignment": (misalignment,) * 6,
-        "gyro_g_sensitivity": (gyro.g_sensitivity,) * 9,
-        "accel_scale": (accelerometer.scale_factor,) * 3,
-        "accel_misalignment": (accelerometer.misalignment,) * 6,
+    known = params_filter.calibration_sigmas(scenario.imu, roll, misalignment) | {
         "accel_rectification": (rectified,) * 3,
         "gravity": (scenario.navigation.gravity_error,) * 3,
         "mounting": (_given(sensors.camera_mounting, _boresight_error(scenario)),) * 3,
@@ -226,28 +212,6 @@ def _sigma_blocks(scenario):
         "range_bias": (_range_bias(scenario),) * OPTIONAL["range_bias"],
     }
     return {name: np.array(known[name]) for name in scenario.navigation.states}
-
-
-def _integrity(scenario):
-    """IntegrityParams of a scenario."""
-    from shefex_nav.onboard.navigation import integrity_imu, integrity_protection, integrity_watch
-    from shefex_nav.onboard.navigation.state import ReleaseRule
-
-    section, dt_s = scenario.navigation.integrity, 1.0 / IMU_RATE
-    triads = (scenario.imu.gyro, scenario.imu.accelerometer)
-    return integrity_watch.IntegrityParams(
-        imu=integrity_imu.ImuRules(
-            repeats=np.array(
-                [integrity_imu.repeats(triad.random_walk * np.sqrt(dt_s), triad.quantum) for triad in triads]
-            ),
-            range=np.array([triad.range for triad in triads]),
-            wrong=np.array([scenario.navigation.saturated_rate, scenario.navigation.saturated_acceleration]),
-            change=np.array([section.angular_acceleration, section.thrust_change]),
-        ),
-        wanted=integrity_protection.requirement(section.attitude, section.risk),
-        wrong_star_fix=section.wrong_star_fix,
-        release_gps_jump=ReleaseRule(section.gps_jump.rejections, section.gps_jump.duration),
-    )
 
 
 def _range_bias(scenario):
@@ -260,6 +224,14 @@ def _range_bias(scenario):
         errors.multipath.range if errors.multipath else 0.0,
     ]
     return _given(scenario.navigation.sensors.range_bias, float(np.linalg.norm(sigmas)))
+
+
+def _lasting_share(scenario):
+    """Share of the variance of a position fix that is of errors which last; ranges have states for them."""
+    if scenario.navigation.gps == "tight":
+        return 0.0
+    lasting = _range_bias(scenario)
+    return lasting**2 / (lasting**2 + scenario.gps.range_noise**2) if lasting else 0.0
 
 
 def _motors(scenario):
@@ -293,45 +265,24 @@ def _given(override, value):
 
 
 def _imu_model(scenario):
-    """ImuModel: errors that are no states of the filter, from the data sheet of the IMU.
+    """ImuModel of a scenario.
 
-    A bias that wanders with sigma and correlation time tau (Gauss-Markov) starts out as a random walk of
-    density sigma sqrt(2/tau). The slews turn the vehicle about any axis: scale factor on one axis and
-    misalignment on two count by their rms. Vibration is that of the strongest motor; `NavParams.motors` has
-    what the others do of it. Errors whose block is estimated are left out.
+    Vibration is that of the strongest motor; `NavParams.motors` has what the others do of it.
     """
-    from shefex_nav.onboard.navigation.state import ImuModel
-
-    def left(name, value):
-        return 0.0 if name in scenario.navigation.states else value
-
-    navigation, vibration = scenario.navigation, scenario.imu.vibration
+    sensors, vibration = scenario.navigation.sensors, scenario.imu.vibration
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     swing, strongest = _swing(vibration), _strongest(vibration)
-    scale_factor = left("gyro_scale", gyro.scale_factor)
-    misalignment = left("gyro_misalignment", gyro.misalignment)
-    return ImuModel(
-        gyro_random_walk=_given(navigation.sensors.gyro_random_walk, gyro.random_walk),
-        gyro_bias_walk=float(gyro.in_run_bias * np.sqrt(2.0 / gyro.in_run_bias_time)),
-        gyro_g_sensitivity=left("gyro_g_sensitivity", gyro.g_sensitivity),
-        gyro_cross=float(np.sqrt((scale_factor**2 + 2.0 * misalignment**2) / 3.0)),
-        manoeuvre_angle=navigation.manoeuvre_angle,
-        gyro_rectification=gyro.vibration_rectification * strongest**2,
-        gyro_vibration=vibration.angular * swing,
-        gyro_quantum=gyro.quantum,
-        accel_random_walk=_given(navigation.sensors.accelerometer_random_walk, accelerometer.random_walk),
-        accel_bias_walk=float(accelerometer.in_run_bias * np.sqrt(2.0 / accelerometer.in_run_bias_time)),
-        accel_scale=left("accel_scale", accelerometer.scale_factor),
-        accel_misalignment=left("accel_misalignment", accelerometer.misalignment),
-        accel_rectification=left("accel_rectification", accelerometer.vibration_rectification * strongest**2),
-        accel_vibration=swing,
-        thrust_threshold=navigation.thrust_threshold,
-        shake_threshold=_shake_threshold(vibration),
-        thrust_time_s=navigation.thrust_memory,
-        gravity=left("gravity", navigation.gravity_error),
-        gravity_time_s=navigation.gravity_memory,
-        saturated_rate=navigation.saturated_rate,
-    )
+    others = {
+        "gyro_random_walk": _given(sensors.gyro_random_walk, gyro.random_walk),
+        "gyro_rectification": gyro.vibration_rectification * strongest**2,
+        "gyro_vibration": vibration.angular * swing,
+        "accel_random_walk": _given(sensors.accelerometer_random_walk, accelerometer.random_walk),
+        "accel_vibration": swing,
+        "shake_threshold": _shake_threshold(vibration),
+    }
+    if "accel_rectification" not in scenario.navigation.states:
+        others["accel_rectification"] = accelerometer.vibration_rectification * strongest**2
+    return params_filter.imu_model(scenario, **others)
 
 
 def _shake_threshold(vibration):

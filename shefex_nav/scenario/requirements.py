@@ -1,7 +1,8 @@
 """Section of a scenario about what its mission requires. A campaign says how often each of them is met.
 
 Each is judged on the figures of a single run, as `report` prints them; one that is left out is not required.
-Entry is the first descent through 100 km: a mission that does not come there must not require anything of it.
+Entry is the first descent through 100 km. A figure that a mission does not have (no entry, no star tracker)
+is not met by its runs; take away with `null` what it inherits and cannot mean.
 """
 
 from pydantic import Field, StrictBool
@@ -38,13 +39,3 @@ class Requirements(Block):
     pointing_error: Quantity("rad", "3 deg", "at most while pointing", positive=True) | None = None
     cold_gas: Quantity("kg", "8 kg", "used at most", positive=True) | None = None
     apogee: Quantity("m", "170 km", "height at least", positive=True) | None = None
-
-
-def contradictions(scenario):
-    """(path of the field, text for people) of requirements that no run can meet."""
-    wanted, vehicle = scenario.requirements, scenario.vehicle
-    if wanted.star_fixes is not None and not scenario.star_tracker.enabled:
-        yield ("requirements", "star_fixes"), "there are none without star_tracker.enabled; leave it out"
-    for name in ("pointing_error", "cold_gas"):
-        if getattr(wanted, name) is not None and vehicle.cold_gas is None:
-            yield ("requirements", name), "there is no vehicle.cold_gas; leave it out"

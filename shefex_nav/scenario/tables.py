@@ -84,6 +84,13 @@ def read(text, file, required, optional=()):
     return columns
 
 
+def names(text, file):
+    """Names of the columns as they stand in the first line, whatever they are; none of an empty file."""
+    lines = ((n, line) for n, line in enumerate(text.splitlines(), 1) if line.split("#")[0].strip())
+    first = next(lines, None)
+    return () if first is None else tuple(name for name, _ in cells(first[1], first[0], file) if name)
+
+
 def _names(head, file, required, optional):
     """Names of the columns, checked."""
     known, errors, names = (*required, *optional), [], []

@@ -37,17 +37,7 @@ def bound(
         words = f"{scenario} has errors that the bound does not know: {over_bound.left_out(loaded)}"
         raise typer.BadParameter(words, param_hint="SCENARIO")
     _say("The first flight on a machine compiles, which takes a few minutes.")
-    from shefex_nav import prepare
-    from shefex_nav.verify import flown
-
-    runs, pairs = [], []
-    for seed in range(first, first + seeds):
-        _say(f"seed {seed}")
-        world = prepare.build_world(loaded, seed)
-        fixes = flown.fly(loaded, seed) if loaded.star_tracker.enabled else []
-        runs.append(flown.filter_run(loaded, seed, fixes, world=world))
-        pairs.append(over_bound.bounds(loaded, world, fixes))
-    found = over_bound.curves(runs, pairs)
+    found = over_bound.curves(*_flights(loaded, range(first, first + seeds)))
     ratios = over_bound.ratios(found)
     if json:
         typer.echo(json_module.dumps(as_numbers(loaded, first, seeds, ratios), allow_nan=False))
@@ -58,6 +48,21 @@ def bound(
 
         consistency_figures.draw_bound({"filter": found}, out, runs=seeds)
         _say(f"wrote {out}")
+
+
+def _flights(scenario, seeds):
+    """Runs and bounds of some seeds. -> list of flown.Run, list of `over_bound.bounds`"""
+    from shefex_nav import prepare
+    from shefex_nav.verify import flown, over_bound
+
+    runs, pairs = [], []
+    for seed in seeds:
+        _say(f"seed {seed}")
+        world = prepare.build_world(scenario, seed)
+        fixes = flown.fly(scenario, seed) if scenario.star_tracker.enabled else []
+        runs.append(flown.filter_run(scenario, seed, fixes, world=world))
+        pairs.append(over_bound.bounds(scenario, world, fixes))
+    return runs, pairs
 
 
 def as_numbers(scenario, first, seeds, ratios):

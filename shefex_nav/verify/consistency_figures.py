@@ -88,6 +88,7 @@ def draw_bound(found, path, *, runs):
         top.set_ylabel(f"{name} [{unit}]")
         bottom.axhline(1.0, color="0.4", lw=0.8)
         bottom.axhline(1.15, color="0.4", lw=0.8, ls=":")
+        bottom.annotate("1.15", (t_s[0], 1.17), color="0.4", fontsize=8)
         bottom.set_ylim(0.5, 3.0)
         bottom.set_ylabel("rms error / bound")
         bottom.set_xlabel("time from lift-off [s]")

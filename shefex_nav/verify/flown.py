@@ -134,6 +134,28 @@ def filter_run(scenario, seed, fixes, *, star_factor=1.0, recorder=None, world=N
     world = prepare.build_world(scenario, seed) if world is None else world
     fixes = [fix._replace(P_c=star_factor**2 * fix.P_c) for fix in fixes]
     nav = fusion.start(world.computer.nav, world.alignment, world.earth, recorder=recorder)
+    gates, states, covariances = _follow(nav, world, fixes)
+    if recorder is not None:
+        fusion.finish(nav)
+    used_s = [gate.t_s for gate in gates if gate.sensor == "star_tracker" and gate.accepted]
+    t_s, trajectory = np.array([state.t_s for state in states]), world.flight.trajectory
+    errors = _errors(states, trajectory, prepare.true_biases(scenario, seed, trajectory))
+    met = [gate for gate in gates if gate.dof > 0]
+    names = sorted({gate.sensor for gate in met})
+    return Run(
+        seed,
+        t_s,
+        phases(t_s, trajectory, used_s),
+        errors,
+        covariances,
+        {name: np.array([gate.nis for gate in met if gate.sensor == name]) for name in names},
+        {name: np.array([gate.dof for gate in met if gate.sensor == name]) for name in names},
+        {name: sum(not gate.accepted for gate in met if gate.sensor == name) for name in names},
+    )
+
+
+def _follow(nav, world, fixes):
+    """Let a filter hear what the sensors say. -> list of gate results; NavState and (15, 15) of each epoch"""
     received = sorted(world.gps_fixes + world.gps_ranges, key=lambda one: one.t_available_s, reverse=True)
     stars = sorted(fixes, key=lambda fix: fix.t_available_s, reverse=True)
     gates, states, covariances = [], [], []
@@ -147,25 +169,7 @@ def filter_run(scenario, seed, fixes, *, star_factor=1.0, recorder=None, world=N
         if n % EPOCH_TICKS == 0:
             states.append(nav.history[-1].state)
             covariances.append(reported(nav))
-    used_s = [gate.t_s for gate in gates if gate.sensor == "star_tracker" and gate.accepted]
-    if recorder is not None:
-        fusion.finish(nav)
-    t_s = np.array([state.t_s for state in states])
-    trajectory = world.flight.trajectory
-    phase = phases(t_s, trajectory, used_s)
-    errors = _errors(states, trajectory, prepare.true_biases(scenario, seed, trajectory))
-    met = [gate for gate in gates if gate.dof > 0]
-    names = sorted({gate.sensor for gate in met})
-    return Run(
-        seed,
-        t_s,
-        phase,
-        errors,
-        np.array(covariances),
-        {name: np.array([gate.nis for gate in met if gate.sensor == name]) for name in names},
-        {name: np.array([gate.dof for gate in met if gate.sensor == name]) for name in names},
-        {name: sum(not gate.accepted for gate in met if gate.sensor == name) for name in names},
-    )
+    return gates, states, np.array(covariances)
 
 
 class Recorder:

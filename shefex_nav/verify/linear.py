@@ -122,11 +122,12 @@ def _joseph(P, K, H, R):
 def square_root(P):
     """A with A A^T = P of a covariance that may be singular. (n, n) -> (n, n)
 
-    Scaled to correlations first: metres and radians in one matrix.
+    Scaled to correlations first: metres and radians in one matrix. What does not vary gets nothing at all:
+    the rounding of an eigenvalue, 1e-17, is as large as the square of what is known of a scale factor.
     """
     sigma = np.sqrt(np.diag(P))
     scale = np.where(sigma > 0.0, sigma, 1.0)
     values, vectors = np.linalg.eigh(P / np.outer(scale, scale))
     if values[0] < -1e-6:
         raise ValueError(f"not a covariance: eigenvalue {values[0]:.1e} of the correlations")
-    return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    return sigma[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))

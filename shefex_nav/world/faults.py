@@ -178,9 +178,13 @@ class StarLine:
         self.faults, self.rng = faults, rng
         self.good = [0] * len(faults)  # fixes since each fault began
 
+    def blinds(self, t_s):
+        """Whether light falls into the camera at a time."""
+        return any(fault.kind == "blinded" and _within(fault, t_s) for fault in self.faults)
+
     def picture(self, frame):
         """A Frame as it reaches the star tracker."""
-        if any(fault.kind == "blinded" and _within(fault, frame.t_valid_s) for fault in self.faults):
+        if self.blinds(frame.t_valid_s):
             white = np.full_like(frame.image_dn, 2**frame.bits - 1)
             return frame._replace(image_dn=white)
         return frame

@@ -14,6 +14,7 @@ STREAMS = {
     "attitude_control": 6,  # errors of the reference by which the cold-gas system steers
     "gps_errors": 7,  # of ranges, as far as they last; receiver clock, reacquisition
     "faults": 8,  # wrong star fixes
+    "sightings": 9,  # what a star tracker finds in pictures that are not drawn
 }
 
 

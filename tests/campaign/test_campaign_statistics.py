@@ -164,7 +164,8 @@ def test_runs_still_needed_for_a_rate_are_the_fewest_that_do():
 def test_runs_still_needed_for_a_percentile_give_that_precision():
     rng = np.random.default_rng(8)
     wanted, widths = 0.1, []
-    asked = convergence.needed_for_percentile(np.abs(rng.standard_normal(400)), 95.0, wanted)
+    first = statistics.percentile(np.abs(rng.standard_normal(400)), 95.0)
+    asked = convergence.needed_for_percentile(first, 400, wanted)
     assert asked.still > 0
     for _ in range(50):
         one = statistics.percentile(np.abs(rng.standard_normal(asked.total)), 95.0)
@@ -172,7 +173,7 @@ def test_runs_still_needed_for_a_percentile_give_that_precision():
     assert np.mean(widths) == pytest.approx(
         wanted, rel=0.35
     )  # the width itself is estimated, from 400 values
-    few = convergence.needed_for_percentile(np.arange(50.0), 99.0, 1.0)
+    few = convergence.needed_for_percentile(statistics.percentile(np.arange(50.0), 99.0), 50, 1.0)
     assert few.half_width == np.inf and few.total == intervals.values_needed(99.0) and few.still > 300
 
 

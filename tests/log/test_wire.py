@@ -128,3 +128,31 @@ def test_wrong_shapes_are_refused():
     for wrong in (np.zeros(4), np.zeros((3, 1))):
         with pytest.raises(ValueError, match=r"broadcast|sequence"):
             coder.encode([truth._replace(r_i=wrong)], stamps([truth]))
+
+
+@pytest.mark.parametrize("n", [1, 2, 4, 9])
+def test_any_number_of_imu_samples_in_a_tick(n):
+    """Two at 200 Hz: what protobuf reads is what was encoded, and it comes back with its shape."""
+    topic, rng = next(t for t in topics.TOPICS if t.schema == "ImuBlock"), np.random.default_rng(n)
+    rows = [
+        rec.ImuBlock(0.01 * k, 0.01 * k, 0.01 / n, *rng.standard_normal((2, n, 3)), k == 3) for k in range(5)
+    ]
+    data = wire.codec(topic).encode(rows, stamps(rows))
+    assert list(parsed(topic, data[3]).dv_b_m_s) == rows[3].dv_b.ravel().tolist()
+    decoded = wire.codec(topic).decode(data)
+    assert decoded.dtheta_b.shape == decoded.dv_b.shape == (5, n, 3)
+    np.testing.assert_array_equal(decoded.dtheta_b, [row.dtheta_b for row in rows])
+    assert decoded.saturated.tolist() == [False, False, False, True, False]
+    with pytest.raises(LogError, match="length"):
+        wire.codec(topic).decode([*data, data[0][:-8]])
+
+
+def test_ticks_of_different_lengths_are_refused():
+    topic = next(t for t in topics.TOPICS if t.schema == "ImuBlock")
+    two, four = (rec.ImuBlock(0.0, 0.0, 0.01, np.zeros((n, 3)), np.zeros((n, 3)), False) for n in (2, 4))
+    encoder = wire.codec(topic)
+    encoder.encode([two], stamps([two]))
+    with pytest.raises(LogError, match=r"\[4\] rows in a log whose others have 2"):
+        encoder.encode([four], stamps([four]))
+    none = wire.codec(topic).decode([])
+    assert none.dtheta_b.shape == (0, 0, 3)

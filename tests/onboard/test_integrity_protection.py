@@ -61,6 +61,28 @@ def test_later_fixes_take_the_error_of_a_wrong_one_out():
     assert level.stars_b[0] < 0.2 * np.sqrt(LIMIT)
 
 
+def test_a_star_fix_that_passes_bounds_what_others_have_done():
+    """Whatever error b passes the gate with noise inside it is below the bound, and so is what is left."""
+    rng, passed = np.random.default_rng(8), 0
+    H, R, P = np.zeros((3, N)), np.diag([1e-4, 2e-4, 1e-2]), np.diag(np.full(N, 0.04))
+    H[:, ATT] = np.eye(3)
+    P[ATT.start, ATT.start] = 1.0
+    after, K, S = updated(P, H, R)
+    found = protection.slope_of_stars(P, after, LIMIT, H, R, True)
+    level = protection.after_fix(protection.Level(np.zeros(3), np.full(3, 1e3)), found, after)
+    for _ in range(20_000):
+        b = rng.uniform(-20.0, 20.0, 3) * np.sqrt(np.diag(S))
+        noise = np.linalg.cholesky(S) @ rng.standard_normal(3)
+        inside = [x @ np.linalg.solve(S, x) <= LIMIT for x in (noise + b, noise)]
+        if all(inside):
+            passed += 1
+            assert np.all(np.abs(b) <= found.most)
+            assert np.all(np.abs((np.eye(3) - K[ATT]) @ b) <= level.others_b * (1 + 1e-9))
+    assert passed > 100
+    other = protection.after_fix(level, protection.slope(P, P, LIMIT), P)
+    assert np.allclose(other.others_b, level.others_b)  # no other sensor bounds anything
+
+
 def test_k_is_that_of_the_normal_distribution():
     for risk in (0.05, 1e-5):
         wanted = protection.requirement(0.003, risk)

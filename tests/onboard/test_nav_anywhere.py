@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from shefex_nav.environment.gravity import gravity_j2_e
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.onboard.navigation import fusion, solution
+from shefex_nav.onboard.navigation import fusion, solution, strapdown
 from shefex_nav.onboard.navigation.state import NavState
 from shefex_nav.records import GpsFix, ImuBlock, StarFix
 
@@ -147,12 +147,13 @@ def test_exactly_at_rest_the_angles_are_numbers():
     state = Ground().state(0.0)
     nav = fusion.start(PARAMS, alignment(state), EARTH)
     rest = np.zeros((4, 3))
-    imu = fusion.strapdown.window(ImuBlock(0.0, 0.0, DT, rest, rest, False))
+    imu = strapdown.window(ImuBlock(0.0, 0.0, DT, rest, rest, False))
     tick = nav.history[-1]._replace(imu=imu)
-    vectors, angles, sigmas = solution.derive(nav.layout, tick, tick.P, 1e-5, 0.0, EARTH)
-    assert np.isfinite(vectors).all() and np.isfinite(angles).all()
-    assert np.linalg.norm(vectors[1]) < 1e-9
-    np.testing.assert_allclose(sigmas, np.pi)
+    found = solution.derive(nav.layout, tick, tick.P, 1e-5, 0.0, EARTH)
+    assert all(np.isfinite(value).all() for value in found.values())
+    assert np.linalg.norm(found["v_e"]) < 1e-9
+    for name in ("sigma_flight_path_angle", "sigma_angle_of_attack", "sigma_sideslip"):
+        assert found[name] == pytest.approx(np.pi)
 
 
 @pytest.mark.parametrize("seed", [1])

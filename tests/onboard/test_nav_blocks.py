@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import slow_strapdown
 from navigation_flight import C_BC, DEG, DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix, star_fix
 from scipy.spatial.transform import Rotation
 
@@ -15,12 +16,14 @@ from shefex_nav.onboard.navigation import (
     strapdown,
 )
 from shefex_nav.onboard.navigation.blocks import LayoutError
+from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.state import (
     ATT,
     CORE,
     OPTIONAL,
     POS,
     VEL,
+    X_Q,
     NavState,
     correct,
     layout,
@@ -137,18 +140,26 @@ def test_transition_of_every_block_is_the_derivative_of_the_strapdown(order, beg
 
 
 def test_the_kernel_carries_the_state_as_the_strapdown_does():
-    """One compiled call for all, and eleven ticks in one, against strapdown and Phi P Phi^T + Q in NumPy."""
+    """Part by part, and eleven ticks in one call, against a slow strapdown and Phi P Phi^T + Q in NumPy."""
     state = state_with_errors(ALL.names, t_s=BLOCKS[0].t_valid_s - 0.01)
     x, t_s = pack(state), state.t_s
     scale = np.array([step for _, _, step in each_error(ALL)])
     A = RNG.standard_normal((ALL.n, ALL.n))
     P = 1e-4 * (A @ A.T + np.eye(ALL.n)) * np.outer(scale, scale)
-    windows = []
-    for block in BLOCKS[:11]:
-        windows.append(strapdown.window(block, windows[-1] if windows else None, 0.3))
-    xs, Ps = prediction.advance_ticks(ALL, NOISE, x, t_s, P, windows, EARTH)
-    for k, imu in enumerate(windows):
-        r_i, v_i, q_ib = strapdown.propagate(state, imu, 0.0, 0.01, EARTH)
+    history, motors = History(Tick(t_s, x, P, None)), np.array([[-1.0, 0.3]])
+    for k, block in enumerate(BLOCKS[:11], 1):
+        place = history.make_room(4)
+        history.increments[place, 2:], history.extra[place] = np.hstack([block.dtheta_b, block.dv_b]), 0.0
+        t_end_s = state.t_s + 0.01 * k
+        prediction.enter(ALL.at, NOISE, *EARTH, *history.arrays, k, motors, t_end_s, DT, 4)
+        history.append(t_end_s)
+    in_turn = history.xs[:12].copy(), history.Ps[:12].copy()
+    history.go_to(0)
+    prediction.travel(ALL.at, NOISE, *EARTH, *history.arrays, 1, 0.0, 11, np.inf)
+    assert np.array_equal(in_turn[0], history.xs[:12]) and np.array_equal(in_turn[1], history.Ps[:12])
+    for k in range(1, 12):
+        imu = history.imu(k)
+        r_i, v_i, C_ib = slow_strapdown.propagate(state, imu, 0.0, 0.01, EARTH)
         Phi, Q = prediction.growth(ALL, NOISE, state, imu, 0.0, 0.01, EARTH)
         x, P_step = prediction.advance(ALL, NOISE, x, t_s, P, imu, 0.0, 0.01, EARTH)
         P = Phi @ P @ Phi.T + Q
@@ -157,16 +168,30 @@ def test_the_kernel_carries_the_state_as_the_strapdown_does():
         range_bias = state.range_bias * np.exp(-0.01 / CLOCK["range_bias_time_s"])
         gravity = state.gravity * np.exp(-0.01 / error_model.FIELD_TIME_S)
         state = state._replace(
-            r_i=r_i, v_i=v_i, q_ib=q_ib, clock=clock, range_bias=range_bias, gravity=gravity
+            r_i=r_i, v_i=v_i, q_ib=x[X_Q], clock=clock, range_bias=range_bias, gravity=gravity
         )
+        assert np.abs(rotation.dcm_from_quat(x[X_Q]) - C_ib).max() < 1e-12
         t_s += 0.01
         state = state._replace(t_s=t_s)
         sigma = np.sqrt(np.diag(P))
-        for found in (P_step, Ps[k]):
+        for found in (P_step, history[k].P):
             assert np.abs((found - P) / np.outer(sigma, sigma)).max() < 1e-9
             assert np.array_equal(found, found.T)
-        for found in (x, xs[k]):
+        for found in (x, history[k].x):
             np.testing.assert_allclose(found, pack(state), rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize(("begin_s", "end_s"), [(0.0, 0.01), (0.0013, 0.0087), (0.0041, 0.0049)])
+def test_the_strapdown_does_what_its_equations_say(begin_s, end_s):
+    """Cuts anywhere, errors of all kinds known, against the slow one."""
+    state = state_with_errors(ALL.names)
+    for k in (1, 10, 25):
+        imu = strapdown.window(BLOCKS[k], strapdown.window(BLOCKS[k - 1]))
+        r_i, v_i, C_ib = slow_strapdown.propagate(state, imu, begin_s, end_s, EARTH)
+        found = strapdown.propagate(state, imu, begin_s, end_s, EARTH)
+        np.testing.assert_allclose(found[0], r_i, rtol=0.0, atol=4e-9)  # rounding of 6e6 m
+        np.testing.assert_allclose(found[1], v_i, rtol=0.0, atol=1e-11)
+        np.testing.assert_allclose(rotation.dcm_from_quat(found[2]), C_ib, rtol=0.0, atol=1e-13)
 
 
 def test_noise_of_receiver_and_field_grows_as_said():
@@ -318,7 +343,7 @@ def test_sensors_without_noise_leave_no_error_with_every_block_on():
     known = known._replace(gyro_bias=errors.gyro_bias, accel_bias=errors.accel_bias)
     params = PARAMS._replace(states=ALL.names, sigma_blocks=SIGMAS, **CLOCK)
     nav = fusion.start(params, alignment(states[0]), EARTH)
-    nav.history[0] = nav.history[0]._replace(x=pack(known))
+    nav.history.x[:] = nav.history.xs[nav.history.place(0)] = pack(known)
     for k, block in enumerate(faulty(blocks, known), 1):
         fusion.advance(nav, block)
         if k % 50 == 0:
@@ -412,3 +437,15 @@ def test_two_samples_a_tick():
     for end in ends[1:]:
         sigma = np.sqrt(np.diag(ends[0].P))
         assert np.abs((end.P - ends[0].P) / np.outer(sigma, sigma)).max() < 1e-3  # noise by the trapezoid
+
+
+@pytest.mark.parametrize("name", [name for name in OPTIONAL if name != "gyro_roll_column"])
+def test_every_block_alone_gives_numbers_whatever_the_memory_held(name):
+    """Freed memory full of NaN before each call: nothing that was not written may be used."""
+    order, imu = layout((name,)), strapdown.window(BLOCKS[0])
+    x, P = pack(state_with_errors((name,))), np.eye(order.n)
+    for _ in range(5):
+        held = [np.full(shape, np.nan) for shape in ((7, 3, 3, 3), (7, 2, 3, 3), (9, order.n), (9, 9))]
+        del held
+        _, after = prediction.advance(order, NOISE, x, 0.0, P, imu, 0.0, 0.01, EARTH)
+        assert np.all(np.isfinite(after))

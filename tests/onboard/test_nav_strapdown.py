@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numba import njit
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -292,3 +293,24 @@ def test_shaking_is_told_from_motion():
     assert np.mean(found) == pytest.approx(0.005**2, rel=3.0 * scatter)
     assert error_model.shake(rising) < 0.001
     assert error_model.shake(rising[:1]) == 0.0
+
+
+def test_swinging_under_vibration_is_not_taken_for_turning():
+    """Noise of scale factor and misalignment: that of the turn, and little without one; 4000 ticks."""
+    swing, rng = 3e-5, np.random.default_rng(9)
+    model = noise_of(MODEL._replace(gyro_cross=1e-4, manoeuvre_angle=1.0, gyro_vibration=swing))
+    ends = swing * rng.standard_normal((4000, 2, 2))  # of both axes at both ends
+
+    def noise(rate):
+        turned = np.array([0.01 * rate, 0.0]) + ends[:, 1] - ends[:, 0]
+        return np.mean([gyro_noise(model, (0.1, *angles)) for angles in turned.tolist()])
+
+    assert noise(0.05) == pytest.approx(1e-8 * 0.05, rel=0.05)
+    counted_too = 1e-8 * np.sqrt(np.pi / 2.0) * np.sqrt(2.0) * swing / 0.01  # mean of a Rayleigh distribution
+    assert noise(0.0) < 0.4 * counted_too
+
+
+@njit
+def gyro_noise(model, dtheta):
+    along, _, _ = error_model.noise_densities(model[0], 1.0, 0.01, dtheta, (0.0, 0.0, 0.0))
+    return along[0]

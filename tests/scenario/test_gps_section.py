@@ -123,6 +123,7 @@ def test_what_is_refused(tmp_path, bad, field, words):
 
 def test_ranges_need_the_clock():
     said = the_message(DEFAULT, ["navigation.gps=tight"])
-    words = "gps: tight needs the clock of the receiver; write [gyro_roll_column, mounting, clock]"
+    states = "gyro_roll_column, accel_scale, accel_rectification, gravity, mounting, clock"
+    words = f"gps: tight needs the clock of the receiver; write [{states}]"
     assert said.endswith(f"navigation.states: {words}")
     assert load(DEFAULT, ["navigation.gps=tight", "navigation.states=[mounting, clock]"])

@@ -76,15 +76,20 @@ def test_what_the_default_leaves_out():
         *("boresight_rate", "cross_rate", "cross_period", "cross_phase", "ramp"),
         *("almanac", "bias", "drift", "h_0", "h_minus_2", "reacquisition"),  # of the GPS receiver
         *("satellite", "ionosphere", "troposphere", "multipath"),
-        *("gps", "states", "attitude", "risk", "wrong_star_fix", "rejections", "duration"),  # navigation
+        *("gps", "stars", "attitude", "risk", "wrong_star_fix", "rejections", "duration"),  # navigation
         *("angular_acceleration", "thrust_change"),
+        *("model", "sampling", "flight", "series"),  # of the star tracker's statistics, of campaigns
+        *("apogee", "cold_gas", "pointing_error", "protection_at_entry"),  # that are not required
     }
 
 
 def test_variants_differ_from_the_default_in_one_thing(default):
     names = {"mission.name", "mission.description"}
     assert differences(default, load(SCENARIOS / "imu_300ppm.yaml")) == names | {"imu.gyro.scale_factor_roll"}
-    assert differences(default, load(SCENARIOS / "no_star_tracker.yaml")) == names | {"star_tracker.enabled"}
+    assert differences(default, load(SCENARIOS / "no_star_tracker.yaml")) == names | {
+        "star_tracker.enabled",
+        "requirements.star_fixes",  # there are none
+    }
 
 
 @pytest.mark.parametrize("path", sorted(SCENARIOS.glob("*.yaml")), ids=lambda path: path.stem)
@@ -246,7 +251,7 @@ def test_schema_holds_together():
             assert reference.removeprefix("#/$defs/") in blocks
             assert reference.endswith(".partial") == name.endswith(".partial")
         assert block["additionalProperties"] is False
-        optional = {"SensorOverrides", "Atmosphere", "Faults", "Integrity"}
+        optional = {"SensorOverrides", "Atmosphere", "Faults", "Integrity", "Requirements", "Campaign"}
         optional |= {"Clock", "RangeErrors", "SatelliteErrors"}  # of GPS
         assert name.endswith(".partial") is not ("required" in block) or name in optional
     needed = {name for name, field in Scenario.model_fields.items() if field.is_required()}

@@ -188,7 +188,8 @@ def test_filter_knows_which_motor_may_burn(scenario):
     calm = load(SCENARIOS / "shefex2_andoya.yaml", ["imu.vibration.boost=[0 gee, 2 gee]"])
     nav = params_onboard.nav_params(calm)
     np.testing.assert_allclose(nav.motors, [[-np.inf, 0.0], [65.0, 1.0]])
-    assert nav.imu.accel_rectification == pytest.approx(20e-6 * G * 4.0)
+    assert nav.sigma_blocks["accel_rectification"] == pytest.approx(np.full(3, 20e-6 * G * 4.0))
+    assert nav.imu.accel_rectification == 0.0  # a state, no noise as well
     still = load(SCENARIOS / "shefex2_andoya.yaml", ["imu.vibration.boost=[0 gee, 0 gee]"])
     np.testing.assert_array_equal(params_onboard.nav_params(still).motors[:, 1], [0.0, 0.0])
 

@@ -102,3 +102,10 @@ def test_root_of_a_covariance_with_nothing_in_some_directions():
     assert root @ root.T == pytest.approx(P, rel=1e-9)
     with pytest.raises(ValueError, match="not a covariance"):
         linear.square_root(np.array([[1.0, 2.0], [2.0, 1.0]]))
+
+
+def test_what_does_not_vary_gets_no_noise():
+    """A scale factor without process noise beside a position with it, the rounding of whose root is 1e-9."""
+    P = np.zeros((4, 4))
+    P[:3, :3] = np.outer([1.0, 0.3, 1e-4], [1.0, 0.3, 1e-4])  # of rank one
+    assert np.all(linear.square_root(P)[3] == 0.0)

@@ -72,6 +72,27 @@ def derivatives(T, dtheta, dv, B, b):
 
 
 @njit(cache=True, forceinline=True)
+def carry_all(by_gyro, by_accel, gyro, accel, m, weights, piece, C, u, u_r):
+    """Carry the responses of all weights that are wanted over a part, in place.
+
+    piece : of `strapdown.cut`;  C : C_ib at its start;  weights : (7,) and m written;  others as in `carry`
+    """
+    T, dtheta, dv, B, b = piece[0], piece[1], piece[2], piece[3], piece[4]
+    J, D, D_r, J_r = derivatives(T, dtheta, dv, B, b)
+    t3.store(m[0], t3.product(C, J))
+    t3.store(m[1], t3.product(C, D))
+    t3.store(m[2], t3.product(C, D_r))
+    t3.store(m[3], t3.product(C, J_r))
+    weights[0], weights[1], weights[2], weights[3] = T, dtheta[0], dtheta[1], dtheta[2]
+    weights[4], weights[5], weights[6] = dv
+    for k in range(WEIGHTS):
+        if by_gyro[k]:
+            carry(gyro, k, T, u, u_r, weights[k], m)
+        if by_accel[k]:
+            carry_force(accel, k, T, weights[k], m)
+
+
+@njit(cache=True, forceinline=True)
 def carry(gyro, k, T, u, u_r, w, m):
     """Carry the response of weight k over a part, in place.
 
@@ -234,7 +255,7 @@ def shake(dv_b):
 
 
 @njit(cache=True)
-def noise_densities(model, vibration, duration_s, dtheta, dv, across_angle):
+def noise_densities(model, vibration, duration_s, dtheta, dv):
     """White noise that stands for everything which is not a state.
 
     An error of sigma s that keeps its sign for a time tau (Gauss-Markov) has the density
@@ -246,8 +267,7 @@ def noise_densities(model, vibration, duration_s, dtheta, dv, across_angle):
     ----------
     model : row of a `record`
     vibration : of the ImuWindow
-    duration_s, dtheta, dv, across_angle : s, rad and m/s as three numbers, rad: passed through in all, the
-        last the angle by which the roll axis was turned
+    duration_s, dtheta, dv : s, rad and m/s as three numbers: passed through in all
 
     Returns
     -------
@@ -255,7 +275,10 @@ def noise_densities(model, vibration, duration_s, dtheta, dv, across_angle):
     bias_walk : m^2/s^5 of the accelerometer bias
     """
     f2 = t3.dot(dv, dv) / duration_s**2
-    roll_rate, across_rate = dtheta[0] / duration_s, across_angle / duration_s
+    # swinging is no turning: the angle at either end of the time is off by as much on both axes
+    swung2 = 4.0 * (model.gyro_vibration * vibration) ** 2
+    roll_rate = dtheta[0] / duration_s
+    across_rate = np.sqrt(max(dtheta[1] ** 2 + dtheta[2] ** 2 - swung2, 0.0)) / duration_s
     tau = model.thrust_time_s
     slow, spun = 2.0 * tau, 2.0 * tau / (1.0 + (roll_rate * tau) ** 2)
 

@@ -54,15 +54,45 @@ def _symmetrise(P):
     return P
 
 
-def innovation_statistics(P, z, H, R):
-    """Normalised innovation squared z^T (H P H^T + R)^-1 z."""
-    z, H, R = np.ascontiguousarray(z), np.ascontiguousarray(H), np.ascontiguousarray(R)
-    return _normalised(P, z, H, R)
+@njit(cache=True)
+def innovation(P, z, H, R):
+    """Covariance S = H P H^T + R of an innovation, and its normalised square z^T S^-1 z.
+
+    P : (n, n);  z, H, R : (m,), (m, n), (m, m) -> (m, m), float
+    """
+    m, n = H.shape
+    S, row = np.empty((m, m)), np.empty(n)
+    for i in range(m):
+        row[:] = 0.0
+        for k in range(n):
+            if H[i, k] != 0.0:
+                for j in range(n):
+                    row[j] += H[i, k] * P[k, j]
+        for j in range(i + 1):
+            total = R[i, j]
+            for k in range(n):
+                total += row[k] * H[j, k]
+            S[i, j] = S[j, i] = total
+    return S, normalised(S, z)
 
 
 @njit(cache=True)
-def _normalised(P, z, H, R):
-    return z @ np.linalg.solve(H @ P @ H.T + R, z)
+def normalised(S, z):
+    """z^T S^-1 z by the Cholesky factor of S. (m, m), (m,)"""
+    m, total = len(z), 0.0
+    L, w = np.empty((m, m)), np.empty(m)
+    for i in range(m):
+        for j in range(i + 1):
+            rest = S[i, j]
+            for k in range(j):
+                rest -= L[i, k] * L[j, k]
+            L[i, j] = np.sqrt(rest) if i == j else rest / L[j, j]
+        rest = z[i]
+        for k in range(i):
+            rest -= L[i, k] * w[k]
+        w[i] = rest / L[i, i]
+        total += w[i] * w[i]
+    return total
 
 
 def update(kalman, layout, state, P, z, H, R):
@@ -83,26 +113,27 @@ def update(kalman, layout, state, P, z, H, R):
     -------
     Corrected
     """
-    x, P, dx, G = update_packed(kalman, layout, pack(state), P, z, H, R)
-    return Corrected(unpack(state.t_s, x), P, dx, G)
+    x, P_after = pack(state), np.empty(P.shape)
+    dx, G = update_packed(kalman, layout, P, z, H, R, x, P_after)
+    return Corrected(unpack(state.t_s, x), P_after, dx, G)
 
 
-def update_packed(kalman, layout, x, P, z, H, R):
-    """`update` with packed nominal values. -> x, P, dx, G"""
+def update_packed(kalman, layout, P, z, H, R, x, P_after):
+    """`update` with packed nominal values x, changed in place; P_after (n, n) is written. -> dx, G"""
     kalman.P = P
     kalman.x = np.zeros((layout.n, 1))
     kalman.update(z.reshape(-1, 1), R=R, H=H)
-    dx, P = kalman.x[:, 0], kalman.P
-    after, G = np.empty(len(x)), np.empty((3, 3))
-    _take_in(x, dx, layout.nominal, P, after, G)
-    return after, P, dx, G
+    dx, G = kalman.x[:, 0], np.empty((3, 3))
+    _take_in(x, dx, layout.nominal, kalman.P, P_after, G)
+    return dx, G
 
 
 @njit(cache=True)
-def _take_in(x, dx, nominal, P, after, G):
-    """Estimated error into the nominal state; P symmetric and turned into the new body axes, in place."""
-    after[:] = corrected(x, dx, nominal)
+def _take_in(x, dx, nominal, updated, P, G):
+    """Estimated error into the nominal state; P from the updated covariance, symmetric, in new body axes."""
+    x[:] = corrected(x, dx, nominal)
     G[:] = right_jacobian(dx[ATT])
+    P[:] = updated
     _symmetrise(P)
     turned = G @ P[ATT]
     P[ATT] = turned

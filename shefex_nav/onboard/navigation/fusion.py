@@ -8,8 +8,6 @@ interval applied again in their order. The result is that of a filter which had 
 once, when it arrives, and repeated in later recomputations.
 """
 
-from bisect import bisect_left
-from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -24,12 +22,15 @@ from shefex_nav.onboard.navigation import (
     integrity_gps,
     integrity_protection,
     integrity_watch,
+    measurements,
     prediction,
-    strapdown,
 )
+from shefex_nav.onboard.navigation.history import SNAP_S, History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS, contents, without_solution
+from shefex_nav.onboard.navigation.sensors import SENSORS, Measurement, contents, without_solution
 from shefex_nav.onboard.navigation.state import (
+    X_R,
+    X_V,
     Layout,
     NavState,
     initial,
@@ -38,37 +39,11 @@ from shefex_nav.onboard.navigation.state import (
     pack,
     unpack,
 )
+from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.records import GateResult, Reason
 
-SNAP_S = 1e-6  # instants closer together than this are one
 UNUSED = (Fate.REJECTED, Fate.HELD)
 RANK = {name: k for k, name in enumerate(SENSORS)}
-
-
-class Measurement(NamedTuple):
-    """A measurement in the history of the filter."""
-
-    sensor: str  # of sensors.SENSORS
-    fix: Any
-    fate: Fate
-    rows: Any = None  # (m,) bool, rows that are used; None: all
-    # sigma that is added to what it measures, or to the blocks of a dict; None: a reset forgets it all
-    admitted: Any = None
-
-
-class Tick(NamedTuple):
-    """The filter at the end of a tick."""
-
-    t_s: float
-    x: np.ndarray  # (93,) packed nominal state
-    P: np.ndarray  # (n, n)
-    imu: Any  # strapdown.ImuWindow that led here; None at the start
-    measurements: tuple[Measurement, ...]  # valid within the tick, in the order of their instants
-
-    @property
-    def state(self):
-        """NavState."""
-        return unpack(self.t_s, self.x)
 
 
 class Interval(NamedTuple):
@@ -110,10 +85,10 @@ class Filter(NamedTuple):
     params: Any  # NavParams
     layout: Layout
     earth: Any  # EarthRotation
-    imu_model: np.ndarray  # noise for the kernels, `error_model.record`
+    constants: tuple  # first arguments of `prediction.travel`
     kalman: Any  # covariance engine
     limits: dict  # degrees of freedom -> limit of the gate, as far as needed yet
-    history: deque  # of Tick, oldest first
+    history: History
     health: dict  # sensor -> integrity.Health
     recorder: Callable | None
     watch: integrity_watch.Watch  # over the sensors, changes in place, too
@@ -146,10 +121,10 @@ def start(params, alignment, earth, recorder=None):
         params=params,
         layout=order,
         earth=earth,
-        imu_model=error_model.record(params),
+        constants=(order.at, error_model.record(params), *earth),
         kalman=eskf.engine(order),
         limits={},
-        history=deque([Tick(state.t_s, pack(state), P, None, ())]),
+        history=History(Tick(state.t_s, pack(state), P, None)),
         health={name: integrity.HEALTHY for name in SENSORS},
         recorder=recorder,
         watch=integrity_watch.start(params),
@@ -158,22 +133,17 @@ def start(params, alignment, earth, recorder=None):
 
 def advance(nav, block):
     """One tick on: strapdown and prediction with an ImuBlock, which must follow on the last one."""
-    last = nav.history[-1]
-    length_s = len(block.dtheta_b) * block.dt_s
-    if abs(block.t_valid_s - last.t_s - length_s) > SNAP_S:
+    history, n, now_s = nav.history, len(block.dtheta_b), block.t_valid_s
+    if abs(now_s - history.ends_s[-1] - n * block.dt_s) > SNAP_S:
         raise ValueError(
-            f"IMU block ending at {block.t_valid_s:.6f} s does not follow on the state at {last.t_s:.6f} s"
+            f"IMU block ending at {now_s:.6f} s does not follow on the state at {history.ends_s[-1]:.6f} s"
         )
-    block, extra = nav.watch.screen(block)
-    thrust, shake = block.dv_b[:, 0].sum() / length_s, error_model.shake(block.dv_b)
-    limits = nav.params.imu.thrust_threshold, nav.params.imu.shake_threshold
-    level = error_model.vibration_level(nav.params.motors, *limits, block.t_valid_s, thrust, shake)
-    imu = strapdown.window(block, last.imu, level, extra)
-    x, P = prediction.advance(
-        nav.layout, nav.imu_model, last.x, last.t_s, last.P, imu, 0.0, length_s, nav.earth
-    )
-    nav.history.append(Tick(imu.t_end_s, x, P, imu, ()))
-    while nav.history[1].t_s <= imu.t_end_s - nav.params.history_s + SNAP_S:
+    place = history.make_room(n)
+    nav.watch.screen(block, history.increments[place, BEFORE : BEFORE + n], history.extra[place])
+    new = history.newest + 1
+    prediction.enter(*nav.constants, *history.arrays, new, nav.params.motors, now_s, block.dt_s, n)
+    history.append(now_s)
+    while history.ends_s[1] <= now_s - nav.params.history_s + SNAP_S:
         _forget_oldest(nav)
 
 
@@ -185,9 +155,11 @@ def finish(nav):
 
 def _forget_oldest(nav):
     """Let the oldest tick go; what led from it to the next is final."""
-    gone = nav.history.popleft()
     if nav.recorder is not None:
-        _repeat(nav, gone, nav.history[0], [], nav.recorder)
+        present = nav.history.x.copy(), nav.history.P.copy()
+        _way(nav, 1, 1, [], nav.recorder)
+        nav.history.x[:], nav.history.P[:] = present
+    nav.history.forget_oldest()
 
 
 def fuse(nav, arrivals):
@@ -203,39 +175,61 @@ def fuse(nav, arrivals):
     -------
     list of GateResult, one for each measurement
     """
-    now_s = nav.history[-1].t_s
-    results = []
-    earliest = len(nav.history)
+    history, results = nav.history, []
+    earliest = len(history)
     for arrival, fix in arrivals:
-        names = contents(arrival, fix)
-        reason = without_solution(arrival, fix)
-        if reason:
-            results.append(_unused(now_s, fix, names[0], reason))
-            nav.watch.tell(now_s, "gps" if arrival.startswith("gps") else arrival, reason)
-            continue
-        index = _place(nav.history, fix.t_valid_s)
-        if index is None:
-            results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
-            continue
-        if arrival.startswith("gps"):
-            repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, *_whereabouts(nav, index))
-            results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())
-            nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
-            names = tuple(name for name in names if name not in repeats)
-        tick = nav.history[index]
-        queue = tick.measurements + tuple(Measurement(name, fix, Fate.PENDING) for name in names)
-        queue = tuple(sorted(queue, key=_turn))
-        nav.history[index] = tick._replace(measurements=queue)
-        earliest = min(earliest, index)
-    _integrate_again(nav, earliest, results)
-    nav.watch.protect(nav.history[-1].P)
+        index = history.within(fix.t_valid_s)
+        names, fix = _worth_trying(nav, arrival, fix, index, results)
+        if names:
+            queue = [*history.measurements[index], *(_to_try(nav, name, fix) for name in names)]
+            history.measurements[index] = tuple(sorted(queue, key=_turn))
+            earliest = min(earliest, index)
+    if earliest < len(history):
+        _way(nav, earliest, len(history) - 1, results)
+    nav.watch.protect(history.P)
     return results
+
+
+def _worth_trying(nav, arrival, fix, index, results):
+    """Names of the measurements of a fix that are to meet the gate, and the fix as it may be used.
+
+    Results of those that are not are added.
+    """
+    now_s, names = nav.history.ends_s[-1], contents(arrival, fix)
+    reason = without_solution(arrival, fix)
+    if reason:
+        results.append(_unused(now_s, fix, names[0], reason))
+        nav.watch.tell(now_s, "gps" if arrival.startswith("gps") else arrival, reason)
+        return (), fix
+    if index is None:
+        results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
+        return (), fix
+    if arrival.startswith("gps"):
+        repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, *_whereabouts(nav, index))
+        results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())
+        nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
+        names = tuple(name for name in names if name not in repeats)
+    return names, fix
+
+
+def _to_try(nav, name, fix):
+    """The Measurement of a part of a fix before the gate."""
+    return Measurement(name, fix, Fate.PENDING, noise=_lasting(nav, name, fix))
+
+
+def _lasting(nav, name, fix):
+    """Factor on the covariance of a measurement that errs as the one before it did."""
+    if name != "gps_position":
+        return 1.0
+    gap_s = abs(fix.t_valid_s - nav.watch.position_s)
+    nav.watch.position_s = max(fix.t_valid_s, nav.watch.position_s)
+    return measurements.lasting_factor(nav.params.lasting_share, nav.params.range_bias_time_s, gap_s)
 
 
 def _whereabouts(nav, index):
     """Position and velocity of a tick, axes of the Earth: (3,) m, (3,) m/s."""
-    state = nav.history[index].state
-    return frames.ecef_from_inertial(nav.earth, state.t_s, state.r_i, state.v_i)
+    x = nav.history.xs[nav.history.place(index)]
+    return frames.ecef_from_inertial(nav.earth, nav.history.ends_s[index], x[X_R], x[X_V])
 
 
 def _turn(measurement):
@@ -246,27 +240,6 @@ def _turn(measurement):
     return measurement.fix.t_valid_s, RANK[measurement.sensor]
 
 
-def _integrate_again(nav, index, results):
-    """The ticks from an index on once more; what the gate says of new measurements goes to the results."""
-    history = nav.history
-    while index < len(history):
-        before, run = history[index - 1], []
-        for k in range(index, len(history)):
-            if any(measurement.fate not in UNUSED for measurement in history[k].measurements):
-                break
-            run.append(history[k])
-        if run:
-            xs, Ps = prediction.advance_ticks(
-                nav.layout, nav.imu_model, before.x, before.t_s, before.P, [t.imu for t in run], nav.earth
-            )
-            for k, tick in enumerate(run):
-                history[index + k] = Tick(tick.t_s, xs[k], Ps[k], tick.imu, tick.measurements)
-            index += len(run)
-        else:
-            history[index] = _repeat(nav, before, history[index], results)
-            index += 1
-
-
 def _unused(now_s, fix, sensor, note):
     """GateResult of a measurement that never reached the gate: no degrees of freedom."""
     return GateResult(now_s, fix.t_valid_s, sensor, 0, np.nan, np.nan, False, note, np.empty(0))
@@ -274,102 +247,91 @@ def _unused(now_s, fix, sensor, note):
 
 def _out_of_reach(history, fix):
     """Why there is no tick for a fix."""
-    if fix.t_valid_s > history[-1].t_s:
+    if fix.t_valid_s > history.ends_s[-1]:
         return "from the future"
-    return "not after the start of the filter" if history[0].imu is None else "older than the history"
+    return "not after the start of the filter" if history.imu(0) is None else "older than the history"
 
 
-def _place(history, t_s):
-    """Index of the tick in which t_s lies, after the tick before and not after its own end; or None."""
-    if not history[0].t_s + SNAP_S < t_s <= history[-1].t_s + SNAP_S:
-        return None
-    index = len(history) - 1
-    while history[index - 1].t_s + SNAP_S >= t_s:
-        index -= 1
-    return index
-
-
-def nearest(nav, t_s):
-    """The Tick whose end is nearest to t_s, of those that have IMU samples."""
+def _way(nav, first, last, results, recorder=None):
+    """The ticks `first` to `last` again, with their measurements, whose results are added if they are new."""
     history = nav.history
-    first = 1 if history[0].imu is None else 0
-    later = min(max(bisect_left(history, t_s, key=lambda tick: tick.t_s), first), len(history) - 1)
-    around = [history[max(later - 1, first)], history[later]]
-    return min(around, key=lambda tick: abs(tick.t_s - t_s))
+    history.go_to(first - 1)
+    k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
+    for index in range(first, last + 1):
+        decided = []
+        for measurement in history.measurements[index]:
+            if measurement.fate not in UNUSED:
+                start_s = begin_s if k == index else 0.0
+                at_s = history.since(index, start_s, measurement.fix.t_valid_s)
+                if k < index or at_s > begin_s:
+                    _travel(nav, k, begin_s, index, at_s, recorder)
+                k, begin_s = index, at_s
+                measurement = _apply(nav, index, at_s, measurement, results, recorder)
+            decided.append(measurement)
+        if decided:
+            history.measurements[index] = tuple(decided)
+    _travel(nav, k, begin_s, last, np.inf, recorder)
 
 
-def _repeat(nav, before, tick, results, recorder=None):
-    """The tick again, from the state of the one before it, with its measurements. -> Tick"""
-    imu = tick.imu
-    length_s = imu.length_s
-    begin_s, decided = 0.0, []
-    t_s, x, P = before.t_s, before.x, before.P
-    for measurement in tick.measurements:
-        at_s = measurement.fix.t_valid_s - (imu.t_end_s - length_s)
-        if at_s > length_s - SNAP_S:
-            at_s = length_s
-        if at_s - begin_s > SNAP_S:
-            t_s, x, P = _predict(nav, t_s, x, P, imu, begin_s, at_s, recorder)
-            begin_s = at_s
-        x, P, measurement, result = _apply(nav, t_s, x, P, imu, at_s, measurement, recorder)
-        decided.append(measurement)
-        if result is not None:
-            results.append(result)
-    if length_s - begin_s > SNAP_S:
-        t_s, x, P = _predict(nav, t_s, x, P, imu, begin_s, length_s, recorder)
-    return Tick(imu.t_end_s, x, P, imu, tuple(decided))
+def _travel(nav, first, begin_s, last, end_s, recorder):
+    """From an instant of the tick `first` to one of the tick `last`; s from the start of each."""
+    history = nav.history
+    way = history.number(first), begin_s, history.number(last), end_s
+    if recorder is None:
+        prediction.travel(*nav.constants, *history.arrays, *way)
+        return
+    imu = history.imu(last)
+    end_s = min(end_s, imu.length_s)
+    t_s, after_s = (imu.t_end_s - (imu.length_s - at_s) for at_s in (begin_s, end_s))  # exact at the end
+    state, P = unpack(t_s, history.x.copy()), history.P.copy()
+    prediction.travel(*nav.constants, *history.arrays, *way)
+    if end_s - begin_s > SNAP_S:
+        Phi, Q = prediction.growth(nav.layout, nav.constants[1], state, imu, begin_s, end_s, nav.earth)
+        after = unpack(after_s, history.x.copy())
+        recorder(Interval(t_s, after_s, state, P, Phi, Q, after, history.P.copy(), imu))
 
 
-def _predict(nav, t_s, x, P, imu, begin_s, end_s, recorder):
-    """Mission time, state and covariance after the part begin_s ... end_s of a tick."""
-    after, P_after = prediction.advance(nav.layout, nav.imu_model, x, t_s, P, imu, begin_s, end_s, nav.earth)
-    after_s = imu.t_end_s - (imu.length_s - end_s)  # exact at the end of the tick
-    if recorder is not None:
-        state = unpack(t_s, x)
-        Phi, Q = prediction.growth(nav.layout, nav.imu_model, state, imu, begin_s, end_s, nav.earth)
-        recorder(Interval(t_s, after_s, state, P, Phi, Q, unpack(after_s, after), P_after, imu))
-    return after_s, after, P_after
-
-
-def _apply(nav, t_s, x, P, imu, at_s, measurement, recorder):
-    """Correct with one measurement. -> x, P, Measurement, GateResult or None if its fate was known."""
-    if measurement.fate in UNUSED:
-        return x, P, measurement, None
-    sensor, state = SENSORS[measurement.sensor], unpack(t_s, x)
-    z, H, R = sensor.linearise(nav, state, imu, at_s, measurement.fix)
-    result, confirmed = None, False
-    if measurement.fate == Fate.PENDING:
-        measurement, result, confirmed = gate.decide(nav, state, P, z, H, R, imu, at_s, measurement)
+def _apply(nav, index, at_s, measurement, results, recorder):
+    """Correct the instant that has been reached, at_s in tick `index`, with a measurement. -> Measurement"""
+    history, sensor, fix = nav.history, SENSORS[measurement.sensor], measurement.fix
+    now = Moment(history, index, at_s)
+    z, H, R = sensor.linearise(nav, now, fix)
+    pending, confirmed = measurement.fate == Fate.PENDING, False
+    if pending:
+        measurement, result, confirmed = gate.decide(nav, now, z, H, R, measurement)
+        results.append(result)
         if measurement.fate in UNUSED:
-            return x, P, measurement, result
-    prior = P
+            return measurement
+    R = measurement.noise * R
+    P = prior = history.P.copy()
     if measurement.fate in (Fate.RESET, Fate.DOUBTED):
         prior = _forgotten(nav, P, sensor, measurement.admitted)
     if measurement.fate == Fate.DOUBTED:
-        return x, prior, measurement, result
-    used = measurement.rows
-    if used is not None:
+        history.P[:] = prior
+        return measurement
+    if measurement.rows is not None:
+        used = measurement.rows
         z, H, R = z[used], H[used], R[np.ix_(used, used)]
-    after, P_after, dx, G = eskf.update_packed(nav.kalman, nav.layout, x, prior, z, H, R)
+    state = None if recorder is None else now.state
+    dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P)
     if measurement.fate == Fate.RESET and sensor.block == "attitude":
-        P_after, G = eskf.turned_back(P_after, G), np.eye(3)
+        history.P[:], G = eskf.turned_back(history.P, G), np.eye(3)
     if recorder is not None:
-        name, fix, fate = measurement[:3]
-        ends = unpack(t_s, after), P_after
-        recorder(Correction(t_s, name, fix, fate, state, P, prior, z, H, R, dx, G, *ends))
-    if result is not None:
-        _protect(nav, measurement, prior, P_after, H, R, confirmed)
+        name, _, fate = measurement[:3]
+        after = now.state, history.P.copy()
+        recorder(Correction(now.t_s, name, fix, fate, state, P, prior, z, H, R, dx, G, *after))
+    if pending:
+        _protect(nav, measurement, prior, history.P, H, R, confirmed)
         if confirmed:
-            state = unpack(t_s, after)
-            nav.health[measurement.sensor] = sensor.confirmed(nav, state, imu, at_s, measurement.fix)
-    return after, P_after, measurement, result
+            nav.health[measurement.sensor] = sensor.confirmed(nav, now, fix)
+    return measurement
 
 
 def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
     """Tell the watch of a measurement that has just been used for the first time."""
     watch, limit, name = nav.watch, nav.limit(len(R)), measurement.sensor
     whole = name == "star_vectors" and measurement.fix.reason == Reason.NONE  # as good as the attitude
-    watch.used("star_tracker" if whole else name, measurement.fix.t_valid_s, nav.history[-1].t_s)
+    watch.used("star_tracker" if whole else name, measurement.fix.t_valid_s, nav.history.ends_s[-1])
     if name == "star_vectors":
         found = integrity_protection.slope_of_vectors(nav.layout, P_before, P_after, nav.limit(2), H, R)
     elif name == "star_tracker":

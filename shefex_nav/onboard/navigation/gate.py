@@ -22,34 +22,29 @@ NOTES = {
 }
 
 
-def decide(nav, state, P, z, H, R, imu, at_s, measurement):
+def decide(nav, now, z, H, R, measurement):
     """Fate of a new measurement; that of its sensor's health is kept.
 
+    nav : Filter;  now : Moment;  z, H, R : of the measurement
     -> Measurement, GateResult, whether another fix has confirmed it
     """
     name, fix = measurement.sensor, measurement.fix
-    sensor, now_s = SENSORS[name], nav.history[-1].t_s
-    nis, limit = eskf.innovation_statistics(P, z, H, R), nav.limit(len(z))
-    passed = rows_passed(nav, P, z, H, R, sensor.rows) if sensor.rows else np.full(len(z), nis <= limit)
-    trial = rows = None
-    alone = _alone(nav, sensor, H, P, R)
-    credible = 2 * np.count_nonzero(passed) > len(passed)
-    if credible:
-        nis_judged, rows = 0.0, None if passed.all() else passed
-    else:
-        nis_judged = np.inf
-    if not (credible and alone):
-        trial = sensor.trial(nav, state, P, z, R, imu, at_s, fix)
+    sensor, now_s = SENSORS[name], nav.history.ends_s[-1]
+    S, nis = eskf.innovation(now.P, z, H, R)
+    limit, alone = nav.limit(len(z)), sensor.alone is None or sensor.alone(nav, S)
+    rows, passed = _passed(nav, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
+    trial = None if passed and alone else sensor.trial(nav, now, z, R, fix)
+    nis_judged = 0.0 if passed else np.inf
     fate, nav.health[name] = integrity.judge(nav.health[name], trial, nis_judged, limit, fix.t_valid_s, alone)
     admitted = sensor.admits(nav, z) if fate == Fate.RESET and sensor.admits else None
     if name == integrity_watch.DRIFTS:
-        fate, admitted = _drifts(nav, fate, z, H @ P @ H.T + R, admitted)
+        fate, admitted = _drifts(nav, fate, z, S, admitted)
     note = NOTES.get(fate, sensor.reset_note)
     if fate == Fate.RESET and admitted is not None:
         note += ", or the camera has moved"
-    found, attitude = None, _attitude(nav, state, z, H, R, imu, at_s, measurement, fate)
+    found, attitude = None, _attitude(nav, now, z, R, S, measurement, fate)
     if attitude:
-        found = _gyros_wrong(nav, state, P, *attitude, imu, fate)
+        found = _gyros_wrong(nav, now, *attitude, fate)
     _tell(nav, now_s, name, Fate.USED if found else fate, note)
     if found:
         fate, note = Fate.RESET, f"{' '.join(found.axes)} wrong: bias to be found again"
@@ -57,12 +52,13 @@ def decide(nav, state, P, z, H, R, imu, at_s, measurement):
         nav.health[name] = integrity.Health(nav.health[name].used + 1, 0, np.nan, None)
     if rows is not None:
         note = f"rejected: {', '.join(_rejected(sensor, fix, rows))}"
-        z, H, R = z[rows], H[rows], R[np.ix_(rows, rows)]
-        nis, limit = eskf.innovation_statistics(P, z, H, R), nav.limit(len(z))
+        z, limit = z[rows], nav.limit(int(rows.sum()))
+        nis = eskf.normalised(S[np.ix_(rows, rows)], z)
     accepted = fate in (Fate.USED, Fate.RESET)
     result = GateResult(now_s, fix.t_valid_s, name, len(z), nis, limit, accepted, note, z)
     confirmed = not alone or (fate == Fate.RESET and sensor.confirmed is not None)
-    return measurement._replace(fate=fate, rows=rows, admitted=admitted), result, confirmed
+    decided = measurement._replace(fate=fate, rows=rows, admitted=admitted)
+    return decided, result, confirmed
 
 
 def _tell(nav, now_s, name, fate, note):
@@ -75,29 +71,30 @@ def _tell(nav, now_s, name, fate, note):
         nav.watch.tell(now_s, name, integrity_watch.reason(name, nav.health))
 
 
-def _attitude(nav, state, z, H, R, imu, at_s, measurement, fate):
-    """Rows (z, H, R) of the attitude that a measurement says, or None.
+def _attitude(nav, now, z, R, S, measurement, fate):
+    """Innovation, its noise and its covariance of the attitude that a measurement says, or None.
 
     Of stars that are used one by one it is that of their frame; of stars that are not used, the attitude is
     judged next (`sensors.attitudes_instead`).
     """
     if measurement.sensor == "star_tracker":
-        return z, H, R
+        return z, R, S
     fix = measurement.fix
     if measurement.sensor == "star_vectors" and fate == Fate.USED and fix.reason == Reason.NONE:
-        return SENSORS["star_tracker"].linearise(nav, state, imu, at_s, fix)
+        z, H, R = SENSORS["star_tracker"].linearise(nav, now, fix)
+        return z, R, H @ now.P @ H.T + R
     return None
 
 
-def _gyros_wrong(nav, state, P, z, H, R, imu, fate):
+def _gyros_wrong(nav, now, z, R, S, fate):
     """What the stars find the gyros wrong by: integrity_gyro.Finding, or None."""
     watch = nav.watch
-    if watch.unread or imu.vibration > 0.0 or fate == Fate.RESET:
+    if watch.unread or now.vibration > 0.0 or fate == Fate.RESET:
         watch.gyros.forget()
         return None
-    found = watch.gyros.compare(state, P, z, R, H @ P @ H.T + R if fate == Fate.USED else None)
+    found = watch.gyros.compare(now.state, now.P, z, R, S if fate == Fate.USED else None)
     if found:
-        watch.gyros_wrong(nav.history[-1].t_s, found)
+        watch.gyros_wrong(nav.history.ends_s[-1], found)
     return found
 
 
@@ -114,14 +111,17 @@ def _drifts(nav, fate, z, S, admitted):
     return Fate.DOUBTED, 0.0 if before else integrity_gps.followed(watch.drift, S)
 
 
-def rows_passed(nav, P, z, H, R, size):
-    """Which rows pass the gate, in groups of `size`, each against its own limit. -> (m,) bool"""
-    S, limit = H @ P @ H.T + R, nav.limit(size)
-    passed = np.empty(len(z), dtype=bool)
+def _passed(nav, S, z, size):
+    """Which rows pass the gate, in groups of `size`, each against its own limit. -> rows, whether most do
+
+    rows : (m,) bool; None if all pass, or not most of them
+    """
+    limit, rows = nav.limit(size), np.empty(len(z), dtype=bool)
     for first in range(0, len(z), size):
         group = slice(first, first + size)
-        passed[group] = z[group] @ np.linalg.solve(S[group, group], z[group]) <= limit
-    return passed
+        rows[group] = eskf.normalised(S[group, group], z[group]) <= limit
+    credible = 2 * np.count_nonzero(rows) > len(rows)
+    return (rows if credible and not rows.all() else None), credible
 
 
 def _rejected(sensor, fix, rows):
@@ -129,8 +129,3 @@ def _rejected(sensor, fix, rows):
     groups = rows[:: sensor.rows]
     labels = sensor.labels(fix) if sensor.labels else [f"row {k}" for k in range(len(groups))]
     return [label for label, passed in zip(labels, groups, strict=True) if not passed]
-
-
-def _alone(nav, sensor, H, P, R):
-    """Whether one fix inside the gate is enough."""
-    return sensor.alone is None or sensor.alone(nav, H, P, R)

@@ -10,10 +10,10 @@ with e_k the rotation from the estimated to the measured attitude before the upd
 
 One wrong star fix, or a star camera that has been knocked, is a step in E; a wrong gyro is a slope. So three
 fixes are compared, first, middle and last: the rotation from the first to the last must be far more than star
-and gyro noise explain, with what the filter thinks of the gyro bias, and that up to the middle must be its
-share. That several times in a row, and the gyro is called wrong: its bias is made unknown, to be found again
-from the stars. Short comparisons find large errors soon, long ones small ones: after 8 s some 4 arcsec/s with
-stars good to an arcsecond.
+and gyro noise explain, with what the filter thinks of the gyro bias; so must each half of it, and the first
+half must be its share of the whole. That several times in a row, and the gyro is called wrong: its bias is
+made unknown, to be found again from the stars. Short comparisons find large errors soon, long ones small
+ones: after 8 s some 6 arcsec/s with stars good to an arcsecond.
 
 What this cannot see. A wrong scale factor or misalignment while the vehicle does not turn does nothing, and
 is found when it turns. Without stars nothing is found. So a gyro that has been wrong once is not trusted
@@ -32,6 +32,7 @@ from shefex_nav.onboard.navigation.state import BG
 BASELINES_S = np.array([0.4, 2.0, 8.0])  # [E] from the first fix to the last
 LONGEST_GAP_S = 0.55  # [E] between two fixes, else it starts anew
 PROBABILITY = 1e-9  # of calling healthy gyros wrong, in one comparison
+HALF_PROBABILITY = 1e-4  # likewise of each half, which guards against steps
 SHARE_PROBABILITY = 0.05  # of not seeing a wrong gyro in one comparison, because the middle seems off
 CONFORM_PROBABILITY = 1e-3  # of not seeing that a gyro is right
 SLACK = 0.12  # [E] of D by which the middle may be off: axes that have turned meanwhile
@@ -82,7 +83,10 @@ class GyroWatch:
 
         self.noise = np.array([model.gyro_random_walk**2, model.gyro_quantum**2 / 6.0, relative**2])
         self.limits = np.array(
-            [float(chdtri(3, p)) for p in (PROBABILITY, SHARE_PROBABILITY, CONFORM_PROBABILITY)]
+            [
+                float(chdtri(3, p))
+                for p in (PROBABILITY, SHARE_PROBABILITY, CONFORM_PROBABILITY, HALF_PROBABILITY)
+            ]
         )
         self.rows, self.n = np.empty((ROWS, WIDTH)), 0
         self.corrected = np.array([1.0, 0.0, 0.0, 0.0])  # A of the module's text
@@ -182,13 +186,38 @@ def _between(rows, f, l):
 
 
 @njit(cache=True)
+def _covariance(rows, f, l, noise):
+    """Of D from row f to row l if the gyros are right, (3, 3) rad^2, inertial axes."""
+    T_s = rows[l, T] - rows[f, T]
+    white = noise[0] * T_s + noise[1] + noise[2] * (rows[l, PATH] - rows[f, PATH]) ** 2
+    of_fixes = rows[f, R_I] + rows[l, R_I] + T_s**2 * rows[f, P_BG]
+    return of_fixes.reshape(3, 3) + white * np.eye(3)
+
+
+@njit(cache=True)
+def _steady(rows, first, middle, last, share, D, D_middle, noise, limits):
+    """Whether D grows steadily: both halves are significant, and the first is its share of the whole."""
+    rest = _between(rows, middle, last)
+    if D_middle @ np.linalg.solve(_covariance(rows, first, middle, noise), D_middle) < limits[3]:
+        return False
+    if rest @ np.linalg.solve(_covariance(rows, middle, last, noise), rest) < limits[3]:
+        return False
+    T_s = rows[last, T] - rows[first, T]
+    white = noise[0] * T_s * share * (1.0 - share) + noise[1] + SLACK**2 * (D**2).sum()
+    white += noise[2] * (rows[last, PATH] - rows[first, PATH]) ** 2
+    of_fixes = (1.0 - share) ** 2 * rows[first, R_I] + rows[middle, R_I] + share**2 * rows[last, R_I]
+    off = D_middle - share * D
+    return off @ np.linalg.solve(of_fixes.reshape(3, 3) + white * np.eye(3), off) < limits[1]
+
+
+@njit(cache=True)
 def _compare(rows, n, baselines_s, noise, limits):
     """Verdict of the last of n rows, rate error and its sigma in body axes, (3,) rad/s.
 
     noise : white rad^2/s, rad^2 of one reading, square of the relative error of angles
-    limits : chi-square of D, of the middle, of D where it is conform
+    limits : chi-square of D, of the middle, of D where it is conform, of each half
     """
-    last, verdict, of = n - 1, UNDECIDED, np.zeros(3)
+    last, verdict, none = n - 1, UNDECIDED, np.zeros(3)
     for k in range(baselines_s.shape[0]):
         first = last
         while first > 0 and rows[last, T] - rows[first, T] < baselines_s[k] - 1e-6:
@@ -203,19 +232,12 @@ def _compare(rows, n, baselines_s, noise, limits):
         if share > 0.6:
             continue
         D, D_middle = _between(rows, first, last), _between(rows, first, middle)
-        R_f, R_m = rows[first, R_I].copy().reshape(3, 3), rows[middle, R_I].copy().reshape(3, 3)
-        R_l, P_f = rows[last, R_I].copy().reshape(3, 3), rows[first, P_BG].copy().reshape(3, 3)
-        turned = noise[2] * (rows[last, PATH] - rows[first, PATH]) ** 2
-        S = R_f + R_l + T_all**2 * P_f + (noise[0] * T_all + noise[1] + turned) * np.eye(3)
-        off = D_middle - share * D
-        white = noise[0] * T_all * share * (1.0 - share) + noise[1] + turned + SLACK**2 * (D**2).sum()
-        S_off = (1.0 - share) ** 2 * R_f + R_m + share**2 * R_l + white * np.eye(3)
+        S = _covariance(rows, first, last, noise)
         far = D @ np.linalg.solve(S, D)
-        if far > limits[0] and off @ np.linalg.solve(S_off, off) < limits[1]:
+        if far > limits[0] and _steady(rows, first, middle, last, share, D, D_middle, noise, limits):
             C_ib = rotation.dcm_from_quat(rows[last, Q_IB])
             S_b = C_ib.T @ S @ C_ib
             return WRONG, C_ib.T @ D / T_all, np.sqrt(np.diag(S_b)) / T_all
         if k > 0 and far < limits[2]:
             verdict = CONFORM
-        of = D
-    return verdict, of, of
+    return verdict, none, none

@@ -55,19 +55,31 @@ class ImuRules(NamedTuple):
 NO_RULES = ImuRules(np.full(2, inf), np.full(2, inf), np.array([1.0, 50.0]), np.array([0.5, 50.0]))
 
 
-class ImuWatch(NamedTuple):
-    """Memory of the watch, changed in place; six axes, gyros first."""
+AXIS = np.dtype(
+    [
+        ("run", float),  # equal readings in a row
+        ("mean", float),  # mean reading as rate, rad/s or m/s^2; NaN before the first block
+        ("before", float),  # that mean when the reading last changed
+        ("since_s", float),  # when the present fault began; NaN: there is none
+        ("seen_s", float),  # when it was last seen
+        ("charged", float),  # rad^2 or m^2/s^2, variance that the filter has been given for it
+        ("fixed_s", float),  # when a fix last said what the integral was; NaN: not since it began
+        ("state", int),  # GOOD ...
+    ]
+)
 
-    rules: ImuRules
+
+class ImuWatch(NamedTuple):
+    """Memory of the watch, changed in place."""
+
+    rules: np.ndarray  # (4, 2) the ImuRules
     last: np.ndarray  # (n, 6) the block before, as it was read; NaN at the start
-    run: np.ndarray  # (6,) equal readings in a row
-    mean: np.ndarray  # (6,) mean reading as rate, rad/s and m/s^2; NaN before the first block
-    before: np.ndarray  # (6,) that mean when the reading last changed
-    since_s: np.ndarray  # (6,) when the present fault began; NaN: there is none
-    seen_s: np.ndarray  # (6,) when it was last seen
-    charged: np.ndarray  # (6,) rad^2, m^2/s^2, variance that the filter has been given for it
-    fixed_s: np.ndarray  # (6,) when a fix last said what the integral was; NaN: not since it began
-    state: np.ndarray  # (6,) int, GOOD ...
+    axes: np.ndarray  # (6,) of AXIS, gyros first
+
+    @property
+    def state(self):
+        """(6,) int, GOOD ..."""
+        return self.axes["state"]
 
 
 def repeats(sigma, quantum):
@@ -86,37 +98,32 @@ def repeats(sigma, quantum):
 
 def start(rules, n):
     """ImuWatch for blocks of n samples. ImuRules, int -> ImuWatch"""
-    last, unknown = np.full((n, 6), np.nan), np.full((5, 6), np.nan)
-    good = np.zeros(6, dtype=np.int64)
-    return ImuWatch(rules, last, np.ones(6), *unknown[:4], np.zeros(6), unknown[4], good)
+    axes = np.zeros(6, dtype=AXIS)
+    axes["run"] = 1.0
+    for name in ("mean", "before", "since_s", "seen_s", "fixed_s"):
+        axes[name] = np.nan
+    return ImuWatch(np.array(rules), np.full((n, 6), np.nan), axes)
 
 
-def screen(watch, block):
+def screen(watch, block, readings, densities):
     """What of a block can be used, and how far.
 
     Parameters
     ----------
     watch : ImuWatch, brought up to date
     block : ImuBlock
+    readings : (n, 6), written: its increments [rad, m/s], with others on axes that cannot be used
+    densities : (2, 3), written: white noise on top of that of a healthy unit, rad^2/s and m^2/s^3, body axes
 
     Returns
     -------
-    block : ImuBlock, with other readings on axes that cannot be used; `saturated` if a gyro is not trusted
-    densities : (2, 3) white noise on top of that of a healthy unit, rad^2/s and m^2/s^3, body axes
-    health : list of NavHealth, one for each axis whose state has changed
+    list of NavHealth, one for each axis whose state has changed
     """
-    state = watch.state.copy()
-    out, densities = np.empty((len(block.dtheta_b), 6)), np.zeros((2, 3))
-    changed, unhealthy = _screen(
-        *watch.rules, *watch[1:], block.t_valid_s, block.dt_s, block.dtheta_b, block.dv_b, block.saturated,
-        block.valid, out, densities,
+    changed = _screen(
+        *watch, block.t_valid_s, block.dt_s, block.dtheta_b, block.dv_b, block.saturated, block.valid,
+        readings, densities,
     )  # fmt: skip
-    health = _health(block.t_valid_s, state, watch.state) if changed else []
-    if not unhealthy:
-        return block, densities, health
-    doubtful = block.saturated or bool(watch.state[:3].any())
-    block = block._replace(dtheta_b=out[:, :3].copy(), dv_b=out[:, 3:].copy(), saturated=doubtful, valid=True)
-    return block, densities, health
+    return _health(block.t_valid_s, changed, watch.state) if changed else []
 
 
 def fixed(watch, sensor, t_valid_s, now_s):
@@ -124,24 +131,21 @@ def fixed(watch, sensor, t_valid_s, now_s):
 
     watch : ImuWatch;  sensor : 0 the gyros, 1 the accelerometers;  now_s : of the last block
     """
-    for k in range(3 * sensor, 3 * sensor + 3):
-        if watch.state[k] != GOOD and t_valid_s > watch.since_s[k]:
-            watch.fixed_s[k] = t_valid_s
-            rules = watch.rules
-            watch.charged[k] = integrated_variance(
-                rules.wrong[sensor], rules.change[sensor], max(now_s - t_valid_s, 0.0), False
+    _, _, wrong, change = watch.rules
+    for axis in watch.axes[3 * sensor : 3 * sensor + 3]:
+        if axis["state"] != GOOD and t_valid_s > axis["since_s"]:
+            axis["fixed_s"] = t_valid_s
+            axis["charged"] = integrated_variance(
+                wrong[sensor], change[sensor], max(now_s - t_valid_s, 0.0), False
             )
 
 
-def _health(t_s, before, after):
-    """NavHealth of every axis that has changed, or one for the unit if all have."""
-    changed = np.flatnonzero(before != after)
-    if len(changed) == len(NAMES) and len(set(after.tolist())) == 1:
-        return [NavHealth(t_s, "imu", bool(after[0] == GOOD), WORDS.get(int(after[0]), ""))]
-    return [
-        NavHealth(t_s, NAMES[k], bool(after[k] == GOOD), WORDS.get(int(after[k]), ""))
-        for k in changed.tolist()
-    ]
+def _health(t_s, changed, state):
+    """NavHealth of every axis that has changed (bits of an int), or one for the unit if all have."""
+    axes = [k for k in range(len(NAMES)) if changed >> k & 1]
+    if len(axes) == len(NAMES) and len(set(state.tolist())) == 1:
+        return [NavHealth(t_s, "imu", bool(state[0] == GOOD), WORDS.get(int(state[0]), ""))]
+    return [NavHealth(t_s, NAMES[k], bool(state[k] == GOOD), WORDS.get(int(state[k]), "")) for k in axes]
 
 
 @njit(cache=True)
@@ -161,91 +165,108 @@ def integrated_variance(wrong, change, age_s, held):
 
 @njit(cache=True)
 def _screen(
-    repeats, range_, wrong, change,  # ImuRules
-    last, run, mean, before, since_s, seen_s, charged, fixed_s, state,  # ImuWatch
-    t_end_s, dt_s, dtheta_b, dv_b, saturated, valid, out, densities,
+    rules, last, axes, t_end_s, dt_s, dtheta_b, dv_b, saturated, valid, readings, densities
 ):  # fmt: skip
-    """`screen` with the fields of its tuples; the arrays of the watch are changed in place.
-
-    Written: out (n, 6) rad, m/s, what can be used; densities (2, 3), zero before.
-    -> whether the state of an axis has changed, whether there are densities
-    """
-    n = dtheta_b.shape[0]
-    length_s = n * dt_s
-    out[:, :3], out[:, 3:] = dtheta_b, dv_b
-    same = valid and bool(np.all(out == last)) and np.isfinite(repeats[0]) and np.isfinite(repeats[1])
-    whole = SILENT if not valid else (REPEATED if same else GOOD)
-    at_range = _at_range(out, range_, dt_s)
-    if saturated and not at_range.any():  # the unit does not say which axis
-        at_range[:] = True
-    changed = unhealthy = False
+    """`screen` with the fields of its tuples. -> int, bit k: the state of axis k has changed"""
+    n, changed = dtheta_b.shape[0], 0
+    for m in range(n):
+        for i in range(3):
+            readings[m, i], readings[m, 3 + i] = dtheta_b[m, i], dv_b[m, i]
+    whole = GOOD if valid else SILENT
+    if valid and np.isfinite(rules[0, 0]) and np.isfinite(rules[0, 1]) and _same(readings, last):
+        whole = REPEATED
+    anywhere = False
     for k in range(6):
-        sensor = k // 3
-        code, age_s = whole, length_s
+        anywhere = anywhere or _at_range(readings, k, rules[1, k // 3] * dt_s)
+    for k in range(6):
+        axis, code, age_s = axes[k], whole, n * dt_s
+        # if the unit does not say which axis is at the end of its range, it may be any
+        at_range = _at_range(readings, k, rules[1, k // 3] * dt_s) or (saturated and not anywhere)
         if whole == GOOD:
-            code, age_s = _read_axis(out, last, run, mean, before, k, repeats[sensor], dt_s)
-            calm = state[k] == SATURATED and t_end_s - seen_s[k] > CALM_S
-            if at_range[k] or (code == GOOD and state[k] == SATURATED and not calm):
+            code, age_s = _read_axis(readings, last[n - 1, k], axis, k, rules[0, k // 3], dt_s)
+            calm = axis.state == SATURATED and t_end_s - axis.seen_s > CALM_S
+            if at_range or (code == GOOD and axis.state == SATURATED and not calm):
                 code = SATURATED
-        changed = changed or code != state[k]
+        if code != axis.state:
+            changed |= 1 << k
         if code == GOOD:
-            since_s[k], charged[k], fixed_s[k], state[k] = np.nan, 0.0, np.nan, GOOD
+            axis.since_s, axis.charged, axis.fixed_s, axis.state = np.nan, 0.0, np.nan, GOOD
+            densities[k // 3, k % 3] = 0.0
             continue
-        if state[k] == GOOD:
-            since_s[k] = t_end_s - age_s
-        if code != SATURATED or at_range[k]:
-            seen_s[k] = t_end_s
-        state[k] = code
-        held = code != SATURATED
-        if held:
-            kept = before[k] if code == STUCK else mean[k]
-            for m in range(n):
-                out[m, k] = kept * dt_s if np.isfinite(kept) else 0.0
-        begin_s = since_s[k]
-        if fixed_s[k] > begin_s:  # what is held was right at the beginning, not at the fix
-            begin_s, held = fixed_s[k], False
-        variance = integrated_variance(wrong[sensor], change[sensor], t_end_s - begin_s, held)
-        densities[sensor, k % 3] = max(variance - charged[k], 0.0) / length_s
-        charged[k] = max(variance, charged[k])
-        unhealthy = unhealthy or densities[sensor, k % 3] > 0.0
+        if axis.state == GOOD:
+            axis.since_s = t_end_s - age_s
+        if code != SATURATED or at_range:
+            axis.seen_s = t_end_s
+        axis.state = code
+        densities[k // 3, k % 3] = _charge(rules[2, k // 3], rules[3, k // 3], axis, t_end_s) / (n * dt_s)
     if whole == GOOD:
-        last[:, :3], last[:, 3:] = dtheta_b, dv_b
-    return changed, unhealthy
+        last[:] = readings
+    _hold(readings, axes, dt_s)
+    return changed
 
 
 @njit(cache=True)
-def _at_range(readings, range_, dt_s):
-    """Axes with a reading at the end of the range, to a part in a thousand. (n, 6), (2,) -> (6,) bool"""
-    found = np.zeros(6, dtype=np.bool_)
+def _same(readings, last):
+    """Whether two blocks are the same to the last bit."""
+    for m in range(last.shape[0]):
+        for k in range(6):
+            if readings[m, k] != last[m, k]:
+                return False
+    return True
+
+
+@njit(cache=True)
+def _charge(wrong, change, axis, t_end_s):
+    """Variance that the error of a reading which cannot be used has added since the last block."""
+    held, begin_s = axis.state != SATURATED, axis.since_s
+    if axis.fixed_s > begin_s:  # what is held was right at the beginning, not at the fix
+        begin_s, held = axis.fixed_s, False
+    variance = integrated_variance(wrong, change, t_end_s - begin_s, held)
+    added = max(variance - axis.charged, 0.0)
+    axis.charged = max(variance, axis.charged)
+    return added
+
+
+@njit(cache=True)
+def _hold(readings, axes, dt_s):
+    """Give the axes that are silent or stuck the mean that they had."""
     for k in range(6):
-        limit = 0.999 * range_[k // 3] * dt_s
-        for m in range(readings.shape[0]):
-            if abs(readings[m, k]) >= limit:
-                found[k] = True
-    return found
+        code = axes[k].state
+        if code != GOOD and code != SATURATED:
+            kept = axes[k].before if code == STUCK else axes[k].mean
+            for m in range(readings.shape[0]):
+                readings[m, k] = kept * dt_s if np.isfinite(kept) else 0.0
 
 
 @njit(cache=True)
-def _read_axis(readings, last, run, mean, before, k, repeats, dt_s):
+def _at_range(readings, k, limit):
+    """Whether a reading of axis k is at the end of the range, to a part in a thousand."""
+    for m in range(readings.shape[0]):
+        if abs(readings[m, k]) >= 0.999 * limit:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _read_axis(readings, previous, axis, k, repeats, dt_s):
     """Run length and mean of one axis with a new block. -> GOOD or STUCK, age of the fault s"""
-    n, total, previous = readings.shape[0], 0.0, last[-1, k]
-    longest = 0.0
+    n, total, longest = readings.shape[0], 0.0, 0.0
     for m in range(n):
         value = readings[m, k]
         if value == previous:
-            run[k] += 1.0
+            axis.run += 1.0
         else:
-            if run[k] < repeats:  # a run that was no fault
-                before[k] = mean[k]
-            run[k] = 1.0
-        longest = max(longest, run[k])
+            if axis.run < repeats:  # a run that was no fault
+                axis.before = axis.mean
+            axis.run = 1.0
+        longest = max(longest, axis.run)
         previous, total = value, total + value
     rate = total / (n * dt_s)
     if longest >= repeats:
-        mean[k] = before[k]  # it has taken in repeated readings until they were too many
-        return STUCK, run[k] * dt_s
-    if not np.isfinite(mean[k]):
-        mean[k] = before[k] = rate
+        axis.mean = axis.before  # it has taken in repeated readings until they were too many
+        return STUCK, axis.run * dt_s
+    if not np.isfinite(axis.mean):
+        axis.mean = axis.before = rate
     else:
-        mean[k] += min(1.0, n * dt_s / MEAN_S) * (rate - mean[k])
+        axis.mean += min(1.0, n * dt_s / MEAN_S) * (rate - axis.mean)
     return GOOD, n * dt_s

@@ -16,7 +16,8 @@ take the wrong one out again at the rate at which they reduce errors, so w is th
 of what is left of each. What a star fix has misled is what star fixes measure, attitude and mounting
 together, and goes as H P H^T; what another sensor has done to the attitude goes as P. A fix that has been
 confirmed by a second one through the gyros can only be wrong by what that comparison lets through,
-T sqrt(2 R).
+T sqrt(2 R). And a star fix that passes the gate bounds what other sensors may have done before: had it been
+more than 2 T sqrt(S), the gate's T and as much for noise that hides it, the fix would not have passed.
 
 Two faults at once, and one that is common to all fixes (a star camera that has moved by less than the gate
 notices), are beyond this.
@@ -63,6 +64,7 @@ class Slope(NamedTuple):
     variance_b: np.ndarray  # (3,) rad^2, of the attitude after it
     left: np.ndarray  # (3,) share of older errors of other sensors
     left_stars: np.ndarray  # (3,) share of those of star fixes
+    most: np.ndarray = np.full(3, np.inf)  # (3,) rad, that an older error of other sensors can have been
 
 
 @njit(cache=True)
@@ -111,7 +113,8 @@ def slope_of_stars(P_before, P_after, limit, H, R, confirmed):
     worst, after, left = _slope(P_before, P_after, limit)
     if confirmed:
         worst = np.minimum(worst, np.sqrt(2.0 * limit * np.diag(R)))
-    return Slope(True, worst, after, left, _left_of_seen(P_before, P_after, H))
+    most = 2.0 * np.sqrt(limit * np.diag(H @ P_before @ H.T + R))
+    return Slope(True, worst, after, left, _left_of_seen(P_before, P_after, H), most)
 
 
 def slope_of_vectors(layout, P_before, P_after, limit, H, R):
@@ -154,7 +157,7 @@ def after_fix(level, found, P_now):
     level : Level;  found : Slope;  P_now : (n, n) -> Level
     """
     now = found.worst_b * np.sqrt(np.minimum(np.diag(P_now)[ATT] / found.variance_b, 1.0))
-    stars, others = level.stars_b * found.left_stars, level.others_b * found.left
+    stars, others = level.stars_b * found.left_stars, np.minimum(level.others_b, found.most) * found.left
     if found.stars:
         return Level(np.maximum(stars, now), others)
     return Level(stars, np.maximum(others, now))

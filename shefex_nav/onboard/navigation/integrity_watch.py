@@ -49,24 +49,24 @@ class Watch:
         self.unread = False  # whether readings of an axis have been replaced, or are at the end of its range
         self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
+        self.position_s = -np.inf  # of the last position fix
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
         self.used_now = []  # integrity_protection.Slope of each fix used in this tick
         self.reasons = {}  # source -> why it is not healthy
         self.said = []  # NavHealth not handed over yet
 
-    def screen(self, block):
-        """What of an ImuBlock can be used -> ImuBlock, (2, 3) densities of additional noise."""
+    def screen(self, block, readings, densities):
+        """What of an ImuBlock can be used: `integrity_imu.screen`, which writes the two arrays."""
         if self.imu is None or len(self.imu.last) != len(block.dtheta_b):
             self.imu = integrity_imu.start(self.params.imu, len(block.dtheta_b))
-        block, densities, changes = integrity_imu.screen(self.imu, block)
+        changes = integrity_imu.screen(self.imu, block, readings, densities)
         if changes:
             self.said += changes
             self.unread = bool(self.imu.state.any())
             self.gyros.forget()
         if self.gyros.failed:
             self._gyros_now(block.t_valid_s)
-        return block, densities
 
     @property
     def imu_blind(self):

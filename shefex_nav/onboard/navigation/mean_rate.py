@@ -32,33 +32,31 @@ def body_rate(nav, state, begin_s, end_s):
     ticks = _ticks(nav.history, begin_s, end_s)
     if not ticks:
         return np.full(3, np.nan), np.full(3, np.nan), np.inf
-    increments = np.concatenate([tick.imu.increments[-tick.imu.n :] for tick in ticks])
-    dt_s = np.concatenate([np.full(tick.imu.n, tick.imu.dt_s) for tick in ticks])
-    ends_s = ticks[-1].imu.t_end_s - (np.cumsum(dt_s[::-1])[::-1] - dt_s)
+    increments = np.concatenate([imu.increments[-imu.n :] for imu in ticks])
+    dt_s = np.concatenate([np.full(imu.n, imu.dt_s) for imu in ticks])
+    ends_s = ticks[-1].t_end_s - (np.cumsum(dt_s[::-1])[::-1] - dt_s)
     weight = np.clip((np.minimum(ends_s, end_s) - np.maximum(ends_s - dt_s, begin_s)) / dt_s, 0.0, 1.0)
     duration_s = dt_s @ weight
     omega_b, f_b = calibration.motion(state, weight @ increments, duration_s)
-    vibration = max(tick.imu.vibration for tick in ticks)
-    saturated = any(tick.imu.saturated for tick in ticks)
-    noise = _noise(nav.params.imu, omega_b, f_b, vibration, saturated, duration_s)
+    vibration = max(imu.vibration for imu in ticks)
+    doubtful = any(imu.extra[0].any() for imu in ticks)
+    noise = _noise(nav.params.imu, omega_b, f_b, vibration, doubtful, duration_s)
     return omega_b, f_b, noise
 
 
 def _ticks(history, begin_s, end_s):
-    """The ticks that an interval touches, oldest first; none where one of them is missing."""
-    oldest = history[1 if history[0].imu is None else 0] if len(history) > 1 else history[0]
-    if oldest.imu is None or not begin_s < end_s <= history[-1].t_s + COVERED_S:
+    """ImuWindow of the ticks that an interval touches, oldest first; none where one of them is missing."""
+    windows = [window for window in (history.imu(k) for k in range(len(history))) if window is not None]
+    if not windows or not begin_s < end_s <= windows[-1].t_end_s + COVERED_S:
         return []
-    if begin_s < oldest.t_s - oldest.imu.length_s - COVERED_S:
+    if begin_s < windows[0].t_end_s - windows[0].length_s - COVERED_S:
         return []
     return [
-        tick
-        for tick in history
-        if tick.imu is not None and begin_s < tick.t_s and tick.t_s - tick.imu.length_s < end_s
+        window for window in windows if begin_s < window.t_end_s and window.t_end_s - window.length_s < end_s
     ]
 
 
-def _noise(model, omega_b, f_b, vibration, saturated, duration_s):
+def _noise(model, omega_b, f_b, vibration, doubtful, duration_s):
     """Variance of the mean rate on each axis from what the filter counts as noise, (rad/s)^2.
 
     `error_model.noise_densities` has the same errors as densities: here those that keep their sign over the
@@ -69,7 +67,7 @@ def _noise(model, omega_b, f_b, vibration, saturated, duration_s):
     variance += model.gyro_cross**2 * (omega_b[1] ** 2 + omega_b[2] ** 2)
     variance += model.gyro_g_sensitivity**2 * (f_b @ f_b)
     variance += (model.gyro_rectification * vibration**2) ** 2
-    if saturated:
+    if doubtful:  # a gyro that is not trusted
         variance += model.saturated_rate**2
     return float(variance)
 

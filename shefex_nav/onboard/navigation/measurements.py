@@ -11,7 +11,24 @@ from numba import njit
 from shefex_nav.environment.gravity import gravity_j2_e
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import calibration
-from shefex_nav.onboard.navigation.state import ATT, POS, VEL, right_jacobian
+from shefex_nav.onboard.navigation import triples as t3
+from shefex_nav.onboard.navigation.state import (
+    ATT,
+    GRAVITY,
+    LATENCY,
+    LEVER,
+    MOUNTING,
+    POS,
+    VEL,
+    X_LATENCY,
+    X_LEVER,
+    X_MOUNTING,
+    X_Q,
+    X_R,
+    X_V,
+    pack,
+    right_jacobian,
+)
 
 
 class Antenna(NamedTuple):
@@ -47,50 +64,68 @@ def antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b):
     ----------
     Groves, 2nd ed., section 14.3.1.
     """
-    C_ie = frames.dcm_ie(earth, state.t_s)
-    C_ei = C_ie.T
-    C_ib = rotation.dcm_from_quat(state.q_ib)
-    arm = l_ba_b + state.lever_arm
-    Omega, W, arm_x = rotation.skew(frames.omega_ie_i(earth)), rotation.skew(omega_ib_b), rotation.skew(arm)
-    swing = W @ arm
-    r_i, v_i = state.r_i + C_ib @ arm, state.v_i + C_ib @ swing
+    r_e, v_e, J_r, J_v = np.empty(3), np.empty(3), np.empty((3, layout.n)), np.empty((3, layout.n))
+    x, C_ie = pack(state), frames.dcm_ie(earth, state.t_s)
     J_omega, J_f = calibration.jacobians(layout, state, omega_ib_b, f_b)
-    lever, latency = layout.places["lever_arm"], layout.places["gps_latency"]
-
-    # of the antenna in inertial axes
-    J_ri, J_vi = np.zeros((3, layout.n)), -C_ib @ arm_x @ J_omega
-    J_ri[:, POS], J_ri[:, ATT] = np.eye(3), -C_ib @ arm_x
-    J_vi[:, VEL], J_vi[:, ATT] = np.eye(3), -C_ib @ rotation.skew(swing)
-    if lever:
-        J_ri[:, lever], J_vi[:, lever] = C_ib, C_ib @ W
-    r, v = r_i, v_i - Omega @ r_i
-    J_r, J_v = J_ri, J_vi - Omega @ J_ri
-    delay = state.gps_latency[0]
-    if latency or delay:
-        felt, turn = f_b + W @ swing, W @ arm_x + rotation.skew(swing)  # d(W W l) = -turn d(omega)
-        a_i = C_ib @ felt + C_ie @ gravity_j2_e(C_ei @ state.r_i) + state.gravity
-        J_ai = C_ib @ (J_f - turn @ J_omega)
-        J_ai[:, ATT] = -C_ib @ rotation.skew(felt)
-        J_ai[:, POS] = gravity_gradient(state.r_i)
-        if layout.places["gravity"]:
-            J_ai[:, layout.places["gravity"]] = np.eye(3)
-        if lever:
-            J_ai[:, lever] = C_ib @ W @ W
-        a, J_a = (
-            a_i - 2.0 * Omega @ v_i + Omega @ Omega @ r_i,
-            J_ai - 2.0 * Omega @ J_vi + Omega @ Omega @ J_ri,
-        )
-        J_r, J_v = J_r - delay * J_v + 0.5 * delay**2 * J_a, J_v - delay * J_a
-        r, v = r - delay * v + 0.5 * delay**2 * a, v - delay * a
-        if latency:
-            J_r[:, latency], J_v[:, latency] = -v[:, None], -a[:, None]
-    return Antenna(C_ei @ r, C_ei @ v, C_ei @ J_r, C_ei @ J_v)
+    g_i = C_ie @ gravity_j2_e(C_ie.T @ state.r_i) + state.gravity
+    known = l_ba_b, frames.omega_ie_i(earth), omega_ib_b, f_b, g_i
+    _antenna(layout.at, x, C_ie, np.array(known), J_omega, J_f, r_e, v_e, J_r, J_v)
+    return Antenna(r_e, v_e, J_r, J_v)
 
 
-def gravity_gradient(r_i):
-    """Gradient of a central gravity field: (3,) m -> (3, 3) 1/s^2."""
-    d2 = r_i @ r_i
-    return wgs84.GM / (d2 * np.sqrt(d2)) * (3.0 / d2 * np.outer(r_i, r_i) - np.eye(3))
+@njit(cache=True)
+def _antenna(at, x, C_ie, known, J_omega, J_f, r_e, v_e, J_r, J_v):
+    """`antenna` with packed values; the last four are written.
+
+    known : (5, 3) l_ba_b, omega_ie_i, omega_ib_b, f_b, gravitation in inertial axes
+    """
+    zero, C_ei, turn = (0.0, 0.0, 0.0), t3.transposed(t3.matrix(C_ie)), t3.vector(known[1], 0)
+    C = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
+    omega, delay, r_i = t3.vector(known[2], 0), x[X_LATENCY], t3.vector(x, X_R.start)
+    arm = t3.plus(t3.vector(known[0], 0), 1.0, t3.vector(x, X_LEVER.start))
+    swing = t3.cross(omega, arm)
+    felt = t3.plus(t3.vector(known[3], 0), 1.0, t3.cross(omega, swing))
+    r = t3.plus(r_i, 1.0, t3.turned(C, arm))
+    v = t3.plus(t3.vector(x, X_V.start), 1.0, t3.turned(C, swing))
+    a = t3.plus(t3.turned(C, felt), 1.0, t3.vector(known[4], 0))
+    r, v, a = _seen(r, v, a, turn, delay)
+    r_e[0], r_e[1], r_e[2] = t3.turned(C_ei, r)
+    v_e[0], v_e[1], v_e[2] = t3.turned(C_ei, v)
+    d2 = t3.dot(r_i, r_i)
+    pull = wgs84.GM / (d2 * np.sqrt(d2))
+    for j in range(J_r.shape[1]):
+        dr, dv, dtheta = _unit(j - POS.start), _unit(j - VEL.start), _unit(j - ATT.start)
+        dl = _unit(j - at[LEVER]) if at[LEVER] >= 0 else zero
+        dg = _unit(j - at[GRAVITY]) if at[GRAVITY] >= 0 else zero
+        w, f = (J_omega[0, j], J_omega[1, j], J_omega[2, j]), (J_f[0, j], J_f[1, j], J_f[2, j])
+        moved = t3.plus(t3.cross(dtheta, arm), 1.0, dl)
+        swung = t3.plus(t3.plus(t3.cross(dtheta, swing), 1.0, t3.cross(w, arm)), 1.0, t3.cross(omega, dl))
+        shaken = t3.plus(t3.plus(t3.cross(dtheta, felt), 1.0, f), 1.0, t3.cross(w, swing))
+        driven = t3.plus(t3.cross(w, arm), 1.0, t3.cross(omega, dl))
+        shaken = t3.plus(shaken, 1.0, t3.cross(omega, driven))
+        gradient = t3.scaled(pull, t3.plus(t3.scaled(3.0 / d2 * t3.dot(r_i, dr), r_i), -1.0, dr))
+        dr, dv = t3.plus(dr, 1.0, t3.turned(C, moved)), t3.plus(dv, 1.0, t3.turned(C, swung))
+        da = t3.plus(t3.plus(gradient, 1.0, dg), 1.0, t3.turned(C, shaken))
+        dr, dv, _ = _seen(dr, dv, da, turn, delay)
+        if j == at[LATENCY]:
+            dr, dv = t3.scaled(-1.0, v), t3.scaled(-1.0, a)
+        dr, dv = t3.turned(C_ei, dr), t3.turned(C_ei, dv)
+        J_r[0, j], J_r[1, j], J_r[2, j] = dr
+        J_v[0, j], J_v[1, j], J_v[2, j] = dv
+
+
+@njit(cache=True, forceinline=True)
+def _unit(k):
+    """Axis k, nothing if there is none."""
+    return 1.0 * (k == 0), 1.0 * (k == 1), 1.0 * (k == 2)
+
+
+@njit(cache=True, forceinline=True)
+def _seen(r, v, a, turn, delay):
+    """Position, velocity and acceleration against axes that turn, what they were `delay` earlier."""
+    v, a = t3.plus(v, -1.0, t3.cross(turn, r)), t3.plus(a, -2.0, t3.cross(turn, v))
+    a = t3.plus(a, 1.0, t3.cross(turn, t3.cross(turn, r)))
+    return t3.plus(t3.plus(r, -delay, v), 0.5 * delay * delay, a), t3.plus(v, -delay, a), a
 
 
 def gps_position(layout, state, fix, earth, l_ba_b, omega_ib_b, f_b):
@@ -104,6 +139,30 @@ def gps_position(layout, state, fix, earth, l_ba_b, omega_ib_b, f_b):
     """
     a = antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b)
     return fix.r_ea_e - a.r_e, a.J_r, fix.R_r_e
+
+
+def lasting_factor(share, time_s, gap_s):
+    """By how much more a position fix is uncertain than it says, because it errs as the one before it did.
+
+    A part of its variance is of errors that last, first-order Gauss-Markov: r = exp(-gap/time) of them is
+    what the fix before had. Fixes at a steady rate tell as much about a position that stands still as fixes
+    with independent errors of (1 + r)/(1 - r) times that part would; the first after a long gap counts in
+    full.
+
+    Parameters
+    ----------
+    share : of the variance that lasts, 0 to 1
+    time_s : correlation time
+    gap_s : since the fix before; inf: there was none
+
+    Returns
+    -------
+    float, on the covariance of the fix
+    """
+    if not share or gap_s == np.inf:
+        return 1.0
+    r = np.exp(-gap_s / time_s)
+    return float(1.0 - share + share * (1.0 + r) / max(1.0 - r, 1e-6))
 
 
 def gps_velocity(layout, state, fix, earth, l_ba_b, omega_ib_b, f_b):
@@ -142,24 +201,27 @@ def star_attitude(layout, state, fix, C_bc, sigma_floor):
     ----------
     Markley & Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, section 6.2.
     """
-    mounting = layout.places["mounting"]
-    first = -1 if mounting is None else mounting.start
-    H, R = np.zeros((3, layout.n)), np.empty((3, 3))
-    z = _star_attitude(state.q_ib, state.mounting, fix.q_ic, fix.P_c, C_bc, sigma_floor, first, H, R)
+    return star_attitude_packed(layout, pack(state), fix, C_bc, sigma_floor)
+
+
+def star_attitude_packed(layout, x, fix, C_bc, sigma_floor):
+    """`star_attitude` with packed nominal values."""
+    z, H, R = np.empty(3), np.zeros((3, layout.n)), np.empty((3, 3))
+    _star_attitude(x, fix.q_ic, fix.P_c, C_bc, sigma_floor, layout.at[MOUNTING], z, H, R)
     return z, H, R
 
 
 @njit(cache=True)
-def _star_attitude(q_ib, mounting, q_ic, P_c, C_bc, sigma_floor, first, H, R):
-    """`star_attitude` of its parts; first: error of the mounting, -1 if it is none. H, R are written."""
+def _star_attitude(x, q_ic, P_c, C_bc, sigma_floor, first, z, H, R):
+    """`star_attitude` of its parts; first: error of the mounting, -1 if it is none. z, H, R are written."""
+    mounting = x[X_MOUNTING]
     q_mounting = rotation.quat_from_rotvec(mounting)
-    q_predicted = rotation.quat_multiply(q_ib, q_mounting)
+    q_predicted = rotation.quat_multiply(x[X_Q], q_mounting)
     q_measured = rotation.quat_multiply(q_ic, rotation.quat_from_dcm(np.ascontiguousarray(C_bc.T)))
-    z = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(q_predicted), q_measured))
+    z[:] = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(q_predicted), q_measured))
     H[:, ATT] = rotation.dcm_from_quat(q_mounting).T
     if first >= 0:
         H[:, first : first + 3] = right_jacobian(mounting)
     R[:] = C_bc @ P_c @ C_bc.T
     for i in range(3):
         R[i, i] += sigma_floor**2
-    return z

@@ -11,14 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.navigation import error_model
+from shefex_nav.onboard.navigation import error_model, strapdown
 from shefex_nav.onboard.navigation import triples as t3
-from shefex_nav.onboard.navigation.calibration import (
-    accel_inverse,
-    free_increment,
-    g_sensitivity,
-    gyro_inverse,
-)
+from shefex_nav.onboard.navigation.calibration import accel_inverse, g_sensitivity, gyro_inverse
 from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S, WEIGHTS
 from shefex_nav.onboard.navigation.state import (
     BA,
@@ -37,7 +32,7 @@ from shefex_nav.onboard.navigation.state import (
     X_V,
     pack,
 )
-from shefex_nav.onboard.navigation.strapdown import BEFORE, LEAST, cut, gravity_i, move, shaken
+from shefex_nav.onboard.navigation.strapdown import BEFORE, gravity_i
 
 SIZES = np.array(list(OPTIONAL.values()))
 TOP = PVA.stop  # rows of Phi that the strapdown makes
@@ -66,8 +61,8 @@ def growth(layout, model, state, imu, begin_s, end_s, earth):
     -------
     Growth
     """
-    arguments = (imu.increments, imu.dt_s, imu.vibration, imu.extra, begin_s, end_s)
-    return Growth(*_growth(layout.at, layout.n, model, pack(state), state.t_s, *arguments, *earth))
+    arguments = (state.t_s, imu.increments, imu.dt_s, imu.vibration, imu.extra, begin_s, end_s)
+    return Growth(*_growth(layout.at, layout.n, model, pack(state), *arguments, *earth))
 
 
 def advance(layout, model, x, t_s, P, imu, begin_s, end_s, earth):
@@ -76,97 +71,102 @@ def advance(layout, model, x, t_s, P, imu, begin_s, end_s, earth):
     As `growth`, with the packed nominal state x at begin_s, mission time t_s, and its covariance P (n, n)
     -> x, P (n, n)
     """
-    arguments = (imu.increments, imu.dt_s, imu.vibration, imu.extra, begin_s, end_s)
-    after, P_after = np.empty(x.shape), np.empty(P.shape)  # to make them here costs less than to return them
-    _advance(layout.at, model, x, t_s, P, *arguments, *earth, after, P_after)
-    return after, P_after
+    x, P = x.copy(), P.copy()
+    numbers = np.array([[t_s - begin_s + imu.length_s, imu.dt_s, imu.n, imu.vibration]])
+    travel(
+        layout.at, model, *earth, numbers, imu.increments[None], imu.extra[None], x[None].copy(),
+        P[None].copy(), x, P, 0, begin_s, 0, end_s,
+    )  # fmt: skip
+    return x, P
 
 
-def advance_ticks(layout, model, x, t_s, P, windows, earth):
-    """State and covariance after each of several whole ticks, one after the other.
+@njit(cache=True)
+def travel(
+    at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
+    first, begin_s, last, end_s,
+):  # fmt: skip
+    """State and covariance from an instant within one tick to one within the same or a later tick.
 
-    As `advance`, with a list of m ImuWindow -> x (m, N), P (m, n, n)
+    Parameters
+    ----------
+    at : of Layout;  model : `error_model.record`;  C_iq ... rate : EarthRotation
+    numbers, increments, extra : of a `History`, which holds tick k in place k modulo its size
+    xs, Ps : likewise, written wherever the end of a tick is reached
+    x, P : (87,), (n, n) at the start; carried along, in place
+    first, begin_s : number of the tick in which the way begins, s from its start
+    last, end_s : in which it ends; np.inf: at its end
     """
-    increments = np.concatenate([imu.increments for imu in windows])
-    numbers = np.array([(len(imu.increments), imu.dt_s, imu.vibration) for imu in windows])
-    extra = np.concatenate([imu.extra for imu in windows])
-    return _advance_ticks(layout.at, model, x, t_s, P, increments, numbers, extra, *earth)
+    work = _workspace(P.shape[0])
+    for number in range(first, last + 1):
+        k = number % numbers.shape[0]
+        h, n = numbers[k, 1], int(numbers[k, 2])
+        length_s = n * h
+        until_s = end_s if number == last and end_s < length_s else length_s
+        if until_s > begin_s:
+            t_s, window = numbers[k, 0] - length_s + begin_s, increments[k, : BEFORE + n]
+            bias_walk = _interval(
+                at, model[0], x, t_s, window, h, numbers[k, 3], extra[k], begin_s, until_s,
+                C_iq, C_re, angle_0, rate, work,
+            )  # fmt: skip
+            _covariance(at, model[0], P, work, bias_walk, until_s - begin_s)
+        if until_s == length_s:
+            xs[k], Ps[k] = x, P
+        begin_s = 0.0
 
 
 @njit(cache=True)
-def _advance_ticks(at, model, x, t_s, P, increments, numbers, extra, C_iq, C_re, angle_0, rate):
-    """`advance_ticks`, all windows in one array; numbers (m, 3): rows, dt_s, vibration of each."""
-    m, n, row = numbers.shape[0], P.shape[0], 0
-    xs, Ps = np.empty((m, x.shape[0])), np.empty((m, n, n))
-    top, Q = np.empty((TOP, n)), np.empty((TOP, TOP))
-    for k in range(m):
-        rows, h = int(numbers[k, 0]), numbers[k, 1]
-        length_s = (rows - BEFORE) * h
-        bias_walk = _interval(
-            at, model[0], x, t_s, increments[row : row + rows], h, numbers[k, 2],
-            extra[2 * k : 2 * k + 2], 0.0, length_s, C_iq, C_re, angle_0, rate, xs[k], top, Q,
-        )  # fmt: skip
-        _covariance(at, model[0], P, top, Q, bias_walk, length_s, Ps[k])
-        x, P, t_s, row = xs[k], Ps[k], t_s + length_s, row + rows
-    return xs, Ps
+def enter(
+    at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
+    number, motors, t_end_s, dt_s, n,
+):  # fmt: skip
+    """A tick on: complete the place of a new tick in a `History`, and `travel` through it.
 
-
-@njit(cache=True)
-def _advance(
-    at,
-    model,
-    x,
-    t_s,
-    P,
-    increments,
-    h,
-    vibration,
-    extra,
-    begin_s,
-    end_s,
-    C_iq,
-    C_re,
-    angle_0,
-    rate,
-    after,
-    P_after,
-):
-    """`advance` with the fields of its tuples; after, P_after are written."""
-    n = P.shape[0]
-    top, Q = np.empty((TOP, n)), np.empty((TOP, TOP))
-    bias_walk = _interval(
-        at, model[0], x, t_s, increments, h, vibration, extra, begin_s, end_s,
-        C_iq, C_re, angle_0, rate, after, top, Q,
+    number : of the tick, whose n samples of dt_s that end at t_end_s are in its place already
+    motors : of NavParams
+    """
+    k, before = number % numbers.shape[0], (number - 1) % numbers.shape[0]
+    n_before, stretch = int(numbers[before, 2]), dt_s / numbers[before, 1]
+    for i in range(BEFORE):
+        for j in range(6):  # samples of another duration are taken to have gone on at their rate
+            if n_before > 0:
+                increments[k, i, j] = stretch * increments[before, n_before + i, j]
+            else:
+                increments[k, i, j] = increments[k, BEFORE, j]
+    gained = 0.0
+    for i in range(BEFORE, BEFORE + n):
+        gained += increments[k, i, 3]
+    shake = error_model.shake(increments[k, BEFORE : BEFORE + n, 3:])
+    limits = model[0].thrust_threshold, model[0].shake_threshold
+    vibration = error_model.vibration_level(motors, limits[0], limits[1], t_end_s, gained / (n * dt_s), shake)
+    numbers[k, 0], numbers[k, 1], numbers[k, 2], numbers[k, 3] = t_end_s, dt_s, n, vibration
+    travel(
+        at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
+        number, 0.0, number, np.inf,
     )  # fmt: skip
-    _covariance(at, model[0], P, top, Q, bias_walk, end_s - begin_s, P_after)
 
 
 @njit(cache=True)
-def _growth(
-    at,
-    n,
-    model,
-    x,
-    t_s,
-    increments,
-    h,
-    vibration,
-    extra,
-    begin_s,
-    end_s,
-    C_iq,
-    C_re,
-    angle_0,
-    rate,
-):
+def _workspace(n):
+    """Responses to errors, which of them are wanted, rows of Phi and Q, a product: see `_interval`.
+
+    Responses that nobody wants are multiplied by zero: they must be numbers.
+    """
+    return (
+        np.zeros((WEIGHTS, 3, 3, 3)), np.zeros((WEIGHTS, 2, 3, 3)),
+        np.empty(WEIGHTS, np.bool_), np.empty(WEIGHTS, np.bool_),
+        np.empty((TOP, n)), np.empty((TOP, TOP)), np.empty((TOP, n)),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _growth(at, n, model, x, t_s, increments, h, vibration, extra, begin_s, end_s, C_iq, C_re, angle_0, rate):
     """Phi and Q in full: the rows of the strapdown, and a covariance of zero carried on."""
-    after, Phi, Q = np.empty(x.shape[0]), np.eye(n), np.empty((n, n))
-    top, Q_top, T = np.empty((TOP, n)), np.empty((TOP, TOP)), end_s - begin_s
+    Phi, Q, work, T = np.eye(n), np.zeros((n, n)), _workspace(n), end_s - begin_s
     bias_walk = _interval(
         at, model[0], x, t_s, increments, h, vibration, extra, begin_s, end_s,
-        C_iq, C_re, angle_0, rate, after, top, Q_top,
+        C_iq, C_re, angle_0, rate, work,
     )  # fmt: skip
-    Phi[:TOP] = top
+    Phi[:TOP] = work[4]
     if at[CLOCK] >= 0:
         Phi[at[CLOCK], at[CLOCK] + 1] = T
     if at[RANGE_BIAS] >= 0:
@@ -175,76 +175,44 @@ def _growth(
     if at[GRAVITY] >= 0:
         for i in range(at[GRAVITY], at[GRAVITY] + 3):
             Phi[i, i] = np.exp(-T / FIELD_TIME_S)
-    _covariance(at, model[0], np.zeros((n, n)), top, Q_top, bias_walk, T, Q)
+    _covariance(at, model[0], Q, work, bias_walk, T)
     return Phi, Q
 
 
 @njit(cache=True)
 def _interval(
-    at, model, x, t_s, increments, h, vibration, extra, begin_s, end_s,
-    C_iq, C_re, angle_0, rate, after, top, Q,
-):  # fmt: skip
+    at, model, x, t_s, increments, h, vibration, extra, begin_s, end_s, C_iq, C_re, angle_0, rate, work
+):
     """Strapdown and error model of a part of a tick.
 
-    Arguments of `advance`, the tuples in their fields. Written: after (N,) the packed state at the end;
-    top (9, n) first rows of Phi; Q (9, 9) of them. -> m^2/s^5, random walk of the accelerometer bias
+    Arguments of `growth`, the tuples in their fields. x (87,) is carried on in place. Of the workspace are
+    written: (9, n) first rows of Phi; (9, 9) Q of them. -> m^2/s^5, random walk of the accelerometer bias
     """
-    true, x = x, shaken(x, vibration)
-    M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
-    r, v = t3.vector(x, X_R.start), t3.vector(x, X_V.start)
-    q = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
-    start, C_start, T = r, t3.dcm_from_quat(q), end_s - begin_s
+    gyro, accel, by_gyro, by_accel, top, Q, _ = work
+    r, v, T = t3.vector(x, X_R.start), t3.vector(x, X_V.start), end_s - begin_s
+    C = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
     g = gravity_i(t3.plus(r, 0.5 * T, v), angle_0 + rate * (t_s + 0.5 * T), C_iq, C_re)
     g = t3.plus(g, 1.0, t3.vector(x, X_GRAVITY))
-
-    gyro, accel = np.zeros((WEIGHTS, 3, 3, 3)), np.zeros((WEIGHTS, 2, 3, 3))
-    by_gyro, by_accel = np.empty(WEIGHTS, np.bool_), np.empty(WEIGHTS, np.bool_)
+    M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     error_model.needed(at, G, by_gyro, by_accel)
-    weights, m = np.empty(WEIGHTS), np.empty((4, 3, 3))
-    u_sum = u_r_sum = angle = speed = (0.0, 0.0, 0.0)
-    across_angle = 0.0
-    last = free_increment(x, M, A, G, increments, 0, h)
-    before = free_increment(x, M, A, G, increments, 1, h)
-    for n in range(BEFORE, increments.shape[0]):
-        sample = free_increment(x, M, A, G, increments, n, h)
-        x0, x1 = max(begin_s / h - (n - BEFORE), 0.0), min(end_s / h - (n - BEFORE), 1.0)
-        if x1 - x0 >= LEAST:
-            part_s, dtheta, dv, B, b, phi, s, s_r = cut(last, before, sample, h, x0, x1)
-            C = t3.dcm_from_quat(q)
-            J, D, D_r, J_r = error_model.derivatives(part_s, dtheta, dv, B, b)
-            t3.store(m[0], t3.product(C, J))
-            t3.store(m[1], t3.product(C, D))
-            t3.store(m[2], t3.product(C, D_r))
-            t3.store(m[3], t3.product(C, J_r))
-            u, u_r = t3.turned(C, s), t3.turned(C, s_r)
-            weights[0], weights[1], weights[2], weights[3] = part_s, dtheta[0], dtheta[1], dtheta[2]
-            weights[4], weights[5], weights[6] = dv
-            for k in range(WEIGHTS):
-                if by_gyro[k]:
-                    error_model.carry(gyro, k, part_s, u, u_r, weights[k], m)
-                if by_accel[k]:
-                    error_model.carry_force(accel, k, part_s, weights[k], m)
-            u_r_sum = t3.plus(t3.plus(u_r_sum, part_s, u_sum), 1.0, u_r)
-            u_sum = t3.plus(u_sum, 1.0, u)
-            angle, speed = t3.plus(angle, 1.0, dtheta), t3.plus(speed, 1.0, dv)
-            across_angle += np.sqrt(dtheta[1] * dtheta[1] + dtheta[2] * dtheta[2])
-            r, v, q = move(r, v, q, C, part_s, phi, s, s_r, g)
-        last, before = before, sample
-
-    q = t3.quat_normalise(q)
-    after[:] = true
-    after[0], after[1], after[2], after[3], after[4], after[5] = r[0], r[1], r[2], v[0], v[1], v[2]
-    after[6], after[7], after[8], after[9] = q
-    after[X_CLOCK] += T * x[X_CLOCK + 1]
-    after[X_RANGE] *= np.exp(-T / model.range_bias_time_s)
-    after[X_GRAVITY : X_GRAVITY + 3] *= np.exp(-T / FIELD_TIME_S)
-
-    C_bi = t3.transposed(t3.dcm_from_quat(q))
+    for k in range(WEIGHTS):
+        if by_gyro[k]:
+            gyro[k] = 0.0
+        if by_accel[k]:
+            accel[k] = 0.0
+    u, u_r, angle, speed = strapdown.travel(
+        x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gyro, accel
+    )
+    x[X_CLOCK] += T * x[X_CLOCK + 1]
+    x[X_RANGE] *= np.exp(-T / model.range_bias_time_s)
+    x[X_GRAVITY : X_GRAVITY + 3] *= np.exp(-T / FIELD_TIME_S)
+    q_after = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
+    C_bi = t3.transposed(t3.dcm_from_quat(q_after))
     for k in range(WEIGHTS):
         if by_gyro[k]:
             t3.store(gyro[k, 2], t3.product(C_bi, t3.matrix(gyro[k, 2])))
     top[:] = 0.0
-    error_model.put_motion(top, start, u_sum, u_r_sum, C_start, C_bi, T)
+    error_model.put_motion(top, r, u, u_r, C, C_bi, T)
     error_model.put_gravity(top, at, T)
     triads = np.empty((3, 3, 3))
     t3.store(triads[0], M)
@@ -252,25 +220,21 @@ def _interval(
     t3.store(triads[2], t3.product(M, t3.product(G, A)))
     error_model.put_calibration(top, at, gyro, accel, triads[0], triads[1], triads[2])
     error_model.put_rectification(top, at, vibration)
-    along, across, bias_walk = error_model.noise_densities(model, vibration, T, angle, speed, across_angle)
-    error_model.process_noise(top, along, across, extra, C_start, T, Q)
+    along, across, bias_walk = error_model.noise_densities(model, vibration, T, angle, speed)
+    error_model.process_noise(top, along, across, extra, C, T, Q)
     return bias_walk
 
 
 @njit(cache=True)
-def _covariance(at, model, P, top, Q, bias_walk, T, out):
-    """Phi P Phi^T + Q, written into out (n, n), exactly symmetric.
-
-    The clock of the receiver: white frequency noise of density a^2 and a random walk of frequency of
-    density b^2 give its bias a^2 T + b^2 T^3/3, its drift b^2 T, the two together b^2 T^2/2 (Brown & Hwang,
-    Introduction to Random Signals and Applied Kalman Filtering, 4th ed., section 9.3).
-    """
+def _covariance(at, model, P, work, bias_walk, T):
+    """P <- Phi P Phi^T + Q, in place, exactly symmetric; work: of `_interval`."""
+    top, Q, A = work[4], work[5], work[6]
     n, drivers = P.shape[0], N_CORE
     for k in range(GRAVITY + 1):
         if at[k] >= 0:
             drivers += SIZES[k]
-    A = np.zeros((TOP, n))
     for i in range(TOP):
+        A[i] = 0.0
         for k in range(drivers):
             factor = top[i, k]
             if factor != 0.0:
@@ -281,30 +245,38 @@ def _covariance(at, model, P, top, Q, bias_walk, T, out):
             total = Q[i, j]
             for k in range(drivers):
                 total += A[i, k] * top[j, k]
-            out[i, j] = out[j, i] = total
+            P[i, j] = P[j, i] = total
         for j in range(TOP, n):
-            out[i, j] = out[j, i] = A[i, j]
-    for i in range(TOP, n):
-        for j in range(TOP, n):
-            out[i, j] = P[i, j]
+            P[i, j] = P[j, i] = A[i, j]
     for i in range(3):
-        out[BG.start + i, BG.start + i] += model.gyro_bias_walk**2 * T
-        out[BA.start + i, BA.start + i] += bias_walk * T
+        P[BG.start + i, BG.start + i] += model.gyro_bias_walk**2 * T
+        P[BA.start + i, BA.start + i] += bias_walk * T
     if at[CLOCK] >= 0:
-        c, white, walk = at[CLOCK], model.clock_white**2, model.clock_walk**2
-        for j in range(n):
-            out[c, j] += T * out[c + 1, j]
-        for j in range(n):
-            out[j, c] += T * out[j, c + 1]
-        out[c, c] += white * T + walk * T**3 / 3.0
-        out[c, c + 1] += walk * T**2 / 2.0
-        out[c + 1, c] = out[c, c + 1]
-        out[c + 1, c + 1] += walk * T
+        _clock(P, at[CLOCK], model.clock_white**2, model.clock_walk**2, T)
     if at[RANGE_BIAS] >= 0:
         left = np.exp(-T / model.range_bias_time_s)
-        _wander(out, at[RANGE_BIAS], SIZES[RANGE_BIAS], left, model.range_bias_sigma)
+        _wander(P, at[RANGE_BIAS], SIZES[RANGE_BIAS], left, model.range_bias_sigma)
     if at[GRAVITY] >= 0:
-        _wander(out, at[GRAVITY], 3, np.exp(-T / FIELD_TIME_S), model.gravity_sigma)
+        _wander(P, at[GRAVITY], 3, np.exp(-T / FIELD_TIME_S), model.gravity_sigma)
+
+
+@njit(cache=True)
+def _clock(P, c, white, walk, T):
+    """The rows and columns of the receiver's clock, bias at c and drift behind it, after T, in place.
+
+    White frequency noise of density a^2 = `white` and a random walk of frequency of density b^2 = `walk` give
+    its bias a^2 T + b^2 T^3/3, its drift b^2 T, the two together b^2 T^2/2 (Brown & Hwang, Introduction to
+    Random Signals and Applied Kalman Filtering, 4th ed., section 9.3).
+    """
+    n = P.shape[0]
+    for j in range(n):
+        P[c, j] += T * P[c + 1, j]
+    for j in range(n):
+        P[j, c] += T * P[j, c + 1]
+    P[c, c] += white * T + walk * T**3 / 3.0
+    P[c, c + 1] += walk * T**2 / 2.0
+    P[c + 1, c] = P[c, c + 1]
+    P[c + 1, c + 1] += walk * T
 
 
 @njit(cache=True)

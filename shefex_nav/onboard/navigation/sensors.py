@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from shefex_nav.onboard.navigation import (
     calibration,
@@ -17,12 +16,23 @@ from shefex_nav.onboard.navigation import (
     measure_ranges,
     measure_stars,
     measurements,
-    strapdown,
 )
 from shefex_nav.onboard.navigation.state import POS, ReleaseRule
 from shefex_nav.records import GpsRanges, Reason
 
 MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
+
+
+class Measurement(NamedTuple):
+    """A measurement in the history of the filter."""
+
+    sensor: str  # of SENSORS
+    fix: Any
+    fate: Any  # integrity.Fate
+    rows: Any = None  # (m,) bool, rows that are used; None: all
+    # sigma that is added to what it measures, or to the blocks of a dict; None: a reset forgets it all
+    admitted: Any = None
+    noise: float = 1.0  # factor on its covariance where it is used, `measurements.lasting_factor`
 
 
 class Trial(NamedTuple):
@@ -57,54 +67,49 @@ class Sensor(NamedTuple):
     admits: Callable | None = None
 
 
-def _gps_position(nav, state, imu, at_s, fix):
-    felt = strapdown.felt(state, imu, at_s)
-    return measurements.gps_position(nav.layout, state, fix, nav.earth, nav.params.l_ba_b, *felt)
+def _gps_position(nav, now, fix):
+    return measurements.gps_position(nav.layout, now.state, fix, nav.earth, nav.params.l_ba_b, *now.felt)
 
 
-def _gps_velocity(nav, state, imu, at_s, fix):
-    felt = strapdown.felt(state, imu, at_s)
-    z, H, R = measurements.gps_velocity(nav.layout, state, fix, nav.earth, nav.params.l_ba_b, *felt)
-    return z, H, R + vibration_covariance(nav.params, imu)
-
-
-def _gps_range(nav, state, imu, at_s, fix):
-    felt = strapdown.felt(state, imu, at_s)
+def _gps_velocity(nav, now, fix):
     params = nav.params
-    return measure_ranges.pseudoranges(
-        nav.layout, state, fix, nav.earth, params.l_ba_b, *felt, params.range_bias_sigma
-    )
+    z, H, R = measurements.gps_velocity(nav.layout, now.state, fix, nav.earth, params.l_ba_b, *now.felt)
+    return z, H, R + vibration_variance(params, now) * np.eye(3)
 
 
-def _gps_range_rate(nav, state, imu, at_s, fix):
-    felt = strapdown.felt(state, imu, at_s)
-    z, H, R = measure_ranges.range_rates(nav.layout, state, fix, nav.earth, nav.params.l_ba_b, *felt)
-    return z, H, R + vibration_covariance(nav.params, imu)[0, 0] * np.eye(len(z))
+def _gps_range(nav, now, fix):
+    arguments = nav.earth, nav.params.l_ba_b, *now.felt, nav.params.range_bias_sigma
+    return measure_ranges.pseudoranges(nav.layout, now.state, fix, *arguments)
 
 
-def _star_attitude(nav, state, imu, at_s, fix):
+def _gps_range_rate(nav, now, fix):
     params = nav.params
-    return measurements.star_attitude(nav.layout, state, fix, params.C_bc, params.star_sigma_floor)
+    z, H, R = measure_ranges.range_rates(nav.layout, now.state, fix, nav.earth, params.l_ba_b, *now.felt)
+    return z, H, R + vibration_variance(params, now) * np.eye(len(z))
 
 
-def _star_vectors(nav, state, imu, at_s, fix):
+def _star_attitude(nav, now, fix):
     params = nav.params
-    return measure_stars.star_vectors(nav.layout, state, fix, params.C_bc, params.star_sigma_floor)
+    return measurements.star_attitude_packed(nav.layout, now.x, fix, params.C_bc, params.star_sigma_floor)
 
 
-def vibration_covariance(params, imu):
-    """What vibration puts between the strapdown's antenna velocity and the vehicle's: (3, 3) m^2/s^2.
+def _star_vectors(nav, now, fix):
+    params = nav.params
+    return measure_stars.star_vectors(nav.layout, now.state, fix, params.C_bc, params.star_sigma_floor)
+
+
+def vibration_variance(params, now):
+    """What vibration puts between the strapdown's antenna velocity and the vehicle's: m^2/s^2, each axis.
 
     The velocity of the sensors, and the rate of one sample (change of a swinging angle in dt) times the
     lever arm.
     """
-    model = params.imu
+    model, imu = params.imu, now.imu
     rate2 = 2.0 * (model.gyro_vibration / imu.dt_s) ** 2
-    variance = model.accel_vibration**2 + rate2 * (params.l_ba_b @ params.l_ba_b)
-    return imu.vibration**2 * variance * np.eye(3)
+    return imu.vibration**2 * (model.accel_vibration**2 + rate2 * (params.l_ba_b @ params.l_ba_b))
 
 
-def _gps_trial(nav, state, P, z, R, imu, at_s, fix):
+def _gps_trial(nav, now, z, R, fix):
     slack = nav.params.gps_agreement
 
     def agree(earlier, later):
@@ -112,12 +117,12 @@ def _gps_trial(nav, state, P, z, R, imu, at_s, fix):
             return integrity.positions_agree(earlier, later, slack)
         return integrity.gps_fixes_agree(earlier.fix, later.fix, slack)
 
-    return Trial(nav.params.release_gps, integrity.GpsEvidence(fix, z, P[POS, POS]), agree)
+    return Trial(nav.params.release_gps, integrity.GpsEvidence(fix, z, now.P[POS, POS].copy()), agree)
 
 
-def _gps_position_trial(nav, state, P, z, R, imu, at_s, fix):
+def _gps_position_trial(nav, now, z, R, fix):
     """A position that jumps while the velocity goes on is hardly right: it must insist, without moving on."""
-    trial = _gps_trial(nav, state, P, z, R, imu, at_s, fix)
+    trial = _gps_trial(nav, now, z, R, fix)
     if not integrity_watch.jumped(nav.health):
         return trial
     limit = nav.limit(3)
@@ -128,7 +133,7 @@ def _gps_position_trial(nav, state, P, z, R, imu, at_s, fix):
     return trial._replace(rule=nav.watch.params.release_gps_jump, steady=steady)
 
 
-def _range_trial(nav, state, P, z, R, imu, at_s, fix):
+def _range_trial(nav, now, z, R, fix):
     slack = nav.params.gps_agreement
 
     def agree(earlier, later):
@@ -142,14 +147,15 @@ def _satellites(fix):
     return [f"prn {prn}" for prn in fix.prn]
 
 
-def _star_trial(nav, state, P, z, R, imu, at_s, fix):
+def _star_trial(nav, now, z, R, fix):
     params = nav.params
     used = nav.health["star_tracker"].used
     rule = params.release_star if used else params.release_star_first
-    P_rate = rate_covariance(nav.layout, state, P, *strapdown.felt(state, imu, at_s))
+    state = now.state
+    P_rate = rate_covariance(nav.layout, state, now.P, *now.felt)
     limit = nav.limit(3)
 
-    noise = params.imu.gyro_random_walk**2 + imu.extra[0].max()
+    noise = params.imu.gyro_random_walk**2 + now.imu.extra[0].max()
 
     def agree(earlier, later):
         return integrity.star_fixes_agree(earlier, later, P_rate, limit, noise)
@@ -157,7 +163,7 @@ def _star_trial(nav, state, P, z, R, imu, at_s, fix):
     return Trial(rule, integrity.star_evidence(state, z, R), agree)
 
 
-def _vectors_trial(nav, state, P, z, R, imu, at_s, fix):
+def _vectors_trial(nav, now, z, R, fix):
     """Single stars never insist: what contradicts them is left to the attitudes, which stand alone."""
     return Trial(ReleaseRule(2, np.inf), None, lambda earlier, later: False)
 
@@ -167,33 +173,23 @@ def _hip(fix):
     return [f"HIP {hip}" for hip in fix.stars.hip]
 
 
-def _vectors_alone(nav, H, P, R):
+def _vectors_alone(nav, S):
     """While the gate stops every star that is off by as much as matters."""
-    limit = nav.limit(2)
-    pairs = (slice(k, k + 2) for k in range(0, len(R), 2))
-    widest = max(
-        _largest(np.ascontiguousarray(H[two]), P, np.ascontiguousarray(R[two, two])) for two in pairs
-    )
-    return bool(np.sqrt(limit * widest) < nav.watch.params.wrong_star_fix)
+    pairs = np.array([S[k : k + 2, k : k + 2] for k in range(0, len(S), 2)])
+    return bool(np.linalg.eigvalsh(pairs).max() < nav.watch.params.wrong_star_fix**2 / nav.limit(2))
 
 
-def _star_confirmed(nav, state, imu, at_s, fix):
-    z, _, R = _star_attitude(nav, state, imu, at_s, fix)
-    return nav.health["star_tracker"]._replace(held=integrity.star_evidence(state, z, R))
+def _star_confirmed(nav, now, fix):
+    z, _, R = _star_attitude(nav, now, fix)
+    return nav.health["star_tracker"]._replace(held=integrity.star_evidence(now.state, z, R))
 
 
-def _star_alone(nav, H, P, R):
+def _star_alone(nav, S):
     """Once stars have been used, and while the gate stops every fix that is wrong by as much as matters."""
     if not nav.health["star_tracker"].used:
         return False
-    gate = np.sqrt(nav.limit(len(R)) * _largest(np.ascontiguousarray(H), P, np.ascontiguousarray(R)))
-    return bool(gate < nav.watch.params.wrong_star_fix)
-
-
-@njit(cache=True)
-def _largest(H, P, R):
-    """Largest eigenvalue of the covariance of an innovation."""
-    return np.linalg.eigvalsh(H @ P @ H.T + R)[-1]
+    most = nav.watch.params.wrong_star_fix**2 / nav.limit(len(S))  # of the variance along any axis
+    return bool(S.trace() < most or np.linalg.eigvalsh(S)[-1] < most)  # a trace exceeds every eigenvalue
 
 
 def _star_admits(nav, z):
@@ -202,7 +198,7 @@ def _star_admits(nav, z):
     return angle if nav.health["star_tracker"].used > 1 and angle < MOVED_CAMERA else None
 
 
-def never(nav, state, P, z, R, imu, at_s, fix):
+def never(nav, now, z, R, fix):
     """Trial of a sensor that is never believed against the gate."""
     return Trial(ReleaseRule(np.inf, np.inf), None, None)
 

@@ -8,32 +8,58 @@ from math import pi
 import numpy as np
 from numba import njit
 
-from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.geometry import frames, wgs84
 from shefex_nav.onboard.navigation import integrity_protection, integrity_watch
-from shefex_nav.onboard.navigation.calibration import correct_increments, jacobians_packed
+from shefex_nav.onboard.navigation import triples as t3
+from shefex_nav.onboard.navigation.calibration import (
+    accel_inverse,
+    free_increment,
+    g_sensitivity,
+    gyro_inverse,
+    jacobians_packed,
+)
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, OPTIONAL, POS, PVA, VEL, X_Q, X_R, X_V
+from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.records import Doubt, NavCovariance, NavSolution
 
 SLOWEST = 1e-3  # m/s, below it the angles of the velocity have no meaning; their sigma is pi
 
 
+# where the kernel puts each field of NavSolution, from r_i to the protection level
+FIELDS = {
+    "r_i": 3, "v_i": 3, "q_ib": 4, "omega_ib_b": 3, "r_e": 3, "v_e": 3,
+    "flight_path_angle": 1, "heading": 1, "angle_of_attack": 1, "sideslip": 1,
+    "sigma_r_e": 3, "sigma_v_e": 3, "sigma_theta_b": 3, "sigma_omega_b": 3,
+    "sigma_flight_path_angle": 1, "sigma_angle_of_attack": 1, "sigma_sideslip": 1,
+}  # fmt: skip
+ENDS = dict(zip(FIELDS, np.cumsum(list(FIELDS.values())).tolist(), strict=True))
+N_OUT = max(ENDS.values())
+OMEGA, R_E, V_E, ANGLES = (
+    ENDS[name] - FIELDS[name] for name in ("omega_ib_b", "r_e", "v_e", "flight_path_angle")
+)
+S_R, S_V, S_ATT, S_OMEGA, S_ANGLES = (ENDS[name] - FIELDS[name] for name in list(FIELDS)[10:15])
+
+
 def solution(nav):
     """NavSolution of the last tick of a running filter."""
-    tick, model = nav.history[-1], nav.params.imu
-    P = reported(nav)
-    vectors, angles, sigmas = derive(
-        nav.layout, tick, P, model.gyro_random_walk, model.gyro_quantum, nav.earth
+    history, model = nav.history, nav.params.imu
+    place = history.place(-1)
+    _, dt_s, n, _ = history.numbers[place].tolist()
+    out, sample = np.empty(N_OUT), history.increments[place, BEFORE - 1 + int(n)]
+    noise = model.gyro_random_walk, model.gyro_quantum
+    _derive(
+        nav.layout.at, history.ends_s[-1], history.x, reported(nav), sample, dt_s, *noise, *nav.earth, out
     )
-    x = tick.x
-    r_e, v_e, omega_ib_b, *vector_sigmas = vectors
     # by position, in the order of the record: nineteen keywords would cost more than the arithmetic
+    path, heading, attack, slip = out[ANGLES:S_R].tolist()
+    sigma_b = out[S_ATT:S_OMEGA]
     return NavSolution(
-        *(tick.t_s, x[X_R], x[X_V], x[X_Q], omega_ib_b, r_e, v_e),
-        *angles,
-        *vector_sigmas,
-        *sigmas,
+        *(history.ends_s[-1], out[0:3], out[3:6], out[6:10], out[10:13], out[13:16], out[16:19]),
+        *(path, heading, attack, slip),
+        *(out[S_R:S_V], out[S_V:S_ATT], sigma_b, out[S_OMEGA:S_ANGLES]),
+        *out[S_ANGLES:].tolist(),
         nav.health["star_tracker"].used > 0,
-        *_trust(nav, vector_sigmas[2]),
+        *_trust(nav, sigma_b),
     )
 
 
@@ -48,18 +74,19 @@ def _trust(nav, sigma_b):
 
 
 def reported(nav):
-    """Covariance of the errors of the solution, (n, n).
+    """Covariance of the errors of the solution, (n, n); not to be changed, it may be that of the filter.
 
     While a motor burns, the sensors swing with the vibration and the strapdown follows them. Nothing of it
     stays, so the filter does not count it as an error that grows, but the solution of the moment contains it.
     """
-    tick, model = nav.history[-1], nav.params.imu
-    if tick.imu is None or tick.imu.vibration == 0.0:
-        return tick.P
-    P = tick.P.copy()
+    history, model = nav.history, nav.params.imu
+    vibration = float(history.numbers[history.place(-1), 3])
+    if vibration == 0.0:
+        return history.P
+    P = history.P.copy()
     variances = P.ravel()[:: len(P) + 1]  # a view of the diagonal
-    variances[VEL] += (tick.imu.vibration * model.accel_vibration) ** 2
-    variances[ATT] += (tick.imu.vibration * model.gyro_vibration) ** 2
+    variances[VEL] += (vibration * model.accel_vibration) ** 2
+    variances[ATT] += (vibration * model.gyro_vibration) ** 2
     return P
 
 
@@ -88,86 +115,101 @@ def covariance(nav):
     )
 
 
-@njit(cache=True)
-def _variance(g, P):
-    """g^T P g: variance of a scalar with gradient g. (n,), (n, n)."""
-    total = 0.0
-    for i in range(g.shape[0]):
-        for j in range(g.shape[0]):
-            total += g[i] * P[i, j] * g[j]
-    return max(total, 0.0)
-
-
 def derive(layout, tick, P, random_walk, quantum, earth):
     """Quantities derived from the state, and their sigmas.
 
     Parameters
     ----------
     layout : Layout
-    tick : fusion.Tick
+    tick : history.Tick
     P : (n, n)
     random_walk, quantum : rad/sqrt(s), rad, of the gyros
     earth : EarthRotation
 
     Returns
     -------
-    vectors : (7, 3) r_e [m], v_e [m/s], omega_ib_b [rad/s], mean of the last sample, and the sigmas of
-        r_e, v_e, attitude in b [rad], rate [rad/s]
-    angles : flight-path angle, heading, angle of attack, sideslip [rad]
-    sigmas : of the first, third and fourth [rad], pi at most
+    dict of the fields of NavSolution named in FIELDS; the angles are those of the velocity against the air,
+    with sigmas of pi at most, the rate is the mean of the last sample
     """
-    imu = tick.imu
-    return _derive(
-        layout.at, tick.t_s, tick.x, P, imu.increments[-1:], imu.dt_s, random_walk, quantum, *earth
-    )
+    out = np.empty(N_OUT)
+    sample, dt_s = tick.imu.increments[-1], tick.imu.dt_s
+    _derive(layout.at, tick.t_s, tick.x, P, sample, dt_s, random_walk, quantum, *earth, out)
+    found = {name: out[end - FIELDS[name] : end] for name, end in ENDS.items()}
+    return {name: value if len(value) > 1 else float(value[0]) for name, value in found.items()}
 
 
 @njit(cache=True)
-def _derive(at, t_s, x, P, sample, dt_s, random_walk, quantum, C_iq, C_re, angle_0, rate):
-    """`derive` with the fields of its tuples; sample (1, 6): the last increments."""
+def _derive(at, t_s, x, P, sample, dt_s, random_walk, quantum, C_iq, C_re, angle_0, rate, out):
+    """`derive` with the fields of its tuples; sample (6,): the last increments; out (N_OUT,) is written."""
     earth = frames.EarthRotation(C_iq, C_re, angle_0, rate)
-    r_i, v_i, q_ib = x[X_R], x[X_V], x[X_Q]
-    C_ei = np.ascontiguousarray(frames.dcm_ie(earth, t_s).T)
-    C_bi = np.ascontiguousarray(rotation.dcm_from_quat(q_ib).T)
-    omega_ie_i = frames.omega_ie_i(earth)
-    u_i = v_i - rotation.cross(omega_ie_i, r_i)
-    r_e, v_e, v_b = C_ei @ r_i, C_ei @ u_i, C_bi @ u_i
-    latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
-    C_en = wgs84.dcm_en(latitude, longitude)
-    v_n = np.ascontiguousarray(C_en.T) @ v_e
-    speed = max(np.sqrt((u_i**2).sum()), SLOWEST)
-    level = max(np.sqrt(v_n[0] ** 2 + v_n[1] ** 2), SLOWEST)
-    pitch_plane = max(np.sqrt(v_b[0] ** 2 + v_b[2] ** 2), SLOWEST)
-    path = np.arctan2(-v_n[2], np.sqrt(v_n[0] ** 2 + v_n[1] ** 2))
-    heading = np.arctan2(v_n[1], v_n[0])
-    attack_angle = np.arctan2(v_b[2], v_b[0])
-    slip_angle = np.arctan2(v_b[1], np.sqrt(v_b[0] ** 2 + v_b[2] ** 2))
-
-    # gradients of the angles with respect to the velocity in n or b, with |v|^2 in the denominator
-    up = np.array([v_n[0] * v_n[2] / level, v_n[1] * v_n[2] / level, -level]) / speed**2
-    attack = np.array([-np.sin(attack_angle), 0.0, np.cos(attack_angle)]) / pitch_plane
-    slip = np.array([-v_b[0] * v_b[1] / pitch_plane, pitch_plane, -v_b[2] * v_b[1] / pitch_plane]) / speed**2
-    path_i = np.ascontiguousarray(C_ei.T) @ (C_en @ up)
-    g, sigmas = np.zeros(9), np.empty(3)
-    for k, u, dv_i in ((0, np.zeros(3), path_i), (1, attack, attack @ C_bi), (2, slip, slip @ C_bi)):
-        g[VEL] = dv_i
-        g[POS] = rotation.cross(omega_ie_i, dv_i)  # dv_i . (-omega x dr) = (omega x dv_i) . dr
-        g[ATT] = rotation.cross(u, v_b)  # u . (v_b x dtheta) = (u x v_b) . dtheta
-        sigmas[k] = min(pi, np.sqrt(_variance(g, P)))
-
-    vectors = np.empty((7, 3))
-    vectors[0], vectors[1] = r_e, v_e
-    felt = correct_increments(x, sample, dt_s)[0] / dt_s
-    vectors[2] = felt[:3]
+    C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
+    turn = t3.vector(frames.omega_ie_i(earth), 0)
+    C_ib = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
+    r_i = t3.vector(x, X_R.start)
+    u_i = t3.plus(t3.vector(x, X_V.start), -1.0, t3.cross(turn, r_i))  # against the air
+    out[: X_Q.stop] = x[: X_Q.stop]
+    out[R_E], out[R_E + 1], out[R_E + 2] = t3.turned(C_ei, r_i)
+    out[V_E], out[V_E + 1], out[V_E + 2] = t3.turned(C_ei, u_i)
+    _angles(out, C_ei, C_ib, u_i, turn, P)
+    g = np.zeros(ATT.stop)
+    for k in range(3):
+        row = C_ei[3 * k], C_ei[3 * k + 1], C_ei[3 * k + 2]
+        _put(g, (0.0, 0.0, 0.0), row)
+        out[S_R + k] = np.sqrt(_variance(g, P, 0))
+        _put(g, row, t3.cross(turn, row))
+        out[S_V + k] = np.sqrt(_variance(g, P, 0))
+        out[S_ATT + k] = np.sqrt(P[ATT.start + k, ATT.start + k])
+    M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
+    dtheta, dv = free_increment(x, M, A, G, sample.reshape(1, 6), 0, dt_s)
+    out[OMEGA], out[OMEGA + 1], out[OMEGA + 2] = t3.scaled(1.0 / dt_s, dtheta)
+    felt = np.array(dtheta + dv) / dt_s
     J_omega, _ = jacobians_packed(at, P.shape[0], x, felt[:3], felt[3:])
     # of one increment: white noise, and rounding to whole quanta at both of its ends (variance q^2/12 each)
-    rate_noise = (random_walk**2 * dt_s + quantum**2 / 6.0) / dt_s**2
-    g = np.zeros(6)
+    noise = (random_walk**2 * dt_s + quantum**2 / 6.0) / dt_s**2
     for k in range(3):
-        vectors[3, k] = np.sqrt(_variance(C_ei[k], P[POS, POS]))
-        g[VEL] = C_ei[k]
-        g[POS] = rotation.cross(omega_ie_i, C_ei[k])
-        vectors[4, k] = np.sqrt(_variance(g, P))
-        vectors[5, k] = np.sqrt(P[ATT.start + k, ATT.start + k])
-        vectors[6, k] = np.sqrt(_variance(J_omega[k, ATT.stop :], P[ATT.stop :, ATT.stop :]) + rate_noise)
-    return vectors, (path, heading, attack_angle, slip_angle), (sigmas[0], sigmas[1], sigmas[2])
+        out[S_OMEGA + k] = np.sqrt(_variance(J_omega[k], P, ATT.stop) + noise)
+
+
+@njit(cache=True)
+def _angles(out, C_ei, C_ib, u_i, turn, P):
+    """Angles of the velocity u_i against the air, and sigmas of three of them. C_ei, C_ib : nine numbers"""
+    C_bi = t3.transposed(C_ib)
+    latitude, longitude, _ = wgs84.geodetic_from_ecef(out[R_E : R_E + 3])
+    C_ni = t3.product(t3.transposed(t3.matrix(wgs84.dcm_en(latitude, longitude))), C_ei)
+    v_n, v_b = t3.turned(C_ni, u_i), t3.turned(C_bi, u_i)
+    speed2 = max(np.sqrt(t3.dot(u_i, u_i)), SLOWEST) ** 2
+    along, in_plane = np.sqrt(v_n[0] ** 2 + v_n[1] ** 2), np.sqrt(v_b[0] ** 2 + v_b[2] ** 2)
+    level, plane, attack = max(along, SLOWEST), max(in_plane, SLOWEST), np.arctan2(v_b[2], v_b[0])
+    out[ANGLES], out[ANGLES + 1] = np.arctan2(-v_n[2], along), np.arctan2(v_n[1], v_n[0])
+    out[ANGLES + 2], out[ANGLES + 3] = attack, np.arctan2(v_b[1], in_plane)
+    # gradients with respect to the velocity in n or b
+    path_n = t3.scaled(1.0 / speed2, (v_n[0] * v_n[2] / level, v_n[1] * v_n[2] / level, -level))
+    attack_b = t3.scaled(1.0 / plane, (-np.sin(attack), 0.0, np.cos(attack)))
+    slip_b = t3.scaled(1.0 / speed2, (-v_b[0] * v_b[1] / plane, plane, -v_b[2] * v_b[1] / plane))
+    zero, g = (0.0, 0.0, 0.0), np.empty(ATT.stop)
+    path_i = t3.turned(t3.transposed(C_ni), path_n)
+    for k, u_b, dv_i in (
+        (0, zero, path_i), (1, attack_b, t3.turned(C_ib, attack_b)), (2, slip_b, t3.turned(C_ib, slip_b))
+    ):  # fmt: skip
+        _put(g, dv_i, t3.cross(turn, dv_i))  # dv_i . (-omega x dr) = (omega x dv_i) . dr
+        g[ATT.start], g[ATT.start + 1], g[ATT.start + 2] = t3.cross(u_b, v_b)  # = u . (v_b x dtheta)
+        out[S_ANGLES + k] = min(pi, np.sqrt(_variance(g, P, 0)))
+
+
+@njit(cache=True, forceinline=True)
+def _put(g, dv, dr):
+    """A gradient with respect to velocity and position, none to the attitude."""
+    g[POS.start], g[POS.start + 1], g[POS.start + 2] = dr
+    g[VEL.start], g[VEL.start + 1], g[VEL.start + 2] = dv
+    g[ATT.start], g[ATT.start + 1], g[ATT.start + 2] = 0.0, 0.0, 0.0
+
+
+@njit(cache=True)
+def _variance(g, P, first):
+    """g^T P g: variance of a scalar with gradient g, which is zero before `first`. (m,), (n, n), m <= n"""
+    total = 0.0
+    for i in range(first, g.shape[0]):
+        if g[i] != 0.0:
+            for j in range(first, g.shape[0]):
+                total += g[i] * P[i, j] * g[j]
+    return max(total, 0.0)

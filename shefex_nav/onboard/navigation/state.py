@@ -54,6 +54,7 @@ X_GM, X_GG = NOMINAL["gyro_misalignment"].start, NOMINAL["gyro_g_sensitivity"].s
 X_AS, X_AM = NOMINAL["accel_scale"].start, NOMINAL["accel_misalignment"].start
 X_CLOCK, X_RANGE = NOMINAL["clock"].start, NOMINAL["range_bias"]
 X_RECTIFIED, X_GRAVITY = NOMINAL["accel_rectification"].start, NOMINAL["gravity"].start
+X_MOUNTING, X_LEVER, X_LATENCY = NOMINAL["mounting"], NOMINAL["lever_arm"], NOMINAL["gps_latency"].start
 
 
 class Layout(NamedTuple):
@@ -189,6 +190,7 @@ class NavParams(NamedTuple):
     range_bias_time_s: float = np.inf  # its correlation time
     gravity_sigma: float = 0.0  # m/s^2, each axis, of the block gravity in the long run
     gps: str = "loose"  # GPS by its fixes; "tight": by the ranges of its channels
+    lasting_share: float = 0.0  # of the variance of a position fix: errors that last range_bias_time_s
     integrity: Any = None  # integrity_watch.IntegrityParams; None: nothing is expected of IMU and solution
     stars: str = "attitude"  # stars by the attitude of each frame; "vectors": each star by itself
 

@@ -25,15 +25,16 @@ from numba import njit
 
 from shefex_nav.environment.gravity import J2_WGS84
 from shefex_nav.geometry import wgs84
+from shefex_nav.onboard.navigation import error_model
 from shefex_nav.onboard.navigation import triples as t3
 from shefex_nav.onboard.navigation.calibration import (
     accel_inverse,
+    correct_increments,
     free_increment,
     g_sensitivity,
     gyro_inverse,
-    motion,
 )
-from shefex_nav.onboard.navigation.state import X_BA, X_GRAVITY, X_Q, X_R, X_RECTIFIED, X_V, pack
+from shefex_nav.onboard.navigation.state import X_BA, X_Q, X_R, X_RECTIFIED, X_V, pack
 
 BEFORE = 2  # samples kept from before a block, for the slopes
 LEAST = 1e-9  # share of a sample that is worth a step
@@ -46,7 +47,6 @@ class ImuWindow(NamedTuple):
     t_end_s: float
     dt_s: float
     increments: np.ndarray  # (2 + n, 6) rad and m/s, as measured
-    saturated: bool
     vibration: float  # level, 0: no motor burns, 1: the strongest motor
     extra: np.ndarray = NO_EXTRA  # (2, 3) white noise of more, body axes: rad^2/s, m^2/s^3
 
@@ -84,7 +84,7 @@ def window(block, before=None, vibration=0.0, extra=NO_EXTRA):
         increments[:BEFORE] = before.increments[-BEFORE:]
         if before.dt_s != block.dt_s:
             increments[:BEFORE] *= block.dt_s / before.dt_s
-    return ImuWindow(block.t_valid_s, block.dt_s, increments, block.saturated, vibration, extra)
+    return ImuWindow(block.t_valid_s, block.dt_s, increments, vibration, extra)
 
 
 @njit(cache=True, forceinline=True)
@@ -126,14 +126,6 @@ def _slope(last, before, sample, h):
 
 
 @njit(cache=True, forceinline=True)
-def move(r, v, q, C, T, phi, s, s_r, g):
-    """Position, velocity and attitude at the end of a part that starts with the attitude C (of q)."""
-    r = t3.plus(t3.plus(t3.plus(r, T, v), 1.0, t3.turned(C, s_r)), 0.5 * T * T, g)
-    v = t3.plus(t3.plus(v, 1.0, t3.turned(C, s)), T, g)
-    return r, v, t3.quat_multiply(q, t3.quat_from_rotvec(phi))
-
-
-@njit(cache=True, forceinline=True)
 def gravity_i(r, angle, C_iq, C_re):
     """Gravitation with J2 at r, inertial axes, the Earth turned by an angle. -> m/s^2
 
@@ -158,37 +150,50 @@ def shaken(x, vibration):
 
 
 @njit(cache=True)
-def integrate_packed(x, increments, h, begin_s, end_s, g):
-    """`integrate` with packed values and g as three numbers. -> (10,) r_i, v_i, q_ib"""
+def travel(x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gyro, accel):
+    """Carry packed values through a part of a window, and with them the responses to errors of the IMU.
+
+    Parameters
+    ----------
+    x : (87,) packed nominal state at begin_s; position, velocity and attitude are written
+    increments : (2 + n, 6) of an ImuWindow;  h : s, of each sample;  vibration : level
+    begin_s, end_s : s from the start of the window
+    g : m/s^2, three numbers, inertial axes
+    by_gyro, by_accel : (7,) bool, weights whose responses are wanted (`error_model.needed`)
+    gyro, accel : (7, 3, 3, 3), (7, 2, 3, 3) as in `error_model.carry`, changed
+
+    Returns
+    -------
+    u, u_r : velocity and distance gained against free fall, inertial axes
+    angle, speed : sums of the corrected increments, rad, m/s
+    """
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     r, v = t3.vector(x, X_R.start), t3.vector(x, X_V.start)
-    k = X_Q.start
-    q = x[k], x[k + 1], x[k + 2], x[k + 3]
-    last = free_increment(x, M, A, G, increments, 0, h)
-    before = free_increment(x, M, A, G, increments, 1, h)
+    q = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
+    u_sum = u_r_sum = angle = speed = (0.0, 0.0, 0.0)
+    m, weights = np.empty((4, 3, 3)), np.empty(error_model.WEIGHTS)
+    known = shaken(x, vibration)
+    last = free_increment(known, M, A, G, increments, 0, h)
+    before = free_increment(known, M, A, G, increments, 1, h)
     for n in range(BEFORE, increments.shape[0]):
-        sample = free_increment(x, M, A, G, increments, n, h)
+        sample = free_increment(known, M, A, G, increments, n, h)
         x0, x1 = max(begin_s / h - (n - BEFORE), 0.0), min(end_s / h - (n - BEFORE), 1.0)
         if x1 - x0 >= LEAST:
-            T, _, _, _, _, phi, s, s_r = cut(last, before, sample, h, x0, x1)
-            r, v, q = move(r, v, q, t3.dcm_from_quat(q), T, phi, s, s_r, g)
+            piece = cut(last, before, sample, h, x0, x1)
+            T, dtheta, dv, _, _, phi, s, s_r = piece
+            C = t3.dcm_from_quat(q)
+            u, u_r = t3.turned(C, s), t3.turned(C, s_r)
+            if by_gyro[0]:
+                error_model.carry_all(by_gyro, by_accel, gyro, accel, m, weights, piece, C, u, u_r)
+            u_r_sum, u_sum = t3.plus(t3.plus(u_r_sum, T, u_sum), 1.0, u_r), t3.plus(u_sum, 1.0, u)
+            angle, speed = t3.plus(angle, 1.0, dtheta), t3.plus(speed, 1.0, dv)
+            r = t3.plus(t3.plus(t3.plus(r, T, v), 1.0, u_r), 0.5 * T * T, g)
+            v = t3.plus(t3.plus(v, 1.0, u), T, g)
+            q = t3.quat_multiply(q, t3.quat_from_rotvec(phi))
         last, before = before, sample
-    q = t3.quat_normalise(q)
-    out = np.empty(10)
-    out[0], out[1], out[2] = r
-    out[3], out[4], out[5] = v
-    out[6], out[7], out[8], out[9] = q
-    return out
-
-
-@njit(cache=True)
-def propagate_packed(x, t_s, increments, h, begin_s, end_s, C_iq, C_re, angle_0, rate):
-    """`propagate` with packed values and the fields of EarthRotation. -> (10,) r_i, v_i, q_ib"""
-    half_s = 0.5 * (end_s - begin_s)
-    middle = t3.plus(t3.vector(x, X_R.start), half_s, t3.vector(x, X_V.start))
-    g = gravity_i(middle, angle_0 + rate * (t_s + half_s), C_iq, C_re)
-    g = t3.plus(g, 1.0, t3.vector(x, X_GRAVITY))
-    return integrate_packed(x, increments, h, begin_s, end_s, g)
+    x[0], x[1], x[2], x[3], x[4], x[5] = r[0], r[1], r[2], v[0], v[1], v[2]
+    x[6], x[7], x[8], x[9] = t3.quat_normalise(q)
+    return u_sum, u_r_sum, angle, speed
 
 
 def integrate(state, imu, begin_s, end_s, g_i):
@@ -205,16 +210,27 @@ def integrate(state, imu, begin_s, end_s, g_i):
     -------
     r_i, v_i, q_ib : at end_s
     """
-    x = shaken(pack(state), imu.vibration)
-    moved = integrate_packed(x, imu.increments, imu.dt_s, begin_s, end_s, tuple(g_i))
-    return moved[:3], moved[3:6], moved[6:]
+    x, none = pack(state), np.zeros(error_model.WEIGHTS, dtype=bool)
+    nothing = np.empty((0, 3, 3, 3)), np.empty((0, 2, 3, 3))
+    travel(x, imu.increments, imu.dt_s, imu.vibration, begin_s, end_s, tuple(g_i), none, none, *nothing)
+    return x[X_R], x[X_V], x[X_Q]
 
 
 def propagate(state, imu, begin_s, end_s, earth):
     """`integrate` under the on-board gravity model (J2), evaluated in the middle of the interval."""
-    x = shaken(pack(state), imu.vibration)
-    moved = propagate_packed(x, state.t_s, imu.increments, imu.dt_s, begin_s, end_s, *earth)
-    return moved[:3], moved[3:6], moved[6:]
+    half_s = 0.5 * (end_s - begin_s)
+    middle = tuple(state.r_i + half_s * state.v_i)
+    g = gravity_i(middle, earth.angle_0 + earth.rate * (state.t_s + half_s), earth.C_iq, earth.C_re)
+    return integrate(state, imu, begin_s, end_s, state.gravity + g)
+
+
+@njit(cache=True)
+def felt_packed(x, increments, n, dt_s, at_s):
+    """`felt` with packed values; increments : of a window of n samples of dt_s -> (6,)"""
+    k = BEFORE - 1 + min(max(int(np.ceil(at_s / dt_s - 1e-6)), 1), n)
+    out = correct_increments(x, increments[k : k + 1], dt_s)[0]
+    out /= dt_s
+    return out
 
 
 def felt(state, imu, at_s):
@@ -222,8 +238,8 @@ def felt(state, imu, at_s):
 
     NavState, ImuWindow, s from the start of the window -> omega_ib_b (3,) rad/s, f_b (3,) m/s^2
     """
-    k = min(max(int(np.ceil(at_s / imu.dt_s - 1e-6)), 1), imu.n)
-    return motion(state, imu.increments[BEFORE + k - 1], imu.dt_s)
+    found = felt_packed(pack(state), imu.increments, imu.n, imu.dt_s, at_s)
+    return found[:3], found[3:]
 
 
 def rate(state, imu, at_s):

@@ -114,8 +114,20 @@ def init(params, catalogue, julian_year):
     camera = params.identify.camera
     half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
     field = 2.0 * np.arctan(half_diagonal / camera.focal_length_px)
-    stars = onboard_catalogue.build(params.catalogue, catalogue, julian_year)
-    return Tracker(params, onboard_catalogue.pair_table(stars, field))
+    return Tracker(params, _pairs(params.catalogue, catalogue, julian_year, field))
+
+
+def _pairs(params, catalogue, julian_year, field):
+    """StarPairs of a catalogue; those made last are kept, a campaign asks for the same ones every time."""
+    wanted = params, julian_year, field
+    if _last and _last[0] == wanted and _last[1] is catalogue:
+        return _last[2]
+    pairs = onboard_catalogue.pair_table(onboard_catalogue.build(params, catalogue, julian_year), field)
+    _last[:] = wanted, catalogue, pairs
+    return pairs
+
+
+_last = []  # what was wanted, of which catalogue, StarPairs
 
 
 def start(tracker, t_s):
@@ -140,19 +152,42 @@ def step(tracker, state, frame, context):
     StarFix, with the attitude or the reason for none
     CameraCommand for the next frame
     """
-    params = tracker.params
-    zero_flux = params.identify.zero_flux * frame.exposure_s / params.exposure.max_s
-    exposed = tracker._replace(params=params._replace(identify=params.identify._replace(zero_flux=zero_flux)))
+    params, exposed = tracker.params, of_exposure(tracker, frame.exposure_s)
     for seen in objects.searches(params, tracker.pairs.stars, state.memory, frame, context):
-        detections, mean_dn = seen.detections, seen.statistics.mean_dn
-        found, reason, solution, stars = _attitude(exposed, detections, context, seen.rate)
+        found, reason, solution, stars = _attitude(exposed, seen.detections, context, seen.rate)
         if reason == Reason.NONE:
             break
+    return concluded(tracker, state, frame, context, seen, (found, reason, solution, stars))
+
+
+def of_exposure(tracker, exposure_s):
+    """The tracker for frames of an exposure: how much light a star gives. Tracker, s -> Tracker"""
+    params = tracker.params
+    zero_flux = params.identify.zero_flux * exposure_s / params.exposure.max_s
+    return tracker._replace(params=params._replace(identify=params.identify._replace(zero_flux=zero_flux)))
+
+
+def concluded(tracker, state, frame, context, seen, result):
+    """What a frame ends with once its objects have been searched.
+
+    Parameters
+    ----------
+    tracker, state, frame, context : as in `step`
+    seen : objects.Found
+    result : what `identified` returns
+
+    Returns
+    -------
+    as `step`
+    """
+    params, (found, reason, solution, stars) = tracker.params, result
+    detections, mean_dn = seen.detections, seen.statistics.mean_dn
     if context.rate > params.max_rate or not seen.at_instant:  # an unknown rate is NaN, not too high
         stars = NO_STARS
         if reason == Reason.NONE:
             reason, solution = Reason.SMEARED, NO_SOLUTION
     elif params.vectors and reason in single.UNSOLVED:
+        exposed = of_exposure(tracker, frame.exposure_s)
         found, reason, stars = _single(exposed, detections, context, seen.rate, reason)
     flag_saturated, flag_no_stars = flags(params.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
@@ -208,9 +243,27 @@ def _attitude(tracker, detections, context, rate):
     P_px = centroid_covariance(params, detections)
     ellipses = with_rate(params, detections, P_px, rate)
     found, least = _identify(tracker, u_c, detections.flux_dn, context, ellipses)
+    return identified(tracker, detections, context, found, least, rate)
+
+
+def identified(tracker, detections, context, found, least, rate=None):
+    """The attitude that identified objects show.
+
+    Parameters
+    ----------
+    tracker, detections, context, rate : as in `attitude`
+    found : Identification
+    least : int, fewest stars that make an attitude
+
+    Returns
+    -------
+    as `attitude`, and the StarVectors of the stars that make it
+    """
     if found.reason != Reason.NONE:
         return found, found.reason, NO_SOLUTION, NO_STARS
-    known = found.star >= 0
+    params, known = tracker.params, found.star >= 0
+    u_c = unit_vectors(params.identify.camera, detections.xy_px)
+    P_px = centroid_covariance(params, detections)
     velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
     seen_i = aberrate(tracker.pairs.stars.u_i[found.star[known]], velocity_i)
     if rate is not None:

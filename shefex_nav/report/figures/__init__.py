@@ -23,47 +23,96 @@ class Entry(NamedTuple):
 
 
 CATALOGUE = (
-    Entry("trajectory", "flight.trajectory", "flight",
-          "Height above the ellipsoid against the distance flown over ground; dots are events, colours phases."),
-    Entry("history", "flight.history", "flight",
-          "Speed is relative to the Earth, the angle of attack that between roll axis and air. Dotted lines are "
-          "the events."),
-    Entry("ground_track", "flight.ground_track", "flight",
-          "True and estimated track differ by metres and lie on each other. Coast lines: Natural Earth, 1:110 "
-          "million, without small islands."),
-    Entry("attitude_control", "flight.attitude_control", "flight",
-          "Rotation from the wanted to the true attitude, body axes; no line where nothing is wanted about an "
-          "axis. The phase of pointing is shaded."),
-    Entry("imu", "sensors.imu", "sensors", "With vibration and every error of the sensors, as the computer got it."),
-    Entry("gps", "sensors.gps", "sensors", "As the receiver reports; shaded where it had no fix."),
-    Entry("sky_map", "sky.sky_map", "star tracker",
-          "True direction of the boresight at each frame. On the left the whole sky, right ascension in hours, with "
-          "what the exclusion angles forbid in the middle of the fixes; on the right the part around them."),
-    Entry("status", "star_tracker.status", "star tracker",
-          "Bars say which frames gave an attitude and why the others did not; below, the stars in them and the "
-          "true conditions."),
-    Entry("star_errors", "star_tracker.star_errors", "star tracker",
-          "True attitude of the camera less that of the fix. The mean is what is constant in a run, mounting and "
-          "principal point, and not in the covariance; it is not an error of the star tracker."),
-    Entry("camera", "star_tracker.camera", "star tracker",
-          "What the exposure control asked for, and how well the identified stars fit the attitude."),
-    Entry("attitude", "errors.attitude", "navigation",
-          "Truth less estimate. The filled band is ±3 sigma of the filter: 99.7 % of the errors should lie in it."),
-    Entry("velocity", "errors.velocity", "navigation", "Relative to the Earth; bands as above."),
-    Entry("position", "errors.position", "navigation", "Bands as above."),
-    Entry("biases", "errors.biases", "navigation", "How the estimates settle, and how far the filter trusts them."),
-    Entry("nees", "consistency.nees", "consistency",
-          "Above the band the filter is worse than it says, below it better. Neighbouring epochs are correlated: "
-          "of one run not exactly 95 % lie inside."),
-    Entry("nis", "consistency.nis", "consistency",
-          "The same of what each measurement said against what was expected. Innovations of a good filter are not "
-          "correlated, so about 95 % lie inside, and the mean per degree of freedom is 1."),
-    Entry("health", "consistency.health", "consistency",
-          "Bars: when a sensor was not used, or the solution said not to be used. Crosses: measurements refused."),
-    Entry("protection", "consistency.protection", "consistency",
-          "The protection level bounds what a fault that nobody noticed may do to the attitude. Grey: the solution "
-          "said not to be used. An error above the level outside the grey would be misleading."),
-    Entry("timing", "timing.chain", "computing time", "Measured on the machine that simulated, not reproducible."),
+    Entry(
+        "trajectory", "flight.trajectory", "flight",
+        "Height above the ellipsoid against the distance flown over ground; dots are events, colours "
+        "phases.",
+    ),
+    Entry(
+        "history", "flight.history", "flight",
+        "Speed is relative to the Earth, the angle of attack that between roll axis and air. Dotted "
+        "lines are the events.",
+    ),
+    Entry(
+        "ground_track", "flight.ground_track", "flight",
+        "True and estimated track differ by metres and lie on each other. Coast lines: Natural Earth, "
+        "1:110 million, without small islands.",
+    ),
+    Entry(
+        "attitude_control", "flight.attitude_control", "flight",
+        "Rotation from the wanted to the true attitude, body axes; no line where nothing is wanted "
+        "about an axis. The phase of pointing is shaded.",
+    ),
+    Entry(
+        "imu", "sensors.imu", "sensors",
+        "With vibration and every error of the sensors, as the computer got it.",
+    ),
+    Entry(
+        "gps", "sensors.gps", "sensors",
+        "As the receiver reports; shaded where it had no fix.",
+    ),
+    Entry(
+        "sky_map", "sky.sky_map", "star tracker",
+        "True direction of the boresight at each frame. On the left the whole sky, right ascension in "
+        "hours, with what the exclusion angles forbid in the middle of the fixes; on the right the part"
+        " around them.",
+    ),
+    Entry(
+        "status", "star_tracker.status", "star tracker",
+        "Bars say which frames gave an attitude and why the others did not; below, the stars in them "
+        "and the true conditions.",
+    ),
+    Entry(
+        "star_errors", "star_tracker.star_errors", "star tracker",
+        "True attitude of the camera less that of the fix. The mean is what is constant in a run, "
+        "mounting and principal point, and not in the covariance; it is not an error of the star "
+        "tracker.",
+    ),
+    Entry(
+        "camera", "star_tracker.camera", "star tracker",
+        "What the exposure control asked for, and how well the identified stars fit the attitude.",
+    ),
+    Entry(
+        "attitude", "errors.attitude", "navigation",
+        "Truth less estimate. The filled band is ±3 sigma of the filter: 99.7 % of the errors should "
+        "lie in it.",
+    ),
+    Entry(
+        "velocity", "errors.velocity", "navigation",
+        "Relative to the Earth; bands as above.",
+    ),
+    Entry(
+        "position", "errors.position", "navigation",
+        "Bands as above.",
+    ),
+    Entry(
+        "biases", "errors.biases", "navigation",
+        "How the estimates settle, and how far the filter trusts them.",
+    ),
+    Entry(
+        "nees", "consistency.nees", "consistency",
+        "Above the band the filter is worse than it says, below it better. Neighbouring epochs are "
+        "correlated: of one run not exactly 95 % lie inside.",
+    ),
+    Entry(
+        "nis", "consistency.nis", "consistency",
+        "The same of what each measurement said against what was expected. Innovations of a good filter"
+        " are not correlated, so about 95 % lie inside, and the mean per degree of freedom is 1.",
+    ),
+    Entry(
+        "health", "consistency.health", "consistency",
+        "Bars: when a sensor was not used, or the solution said not to be used. Crosses: measurements "
+        "refused.",
+    ),
+    Entry(
+        "protection", "consistency.protection", "consistency",
+        "The protection level bounds what a fault that nobody noticed may do to the attitude. Grey: the"
+        " solution said not to be used. An error above the level outside the grey would be misleading.",
+    ),
+    Entry(
+        "timing", "timing.chain", "computing time",
+        "Measured on the machine that simulated, not reproducible.",
+    ),
 )  # fmt: skip
 _BY_NAME = {entry.name: entry for entry in CATALOGUE}
 

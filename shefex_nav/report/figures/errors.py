@@ -21,7 +21,7 @@ _COLOURS = (style.BLUE, style.RED, style.GREEN)
 
 @style.styled
 def attitude(data):
-    """Attitude error, the whole flight and since the star tracker helps. RunData -> Figure; None without truth."""
+    """Attitude error, of all and since the first star fix. RunData -> Figure; None without truth."""
     if local_level.is_replay(data):
         t_s, error, _, sigma_t_s, sigma = local_level.errors_and_sigmas(data)
         names, columns = ("roll", "pitch", "heading"), slice(6, 9)
@@ -49,7 +49,7 @@ def position(data):
 
 
 def level(data):
-    """Position [m] and velocity [m/s] errors north, east, down of a RunData, as `local_level.errors` has them.
+    """Errors of position [m] and velocity [m/s] north, east, down, as `local_level.errors` has them.
 
     Without its attitude, and without its kernels, which take long to compile. Returns two of t_s (N,), error
     (N, 3), sigma_t_s (K,), sigma (K, 3).
@@ -91,7 +91,7 @@ def _level_axes(earth, truth):
 
 def aided_since(data):
     """Mission time of the first star fix that the filter used; None without any."""
-    used = (gate.t_s for gate in data.gates if gate.sensor == "star_tracker" and gate.accepted)
+    used = (gate.t_s for gate in data.gates if gate.sensor.startswith("star_") and gate.accepted)
     return next(used, None)
 
 
@@ -127,7 +127,7 @@ def _three(data, words, names, unit, series):
 
 @style.styled
 def biases(data):
-    """Estimated biases of gyros and accelerometers with 3 sigma. RunData -> Figure; None without a covariance.
+    """Estimated biases of the IMU with 3 sigma. RunData -> Figure; None without a covariance.
 
     The log does not hold the true biases, so these are estimates, not errors.
     """

@@ -78,7 +78,7 @@ def _name_events(axes, data, path, x, y):
 
 @style.styled
 def history(data):
-    """Height, speed, specific force and rate of the body over time. RunData -> Figure; None without a path."""
+    """Height, speed, force and rates over time. RunData -> Figure; None without a path."""
     path = flown.path(data, most=6000)
     if path is None:
         return None
@@ -113,7 +113,7 @@ def history(data):
 
 @style.styled
 def ground_track(data):
-    """Map of the ground track, truth and estimate, with coast lines. RunData -> Figure; None without a path."""
+    """Map of the ground track, truth and estimate. RunData -> Figure; None without a path."""
     path = flown.path(data)
     if path is None or not _moves(path.track):
         return None
@@ -148,7 +148,8 @@ def _angle(u, v):
 def equidistant(latitude, longitude, middle):
     """Azimuthal equidistant map about a point: km east and north of it, (..., 2).
 
-    The sphere of the Earth's semi-major axis; middle : (3,) unit vector (Snyder, Map Projections, 1987, 25-2).
+    The sphere of the Earth's semi-major axis; middle : (3,) unit vector (Snyder, Map Projections,
+    1987, 25-2).
     """
     east = np.array([-middle[1], middle[0], 0.0]) / max(np.hypot(middle[0], middle[1]), 1e-12)
     north = np.cross(middle, east)

@@ -43,8 +43,8 @@ def _along_and_across(along, across, t_s, values, unit):
     style.curve(along, t_s, values[:, 0], color=style.BLUE, lw=0.9)
     for k, axis in ((1, "y"), (2, "z")):
         style.curve(
-            across, t_s, values[:, k], color=style.AXES[axis], lw=0.8, ls=style.DASHES[axis] if k == 1 else "-",
-            alpha=0.85, label=axis,
+            across, t_s, values[:, k], color=style.AXES[axis], lw=0.8,
+            ls=style.DASHES[axis] if k == 1 else "-", alpha=0.85, label=axis,
         )  # fmt: skip
 
 

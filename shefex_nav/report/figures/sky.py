@@ -38,8 +38,6 @@ class Limb(NamedTuple):
 
 def seen(data):
     """Seen of a RunData; None without frames."""
-    from shefex_nav.environment import ephemeris
-
     frames_ = data.frame_truths
     if not frames_:
         return None
@@ -48,9 +46,18 @@ def seen(data):
         np.array([frame.t_valid_s for frame in frames_]),
         np.array([rotation.dcm_from_quat(frame.q_ic)[:, 2] for frame in frames_]),
         np.array([frame.number in solved for frame in frames_]),
-        ephemeris.sky_bodies(data.mission.epoch_utc).sun_u_i,
+        _sun(data.mission),
         configured(data),
     )
+
+
+def _sun(mission):
+    """Direction of the Sun; of the epoch where the log does not say."""
+    if np.isfinite(mission.sun_i).all():
+        return mission.sun_i
+    from shefex_nav.environment import ephemeris
+
+    return ephemeris.sky_bodies(mission.epoch_utc).sun_u_i
 
 
 def limb(data, t_s):

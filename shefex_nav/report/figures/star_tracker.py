@@ -13,7 +13,7 @@ _AXES = (("x", "across the boresight, x"), ("y", "across the boresight, y"), ("z
 
 @style.styled
 def status(data):
-    """Result of every frame, stars, rate and angles to Sun and limb. RunData -> Figure; None without fixes."""
+    """Result of every frame, its stars and conditions. RunData -> Figure; None without fixes."""
     fixes = data.star_fixes
     if not fixes:
         return None
@@ -85,7 +85,7 @@ def _conditions(rows, data):
 
 @style.styled
 def star_errors(data):
-    """Error of the fixes about each camera axis, with 3 sigma about their mean. RunData -> Figure; or None."""
+    """Error of the fixes about each camera axis with 3 sigma. RunData -> Figure; None without fixes."""
     errors = metrics.star_errors(data)
     if not len(errors.t_s):
         return None

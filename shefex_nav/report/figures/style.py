@@ -1,13 +1,14 @@
 """What all figures have in common: colours, fonts, panels over mission time, and how they are written.
 
-Figures are matplotlib `Figure` objects of their own, no state of pyplot is touched, and matplotlib is imported
-when one is drawn. Colours are those of Okabe and Ito (Color Universal Design, 2008), told apart with every
-kind of colour vision; where curves share a panel, they differ in their lines as well.
+Figures are matplotlib `Figure` objects of their own, no state of pyplot is touched, and matplotlib is
+imported when one is drawn. Colours are those of Okabe and Ito (Color Universal Design, 2008), told
+apart with every kind of colour vision; where curves share a panel, they differ in their lines as well.
 """
 
 import re
 from functools import wraps
 from io import BytesIO
+from itertools import pairwise
 
 import numpy as np
 
@@ -151,15 +152,17 @@ def _width_of(axes):
 def event_lines(axes, data):
     """A thin line at each event."""
     axes.vlines(
-        [event.t_s for event in data.events], 0.0, 1.0, transform=axes.get_xaxis_transform(), colors="#999999",
-        lw=0.5, ls=":", zorder=0,
+        [event.t_s for event in data.events], 0.0, 1.0, transform=axes.get_xaxis_transform(),
+        colors="#999999", lw=0.5, ls=":", zorder=0,
     )  # fmt: skip
 
 
 def log_scale(axes, bottom=None, top=None):
-    """Logarithmic y axis with its numbers written out."""
+    """Logarithmic y axis with its numbers written out; linear where no curve has anything above zero."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
+    if not any((np.asarray(line.get_ydata(), dtype=float) > 0.0).any() for line in axes.lines):
+        return
     axes.set_yscale("log")
     axes.set_ylim(bottom, top)
     low, high = axes.get_ylim()
@@ -176,7 +179,7 @@ def phase_pieces(truth):
     if not len(truth.t_s):
         return []
     bounds = [0, *(np.flatnonzero(np.diff(truth.phase)) + 1).tolist(), len(truth.t_s)]
-    return [(Phase(int(truth.phase[a])), slice(a, b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    return [(Phase(int(truth.phase[a])), slice(a, b)) for a, b in pairwise(bounds)]
 
 
 def phase_strip(axes, data, span_s):
@@ -200,7 +203,7 @@ def envelope(values, most=MOST_POINTS):
     """Indices of the samples that a curve needs: the least and the largest of every stretch, the two ends.
 
     A curve through them covers what that through all samples covers, at a resolution of most / 2 stretches;
-    averages would flatter. (n,) -> (m,) ascending, m <= most + 2; all of them where n is small.
+    averages would flatter. The first NaN of every gap is kept. (n,) -> (m,) ascending; all where n is small.
     """
     n = len(values)
     if n <= most:
@@ -212,9 +215,11 @@ def envelope(values, most=MOST_POINTS):
     least = np.argmin(np.where(known, blocks, np.inf), axis=1)
     largest = np.argmax(np.where(known, blocks, -np.inf), axis=1)
     first = np.arange(len(blocks)) * stretch
+    unknown = ~np.isfinite(np.asarray(values, dtype=float))
+    gaps = np.flatnonzero(unknown[1:] & ~unknown[:-1]) + 1  # one sample keeps a gap open
     rest = np.asarray(values[full:], dtype=float)
     tail = [full + int(f(rest)) for f in (np.argmin, np.argmax)] if len(rest) else []
-    return np.unique(np.concatenate([[0, n - 1], first + least, first + largest, tail]).astype(int))
+    return np.unique(np.concatenate([[0, n - 1], first + least, first + largest, gaps, tail]).astype(int))
 
 
 def gapped(t_s, *values):
@@ -284,7 +289,7 @@ def spans(t_s, flags):
 
 @styled
 def svg(figure):
-    """A figure as an SVG text: bytes, the same for the same figure; letters are outlines, no font is needed."""
+    """A figure as an SVG text: bytes, the same for the same figure. Letters are outlines: no font needed."""
     out = BytesIO()
     figure.savefig(out, format="svg", dpi=_DPI, metadata={"Date": None})
     return re.sub(rb' d="[^"]*"', lambda found: _DIGITS.sub(rb"\1", found.group()), out.getvalue())

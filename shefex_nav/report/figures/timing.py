@@ -7,7 +7,7 @@ from shefex_nav.report.figures import style
 
 @style.styled
 def chain(data):
-    """Time of the star tracker's chain, frame by frame and as a share. RunData -> Figure; None without frames."""
+    """Time of the star tracker's chain. RunData -> Figure; None without frames."""
     times = data.compute_times
     chosen = np.isfinite(times.chain_s) & (times.chain_s > 0.0)
     if not chosen.any():

@@ -163,7 +163,7 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
         raise ValueError(f"exposure from {t_start_s:.4f} s to {t_end_s:.4f} s is outside the trajectory")
     move = motion.during(camera.pinhole, trajectory, camera.q_bc, t_valid_s, times, camera.psf.step_px)
     boresight_i, C_ei = move.C_ci[2], np.ascontiguousarray(frames.dcm_ie(camera.earth, t_valid_s).T)
-    sun_angle, limb_angle, stray_rate = _surroundings(camera, boresight_i, move.r_i, C_ei)
+    sun_angle, limb_angle, stray_rate = surroundings(camera, boresight_i, move.r_i, C_ei)
     background = (params.background_rate + stray_rate) * exposure_s
     background = BACKGROUND_STEP * round(background / BACKGROUND_STEP)
     slope = _slope(camera, move.C_ci, stray_rate * exposure_s)
@@ -205,7 +205,7 @@ def _flux(params, magnitudes):
     return params.zero_magnitude_flux * 10.0 ** (-0.4 * magnitudes)
 
 
-def _surroundings(camera, boresight_i, r_i, C_ei):
+def surroundings(camera, boresight_i, r_i, C_ei):
     """Angles of the boresight to Sun and limb [rad], and the stray light [electrons/s and pixel]."""
     params, sun_u_i = camera.params, camera.bodies.sun_u_i
     sun_angle = acos(min(1.0, max(-1.0, boresight_i @ sun_u_i)))

@@ -18,9 +18,11 @@ class Shutter:
     every : int, ticks from frame to frame
     off_s : s, a picture that would not have been read out by then is not taken
     rng : Generator of the noise of the frames
+    take : `camera.expose`, or what stands for a picture in its place
     """
 
-    def __init__(self, camera, trajectory, *, every, off_s, rng):
+    def __init__(self, camera, trajectory, *, every, off_s, rng, take=expose):
+        self.take = take
         self.camera, self.trajectory, self.rng = camera, trajectory, rng
         self.every, self.off_s = every, off_s
         self.end_s = float(trajectory.t_s[-1])
@@ -42,7 +44,7 @@ class Shutter:
             return
         if now_s + frame_s <= self.end_s:
             self.waiting.append(
-                expose(self.camera, self.command, self.trajectory, self.number, now_s, self.rng)
+                self.take(self.camera, self.command, self.trajectory, self.number, now_s, self.rng)
             )
             self.number += 1
 

@@ -1,0 +1,108 @@
+"""`shefex-nav characterise`: fit the statistics of a star tracker to rendered runs.
+
+Exit codes: 0 done and every test within its limits, 1 written, but a test on runs that were not fitted is
+outside (the table and the file say which), 2 bad input, 130 interrupted, nothing written.
+"""
+
+import json as json_module
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def characterise(
+    scenario: Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")],
+    runs: Annotated[int, typer.Option(min=3, help="Rendered runs to fly; a third of them judges the fit.")],
+    out: Annotated[Path, typer.Option(help="File of the statistics (JSON), for star_tracker.model.")],
+    seed: Annotated[int, typer.Option(min=0, help="Root of all randomness.")] = 1,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes on this machine; default one a core.")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override one value, as of shefex-nav run."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --out.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print the file's content on stdout.")] = False,
+):
+    """Fit the statistics of a scenario's star tracker to rendered runs, for frames: statistical."""
+    from shefex_nav.scenario import load, star_statistics
+
+    loaded = load.load(scenario, (*(overrides or ()), "star_tracker.frames=rendered"))
+    if wrong := list(star_statistics.fitness(loaded)):
+        raise typer.BadParameter(f"{scenario}: {wrong[0][1]}", param_hint="SCENARIO")
+    if not loaded.star_tracker.enabled:
+        raise typer.BadParameter(f"{scenario}: star_tracker.enabled is false", param_hint="SCENARIO")
+    if out.exists() and not force:
+        words = f"{out} exists already; choose another name or add --force"
+        raise typer.BadParameter(words, param_hint="--out")
+    if not out.parent.is_dir():
+        raise typer.BadParameter(f"there is no folder {out.parent}", param_hint="--out")
+    _say(f"{loaded.mission.name}, {runs} rendered runs, seed {seed}; the first run on a machine compiles")
+    from shefex_nav.campaign.characterise import model, running
+    from shefex_nav.campaign.characterise.fit import FitError
+    from shefex_nav.campaign.running import BadCampaign
+
+    try:
+        result = running.characterise(loaded, runs, seed, workers=workers, done=_say)
+    except (FitError, BadCampaign) as error:
+        raise typer.BadParameter(str(error), param_hint="SCENARIO") from None
+    part = out.with_name(out.name + ".part")
+    part.write_text(model.text(result.content), encoding="utf-8")
+    os.replace(part, out)
+    if json:
+        typer.echo(json_module.dumps(result.content, allow_nan=False))
+    else:
+        _show(result)
+    _say(f"wrote {out}")
+    raise typer.Exit(0 if all(test.good for test in result.tests) else 1)
+
+
+def _show(result):
+    """Tables of the parameters and of the tests."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    fitted = Table("parameter", "value", title="Fitted", title_justify="left")
+    for part in ("sightings", "identification"):
+        for name, value in result.content[part].items():
+            fitted.add_row(name, _words(name, value))
+    console.print(fitted)
+    table = Table(title="On runs that were not fitted", title_justify="left")
+    for name, justify in (
+        ("figure", "left"),
+        ("value", "right"),
+        ("limits", "right"),
+        ("samples", "right"),
+        ("", "left"),
+    ):
+        table.add_column(name, justify=justify)
+    for test in result.tests:
+        limits = f"{test.low:g} ... {test.high:g}"
+        table.add_row(
+            test.what, f"{test.value:.3f}", limits, str(test.samples), "" if test.good else "outside"
+        )
+    console.print(table)
+
+
+def _words(name, value):
+    """A fitted parameter for people."""
+    if name == "table":
+        return "\n".join(
+            f"{stars:2d} stars: {100 * first:.4g} % of first, {100 * later:.4g} % of later frames, "
+            f"{100 * wrong:.3g} % of them wrong"
+            for stars, first, later, wrong in value
+        )
+    return (
+        ", ".join(f"{item:g}" if isinstance(item, float) else str(item) for item in value)
+        if isinstance(value, list)
+        else str(value)
+    )
+
+
+def _say(text):
+    typer.echo(text, err=True)

@@ -1,0 +1,148 @@
+"""Whether fitted statistics agree with rendered runs that they were not fitted to.
+
+The centroids of these runs against the fitted variances, and the same seeds flown with statistics: errors of
+the attitudes, what the star tracker says of them, how often there is one and why not. Each figure has limits
+within which the statistics serve; they are of the figure's meaning for a mission, not of chance alone, so a
+figure of few samples may miss them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.campaign.characterise.fit import joined, of_sources
+from shefex_nav.records import Reason
+
+VARIANCE = (0.8, 1.25)  # of a ratio of variances: 12 % of a sigma
+SIGMA = (0.9, 1.1)  # of a ratio of sigmas
+POINTS = 2.0  # per cent of the frames
+CORRELATION = 0.1
+FAINT, BRIGHT = 1.0, 20.0  # contrast between never found and always found
+
+
+class Test(NamedTuple):
+    """One figure."""
+
+    what: str
+    value: float
+    low: float
+    high: float
+    samples: int
+
+    @property
+    def good(self):
+        return bool(self.low <= self.value <= self.high)
+
+    def as_dict(self):
+        """For the file."""
+        return {
+            "what": self.what, "value": float(self.value), "low": self.low, "high": self.high,
+            "samples": int(self.samples), "good": self.good,
+        }  # fmt: skip
+
+
+def centroids(runs, model, max_rate):
+    """Tests of single centroids. list of Collected, SightingModel, rad/s -> list of Test"""
+    sources = joined([run.sources for run in runs])
+    frames = joined([run.frames for run in runs])
+    slow = of_sources(runs, frames.rate <= max_rate)
+    inside = sources.clear & (sources.border_px > model.border_px)
+    chosen = slow & inside & sources.found & (sources.hip > 0)
+    tests = []
+    for name, terms, axis in (("along", sources.along, 0), ("across", sources.across, 1)):
+        expected, reported = terms[chosen] @ model.noise, terms[chosen] @ model.reported
+        ratio = sources.error[chosen, axis] ** 2 / expected
+        words = f"variance of centroids {name} the streak over the fitted"
+        tests.append(Test(words, ratio.mean(), *VARIANCE, len(ratio)))
+        ratio = sources.reported[chosen, axis] / reported
+        words = f"variance that is reported {name} the streak over the fitted"
+        tests.append(Test(words, ratio.mean(), *VARIANCE, len(ratio)))
+    lag, samples = _lag(runs, chosen, sources, model)
+    tests.append(
+        Test("correlation of a star's error from frame to frame", lag, -CORRELATION, CORRELATION, samples)
+    )
+    dim = inside & (sources.q > FAINT) & (sources.q < BRIGHT)
+    share = 1.0 / (1.0 + np.exp(-model.detection[0] - model.detection[1] * np.log(sources.q[dim])))
+    apart = 100.0 * (sources.found[dim].mean() - share.mean()) if dim.any() else 0.0
+    tests.append(Test("faint sources found, per cent more than fitted", apart, -POINTS, POINTS, dim.sum()))
+    return tests
+
+
+def _lag(runs, chosen, sources, model):
+    """(correlation of normalised errors of the same star in frames one after the other, pairs)."""
+    error = sources.error / np.sqrt(
+        np.stack([sources.along @ model.noise, sources.across @ model.noise], axis=1)
+    )
+    ends = np.cumsum([0] + [len(run.sources.hip) for run in runs])
+    run_of = np.repeat(np.arange(len(runs)), np.diff(ends))
+    rows = np.flatnonzero(chosen)
+    rows = rows[np.lexsort((sources.frame[rows], sources.hip[rows], run_of[rows]))]
+    a, b = rows[:-1], rows[1:]
+    next_one = (run_of[a] == run_of[b]) & (sources.hip[a] == sources.hip[b])
+    next_one &= sources.frame[b] == sources.frame[a] + 1
+    a, b = a[next_one], b[next_one]
+    if not len(a):
+        return 0.0, 0
+    return float((error[a] * error[b]).mean() / (error[rows] ** 2).mean()), 2 * len(a)
+
+
+class Fixes(NamedTuple):
+    """Star fixes of one run, rendered or not."""
+
+    reason: np.ndarray  # (M,)
+    exposure_s: np.ndarray  # (M,)
+    error: np.ndarray  # (M, 3) rad, NaN without an attitude
+    sigma: np.ndarray  # (M, 3) rad
+
+
+def of_frames(frames):
+    """Fixes of Frames."""
+    return Fixes(frames.reason, frames.exposure_s, frames.error, frames.sigma)
+
+
+def fixes(rendered, statistical, limit_wrong):
+    """Tests of what the filter gets.
+
+    Parameters
+    ----------
+    rendered, statistical : lists of Fixes, run by run with the same seeds
+    limit_wrong : float, rad, an attitude further off is wrong
+    """
+    tests = []
+    one, other = _spread(rendered, limit_wrong), _spread(statistical, limit_wrong)
+    n = sum(int((part.reason == Reason.NONE).sum()) for part in rendered)
+    for name, columns in (("across the boresight", slice(0, 2)), ("about the boresight", slice(2, 3))):
+        ratio = np.sqrt((other[0][columns] ** 2).mean() / (one[0][columns] ** 2).mean())
+        words = f"scatter of attitudes {name}, statistical over rendered"
+        tests.append(Test(words, ratio, *SIGMA, n))
+        ratio = np.sqrt((other[1][columns] ** 2).mean() / (one[1][columns] ** 2).mean())
+        words = f"sigma as reported {name}, statistical over rendered"
+        tests.append(Test(words, ratio, *SIGMA, n))
+    all_one, all_other = joined(rendered), joined(statistical)
+    for reason in Reason:
+        shares = [100.0 * (part.reason == reason).mean() for part in (all_one, all_other)]
+        if max(shares) > 0.0:
+            name = "with an attitude" if reason == Reason.NONE else f"without, {reason.name.lower()}"
+            words = f"frames {name}: {shares[0]:.2f} % rendered; points more statistical"
+            tests.append(Test(words, shares[1] - shares[0], -POINTS, POINTS, len(all_one.reason)))
+    wrong = [int((np.linalg.norm(part.error, axis=1) > limit_wrong).sum()) for part in (all_one, all_other)]
+    apart = 100.0 * (wrong[1] - wrong[0]) / len(all_one.reason)
+    words = f"wrong attitudes: {wrong[0]} rendered, {wrong[1]} statistical; per cent of the frames more"
+    tests.append(Test(words, apart, -0.1, 0.1, len(all_one.reason)))
+    ratio = all_other.exposure_s.mean() / all_one.exposure_s.mean()
+    tests.append(Test("mean exposure, statistical over rendered", ratio, 0.95, 1.05, len(all_one.reason)))
+    return tests
+
+
+def _spread(runs, limit_wrong):
+    """Root mean square of attitudes that are not wrong about each run's mean, and of their sigmas: (3,)."""
+    squares, variances, n = np.zeros(3), np.zeros(3), 0
+    for part in runs:
+        good = np.linalg.norm(part.error, axis=1) <= limit_wrong  # NaN is not
+        if not good.any():
+            continue
+        error = part.error[good]
+        squares += ((error - error.mean(axis=0)) ** 2).sum(axis=0)
+        variances += (part.sigma[good] ** 2).sum(axis=0)
+        n += int(good.sum())
+    return np.sqrt(squares / n), np.sqrt(variances / n)

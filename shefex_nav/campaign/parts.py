@@ -1,0 +1,260 @@
+"""What a campaign says to people: tables and lines, of which the terminal's report and the page are made."""
+
+import math
+from typing import NamedTuple
+
+from shefex_nav.campaign import convergence, over_time, sensitivity, statistics
+from shefex_nav.campaign.summary import name_of, repeat, worst_runs
+from shefex_nav.report import intervals
+
+RATE_PRECISION = 0.01  # to which 'runs still needed' is told: one point of a success rate,
+PERCENTILE_PRECISION = 0.05  # and this share of a percentile
+MOST_CAUSES, MOST_RUNS, MOST_EXPLAIN, MOST_SEPARATIONS, MOST_VERDICTS = 8, 6, 12, 3, 12
+
+
+class Loud(str):
+    """A text that wants attention."""
+
+
+class Command(str):
+    """A line to be copied into a terminal."""
+
+
+class Part(NamedTuple):
+    """One piece of a report: a table, then lines."""
+
+    title: str
+    heads: tuple = ()  # names of the columns; one that begins with '>' is of numbers
+    rows: tuple = ()  # of tuples of texts
+    lines: tuple = ()  # of texts
+
+
+def parts(campaign, series=None):
+    """Everything for people: list of Part. series : over_time.Series, None leaves out what needs it."""
+    found = [head(campaign), requirements(campaign), errors(campaign), flights(campaign)]
+    if series is not None:
+        found.append(covariance(campaign, series))
+    found += [failures(campaign), worst(campaign), explained(campaign)]
+    return [part for part in found if part is not None]
+
+
+def head(campaign):
+    """How many runs, and what they took."""
+    n, asked, good = len(campaign), campaign.head["runs"], int(campaign.succeeded.sum())
+    done = Loud(f"{n} of {asked}, the campaign is not finished") if n < asked else str(n)
+    rate = f"{good}, {_percent(good / n)} (95 % interval {_between(*intervals.proportion(good, n))})"
+    rows = [("runs", done), ("flew to their end", rate)]
+    if n > good:
+        rows.append(("failed", Loud(n - good)))
+    if campaign.wall_s:
+        rows.append(("took", f"{campaign.wall_s:,.0f} s, {3600.0 * n / campaign.wall_s:,.0f} runs an hour"))
+    rows.append(("digest of the results", campaign.digest[:16]))
+    return Part(f"{campaign.head['scenario']}, seed {campaign.head['seed']}", (), tuple(rows))
+
+
+def requirements(campaign):
+    """Success against each requirement."""
+    found = statistics.successes(campaign)
+    title = "Requirements, of the runs that flew to their end"
+    if not found:
+        return Part(title, lines=("The scenario has no requirements.",))
+    heads = ("requirement", "limit", ">passed", ">of", ">rate", ">95 % interval", ">runs more for ±1 point")
+    rows = []
+    for one in found:
+        name = name_of(one.name) if one.passed == one.of else Loud(name_of(one.name))
+        if one.ci95 is None:
+            rows.append((name, one.words, "0", "0", "-", "-", "-"))
+            continue
+        still = convergence.needed_for_rate(one.passed, one.of, RATE_PRECISION).still
+        passed = f"{one.passed} ({one.without} not measured)" if one.without else str(one.passed)
+        rate = _percent(one.passed / one.of)
+        rows.append((name, one.words, passed, str(one.of), rate, _between(*one.ci95), f"{still:,}"))
+    return Part(title, heads, tuple(rows))
+
+
+def errors(campaign):
+    """Percentiles of the sizes of errors."""
+    found = statistics.errors(campaign)
+    if not found:
+        return None
+    names = (f">{percent:g} %" for percent in statistics.QUANTILES)
+    heads = ("error", "unit", *names, ">worst", ">run", ">runs to add")
+    rows = tuple(
+        (
+            one.name,
+            one.unit,
+            *(_with_interval(percentile) for percentile in one.percentiles),
+            _short(one.worst),
+            str(one.worst_run),
+            _still(one),
+        )
+        for one in found
+    )
+    note = "Runs to add: until the 95 % percentile is known to 5 % of itself."
+    return Part("Sizes of errors: percentiles over the runs, with 95 % intervals", heads, rows, (note,))
+
+
+def _still(spread):
+    """Runs that the 95 % percentile still takes."""
+    now = spread.percentiles[statistics.QUANTILES.index(95.0)]
+    if not now.value > 0.0:
+        return "-"
+    needed = convergence.needed_for_percentile(now, spread.samples, PERCENTILE_PRECISION * now.value)
+    return f"{'≥ ' if needed.half_width == math.inf else ''}{needed.still:,}"
+
+
+def flights(campaign):
+    """Star tracker, and dispersion of the flights."""
+    rows = []
+    star = statistics.star_fixes(campaign)
+    if star is not None:
+        one = star.availability
+        words = f"{one.part:,} of {one.whole:,}, {100.0 * one.value:.2f} %"
+        if one.low is not None:
+            words += f" (95 % interval over runs {_between(one.low, one.high)})"
+        rows.append(("frames of the window solved", words))
+        bound = f"at most {_tiny(star.most_wrong_runs)} of runs, {_tiny(star.most_wrong_fixes)} of fixes"
+        share = star.runs_with_wrong
+        wrong = f"{star.wrong} in {share.part} of {share.whole} runs; {bound} (95 %)"
+        rows.append(("wrong star fixes", Loud(wrong) if star.wrong else wrong))
+    for one in statistics.ellipses(campaign):
+        long, short = one.semi_axes_km
+        words = (
+            f"{long:.3g} by {short:.3g} km, long axis {one.azimuth_deg:.0f} deg from north, about "
+            f"{one.latitude_deg:.3f} N {one.longitude_deg:.3f} E; {one.inside} of {one.samples} runs inside; "
+            f"height {one.altitude_km:.2f} km, sigma {one.covariance_km2[2, 2] ** 0.5:.3g} km"
+        )
+        rows.append((f"95 % ellipse at {one.what}", words))
+    return Part("Star tracker and flight", (), tuple(rows)) if rows else None
+
+
+CONTAINED = "errors inside 3 sigma at the ends of the phases"
+
+
+def covariance(campaign, series):
+    """Whether the covariance describes the errors."""
+    groups = {
+        CONTAINED: over_time.judge_containment(series),
+        "NEES at the ends of the phases": over_time.judge_nees(series),
+        "NIS of the sensors": over_time.judge_nis(series),
+    }
+    rows = []
+    for title, verdicts in groups.items():
+        bad = sorted((one for one in verdicts if not one.good), key=lambda one: one.p)
+        words = Loud(f"{len(bad)} of {len(verdicts)} are not") if bad else "as chance would have it"
+        rows.append((title, "", "", "", words))
+        rows += [_verdict(one, title) for one in bad[:MOST_VERDICTS]]
+        if len(bad) > MOST_VERDICTS:
+            rows.append((f"  and {len(bad) - MOST_VERDICTS} more", "", "", "", ""))
+    for block, (value, low, high) in over_time.time_averages(series).items():
+        words = "holds 1" if low <= 1.0 <= high else _size(low > 1.0)
+        name = f"NEES of {block.replace('_', ' ')} per degree of freedom, all times (99 % interval)"
+        rows.append((name, f"{value:.3f}", f"{low:.3f} to {high:.3f}", "", words))
+    some = f"{len(series.runs)} of " if len(series.runs) < int(campaign.succeeded.sum()) else ""
+    title = f"Does the covariance describe the errors? ({some}{int(campaign.succeeded.sum())} runs)"
+    return Part(title, ("judged", ">found", ">expected", ">p (Holm)", "verdict"), tuple(rows))
+
+
+def _verdict(one, group):
+    """Row of a verdict that is not good: few inside 3 sigma mean a small covariance, as a large NEES does."""
+    words = _size(one.value > one.high or group == CONTAINED)
+    return f"  {one.what}", f"{one.value:.3f}", f"{one.low:.3f} to {one.high:.3f}", f"{one.p_holm:.1e}", words
+
+
+def _size(is_small):
+    return Loud(f"covariance too {'small' if is_small else 'large'}")
+
+
+def failures(campaign):
+    """Why runs failed, and what they have in common."""
+    causes = campaign.causes()
+    if not causes:
+        return None
+    lines = []
+    for cause in causes[:MOST_CAUSES]:
+        some = ", ".join(str(run) for run in cause.runs[:MOST_RUNS])
+        more = ", ..." if len(cause.runs) > MOST_RUNS else ""
+        count = f"{len(cause.runs)} run{'s' if len(cause.runs) > 1 else ''}"
+        lines += [f"{count} ({some}{more}): {cause.words}", Command(repeat(campaign, cause.runs[0]))]
+    if len(causes) > MOST_CAUSES:
+        lines.append(f"and {len(causes) - MOST_CAUSES} other reasons")
+    certain = [one for one in sensitivity.separations(campaign) if one.p_holm < sensitivity.SIGNIFICANT]
+    for one in certain[:MOST_SEPARATIONS]:
+        failed = f"from {one.failed_from:.6g} to {one.failed_to:.6g}"
+        others = f"from {one.others_from:.6g} to {one.others_to:.6g}"
+        lines.append(f"Failed runs drew {one.feature} {failed}, the others {others} (p {one.p_holm:.1e})")
+    return Part("Why runs failed", lines=tuple(lines))
+
+
+def worst(campaign):
+    """Runs to look at."""
+    if not statistics.successes(campaign):
+        return None
+    lines = []
+    for one in worst_runs(campaign):
+        lines += [f"run {one.run}: {one.words}", Command(repeat(campaign, one.run))]
+    return Part("Worst of the other runs", lines=tuple(lines)) if lines else None
+
+
+def explained(campaign):
+    """Which dispersion explains what."""
+    found, features = sensitivity.outcomes(campaign), sensitivity.features(campaign.draws)
+    if not features or not found:
+        return None
+    certain = [
+        one for one in sensitivity.ranks(found, features) if one.p_holm < sensitivity.SIGNIFICANT
+    ]  # fmt: skip
+    regressed = {one.outcome: one for one in sensitivity.regressions(found, campaign.draws)}
+    title = "What explains the results (|x|: distance of x from its median)"
+    if not certain:
+        words = f"No draw does: {len(features)} features, {len(found)} results, {len(campaign)} runs."
+        return Part(title, lines=(words,))
+    heads = (
+        "result",
+        "draw",
+        ">rank correlation",
+        ">p (Holm)",
+        ">sigmas per sigma (95 %)",
+        ">R² of all draws",
+    )
+    rows = []
+    for one in certain[:MOST_EXPLAIN]:
+        regression = regressed.get(one.outcome)
+        cells = ("-", "-") if regression is None else (_effect(regression, one.feature), _r2(regression))
+        rows.append((one.outcome, one.feature, f"{one.rho:+.2f}", f"{one.p_holm:.1e}", *cells))
+    more = len(certain) - MOST_EXPLAIN
+    return Part(title, heads, tuple(rows), (f"and {more} more that are certain",) if more > 0 else ())
+
+
+def _effect(regression, feature):
+    for one in regression.effects:
+        if one.feature == feature:
+            return f"{one.value:+.2f} ({one.low:+.2f} to {one.high:+.2f})"
+    return "-"
+
+
+def _r2(regression):
+    return f"{regression.r2_adjusted:.2f} ({regression.r2_low:.2f} to {regression.r2_high:.2f})"
+
+
+def _percent(share):
+    return f"{100.0 * share:.1f} %"
+
+
+def _between(low, high):
+    return f"{100.0 * low:.2f} to {100.0 * high:.2f} %"
+
+
+def _tiny(probability):
+    """A small probability in per cent with two digits."""
+    return f"{100.0 * probability:.2g} %"
+
+
+def _short(value):
+    return f"{value:.3g}" if abs(value) < 1000.0 else f"{value:,.0f}"
+
+
+def _with_interval(one):
+    """`0.12 (0.10 to 0.14)`; an end that the sample is too small for is open."""
+    low, high = ("..." if end is None else _short(end) for end in (one.low, one.high))
+    return f"{_short(one.value)} ({low} to {high})"

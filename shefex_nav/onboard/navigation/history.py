@@ -1,0 +1,186 @@
+"""The memory of the filter: its last ticks, in arrays that the kernels of `prediction` read and write.
+
+Tick k, counted from the start, stands in place k modulo the size of the arrays, which grow when they must.
+What leaves this module is copied, so later ticks and later measurements do not change it.
+"""
+
+from bisect import bisect_left
+from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from shefex_nav.onboard.navigation.state import unpack
+from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, felt_packed
+
+SNAP_S = 1e-6  # instants closer together than this are one
+
+
+class Tick(NamedTuple):
+    """The filter at the end of a tick."""
+
+    t_s: float
+    x: np.ndarray  # (93,) packed nominal state
+    P: np.ndarray  # (n, n)
+    imu: Any  # strapdown.ImuWindow that led here; None at the start
+
+    @property
+    def state(self):
+        """NavState."""
+        return unpack(self.t_s, self.x)
+
+
+class History:
+    """Ticks, oldest first, at least one.
+
+    ends_s : deque of the mission times at which they end
+    measurements : deque of tuples, what is valid within each, in the order of their instants
+    newest : number of the last tick
+    x, P : (93,), (n, n) of the instant that has been reached: the end of the last tick, but for `fusion` on
+        its way
+    numbers : (size, 4) mission time of the end [s], s of a sample, number of samples, vibration
+    increments : (size, 2 + samples, 6) of ImuWindow;  extra : (size, 2, 3) likewise
+    xs, Ps : (size, 93), (size, n, n)
+    """
+
+    def __init__(self, tick):
+        self.ends_s, self.measurements, self.newest = deque([tick.t_s]), deque([()]), 0
+        self.x, self.P = tick.x.copy(), tick.P.copy()
+        samples = 0 if tick.imu is None else tick.imu.n
+        self._allocate(2, samples)
+        self.numbers[0] = tick.t_s, 1.0, 0, 0.0
+        if tick.imu is not None:
+            self.numbers[0, 1:] = tick.imu.dt_s, samples, tick.imu.vibration
+            self.increments[0], self.extra[0] = tick.imu.increments, tick.imu.extra
+        self.xs[0], self.Ps[0] = tick.x, tick.P
+
+    def _allocate(self, size, samples):
+        """Make the arrays."""
+        self.numbers, self.extra = np.zeros((size, 4)), np.zeros((size, 2, 3))
+        self.increments = np.zeros((size, BEFORE + samples, 6))
+        self.xs, self.Ps = np.empty((size, *self.x.shape)), np.empty((size, *self.P.shape))
+
+    def __len__(self):
+        return len(self.ends_s)
+
+    def __getitem__(self, k):
+        """Tick k, 0 the oldest, -1 the last."""
+        place = self.place(k)
+        return Tick(self.ends_s[k], self.xs[place].copy(), self.Ps[place].copy(), self.imu(k))
+
+    def number(self, k):
+        """Number of tick k since the start."""
+        return self.newest - (len(self.ends_s) - 1 - k if k >= 0 else -1 - k)
+
+    def place(self, k):
+        """Where tick k stands in the arrays."""
+        return self.number(k) % len(self.numbers)
+
+    def imu(self, k):
+        """ImuWindow of tick k, None at the start."""
+        place = self.place(k)
+        _, dt_s, n, vibration = self.numbers[place].tolist()
+        if n == 0:
+            return None
+        increments = self.increments[place, : BEFORE + int(n)].copy()
+        return ImuWindow(self.ends_s[k], dt_s, increments, vibration, self.extra[place].copy())
+
+    @property
+    def arrays(self):
+        """As `prediction.travel` takes them."""
+        return self.numbers, self.increments, self.extra, self.xs, self.Ps, self.x, self.P
+
+    def length_s(self, k):
+        """Duration of tick k."""
+        place = self.place(k)
+        return float(self.numbers[place, 2] * self.numbers[place, 1])
+
+    def since(self, k, begin_s, t_s):
+        """Where an instant lies in tick k: s from its start, with what is nearer than `SNAP_S` taken for
+        begin_s, or for the end of the tick."""
+        length_s = self.length_s(k)
+        at_s = t_s - (self.ends_s[k] - length_s)
+        if at_s > length_s - SNAP_S:
+            return length_s
+        return at_s if at_s - begin_s > SNAP_S else begin_s
+
+    def make_room(self, samples):
+        """Place of the next tick; what stands there is to be overwritten."""
+        size = len(self.numbers)
+        if len(self.ends_s) == size or BEFORE + samples > self.increments.shape[1]:
+            self._grow(2 * size, max(samples, self.increments.shape[1] - BEFORE))
+        return (self.newest + 1) % len(self.numbers)
+
+    def _grow(self, size, samples):
+        """Larger arrays."""
+        before = self.numbers, self.increments, self.extra, self.xs, self.Ps
+        old = [self.place(k) for k in range(len(self))]
+        self._allocate(size, samples)
+        new = [self.place(k) for k in range(len(self))]
+        self.numbers[new], self.extra[new] = before[0][old], before[2][old]
+        self.increments[new, : before[1].shape[1]] = before[1][old]
+        self.xs[new], self.Ps[new] = before[3][old], before[4][old]
+
+    def append(self, t_s):
+        """The next tick has been filled in."""
+        self.newest += 1
+        self.ends_s.append(t_s)
+        self.measurements.append(())
+
+    def forget_oldest(self):
+        """Let the oldest tick go."""
+        self.ends_s.popleft()
+        self.measurements.popleft()
+
+    def go_to(self, k):
+        """Begin again at the end of tick k."""
+        place = self.place(k)
+        self.x[:], self.P[:] = self.xs[place], self.Ps[place]
+
+    def within(self, t_s):
+        """Index of the tick in which t_s lies, after the tick before and not after its own end; or None."""
+        if not self.ends_s[0] + SNAP_S < t_s <= self.ends_s[-1] + SNAP_S:
+            return None
+        return bisect_left(self.ends_s, t_s - SNAP_S)
+
+    def nearest(self, t_s):
+        """The Tick whose end is nearest to t_s, of those that have IMU samples."""
+        first = 1 if self.numbers[self.place(0), 2] == 0 else 0
+        later = min(max(bisect_left(self.ends_s, t_s), first), len(self) - 1)
+        earlier = max(later - 1, first)
+        return self[earlier if t_s - self.ends_s[earlier] <= self.ends_s[later] - t_s else later]
+
+
+class Moment:
+    """The instant that a filter on its way through its history has reached, at_s in its tick k.
+
+    x, P : (93,), (n, n), the present values of the History, not copied
+    """
+
+    def __init__(self, history, k, at_s):
+        self.history, self.k, self.at_s = history, k, at_s
+        self.x, self.P = history.x, history.P
+        self.t_s = history.ends_s[k] - (history.length_s(k) - at_s)
+
+    @property
+    def state(self):
+        """NavState, a copy."""
+        return unpack(self.t_s, self.x.copy())
+
+    @property
+    def imu(self):
+        """ImuWindow of the tick."""
+        return self.history.imu(self.k)
+
+    @property
+    def vibration(self):
+        """Level of the vibration in the tick."""
+        return float(self.history.numbers[self.history.place(self.k), 3])
+
+    @property
+    def felt(self):
+        """Corrected rate and specific force: means of the sample, omega_ib_b (3,) rad/s, f_b (3,) m/s^2."""
+        history, place = self.history, self.history.place(self.k)
+        _, dt_s, n, _ = history.numbers[place].tolist()
+        felt = felt_packed(self.x, history.increments[place], int(n), dt_s, self.at_s)
+        return felt[:3], felt[3:]

@@ -1,0 +1,243 @@
+"""A log as flat tables for people with their own tools: one table a topic, as CSV or Parquet.
+
+The first column is `t_s`, mission time: that of the record, for a measurement the instant it measures. Names
+of columns carry their unit as the fields of the log do; elements of vectors end in their axis, those of
+matrices in row and column, from 1. What has a length of its own in each record (centroids, ranges) has a
+table with a row for each element. What a column is, with frame and unit, stands in columns.csv beside the
+tables, and in the metadata of the fields of a Parquet file.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.log.topics import EQUAL, TOPICS
+from shefex_nav.records import (
+    CameraCommand,
+    ControlSample,
+    Event,
+    Frame,
+    FrameTruth,
+    GateResult,
+    GpsFix,
+    GpsRanges,
+    ImuBlock,
+    NavCovariance,
+    NavHealth,
+    NavSolution,
+    StarFix,
+    TruthSample,
+)
+
+KINDS = ("csv", "parquet")
+COLUMNS = "columns.csv"
+_SOURCES = {  # table -> record and field of RunData
+    "truth": (TruthSample, "truth"),
+    "attitude_control": (ControlSample, "control"),
+    "imu": (ImuBlock, "imu"),
+    "gps": (GpsFix, "gps"),
+    "gps_ranges": (GpsRanges, "gps_ranges"),
+    "frames": (Frame, "frames"),
+    "frame_truth": (FrameTruth, "frame_truths"),
+    "camera_commands": (CameraCommand, "commands"),
+    "star_fixes": (StarFix, "star_fixes"),
+    "nav": (NavSolution, "nav"),
+    "nav_covariance": (NavCovariance, "covariance"),
+    "gates": (GateResult, "gates"),
+    "health": (NavHealth, "health"),
+    "events": (Event, "events"),
+}
+_PER_ELEMENT = {  # tables of what has a length of its own: name, and an attribute that has it
+    GpsRanges: (("gps_ranges", "prn"),),
+    StarFix: (("star_fix_objects", "hip"), ("star_vectors", "stars.hip")),
+    FrameTruth: (("frame_truth_stars", "hip"),),
+    GateResult: (("gate_innovations", "innovation"),),
+    NavCovariance: (("nav_states", "estimates"),),
+}
+_SAMPLES = ("dtheta_b_rad", "dv_b_m_s")  # a vector in each row
+_TOPIC = {topic.record: topic for topic in TOPICS}
+
+
+class Column(NamedTuple):
+    """One column of a table."""
+
+    name: str
+    values: np.ndarray  # (n,) float, int, bool or text
+    comment: str
+
+
+def tables(data):
+    """Tables of a RunData: {name: list of Column}; those without a row are left out."""
+    out = {}
+    for name, (record, field) in _SOURCES.items():
+        topic, source = _TOPIC[record], getattr(data, field)
+        if record is not GpsRanges:
+            out[name] = _table(topic, source)
+        for inner, counted in _PER_ELEMENT.get(record, ()):
+            out[inner] = _elements(topic, source, counted)
+    out |= _errors(data)
+    return {name: columns for name, columns in out.items() if columns and len(columns[0].values)}
+
+
+def _values(source, path):
+    """All values of a dotted attribute: an array, or a list of rows."""
+    if isinstance(source, list):
+        return [_attribute(record, path) for record in source]
+    return _attribute(source, path)
+
+
+def _attribute(record, path):
+    for part in path.split("."):
+        record = getattr(record, part)
+    return record
+
+
+def _time(topic, source):
+    field = next(field for field in topic.fields if field.source == topic.time)
+    values = np.asarray(_values(source, field.source), dtype=float)
+    return Column("t_s", values, field.comment)
+
+
+def _table(topic, source):
+    """Columns of the fields of fixed shape, one row a record."""
+    columns = [_time(topic, source)]
+    for field in topic.fields:
+        if field.source == topic.time or -1 in field.shape:
+            continue
+        values = _column(field, _values(source, field.source))
+        if not field.shape:
+            columns.append(Column(field.name, values, field.comment))
+            continue
+        name = field.name.removesuffix("_wxyz")
+        shape = values.shape[1:]
+        columns += [
+            Column(f"{name}_{ending}", values[(slice(None), *index)], field.comment)
+            for index, ending in zip(np.ndindex(shape), endings(field.name, shape), strict=True)
+        ]
+    return columns
+
+
+def _column(field, values):
+    """Values of a field as one array, numbers of a list of names as the names."""
+    if isinstance(field.kind, type):  # an IntEnum
+        return np.array([field.kind(int(value)).name.lower() for value in values], dtype=str)
+    dtype = {"double": float, "bool": bool, "string": str, "sfixed32": np.int64}[field.kind]
+    array = np.asarray(values, dtype=dtype)
+    if EQUAL in field.shape:  # as many in each record as in the first
+        return array if array.ndim == 1 + len(field.shape) else array.reshape(0, *map(abs, field.shape))
+    return array.reshape(len(values), *field.shape)
+
+
+def endings(name, shape):
+    """What tells the columns of a field of a shape apart, in the order of np.ndindex."""
+    if name.endswith("_wxyz"):
+        return list("wxyz")
+    if shape == (3,):
+        return list("xyz")
+    if len(shape) == 2 and name in _SAMPLES:
+        return [f"{i + 1}_{'xyz'[j]}" for i, j in np.ndindex(shape)]
+    return ["_".join(str(i + 1) for i in index) for index in np.ndindex(shape)]
+
+
+def _elements(topic, source, counted):
+    """Columns of the fields with a length of their own: one row for each element of each record."""
+    lengths = [len(row) for row in _values(source, counted)]
+    time = _time(topic, source)
+    first = np.cumsum([0, *lengths[:-1]])
+    element = np.arange(sum(lengths)) - np.repeat(first, lengths) + 1 if lengths else np.zeros(0, int)
+    columns = [
+        Column("t_s", np.repeat(time.values, lengths), time.comment),
+        Column("element", element.astype(np.int64), "of the record, from 1"),
+    ]
+    for name in ("number", "sensor", "states"):
+        field = next((one for one in topic.fields if one.name == name), None)
+        if field is not None:
+            values = _column(field, _values(source, field.source))
+            columns.append(Column(name, np.repeat(values, lengths), field.comment))
+    for field in topic.fields:
+        own = field.source.startswith("stars.") == counted.startswith("stars.")
+        if field.shape and field.shape[0] == -1 and own:
+            columns += _of_elements(field, _values(source, field.source), lengths)
+    return columns
+
+
+def _of_elements(field, rows, lengths):
+    """Columns of a field with a row for each element."""
+    dtype, inner = (float if field.kind == "double" else np.int64), field.shape[1:]
+    parts = [np.asarray(row, dtype).reshape(-1, *inner) for row in rows]
+    if [len(part) for part in parts] != lengths:  # of an older log, which lacks it
+        return []
+    values = np.concatenate(parts) if parts else np.zeros((0, *inner), dtype)
+    if not inner:
+        return [Column(field.name, values, field.comment)]
+    return [
+        Column(f"{field.name}_{_inner_ending(inner, index)}", values[(slice(None), *index)], field.comment)
+        for index in np.ndindex(inner)
+    ]
+
+
+def _inner_ending(shape, index):
+    """Axis of an element of a vector (2 or 3), row and column of one of a matrix."""
+    return "xyz"[index[0]] if len(shape) == 1 else "_".join(str(i + 1) for i in index)
+
+
+def _errors(data):
+    """Errors of the navigation at every tick that has truth and estimate, and of the star fixes."""
+    from shefex_nav.report import metrics
+    from shefex_nav.report.figures import errors as levelled
+
+    errors = metrics.navigation_errors(data)
+    out = {}
+    if len(errors.t_s):
+        position, velocity = levelled.level(data)
+        columns = [Column("t_s", errors.t_s, "mission time, from lift-off [s]")]
+        level, here = ("north", "east", "down"), "truth less estimate, local level axes of the true position"
+        for name, values, axes, comment in (
+            ("position_error_m", position[1], level, here),
+            ("velocity_error_m_s", velocity[1], level, f"{here}, relative to the Earth"),
+            ("attitude_error_rad", errors.attitude_b, "xyz", "rotation from estimate to truth, body axes"),
+            ("position_error_i_m", errors.position_i, "xyz", "truth less estimate, inertial axes"),
+            ("velocity_error_i_m_s", errors.velocity_i, "xyz", "truth less estimate, inertial axes"),
+        ):
+            columns += [Column(f"{name}_{axis}", values[:, k], comment) for k, axis in enumerate(axes)]
+        out["errors"] = columns
+    stars = metrics.star_errors(data)
+    if len(stars.t_s):
+        columns = [
+            Column("t_s", stars.t_s, "middle of the exposure [s]"),
+            Column("number", stars.number.astype(np.int64), "of the frame"),
+        ]
+        for name, values, comment in (
+            ("error_rad", stars.rotation_c, "rotation from the fix to the true attitude, camera axes"),
+            ("sigma_rad", stars.sigma_c, "standard deviation as the star tracker reports it"),
+        ):
+            columns += [Column(f"{name}_{axis}", values[:, k], comment) for k, axis in enumerate("xyz")]
+        out["star_fix_errors"] = columns
+    return out
+
+
+def write(data, folder, kind):
+    """Write all tables of a RunData into a folder, which is there. kind : one of KINDS. -> list of Path"""
+    import pyarrow as pa
+    import pyarrow.csv
+    import pyarrow.parquet
+
+    written, listed = [], []
+    for name, columns in tables(data).items():
+        fields = [
+            pa.field(c.name, pa.array(c.values[:0]).type, metadata={"comment": c.comment}) for c in columns
+        ]
+        table = pa.Table.from_arrays([pa.array(c.values) for c in columns], schema=pa.schema(fields))
+        path = Path(folder) / f"{name}.{kind}"
+        if kind == "csv":
+            pa.csv.write_csv(table, path)
+        else:
+            pa.parquet.write_table(table, path, compression="zstd")
+        written.append(path)
+        listed += [(name, c.name, c.comment) for c in columns]
+    listing = pa.table([list(column) for column in zip(*listed, strict=True)] if listed else [[], [], []],
+                       names=["table", "column", "comment"])  # fmt: skip
+    written.append(Path(folder) / COLUMNS)
+    pa.csv.write_csv(listing, written[-1])
+    return written

@@ -1,0 +1,119 @@
+"""What the navigation filter assumes, as far as a mission and a replay of data say it in the same sections.
+
+Missions (`params_onboard`) and replays (`replay.params`) have sections `imu` and `navigation` alike; what
+they have besides, vibration, star camera and GPS receiver, goes on top.
+"""
+
+import numpy as np
+
+
+def common(scenario, integrity):
+    """Fields of NavParams that follow from section `navigation` alone. Scenario, IntegrityParams -> dict"""
+    navigation = scenario.navigation
+    return {
+        "gate_probability": navigation.gate_probability,
+        "star_sigma_floor": navigation.star_fix_floor,
+        "release_gps": _rule(navigation.release.gps),
+        "release_star_first": _rule(navigation.release.first_star_fix),
+        "release_star": _rule(navigation.release.star_fix),
+        "gps_agreement": navigation.gps_agreement,
+        "states": tuple(navigation.states),
+        "integrity": integrity,
+    }
+
+
+def integrity_params(scenario, dt_s, coarse_if_silent):
+    """IntegrityParams.
+
+    Parameters
+    ----------
+    scenario : with sections `imu` and `navigation`
+    dt_s : duration of one IMU sample
+    coarse_if_silent : readings of which the scenario does not say how coarse they are may be of any
+        coarseness, as those of files that others have rounded: an axis may repeat itself then
+    """
+    from shefex_nav.onboard.navigation import integrity_imu, integrity_protection, integrity_watch
+
+    navigation, section = scenario.navigation, scenario.navigation.integrity
+    triads = (scenario.imu.gyro, scenario.imu.accelerometer)
+    repeats = [
+        np.inf
+        if coarse_if_silent and not triad.quantum
+        else integrity_imu.repeats(triad.random_walk * np.sqrt(dt_s), triad.quantum)
+        for triad in triads
+    ]
+    return integrity_watch.IntegrityParams(
+        imu=integrity_imu.ImuRules(
+            repeats=np.array(repeats),
+            range=np.array([triad.range for triad in triads]),
+            wrong=np.array([navigation.saturated_rate, navigation.saturated_acceleration]),
+            change=np.array([section.angular_acceleration, section.thrust_change]),
+        ),
+        wanted=integrity_protection.requirement(section.attitude, section.risk),
+        wrong_star_fix=section.wrong_star_fix,
+        release_gps_jump=_rule(section.gps_jump),
+    )
+
+
+def imu_model(scenario, **others):
+    """ImuModel: errors that are no states of the filter, from the data sheet of the IMU.
+
+    A bias that wanders with sigma and correlation time tau (Gauss-Markov) starts out as a random walk of
+    density sigma sqrt(2/tau). Slews turn the vehicle about any axis: scale factor on one axis and
+    misalignment on two count by their rms. Errors whose block is estimated are left out.
+
+    others : fields that follow from something else, or are given otherwise
+    """
+    from shefex_nav.onboard.navigation.state import ImuModel
+
+    def left(name, value):
+        return 0.0 if name in scenario.navigation.states else value
+
+    navigation, gyro, accelerometer = scenario.navigation, scenario.imu.gyro, scenario.imu.accelerometer
+    scale_factor = left("gyro_scale", gyro.scale_factor)
+    misalignment = left("gyro_misalignment", gyro.misalignment)
+    fields = {
+        "gyro_random_walk": gyro.random_walk,
+        "gyro_bias_walk": float(gyro.in_run_bias * np.sqrt(2.0 / gyro.in_run_bias_time)),
+        "gyro_cross": float(np.sqrt((scale_factor**2 + 2.0 * misalignment**2) / 3.0)),
+        "manoeuvre_angle": navigation.manoeuvre_angle,
+        "gyro_g_sensitivity": left("gyro_g_sensitivity", gyro.g_sensitivity),
+        "gyro_rectification": 0.0,
+        "gyro_vibration": 0.0,
+        "gyro_quantum": gyro.quantum,
+        "accel_random_walk": accelerometer.random_walk,
+        "accel_bias_walk": float(accelerometer.in_run_bias * np.sqrt(2.0 / accelerometer.in_run_bias_time)),
+        "accel_scale": left("accel_scale", accelerometer.scale_factor),
+        "accel_misalignment": left("accel_misalignment", accelerometer.misalignment),
+        "accel_rectification": 0.0,
+        "accel_vibration": 0.0,
+        "thrust_threshold": navigation.thrust_threshold,
+        "shake_threshold": np.inf,
+        "thrust_time_s": navigation.thrust_memory,
+        "gravity": left("gravity", navigation.gravity_error),
+        "gravity_time_s": navigation.gravity_memory,
+        "saturated_rate": navigation.saturated_rate,
+    }
+    return ImuModel(**fields | others)
+
+
+def calibration_sigmas(imu, roll, misalignment):
+    """Sigma at the start of the blocks that calibrate the IMU: name -> tuple.
+
+    roll, misalignment : of the gyros, initial uncertainty of scale factor along and of the axes across
+    """
+    gyro, accelerometer = imu.gyro, imu.accelerometer
+    return {
+        "gyro_roll_column": (roll, misalignment, misalignment),
+        "gyro_scale": (roll, gyro.scale_factor, gyro.scale_factor),
+        "gyro_misalignment": (misalignment,) * 6,
+        "gyro_g_sensitivity": (gyro.g_sensitivity,) * 9,
+        "accel_scale": (accelerometer.scale_factor,) * 3,
+        "accel_misalignment": (accelerometer.misalignment,) * 6,
+    }
+
+
+def _rule(release):
+    from shefex_nav.onboard.navigation.state import ReleaseRule
+
+    return ReleaseRule(release.rejections, release.duration)

@@ -1,0 +1,164 @@
+"""Section of a scenario that a file gives: the fitted star tracker of `frames: statistical`.
+
+`shefex-nav characterise` writes the file. `settings` are those of the star camera and the star tracker that
+it was fitted to, in SI: with others it does not hold, and the scenario is refused.
+"""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from shefex_nav.scenario.block import Block
+from shefex_nav.scenario.quantity import Number, Quantity
+
+NOT_OF_THE_MODEL = {  # of the star tracker: when it runs, and how its result travels
+    "enabled", "on", "off", "latency", "frames", "model",
+}  # fmt: skip
+SAME = 1e-9  # relative; rounding of a number that was written and read
+
+
+def _share(words):
+    return Number("1", words, non_negative=True, at_most=1.0)
+
+
+Terms = tuple[Number("0.001"), Number("1.2"), Number("1.2")]
+Row = tuple[Number("8"), _share("without a fix before"), _share("soon after a fix"), _share("of them wrong")]
+
+
+class SightingsFit(Block):
+    """Which sources are found in a picture, and how well they are measured."""
+
+    detection: tuple[Number("-5"), Number("4")] = Field(
+        description="odds that a source is found: exp(d0 + d1 ln q), q its contrast"
+    )
+    border: Quantity("pix", "1 pix", "a source nearer to it is not found", non_negative=True)
+    noise: Terms = Field(
+        description="variance of a centroid: 1 px2, times its shot noise, times that of the background"
+    )
+    reported: Terms = Field(description="variance that is reported with it, likewise")
+    saturation: (
+        Quantity("electron", "1900 electron", "in one pixel: it is saturated", positive=True) | None
+    ) = None
+    mean_offset: Quantity("DN", "0.1 DN", "of the mean grey value against the one expected")
+
+
+class IdentificationFit(Block):
+    """Which frames give an attitude."""
+
+    table: list[Row] = Field(
+        description="rows of: stars of the catalogue found, share identified without and after a fix, share "
+        "of these attitudes that is wrong"
+    )
+    named: _share("of the stars of an identified frame that get their name")
+    wrong_turns: list[tuple[Number("0.1"), Number("0"), Number("0")]] = Field(
+        description="rotation vectors of wrong attitudes, rad"
+    )
+    fastest: Quantity("rad/s", "2.5 deg/s", "rate of the frames that gave an attitude", positive=True)
+
+
+class StarStatistics(Block):
+    """A fitted star tracker."""
+
+    format: Literal[1]
+    made: dict[str, Any] = Field(description="by which version, from which scenario, how many runs")
+    settings: dict[str, Any] = Field(description="of camera and star tracker; [a, b]: from a to b")
+    digest: str = Field(description="of the settings")
+    sightings: SightingsFit
+    identification: IdentificationFit
+    tests: list[dict[str, Any]] = Field(description="of the fit, on runs that it was not fitted to")
+
+
+def _form(value):
+    return "<file>" if isinstance(value, str) else "<model>"
+
+
+Model = Annotated[
+    Annotated[str, Tag("<file>")] | Annotated[StarStatistics, Tag("<model>")], Discriminator(_form)
+]
+
+
+def settings(scenario):
+    """What a fitted star tracker depends on: {path: number, text or bool}, in SI, as far as it is given."""
+    tracker = scenario.star_tracker.model_dump(exclude=NOT_OF_THE_MODEL)
+    found = _flat(scenario.star_camera.model_dump(), ("star_camera",)) | _flat(tracker, ("star_tracker",))
+    return {path: value for path, value in found.items() if value is not None}
+
+
+def _flat(value, path):
+    """A section as {dotted path: single value}."""
+    if isinstance(value, dict):
+        items = value.items()
+    elif isinstance(value, list | tuple):
+        items = enumerate(value)
+    else:
+        return {".".join(map(str, path)): value}
+    found = {}
+    for key, inner in items:
+        found |= _flat(inner, (*path, key))
+    return found
+
+
+def digest(values):
+    """Digest of settings: 16 hexadecimal digits. dict -> str"""
+    import hashlib
+    import json
+
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def contradictions(scenario):
+    """Why the statistics of the star tracker do not hold: pairs of a field's path and text for people."""
+    tracker = scenario.star_tracker
+    if tracker.frames != "statistical" or not tracker.enabled:
+        return
+    if not isinstance(tracker.model, StarStatistics):
+        words = "frames: statistical needs the file that `shefex-nav characterise` writes"
+        yield ("star_tracker", "model"), words
+        return
+    yield from fitness(scenario)
+    found = settings(scenario)
+    for path, value in tracker.model.settings.items():
+        if path not in found:
+            words = f"the model is made for a setting {path} that there is not; characterise again"
+            yield ("star_tracker", "model"), words
+        elif not _holds(value, found[path]):
+            words = (
+                f"is {_text(found[path])} in SI, the statistics of the star tracker were fitted to "
+                f"{_text(value)}; characterise this scenario, or fly with star_tracker.frames: rendered"
+            )
+            yield tuple(int(part) if part.isdigit() else part for part in path.split(".")), words
+    if missing := sorted(set(found) - set(tracker.model.settings)):
+        words = f"the model does not say for which {missing[0]} it was made; characterise again"
+        yield ("star_tracker", "model"), words
+
+
+def fitness(scenario):
+    """Why there can be no statistics for a scenario's camera or way to search: as `contradictions`."""
+    path = ("star_tracker", "frames")
+    if scenario.star_camera.detector.shutter != "global":
+        yield path, "statistics of the star tracker are of a global shutter; fly with frames: rendered"
+    if scenario.star_tracker.detection.scan == "run_length":
+        words = "statistics of the star tracker do not know scan: run_length; fly with frames: rendered"
+        yield path, words
+
+
+def with_model(scenario, content):
+    """The same scenario with frames: statistical and the content of a file. Scenario, dict -> Scenario"""
+    model = StarStatistics.model_validate(content)
+    tracker = scenario.star_tracker.model_copy(update={"frames": "statistical", "model": model})
+    return scenario.model_copy(update={"star_tracker": tracker})
+
+
+def _holds(wanted, found):
+    """Whether a setting is the one of the model, or within its range."""
+    low, high = wanted if isinstance(wanted, list | tuple) else (wanted, wanted)
+    if isinstance(low, bool | str | None) or isinstance(found, bool | str | None):
+        return low == found
+    slack = SAME * max(abs(low), abs(high))
+    return low - slack <= found <= high + slack
+
+
+def _text(value):
+    if isinstance(value, list | tuple):
+        return " to ".join(map(_text, value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

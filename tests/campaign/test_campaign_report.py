@@ -1,0 +1,147 @@
+"""`report DIR`: the object for programs, the tables for people, the pictures."""
+
+import json
+
+import pytest
+import synthetic_campaign
+from typer.testing import CliRunner
+
+from shefex_nav import cli
+from shefex_nav.campaign import over_time, parts, summary
+from shefex_nav.campaign.results import open_campaign
+from shefex_nav.report import requirements
+
+N = 60
+KEYS = {"runs", "succeeded", "failed", "requirements", "wall_s", "results_digest"}
+REQUIREMENT_KEYS = {"name", "limit", "unit", "passed", "of", "ci95"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return synthetic_campaign.write(tmp_path_factory.mktemp("campaign") / "one", N, seed=3, breaks=True)
+
+
+@pytest.fixture(scope="module")
+def said(folder):
+    return CliRunner().invoke(cli.app, ["report", str(folder)])
+
+
+def test_the_object_has_exactly_its_keys(folder):
+    result = CliRunner().invoke(cli.app, ["report", str(folder), "--json"])
+    assert result.exit_code == 0
+    found = json.loads(result.stdout)
+    campaign = open_campaign(folder)
+    assert found.keys() == KEYS
+    assert (found["runs"], found["wall_s"]) == (N, 123.0)
+    assert found["failed"] == len(campaign.failures()) > 0
+    assert found["succeeded"] + found["failed"] == N
+    assert found["results_digest"] == campaign.digest and len(found["results_digest"]) == 64
+    wanted = campaign.scenario.requirements
+    assert [one["name"] for one in found["requirements"]] == [
+        name for name, value in wanted.model_dump().items() if value is not None and value is not False
+    ]
+    for one in found["requirements"]:
+        assert one.keys() == REQUIREMENT_KEYS
+        assert 0 <= one["passed"] <= one["of"] == found["succeeded"]
+        assert one["ci95"][0] <= one["passed"] / one["of"] <= one["ci95"][1]
+    assert found["requirements"][0]["unit"] == "deg"
+
+
+def test_the_tables_name_the_cause_of_failures_and_how_to_look_at_them(folder, said):
+    assert said.exit_code == 0, said.output
+    campaign = open_campaign(folder)
+    (cause,) = campaign.causes()
+    assert f"{len(cause.runs)} runs ({cause.runs[0]}, " in said.stdout
+    assert "kg is more than the thrust can lift" in said.stdout
+    assert f"shefex-nav repeat {folder} {cause.runs[0]} --log run{cause.runs[0]}.mcap\n" in said.stdout
+    assert "Failed runs drew vehicle.payload.mass from 49" in said.stdout
+
+
+def test_the_tables_have_every_part(said):
+    for part in (
+        "flew to their end", "attitude at entry", "at most 0.17 deg", "95 % interval", "frames of the window",
+        "95 % ellipse at apogee", "inside 3 sigma", "NEES of attitude", "Worst of the other runs",
+        "rank correlation",
+    ):  # fmt: skip
+        assert part in said.stdout, part
+
+
+def test_an_unfinished_campaign_says_so(tmp_path):
+    folder = synthetic_campaign.write(tmp_path / "c", 4)
+    head = json.loads((folder / "campaign.json").read_text())
+    (folder / "campaign.json").write_text(json.dumps(head | {"runs": 9}))
+    result = CliRunner().invoke(cli.app, ["report", str(folder)])
+    assert result.exit_code == 0 and "4 of 9, the campaign is not finished" in result.stdout
+
+
+def test_a_campaign_of_failures_alone_is_told(tmp_path):
+    folder = synthetic_campaign.write(tmp_path / "c", 2, with_series=False)
+    for path in (folder / "runs").glob("*.json"):
+        record = json.loads(path.read_text()) | {
+            "status": "failed",
+            "reason": "FlightError: no",
+            "summary": {},
+        }
+        path.write_text(json.dumps(record))
+    result = CliRunner().invoke(cli.app, ["report", str(folder)])
+    assert result.exit_code == 0 and "FlightError: no" in result.stdout
+    result = CliRunner().invoke(cli.app, ["report", str(folder), "--json"])
+    assert {one["ci95"] for one in json.loads(result.stdout)["requirements"]} == {None}
+
+
+@pytest.mark.parametrize("kind", ["empty", "no folder above"])
+def test_bad_input_is_one_message(tmp_path, folder, kind):
+    arguments = ["report", str(tmp_path)]
+    if kind != "empty":
+        (tmp_path / "file").write_text("")
+        arguments = ["report", str(folder), "--figures", str(tmp_path / "file" / "x")]
+    result = CliRunner().invoke(cli.app, arguments)
+    assert result.exit_code == 2 and "Traceback" not in result.output
+    assert ("campaign.json" if kind == "empty" else "cannot make the folder") in result.output.replace(
+        "\n", ""
+    )
+
+
+def test_pictures_are_drawn_of_all_that_there_is(folder, tmp_path):
+    result = CliRunner().invoke(cli.app, ["report", str(folder), "--json", "--figures", str(tmp_path / "f")])
+    assert result.exit_code == 0, result.output
+    written = {path.name for path in (tmp_path / "f").iterdir()}
+    expected = {"errors", "nees", "containment", "ellipses", "convergence", "sensitivity"}
+    assert written == {f"{name}.png" for name in expected}
+    assert all(path.stat().st_size > 10_000 for path in (tmp_path / "f").iterdir())
+
+
+def test_the_worst_runs_are_those_that_miss_most(folder):
+    campaign = open_campaign(folder)
+    worst = summary.worst_runs(campaign, 5)
+    assert len(worst) == 5 and [one.severity for one in worst] == sorted(
+        (w.severity for w in worst), reverse=True
+    )
+    missed = (~campaign.judgements.passed).sum(axis=1)
+    runs = campaign.runs[campaign.succeeded].tolist()
+    assert missed[runs.index(worst[0].run)] == missed.max()
+    judged = campaign.judged([worst[0].run])[worst[0].run]
+    assert requirements.severity(judged) == worst[0].severity
+
+
+def test_a_wrong_covariance_is_in_the_tables(tmp_path):
+    campaign = open_campaign(synthetic_campaign.write(tmp_path / "c", 60, truth_over_sigma=1.4))
+    found = parts.covariance(campaign, over_time.read(campaign))
+    words = [str(cell) for row in found.rows for cell in row]
+    assert "covariance too small" in words and "covariance too large" not in words
+    assert {"  NEES of attitude, end of coast", "  NIS of gps"} <= set(words)
+
+
+def test_the_page_has_everything_and_loads_nothing(folder, tmp_path):
+    path = tmp_path / "page.html"
+    result = CliRunner().invoke(cli.app, ["report", str(folder), "--json", "--html", str(path)])
+    assert result.exit_code == 0, result.output
+    page = path.read_text()
+    for words in (
+        "Campaign synthetic, seed 3", "attitude at entry", "more than the thrust can lift", "Worst of the",
+        open_campaign(folder).digest, "figure-errors", "figure-sensitivity", "imu:",
+    ):  # fmt: skip
+        assert words in page, words
+    assert "://" not in page and "<script" not in page
+    again = CliRunner().invoke(cli.app, ["report", str(folder), "--html", str(path)])
+    assert again.exit_code == 2 and "exists already" in " ".join(again.output.split())

@@ -1,0 +1,317 @@
+"""Campaigns in one process: what is kept, resumed, refused, counted. Missions of two seconds at rest."""
+
+import json
+from concurrent.futures.process import BrokenProcessPool
+
+import numpy as np
+import pytest
+from short_campaign import BREAKS, HereLane, fly, write
+
+from shefex_nav.campaign import draws, engine, flight, repeating, results, running, store, summary, table
+from shefex_nav.campaign.flight import Pilot
+from shefex_nav.log import reader
+from shefex_nav.report import metrics
+from shefex_nav.scenario import load
+
+RUNS = 4
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    """The short mission."""
+    return load.load(write(tmp_path_factory.mktemp("scenario")))
+
+
+@pytest.fixture(scope="module")
+def whole(scenario, tmp_path_factory):
+    """(folder, Ended) of a campaign that nothing disturbed."""
+    folder = tmp_path_factory.mktemp("whole") / "campaign"
+    return folder, fly(scenario, folder, RUNS)
+
+
+def test_every_run_is_a_row_with_its_draws(whole, scenario):
+    folder, ended = whole
+    rows = list(table.load(folder / "results.parquet"))
+    assert [row["run"] for row in rows] == list(range(RUNS))
+    assert {row["status"] for row in rows} == {"succeeded"}
+    assert not ended.interrupted and ended.digest == table.digest(rows)
+    _, sampler = running.prepared(scenario, RUNS, 1)
+    for run, row in enumerate(rows):
+        job = sampler.job(run)
+        assert row["seed"] == job.seed
+        assert {name: row[f"draw.{name}"] for name in job.draws} == job.draws
+    errors = [row["summary.navigation.position_error_m.rms"] for row in rows]
+    assert len(set(errors)) == RUNS and max(errors) < 100.0
+
+
+def test_series_of_a_run_are_its_errors(whole, scenario):
+    """Against the same mission flown with a log: errors, sigmas, NEES and NIS at every half second."""
+    folder, _ = whole
+    kept = np.load(folder / "runs" / "000002.npz")
+    log = folder / "two.mcap"
+    assert repeating.repeat(folder, 2, log).same
+    data = reader.read(log)
+    log.unlink()
+    errors = metrics.navigation_errors(data)
+    assert kept["t_s"] == pytest.approx([0.5, 1.0, 1.5, 2.0])
+    k = np.searchsorted(errors.t_s, kept["t_s"] - 1e-6)
+    assert kept["position_error_i"] == pytest.approx(errors.position_i[k], abs=1e-9)
+    assert kept["attitude_error_b"] == pytest.approx(errors.attitude_b[k], abs=1e-12)
+    j = np.searchsorted(data.covariance.t_s, kept["t_s"] - 1e-6)
+    P = data.covariance.P[j]
+    for column, place, name in (
+        (0, 6, "attitude_error_b"),
+        (1, 3, "velocity_error_i"),
+        (2, 0, "position_error_i"),
+    ):
+        block = slice(place, place + 3)
+        expected = [e @ np.linalg.solve(M, e) for e, M in zip(kept[name], P[:, block, block], strict=True)]
+        assert kept["nees"][:, column] == pytest.approx(expected, rel=1e-6)
+    gates = [gate for gate in data.gates if gate.sensor == "gps_position" and gate.dof > 0]
+    assert kept["nis_sum.gps_position"].sum() == pytest.approx(sum(gate.nis for gate in gates))
+    assert kept["nis_dof.gps_position"].sum() == sum(gate.dof for gate in gates) == 3 * len(gates) > 0
+    assert (folder / "runs" / "000002.npz").stat().st_size < 20_000
+
+
+def test_true_biases_stand_in_the_series(whole, scenario):
+    """Error plus estimate is the bias that was drawn: constant but for what changes in the run."""
+    folder, _ = whole
+    kept = np.load(folder / "runs" / "000000.npz")
+    assert np.abs(kept["gyro_bias_error"]).max() < 5.0 * kept["gyro_bias_sigma"].max()
+    assert 0.0 < np.abs(kept["accel_bias_error"]).max() < 5.0 * kept["accel_bias_sigma"].max()
+
+
+class Backwards(HereLane):
+    """Takes all runs and returns them in the reverse order."""
+
+    capacity = RUNS
+
+
+def test_order_of_completion_and_number_of_lanes_do_not_matter(whole, scenario, tmp_path):
+    plan, sampler = running.prepared(scenario, RUNS, 1)
+    jobs = [sampler.job(run) for run in reversed(range(RUNS))]
+    with store.Store(tmp_path) as kept:
+        kept.begin(plan, {})
+        engine.fly(jobs, [HereLane(plan), Backwards(plan)], kept.keep)
+        assert kept.tabulate(RUNS)[1] == whole[1].digest
+
+
+def test_an_interrupted_campaign_goes_on_to_the_same_result(whole, scenario, tmp_path):
+    looks = iter([False, False, True])
+    first = fly(scenario, tmp_path, RUNS, stopped=lambda: next(looks))
+    assert first.interrupted and 0 < len(first.rows) < RUNS
+    assert [row["run"] for row in table.load(tmp_path / "results.parquet")] == [
+        row["run"] for row in first.rows
+    ]
+    flown = []
+    second = fly(scenario, tmp_path, RUNS, before=lambda job: flown.append(job.run))
+    assert len(flown) == RUNS - len(first.rows)
+    assert second.digest == whole[1].digest
+    assert second.wall_s > first.wall_s
+
+
+def test_half_a_file_counts_for_nothing(whole, scenario, tmp_path):
+    """What a power failure or a kill may leave: parts of files, a record without its end."""
+    fly(scenario, tmp_path, RUNS)
+    record = tmp_path / "runs" / "000001.json"
+    record.write_text(record.read_text()[:100])
+    (tmp_path / "runs" / "000002.json").rename(tmp_path / "runs" / "000002.json.part")
+    flown = []
+    again = fly(scenario, tmp_path, RUNS, before=lambda job: flown.append(job.run))
+    assert sorted(flown) == [1, 2]
+    assert again.digest == whole[1].digest
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_more_runs_add_to_what_is_there(whole, scenario, tmp_path):
+    fly(scenario, tmp_path, 2)
+    assert fly(scenario, tmp_path, RUNS).digest == whole[1].digest
+    assert len(fly(scenario, tmp_path, 3).rows) == 3  # fewer: the table of these
+
+
+def test_another_scenario_is_refused_with_the_difference(whole, scenario, tmp_path):
+    folder, _ = whole
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    changed = load.load(write(tmp_path), ["imu.gyro.bias=3 deg/h", "gps.max_pdop=6"])
+    with pytest.raises(store.StoreError) as refused:
+        fly(changed, folder, RUNS)
+    lines = str(refused.value).splitlines()
+    assert lines[0].startswith(f"{folder}: the scenario is not the one that was flown here")
+    changes = [line for line in lines[3:] if line[0] in "+-"]
+    assert changes == [
+        "-imu.gyro.bias: 0.5 deg/h", "+imu.gyro.bias: 3 deg/h", "-gps.max_pdop: 10", "+gps.max_pdop: 6",
+    ]  # fmt: skip
+    with pytest.raises(store.StoreError, match="was flown with --seed 1, not 2"):
+        fly(scenario, folder, RUNS, seed=2)
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+def test_a_latin_hypercube_is_refused_with_another_number(tmp_path):
+    latin = load.load(write(tmp_path), ["campaign.sampling=latin_hypercube"])
+    fly(latin, tmp_path / "campaign", 2)
+    with pytest.raises(store.StoreError, match="a Latin hypercube of 2 runs, of which each draw depends on"):
+        fly(latin, tmp_path / "campaign", 3)
+
+
+def test_two_campaigns_do_not_share_a_folder(scenario, tmp_path):
+    with store.Store(tmp_path), pytest.raises(store.StoreError, match="another campaign is at work"):
+        fly(scenario, tmp_path, 1)
+
+
+def test_every_fifth_run_fails_and_says_why(tmp_path):
+    """An exposure longer than the longest contradicts another field: an error of the run that draws it."""
+    rows = "\n".join("0.06" if run % 5 == 4 else "0.02" for run in range(10))
+    (tmp_path / "step.csv").write_text(f"step_s\n{rows}\n")
+    more = "  star_tracker.exposure.start: {table: {file: step.csv, column: step_s, unit: s}}\n"
+    scenario = load.load(write(tmp_path, more), ["star_tracker.exposure.shortest=10 ms"])
+    ended = fly(scenario, tmp_path / "campaign", 10, keep=(running.Keep("failed"),))
+    failed = [row for row in ended.rows if row["status"] == "failed"]
+    assert [row["run"] for row in failed] == [4, 9]
+    for row in failed:
+        assert row["reason"].startswith("ScenarioError: drawn: star_tracker.exposure.start:")
+        assert 'File "shefex_nav/' in row["traceback"] and "60 ms" in row["reason"]
+        assert row["draw.star_tracker.exposure.start"] == 0.06
+    assert all(
+        row["summary.navigation.position_error_m.rms"] < 100.0 for row in ended.rows if row not in failed
+    )
+    result = summary.summary_object(results.open_campaign(tmp_path / "campaign"))
+    assert (result["runs"], result["succeeded"], result["failed"]) == (10, 8, 2)
+    assert json.loads(json.dumps(result, allow_nan=False))["results_digest"] == ended.digest
+
+
+def test_a_table_must_be_long_enough(tmp_path):
+    (tmp_path / "mass.csv").write_text("mass_kg\n487\n488\n")
+    scenario = load.load(write(tmp_path, BREAKS))
+    with pytest.raises(running.BadCampaign, match="table: 2 values for 3 runs"):
+        running.prepared(scenario, 3, 1)
+
+
+def test_the_worst_run_gets_a_log(whole, scenario, tmp_path):
+    """Flown again exactly: the log gives the summary that the record has."""
+    ended = fly(scenario, tmp_path, RUNS, keep=(running.Keep("worst", 1),))
+    worst = max(ended.rows, key=lambda row: row["summary.navigation.attitude_error_deg.rms"])
+    (log,) = (tmp_path / "logs").iterdir()
+    assert log.name == f"{worst['run']:06d}.mcap"
+    found = metrics.summarise(reader.read(log))
+    kept = store.read_record(tmp_path, worst["run"])["summary"]
+    timed = ("log", "wall_s", "setup_s", "real_time_factor", "star_tracker")
+    assert {k: v for k, v in found.items() if k not in timed} == {
+        k: v for k, v in kept.items() if k not in timed
+    }
+    assert ended.digest == whole[1].digest
+
+
+def test_repeat_says_whether_it_is_the_same(whole, tmp_path, scenario):
+    folder, _ = whole
+    repeated = repeating.repeat(folder, 3)
+    assert repeated.same and repeated.words() == "run 3: succeeded; the same as its row"
+    fly(scenario, tmp_path, 1)
+    record = json.loads((tmp_path / "runs" / "000000.json").read_text())
+    record["summary"]["navigation"]["velocity_error_m_s"]["max"] += 1e-9
+    (tmp_path / "runs" / "000000.json").write_text(json.dumps(record))
+    changed = repeating.repeat(tmp_path, 0)
+    assert list(changed.differences) == ["summary.navigation.velocity_error_m_s.max"] and not changed.same
+    with pytest.raises(store.StoreError, match="has runs 0 to 0, there is no run 1"):
+        repeating.repeat(tmp_path, 1)
+    with pytest.raises(store.StoreError, match=r"there is no campaign\.json"):
+        repeating.repeat(tmp_path / "runs", 0)
+
+
+def test_a_shared_flight_is_flown_once(tmp_path):
+    """Sensors differ, truth does not: the same file for all runs, also when the campaign goes on."""
+    path = write(tmp_path)
+    path.write_text(path.read_text().replace("  ground.latitude: {uniform: [-1 deg, 1 deg]}\n", ""))
+    shared = load.load(path, ["campaign.flight=shared"])
+    fly(shared, tmp_path / "campaign", 1)
+    flown = (tmp_path / "campaign" / "flight.npz").read_bytes()
+    ended = fly(shared, tmp_path / "campaign", 3)
+    assert (tmp_path / "campaign" / "flight.npz").read_bytes() == flown
+    assert len({row["summary.navigation.position_error_m.rms"] for row in ended.rows}) == 3
+    assert repeating.repeat(tmp_path / "campaign", 2).same
+
+
+class Deadly(HereLane):
+    """Its worker dies of certain runs, so many times."""
+
+    def __init__(self, plan, deaths):
+        super().__init__(plan)
+        self.deaths = dict(deaths)
+
+    def submit(self, job):
+        """Future of a run, or of a worker that is gone."""
+        future = super().submit(job)
+        if self.deaths.get(job.run, 0):
+            self.deaths[job.run] -= 1
+            future = type(future)()
+            future.set_exception(BrokenProcessPool("a child process terminated abruptly"))
+        return future
+
+
+def test_a_killed_worker_costs_nothing_unless_it_is_killed_again_and_again(whole, scenario, tmp_path):
+    plan, sampler = running.prepared(scenario, RUNS, 1)
+    lane = Deadly(plan, {0: 1, 2: 2})
+    with store.Store(tmp_path / "some") as kept:
+        engine.fly((sampler.job(run) for run in range(RUNS)), [lane], kept.keep)
+        assert lane.renewed == 3
+        assert kept.tabulate(RUNS)[1] == whole[1].digest
+    with store.Store(tmp_path / "all") as kept:
+        engine.fly((sampler.job(run) for run in range(RUNS)), [Deadly(plan, {1: 3})], kept.keep)
+        rows, _ = kept.tabulate(RUNS)
+    assert [row["status"] for row in rows] == ["succeeded", "failed", "succeeded", "succeeded"]
+    assert rows[1]["reason"] == "its worker was killed in each of 3 attempts"
+
+
+def test_workers_that_all_die_end_the_campaign(scenario):
+    plan, sampler = running.prepared(scenario, 100, 1)
+    lane = Deadly(plan, {run: 3 for run in range(100)})
+    lane._pilot = type("Idle", (), {"fly": lambda self, job: None})()
+    with pytest.raises(engine.EngineError, match="workers ended one after the other without a result"):
+        engine.fly((sampler.job(run) for run in range(100)), [lane], lambda flown: None)
+
+
+def test_a_fault_of_the_program_is_no_failed_run(scenario):
+    plan, sampler = running.prepared(scenario, 1, 1)
+
+    def broken(job):
+        raise TypeError("a slip")
+
+    with pytest.raises(TypeError, match="a slip"):
+        engine.fly([sampler.job(0)], [HereLane(plan, broken)], lambda flown: None)
+
+
+def test_the_scenario_of_a_run_is_that_of_its_draws(scenario):
+    plan, sampler = running.prepared(scenario, 5, 1)
+    job = sampler.job(4)
+    flown = Pilot(plan).scenario(job)
+    assert flown.imu.gyro.bias == pytest.approx(
+        scenario.imu.gyro.bias * job.draws["imu.gyro.bias"], rel=1e-12
+    )
+    degrees = np.degrees(flown.ground.latitude - scenario.ground.latitude)
+    assert degrees == pytest.approx(job.draws["ground.latitude"], abs=1e-9)
+    assert draws.sensor_seed(1, 4) == job.seed != draws.sensor_seed(2, 4)
+
+
+def test_a_traceback_does_not_say_where_things_are_installed():
+    """It is in the table, and the table is to be the same on every machine."""
+    try:
+        np.linalg.cholesky(-np.eye(2))
+    except np.linalg.LinAlgError as error:
+        text = flight._traceback(error)
+    assert 'File "numpy/linalg/_linalg.py"' in text
+    assert text.endswith("LinAlgError: Matrix is not positive definite\n")
+
+
+def test_a_worker_that_does_not_fit_is_refused(scenario, monkeypatch):
+    plan, sampler = running.prepared(scenario, 1, 1)
+    monkeypatch.setattr(flight, "_pilot", None)
+    bad = {
+        "flies 2 runs at a time; start each with --nthreads 1": lambda: flight.prepare_worker(plan, 2),
+        "not 1.0: all need the same": lambda: flight.prepare_worker(
+            plan._replace(versions=plan.versions | {"numpy": "1.0"})
+        ),
+    }
+    for words, prepare in bad.items():
+        prepare()
+        with pytest.raises(flight.WorkerError) as refused:
+            flight.fly(sampler.job(0))
+        assert words in str(refused.value)

@@ -1,0 +1,179 @@
+"""The fit finds what synthetic runs were drawn from, and the judgement notices what does not agree."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from shefex_nav import statistical
+from shefex_nav.campaign.characterise import fit, judge, model, running
+from shefex_nav.campaign.characterise.collect import Collected, Frames, Searches, Sources
+from shefex_nav.records import Reason
+from shefex_nav.scenario.load import load
+from shefex_nav.scenario.star_statistics import StarStatistics
+from shefex_nav.world.camera import sightings
+
+DEFAULT = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
+NOISE, REPORTED = np.array([4e-4, 1.6, 1.3]), np.array([1e-4, 1.4, 1.5])
+DETECTION = np.array([-6.0, 4.0])
+MAX_RATE, FULL_DN, WRONG = 0.04, 255.0, np.radians(0.5)
+
+
+def run(seed, frames=150, stars=12, noise_factor=1.0):
+    """A synthetic run: stars that stay in the field, with errors of the variances above."""
+    rng = np.random.default_rng(seed)
+    n = frames * stars
+    frame = np.repeat(np.arange(frames), stars)
+    electrons = np.tile(np.exp(rng.uniform(np.log(150.0), np.log(3e4), stars)), frames)
+    along = np.repeat(rng.uniform(0.8, 2.0, frames), stars)
+    t_along, t_across = np.empty((n, 3)), np.empty((n, 3))
+    for k in range(n):
+        t_along[k], t_across[k] = sightings.terms(along[k], 0.8, electrons[k], 17.0)
+    q = sightings.contrast(along, 0.8, electrons, 17.0)
+    found = rng.random(n) < 1.0 / (1.0 + np.exp(-DETECTION[0] - DETECTION[1] * np.log(q)))
+    error = noise_factor * rng.standard_normal((n, 2))
+    error *= np.sqrt(np.stack([t_along @ NOISE, t_across @ NOISE], axis=1))
+    peak = electrons / (2.0 * np.pi * along * 0.8)
+    sources = Sources(
+        frame=frame,
+        hip=np.tile(np.arange(1, stars + 1), frames),
+        q=q,
+        along=t_along,
+        across=t_across,
+        peak=peak,
+        border_px=rng.uniform(20.0, 200.0, n),
+        clear=np.ones(n, dtype=bool),
+        found=found,
+        named=found,
+        saturated=peak > 2500.0,
+        error=np.where(found[:, None], error, np.nan),
+        reported=np.stack([t_along @ REPORTED, t_across @ REPORTED], axis=1),
+    )
+    ones = np.ones(frames)
+    return Collected(
+        Frames(
+            t_s=0.1 * np.arange(frames), rate=0.03 * ones, exclusion_met=ones > 0, exposure_s=0.05 * ones,
+            sun_angle=2.0 * ones, limb_angle=ones, reason=np.zeros(frames, dtype=int), first=ones < 0,
+            stars=np.bincount(frame[found], minlength=frames), mean_dn=0.2 * ones, level_dn=20.0 * ones,
+            wrong=0 * ones, error=1e-5 * noise_factor * rng.standard_normal((frames, 3)),
+            sigma=1e-5 * np.ones((frames, 3)),
+        ),
+        sources,
+        searches(rng, 400),
+    )  # fmt: skip
+
+
+def searches(rng, n):
+    """Searches of which 3 stars are enough half of the time, 5 always; one in ten of the few is wrong."""
+    stars = rng.integers(1, 9, n)
+    first = rng.random(n) < 0.2
+    good = rng.random(n) < np.select([stars < 3, stars < 5], [0.0, 0.5], 1.0)
+    error = 1e-5 * rng.standard_normal((n, 3))
+    error[(stars < 5) & (rng.random(n) < 0.1)] += 0.2
+    error[~good] = np.nan
+    return Searches(stars, first, good, error, np.ones(n, dtype=bool))
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return [run(seed) for seed in range(4)]
+
+
+def test_fit_finds_the_parameters_of_synthetic_runs(runs):
+    found = fit.sightings(runs, MAX_RATE, FULL_DN)
+    np.testing.assert_allclose(found.reported, REPORTED, rtol=1e-6)
+    # about 9000 errors: 1.5 % of a variance; the parts are less certain than their sum
+    np.testing.assert_allclose(found.noise, NOISE, rtol=0.25)
+    for electrons in (300.0, 1000.0, 10_000.0):
+        parts, _ = sightings.terms(1.2, 0.8, electrons, 17.0)
+        np.testing.assert_allclose(found.noise @ parts, NOISE @ parts, rtol=0.08)
+    np.testing.assert_allclose(found.detection, DETECTION, rtol=0.15)
+    assert found.saturation_electrons == pytest.approx(2500.0, rel=0.1)
+    assert found.mean_offset_dn == pytest.approx(0.2)
+    assert found.border_px == 0.0
+
+
+def test_a_centroid_that_is_another_objects_light_does_not_move_the_fit(runs):
+    wild = [one._replace(sources=one.sources._replace(error=one.sources.error.copy())) for one in runs]
+    rng = np.random.default_rng(3)
+    for one in wild:
+        rows = rng.choice(len(one.sources.q), 10, replace=False)
+        one.sources.error[rows] = 2.0
+    a, b = fit.sightings(runs, MAX_RATE, FULL_DN).noise, fit.sightings(wild, MAX_RATE, FULL_DN).noise
+    np.testing.assert_allclose(a, b, rtol=0.05, atol=1e-5)
+
+
+def test_table_of_identification_has_the_shares_that_were_drawn(runs):
+    found = fit.identification(runs, MAX_RATE, WRONG)
+    expected = {1: 0.0, 2: 0.0, 3: 0.5, 4: 0.5, 5: 1.0, 6: 1.0, 7: 1.0, 8: 1.0}
+    assert found.stars.tolist() == list(expected)
+    n = 1600 / 8 * 0.8
+    for stars, first, later, wrong in zip(*found[:4], strict=True):
+        share = expected[stars]
+        assert abs(later - share) < 4.5 * np.sqrt(share * (1.0 - share) / n) + 1e-12
+        assert abs(first - share) < 4.5 * np.sqrt(share * (1.0 - share) / (n / 4)) + 1e-12
+        assert (wrong > 0.0) == (stars in (3, 4))
+    assert len(found.wrong_turns) and np.linalg.norm(found.wrong_turns, axis=1).min() > WRONG
+    assert found.named == 1.0
+    assert found.fastest == pytest.approx(fit.REACH * 0.03)  # far below the 0.04 that the tracker takes
+    assert fit.identification(runs, 0.031, WRONG).fastest == 0.031
+
+
+def test_threshold_and_limits_of_the_fit():
+    value = np.array([5.0, 1.0, 3.0, 2.0, 4.0])
+    assert fit.threshold(value, value > 2.5) == 2.5
+    assert fit.threshold(value, value > 9.0) == np.inf
+    assert fit.threshold(value, value > 0.0) <= 1.0
+    with pytest.raises(fit.FitError, match="no limit of detection"):
+        fit.odds(np.array([1.0, 2.0]), np.array([True, True]))
+    separable = fit.odds(np.linspace(1.0, 10.0, 200), np.linspace(1.0, 10.0, 200) > 4.0)
+    assert np.exp(-separable[0] / separable[1]) == pytest.approx(4.0, rel=0.02)
+
+
+def test_judgement_passes_what_agrees_and_notices_what_does_not(runs):
+    fitted = fit.sightings(runs, MAX_RATE, FULL_DN)
+    fresh = [run(seed) for seed in (11, 12)]
+    assert all(test.good for test in judge.centroids(fresh, fitted, MAX_RATE))
+    noisy = [run(seed, noise_factor=1.3) for seed in (11, 12)]
+    assert sum(not test.good for test in judge.centroids(noisy, fitted, MAX_RATE)) == 2
+    lasting = [one._replace(sources=one.sources._replace(error=_lasting(one.sources))) for one in fresh]
+    wrong = [test for test in judge.centroids(lasting, fitted, MAX_RATE) if not test.good]
+    assert [test.what for test in wrong] == ["correlation of a star's error from frame to frame"]
+
+    one, other = [[judge.of_frames(part.frames) for part in group] for group in (fresh, noisy)]
+    assert all(test.good for test in judge.fixes(one, one, WRONG))
+    assert {test.what for test in judge.fixes(one, other, WRONG) if not test.good} == {
+        "scatter of attitudes across the boresight, statistical over rendered",
+        "scatter of attitudes about the boresight, statistical over rendered",
+    }
+    lost = [part._replace(reason=np.where(np.arange(150) < 6, Reason.NO_MATCH, part.reason)) for part in one]
+    assert sum(not test.good for test in judge.fixes(one, lost, WRONG)) == 2  # fewer fixes, another reason
+
+
+def _lasting(sources):
+    """The same errors with a part that each star keeps: half of the variance."""
+    sigma = np.sqrt(np.stack([sources.along @ NOISE, sources.across @ NOISE], axis=1))
+    kept = np.random.default_rng(5).standard_normal((40, 2))[sources.hip]
+    kept /= np.sqrt((kept**2).mean(axis=0))
+    return np.sqrt(0.5) * (sources.error + sigma * kept)
+
+
+def test_ranges_of_dispersed_settings():
+    runs = [{"a": 1.0, "b": "x", "c": 2.0}, {"a": 1.0, "b": "x", "c": 4.0}, {"a": 1.0, "b": "x", "c": 3.0}]
+    assert running.spans(runs) == {"c": (2.0, 4.0)}
+
+
+def test_the_file_is_a_section_of_a_scenario(runs):
+    """Written, read and turned into parameters again, to the digits that are kept."""
+    scenario = load(DEFAULT)
+    found = fit.sightings(runs, MAX_RATE, FULL_DN), fit.identification(runs, MAX_RATE, WRONG)
+    tests = [test.as_dict() for test in judge.centroids(runs, found[0], MAX_RATE)]
+    content = model.section(scenario, *found, {"runs": 4}, tests)
+    read = StarStatistics.model_validate(json.loads(model.text(content)))
+    again = statistical.models(SimpleNamespace(star_tracker=SimpleNamespace(model=read)))
+    for one, other in zip(found, again, strict=True):
+        for a, b in zip(one, other, strict=True):
+            np.testing.assert_allclose(b, a, rtol=1e-3)
+    assert read.made["scenario"] == "shefex2_andoya" and len(read.tests) == len(tests)

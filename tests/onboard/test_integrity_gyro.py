@@ -1,0 +1,127 @@
+"""Gyros that are wrong but alive: what the comparison with star fixes finds, and what it leaves alone."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from shefex_nav.geometry import rotation
+from shefex_nav.onboard.navigation import integrity_gyro
+
+ARCSEC = np.pi / 648000.0
+WALK, QUANTUM = 9e-6, 5e-7  # rad/sqrt(s), rad
+SIGMA = np.array([1.2, 12.0, 1.1]) * ARCSEC  # of star fixes about the body axes
+R = np.diag(SIGMA**2)
+BIAS = 0.5 * ARCSEC  # rad/s, known to
+P = BIAS**2 * np.eye(15)
+DT = 0.1
+S = np.diag((1.3 * SIGMA) ** 2)  # of innovations where the filter uses the fixes
+
+
+def watch(relative=2e-4):
+    model = SimpleNamespace(gyro_random_walk=WALK, gyro_quantum=QUANTUM)
+    return integrity_gyro.GyroWatch(model, relative)
+
+
+def turned(q, phi):
+    return rotation.quat_normalise(rotation.quat_multiply(q, rotation.quat_from_rotvec(phi)))
+
+
+def fly(one, seconds, rng, *, rate=(0.0, 0.0, 0.0), wrong=None, spoil=None, uses=False):
+    """Findings [(t_s, Finding)] of a flight with ten star fixes a second.
+
+    rate : (3,) rad/s, of the vehicle
+    wrong : t_s -> (3,) rad/s, what the gyros read too much
+    spoil : number of the fix -> (3,) rad, by which it is wrong
+    uses : whether the filter takes the fixes in, which moves its attitude
+    """
+    true = estimated = rotation.quat_normalise(rng.standard_normal(4))
+    found = []
+    for k in range(round(seconds / DT)):
+        t_s = k * DT
+        measured = turned(true, SIGMA * rng.standard_normal(3) + (spoil(k) if spoil else 0.0))
+        z = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(estimated), measured))
+        good = uses and np.linalg.norm(z) < 200.0 * ARCSEC
+        finding = one.compare(SimpleNamespace(t_s=t_s, q_ib=estimated), P, z, R, S if good else None)
+        if finding:
+            found.append((t_s, finding))
+        if good:
+            estimated = turned(estimated, z - R @ np.linalg.solve(S, z))
+        true = turned(true, np.array(rate) * DT)
+        error = WALK * np.sqrt(DT) * rng.standard_normal(3) + (wrong(t_s) * DT if wrong else 0.0)
+        estimated = turned(estimated, np.array(rate) * DT + error)
+    return found
+
+
+@pytest.mark.parametrize("uses", [False, True])
+def test_healthy_gyros_are_left_alone(uses):
+    """Half an hour of star fixes, 18 000 comparisons three times over, while the vehicle turns."""
+    one = watch()
+    assert not fly(one, 1800.0, np.random.default_rng(1), rate=(0.0, 0.004, -0.002), uses=uses)
+    assert one.trust(1800.0) and not one.failed
+    assert one.checked_s > 1795.0  # and they are known to be right
+
+
+@pytest.mark.parametrize("uses", [False, True])
+@pytest.mark.parametrize(("axis", "deg_s", "within_s"), [(1, 1.0, 0.7), (2, 0.05, 0.7), (0, 0.003, 8.5)])
+def test_a_bias_that_jumps_is_found(axis, deg_s, within_s, uses):
+    """The axis is named, the rate is right within its sigma, and sooner the larger it is."""
+    error = np.radians(deg_s) * np.eye(3)[axis]
+    one = watch()
+    rng = np.random.default_rng(2)
+    found = fly(one, 30.0, rng, wrong=lambda t: error * (t >= 20.0), uses=uses)
+    t_s, finding = found[0]
+    assert 20.0 < t_s <= 20.0 + within_s
+    assert finding.axes == (integrity_gyro.AXES[axis],)
+    if deg_s > 0.01:  # the short comparison begins within the fault, or shortly before
+        assert -finding.rate_b[axis] == pytest.approx(error[axis], rel=0.35)
+    assert np.count_nonzero(finding.admitted) == 1 and finding.admitted[axis] >= abs(finding.rate_b[axis])
+    assert one.failed == finding.axes and not one.trust(t_s)
+
+
+def test_a_scale_factor_is_found_when_the_vehicle_turns():
+    rate, one = np.array([0.0, 0.02, 0.0]), watch()
+    found = fly(one, 20.0, np.random.default_rng(3), rate=rate, wrong=lambda t: 0.05 * rate * (t > 10.0))
+    assert found and found[0][1].axes == ("gyro y",) and found[0][0] < 12.0
+    at_rest = fly(watch(), 20.0, np.random.default_rng(3), wrong=lambda t: 0.0 * rate)
+    assert not at_rest
+
+
+@pytest.mark.parametrize("uses", [False, True])
+def test_wrong_star_fixes_are_not_blamed_on_the_gyros(uses):
+    """Every tenth by 0.5 to 180 deg, and one in a hundred twice in a row; 6000 fixes."""
+    rng = np.random.default_rng(4)
+
+    def spoil(k):
+        angle = np.radians(0.5 * 360.0 ** rng.random())
+        direction = rng.standard_normal(3)
+        wrong = k % 10 == 0 or k % 100 == 1
+        return angle * direction / np.linalg.norm(direction) if wrong else np.zeros(3)
+
+    assert not fly(watch(), 600.0, rng, spoil=spoil, uses=uses)
+
+
+def test_a_camera_that_is_knocked_is_not_blamed_on_the_gyros():
+    """Steps of 0.01 to 1 deg, one in half a minute."""
+    rng, steps = np.random.default_rng(5), {}
+
+    def spoil(k):
+        number = k // 300
+        if number not in steps:
+            last = steps.get(number - 1, np.zeros(3))
+            angle = np.radians(10.0 ** rng.uniform(-2.0, 0.0))
+            steps[number] = last + angle * rng.standard_normal(3) / np.sqrt(3.0)
+        return steps[number]
+
+    assert not fly(watch(), 900.0, rng, spoil=spoil)
+
+
+def test_gyros_that_were_wrong_need_stars():
+    """Right again once they conform; not to be trusted from ten seconds after the last star on."""
+    one = watch()
+    fault = np.radians([0.0, 0.0, 0.5])
+    fly(one, 12.0, np.random.default_rng(6), wrong=lambda t: fault * (1.0 <= t < 1.8))
+    assert one.failed == ("gyro z",) and one.wrong == ()
+    assert one.checked_s > 11.0
+    assert one.trust(one.checked_s + 9.9) and not one.unchecked
+    assert not one.trust(one.checked_s + 10.1) and one.unchecked

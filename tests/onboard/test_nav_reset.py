@@ -1,0 +1,70 @@
+"""Large corrections of the attitude: what a filter may conclude from them about the camera's mounting."""
+
+import numpy as np
+import pytest
+from navigation_flight import ARCSEC, C_BC, DEG, P_STAR_C
+
+from shefex_nav.geometry import rotation
+from shefex_nav.onboard.navigation import eskf, measurements
+from shefex_nav.onboard.navigation.state import ATT, NavState, layout
+from shefex_nav.records import StarFix
+
+LAYOUT = layout(("mounting",))
+MOUNTING = LAYOUT.places["mounting"]
+SIGMA_MOUNTING = 70.0 * ARCSEC
+
+
+def fixes(rng, mounting, q_ib, number):
+    """Star fixes of a camera that is off by `mounting`."""
+    for _ in range(number):
+        q = rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(mounting))
+        q = rotation.quat_multiply(q, rotation.quat_from_dcm(C_BC))
+        q = rotation.quat_multiply(
+            q, rotation.quat_from_rotvec(0.1 * np.sqrt(np.diag(P_STAR_C)) * rng.standard_normal(3))
+        )
+        yield StarFix(0, 0.0, 0.0, 0, q, 0.01 * P_STAR_C, None, None, 0.3, 12.0, 0.05, False, False)
+
+
+def after(angle, turned_back, seed):
+    """Error of the mounting over its sigma, and that over the one before; the attitude is off by `angle`."""
+    rng = np.random.default_rng(seed)
+    q_ib, mounting = rotation.quat_normalise(rng.standard_normal(4)), SIGMA_MOUNTING * rng.standard_normal(3)
+    axis = rng.standard_normal(3)
+    wrong = rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(angle * axis / np.linalg.norm(axis)))
+    state = NavState(0.0, np.zeros(3), np.zeros(3), wrong, np.zeros(3), np.zeros(3))
+    P = np.eye(LAYOUT.n)
+    P[ATT, ATT], P[MOUNTING, MOUNTING] = angle**2 * np.eye(3), SIGMA_MOUNTING**2 * np.eye(3)
+    kalman = eskf.engine(LAYOUT)
+    for k, fix in enumerate(fixes(rng, mounting, q_ib, 20)):
+        z, H, R = measurements.star_attitude(LAYOUT, state, fix, C_BC, 0.0)
+        state, P, _, G = eskf.update(kalman, LAYOUT, state, P, z, H, R)
+        if k == 0 and turned_back:
+            P = eskf.turned_back(P, G)
+    sigma = np.sqrt(np.diag(P)[MOUNTING])
+    return (mounting - state.mounting) / sigma, sigma / SIGMA_MOUNTING
+
+
+@pytest.mark.parametrize("angle", [1.0 * DEG, 10.0 * DEG, 60.0 * DEG])
+def test_a_large_correction_says_nothing_about_the_mounting(angle):
+    """Attitude and mounting add up in every star fix, whatever the attitude was believed to be before."""
+    off = []
+    for seed in range(20):
+        error, share = after(angle, True, seed)
+        off.append(error)
+        assert share == pytest.approx(np.ones(3), abs=0.02)
+    assert np.mean(np.square(off)) == pytest.approx(1.0, abs=0.8)  # 60 numbers; sigma 0.18
+
+
+def test_turned_with_the_correction_it_would():
+    """Why the covariance is turned back: after 10 deg the filter would claim to know the mounting better."""
+    _, share = after(10.0 * DEG, False, 1)
+    assert share.min() < 0.7
+
+
+def test_turning_back_undoes_the_turn():
+    rng = np.random.default_rng(3)
+    A = rng.standard_normal((LAYOUT.n, LAYOUT.n))
+    P, G = A @ A.T, np.eye(3) + 0.2 * rng.standard_normal((3, 3))
+    T = np.eye(LAYOUT.n)
+    T[ATT, ATT] = G
+    assert np.allclose(eskf.turned_back(T @ P @ T.T, G), P)
