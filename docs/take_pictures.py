@@ -1,6 +1,6 @@
 """Takes the pictures of the viewer in the documents: python docs/take_pictures.py LOG
 
-LOG is one of `shefex-nav run scenarios/shefex2_andoya.yaml`. No screen is needed, but a software Vulkan driver.
+LOG is one of `shefex-nav run scenarios/shefex2_andoya.yaml`. No screen is needed, but a Vulkan driver.
 """
 
 import sys
