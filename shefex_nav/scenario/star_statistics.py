@@ -28,8 +28,9 @@ Row = tuple[Number("8"), _share("without a fix before"), _share("soon after a fi
 class SightingsFit(Block):
     """Which sources are found in a picture, and how well they are measured."""
 
-    detection: tuple[Number("-5"), Number("4")] = Field(
-        description="odds that a source is found: exp(d0 + d1 ln q), q its contrast"
+    detection: tuple[Number("-5"), Number("4"), Number("1")] = Field(
+        description="odds that a source is found: exp(d0 + d1 ln q + d2 ln(w / s)), q its contrast, w and s "
+        "the length and the width of its spot"
     )
     border: Quantity("pix", "1 pix", "a source nearer to it is not found", non_negative=True)
     noise: Terms = Field(

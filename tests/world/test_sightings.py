@@ -10,7 +10,7 @@ from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.world.camera import sightings
 
 MODEL = sightings.SightingModel(
-    detection=np.array([-6.0, 4.0]),
+    detection=np.array([-6.0, 4.0, 2.0]),
     border_px=3.0,
     noise=np.array([1e-3, 1.5, 1.4]),
     reported=np.array([2e-3, 1.2, 1.6]),

@@ -41,7 +41,8 @@ def sightings(runs, max_rate, full_dn):
     sources = sources._replace(clear=sources.clear & of_sources(runs, dark))
     border_px = border(sources)
     inside = sources.border_px > border_px
-    detection = odds(sources.q[sources.clear & inside], sources.found[sources.clear & inside])
+    seen = sources.clear & inside
+    detection = odds(features(sources)[seen], sources.found[seen])
     chosen = slow & inside & sources.clear & sources.found & (sources.hip > 0)
     if chosen.sum() < 100:
         raise FitError(
@@ -65,21 +66,25 @@ def of_sources(runs, values):
     return values[np.concatenate(rows)]
 
 
-def odds(q, found):
-    """(d0, d1) of the odds exp(d0 + d1 ln q) that a source of contrast q is found: logistic regression.
+def features(sources):
+    """(N, 3) what detection depends on: 1, ln q, logarithm of the length of the spot over its width."""
+    stretch = np.sqrt(sources.along[:, 1] / sources.across[:, 1])
+    return np.column_stack([np.ones(len(sources.q)), np.log(sources.q), np.log(stretch)])
+
+
+def odds(x, found):
+    """d of the odds exp(x . d) that a source is found: logistic regression.
 
     Where all of one side are found and all of the other are not, the data set no end to the slope; a prior
-    of one source in a thousand of either kind does.
+    of one source in a thousand of either kind does. (N, 3), (N,) bool -> (3,)
     """
     if not found.any() or found.all():
         raise FitError("the runs show no limit of detection: all sources are found, or none")
-    x = np.column_stack([np.ones(len(q)), np.log(q)])
-    weight, y = np.ones(len(q)), 0.001 + 0.998 * found
-    d = np.zeros(2)
+    y, d = 0.001 + 0.998 * found, np.zeros(x.shape[1])
     for _ in range(50):  # Newton; ten are usual
         p = 1.0 / (1.0 + np.exp(-x @ d))
-        slope = x.T @ (weight * (y - p))
-        step = np.linalg.solve((x * (weight * p * (1.0 - p))[:, None]).T @ x + 1e-9 * np.eye(2), slope)
+        curvature = (x * (p * (1.0 - p))[:, None]).T @ x + 1e-6 * np.eye(len(d))
+        step = np.linalg.solve(curvature, x.T @ (y - p))
         step *= min(1.0, 2.0 / np.abs(step).max())
         d = d + step
         if np.abs(step).max() < 1e-8:

@@ -38,7 +38,7 @@ NO_PICTURE = np.zeros((0, 0), dtype=np.uint8)
 class SightingModel(NamedTuple):
     """What rendered pictures showed of sources that are found; fitted by `shefex-nav characterise`."""
 
-    detection: np.ndarray  # (2,) of the odds that a source is found: exp(d0 + d1 ln q)
+    detection: np.ndarray  # (3,) of the odds that a source is found: exp(d0 + d1 ln q + d2 ln(w / s))
     border_px: float  # a source nearer to the border is not found
     noise: np.ndarray  # (3,) of the variance of a centroid: of 1 px^2, of the shot noise, of the background
     reported: np.ndarray  # (3,) of the variance that is reported with it
@@ -260,8 +260,9 @@ def _sight_kernel(model, hole, film, xy_px, electrons, chances):
         if electrons[k] <= 0.0:
             continue
         along, across, ex, ey = shape(hole, film, xy_px[k, 0], xy_px[k, 1])
-        odds = model.detection[0] + model.detection[1] * np.log(
-            contrast(along, across, electrons[k], film.noise_electrons)
+        q = contrast(along, across, electrons[k], film.noise_electrons)
+        odds = (
+            model.detection[0] + model.detection[1] * np.log(q) + model.detection[2] * np.log(along / across)
         )
         found[k] = chances.uniform[k] * (1.0 + np.exp(-odds)) < 1.0
         saturated[k] = electrons[k] / (2.0 * pi * along * across) > model.saturation_electrons
