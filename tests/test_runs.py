@@ -66,7 +66,7 @@ def test_every_figure_can_be_asked_for_by_its_name(sky):
     assert {"attitude", "trajectory", "sky_map"} <= set(dir(sky.plot))
     figure = sky.plot.attitude()
     assert len(figure.axes) >= 3
-    with pytest.raises(AttributeError, match="choose from trajectory"):
+    with pytest.raises(AttributeError, match="no figure 'nothing'; choose from"):
         sky.plot.nothing()
 
 

@@ -42,9 +42,11 @@ def rts(recording):
         if type(step) is fusion.Interval:
             if step.t_end_s == step.imu.t_end_s:
                 found[step.t_end_s] = e, P_s, step.state_after
-            scale = np.sqrt(np.diag(step.P_after))
+            known = np.diag(step.P_after) == 0.0  # the field
+            scale = np.sqrt(np.where(known, 1.0, np.diag(step.P_after)))
             C = step.P @ step.Phi.T
-            C = np.linalg.solve(step.P_after / np.outer(scale, scale), (C / scale).T).T / scale
+            within = step.P_after / np.outer(scale, scale) + np.diag(known.astype(float))
+            C = np.linalg.solve(within, (C / scale).T).T / scale
             e, P_s = C @ e, step.P + C @ (P_s - step.P_after) @ C.T
         else:
             back = np.eye(len(e))

@@ -12,7 +12,8 @@ from shefex_nav.log import reader
 from shefex_nav.log.topics import LogError
 from shefex_nav.records import TruthSample
 from shefex_nav.replay import rerun
-from shefex_nav.report import metrics, viewer
+from shefex_nav.report import metrics
+from shefex_nav.report.viewer import recording
 
 RUNNER = CliRunner()
 
@@ -52,7 +53,7 @@ def test_writes_a_log_beside_the_log_that_report_reads(log, smoothed):
 def test_report_and_view_take_it(smoothed, tmp_path):
     done = RUNNER.invoke(app, ["report", smoothed["smoothed"]])
     assert done.exit_code == 0 and "short_flight (smoothed)" in done.stdout
-    viewer.build_recording(smoothed["smoothed"], tmp_path / "view.rrd")
+    recording.build([smoothed["smoothed"]], tmp_path / "view.rrd")
     assert (tmp_path / "view.rrd").stat().st_size > 10_000
 
 

@@ -26,6 +26,7 @@ def test_keys_of_streams_are_frozen():
         "attitude_control": 6,
         "gps_errors": 7,
         "faults": 8,
+        "sightings": 9,
     }
 
 
