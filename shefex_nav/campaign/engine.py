@@ -7,6 +7,7 @@ rest.
 """
 
 import multiprocessing
+import os
 from collections import deque
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, ProcessPoolExecutor, wait
 from typing import NamedTuple
@@ -49,6 +50,9 @@ class ProcessLane:
         """Future of a run."""
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
+            os.environ.update(
+                dict.fromkeys(flight.ONE_THREAD, "1")
+            )  # of the new process, whatever the user set
             self._pool = ProcessPoolExecutor(1, context, _begin, (self._plan,))
         before = set(multiprocessing.active_children())
         try:

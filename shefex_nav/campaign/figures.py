@@ -178,7 +178,7 @@ def draw_convergence(campaign):
     for one in statistics.ERRORS:
         size = np.abs(np.array([campaign.numbers(column) for column in one[1]])).max(axis=0)
         values = size[np.isfinite(size) & campaign.succeeded]
-        if (len(values) > 1 and "worst axis" in one[0]) or one[0].startswith("position at"):
+        if len(values) > 1 and ("worst axis" in one[0] or one[0].startswith("position at")):
             panels.append((f"{one[0]}: 95 % [{one[2]}]", convergence.percentile_course(values, 95.0)))
     if not panels:
         return None

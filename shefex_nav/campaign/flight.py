@@ -14,6 +14,8 @@ import numpy as np
 PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LONGEST_REASON = 500
 
+ONE_THREAD = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
+
 
 class WorkerError(Exception):
     """A worker that cannot fly this campaign; the message says why."""
@@ -208,6 +210,6 @@ def _check_versions(wanted):
 
 def _check_threads():
     """One thread for linear algebra: sums in another order would end in other last digits."""
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    for name in ONE_THREAD:
         if os.environ.get(name) != "1":
             raise WorkerError(f"start the worker with {name}=1, it is {os.environ.get(name, 'not set')}")

@@ -246,7 +246,9 @@ def _between(low, high):
 
 
 def _tiny(probability):
-    """A small probability in per cent with two digits."""
+    """A small probability in per cent with two digits; of None, which nothing was tried for, a word."""
+    if probability is None:
+        return "any share"
     return f"{100.0 * probability:.2g} %"
 
 

@@ -29,6 +29,15 @@ def put(path, content):
     os.replace(part, path)
 
 
+HALF_WRITTEN = (  # folder, pattern
+    ("", "campaign.json*.part"),
+    ("", "flight.npz*.part"),
+    ("", "results.parquet*.part"),
+    ("runs", "[0-9]*.part"),
+    ("logs", "[0-9]*.part"),
+)
+
+
 class Store:
     """An open folder; `with` keeps every other campaign out of it."""
 
@@ -45,8 +54,6 @@ class Store:
         if not _locked(self._lock):
             self._lock.close()
             raise StoreError(f"{self.folder}: another campaign is at work in this folder")
-        for part in self.folder.rglob("*.part"):
-            part.unlink()
         return self
 
     def __exit__(self, *_):
@@ -65,6 +72,7 @@ class Store:
             _compare(old, plan, self.folder)
         elif any((self.folder / "runs").iterdir()):
             raise StoreError(f"{self.folder}: there are runs, but no campaign.json that says of what")
+        self._clear()
         head = {
             "format": planning.FORMAT,
             "scenario": plan.name,
@@ -81,6 +89,13 @@ class Store:
         }
         self._keep_head(head)
         return head
+
+    def _clear(self):
+        """Remove what a killed session left half written; only names that a campaign writes."""
+        for folder, pattern in HALF_WRITTEN:
+            for part in (self.folder / folder).glob(pattern):
+                if part.is_file():
+                    part.unlink()
 
     def took(self, wall_s):
         """Add the time of a session to what the campaign has taken so far. -> s in all"""
@@ -191,11 +206,12 @@ def _compare(old, plan, folder):
             f"{folder}: a Latin hypercube of {old['runs']} runs, of which each draw depends on that number; "
             f"--runs {plan.runs} is another campaign: {how}"
         )
-    if old["versions"]["shefex_nav"] != plan.versions["shefex_nav"]:
-        raise StoreError(
-            f"{folder}: was flown by version {old['versions']['shefex_nav']}, this is "
-            f"{plan.versions['shefex_nav']}; {how}"
-        )
+    now = plan.versions
+    differ = [
+        f"{name} {was}, now {now.get(name)}" for name, was in old["versions"].items() if now.get(name) != was
+    ]
+    if differ:
+        raise StoreError(f"{folder}: was flown with {'; '.join(differ)}; {how}")
 
 
 def difference(old, new):

@@ -5,7 +5,7 @@ arrived, fusion of the GPS fixes and star fixes that are due, solution. A StarFi
 first tick not earlier than its `t_available_s`.
 
 The computer's state is a tuple; the memory of the filter inside it (`fusion.Filter`: history of the last
-half second, health of the sensors) is changed in place, because copying it at every tick would cost more
+`history_s`, health of the sensors) is changed in place, because copying it at every tick would cost more
 than the tick. So a state that has been advanced must not be advanced again.
 """
 

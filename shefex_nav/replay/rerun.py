@@ -163,16 +163,16 @@ def tick(recording, nav, k):
     """
     gps, stars = recording.gps.get(k, []), recording.stars.get(k, [])
     block = imu_block(recording.data, k)
-    felt = block if recording.field is None else in_field(recording, nav.history[-1].state, block)
-    fusion.advance(nav, felt)
+    more_dv = 0.0 if recording.field is None else more_in_field(recording, nav.history[-1].state, block)
+    fusion.advance(nav, block, more_dv)
     return [block, *gps, *stars, *computer.conclude(nav, k + 1, gps, stars)]
 
 
-def in_field(recording, state, block):
-    """The ImuBlock for a filter that knows a better field of the Earth than its own: what that pulls more.
+def more_in_field(recording, state, block):
+    """Velocity increments that a better field of the Earth than the filter's own gives on top: (n, 3) m/s.
 
     The difference of the two fields, taken in the middle of the tick, turned into the axes of the middle of
-    each sample, is added to the velocity increments, so that the on-board integration needs not change.
+    each sample; with it the on-board integration needs not change.
 
     state : NavState at the beginning of the block
     """
@@ -183,7 +183,7 @@ def in_field(recording, state, block):
     more_b = rotation.dcm_from_quat(state.q_ib).T @ more_i
     turns = np.cumsum(block.dtheta_b, axis=0) - 0.5 * block.dtheta_b
     more = np.array([rotation.dcm_from_rotvec(turn).T @ more_b for turn in turns])
-    return block._replace(dv_b=block.dv_b + block.dt_s * more)
+    return block.dt_s * more
 
 
 def records(recording):

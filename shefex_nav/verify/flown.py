@@ -131,6 +131,8 @@ def filter_run(scenario, seed, fixes, *, star_factor=1.0, recorder=None, world=N
     -------
     Run
     """
+    if scenario.navigation.stars != "attitude":
+        raise ValueError("kept fixes have no single stars: navigation.stars must be attitude")
     world = prepare.build_world(scenario, seed) if world is None else world
     fixes = [fix._replace(P_c=star_factor**2 * fix.P_c) for fix in fixes]
     nav = fusion.start(world.computer.nav, world.alignment, world.earth, recorder=recorder)

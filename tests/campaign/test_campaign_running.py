@@ -315,3 +315,17 @@ def test_a_worker_that_does_not_fit_is_refused(scenario, monkeypatch):
         with pytest.raises(flight.WorkerError) as refused:
             flight.fly(sampler.job(0))
         assert words in str(refused.value)
+
+
+def test_files_of_others_are_left_alone(scenario, tmp_path):
+    """Also those that end as half-written ones of a campaign do."""
+    theirs = [tmp_path / "film.mkv.part", tmp_path / "runs" / "notes.part", tmp_path / "deep" / "000001.part"]
+    for path in theirs:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("mine")
+    (tmp_path / "runs" / "notes.part").rename(tmp_path / "notes.part")
+    fly(scenario, tmp_path, 1)
+    assert (
+        (tmp_path / "film.mkv.part").read_text() == (tmp_path / "deep" / "000001.part").read_text() == "mine"
+    )
+    assert (tmp_path / "notes.part").exists()

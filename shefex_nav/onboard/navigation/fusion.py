@@ -1,6 +1,6 @@
 """The filter in time: prediction tick by tick, measurements put where they belong.
 
-Every tick of the last half second is kept with its state, covariance, IMU samples and measurements. A
+Every tick of the last `history_s` is kept with its state, covariance, IMU samples and measurements. A
 measurement valid in the past goes back to its instant, also between ticks and between samples, corrects the
 state of then, and the stored increments are integrated again up to now, with the later measurements of the
 interval applied again in their order. The result is that of a filter which had every measurement in time
@@ -131,15 +131,20 @@ def start(params, alignment, earth, recorder=None):
     )
 
 
-def advance(nav, block):
-    """One tick on: strapdown and prediction with an ImuBlock, which must follow on the last one."""
+def advance(nav, block, more_dv=0.0):
+    """One tick on: strapdown and prediction with an ImuBlock, which must follow on the last one.
+
+    more_dv : (n, 3) m/s, added to the velocity increments after the watch has seen them as they were read
+    """
     history, n, now_s = nav.history, len(block.dtheta_b), block.t_valid_s
     if abs(now_s - history.ends_s[-1] - n * block.dt_s) > SNAP_S:
         raise ValueError(
             f"IMU block ending at {now_s:.6f} s does not follow on the state at {history.ends_s[-1]:.6f} s"
         )
     place = history.make_room(n)
-    nav.watch.screen(block, history.increments[place, BEFORE : BEFORE + n], history.extra[place])
+    readings = history.increments[place, BEFORE : BEFORE + n]
+    nav.watch.screen(block, readings, history.extra[place])
+    readings[:, 3:] += more_dv
     new = history.newest + 1
     prediction.enter(*nav.constants, *history.arrays, new, nav.params.motors, now_s, block.dt_s, n)
     history.append(now_s)

@@ -51,7 +51,7 @@ def decide(nav, now, z, H, R, measurement):
         admitted = {"attitude": np.full(3, np.sqrt(attitude[0] @ attitude[0])), "gyro_bias": found.admitted}
         nav.health[name] = integrity.Health(nav.health[name].used + 1, 0, np.nan, None)
     if rows is not None:
-        note = f"rejected: {', '.join(_rejected(sensor, fix, rows))}"
+        note = "; ".join(filter(None, (note, f"rejected: {', '.join(_rejected(sensor, fix, rows))}")))
         z, limit = z[rows], nav.limit(int(rows.sum()))
         nis = eskf.normalised(S[np.ix_(rows, rows)], z)
     accepted = fate in (Fate.USED, Fate.RESET)

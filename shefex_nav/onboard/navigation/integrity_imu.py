@@ -172,8 +172,8 @@ def _screen(
     for m in range(n):
         for i in range(3):
             readings[m, i], readings[m, 3 + i] = dtheta_b[m, i], dv_b[m, i]
-    whole = GOOD if valid else SILENT
-    if valid and np.isfinite(rules[0, 0]) and np.isfinite(rules[0, 1]) and _same(readings, last):
+    whole = GOOD if valid and np.isfinite(readings).all() else SILENT
+    if whole == GOOD and np.isfinite(rules[0, 0]) and np.isfinite(rules[0, 1]) and _same(readings, last):
         whole = REPEATED
     anywhere = False
     for k in range(6):

@@ -59,7 +59,8 @@ class Watch:
     def screen(self, block, readings, densities):
         """What of an ImuBlock can be used: `integrity_imu.screen`, which writes the two arrays."""
         if self.imu is None or len(self.imu.last) != len(block.dtheta_b):
-            self.imu = integrity_imu.start(self.params.imu, len(block.dtheta_b))
+            started = integrity_imu.start(self.params.imu, len(block.dtheta_b))
+            self.imu = started if self.imu is None else started._replace(axes=self.imu.axes)
         changes = integrity_imu.screen(self.imu, block, readings, densities)
         if changes:
             self.said += changes

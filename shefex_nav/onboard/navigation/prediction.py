@@ -92,7 +92,7 @@ def travel(
     at : of Layout;  model : `error_model.record`;  C_iq ... rate : EarthRotation
     numbers, increments, extra : of a `History`, which holds tick k in place k modulo its size
     xs, Ps : likewise, written wherever the end of a tick is reached
-    x, P : (87,), (n, n) at the start; carried along, in place
+    x, P : (93,), (n, n) at the start; carried along, in place
     first, begin_s : number of the tick in which the way begins, s from its start
     last, end_s : in which it ends; np.inf: at its end
     """
@@ -185,7 +185,7 @@ def _interval(
 ):
     """Strapdown and error model of a part of a tick.
 
-    Arguments of `growth`, the tuples in their fields. x (87,) is carried on in place. Of the workspace are
+    Arguments of `growth`, the tuples in their fields. x (93,) is carried on in place. Of the workspace are
     written: (9, n) first rows of Phi; (9, 9) Q of them. -> m^2/s^5, random walk of the accelerometer bias
     """
     gyro, accel, by_gyro, by_accel, top, Q, _ = work

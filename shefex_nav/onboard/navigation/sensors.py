@@ -47,20 +47,20 @@ class Trial(NamedTuple):
 class Sensor(NamedTuple):
     """One measurement."""
 
-    # (nav, state, imu, at_s, fix) -> z (m,), H (m, n), R (m, m); the same rows at every call with one fix.
-    # nav : fusion.Filter; state : NavState of the instant; imu : ImuWindow; at_s : s from its start
+    # (nav, now, fix) -> z (m,), H (m, n), R (m, m); the same rows at every call with one fix.
+    # nav : fusion.Filter; now : history.Moment
     linearise: Callable
     block: str  # of the layout, which a reset forgets
     forgotten: float  # standard deviation that says nothing, in the units of the block
-    # (nav, state, P, z, R, imu, at_s, fix) -> Trial
+    # (nav, now, z, R, fix) -> Trial
     trial: Callable
     with_it: tuple[str, ...] = ()  # blocks that a reset takes back to what was known at the start
     rows: int = 0  # rows gated together, whose noise must not be tied to that of others; 0: all
     labels: Callable | None = None  # fix -> name of each group of rows, for notes
     reset_note: str = "reset after timeout"
-    # (nav, H, P, R) -> whether one fix inside the gate is enough; None: always
+    # (nav, S) -> whether one fix inside the gate is enough; None: always
     alone: Callable | None = None
-    # (nav, state after it was used, imu, at_s, fix) -> Health, in which it is there to confirm the next one
+    # (nav, now, fix) -> Health after it was used, in which it is there to confirm the next one
     confirmed: Callable | None = None
     # (nav, z) -> standard deviation of the error that a reset admits in the block and those with it, if it
     # explains the contradiction without forgetting everything; None: it does not
