@@ -100,16 +100,6 @@ def writable(path, option, *, force=False):
         raise typer.BadParameter(f"there is no folder {path.parent}", param_hint=option)
 
 
-def folder_for(path, option):
-    """Make a folder for results, or say why not."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise typer.BadParameter(
-            f"cannot make the folder {path}: {error.strerror}", param_hint=option
-        ) from None
-
-
 def say(text):
     """A line for people, on stderr."""
     typer.echo(text, err=True)
@@ -184,7 +174,7 @@ def report(
     if figures is not None:
         from shefex_nav.report import figures as pictures
 
-        folder_for(figures, "--figures")
+        export_command.folder_for(figures, "--figures")
         for path in pictures.save_all(data, figures):
             say(f"wrote {path}")
     show(metrics.summarise(data, log=log), json)

@@ -19,6 +19,9 @@ SHARED = (
 )
 
 
+ONE_THREAD = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"  # of linear algebra
+
+
 def cache_key(package_dir):
     """Hash of the source files whose functions are inlined into other files' kernels: str."""
     digest = hashlib.sha256()
@@ -36,8 +39,8 @@ def place_cache(environ):
 
     Likewise one thread for linear algebra: sums in another order would end in other last digits.
     """
-    for library in ("OMP", "OPENBLAS", "MKL"):
-        environ.setdefault(f"{library}_NUM_THREADS", "1")
+    for name in ONE_THREAD:
+        environ.setdefault(name, "1")
     base = environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     key = cache_key(os.path.dirname(os.path.abspath(__file__)))
     environ.setdefault("NUMBA_CACHE_DIR", os.path.join(base, "shefex_nav", f"numba-{key}"))

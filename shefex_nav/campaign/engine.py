@@ -13,6 +13,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, ProcessPoolExecu
 from typing import NamedTuple
 
 from shefex_nav.campaign import flight
+from shefex_nav.compiled import ONE_THREAD
 from shefex_nav.workers import bind_to_parent, undisturbed
 
 ATTEMPTS = 3  # of a run whose worker is killed
@@ -50,9 +51,7 @@ class ProcessLane:
         """Future of a run."""
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
-            os.environ.update(
-                dict.fromkeys(flight.ONE_THREAD, "1")
-            )  # of the new process, whatever the user set
+            os.environ.update(dict.fromkeys(ONE_THREAD, "1"))  # of the new process, whatever the user set
             self._pool = ProcessPoolExecutor(1, context, _begin, (self._plan,))
         before = set(multiprocessing.active_children())
         try:

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.compiled import ONE_THREAD
+
 PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LONGEST_REASON = 500
-
-ONE_THREAD = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
 
 class WorkerError(Exception):

@@ -5,6 +5,8 @@ import sys
 
 import typer
 
+from shefex_nav.report.export_command import folder_for
+
 WIDTH = 160  # of the tables where there is no terminal
 
 
@@ -22,7 +24,7 @@ def report(folder, *, json=False, html=None, figures=None):
     except StoreError as error:
         raise typer.BadParameter(str(error), param_hint="LOG") from None
     if figures is not None:
-        _folder_for(figures)
+        folder_for(figures, "--figures")
     from shefex_nav.campaign import over_time, summary
 
     wanted = html is not None or figures is not None or not json
@@ -96,13 +98,3 @@ def _cell(cell):
     from shefex_nav.campaign.parts import Loud
 
     return Text(str(cell), style="bold yellow" if isinstance(cell, Loud) else "")
-
-
-def _folder_for(path):
-    """Refuse a folder that cannot take pictures before anything is computed."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise typer.BadParameter(
-            f"cannot make the folder {path}: {error.strerror}", param_hint="--figures"
-        ) from None

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign import statistics
-from shefex_nav.report.requirements import severity
+from shefex_nav.report.requirements import said, severity
 
 MOST_WORST = 3  # runs to look at
 
@@ -53,16 +53,8 @@ def _why(judged):
     """What a run missed, or what it came nearest to."""
     missed = [one for one in judged if not one.passed]
     nearest = sorted(judged, key=lambda one: -severity([one]))[:1]
-    words = ", ".join(f"{name_of(one.name)} {_found(one)}" for one in missed or nearest)
+    words = ", ".join(f"{name_of(one.name)} {said(one)}" for one in missed or nearest)
     return words if missed else f"all kept; nearest: {words}"
-
-
-def _found(one):
-    if one.found is None:
-        return "not measured"
-    if isinstance(one.found, bool):
-        return "yes" if one.found else "no"
-    return f"{one.found:.4g}{' ' if one.unit else ''}{one.unit}"
 
 
 def name_of(name):

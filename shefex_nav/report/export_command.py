@@ -49,6 +49,16 @@ def export(
             typer.echo(f"wrote {path}", err=True)
 
 
+def folder_for(path, option):
+    """Make a folder for results before anything is computed, or say why not."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise typer.BadParameter(
+            f"cannot make the folder {path}: {error.strerror}", param_hint=option
+        ) from None
+
+
 def check_file(path, option, *, force):
     """Refuse an output file that would be lost or cannot be written, before anything is computed."""
     if path.is_dir():

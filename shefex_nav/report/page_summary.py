@@ -43,7 +43,7 @@ def summary(run, found):
             (
                 one.name.replace("_", " "),
                 requirements.words(one.name, one.required, one.unit),
-                _found(one),
+                requirements.said(one),
                 element("span", "met" if one.passed else "not met", class_="met" if one.passed else "missed"),
             )
             for one in judged
@@ -70,14 +70,6 @@ def judge(run):
 
         return requirements.judge_figures({"attitude_at_entry": limit}, get), "of navigation.integrity"
     return [], ""
-
-
-def _found(one):
-    if one.found is None:
-        return "no such figure in this run"
-    if isinstance(one.found, bool):
-        return "yes" if one.found else "no"
-    return f"{one.found:.4g}{' ' if one.unit else ''}{one.unit}"
 
 
 def _verdict(judged):

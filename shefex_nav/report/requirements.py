@@ -125,6 +125,15 @@ def words(name, limit, unit):
     return "yes" if word == "is" else f"{word} {limit:g}{' ' if unit else ''}{unit}"
 
 
+def said(one):
+    """What a Judged found, for people."""
+    if one.found is None:
+        return "not measured"
+    if isinstance(one.found, bool):
+        return "yes" if one.found else "no"
+    return f"{one.found:.4g}{' ' if one.unit else ''}{one.unit}"
+
+
 def severity(judged):
     """How bad a run is, to put runs in order: the number of requirements not met, then how near the limits.
 
@@ -132,15 +141,17 @@ def severity(judged):
     a limit that was used up.
     """
     used = max((_used(one) for one in judged), default=0.0)
-    return sum(not one.passed for one in judged) + (used / (1.0 + used) if math.isfinite(used) else 0.0)
+    return sum(not one.passed for one in judged) + min(
+        used / (1.0 + used) if math.isfinite(used) else 1.0, 0.999
+    )
 
 
 def _used(one):
-    """Share of a limit that was used up: 1 at the limit; 0 where there are no shares."""
-    if one.found is None or isinstance(one.required, bool) or not one.required or not one.found:
+    """Share of a limit that was used up: 1 at the limit; infinite where any is too much, 0 without shares."""
+    if one.found is None or isinstance(one.required, bool):
         return 0.0
     if MEASURES[one.name].word == "at most":
-        return abs(one.found / one.required)
+        return abs(one.found / one.required) if one.required else math.inf if one.found else 0.0
     if one.unit == "%":  # of what may be missing
         return (100.0 - one.found) / max(100.0 - one.required, 1e-9)
-    return one.required / one.found
+    return one.required / one.found if one.found else math.inf

@@ -12,8 +12,8 @@ import numpy as np
 
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.onboard.startracker import best_attitude, multipole_chain
 from shefex_nav.onboard.startracker import clusters as cluster
-from shefex_nav.onboard.startracker import multipole_chain
 from shefex_nav.onboard.startracker.compensate import FORMS
 from shefex_nav.reproduce import impa_bound, impa_centroid_tables
 from shefex_nav.reproduce import impa_field as field
@@ -82,7 +82,7 @@ def frames_of(shutter, case, seed):
     found = methods.streaks_of(second, omega_c, P_omega_c, times)
     motion = methods.streaks.Motion(omega_c, P_omega_c, times)
     rate = methods.objects.rate_of(field.CAMERA, motion, found)
-    P_px = methods.tracker.with_rate(methods.own(), found, found.P_px, rate)
+    P_px = best_attitude.with_rate(methods.own(), found, found.P_px, rate)
     seen = set(star[star >= 0])
     kind = "ours_" + shutter.split("_")[0]
     for k, s in enumerate(nearest(found.xy_px, stars.xy_px)):

@@ -11,13 +11,13 @@ import numpy as np
 
 from shefex_nav import prepare
 from shefex_nav.onboard.navigation import state
+from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S
 from shefex_nav.onboard.navigation.state import ATT, BA, VEL
 from shefex_nav.verify import flown, linear, nees
 from shefex_nav.verify.flown import BLOCKS, N_CORE, PHASES
 
 HISTORIES = 1000
 NEES_PROBABILITY, NIS_PROBABILITY, CONTAINED_PROBABILITY = 0.999, 0.999, 0.99
-FIELD_TIME_S = 300.0  # correlation time of what the bias estimate contains of gravity
 
 
 class Extra(NamedTuple):

@@ -79,3 +79,15 @@ def test_runs_are_put_in_order_by_what_they_miss_and_then_by_how_near_they_came(
     order += [severity(0.5, 0, 99), severity(0.2, 1, 99), severity(0.2, 1, 0)]
     assert order == sorted(order) and len(set(order)) == len(order)
     assert order[2] < 1.0 <= order[3] < 2.0 <= order[5] < 3.0 <= order[6]
+
+
+def test_nothing_found_and_anything_too_much_are_worse_than_nearly_enough():
+    """At least 95 % of the star fixes, at most 0 wrong ones: 0 % and 300 are the worst runs, not the best."""
+    limits = {"star_fixes": 95.0, "wrong_star_fixes": 0}
+
+    def severity(solved, wrong):
+        figures = {"star_tracker.solved": solved, "star_tracker.in_window": 100, "star_tracker.wrong": wrong}
+        return requirements.severity(requirements.judge_figures(limits, figures.get))
+
+    assert severity(0, 0) > severity(90, 0) > severity(96, 0) > severity(100, 0)
+    assert severity(100, 300) > severity(100, 0)

@@ -8,12 +8,12 @@ import os
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import NamedTuple
 
+from shefex_nav.compiled import ONE_THREAD
 from shefex_nav.workers import bind_to_parent, cores
 
 LEAST_RUNS = 3
 HELD_OUT = 3  # every third run is not fitted, but judges
 RARE = 1e-6  # probability of a draw beyond either end of the range that a dispersed setting may have
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 class Flown(NamedTuple):
@@ -162,8 +162,7 @@ def fly_statistical(job, content):
 
 def _pool(plan, workers):
     """Pool of new processes, each with one thread for linear algebra, as the workers of a campaign."""
-    for name in THREADS:
-        os.environ.setdefault(name, "1")
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     context = multiprocessing.get_context("spawn")
     return ProcessPoolExecutor(workers, context, _begin, (plan,))
 

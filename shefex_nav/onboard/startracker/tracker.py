@@ -12,31 +12,20 @@ better than a wrong attitude.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from shefex_nav.environment.stars import aberrate
-from shefex_nav.geometry.pinhole import pixels, unit_vectors
-from shefex_nav.geometry.rotation import dcm_from_quat, quat_conjugate
-from shefex_nav.geometry.streak import turn_jacobians
+from shefex_nav.geometry.pinhole import unit_vectors
+from shefex_nav.geometry.rotation import quat_conjugate
+from shefex_nav.onboard.startracker import best_attitude, objects, single
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
-from shefex_nav.onboard.startracker import objects, single
-from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.catalogue import CatalogueParams, StarPairs
 from shefex_nav.onboard.startracker.detect import DetectParams
 from shefex_nav.onboard.startracker.exposure import ExposureParams, flags, next_exposure
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED, identify_near
 from shefex_nav.onboard.startracker.identify.verify import Identification, IdentifyParams
-from shefex_nav.onboard.startracker.likelihood import (
-    drop_worst,
-    misfit_factor,
-    misfit_growth,
-    sigma_of_centroids,
-)
 from shefex_nav.records import NO_STARS, CameraCommand, Reason, StarFix
 
-MOST_DROPPED = 0.25  # of the identified stars; one in any case
-PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
 NO_ATTITUDE = np.full(4, np.nan)
 NO_COVARIANCE = np.full((3, 3), np.nan)
 NO_SOLUTION = NO_ATTITUDE, NO_COVARIANCE, np.nan
@@ -240,8 +229,8 @@ def _attitude(tracker, detections, context, rate):
     """`attitude`, and the StarVectors of the stars that make it."""
     params = tracker.params
     u_c = unit_vectors(params.identify.camera, detections.xy_px)
-    P_px = centroid_covariance(params, detections)
-    ellipses = with_rate(params, detections, P_px, rate)
+    P_px = best_attitude.centroid_covariance(params, detections)
+    ellipses = best_attitude.with_rate(params, detections, P_px, rate)
     found, least = _identify(tracker, u_c, detections.flux_dn, context, ellipses)
     return identified(tracker, detections, context, found, least, rate)
 
@@ -263,12 +252,12 @@ def identified(tracker, detections, context, found, least, rate=None):
         return found, found.reason, NO_SOLUTION, NO_STARS
     params, known = tracker.params, found.star >= 0
     u_c = unit_vectors(params.identify.camera, detections.xy_px)
-    P_px = centroid_covariance(params, detections)
+    P_px = best_attitude.centroid_covariance(params, detections)
     velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
     seen_i = aberrate(tracker.pairs.stars.u_i[found.star[known]], velocity_i)
     if rate is not None:
         rate = rate[0][known], rate[1]
-    solved = _solved(params, u_c[known], seen_i, P_px[known], least, rate)
+    solved = best_attitude.solved(params, u_c[known], seen_i, P_px[known], least, rate)
     n_used, q_ic, P_c, residual_px, used, misfit = solved
     if n_used < least or not np.isfinite(q_ic.sum() + P_c.sum()):
         return found, Reason.RESIDUALS, NO_SOLUTION, NO_STARS
@@ -279,7 +268,7 @@ def identified(tracker, detections, context, found, least, rate=None):
         params.identify.camera,
         tracker.pairs.stars.hip[found.star[rows]],
         detections.xy_px[rows],
-        misfit * P_px[rows] + focal_covariance(params, detections.xy_px[rows]),
+        misfit * P_px[rows] + best_attitude.focal_covariance(params, detections.xy_px[rows]),
         seen_i[used],
         rate,
         params.sigma_focal,
@@ -290,7 +279,8 @@ def identified(tracker, detections, context, found, least, rate=None):
 def _single(tracker, detections, context, rate, reason):
     """Single stars near their predicted places. -> Identification, Reason, StarVectors"""
     params = tracker.params
-    P_px = centroid_covariance(params, detections) + focal_covariance(params, detections.xy_px)
+    P_px = best_attitude.centroid_covariance(params, detections)
+    P_px = P_px + best_attitude.focal_covariance(params, detections.xy_px)
     star, stars, ambiguous = single.identify(params, tracker.pairs.stars, detections, P_px, context, rate)
     named = Identification(star, int(Reason.NONE), np.nan)
     return named, Reason.AMBIGUOUS if ambiguous else reason, stars
@@ -305,106 +295,6 @@ def _identify(tracker, u_c, flux, context, P_px):
         return found, MIN_TRACKED if tracked else params.identify.min_stars
     identify = IDENTIFIERS[params.identify.method]
     return identify(params.identify, tracker.pairs, u_c, flux, P_px), params.identify.min_stars
-
-
-def centroid_covariance(params, detections):
-    """Covariance of each centroid, (n, 2, 2) px^2: noise, and what is wrong with every one."""
-    return detections.P_px + params.centroid_floor_px**2 * np.eye(2)
-
-
-def focal_covariance(params, xy_px):
-    """What the error of the focal length does to each place, (n, 2, 2) px^2, for stars one by one."""
-    offset_px = xy_px - np.array([params.identify.camera.cx_px, params.identify.camera.cy_px])
-    return params.sigma_focal**2 * offset_px[:, :, None] * offset_px[:, None, :]
-
-
-def with_rate(params, detections, P_px, rate):
-    """Covariance of each centroid with what the error of the rate does to it; rate as in `solve`."""
-    if rate is None:
-        return P_px
-    t_s, P_omega = rate
-    S = t_s[:, None, None] * turn_jacobians(params.identify.camera, detections.xy_px)
-    return P_px + S @ P_omega @ S.transpose(0, 2, 1)
-
-
-def solve(params, u_c, seen_i, P_px, least, rate=None):
-    """Attitude, its covariance and the misfit; the worst star is left out until all that are used fit.
-
-    A neighbour too faint for the catalogue or a particle hit can shift the light of a star by more than its
-    error. Neither can be foreseen, but with more than four stars it shows. The variance that P_px promises
-    counts as an observation of PRIOR_DOF degrees of freedom. Streaks are less certain than spots: the misfit
-    of this frame's stars corrects it; that of spots only where it is more than chance makes.
-
-    Parameters
-    ----------
-    params : TrackerParams
-    u_c : (n, 3) measured directions
-    seen_i : (n, 3) apparent directions of the stars, aberration included
-    P_px : (n, 2, 2) px^2, covariance of each centroid, without the error of the rate
-    least : int, fewest stars that make an attitude
-    rate : (t_s (n,), P_omega (3, 3)), when each star was seen and the covariance of the rate that brought all
-        to one instant; None where none did
-
-    Returns
-    -------
-    n_used : int; fewer than `least` when no attitude fits that many, or not most of the stars
-    q_ic : (4,)
-    P_c : (3, 3) rad^2
-    residual_px : RMS distance of the used stars from where the attitude puts them
-    """
-    return _solved(params, u_c, seen_i, P_px, least, rate)[:4]
-
-
-def _solved(params, u_c, seen_i, P_px, least, rate):
-    """`solve`, and the rows of the stars used (n_used,), and by what their misfit multiplies P_px and P_c."""
-    t_s, P_omega = (np.zeros(len(u_c)), np.zeros((3, 3))) if rate is None else rate
-    return _solve_kernel(
-        params.identify.camera,
-        params.outlier_sigma,
-        least,
-        u_c,
-        seen_i,
-        P_px,
-        t_s,
-        P_omega,
-        params.sigma_focal,
-        rate is None,
-    )
-
-
-@njit(cache=True)
-def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega, sigma_focal, spots):
-    """As `_solved`, with the settings that it needs; spots: whether these are no streaks."""
-    xy_px = pixels(camera, u_c)
-    rows = np.arange(len(u_c))
-    q_ic = esoq2(u_c, seen_i, sigma_of_centroids(camera, xy_px, P_px))
-    while True:
-        false_alarm = len(rows) * np.exp(-0.5 * outlier_sigma**2)
-        dropped, q_ic, P_c, chi2 = drop_worst(
-            camera,
-            q_ic,
-            xy_px[rows],
-            seen_i[rows],
-            P_px[rows],
-            false_alarm,
-            least - 1,
-            t_s[rows],
-            P_omega,
-            sigma_focal,
-        )
-        if dropped >= 0:
-            rows = np.delete(rows, dropped)
-        if dropped < 0 or len(rows) < least:
-            break
-    n_used = len(rows)
-    if len(u_c) - n_used > max(1.0, MOST_DROPPED * len(u_c)):
-        # those that are left may as well be the ones that are wrong
-        return 0, q_ic, P_c, np.nan, rows, np.nan
-    offset_px = xy_px[rows] - pixels(camera, seen_i[rows] @ dcm_from_quat(q_ic))
-    residual_px = np.sqrt((offset_px**2).sum() / n_used)
-    dof = 2 * n_used - 3
-    misfit = misfit_growth(chi2, dof, PRIOR_DOF) if spots else misfit_factor(chi2, dof, PRIOR_DOF)
-    return n_used, q_ic, misfit * P_c, residual_px, rows, misfit
 
 
 def explain(params, reason, mean_dn, context):

@@ -69,6 +69,8 @@ class Content(NamedTuple):
 
     pictures: tuple  # entities of the pictures, those with their background at zero first
     stars: bool  # frames of the star camera were searched
+    frames: bool  # there were pictures, with exposure and gain
+    timed: bool  # it is known how long a frame took
     imu: bool
     gps: bool
     control: bool
@@ -81,6 +83,8 @@ def content(data, pictures):
     return Content(
         tuple(pictures),
         bool(data.star_fixes),
+        bool(len(data.frames.t_valid_s)),
+        bool(len(data.compute_times.t_s)),
         bool(len(data.imu.t_valid_s)),
         bool(data.gps),
         bool(len(data.control.t_s)),
@@ -134,10 +138,13 @@ def _star_tracker(data, seen, has):
         return None
     curves = [
         _plot(data, "plots/stars", "Stars in the frame", legend=True),
-        _plot(data, "plots/exposure", "Exposure [ms], gain [dB], mean grey value", legend=True),
         _plot(data, "plots/residual", "Residual of the identified stars [px]"),
-        _plot(data, "plots/chain_time", "Time for a frame [ms]"),
     ]
+    if has.frames:
+        title = "Exposure [ms], gain [dB], mean grey value"
+        curves.insert(1, _plot(data, "plots/exposure", title, legend=True))
+    if has.timed:
+        curves.append(_plot(data, "plots/chain_time", "Time for a frame [ms]"))
     sky = rrb.Spatial2DView(
         origin="sky",
         name="Sky around the camera [deg], north up, east left",

@@ -93,19 +93,17 @@ def _centres(fixes, chosen):
 
 def settings(sender, data):
     """Exposure and gain of the frames, their background, how well the stars fit, the time it took."""
-    frames, fixes = data.frames, data.star_fixes
-    if not len(frames.t_valid_s):
-        return
-    t_s = frames.t_valid_s
-    sender.curve("plots/exposure/exposure", t_s, 1e3 * frames.exposure_s, YELLOW, "exposure [ms]")
-    sender.curve("plots/exposure/gain", t_s, frames.gain_db, BLUE, "gain [dB]")
+    frames, fixes, clock = data.frames, data.star_fixes, data.compute_times
     times = [fix.t_valid_s for fix in fixes]
-    sender.curve(
-        "plots/exposure/background", times, [f.background_dn for f in fixes], GREY, "mean grey value"
-    )
-    sender.curve("plots/residual", times, [f.residual_px for f in fixes], GREEN, "residual [px]")
-    clock = data.compute_times
-    sender.curve("plots/chain_time", clock.t_s, 1e3 * clock.chain_s, WHITE, "chain [ms]")
+    if fixes:
+        sender.curve("plots/residual", times, [f.residual_px for f in fixes], GREEN, "residual [px]")
+    if len(frames.t_valid_s):
+        t_s, grey = frames.t_valid_s, [f.background_dn for f in fixes]
+        sender.curve("plots/exposure/exposure", t_s, 1e3 * frames.exposure_s, YELLOW, "exposure [ms]")
+        sender.curve("plots/exposure/gain", t_s, frames.gain_db, BLUE, "gain [dB]")
+        sender.curve("plots/exposure/background", times, grey, GREY, "mean grey value")
+    if len(clock.t_s):
+        sender.curve("plots/chain_time", clock.t_s, 1e3 * clock.chain_s, WHITE, "chain [ms]")
 
 
 def status(sender, data):

@@ -1,0 +1,118 @@
+"""The attitude that the identified stars of a frame agree on, its covariance, and which of them do not."""
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.geometry.pinhole import pixels
+from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.geometry.streak import turn_jacobians
+from shefex_nav.onboard.startracker.attitude import esoq2
+from shefex_nav.onboard.startracker.likelihood import (
+    drop_worst,
+    misfit_factor,
+    misfit_growth,
+    sigma_of_centroids,
+)
+
+MOST_DROPPED = 0.25  # of the identified stars; one in any case
+PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
+
+
+def centroid_covariance(params, detections):
+    """Covariance of each centroid, (n, 2, 2) px^2: noise, and what is wrong with every one."""
+    return detections.P_px + params.centroid_floor_px**2 * np.eye(2)
+
+
+def focal_covariance(params, xy_px):
+    """What the error of the focal length does to each place, (n, 2, 2) px^2, for stars one by one."""
+    offset_px = xy_px - np.array([params.identify.camera.cx_px, params.identify.camera.cy_px])
+    return params.sigma_focal**2 * offset_px[:, :, None] * offset_px[:, None, :]
+
+
+def with_rate(params, detections, P_px, rate):
+    """Covariance of each centroid with what the error of the rate does to it; rate as in `solve`."""
+    if rate is None:
+        return P_px
+    t_s, P_omega = rate
+    S = t_s[:, None, None] * turn_jacobians(params.identify.camera, detections.xy_px)
+    return P_px + S @ P_omega @ S.transpose(0, 2, 1)
+
+
+def solve(params, u_c, seen_i, P_px, least, rate=None):
+    """Attitude, its covariance and the misfit; the worst star is left out until all that are used fit.
+
+    A neighbour too faint for the catalogue or a particle hit can shift the light of a star by more than its
+    error. Neither can be foreseen, but with more than four stars it shows. The variance that P_px promises
+    counts as an observation of PRIOR_DOF degrees of freedom. Streaks are less certain than spots: the misfit
+    of this frame's stars corrects it; that of spots only where it is more than chance makes.
+
+    Parameters
+    ----------
+    params : TrackerParams
+    u_c : (n, 3) measured directions
+    seen_i : (n, 3) apparent directions of the stars, aberration included
+    P_px : (n, 2, 2) px^2, covariance of each centroid, without the error of the rate
+    least : int, fewest stars that make an attitude
+    rate : (t_s (n,), P_omega (3, 3)), when each star was seen and the covariance of the rate that brought all
+        to one instant; None where none did
+
+    Returns
+    -------
+    n_used : int; fewer than `least` when no attitude fits that many, or not most of the stars
+    q_ic : (4,)
+    P_c : (3, 3) rad^2
+    residual_px : RMS distance of the used stars from where the attitude puts them
+    """
+    return solved(params, u_c, seen_i, P_px, least, rate)[:4]
+
+
+def solved(params, u_c, seen_i, P_px, least, rate):
+    """`solve`, and the rows of the stars used (n_used,), and by what their misfit multiplies P_px and P_c."""
+    t_s, P_omega = (np.zeros(len(u_c)), np.zeros((3, 3))) if rate is None else rate
+    return _solve_kernel(
+        params.identify.camera,
+        params.outlier_sigma,
+        least,
+        u_c,
+        seen_i,
+        P_px,
+        t_s,
+        P_omega,
+        params.sigma_focal,
+        rate is None,
+    )
+
+
+@njit(cache=True)
+def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega, sigma_focal, spots):
+    """As `solved`, with the settings that it needs; spots: whether these are no streaks."""
+    xy_px = pixels(camera, u_c)
+    rows = np.arange(len(u_c))
+    q_ic = esoq2(u_c, seen_i, sigma_of_centroids(camera, xy_px, P_px))
+    while True:
+        false_alarm = len(rows) * np.exp(-0.5 * outlier_sigma**2)
+        dropped, q_ic, P_c, chi2 = drop_worst(
+            camera,
+            q_ic,
+            xy_px[rows],
+            seen_i[rows],
+            P_px[rows],
+            false_alarm,
+            least - 1,
+            t_s[rows],
+            P_omega,
+            sigma_focal,
+        )
+        if dropped >= 0:
+            rows = np.delete(rows, dropped)
+        if dropped < 0 or len(rows) < least:
+            break
+    n_used = len(rows)
+    if len(u_c) - n_used > max(1.0, MOST_DROPPED * len(u_c)):
+        # those that are left may as well be the ones that are wrong
+        return 0, q_ic, P_c, np.nan, rows, np.nan
+    offset_px = xy_px[rows] - pixels(camera, seen_i[rows] @ dcm_from_quat(q_ic))
+    residual_px = np.sqrt((offset_px**2).sum() / n_used)
+    dof = 2 * n_used - 3
+    misfit = misfit_growth(chi2, dof, PRIOR_DOF) if spots else misfit_factor(chi2, dof, PRIOR_DOF)
+    return n_used, q_ic, misfit * P_c, residual_px, rows, misfit
