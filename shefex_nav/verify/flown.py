@@ -188,11 +188,15 @@ class Recorder:
                     f"the filter forgot its {what.sensor} block at {what.t_s:.2f} s: there are no "
                     "linear histories of such a run; choose another seed"
                 )
+            if what.fate == Fate.DOUBTED:  # noise alone
+                eye = np.eye(len(what.P))
+                self.steps.append(linear.Interval(what.t_s, eye, what.P_forgotten - what.P))
+                return
             update = linear.Update(what.t_s, what.fix.t_available_s, what.sensor, what.H, what.R)
             self.steps.append(update)
             return
         end_s = what.t_end_s
-        self.levels[self._epoch(end_s)] = what.imu.vibration
+        self.levels.setdefault(self._epoch(end_s), what.imu.vibration)  # not by a part of the tick after it
         last = self.steps[-1] if self.steps else None
         if isinstance(last, linear.Interval) and not self._is_epoch(last.t_s):
             Q = what.Phi @ last.Q @ what.Phi.T + what.Q

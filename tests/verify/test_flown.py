@@ -108,6 +108,13 @@ def test_recorder_joins_the_ticks_between_updates_and_epochs():
     joined = intervals[2].Phi @ intervals[1].Phi @ intervals[0].Phi
     assert joined == pytest.approx(product, rel=1e-12)
     assert recorder.vibration(np.array([0.5, 1.0])).tolist() == [0.25, 0.25]
+    part = type("Imu", (), {"vibration": 0.75})
+    recorder(Interval(1.0, 1.003, None, None, np.eye(2), np.eye(2), None, None, part))
+    assert recorder.vibration(np.array([1.0])).tolist() == [0.25]  # a part of the next tick changes nothing
+    P, more = np.eye(2), np.diag([3.0, 0.0])
+    doubt = Correction(1.003, "gps_position", Fix, Fate.DOUBTED, None, P, P + more, *none[:7])
+    recorder(doubt)
+    assert np.array_equal(recorder.steps[-1].Q, more) and np.array_equal(recorder.steps[-1].Phi, np.eye(2))
     with pytest.raises(ValueError, match="choose another seed"):
         recorder(Correction(1.0, "star_tracker", Fix, Fate.RESET, *none[:4], H, R, *none[:4]))
 

@@ -16,8 +16,13 @@ Their mean over the last fixes, exponentially weighted, is compared with what wh
 w being the whitened innovation, L^-1 z with S = L L^T. Averaging innovations over several times is due to
 Diesel and Luu (GPS IAIM: calculation of thresholds and protection radius, ION GPS 1995). So that small errors
 with a memory, which every receiver has, are not taken for a drift, the mean must also exceed `LEAST` sigma of
-one innovation. What this cannot see: drifts so slow that the lag stays below that, and those which the
-reported velocity confirms, until the accelerometers contradict them.
+one innovation. Where errors are known to last, a share s of the variance of a fix, the filter does not follow
+them (`measurements.lasting_factor`), so they stay in the mean, which has then up to s more variance::
+
+    |m|^2 / (v + s) ~ chi-square with 3 degrees of freedom
+
+What this cannot see: drifts so slow that the lag stays below that, and those which the reported velocity
+confirms, until the accelerometers contradict them.
 """
 
 from collections import deque
@@ -35,7 +40,7 @@ MEMORY = 8  # fixes that a new one is compared with
 WINDOWS = (10.0, 30.0)  # fixes, of the means
 DRIFT_PROBABILITY = 1e-7  # of calling white innovations a drift, per fix and window
 LEAST = 2.0  # [E] sigma of one innovation, norm of the mean of a drift
-CALM = 0.5  # [E] share of `LEAST` below which a drift is over
+CALM = 0.5  # [E] share of what is called a drift, below which one is over
 
 
 class Drift(NamedTuple):
@@ -111,7 +116,7 @@ def _within(d, R):
     return bool(d @ d < np.trace(R))
 
 
-def follow(drift, z, S, limit):
+def follow(drift, z, S, limit, lasting=0.0):
     """Take an innovation into the means.
 
     Parameters
@@ -119,6 +124,7 @@ def follow(drift, z, S, limit):
     drift : Drift
     z, S : (3,), (3, 3), innovation and its covariance
     limit : chi-square, 3 degrees of freedom, `DRIFT_PROBABILITY`
+    lasting : share of the variance of a fix that is of errors which last
 
     Returns
     -------
@@ -129,11 +135,12 @@ def follow(drift, z, S, limit):
     mean = (1.0 - a)[:, None] * drift.mean + a[:, None] * w
     variance = (1.0 - a) ** 2 * drift.variance + a**2
     norm2 = (mean**2).sum(axis=1)
+    bound = limit * (variance + lasting)
     if drift.suspected:
-        suspected = bool(norm2[0] > (CALM * LEAST) ** 2)
+        suspected = bool(norm2[0] > max(CALM * bound[0], (CALM * LEAST) ** 2))
     else:
         filled = variance < 1.5 * a / (2.0 - a)  # most of a window has been seen
-        suspected = bool(((norm2 > limit * variance) & (norm2 > LEAST**2) & filled).any())
+        suspected = bool(((norm2 > np.maximum(bound, LEAST**2)) & filled).any())
     return Drift(mean, variance, suspected)
 
 

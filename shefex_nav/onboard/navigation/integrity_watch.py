@@ -49,7 +49,6 @@ class Watch:
         self.unread = False  # whether readings of an axis have been replaced, or are at the end of its range
         self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
-        self.position_s = -np.inf  # of the last position fix
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
         self.used_now = []  # integrity_protection.Slope of each fix used in this tick

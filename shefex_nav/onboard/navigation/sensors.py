@@ -32,7 +32,6 @@ class Measurement(NamedTuple):
     rows: Any = None  # (m,) bool, rows that are used; None: all
     # sigma that is added to what it measures, or to the blocks of a dict; None: a reset forgets it all
     admitted: Any = None
-    noise: float = 1.0  # factor on its covariance where it is used, `measurements.lasting_factor`
 
 
 class Trial(NamedTuple):
@@ -194,8 +193,8 @@ def _star_alone(nav, S):
 
 def _star_admits(nav, z):
     """A small contradiction may be a camera that has moved or a wrong attitude: either is admitted."""
-    angle = float(np.sqrt(z @ z))
-    return angle if nav.health["star_tracker"].used > 1 and angle < MOVED_CAMERA else None
+    angle, used = float(np.sqrt(z @ z)), nav.health["star_tracker"].used + nav.health["star_vectors"].used
+    return angle if used > 1 and angle < MOVED_CAMERA else None
 
 
 def never(nav, now, z, R, fix):
