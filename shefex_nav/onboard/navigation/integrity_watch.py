@@ -92,7 +92,7 @@ class Watch:
 
     def used(self, sensor, t_valid_s, now_s):
         """A measurement has been used."""
-        if sensor in MEASURES and self.imu is not None:
+        if self.unread and sensor in MEASURES:
             integrity_imu.fixed(self.imu, MEASURES[sensor], t_valid_s, now_s)
 
     def protect(self, P_now):

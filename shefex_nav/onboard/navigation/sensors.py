@@ -189,7 +189,8 @@ def _star_alone(nav, S):
     if not nav.health["star_tracker"].used:
         return False
     most = nav.watch.params.wrong_star_fix**2 / nav.limit(len(S))  # of the variance along any axis
-    return bool(S.trace() < most or np.linalg.eigvalsh(S)[-1] < most)  # a trace exceeds every eigenvalue
+    trace = S[0, 0] + S[1, 1] + S[2, 2]  # exceeds every eigenvalue
+    return bool(trace < most or np.linalg.eigvalsh(S)[-1] < most)
 
 
 def _star_admits(nav, z):
