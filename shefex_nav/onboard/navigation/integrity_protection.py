@@ -212,7 +212,16 @@ def _after_fix(stars_b, others_b, of_stars, table, P_now):
 
 def of_attitude(level, wanted, sigma_b):
     """Protection level (3,) rad for the standard deviations (3,) rad of the attitude."""
-    return wanted.k * sigma_b + np.maximum(level.stars_b, level.others_b)
+    return _of_attitude(level.stars_b, level.others_b, wanted.k, sigma_b)
+
+
+@njit(cache=True)
+def _of_attitude(stars_b, others_b, k, sigma_b):
+    """`of_attitude` with the fields of its tuples."""
+    out = np.empty(3)
+    for i in range(3):
+        out[i] = k * sigma_b[i] + max(stars_b[i], others_b[i])
+    return out
 
 
 def doubt(protection_b, wanted, contradicted, imu_blind):
@@ -222,4 +231,5 @@ def doubt(protection_b, wanted, contradicted, imu_blind):
     if contradicted:
         return Doubt.CONTRADICTED
     # not "greater": a level that is not a number must not pass
-    return Doubt.NONE if bool((protection_b <= wanted.attitude).all()) else Doubt.ATTITUDE
+    within = all(level <= wanted.attitude for level in protection_b.tolist())
+    return Doubt.NONE if within else Doubt.ATTITUDE

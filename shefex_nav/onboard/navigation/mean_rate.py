@@ -46,14 +46,16 @@ def body_rate(nav, state, begin_s, end_s):
 
 def _ticks(history, begin_s, end_s):
     """ImuWindow of the ticks that an interval touches, oldest first; none where one of them is missing."""
-    windows = [window for window in (history.imu(k) for k in range(len(history))) if window is not None]
-    if not windows or not begin_s < end_s <= windows[-1].t_end_s + COVERED_S:
+    if not begin_s < end_s <= history.ends_s[-1] + COVERED_S:
         return []
-    if begin_s < windows[0].t_end_s - windows[0].length_s - COVERED_S:
-        return []
-    return [
-        window for window in windows if begin_s < window.t_end_s and window.t_end_s - window.length_s < end_s
-    ]
+    ticks = []
+    for k in range(len(history) - 1, -1, -1):
+        if history.ends_s[k] <= begin_s or (window := history.imu(k)) is None:
+            break
+        if window.t_end_s - window.length_s < end_s:
+            ticks.append(window)
+    covered = ticks and ticks[-1].t_end_s - ticks[-1].length_s <= begin_s + COVERED_S
+    return ticks[::-1] if covered else []
 
 
 def _noise(model, omega_b, f_b, vibration, doubtful, duration_s):
