@@ -19,6 +19,9 @@ def thinned(records, rate_hz, start_s):
     every = round(TICKS_PER_S / rate_hz)
     if every * rate_hz != TICKS_PER_S or every > TICKS_PER_S // 10:
         raise ValueError(f"a log has 10, 20, 50 or 100 samples a second, not {rate_hz:g}")
+    if every == 1:
+        yield from records
+        return
     for record in records:
         time = _AT_EVERY_TICK.get(type(record))
         if time is None or round((getattr(record, time) - start_s) * TICKS_PER_S) % every == 0:

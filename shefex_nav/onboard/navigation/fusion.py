@@ -135,7 +135,7 @@ def start(params, alignment, earth, recorder=None):
     )
 
 
-def advance(nav, block, more_dv=0.0):
+def advance(nav, block, more_dv=None):
     """One tick on: strapdown and prediction with an ImuBlock, which must follow on the last one.
 
     more_dv : (n, 3) m/s, added to the velocity increments after the watch has seen them as they were read
@@ -148,7 +148,8 @@ def advance(nav, block, more_dv=0.0):
     place = history.make_room(n)
     readings = history.increments[place, BEFORE : BEFORE + n]
     nav.watch.screen(block, readings, history.extra[place])
-    readings[:, 3:] += more_dv
+    if more_dv is not None:
+        readings[:, 3:] += more_dv
     new = history.newest + 1
     prediction.enter(*nav.constants, *history.arrays, new, nav.params.motors, now_s, block.dt_s, n)
     history.append(now_s)

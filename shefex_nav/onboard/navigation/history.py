@@ -201,7 +201,12 @@ class Moment:
     @property
     def felt(self):
         """Corrected rate and specific force: means of the sample, omega_ib_b (3,) rad/s, f_b (3,) m/s^2."""
-        history, place = self.history, self.history.place(self.k)
-        _, dt_s, n, _ = history.numbers[place].tolist()
-        felt = felt_packed(self.x, history.increments[place], int(n), dt_s, self.at_s)
+        felt = self.felt_packed
         return felt[:3], felt[3:]
+
+    @property
+    def felt_packed(self):
+        """`felt` in one array, (6,)."""
+        history, place = self.history, self.history.place(self.k)
+        _, dt_s, n, vibration = history.numbers[place].tolist()
+        return felt_packed(self.x, history.increments[place], int(n), dt_s, vibration, self.at_s)

@@ -66,25 +66,29 @@ class Sensor(NamedTuple):
     admits: Callable | None = None
 
 
+def _antenna(nav, now):
+    """Antenna of the receiver at a Moment."""
+    arm, felt = nav.params.l_ba_b, now.felt_packed
+    return measurements.antenna_packed(nav.layout, now.x, now.t_s, nav.earth, arm, felt, now.vibration)
+
+
 def _gps_position(nav, now, fix):
-    return measurements.gps_position(nav.layout, now.state, fix, nav.earth, nav.params.l_ba_b, *now.felt)
+    return measurements.gps_position(fix, _antenna(nav, now))
 
 
 def _gps_velocity(nav, now, fix):
-    params = nav.params
-    z, H, R = measurements.gps_velocity(nav.layout, now.state, fix, nav.earth, params.l_ba_b, *now.felt)
-    return z, H, R + vibration_variance(params, now) * np.eye(3)
+    z, H, R = measurements.gps_velocity(fix, _antenna(nav, now))
+    return z, H, R + vibration_variance(nav.params, now) * np.eye(3)
 
 
 def _gps_range(nav, now, fix):
-    arguments = nav.earth, nav.params.l_ba_b, *now.felt, nav.params.range_bias_sigma
-    return measure_ranges.pseudoranges(nav.layout, now.state, fix, *arguments)
+    sigma_bias = nav.params.range_bias_sigma
+    return measure_ranges.pseudoranges(nav.layout, now.state, fix, _antenna(nav, now), sigma_bias)
 
 
 def _gps_range_rate(nav, now, fix):
-    params = nav.params
-    z, H, R = measure_ranges.range_rates(nav.layout, now.state, fix, nav.earth, params.l_ba_b, *now.felt)
-    return z, H, R + vibration_variance(params, now) * np.eye(len(z))
+    z, H, R = measure_ranges.range_rates(nav.layout, now.state, fix, _antenna(nav, now))
+    return z, H, R + vibration_variance(nav.params, now) * np.eye(len(z))
 
 
 def _star_attitude(nav, now, fix):
@@ -151,7 +155,7 @@ def _star_trial(nav, now, z, R, fix):
     used = nav.health["star_tracker"].used
     rule = params.release_star if used else params.release_star_first
     state = now.state
-    P_rate = rate_covariance(nav.layout, state, now.P, *now.felt)
+    P_rate = rate_covariance(nav.layout, state, now.P, *now.felt, now.vibration)
     limit = nav.limit(3)
 
     noise = params.imu.gyro_random_walk**2 + now.imu.extra[0].max()
@@ -188,7 +192,8 @@ def _star_alone(nav, S):
     if not nav.health["star_tracker"].used:
         return False
     most = nav.watch.params.wrong_star_fix**2 / nav.limit(len(S))  # of the variance along any axis
-    return bool(S.trace() < most or np.linalg.eigvalsh(S)[-1] < most)  # a trace exceeds every eigenvalue
+    trace = S[0, 0] + S[1, 1] + S[2, 2]  # exceeds every eigenvalue
+    return bool(trace < most or np.linalg.eigvalsh(S)[-1] < most)
 
 
 def _star_admits(nav, z):
@@ -202,9 +207,9 @@ def never(nav, now, z, R, fix):
     return Trial(ReleaseRule(np.inf, np.inf), None, None)
 
 
-def rate_covariance(layout, state, P, omega_b, f_b):
+def rate_covariance(layout, state, P, omega_b, f_b, vibration=0.0):
     """Covariance of the corrected rate by the estimates of the gyro errors: (3, 3) rad^2/s^2."""
-    J_omega, _ = calibration.jacobians(layout, state, omega_b, f_b)
+    J_omega, _ = calibration.jacobians(layout, state, omega_b, f_b, vibration)
     return J_omega @ P @ J_omega.T
 
 
