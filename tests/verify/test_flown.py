@@ -43,8 +43,20 @@ def test_kept_fixes_come_back(tmp_path, counts):
         for name in ("q_ic", "P_c", "hip"):
             assert np.array_equal(getattr(one, name), getattr(other, name))
         assert np.array_equal(one.detections.xy_px, other.detections.xy_px)
-    with pytest.raises(ValueError, match="made by"):
+    with pytest.raises(ValueError, match="are those of code abc, not of code another"):
         flown.load(tmp_path / "fixes.npz", {"code": "another"})
+
+
+def test_fixes_of_another_scenario_or_with_other_overrides_are_refused(tmp_path):
+    """What differs is named; another version of the code alone is only told of."""
+    path = tmp_path / "fixes.npz"
+    flown.save(path, [], {"code": "abc", "scenario": "a.yaml", "set": ["gps.rate=2 Hz"]})
+    assert flown.load(path, {"scenario": "a.yaml", "set": ["gps.rate=2 Hz"]}) == []
+    with pytest.raises(ValueError, match=r"are those of scenario a\.yaml, not of scenario b\.yaml; keep"):
+        flown.load(path, {"scenario": "b.yaml", "set": ["gps.rate=2 Hz"]})
+    with pytest.raises(ValueError, match=r"those of set \['gps\.rate=2 Hz'\], not of set \[\]"):
+        flown.load(path, {"scenario": "a.yaml", "set": []})
+    assert flown.told([path, path]) == "code abc, scenario a.yaml, set ['gps.rate=2 Hz']"
 
 
 def at_rest(seconds):

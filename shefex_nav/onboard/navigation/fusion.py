@@ -352,6 +352,8 @@ def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
         found = integrity_protection.slope_of_vectors(nav.layout, P_before, P_after, nav.limit(2), H, R)
     elif name == "star_tracker":
         found = integrity_protection.slope_of_stars(P_before, P_after, limit, H, R, confirmed)
+    elif SENSORS[name].rows == 1:
+        found = integrity_protection.slope_of_ranges(P_before, P_after, nav.limit(1), H, R)
     else:
         found = integrity_protection.slope(P_before, P_after, limit)
     watch.used_now.append(found)

@@ -128,7 +128,7 @@ def _slope_of_stars(P_before, P_after, limit, H, R, confirmed):
 def _slope_of_vectors(P_before, P_after, limit, H, R, mounting):
     """Table of a `Slope` of single stars; mounting: its first error, -1 if there is none."""
     out, row = _slope(P_before, P_after, limit), np.empty(P_before.shape[0])
-    out[0] = _worst_star(P_before, H, R, limit)
+    out[0] = _worst_of(P_before, H, R, limit, 2)
     for i in range(3):  # what stars have misled is attitude and mounting together
         row[:] = 0.0
         row[ATT.start + i] = 1.0
@@ -169,18 +169,37 @@ def slope_of_vectors(layout, P_before, P_after, limit, H, R):
 
 
 @njit(cache=True)
-def _worst_star(P, H, R, limit):
-    """What the worst star can do to the attitude, (3,) rad."""
+def _worst_of(P, H, R, limit, size):
+    """What the worst group of `size` rows can do to the attitude, (3,) rad."""
     PH = P @ H.T
     S = H @ PH + R
     K = np.linalg.solve(S, PH[ATT.start : ATT.stop].T.copy()).T
     worst = np.zeros(3)
-    for k in range(0, H.shape[0], 2):
+    for first in range(0, H.shape[0], size):
         for i in range(3):
-            a, b = K[i, k], K[i, k + 1]
-            variance = a * a * S[k, k] + 2.0 * a * b * S[k, k + 1] + b * b * S[k + 1, k + 1]
-            worst[i] = max(worst[i], np.sqrt(limit * variance))
+            variance = 0.0
+            for j in range(first, first + size):
+                for k in range(first, first + size):
+                    variance += K[i, j] * S[j, k] * K[i, k]
+            worst[i] = max(worst[i], np.sqrt(limit * max(variance, 0.0)))
     return worst
+
+
+@njit(cache=True)
+def _slope_of_ranges(P_before, P_after, limit, H, R):
+    """Table of a `Slope` of ranges."""
+    out = _slope(P_before, P_after, limit)
+    out[0] = _worst_of(P_before, H, R, limit, 1)
+    return out
+
+
+def slope_of_ranges(P_before, P_after, limit, H, R):
+    """Slope of satellites that were used and gated one by one, a row each: of the one that could do worst.
+
+    limit : of the gate of one satellite;  H, R : (m, n), (m, m);  else as `slope`
+    """
+    H, R = np.ascontiguousarray(H), np.ascontiguousarray(R)
+    return Slope(False, _slope_of_ranges(P_before, P_after, limit, H, R))
 
 
 def after_fix(level, found, P_now):

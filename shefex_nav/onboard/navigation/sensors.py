@@ -17,7 +17,7 @@ from shefex_nav.onboard.navigation import (
     measure_stars,
     measurements,
 )
-from shefex_nav.onboard.navigation.state import POS, ReleaseRule
+from shefex_nav.onboard.navigation.state import POS, VEL, ReleaseRule
 from shefex_nav.records import GpsRanges, Reason
 
 MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
@@ -54,7 +54,7 @@ class Sensor(NamedTuple):
     # (nav, now, z, R, fix) -> Trial
     trial: Callable
     with_it: tuple[str, ...] = ()  # blocks that a reset takes back to what was known at the start
-    rows: int = 0  # rows gated together, whose noise must not be tied to that of others; 0: all
+    rows: int = 0  # rows gated together, by what they share with no other row in mind; 0: all
     labels: Callable | None = None  # fix -> name of each group of rows, for notes
     reset_note: str = "reset after timeout"
     # (nav, S) -> whether one fix inside the gate is enough; None: always
@@ -88,7 +88,8 @@ def _gps_range(nav, now, fix):
 
 def _gps_range_rate(nav, now, fix):
     z, H, R = measure_ranges.range_rates(nav.layout, now.state, fix, _antenna(nav, now))
-    return z, H, R + vibration_variance(nav.params, now) * np.eye(len(z))
+    along = H[:, VEL]  # the antenna's velocity in vibration is one vector for all satellites
+    return z, H, R + vibration_variance(nav.params, now) * (along @ along.T)
 
 
 def _star_attitude(nav, now, fix):
