@@ -61,7 +61,7 @@ class Records:
     def read(self, run):
         """Flown of a run that is kept; None if it is not, or cannot be read."""
         try:
-            with np.load(self._path(run), allow_pickle=False) as file:
+            with self._path(run).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
                 parts = [
                     kind(*(file[f"{part}.{name}"] for name in kind._fields)) for part, kind in PARTS.items()
                 ]
