@@ -152,7 +152,8 @@ class Statistical:
         The catalogue's directions are turned, so that single stars and attitude say the same wrong thing. The
         names stay those of the stars that were seen: which others they would be taken for is not modelled.
         """
-        turn = quat_from_rotvec(self.search.wrong_turns[self.rng.integers(len(self.search.wrong_turns))])
+        turns = self.search.wrong_turns  # from the attitude to the true one
+        turn = quat_from_rotvec(-turns[self.rng.integers(len(turns))])
         q_ic, *rest = solution
         wrong_ic = quat_multiply(q_ic, turn)
         C_wrong = dcm_from_quat(wrong_ic) @ dcm_from_quat(q_ic).T  # true to wrong directions in space
