@@ -165,6 +165,22 @@ def test_judgement_passes_what_agrees_and_notices_what_does_not(runs):
     assert sum(not test.good for test in judge.fixes(one, lost, WRONG)) == 2  # fewer fixes, another reason
 
 
+def test_nothing_to_judge_is_not_good_and_can_be_written(runs):
+    """Runs without a fix, or without a star that the fit speaks of: figures that are no numbers."""
+    fitted = fit.sightings(runs, MAX_RATE, FULL_DN)
+    lost = [part._replace(reason=0 * part.reason + Reason.NO_MATCH, error=np.nan * part.error) for part in
+            (judge.of_frames(one.frames) for one in runs)]  # fmt: skip
+    blind = runs[0]._replace(sources=runs[0].sources._replace(found=runs[0].sources.found & False))
+    tests = judge.fixes(lost, lost, WRONG) + judge.centroids([blind], fitted, MAX_RATE)
+    none = [test for test in tests if np.isnan(test.value)]
+    assert len(none) >= 8 and not any(test.good for test in none)
+    content = model.with_tests({}, [judge.flown_all(3, []), *tests])
+    again = json.loads(model.text(content))["tests"]
+    assert again[0]["good"] and again[1]["value"] is None
+    failed = judge.flown_all(3, [running.Failed(7, "OutsideModelError: too fast")])
+    assert not failed.good and "too fast" in failed.what
+
+
 def _lasting(sources):
     """The same errors with a part that each star keeps: half of the variance."""
     sigma = np.sqrt(np.stack([sources.along @ NOISE, sources.across @ NOISE], axis=1))

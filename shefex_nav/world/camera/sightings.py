@@ -185,19 +185,25 @@ def look(camera, command, trajectory, number, t_start_s):
         line_s=params.line_s,
         bits=params.bits,
     )
-    listed = scene[0] > 0
-    truth = FrameTruth(
-        number=number,
-        t_valid_s=t_valid_s,
+    return frame, _truth(frame, params, move, (sun_angle, limb_angle), scene), film, scene
+
+
+def _truth(frame, params, move, angles, scene):
+    """FrameTruth of a Frame; angles to Sun and limb."""
+    hip, xy_px, _ = scene
+    sun_angle, limb_angle = angles
+    listed = hip > 0
+    return FrameTruth(
+        number=frame.number,
+        t_valid_s=frame.t_valid_s,
         q_ic=rotation.quat_from_dcm(np.ascontiguousarray(move.C_ci.T)),
         rate=move.rate,
         sun_angle=sun_angle,
         limb_angle=limb_angle,
         exclusion_met=sun_angle >= params.sun_exclusion_rad and limb_angle >= params.earth_exclusion_rad,
-        hip=scene[0][listed],
-        xy_px=scene[1][listed],
+        hip=hip[listed],
+        xy_px=xy_px[listed],
     )
-    return frame, truth, film, scene
 
 
 def _scene(camera, move, C_ei, exposure_s):
