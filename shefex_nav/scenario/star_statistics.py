@@ -67,7 +67,7 @@ class StarStatistics(Block):
     format: Literal[2]
     made: dict[str, Any] = Field(description="by which version, from which scenario, how many runs")
     settings: dict[str, Any] = Field(description="of camera and star tracker; [a, b]: from a to b")
-    digest: str = Field(description="of the settings")
+    digest: str = Field(description="of the fit and its settings")
     sightings: SightingsFit
     identification: IdentificationFit
     tests: list[dict[str, Any]] = Field(description="of the fit, on runs that it was not fitted to")
@@ -103,12 +103,13 @@ def _flat(value, path):
     return found
 
 
-def digest(values):
-    """Digest of settings: 16 hexadecimal digits. dict -> str"""
+def digest(content):
+    """Digest of what a file says of a star tracker, and for which settings: 16 hexadecimal digits."""
     import hashlib
     import json
 
-    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+    said = {name: content[name] for name in ("sightings", "identification", "settings")}
+    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def contradictions(scenario):

@@ -27,7 +27,7 @@ def with_model(folder, change):
 
 def test_shipped_model_is_of_the_default_scenario_and_its_campaign():
     found = content()
-    assert found["digest"] == star_statistics.digest(found["settings"])
+    assert found["digest"] == star_statistics.digest(found)
     for name in ("shefex2_andoya.yaml", "campaign.yaml"):
         scenario = load(DEFAULT.with_name(name), [STATISTICAL])  # refused with any other setting
         assert set(found["settings"]) == set(star_statistics.settings(scenario))

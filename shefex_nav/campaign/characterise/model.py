@@ -21,15 +21,14 @@ def section(scenario, sightings, search, made, ranges=None):
     """
     settings = star_statistics.settings(scenario)
     settings |= {path: list(values) for path, values in (ranges or {}).items() if path in settings}
-    return {
-        "format": 2,
-        "made": {"version": __version__, "scenario": scenario.mission.name} | made,
-        "digest": star_statistics.digest(settings),
+    found = {
         "sightings": _rounded(_sightings(sightings)),
         "identification": _rounded(_identification(search)),
         "tests": [],
         "settings": settings,
     }
+    made = {"version": __version__, "scenario": scenario.mission.name} | made
+    return {"format": 2, "made": made, "digest": star_statistics.digest(found)} | found
 
 
 def with_tests(content, tests):

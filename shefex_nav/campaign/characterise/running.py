@@ -17,7 +17,6 @@ from shefex_nav.campaign.characterise.records import Flown
 from shefex_nav.compiled import ONE_THREAD
 from shefex_nav.workers import bind_to_parent, cores
 
-LEAST_RUNS = 6
 CORNERS = 6  # every sixth run is a corner run, and they are an even number
 HELD_OUT = 3  # every third of the others is not fitted, but judges
 RARE = 1e-5  # probability of a draw beyond either end of what the corner runs fly
@@ -51,7 +50,7 @@ def characterise(scenario, runs, seed, *, workers=None, folder=None, done=lambda
     Parameters
     ----------
     scenario : Scenario with frames: rendered, with its dispersions
-    runs : int, at least LEAST_RUNS
+    runs : int, at least 6: two corner runs, and of the others a third judges
     seed : int, root of all randomness
     workers : int, processes; None: one a core
     folder : Path where rendered runs are kept, and those that it has are not flown again; None: nowhere
