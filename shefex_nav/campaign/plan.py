@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 FORMAT = 1  # of the folder
+BLOCKS = ("attitude", "velocity", "position", "gyro_bias", "accel_bias")  # of a series, in this order
 PACKAGE = Path(__file__).parents[1]
 
 

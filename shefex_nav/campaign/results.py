@@ -169,7 +169,7 @@ class Campaign:
     def _series(self, run, names=None):
         path = self.folder / "runs" / f"{int(run):0{store.DIGITS}d}.npz"
         try:
-            with np.load(path, allow_pickle=False) as archive:
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
                 return {name: archive[name] for name in names or archive.files}
         except FileNotFoundError:
             raise KeyError(f"{path} is not there; a failed run has no series") from None
