@@ -6,7 +6,9 @@ from concurrent.futures.process import BrokenProcessPool
 import numpy as np
 import pytest
 from short_campaign import BREAKS, HereLane, fly, write
+from typer.testing import CliRunner
 
+from shefex_nav import cli
 from shefex_nav.campaign import draws, engine, flight, repeating, results, running, store, summary, table
 from shefex_nav.campaign.flight import Pilot
 from shefex_nav.log import reader
@@ -179,6 +181,27 @@ def test_every_fifth_run_fails_and_says_why(tmp_path):
     result = summary.summary_object(results.open_campaign(tmp_path / "campaign"))
     assert (result["runs"], result["succeeded"], result["failed"]) == (10, 8, 2)
     assert json.loads(json.dumps(result, allow_nan=False))["results_digest"] == ended.digest
+
+
+def test_the_command_tells_the_cause_of_every_fifth_failure(tmp_path, monkeypatch):
+    """Exit code 1, 80 % of the rows good, and a summary that names the dispersion that broke the others."""
+    monkeypatch.setattr(running, "_lanes_here", lambda request, plan, runs: [HereLane(plan)])
+    rows = "\n".join("0.06" if run % 5 == 4 else "0.02" for run in range(10))
+    (tmp_path / "step.csv").write_text(f"step_s\n{rows}\n")
+    more = "  star_tracker.exposure.start: {table: {file: step.csv, column: step_s, unit: s}}\n"
+    arguments = ["campaign", str(write(tmp_path, more)), "--runs", "10", "--out", str(tmp_path / "c")]
+    arguments += ["--set", "star_tracker.exposure.shortest=10 ms"]
+    ended = CliRunner().invoke(cli.app, arguments)
+    assert ended.exit_code == 1, ended.output
+    assert "8, 80.0 %" in ended.stdout
+    assert "2 runs (4, 9): ScenarioError: drawn: star_tracker.exposure.start: " in ended.stdout
+    words = "Failed runs drew star_tracker.exposure.start from 0.06 to 0.06, the others from 0.02 to 0.02 (p "
+    assert words in ended.stdout
+    printed = CliRunner().invoke(cli.app, [*arguments, "--json"])
+    found = json.loads(printed.stdout)
+    assert printed.exit_code == 1 and (found["succeeded"], found["failed"]) == (8, 2)
+    dispersed = CliRunner().invoke(cli.app, [*arguments, "--again", "failed"])
+    assert dispersed.exit_code == 1 and "flying the 2 failed runs again" in dispersed.stderr
 
 
 def test_a_table_must_be_long_enough(tmp_path):
