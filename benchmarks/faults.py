@@ -22,9 +22,8 @@ import numpy as np
 from missions import SCENARIOS
 
 REQUIRED = np.radians(0.17)
-WRONG = np.radians(
-    0.3
-)  # a star fix that is off by more is a wrong one; the smallest of them is off by 0.5 deg
+WRONG = np.radians(0.3)  # a star fix that is off by more is a wrong one; the least of them is off by 0.5 deg
+MADE_FOR = {"scenario": "shefex2_andoya.yaml", "set": []}  # whose star fixes `--stars` must hold
 ONLY_BLINDED = "faults.star_tracker=[{fault: blinded, from: 300 s, until: 330 s}]"
 IMU_FAULTS = (  # source, from, until, the reason begins with
     ("imu", 120.0, 120.05, "no samples"),
@@ -99,7 +98,9 @@ def with_kept_stars(scenario, world, job):
 
     line = faults.StarLine(world.faults.stars, noise.generator(job["seed"], "faults"))
     white = [(one.start_s, one.end_s) for one in world.faults.stars if one.kind == "blinded"]
-    fixes = flown.load(Path(job["stars"]) / f"fixes-{job['seed']:04d}.npz")
+    if scenario.navigation.stars != "attitude":
+        raise ValueError("kept fixes have no single stars: navigation.stars must be attitude")
+    fixes = flown.load(Path(job["stars"]) / f"fixes-{job['seed']:04d}.npz", MADE_FOR)
     seen = [fix for fix in fixes if not any(begin <= fix.t_valid_s < end for begin, end in white)]
     stars = sorted(map(line.fix, seen), key=lambda fix: -fix.t_available_s)
     gps = sorted(world.gps_fixes + world.gps_ranges, key=lambda fix: -fix.t_available_s)
@@ -324,6 +325,9 @@ def main():
         seeds = [seed for seed in seeds if (folder / f"fixes-{seed:04d}.npz").exists()]
         if not seeds:
             parser.error(f"{folder} holds no star fixes of these seeds")
+        from shefex_nav.verify import flown
+
+        print(f"star fixes: {flown.told(folder / f'fixes-{seed:04d}.npz' for seed in seeds)}")
     found = {}
     with ProcessPoolExecutor(max_workers=options.jobs, mp_context=get_context("spawn")) as pool:
         for name in options.names:

@@ -118,29 +118,34 @@ def lost(job, reason):
 
 
 def _records(scenario, seed, world, log):
-    """RunData of a mission, without the IMU's samples, which no figure needs; they are in the log."""
+    """RunData of a mission, truth and solution at 10 Hz, as figures need them; all there is is in the log.
+
+    Without the IMU's samples, which no figure needs.
+    """
     from shefex_nav import prepare, simulate
+    from shefex_nav.log import thinning
     from shefex_nav.log.drawings import FramePolicy
     from shefex_nav.log.run_data import RunDataBuilder
-    from shefex_nav.log.thinning import thinned
     from shefex_nav.log.topics import RunSummary
     from shefex_nav.log.writer import LogWriter
     from shefex_nav.records import ImuBlock
 
     mission, began = prepare.mission(scenario, seed, world.flight.trajectory), time.perf_counter()
     kept = RunDataBuilder(mission)
-    records = thinned(simulate.route(world, scenario, seed), scenario.log.rate, mission.start_s)
+    every = thinning.ticks(thinning.LOWEST_HZ)
     if log is None:
-        for record in records:
+        for record in simulate.route(world, scenario, seed, every=every):
             if type(record) is not ImuBlock:
                 kept.add(record)
         return kept.build()
     frames = scenario.log.frames
     policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
     with LogWriter(log, mission, policy, overwrite=True) as writer:
-        for record in records:
+        for record in thinning.thinned(
+            simulate.route(world, scenario, seed), scenario.log.rate, mission.start_s
+        ):
             writer.write(record)
-            if type(record) is not ImuBlock:
+            if type(record) is not ImuBlock and thinning.stays(record, every, mission.start_s):
                 kept.add(record)
         writer.write(RunSummary(kept.last_t_s, time.perf_counter() - began, 0.0))
     return kept.build()

@@ -56,6 +56,7 @@ STEPS = {
 RNG = np.random.default_rng(11)
 BLOCKS, STATES = fly(0.3)
 ARM = PARAMS.l_ba_b
+VIBRATION = 0.7  # level at which the motion is measured
 SPIN, FORCE = np.array([9.4, 0.2, -0.1]), np.array([60.0, 1.0, -2.0])  # as the sensors measure them
 CLOCK = {"clock_white": 0.1, "clock_walk": 0.2, "range_bias_sigma": 3.0, "range_bias_time_s": 100.0}
 CLOCK["gravity_sigma"] = 2e-4
@@ -223,14 +224,15 @@ def measured_motion(state):
 
     gyro = response(state.gyro_scale, state.gyro_misalignment)
     gyro += np.outer(state.gyro_roll_column, [1.0, 0.0, 0.0])
-    f_b = np.linalg.solve(response(state.accel_scale, state.accel_misalignment), FORCE - state.accel_bias)
+    bias = state.accel_bias + VIBRATION**2 * state.accel_rectification
+    f_b = np.linalg.solve(response(state.accel_scale, state.accel_misalignment), FORCE - bias)
     pull = state.gyro_g_sensitivity.reshape(3, 3) @ f_b
     return np.linalg.solve(gyro, SPIN - state.gyro_bias - pull), f_b
 
 
 def test_the_sensors_are_inverted():
     state = state_with_errors(ALL.names)
-    omega_b, f_b = calibration.motion(state, np.concatenate([SPIN, FORCE]) * DT, DT)
+    omega_b, f_b = calibration.motion(state, np.concatenate([SPIN, FORCE]) * DT, DT, VIBRATION)
     np.testing.assert_allclose(omega_b, measured_motion(state)[0], rtol=1e-12)
     np.testing.assert_allclose(f_b, measured_motion(state)[1], rtol=1e-12)
 
@@ -238,7 +240,7 @@ def test_the_sensors_are_inverted():
 @pytest.mark.parametrize("order", [ALL, ROLL], ids=["all", "roll column"])
 def test_jacobians_of_the_corrected_motion(order):
     state = state_with_errors(order.names)
-    J_omega, J_f = calibration.jacobians(order, state, *measured_motion(state))
+    J_omega, J_f = calibration.jacobians(order, state, *measured_motion(state), VIBRATION)
     for name, j, step in each_error(order):
         up = measured_motion(correct(order, state, unit(order, j, step)))
         down = measured_motion(correct(order, state, unit(order, j, -step)))
@@ -284,10 +286,10 @@ def fixes_of(state):
 
 def linearised(order, state, fixes):
     """(z, H, R) of position, velocity, attitude."""
-    motion = measured_motion(state)
+    a = measurements.antenna(order, state, EARTH, ARM, *measured_motion(state), VIBRATION)
     return (
-        measurements.gps_position(order, state, fixes[0], EARTH, ARM, *motion),
-        measurements.gps_velocity(order, state, fixes[0], EARTH, ARM, *motion),
+        measurements.gps_position(fixes[0], a),
+        measurements.gps_velocity(fixes[0], a),
         measurements.star_attitude(order, state, fixes[1], C_BC, 0.0),
     )
 
