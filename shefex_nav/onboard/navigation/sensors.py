@@ -78,7 +78,7 @@ def _gps_position(nav, now, fix):
 
 def _gps_velocity(nav, now, fix):
     z, H, R = measurements.gps_velocity(fix, _antenna(nav, now))
-    return z, H, R + vibration_variance(nav.params, now) * np.eye(3)
+    return z, H, R + vibration_variance(nav.params, now) * np.eye(3) if now.vibration else R
 
 
 def _gps_range(nav, now, fix):
