@@ -239,20 +239,23 @@ def _short(name):
     return f"|{text}|" if name.startswith("|") else text
 
 
+OF_SERIES = {"errors": draw_errors, "nees": draw_nees, "containment": draw_containment}
+OF_RESULTS = {"ellipses": draw_ellipses, "convergence": draw_convergence, "sensitivity": draw_sensitivity}
+NAMES = (*OF_SERIES, *OF_RESULTS)
+
+
+def draw_one(name, campaign):
+    """Figure of one of NAMES, or None where there is nothing to draw."""
+    if name in OF_RESULTS:
+        return OF_RESULTS[name](campaign)
+    series = over_time.read(campaign)
+    return None if series is None else OF_SERIES[name](series)
+
+
 def draw(campaign, series):
     """All pictures that there is something for: list of (name, Figure). series : over_time.Series or None"""
-    pictures = {}
-    if series is not None:
-        pictures = {
-            "errors": draw_errors(series),
-            "nees": draw_nees(series),
-            "containment": draw_containment(series),
-        }
-    pictures |= {
-        "ellipses": draw_ellipses(campaign),
-        "convergence": draw_convergence(campaign),
-        "sensitivity": draw_sensitivity(campaign),
-    }
+    pictures = {} if series is None else {name: make(series) for name, make in OF_SERIES.items()}
+    pictures |= {name: make(campaign) for name, make in OF_RESULTS.items()}
     return [(name, figure) for name, figure in pictures.items() if figure is not None]
 
 
