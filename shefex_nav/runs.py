@@ -175,7 +175,10 @@ class Run:
         """The closing table of `shefex-nav run`, a rich Table."""
         from shefex_nav.report import table
 
-        return table.summary_table(self.summary())
+        summary = self.summary()
+        if self._folder:  # a temporary log is nobody's business
+            summary["log"] = None
+        return table.summary_table(summary)
 
     @cached_property
     def frames(self):
