@@ -169,6 +169,8 @@ def draw_ellipses(campaign):
 @style.styled
 def draw_convergence(campaign):
     """Success rates and percentiles of errors against the number of runs, with 95 % intervals."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
     panels, judged = [], campaign.judgements
     if len(judged.passed):
         panels = [
@@ -191,6 +193,9 @@ def draw_convergence(campaign):
         axis.fill_between(course.n, course.low, course.high, color=BLUE, alpha=0.2, lw=0)
         axis.plot(course.n, course.value, color=BLUE, lw=1.3)
         axis.set_xscale("log")
+        axis.xaxis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))
+        axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.xaxis.set_minor_locator(NullLocator())
         first = FIRST_SHOWN if course.n[-1] > 2 * FIRST_SHOWN else 1
         axis.set_xlim(first, max(course.n[-1], 2))
         shown = np.concatenate([part[course.n >= first] for part in course[1:]])
@@ -204,9 +209,9 @@ def draw_convergence(campaign):
 
 @style.styled
 def draw_sensitivity(campaign):
-    """Standardised coefficients of the regressions, with 95 % intervals."""
+    """Standardised coefficients of the regressions, with 95 % intervals; the best explained results first."""
     found = sensitivity.outcomes(campaign)
-    panels = sensitivity.regressions(found, campaign.draws)[:MOST_PANELS]
+    panels = sorted(sensitivity.regressions(found, campaign.draws), key=lambda one: -one.r2)[:MOST_PANELS]
     if not panels:
         return None
     columns = min(len(panels), 3)

@@ -5,7 +5,8 @@ from cells import execute
 
 
 def test_first_mission(monkeypatch):
-    found = execute("01_first_mission", monkeypatch, UNTIL_S=254.0, AT_S=253.0)
+    changes = {"star_tracker.rate": "2 Hz", "log.rate": "10 Hz"}
+    found = execute("01_first_mission", monkeypatch, UNTIL_S=254.0, AT_S=253.0, CHANGES=changes)
     run, own, long = found["run"], found["own"], found["long"]
     assert run.data.last_t_s == own.data.last_t_s == 254.0
     assert np.degrees(np.linalg.norm(run.errors().at(253.0).attitude_b)) < 0.1

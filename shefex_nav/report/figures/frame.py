@@ -22,6 +22,7 @@ def frame(seen):
     rows, columns = seen.image_dn.shape
     figure, axes = style.single(1.05 + (style.WIDTH - 0.95) * rows / columns, _words(seen))
     axes.grid(False)
+    axes.spines[:].set_visible(True)
     shown = _stretched(seen.image_dn.astype(float))
     axes.imshow(shown, cmap="gray", vmin=0.0, vmax=1.0, interpolation="none", aspect="equal")
     if seen.fix is not None:
