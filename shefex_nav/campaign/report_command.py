@@ -55,8 +55,12 @@ def show(campaign, series):
 def tables(parts):
     """rich Group of list of Part."""
     from rich.console import Group
+    from rich.jupyter import JupyterMixin
 
-    return Group(*(shown for part in parts for shown in _shown(part)))
+    class Tables(Group, JupyterMixin):
+        """A Group that notebooks show."""
+
+    return Tables(*(shown for part in parts for shown in _shown(part)))
 
 
 def _shown(part):

@@ -59,6 +59,10 @@ class Campaign:
         self._rows, self._path = rows, path
         self.columns = table.columns(rows) if path is None else table.load_columns(path)
 
+    def __repr__(self):
+        count = f"{len(self)} of {self.head['runs']} runs, {int(self.succeeded.sum())} flew to their end"
+        return f"<Campaign {self.head['scenario']}, seed {self.head['seed']}, {count}>"
+
     def rows(self):
         """Rows in the order of the runs: iterator of dict."""
         return iter(self._rows) if self._path is None else table.load(self._path)
@@ -175,6 +179,20 @@ class Campaign:
             raise KeyError(f"{path} is not there; a failed run has no series") from None
         except (OSError, ValueError, EOFError, BadZipFile, zlib.error) as error:
             raise KeyError(f"{path} cannot be read: {error}") from None
+
+    def table(self):
+        """Everything that `shefex-nav report` prints of a campaign: a rich Group, shown by notebooks too."""
+        from shefex_nav.campaign import over_time, parts, report_command
+
+        return report_command.tables(parts.parts(self, over_time.read(self)))
+
+    @property
+    def plot(self):
+        """Figures of the campaign, each of matplotlib: `campaign.plot.errors()`; `dir(campaign.plot)`."""
+        from shefex_nav.campaign import figures
+        from shefex_nav.report.figures import Plots
+
+        return Plots(figures.NAMES, lambda name: figures.draw_one(name, self))
 
     def failures(self):
         """Runs that failed, in order: list of Failure."""
