@@ -62,9 +62,11 @@ def paired(rendered, statistical):
     """Runs that both have, with the same seed and the same draws: set."""
     both = []
     for campaign in (rendered, statistical):
-        draws = campaign.draws
-        rows = zip(campaign.runs.astype(int), campaign["seed"], *draws.values(), strict=True)
-        both.append({row[0]: row[1:] for row in rows})
+        draws = [
+            column for _, column in sorted(campaign.draws.items())
+        ]  # a table and records differ in order
+        rows = zip(campaign.runs.astype(int), campaign["seed"], *draws, strict=True)
+        both.append({int(row[0]): row[1:] for row in rows})
     return {run for run, drawn in both[0].items() if both[1].get(run) == drawn}
 
 

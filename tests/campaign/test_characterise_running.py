@@ -135,7 +135,7 @@ def test_records_of_something_else_are_refused(planned, tmp_path):
     Records(tmp_path / "runs", plan)
     for other, words in (
         (plan._replace(seed=6), "of another seed: 5, now 6"),
-        (plan._replace(runs=13), "of another runs: 12, now 13"),
+        (plan._replace(runs=13), "of another number of runs: 12, now 13"),
         (plan._replace(source=plan.source + "\n"), "of another scenario"),
         (
             plan._replace(versions=plan.versions | {"numpy": "1.0"}),

@@ -6,7 +6,6 @@ runs that fail are left out and counted; with --records nothing that was flown i
 """
 
 import json as json_module
-import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -91,12 +90,12 @@ def _characterised(loaded, runs, seed, workers, folder):
 
 def _write(out, content):
     """Put the file in its place as a whole."""
+    from shefex_nav.campaign import files
     from shefex_nav.campaign.characterise import model
 
-    part = out.with_name(out.name + ".part")
     try:
-        part.write_text(model.text(content), encoding="utf-8")
-        os.replace(part, out)
+        files.put(out, model.text(content))
+        files.settle(out.parent)
     except OSError as error:
         raise typer.BadParameter(f"{out}: {error.strerror or error}", param_hint="--out") from None
 

@@ -7,12 +7,12 @@ fitted file names all of them.
 """
 
 import json
-import os
 import zipfile
 from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.campaign import files
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.characterise.collect import Collected, Frames, Searches, Sources
 
@@ -53,7 +53,7 @@ class Records:
             if not path.exists():
                 if any(folder.iterdir()):
                     raise RecordsError(f"{folder} has something else in it; name a new or an empty folder")
-                _put(path, json.dumps(head, indent=1).encode())
+                files.put(path, json.dumps(head, indent=1))
             _compare(path, head)
         except OSError as error:
             raise RecordsError(f"{folder}: {error.strerror or error}") from None
@@ -78,10 +78,9 @@ class Records:
         }
         about = np.array(json.dumps([flown.settings, flown.code]))
         try:
-            part = self._path(flown.run).with_suffix(".part")
-            with part.open("wb") as file:
+            with files.whole(self._path(flown.run)) as part, part.open("wb") as file:
                 np.savez_compressed(file, about=about, **columns)
-            os.replace(part, self._path(flown.run))
+            files.settle(self.folder)
         except OSError as error:
             raise RecordsError(f"{self.folder}: {error.strerror or error}") from None
 
@@ -107,10 +106,5 @@ def _what(name, value, found):
     if name == "versions" and isinstance(found, dict):
         name = next(key for key in {**value, **found} if value.get(key) != found.get(key))
         return f"version of {name}: {found.get(name)}, now {value.get(name)}"
-    return name if name == "scenario" else f"{name}: {found}, now {value}"
-
-
-def _put(path, data):
-    part = path.with_suffix(".part")
-    part.write_bytes(data)
-    os.replace(part, path)
+    words = "number of runs" if name == "runs" else name
+    return words if name == "scenario" else f"{words}: {found}, now {value}"
