@@ -41,6 +41,11 @@ def fixes_path(job):
     return Path(job["folder"]) / f"fixes-{job['seed']:04d}.npz"
 
 
+def made_for(job):
+    """What must have made the fixes: scenario and overrides; another version of the code is only told of."""
+    return {key: job["head"][key] for key in ("scenario", "set")}
+
+
 def follow(job):
     """Every filter over one seed. -> dict of Run, bounds (None unless asked for)"""
     from shefex_nav import prepare
@@ -49,7 +54,7 @@ def follow(job):
 
     scenario = scenario_of(job)
     world = prepare.build_world(scenario, job["seed"])
-    fixes = flown.load(fixes_path(job))
+    fixes = flown.load(fixes_path(job), made_for(job))
     runs = {}
     for name, (overrides, star_factor) in job["filters"].items():
         other = scenario_of(job | {"overrides": (*job["overrides"], *overrides)})
@@ -70,7 +75,7 @@ def imagine(job):
         if name == MISTUNED:  # is judged by the bounds of the default
             continue
         chosen = scenario_of(job | {"overrides": (*job["overrides"], *overrides)})
-        fixes, rng = flown.load(fixes_path(job)), np.random.default_rng(job["seed"])
+        fixes, rng = flown.load(fixes_path(job), made_for(job)), np.random.default_rng(job["seed"])
         run, one = consistency.of_run(chosen, job["seed"], fixes, number=job["histories"], rng=rng)
         ratio = np.diagonal(one.P, axis1=1, axis2=2) / np.diagonal(run.P, axis1=1, axis2=2)
         found[name] = one, float(np.abs(ratio - 1.0).max())
@@ -192,8 +197,7 @@ def judge(options, jobs):
     results = [done[0], *done[1 + len(alone) :]]
     pairs = [pair for _, pair in results if pair is not None]
     print(f"{Path(options.scenario).name}, code {commit()}, {len(jobs)} seeds: {[j['seed'] for j in jobs]}")
-    codes = {flown.made_by(fixes_path(job))["code"] for job in jobs}
-    print(f"frames flown by {', '.join(sorted(codes))}")
+    print(f"frames flown by {flown.told(fixes_path(job) for job in jobs)}")
     rng, found, good = np.random.default_rng(0), {}, True
     for name, (overrides, _) in filters.items():
         runs = [one[name] for one, _ in results]

@@ -4,9 +4,9 @@ uv run python benchmarks/smoothing.py FOLDER [--seeds 20] [--first 0] [--json FI
 
 FOLDER holds star fixes of whole runs of the default mission, as `benchmarks/consistency.py FOLDER` keeps
 them; the first seeds of which there are some are taken. IMU, GPS and truth are made again from the seed.
-Prints for each part of the flight the RMS over all
-seeds of filter and smoother with their ratio and its 95 % interval (bootstrap over seeds), and the NEES of
-both at some instants with the interval that holds 99.9 % of means over so many seeds.
+Prints for each part of the flight the RMS over all seeds of filter and smoother with their ratio and its 95 %
+interval (bootstrap over seeds), and the NEES of both at some instants with the interval that holds 99.9 % of
+means over so many seeds.
 """
 
 import argparse
@@ -17,6 +17,7 @@ import numpy as np
 from missions import SCENARIOS
 
 AT_S = (-5.0, 30.0, 100.0, 200.0, 240.0, 270.0, 320.0, 370.0, 390.0, 398.0, 420.0, 480.0)
+MADE_FOR = {"scenario": "shefex2_andoya.yaml", "set": []}  # whose star fixes they must be
 BLOCKS = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9)}
 
 
@@ -35,7 +36,7 @@ def recording_of(scenario, seed, folder):
     for n, block in enumerate(imu.blocks(world.imu), 1):
         builder.add(simulate.truth_sample(trajectory, n * simulate.SAMPLES_PER_TICK))
         builder.add(block)
-    fixes = flown.load(Path(folder) / f"fixes-{seed:04d}.npz")
+    fixes = flown.load(Path(folder) / f"fixes-{seed:04d}.npz", MADE_FOR)
     for record in (*world.flight.events, *world.gps_fixes, *fixes):
         builder.add(record)
     return rerun.of_data(builder.build(), f"seed {seed}")
@@ -109,6 +110,7 @@ def main():
     parser.add_argument("--json", type=Path, help="what was measured of each seed, in full")
     options = parser.parse_args()
     from shefex_nav.scenario import load
+    from shefex_nav.verify import flown
 
     scenario = load.load(SCENARIOS / "shefex2_andoya.yaml")
     runs, folder = [], Path(options.folder)
@@ -116,6 +118,7 @@ def main():
     seeds = [seed for seed in kept if seed >= options.first][: options.seeds]
     if not seeds:
         parser.error(f"{folder} holds no star fixes of seed {options.first} or later")
+    print(f"star fixes: {flown.told(folder / f'fixes-{seed:04d}.npz' for seed in seeds)}")
     for seed in seeds:
         runs.append(measure(scenario, seed, options.folder))
         print(f"seed {seed} done", flush=True)

@@ -38,10 +38,11 @@ def run(scenario, seed):
     yield from route(prepare.build_world(scenario, seed), scenario, seed)
 
 
-def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step):
+def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, every=1):
     """Tick by tick through a world that has been built; as `run`, until the mission time until_s at most.
 
     step : `star_tracker.step`, or something that wraps it to see what it is given
+    every : ticks from one record of truth, IMU and solution to the next; nothing else changes with it
     """
     yield world.alignment
     trajectory, events = world.flight.trajectory, list(world.flight.events)[::-1]
@@ -69,10 +70,13 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step):
             return
         while events and events[-1].t_s <= now_s + EARLY_S:
             yield events.pop()
-        yield truth_sample(trajectory, n * SAMPLES_PER_TICK)
+        told = n % every == 0
+        if told:
+            yield truth_sample(trajectory, n * SAMPLES_PER_TICK)
         while steered and steered[-1].t_s <= now_s + EARLY_S:
             yield steered.pop()
-        yield block
+        if told:
+            yield block
         arrived = due(received, now_s)
         pictures = shutter.arrived(now_s)
         for _, truth in pictures:
@@ -83,7 +87,9 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step):
             yield from frames
         clock = Stopwatch(sight.step if sight else step)
         chain = line.chain(clock.step)
-        computer, outputs = onboard.tick(computer, block, arrived, frames, chain=chain, context=context)
+        computer, outputs = onboard.tick(
+            computer, block, arrived, frames, chain=chain, context=context, told=told
+        )
         yield from outputs
         for frame, duration_s in zip(frames if not sight else (), clock.durations_s, strict=not sight):
             yield ComputeTime(now_s, frame.number, duration_s)

@@ -7,19 +7,30 @@ are what is written and what is kept in memory, never what the on-board computer
 from shefex_nav.records import ImuBlock, NavSolution, TruthSample
 
 TICKS_PER_S = 100
+LOWEST_HZ = 10  # as the covariance comes, so that its times are always among those of the solution
 _AT_EVERY_TICK = {TruthSample: "t_s", ImuBlock: "t_valid_s", NavSolution: "t_s"}  # and their time
 
 
-def thinned(records, rate_hz, start_s):
-    """The records without those of truth, IMU and solution that `rate_hz` has no room for.
-
-    Ticks are counted from start_s, as those of the covariance are, so that their times meet; rate_hz is 10,
-    20, 50 or 100. Yields records.
-    """
+def ticks(rate_hz):
+    """Ticks from one record to the next; ValueError for another rate than 10, 20, 50 or 100 Hz."""
     every = round(TICKS_PER_S / rate_hz)
-    if every * rate_hz != TICKS_PER_S or every > TICKS_PER_S // 10:
+    if every * rate_hz != TICKS_PER_S or every > TICKS_PER_S // LOWEST_HZ:
         raise ValueError(f"a log has 10, 20, 50 or 100 samples a second, not {rate_hz:g}")
+    return every
+
+
+def stays(record, every, start_s):
+    """Whether a record stays; ticks are counted from start_s, as those of the covariance are."""
+    time = _AT_EVERY_TICK.get(type(record))
+    return time is None or round((getattr(record, time) - start_s) * TICKS_PER_S) % every == 0
+
+
+def thinned(records, rate_hz, start_s):
+    """The records without those of truth, IMU and solution that `rate_hz` has no room for. Yields records."""
+    every = ticks(rate_hz)
+    if every == 1:
+        yield from records
+        return
     for record in records:
-        time = _AT_EVERY_TICK.get(type(record))
-        if time is None or round((getattr(record, time) - start_s) * TICKS_PER_S) % every == 0:
+        if stays(record, every, start_s):
             yield record

@@ -64,7 +64,7 @@ def start(params, alignment, earth, catalogue, julian_year):
     return Computer(params, earth, fusion.start(params.nav, alignment, earth), tracker, None, (), 0)
 
 
-def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.step, context=None):
+def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.step, context=None, told=True):
     """One tick.
 
     Parameters
@@ -76,6 +76,7 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
     frames_arrived : sequence of Frame, likewise
     chain : `star_tracker.step`, or something that wraps it to see how long it takes
     context : as `star_context`, which it is by default: what the chain wants to know of a frame
+    told : whether somebody wants the NavSolution of this tick
 
     Returns
     -------
@@ -90,11 +91,11 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
     if computer.waiting or frames_arrived or _switches(computer, now_s):
         computer, outputs, due = _track_stars(computer, now_s, frames_arrived, chain, context or star_context)
     ticks = computer.ticks + 1
-    outputs += conclude(nav, ticks, gps_fixes, due)
+    outputs += conclude(nav, ticks, gps_fixes, due, told)
     return Computer(*computer[:-1], ticks), outputs  # ticks is the last field
 
 
-def conclude(nav, ticks, gps_fixes, star_fixes):
+def conclude(nav, ticks, gps_fixes, star_fixes, told=True):
     """What a tick does once the filter has been advanced and the star tracker has had its turn.
 
     Parameters
@@ -103,6 +104,7 @@ def conclude(nav, ticks, gps_fixes, star_fixes):
     ticks : of this run, this one included
     gps_fixes : GpsFix and GpsRanges that have become available
     star_fixes : StarFix likewise, also those that hold nothing for the filter
+    told : whether the NavSolution is wanted
 
     Returns
     -------
@@ -115,7 +117,8 @@ def conclude(nav, ticks, gps_fixes, star_fixes):
         if instead := sensors.attitudes_instead(nav, arrivals, outputs):
             outputs += fusion.fuse(nav, instead)
     outputs += nav.watch.changes()
-    outputs.append(solution.solution(nav))
+    if told:
+        outputs.append(solution.solution(nav))
     if ticks % COVARIANCE_TICKS == 0:
         outputs.append(solution.covariance(nav))
     return outputs

@@ -163,7 +163,7 @@ def tick(recording, nav, k):
     """
     gps, stars = recording.gps.get(k, []), recording.stars.get(k, [])
     block = imu_block(recording.data, k)
-    more_dv = 0.0 if recording.field is None else more_in_field(recording, nav.history[-1].state, block)
+    more_dv = None if recording.field is None else more_in_field(recording, nav.history[-1].state, block)
     fusion.advance(nav, block, more_dv)
     return [block, *gps, *stars, *computer.conclude(nav, k + 1, gps, stars)]
 

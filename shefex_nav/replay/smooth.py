@@ -20,7 +20,6 @@ from shefex_nav.onboard.navigation import solution
 from shefex_nav.onboard.navigation.fusion import Interval, finish
 from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.onboard.navigation.state import ATT, correct, pack
 from shefex_nav.records import GateResult, NavCovariance, NavHealth, NavSolution
 from shefex_nav.replay import rerun, smoother
@@ -168,27 +167,11 @@ def _before(step, adjoint, layout):
     """Adjoint before a step, from that after it."""
     if type(step) is Interval:
         return smoother.before_interval(adjoint, step.Phi)
+    if step.fate == Fate.DOUBTED:  # noise that was added, which needs nothing here
+        return adjoint
     G = np.eye(layout.n)
     G[ATT, ATT] = step.G
     adjoint = smoother.before_update(adjoint, step.P_forgotten, step.z, step.H, step.R, G)
-    for block in _forgotten(step, layout):
+    for block in step.cut:  # drawn anew before it; an error that a reset only admits is noise again
         adjoint = smoother.before_forgetting(adjoint, block)
     return adjoint
-
-
-def _forgotten(step, layout):
-    """Blocks that a reset drew anew before a Correction: all ties to other errors are cut.
-
-    A reset that only admits an error of its own, P + sigma^2 I, is noise and needs nothing here.
-    """
-    if step.fate != Fate.RESET:
-        return
-    sensor = SENSORS[step.sensor]
-    for name in (sensor.block, *sensor.with_it):
-        block = layout.places[name]
-        if block is None or np.array_equal(step.P[block], step.P_forgotten[block]):
-            continue
-        others = np.ones(layout.n, dtype=bool)
-        others[block] = False
-        if not np.any(step.P_forgotten[block][:, others]):
-            yield block

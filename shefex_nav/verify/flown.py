@@ -72,20 +72,36 @@ def made_by(path):
         return json.loads(str(archive["head"]))
 
 
+def told(paths):
+    """In words, what made some files of fixes: each version of the code, scenario and overrides once."""
+    heads = [made_by(path) for path in paths]
+    return "; ".join(sorted({_words({key: head.get(key) for key in sorted(head)}) for head in heads}))
+
+
 def load(path, head=None):
-    """The fixes of a file; ValueError if it was made by something else than `head`. Path, dict -> list"""
+    """The fixes of a file; ValueError if they are not those of `head`. Path, dict -> list
+
+    head : what must have made them, those keys of the file that matter; None: whatever
+    """
     with np.load(path, allow_pickle=False) as archive:
         kept = {name: archive[name] for name in archive.files}
     found = json.loads(str(kept["head"]))
-    if head is not None and found != head:
+    other = {key: found.get(key) for key, value in (head or {}).items() if found.get(key) != value}
+    if other:
         raise ValueError(
-            f"{path} was made by {found}, not by {head}; keep the results of another folder apart"
+            f"{path}: its star fixes are those of {_words(other)}, not of {_words(head, other)}; "
+            "keep those of other scenarios and overrides in folders of their own"
         )
     ends = np.cumsum(kept["count"])
     return [
         _fix(kept, k, slice(int(end - count), int(end)))
         for k, (end, count) in enumerate(zip(ends, kept["count"], strict=True))
     ]
+
+
+def _words(head, keys=None):
+    """A head, or some keys of it, in words."""
+    return ", ".join(f"{key} {head[key]}" for key in keys or head)
 
 
 def _fix(kept, k, rows):
@@ -188,11 +204,15 @@ class Recorder:
                     f"the filter forgot its {what.sensor} block at {what.t_s:.2f} s: there are no "
                     "linear histories of such a run; choose another seed"
                 )
+            if what.fate == Fate.DOUBTED:  # noise alone
+                eye = np.eye(len(what.P))
+                self.steps.append(linear.Interval(what.t_s, eye, what.P_forgotten - what.P))
+                return
             update = linear.Update(what.t_s, what.fix.t_available_s, what.sensor, what.H, what.R)
             self.steps.append(update)
             return
         end_s = what.t_end_s
-        self.levels[self._epoch(end_s)] = what.imu.vibration
+        self.levels.setdefault(self._epoch(end_s), what.imu.vibration)  # not by a part of the tick after it
         last = self.steps[-1] if self.steps else None
         if isinstance(last, linear.Interval) and not self._is_epoch(last.t_s):
             Q = what.Phi @ last.Q @ what.Phi.T + what.Q

@@ -7,6 +7,7 @@ import pytest
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import integrity_gyro
+from shefex_nav.onboard.navigation.state import N_NOMINAL, X_MOUNTING, X_Q
 
 ARCSEC = np.pi / 648000.0
 WALK, QUANTUM = 9e-6, 5e-7  # rad/sqrt(s), rad
@@ -15,7 +16,7 @@ R = np.diag(SIGMA**2)
 BIAS = 0.5 * ARCSEC  # rad/s, known to
 P = BIAS**2 * np.eye(15)
 DT = 0.1
-S = np.diag((1.3 * SIGMA) ** 2)  # of innovations where the filter uses the fixes
+GAIN = 1.0 - 1.0 / 1.3**2  # of a filter that uses the fixes
 
 
 def watch(relative=2e-4):
@@ -27,13 +28,20 @@ def turned(q, phi):
     return rotation.quat_normalise(rotation.quat_multiply(q, rotation.quat_from_rotvec(phi)))
 
 
-def fly(one, seconds, rng, *, rate=(0.0, 0.0, 0.0), wrong=None, spoil=None, uses=False):
+def packed(q_ib, mounting=(0.0, 0.0, 0.0)):
+    x = np.zeros(N_NOMINAL)
+    x[X_Q], x[X_MOUNTING] = q_ib, mounting
+    return x
+
+
+def fly(one, seconds, rng, *, rate=(0.0, 0.0, 0.0), wrong=None, spoil=None, uses=False, pushed=None):
     """Findings [(t_s, Finding)] of a flight with ten star fixes a second.
 
     rate : (3,) rad/s, of the vehicle
     wrong : t_s -> (3,) rad/s, what the gyros read too much
     spoil : number of the fix -> (3,) rad, by which it is wrong
     uses : whether the filter takes the fixes in, which moves its attitude
+    pushed : (3,) rad, by which another sensor corrects the attitude every second
     """
     true = estimated = rotation.quat_normalise(rng.standard_normal(4))
     found = []
@@ -42,11 +50,15 @@ def fly(one, seconds, rng, *, rate=(0.0, 0.0, 0.0), wrong=None, spoil=None, uses
         measured = turned(true, SIGMA * rng.standard_normal(3) + (spoil(k) if spoil else 0.0))
         z = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(estimated), measured))
         good = uses and np.linalg.norm(z) < 200.0 * ARCSEC
-        finding = one.compare(SimpleNamespace(t_s=t_s, q_ib=estimated), P, z, R, S if good else None)
+        finding = one.compare(t_s, packed(estimated), P, z, R)
         if finding:
             found.append((t_s, finding))
         if good:
-            estimated = turned(estimated, z - R @ np.linalg.solve(S, z))
+            before, estimated = estimated, turned(estimated, GAIN * z)
+            one.corrected(k + 1, k - 1, packed(before), packed(estimated))
+        if pushed is not None and k % 10 == 3:  # another sensor, once a second
+            before, estimated = estimated, turned(estimated, pushed)
+            one.corrected(k + 1, k - 1, packed(before), packed(estimated))
         true = turned(true, np.array(rate) * DT)
         error = WALK * np.sqrt(DT) * rng.standard_normal(3) + (wrong(t_s) * DT if wrong else 0.0)
         estimated = turned(estimated, np.array(rate) * DT + error)
@@ -99,6 +111,40 @@ def test_wrong_star_fixes_are_not_blamed_on_the_gyros(uses):
         return angle * direction / np.linalg.norm(direction) if wrong else np.zeros(3)
 
     assert not fly(watch(), 600.0, rng, spoil=spoil, uses=uses)
+
+
+def test_corrections_by_other_sensors_are_not_blamed_on_the_gyros():
+    """GPS after a burn: 30 arcsec a second in one direction; 0.003 deg/s of a gyro are found all the same."""
+    push = np.array([0.0, 0.0, 30.0]) * ARCSEC
+    one = watch()
+    assert not fly(one, 300.0, np.random.default_rng(7), uses=True, pushed=push)
+    assert one.checked_s > 295.0
+    error = np.radians([0.003, 0.0, 0.0])
+    found = fly(watch(), 30.0, np.random.default_rng(8), wrong=lambda t: error * (t >= 20.0), pushed=push)
+    assert found and found[0][1].axes == ("gyro x",) and found[0][0] < 28.5
+
+
+def test_what_goes_from_the_attitude_to_the_mounting_is_no_rotation():
+    """An update that turns the body and the camera's mounting against each other leaves E as it is."""
+    one, rng = watch(), np.random.default_rng(10)
+    q, phi = turned(np.array([1.0, 0.0, 0.0, 0.0]), rng.standard_normal(3)), 1e-3 * rng.standard_normal(3)
+    one.corrected(1, 0, packed(q, phi), packed(turned(q, phi)))
+    np.testing.assert_allclose(one.turned[-1][1], [1.0, 0.0, 0.0, 0.0], atol=1e-15)
+
+
+def test_going_back_takes_corrections_back():
+    """A late measurement: what was corrected after it is corrected again, otherwise, and E stays the same."""
+    one, rng = watch(), np.random.default_rng(9)
+    q = [turned(np.array([1.0, 0.0, 0.0, 0.0]), 1e-3 * rng.standard_normal(3)) for _ in range(6)]
+    for number in range(1, 6):
+        one.corrected(number, 0, packed(q[number - 1]), packed(q[number]))
+    wanted = one.turned[2][1]
+    one.back_to(2)
+    assert np.array_equal(one.turned[-1][1], wanted) and one.turned[-1][0] == 2
+    one.corrected(4, 2, packed(q[2]), packed(q[4]))
+    assert [number for number, _ in one.turned] == [2, 4]  # and nothing before the oldest tick is kept
+    expected = rotation.quat_multiply(q[4], rotation.quat_conjugate(q[0]))
+    np.testing.assert_allclose(one.turned[-1][1], expected, atol=1e-15)
 
 
 def test_a_camera_that_is_knocked_is_not_blamed_on_the_gyros():

@@ -36,6 +36,23 @@ def test_the_slope_is_the_worst_that_passes_the_gate(seed):
     assert np.all(moved <= worst * (1 + 1e-9)) and np.all(moved > 0.999 * worst)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_the_worst_single_satellite(seed):
+    """Rows gated one by one: each alone at the rim of its own gate, noise of all rows tied together."""
+    rng = np.random.default_rng(seed)
+    P, H, _ = case(seed)
+    H = np.vstack([H, rng.standard_normal((4, N))])
+    u = rng.standard_normal((7, 3))
+    R = np.diag(rng.uniform(0.1, 2.0, 7)) + u @ u.T
+    after, K, S = updated(P, H, R)
+    single = 15.1
+    rim = K[ATT] * np.sqrt(single * np.diag(S))  # a column for each satellite
+    found = protection.slope_of_ranges(P, after, single, H, R)
+    np.testing.assert_allclose(found.worst_b, np.abs(rim).max(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(found.variance_b, np.diag(after)[ATT])
+    assert not found.stars
+
+
 def test_a_confirmed_fix_can_be_wrong_by_less():
     P, H, R = np.eye(N), np.zeros((3, N)), 1e-6 * np.eye(3)
     H[:, ATT] = np.eye(3)

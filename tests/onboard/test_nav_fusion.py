@@ -81,11 +81,12 @@ def test_a_delayed_measurement_counts_as_if_it_had_come_in_time(latency):
 
 
 def test_a_delay_changes_nothing_with_every_block_on():
-    """Out of order, between samples, several fixes at one instant, all blocks: 1e-6 of sigma."""
+    """Out of order, between samples, several fixes at one instant, all blocks, errors of positions that last
+    and one that is refused: 1e-6 of sigma."""
     names = tuple(OPTIONAL)[1:]
     sigmas = {name: np.full(size, SIGMAS.get(name, 1e-4)) for name, size in OPTIONAL.items()}
     clock = {"clock_white": 0.1, "clock_walk": 0.2, "range_bias_sigma": 3.0, "range_bias_time_s": 100.0}
-    params = PARAMS._replace(states=names, sigma_blocks=sigmas, **clock)
+    params = PARAMS._replace(states=names, sigma_blocks=sigmas, lasting_share=0.4, **clock)
     start = alignment(STATES[0], np.random.default_rng(1))
     runs = []
     for late in (False, True):
@@ -94,6 +95,9 @@ def test_a_delay_changes_nothing_with_every_block_on():
         fixes += [
             ("star_tracker", star_fix(BLOCKS, STATES, t, 0.0, rng)) for t in (5.0, 5.5, 6.9988, 7.0012, 22.5)
         ]
+        more = [gps_fix(BLOCKS, STATES, t, 0.0, rng) for t in (5.2, 5.4, 6.1, 6.3, 22.2, 22.4)]
+        more[4] = more[4]._replace(r_ea_e=more[4].r_ea_e + 1000.0)
+        fixes += [("gps", fix) for fix in more]
         delays = np.random.default_rng(3).uniform(0.0, 0.55, len(fixes)) * late
         fixes = [
             (name, fix._replace(t_available_s=fix.t_valid_s + delay))
@@ -105,7 +109,8 @@ def test_a_delay_changes_nothing_with_every_block_on():
     used = [
         sorted((r.t_valid_s, r.sensor, r.accepted) for r in results) for results in (decided, decided_late)
     ]
-    assert used[0] == used[1] and sum(accepted for *_, accepted in used[0]) >= 24
+    assert used[0] == used[1] and sum(accepted for *_, accepted in used[0]) >= 35
+    assert (22.2, "gps_position", False) in used[0]
     assert apart(in_time, delayed) < 1e-6
 
 

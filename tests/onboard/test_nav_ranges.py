@@ -1,12 +1,14 @@
 """Pseudoranges and range rates in the filter: against inertial geometry, differences, and least squares."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from shefex_nav.geometry import frames, rotation
-from shefex_nav.onboard.navigation import eskf, measure_ranges, measurements
+from shefex_nav.onboard.navigation import eskf, measure_ranges, measurements, sensors
 from shefex_nav.onboard.navigation.state import ATT, OPTIONAL, POS, VEL, NavState, correct, layout
 from shefex_nav.records import GpsFix, GpsRanges
 
@@ -93,12 +95,35 @@ def measured(state, repeat=None):
     )
 
 
+def antenna_of(order, state):
+    return measurements.antenna(order, state, EARTH, ARM, true_rate(state), FORCE)
+
+
 def ranges_of(state, message):
-    return measure_ranges.pseudoranges(LAYOUT, state, message, EARTH, ARM, true_rate(state), FORCE)
+    return measure_ranges.pseudoranges(LAYOUT, state, message, antenna_of(LAYOUT, state))
 
 
 def rates_of(state, message):
-    return measure_ranges.range_rates(LAYOUT, state, message, EARTH, ARM, true_rate(state), FORCE)
+    return measure_ranges.range_rates(LAYOUT, state, message, antenna_of(LAYOUT, state))
+
+
+def test_vibration_shakes_all_satellites_alike():
+    """Range rates of an antenna whose velocity swings: their covariance over 20 000 swings is what R gets."""
+    state, vibration = state_of(), 0.3
+    message = measured(state)
+    z, H, _ = rates_of(state, message)
+    swings = vibration * np.random.default_rng(5).standard_normal((20_000, 3))
+    moved = [
+        z - rates_of(state._replace(v_i=state.v_i + dv), message)[0] for dv in swings[:200]
+    ]  # linear to 1e-6
+    along = H[:, VEL]
+    np.testing.assert_allclose(moved, swings[:200] @ along.T, rtol=1e-5, atol=1e-7)
+    params = SimpleNamespace(imu=SimpleNamespace(accel_vibration=vibration, gyro_vibration=0.0), l_ba_b=ARM)
+    now = SimpleNamespace(imu=SimpleNamespace(dt_s=0.0025, vibration=1.0))
+    shaken = sensors.vibration_variance(params, now) * (along @ along.T)
+    sigma = np.sqrt(np.diag(shaken))
+    apart = (np.cov((swings @ along.T).T) - shaken) / np.outer(sigma, sigma)
+    assert np.abs(apart).max() < 0.04 and np.linalg.matrix_rank(shaken, tol=1e-9) == 3
 
 
 def test_innovation_of_perfect_ranges_is_zero():
@@ -151,11 +176,11 @@ def test_without_its_state_an_error_that_lasts_is_noise():
     plain = layout(("gyro_roll_column", "mounting", "clock"))
     state = state_of()._replace(range_bias=np.zeros(OPTIONAL["range_bias"]))
     message = measured(state)
-    _, H, R = measure_ranges.pseudoranges(plain, state, message, EARTH, ARM, true_rate(state), FORCE, 2.0)
+    _, H, R = measure_ranges.pseudoranges(plain, state, message, antenna_of(plain, state), 2.0)
     assert H.shape == (5, plain.n)
     np.testing.assert_allclose(np.diag(R), 1.5**2 + 2.0**2)
     beyond = message._replace(prn=np.array([2, 5, 9, 17, 40]))  # no state for the last one
-    _, H, R = measure_ranges.pseudoranges(LAYOUT, state, beyond, EARTH, ARM, true_rate(state), FORCE, 2.0)
+    _, H, R = measure_ranges.pseudoranges(LAYOUT, state, beyond, antenna_of(LAYOUT, state), 2.0)
     np.testing.assert_allclose(np.diag(R), [1.5**2] * 4 + [1.5**2 + 2.0**2])
     assert H[:, LAYOUT.places["range_bias"]].sum() == 4.0
 
@@ -177,19 +202,19 @@ def test_five_ranges_are_worth_the_fix_that_is_made_of_them():
     dx = np.zeros(with_clock.n)
     dx[POS] = [40.0, -60.0, 30.0]
     state = correct(with_clock, truth, dx)._replace(clock=np.zeros(2))
-    a = measurements.antenna(plain, truth, EARTH, ARM, true_rate(truth), FORCE)
+    a = antenna_of(plain, truth)
     H = np.column_stack([-measure_ranges.lines_of_sight(message, a.r_e)[1], np.ones(5)])
     cofactor = np.linalg.inv(H.T @ H)
     r_e, R = a.r_e + (cofactor @ H.T @ noise)[:3], 1.5**2 * cofactor[:3, :3]
     fix = GpsFix(truth.t_s, truth.t_s, True, r_e, np.zeros(3), R, np.eye(3), 5, 2.0, "")
-    args = EARTH, ARM, true_rate(state), FORCE
     tight = eskf.update(
         eskf.engine(with_clock), with_clock, state, prior(True),
-        *measure_ranges.pseudoranges(with_clock, state, message, *args),
+        *measure_ranges.pseudoranges(with_clock, state, message, antenna_of(with_clock, state)),
     )  # fmt: skip
     loose = eskf.update(
-        eskf.engine(plain), plain, state, prior(False), *measurements.gps_position(plain, state, fix, *args)
-    )
+        eskf.engine(plain), plain, state, prior(False),
+        *measurements.gps_position(fix, antenna_of(plain, state)),
+    )  # fmt: skip
     # lines of sight from 80 m off bend by 4e-6: 0.3 mm; rounding of a clock unknown to 300 km
     np.testing.assert_allclose(tight.state.r_i, loose.state.r_i, atol=5e-3)
     np.testing.assert_allclose(tight.P[POS, POS], loose.P[POS, POS], rtol=1e-3, atol=1e-3)
@@ -202,7 +227,7 @@ def test_two_satellites_say_their_difference_whatever_the_clock():
     state = state_of()._replace(range_bias=np.zeros(32), lever_arm=np.zeros(3))
     message = measured(state)
     two = GpsRanges(*(field[:2] if isinstance(field, np.ndarray) else field for field in message))
-    z, H, R = measure_ranges.pseudoranges(order, state, two, EARTH, ARM, true_rate(state), FORCE)
+    z, H, R = measure_ranges.pseudoranges(order, state, two, antenna_of(order, state))
     P = eskf.update(eskf.engine(order), order, state, prior(True), z, H, R).P[POS, POS]
     apart = H[0, POS] - H[1, POS]
     along = apart / np.linalg.norm(apart)

@@ -342,6 +342,27 @@ def test_contradiction_is_left_to_the_attitudes():
     assert some.health["star_tracker"].rejected == 0
 
 
+def test_a_camera_that_is_knocked_is_admitted_with_single_stars_too():
+    """By 0.3 deg across the boresight, after stars have been used one by one: that much is admitted."""
+    nav, blocks = started()
+    rng, off, fixes = np.random.default_rng(4), np.array([0.3 * DEG, 0.0, 0.0]), []
+    for t_s in START_S + 0.5 + 0.1 * np.arange(1, 29):
+        truth, _ = state_at(BLOCKS, STATES, t_s)
+        moved = truth._replace(mounting=off if t_s > START_S + 1.0 else np.zeros(3))
+        stars = seen(moved, places(rng, 6), rng)
+        fixes.append(star_fix(BLOCKS, STATES, t_s, 0.1, rng, moved.mounting)._replace(stars=stars))
+    results = flown(nav, blocks[:300], fixes)
+    (reset,) = (result for result in results if "reset" in result.note)
+    assert reset.note == "attitude reset, or the camera has moved"
+    tick = nav.history[-1]
+    assert np.sqrt(np.trace(tick.P[ATT, ATT])) < 0.5 * DEG  # not the whole circle, as when it is forgotten
+    # what is between attitude and mounting stays open: together they say where the camera looks
+    moved = STATES[round(tick.t_s * 100)]._replace(mounting=off)
+    turn = Rotation.from_matrix(camera_attitude(tick.state).T @ camera_attitude(moved)).as_rotvec()
+    assert np.linalg.norm(turn) < 0.05 * DEG
+    assert np.sqrt(tick.P[MOUNT, MOUNT][0, 0]) > 0.15 * DEG
+
+
 def test_what_one_wrong_star_could_do():
     """Against the largest effect of random innovations on the rim of each star's gate."""
     nav, _ = started()

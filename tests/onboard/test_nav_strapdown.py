@@ -310,7 +310,17 @@ def test_swinging_under_vibration_is_not_taken_for_turning():
     assert noise(0.0) < 0.4 * counted_too
 
 
+def test_a_tick_that_is_cut_gathers_as_much_noise():
+    """In parts of a third and two thirds, at a steady rate in vibration: the variance of the whole."""
+    model = noise_of(MODEL._replace(gyro_cross=1e-4, manoeuvre_angle=1.0, gyro_vibration=3e-5))
+    angle = np.array([1e-3, 9e-5, 2e-5])
+    whole = 0.01 * gyro_noise(model, tuple(angle))
+    parts = sum(0.01 * share * gyro_noise(model, tuple(share * angle), share) for share in (1 / 3, 2 / 3))
+    assert parts == pytest.approx(whole, rel=1e-12)
+    assert whole > 1e-8 * 1e-2 * 1e-3  # and that is not nothing
+
+
 @njit
-def gyro_noise(model, dtheta):
-    along, _, _ = error_model.noise_densities(model[0], 1.0, 0.01, dtheta, (0.0, 0.0, 0.0))
+def gyro_noise(model, dtheta, share=1.0):
+    along, _, _ = error_model.noise_densities(model[0], 1.0, share, 0.01 * share, dtheta, (0.0, 0.0, 0.0))
     return along[0]

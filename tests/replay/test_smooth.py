@@ -8,8 +8,8 @@ from scipy.stats import chi2
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.state import ATT, POS, layout
-from shefex_nav.replay import compare, rerun, smooth
+from shefex_nav.onboard.navigation.state import ATT, layout
+from shefex_nav.replay import compare, rerun, smooth, smoother
 from shefex_nav.report import metrics
 
 SEEDS = range(1, 9)
@@ -138,20 +138,14 @@ def test_a_reset_does_not_leak_into_what_was_before(tmp_path):
     assert np.isfinite(flight.smoothed.nav.sigma_theta_b).all()
 
 
-def test_which_resets_forget():
-    """Cut from all others, a block is new; with an error admitted on top, it is what it was."""
+def test_what_is_only_doubted_is_noise():
+    """P grows and nothing is measured: the past is what it was."""
     order = layout()
-    root = np.random.default_rng(1).standard_normal((order.n, order.n))
-    P = root @ root.T
-    admitted, cut = P.copy(), P.copy()
-    admitted[POS, POS] += 100.0 * np.eye(3)
-    cut[POS], cut[:, POS] = 0.0, 0.0
-    cut[POS, POS] = 1e10 * np.eye(3)
-    correction = fusion.Correction(*[None] * len(fusion.Correction._fields))
-    correction = correction._replace(sensor="gps_position", P=P, fate=Fate.RESET)
-    for P_forgotten, expected in ((admitted, []), (cut, [POS]), (P, [])):
-        assert list(smooth._forgotten(correction._replace(P_forgotten=P_forgotten), order)) == expected
-    assert list(smooth._forgotten(correction._replace(P_forgotten=cut, fate=Fate.USED), order)) == []
+    rng = np.random.default_rng(1)
+    step = fusion.Correction(*[None] * len(fusion.Correction._fields))._replace(fate=Fate.DOUBTED)
+    root = rng.standard_normal((order.n, order.n))
+    adjoint = smoother.Adjoint(rng.standard_normal(order.n), root @ root.T)
+    assert smooth._before(step, adjoint, order) is adjoint
 
 
 def test_parts_of_the_flight(result):

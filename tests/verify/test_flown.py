@@ -43,8 +43,20 @@ def test_kept_fixes_come_back(tmp_path, counts):
         for name in ("q_ic", "P_c", "hip"):
             assert np.array_equal(getattr(one, name), getattr(other, name))
         assert np.array_equal(one.detections.xy_px, other.detections.xy_px)
-    with pytest.raises(ValueError, match="made by"):
+    with pytest.raises(ValueError, match="are those of code abc, not of code another"):
         flown.load(tmp_path / "fixes.npz", {"code": "another"})
+
+
+def test_fixes_of_another_scenario_or_with_other_overrides_are_refused(tmp_path):
+    """What differs is named; another version of the code alone is only told of."""
+    path = tmp_path / "fixes.npz"
+    flown.save(path, [], {"code": "abc", "scenario": "a.yaml", "set": ["gps.rate=2 Hz"]})
+    assert flown.load(path, {"scenario": "a.yaml", "set": ["gps.rate=2 Hz"]}) == []
+    with pytest.raises(ValueError, match=r"are those of scenario a\.yaml, not of scenario b\.yaml; keep"):
+        flown.load(path, {"scenario": "b.yaml", "set": ["gps.rate=2 Hz"]})
+    with pytest.raises(ValueError, match=r"those of set \['gps\.rate=2 Hz'\], not of set \[\]"):
+        flown.load(path, {"scenario": "a.yaml", "set": []})
+    assert flown.told([path, path]) == "code abc, scenario a.yaml, set ['gps.rate=2 Hz']"
 
 
 def at_rest(seconds):
@@ -108,6 +120,13 @@ def test_recorder_joins_the_ticks_between_updates_and_epochs():
     joined = intervals[2].Phi @ intervals[1].Phi @ intervals[0].Phi
     assert joined == pytest.approx(product, rel=1e-12)
     assert recorder.vibration(np.array([0.5, 1.0])).tolist() == [0.25, 0.25]
+    part = type("Imu", (), {"vibration": 0.75})
+    recorder(Interval(1.0, 1.003, None, None, np.eye(2), np.eye(2), None, None, part))
+    assert recorder.vibration(np.array([1.0])).tolist() == [0.25]  # a part of the next tick changes nothing
+    P, more = np.eye(2), np.diag([3.0, 0.0])
+    doubt = Correction(1.003, "gps_position", Fix, Fate.DOUBTED, None, P, P + more, *none[:7])
+    recorder(doubt)
+    assert np.array_equal(recorder.steps[-1].Q, more) and np.array_equal(recorder.steps[-1].Phi, np.eye(2))
     with pytest.raises(ValueError, match="choose another seed"):
         recorder(Correction(1.0, "star_tracker", Fix, Fate.RESET, *none[:4], H, R, *none[:4]))
 

@@ -16,6 +16,7 @@ from numba import njit
 from shefex_nav.onboard.navigation import triples as t3
 from shefex_nav.onboard.navigation.state import (
     A_MISALIGN,
+    A_RECTIFIED,
     A_SCALE,
     BA,
     BG,
@@ -30,6 +31,7 @@ from shefex_nav.onboard.navigation.state import (
     X_GG,
     X_GM,
     X_GS,
+    X_RECTIFIED,
     X_ROLL,
     pack,
 )
@@ -97,16 +99,26 @@ def correct_increments(x, increments, duration_s):
     return out
 
 
-def motion(state, increments, duration_s):
+@njit(cache=True)
+def shaken(x, vibration):
+    """The packed values with the accelerometer bias as it is under a level of vibration. (93,), float"""
+    out = x.copy()
+    for i in range(3):
+        out[X_BA + i] += vibration**2 * x[X_RECTIFIED + i]
+    return out
+
+
+def motion(state, increments, duration_s, vibration=0.0):
     """Mean rate and specific force of increments summed over a duration, estimated errors taken out.
 
-    NavState, (6,) rad and m/s, s -> omega_ib_b (3,) rad/s, f_b (3,) m/s^2
+    NavState, (6,) rad and m/s, s, level of vibration -> omega_ib_b (3,) rad/s, f_b (3,) m/s^2
     """
-    free = correct_increments(pack(state), np.reshape(increments, (1, 6)), duration_s)[0] / duration_s
+    x = shaken(pack(state), vibration)
+    free = correct_increments(x, np.reshape(increments, (1, 6)), duration_s)[0] / duration_s
     return free[:3], free[3:]
 
 
-def jacobians(layout, state, omega_b, f_b):
+def jacobians(layout, state, omega_b, f_b, vibration=0.0):
     """How the corrected rate and specific force move with the errors of the estimates.
 
     truth = estimate (+) dx:   omega_ib_b(true) - omega_ib_b(estimated) = J_omega dx, likewise f_b
@@ -116,18 +128,18 @@ def jacobians(layout, state, omega_b, f_b):
     layout : Layout
     state : NavState
     omega_b, f_b : (3,) rad/s, m/s^2, corrected
+    vibration : level at that time
 
     Returns
     -------
     J_omega, J_f : (3, n)
     """
-    return jacobians_packed(
-        layout.at, layout.n, pack(state), np.ascontiguousarray(omega_b), np.ascontiguousarray(f_b)
-    )
+    omega_b, f_b = np.ascontiguousarray(omega_b), np.ascontiguousarray(f_b)
+    return jacobians_packed(layout.at, layout.n, pack(state), omega_b, f_b, vibration)
 
 
 @njit(cache=True)
-def jacobians_packed(at, n, x, omega_b, f_b):
+def jacobians_packed(at, n, x, omega_b, f_b, vibration):
     """`jacobians` with the fields of the Layout and the packed nominal values."""
     M, A, G = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     t3.store(M, gyro_inverse(x))
@@ -141,6 +153,8 @@ def jacobians_packed(at, n, x, omega_b, f_b):
             J_omega[:, at[ROLL_COLUMN] + i] = -omega_b[0] * M[:, i]
         if at[G_SCALE] >= 0:
             J_omega[:, at[G_SCALE] + i] = -omega_b[i] * M[:, i]
+        if at[A_RECTIFIED] >= 0:
+            J_f[:, at[A_RECTIFIED] + i] = -(vibration**2) * A[:, i]
         if at[A_SCALE] >= 0:
             J_f[:, at[A_SCALE] + i] = -f_b[i] * A[:, i]
         if at[G_SENSE] >= 0:

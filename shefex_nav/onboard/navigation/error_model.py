@@ -255,7 +255,7 @@ def shake(dv_b):
 
 
 @njit(cache=True)
-def noise_densities(model, vibration, duration_s, dtheta, dv):
+def noise_densities(model, vibration, share, duration_s, dtheta, dv):
     """White noise that stands for everything which is not a state.
 
     An error of sigma s that keeps its sign for a time tau (Gauss-Markov) has the density
@@ -267,6 +267,7 @@ def noise_densities(model, vibration, duration_s, dtheta, dv):
     ----------
     model : row of a `record`
     vibration : of the ImuWindow
+    share : of the tick that is passed through; its angle is as uncertain by vibration as if all of it were
     duration_s, dtheta, dv : s, rad and m/s as three numbers: passed through in all
 
     Returns
@@ -275,12 +276,11 @@ def noise_densities(model, vibration, duration_s, dtheta, dv):
     bias_walk : m^2/s^5 of the accelerometer bias
     """
     f2 = t3.dot(dv, dv) / duration_s**2
-    # swinging is no turning: the angle at either end of the time is off by as much on both axes
-    swung2 = 4.0 * (model.gyro_vibration * vibration) ** 2
-    roll_rate = dtheta[0] / duration_s
+    # swinging is no turning: over a tick the angle at either end is off by as much on both axes
+    swung2 = 4.0 * (share * model.gyro_vibration * vibration) ** 2
     across_rate = np.sqrt(max(dtheta[1] ** 2 + dtheta[2] ** 2 - swung2, 0.0)) / duration_s
     tau = model.thrust_time_s
-    slow, spun = 2.0 * tau, 2.0 * tau / (1.0 + (roll_rate * tau) ** 2)
+    slow, spun = 2.0 * tau, 2.0 * tau / (1.0 + (dtheta[0] / duration_s * tau) ** 2)
 
     # fixed to the body: errors in proportion to specific force; vibration rectified, by its power
     gyro = model.gyro_g_sensitivity**2 * f2 + (model.gyro_rectification * vibration**2) ** 2
@@ -289,18 +289,28 @@ def noise_densities(model, vibration, duration_s, dtheta, dv):
     accel_across = spun * (model.accel_misalignment**2 * f2 + shaken)
     # turning the roll axis by an angle a leaves an attitude error s a: sigma^2 grows to (s a)^2 at any rate
     gyro_white = model.gyro_random_walk**2 + model.gyro_cross**2 * model.manoeuvre_angle * across_rate
-    # what the gravity model leaves out is slow in inertial axes: while the attitude is held it is taken for
-    # accelerometer bias, which walks with the field and with the attitude; while the body turns it is noise
-    # the roll axis may be held while the body turns about it
     rate = np.sqrt(t3.dot(dtheta, dtheta)) / duration_s
+    left_along, left_across, bias_walk = _left_out(model, rate, across_rate)
+    along = gyro_white + slow * gyro, left_along + accel_along
+    across = gyro_white + spun * gyro, left_across + accel_across
+    return along, across, bias_walk
+
+
+@njit(cache=True, forceinline=True)
+def _left_out(model, rate, across_rate):
+    """What white noise of the accelerometers and what the gravity model leaves out do, where it is no state.
+
+    It is slow in inertial axes: while the attitude is held it is taken for accelerometer bias, which walks
+    with the field and with the attitude; while the body turns it is noise. The roll axis may be held while
+    the body turns about it.
+
+    -> m^2/s^3 of velocity, along the roll axis and across it; m^2/s^5 of the accelerometer bias
+    """
     held = 1.0 / (1.0 + (rate * model.gravity_time_s) ** 2)
     held_along = 1.0 / (1.0 + (across_rate * model.gravity_time_s) ** 2)
-    left_out = 2.0 * model.gravity**2 * model.gravity_time_s
-    accel_white = model.accel_random_walk**2
+    density, white = 2.0 * model.gravity**2 * model.gravity_time_s, model.accel_random_walk**2
     bias_walk = model.accel_bias_walk**2 + model.gravity**2 * (2.0 / FIELD_TIME_S + held * rate)
-    along = gyro_white + slow * gyro, accel_white + (1.0 - held_along) * left_out + accel_along
-    across = gyro_white + spun * gyro, accel_white + (1.0 - held) * left_out + accel_across
-    return along, across, bias_walk
+    return white + (1.0 - held_along) * density, white + (1.0 - held) * density, bias_walk
 
 
 @njit(cache=True)

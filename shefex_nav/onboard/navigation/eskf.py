@@ -29,6 +29,7 @@ def engine(layout):
 
     kalman = KalmanFilter(dim_x=layout.n, dim_z=3)
     kalman.inv = _inverse  # of S; filterpy's own call takes longer than its arithmetic
+    kalman.no_error = np.zeros((layout.n, 1))  # what `update_packed` begins with
     return kalman
 
 
@@ -121,7 +122,7 @@ def update(kalman, layout, state, P, z, H, R):
 def update_packed(kalman, layout, P, z, H, R, x, P_after):
     """`update` with packed nominal values x, changed in place; P_after (n, n) is written. -> dx, G"""
     kalman.P = P
-    kalman.x = np.zeros((layout.n, 1))
+    kalman.x = kalman.no_error
     kalman.update(z.reshape(-1, 1), R=R, H=H)
     dx, G = kalman.x[:, 0], np.empty((3, 3))
     _take_in(x, dx, layout.nominal, kalman.P, P_after, G)

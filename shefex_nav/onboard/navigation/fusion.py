@@ -61,15 +61,18 @@ class Interval(NamedTuple):
 
 
 class Correction(NamedTuple):
-    """For a recorder: one update. What is not used is not recorded."""
+    """For a recorder: one update. What is not used is not recorded, but for what it makes doubtful.
+
+    A DOUBTED measurement has no rows, and P_after is P_forgotten.
+    """
 
     t_s: float  # of the state; the fix's, but for rounding
     sensor: str
     fix: Any
-    fate: Fate  # USED or RESET
+    fate: Fate  # USED, RESET or DOUBTED
     state: NavState  # before
     P: np.ndarray  # (n, n) before
-    P_forgotten: np.ndarray  # (n, n) the same after a reset forgot; P where there was none
+    P_forgotten: np.ndarray  # (n, n) the same after a reset forgot or doubt added; P where there was neither
     z: np.ndarray  # (m,) rows used
     H: np.ndarray  # (m, n)
     R: np.ndarray  # (m, m)
@@ -77,6 +80,7 @@ class Correction(NamedTuple):
     G: np.ndarray  # (3, 3) attitude error -> attitude error in the new body axes
     state_after: NavState
     P_after: np.ndarray  # (n, n)
+    cut: tuple = ()  # slices of the blocks that were forgotten with all their ties to others
 
 
 class Filter(NamedTuple):
@@ -131,7 +135,7 @@ def start(params, alignment, earth, recorder=None):
     )
 
 
-def advance(nav, block, more_dv=0.0):
+def advance(nav, block, more_dv=None):
     """One tick on: strapdown and prediction with an ImuBlock, which must follow on the last one.
 
     more_dv : (n, 3) m/s, added to the velocity increments after the watch has seen them as they were read
@@ -144,7 +148,8 @@ def advance(nav, block, more_dv=0.0):
     place = history.make_room(n)
     readings = history.increments[place, BEFORE : BEFORE + n]
     nav.watch.screen(block, readings, history.extra[place])
-    readings[:, 3:] += more_dv
+    if more_dv is not None:
+        readings[:, 3:] += more_dv
     new = history.newest + 1
     prediction.enter(*nav.constants, *history.arrays, new, nav.params.motors, now_s, block.dt_s, n)
     history.append(now_s)
@@ -186,7 +191,7 @@ def fuse(nav, arrivals):
         index = history.within(fix.t_valid_s)
         names, fix = _worth_trying(nav, arrival, fix, index, results)
         if names:
-            queue = [*history.measurements[index], *(_to_try(nav, name, fix) for name in names)]
+            queue = [*history.measurements[index], *(Measurement(name, fix, Fate.PENDING) for name in names)]
             history.measurements[index] = tuple(sorted(queue, key=_turn))
             earliest = min(earliest, index)
     if earliest < len(history):
@@ -215,20 +220,6 @@ def _worth_trying(nav, arrival, fix, index, results):
         nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
         names = tuple(name for name in names if name not in repeats)
     return names, fix
-
-
-def _to_try(nav, name, fix):
-    """The Measurement of a part of a fix before the gate."""
-    return Measurement(name, fix, Fate.PENDING, noise=_lasting(nav, name, fix))
-
-
-def _lasting(nav, name, fix):
-    """Factor on the covariance of a measurement that errs as the one before it did."""
-    if name != "gps_position":
-        return 1.0
-    gap_s = abs(fix.t_valid_s - nav.watch.position_s)
-    nav.watch.position_s = max(fix.t_valid_s, nav.watch.position_s)
-    return measurements.lasting_factor(nav.params.lasting_share, nav.params.range_bias_time_s, gap_s)
 
 
 def _whereabouts(nav, index):
@@ -261,6 +252,10 @@ def _way(nav, first, last, results, recorder=None):
     """The ticks `first` to `last` again, with their measurements, whose results are added if they are new."""
     history = nav.history
     history.go_to(first - 1)
+    if recorder is None:
+        nav.watch.gyros.back_to(history.number(first - 1))
+    if nav.params.lasting_share:
+        history.position_s = history.position_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
     for index in range(first, last + 1):
         decided = []
@@ -307,29 +302,45 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         results.append(result)
         if measurement.fate in UNUSED:
             return measurement
-    R = measurement.noise * R
-    P = prior = history.P.copy()
-    if measurement.fate in (Fate.RESET, Fate.DOUBTED):
-        prior = _forgotten(nav, P, sensor, measurement.admitted)
-    if measurement.fate == Fate.DOUBTED:
-        history.P[:] = prior
-        return measurement
-    if measurement.rows is not None:
-        used = measurement.rows
-        z, H, R = z[used], H[used], R[np.ix_(used, used)]
-    state = None if recorder is None else now.state
-    dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P)
-    if measurement.fate == Fate.RESET and sensor.block == "attitude":
+    fate, x = measurement.fate, history.x.copy()
+    before, P = None if recorder is None else now.state, history.P.copy()
+    prior, cut = (P, ()) if fate == Fate.USED else _forgotten(nav, P, sensor, measurement.admitted)
+    z, H, R = _rows_used(nav, measurement, z, H, R)
+    if fate == Fate.DOUBTED:
+        history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)
+    else:
+        dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P)
+    if fate == Fate.RESET and sensor.block == "attitude":
         history.P[:], G = eskf.turned_back(history.P, G), np.eye(3)
     if recorder is not None:
-        name, _, fate = measurement[:3]
-        after = now.state, history.P.copy()
-        recorder(Correction(now.t_s, name, fix, fate, state, P, prior, z, H, R, dx, G, *after))
-    if pending:
+        after = now.state, history.P.copy(), cut
+        recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))
+    elif fate != Fate.DOUBTED:
+        nav.watch.gyros.corrected(history.number(index), history.number(0), x, history.x)
+    if pending and fate != Fate.DOUBTED:
         _protect(nav, measurement, prior, history.P, H, R, confirmed)
         if confirmed:
             nav.health[measurement.sensor] = sensor.confirmed(nav, now, fix)
     return measurement
+
+
+def _rows_used(nav, measurement, z, H, R):
+    """The rows of a measurement that correct the state, with the noise that they count with.
+
+    The gate has judged them by the noise of one fix alone, which is what an innovation has. Errors that last
+    do not make it larger; they make the fixes one after the other say less together than each says alone.
+    """
+    if measurement.fate == Fate.DOUBTED:
+        return z[:0], H[:0], R[:0, :0]
+    if measurement.rows is not None:
+        used = measurement.rows
+        return z[used], H[used], R[np.ix_(used, used)]
+    params, fix = nav.params, measurement.fix
+    if params.lasting_share and measurement.sensor == "gps_position":
+        gap_s = fix.t_valid_s - nav.history.position_s
+        nav.history.position_s = fix.t_valid_s
+        R = measurements.lasting_factor(params.lasting_share, params.range_bias_time_s, gap_s) * R
+    return z, H, R
 
 
 def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
@@ -341,27 +352,26 @@ def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
         found = integrity_protection.slope_of_vectors(nav.layout, P_before, P_after, nav.limit(2), H, R)
     elif name == "star_tracker":
         found = integrity_protection.slope_of_stars(P_before, P_after, limit, H, R, confirmed)
+    elif SENSORS[name].rows == 1:
+        found = integrity_protection.slope_of_ranges(P_before, P_after, nav.limit(1), H, R)
     else:
         found = integrity_protection.slope(P_before, P_after, limit)
     watch.used_now.append(found)
 
 
 def _forgotten(nav, P, sensor, admitted):
-    """Covariance in which nothing is known of what a sensor measures, or less by a sigma that is admitted."""
-    places = nav.layout.places
-    if isinstance(admitted, dict):  # block -> (3,)
-        P = P.copy()
-        for name, sigma in admitted.items():
-            P[places[name], places[name]] += np.diag(sigma**2)
-        return P
+    """Covariance in which nothing is known of what a sensor measures, or less by a sigma that is admitted.
+
+    -> (n, n), slices of the blocks whose ties to others are cut
+    """
+    places, P = nav.layout.places, P.copy()
+    named = [name for name in (sensor.block, *sensor.with_it) if places[name] is not None]
     if admitted is not None:
-        P = P.copy()
-        for name in (sensor.block, *sensor.with_it):
-            if places[name] is not None:
-                P[places[name], places[name]] += admitted**2 * np.eye(3)
-        return P
-    P = eskf.forget(P, places[sensor.block], sensor.forgotten**2)
-    for name in sensor.with_it:
-        if places[name] is not None:
-            P = eskf.forget(P, places[name], initial_covariance(nav.params, name))
-    return P
+        added = admitted if isinstance(admitted, dict) else dict.fromkeys(named, np.full(3, admitted))
+        for name, sigma in added.items():
+            P[places[name], places[name]] += np.diag(sigma**2)
+        return P, ()
+    for name in named:
+        known = sensor.forgotten**2 if name == sensor.block else initial_covariance(nav.params, name)
+        P = eskf.forget(P, places[name], known)
+    return P, tuple(places[name] for name in named)

@@ -7,6 +7,8 @@ when a sensor that contradicts the filter is believed after all, and when a fix 
 `integrity_gps` when a receiver drifts; `integrity_gyro` when it is the gyros that are wrong.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from shefex_nav.onboard.navigation import eskf, integrity, integrity_gps, integrity_watch
@@ -14,6 +16,7 @@ from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.records import GateResult, Reason
 
+ACCEPTED = (Fate.USED, Fate.RESET)
 NOTES = {
     Fate.USED: "",
     Fate.REJECTED: "rejected",
@@ -22,43 +25,73 @@ NOTES = {
 }
 
 
+class Verdict(NamedTuple):
+    """What becomes of a measurement."""
+
+    fate: Fate
+    rows: Any  # as in sensors.Measurement
+    admitted: Any  # likewise
+    note: str
+    alone: bool  # whether one fix inside the gate was enough
+
+
 def decide(nav, now, z, H, R, measurement):
     """Fate of a new measurement; that of its sensor's health is kept.
 
     nav : Filter;  now : Moment;  z, H, R : of the measurement
     -> Measurement, GateResult, whether another fix has confirmed it
     """
-    name, fix = measurement.sensor, measurement.fix
-    sensor, now_s = SENSORS[name], nav.history.ends_s[-1]
+    name, sensor = measurement.sensor, SENSORS[measurement.sensor]
     S, nis = eskf.innovation(now.P, z, H, R)
+    verdict = _verdict(nav, now, z, R, S, nis, measurement)
+    attitude = _attitude(nav, now, z, R, measurement, verdict.fate)
+    found = _gyros_wrong(nav, now, *attitude, verdict.fate) if attitude else None
+    _tell(nav, nav.history.ends_s[-1], name, Fate.USED if found else verdict.fate, verdict.note)
+    if found:
+        verdict = _find_again(nav, name, verdict, found, attitude[0])
+    result = _result(nav, z, S, nis, measurement, verdict)
+    confirmed = not verdict.alone or (verdict.fate == Fate.RESET and sensor.confirmed is not None)
+    decided = measurement._replace(fate=verdict.fate, rows=verdict.rows, admitted=verdict.admitted)
+    return decided, result, confirmed
+
+
+def _verdict(nav, now, z, R, S, nis, measurement):
+    """Verdict by the gate, by the record of the sensor, and by the means of its innovations."""
+    name, fix, sensor = measurement.sensor, measurement.fix, SENSORS[measurement.sensor]
     limit, alone = nav.limit(len(z)), sensor.alone is None or sensor.alone(nav, S)
     rows, passed = _passed(nav, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
     trial = None if passed and alone else sensor.trial(nav, now, z, R, fix)
-    nis_judged = 0.0 if passed else np.inf
-    fate, nav.health[name] = integrity.judge(nav.health[name], trial, nis_judged, limit, fix.t_valid_s, alone)
+    judged = 0.0 if passed else np.inf
+    fate, nav.health[name] = integrity.judge(nav.health[name], trial, judged, limit, fix.t_valid_s, alone)
     admitted = sensor.admits(nav, z) if fate == Fate.RESET and sensor.admits else None
     if name == integrity_watch.DRIFTS:
         fate, admitted = _drifts(nav, fate, z, S, admitted)
     note = NOTES.get(fate, sensor.reset_note)
     if fate == Fate.RESET and admitted is not None:
         note += ", or the camera has moved"
-    found, attitude = None, _attitude(nav, now, z, R, S, measurement, fate)
-    if attitude:
-        found = _gyros_wrong(nav, now, *attitude, fate)
-    _tell(nav, now_s, name, Fate.USED if found else fate, note)
-    if found:
-        fate, note = Fate.RESET, f"{' '.join(found.axes)} wrong: bias to be found again"
-        admitted = {"attitude": np.full(3, np.sqrt(attitude[0] @ attitude[0])), "gyro_bias": found.admitted}
-        nav.health[name] = integrity.Health(nav.health[name].used + 1, 0, np.nan, None)
-    if rows is not None:
-        note = "; ".join(filter(None, (note, f"rejected: {', '.join(_rejected(sensor, fix, rows))}")))
+    return Verdict(fate, rows, admitted, note, alone)
+
+
+def _find_again(nav, name, verdict, found, z):
+    """Verdict on a star fix by which the gyros are found wrong: their bias is unknown from here on."""
+    health = nav.health[name]
+    counted = verdict.fate in ACCEPTED
+    nav.health[name] = integrity.HEALTHY._replace(used=health.used if counted else health.used + 1)
+    admitted = {"attitude": np.full(3, np.sqrt(z @ z)), "gyro_bias": found.admitted}
+    note = f"{' '.join(found.axes)} wrong: bias to be found again"
+    return verdict._replace(fate=Fate.RESET, admitted=admitted, note=note)
+
+
+def _result(nav, z, S, nis, measurement, verdict):
+    """GateResult for the log."""
+    name, fix, note, limit = measurement.sensor, measurement.fix, verdict.note, nav.limit(len(z))
+    if verdict.rows is not None:
+        rows, refused = verdict.rows, _rejected(SENSORS[name], fix, verdict.rows)
+        note = "; ".join(filter(None, (note, f"rejected: {', '.join(refused)}")))
         z, limit = z[rows], nav.limit(int(rows.sum()))
         nis = eskf.normalised(S[np.ix_(rows, rows)], z)
-    accepted = fate in (Fate.USED, Fate.RESET)
-    result = GateResult(now_s, fix.t_valid_s, name, len(z), nis, limit, accepted, note, z)
-    confirmed = not alone or (fate == Fate.RESET and sensor.confirmed is not None)
-    decided = measurement._replace(fate=fate, rows=rows, admitted=admitted)
-    return decided, result, confirmed
+    accepted = verdict.fate in ACCEPTED
+    return GateResult(nav.history.ends_s[-1], fix.t_valid_s, name, len(z), nis, limit, accepted, note, z)
 
 
 def _tell(nav, now_s, name, fate, note):
@@ -71,28 +104,28 @@ def _tell(nav, now_s, name, fate, note):
         nav.watch.tell(now_s, name, integrity_watch.reason(name, nav.health))
 
 
-def _attitude(nav, now, z, R, S, measurement, fate):
-    """Innovation, its noise and its covariance of the attitude that a measurement says, or None.
+def _attitude(nav, now, z, R, measurement, fate):
+    """Innovation of the attitude that a measurement says, and its noise; or None.
 
     Of stars that are used one by one it is that of their frame; of stars that are not used, the attitude is
     judged next (`sensors.attitudes_instead`).
     """
     if measurement.sensor == "star_tracker":
-        return z, R, S
+        return z, R
     fix = measurement.fix
     if measurement.sensor == "star_vectors" and fate == Fate.USED and fix.reason == Reason.NONE:
-        z, H, R = SENSORS["star_tracker"].linearise(nav, now, fix)
-        return z, R, H @ now.P @ H.T + R
+        z, _, R = SENSORS["star_tracker"].linearise(nav, now, fix)
+        return z, R
     return None
 
 
-def _gyros_wrong(nav, now, z, R, S, fate):
+def _gyros_wrong(nav, now, z, R, fate):
     """What the stars find the gyros wrong by: integrity_gyro.Finding, or None."""
     watch = nav.watch
     if watch.unread or now.vibration > 0.0 or fate == Fate.RESET:
         watch.gyros.forget()
         return None
-    found = watch.gyros.compare(now.state, now.P, z, R, S if fate == Fate.USED else None)
+    found = watch.gyros.compare(now.t_s, now.x, now.P, z, R)
     if found:
         watch.gyros_wrong(nav.history.ends_s[-1], found)
     return found
@@ -105,7 +138,7 @@ def _drifts(nav, fate, z, S, admitted):
         watch.drift = integrity_gps.QUIET
         return fate, admitted
     before = watch.drift.suspected
-    watch.drift = integrity_gps.follow(watch.drift, z, S, watch.drift_limit)
+    watch.drift = integrity_gps.follow(watch.drift, z, S, watch.drift_limit, nav.params.lasting_share)
     if not watch.drift.suspected:
         return fate, admitted
     return Fate.DOUBTED, 0.0 if before else integrity_gps.followed(watch.drift, S)

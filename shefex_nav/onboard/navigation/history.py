@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import unpack
 from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, felt_packed
 
@@ -41,11 +42,14 @@ class History:
     numbers : (size, 4) mission time of the end [s], s of a sample, number of samples, vibration
     increments : (size, 2 + samples, 6) of ImuWindow;  extra : (size, 2, 3) likewise
     xs, Ps : (size, 93), (size, n, n)
+    position_s : of the last position fix that was used before the instant that has been reached; kept where
+        position fixes have errors that last
     """
 
     def __init__(self, tick):
         self.ends_s, self.measurements, self.newest = deque([tick.t_s]), deque([()]), 0
         self.x, self.P = tick.x.copy(), tick.P.copy()
+        self.position_s = self._gone_position_s = -np.inf
         samples = 0 if tick.imu is None else tick.imu.n
         self._allocate(2, samples)
         self.numbers[0] = tick.t_s, 1.0, 0, 0.0
@@ -130,7 +134,16 @@ class History:
     def forget_oldest(self):
         """Let the oldest tick go."""
         self.ends_s.popleft()
-        self.measurements.popleft()
+        gone = self.measurements.popleft()
+        self._gone_position_s = _position_of(gone, self._gone_position_s)
+
+    def position_before(self, k):
+        """Instant of the last position fix that was used before tick k begins; -inf: there was none."""
+        for j in range(k - 1, -1, -1):
+            found_s = _position_of(self.measurements[j], -np.inf)
+            if found_s > -np.inf:
+                return found_s
+        return self._gone_position_s
 
     def go_to(self, k):
         """Begin again at the end of tick k."""
@@ -149,6 +162,14 @@ class History:
         later = min(max(bisect_left(self.ends_s, t_s), first), len(self) - 1)
         earlier = max(later - 1, first)
         return self[earlier if t_s - self.ends_s[earlier] <= self.ends_s[later] - t_s else later]
+
+
+def _position_of(measurements, otherwise_s):
+    """Instant of the last position fix that was used among the measurements of a tick."""
+    for one in reversed(measurements):
+        if one.sensor == "gps_position" and one.fate in (Fate.USED, Fate.RESET):
+            return one.fix.t_valid_s
+    return otherwise_s
 
 
 class Moment:
@@ -180,7 +201,12 @@ class Moment:
     @property
     def felt(self):
         """Corrected rate and specific force: means of the sample, omega_ib_b (3,) rad/s, f_b (3,) m/s^2."""
-        history, place = self.history, self.history.place(self.k)
-        _, dt_s, n, _ = history.numbers[place].tolist()
-        felt = felt_packed(self.x, history.increments[place], int(n), dt_s, self.at_s)
+        felt = self.felt_packed
         return felt[:3], felt[3:]
+
+    @property
+    def felt_packed(self):
+        """`felt` in one array, (6,)."""
+        history, place = self.history, self.history.place(self.k)
+        _, dt_s, n, vibration = history.numbers[place].tolist()
+        return felt_packed(self.x, history.increments[place], int(n), dt_s, vibration, self.at_s)

@@ -16,8 +16,13 @@ Their mean over the last fixes, exponentially weighted, is compared with what wh
 w being the whitened innovation, L^-1 z with S = L L^T. Averaging innovations over several times is due to
 Diesel and Luu (GPS IAIM: calculation of thresholds and protection radius, ION GPS 1995). So that small errors
 with a memory, which every receiver has, are not taken for a drift, the mean must also exceed `LEAST` sigma of
-one innovation. What this cannot see: drifts so slow that the lag stays below that, and those which the
-reported velocity confirms, until the accelerometers contradict them.
+one innovation. Where errors are known to last, a share s of the variance of a fix, the filter does not follow
+them (`measurements.lasting_factor`), so they stay in the mean, which has then up to s more variance::
+
+    |m|^2 / (v + s) ~ chi-square with 3 degrees of freedom
+
+What this cannot see: drifts so slow that the lag stays below that, and those which the reported velocity
+confirms, until the accelerometers contradict them.
 """
 
 from collections import deque
@@ -35,7 +40,7 @@ MEMORY = 8  # fixes that a new one is compared with
 WINDOWS = (10.0, 30.0)  # fixes, of the means
 DRIFT_PROBABILITY = 1e-7  # of calling white innovations a drift, per fix and window
 LEAST = 2.0  # [E] sigma of one innovation, norm of the mean of a drift
-CALM = 0.5  # [E] share of `LEAST` below which a drift is over
+CALM = 0.5  # [E] share of what is called a drift, below which one is over
 
 
 class Drift(NamedTuple):
@@ -53,6 +58,8 @@ class Kept(NamedTuple):
     """A fix that was here."""
 
     fix: Any  # GpsFix or GpsRanges; the last of those that say the same
+    place: list  # its position or ranges
+    velocity: list  # and their rates
     r_e: np.ndarray  # (3,) m, where the filter had the vehicle at the first of them
     v_e: np.ndarray  # (3,) m/s, and how fast
     times: int  # how often its position has been said again by a receiver at rest
@@ -79,7 +86,8 @@ def repeated(earlier, fix, r_e, v_e):
         counts with k times the variance of position, and all of them as ln(k) fixes
     """
     where, how_fast, what = SAYS[type(fix)]
-    place, velocity = getattr(fix, where[1]), getattr(fix, how_fast[1])
+    # as lists, which compare in a tenth of the time of arrays; a NaN is equal to none
+    place, velocity = getattr(fix, where[1]).tolist(), getattr(fix, how_fast[1]).tolist()
     for k, kept in enumerate(earlier):
         old = kept.fix
         if type(old) is not type(fix):
@@ -87,17 +95,17 @@ def repeated(earlier, fix, r_e, v_e):
         if abs(old.t_valid_s - fix.t_valid_s) < 1e-9:
             words = f"stale: of T{old.t_valid_s:+.1f} s, as one before"
             return {where[0]: words, how_fast[0]: words}, fix
-        if np.array_equal(getattr(old, where[1]), place):
+        if kept.place == place:
             if _rests(fix, kept, r_e):
-                earlier[k] = kept._replace(fix=fix, times=kept.times + 1)
+                earlier[k] = kept._replace(fix=fix, velocity=velocity, times=kept.times + 1)
                 return {}, fix._replace(R_r_e=(kept.times + 2) * fix.R_r_e)
             words = f"frozen: {what} of T{old.t_valid_s:+.1f} s"
             return {where[0]: words, how_fast[0]: words}, fix
-        if velocity.any() and np.array_equal(getattr(old, how_fast[1]), velocity):
+        if any(velocity) and kept.velocity == velocity:
             if type(fix) is GpsFix and _within(v_e - kept.v_e, fix.R_v_e):
                 continue
             return {how_fast[0]: f"frozen: velocity of T{old.t_valid_s:+.1f} s"}, fix
-    earlier.append(Kept(fix, r_e, v_e, 0))
+    earlier.append(Kept(fix, place, velocity, r_e, v_e, 0))
     return {}, fix
 
 
@@ -111,7 +119,7 @@ def _within(d, R):
     return bool(d @ d < np.trace(R))
 
 
-def follow(drift, z, S, limit):
+def follow(drift, z, S, limit, lasting=0.0):
     """Take an innovation into the means.
 
     Parameters
@@ -119,6 +127,7 @@ def follow(drift, z, S, limit):
     drift : Drift
     z, S : (3,), (3, 3), innovation and its covariance
     limit : chi-square, 3 degrees of freedom, `DRIFT_PROBABILITY`
+    lasting : share of the variance of a fix that is of errors which last
 
     Returns
     -------
@@ -129,11 +138,12 @@ def follow(drift, z, S, limit):
     mean = (1.0 - a)[:, None] * drift.mean + a[:, None] * w
     variance = (1.0 - a) ** 2 * drift.variance + a**2
     norm2 = (mean**2).sum(axis=1)
+    bound = limit * (variance + lasting)
     if drift.suspected:
-        suspected = bool(norm2[0] > (CALM * LEAST) ** 2)
+        suspected = bool(norm2[0] > max(CALM * bound[0], (CALM * LEAST) ** 2))
     else:
         filled = variance < 1.5 * a / (2.0 - a)  # most of a window has been seen
-        suspected = bool(((norm2 > limit * variance) & (norm2 > LEAST**2) & filled).any())
+        suspected = bool(((norm2 > np.maximum(bound, LEAST**2)) & filled).any())
     return Drift(mean, variance, suspected)
 
 

@@ -1,12 +1,18 @@
 """Watch over the gyros by the stars: a gyro that is wrong in a way that looks alive.
 
 Between two star fixes the strapdown turns with the gyros, so whatever the gyros are wrong by is there as a
-rotation between what the stars say and what the strapdown says; corrections by the filter in between are
-known and taken out. Per star fix k, all in inertial axes, where a rotation that is past stays what it is::
+rotation between what the stars say and what the strapdown says; corrections of the attitude by the filter in
+between, by whatever sensor, are known and taken out. Per star fix k, all in inertial axes, where a rotation
+that is past stays what it is::
 
-    E_k = e_k A_k,   A_(k+1) = (e_k r_k^-1) A_k,   D = log(E_l E_f^-1) = integral of C_ib (rate error), f to l
+    E_k = e_k A_k,   A <- q+ q-^-1 A at every update
+    D = log(E_l E_f^-1) = integral of C_ib (rate error) from f to l
 
-with e_k the rotation from the estimated to the measured attitude before the update, r_k the same after it.
+with e_k the rotation from the estimated to the measured attitude before the update, q- and q+ the attitude
+before and after an update. E is the rotation from the attitude of a strapdown that was never corrected to the
+measured one, so it stays what it is when a late measurement makes the filter go back and correct again. The
+attitude is that of the camera, estimated mounting included, which is what the stars measure: what an update
+takes from the body and gives to the mounting is no rotation.
 
 One wrong star fix, or a star camera that has been knocked, is a step in E; a wrong gyro is a slope. So three
 fixes are compared, first, middle and last: the rotation from the first to the last must be far more than star
@@ -21,13 +27,14 @@ without them: `UNCHECKED_S` after the last check the solution is not to be used,
 tracker whose fixes all turn away at one steady rate cannot be told from a gyro.
 """
 
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation.state import BG
+from shefex_nav.onboard.navigation.state import BG, X_MOUNTING, X_Q
 
 BASELINES_S = np.array([0.4, 2.0, 8.0])  # [E] from the first fix to the last
 LONGEST_GAP_S = 0.55  # [E] between two fixes, else it starts anew
@@ -89,7 +96,7 @@ class GyroWatch:
             ]
         )
         self.rows, self.n = np.empty((ROWS, WIDTH)), 0
-        self.corrected = np.array([1.0, 0.0, 0.0, 0.0])  # A of the module's text
+        self.turned = deque([(-1, np.array([1.0, 0.0, 0.0, 0.0]))])  # tick, A of the module's text
         self.found_s = []  # of comparisons that called a gyro wrong
         self.wrong = ()  # axes
         self.failed = ()  # axes that have ever been wrong
@@ -101,20 +108,29 @@ class GyroWatch:
         self.n = 0
         self.found_s.clear()
 
-    def compare(self, state, P, z, R, used):
+    def back_to(self, number):
+        """The filter goes back to the end of a tick: corrections after it are not made yet."""
+        while self.turned[-1][0] > number:
+            self.turned.pop()
+
+    def corrected(self, number, oldest, x_before, x_after):
+        """The filter has corrected its packed values in a tick; `oldest` is the first it may go back to."""
+        self.turned.append((number, _corrected(self.turned[-1][1], x_before, x_after)))
+        while self.turned[1][0] <= oldest:
+            self.turned.popleft()
+
+    def compare(self, t_s, x, P, z, R):
         """Take in a star fix.
 
         Parameters
         ----------
-        state, P : NavState, (n, n) at its instant, before the update
+        t_s, x, P : its instant, s, and the filter's packed values and (n, n) at it, before the update
         z, R : (3,) rad, (3, 3) rad^2, residual and covariance in body axes
-        used : (3, 3) covariance of the innovation if the fix is used by the filter, None if it is not
 
         Returns
         -------
         Finding, or None if nothing is wrong as far as that can be said
         """
-        t_s = state.t_s
         if self.n and not 0.0 < t_s - self.rows[self.n - 1, T]:
             return None  # late; those of a later instant have been compared
         if self.n and t_s - self.rows[self.n - 1, T] > LONGEST_GAP_S:
@@ -122,10 +138,7 @@ class GyroWatch:
         if self.n == ROWS:
             self.n = ROWS // 2
             self.rows[: self.n] = self.rows[ROWS - self.n :]
-        left = z if used is None else R @ np.linalg.solve(used, z)  # z - H dx
-        self.corrected = _remember(
-            self.rows, self.n, self.corrected, t_s, state.q_ib, z, left, R, np.ascontiguousarray(P[BG, BG])
-        )
+        _remember(self.rows, self.n, self.turned[-1][1], t_s, x, z, R, P)
         self.n += 1
         verdict, rate_b, sigma_b = _compare(self.rows, self.n, BASELINES_S, self.noise, self.limits)
         return self._conclude(t_s, verdict, rate_b, sigma_b)
@@ -157,16 +170,28 @@ class GyroWatch:
 
 
 @njit(cache=True)
-def _remember(rows, n, corrected, t_s, q_ib, z, left, R, P_bg):
-    """Write row n. -> (4,) A of the next"""
-    C_ib = rotation.dcm_from_quat(q_ib)
-    inverse = rotation.quat_conjugate(q_ib)
-    before = rotation.quat_multiply(rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(z)), inverse)
-    after = rotation.quat_multiply(rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(left)), inverse)
-    R_i, P_i = C_ib @ R @ C_ib.T, C_ib @ P_bg @ C_ib.T
+def _camera(x):
+    """Attitude of the camera, but for its nominal mounting, by packed values: (4,)."""
+    return rotation.quat_multiply(x[X_Q], rotation.quat_from_rotvec(x[X_MOUNTING]))
+
+
+@njit(cache=True)
+def _corrected(A, x_before, x_after):
+    """A of the module's text after an update, from packed values. -> (4,)"""
+    moved = rotation.quat_multiply(_camera(x_after), rotation.quat_conjugate(_camera(x_before)))
+    return rotation.quat_normalise(rotation.quat_multiply(moved, A))
+
+
+@njit(cache=True)
+def _remember(rows, n, A, t_s, x, z, R, P):
+    """Write row n. x, P : packed values, (n, n) of the filter"""
+    q_ib, camera = x[X_Q], _camera(x)
+    C_ib, inverse = rotation.dcm_from_quat(q_ib), rotation.quat_conjugate(camera)
+    before = rotation.quat_multiply(rotation.quat_multiply(camera, rotation.quat_from_rotvec(z)), inverse)
+    R_i, P_i = C_ib @ R @ C_ib.T, C_ib @ np.ascontiguousarray(P[BG, BG]) @ C_ib.T
     row = rows[n]
     row[T] = t_s
-    row[Q_E] = rotation.quat_multiply(before, corrected)
+    row[Q_E] = rotation.quat_multiply(before, A)
     row[R_I], row[P_BG] = R_i.ravel(), P_i.ravel()
     row[PATH] = 0.0
     if n > 0:
@@ -174,8 +199,6 @@ def _remember(rows, n, corrected, t_s, q_ib, z, left, R, P_bg):
         v = rotation.rotvec_from_quat(turned)
         row[PATH] = rows[n - 1, PATH] + np.sqrt((v**2).sum())
     row[Q_IB] = q_ib
-    moved = rotation.quat_multiply(before, rotation.quat_conjugate(after))
-    return rotation.quat_normalise(rotation.quat_multiply(moved, corrected))
 
 
 @njit(cache=True)

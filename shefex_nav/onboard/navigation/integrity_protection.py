@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.navigation.state import ATT
+from shefex_nav.onboard.navigation.state import ATT, MOUNTING
 from shefex_nav.records import Doubt
 
 
@@ -60,37 +60,81 @@ class Slope(NamedTuple):
     """What a wrong fix could have done to the attitude, and what this fix has left of older errors."""
 
     stars: bool  # of a star fix
-    worst_b: np.ndarray  # (3,) rad, at the instant of the fix
-    variance_b: np.ndarray  # (3,) rad^2, of the attitude after it
-    left: np.ndarray  # (3,) share of older errors of other sensors
-    left_stars: np.ndarray  # (3,) share of those of star fixes
-    most: np.ndarray = np.full(3, np.inf)  # (3,) rad, that an older error of other sensors can have been
+    table: np.ndarray  # (5, 3) the properties in their order
+
+    @property
+    def worst_b(self):
+        """(3,) rad, at the instant of the fix."""
+        return self.table[0]
+
+    @property
+    def variance_b(self):
+        """(3,) rad^2, of the attitude after it."""
+        return self.table[1]
+
+    @property
+    def left(self):
+        """(3,) share of older errors of other sensors."""
+        return self.table[2]
+
+    @property
+    def left_stars(self):
+        """(3,) share of those of star fixes."""
+        return self.table[3]
+
+    @property
+    def most(self):
+        """(3,) rad, that an older error of other sensors can have been."""
+        return self.table[4]
 
 
 @njit(cache=True)
 def _slope(P_before, P_after, limit):
-    """worst_b, variance_b and left of a `Slope`, the rows of a (3, 3) array."""
-    out = np.empty((3, 3))
+    """Table of a `Slope` that says nothing of star fixes."""
+    out = np.empty((5, 3))
     for i in range(3):
         k = ATT.start + i
         before, after = P_before[k, k], P_after[k, k]
         out[0, i], out[1, i] = np.sqrt(limit * max(before - after, 0.0)), after
-        out[2, i] = min(after / before, 1.0)
+        out[2, i], out[3, i], out[4, i] = min(after / before, 1.0), 1.0, np.inf
     return out
 
 
 @njit(cache=True)
-def _left_of_seen(P_before, P_after, H):
-    """Share that is left of the variance of what each row of H sees, (m,)."""
-    out = np.empty(H.shape[0])
-    for i in range(H.shape[0]):
-        before, after = 0.0, 0.0
-        for j in range(H.shape[1]):
-            if H[i, j] != 0.0:
-                for k in range(H.shape[1]):
-                    before += H[i, j] * P_before[j, k] * H[i, k]
-                    after += H[i, j] * P_after[j, k] * H[i, k]
-        out[i] = min(after / before, 1.0)
+def _seen(P, h):
+    """Variance of what a row of H sees."""
+    total = 0.0
+    for j in range(len(h)):
+        if h[j] != 0.0:
+            for k in range(len(h)):
+                total += h[j] * P[j, k] * h[k]
+    return total
+
+
+@njit(cache=True)
+def _slope_of_stars(P_before, P_after, limit, H, R, confirmed):
+    """Table of a `Slope` of a star fix."""
+    out = _slope(P_before, P_after, limit)
+    for i in range(3):
+        before = _seen(P_before, H[i])
+        if confirmed:
+            out[0, i] = min(out[0, i], np.sqrt(2.0 * limit * R[i, i]))
+        out[3, i] = min(_seen(P_after, H[i]) / before, 1.0)
+        out[4, i] = 2.0 * np.sqrt(limit * (before + R[i, i]))
+    return out
+
+
+@njit(cache=True)
+def _slope_of_vectors(P_before, P_after, limit, H, R, mounting):
+    """Table of a `Slope` of single stars; mounting: its first error, -1 if there is none."""
+    out, row = _slope(P_before, P_after, limit), np.empty(P_before.shape[0])
+    out[0] = _worst_of(P_before, H, R, limit, 2)
+    for i in range(3):  # what stars have misled is attitude and mounting together
+        row[:] = 0.0
+        row[ATT.start + i] = 1.0
+        if mounting >= 0:
+            row[mounting + i] = 1.0
+        out[3, i] = min(_seen(P_after, row) / _seen(P_before, row), 1.0)
     return out
 
 
@@ -99,8 +143,7 @@ def slope(P_before, P_after, limit):
 
     P_before, P_after : (n, n) of the filter, at the instant of the fix;  limit : of its gate, chi-square
     """
-    worst, after, left = _slope(P_before, P_after, limit)
-    return Slope(False, worst, after, left, np.ones(3))
+    return Slope(False, _slope(P_before, P_after, limit))
 
 
 def slope_of_stars(P_before, P_after, limit, H, R, confirmed):
@@ -110,11 +153,7 @@ def slope_of_stars(P_before, P_after, limit, H, R, confirmed):
     H, R : (3, n), (3, 3) rad^2, of the fix
     confirmed : whether a second fix agrees with it
     """
-    worst, after, left = _slope(P_before, P_after, limit)
-    if confirmed:
-        worst = np.minimum(worst, np.sqrt(2.0 * limit * np.diag(R)))
-    most = 2.0 * np.sqrt(limit * np.diag(H @ P_before @ H.T + R))
-    return Slope(True, worst, after, left, _left_of_seen(P_before, P_after, H), most)
+    return Slope(True, _slope_of_stars(P_before, P_after, limit, H, R, confirmed))
 
 
 def slope_of_vectors(layout, P_before, P_after, limit, H, R):
@@ -125,28 +164,42 @@ def slope_of_vectors(layout, P_before, P_after, limit, H, R):
 
     layout : Layout;  limit : of the gate of one star;  H, R : (2 m, n), (2 m, 2 m);  else as `slope`
     """
-    seen = np.zeros((3, layout.n))  # what stars have misled is attitude and mounting together
-    seen[:, ATT] = np.eye(3)
-    if mounting := layout.places["mounting"]:
-        seen[:, mounting] = np.eye(3)
-    _, after, left = _slope(P_before, P_after, limit)
-    worst = _worst_star(P_before, np.ascontiguousarray(H), np.ascontiguousarray(R), limit)
-    return Slope(True, worst, after, left, _left_of_seen(P_before, P_after, seen))
+    H, R = np.ascontiguousarray(H), np.ascontiguousarray(R)
+    return Slope(True, _slope_of_vectors(P_before, P_after, limit, H, R, int(layout.at[MOUNTING])))
 
 
 @njit(cache=True)
-def _worst_star(P, H, R, limit):
-    """What the worst star can do to the attitude, (3,) rad."""
+def _worst_of(P, H, R, limit, size):
+    """What the worst group of `size` rows can do to the attitude, (3,) rad."""
     PH = P @ H.T
     S = H @ PH + R
     K = np.linalg.solve(S, PH[ATT.start : ATT.stop].T.copy()).T
     worst = np.zeros(3)
-    for k in range(0, H.shape[0], 2):
+    for first in range(0, H.shape[0], size):
         for i in range(3):
-            a, b = K[i, k], K[i, k + 1]
-            variance = a * a * S[k, k] + 2.0 * a * b * S[k, k + 1] + b * b * S[k + 1, k + 1]
-            worst[i] = max(worst[i], np.sqrt(limit * variance))
+            variance = 0.0
+            for j in range(first, first + size):
+                for k in range(first, first + size):
+                    variance += K[i, j] * S[j, k] * K[i, k]
+            worst[i] = max(worst[i], np.sqrt(limit * max(variance, 0.0)))
     return worst
+
+
+@njit(cache=True)
+def _slope_of_ranges(P_before, P_after, limit, H, R):
+    """Table of a `Slope` of ranges."""
+    out = _slope(P_before, P_after, limit)
+    out[0] = _worst_of(P_before, H, R, limit, 1)
+    return out
+
+
+def slope_of_ranges(P_before, P_after, limit, H, R):
+    """Slope of satellites that were used and gated one by one, a row each: of the one that could do worst.
+
+    limit : of the gate of one satellite;  H, R : (m, n), (m, m);  else as `slope`
+    """
+    H, R = np.ascontiguousarray(H), np.ascontiguousarray(R)
+    return Slope(False, _slope_of_ranges(P_before, P_after, limit, H, R))
 
 
 def after_fix(level, found, P_now):
@@ -156,16 +209,38 @@ def after_fix(level, found, P_now):
 
     level : Level;  found : Slope;  P_now : (n, n) -> Level
     """
-    now = found.worst_b * np.sqrt(np.minimum(np.diag(P_now)[ATT] / found.variance_b, 1.0))
-    stars, others = level.stars_b * found.left_stars, np.minimum(level.others_b, found.most) * found.left
-    if found.stars:
-        return Level(np.maximum(stars, now), others)
-    return Level(stars, np.maximum(others, now))
+    after = _after_fix(level.stars_b, level.others_b, found.stars, found.table, P_now)
+    return Level(after[0], after[1])
+
+
+@njit(cache=True)
+def _after_fix(stars_b, others_b, of_stars, table, P_now):
+    """stars_b and others_b of the next `Level`, the rows of a (2, 3) array."""
+    after = np.empty((2, 3))
+    for i in range(3):
+        variance = P_now[ATT.start + i, ATT.start + i]
+        now = table[0, i] * np.sqrt(min(variance / table[1, i], 1.0))
+        after[0, i] = stars_b[i] * table[3, i]
+        after[1, i] = min(others_b[i], table[4, i]) * table[2, i]
+        if of_stars:
+            after[0, i] = max(after[0, i], now)
+        else:
+            after[1, i] = max(after[1, i], now)
+    return after
 
 
 def of_attitude(level, wanted, sigma_b):
     """Protection level (3,) rad for the standard deviations (3,) rad of the attitude."""
-    return wanted.k * sigma_b + np.maximum(level.stars_b, level.others_b)
+    return _of_attitude(level.stars_b, level.others_b, wanted.k, sigma_b)
+
+
+@njit(cache=True)
+def _of_attitude(stars_b, others_b, k, sigma_b):
+    """`of_attitude` with the fields of its tuples."""
+    out = np.empty(3)
+    for i in range(3):
+        out[i] = k * sigma_b[i] + max(stars_b[i], others_b[i])
+    return out
 
 
 def doubt(protection_b, wanted, contradicted, imu_blind):
@@ -175,4 +250,5 @@ def doubt(protection_b, wanted, contradicted, imu_blind):
     if contradicted:
         return Doubt.CONTRADICTED
     # not "greater": a level that is not a number must not pass
-    return Doubt.NONE if bool((protection_b <= wanted.attitude).all()) else Doubt.ATTITUDE
+    within = all(level <= wanted.attitude for level in protection_b.tolist())
+    return Doubt.NONE if within else Doubt.ATTITUDE

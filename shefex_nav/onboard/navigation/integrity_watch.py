@@ -49,7 +49,6 @@ class Watch:
         self.unread = False  # whether readings of an axis have been replaced, or are at the end of its range
         self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
-        self.position_s = -np.inf  # of the last position fix
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
         self.used_now = []  # integrity_protection.Slope of each fix used in this tick
@@ -92,7 +91,7 @@ class Watch:
 
     def used(self, sensor, t_valid_s, now_s):
         """A measurement has been used."""
-        if sensor in MEASURES and self.imu is not None:
+        if self.unread and sensor in MEASURES:
             integrity_imu.fixed(self.imu, MEASURES[sensor], t_valid_s, now_s)
 
     def protect(self, P_now):
@@ -149,6 +148,8 @@ def contradicted(health):
     A GPS position that contradicts while its velocity does not is wrong itself: the inertial sensors and the
     velocity say the same.
     """
+    if not any(record.rejected or record.in_a_row for record in health.values()):
+        return False  # as nearly always
     bad = [name for name, record in health.items() if contradicts(name, record)]
     if "gps_position" in bad and jumped(health):
         bad.remove("gps_position")

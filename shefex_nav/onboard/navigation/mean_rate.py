@@ -37,8 +37,8 @@ def body_rate(nav, state, begin_s, end_s):
     ends_s = ticks[-1].t_end_s - (np.cumsum(dt_s[::-1])[::-1] - dt_s)
     weight = np.clip((np.minimum(ends_s, end_s) - np.maximum(ends_s - dt_s, begin_s)) / dt_s, 0.0, 1.0)
     duration_s = dt_s @ weight
-    omega_b, f_b = calibration.motion(state, weight @ increments, duration_s)
     vibration = max(imu.vibration for imu in ticks)
+    omega_b, f_b = calibration.motion(state, weight @ increments, duration_s, vibration)
     doubtful = any(imu.extra[0].any() for imu in ticks)
     noise = _noise(nav.params.imu, omega_b, f_b, vibration, doubtful, duration_s)
     return omega_b, f_b, noise
@@ -46,14 +46,16 @@ def body_rate(nav, state, begin_s, end_s):
 
 def _ticks(history, begin_s, end_s):
     """ImuWindow of the ticks that an interval touches, oldest first; none where one of them is missing."""
-    windows = [window for window in (history.imu(k) for k in range(len(history))) if window is not None]
-    if not windows or not begin_s < end_s <= windows[-1].t_end_s + COVERED_S:
+    if not begin_s < end_s <= history.ends_s[-1] + COVERED_S:
         return []
-    if begin_s < windows[0].t_end_s - windows[0].length_s - COVERED_S:
-        return []
-    return [
-        window for window in windows if begin_s < window.t_end_s and window.t_end_s - window.length_s < end_s
-    ]
+    ticks = []
+    for k in range(len(history) - 1, -1, -1):
+        if history.ends_s[k] <= begin_s or (window := history.imu(k)) is None:
+            break
+        if window.t_end_s - window.length_s < end_s:
+            ticks.append(window)
+    covered = ticks and ticks[-1].t_end_s - ticks[-1].length_s <= begin_s + COVERED_S
+    return ticks[::-1] if covered else []
 
 
 def _noise(model, omega_b, f_b, vibration, doubtful, duration_s):
@@ -94,7 +96,8 @@ def camera_rate(nav, tick, C_bc, begin_s, end_s):
     omega_b, f_b, noise = body_rate(nav, tick.state, begin_s, end_s)
     if not np.isfinite(omega_b.sum()):
         return None, None
-    H, _ = calibration.jacobians(nav.layout, tick.state, omega_b, f_b)
+    vibration = 0.0 if tick.imu is None else tick.imu.vibration
+    H, _ = calibration.jacobians(nav.layout, tick.state, omega_b, f_b, vibration)
     if mounting := nav.layout.places["mounting"]:
         H[:, mounting] = rotation.skew(omega_b)
     P_b = H @ tick.P @ H.T + noise * np.eye(3)

@@ -22,14 +22,13 @@ import numpy as np
 from shefex_nav.environment.stars import SPEED_OF_LIGHT
 from shefex_nav.geometry import wgs84
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
-from shefex_nav.onboard.navigation.measurements import antenna
 
 FEWEST_TO_AGREE = 4  # satellites by which two sets of ranges are compared
 LONGEST_PAIR_S = 3.0  # [E] sets further apart than this are not compared
 EARTH_RATE = np.array([[0.0, -wgs84.OMEGA, 0.0], [wgs84.OMEGA, 0.0, 0.0], [0.0, 0.0, 0.0]])  # cross product
 
 
-def pseudoranges(layout, state, ranges, earth, l_ba_b, omega_ib_b, f_b, sigma_bias=0.0):
+def pseudoranges(layout, state, ranges, a, sigma_bias=0.0):
     """Pseudoranges of n satellites.
 
     Parameters
@@ -37,14 +36,13 @@ def pseudoranges(layout, state, ranges, earth, l_ba_b, omega_ib_b, f_b, sigma_bi
     layout : Layout with the block `clock`
     state : NavState at the instant of the ranges
     ranges : GpsRanges
-    earth, l_ba_b, omega_ib_b, f_b : as of `measurements.antenna`
+    a : measurements.Antenna at that instant
     sigma_bias : m, of range errors that last, where no state has them
 
     Returns
     -------
     z : (n,) m;  H : (n, layout.n);  R : (n, n) m^2, diagonal
     """
-    a = antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b)
     rho, u, _ = lines_of_sight(ranges, a.r_e)
     H = -u @ a.J_r
     H[:, layout.places["clock"].start] = 1.0
@@ -61,14 +59,13 @@ def pseudoranges(layout, state, ranges, earth, l_ba_b, omega_ib_b, f_b, sigma_bi
     return z, H, np.diag(variance)
 
 
-def range_rates(layout, state, ranges, earth, l_ba_b, omega_ib_b, f_b):
+def range_rates(layout, state, ranges, a):
     """Range rates of n satellites; parameters as of `pseudoranges`.
 
     Returns
     -------
     z : (n,) m/s;  H : (n, layout.n);  R : (n, n) m^2/s^2, diagonal
     """
-    a = antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b)
     rho, u, v_s = lines_of_sight(ranges, a.r_e)
     v = v_s - (a.v_e + EARTH_RATE @ a.r_e)
     stretch = 1.0 + np.sum(u * v_s, axis=1) / SPEED_OF_LIGHT

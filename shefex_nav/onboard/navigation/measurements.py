@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.environment.gravity import gravity_j2_e
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import calibration
 from shefex_nav.onboard.navigation import triples as t3
@@ -20,6 +19,7 @@ from shefex_nav.onboard.navigation.state import (
     MOUNTING,
     POS,
     VEL,
+    X_GRAVITY,
     X_LATENCY,
     X_LEVER,
     X_MOUNTING,
@@ -29,6 +29,7 @@ from shefex_nav.onboard.navigation.state import (
     pack,
     right_jacobian,
 )
+from shefex_nav.onboard.navigation.strapdown import gravity_i
 
 
 class Antenna(NamedTuple):
@@ -40,7 +41,7 @@ class Antenna(NamedTuple):
     J_v: np.ndarray  # (3, n)
 
 
-def antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b):
+def antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b, vibration=0.0):
     """Where the GPS antenna is at the instant that a fix with the time of the state belongs to.
 
     r_ea_e = C_ei (r_i + C_ib l),   v_ea_e = C_ei (v_i + C_ib (omega_ib_b x l) - omega_ie_i x (r_i + C_ib l)),
@@ -55,6 +56,7 @@ def antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b):
     earth : EarthRotation
     l_ba_b : (3,) m, IMU to antenna, nominal
     omega_ib_b, f_b : (3,) rad/s, m/s^2, corrected for the estimated errors of the IMU
+    vibration : level with which they were corrected
 
     Returns
     -------
@@ -64,54 +66,61 @@ def antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b):
     ----------
     Groves, 2nd ed., section 14.3.1.
     """
-    r_e, v_e, J_r, J_v = np.empty(3), np.empty(3), np.empty((3, layout.n)), np.empty((3, layout.n))
-    x, C_ie = pack(state), frames.dcm_ie(earth, state.t_s)
-    J_omega, J_f = calibration.jacobians(layout, state, omega_ib_b, f_b)
-    g_i = C_ie @ gravity_j2_e(C_ie.T @ state.r_i) + state.gravity
-    known = l_ba_b, frames.omega_ie_i(earth), omega_ib_b, f_b, g_i
-    _antenna(layout.at, x, C_ie, np.array(known), J_omega, J_f, r_e, v_e, J_r, J_v)
-    return Antenna(r_e, v_e, J_r, J_v)
+    felt = np.concatenate((omega_ib_b, f_b))
+    return antenna_packed(layout, pack(state), state.t_s, earth, l_ba_b, felt, vibration)
+
+
+def antenna_packed(layout, x, t_s, earth, l_ba_b, felt, vibration):
+    """`antenna` with packed values; felt (6,): omega_ib_b and f_b."""
+    motion, J = np.empty((2, 3)), np.empty((2, 3, layout.n))
+    _antenna(layout.at, x, t_s, *earth, l_ba_b, felt, vibration, motion, J)
+    return Antenna(motion[0], motion[1], J[0], J[1])
 
 
 @njit(cache=True)
-def _antenna(at, x, C_ie, known, J_omega, J_f, r_e, v_e, J_r, J_v):
-    """`antenna` with packed values; the last four are written.
-
-    known : (5, 3) l_ba_b, omega_ie_i, omega_ib_b, f_b, gravitation in inertial axes
-    """
-    zero, C_ei, turn = (0.0, 0.0, 0.0), t3.transposed(t3.matrix(C_ie)), t3.vector(known[1], 0)
+def _antenna(at, x, t_s, C_iq, C_re, angle_0, rate, l_ba_b, felt, vibration, motion, J):
+    """`antenna_packed` with the fields of its tuples; motion (2, 3) and J (2, 3, n) are written."""
+    earth, n = frames.EarthRotation(C_iq, C_re, angle_0, rate), J.shape[2]
+    J_omega, J_f = calibration.jacobians_packed(at, n, x, felt[:3], felt[3:], vibration)
+    zero, turn = (0.0, 0.0, 0.0), t3.vector(frames.omega_ie_i(earth), 0)
+    C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
     C = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
-    omega, delay, r_i = t3.vector(known[2], 0), x[X_LATENCY], t3.vector(x, X_R.start)
-    arm = t3.plus(t3.vector(known[0], 0), 1.0, t3.vector(x, X_LEVER.start))
+    omega, delay, r_i = t3.vector(felt, 0), x[X_LATENCY], t3.vector(x, X_R.start)
+    g = t3.plus(gravity_i(r_i, angle_0 + rate * t_s, C_iq, C_re), 1.0, t3.vector(x, X_GRAVITY))
+    arm = t3.plus(t3.vector(l_ba_b, 0), 1.0, t3.vector(x, X_LEVER.start))
     swing = t3.cross(omega, arm)
-    felt = t3.plus(t3.vector(known[3], 0), 1.0, t3.cross(omega, swing))
+    f = t3.plus(t3.vector(felt, 3), 1.0, t3.cross(omega, swing))
     r = t3.plus(r_i, 1.0, t3.turned(C, arm))
     v = t3.plus(t3.vector(x, X_V.start), 1.0, t3.turned(C, swing))
-    a = t3.plus(t3.turned(C, felt), 1.0, t3.vector(known[4], 0))
-    r, v, a = _seen(r, v, a, turn, delay)
-    r_e[0], r_e[1], r_e[2] = t3.turned(C_ei, r)
-    v_e[0], v_e[1], v_e[2] = t3.turned(C_ei, v)
-    d2 = t3.dot(r_i, r_i)
-    pull = wgs84.GM / (d2 * np.sqrt(d2))
-    for j in range(J_r.shape[1]):
+    r, v, a = _seen(r, v, t3.plus(t3.turned(C, f), 1.0, g), turn, delay)
+    t3.put(motion[0], t3.turned(C_ei, r))
+    t3.put(motion[1], t3.turned(C_ei, v))
+    for j in range(n):
         dr, dv, dtheta = _unit(j - POS.start), _unit(j - VEL.start), _unit(j - ATT.start)
         dl = _unit(j - at[LEVER]) if at[LEVER] >= 0 else zero
         dg = _unit(j - at[GRAVITY]) if at[GRAVITY] >= 0 else zero
-        w, f = (J_omega[0, j], J_omega[1, j], J_omega[2, j]), (J_f[0, j], J_f[1, j], J_f[2, j])
+        dg = t3.plus(dg, 1.0, _gradient(r_i, dr))
+        w, df = t3.column(J_omega, j), t3.column(J_f, j)
         moved = t3.plus(t3.cross(dtheta, arm), 1.0, dl)
-        swung = t3.plus(t3.plus(t3.cross(dtheta, swing), 1.0, t3.cross(w, arm)), 1.0, t3.cross(omega, dl))
-        shaken = t3.plus(t3.plus(t3.cross(dtheta, felt), 1.0, f), 1.0, t3.cross(w, swing))
         driven = t3.plus(t3.cross(w, arm), 1.0, t3.cross(omega, dl))
-        shaken = t3.plus(shaken, 1.0, t3.cross(omega, driven))
-        gradient = t3.scaled(pull, t3.plus(t3.scaled(3.0 / d2 * t3.dot(r_i, dr), r_i), -1.0, dr))
+        swung = t3.plus(t3.cross(dtheta, swing), 1.0, driven)
+        jolted = t3.plus(t3.plus(t3.cross(dtheta, f), 1.0, df), 1.0, t3.cross(w, swing))
+        jolted = t3.plus(jolted, 1.0, t3.cross(omega, driven))
         dr, dv = t3.plus(dr, 1.0, t3.turned(C, moved)), t3.plus(dv, 1.0, t3.turned(C, swung))
-        da = t3.plus(t3.plus(gradient, 1.0, dg), 1.0, t3.turned(C, shaken))
-        dr, dv, _ = _seen(dr, dv, da, turn, delay)
+        dr, dv, _ = _seen(dr, dv, t3.plus(dg, 1.0, t3.turned(C, jolted)), turn, delay)
         if j == at[LATENCY]:
             dr, dv = t3.scaled(-1.0, v), t3.scaled(-1.0, a)
         dr, dv = t3.turned(C_ei, dr), t3.turned(C_ei, dv)
-        J_r[0, j], J_r[1, j], J_r[2, j] = dr
-        J_v[0, j], J_v[1, j], J_v[2, j] = dv
+        for i in range(3):
+            J[0, i, j], J[1, i, j] = dr[i], dv[i]
+
+
+@njit(cache=True, forceinline=True)
+def _gradient(r, dr):
+    """Change of the gravitation of a point mass with the place."""
+    d2 = t3.dot(r, r)
+    pull = wgs84.GM / (d2 * np.sqrt(d2))
+    return t3.scaled(pull, t3.plus(t3.scaled(3.0 / d2 * t3.dot(r, dr), r), -1.0, dr))
 
 
 @njit(cache=True, forceinline=True)
@@ -128,17 +137,20 @@ def _seen(r, v, a, turn, delay):
     return t3.plus(t3.plus(r, -delay, v), 0.5 * delay * delay, a), t3.plus(v, -delay, a), a
 
 
-def gps_position(layout, state, fix, earth, l_ba_b, omega_ib_b, f_b):
+def gps_position(fix, a):
     """Position fix of the antenna: z = r_ea_e(measured) - r_ea_e.
 
-    Parameters as of `antenna`, state at the instant of the fix, a GpsFix
-
-    Returns
-    -------
-    z : (3,) m, frame e;  H : (3, n);  R : (3, 3) m^2
+    fix : GpsFix;  a : Antenna at its instant -> z (3,) m, frame e;  H (3, n);  R (3, 3) m^2
     """
-    a = antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b)
     return fix.r_ea_e - a.r_e, a.J_r, fix.R_r_e
+
+
+def gps_velocity(fix, a):
+    """Velocity fix of the antenna, relative to the rotating Earth: z = v_ea_e(measured) - v_ea_e.
+
+    As `gps_position` -> z (3,) m/s, frame e;  H (3, n);  R (3, 3) m^2/s^2
+    """
+    return fix.v_ea_e - a.v_e, a.J_v, fix.R_v_e
 
 
 def lasting_factor(share, time_s, gap_s):
@@ -163,19 +175,6 @@ def lasting_factor(share, time_s, gap_s):
         return 1.0
     r = np.exp(-gap_s / time_s)
     return float(1.0 - share + share * (1.0 + r) / max(1.0 - r, 1e-6))
-
-
-def gps_velocity(layout, state, fix, earth, l_ba_b, omega_ib_b, f_b):
-    """Velocity fix of the antenna, relative to the rotating Earth: z = v_ea_e(measured) - v_ea_e.
-
-    Parameters as of `gps_position`
-
-    Returns
-    -------
-    z : (3,) m/s, frame e;  H : (3, n);  R : (3, 3) m^2/s^2
-    """
-    a = antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b)
-    return fix.v_ea_e - a.v_e, a.J_v, fix.R_v_e
 
 
 def star_attitude(layout, state, fix, C_bc, sigma_floor):

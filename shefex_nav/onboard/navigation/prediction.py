@@ -203,9 +203,7 @@ def _interval(
     u, u_r, angle, speed = strapdown.travel(
         x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gyro, accel
     )
-    x[X_CLOCK] += T * x[X_CLOCK + 1]
-    x[X_RANGE] *= np.exp(-T / model.range_bias_time_s)
-    x[X_GRAVITY : X_GRAVITY + 3] *= np.exp(-T / FIELD_TIME_S)
+    _drift(x, model, T)
     q_after = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
     C_bi = t3.transposed(t3.dcm_from_quat(q_after))
     for k in range(WEIGHTS):
@@ -214,15 +212,30 @@ def _interval(
     top[:] = 0.0
     error_model.put_motion(top, r, u, u_r, C, C_bi, T)
     error_model.put_gravity(top, at, T)
+    _put_imu(top, at, gyro, accel, M, A, G, vibration)
+    share = T / (h * (increments.shape[0] - BEFORE))
+    along, across, bias_walk = error_model.noise_densities(model, vibration, share, T, angle, speed)
+    error_model.process_noise(top, along, across, extra, C, T, Q)
+    return bias_walk
+
+
+@njit(cache=True, forceinline=True)
+def _drift(x, model, T):
+    """Packed values of what changes by itself, clock, range errors and gravity, after T, in place."""
+    x[X_CLOCK] += T * x[X_CLOCK + 1]
+    x[X_RANGE] *= np.exp(-T / model.range_bias_time_s)
+    x[X_GRAVITY : X_GRAVITY + 3] *= np.exp(-T / FIELD_TIME_S)
+
+
+@njit(cache=True, forceinline=True)
+def _put_imu(top, at, gyro, accel, M, A, G, vibration):
+    """Columns of the errors of the IMU; M, A, G : nine numbers each."""
     triads = np.empty((3, 3, 3))
     t3.store(triads[0], M)
     t3.store(triads[1], A)
     t3.store(triads[2], t3.product(M, t3.product(G, A)))
     error_model.put_calibration(top, at, gyro, accel, triads[0], triads[1], triads[2])
     error_model.put_rectification(top, at, vibration)
-    along, across, bias_walk = error_model.noise_densities(model, vibration, T, angle, speed)
-    error_model.process_noise(top, along, across, extra, C, T, Q)
-    return bias_walk
 
 
 @njit(cache=True)

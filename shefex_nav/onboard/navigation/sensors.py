@@ -17,7 +17,7 @@ from shefex_nav.onboard.navigation import (
     measure_stars,
     measurements,
 )
-from shefex_nav.onboard.navigation.state import POS, ReleaseRule
+from shefex_nav.onboard.navigation.state import POS, VEL, ReleaseRule
 from shefex_nav.records import GpsRanges, Reason
 
 MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
@@ -32,7 +32,6 @@ class Measurement(NamedTuple):
     rows: Any = None  # (m,) bool, rows that are used; None: all
     # sigma that is added to what it measures, or to the blocks of a dict; None: a reset forgets it all
     admitted: Any = None
-    noise: float = 1.0  # factor on its covariance where it is used, `measurements.lasting_factor`
 
 
 class Trial(NamedTuple):
@@ -55,7 +54,7 @@ class Sensor(NamedTuple):
     # (nav, now, z, R, fix) -> Trial
     trial: Callable
     with_it: tuple[str, ...] = ()  # blocks that a reset takes back to what was known at the start
-    rows: int = 0  # rows gated together, whose noise must not be tied to that of others; 0: all
+    rows: int = 0  # rows gated together, by what they share with no other row in mind; 0: all
     labels: Callable | None = None  # fix -> name of each group of rows, for notes
     reset_note: str = "reset after timeout"
     # (nav, S) -> whether one fix inside the gate is enough; None: always
@@ -67,25 +66,30 @@ class Sensor(NamedTuple):
     admits: Callable | None = None
 
 
+def _antenna(nav, now):
+    """Antenna of the receiver at a Moment."""
+    arm, felt = nav.params.l_ba_b, now.felt_packed
+    return measurements.antenna_packed(nav.layout, now.x, now.t_s, nav.earth, arm, felt, now.vibration)
+
+
 def _gps_position(nav, now, fix):
-    return measurements.gps_position(nav.layout, now.state, fix, nav.earth, nav.params.l_ba_b, *now.felt)
+    return measurements.gps_position(fix, _antenna(nav, now))
 
 
 def _gps_velocity(nav, now, fix):
-    params = nav.params
-    z, H, R = measurements.gps_velocity(nav.layout, now.state, fix, nav.earth, params.l_ba_b, *now.felt)
-    return z, H, R + vibration_variance(params, now) * np.eye(3)
+    z, H, R = measurements.gps_velocity(fix, _antenna(nav, now))
+    return z, H, R + vibration_variance(nav.params, now) * np.eye(3) if now.vibration else R
 
 
 def _gps_range(nav, now, fix):
-    arguments = nav.earth, nav.params.l_ba_b, *now.felt, nav.params.range_bias_sigma
-    return measure_ranges.pseudoranges(nav.layout, now.state, fix, *arguments)
+    sigma_bias = nav.params.range_bias_sigma
+    return measure_ranges.pseudoranges(nav.layout, now.state, fix, _antenna(nav, now), sigma_bias)
 
 
 def _gps_range_rate(nav, now, fix):
-    params = nav.params
-    z, H, R = measure_ranges.range_rates(nav.layout, now.state, fix, nav.earth, params.l_ba_b, *now.felt)
-    return z, H, R + vibration_variance(params, now) * np.eye(len(z))
+    z, H, R = measure_ranges.range_rates(nav.layout, now.state, fix, _antenna(nav, now))
+    along = H[:, VEL]  # the antenna's velocity in vibration is one vector for all satellites
+    return z, H, R + vibration_variance(nav.params, now) * (along @ along.T)
 
 
 def _star_attitude(nav, now, fix):
@@ -152,7 +156,7 @@ def _star_trial(nav, now, z, R, fix):
     used = nav.health["star_tracker"].used
     rule = params.release_star if used else params.release_star_first
     state = now.state
-    P_rate = rate_covariance(nav.layout, state, now.P, *now.felt)
+    P_rate = rate_covariance(nav.layout, state, now.P, *now.felt, now.vibration)
     limit = nav.limit(3)
 
     noise = params.imu.gyro_random_walk**2 + now.imu.extra[0].max()
@@ -189,13 +193,14 @@ def _star_alone(nav, S):
     if not nav.health["star_tracker"].used:
         return False
     most = nav.watch.params.wrong_star_fix**2 / nav.limit(len(S))  # of the variance along any axis
-    return bool(S.trace() < most or np.linalg.eigvalsh(S)[-1] < most)  # a trace exceeds every eigenvalue
+    trace = S[0, 0] + S[1, 1] + S[2, 2]  # exceeds every eigenvalue
+    return bool(trace < most or np.linalg.eigvalsh(S)[-1] < most)
 
 
 def _star_admits(nav, z):
     """A small contradiction may be a camera that has moved or a wrong attitude: either is admitted."""
-    angle = float(np.sqrt(z @ z))
-    return angle if nav.health["star_tracker"].used > 1 and angle < MOVED_CAMERA else None
+    angle, used = float(np.sqrt(z @ z)), nav.health["star_tracker"].used + nav.health["star_vectors"].used
+    return angle if used > 1 and angle < MOVED_CAMERA else None
 
 
 def never(nav, now, z, R, fix):
@@ -203,9 +208,9 @@ def never(nav, now, z, R, fix):
     return Trial(ReleaseRule(np.inf, np.inf), None, None)
 
 
-def rate_covariance(layout, state, P, omega_b, f_b):
+def rate_covariance(layout, state, P, omega_b, f_b, vibration=0.0):
     """Covariance of the corrected rate by the estimates of the gyro errors: (3, 3) rad^2/s^2."""
-    J_omega, _ = calibration.jacobians(layout, state, omega_b, f_b)
+    J_omega, _ = calibration.jacobians(layout, state, omega_b, f_b, vibration)
     return J_omega @ P @ J_omega.T
 
 

@@ -17,6 +17,7 @@ from shefex_nav.onboard.navigation.calibration import (
     g_sensitivity,
     gyro_inverse,
     jacobians_packed,
+    shaken,
 )
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, OPTIONAL, POS, PVA, VEL, X_Q, X_R, X_V
 from shefex_nav.onboard.navigation.strapdown import BEFORE
@@ -44,12 +45,10 @@ def solution(nav):
     """NavSolution of the last tick of a running filter."""
     history, model = nav.history, nav.params.imu
     place = history.place(-1)
-    _, dt_s, n, _ = history.numbers[place].tolist()
+    _, dt_s, n, vibration = history.numbers[place].tolist()
     out, sample = np.empty(N_OUT), history.increments[place, BEFORE - 1 + int(n)]
-    noise = model.gyro_random_walk, model.gyro_quantum
-    _derive(
-        nav.layout.at, history.ends_s[-1], history.x, reported(nav), sample, dt_s, *noise, *nav.earth, out
-    )
+    read = sample, dt_s, vibration, model.gyro_random_walk, model.gyro_quantum
+    _derive(nav.layout.at, history.ends_s[-1], history.x, reported(nav), *read, *nav.earth, out)
     # by position, in the order of the record: nineteen keywords would cost more than the arithmetic
     path, heading, attack, slip = out[ANGLES:S_R].tolist()
     sigma_b = out[S_ATT:S_OMEGA]
@@ -132,14 +131,14 @@ def derive(layout, tick, P, random_walk, quantum, earth):
     with sigmas of pi at most, the rate is the mean of the last sample
     """
     out = np.empty(N_OUT)
-    sample, dt_s = tick.imu.increments[-1], tick.imu.dt_s
-    _derive(layout.at, tick.t_s, tick.x, P, sample, dt_s, random_walk, quantum, *earth, out)
+    sample, dt_s, vibration = tick.imu.increments[-1], tick.imu.dt_s, tick.imu.vibration
+    _derive(layout.at, tick.t_s, tick.x, P, sample, dt_s, vibration, random_walk, quantum, *earth, out)
     found = {name: out[end - FIELDS[name] : end] for name, end in ENDS.items()}
     return {name: value if len(value) > 1 else float(value[0]) for name, value in found.items()}
 
 
 @njit(cache=True)
-def _derive(at, t_s, x, P, sample, dt_s, random_walk, quantum, C_iq, C_re, angle_0, rate, out):
+def _derive(at, t_s, x, P, sample, dt_s, vibration, random_walk, quantum, C_iq, C_re, angle_0, rate, out):
     """`derive` with the fields of its tuples; sample (6,): the last increments; out (N_OUT,) is written."""
     earth = frames.EarthRotation(C_iq, C_re, angle_0, rate)
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
@@ -160,10 +159,10 @@ def _derive(at, t_s, x, P, sample, dt_s, random_walk, quantum, C_iq, C_re, angle
         out[S_V + k] = np.sqrt(_variance(g, P, 0))
         out[S_ATT + k] = np.sqrt(P[ATT.start + k, ATT.start + k])
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
-    dtheta, dv = free_increment(x, M, A, G, sample.reshape(1, 6), 0, dt_s)
+    dtheta, dv = free_increment(shaken(x, vibration), M, A, G, sample.reshape(1, 6), 0, dt_s)
     out[OMEGA], out[OMEGA + 1], out[OMEGA + 2] = t3.scaled(1.0 / dt_s, dtheta)
     felt = np.array(dtheta + dv) / dt_s
-    J_omega, _ = jacobians_packed(at, P.shape[0], x, felt[:3], felt[3:])
+    J_omega, _ = jacobians_packed(at, P.shape[0], x, felt[:3], felt[3:], vibration)
     # of one increment: white noise, and rounding to whole quanta at both of its ends (variance q^2/12 each)
     noise = (random_walk**2 * dt_s + quantum**2 / 6.0) / dt_s**2
     for k in range(3):

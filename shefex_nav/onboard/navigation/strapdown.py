@@ -33,8 +33,9 @@ from shefex_nav.onboard.navigation.calibration import (
     free_increment,
     g_sensitivity,
     gyro_inverse,
+    shaken,
 )
-from shefex_nav.onboard.navigation.state import X_BA, X_Q, X_R, X_RECTIFIED, X_V, pack
+from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V, pack
 
 BEFORE = 2  # samples kept from before a block, for the slopes
 LEAST = 1e-9  # share of a sample that is worth a step
@@ -141,15 +142,6 @@ def gravity_i(r, angle, C_iq, C_re):
 
 
 @njit(cache=True)
-def shaken(x, vibration):
-    """The packed values with the accelerometer bias as it is under a level of vibration. (93,), float"""
-    out = x.copy()
-    for i in range(3):
-        out[X_BA + i] += vibration**2 * x[X_RECTIFIED + i]
-    return out
-
-
-@njit(cache=True)
 def travel(x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gyro, accel):
     """Carry packed values through a part of a window, and with them the responses to errors of the IMU.
 
@@ -225,10 +217,10 @@ def propagate(state, imu, begin_s, end_s, earth):
 
 
 @njit(cache=True)
-def felt_packed(x, increments, n, dt_s, at_s):
+def felt_packed(x, increments, n, dt_s, vibration, at_s):
     """`felt` with packed values; increments : of a window of n samples of dt_s -> (6,)"""
     k = BEFORE - 1 + min(max(int(np.ceil(at_s / dt_s - 1e-6)), 1), n)
-    out = correct_increments(x, increments[k : k + 1], dt_s)[0]
+    out = correct_increments(shaken(x, vibration), increments[k : k + 1], dt_s)[0]
     out /= dt_s
     return out
 
@@ -238,7 +230,7 @@ def felt(state, imu, at_s):
 
     NavState, ImuWindow, s from the start of the window -> omega_ib_b (3,) rad/s, f_b (3,) m/s^2
     """
-    found = felt_packed(pack(state), imu.increments, imu.n, imu.dt_s, at_s)
+    found = felt_packed(pack(state), imu.increments, imu.n, imu.dt_s, imu.vibration, at_s)
     return found[:3], found[3:]
 
 

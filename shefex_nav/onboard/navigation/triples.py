@@ -131,6 +131,18 @@ def vector(a, k):
 
 
 @njit(cache=True, forceinline=True)
+def column(a, k):
+    """Column k of a (3, n) array."""
+    return a[0, k], a[1, k], a[2, k]
+
+
+@njit(cache=True, forceinline=True)
+def put(out, a):
+    """Write three numbers into a (3,) array."""
+    out[0], out[1], out[2] = a
+
+
+@njit(cache=True, forceinline=True)
 def matrix(a):
     """Nine numbers of a (3, 3) array."""
     return a[0, 0], a[0, 1], a[0, 2], a[1, 0], a[1, 1], a[1, 2], a[2, 0], a[2, 1], a[2, 2]

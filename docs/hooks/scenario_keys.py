@@ -1,0 +1,187 @@
+"""The page of every key of a scenario file: unit, default, range; made from the models that read it."""
+
+from typing import Any, Literal, get_args, get_origin
+
+from mkdocs.structure.files import File
+from pydantic_core import PydanticUndefined
+
+PAGE = "reference/scenario.md"
+HEAD = """# Scenario files
+
+Every section and key that a scenario file knows, made from the models that read it.
+
+A value with a dimension is written with its unit, as engineers write it (`25 mm`, `0.1 deg/sqrt(h)`,
+`1 mgee`); any unit of the same dimension will do. The column *unit* is what the program counts in, *example*
+is what one writes. A key with *required* has to be there; a file that says `extends: other.yaml` takes
+from there what it does not mention, and `null` takes away an optional section or an entry of a list of
+names. `<name>` stands for a name of your own. Bounds are inclusive, `> 0` is not.
+
+`shefex-nav schema` prints the same as JSON Schema, for completion in an editor; `shefex-nav check FILE` tells
+all errors of a file at once.
+"""
+COLUMNS = "| key | meaning | unit | default | range | example |\n|---|---|---|---|---|---|"
+
+
+def on_files(files, config, **_):
+    """Add the page."""
+    files.append(File.generated(config, PAGE, content=text()))
+    return files
+
+
+def text():
+    """Markdown of the page."""
+    from shefex_nav.scenario.schema import Scenario
+
+    parts = [HEAD, "## Sections", COLUMNS]
+    parts[-1] += "".join(f"\n{_row(key, field)}" for key, field in Scenario.keys().items())
+    for key, field in Scenario.keys().items():
+        parts += sections(key, field.annotation, set())
+    return "\n\n".join(parts) + "\n"
+
+
+def sections(path, annotation, seen, form=""):
+    """Markdown parts of a section and of those in it, depth first; `form` tells it from others there."""
+    from shefex_nav.scenario import messages
+
+    annotation, _ = messages.bare(annotation)
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if messages.is_model(annotation):
+        if annotation not in seen:
+            yield from _section(path, annotation, {*seen, annotation}, form)
+    elif origin is dict:
+        yield from sections(f"{path}.&lt;name&gt;", arguments[1], seen)
+    elif origin in (list, tuple):
+        if arguments and arguments[0] is not Any:
+            yield from sections(f"{path}[]", arguments[0], seen)
+    elif arguments and origin is not Literal:  # several forms
+        for option in arguments:
+            model, metadata = messages.bare(option)
+            if not _hidden(model):
+                yield from sections(path, model, seen, _form(model, metadata))
+
+
+def _section(path, model, seen, form):
+    level = "##" if "." not in path and "[" not in path else "###"
+    yield f"{level} {path}{f' ({form})' if form else ''}"
+    if model.__doc__:
+        yield " ".join(model.__doc__.split())
+    rows = [_row(key, field) for key, field in model.keys().items()]
+    if rows:
+        yield "\n".join([COLUMNS, *rows])
+    for key, field in model.keys().items():
+        yield from sections(f"{path}.{key}", field.annotation, seen)
+
+
+def _hidden(model):
+    """A stand-in for a section whose kind is misspelt."""
+    from shefex_nav.scenario import messages
+
+    return messages.is_model(model) and model.__name__ == "Unknown"
+
+
+def _form(model, metadata):
+    """What tells a form of a section from the others: `task: spin`, or the key that it alone has."""
+    from shefex_nav.scenario import messages
+
+    if messages.is_model(model):
+        for key, field in model.keys().items():
+            values = get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
+            if field.is_required() and len(values) == 1 and isinstance(values[0], str):
+                return f"{key}: {values[0]}"
+    tags = [one.tag.strip("<>") for one in metadata if hasattr(one, "tag")]
+    return f"with {tags[0]}" if tags else ""
+
+
+def _row(key, field):
+    spec = _spec(field.annotation, tuple(field.metadata))
+    shown = _schema(field)
+    words = getattr(spec, "description", "") or field.description or _words(field.annotation)
+    words = words or shown.get("description", "")
+    example = spec.example if spec else next(iter(shown.get("examples", ())), "")
+    cells = (
+        f"`{key}`",
+        words,
+        _kind(spec, field.annotation),
+        _default(field),
+        _range(spec),
+        f"`{example}`" if example else "",
+    )
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _spec(annotation, metadata=()):
+    """QuantitySpec or NumberSpec of a field, of the items of a list, or None."""
+    from shefex_nav.scenario import messages
+    from shefex_nav.scenario.quantity import NumberSpec, QuantitySpec
+
+    annotation, metadata = messages.bare(annotation, metadata)
+    found = next((one for one in metadata if isinstance(one, QuantitySpec | NumberSpec)), None)
+    if found is None and get_origin(annotation) in (list, tuple):
+        return _spec(get_args(annotation)[0])
+    return found
+
+
+def _schema(field):
+    """JSON schema that a field brings itself, {} if none."""
+    from pydantic import WithJsonSchema
+
+    found = [one for one in field.metadata if isinstance(one, WithJsonSchema)]
+    return found[0].json_schema if found else {}
+
+
+def _kind(spec, annotation):
+    from shefex_nav.scenario import messages
+    from shefex_nav.scenario.quantity import QuantitySpec
+
+    annotation, _ = messages.bare(annotation)
+    if spec is not None:
+        if isinstance(spec, QuantitySpec):
+            kind = spec.unit or "ratio"
+        else:
+            kind = "whole number" if spec.whole else "number"
+        origin, arguments = get_origin(annotation), get_args(annotation)
+        if origin is tuple and len(arguments) > 1 and arguments[1] is not Ellipsis:
+            return f"{kind}, {len(arguments)} values"
+        return f"{kind}, list" if origin in (list, tuple) else kind
+    if get_origin(annotation) is Literal:
+        return "one of " + ", ".join(f"`{_said(one)}`" for one in get_args(annotation))
+    if annotation in (str, bool):
+        return "text" if annotation is str else "`true`, `false`"
+    if get_origin(annotation) in (list, tuple):
+        return "list"
+    return "section" if annotation is not Any else ""
+
+
+def _words(annotation):
+    """What a section says of itself."""
+    from shefex_nav.scenario import messages
+
+    annotation, _ = messages.bare(annotation)
+    return " ".join((annotation.__doc__ or "").split()) if messages.is_model(annotation) else ""
+
+
+def _default(field):
+    from pydantic import BaseModel
+
+    if field.is_required():
+        return "*required*"
+    value = field.get_default(call_default_factory=True)
+    if value is PydanticUndefined or value is None or isinstance(value, BaseModel) or value in ({}, [], ()):
+        return ""
+    if isinstance(value, list | tuple):
+        return "`[" + ", ".join(_said(one) for one in value) + "]`"
+    return f"`{_said(value)}`"
+
+
+def _said(value):
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _range(spec):
+    if spec is None:
+        return ""
+    parts = ["> 0"] if spec.positive else []
+    parts += ["≥ 0"] if spec.non_negative else []
+    parts += [f"≥ {spec.at_least}"] if spec.at_least is not None else []
+    parts += [f"≤ {spec.at_most}"] if spec.at_most is not None else []
+    return ", ".join([*parts, *(f"or `{word}`" for word, _ in getattr(spec, "words", ()))])

@@ -1,0 +1,116 @@
+"""The documentation site: it builds without a warning, needs no network, and has every key and command."""
+
+import importlib.util
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+LOADING = {"script": "src", "link": "href", "img": "src", "iframe": "src", "source": "src"}
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    pytest.importorskip("mkdocs", reason="the documentation tools are not installed: uv sync")
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", folder],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    return folder
+
+
+def hook(name):
+    """A module of docs/hooks."""
+    pytest.importorskip("mkdocs", reason="the documentation tools are not installed: uv sync")
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / "hooks" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class Loads(HTMLParser):
+    """What a page loads by itself."""
+
+    def __init__(self):
+        super().__init__()
+        self.found = []
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        value = attributes.get(LOADING.get(tag, ""), "") or ""
+        if value and not (tag == "link" and attributes.get("rel") in ("canonical", "prev", "next")):
+            self.found.append(value)
+
+
+def test_pages_load_nothing_from_elsewhere(site):
+    pages = list(site.rglob("*.html"))
+    assert len(pages) > 30
+    for page in pages:
+        parser = Loads()
+        parser.feed(page.read_text())
+        assert parser.found
+        assert not [one for one in parser.found if re.match(r"(https?:)?//", one)], page
+    for sheet in site.rglob("*.css"):
+        assert not re.search(r"url\(['\"]?(https?:)?//", sheet.read_text()), sheet
+
+
+def test_formulas_are_set(site):
+    text = (site / "theory" / "filter.html").read_text()
+    assert text.count("<math") > 10
+    assert not re.search(r'class="arithmatex"|<math[^>]*>[^<]*\\', text)
+
+
+def test_links_to_scenarios_are_in_the_site(site):
+    assert 'href="scenarios/rexus_like.yaml"' in (site / "describe-your-rocket.html").read_text()
+    assert (site / "scenarios" / "rexus_like.yaml").is_file()
+
+
+def test_reference_of_scenarios_has_every_key():
+    """Every section of the JSON schema that editors use, with its keys and examples."""
+    from shefex_nav.scenario import load
+
+    text = hook("scenario_keys").text()
+    blocks = {n: b for n, b in load.json_schema()["$defs"].items() if not n.endswith(".partial")}
+    keys = {key for name, block in blocks.items() if name != "Unknown" for key in block.get("properties", {})}
+    assert len(keys) > 200
+    assert {key for key in keys if f"| `{key}` |" not in text} == {"extends"}
+    assert "| `elevation` | of the rail | rad | *required* | ≥ 45 deg, ≤ 90 deg | `88 deg` |" in text
+    assert "| `gravity_degree` | degree and order of egm96 | whole number | `12` | ≥ 2, ≤ 36 | `12` |" in text
+    headings = re.findall(r"^#+ .*$", text, re.M)
+    assert len(headings) == len(set(headings)), "two sections of one name"
+
+
+def test_reference_of_commands_has_every_option(monkeypatch):
+    from shefex_nav.cli import app
+
+    monkeypatch.setenv("COLUMNS", "200")
+    text = hook("commands").text()
+    names = re.findall(r"^## (.+)$", text, re.M)
+    assert {"run", "verify nesc", "campaign", "view"} <= set(names)
+    for name in names:
+        shown = set(re.findall(r"--[a-z][\w-]*", helped(app, name).split("Options")[-1]))
+        part = text.split(f"\n## {name}\n")[1].split("\n## ")[0]
+        assert {option for option in shown - {"--help"} if f"`{option}" not in part} <= {"--set"}, name
+
+
+def helped(app, name):
+    """What --help says of a command."""
+    from typer.testing import CliRunner
+
+    return CliRunner().invoke(app, [*name.split(), "--help"]).output
+
+
+def test_a_formula_that_is_wrong_is_noticed():
+    formulas = hook("formulas")
+    assert "<mfrac>" in formulas.mathml(r"\frac{1}{2}")
+    with pytest.raises(ValueError, match="nonsense"):
+        formulas.mathml(r"\nonsense{1}")

@@ -1,0 +1,28 @@
+"""The route: what is told of a mission does not change the mission."""
+
+from pathlib import Path
+
+from shefex_nav import prepare, simulate
+from shefex_nav.log import thinning
+from shefex_nav.records import ComputeTime
+from shefex_nav.scenario import load
+
+SCENARIO = Path(__file__).parent.parent / "scenarios" / "night_sky.yaml"
+TICKS = 10
+
+
+def flown(**how):
+    """Records of three seconds with frames, all but the measured times, as text that says every digit."""
+    scenario = load.load(SCENARIO)
+    world = prepare.build_world(scenario, 4, brief=True)
+    start_s = float(world.flight.trajectory.t_s[0])
+    records = simulate.route(world, scenario, 4, until_s=start_s + 3.0, **how)
+    return start_s, [record for record in records if type(record) is not ComputeTime]
+
+
+def test_fewer_records_are_told_of_the_same_mission():
+    start_s, everything = flown()
+    _, few = flown(every=TICKS)
+    expected = [record for record in everything if thinning.stays(record, TICKS, start_s)]
+    assert len(few) < 0.3 * len(everything)
+    assert [repr(record) for record in few] == [repr(record) for record in expected]
