@@ -29,13 +29,16 @@ class SightingsFit(Block):
     """Which sources are found in a picture, and how well they are measured."""
 
     detection: tuple[Number("0"), Number("1"), Number("0.5")] = Field(
-        description="a source is found with the probability Phi(d0 + d1 z + d2 ln(1 + L / 3)), z the height "
-        "of its light in 3x3 pixels above the threshold, in sigmas, L the length of its streak in pixels"
+        description="a source is found with the probability Phi(d0 + d1 z + d2 p(L)), z the height of its "
+        "light in 3x3 pixels above the threshold, in sigmas, p(L) = x^2 exp(2 - 2 x), x the length of its "
+        "streak over 13 pixels"
     )
     clutter: tuple[Number("0.3", non_negative=True), Number("2", non_negative=True)] = Field(
         description="mean number of objects in a frame that are no source: always, and more with long streaks"
     )
-    border: Quantity("pix", "1 pix", "a source nearer to it is not found", non_negative=True)
+    border: Quantity(
+        "pix", "1 pix", "a source whose streak ends nearer to it is not found", non_negative=True
+    )
     noise: Terms = Field(
         description="variance of a centroid: 1 px2, times its shot noise, times that of the background, "
         "times what is lost of a spot that is sharper than a pixel"
@@ -64,7 +67,7 @@ class IdentificationFit(Block):
 class StarStatistics(Block):
     """A fitted star tracker."""
 
-    format: Literal[2]
+    format: Literal[3]
     made: dict[str, Any] = Field(description="by which version, from which scenario, how many runs")
     settings: dict[str, Any] = Field(description="of camera and star tracker; [a, b]: from a to b")
     digest: str = Field(description="of the fit and its settings")

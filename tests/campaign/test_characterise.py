@@ -147,10 +147,11 @@ def test_threshold_and_limits_of_the_fit():
 
 def test_judgement_passes_what_agrees_and_notices_what_does_not(runs):
     fitted = fit.sightings(runs, MAX_RATE, FULL_DN)
-    fresh = [run(seed) for seed in (11, 12)]
+    seeds = range(11, 19)
+    fresh = [run(seed) for seed in seeds]
     assert all(test.good for test in judge.centroids(fresh, fitted, MAX_RATE))
-    noisy = [run(seed, noise_factor=1.3) for seed in (11, 12)]
-    assert sum(not test.good for test in judge.centroids(noisy, fitted, MAX_RATE)) == 2
+    noisy = [run(seed, noise_factor=1.3) for seed in seeds]
+    assert sum(test.verdict == judge.OUTSIDE for test in judge.centroids(noisy, fitted, MAX_RATE)) == 2
     lasting = [one._replace(sources=one.sources._replace(error=_lasting(one.sources))) for one in fresh]
     wrong = [test for test in judge.centroids(lasting, fitted, MAX_RATE) if not test.good]
     assert [test.what for test in wrong] == ["correlation of a star's error from frame to frame"]
@@ -163,6 +164,58 @@ def test_judgement_passes_what_agrees_and_notices_what_does_not(runs):
     }
     lost = [part._replace(reason=np.where(np.arange(150) < 6, Reason.NO_MATCH, part.reason)) for part in one]
     assert sum(not test.good for test in judge.fixes(one, lost, WRONG)) == 2  # fewer fixes, another reason
+
+
+def test_standard_errors_over_runs_are_those_of_the_mean_and_cover_runs_that_differ():
+    """Of a mean the jackknife is s / sqrt(n); of a ratio it is what repeating all of it shows."""
+    rng = np.random.default_rng(8)
+    values = rng.normal(1.0, 0.1, 12)
+
+    def mean(kept):
+        return [judge.Test("mean", values[kept].mean(), 0.8, 1.2, 1000 * len(kept))]
+
+    (test,) = judge.with_errors(mean, 12)
+    assert test.error == pytest.approx(values.std(ddof=1) / np.sqrt(12), rel=1e-9) and test.runs == 12
+    # exposures that a few frames set for a whole run: 35 or 50 ms, at random in either kind of picture
+    errors, ratios = [], []
+    for _ in range(200):
+        group = [[_with_exposure(rng.choice([0.035, 0.050])) for _ in range(8)] for _ in range(2)]
+        test = next(one for one in judge.fixes(*group, WRONG) if one.what.startswith("mean exposure"))
+        errors.append(test.error)
+        ratios.append(test.value)
+    # 200 ratios: their scatter is known to 5 %, and the mean square of the errors to about as much
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.std(ratios), rel=0.2)
+    assert test.verdict == judge.TOO_FEW and not test.good
+
+
+def _with_exposure(exposure_s, frames=50):
+    ones = np.ones(frames)
+    error = np.random.default_rng(0).normal(0.0, 1e-5, (frames, 3))
+    return judge.Fixes(0 * ones.astype(int), exposure_s * ones, 9 * ones, error, 1e-5 * np.ones((frames, 3)))
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "verdict", "deciding"),
+    [
+        (1.0, 0.01, judge.INSIDE, None),
+        (1.049, 0.01, judge.INSIDE, None),
+        (1.0, 0.03, judge.TOO_FEW, 17),  # 2.262 * 0.03 of 0.05, of ten runs: 18.4 or so many with their t
+        (1.06, 0.01, judge.TOO_FEW, None),
+        (1.08, 0.01, judge.OUTSIDE, None),
+        (0.92, 0.01, judge.OUTSIDE, None),
+        (0.92, np.nan, judge.TOO_FEW, None),
+        (np.nan, 0.01, judge.OUTSIDE, None),
+    ],
+)
+def test_a_figure_is_inside_or_outside_only_if_chance_does_not_reach_so_far(value, error, verdict, deciding):
+    test = judge.Test("x", value, 0.95, 1.05, 100, error, 10)
+    assert test.verdict == verdict and test.good == (verdict == judge.INSIDE)
+    if deciding:
+        again = test._replace(error=error * np.sqrt(10 / test.deciding), runs=test.deciding)
+        assert abs(test.deciding - deciding) <= 2 and again.verdict == judge.INSIDE
+    elif verdict != judge.TOO_FEW:
+        assert test.deciding is None
+    assert judge.Test("x", 0.0, 0.0, 0.0, 3).good and not judge.Test("x", 1.0, 0.0, 0.0, 3).good
 
 
 def test_nothing_to_judge_is_not_good_and_can_be_written(runs):

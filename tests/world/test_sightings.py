@@ -4,9 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from camera_bench import CLEAN, T_S, build, turning
 from scipy.stats import chi2, norm
 
+from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import pinhole
+from shefex_nav.records import CameraCommand
+from shefex_nav.world import camera
 from shefex_nav.world.camera import sightings
 
 MODEL = sightings.SightingModel(
@@ -104,7 +108,8 @@ def test_features_are_the_height_of_the_middle_block_above_the_threshold(along, 
     block = electrons * spot.sum() * step * drawn.sum() * step
     z = (block - SEED_SIGMA * 3.0 * noise) / np.sqrt(9.0 * noise**2 + block)
     found = sightings.features(along, across, electrons, noise, SEED_SIGMA)
-    np.testing.assert_allclose(found, (1.0, z, np.log(1.0 + length / 3.0)), rtol=1e-3, atol=1e-3)
+    places = (length / 13.0) ** 2 * np.exp(2.0 - 2.0 * length / 13.0)
+    np.testing.assert_allclose(found, (1.0, z, places), rtol=1e-3, atol=1e-3)
 
 
 def test_share_of_sources_found_follows_the_height_above_the_threshold():
@@ -151,6 +156,52 @@ def test_nothing_at_the_border_nothing_in_white_frames_no_more_than_the_table_ho
     saturated = electrons[::-1][:40] / (2.0 * np.pi * 0.64) > 2500.0
     np.testing.assert_array_equal(seen.detections.n_saturated > 1, saturated)
     assert seen.mean_dn == 20.5
+
+
+def test_a_streak_over_the_border_is_not_found():
+    """45 pixels along y: with its middle 22 pixels from the border it touches it, with 28 it does not."""
+    film = exposure((0.36, 0.0, 0.0))
+    length_px = HOLE.focal_length_px * 0.36 * film.exposure_s
+    assert 44.0 < length_px < 46.0
+    for y, found in ((length_px / 2.0 + 1.0, 0), (length_px / 2.0 + 5.0, 50)):
+        assert len(sight(film, scene(50, 1e6, (329.0, y))).hip) == found
+        assert len(sight(film, scene(50, 1e6, (329.0, 492.0 - y))).hip) == found
+    assert len(sight(film, scene(50, 1e6, (6.0, 246.0))).hip) == 50  # along the border it does not matter
+
+
+def accelerating(alpha, middle_s):
+    """Trajectory that turns about the camera's x axis, alpha [rad/s^2]; middle_s after its start it rests."""
+    still = turning(110.0, 50.0)
+    t_s, about_b = still.t_s - still.t_s[0] - middle_s, CLEAN.C_bc @ np.array([1.0, 0.0, 0.0])
+    turns = [rotation.quat_from_rotvec(0.5 * alpha * t**2 * about_b) for t in t_s]
+    q_ib = [rotation.quat_multiply(q, turn) for q, turn in zip(still.q_ib, turns, strict=True)]
+    return still._replace(q_ib=np.array(q_ib), omega_ib_b=alpha * t_s[:, None] * about_b)
+
+
+def test_with_an_angular_acceleration_stars_stand_where_the_picture_has_the_middle_of_their_light():
+    """Mean of 60 rendered frames, against the places of `look` and against those of the frame's instant."""
+    alpha, exposure_s = 4.0, 0.05  # a T^2 / 24 is 1.05 pixels, the streak 3.2 long
+    trajectory = accelerating(alpha, 0.1 + 0.5 * exposure_s)
+    device, rng, given = build(CLEAN), np.random.default_rng(4), (trajectory, 0, T_S + 0.1)
+    command = CameraCommand(T_S, exposure_s, 24.0)
+    picture = np.mean([camera.expose(device, command, *given, rng)[0].image_dn for _ in range(60)], axis=0)
+    _, truth, _, (hip, xy_px, electrons) = sightings.look(device, command, *given)
+    instant = dict(zip(truth.hip.tolist(), truth.xy_px, strict=True))
+    around = np.arange(-7, 8)
+    errors, shifts = [], []
+    for k in np.flatnonzero((electrons > 1500.0) & (electrons < 15e3)):
+        x, y = np.round(xy_px[k]).astype(int)
+        beside = (np.abs(xy_px - xy_px[k]).max(axis=1) < 11.0) & (electrons > 0.02 * electrons[k])
+        if beside.sum() > 1 or not (9 < x < 649 and 9 < y < 483):
+            continue
+        patch = picture[y - 7 : y + 8, x - 7 : x + 8] - np.median(picture)
+        centre = np.array([x, y]) + (patch.sum(axis=0) @ around, patch.sum(axis=1) @ around) / patch.sum()
+        errors.append(centre - xy_px[k])
+        shifts.append(instant[int(hip[k])][1] - xy_px[k][1])
+    assert len(errors) >= 3
+    # an unweighted centroid over 225 pixels of noise 17 electrons: 0.1 pixels for the faintest of them
+    assert np.abs(errors).max() < 0.35 and np.abs(np.mean(errors, axis=0)).max() < 0.1
+    np.testing.assert_allclose(np.abs(shifts), alpha * exposure_s**2 / 24.0 * HOLE.focal_length_px, rtol=0.1)
 
 
 def test_stars_that_the_catalogue_merges_are_one_source_at_their_centre_of_light():

@@ -40,7 +40,7 @@ class Sources(NamedTuple):
     along: np.ndarray  # (N, 4) parts of the variance along the streak [px^2], `sightings.terms`
     across: np.ndarray  # (N, 4)
     peak: np.ndarray  # (N,) electrons in the brightest pixel
-    border_px: np.ndarray  # (N,) to the nearest border
+    border_px: np.ndarray  # (N,) from its streak to the nearest border
     clear: np.ndarray  # (N,) bool, no brighter source near, and so few brighter that the table has room
     found: np.ndarray  # (N,) bool
     named: np.ndarray  # (N,) bool, identified as what it is
@@ -203,7 +203,7 @@ def _matched(row, fix, film, scene, camera, params):
     apart = np.linalg.norm(seen.xy_px[:, None] - xy_px[None], axis=2)  # (objects, sources)
     rows, stars = [], []
     for k in np.flatnonzero((hip > 0) | with_others):
-        along, across, ex, ey = sightings.shape(camera.pinhole, film, *xy_px[k])
+        spot = along, across, ex, ey = sightings.shape(camera.pinhole, film, *xy_px[k])
         q = sightings.contrast(along, across, electrons[k], film.noise_electrons)
         if q < FAINT_Q:
             continue
@@ -222,7 +222,7 @@ def _matched(row, fix, film, scene, camera, params):
             saturated = bool(seen.n_saturated[j] > params.exposure.saturated_pixels)
             named = bool(hip[k] > 0 and fix.hip[j] == hip[k])
             stars += [j] if hip[k] > 0 else []
-        border = min(*(xy_px[k] + 0.5), *(size - 0.5 - xy_px[k]))
+        border = sightings.margin_px(xy_px[k], spot, size)
         peak = electrons[k] / (2.0 * np.pi * along * across)
         rows.append(
             (row, hip[k], q, features, *terms, peak, border, clear, found, named, saturated, error, reported)

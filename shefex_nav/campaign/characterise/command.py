@@ -1,8 +1,9 @@
 """`shefex-nav characterise`: fit the statistics of a star tracker to rendered runs.
 
 Exit codes: 0 done and every test within its limits, 1 written, but a test on runs that were not fitted is
-outside (the table and the file say which), 2 bad input or no fit, 130 interrupted, nothing written. Single
-runs that fail are left out and counted; with --records nothing that was flown is lost in any case.
+outside, or they are too few to say so (the table and the file say which), 2 bad input or no fit, 130
+interrupted, nothing written. Single runs that fail are left out and counted; with --records nothing that was
+flown is lost in any case.
 """
 
 import json as json_module
@@ -115,6 +116,7 @@ def _show(result):
     for name, justify in (
         ("figure", "left"),
         ("value", "right"),
+        ("+-", "right"),
         ("limits", "right"),
         ("samples", "right"),
         ("", "left"),
@@ -123,9 +125,16 @@ def _show(result):
     for test in result.tests:
         limits = f"{test.low:g} ... {test.high:g}"
         table.add_row(
-            test.what, f"{test.value:.3f}", limits, str(test.samples), "" if test.good else "outside"
+            test.what, f"{test.value:.3f}", f"{test.error:.3f}", limits, str(test.samples), _verdict(test)
         )
     console.print(table)
+
+
+def _verdict(test):
+    """What a test says, for people; nothing if it is inside."""
+    if test.good:
+        return ""
+    return test.verdict if test.deciding is None else f"{test.verdict}, {test.deciding} would decide"
 
 
 def _words(name, value):

@@ -2,11 +2,16 @@
 
 The centroids of these runs against the fitted variances, and the same seeds flown with statistics: errors of
 the attitudes, what the star tracker says of them, how often there is one and why not. Each figure has limits
-within which the statistics serve; they are of the figure's meaning for a mission, not of chance alone, so a
-figure of few samples may miss them.
+within which the statistics serve; they are of the figure's meaning for a mission, not of chance.
+
+Frames of one run are not independent: an exposure that a few frames of a slew have set lasts for the two
+minutes after it. So what chance does to a figure is told from run to run, by leaving out one after the other
+(the jackknife; Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982, eq. 3.4). A figure that
+is within its limits counts only if chance does not reach from their middle to their ends; one that is beyond
+them is said to be so only if chance does not reach back. Between the two there are too few runs.
 """
 
-from math import isnan, nan
+from math import ceil, isfinite, isnan, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +27,9 @@ OBJECTS = (0.95, 1.05)  # of a ratio of mean numbers
 POINTS = 2.0  # per cent of the frames
 GROSS = 5.0  # per cent of the centroids; one star beside a false object in a few runs
 CORRELATION = 0.1
+LIKELY = 0.95  # two-sided, of Student's distribution: what chance does to a figure
+FEWEST_RUNS = 3  # with fewer nothing is known of chance
+INSIDE, OUTSIDE, TOO_FEW = "inside", "outside", "too few runs"
 FAINT, BRIGHT = 1.0, 20.0  # contrast between never found and always found
 
 
@@ -33,21 +41,72 @@ class Test(NamedTuple):
     low: float
     high: float
     samples: int
+    error: float = 0.0  # standard error over the runs that judge; NaN: nothing is known of it
+    runs: int = 0  # that judge; 0: there is no chance in the figure
+
+    @property
+    def reach(self):
+        """How far chance moves the figure; infinite if nothing is known of it."""
+        from scipy.special import stdtrit
+
+        if not self.runs or self.error == 0.0:
+            return 0.0
+        return (
+            float(stdtrit(self.runs - 1, 0.5 + 0.5 * LIKELY)) * self.error if isfinite(self.error) else np.inf
+        )
+
+    @property
+    def verdict(self):
+        """INSIDE, OUTSIDE or TOO_FEW."""
+        beyond = max(self.low - self.value, self.value - self.high)
+        if isnan(self.value) or beyond > self.reach:
+            return OUTSIDE
+        return INSIDE if beyond <= 0.0 and self.reach <= 0.5 * (self.high - self.low) else TOO_FEW
 
     @property
     def good(self):
-        return bool(self.low <= self.value <= self.high)
+        return self.verdict == INSIDE
+
+    @property
+    def deciding(self):
+        """How many runs would decide, if the figure stayed as it is; None: they have, or nobody knows."""
+        if self.verdict != TOO_FEW or not isfinite(self.reach):
+            return None
+        beyond = max(self.low - self.value, self.value - self.high)
+        room = beyond if beyond > 0.0 else 0.5 * (self.high - self.low)
+        return ceil(self.runs * (self.reach / room) ** 2)
 
     def as_dict(self):
         """For the file."""
         return {
             "what": self.what, "value": None if isnan(self.value) else float(self.value),
-            "low": self.low, "high": self.high, "samples": int(self.samples), "good": self.good,
+            "low": self.low, "high": self.high, "samples": int(self.samples),
+            "error": float(self.error) if isfinite(self.error) else None, "runs": self.runs,
+            "verdict": self.verdict, "good": self.good,
         }  # fmt: skip
+
+
+def with_errors(figures, runs):
+    """Tests of all runs, each with its standard error over them.
+
+    figures : function of a list of numbers of runs -> list of Test, the same ones for any of them
+    runs : int
+    """
+    tests, every = figures(list(range(runs))), range(runs)
+    if runs < FEWEST_RUNS:
+        return [test._replace(error=nan, runs=runs) for test in tests]
+    less = np.array([[test.value for test in figures([k for k in every if k != left])] for left in every])
+    errors = np.sqrt((runs - 1) / runs * ((less - less.mean(axis=0)) ** 2).sum(axis=0))
+    return [test._replace(error=float(one), runs=runs) for test, one in zip(tests, errors, strict=True)]
 
 
 def centroids(runs, model, max_rate):
     """Tests of single centroids. list of Collected, SightingModel, rad/s -> list of Test"""
+    return with_errors(lambda kept: _centroids([runs[k] for k in kept], model, max_rate), len(runs))
+
+
+def _centroids(runs, model, max_rate):
+    """As `centroids`, without errors."""
     from scipy.special import ndtr
 
     sources = joined([run.sources for run in runs])
@@ -132,6 +191,17 @@ def fixes(rendered, statistical, limit_wrong):
     rendered, statistical : lists of Fixes, run by run with the same seeds
     limit_wrong : float, rad, an attitude further off is wrong
     """
+    reasons = np.unique(np.concatenate([part.reason for part in (*rendered, *statistical)]))
+    reasons = [Reason(reason) for reason in reasons]
+
+    def figures(kept):
+        return _fixes([rendered[k] for k in kept], [statistical[k] for k in kept], limit_wrong, reasons)
+
+    return with_errors(figures, len(rendered))
+
+
+def _fixes(rendered, statistical, limit_wrong, reasons):
+    """As `fixes`, without errors, with the frames of each of the reasons."""
     tests = []
     one, other = _spread(rendered, limit_wrong), _spread(statistical, limit_wrong)
     n = sum(int((part.reason == Reason.NONE).sum()) for part in rendered)
@@ -143,12 +213,11 @@ def fixes(rendered, statistical, limit_wrong):
         words = f"sigma as reported {name}, statistical over rendered"
         tests.append(Test(words, ratio, *SIGMA, n))
     all_one, all_other = joined(rendered), joined(statistical)
-    for reason in Reason:
+    for reason in reasons:
         shares = [100.0 * (part.reason == reason).mean() for part in (all_one, all_other)]
-        if max(shares) > 0.0:
-            name = "with an attitude" if reason == Reason.NONE else f"without, {reason.name.lower()}"
-            words = f"frames {name}: {shares[0]:.2f} % rendered; points more statistical"
-            tests.append(Test(words, shares[1] - shares[0], -POINTS, POINTS, len(all_one.reason)))
+        name = "with an attitude" if reason == Reason.NONE else f"without, {reason.name.lower()}"
+        words = f"frames {name}: {shares[0]:.2f} % rendered; points more statistical"
+        tests.append(Test(words, shares[1] - shares[0], -POINTS, POINTS, len(all_one.reason)))
     wrong = [int((np.linalg.norm(part.error, axis=1) > limit_wrong).sum()) for part in (all_one, all_other)]
     apart = 100.0 * (wrong[1] - wrong[0]) / len(all_one.reason)
     words = f"wrong attitudes: {wrong[0]} rendered, {wrong[1]} statistical; per cent of the frames more"

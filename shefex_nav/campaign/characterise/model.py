@@ -28,7 +28,7 @@ def section(scenario, sightings, search, made, ranges=None):
         "settings": settings,
     }
     made = {"version": __version__, "scenario": scenario.mission.name} | made
-    return {"format": 2, "made": made, "digest": star_statistics.digest(found)} | found
+    return {"format": 3, "made": made, "digest": star_statistics.digest(found)} | found
 
 
 def with_tests(content, tests):

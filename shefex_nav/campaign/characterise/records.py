@@ -16,7 +16,7 @@ from shefex_nav.campaign import files
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.characterise.collect import Collected, Frames, Searches, Sources
 
-FORMAT = 1
+FORMAT = 2
 HEAD = "characterise.json"
 PARTS = {"frames": Frames, "sources": Sources, "searches": Searches}
 

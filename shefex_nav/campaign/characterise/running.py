@@ -18,7 +18,7 @@ from shefex_nav.compiled import ONE_THREAD
 from shefex_nav.workers import bind_to_parent, cores
 
 CORNERS = 6  # every sixth run is a corner run, and they are an even number
-HELD_OUT = 3  # every third of the others is not fitted, but judges
+HELD_OUT = 2  # every second of the others is not fitted, but judges
 RARE = 1e-5  # probability of a draw beyond either end of what the corner runs fly
 DISPERSED = ("star_camera", "star_tracker")  # sections of the settings that the statistics depend on
 ATTEMPTS = 3  # pools of workers, before it is said that they keep dying
@@ -50,7 +50,7 @@ def characterise(scenario, runs, seed, *, workers=None, folder=None, done=lambda
     Parameters
     ----------
     scenario : Scenario with frames: rendered, with its dispersions
-    runs : int, at least 6: two corner runs, and of the others a third judges
+    runs : int, at least 6: two corner runs, and of the others a half judges
     seed : int, root of all randomness
     workers : int, processes; None: one a core
     folder : Path where rendered runs are kept, and those that it has are not flown again; None: nowhere
