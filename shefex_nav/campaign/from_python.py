@@ -1,9 +1,11 @@
 """Campaigns from Python, as `shefex-nav campaign` flies them.
 
-if __name__ == "__main__":  # in a script: the workers are new processes, which read it too
-    campaign = sn.fly_campaign(sn.Scenario.load("scenarios/campaign.yaml"), 300, folder="my_campaign")
-    campaign.table()  # rich; a notebook shows it
-    campaign.plot.errors()
+    if __name__ == "__main__":
+        campaign = sn.fly_campaign(sn.Scenario.load("scenarios/campaign.yaml"), 300, folder="my_campaign")
+        campaign.table()  # rich; a notebook shows it
+        campaign.plot.errors()
+
+The condition is for scripts: the workers are new processes, which read the script too.
 """
 
 import multiprocessing
