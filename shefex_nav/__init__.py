@@ -48,6 +48,8 @@ _PUBLIC = {
     "Scenario": "scenario.schema",
     "fly": "runs",
     "open_run": "runs",
+    "fly_campaign": "campaign.from_python",
+    "open_campaign": "campaign.results",
     "Camera": "solve.camera",
     "solve_centroids": "solve.centroids",
     "solve_image": "solve.image",

@@ -152,13 +152,15 @@ def watched(records, start_s, end_s):
 def report(
     log: Annotated[Path, typer.Argument(help="Log of a run (MCAP), or folder of a campaign.")],
     html: Annotated[Path | None, typer.Option(help="Write a page to hand over, with every figure.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --html.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite what --html and --figures name.")] = False,
     figures: Annotated[Path | None, typer.Option(help="Folder for the pictures, each a PNG.")] = None,
     json: JsonOption = False,
 ):
     """Print the results of a run from its log, or those of a campaign from its folder."""
     if html is not None:
         export_command.check_file(html, "--html", force=force)
+    if figures is not None:
+        export_command.folder_for(figures, "--figures", force=force)
     if log.is_dir():
         from shefex_nav.campaign import report_command
 
@@ -174,7 +176,6 @@ def report(
     if figures is not None:
         from shefex_nav.report import figures as pictures
 
-        export_command.folder_for(figures, "--figures")
         for path in pictures.save_all(data, figures):
             say(f"wrote {path}")
     show(metrics.summarise(data, log=log), json)

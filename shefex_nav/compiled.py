@@ -7,6 +7,7 @@ after an edit there, every kernel is compiled again.
 
 import hashlib
 import os
+import sys
 
 SHARED = (
     "geometry",
@@ -37,9 +38,10 @@ def cache_key(package_dir):
 def place_cache(environ):
     """Set NUMBA_CACHE_DIR in `environ`, unless the user has; must run before numba is imported.
 
-    Likewise one thread for linear algebra: sums in another order would end in other last digits.
+    Likewise one thread for linear algebra: sums in another order would end in other last digits. Where NumPy
+    has been imported already, that would come too late, and only hide it.
     """
-    for name in ONE_THREAD:
+    for name in ONE_THREAD if "numpy" not in sys.modules else ():
         environ.setdefault(name, "1")
     base = environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     key = cache_key(os.path.dirname(os.path.abspath(__file__)))

@@ -5,11 +5,14 @@
     run.solution.q_ib            # (N, 4), 100 times a second
     run.errors().attitude_b      # (N, 3) rad, truth minus estimate
     run.frames[300.0].image_dn   # the picture of the star camera at T+300 s
-    run.plot.attitude()          # a matplotlib Figure
+    run.frames[300.0].plot()     # ... with what was found in it: a matplotlib Figure, as all pictures
+    run.plot.attitude()
+    run.errors().at(run.event("entry").t_s).position_i
 
 Arrays are in SI units and radians; the frames of their components are the last letter of their names.
 """
 
+import math
 import shutil
 import tempfile
 import time
@@ -26,15 +29,17 @@ from shefex_nav.records import FrameTruth, StarFix
 
 FOLDER_PREFIX = "shefex_nav-"  # of temporary logs
 LOG_NAME = "run.mcap"
+MOST_AWAY_S = 1.0  # between the time asked for and the one that there is
 
 
-def fly(scenario, seed=1, *, log=None, overwrite=False, watch=lambda records, *_: records):
+def fly(scenario, seed=1, *, until_s=math.inf, log=None, overwrite=False, watch=lambda records, *_: records):
     """Fly a scenario once: simulate, navigate, log.
 
     Parameters
     ----------
     scenario : Scenario
     seed : int
+    until_s : mission time [s] at which to stop looking; the vehicle flies to its end all the same
     log : path of the log; without it a temporary one, which lives as long as the Run
     overwrite : whether an existing log may be replaced
     watch : function (records, start_s, end_s) -> the same records, called once; for progress bars
@@ -64,7 +69,8 @@ def fly(scenario, seed=1, *, log=None, overwrite=False, watch=lambda records, *_
     frames = scenario.log.frames
     policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
     with LogWriter(path, mission, policy, overwrite=overwrite) as writer:
-        records = watch(simulate.route(world, scenario, seed), float(t_s[0]), float(t_s[-1]))
+        records = simulate.route(world, scenario, seed, until_s=until_s)
+        records = watch(records, float(t_s[0]), min(float(t_s[-1]), until_s))
         for record in thinned(records, scenario.log.rate, mission.start_s):
             writer.write(record)
             kept.add(record)
@@ -99,6 +105,14 @@ class Errors(NamedTuple):
     sigma_velocity_i: np.ndarray  # (K, 3) m/s
     sigma_attitude_b: np.ndarray  # (K, 3) rad
 
+    def at(self, t_s):
+        """Errors at the instants nearest to a mission time [s]: numbers and (3,) in place of the arrays.
+
+        LookupError where the run has none within a second.
+        """
+        k, j = _nearest(self.t_s, t_s, "errors"), _nearest(self.sigma_t_s, t_s, "standard deviations")
+        return Errors(*(column[k] for column in self[:4]), *(column[j] for column in self[4:]))
+
 
 class Run:
     """One flight: its records as arrays, its pictures, its figures.
@@ -117,7 +131,8 @@ class Run:
     def __repr__(self):
         mission = self.data.mission
         end = f"{'ended early' if self.data.ended_early else 'ended'} at T{self.data.last_t_s:+.1f} s"
-        return f"<Run {mission.scenario}, seed {mission.seed}, {end}, {self.log}>"
+        kept = "log not saved" if self._folder else self.log
+        return f"<Run {mission.scenario}, seed {mission.seed}, {end}, {kept}>"
 
     @property
     def truth(self):
@@ -133,6 +148,14 @@ class Run:
     def events(self):
         """list of Event in order of time."""
         return self.data.events
+
+    def event(self, name):
+        """The first Event of a name, such as 'apogee' or 'entry'; LookupError if there was none."""
+        for event in self.events:
+            if event.name == name:
+                return event
+        names = ", ".join(dict.fromkeys(event.name for event in self.events)) or "none"
+        raise LookupError(f"there was no event {name!r}; the run has: {names}")
 
     def errors(self):
         """Errors of position, velocity and attitude with their standard deviations."""
@@ -152,7 +175,10 @@ class Run:
         """The closing table of `shefex-nav run`, a rich Table."""
         from shefex_nav.report import table
 
-        return table.summary_table(self.summary())
+        summary = self.summary()
+        if self._folder:  # a temporary log is nobody's business
+            summary["log"] = None
+        return table.summary_table(summary)
 
     @cached_property
     def frames(self):
@@ -162,7 +188,10 @@ class Run:
     @property
     def plot(self):
         """Figures of the run, each of matplotlib: `run.plot.attitude()`; `dir(run.plot)` names them."""
-        return Plots(self.data)
+        from shefex_nav.report import figures
+
+        names = [entry.name for entry in figures.CATALOGUE]
+        return figures.Plots(names, lambda name: figures.draw(name, self.data))
 
     def view(self, save=None):
         """Open the run in the rerun viewer and wait until it is closed, or save its recording (.rrd)."""
@@ -179,25 +208,6 @@ class Run:
         return path
 
 
-class Plots:
-    """The figures of `report.figures` for one run, by their names."""
-
-    def __init__(self, data):
-        self._data = data
-
-    def __dir__(self):
-        from shefex_nav.report import figures
-
-        return [entry.name for entry in figures.CATALOGUE]
-
-    def __getattr__(self, name):
-        from shefex_nav.report import figures
-
-        if name not in dir(self):
-            raise AttributeError(f"there is no figure {name!r}; choose from {', '.join(dir(self))}")
-        return lambda: figures.draw(name, self._data)
-
-
 class SeenFrame(NamedTuple):
     """One frame of the star camera, what came out of it and what it really looked at."""
 
@@ -209,6 +219,14 @@ class SeenFrame(NamedTuple):
     is_full: bool  # as read out; otherwise the background of the sky is zero
     fix: StarFix | None  # of the star tracker; None if the run ended before
     truth: FrameTruth | None
+
+    def plot(self):
+        """Figure of the frame with what was found in it and what it really looked at."""
+        from shefex_nav.report.figures import frame
+
+        if self.image_dn is None:
+            raise LookupError(f"the log keeps no pixels of frame {self.number} (log.frames in the scenario)")
+        return frame.frame(self)
 
 
 class Frames:
@@ -225,10 +243,7 @@ class Frames:
 
     def __getitem__(self, t_s):
         """SeenFrame nearest to a mission time [s]; LookupError before the first and after the last frame."""
-        if not len(self) or not self.t_s[0] - 1.0 <= t_s <= self.t_s[-1] + 1.0:
-            covered = f"T{self.t_s[0]:+.1f} to {self.t_s[-1]:+.1f} s" if len(self) else "no time"
-            raise LookupError(f"no frame of the star camera at T{t_s:+.1f} s; the run has them for {covered}")
-        return self._frame(int(np.argmin(np.abs(self.t_s - t_s))))
+        return self._frame(_nearest(self.t_s, t_s, "frame of the star camera"))
 
     def __iter__(self):
         return (self._frame(k) for k in range(len(self)))
@@ -247,3 +262,12 @@ class Frames:
             self._fixes.get(number),
             self._truths.get(number),
         )
+
+
+def _nearest(times_s, t_s, what):
+    """Index of the time nearest to t_s, at most a second off; LookupError."""
+    k = int(np.argmin(np.abs(times_s - t_s))) if len(times_s) else -1
+    if k < 0 or not abs(times_s[k] - t_s) <= MOST_AWAY_S:
+        covered = f"T{times_s[0]:+.1f} to {times_s[-1]:+.1f} s" if k >= 0 else "no time"
+        raise LookupError(f"no {what} at T{t_s:+.1f} s; the run has them for {covered}")
+    return k

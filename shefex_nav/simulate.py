@@ -49,19 +49,7 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, ever
     epoch_year = ephemeris.julian_year(scenario.mission.epoch)
     computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, epoch_year)
     line = faults.StarLine(world.faults.stars, noise.generator(seed, "faults"))
-    sight = None  # what stands for pictures, if there are none
-    if statistical.is_wanted(scenario):
-        sight = statistical.Statistical(scenario, world, computer.tracker, seed, line)
-    shutter = Shutter(
-        world.camera,
-        trajectory,
-        every=round(TICKS_PER_S / scenario.star_tracker.rate),
-        off_s=scenario.star_tracker.off,
-        rng=noise.generator(seed, "camera_noise"),
-        take=sight.expose if sight else camera.expose,
-    )
-    brief = sight and not world.computer.tracker.vectors  # single stars are found by the prediction
-    context = onboard.brief_context if brief else onboard.star_context
+    sight, shutter, context = _star_camera(world, scenario, seed, computer, line)
     received = sorted(world.gps_fixes + world.gps_ranges, key=lambda m: m.t_available_s, reverse=True)
     steered = control_samples(world.flight.control, trajectory)[::-1]
     for n, block in enumerate(imu.blocks(world.imu), 1):
@@ -95,6 +83,23 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, ever
             yield ComputeTime(now_s, frame.number, duration_s)
         shutter.tick(n, now_s, [record for record in outputs if isinstance(record, CameraCommand)])
     yield from reversed(events)  # the impact, between the last tick and the one that did not come
+
+
+def _star_camera(world, scenario, seed, computer, line):
+    """What stands for pictures if there are none, or None; the Shutter; what tells the chain of a frame."""
+    sight = None
+    if statistical.is_wanted(scenario):
+        sight = statistical.Statistical(scenario, world, computer.tracker, seed, line)
+    shutter = Shutter(
+        world.camera,
+        world.flight.trajectory,
+        every=round(TICKS_PER_S / scenario.star_tracker.rate),
+        off_s=scenario.star_tracker.off,
+        rng=noise.generator(seed, "camera_noise"),
+        take=sight.expose if sight else camera.expose,
+    )
+    brief = sight and not world.computer.tracker.vectors  # single stars are found by the prediction
+    return sight, shutter, onboard.brief_context if brief else onboard.star_context
 
 
 def warm_up(scenario):

@@ -10,22 +10,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.geometry.rotation import quat_from_rotvec, quat_multiply
+from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
 from shefex_nav.onboard.startracker import objects
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.onboard.startracker.detect import FrameStatistics
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED
 from shefex_nav.onboard.startracker.identify.verify import Identification
-from shefex_nav.records import Detections, Reason
+from shefex_nav.records import Reason
 from shefex_nav.world import noise
 from shefex_nav.world.camera import sightings
 
 FRAMES = "statistical"  # the scenario's word for it
 LOST_S = 1.0  # without a fix for so long, the next one is a first one
-
-NOTHING = Detections(
-    np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2, 2))
-)
 
 
 class OutsideModelError(Exception):
@@ -58,6 +54,7 @@ def models(scenario):
         sightings.SightingModel(
             detection=np.array(sight.detection),
             border_px=sight.border,
+            clutter=np.array(sight.clutter),
             noise=np.array(sight.noise),
             reported=np.array(sight.reported),
             saturation_electrons=np.inf if sight.saturation is None else sight.saturation,
@@ -75,6 +72,11 @@ def models(scenario):
     )
 
 
+def limits(detect):
+    """sightings.Limits of the DetectParams of a star tracker."""
+    return sightings.Limits(detect.max_objects, detect.saturation_dn, detect.seed_sigma)
+
+
 class Statistical:
     """Star camera and star tracker of one run.
 
@@ -89,7 +91,7 @@ class Statistical:
         merge_radius = tracker.params.catalogue.merge_radius
         self.camera = sightings.catalogued(tracker.pairs.stars, world.camera, merge_radius)
         self.line, self.rng = line, noise.generator(seed, "sightings")
-        self.max_rate, self.detect = tracker.params.max_rate, tracker.params.detect
+        self.max_rate, self.limits = tracker.params.max_rate, limits(tracker.params.detect)
         self.hip = tracker.pairs.stars.hip
         self.by_hip = np.argsort(self.hip)
         self.seen = {}  # Sighting of each frame under way, by its number
@@ -99,8 +101,7 @@ class Statistical:
         """A frame without pixels and its truth, as `camera.expose`."""
         frame, truth, film, scene = sightings.look(self.camera, command, trajectory, number, t_start_s)
         self._check_rate(truth)
-        limits = {"most": self.detect.max_objects, "full_dn": self.detect.saturation_dn}
-        self.seen[number] = sightings.sight(self.sightings, self.camera, film, scene, self.rng, **limits)
+        self.seen[number] = sightings.sight(self.sightings, self.camera, film, scene, self.rng, self.limits)
         return frame, truth
 
     def step(self, tracker, state, frame, context):
@@ -108,7 +109,7 @@ class Statistical:
         sighting = self.seen.pop(frame.number)
         if self.line.blinds(frame.t_valid_s):
             full_dn = 2.0**frame.bits - 1.0
-            sighting = sightings.Sighting(NOTHING, np.zeros(0, dtype=np.int64), full_dn)
+            sighting = sightings.Sighting(sightings.NOTHING, np.zeros(0, dtype=np.int64), full_dn)
         found, least, wrong = self._identification(tracker, sighting, frame, context)
         result = star_tracker.identified(tracker, sighting.detections, context, found, least)
         if result[1] == Reason.NONE and self.rng.random() < wrong:
@@ -146,10 +147,17 @@ class Statistical:
         return Identification(star, int(reason), np.nan), least, search.wrong[row]
 
     def _misled(self, found, reason, solution, stars):
-        """The result of a frame, turned away as wrong ones were."""
-        turn = self.search.wrong_turns[self.rng.integers(len(self.search.wrong_turns))]
+        """The result of a frame, turned away as wrong ones were: the stars under the names of others.
+
+        The catalogue's directions are turned, so that single stars and attitude say the same wrong thing. The
+        names stay those of the stars that were seen: which others they would be taken for is not modelled.
+        """
+        turns = self.search.wrong_turns  # from the attitude to the true one
+        turn = quat_from_rotvec(-turns[self.rng.integers(len(turns))])
         q_ic, *rest = solution
-        return found, reason, (quat_multiply(q_ic, quat_from_rotvec(turn)), *rest), stars
+        wrong_ic = quat_multiply(q_ic, turn)
+        C_wrong = dcm_from_quat(wrong_ic) @ dcm_from_quat(q_ic).T  # true to wrong directions in space
+        return found, reason, (wrong_ic, *rest), stars._replace(u_i=stars.u_i @ C_wrong.T)
 
     def _check_rate(self, truth):
         """Refuse a frame that is slow enough for an attitude and faster than any that was characterised."""

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import shefex_nav
-from shefex_nav.records import Reason
+from shefex_nav import runs
+from shefex_nav.records import Event, Reason
 from shefex_nav.scenario.load import ScenarioError
 
 BRIEF = {"mission.time_limit": "4 s", "star_tracker.off": "4 s"}
@@ -34,6 +35,36 @@ def test_errors_are_truth_minus_solution_with_the_sigmas_of_the_log(sky):
     assert errors.sigma_attitude_b[k] == pytest.approx(np.sqrt(np.diag(sky.data.covariance.P[k])[6:]))
 
 
+def test_errors_at_an_instant_are_those_of_the_nearest_tick(sky):
+    errors, now = sky.errors(), sky.errors().at(1.004)
+    k, j = np.argmin(np.abs(errors.t_s - 1.004)), np.argmin(np.abs(errors.sigma_t_s - 1.004))
+    assert now.t_s == errors.t_s[k] and abs(now.t_s - 1.004) <= 0.0051
+    assert np.array_equal(now.attitude_b, errors.attitude_b[k])
+    assert np.array_equal(now.sigma_position_i, errors.sigma_position_i[j])
+    for t_s in (100.0, np.nan):
+        with pytest.raises(LookupError, match=r"no errors at .*the run has them for T"):
+            errors.at(t_s)
+
+
+def test_an_event_is_found_by_its_name(sky):
+    with pytest.raises(LookupError, match="no event 'apogee'; the run has: none"):
+        sky.event("apogee")
+    first, second = Event(1.0, "entry", 100e3, ""), Event(2.0, "entry", 99e3, "")
+    run = runs.Run(sky.data._replace(events=[first, second]), sky.log)
+    assert run.event("entry") is first
+    with pytest.raises(LookupError, match="the run has: entry"):
+        run.event("impact")
+
+
+def test_a_flight_can_be_looked_at_up_to_a_time(default_scenario, sky):
+    scenario = shefex_nav.Scenario.load(default_scenario.with_name("night_sky.yaml"), BRIEF)
+    part = shefex_nav.fly(scenario, seed=3, until_s=1.0)
+    assert part.truth.t_s[-1] == pytest.approx(1.0)
+    n = len(part.truth.t_s)
+    assert np.array_equal(part.solution.q_ib, sky.solution.q_ib[:n])
+    assert not shefex_nav.open_run(part.log).data.ended_early
+
+
 def test_a_frame_is_found_by_its_time_and_shows_its_stars(sky):
     frames = list(sky.frames)
     assert len(frames) == len(sky.frames) > 20
@@ -55,6 +86,9 @@ def test_a_temporary_log_goes_with_its_run_and_can_be_saved(default_scenario, tm
     kept = run.save(tmp_path / "kept.mcap")
     with pytest.raises(FileExistsError):
         run.save(kept)
+    assert "not saved" in repr(run) and str(run.log) not in repr(run)
+    assert str(kept) in repr(shefex_nav.open_run(kept))
+    assert not any(str(run.log) in str(cell) for column in run.table().columns for cell in column.cells)
     temporary = run.log
     assert temporary.exists()
     del run
@@ -68,6 +102,45 @@ def test_every_figure_can_be_asked_for_by_its_name(sky):
     assert len(figure.axes) >= 3
     with pytest.raises(AttributeError, match="no figure 'nothing'; choose from"):
         sky.plot.nothing()
+    blind = runs.Run(sky.data._replace(star_fixes=[]), sky.log)
+    with pytest.raises(LookupError, match="nothing to draw for 'star_errors'"):
+        blind.plot.star_errors()
+
+
+def test_a_frame_is_drawn_with_what_was_found_in_it(sky):
+    frame = [one for one in sky.frames if one.fix.reason == Reason.NONE][-1]
+    axes = frame.plot().axes[0]
+    rings = {line.get_label(): line.get_xydata() for line in axes.lines}
+    named = frame.fix.hip > 0
+    assert np.array_equal(rings[f"{named.sum()} identified"], frame.fix.detections.xy_px[named])
+    assert np.array_equal(rings[f"{(~named).sum()} other objects"], frame.fix.detections.xy_px[~named])
+    assert len(axes.texts) == named.sum()
+    shown = np.asarray(axes.images[0].get_array())
+    assert shown.min() >= 0.0 and shown.max() == 1.0 and np.median(shown) < 0.3
+    white = frame._replace(image_dn=np.full_like(frame.image_dn, 255), fix=None)
+    assert white.plot().axes[0].images[0].get_array().min() == 1.0
+    with pytest.raises(LookupError, match=r"no pixels of frame .*log\.frames"):
+        frame._replace(image_dn=None).plot()
+
+
+def test_figures_are_pictures_in_a_notebook(sky):
+    assert sky.plot.attitude()._repr_png_().startswith(b"\x89PNG")
+    with pytest.raises(AttributeError):
+        sky.plot._repr_html_()
+
+
+def test_changes_need_not_be_texts(default_scenario):
+    changes = {
+        "star_tracker.enabled": False,
+        "requirements.star_fixes": None,
+        "earth.gravity_degree": 4,
+        "dispersions": {"launch.elevation": {"uniform": ["-1 deg", "1 deg"]}},
+        "gps.latency": "0.1 s",
+    }
+    scenario = shefex_nav.Scenario.load(default_scenario, changes)
+    assert scenario.star_tracker.enabled is False and scenario.requirements.star_fixes is None
+    assert scenario.earth.gravity_degree == 4 and scenario.gps.latency == 0.1
+    assert list(scenario.dispersions) == ["launch.elevation"]
 
 
 def test_a_bad_override_is_refused(default_scenario):

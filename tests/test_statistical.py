@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from shefex_nav import prepare, simulate, statistical
-from shefex_nav.geometry.rotation import rotvec_between
-from shefex_nav.records import ComputeTime, Frame, FrameTruth, Reason, StarFix
+from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, rotvec_between
+from shefex_nav.records import NO_STARS, ComputeTime, Frame, FrameTruth, Reason, StarFix
 from shefex_nav.scenario.load import load
 from shefex_nav.world.camera.sightings import Sighting
 
@@ -158,6 +158,21 @@ def test_shares_of_identified_frames_are_those_of_the_table():
     assert abs(good - 0.5) < 4.5 * np.sqrt(0.25 / n)
     result = identified(one, 5, 1)[0][0]
     assert tracker().pairs.stars.hip[result.star].tolist() == [10, 20, 30, 40, 10]
+
+
+def test_a_wrong_fix_is_wrong_for_single_stars_as_well():
+    """Attitude and directions are turned together: each star still lies where the attitude says."""
+    one, rng = chain(wrong_turns=np.array([[0.1, -0.2, 0.3]])), np.random.default_rng(2)
+    q_ic = quat_from_rotvec(np.array([0.4, 1.1, -0.7]))
+    u_c = rng.standard_normal((5, 3))
+    u_c /= np.linalg.norm(u_c, axis=1, keepdims=True)
+    stars = NO_STARS._replace(u_c=u_c, u_i=u_c @ dcm_from_quat(q_ic).T)
+    _, reason, (wrong_ic, P_c, residual), turned = one._misled(None, 0, (q_ic, np.eye(3), 0.1), stars)
+    np.testing.assert_allclose(rotvec_between(wrong_ic[None], q_ic[None])[0], [0.1, -0.2, 0.3], atol=1e-12)
+    np.testing.assert_allclose(turned.u_i, u_c @ dcm_from_quat(wrong_ic).T, atol=1e-12)
+    np.testing.assert_array_equal(turned.u_c, u_c)
+    assert np.linalg.norm(turned.u_i - stars.u_i, axis=1).min() > 1e-3
+    assert (reason, residual) == (0, 0.1) and np.array_equal(P_c, np.eye(3))
 
 
 def test_fewer_stars_than_a_fix_needs_give_none():

@@ -1,81 +1,115 @@
 """`shefex-nav campaign`: fly a scenario many times, each time with draws and sensor seeds of its own.
 
-Exit codes: 0 all runs flew to their end, 1 a run failed (its row in the table says why), 2 bad input,
-130 interrupted; the same command goes on.
+Exit codes: 0 all runs flew to their end, 1 a run failed (its row in the table says why) or was lost (the same
+command flies it), 2 bad input or no workers, 130 interrupted; the same command goes on.
 """
 
 import json as json_module
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 OUT = Path("logs/campaigns")
+MOST_LOST = 5  # that are named
+
+Scenario = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/campaign.yaml.")]
+Runs = Annotated[int, typer.Option(min=1, help="How many runs.")]
+Workers = Annotated[int | None, typer.Option(min=1, help="Processes on this machine; default one a core.")]
+Engine = Annotated[
+    str | None,
+    typer.Option("--engine", metavar="dask://HOST:PORT", help="Fly on a Dask cluster: its scheduler."),
+]
+Seed = Annotated[int, typer.Option(min=0, help="Root of all randomness.")]
+Out = Annotated[
+    Path | None, typer.Option(help="Folder of the results; default logs/campaigns/<scenario>-seed<seed>.")
+]
+Kept = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="worst:K|failed|none",
+        help="Runs that are flown again at the end with a log each (several times: all of these).",
+    ),
+]
+Again = Annotated[
+    Literal["failed"] | None, typer.Option(help="Fly the runs that failed once more, e.g. after a repair.")
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Override one value, e.g. --set star_tracker.rate='5 Hz'."
+    ),
+]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Print what each run would draw, as CSV or JSON; fly nothing.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 
 def campaign(
-    scenario: Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/campaign.yaml.")],
-    runs: Annotated[int, typer.Option(min=1, help="How many runs.")],
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes on this machine; default one a core.")
-    ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option("--engine", metavar="dask://HOST:PORT", help="Fly on a Dask cluster: its scheduler."),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Root of all randomness.")] = 1,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder of the results; default logs/campaigns/<scenario>-seed<seed>.")
-    ] = None,
-    keep: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="worst:K|failed|none",
-            help="Runs that are flown again at the end with a log each (several times: all of these).",
-        ),
-    ] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Override one value, e.g. --set star_tracker.rate='5 Hz'."
-        ),
-    ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print what each run would draw, as CSV or JSON; fly nothing.")
-    ] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+    scenario: Scenario,
+    runs: Runs,
+    workers: Workers = None,
+    cluster: Engine = None,
+    seed: Seed = 1,
+    out: Out = None,
+    keep: Kept = None,
+    again: Again = None,
+    overrides: Overrides = None,
+    dry_run: DryRun = False,
+    json: Json = False,
 ):
     """Fly a scenario many times; the same command goes on with a campaign that was interrupted."""
     from shefex_nav.campaign import engine, running
     from shefex_nav.campaign.flight import WorkerError
-    from shefex_nav.campaign.progress import show
-    from shefex_nav.campaign.stopping import stopping
-    from shefex_nav.campaign.store import Store, StoreError
+    from shefex_nav.campaign.store import StoreError
     from shefex_nav.scenario import load
 
     address, kept = _address(cluster), _kept(keep or ())
     if address is not None and workers is not None:
         raise typer.BadParameter("the cluster has its own workers; leave one away", param_hint="--workers")
     loaded = load.load(scenario, overrides or ())
-    request = running.Request(loaded, runs, seed, workers, address, kept)
+    request = running.Request(loaded, runs, seed, workers, address, kept, again == "failed")
     folder = out or OUT / f"{loaded.mission.name}-seed{seed}"
     try:
         if dry_run:
             _print_draws(running.prepared(loaded, runs, seed)[1], runs, json)
             return
-        with Store(folder) as store, stopping() as stop:
-            _say(f"{loaded.mission.name}, {runs} runs, seed {seed} -> {folder}")
-            ended = running.fly(request, store, show(_say), stop)
+        ended = _fly(request, folder)
     except (StoreError, engine.EngineError, WorkerError, running.BadCampaign) as error:
         _say(str(error))
         raise typer.Exit(2) from None
-    failed = sum(row["status"] == "failed" for row in ended.rows)
+    raise typer.Exit(_result(ended, folder, runs, json))
+
+
+def _fly(request, folder):
+    """Ended of a campaign."""
+    from shefex_nav.campaign import running
+    from shefex_nav.campaign.progress import show
+    from shefex_nav.campaign.stopping import stopping
+    from shefex_nav.campaign.store import Store
+
+    with Store(folder) as store, stopping() as stop:
+        name = request.scenario.mission.name
+        _say(f"{name}, {request.runs} runs, seed {request.seed} -> {folder}")
+        return running.fly(request, store, show(_say), stop)
+
+
+def _result(ended, folder, runs, as_json):
+    """What came out, on stdout; the exit code."""
+    for one in ended.lost[:MOST_LOST]:
+        _say(f"run {one.run} was lost: {one.reason}")
+    if ended.lost:
+        _say(f"{len(ended.lost)} of {runs} runs were lost: no fault of theirs is known, and the same command "
+             "flies them")  # fmt: skip
     if ended.interrupted:
         _say(f"interrupted; {len(ended.rows)} of {runs} runs are kept, the same command goes on from there")
-        raise typer.Exit(130)
-    _show(folder, json)
-    raise typer.Exit(1 if failed else 0)
+        return 130
+    if ended.rows:
+        _show(folder, as_json)
+    failed = sum(row["status"] == "failed" for row in ended.rows)
+    return 1 if failed or ended.lost else 0
 
 
 def repeat(
@@ -83,22 +117,20 @@ def repeat(
     run: Annotated[int, typer.Argument(min=0, help="Number of the run.")],
     log: Annotated[Path | None, typer.Option(help="Write the log of the run (MCAP).")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --log.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+    json: Json = False,
 ):
-    """Fly one run of a campaign again, exactly, and compare it with what was kept."""
-    from shefex_nav.campaign import repeating, running
+    """Fly one run of a campaign again, exactly, and compare it with what was kept (exit code 1: differs)."""
+    from shefex_nav.campaign import engine, repeating, running
+    from shefex_nav.campaign.flight import WorkerError
     from shefex_nav.campaign.store import StoreError
+    from shefex_nav.report.export_command import check_file
 
-    if log is not None and log.exists() and not force:
-        raise typer.BadParameter(
-            f"{log} exists already; choose another name or add --force", param_hint="--log"
-        )
-    if log is not None and not log.parent.is_dir():
-        raise typer.BadParameter(f"there is no folder {log.parent}", param_hint="--log")
+    if log is not None:
+        check_file(log, "--log", force=force)
     try:
         _say(f"{folder}, run {run}; the first run on a machine compiles, which takes a few minutes.")
         repeated = repeating.repeat(folder, run, log)
-    except (StoreError, running.BadCampaign) as error:
+    except (StoreError, engine.EngineError, WorkerError, running.BadCampaign) as error:
         _say(str(error))
         raise typer.Exit(2) from None
     for line in repeated.notes:
@@ -141,8 +173,11 @@ def _kept(texts):
 def _print_draws(sampler, runs, as_json):
     """Draws of all runs on stdout."""
     if as_json:
-        jobs = (sampler.job(run) for run in range(runs))
-        typer.echo(json_module.dumps([job._asdict() for job in jobs], allow_nan=False))
+        from shefex_nav.campaign.plan import writable
+
+        jobs = [sampler.job(run) for run in range(runs)]
+        found = [{"run": job.run, "seed": job.seed, "draws": writable(job.draws)} for job in jobs]
+        typer.echo(json_module.dumps(found, allow_nan=False))
         return
     import csv
     import sys

@@ -29,13 +29,14 @@ class Sampler:
     def __init__(self, plan, dispersed):
         """plan: Plan; dispersed: list of disperse.Dispersed of its scenario."""
         self.plan, self.dispersed = plan, dispersed
+        self._digest = plan.digest
         self._columns = None
         if plan.sampling == "latin_hypercube":
             self._columns = {one.name: _latin_column(plan, one.name) for one in dispersed}
 
     def job(self, run):
         """Job of run number `run`."""
-        return Job(run, sensor_seed(self.plan.seed, run), self.draws(run))
+        return Job(run, sensor_seed(self.plan.seed, run), self.draws(run), self._digest)
 
     def draws(self, run):
         """{path as written: value in the unit of the dispersion} of a run."""

@@ -4,6 +4,9 @@ A lane is a `concurrent.futures.Executor` and how many runs it may have at a tim
 a lane: a pool of one new process (spawn), which takes with it, if it is killed, the one run that it had; a
 new process takes its place, and the run is flown again. A cluster is one lane, its scheduler sees to the
 rest.
+
+A run whose worker is killed, or has no memory or disk left, is tried again, and lost after some attempts: it
+is told, never kept as a result, because the fault need not be its own.
 """
 
 import multiprocessing
@@ -16,8 +19,8 @@ from shefex_nav.campaign import flight
 from shefex_nav.compiled import ONE_THREAD
 from shefex_nav.workers import bind_to_parent, undisturbed
 
-ATTEMPTS = 3  # of a run whose worker is killed
-DEATHS = 8  # of workers, one after the other, with nothing flown in between: then something else is wrong
+ATTEMPTS = 3  # of a run whose worker is killed or in trouble
+DEATHS = 8  # such attempts, one after the other, with nothing flown in between: then something else is wrong
 POLL_S = 0.2  # between two looks at whether to stop
 
 
@@ -27,6 +30,13 @@ class EngineError(Exception):
 
 class Interrupted(Exception):
     """Somebody asked for an end; what is done is kept."""
+
+
+class Lost(NamedTuple):
+    """A run that no worker brought to an end."""
+
+    run: int
+    reason: str
 
 
 class Trial(NamedTuple):
@@ -92,10 +102,14 @@ def fly(jobs, lanes, take, stopped=lambda: False):
     jobs : iterable of Job, asked for one at a time
     lanes : list of lanes, such as ProcessLane
     take : called with the Flown of each run, in the order in which they end
-    stopped : called between them; True ends the work at once with Interrupted
+    stopped : called between them; True ends the work with Interrupted, after what is over has been taken
+
+    Returns
+    -------
+    list of Lost
     """
     try:
-        _fly(iter(jobs), lanes, take, stopped)
+        lost = _fly(iter(jobs), lanes, take, stopped)
     except BaseException:
         with undisturbed():
             for lane in lanes:
@@ -103,10 +117,11 @@ def fly(jobs, lanes, take, stopped=lambda: False):
         raise
     for lane in lanes:
         lane.stop()
+    return lost
 
 
 def _fly(jobs, lanes, take, stopped):
-    again, flying, deaths = deque(), {}, 0
+    again, flying, lost, deaths = deque(), {}, [], 0
     while True:
         for lane in lanes:
             used = sum(trial.lane is lane for trial in flying.values())
@@ -116,29 +131,32 @@ def _fly(jobs, lanes, take, stopped):
                     break
                 flying[lane.submit(job)] = Trial(job, attempt, lane)
         if not flying:
-            return
+            return lost
         over, _ = wait(flying, timeout=POLL_S, return_when=FIRST_COMPLETED)
-        if stopped():
-            raise Interrupted
         for future in over:
             trial = flying.pop(future)
-            error = future.exception() if not future.cancelled() else None
-            if not _is_death(future, error):
+            trouble = _trouble(future, trial.job)
+            if trouble is None:
                 take(future.result())
                 deaths = 0
                 continue
             deaths += 1
             if deaths > max(DEATHS, ATTEMPTS * len(lanes)):
-                raise EngineError(
-                    f"{deaths} workers ended one after the other without a result; the last: {error}"
-                )
+                raise EngineError(f"{deaths} attempts one after the other without a result; last: {trouble}")
             trial.lane.renew()
             if trial.attempt < ATTEMPTS:
                 again.append((trial.job, trial.attempt + 1))
             else:
-                take(flight.lost(trial.job, f"its worker was killed in each of {ATTEMPTS} attempts"))
+                lost.append(Lost(trial.job.run, f"{trouble}, in each of {ATTEMPTS} attempts"))
+        if stopped():
+            raise Interrupted
 
 
-def _is_death(future, error):
-    """Whether a future ended because its worker did."""
-    return future.cancelled() or isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"
+def _trouble(future, job):
+    """What happened to the worker of a run that is over, None if nothing did: text."""
+    if future.cancelled():  # nobody here does that: the scheduler is gone, or was started anew
+        raise EngineError(f"the scheduler gave up run {job.run}: it ended, or was restarted")
+    error = future.exception()
+    if isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker":
+        return "its worker was killed"
+    return str(error) if isinstance(error, flight.MachineError) else None

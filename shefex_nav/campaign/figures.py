@@ -169,6 +169,8 @@ def draw_ellipses(campaign):
 @style.styled
 def draw_convergence(campaign):
     """Success rates and percentiles of errors against the number of runs, with 95 % intervals."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
     panels, judged = [], campaign.judgements
     if len(judged.passed):
         panels = [
@@ -191,6 +193,9 @@ def draw_convergence(campaign):
         axis.fill_between(course.n, course.low, course.high, color=BLUE, alpha=0.2, lw=0)
         axis.plot(course.n, course.value, color=BLUE, lw=1.3)
         axis.set_xscale("log")
+        axis.xaxis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))
+        axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.xaxis.set_minor_locator(NullLocator())
         first = FIRST_SHOWN if course.n[-1] > 2 * FIRST_SHOWN else 1
         axis.set_xlim(first, max(course.n[-1], 2))
         shown = np.concatenate([part[course.n >= first] for part in course[1:]])
@@ -204,9 +209,9 @@ def draw_convergence(campaign):
 
 @style.styled
 def draw_sensitivity(campaign):
-    """Standardised coefficients of the regressions, with 95 % intervals."""
+    """Standardised coefficients of the regressions, with 95 % intervals; the best explained results first."""
     found = sensitivity.outcomes(campaign)
-    panels = sensitivity.regressions(found, campaign.draws)[:MOST_PANELS]
+    panels = sorted(sensitivity.regressions(found, campaign.draws), key=lambda one: -one.r2)[:MOST_PANELS]
     if not panels:
         return None
     columns = min(len(panels), 3)
@@ -239,20 +244,23 @@ def _short(name):
     return f"|{text}|" if name.startswith("|") else text
 
 
+OF_SERIES = {"errors": draw_errors, "nees": draw_nees, "containment": draw_containment}
+OF_RESULTS = {"ellipses": draw_ellipses, "convergence": draw_convergence, "sensitivity": draw_sensitivity}
+NAMES = (*OF_SERIES, *OF_RESULTS)
+
+
+def draw_one(name, campaign):
+    """Figure of one of NAMES, or None where there is nothing to draw."""
+    if name in OF_RESULTS:
+        return OF_RESULTS[name](campaign)
+    series = over_time.read(campaign)
+    return None if series is None else OF_SERIES[name](series)
+
+
 def draw(campaign, series):
     """All pictures that there is something for: list of (name, Figure). series : over_time.Series or None"""
-    pictures = {}
-    if series is not None:
-        pictures = {
-            "errors": draw_errors(series),
-            "nees": draw_nees(series),
-            "containment": draw_containment(series),
-        }
-    pictures |= {
-        "ellipses": draw_ellipses(campaign),
-        "convergence": draw_convergence(campaign),
-        "sensitivity": draw_sensitivity(campaign),
-    }
+    pictures = {} if series is None else {name: make(series) for name, make in OF_SERIES.items()}
+    pictures |= {name: make(campaign) for name, make in OF_RESULTS.items()}
     return [(name, figure) for name, figure in pictures.items() if figure is not None]
 
 

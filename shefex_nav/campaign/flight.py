@@ -1,6 +1,8 @@
 """One run of a campaign: its scenario, the mission, what is kept of it."""
 
+import hashlib
 import io
+import json
 import os
 import re
 import sys
@@ -15,10 +17,15 @@ from shefex_nav.compiled import ONE_THREAD
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LONGEST_REASON = 500
+OF_THE_MACHINE = (MemoryError, OSError, ImportError)  # exceptions that say nothing of the run
 
 
 class WorkerError(Exception):
     """A worker that cannot fly this campaign; the message says why."""
+
+
+class MachineError(Exception):
+    """Trouble of a machine, of which a run is not to be judged: no memory, no disk, a package missing."""
 
 
 class Flown(NamedTuple):
@@ -47,22 +54,29 @@ class Pilot:
         """Scenario of a run."""
         return self.pattern.with_draws(job.draws)
 
-    def fly(self, job, log=None):
-        """Fly one run, with a log at the path `log` if one is given. -> Flown
+    def fly(self, job):
+        """Fly one run, with a log if the job asks for one. -> Flown
 
         An exception is the end of the run, not of the campaign: it becomes the run's reason and traceback.
+        Raises MachineError where the fault is not the run's, LogError if its log cannot be written.
         """
         from shefex_nav.campaign.plan import digest
+        from shefex_nav.log.topics import LogError
 
-        began, cpu_s, record = time.perf_counter(), time.process_time(), _record(job)
+        began, cpu_s, record, series = time.perf_counter(), time.process_time(), _record(job), None
         try:
-            summary, kept = self._mission(job, log)
+            summary, kept = self._mission(job)
+            json.dumps(summary, allow_nan=False)  # what cannot be kept is a fault of the run
+            series = _npz(kept)
+            record |= {
+                "summary": summary, "series_sha256": _arrays_digest(kept), "series_file": digest(series),
+            }  # fmt: skip
+        except OF_THE_MACHINE as error:
+            raise MachineError(_reason(error)) from error
+        except LogError:
+            raise
         except Exception as error:
             record |= {"status": "failed", "reason": _reason(error), "traceback": _traceback(error)}
-            series = None
-        else:
-            series = _npz(kept)
-            record |= {"summary": summary, "series_sha256": digest(series)}
         record["timing"] = {
             "wall_s": time.perf_counter() - began,
             "cpu_s": time.process_time() - cpu_s,
@@ -71,18 +85,18 @@ class Pilot:
         }
         return Flown(record, series)
 
-    def _mission(self, job, log):
+    def _mission(self, job):
         """(summary, series) of a run."""
         from shefex_nav import prepare
         from shefex_nav.campaign.series import series
         from shefex_nav.report import metrics
 
         scenario = self.scenario(job)
-        if log is None:
+        if job.log is None:
             scenario.keep_text("", {})  # its text goes into logs alone, and takes as long to make as all else
         world = prepare.build_world(scenario, job.seed, flight=self.flight)
         trajectory = world.flight.trajectory
-        data = _records(scenario, job.seed, world, log)
+        data = _records(scenario, job.seed, world, job.log)
         summary = metrics.summarise(data)
         return summary, series(data, scenario, job.seed, trajectory, self.plan.series_rate)
 
@@ -99,22 +113,20 @@ def _peak_memory_mb():
 
 def _record(job):
     """Record of a run that has not been flown yet."""
+    from shefex_nav.campaign.plan import writable
+
     return {
         "run": job.run,
         "status": "succeeded",
         "reason": "",
         "traceback": "",
         "seed": job.seed,
-        "draws": job.draws,
+        "draws": writable(job.draws),
         "summary": {},
-        "series_sha256": "",
+        "series_sha256": "",  # of the arrays
+        "series_file": "",  # of the file that holds them
         "timing": {},
     }
-
-
-def lost(job, reason):
-    """Flown of a run that never came back."""
-    return Flown(_record(job) | {"status": "failed", "reason": reason}, None)
 
 
 def _records(scenario, seed, world, log):
@@ -152,10 +164,20 @@ def _records(scenario, seed, world, log):
 
 
 def _npz(arrays):
-    """Arrays as the bytes of an .npz file; the same arrays give the same bytes."""
+    """Arrays as the bytes of an .npz file."""
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)
     return stream.getvalue()
+
+
+def _arrays_digest(arrays):
+    """sha256 of arrays by name: of their values, not of what a version of zlib makes of them."""
+    total = hashlib.sha256()
+    for name, values in sorted(arrays.items()):
+        values = np.ascontiguousarray(values)
+        values = values.astype(values.dtype.newbyteorder("<"))
+        total.update(f"{name} {values.dtype.str} {values.shape}\n".encode() + values.tobytes())
+    return total.hexdigest()
 
 
 def _reason(error):
@@ -174,29 +196,36 @@ def _traceback(error):
 
 # ---- in a worker -----------------------------------------------------------------------------------------
 
-_pilot = None  # Pilot of this process, or why there is none
+_pilots = {}  # digest of a plan -> Pilot of this process, or why there is none
 
 
 def prepare_worker(plan, runs_at_a_time=1):
-    """Make this process ready to fly the runs of a plan; a fault is raised by the first run."""
-    global _pilot
+    """Make this process ready to fly the runs of a plan, too; a fault is raised by the first run."""
+    if isinstance(_pilots.get(plan.digest), Pilot):
+        return
     try:
         if runs_at_a_time != 1:
             raise WorkerError(f"a worker flies {runs_at_a_time} runs at a time; start each with --nthreads 1")
         _check_threads()
         _check_versions(plan.versions)
-        _pilot = Pilot(plan)
+        _pilots[plan.digest] = Pilot(plan)
     except Exception as error:
-        _pilot = error
+        _pilots[plan.digest] = error
+
+
+def dismiss(plan):
+    """Forget a plan."""
+    _pilots.pop(plan.digest, None)
 
 
 def fly(job):
-    """Fly one run in a worker that has been prepared."""
-    if isinstance(_pilot, Exception):
-        raise _pilot
-    if _pilot is None:
+    """Fly one run in a worker that has been prepared for its plan."""
+    pilot = _pilots.get(job.plan)
+    if isinstance(pilot, Exception):
+        raise pilot
+    if pilot is None:
         raise WorkerError("a worker was not told what to fly")
-    return _pilot.fly(job)
+    return pilot.fly(job)
 
 
 def _check_versions(wanted):

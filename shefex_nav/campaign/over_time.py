@@ -4,23 +4,26 @@ At one instant the runs are independent, so the sum over N runs of a normalised 
 degrees of freedom is chi-square distributed with N d, and the number of runs inside 3 sigma binomial
 (Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4). Epochs
 of one run are not independent: bounds hold epoch by epoch, and what is judged is the last epoch of each
-phase, with Holm's correction for the number of judgements.
+phase, with Holm's correction for the number of judgements. Innovations are judged by each run's mean.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.campaign.plan import BLOCKS
 from shefex_nav.report import intervals
 
-BLOCKS = ("attitude", "velocity", "position", "gyro_bias", "accel_bias")  # columns of the NEES
 CORRELATED = BLOCKS[:3]  # whose NEES has the correlations between axes, without which it is no chi-square
 FRAME = {"attitude": "b", "velocity": "i", "position": "i"}
 AXES = "xyz"
 SIGMAS = 3.0
 DOF = 3  # of a block
 MOST_RUNS = 2000  # whose series are read; the first ones, which are as random as any
+BYTES_OF_EPOCH = 250  # of one run in memory: errors, sigmas, NEES, NIS of ten sensors
+MOST_BYTES = 1.5e9  # of all of them
 SIGNIFICANT = 0.05
+PRACTICAL = 0.1  # of a mean NIS
 ANEES_CONFIDENCE, CONTAINED_CONFIDENCE, BLOCK_CONFIDENCE = 0.95, 0.99, 0.99
 
 
@@ -33,8 +36,9 @@ class Series(NamedTuple):
     sigmas: np.ndarray  # (R, T, 5, 3)
     nees: np.ndarray  # (R, T, 5)
     phase: np.ndarray  # (R, T)
-    nis_sum: dict  # sensor -> (T,) over all runs
-    nis_dof: dict  # sensor -> (T,)
+    nis_sum: dict  # sensor -> (R, T) since the epoch before
+    nis_dof: dict  # sensor -> (R, T)
+    unread: int = 0  # succeeded runs whose series are not there or cannot be read
 
 
 class Contained(NamedTuple):
@@ -65,45 +69,74 @@ class Verdict(NamedTuple):
     samples: int
     p: float  # of a value as far off if the covariance is right
     p_holm: float  # the same, corrected for the number of judgements of its kind
+    practical: float = 0.0  # distance from 1 that does not matter, however certain it is
 
     @property
     def good(self):
-        """Whether chance explains it."""
-        return self.p_holm >= SIGNIFICANT
+        """Whether chance explains it, or it does not matter."""
+        return self.p_holm >= SIGNIFICANT or abs(self.value - 1.0) <= self.practical
 
 
-def read(campaign, most=MOST_RUNS):
-    """Series of the succeeded runs of a campaign, of the first `most`; None if there is none."""
-    runs = campaign.runs[campaign.succeeded][:most]
-    rate_hz = campaign.head["rate"]
-    found, numbers = [], []
-    for run in runs.tolist():
-        one = campaign.series(run)
-        if len(one["t_s"]):
-            found.append(one)
-            numbers.append(np.round((one["t_s"] - found[0]["t_s"][0]) * rate_hz).astype(int))
-    if not found:
+def read(campaign, most=MOST_RUNS, most_bytes=MOST_BYTES):
+    """Series of the succeeded runs of a campaign; None if there is none.
+
+    Of the first `most`, and of no more than fit into `most_bytes`. Runs whose file is not there, or cannot be
+    read, are left out and counted.
+    """
+    rate_hz, runs, times, unread = campaign.head["rate"], [], [], 0
+    for run in campaign.runs[campaign.succeeded][:most].tolist():
+        try:
+            t_s = campaign.times(run)
+        except KeyError:
+            unread += 1
+            continue
+        if len(t_s):
+            runs.append(run)
+            times.append(t_s)
+    if not runs:
         return None
+    numbers = [np.round((t_s - times[0][0]) * rate_hz).astype(int) for t_s in times]
     first = min(int(k[0]) for k in numbers)
-    return _stack(runs, found, [k - first for k in numbers], found[0]["t_s"][0] + first / rate_hz, rate_hz)
+    places = [k - first for k in numbers]
+    fit = max(int(most_bytes / BYTES_OF_EPOCH / (max(int(k[-1]) for k in places) + 1)), 1)
+    series = _empty(runs[:fit], places[:fit], times[0][0] + first / rate_hz, rate_hz)
+    whole = [_fill(series, r, campaign, k) for r, k in enumerate(places[:fit])]
+    if not all(whole):
+        series = _of_runs(series, np.array(whole))
+    return series._replace(unread=unread + whole.count(False)) if any(whole) else None
 
 
-def _stack(runs, found, places, begin_s, rate_hz):
-    """Series of the runs' arrays at their places on the common epochs."""
-    R, T = len(found), max(int(k[-1]) for k in places) + 1
+def _empty(runs, places, begin_s, rate_hz):
+    """Series of R runs on the epochs of their places, still without anything in it."""
+    R, T = len(runs), max(int(k[-1]) for k in places) + 1
     errors, sigmas = (np.full((R, T, len(BLOCKS), 3), np.nan, np.float32) for _ in range(2))
     nees, phase = np.full((R, T, len(BLOCKS)), np.nan), np.full((R, T), -1, np.int8)
-    sums = {"nis_sum": {}, "nis_dof": {}}
-    for r, (one, k) in enumerate(zip(found, places, strict=True)):
-        for b, name in enumerate(BLOCKS):
-            end = f"_{FRAME[name]}" if name in FRAME else ""
-            errors[r, k, b], sigmas[r, k, b] = one[f"{name}_error{end}"], one[f"{name}_sigma{end}"]
-        nees[r, k], phase[r, k] = one["nees"], one["phase"]
-        for name, values in one.items():
-            kind, _, sensor = name.partition(".")
-            if kind in sums:
-                np.add.at(sums[kind].setdefault(sensor, np.zeros(T)), k, values)
-    return Series(runs, begin_s + np.arange(T) / rate_hz, errors, sigmas, nees, phase, **sums)
+    return Series(np.array(runs), begin_s + np.arange(T) / rate_hz, errors, sigmas, nees, phase, {}, {})
+
+
+def _fill(series, r, campaign, k):
+    """Put the arrays of the r-th run at the epochs k. -> whether they could be read"""
+    try:
+        one = campaign.series(int(series.runs[r]))
+    except KeyError:
+        return False
+    for b, name in enumerate(BLOCKS):
+        end = f"_{FRAME[name]}" if name in FRAME else ""
+        series.errors[r, k, b], series.sigmas[r, k, b] = one[f"{name}_error{end}"], one[f"{name}_sigma{end}"]
+    series.nees[r, k], series.phase[r, k] = one["nees"], one["phase"]
+    sums = {"nis_sum": series.nis_sum, "nis_dof": series.nis_dof}
+    for name, values in one.items():
+        kind, _, sensor = name.partition(".")
+        if kind in sums:
+            sums[kind].setdefault(sensor, np.zeros(series.phase.shape, np.float32))[r, k] = values
+    return True
+
+
+def _of_runs(series, chosen):
+    """Series of some of its runs. (R,) bool"""
+    cut = {name: getattr(series, name)[chosen] for name in ("runs", "errors", "sigmas", "nees", "phase")}
+    nis = ({sensor: all_runs[chosen] for sensor, all_runs in one.items()} for one in series[6:8])
+    return series._replace(**cut, **dict(zip(("nis_sum", "nis_dof"), nis, strict=True)))
 
 
 def inside_probability(sigmas=SIGMAS):
@@ -140,8 +173,8 @@ def anees(series):
 def anis(series):
     """Normalised squared innovations: dict sensor -> Normalised, its mean (T,)."""
     result = {}
-    for sensor, dof in series.nis_dof.items():
-        total = series.nis_sum[sensor]
+    for sensor, dof_of_runs in series.nis_dof.items():
+        total, dof = (one.sum(axis=0, dtype=float) for one in (series.nis_sum[sensor], dof_of_runs))
         mean = np.divide(total, dof, out=np.full(dof.shape, np.nan), where=dof > 0)
         result[sensor] = _normalised(mean, dof)
     return result
@@ -212,14 +245,35 @@ def judge_nees(series):
 
 
 def judge_nis(series):
-    """Verdicts on the mean NIS of each sensor, whose innovations are white if the filter is right."""
+    """Verdicts on the mean NIS of each sensor.
+
+    Each run's mean is one sample, so the interval is Student's over runs: innovations of one run have its
+    draws in common. With thousands of innovations the smallest fault of a model is certain, so a mean that
+    is off by less than PRACTICAL is told as good whatever its p. Of a single run, whose innovations are all
+    there is, chi-square.
+    """
     found = []
-    for sensor, dof in series.nis_dof.items():
-        if dof.sum():
-            total = float(series.nis_sum[sensor].sum())
-            words = f"NIS of {sensor.replace('_', ' ')}"
-            found.append(_chi_square(words, total, int(dof.sum()), len(series.runs)))
+    for sensor, dof_of_runs in series.nis_dof.items():
+        dof = dof_of_runs.sum(axis=1, dtype=float)
+        some = dof > 0
+        total = series.nis_sum[sensor].sum(axis=1, dtype=float)[some]
+        words = f"NIS of {sensor.replace('_', ' ')}, mean of the runs"
+        if some.sum() > 1:
+            found.append(_student(words, total / dof[some]))
+        elif some.any():
+            one = _chi_square(words, float(total[0]), int(dof[some][0]), 1)
+            found.append(one._replace(practical=PRACTICAL))
     return with_holm(found)
+
+
+def _student(what, values):
+    """Verdict on the mean of n > 1 values, which should be 1."""
+    from scipy import stats
+
+    mean, sigma = float(values.mean()), float(values.std(ddof=1)) / len(values) ** 0.5
+    half = float(stats.t.ppf(0.5 + 0.5 * ANEES_CONFIDENCE, len(values) - 1)) * sigma
+    p = 2.0 * float(stats.t.sf(abs(mean - 1.0) / sigma, len(values) - 1)) if sigma else float(mean == 1.0)
+    return Verdict(what, mean, max(1.0 - half, 0.0), 1.0 + half, len(values), p, p, PRACTICAL)
 
 
 def _chi_square(what, total, dof, samples):

@@ -3,6 +3,7 @@
 from importlib.resources import files
 
 from shefex_nav.campaign import figures
+from shefex_nav.campaign.files import put
 from shefex_nav.campaign.parts import Command, Loud, parts
 from shefex_nav.report import html
 from shefex_nav.report.figures import style
@@ -23,9 +24,7 @@ CAPTIONS = {
 
 def write(path, campaign, series):
     """Write the page of a Campaign in one piece. series : over_time.Series or None"""
-    part = path.with_name(path.name + ".part")
-    part.write_text(page(campaign, series), encoding="utf-8")
-    part.replace(path)
+    put(path, page(campaign, series))
 
 
 def page(campaign, series):

@@ -59,17 +59,22 @@ def requirements(campaign):
     if not found:
         return Part(title, lines=("The scenario has no requirements.",))
     heads = ("requirement", "limit", ">passed", ">of", ">rate", ">95 % interval", ">runs more for ±1 point")
-    rows = []
+    n, rows = len(campaign), []
+    failed = n - int(campaign.succeeded.sum())
+    if failed:  # a run that failed met nothing that anybody saw
+        heads += (f">of all {n} runs",)
     for one in found:
         name = name_of(one.name) if one.passed == one.of else Loud(name_of(one.name))
         if one.ci95 is None:
-            rows.append((name, one.words, "0", "0", "-", "-", "-"))
+            rows.append((name, one.words, "0", "0", "-", "-", "-", *(["0.0 %"] if failed else [])))
             continue
         still = convergence.needed_for_rate(one.passed, one.of, RATE_PRECISION).still
         passed = f"{one.passed} ({one.without} not measured)" if one.without else str(one.passed)
         rate = _percent(one.passed / one.of)
-        rows.append((name, one.words, passed, str(one.of), rate, _between(*one.ci95), f"{still:,}"))
-    return Part(title, heads, tuple(rows))
+        row = (name, one.words, passed, str(one.of), rate, _between(*one.ci95), f"{still:,}")
+        rows.append((*row, *([_percent(one.passed / n)] if failed else [])))
+    lines = (f"Of all runs: the {failed} that failed count as not passed.",) if failed else ()
+    return Part(title, heads, tuple(rows), lines)
 
 
 def errors(campaign):
@@ -150,9 +155,11 @@ def covariance(campaign, series):
         words = "holds 1" if low <= 1.0 <= high else _size(low > 1.0)
         name = f"NEES of {block.replace('_', ' ')} per degree of freedom, all times (99 % interval)"
         rows.append((name, f"{value:.3f}", f"{low:.3f} to {high:.3f}", "", words))
-    some = f"{len(series.runs)} of " if len(series.runs) < int(campaign.succeeded.sum()) else ""
-    title = f"Does the covariance describe the errors? ({some}{int(campaign.succeeded.sum())} runs)"
-    return Part(title, ("judged", ">found", ">expected", ">p (Holm)", "verdict"), tuple(rows))
+    good = int(campaign.succeeded.sum())
+    some = f"{len(series.runs)} of " if len(series.runs) < good else ""
+    lines = (f"{series.unread} runs have no series that could be read.",) if series.unread else ()
+    title = f"Does the covariance describe the errors? ({some}{good} runs)"
+    return Part(title, ("judged", ">found", ">expected", ">p (Holm)", "verdict"), tuple(rows), lines)
 
 
 def _verdict(one, group):
@@ -207,7 +214,10 @@ def explained(campaign):
     regressed = {one.outcome: one for one in sensitivity.regressions(found, campaign.draws)}
     title = "What explains the results (|x|: distance of x from its median)"
     if not certain:
-        words = f"No draw does: {len(features)} features, {len(found)} results, {len(campaign)} runs."
+        words = (
+            f"None is certain: {len(features)} features, {len(found)} results, {len(campaign)} runs, "
+            "at 5 % for all of these pairs together."
+        )
         return Part(title, lines=(words,))
     heads = (
         "result",
@@ -222,8 +232,14 @@ def explained(campaign):
         regression = regressed.get(one.outcome)
         cells = ("-", "-") if regression is None else (_effect(regression, one.feature), _r2(regression))
         rows.append((one.outcome, one.feature, f"{one.rho:+.2f}", f"{one.p_holm:.1e}", *cells))
-    more = len(certain) - MOST_EXPLAIN
-    return Part(title, heads, tuple(rows), (f"and {more} more that are certain",) if more > 0 else ())
+    more, lines = len(certain) - MOST_EXPLAIN, []
+    if more > 0:
+        lines.append(f"and {more} more that are certain")
+    if not regressed:
+        lines.append("Too few runs for a regression on all draws.")
+    elif not all(one.distances for one in regressed.values()):
+        lines.append("R² without the distances |x|: runs are too few for a regression on these, too.")
+    return Part(title, heads, tuple(rows), tuple(lines))
 
 
 def _effect(regression, feature):

@@ -1,12 +1,15 @@
 """What the runs of a campaign have in common, and what tells one from the other."""
 
 import hashlib
+import json
+import math
 import sys
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 FORMAT = 1  # of the folder
+BLOCKS = ("attitude", "velocity", "position", "gyro_bias", "accel_bias")  # of a series, in this order
 PACKAGE = Path(__file__).parents[1]
 
 
@@ -23,6 +26,11 @@ class Plan(NamedTuple):
     versions: dict  # of what results depend on
     flight: bytes | None = None  # that flight, as `flight_file` writes it
 
+    @property
+    def digest(self):
+        """What tells this plan from others, 64 hexadecimal digits; its flight follows from the rest."""
+        return digest(json.dumps(self._replace(flight=None)))
+
 
 class Job(NamedTuple):
     """One run."""
@@ -30,6 +38,8 @@ class Job(NamedTuple):
     run: int
     seed: int  # of its sensors
     draws: dict  # path -> value, in the unit of the dispersion
+    plan: str  # digest of the Plan that it belongs to
+    log: str | None = None  # file for a log of the run
 
 
 def of_scenario(scenario, seed, runs):
@@ -45,6 +55,14 @@ def of_scenario(scenario, seed, runs):
         shared=how.flight == "shared",
         versions=versions(),
     )
+
+
+def writable(draws):
+    """Draws as JSON can hold them; an infinite one, with which no run flies, as a word."""
+    return {
+        name: value if not isinstance(value, float) or math.isfinite(value) else str(value)
+        for name, value in draws.items()
+    }
 
 
 def digest(content):

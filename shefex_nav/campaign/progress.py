@@ -13,6 +13,7 @@ class Tally:
     def __init__(self, total, badness=lambda record: None, clock=time.monotonic):
         self.total, self.done, self.failed, self.flown = total, 0, 0, 0
         self.worst = None  # (badness, run)
+        self.scores = {}  # run -> badness, None of one that failed
         self._badness, self._clock, self._began = badness, clock, clock()
 
     def begin(self):
@@ -24,7 +25,7 @@ class Tally:
         self.done += 1
         self.flown += flown
         self.failed += record["status"] == "failed"
-        bad = self._badness(record)
+        bad = self.scores[record["run"]] = self._badness(record)
         if bad is not None and (self.worst is None or bad > self.worst[0]):
             self.worst = (bad, record["run"])
 

@@ -2,8 +2,9 @@
 
 from typing import NamedTuple
 
-from shefex_nav.campaign import draws, flight, store, table
+from shefex_nav.campaign import draws, engine, store, table
 from shefex_nav.campaign import plan as planning
+from shefex_nav.scenario import load
 
 MOST_WORDS = 8  # differences that are told
 
@@ -51,23 +52,33 @@ class Repeated(NamedTuple):
         return "\n".join(lines)
 
 
-def repeat(folder, run, log=None):
+def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
     """Fly run number `run` of the campaign in `folder` again, with a log at the path `log` if one is given.
 
-    -> Repeated; StoreError if there is no such campaign or run
+    It is flown in a process of its own, as the campaign's runs were: with one thread for linear algebra.
+    -> Repeated; StoreError if there is no such campaign or run, EngineError if it does not come to an end
     """
     head = store.read_head(folder)
     if not 0 <= run < head["runs"]:
         raise store.StoreError(f"{folder}: has runs 0 to {head['runs'] - 1}, there is no run {run}")
     plan = _plan(head, folder)
-    pilot = flight.Pilot(plan)
-    job = draws.Sampler(plan, pilot.pattern.dispersed).job(run)
-    flown = pilot.fly(job, log)
-    kept = store.read_record(folder, run)
+    job = draws.Sampler(plan, load.Pattern(plan.source, plan.name).dispersed).job(run)
+    part = None if log is None else log.with_name(log.name + ".part")
+    taken = []
+    try:
+        lost = engine.fly([job._replace(log=part and str(part))], [lane(plan)], taken.append)
+        if lost:
+            raise engine.EngineError(f"run {run}: {lost[0].reason}")
+        if log is not None and part.exists():  # a run may fail before its first record
+            part.replace(log)
+    finally:
+        if part is not None:
+            part.unlink(missing_ok=True)
+    (flown,), kept = taken, store.read_record(folder, run)
     differences = {} if kept is None else compared(kept, flown.record)
     return Repeated(
         run, flown.record, differences, kept is not None, _changes(head["versions"], plan.versions),
-        None if log is None else str(log),
+        str(log) if log is not None and log.exists() else None,
     )  # fmt: skip
 
 

@@ -5,8 +5,6 @@ import sys
 
 import typer
 
-from shefex_nav.report.export_command import folder_for
-
 WIDTH = 160  # of the tables where there is no terminal
 
 
@@ -14,7 +12,7 @@ def report(folder, *, json=False, html=None, figures=None):
     """Print the results of a campaign's folder.
 
     json : one object instead of tables;  html : file of a page to hand over, or None;  figures : folder for
-    pictures, or None. A folder that is no campaign is bad input.
+    pictures that is there, or None. A folder that is no campaign is bad input.
     """
     from shefex_nav.campaign.results import open_campaign
     from shefex_nav.campaign.store import StoreError
@@ -23,8 +21,6 @@ def report(folder, *, json=False, html=None, figures=None):
         campaign = open_campaign(folder)
     except StoreError as error:
         raise typer.BadParameter(str(error), param_hint="LOG") from None
-    if figures is not None:
-        folder_for(figures, "--figures")
     from shefex_nav.campaign import over_time, summary
 
     wanted = html is not None or figures is not None or not json
@@ -59,8 +55,12 @@ def show(campaign, series):
 def tables(parts):
     """rich Group of list of Part."""
     from rich.console import Group
+    from rich.jupyter import JupyterMixin
 
-    return Group(*(shown for part in parts for shown in _shown(part)))
+    class Tables(Group, JupyterMixin):
+        """A Group that notebooks show."""
+
+    return Tables(*(shown for part in parts for shown in _shown(part)))
 
 
 def _shown(part):

@@ -6,9 +6,11 @@ campaign.draws["vehicle.payload.mass"], campaign.series(12)["t_s"], campaign.sum
 """
 
 import re
+import zlib
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -56,6 +58,10 @@ class Campaign:
         self.folder, self.head = Path(folder), head
         self._rows, self._path = rows, path
         self.columns = table.columns(rows) if path is None else table.load_columns(path)
+
+    def __repr__(self):
+        count = f"{len(self)} of {self.head['runs']} runs, {int(self.succeeded.sum())} flew to their end"
+        return f"<Campaign {self.head['scenario']}, seed {self.head['seed']}, {count}>"
 
     def rows(self):
         """Rows in the order of the runs: iterator of dict."""
@@ -154,13 +160,39 @@ class Campaign:
         return self.record(run)["summary"]
 
     def series(self, run):
-        """Errors and sigmas over time of a run: dict of arrays as `campaign.series` describes them."""
+        """Errors and sigmas over time of a run: dict of arrays as `campaign.series` describes them.
+
+        KeyError if they are not there or cannot be read.
+        """
+        return self._series(run)
+
+    def times(self, run):
+        """Times of the series of a run alone: (N,) s."""
+        return self._series(run, ("t_s",))["t_s"]
+
+    def _series(self, run, names=None):
         path = self.folder / "runs" / f"{int(run):0{store.DIGITS}d}.npz"
         try:
-            with np.load(path, allow_pickle=False) as archive:
-                return {name: archive[name] for name in archive.files}
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
+                return {name: archive[name] for name in names or archive.files}
         except FileNotFoundError:
             raise KeyError(f"{path} is not there; a failed run has no series") from None
+        except (OSError, ValueError, EOFError, BadZipFile, zlib.error) as error:
+            raise KeyError(f"{path} cannot be read: {error}") from None
+
+    def table(self):
+        """Everything that `shefex-nav report` prints of a campaign: a rich Group, shown by notebooks too."""
+        from shefex_nav.campaign import over_time, parts, report_command
+
+        return report_command.tables(parts.parts(self, over_time.read(self)))
+
+    @property
+    def plot(self):
+        """Figures of the campaign, each of matplotlib: `campaign.plot.errors()`; `dir(campaign.plot)`."""
+        from shefex_nav.campaign import figures
+        from shefex_nav.report.figures import Plots
+
+        return Plots(figures.NAMES, lambda name: figures.draw_one(name, self))
 
     def failures(self):
         """Runs that failed, in order: list of Failure."""
@@ -200,17 +232,30 @@ def _figure(row):
 def open_campaign(folder):
     """Campaign in a folder, finished or not; StoreError if there is none or if no run is done.
 
-    The table is read if it has every run that is done, else the files of the runs.
+    The table is read if it has the runs that are done and none of them is newer, else the files of the runs.
     """
     head = store.read_head(folder)
     kept = store.Store(folder)
-    done = {run for run in kept.done() if run < head["runs"]}
-    path = kept.folder / "results.parquet"
-    if path.exists():
-        campaign = Campaign(folder, head, path=path)
-        if done <= set(campaign.runs.tolist()) and len(campaign):
-            return campaign
-    rows = [table.row(record) for record in kept.records(head["runs"])]
+    campaign = _of_table(kept, head)
+    if campaign is not None:
+        return campaign
+    rows = table.unmixed([table.row(record) for record in kept.records(head["runs"])])
     if not rows:
         raise store.StoreError(f"{folder}: no run of this campaign is done yet")
     return Campaign(folder, head, rows=rows)
+
+
+def _of_table(kept, head):
+    """Campaign of results.parquet; None if it is not there, cannot be read, or is not of all that is done."""
+    from pyarrow import ArrowException
+
+    path = kept.folder / "results.parquet"
+    done, newest = {run for run in kept.done() if run < head["runs"]}, kept.newest()
+    try:
+        if newest is not None and path.stat().st_mtime_ns < newest:
+            return None
+        campaign = Campaign(kept.folder, head, path=path)
+        fits = newest is None or set(campaign.runs.tolist()) == done  # without any, the table alone was kept
+        return campaign if fits and len(campaign) else None
+    except (OSError, ArrowException, KeyError):
+        return None

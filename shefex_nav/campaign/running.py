@@ -5,7 +5,7 @@ from functools import partial
 from typing import NamedTuple
 
 from shefex_nav import workers as machine
-from shefex_nav.campaign import draws, engine, flight, progress
+from shefex_nav.campaign import draws, engine, progress, repeating
 from shefex_nav.campaign import plan as planning
 from shefex_nav.scenario import load
 from shefex_nav.scenario.laws import TableLaw
@@ -20,6 +20,7 @@ class Request(NamedTuple):
     workers: int | None  # processes on this machine; None: one a core
     cluster: str | None  # HOST:PORT of a Dask scheduler; None: this machine
     keep: tuple  # of Keep
+    again: bool = False  # whether runs that failed are flown again
 
 
 class Keep(NamedTuple):
@@ -36,6 +37,7 @@ class Ended(NamedTuple):
     digest: str  # of the results
     wall_s: float  # of all sessions so far
     interrupted: bool
+    lost: tuple = ()  # of engine.Lost: runs that are not in the table, flown when the campaign goes on
 
 
 class BadCampaign(Exception):
@@ -73,33 +75,56 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
     plan, sampler = prepared(request.scenario, request.runs, request.seed)
     store.begin(plan, described(request.scenario))
     tally = progress.Tally(plan.runs, badness(request.scenario))
-    done = set()
-    for record in store.records(plan.runs):
-        tally.take(record, flown=False)
-        done.add(record["run"])
-    missing = [run for run in range(plan.runs) if run not in done]
-    interrupted = False
+    missing = _missing(request, plan, store, show, tally)
+    lost, interrupted, table = [], False, None
     try:
         if missing:
             if crew is None and request.cluster is None:
                 compile_kernels(request.scenario, show)
             plan = with_flight(plan, store, request.scenario)
+            lanes = (crew or partial(_lanes, request))(plan, len(missing))
             with show.bar(tally) as note:
-
-                def take(flown):
-                    store.keep(flown)
-                    tally.take(flown.record)
-                    note()
-
-                lanes = (crew or partial(_lanes, request))(plan, len(missing))
-                engine.fly((sampler.job(run) for run in missing), lanes, take, stopped)
-        store.tabulate(plan.runs)  # before logs, which nothing depends on
-        _keep_logs(request, plan, sampler, store, show, stopped)
+                jobs = (sampler.job(run) for run in missing)
+                lost = engine.fly(jobs, lanes, partial(_take, store, tally, note), stopped)
+        table = store.tabulate(plan.runs)  # before logs, which nothing depends on
+        lost = lost + _keep_logs(request, plan, sampler, store, show, tally.scores, stopped, crew)
     except engine.Interrupted:
         interrupted = True
     wall_s = store.took(time.perf_counter() - began)
-    rows, digest = store.tabulate(plan.runs)
-    return Ended(rows, digest, wall_s, interrupted)
+    return Ended(*(table or store.tabulate(plan.runs)), wall_s, interrupted, tuple(lost))
+
+
+def _missing(request, plan, store, show, tally):
+    """Runs that are to be flown, in order: list. What is done is counted, what is spoilt is forgotten."""
+    done, again, spoilt = set(), [], []
+    for record in store.records(plan.runs):
+        if request.again and record["status"] == "failed":
+            again.append(record["run"])
+        elif not store.whole(record):
+            spoilt.append(record["run"])
+        else:
+            tally.take(record, flown=False)
+            done.add(record["run"])
+    if again:
+        show.say(f"flying the {len(again)} failed runs again")
+    if spoilt:
+        show.say(f"flying {_named(spoilt)} again: of their series the file is missing or spoilt")
+    store.forget(again + spoilt)
+    return [run for run in range(plan.runs) if run not in done]
+
+
+def _take(store, tally, note, flown):
+    """Keep a run that is over, count it, show it."""
+    store.keep(flown)
+    tally.take(flown.record)
+    note()
+
+
+def _named(runs, most=10):
+    """A list of runs for people."""
+    some = ", ".join(str(run) for run in runs[:most])
+    more = f" and {len(runs) - most} more" if len(runs) > most else ""
+    return f"run{'s' if len(runs) > 1 else ''} {some}{more}"
 
 
 def compile_kernels(scenario, show):
@@ -126,15 +151,20 @@ def with_flight(plan, store, scenario):
 
 def _lanes(request, plan, runs):
     """The workers, as lanes of the engine."""
-    if request.cluster is not None:
-        try:
-            from shefex_nav.campaign.cluster import ClusterLane
-        except ModuleNotFoundError as error:
-            raise BadCampaign(
-                f"--engine dask needs the extra 'cluster' ({error.name} is not installed): "
-                "uv sync --extra cluster, or pip install 'shefex-nav[cluster]'"
-            ) from None
-        return [ClusterLane(request.cluster, plan)]
+    if request.cluster is None:
+        return _lanes_here(request, plan, runs)
+    try:
+        from shefex_nav.campaign.cluster import ClusterLane
+    except ModuleNotFoundError as error:
+        raise BadCampaign(
+            f"--engine dask needs the extra 'cluster' ({error.name} is not installed): "
+            "uv sync --extra cluster, or pip install 'shefex-nav[cluster]'"
+        ) from None
+    return [ClusterLane(request.cluster, plan)]
+
+
+def _lanes_here(request, plan, runs):
+    """Workers of this machine."""
     return [engine.ProcessLane(plan) for _ in range(min(request.workers or machine.cores(), runs))]
 
 
@@ -163,33 +193,40 @@ def badness(scenario):
     return bad
 
 
-def chosen(keep, records, bad):
-    """Runs that get a log, by what is to be kept: list, the worst first."""
+def chosen(keep, scores):
+    """Runs that get a log, by what is to be kept: list, the worst first. scores : as of progress.Tally"""
     found = []
     for one in keep:
         if one.what == "failed":
-            found += [record["run"] for record in records if record["status"] == "failed"]
+            found += sorted(run for run, bad in scores.items() if bad is None)
         else:
-            flown = [record for record in records if record["status"] != "failed"]
-            flown.sort(key=bad, reverse=True)  # stable: of equals the first
-            found += [record["run"] for record in flown[: one.most]]
+            flown = sorted(run for run, bad in scores.items() if bad is not None)
+            flown.sort(key=scores.get, reverse=True)  # stable: of equals the first
+            found += flown[: one.most]
     return list(dict.fromkeys(found))
 
 
-def _keep_logs(request, plan, sampler, store, show, stopped):
-    """Fly the runs that are to be kept again, with a log each, on this machine."""
-    if not request.keep:
-        return
-    wanted = chosen(request.keep, list(store.records(plan.runs)), badness(request.scenario))
-    missing = [run for run in wanted if not store.log(run).exists()]
+def _keep_logs(request, plan, sampler, store, show, scores, stopped, crew):
+    """Fly the runs that are to be kept again, with a log each, on this machine. -> list of engine.Lost"""
+    missing = [run for run in chosen(request.keep, scores) if not store.log(run).exists()]
     if not missing:
-        return
-    show.say(f"flying again with a log: {', '.join(f'run {run}' for run in missing)}")
-    pilot = flight.Pilot(with_flight(plan, store, request.scenario))
-    for run in missing:
-        if stopped():
-            raise engine.Interrupted
-        part = store.log(run).with_suffix(".part")
-        pilot.fly(sampler.job(run), log=part)
-        if part.exists():  # a run may fail before its first record
-            part.replace(store.log(run))
+        return []
+    show.say(f"flying again with a log: {_named(missing)}")
+    parts = {run: store.log(run).with_suffix(".part") for run in missing}
+    plan = with_flight(plan, store, request.scenario)
+    lanes = (crew or partial(_lanes_here, request))(plan, len(missing))
+    jobs = (sampler.job(run)._replace(log=str(part)) for run, part in parts.items())
+    tally = progress.Tally(len(missing))
+
+    def take(flown):
+        run = flown.record["run"]
+        if different := repeating.compared(store.record(run), flown.record):
+            columns = ", ".join(list(different)[: repeating.MOST_WORDS])
+            show.say(f"run {run}: no log, it differs from its row in {len(different)} columns: {columns}")
+        elif parts[run].exists():  # a run may fail before its first record
+            store.keep_log(parts[run], run)
+        tally.take(flown.record)
+        note()
+
+    with show.bar(tally) as note:
+        return engine.fly(jobs, lanes, take, stopped)

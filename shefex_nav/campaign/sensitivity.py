@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign.over_time import holm
+from shefex_nav.campaign.statistics import ENTRY
 
 RUNS_PER_FEATURE = 5  # a regression on fewer finds what is not there
 CONFIDENCE = 0.95
 FEWEST = 8  # runs of which a correlation is worth a test
 SIGNIFICANT = 0.05
 SAME = 1e-10  # share of a feature's variance that the others leave, below which it is one of them again
-ENTRY = "summary.navigation.at_entry"
 OUTCOMES = (  # name, columns (their norm if several), keeps its sign
     ("attitude x at entry", (f"{ENTRY}.attitude_error_deg.0",)),
     ("attitude y at entry", (f"{ENTRY}.attitude_error_deg.1",)),
@@ -68,8 +68,8 @@ class Regression(NamedTuple):
     r2_low: float
     r2_high: float
     r2_adjusted: float
-    effects: tuple  # of Effect, the largest first
-    left_out: tuple  # names of features that others determine
+    effects: tuple  # of Effect of the features that others do not determine, the largest first
+    distances: bool = True  # whether they are among them
 
 
 class Separation(NamedTuple):
@@ -159,10 +159,9 @@ def regress(outcome, values, features):
     names = [feature.name for feature in features]
     fit = _standardised(y_std, x_std[:, kept])
     effects = (Effect(names[j], *row) for j, row in zip(kept, fit.effects, strict=True))
-    left_out = tuple(name for j, name in enumerate(names) if j not in kept)
     adjusted = 1.0 - (1.0 - fit.r2[0]) * (n - 1.0) / (n - 1.0 - len(kept))
     ordered = tuple(sorted(effects, key=lambda effect: -abs(effect.value)))
-    return Regression(outcome, n, *fit.r2, adjusted, ordered, left_out)
+    return Regression(outcome, n, *fit.r2, adjusted, ordered)
 
 
 class _Fit(NamedTuple):
@@ -204,9 +203,11 @@ def _independent(x):
 
 def regressions(found, draws):
     """Regression of every outcome: on draws and their distances, or on the draws alone if runs are few."""
-    result = []
+    result, every, alone = [], features(draws), features(draws, spread=False)
     for name, values in found.items():
-        one = regress(name, values, features(draws)) or regress(name, values, features(draws, spread=False))
+        one = regress(name, values, every)
+        if one is None and (one := regress(name, values, alone)) is not None:
+            one = one._replace(distances=len(alone) == len(every))
         if one is not None:
             result.append(one)
     return result

@@ -2,12 +2,9 @@
 
 import numpy as np
 
-from shefex_nav import prepare
+from shefex_nav.campaign.plan import BLOCKS
 from shefex_nav.report import metrics
 from shefex_nav.report.pairing import SAME_TIME_S, same_times
-
-COVARIANCE_RATE = 10.0  # Hz, of the logged covariance; the highest rate of series
-BLOCKS = ("attitude", "velocity", "position", "gyro_bias", "accel_bias")  # columns of `nees`
 
 
 def series(data, scenario, seed, trajectory, rate_hz):
@@ -35,32 +32,44 @@ def series(data, scenario, seed, trajectory, rate_hz):
     nis_sum.<sensor>, nis_dof.<sensor> : (N,) sums of the normalised squared innovations of the measurements
         that met the gate since the epoch before, and of their degrees of freedom
     """
+    from shefex_nav import prepare
+
     errors = metrics.navigation_errors(data)
+    i, j = _epochs(errors, data, rate_hz)
+    t_s = errors.t_s[i]
+    of_sample = np.searchsorted(trajectory.t_s, t_s - SAME_TIME_S).clip(0, len(trajectory.t_s) - 1)
+    biases = prepare.true_biases(scenario, seed, trajectory)[of_sample]
+    kept = _errors_and_sigmas(errors, data.covariance, biases, i, j)
+    kept["phase"] = metrics.phase_at(data.truth, t_s).astype(np.int8)
+    kept["nees"] = _nees(kept, data.covariance.P[j])
+    return kept | _innovations(data.gates, t_s)
+
+
+def _epochs(errors, data, rate_hz):
+    """Places of the epochs that are kept, among the errors and among the covariances: (N,), (N,)."""
     of_errors, of_covariance = same_times(errors.t_s, data.covariance.t_s)
     since_s = errors.t_s[of_errors] - data.mission.start_s
     wanted = np.abs(since_s * rate_hz - np.round(since_s * rate_hz)) <= SAME_TIME_S * rate_hz
-    i, j = of_errors[wanted], of_covariance[wanted]
-    t_s = errors.t_s[i]
-    P, sigma = data.covariance.P[j], data.covariance.sigma[j]
-    of_sample = np.searchsorted(trajectory.t_s, t_s - SAME_TIME_S).clip(0, len(trajectory.t_s) - 1)
-    biases = prepare.true_biases(scenario, seed, trajectory)[of_sample]
+    return of_errors[wanted], of_covariance[wanted]
+
+
+def _errors_and_sigmas(errors, covariance, biases, i, j):
+    """Arrays of the epochs i of the errors, j of the covariance; biases (N, 6) true, of these epochs."""
+    P, sigma = covariance.P[j], covariance.sigma[j]
     standard = np.sqrt(np.einsum("kii->ki", P))
-    kept = {
-        "t_s": t_s,
+    return {
+        "t_s": errors.t_s[i],
         "position_error_i": errors.position_i[i],
         "velocity_error_i": errors.velocity_i[i],
         "attitude_error_b": errors.attitude_b[i],
-        "gyro_bias_error": biases[:, :3] - data.covariance.gyro_bias[j],
-        "accel_bias_error": biases[:, 3:] - data.covariance.accel_bias[j],
+        "gyro_bias_error": biases[:, :3] - covariance.gyro_bias[j],
+        "accel_bias_error": biases[:, 3:] - covariance.accel_bias[j],
         "position_sigma_i": standard[:, 0:3],
         "velocity_sigma_i": standard[:, 3:6],
         "attitude_sigma_b": standard[:, 6:9],
         "gyro_bias_sigma": sigma[:, 0:3],
         "accel_bias_sigma": sigma[:, 3:6],
-        "phase": metrics.phase_at(data.truth, t_s).astype(np.int8),
     }
-    kept["nees"] = _nees(kept, P)
-    return kept | _innovations(data.gates, t_s)
 
 
 def _nees(kept, P):

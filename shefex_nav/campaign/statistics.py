@@ -197,9 +197,7 @@ def ellipses(campaign):
     """Dispersion of the flights at apogee and at entry: list of Ellipse; empty if there is none."""
     result = []
     for what in ("apogee", "entry"):
-        names = [
-            f"summary.flight.at_{what}.{key}" for key in ("latitude_deg", "longitude_deg", "altitude_km")
-        ]
+        names = [f"summary.flight.at_{what}.{key}" for key in PLACE]
         places = np.array([campaign.numbers(name) for name in names]).T
         places = places[np.isfinite(places).all(axis=1) & campaign.succeeded]
         if len(places) > 2 and (found := ellipse(what, places)) is not None:

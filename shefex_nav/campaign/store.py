@@ -1,15 +1,18 @@
 """The folder of a campaign: what is flown, one file a run, and the table of all (see the package).
 
-A file is written whole or not at all: under another name first, which then becomes its own.
+A file is written whole or not at all, and is on the disk before its run counts as done (`files`). What a disk
+lost or spoilt all the same is flown again.
 """
 
 import difflib
 import json
 import os
+from contextlib import contextmanager
 from pathlib import Path
 
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign import table
+from shefex_nav.campaign.files import put, settle
 from shefex_nav.scenario import document
 
 DIGITS = 6
@@ -18,15 +21,6 @@ LONGEST_DIFFERENCE = 60  # lines
 
 class StoreError(Exception):
     """A folder that cannot be used; the message says why and what to do."""
-
-
-def put(path, content):
-    """Write bytes or text to a file, whole or not at all."""
-    part = path.with_name(path.name + ".part")
-    if isinstance(content, str):
-        content = content.encode()
-    part.write_bytes(content)
-    os.replace(part, path)
 
 
 HALF_WRITTEN = (  # folder, pattern
@@ -86,16 +80,27 @@ class Store:
             "dispersions": dispersions,
             "versions": plan.versions if old is None else old["versions"],
             "wall_s": 0.0 if old is None else old["wall_s"],
+            "flight_sha256": None if old is None else old.get("flight_sha256"),
         }
         self._keep_head(head)
         return head
 
     def _clear(self):
         """Remove what a killed session left half written; only names that a campaign writes."""
-        for folder, pattern in HALF_WRITTEN:
-            for part in (self.folder / folder).glob(pattern):
-                if part.is_file():
-                    part.unlink()
+        with self._writing():
+            for folder, pattern in HALF_WRITTEN:
+                for part in (self.folder / folder).glob(pattern):
+                    if part.is_file():
+                        part.unlink()
+
+    @contextmanager
+    def _writing(self):
+        """A disk that is full, or gone, is a StoreError."""
+        try:
+            yield
+        except OSError as error:
+            words = f"cannot write into {self.folder}: {error.strerror or error}"
+            raise StoreError(f"{words}; what is there is kept, the same command goes on") from None
 
     def took(self, wall_s):
         """Add the time of a session to what the campaign has taken so far. -> s in all"""
@@ -105,14 +110,22 @@ class Store:
         return head["wall_s"]
 
     def _keep_head(self, head):
-        put(self.folder / "campaign.json", json.dumps(head, indent=1, allow_nan=False) + "\n")
+        with self._writing():
+            put(self.folder / "campaign.json", json.dumps(head, indent=1, allow_nan=False) + "\n")
+            settle(self.folder)
 
     def flight(self, make):
         """The flight that all runs share, as bytes: the one that is kept here, else `make()`."""
-        path = self.folder / "flight.npz"
-        if not path.exists():
-            put(path, make())
-        return path.read_bytes()
+        path, head = self.folder / "flight.npz", self.head()
+        with self._writing():
+            if path.exists() and planning.digest(content := path.read_bytes()) == head["flight_sha256"]:
+                return content
+            content = make()
+            if head["flight_sha256"] not in (None, planning.digest(content)):
+                raise StoreError(f"{path}: is not what the runs flew, and cannot be made again as it was")
+            put(path, content)
+        self._keep_head(head | {"flight_sha256": planning.digest(content)})
+        return content
 
     # ---- runs --------------------------------------------------------------------------------------------
 
@@ -122,15 +135,23 @@ class Store:
 
     def log(self, run):
         """Path of the log of a run; its folder is made."""
-        (self.folder / "logs").mkdir(exist_ok=True)
+        with self._writing():
+            (self.folder / "logs").mkdir(exist_ok=True)
         return self.folder / "logs" / f"{run:0{DIGITS}d}.mcap"
+
+    def keep_log(self, part, run):
+        """Give the file of a log that is whole its name."""
+        with self._writing():
+            os.replace(part, self.log(run))
 
     def keep(self, flown):
         """Keep a run; its record comes last, because it says that the run is done."""
         run = flown.record["run"]
-        if flown.series is not None:
-            put(self.path(run, "npz"), flown.series)
-        put(self.path(run, "json"), json.dumps(flown.record, allow_nan=False) + "\n")
+        with self._writing():
+            if flown.series is not None:
+                put(self.path(run, "npz"), flown.series)
+            put(self.path(run, "json"), json.dumps(flown.record, allow_nan=False) + "\n")
+            settle(self.folder / "runs")
 
     def record(self, run):
         """Record of a run; None if it is not there or was cut off by a power failure."""
@@ -142,14 +163,50 @@ class Store:
             if run < runs and (record := self.record(run)) is not None:
                 yield record
 
+    def whole(self, record):
+        """Whether the series of a run are there as they were written; a failed run has none."""
+        expected = record.get("series_file")
+        if not expected:
+            return record["status"] == "failed"
+        try:
+            return planning.digest(self.path(record["run"], "npz").read_bytes()) == expected
+        except FileNotFoundError:
+            return False
+
+    def forget(self, runs):
+        """Remove the records of some runs, which are to be flown again."""
+        with self._writing():
+            for run in runs:
+                self.path(run, "json").unlink()
+            settle(self.folder / "runs")
+
     def done(self):
         """Numbers of the runs whose record is there: set."""
-        return {int(path.stem) for path in (self.folder / "runs").glob("*.json") if path.stem.isdecimal()}
+        return set(self._times())
+
+    def newest(self):
+        """When the newest record was written, ns; None if there is none."""
+        return max(self._times().values(), default=None)
+
+    def _times(self):
+        """{run: when its record was written, ns}."""
+        found = {}
+        try:
+            with os.scandir(self.folder / "runs") as entries:
+                for entry in entries:
+                    name, _, ending = entry.name.partition(".")
+                    if ending == "json" and name.isdecimal():
+                        found[int(name)] = entry.stat().st_mtime_ns
+        except FileNotFoundError:
+            pass
+        return found
 
     def tabulate(self, runs):
         """Write results.parquet of the runs that are done. -> (rows, digest)"""
-        rows = [table.row(record) for record in self.records(runs)]
-        table.save(rows, self.folder / "results.parquet")
+        rows = table.unmixed([table.row(record) for record in self.records(runs)])
+        with self._writing():
+            table.save(rows, self.folder / "results.parquet")
+            settle(self.folder)
         return rows, table.digest(rows)
 
 
@@ -164,8 +221,9 @@ def read_head(folder, missing=StoreError):
         raise StoreError(f"{folder}: there is no campaign.json; expected the folder of a campaign") from None
     except (OSError, ValueError) as error:
         raise StoreError(f"{path}: cannot be read: {error}") from None
-    if head.get("format") != planning.FORMAT:
-        raise StoreError(f"{path}: its format is {head.get('format')}, expected {planning.FORMAT}")
+    found = head.get("format") if isinstance(head, dict) else None
+    if found != planning.FORMAT:
+        raise StoreError(f"{path}: its format is {found}, expected {planning.FORMAT}")
     return head
 
 
@@ -205,6 +263,11 @@ def _compare(old, plan, folder):
         raise StoreError(
             f"{folder}: a Latin hypercube of {old['runs']} runs, of which each draw depends on that number; "
             f"--runs {plan.runs} is another campaign: {how}"
+        )
+    if plan.runs < old["runs"]:
+        raise StoreError(
+            f"{folder}: was asked for {old['runs']} runs, --runs {plan.runs} would take some away; expected "
+            f"{old['runs']} or more, or another folder with --out. `shefex-nav report` reads what there is"
         )
     now = plan.versions
     differ = [

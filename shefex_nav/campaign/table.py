@@ -12,6 +12,8 @@ import math
 
 import numpy as np
 
+from shefex_nav.campaign.files import whole
+
 LONGEST = 6  # numbers of a list that become columns
 HEAD = ("run", "status", "reason", "traceback", "seed", "series_sha256")
 MEASURED = ("wall_s", "setup_s", "real_time_factor", "star_tracker.chain_ms.")  # of a summary
@@ -47,6 +49,29 @@ def _scalars(value, path=""):
                 yield f"{path}.{k}", item
     else:
         yield path, value
+
+
+def unmixed(rows):
+    """Rows whose columns are of one kind each: values of a column of several kinds become their JSON.
+
+    A choice between a word and a number is such a column, which Parquet does not know. -> the same list
+    """
+    kinds = {}
+    for one in rows:
+        for name, value in one.items():
+            if value is not None:
+                kinds.setdefault(name, set()).add(_kind(value))
+    for name in [name for name, found in kinds.items() if len(found) > 1]:
+        for one in rows:
+            if one.get(name) is not None:
+                one[name] = json.dumps(one[name])
+    return rows
+
+
+def _kind(value):
+    if isinstance(value, bool):
+        return "truth"
+    return "text" if isinstance(value, str) else "number"
 
 
 def digest(rows):
@@ -105,27 +130,26 @@ def _column(values):
 
 
 def save(rows, path):
-    """Write rows as Parquet, sorted by run; the file is whole or not there. list of dict, Path"""
+    """Write unmixed rows as Parquet, sorted by run; the file is whole or not there. list of dict, Path"""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     rows = sorted(rows, key=lambda one: one["run"])
     names = [*HEAD, *sorted({name for one in rows for name in one} - set(HEAD))]
     arrays = [_arrow([one.get(name) for one in rows]) for name in names]
-    part = path.with_name(path.name + ".part")
-    pq.write_table(pa.table(arrays, names=names), part, compression="zstd")
-    part.replace(path)
+    with whole(path) as part:
+        pq.write_table(pa.table(arrays, names=names), part, compression="zstd")
 
 
 def _arrow(values):
-    """pyarrow array of one column; a column of mixed kinds is text."""
+    """pyarrow array of one column of one kind."""
     import pyarrow as pa
 
     given = [value for value in values if value is not None]
     if all(isinstance(value, bool) for value in given) and given:
         return pa.array(values, pa.bool_())
-    if any(isinstance(value, bool | str) for value in given) or not given:
-        return pa.array([None if value is None else str(value) for value in values], pa.string())
+    if any(isinstance(value, str) for value in given) or not given:
+        return pa.array(values, pa.string())
     if all(isinstance(value, int) for value in given):
         return pa.array(values, pa.int64() if max(given) < 2**63 else pa.uint64())
     return pa.array([None if value is None else float(value) for value in values], pa.float64())

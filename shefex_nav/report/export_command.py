@@ -49,8 +49,9 @@ def export(
             typer.echo(f"wrote {path}", err=True)
 
 
-def folder_for(path, option):
-    """Make a folder for results before anything is computed, or say why not."""
+def folder_for(path, option, *, force):
+    """Make a folder for results before anything is computed, or say why not; `force`: it may be filled."""
+    _check_filled(path, option, force=force)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -77,6 +78,11 @@ def _check_folder(path, option, *, force):
         raise typer.BadParameter(f"{path} is a file; give the name of a folder", param_hint=option)
     if not path.exists() and not path.parent.is_dir():
         raise typer.BadParameter(f"there is no folder {path.parent}", param_hint=option)
+    _check_filled(path, option, force=force)
+
+
+def _check_filled(path, option, *, force):
+    """Refuse a folder that has something in it."""
     if path.is_dir() and any(path.iterdir()) and not force:
         raise typer.BadParameter(
             f"{path} is not empty; choose another folder or add --force", param_hint=option

@@ -4,6 +4,7 @@ The models check single values; `checks` compares values with each other, `param
 parameters of the stages. Once loaded, a quantity is a float in SI and radians.
 """
 
+import json
 from typing import Any, Literal
 
 from pydantic import Field, PrivateAttr
@@ -60,12 +61,14 @@ class Scenario(Block):
     def load(cls, path, overrides=()):
         """Scenario of a YAML file, with overrides ["gps.rate=5 Hz"] or {"gps.rate": "5 Hz"}.
 
+        In a dict, what is no text may be a number, True, None, or a list or dict of such.
         Raises ScenarioError, which lists every error with its place.
         """
         from shefex_nav.scenario.load import load  # which needs this class
 
-        pairs = overrides.items() if isinstance(overrides, dict) else None
-        return load(path, overrides if pairs is None else [f"{key}={value}" for key, value in pairs])
+        if isinstance(overrides, dict):
+            overrides = [f"{key}={_yaml(value)}" for key, value in overrides.items()]
+        return load(path, overrides)
 
     @property
     def source(self):
@@ -87,3 +90,8 @@ class Scenario(Block):
     def keep_text(self, source, files):
         """Remember where the scenario came from; `source` is its text, or a function that gives it."""
         self._source, self._files = source, tuple(files.items())
+
+
+def _yaml(value):
+    """Text that YAML reads as the value: a text as it is, anything else as JSON, which is YAML too."""
+    return value if isinstance(value, str) else json.dumps(value)

@@ -21,20 +21,24 @@ def _share(words):
     return Number("1", words, non_negative=True, at_most=1.0)
 
 
-Terms = tuple[Number("0.001"), Number("1.2"), Number("1.2")]
+Terms = tuple[Number("0.001"), Number("1.2"), Number("1.2"), Number("0.01")]
 Row = tuple[Number("8"), _share("without a fix before"), _share("soon after a fix"), _share("of them wrong")]
 
 
 class SightingsFit(Block):
     """Which sources are found in a picture, and how well they are measured."""
 
-    detection: tuple[Number("-5"), Number("4"), Number("1")] = Field(
-        description="odds that a source is found: exp(d0 + d1 ln q + d2 ln(w / s)), q its contrast, w and s "
-        "the length and the width of its spot"
+    detection: tuple[Number("0"), Number("1"), Number("0.5")] = Field(
+        description="a source is found with the probability Phi(d0 + d1 z + d2 ln(1 + L / 3)), z the height "
+        "of its light in 3x3 pixels above the threshold, in sigmas, L the length of its streak in pixels"
+    )
+    clutter: tuple[Number("0.3", non_negative=True), Number("2", non_negative=True)] = Field(
+        description="mean number of objects in a frame that are no source: always, and more with long streaks"
     )
     border: Quantity("pix", "1 pix", "a source nearer to it is not found", non_negative=True)
     noise: Terms = Field(
-        description="variance of a centroid: 1 px2, times its shot noise, times that of the background"
+        description="variance of a centroid: 1 px2, times its shot noise, times that of the background, "
+        "times what is lost of a spot that is sharper than a pixel"
     )
     reported: Terms = Field(description="variance that is reported with it, likewise")
     saturation: (
@@ -60,10 +64,10 @@ class IdentificationFit(Block):
 class StarStatistics(Block):
     """A fitted star tracker."""
 
-    format: Literal[1]
+    format: Literal[2]
     made: dict[str, Any] = Field(description="by which version, from which scenario, how many runs")
     settings: dict[str, Any] = Field(description="of camera and star tracker; [a, b]: from a to b")
-    digest: str = Field(description="of the settings")
+    digest: str = Field(description="of the fit and its settings")
     sightings: SightingsFit
     identification: IdentificationFit
     tests: list[dict[str, Any]] = Field(description="of the fit, on runs that it was not fitted to")
@@ -99,12 +103,13 @@ def _flat(value, path):
     return found
 
 
-def digest(values):
-    """Digest of settings: 16 hexadecimal digits. dict -> str"""
+def digest(content):
+    """Digest of what a file says of a star tracker, and for which settings: 16 hexadecimal digits."""
     import hashlib
     import json
 
-    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+    said = {name: content[name] for name in ("sightings", "identification", "settings")}
+    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def contradictions(scenario):

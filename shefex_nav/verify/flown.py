@@ -89,8 +89,8 @@ def load(path, head=None):
     other = {key: found.get(key) for key, value in (head or {}).items() if found.get(key) != value}
     if other:
         raise ValueError(
-            f"{path}: its star fixes are those of {_words(other)}, not of {_words(head, other)}; keep those of "
-            "other scenarios and overrides in folders of their own"
+            f"{path}: its star fixes are those of {_words(other)}, not of {_words(head, other)}; "
+            "keep those of other scenarios and overrides in folders of their own"
         )
     ends = np.cumsum(kept["count"])
     return [

@@ -62,14 +62,13 @@ def request(scenario, runs=4, **kept):
     return running.Request(scenario, runs, wanted.pop("seed", 1), **wanted)
 
 
-def fly(scenario, folder, runs=4, stopped=lambda: False, before=lambda job: None, **kept):
+def fly(scenario, folder, runs=4, stopped=lambda: False, before=lambda job: None, say=lambda t: None, **kept):
     """The campaign in this process. -> Ended"""
-    said = []
     with Store(folder) as store:
         return running.fly(
             request(scenario, runs, **kept),
             store,
-            Show(said.append),
+            Show(say),
             stopped,
             crew=lambda plan, count: [HereLane(plan, before)],
         )

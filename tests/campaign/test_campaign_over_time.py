@@ -5,7 +5,7 @@ import pytest
 import synthetic_campaign
 from scipy import stats
 
-from shefex_nav.campaign import over_time
+from shefex_nav.campaign import over_time, parts
 from shefex_nav.campaign.results import open_campaign
 
 
@@ -42,7 +42,7 @@ def test_runs_of_different_length_are_put_at_their_times(tmp_path):
     assert np.allclose(series.errors[1, 5:30, 2], kept["position_error_i"][5:30])
     assert over_time.contained(series).runs.tolist() == [2] * 5 + [3] * 25 + [2] * 10
     assert over_time.anees(series).dof[0] == 6
-    assert series.nis_dof["gps"].tolist() == [12.0] * 5 + [18.0] * 25 + [12.0] * 10
+    assert series.nis_dof["gps"].sum(axis=0).tolist() == [12.0] * 5 + [18.0] * 25 + [12.0] * 10
 
 
 def test_bounds_are_those_of_scipy(right):
@@ -115,3 +115,61 @@ def test_holm_by_hand():
     # sorted 0.005, 0.01, 0.03, 0.04 times 4, 3, 2, 1, never falling: 0.02, 0.03, 0.06, 0.06
     assert over_time.holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
     assert over_time.holm([0.9, 0.8]).tolist() == [1.0, 1.0]
+
+
+def made_up_nis(sums, dof):
+    """Series with nothing but NIS. (R, T), (R, T)"""
+    z = np.zeros((len(sums), sums.shape[1], 5, 3))
+    nis = {"gps": np.asarray(sums, float)}, {"gps": np.asarray(dof, float)}
+    phase = np.full(sums.shape, 2)
+    return over_time.Series(np.arange(len(sums)), np.arange(sums.shape[1]), z, z, z[..., 0], phase, *nis)
+
+
+def test_nis_is_judged_over_runs_and_by_what_matters():
+    """300 runs of 1500 degrees of freedom each: chi-square of all of them would see a fault of 0.5 %."""
+    rng = np.random.default_rng(20)
+    dof = np.full((300, 5), 300.0)
+    squares = rng.chisquare(dof)
+    for factor, good in ((1.0, True), (1.03, True), (0.95, True), (1.2, False), (0.8, False)):
+        (one,) = over_time.judge_nis(made_up_nis(factor * squares, dof))
+        assert one.good is good and one.value == pytest.approx(factor, rel=0.01)
+    # what the innovations of a run have in common: each run's own scale, 1 on the average
+    scale = rng.gamma(4.0, 0.25, (12, 1))
+    few = made_up_nis(scale / scale.mean() * 1.15 * squares[:12], dof[:12])
+    (one,) = over_time.judge_nis(few)
+    assert one.good and one.p == pytest.approx(
+        stats.ttest_1samp(few.nis_sum["gps"].sum(axis=1) / 1500.0, 1.0).pvalue
+    )
+    pooled = few.nis_sum["gps"].sum()
+    assert stats.chi2.sf(pooled, 12 * 1500) < 1e-10
+    (alone,) = over_time.judge_nis(made_up_nis(1.3 * squares[:1], dof[:1]))
+    assert not alone.good and alone.samples == 1
+
+
+def test_series_that_are_missing_or_spoilt_are_left_out_and_counted(tmp_path):
+    campaign = open_campaign(synthetic_campaign.write(tmp_path / "c", 6))
+    runs = campaign.folder / "runs"
+    (runs / "000000.npz").unlink()
+    (runs / "000002.npz").write_bytes(b"")
+    whole = (runs / "000003.npz").read_bytes()
+    (runs / "000003.npz").write_bytes(whole[: len(whole) // 2])
+    middle = (runs / "000004.npz").read_bytes()
+    at = middle.index(b"position_error")  # the values of one array, not its name or the times before it
+    (runs / "000004.npz").write_bytes(middle[: at + 400] + bytes(100) + middle[at + 500 :])
+    series = over_time.read(campaign)
+    assert series.runs.tolist() == [1, 5] and series.unread == 4
+    assert series.errors.shape[0] == series.nis_sum["gps"].shape[0] == 2
+    assert np.allclose(series.errors[1, :, 2], campaign.series(5)["position_error_i"], rtol=1e-6)
+    assert "4 runs have no series" in parts.covariance(campaign, series).lines[0]
+    for path in runs.glob("*.npz"):
+        path.unlink()
+    assert over_time.read(campaign) is None
+
+
+def test_no_more_series_are_read_than_memory_is_for(tmp_path):
+    campaign = open_campaign(synthetic_campaign.write(tmp_path / "c", 6))
+    room_for_two = 2.5 * synthetic_campaign.T * over_time.BYTES_OF_EPOCH
+    series = over_time.read(campaign, most_bytes=room_for_two)
+    assert series.runs.tolist() == [0, 1] and series.unread == 0
+    held = sum(one.nbytes for one in (series.errors, series.sigmas, series.nees, series.phase))
+    assert held <= room_for_two

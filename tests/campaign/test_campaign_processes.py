@@ -34,9 +34,9 @@ def digest(path, tmp_path_factory):
     return fly(load.load(path), tmp_path_factory.mktemp("whole"), RUNS).digest
 
 
-def started(*arguments):
-    """A process of this Python."""
-    threads = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
+def started(*arguments, threads=1):
+    """A process of this Python; `threads` as a user's profile may set them for linear algebra."""
+    threads = {f"{name}_NUM_THREADS": str(threads) for name in ("OMP", "OPENBLAS", "MKL")}
     return subprocess.Popen(
         [sys.executable, *map(str, arguments)],
         stdout=subprocess.PIPE,
@@ -47,10 +47,10 @@ def started(*arguments):
     )
 
 
-def campaign(path, folder, *more):
+def campaign(path, folder, *more, **how):
     """The command, running."""
     fixed = ("-m", "shefex_nav.cli", "campaign", path, "--runs", RUNS, "--out", folder, "--json")
-    return started(*fixed, *more)
+    return started(*fixed, *more, **how)
 
 
 def wait_for(what, process, folder):
@@ -127,37 +127,62 @@ def free_port():
         return one.getsockname()[1]
 
 
-def test_a_dask_cluster_of_two_workers_of_which_one_is_killed(path, digest, tmp_path):
-    """A scheduler and two workers, started apart on the loopback; needs the extra `cluster`."""
+def test_threads_of_the_user_change_nothing(path, digest, tmp_path):
+    """Many profiles set OMP_NUM_THREADS: the campaign, its logs and `repeat` fly with one all the same."""
+    folder = tmp_path / "campaign"
+    printed, said = campaign(path, folder, "--keep", "worst:1", threads=8).communicate(timeout=PATIENCE_S)
+    assert json.loads(printed)["results_digest"] == digest, said
+    assert len(list((folder / "logs").glob("*.mcap"))) == 1 and "no log" not in said
+    again = started("-m", "shefex_nav.cli", "repeat", folder, 2, "--log", tmp_path / "2.mcap", threads=8)
+    printed, said = again.communicate(timeout=PATIENCE_S)
+    assert again.returncode == 0 and "run 2: succeeded; the same as its row" in printed, said
+    assert (tmp_path / "2.mcap").stat().st_size > 10_000 and not list(tmp_path.glob("*.part"))
+
+
+def test_two_campaigns_on_a_dask_cluster_of_which_a_worker_is_killed(path, digest, tmp_path):
+    """A scheduler and two workers, started apart on the loopback; needs the extra `cluster`.
+
+    Each campaign gets the results of its own scenario, and no run is lost with the worker.
+    """
     if importlib.util.find_spec("distributed") is None:
         pytest.skip("distributed is not installed: uv sync --extra cluster")
-    port, folder = free_port(), tmp_path / "campaign"
+    noisy = "gps.range_noise=30 m"
+    expected = digest, fly(load.load(path, [noisy]), tmp_path / "here", RUNS).digest
+    port, folders = free_port(), (tmp_path / "one", tmp_path / "two")
     scheduler = started(
         *("-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", port),
         *("--no-dashboard", "--no-show"),
     )
     worker = ("-m", "distributed.cli.dask_worker", f"tcp://127.0.0.1:{port}", "--nthreads", 1, "--no-nanny")
     workers = [started(*worker, "--no-dashboard", "--local-directory", tmp_path / name) for name in "ab"]
+    engine = ("--engine", f"dask://127.0.0.1:{port}")
     try:
-        flying = campaign(path, folder, "--engine", f"dask://127.0.0.1:{port}")
-        wait_for(1, flying, folder)
+        both = [campaign(path, folders[0], *engine), campaign(path, folders[1], *engine, "--set", noisy)]
+        wait_for(1, both[0], folders[0])
         workers[0].kill()
-        printed, said = flying.communicate(timeout=PATIENCE_S)
+        ended = [flying.communicate(timeout=PATIENCE_S) for flying in both]
     finally:
-        for process in (*workers, scheduler):
+        for process in (*both, *workers, scheduler):
             process.kill()
             process.communicate()
-    assert flying.returncode == 0, said
-    assert json.loads(printed)["results_digest"] == digest
+    for flying, (printed, said), wanted in zip(both, ended, expected, strict=True):
+        assert flying.returncode == 0, said
+        assert json.loads(printed)["results_digest"] == wanted
+    assert expected[0] != expected[1]
 
 
 def test_a_scheduler_that_is_not_there(path, tmp_path):
+    """One message, also where dask is not installed."""
     if importlib.util.find_spec("distributed") is None:
         flying = campaign(path, tmp_path, "--engine", "dask://127.0.0.1:1")
         _, said = flying.communicate(timeout=PATIENCE_S)
         assert flying.returncode == 2 and "needs the extra 'cluster' (distributed is not installed)" in said
         return
-    flying = campaign(path, tmp_path, "--engine", f"dask://127.0.0.1:{free_port()}")
+    impatient = "from shefex_nav.campaign import cluster; cluster.CONNECT_S = 1.0"
+    command = f"{impatient}; from shefex_nav import cli; cli.main()"
+    address = f"dask://127.0.0.1:{free_port()}"
+    flying = started("-c", command, "campaign", path, "--runs", 1, "--out", tmp_path, "--engine", address)
     _, said = flying.communicate(timeout=PATIENCE_S)
     assert flying.returncode == 2
     assert re.search(r"dask://127\.0\.0\.1:\d+: no scheduler with a worker answers", said), said
+    assert "Traceback" not in said

@@ -129,7 +129,7 @@ def test_a_wrong_covariance_is_in_the_tables(tmp_path):
     found = parts.covariance(campaign, over_time.read(campaign))
     words = [str(cell) for row in found.rows for cell in row]
     assert "covariance too small" in words and "covariance too large" not in words
-    assert {"  NEES of attitude, end of coast", "  NIS of gps"} <= set(words)
+    assert {"  NEES of attitude, end of coast", "  NIS of gps, mean of the runs"} <= set(words)
 
 
 def test_the_page_has_everything_and_loads_nothing(folder, tmp_path):
@@ -145,3 +145,36 @@ def test_the_page_has_everything_and_loads_nothing(folder, tmp_path):
     assert "://" not in page and "<script" not in page
     again = CliRunner().invoke(cli.app, ["report", str(folder), "--html", str(path)])
     assert again.exit_code == 2 and "exists already" in " ".join(again.output.split())
+
+
+def test_rates_are_told_of_the_runs_that_flew_and_of_all(folder, said, tmp_path):
+    """A requirement that every run met which flew to its end was not met by those that failed."""
+    campaign = open_campaign(folder)
+    n, failed = len(campaign), len(campaign.failures())
+    part = parts.requirements(campaign)
+    assert part.heads[-1] == f">of all {n} runs" and f"the {failed} that failed" in part.lines[0]
+    for row in part.rows:
+        passed, of = int(row[2].split()[0]), int(row[3])
+        assert of == n - failed and row[-1] == f"{100.0 * passed / n:.1f} %"
+    assert f"of all {n} runs" in said.stdout
+    good = open_campaign(synthetic_campaign.write(tmp_path / "good", 5, with_series=False))
+    assert "of all" not in " ".join(parts.requirements(good).heads)
+
+
+def test_pictures_are_not_overwritten_unless_that_is_asked_for(folder, tmp_path):
+    mine = tmp_path / "errors.png"
+    mine.write_bytes(b"mine")
+    arguments = ["report", str(folder), "--json", "--figures", str(tmp_path)]
+    refused = CliRunner().invoke(cli.app, arguments)
+    words = " ".join(refused.output.replace("│", " ").split())
+    assert refused.exit_code == 2 and "is not empty; choose another folder or add --force" in words
+    assert mine.read_bytes() == b"mine"
+    assert CliRunner().invoke(cli.app, [*arguments, "--force"]).exit_code == 0
+    assert mine.stat().st_size > 10_000
+
+
+def test_nothing_certain_is_not_said_to_be_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(parts.sensitivity, "SIGNIFICANT", 0.0)
+    campaign = open_campaign(synthetic_campaign.write(tmp_path / "few", 9, with_series=False))
+    (line,) = parts.explained(campaign).lines
+    assert line.startswith("None is certain: ") and "9 runs" in line

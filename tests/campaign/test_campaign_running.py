@@ -6,7 +6,9 @@ from concurrent.futures.process import BrokenProcessPool
 import numpy as np
 import pytest
 from short_campaign import BREAKS, HereLane, fly, write
+from typer.testing import CliRunner
 
+from shefex_nav import cli
 from shefex_nav.campaign import draws, engine, flight, repeating, results, running, store, summary, table
 from shefex_nav.campaign.flight import Pilot
 from shefex_nav.log import reader, thinning
@@ -49,7 +51,7 @@ def test_series_of_a_run_are_its_errors(whole, scenario):
     folder, _ = whole
     kept = np.load(folder / "runs" / "000002.npz")
     log = folder / "two.mcap"
-    assert repeating.repeat(folder, 2, log).same
+    assert repeating.repeat(folder, 2, log, lane=HereLane).same
     data = reader.read(log)
     log.unlink()
     errors = metrics.navigation_errors(data)
@@ -126,7 +128,9 @@ def test_half_a_file_counts_for_nothing(whole, scenario, tmp_path):
 def test_more_runs_add_to_what_is_there(whole, scenario, tmp_path):
     fly(scenario, tmp_path, 2)
     assert fly(scenario, tmp_path, RUNS).digest == whole[1].digest
-    assert len(fly(scenario, tmp_path, 3).rows) == 3  # fewer: the table of these
+    with pytest.raises(store.StoreError, match="asked for 4 runs, --runs 3 would take some away"):
+        fly(scenario, tmp_path, 3)
+    assert results.open_campaign(tmp_path).digest == whole[1].digest
 
 
 def test_another_scenario_is_refused_with_the_difference(whole, scenario, tmp_path):
@@ -179,6 +183,27 @@ def test_every_fifth_run_fails_and_says_why(tmp_path):
     assert json.loads(json.dumps(result, allow_nan=False))["results_digest"] == ended.digest
 
 
+def test_the_command_tells_the_cause_of_every_fifth_failure(tmp_path, monkeypatch):
+    """Exit code 1, 80 % of the rows good, and a summary that names the dispersion that broke the others."""
+    monkeypatch.setattr(running, "_lanes_here", lambda request, plan, runs: [HereLane(plan)])
+    rows = "\n".join("0.06" if run % 5 == 4 else "0.02" for run in range(10))
+    (tmp_path / "step.csv").write_text(f"step_s\n{rows}\n")
+    more = "  star_tracker.exposure.start: {table: {file: step.csv, column: step_s, unit: s}}\n"
+    arguments = ["campaign", str(write(tmp_path, more)), "--runs", "10", "--out", str(tmp_path / "c")]
+    arguments += ["--set", "star_tracker.exposure.shortest=10 ms"]
+    ended = CliRunner().invoke(cli.app, arguments)
+    assert ended.exit_code == 1, ended.output
+    assert "8, 80.0 %" in ended.stdout
+    assert "2 runs (4, 9): ScenarioError: drawn: star_tracker.exposure.start: " in ended.stdout
+    words = "Failed runs drew star_tracker.exposure.start from 0.06 to 0.06, the others from 0.02 to 0.02 (p "
+    assert words in ended.stdout
+    printed = CliRunner().invoke(cli.app, [*arguments, "--json"])
+    found = json.loads(printed.stdout)
+    assert printed.exit_code == 1 and (found["succeeded"], found["failed"]) == (8, 2)
+    dispersed = CliRunner().invoke(cli.app, [*arguments, "--again", "failed"])
+    assert dispersed.exit_code == 1 and "flying the 2 failed runs again" in dispersed.stderr
+
+
 def test_a_table_must_be_long_enough(tmp_path):
     (tmp_path / "mass.csv").write_text("mass_kg\n487\n488\n")
     scenario = load.load(write(tmp_path, BREAKS))
@@ -214,13 +239,13 @@ def test_the_worst_run_gets_a_log(whole, scenario, tmp_path):
 
 def test_repeat_says_whether_it_is_the_same(whole, tmp_path, scenario):
     folder, _ = whole
-    repeated = repeating.repeat(folder, 3)
+    repeated = repeating.repeat(folder, 3, lane=HereLane)
     assert repeated.same and repeated.words() == "run 3: succeeded; the same as its row"
     fly(scenario, tmp_path, 1)
     record = json.loads((tmp_path / "runs" / "000000.json").read_text())
     record["summary"]["navigation"]["velocity_error_m_s"]["max"] += 1e-9
     (tmp_path / "runs" / "000000.json").write_text(json.dumps(record))
-    changed = repeating.repeat(tmp_path, 0)
+    changed = repeating.repeat(tmp_path, 0, lane=HereLane)
     assert list(changed.differences) == ["summary.navigation.velocity_error_m_s.max"] and not changed.same
     with pytest.raises(store.StoreError, match="has runs 0 to 0, there is no run 1"):
         repeating.repeat(tmp_path, 1)
@@ -238,7 +263,7 @@ def test_a_shared_flight_is_flown_once(tmp_path):
     ended = fly(shared, tmp_path / "campaign", 3)
     assert (tmp_path / "campaign" / "flight.npz").read_bytes() == flown
     assert len({row["summary.navigation.position_error_m.rms"] for row in ended.rows}) == 3
-    assert repeating.repeat(tmp_path / "campaign", 2).same
+    assert repeating.repeat(tmp_path / "campaign", 2, lane=HereLane).same
 
 
 class Deadly(HereLane):
@@ -266,17 +291,20 @@ def test_a_killed_worker_costs_nothing_unless_it_is_killed_again_and_again(whole
         assert lane.renewed == 3
         assert kept.tabulate(RUNS)[1] == whole[1].digest
     with store.Store(tmp_path / "all") as kept:
-        engine.fly((sampler.job(run) for run in range(RUNS)), [Deadly(plan, {1: 3})], kept.keep)
+        jobs = (sampler.job(run) for run in range(RUNS))
+        lost = engine.fly(jobs, [Deadly(plan, {1: 3})], kept.keep)
         rows, _ = kept.tabulate(RUNS)
-    assert [row["status"] for row in rows] == ["succeeded", "failed", "succeeded", "succeeded"]
-    assert rows[1]["reason"] == "its worker was killed in each of 3 attempts"
+    assert lost == [engine.Lost(1, "its worker was killed, in each of 3 attempts")]
+    assert [row["run"] for row in rows] == [0, 2, 3]  # no result: it is flown when the campaign goes on
 
 
 def test_workers_that_all_die_end_the_campaign(scenario):
     plan, sampler = running.prepared(scenario, 100, 1)
     lane = Deadly(plan, {run: 3 for run in range(100)})
     lane._pilot = type("Idle", (), {"fly": lambda self, job: None})()
-    with pytest.raises(engine.EngineError, match="workers ended one after the other without a result"):
+    with pytest.raises(
+        engine.EngineError, match="attempts one after the other without a result; last: its worker was killed"
+    ):
         engine.fly((sampler.job(run) for run in range(100)), [lane], lambda flown: None)
 
 
@@ -314,18 +342,21 @@ def test_a_traceback_does_not_say_where_things_are_installed():
 
 def test_a_worker_that_does_not_fit_is_refused(scenario, monkeypatch):
     plan, sampler = running.prepared(scenario, 1, 1)
-    monkeypatch.setattr(flight, "_pilot", None)
+    monkeypatch.setattr(flight, "_pilots", {})
+    for name in flight.ONE_THREAD:
+        monkeypatch.setenv(name, "1")
+    other = plan._replace(versions=plan.versions | {"numpy": "1.0"})
     bad = {
-        "flies 2 runs at a time; start each with --nthreads 1": lambda: flight.prepare_worker(plan, 2),
-        "not 1.0: all need the same": lambda: flight.prepare_worker(
-            plan._replace(versions=plan.versions | {"numpy": "1.0"})
-        ),
+        "flies 2 runs at a time; start each with --nthreads 1": (plan, 2),
+        "not 1.0: all need the same": (other, 1),
     }
-    for words, prepare in bad.items():
-        prepare()
+    for words, (asked, runs_at_a_time) in bad.items():
+        flight.prepare_worker(asked, runs_at_a_time)
         with pytest.raises(flight.WorkerError) as refused:
-            flight.fly(sampler.job(0))
+            flight.fly(sampler.job(0)._replace(plan=asked.digest))
         assert words in str(refused.value)
+    with pytest.raises(flight.WorkerError, match="was not told what to fly"):
+        flight.fly(sampler.job(0)._replace(plan="another"))
 
 
 def test_files_of_others_are_left_alone(scenario, tmp_path):

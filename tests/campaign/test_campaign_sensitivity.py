@@ -52,7 +52,7 @@ def test_regression_finds_the_known_coefficient(campaign):
     first = one.effects[0]
     assert first.feature == MASS and first.low <= synthetic_campaign.CORRELATION <= first.high
     assert one.r2_low <= synthetic_campaign.CORRELATION**2 <= one.r2_high
-    assert one.samples == 500 and not one.left_out
+    assert one.samples == 500 and len(one.effects) == len(sensitivity.features(campaign.draws))
     assert found["apogee"].r2 == pytest.approx(1.0) and found["apogee"].effects[0].value == pytest.approx(1.0)
     assert found["attitude z at entry"].r2_adjusted < 0.03
 
@@ -103,7 +103,7 @@ def test_few_runs_give_no_regression_and_draws_without_sense_no_feature():
     ]
 
 
-def test_a_draw_that_another_determines_is_left_out_and_named():
+def test_a_draw_that_another_determines_is_left_out():
     rng = np.random.default_rng(14)
     a, b = rng.standard_normal((2, 100))
     features = [
@@ -112,7 +112,16 @@ def test_a_draw_that_another_determines_is_left_out_and_named():
         sensitivity.Feature("b", b),
     ]
     one = sensitivity.regress("y", a + 0.1 * rng.standard_normal(100), features)
-    assert one.left_out == ("twice a",) and one.effects[0].feature == "a"
+    assert [effect.feature for effect in one.effects] == ["a", "b"]
+
+
+def test_few_runs_are_explained_without_distances_and_that_is_said():
+    rng = np.random.default_rng(15)
+    draws = {name: rng.standard_normal(40) for name in "abcdef"}  # 12 features would take 65 runs
+    (one,) = sensitivity.regressions({"y": draws["a"] + 0.1 * rng.standard_normal(40)}, draws)
+    assert not one.distances and {effect.feature for effect in one.effects} == set("abcdef")
+    (one,) = sensitivity.regressions({"y": draws["a"]}, {"a": draws["a"], "b": draws["b"]})
+    assert one.distances and len(one.effects) == 4
 
 
 def test_what_breaks_runs_is_named(tmp_path):

@@ -50,10 +50,9 @@ def blocks(text, name):
             found.append(_block(k + 1, fence[2], body, notes, f"{name}:{k + 1}"))
             notes, k = [], end
         elif lines[k].strip().startswith("<!--"):
-            note = _COMMENT.fullmatch(lines[k].strip())
-            if note is None:
+            if _COMMENT.sub("", lines[k]).strip():
                 raise BadPage(f"{name}:{k + 1}: a comment that means nothing: {lines[k]}")
-            notes.append((note[1], note[2]))
+            notes += _COMMENT.findall(lines[k])
         elif lines[k].strip() and notes:
             raise BadPage(f"{name}:{k}: this comment stands above no block")
         k += 1

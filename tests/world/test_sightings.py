@@ -4,21 +4,23 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.world.camera import sightings
 
 MODEL = sightings.SightingModel(
-    detection=np.array([-6.0, 4.0, 2.0]),
+    detection=np.array([-0.1, 0.9, 0.5]),
     border_px=3.0,
-    noise=np.array([1e-3, 1.5, 1.4]),
-    reported=np.array([2e-3, 1.2, 1.6]),
+    clutter=np.zeros(2),
+    noise=np.array([1e-3, 1.5, 1.4, 0.02]),
+    reported=np.array([2e-3, 1.2, 1.6, 0.03]),
     saturation_electrons=2500.0,
     mean_offset_dn=0.5,
 )
 HOLE = pinhole(659, 493, 24.95e-3 / 9.9e-6)
 CAMERA = SimpleNamespace(pinhole=HOLE, params=SimpleNamespace(width_px=659, height_px=493, bits=8))
+SEED_SIGMA = 5.5
 CONFIDENCE = 1e-5  # of a false alarm, each test
 
 
@@ -30,9 +32,9 @@ def scene(n, electrons, xy=(200.0, 300.0), hip=7):
     return np.full(n, hip, dtype=np.int64), np.tile(np.array(xy), (n, 1)), np.full(n, float(electrons))
 
 
-def sight(film, stars, seed=0, most=10**6):
-    rng = np.random.default_rng(seed)
-    return sightings.sight(MODEL, CAMERA, film, stars, rng, most=most, full_dn=255)
+def sight(film, stars, seed=0, most=10**6, model=MODEL):
+    limits = sightings.Limits(most, 255, SEED_SIGMA)
+    return sightings.sight(model, CAMERA, film, stars, np.random.default_rng(seed), limits)
 
 
 def within(mean_square_ratio, n):
@@ -54,9 +56,11 @@ def test_centroids_scatter_along_and_across_the_streak_as_the_model_says(omega_c
     way = (HOLE.focal_length_px * (moved[:2] / moved[2] - u_c[:2] / u_c[2]) / 1e-6) * film.exposure_s
     length = np.hypot(*way)
     direction = way / length if length else np.array([1.0, 0.0])
-    w, s, ratio2 = np.sqrt(0.64 + length**2 / 12.0), 0.8, (17.0 / electrons) ** 2
+    pixel, ratio2 = 1.0 / 12.0, (17.0 / electrons) ** 2
+    w, s = np.sqrt(0.64 + length**2 / 12.0 + pixel), np.sqrt(0.64 + pixel)
+    sharp = np.exp(-4.0 * np.pi**2 * (0.64 - 0.25))
     for axis, (own, other) in ((direction, (w, s)), (np.array([-direction[1], direction[0]]), (s, w))):
-        parts = np.array([1.0, own**2 / electrons, 8.0 * np.pi * own**3 * other * ratio2])
+        parts = np.array([1.0, own**2 / electrons, 8.0 * np.pi * own**3 * other * ratio2, sharp])
         assert within(((error @ axis) ** 2).mean() / (MODEL.noise @ parts), m)
         np.testing.assert_allclose(axis @ seen.detections.P_px[0] @ axis, MODEL.reported @ parts, rtol=1e-6)
     a, b = error @ direction, error @ np.array([-direction[1], direction[0]])
@@ -66,22 +70,72 @@ def test_centroids_scatter_along_and_across_the_streak_as_the_model_says(omega_c
 def test_terms_are_the_bounds_of_a_spot_drawn_in_pixels():
     """Cramer-Rao bound of a Gaussian spot in noise, from the derivative of the picture itself."""
     along, across, electrons, noise = 1.7, 0.9, 900.0, 17.0
+    wide, narrow = np.sqrt(along**2 + 1.0 / 12.0), np.sqrt(across**2 + 1.0 / 12.0)  # as pixels see it
     x, y = np.meshgrid(np.arange(-40, 41) * 0.25, np.arange(-40, 41) * 0.25)
-    spot = np.exp(-0.5 * (x**2 / along**2 + y**2 / across**2)) / (2.0 * np.pi * along * across)
-    slope = -x / along**2 * spot
+    spot = np.exp(-0.5 * (x**2 / wide**2 + y**2 / narrow**2)) / (2.0 * np.pi * wide * narrow)
+    slope = -x / wide**2 * spot
     background = (noise / electrons) ** 2 / (slope**2 * 0.25**2).sum()
     shot = 1.0 / electrons / (slope**2 / np.maximum(spot, 1e-300) * 0.25**2).sum()
-    t_along, _ = sightings.terms(along, across, electrons, noise)
-    np.testing.assert_allclose(t_along, (1.0, shot, background), rtol=1e-3)
+    t_along, t_across = sightings.terms(along, across, electrons, noise)
+    np.testing.assert_allclose(t_along[:3], (1.0, shot, background), rtol=1e-3)
+    assert t_along[3] == t_across[3]
+    assert sightings.terms(1.0, 0.5, electrons, noise)[0][3] == 1.0  # sharpness, defined at half a pixel
+    # power of a Gaussian spot's spectrum at one cycle a pixel, by Fourier transform
+    u = np.arange(-400, 401) * 0.01
+    powers = []
+    for sigma in (0.5, 0.6):
+        profile = np.exp(-0.5 * (u / sigma) ** 2) / (np.sqrt(2.0 * np.pi) * sigma)
+        powers.append(abs((profile * np.exp(-2j * np.pi * u)).sum() * 0.01) ** 2)
+    lost = sightings.terms(1.0, 0.6, electrons, noise)[0][3]
+    np.testing.assert_allclose(lost, powers[1] / powers[0], rtol=1e-4)
 
 
-def test_share_of_sources_found_follows_the_contrast():
+@pytest.mark.parametrize(("along", "across"), [(0.8, 0.8), (0.55, 0.55), (1.5, 0.7), (6.1, 0.9)])
+def test_features_are_the_height_of_the_middle_block_above_the_threshold(along, across):
+    """Light of a streak over 3x3 pixels, by summing it up point by point."""
+    electrons, noise = 2000.0, 17.0
+    length = np.sqrt(12.0 * (along**2 - across**2))
+    way = (np.arange(4000) + 0.5) / 4000.0 * length - 0.5 * length
+    step = 0.01
+    x = np.arange(-150, 150) * step + 0.5 * step
+    spot = np.exp(-0.5 * (x / across) ** 2) / (np.sqrt(2.0 * np.pi) * across)
+    drawn = np.exp(-0.5 * ((x[:, None] - way[None, ::20]) / across) ** 2).mean(axis=1)
+    drawn /= np.sqrt(2.0 * np.pi) * across
+    block = electrons * spot.sum() * step * drawn.sum() * step
+    z = (block - SEED_SIGMA * 3.0 * noise) / np.sqrt(9.0 * noise**2 + block)
+    found = sightings.features(along, across, electrons, noise, SEED_SIGMA)
+    np.testing.assert_allclose(found, (1.0, z, np.log(1.0 + length / 3.0)), rtol=1e-3, atol=1e-3)
+
+
+def test_share_of_sources_found_follows_the_height_above_the_threshold():
     n, film = 5000, exposure()
+    shares = []
     for electrons in (250.0, 380.0, 600.0):
-        q = electrons / (2.0 * np.pi * 0.64 * 17.0)
-        share = 1.0 / (1.0 + np.exp(6.0 - 4.0 * np.log(q)))
+        features = sightings.features(0.8, 0.8, electrons, 17.0, SEED_SIGMA)
+        shares.append(norm.cdf(MODEL.detection @ features))
         found = len(sight(film, scene(n, electrons), seed=3).hip)
-        assert abs(found - n * share) < 4.5 * np.sqrt(n * share * (1.0 - share))
+        assert abs(found - n * shares[-1]) < 4.5 * np.sqrt(n * shares[-1] * (1.0 - shares[-1])) + 1e-9
+    assert shares[0] < 0.2 and shares[-1] > 0.9
+
+
+def test_clutter_is_as_frequent_as_the_model_says_and_grows_with_the_streaks():
+    """Numbers of Poisson; anywhere within the border, no star, not saturated, the first to be left out."""
+    model, n = MODEL._replace(clutter=np.array([0.5, 2.0])), 3000
+    nothing = scene(0, 0.0)
+    slow, fast = exposure(), exposure((0.3, 0.0, 0.0))
+    length_px = HOLE.focal_length_px * 0.3 * fast.exposure_s
+    for film, mean in ((slow, 0.5), (fast, 0.5 + 2.0 * min(length_px / 20.0, 1.0) ** 2)):
+        seen = [sight(film, nothing, seed=k, model=model) for k in range(n)]
+        counts = np.array([len(one.hip) for one in seen])
+        assert abs(counts.mean() - mean) < 4.5 * np.sqrt(mean / n)
+        assert abs(counts.var() / mean - 1.0) < 4.5 * np.sqrt((2.0 + 1.0 / mean) / n)
+        places = np.concatenate([one.detections.xy_px for one in seen])
+        assert places.min() > 2.0 and (places < [656.0, 490.0]).all()
+        assert not any(one.hip.any() or one.detections.n_saturated.any() for one in seen)
+    many = model._replace(clutter=np.array([50.0, 0.0]))
+    full = sight(slow, scene(30, 1e4), most=40, model=many)
+    assert full.hip.tolist() == [7] * 30 + [0] * 10
+    assert len(sight(exposure(mean_dn=255.0), nothing, model=many).hip) == 0
 
 
 def test_nothing_at_the_border_nothing_in_white_frames_no_more_than_the_table_holds():

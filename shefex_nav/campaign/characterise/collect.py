@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import prepare, simulate
+from shefex_nav.campaign.characterise.fit import FitError
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.records import CameraCommand, Detections, FrameTruth, Reason, StarFix
@@ -19,12 +20,14 @@ from shefex_nav.world.camera import sightings
 
 MATCH_PX = 3.0  # a detection further from a source is another one
 LONELY_PX = 10.0  # sources with a brighter one nearer than that say nothing of detection
+ROOM = 0.75  # of the table of objects, for the brightest sources; by what is there, not by what was found
 FAINT_Q = 1.0  # sources whose brightest pixel stands out less are never found
 OTHERS_EVERY = 10  # frames, of sources that are no stars of the catalogue
 LATE_S = 1.0  # after the last frame, for its fix
 THIN_EVERY = 5  # frames, of those searched with fewer stars
 THIN_FIRST = 20  # times, of each first frame
 FEWEST = 1  # stars that are left
+MATCHED = Reason.NONE, Reason.RESIDUALS
 
 
 class Sources(NamedTuple):
@@ -33,11 +36,12 @@ class Sources(NamedTuple):
     frame: np.ndarray  # (N,) row of Frames
     hip: np.ndarray  # (N,) 0: not in the catalogue
     q: np.ndarray  # (N,) contrast
-    along: np.ndarray  # (N, 3) parts of the variance along the streak [px^2], `sightings.terms`
-    across: np.ndarray  # (N, 3)
+    features: np.ndarray  # (N, 3) what it is found by, `sightings.features`
+    along: np.ndarray  # (N, 4) parts of the variance along the streak [px^2], `sightings.terms`
+    across: np.ndarray  # (N, 4)
     peak: np.ndarray  # (N,) electrons in the brightest pixel
     border_px: np.ndarray  # (N,) to the nearest border
-    clear: np.ndarray  # (N,) bool, no brighter source near, and the table of objects had room
+    clear: np.ndarray  # (N,) bool, no brighter source near, and so few brighter that the table has room
     found: np.ndarray  # (N,) bool
     named: np.ndarray  # (N,) bool, identified as what it is
     saturated: np.ndarray  # (N,) bool
@@ -50,16 +54,16 @@ class Frames(NamedTuple):
 
     t_s: np.ndarray
     rate: np.ndarray  # rad/s, true
-    exclusion_met: np.ndarray  # bool
     exposure_s: np.ndarray
-    sun_angle: np.ndarray  # rad
-    limb_angle: np.ndarray  # rad
     reason: np.ndarray  # Reason
     first: np.ndarray  # bool, no fix for LOST_S
     stars: np.ndarray  # int, stars of the catalogue among the objects
     mean_dn: np.ndarray  # mean grey value against the one expected
     level_dn: np.ndarray  # the one expected
-    wrong: np.ndarray  # objects named as a star that stands elsewhere
+    length_px: np.ndarray  # by which the camera turns during the exposure
+    objects: np.ndarray  # int, all that the detection found
+    strangers: np.ndarray  # int, those of them that are no source of the sky
+    saturated: np.ndarray  # int, those with more than the saturated pixels that are allowed
     error: np.ndarray  # (M, 3) rad, of the attitude; NaN without one
     sigma: np.ndarray  # (M, 3) rad, as reported
 
@@ -69,9 +73,9 @@ class Searches(NamedTuple):
 
     stars: np.ndarray  # int, of the catalogue among the objects
     first: np.ndarray  # bool, no fix for LOST_S before
+    matched: np.ndarray  # bool, the stars were identified; whether they fit one attitude is another question
     good: np.ndarray  # bool, gave an attitude
     error: np.ndarray  # (K, 3) rad, NaN without one
-    whole: np.ndarray  # bool, nothing was taken away
 
 
 class Collected(NamedTuple):
@@ -115,13 +119,16 @@ def fixes(scenario, seed):
     rows = []
     for _, fix, truth in records:
         good = fix.reason == Reason.NONE
-        rows.append((fix.reason, fix.exposure_s, _error(fix.q_ic, truth, good), np.sqrt(np.diag(fix.P_c))))
+        n = len(fix.detections.flux_dn)
+        rows.append((fix.reason, fix.exposure_s, n, _error(fix.q_ic, truth, good), np.sqrt(np.diag(fix.P_c))))
     return rows
 
 
 def collect(scenario, seed):
     """Fly a rendered run as far as its last frame. Scenario, int -> Collected"""
     records, world = flown(scenario, seed)
+    if not records:
+        raise FitError("the star tracker takes no picture: is it on before the mission's end?")
     tracker = records[0][0].tracker
     merge_radius = tracker.params.catalogue.merge_radius
     camera = sightings.catalogued(tracker.pairs.stars, world.camera, merge_radius)
@@ -131,7 +138,7 @@ def collect(scenario, seed):
         start_s = fix.t_valid_s - 0.5 * fix.exposure_s
         command = CameraCommand(start_s, fix.exposure_s, gain)
         _, _, film, scene = sightings.look(camera, command, world.flight.trajectory, fix.number, start_s)
-        found, n_stars, wrong, stars = _matched(row, fix, film, scene, camera, tracker.params)
+        found, stars = _matched(row, fix, film, scene, camera, tracker.params)
         sources += found
         first = fix.t_valid_s - fixed_s > LOST_S
         good = fix.reason == Reason.NONE
@@ -139,11 +146,13 @@ def collect(scenario, seed):
         if not taken.context.rate > tracker.params.max_rate:
             times = THIN_FIRST if first else int(row % THIN_EVERY == 0)
             searches += _searched(taken, truth, stars, first, times, rng)
+        counts = _counts(fix.detections, film, scene, tracker.params.exposure)
         frames.append(
             (
-                fix.t_valid_s, truth.rate, truth.exclusion_met, fix.exposure_s, truth.sun_angle,
-                truth.limb_angle, fix.reason, first, n_stars, fix.background_dn - film.mean_dn, film.mean_dn,
-                wrong, _error(fix.q_ic, truth, good), np.sqrt(np.diag(fix.P_c)),
+                fix.t_valid_s, truth.rate, fix.exposure_s, fix.reason, first, len(stars),
+                fix.background_dn - film.mean_dn, film.mean_dn,
+                sightings.turned_px(camera.pinhole, film), *counts,
+                _error(fix.q_ic, truth, good), np.sqrt(np.diag(fix.P_c)),
             )
         )  # fmt: skip
     return Collected(_columns(Frames, frames), _columns(Sources, sources), _columns(Searches, searches))
@@ -151,6 +160,8 @@ def collect(scenario, seed):
 
 def _columns(kind, rows):
     """Rows as a record of arrays."""
+    if not rows:
+        raise FitError(f"the run shows no {kind.__name__.lower()} that statistics could be made of")
     return kind(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -161,7 +172,7 @@ def _searched(taken, truth, stars, first, times, rng):
     """
     tracker, context, fix = taken
     good = fix.reason == Reason.NONE
-    rows = [(len(stars), first, good, _error(fix.q_ic, truth, good), True)]
+    rows = [(len(stars), first, fix.reason in MATCHED, good, _error(fix.q_ic, truth, good))]
     exposed = star_tracker.of_exposure(tracker, fix.exposure_s)
     for _ in range(times if len(stars) > FEWEST else 0):
         left = int(rng.integers(FEWEST, len(stars)))
@@ -170,7 +181,7 @@ def _searched(taken, truth, stars, first, times, rng):
         fewer = Detections(*(column[rest] for column in fix.detections))
         _, reason, solution = star_tracker.attitude(exposed, fewer, context)
         good = reason == Reason.NONE
-        rows.append((left, first, good, _error(solution[0], truth, good), False))
+        rows.append((left, first, reason in MATCHED, good, _error(solution[0], truth, good)))
     return rows
 
 
@@ -182,28 +193,25 @@ def _error(q_ic, truth, good):
 def _matched(row, fix, film, scene, camera, params):
     """What became of the sources of one frame.
 
-    -> rows of Sources, number of stars of the catalogue among the objects, number of wrong names, rows of the
-    objects that are those stars
+    -> rows of Sources; rows of the objects that are stars of the catalogue
     """
     hip, xy_px, electrons = scene
     seen = fix.detections
     with_others = row % OTHERS_EVERY == 0
     size = np.array([camera.params.width_px, camera.params.height_px])
-    full = len(seen.flux_dn) >= params.detect.max_objects
+    room = np.sort(electrons)[::-1][int(ROOM * params.detect.max_objects) :].max(initial=0.0)
     apart = np.linalg.norm(seen.xy_px[:, None] - xy_px[None], axis=2)  # (objects, sources)
-    faintest = np.inf
-    if full and len(electrons):
-        nearest = apart.min(axis=1) < MATCH_PX
-        faintest = electrons[apart.argmin(axis=1)][nearest].min(initial=np.inf)
-    rows, stars, n_right = [], [], 0
+    rows, stars = [], []
     for k in np.flatnonzero((hip > 0) | with_others):
         along, across, ex, ey = sightings.shape(camera.pinhole, film, *xy_px[k])
         q = sightings.contrast(along, across, electrons[k], film.noise_electrons)
         if q < FAINT_Q:
             continue
         terms = sightings.terms(along, across, electrons[k], film.noise_electrons)
+        seed_sigma = params.detect.seed_sigma
+        features = sightings.features(along, across, electrons[k], film.noise_electrons, seed_sigma)
         brighter = (electrons > electrons[k]) & (np.abs(xy_px - xy_px[k]).max(axis=1) < LONELY_PX)
-        clear = not brighter.any() and not (full and electrons[k] <= 1.2 * faintest)
+        clear = electrons[k] > room and not brighter.any()
         j = int(apart[:, k].argmin()) if len(apart) else 0
         found = bool(len(apart)) and apart[j, k] < MATCH_PX
         error, reported, saturated, named = (np.nan, np.nan), (np.nan, np.nan), False, False
@@ -214,8 +222,19 @@ def _matched(row, fix, film, scene, camera, params):
             saturated = bool(seen.n_saturated[j] > params.exposure.saturated_pixels)
             named = bool(hip[k] > 0 and fix.hip[j] == hip[k])
             stars += [j] if hip[k] > 0 else []
-            n_right += named
         border = min(*(xy_px[k] + 0.5), *(size - 0.5 - xy_px[k]))
         peak = electrons[k] / (2.0 * np.pi * along * across)
-        rows.append((row, hip[k], q, *terms, peak, border, clear, found, named, saturated, error, reported))
-    return rows, len(stars), int((fix.hip > 0).sum()) - n_right, np.unique(np.array(stars, dtype=np.int64))
+        rows.append(
+            (row, hip[k], q, features, *terms, peak, border, clear, found, named, saturated, error, reported)
+        )
+    return rows, np.unique(np.array(stars, dtype=np.int64))
+
+
+def _counts(seen, film, scene, params):
+    """(objects of a frame, those that are no source of the sky, those that are saturated)."""
+    _, xy_px, electrons = scene
+    saturated = int((seen.n_saturated > params.saturated_pixels).sum())
+    bright = electrons > FAINT_Q * 2.0 * np.pi * film.psf_sigma_px**2 * film.noise_electrons
+    apart = np.linalg.norm(seen.xy_px[:, None] - xy_px[None, bright], axis=2)
+    strangers = int((apart.min(axis=1, initial=np.inf) >= MATCH_PX).sum())
+    return len(seen.flux_dn), strangers, saturated

@@ -1,11 +1,11 @@
 """`shefex-nav characterise`: fit the statistics of a star tracker to rendered runs.
 
 Exit codes: 0 done and every test within its limits, 1 written, but a test on runs that were not fitted is
-outside (the table and the file say which), 2 bad input, 130 interrupted, nothing written.
+outside (the table and the file say which), 2 bad input or no fit, 130 interrupted, nothing written. Single
+runs that fail are left out and counted; with --records nothing that was flown is lost in any case.
 """
 
 import json as json_module
-import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -14,12 +14,16 @@ import typer
 
 
 def characterise(
-    scenario: Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")],
-    runs: Annotated[int, typer.Option(min=3, help="Rendered runs to fly; a third of them judges the fit.")],
+    scenario: Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/campaign.yaml.")],
+    runs: Annotated[int, typer.Option(min=6, help="Rendered runs to fly; a part of them judges the fit.")],
     out: Annotated[Path, typer.Option(help="File of the statistics (JSON), for star_tracker.model.")],
     seed: Annotated[int, typer.Option(min=0, help="Root of all randomness.")] = 1,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes on this machine; default one a core.")
+    ] = None,
+    records: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Keep the rendered runs here; what is there is not flown again."),
     ] = None,
     overrides: Annotated[
         list[str] | None,
@@ -29,36 +33,71 @@ def characterise(
     json: Annotated[bool, typer.Option("--json", help="Print the file's content on stdout.")] = False,
 ):
     """Fit the statistics of a scenario's star tracker to rendered runs, for frames: statistical."""
+    loaded = _loaded(scenario, overrides or ())
+    _check_place(out, force)
+    if records is not None and not records.parent.is_dir():
+        raise typer.BadParameter(f"there is no folder {records.parent}", param_hint="--records")
+    _say(f"{loaded.mission.name}, {runs} rendered runs, seed {seed}; the first run on a machine compiles")
+    result = _characterised(loaded, runs, seed, workers, records)
+    _write(out, result.content)
+    if json:
+        typer.echo(json_module.dumps(result.content, allow_nan=False))
+    else:
+        _show(result)
+    if result.failed:
+        _say(f"{len(result.failed)} of {runs} rendered runs failed and are not in it")
+    _say(f"wrote {out}")
+    raise typer.Exit(0 if all(test.good for test in result.tests) else 1)
+
+
+def _loaded(path, overrides):
+    """The scenario, with pictures, if there can be statistics of it."""
     from shefex_nav.scenario import load, star_statistics
 
-    loaded = load.load(scenario, (*(overrides or ()), "star_tracker.frames=rendered"))
+    # without the model that it may name: one of another format or star tracker is what this is to replace
+    loaded = load.load(path, (*overrides, "star_tracker.frames=rendered", "star_tracker.model=null"))
     if wrong := list(star_statistics.fitness(loaded)):
-        raise typer.BadParameter(f"{scenario}: {wrong[0][1]}", param_hint="SCENARIO")
+        raise typer.BadParameter(f"{path}: {wrong[0][1]}", param_hint="SCENARIO")
     if not loaded.star_tracker.enabled:
-        raise typer.BadParameter(f"{scenario}: star_tracker.enabled is false", param_hint="SCENARIO")
+        raise typer.BadParameter(f"{path}: star_tracker.enabled is false", param_hint="SCENARIO")
+    return loaded
+
+
+def _check_place(out, force):
     if out.exists() and not force:
         words = f"{out} exists already; choose another name or add --force"
         raise typer.BadParameter(words, param_hint="--out")
     if not out.parent.is_dir():
         raise typer.BadParameter(f"there is no folder {out.parent}", param_hint="--out")
-    _say(f"{loaded.mission.name}, {runs} rendered runs, seed {seed}; the first run on a machine compiles")
-    from shefex_nav.campaign.characterise import model, running
+
+
+def _characterised(loaded, runs, seed, workers, folder):
+    """running.Result; what goes wrong as one line."""
+    from shefex_nav.campaign.characterise import running
     from shefex_nav.campaign.characterise.fit import FitError
+    from shefex_nav.campaign.characterise.records import RecordsError
     from shefex_nav.campaign.running import BadCampaign
 
     try:
-        result = running.characterise(loaded, runs, seed, workers=workers, done=_say)
+        return running.characterise(loaded, runs, seed, workers=workers, folder=folder, done=_say)
     except (FitError, BadCampaign) as error:
         raise typer.BadParameter(str(error), param_hint="SCENARIO") from None
-    part = out.with_name(out.name + ".part")
-    part.write_text(model.text(result.content), encoding="utf-8")
-    os.replace(part, out)
-    if json:
-        typer.echo(json_module.dumps(result.content, allow_nan=False))
-    else:
-        _show(result)
-    _say(f"wrote {out}")
-    raise typer.Exit(0 if all(test.good for test in result.tests) else 1)
+    except RecordsError as error:
+        raise typer.BadParameter(str(error), param_hint="--records") from None
+    except running.WorkersError as error:
+        raise typer.BadParameter(str(error), param_hint="--workers") from None
+
+
+def _write(out, content):
+    """Put the file in its place as a whole."""
+    from shefex_nav.campaign import files
+    from shefex_nav.campaign.characterise import model
+
+    try:
+        files.put(out, model.text(content))
+        files.settle(out.parent)
+    except OSError as error:
+        raise typer.BadParameter(f"{out}: {error.strerror or error}", param_hint="--out") from None
 
 
 def _show(result):

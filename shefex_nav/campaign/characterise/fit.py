@@ -1,18 +1,20 @@
 """Rendered runs -> the parameters of the statistics.
 
-Every part is the simplest that the judgement on other runs passes: variances of centroids as a sum of three
-physical terms, detection as a logistic curve of the contrast, identification as shares by the number of
-stars.
+Every part is the simplest that the judgement on other runs passes: variances of centroids as a sum of four
+physical terms, detection as a normal distribution over the height above the threshold, identification as
+shares by the number of stars, clutter as Poisson numbers.
 """
 
 import numpy as np
 
 from shefex_nav.records import Reason
 from shefex_nav.statistical import IdentificationModel
-from shefex_nav.world.camera.sightings import SightingModel
+from shefex_nav.world.camera.sightings import SightingModel, broken
 
 CLIP = 4.5  # sigmas; a centroid further off is another object's light
+GROSS = 2.0  # times a reported sigma; what is more uncertain is two stars in one
 ROUNDS = 6  # of the weights of a fit of variances
+PRIOR = 1e-3  # of a source that is found, or not, for no reason of its light
 SURE_Q = 20.0  # contrast at which only the border or a neighbour hides a star
 NEAR_PX = 8.0  # of the border; further in, it hides nothing
 ROW_SEARCHES = 50  # searches that make a row of the table of identification
@@ -42,7 +44,7 @@ def sightings(runs, max_rate, full_dn):
     border_px = border(sources)
     inside = sources.border_px > border_px
     seen = sources.clear & inside
-    detection = odds(features(sources)[seen], sources.found[seen])
+    detection = chances(sources.features[seen], sources.found[seen])
     chosen = slow & inside & sources.clear & sources.found & (sources.hip > 0)
     if chosen.sum() < 100:
         raise FitError(
@@ -51,9 +53,10 @@ def sightings(runs, max_rate, full_dn):
         )
     return SightingModel(
         detection=detection,
+        clutter=clutter(frames.strangers[dark], frames.length_px[dark]),
         border_px=border_px,
-        noise=variance(sources, chosen, sources.error**2, clip=CLIP),
-        reported=variance(sources, chosen, sources.reported, clip=np.inf),
+        noise=variance(sources, chosen & ~sources.saturated, sources.error**2, clip=CLIP),
+        reported=variance(sources, chosen & ~sources.saturated, sources.reported, clip=GROSS),
         saturation_electrons=threshold(sources.peak[sources.found], sources.saturated[sources.found]),
         mean_offset_dn=float(np.median(frames.mean_dn[dark])) if dark.any() else 0.0,
     )
@@ -66,30 +69,49 @@ def of_sources(runs, values):
     return values[np.concatenate(rows)]
 
 
-def features(sources):
-    """(N, 3) what detection depends on: 1, ln q, logarithm of the length of the spot over its width."""
-    stretch = np.sqrt(sources.along[:, 1] / sources.across[:, 1])
-    return np.column_stack([np.ones(len(sources.q)), np.log(sources.q), np.log(stretch)])
+def chances(x, found):
+    """d of the probability Phi(x . d) that a source is found: probit regression by Fisher's scoring.
 
+    One source in a thousand is found, or not, for no reason of its light, so that no single one drags the
+    fit; an ideal detection, d = (0, 1, 0), with a standard deviation of 10, where the data say nothing.
 
-def odds(x, found):
-    """d of the odds exp(x . d) that a source is found: logistic regression.
-
-    Where all of one side are found and all of the other are not, the data set no end to the slope; a prior
-    of one source in a thousand of either kind does. (N, 3), (N,) bool -> (3,)
+    (N, 3) of `sightings.features`, (N,) bool -> (3,)
     """
+    from scipy.special import ndtr
+
     if not found.any() or found.all():
         raise FitError("the runs show no limit of detection: all sources are found, or none")
-    y, d = 0.001 + 0.998 * found, np.zeros(x.shape[1])
-    for _ in range(50):  # Newton; ten are usual
-        p = 1.0 / (1.0 + np.exp(-x @ d))
-        curvature = (x * (p * (1.0 - p))[:, None]).T @ x + 1e-6 * np.eye(len(d))
-        step = np.linalg.solve(curvature, x.T @ (y - p))
-        step *= min(1.0, 2.0 / np.abs(step).max())
+    ideal = np.array([0.0, 1.0, 0.0])
+    d = ideal
+    for _ in range(100):  # a dozen are usual
+        t = x @ d
+        p = PRIOR + (1.0 - 2.0 * PRIOR) * ndtr(t)
+        slope = (1.0 - 2.0 * PRIOR) * np.exp(-0.5 * t**2) / np.sqrt(2.0 * np.pi)
+        weight = slope / (p * (1.0 - p))
+        curvature = (x * (weight * slope)[:, None]).T @ x + 0.01 * np.eye(3)
+        step = np.linalg.solve(curvature, x.T @ (weight * (found - p)) + 0.01 * (ideal - d))
+        step *= min(1.0, 0.5 / np.abs(step).max())
         d = d + step
         if np.abs(step).max() < 1e-8:
             break
     return d
+
+
+def clutter(strangers, length_px):
+    """(c0, c1) >= 0 of the mean number of objects that are no source: c0 + c1 broken(length_px).
+
+    Least squares with the weights of Poisson numbers. (M,), (M,) -> (2,)
+    """
+    from scipy.optimize import nnls
+
+    if not len(strangers):
+        return np.zeros(2)
+    terms = np.column_stack([np.ones(len(strangers)), broken(length_px)])
+    c = np.array([1.0, 1.0])
+    for _ in range(ROUNDS):
+        root = np.sqrt(np.maximum(terms @ c, 1e-3))
+        c = nnls(terms / root[:, None], strangers / root)[0]
+    return c
 
 
 def threshold(value, above):
@@ -116,7 +138,7 @@ def border(sources):
 
 
 def variance(sources, chosen, values, *, clip):
-    """(c0, c1, c2) >= 0 of variance = c . terms, along and across the streak alike.
+    """c (4,) >= 0 of variance = c . terms, along and across the streak alike.
 
     Least squares of the squared errors, or of the reported variances, each relative to what is expected of
     it; weights follow the fit.
@@ -127,7 +149,7 @@ def variance(sources, chosen, values, *, clip):
 
     terms = np.concatenate([sources.along[chosen], sources.across[chosen]])
     values = np.concatenate([values[chosen, 0], values[chosen, 1]])
-    c = np.array([1e-4, 1.0, 1.0])
+    c = np.array([1e-4, 1.0, 1.0, 1e-2])
     for _ in range(ROUNDS):
         expected = terms @ c
         used = values < clip**2 * expected
@@ -179,7 +201,7 @@ def table(searches, wrong):
     Returns
     -------
     (k,) int, the smallest number of each row, ascending
-    (k,) share that gives an attitude, without a fix before; (k,) soon after one
+    (k,) share that is identified, without a fix before; (k,) soon after one
     (k,) share of these attitudes that is wrong
     """
     numbers, of_first, of_later, of_wrong = [], [], [], []
@@ -194,8 +216,8 @@ def table(searches, wrong):
         early = early if early.sum() >= FEW else more & searches.first
         early = early if early.any() else later
         numbers.append(number)
-        of_later.append(searches.good[later].mean() if later.any() else searches.good[early].mean())
-        of_first.append(searches.good[early].mean())
+        of_later.append(searches.matched[later if later.any() else early].mean())
+        of_first.append(searches.matched[early].mean())
         of_wrong.append(wrong[row].sum() / max(searches.good[row].sum(), 1))
     ascending = [np.array(column)[::-1] for column in (numbers, of_first, of_later, of_wrong)]
     return ascending[0].astype(np.int64), *ascending[1:]

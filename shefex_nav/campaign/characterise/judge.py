@@ -6,15 +6,19 @@ within which the statistics serve; they are of the figure's meaning for a missio
 figure of few samples may miss them.
 """
 
+from math import isnan, nan
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.campaign.characterise.fit import CLIP, features, joined, of_sources
+from shefex_nav.campaign.characterise import fit
+from shefex_nav.campaign.characterise.fit import CLIP, joined, of_sources
 from shefex_nav.records import Reason
 
 VARIANCE = (0.8, 1.25)  # of a ratio of variances: 12 % of a sigma
 SIGMA = (0.9, 1.1)  # of a ratio of sigmas
+EXPOSURE = (0.95, 1.05)  # of a ratio of mean exposures
+OBJECTS = (0.95, 1.05)  # of a ratio of mean numbers
 POINTS = 2.0  # per cent of the frames
 GROSS = 5.0  # per cent of the centroids; one star beside a false object in a few runs
 CORRELATION = 0.1
@@ -25,7 +29,7 @@ class Test(NamedTuple):
     """One figure."""
 
     what: str
-    value: float
+    value: float  # NaN: there is nothing to judge, which is not good
     low: float
     high: float
     samples: int
@@ -37,39 +41,46 @@ class Test(NamedTuple):
     def as_dict(self):
         """For the file."""
         return {
-            "what": self.what, "value": float(self.value), "low": self.low, "high": self.high,
-            "samples": int(self.samples), "good": self.good,
+            "what": self.what, "value": None if isnan(self.value) else float(self.value),
+            "low": self.low, "high": self.high, "samples": int(self.samples), "good": self.good,
         }  # fmt: skip
 
 
 def centroids(runs, model, max_rate):
     """Tests of single centroids. list of Collected, SightingModel, rad/s -> list of Test"""
+    from scipy.special import ndtr
+
     sources = joined([run.sources for run in runs])
     frames = joined([run.frames for run in runs])
     slow = of_sources(runs, frames.rate <= max_rate)
     inside = sources.clear & (sources.border_px > model.border_px)
-    chosen = slow & inside & sources.found & (sources.hip > 0)
+    chosen = slow & inside & sources.found & (sources.hip > 0) & ~sources.saturated
     variances = np.stack([sources.along @ model.noise, sources.across @ model.noise], axis=1)
-    gross = chosen & (sources.error**2 > CLIP**2 * variances).any(axis=1)
-    share = 100.0 * gross.sum() / max(chosen.sum(), 1)
-    words = f"per cent of the centroids beyond {CLIP:g} sigma: another object's light"
-    tests = [Test(words, share, 0.0, GROSS, chosen.sum())]
-    chosen &= ~gross
-    for name, terms, axis in (("along", sources.along, 0), ("across", sources.across, 1)):
-        expected, reported = terms[chosen] @ model.noise, terms[chosen] @ model.reported
-        ratio = sources.error[chosen, axis] ** 2 / expected
+    reported = np.stack([sources.along @ model.reported, sources.across @ model.reported], axis=1)
+    gross = (sources.error**2 > CLIP**2 * variances).any(axis=1)
+    vague = (sources.reported > fit.GROSS**2 * reported).any(axis=1)
+    tests = [
+        Test(words, 100.0 * _mean(some[chosen]), 0.0, GROSS, chosen.sum())
+        for some, words in (
+            (gross, f"per cent of the centroids beyond {CLIP:g} sigma: another object's light"),
+            (vague, f"per cent of the centroids with {fit.GROSS:g} times the sigma: two stars in one"),
+        )
+    ]
+    chosen &= ~gross & ~vague
+    for axis, name in enumerate(("along", "across")):
+        ratio = sources.error[chosen, axis] ** 2 / variances[chosen, axis]
         words = f"variance of centroids {name} the streak over the fitted"
-        tests.append(Test(words, ratio.mean(), *VARIANCE, len(ratio)))
-        ratio = sources.reported[chosen, axis] / reported
+        tests.append(Test(words, _mean(ratio), *VARIANCE, len(ratio)))
+        ratio = sources.reported[chosen, axis] / reported[chosen, axis]
         words = f"variance that is reported {name} the streak over the fitted"
-        tests.append(Test(words, ratio.mean(), *VARIANCE, len(ratio)))
+        tests.append(Test(words, _mean(ratio), *VARIANCE, len(ratio)))
     lag, samples = _lag(runs, chosen, sources, model)
     tests.append(
         Test("correlation of a star's error from frame to frame", lag, -CORRELATION, CORRELATION, samples)
     )
     dim = inside & (sources.q > FAINT) & (sources.q < BRIGHT)
-    share = 1.0 / (1.0 + np.exp(-features(sources)[dim] @ model.detection))
-    apart = 100.0 * (sources.found[dim].mean() - share.mean()) if dim.any() else 0.0
+    share = ndtr(sources.features[dim] @ model.detection)
+    apart = 100.0 * (sources.found[dim].mean() - share.mean()) if dim.any() else nan
     tests.append(Test("faint sources found, per cent more than fitted", apart, -POINTS, POINTS, dim.sum()))
     return tests
 
@@ -92,18 +103,25 @@ def _lag(runs, chosen, sources, model):
     return float((error[a] * error[b]).mean() / (error[rows] ** 2).mean()), 2 * len(a)
 
 
+def flown_all(wanted, lost):
+    """Test that all runs that judge could be flown with statistics. int, list of Failed -> Test"""
+    reasons = "".join(f"; {one.reason}" for one in lost[:1])
+    return Test(f"held-out runs that the statistics cannot fly{reasons}", len(lost), 0.0, 0.0, wanted)
+
+
 class Fixes(NamedTuple):
     """Star fixes of one run, rendered or not."""
 
     reason: np.ndarray  # (M,)
     exposure_s: np.ndarray  # (M,)
+    objects: np.ndarray  # (M,) number of all that was found
     error: np.ndarray  # (M, 3) rad, NaN without an attitude
     sigma: np.ndarray  # (M, 3) rad
 
 
 def of_frames(frames):
     """Fixes of Frames."""
-    return Fixes(frames.reason, frames.exposure_s, frames.error, frames.sigma)
+    return Fixes(frames.reason, frames.exposure_s, frames.objects, frames.error, frames.sigma)
 
 
 def fixes(rendered, statistical, limit_wrong):
@@ -118,10 +136,10 @@ def fixes(rendered, statistical, limit_wrong):
     one, other = _spread(rendered, limit_wrong), _spread(statistical, limit_wrong)
     n = sum(int((part.reason == Reason.NONE).sum()) for part in rendered)
     for name, columns in (("across the boresight", slice(0, 2)), ("about the boresight", slice(2, 3))):
-        ratio = np.sqrt((other[0][columns] ** 2).mean() / (one[0][columns] ** 2).mean())
+        ratio = np.sqrt(_ratio(other[0][columns] ** 2, one[0][columns] ** 2))
         words = f"scatter of attitudes {name}, statistical over rendered"
         tests.append(Test(words, ratio, *SIGMA, n))
-        ratio = np.sqrt((other[1][columns] ** 2).mean() / (one[1][columns] ** 2).mean())
+        ratio = np.sqrt(_ratio(other[1][columns] ** 2, one[1][columns] ** 2))
         words = f"sigma as reported {name}, statistical over rendered"
         tests.append(Test(words, ratio, *SIGMA, n))
     all_one, all_other = joined(rendered), joined(statistical)
@@ -135,8 +153,12 @@ def fixes(rendered, statistical, limit_wrong):
     apart = 100.0 * (wrong[1] - wrong[0]) / len(all_one.reason)
     words = f"wrong attitudes: {wrong[0]} rendered, {wrong[1]} statistical; per cent of the frames more"
     tests.append(Test(words, apart, -0.1, 0.1, len(all_one.reason)))
-    ratio = all_other.exposure_s.mean() / all_one.exposure_s.mean()
-    tests.append(Test("mean exposure, statistical over rendered", ratio, *SIGMA, len(all_one.reason)))
+    ratio = _ratio(all_other.exposure_s, all_one.exposure_s)
+    tests.append(Test("mean exposure, statistical over rendered", ratio, *EXPOSURE, len(all_one.reason)))
+    ratio = _ratio(all_other.objects, all_one.objects)
+    tests.append(
+        Test("mean number of objects, statistical over rendered", ratio, *OBJECTS, len(all_one.reason))
+    )
     return tests
 
 
@@ -151,4 +173,17 @@ def _spread(runs, limit_wrong):
         squares += ((error - error.mean(axis=0)) ** 2).sum(axis=0)
         variances += (part.sigma[good] ** 2).sum(axis=0)
         n += int(good.sum())
+    if n == 0:
+        return np.full(3, nan), np.full(3, nan)
     return np.sqrt(squares / n), np.sqrt(variances / n)
+
+
+def _mean(values):
+    """Mean; NaN of nothing."""
+    return float(values.mean()) if len(values) else nan
+
+
+def _ratio(values, others):
+    """Ratio of two means; NaN if there is none."""
+    above, below = _mean(values), _mean(others)
+    return above / below if below > 0.0 else nan

@@ -8,8 +8,8 @@ from shefex_nav.scenario import star_statistics
 DIGITS = 6  # significant, of a fitted number
 
 
-def section(scenario, sightings, search, made, tests, ranges=None):
-    """The content of the file as plain dict.
+def section(scenario, sightings, search, made, ranges=None):
+    """The content of the file as plain dict, still without tests.
 
     Parameters
     ----------
@@ -17,39 +17,48 @@ def section(scenario, sightings, search, made, tests, ranges=None):
     sightings : SightingModel
     search : IdentificationModel
     made : dict, how the runs were made
-    tests : list of dict, from `judge`
     ranges : {path of a setting: (low, high)} of settings that were dispersed
     """
     settings = star_statistics.settings(scenario)
     settings |= {path: list(values) for path, values in (ranges or {}).items() if path in settings}
-    limit = sightings.saturation_electrons
     found = {
-        "format": 1,
-        "made": {"version": __version__, "scenario": scenario.mission.name} | made,
-        "digest": star_statistics.digest(settings),
-        "sightings": {
-            "detection": sightings.detection.tolist(),
-            "border": f"{sightings.border_px:.4g} pix",
-            "noise": sightings.noise.tolist(),
-            "reported": sightings.reported.tolist(),
-            "saturation": f"{limit:.6g} electron" if limit < float("inf") else None,
-            "mean_offset": f"{sightings.mean_offset_dn:.4g} DN",
-        },
-        "identification": {
-            "table": [
-                [int(stars), float(first), float(later), float(wrong)]
-                for stars, first, later, wrong in zip(*search[:4], strict=True)
-            ],
-            "named": float(search.named),
-            "wrong_turns": search.wrong_turns.tolist(),
-            "fastest": f"{search.fastest:.9g} rad/s",
-        },
-        "tests": tests,
+        "sightings": _rounded(_sightings(sightings)),
+        "identification": _rounded(_identification(search)),
+        "tests": [],
         "settings": settings,
     }
-    for part in ("sightings", "identification", "tests"):
-        found[part] = _rounded(found[part])
-    return _without_none(found)
+    made = {"version": __version__, "scenario": scenario.mission.name} | made
+    return {"format": 2, "made": made, "digest": star_statistics.digest(found)} | found
+
+
+def with_tests(content, tests):
+    """The content with what a list of judge.Test found."""
+    return content | {"tests": [_rounded(one.as_dict()) for one in tests]}
+
+
+def _sightings(model):
+    found = {
+        "detection": model.detection.tolist(),
+        "border": f"{model.border_px:.4g} pix",
+        "clutter": model.clutter.tolist(),
+        "noise": model.noise.tolist(),
+        "reported": model.reported.tolist(),
+        "mean_offset": f"{model.mean_offset_dn:.4g} DN",
+    }
+    limit = model.saturation_electrons  # a scenario file has no infinity; nothing is saturated without it
+    return found | ({"saturation": f"{limit:.6g} electron"} if limit < float("inf") else {})
+
+
+def _identification(model):
+    return {
+        "table": [
+            [int(stars), float(first), float(later), float(wrong)]
+            for stars, first, later, wrong in zip(*model[:4], strict=True)
+        ],
+        "named": float(model.named),
+        "wrong_turns": model.wrong_turns.tolist(),
+        "fastest": f"{model.fastest:.9g} rad/s",
+    }
 
 
 def text(content):
@@ -78,10 +87,3 @@ def _rounded(value):
     if isinstance(value, list):
         return [_rounded(item) for item in value]
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
-
-
-def _without_none(value):
-    """Without keys that have nothing to say: a scenario file takes `null` for a key that is not there."""
-    if isinstance(value, dict):
-        return {key: _without_none(item) for key, item in value.items() if item is not None}
-    return [_without_none(item) for item in value] if isinstance(value, list) else value

@@ -1,27 +1,35 @@
 """Rendered runs, fit, and judgement on runs that were not fitted, in worker processes.
 
-The runs are those of a campaign of the scenario with the same root seed: same draws, same sensors.
+The runs are those of a campaign of the scenario with the same root seed: same draws, same sensors. In the
+first of them, the corner runs, each dispersed setting of star camera and star tracker is at one end of what a
+campaign may draw, at random, and in the next run at the other; these are always fitted. So the range in which
+the statistics are said to hold is the one that was flown.
 """
 
 import multiprocessing
 import os
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from typing import NamedTuple
 
+import numpy as np
+
+from shefex_nav.campaign.characterise.records import Flown
 from shefex_nav.compiled import ONE_THREAD
 from shefex_nav.workers import bind_to_parent, cores
 
-LEAST_RUNS = 3
-HELD_OUT = 3  # every third run is not fitted, but judges
-RARE = 1e-6  # probability of a draw beyond either end of the range that a dispersed setting may have
+CORNERS = 6  # every sixth run is a corner run, and they are an even number
+HELD_OUT = 3  # every third of the others is not fitted, but judges
+RARE = 1e-5  # probability of a draw beyond either end of what the corner runs fly
+DISPERSED = ("star_camera", "star_tracker")  # sections of the settings that the statistics depend on
+ATTEMPTS = 3  # pools of workers, before it is said that they keep dying
+CORNER_STREAM = 1  # of the seeds of a characterisation; of a run's draws there are others
 
 
-class Flown(NamedTuple):
-    """A rendered run as a worker sends it back."""
+class Failed(NamedTuple):
+    """A run that came to no end."""
 
     run: int
-    collected: object  # collect.Collected
-    settings: dict  # of camera and star tracker
+    reason: str
 
 
 class Result(NamedTuple):
@@ -29,88 +37,135 @@ class Result(NamedTuple):
 
     content: dict  # of the file
     tests: list  # of judge.Test
+    failed: list  # of Failed, rendered runs that are not in it
 
 
-def characterise(scenario, runs, seed, *, workers=None, done=lambda text: None):
+class WorkersError(Exception):
+    """The worker processes do not live; the message says what there is."""
+
+
+def characterise(scenario, runs, seed, *, workers=None, folder=None, done=lambda text: None):
     """Fly rendered runs of a scenario and fit the statistics of its star tracker.
 
     Parameters
     ----------
     scenario : Scenario with frames: rendered, with its dispersions
-    runs : int, at least LEAST_RUNS
+    runs : int, at least 6: two corner runs, and of the others a third judges
     seed : int, root of all randomness
     workers : int, processes; None: one a core
+    folder : Path where rendered runs are kept, and those that it has are not flown again; None: nowhere
     done : called with words when something has been done
 
     Returns
     -------
     Result
+
+    Raises
+    ------
+    fit.FitError, records.RecordsError, campaign.running.BadCampaign, WorkersError
     """
-    from shefex_nav import simulate
     from shefex_nav.campaign import running
-    from shefex_nav.campaign.characterise import model
+    from shefex_nav.campaign.characterise import judge, model
+    from shefex_nav.campaign.characterise.records import Records
 
     plan, sampler = running.prepared(scenario, runs, seed)
-    simulate.warm_up(scenario)  # compiles; workers that compiled together would get into each other's way
-    jobs = [sampler.job(run) for run in range(runs)]
-    with _pool(plan, min(workers or cores(), runs)) as pool:
-        flown = _all(pool, fly_rendered, [(job,) for job in jobs], done, "rendered")
-        others = [one for k, one in enumerate(flown) if not _held(k)]
-        sightings, search = _fitted(scenario, [one.collected for one in others])
-        made = {"runs": len(others), "held_out": runs - len(others), "seed": seed}
-        made["frames"] = sum(len(one.collected.frames.t_s) for one in others)
-        ranges = spans([one.settings for one in flown] + extremes(plan, sampler))
-        content = model.section(scenario, sightings, search, made, [], ranges)
-        held = [(job, content) for k, job in enumerate(jobs) if _held(k)]
-        statistical = _all(pool, fly_statistical, held, done, "statistical")
-    tests = _judged(scenario, sightings, [flown[k].collected for k in range(runs) if _held(k)], statistical)
-    return Result(
-        model.section(scenario, sightings, search, made, [one.as_dict() for one in tests], ranges), tests
-    )
+    jobs = corner_jobs(plan, sampler) + [sampler.job(run) for run in range(corners(runs), runs)]
+    records = Records(folder, plan) if folder else None
+    workers = min(workers or cores(), runs)
+    flown, failed = _rendered(scenario, plan, jobs, workers, records, done)
+    fitted, held = split(flown, corners(runs))
+    content, sightings = _fitted(scenario, fitted, held, failed, seed)
+    given = [(jobs[one.run], content) for one in held]
+    statistical, lost = _all(plan, workers, fly_statistical, given, done, "statistical")
+    tests = [judge.flown_all(len(held), lost)]
+    judges = [one for one in held if one.run in statistical]
+    if judges:
+        tests += _judged(scenario, sightings, judges, [statistical[one.run] for one in judges])
+    return Result(model.with_tests(content, tests), tests, failed)
 
 
-def _held(k):
-    """Whether run k judges."""
-    return k % HELD_OUT == HELD_OUT - 1
+def _rendered(scenario, plan, jobs, workers, records, done):
+    """([Flown] by run, [Failed]); what is kept is not flown."""
+    from shefex_nav import simulate
+    from shefex_nav.campaign.characterise.fit import FitError
+
+    kept = {} if records is None else {run: records.read(run) for run in range(len(jobs))}
+    kept = {run: one for run, one in kept.items() if one is not None}
+    missing = [(job,) for job in jobs if job.run not in kept]
+    if kept:
+        done(f"{len(kept)} of {len(jobs)} rendered runs are kept in {records.folder}")
+    if missing:
+        simulate.warm_up(scenario)  # compiles; workers that compiled together would get into each other's way
+    keep = (lambda one: None) if records is None else records.keep
+    flown, failed = _all(plan, workers, fly_rendered, missing, done, "rendered", keep)
+    if not kept and not flown:
+        raise FitError(f"all {len(jobs)} rendered runs failed; the first: {failed[0].reason}")
+    return [one for _, one in sorted((kept | flown).items())], failed
 
 
-def _fitted(scenario, runs):
-    from shefex_nav.campaign.characterise import fit
+def corners(runs):
+    """Number of corner runs: even, at least two."""
+    return max(2, 2 * (runs // (2 * CORNERS)))
+
+
+def corner_jobs(plan, sampler):
+    """Jobs of the corner runs: two by two, what is at its upper end in one is at its lower in the next."""
+    jobs = []
+    for run in range(corners(plan.runs)):
+        rng = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(CORNER_STREAM, run // 2)))
+        job, ends = sampler.job(run), {}
+        for one in sampler.dispersed:
+            high = bool(rng.integers(2)) != bool(run % 2)
+            if one.path[0] in DISPERSED:
+                ends[one.name] = _end(one, 1.0 - RARE if high else RARE, run)
+        jobs.append(job._replace(draws=job.draws | ends))
+    return jobs
+
+
+def _end(one, u, run):
+    """The draw of a Dispersed for a probability u; of a group each for itself."""
+    from scipy.special import ndtri
+
+    return float(one.law.sigma * ndtri(u)) if one.group else one.law.draw(u, run)
+
+
+def split(flown, first):
+    """([Flown] that are fitted, [Flown] that judge): runs from number `first` on may judge."""
+    from shefex_nav.campaign.characterise.fit import FitError
+
+    held = [one for one in flown if one.run >= first and (one.run - first) % HELD_OUT == HELD_OUT - 1]
+    judges = {one.run for one in held}
+    fitted = [one for one in flown if one.run not in judges]
+    if not fitted or not held:
+        raise FitError(f"{len(fitted)} runs to fit and {len(held)} to judge succeeded; neither may be 0")
+    return fitted, held
+
+
+def _fitted(scenario, fitted, held, failed, seed):
+    """(content of the file without tests, SightingModel)."""
+    from shefex_nav.campaign.characterise import fit, model
     from shefex_nav.report.metrics import WRONG_ANGLE
 
-    tracker = scenario.star_tracker
-    return (
-        fit.sightings(runs, tracker.highest_rate, tracker.detection.saturation),
-        fit.identification(runs, tracker.highest_rate, WRONG_ANGLE),
-    )
+    tracker, runs = scenario.star_tracker, [one.collected for one in fitted]
+    sightings = fit.sightings(runs, tracker.highest_rate, tracker.detection.saturation)
+    search = fit.identification(runs, tracker.highest_rate, WRONG_ANGLE)
+    made = {"runs": len(fitted), "held_out": len(held), "failed": len(failed), "seed": seed}
+    made["frames"] = sum(len(one.frames.t_s) for one in runs)
+    made["code"] = sorted({one.code for one in (*fitted, *held)})
+    ranges = spans([one.settings for one in (*fitted, *held)])
+    return model.section(scenario, sightings, search, made, ranges), sightings
 
 
-def _judged(scenario, sightings, rendered, statistical):
+def _judged(scenario, sightings, held, statistical):
     from shefex_nav.campaign.characterise import judge
     from shefex_nav.report.metrics import WRONG_ANGLE
 
+    rendered = [one.collected for one in held]
     fixes = [judge.of_frames(one.frames) for one in rendered]
     return [
         *judge.centroids(rendered, sightings, scenario.star_tracker.highest_rate),
         *judge.fixes(fixes, statistical, WRONG_ANGLE),
     ]
-
-
-def extremes(plan, sampler):
-    """Settings of the star camera and the star tracker at both ends of each dispersion of theirs: list."""
-    from shefex_nav.scenario import load, star_statistics
-
-    pattern, drawn, found = load.Pattern(plan.source, plan.name), sampler.draws(0), []
-    for one in sampler.dispersed:
-        if one.path[0] not in ("star_camera", "star_tracker") or one.group:
-            continue
-        for u in (RARE, 1.0 - RARE):
-            try:
-                scenario = pattern.with_draws(drawn | {one.name: one.law.draw(u, 0)})
-            except load.ScenarioError:  # a draw that cannot be flown needs no place in the range
-                continue
-            found.append(star_statistics.settings(scenario))
-    return found
 
 
 def spans(settings):
@@ -136,19 +191,27 @@ def _begin(plan):
     _pattern = load.Pattern(plan.source, plan.name)
 
 
+def _attempt(function, job, *rest):
+    """What the function returns, or Failed: an exception of any kind is that run's alone."""
+    try:
+        return function(job, *rest)
+    except Exception as error:
+        return Failed(job.run, f"{type(error).__name__}: {error}")
+
+
 def fly_rendered(job):
     """Flown of a Job."""
+    from shefex_nav.campaign import plan
     from shefex_nav.campaign.characterise import collect
     from shefex_nav.scenario import star_statistics
 
     scenario = _pattern.with_draws(job.draws)
-    return Flown(job.run, collect.collect(scenario, job.seed), star_statistics.settings(scenario))
+    collected, settings = collect.collect(scenario, job.seed), star_statistics.settings(scenario)
+    return Flown(job.run, collected, settings, plan.versions()["code"])
 
 
 def fly_statistical(job, content):
     """judge.Fixes of a Job, flown with the statistics `content`."""
-    import numpy as np
-
     from shefex_nav.campaign.characterise import collect, judge
     from shefex_nav.scenario import star_statistics
 
@@ -167,15 +230,36 @@ def _pool(plan, workers):
     return ProcessPoolExecutor(workers, context, _begin, (plan,))
 
 
-def _all(pool, function, arguments, done, words):
-    """Results in the order of the arguments; the first exception ends the work."""
-    futures = {pool.submit(function, *one): k for k, one in enumerate(arguments)}
-    results = [None] * len(arguments)
-    try:
-        for n, future in enumerate(as_completed(futures), 1):
-            results[futures[future]] = future.result()
-            done(f"{words} run {n} of {len(arguments)}")
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
-    return results
+def _all(plan, workers, function, given, done, words, keep=lambda one: None):
+    """({run: result}, [Failed]) of a function for each of the arguments, a Job first.
+
+    If a worker is killed, the runs that did not come back are flown again in a new pool.
+    """
+    results, failed = {}, []
+    for _ in range(ATTEMPTS):
+        over = results.keys() | {one.run for one in failed}
+        missing = [one for one in given if one[0].run not in over]
+        if not missing:
+            return results, failed
+        pool = _pool(plan, min(workers, len(missing)))
+        try:
+            futures = {pool.submit(_attempt, function, *one): one[0].run for one in missing}
+            for future in as_completed(futures):
+                one = future.result()
+                if isinstance(one, Failed):
+                    failed.append(one)
+                    done(f"{words} run {one.run} failed: {one.reason}")
+                    continue
+                results[futures[future]] = one
+                keep(one)
+                done(f"{words} run {len(results) + len(failed)} of {len(given)}")
+        except BrokenExecutor:
+            done("a worker process was killed; its run is flown again")
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+    if len(results) + len(failed) == len(given):
+        return results, failed
+    raise WorkersError(
+        f"{ATTEMPTS} times a worker process was killed, perhaps for want of memory: {len(results)} of "
+        f"{len(given)} {words} runs are done; try fewer --workers"
+    )

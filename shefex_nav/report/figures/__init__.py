@@ -138,3 +138,26 @@ def save_all(data, folder, kind="png"):
             written.append(Path(folder) / f"{entry.name}.{kind}")
             style.save(figure, written[-1])
     return written
+
+
+class Plots:
+    """Figures by their names: `plots.attitude()`; `dir(plots)` names them."""
+
+    def __init__(self, names, draw):
+        """draw : function of a name that gives the Figure, or None where there is nothing to draw."""
+        self._names, self._draw = list(names), draw
+
+    def __dir__(self):
+        return self._names
+
+    def __getattr__(self, name):
+        if name.startswith("_") or name not in self._names:  # notebooks ask for _repr_html_ and the like
+            raise AttributeError(f"there is no figure {name!r}; choose from {', '.join(self._names)}")
+
+        def drawn():
+            figure = self._draw(name)
+            if figure is None:
+                raise LookupError(f"there is nothing to draw for {name!r}: the records it shows are missing")
+            return figure
+
+        return drawn

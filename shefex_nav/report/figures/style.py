@@ -32,6 +32,7 @@ _FEW_DOTS = 200
 _DIGITS = re.compile(rb"(\.\d\d)\d+")  # of coordinates in 1/72 inch, where two are plenty
 _GAP = 8.0  # steps without a sample are a gap
 _DPI = 160  # of pictures within figures
+_NOTEBOOK_DPI = 80
 MOST_POINTS = 1200  # of a curve over the whole width, about: one for each dot of a screen
 STYLE = {
     "font.family": ["DejaVu Sans"],
@@ -64,9 +65,22 @@ def styled(draw):
         from matplotlib import style
 
         with style.context(["default", STYLE]):
-            return draw(*args, **kwargs)
+            return _shown(draw(*args, **kwargs))
 
     return wrapper
+
+
+def _shown(drawn):
+    """The same; a Figure is a picture in a notebook, which only shows those of pyplot by itself."""
+    if hasattr(drawn, "savefig"):
+
+        def png():
+            out = BytesIO()
+            drawn.savefig(out, format="png", dpi=_NOTEBOOK_DPI)
+            return out.getvalue()
+
+        drawn._repr_png_ = png
+    return drawn
 
 
 def figure(height, width=WIDTH):

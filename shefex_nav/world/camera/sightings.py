@@ -6,18 +6,30 @@ the detection finds. Where the stars of the field stand, how they move during th
 and all that is constant in a run (mounting, focal length, principal point, brightness of each star) are those
 of the rendered picture. Fitted are which sources are found and how well their centroids are measured.
 
-The form of both is that of a Gaussian spot in noise. A star of E electrons, drawn out by its motion to the
-standard deviations w along and s across, in pixels with the noise n, stands out by
+The form of both is that of a Gaussian spot in noise: a star of E electrons, drawn out by its motion to the
+standard deviations w along and s across, in pixels with the noise n.
 
-    q = E / (2 pi w s n)
+The detection searches sums of 3x3 pixels. The middle one of a star holds B electrons of it (a spot that a
+uniform streak of the length L draws out, over a square in its middle), with the deviation sqrt(9 n^2 + B); a
+search begins where a sum is k times 3 n above the background. So the star is found with the probability
 
-(its brightest pixel, with which a search begins), and no unbiased centroid has less variance along a
-direction a, with b the one across, than the larger of w_a^2 / E (the star's own shot noise) and
-8 pi w_a^3 w_b (n / E)^2 (that of the background); see Winick, J. Opt. Soc. Am. A 3 (1986) 1809. The fit says
-how much of each, and what else, the real chain has.
+    Phi(d0 + d1 z + d2 ln(1 + L / 3)),    z = (B - 3 k n) / sqrt(9 n^2 + B)
+
+where d1 would be 1, and the last term stands for the several places along a streak that each may be enough.
+
+No unbiased centroid has less variance along a direction a, with b the one across, than the larger of
+w_a^2 / E (the star's own shot noise) and 8 pi w_a^3 w_b (n / E)^2 (that of the background); see Winick, J.
+Opt. Soc. Am. A 3 (1986) 1809. There the widths are those of the spot as pixels see it, w^2 + 1/12. A spot
+that is sharper than about 0.6 pixels is not told by its pixels: what they leave out of it has a power that
+goes with exp(-4 pi^2 s^2), the square of the spot's transfer function at one cycle a pixel. The fit says how
+much of each, and what else, the real chain has.
+
+Clutter is what is found and is no source of the sky: spots of a frame, hot pixels that no list has, and, the
+more the longer the streaks, pieces of those that break up. It is counted by the exposure control; a wrong fix
+that it causes is in the table of identification.
 """
 
-from math import atan, hypot, pi
+from math import atan, erf, erfc, exp, hypot, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -32,16 +44,25 @@ from shefex_nav.world.camera import motion, sky
 from shefex_nav.world.camera.camera import surroundings
 
 EDGE_PX = 0.5  # from the centre of the outermost pixel to the border of the detector
+BLOCK = 3  # pixels, side of the sums that the detection searches (onboard.startracker.background)
+PIXEL_VARIANCE = 1.0 / 12.0  # px^2 per axis
+SHARP_PX = 0.5
+TERMS = 4  # of a variance
+BROKEN_PX = 20.0  # as long are streaks that break up as often as they will
 NO_PICTURE = np.zeros((0, 0), dtype=np.uint8)
+NOTHING = Detections(
+    np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2, 2))
+)
 
 
 class SightingModel(NamedTuple):
     """What rendered pictures showed of sources that are found; fitted by `shefex-nav characterise`."""
 
-    detection: np.ndarray  # (3,) of the odds that a source is found: exp(d0 + d1 ln q + d2 ln(w / s))
+    detection: np.ndarray  # (3,) d: a source is found with the probability Phi(d . features)
     border_px: float  # a source nearer to the border is not found
-    noise: np.ndarray  # (3,) of the variance of a centroid: of 1 px^2, of the shot noise, of the background
-    reported: np.ndarray  # (3,) of the variance that is reported with it
+    noise: np.ndarray  # (4,) of the variance of a centroid: of each of its `terms`
+    reported: np.ndarray  # (4,) of the variance that is reported with it
+    clutter: np.ndarray  # (2,) mean number of other objects: always; more with long streaks, `broken`
     saturation_electrons: float  # light in the brightest pixel above which a source counts as saturated
     mean_offset_dn: float  # of the frame's mean grey value against the one expected
 
@@ -54,11 +75,29 @@ class Sighting(NamedTuple):
     mean_dn: float  # mean grey value of the frame
 
 
+class Limits(NamedTuple):
+    """Settings of the detection."""
+
+    most: int  # length of the table of objects; the brightest are kept
+    full_dn: float  # grey value of a saturated pixel: a frame that is as bright on average shows no stars
+    seed_sigma: float  # a search begins where a sum is so far above the background
+
+
 class Chances(NamedTuple):
     """Random numbers of one frame for each source, and what they are used with."""
 
     normal: np.ndarray  # (n, 2)
     uniform: np.ndarray  # (n,)
+
+
+class Objects(NamedTuple):
+    """n things that the detection finds."""
+
+    hip: np.ndarray  # (n,)
+    xy_px: np.ndarray  # (n, 2)
+    electrons: np.ndarray  # (n,)
+    saturated: np.ndarray  # (n,) bool
+    P_px: np.ndarray  # (n, 2, 2)
 
 
 class Exposure(NamedTuple):
@@ -130,24 +169,11 @@ def look(camera, command, trajectory, number, t_start_s):
     params, exposure_s = camera.params, command.exposure_s
     times = row_times(exposure_s, params.line_s, params.height_px)
     t_valid_s, t_end_s = t_start_s + instant_after_s(times), t_start_s + duration_s(times)
-    hole = camera.pinhole
-    move = motion.during(hole, trajectory, camera.q_bc, t_valid_s, times, np.inf)
+    move = motion.during(camera.pinhole, trajectory, camera.q_bc, t_valid_s, times, np.inf)
     C_ei = np.ascontiguousarray(frames.dcm_ie(camera.earth, t_valid_s).T)
     sun_angle, limb_angle, stray_rate = surroundings(camera, move.C_ci[2], move.r_i, C_ei)
-    background = (params.background_rate + stray_rate) * exposure_s
-    cone = atan(0.5 * hypot(params.width_px, params.height_px) / hole.focal_length_px) + 1e-3
-    view = sky.View(move.C_ci[2], cone, move.r_i, camera.bodies.earth_v_i + move.v_i, np.zeros(3), C_ei)
-    every = sky.Film(exposure_s, hole.focal_length_px, camera.psf.width_px, 0.0)
-    hip, u_i, electrons = sky.visible(camera.sky, camera.planets, view, every)
-    xy_px = pixels(hole, u_i @ move.C_ci.T)
-    x, y = xy_px.T  # NaN behind the camera is inside of nothing
-    inside = (x >= -EDGE_PX) & (x <= params.width_px - EDGE_PX)
-    inside &= (y >= -EDGE_PX) & (y <= params.height_px - EDGE_PX)
-    hip, xy_px, electrons = hip[inside], xy_px[inside], electrons[inside]
-
-    per_dn = params.electrons_per_dn / 10.0 ** (command.gain_db / 20.0)
-    spread = electrons.sum() / (params.width_px * params.height_px)
-    noise = np.sqrt(params.read_noise_electrons**2 + background + per_dn**2 / 12.0)
+    scene = _scene(camera, move, C_ei, exposure_s)
+    film = _film(params, command, move, (params.background_rate + stray_rate) * exposure_s, scene[2].sum())
     frame = Frame(
         number=number,
         t_start_s=t_start_s,
@@ -159,10 +185,17 @@ def look(camera, command, trajectory, number, t_start_s):
         line_s=params.line_s,
         bits=params.bits,
     )
+    return frame, _truth(frame, params, move, (sun_angle, limb_angle), scene), film, scene
+
+
+def _truth(frame, params, move, angles, scene):
+    """FrameTruth of a Frame; angles to Sun and limb."""
+    hip, xy_px, _ = scene
+    sun_angle, limb_angle = angles
     listed = hip > 0
-    truth = FrameTruth(
-        number=number,
-        t_valid_s=t_valid_s,
+    return FrameTruth(
+        number=frame.number,
+        t_valid_s=frame.t_valid_s,
         q_ic=rotation.quat_from_dcm(np.ascontiguousarray(move.C_ci.T)),
         rate=move.rate,
         sun_angle=sun_angle,
@@ -171,15 +204,39 @@ def look(camera, command, trajectory, number, t_start_s):
         hip=hip[listed],
         xy_px=xy_px[listed],
     )
+
+
+def _scene(camera, move, C_ei, exposure_s):
+    """(hip (n,), xy_px (n, 2), electrons (n,)) of all sources on the detector."""
+    params, hole = camera.params, camera.pinhole
+    cone = atan(0.5 * hypot(params.width_px, params.height_px) / hole.focal_length_px) + 1e-3
+    view = sky.View(move.C_ci[2], cone, move.r_i, camera.bodies.earth_v_i + move.v_i, np.zeros(3), C_ei)
+    every = sky.Film(exposure_s, hole.focal_length_px, camera.psf.width_px, 0.0)
+    hip, u_i, electrons = sky.visible(camera.sky, camera.planets, view, every)
+    xy_px = pixels(hole, u_i @ move.C_ci.T)
+    x, y = xy_px.T  # NaN behind the camera is inside of nothing
+    inside = (x >= -EDGE_PX) & (x <= params.width_px - EDGE_PX)
+    inside &= (y >= -EDGE_PX) & (y <= params.height_px - EDGE_PX)
+    return hip[inside], xy_px[inside], electrons[inside]
+
+
+def _film(params, command, move, background, starlight):
+    """Exposure with a background in electrons a pixel, and the light of all stars."""
+    per_dn = params.electrons_per_dn / 10.0 ** (command.gain_db / 20.0)
+    spread = starlight / (params.width_px * params.height_px)
     mean_dn = min(params.black_level_dn + (background + spread) / per_dn, 2.0**params.bits - 1.0)
-    film = Exposure(
-        params.sigma_psf_px, float(noise), exposure_s, move.C_ci @ move.omega_ib_i, per_dn, mean_dn
+    return Exposure(
+        psf_sigma_px=params.sigma_psf_px,
+        noise_electrons=sqrt(params.read_noise_electrons**2 + background + per_dn**2 / 12.0),
+        exposure_s=command.exposure_s,
+        omega_c=move.C_ci @ move.omega_ib_i,
+        electrons_per_dn=per_dn,
+        mean_dn=mean_dn,
     )
-    return frame, truth, film, (hip, xy_px, electrons)
 
 
-def sight(model, camera, film, scene, rng, *, most, full_dn):
-    """Which sources the detection finds, and where it says they are.
+def sight(model, camera, film, scene, rng, limits):
+    """What the detection finds, and where it says it is.
 
     Parameters
     ----------
@@ -187,31 +244,65 @@ def sight(model, camera, film, scene, rng, *, most, full_dn):
     camera : Camera
     film, scene : Exposure, (hip, xy_px, electrons) of `look`
     rng : Generator
-    most : int, length of the table of objects; the brightest are kept
-    full_dn : float, grey value of a saturated pixel: a frame that is as bright on average shows no stars
+    limits : Limits
 
     Returns
     -------
-    Sighting
+    Sighting, brightest object first
     """
-    hip, xy_px, electrons = scene
-    n, params = len(hip), camera.params
-    chances = Chances(rng.standard_normal((n, 2)), rng.random(n))
-    mean_dn = min(film.mean_dn + model.mean_offset_dn, 2.0**params.bits - 1.0)
-    found, seen_px, P_px, saturated = _sight_kernel(model, camera.pinhole, film, xy_px, electrons, chances)
-    size = np.array([params.width_px, params.height_px])
-    inside = (xy_px > model.border_px - EDGE_PX) & (xy_px < size - EDGE_PX - model.border_px)
-    found &= inside.all(axis=1) & (mean_dn < full_dn)
-    rows = np.flatnonzero(found)
-    rows = rows[np.argsort(-electrons[rows], kind="stable")][:most]
+    mean_dn = min(film.mean_dn + model.mean_offset_dn, 2.0**camera.params.bits - 1.0)
+    if mean_dn >= limits.full_dn:
+        return Sighting(NOTHING, np.zeros(0, dtype=np.int64), float(mean_dn))
+    size = np.array([camera.params.width_px, camera.params.height_px])
+    stars = _sources(model, camera.pinhole, film, scene, rng, limits, size)
+    clutter = _clutter(model, camera.pinhole, film, rng, limits, size)
+    both = Objects(*(np.concatenate(columns) for columns in zip(stars, clutter, strict=True)))
+    rows = np.argsort(-both.electrons, kind="stable")[: limits.most]
     detections = Detections(
-        xy_px=seen_px[rows],
-        flux_dn=electrons[rows] / film.electrons_per_dn,
+        xy_px=both.xy_px[rows],
+        flux_dn=both.electrons[rows] / film.electrons_per_dn,
         n_pixels=np.zeros(len(rows), dtype=np.int64),
-        n_saturated=np.where(saturated[rows], params.width_px * params.height_px, 0),
-        P_px=P_px[rows],
+        n_saturated=np.where(both.saturated[rows], size.prod(), 0),
+        P_px=both.P_px[rows],
     )
-    return Sighting(detections, hip[rows], float(mean_dn))
+    return Sighting(detections, both.hip[rows], float(mean_dn))
+
+
+def _sources(model, hole, film, scene, rng, limits, size):
+    """Objects that are sources of the sky."""
+    hip, xy_px, electrons = scene
+    chances = Chances(rng.standard_normal((len(hip), 2)), rng.random(len(hip)))
+    found, seen_px, P_px, saturated = _sight_kernel(
+        model, hole, film, xy_px, electrons, chances, limits.seed_sigma
+    )
+    inside = (xy_px > model.border_px - EDGE_PX) & (xy_px < size - EDGE_PX - model.border_px)
+    rows = np.flatnonzero(found & inside.all(axis=1))
+    return Objects(hip[rows], seen_px[rows], electrons[rows], saturated[rows], P_px[rows])
+
+
+def _clutter(model, hole, film, rng, limits, size):
+    """Objects that are no source, anywhere: as bright as it takes, the first to go if the table is full."""
+    n = rng.poisson(model.clutter[0] + model.clutter[1] * broken(turned_px(hole, film)))
+    least = limits.seed_sigma * BLOCK * film.noise_electrons
+    spot = film.psf_sigma_px, film.psf_sigma_px, least, film.noise_electrons
+    variance = model.reported @ np.array(terms(*spot)[0])
+    return Objects(
+        hip=np.zeros(n, dtype=np.int64),
+        xy_px=model.border_px - EDGE_PX + (size - 2.0 * model.border_px) * rng.random((n, 2)),
+        electrons=np.full(n, least),
+        saturated=np.zeros(n, dtype=bool),
+        P_px=np.tile(variance * np.eye(2), (n, 1, 1)),
+    )
+
+
+def turned_px(hole, film):
+    """By how much the camera turns during an exposure."""
+    return hole.focal_length_px * float(np.linalg.norm(film.omega_c)) * film.exposure_s
+
+
+def broken(length_px):
+    """Share of the clutter of long streaks that streaks of a length have: 0 for none, 1 from BROKEN_PX on."""
+    return np.minimum(length_px / BROKEN_PX, 1.0) ** 2
 
 
 @njit(cache=True)
@@ -235,12 +326,16 @@ def shape(hole, film, x_px, y_px):
 
 @njit(cache=True)
 def terms(along_px, across_px, electrons, noise):
-    """Parts of the variance of a centroid: (along: 1, shot noise, background), (across: likewise) [px^2]."""
-    ratio2 = (noise / electrons) ** 2
-    both = 8.0 * pi * along_px * across_px * ratio2
+    """Parts of the variance of a centroid along the streak and across it [px^2].
+
+    Each (1, shot noise, background, sharpness): that of 1 is for all stars; sharpness is 1 at half a pixel.
+    """
+    along2, across2 = along_px**2 + PIXEL_VARIANCE, across_px**2 + PIXEL_VARIANCE
+    both = 8.0 * pi * sqrt(along2 * across2) * (noise / electrons) ** 2
+    sharp = exp(-4.0 * pi**2 * (across_px**2 - SHARP_PX**2))
     return (
-        (1.0, along_px**2 / electrons, both * along_px**2),
-        (1.0, across_px**2 / electrons, both * across_px**2),
+        (1.0, along2 / electrons, both * along2, sharp),
+        (1.0, across2 / electrons, both * across2, sharp),
     )
 
 
@@ -251,7 +346,29 @@ def contrast(along_px, across_px, electrons, noise):
 
 
 @njit(cache=True)
-def _sight_kernel(model, hole, film, xy_px, electrons, chances):
+def features(along_px, across_px, electrons, noise, seed_sigma):
+    """What a star is found by: (1, z, ln(1 + L / 3)), as at the head of this file."""
+    length = sqrt(max(12.0 * (along_px**2 - across_px**2), 0.0))
+    half = 0.5 * BLOCK
+    if length < 1e-3 * across_px:
+        part = erf(half / (sqrt(2.0) * across_px))
+    else:
+        part = _area(half + 0.5 * length, across_px) - _area(half - 0.5 * length, across_px)
+        part /= length
+    block = electrons * part * erf(half / (sqrt(2.0) * across_px))
+    floor = BLOCK * noise
+    z = (block - seed_sigma * floor) / sqrt(floor**2 + block)
+    return 1.0, z, np.log(1.0 + length / BLOCK)
+
+
+@njit(cache=True)
+def _area(x, sigma):
+    """Integral of erf(x / (sqrt(2) sigma)) from 0, and a constant."""
+    return x * erf(x / (sqrt(2.0) * sigma)) + sigma * sqrt(2.0 / pi) * exp(-0.5 * (x / sigma) ** 2)
+
+
+@njit(cache=True)
+def _sight_kernel(model, hole, film, xy_px, electrons, chances, seed_sigma):
     """(found, measured places, reported covariances, is saturated) of n sources."""
     n = electrons.size
     found, saturated = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
@@ -260,15 +377,13 @@ def _sight_kernel(model, hole, film, xy_px, electrons, chances):
         if electrons[k] <= 0.0:
             continue
         along, across, ex, ey = shape(hole, film, xy_px[k, 0], xy_px[k, 1])
-        q = contrast(along, across, electrons[k], film.noise_electrons)
-        odds = (
-            model.detection[0] + model.detection[1] * np.log(q) + model.detection[2] * np.log(along / across)
-        )
-        found[k] = chances.uniform[k] * (1.0 + np.exp(-odds)) < 1.0
+        one, z, places = features(along, across, electrons[k], film.noise_electrons, seed_sigma)
+        t = model.detection[0] * one + model.detection[1] * z + model.detection[2] * places
+        found[k] = chances.uniform[k] < 0.5 * erfc(-t / sqrt(2.0))
         saturated[k] = electrons[k] / (2.0 * pi * along * across) > model.saturation_electrons
         t_along, t_across = terms(along, across, electrons[k], film.noise_electrons)
         true_a, true_b, said_a, said_b = 0.0, 0.0, 0.0, 0.0
-        for m in range(3):
+        for m in range(TERMS):
             true_a += model.noise[m] * t_along[m]
             true_b += model.noise[m] * t_across[m]
             said_a += model.reported[m] * t_along[m]

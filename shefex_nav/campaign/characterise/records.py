@@ -1,0 +1,110 @@
+"""Rendered runs of a characterisation, kept: a fit can be made again without flying them again.
+
+DIR/characterise.json says of what they are (scenario, root seed, version of the program); DIR/000123.npz is
+one run, written under another name first, so that it is there as a whole or not at all. The program may have
+changed since, or nobody could mend a fit with what was flown; a run says by which code it was flown, and the
+fitted file names all of them.
+"""
+
+import json
+import zipfile
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.campaign import files
+from shefex_nav.campaign import plan as planning
+from shefex_nav.campaign.characterise.collect import Collected, Frames, Searches, Sources
+
+FORMAT = 1
+HEAD = "characterise.json"
+PARTS = {"frames": Frames, "sources": Sources, "searches": Searches}
+
+
+class Flown(NamedTuple):
+    """A rendered run, as a worker sends it back."""
+
+    run: int
+    collected: object  # collect.Collected
+    settings: dict  # of camera and star tracker
+    code: str  # digest of the program that flew it
+
+
+class RecordsError(Exception):
+    """A folder of records that cannot be used; the message says why."""
+
+
+class Records:
+    """Folder of rendered runs of one scenario and root seed.
+
+    folder : Path, made if it is not there
+    plan : plan.Plan
+    """
+
+    def __init__(self, folder, plan):
+        self.folder = folder
+        head = {
+            "format": FORMAT, "scenario": planning.digest(plan.source), "seed": plan.seed,
+            "runs": plan.runs, "versions": {**plan.versions, "code": None},
+        }  # fmt: skip
+        path = folder / HEAD
+        try:
+            folder.mkdir(exist_ok=True)
+            if not path.exists():
+                if any(folder.iterdir()):
+                    raise RecordsError(f"{folder} has something else in it; name a new or an empty folder")
+                files.put(path, json.dumps(head, indent=1))
+            _compare(path, head)
+        except OSError as error:
+            raise RecordsError(f"{folder}: {error.strerror or error}") from None
+
+    def read(self, run):
+        """Flown of a run that is kept; None if it is not, or cannot be read."""
+        try:
+            with self._path(run).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+                parts = [
+                    kind(*(file[f"{part}.{name}"] for name in kind._fields)) for part, kind in PARTS.items()
+                ]
+                return Flown(run, Collected(*parts), *json.loads(str(file["about"])))
+        except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile):
+            return None
+
+    def keep(self, flown):
+        """Write a Flown."""
+        columns = {
+            f"{part}.{name}": column
+            for part in PARTS
+            for name, column in getattr(flown.collected, part)._asdict().items()
+        }
+        about = np.array(json.dumps([flown.settings, flown.code]))
+        try:
+            with files.whole(self._path(flown.run)) as part, part.open("wb") as file:
+                np.savez_compressed(file, about=about, **columns)
+            files.settle(self.folder)
+        except OSError as error:
+            raise RecordsError(f"{self.folder}: {error.strerror or error}") from None
+
+    def _path(self, run):
+        return self.folder / f"{run:06d}.npz"
+
+
+def _compare(path, head):
+    """Refuse records of something else."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise RecordsError(f"{path} cannot be read")
+    for name, value in head.items():
+        if found.get(name) != value:
+            raise RecordsError(f"{path}: these runs are of another {_what(name, value, found.get(name))}")
+
+
+def _what(name, value, found):
+    """What differs, for people."""
+    if name == "versions" and isinstance(found, dict):
+        name = next(key for key in {**value, **found} if value.get(key) != found.get(key))
+        return f"version of {name}: {found.get(name)}, now {value.get(name)}"
+    words = "number of runs" if name == "runs" else name
+    return words if name == "scenario" else f"{words}: {found}, now {value}"

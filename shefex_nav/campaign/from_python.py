@@ -1,0 +1,49 @@
+"""Campaigns from Python, as `shefex-nav campaign` flies them.
+
+import shefex_nav as sn
+
+if __name__ == "__main__":  # in a script: the workers are new processes, which read it too
+    campaign = sn.fly_campaign(sn.Scenario.load("scenarios/campaign.yaml"), 300, folder="my_campaign")
+    campaign.table()  # for rich's Console; a picture of its own in a notebook
+    campaign.plot.errors()
+"""
+
+import multiprocessing
+
+
+def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, say=print):
+    """Fly a scenario many times; what the folder has of the same campaign already is not flown again.
+
+    Parameters
+    ----------
+    scenario : Scenario, with `dispersions`
+    runs : int, how many
+    folder : path of the results, made if it is not there
+    seed : int, root of all randomness
+    workers : processes; None: one a core
+    say : function that is told how far it is, a line at a time
+
+    Returns
+    -------
+    results.Campaign
+
+    Raises StoreError if the folder holds another campaign, BadCampaign and EngineError if it cannot be flown,
+    KeyboardInterrupt if it was interrupted: what is done is kept, the same call goes on.
+    """
+    from shefex_nav.campaign import progress, results, running
+    from shefex_nav.campaign.stopping import stopping
+    from shefex_nav.campaign.store import Store
+
+    if multiprocessing.parent_process() is not None:
+        raise running.BadCampaign(
+            "fly_campaign was called in a worker process; in a script, the call stands below "
+            "`if __name__ == '__main__':`, because the workers read the script too"
+        )
+    request = running.Request(scenario, runs, seed, workers, None, ())
+    with Store(folder) as store, stopping() as stop:
+        ended = running.fly(request, store, progress.Show(say), stop)
+    if ended.interrupted:
+        raise KeyboardInterrupt(
+            f"{len(ended.rows)} of {runs} runs are kept; the same call goes on from there"
+        )
+    return results.open_campaign(folder)

@@ -1,0 +1,64 @@
+"""Campaigns flown and looked at from Python."""
+
+import io
+
+import pytest
+from rich.console import Console
+from short_campaign import write
+from synthetic_campaign import write as write_synthetic
+
+import shefex_nav
+from shefex_nav.campaign import figures, from_python, results
+from shefex_nav.campaign.running import BadCampaign
+from shefex_nav.campaign.store import StoreError
+
+
+def test_a_campaign_goes_on_where_it_was(tmp_path):
+    scenario, said = shefex_nav.Scenario.load(write(tmp_path)), []
+    known = {"folder": tmp_path / "kept", "workers": 1, "say": said.append}
+    first = shefex_nav.fly_campaign(scenario, 1, **known)
+    assert len(first) == 1 and said
+    began = (tmp_path / "kept" / "runs" / "000000.json").stat().st_mtime_ns
+    both = shefex_nav.fly_campaign(scenario, 2, **known)
+    assert len(both) == 2 and both.succeeded.all()
+    assert (tmp_path / "kept" / "runs" / "000000.json").stat().st_mtime_ns == began
+    assert "short, seed 1, 2 of 2 runs, 2 flew to their end" in repr(both)
+    with pytest.raises(StoreError, match="was flown with --seed 1, not 2"):
+        shefex_nav.fly_campaign(scenario, 2, seed=2, **known)
+
+
+def test_a_worker_flies_no_campaign(tmp_path, monkeypatch):
+    monkeypatch.setattr(from_python.multiprocessing, "parent_process", lambda: object())
+    with pytest.raises(BadCampaign, match="__main__"):
+        shefex_nav.fly_campaign(shefex_nav.Scenario.load(write(tmp_path)), 1, folder=tmp_path / "kept")
+    assert not (tmp_path / "kept").exists()
+
+
+def test_an_interrupted_campaign_says_what_is_kept(tmp_path, monkeypatch):
+    scenario, folder = shefex_nav.Scenario.load(write(tmp_path)), tmp_path / "kept"
+    monkeypatch.setattr("shefex_nav.campaign.engine.fly", _interrupted)
+    with pytest.raises(KeyboardInterrupt, match="0 of 3 runs are kept; the same call goes on"):
+        shefex_nav.fly_campaign(scenario, 3, folder=folder, workers=1, say=str)
+
+
+def _interrupted(*_):
+    from shefex_nav.campaign.engine import Interrupted
+
+    raise Interrupted
+
+
+def test_pictures_by_name_and_the_table(tmp_path):
+    campaign = shefex_nav.open_campaign(write_synthetic(tmp_path / "made", 60))
+    assert dir(campaign.plot) == sorted(figures.NAMES)
+    r2 = [
+        float(axes.get_title("left").split("R² ")[1].split()[0]) for axes in campaign.plot.sensitivity().axes
+    ]
+    assert r2 == sorted(r2, reverse=True) and len(r2) > 1  # the best explained result is not cut off
+    assert len(campaign.plot.errors().axes) == 9
+    with pytest.raises(AttributeError, match="choose from errors, nees"):
+        campaign.plot.nothing()
+    console = Console(width=150, record=True, file=io.StringIO())
+    console.print(campaign.table())
+    assert "Requirements" in console.export_text() and hasattr(campaign.table(), "_repr_mimebundle_")
+    bare = shefex_nav.open_campaign(write_synthetic(tmp_path / "bare", 3, with_series=False))
+    assert isinstance(bare, results.Campaign)

@@ -1,0 +1,302 @@
+"""What goes wrong around a campaign: disks, memory, other campaigns, an impatient user. Nothing is lost."""
+
+import json
+import math
+import os
+import sys
+from concurrent.futures import Future
+
+import numpy as np
+import pytest
+from short_campaign import HereLane, fly, write
+
+from shefex_nav import compiled
+from shefex_nav.campaign import engine, files, flight, results, running, stopping, store, table
+from shefex_nav.scenario import load
+
+RUNS = 3
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    """The short mission."""
+    return load.load(write(tmp_path_factory.mktemp("scenario")))
+
+
+@pytest.fixture(scope="module")
+def whole(scenario, tmp_path_factory):
+    """(folder, Ended) of a campaign that nothing disturbed."""
+    folder = tmp_path_factory.mktemp("whole") / "campaign"
+    return folder, fly(scenario, folder, RUNS)
+
+
+# ---- workers ---------------------------------------------------------------------------------------------
+
+
+def test_a_worker_of_two_campaigns_flies_each_run_by_its_own_plan(scenario, tmp_path, monkeypatch):
+    """As on a scheduler that two of them share: the same dispersed paths, another scenario."""
+    monkeypatch.setattr(flight, "_pilots", {})
+    for name in flight.ONE_THREAD:
+        monkeypatch.setenv(name, "1")
+    other = load.load(write(tmp_path), ["gps.range_noise=30 m"])
+    a, of_a = running.prepared(scenario, 1, 1)
+    b, of_b = running.prepared(other, 1, 1)
+    assert a.digest != b.digest and a._replace(flight=b"some").digest == a.digest
+    expected = [
+        flight.Pilot(plan).fly(s.job(0)).record["series_sha256"] for plan, s in ((a, of_a), (b, of_b))
+    ]
+    assert expected[0] != expected[1]
+    flight.prepare_worker(a)
+    flight.prepare_worker(b)
+    assert [flight.fly(s.job(0)).record["series_sha256"] for s in (of_a, of_b)] == expected
+    flight.dismiss(b)
+    assert flight.fly(of_a.job(0)).record["series_sha256"] == expected[0]
+    with pytest.raises(flight.WorkerError, match="was not told"):
+        flight.fly(of_b.job(0))
+
+
+@pytest.mark.parametrize("trouble", [MemoryError("no room"), OSError(28, "No space left on device")])
+def test_trouble_of_the_machine_is_no_result(whole, scenario, tmp_path, monkeypatch, trouble):
+    """The run is lost this time, told, and flown when the campaign goes on."""
+    mission = flight.Pilot._mission
+
+    def troubled(self, job):
+        if job.run == 1:
+            raise trouble
+        return mission(self, job)
+
+    monkeypatch.setattr(flight.Pilot, "_mission", troubled)
+    ended = fly(scenario, tmp_path, RUNS)
+    assert [row["run"] for row in ended.rows] == [0, 2]
+    (lost,) = ended.lost
+    assert lost.run == 1 and type(trouble).__name__ in lost.reason and "in each of 3 attempts" in lost.reason
+    monkeypatch.undo()
+    again = fly(scenario, tmp_path, RUNS)
+    assert again.lost == () and again.digest == whole[1].digest
+
+
+def test_failed_runs_are_flown_again_when_that_is_asked_for(whole, scenario, tmp_path, monkeypatch):
+    mission, flown = flight.Pilot._mission, []
+
+    def broken(self, job):
+        if job.run == 2:
+            raise ZeroDivisionError("a slip, mended later")
+        return mission(self, job)
+
+    monkeypatch.setattr(flight.Pilot, "_mission", broken)
+    assert [row["status"] for row in fly(scenario, tmp_path, RUNS).rows] == [
+        "succeeded",
+        "succeeded",
+        "failed",
+    ]
+    monkeypatch.undo()
+    kept = fly(scenario, tmp_path, RUNS, before=flown.append)
+    assert not flown and kept.rows[2]["status"] == "failed"
+    again = fly(scenario, tmp_path, RUNS, before=flown.append, again=True)
+    assert [job.run for job in flown] == [2] and again.digest == whole[1].digest
+
+
+class Gone(HereLane):
+    """A scheduler that ends after its first run."""
+
+    def submit(self, job):
+        """Future of a run, cancelled but for the first."""
+        if job.run == 0:
+            return super().submit(job)
+        future = Future()
+        future.cancel()
+        future.set_running_or_notify_cancel()  # as distributed does
+        return future
+
+
+def test_a_scheduler_that_ends_is_no_fault_of_the_runs(scenario):
+    plan, sampler = running.prepared(scenario, RUNS, 1)
+    taken = []
+    with pytest.raises(engine.EngineError, match="the scheduler gave up run 1"):
+        engine.fly((sampler.job(run) for run in range(RUNS)), [Gone(plan)], taken.append)
+    assert [flown.record["run"] for flown in taken] == [0]
+
+
+def test_what_is_over_is_taken_before_the_end(scenario):
+    """Ctrl-C while a run comes in: it is kept."""
+    plan, sampler = running.prepared(scenario, RUNS, 1)
+    taken = []
+    with pytest.raises(engine.Interrupted):
+        engine.fly((sampler.job(run) for run in range(RUNS)), [HereLane(plan)], taken.append, lambda: True)
+    assert [flown.record["run"] for flown in taken] == [0]
+
+
+def test_ctrl_c_is_answered_at_once(capfd):
+    with stopping.stopping() as stop:
+        assert not stop()
+        os.kill(os.getpid(), stopping.signal.SIGINT)
+        assert stop()
+        assert "stopping after this step" in capfd.readouterr().err
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), stopping.signal.SIGINT)
+
+
+def test_threads_that_are_set_too_late_are_not_claimed(monkeypatch):
+    """NumPy has been imported here: its BLAS has its threads already, and the check has to see that."""
+    found = {}
+    compiled.place_cache(found)
+    assert not set(found) & set(compiled.ONE_THREAD)
+    monkeypatch.delitem(sys.modules, "numpy")
+    compiled.place_cache(found)
+    assert all(found[name] == "1" for name in compiled.ONE_THREAD)
+
+
+# ---- files -----------------------------------------------------------------------------------------------
+
+
+def spoil(path):
+    path.write_bytes(path.read_bytes()[:-1] + b"?")
+
+
+@pytest.mark.parametrize("harm", [lambda path: path.unlink(), spoil, lambda path: path.write_bytes(b"")])
+def test_a_run_whose_series_are_spoilt_is_flown_again(whole, scenario, tmp_path, harm):
+    fly(scenario, tmp_path, RUNS)
+    harm(tmp_path / "runs" / "000001.npz")
+    flown = []
+    again = fly(scenario, tmp_path, RUNS, before=flown.append)
+    assert [job.run for job in flown] == [1] and again.digest == whole[1].digest
+    assert (tmp_path / "runs" / "000001.npz").read_bytes() == (whole[0] / "runs" / "000001.npz").read_bytes()
+
+
+def test_a_table_that_cannot_be_read_or_is_old_is_made_of_the_records(whole, scenario, tmp_path):
+    digest = fly(scenario, tmp_path, RUNS).digest
+    path = tmp_path / "results.parquet"
+    kept = path.read_bytes()
+    for content in (b"", kept[: len(kept) // 2], b"PAR1" + b"\0" * 100 + b"PAR1"):
+        path.write_bytes(content)
+        os.utime(path, (2e9, 2e9))
+        assert results.open_campaign(tmp_path).digest == digest
+    path.write_bytes(kept)
+    record = json.loads((tmp_path / "runs" / "000000.json").read_text())
+    record["summary"]["navigation"]["position_error_m"]["rms"] += 1.0
+    (tmp_path / "runs" / "000000.json").write_text(json.dumps(record))
+    os.utime(path, (1e9, 1e9))
+    assert results.open_campaign(tmp_path).digest != digest
+    os.utime(path, (2e9, 2e9))
+    assert results.open_campaign(tmp_path).digest == digest  # as fast as before where nothing is newer
+    (tmp_path / "runs" / "000002.json").unlink()
+    assert len(results.open_campaign(tmp_path)) == RUNS - 1
+
+
+def test_files_are_on_the_disk_before_their_names(tmp_path, monkeypatch):
+    """The order that outlives a power failure: content, name, folder."""
+    done = []
+    fsync, replace = os.fsync, os.replace
+    monkeypatch.setattr(os, "fsync", lambda n: (done.append(os.readlink(f"/proc/self/fd/{n}")), fsync(n)))
+    monkeypatch.setattr(os, "replace", lambda a, b: (done.append(str(b)), replace(a, b)))
+    if not os.path.exists("/proc/self/fd"):
+        pytest.skip("no /proc, which tells what was brought to the disk")
+    with store.Store(tmp_path) as kept:
+        kept.keep(flight.Flown({"run": 7}, b"series"))
+    runs = tmp_path / "runs"
+    assert done == [
+        f"{runs}/000007.npz.part", f"{runs}/000007.npz",
+        f"{runs}/000007.json.part", f"{runs}/000007.json", str(runs),
+    ]  # fmt: skip
+
+
+def test_a_disk_that_is_full_is_one_message(scenario, tmp_path, monkeypatch):
+    def full(path, content):
+        raise OSError(28, "No space left on device")
+
+    with store.Store(tmp_path) as kept:
+        monkeypatch.setattr(store, "put", full)
+        with pytest.raises(store.StoreError, match="No space left on device; what is there is kept"):
+            kept.keep(flight.Flown({"run": 0}, None))
+
+
+def test_what_json_cannot_hold_is_a_failed_run(scenario, tmp_path, monkeypatch):
+    """A figure that is not a number is a fault of the run that has it, not the end of the campaign."""
+    mission = flight.Pilot._mission
+
+    def infinite(self, job):
+        summary, series = mission(self, job)
+        return (summary | {"odd": math.inf} if job.run == 1 else summary), series
+
+    monkeypatch.setattr(flight.Pilot, "_mission", infinite)
+    ended = fly(scenario, tmp_path, 2)
+    assert [row["status"] for row in ended.rows] == ["succeeded", "failed"]
+    assert ended.rows[1]["reason"].startswith("ValueError: Out of range float values")
+    plan, sampler = running.prepared(scenario, 1, 1)
+    job = sampler.job(0)
+    endless = job._replace(draws=job.draws | {"imu.gyro.bias": math.inf})
+    record = flight.Pilot(plan).fly(endless).record
+    assert record["status"] == "failed" and record["draws"]["imu.gyro.bias"] == "inf"
+    json.dumps(record, allow_nan=False)
+
+
+def test_a_shared_flight_that_is_spoilt_is_made_again(tmp_path):
+    path = write(tmp_path)
+    path.write_text(path.read_text().replace("  ground.latitude: {uniform: [-1 deg, 1 deg]}\n", ""))
+    shared, folder = load.load(path, ["campaign.flight=shared"]), tmp_path / "campaign"
+    fly(shared, folder, 1)
+    flown = (folder / "flight.npz").read_bytes()
+    spoil(folder / "flight.npz")
+    fly(shared, folder, 2)
+    assert (folder / "flight.npz").read_bytes() == flown
+    with store.Store(folder) as kept:
+        spoil(folder / "flight.npz")
+        with pytest.raises(store.StoreError, match="is not what the runs flew"):
+            kept.flight(lambda: b"another")
+
+
+def test_a_head_of_another_kind_is_refused(tmp_path):
+    (tmp_path / "campaign.json").write_text("[1, 2]")
+    with pytest.raises(store.StoreError, match="its format is None, expected 1"):
+        store.read_head(tmp_path)
+
+
+def test_a_log_is_kept_only_of_a_run_that_is_as_its_row(whole, scenario, tmp_path):
+    fly(scenario, tmp_path, 1)
+    path = tmp_path / "runs" / "000000.json"
+    record = json.loads(path.read_text())
+    record["summary"]["navigation"]["velocity_error_m_s"]["max"] += 1e-9
+    path.write_text(json.dumps(record))
+    said = []
+    fly(scenario, tmp_path, 1, keep=(running.Keep("worst", 1),), say=said.append)
+    assert (
+        "run 0: no log, it differs from its row in 1 columns: summary.navigation.velocity_error_m_s.max"
+        in said
+    )
+    assert not list((tmp_path / "logs").glob("*.mcap"))
+
+
+def test_a_log_that_cannot_be_written_is_no_failed_run(scenario, tmp_path):
+    plan, sampler = running.prepared(scenario, 1, 1)
+    job = sampler.job(0)._replace(log=str(tmp_path / "nowhere" / "run.mcap"))
+    with pytest.raises((flight.MachineError, flight.import_module("shefex_nav.log.topics").LogError)):
+        flight.Pilot(plan).fly(job)
+
+
+# ---- digests ---------------------------------------------------------------------------------------------
+
+
+def test_the_digest_of_series_is_of_numbers_not_of_their_packing():
+    arrays = {"b": np.arange(4.0), "a": np.ones((2, 3), np.int8)}
+    first = flight._arrays_digest(arrays)
+    assert first == flight._arrays_digest({name: arrays[name].copy() for name in ("a", "b")})
+    assert first == flight._arrays_digest(arrays | {"b": np.arange(4.0, dtype=">f8")})
+    for other in ({"b": np.arange(4.0) + 1e-15}, {"b": np.arange(4)}, {"a": np.ones((3, 2), np.int8)}):
+        assert first != flight._arrays_digest(arrays | other)
+
+
+def test_a_column_of_words_and_numbers_has_one_digest(tmp_path):
+    rows = [{"run": k, "draw.x": value} for k, value in enumerate(("auto", 5.0, 5, "5", True, None))]
+    rows = [{name: None for name in table.HEAD} | row for row in rows]
+    made = table.unmixed([dict(row) for row in rows])
+    assert [row["draw.x"] for row in made] == ['"auto"', "5.0", "5", '"5"', "true", None]
+    table.save(made, tmp_path / "results.parquet")
+    assert table.digest(list(table.load(tmp_path / "results.parquet"))) == table.digest(made)
+
+
+def test_a_file_is_whole_or_not_there(tmp_path):
+    path = tmp_path / "one"
+    with pytest.raises(RuntimeError), files.whole(path) as part:
+        part.write_text("half")
+        raise RuntimeError
+    assert not path.exists()

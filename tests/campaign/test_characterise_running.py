@@ -1,0 +1,178 @@
+"""Runs of a characterisation: corners, failures, killed workers, kept records, the command's messages."""
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from shefex_nav.campaign.characterise import collect, running
+from shefex_nav.campaign.characterise.fit import FitError
+from shefex_nav.campaign.characterise.records import Flown, Records, RecordsError
+from shefex_nav.campaign.running import prepared
+from shefex_nav.cli import app
+from shefex_nav.scenario.load import Pattern, load
+from shefex_nav.scenario.star_statistics import settings
+
+CAMPAIGN = Path(__file__).parents[2] / "scenarios" / "campaign.yaml"
+RENDERED = ["star_tracker.frames=rendered", "star_tracker.model=null"]
+
+
+@pytest.fixture(scope="module")
+def planned():
+    return prepared(load(CAMPAIGN, RENDERED), 12, 5)
+
+
+def test_corner_runs_fly_both_ends_of_every_setting_of_camera_and_star_tracker(planned):
+    """Each run of a campaign of ten thousand lies within what two corner runs span."""
+    plan, sampler = planned
+    jobs = running.corner_jobs(plan, sampler)
+    assert [job.run for job in jobs] == [0, 1] and running.corners(24) == 4 and running.corners(6) == 2
+    pattern = Pattern(plan.source, plan.name)
+    spans = running.spans([settings(pattern.with_draws(job.draws)) for job in jobs])
+    paths = {".".join(one.path) for one in sampler.dispersed if one.path[0] == "star_camera"}
+    assert set(spans) == paths and len(paths) == 7
+    for name in spans:
+        assert jobs[0].draws[name] != jobs[1].draws[name]
+    for job, other in zip(jobs, (sampler.job(0), sampler.job(1)), strict=True):
+        assert job.seed == other.seed
+        same = {name for name, value in other.draws.items() if job.draws[name] == value}
+        assert {name for name in other.draws if not name.startswith("star_camera")} <= same
+    for run in range(100, 150):
+        found = settings(pattern.with_draws(sampler.draws(run)))
+        assert all(low <= found[path] <= high for path, (low, high) in spans.items())
+    assert running.corner_jobs(plan, sampler) == jobs
+
+
+def test_corner_runs_are_fitted_and_a_third_of_the_others_judges():
+    flown = [Flown(run, None, {}, "") for run in range(12) if run != 6]  # one failed
+    fitted, held = running.split(flown, 2)
+    assert [one.run for one in held] == [4, 7, 10]
+    assert [one.run for one in fitted] == [0, 1, 2, 3, 5, 8, 9, 11]
+    with pytest.raises(FitError, match=r"4 runs to fit and 0 to judge"):
+        running.split(flown[:4], 2)
+
+
+# ---- in workers --------------------------------------------------------------------------------------------
+
+
+def odd_ones_fail(job):
+    if job.run % 2:
+        raise ValueError(f"run {job.run} is odd")
+    return job.run * 10
+
+
+def killed_once(job, marker):
+    if job.run == 1 and not os.path.exists(marker):
+        with open(marker, "w"):
+            pass
+        os.kill(os.getpid(), signal.SIGKILL)
+    return job.run
+
+
+def killed(job):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_failed_run_is_a_value_and_the_others_are_kept(planned):
+    plan, sampler = planned
+    kept, said = [], []
+    given = [(sampler.job(run),) for run in range(4)]
+    results, failed = running._all(plan, 1, odd_ones_fail, given, said.append, "odd", kept.append)
+    assert results == {0: 0, 2: 20} and kept == [0, 20]
+    assert [(one.run, one.reason) for one in failed] == [
+        (1, "ValueError: run 1 is odd"),
+        (3, "ValueError: run 3 is odd"),
+    ]
+    assert "odd run 3 failed: ValueError: run 3 is odd" in said
+
+
+def test_a_killed_worker_costs_a_run_a_second_flight_and_dying_ones_end_it(planned, tmp_path):
+    plan, sampler = planned
+    given = [(sampler.job(run), str(tmp_path / "marker")) for run in range(3)]
+    said = []
+    results, failed = running._all(plan, 1, killed_once, given, said.append, "some")
+    assert results == {0: 0, 1: 1, 2: 2} and not failed
+    assert said.count("a worker process was killed; its run is flown again") == 1
+    with pytest.raises(running.WorkersError, match=r"^3 times a worker process was .*: 0 of 1 some"):
+        running._all(plan, 1, killed, [(sampler.job(0),)], said.append, "some")
+
+
+# ---- kept records ------------------------------------------------------------------------------------------
+
+
+def flown(run=3):
+    """A Flown with the fields' names and nothing behind them."""
+    rng = np.random.default_rng(run)
+    parts = [
+        kind(*(rng.random((4, 3)) for _ in kind._fields))
+        for kind in (collect.Frames, collect.Sources, collect.Searches)
+    ]
+    return Flown(run, collect.Collected(*parts), {"a": 1.5, "b": "x"}, "0123abcd")
+
+
+def test_records_are_read_as_they_were_written(planned, tmp_path):
+    plan, _ = planned
+    kept, one = Records(tmp_path / "runs", plan), flown()
+    kept.keep(one)
+    again = Records(tmp_path / "runs", plan).read(3)
+    assert (again.run, again.settings, again.code) == (3, one.settings, one.code)
+    for part, other in zip(one.collected, again.collected, strict=True):
+        for a, b in zip(part, other, strict=True):
+            np.testing.assert_array_equal(a, b)
+    assert kept.read(4) is None
+    whole = (tmp_path / "runs" / "000003.npz").read_bytes()
+    for broken in (whole[: len(whole) // 2], b"", b"nonsense"):  # of a power failure: flown again
+        (tmp_path / "runs" / "000003.npz").write_bytes(broken)
+        assert kept.read(3) is None
+
+
+def test_records_of_something_else_are_refused(planned, tmp_path):
+    plan, _ = planned
+    Records(tmp_path / "runs", plan)
+    for other, words in (
+        (plan._replace(seed=6), "of another seed: 5, now 6"),
+        (plan._replace(runs=13), "of another number of runs: 12, now 13"),
+        (plan._replace(source=plan.source + "\n"), "of another scenario"),
+        (
+            plan._replace(versions=plan.versions | {"numpy": "1.0"}),
+            "of another version of numpy: .*, now 1.0",
+        ),
+    ):
+        with pytest.raises(RecordsError, match=words):
+            Records(tmp_path / "runs", other)
+    Records(tmp_path / "runs", plan._replace(versions=plan.versions | {"code": "other"}))  # fits may change
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("keep me")
+    with pytest.raises(RecordsError, match="has something else in it"):
+        Records(tmp_path / "mine", plan)
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["letter.txt"]
+    (tmp_path / "runs" / "characterise.json").write_text("[1]")
+    with pytest.raises(RecordsError, match="cannot be read"):
+        Records(tmp_path / "runs", plan)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "words"),
+    [
+        ("campaign", ["--runs", "5"], "should be greater than or equal to 6"),
+        ("campaign", ["--runs", "6", "--set", "star_tracker.enabled=false"], "star_tracker.enabled is false"),
+        ("campaign", ["--runs", "6", "--records", "nowhere/runs"], "there is no folder nowhere"),
+        ("shefex2_aps_rolling", ["--runs", "6"], "are of a global shutter"),
+    ],
+)
+def test_what_cannot_be_characterised_is_said_before_anything_is_flown(tmp_path, name, arguments, words):
+    out, scenario = tmp_path / "model.json", str(CAMPAIGN.with_name(f"{name}.yaml"))
+    done = CliRunner().invoke(app, ["characterise", scenario, "--out", str(out), *arguments])
+    assert done.exit_code == 2 and not out.exists()
+    assert words in " ".join(done.output.replace("│", " ").split()), done.output
+
+
+def test_a_file_that_is_there_stays(tmp_path):
+    out = tmp_path / "model.json"
+    out.write_text(json.dumps({"mine": 1}))
+    done = CliRunner().invoke(app, ["characterise", str(CAMPAIGN), "--out", str(out), "--runs", "6"])
+    assert done.exit_code == 2 and json.loads(out.read_text()) == {"mine": 1}
