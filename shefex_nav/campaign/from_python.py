@@ -1,11 +1,11 @@
 """Campaigns from Python, as `shefex-nav campaign` flies them.
 
-import shefex_nav as sn
+    if __name__ == "__main__":
+        campaign = sn.fly_campaign(sn.Scenario.load("scenarios/campaign.yaml"), 300, folder="my_campaign")
+        campaign.table()  # rich; a notebook shows it
+        campaign.plot.errors()
 
-if __name__ == "__main__":  # in a script: the workers are new processes, which read it too
-    campaign = sn.fly_campaign(sn.Scenario.load("scenarios/campaign.yaml"), 300, folder="my_campaign")
-    campaign.table()  # for rich's Console; a picture of its own in a notebook
-    campaign.plot.errors()
+The condition is for scripts: the workers are new processes, which read the script too.
 """
 
 import multiprocessing
@@ -42,8 +42,10 @@ def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, say=print):
     request = running.Request(scenario, runs, seed, workers, None, ())
     with Store(folder) as store, stopping() as stop:
         ended = running.fly(request, store, progress.Show(say), stop)
+    for one in ended.lost:
+        say(f"run {one.run} was lost and is flown by the same call the next time: {one.reason}")
     if ended.interrupted:
         raise KeyboardInterrupt(
             f"{len(ended.rows)} of {runs} runs are kept; the same call goes on from there"
         )
-    return results.open_campaign(folder)
+    return results.open_campaign(folder)  # of what the last call did not lose

@@ -95,7 +95,10 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
 
 
 def _missing(request, plan, store, show, tally):
-    """Runs that are to be flown, in order: list. What is done is counted, what is spoilt is forgotten."""
+    """Runs that are to be flown, in order: list. What is done is counted.
+
+    The record of a run that is flown again stands until there is a new one.
+    """
     done, again, spoilt = set(), [], []
     for record in store.records(plan.runs):
         if request.again and record["status"] == "failed":
@@ -108,8 +111,7 @@ def _missing(request, plan, store, show, tally):
     if again:
         show.say(f"flying the {len(again)} failed runs again")
     if spoilt:
-        show.say(f"flying {_named(spoilt)} again: of their series the file is missing or spoilt")
-    store.forget(again + spoilt)
+        show.say(f"flying {_named(spoilt)} again: the file of their series is spoilt")
     return [run for run in range(plan.runs) if run not in done]
 
 

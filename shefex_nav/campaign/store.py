@@ -164,21 +164,14 @@ class Store:
                 yield record
 
     def whole(self, record):
-        """Whether the series of a run are there as they were written; a failed run has none."""
+        """Whether the series of a run are not spoilt; a failed run has none, and they may have been deleted."""
         expected = record.get("series_file")
         if not expected:
             return record["status"] == "failed"
         try:
             return planning.digest(self.path(record["run"], "npz").read_bytes()) == expected
         except FileNotFoundError:
-            return False
-
-    def forget(self, runs):
-        """Remove the records of some runs, which are to be flown again."""
-        with self._writing():
-            for run in runs:
-                self.path(run, "json").unlink()
-            settle(self.folder / "runs")
+            return True
 
     def done(self):
         """Numbers of the runs whose record is there: set."""

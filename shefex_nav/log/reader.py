@@ -14,8 +14,11 @@ from shefex_nav.log.run_data import ARRAYS, LISTS, gather, stack
 from shefex_nav.log.topics import LogError, Mission
 from shefex_nav.records import Alignment
 
-_SCHEMA, _CHANNEL, _MESSAGE = 3, 4, 5  # opcodes
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = 2, 3, 4, 5, 6, 7  # opcodes
+_ATTACHMENT, _METADATA = 9, 12
+_LONGEST = 4 << 30  # bytes of a record; what claims more is no record
 _RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
+_CHANNEL_OF = struct.Struct("<H")  # the first of it
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence number, log time, publish time
 _OURS = {topic.topic for topic in topics.TOPICS}
 
@@ -23,7 +26,7 @@ _OURS = {topic.topic for topic in topics.TOPICS}
 class _Raw(NamedTuple):
     """Content of a file before decoding; filled while reading."""
 
-    messages: dict  # topic -> list of bytes, of our own topics
+    messages: dict  # topic -> list of bytes; empty unless it is one of our own
     schemas: dict  # schema number -> mcap Schema
     channels: dict  # channel number -> mcap Channel
     metadata: dict
@@ -103,7 +106,7 @@ def _read_file(path):
     """(_Raw, whether the file was closed properly)."""
     from mcap.data_stream import ReadDataStream
     from mcap.exceptions import EndOfFile, InvalidMagic
-    from mcap.stream_reader import StreamReader, read_magic
+    from mcap.stream_reader import read_magic
 
     raw = _Raw({}, {}, {}, {}, {})
     try:
@@ -116,8 +119,8 @@ def _read_file(path):
         except (InvalidMagic, EndOfFile, struct.error) as error:
             raise LogError(f"{path}: not an MCAP file") from error
         try:
-            for record in StreamReader(file, skip_magic=True, emit_chunks=True).records:
-                _take(record, raw)
+            for opcode, content in _records(file):
+                _take(opcode, content, raw)
         except cut_errors():
             return raw, False  # the writer was killed in the middle of this record
         except _damage_errors() as error:
@@ -125,6 +128,33 @@ def _read_file(path):
                 raise LogError(f"{path}: damaged at byte {file.tell()}: {error}") from error
             return raw, False
     return raw, True
+
+
+def _records(file):
+    """(opcode, content) of each record up to the end of the file that its writer closed.
+
+    Without the indices of the messages, a sixth of the time of mcap's own reader.
+    """
+    from mcap.data_stream import ReadDataStream
+    from mcap.exceptions import EndOfFile, RecordLengthLimitExceeded
+    from mcap.stream_reader import read_magic
+
+    opcode = None
+    while opcode != _FOOTER:
+        head = file.read(_RECORD_HEAD.size)
+        if len(head) < _RECORD_HEAD.size:
+            raise EndOfFile
+        opcode, length = _RECORD_HEAD.unpack(head)
+        if length > _LONGEST:
+            raise RecordLengthLimitExceeded(opcode, length, _LONGEST)
+        if opcode == _MESSAGE_INDEX:
+            file.seek(length, 1)
+            continue
+        content = file.read(length)
+        if len(content) < length:
+            raise EndOfFile
+        yield opcode, content
+    read_magic(ReadDataStream(file))
 
 
 def cut_errors():
@@ -141,37 +171,52 @@ def _damage_errors():
     return ZstdError, ValueError
 
 
-def _take(record, raw):
+def _take(opcode, content, raw):
+    """Take what is wanted of a record."""
+    from mcap.data_stream import ReadDataStream
     from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
     from mcap.stream_reader import get_chunk_data_stream
 
-    if isinstance(record, Chunk):
-        stream, length = get_chunk_data_stream(record, validate_crc=True)
-        _take_chunk(stream.read(length), raw)
-    elif isinstance(record, Schema):
-        raw.schemas[record.id] = record
-    elif isinstance(record, Channel):
-        raw.channels[record.id] = record
-    elif isinstance(record, Metadata) and record.name == topics.METADATA:
-        raw.metadata.update(record.metadata)
-    elif isinstance(record, Attachment):
+    stream = ReadDataStream(BytesIO(content))
+    if opcode == _CHUNK:
+        unpacked, length = get_chunk_data_stream(Chunk.read(stream), validate_crc=True)
+        _take_chunk(unpacked.read(length), raw)
+    elif opcode == _SCHEMA:
+        schema = Schema.read(stream)
+        raw.schemas[schema.id] = schema
+    elif opcode == _CHANNEL:
+        channel = Channel.read(stream)
+        raw.channels[channel.id] = channel
+        raw.messages.setdefault(channel.topic, [])
+    elif opcode == _METADATA:
+        record = Metadata.read(stream)
+        if record.name == topics.METADATA:
+            raw.metadata.update(record.metadata)
+    elif opcode == _ATTACHMENT:
+        record = Attachment.read(stream)
         raw.attachments[record.name] = record.data
 
 
 def _take_chunk(data, raw):
     """Sort the messages of an unpacked chunk by topic; mcap's own loop is ten times slower."""
-    from mcap.data_stream import ReadDataStream
-    from mcap.records import Channel, Schema
-
-    position = 0
-    while position < len(data):
+    lists = _lists(raw)
+    position, skip, end = 0, _RECORD_HEAD.size, len(data)
+    while position < end:
         opcode, length = _RECORD_HEAD.unpack_from(data, position)
-        start = position + _RECORD_HEAD.size
+        start = position + skip
         position = start + length
         if opcode == _MESSAGE:
-            topic = raw.channels[_MESSAGE_HEAD.unpack_from(data, start)[0]].topic
-            if topic in _OURS:
-                raw.messages.setdefault(topic, []).append(data[start + _MESSAGE_HEAD.size : position])
+            number = _CHANNEL_OF.unpack_from(data, start)[0]
+            if number not in lists:
+                raise ValueError(f"a message of channel {number}, which there is not")
+            messages = lists[number]
+            if messages is not None:
+                messages.append(data[start + _MESSAGE_HEAD.size : position])
         elif opcode in (_SCHEMA, _CHANNEL):
-            kind = Schema if opcode == _SCHEMA else Channel
-            _take(kind.read(ReadDataStream(BytesIO(data[start:position]))), raw)
+            _take(opcode, data[start:position], raw)
+            lists = _lists(raw)
+
+
+def _lists(raw):
+    """{channel number: where its messages go, None for topics of others}."""
+    return {n: raw.messages[c.topic] if c.topic in _OURS else None for n, c in raw.channels.items()}

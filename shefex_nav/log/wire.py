@@ -214,6 +214,10 @@ class VariableCodec:
         self.topic = topic
         self._class = message_class(topic)
         self._slots = [(field, attrgetter(field.source)) for field in topic.fields]
+        self._defaults = dict(topic.record._field_defaults)
+        kinds = (np.int64 if _is_integer(field) else np.float64 for field in topic.fields)
+        self._reads = [(f.name, f.source, f.shape, kind) for f, kind in zip(topic.fields, kinds, strict=True)]
+        self._made = assembler(topic.record, {*self._defaults, *(field.source for field in topic.fields)})
 
     def encode(self, records, timestamps_ns):
         """List of n records, (n,) int64 -> list of n messages."""
@@ -236,14 +240,11 @@ class VariableCodec:
         return [self._record(self._class.FromString(data)) for data in messages]
 
     def _record(self, message):
-        values = dict(self.topic.record._field_defaults)
-        for field in self.topic.fields:
-            value = getattr(message, field.name)
-            if field.shape:
-                dtype = np.int64 if _is_integer(field) else np.float64
-                value = np.array(value, dtype).reshape(field.shape)
-            values[field.source] = value
-        return assemble(self.topic.record, values)
+        values = self._defaults.copy()
+        for name, source, shape, dtype in self._reads:
+            value = getattr(message, name)
+            values[source] = np.array(value, dtype).reshape(shape) if shape else value
+        return self._made(values)
 
 
 _PYTHON = {"double": float, "sfixed32": int, "bool": bool, "enum": int}
@@ -251,13 +252,22 @@ _PYTHON = {"double": float, "sfixed32": int, "bool": bool, "enum": int}
 
 def assemble(record, values):
     """Record from values by (dotted) attribute; an attribute without a value becomes None."""
-    if not any("." in name for name in values):
-        return record(*map(values.get, record._fields))
-    arguments = []
-    for name, kind in record.__annotations__.items():
-        nested = {k[len(name) + 1 :]: v for k, v in values.items() if k.startswith(f"{name}.")}
-        arguments.append(assemble(kind, nested) if nested else values.get(name))
-    return record(*arguments)
+    return assembler(record, values)(values)
+
+
+def assembler(record, names, prefix=""):
+    """Function that makes the record of values with these names, as `assemble`."""
+    parts = [
+        assembler(kind, names, f"{prefix}{name}.")
+        if any(one.startswith(f"{prefix}{name}.") for one in names)
+        else f"{prefix}{name}"
+        for name, kind in record.__annotations__.items()
+    ]
+
+    def made(values):
+        return record(*[values.get(one) if type(one) is str else one(values) for one in parts])
+
+    return made
 
 
 def _varint(value):

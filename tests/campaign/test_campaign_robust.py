@@ -92,6 +92,12 @@ def test_failed_runs_are_flown_again_when_that_is_asked_for(whole, scenario, tmp
     monkeypatch.undo()
     kept = fly(scenario, tmp_path, RUNS, before=flown.append)
     assert not flown and kept.rows[2]["status"] == "failed"
+
+    def stop(job):
+        raise engine.Interrupted
+
+    stopped = fly(scenario, tmp_path, RUNS, before=stop, again=True)
+    assert stopped.interrupted and stopped.rows[2]["status"] == "failed"  # nothing lost for nothing
     again = fly(scenario, tmp_path, RUNS, before=flown.append, again=True)
     assert [job.run for job in flown] == [2] and again.digest == whole[1].digest
 
@@ -153,7 +159,7 @@ def spoil(path):
     path.write_bytes(path.read_bytes()[:-1] + b"?")
 
 
-@pytest.mark.parametrize("harm", [lambda path: path.unlink(), spoil, lambda path: path.write_bytes(b"")])
+@pytest.mark.parametrize("harm", [spoil, lambda path: path.write_bytes(b"")])
 def test_a_run_whose_series_are_spoilt_is_flown_again(whole, scenario, tmp_path, harm):
     fly(scenario, tmp_path, RUNS)
     harm(tmp_path / "runs" / "000001.npz")
@@ -161,6 +167,14 @@ def test_a_run_whose_series_are_spoilt_is_flown_again(whole, scenario, tmp_path,
     again = fly(scenario, tmp_path, RUNS, before=flown.append)
     assert [job.run for job in flown] == [1] and again.digest == whole[1].digest
     assert (tmp_path / "runs" / "000001.npz").read_bytes() == (whole[0] / "runs" / "000001.npz").read_bytes()
+
+
+def test_series_that_were_deleted_are_not_flown_again(whole, scenario, tmp_path):
+    digest = fly(scenario, tmp_path, RUNS).digest
+    for path in (tmp_path / "runs").glob("*.npz"):
+        path.unlink()
+    flown = []
+    assert fly(scenario, tmp_path, RUNS, before=flown.append).digest == digest and not flown
 
 
 def test_a_table_that_cannot_be_read_or_is_old_is_made_of_the_records(whole, scenario, tmp_path):

@@ -90,8 +90,16 @@ def test_a_block_that_is_wrong_is_noticed(text, message, tmp_path, monkeypatch):
         "<!-- not run: -->\n```sh\nls\n```",
         "<!-- not run: why -->\ntext\n",
         "<!-- short: a => b -->\n```\nc\n```",
+        "```rust\nfn\n```",
+        "<!-- skip: why -->\n```sh\nls\n```",
     ],
 )
 def test_a_comment_that_is_wrong_is_noticed(text):
     with pytest.raises(page_blocks.BadPage):
         page_blocks.blocks(text, "page")
+
+
+def test_comments_of_a_line_are_all_taken():
+    text = "<!-- short: a => b --> <!-- short: c => d -->\n<!-- flight: 30 s -->\n```sh\nls a c\n```"
+    block = page_blocks.blocks(text, "page")[0]
+    assert block.text == "ls b d\n" and block.end_s == 30.0 and not block.reason

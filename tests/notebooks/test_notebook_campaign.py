@@ -19,11 +19,11 @@ def test_campaign_statistics(monkeypatch, tmp_path):
         "dispersions": {"imu.gyro.bias": {"log_normal": "40 %"}, "ground.latitude": {"normal": "1 deg"}},
         "star_tracker.rate": "2 Hz",
     }
-    parameters = {"MISSION": str(mission), "CHANGES": changes, "RUNS": 26}
+    parameters = {"MISSION": str(mission), "CHANGES": changes, "RUNS": 16}
     parameters |= {"FOLDER": tmp_path / "campaign", "WORKERS": 1}
     found = execute("05_campaign_statistics", monkeypatch, **parameters)
     campaign = found["campaign"]
-    assert len(campaign) == 26 and campaign.succeeded.all()
+    assert len(campaign) == 16 and campaign.succeeded.all()
     assert [one.name for one in found["statistics"].successes(campaign)] == ["wrong_star_fixes", "star_fixes"]
     with pytest.raises(AttributeError, match="no figure 'nothing'"):
         campaign.plot.nothing()

@@ -3,12 +3,15 @@
 import os
 import shutil
 import sys
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 import synthetic_run
-from rerun.chunk import RrdReader
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+from rerun.chunk import McapReader, RrdReader
 
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.writer import LogWriter
@@ -170,6 +173,51 @@ def test_the_recording_beside_a_log_is_made_again_when_the_log_is_newer(log, tmp
     os.utime(mine, ns=(1, 1))
     recording.kept(mine)
     assert path.stat().st_mtime_ns > first
+
+
+def test_the_recording_beside_a_log_is_made_again_when_the_program_is_another(log, tmp_path, monkeypatch):
+    mine = tmp_path / "run.mcap"
+    shutil.copy(log, mine)
+    first = recording.kept(mine).stat().st_mtime_ns
+    monkeypatch.setattr(recording, "_program", lambda: "another")
+    assert recording.kept(mine).stat().st_mtime_ns > first
+
+
+def test_a_recording_of_somebody_else_is_left_alone(log, tmp_path):
+    mine, saved = tmp_path / "run.mcap", tmp_path / "run.view.rrd"
+    shutil.copy(log, mine)
+    saved.write_text("mine")
+    assert recording.kept(mine) is None
+    assert saved.read_text() == "mine"
+
+
+def test_pictures_leave_the_environment_as_it_was(log, tmp_path, monkeypatch):
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    monkeypatch.setenv("RUST_LOG", "warn")
+    with program._without_screen():
+        assert Path(os.environ["XDG_RUNTIME_DIR"]).is_dir() and os.environ["RUST_LOG"] == "warn"
+    assert "XDG_RUNTIME_DIR" not in os.environ and os.environ["RUST_LOG"] == "warn"
+
+
+def test_rerun_reads_the_same_messages_as_the_official_library(log):
+    """Two implementations of MCAP and protobuf: topics and messages by the index, rows by decoding."""
+    counts, rows = Counter(), Counter()
+    with log.open("rb") as file:
+        for _, channel, _, message in make_reader(
+            file, decoder_factories=[DecoderFactory()]
+        ).iter_decoded_messages():
+            counts[channel.topic] += 1
+            rows[channel.topic] += len(message.transforms) if channel.topic == "/tf" else 1
+    reader, others = McapReader(log), Counter()
+    assert {channel.topic: channel.message_count for channel in reader.info().channels} == counts
+    for chunk in chunks_of(reader):
+        others[str(chunk.entity_path)] += chunk.num_rows
+    assert len(counts) > 15
+    assert {topic: others[topic] for topic in counts} == rows
+
+
+def chunks_of(reader):
+    return [chunk for chunk in reader.stream() if not chunk.is_static]
 
 
 def test_curves_are_on_both_timelines(log, tmp_path):

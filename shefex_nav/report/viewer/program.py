@@ -8,6 +8,7 @@ import sys
 import sysconfig
 import tempfile
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 from shefex_nav.report.viewer.sender import TIMELINE
@@ -71,9 +72,7 @@ def take_picture(recording, picture, at_s):
     picture = Path(picture).absolute()
     if not picture.parent.is_dir():
         raise ViewerError(f"{picture}: no folder {picture.parent}")
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ.setdefault("XDG_RUNTIME_DIR", folder)
-        os.environ.setdefault("RUST_LOG", "error")  # the viewer is talkative
+    with _without_screen():
         try:
             client = ViewerClient.spawn(
                 headless=True, port=_free_port(), hide_welcome_screen=True, executable_path=str(program)
@@ -92,6 +91,21 @@ def take_picture(recording, picture, at_s):
     if not picture.exists():
         raise ViewerError(f"{picture}: the viewer saved no picture")
     return [(view.name, [str(report) for report in view.reports]) for view in views]
+
+
+@contextmanager
+def _without_screen():
+    """What the viewer wants to find in the environment, while it is wanted; it is talkative otherwise."""
+    before = dict(os.environ)
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ.setdefault("XDG_RUNTIME_DIR", folder)
+        os.environ.setdefault("RUST_LOG", "error")
+        try:
+            yield
+        finally:
+            for name in ("XDG_RUNTIME_DIR", "RUST_LOG"):
+                if name not in before:
+                    del os.environ[name]
 
 
 def _open(client, recording):

@@ -6,6 +6,7 @@ figures of `metrics`. Other logs are drawn over the first one: their paths and t
 their own.
 """
 
+import hashlib
 import os
 from pathlib import Path
 
@@ -46,23 +47,35 @@ def scene(data):
 
 
 def kept(log, data=None):
-    """Path of the recording of a log, kept beside it and made anew when the log is newer.
+    """Path of the recording of a log, kept beside it and made anew when log or program are others.
 
-    None where the folder cannot be written.
+    None where the folder cannot be written, and where a file of that name is somebody else's.
     """
     path = Path(log).with_suffix(ENDING)
     stamp = path.with_suffix(".version")
-    wanted = f"{__version__} {os.stat(log).st_mtime_ns}"
+    wanted = f"{__version__} {_program()} {os.stat(log).st_mtime_ns}"
+    if path.exists() and not stamp.exists():
+        return None
     try:
         if path.exists() and stamp.exists() and stamp.read_text() == wanted:
             return path
         half = path.with_suffix(".part")
         build([log], half, [data] if data else None)
+        stamp.write_text("")  # ours, not to be shown before it is finished
         half.replace(path)
         stamp.write_text(wanted)
     except OSError:
         return None
     return path
+
+
+def _program():
+    """Digest of what makes recordings: the source files of `report` and `log`."""
+    report = Path(__file__).parents[1]
+    total = hashlib.sha256()
+    for path in sorted([*report.rglob("*.py"), *(report.parent / "log").glob("*.py")]):
+        total.update(path.read_bytes())
+    return total.hexdigest()[:16]
 
 
 def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):

@@ -17,6 +17,7 @@ BEAM = 0.12  # of the drawn cones and lines of sight likewise
 LEVEL = "vehicle"  # frame at the vehicle with inertial axes
 POSE_S = 0.5  # between two places of that frame
 SIDES = 16
+CONES = 300  # places at which the cone about the Earth is drawn anew, at least; it turns by the arc flown
 SATELLITE = (110, 200, 255)
 SUN_ENTITY, EARTH_ENTITY = "world/cones/sun", "world/cones/earth"
 
@@ -88,6 +89,7 @@ def cones(sender, data, t_s, r_l, size):
     frame = rr.CoordinateFrame(LEVEL)
     lines = cone_lines(mission.sun_i, mission.sun_exclusion, BEAM * size)
     sender.static(SUN_ENTITY, rr.LineStrips3D(lines, colors=[YELLOW], radii=[-0.6]), frame)
+    t_s = t_s[:: max(1, len(t_s) // CONES)]
     k = np.searchsorted(data.truth.t_s, t_s).clip(0, len(data.truth.t_s) - 1)
     r_i = data.truth.r_i[k]
     height = np.linalg.norm(r_i, axis=1)
