@@ -63,7 +63,7 @@ def run(seed, frames=150, stars=12, noise_factor=1.0, focus=0.8):
             reason=np.zeros(frames, dtype=int), first=ones < 0,
             stars=np.bincount(frame[found], minlength=frames), mean_dn=0.2 * ones, level_dn=20.0 * ones,
             length_px=length_px, objects=np.bincount(frame[found], minlength=frames) + strangers,
-            strangers=strangers, saturated=0 * ones,
+            strangers=strangers,
             error=1e-5 * noise_factor * rng.standard_normal((frames, 3)),
             sigma=1e-5 * np.ones((frames, 3)),
         ),

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from shefex_nav.campaign.characterise.fit import FitError
 from shefex_nav.campaign.characterise.records import Flown, Records, RecordsError
 from shefex_nav.campaign.running import prepared
 from shefex_nav.cli import app
+from shefex_nav.scenario import laws
 from shefex_nav.scenario.load import Pattern, load
 from shefex_nav.scenario.star_statistics import settings
 
@@ -27,10 +29,11 @@ def planned():
 
 
 def test_corner_runs_fly_both_ends_of_every_setting_of_camera_and_star_tracker(planned):
-    """Each run of a campaign of ten thousand lies within what two corner runs span."""
+    """Two corner runs span what all but one run in a million draws; fifty of them are looked at."""
     plan, sampler = planned
     jobs = running.corner_jobs(plan, sampler)
     assert [job.run for job in jobs] == [0, 1] and running.corners(24) == 4 and running.corners(6) == 2
+    assert running.corners(13) == 4 and running.corners(60) == 10
     pattern = Pattern(plan.source, plan.name)
     spans = running.spans([settings(pattern.with_draws(job.draws)) for job in jobs])
     paths = {".".join(one.path) for one in sampler.dispersed if one.path[0] == "star_camera"}
@@ -45,6 +48,15 @@ def test_corner_runs_fly_both_ends_of_every_setting_of_camera_and_star_tracker(p
         found = settings(pattern.with_draws(sampler.draws(run)))
         assert all(low <= found[path] <= high for path, (low, high) in spans.items())
     assert running.corner_jobs(plan, sampler) == jobs
+
+
+def test_ends_of_listed_values_are_the_smallest_and_the_largest_and_words_have_none():
+    for law in (laws.ChoiceLaw((250, 100, 500), (0.3, 0.6, 1.0)), laws.TableLaw((250, 100, 500, 300))):
+        one = SimpleNamespace(name="x", group=None, law=law)
+        assert [running._end(one, u, 0) for u in (running.RARE, 1.0 - running.RARE)] == [100, 500]
+    words = SimpleNamespace(name="star_tracker.x", group=None, law=laws.ChoiceLaw(("a", "b"), (0.5, 1.0)))
+    with pytest.raises(FitError, match=r"star_tracker\.x is dispersed over a, b"):
+        running._end(words, running.RARE, 0)
 
 
 def test_corner_runs_are_fitted_and_half_of_the_others_judges():

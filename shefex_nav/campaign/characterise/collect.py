@@ -63,7 +63,6 @@ class Frames(NamedTuple):
     length_px: np.ndarray  # by which the camera turns during the exposure
     objects: np.ndarray  # int, all that the detection found
     strangers: np.ndarray  # int, those of them that are no source of the sky
-    saturated: np.ndarray  # int, those with more than the saturated pixels that are allowed
     error: np.ndarray  # (M, 3) rad, of the attitude; NaN without one
     sigma: np.ndarray  # (M, 3) rad, as reported
 
@@ -146,7 +145,7 @@ def collect(scenario, seed):
         if not taken.context.rate > tracker.params.max_rate:
             times = THIN_FIRST if first else int(row % THIN_EVERY == 0)
             searches += _searched(taken, truth, stars, first, times, rng)
-        counts = _counts(fix.detections, film, scene, tracker.params.exposure)
+        counts = _counts(fix.detections, film, scene)
         frames.append(
             (
                 fix.t_valid_s, truth.rate, fix.exposure_s, fix.reason, first, len(stars),
@@ -230,11 +229,10 @@ def _matched(row, fix, film, scene, camera, params):
     return rows, np.unique(np.array(stars, dtype=np.int64))
 
 
-def _counts(seen, film, scene, params):
-    """(objects of a frame, those that are no source of the sky, those that are saturated)."""
+def _counts(seen, film, scene):
+    """(objects of a frame, those that are no source of the sky)."""
     _, xy_px, electrons = scene
-    saturated = int((seen.n_saturated > params.saturated_pixels).sum())
     bright = electrons > FAINT_Q * 2.0 * np.pi * film.psf_sigma_px**2 * film.noise_electrons
     apart = np.linalg.norm(seen.xy_px[:, None] - xy_px[None, bright], axis=2)
     strangers = int((apart.min(axis=1, initial=np.inf) >= MATCH_PX).sum())
-    return len(seen.flux_dn), strangers, saturated
+    return len(seen.flux_dn), strangers

@@ -69,11 +69,11 @@ class Test(NamedTuple):
 
     @property
     def deciding(self):
-        """How many runs would decide, if the figure stayed as it is; None: they have, or nobody knows."""
+        """How many runs would decide, with errors like these; None: they have, or nobody knows."""
         if self.verdict != TOO_FEW or not isfinite(self.reach):
             return None
-        beyond = max(self.low - self.value, self.value - self.high)
-        room = beyond if beyond > 0.0 else 0.5 * (self.high - self.low)
+        half = 0.5 * (self.high - self.low)
+        room = half if self.reach > half else max(self.low - self.value, self.value - self.high)
         return ceil(self.runs * (self.reach / room) ** 2)
 
     def as_dict(self):

@@ -17,9 +17,9 @@ from shefex_nav.campaign.characterise.records import Flown
 from shefex_nav.compiled import ONE_THREAD
 from shefex_nav.workers import bind_to_parent, cores
 
-CORNERS = 6  # every sixth run is a corner run, and they are an even number
+CORNERS = 6  # at least every sixth run is a corner run, and they are an even number
 HELD_OUT = 2  # every second of the others is not fitted, but judges
-RARE = 1e-5  # probability of a draw beyond either end of what the corner runs fly
+RARE = 1e-7  # probability of a draw beyond either end of what the corner runs fly: 5.2 sigma
 DISPERSED = ("star_camera", "star_tracker")  # sections of the settings that the statistics depend on
 ATTEMPTS = 3  # pools of workers, before it is said that they keep dying
 CORNER_STREAM = 1  # of the seeds of a characterisation; of a run's draws there are others
@@ -105,7 +105,7 @@ def _rendered(scenario, plan, jobs, workers, records, done):
 
 def corners(runs):
     """Number of corner runs: even, at least two."""
-    return max(2, 2 * (runs // (2 * CORNERS)))
+    return 2 * -(-runs // (2 * CORNERS))
 
 
 def corner_jobs(plan, sampler):
@@ -123,10 +123,23 @@ def corner_jobs(plan, sampler):
 
 
 def _end(one, u, run):
-    """The draw of a Dispersed for a probability u; of a group each for itself."""
+    """The draw of a Dispersed for a probability u; of a group each for itself, of listed values the last."""
     from scipy.special import ndtri
 
-    return float(one.law.sigma * ndtri(u)) if one.group else one.law.draw(u, run)
+    from shefex_nav.campaign.characterise.fit import FitError
+    from shefex_nav.scenario.laws import ChoiceLaw, TableLaw
+
+    if one.group:
+        return float(one.law.sigma * ndtri(u))
+    if not isinstance(one.law, ChoiceLaw | TableLaw):
+        return one.law.draw(u, run)
+    values = one.law.reach()
+    if any(isinstance(value, bool | str) for value in values):
+        words = ", ".join(map(str, values))
+        raise FitError(
+            f"{one.name} is dispersed over {words}; statistics hold for one of them: characterise each"
+        )
+    return max(values) if u > 0.5 else min(values)
 
 
 def split(flown, first):
