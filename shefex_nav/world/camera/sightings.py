@@ -41,6 +41,7 @@ from scipy.spatial import cKDTree
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.geometry.pinhole import pixels, turn_slopes
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
+from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.records import Detections, Frame, FrameTruth
 from shefex_nav.world.camera import motion, sky
 from shefex_nav.world.camera.camera import surroundings
@@ -167,8 +168,8 @@ def look(camera, command, trajectory, number, t_start_s):
     Returns
     -------
     Frame without pixels; FrameTruth; Exposure
-    (hip (n,), xy_px (n, 2), electrons (n,)) of all sources on the detector, of any brightness; their places
-    are the middles of their light
+    (hip (n,), xy_px (n, 2), electrons (n,)) of all sources on the detector, of any brightness, where their
+    light falls in the mean
     """
     params, exposure_s = camera.params, command.exposure_s
     times = row_times(exposure_s, params.line_s, params.height_px)
@@ -176,7 +177,8 @@ def look(camera, command, trajectory, number, t_start_s):
     move = motion.during(camera.pinhole, trajectory, camera.q_bc, t_valid_s, times, np.inf)
     C_ei = np.ascontiguousarray(frames.dcm_ie(camera.earth, t_valid_s).T)
     sun_angle, limb_angle, stray_rate = surroundings(camera, move.C_ci[2], move.r_i, C_ei)
-    scene, instant = _scene(camera, move, C_ei, exposure_s)
+    scene = _scene(camera, move, C_ei, exposure_s)
+    caught = scene if params.line_s else _in_the_mean(camera.pinhole, move, scene)
     film = _film(params, command, move, (params.background_rate + stray_rate) * exposure_s, scene[2].sum())
     frame = Frame(
         number=number,
@@ -189,12 +191,12 @@ def look(camera, command, trajectory, number, t_start_s):
         line_s=params.line_s,
         bits=params.bits,
     )
-    return frame, _truth(frame, params, move, (sun_angle, limb_angle), instant), film, scene
+    return frame, _truth(frame, params, move, (sun_angle, limb_angle), scene), film, caught
 
 
-def _truth(frame, params, move, angles, instant):
-    """FrameTruth of a Frame; angles to Sun and limb; (hip, xy_px) of the sources at its instant."""
-    hip, xy_px = instant
+def _truth(frame, params, move, angles, scene):
+    """FrameTruth of a Frame; angles to Sun and limb."""
+    hip, xy_px, _ = scene
     sun_angle, limb_angle = angles
     listed = hip > 0
     return FrameTruth(
@@ -211,29 +213,29 @@ def _truth(frame, params, move, angles, instant):
 
 
 def _scene(camera, move, C_ei, exposure_s):
-    """All sources on the detector: (hip (n,), xy_px (n, 2), electrons (n,)), (hip (m,), xy_px (m, 2)).
-
-    The first are where the middle of their light is, which is what a centroid measures; the others where they
-    stand at the frame's instant. With an angular acceleration a the two are a T^2 / 24 apart, for all stars
-    alike: 13 arcsec in a 50 ms exposure of a payload that tumbles at 8 deg/s.
-    """
+    """(hip (n,), xy_px (n, 2), electrons (n,)) of all sources on the detector."""
     params, hole = camera.params, camera.pinhole
     cone = atan(0.5 * hypot(params.width_px, params.height_px) / hole.focal_length_px) + 1e-3
     view = sky.View(move.C_ci[2], cone, move.r_i, camera.bodies.earth_v_i + move.v_i, np.zeros(3), C_ei)
     every = sky.Film(exposure_s, hole.focal_length_px, camera.psf.width_px, 0.0)
     hip, u_i, electrons = sky.visible(camera.sky, camera.planets, view, every)
-    ends = move.path.C_ci[0], move.C_ci, move.path.C_ci[-1]
-    first_px, xy_px, last_px = (pixels(hole, u_i @ C_ci.T) for C_ci in ends)
-    middle_px = (first_px + 4.0 * xy_px + last_px) / 6.0  # Simpson: exact at a constant acceleration
-    lit, now = _inside(params, middle_px), _inside(params, xy_px)
-    return (hip[lit], middle_px[lit], electrons[lit]), (hip[now], xy_px[now])
-
-
-def _inside(params, xy_px):
-    """Whether places (n, 2) are on the detector; NaN, behind the camera, is not."""
-    x, y = xy_px.T
+    xy_px = pixels(hole, u_i @ move.C_ci.T)
+    x, y = xy_px.T  # NaN behind the camera is inside of nothing
     inside = (x >= -EDGE_PX) & (x <= params.width_px - EDGE_PX)
-    return inside & (y >= -EDGE_PX) & (y <= params.height_px - EDGE_PX)
+    inside &= (y >= -EDGE_PX) & (y <= params.height_px - EDGE_PX)
+    return hip[inside], xy_px[inside], electrons[inside]
+
+
+def _in_the_mean(hole, move, scene):
+    """The scene where its light falls in the mean: elsewhere than in the middle while the rate changes.
+
+    Simpson's rule over the exposure of all rows at once; hole : Pinhole
+    """
+    hip, xy_px, electrons = scene
+    C_ci = (move.path.C_ci[0] + 4.0 * move.C_ci + move.path.C_ci[-1]) / 6.0
+    D = C_ci @ move.C_ci.T  # 1 - skew of the turn from the middle to the mean
+    bend_c = 0.5 * np.array([D[1, 2] - D[2, 1], D[2, 0] - D[0, 2], D[0, 1] - D[1, 0]])
+    return hip, xy_px + turn_jacobians(hole, xy_px) @ bend_c, electrons
 
 
 def _film(params, command, move, background, starlight):
