@@ -7,7 +7,7 @@ lost or spoilt all the same is flown again.
 import difflib
 import json
 import os
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from shefex_nav.campaign import plan as planning
@@ -152,6 +152,24 @@ class Store:
                 put(self.path(run, "npz"), flown.series)
             put(self.path(run, "json"), json.dumps(flown.record, allow_nan=False) + "\n")
             settle(self.folder / "runs")
+            self.path(run, "lost").unlink(missing_ok=True)
+
+    def lose(self, lost):
+        """Keep why a run was lost. engine.Lost -> in how many sessions it killed its worker each time"""
+        before = self.lost().get(lost.run, {"deadly": 0})["deadly"]
+        why = {"reason": lost.reason, "deadly": before + lost.deadly}
+        with self._writing():
+            put(self.path(lost.run, "lost"), json.dumps(why) + "\n")
+        return why["deadly"]
+
+    def lost(self):
+        """Runs that were lost and have no record since: dict run -> {"reason", "deadly": sessions}."""
+        found = {}
+        for path in sorted((self.folder / "runs").glob("[0-9]*.lost")):
+            if path.stem.isdecimal() and not path.with_suffix(".json").exists():
+                with suppress(OSError, ValueError):  # one that a disk spoilt counts for nothing
+                    found[int(path.stem)] = json.loads(path.read_text())
+        return found
 
     def record(self, run):
         """Record of a run; None if it is not there or was cut off by a power failure."""
@@ -164,7 +182,7 @@ class Store:
                 yield record
 
     def whole(self, record):
-        """Whether the series of a run are not spoilt; a failed run has none, and they may have been deleted."""
+        """Whether the series of a run are not spoilt: a failed run has none, others may have been deleted."""
         expected = record.get("series_file")
         if not expected:
             return record["status"] == "failed"
