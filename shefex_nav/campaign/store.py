@@ -156,7 +156,7 @@ class Store:
 
     def lose(self, lost):
         """Keep why a run was lost. engine.Lost -> in how many sessions it killed its worker each time"""
-        before = self.lost().get(lost.run, {"deadly": 0})["deadly"]
+        before = self._losses().get(lost.run, {"deadly": 0})["deadly"]
         why = {"reason": lost.reason, "deadly": before + lost.deadly}
         with self._writing():
             put(self.path(lost.run, "lost"), json.dumps(why) + "\n")
@@ -164,9 +164,13 @@ class Store:
 
     def lost(self):
         """Runs that were lost and have no record since: dict run -> {"reason", "deadly": sessions}."""
+        return {run: why for run, why in self._losses().items() if not self.path(run, "json").exists()}
+
+    def _losses(self):
+        """The same, also of runs whose record waits to be replaced because their series are spoilt."""
         found = {}
         for path in sorted((self.folder / "runs").glob("[0-9]*.lost")):
-            if path.stem.isdecimal() and not path.with_suffix(".json").exists():
+            if path.stem.isdecimal():
                 with suppress(OSError, ValueError):  # one that a disk spoilt counts for nothing
                     found[int(path.stem)] = json.loads(path.read_text())
         return found

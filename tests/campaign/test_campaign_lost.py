@@ -84,6 +84,16 @@ def test_a_run_that_kills_its_workers_in_two_sessions_has_failed(whole, scenario
     assert not list(tmp_path.rglob("*.lost"))
 
 
+def test_a_spoilt_run_that_kills_its_workers_now_has_failed_as_well(scenario, tmp_path):
+    """Its old record stands, without series, until there is another one."""
+    fly(scenario, tmp_path, 1)
+    (tmp_path / "runs" / "000000.npz").write_bytes(b"")
+    first = deadly(scenario, tmp_path, {0: 3}, runs=1)
+    assert [one.run for one in first.lost] == [0] and first.rows[0]["status"] == "succeeded"
+    second = deadly(scenario, tmp_path, {0: 3}, runs=1)
+    assert second.lost == () and second.rows[0]["reason"].endswith("3 attempts of 2 sessions")
+
+
 def test_a_run_that_outlives_its_second_session_is_a_result(whole, scenario, tmp_path):
     assert [one.run for one in deadly(scenario, tmp_path, {1: 3}).lost] == [1]
     found = results.open_campaign(tmp_path)
