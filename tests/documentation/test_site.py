@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+import shefex_nav
+
 ROOT = Path(__file__).parents[2]
 LOADING = {"script": "src", "link": "href", "img": "src", "iframe": "src", "source": "src"}
 
@@ -72,6 +74,16 @@ def test_formulas_are_set(site):
 def test_links_to_scenarios_are_in_the_site(site):
     assert 'href="scenarios/rexus_like.yaml"' in (site / "describe-your-rocket.html").read_text()
     assert (site / "scenarios" / "rexus_like.yaml").is_file()
+
+
+def test_reference_of_python_has_every_public_name(site):
+    """What `import shefex_nav` offers is on the page, by the module that it comes from."""
+    text = (site / "reference" / "python.html").read_text()
+    assert len(shefex_nav._PUBLIC) > 5
+    missing = [
+        name for name, module in shefex_nav._PUBLIC.items() if f'id="shefex_nav.{module}.{name}"' not in text
+    ]
+    assert not missing
 
 
 def test_reference_of_scenarios_has_every_key():
