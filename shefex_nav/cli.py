@@ -160,7 +160,7 @@ def report(
     if html is not None:
         export_command.check_file(html, "--html", force=force)
     if figures is not None:
-        export_command.folder_for(figures, "--figures", force=force)
+        export_command.check_pictures(figures, _picture_names(log), "--figures", force=force)
     if log.is_dir():
         from shefex_nav.campaign import report_command
 
@@ -171,6 +171,8 @@ def report(
 
     data = reader.read(log)
     tell_if_cut(log, data)
+    if figures is not None:
+        export_command.folder_for(figures, "--figures")
     if html is not None:
         export_command.write_page(html, data, log)
     if figures is not None:
@@ -179,6 +181,17 @@ def report(
         for path in pictures.save_all(data, figures):
             say(f"wrote {path}")
     show(metrics.summarise(data, log=log), json)
+
+
+def _picture_names(log):
+    """Names of the pictures that a report may write: of a campaign's folder, or of a run's log."""
+    if log.is_dir():
+        from shefex_nav.campaign import figures
+
+        return figures.NAMES
+    from shefex_nav.report import figures
+
+    return [entry.name for entry in figures.CATALOGUE]
 
 
 @app.command()

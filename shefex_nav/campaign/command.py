@@ -7,7 +7,7 @@ command flies it), 2 bad input or no workers, 130 interrupted; the same command 
 import json as json_module
 import re
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -32,9 +32,6 @@ Kept = Annotated[
         help="Runs that are flown again at the end with a log each (several times: all of these).",
     ),
 ]
-Again = Annotated[
-    Literal["failed"] | None, typer.Option(help="Fly the runs that failed once more, e.g. after a repair.")
-]
 Overrides = Annotated[
     list[str] | None,
     typer.Option(
@@ -55,7 +52,6 @@ def campaign(
     seed: Seed = 1,
     out: Out = None,
     keep: Kept = None,
-    again: Again = None,
     overrides: Overrides = None,
     dry_run: DryRun = False,
     json: Json = False,
@@ -70,7 +66,7 @@ def campaign(
     if address is not None and workers is not None:
         raise typer.BadParameter("the cluster has its own workers; leave one away", param_hint="--workers")
     loaded = load.load(scenario, overrides or ())
-    request = running.Request(loaded, runs, seed, workers, address, kept, again == "failed")
+    request = running.Request(loaded, runs, seed, workers, address, kept)
     folder = out or OUT / f"{loaded.mission.name}-seed{seed}"
     try:
         if dry_run:
@@ -103,11 +99,13 @@ def _result(ended, folder, runs, as_json):
     if ended.lost:
         _say(f"{len(ended.lost)} of {runs} runs were lost: no fault of theirs is known, and the same command "
              "flies them")  # fmt: skip
+    for one in ended.unlogged[:MOST_LOST]:
+        _say(f"run {one.run} has no log: {one.reason}")
     if ended.interrupted:
         _say(f"interrupted; {len(ended.rows)} of {runs} runs are kept, the same command goes on from there")
         return 130
-    if ended.rows:
-        _show(folder, as_json)
+    if ended.rows or as_json:
+        _show(folder, ended, as_json)
     failed = sum(row["status"] == "failed" for row in ended.rows)
     return 1 if failed or ended.lost else 0
 
@@ -194,11 +192,15 @@ def _print_draws(sampler, runs, as_json):
         writer.writerow([run, job.seed, *job.draws.values()])
 
 
-def _show(folder, as_json):
+def _show(folder, ended, as_json):
     """The results on stdout."""
-    from shefex_nav.campaign import over_time, report_command, summary
+    from shefex_nav.campaign import over_time, report_command, store, summary
     from shefex_nav.campaign.results import open_campaign
 
+    if not ended.rows:
+        nothing = summary.of_nothing(store.read_head(folder), len(ended.lost), ended.digest)
+        typer.echo(json_module.dumps(nothing, allow_nan=False))
+        return
     done = open_campaign(folder)
     if as_json:
         typer.echo(json_module.dumps(summary.summary_object(done), allow_nan=False))

@@ -6,7 +6,7 @@ new process takes its place, and the run is flown again. A cluster is one lane, 
 rest.
 
 A run whose worker is killed, or has no memory or disk left, is tried again, and lost after some attempts: it
-is told, never kept as a result, because the fault need not be its own.
+is told: the fault need not be its own.
 """
 
 import multiprocessing
@@ -21,6 +21,7 @@ from shefex_nav.workers import bind_to_parent, undisturbed
 
 ATTEMPTS = 3  # of a run whose worker is killed or in trouble
 DEATHS = 8  # such attempts, one after the other, with nothing flown in between: then something else is wrong
+KILLED = "its worker was killed"
 POLL_S = 0.2  # between two looks at whether to stop
 
 
@@ -37,13 +38,14 @@ class Lost(NamedTuple):
 
     run: int
     reason: str
+    deadly: bool = False  # its worker was killed in each attempt
 
 
 class Trial(NamedTuple):
     """A run in the hands of a worker."""
 
     job: object
-    attempt: int  # from 1 on
+    troubles: tuple  # of the attempts before this one, as texts
     lane: object
 
 
@@ -94,7 +96,7 @@ def _begin(plan):
     flight.prepare_worker(plan)
 
 
-def fly(jobs, lanes, take, stopped=lambda: False):
+def fly(jobs, lanes, take, stopped=lambda: False, suspects=frozenset()):
     """Fly jobs.
 
     Parameters
@@ -103,13 +105,14 @@ def fly(jobs, lanes, take, stopped=lambda: False):
     lanes : list of lanes, such as ProcessLane
     take : called with the Flown of each run, in the order in which they end
     stopped : called between them; True ends the work with Interrupted, after what is over has been taken
+    suspects : numbers of runs that killed their workers before; if they do again, it says nothing of these
 
     Returns
     -------
     list of Lost
     """
     try:
-        lost = _fly(iter(jobs), lanes, take, stopped)
+        lost = _fly(iter(jobs), lanes, take, stopped, suspects)
     except BaseException:
         with undisturbed():
             for lane in lanes:
@@ -120,16 +123,16 @@ def fly(jobs, lanes, take, stopped=lambda: False):
     return lost
 
 
-def _fly(jobs, lanes, take, stopped):
+def _fly(jobs, lanes, take, stopped, suspects):
     again, flying, lost, deaths = deque(), {}, [], 0
     while True:
         for lane in lanes:
             used = sum(trial.lane is lane for trial in flying.values())
             for _ in range(lane.capacity - used):
-                job, attempt = again.popleft() if again else (next(jobs, None), 1)
+                job, troubles = again.popleft() if again else (next(jobs, None), ())
                 if job is None:
                     break
-                flying[lane.submit(job)] = Trial(job, attempt, lane)
+                flying[lane.submit(job)] = Trial(job, troubles, lane)
         if not flying:
             return lost
         over, _ = wait(flying, timeout=POLL_S, return_when=FIRST_COMPLETED)
@@ -140,16 +143,25 @@ def _fly(jobs, lanes, take, stopped):
                 take(future.result())
                 deaths = 0
                 continue
-            deaths += 1
+            deaths += trial.job.run not in suspects
             if deaths > max(DEATHS, ATTEMPTS * len(lanes)):
                 raise EngineError(f"{deaths} attempts one after the other without a result; last: {trouble}")
             trial.lane.renew()
-            if trial.attempt < ATTEMPTS:
-                again.append((trial.job, trial.attempt + 1))
+            troubles = (*trial.troubles, trouble)
+            if len(troubles) < ATTEMPTS:
+                again.append((trial.job, troubles))
             else:
-                lost.append(Lost(trial.job.run, f"{trouble}, in each of {ATTEMPTS} attempts"))
+                lost.append(_lost(trial.job.run, troubles))
         if stopped():
             raise Interrupted
+
+
+def _lost(run, troubles):
+    """Lost after as many troubles as a run has attempts."""
+    first, deadly = troubles[0], set(troubles) == {KILLED}
+    each = f"{first}, in each of {len(troubles)} attempts"
+    several = f"{len(troubles)} attempts: " + "; ".join(troubles)
+    return Lost(run, each if len(set(troubles)) == 1 else several, deadly)
 
 
 def _trouble(future, job):
@@ -158,5 +170,5 @@ def _trouble(future, job):
         raise EngineError(f"the scheduler gave up run {job.run}: it ended, or was restarted")
     error = future.exception()
     if isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker":
-        return "its worker was killed"
+        return KILLED
     return str(error) if isinstance(error, flight.MachineError) else None

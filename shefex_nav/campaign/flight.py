@@ -129,6 +129,11 @@ def _record(job):
     }
 
 
+def given_up(job, reason):
+    """Flown of a run that no worker outlives: failed, without a traceback."""
+    return Flown(_record(job) | {"status": "failed", "reason": reason}, None)
+
+
 def _records(scenario, seed, world, log):
     """RunData of a mission, truth and solution at 10 Hz, as figures need them; all there is is in the log.
 

@@ -9,6 +9,7 @@ The condition is for scripts: the workers are new processes, which read the scri
 """
 
 import multiprocessing
+import warnings
 
 
 def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, say=print):
@@ -28,9 +29,10 @@ def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, say=print):
     results.Campaign
 
     Raises StoreError if the folder holds another campaign, BadCampaign and EngineError if it cannot be flown,
-    KeyboardInterrupt if it was interrupted: what is done is kept, the same call goes on.
+    KeyboardInterrupt if it was interrupted: what is done is kept, the same call goes on. Warns of runs that
+    were lost with their workers, which the Campaign is without; EngineError if all of them were.
     """
-    from shefex_nav.campaign import progress, results, running
+    from shefex_nav.campaign import engine, progress, results, running
     from shefex_nav.campaign.stopping import stopping
     from shefex_nav.campaign.store import Store
 
@@ -48,4 +50,9 @@ def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, say=print):
         raise KeyboardInterrupt(
             f"{len(ended.rows)} of {runs} runs are kept; the same call goes on from there"
         )
-    return results.open_campaign(folder)  # of what the last call did not lose
+    if ended.lost:
+        words = f"{len(ended.lost)} of {runs} runs were lost with their workers, the same call flies them"
+        if not ended.rows:
+            raise engine.EngineError(f"{words}; run {ended.lost[0].run}: {ended.lost[0].reason}")
+        warnings.warn(f"{words}; every figure is of the {len(ended.rows)} others", stacklevel=2)
+    return results.open_campaign(folder)

@@ -69,12 +69,17 @@ class Verdict(NamedTuple):
     samples: int
     p: float  # of a value as far off if the covariance is right
     p_holm: float  # the same, corrected for the number of judgements of its kind
-    practical: float = 0.0  # distance from 1 that does not matter, however certain it is
+    practical: float = 0.0  # distance from 1 that is let pass, and told, however certain it is
+
+    @property
+    def certain(self):
+        """Whether chance does not explain it."""
+        return self.p_holm < SIGNIFICANT
 
     @property
     def good(self):
-        """Whether chance explains it, or it does not matter."""
-        return self.p_holm >= SIGNIFICANT or abs(self.value - 1.0) <= self.practical
+        """Whether chance explains it, or it is off by no more than is let pass."""
+        return not self.certain or abs(self.value - 1.0) <= self.practical
 
 
 def read(campaign, most=MOST_RUNS, most_bytes=MOST_BYTES):
@@ -249,7 +254,7 @@ def judge_nis(series):
 
     Each run's mean is one sample, so the interval is Student's over runs: innovations of one run have its
     draws in common. With thousands of innovations the smallest fault of a model is certain, so a mean that
-    is off by less than PRACTICAL is told as good whatever its p. Of a single run, whose innovations are all
+    is off by less than PRACTICAL is let pass and told as such. Of a single run, whose innovations are all
     there is, chi-square.
     """
     found = []

@@ -10,6 +10,7 @@ from shefex_nav.report import intervals
 RATE_PRECISION = 0.01  # to which 'runs still needed' is told: one point of a success rate,
 PERCENTILE_PRECISION = 0.05  # and this share of a percentile
 MOST_CAUSES, MOST_RUNS, MOST_EXPLAIN, MOST_SEPARATIONS, MOST_VERDICTS = 8, 6, 12, 3, 12
+MOST_LOST = 5
 
 
 class Loud(str):
@@ -30,10 +31,9 @@ class Part(NamedTuple):
 
 
 def parts(campaign, series=None):
-    """Everything for people: list of Part. series : over_time.Series, None leaves out what needs it."""
+    """Everything for people: list of Part. series : over_time.Series, None if no run has any"""
     found = [head(campaign), requirements(campaign), errors(campaign), flights(campaign)]
-    if series is not None:
-        found.append(covariance(campaign, series))
+    found.append(unjudged(campaign) if series is None else covariance(campaign, series))
     found += [failures(campaign), worst(campaign), explained(campaign)]
     return [part for part in found if part is not None]
 
@@ -46,6 +46,8 @@ def head(campaign):
     rows = [("runs", done), ("flew to their end", rate)]
     if n > good:
         rows.append(("failed", Loud(n - good)))
+    for run, reason in list(campaign.lost.items())[:MOST_LOST]:
+        rows.append((f"run {run} was lost", Loud(reason)))
     if campaign.wall_s:
         rows.append(("took", f"{campaign.wall_s:,.0f} s, {3600.0 * n / campaign.wall_s:,.0f} runs an hour"))
     rows.append(("digest of the results", campaign.digest[:16]))
@@ -133,7 +135,17 @@ def flights(campaign):
     return Part("Star tracker and flight", (), tuple(rows)) if rows else None
 
 
+DESCRIBED = "Does the covariance describe the errors?"
 CONTAINED = "errors inside 3 sigma at the ends of the phases"
+
+
+def unjudged(campaign):
+    """That the covariance cannot be judged; None if no run flew to its end, which is said elsewhere."""
+    good = int(campaign.succeeded.sum())
+    if not good:
+        return None
+    who = "The run has" if good == 1 else f"All {good} runs have"
+    return Part(DESCRIBED, lines=(f"{who} no series that could be read: nothing is said of it.",))
 
 
 def covariance(campaign, series):
@@ -145,12 +157,11 @@ def covariance(campaign, series):
     }
     rows = []
     for title, verdicts in groups.items():
-        bad = sorted((one for one in verdicts if not one.good), key=lambda one: one.p)
-        words = Loud(f"{len(bad)} of {len(verdicts)} are not") if bad else "as chance would have it"
-        rows.append((title, "", "", "", words))
-        rows += [_verdict(one, title) for one in bad[:MOST_VERDICTS]]
-        if len(bad) > MOST_VERDICTS:
-            rows.append((f"  and {len(bad) - MOST_VERDICTS} more", "", "", "", ""))
+        certain = sorted((one for one in verdicts if one.certain), key=lambda one: (one.good, one.p))
+        rows.append((title, "", "", "", _together(verdicts)))
+        rows += [_verdict(one, title) for one in certain[:MOST_VERDICTS]]
+        if len(certain) > MOST_VERDICTS:
+            rows.append((f"  and {len(certain) - MOST_VERDICTS} more", "", "", "", ""))
     for block, (value, low, high) in over_time.time_averages(series).items():
         words = "holds 1" if low <= 1.0 <= high else _size(low > 1.0)
         name = f"NEES of {block.replace('_', ' ')} per degree of freedom, all times (99 % interval)"
@@ -158,13 +169,31 @@ def covariance(campaign, series):
     good = int(campaign.succeeded.sum())
     some = f"{len(series.runs)} of " if len(series.runs) < good else ""
     lines = (f"{series.unread} runs have no series that could be read.",) if series.unread else ()
-    title = f"Does the covariance describe the errors? ({some}{good} runs)"
+    title = f"{DESCRIBED} ({some}{good} runs)"
     return Part(title, ("judged", ">found", ">expected", ">p (Holm)", "verdict"), tuple(rows), lines)
 
 
+def _together(verdicts):
+    """What verdicts of a kind say together."""
+    bad, off = sum(not one.good for one in verdicts), sum(one.good and one.certain for one in verdicts)
+    if not bad + off:
+        return "as chance would have it"
+    small = f"{off} of {len(verdicts)} {_off()}" if off else ""
+    if not bad:
+        return small
+    return Loud(f"{bad} of {len(verdicts)} are not as they should be" + (f", {small}" if small else ""))
+
+
+def _off():
+    return f"off by less than {100.0 * over_time.PRACTICAL:.0f} %"
+
+
 def _verdict(one, group):
-    """Row of a verdict that is not good: few inside 3 sigma mean a small covariance, as a large NEES does."""
-    words = _size(one.value > one.high or group == CONTAINED)
+    """Row of a verdict that chance does not explain.
+
+    Few inside 3 sigma mean a small covariance, as a large NEES does.
+    """
+    words = _off() if one.good else _size(one.value > one.high or group == CONTAINED)
     return f"  {one.what}", f"{one.value:.3f}", f"{one.low:.3f} to {one.high:.3f}", f"{one.p_holm:.1e}", words
 
 

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from shefex_nav.campaign import draws, engine, store, table
 from shefex_nav.campaign import plan as planning
+from shefex_nav.log import thinning
 from shefex_nav.scenario import load
 
 MOST_WORDS = 8  # differences that are told
@@ -69,25 +70,33 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
         lost = engine.fly([job._replace(log=part and str(part))], [lane(plan)], taken.append)
         if lost:
             raise engine.EngineError(f"run {run}: {lost[0].reason}")
-        if log is not None and part.exists():  # a run may fail before its first record
+        written = part is not None and part.exists()  # a run may fail before its first record
+        if written:
             part.replace(log)
     finally:
         if part is not None:
             part.unlink(missing_ok=True)
     (flown,), kept = taken, store.read_record(folder, run)
     differences = {} if kept is None else compared(kept, flown.record)
+    notes = _changes(head["versions"], plan.versions)
+    if written and (rate_hz := _rate_hz(plan)) != thinning.LOWEST_HZ:
+        notes.append(
+            f"the log has truth and solution at {rate_hz:g} Hz, a campaign's figures are of "
+            f"{thinning.LOWEST_HZ} Hz: `report {log}` differs a little from the row"
+        )
     return Repeated(
-        run, flown.record, differences, kept is not None, _changes(head["versions"], plan.versions),
-        str(log) if log is not None and log.exists() else None,
+        run, flown.record, differences, kept is not None, notes, str(log) if written else None
     )  # fmt: skip
+
+
+def _rate_hz(plan):
+    """Samples a second of truth and solution in a run's log."""
+    return load.load_text(plan.source, plan.name).log.rate
 
 
 def _plan(head, folder):
     """Plan of a campaign as it was flown."""
     shared = head["flight"] == "shared"
-    path = folder / "flight.npz"
-    if shared and not path.exists():
-        raise store.StoreError(f"{path}: the flight that all runs share is not there")
     return planning.Plan(
         name=head["scenario"],
         source=head["source"],
@@ -97,8 +106,20 @@ def _plan(head, folder):
         series_rate=head["rate"],
         shared=shared,
         versions=planning.versions(),
-        flight=path.read_bytes() if shared else None,
+        flight=_flight(head, folder) if shared else None,
     )
+
+
+def _flight(head, folder):
+    """The flight that all runs share, as bytes."""
+    path = folder / "flight.npz"
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise store.StoreError(f"{path}: the flight that all runs share is not there") from None
+    if planning.digest(content) != head["flight_sha256"]:
+        raise store.StoreError(f"{path}: is not what the runs flew; `shefex-nav campaign` makes it again")
+    return content
 
 
 def compared(kept, now):

@@ -12,7 +12,7 @@ def report(folder, *, json=False, html=None, figures=None):
     """Print the results of a campaign's folder.
 
     json : one object instead of tables;  html : file of a page to hand over, or None;  figures : folder for
-    pictures that is there, or None. A folder that is no campaign is bad input.
+    pictures, made if it is not there, or None. A folder that is no campaign is bad input.
     """
     from shefex_nav.campaign.results import open_campaign
     from shefex_nav.campaign.store import StoreError
@@ -22,7 +22,10 @@ def report(folder, *, json=False, html=None, figures=None):
     except StoreError as error:
         raise typer.BadParameter(str(error), param_hint="LOG") from None
     from shefex_nav.campaign import over_time, summary
+    from shefex_nav.report import export_command
 
+    if figures is not None:
+        export_command.folder_for(figures, "--figures")
     wanted = html is not None or figures is not None or not json
     series = over_time.read(campaign) if wanted else None
     if json:
@@ -46,55 +49,8 @@ def show(campaign, series):
     from rich.console import Console
 
     from shefex_nav.campaign.parts import parts
+    from shefex_nav.campaign.tables import tables
 
     Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False).print(
         tables(parts(campaign, series))
     )
-
-
-def tables(parts):
-    """rich Group of list of Part."""
-    from rich.console import Group
-    from rich.jupyter import JupyterMixin
-
-    class Tables(Group, JupyterMixin):
-        """A Group that notebooks show."""
-
-    return Tables(*(shown for part in parts for shown in _shown(part)))
-
-
-def _shown(part):
-    """What a Part looks like: rich objects."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    from shefex_nav.campaign.parts import Command
-
-    if part.rows:
-        table = Table(
-            title=part.title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD,
-            show_header=bool(part.heads),
-        )  # fmt: skip
-        for name in part.heads or [""] * len(part.rows[0]):
-            table.add_column(name.lstrip(">"), justify="right" if name.startswith(">") else "left")
-        for row in part.rows:
-            table.add_row(*(_cell(cell) for cell in row))
-        yield table
-    else:
-        yield Text(part.title, style="bold")
-    for line in part.lines:
-        if isinstance(line, Command):  # not broken, so that it can be copied
-            yield Text(f"    {line}", style="cyan", no_wrap=True, overflow="ignore")
-        else:
-            yield Text(f"  {line}")
-    if part.lines:
-        yield ""
-
-
-def _cell(cell):
-    from rich.text import Text
-
-    from shefex_nav.campaign.parts import Loud
-
-    return Text(str(cell), style="bold yellow" if isinstance(cell, Loud) else "")

@@ -108,6 +108,12 @@ class Campaign:
         """Time that the sessions of the campaign took [s]; None if none has ended."""
         return self.head.get("wall_s") or None
 
+    @property
+    def lost(self):
+        """Why runs that were tried have no row: {run: reason}; the campaign flies them when it goes on."""
+        found = store.Store(self.folder).lost()
+        return {run: why["reason"] for run, why in found.items() if run < self.head["runs"]}
+
     @cached_property
     def digest(self):
         """sha256 over all columns but timing.*."""
@@ -182,9 +188,9 @@ class Campaign:
 
     def table(self):
         """Everything that `shefex-nav report` prints of a campaign: a rich Group, shown by notebooks too."""
-        from shefex_nav.campaign import over_time, parts, report_command
+        from shefex_nav.campaign import over_time, parts, tables
 
-        return report_command.tables(parts.parts(self, over_time.read(self)))
+        return tables.tables(parts.parts(self, over_time.read(self)))
 
     @property
     def plot(self):

@@ -5,10 +5,12 @@ from functools import partial
 from typing import NamedTuple
 
 from shefex_nav import workers as machine
-from shefex_nav.campaign import draws, engine, progress, repeating
+from shefex_nav.campaign import draws, engine, flight, progress, repeating
 from shefex_nav.campaign import plan as planning
 from shefex_nav.scenario import load
 from shefex_nav.scenario.laws import TableLaw
+
+GIVE_UP = 2  # sessions in which a run killed its worker in every attempt: then it has failed
 
 
 class Request(NamedTuple):
@@ -20,7 +22,6 @@ class Request(NamedTuple):
     workers: int | None  # processes on this machine; None: one a core
     cluster: str | None  # HOST:PORT of a Dask scheduler; None: this machine
     keep: tuple  # of Keep
-    again: bool = False  # whether runs that failed are flown again
 
 
 class Keep(NamedTuple):
@@ -38,6 +39,7 @@ class Ended(NamedTuple):
     wall_s: float  # of all sessions so far
     interrupted: bool
     lost: tuple = ()  # of engine.Lost: runs that are not in the table, flown when the campaign goes on
+    unlogged: tuple = ()  # of engine.Lost: runs whose log was asked for and could not be had
 
 
 class BadCampaign(Exception):
@@ -75,8 +77,8 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
     plan, sampler = prepared(request.scenario, request.runs, request.seed)
     store.begin(plan, described(request.scenario))
     tally = progress.Tally(plan.runs, badness(request.scenario))
-    missing = _missing(request, plan, store, show, tally)
-    lost, interrupted, table = [], False, None
+    missing = _missing(plan, store, show, tally)
+    lost, unlogged, interrupted, table = [], [], False, None
     try:
         if missing:
             if crew is None and request.cluster is None:
@@ -85,31 +87,28 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
             lanes = (crew or partial(_lanes, request))(plan, len(missing))
             with show.bar(tally) as note:
                 jobs = (sampler.job(run) for run in missing)
-                lost = engine.fly(jobs, lanes, partial(_take, store, tally, note), stopped)
+                take, suspects = partial(_take, store, tally, note), _suspects(store)
+                lost = _lost(engine.fly(jobs, lanes, take, stopped, suspects), sampler, store, take)
         table = store.tabulate(plan.runs)  # before logs, which nothing depends on
-        lost = lost + _keep_logs(request, plan, sampler, store, show, tally.scores, stopped, crew)
+        unlogged = _keep_logs(request, plan, sampler, store, show, tally.scores, stopped, crew)
     except engine.Interrupted:
         interrupted = True
     wall_s = store.took(time.perf_counter() - began)
-    return Ended(*(table or store.tabulate(plan.runs)), wall_s, interrupted, tuple(lost))
+    return Ended(*(table or store.tabulate(plan.runs)), wall_s, interrupted, tuple(lost), tuple(unlogged))
 
 
-def _missing(request, plan, store, show, tally):
+def _missing(plan, store, show, tally):
     """Runs that are to be flown, in order: list. What is done is counted.
 
     The record of a run that is flown again stands until there is a new one.
     """
-    done, again, spoilt = set(), [], []
+    done, spoilt = set(), []
     for record in store.records(plan.runs):
-        if request.again and record["status"] == "failed":
-            again.append(record["run"])
-        elif not store.whole(record):
+        if not store.whole(record):
             spoilt.append(record["run"])
         else:
             tally.take(record, flown=False)
             done.add(record["run"])
-    if again:
-        show.say(f"flying the {len(again)} failed runs again")
     if spoilt:
         show.say(f"flying {_named(spoilt)} again: the file of their series is spoilt")
     return [run for run in range(plan.runs) if run not in done]
@@ -120,6 +119,23 @@ def _take(store, tally, note, flown):
     store.keep(flown)
     tally.take(flown.record)
     note()
+
+
+def _suspects(store):
+    """Numbers of the runs that killed their workers in an earlier session."""
+    return {run for run, why in store.lost().items() if why["deadly"]}
+
+
+def _lost(lost, sampler, store, take):
+    """Keep why runs were lost; one that killed its workers in GIVE_UP sessions failed. -> the others"""
+    others = []
+    for one in lost:
+        sessions = store.lose(one)
+        if sessions < GIVE_UP:
+            others.append(one)
+        else:
+            take(flight.given_up(sampler.job(one.run), f"{one.reason} of {sessions} sessions"))
+    return others
 
 
 def _named(runs, most=10):

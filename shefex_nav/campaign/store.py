@@ -7,7 +7,7 @@ lost or spoilt all the same is flown again.
 import difflib
 import json
 import os
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from shefex_nav.campaign import plan as planning
@@ -152,6 +152,28 @@ class Store:
                 put(self.path(run, "npz"), flown.series)
             put(self.path(run, "json"), json.dumps(flown.record, allow_nan=False) + "\n")
             settle(self.folder / "runs")
+            self.path(run, "lost").unlink(missing_ok=True)
+
+    def lose(self, lost):
+        """Keep why a run was lost. engine.Lost -> in how many sessions it killed its worker each time"""
+        before = self._losses().get(lost.run, {"deadly": 0})["deadly"]
+        why = {"reason": lost.reason, "deadly": before + lost.deadly}
+        with self._writing():
+            put(self.path(lost.run, "lost"), json.dumps(why) + "\n")
+        return why["deadly"]
+
+    def lost(self):
+        """Runs that were lost and have no record since: dict run -> {"reason", "deadly": sessions}."""
+        return {run: why for run, why in self._losses().items() if not self.path(run, "json").exists()}
+
+    def _losses(self):
+        """The same, also of runs whose record waits to be replaced because their series are spoilt."""
+        found = {}
+        for path in sorted((self.folder / "runs").glob("[0-9]*.lost")):
+            if path.stem.isdecimal():
+                with suppress(OSError, ValueError):  # one that a disk spoilt counts for nothing
+                    found[int(path.stem)] = json.loads(path.read_text())
+        return found
 
     def record(self, run):
         """Record of a run; None if it is not there or was cut off by a power failure."""

@@ -23,6 +23,8 @@ def summary_object(campaign):
     succeeded = int(campaign.succeeded.sum())
     return {
         "runs": len(campaign),
+        "asked": campaign.head["runs"],
+        "lost": len(campaign.lost),
         "succeeded": succeeded,
         "failed": len(campaign) - succeeded,
         "requirements": [
@@ -39,6 +41,12 @@ def summary_object(campaign):
         "wall_s": campaign.wall_s,
         "results_digest": campaign.digest,
     }
+
+
+def of_nothing(head, lost, digest):
+    """The same of a campaign that has no run. head : of campaign.json, lost : how many runs were lost"""
+    counts = {"runs": 0, "asked": head["runs"], "lost": lost, "succeeded": 0, "failed": 0}
+    return counts | {"requirements": [], "wall_s": head["wall_s"] or None, "results_digest": digest}
 
 
 def worst_runs(campaign, k=MOST_WORST):

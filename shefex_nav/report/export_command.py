@@ -49,9 +49,18 @@ def export(
             typer.echo(f"wrote {path}", err=True)
 
 
-def folder_for(path, option, *, force):
-    """Make a folder for results before anything is computed, or say why not; `force`: it may be filled."""
-    _check_filled(path, option, force=force)
+def check_pictures(folder, names, option, *, force):
+    """Refuse a folder in which one of these pictures (PNG) would be overwritten."""
+    there = [name for name in names if (folder / f"{name}.png").exists()]
+    if there and not force:
+        more = f" and {len(there) - 1} more exist" if there[1:] else " exists"
+        raise typer.BadParameter(
+            f"{folder / there[0]}.png{more} already; choose another folder or add --force", param_hint=option
+        )
+
+
+def folder_for(path, option):
+    """Make a folder for results, or say why not."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -78,11 +87,6 @@ def _check_folder(path, option, *, force):
         raise typer.BadParameter(f"{path} is a file; give the name of a folder", param_hint=option)
     if not path.exists() and not path.parent.is_dir():
         raise typer.BadParameter(f"there is no folder {path.parent}", param_hint=option)
-    _check_filled(path, option, force=force)
-
-
-def _check_filled(path, option, *, force):
-    """Refuse a folder that has something in it."""
     if path.is_dir() and any(path.iterdir()) and not force:
         raise typer.BadParameter(
             f"{path} is not empty; choose another folder or add --force", param_hint=option

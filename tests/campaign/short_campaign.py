@@ -74,4 +74,4 @@ def fly(scenario, folder, runs=4, stopped=lambda: False, before=lambda job: None
         )
 
 
-__all__ = ["BREAKS", "TEXT", "HereLane", "engine", "fly", "request", "write"]
+__all__ = ["BREAKS", "TEXT", "HereLane", "Show", "engine", "fly", "request", "write"]

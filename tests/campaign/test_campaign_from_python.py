@@ -1,14 +1,18 @@
 """Campaigns flown and looked at from Python."""
 
 import io
+import subprocess
+import sys
+from concurrent.futures.process import BrokenProcessPool
 
 import pytest
 from rich.console import Console
-from short_campaign import write
+from short_campaign import HereLane, write
 from synthetic_campaign import write as write_synthetic
 
 import shefex_nav
 from shefex_nav.campaign import figures, from_python, results
+from shefex_nav.campaign.engine import EngineError
 from shefex_nav.campaign.running import BadCampaign
 from shefex_nav.campaign.store import StoreError
 
@@ -39,6 +43,38 @@ def test_an_interrupted_campaign_says_what_is_kept(tmp_path, monkeypatch):
     monkeypatch.setattr("shefex_nav.campaign.engine.fly", _interrupted)
     with pytest.raises(KeyboardInterrupt, match="0 of 3 runs are kept; the same call goes on"):
         shefex_nav.fly_campaign(scenario, 3, folder=folder, workers=1, say=str)
+
+
+class Deadly(HereLane):
+    """Its worker dies of the first run."""
+
+    def submit(self, job):
+        future = super().submit(job)
+        if job.run == 0:
+            future = type(future)()
+            future.set_exception(BrokenProcessPool("a child process terminated abruptly"))
+        return future
+
+
+def test_runs_that_were_lost_are_not_passed_over(tmp_path, monkeypatch):
+    """The figures of what came back are of fewer runs than were asked for."""
+    monkeypatch.setattr("shefex_nav.campaign.engine.ProcessLane", Deadly)
+    scenario, said = shefex_nav.Scenario.load(write(tmp_path)), []
+    known = {"folder": tmp_path / "kept", "workers": 1, "say": said.append}
+    with pytest.warns(UserWarning, match=r"1 of 2 runs were lost .* every figure is of the 1 others"):
+        campaign = shefex_nav.fly_campaign(scenario, 2, **known)
+    assert campaign.runs.tolist() == [1] and list(campaign.lost) == [0]
+    assert any(line.startswith("run 0 was lost") for line in said)
+    known["folder"] = tmp_path / "all"
+    with pytest.raises(EngineError, match=r"1 of 1 runs were lost .*; run 0: its worker was killed, in each"):
+        shefex_nav.fly_campaign(scenario, 1, **known)
+
+
+def test_the_table_needs_no_command_line(tmp_path):
+    """A library that shows its results in a notebook does not load what reads a command line."""
+    folder = write_synthetic(tmp_path / "made", 3, with_series=False)
+    code = "shefex_nav.open_campaign(sys.argv[1]).table(); sys.exit('typer' in sys.modules)"
+    subprocess.run([sys.executable, "-c", f"import sys, shefex_nav; {code}", str(folder)], check=True)
 
 
 def _interrupted(*_):

@@ -146,6 +146,32 @@ def test_nis_is_judged_over_runs_and_by_what_matters():
     assert not alone.good and alone.samples == 1
 
 
+@pytest.mark.parametrize(
+    ("factor", "words", "shown"),
+    [
+        (1.0, "as chance would have it", None),
+        (1.05, "1 of 1 off by less than 10 %", "off by less than 10 %"),
+        (0.95, "1 of 1 off by less than 10 %", "off by less than 10 %"),
+        (1.2, "1 of 1 are not as they should be", "covariance too small"),
+        (0.8, "1 of 1 are not as they should be", "covariance too large"),
+    ],
+)
+def test_what_chance_excludes_is_not_called_chance(tmp_path, factor, words, shown):
+    campaign = open_campaign(synthetic_campaign.write(tmp_path / "c", 3))
+    dof = np.full((300, 5), 300.0)
+    squares = np.random.default_rng(21).chisquare(dof)
+    series = made_up_nis(factor * squares, dof)
+    rows = parts.covariance(campaign, series._replace(sigmas=series.sigmas + 1.0)).rows
+    (k,) = [k for k, row in enumerate(rows) if row[0] == "NIS of the sensors"]
+    assert rows[k][-1] == words
+    below = rows[k + 1] if k + 1 < len(rows) else ("",)
+    if shown is None:
+        assert not below[0].startswith("  NIS")
+    else:
+        assert below[0] == "  NIS of gps, mean of the runs" and below[-1] == shown
+        assert below[1] == f"{squares.sum() / dof.sum() * factor:.3f}" and float(below[3]) < 1e-9
+
+
 def test_series_that_are_missing_or_spoilt_are_left_out_and_counted(tmp_path):
     campaign = open_campaign(synthetic_campaign.write(tmp_path / "c", 6))
     runs = campaign.folder / "runs"
@@ -164,6 +190,8 @@ def test_series_that_are_missing_or_spoilt_are_left_out_and_counted(tmp_path):
     for path in runs.glob("*.npz"):
         path.unlink()
     assert over_time.read(campaign) is None
+    (said,) = [part for part in parts.parts(campaign, None) if part.title == parts.DESCRIBED]
+    assert said.lines == ("All 6 runs have no series that could be read: nothing is said of it.",)
 
 
 def test_no_more_series_are_read_than_memory_is_for(tmp_path):

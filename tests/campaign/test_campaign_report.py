@@ -12,7 +12,7 @@ from shefex_nav.campaign.results import open_campaign
 from shefex_nav.report import requirements
 
 N = 60
-KEYS = {"runs", "succeeded", "failed", "requirements", "wall_s", "results_digest"}
+KEYS = {"runs", "asked", "lost", "succeeded", "failed", "requirements", "wall_s", "results_digest"}
 REQUIREMENT_KEYS = {"name", "limit", "unit", "passed", "of", "ci95"}
 
 
@@ -72,6 +72,10 @@ def test_an_unfinished_campaign_says_so(tmp_path):
     (folder / "campaign.json").write_text(json.dumps(head | {"runs": 9}))
     result = CliRunner().invoke(cli.app, ["report", str(folder)])
     assert result.exit_code == 0 and "4 of 9, the campaign is not finished" in result.stdout
+    (folder / "runs" / "000007.lost").write_text('{"reason": "its worker was killed", "deadly": 1}')
+    result = CliRunner().invoke(cli.app, ["report", str(folder)])
+    lines = [" ".join(line.split()) for line in result.stdout.splitlines()]
+    assert "run 7 was lost its worker was killed" in lines
 
 
 def test_a_campaign_of_failures_alone_is_told(tmp_path):
@@ -167,10 +171,25 @@ def test_pictures_are_not_overwritten_unless_that_is_asked_for(folder, tmp_path)
     arguments = ["report", str(folder), "--json", "--figures", str(tmp_path)]
     refused = CliRunner().invoke(cli.app, arguments)
     words = " ".join(refused.output.replace("│", " ").split())
-    assert refused.exit_code == 2 and "is not empty; choose another folder or add --force" in words
+    assert refused.exit_code == 2 and "exists already; choose another folder or add --force" in words
     assert mine.read_bytes() == b"mine"
     assert CliRunner().invoke(cli.app, [*arguments, "--force"]).exit_code == 0
     assert mine.stat().st_size > 10_000
+
+
+def test_other_files_in_the_folder_of_pictures_are_in_nobodys_way(folder, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "trajectory.png").write_bytes(b"of a run, not of a campaign")
+    result = CliRunner().invoke(cli.app, ["report", str(folder), "--json", "--figures", str(tmp_path)])
+    assert result.exit_code == 0 and (tmp_path / "errors.png").exists(), result.output
+    assert (tmp_path / "trajectory.png").read_bytes() == b"of a run, not of a campaign"
+
+
+@pytest.mark.parametrize("what", ["a folder without a campaign", "a log that is not there"])
+def test_no_folder_is_made_for_pictures_of_nothing(tmp_path, what):
+    of = tmp_path if what == "a folder without a campaign" else tmp_path / "none.mcap"
+    result = CliRunner().invoke(cli.app, ["report", str(of), "--figures", str(tmp_path / "a" / "b")])
+    assert result.exit_code != 0 and not (tmp_path / "a").exists(), result.output
 
 
 def test_nothing_certain_is_not_said_to_be_nothing(tmp_path, monkeypatch):

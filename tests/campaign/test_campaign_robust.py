@@ -75,33 +75,6 @@ def test_trouble_of_the_machine_is_no_result(whole, scenario, tmp_path, monkeypa
     assert again.lost == () and again.digest == whole[1].digest
 
 
-def test_failed_runs_are_flown_again_when_that_is_asked_for(whole, scenario, tmp_path, monkeypatch):
-    mission, flown = flight.Pilot._mission, []
-
-    def broken(self, job):
-        if job.run == 2:
-            raise ZeroDivisionError("a slip, mended later")
-        return mission(self, job)
-
-    monkeypatch.setattr(flight.Pilot, "_mission", broken)
-    assert [row["status"] for row in fly(scenario, tmp_path, RUNS).rows] == [
-        "succeeded",
-        "succeeded",
-        "failed",
-    ]
-    monkeypatch.undo()
-    kept = fly(scenario, tmp_path, RUNS, before=flown.append)
-    assert not flown and kept.rows[2]["status"] == "failed"
-
-    def stop(job):
-        raise engine.Interrupted
-
-    stopped = fly(scenario, tmp_path, RUNS, before=stop, again=True)
-    assert stopped.interrupted and stopped.rows[2]["status"] == "failed"  # nothing lost for nothing
-    again = fly(scenario, tmp_path, RUNS, before=flown.append, again=True)
-    assert [job.run for job in flown] == [2] and again.digest == whole[1].digest
-
-
 class Gone(HereLane):
     """A scheduler that ends after its first run."""
 

@@ -1,7 +1,6 @@
 """Campaigns in one process: what is kept, resumed, refused, counted. Missions of two seconds at rest."""
 
 import json
-from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
 import pytest
@@ -200,8 +199,6 @@ def test_the_command_tells_the_cause_of_every_fifth_failure(tmp_path, monkeypatc
     printed = CliRunner().invoke(cli.app, [*arguments, "--json"])
     found = json.loads(printed.stdout)
     assert printed.exit_code == 1 and (found["succeeded"], found["failed"]) == (8, 2)
-    dispersed = CliRunner().invoke(cli.app, [*arguments, "--again", "failed"])
-    assert dispersed.exit_code == 1 and "flying the 2 failed runs again" in dispersed.stderr
 
 
 def test_a_table_must_be_long_enough(tmp_path):
@@ -237,22 +234,6 @@ def test_the_worst_run_gets_a_log(whole, scenario, tmp_path):
     assert ended.digest == whole[1].digest
 
 
-def test_repeat_says_whether_it_is_the_same(whole, tmp_path, scenario):
-    folder, _ = whole
-    repeated = repeating.repeat(folder, 3, lane=HereLane)
-    assert repeated.same and repeated.words() == "run 3: succeeded; the same as its row"
-    fly(scenario, tmp_path, 1)
-    record = json.loads((tmp_path / "runs" / "000000.json").read_text())
-    record["summary"]["navigation"]["velocity_error_m_s"]["max"] += 1e-9
-    (tmp_path / "runs" / "000000.json").write_text(json.dumps(record))
-    changed = repeating.repeat(tmp_path, 0, lane=HereLane)
-    assert list(changed.differences) == ["summary.navigation.velocity_error_m_s.max"] and not changed.same
-    with pytest.raises(store.StoreError, match="has runs 0 to 0, there is no run 1"):
-        repeating.repeat(tmp_path, 1)
-    with pytest.raises(store.StoreError, match=r"there is no campaign\.json"):
-        repeating.repeat(tmp_path / "runs", 0)
-
-
 def test_a_shared_flight_is_flown_once(tmp_path):
     """Sensors differ, truth does not: the same file for all runs, also when the campaign goes on."""
     path = write(tmp_path)
@@ -264,48 +245,6 @@ def test_a_shared_flight_is_flown_once(tmp_path):
     assert (tmp_path / "campaign" / "flight.npz").read_bytes() == flown
     assert len({row["summary.navigation.position_error_m.rms"] for row in ended.rows}) == 3
     assert repeating.repeat(tmp_path / "campaign", 2, lane=HereLane).same
-
-
-class Deadly(HereLane):
-    """Its worker dies of certain runs, so many times."""
-
-    def __init__(self, plan, deaths):
-        super().__init__(plan)
-        self.deaths = dict(deaths)
-
-    def submit(self, job):
-        """Future of a run, or of a worker that is gone."""
-        future = super().submit(job)
-        if self.deaths.get(job.run, 0):
-            self.deaths[job.run] -= 1
-            future = type(future)()
-            future.set_exception(BrokenProcessPool("a child process terminated abruptly"))
-        return future
-
-
-def test_a_killed_worker_costs_nothing_unless_it_is_killed_again_and_again(whole, scenario, tmp_path):
-    plan, sampler = running.prepared(scenario, RUNS, 1)
-    lane = Deadly(plan, {0: 1, 2: 2})
-    with store.Store(tmp_path / "some") as kept:
-        engine.fly((sampler.job(run) for run in range(RUNS)), [lane], kept.keep)
-        assert lane.renewed == 3
-        assert kept.tabulate(RUNS)[1] == whole[1].digest
-    with store.Store(tmp_path / "all") as kept:
-        jobs = (sampler.job(run) for run in range(RUNS))
-        lost = engine.fly(jobs, [Deadly(plan, {1: 3})], kept.keep)
-        rows, _ = kept.tabulate(RUNS)
-    assert lost == [engine.Lost(1, "its worker was killed, in each of 3 attempts")]
-    assert [row["run"] for row in rows] == [0, 2, 3]  # no result: it is flown when the campaign goes on
-
-
-def test_workers_that_all_die_end_the_campaign(scenario):
-    plan, sampler = running.prepared(scenario, 100, 1)
-    lane = Deadly(plan, {run: 3 for run in range(100)})
-    lane._pilot = type("Idle", (), {"fly": lambda self, job: None})()
-    with pytest.raises(
-        engine.EngineError, match="attempts one after the other without a result; last: its worker was killed"
-    ):
-        engine.fly((sampler.job(run) for run in range(100)), [lane], lambda flown: None)
 
 
 def test_a_fault_of_the_program_is_no_failed_run(scenario):

@@ -1,0 +1,49 @@
+"""Parts of a campaign's report as tables of rich, for terminals and notebooks."""
+
+
+def tables(parts):
+    """rich Group of list of Part."""
+    from rich.console import Group
+    from rich.jupyter import JupyterMixin
+
+    class Tables(Group, JupyterMixin):
+        """A Group that notebooks show."""
+
+    return Tables(*(shown for part in parts for shown in _shown(part)))
+
+
+def _shown(part):
+    """What a Part looks like: rich objects."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    from shefex_nav.campaign.parts import Command
+
+    if part.rows:
+        table = Table(
+            title=part.title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD,
+            show_header=bool(part.heads),
+        )  # fmt: skip
+        for name in part.heads or [""] * len(part.rows[0]):
+            table.add_column(name.lstrip(">"), justify="right" if name.startswith(">") else "left")
+        for row in part.rows:
+            table.add_row(*(_cell(cell) for cell in row))
+        yield table
+    else:
+        yield Text(part.title, style="bold")
+    for line in part.lines:
+        if isinstance(line, Command):  # not broken, so that it can be copied
+            yield Text(f"    {line}", style="cyan", no_wrap=True, overflow="ignore")
+        else:
+            yield Text(f"  {line}")
+    if part.lines:
+        yield ""
+
+
+def _cell(cell):
+    from rich.text import Text
+
+    from shefex_nav.campaign.parts import Loud
+
+    return Text(str(cell), style="bold yellow" if isinstance(cell, Loud) else "")
