@@ -11,6 +11,7 @@ from shefex_nav.onboard.navigation.state import N_NOMINAL, X_MOUNTING, X_Q
 
 ARCSEC = np.pi / 648000.0
 WALK, QUANTUM = 9e-6, 5e-7  # rad/sqrt(s), rad
+G_SENSE = 0.5 * np.pi / 180.0 / 3600.0 / 9.8  # rad/s per m/s^2: 0.5 deg/h/gee
 SIGMA = np.array([1.2, 12.0, 1.1]) * ARCSEC  # of star fixes about the body axes
 R = np.diag(SIGMA**2)
 BIAS = 0.5 * ARCSEC  # rad/s, known to
@@ -20,7 +21,7 @@ GAIN = 1.0 - 1.0 / 1.3**2  # of a filter that uses the fixes
 
 
 def watch(relative=2e-4):
-    model = SimpleNamespace(gyro_random_walk=WALK, gyro_quantum=QUANTUM)
+    model = SimpleNamespace(gyro_random_walk=WALK, gyro_quantum=QUANTUM, gyro_g_sensitivity=G_SENSE)
     return integrity_gyro.GyroWatch(model, relative)
 
 
@@ -34,7 +35,9 @@ def packed(q_ib, mounting=(0.0, 0.0, 0.0)):
     return x
 
 
-def fly(one, seconds, rng, *, rate=(0.0, 0.0, 0.0), wrong=None, spoil=None, uses=False, pushed=None):
+def fly(
+    one, seconds, rng, *, rate=(0.0, 0.0, 0.0), wrong=None, spoil=None, uses=False, pushed=None, force=0.0
+):
     """Findings [(t_s, Finding)] of a flight with ten star fixes a second.
 
     rate : (3,) rad/s, of the vehicle
@@ -42,6 +45,7 @@ def fly(one, seconds, rng, *, rate=(0.0, 0.0, 0.0), wrong=None, spoil=None, uses
     spoil : number of the fix -> (3,) rad, by which it is wrong
     uses : whether the filter takes the fixes in, which moves its attitude
     pushed : (3,) rad, by which another sensor corrects the attitude every second
+    force : m/s^2, specific force along x
     """
     true = estimated = rotation.quat_normalise(rng.standard_normal(4))
     found = []
@@ -50,7 +54,7 @@ def fly(one, seconds, rng, *, rate=(0.0, 0.0, 0.0), wrong=None, spoil=None, uses
         measured = turned(true, SIGMA * rng.standard_normal(3) + (spoil(k) if spoil else 0.0))
         z = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(estimated), measured))
         good = uses and np.linalg.norm(z) < 200.0 * ARCSEC
-        finding = one.compare(t_s, packed(estimated), P, z, R)
+        finding = one.compare(t_s, packed(estimated), P, z, R, np.array([force, 0.0, 0.0]))
         if finding:
             found.append((t_s, finding))
         if good:
@@ -89,6 +93,17 @@ def test_a_bias_that_jumps_is_found(axis, deg_s, within_s, uses):
         assert -finding.rate_b[axis] == pytest.approx(error[axis], rel=0.35)
     assert np.count_nonzero(finding.admitted) == 1 and finding.admitted[axis] >= abs(finding.rate_b[axis])
     assert one.failed == finding.axes and not one.trust(t_s)
+
+
+def test_g_sensitivity_that_is_known_is_no_fault():
+    """Braking in the air with 10 gee moves each gyro by its g-sensitivity: 5 deg/h, ten times its bias."""
+    error = G_SENSE * 100.0 * np.array([1.0, -0.8, 0.6])
+    braking = {"wrong": lambda t: error * (t >= 10.0), "force": 100.0}
+    assert not fly(watch(), 60.0, np.random.default_rng(7), **braking)
+    assert fly(
+        watch(), 60.0, np.random.default_rng(7), wrong=lambda t: 20.0 * error * (t >= 10.0), force=100.0
+    )
+    assert fly(watch(), 60.0, np.random.default_rng(7), wrong=lambda t: error * (t >= 10.0))  # in free fall
 
 
 def test_a_scale_factor_is_found_when_the_vehicle_turns():

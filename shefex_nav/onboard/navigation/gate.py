@@ -125,7 +125,7 @@ def _gyros_wrong(nav, now, z, R, fate):
     if watch.unread or now.vibration > 0.0 or fate == Fate.RESET:
         watch.gyros.forget()
         return None
-    found = watch.gyros.compare(now.t_s, now.x, now.P, z, R)
+    found = watch.gyros.compare(now.t_s, now.x, now.P, z, R, now.felt_packed[3:])
     if found:
         watch.gyros_wrong(nav.history.ends_s[-1], found)
     return found

@@ -48,8 +48,8 @@ WITHIN_S = 1.0  # [E] and within how long
 SIGNIFICANT = 4.0  # sigma of the rate error of an axis that is blamed
 UNCHECKED_S = 10.0  # [E] for how long a gyro that was wrong once is trusted without stars
 ROWS = 256  # fixes that are remembered at most; half of them go when they are full
-T, Q_E, R_I, PATH, P_BG, Q_IB = 0, slice(1, 5), slice(5, 14), 14, slice(15, 24), slice(24, 28)
-WIDTH = 28
+T, Q_E, R_I, PATH, P_BG, Q_IB, PUSH = 0, slice(1, 5), slice(5, 14), 14, slice(15, 24), slice(24, 28), 28
+WIDTH = 29
 UNDECIDED, CONFORM, WRONG = range(3)
 AXES = ("gyro x", "gyro y", "gyro z")
 
@@ -88,7 +88,14 @@ class GyroWatch:
     def __init__(self, model, relative):
         from scipy.special import chdtri
 
-        self.noise = np.array([model.gyro_random_walk**2, model.gyro_quantum**2 / 6.0, relative**2])
+        self.noise = np.array(
+            [
+                model.gyro_random_walk**2,
+                model.gyro_quantum**2 / 6.0,
+                relative**2,
+                model.gyro_g_sensitivity**2,
+            ]
+        )
         self.limits = np.array(
             [
                 float(chdtri(3, p))
@@ -119,13 +126,14 @@ class GyroWatch:
         while self.turned[1][0] <= oldest:
             self.turned.popleft()
 
-    def compare(self, t_s, x, P, z, R):
+    def compare(self, t_s, x, P, z, R, f_b):
         """Take in a star fix.
 
         Parameters
         ----------
         t_s, x, P : its instant, s, and the filter's packed values and (n, n) at it, before the update
         z, R : (3,) rad, (3, 3) rad^2, residual and covariance in body axes
+        f_b : (3,) m/s^2, specific force, to which gyros answer a little
 
         Returns
         -------
@@ -138,7 +146,7 @@ class GyroWatch:
         if self.n == ROWS:
             self.n = ROWS // 2
             self.rows[: self.n] = self.rows[ROWS - self.n :]
-        _remember(self.rows, self.n, self.turned[-1][1], t_s, x, z, R, P)
+        _remember(self.rows, self.n, self.turned[-1][1], t_s, x, z, R, P, f_b)
         self.n += 1
         verdict, rate_b, sigma_b = _compare(self.rows, self.n, BASELINES_S, self.noise, self.limits)
         return self._conclude(t_s, verdict, rate_b, sigma_b)
@@ -183,7 +191,7 @@ def _corrected(A, x_before, x_after):
 
 
 @njit(cache=True)
-def _remember(rows, n, A, t_s, x, z, R, P):
+def _remember(rows, n, A, t_s, x, z, R, P, f_b):
     """Write row n. x, P : packed values, (n, n) of the filter"""
     q_ib, camera = x[X_Q], _camera(x)
     C_ib, inverse = rotation.dcm_from_quat(q_ib), rotation.quat_conjugate(camera)
@@ -193,8 +201,9 @@ def _remember(rows, n, A, t_s, x, z, R, P):
     row[T] = t_s
     row[Q_E] = rotation.quat_multiply(before, A)
     row[R_I], row[P_BG] = R_i.ravel(), P_i.ravel()
-    row[PATH] = 0.0
+    row[PATH] = row[PUSH] = 0.0
     if n > 0:
+        row[PUSH] = rows[n - 1, PUSH] + (t_s - rows[n - 1, T]) * np.sqrt((f_b**2).sum())
         turned = rotation.quat_multiply(rotation.quat_conjugate(rows[n - 1, Q_IB]), q_ib)
         v = rotation.rotvec_from_quat(turned)
         row[PATH] = rows[n - 1, PATH] + np.sqrt((v**2).sum())
@@ -209,10 +218,17 @@ def _between(rows, f, l):
 
 
 @njit(cache=True)
+def _lasting(rows, f, l, noise):
+    """Variance on each axis of D by errors that keep their sign: of turned angles, and of specific force."""
+    turned, pushed = rows[l, PATH] - rows[f, PATH], rows[l, PUSH] - rows[f, PUSH]
+    return noise[2] * turned**2 + noise[3] * pushed**2
+
+
+@njit(cache=True)
 def _covariance(rows, f, l, noise):
     """Of D from row f to row l if the gyros are right, (3, 3) rad^2, inertial axes."""
     T_s = rows[l, T] - rows[f, T]
-    white = noise[0] * T_s + noise[1] + noise[2] * (rows[l, PATH] - rows[f, PATH]) ** 2
+    white = noise[0] * T_s + noise[1] + _lasting(rows, f, l, noise)
     of_fixes = rows[f, R_I] + rows[l, R_I] + T_s**2 * rows[f, P_BG]
     return of_fixes.reshape(3, 3) + white * np.eye(3)
 
@@ -227,7 +243,7 @@ def _steady(rows, first, middle, last, share, D, D_middle, noise, limits):
         return False
     T_s = rows[last, T] - rows[first, T]
     white = noise[0] * T_s * share * (1.0 - share) + noise[1] + SLACK**2 * (D**2).sum()
-    white += noise[2] * (rows[last, PATH] - rows[first, PATH]) ** 2
+    white += _lasting(rows, first, last, noise)
     of_fixes = (1.0 - share) ** 2 * rows[first, R_I] + rows[middle, R_I] + share**2 * rows[last, R_I]
     off = D_middle - share * D
     return off @ np.linalg.solve(of_fixes.reshape(3, 3) + white * np.eye(3), off) < limits[1]
@@ -237,7 +253,7 @@ def _steady(rows, first, middle, last, share, D, D_middle, noise, limits):
 def _compare(rows, n, baselines_s, noise, limits):
     """Verdict of the last of n rows, rate error and its sigma in body axes, (3,) rad/s.
 
-    noise : white rad^2/s, rad^2 of one reading, square of the relative error of angles
+    noise : white rad^2/s, rad^2 of one reading, squares of the relative error of angles, of g-sensitivity
     limits : chi-square of D, of the middle, of D where it is conform, of each half
     """
     last, verdict, none = n - 1, UNDECIDED, np.zeros(3)
