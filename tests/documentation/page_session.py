@@ -12,13 +12,13 @@ import shutil
 import subprocess
 import sys
 import warnings
-from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
+from here_lane import HereLane
 
 from shefex_nav import cli, simulate
-from shefex_nav.campaign import engine, flight
+from shefex_nav.campaign import engine
 from shefex_nav.scenario import load
 
 ROOT = Path(__file__).parents[2]
@@ -38,24 +38,6 @@ dispersions:
 
 class BlockError(AssertionError):
     """A block did not do what a reader would expect of it."""
-
-
-class HereLane:
-    """Flies a campaign's runs in this process, whose kernels are loaded, not in one of their own."""
-
-    capacity = 1
-
-    def __init__(self, plan):
-        self._pilot = flight.Pilot(plan)
-
-    def submit(self, job):
-        """Future that is done."""
-        future = Future()
-        future.set_result(self._pilot.fly(job))
-        return future
-
-    def stop(self, at_once=False):
-        """Nothing is left running."""
 
 
 class Session:
