@@ -164,7 +164,7 @@ class Store:
                 yield record
 
     def whole(self, record):
-        """Whether the series of a run are not spoilt; a failed run has none, and they may have been deleted."""
+        """Whether the series of a run are not spoilt: a failed run has none, others may have been deleted."""
         expected = record.get("series_file")
         if not expected:
             return record["status"] == "failed"

@@ -1,10 +1,10 @@
 """A mission short enough to be flown many times in a test: instruments at rest for two seconds."""
 
+from concurrent.futures import Future
 from pathlib import Path
 
-from here_lane import HereLane
-
 from shefex_nav.campaign import engine, running
+from shefex_nav.campaign.flight import Pilot
 from shefex_nav.campaign.progress import Show
 from shefex_nav.campaign.store import Store
 
@@ -21,6 +21,32 @@ dispersions:
 """
 BREAKS = """  vehicle.payload.mass: {table: {file: mass.csv, column: mass_kg, unit: kg}}
 """  # a payload heavier than the world may be
+
+
+class HereLane:
+    """Flies in this process, at once."""
+
+    capacity = 1
+
+    def __init__(self, plan, before=lambda job: None):
+        self._pilot, self._before = Pilot(plan), before
+        self.renewed = 0
+
+    def submit(self, job):
+        """Future that is done."""
+        future = Future()
+        try:
+            self._before(job)
+            future.set_result(self._pilot.fly(job))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    def renew(self):
+        self.renewed += 1
+
+    def stop(self, at_once=False):
+        pass
 
 
 def write(folder, more="", text=TEXT):

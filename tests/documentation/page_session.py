@@ -15,7 +15,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from here_lane import HereLane
+from short_campaign import HereLane
 
 from shefex_nav import cli, simulate
 from shefex_nav.campaign import engine

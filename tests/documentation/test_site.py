@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+import shefex_nav
+
 ROOT = Path(__file__).parents[2]
 LOADING = {"script": "src", "link": "href", "img": "src", "iframe": "src", "source": "src"}
 
@@ -75,6 +77,16 @@ def test_links_to_scenarios_are_in_the_site(site):
     assert (site / "scenarios" / "rexus_like.yaml").is_file()
 
 
+def test_reference_of_python_has_every_public_name(site):
+    """What `import shefex_nav` offers is on the page, by the module that it comes from."""
+    text = (site / "reference" / "python.html").read_text()
+    assert len(shefex_nav._PUBLIC) > 5
+    missing = [
+        name for name, module in shefex_nav._PUBLIC.items() if f'id="shefex_nav.{module}.{name}"' not in text
+    ]
+    assert not missing
+
+
 def test_reference_of_scenarios_has_every_key():
     """Every section of the JSON schema that editors use, with its keys and examples."""
     from shefex_nav.scenario import load
@@ -90,10 +102,8 @@ def test_reference_of_scenarios_has_every_key():
     assert len(headings) == len(set(headings)), "two sections of one name"
 
 
-def test_reference_of_python_has_every_public_name():
-    """And what the page names is there: function or class of a module, or a module with its members."""
-    import shefex_nav
-
+def test_what_the_reference_of_python_names_is_there():
+    """Functions and classes of modules, or modules with their members; every public name among them."""
     text = (ROOT / "docs" / "reference" / "python.md").read_text()
     named = re.findall(r"^::: ([\w.]+)$(?:\n    options:((?:\n      .+)+))?", text, re.M)
     public = {f"shefex_nav.{module}.{name}" for name, module in shefex_nav._PUBLIC.items()}

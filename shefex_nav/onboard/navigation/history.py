@@ -9,6 +9,7 @@ from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import unpack
@@ -198,6 +199,19 @@ class Moment:
         """Level of the vibration in the tick."""
         return float(self.history.numbers[self.history.place(self.k), 3])
 
+    def bend(self, exposure_s):
+        """By how much the mean attitude over an exposure around this instant differs from that at it.
+
+        A camera that turns at a steady rate shows the attitude in the middle of its exposure; while the rate
+        changes, by a in a second, the mean is off by about a T^2/24.
+
+        exposure_s : s -> (3,) rad, body axes; nothing where the memory does not cover the exposure
+        """
+        history = self.history
+        first = history.newest - (len(history.ends_s) - 1)
+        arrays = history.numbers, history.increments
+        return _bend(*arrays, first, history.newest, self.t_s, 0.5 * exposure_s)
+
     @property
     def felt(self):
         """Corrected rate and specific force: means of the sample, omega_ib_b (3,) rad/s, f_b (3,) m/s^2."""
@@ -210,3 +224,37 @@ class Moment:
         history, place = self.history, self.history.place(self.k)
         _, dt_s, n, vibration = history.numbers[place].tolist()
         return felt_packed(self.x, history.increments[place], int(n), dt_s, vibration, self.at_s)
+
+
+@njit(cache=True)
+def _bend(numbers, increments, first, newest, t_s, half_s):
+    """`Moment.bend`: the integral of the rate with the weight that a turn at each time has in the mean.
+
+    A turn before the middle is in the attitude at the middle, but only in the later part of the exposure:
+    -(half + t)/(2 half); one after it is in the rest of the exposure alone: (half - t)/(2 half).
+    """
+    out, size = np.zeros(3), numbers.shape[0]
+    covered_s = 0.0
+    for number in range(newest, first - 1, -1):
+        k = number % size
+        h, n = numbers[k, 1], int(numbers[k, 2])
+        if n == 0 or numbers[k, 0] <= t_s - half_s:
+            break
+        for m in range(n):
+            end_s = numbers[k, 0] - (n - 1 - m) * h
+            a, b = max(end_s - h, t_s - half_s) - t_s, min(end_s, t_s + half_s) - t_s
+            if b <= a:
+                continue
+            covered_s += b - a
+            weight = 0.0
+            if a < 0.0:
+                c = min(b, 0.0)
+                weight -= ((half_s + c) ** 2 - (half_s + a) ** 2) / (4.0 * half_s)
+            if b > 0.0:
+                c = max(a, 0.0)
+                weight += ((half_s - c) ** 2 - (half_s - b) ** 2) / (4.0 * half_s)
+            for i in range(3):
+                out[i] += weight / h * increments[k, BEFORE + m, i]
+    if covered_s < 2.0 * half_s - SNAP_S:
+        out[:] = 0.0
+    return out

@@ -56,6 +56,15 @@ def star_vectors(layout, state, fix, C_bc, sigma_floor):
     return z, H, R
 
 
+def turned_with_camera(u_c):
+    """How a small turn of the camera, rad in its axes, moves stars along their cross axes.
+
+    u_c : (m, 3) -> (2 m, 3)
+    """
+    across = cross_axes(np.ascontiguousarray(u_c))
+    return np.concatenate([E @ rotation.skew(u) for E, u in zip(across, u_c, strict=True)]).reshape(-1, 3)
+
+
 @njit(cache=True)
 def _star_vectors(q_ib, mounting, u_c, P_u, u_i, t_s, P_omega, sigma_focal, C_bc, sigma_floor, first, H, R):
     """`star_vectors` of its parts; first: error of the mounting, -1 if it is none. H, R are written."""

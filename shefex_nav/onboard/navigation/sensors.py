@@ -20,6 +20,7 @@ from shefex_nav.onboard.navigation import (
 from shefex_nav.onboard.navigation.state import POS, VEL, ReleaseRule
 from shefex_nav.records import GpsRanges, Reason
 
+BEND_SHARE = 0.2  # [E] of the bend, that it may be wrong by: not all light of a streak counts alike
 MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
 
 
@@ -92,14 +93,33 @@ def _gps_range_rate(nav, now, fix):
     return z, H, R + vibration_variance(nav.params, now) * (along @ along.T)
 
 
+def _bend(nav, now, fix):
+    """What an exposure during which the rate changes does to a StarFix, and its covariance, body axes.
+
+    -> (3,) rad, (3, 3) rad^2; None if the exposure is not known
+    """
+    if not fix.exposure_s > 0.0:
+        return None
+    bend, model = now.bend(fix.exposure_s), nav.params.imu
+    noise = model.gyro_random_walk**2 * fix.exposure_s / 12.0 + model.gyro_quantum**2 / 12.0
+    return bend, BEND_SHARE**2 * np.outer(bend, bend) + noise * np.eye(3)
+
+
 def _star_attitude(nav, now, fix):
     params = nav.params
-    return measurements.star_attitude_packed(nav.layout, now.x, fix, params.C_bc, params.star_sigma_floor)
+    z, H, R = measurements.star_attitude_packed(nav.layout, now.x, fix, params.C_bc, params.star_sigma_floor)
+    if bend := _bend(nav, now, fix):
+        z, R = z - bend[0], R + bend[1]
+    return z, H, R
 
 
 def _star_vectors(nav, now, fix):
     params = nav.params
-    return measure_stars.star_vectors(nav.layout, now.state, fix, params.C_bc, params.star_sigma_floor)
+    z, H, R = measure_stars.star_vectors(nav.layout, now.state, fix, params.C_bc, params.star_sigma_floor)
+    if bend := _bend(nav, now, fix):
+        A = measure_stars.turned_with_camera(fix.stars.u_c) @ params.C_bc.T
+        z, R = z - A @ bend[0], R + A @ bend[1] @ A.T
+    return z, H, R
 
 
 def vibration_variance(params, now):

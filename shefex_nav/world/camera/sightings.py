@@ -39,6 +39,7 @@ from scipy.spatial import cKDTree
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.geometry.pinhole import pixels, turn_slopes
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
+from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.records import Detections, Frame, FrameTruth
 from shefex_nav.world.camera import motion, sky
 from shefex_nav.world.camera.camera import surroundings
@@ -164,7 +165,8 @@ def look(camera, command, trajectory, number, t_start_s):
     Returns
     -------
     Frame without pixels; FrameTruth; Exposure
-    (hip (n,), xy_px (n, 2), electrons (n,)) of all sources on the detector, of any brightness
+    (hip (n,), xy_px (n, 2), electrons (n,)) of all sources on the detector, of any brightness, where their
+    light falls in the mean
     """
     params, exposure_s = camera.params, command.exposure_s
     times = row_times(exposure_s, params.line_s, params.height_px)
@@ -173,6 +175,7 @@ def look(camera, command, trajectory, number, t_start_s):
     C_ei = np.ascontiguousarray(frames.dcm_ie(camera.earth, t_valid_s).T)
     sun_angle, limb_angle, stray_rate = surroundings(camera, move.C_ci[2], move.r_i, C_ei)
     scene = _scene(camera, move, C_ei, exposure_s)
+    caught = scene if params.line_s else _in_the_mean(camera.pinhole, move, scene)
     film = _film(params, command, move, (params.background_rate + stray_rate) * exposure_s, scene[2].sum())
     frame = Frame(
         number=number,
@@ -185,7 +188,7 @@ def look(camera, command, trajectory, number, t_start_s):
         line_s=params.line_s,
         bits=params.bits,
     )
-    return frame, _truth(frame, params, move, (sun_angle, limb_angle), scene), film, scene
+    return frame, _truth(frame, params, move, (sun_angle, limb_angle), scene), film, caught
 
 
 def _truth(frame, params, move, angles, scene):
@@ -218,6 +221,18 @@ def _scene(camera, move, C_ei, exposure_s):
     inside = (x >= -EDGE_PX) & (x <= params.width_px - EDGE_PX)
     inside &= (y >= -EDGE_PX) & (y <= params.height_px - EDGE_PX)
     return hip[inside], xy_px[inside], electrons[inside]
+
+
+def _in_the_mean(hole, move, scene):
+    """The scene where its light falls in the mean: elsewhere than in the middle while the rate changes.
+
+    Simpson's rule over the exposure of all rows at once; hole : Pinhole
+    """
+    hip, xy_px, electrons = scene
+    C_ci = (move.path.C_ci[0] + 4.0 * move.C_ci + move.path.C_ci[-1]) / 6.0
+    D = C_ci @ move.C_ci.T  # 1 - skew of the turn from the middle to the mean
+    bend_c = 0.5 * np.array([D[1, 2] - D[2, 1], D[2, 0] - D[0, 2], D[0, 1] - D[1, 0]])
+    return hip, xy_px + turn_jacobians(hole, xy_px) @ bend_c, electrons
 
 
 def _film(params, command, move, background, starlight):
