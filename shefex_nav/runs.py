@@ -39,7 +39,8 @@ def fly(scenario, seed=1, *, until_s=math.inf, log=None, overwrite=False, watch=
     ----------
     scenario : Scenario
     seed : int
-    until_s : mission time [s] at which to stop looking; the vehicle flies to its end all the same
+    until_s : mission time [s] at which to stop looking; the vehicle flies to its end all the same, and the
+        log says that it was not seen
     log : path of the log; without it a temporary one, which lives as long as the Run
     overwrite : whether an existing log may be replaced
     watch : function (records, start_s, end_s) -> the same records, called once; for progress bars
@@ -71,10 +72,11 @@ def fly(scenario, seed=1, *, until_s=math.inf, log=None, overwrite=False, watch=
     with LogWriter(path, mission, policy, overwrite=overwrite) as writer:
         records = simulate.route(world, scenario, seed, until_s=until_s)
         records = watch(records, float(t_s[0]), min(float(t_s[-1]), until_s))
+        cut_s = float(until_s) if until_s < t_s[-1] else math.nan
         for record in thinned(records, scenario.log.rate, mission.start_s):
             writer.write(record)
             kept.add(record)
-        done = RunSummary(kept.last_t_s, time.perf_counter() - compiled, compiled - began)
+        done = RunSummary(kept.last_t_s, time.perf_counter() - compiled, compiled - began, cut_s)
         writer.write(done)
         kept.add(done)
     return Run(kept.build(), path, folder)
@@ -130,7 +132,9 @@ class Run:
 
     def __repr__(self):
         mission = self.data.mission
-        end = f"{'ended early' if self.data.ended_early else 'ended'} at T{self.data.last_t_s:+.1f} s"
+        early, cut = self.data.ended_early, self.data.until_s is not None
+        end = "ended early at" if early else "looked at until" if cut else "ended at"
+        end += f" T{self.data.last_t_s:+.1f} s"
         kept = "log not saved" if self._folder else self.log
         return f"<Run {mission.scenario}, seed {mission.seed}, {end}, {kept}>"
 

@@ -1,11 +1,15 @@
 """Runs from Python: flown here or read from a log, they are the same object."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
 import shefex_nav
 from shefex_nav import runs
 from shefex_nav.records import Event, Reason
+from shefex_nav.report import figures
 from shefex_nav.scenario.load import ScenarioError
 
 BRIEF = {"mission.time_limit": "4 s", "star_tracker.off": "4 s"}
@@ -62,7 +66,13 @@ def test_a_flight_can_be_looked_at_up_to_a_time(default_scenario, sky):
     assert part.truth.t_s[-1] == pytest.approx(1.0)
     n = len(part.truth.t_s)
     assert np.array_equal(part.solution.q_ib, sky.solution.q_ib[:n])
-    assert not shefex_nav.open_run(part.log).data.ended_early
+    again = shefex_nav.open_run(part.log)
+    assert not again.data.ended_early
+    assert part.data.until_s == again.data.until_s == again.summary()["until_s"] == 1.0
+    assert "looked at until T+1.0 s" in repr(part)
+    assert any("looked at until T+1.0 s" in str(cell) for cell in again.table().columns[2].cells)
+    assert sky.data.until_s is None and sky.summary()["until_s"] is None
+    assert not any("looked at" in str(cell) for cell in sky.table().columns[2].cells)
 
 
 def test_a_frame_is_found_by_its_time_and_shows_its_stars(sky):
@@ -129,6 +139,19 @@ def test_figures_are_pictures_in_a_notebook(sky):
         sky.plot._repr_html_()
 
 
+def test_figures_and_their_names_can_be_copied(sky):
+    figure = sky.plot.attitude()
+    again = pickle.loads(pickle.dumps(figure))
+    assert again._repr_png_() == figure._repr_png_()
+    for same in (copy.copy(sky.plot), copy.deepcopy(figures.Plots(["one"], len))):
+        assert dir(same)
+        with pytest.raises(AttributeError, match="choose from"):
+            same.nothing()
+    unborn = figures.Plots.__new__(figures.Plots)
+    with pytest.raises(AttributeError):
+        unborn._names  # noqa: B018
+
+
 def test_changes_need_not_be_texts(default_scenario):
     changes = {
         "star_tracker.enabled": False,
@@ -141,6 +164,25 @@ def test_changes_need_not_be_texts(default_scenario):
     assert scenario.star_tracker.enabled is False and scenario.requirements.star_fixes is None
     assert scenario.earth.gravity_degree == 4 and scenario.gps.latency == 0.1
     assert list(scenario.dispersions) == ["launch.elevation"]
+
+
+def test_changes_may_be_of_numpy(default_scenario):
+    changes = {
+        "earth.gravity_degree": np.int64(4),
+        "gps.antenna.lever_arm": np.array(["1 m", "0 m", "0.1 m"]),
+    }
+    scenario = shefex_nav.Scenario.load(default_scenario, changes)
+    assert scenario.earth.gravity_degree == 4
+    assert list(scenario.gps.antenna.lever_arm) == [1.0, 0.0, 0.1]
+
+
+def test_changes_that_are_no_values_are_all_named(default_scenario):
+    changes = {"earth.gravity_degree": np.inf, "gps.latency": object(), "gps.rate": "5 Hz"}
+    with pytest.raises(ScenarioError) as told:
+        shefex_nav.Scenario.load(default_scenario, changes)
+    message = str(told.value)
+    assert "earth.gravity_degree: inf cannot stand" in message and "gps.latency: <object" in message
+    assert "gps.rate" not in message
 
 
 def test_a_bad_override_is_refused(default_scenario):

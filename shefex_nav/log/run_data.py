@@ -56,6 +56,19 @@ class RunData(NamedTuple):
     ended_early: bool  # the log was not closed
     last_t_s: float  # mission time of the last truth; NaN without any
 
+    @property
+    def until_s(self):
+        """Mission time at which looking was ended although the mission went on; None: seen to its end."""
+        given = self.summary is not None and math.isfinite(self.summary.until_s)
+        return self.summary.until_s if given else None
+
+    @property
+    def cut_s(self):
+        """`RunSummary.until_s` of a log that is made of this one: where it ends if not with the mission."""
+        if self.ended_early:
+            return self.last_t_s
+        return math.nan if self.until_s is None else self.until_s
+
 
 ARRAYS = {
     TruthSample: "truth",
@@ -104,7 +117,7 @@ def gather(mission, arrays, lists, alignment, *, ended_early):
     summary = None
     if len(closing):
         k = closing[-1]
-        summary = RunSummary(float(times.t_s[k]), float(times.wall_s[k]), float(times.setup_s[k]))
+        summary = RunSummary(*(float(getattr(times, name)[k]) for name in RunSummary._fields))
     compute_times = ComputeTime(times.t_s[is_frame], times.frame_number[is_frame], times.chain_s[is_frame])
     truth = arrays[TruthSample]
     return RunData(

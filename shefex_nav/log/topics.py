@@ -78,6 +78,7 @@ class RunSummary(NamedTuple):
     t_s: float  # mission time at the end
     wall_s: float  # the mission, without setting up
     setup_s: float  # catalogue, compilation, trajectory
+    until_s: float = math.nan  # where looking was ended before the mission did; NaN: it was seen to its end
 
 
 class Timing(NamedTuple):
@@ -88,12 +89,13 @@ class Timing(NamedTuple):
     chain_s: float
     wall_s: float  # NaN but in the closing message
     setup_s: float
+    until_s: float = math.nan  # as in RunSummary
 
 
 def timing(record):
     """Timing of a records.ComputeTime or of the RunSummary."""
     if isinstance(record, RunSummary):
-        return Timing(record.t_s, -1, math.nan, record.wall_s, record.setup_s)
+        return Timing(record.t_s, -1, math.nan, record.wall_s, record.setup_s, record.until_s)
     return Timing(*record, math.nan, math.nan)
 
 
@@ -338,6 +340,8 @@ TOPICS = (
         _number("chain_s", "chain_s", "star tracker chain of that frame [s]"),
         _number("wall_s", "wall_s", "closing message: the whole mission [s]"),
         _number("setup_s", "setup_s", "closing message: setting up [s]"),
+        _number("until_s", "until_s",
+                "closing message: mission time at which looking ended before the mission did; or NaN [s]"),
     )),
     Topic(Mission, "/mission", "Mission", None, "start_s", "Constants of this run.", (
         _number("start_s", "start_s", "mission time of the first record [s]"),

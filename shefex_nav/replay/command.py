@@ -90,11 +90,11 @@ def _again(source, overrides, from_s, log):
     name = f"{data.mission.scenario} (replayed)"
     mission = data.mission._replace(scenario=name, scenario_text=recording.scenario_text, version=__version__)
     end_s = float(data.imu.t_valid_s[-1])
-    replayed = _collect(rerun.records(recording), mission, end_s, setup_s, log)
+    replayed = _collect(rerun.records(recording), mission, end_s, setup_s, log, until_s=data.cut_s)
     return _summary(replayed, log, from_s, None, end_s - mission.start_s)
 
 
-def _collect(records, mission, end_s, setup_s, log):
+def _collect(records, mission, end_s, setup_s, log, *, until_s=math.nan):
     """RunData of records, which are written to the log as well, if there is one."""
     from shefex_nav.log.run_data import RunDataBuilder
     from shefex_nav.log.topics import RunSummary
@@ -105,7 +105,7 @@ def _collect(records, mission, end_s, setup_s, log):
         for record in records:
             write(record)
             kept.add(record)
-        done = RunSummary(end_s, time.perf_counter() - began, setup_s)
+        done = RunSummary(end_s, time.perf_counter() - began, setup_s, until_s)
         write(done)
         kept.add(done)
     return kept.build()

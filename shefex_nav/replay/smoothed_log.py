@@ -33,7 +33,7 @@ def write(path, recording: Recording, smoothed, wall_s, *, overwrite=False):
     with LogWriter(path, mission, NO_PICTURES, overwrite=overwrite) as log:
         for record in records(smoothed):
             log.write(record)
-        log.write(RunSummary(end_s, wall_s, 0.0))
+        log.write(RunSummary(end_s, wall_s, 0.0, smoothed.cut_s))
 
 
 def records(data):

@@ -106,6 +106,7 @@ def summarise(data, *, log=None, from_s=None):
         "version": data.mission.version,
         "log": None if log is None else str(log),
         "ended_early": data.ended_early,
+        "until_s": data.until_s,
         "simulated_s": simulated_s,
         "wall_s": wall_s,
         "setup_s": data.summary.setup_s if data.summary else None,
@@ -141,17 +142,24 @@ def _flight(data, track, entry):
         range_km = length / 1e3
     speed = np.linalg.norm(track.v_e, axis=1)
     moved = bool(len(speed)) and float(speed.max()) > STANDING
+    rose = moved and _seen_to_apogee(data)
     return {
-        "apogee_km": float(track.height.max()) / 1e3 if moved else None,
+        "apogee_km": float(track.height.max()) / 1e3 if rose else None,
         "range_km": range_km,
         "max_speed_m_s": float(speed.max()) if moved else None,
-        "at_apogee": _place(data, track, int(np.argmax(track.height))) if moved else None,
+        "at_apogee": _place(data, track, int(np.argmax(track.height))) if rose else None,
         "at_entry": None if entry is None else _place(data, track, entry),
         "events": [
             {"name": event.name, "t_s": event.t_s, "altitude_km": event.altitude_m / 1e3}
             for event in data.events
         ],
     }
+
+
+def _seen_to_apogee(data):
+    """Whether the greatest height is the mission's: that of a part of it only if the apogee is there."""
+    is_part = data.ended_early or data.until_s is not None
+    return not is_part or any(event.name == "apogee" for event in data.events)
 
 
 def _place(data, track, k):

@@ -12,7 +12,7 @@ _DASH = "–"
 
 
 def lead(run):
-    """What flew, when, and where the log ends if it was cut off."""
+    """What flew, when, and where the log ends if that is not the end of the mission."""
     mission, summary = run.data.mission, run.summary
     words = [run.limits.description.rstrip(".")] if run.limits.description else []
     words.append(f"epoch (T+0 s) {mission.epoch_utc.replace('T', ' ').removesuffix('Z')} UTC")
@@ -27,6 +27,10 @@ def lead(run):
         )
         cut = f"The run was cut off: its log ends at {end}. Everything on this page is up to then."
         parts.append(element("p", element("strong", cut), class_="verdict bad"))
+    elif summary["until_s"] is not None:
+        cut = f"The mission was looked at until T{summary['until_s']:+.2f} s. "
+        cut += "Everything on this page is up to then."
+        parts.append(element("p", element("strong", cut), class_="verdict open"))
     if run.limits.problem:
         told = "The scenario in the log cannot be read by this version, so its limits are not shown: "
         told += run.limits.problem
@@ -37,14 +41,15 @@ def lead(run):
 def summary(run, found):
     """Verdict, figures, requirements, what went wrong."""
     judged, source = judge(run)
-    parts = [_verdict(judged), _tiles(run)]
+    is_part = run.summary["ended_early"] or run.summary["until_s"] is not None
+    parts = [_verdict(judged, is_part), _tiles(run)]
     if judged:
         rows = [
             (
                 one.name.replace("_", " "),
                 requirements.words(one.name, one.required, one.unit),
                 requirements.said(one),
-                element("span", "met" if one.passed else "not met", class_="met" if one.passed else "missed"),
+                _kept(one, is_part),
             )
             for one in judged
         ]
@@ -72,10 +77,25 @@ def judge(run):
     return [], ""
 
 
-def _verdict(judged):
+def _kept(one, is_part):
+    if _is_unseen(one, is_part):
+        return element("span", "not reached")
+    return element("span", "met" if one.passed else "not met", class_="met" if one.passed else "missed")
+
+
+def _is_unseen(one, is_part):
+    """Whether a requirement is about what a mission that was seen in part has not reached."""
+    return is_part and one.found is None
+
+
+def _verdict(judged, is_part):
     if not judged:
         return element("p", "The scenario states no requirements.", class_="verdict open")
-    missed = [one.name.replace("_", " ") for one in judged if not one.passed]
+    unseen = [one.name.replace("_", " ") for one in judged if _is_unseen(one, is_part)]
+    missed = [one.name.replace("_", " ") for one in judged if not one.passed and not _is_unseen(one, is_part)]
+    if unseen and not missed:
+        words = f"{len(unseen)} of {len(judged)} requirements not reached: {', '.join(unseen)}."
+        return element("p", element("strong", words), class_="verdict open")
     if not missed:
         words = "The requirement is met." if len(judged) == 1 else f"All {len(judged)} requirements are met."
         return element("p", element("strong", words), class_="verdict")

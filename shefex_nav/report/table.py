@@ -51,7 +51,7 @@ def _flight_rows(flight, *, stood):
     for name, key, digits, unit in _FLOWN:
         if flight[key] is not None:
             yield name, _text(flight[key], digits, unit)
-    if stood and flight["apogee_km"] is None:
+    if stood and flight["max_speed_m_s"] is None:
         yield "motion", "none, it stands on the ground"
     for event in flight["events"]:
         name = event["name"].replace("_", " ")
@@ -163,5 +163,8 @@ def _run_rows(summary):
         yield "took", f"{_text(summary['wall_s'], 1, 's')}, {factor} x real time"
     if summary["ended_early"]:
         yield "log", Text("the run ended early; everything above is up to then", style="bold yellow")
+    if summary["until_s"] is not None:
+        words = f"looked at until T{summary['until_s']:+.1f} s; everything above is up to then"
+        yield "log", Text(words, style="bold yellow")
     if summary["log"]:
         yield "log", summary["log"]

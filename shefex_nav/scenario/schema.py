@@ -5,6 +5,7 @@ parameters of the stages. Once loaded, a quantity is a float in SI and radians.
 """
 
 import json
+from pathlib import PurePath
 from typing import Any, Literal
 
 from pydantic import Field, PrivateAttr
@@ -61,13 +62,17 @@ class Scenario(Block):
     def load(cls, path, overrides=()):
         """Scenario of a YAML file, with overrides ["gps.rate=5 Hz"] or {"gps.rate": "5 Hz"}.
 
-        In a dict, what is no text may be a number, True, None, or a list or dict of such.
+        In a dict, what is no text may be a number, also of NumPy, True, None, or a list or dict of such.
         Raises ScenarioError, which lists every error with its place.
         """
-        from shefex_nav.scenario.load import load  # which needs this class
+        from shefex_nav.scenario.load import ScenarioError, load  # which need this class
 
         if isinstance(overrides, dict):
-            overrides = [f"{key}={_yaml(value)}" for key, value in overrides.items()]
+            told = [(key, *_yaml(value)) for key, value in overrides.items()]
+            bad = [f"{key}: {problem}" for key, _, problem in told if problem]
+            if bad:
+                raise ScenarioError(bad)
+            overrides = [f"{key}={text}" for key, text, _ in told]
         return load(path, overrides)
 
     @property
@@ -93,5 +98,23 @@ class Scenario(Block):
 
 
 def _yaml(value):
-    """Text that YAML reads as the value: a text as it is, anything else as JSON, which is YAML too."""
-    return value if isinstance(value, str) else json.dumps(value)
+    """Text that YAML reads as the value: a text as it is, anything else as JSON, which is YAML too.
+
+    -> text, what is wrong with the value (one of them is empty)
+    """
+    if isinstance(value, str):
+        return value, ""
+    try:
+        return json.dumps(value, allow_nan=False, default=_plain), ""
+    except (TypeError, ValueError) as error:
+        wanted = "a text with a unit, a finite number, True, None, or a list or dict of such"
+        return "", f"{value!r} cannot stand in a scenario ({error}); give {wanted}"
+
+
+def _plain(value):
+    """Numbers and arrays of NumPy as Python's own, paths as texts; TypeError for anything else."""
+    if isinstance(value, PurePath):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"of type {type(value).__name__}")

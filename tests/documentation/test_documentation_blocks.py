@@ -40,6 +40,17 @@ def test_blocks_were_found():
     assert len(ran) > 0.75 * len(every)
 
 
+def test_files_that_pages_name_exist():
+    """In backticks too, where no link is checked: `notebooks/...`, `benchmarks/...` and the like."""
+    named = re.compile(r"`((?:notebooks|scenarios|benchmarks|docs|tests|shefex_nav)/[\w./-]+)`")
+    checked = set()
+    for path in [*PAGES, ROOT / "CHANGELOG.md", *(ROOT / "notebooks").glob("*.*")]:
+        for target in named.findall(path.read_text()):
+            checked.add(target)
+            assert (ROOT / target).exists(), f"{path.relative_to(ROOT)}: {target}"
+    assert len(checked) > 30 and any(target.startswith("notebooks/") for target in checked)
+
+
 def mentioned(name):
     """Words behind `shefex-nav` in the running text, and in blocks that are not run: list of text."""
     text = (ROOT / name).read_text()

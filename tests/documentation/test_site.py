@@ -1,6 +1,7 @@
 """The documentation site: it builds without a warning, needs no network, and has every key and command."""
 
 import importlib.util
+import pkgutil
 import re
 import subprocess
 import sys
@@ -99,6 +100,20 @@ def test_reference_of_scenarios_has_every_key():
     assert "| `gravity_degree` | degree and order of egm96 | whole number | `12` | ≥ 2, ≤ 36 | `12` |" in text
     headings = re.findall(r"^#+ .*$", text, re.M)
     assert len(headings) == len(set(headings)), "two sections of one name"
+
+
+def test_what_the_reference_of_python_names_is_there():
+    """Functions and classes of modules, or modules with their members; every public name among them."""
+    text = (ROOT / "docs" / "reference" / "python.md").read_text()
+    named = re.findall(r"^::: ([\w.]+)$(?:\n    options:((?:\n      .+)+))?", text, re.M)
+    public = {f"shefex_nav.{module}.{name}" for name, module in shefex_nav._PUBLIC.items()}
+    assert public <= {place for place, _ in named}
+    assert len(named) == text.count("\n:::") > 15
+    for place, options in named:
+        found = pkgutil.resolve_name(place)
+        members = re.search(r"members: \[(.*)\]", options)
+        for member in members[1].split(", ") if members and members[1] else ():
+            assert hasattr(found, member), f"{place}.{member}"
 
 
 def test_reference_of_commands_has_every_option(monkeypatch):

@@ -10,6 +10,8 @@ def test_first_mission(monkeypatch):
     run, own, long = found["run"], found["own"], found["long"]
     assert run.data.last_t_s == own.data.last_t_s == 254.0
     assert np.degrees(np.linalg.norm(run.errors().at(253.0).attitude_b)) < 0.1
-    assert own.summary()["flight"]["apogee_km"] < run.summary()["flight"]["apogee_km"] - 20.0
+    highest = [np.linalg.norm(one.truth.r_i, axis=1).max() for one in (run, own)]
+    assert highest[1] < highest[0] - 20e3
+    assert run.summary()["flight"]["apogee_km"] is None  # it is at T+262 s
     assert (own.frames[253.0].fix.hip > 0).sum() > (run.frames[253.0].fix.hip > 0).sum()
     assert long.summary()["star_tracker"]["solved"] == long.summary()["star_tracker"]["wrong"] == 0

@@ -3,6 +3,8 @@
 import numpy as np
 from cells import execute
 
+from shefex_nav.report import metrics
+
 
 def test_what_the_star_tracker_buys(monkeypatch):
     changes = {"star_tracker.rate": "2 Hz", "log.rate": "10 Hz"}
@@ -14,5 +16,7 @@ def test_what_the_star_tracker_buys(monkeypatch):
         assert np.linalg.norm(entry.position_i) < 2.0
     assert worst["with"] < 0.02 and worst["blinded"] < 0.02 < worst["without"]
     angle, accepted = found["angle"], found["accepted"]
-    assert (angle > np.radians(0.5)).sum() > 10  # wrong ones there were
-    assert (~accepted).sum() >= (angle > np.radians(0.5)).sum() - 3  # before the gate is up, two must agree
+    wrong = int((angle > metrics.WRONG_ANGLE).sum())
+    assert len(found["wrong_at"]) == wrong > 10 and len(found["used_at"]) == accepted.sum() > 100
+    assert found["wrong_and_used"] == 0
+    assert wrong <= (~accepted).sum() <= wrong + 3  # right and refused: before the gate is up, two must agree

@@ -12,6 +12,7 @@ from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.topics import LogError
 from shefex_nav.onboard.navigation import fusion, integrity_imu, strapdown
 from shefex_nav.records import GateResult, NavSolution, TruthSample
+from shefex_nav.replay import command as replay
 from shefex_nav.replay import rerun
 from shefex_nav.report import metrics
 from shefex_nav.scenario.load import ScenarioError
@@ -179,3 +180,14 @@ def test_a_log_that_was_cut_off_is_run_to_its_end(log, tmp_path):
     assert abs(len(cut.imu.t_valid_s) - len(rerun_.nav.t_s)) == 0
     assert np.array_equal(cut.nav.q_ib[:n], rerun_.nav.q_ib[:n])
     assert np.array_equal(cut.nav.r_i[:n], rerun_.nav.r_i[:n])
+
+
+def test_a_log_made_of_one_that_was_cut_off_says_where(log, tmp_path):
+    path, whole, part = (tmp_path / f"{name}.mcap" for name in ("cut", "whole", "part"))
+    path.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
+    replay.replay(log, log=whole)
+    replay.replay(path, log=part)
+    assert reader.read(whole).until_s is None
+    made = reader.read(part)
+    assert not made.ended_early
+    assert made.until_s == reader.read(path).last_t_s == pytest.approx(made.last_t_s, abs=0.02)

@@ -17,7 +17,7 @@ from shefex_nav.log import reader
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.writer import LogWriter
 from shefex_nav.report import metrics
-from shefex_nav.report.table import summary_table
+from shefex_nav.report.table import rows, summary_table
 
 MISSION = synthetic_run.mission()
 OPTIONS = synthetic_run.Options(start_s=225.0, end_s=415.0, frame_pixels=False)
@@ -346,6 +346,26 @@ def test_an_empty_run_has_nulls():
     assert summary["flight"]["apogee_km"] is None
     assert summary["navigation"]["position_error_m"] == {"rms": None, "max": None}
     summary_table(summary)
+
+
+def test_an_apogee_is_one_only_if_it_was_reached(records):
+    data = gathered(records)
+    apogee = rec.Event(100.0, "apogee", 176e3, "")
+    others = [event for event in data.events if event.name != "apogee"]
+    cut = data.summary._replace(until_s=data.last_t_s)
+    for events, summary, ended_early, given in (
+        (others, data.summary, False, True),  # seen to its end: the greatest height is the apogee
+        (others, cut, False, False),
+        (others, data.summary, True, False),
+        ([*others, apogee], cut, False, True),
+    ):
+        seen = data._replace(events=events, summary=summary, ended_early=ended_early)
+        found = metrics.summarise(seen)
+        assert (found["flight"]["apogee_km"] is not None) == given
+        assert (found["flight"]["at_apogee"] is not None) == given
+        assert found["flight"]["max_speed_m_s"] > 100.0
+        names = [name for _, lines in rows(found) for name, _ in lines]
+        assert ("apogee" in names) == given and "motion" not in names
 
 
 def test_the_builder_knows_how_far_it_is(records):

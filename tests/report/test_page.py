@@ -10,7 +10,7 @@ from made_up import MISSION, gathered, of_records
 
 from shefex_nav import records as rec
 from shefex_nav.log.writer import LogWriter
-from shefex_nav.report import figures, incidents, page, table
+from shefex_nav.report import figures, incidents, page, page_summary, requirements, table
 
 OPTIONS = synthetic_run.Options(start_s=228.0, end_s=258.0, frame_pixels=False)
 HOSTILE = "\"><script>alert(1)</script><img src=http://example.org/x onerror=alert(2)>&amp;'"
@@ -134,6 +134,23 @@ def test_a_run_that_was_cut_off_says_where(data, few_figures):
     said = " ".join(Reader(cut).texts)
     assert "The run was cut off: its log ends at T+258.00 s." in said
     assert "the log ends here: the run was cut off" in said
+
+
+def test_a_mission_that_was_seen_in_part_is_judged_on_what_was_seen(data, few_figures):
+    part = data._replace(summary=data.summary._replace(until_s=258.0))
+    assert part.until_s == part.cut_s == 258.0
+    said = " ".join(Reader(page.page(part)).texts)
+    assert "The mission was looked at until T+258.00 s." in said and "cut off" not in said
+    judged = [
+        requirements.Judged("attitude_at_entry", 0.17, None, "deg", False),
+        requirements.Judged("wrong_star_fixes", 0, 2, "", False),
+    ]
+    whole, seen = (page_summary._verdict(judged, is_part).html for is_part in (False, True))
+    assert "2 of 2 requirements not met" in whole
+    assert "1 of 2 requirements not met: wrong star fixes" in seen
+    assert (
+        "1 of 1 requirements not reached: attitude at entry" in page_summary._verdict(judged[:1], True).html
+    )
 
 
 @pytest.mark.parametrize(

@@ -151,7 +151,9 @@ class Plots:
         return self._names
 
     def __getattr__(self, name):
-        if name.startswith("_") or name not in self._names:  # notebooks ask for _repr_html_ and the like
+        if name.startswith("_"):  # of notebooks, such as _repr_html_; and of copies, which have no _names yet
+            raise AttributeError(name)
+        if name not in self._names:
             raise AttributeError(f"there is no figure {name!r}; choose from {', '.join(self._names)}")
 
         def drawn():

@@ -73,14 +73,20 @@ def styled(draw):
 def _shown(drawn):
     """The same; a Figure is a picture in a notebook, which only shows those of pyplot by itself."""
     if hasattr(drawn, "savefig"):
-
-        def png():
-            out = BytesIO()
-            drawn.savefig(out, format="png", dpi=_NOTEBOOK_DPI)
-            return out.getvalue()
-
-        drawn._repr_png_ = png
+        drawn._repr_png_ = _Png(drawn)
     return drawn
+
+
+class _Png:
+    """Function that gives a Figure as PNG; a Figure that has one can still be copied and pickled."""
+
+    def __init__(self, figure):
+        self._figure = figure
+
+    def __call__(self):
+        out = BytesIO()
+        self._figure.savefig(out, format="png", dpi=_NOTEBOOK_DPI)
+        return out.getvalue()
 
 
 def figure(height, width=WIDTH):
