@@ -132,4 +132,4 @@ def star_fix(blocks, states, t_s, latency_s, rng=None, wrong_by=None):
     q_ic = rotation.quat_multiply(q_ib, rotation.quat_from_dcm(C_BC))
     noise = np.zeros(3) if rng is None else np.sqrt(np.diag(P_STAR_C)) * rng.standard_normal(3)
     q_ic = rotation.quat_multiply(q_ic, rotation.quat_from_rotvec(noise))
-    return StarFix(0, t_s, t_s + latency_s, 0, q_ic, P_STAR_C, None, None, 0.3, 12.0, 0.05, False, False)
+    return StarFix(0, t_s, t_s + latency_s, 0, q_ic, P_STAR_C, None, None, 0.3, 12.0, 0.0, False, False)

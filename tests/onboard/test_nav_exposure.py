@@ -8,7 +8,7 @@ from scipy.integrate import quad_vec
 from scipy.spatial.transform import Rotation
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import measure_stars, sensors
+from shefex_nav.onboard.navigation import sensors
 from shefex_nav.onboard.navigation.history import History, Moment, Tick
 from shefex_nav.onboard.navigation.state import N_NOMINAL, X_Q, layout
 from shefex_nav.onboard.navigation.strapdown import BEFORE
@@ -81,12 +81,17 @@ def fix(exposure_s, stars=NO_STARS):
     return StarFix(0, 0.1, 0.2, 0, q_ic, P_c, None, None, 0.0, 0.0, exposure_s, False, False, stars=stars)
 
 
+def seen(now, one):
+    """The fix as the filter takes it."""
+    return sensors.straightened(SimpleNamespace(history=now.history, params=NAV.params), now.k, one)
+
+
 def test_attitudes_are_those_of_the_middle():
     now, off = moment(tumbling), np.abs(mean_turn()).max()
-    z, _, R = sensors._star_attitude(NAV, now, fix(T))
+    z, _, R = sensors._star_attitude(NAV, now, seen(now, fix(T)))
     assert off > 8e-6 and np.abs(z).max() < 0.01 * off  # 2"
     assert 0.1 * off < np.sqrt(R[1, 1]) < 0.3 * off
-    z, _, _ = sensors._star_attitude(NAV, now, fix(0.0))  # nothing is known of the exposure
+    z, _, _ = sensors._star_attitude(NAV, now, seen(now, fix(0.0)))  # nothing is known of the exposure
     assert np.abs(z).max() == pytest.approx(off, rel=1e-3)
 
 
@@ -97,8 +102,7 @@ def test_single_stars_are_where_they_were_in_the_middle():
     C_ic = Rotation.from_rotvec(mean_turn()).as_matrix() @ C_BC
     P_u = np.tile(1e-12 * np.eye(2), (2, 1, 1))
     stars = StarVectors(np.array([1, 2]), u_c, P_u, u_c @ C_ic.T, np.zeros(2), np.zeros((3, 3)), 0.0)
-    z, _, R = sensors._star_vectors(NAV, now, fix(T, stars))
-    raw, _, _ = sensors._star_vectors(NAV, now, fix(0.0, stars))
+    z, _, R = sensors._star_vectors(NAV, now, seen(now, fix(T, stars)))
+    raw, _, _ = sensors._star_vectors(NAV, now, seen(now, fix(0.0, stars)))
     assert np.abs(raw).max() > 5e-6 and np.abs(z).max() < 0.01 * np.abs(raw).max()
-    assert np.all(np.linalg.eigvalsh(R) > 0.0)
-    assert measure_stars.turned_with_camera(u_c).shape == (4, 3)
+    assert np.all(np.linalg.eigvalsh(R) > 1e-12)

@@ -27,7 +27,13 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.history import SNAP_S, History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS, Measurement, contents, without_solution
+from shefex_nav.onboard.navigation.sensors import (
+    SENSORS,
+    Measurement,
+    contents,
+    straightened,
+    without_solution,
+)
 from shefex_nav.onboard.navigation.state import (
     X_R,
     X_V,
@@ -214,6 +220,8 @@ def _worth_trying(nav, arrival, fix, index, results):
     if index is None:
         results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
         return (), fix
+    if arrival.startswith("star"):
+        return names, straightened(nav, index, fix)
     if arrival.startswith("gps"):
         repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, *_whereabouts(nav, index))
         results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())

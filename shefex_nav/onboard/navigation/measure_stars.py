@@ -56,13 +56,15 @@ def star_vectors(layout, state, fix, C_bc, sigma_floor):
     return z, H, R
 
 
-def turned_with_camera(u_c):
-    """How a small turn of the camera, rad in its axes, moves stars along their cross axes.
+def turned_back(stars, turn_c, P):
+    """StarVectors as a camera sees them that is turned back by a small angle.
 
-    u_c : (m, 3) -> (2 m, 3)
+    turn_c : (3,) rad, camera axes;  P : (3, 3) rad^2, its covariance, which counts for each star by itself
     """
-    across = cross_axes(np.ascontiguousarray(u_c))
-    return np.concatenate([E @ rotation.skew(u) for E, u in zip(across, u_c, strict=True)]).reshape(-1, 3)
+    u_c = stars.u_c - np.cross(stars.u_c, turn_c)
+    u_c = u_c / np.sqrt(np.sum(u_c**2, axis=1))[:, None]
+    moved = [E @ rotation.skew(u) for E, u in zip(cross_axes(u_c), u_c, strict=True)]
+    return stars._replace(u_c=u_c, P_u=stars.P_u + np.array([A @ P @ A.T for A in moved]))
 
 
 @njit(cache=True)

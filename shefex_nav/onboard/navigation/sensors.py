@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import (
     calibration,
     integrity,
@@ -17,6 +18,7 @@ from shefex_nav.onboard.navigation import (
     measure_stars,
     measurements,
 )
+from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.state import POS, VEL, ReleaseRule
 from shefex_nav.records import GpsRanges, Reason
 
@@ -93,33 +95,38 @@ def _gps_range_rate(nav, now, fix):
     return z, H, R + vibration_variance(nav.params, now) * (along @ along.T)
 
 
-def _bend(nav, now, fix):
-    """What an exposure during which the rate changes does to a StarFix, and its covariance, body axes.
+def straightened(nav, index, fix):
+    """A StarFix as its instant shows it: what a rate that changes during the exposure does is taken out.
 
-    -> (3,) rad, (3, 3) rad^2; None if the exposure is not known
+    Once, when it arrives: later the memory may have lost the beginning of the exposure. Where the memory
+    does not cover it, the rate is taken as steady, and the fix is what it was.
+
+    nav : fusion.Filter;  index : tick of the fix in its History
     """
     if not fix.exposure_s > 0.0:
-        return None
-    bend, model = now.bend(fix.exposure_s), nav.params.imu
+        return fix
+    history, model, C_cb = nav.history, nav.params.imu, nav.params.C_bc.T
+    bend_c = C_cb @ Moment(history, index, history.since(index, 0.0, fix.t_valid_s)).bend(fix.exposure_s)
+    if not bend_c.any():
+        return fix
     noise = model.gyro_random_walk**2 * fix.exposure_s / 12.0 + model.gyro_quantum**2 / 12.0
-    return bend, BEND_SHARE**2 * np.outer(bend, bend) + noise * np.eye(3)
+    P = BEND_SHARE**2 * np.outer(bend_c, bend_c) + noise * np.eye(3)
+    if fix.reason == Reason.NONE:
+        turned = rotation.quat_multiply(fix.q_ic, rotation.quat_from_rotvec(-bend_c))
+        fix = fix._replace(q_ic=turned, P_c=fix.P_c + P)
+    if len(fix.stars.hip):
+        fix = fix._replace(stars=measure_stars.turned_back(fix.stars, bend_c, P))
+    return fix
 
 
 def _star_attitude(nav, now, fix):
     params = nav.params
-    z, H, R = measurements.star_attitude_packed(nav.layout, now.x, fix, params.C_bc, params.star_sigma_floor)
-    if bend := _bend(nav, now, fix):
-        z, R = z - bend[0], R + bend[1]
-    return z, H, R
+    return measurements.star_attitude_packed(nav.layout, now.x, fix, params.C_bc, params.star_sigma_floor)
 
 
 def _star_vectors(nav, now, fix):
     params = nav.params
-    z, H, R = measure_stars.star_vectors(nav.layout, now.state, fix, params.C_bc, params.star_sigma_floor)
-    if bend := _bend(nav, now, fix):
-        A = measure_stars.turned_with_camera(fix.stars.u_c) @ params.C_bc.T
-        z, R = z - A @ bend[0], R + A @ bend[1] @ A.T
-    return z, H, R
+    return measure_stars.star_vectors(nav.layout, now.state, fix, params.C_bc, params.star_sigma_floor)
 
 
 def vibration_variance(params, now):
