@@ -75,7 +75,7 @@ def run(
         overwrite=force,
         watch=lambda records, start_s, end_s: interruptible(watched(records, start_s, end_s)),
     )
-    show(flown.summary(), json)
+    show(flown.summary(), json, flown.data)
 
 
 def free_name(name, seed):
@@ -180,7 +180,7 @@ def report(
 
         for path in pictures.save_all(data, figures):
             say(f"wrote {path}")
-    show(metrics.summarise(data, log=log), json)
+    show(metrics.summarise(data, log=log), json, data)
 
 
 def _picture_names(log):
@@ -276,16 +276,18 @@ def schema():
     typer.echo(json_module.dumps(load.json_schema(), indent=2))
 
 
-def show(summary, as_json):
-    """Print a summary as one JSON object or as a table."""
+def show(summary, as_json, data):
+    """Print the summary of a RunData as one JSON object or, with what was required, as a table."""
     if as_json:
         typer.echo(json_module.dumps(summary, allow_nan=False))
         return
     from rich.console import Console
 
-    from shefex_nav.report import table
+    from shefex_nav.report import configured, requirements, table
 
-    Console(width=None if sys.stdout.isatty() else 100).print(table.summary_table(summary))
+    stated = configured.configured(data).requirements
+    judged = requirements.judge(stated, summary) if stated is not None else ()
+    Console(width=None if sys.stdout.isatty() else 100).print(table.summary_table(summary, judged))
 
 
 def user_errors():

@@ -228,6 +228,8 @@ class Store:
 def read_head(folder, missing=StoreError):
     """What campaign.json of a folder holds; StoreError, or None if `missing` is None, without one."""
     path = Path(folder) / "campaign.json"
+    if Path(folder).is_file():
+        raise StoreError(f"{folder}: is a file; expected the folder of a campaign")
     try:
         head = json.loads(path.read_text())
     except FileNotFoundError:

@@ -3,6 +3,8 @@
 from rich.table import Table
 from rich.text import Text
 
+from shefex_nav.report import requirements
+
 _FLOWN = (  # name, key, digits, unit
     ("apogee", "apogee_km", 1, "km"),
     ("range", "range_km", 1, "km"),
@@ -22,29 +24,43 @@ def _pair(values, digits, unit):
     return f"{_text(values['rms'], digits, unit)} rms, {_text(values['max'], digits, unit)} max"
 
 
-def summary_table(summary):
-    """rich Table of the object that `metrics.summarise` returns."""
+def summary_table(summary, judged=()):
+    """rich Table of the object that `metrics.summarise` returns, and of the requirements.Judged of a run."""
     table = Table(
         title=f"{summary['scenario']}, seed {summary['seed']}", show_header=False, title_justify="left"
     )
     table.add_column(style="bold", no_wrap=True)
     table.add_column(no_wrap=True)
     table.add_column()
-    for section, lines in rows(summary):
+    for section, lines in rows(summary, judged):
         for k, (name, value) in enumerate(lines):
             table.add_row(section if k == 0 else "", name, value)
         table.add_section()
     return table
 
 
-def rows(summary):
+def rows(summary, judged=()):
     """(section, lines of name and value) of the summary, as texts."""
     yield "flight", _flight_rows(summary["flight"], stood=bool(summary["simulated_s"]))
     if summary["attitude_control"]:
         yield "attitude control", _control_rows(summary["attitude_control"])
     yield "star tracker", _star_rows(summary["star_tracker"])
     yield "navigation", _navigation_rows(summary["navigation"])
+    if judged:
+        is_part = summary["ended_early"] or summary["until_s"] is not None
+        yield "requirements", _requirement_rows(judged, is_part)
     yield "run", _run_rows(summary)
+
+
+def _requirement_rows(judged, is_part):
+    """is_part: whether the mission was not seen to its end, and what has no figure may be yet to come."""
+    for one in judged:
+        if one.found is None and is_part:
+            verdict = "not reached"
+        else:
+            verdict = "met" if one.passed else Text("not met", style="bold red")
+        said = f"{requirements.said(one)}, wanted {requirements.words(one.name, one.required, one.unit)}: "
+        yield one.name.replace("_", " "), Text.assemble(said, verdict)
 
 
 def _flight_rows(flight, *, stood):

@@ -16,6 +16,8 @@ def read_text(path, expected):
         words = f"is a directory, expected {expected}"
     except UnicodeDecodeError as error:
         words = f"is not UTF-8 text (byte {error.start}); save it as UTF-8"
+        if str(path).endswith(".mcap"):
+            words = f"is a log, expected {expected}"
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
         words = f"cannot be read: {getattr(error, 'strerror', None) or error}"
     raise Unreadable(words)

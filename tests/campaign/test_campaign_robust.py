@@ -236,6 +236,8 @@ def test_a_head_of_another_kind_is_refused(tmp_path):
     (tmp_path / "campaign.json").write_text("[1, 2]")
     with pytest.raises(store.StoreError, match="its format is None, expected 1"):
         store.read_head(tmp_path)
+    with pytest.raises(store.StoreError, match="is a file; expected the folder of a campaign"):
+        store.read_head(tmp_path / "campaign.json")
 
 
 def test_a_log_is_kept_only_of_a_run_that_is_as_its_row(whole, scenario, tmp_path):
