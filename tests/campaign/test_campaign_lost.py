@@ -9,22 +9,8 @@ from typer.testing import CliRunner
 
 from shefex_nav import cli
 from shefex_nav.campaign import engine, flight, results, running, store, summary
-from shefex_nav.scenario import load
 
 RUNS = 4
-
-
-@pytest.fixture(scope="module")
-def scenario(tmp_path_factory):
-    """The short mission."""
-    return load.load(write(tmp_path_factory.mktemp("scenario")))
-
-
-@pytest.fixture(scope="module")
-def whole(scenario, tmp_path_factory):
-    """(folder, Ended) of a campaign that nothing disturbed."""
-    folder = tmp_path_factory.mktemp("whole") / "campaign"
-    return folder, fly(scenario, folder, RUNS)
 
 
 class Deadly(HereLane):

@@ -13,19 +13,6 @@ from shefex_nav.scenario import load
 RUNS = 4
 
 
-@pytest.fixture(scope="module")
-def scenario(tmp_path_factory):
-    """The short mission."""
-    return load.load(write(tmp_path_factory.mktemp("scenario")))
-
-
-@pytest.fixture(scope="module")
-def whole(scenario, tmp_path_factory):
-    """(folder, Ended) of a campaign that nothing disturbed."""
-    folder = tmp_path_factory.mktemp("whole") / "campaign"
-    return folder, fly(scenario, folder, RUNS)
-
-
 def test_repeat_says_whether_it_is_the_same(whole, tmp_path, scenario):
     folder, _ = whole
     repeated = repeating.repeat(folder, 3, lane=HereLane)

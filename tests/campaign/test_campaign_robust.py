@@ -17,19 +17,6 @@ from shefex_nav.scenario import load
 RUNS = 3
 
 
-@pytest.fixture(scope="module")
-def scenario(tmp_path_factory):
-    """The short mission."""
-    return load.load(write(tmp_path_factory.mktemp("scenario")))
-
-
-@pytest.fixture(scope="module")
-def whole(scenario, tmp_path_factory):
-    """(folder, Ended) of a campaign that nothing disturbed."""
-    folder = tmp_path_factory.mktemp("whole") / "campaign"
-    return folder, fly(scenario, folder, RUNS)
-
-
 # ---- workers ---------------------------------------------------------------------------------------------
 
 

@@ -17,19 +17,6 @@ from shefex_nav.scenario import load
 RUNS = 4
 
 
-@pytest.fixture(scope="module")
-def scenario(tmp_path_factory):
-    """The short mission."""
-    return load.load(write(tmp_path_factory.mktemp("scenario")))
-
-
-@pytest.fixture(scope="module")
-def whole(scenario, tmp_path_factory):
-    """(folder, Ended) of a campaign that nothing disturbed."""
-    folder = tmp_path_factory.mktemp("whole") / "campaign"
-    return folder, fly(scenario, folder, RUNS)
-
-
 def test_every_run_is_a_row_with_its_draws(whole, scenario):
     folder, ended = whole
     rows = list(table.load(folder / "results.parquet"))
