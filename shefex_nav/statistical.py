@@ -18,7 +18,7 @@ from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED
 from shefex_nav.onboard.startracker.identify.verify import Identification
 from shefex_nav.records import Reason
 from shefex_nav.world import noise
-from shefex_nav.world.camera import sightings
+from shefex_nav.world.camera import sightings, undrawn
 
 FRAMES = "statistical"  # the scenario's word for it
 LOST_S = 1.0  # without a fix for so long, the next one is a first one
@@ -89,7 +89,7 @@ class Statistical:
     def __init__(self, scenario, world, tracker, seed, line):
         self.sightings, self.search = models(scenario)
         merge_radius = tracker.params.catalogue.merge_radius
-        self.camera = sightings.catalogued(tracker.pairs.stars, world.camera, merge_radius)
+        self.camera = undrawn.catalogued(tracker.pairs.stars, world.camera, merge_radius)
         self.line, self.rng = line, noise.generator(seed, "sightings")
         self.max_rate, self.limits = tracker.params.max_rate, limits(tracker.params.detect)
         self.hip = tracker.pairs.stars.hip
@@ -99,7 +99,7 @@ class Statistical:
 
     def expose(self, _camera, command, trajectory, number, t_start_s, _rng):
         """A frame without pixels and its truth, as `camera.expose`."""
-        frame, truth, film, scene = sightings.look(self.camera, command, trajectory, number, t_start_s)
+        frame, truth, film, scene = undrawn.look(self.camera, command, trajectory, number, t_start_s)
         self._check_rate(truth)
         self.seen[number] = sightings.sight(self.sightings, self.camera, film, scene, self.rng, self.limits)
         return frame, truth

@@ -11,7 +11,7 @@ from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.records import CameraCommand
 from shefex_nav.world import camera
-from shefex_nav.world.camera import sightings
+from shefex_nav.world.camera import sightings, undrawn
 
 MODEL = sightings.SightingModel(
     detection=np.array([-0.1, 0.9, 0.5]),
@@ -29,7 +29,7 @@ CONFIDENCE = 1e-5  # of a false alarm, each test
 
 
 def exposure(omega_c=(0.0, 0.0, 0.0), mean_dn=20.0):
-    return sightings.Exposure(0.8, 17.0, 0.05, np.array(omega_c), 7.4, mean_dn)
+    return undrawn.Exposure(0.8, 17.0, 0.05, np.array(omega_c), 7.4, mean_dn)
 
 
 def scene(n, electrons, xy=(200.0, 300.0), hip=7):
@@ -185,7 +185,7 @@ def test_with_an_angular_acceleration_stars_stand_where_the_picture_has_the_midd
     device, rng, given = build(CLEAN), np.random.default_rng(4), (trajectory, 0, T_S + 0.1)
     command = CameraCommand(T_S, exposure_s, 24.0)
     picture = np.mean([camera.expose(device, command, *given, rng)[0].image_dn for _ in range(60)], axis=0)
-    _, truth, _, (hip, xy_px, electrons) = sightings.look(device, command, *given)
+    _, truth, _, (hip, xy_px, electrons) = undrawn.look(device, command, *given)
     instant = dict(zip(truth.hip.tolist(), truth.xy_px, strict=True))
     around = np.arange(-7, 8)
     errors, shifts = [], []
@@ -207,12 +207,12 @@ def test_with_an_angular_acceleration_stars_stand_where_the_picture_has_the_midd
 def test_stars_that_the_catalogue_merges_are_one_source_at_their_centre_of_light():
     u_i = np.array([[1.0, 0.0, 0.0], [1.0, 1e-4, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 5e-5]])
     u_i /= np.linalg.norm(u_i, axis=1, keepdims=True)
-    source = sightings.sky.ordered(
+    source = undrawn.sky.ordered(
         u_i, np.array([300.0, 100.0, 50.0, 80.0]), np.array([11, 12, 13, 0]), np.ones(4, dtype=bool)
     )
     stars = SimpleNamespace(hip=np.array([11, 99]), u_i=np.array([u_i[0], [0.0, 0.0, 1.0]]))
     camera = SimpleNamespace(sky=source, _replace=lambda sky: sky)
-    merged = sightings.catalogued(stars, camera, 2e-4)
+    merged = undrawn.catalogued(stars, camera, 2e-4)
     assert sorted(merged.hip.tolist()) == [0, 0, 11]  # the false object next to it stays by itself
     k = merged.hip.tolist().index(11)
     assert merged.flux[k] == 400.0

@@ -1,6 +1,6 @@
 """One rendered run for the fit: what stood before the camera in each frame, and what became of it.
 
-The scene of a frame is the one that the statistics start from (`sightings.look`), so whatever that leaves out
+The scene of a frame is the one that the statistics start from (`undrawn.look`), so whatever that leaves out
 of the rendered picture is in the fit. A mission shows few frames with few stars; so frames are also searched
 with some of their stars taken away, which says how often what is left is identified, and wrongly.
 """
@@ -16,7 +16,7 @@ from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.records import CameraCommand, Detections, FrameTruth, Reason, StarFix
 from shefex_nav.statistical import LOST_S
 from shefex_nav.world import noise
-from shefex_nav.world.camera import sightings
+from shefex_nav.world.camera import sightings, undrawn
 
 MATCH_PX = 3.0  # a detection further from a source is another one
 LONELY_PX = 10.0  # sources with a brighter one nearer than that say nothing of detection
@@ -130,13 +130,13 @@ def collect(scenario, seed):
         raise FitError("the star tracker takes no picture: is it on before the mission's end?")
     tracker = records[0][0].tracker
     merge_radius = tracker.params.catalogue.merge_radius
-    camera = sightings.catalogued(tracker.pairs.stars, world.camera, merge_radius)
+    camera = undrawn.catalogued(tracker.pairs.stars, world.camera, merge_radius)
     gain, rng = tracker.params.exposure.gain_db, noise.generator(seed, "sightings")
     frames, sources, searches, fixed_s = [], [], [], -np.inf
     for row, (taken, fix, truth) in enumerate(records):
         start_s = fix.t_valid_s - 0.5 * fix.exposure_s
         command = CameraCommand(start_s, fix.exposure_s, gain)
-        _, _, film, scene = sightings.look(camera, command, world.flight.trajectory, fix.number, start_s)
+        _, _, film, scene = undrawn.look(camera, command, world.flight.trajectory, fix.number, start_s)
         found, stars = _matched(row, fix, film, scene, camera, tracker.params)
         sources += found
         first = fix.t_valid_s - fixed_s > LOST_S
