@@ -5,7 +5,7 @@ This is the only place where the world and the flight software meet. `run` is an
 """
 
 import time
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -134,6 +134,7 @@ class Diary:
 
     events, steered, received : lists in reverse order of time of Event, ControlSample, and of GpsFix and
         GpsRanges
+    busy : ticks at which one of these has its turn
     ticks : int, how many are flown
     """
 
@@ -143,15 +144,18 @@ class Diary:
         self.steered = control_samples(flight.control, flight.trajectory)[::-1]
         self.received = sorted(world.gps_fixes + world.gps_ranges, key=happens_s, reverse=True)
         self.late_s = (ends_s + EARLY_S).tolist()
+        known_s = [happens_s(record) for record in (*self.events, *self.steered, *self.received)]
+        self.busy = np.unique(np.searchsorted(self.late_s, known_s) + 1).tolist()
         self.ticks = int(np.searchsorted(ends_s, until_s + EARLY_S, side="right"))
 
     def next_tick(self, n, every, shutter):
         """The first tick after n at which something happens, or one of `every` has its turn."""
-        due_s = min(
-            (happens_s(one[-1]) for one in (self.events, self.steered, self.received) if one), default=np.inf
-        )
-        tick = bisect_left(self.late_s, min(due_s, shutter.next_s), lo=n) + 1
-        return min(tick, (n // every + 1) * every, shutter.next_tick(n), self.ticks + 1)
+        tick = min((n // every + 1) * every, shutter.next_tick(n), self.ticks + 1)
+        if (k := bisect_right(self.busy, n)) < len(self.busy):
+            tick = min(tick, self.busy[k])
+        if shutter.next_s < self.late_s[min(tick, self.ticks) - 1]:
+            tick = bisect_left(self.late_s, shutter.next_s, lo=n) + 1
+        return tick
 
 
 def warm_up(scenario):
