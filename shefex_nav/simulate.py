@@ -48,8 +48,8 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, ever
     every : ticks from one record of truth, IMU and solution to the next; nothing else changes with it
     """
     yield world.alignment
-    epoch_year = ephemeris.julian_year(scenario.mission.epoch)
-    computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, epoch_year)
+    year = catalogue_year(scenario.mission.epoch)
+    computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, year)
     eye, blocks = _star_camera(world, scenario, seed, computer, step), imu.stacked(world.imu)
     diary, n = Diary(world, blocks.t_valid_s, until_s), 0
     while n < diary.ticks:
@@ -158,13 +158,21 @@ class Diary:
         return tick
 
 
+def catalogue_year(epoch):
+    """Epoch of the catalogue on board: that of the day. No star moves by more than 0.02 arcsec within it.
+
+    So a launch that is held for minutes flies the same catalogue. As `ephemeris.julian_year`
+    """
+    return round(ephemeris.julian_year(epoch) * 365.25) / 365.25
+
+
 def warm_up(scenario):
     """Compile or load every kernel of the route, so that a run is not measured with its compiler."""
     world = prepare.build_world(scenario, seed=0, brief=True)
     for _ in route(world, scenario, 0, until_s=scenario.mission.start + 1.5):
         pass
-    epoch_year = ephemeris.julian_year(scenario.mission.epoch)
-    tracker = star_tracker.init(world.computer.tracker, world.catalogue, epoch_year)
+    year = catalogue_year(scenario.mission.epoch)
+    tracker = star_tracker.init(world.computer.tracker, world.catalogue, year)
     state, command = star_tracker.start(tracker, scenario.mission.start)
     trajectory = looking_up(world.flight.trajectory, world.camera)
     rng = noise.generator(0, "camera_noise")
