@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
+from shefex_nav.onboard.navigation import coast as coasting
 from shefex_nav.onboard.navigation import fusion, mean_rate, sensors, solution, strapdown
 from shefex_nav.onboard.navigation.state import ATT, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
@@ -93,6 +94,34 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
     ticks = computer.ticks + 1
     outputs += conclude(nav, ticks, gps_fixes, due, told)
     return Computer(*computer[:-1], ticks), outputs  # ticks is the last field
+
+
+def coast(computer, blocks, first, last):
+    """Ticks in which nothing is handed over and nobody wants the solution, as far as there is nothing to do.
+
+    The same as `tick` with each block, nothing arriving and told=False.
+
+    Parameters
+    ----------
+    computer : Computer after the tick before
+    blocks : ImuBlock of arrays, of which rows first ... last - 1 are meant
+
+    Returns
+    -------
+    computer : Computer
+    outputs : list of records
+    done : int, ticks that were made; 0: the next one has to be a `tick`
+    """
+    last = min(last, first + COVARIANCE_TICKS - 1 - computer.ticks % COVARIANCE_TICKS)
+    due_s = min((fix.t_available_s for fix in computer.waiting), default=np.inf)
+    for switched_s in (computer.params.tracker_on_s, computer.params.tracker_off_s):
+        if switched_s > computer.nav.history.ends_s[-1] + EARLY_S:
+            due_s = min(due_s, switched_s)
+    last = min(last, int(np.searchsorted(blocks.t_valid_s[first:last] + EARLY_S, due_s)) + first)
+    if last <= first:
+        return computer, [], 0
+    done = coasting.coast(computer.nav, blocks, first, last)
+    return Computer(*computer[:-1], computer.ticks + done), computer.nav.watch.changes(), done
 
 
 def conclude(nav, ticks, gps_fixes, star_fixes, told=True):

@@ -109,11 +109,12 @@ class History:
             return length_s
         return at_s if at_s - begin_s > SNAP_S else begin_s
 
-    def make_room(self, samples):
-        """Place of the next tick; what stands there is to be overwritten."""
+    def make_room(self, samples, ticks=1):
+        """Place of the next tick, with places for `ticks`; what stands there is to be overwritten."""
         size = len(self.numbers)
-        if len(self.ends_s) == size or BEFORE + samples > self.increments.shape[1]:
-            self._grow(2 * size, max(samples, self.increments.shape[1] - BEFORE))
+        while len(self.ends_s) + ticks > size or BEFORE + samples > self.increments.shape[1]:
+            size = 2 * size
+            self._grow(size, max(samples, self.increments.shape[1] - BEFORE))
         return (self.newest + 1) % len(self.numbers)
 
     def _grow(self, size, samples):
@@ -126,11 +127,11 @@ class History:
         self.increments[new, : before[1].shape[1]] = before[1][old]
         self.xs[new], self.Ps[new] = before[3][old], before[4][old]
 
-    def append(self, t_s):
-        """The next tick has been filled in."""
-        self.newest += 1
-        self.ends_s.append(t_s)
-        self.measurements.append(())
+    def extend(self, ends_s):
+        """The next ticks, which end at the times of a list, have been filled in."""
+        self.newest += len(ends_s)
+        self.ends_s.extend(ends_s)
+        self.measurements.extend([()] * len(ends_s))
 
     def forget_oldest(self):
         """Let the oldest tick go."""
