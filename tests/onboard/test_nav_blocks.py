@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import slow_strapdown
-from navigation_flight import C_BC, DT, EARTH, PARAMS, fly
+from navigation_flight import C_BC, DT, EARTH, PARAMS, antenna_of, fly
 from scipy.spatial.transform import Rotation
 
 from shefex_nav.geometry import frames, rotation, wgs84
@@ -283,7 +283,7 @@ def fixes_of(state):
 
 def linearised(order, state, fixes):
     """(z, H, R) of position, velocity, attitude."""
-    a = measurements.antenna(order, state, EARTH, ARM, *measured_motion(state), VIBRATION)
+    a = antenna_of(order, state, EARTH, ARM, *measured_motion(state), VIBRATION)
     return (
         measurements.gps_position(fixes[0], a),
         measurements.gps_velocity(fixes[0], a),

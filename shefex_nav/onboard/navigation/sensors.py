@@ -72,7 +72,7 @@ class Sensor(NamedTuple):
 def _antenna(nav, now):
     """Antenna of the receiver at a Moment."""
     arm, felt = nav.params.l_ba_b, now.felt_packed
-    return measurements.antenna_packed(nav.layout, now.x, now.t_s, nav.earth, arm, felt, now.vibration)
+    return measurements.antenna(nav.layout, now.x, now.t_s, nav.earth, arm, felt, now.vibration)
 
 
 def _gps_position(nav, now, fix):
@@ -235,7 +235,7 @@ def never(nav, now, z, R, fix):
     return Trial(ReleaseRule(np.inf, np.inf), None, None)
 
 
-def rate_covariance(layout, state, P, omega_b, f_b, vibration=0.0):
+def rate_covariance(layout, state, P, omega_b, f_b, vibration):
     """Covariance of the corrected rate by the estimates of the gyro errors: (3, 3) rad^2/s^2."""
     J_omega, _ = calibration.jacobians(layout, state, omega_b, f_b, vibration)
     return J_omega @ P @ J_omega.T
