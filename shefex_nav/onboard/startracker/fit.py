@@ -30,12 +30,12 @@ from shefex_nav.onboard.startracker.spot import (
     TO_YY,
     VARIANCE,
     WINDOW,
+    WORK,
     curves,
     model,
     pixels,
     spots_of,
     window_of,
-    work_memory,
 )
 
 MOST_STEPS = 5  # a star needs two; what needs more is none
@@ -69,9 +69,8 @@ def centroids(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px)
     -------
     xy_px (n, 2), flux_dn (n,), P_px (n, 2, 2)
     """
-    work = work_memory()
-    shape, P_S = measure(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px, work)
-    fitted, good = fit(image_dn, table, shape, P_S, saturation_dn, dn_per_electron, work)
+    shape, P_S = measure(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px)
+    fitted, good = fit(image_dn, table, shape, P_S, saturation_dn, dn_per_electron)
     xy_px, flux, P_px = weighted(table, dn_per_electron)
     for k in range(table.shape[0]):
         if good[k]:
@@ -85,7 +84,7 @@ def centroids(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px)
 
 
 @njit(cache=True)
-def fit(image_dn, table, shape, P_S, saturation_dn, dn_per_electron, work):
+def fit(image_dn, table, shape, P_S, saturation_dn, dn_per_electron):
     """Fit all objects of a frame.
 
     Parameters
@@ -96,7 +95,6 @@ def fit(image_dn, table, shape, P_S, saturation_dn, dn_per_electron, work):
     P_S : (3, 3) px^4, covariance of xx, xy, yy of the shape
     saturation_dn : grey value of a saturated pixel
     dn_per_electron : float, 0 where it is not known: the shot noise of the stars is left out
-    work : spot.work_memory()
 
     Returns
     -------
@@ -109,7 +107,7 @@ def fit(image_dn, table, shape, P_S, saturation_dn, dn_per_electron, work):
     # a neighbour's light counts over the greatest window of both
     spread = shape.sigma_px + 0.3 * max(abs(shape.streak_x), abs(shape.streak_y))
     near_px = 2.0 * min(WINDOW[0] * spread + 1.0, LARGEST_REACH)
-    others = np.empty((n, COLUMNS))
+    work, others = np.empty(WORK), np.empty((n, COLUMNS))
     for turn in range(2):
         for k in range(n):
             n_others = 0

@@ -29,6 +29,7 @@ from shefex_nav.onboard.startracker.spot import (
     TO_Y,
     TO_YY,
     VARIANCE,
+    WORK,
     Shape,
     curves,
     model,
@@ -56,7 +57,7 @@ NO_OTHERS = np.empty((0, 3))
 
 
 @njit(cache=True)
-def measure(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px, work):
+def measure(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px):
     """Shape of the stars in a frame.
 
     Parameters
@@ -66,7 +67,6 @@ def measure(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px, w
     saturation_dn : grey value of a saturated pixel
     dn_per_electron : float, 0 where it is not known
     default_sigma_px : width where the frame shows no clear star that is not saturated
-    work : spot.work_memory()
 
     Returns
     -------
@@ -83,7 +83,7 @@ def measure(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px, w
         moments[:, k] = _unweighted(table[star, XX], table[star, XY], table[star, YY])
     S = np.array([np.median(moments[0]), np.median(moments[1]), np.median(moments[2])])
     S[0], S[2] = S[0] - EXCESS, S[2] - EXCESS
-    S, P_S = _fitted(image_dn, table[chosen], _possible(S), saturation_dn, dn_per_electron, work)
+    S, P_S = _fitted(image_dn, table[chosen], _possible(S), saturation_dn, dn_per_electron)
     return _shape(S), P_S
 
 
@@ -154,14 +154,14 @@ def _shape(S):
 
 
 @njit(cache=True)
-def _fitted(image_dn, stars, S, saturation_dn, dn_per_electron, work):
+def _fitted(image_dn, stars, S, saturation_dn, dn_per_electron):
     """S of largest likelihood for some stars, from a first one, and its covariance.
 
     Gauss-Newton over S and place and flux p of each star. With A, B, C the blocks of a star's normal matrix
     and a, c its right sides, p eliminated: J = C - B' A^-1 B, g = c - B' A^-1 a; the star by itself would
     change S by J^-1 g, all together by (sum w J)^-1 sum w g.
     """
-    n = len(stars)
+    n, work = len(stars), np.empty(WORK)
     p = np.empty((n, 3))
     p[:, 0], p[:, 1], p[:, 2] = stars[:, X], stars[:, Y], stars[:, FLUX]
     J, g, back = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3, 4))

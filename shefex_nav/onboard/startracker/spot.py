@@ -23,8 +23,9 @@ STEP_SIGMAS = 1.6  # two spots this far apart, in sigmas, add up to a smooth rid
 WINDOW = (2.5, 5.0)  # sigmas, least and greatest radius of the pixels that are used
 WINDOW_NOISE = 0.5  # the window reaches to where the star's light is this fraction of the noise
 LARGEST_REACH = 31  # px
-LAYERS = 9  # of the work memory: light, its slopes, edges, light seen, its variance, three of the shape
+LAYERS = 9  # of work memory: light, its slopes, edges, light seen, its variance, its change with the shape
 SPOT, TO_X, TO_Y, EDGES, SEEN, VARIANCE, TO_XX, TO_XY, TO_YY = range(LAYERS)
+WORK = (LAYERS, 2 * LARGEST_REACH + 2, 2 * LARGEST_REACH + 2)  # layers of the greatest window
 
 
 class Shape(NamedTuple):
@@ -33,12 +34,6 @@ class Shape(NamedTuple):
     sigma_px: float
     streak_x: float  # px, from one end of the streak to the other
     streak_y: float
-
-
-@njit(cache=True)
-def work_memory():
-    """Layers of the greatest window, to be overwritten by the functions below."""
-    return np.empty((LAYERS, 2 * LARGEST_REACH + 2, 2 * LARGEST_REACH + 2))
 
 
 @njit(cache=True)
