@@ -53,27 +53,23 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, ever
     eye, blocks = _star_camera(world, scenario, seed, computer, step), imu.stacked(world.imu)
     diary, n = Diary(world, blocks.t_valid_s, until_s), 0
     while n < diary.ticks:
-        if every > 1 and (busy := diary.next_tick(n, every, eye.shutter)) > n + 1:
-            computer, outputs, made = onboard.coast(computer, blocks, n, busy - 1)
-            yield from outputs
-            n += made
-            if made:
-                continue
-        n += 1
-        computer = yield from _tick(computer, world, row(blocks, n - 1), n, n % every == 0, diary, eye)
+        busy = n + 1 if every == 1 else diary.next_tick(n, every, eye.shutter)
+        computer, made = onboard.coast(computer, blocks, n, min(busy, diary.ticks))
+        n += made
+        computer = yield from _tick(computer, world, blocks, n, n % every == 0, diary, eye)
     if n == len(blocks.t_valid_s):
         yield from reversed(diary.events)  # the impact, between the last tick and the one that did not come
 
 
-def _tick(computer, world, block, n, told, diary, eye):
-    """Tick n of a `route`: yields its records. -> Computer"""
-    now_s = block.t_valid_s
+def _tick(computer, world, blocks, n, told, diary, eye):
+    """Tick n of a `route`, to which the computer has come: yields its records. -> Computer"""
+    now_s = computer.nav.history.ends_s[-1]
     yield from due(diary.events, now_s)
     if told:
         yield truth_sample(world.flight.trajectory, n * SAMPLES_PER_TICK)
     yield from due(diary.steered, now_s)
     if told:
-        yield block
+        yield row(blocks, n - 1)
     arrived, pictures = due(diary.received, now_s), eye.shutter.arrived(now_s)
     for _, truth in pictures:
         yield truth
@@ -83,9 +79,8 @@ def _tick(computer, world, block, n, told, diary, eye):
         yield from frames
     clock = Stopwatch(eye.step)
     chain = eye.line.chain(clock.step)
-    computer, outputs = onboard.tick(
-        computer, block, arrived, frames, chain=chain, context=eye.context, told=told
-    )
+    how = {"chain": chain, "context": eye.context, "told": told}
+    computer, outputs = onboard.attend(computer, arrived, frames, **how)
     yield from outputs
     if eye.has_pictures:
         for frame, duration_s in zip(frames, clock.durations_s, strict=True):

@@ -68,13 +68,46 @@ def start(params, alignment, earth, catalogue, julian_year):
     return Computer(params, earth, fusion.start(params.nav, alignment, earth), tracker, None, (), 0)
 
 
-def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.step, context=None, told=True):
-    """One tick.
+def tick(computer, imu_block, gps_fixes, frames_arrived, **how):
+    """One tick: on with an ImuBlock that ends at it, then `attend` to what has arrived.
+
+    -> as `attend`, which takes all but the block
+    """
+    fusion.advance(computer.nav, imu_block)
+    computer = Computer(*computer[:-1], computer.ticks + 1)  # ticks is the last field
+    return attend(computer, gps_fixes, frames_arrived, **how)
+
+
+def coast(computer, blocks, first, last):
+    """On with ImuBlocks, up to the first tick that the computer itself has to attend to.
 
     Parameters
     ----------
-    computer : Computer after the tick before
-    imu_block : ImuBlock that ends at this tick
+    computer : Computer, all ticks before attended to
+    blocks : ImuBlock of arrays, of which rows first ... last - 1 are meant
+
+    Returns
+    -------
+    computer : Computer at a tick that has not been attended to
+    done : int, ticks that were made, at least one
+    """
+    last = min(last, first + COVARIANCE_TICKS - computer.ticks % COVARIANCE_TICKS)
+    due_s = min((fix.t_available_s for fix in computer.waiting), default=np.inf)
+    for switched_s in (computer.params.tracker_on_s, computer.params.tracker_off_s):
+        if switched_s > computer.nav.history.ends_s[-1] + EARLY_S:
+            due_s = min(due_s, switched_s)
+    if due_s < blocks.t_valid_s[last - 1]:
+        last = first + int(np.searchsorted(blocks.t_valid_s[first:last] + EARLY_S, due_s)) + 1
+    done = coasting.coast(computer.nav, blocks, first, last)
+    return Computer(*computer[:-1], computer.ticks + done), done
+
+
+def attend(computer, gps_fixes, frames_arrived, *, chain=star_tracker.step, context=None, told=True):
+    """What is done at the tick that the filter has reached, with what has arrived since the one before.
+
+    Parameters
+    ----------
+    computer : Computer
     gps_fixes : sequence of GpsFix and GpsRanges with t_available_s not later than this tick, each handed
         over once
     frames_arrived : sequence of Frame, likewise
@@ -89,42 +122,10 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
         is switched on, then one with each frame), StarFix, GateResult, the NavSolution of the tick, and at
         10 Hz NavCovariance
     """
-    nav, now_s = computer.nav, imu_block.t_valid_s
-    fusion.advance(nav, imu_block)
-    outputs, due = [], ()
+    now_s, outputs, due = computer.nav.history.ends_s[-1], [], ()
     if computer.waiting or frames_arrived or _switches(computer, now_s):
         computer, outputs, due = _track_stars(computer, now_s, frames_arrived, chain, context or star_context)
-    ticks = computer.ticks + 1
-    outputs += conclude(nav, ticks, gps_fixes, due, told)
-    return Computer(*computer[:-1], ticks), outputs  # ticks is the last field
-
-
-def coast(computer, blocks, first, last):
-    """Ticks in which nothing is handed over and nobody wants the solution, as far as there is nothing to do.
-
-    The same as `tick` with each block, nothing arriving and told=False.
-
-    Parameters
-    ----------
-    computer : Computer after the tick before
-    blocks : ImuBlock of arrays, of which rows first ... last - 1 are meant
-
-    Returns
-    -------
-    computer : Computer
-    outputs : list of records
-    done : int, ticks that were made; 0: the next one has to be a `tick`
-    """
-    last = min(last, first + COVARIANCE_TICKS - 1 - computer.ticks % COVARIANCE_TICKS)
-    due_s = min((fix.t_available_s for fix in computer.waiting), default=np.inf)
-    for switched_s in (computer.params.tracker_on_s, computer.params.tracker_off_s):
-        if switched_s > computer.nav.history.ends_s[-1] + EARLY_S:
-            due_s = min(due_s, switched_s)
-    last = min(last, int(np.searchsorted(blocks.t_valid_s[first:last] + EARLY_S, due_s)) + first)
-    if last <= first:
-        return computer, [], 0
-    done = coasting.coast(computer.nav, blocks, first, last)
-    return Computer(*computer[:-1], computer.ticks + done), computer.nav.watch.changes(), done
+    return computer, outputs + conclude(computer.nav, computer.ticks, gps_fixes, due, told)
 
 
 def conclude(nav, ticks, gps_fixes, star_fixes, told=True):
