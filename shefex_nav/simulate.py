@@ -5,7 +5,7 @@ This is the only place where the world and the flight software meet. `run` is an
 """
 
 import time
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -48,8 +48,8 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, ever
     every : ticks from one record of truth, IMU and solution to the next; nothing else changes with it
     """
     yield world.alignment
-    epoch_year = ephemeris.julian_year(scenario.mission.epoch)
-    computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, epoch_year)
+    year = catalogue_year(scenario.mission.epoch)
+    computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, year)
     eye, blocks = _star_camera(world, scenario, seed, computer, step), imu.stacked(world.imu)
     diary, n = Diary(world, blocks.t_valid_s, until_s), 0
     while n < diary.ticks:
@@ -134,6 +134,7 @@ class Diary:
 
     events, steered, received : lists in reverse order of time of Event, ControlSample, and of GpsFix and
         GpsRanges
+    busy : ticks at which one of these has its turn
     ticks : int, how many are flown
     """
 
@@ -143,15 +144,26 @@ class Diary:
         self.steered = control_samples(flight.control, flight.trajectory)[::-1]
         self.received = sorted(world.gps_fixes + world.gps_ranges, key=happens_s, reverse=True)
         self.late_s = (ends_s + EARLY_S).tolist()
+        known_s = [happens_s(record) for record in (*self.events, *self.steered, *self.received)]
+        self.busy = np.unique(np.searchsorted(self.late_s, known_s) + 1).tolist()
         self.ticks = int(np.searchsorted(ends_s, until_s + EARLY_S, side="right"))
 
     def next_tick(self, n, every, shutter):
         """The first tick after n at which something happens, or one of `every` has its turn."""
-        due_s = min(
-            (happens_s(one[-1]) for one in (self.events, self.steered, self.received) if one), default=np.inf
-        )
-        tick = bisect_left(self.late_s, min(due_s, shutter.next_s), lo=n) + 1
-        return min(tick, (n // every + 1) * every, shutter.next_tick(n), self.ticks + 1)
+        tick = min((n // every + 1) * every, shutter.next_tick(n), self.ticks + 1)
+        if (k := bisect_right(self.busy, n)) < len(self.busy):
+            tick = min(tick, self.busy[k])
+        if shutter.next_s < self.late_s[min(tick, self.ticks) - 1]:
+            tick = bisect_left(self.late_s, shutter.next_s, lo=n) + 1
+        return tick
+
+
+def catalogue_year(epoch):
+    """Epoch of the catalogue on board: that of the day. No star moves by more than 0.02 arcsec within it.
+
+    So a launch that is held for minutes flies the same catalogue. As `ephemeris.julian_year`
+    """
+    return round(ephemeris.julian_year(epoch) * 365.25) / 365.25
 
 
 def warm_up(scenario):
@@ -159,8 +171,8 @@ def warm_up(scenario):
     world = prepare.build_world(scenario, seed=0, brief=True)
     for _ in route(world, scenario, 0, until_s=scenario.mission.start + 1.5):
         pass
-    epoch_year = ephemeris.julian_year(scenario.mission.epoch)
-    tracker = star_tracker.init(world.computer.tracker, world.catalogue, epoch_year)
+    year = catalogue_year(scenario.mission.epoch)
+    tracker = star_tracker.init(world.computer.tracker, world.catalogue, year)
     state, command = star_tracker.start(tracker, scenario.mission.start)
     trajectory = looking_up(world.flight.trajectory, world.camera)
     rng = noise.generator(0, "camera_noise")

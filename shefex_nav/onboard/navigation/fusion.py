@@ -228,7 +228,7 @@ def _worth_trying(nav, arrival, fix, index, results):
         results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
         return (), fix
     if arrival.startswith("star"):
-        return names, straightened(nav, index, fix)
+        return names, straightened(nav, arrival, index, fix)
     if arrival.startswith("gps"):
         repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, *_whereabouts(nav, index))
         results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())

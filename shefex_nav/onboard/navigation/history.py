@@ -159,11 +159,11 @@ class History:
         return bisect_left(self.ends_s, t_s - SNAP_S)
 
     def nearest(self, t_s):
-        """The Tick whose end is nearest to t_s, of those that have IMU samples."""
+        """Index of the tick whose end is nearest to t_s, of those that have IMU samples."""
         first = 1 if self.numbers[self.place(0), 2] == 0 else 0
         later = min(max(bisect_left(self.ends_s, t_s), first), len(self) - 1)
         earlier = max(later - 1, first)
-        return self[earlier if t_s - self.ends_s[earlier] <= self.ends_s[later] - t_s else later]
+        return earlier if t_s - self.ends_s[earlier] <= self.ends_s[later] - t_s else later
 
 
 def _position_of(measurements, otherwise_s):
@@ -222,9 +222,13 @@ class Moment:
     @property
     def felt_packed(self):
         """`felt` in one array, (6,)."""
+        return self.felt_with(self.x)
+
+    def felt_with(self, x):
+        """`felt_packed`, corrected with the estimates of other packed values."""
         history, place = self.history, self.history.place(self.k)
         _, dt_s, n, vibration = history.numbers[place].tolist()
-        return felt_packed(self.x, history.increments[place], int(n), dt_s, vibration, self.at_s)
+        return felt_packed(x, history.increments[place], int(n), dt_s, vibration, self.at_s)
 
 
 @njit(cache=True)

@@ -95,13 +95,13 @@ def _gps_range_rate(nav, now, fix):
     return z, H, R + vibration_variance(nav.params, now) * (along @ along.T)
 
 
-def straightened(nav, index, fix):
+def straightened(nav, arrival, index, fix):
     """A StarFix as its instant shows it: what a rate that changes during the exposure does is taken out.
 
     Once, when it arrives: later the memory may have lost the beginning of the exposure. Where the memory
     does not cover it, the rate is taken as steady, and the fix is what it was.
 
-    nav : fusion.Filter;  index : tick of the fix in its History
+    nav : fusion.Filter;  arrival : of `ARRIVALS`, of single stars or not;  index : of its tick in the History
     """
     if not fix.exposure_s > 0.0:
         return fix
@@ -114,7 +114,7 @@ def straightened(nav, index, fix):
     if fix.reason == Reason.NONE:
         turned = rotation.quat_multiply(fix.q_ic, rotation.quat_from_rotvec(-bend_c))
         fix = fix._replace(q_ic=turned, P_c=fix.P_c + P)
-    if len(fix.stars.hip):
+    if arrival == "star_vectors" and len(fix.stars.hip):
         fix = fix._replace(stars=measure_stars.turned_back(fix.stars, bend_c, P))
     return fix
 
