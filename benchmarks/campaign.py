@@ -108,7 +108,9 @@ def times(ends, began_s, over_s, runs):
         "until_the_first_run_s": min(one[0].when_s - one[0].wall_s for one in ends) - began_s,
         "after_the_last_run_s": over_s - last.when_s,
         "per_hour": 3600.0 * runs / (over_s - began_s),
-        "per_hour_in_between": sum(3600.0 * (len(one) - 1) / (one[-1].when_s - one[0].when_s) for one in later),
+        "per_hour_in_between": sum(
+            3600.0 * (len(one) - 1) / (one[-1].when_s - one[0].when_s) for one in later
+        ),
         "idle_percent": None if idle is None else 100.0 * idle,
         "own_processor_percent": 100.0 * own_s / shared_s if shared_s else None,
         "overhead_percent": None if idle is None else 100.0 * (idle + own_s / shared_s),
