@@ -6,7 +6,8 @@ it was fitted to, in SI: with others it does not hold, and the scenario is refus
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic_core import PydanticCustomError
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.quantity import Number, Quantity
@@ -74,6 +75,18 @@ class StarStatistics(Block):
     sightings: SightingsFit
     identification: IdentificationFit
     tests: list[dict[str, Any]] = Field(description="of the fit, on runs that it was not fitted to")
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _as_it_was_written(cls, content, validated):
+        """Refuse a file that somebody has changed: nobody has compared it with pictures."""
+        model = validated(content)
+        if isinstance(content, dict) and (own := digest(content)) != model.digest:
+            raise PydanticCustomError(
+                "changed", "is not as shefex-nav characterise wrote it: it should have the digest {given} "
+                "and has {own}; characterise again", {"given": model.digest, "own": own},
+            )  # fmt: skip
+        return model
 
 
 def _form(value):

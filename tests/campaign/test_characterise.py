@@ -9,7 +9,7 @@ import pytest
 from scipy.special import ndtr
 
 from shefex_nav import statistical
-from shefex_nav.campaign.characterise import fit, judge, model, running
+from shefex_nav.campaign.characterise import fit, flying, judge, model, running
 from shefex_nav.campaign.characterise.collect import Collected, Frames, Searches, Sources
 from shefex_nav.records import Reason
 from shefex_nav.scenario.load import load
@@ -230,7 +230,7 @@ def test_nothing_to_judge_is_not_good_and_can_be_written(runs):
     content = model.with_tests({}, [judge.flown_all(3, []), *tests])
     again = json.loads(model.text(content))["tests"]
     assert again[0]["good"] and again[1]["value"] is None
-    failed = judge.flown_all(3, [running.Failed(7, "OutsideModelError: too fast")])
+    failed = judge.flown_all(3, [flying.Failed(7, "OutsideModelError: too fast")])
     assert not failed.good and "too fast" in failed.what
 
 

@@ -16,10 +16,11 @@ def content():
     return json.loads(SHIPPED.read_text(encoding="utf-8"))
 
 
-def with_model(folder, change):
-    """Overrides that fly the default scenario with the shipped model after `change`."""
+def with_model(folder, change, digest=star_statistics.digest):
+    """Overrides that fly the default scenario with the shipped model after `change`, as if so fitted."""
     found = content()
     change(found)
+    found["digest"] = digest(found)
     path = folder / "model.json"
     path.write_text(json.dumps(found), encoding="utf-8")
     return path, [STATISTICAL, f"star_tracker.model={path}"]
@@ -110,6 +111,18 @@ def test_a_model_that_is_missing_broken_or_of_something_else_is_refused(tmp_path
     assert "star_tracker.model.format" in the_message(DEFAULT, overrides)
     _, overrides = with_model(tmp_path, lambda found: found["settings"].pop("star_tracker.rate"))
     assert "does not say for which star_tracker.rate it was made" in the_message(DEFAULT, overrides)
+
+
+def test_a_model_that_was_changed_after_it_was_written_is_refused(tmp_path):
+    def better(found):
+        found["sightings"]["noise"][1] *= 0.5
+
+    _, overrides = with_model(tmp_path, better, lambda found: found["digest"])
+    said = the_message(DEFAULT, overrides)
+    assert "star_tracker.model: is not as shefex-nav characterise wrote it: it should have the digest" in said
+    assert content()["digest"] in said and "characterise again" in said
+    load(DEFAULT, with_model(tmp_path, better)[1])
+    load(DEFAULT, with_model(tmp_path, lambda found: found.update(tests=[], made={"by": "me"}))[1])
 
 
 def test_a_rolling_shutter_has_no_statistics():
