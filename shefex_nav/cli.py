@@ -7,6 +7,7 @@ nothing written), 1 an internal fault (traceback, and the log up to that moment 
 
 import json as json_module
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -68,13 +69,15 @@ def run(
     say("Getting ready; the first run on a machine compiles, which takes a few minutes.")
     from shefex_nav import runs
 
-    flown = runs.fly(
-        loaded,
-        seed,
-        log=path,
-        overwrite=force,
-        watch=lambda records, start_s, end_s: interruptible(watched(records, start_s, end_s)),
-    )
+    with about(scenario):
+        flown = runs.fly(
+            loaded,
+            seed,
+            log=path,
+            overwrite=force,
+            watch=lambda records, start_s, end_s: interruptible(watched(records, start_s, end_s)),
+            told=lambda warnings: warn(loaded, warnings),
+        )
     show(flown.summary(), json, flown.data)
 
 
@@ -103,6 +106,23 @@ def writable(path, option, *, force=False):
 def say(text):
     """A line for people, on stderr."""
     typer.echo(text, err=True)
+
+
+@contextmanager
+def about(scenario):
+    """A flight that cannot be is told with the name of its scenario file."""
+    from shefex_nav.world.flight.fly import FlightError
+
+    try:
+        yield
+    except FlightError as error:
+        raise FlightError(f"{scenario}: {error}") from None
+
+
+def warn(scenario, warnings):
+    """A line for each thing that the programme of a scenario gets wrong of the flight, with its place."""
+    for one in warnings:
+        say(f"warning: {scenario.line_about(one.field, one.text)}")
 
 
 def interruptible(records):
@@ -261,11 +281,19 @@ def tell_if_cut(log, data):
 
 @app.command()
 def check(scenario: ScenarioArgument, overrides: SetOption = None):
-    """Check a scenario file; all its errors at once, with line and column."""
+    """Check a scenario file; all its errors at once, with line and column.
+
+    A vehicle that is launched is flown, without its sensors: times that do not fit the flight are told.
+    """
+    from shefex_nav.report import programme
     from shefex_nav.scenario import load
 
-    load.load(scenario, overrides or ())
-    typer.echo(f"{scenario}: good")
+    loaded = load.load(scenario, overrides or ())
+    with about(scenario):
+        found = programme.foreseen(loaded)
+    warn(loaded, found)
+    count = f", with {len(found)} warning{'s' if found[1:] else ''}" if found else ""
+    typer.echo(f"{scenario}: good{count}")
 
 
 @app.command()
