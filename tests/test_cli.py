@@ -106,7 +106,7 @@ def test_view_never_overwrites(command, default_run):
     for arguments in (("--save", default_run.log), ("--screenshot", default_run.log, "--at", "300s")):
         result = command("view", default_run.log, *arguments)
         assert result.code == 2
-        assert "exists already" in " ".join(result.err.replace("│", " ").split())  # wrapped in its box
+        assert "exists already" in result.err
     assert default_run.log.read_bytes() == before
 
 
@@ -121,7 +121,7 @@ def test_an_existing_log_is_not_overwritten(command, default_scenario, tmp_path)
     out.write_bytes(b"precious")
     result = command("run", default_scenario, "--out", out)
     assert result.code == 2
-    assert "exists already" in " ".join(result.err.replace("│", " ").split())  # wrapped in its box
+    assert "exists already" in result.err
     assert out.read_bytes() == b"precious"
 
 
