@@ -363,3 +363,15 @@ def test_names_of_states_are_whole_or_not_there(tmp_path):
 @pytest.mark.parametrize(("value", "limit"), [(0.7, 1.2), (1.3, 2.4), (2.5, 6.0), (7.0, 12.0), (0.0, 1.2e-6)])
 def test_scales_contain_their_values(value, limit):
     assert layout._largest(np.array([-value, np.nan, 0.5 * value])) == pytest.approx(limit)
+
+
+def test_a_cut_log_is_told_once_and_by_us(log, tmp_path, command):
+    cut, saved = tmp_path / "cut.mcap", tmp_path / "cut.rrd"
+    cut.write_bytes(log.read_bytes()[: int(0.6 * log.stat().st_size)])
+    result = command("view", cut, "--save", saved)
+    told, wrote = result.err.splitlines()
+    assert result.code == 0 and wrote == f"wrote {saved}"
+    assert told.startswith(f"{cut}: the run ended early, at T+")
+    first = saved.read_bytes()
+    again = command("view", cut, "--save", saved, "--force")
+    assert again.code == 0 and saved.stat().st_size == pytest.approx(len(first), rel=0.01)
