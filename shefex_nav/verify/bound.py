@@ -23,10 +23,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.environment import gravity
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.verify import bound_model, linear
 from shefex_nav.verify.bound_model import POS, PSI, VEL
+from shefex_nav.verify.field import beyond
 from shefex_nav.world import imu as world_imu
 
 OUTPUT_S = 0.5  # between the times at which the bound is given
@@ -67,27 +67,21 @@ def gravity_process(field, trajectory, earth):
     Returns
     -------
     sigma : m/s^2, root mean square per axis from lift-off on
-    tau_s : lag at which the sum of the axes' autocovariances has fallen to 1/e
+    tau_s : of the Gauss-Markov process that changes as much: 1 - D/(2 sigma^2) is its correlation, D the mean
+        squared difference over a lag; the lag of 1/e, or if half of the flight is too short for that, the
+        time that the change within half of the flight implies
     """
-    chosen = slice(int(np.searchsorted(trajectory.t_s, 0.0)), None, 400)
-    difference = np.array(
-        [
-            frames.dcm_ie(earth, t_s) @ _beyond_j2(field, frames.dcm_ie(earth, t_s).T @ r_i)
-            for t_s, r_i in zip(trajectory.t_s[chosen], trajectory.r_i[chosen], strict=True)
-        ]
-    )
+    t_s, difference = beyond(field, trajectory, earth, int(np.searchsorted(trajectory.t_s, 0.0)))
     sigma = float(np.sqrt((difference**2).mean()))
     if sigma == 0.0:
         return 0.0, np.inf
-    lags = range(len(difference) // 2)
-    covariance = np.array([(difference[: len(difference) - k] * difference[k:]).mean() for k in lags])
-    below = np.flatnonzero(covariance < covariance[0] / np.e)
-    step_s = float(trajectory.t_s[400] - trajectory.t_s[0])
-    return sigma, step_s * float(below[0] if len(below) else len(lags))
-
-
-def _beyond_j2(field, r_e):
-    return gravity.gravity_e(field, r_e) - gravity.gravity_j2_e(r_e)
+    changes = [difference[k:] - difference[:-k] for k in range(1, len(difference) // 2 + 1)]
+    correlation = np.array([1.0 - 0.5 * (change**2).mean() / sigma**2 for change in changes])
+    lags_s = t_s[1 : len(changes) + 1] - t_s[0]
+    below = np.flatnonzero(correlation < 1.0 / np.e)
+    if len(below):
+        return sigma, float(lags_s[below[0]])
+    return sigma, float(-lags_s[-1] / np.log(correlation[-1]))
 
 
 def swing(params, rms, dt_s):

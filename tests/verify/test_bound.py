@@ -370,4 +370,23 @@ def test_gravity_process_is_what_the_field_has_beyond_j2():
     assert bound.gravity_process(gravity.load("j2"), trajectory, EARTH)[0] < 1e-9
     sigma, tau_s = bound.gravity_process(gravity.load("egm96", 12), trajectory, EARTH)
     assert 5e-5 < sigma < 1e-3  # 5 to 100 micro gee
-    assert tau_s > 5.0
+    assert tau_s > 1000.0  # degree 12 has waves of 3300 km: in half a minute next to nothing changes
+
+
+@pytest.mark.parametrize(("tau_s", "tolerance"), [(40.0, 0.15), (3000.0, 0.6)])
+def test_time_of_the_gravity_process_is_that_of_a_process_with_a_known_one(monkeypatch, tau_s, tolerance):
+    """Gauss-Markov samples instead of a field, 3000 s: a time that is reached, and one that is not.
+
+    Within 3000 s a memory of 3000 s is known to some half of it, no better; that it is not cut off at half of
+    the flight is what counts.
+    """
+    n, trajectory = 3001, flight(1.0)
+    rng, keeps, found = np.random.default_rng(5), np.exp(-1.0 / tau_s), []
+    for _ in range(20):
+        drawn = [rng.standard_normal(3)]
+        for _ in range(n - 1):
+            drawn.append(keeps * drawn[-1] + np.sqrt(1.0 - keeps**2) * rng.standard_normal(3))
+        path = np.arange(float(n)), np.array(drawn)
+        monkeypatch.setattr(bound, "beyond", lambda *_, path=path: path)
+        found.append(bound.gravity_process(None, trajectory, EARTH))
+    assert np.median([tau for _, tau in found]) == pytest.approx(tau_s, rel=tolerance)

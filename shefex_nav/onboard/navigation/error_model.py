@@ -43,7 +43,10 @@ from shefex_nav.onboard.navigation.state import (
     VEL,
 )
 
-FIELD_TIME_S = 300.0  # [E] correlation time of gravity anomalies along the flight: some 500 km at 2 km/s
+# Memory of what J2 leaves out of gravity, along a flight. Over 800 km anywhere on the Earth the rest of EGM96
+# (degree 12) changes by as much as a Gauss-Markov process with a correlation length of 4900 km: 3000 s
+# at 1.6 km/s over the ground. It is smoother than such a process: over less it changes even less.
+FIELD_TIME_S = 3000.0
 DURATION, ANGLE, SPEED = 0, 1, 4  # first of the weights of each kind
 WEIGHTS = 7
 
