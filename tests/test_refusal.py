@@ -49,6 +49,12 @@ REFUSALS = {
     ("view", LOG, "--save", THERE): "--save: {there} exists already; choose another name or add --force",
     ("view", LOG, "--save", LOG, "--force"): "--save: {log} is the log itself; choose another name",
     ("view", LOG, "--web", "--save", "x.rrd"): "--web: does not go with --save or --screenshot",
+    ("replay", LOG): "{log}: not an MCAP file",
+    ("report", LOG): "{log}: not an MCAP file",
+    (
+        "check",
+        LOG,
+    ): "{log}:1:1: the file holds a single value; expected a mapping that starts with 'mission:'",
     ("repeat", "{there}.d", "0"): "{there}.d: there is no campaign.json; expected the folder of a campaign",
 }
 
