@@ -7,6 +7,7 @@ nothing written), 1 an internal fault (traceback, and the log up to that moment 
 
 import json as json_module
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,7 @@ import typer
 
 from shefex_nav.campaign.characterise.command import characterise
 from shefex_nav.campaign.command import campaign, repeat  # which imports late
+from shefex_nav.refusal import PlainGroup
 from shefex_nav.replay.command import replay  # likewise
 from shefex_nav.replay.smooth_command import smooth
 from shefex_nav.report import export_command  # imports late
@@ -23,6 +25,7 @@ from shefex_nav.verify.command import app as verify_app  # which imports late, t
 
 app = typer.Typer(
     name="shefex-nav",
+    cls=PlainGroup,
     help="Hybrid INS/GPS/star-tracker navigation simulator for sounding rockets and small satellites.",
     no_args_is_help=True,
     add_completion=True,
@@ -63,18 +66,20 @@ def run(
 
     loaded = load.load(scenario, overrides or ())
     path = out or free_name(loaded.mission.name, seed)
-    writable(path, "--out", force=force)
+    export_command.check_file(path, "--out", force=force)
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
     say("Getting ready; the first run on a machine compiles, which takes a few minutes.")
     from shefex_nav import runs
 
-    flown = runs.fly(
-        loaded,
-        seed,
-        log=path,
-        overwrite=force,
-        watch=lambda records, start_s, end_s: interruptible(watched(records, start_s, end_s)),
-    )
+    with about(scenario):
+        flown = runs.fly(
+            loaded,
+            seed,
+            log=path,
+            overwrite=force,
+            watch=lambda records, start_s, end_s: interruptible(watched(records, start_s, end_s)),
+            told=lambda warnings: warn(loaded, warnings),
+        )
     show(flown.summary(), json, flown.data)
 
 
@@ -91,18 +96,26 @@ def free_name(name, seed):
     return path
 
 
-def writable(path, option, *, force=False):
-    """Refuse an output file that would be lost or that has no folder, before anything is computed."""
-    if path.exists() and not force:
-        hint = " or add --force" if option == "--out" else ""
-        raise typer.BadParameter(f"{path} exists already; choose another name{hint}", param_hint=option)
-    if not path.parent.is_dir():
-        raise typer.BadParameter(f"there is no folder {path.parent}", param_hint=option)
-
-
 def say(text):
     """A line for people, on stderr."""
     typer.echo(text, err=True)
+
+
+@contextmanager
+def about(scenario):
+    """A flight that cannot be is told with the name of its scenario file."""
+    from shefex_nav.world.flight.fly import FlightError
+
+    try:
+        yield
+    except FlightError as error:
+        raise FlightError(f"{scenario}: {error}") from None
+
+
+def warn(scenario, warnings):
+    """A line for each thing that the programme of a scenario gets wrong of the flight, with its place."""
+    for one in warnings:
+        say(f"warning: {scenario.line_about(one.field, one.text)}")
 
 
 def interruptible(records):
@@ -215,22 +228,30 @@ def view(
     screenshot: Annotated[Path | None, typer.Option(help="PNG of the viewer; needs no screen.")] = None,
     at: Annotated[str | None, typer.Option(help="Mission time of the screenshot, e.g. 240s.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite what --save and --screenshot name.")
+    ] = False,
 ):
     """Open logs in the rerun viewer, laid out."""
     at_s = None if at is None else mission_time(at)
     if at is not None and screenshot is None:
-        raise typer.BadParameter("is the time of a --screenshot, which is not asked for", param_hint="--at")
+        raise typer.BadParameter(
+            f"{at} is the time of a picture; name it with --screenshot", param_hint="--at"
+        )
     if web and (save or screenshot):
         raise typer.BadParameter("does not go with --save or --screenshot", param_hint="--web")
     for path, option in ((save, "--save"), (screenshot, "--screenshot")):
         if path is not None:
-            writable(path, option)
+            if any(path.resolve() == log.resolve() for log in logs):
+                words = f"{path} is the log itself; choose another name"
+                raise typer.BadParameter(words, param_hint=option)
+            export_command.check_file(path, option, force=force)
     from shefex_nav.report import viewer
     from shefex_nav.report.viewer import layout
 
     names = {name.lower().replace(" ", "-"): name for name in layout.PAGES}
     if page.lower() not in names:
-        raise typer.BadParameter(f"is one of {', '.join(names)}, not {page!r}", param_hint="--view")
+        raise typer.BadParameter(f"{page!r} is no page; choose from: {', '.join(names)}", param_hint="--view")
     runs = viewer.view(logs, save=save, screenshot=screenshot, at_s=at_s, page=names[page.lower()], web=web)
     for log, data in zip(logs, runs, strict=True):
         tell_if_cut(log, data)
@@ -261,11 +282,19 @@ def tell_if_cut(log, data):
 
 @app.command()
 def check(scenario: ScenarioArgument, overrides: SetOption = None):
-    """Check a scenario file; all its errors at once, with line and column."""
+    """Check a scenario file; all its errors at once, with line and column.
+
+    A vehicle that is launched is flown, without its sensors: times that do not fit the flight are told.
+    """
+    from shefex_nav.report import programme
     from shefex_nav.scenario import load
 
-    load.load(scenario, overrides or ())
-    typer.echo(f"{scenario}: good")
+    loaded = load.load(scenario, overrides or ())
+    with about(scenario):
+        found = programme.foreseen(loaded)
+    warn(loaded, found)
+    count = f", with {len(found)} warning{'s' if found[1:] else ''}" if found else ""
+    typer.echo(f"{scenario}: good{count}")
 
 
 @app.command()

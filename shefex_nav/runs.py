@@ -32,7 +32,16 @@ LOG_NAME = "run.mcap"
 MOST_AWAY_S = 1.0  # between the time asked for and the one that there is
 
 
-def fly(scenario, seed=1, *, until_s=math.inf, log=None, overwrite=False, watch=lambda records, *_: records):
+def fly(
+    scenario,
+    seed=1,
+    *,
+    until_s=math.inf,
+    log=None,
+    overwrite=False,
+    watch=lambda records, *_: records,
+    told=lambda warnings: None,
+):
     """Fly a scenario once: simulate, navigate, log.
 
     Parameters
@@ -44,6 +53,8 @@ def fly(scenario, seed=1, *, until_s=math.inf, log=None, overwrite=False, watch=
     log : path of the log; without it a temporary one, which lives as long as the Run
     overwrite : whether an existing log may be replaced
     watch : function (records, start_s, end_s) -> the same records, called once; for progress bars
+    told : function of what the programme gets wrong of the flight, a tuple of report.programme.Warned, called
+        before the sensors see it
 
     Returns
     -------
@@ -57,6 +68,7 @@ def fly(scenario, seed=1, *, until_s=math.inf, log=None, overwrite=False, watch=
     from shefex_nav.log.thinning import thinned
     from shefex_nav.log.topics import RunSummary
     from shefex_nav.log.writer import LogWriter
+    from shefex_nav.report import programme
 
     folder = None if log else Folder()
     path = Path(log) if log else folder.path / LOG_NAME
@@ -64,6 +76,7 @@ def fly(scenario, seed=1, *, until_s=math.inf, log=None, overwrite=False, watch=
     simulate.warm_up(scenario)
     compiled = time.perf_counter()
     world = prepare.build_world(scenario, seed)
+    told(programme.warnings(scenario, programme.of_flight(world.flight)))
     t_s = world.flight.trajectory.t_s
     mission = prepare.mission(scenario, seed, world.flight.trajectory)
     kept = RunDataBuilder(mission)
@@ -177,12 +190,13 @@ class Run:
 
     def table(self):
         """The closing table of `shefex-nav run`, a rich Table."""
-        from shefex_nav.report import table
+        from shefex_nav.report import configured, requirements, table
 
         summary = self.summary()
         if self._folder:  # a temporary log is nobody's business
             summary["log"] = None
-        return table.summary_table(summary)
+        stated = configured.configured(self.data).requirements
+        return table.summary_table(summary, () if stated is None else requirements.judge(stated, summary))
 
     @cached_property
     def frames(self):

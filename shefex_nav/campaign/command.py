@@ -126,6 +126,7 @@ def repeat(
     if log is not None:
         check_file(log, "--log", force=force)
     try:
+        repeating.read_head(folder, run)  # refuses before anything is said
         _say(f"{folder}, run {run}; the first run on a machine compiles, which takes a few minutes.")
         repeated = repeating.repeat(folder, run, log)
     except (StoreError, engine.EngineError, WorkerError, running.BadCampaign) as error:

@@ -97,7 +97,7 @@ class Pilot:
         world = prepare.build_world(scenario, job.seed, flight=self.flight)
         trajectory = world.flight.trajectory
         data = _records(scenario, job.seed, world, job.log)
-        summary = metrics.summarise(data)
+        summary = metrics.summarise(data, scenario=scenario)
         return summary, series(data, scenario, job.seed, trajectory, self.plan.series_rate)
 
 

@@ -59,9 +59,7 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
     It is flown in a process of its own, as the campaign's runs were: with one thread for linear algebra.
     -> Repeated; StoreError if there is no such campaign or run, EngineError if it does not come to an end
     """
-    head = store.read_head(folder)
-    if not 0 <= run < head["runs"]:
-        raise store.StoreError(f"{folder}: has runs 0 to {head['runs'] - 1}, there is no run {run}")
+    head = read_head(folder, run)
     plan = _plan(head, folder)
     job = draws.Sampler(plan, load.Pattern(plan.source, plan.name).dispersed).job(run)
     part = None if log is None else log.with_name(log.name + ".part")
@@ -87,6 +85,14 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
     return Repeated(
         run, flown.record, differences, kept is not None, notes, str(log) if written else None
     )  # fmt: skip
+
+
+def read_head(folder, run):
+    """What campaign.json holds of the campaign in `folder`, which has a run of that number; StoreError."""
+    head = store.read_head(folder)
+    if not 0 <= run < head["runs"]:
+        raise store.StoreError(f"{folder}: has runs 0 to {head['runs'] - 1}, there is no run {run}")
+    return head
 
 
 def _rate_hz(plan):

@@ -140,12 +140,12 @@ def _writer(path, mission):
 
 
 def _is_log(path):
-    """Whether a file is an MCAP file, whatever its name."""
+    """Whether a file is an MCAP file, or is called one; whoever reads it says what is wrong."""
     try:
         with path.open("rb") as file:
-            return file.read(len(MCAP_MAGIC)) == MCAP_MAGIC
+            return file.read(len(MCAP_MAGIC)) == MCAP_MAGIC or path.suffix == ".mcap"
     except OSError:
-        return path.suffix == ".mcap"  # whoever reads it says what is wrong
+        return path.suffix == ".mcap"
 
 
 def _seconds(text):

@@ -16,6 +16,7 @@ class Configured(NamedTuple):
     sun_exclusion_rad: float | None
     limb_exclusion_rad: float | None
     problem: str  # why the scenario cannot be read; empty otherwise
+    scenario: object = None  # Scenario
 
 
 NOTHING = Configured("", None, None, None, None, "")
@@ -47,4 +48,5 @@ def _read(text):
         sun_exclusion_rad=stray.sun_exclusion,
         limb_exclusion_rad=stray.earth_exclusion,
         problem="",
+        scenario=scenario,
     )

@@ -22,7 +22,7 @@ def export(
     maps = {"kml": kml, "geojson": geojson}
     if not any(path is not None for path in (*folders.values(), *maps.values())):
         raise typer.BadParameter(
-            "nothing to write; name at least one of --csv, --parquet, --kml, --geojson", param_hint="LOG"
+            "nothing to write: name at least one of --csv DIR, --parquet DIR, --kml FILE, --geojson FILE"
         )
     for kind, path in folders.items():
         if path is not None:

@@ -17,6 +17,8 @@ Definitions
   that the filter accepts to entry, or to the end of a run without one.
 - Entry is the first descent through 100 km. Speed is relative to the Earth, range along the ellipsoid from
   the start to the impact; without an impact there is none.
+- `simulated_s` is the time from the first sample of truth, at `simulated_from_s`, to the last.
+- `warnings` are of the programme against the flight (`programme`); None where no scenario can be read.
 - Attitude control: the pointing error is the true attitude against the wanted one, the whole angle, or that
   of the roll axis alone while the spin is left alone; in the phases POINTING.
 """
@@ -30,7 +32,8 @@ import numpy as np
 
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.records import Phase, Reason
-from shefex_nav.report import geodesic, local_level, trust
+from shefex_nav.report import geodesic, local_level, programme, trust
+from shefex_nav.report.configured import configured
 from shefex_nav.report.pairing import SAME_TIME_S, same_times
 from shefex_nav.report.track import earth_fixed
 
@@ -88,11 +91,12 @@ def star_errors(data):
     )
 
 
-def summarise(data, *, log=None, from_s=None):
+def summarise(data, *, log=None, from_s=None, scenario=None):
     """The summary object of a RunData: plain dict of numbers, texts and None, ready for JSON.
 
     `log` is the path that the object names. A replay of external data, or whoever names a mission time
-    `from_s`, gets the errors in local level axes from then on as well (`local_level`).
+    `from_s`, gets the errors in local level axes from then on as well (`local_level`). `scenario` is that of
+    the run, where it is at hand; otherwise the one in the log is read.
     """
     truth = data.truth
     track = earth_fixed(data.mission.earth, truth)
@@ -108,6 +112,7 @@ def summarise(data, *, log=None, from_s=None):
         "ended_early": data.ended_early,
         "until_s": data.until_s,
         "simulated_s": simulated_s,
+        "simulated_from_s": float(t_s[0]) if len(t_s) else None,
         "wall_s": wall_s,
         "setup_s": data.summary.setup_s if data.summary else None,
         "real_time_factor": simulated_s / wall_s if simulated_s and wall_s else None,
@@ -115,10 +120,20 @@ def summarise(data, *, log=None, from_s=None):
         "attitude_control": _attitude_control(data),
         "star_tracker": _star_tracker(data),
         "navigation": _navigation(data, track.height, entry),
+        "warnings": _warnings(data, scenario),
     }
     if from_s is not None or local_level.is_replay(data):
         result["navigation"] |= local_level.summarise(data, from_s)
     return _without_nan(result)
+
+
+def _warnings(data, scenario):
+    """What the programme gets wrong of the flight: list of field and text."""
+    scenario = configured(data).scenario if scenario is None else scenario
+    if scenario is None:
+        return None
+    found = programme.warnings(scenario, programme.of_data(data))
+    return [{"field": ".".join(one.field), "text": one.text} for one in found]
 
 
 def entry_index(t_s, height):

@@ -17,7 +17,7 @@ def lead(run):
     words = [run.limits.description.rstrip(".")] if run.limits.description else []
     words.append(f"epoch (T+0 s) {mission.epoch_utc.replace('T', ' ').removesuffix('Z')} UTC")
     if summary["simulated_s"] is not None:
-        words.append(f"{summary['simulated_s']:.1f} s simulated from T{mission.start_s:+.1f} s")
+        words.append(f"{summary['simulated_s']:.1f} s simulated from T{summary['simulated_from_s']:+.1f} s")
     parts = [element("p", "; ".join(words) + ".", class_="lead")]
     if summary["ended_early"]:
         end = (
@@ -42,7 +42,7 @@ def summary(run, found):
     """Verdict, figures, requirements, what went wrong."""
     judged, source = judge(run)
     is_part = run.summary["ended_early"] or run.summary["until_s"] is not None
-    parts = [_verdict(judged, is_part), _tiles(run)]
+    parts = [_verdict(judged, is_part), *_warnings(run.summary["warnings"] or ()), _tiles(run)]
     if judged:
         rows = [
             (
@@ -57,6 +57,14 @@ def summary(run, found):
     parts.append(element("h3", "What went wrong, and when"))
     parts.append(_incidents(found))
     return parts
+
+
+def _warnings(found):
+    """What the programme gets wrong of the flight."""
+    if found:
+        items = [element("li", element("code", one["field"]), f": {one['text']}") for one in found]
+        words = element("strong", "The programme does not fit the flight:")
+        yield element("div", words, element("ul", *items), class_="verdict bad")
 
 
 def judge(run):

@@ -49,6 +49,11 @@ def rows(summary, judged=()):
     if judged:
         is_part = summary["ended_early"] or summary["until_s"] is not None
         yield "requirements", _requirement_rows(judged, is_part)
+    if summary["warnings"]:
+        yield (
+            "warnings",
+            ((one["field"], Text(one["text"], style="bold yellow")) for one in summary["warnings"]),
+        )
     yield "run", _run_rows(summary)
 
 
@@ -173,7 +178,9 @@ def _level_rows(navigation):
 
 
 def _run_rows(summary):
-    yield "simulated", _text(summary["simulated_s"], 1, "s")
+    since = summary["simulated_from_s"]
+    span = "" if since is None else f", from T{since:+.1f} s to T{since + summary['simulated_s']:+.1f} s"
+    yield "simulated", _text(summary["simulated_s"], 1, "s") + span
     if summary["wall_s"] is not None:
         factor = _text(summary["real_time_factor"], 0)
         yield "took", f"{_text(summary['wall_s'], 1, 's')}, {factor} x real time"

@@ -119,14 +119,19 @@ def _validated(tree, places, files, overrides, path):
         found += messages.lines(Scenario, error, places)
     if not found:
         wrong = disperse.resolve(Scenario, tree, scenario.dispersions)[1]
-        found = [
-            (places.value(where), f"{dotted(where)}: {words}{_whose(places.value(where), path, parents)}")
-            for where, words in [*cross_check(scenario, rated), *wrong]
-        ]
+        about = partial(_about, places, path, parents)
+        found = [about(where, words) for where, words in [*cross_check(scenario, rated), *wrong]]
     if found:
         raise _sorted_error(found) from None
     scenario.keep_text(partial(_normalised, tree), files)  # which takes longer than all the rest
+    scenario.keep_places(lambda where, words: _line(*about(where, words)))
     return scenario
+
+
+def _about(places, path, parents, where, words):
+    """(Mark, text) about the field at the path `where` of the scenario in the file `path`."""
+    mark = places.value(where)
+    return mark, f"{dotted(where)}: {words}{_whose(mark, path, parents)}"
 
 
 def _whose(mark, path, parents):
@@ -177,9 +182,13 @@ def _partial(block):
 
 
 def _sorted_error(found):
-    """ScenarioError of (Mark, text), in the order of the file; `--set a.b` need not name its field twice."""
-    lines = (f"{mark}: {text}" for mark, text in sorted(found))
-    return ScenarioError(re.sub(r"^(--set )(\S+): \2: ", r"\1\2: ", line) for line in lines)
+    """ScenarioError of (Mark, text), in the order of the file."""
+    return ScenarioError(_line(mark, text) for mark, text in sorted(found))
+
+
+def _line(mark, text):
+    """Line for the user; `--set a.b` need not name its field twice."""
+    return re.sub(r"^(--set )(\S+): \2: ", r"\1\2: ", f"{mark}: {text}")
 
 
 def _read(path, mark):

@@ -20,6 +20,7 @@ LARGEST = 1e300  # of a plain number; whole numbers in YAML know no bounds
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|[+-]?\.?(?:inf|nan)\b)\s*(.*?)\s*", re.I)
 _LOOSE_NUMBER = re.compile(r"(?<![\w^*/(+-])[\d.]")  # a second number that astropy would multiply in
+_PLAIN_UNIT = re.compile(r"(?!rad)[A-Za-z]+(/s2?)?")
 _DIMENSIONS = {  # astropy's names that an engineer would not use
     "angular frequency/angular speed/angular velocity": "angular rate",
     "speed/velocity": "velocity",
@@ -119,15 +120,38 @@ class QuantitySpec:
             if value == word:
                 return meaning
         si = self.convert(value)
-        if self.positive and not si > 0.0:
-            raise refuse(f"must be greater than zero, got {quoted(value)}")
-        if self.non_negative and si < 0.0:
-            raise refuse(f"must not be negative, got {quoted(value)}")
-        if self.at_least is not None and si < self.convert(self.at_least):
-            raise refuse(f"must be at least {self.at_least}, got {quoted(value)}")
-        if self.at_most is not None and si > self.convert(self.at_most):
-            raise refuse(f"must be at most {self.at_most}, got {quoted(value)}")
+        limit = self._broken_limit(si)
+        if limit:
+            raise refuse(f"must {limit}, got {quoted(value)}")
         return si
+
+    def _broken_limit(self, si):
+        """Words about the bound that a value in `self.unit` does not keep; empty if it keeps all."""
+        if self.positive and not si > 0.0:
+            return "be greater than zero"
+        if self.non_negative and si < 0.0:
+            return "not be negative"
+        if self.at_least is not None and si < self.convert(self.at_least):
+            return f"be at least {self.at_least}"
+        if self.at_most is not None and si > self.convert(self.at_most):
+            return f"be at most {self.at_most}"
+        return ""
+
+    def _with_units(self, number):
+        """The user's own number with the units that may be meant: list of texts that the field takes.
+
+        number : text;  the unit of the example comes first, then the one in SI, where people write it
+        """
+        units = [split(self.example)[1]]
+        if _PLAIN_UNIT.fullmatch(self.unit) and self.unit not in units:
+            units.append(self.unit)
+        taken = [unit for unit in units if self._takes(float(number), unit)]
+        return [f"{number} {unit}" for unit in taken] or [self.example]
+
+    def _takes(self, number, unit_text):
+        """Whether a number in a unit is of the right dimension and within the bounds."""
+        unit = self._measured_in(_unit(unit_text)) if unit_text else None
+        return unit is not None and not self._broken_limit(float(unit.to(_unit(self.unit), number)))
 
     def convert(self, value):
         """Float in `self.unit`, whatever the bounds of the field are."""
@@ -145,12 +169,11 @@ class QuantitySpec:
         if _LOOSE_NUMBER.search(re.sub(r"^1\s*/", "", unit_text)):
             raise refuse(f"cannot read {quoted(value)}: {expected}")
         if not unit_text:
-            raise refuse(f"{quoted(value)} has no unit; write it with one, for example '{self.example}'")
+            meant = " or ".join(f"'{text}'" for text in self._with_units(found[1]))
+            raise refuse(f"{quoted(value)} has no unit; write it with one, for example {meant}")
         return self._to_si(number, unit_text, value)
 
     def _to_si(self, number, unit_text, value):
-        import astropy.units as u
-
         try:
             unit = _unit(unit_text)
         except (ValueError, TypeError) as error:
@@ -158,22 +181,30 @@ class QuantitySpec:
             raise refuse(
                 f"{quoted(unit_text)} is not a unit; expected one as in '{self.example}'{hint}"
             ) from None
-        target = _unit(self.unit)
-        if self.turns and unit.is_equivalent(u.Hz):
-            unit = unit * _unit("rev")
-        if not unit.is_equivalent(target) or (unit != target and self.unit in _LEVELS):
+        target, taken = _unit(self.unit), self._measured_in(unit)
+        if taken is None:
             raise refuse(self._wrong_dimension(unit, target, value))
-        si = float(unit.to(target, number))
+        si = float(taken.to(target, number))
         if not math.isfinite(si):
             raise refuse(f"must be a finite number, got {quoted(value)}")
         return si
+
+    def _measured_in(self, unit):
+        """The astropy unit in which a value with `unit` is converted; None of the wrong dimension."""
+        import astropy.units as u
+
+        target = _unit(self.unit)
+        if self.turns and unit.is_equivalent(u.Hz):
+            unit = unit * _unit("rev")
+        fits = unit.is_equivalent(target) and (unit == target or self.unit not in _LEVELS)
+        return unit if fits else None
 
     def _wrong_dimension(self, unit, target, value):
         hint = ""
         gram = _unit("g")
         if unit.is_equivalent(gram) and target.is_equivalent(_unit("gee")):
             hint = "; g is the gram, standard gravity is written gee"
-        expected = f"{_dimension(target)} such as '{self.example}'"
+        expected = f"{_dimension(target)} such as '{self._with_units(_NUMBER.fullmatch(str(value))[1])[0]}'"
         return f"{quoted(value)} is {_dimension(unit)}, expected {expected}{hint}"
 
 

@@ -57,6 +57,7 @@ class Scenario(Block):
 
     _source: Any = PrivateAttr("")
     _files: tuple[tuple[str, str], ...] = PrivateAttr(())
+    _line: Any = PrivateAttr(None)
 
     @classmethod
     def load(cls, path, overrides=()):
@@ -95,6 +96,14 @@ class Scenario(Block):
     def keep_text(self, source, files):
         """Remember where the scenario came from; `source` is its text, or a function that gives it."""
         self._source, self._files = source, tuple(files.items())
+
+    def keep_places(self, line):
+        """Remember where its values were written; `line` makes a line of the path of a field and words."""
+        self._line = line
+
+    def line_about(self, field, words):
+        """`file:line:col: field: words` about a field, given as a path; without a place if none is known."""
+        return f"{'.'.join(map(str, field))}: {words}" if self._line is None else self._line(field, words)
 
 
 def _yaml(value):

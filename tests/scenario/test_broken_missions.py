@@ -74,7 +74,7 @@ BROKEN = {
         "wind: none",
         "wind: {height: [0 m], speed: [@3], from: [90 deg]}",
         "wind.speed.0",
-        "3 has no unit; write it with one, for example '12 m/s'",
+        "3 has no unit; write it with one, for example '3 m/s'",
     ),
     "unknown task": ("task: damp", "task: @dampen", "programme.damping.task", "did you mean 'damp'?"),
     "no task": ("  damping:\n    task: damp\n", "  @damping:\n", "programme.damping.task", "is missing"),

@@ -399,7 +399,7 @@ BAD_OVERRIDES = {
     "star_tracker.rat=5 Hz": "--set star_tracker.rat: unknown key; did you mean 'rate'?",
     "star_traker.rate=5 Hz": "--set star_traker.rate: star_traker: unknown key; did you mean 'star_tracker'?",
     "star_tracker.rate=5 m": "--set star_tracker.rate: '5 m' is a length, "
-    "expected a frequency such as '10 Hz'",
+    "expected a frequency such as '5 Hz'",
     "star_tracker.rate=7 Hz": "--set star_tracker.rate: 7 Hz does not divide the on-board clock, 100 Hz; "
     "take 1, 2, 4, 5, 10 or 20 Hz",
     "star_tracker.rate=": "--set star_tracker.rate: expected a quantity such as '10 Hz', got nothing",
@@ -408,7 +408,7 @@ BAD_OVERRIDES = {
     "gps.antenna.lever_arm.x=1 m": "--set gps.antenna.lever_arm.x: gps.antenna.lever_arm is a list, "
     "its items are 0 to 2, got 'x'",
     "gps.antenna.lever_arm.1=1 s": "--set gps.antenna.lever_arm.1: '1 s' is a time, expected a length "
-    "such as '0.3 m'",
+    "such as '1 m'",
     "mission.name.first=x": "--set mission.name.first: mission.name is a single value, "
     "there is no 'first' in it",
     "imu=[1": "--set imu: not valid YAML: while parsing a flow sequence, expected ',' or ']', but got "
@@ -425,7 +425,7 @@ def test_bad_values_of_file_and_command_line_together(tmp_path):
     path = tmp_path / "broken.yaml"
     path.write_text(TEXT.replace("rate: 10 Hz", "rate: 10"), encoding="utf-8")
     said = messages(path, ["gps.latency=1"])
-    assert said[0] == "--set gps.latency: 1 has no unit; write it with one, for example '0.2 s'"
+    assert said[0] == "--set gps.latency: 1 has no unit; write it with one, for example '1 s'"
     assert said[1].startswith(f"{path}:")
 
 

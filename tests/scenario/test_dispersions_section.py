@@ -131,7 +131,7 @@ BAD = {
     "launch.elevation={truncated_normal: 1 mdeg, high: -11 deg}": "high: '-11 deg' cuts off all but what",
     "launch.elevation={choice: [80 deg, 95 deg]}": "must be at most 90 deg, got '95.0 deg'",
     "launch.elevation={choice: [80 deg, 85 deg], weights: [1]}": "1 weights for 2 values; give one for each",
-    "launch.elevation={log_normal: 5}": "5 has no unit; write it with one, for example '20 %'",
+    "launch.elevation={log_normal: 5}": "5 has no unit; write it with one, for example '5 %'",
     "launch.elevation={table: {file: nope.csv, column: x}}": "'nope.csv' there is no such file",
     "launch.elevation={table: {file: nope.csv}}": "column: is missing",
     "launch.elevation=0.2 deg": "expected a section with keys of its own, got '0.2 deg'",
@@ -163,7 +163,7 @@ def test_one_message_that_says_what_is_wrong(override):
 def test_a_message_names_file_line_and_field(tmp_path):
     path = tmp_path / "bad.yaml"
     path.write_text(f"extends: {DEFAULT}\ndispersions:\n  launch.height: {{normal: 1 deg}}\n")
-    words = "'1 deg' is an angle, expected a length such as '10 m'"
+    words = "'1 deg' is an angle, expected a length such as '1 m'"
     assert the_message(path) == f"{path}:3:27: dispersions.launch.height.normal: {words}"
 
 

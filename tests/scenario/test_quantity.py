@@ -1,6 +1,7 @@
 """Text with units in, SI out; what is refused, and in which words."""
 
 import math
+import re
 
 import pytest
 from pydantic_core import PydanticCustomError
@@ -67,15 +68,15 @@ def test_reads(unit, text, expected):
 
 REFUSED = [
     # unit, value, words of the complaint
-    ("m", 25, "25 has no unit; write it with one, for example '25 mm'"),
+    ("m", 25, "25 has no unit; write it with one, for example '25 mm' or '25 m'"),
     ("m", 2.5, "2.5 has no unit"),
     ("m", "25", "'25' has no unit"),
-    ("m", "2 s", "'2 s' is a time, expected a length such as '25 mm'"),
+    ("m", "2 s", "'2 s' is a time, expected a length such as '2 mm'"),
     ("Hz", "2 rad/s", "'2 rad/s' is an angular rate, expected a frequency"),
     ("rad/s", "2 Hz", "is a frequency, expected an angular rate"),
     ("rad", "0.5", "has no unit"),
     ("m/s", "1 m/s/sqrt(h)", "is a quantity in m / (h(1/2) s), expected a velocity"),
-    ("m/s2", "0.5 mg", "is a mass, expected an acceleration such as '25 mm'; g is the gram"),
+    ("m/s2", "0.5 mg", "is a mass, expected an acceleration such as '0.5 m/s2'; g is the gram"),
     ("", "24 dB", "'24 dB' is a level in dB, expected a plain ratio"),
     ("mag", "6 dB", "'6 dB' is a level in dB, expected a magnitude"),
     ("dB", "6 mag", "'6 mag' is a magnitude, expected a level in dB"),
@@ -160,3 +161,27 @@ def test_a_whole_number_where_a_number_is_due():
     number = NumberSpec("0.5").read(3)
     assert number == 3.0
     assert isinstance(number, float)
+
+
+@pytest.mark.parametrize(
+    ("spec", "value", "words"),
+    [
+        (QuantitySpec("rad", "88 deg", at_most="90 deg"), "80", "for example '80 deg'"),
+        (
+            QuantitySpec("rad", "88 deg", at_most="90 deg"),
+            "100",
+            "for example '88 deg'",
+        ),  # 100 deg are refused
+        (QuantitySpec("s", "40 ms", at_most="1 s"), "0.05", "for example '0.05 ms' or '0.05 s'"),
+        (QuantitySpec("s", "40 ms", at_most="1 s"), "50", "for example '50 ms'"),  # 50 s are refused
+        (QuantitySpec("kg", "480 kg", positive=True), "-4", "for example '480 kg'"),
+        (QuantitySpec("rad/s", "1 Hz", turns=True), "2", "for example '2 Hz'"),
+    ],
+)
+def test_examples_are_the_number_of_the_user_where_it_is_possible(spec, value, words):
+    """Every example that a message gives is taken by the field that gave it."""
+    with pytest.raises(PydanticCustomError) as refused:
+        spec.read(value)
+    assert refused.value.message().endswith(words)
+    for text in re.findall(r"'([^']+)'", words):
+        spec.read(text)

@@ -25,6 +25,7 @@ def view(logs, *, save=None, screenshot=None, at_s=None, page=layout.OVERVIEW, w
     -------
     list of RunData; their `ended_early` and `last_t_s` are worth telling
     """
+    program.quieten()
     logs = [logs] if isinstance(logs, str | Path) else list(logs)
     runs = [recording.read(log) for log in logs]
     if screenshot is not None:

@@ -7,6 +7,7 @@ from shefex_nav.report.viewer.sender import TIMELINE, UTC
 PICTURES = "star_tracker/image", "star_tracker/image_full"
 _DRAWN = "^(/tf|/gps/location|/log|/star_tracker/(calibration|image|image_full))$"
 _LOG_TIME = "message_log_time"
+_TEXTS = "/log"
 
 
 def send(stream, log_path, data):
@@ -40,11 +41,14 @@ def _timed(chunk, epoch, grey):
         batch = pictures.narrowed(batch, grey)
     k = batch.schema.get_field_index(_LOG_TIME)
     stamps, metadata = batch.column(k).cast(pa.int64()).to_numpy(), batch.schema.field(k).metadata or {}
+    since = stamps - epoch
+    if str(chunk.entity_path) == _TEXTS:
+        since = since // 1_000_000 * 1_000_000  # so that the list has room for them
     for name in (n for n in chunk.timeline_names if n in batch.schema.names):
         batch = batch.remove_column(batch.schema.get_field_index(name))
     for name, kind, values in (
         (UTC, pa.timestamp("ns"), stamps),
-        (TIMELINE, pa.duration("ns"), stamps - epoch),
+        (TIMELINE, pa.duration("ns"), since),
     ):
         field = pa.field(
             name, kind, nullable=False, metadata={**metadata, b"rerun:index_name": name.encode()}

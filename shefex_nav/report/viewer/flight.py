@@ -13,7 +13,8 @@ def send(sender, data):
     motion(sender, data)
     control(sender, data)
     phases = {phase.name.lower(): colour for phase, colour in world.PHASE_COLOURS.items()}
-    sender.lane("states/phase", data.truth.t_s, [Phase(p).name.lower() for p in data.truth.phase], phases)
+    states = [Phase(p).name.lower() for p in data.truth.phase]
+    sender.lane("states/phase", data.truth.t_s, states, phases, world.time_span(data))
 
 
 def motion(sender, data):

@@ -6,6 +6,7 @@ import numpy as np
 
 from shefex_nav.geometry import wgs84
 from shefex_nav.report import metrics
+from shefex_nav.report.viewer import legend
 from shefex_nav.report.viewer.sender import TIMELINE
 
 FRAME_SHOWN_S = 0.15  # a picture disappears this long after the last one
@@ -14,7 +15,9 @@ AXES = 0.075  # drawn body axes, by the size of the scene: true to scale they wo
 FRUSTUM = 0.11  # drawn field of view of the star camera likewise
 MOST_NIS = 10.0  # by its limit, where marks of refused measurements end
 NEES_SHOWN = 40.0  # of 9 degrees of freedom
-NAME = 0.09  # least distance of two events that are named
+NAME = 0.12  # least distance of two events that are named
+STARS_MARGIN_S = 5.0  # shown before the first and after the last star fix
+COLUMNS = 3  # of plots: in narrower ones rerun writes no more than one time below the axis
 
 
 OVERVIEW, MISSION, STARS, NAVIGATION, SENSORS = PAGES = (
@@ -26,6 +29,9 @@ OVERVIEW, MISSION, STARS, NAVIGATION, SENSORS = PAGES = (
 )
 
 
+_ERRORS = "Errors (blue) against 3 sigma (red)"
+
+
 class ErrorPlot(NamedTuple):
     """One plot of an error inside its sigmas."""
 
@@ -34,8 +40,12 @@ class ErrorPlot(NamedTuple):
 
 
 ERROR_PLOTS = tuple(  # order of NavCovariance.P
-    ErrorPlot(f"plots/errors/{quantity}_{axis}", f"{quantity} error {axis} [{unit}]")
-    for quantity, unit in (("position", "m"), ("velocity", "m/s"), ("attitude", "deg"))
+    ErrorPlot(f"plots/errors/{quantity}_{axis}", f"{quantity} error {which}{axis} [{unit}]")
+    for quantity, which, unit in (
+        ("position", "along inertial ", "m"),
+        ("velocity", "along inertial ", "m/s"),
+        ("attitude", "about body ", "deg"),
+    )
     for axis in "xyz"
 )
 
@@ -117,18 +127,19 @@ def blueprint(data, seen, has, *, page=OVERVIEW):
 def _overview(data, seen, has):
     import rerun.blueprint as rrb
 
-    upper = rrb.Horizontal(_cameras(has), _trajectory(seen), _side(data), column_shares=[5, 6, 4])
-    lower = rrb.Tabs(_errors(data), _flight_curves(data, has), active_tab=0)
+    side = rrb.Vertical(_lanes(data), _texts(OVERVIEW), row_shares=[11, 10])
+    upper = rrb.Horizontal(_cameras(has), _trajectory(seen), side, column_shares=[5, 6, 4])
+    lower = rrb.Tabs(rrb.Grid(*_errors(data), grid_columns=COLUMNS, name=_ERRORS), _flight_curves(data, has))
     return rrb.Vertical(upper, lower, row_shares=[9, 10], name=OVERVIEW)
 
 
 def _mission(data, seen, has):
     import rerun.blueprint as rrb
 
-    side = rrb.Vertical(_lanes(data), _texts(), row_shares=[2, 5])
-    upper = rrb.Horizontal(_trajectory(seen), side, column_shares=[7, 3])
-    curves = [_plot(data, f"plots/{entity}", title) for entity, title in _flight_plots(has)]
-    return rrb.Vertical(upper, rrb.Horizontal(*curves), row_shares=[3, 1], name=MISSION)
+    side = rrb.Vertical(_lanes(data), _texts(MISSION), row_shares=[5, 8])
+    upper = rrb.Horizontal(_trajectory(seen), side, column_shares=[2, 1])
+    curves = rrb.Grid(*_flight_views(data, has), grid_columns=COLUMNS)
+    return rrb.Vertical(upper, curves, row_shares=[3, 2], name=MISSION)
 
 
 def _star_tracker(data, seen, has):
@@ -136,22 +147,23 @@ def _star_tracker(data, seen, has):
 
     if not has.stars:
         return None
-    curves = [
-        _plot(data, "plots/stars", "Stars in the frame", legend=True),
-        _plot(data, "plots/residual", "Residual of the identified stars [px]"),
+    plots = [
+        ("stars", "Stars: detected (orange), identified (green)"),
+        ("residual", "Residual of the identified stars [px]"),
     ]
     if has.frames:
-        title = "Exposure [ms], gain [dB], mean grey value"
-        curves.insert(1, _plot(data, "plots/exposure", title, legend=True))
+        plots.insert(1, ("exposure", "Exposure [ms] yellow, gain [dB] blue, sky grey"))
     if has.timed:
-        curves.append(_plot(data, "plots/chain_time", "Time for a frame [ms]"))
+        plots.append(("chain_time", "Time for a frame [ms]"))
+    span = _star_time(data)
+    curves = [_plot(data, f"plots/{entity}", title, span=span) for entity, title in plots]
     sky = rrb.Spatial2DView(
         origin="sky",
         name="Sky around the camera [deg], north up, east left",
         background=[6, 8, 16],
         visual_bounds=rrb.VisualBounds2D(x_range=[-50.0, 50.0], y_range=[-40.0, 40.0]),
     )
-    side = rrb.Vertical(sky, _lanes(data), row_shares=[5, 2])
+    side = rrb.Vertical(sky, rrb.Tabs(_lanes(data), _legend(STARS), active_tab=0), row_shares=[5, 3])
     upper = rrb.Horizontal(_cameras(has), side, column_shares=[5, 4])
     return rrb.Vertical(upper, rrb.Horizontal(*curves), row_shares=[5, 2], name=STARS)
 
@@ -159,20 +171,28 @@ def _star_tracker(data, seen, has):
 def _navigation(data, seen, has):
     import rerun.blueprint as rrb
 
-    nees = _plot(data, "plots/nees", "NEES of position, velocity, attitude", top=NEES_SHOWN)
-    nis = _plot(data, "plots/nis", "NIS by its limit: refused above 1", legend=True)
-    level = _plot(data, "plots/protection", "Protection level and error [deg]", legend=True)
+    nees = _plot(data, "plots/nees", "NEES; 95 % between the red lines", top=NEES_SHOWN)
+    nis = _plot(
+        data, "plots/nis", "NIS over its limit; dot: used, cross: refused or held", top=_nis_shown(data)
+    )
+    level = _plot(data, "plots/protection", "Protection level about x, y, z; error white [deg]")
     tests = [*([nees] * has.covariance), nis, *([level] * has.protection)]
-    tabs = [_errors(data)]
+    tabs = [rrb.Grid(*_errors(data), *tests, grid_columns=COLUMNS, name=f"{_ERRORS}, consistency")]
     if has.covariance:
         views = [
-            _plot(data, f"plots/biases/{name}_{axis}", f"{word} bias {axis} [{unit}]")
+            _plot(data, f"plots/biases/{name}_{axis}", f"{word} bias {axis}, body [{unit}]")
             for name, word, unit in (("gyro_bias", "gyro", "deg/h"), ("accel_bias", "accelerometer", "mg"))
             for axis in "xyz"
         ]
-        tabs.append(rrb.Grid(*views, grid_columns=3, name="Biases as estimated (blue) with 3 sigma (red)"))
-    right = rrb.Vertical(*tests, _lanes(data), row_shares=[*([3] * len(tests)), 3])
-    return rrb.Horizontal(rrb.Tabs(*tabs), right, column_shares=[3, 2], name=NAVIGATION)
+        tabs.append(rrb.Grid(*views, grid_columns=COLUMNS, name="Biases as estimated (blue), 3 sigma (red)"))
+    lower = rrb.Horizontal(_lanes(data), _legend(NAVIGATION), column_shares=[3, 2])
+    return rrb.Vertical(rrb.Tabs(*tabs, active_tab=0), lower, row_shares=[7, 3], name=NAVIGATION)
+
+
+def _nis_shown(data):
+    """Upper end of the scale of NIS over its limit: above one, up to MOST_NIS."""
+    shares = [gate.nis / gate.limit for gate in data.gates if gate.limit]
+    return max(1.2, _largest(np.minimum(shares, MOST_NIS)))
 
 
 def _sensors(data, seen, has):
@@ -180,55 +200,62 @@ def _sensors(data, seen, has):
 
     views = []
     if has.imu:
-        views += [
-            _plot(data, "plots/imu/rate", "Rate [deg/s]", legend=True),
-            _plot(data, "plots/imu/force", "Specific force [g]", legend=True),
-            _plot(
-                data, "plots/imu/vibration", "Scatter of the specific force within a second [g]", legend=True
-            ),
-        ]
+        for entity, title in (
+            ("rate", "Rate about body x, y, z [deg/s]"),
+            ("force", "Specific force along body x, y, z [g]"),
+            ("vibration", "Scatter of the specific force within a second, body axes [g]"),
+        ):
+            views.append(_plot(data, f"plots/imu/{entity}", title, legend=True))
     if has.gps:
         views.append(_plot(data, "plots/gps", "GPS: satellites, dilution of precision", legend=True))
     if has.gps or has.stars:
         views.append(_plot(data, "plots/age", "Age of a measurement when it is there [ms]", legend=True))
     if not views:
         return None
-    return rrb.Grid(*views, _lanes(data), grid_columns=2, name=SENSORS)
+    side = rrb.Tabs(_lanes(data), _legend(SENSORS), active_tab=0)
+    return rrb.Grid(*views, side, grid_columns=2, name=SENSORS)
 
 
-def _plot(data, entity, title, *, legend=False, top=None):
-    """A plot over the whole flight, of values from zero to `top` where that is known."""
+def _plot(data, entity, title, *, legend=False, top=None, bottom=0.0, span=None):
+    """A plot over the whole flight or the times `span`, of values up to `top` where that is known."""
     import rerun.blueprint as rrb
 
     return rrb.TimeSeriesView(
         origin=entity,
         name=title,
-        axis_x=_whole_flight(data),
-        axis_y=rrb.ScalarAxis(range=(0.0, top)) if top else None,
+        axis_x=_time_axis(data, span),
+        axis_y=rrb.ScalarAxis(range=(bottom, top)) if top else None,
         plot_legend=rrb.PlotLegend(visible=legend, corner=rrb.Corner2D.LeftTop),
     )
 
 
-def _whole_flight(data):
-    """Time axis over the whole log."""
+def _time_axis(data, span=None):
+    """Time axis over the times `span` (first, last) s, or over the whole log."""
     import rerun.blueprint as rrb
 
     if not len(data.truth.t_s):
         return None
-    start, end = data.truth.t_s[[0, -1]].tolist()
+    start, end = data.truth.t_s[[0, -1]].tolist() if span is None else span
     boundary = rrb.TimeRangeBoundary.absolute
     return rrb.TimeAxis(
         view_range=rrb.TimeRange(start=boundary(seconds=start), end=boundary(seconds=end)),
     )
 
 
+def _star_time(data):
+    """(first, last) s in which the star tracker works."""
+    t_s = [fix.t_valid_s for fix in data.star_fixes]
+    return t_s[0] - STARS_MARGIN_S, t_s[-1] + STARS_MARGIN_S
+
+
 def _cameras(has):
     """A tab for each kind of pictures; without any the marks alone, and a name that says so."""
     import rerun.blueprint as rrb
 
-    names = {"star_tracker/image": "Star camera", "star_tracker/image_full": "Star camera, as read out"}
+    marks = "green identified, orange not"
+    names = {"star_tracker/image": f"Star camera: {marks}", "star_tracker/image_full": "As read out"}
     views = [_star_camera(entity, name) for entity, name in names.items() if entity in has.pictures]
-    return rrb.Tabs(*(views or [_star_camera("stars", "Detections; this log has no pictures")]), active_tab=0)
+    return rrb.Tabs(*(views or [_star_camera("stars", f"Detections, no pictures: {marks}")]), active_tab=0)
 
 
 def _star_camera(entity, name):
@@ -258,20 +285,20 @@ def _trajectory(seen):
     )
 
 
-def _side(data):
-    import rerun.blueprint as rrb
-
-    return rrb.Vertical(_lanes(data), _texts(), row_shares=[3, 4])
-
-
 def _lanes(data):
     import rerun.blueprint as rrb
 
-    return rrb.StateTimelineView(origin="states", name="States", time_view=_whole_flight(data))
+    return rrb.StateTimelineView(origin="states", name="States", time_view=_time_axis(data))
 
 
-def _texts():
-    """What happened, and the closing figures."""
+def _legend(page):
+    import rerun.blueprint as rrb
+
+    return rrb.TextDocumentView(origin=legend.entity(page), name="How to read this page")
+
+
+def _texts(page):
+    """What happened, the closing figures, and what the page shows."""
     import rerun.blueprint as rrb
 
     events = rrb.TextLogView(
@@ -280,35 +307,35 @@ def _texts():
         columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
         rows=rrb.TextLogRows(filter_by_log_level=["INFO", "WARN", "ERROR", "CRITICAL"]),
     )
-    return rrb.Tabs(events, rrb.TextDocumentView(origin="summary", name="Figures"), active_tab=0)
+    figures = rrb.TextDocumentView(origin="summary", name="Figures")
+    return rrb.Tabs(events, figures, _legend(page), active_tab=0)
 
 
 def _errors(data):
-    import rerun.blueprint as rrb
-
-    limits = _error_limits(data)
-    views = [
-        rrb.TimeSeriesView(
-            origin=plot.entity,
-            name=plot.title,
-            axis_x=_whole_flight(data),
-            axis_y=rrb.ScalarAxis(range=(-limit, limit)) if limit else None,
-            plot_legend=rrb.PlotLegend(visible=False),
-        )
-        for plot, limit in zip(ERROR_PLOTS, limits, strict=True)
+    """A plot for each of ERROR_PLOTS; its title says what its scale cuts off."""
+    return [
+        _plot(data, plot.entity, plot.title + cut, top=limit, bottom=-limit if limit else 0.0)
+        for plot, (limit, cut) in zip(ERROR_PLOTS, _error_limits(data), strict=True)
     ]
-    return rrb.Grid(*views, grid_columns=3, name="Errors (blue) against 3 sigma (red)")
 
 
 def _error_limits(data):
-    """Half height of each error plot: the better part of the flight is seen well, spikes are cut off. (9,)"""
+    """Half height of each error plot, and words about what lies beyond it: nine (limit or None, text).
+
+    The better part of the flight is to be seen well, spikes are cut off.
+    """
     errors = metrics.navigation_errors(data)
     t_s, _, sigma = metrics.normalised_errors(data, errors)
     if not np.any(t_s > 0.0):
-        return [None] * len(ERROR_PLOTS)
+        return [(None, "")] * len(ERROR_PLOTS)
     limits = 2.5 * np.percentile(3.0 * sigma[t_s > 0.0], 60, axis=0)
-    limits[6:] = np.degrees(limits[6:])
-    return [_readable(limit) for limit in limits]
+    largest = np.abs(np.hstack([errors.position_i, errors.velocity_i, errors.attitude_b])).max(axis=0)
+    limits[6:], largest[6:] = np.degrees(limits[6:]), np.degrees(largest[6:])
+    shown = [_readable(limit) for limit in limits]
+    return [
+        (limit, f"; peak {most:.2g} is cut off" if most > limit else "")
+        for limit, most in zip(shown, largest, strict=True)
+    ]
 
 
 def _readable(value):
@@ -318,21 +345,32 @@ def _readable(value):
     return float(steps[np.argmin(np.abs(np.log(steps / value)))])
 
 
-def _flight_plots(has):
-    """(entity, title) of the plots of the flight."""
-    plots = [
-        ("height", "Height [km]"),
-        ("speed", "Speed against the Earth [m/s]"),
-        ("roll_rate", "Roll rate [1/s]"),
+def _flight_views(data, has):
+    """The plots of the flight, and how many stars there were."""
+    views = [
+        _plot(data, "plots/height", "Height [km]"),
+        _plot(data, "plots/speed", "Speed against the Earth [m/s]"),
+        _plot(data, "plots/roll_rate", "Roll rate [1/s]"),
     ]
     if has.control:
-        plots += [("pointing", "Pointing error [deg]"), ("gas", "Cold gas used [kg]")]
-    return plots
+        most = _largest(np.degrees(data.control.pointing_error))
+        title = "Pointing error about body x, y, z [deg]"
+        views.append(_plot(data, "plots/pointing", title, top=most, bottom=-most))
+        views.append(_plot(data, "plots/gas", "Cold gas used [kg]"))
+    if has.stars:
+        views.append(_plot(data, "plots/stars", "Stars: detected (orange), identified (green)"))
+    return views
+
+
+def _largest(values):
+    """A limit that rerun numbers well and no value exceeds."""
+    known = np.abs(values[np.isfinite(values)])
+    power = 10.0 ** np.floor(np.log10(max(known.max(initial=0.0), 1e-6)))
+    steps = power * np.array([1.2, 2.4, 6.0, 12.0])
+    return float(steps[np.searchsorted(steps, known.max(initial=0.0))])
 
 
 def _flight_curves(data, has):
     import rerun.blueprint as rrb
 
-    plots = _flight_plots(has) + [("stars", "Stars in the frame")] * has.stars
-    views = [_plot(data, f"plots/{entity}", title) for entity, title in plots]
-    return rrb.Grid(*views, grid_columns=-(-len(plots) // 2), name="Flight and stars")
+    return rrb.Grid(*_flight_views(data, has), grid_columns=COLUMNS, name="Flight and stars")

@@ -4,7 +4,7 @@ import numpy as np
 
 from shefex_nav.records import Doubt
 from shefex_nav.report import metrics
-from shefex_nav.report.viewer import layout
+from shefex_nav.report.viewer import layout, world
 from shefex_nav.report.viewer.sender import (
     BLUE,
     GREEN,
@@ -100,9 +100,9 @@ def _innovations(sender, sensor, gates):
     colour = _SENSORS.get(sensor, YELLOW)
     used = accepted & known
     sender.marks(f"{entity}/used", t_s[used], share[used], colour, f"{name}, used")
-    refused = ~accepted
+    refused = ~accepted & known  # what has no NIS, such as no fix, is in the states
     if refused.any():
-        shown = np.where(known, share, 0.0)[refused].clip(0.0, layout.MOST_NIS)
+        shown = share[refused].clip(0.0, layout.MOST_NIS)
         sender.marks(f"{entity}/refused", t_s[refused], shown, ORANGE, f"{name}, refused", "cross", 4.0)
 
 
@@ -116,11 +116,12 @@ def trust(sender, data):
         step = plot_step(found.t_s)
         worst = np.degrees(np.abs(found.attitude_b).max(axis=1))[::step]
         sender.curve("plots/protection/error", found.t_s[::step], worst, (240, 240, 240), "error, worst axis")
-        words = {int(doubt): doubt.name.lower() for doubt in Doubt}
+        words = {int(doubt): f"do not use: {doubt.name.lower()}" for doubt in Doubt}
         words[int(Doubt.NONE)] = "usable"
         colours = {word: GREEN if word == "usable" else ORANGE for word in words.values()}
         changes = np.flatnonzero(np.diff(nav.doubt, prepend=-1))
-        sender.lane("states/solution", nav.t_s[changes], [words[int(d)] for d in nav.doubt[changes]], colours)
+        states = [words[int(d)] for d in nav.doubt[changes]]
+        sender.lane("states/solution", nav.t_s[changes], states, colours, world.time_span(data))
     for source in sorted({record.source for record in data.health}):
         records = [record for record in data.health if record.source == source]
         states = ["good" if record.healthy else record.reason for record in records]
@@ -132,4 +133,5 @@ def trust(sender, data):
             [start, *times],
             ["good", *states],
             {**colours, "": GREY},
+            world.time_span(data),
         )

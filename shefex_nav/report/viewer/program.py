@@ -93,6 +93,20 @@ def take_picture(recording, picture, at_s):
     return [(view.name, [str(report) for report in view.reports]) for view in views]
 
 
+def quieten():
+    """Let rerun in this process tell errors alone: that a log was cut off is told by us, and once.
+
+    Its reader takes up what RUST_LOG says when it is imported; whoever has set that gets what was asked for.
+    """
+    if "RUST_LOG" in os.environ or "rerun" in sys.modules:
+        return
+    os.environ["RUST_LOG"] = "error"
+    try:
+        import rerun  # noqa: F401
+    finally:
+        del os.environ["RUST_LOG"]
+
+
 @contextmanager
 def _without_screen():
     """What the viewer wants to find in the environment, while it is wanted; it is talkative otherwise."""

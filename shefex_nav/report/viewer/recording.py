@@ -16,7 +16,7 @@ from shefex_nav import __version__
 from shefex_nav.log import reader
 from shefex_nav.records import Phase, TruthSample
 from shefex_nav.report import metrics
-from shefex_nav.report.viewer import drawings, flight, layout, navigation, sensors, stars, world
+from shefex_nav.report.viewer import drawings, flight, layout, legend, navigation, sensors, stars, world
 from shefex_nav.report.viewer.program import ViewerError
 from shefex_nav.report.viewer.sender import Sender
 
@@ -121,6 +121,7 @@ def fill(stream, log_path, data):
     sensors.send(sender, data)
     stars.send(sender, data)
     navigation.send(sender, data)
+    legend.send(sender)
     _send_summary(sender, data)
 
 

@@ -9,6 +9,8 @@ UTC = "utc"
 GREEN, ORANGE, RED, GREY = (64, 255, 90), (255, 140, 26), (255, 90, 80), (130, 130, 130)
 BLUE, WHITE, YELLOW, VIOLET = (90, 170, 255), (240, 240, 240), (255, 200, 80), (190, 120, 255)
 AXES = {"x": (255, 120, 120), "y": (120, 255, 120), "z": (120, 160, 255)}
+NAMELESS = " (short)"  # of a state that is shown without its name
+LANE_CHARACTERS = 65.0  # in the width of the narrowest panel of states
 _PLOT_HZ = 10  # points of a curve in a second, where there are as many
 _MOST_POINTS = 20_000  # of a curve
 
@@ -78,20 +80,32 @@ class Sender:
         if len(t_s):
             self.columns(entity, t_s, rr.Scalars.columns(scalars=np.asarray(values, np.float64)))
 
-    def lane(self, entity, t_s, states, colours):
-        """A state timeline; only changes are sent. {state: colour}, in the order of the legend."""
+    def lane(self, entity, t_s, states, colours, span):
+        """A state timeline; only changes are sent. {state: colour}
+
+        span : (first, last) s of the time axis; what is too short on it for its name goes without
+        """
         import rerun as rr
 
         changed = [k for k in range(len(states)) if k == 0 or states[k] != states[k - 1]]
         if not changed:
             return
+        times = [t_s[k] for k in changed]
+        ends = [*times[1:], span[1]]
+        names = [
+            states[k] if _fits(states[k], end - start, span) else states[k] + NAMELESS
+            for k, start, end in zip(changed, times, ends, strict=True)
+        ]
         labels = [state.replace("_", " ") for state in colours]
-        self.static(
-            entity,
-            rr.StateConfiguration(values=list(colours), labels=labels, colors=list(colours.values())),
-        )
-        columns = rr.StateChange.columns(state=[states[k] for k in changed])
-        self.columns(entity, [t_s[k] for k in changed], columns)
+        values = [*colours, *(state + NAMELESS for state in colours)]
+        look = {"labels": [*labels, *(" " for _ in labels)], "colors": [*colours.values()] * 2}
+        self.static(entity, rr.StateConfiguration(values=values, **look))
+        self.columns(entity, times, rr.StateChange.columns(state=names))
+
+
+def _fits(state, length_s, span):
+    """Whether the name of a state has room in the narrowest panel of states."""
+    return length_s * LANE_CHARACTERS >= (len(state) + 1.5) * (span[1] - span[0])
 
 
 def plot_step(t_s):

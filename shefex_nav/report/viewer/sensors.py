@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from shefex_nav.report.viewer import world
 from shefex_nav.report.viewer.sender import BLUE, GREEN, ORANGE, WHITE, YELLOW, plot_step
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
@@ -51,7 +52,7 @@ def gps(sender, data):
     fixes = data.gps
     times = [fix.t_valid_s for fix in fixes]
     states = ["fix" if fix.valid else "no fix" for fix in fixes]
-    sender.lane("states/gps", times, states, {"fix": GREEN, "no fix": ORANGE})
+    sender.lane("states/gps", times, states, {"fix": GREEN, "no fix": ORANGE}, world.time_span(data))
     if fixes:
         sender.curve("plots/gps/satellites", times, [f.n_satellites for f in fixes], GREEN, "satellites used")
         pdop = [f.pdop if f.valid else np.nan for f in fixes]

@@ -6,7 +6,7 @@ import numpy as np
 
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.records import Reason
-from shefex_nav.report.viewer import layout
+from shefex_nav.report.viewer import layout, world
 from shefex_nav.report.viewer.drawings import PICTURES
 from shefex_nav.report.viewer.sender import BLUE, GREEN, GREY, ORANGE, WHITE, YELLOW
 
@@ -114,7 +114,8 @@ def status(sender, data):
     colours = {reason.name.lower(): ORANGE for reason in Reason} | {"solved": GREEN, "off": GREY}
     states = ["solved" if f.reason == Reason.NONE else Reason(f.reason).name.lower() for f in fixes]
     t_s = [f.t_valid_s for f in fixes]
-    sender.lane("states/star_tracker", [*t_s, t_s[-1] + layout.FRAME_SHOWN_S], [*states, "off"], colours)
+    times, span = [*t_s, t_s[-1] + layout.FRAME_SHOWN_S], world.time_span(data)
+    sender.lane("states/star_tracker", times, [*states, "off"], colours, span)
 
 
 def sky(sender, data):

@@ -134,7 +134,7 @@ def satellites(sender, data, t_s, r_l, size):
     frame = rr.CoordinateFrame("launch")
     sender.static("world/satellites", rr.LineStrips3D.from_fields(colors=[SATELLITE], radii=[-0.8]), frame)
     sender.columns("world/satellites", times, rr.LineStrips3D.columns(strips=lines).partition(counts))
-    style = rr.Points3D.from_fields(colors=[GREY], radii=[0.0], show_labels=True)
+    style = rr.Points3D.from_fields(colors=[GREY], radii=[-3.0], show_labels=False)  # on pointing at it
     sender.static("world/satellite_names", style, frame)
     columns = rr.Points3D.columns(positions=np.concatenate(ends), labels=names)
     sender.columns("world/satellite_names", times, columns.partition(counts))

@@ -13,6 +13,7 @@ _POINTS = 4000  # of the path, about
 _LINE_POINTS = 60  # of a meridian or parallel
 COAST_M = 1.5e6  # from the track, of the coasts that are drawn
 _EVENT = (255, 220, 120)
+FIRST_NAMED = ("lift_off", "apogee", "entry", "impact", "parachute", "burn_out_1", "burn_out_2")
 PHASE_COLOURS = {
     Phase.PAD: GREY,
     Phase.BOOST: (255, 90, 60),
@@ -30,6 +31,12 @@ def path(data):
     """Flown path in launch axes, thinned: (n, 3) m."""
     every = thinned(data.truth, _step(data))
     return _in_launch_axes(data.mission, earth_fixed(data.mission.earth, every).r_e)
+
+
+def time_span(data):
+    """(first, last) s of a RunData."""
+    t_s = data.truth.t_s if len(data.truth.t_s) else data.nav.t_s
+    return (float(t_s[0]), float(t_s[-1])) if len(t_s) else (0.0, 1.0)
 
 
 def thinned(truth, step):
@@ -125,7 +132,9 @@ def _log_events(log, data, t_s, flown, ground, size):
     tops = [pole[1] for pole in poles]
     names = [event.name.replace("_", " ") for event in data.events]
     log("events", rr.Points3D(tops, colors=_EVENT, radii=[-3.0]))
-    named = _far_apart(tops, layout.NAME * size)
+    first = [k for k, event in enumerate(data.events) if event.name in FIRST_NAMED]
+    order = [*first, *(k for k in range(len(tops)) if k not in first)]
+    named = _far_apart(tops, layout.NAME * size, order)
     labels = rr.Points3D(
         [tops[k] for k in named],
         labels=[names[k] for k in named],
@@ -140,11 +149,11 @@ def _on_ground(latitude, longitude):
     return np.array([wgs84.ecef_from_geodetic(a, b, 0.0) for a, b in zip(latitude, longitude, strict=True)])
 
 
-def _far_apart(points, distance):
-    """Indices of points that leave room for each other's names."""
+def _far_apart(points, distance, order):
+    """Indices of points that leave room for each other's names; those that are first in `order` have it."""
     chosen = []
-    for k, point in enumerate(points):
-        if all(np.linalg.norm(point - points[j]) > distance for j in chosen):
+    for k in order:
+        if all(np.linalg.norm(points[k] - points[j]) > distance for j in chosen):
             chosen.append(k)
     return chosen
 

@@ -1,0 +1,100 @@
+"""Words of the command line about what it cannot take: one plain line `option: what would be right`.
+
+Typer would draw a box around a sentence of its own or of pydantic's.
+"""
+
+import re
+import sys
+
+import typer.core
+from typer._click.exceptions import (  # has no public name; checked by tests
+    BadOptionUsage,
+    BadParameter,
+    ClickException,
+    MissingParameter,
+    NoArgsIsHelpError,
+    NoSuchOption,
+)
+
+PROGRAM = "shefex-nav"
+_WHOLE, _NUMBER = "expected a whole number", "expected a number"
+_KINDS = {
+    "int_parsing": _WHOLE,
+    "int_type": _WHOLE,
+    "int_from_float": _WHOLE,
+    "int_parsing_size": "is too large",
+    "float_parsing": _NUMBER,
+    "float_type": _NUMBER,
+    "finite_number": "expected a finite number",
+    "greater_than_equal": "must be at least {ge}",
+    "greater_than": "must be greater than {gt}",
+    "less_than_equal": "must be at most {le}",
+    "less_than": "must be less than {lt}",
+}
+
+
+class PlainGroup(typer.core.TyperGroup):
+    """The commands, whose refusals are one line on stderr and exit code 2."""
+
+    def main(self, *args, standalone_mode=True, **more):
+        """Run the command line; the process ends with its exit code."""
+        more.setdefault("prog_name", PROGRAM)
+        if not standalone_mode:
+            return super().main(*args, standalone_mode=False, **more)
+        try:
+            code = super().main(*args, standalone_mode=False, **more)
+        except NoArgsIsHelpError as error:  # which has printed it
+            sys.exit(error.exit_code)
+        except ClickException as error:
+            print(line(error), file=sys.stderr)
+            sys.exit(error.exit_code)
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+def line(error):
+    """What a ClickException means, for people: str."""
+    if isinstance(error, NoSuchOption):
+        meant = " or ".join(sorted(error.possibilities or ()))
+        hint = f"; did you mean {meant}?" if meant else f"; see `{_command(error)} --help`"
+        return f"{error.option_name}: `{_command(error)}` has no such option{hint}"
+    if isinstance(error, MissingParameter):
+        return f"{_name(error)}: is missing; see `{_command(error)} --help`"
+    if isinstance(error, BadOptionUsage):
+        wants = "takes no value" if "does not take" in error.message else "expects a value"
+        return f"{error.option_name}: {wants}"
+    if isinstance(error, BadParameter):
+        return _bad_value(error)
+    found = re.fullmatch(r"No such command '(.*?)'\.(?: Did you mean (.*)\?)?", error.message)
+    if found:
+        hint = f"did you mean {found[2]}?" if found[2] else f"see `{_command(error)} --help`"
+        return f"{found[1]}: no such command; {hint}"
+    found = re.fullmatch(r"Got unexpected extra arguments?(?:\(s\))? \((.*)\)", error.message)
+    if found:
+        return f"{found[1]}: more than `{_command(error)}` expects; see `{_command(error)} --help`"
+    return error.message
+
+
+def _bad_value(error):
+    """About the value of an option, or of an argument, whose message names it itself."""
+    told = getattr(error.__cause__, "errors", None)
+    if told is not None:
+        first = told()[0]
+        words = _KINDS.get(first["type"], first["msg"]).format(**first.get("ctx", {}))
+        return f"{_name(error)} {first['input']}: {words}"
+    name = _name(error)
+    return f"{name}: {error.message}" if name.startswith("-") else error.message
+
+
+def _name(error):
+    """Name of the option or argument that an error is about."""
+    if error.param_hint is not None:
+        return error.param_hint if isinstance(error.param_hint, str) else " / ".join(error.param_hint)
+    if error.param is None:
+        return ""
+    name = error.param.get_error_hint().strip("'")
+    return name if name.startswith("-") else name.upper()
+
+
+def _command(error):
+    """`shefex-nav run` of an error in `run`."""
+    return PROGRAM if error.ctx is None else error.ctx.command_path

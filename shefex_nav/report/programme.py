@@ -1,0 +1,192 @@
+"""What a mission's programme gets wrong of its flight: tasks and devices whose times do not fit the heights.
+
+A programme's times count from lift-off and are not moved by another launch angle or another motor. The
+vehicle flies them all the same; an engineer wants to be told. The events of the flight say at which height
+each of its moments was.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.records import Phase
+
+AIR_KM = 100.0  # height of the event `entry`; the camera needs to be above it, and cold gas rules there
+ASTRAY_DEG = 5.0  # an attitude control that holds is within a degree
+LOOKING = ("point", "dwell")  # kinds of tasks in which the star camera works
+DEVICES = ("yo_yo", "spin_motors")
+
+
+class Warned(NamedTuple):
+    """Something that a scenario asks for and the flight makes nonsense of."""
+
+    field: tuple  # path in the scenario
+    text: str
+
+
+class Flown(NamedTuple):
+    """What a flight has to say of its programme."""
+
+    events: tuple  # of Event
+    astray_deg: float  # largest pointing error in the phases POINTING; 0 if there was none
+    end_s: float  # of what is known of it
+
+
+class _Moments(NamedTuple):
+    """Times of the physical events, s; None for those that did not happen."""
+
+    apogee: float | None
+    entry: float | None
+    landed: float | None
+    low: float | None  # 60 km on the way down
+
+
+def of_flight(flight):
+    """Flown of a world.flight.fly.Flight, before any sensor has seen it."""
+    trajectory, control = flight.trajectory, flight.control
+    t_s, error = (np.zeros(0), np.zeros((0, 3))) if control is None else (control.t_s, control.pointing_error)
+    return Flown(
+        flight.events, astray_deg(t_s, error, trajectory.t_s, trajectory.phase), float(trajectory.t_s[-1])
+    )
+
+
+def of_data(data):
+    """Flown of a RunData."""
+    found = astray_deg(data.control.t_s, data.control.pointing_error, data.truth.t_s, data.truth.phase)
+    return Flown(tuple(data.events), found, float(data.last_t_s))
+
+
+def astray_deg(t_s, error, truth_t_s, phase):
+    """Largest pointing error of the phases POINTING. (M,) s, (M, 3) rad, (N,) s, (N,) Phase -> deg"""
+    if not len(t_s) or not len(truth_t_s):
+        return 0.0
+    k = np.searchsorted(truth_t_s, t_s).clip(0, len(truth_t_s) - 1)
+    angle = np.sqrt(np.nansum(error**2, axis=1))[phase[k] == Phase.POINTING]
+    return float(np.degrees(angle.max())) if len(angle) else 0.0
+
+
+def foreseen(scenario, seed=1):
+    """The warnings of a scenario: its vehicle is flown for them, without sensors. () if it is not launched.
+
+    Raises FlightError as a run does.
+    """
+    if scenario.launch is None:
+        return ()
+    from shefex_nav import prepare
+
+    return warnings(scenario, of_flight(prepare.fly_vehicle(scenario, seed)))
+
+
+def warnings(scenario, flown):
+    """Everything that does not fit: tuple of Warned, in the order of the scenario.
+
+    Vehicles that are not launched have no such moments; nothing is said of what a cut log has not seen.
+    """
+    if scenario.launch is None:
+        return ()
+    found = [*_tasks(scenario, flown), *_devices(scenario, flown), *_star_tracker(scenario, flown)]
+    if not found and flown.astray_deg > ASTRAY_DEG:
+        words = f"the vehicle was up to {flown.astray_deg:.1f} deg off the attitude that it was to hold"
+        found.append(Warned(("programme",), f"{words}; the attitude control could not keep it"))
+    return tuple(found)
+
+
+def _moments(flown):
+    at = {}
+    for event in flown.events:
+        at.setdefault(event.name, event.t_s)
+    return _Moments(at.get("apogee"), at.get("entry"), at.get("impact"), at.get("altitude_60km"))
+
+
+def _height_km(flown, name):
+    """Height of the vehicle at the event `name`; None if it did not happen."""
+    return next((1e-3 * event.altitude_m for event in flown.events if event.name == name), None)
+
+
+def _tasks(scenario, flown):
+    moments = _moments(flown)
+    for name, task in scenario.tasks:
+        path, looks = ("programme", name), task.task in LOOKING
+        if task.start > flown.end_s:
+            if moments.landed is not None:
+                yield Warned(
+                    (*path, "from"), f"{task.start:g} s is after the impact, T{moments.landed:+.1f} s"
+                )
+            continue
+        if moments.entry is not None:
+            yield from _late(flown, name, task, looks)
+        elif looks and moments.landed is not None:
+            top_km = _height_km(flown, "apogee") or 0.0
+            yield Warned(path, f"the vehicle stays in the air, its apogee is {top_km:.1f} km: "
+                         "the star camera cannot see through it")  # fmt: skip
+            continue
+        if looks:
+            yield from _early(scenario, flown, name, task)
+        at = getattr(task, "at", None)
+        if task.task == "align_velocity" and moments.low is not None and at > moments.low:
+            words = f"{_after(at, moments)}, below 60 km; wanted is the velocity of about the entry"
+            yield Warned((*path, "at"), words)
+
+
+def _after(t_s, moments):
+    """How long after the entry a time is."""
+    return f"{t_s:g} s is {t_s - moments.entry:.1f} s after the entry at T{moments.entry:+.1f} s"
+
+
+def _late(flown, name, task, looks):
+    """A task that goes on below the entry."""
+    moments = _moments(flown)
+    if task.end <= moments.entry or task.start > flown.end_s:
+        return
+    why = "the star camera looks into the air" if looks else "cold gas steers against the air"
+    is_all = task.start >= moments.entry
+    key, t_s, verb = ("from", task.start, "start") if is_all else ("until", task.end, "end")
+    height_km = _height_km(flown, f"{name}_{verb}")
+    place = "" if height_km is None else f", at {height_km:.1f} km"
+    words = f"{_after(t_s, moments)}{place}: {why}; {verb} it before"
+    yield Warned(("programme", name, key), words)
+
+
+def _early(scenario, flown, name, task):
+    """A task of the star camera on the way up through the air, or under thrust."""
+    moments, height_km = _moments(flown), _height_km(flown, f"{name}_start")
+    rising = moments.apogee is None or task.start < moments.apogee
+    if rising and height_km is not None and height_km < AIR_KM:
+        words = (
+            f"{task.start:g} s is on the way up, at {height_km:.1f} km: the star camera looks into the air"
+        )
+        yield Warned(("programme", name, "from"), f"{words}; start it above {AIR_KM:.0f} km")
+    out = {event.name: event.t_s for event in flown.events}
+    for n, (stage, given) in enumerate(scenario.vehicle.stages.items(), 1):
+        burn_out = out.get(f"burn_out_{n}")
+        if burn_out is not None and given.ignition < task.end and task.start < burn_out:
+            words = f"from {task.start:g} s until {task.end:g} s the star camera is to be pointed"
+            burns = f"T{given.ignition:+.1f} to {burn_out:+.1f} s"
+            yield Warned(("programme", name), f"{words}, while {stage} burns, {burns}")
+
+
+def _devices(scenario, flown):
+    """Spin motors and yo-yo in the air, a parachute on the way up, gas that runs out."""
+    moments, vehicle = _moments(flown), scenario.vehicle
+    for name in DEVICES:
+        device = getattr(vehicle, name)
+        if device is not None and moments.entry is not None and moments.entry < device.at <= flown.end_s:
+            yield Warned(("vehicle", name, "at"), f"{_after(device.at, moments)}; it belongs before")
+    parachute = vehicle.parachute
+    if parachute is not None and parachute.at is not None and parachute.at < (moments.apogee or 0.0):
+        words = f"{parachute.at:g} s is before the apogee, T{moments.apogee:+.1f} s"
+        yield Warned(("vehicle", "parachute", "at"), f"{words}: it opens on the way up")
+    empty = next((event.t_s for event in flown.events if event.name == "cold_gas_empty"), None)
+    if empty is not None:
+        words = f"{vehicle.cold_gas.propellant:g} kg are used up at T{empty:+.1f} s"
+        yield Warned(("vehicle", "cold_gas", "propellant"), f"{words}: from then on nothing is steered")
+
+
+def _star_tracker(scenario, flown):
+    """A star tracker that is on in the air on the way down."""
+    moments, tracker = _moments(flown), scenario.star_tracker
+    entry = moments.entry
+    if not tracker.enabled or entry is None or tracker.off <= entry or flown.end_s <= entry:
+        return
+    key, t_s = ("on", tracker.on) if tracker.on >= entry else ("off", tracker.off)
+    yield Warned(("star_tracker", key), f"{_after(t_s, moments)}: the star camera looks into the air")

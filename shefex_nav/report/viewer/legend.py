@@ -1,0 +1,50 @@
+"""What colours, marks and axes on the pages of the viewer mean: a text beside each."""
+
+ENTITY = "legend"
+AXES = "**Axes.** x is red, y green, z blue."
+_STATES = """**States.** Green: good or in use. Orange: not; *Events* say why. A name that has no room is
+left out. *phase*: grey on the pad, red boost, white coast, blue manoeuvre, green pointing, violet descent,
+yellow parachute. *gps*: what the receiver gives. *health*: what the navigation makes of a sensor.
+*solution*: whether the computer lets its attitude be used. *star_tracker*: solved, or why not."""
+_FRAME = """**Star camera.** Green square: detected and identified, with its Hipparcos number. Orange
+square: detected, not identified: faint stars that the on-board catalogue lacks, hot pixels, particles. Blue
+dot: where a bright catalogue star truly is. Pixels of sky background are set to zero where the log keeps no
+others."""
+_SCENE = """**Flight.** Axes of the launch site: red east, green north, blue up. The path has the colours of
+the phases. Body axes, rocket, frustum of the star camera and cones show directions, not sizes: yellow cone,
+too near to the Sun; blue cone, too near to the Earth; light blue lines, GPS satellites (point at the end of
+one for its name)."""
+_ERRORS = """**Errors** are truth minus estimate: position and velocity in inertial axes (GCRS), attitude as
+a rotation about the body axes, x along the roll axis. Blue: error, red: plus and minus 3 sigma of the
+filter. The scale suits the better part of the flight; the title says what is cut off, such as the error in
+a spin-up. Zoom with the mouse wheel, double click resets."""
+_TESTS = """**NEES**: 95 % lie between the red lines if the covariance is right. **NIS over its limit**: a
+dot was used, a cross refused (above 1) or held back; blue GPS position, violet GPS velocity, green star
+tracker. **Protection level** about x, y, z: what the attitude error (white) may not exceed unnoticed."""
+_STARS = """**Sky.** The stars to magnitude 5 around the camera, its field (green) and the way of its
+boresight (grey), in degrees. **Curves** are those of the time in which the star tracker works."""
+_SENSORS = """**IMU**: mean of each tick in body axes; scatter is what is left within a second, vibration
+and noise. **GPS**: satellites used, and dilution of precision of the position. **Age**: from the instant
+that is measured to the instant at which the computer has it."""
+
+TEXTS = {
+    "Overview": (_FRAME, _SCENE, _ERRORS, _STATES),
+    "Mission": (_SCENE, AXES, _STATES),
+    "Star tracker": (_FRAME, _STARS, _STATES),
+    "Navigation": (_ERRORS, _TESTS, _STATES),
+    "Sensors": (_SENSORS, AXES, _STATES),
+}
+
+
+def entity(page):
+    """Entity of the text about a page of `layout.PAGES`."""
+    return f"{ENTITY}/{page.lower().replace(' ', '_')}"
+
+
+def send(sender):
+    """The texts of all pages."""
+    import rerun as rr
+
+    for page, parts in TEXTS.items():
+        text = "\n\n".join(part.replace("\n", " ") for part in parts)
+        sender.static(entity(page), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))

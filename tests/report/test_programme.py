@@ -1,0 +1,210 @@
+"""Programmes whose times do not fit the flight: found where it was flown, told with the place of the time."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shefex_nav import prepare
+from shefex_nav.geometry import frames, wgs84
+from shefex_nav.log.run_data import RunDataBuilder
+from shefex_nav.records import Event
+from shefex_nav.report import metrics, page, programme, table
+from shefex_nav.scenario import load
+
+ROOT = Path(__file__).parents[2]
+DEFAULT = ROOT / "scenarios" / "shefex2_andoya.yaml"
+FLAT = "launch.elevation=84 deg"
+SHIFTED = (  # as far as the entry moves
+    FLAT,
+    "programme.pointing.until=329 s",
+    "programme.entry_slew.from=329 s",
+    "programme.entry_slew.until=341 s",
+    "programme.entry_slew.at=362 s",
+    "vehicle.spin_motors.at=341 s",
+    "star_tracker.off=342 s",
+)
+
+
+def fields(found):
+    return [".".join(one.field) for one in found]
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return load.load(DEFAULT)
+
+
+@pytest.fixture(scope="module")
+def flat():
+    """A flatter launch under the programme of the default mission, and its flight."""
+    scenario = load.load(DEFAULT, [FLAT])
+    return scenario, prepare.fly_vehicle(scenario, 1)
+
+
+def test_the_default_programme_fits(scenario):
+    assert programme.foreseen(scenario) == ()
+
+
+@pytest.mark.parametrize(
+    "name", ["shefex2_woomera", "shefex2_no_precession", "rexus_like", "orbit", "night_sky"]
+)
+def test_programmes_of_the_package_fit(name):
+    assert programme.foreseen(load.load(ROOT / "scenarios" / f"{name}.yaml")) == ()
+
+
+def test_a_flatter_launch_is_told(flat):
+    """The camera is to look at stars while the vehicle is below 100 km: by the trajectory, not by events."""
+    scenario, flight = flat
+    found = programme.warnings(scenario, programme.of_flight(flight))
+    assert fields(found) == [
+        "programme.pointing.until", "programme.entry_slew.from", "programme.entry_slew.at",
+        "vehicle.spin_motors.at", "star_tracker.off",
+    ]  # fmt: skip
+    trajectory, earth = flight.trajectory, prepare.earth_rotation(scenario)
+
+    def height_km(t_s):
+        k = int(np.searchsorted(trajectory.t_s, t_s))
+        r_e, _ = frames.ecef_from_inertial(earth, trajectory.t_s[k], trajectory.r_i[k], trajectory.v_i[k])
+        return wgs84.geodetic_from_ecef(r_e)[2] / 1e3
+
+    below_s = next(t_s for t_s in np.arange(300.0, 372.0, 0.1) if height_km(t_s) < 100.0)
+    text = found[0].text
+    assert f"372 s is {372.0 - below_s:.1f} s after the entry" in text or (
+        f"372 s is {372.05 - below_s:.1f} s after the entry" in text
+    )
+    assert f"at {height_km(372.0):.1f} km" in text
+
+
+def test_a_programme_that_is_shifted_fits():
+    assert programme.foreseen(load.load(DEFAULT, SHIFTED)) == ()
+
+
+def test_a_flight_that_stays_in_the_air_is_told():
+    overrides = ["launch.elevation=78 deg", "programme.pointing=null", "programme.entry_slew=null",
+                 "vehicle.spin_motors=null"]  # fmt: skip
+    found = programme.foreseen(load.load(DEFAULT, overrides))
+    assert "programme.slew" in fields(found)
+    assert "stays in the air, its apogee is 58.6 km" in found[0].text
+
+
+def flown(*events, end_s=500.0, astray_deg=0.2):
+    made = [Event(t_s, name, 1e3 * height_km, "") for t_s, name, height_km in events]
+    return programme.Flown(tuple(made), astray_deg, end_s)
+
+
+USUAL = (
+    (235.0, "slew_start", 174.0),
+    (262.0, "apogee", 177.0),
+    (398.0, "entry", 100.0),
+    (497.0, "impact", 0.0),
+)
+
+
+@pytest.mark.parametrize(
+    ("events", "field", "words"),
+    [
+        ([(120.0, "slew_start", 90.0), *USUAL[1:]], "programme.slew.from", "on the way up, at 90.0 km"),
+        ([*USUAL, (240.0, "burn_out_2", 175.0)], "programme.slew", "while S44 burns, T+149.2 to +240.0 s"),
+        (
+            [*USUAL, (300.0, "cold_gas_empty", 170.0)],
+            "vehicle.cold_gas.propellant",
+            "8 kg are used up at T+300.0 s",
+        ),
+        (
+            [*USUAL[:2], (340.0, "entry", 100.0), (360.0, "impact", 0.0)],
+            "programme.entry_slew.from",
+            "after the impact",
+        ),
+    ],
+)
+def test_what_does_not_fit(scenario, events, field, words):
+    end_s = max(t_s for t_s, *_ in events)
+    found = {
+        ".".join(one.field): one.text for one in programme.warnings(scenario, flown(*events, end_s=end_s))
+    }
+    assert words in found[field]
+
+
+def test_an_attitude_that_is_lost_is_told(scenario):
+    found = programme.warnings(scenario, flown(*USUAL, astray_deg=44.25))
+    assert fields(found) == ["programme"] and "up to 44.2 deg off" in found[0].text
+    assert not programme.warnings(scenario, flown(*USUAL, astray_deg=0.7))
+
+
+def test_pointing_errors_count_while_pointing():
+    """Of the phase POINTING alone, the whole angle."""
+    phase = np.array([int(programme.Phase.MANOEUVRE), int(programme.Phase.POINTING)])
+    error = np.radians([[50.0, 0.0, 0.0], [3.0, 4.0, np.nan]])
+    found = programme.astray_deg(np.array([0.0, 1.0]), error, np.array([0.0, 1.0]), phase)
+    assert found == pytest.approx(5.0)
+    assert programme.astray_deg(np.zeros(0), np.zeros((0, 3)), np.zeros(0), phase[:0]) == 0.0
+
+
+def test_nothing_is_said_of_what_was_not_seen(flat):
+    scenario, flight = flat
+    seen = [event for event in flight.events if event.t_s < 340.0]
+    assert programme.warnings(scenario, programme.Flown(tuple(seen), 0.3, 340.0)) == ()
+
+
+@pytest.fixture(scope="module")
+def data(flat):
+    """RunData of that flight: its events and its truth once a second."""
+    scenario, flight = flat
+    from shefex_nav import simulate
+
+    builder = RunDataBuilder(prepare.mission(scenario, 1, flight.trajectory))
+    for k in range(0, len(flight.trajectory.t_s), 400):
+        builder.add(simulate.truth_sample(flight.trajectory, k))
+    for event in flight.events:
+        builder.add(event)
+    return builder.build()
+
+
+def test_result_table_and_page_tell(flat, data):
+    scenario, flight = flat
+    summary = metrics.summarise(data)
+    wanted = programme.warnings(scenario, programme.of_flight(flight))
+    assert summary["warnings"] == [{"field": ".".join(one.field), "text": one.text} for one in wanted]
+    assert metrics.summarise(data, scenario=scenario)["warnings"] == summary["warnings"]
+    lines = dict(table.rows(summary))["warnings"]
+    assert [name for name, _ in lines] == fields(wanted)
+    text = page.page(data)
+    assert "The programme does not fit the flight" in text and "programme.entry_slew.at" in text
+
+
+def test_a_log_whose_scenario_cannot_be_read_is_not_judged(data):
+    text = data._replace(mission=data.mission._replace(scenario_text="mission: {name: x}"))
+    assert metrics.summarise(text)["warnings"] is None
+
+
+def test_check_names_file_and_line(command, tmp_path):
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(
+        f"extends: {DEFAULT}\nlaunch:\n  elevation: 84 deg\nvehicle:\n  spin_motors:\n    at: 390 s\n"
+    )
+    result = command("check", mine)
+    assert result.code == 0 and result.out == f"{mine}: good, with 5 warnings\n"
+    lines = result.err.splitlines()
+    assert len(lines) == 5 and all(line.startswith("warning: ") for line in lines)
+    motors = next(line for line in lines if "spin_motors" in line)
+    assert motors.startswith(f"warning: {mine}:6:9: vehicle.spin_motors.at: 390 s is ")
+    assert f"{DEFAULT}:" in lines[0] and f"change it in {mine}" in lines[0]
+
+
+def test_check_refuses_a_flight_that_cannot_be(command, tmp_path):
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(f"extends: {DEFAULT}\nlaunch:\n  elevation: 75 deg\n")
+    result = command("check", mine)
+    assert result.code == 2 and result.out == ""
+    assert result.err.startswith(f"{mine}: the vehicle hits the ground at T+")
+    assert len(result.err.splitlines()) == 1
+
+
+def test_simulated_seconds_say_from_when(data):
+    summary = metrics.summarise(data)
+    start_s = summary["simulated_from_s"]
+    assert start_s == pytest.approx(-10.0, abs=0.01) and math.isfinite(summary["simulated_s"])
+    shown = dict(dict(table.rows(summary))["run"])["simulated"]
+    assert shown.startswith(f"{summary['simulated_s']:.1f} s, from T-10.0 s to T+")

@@ -1,0 +1,91 @@
+"""What the command line cannot take is one plain line on stderr, exit code 2, and nothing is computed."""
+
+import pytest
+
+from shefex_nav import cli
+
+LOG, THERE = "{log}", "{there}"  # files that exist
+
+REFUSALS = {
+    ("run", "x.yaml", "--seed", "four"): "--seed four: expected a whole number",
+    ("run", "x.yaml", "--seed", "1.5"): "--seed 1.5: expected a whole number",
+    ("run", "x.yaml", "--seed", "-1"): "--seed -1: must be at least 0",
+    ("campaign", "x.yaml", "--runs", "0"): "--runs 0: must be at least 1",
+    ("campaign", "x.yaml"): "--runs: is missing; see `shefex-nav campaign --help`",
+    ("solve", "x.png", "--epoch", "today"): "--epoch today: expected a number",
+    ("repeat", "folder", "last"): "RUN last: expected a whole number",
+    ("run",): "SCENARIO: is missing; see `shefex-nav run --help`",
+    ("view",): "LOG...: is missing; see `shefex-nav view --help`",
+    (
+        "run",
+        "x.yaml",
+        "--sed",
+        "1",
+    ): "--sed: `shefex-nav run` has no such option; did you mean --seed or --set?",
+    ("run", "x.yaml", "--seed"): "--seed: expects a value",
+    ("run", "x.yaml", "--json=3"): "--json: takes no value",
+    ("run", "x.yaml", "y.yaml"): "y.yaml: more than `shefex-nav run` expects; see `shefex-nav run --help`",
+    ("rn", "x.yaml"): "rn: no such command; did you mean 'run'?",
+    ("verify", "x"): "x: no such command; see `shefex-nav verify --help`",
+    ("run", "{default}", "--out", THERE): "--out: {there} exists already; choose another name or add --force",
+    ("run", "{default}", "--out", "{there}.d/x"): "--out: there is no folder {there}.d",
+    ("report", LOG, "--html", THERE): "--html: {there} exists already; choose another name or add --force",
+    (
+        "export",
+        LOG,
+    ): "nothing to write: name at least one of --csv DIR, --parquet DIR, --kml FILE, --geojson FILE",
+    ("view", LOG, "--at", "3 s"): "--at: 3 s is the time of a picture; name it with --screenshot",
+    (
+        "view",
+        LOG,
+        "--at",
+        "3",
+        "--screenshot",
+        "x.png",
+    ): "--at: '3' has no unit; write it with one, for example '3 s'",
+    ("view", LOG, "--view", "stars"): (
+        "--view: 'stars' is no page; choose from: overview, mission, star-tracker, navigation, sensors"
+    ),
+    ("view", LOG, "--save", THERE): "--save: {there} exists already; choose another name or add --force",
+    ("view", LOG, "--save", LOG, "--force"): "--save: {log} is the log itself; choose another name",
+    ("view", LOG, "--web", "--save", "x.rrd"): "--web: does not go with --save or --screenshot",
+    ("replay", LOG): "{log}: not an MCAP file",
+    ("report", LOG): "{log}: not an MCAP file",
+    (
+        "check",
+        LOG,
+    ): "{log}:1:1: the file holds a single value; expected a mapping that starts with 'mission:'",
+    ("repeat", "{there}.d", "0"): "{there}.d: there is no campaign.json; expected the folder of a campaign",
+}
+
+
+@pytest.mark.parametrize("arguments", REFUSALS, ids=" ".join)
+def test_one_plain_line(arguments, tmp_path, monkeypatch, capsys, default_scenario):
+    names = {"log": tmp_path / "run.mcap", "there": tmp_path / "there", "default": default_scenario}
+    for name in ("log", "there"):
+        names[name].write_bytes(b"precious")
+    monkeypatch.setattr("sys.argv", ["shefex-nav", *(word.format(**names) for word in arguments)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    printed = capsys.readouterr()
+    assert ended.value.code == 2
+    assert printed.err == REFUSALS[arguments].format(**names) + "\n"
+    assert printed.out == ""
+    assert {path.name for path in tmp_path.iterdir()} == {"run.mcap", "there"}
+    assert all(names[name].read_bytes() == b"precious" for name in ("log", "there"))
+
+
+def test_without_arguments_there_is_help(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["shefex-nav"])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 2
+    printed = capsys.readouterr()
+    assert "Commands" in printed.out + printed.err
+
+
+def test_exit_codes_of_commands_stay(monkeypatch, tmp_path, default_scenario):
+    monkeypatch.setattr("sys.argv", ["shefex-nav", "check", str(default_scenario)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 0
