@@ -8,6 +8,7 @@ from star_fields import DETECT, digitise, spot
 from shefex_nav.onboard.startracker import scan, shape
 from shefex_nav.onboard.startracker.background import block_sums, tile_statistics
 from shefex_nav.onboard.startracker.detect import detect, rules
+from shefex_nav.onboard.startracker.spot import Picture
 
 SHAPE = (493, 659)
 PER_DN, READ, BACKGROUND = 4.0, 8.0, 40.0  # electrons
@@ -103,7 +104,7 @@ def test_the_shape_is_measured(sigma_px, streak_px):
     blocks = block_sums(image)
     background, sigma, _ = tile_statistics(blocks, 72)
     table = scan.sequential(image, blocks, background, sigma, rules(PARAMS))
-    seen, _ = shape.measure(image, table, 255, 1.0 / PER_DN, 1.0)
+    seen, _ = shape.measure(Picture(image, PARAMS.bad_pixels, 255, 1.0 / PER_DN), table, 1.0)
     length = np.hypot(seen.streak_x, seen.streak_y)
     assert seen.sigma_px == pytest.approx(sigma_px, rel=0.1)
     assert length == pytest.approx(streak_px, rel=0.1, abs=sigma_px)  # noise makes a round spot longish

@@ -27,15 +27,20 @@ def frame(rng, vmag, sigma_px, columns, streak_px=0.0, angle=0.0):
     return digitise(rng, light), true_px
 
 
-def found(image, true_px):
+def found(image, true_px, params=PARAMS):
     """Errors (n, 2), normalised squared errors (n,), whether saturated (n,); every star is found."""
-    seen, _ = detect(PARAMS, image)
+    seen, _ = detect(params, image)
     distance = np.linalg.norm(seen.xy_px[:, None] - true_px[None], axis=2)
     assert (distance.min(axis=0) < 1.0).all()
     k = distance.argmin(axis=0)
     error = seen.xy_px[k] - true_px
     nees = np.einsum("ki,kij,kj->k", error, np.linalg.inv(seen.P_px[k]), error)
     return error, nees, seen.n_saturated[k] > 0
+
+
+def picture_of(image):
+    """Picture without bad pixels."""
+    return star_light.Picture(image, PARAMS.bad_pixels, 255, 1.0 / PER_DN)
 
 
 def table_of(image):
@@ -73,7 +78,7 @@ def test_the_shape_and_its_covariance(sigma_px, streak_px):
     for _ in range(n):
         angle = rng.uniform(0.0, np.pi)
         image, _ = frame(rng, [3.9, 4.2, 4.5, 4.8, 5.0, 5.0], sigma_px, 3, streak_px, angle)
-        seen, P_S = shape.measure(image, table_of(image), 255, 1.0 / PER_DN, 0.8)
+        seen, P_S = shape.measure(picture_of(image), table_of(image), 0.8)
         along, streak = np.array([np.cos(angle), np.sin(angle)]), np.array([seen.streak_x, seen.streak_y])
         off = np.eye(2) * (seen.sigma_px**2 - sigma_px**2)
         off += (np.outer(streak, streak) - streak_px**2 * np.outer(along, along)) / 12.0
@@ -94,6 +99,20 @@ def test_a_width_that_is_hardly_known_is_doubted():
     assert abs(np.mean(nees) - 2.0) < 4.0 * 2.0 / np.sqrt(len(nees))
 
 
+@pytest.mark.parametrize("sigma_px", [0.5, 0.8])
+def test_a_bad_pixel_in_a_star_says_nothing(sigma_px):
+    """Each star has a dead or a hot pixel, which the tracker knows, within a pixel of its own."""
+    rng = np.random.default_rng([5, int(100 * sigma_px)])
+    nees = []
+    for _ in range(6):
+        image, true_px = frame(rng, np.tile([2.5, 4.0, 4.5, 5.0], 20), sigma_px, 10)
+        bad = np.rint(true_px).astype(np.int64)[:, ::-1] + rng.integers(-1, 2, (80, 2))
+        image[tuple(bad.T)] = rng.choice([0, 255], 80)
+        nees.append(found(image, true_px, PARAMS._replace(bad_pixels=bad))[1])
+    nees = np.concatenate(nees)
+    assert abs(nees.mean() - 2.0) < 4.0 * 2.0 / np.sqrt(len(nees))
+
+
 def test_a_double_star_does_not_tell_the_width():
     """The brightest clear object is two stars 1 px apart; the others are as narrow as before."""
     rng = np.random.default_rng(4)
@@ -107,7 +126,7 @@ def test_a_double_star_does_not_tell_the_width():
         spot(light, x, y, signal(4.4), 0.5)
         spot(light, x + 1.0, y, signal(4.6), 0.5)
         image = digitise(rng, light)
-        widths.append(shape.measure(image, table_of(image), 255, 1.0 / PER_DN, 0.8)[0])
+        widths.append(shape.measure(picture_of(image), table_of(image), 0.8)[0])
     assert np.mean([w.sigma_px for w in widths]) == pytest.approx(0.5, abs=0.02)
     assert np.median([np.hypot(w.streak_x, w.streak_y) for w in widths]) < 0.6
 

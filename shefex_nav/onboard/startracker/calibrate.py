@@ -286,41 +286,14 @@ def _normal_kernel(begin, xy_px, u_i, sigma_px, used, theta, q_ic, estimated, hu
     """
     columns = np.flatnonzero(estimated)
     m = len(columns)
-    H, g = np.zeros((m, m)), np.zeros(m)
+    H, g, reduction = np.zeros((m, m)), np.zeros(m), np.zeros((m, m))
     back = np.zeros((q_ic.shape[0], 3, m + 1))
-    Jc, Ja = np.zeros((2, 5)), np.zeros((2, 3))
-    reduction = np.zeros((m, m))
     cost = 0.0
     for frame in range(q_ic.shape[0]):
-        C = dcm_from_quat(q_ic[frame])
+        rows = begin[frame], begin[frame + 1]
         A, E, b = np.zeros((3, 3)), np.zeros((3, m)), np.zeros(3)
-        for k in range(begin[frame], begin[frame + 1]):
-            if not used[k]:
-                continue
-            x, y, r2, radial = _star(theta, C, u_i[k])
-            _jacobian(theta, x, y, r2, radial, Jc, Ja)
-            residual = (
-                xy_px[k, 0] - theta[1] - theta[0] * radial * x,
-                xy_px[k, 1] - theta[2] - theta[0] * radial * y,
-            )
-            distance = np.sqrt(residual[0] ** 2 + residual[1] ** 2) / sigma_px[k]
-            weight = 1.0 / sigma_px[k] ** 2
-            if distance > huber:
-                cost += huber * (2.0 * distance - huber)
-                weight *= huber / distance
-            else:
-                cost += distance**2
-            for i in range(2):
-                for r in range(3):
-                    b[r] += weight * Ja[i, r] * residual[i]
-                    for c in range(3):
-                        A[r, c] += weight * Ja[i, r] * Ja[i, c]
-                    for c in range(m):
-                        E[r, c] += weight * Ja[i, r] * Jc[i, columns[c]]
-                for r in range(m):
-                    g[r] += weight * Jc[i, columns[r]] * residual[i]
-                    for c in range(m):
-                        H[r, c] += weight * Jc[i, columns[r]] * Jc[i, columns[c]]
+        sums = A, E, b, H, g
+        cost += _add_frame(rows, xy_px, u_i, sigma_px, used, theta, q_ic[frame], columns, huber, sums)
         for r in range(3):
             A[r, r] *= 1.0 + damping
         inverse = inverse3(A)
@@ -337,3 +310,42 @@ def _normal_kernel(begin, xy_px, u_i, sigma_px, used, theta, q_ic, estimated, hu
     for r in range(m):
         H[r, r] *= 1.0 + damping
     return cost, H - reduction, g, back
+
+
+@njit(cache=True)
+def _add_frame(rows, xy_px, u_i, sigma_px, used, theta, q_ic, columns, huber, sums):
+    """Add the stars of one frame, rows first ... last - 1, to the sums; returns their cost.
+
+    sums : A (3, 3), E (3, m), b (3,) of this frame's attitude, H (m, m), g (m,) of the camera
+    """
+    A, E, b, H, g = sums
+    C, m, cost = dcm_from_quat(q_ic), len(columns), 0.0
+    Jc, Ja = np.zeros((2, 5)), np.zeros((2, 3))
+    for k in range(rows[0], rows[1]):
+        if not used[k]:
+            continue
+        x, y, r2, radial = _star(theta, C, u_i[k])
+        _jacobian(theta, x, y, r2, radial, Jc, Ja)
+        residual = (
+            xy_px[k, 0] - theta[1] - theta[0] * radial * x,
+            xy_px[k, 1] - theta[2] - theta[0] * radial * y,
+        )
+        distance = np.sqrt(residual[0] ** 2 + residual[1] ** 2) / sigma_px[k]
+        weight = 1.0 / sigma_px[k] ** 2
+        if distance > huber:
+            cost += huber * (2.0 * distance - huber)
+            weight *= huber / distance
+        else:
+            cost += distance**2
+        for i in range(2):
+            for r in range(3):
+                b[r] += weight * Ja[i, r] * residual[i]
+                for c in range(3):
+                    A[r, c] += weight * Ja[i, r] * Ja[i, c]
+                for c in range(m):
+                    E[r, c] += weight * Ja[i, r] * Jc[i, columns[c]]
+            for r in range(m):
+                g[r] += weight * Jc[i, columns[r]] * residual[i]
+                for c in range(m):
+                    H[r, c] += weight * Jc[i, columns[r]] * Jc[i, columns[c]]
+    return cost

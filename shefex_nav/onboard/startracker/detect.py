@@ -15,6 +15,7 @@ from numba import njit
 
 from shefex_nav.onboard.startracker import centroid, fit, scan
 from shefex_nav.onboard.startracker.background import block_sums, medians, repair, tile_statistics
+from shefex_nav.onboard.startracker.spot import Picture
 from shefex_nav.records import Detections
 
 SCANS = {"sequential": scan.sequential, "maximum": scan.maximum_search}
@@ -113,8 +114,9 @@ def _named(what, methods, name):
 
 def _by_fit(params, image_dn, table):
     """Place, flux and covariance of the objects by fitting the star shape of the frame."""
-    electron, sigma = 1.0 / params.electrons_per_dn, float(params.psf_sigma_px)
-    return fit.centroids(image_dn, table, int(params.saturation_dn), electron, sigma)
+    bad_pixels = np.ascontiguousarray(params.bad_pixels, dtype=np.int64)
+    picture = Picture(image_dn, bad_pixels, int(params.saturation_dn), 1.0 / params.electrons_per_dn)
+    return fit.centroids(picture, table, float(params.psf_sigma_px))
 
 
 def _by_scan(params, image_dn, table):

@@ -4,7 +4,7 @@ In: the frame, its objects and their `Shape`. Out: place, flux and covariance of
 Gaussian spot, drawn along the streak and integrated over each pixel, on a background that is known; place and
 flux follow by weighted least squares. The weights are the inverse variances of the pixels: the noise that the
 frame shows without stars (read noise, shot noise of the background, quantisation) and the shot noise of the
-model's own light. Saturated pixels have no weight: of the brightest stars the slopes are fitted.
+model's own light. Bad and saturated pixels have no weight: of the brightest stars the slopes are fitted.
 
 A star whose neighbour is an object too is fitted again with the neighbour's light taken away. Where the
 pixels do not look like one star (an unresolved neighbour, a particle hit), the misfit makes the covariance
@@ -52,26 +52,24 @@ COLUMNS = 6  # x, y, flux, xx, xy, yy
 
 
 @njit(cache=True)
-def centroids(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px):
+def centroids(picture, table, default_sigma_px):
     """Place, flux and covariance of all objects of a frame.
 
     What cannot be fitted keeps the centroid of the scan, with a covariance that does not trust it.
 
     Parameters
     ----------
-    image_dn : (rows, columns)
+    picture : Picture
     table : (n, scan.COLUMNS) objects
-    saturation_dn : grey value of a saturated pixel
-    dn_per_electron : float, 0 where it is not known: the shot noise of the stars is left out
     default_sigma_px : float, width of a spot where the frame does not show it
 
     Returns
     -------
     xy_px (n, 2), flux_dn (n,), P_px (n, 2, 2)
     """
-    shape, P_S = measure(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px)
-    fitted, good = fit(image_dn, table, shape, P_S, saturation_dn, dn_per_electron)
-    xy_px, flux, P_px = weighted(table, dn_per_electron)
+    shape, P_S = measure(picture, table, default_sigma_px)
+    fitted, good = fit(picture, table, shape, P_S)
+    xy_px, flux, P_px = weighted(table, picture.dn_per_electron)
     for k in range(table.shape[0]):
         if good[k]:
             xy_px[k, 0], xy_px[k, 1], flux[k] = fitted[k, 0], fitted[k, 1], fitted[k, 2]
@@ -84,17 +82,15 @@ def centroids(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px)
 
 
 @njit(cache=True)
-def fit(image_dn, table, shape, P_S, saturation_dn, dn_per_electron):
+def fit(picture, table, shape, P_S):
     """Fit all objects of a frame.
 
     Parameters
     ----------
-    image_dn : (rows, columns)
+    picture : Picture
     table : (n, scan.COLUMNS) objects
     shape : Shape
     P_S : (3, 3) px^4, covariance of xx, xy, yy of the shape
-    saturation_dn : grey value of a saturated pixel
-    dn_per_electron : float, 0 where it is not known: the shot noise of the stars is left out
 
     Returns
     -------
@@ -119,17 +115,7 @@ def fit(image_dn, table, shape, P_S, saturation_dn, dn_per_electron):
                         n_others += 1
                 if n_others == 0:
                     continue
-            good[k] = _fit_one(
-                image_dn,
-                table[k],
-                spots,
-                P_S,
-                others[:n_others],
-                saturation_dn,
-                dn_per_electron,
-                work,
-                fitted[k],
-            )
+            good[k] = _fit_one(picture, table[k], spots, P_S, others[:n_others], work, fitted[k])
     return fitted, good
 
 
@@ -171,10 +157,10 @@ def _equations(flux, window, dn_per_electron, work):
 
 
 @njit(cache=True)
-def _fit_one(image_dn, star, spots, P_S, others, saturation_dn, dn_per_electron, work, fitted):
+def _fit_one(picture, star, spots, P_S, others, work, fitted):
     """Fit one object, less the light of the others; write to `fitted`, returns whether it succeeded."""
-    window = window_of(star, spots, image_dn.shape)
-    n_used = pixels(image_dn, star, spots, others, window, saturation_dn, dn_per_electron, work)
+    window = window_of(star, spots, picture.image_dn.shape)
+    n_used = pixels(picture, star, spots, others, window, work)
     if n_used < LEAST_PIXELS:
         return False
     _, _, width, height = window
@@ -182,7 +168,7 @@ def _fit_one(image_dn, star, spots, P_S, others, saturation_dn, dn_per_electron,
     sigma = spots[0, 2]
     for _ in range(MOST_STEPS):
         model(spots, x, y, window, work)
-        xx, xy, yy, xf, yf, ff, bx, by, bf, chi2 = _equations(flux, window, dn_per_electron, work)
+        xx, xy, yy, xf, yf, ff, bx, by, bf, chi2 = _equations(flux, window, picture.dn_per_electron, work)
         if ff <= 0.0:
             return False
         # flux eliminated: 2x2 equations of the place
@@ -211,7 +197,7 @@ def _fit_one(image_dn, star, spots, P_S, others, saturation_dn, dn_per_electron,
     fitted[0], fitted[1], fitted[2] = x, y, flux
     fitted[3], fitted[4], fitted[5] = factor * d / det, -factor * b / det, factor * a / det
     curves(spots, x, y, window, work)
-    fitted[3:] += _of_shape(old_flux, window, dn_per_electron, work, (a, b, d, xf / ff, yf / ff), P_S)
+    fitted[3:] += _of_shape(old_flux, window, picture.dn_per_electron, work, (a, b, d, xf / ff, yf / ff), P_S)
     return True
 
 

@@ -57,15 +57,13 @@ NO_OTHERS = np.empty((0, 3))
 
 
 @njit(cache=True)
-def measure(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px):
+def measure(picture, table, default_sigma_px):
     """Shape of the stars in a frame.
 
     Parameters
     ----------
-    image_dn : (rows, columns)
+    picture : Picture
     table : (n, scan.COLUMNS) objects, brightest first
-    saturation_dn : grey value of a saturated pixel
-    dn_per_electron : float, 0 where it is not known
     default_sigma_px : width where the frame shows no clear star that is not saturated
 
     Returns
@@ -83,7 +81,7 @@ def measure(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px):
         moments[:, k] = _unweighted(table[star, XX], table[star, XY], table[star, YY])
     S = np.array([np.median(moments[0]), np.median(moments[1]), np.median(moments[2])])
     S[0], S[2] = S[0] - EXCESS, S[2] - EXCESS
-    S, P_S = _fitted(image_dn, table[chosen], _possible(S), saturation_dn, dn_per_electron)
+    S, P_S = _fitted(picture, table[chosen], _possible(S))
     return _shape(S), P_S
 
 
@@ -154,7 +152,7 @@ def _shape(S):
 
 
 @njit(cache=True)
-def _fitted(image_dn, stars, S, saturation_dn, dn_per_electron):
+def _fitted(picture, stars, S):
     """S of largest likelihood for some stars, from a first one, and its covariance.
 
     Gauss-Newton over S and place and flux p of each star. With A, B, C the blocks of a star's normal matrix
@@ -170,9 +168,7 @@ def _fitted(image_dn, stars, S, saturation_dn, dn_per_electron):
     for _ in range(MOST_ROUNDS):
         spots = spots_of(_shape(S))
         for k in range(n):
-            good[k] = _one(
-                image_dn, stars[k], p[k], spots, saturation_dn, dn_per_electron, work, J[k], g[k], back[k]
-            )
+            good[k] = _one(picture, stars[k], p[k], spots, work, J[k], g[k], back[k])
         if not good.any():
             break
         change, P_S = _together(J[good], g[good])
@@ -191,15 +187,15 @@ def _fitted(image_dn, stars, S, saturation_dn, dn_per_electron):
 
 
 @njit(cache=True)
-def _one(image_dn, star, p, spots, saturation_dn, dn_per_electron, work, J, g, back):
+def _one(picture, star, p, spots, work, J, g, back):
     """Write J, g and (A^-1 B, A^-1 a) of one star; returns whether it tells anything."""
     if np.hypot(p[0] - star[X], p[1] - star[Y]) > FARTHEST_PX:
         return False
-    window = window_of(star, spots, image_dn.shape)
-    n = pixels(image_dn, star, spots, NO_OTHERS, window, saturation_dn, dn_per_electron, work)
+    window = window_of(star, spots, picture.image_dn.shape)
+    n = pixels(picture, star, spots, NO_OTHERS, window, work)
     model(spots, p[0], p[1], window, work)
     curves(spots, p[0], p[1], window, work)
-    M = _sums(p[2], window, dn_per_electron, work)
+    M = _sums(p[2], window, picture.dn_per_electron, work)
     A = M[:3, :3].copy()
     if not det3(A) > SINGULAR * A[0, 0] * A[1, 1] * A[2, 2] > 0.0:
         return False

@@ -36,6 +36,15 @@ class Shape(NamedTuple):
     streak_y: float
 
 
+class Picture(NamedTuple):
+    """A frame, and what its grey values are worth."""
+
+    image_dn: np.ndarray  # (rows, columns)
+    bad_pixels: np.ndarray  # (n, 2) int64 row, column; what the frame shows there is not used
+    saturation_dn: int  # grey value of a saturated pixel
+    dn_per_electron: float  # 0 where it is not known: the shot noise of the stars is left out
+
+
 @njit(cache=True)
 def spots_of(shape):
     """Gaussian spots that together are a streak: (n, 3) x, y from its middle, sigma; equal shares of light.
@@ -156,26 +165,31 @@ def window_of(star, spots, shape):
 
 
 @njit(cache=True)
-def pixels(image_dn, star, spots, others, window, saturation_dn, dn_per_electron, work):
+def pixels(picture, star, spots, others, window, work):
     """Write the light of one star, without the others', and its variance to their layers of work.
 
     others : (m, 3 or more) x, y and flux of each. The variance lacks the star's own shot noise; that of a
-    saturated pixel is infinite. Returns how many are not.
+    saturated or bad pixel is infinite. Returns how many are not.
     """
     left, top, width, height = window
     light, variance = work[SEEN], work[VARIANCE]
     noise2, n = star[NOISE] ** 2, 0
     for r in range(height):
         for c in range(width):
-            value = image_dn[top + r, left + c]
+            value = picture.image_dn[top + r, left + c]
             light[r, c] = value - star[BACKGROUND]
-            variance[r, c] = noise2 if value < saturation_dn else np.inf
-            n += value < saturation_dn
+            variance[r, c] = noise2 if value < picture.saturation_dn else np.inf
+            n += value < picture.saturation_dn
+    for k in range(picture.bad_pixels.shape[0]):
+        r, c = picture.bad_pixels[k, 0] - top, picture.bad_pixels[k, 1] - left
+        if 0 <= r < height and 0 <= c < width and variance[r, c] < np.inf:
+            variance[r, c] = np.inf
+            n -= 1
     for j in range(others.shape[0]):
         model(spots, others[j, 0], others[j, 1], window, work)
         for r in range(height):
             for c in range(width):
                 other = others[j, 2] * work[SPOT, r, c]
                 light[r, c] -= other
-                variance[r, c] += other * dn_per_electron
+                variance[r, c] += other * picture.dn_per_electron
     return n

@@ -175,20 +175,32 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
     image_dn = _read_out(camera, background, slope, command, rng)
     render.darken(camera.light)
 
-    frame = Frame(
+    frame = frame_of(params, command, number, (t_start_s, t_valid_s, t_end_s), image_dn)
+    return frame, truth_of(frame, params, move, (sun_angle, limb_angle), hip, xy_px)
+
+
+def frame_of(params, command, number, times_s, image_dn):
+    """Frame of a camera; times_s: the first row opens, the instant, the last row closes."""
+    t_start_s, t_valid_s, t_end_s = times_s
+    return Frame(
         number=number,
         t_start_s=t_start_s,
         t_valid_s=t_valid_s,
         t_available_s=t_end_s + params.readout_s,
-        exposure_s=exposure_s,
+        exposure_s=command.exposure_s,
         gain_db=command.gain_db,
         image_dn=image_dn,
         line_s=params.line_s,
         bits=params.bits,
     )
-    truth = FrameTruth(
-        number=number,
-        t_valid_s=t_valid_s,
+
+
+def truth_of(frame, params, move, angles, hip, xy_px):
+    """FrameTruth of a Frame; angles of the boresight to Sun and limb, listed stars and their places."""
+    sun_angle, limb_angle = angles
+    return FrameTruth(
+        number=frame.number,
+        t_valid_s=frame.t_valid_s,
         q_ic=rotation.quat_from_dcm(np.ascontiguousarray(move.C_ci.T)),
         rate=move.rate,
         sun_angle=sun_angle,
@@ -197,7 +209,6 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
         hip=hip,
         xy_px=xy_px,
     )
-    return frame, truth
 
 
 def _flux(params, magnitudes):

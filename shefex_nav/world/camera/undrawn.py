@@ -10,13 +10,12 @@ import numpy as np
 from numba import njit
 from scipy.spatial import cKDTree
 
-from shefex_nav.geometry import frames, rotation
+from shefex_nav.geometry import frames
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
 from shefex_nav.geometry.streak import turn_jacobians
-from shefex_nav.records import Frame, FrameTruth
 from shefex_nav.world.camera import motion, sky
-from shefex_nav.world.camera.camera import surroundings
+from shefex_nav.world.camera.camera import frame_of, surroundings, truth_of
 
 EDGE_PX = 0.5  # from the centre of the outermost pixel to the border of the detector
 NO_PICTURE = np.zeros((0, 0), dtype=np.uint8)
@@ -98,36 +97,11 @@ def look(camera, command, trajectory, number, t_start_s):
     scene = _scene(camera, move, C_ei, exposure_s)
     caught = scene if params.line_s else _in_the_mean(camera.pinhole, move, scene)
     film = _film(params, command, move, (params.background_rate + stray_rate) * exposure_s, scene[2].sum())
-    frame = Frame(
-        number=number,
-        t_start_s=t_start_s,
-        t_valid_s=t_valid_s,
-        t_available_s=t_end_s + params.readout_s,
-        exposure_s=exposure_s,
-        gain_db=command.gain_db,
-        image_dn=NO_PICTURE,
-        line_s=params.line_s,
-        bits=params.bits,
-    )
-    return frame, _truth(frame, params, move, (sun_angle, limb_angle), scene), film, caught
-
-
-def _truth(frame, params, move, angles, scene):
-    """FrameTruth of a Frame; angles to Sun and limb."""
+    frame = frame_of(params, command, number, (t_start_s, t_valid_s, t_end_s), NO_PICTURE)
     hip, xy_px, _ = scene
-    sun_angle, limb_angle = angles
     listed = hip > 0
-    return FrameTruth(
-        number=frame.number,
-        t_valid_s=frame.t_valid_s,
-        q_ic=rotation.quat_from_dcm(np.ascontiguousarray(move.C_ci.T)),
-        rate=move.rate,
-        sun_angle=sun_angle,
-        limb_angle=limb_angle,
-        exclusion_met=sun_angle >= params.sun_exclusion_rad and limb_angle >= params.earth_exclusion_rad,
-        hip=hip[listed],
-        xy_px=xy_px[listed],
-    )
+    truth = truth_of(frame, params, move, (sun_angle, limb_angle), hip[listed], xy_px[listed])
+    return frame, truth, film, caught
 
 
 def _scene(camera, move, C_ei, exposure_s):

@@ -1,0 +1,72 @@
+"""Files that are no scenario, or cannot be read: one clear message with file, line and column."""
+
+import pytest
+from broken import TEXT, the_message
+
+from shefex_nav.scenario import files as files_module
+from shefex_nav.scenario.load import load
+
+# kind: (whole file, place, words)
+NOT_A_SCENARIO = {
+    "empty file": ("", "1:1", "the file is empty"),
+    "only comments": ("# nothing\n", "1:1", "the file is empty"),
+    "list at the top": ("- mission\n- earth\n", "1:1", "the file holds a list; expected a mapping"),
+    "text": ("hello\n", "1:1", "the file holds a single value"),
+    "open bracket": ("mission: [1, 2\nearth: 3\n", "2:6", "not valid YAML"),
+    "two colons": ("mission: a: b\n", "1:11", "mapping values are not allowed here"),
+    "tab": ("mission:\n\tname: x\n", "2:1", "indent with spaces, not tabs"),
+    "two documents": ("mission: 1\n---\nearth: 2\n", "2:1", "another document"),
+    "control character": ("mission: \x02\n", "1:10", "special characters are not allowed"),
+    "list as a key": ("mission:\n  [1]: 2\n", "2:3", "mission: a key must be a word"),
+    "alias to nothing": ("mission: *m\n", "1:10", "undefined alias 'm'"),
+    "alias to itself": ("mission: &m\n  name: *m\n", "1:10", "must not contain itself"),
+    "foreign tag": ("mission: !!binary abcd\n", "1:10", "is not used in scenarios"),
+    "extends nothing": ("extends:\n", "1:1", "expected the name of a scenario file"),
+    "extends a missing file": ("extends: nowhere.yaml\n", "1:10", "nowhere.yaml' there is no such file"),
+    "extends itself": ("extends: broken.yaml\n", "1:10", "extends itself in a circle"),
+}
+
+
+@pytest.mark.parametrize("kind", NOT_A_SCENARIO)
+def test_a_file_that_is_no_scenario(tmp_path, kind):
+    text, place, words = NOT_A_SCENARIO[kind]
+    path = tmp_path / "broken.yaml"
+    path.write_text(text, encoding="utf-8")
+    said = the_message(path)
+    assert said.startswith(f"{path}:{place}: ")
+    assert words in said
+
+
+def test_brackets_without_end(tmp_path):
+    path = tmp_path / "deep.yaml"
+    path.write_text("mission: " + "[" * 500, encoding="utf-8")
+    assert "brackets within brackets" in the_message(path)
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
+def test_not_utf8(tmp_path, encoding):
+    path = tmp_path / "broken.yaml"
+    path.write_bytes("mission: Andøya\n".encode(encoding))
+    assert the_message(path).startswith(f"{path}: is not UTF-8 text")
+
+
+def test_a_byte_order_mark_is_no_error(tmp_path):
+    path = tmp_path / "windows.yaml"
+    path.write_text(TEXT, encoding="utf-8-sig")
+    assert load(path).mission.name == "shefex2_andoya"
+
+
+def test_missing_file_and_directory(tmp_path):
+    assert the_message(tmp_path / "no.yaml") == f"{tmp_path / 'no.yaml'}: there is no such file"
+    assert the_message(tmp_path) == f"{tmp_path}: is a directory, expected a scenario file"
+    assert "cannot be read" in the_message("a\0b.yaml")
+
+
+def test_a_file_without_permission(tmp_path, monkeypatch):
+    """Simulated, because the superuser may read everything."""
+
+    def locked(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(files_module, "open", locked, raising=False)
+    assert the_message(tmp_path / "x.yaml") == f"{tmp_path / 'x.yaml'}: cannot be read: Permission denied"
