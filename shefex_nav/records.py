@@ -335,3 +335,8 @@ class ComputeTime(NamedTuple):
     t_s: float  # mission time
     frame_number: int
     chain_s: float  # star tracker chain of one frame
+
+
+def row(arrays, k):
+    """Record k of a record of arrays."""
+    return type(arrays)(*(column[k].item() if column.ndim == 1 else column[k] for column in arrays))

@@ -5,6 +5,9 @@ This is the only place where the world and the flight software meet. `run` is an
 """
 
 import time
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +16,7 @@ from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.onboard.startracker import tracker as star_tracker
-from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, TruthSample
+from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, TruthSample, row
 from shefex_nav.world import camera, faults, imu, noise
 from shefex_nav.world.camera.shutter import Shutter
 
@@ -45,61 +48,122 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, ever
     every : ticks from one record of truth, IMU and solution to the next; nothing else changes with it
     """
     yield world.alignment
-    trajectory, events = world.flight.trajectory, list(world.flight.events)[::-1]
-    epoch_year = ephemeris.julian_year(scenario.mission.epoch)
-    computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, epoch_year)
-    line = faults.StarLine(world.faults.stars, noise.generator(seed, "faults"))
-    sight, shutter, context = _star_camera(world, scenario, seed, computer, line)
-    received = sorted(world.gps_fixes + world.gps_ranges, key=lambda m: m.t_available_s, reverse=True)
-    steered = control_samples(world.flight.control, trajectory)[::-1]
-    for n, block in enumerate(imu.blocks(world.imu), 1):
-        now_s = block.t_valid_s
-        if now_s > until_s + EARLY_S:
-            return
-        while events and events[-1].t_s <= now_s + EARLY_S:
-            yield events.pop()
-        told = n % every == 0
-        if told:
-            yield truth_sample(trajectory, n * SAMPLES_PER_TICK)
-        while steered and steered[-1].t_s <= now_s + EARLY_S:
-            yield steered.pop()
-        if told:
-            yield block
-        arrived = due(received, now_s)
-        pictures = shutter.arrived(now_s)
-        for _, truth in pictures:
-            yield truth
-        yield from arrived
-        frames = [line.picture(frame) for frame, _ in pictures]
-        if not sight:
-            yield from frames
-        clock = Stopwatch(sight.step if sight else step)
-        chain = line.chain(clock.step)
-        computer, outputs = onboard.tick(
-            computer, block, arrived, frames, chain=chain, context=context, told=told
-        )
-        yield from outputs
-        for frame, duration_s in zip(frames if not sight else (), clock.durations_s, strict=not sight):
+    year = catalogue_year(scenario.mission.epoch)
+    computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, year)
+    eye, blocks = _star_camera(world, scenario, seed, computer, step), imu.stacked(world.imu)
+    diary, n = Diary(world, blocks.t_valid_s, until_s), 0
+    while n < diary.ticks:
+        if every > 1 and (busy := diary.next_tick(n, every, eye.shutter)) > n + 1:
+            computer, outputs, made = onboard.coast(computer, blocks, n, busy - 1)
+            yield from outputs
+            n += made
+            if made:
+                continue
+        n += 1
+        computer = yield from _tick(computer, world, row(blocks, n - 1), n, n % every == 0, diary, eye)
+    if n == len(blocks.t_valid_s):
+        yield from reversed(diary.events)  # the impact, between the last tick and the one that did not come
+
+
+def _tick(computer, world, block, n, told, diary, eye):
+    """Tick n of a `route`: yields its records. -> Computer"""
+    now_s = block.t_valid_s
+    yield from due(diary.events, now_s)
+    if told:
+        yield truth_sample(world.flight.trajectory, n * SAMPLES_PER_TICK)
+    yield from due(diary.steered, now_s)
+    if told:
+        yield block
+    arrived, pictures = due(diary.received, now_s), eye.shutter.arrived(now_s)
+    for _, truth in pictures:
+        yield truth
+    yield from arrived
+    frames = [eye.line.picture(frame) for frame, _ in pictures]
+    if eye.has_pictures:
+        yield from frames
+    clock = Stopwatch(eye.step)
+    chain = eye.line.chain(clock.step)
+    computer, outputs = onboard.tick(
+        computer, block, arrived, frames, chain=chain, context=eye.context, told=told
+    )
+    yield from outputs
+    if eye.has_pictures:
+        for frame, duration_s in zip(frames, clock.durations_s, strict=True):
             yield ComputeTime(now_s, frame.number, duration_s)
-        shutter.tick(n, now_s, [record for record in outputs if isinstance(record, CameraCommand)])
-    yield from reversed(events)  # the impact, between the last tick and the one that did not come
+    eye.shutter.tick(n, now_s, [record for record in outputs if isinstance(record, CameraCommand)])
+    return computer
 
 
-def _star_camera(world, scenario, seed, computer, line):
-    """What stands for pictures if there are none, or None; the Shutter; what tells the chain of a frame."""
-    sight = None
-    if statistical.is_wanted(scenario):
+class Eye(NamedTuple):
+    """Star camera, the line to the computer, and what searches its pictures there."""
+
+    shutter: Shutter
+    line: faults.StarLine
+    step: Callable  # `star_tracker.step`, or what stands for it
+    context: Callable  # of `onboard.tick`
+    has_pictures: bool
+
+
+def _star_camera(world, scenario, seed, computer, step):
+    """Eye of a run, whose pictures, if there are any, are searched by `step`."""
+    line, take, context = (
+        faults.StarLine(world.faults.stars, noise.generator(seed, "faults")),
+        camera.expose,
+        None,
+    )
+    is_statistical = statistical.is_wanted(scenario)
+    if is_statistical:
         sight = statistical.Statistical(scenario, world, computer.tracker, seed, line)
+        step, take = sight.step, sight.expose
+    # single stars are found by the prediction
+    brief = is_statistical and not world.computer.tracker.vectors
     shutter = Shutter(
         world.camera,
         world.flight.trajectory,
         every=round(TICKS_PER_S / scenario.star_tracker.rate),
         off_s=scenario.star_tracker.off,
         rng=noise.generator(seed, "camera_noise"),
-        take=sight.expose if sight else camera.expose,
+        take=take,
     )
-    brief = sight and not world.computer.tracker.vectors  # single stars are found by the prediction
-    return sight, shutter, onboard.brief_context if brief else onboard.star_context
+    context = onboard.brief_context if brief else onboard.star_context
+    return Eye(shutter, line, step, context, not is_statistical)
+
+
+class Diary:
+    """What is still to come in a run, and at which tick.
+
+    events, steered, received : lists in reverse order of time of Event, ControlSample, and of GpsFix and
+        GpsRanges
+    busy : ticks at which one of these has its turn
+    ticks : int, how many are flown
+    """
+
+    def __init__(self, world, ends_s, until_s):
+        flight = world.flight
+        self.events = list(flight.events)[::-1]
+        self.steered = control_samples(flight.control, flight.trajectory)[::-1]
+        self.received = sorted(world.gps_fixes + world.gps_ranges, key=happens_s, reverse=True)
+        self.late_s = (ends_s + EARLY_S).tolist()
+        known_s = [happens_s(record) for record in (*self.events, *self.steered, *self.received)]
+        self.busy = np.unique(np.searchsorted(self.late_s, known_s) + 1).tolist()
+        self.ticks = int(np.searchsorted(ends_s, until_s + EARLY_S, side="right"))
+
+    def next_tick(self, n, every, shutter):
+        """The first tick after n at which something happens, or one of `every` has its turn."""
+        tick = min((n // every + 1) * every, shutter.next_tick(n), self.ticks + 1)
+        if (k := bisect_right(self.busy, n)) < len(self.busy):
+            tick = min(tick, self.busy[k])
+        if shutter.next_s < self.late_s[min(tick, self.ticks) - 1]:
+            tick = bisect_left(self.late_s, shutter.next_s, lo=n) + 1
+        return tick
+
+
+def catalogue_year(epoch):
+    """Epoch of the catalogue on board: that of the day. No star moves by more than 0.02 arcsec within it.
+
+    So a launch that is held for minutes flies the same catalogue. As `ephemeris.julian_year`
+    """
+    return round(ephemeris.julian_year(epoch) * 365.25) / 365.25
 
 
 def warm_up(scenario):
@@ -107,8 +171,8 @@ def warm_up(scenario):
     world = prepare.build_world(scenario, seed=0, brief=True)
     for _ in route(world, scenario, 0, until_s=scenario.mission.start + 1.5):
         pass
-    epoch_year = ephemeris.julian_year(scenario.mission.epoch)
-    tracker = star_tracker.init(world.computer.tracker, world.catalogue, epoch_year)
+    year = catalogue_year(scenario.mission.epoch)
+    tracker = star_tracker.init(world.computer.tracker, world.catalogue, year)
     state, command = star_tracker.start(tracker, scenario.mission.start)
     trajectory = looking_up(world.flight.trajectory, world.camera)
     rng = noise.generator(0, "camera_noise")
@@ -133,10 +197,15 @@ def looking_up(trajectory, camera):
     return brief._replace(q_ib=np.tile(q_ib, (n, 1)), omega_ib_b=np.zeros((n, 3)))
 
 
+def happens_s(record):
+    """When a record is there: what is measured, when it arrives."""
+    return record.t_available_s if hasattr(record, "t_available_s") else record.t_s
+
+
 def due(waiting, now_s):
-    """Take what is available by now from a list in reverse order of time."""
+    """Take what is there by now from a list in reverse order of time."""
     arrived = []
-    while waiting and waiting[-1].t_available_s <= now_s + EARLY_S:
+    while waiting and happens_s(waiting[-1]) <= now_s + EARLY_S:
         arrived.append(waiting.pop())
     return arrived
 

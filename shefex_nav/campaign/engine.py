@@ -54,8 +54,9 @@ class ProcessLane:
 
     capacity = 1
 
-    def __init__(self, plan):
-        self._plan = plan
+    def __init__(self, plan, function=flight.fly, prepare=flight.prepare_worker):
+        """function : of a job, in the worker; prepare : of the plan, the first thing that the worker does."""
+        self._plan, self._function, self._prepare = plan, function, prepare
         self._pool = None
         self._processes = []
 
@@ -64,10 +65,10 @@ class ProcessLane:
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
             os.environ.update(dict.fromkeys(ONE_THREAD, "1"))  # of the new process, whatever the user set
-            self._pool = ProcessPoolExecutor(1, context, _begin, (self._plan,))
+            self._pool = ProcessPoolExecutor(1, context, _begin, (self._prepare, self._plan))
         before = set(multiprocessing.active_children())
         try:
-            future = self._pool.submit(flight.fly, job)
+            future = self._pool.submit(self._function, job)
         except BrokenExecutor:  # killed while it had nothing to do
             self.renew()
             return self.submit(job)
@@ -90,10 +91,10 @@ class ProcessLane:
         self._pool = None
 
 
-def _begin(plan):
+def _begin(prepare, plan):
     """First thing that a worker process does."""
     bind_to_parent()
-    flight.prepare_worker(plan)
+    prepare(plan)
 
 
 def fly(jobs, lanes, take, stopped=lambda: False, suspects=frozenset()):
@@ -103,7 +104,7 @@ def fly(jobs, lanes, take, stopped=lambda: False, suspects=frozenset()):
     ----------
     jobs : iterable of Job, asked for one at a time
     lanes : list of lanes, such as ProcessLane
-    take : called with the Flown of each run, in the order in which they end
+    take : called with the result of each run (Flown), in the order in which they end
     stopped : called between them; True ends the work with Interrupted, after what is over has been taken
     suspects : numbers of runs that killed their workers before; if they do again, it says nothing of these
 

@@ -9,13 +9,17 @@ The computer's state is a tuple; the memory of the filter inside it (`fusion.Fil
 than the tick. So a state that has been advanced must not be advanced again.
 """
 
+from math import acos, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
-from shefex_nav.onboard.navigation import fusion, mean_rate, sensors, solution, strapdown
-from shefex_nav.onboard.navigation.state import ATT, NavParams
+from shefex_nav.onboard.navigation import coast as coasting
+from shefex_nav.onboard.navigation import fusion, mean_rate, sensors, solution
+from shefex_nav.onboard.navigation.history import Moment
+from shefex_nav.onboard.navigation.state import ATT, X_MOUNTING, X_Q, X_R, X_V, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.records import Reason
 
@@ -95,6 +99,34 @@ def tick(computer, imu_block, gps_fixes, frames_arrived, *, chain=star_tracker.s
     return Computer(*computer[:-1], ticks), outputs  # ticks is the last field
 
 
+def coast(computer, blocks, first, last):
+    """Ticks in which nothing is handed over and nobody wants the solution, as far as there is nothing to do.
+
+    The same as `tick` with each block, nothing arriving and told=False.
+
+    Parameters
+    ----------
+    computer : Computer after the tick before
+    blocks : ImuBlock of arrays, of which rows first ... last - 1 are meant
+
+    Returns
+    -------
+    computer : Computer
+    outputs : list of records
+    done : int, ticks that were made; 0: the next one has to be a `tick`
+    """
+    last = min(last, first + COVARIANCE_TICKS - 1 - computer.ticks % COVARIANCE_TICKS)
+    due_s = min((fix.t_available_s for fix in computer.waiting), default=np.inf)
+    for switched_s in (computer.params.tracker_on_s, computer.params.tracker_off_s):
+        if switched_s > computer.nav.history.ends_s[-1] + EARLY_S:
+            due_s = min(due_s, switched_s)
+    last = min(last, int(np.searchsorted(blocks.t_valid_s[first:last] + EARLY_S, due_s)) + first)
+    if last <= first:
+        return computer, [], 0
+    done = coasting.coast(computer.nav, blocks, first, last)
+    return Computer(*computer[:-1], computer.ticks + done), computer.nav.watch.changes(), done
+
+
 def conclude(nav, ticks, gps_fixes, star_fixes, told=True):
     """What a tick does once the filter has been advanced and the star tracker has had its turn.
 
@@ -163,9 +195,10 @@ def star_context(computer, frame):
     attitude is carried on to the instant itself, and the rate is the mean from the opening of the first row
     to the closing of the last.
     """
-    params = computer.params
-    near = computer.nav.history.nearest(frame.t_valid_s)
-    C_bc, C_ic, surroundings = _surroundings(computer, near, frame.t_valid_s)
+    params, history = computer.params, computer.nav.history
+    index = history.nearest(frame.t_valid_s)
+    C_bc, C_ic, surroundings = _surroundings(computer, index, frame.t_valid_s)
+    near = history[index]
     times = shutter.row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
     end_s = frame.t_start_s + shutter.duration_s(times)
     omega_c, P_omega_c = mean_rate.camera_rate(computer.nav, near, C_bc, frame.t_start_s, end_s)
@@ -179,29 +212,38 @@ def star_context(computer, frame):
 
 def brief_context(computer, frame):
     """`star_context` without the prediction, for a chain that does not search by it."""
-    near = computer.nav.history.nearest(frame.t_valid_s)
-    return _surroundings(computer, near, frame.t_valid_s)[2]
+    return _surroundings(computer, computer.nav.history.nearest(frame.t_valid_s), frame.t_valid_s)[2]
 
 
-def _surroundings(computer, near, t_valid_s):
+def _surroundings(computer, index, t_valid_s):
     """Mounting and attitude of the camera at an instant, and the Context without the prediction.
 
-    Computer, the tick nearest to it, time -> C_bc, C_ic, Context
+    Computer, index of the tick nearest to it, time -> C_bc, C_ic, Context
     """
-    params, state = computer.params, near.state
-    omega_ib_b = strapdown.rate(state, near.imu, near.imu.length_s)
-    C_bc = rotation.dcm_from_rotvec(state.mounting) @ params.nav.C_bc
-    turned = rotation.dcm_from_rotvec(omega_ib_b * (t_valid_s - state.t_s))
-    C_ic = rotation.dcm_from_quat(state.q_ib) @ turned @ C_bc
-    boresight_i = C_ic[:, 2]
-    C_ei = frames.dcm_ie(computer.earth, state.t_s).T
+    params, history, near_s = computer.params, computer.nav.history, computer.nav.history.ends_s[index]
+    x = history.xs[history.place(index)]
+    omega_ib_b = Moment(history, index, history.length_s(index)).felt_with(x)[:3]
+    v_i, C_bc, C_ic, limb_angle = _sight(
+        x, omega_ib_b, params.nav.C_bc, t_valid_s - near_s, near_s, *computer.earth
+    )
     context = star_tracker.Context(
-        velocity_i=state.v_i + params.tracker.earth_velocity_i,
-        rate=float(np.sqrt(omega_ib_b @ omega_ib_b)),
-        sun_angle=float(np.arccos(np.clip(boresight_i @ params.sun_i, -1.0, 1.0))),
-        limb_angle=float(wgs84.limb_angle(C_ei @ state.r_i, C_ei @ boresight_i)),
+        velocity_i=v_i + params.tracker.earth_velocity_i,
+        rate=sqrt(omega_ib_b @ omega_ib_b),
+        sun_angle=acos(min(1.0, max(-1.0, C_ic[:, 2] @ params.sun_i))),
+        limb_angle=limb_angle,
     )
     return C_bc, C_ic, context
+
+
+@njit(cache=True)
+def _sight(x, omega_ib_b, C_bc_nominal, later_s, t_s, C_iq, C_re, angle_0, rate):
+    """Velocity, mounting, attitude `later_s` after t_s, angle to the limb; of packed values at t_s."""
+    C_bc = rotation.dcm_from_rotvec(x[X_MOUNTING]) @ C_bc_nominal
+    turned = rotation.dcm_from_rotvec(omega_ib_b * later_s)
+    C_ic = rotation.dcm_from_quat(x[X_Q]) @ turned @ C_bc
+    C_ei = np.ascontiguousarray(frames.dcm_ie(frames.EarthRotation(C_iq, C_re, angle_0, rate), t_s).T)
+    boresight_i = np.ascontiguousarray(C_ic[:, 2])
+    return x[X_V].copy(), C_bc, C_ic, wgs84.limb_angle(C_ei @ x[X_R], C_ei @ boresight_i)
 
 
 def camera_covariance(layout, P, C_bc):

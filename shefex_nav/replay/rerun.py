@@ -18,7 +18,7 @@ from shefex_nav.log.topics import ATTACHMENT, LogError
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.state import NavParams
-from shefex_nav.records import ControlSample, Event, FrameTruth, Reason, TruthSample
+from shefex_nav.records import ControlSample, Event, FrameTruth, Reason, TruthSample, row
 from shefex_nav.replay import load as external_load
 from shefex_nav.replay import params as external_params
 from shefex_nav.report import local_level
@@ -197,11 +197,6 @@ def records(recording):
         yield from tick(recording, nav, k)
     for _, record in aside[::-1]:  # the impact, after the last tick
         yield record
-
-
-def row(arrays, k):
-    """Record k of a record of arrays."""
-    return type(arrays)(*(column[k].item() if column.ndim == 1 else column[k] for column in arrays))
 
 
 def imu_block(data, k):

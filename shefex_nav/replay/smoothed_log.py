@@ -6,8 +6,8 @@ from shefex_nav import __version__
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.topics import RunSummary
 from shefex_nav.log.writer import LogWriter
-from shefex_nav.records import ComputeTime
-from shefex_nav.replay.rerun import Recording, not_seen_on_board, row
+from shefex_nav.records import ComputeTime, row
+from shefex_nav.replay.rerun import Recording, not_seen_on_board
 
 NAME = "{} (smoothed)"  # of the scenario, so that nobody takes it for the flight itself
 NO_PICTURES = FramePolicy(0, "none", 4.0)

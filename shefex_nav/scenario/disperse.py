@@ -166,6 +166,10 @@ def _truncated(one, reader):
         raise Wrong((), "needs low, high or both; without them write normal")
     if not low < high:
         raise Wrong(("low",), f"must be below high, got '{one.low}' and '{one.high}'")
+    if not (low - mean) / sigma <= laws.FARTHEST or not (mean - high) / sigma <= laws.FARTHEST:
+        key = "low" if low > mean else "high"
+        words = f"cuts off all but what is more than {laws.FARTHEST:g} standard deviations from the mean"
+        raise Wrong((key,), f"'{getattr(one, key)}' {words}; write uniform, or another mean")
     return laws.TruncatedLaw(mean, sigma, low, high)
 
 

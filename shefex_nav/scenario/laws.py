@@ -8,6 +8,7 @@ import math
 from typing import Any, NamedTuple
 
 FAR = 3.0  # sigma that a law without bounds is checked to
+FARTHEST = 1e4  # sigma, from the mean to the part of a normal law that is left of it; beyond, digits end
 
 
 class NormalLaw(NamedTuple):
@@ -40,8 +41,10 @@ class TruncatedLaw(NamedTuple):
         from scipy.special import ndtr, ndtri
 
         a, b = (self.low - self.mean) / self.sigma, (self.high - self.mean) / self.sigma
-        if a > 0.0:  # in the upper tail, where only the complement has digits
-            z = -ndtri(ndtr(-a) + u * (ndtr(-b) - ndtr(-a)))
+        if a > 0.0:  # in a tail, where a probability may be too small for a number
+            z = -_in_lower_tail(-a, -b, u)
+        elif b < 0.0:
+            z = _in_lower_tail(b, a, 1.0 - u)
         else:
             z = ndtri(ndtr(a) + u * (ndtr(b) - ndtr(a)))
         return min(max(self.mean + self.sigma * float(z), self.low), self.high)
@@ -53,6 +56,17 @@ class TruncatedLaw(NamedTuple):
             self.low if math.isfinite(self.low) else low,
             self.high if math.isfinite(self.high) else high,
         )
+
+
+def _in_lower_tail(begin, end, share):
+    """Standard normal deviate z, end < z < begin <= 0: `share` of the probability between is above it.
+
+    Phi(z) = Phi(begin) - share (Phi(begin) - Phi(end)), by logarithms.
+    """
+    from scipy.special import log_ndtr, ndtri_exp
+
+    first = log_ndtr(begin)
+    return ndtri_exp(first + math.log1p(share * math.expm1(log_ndtr(end) - first)))
 
 
 class UniformLaw(NamedTuple):

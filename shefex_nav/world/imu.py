@@ -168,30 +168,39 @@ def quantise(increments, quantum):
 
 
 def blocks(data):
-    """The samples as the on-board computer gets them: one ImuBlock of four per 100 Hz tick.
+    """The blocks of `stacked`, one after the other. Yields ImuBlock."""
+    every = stacked(data)
+    ends_s, dt_s = every.t_valid_s.tolist(), every.dt_s.tolist()
+    flags = every.saturated.tolist(), every.valid.tolist()
+    for t_s, h_s, dtheta, dv, *flag in zip(ends_s, dt_s, every.dtheta_b, every.dv_b, *flags, strict=True):
+        yield ImuBlock(t_s, t_s, h_s, dtheta, dv, *flag)
 
-    Block n (n >= 1) ends at sample 4n; the arrays are views into `data`. A block of which a sample is missing
-    is not valid as a whole. Yields ImuBlock.
+
+def stacked(data):
+    """The samples as the on-board computer gets them, four to a block; the first row, at the start, in none.
+
+    Block k, counted from 0, ends at sample 4 (k + 1). A block of which a sample is missing is not valid as a
+    whole, and its increments are NaN.
+
+    ImuData -> ImuBlock of arrays, a row a block; increments are views into `data` unless samples are missing
     """
     n = (len(data.t_s) - 1) // SAMPLES_PER_BLOCK
     used = slice(1, 1 + n * SAMPLES_PER_BLOCK)
+    t_s = data.t_s[used][SAMPLES_PER_BLOCK - 1 :: SAMPLES_PER_BLOCK]
     dt_s = (data.t_s[-1] - data.t_s[0]) / (len(data.t_s) - 1)
-    ends_s = data.t_s[used][SAMPLES_PER_BLOCK - 1 :: SAMPLES_PER_BLOCK].tolist()
     dtheta_b = data.dtheta_b[used].reshape(n, SAMPLES_PER_BLOCK, 3)
     dv_b = data.dv_b[used].reshape(n, SAMPLES_PER_BLOCK, 3)
-    saturated = _any_of_block(data.saturated[used])
-    missing = [False] * n if data.missing is None else _any_of_block(data.missing[used])
-    for t_s, dtheta, dv, at_range, lost in zip(ends_s, dtheta_b, dv_b, saturated, missing, strict=True):
-        if lost:
-            nothing = np.full((SAMPLES_PER_BLOCK, 3), np.nan)
-            yield ImuBlock(t_s, t_s, float(dt_s), nothing, nothing, False, False)
-        else:
-            yield ImuBlock(t_s, t_s, float(dt_s), dtheta, dv, at_range)
+    saturated, valid = _any_of_block(data.saturated[used]), np.ones(n, dtype=bool)
+    if data.missing is not None:
+        valid = ~_any_of_block(data.missing[used])
+        saturated = saturated & valid
+        dtheta_b, dv_b = (np.where(valid[:, None, None], rows, np.nan) for rows in (dtheta_b, dv_b))
+    return ImuBlock(t_s, t_s, np.full(n, dt_s), dtheta_b, dv_b, saturated, valid)
 
 
 def _any_of_block(flags):
-    """Whether one of the samples of each block is flagged. (n SAMPLES_PER_BLOCK,) bool -> list of n bool"""
-    return flags.reshape(-1, SAMPLES_PER_BLOCK).any(axis=1).tolist()
+    """Whether one of the samples of each block is flagged. (n SAMPLES_PER_BLOCK,) bool -> (n,) bool"""
+    return flags.reshape(-1, SAMPLES_PER_BLOCK).any(axis=1)
 
 
 def _response(scale_factor, misalignment):

@@ -85,6 +85,21 @@ def test_quantiles_are_those_of_scipy(name):
     assert [law.draw(one, 0) for one in u] == pytest.approx(expected.ppf(u), rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.parametrize("a", [9.0, 40.0, 300.0, 9000.0])
+def test_a_normal_distribution_cut_far_out_in_a_tail_is_an_exponential_one(a):
+    """Mills' ratio is 1/a but for 1/a^2: between a and a + 1/a lies z = a - ln(1 - u (1 - e^-1)) / a."""
+    for u in (1e-6, 0.1, 0.5, 0.9, 1.0 - 1e-6):
+        high = laws.TruncatedLaw(5.0, 2.0, 5.0 + 2.0 * a, 5.0 + 2.0 * (a + 1.0 / a)).draw(u, 0)
+        low = laws.TruncatedLaw(5.0, 2.0, 5.0 - 2.0 * (a + 1.0 / a), 5.0 - 2.0 * a).draw(1.0 - u, 0)
+        beyond = (high - 5.0) / 2.0 - a
+        assert beyond * a == pytest.approx(
+            -np.log1p(-u * (1.0 - np.exp(-1.0))), abs=2.0 / a**2 + 1e-7 * a**0.5
+        )
+        assert 5.0 - low == pytest.approx(high - 5.0, rel=1e-12)
+    half_open = laws.TruncatedLaw(0.0, 1.0, a, np.inf)
+    assert half_open.draw(0.5, 0) == pytest.approx(stats.truncnorm(a, np.inf).ppf(0.5), rel=1e-9)
+
+
 def test_choices_come_as_often_as_their_weights():
     law = laws.ChoiceLaw((100, 250, 500), (0.25, 0.75, 1.0))
     x = column(sampler(dispersed("x", law)), "x")

@@ -1,8 +1,6 @@
 """Runs of a characterisation: corners, failures, killed workers, kept records, the command's messages."""
 
 import json
-import os
-import signal
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -66,51 +64,6 @@ def test_corner_runs_are_fitted_and_half_of_the_others_judges():
     assert [one.run for one in fitted] == [0, 1, 2, 4, 8, 10]
     with pytest.raises(FitError, match=r"3 runs to fit and 0 to judge"):
         running.split(flown[:3], 2)
-
-
-# ---- in workers --------------------------------------------------------------------------------------------
-
-
-def odd_ones_fail(job):
-    if job.run % 2:
-        raise ValueError(f"run {job.run} is odd")
-    return job.run * 10
-
-
-def killed_once(job, marker):
-    if job.run == 1 and not os.path.exists(marker):
-        with open(marker, "w"):
-            pass
-        os.kill(os.getpid(), signal.SIGKILL)
-    return job.run
-
-
-def killed(job):
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
-def test_a_failed_run_is_a_value_and_the_others_are_kept(planned):
-    plan, sampler = planned
-    kept, said = [], []
-    given = [(sampler.job(run),) for run in range(4)]
-    results, failed = running._all(plan, 1, odd_ones_fail, given, said.append, "odd", kept.append)
-    assert results == {0: 0, 2: 20} and kept == [0, 20]
-    assert [(one.run, one.reason) for one in failed] == [
-        (1, "ValueError: run 1 is odd"),
-        (3, "ValueError: run 3 is odd"),
-    ]
-    assert "odd run 3 failed: ValueError: run 3 is odd" in said
-
-
-def test_a_killed_worker_costs_a_run_a_second_flight_and_dying_ones_end_it(planned, tmp_path):
-    plan, sampler = planned
-    given = [(sampler.job(run), str(tmp_path / "marker")) for run in range(3)]
-    said = []
-    results, failed = running._all(plan, 1, killed_once, given, said.append, "some")
-    assert results == {0: 0, 1: 1, 2: 2} and not failed
-    assert said.count("a worker process was killed; its run is flown again") == 1
-    with pytest.raises(running.WorkersError, match=r"^3 times a worker process was .*: 0 of 1 some"):
-        running._all(plan, 1, killed, [(sampler.job(0),)], said.append, "some")
 
 
 # ---- kept records ------------------------------------------------------------------------------------------

@@ -6,8 +6,8 @@ The truth is what the strapdown makes of smooth, ideal increments; the sensors a
 import numpy as np
 
 from shefex_nav.geometry import frames, rotation
-from shefex_nav.onboard.navigation import strapdown
-from shefex_nav.onboard.navigation.state import ImuModel, NavParams, NavState, ReleaseRule
+from shefex_nav.onboard.navigation import measurements, strapdown
+from shefex_nav.onboard.navigation.state import ImuModel, NavParams, NavState, ReleaseRule, pack
 from shefex_nav.records import Alignment, GpsFix, ImuBlock, StarFix
 
 EARTH = frames.EarthRotation(np.eye(3), np.eye(3), 1.234, 7.292115e-5)
@@ -91,6 +91,12 @@ def fly(duration_s):
         blocks.append(block)
         states.append(state)
     return blocks, states
+
+
+def antenna_of(order, state, earth, l_ba_b, omega_b, f_b, vibration):
+    """`measurements.antenna` of a NavState."""
+    felt = np.concatenate((omega_b, f_b))
+    return measurements.antenna(order, pack(state), state.t_s, earth, l_ba_b, felt, vibration)
 
 
 def state_at(blocks, states, t_s):

@@ -103,7 +103,7 @@ def test_the_shape_is_measured(sigma_px, streak_px):
     blocks = block_sums(image)
     background, sigma, _ = tile_statistics(blocks, 72)
     table = scan.sequential(image, blocks, background, sigma, rules(PARAMS))
-    seen = shape.measure(image, table, 255, 1.0)
+    seen, _ = shape.measure(image, table, 255, 1.0 / PER_DN, 1.0)
     length = np.hypot(seen.streak_x, seen.streak_y)
     assert seen.sigma_px == pytest.approx(sigma_px, rel=0.1)
     assert length == pytest.approx(streak_px, rel=0.1, abs=sigma_px)  # noise makes a round spot longish

@@ -32,7 +32,7 @@ def test_the_slope_is_the_worst_that_passes_the_gate(seed):
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     z = np.sqrt(LIMIT) * directions @ np.linalg.cholesky(S).T
     moved = np.abs(z @ K.T)[:, ATT].max(axis=0)
-    worst = protection.slope(P, after, LIMIT).worst_b
+    worst = protection.slope(P, after, LIMIT).table[protection.WORST]
     assert np.all(moved <= worst * (1 + 1e-9)) and np.all(moved > 0.999 * worst)
 
 
@@ -48,8 +48,8 @@ def test_the_worst_single_satellite(seed):
     single = 15.1
     rim = K[ATT] * np.sqrt(single * np.diag(S))  # a column for each satellite
     found = protection.slope_of_ranges(P, after, single, H, R)
-    np.testing.assert_allclose(found.worst_b, np.abs(rim).max(axis=1), rtol=1e-9)
-    np.testing.assert_allclose(found.variance_b, np.diag(after)[ATT])
+    np.testing.assert_allclose(found.table[protection.WORST], np.abs(rim).max(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(found.table[protection.VARIANCE], np.diag(after)[ATT])
     assert not found.stars
 
 
@@ -57,7 +57,8 @@ def test_a_confirmed_fix_can_be_wrong_by_less():
     P, H, R = np.eye(N), np.zeros((3, N)), 1e-6 * np.eye(3)
     H[:, ATT] = np.eye(3)
     after, _, _ = updated(P, H, R)
-    alone, confirmed = (protection.slope_of_stars(P, after, LIMIT, H, R, c).worst_b for c in (False, True))
+    both = (protection.slope_of_stars(P, after, LIMIT, H, R, confirmed) for confirmed in (False, True))
+    alone, confirmed = (found.table[protection.WORST] for found in both)
     assert np.allclose(alone, np.sqrt(LIMIT), rtol=1e-5)
     assert np.allclose(confirmed, np.sqrt(2.0 * LIMIT * 1e-6))
 
@@ -93,7 +94,7 @@ def test_a_star_fix_that_passes_bounds_what_others_have_done():
         inside = [x @ np.linalg.solve(S, x) <= LIMIT for x in (noise + b, noise)]
         if all(inside):
             passed += 1
-            assert np.all(np.abs(b) <= found.most)
+            assert np.all(np.abs(b) <= found.table[protection.MOST])
             assert np.all(np.abs((np.eye(3) - K[ATT]) @ b) <= level.others_b * (1 + 1e-9))
     assert passed > 100
     other = protection.after_fix(level, protection.slope(P, P, LIMIT), P)

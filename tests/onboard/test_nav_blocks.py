@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import slow_strapdown
-from navigation_flight import C_BC, DT, EARTH, PARAMS, fly
+from navigation_flight import C_BC, DT, EARTH, PARAMS, antenna_of, fly
 from scipy.spatial.transform import Rotation
 
 from shefex_nav.geometry import frames, rotation, wgs84
@@ -150,7 +150,7 @@ def test_the_kernel_carries_the_state_as_the_strapdown_does():
         history.increments[place, 2:], history.extra[place] = np.hstack([block.dtheta_b, block.dv_b]), 0.0
         t_end_s = state.t_s + 0.01 * k
         prediction.enter(ALL.at, NOISE, *EARTH, *history.arrays, k, motors, t_end_s, DT, 4)
-        history.append(t_end_s)
+        history.extend([t_end_s])
     in_turn = history.xs[:12].copy(), history.Ps[:12].copy()
     history.go_to(0)
     prediction.travel(ALL.at, NOISE, *EARTH, *history.arrays, 1, 0.0, 11, np.inf)
@@ -283,7 +283,7 @@ def fixes_of(state):
 
 def linearised(order, state, fixes):
     """(z, H, R) of position, velocity, attitude."""
-    a = measurements.antenna(order, state, EARTH, ARM, *measured_motion(state), VIBRATION)
+    a = antenna_of(order, state, EARTH, ARM, *measured_motion(state), VIBRATION)
     return (
         measurements.gps_position(fixes[0], a),
         measurements.gps_velocity(fixes[0], a),

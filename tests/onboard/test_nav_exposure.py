@@ -31,7 +31,7 @@ def moment(rate_b, t_s=0.1):
         for m in range(SAMPLES):
             begin_s = end_s - (SAMPLES - m) * DT
             history.increments[place, BEFORE + m, :3] = quad_vec(rate_b, begin_s, begin_s + DT)[0]
-        history.append(end_s)
+        history.extend([end_s])
     index = history.within(t_s)
     return Moment(history, index, history.since(index, 0.0, t_s))
 
@@ -81,9 +81,9 @@ def fix(exposure_s, stars=NO_STARS):
     return StarFix(0, 0.1, 0.2, 0, q_ic, P_c, None, None, 0.0, 0.0, exposure_s, False, False, stars=stars)
 
 
-def seen(now, one):
+def seen(now, one, arrival="star_tracker"):
     """The fix as the filter takes it."""
-    return sensors.straightened(SimpleNamespace(history=now.history, params=NAV.params), now.k, one)
+    return sensors.straightened(SimpleNamespace(history=now.history, params=NAV.params), arrival, now.k, one)
 
 
 def test_attitudes_are_those_of_the_middle():
@@ -102,7 +102,7 @@ def test_single_stars_are_where_they_were_in_the_middle():
     C_ic = Rotation.from_rotvec(mean_turn()).as_matrix() @ C_BC
     P_u = np.tile(1e-12 * np.eye(2), (2, 1, 1))
     stars = StarVectors(np.array([1, 2]), u_c, P_u, u_c @ C_ic.T, np.zeros(2), np.zeros((3, 3)), 0.0)
-    z, _, R = sensors._star_vectors(NAV, now, seen(now, fix(T, stars)))
-    raw, _, _ = sensors._star_vectors(NAV, now, seen(now, fix(0.0, stars)))
+    z, _, R = sensors._star_vectors(NAV, now, seen(now, fix(T, stars), "star_vectors"))
+    raw, _, _ = sensors._star_vectors(NAV, now, seen(now, fix(0.0, stars), "star_vectors"))
     assert np.abs(raw).max() > 5e-6 and np.abs(z).max() < 0.01 * np.abs(raw).max()
     assert np.all(np.linalg.eigvalsh(R) > 1e-12)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from navigation_flight import antenna_of
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -78,7 +79,7 @@ def star_fix(state):
 
 
 def estimated_antenna(state):
-    return measurements.antenna(LAYOUT, state, EARTH, ARM, true_rate(state), FORCE)
+    return antenna_of(LAYOUT, state, EARTH, ARM, true_rate(state), FORCE, 0.0)
 
 
 def gps_position(state, truth):

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from navigation_flight import antenna_of as antenna_at
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -96,7 +97,7 @@ def measured(state, repeat=None):
 
 
 def antenna_of(order, state):
-    return measurements.antenna(order, state, EARTH, ARM, true_rate(state), FORCE)
+    return antenna_at(order, state, EARTH, ARM, true_rate(state), FORCE, 0.0)
 
 
 def ranges_of(state, message):

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from navigation_flight import EARTH, PARAMS, alignment, fly, gps_fix, state_at
+from navigation_flight import EARTH, PARAMS, alignment, antenna_of, fly, gps_fix, state_at
 
 from shefex_nav.geometry import frames
-from shefex_nav.onboard.navigation import fusion, measure_ranges, measurements, strapdown
+from shefex_nav.onboard.navigation import fusion, measure_ranges, strapdown
 from shefex_nav.onboard.navigation.state import layout
 from shefex_nav.records import GpsRanges
 
@@ -72,7 +72,7 @@ def ranges(t_s, sight_i, wrong=None):
     k = max(int(np.ceil(t_s * 100.0 - 1e-9)) - 1, 0)
     imu = strapdown.window(BLOCKS[k], strapdown.window(BLOCKS[k - 1]))
     felt = strapdown.felt(STATES[k], imu, imu.length_s)
-    args = ORDER, state, message, measurements.antenna(ORDER, state, EARTH, PARAMS.l_ba_b, *felt)
+    args = ORDER, state, message, antenna_of(ORDER, state, EARTH, PARAMS.l_ba_b, *felt, 0.0)
     # what is innovation of a range of nothing is what the range should be, but for its sign
     pseudorange, rate = -measure_ranges.pseudoranges(*args)[0], -measure_ranges.range_rates(*args)[0]
     return message._replace(pseudorange=pseudorange + (nothing if wrong is None else wrong), range_rate=rate)

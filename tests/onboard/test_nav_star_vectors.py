@@ -378,9 +378,9 @@ def test_what_one_wrong_star_could_do():
         rim = np.linalg.cholesky(S[k : k + 2, k : k + 2]) @ np.array([np.cos(angle), np.sin(angle)])
         worst = np.maximum(worst, np.abs(K[ATT, k : k + 2] @ rim * np.sqrt(limit)).max(axis=1))
     found = integrity_protection.slope_of_vectors(nav.layout, tick.P, P_after, limit, H, R)
-    np.testing.assert_allclose(found.worst_b, worst, rtol=1e-6)
-    np.testing.assert_allclose(found.variance_b, np.diag(P_after)[ATT])
-    assert np.all(found.left_stars < 1.0)
+    np.testing.assert_allclose(found.table[integrity_protection.WORST], worst, rtol=1e-6)
+    np.testing.assert_allclose(found.table[integrity_protection.VARIANCE], np.diag(P_after)[ATT])
+    assert np.all(found.table[integrity_protection.LEFT_STARS] < 1.0)
 
 
 @pytest.mark.parametrize("way", ["attitude", "vectors"])

@@ -125,6 +125,10 @@ BAD = {
     "launch.elevation={normal: 0.1 deg, uniform: [-1 deg, 1 deg]}": "does not go with uniform",
     "launch.elevation={truncated_normal: 1 deg}": "needs low, high or both; without them write normal",
     "launch.elevation={uniform: [2 deg, 1 deg]}": "the lower bound comes first",
+    "launch.elevation={truncated_normal: 1 mdeg, low: 11 deg}": (
+        "low: '11 deg' cuts off all but what is more than 10000 standard deviations from the mean"
+    ),
+    "launch.elevation={truncated_normal: 1 mdeg, high: -11 deg}": "high: '-11 deg' cuts off all but what",
     "launch.elevation={choice: [80 deg, 95 deg]}": "must be at most 90 deg, got '95.0 deg'",
     "launch.elevation={choice: [80 deg, 85 deg], weights: [1]}": "1 weights for 2 values; give one for each",
     "launch.elevation={log_normal: 5}": "5 has no unit; write it with one, for example '20 %'",

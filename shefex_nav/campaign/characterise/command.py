@@ -2,8 +2,8 @@
 
 Exit codes: 0 done and every test within its limits, 1 written, but a test on runs that were not fitted is
 outside, or they are too few to say so (the table and the file say which), 2 bad input or no fit, 130
-interrupted, nothing written. Single runs that fail are left out and counted; with --records nothing that was
-flown is lost in any case.
+interrupted, nothing written. Single runs that fail, or that no worker brings to an end, are left out and
+counted; with --records nothing that was flown is lost in any case.
 """
 
 import json as json_module
@@ -47,6 +47,9 @@ def characterise(
         _show(result)
     if result.failed:
         _say(f"{len(result.failed)} of {runs} rendered runs failed and are not in it")
+    if result.lost:
+        again = "" if records is None else "; the same command with --force flies them"
+        _say(f"{len(result.lost)} runs were lost with their workers and are not in it{again}")
     _say(f"wrote {out}")
     raise typer.Exit(0 if all(test.good for test in result.tests) else 1)
 
@@ -77,6 +80,7 @@ def _characterised(loaded, runs, seed, workers, folder):
     from shefex_nav.campaign.characterise import running
     from shefex_nav.campaign.characterise.fit import FitError
     from shefex_nav.campaign.characterise.records import RecordsError
+    from shefex_nav.campaign.engine import EngineError
     from shefex_nav.campaign.running import BadCampaign
 
     try:
@@ -85,8 +89,9 @@ def _characterised(loaded, runs, seed, workers, folder):
         raise typer.BadParameter(str(error), param_hint="SCENARIO") from None
     except RecordsError as error:
         raise typer.BadParameter(str(error), param_hint="--records") from None
-    except running.WorkersError as error:
-        raise typer.BadParameter(str(error), param_hint="--workers") from None
+    except EngineError as error:
+        words = f"{error}; if memory is short, try fewer"
+        raise typer.BadParameter(words, param_hint="--workers") from None
 
 
 def _write(out, content):

@@ -6,30 +6,19 @@ campaign may draw, at random, and in the next run at the other; these are always
 the statistics are said to hold is the one that was flown.
 """
 
-import multiprocessing
-import os
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.campaign.characterise.records import Flown
-from shefex_nav.compiled import ONE_THREAD
-from shefex_nav.workers import bind_to_parent, cores
+from shefex_nav.campaign.characterise import flying
+from shefex_nav.workers import cores
 
 CORNERS = 6  # at least every sixth run is a corner run, and they are an even number
 HELD_OUT = 2  # every second of the others is not fitted, but judges
 RARE = 1e-7  # probability of a draw beyond either end of what the corner runs fly: 5.2 sigma
 DISPERSED = ("star_camera", "star_tracker")  # sections of the settings that the statistics depend on
-ATTEMPTS = 3  # pools of workers, before it is said that they keep dying
 CORNER_STREAM = 1  # of the seeds of a characterisation; of a run's draws there are others
-
-
-class Failed(NamedTuple):
-    """A run that came to no end."""
-
-    run: int
-    reason: str
 
 
 class Result(NamedTuple):
@@ -37,11 +26,8 @@ class Result(NamedTuple):
 
     content: dict  # of the file
     tests: list  # of judge.Test
-    failed: list  # of Failed, rendered runs that are not in it
-
-
-class WorkersError(Exception):
-    """The worker processes do not live; the message says what there is."""
+    failed: list  # of flying.Failed, rendered runs that are not in it
+    lost: list  # of engine.Lost, runs of either kind that no worker brought to an end
 
 
 def characterise(scenario, runs, seed, *, workers=None, folder=None, done=lambda text: None):
@@ -62,7 +48,7 @@ def characterise(scenario, runs, seed, *, workers=None, folder=None, done=lambda
 
     Raises
     ------
-    fit.FitError, records.RecordsError, campaign.running.BadCampaign, WorkersError
+    fit.FitError, records.RecordsError, campaign.running.BadCampaign, campaign.engine.EngineError
     """
     from shefex_nav.campaign import running
     from shefex_nav.campaign.characterise import judge, model
@@ -72,35 +58,35 @@ def characterise(scenario, runs, seed, *, workers=None, folder=None, done=lambda
     jobs = corner_jobs(plan, sampler) + [sampler.job(run) for run in range(corners(runs), runs)]
     records = Records(folder, plan) if folder else None
     workers = min(workers or cores(), runs)
-    flown, failed = _rendered(scenario, plan, jobs, workers, records, done)
+    flown, failed, lost = _rendered(scenario, plan, jobs, workers, records, done)
     fitted, held = split(flown, corners(runs))
-    content, sightings = _fitted(scenario, fitted, held, failed, seed)
-    given = [(jobs[one.run], content) for one in held]
-    statistical, lost = _all(plan, workers, fly_statistical, given, done, "statistical")
-    tests = [judge.flown_all(len(held), lost)]
-    judges = [one for one in held if one.run in statistical]
+    content, sightings = _fitted(scenario, fitted, held, (failed, lost), seed)
+    function = partial(flying.statistical, content)
+    over = flying.fly(plan, workers, function, [jobs[one.run] for one in held], done, "statistical")
+    tests = [judge.flown_all(len(held), over.failed)]
+    judges = [one for one in held if one.run in over.results]
     if judges:
-        tests += _judged(scenario, sightings, judges, [statistical[one.run] for one in judges])
-    return Result(model.with_tests(content, tests), tests, failed)
+        tests += _judged(scenario, sightings, judges, [over.results[one.run] for one in judges])
+    return Result(model.with_tests(content, tests), tests, failed, lost + over.lost)
 
 
 def _rendered(scenario, plan, jobs, workers, records, done):
-    """([Flown] by run, [Failed]); what is kept is not flown."""
+    """([Flown] by run, [Failed], [Lost]); what is kept is not flown."""
     from shefex_nav import simulate
     from shefex_nav.campaign.characterise.fit import FitError
 
     kept = {} if records is None else {run: records.read(run) for run in range(len(jobs))}
     kept = {run: one for run, one in kept.items() if one is not None}
-    missing = [(job,) for job in jobs if job.run not in kept]
+    missing = [job for job in jobs if job.run not in kept]
     if kept:
         done(f"{len(kept)} of {len(jobs)} rendered runs are kept in {records.folder}")
     if missing:
         simulate.warm_up(scenario)  # compiles; workers that compiled together would get into each other's way
     keep = (lambda one: None) if records is None else records.keep
-    flown, failed = _all(plan, workers, fly_rendered, missing, done, "rendered", keep)
-    if not kept and not flown:
-        raise FitError(f"all {len(jobs)} rendered runs failed; the first: {failed[0].reason}")
-    return [one for _, one in sorted((kept | flown).items())], failed
+    results, failed, lost = flying.fly(plan, workers, flying.rendered, missing, done, "rendered", keep)
+    if not kept and not results:
+        raise FitError(f"all {len(jobs)} rendered runs failed; the first: {(failed + lost)[0].reason}")
+    return [one for _, one in sorted((kept | results).items())], failed, lost
 
 
 def corners(runs):
@@ -154,15 +140,16 @@ def split(flown, first):
     return fitted, held
 
 
-def _fitted(scenario, fitted, held, failed, seed):
-    """(content of the file without tests, SightingModel)."""
+def _fitted(scenario, fitted, held, without, seed):
+    """(content of the file without tests, SightingModel); without : the runs that failed, those lost."""
     from shefex_nav.campaign.characterise import fit, model
     from shefex_nav.report.metrics import WRONG_ANGLE
 
     tracker, runs = scenario.star_tracker, [one.collected for one in fitted]
     sightings = fit.sightings(runs, tracker.highest_rate, tracker.detection.saturation)
     search = fit.identification(runs, tracker.highest_rate, WRONG_ANGLE)
-    made = {"runs": len(fitted), "held_out": len(held), "failed": len(failed), "seed": seed}
+    failed, lost = map(len, without)
+    made = {"runs": len(fitted), "held_out": len(held), "failed": failed, "lost": lost, "seed": seed}
     made["frames"] = sum(len(one.frames.t_s) for one in runs)
     made["code"] = sorted({one.code for one in (*fitted, *held)})
     ranges = spans([one.settings for one in (*fitted, *held)])
@@ -189,90 +176,3 @@ def spans(settings):
         if not isinstance(first, bool | str) and any(value != first for value in values):
             found[path] = (min(values), max(values))
     return found
-
-
-# ---- in a worker -----------------------------------------------------------------------------------------
-
-_pattern = None  # load.Pattern of this process
-
-
-def _begin(plan):
-    global _pattern
-    bind_to_parent()
-    from shefex_nav.scenario import load
-
-    _pattern = load.Pattern(plan.source, plan.name)
-
-
-def _attempt(function, job, *rest):
-    """What the function returns, or Failed: an exception of any kind is that run's alone."""
-    try:
-        return function(job, *rest)
-    except Exception as error:
-        return Failed(job.run, f"{type(error).__name__}: {error}")
-
-
-def fly_rendered(job):
-    """Flown of a Job."""
-    from shefex_nav.campaign import plan
-    from shefex_nav.campaign.characterise import collect
-    from shefex_nav.scenario import star_statistics
-
-    scenario = _pattern.with_draws(job.draws)
-    collected, settings = collect.collect(scenario, job.seed), star_statistics.settings(scenario)
-    return Flown(job.run, collected, settings, plan.versions()["code"])
-
-
-def fly_statistical(job, content):
-    """judge.Fixes of a Job, flown with the statistics `content`."""
-    from shefex_nav.campaign.characterise import collect, judge
-    from shefex_nav.scenario import star_statistics
-
-    scenario = star_statistics.with_model(_pattern.with_draws(job.draws), content)
-    rows = collect.fixes(scenario, job.seed)
-    return judge.Fixes(*(np.array(column) for column in zip(*rows, strict=True)))
-
-
-# ---- in the parent ---------------------------------------------------------------------------------------
-
-
-def _pool(plan, workers):
-    """Pool of new processes, each with one thread for linear algebra, as the workers of a campaign."""
-    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(workers, context, _begin, (plan,))
-
-
-def _all(plan, workers, function, given, done, words, keep=lambda one: None):
-    """({run: result}, [Failed]) of a function for each of the arguments, a Job first.
-
-    If a worker is killed, the runs that did not come back are flown again in a new pool.
-    """
-    results, failed = {}, []
-    for _ in range(ATTEMPTS):
-        over = results.keys() | {one.run for one in failed}
-        missing = [one for one in given if one[0].run not in over]
-        if not missing:
-            return results, failed
-        pool = _pool(plan, min(workers, len(missing)))
-        try:
-            futures = {pool.submit(_attempt, function, *one): one[0].run for one in missing}
-            for future in as_completed(futures):
-                one = future.result()
-                if isinstance(one, Failed):
-                    failed.append(one)
-                    done(f"{words} run {one.run} failed: {one.reason}")
-                    continue
-                results[futures[future]] = one
-                keep(one)
-                done(f"{words} run {len(results) + len(failed)} of {len(given)}")
-        except BrokenExecutor:
-            done("a worker process was killed; its run is flown again")
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-    if len(results) + len(failed) == len(given):
-        return results, failed
-    raise WorkersError(
-        f"{ATTEMPTS} times a worker process was killed, perhaps for want of memory: {len(results)} of "
-        f"{len(given)} {words} runs are done; try fewer --workers"
-    )

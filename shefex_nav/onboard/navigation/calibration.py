@@ -108,7 +108,7 @@ def shaken(x, vibration):
     return out
 
 
-def motion(state, increments, duration_s, vibration=0.0):
+def motion(state, increments, duration_s, vibration):
     """Mean rate and specific force of increments summed over a duration, estimated errors taken out.
 
     NavState, (6,) rad and m/s, s, level of vibration -> omega_ib_b (3,) rad/s, f_b (3,) m/s^2
@@ -118,7 +118,7 @@ def motion(state, increments, duration_s, vibration=0.0):
     return free[:3], free[3:]
 
 
-def jacobians(layout, state, omega_b, f_b, vibration=0.0):
+def jacobians(layout, state, omega_b, f_b, vibration):
     """How the corrected rate and specific force move with the errors of the estimates.
 
     truth = estimate (+) dx:   omega_ib_b(true) - omega_ib_b(estimated) = J_omega dx, likewise f_b

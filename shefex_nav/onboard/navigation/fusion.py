@@ -158,8 +158,15 @@ def advance(nav, block, more_dv=None):
         readings[:, 3:] += more_dv
     new = history.newest + 1
     prediction.enter(*nav.constants, *history.arrays, new, nav.params.motors, now_s, block.dt_s, n)
-    history.append(now_s)
-    while history.ends_s[1] <= now_s - nav.params.history_s + SNAP_S:
+    history.extend([now_s])
+    forget_old(nav)
+
+
+def forget_old(nav):
+    """Let the ticks go that are older than the history is to reach."""
+    history = nav.history
+    oldest_s = history.ends_s[-1] - nav.params.history_s + SNAP_S
+    while history.ends_s[1] <= oldest_s:
         _forget_oldest(nav)
 
 
@@ -221,7 +228,7 @@ def _worth_trying(nav, arrival, fix, index, results):
         results.extend(_unused(now_s, fix, name, _out_of_reach(nav.history, fix)) for name in names)
         return (), fix
     if arrival.startswith("star"):
-        return names, straightened(nav, index, fix)
+        return names, straightened(nav, arrival, index, fix)
     if arrival.startswith("gps"):
         repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, *_whereabouts(nav, index))
         results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())

@@ -109,11 +109,12 @@ class History:
             return length_s
         return at_s if at_s - begin_s > SNAP_S else begin_s
 
-    def make_room(self, samples):
-        """Place of the next tick; what stands there is to be overwritten."""
+    def make_room(self, samples, ticks=1):
+        """Place of the next tick, with places for `ticks`; what stands there is to be overwritten."""
         size = len(self.numbers)
-        if len(self.ends_s) == size or BEFORE + samples > self.increments.shape[1]:
-            self._grow(2 * size, max(samples, self.increments.shape[1] - BEFORE))
+        while len(self.ends_s) + ticks > size or BEFORE + samples > self.increments.shape[1]:
+            size = 2 * size
+            self._grow(size, max(samples, self.increments.shape[1] - BEFORE))
         return (self.newest + 1) % len(self.numbers)
 
     def _grow(self, size, samples):
@@ -126,11 +127,11 @@ class History:
         self.increments[new, : before[1].shape[1]] = before[1][old]
         self.xs[new], self.Ps[new] = before[3][old], before[4][old]
 
-    def append(self, t_s):
-        """The next tick has been filled in."""
-        self.newest += 1
-        self.ends_s.append(t_s)
-        self.measurements.append(())
+    def extend(self, ends_s):
+        """The next ticks, which end at the times of a list, have been filled in."""
+        self.newest += len(ends_s)
+        self.ends_s.extend(ends_s)
+        self.measurements.extend([()] * len(ends_s))
 
     def forget_oldest(self):
         """Let the oldest tick go."""
@@ -158,11 +159,11 @@ class History:
         return bisect_left(self.ends_s, t_s - SNAP_S)
 
     def nearest(self, t_s):
-        """The Tick whose end is nearest to t_s, of those that have IMU samples."""
+        """Index of the tick whose end is nearest to t_s, of those that have IMU samples."""
         first = 1 if self.numbers[self.place(0), 2] == 0 else 0
         later = min(max(bisect_left(self.ends_s, t_s), first), len(self) - 1)
         earlier = max(later - 1, first)
-        return self[earlier if t_s - self.ends_s[earlier] <= self.ends_s[later] - t_s else later]
+        return earlier if t_s - self.ends_s[earlier] <= self.ends_s[later] - t_s else later
 
 
 def _position_of(measurements, otherwise_s):
@@ -221,9 +222,13 @@ class Moment:
     @property
     def felt_packed(self):
         """`felt` in one array, (6,)."""
+        return self.felt_with(self.x)
+
+    def felt_with(self, x):
+        """`felt_packed`, corrected with the estimates of other packed values."""
         history, place = self.history, self.history.place(self.k)
         _, dt_s, n, vibration = history.numbers[place].tolist()
-        return felt_packed(self.x, history.increments[place], int(n), dt_s, vibration, self.at_s)
+        return felt_packed(x, history.increments[place], int(n), dt_s, vibration, self.at_s)
 
 
 @njit(cache=True)

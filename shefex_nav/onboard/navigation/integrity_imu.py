@@ -119,11 +119,11 @@ def screen(watch, block, readings, densities):
     -------
     list of NavHealth, one for each axis whose state has changed
     """
-    changed = _screen(
+    changed = screen_packed(
         *watch, block.t_valid_s, block.dt_s, block.dtheta_b, block.dv_b, block.saturated, block.valid,
         readings, densities,
     )  # fmt: skip
-    return _health(block.t_valid_s, changed, watch.state) if changed else []
+    return health(block.t_valid_s, changed, watch.state) if changed else []
 
 
 def fixed(watch, sensor, t_valid_s, now_s):
@@ -140,8 +140,11 @@ def fixed(watch, sensor, t_valid_s, now_s):
             )
 
 
-def _health(t_s, changed, state):
-    """NavHealth of every axis that has changed (bits of an int), or one for the unit if all have."""
+def health(t_s, changed, state):
+    """NavHealth of every axis that has changed (bits of an int), or one for the unit if all have.
+
+    The list of `screen`, of what `screen_packed` gives; state : (6,) int, of an ImuWatch
+    """
     axes = [k for k in range(len(NAMES)) if changed >> k & 1]
     if len(axes) == len(NAMES) and len(set(state.tolist())) == 1:
         return [NavHealth(t_s, "imu", bool(state[0] == GOOD), WORDS.get(int(state[0]), ""))]
@@ -164,10 +167,10 @@ def integrated_variance(wrong, change, age_s, held):
 
 
 @njit(cache=True)
-def _screen(
+def screen_packed(
     rules, last, axes, t_end_s, dt_s, dtheta_b, dv_b, saturated, valid, readings, densities
 ):  # fmt: skip
-    """`screen` with the fields of its tuples. -> int, bit k: the state of axis k has changed"""
+    """`screen` with the fields of its tuples, compiled. -> int, bit k: the state of axis k has changed"""
     n, changed = dtheta_b.shape[0], 0
     for m in range(n):
         for i in range(3):

@@ -60,32 +60,14 @@ class Slope(NamedTuple):
     """What a wrong fix could have done to the attitude, and what this fix has left of older errors."""
 
     stars: bool  # of a star fix
-    table: np.ndarray  # (5, 3) the properties in their order
+    table: np.ndarray  # (5, 3), its rows are the following
 
-    @property
-    def worst_b(self):
-        """(3,) rad, at the instant of the fix."""
-        return self.table[0]
 
-    @property
-    def variance_b(self):
-        """(3,) rad^2, of the attitude after it."""
-        return self.table[1]
-
-    @property
-    def left(self):
-        """(3,) share of older errors of other sensors."""
-        return self.table[2]
-
-    @property
-    def left_stars(self):
-        """(3,) share of those of star fixes."""
-        return self.table[3]
-
-    @property
-    def most(self):
-        """(3,) rad, that an older error of other sensors can have been."""
-        return self.table[4]
+WORST = 0  # rad, at the instant of the fix
+VARIANCE = 1  # rad^2, of the attitude after it
+LEFT = 2  # share of older errors of other sensors
+LEFT_STARS = 3  # share of those of star fixes
+MOST = 4  # rad, that an older error of other sensors can have been
 
 
 @njit(cache=True)
@@ -95,8 +77,8 @@ def _slope(P_before, P_after, limit):
     for i in range(3):
         k = ATT.start + i
         before, after = P_before[k, k], P_after[k, k]
-        out[0, i], out[1, i] = np.sqrt(limit * max(before - after, 0.0)), after
-        out[2, i], out[3, i], out[4, i] = min(after / before, 1.0), 1.0, np.inf
+        out[WORST, i], out[VARIANCE, i] = np.sqrt(limit * max(before - after, 0.0)), after
+        out[LEFT, i], out[LEFT_STARS, i], out[MOST, i] = min(after / before, 1.0), 1.0, np.inf
     return out
 
 
@@ -118,9 +100,9 @@ def _slope_of_stars(P_before, P_after, limit, H, R, confirmed):
     for i in range(3):
         before = _seen(P_before, H[i])
         if confirmed:
-            out[0, i] = min(out[0, i], np.sqrt(2.0 * limit * R[i, i]))
-        out[3, i] = min(_seen(P_after, H[i]) / before, 1.0)
-        out[4, i] = 2.0 * np.sqrt(limit * (before + R[i, i]))
+            out[WORST, i] = min(out[WORST, i], np.sqrt(2.0 * limit * R[i, i]))
+        out[LEFT_STARS, i] = min(_seen(P_after, H[i]) / before, 1.0)
+        out[MOST, i] = 2.0 * np.sqrt(limit * (before + R[i, i]))
     return out
 
 
@@ -128,13 +110,13 @@ def _slope_of_stars(P_before, P_after, limit, H, R, confirmed):
 def _slope_of_vectors(P_before, P_after, limit, H, R, mounting):
     """Table of a `Slope` of single stars; mounting: its first error, -1 if there is none."""
     out, row = _slope(P_before, P_after, limit), np.empty(P_before.shape[0])
-    out[0] = _worst_of(P_before, H, R, limit, 2)
+    out[WORST] = _worst_of(P_before, H, R, limit, 2)
     for i in range(3):  # what stars have misled is attitude and mounting together
         row[:] = 0.0
         row[ATT.start + i] = 1.0
         if mounting >= 0:
             row[mounting + i] = 1.0
-        out[3, i] = min(_seen(P_after, row) / _seen(P_before, row), 1.0)
+        out[LEFT_STARS, i] = min(_seen(P_after, row) / _seen(P_before, row), 1.0)
     return out
 
 
@@ -189,7 +171,7 @@ def _worst_of(P, H, R, limit, size):
 def _slope_of_ranges(P_before, P_after, limit, H, R):
     """Table of a `Slope` of ranges."""
     out = _slope(P_before, P_after, limit)
-    out[0] = _worst_of(P_before, H, R, limit, 1)
+    out[WORST] = _worst_of(P_before, H, R, limit, 1)
     return out
 
 
@@ -219,9 +201,9 @@ def _after_fix(stars_b, others_b, of_stars, table, P_now):
     after = np.empty((2, 3))
     for i in range(3):
         variance = P_now[ATT.start + i, ATT.start + i]
-        now = table[0, i] * np.sqrt(min(variance / table[1, i], 1.0))
-        after[0, i] = stars_b[i] * table[3, i]
-        after[1, i] = min(others_b[i], table[4, i]) * table[2, i]
+        now = table[WORST, i] * np.sqrt(min(variance / table[VARIANCE, i], 1.0))
+        after[0, i] = stars_b[i] * table[LEFT_STARS, i]
+        after[1, i] = min(others_b[i], table[MOST, i]) * table[LEFT, i]
         if of_stars:
             after[0, i] = max(after[0, i], now)
         else:

@@ -62,11 +62,24 @@ class Watch:
             self.imu = started if self.imu is None else started._replace(axes=self.imu.axes)
         changes = integrity_imu.screen(self.imu, block, readings, densities)
         if changes:
-            self.said += changes
-            self.unread = bool(self.imu.state.any())
-            self.gyros.forget()
+            self._changed(changes)
         if self.gyros.failed:
             self._gyros_now(block.t_valid_s)
+
+    def is_calm(self, samples):
+        """Whether blocks of so many samples can be screened without this object, which `screened` tells."""
+        return self.imu is not None and len(self.imu.last) == samples and not self.gyros.failed
+
+    def screened(self, t_s, changed):
+        """What `integrity_imu.screen_packed` found in the block that ends at t_s."""
+        if changed:
+            self._changed(integrity_imu.health(t_s, changed, self.imu.state))
+
+    def _changed(self, changes):
+        """The state of axes of the unit has changed."""
+        self.said += changes
+        self.unread = bool(self.imu.state.any())
+        self.gyros.forget()
 
     @property
     def imu_blind(self):

@@ -41,7 +41,7 @@ class Antenna(NamedTuple):
     J_v: np.ndarray  # (3, n)
 
 
-def antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b, vibration=0.0):
+def antenna(layout, x, t_s, earth, l_ba_b, felt, vibration):
     """Where the GPS antenna is at the instant that a fix with the time of the state belongs to.
 
     r_ea_e = C_ei (r_i + C_ib l),   v_ea_e = C_ei (v_i + C_ib (omega_ib_b x l) - omega_ie_i x (r_i + C_ib l)),
@@ -52,10 +52,11 @@ def antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b, vibration=0.0):
     Parameters
     ----------
     layout : Layout
-    state : NavState
+    x : packed values of a NavState
+    t_s : its time, s
     earth : EarthRotation
     l_ba_b : (3,) m, IMU to antenna, nominal
-    omega_ib_b, f_b : (3,) rad/s, m/s^2, corrected for the estimated errors of the IMU
+    felt : (6,) omega_ib_b and f_b, rad/s, m/s^2, corrected for the estimated errors of the IMU
     vibration : level with which they were corrected
 
     Returns
@@ -66,12 +67,6 @@ def antenna(layout, state, earth, l_ba_b, omega_ib_b, f_b, vibration=0.0):
     ----------
     Groves, 2nd ed., section 14.3.1.
     """
-    felt = np.concatenate((omega_ib_b, f_b))
-    return antenna_packed(layout, pack(state), state.t_s, earth, l_ba_b, felt, vibration)
-
-
-def antenna_packed(layout, x, t_s, earth, l_ba_b, felt, vibration):
-    """`antenna` with packed values; felt (6,): omega_ib_b and f_b."""
     motion, J = np.empty((2, 3)), np.empty((2, 3, layout.n))
     _antenna(layout.at, x, t_s, *earth, l_ba_b, felt, vibration, motion, J)
     return Antenna(motion[0], motion[1], J[0], J[1])

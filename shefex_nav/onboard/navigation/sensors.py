@@ -72,7 +72,7 @@ class Sensor(NamedTuple):
 def _antenna(nav, now):
     """Antenna of the receiver at a Moment."""
     arm, felt = nav.params.l_ba_b, now.felt_packed
-    return measurements.antenna_packed(nav.layout, now.x, now.t_s, nav.earth, arm, felt, now.vibration)
+    return measurements.antenna(nav.layout, now.x, now.t_s, nav.earth, arm, felt, now.vibration)
 
 
 def _gps_position(nav, now, fix):
@@ -95,13 +95,13 @@ def _gps_range_rate(nav, now, fix):
     return z, H, R + vibration_variance(nav.params, now) * (along @ along.T)
 
 
-def straightened(nav, index, fix):
+def straightened(nav, arrival, index, fix):
     """A StarFix as its instant shows it: what a rate that changes during the exposure does is taken out.
 
     Once, when it arrives: later the memory may have lost the beginning of the exposure. Where the memory
     does not cover it, the rate is taken as steady, and the fix is what it was.
 
-    nav : fusion.Filter;  index : tick of the fix in its History
+    nav : fusion.Filter;  arrival : of `ARRIVALS`, of single stars or not;  index : of its tick in the History
     """
     if not fix.exposure_s > 0.0:
         return fix
@@ -114,7 +114,7 @@ def straightened(nav, index, fix):
     if fix.reason == Reason.NONE:
         turned = rotation.quat_multiply(fix.q_ic, rotation.quat_from_rotvec(-bend_c))
         fix = fix._replace(q_ic=turned, P_c=fix.P_c + P)
-    if len(fix.stars.hip):
+    if arrival == "star_vectors" and len(fix.stars.hip):
         fix = fix._replace(stars=measure_stars.turned_back(fix.stars, bend_c, P))
     return fix
 
@@ -235,7 +235,7 @@ def never(nav, now, z, R, fix):
     return Trial(ReleaseRule(np.inf, np.inf), None, None)
 
 
-def rate_covariance(layout, state, P, omega_b, f_b, vibration=0.0):
+def rate_covariance(layout, state, P, omega_b, f_b, vibration):
     """Covariance of the corrected rate by the estimates of the gyro errors: (3, 3) rad^2/s^2."""
     J_omega, _ = calibration.jacobians(layout, state, omega_b, f_b, vibration)
     return J_omega @ P @ J_omega.T

@@ -19,7 +19,7 @@ from shefex_nav.onboard.navigation.calibration import (
     jacobians_packed,
     shaken,
 )
-from shefex_nav.onboard.navigation.state import ATT, BA, BG, OPTIONAL, POS, PVA, VEL, X_Q, X_R, X_V
+from shefex_nav.onboard.navigation.state import ATT, BA, BG, NOMINAL, OPTIONAL, POS, PVA, VEL, X_Q, X_R, X_V
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.records import Doubt, NavCovariance, NavSolution
 
@@ -91,7 +91,8 @@ def reported(nav):
 
 def covariance(nav):
     """NavCovariance of the last tick."""
-    state, P, layout = nav.history[-1].state, reported(nav), nav.layout
+    history, P, layout = nav.history, reported(nav), nav.layout
+    x = history.x.copy()
     variances = np.diag(P).copy()
     variances[BA] += nav.params.imu.gravity**2  # which the estimate of the bias contains
     sigma = np.sqrt(variances)
@@ -101,15 +102,12 @@ def covariance(nav):
         return np.full(OPTIONAL[name], np.nan) if place is None else sigma[place]
 
     return NavCovariance(
-        state.t_s,
+        history.ends_s[-1],
         P[PVA, PVA].copy(),
-        state.gyro_bias,
-        state.accel_bias,
-        state.gyro_roll_column,
-        state.mounting,
+        *(x[NOMINAL[name]] for name in ("gyro_bias", "accel_bias", "gyro_roll_column", "mounting")),
         np.concatenate([sigma[BG], sigma[BA], of("gyro_roll_column"), of("mounting")]),
         " ".join(layout.names),
-        np.concatenate([np.empty(0), *(getattr(state, name) for name in layout.names)]),
+        x[layout.nominal[BA.stop - BG.start :]],
         sigma[BA.stop :],
     )
 

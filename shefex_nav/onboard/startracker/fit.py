@@ -11,28 +11,37 @@ pixels do not look like one star (an unresolved neighbour, a particle hit), the 
 larger.
 """
 
-from math import erf, exp, pi, sqrt
-
 import numpy as np
 from numba import njit
 
 from shefex_nav.onboard.startracker.centroid import weighted
 from shefex_nav.onboard.startracker.likelihood import misfit_growth
-from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, X, Y
-from shefex_nav.onboard.startracker.shape import STEP_SIGMAS, measure
-
-PER_SIGMA = 128  # steps of the tables below; linear interpolation is good to 2e-6
-REACH = 6  # sigmas
-_Z = np.arange(-REACH * PER_SIGMA, REACH * PER_SIGMA + 2) / PER_SIGMA
-NORMAL = np.array([[0.5 * (1.0 + erf(z / sqrt(2.0))), exp(-0.5 * z * z) / sqrt(2.0 * pi)] for z in _Z])
+from shefex_nav.onboard.startracker.scan import FLUX, X, Y
+from shefex_nav.onboard.startracker.shape import measure
+from shefex_nav.onboard.startracker.spot import (
+    FREE_SUMS,
+    LARGEST_REACH,
+    SEEN,
+    SPOT,
+    TO_X,
+    TO_XX,
+    TO_XY,
+    TO_Y,
+    TO_YY,
+    VARIANCE,
+    WINDOW,
+    WORK,
+    curves,
+    model,
+    pixels,
+    spots_of,
+    window_of,
+)
 
 MOST_STEPS = 5  # a star needs two; what needs more is none
 SMALL_STEP_PX = 0.02  # the next step of Gauss and Newton would be the square of that
 SMALL_STEP_FLUX = 0.3  # relative; the flux is linear, only the weights wait for it
 FARTHEST_PX = 2.0  # from the first centroid; further away it is not this star that is fitted
-WINDOW = (2.5, 5.0)  # sigmas, least and greatest radius of the pixels that are used
-WINDOW_NOISE = 0.5  # the window reaches to where the star's light is this fraction of the noise
-LARGEST_REACH = 31  # px
 LEAST_PIXELS = 6  # with light, that are not saturated
 PRIOR_DOF = 30.0  # weight of the expected misfit against the one seen [E]
 UNFITTED_PX = 0.15  # error of the scan's centroid of what the shape does not fit, per axis [E]
@@ -40,7 +49,6 @@ MOST_MISFIT = 9.0  # chi squared per pixel; slopes of a saturated star that fit 
 
 # columns of the result
 COLUMNS = 6  # x, y, flux, xx, xy, yy
-FITTED_FLUX = 2
 
 
 @njit(cache=True)
@@ -61,8 +69,8 @@ def centroids(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px)
     -------
     xy_px (n, 2), flux_dn (n,), P_px (n, 2, 2)
     """
-    shape = measure(image_dn, table, saturation_dn, default_sigma_px)
-    fitted, good = fit(image_dn, table, shape, saturation_dn, dn_per_electron)
+    shape, P_S = measure(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px)
+    fitted, good = fit(image_dn, table, shape, P_S, saturation_dn, dn_per_electron)
     xy_px, flux, P_px = weighted(table, dn_per_electron)
     for k in range(table.shape[0]):
         if good[k]:
@@ -76,7 +84,7 @@ def centroids(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px)
 
 
 @njit(cache=True)
-def fit(image_dn, table, shape, saturation_dn, dn_per_electron):
+def fit(image_dn, table, shape, P_S, saturation_dn, dn_per_electron):
     """Fit all objects of a frame.
 
     Parameters
@@ -84,6 +92,7 @@ def fit(image_dn, table, shape, saturation_dn, dn_per_electron):
     image_dn : (rows, columns)
     table : (n, scan.COLUMNS) objects
     shape : Shape
+    P_S : (3, 3) px^4, covariance of xx, xy, yy of the shape
     saturation_dn : grey value of a saturated pixel
     dn_per_electron : float, 0 where it is not known: the shot noise of the stars is left out
 
@@ -93,13 +102,12 @@ def fit(image_dn, table, shape, saturation_dn, dn_per_electron):
     good : (n,) bool; where it is False no fit was possible and the row is not to be used
     """
     n = table.shape[0]
-    spots = _spots(shape)
+    spots = spots_of(shape)
     fitted, good = np.empty((n, COLUMNS)), np.zeros(n, dtype=np.bool_)
     # a neighbour's light counts over the greatest window of both
     spread = shape.sigma_px + 0.3 * max(abs(shape.streak_x), abs(shape.streak_y))
     near_px = 2.0 * min(WINDOW[0] * spread + 1.0, LARGEST_REACH)
-    work = np.empty((6, 2 * LARGEST_REACH + 2, 2 * LARGEST_REACH + 2))
-    others = np.empty((n, COLUMNS))
+    work, others = np.empty(WORK), np.empty((n, COLUMNS))
     for turn in range(2):
         for k in range(n):
             n_others = 0
@@ -115,6 +123,7 @@ def fit(image_dn, table, shape, saturation_dn, dn_per_electron):
                 image_dn,
                 table[k],
                 spots,
+                P_S,
                 others[:n_others],
                 saturation_dn,
                 dn_per_electron,
@@ -124,114 +133,15 @@ def fit(image_dn, table, shape, saturation_dn, dn_per_electron):
     return fitted, good
 
 
-@njit(cache=True)
-def _spots(shape):
-    """Gaussian spots that together are a streak: (n, 3) x, y from its middle, sigma; equal shares of light.
-
-    n points at equal steps d have the variance d^2 (n^2 - 1) / 12, a line of length L has L^2 / 12.
-    """
-    length = np.hypot(shape.streak_x, shape.streak_y)
-    n = int(np.ceil(length / (STEP_SIGMAS * shape.sigma_px))) + 1 if length > 0.2 * shape.sigma_px else 1
-    spots = np.zeros((n, 3))
-    step = 1.0 / np.sqrt(n * n - 1.0) if n > 1 else 0.0
-    for k in range(n):
-        along = (k - 0.5 * (n - 1)) * step
-        spots[k, 0], spots[k, 1], spots[k, 2] = along * shape.streak_x, along * shape.streak_y, shape.sigma_px
-    return spots
-
-
-@njit(cache=True)
-def _edges(centre, first, n, sigma, share, slope):
-    """Share of a spot's light in each of n pixels from `first` on, and its derivative to the centre."""
-    inverse = 1.0 / sigma
-    below_c, below_d = 0.0, 0.0
-    for k in range(n + 1):
-        place = ((first + k - 0.5 - centre) * inverse + REACH) * PER_SIGMA
-        place = min(max(place, 0.0), 2.0 * REACH * PER_SIGMA)
-        index = np.uint64(place)
-        part = place - index
-        next_one = index + np.uint64(1)
-        above_c = NORMAL[index, 0] + part * (NORMAL[next_one, 0] - NORMAL[index, 0])
-        above_d = (NORMAL[index, 1] + part * (NORMAL[next_one, 1] - NORMAL[index, 1])) * inverse
-        if k > 0:
-            share[k - 1], slope[k - 1] = above_c - below_c, below_d - above_d
-        below_c, below_d = above_c, above_d
-
-
-@njit(cache=True)
-def _model(spots, x, y, left, top, width, height, work):
-    """Write the light of a star of flux one, and its derivatives to x and y, to work[:, :height, :width]."""
-    edges = work[3]
-    columns, column_slopes, rows, row_slopes = edges[0], edges[1], edges[2], edges[3]
-    share = 1.0 / spots.shape[0]
-    for k in range(spots.shape[0]):
-        _edges(x + spots[k, 0], left, width, spots[k, 2], columns, column_slopes)
-        _edges(y + spots[k, 1], top, height, spots[k, 2], rows, row_slopes)
-        for r in range(height):
-            light, slope = rows[r] * share, row_slopes[r] * share
-            spot, to_x, to_y = work[0, r], work[1, r], work[2, r]
-            if k == 0:
-                for c in range(width):
-                    spot[c] = light * columns[c]
-                    to_x[c] = light * column_slopes[c]
-                    to_y[c] = slope * columns[c]
-            else:
-                for c in range(width):
-                    spot[c] += light * columns[c]
-                    to_x[c] += light * column_slopes[c]
-                    to_y[c] += slope * columns[c]
-
-
-@njit(cache=True)
-def _window(star, spots, shape):
-    """First and last column and row of the pixels that are used for a star."""
-    half_x, half_y = abs(spots[0, 0]), abs(spots[0, 1])
-    sigma = spots[0, 2]
-    peak = star[FLUX] / (2.0 * pi * sigma * (sigma + 0.8 * np.hypot(half_x, half_y)))
-    radius = np.sqrt(2.0 * np.log(max(peak / (WINDOW_NOISE * star[NOISE]), 1.0)))
-    radius = min(max(radius, WINDOW[0]), WINDOW[1]) * sigma
-    reach_x = min(int(radius + half_x + 0.5), LARGEST_REACH)
-    reach_y = min(int(radius + half_y + 0.5), LARGEST_REACH)
-    column, row = int(np.rint(star[X])), int(np.rint(star[Y]))
-    left, right = max(0, column - reach_x), min(shape[1] - 1, column + reach_x)
-    top, bottom = max(0, row - reach_y), min(shape[0] - 1, row + reach_y)
-    return left, top, right - left + 1, bottom - top + 1
-
-
-@njit(cache=True)
-def _pixels(image_dn, star, spots, others, window, saturation_dn, dn_per_electron, work):
-    """Write the light of one star, without the others', to work[4], and its variance to work[5].
-
-    The variance lacks the star's own shot noise; that of a saturated pixel is infinite. Returns how many are
-    not.
-    """
-    left, top, width, height = window
-    light, variance = work[4], work[5]
-    noise2, n = star[NOISE] ** 2, 0
-    for r in range(height):
-        for c in range(width):
-            value = image_dn[top + r, left + c]
-            light[r, c] = value - star[BACKGROUND]
-            variance[r, c] = noise2 if value < saturation_dn else np.inf
-            n += value < saturation_dn
-    for j in range(others.shape[0]):
-        _model(spots, others[j, 0], others[j, 1], left, top, width, height, work)
-        for r in range(height):
-            for c in range(width):
-                other = others[j, FITTED_FLUX] * work[0, r, c]
-                light[r, c] -= other
-                variance[r, c] += other * dn_per_electron
-    return n
-
-
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
 def _equations(flux, window, dn_per_electron, work):
     """Normal equations of place and flux: six sums of the matrix, three of the right side, chi squared."""
     _, _, width, height = window
     xx, xy, yy, xf, yf, ff, bx, by, bf, chi2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     shot = flux * dn_per_electron
     for r in range(height):
-        spot, slope_x, slope_y, light, variance = work[0, r], work[1, r], work[2, r], work[4, r], work[5, r]
+        spot, slope_x, slope_y = work[SPOT, r], work[TO_X, r], work[TO_Y, r]
+        light, variance = work[SEEN, r], work[VARIANCE, r]
         for c in range(width):
             weight = 1.0 / (variance[c] + shot * spot[c])
             rest = light[c] - flux * spot[c]
@@ -261,17 +171,17 @@ def _equations(flux, window, dn_per_electron, work):
 
 
 @njit(cache=True)
-def _fit_one(image_dn, star, spots, others, saturation_dn, dn_per_electron, work, fitted):
+def _fit_one(image_dn, star, spots, P_S, others, saturation_dn, dn_per_electron, work, fitted):
     """Fit one object, less the light of the others; write to `fitted`, returns whether it succeeded."""
-    window = _window(star, spots, image_dn.shape)
-    n_used = _pixels(image_dn, star, spots, others, window, saturation_dn, dn_per_electron, work)
+    window = window_of(star, spots, image_dn.shape)
+    n_used = pixels(image_dn, star, spots, others, window, saturation_dn, dn_per_electron, work)
     if n_used < LEAST_PIXELS:
         return False
-    left, top, width, height = window
+    _, _, width, height = window
     x, y, flux = star[X], star[Y], star[FLUX]
     sigma = spots[0, 2]
     for _ in range(MOST_STEPS):
-        _model(spots, x, y, left, top, width, height, work)
+        model(spots, x, y, window, work)
         xx, xy, yy, xf, yf, ff, bx, by, bf, chi2 = _equations(flux, window, dn_per_electron, work)
         if ff <= 0.0:
             return False
@@ -300,4 +210,41 @@ def _fit_one(image_dn, star, spots, others, saturation_dn, dn_per_electron, work
     factor *= (old_flux / flux) ** 2  # the derivatives to the place grow with the flux
     fitted[0], fitted[1], fitted[2] = x, y, flux
     fitted[3], fitted[4], fitted[5] = factor * d / det, -factor * b / det, factor * a / det
+    curves(spots, x, y, window, work)
+    fitted[3:] += _of_shape(old_flux, window, dn_per_electron, work, (a, b, d, xf / ff, yf / ff), P_S)
     return True
+
+
+@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
+def _of_shape(flux, window, dn_per_electron, work, place, P_S):
+    """What the error of the shape adds to the covariance of a place: xx, xy, yy [px^2].
+
+    A shape that is wrong by dS moves the place by -A^-1 B dS, A of place alone with the flux eliminated, B
+    between place and shape; place: A (xx, xy, yy), and of the flux xf / ff, yf / ff.
+    """
+    a, b, d, x_by_flux, y_by_flux = place
+    _, _, width, height = window
+    x_xx, x_xy, x_yy, y_xx, y_xy, y_yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for r in range(height):
+        spot, slope_x, slope_y, variance = work[SPOT, r], work[TO_X, r], work[TO_Y, r], work[VARIANCE, r]
+        to_xx, to_xy, to_yy = work[TO_XX, r], work[TO_XY, r], work[TO_YY, r]
+        for c in range(width):
+            weight = flux / (variance[c] + flux * dn_per_electron * spot[c])
+            to_x = weight * (flux * slope_x[c] - x_by_flux * spot[c])
+            to_y = weight * (flux * slope_y[c] - y_by_flux * spot[c])
+            x_xx += to_x * to_xx[c]
+            x_xy += to_x * to_xy[c]
+            x_yy += to_x * to_yy[c]
+            y_xx += to_y * to_xx[c]
+            y_xy += to_y * to_xy[c]
+            y_yy += to_y * to_yy[c]
+    det = a * d - b * b
+    K_x = (d * x_xx - b * y_xx) / det, (d * x_xy - b * y_xy) / det, (d * x_yy - b * y_yy) / det
+    K_y = (a * y_xx - b * x_xx) / det, (a * y_xy - b * x_xy) / det, (a * y_yy - b * x_yy) / det
+    P = np.zeros(3)
+    for i in range(3):
+        for j in range(3):
+            P[0] += K_x[i] * P_S[i, j] * K_x[j]
+            P[1] += K_x[i] * P_S[i, j] * K_y[j]
+            P[2] += K_y[i] * P_S[i, j] * K_y[j]
+    return P

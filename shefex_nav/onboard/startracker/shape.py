@@ -1,40 +1,95 @@
 """How a star looks in this frame: the width of its spot and the streak that the motion makes of it.
 
-In: the frame and its objects. Out: `Shape`, one for all stars of the frame. Nothing is known beforehand: the
-second moments of the brightest objects tell it, and their median is not disturbed by the odd double star or
-particle hit.
-"""
+In: the frame and its objects. Out: `Shape`, one for all stars of the frame, and how well it is known. Nothing
+is known beforehand: the brightest objects tell it.
 
-from typing import NamedTuple
+    second moments that the scan took of each -> their median: a first shape
+         -> least squares over the pixels: the covariance S = (xx, xy, yy) of the spot that all share, with
+            place and flux of each star eliminated
+
+The moments alone will not do. A spot that is narrower than a pixel is not sampled by the pixels, its moments
+depend on where in the pixel it lies, and a model of the wrong width puts it off by an error that repeats with
+the pixels. The fit integrates the spot over each pixel. An object whose own S lies far from that of the
+others, a double star or a particle hit, pulls with constant force (Huber).
+"""
 
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, PIXELS, SATURATED, XX, XY, YY, X, Y
+from shefex_nav.onboard.startracker.attitude import inverse3
+from shefex_nav.onboard.startracker.likelihood import misfit_growth
+from shefex_nav.onboard.startracker.scan import FLUX, NOISE, PIXELS, SATURATED, XX, XY, YY, X, Y
+from shefex_nav.onboard.startracker.spot import (
+    FREE_SUMS,
+    SEEN,
+    SPOT,
+    TO_X,
+    TO_XX,
+    TO_XY,
+    TO_Y,
+    TO_YY,
+    VARIANCE,
+    WORK,
+    Shape,
+    curves,
+    model,
+    pixels,
+    spots_of,
+    window_of,
+)
 
 MOST_STARS = 9  # brightest ones that are measured
 LEAST_SIGNAL = 8.0  # of an object, in noise; what is fainter may be noise itself
-ROUNDS = 2
 BLOCK_VARIANCE = 2.0 / 3.0  # px^2 per axis, of the 3x3 pixels of a block
-PIXEL_VARIANCE = 1.0 / 12.0  # px^2 per axis, of one pixel
+EXCESS = (
+    0.15  # px^2 per axis, of these moments over S: of the pixel, and of the sampling [E, rendered frames]
+)
 LEAST_SIGMA = 0.3  # px; a narrower spot lies in one pixel and has no shape
-STEP_SIGMAS = 1.6  # two spots this far apart, in sigmas, add up to a smooth ridge
-
-
-class Shape(NamedTuple):
-    """A Gaussian spot drawn along a straight line; plain numbers, passed on to compiled code."""
-
-    sigma_px: float
-    streak_x: float  # px, from one end of the streak to the other
-    streak_y: float
+UNKNOWN_PART = 0.15  # of the width, standard deviation where the frame does not show it [E]
+MOST_ROUNDS = 8  # of Gauss and Newton, all stars together
+SMALL_CHANGE = 0.02  # of the shape, part of its smaller eigenvalue: the next would be its square
+GREATEST_CHANGE = 0.5  # of the shape in one round, likewise
+FARTHEST_PX = 1.0  # of a star from the place that the scan gave
+HUBER = 2.0  # sigmas of an object's own shape from that of all
+PRIOR_DOF = 30.0  # weight of the expected misfit against the one seen [E]
+SINGULAR = 1e-12  # of a determinant, against the product of the diagonal
+NO_OTHERS = np.empty((0, 3))
 
 
 @njit(cache=True)
-def measure(image_dn, table, saturation_dn, default_sigma_px):
-    """Shape of the stars in a frame. Frame, objects, DN, px -> Shape.
+def measure(image_dn, table, saturation_dn, dn_per_electron, default_sigma_px):
+    """Shape of the stars in a frame.
 
-    default_sigma_px is the width where the frame shows no clear star that is not saturated.
+    Parameters
+    ----------
+    image_dn : (rows, columns)
+    table : (n, scan.COLUMNS) objects, brightest first
+    saturation_dn : grey value of a saturated pixel
+    dn_per_electron : float, 0 where it is not known
+    default_sigma_px : width where the frame shows no clear star that is not saturated
+
+    Returns
+    -------
+    Shape
+    P_S : (3, 3) px^4, covariance of xx, xy, yy of the spot
     """
+    chosen = _clear_stars(table)
+    n = len(chosen)
+    if n == 0:
+        return Shape(default_sigma_px, 0.0, 0.0), _unknown(default_sigma_px)
+    moments = np.empty((3, n))
+    for k in range(n):
+        star = chosen[k]
+        moments[:, k] = _unweighted(table[star, XX], table[star, XY], table[star, YY])
+    S = np.array([np.median(moments[0]), np.median(moments[1]), np.median(moments[2])])
+    S[0], S[2] = S[0] - EXCESS, S[2] - EXCESS
+    S, P_S = _fitted(image_dn, table[chosen], _possible(S), saturation_dn, dn_per_electron)
+    return _shape(S), P_S
+
+
+@njit(cache=True)
+def _clear_stars(table):
+    """Rows of the brightest objects that are not saturated and no noise."""
     n = 0
     chosen = np.empty(MOST_STARS, dtype=np.int64)
     for k in range(table.shape[0]):
@@ -42,24 +97,16 @@ def measure(image_dn, table, saturation_dn, default_sigma_px):
         if table[k, SATURATED] == 0 and signal_to_noise > LEAST_SIGNAL and n < MOST_STARS:
             chosen[n] = k
             n += 1
-    if n == 0:
-        return Shape(default_sigma_px, 0.0, 0.0)
-    moments = np.empty((3, n))
-    for k in range(n):
-        star = chosen[k]
-        moments[:, k] = _unweighted(table[star, XX], table[star, XY], table[star, YY])
-    cov = _median(moments)
-    for _ in range(ROUNDS):
-        n_good = 0
-        for k in range(n):
-            is_good, xx, xy, yy = _weighted(image_dn, table[chosen[k]], cov, saturation_dn)
-            if is_good:
-                moments[0, n_good], moments[1, n_good], moments[2, n_good] = xx, xy, yy
-                n_good += 1
-        if n_good == 0:
-            break
-        cov = _median(moments[:, :n_good])
-    return _from_covariance(cov)
+    return chosen[:n]
+
+
+@njit(cache=True)
+def _unknown(sigma_px):
+    """Covariance of the shape where only the data sheet tells it: a round spot, S = sigma^2."""
+    variance = (2.0 * UNKNOWN_PART * sigma_px**2) ** 2
+    P_S = np.zeros((3, 3))
+    P_S[0, 0] = P_S[0, 2] = P_S[2, 0] = P_S[2, 2] = variance
+    return P_S
 
 
 @njit(cache=True)
@@ -92,58 +139,149 @@ def _symmetric(great, small, angle):
 
 
 @njit(cache=True)
-def _median(moments):
-    """Median of each moment over the stars, made positive definite: (3,)."""
-    great, small, angle = _eigen(np.median(moments[0]), np.median(moments[1]), np.median(moments[2]))
-    least = LEAST_SIGMA**2 + PIXEL_VARIANCE
-    return _symmetric(max(great, least), max(small, least), angle)
+def _possible(S):
+    """S with eigenvalues no smaller than LEAST_SIGMA^2."""
+    great, small, angle = _eigen(S[0], S[1], S[2])
+    return _symmetric(max(great, LEAST_SIGMA**2), max(small, LEAST_SIGMA**2), angle)
 
 
 @njit(cache=True)
-def _weighted(image_dn, star, cov, saturation_dn):
-    """Moments of one object under a Gaussian window of covariance W: whether they are good, xx, xy, yy.
-
-    Spot S and window W together have the covariance m = (1/S + 1/W)^-1, and near S = W that is
-    m = W/2 + (S - W)/4 (adaptive moments: Bernstein & Jarvis 2002, AJ 123, 583).
-    """
-    rows, columns = image_dn.shape
-    det = cov[0] * cov[2] - cov[1] ** 2
-    a, b, c = cov[2] / det, -cov[1] / det, cov[0] / det
-    reach_x, reach_y = int(3.0 * np.sqrt(cov[0])) + 1, int(3.0 * np.sqrt(cov[2])) + 1
-    middle_x, middle_y = int(np.rint(star[X])), int(np.rint(star[Y]))
-    if middle_x < reach_x or middle_x + reach_x >= columns:
-        return False, 0.0, 0.0, 0.0
-    if middle_y < reach_y or middle_y + reach_y >= rows:
-        return False, 0.0, 0.0, 0.0
-    sums = np.zeros(6)
-    for r in range(middle_y - reach_y, middle_y + reach_y + 1):
-        for col in range(middle_x - reach_x, middle_x + reach_x + 1):
-            dx, dy = col - star[X], r - star[Y]
-            distance = a * dx * dx + 2.0 * b * dx * dy + c * dy * dy
-            if distance > 9.0:
-                continue
-            if image_dn[r, col] >= saturation_dn:
-                return False, 0.0, 0.0, 0.0
-            light = np.exp(-0.5 * distance) * (image_dn[r, col] - star[BACKGROUND])
-            sums[0] += light
-            sums[1] += light * dx
-            sums[2] += light * dy
-            sums[3] += light * dx * dx
-            sums[4] += light * dx * dy
-            sums[5] += light * dy * dy
-    if sums[0] <= 0.0:
-        return False, 0.0, 0.0, 0.0
-    x, y = sums[1] / sums[0], sums[2] / sums[0]
-    xx = 4.0 * (sums[3] / sums[0] - x * x) - cov[0]
-    xy = 4.0 * (sums[4] / sums[0] - x * y) - cov[1]
-    yy = 4.0 * (sums[5] / sums[0] - y * y) - cov[2]
-    return True, xx, xy, yy
-
-
-@njit(cache=True)
-def _from_covariance(cov):
+def _shape(S):
     """Spot and streak of a covariance: a line of length L adds L^2/12 along itself."""
-    great, small, angle = _eigen(cov[0], cov[1], cov[2])
-    sigma = np.sqrt(max(small - PIXEL_VARIANCE, LEAST_SIGMA**2))
+    great, small, angle = _eigen(S[0], S[1], S[2])
     length = np.sqrt(12.0 * max(great - small, 0.0))
-    return Shape(sigma, length * np.cos(angle), length * np.sin(angle))
+    return Shape(np.sqrt(small), length * np.cos(angle), length * np.sin(angle))
+
+
+@njit(cache=True)
+def _fitted(image_dn, stars, S, saturation_dn, dn_per_electron):
+    """S of largest likelihood for some stars, from a first one, and its covariance.
+
+    Gauss-Newton over S and place and flux p of each star. With A, B, C the blocks of a star's normal matrix
+    and a, c its right sides, p eliminated: J = C - B' A^-1 B, g = c - B' A^-1 a; the star by itself would
+    change S by J^-1 g, all together by (sum w J)^-1 sum w g.
+    """
+    n, work = len(stars), np.empty(WORK)
+    p = np.empty((n, 3))
+    p[:, 0], p[:, 1], p[:, 2] = stars[:, X], stars[:, Y], stars[:, FLUX]
+    J, g, back = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3, 4))
+    good = np.empty(n, dtype=np.bool_)
+    P_S = _unknown(np.sqrt(0.5 * (S[0] + S[2])))
+    for _ in range(MOST_ROUNDS):
+        spots = spots_of(_shape(S))
+        for k in range(n):
+            good[k] = _one(
+                image_dn, stars[k], p[k], spots, saturation_dn, dn_per_electron, work, J[k], g[k], back[k]
+            )
+        if not good.any():
+            break
+        change, P_S = _together(J[good], g[good])
+        _, small, _ = _eigen(S[0], S[1], S[2])
+        largest = np.abs(change).max()
+        change *= min(1.0, GREATEST_CHANGE * small / max(largest, 1e-12))
+        S = _possible(S + change)
+        if largest < SMALL_CHANGE * small:
+            break
+        for k in range(n):
+            if good[k]:
+                step = back[k, :, 3] - times3(back[k], change)
+                p[k, 0], p[k, 1] = p[k, 0] + step[0], p[k, 1] + step[1]
+                p[k, 2] = max(p[k, 2] + step[2], 0.3 * p[k, 2])
+    return S, P_S
+
+
+@njit(cache=True)
+def _one(image_dn, star, p, spots, saturation_dn, dn_per_electron, work, J, g, back):
+    """Write J, g and (A^-1 B, A^-1 a) of one star; returns whether it tells anything."""
+    if np.hypot(p[0] - star[X], p[1] - star[Y]) > FARTHEST_PX:
+        return False
+    window = window_of(star, spots, image_dn.shape)
+    n = pixels(image_dn, star, spots, NO_OTHERS, window, saturation_dn, dn_per_electron, work)
+    model(spots, p[0], p[1], window, work)
+    curves(spots, p[0], p[1], window, work)
+    M = _sums(p[2], window, dn_per_electron, work)
+    A = M[:3, :3].copy()
+    if not det3(A) > SINGULAR * A[0, 0] * A[1, 1] * A[2, 2] > 0.0:
+        return False
+    inverse = inverse3(A)
+    for j in range(4):
+        back[:, j] = times3(inverse, M[:3, 3 + j])
+    for i in range(3):
+        B = M[:3, 3 + i]
+        for j in range(3):
+            J[i, j] = M[3 + i, 3 + j] - (B[0] * back[0, j] + B[1] * back[1, j] + B[2] * back[2, j])
+        g[i] = M[3 + i, 6] - (B[0] * back[0, 3] + B[1] * back[1, 3] + B[2] * back[2, 3])
+    if not det3(J) > SINGULAR * M[3, 3] * M[4, 4] * M[5, 5]:
+        return False
+    own, chi2 = times3(inverse3(J), g), M[6, 6]
+    for i in range(3):
+        chi2 -= back[i, 3] * M[i, 6] + g[i] * own[i]
+    growth = misfit_growth(chi2, max(n - 6.0, 1.0), PRIOR_DOF)
+    J /= growth
+    g /= growth
+    return True
+
+
+@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
+def _sums(flux, window, dn_per_electron, work):
+    """Products of what changes the light of a star, weighted and summed over the pixels: (7, 7).
+
+    Of x, y, flux, xx, xy, yy, and of what the model leaves over.
+    """
+    _, _, width, height = window
+    n = width * height
+    D, weighted = np.empty((7, n)), np.empty((7, n))
+    shot, k = flux * dn_per_electron, 0
+    for r in range(height):
+        for c in range(width):
+            spot = work[SPOT, r, c]
+            weight = 1.0 / (work[VARIANCE, r, c] + shot * spot)
+            D[0, k], D[1, k], D[2, k] = flux * work[TO_X, r, c], flux * work[TO_Y, r, c], spot
+            D[3, k], D[4, k] = flux * work[TO_XX, r, c], flux * work[TO_XY, r, c]
+            D[5, k], D[6, k] = flux * work[TO_YY, r, c], work[SEEN, r, c] - flux * spot
+            for i in range(7):
+                weighted[i, k] = weight * D[i, k]
+            k += 1
+    M = np.empty((7, 7))
+    for i in range(7):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(n):
+                total += weighted[i, k] * D[j, k]
+            M[i, j] = M[j, i] = total
+    return M
+
+
+@njit(cache=True)
+def _together(J, g):
+    """Change of S that the stars agree on, those far from the others with a bounded pull; its covariance."""
+    n = len(J)
+    total, pull, chi2 = np.zeros((3, 3)), np.zeros(3), 0.0
+    for k in range(n):
+        own = times3(inverse3(J[k]), g[k])
+        distance = np.sqrt(max(own[0] * g[k, 0] + own[1] * g[k, 1] + own[2] * g[k, 2], 0.0))
+        weight = min(1.0, HUBER / max(distance, 1e-12))
+        total += weight * J[k]
+        pull += weight * g[k]
+        chi2 += weight * distance**2
+    inverse = inverse3(total)
+    return times3(inverse, pull), inverse * misfit_growth(chi2, max(3.0 * (n - 1), 1.0), PRIOR_DOF)
+
+
+@njit(cache=True)
+def times3(A, b):
+    """A[:, :3] b of a matrix with three rows; without LAPACK, whose calls cost more than that: (3,)."""
+    out = np.empty(3)
+    for i in range(3):
+        out[i] = A[i, 0] * b[0] + A[i, 1] * b[1] + A[i, 2] * b[2]
+    return out
+
+
+@njit(cache=True)
+def det3(A):
+    """Determinant of a (3, 3) matrix."""
+    return (
+        A[0, 0] * (A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1])
+        - A[0, 1] * (A[1, 0] * A[2, 2] - A[1, 2] * A[2, 0])
+        + A[0, 2] * (A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0])
+    )

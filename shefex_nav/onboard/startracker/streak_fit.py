@@ -23,7 +23,8 @@ from math import sqrt
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker.streak_light import FREE_SUMS, draw, first_of
+from shefex_nav.onboard.startracker.spot import FREE_SUMS
+from shefex_nav.onboard.startracker.streak_light import draw, first_of
 from shefex_nav.onboard.startracker.streak_path import (
     LENGTH,
     SHARE,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.startracker.fit import NORMAL, PER_SIGMA, REACH
+from shefex_nav.onboard.startracker.spot import FREE_SUMS, NORMAL, PER_SIGMA, REACH
 from shefex_nav.onboard.startracker.streak_path import (
     BEGIN,
     END,
@@ -32,9 +32,6 @@ MOST_PIXELS = 12000  # of one streak's window
 ACROSS_SIGMAS = 3.5  # half width of the window
 BEYOND_SIGMAS = 4.0  # the window ends so far beyond the ends and the search
 NEIGHBOUR_ERROR = 0.1  # of a neighbour's light, that its model may be off by [E]
-
-
-FREE_SUMS = {"reassoc", "contract", "arcp", "nsz"}  # fastmath of sums, without what infinite variances forbid
 
 
 class Picture(NamedTuple):

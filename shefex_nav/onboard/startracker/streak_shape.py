@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.geometry.streak import turn_jacobian
-from shefex_nav.onboard.startracker.fit import REACH
-from shefex_nav.onboard.startracker.streak_light import FREE_SUMS, bell, first_of
+from shefex_nav.onboard.startracker.spot import FREE_SUMS, REACH
+from shefex_nav.onboard.startracker.streak_light import bell, first_of
 from shefex_nav.onboard.startracker.streak_path import BEGIN, END, LENGTH, TX, TY, X0, Y0
 from shefex_nav.onboard.startracker.streak_search import (
     FLUX,

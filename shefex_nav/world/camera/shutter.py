@@ -4,6 +4,8 @@ In: `CameraCommand`s of the star tracker. Out: (Frame, FrameTruth) once the fram
 rolling shutter a frame may start before the one before it has ended: its first row is free again by then.
 """
 
+from math import inf
+
 from shefex_nav.geometry.shutter import duration_s, row_times
 from shefex_nav.world.camera.camera import expose
 
@@ -47,6 +49,17 @@ class Shutter:
                 self.take(self.camera, self.command, self.trajectory, self.number, now_s, self.rng)
             )
             self.number += 1
+
+    def next_tick(self, n):
+        """Number of the first tick after n in which `tick` has something to do; inf while it has not."""
+        if self.command is None and not self.commands:
+            return inf
+        return (n // self.every + 1) * self.every
+
+    @property
+    def next_s(self):
+        """When the next picture will have been read out; inf: none is under way."""
+        return self.waiting[0][0].t_available_s if self.waiting else inf
 
     def arrived(self, now_s):
         """Pictures that have been read out by now: list of (Frame, FrameTruth)."""

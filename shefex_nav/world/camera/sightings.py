@@ -146,13 +146,14 @@ def _clutter(model, hole, film, rng, limits, size):
     n = rng.poisson(model.clutter[0] + model.clutter[1] * broken(turned_px(hole, film)))
     least = limits.seed_sigma * BLOCK * film.noise_electrons
     spot = film.psf_sigma_px, film.psf_sigma_px, least, film.noise_electrons
-    variance = model.reported @ np.array(terms(*spot)[0])
+    P_px = np.zeros((n, 2, 2))
+    P_px[:, 0, 0] = P_px[:, 1, 1] = model.reported @ np.array(terms(*spot)[0])
     return Objects(
         hip=np.zeros(n, dtype=np.int64),
         xy_px=model.border_px - EDGE_PX + (size - 2.0 * model.border_px) * rng.random((n, 2)),
         electrons=np.full(n, least),
         saturated=np.zeros(n, dtype=bool),
-        P_px=np.tile(variance * np.eye(2), (n, 1, 1)),
+        P_px=P_px,
     )
 
 

@@ -7,6 +7,7 @@ from math import atan, hypot, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from scipy.spatial import cKDTree
 
 from shefex_nav.geometry import frames, rotation
@@ -136,11 +137,20 @@ def _scene(camera, move, C_ei, exposure_s):
     view = sky.View(move.C_ci[2], cone, move.r_i, camera.bodies.earth_v_i + move.v_i, np.zeros(3), C_ei)
     every = sky.Film(exposure_s, hole.focal_length_px, camera.psf.width_px, 0.0)
     hip, u_i, electrons = sky.visible(camera.sky, camera.planets, view, every)
-    xy_px = pixels(hole, u_i @ move.C_ci.T)
-    x, y = xy_px.T  # NaN behind the camera is inside of nothing
-    inside = (x >= -EDGE_PX) & (x <= params.width_px - EDGE_PX)
-    inside &= (y >= -EDGE_PX) & (y <= params.height_px - EDGE_PX)
-    return hip[inside], xy_px[inside], electrons[inside]
+    return _on_detector(hole, move.C_ci, params.width_px, params.height_px, hip, u_i, electrons)
+
+
+@njit(cache=True)
+def _on_detector(hole, C_ci, width_px, height_px, hip, u_i, electrons):
+    """Of what is in the cone, what falls on the detector: (hip (n,), xy_px (n, 2), electrons (n,))."""
+    kept, seen, light = np.empty_like(hip), np.empty((hip.size, 2)), np.empty(hip.size)
+    xy_px, n = pixels(hole, u_i @ C_ci.T), 0
+    for k in range(hip.size):
+        x, y = xy_px[k]  # NaN behind the camera is inside of nothing
+        if -EDGE_PX <= x <= width_px - EDGE_PX and -EDGE_PX <= y <= height_px - EDGE_PX:
+            kept[n], seen[n, 0], seen[n, 1], light[n] = hip[k], x, y, electrons[k]
+            n += 1
+    return kept[:n], seen[:n], light[:n]
 
 
 def _in_the_mean(hole, move, scene):
@@ -149,10 +159,19 @@ def _in_the_mean(hole, move, scene):
     Simpson's rule over the exposure of all rows at once; hole : Pinhole
     """
     hip, xy_px, electrons = scene
-    C_ci = (move.path.C_ci[0] + 4.0 * move.C_ci + move.path.C_ci[-1]) / 6.0
-    D = C_ci @ move.C_ci.T  # 1 - skew of the turn from the middle to the mean
+    return hip, _bent(hole, move.path.C_ci, move.C_ci, xy_px), electrons
+
+
+@njit(cache=True)
+def _bent(hole, path_ci, C_ci, xy_px):
+    """Places of light in the mean of a path (m, 3, 3), from those at its middle (3, 3): (n, 2) px."""
+    mean_ci = (path_ci[0] + 4.0 * C_ci + path_ci[-1]) / 6.0
+    D = mean_ci @ C_ci.T  # 1 - skew of the turn from the middle to the mean
     bend_c = 0.5 * np.array([D[1, 2] - D[2, 1], D[2, 0] - D[0, 2], D[0, 1] - D[1, 0]])
-    return hip, xy_px + turn_jacobians(hole, xy_px) @ bend_c, electrons
+    out, H = xy_px.copy(), turn_jacobians(hole, xy_px)
+    for k in range(len(xy_px)):
+        out[k] += H[k] @ bend_c
+    return out
 
 
 def _film(params, command, move, background, starlight):

@@ -1,0 +1,181 @@
+"""The light that a star leaves in the pixels: a Gaussian spot, drawn along its streak, integrated over each.
+
+In: a `Shape`, the place of a star, the pixels of a window. Out: the share of its light in each pixel and how
+that changes with place and shape; what the frame shows there, with its variance. A spot as narrow as a pixel
+must be integrated: its height in the middle of a pixel is not the light in it.
+"""
+
+from math import erf, exp, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, X, Y
+
+PER_SIGMA = 128  # steps of the tables below; linear interpolation is good to 2e-6
+REACH = 6  # sigmas
+_Z = np.arange(-REACH * PER_SIGMA, REACH * PER_SIGMA + 2) / PER_SIGMA
+NORMAL = np.array([[0.5 * (1.0 + erf(z / sqrt(2.0))), exp(-0.5 * z * z) / sqrt(2.0 * pi)] for z in _Z])
+
+FREE_SUMS = {"reassoc", "contract", "arcp", "nsz"}  # fastmath of sums, without what infinite variances forbid
+STEP_SIGMAS = 1.6  # two spots this far apart, in sigmas, add up to a smooth ridge
+WINDOW = (2.5, 5.0)  # sigmas, least and greatest radius of the pixels that are used
+WINDOW_NOISE = 0.5  # the window reaches to where the star's light is this fraction of the noise
+LARGEST_REACH = 31  # px
+LAYERS = 9  # of work memory: light, its slopes, edges, light seen, its variance, its change with the shape
+SPOT, TO_X, TO_Y, EDGES, SEEN, VARIANCE, TO_XX, TO_XY, TO_YY = range(LAYERS)
+WORK = (LAYERS, 2 * LARGEST_REACH + 2, 2 * LARGEST_REACH + 2)  # layers of the greatest window
+
+
+class Shape(NamedTuple):
+    """A Gaussian spot drawn along a straight line; plain numbers, passed on to compiled code."""
+
+    sigma_px: float
+    streak_x: float  # px, from one end of the streak to the other
+    streak_y: float
+
+
+@njit(cache=True)
+def spots_of(shape):
+    """Gaussian spots that together are a streak: (n, 3) x, y from its middle, sigma; equal shares of light.
+
+    n points at equal steps d have the variance d^2 (n^2 - 1) / 12, a line of length L has L^2 / 12.
+    """
+    length = np.hypot(shape.streak_x, shape.streak_y)
+    n = int(np.ceil(length / (STEP_SIGMAS * shape.sigma_px))) + 1 if length > 0.2 * shape.sigma_px else 1
+    spots = np.zeros((n, 3))
+    step = 1.0 / np.sqrt(n * n - 1.0) if n > 1 else 0.0
+    for k in range(n):
+        along = (k - 0.5 * (n - 1)) * step
+        spots[k, 0], spots[k, 1], spots[k, 2] = along * shape.streak_x, along * shape.streak_y, shape.sigma_px
+    return spots
+
+
+@njit(cache=True)
+def _edges(centre, first, n, sigma, share, slope):
+    """Share of a spot's light in each of n pixels from `first` on, and its derivative to the centre."""
+    inverse = 1.0 / sigma
+    below_c, below_d = 0.0, 0.0
+    for k in range(n + 1):
+        place = ((first + k - 0.5 - centre) * inverse + REACH) * PER_SIGMA
+        place = min(max(place, 0.0), 2.0 * REACH * PER_SIGMA)
+        index = np.uint64(place)
+        part = place - index
+        next_one = index + np.uint64(1)
+        above_c = NORMAL[index, 0] + part * (NORMAL[next_one, 0] - NORMAL[index, 0])
+        above_d = (NORMAL[index, 1] + part * (NORMAL[next_one, 1] - NORMAL[index, 1])) * inverse
+        if k > 0:
+            share[k - 1], slope[k - 1] = above_c - below_c, below_d - above_d
+        below_c, below_d = above_c, above_d
+
+
+@njit(cache=True)
+def model(spots, x, y, window, work):
+    """Write the light of a star of flux one, and its derivatives to x and y, to its layers of work."""
+    left, top, width, height = window
+    edges = work[EDGES]
+    columns, column_slopes, rows, row_slopes = edges[0], edges[1], edges[2], edges[3]
+    share = 1.0 / spots.shape[0]
+    for k in range(spots.shape[0]):
+        _edges(x + spots[k, 0], left, width, spots[k, 2], columns, column_slopes)
+        _edges(y + spots[k, 1], top, height, spots[k, 2], rows, row_slopes)
+        for r in range(height):
+            light, slope = rows[r] * share, row_slopes[r] * share
+            spot, to_x, to_y = work[SPOT, r], work[TO_X, r], work[TO_Y, r]
+            if k == 0:
+                for c in range(width):
+                    spot[c] = light * columns[c]
+                    to_x[c] = light * column_slopes[c]
+                    to_y[c] = slope * columns[c]
+            else:
+                for c in range(width):
+                    spot[c] += light * columns[c]
+                    to_x[c] += light * column_slopes[c]
+                    to_y[c] += slope * columns[c]
+
+
+@njit(cache=True)
+def curves(spots, x, y, window, work):
+    """Write how the light of a star of flux one changes with xx, xy, yy of the spot's covariance.
+
+    A Gaussian spreads as heat does: dG/dS_xx = d2G/dx2 / 2, dG/dS_xy = d2G/dxdy. Of a streak that holds for
+    each of its spots: the change of its length is taken for a blur along it.
+    """
+    left, top, width, height = window
+    edges = work[EDGES]
+    columns, column_slopes, column_curves = edges[0], edges[1], edges[4]
+    rows, row_slopes, row_curves = edges[2], edges[3], edges[5]
+    share = 1.0 / spots.shape[0]
+    for k in range(spots.shape[0]):
+        _edges(x + spots[k, 0], left, width, spots[k, 2], columns, column_slopes)
+        _edges(y + spots[k, 1], top, height, spots[k, 2], rows, row_slopes)
+        _edge_curves(x + spots[k, 0], left, width, spots[k, 2], column_curves)
+        _edge_curves(y + spots[k, 1], top, height, spots[k, 2], row_curves)
+        for r in range(height):
+            to_xx, to_xy, to_yy = work[TO_XX, r], work[TO_XY, r], work[TO_YY, r]
+            light, slope, curve = share * rows[r], share * row_slopes[r], share * row_curves[r]
+            if k == 0:
+                to_xx[:width], to_xy[:width], to_yy[:width] = 0.0, 0.0, 0.0
+            for c in range(width):
+                to_xx[c] += light * column_curves[c]
+                to_xy[c] += slope * column_slopes[c]
+                to_yy[c] += curve * columns[c]
+
+
+@njit(cache=True)
+def _edge_curves(centre, first, n, sigma, curve):
+    """Half the second derivative to the centre of the shares of `_edges`.
+
+    Of Phi(z), z = (edge - centre) / sigma, the second derivative is -z phi(z) / sigma^2.
+    """
+    scale = -0.5 / (sqrt(2.0 * pi) * sigma * sigma)
+    below = 0.0
+    for k in range(n + 1):
+        z = (first + k - 0.5 - centre) / sigma
+        above = scale * z * exp(-0.5 * z * z)
+        if k > 0:
+            curve[k - 1] = above - below
+        below = above
+
+
+@njit(cache=True)
+def window_of(star, spots, shape):
+    """First and last column and row of the pixels that are used for a star."""
+    half_x, half_y = abs(spots[0, 0]), abs(spots[0, 1])
+    sigma = spots[0, 2]
+    peak = star[FLUX] / (2.0 * pi * sigma * (sigma + 0.8 * np.hypot(half_x, half_y)))
+    radius = np.sqrt(2.0 * np.log(max(peak / (WINDOW_NOISE * star[NOISE]), 1.0)))
+    radius = min(max(radius, WINDOW[0]), WINDOW[1]) * sigma
+    reach_x = min(int(radius + half_x + 0.5), LARGEST_REACH)
+    reach_y = min(int(radius + half_y + 0.5), LARGEST_REACH)
+    column, row = int(np.rint(star[X])), int(np.rint(star[Y]))
+    left, right = max(0, column - reach_x), min(shape[1] - 1, column + reach_x)
+    top, bottom = max(0, row - reach_y), min(shape[0] - 1, row + reach_y)
+    return left, top, right - left + 1, bottom - top + 1
+
+
+@njit(cache=True)
+def pixels(image_dn, star, spots, others, window, saturation_dn, dn_per_electron, work):
+    """Write the light of one star, without the others', and its variance to their layers of work.
+
+    others : (m, 3 or more) x, y and flux of each. The variance lacks the star's own shot noise; that of a
+    saturated pixel is infinite. Returns how many are not.
+    """
+    left, top, width, height = window
+    light, variance = work[SEEN], work[VARIANCE]
+    noise2, n = star[NOISE] ** 2, 0
+    for r in range(height):
+        for c in range(width):
+            value = image_dn[top + r, left + c]
+            light[r, c] = value - star[BACKGROUND]
+            variance[r, c] = noise2 if value < saturation_dn else np.inf
+            n += value < saturation_dn
+    for j in range(others.shape[0]):
+        model(spots, others[j, 0], others[j, 1], window, work)
+        for r in range(height):
+            for c in range(width):
+                other = others[j, 2] * work[SPOT, r, c]
+                light[r, c] -= other
+                variance[r, c] += other * dn_per_electron
+    return n
