@@ -60,7 +60,10 @@ def imu_model(scenario, **others):
 
     A bias that wanders with sigma and correlation time tau (Gauss-Markov) starts out as a random walk of
     density sigma sqrt(2/tau). Slews turn the vehicle about any axis: scale factor on one axis and
-    misalignment on two count by their rms. Errors whose block is estimated are left out.
+    misalignment on two count by their rms. If the vehicle spins meanwhile, the axes across take turns: what
+    is left of them is the mean of two scale factors along the turn and half the difference of two
+    misalignments athwart it; that of the roll axis is left only if its rate across stays in one body axis.
+    Errors whose block is estimated are left out.
 
     others : fields that follow from something else, or are given otherwise
     """
@@ -72,10 +75,13 @@ def imu_model(scenario, **others):
     navigation, gyro, accelerometer = scenario.navigation, scenario.imu.gyro, scenario.imu.accelerometer
     scale_factor = left("gyro_scale", gyro.scale_factor)
     misalignment = left("gyro_misalignment", gyro.misalignment)
+    cross2 = (scale_factor**2 + 2.0 * misalignment**2) / 3.0
     fields = {
         "gyro_random_walk": gyro.random_walk,
         "gyro_bias_walk": float(gyro.in_run_bias * np.sqrt(2.0 / gyro.in_run_bias_time)),
-        "gyro_cross": float(np.sqrt((scale_factor**2 + 2.0 * misalignment**2) / 3.0)),
+        "gyro_cross": float(np.sqrt(cross2)),
+        "spun_along": misalignment**2 / cross2 if cross2 else 0.0,
+        "spun_across": 0.25 * (scale_factor**2 + misalignment**2) / cross2 if cross2 else 0.0,
         "manoeuvre_angle": navigation.manoeuvre_angle,
         "gyro_g_sensitivity": left("gyro_g_sensitivity", gyro.g_sensitivity),
         "gyro_rectification": 0.0,

@@ -226,7 +226,9 @@ def test_transition_matrix_is_the_derivative_of_the_strapdown(begin_s, end_s):
             assert difference <= tolerance, (rows, columns, difference, tolerance, scale)
 
 
-MODEL = ImuModel(**dict.fromkeys(ImuModel._fields, 0.0))._replace(thrust_time_s=30.0, gravity_time_s=50.0)
+MODEL = ImuModel(**dict.fromkeys(ImuModel._fields, 0.0))._replace(
+    thrust_time_s=30.0, gravity_time_s=50.0, spun_along=1.0, spun_across=1.0
+)
 
 
 def noise_of(model):

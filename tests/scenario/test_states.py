@@ -58,7 +58,14 @@ def test_what_is_estimated_is_no_noise_as_well():
     every = nav_params(
         ("gyro_scale", "gyro_misalignment", "gyro_g_sensitivity", "accel_scale", "gravity")
     ).imu
-    gone = {"gyro_cross": 0.0, "gyro_g_sensitivity": 0.0, "accel_scale": 0.0, "gravity": 0.0}
+    gone = {
+        "gyro_cross": 0.0,
+        "spun_along": 0.0,
+        "spun_across": 0.0,
+        "gyro_g_sensitivity": 0.0,
+        "accel_scale": 0.0,
+        "gravity": 0.0,
+    }
     assert every == nothing._replace(**gone)
     assert min(nothing.gyro_g_sensitivity, nothing.accel_scale, nothing.gravity) > 0.0
     assert nav_params(("accel_misalignment",)).imu == nothing._replace(accel_misalignment=0.0)

@@ -290,13 +290,29 @@ def noise_densities(model, vibration, share, duration_s, dtheta, dv):
     shaken = (model.accel_rectification * vibration**2) ** 2
     accel_along = slow * (model.accel_scale**2 * f2 + shaken)
     accel_across = spun * (model.accel_misalignment**2 * f2 + shaken)
-    # turning the roll axis by an angle a leaves an attitude error s a: sigma^2 grows to (s a)^2 at any rate
-    gyro_white = model.gyro_random_walk**2 + model.gyro_cross**2 * model.manoeuvre_angle * across_rate
+    cross_along, cross_across = _cross(model, dtheta[0] / duration_s, across_rate)
+    gyro_white = model.gyro_random_walk**2
     rate = np.sqrt(t3.dot(dtheta, dtheta)) / duration_s
     left_along, left_across, bias_walk = _left_out(model, rate, across_rate)
-    along = gyro_white + slow * gyro, left_along + accel_along
-    across = gyro_white + spun * gyro, left_across + accel_across
+    along = gyro_white + cross_along + slow * gyro, left_along + accel_along
+    across = gyro_white + cross_across + spun * gyro, left_across + accel_across
     return along, across, bias_walk
+
+
+@njit(cache=True, forceinline=True)
+def _cross(model, roll_rate, across_rate):
+    """What scale factors and misalignments do that are met by rates across the roll axis.
+
+    Turning the roll axis by an angle a leaves an attitude error s a: sigma^2 grows to (s a)^2 at any rate.
+    While the body rolls by more than a radian in the time of such a turn, the axes across share it.
+
+    -> rad^2/s of attitude, about the roll axis and about each of the others
+    """
+    turned = model.gyro_cross**2 * model.manoeuvre_angle * across_rate
+    rolled2 = (roll_rate * model.manoeuvre_angle) ** 2
+    spun = rolled2 / max(rolled2 + across_rate**2, 1e-30)  # 0: no roll, 1: many turns
+    along, across = 1.0 - spun + spun * model.spun_along, 1.0 - spun + spun * model.spun_across
+    return turned * along, turned * across
 
 
 @njit(cache=True, forceinline=True)

@@ -140,6 +140,8 @@ class ImuModel(NamedTuple):
     gyro_random_walk: float  # rad/sqrt(s)
     gyro_bias_walk: float  # rad/s/sqrt(s), wander of the bias
     gyro_cross: float  # scale factor and misalignment met by rates across the roll axis, rms of three axes
+    spun_along: float  # share of its variance that acts while the vehicle spins: about the roll axis,
+    spun_across: float  # and about each of the others
     manoeuvre_angle: float  # rad, angle through which the roll axis is typically turned at a time
     gyro_g_sensitivity: float  # rad/s per m/s^2
     gyro_rectification: float  # rad/s, bias while the strongest motor burns
