@@ -120,3 +120,16 @@ def test_the_means_have_the_variance_that_is_kept_with_them():
             drift = integrity_gps.follow(drift, z, np.eye(3), LIMIT)
         statistics.append((drift.mean**2).sum(axis=1) / drift.variance)
     assert np.allclose(np.mean(statistics, axis=0), 3.0, atol=5.0 * np.sqrt(6.0 / 4000))
+
+
+@pytest.mark.parametrize("lasting", [0.0, 0.5])
+def test_a_drift_is_over_below_half_of_the_mean_that_is_called_one(lasting):
+    """Whether the least mean or chance sets it: innovations that stay at 0.49 and 0.51 of it."""
+    a = 1.0 / np.array(integrity_gps.WINDOWS)
+    variance = a / (2.0 - a)  # of a full window
+    called = np.sqrt(max(LIMIT * (variance[0] + lasting), integrity_gps.LEAST**2))
+    assert (called > integrity_gps.LEAST) == (lasting > 0.0)
+    for share, still in ((0.49, False), (0.51, True)):
+        z = share * called * np.array([0.6, 0.0, 0.8])
+        drift = integrity_gps.Drift(np.tile(z, (2, 1)), variance, True)
+        assert integrity_gps.follow(drift, z, np.eye(3), LIMIT, lasting).suspected == still
