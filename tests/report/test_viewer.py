@@ -375,3 +375,25 @@ def test_a_cut_log_is_told_once_and_by_us(log, tmp_path, command):
     first = saved.read_bytes()
     again = command("view", cut, "--save", saved, "--force")
     assert again.code == 0 and saved.stat().st_size == pytest.approx(len(first), rel=0.01)
+
+
+class SlowViewer:
+    """Shows more and more, then always the same."""
+
+    def __init__(self, shown):
+        self.shown, self.taken = list(shown), 0
+
+    def save_screenshot(self, path):
+        self.taken += 1
+        Path(path).write_text(self.shown.pop(0) if len(self.shown) > 1 else self.shown[0])
+
+
+@pytest.mark.parametrize(
+    ("shown", "taken"), [(["all"], 2), (["half", "more", "all"], 4), ([str(k) for k in range(100)], 20)]
+)
+def test_a_picture_is_taken_when_nothing_more_comes_in(shown, taken, tmp_path, monkeypatch):
+    monkeypatch.setattr(program, "SETTLE_S", 0.0)
+    viewer_, picture = SlowViewer(shown), tmp_path / "picture.png"
+    program._save_settled(viewer_, picture)
+    assert viewer_.taken == taken
+    assert picture.read_text() == (shown[-1] if taken < program.MOST_PICTURES else shown[taken - 1])

@@ -13,7 +13,8 @@ from pathlib import Path
 
 from shefex_nav.report.viewer.sender import TIMELINE
 
-_SETTLE_S = 2.0  # for the views to be drawn after the time was set
+SETTLE_S = 2.0  # between two pictures that have to be the same
+MOST_PICTURES = 20  # until they are
 _LOAD_TIMEOUT_S = 120.0
 
 
@@ -83,8 +84,7 @@ def take_picture(recording, picture, at_s):
             try:
                 _open(client, Path(recording).absolute())
                 client.set_time(TIMELINE, duration=float(at_s), play_state="paused")
-                time.sleep(_SETTLE_S)
-                client.save_screenshot(str(picture))
+                _save_settled(client, picture)
                 views = client.get_state().views
             except (RuntimeError, ConnectionError, TimeoutError) as error:
                 raise ViewerError(_no_graphics(error)) from error
@@ -129,6 +129,18 @@ def _open(client, recording):
         if time.monotonic() > deadline:
             raise ViewerError(f"{recording}: the viewer did not finish loading in {_LOAD_TIMEOUT_S:.0f} s")
         time.sleep(0.1)
+
+
+def _save_settled(client, picture):
+    """Save a picture that no longer changes: on a busy machine data come in after the loading is over."""
+    before = None
+    for _ in range(MOST_PICTURES):
+        time.sleep(SETTLE_S)
+        client.save_screenshot(str(picture))
+        now = picture.read_bytes() if picture.exists() else None
+        if now is not None and now == before:
+            return
+        before = now
 
 
 def _free_port():
