@@ -222,6 +222,7 @@ def star_tracker_blinded(flight, clean):
     }
     return row, {
         "none used": not used and bool(flight.wrong_s),
+        "1.1": with_wrong < 1.1 * before,
         "difference": moved < chance,
         "entry": met,
     }
@@ -244,8 +245,8 @@ def difference(fewer, more, begin_s):
 def blinded_over_all(rows):
     """Attitude with wrong fixes over that without, RMS over all flights; its 99 % interval (bootstrap).
 
-    In one flight the ratio says little: its error without wrong fixes may happen to be a fifth of its sigma,
-    and a tenth of that is less than what fewer fixes move it by; there the difference itself is judged.
+    Beside the ratio of each flight, which is broken where the error without wrong fixes happens to be a fifth
+    of its sigma: a tenth of that is less than what fewer fixes move it by.
     -> text, promise -> whether it is kept
     """
     squares = np.array([[row["attitude, deg"] ** 2, row["without wrong ones, deg"] ** 2] for row in rows])

@@ -124,7 +124,8 @@ def _tasks(scenario, flown):
             yield from _early(scenario, flown, name, task)
         at = getattr(task, "at", None)
         if task.task == "align_velocity" and moments.low is not None and at > moments.low:
-            words = f"{_after(at, moments)}, below 60 km; wanted is the velocity of about the entry"
+            since = _after(at, moments) if moments.entry is not None else f"{at:g} s is on the way down"
+            words = f"{since}, below 60 km; wanted is the velocity of about the entry"
             yield Warned((*path, "at"), words)
 
 

@@ -127,6 +127,14 @@ def test_what_does_not_fit(scenario, events, field, words):
     assert words in found[field]
 
 
+def test_a_flight_that_never_leaves_the_air_is_told_of_its_slew(scenario):
+    """No entry that the time could be counted from: a first motor that is misaligned, an apogee of 92 km."""
+    low = (235.0, "slew_start", 91.0), (262.0, "apogee", 92.0), (330.0, "altitude_60km", 60.0)
+    found = programme.warnings(scenario, flown(*low, (420.0, "impact", 0.0)))
+    words = {".".join(one.field): one.text for one in found}
+    assert "405 s is on the way down, below 60 km" in words["programme.entry_slew.at"]
+
+
 def test_an_attitude_that_is_lost_is_told(scenario):
     found = programme.warnings(scenario, flown(*USUAL, astray_deg=44.25))
     assert fields(found) == ["programme"] and "up to 44.2 deg off" in found[0].text
