@@ -88,6 +88,51 @@ def test_the_shape_and_its_covariance(sigma_px, streak_px):
     assert abs(np.mean(squared) - 3.0) < 4.0 * np.sqrt(6.0 / n)
 
 
+def off_the_truth(seen, sigma_px, streak_px, angle):
+    """Covariance of a spot less the true one: xx, xy, yy [px^2]."""
+    along, streak = np.array([np.cos(angle), np.sin(angle)]), np.array([seen.streak_x, seen.streak_y])
+    off = np.eye(2) * (seen.sigma_px**2 - sigma_px**2)
+    off += (np.outer(streak, streak) - streak_px**2 * np.outer(along, along)) / 12.0
+    return off[[0, 0, 1], [0, 1, 1]]
+
+
+@pytest.mark.parametrize("sigma_px", [0.55, 0.8])
+@pytest.mark.parametrize("streak_px", [3.0, 5.5, 10.0])
+def test_the_shape_of_streaks_and_where_they_lie(sigma_px, streak_px):
+    """Shape and places against the truth, and each of them against the covariance that is reported."""
+    rng = np.random.default_rng([6, int(100 * sigma_px), int(10 * streak_px)])
+    vmag = np.array([3.9, 4.2, 4.5, 4.8, 5.0, 5.0]) - 2.5 * np.log10(max(streak_px / 5.0, 1.0))
+    squared, length, nees, n = [], [], [], 25
+    for _ in range(n):
+        angle = rng.uniform(0.0, np.pi)
+        image, true_px = frame(rng, vmag, sigma_px, 3, streak_px, angle)
+        seen, P_S = shape.measure(picture_of(image), table_of(image), 0.8)
+        d = off_the_truth(seen, sigma_px, streak_px, angle)
+        squared.append(d @ np.linalg.solve(P_S, d))
+        length.append(np.hypot(seen.streak_x, seen.streak_y))
+        nees.append(found(image, true_px)[1])
+    nees = np.concatenate(nees)
+    # four standard deviations of the mean of chi-squares of three and of two degrees of freedom
+    assert abs(np.mean(squared) - 3.0) < 4.0 * np.sqrt(6.0 / n)
+    assert abs(nees.mean() - 2.0) < 4.0 * 2.0 / np.sqrt(len(nees))
+    assert np.mean(length) == pytest.approx(streak_px, rel=0.03)
+
+
+@pytest.mark.parametrize("streak_px", [0.0, 3.0, 10.0])
+def test_a_shape_that_cannot_be_fitted_is_doubted(streak_px):
+    """All pixels are bad to the fit: the moments of the scan are left, no better known than they are."""
+    rng = np.random.default_rng([7, int(10 * streak_px)])
+    squared = []
+    for _ in range(20):
+        angle = rng.uniform(0.0, np.pi)
+        image, _ = frame(rng, [2.9, 3.2, 3.5, 3.8, 4.0, 4.0], 0.7, 3, streak_px, angle)
+        bad = np.argwhere(image < 256)
+        seen, P_S = shape.measure(picture_of(image)._replace(bad_pixels=bad), table_of(image), 0.8)
+        d = off_the_truth(seen, 0.7, streak_px, angle)
+        squared.append(d @ np.linalg.solve(P_S, d))
+    assert np.mean(squared) < 3.0
+
+
 def test_a_width_that_is_hardly_known_is_doubted():
     """Two faint stars tell the width; the slopes of a saturated one depend on it more than on the noise."""
     rng = np.random.default_rng(3)
@@ -159,3 +204,24 @@ def test_how_light_changes_with_the_shape():
     ):
         seen = work[layer, :height, :width]
         np.testing.assert_allclose(seen, expected, atol=0.01 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("length", [0.3, 2.0, 9.0])
+def test_how_the_light_of_a_streak_changes_with_its_shape(length):
+    """The derivatives against differences of the model, of streaks in all directions."""
+    x, y, sigma, window, step = 20.3, 18.8, 0.6, (8, 7, 25, 24), 1e-3
+    work = np.empty(star_light.WORK)
+
+    def drawn(S):
+        star_light.model(star_light.spots_of(shape._shape(S)), x, y, window, work)
+        return work[star_light.SPOT, : window[3], : window[2]].copy()
+
+    for angle in np.radians([0.0, 20.0, 45.0, 90.0, 130.0]):
+        S = shape._symmetric(sigma**2 + length**2 / 12.0, sigma**2, angle)
+        star_light.curves(star_light.spots_of(shape._shape(S)), x, y, window, work)
+        layers = (star_light.TO_XX, star_light.TO_XY, star_light.TO_YY)
+        seen = [work[k, : window[3], : window[2]].copy() for k in layers]
+        for k in range(3):
+            d = step * np.eye(3)[k]
+            expected = (drawn(S + d) - drawn(S - d)) / (2.0 * step)
+            np.testing.assert_allclose(seen[k], expected, atol=0.02 * np.abs(expected).max())

@@ -3,15 +3,18 @@
 In: the frame and its objects. Out: `Shape`, one for all stars of the frame, and how well it is known. Nothing
 is known beforehand: the brightest objects tell it.
 
-    second moments that the scan took of each -> their median: a first shape
+    second moments that the scan took of each -> their median: a first shape, of a spot or of a line
          -> least squares over the pixels: the covariance S = (xx, xy, yy) of the spot that all share, with
             place and flux of each star eliminated
 
 The moments alone will not do. A spot that is narrower than a pixel is not sampled by the pixels, its moments
 depend on where in the pixel it lies, and a model of the wrong width puts it off by an error that repeats with
 the pixels. The fit integrates the spot over each pixel. An object whose own S lies far from that of the
-others, a double star or a particle hit, pulls with constant force (Huber).
+others, a double star or a particle hit, pulls with constant force (Huber). Where the fit finds no end, the
+first shape stays, with a covariance of the size by which first shapes are wrong.
 """
+
+from math import erf
 
 import numpy as np
 from numba import njit
@@ -46,9 +49,12 @@ EXCESS = (
 )
 LEAST_SIGMA = 0.3  # px; a narrower spot lies in one pixel and has no shape
 UNKNOWN_PART = 0.15  # of the width, standard deviation where the frame does not show it [E]
-MOST_ROUNDS = 8  # of Gauss and Newton, all stars together
-SMALL_CHANGE = 0.02  # of the shape, part of its smaller eigenvalue: the next would be its square
-GREATEST_CHANGE = 0.5  # of the shape in one round, likewise
+LINE = 2.0  # greater over smaller variance from which a spot is taken for a line, L = 3.5 sigma
+LINE_STEPS = 16  # of the integral over half a line
+LINE_ROUNDS = 9  # of bisection: its length to 1/500
+MOST_ROUNDS = 12  # of Gauss and Newton, all stars together
+SMALL_CHANGE = 0.02  # of the shape, see `_part`: the next would be its square
+GREATEST_CHANGE = 0.5  # of the shape in one round, part of the eigenvalue of each direction
 FARTHEST_PX = 1.0  # of a star from the place that the scan gave
 HUBER = 2.0  # sigmas of an object's own shape from that of all
 PRIOR_DOF = 30.0  # weight of the expected misfit against the one seen [E]
@@ -78,10 +84,11 @@ def measure(picture, table, default_sigma_px):
     moments = np.empty((3, n))
     for k in range(n):
         star = chosen[k]
-        moments[:, k] = _unweighted(table[star, XX], table[star, XY], table[star, YY])
-    S = np.array([np.median(moments[0]), np.median(moments[1]), np.median(moments[2])])
-    S[0], S[2] = S[0] - EXCESS, S[2] - EXCESS
-    S, P_S = _fitted(picture, table[chosen], _possible(S))
+        moments[0, k], moments[1, k], moments[2, k] = table[star, XX], table[star, XY], table[star, YY]
+    first = _possible(_unweighted(np.median(moments[0]), np.median(moments[1]), np.median(moments[2])))
+    S, P_S, is_found = _fitted(picture, table[chosen], first)
+    if not is_found:
+        return _shape(first), _doubted(first)
     return _shape(S), P_S
 
 
@@ -116,17 +123,70 @@ def _eigen(xx, xy, yy):
 
 
 @njit(cache=True)
-def _unweighted(xx, xy, yy):
-    """Moments of a Gaussian from those that the scan took, weighted with the spot smoothed over a block.
+def _doubted(S):
+    """Covariance of a shape that only the moments tell: each eigenvalue by itself, and the direction."""
+    great, small, angle = _eigen(S[0], S[1], S[2])
+    part, P_S = 2.0 * UNKNOWN_PART, np.zeros((3, 3))
+    c, s = np.cos(angle), np.sin(angle)
+    for sigma, d in (
+        (part * great, (c * c, c * s, s * s)),
+        (part * small, (s * s, -c * s, c * c)),
+        (part * np.sqrt(great * small), (-2.0 * c * s, c * c - s * s, 2.0 * c * s)),
+    ):
+        for i in range(3):
+            for j in range(3):
+                P_S[i, j] += sigma**2 * d[i] * d[j]
+    return P_S
 
-    Along an axis the product of spot, variance s, and weight, variance s + 2/3, has the variance
-    m = s (s + 2/3) / (2 s + 2/3); solved for s.
+
+@njit(cache=True)
+def _unweighted(xx, xy, yy):
+    """Covariance of a spot from the moments that the scan took, weighted with the spot smoothed over a block.
+
+    Of a Gaussian the product of spot, variance s, and weight, variance s + 2/3, has along an axis the
+    variance m = s (s + 2/3) / (2 s + 2/3); solved for s. A line is flat, and so is its product with the
+    weight: taken for a Gaussian it would come out up to 1.4 times too long.
     """
     great, small, angle = _eigen(xx, xy, yy)
+    s_great, s_small = _variance(great), _variance(small)
+    if s_great > LINE * s_small:
+        s_great = s_small + _length(great, max(s_small, LEAST_SIGMA**2)) ** 2 / 12.0
+    return _symmetric(s_great - EXCESS, s_small - EXCESS, angle)
+
+
+@njit(cache=True)
+def _variance(moment):
+    """... of a Gaussian along an axis."""
     b = BLOCK_VARIANCE
-    s_great = great - 0.5 * b + np.sqrt((great - 0.5 * b) ** 2 + b * great) if great > 0.0 else 0.0
-    s_small = small - 0.5 * b + np.sqrt((small - 0.5 * b) ** 2 + b * small) if small > 0.0 else 0.0
-    return _symmetric(s_great, s_small, angle)
+    return moment - 0.5 * b + np.sqrt((moment - 0.5 * b) ** 2 + b * moment) if moment > 0.0 else 0.0
+
+
+@njit(cache=True)
+def _length(moment, variance):
+    """... of a line, of spots of that variance [px]."""
+    low, high = 0.0, np.sqrt(12.0 * (2.0 * moment + BLOCK_VARIANCE))
+    for _ in range(LINE_ROUNDS):
+        middle = 0.5 * (low + high)
+        if _weighted_moment(middle, variance) < moment:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+@njit(cache=True)
+def _weighted_moment(length, variance):
+    """Second moment along a line of its light times its weight [px^2]."""
+    a, b = 1.0 / np.sqrt(2.0 * variance), 1.0 / np.sqrt(2.0 * (variance + BLOCK_VARIANCE))
+    step = (0.5 * length + 3.0 * np.sqrt(variance)) / LINE_STEPS
+    total, moment = 0.0, 0.0
+    for k in range(LINE_STEPS):
+        x = (k + 0.5) * step
+        left, right = x + 0.5 * length, x - 0.5 * length
+        product = (erf(left * a) - erf(right * a)) * (erf(left * b) - erf(right * b))
+        total += product
+        moment += product * x * x
+    return moment / total if total > 0.0 else variance
 
 
 @njit(cache=True)
@@ -153,7 +213,7 @@ def _shape(S):
 
 @njit(cache=True)
 def _fitted(picture, stars, S):
-    """S of largest likelihood for some stars, from a first one, and its covariance.
+    """S of largest likelihood for some stars, from a first one, its covariance, and whether it was found.
 
     Gauss-Newton over S and place and flux p of each star. With A, B, C the blocks of a star's normal matrix
     and a, c its right sides, p eliminated: J = C - B' A^-1 B, g = c - B' A^-1 a; the star by itself would
@@ -164,7 +224,7 @@ def _fitted(picture, stars, S):
     p[:, 0], p[:, 1], p[:, 2] = stars[:, X], stars[:, Y], stars[:, FLUX]
     J, g, back = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3, 4))
     good = np.empty(n, dtype=np.bool_)
-    P_S = _unknown(np.sqrt(0.5 * (S[0] + S[2])))
+    P_S = np.zeros((3, 3))
     for _ in range(MOST_ROUNDS):
         spots = spots_of(_shape(S))
         for k in range(n):
@@ -172,18 +232,34 @@ def _fitted(picture, stars, S):
         if not good.any():
             break
         change, P_S = _together(J[good], g[good])
-        _, small, _ = _eigen(S[0], S[1], S[2])
-        largest = np.abs(change).max()
-        change *= min(1.0, GREATEST_CHANGE * small / max(largest, 1e-12))
+        part, is_small = _part(S, change)
+        change *= min(1.0, GREATEST_CHANGE / max(part, 1e-12))
         S = _possible(S + change)
-        if largest < SMALL_CHANGE * small:
-            break
+        if is_small:
+            return S, P_S, True
         for k in range(n):
             if good[k]:
                 step = back[k, :, 3] - times3(back[k], change)
                 p[k, 0], p[k, 1] = p[k, 0] + step[0], p[k, 1] + step[1]
                 p[k, 2] = max(p[k, 2] + step[2], 0.3 * p[k, 2])
-    return S, P_S
+    return S, P_S, False
+
+
+@njit(cache=True)
+def _part(S, change):
+    """Greatest part of S that changes, each direction by its own eigenvalue; whether the next is negligible.
+
+    It is where the ends of a streak move by less than 2 SMALL_CHANGE of its width: along, a part of
+    sqrt(great small).
+    """
+    great, small, angle = _eigen(S[0], S[1], S[2])
+    c, s = np.cos(angle), np.sin(angle)
+    along = abs(c * c * change[0] + 2.0 * c * s * change[1] + s * s * change[2])
+    across = abs(s * s * change[0] - 2.0 * c * s * change[1] + c * c * change[2])
+    mean = np.sqrt(great * small)
+    turned = abs(c * s * (change[2] - change[0]) + (c * c - s * s) * change[1]) / mean
+    is_small = max(along / mean, across / small, turned) < SMALL_CHANGE
+    return max(along / great, across / small, turned), is_small
 
 
 @njit(cache=True)

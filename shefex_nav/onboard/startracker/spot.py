@@ -108,28 +108,69 @@ def model(spots, x, y, window, work):
 def curves(spots, x, y, window, work):
     """Write how the light of a star of flux one changes with xx, xy, yy of the spot's covariance.
 
-    A Gaussian spreads as heat does: dG/dS_xx = d2G/dx2 / 2, dG/dS_xy = d2G/dxdy. Of a streak that holds for
-    each of its spots: the change of its length is taken for a blur along it.
+    A Gaussian spreads as heat does: dG/dS_xx = d2G/dx2 / 2, dG/dS_xy = d2G/dxdy. A streak changes otherwise,
+    its light grows at the ends: see `_streak_curves`.
     """
     left, top, width, height = window
     edges = work[EDGES]
     columns, column_slopes, column_curves = edges[0], edges[1], edges[4]
     rows, row_slopes, row_curves = edges[2], edges[3], edges[5]
-    share = 1.0 / spots.shape[0]
-    for k in range(spots.shape[0]):
+    if spots.shape[0] > 1:
+        _streak_curves(spots, x, y, window, work)
+        return
+    sigma = spots[0, 2]
+    _edges(x, left, width, sigma, columns, column_slopes)
+    _edges(y, top, height, sigma, rows, row_slopes)
+    _edge_curves(x, left, width, sigma, column_curves)
+    _edge_curves(y, top, height, sigma, row_curves)
+    for r in range(height):
+        for c in range(width):
+            work[TO_XX, r, c] = rows[r] * column_curves[c]
+            work[TO_XY, r, c] = row_slopes[r] * column_slopes[c]
+            work[TO_YY, r, c] = row_curves[r] * columns[c]
+
+
+@njit(cache=True)
+def _streak_curves(spots, x, y, window, work):
+    """... of a streak of length L, spot k at a_k L along it, the variance along it S_gg = L^2/12 + S_ss.
+
+    With G_k the light of a spot, its slopes along and across the streak, and H = sum (G_xx + G_yy) / 2:
+    dS_gg draws the spots apart, (6 / L) sum a_k G_k,along; dS_gs turns them, (12 / L) sum a_k G_k,across;
+    dS_ss makes them wider at the same S_gg, H - (6 / L) sum a_k G_k,along. For L -> 0 that is heat again.
+    """
+    left, top, width, height = window
+    edges = work[EDGES]
+    columns, column_slopes, column_curves = edges[0], edges[1], edges[4]
+    rows, row_slopes, row_curves = edges[2], edges[3], edges[5]
+    n = spots.shape[0]
+    length = 2.0 * sqrt((n + 1.0) / (n - 1.0)) * np.hypot(spots[0, 0], spots[0, 1])
+    c, s = -spots[0, 0], -spots[0, 1]
+    half = np.hypot(c, s)
+    c, s = c / half, s / half
+    drawn_x, drawn_y, wider = work[TO_XX], work[TO_XY], work[TO_YY]  # sums over the spots, until the end
+    drawn_x[:height, :width], drawn_y[:height, :width], wider[:height, :width] = 0.0, 0.0, 0.0
+    share = 1.0 / n
+    for k in range(n):
+        part = share * (c * spots[k, 0] + s * spots[k, 1]) / length
         _edges(x + spots[k, 0], left, width, spots[k, 2], columns, column_slopes)
         _edges(y + spots[k, 1], top, height, spots[k, 2], rows, row_slopes)
         _edge_curves(x + spots[k, 0], left, width, spots[k, 2], column_curves)
         _edge_curves(y + spots[k, 1], top, height, spots[k, 2], row_curves)
-        for r in range(height):
-            to_xx, to_xy, to_yy = work[TO_XX, r], work[TO_XY, r], work[TO_YY, r]
-            light, slope, curve = share * rows[r], share * row_slopes[r], share * row_curves[r]
-            if k == 0:
-                to_xx[:width], to_xy[:width], to_yy[:width] = 0.0, 0.0, 0.0
-            for c in range(width):
-                to_xx[c] += light * column_curves[c]
-                to_xy[c] += slope * column_slopes[c]
-                to_yy[c] += curve * columns[c]
+        for i in range(height):
+            light, slope = part * rows[i], part * row_slopes[i]
+            row, curve = share * rows[i], share * row_curves[i]
+            for j in range(width):
+                drawn_x[i, j] += light * column_slopes[j]
+                drawn_y[i, j] += slope * columns[j]
+                wider[i, j] += row * column_curves[j] + curve * columns[j]
+    for i in range(height):
+        for j in range(width):
+            gg = (c * drawn_x[i, j] + s * drawn_y[i, j]) * 6.0 / length
+            gs = (c * drawn_y[i, j] - s * drawn_x[i, j]) * 12.0 / length
+            ss = wider[i, j] - gg
+            work[TO_XX, i, j] = c * c * gg + s * s * ss - c * s * gs
+            work[TO_XY, i, j] = 2.0 * c * s * (gg - ss) + (c * c - s * s) * gs
+            work[TO_YY, i, j] = s * s * gg + c * c * ss + c * s * gs
 
 
 @njit(cache=True)
