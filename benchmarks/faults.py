@@ -24,7 +24,7 @@ from missions import SCENARIOS
 REQUIRED = np.radians(0.17)
 WRONG = np.radians(0.3)  # a star fix that is off by more is a wrong one; the least of them is off by 0.5 deg
 MADE_FOR = {"scenario": "shefex2_andoya.yaml", "set": []}  # whose star fixes `--stars` must hold
-SMALLEST = np.radians(2e-5)  # differences below are those of rounding and of the order of measurements
+SMALLEST = np.radians(2e-5)  # [E] 0.07": before a fix is missing the variances are equal but for rounding
 ONLY_BLINDED = "faults.star_tracker=[{fault: blinded, from: 300 s, until: 330 s}]"
 IMU_FAULTS = (  # source, from, until, the reason begins with
     ("imu", 120.0, 120.05, "no samples"),

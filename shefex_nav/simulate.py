@@ -95,17 +95,13 @@ class Eye(NamedTuple):
     shutter: Shutter
     line: faults.StarLine
     step: Callable  # `star_tracker.step`, or what stands for it
-    context: Callable  # of `onboard.tick`
+    context: Callable  # of `onboard.attend`
     has_pictures: bool
 
 
 def _star_camera(world, scenario, seed, computer, step):
     """Eye of a run, whose pictures, if there are any, are searched by `step`."""
-    line, take, context = (
-        faults.StarLine(world.faults.stars, noise.generator(seed, "faults")),
-        camera.expose,
-        None,
-    )
+    line, take = faults.StarLine(world.faults.stars, noise.generator(seed, "faults")), camera.expose
     is_statistical = statistical.is_wanted(scenario)
     if is_statistical:
         sight = statistical.Statistical(scenario, world, computer.tracker, seed, line)

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from shefex_nav import prepare, simulate
 from shefex_nav.log import thinning
 from shefex_nav.records import ComputeTime
@@ -9,20 +11,29 @@ from shefex_nav.scenario import load
 
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "night_sky.yaml"
 TICKS = 10
+FAULTS = [  # between ticks that are told
+    "faults.imu=[{fault: dropout, from: 0.613 s, until: 0.78 s}]",
+    "faults.star_tracker=[{fault: blinded, from: 1.33 s, until: 1.77 s}]",
+]
 
 
-def flown(**how):
+def flown(overrides, **how):
     """Records of three seconds with frames, all but the measured times, as text that says every digit."""
-    scenario = load.load(SCENARIO)
+    scenario = load.load(SCENARIO, overrides)
     world = prepare.build_world(scenario, 4, brief=True)
     start_s = float(world.flight.trajectory.t_s[0])
     records = simulate.route(world, scenario, 4, until_s=start_s + 3.0, **how)
     return start_s, [record for record in records if type(record) is not ComputeTime]
 
 
-def test_fewer_records_are_told_of_the_same_mission():
-    start_s, everything = flown()
-    _, few = flown(every=TICKS)
+@pytest.mark.parametrize(
+    "overrides",
+    [[], FAULTS, ["star_tracker.on=0 s", "star_tracker.off=1.777 s", "star_tracker.rate=4 Hz"]],
+    ids=["plain", "faults", "switched"],
+)
+def test_fewer_records_are_told_of_the_same_mission(overrides):
+    start_s, everything = flown(overrides)
+    _, few = flown(overrides, every=TICKS)
     expected = [record for record in everything if thinning.stays(record, TICKS, start_s)]
     assert len(few) < 0.3 * len(everything)
     assert [repr(record) for record in few] == [repr(record) for record in expected]

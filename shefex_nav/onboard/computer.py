@@ -1,4 +1,4 @@
-"""The executive of the on-board computer: one call per 100 Hz tick, records in, records out.
+"""The executive of the on-board computer: one call per tick, records in, records out, or `coast` over many.
 
 Order within a tick: strapdown and prediction with the IMU block, star tracker chain on the frames that have
 arrived, fusion of the GPS fixes and star fixes that are due, solution. A StarFix enters the filter at the
@@ -92,6 +92,8 @@ def coast(computer, blocks, first, last):
     done : int, ticks that were made, at least one
     """
     last = min(last, first + COVARIANCE_TICKS - computer.ticks % COVARIANCE_TICKS)
+    if _switches(computer, computer.nav.history.ends_s[-1]):  # on from the start
+        last = first + 1
     due_s = min((fix.t_available_s for fix in computer.waiting), default=np.inf)
     for switched_s in (computer.params.tracker_on_s, computer.params.tracker_off_s):
         if switched_s > computer.nav.history.ends_s[-1] + EARLY_S:

@@ -124,8 +124,13 @@ def _tasks(scenario, flown):
             yield from _early(scenario, flown, name, task)
         at = getattr(task, "at", None)
         if task.task == "align_velocity" and moments.low is not None and at > moments.low:
-            since = _after(at, moments) if moments.entry is not None else f"{at:g} s is on the way down"
-            words = f"{since}, below 60 km; wanted is the velocity of about the entry"
+            if moments.entry is not None:
+                words = f"{_after(at, moments)}, below 60 km"
+            elif moments.landed is not None and at > moments.landed:
+                words = f"{at:g} s is after the impact, T{moments.landed:+.1f} s"
+            else:
+                words = f"{at:g} s is on the way down, below 60 km"
+            words += "; wanted is the velocity of about the entry"
             yield Warned((*path, "at"), words)
 
 

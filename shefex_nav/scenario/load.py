@@ -124,8 +124,13 @@ def _validated(tree, places, files, overrides, path):
     if found:
         raise _sorted_error(found) from None
     scenario.keep_text(partial(_normalised, tree), files)  # which takes longer than all the rest
-    scenario.keep_places(lambda where, words: _line(*about(where, words)))
+    scenario.keep_places(partial(_line_about, partial(_about, places, path, parents)))
     return scenario
+
+
+def _line_about(about, where, words):
+    """A line of what `_about` says."""
+    return _line(*about(where, words))
 
 
 def _about(places, path, parents, where, words):

@@ -246,5 +246,5 @@ def test_workers_that_all_die_are_one_message_of_the_command(short, monkeypatch,
 
 def test_nothing_flown_is_nothing_fitted(short, monkeypatch):
     monkeypatch.setattr(flying, "rendered", broken)
-    with pytest.raises(FitError, match="all 6 rendered runs failed; the first: ValueError: broken"):
+    with pytest.raises(FitError, match="no rendered run of 6 came to its end; the first: ValueError: broken"):
         running.characterise(load(CAMPAIGN, RENDERED), 6, 5, workers=1)

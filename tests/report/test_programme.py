@@ -133,6 +133,9 @@ def test_a_flight_that_never_leaves_the_air_is_told_of_its_slew(scenario):
     found = programme.warnings(scenario, flown(*low, (420.0, "impact", 0.0)))
     words = {".".join(one.field): one.text for one in found}
     assert "405 s is on the way down, below 60 km" in words["programme.entry_slew.at"]
+    found = programme.warnings(scenario, flown(*low, (390.0, "impact", 0.0)))
+    words = {".".join(one.field): one.text for one in found}
+    assert "405 s is after the impact, T+390.0 s" in words["programme.entry_slew.at"]
 
 
 def test_an_attitude_that_is_lost_is_told(scenario):

@@ -1,6 +1,7 @@
 """Good scenarios: what is loaded, how files extend each other, overrides, the text kept, the schema."""
 
 import math
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -281,6 +282,14 @@ def test_schema_accepts_the_scenarios(path):
     assert validator.is_valid(tree) == ("extends" in tree)
     tree["programme"]["damping"] = {"task": "damp", "from": "65 s", "untill": "70 s"}
     assert not validator.is_valid(tree)
+
+
+def test_a_scenario_goes_to_another_process_and_still_knows_its_lines(default):
+    again = pickle.loads(pickle.dumps(default))
+    assert again.model_dump() == default.model_dump()
+    field = ("programme", "pointing", "until")
+    assert again.line_about(field, "words") == default.line_about(field, "words")
+    assert "shefex2_andoya.yaml:" in again.line_about(field, "words")
 
 
 def test_loading_waits_for_nothing_heavy():

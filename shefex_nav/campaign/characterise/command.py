@@ -49,7 +49,7 @@ def characterise(
         _say(f"{len(result.failed)} of {runs} rendered runs failed and are not in it")
     if result.lost:
         again = "" if records is None else "; the same command with --force flies them"
-        _say(f"{len(result.lost)} runs were lost with their workers and are not in it{again}")
+        _say(f"{len(result.lost)} runs were lost, no worker brought them to an end, and are not in it{again}")
     _say(f"wrote {out}")
     raise typer.Exit(0 if all(test.good for test in result.tests) else 1)
 

@@ -52,6 +52,7 @@ def characterise(scenario, runs, seed, *, workers=None, folder=None, done=lambda
     """
     from shefex_nav.campaign import running
     from shefex_nav.campaign.characterise import judge, model
+    from shefex_nav.campaign.characterise.fit import FitError
     from shefex_nav.campaign.characterise.records import Records
 
     plan, sampler = running.prepared(scenario, runs, seed)
@@ -65,6 +66,8 @@ def characterise(scenario, runs, seed, *, workers=None, folder=None, done=lambda
     over = flying.fly(plan, workers, function, [jobs[one.run] for one in held], done, "statistical")
     tests = [judge.flown_all(len(held), over.failed)]
     judges = [one for one in held if one.run in over.results]
+    if over.lost and not judges:
+        raise FitError(f"no run that was not fitted could be judged; the first: {over.lost[0].reason}")
     if judges:
         tests += _judged(scenario, sightings, judges, [over.results[one.run] for one in judges])
     return Result(model.with_tests(content, tests), tests, failed, lost + over.lost)
@@ -85,7 +88,9 @@ def _rendered(scenario, plan, jobs, workers, records, done):
     keep = (lambda one: None) if records is None else records.keep
     results, failed, lost = flying.fly(plan, workers, flying.rendered, missing, done, "rendered", keep)
     if not kept and not results:
-        raise FitError(f"all {len(jobs)} rendered runs failed; the first: {(failed + lost)[0].reason}")
+        raise FitError(
+            f"no rendered run of {len(jobs)} came to its end; the first: {(failed + lost)[0].reason}"
+        )
     return [one for _, one in sorted((kept | results).items())], failed, lost
 
 
