@@ -115,6 +115,7 @@ def test_the_shape_of_streaks_and_where_they_lie(sigma_px, streak_px):
     # four standard deviations of the mean of chi-squares of three and of two degrees of freedom
     assert abs(np.mean(squared) - 3.0) < 4.0 * np.sqrt(6.0 / n)
     assert abs(nees.mean() - 2.0) < 4.0 * 2.0 / np.sqrt(len(nees))
+    # the model's row of spots with the variance of an even line is up to 0.09 px shorter where it fits best
     assert np.mean(length) == pytest.approx(streak_px, rel=0.03)
 
 

@@ -45,7 +45,9 @@ FARTHEST_PX = 2.0  # from the first centroid; further away it is not this star t
 LEAST_PIXELS = 6  # with light, that are not saturated
 PRIOR_DOF = 30.0  # weight of the expected misfit against the one seen [E]
 UNFITTED_PX = 0.15  # error of the scan's centroid of what the shape does not fit, per axis [E]
-MOST_MISFIT = 9.0  # chi squared per pixel; slopes of a saturated star that fit worse say nothing of its place
+# chi squared per pixel of a star that lacks some, saturated or known to be bad: what is left of it, where it
+# fits worse, says nothing of its place. A star that is all there keeps its place, with a greater covariance
+MOST_MISFIT = 9.0
 
 # columns of the result
 COLUMNS = 6  # x, y, flux, xx, xy, yy
