@@ -32,6 +32,18 @@ LOG_NAME = "run.mcap"
 MOST_AWAY_S = 1.0  # between the time asked for and the one that there is
 
 
+def _check(scenario, seed, until_s):
+    """TypeError or ValueError, in words, of what cannot be flown."""
+    if not hasattr(scenario, "mission"):
+        raise TypeError(f"a Scenario is flown, not {scenario!r}: load it with Scenario.load(path)")
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise ValueError(f"seed {seed!r}: expected a whole number from 0 on")
+    if not until_s > scenario.mission.start:
+        raise ValueError(
+            f"until_s {until_s!r}: expected a time after the start, {scenario.mission.start:g} s"
+        )
+
+
 def fly(
     scenario,
     seed=1,
@@ -60,8 +72,10 @@ def fly(
     -------
     Run
 
-    Raises LogError if the log cannot be written, FlightError if the vehicle cannot be flown.
+    Raises LogError if the log cannot be written, FlightError if the vehicle cannot be flown, TypeError or
+    ValueError for what is no scenario, seed or time.
     """
+    _check(scenario, seed, until_s)
     from shefex_nav import prepare, simulate
     from shefex_nav.log.drawings import FramePolicy
     from shefex_nav.log.run_data import RunDataBuilder

@@ -188,3 +188,18 @@ def test_changes_that_are_no_values_are_all_named(default_scenario):
 def test_a_bad_override_is_refused(default_scenario):
     with pytest.raises(ScenarioError, match="unit"):
         shefex_nav.Scenario.load(default_scenario, {"star_tracker.latency": "0.03"})
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ({"scenario": "mission.yaml"}, "Scenario.load"),
+        ({"seed": 1.5}, "whole number"),
+        ({"seed": -1}, "whole number"),
+        ({"until_s": -50.0}, "after the start"),
+    ],
+)
+def test_what_cannot_be_flown_is_told_in_words(default_scenario, how, words):
+    given = {"scenario": shefex_nav.Scenario.load(default_scenario)} | how
+    with pytest.raises((TypeError, ValueError), match=words):
+        shefex_nav.fly(**given)

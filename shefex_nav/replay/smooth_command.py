@@ -12,6 +12,8 @@ from typing import Annotated
 import typer
 
 SUFFIX = ".smoothed.mcap"
+DOF = 9  # of the NEES of position, velocity and attitude
+TOO_SURE = 2.0  # [E] times as much as is expected: a remark
 
 
 def smooth(
@@ -108,8 +110,21 @@ def _show(summary):
         console.print("There is no truth in the log to compare with.")
     else:
         console.print(_table(summary))
+        if sure := _too_sure(summary["parts"]):
+            console.print(sure, markup=False, soft_wrap=True)
     factor = f"{summary['wall_s']:.1f} s, {summary['real_time_factor']:.0f} x real time"
     console.print(f"{summary['smoothed']}, smoothed in {factor}", markup=False, soft_wrap=True)
+
+
+def _too_sure(parts):
+    """What to say of parts whose smoothed errors are far larger than their covariance says; '' if of none."""
+    names = [row["part"] for row in parts if (row["nees"]["smoothed"] or 0.0) > TOO_SURE * DOF]
+    if not names:
+        return ""
+    return (
+        f"{', '.join(names)}: smoothed errors are larger than their sigmas say (NEES over {TOO_SURE * DOF:.0f}); "
+        "lasting errors of the IMU that the filter counts as noise look like this"
+    )
 
 
 def _table(summary):
@@ -120,7 +135,7 @@ def _table(summary):
     title = f"{summary['scenario']}, seed {summary['seed']}: {what}"
     table = Table(title=title, title_justify="left")
     table.add_column("part", no_wrap=True)
-    table.add_column("from T", justify="right")
+    table.add_column("from T", justify="right", no_wrap=True)
     for heading in ("position", "velocity", "attitude", "NEES of 9"):
         table.add_column(heading, justify="right", no_wrap=True)
     for row in summary["parts"]:
