@@ -121,9 +121,10 @@ def _too_sure(parts):
     names = [row["part"] for row in parts if (row["nees"]["smoothed"] or 0.0) > TOO_SURE * DOF]
     if not names:
         return ""
+    limit = f"NEES over {TOO_SURE * DOF:.0f}"
     return (
-        f"{', '.join(names)}: smoothed errors are larger than their sigmas say (NEES over {TOO_SURE * DOF:.0f}); "
-        "lasting errors of the IMU that the filter counts as noise look like this"
+        f"{', '.join(names)}: smoothed errors are larger than their sigmas say ({limit}); lasting errors of "
+        "the IMU that the filter counts as noise look like this"
     )
 
 
