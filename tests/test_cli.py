@@ -106,7 +106,7 @@ def test_view_never_overwrites(command, default_run):
     for arguments in (("--save", default_run.log), ("--screenshot", default_run.log, "--at", "300s")):
         result = command("view", default_run.log, *arguments)
         assert result.code == 2
-        assert "exists already" in result.err
+        assert "is the log itself" in result.err
     assert default_run.log.read_bytes() == before
 
 

@@ -123,13 +123,12 @@ def test_the_means_have_the_variance_that_is_kept_with_them():
 
 
 @pytest.mark.parametrize("lasting", [0.0, 0.5])
-def test_a_drift_is_over_below_half_of_the_mean_that_is_called_one(lasting):
-    """Whether the least mean or chance sets it: innovations that stay at 0.49 and 0.51 of it."""
+def test_a_drift_is_over_when_chance_explains_half_of_its_square(lasting):
+    """Or when the mean is below one sigma of an innovation, where that is more."""
     a = 1.0 / np.array(integrity_gps.WINDOWS)
     variance = a / (2.0 - a)  # of a full window
-    called = np.sqrt(max(LIMIT * (variance[0] + lasting), integrity_gps.LEAST**2))
-    assert (called > integrity_gps.LEAST) == (lasting > 0.0)
-    for share, still in ((0.49, False), (0.51, True)):
-        z = share * called * np.array([0.6, 0.0, 0.8])
+    over = np.sqrt(max(0.5 * LIMIT * (variance[0] + lasting), 1.0))
+    for share, still in ((0.99, False), (1.01, True)):
+        z = share * over * np.array([0.6, 0.0, 0.8])
         drift = integrity_gps.Drift(np.tile(z, (2, 1)), variance, True)
         assert integrity_gps.follow(drift, z, np.eye(3), LIMIT, lasting).suspected == still

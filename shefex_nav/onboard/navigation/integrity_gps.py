@@ -40,7 +40,8 @@ MEMORY = 8  # fixes that a new one is compared with
 WINDOWS = (10.0, 30.0)  # fixes, of the means
 DRIFT_PROBABILITY = 1e-7  # of calling white innovations a drift, per fix and window
 LEAST = 2.0  # [E] sigma of one innovation, norm of the mean of a drift
-CALM = 0.5  # [E] share of the mean that is called a drift, below which one is over
+CALM = 0.5  # [E] share of the squared mean that chance explains at most, below which a drift is over
+OVER = 1.0  # [E] sigma of one innovation, norm of the mean: likewise, where that is more
 
 
 class Drift(NamedTuple):
@@ -140,7 +141,7 @@ def follow(drift, z, S, limit, lasting=0.0):
     norm2 = (mean**2).sum(axis=1)
     bound = limit * (variance + lasting)
     if drift.suspected:
-        suspected = bool(norm2[0] > CALM**2 * max(bound[0], LEAST**2))
+        suspected = bool(norm2[0] > max(CALM * bound[0], OVER**2))
     else:
         filled = variance < 1.5 * a / (2.0 - a)  # most of a window has been seen
         suspected = bool(((norm2 > np.maximum(bound, LEAST**2)) & filled).any())
