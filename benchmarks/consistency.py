@@ -160,7 +160,9 @@ def options_of(argv):
     parser.add_argument("--filter", action="append", default=[], metavar="NAME:KEY=VALUE", help="another one")
     parser.add_argument("--representative", type=int, default=0, help="seed whose matrices make the bounds")
     parser.add_argument("--histories", type=int, default=1000, help="simulated, for the bounds of the NEES")
-    parser.add_argument("--bounds", type=int, default=10, help="seeds along which the bound is followed")
+    parser.add_argument(
+        "--bounds", type=int, default=10, help="seeds along which the bound is followed; 0: none"
+    )
     parser.add_argument("--fly-only", action="store_true", help="judge later")
     parser.add_argument("--flown", action="store_true", help="only seeds that have been flown already")
     parser.add_argument(
@@ -215,17 +217,19 @@ def judge(options, jobs):
     for name, (overrides, _) in filters.items():
         runs = [one[name] for one, _ in results]
         imagined, apart = histories.get(name, histories["default"])
-        if name != MISTUNED:
+        if name != MISTUNED and pairs:
             found[name] = over_bound.curves(runs, pairs)
         verdicts = consistency.judge(runs, imagined, rng)
         rejected = {sensor: sum(run.rejected.get(sensor, 0) for run in runs) for sensor in runs[0].nis}
         print_verdicts(f"{name} {' '.join(overrides)}; refused by the gate: {rejected}", verdicts)
         print(f"  (variances of the histories within {apart:.1%} of the filter's own)")
         good &= name != "default" or all(one.good for one in verdicts)
-    for name, one in found.items():
-        print_ratios(name, one)
     runs = [one["default"] for one, _ in results]
     consistency_figures.draw_nees(runs, options.folder / "nees.png")
+    if not pairs:
+        return 0 if good else 1
+    for name, one in found.items():
+        print_ratios(name, one)
     consistency_figures.draw_bound(found, options.folder / "bound.png", runs=len(runs))
     return 0 if good else 1
 

@@ -312,11 +312,10 @@ def show(summary, as_json, data):
         return
     from rich.console import Console
 
-    from shefex_nav.report import configured, requirements, table
+    from shefex_nav.report import configured, table
 
-    stated = configured.configured(data).requirements
-    judged = requirements.judge(stated, summary) if stated is not None else ()
-    Console(width=None if sys.stdout.isatty() else 100).print(table.summary_table(summary, judged))
+    closing = table.summary_table(summary, configured.judged(data, summary))
+    Console(width=None if sys.stdout.isatty() else 100).print(closing)
 
 
 def user_errors():

@@ -204,13 +204,12 @@ class Run:
 
     def table(self):
         """The closing table of `shefex-nav run`, a rich Table."""
-        from shefex_nav.report import configured, requirements, table
+        from shefex_nav.report import configured, table
 
         summary = self.summary()
         if self._folder:  # a temporary log is nobody's business
             summary["log"] = None
-        stated = configured.configured(self.data).requirements
-        return table.summary_table(summary, () if stated is None else requirements.judge(stated, summary))
+        return table.summary_table(summary, configured.judged(self.data, summary))
 
     @cached_property
     def frames(self):

@@ -4,7 +4,7 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
-from shefex_nav.report import local_level
+from shefex_nav.report import local_level, requirements
 
 
 class Configured(NamedTuple):
@@ -29,6 +29,12 @@ def configured(data):
     if math.isnan(mission.sun_exclusion) or math.isnan(mission.limb_exclusion):  # a log that does not say
         return found
     return found._replace(sun_exclusion_rad=mission.sun_exclusion, limb_exclusion_rad=mission.limb_exclusion)
+
+
+def judged(data, summary):
+    """requirements.Judged of a RunData with this summary; () where its scenario requires nothing."""
+    stated = configured(data).requirements
+    return () if stated is None else requirements.judge(stated, summary)
 
 
 @lru_cache(maxsize=4)

@@ -117,14 +117,14 @@ def _validated(tree, places, files, overrides, path):
         scenario = Scenario.model_validate(tree)
     except ValidationError as error:
         found += messages.lines(Scenario, error, places)
+    about = partial(_about, places, path, parents)
     if not found:
         wrong = disperse.resolve(Scenario, tree, scenario.dispersions)[1]
-        about = partial(_about, places, path, parents)
         found = [about(where, words) for where, words in [*cross_check(scenario, rated), *wrong]]
     if found:
         raise _sorted_error(found) from None
     scenario.keep_text(partial(_normalised, tree), files)  # which takes longer than all the rest
-    scenario.keep_places(partial(_line_about, partial(_about, places, path, parents)))
+    scenario.keep_places(partial(_line_about, about))
     return scenario
 
 
