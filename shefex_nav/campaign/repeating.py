@@ -137,7 +137,7 @@ def compared(kept, now):
 
 def _changes(then, now):
     """A line for each version that has changed since the campaign."""
-    what = {"code": "the source code of shefex_nav"}
+    what = {"code": "the source code of shefex_nav", "data": "the star catalogue or the gravity field"}
     return [
         f"{what.get(name, name)} has changed since: {then[name]} then, {now.get(name)} now"
         for name in then
