@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, get_args, get_origin
 from pydantic import Discriminator
 from pydantic_core import PydanticUndefined
 
-from shefex_nav.scenario import messages
+from shefex_nav.scenario import messages, suggest
 from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.quantity import NumberSpec, QuantitySpec, describe
 
@@ -34,6 +34,7 @@ def target(model, tree, name):
         annotation, metadata = _form(*messages.bare(annotation, metadata), node)
         if get_origin(annotation) in (list, tuple):
             part = _item(part, node, path)
+        _check_key(model, annotation, part, path)
         annotation, metadata, node = _step(annotation, node, part, path)
         path = (*path, part)
     annotation, metadata = _form(*messages.bare(annotation, metadata), node)
@@ -79,14 +80,18 @@ def _item(part, node, path):
     return int(part)
 
 
+def _check_key(model, annotation, part, path):
+    """NoField unless a section knows the key."""
+    if messages.is_model(annotation) and part not in annotation.keys():  # noqa: SIM118 keys() is of Block
+        known = list(annotation.keys())
+        hint = suggest.meant(model, known, (*path, part)).words or f"known there: {', '.join(known)}"
+        raise NoField(f"there is no '{part}' in {dotted(path)}; {hint}")
+
+
 def _step(annotation, node, part, path):
     """One step down: (annotation, metadata, value), the value being the default if none is given."""
     if messages.is_model(annotation):
-        field = annotation.keys().get(part)
-        if field is None:
-            known = list(annotation.keys())
-            hint = messages.close(part, known) or f"; known there: {', '.join(known)}"
-            raise NoField(f"there is no '{part}' in {dotted(path)}{hint}")
+        field = annotation.keys()[part]
         value = node.get(part, NOT_GIVEN) if isinstance(node, dict) else NOT_GIVEN
         if value is NOT_GIVEN:
             value = _default(field)

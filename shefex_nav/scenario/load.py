@@ -7,7 +7,7 @@ from functools import partial
 
 from pydantic import ValidationError
 
-from shefex_nav.scenario import disperse, document, expand, fields, messages
+from shefex_nav.scenario import disperse, document, expand, fields, kind, messages
 from shefex_nav.scenario.checks import cross_check
 from shefex_nav.scenario.dispersions import KEYS
 from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted
@@ -38,8 +38,10 @@ def load(path, overrides=()):
     return _validated(tree, places, files, overrides, os.fspath(path))
 
 
-def load_as(model, path, overrides=()):
+def load_as(model, path, overrides=(), *, instead=lambda tree, path: ""):
     """The YAML file at `path` as another `model` than a mission by the same rules: `extends`, `--set`, units.
+
+    instead : says what a tree is that is of another kind, such as kind.instead_of_replay
 
     Returns
     -------
@@ -49,7 +51,10 @@ def load_as(model, path, overrides=()):
 
     Raises ScenarioError as `load` does.
     """
-    return _validated_as(model, *_extended(os.fspath(path), (), {}), overrides)
+    tree, places = _extended(os.fspath(path), (), {})
+    if other := instead(tree, path):
+        raise ScenarioError([f"{path}: {other}"])
+    return _validated_as(model, tree, places, overrides)
 
 
 def load_text_as(model, text, name, overrides=()):
@@ -111,6 +116,8 @@ def _whole(text, name):
 def _validated(tree, places, files, overrides, path):
     """Scenario of a merged tree after the overrides; `path` is the file or text that the user gave."""
     parents = [file for file in files if file != path]
+    if other := kind.instead_of_flight(tree, path):
+        raise ScenarioError([f"{path}: {other}"])
     _override(tree, places, overrides)
     found, rated = expand.expand(tree, places, files)
     try:

@@ -96,7 +96,7 @@ WRONG = {
     "no folder": ((EXAMPLE, "--data", "nowhere"), "there is no folder nowhere"),
     "no data": ((NAVEGO, "--data", "docs"), "data.imu: there is no file docs"),
     "no time": ((EXAMPLE, "--from", "later"), "--from"),
-    "a mission": ((ROOT / "scenarios" / "orbit.yaml",), "unknown key"),
+    "a mission": ((ROOT / "scenarios" / "orbit.yaml",), "is a scenario of a flight; `shefex-nav run "),
     "a value": ((EXAMPLE, "--set", "gnss.latency=3"), "gnss.latency: 3 has no unit"),
     "a log that exists": ((EXAMPLE, "--log", "README.md"), "README.md exists already"),
 }
