@@ -31,13 +31,13 @@ def target(model, tree, name):
     parts, path = name.split("."), ()
     annotation, metadata, node = model, (), tree
     for part in parts:
-        annotation, metadata = _form(*messages.bare(annotation, metadata), node)
+        annotation, metadata = chosen_form(*messages.bare(annotation, metadata), node)
         if get_origin(annotation) in (list, tuple):
             part = _item(part, node, path)
         _check_key(model, annotation, part, path)
         annotation, metadata, node = _step(annotation, node, part, path)
         path = (*path, part)
-    annotation, metadata = _form(*messages.bare(annotation, metadata), node)
+    annotation, metadata = chosen_form(*messages.bare(annotation, metadata), node)
     if messages.is_model(annotation) or get_origin(annotation) is dict:
         raise NoField(f"{dotted(path)} is a section; name a value in it{_known(annotation, node)}")
     if path == EPOCH:
@@ -57,7 +57,7 @@ def fill(model, tree, path):
     """Write defaults of sections and lists on the way to a path into the tree, where `put` wants them."""
     annotation, metadata, node = model, (), tree
     for depth, part in enumerate(path[:-1], 1):
-        annotation, metadata = _form(*messages.bare(annotation, metadata), node)
+        annotation, metadata = chosen_form(*messages.bare(annotation, metadata), node)
         annotation, metadata, inner = _step(annotation, node, part, path[: depth - 1])
         if isinstance(inner, tuple):
             inner = list(inner)
@@ -65,7 +65,7 @@ def fill(model, tree, path):
         node = inner
 
 
-def _form(annotation, metadata, node):
+def chosen_form(annotation, metadata, node):
     """The form of a section that its value chooses, itself if there is but one."""
     chooser = next((one for one in metadata if isinstance(one, Discriminator)), None)
     if chooser is None:
@@ -82,7 +82,7 @@ def _item(part, node, path):
 
 def _check_key(model, annotation, part, path):
     """NoField unless a section knows the key."""
-    if messages.is_model(annotation) and part not in annotation.keys():  # noqa: SIM118 keys() is of Block
+    if messages.is_model(annotation) and part not in annotation.keys():
         known = list(annotation.keys())
         hint = suggest.meant(model, known, (*path, part)).words or f"known there: {', '.join(known)}"
         raise NoField(f"there is no '{part}' in {dotted(path)}; {hint}")

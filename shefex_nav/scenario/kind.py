@@ -45,18 +45,19 @@ def is_flight(tree):
 
 
 def instead_of_flight(tree, path):
-    """What the tree of the file at `path` is if it is no scenario of a flight, '' if it is, or is nearly one."""
+    """What the tree of the file at `path` is if it is no scenario of a flight, '' if it is, or nearly."""
     if is_replay(tree):
         return (
             "is a replay scenario, about data that were recorded (it has 'data', no 'vehicle'); "
             f"`shefex-nav replay {path}` runs the navigation over them"
         )
     if all(key in tree for key in CAMPAIGN):
-        return f"is the head of a campaign; `shefex-nav report {os.path.dirname(path) or '.'}` reads the campaign"
+        folder = os.path.dirname(path) or "."
+        return f"is the head of a campaign; `shefex-nav report {folder}` reads the campaign"
     if all(key in tree for key in STATISTICS):
         return (
-            "holds the statistics of a star tracker, as `shefex-nav characterise` writes them; a scenario names it "
-            "with star_tracker.model"
+            "holds the statistics of a star tracker, as `shefex-nav characterise` writes them; a scenario "
+            "names it with star_tracker.model"
         )
     return ""
 
@@ -65,7 +66,7 @@ def instead_of_replay(tree, path):
     """The same of what is no replay scenario."""
     if is_flight(tree):
         return (
-            f"is a scenario of a flight; `shefex-nav run {path}` flies it, and replay takes the log of that, or a "
-            "replay scenario such as scenarios/replay/csv_example.yaml"
+            f"is a scenario of a flight; `shefex-nav run {path}` flies it, and replay takes the log of that, "
+            "or a replay scenario such as scenarios/replay/csv_example.yaml"
         )
     return ""

@@ -117,6 +117,11 @@ def lines(model, validation_error, places):
     return found
 
 
+def paths(validation_error):
+    """Path of each error in a pydantic ValidationError."""
+    return [plain(error["loc"]) for error in validation_error.errors(include_url=False)]
+
+
 def _absent(model, errors):
     """Keys that are missing in each section, without those that were given under a misspelt name."""
     absent = {error["loc"][:-1]: [] for error in errors} | {(): []}

@@ -12,8 +12,8 @@ ALIKE, NEARLY = 0.6, 0.8  # of difflib: among keys of the same section, among al
 MOST = 3  # places named
 APART = ("dispersions", "campaign")  # sections whose keys are no values of the mission
 UNITS = set(
-    "m mm cm km s ms us min h hz khz deg rad mrad arcsec arcmin kg g n kn m2 cm2 mm2 pa hpa k db dn electron px pix "
-    "percent ppm mag gee mgee ugee rpm rev per sqrt s2 m3".split()
+    "m mm cm km s ms us min h hz khz deg rad mrad arcsec arcmin kg g n kn m2 cm2 mm2 pa hpa k db dn electron "
+    "px pix percent ppm mag gee mgee ugee rpm rev per sqrt s2 m3".split()
 )
 SAME = {  # words of other programs: ours
     "alt": "height",
