@@ -298,16 +298,18 @@ def check(
     from shefex_nav.report import programme
     from shefex_nav.scenario import load
 
-    loaded = load.load(scenario, overrides or ())
+    loaded, differences = load.load(scenario, overrides or ()), []
+    if against is not None:
+        from shefex_nav.campaign import against as other
+
+        differences = other.lines(loaded, against)
     with about(scenario):
         found = programme.foreseen(loaded)
     warn(loaded, found)
     count = f", with {len(found)} warning{'s' if found[1:] else ''}" if found else ""
     typer.echo(f"{scenario}: good{count}")
-    if against is not None:
-        from shefex_nav.campaign import against as other
-
-        typer.echo("\n".join(other.lines(loaded, against)))
+    for line in differences:
+        typer.echo(line)
 
 
 @app.command()

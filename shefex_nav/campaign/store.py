@@ -42,6 +42,8 @@ class Store:
         self._lock = None
 
     def __enter__(self):
+        if self.folder.is_file():
+            raise StoreError(f"{self.folder}: is a file; expected the name of a folder")
         try:
             (self.folder / "runs").mkdir(parents=True, exist_ok=True)
             self._lock = open(self.folder / ".lock", "w")

@@ -16,7 +16,7 @@ _FLOWN = (  # name, key, digits, unit
 
 MOST_FAULTS = 12  # in the table
 DOUBTS = {  # records.Doubt for people
-    "attitude": "attitude not known well enough",
+    "attitude": "protection level over navigation.integrity.attitude",
     "contradicted": "contradicted by a sensor",
     "imu": "motion beyond the IMU's range",
 }

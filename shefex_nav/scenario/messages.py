@@ -12,7 +12,7 @@ from shefex_nav.scenario.document import Mark, dotted
 from shefex_nav.scenario.quantity import NumberSpec, QuantitySpec, describe, quoted
 
 BAD_KEY = "[key]"  # pydantic's last step to a key, not to its value
-MANY = 3  # sections that are missing, from which on they are said in one line
+MANY, MOST = 3, 6  # sections that are missing, from which on they are said in one line; said alone
 
 
 class Places:
@@ -102,8 +102,8 @@ def lines(model, validation_error, places):
     found, errors = [], validation_error.errors(include_url=False)
     absent = _absent(model, errors)
     if len(absent[()]) >= MANY:
-        found.append((places.key(()), _all_absent(absent[()])))
-        absent[()] = []
+        found.append((places.key(()), _all_absent(model, absent[()])))
+        absent = dict.fromkeys(absent, ()) if len(absent[()]) >= MOST else absent | {(): ()}
     for error in errors:
         location = error["loc"]
         if error["type"] == "missing" and location[-1] not in absent[location[:-1]]:
@@ -137,11 +137,11 @@ def _absent(model, errors):
     return absent
 
 
-def _all_absent(absent):
+def _all_absent(model, absent):
     """About a file without many of its sections: one that was to extend another, most often."""
     return (
         f"{', '.join(absent)}: are missing; these sections are required. A file that gives only what differs "
-        "begins with the name of the one that has the rest, such as 'extends: shefex2_andoya.yaml'"
+        f"begins with the name of the one that has the rest, such as 'extends: {model.EXAMPLE}'"
     )
 
 

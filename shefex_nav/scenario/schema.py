@@ -6,7 +6,7 @@ parameters of the stages. Once loaded, a quantity is a float in SI and radians.
 
 import json
 from pathlib import PurePath
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, PrivateAttr
 
@@ -25,6 +25,8 @@ from shefex_nav.scenario.vehicle import Vehicle
 
 class Scenario(Block):
     """A mission to simulate; it starts from one of launch, orbit and ground."""
+
+    EXAMPLE: ClassVar[str] = "shefex2_andoya.yaml"
 
     mission: Mission
     earth: Earth
