@@ -136,12 +136,12 @@ def _table(summary):
     title = f"{summary['scenario']}, seed {summary['seed']}: {what}"
     table = Table(title=title, title_justify="left")
     table.add_column("part", no_wrap=True)
-    table.add_column("from T", justify="right", no_wrap=True)
+    table.add_column("from T, s", justify="right", no_wrap=True)
     for heading in ("position", "velocity", "attitude", "NEES of 9"):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(heading, justify="right")
     for row in summary["parts"]:
-        cells = [f"{row['from_s']:+.1f} s"]
-        for name, digits in (("position_m", 2), ("velocity_m_s", 4), ("attitude_deg", 4)):
+        cells = [f"{row['from_s']:+.1f}"]
+        for name, digits in (("position_m", 2), ("velocity_m_s", 3), ("attitude_deg", 4)):
             before, after = row["filtered"][name], row["smoothed"][name]
             cells.append(f"{before:.{digits}f} -> {after:.{digits}f}")
         values = [row["nees"][which] for which in ("filtered", "smoothed")]
