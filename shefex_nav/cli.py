@@ -240,8 +240,13 @@ def view(
         )
     if web and (save or screenshot):
         raise typer.BadParameter("does not go with --save or --screenshot", param_hint="--web")
-    for path, option in ((save, "--save"), (screenshot, "--screenshot")):
+    for path, option, ending in ((save, "--save", ".rrd"), (screenshot, "--screenshot", ".png")):
         if path is not None:
+            if path.suffix.lower() != ending:
+                words = (
+                    f"{path}: only {ending.removeprefix('.').upper()} is written; end its name in {ending}"
+                )
+                raise typer.BadParameter(words, param_hint=option)
             if any(path.resolve() == log.resolve() for log in logs):
                 words = f"{path} is the log itself; choose another name"
                 raise typer.BadParameter(words, param_hint=option)
