@@ -311,6 +311,23 @@ def test_twelve_bits_are_not_black(full_every, tmp_path):
         assert 7.0 < image[:8].std() < 15.0  # a sigma is 11
 
 
+def test_all_frames_are_there_from_the_first_instant_on(tmp_path):
+    """The viewer opens at the first instant of the recording: a scene without a frame is an error there."""
+    path, saved = tmp_path / "run.mcap", tmp_path / "run.rrd"
+    mission = synthetic_run.mission(start_s=OPTIONS.start_s - 0.01)  # the first tick is not the start
+    with LogWriter(path, mission, synthetic_run.NO_PIXELS) as writer:
+        for record in synthetic_run.simulate(OPTIONS._replace(end_s=233.0)):
+            writer.write(record)
+    recording.build([path], saved)
+    first = {}
+    for chunk in chunks(saved):
+        batch = chunk.to_record_batch()
+        time = batch.column("mission_time").cast("int64").to_numpy().min()
+        first[str(chunk.entity_path)] = min(time, first.get(str(chunk.entity_path), time))
+    del first["/log"]  # of the made-up mission, whose events begin before it
+    assert first["/tf"] == first["/world/level"] == min(first.values()) == 230_990_000_000
+
+
 def test_every_page_has_a_text_about_it(log, tmp_path):
     saved = tmp_path / "run.rrd"
     recording.build([log], saved)
