@@ -215,18 +215,20 @@ def _sensors(data, seen, has):
             ("force", "Specific force along body x, y, z [g]"),
             ("vibration", "Scatter of the specific force within a second, body axes [g]"),
         ):
-            views.append(_plot(data, f"plots/imu/{entity}", title, legend=True))
+            views.append(_plot(data, f"plots/imu/{entity}", title, legend="RightTop"))
     if has.gps:
-        views.append(_plot(data, "plots/gps", "GPS: satellites, dilution of precision", legend=True))
+        views.append(_plot(data, "plots/gps", "GPS: satellites, dilution of precision", legend="LeftTop"))
     if has.gps or has.stars:
-        views.append(_plot(data, "plots/age", "Age of a measurement when it is there [ms]", legend=True))
+        views.append(
+            _plot(data, "plots/age", "Age of a measurement when it is there [ms]", legend="LeftBottom")
+        )
     if not views:
         return None
     side = rrb.Tabs(_lanes(data), _legend(SENSORS), active_tab=0)
     return rrb.Grid(*views, side, grid_columns=2, name=SENSORS)
 
 
-def _plot(data, entity, title, *, legend=False, top=None, bottom=0.0, span=None):
+def _plot(data, entity, title, *, legend=None, top=None, bottom=0.0, span=None):
     """A plot over the whole flight or the times `span`, of values up to `top` where that is known."""
     import rerun.blueprint as rrb
 
@@ -235,7 +237,7 @@ def _plot(data, entity, title, *, legend=False, top=None, bottom=0.0, span=None)
         name=title,
         axis_x=_time_axis(data, span),
         axis_y=rrb.ScalarAxis(range=(bottom, top)) if top else None,
-        plot_legend=rrb.PlotLegend(visible=legend, corner=rrb.Corner2D.LeftTop),
+        plot_legend=rrb.PlotLegend(visible=legend is not None, corner=legend),
     )
 
 
@@ -371,10 +373,15 @@ def _flight_views(data, has):
         most = _largest(np.degrees(data.control.pointing_error))
         title = "Pointing error about body x, y, z [deg]"
         views.append(_plot(data, "plots/pointing", title, top=most, bottom=-most))
-        views.append(_plot(data, "plots/gas", "Cold gas used [kg]"))
+        views.append(_plot(data, "plots/gas", "Cold gas used [kg]", top=_gas_shown(data)))
     if has.stars:
         views.append(_plot(data, "plots/stars", "Stars: detected (orange), identified (green)"))
     return views
+
+
+def _gas_shown(data):
+    """Upper end of the scale of the gas, with room above: the viewer's own cuts the last of it."""
+    return 1.05 * float(np.nanmax(data.control.propellant_kg)) or None
 
 
 def _largest(values):
