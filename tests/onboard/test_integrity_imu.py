@@ -102,7 +102,7 @@ def test_the_noise_covers_a_held_reading_that_the_truth_leaves():
 
 
 def test_the_noise_covers_what_a_dead_axis_has_lost_until_it_is_seen():
-    """An accelerometer under 20 m/s^2 of thrust falls to zero: the readings until then are short by as much."""
+    """An accelerometer under 20 m/s^2 of thrust falls to zero; until then velocity is lost."""
     samples = readings(3.0, np.random.default_rng(5))
     samples[800:, 3] = 0.0
     out, densities, states, _ = run(samples)
