@@ -97,11 +97,10 @@ class Pilot:
         scenario = self.scenario(job)
         if job.log is None:
             scenario.keep_text("", {})  # its text goes into logs alone, and takes as long to make as all else
-        world = prepare.build_world(scenario, job.seed, flight=self.flight)
-        trajectory = world.flight.trajectory
+        world = prepare.build_world(scenario, job.seed, flight=self.flight, biases=True)
         data = _records(scenario, job.seed, world, job.log)
         summary = metrics.summarise(data, scenario=scenario)
-        return summary, series(data, scenario, job.seed, trajectory, self.plan.series_rate)
+        return summary, series(data, world.flight.trajectory, world.imu_biases, self.plan.series_rate)
 
 
 @contextmanager
@@ -181,9 +180,8 @@ def _records(scenario, seed, world, log):
     kept = RunDataBuilder(mission)
     every = thinning.ticks(thinning.LOWEST_HZ)
     if log is None:
-        for record in simulate.route(world, scenario, seed, every=every):
-            if type(record) is not ImuBlock:
-                kept.add(record)
+        for record in simulate.route(world, scenario, seed, every=every, blocks=False):
+            kept.add(record)
         return kept.build()
     frames = scenario.log.frames
     policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
