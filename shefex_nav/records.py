@@ -100,7 +100,7 @@ class ImuBlock(NamedTuple):
     dtheta_b: np.ndarray  # (n, 3) rad, integrated rate
     dv_b: np.ndarray  # (n, 3) m/s, integrated specific force
     saturated: bool  # a sample of this block reached the range of its sensor
-    valid: bool = True  # False: the unit did not answer, its increments are NaN
+    valid: bool = True  # False: the unit did not answer, its increments (NaN in a flight) mean nothing
 
 
 class GpsFix(NamedTuple):
