@@ -192,8 +192,8 @@ def fuse(nav, arrivals):
     Parameters
     ----------
     nav : Filter, advanced to the present tick
-    arrivals : list of (arrival, fix), the first of `sensors.ARRIVALS`: 'gps' with a GpsFix, 'star_tracker'
-        with a StarFix that has an attitude, 'star_vectors' with one that has stars
+    arrivals : list of (arrival, fix), the first of `sensors.ARRIVALS`: 'gps' with a GpsFix, 'gps_ranges' with
+        GpsRanges, 'star_tracker' with a StarFix that has an attitude, 'star_vectors' with one that has stars
 
     Returns
     -------
