@@ -11,7 +11,7 @@ from typing import NamedTuple
 import erfa
 import numpy as np
 
-from shefex_nav.environment.stars import SPEED_OF_LIGHT
+from shefex_nav.environment.constants import SPEED_OF_LIGHT
 from shefex_nav.geometry.frames import EarthRotation
 
 AU = 149597870700.0  # m, IAU 2012 resolution B2

@@ -15,7 +15,7 @@ lead down pass the layer twice. Little is below 150 km and nothing to speak of a
 
 import numpy as np
 
-from shefex_nav.environment.stars import SPEED_OF_LIGHT
+from shefex_nav.environment.constants import SPEED_OF_LIGHT
 
 PEAK_HEIGHT = 350e3  # m, of the F layer, where the broadcast model has its shell
 SCALE_HEIGHT = 60e3  # m [E] of the neutral gas there; the layer's own is twice as large above its peak

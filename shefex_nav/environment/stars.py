@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-SPEED_OF_LIGHT = 299792458.0  # m/s, exact
+from shefex_nav.environment.constants import SPEED_OF_LIGHT
+
 EPOCH = 1991.25  # Julian year of the Hipparcos positions
 MAS = np.pi / 180.0 / 3.6e6  # rad, one milliarcsecond
 

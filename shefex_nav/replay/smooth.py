@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.environment import gravity
+from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.log.run_data import RunData, RunDataBuilder, join, stack
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import solution
@@ -33,7 +34,7 @@ from shefex_nav.scenario import load, params_onboard
 
 SEGMENT_TICKS = 1000
 SAID = {NavSolution: "nav", NavCovariance: "covariance", GateResult: "gates", NavHealth: "health"}
-FIELD_ERROR = 2e-6 * 9.80665  # [E] m/s^2, of the field that is known after the flight
+FIELD_ERROR = 2e-6 * STANDARD_GRAVITY  # [E] m/s^2, of the field that is known after the flight
 LASTING = (  # blocks of errors that last for the whole flight
     "gyro_scale",
     "gyro_misalignment",

@@ -3,10 +3,10 @@
 import math
 from itertools import pairwise
 
+from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.scenario import thrust
 from shefex_nav.scenario.checks_flight import earliest, increasing, seconds, within
 from shefex_nav.scenario.motor import Grain, ShapedMotor, TabulatedPropellant
-from shefex_nav.scenario.quantity import STANDARD_GRAVITY
 
 CLOSURE = 0.02  # between total impulse, propellant mass and specific impulse
 RATED = 0.02  # between the propellant mass and that of the motor file

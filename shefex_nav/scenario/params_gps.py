@@ -33,7 +33,7 @@ def gps_params(scenario):
 
 def clock_densities(clock):
     """S_f m^2/s and S_g m^2/s^3 of a section `gps.clock`: c^2 h_0/2 and 2 pi^2 c^2 h_-2."""
-    from shefex_nav.environment.stars import SPEED_OF_LIGHT
+    from shefex_nav.environment.constants import SPEED_OF_LIGHT
 
     c2 = SPEED_OF_LIGHT**2
     return 0.5 * c2 * clock.h_0, 2.0 * np.pi**2 * c2 * clock.h_minus_2
@@ -41,7 +41,7 @@ def clock_densities(clock):
 
 def clock_sigmas(clock):
     """Standard deviations of bias, m, and drift, m/s, at the start, of a section `gps.clock`."""
-    from shefex_nav.environment.stars import SPEED_OF_LIGHT
+    from shefex_nav.environment.constants import SPEED_OF_LIGHT
 
     return SPEED_OF_LIGHT * clock.bias, SPEED_OF_LIGHT * clock.drift
 

@@ -15,7 +15,8 @@ from typing import Annotated, Any
 
 from pydantic_core import PydanticCustomError, core_schema
 
-STANDARD_GRAVITY = 9.80665  # m/s^2, ISO 80000-3
+from shefex_nav.environment.constants import STANDARD_GRAVITY
+
 LARGEST = 1e300  # of a plain number; whole numbers in YAML know no bounds
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|[+-]?\.?(?:inf|nan)\b)\s*(.*?)\s*", re.I)

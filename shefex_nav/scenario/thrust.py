@@ -3,8 +3,8 @@
 from itertools import pairwise
 from typing import NamedTuple
 
+from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.scenario.motor import ShapedMotor
-from shefex_nav.scenario.quantity import STANDARD_GRAVITY
 
 SEA_LEVEL = 101325.0  # Pa, US Standard Atmosphere 1976
 

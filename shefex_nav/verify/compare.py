@@ -14,11 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.verify.data import on_grid
 from shefex_nav.verify.daveml import FOOT, SLUG
 
 DEG = math.pi / 180.0
-POUND = 0.45359237 * 9.80665  # N, pound-force
+POUND = 0.45359237 * STANDARD_GRAVITY  # N, pound-force
 TABLES_END_M = 86.0e3  # above it, simulators go on with air of their own
 
 

@@ -14,8 +14,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from shefex_nav.environment.constants import STANDARD_GRAVITY
+
 FOOT = 0.3048  # m, exact
-SLUG = 0.45359237 * 9.80665 / FOOT  # kg: pound-force s^2/ft, both pounds by definition
+SLUG = 0.45359237 * STANDARD_GRAVITY / FOOT  # kg: pound-force s^2/ft, both pounds by definition
 
 SI = {
     "": 1.0, "nd": 1.0, "frac": 1.0, "rad": 1.0, "_rad": 1.0, "rad_s": 1.0, "sec": 1.0, "s": 1.0,

@@ -14,7 +14,7 @@ in the pseudoranges alone, without the metres that the vehicle moves in it.
 import numpy as np
 
 from shefex_nav.environment import gnss
-from shefex_nav.environment.stars import SPEED_OF_LIGHT
+from shefex_nav.environment.constants import SPEED_OF_LIGHT
 from shefex_nav.geometry import wgs84
 from shefex_nav.records import GpsRanges
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.environment import stars
+from shefex_nav.environment.constants import SPEED_OF_LIGHT
 
 ARCSEC = np.pi / 180.0 / 3600.0
 PIXEL = 9.9e-6 / 24.95e-3  # rad, pixel of the SHEFEX-2 star camera
@@ -80,7 +81,7 @@ def test_proper_motion_against_erfa(catalogue):
 
 def test_aberration_against_erfa(catalogue):
     v_i = np.array([12e3, -25e3, 9e3])
-    v = v_i / stars.SPEED_OF_LIGHT
+    v = v_i / SPEED_OF_LIGHT
     expected = erfa.ab(catalogue.u_i, v, 1e12, np.sqrt(1.0 - v @ v))  # far from the Sun: no light bending
     seen = stars.aberrate(catalogue.u_i, v_i)
     np.testing.assert_allclose(seen, expected, atol=2e-15)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from camera_bench import CLEAN, DEG, PARAMS, T_S, build, sky, turning
 
-from shefex_nav.environment.stars import SPEED_OF_LIGHT, silicon_magnitude
+from shefex_nav.environment.constants import SPEED_OF_LIGHT
+from shefex_nav.environment.stars import silicon_magnitude
 from shefex_nav.geometry import pinhole, rotation
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.records import CameraCommand

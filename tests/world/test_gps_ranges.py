@@ -6,7 +6,7 @@ import synthetic_trajectory as synthetic
 from scipy import stats
 
 from shefex_nav.environment import gnss
-from shefex_nav.environment.stars import SPEED_OF_LIGHT
+from shefex_nav.environment.constants import SPEED_OF_LIGHT
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.world import gps, gps_channels, gps_errors, gps_receiver, noise
 

@@ -19,7 +19,7 @@ in minutes.
 
 import numpy as np
 
-from shefex_nav.environment.stars import SPEED_OF_LIGHT
+from shefex_nav.environment.constants import SPEED_OF_LIGHT
 from shefex_nav.geometry import wgs84
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
 

@@ -7,6 +7,7 @@ heading. What is filled is where the filter says that 99.7 % of the errors lie.
 
 import numpy as np
 
+from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.report import local_level, metrics
 from shefex_nav.report.figures import style
@@ -14,7 +15,7 @@ from shefex_nav.report.pairing import same_times
 from shefex_nav.report.track import earth_fixed
 
 _DEG = np.degrees(1.0)
-_MGEE = 9.80665e-3  # m/s^2
+_MGEE = 1e-3 * STANDARD_GRAVITY  # m/s^2
 _NED = ("north", "east", "down")
 _COLOURS = (style.BLUE, style.RED, style.GREEN)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import wgs84
 from shefex_nav.records import Phase
 from shefex_nav.report import coast
@@ -13,7 +14,6 @@ _ABOUT = 0.18  # shown around a track, over its size
 _SMALLEST = 20e3  # m, of a map
 _GRID_DEG = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0)
 _PRINCIPAL = ("lift_off", "apogee", "entry", "impact", "landing")  # named first
-GEE = 9.80665
 SLOWEST = 5.0  # m/s; below it the air comes from anywhere
 
 
@@ -95,7 +95,7 @@ def history(data):
     if not has_truth:
         return figure
     truth = data.truth
-    style.curve(rows[2, 0], truth.t_s, np.linalg.norm(truth.f_b, axis=1) / GEE, color=style.BLUE)
+    style.curve(rows[2, 0], truth.t_s, np.linalg.norm(truth.f_b, axis=1) / STANDARD_GRAVITY, color=style.BLUE)
     rows[2, 0].set_ylabel("specific\nforce [gee]")
     rate_deg_s = np.degrees(truth.omega_ib_b)
     style.curve(rows[3, 0], truth.t_s, np.abs(rate_deg_s[:, 0]), color=style.BLUE, label="roll")

@@ -2,9 +2,8 @@
 
 import numpy as np
 
+from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.report.figures import style
-
-_GEE = 9.80665
 
 
 @style.styled
@@ -17,7 +16,7 @@ def imu(data):
     if not len(blocks.t_valid_s):
         return None
     duration = blocks.dt_s * blocks.dtheta_b.shape[1]
-    force = blocks.dv_b.sum(axis=1) / duration[:, None] / _GEE
+    force = blocks.dv_b.sum(axis=1) / duration[:, None] / STANDARD_GRAVITY
     rate = np.degrees(blocks.dtheta_b.sum(axis=1) / duration[:, None])
     words = "IMU as measured: specific force and rates, means of each block"
     figure, rows = style.panels(data, 4, words, height=1.5)

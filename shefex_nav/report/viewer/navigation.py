@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.records import Doubt
 from shefex_nav.report import metrics
 from shefex_nav.report.viewer import layout, world
@@ -62,7 +63,7 @@ def biases(sender, data):
     t_s, sigma = covariance.t_s[::step], covariance.sigma[::step]
     for name, values, columns, unit in (
         ("gyro_bias", covariance.gyro_bias, slice(0, 3), np.degrees(3600.0)),  # deg/h
-        ("accel_bias", covariance.accel_bias, slice(3, 6), 1e3 / 9.80665),  # mg
+        ("accel_bias", covariance.accel_bias, slice(3, 6), 1e3 / STANDARD_GRAVITY),  # mg
     ):
         value, band = values[::step] * unit, 3.0 * sigma[:, columns] * unit
         for k, axis in enumerate("xyz"):

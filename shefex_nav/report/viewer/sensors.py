@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.report.viewer import world
 from shefex_nav.report.viewer.sender import BLUE, GREEN, ORANGE, WHITE, YELLOW, plot_step
 
-STANDARD_GRAVITY = 9.80665  # m/s^2
 VIBRATION_S = 1.0  # over which the scatter of the specific force is taken
 
 

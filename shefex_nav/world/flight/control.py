@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import rotation
 from shefex_nav.world.flight import attitude_program
 from shefex_nav.world.flight.attitude_program import RateLaw, body_rate
@@ -35,7 +36,6 @@ from shefex_nav.world.flight.attitude_program import RateLaw, body_rate
 RATES, AXIS, AXIS_AND_SPIN, ATTITUDE = 0, 1, 2, 3  # what is followed
 SPINNING = 0.2  # rad/s; what turns faster about its roll axis has that axis steered, the spin left alone
 REVOLUTIONS = 10.0  # over which the mean rate is taken
-G_0 = 9.80665  # m/s^2, standard gravity, by which specific impulse is given in seconds
 HISTORY = 8  # t_s, pointing error 1:4, torque 4:7, gas used so far
 
 
@@ -109,7 +109,7 @@ def start(cold_gas, rng, n_ticks):
         period=float(gas.period_s),
         propellant=np.array([0.0, gas.propellant_kg]),
         torque_open=torque_open,
-        flow=torque_open / (np.asarray(gas.arm_m, dtype=float) * gas.isp_s * G_0),
+        flow=torque_open / (np.asarray(gas.arm_m, dtype=float) * gas.isp_s * STANDARD_GRAVITY),
         dead_angle=np.array(gas.dead_band_angle, dtype=float),
         dead_rate=np.array(gas.dead_band_rate, dtype=float),
         bandwidth=float(gas.bandwidth),
