@@ -4,9 +4,11 @@ import json
 import os
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parent.parent
@@ -40,6 +42,15 @@ class DefaultRun(NamedTuple):
 
     log: Path
     summary: dict
+
+
+@pytest.fixture(autouse=True)
+def own_numbers(request):
+    """A generator RNG of the test's module begins anew, by the test's name, whichever tests ran before."""
+    rng = getattr(request.module, "RNG", None)
+    if rng is not None:
+        seed = zlib.crc32(request.node.name.encode())
+        rng.bit_generator.state = np.random.default_rng(seed).bit_generator.state
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from shefex_nav.geometry import rotation as rot
 
-RNG = np.random.default_rng(1)
+RNG = np.random.default_rng(1)  # anew in each test: conftest.own_numbers
 QUATS = RNG.normal(size=(50, 4))
 QUATS /= np.linalg.norm(QUATS, axis=1)[:, None]
 

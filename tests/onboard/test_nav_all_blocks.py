@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from navigation_flight import C_BC, DEG, DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix, star_fix
 from test_nav_blocks import ALL, CLOCK, STATES, STEPS, error_between, state_with_errors
+from test_nav_blocks import RNG as RNG  # begins anew with each test of this module, too
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import fusion

@@ -50,7 +50,7 @@ STEPS = {
     "gps_latency": 1e-4,
     "range_bias": 1.0,
 }
-RNG = np.random.default_rng(11)
+RNG = np.random.default_rng(11)  # anew in each test: conftest.own_numbers
 BLOCKS, STATES = fly(0.3)
 ARM = PARAMS.l_ba_b
 VIBRATION = 0.7  # level at which the motion is measured

@@ -20,7 +20,7 @@ from shefex_nav.onboard.navigation.state import (
 )
 from shefex_nav.records import GpsFix, StarFix
 
-RNG = np.random.default_rng(7)
+RNG = np.random.default_rng(7)  # anew in each test: conftest.own_numbers
 LAYOUT = layout()
 N_ERROR = LAYOUT.n
 EARTH = frames.EarthRotation(

@@ -6,6 +6,7 @@ from navigation_flight import C_BC, DEG
 from star_fields import CAMERA
 from star_sights import SIGMA_PX, camera_attitude, frame_of, places, seen
 from test_nav_blocks import ALL, ROLL, STEPS, state_with_errors
+from test_nav_blocks import RNG as RNG  # begins anew with each test of this module, too
 
 from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import cross_axes, cross_covariance, pixels, unit_vectors
