@@ -218,9 +218,9 @@ def _run_rows(summary):
         factor = _text(summary["real_time_factor"], 0)
         yield "took", f"{_text(summary['wall_s'], 1, 's')}, {factor} x real time"
     if summary["ended_early"]:
-        yield "log", Text("the run ended early; everything above is up to then", style="bold yellow")
+        yield "ended early", Text("the log is cut off; everything above is up to then", style="bold yellow")
     if summary["until_s"] is not None:
-        words = f"looked at until T{summary['until_s']:+.1f} s; everything above is up to then"
-        yield "log", Text(words, style="bold yellow")
+        words = f"until T{summary['until_s']:+.1f} s; everything above is up to then"
+        yield "looked at", Text(words, style="bold yellow")
     if summary["log"]:
         yield "log", summary["log"]

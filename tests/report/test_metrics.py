@@ -387,3 +387,13 @@ def test_the_table_shows_the_figures(summary):
         "cold gas used", "3.29 kg", "1.30 deg rms",
     ):  # fmt: skip
         assert expected in text
+
+
+def test_no_two_rows_of_a_section_have_the_same_name(summary):
+    """A log that was cut has a name as well."""
+    told = {"ended_early": True, "until_s": 300.0, "log": "run.mcap"}
+    for section, lines in dict(rows(summary | told)).items():
+        names = [name for name, _ in lines]
+        if section == "run":
+            assert len(names) == len(set(names))
+            assert {"ended early", "looked at", "log"} <= set(names)
