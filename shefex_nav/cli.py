@@ -42,7 +42,6 @@ app.command()(repeat)
 app.command()(export_command.export)
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
-LogArgument = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(

@@ -1,6 +1,7 @@
 """Campaigns in one process: what is kept, resumed, refused, counted. Missions of two seconds at rest."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from typer.testing import CliRunner
 
 from shefex_nav import cli
 from shefex_nav.campaign import draws, engine, flight, repeating, results, running, store, summary, table
+from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.flight import Pilot
 from shefex_nav.log import reader, thinning
 from shefex_nav.report import metrics
@@ -284,6 +286,25 @@ def test_a_worker_that_does_not_fit_is_refused(scenario, monkeypatch):
         assert words in str(refused.value)
     with pytest.raises(flight.WorkerError, match="was not told what to fly"):
         flight.fly(sampler.job(0)._replace(plan="another"))
+
+
+@pytest.mark.parametrize(
+    ("name", "differs"),
+    [("hipparcos_v8.csv.gz", {"data"}), ("egm96_36x36.csv", {"data"}), ("land_110m.json", set())],
+)
+def test_another_catalogue_or_field_is_another_program(name, differs, tmp_path, monkeypatch):
+    """Results depend on the package's data as on its code; the coast lines are of pictures alone."""
+    now = planning.versions()
+    shutil.copytree(planning.PACKAGE / "data", tmp_path / "data")
+    for source in planning.PACKAGE.rglob("*.py"):
+        copy = tmp_path / source.relative_to(planning.PACKAGE)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source, copy)
+    monkeypatch.setattr(planning, "PACKAGE", tmp_path)
+    path = tmp_path / "data" / name
+    path.write_bytes(path.read_bytes()[:-1] + b"#")
+    then = planning.versions()
+    assert {key for key in now if now[key] != then[key]} == differs
 
 
 def test_files_of_others_are_left_alone(scenario, tmp_path):
