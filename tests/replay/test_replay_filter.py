@@ -63,7 +63,7 @@ def test_a_receiver_without_velocity(tmp_path):
     ("missing", "blocks", "least_deg", "most_deg"), [(1, 1, 0.005, 0.05), (5, 2, 0.03, 0.2)]
 )
 def test_missing_samples_are_bridged_and_not_trusted(tmp_path, missing, blocks, least_deg, most_deg):
-    """Of 1200 samples one or five are left out. The turntable turns evenly, so that nothing is lost; sigma grows
+    """Of 1200 samples one or five are left out. The turntable turns evenly, so nothing is lost; sigma grows
     by what an angular acceleration of 0.5 rad/s^2 makes of blocks of 40 ms, 0.5 * 0.5 * 0.04^2 rad each, and
     when samples come again it grows no further."""
     path = replay_files.turntable_folder(tmp_path, Turntable(), turntable.increments, 100.0, LENGTH_S)
