@@ -30,9 +30,10 @@ class World(NamedTuple):
     computer: onboard.ComputerParams
     gps_ranges: list
     faults: faults.Faults
+    imu_biases: np.ndarray | None = None  # (N, 6) rad/s, m/s^2, if they are wanted
 
 
-def build_world(scenario, seed, *, brief=False, flight=None):
+def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
     """Fly the vehicle and let the sensors measure it.
 
     Parameters
@@ -42,6 +43,7 @@ def build_world(scenario, seed, *, brief=False, flight=None):
     brief : of an orbit, or of a vehicle that stands on the ground, the first seconds alone; a launched one
         flies to its end either way
     flight : a Flight of the same vehicle that has been flown already, if there is one
+    biases : whether to keep the true biases of the IMU at every sample, `true_biases`
 
     Returns
     -------
@@ -58,6 +60,8 @@ def build_world(scenario, seed, *, brief=False, flight=None):
     if flight is None:
         flight = fly_vehicle(scenario, seed, brief=brief)
     trajectory, wrong = flight.trajectory, params_faults.faults(scenario)
+    imu_biases = np.empty((len(trajectory.t_s), 6)) if biases else None
+    measured = imu.measure(params.imu_params(scenario), trajectory, rng("imu"), imu_biases)
     true_camera = camera.init(params.camera_params(scenario), at_epoch, bodies, earth, rng("camera_errors"))
     gps_data = gps.measure(
         params_gps.gps_params(scenario),
@@ -74,12 +78,13 @@ def build_world(scenario, seed, *, brief=False, flight=None):
         catalogue=catalogue,
         flight=flight._replace(events=tuple(sorted(events, key=lambda event: event.t_s))),
         alignment=pad.align(params.pad_params(scenario), trajectory, earth, rng("pad")),
-        imu=faults.imu(wrong.imu, imu.measure(params.imu_params(scenario), trajectory, rng("imu"))),
+        imu=faults.imu(wrong.imu, measured),
         gps_fixes=faults.gps(wrong.gps, gps_data.fixes),
         gps_ranges=faults.gps_ranges(wrong.gps, gps_data.ranges),
         camera=true_camera,
         computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
         faults=wrong,
+        imu_biases=imu_biases,
     )
 
 
@@ -135,22 +140,8 @@ def earth_rotation(scenario):
 def true_biases(scenario, seed, trajectory):
     """Turn-on and in-run bias of gyros and accelerometers at every sample: (N, 6) rad/s, m/s^2.
 
-    The instrument is asked again, with the same random numbers, at rest and without its other errors.
+    The instrument is asked again, with the same random numbers.
     """
-    full = params.imu_params(scenario)
-    kept = ("bias", "bias_in_run", "bias_tau_s", "range")
-    silent = {
-        name: np.zeros_like(value) if isinstance(value, np.ndarray) else 0.0
-        for name, value in full._asdict().items()
-        if not name.startswith(tuple(f"{sensor}_{what}" for sensor in ("gyro", "accel") for what in kept))
-        and not name.endswith("_hz")
-    }
-    alone = full._replace(**silent)
-    rest = trajectory._replace(
-        dtheta_b=np.zeros_like(trajectory.dtheta_b), dv_b=np.zeros_like(trajectory.dv_b)
-    )
-    data = imu.measure(alone, rest, noise.generator(seed, "imu"))
-    dt_s = (trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1)
-    biases = np.hstack([data.dtheta_b, data.dv_b]) / dt_s
-    biases[0] = biases[1]
+    biases = np.empty((len(trajectory.t_s), 6))
+    imu.measure(params.imu_params(scenario), trajectory, noise.generator(seed, "imu"), biases)
     return biases

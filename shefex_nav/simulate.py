@@ -1,6 +1,7 @@
 """The route: scenario -> world -> on-board computer -> records.
 
-This is the only place where the world and the flight software meet. `run` is an iterator of the records of
+Here world and flight software take their turns; elsewhere they meet only where both are set up (`prepare`),
+where a model stands for pictures (`statistical`), and in experiments. `run` is an iterator of the records of
 `records`, in the order in which things happen; whoever calls it writes them, keeps them or counts them.
 """
 
@@ -41,23 +42,24 @@ def run(scenario, seed):
     yield from route(prepare.build_world(scenario, seed), scenario, seed)
 
 
-def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, every=1):
+def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, every=1, blocks=True):
     """Tick by tick through a world that has been built; as `run`, until the mission time until_s at most.
 
     step : `star_tracker.step`, or something that wraps it to see what it is given
     every : ticks from one record of truth, IMU and solution to the next; nothing else changes with it
+    blocks : whether those of the IMU are wanted at all
     """
     yield world.alignment
     year = catalogue_year(scenario.mission.epoch)
     computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, year)
-    eye, blocks = _star_camera(world, scenario, seed, computer, step), imu.stacked(world.imu)
-    diary, n = Diary(world, blocks.t_valid_s, until_s), 0
+    eye, read = _star_camera(world, scenario, seed, computer, step), imu.stacked(world.imu)
+    diary, n = Diary(world, read.t_valid_s, until_s), 0
     while n < diary.ticks:
         busy = n + 1 if every == 1 else diary.next_tick(n, every, eye.shutter)
-        computer, made = onboard.coast(computer, blocks, n, min(busy, diary.ticks))
+        computer, made = onboard.coast(computer, read, n, min(busy, diary.ticks))
         n += made
-        computer = yield from _tick(computer, world, blocks, n, n % every == 0, diary, eye)
-    if n == len(blocks.t_valid_s):
+        computer = yield from _tick(computer, world, read if blocks else None, n, n % every == 0, diary, eye)
+    if n == len(read.t_valid_s):
         yield from reversed(diary.events)  # the impact, between the last tick and the one that did not come
 
 
@@ -68,7 +70,7 @@ def _tick(computer, world, blocks, n, told, diary, eye):
     if told:
         yield truth_sample(world.flight.trajectory, n * SAMPLES_PER_TICK)
     yield from due(diary.steered, now_s)
-    if told:
+    if told and blocks:
         yield row(blocks, n - 1)
     arrived, pictures = due(diary.received, now_s), eye.shutter.arrived(now_s)
     for _, truth in pictures:

@@ -6,6 +6,7 @@ that follows (aberration, attitude, covariance, outliers, reasons, exposure cont
 code, and its records go the same way at the same times. So the filter cannot tell the two apart.
 """
 
+from bisect import bisect_right
 from typing import NamedTuple
 
 import numpy as np
@@ -92,8 +93,9 @@ class Statistical:
         self.camera = undrawn.catalogued(tracker.pairs.stars, world.camera, merge_radius)
         self.line, self.rng = line, noise.generator(seed, "sightings")
         self.max_rate, self.limits = tracker.params.max_rate, limits(tracker.params.detect)
-        self.hip = tracker.pairs.stars.hip
-        self.by_hip = np.argsort(self.hip)
+        hip = tracker.pairs.stars.hip
+        self.by_hip = np.argsort(hip)
+        self.sorted_hip, self.known = hip[self.by_hip], self.search.stars.tolist()
         self.seen = {}  # Sighting of each frame under way, by its number
         self.fixed_s = -np.inf
 
@@ -131,7 +133,7 @@ class Statistical:
         chance, names = rng.random(), rng.random(len(candidates))
         if len(candidates) < least:
             return Identification(star, int(Reason.TOO_FEW_STARS), np.nan), least, 0.0
-        row = int(np.searchsorted(search.stars, len(candidates), side="right")) - 1
+        row = bisect_right(self.known, len(candidates)) - 1
         if row < 0 and not context.rate > self.max_rate:  # faster, it gives no attitude anyway
             raise OutsideModelError(
                 f"the frame at T{frame.t_valid_s:+.2f} s shows {len(candidates)} stars of the catalogue; the "
@@ -142,7 +144,7 @@ class Statistical:
         if row < 0 or chance >= share[row]:
             return Identification(star, int(Reason.NO_MATCH), np.nan), least, 0.0
         named = candidates[names < search.named]
-        star[named] = self.by_hip[np.searchsorted(self.hip, sighting.hip[named], sorter=self.by_hip)]
+        star[named] = self.by_hip[self.sorted_hip.searchsorted(sighting.hip[named])]
         reason = Reason.NONE if len(named) >= least else Reason.TOO_FEW_STARS
         return Identification(star, int(reason), np.nan), least, search.wrong[row]
 

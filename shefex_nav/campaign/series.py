@@ -7,7 +7,7 @@ from shefex_nav.report import metrics
 from shefex_nav.report.pairing import SAME_TIME_S, same_times
 
 
-def series(data, scenario, seed, trajectory, rate_hz):
+def series(data, trajectory, biases, rate_hz):
     """Arrays of a run by their names.
 
     Times are those of the logged covariance at whole multiples of 1 / rate_hz since the start of the run,
@@ -16,7 +16,8 @@ def series(data, scenario, seed, trajectory, rate_hz):
     Parameters
     ----------
     data : RunData
-    scenario, seed, trajectory : of the run, for the true biases of the IMU
+    trajectory : true, of the run
+    biases : (M, 6) rad/s, m/s^2, true, of gyros and accelerometers at the samples of the trajectory
     rate_hz : float
 
     Returns
@@ -32,14 +33,11 @@ def series(data, scenario, seed, trajectory, rate_hz):
     nis_sum.<sensor>, nis_dof.<sensor> : (N,) sums of the normalised squared innovations of the measurements
         that met the gate since the epoch before, and of their degrees of freedom
     """
-    from shefex_nav import prepare
-
     errors = metrics.navigation_errors(data)
     i, j = _epochs(errors, data, rate_hz)
     t_s = errors.t_s[i]
     of_sample = np.searchsorted(trajectory.t_s, t_s - SAME_TIME_S).clip(0, len(trajectory.t_s) - 1)
-    biases = prepare.true_biases(scenario, seed, trajectory)[of_sample]
-    kept = _errors_and_sigmas(errors, data.covariance, biases, i, j)
+    kept = _errors_and_sigmas(errors, data.covariance, biases[of_sample], i, j)
     kept["phase"] = metrics.phase_at(data.truth, t_s).astype(np.int8)
     kept["nees"] = _nees(kept, data.covariance.P[j])
     return kept | _innovations(data.gates, t_s)

@@ -17,8 +17,7 @@ from numba import njit
 
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.onboard.navigation import coast as coasting
-from shefex_nav.onboard.navigation import fusion, mean_rate, sensors, solution
-from shefex_nav.onboard.navigation.history import Moment
+from shefex_nav.onboard.navigation import fusion, mean_rate, sensors, solution, strapdown
 from shefex_nav.onboard.navigation.state import ATT, X_MOUNTING, X_Q, X_R, X_V, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.records import Reason
@@ -224,29 +223,32 @@ def _surroundings(computer, index, t_valid_s):
     Computer, index of the tick nearest to it, time -> C_bc, C_ic, Context
     """
     params, history, near_s = computer.params, computer.nav.history, computer.nav.history.ends_s[index]
-    x = history.xs[history.place(index)]
-    omega_ib_b = Moment(history, index, history.length_s(index)).felt_with(x)[:3]
-    v_i, C_bc, C_ic, limb_angle = _sight(
-        x, omega_ib_b, params.nav.C_bc, t_valid_s - near_s, near_s, *computer.earth
-    )
-    context = star_tracker.Context(
-        velocity_i=v_i + params.tracker.earth_velocity_i,
-        rate=sqrt(omega_ib_b @ omega_ib_b),
-        sun_angle=acos(min(1.0, max(-1.0, C_ic[:, 2] @ params.sun_i))),
-        limb_angle=limb_angle,
-    )
-    return C_bc, C_ic, context
+    place = history.place(index)
+    _, dt_s, n, vibration = history.numbers[place].tolist()
+    v_i, C_bc, C_ic, *angles = _sight(
+        history.xs[place], history.increments[place], int(n), dt_s, vibration, params.nav.C_bc,
+        t_valid_s - near_s, near_s, *computer.earth, params.sun_i,
+    )  # fmt: skip
+    return C_bc, C_ic, star_tracker.Context(v_i + params.tracker.earth_velocity_i, *angles)
 
 
 @njit(cache=True)
-def _sight(x, omega_ib_b, C_bc_nominal, later_s, t_s, C_iq, C_re, angle_0, rate):
-    """Velocity, mounting, attitude `later_s` after t_s, angle to the limb; of packed values at t_s."""
+def _sight(
+    x, increments, n, dt_s, vibration, C_bc_nominal, later_s, t_s, C_iq, C_re, angle_0, rate, sun_i
+):  # fmt: skip
+    """Velocity, mounting, attitude `later_s` after t_s; rate, angles of the boresight to Sun and limb.
+
+    x, increments, n, dt_s, vibration : of the tick that ends at t_s;  C_iq ... rate : EarthRotation
+    """
+    omega_b = strapdown.felt_packed(x, increments, n, dt_s, vibration, n * dt_s)[:3]
     C_bc = rotation.dcm_from_rotvec(x[X_MOUNTING]) @ C_bc_nominal
-    turned = rotation.dcm_from_rotvec(omega_ib_b * later_s)
+    turned = rotation.dcm_from_rotvec(omega_b * later_s)
     C_ic = rotation.dcm_from_quat(x[X_Q]) @ turned @ C_bc
     C_ei = np.ascontiguousarray(frames.dcm_ie(frames.EarthRotation(C_iq, C_re, angle_0, rate), t_s).T)
     boresight_i = np.ascontiguousarray(C_ic[:, 2])
-    return x[X_V].copy(), C_bc, C_ic, wgs84.limb_angle(C_ei @ x[X_R], C_ei @ boresight_i)
+    sun_angle = acos(min(1.0, max(-1.0, boresight_i @ sun_i)))
+    limb_angle = wgs84.limb_angle(C_ei @ x[X_R], C_ei @ boresight_i)
+    return x[X_V].copy(), C_bc, C_ic, sqrt(omega_b @ omega_b), sun_angle, limb_angle
 
 
 def camera_covariance(layout, P, C_bc):

@@ -90,7 +90,7 @@ class ImuData(NamedTuple):
     missing: np.ndarray | None = None  # (N,) bool, the unit did not answer; None: it always did
 
 
-def measure(params, trajectory, rng):
+def measure(params, trajectory, rng, biases=None):
     """IMU samples along a trajectory.
 
     Parameters
@@ -98,35 +98,50 @@ def measure(params, trajectory, rng):
     params : ImuParams
     trajectory : Trajectory, at the sampling rate of the instrument
     rng : Generator; the order of the draws does not depend on `params`
+    biases : (N, 6), written if it is given: sum of turn-on and in-run bias of gyros and accelerometers in
+        each sample, rad/s, m/s^2; in row 0, before the first, that of the first
 
     Returns
     -------
     ImuData
     """
-    errors = draw_errors(params, rng)
+    errors, of_gyros, of_accels = draw_errors(params, rng), None, None
     dt_s = (trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1)
     rms = vibration_rms(params, trajectory.burning)
-
-    response = _response(errors.gyro_scale_factor, errors.gyro_misalignment)
-    dtheta_b = _apply(response, trajectory.dtheta_b)
-    _add_response(dtheta_b, errors.gyro_g_sensitivity, trajectory.dv_b)
-    _add_bias(dtheta_b, errors.gyro_bias, errors.gyro_vibration_rectification, rms, dt_s)
-    add_vibration(dtheta_b, params, params.vibration_rate * rms, dt_s, rng)
-    _add_in_run_bias(dtheta_b, params.gyro_bias_in_run, params.gyro_bias_tau_s, dt_s, rng)
-    _add_random_walk(dtheta_b, params.gyro_random_walk, dt_s, rng)
-
-    response = _response(errors.accel_scale_factor, errors.accel_misalignment)
-    dv_b = _apply(response, trajectory.dv_b)
-    _add_bias(dv_b, errors.accel_bias, errors.accel_vibration_rectification, rms, dt_s)
-    add_vibration(dv_b, params, rms, dt_s, rng)
-    _add_in_run_bias(dv_b, params.accel_bias_in_run, params.accel_bias_tau_s, dt_s, rng)
-    _add_random_walk(dv_b, params.accel_random_walk, dt_s, rng)
-
+    if biases is not None:
+        biases[:] = np.concatenate([errors.gyro_bias, errors.accel_bias]) * dt_s
+        of_gyros, of_accels = biases[:, :3], biases[:, 3:]
+    dtheta_b = _turned(params, errors, trajectory, rms, dt_s, rng, of_gyros)
+    dv_b = _pushed(params, errors, trajectory, rms, dt_s, rng, of_accels)
     dtheta_b[0] = dv_b[0] = 0.0
+    if biases is not None:
+        biases /= dt_s
+        biases[0] = biases[1]
     saturated = _clip(dtheta_b, params.gyro_range * dt_s) | _clip(dv_b, params.accel_range * dt_s)
     dtheta_b = quantise(dtheta_b, params.gyro_quantum)
     dv_b = quantise(dv_b, params.accel_quantum)
     return ImuData(trajectory.t_s, dtheta_b, dv_b, saturated, errors)
+
+
+def _turned(params, errors, trajectory, rms, dt_s, rng, bias):
+    """What the gyros would read without end of range and quanta: (N, 3) rad; bias : of `_add_in_run_bias`."""
+    dtheta_b = _apply(_response(errors.gyro_scale_factor, errors.gyro_misalignment), trajectory.dtheta_b)
+    _add_response(dtheta_b, errors.gyro_g_sensitivity, trajectory.dv_b)
+    _add_bias(dtheta_b, errors.gyro_bias, errors.gyro_vibration_rectification, rms, dt_s)
+    add_vibration(dtheta_b, params, params.vibration_rate * rms, dt_s, rng)
+    _add_in_run_bias(dtheta_b, params.gyro_bias_in_run, params.gyro_bias_tau_s, dt_s, rng, bias)
+    _add_random_walk(dtheta_b, params.gyro_random_walk, dt_s, rng)
+    return dtheta_b
+
+
+def _pushed(params, errors, trajectory, rms, dt_s, rng, bias):
+    """Likewise the accelerometers: (N, 3) m/s."""
+    dv_b = _apply(_response(errors.accel_scale_factor, errors.accel_misalignment), trajectory.dv_b)
+    _add_bias(dv_b, errors.accel_bias, errors.accel_vibration_rectification, rms, dt_s)
+    add_vibration(dv_b, params, rms, dt_s, rng)
+    _add_in_run_bias(dv_b, params.accel_bias_in_run, params.accel_bias_tau_s, dt_s, rng, bias)
+    _add_random_walk(dv_b, params.accel_random_walk, dt_s, rng)
+    return dv_b
 
 
 def draw_errors(params, rng):
@@ -237,13 +252,16 @@ def _add_bias(increments, bias, rectification, rms, dt_s):
         increments[piece] += (bias + np.outer(rms[piece] ** 2, rectification)) * dt_s
 
 
-def _add_in_run_bias(increments, sigma, tau_s, dt_s, rng):
-    """Add the in-run bias, sigma in the unit of the rate, in place."""
+def _add_in_run_bias(increments, sigma, tau_s, dt_s, rng, alone):
+    """Add the in-run bias, sigma in the unit of the rate, in place; to `alone` as well, unless it is None."""
     correlation, last = np.exp(-dt_s / tau_s), None
     for piece in _pieces(len(increments)):
         bias = gauss_markov(correlation, rng.standard_normal(increments[piece].shape), last)
-        increments[piece] += sigma * dt_s * bias
-        last = bias[-1]
+        last = bias[-1].copy()
+        bias *= sigma * dt_s
+        increments[piece] += bias
+        if alone is not None:
+            alone[piece] += bias
 
 
 def _add_random_walk(increments, sigma, dt_s, rng):

@@ -29,6 +29,7 @@ from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 
 from shefex_nav.records import GpsFix, GpsRanges
 
@@ -134,18 +135,24 @@ def follow(drift, z, S, limit, lasting=0.0):
     -------
     Drift
     """
-    a = 1.0 / np.array(WINDOWS)
+    return Drift(*_follow(drift.mean, drift.variance, drift.suspected, z, S, limit, lasting))
+
+
+@njit(cache=True)
+def _follow(mean, variance, suspected, z, S, limit, lasting):
+    """`follow` with the fields of its tuple, and those of the next one."""
     w = np.linalg.solve(np.linalg.cholesky(S), z)
-    mean = (1.0 - a)[:, None] * drift.mean + a[:, None] * w
-    variance = (1.0 - a) ** 2 * drift.variance + a**2
-    norm2 = (mean**2).sum(axis=1)
-    bound = limit * (variance + lasting)
-    if drift.suspected:
-        suspected = bool(norm2[0] > max(CALM * bound[0], OVER**2))
-    else:
-        filled = variance < 1.5 * a / (2.0 - a)  # most of a window has been seen
-        suspected = bool(((norm2 > np.maximum(bound, LEAST**2)) & filled).any())
-    return Drift(mean, variance, suspected)
+    after, variance_after, found = np.empty_like(mean), np.empty_like(variance), False
+    for k, window in enumerate(WINDOWS):
+        a = 1.0 / window
+        after[k] = (1.0 - a) * mean[k] + a * w
+        variance_after[k] = (1.0 - a) ** 2 * variance[k] + a**2
+        norm2, bound = (after[k] ** 2).sum(), limit * (variance_after[k] + lasting)
+        if not suspected:  # most of the window must have been seen
+            found |= norm2 > max(bound, LEAST**2) and variance_after[k] < 1.5 * a / (2.0 - a)
+        elif k == 0:
+            found = norm2 > max(CALM * bound, OVER**2)
+    return after, variance_after, found
 
 
 def followed(drift, S):

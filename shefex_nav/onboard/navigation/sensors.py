@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import (
@@ -110,13 +111,22 @@ def straightened(nav, arrival, index, fix):
     if not bend_c.any():
         return fix
     noise = model.gyro_random_walk**2 * fix.exposure_s / 12.0 + model.gyro_quantum**2 / 12.0
-    P = BEND_SHARE**2 * np.outer(bend_c, bend_c) + noise * np.eye(3)
+    q_ic, P_c, P = _turned_back(fix.q_ic, fix.P_c, bend_c, noise)
     if fix.reason == Reason.NONE:
-        turned = rotation.quat_multiply(fix.q_ic, rotation.quat_from_rotvec(-bend_c))
-        fix = fix._replace(q_ic=turned, P_c=fix.P_c + P)
+        fix = fix._replace(q_ic=q_ic, P_c=P_c)
     if arrival == "star_vectors" and len(fix.stars.hip):
         fix = fix._replace(stars=measure_stars.turned_back(fix.stars, bend_c, P))
     return fix
+
+
+@njit(cache=True)
+def _turned_back(q_ic, P_c, bend_c, noise):
+    """Attitude without a bend (3,) rad, its covariance with what the bend may be wrong by, and that alone."""
+    P = noise * np.eye(3)
+    for i in range(3):
+        for j in range(3):
+            P[i, j] += BEND_SHARE**2 * (bend_c[i] * bend_c[j])
+    return rotation.quat_multiply(q_ic, rotation.quat_from_rotvec(-bend_c)), P_c + P, P
 
 
 def _star_attitude(nav, now, fix):

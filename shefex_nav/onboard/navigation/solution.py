@@ -19,7 +19,20 @@ from shefex_nav.onboard.navigation.calibration import (
     jacobians_packed,
     shaken,
 )
-from shefex_nav.onboard.navigation.state import ATT, BA, BG, NOMINAL, OPTIONAL, POS, PVA, VEL, X_Q, X_R, X_V
+from shefex_nav.onboard.navigation.state import (
+    ATT,
+    BA,
+    BG,
+    MOUNTING,
+    NOMINAL,
+    POS,
+    PVA,
+    ROLL_COLUMN,
+    VEL,
+    X_Q,
+    X_R,
+    X_V,
+)  # fmt: skip
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.records import Doubt, NavCovariance, NavSolution
 
@@ -93,23 +106,38 @@ def covariance(nav):
     """NavCovariance of the last tick."""
     history, P, layout = nav.history, reported(nav), nav.layout
     x = history.x.copy()
-    variances = np.diag(P).copy()
-    variances[BA] += nav.params.imu.gravity**2  # which the estimate of the bias contains
-    sigma = np.sqrt(variances)
-
-    def of(name):
-        place = layout.places[name]
-        return np.full(OPTIONAL[name], np.nan) if place is None else sigma[place]
-
+    named = _named(layout.at, P, x, layout.nominal, nav.params.imu.gravity)
     return NavCovariance(
         history.ends_s[-1],
         P[PVA, PVA].copy(),
         *(x[NOMINAL[name]] for name in ("gyro_bias", "accel_bias", "gyro_roll_column", "mounting")),
-        np.concatenate([sigma[BG], sigma[BA], of("gyro_roll_column"), of("mounting")]),
+        named[0],
         " ".join(layout.names),
-        x[layout.nominal[BA.stop - BG.start :]],
-        sigma[BA.stop :],
+        *named[1:],
     )
+
+
+@njit(cache=True)
+def _named(at, P, x, nominal, gravity):
+    """Sigmas of the four calibrations that always have a name (12,), NaN where they are not estimated; then
+    estimates and sigmas (k,) of all blocks of choice.
+
+    at, nominal : of Layout;  gravity : sigma that the estimate of the accelerometer bias contains
+    """
+    n, m = P.shape[0], BA.stop - BG.start
+    sigma, four, estimates = np.empty(n), np.full(12, np.nan), np.empty(n - BA.stop)
+    for k in range(n):
+        variance = P[k, k]
+        if BA.start <= k < BA.stop:
+            variance += gravity**2
+        sigma[k] = np.sqrt(variance)
+    for k in range(BA.stop, n):
+        estimates[k - BA.stop] = x[nominal[m + k - BA.stop]]
+    four[:m] = sigma[BG.start : BA.stop]
+    for j, block in enumerate((ROLL_COLUMN, MOUNTING)):
+        if at[block] >= 0:
+            four[m + 3 * j : m + 3 * j + 3] = sigma[at[block] : at[block] + 3]
+    return four, estimates, sigma[BA.stop :].copy()
 
 
 def derive(layout, tick, P, random_walk, quantum, earth):

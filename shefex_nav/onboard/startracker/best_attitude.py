@@ -3,7 +3,8 @@
 import numpy as np
 from numba import njit
 
-from shefex_nav.geometry.pinhole import pixels
+from shefex_nav.environment.stars import aberrate
+from shefex_nav.geometry.pinhole import cross_covariance, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.onboard.startracker.attitude import esoq2
@@ -13,6 +14,7 @@ from shefex_nav.onboard.startracker.likelihood import (
     misfit_growth,
     sigma_of_centroids,
 )
+from shefex_nav.records import StarVectors
 
 MOST_DROPPED = 0.25  # of the identified stars; one in any case
 PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
@@ -63,11 +65,6 @@ def solve(params, u_c, seen_i, P_px, least, rate=None):
     P_c : (3, 3) rad^2
     residual_px : RMS distance of the used stars from where the attitude puts them
     """
-    return solved(params, u_c, seen_i, P_px, least, rate)[:4]
-
-
-def solved(params, u_c, seen_i, P_px, least, rate):
-    """`solve`, and the rows of the stars used (n_used,), and by what their misfit multiplies P_px and P_c."""
     t_s, P_omega = (np.zeros(len(u_c)), np.zeros((3, 3))) if rate is None else rate
     return _solve_kernel(
         params.identify.camera,
@@ -80,12 +77,81 @@ def solved(params, u_c, seen_i, P_px, least, rate):
         P_omega,
         params.sigma_focal,
         rate is None,
+    )[:4]
+
+
+def of_named(params, stars, star, detections, velocity_i, least, rate=None):
+    """`solve` for the objects of a frame that have a name, and what each of the stars used says by itself.
+
+    Parameters
+    ----------
+    params : TrackerParams
+    stars : OnboardCatalogue
+    star : (n,) int64 row of the catalogue for each object, -1 where it has no name
+    detections : Detections, n of them
+    velocity_i : (3,) m/s, of the vehicle relative to the solar-system barycentre
+    least, rate : as in `solve`, the latter of all objects
+
+    Returns
+    -------
+    n_used, q_ic, P_c, residual_px : as of `solve`; n_used is 0 as well where the attitude is no number
+    StarVectors of the stars used
+    """
+    t_s, P_omega = (np.zeros(len(star)), np.zeros((3, 3))) if rate is None else rate
+    *solution, used, u_c, P_u, seen_i, t_s, P_omega = _named_kernel(
+        params.identify.camera, params.outlier_sigma, params.centroid_floor_px, params.sigma_focal, least,
+        stars.u_i, star, detections.xy_px, detections.P_px, velocity_i, t_s, P_omega, rate is None,
+    )  # fmt: skip
+    vectors = StarVectors(stars.hip[star[used]], u_c, P_u, seen_i, t_s, P_omega, params.sigma_focal)
+    return *solution, vectors
+
+
+@njit(cache=True)
+def _named_kernel(
+    camera,
+    outlier_sigma,
+    floor_px,
+    sigma_focal,
+    least,
+    u_i,
+    star,
+    xy_px,
+    P_px,
+    velocity_i,
+    t_s,
+    P_omega,
+    spots,
+):
+    """Four of `solve`, then rows of the stars used and of `StarVectors` all but names and sigma_focal."""
+    rows = np.flatnonzero(star >= 0)
+    xy_px, P_px, t_s = xy_px[rows], P_px[rows], t_s[rows]
+    for k in range(len(rows)):
+        for i in range(2):
+            P_px[k, i, i] += floor_px**2
+    u_c, seen_i = unit_vectors(camera, xy_px), aberrate(u_i[star[rows]], velocity_i)
+    n_used, q_ic, P_c, residual_px, used, misfit = _solve_kernel(
+        camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega, sigma_focal, spots
     )
+    if not np.isfinite(q_ic.sum() + P_c.sum()):
+        n_used = 0
+    xy_px, P_px = xy_px[used], P_px[used]
+    offset = np.array([camera.cx_px, camera.cy_px])
+    for k in range(len(used)):
+        off_px = xy_px[k] - offset
+        for i in range(2):
+            for j in range(2):
+                P_px[k, i, j] = misfit * P_px[k, i, j] + sigma_focal**2 * off_px[i] * off_px[j]
+    P_u = cross_covariance(camera, xy_px, P_px)
+    solution = n_used, q_ic, P_c, residual_px
+    return *solution, rows[used], u_c[used], P_u, seen_i[used], t_s[used], misfit * P_omega
 
 
 @njit(cache=True)
 def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega, sigma_focal, spots):
-    """As `solved`, with the settings that it needs; spots: whether these are no streaks."""
+    """`solve` with the settings that it needs, and rows of the stars used (n_used,), and misfit.
+
+    spots : whether these are no streaks;  misfit : by what that of the stars multiplies P_px and P_c
+    """
     xy_px = pixels(camera, u_c)
     rows = np.arange(len(u_c))
     q_ic = esoq2(u_c, seen_i, sigma_of_centroids(camera, xy_px, P_px))

@@ -6,6 +6,8 @@ exposure of the next frame. The gain stays where the scenario puts it.
 
 from typing import NamedTuple
 
+import numpy as np
+
 
 class ExposureParams(NamedTuple):
     """Settings of the control."""
@@ -27,7 +29,7 @@ def flags(params, mean_dn, detections):
     A planet saturates many pixels of one object; shortening the exposure for it would lose the fainter
     stars, so several objects must be saturated. A frame that is bright as a whole is flagged by its mean.
     """
-    saturated = int((detections.n_saturated > params.saturated_pixels).sum())
+    saturated = np.count_nonzero(detections.n_saturated > params.saturated_pixels)
     flag_saturated = mean_dn > params.max_mean_dn or saturated >= params.saturated_objects
     return flag_saturated, len(detections.flux_dn) < params.min_objects
 

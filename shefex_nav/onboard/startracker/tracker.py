@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import quat_conjugate
 from shefex_nav.onboard.startracker import best_attitude, objects, single
@@ -250,30 +249,14 @@ def identified(tracker, detections, context, found, least, rate=None):
     """
     if found.reason != Reason.NONE:
         return found, found.reason, NO_SOLUTION, NO_STARS
-    params, known = tracker.params, found.star >= 0
-    u_c = unit_vectors(params.identify.camera, detections.xy_px)
-    P_px = best_attitude.centroid_covariance(params, detections)
+    params = tracker.params
     velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
-    seen_i = aberrate(tracker.pairs.stars.u_i[found.star[known]], velocity_i)
-    if rate is not None:
-        rate = rate[0][known], rate[1]
-    solved = best_attitude.solved(params, u_c[known], seen_i, P_px[known], least, rate)
-    n_used, q_ic, P_c, residual_px, used, misfit = solved
-    if n_used < least or not np.isfinite(q_ic.sum() + P_c.sum()):
-        return found, Reason.RESIDUALS, NO_SOLUTION, NO_STARS
-    rows = np.flatnonzero(known)[used]
-    if rate is not None:
-        rate = rate[0][used], misfit * rate[1]
-    stars = single.vectors(
-        params.identify.camera,
-        tracker.pairs.stars.hip[found.star[rows]],
-        detections.xy_px[rows],
-        misfit * P_px[rows] + best_attitude.focal_covariance(params, detections.xy_px[rows]),
-        seen_i[used],
-        rate,
-        params.sigma_focal,
+    n_used, *solution, stars = best_attitude.of_named(
+        params, tracker.pairs.stars, found.star, detections, velocity_i, least, rate
     )
-    return found, Reason.NONE, (q_ic, P_c, residual_px), stars
+    if n_used < least:
+        return found, Reason.RESIDUALS, NO_SOLUTION, NO_STARS
+    return found, Reason.NONE, tuple(solution), stars
 
 
 def _single(tracker, detections, context, rate, reason):

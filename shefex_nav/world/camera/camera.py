@@ -13,6 +13,7 @@ from math import acos, atan, cos, hypot, pi
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from shefex_nav.environment.ephemeris import SkyBodies
 from shefex_nav.environment.stars import silicon_magnitude
@@ -163,10 +164,10 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
         raise ValueError(f"exposure from {t_start_s:.4f} s to {t_end_s:.4f} s is outside the trajectory")
     move = motion.during(camera.pinhole, trajectory, camera.q_bc, t_valid_s, times, camera.psf.step_px)
     boresight_i, C_ei = move.C_ci[2], np.ascontiguousarray(frames.dcm_ie(camera.earth, t_valid_s).T)
-    sun_angle, limb_angle, stray_rate = surroundings(camera, boresight_i, move.r_i, C_ei)
-    background = (params.background_rate + stray_rate) * exposure_s
+    sun_angle, limb_angle, stray = surroundings(camera, boresight_i, move.r_i, C_ei)
+    background = (params.background_rate + stray) * exposure_s
     background = BACKGROUND_STEP * round(background / BACKGROUND_STEP)
-    slope = _slope(camera, move.C_ci, stray_rate * exposure_s)
+    slope = _slope(camera, move.C_ci, stray * exposure_s)
     least = FAINT * np.sqrt(params.read_noise_electrons**2 + background)
     hip, xy_px = _add_sky(camera, move, C_ei, least)
     _add_movers(camera, move, C_ei, t_valid_s, least)
@@ -176,7 +177,8 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
     render.darken(camera.light)
 
     frame = frame_of(params, command, number, (t_start_s, t_valid_s, t_end_s), image_dn)
-    return frame, truth_of(frame, params, move, (sun_angle, limb_angle), hip, xy_px)
+    q_ic = rotation.quat_from_dcm(np.ascontiguousarray(move.C_ci.T))
+    return frame, truth_of(frame, params, (q_ic, move.rate), (sun_angle, limb_angle), hip, xy_px)
 
 
 def frame_of(params, command, number, times_s, image_dn):
@@ -195,14 +197,15 @@ def frame_of(params, command, number, times_s, image_dn):
     )
 
 
-def truth_of(frame, params, move, angles, hip, xy_px):
-    """FrameTruth of a Frame; angles of the boresight to Sun and limb, listed stars and their places."""
-    sun_angle, limb_angle = angles
+def truth_of(frame, params, motion, angles, hip, xy_px):
+    """FrameTruth of a Frame: attitude and rate, angles of the boresight to Sun and limb, listed stars and
+    their places."""
+    (q_ic, rate), (sun_angle, limb_angle) = motion, angles
     return FrameTruth(
         number=frame.number,
         t_valid_s=frame.t_valid_s,
-        q_ic=rotation.quat_from_dcm(np.ascontiguousarray(move.C_ci.T)),
-        rate=move.rate,
+        q_ic=q_ic,
+        rate=rate,
         sun_angle=sun_angle,
         limb_angle=limb_angle,
         exclusion_met=sun_angle >= params.sun_exclusion_rad and limb_angle >= params.earth_exclusion_rad,
@@ -218,14 +221,24 @@ def _flux(params, magnitudes):
 
 def surroundings(camera, boresight_i, r_i, C_ei):
     """Angles of the boresight to Sun and limb [rad], and the stray light [electrons/s and pixel]."""
-    params, sun_u_i = camera.params, camera.bodies.sun_u_i
+    sun_angle, limb_angle, sunlight = aimed(boresight_i, r_i, C_ei, camera.bodies.sun_u_i)
+    return sun_angle, limb_angle, stray_rate(camera.params, sun_angle, limb_angle, sunlight)
+
+
+@njit(cache=True)
+def aimed(boresight_i, r_i, C_ei, sun_u_i):
+    """Angles of the boresight to Sun and limb [rad], and how brightly the Sun lights the limb below it."""
     sun_angle = acos(min(1.0, max(-1.0, boresight_i @ sun_u_i)))
     limb_angle = wgs84.limb_angle(C_ei @ r_i, C_ei @ boresight_i)
-    sunlight = optics.limb_sunlight(boresight_i, r_i, sun_u_i)
+    return sun_angle, limb_angle, optics.limb_sunlight(boresight_i, r_i, sun_u_i)
+
+
+def stray_rate(params, sun_angle, limb_angle, sunlight):
+    """Stray light [electrons/s and pixel] where the boresight is `aimed` so."""
     sun_rate = optics.stray_light(sun_angle, params.sun_exclusion_rad, params.baffle_rad, params)
     # the exclusion angle to the limb is less than the baffle's: light past its edge is in the exponential
     earth_rate = optics.stray_light(limb_angle, params.earth_exclusion_rad, 0.0, params)
-    return sun_angle, limb_angle, sun_rate + sunlight * earth_rate
+    return sun_rate + sunlight * earth_rate
 
 
 def _add_sky(camera, move, C_ei, least):

@@ -45,15 +45,22 @@ def during(camera, trajectory, q_bc, t_valid_s, times, step_px):
     times : RowTimes
     step_px : float
     """
-    t_s = trajectory.t_s
-    per_s = (len(t_s) - 1) / (t_s[-1] - t_s[0])
-    middle = (t_valid_s - t_s[0]) * per_s
-    start, length = middle - instant_after_s(times) * per_s, duration_s(times) * per_s
-    states = trajectory.q_ib, trajectory.omega_ib_b, trajectory.r_i, trajectory.v_i
     steps = duration_s(times) / step_px
-    C_ci, *rest = _motion_kernel(camera, *states, q_bc, start, length, middle, steps)
+    C_ci, *rest = moved(camera, *states(trajectory), q_bc, *samples(trajectory.t_s, t_valid_s, times), steps)
     path = Path(C_ci, -instant_after_s(times), duration_s(times) / (len(C_ci) - 1), times)
     return Motion(path, *rest)
+
+
+def states(trajectory):
+    """What `moved` needs of a Trajectory: q_ib, omega_ib_b, r_i, v_i."""
+    return trajectory.q_ib, trajectory.omega_ib_b, trajectory.r_i, trajectory.v_i
+
+
+def samples(t_s, t_valid_s, times):
+    """Start, length and instant of a frame as fractional numbers of samples, whose times are t_s."""
+    per_s = (len(t_s) - 1) / (t_s[-1] - t_s[0])
+    middle = (t_valid_s - t_s[0]) * per_s
+    return middle - instant_after_s(times) * per_s, duration_s(times) * per_s, middle
 
 
 def at_rest(C_ci, times=None):
@@ -114,10 +121,10 @@ def fastest(camera, omega_c):
 
 
 @njit(cache=True)
-def _motion_kernel(camera, q_ib, omega_ib_b, r_i, v_i, q_bc, start, length, middle, steps):
+def moved(camera, q_ib, omega_ib_b, r_i, v_i, q_bc, start, length, middle, steps):
     """C_ci (n + 1, 3, 3) of the path and the other fields of Motion.
 
-    Start, length and instant of the frame as fractional numbers of samples; steps for 1 px/s.
+    q_ib ... v_i : of `states`;  start, length, middle : of `samples`;  steps : for 1 px/s
     """
     C_bc = dcm_from_quat(q_bc)
     first, last = int(start), min(int(np.ceil(start + length)), omega_ib_b.shape[0] - 1)

@@ -87,16 +87,6 @@ class Chances(NamedTuple):
     uniform: np.ndarray  # (n,)
 
 
-class Objects(NamedTuple):
-    """n things that the detection finds."""
-
-    hip: np.ndarray  # (n,)
-    xy_px: np.ndarray  # (n, 2)
-    electrons: np.ndarray  # (n,)
-    saturated: np.ndarray  # (n,) bool
-    P_px: np.ndarray  # (n, 2, 2)
-
-
 def sight(model, camera, film, scene, rng, limits):
     """What the detection finds, and where it says it is.
 
@@ -112,54 +102,22 @@ def sight(model, camera, film, scene, rng, limits):
     -------
     Sighting, brightest object first
     """
-    mean_dn = min(film.mean_dn + model.mean_offset_dn, 2.0**camera.params.bits - 1.0)
+    hole, most_dn = camera.pinhole, 2.0**camera.params.bits - 1.0
+    mean_dn = min(film.mean_dn + model.mean_offset_dn, most_dn)
     if mean_dn >= limits.full_dn:
         return Sighting(NOTHING, np.zeros(0, dtype=np.int64), float(mean_dn))
-    size = np.array([camera.params.width_px, camera.params.height_px])
-    stars = _sources(model, camera.pinhole, film, scene, rng, limits, size)
-    clutter = _clutter(model, camera.pinhole, film, rng, limits, size)
-    both = Objects(*(np.concatenate(columns) for columns in zip(stars, clutter, strict=True)))
-    rows = np.argsort(-both.electrons, kind="stable")[: limits.most]
-    detections = Detections(
-        xy_px=both.xy_px[rows],
-        flux_dn=both.electrons[rows] / film.electrons_per_dn,
-        n_pixels=np.zeros(len(rows), dtype=np.int64),
-        n_saturated=np.where(both.saturated[rows], size.prod(), 0),
-        P_px=both.P_px[rows],
+    chances = Chances(rng.standard_normal((len(scene[0]), 2)), rng.random(len(scene[0])))
+    clutter = rng.poisson(model.clutter[0] + model.clutter[1] * broken(turned_px(hole, film)))
+    places = rng.random((clutter, 2))
+    hip, *detections = _sight_kernel(
+        model, hole, film, *scene, chances, places, limits.seed_sigma, limits.most
     )
-    return Sighting(detections, both.hip[rows], float(mean_dn))
-
-
-def _sources(model, hole, film, scene, rng, limits, size):
-    """Objects that are sources of the sky."""
-    hip, xy_px, electrons = scene
-    chances = Chances(rng.standard_normal((len(hip), 2)), rng.random(len(hip)))
-    found, seen_px, P_px, saturated = _sight_kernel(
-        model, hole, film, xy_px, electrons, chances, limits.seed_sigma, size
-    )
-    rows = np.flatnonzero(found)
-    return Objects(hip[rows], seen_px[rows], electrons[rows], saturated[rows], P_px[rows])
-
-
-def _clutter(model, hole, film, rng, limits, size):
-    """Objects that are no source, anywhere: as bright as it takes, the first to go if the table is full."""
-    n = rng.poisson(model.clutter[0] + model.clutter[1] * broken(turned_px(hole, film)))
-    least = limits.seed_sigma * BLOCK * film.noise_electrons
-    spot = film.psf_sigma_px, film.psf_sigma_px, least, film.noise_electrons
-    P_px = np.zeros((n, 2, 2))
-    P_px[:, 0, 0] = P_px[:, 1, 1] = model.reported @ np.array(terms(*spot)[0])
-    return Objects(
-        hip=np.zeros(n, dtype=np.int64),
-        xy_px=model.border_px - EDGE_PX + (size - 2.0 * model.border_px) * rng.random((n, 2)),
-        electrons=np.full(n, least),
-        saturated=np.zeros(n, dtype=bool),
-        P_px=P_px,
-    )
+    return Sighting(Detections(*detections), hip, float(mean_dn))
 
 
 def turned_px(hole, film):
     """By how much the camera turns during an exposure."""
-    return hole.focal_length_px * float(np.linalg.norm(film.omega_c)) * film.exposure_s
+    return hole.focal_length_px * sqrt(film.omega_c @ film.omega_c) * film.exposure_s
 
 
 def broken(length_px):
@@ -249,9 +207,40 @@ def _area(x, sigma):
 
 
 @njit(cache=True)
-def _sight_kernel(model, hole, film, xy_px, electrons, chances, seed_sigma, size):
-    """(found, measured places, reported covariances, is saturated) of n sources."""
-    n = electrons.size
+def _sight_kernel(model, hole, film, hip, xy_px, electrons, chances, places, seed_sigma, most):
+    """Hipparcos numbers, and fields of Detections, of the brightest `most` objects, brightest first.
+
+    places : (m, 2) uniform, of objects that are no source, anywhere: as bright as it takes, the first to go
+        if the table is full
+    """
+    found, seen_px, P_px, saturated = _sources(model, hole, film, xy_px, electrons, chances, seed_sigma)
+    sources, m = np.flatnonzero(found), places.shape[0]
+    least = seed_sigma * BLOCK * film.noise_electrons
+    light = np.concatenate((electrons[sources], np.full(m, least)))
+    rows = np.argsort(-light, kind="mergesort")[:most]  # stable
+    n = rows.size
+    names, n_saturated, whole = np.zeros(n, np.int64), np.zeros(n, np.int64), hole.width_px * hole.height_px
+    out_px, P_out_px = np.empty((n, 2)), np.zeros((n, 2, 2))
+    spot = film.psf_sigma_px, film.psf_sigma_px, least, film.noise_electrons
+    variance = np.dot(model.reported, np.array(terms(*spot)[0]))
+    for k in range(n):
+        if rows[k] < sources.size:
+            j = sources[rows[k]]
+            names[k], out_px[k], P_out_px[k] = hip[j], seen_px[j], P_px[j]
+            n_saturated[k] = whole if saturated[j] else 0
+        else:
+            j = rows[k] - sources.size
+            for i in range(2):
+                side = hole.width_px if i == 0 else hole.height_px
+                out_px[k, i] = model.border_px - EDGE_PX + (side - 2.0 * model.border_px) * places[j, i]
+                P_out_px[k, i, i] = variance
+    return names, out_px, light[rows] / film.electrons_per_dn, np.zeros(n, np.int64), n_saturated, P_out_px
+
+
+@njit(cache=True)
+def _sources(model, hole, film, xy_px, electrons, chances, seed_sigma):
+    """(found, measured places, reported covariances, is saturated) of n sources of the sky."""
+    n, size = electrons.size, (hole.width_px, hole.height_px)
     found, saturated = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     seen_px, P_px = xy_px.copy(), np.zeros((n, 2, 2))
     for k in range(n):

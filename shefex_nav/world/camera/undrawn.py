@@ -10,14 +10,15 @@ import numpy as np
 from numba import njit
 from scipy.spatial import cKDTree
 
-from shefex_nav.geometry import frames
+from shefex_nav.geometry import frames, rotation
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
 from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.world.camera import motion, sky
-from shefex_nav.world.camera.camera import frame_of, surroundings, truth_of
+from shefex_nav.world.camera.camera import aimed, frame_of, stray_rate, truth_of
 
 EDGE_PX = 0.5  # from the centre of the outermost pixel to the border of the detector
+SPARE = 1e-3  # rad, around the detector: aberration and rounding
 NO_PICTURE = np.zeros((0, 0), dtype=np.uint8)
 
 
@@ -91,54 +92,72 @@ def look(camera, command, trajectory, number, t_start_s):
     params, exposure_s = camera.params, command.exposure_s
     times = row_times(exposure_s, params.line_s, params.height_px)
     t_valid_s, t_end_s = t_start_s + instant_after_s(times), t_start_s + duration_s(times)
-    move = motion.during(camera.pinhole, trajectory, camera.q_bc, t_valid_s, times, np.inf)
-    C_ei = np.ascontiguousarray(frames.dcm_ie(camera.earth, t_valid_s).T)
-    sun_angle, limb_angle, stray_rate = surroundings(camera, move.C_ci[2], move.r_i, C_ei)
-    scene = _scene(camera, move, C_ei, exposure_s)
-    caught = scene if params.line_s else _in_the_mean(camera.pinhole, move, scene)
-    film = _film(params, command, move, (params.background_rate + stray_rate) * exposure_s, scene[2].sum())
+    (q_ic, rate, omega_c), aim, listed, scene = _look(
+        camera.pinhole, motion.states(trajectory), camera.q_bc,
+        motion.samples(trajectory.t_s, t_valid_s, times), camera.earth, t_valid_s, camera.sky, camera.planets,
+        camera.bodies.earth_v_i, camera.bodies.sun_u_i, exposure_s, camera.psf.width_px, params.line_s == 0.0,
+    )  # fmt: skip
+    background = (params.background_rate + stray_rate(params, *aim)) * exposure_s
+    film = _film(params, command, omega_c, background, scene[2].sum())
     frame = frame_of(params, command, number, (t_start_s, t_valid_s, t_end_s), NO_PICTURE)
-    hip, xy_px, _ = scene
-    listed = hip > 0
-    truth = truth_of(frame, params, move, (sun_angle, limb_angle), hip[listed], xy_px[listed])
-    return frame, truth, film, caught
-
-
-def _scene(camera, move, C_ei, exposure_s):
-    """(hip (n,), xy_px (n, 2), electrons (n,)) of all sources on the detector."""
-    params, hole = camera.params, camera.pinhole
-    cone = atan(0.5 * hypot(params.width_px, params.height_px) / hole.focal_length_px) + 1e-3
-    view = sky.View(move.C_ci[2], cone, move.r_i, camera.bodies.earth_v_i + move.v_i, np.zeros(3), C_ei)
-    every = sky.Film(exposure_s, hole.focal_length_px, camera.psf.width_px, 0.0)
-    hip, u_i, electrons = sky.visible(camera.sky, camera.planets, view, every)
-    return _on_detector(hole, move.C_ci, params.width_px, params.height_px, hip, u_i, electrons)
+    truth = truth_of(frame, params, (q_ic, rate), aim[:2], *listed)
+    return frame, truth, film, scene
 
 
 @njit(cache=True)
-def _on_detector(hole, C_ci, width_px, height_px, hip, u_i, electrons):
+def _look(
+    hole, states, q_bc, samples, earth, t_valid_s, sources, planets, earth_v_i, sun_u_i, exposure_s, width_px,
+    at_once,
+):  # fmt: skip
+    """All of `look` that is arithmetic.
+
+    hole : Pinhole;  states, samples : of `motion`;  sources, planets : sky.Sky, sky.Planets
+    earth_v_i, sun_u_i : of SkyBodies;  width_px : of the spots;  at_once : whether all rows are
+
+    Returns
+    -------
+    q_ic, greatest rate, omega_c
+    of `camera.aimed`
+    (hip (n,), xy_px (n, 2)) of listed stars in the middle of the exposure
+    (hip (n,), xy_px (n, 2), electrons (n,)) of all sources where their light falls in the mean
+    """
+    path_ci, C_ci, r_i, v_i, omega_i, rate = motion.moved(hole, *states, q_bc, *samples, 0.0)
+    C_ei = np.ascontiguousarray(frames.dcm_ie(earth, t_valid_s).T)
+    cone = atan(0.5 * hypot(hole.width_px, hole.height_px) / hole.focal_length_px) + SPARE
+    view = sky.View(C_ci[2], cone, r_i, earth_v_i + v_i, np.zeros(3), C_ei)
+    every = sky.Film(exposure_s, hole.focal_length_px, width_px, 0.0)
+    hip, u_i, electrons = sky.visible(sources, planets, view, every)
+    hip, xy_px, electrons = _on_detector(hole, C_ci, hip, u_i, electrons)
+    caught_px = _bent(hole, path_ci, C_ci, xy_px) if at_once else xy_px
+    q_ic = rotation.quat_from_dcm(np.ascontiguousarray(C_ci.T))
+    listed = hip > 0
+    return (
+        (q_ic, rate, C_ci @ omega_i),
+        aimed(C_ci[2], r_i, C_ei, sun_u_i),
+        (hip[listed], xy_px[listed]),
+        (hip, caught_px, electrons),
+    )
+
+
+@njit(cache=True)
+def _on_detector(hole, C_ci, hip, u_i, electrons):
     """Of what is in the cone, what falls on the detector: (hip (n,), xy_px (n, 2), electrons (n,))."""
     kept, seen, light = np.empty_like(hip), np.empty((hip.size, 2)), np.empty(hip.size)
     xy_px, n = pixels(hole, u_i @ C_ci.T), 0
     for k in range(hip.size):
         x, y = xy_px[k]  # NaN behind the camera is inside of nothing
-        if -EDGE_PX <= x <= width_px - EDGE_PX and -EDGE_PX <= y <= height_px - EDGE_PX:
+        if -EDGE_PX <= x <= hole.width_px - EDGE_PX and -EDGE_PX <= y <= hole.height_px - EDGE_PX:
             kept[n], seen[n, 0], seen[n, 1], light[n] = hip[k], x, y, electrons[k]
             n += 1
     return kept[:n], seen[:n], light[:n]
 
 
-def _in_the_mean(hole, move, scene):
-    """The scene where its light falls in the mean: elsewhere than in the middle while the rate changes.
-
-    Simpson's rule over the exposure of all rows at once; hole : Pinhole
-    """
-    hip, xy_px, electrons = scene
-    return hip, _bent(hole, move.path.C_ci, move.C_ci, xy_px), electrons
-
-
 @njit(cache=True)
 def _bent(hole, path_ci, C_ci, xy_px):
-    """Places of light in the mean of a path (m, 3, 3), from those at its middle (3, 3): (n, 2) px."""
+    """Places of light in the mean of a path (m, 3, 3), from those at its middle (3, 3): (n, 2) px.
+
+    Elsewhere than in the middle while the rate changes: Simpson's rule over an exposure of all rows at once.
+    """
     mean_ci = (path_ci[0] + 4.0 * C_ci + path_ci[-1]) / 6.0
     D = mean_ci @ C_ci.T  # 1 - skew of the turn from the middle to the mean
     bend_c = 0.5 * np.array([D[1, 2] - D[2, 1], D[2, 0] - D[0, 2], D[0, 1] - D[1, 0]])
@@ -148,7 +167,7 @@ def _bent(hole, path_ci, C_ci, xy_px):
     return out
 
 
-def _film(params, command, move, background, starlight):
+def _film(params, command, omega_c, background, starlight):
     """Exposure with a background in electrons a pixel, and the light of all stars."""
     per_dn = params.electrons_per_dn / 10.0 ** (command.gain_db / 20.0)
     spread = starlight / (params.width_px * params.height_px)
@@ -157,7 +176,7 @@ def _film(params, command, move, background, starlight):
         psf_sigma_px=params.sigma_psf_px,
         noise_electrons=sqrt(params.read_noise_electrons**2 + background + per_dn**2 / 12.0),
         exposure_s=command.exposure_s,
-        omega_c=move.C_ci @ move.omega_ib_i,
+        omega_c=omega_c,
         electrons_per_dn=per_dn,
         mean_dn=mean_dn,
     )
