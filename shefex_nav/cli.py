@@ -246,12 +246,12 @@ def view(
         raise typer.BadParameter("does not go with --save or --screenshot", param_hint="--web")
     for path, option, ending in ((save, "--save", ".rrd"), (screenshot, "--screenshot", ".png")):
         if path is not None:
+            export_command.check_file(path, option, force=force, given=logs)
             if path.suffix.lower() != ending:
                 words = (
                     f"{path}: only {ending.removeprefix('.').upper()} is written; end its name in {ending}"
                 )
                 raise typer.BadParameter(words, param_hint=option)
-            export_command.check_file(path, option, force=force, given=logs)
     from shefex_nav.report import viewer
     from shefex_nav.report.viewer import layout
 

@@ -18,7 +18,10 @@ DIGITS = 6
 MOST_DIFFERENCES = 10  # values, that are told
 
 
-NAMES = {"code": "the source code of shefex_nav", "data": "the star catalogue or the gravity field"}
+NAMES = {  # of versions
+    "code": "the source code of shefex_nav",
+    "data": "the star catalogue or the gravity field",
+}
 
 
 class StoreError(Exception):

@@ -165,6 +165,16 @@ def test_other_logs_are_drawn_over_the_first(log, tmp_path):
     assert "/plots/nees/made_up-2" in entities
     everything = {str(chunk.entity_path) for chunk in RrdReader(saved).stream()}
     assert "/world/overlay/made_up-2" in everything
+    for logs, told in (([log, other], "Laid over made_up-1"), ([log], None)):
+        recording.build(logs, saved)
+        texts = [
+            chunk.to_record_batch().column("TextDocument:text")[0].as_py()[0]
+            for chunk in RrdReader(saved).stream()
+            if str(chunk.entity_path).startswith("/legend/")
+        ]
+        assert len(texts) == len(layout.PAGES)
+        assert all((told is not None) == text.startswith("**Logs.** Laid over made_up-1") for text in texts)
+        assert all(("orange made_up-2" in text) == (told is not None) for text in texts)
 
 
 def test_the_recording_beside_a_log_is_made_again_when_the_log_is_newer(log, tmp_path):

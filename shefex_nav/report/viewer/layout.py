@@ -127,7 +127,7 @@ def blueprint(data, seen, has, *, page=OVERVIEW):
 def _overview(data, seen, has):
     import rerun.blueprint as rrb
 
-    side = rrb.Vertical(_lanes(data), _texts(OVERVIEW), row_shares=[11, 10])
+    side = rrb.Vertical(_lanes(data), _texts(OVERVIEW), row_shares=[12, 9])
     upper = rrb.Horizontal(_cameras(data, has), _trajectory(seen), side, column_shares=[5, 6, 4])
     lower = rrb.Tabs(rrb.Grid(*_errors(data), grid_columns=COLUMNS, name=_ERRORS), _flight_curves(data, has))
     return rrb.Vertical(upper, lower, row_shares=[9, 10], name=OVERVIEW)
@@ -136,7 +136,7 @@ def _overview(data, seen, has):
 def _mission(data, seen, has):
     import rerun.blueprint as rrb
 
-    side = rrb.Vertical(_lanes(data), _texts(MISSION), row_shares=[5, 8])
+    side = rrb.Vertical(_lanes(data), _texts(MISSION), row_shares=[6, 7])
     upper = rrb.Horizontal(_trajectory(seen), side, column_shares=[2, 1])
     curves = rrb.Grid(*_flight_views(data, has), grid_columns=COLUMNS)
     return rrb.Vertical(upper, curves, row_shares=[3, 2], name=MISSION)
