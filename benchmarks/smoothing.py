@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from missions import SCENARIOS
 
-AT_S = (-5.0, 30.0, 100.0, 200.0, 240.0, 270.0, 320.0, 370.0, 390.0, 398.0, 420.0, 480.0)
+AT_S = (-5.0, 30.0, 100.0, 130.0, 160.0, 200.0, 240.0, 270.0, 320.0, 370.0, 390.0, 398.0, 420.0, 480.0)
 MADE_FOR = {"scenario": "shefex2_andoya.yaml", "set": []}  # whose star fixes they must be
 BLOCKS = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9)}
 

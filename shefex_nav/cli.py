@@ -42,7 +42,6 @@ app.command()(repeat)
 app.command()(export_command.export)
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
-LogArgument = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -66,7 +65,7 @@ def run(
 
     loaded = load.load(scenario, overrides or ())
     path = out or free_name(loaded.mission.name, seed)
-    export_command.check_file(path, "--out", force=force)
+    export_command.check_file(path, "--out", force=force, given=loaded_files(loaded, scenario))
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
     say("Getting ready; the first run on a machine compiles, which takes a few minutes.")
     from shefex_nav import runs
@@ -81,6 +80,11 @@ def run(
             told=lambda warnings: warn(loaded, warnings),
         )
     show(flown.summary(), json, flown.data)
+
+
+def loaded_files(loaded, scenario):
+    """Paths of the files that a Scenario was read from."""
+    return [scenario, *(Path(name) for name, _ in loaded.files)]
 
 
 def free_name(name, seed):
@@ -171,7 +175,7 @@ def report(
 ):
     """Print the results of a run from its log, or those of a campaign from its folder."""
     if html is not None:
-        export_command.check_file(html, "--html", force=force)
+        export_command.check_file(html, "--html", force=force, given=[log])
     if figures is not None:
         export_command.check_pictures(figures, _picture_names(log), "--figures", force=force)
     if log.is_dir():
@@ -240,12 +244,14 @@ def view(
         )
     if web and (save or screenshot):
         raise typer.BadParameter("does not go with --save or --screenshot", param_hint="--web")
-    for path, option in ((save, "--save"), (screenshot, "--screenshot")):
+    for path, option, ending in ((save, "--save", ".rrd"), (screenshot, "--screenshot", ".png")):
         if path is not None:
-            if any(path.resolve() == log.resolve() for log in logs):
-                words = f"{path} is the log itself; choose another name"
+            export_command.check_file(path, option, force=force, given=logs)
+            if path.suffix.lower() != ending:
+                words = (
+                    f"{path}: only {ending.removeprefix('.').upper()} is written; end its name in {ending}"
+                )
                 raise typer.BadParameter(words, param_hint=option)
-            export_command.check_file(path, option, force=force)
     from shefex_nav.report import viewer
     from shefex_nav.report.viewer import layout
 
@@ -281,7 +287,14 @@ def tell_if_cut(log, data):
 
 
 @app.command()
-def check(scenario: ScenarioArgument, overrides: SetOption = None):
+def check(
+    scenario: ScenarioArgument,
+    overrides: SetOption = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(help="List each value that differs from a campaign's folder, a log or a scenario."),
+    ] = None,
+):
     """Check a scenario file; all its errors at once, with line and column.
 
     A vehicle that is launched is flown, without its sensors: times that do not fit the flight are told.
@@ -289,12 +302,18 @@ def check(scenario: ScenarioArgument, overrides: SetOption = None):
     from shefex_nav.report import programme
     from shefex_nav.scenario import load
 
-    loaded = load.load(scenario, overrides or ())
+    loaded, differences = load.load(scenario, overrides or ()), []
+    if against is not None:
+        from shefex_nav.campaign import against as other
+
+        differences = other.lines(loaded, against)
     with about(scenario):
         found = programme.foreseen(loaded)
     warn(loaded, found)
     count = f", with {len(found)} warning{'s' if found[1:] else ''}" if found else ""
     typer.echo(f"{scenario}: good{count}")
+    for line in differences:
+        typer.echo(line)
 
 
 @app.command()
@@ -330,6 +349,7 @@ def user_errors():
         "shefex_nav.report.viewer.program.ViewerError",
         "shefex_nav.replay.table.DataError",
         "shefex_nav.statistical.OutsideModelError",
+        "shefex_nav.campaign.store.StoreError",
     )
     for name in names:
         module, _, attribute = name.rpartition(".")

@@ -1,21 +1,23 @@
 """Where numba keeps compiled kernels.
 
 numba notices an edit in the file of a kernel, but not one in another file whose functions or constants
-that kernel uses. The cache folder therefore carries a hash of the folders whose code is used across files:
-after an edit there, every kernel is compiled again.
+that kernel uses. The cache folder therefore carries a hash of what is used across files: after an edit there,
+every kernel is compiled again.
 """
 
 import hashlib
 import os
 import sys
 
-SHARED = (
+SHARED = (  # folders and files
+    "records.py",
     "geometry",
     "environment",
     "onboard/navigation",
     "onboard/startracker",
     "onboard/startracker/identify",
     "solve",
+    "world/camera",
     "world/flight",
 )
 
@@ -26,11 +28,12 @@ ONE_THREAD = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"  # of 
 def cache_key(package_dir):
     """Hash of the source files whose functions are inlined into other files' kernels: str."""
     digest = hashlib.sha256()
-    for folder in SHARED:
-        path = os.path.join(package_dir, folder)
-        for name in sorted(os.listdir(path)) if os.path.isdir(path) else ():
-            if name.endswith(".py"):
-                with open(os.path.join(path, name), "rb") as source:
+    for place in SHARED:
+        path = os.path.join(package_dir, place)
+        names = sorted(os.listdir(path)) if os.path.isdir(path) else [""]
+        for file in (os.path.join(path, name) if name else path for name in names):
+            if file.endswith(".py") and os.path.exists(file):
+                with open(file, "rb") as source:
                     digest.update(source.read())
     return digest.hexdigest()[:12]
 

@@ -100,7 +100,7 @@ class ImuBlock(NamedTuple):
     dtheta_b: np.ndarray  # (n, 3) rad, integrated rate
     dv_b: np.ndarray  # (n, 3) m/s, integrated specific force
     saturated: bool  # a sample of this block reached the range of its sensor
-    valid: bool = True  # False: the unit did not answer, its increments are NaN
+    valid: bool = True  # False: the unit did not answer, its increments (NaN in a flight) mean nothing
 
 
 class GpsFix(NamedTuple):
@@ -128,7 +128,7 @@ class GpsRanges(NamedTuple):
 
     t_valid_s: float
     t_available_s: float
-    prn: np.ndarray  # (n,) int, ascending; slots 1 to 24 of the nominal constellation
+    prn: np.ndarray  # (n,) int, ascending; of an almanac, or slots 1 to 24 of the nominal constellation
     pseudorange: np.ndarray  # (n,) m
     range_rate: np.ndarray  # (n,) m/s, positive as the distance grows
     r_es_e: np.ndarray  # (n, 3) m, satellite at transmission as broadcast, in the axes e of t_valid_s

@@ -1,6 +1,7 @@
 """The route: scenario -> world -> on-board computer -> records.
 
-This is the only place where the world and the flight software meet. `run` is an iterator of the records of
+Here world and flight software take their turns; elsewhere they meet only where both are set up (`prepare`),
+where a model stands for pictures (`statistical`), and in experiments. `run` is an iterator of the records of
 `records`, in the order in which things happen; whoever calls it writes them, keeps them or counts them.
 """
 

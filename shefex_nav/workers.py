@@ -28,6 +28,21 @@ def undisturbed():
         signal.signal(signal.SIGINT, handler)
 
 
+@contextmanager
+def environment(variables):
+    """Environment variables for processes that are started inside; afterwards they are as before."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
 def bind_to_parent():
     """In a worker: leave Ctrl-C to the parent, and end when the parent is gone, however it ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -55,6 +55,14 @@ REFUSALS = {
         "check",
         LOG,
     ): "{log}:1:1: the file holds a single value; expected a mapping that starts with 'mission:'",
+    ("report", LOG, "--html", LOG, "--force"): "--html: {log} is the log itself; choose another name",
+    ("export", LOG, "--kml", LOG, "--force"): "--kml: {log} is the log itself; choose another name",
+    ("run", "{default}", "--out", "{default}", "--force"): (
+        "--out: {default} is a file that is read here; choose another name"
+    ),
+    ("campaign", "{default}", "--runs", "2", "--out", THERE): (
+        "{there}: is a file; expected the name of a folder"
+    ),
     ("repeat", "{there}.d", "0"): "{there}.d: there is no campaign.json; expected the folder of a campaign",
 }
 

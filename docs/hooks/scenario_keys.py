@@ -23,7 +23,8 @@ COLUMNS = "| key | meaning | unit | default | range | example |\n|---|---|---|--
 
 
 def on_files(files, config, **_):
-    """Add the page."""
+    """Put the page in the place of the one that says, in a checkout, how to make it."""
+    files.remove(files.get_file_from_path(PAGE))
     files.append(File.generated(config, PAGE, content=text()))
     return files
 

@@ -10,14 +10,13 @@ is told: the fault need not be its own.
 """
 
 import multiprocessing
-import os
 from collections import deque
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, ProcessPoolExecutor, wait
 from typing import NamedTuple
 
 from shefex_nav.campaign import flight
 from shefex_nav.compiled import ONE_THREAD
-from shefex_nav.workers import bind_to_parent, undisturbed
+from shefex_nav.workers import bind_to_parent, environment, undisturbed
 
 ATTEMPTS = 3  # of a run whose worker is killed or in trouble
 DEATHS = 8  # such attempts, one after the other, with nothing flown in between: then something else is wrong
@@ -64,11 +63,11 @@ class ProcessLane:
         """Future of a run."""
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
-            os.environ.update(dict.fromkeys(ONE_THREAD, "1"))  # of the new process, whatever the user set
             self._pool = ProcessPoolExecutor(1, context, _begin, (self._prepare, self._plan))
         before = set(multiprocessing.active_children())
         try:
-            future = self._pool.submit(self._function, job)
+            with environment(dict.fromkeys(ONE_THREAD, "1")):  # of a new process, whatever the user set
+                future = self._pool.submit(self._function, job)
         except BrokenExecutor:  # killed while it had nothing to do
             self.renew()
             return self.submit(job)

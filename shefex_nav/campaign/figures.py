@@ -12,7 +12,6 @@ from shefex_nav.report.figures.style import BLUE, GREY, RED
 FAINT = "0.87"
 QUANTITIES = (("position", "m", 1.0), ("velocity", "m/s", 1.0), ("attitude", "deg", 180.0 / np.pi))
 TITLES = {"gyro_bias": "gyro bias", "accel_bias": "accelerometer bias"}
-SETTLING = ("attitude at entry, worst axis", "position at entry", "attitude, rms of the run")
 MOST_BARS = 8
 MOST_PANELS = 9
 FEW_RUNS = 40  # of fewer, each is drawn

@@ -34,7 +34,7 @@ def parts(campaign, series=None):
     """Everything for people: list of Part. series : over_time.Series, None if no run has any"""
     found = [head(campaign), requirements(campaign), errors(campaign), flights(campaign)]
     found.append(unjudged(campaign) if series is None else covariance(campaign, series))
-    found += [failures(campaign), worst(campaign), explained(campaign)]
+    found += [programme(campaign), failures(campaign), worst(campaign), explained(campaign)]
     return [part for part in found if part is not None]
 
 
@@ -201,6 +201,20 @@ def _size(is_small):
     return Loud(f"covariance too {'small' if is_small else 'large'}")
 
 
+def programme(campaign):
+    """What the times of the programme get wrong of the dispersed flights; None if nothing."""
+    good, lines = int(campaign.succeeded.sum()), []
+    for cause in campaign.warnings():
+        what = "" if len(cause.runs) == 1 else f", with the numbers of run {cause.runs[0]}"
+        lines.append(Loud(f"{len(cause.runs)} of {good} runs ({_some(cause.runs)}){what}: {cause.words}"))
+    return Part("The programme does not fit the flight", lines=tuple(lines)) if lines else None
+
+
+def _some(runs):
+    """The first of some runs."""
+    return ", ".join(str(run) for run in runs[:MOST_RUNS]) + (", ..." if len(runs) > MOST_RUNS else "")
+
+
 def failures(campaign):
     """Why runs failed, and what they have in common."""
     causes = campaign.causes()
@@ -208,10 +222,8 @@ def failures(campaign):
         return None
     lines = []
     for cause in causes[:MOST_CAUSES]:
-        some = ", ".join(str(run) for run in cause.runs[:MOST_RUNS])
-        more = ", ..." if len(cause.runs) > MOST_RUNS else ""
         count = f"{len(cause.runs)} run{'s' if len(cause.runs) > 1 else ''}"
-        lines += [f"{count} ({some}{more}): {cause.words}", Command(repeat(campaign, cause.runs[0]))]
+        lines += [f"{count} ({_some(cause.runs)}): {cause.words}", Command(repeat(campaign, cause.runs[0]))]
     if len(causes) > MOST_CAUSES:
         lines.append(f"and {len(causes) - MOST_CAUSES} other reasons")
     certain = [one for one in sensitivity.separations(campaign) if one.p_holm < sensitivity.SIGNIFICANT]

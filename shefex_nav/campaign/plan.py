@@ -11,6 +11,7 @@ from typing import NamedTuple
 FORMAT = 1  # of the folder
 BLOCKS = ("attitude", "velocity", "position", "gyro_bias", "accel_bias")  # of a series, in this order
 PACKAGE = Path(__file__).parents[1]
+DATA = "data/*.csv", "data/*.csv.gz"  # stars and gravity; the coast lines are of pictures alone
 
 
 class Plan(NamedTuple):
@@ -71,18 +72,20 @@ def digest(content):
 
 
 def versions():
-    """Versions of what a result may depend on; `code` is a digest of this package's source files."""
+    """Versions of what a result may depend on; `code` and `data` are digests of files of this package."""
     from importlib.metadata import version
 
     from shefex_nav import __version__
 
-    own = {"shefex_nav": __version__, "code": _code(), "python": ".".join(map(str, sys.version_info[:3]))}
+    own = {"shefex_nav": __version__, "python": ".".join(map(str, sys.version_info[:3]))}
+    own |= {"code": _contents(PACKAGE, "**/*.py"), "data": _contents(PACKAGE, *DATA)}
     return own | {name: version(name) for name in ("numpy", "scipy", "numba", "astropy", "filterpy")}
 
 
 @cache
-def _code():
+def _contents(folder, *patterns):
+    """Digest of the names and contents of the files in `folder` that fit a pattern."""
     total = hashlib.sha256()
-    for path in sorted(PACKAGE.rglob("*.py")):
-        total.update(path.relative_to(PACKAGE).as_posix().encode() + path.read_bytes())
+    for path in sorted(path for pattern in patterns for path in folder.glob(pattern)):
+        total.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
     return total.hexdigest()[:16]

@@ -137,9 +137,8 @@ def compared(kept, now):
 
 def _changes(then, now):
     """A line for each version that has changed since the campaign."""
-    what = {"code": "the source code of shefex_nav"}
     return [
-        f"{what.get(name, name)} has changed since: {then[name]} then, {now.get(name)} now"
+        f"{store.NAMES.get(name, name)} has changed since: {then[name]} then, {now.get(name)} now"
         for name in then
         if then[name] != now.get(name)
     ]

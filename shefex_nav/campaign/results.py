@@ -30,9 +30,9 @@ class Failure(NamedTuple):
 
 
 class Cause(NamedTuple):
-    """Failures that say the same but for their numbers."""
+    """Runs of which the same is said but for its numbers: failures, or warnings."""
 
-    words: str  # their reason, numbers as in the first of them
+    words: str  # what is said, numbers as in the first of them
     runs: tuple  # indices of the runs
 
 
@@ -213,6 +213,21 @@ class Campaign:
             found.setdefault(_NUMBER.sub("#", failure.reason), []).append(failure)
         groups = [Cause(group[0].reason, tuple(one.run for one in group)) for group in found.values()]
         return sorted(groups, key=lambda cause: (-len(cause.runs), cause.runs[0]))
+
+    def warnings(self):
+        """What the programme gets wrong of the flights, the most frequent first: list of Cause.
+
+        It is in the files of the runs, not in the table: nothing is said where these are not kept.
+        """
+        found = {}
+        for record in store.Store(self.folder).records(self.head["runs"]):
+            said = {
+                f"{one['field']}: {one['text']}" for one in (record["summary"] or {}).get("warnings") or ()
+            }
+            for words in sorted(said):
+                found.setdefault(_NUMBER.sub("#", words), []).append((words, record["run"]))
+        groups = [Cause(group[0][0], tuple(run for _, run in group)) for group in found.values()]
+        return sorted(groups, key=lambda cause: (-len(cause.runs), cause.words))
 
 
 def _text(value):

@@ -75,7 +75,7 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
     """
     began = time.perf_counter()
     plan, sampler = prepared(request.scenario, request.runs, request.seed)
-    store.begin(plan, described(request.scenario))
+    store.begin(plan, described(request.scenario), request.scenario.place)
     tally = progress.Tally(plan.runs, badness(request.scenario))
     missing = _missing(plan, store, show, tally)
     lost, unlogged, interrupted, table = [], [], False, None

@@ -4,7 +4,7 @@ import numpy as np
 
 from shefex_nav.campaign.plan import BLOCKS
 from shefex_nav.report import metrics
-from shefex_nav.report.pairing import SAME_TIME_S, same_times
+from shefex_nav.report.pairing import SAME_TIME_S, phase_at, same_times
 
 
 def series(data, trajectory, biases, rate_hz):
@@ -38,7 +38,7 @@ def series(data, trajectory, biases, rate_hz):
     t_s = errors.t_s[i]
     of_sample = np.searchsorted(trajectory.t_s, t_s - SAME_TIME_S).clip(0, len(trajectory.t_s) - 1)
     kept = _errors_and_sigmas(errors, data.covariance, biases[of_sample], i, j)
-    kept["phase"] = metrics.phase_at(data.truth, t_s).astype(np.int8)
+    kept["phase"] = phase_at(data.truth, t_s).astype(np.int8)
     kept["nees"] = _nees(kept, data.covariance.P[j])
     return kept | _innovations(data.gates, t_s)
 

@@ -4,7 +4,6 @@ A file is written whole or not at all, and is on the disk before its run counts 
 lost or spoilt all the same is flown again.
 """
 
-import difflib
 import json
 import os
 from contextlib import contextmanager, suppress
@@ -13,10 +12,16 @@ from pathlib import Path
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign import table
 from shefex_nav.campaign.files import put, settle
-from shefex_nav.scenario import document
+from shefex_nav.scenario import differences
 
 DIGITS = 6
-LONGEST_DIFFERENCE = 60  # lines
+MOST_DIFFERENCES = 10  # values, that are told
+
+
+NAMES = {  # of versions
+    "code": "the source code of shefex_nav",
+    "data": "the star catalogue or the gravity field",
+}
 
 
 class StoreError(Exception):
@@ -40,6 +45,8 @@ class Store:
         self._lock = None
 
     def __enter__(self):
+        if self.folder.is_file():
+            raise StoreError(f"{self.folder}: is a file; expected the name of a folder")
         try:
             (self.folder / "runs").mkdir(parents=True, exist_ok=True)
             self._lock = open(self.folder / ".lock", "w")
@@ -59,11 +66,14 @@ class Store:
         """What campaign.json holds; None if there is none."""
         return read_head(self.folder, missing=None)
 
-    def begin(self, plan, dispersions):
-        """Say what is flown here, or go on with the same; StoreError if it was something else. -> head"""
+    def begin(self, plan, dispersions, place=lambda path: ""):
+        """Say what is flown here, or go on with the same; StoreError if it was something else. -> head
+
+        place : where the value at a path of the scenario is written, for that error
+        """
         old = self.head()
         if old is not None:
-            _compare(old, plan, self.folder)
+            _compare(old, plan, self.folder, place)
         elif any((self.folder / "runs").iterdir()):
             raise StoreError(f"{self.folder}: there are runs, but no campaign.json that says of what")
         self._clear()
@@ -266,14 +276,11 @@ def _locked(file):
     return True
 
 
-def _compare(old, plan, folder):
+def _compare(old, plan, folder, place):
     """StoreError if the campaign in the folder is another one."""
     how = "choose another folder with --out"
     if old["source"] != plan.source:
-        raise StoreError(
-            f"{folder}: the scenario is not the one that was flown here; {how}, or undo the change:\n"
-            + difference(old["source"], plan.source)
-        )
+        raise StoreError(_other_scenario(old, plan, folder, place, how))
     if old["seed"] != plan.seed:
         raise StoreError(f"{folder}: was flown with --seed {old['seed']}, not {plan.seed}; {how}")
     if plan.sampling == "latin_hypercube" and old["runs"] != plan.runs:
@@ -288,26 +295,25 @@ def _compare(old, plan, folder):
         )
     now = plan.versions
     differ = [
-        f"{name} {was}, now {now.get(name)}" for name, was in old["versions"].items() if now.get(name) != was
+        f"{NAMES.get(name, name)} ({was} then, {now.get(name)} now)"
+        for name, was in old["versions"].items()
+        if now.get(name) != was
     ]
     if differ:
-        raise StoreError(f"{folder}: was flown with {'; '.join(differ)}; {how}")
+        raise StoreError(
+            f"{folder}: results would be mixed, because something changed since: {', '.join(differ)}; {how}"
+        )
 
 
-def difference(old, new):
-    """Unified difference of two scenarios' texts, one line a value, cut off if it is long."""
-    before, after = (list(_values(document.parse(text, "").tree)) for text in (old, new))
-    lines = list(difflib.unified_diff(before, after, "flown here", "asked for now", n=0, lineterm=""))
-    lines = [line for line in lines if not line.startswith("@@")]
-    more = len(lines) - LONGEST_DIFFERENCE
-    return "\n".join([*lines[:LONGEST_DIFFERENCE], *([f"... and {more} more lines"] if more > 0 else [])])
-
-
-def _values(tree, path=""):
-    """`launch.elevation: 86.43 deg` for each value of a scenario."""
-    for key, value in tree.items():
-        name = f"{path}.{key}" if path else str(key)
-        if isinstance(value, dict) and value:
-            yield from _values(value, name)
-        else:
-            yield f"{name}: {value}"
+def _other_scenario(old, plan, folder, place, how):
+    """Words about a scenario that is not the one of the folder: the first values that differ."""
+    found = differences.of_texts(old["source"], plan.source)
+    what = "the scenario is not the one that was flown here"
+    if old["scenario"] != plan.name:
+        what = f"this is a campaign of {old['scenario']!r}, not of {plan.name!r}"
+    told = differences.lines(found, place, MOST_DIFFERENCES)
+    if more := len(found) - len(told):
+        see = f"`shefex-nav check SCENARIO --against {folder}` shows all"
+        told.append(f"and {more} more values; {see}")
+    count = f"{len(found)} values differ" if found[1:] else "one value differs"
+    return "\n".join([f"{folder}: {what}; {how}, or undo the change. {count} (flown here -> now):", *told])

@@ -1,13 +1,16 @@
 """Delay of the L1 signal in the ionosphere: the broadcast model of GPS, and how much of it is overhead.
 
 The broadcast (Klobuchar) model is made for receivers on the ground: IS-GPS-200, section 20.3.3.5.2.5. For a
-vehicle inside the layer it is multiplied by the share of the electrons above it, those of an alpha-Chapman
-layer (Rishbeth & Garriott, Introduction to Ionospheric Physics, section 3.4)::
+vehicle inside the layer it is multiplied by what its own ray meets of the electrons, over what the ray of
+the same elevation from the ground meets (`slant_share`), both added up along the rays through an
+alpha-Chapman layer (Rishbeth & Garriott, Introduction to Ionospheric Physics, section 3.4)::
 
-    N(z) ~ exp((1 - z - exp(-z))/2),   z = (h - h_max)/H,   share above h = erf(exp(-z/2)/sqrt(2))
+    N(z) ~ exp((1 - z - exp(-z))/2),   z = (h - h_max)/H
 
-Little is below 150 km and nothing to speak of above 900 km. Slanting rays, also those that lead down and pass
-the layer twice, are compared with the ray from the ground by adding up the layer along both.
+To the zenith that is the part of the layer above the vehicle, erf(exp(-z/2)/sqrt(2)). A slanting ray that
+starts inside the layer stays longer in what is left of it than one from the ground, which is steeper by the
+time it gets there: low rays meet more, at 300 km towards the horizon twice what the ground does. Rays that
+lead down pass the layer twice. Little is below 150 km and nothing to speak of above 900 km.
 """
 
 import numpy as np
@@ -20,14 +23,6 @@ FLOOR_S = 5e-9  # zenith delay at night
 LOWEST_ELEVATION = 0.0  # rad; the broadcast model is not made for rays that lead downwards
 EARTH_RADIUS = 6371e3  # m; a sphere will do here
 STEP, FURTHEST = 20e3, 6000e3  # m along a ray; the step is a third of the scale height
-
-
-def share_above(height):
-    """Part of the electrons that is above a height, m: 1 on the ground, 0.68 at the peak, 0 far out."""
-    from scipy.special import erf
-
-    z = (np.asarray(height, dtype=float) - PEAK_HEIGHT) / SCALE_HEIGHT
-    return erf(np.exp(-0.5 * np.maximum(z, -20.0)) / np.sqrt(2.0))
 
 
 def klobuchar(alpha, beta, latitude, longitude, elevation, azimuth, gps_s):

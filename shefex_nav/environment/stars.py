@@ -64,11 +64,6 @@ def select(catalogue, rows):
     return StarCatalogue(*(column[rows] for column in catalogue[:-1]), catalogue.epoch)
 
 
-def brighter_than(catalogue, vmag):
-    """Stars with V <= vmag."""
-    return select(catalogue, catalogue.vmag <= vmag)
-
-
 def at_epoch(catalogue, julian_year):
     """Catalogue moved along its proper motions, u = normalise(u0 + pm (t - t0)).
 

@@ -102,6 +102,24 @@ def _mission(numbers, raw):
     )
 
 
+def _unreadable(path, error):
+    """Why a log cannot be opened."""
+    if not path.is_dir():
+        return f"cannot be read: {error.strerror}"
+    if (path / "campaign.json").is_file():
+        words = "is the folder of a campaign, expected a log; `shefex-nav report` reads the folder"
+        logs = sorted((path / "logs").glob("*.mcap"))
+        return f"{words}, and the log of a run is such as {logs[0]}" if logs else words
+    return "cannot be read: is a directory, expected a log (.mcap)"
+
+
+def _other(path):
+    """What a file is that is no log, as far as that can be told."""
+    if path.suffix in (".yaml", ".yml"):
+        return "; `shefex-nav run` flies a scenario and writes a log"
+    return "; it is empty" if not path.stat().st_size else ""
+
+
 def _read_file(path):
     """(_Raw, whether the file was closed properly)."""
     from mcap.data_stream import ReadDataStream
@@ -112,12 +130,12 @@ def _read_file(path):
     try:
         file = path.open("rb")
     except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+        raise LogError(f"{path}: {_unreadable(path, error)}") from error
     with file:
         try:
             read_magic(ReadDataStream(file))
         except (InvalidMagic, EndOfFile, struct.error) as error:
-            raise LogError(f"{path}: not an MCAP file") from error
+            raise LogError(f"{path}: not an MCAP file{_other(path)}") from error
         try:
             for opcode, content in _records(file):
                 _take(opcode, content, raw)

@@ -47,7 +47,8 @@ def static(scenario, data, earth):
 
     Position from GNSS; level from the specific force, which is minus gravity; heading from the rate of the
     Earth (Groves, 2nd ed., section 5.6), unless it is given. A bias b of an accelerometer tilts the level by
-    b/g, one of the gyros turns the heading by b/(omega_ie cos(latitude)).
+    b/g, one of the gyros turns the heading by b/(omega_ie cos(latitude)); so does the rate of the Earth about
+    the vertical, of which a tilt about north lets the share omega_ie sin(latitude) into the east axis.
     """
     settings, imu = scenario.alignment, data.imu
     begin = first_sample(imu, scenario.mission.start)
@@ -63,7 +64,7 @@ def static(scenario, data, earth):
     g = float(np.linalg.norm(gravity.normal_gravity_e(r_a_e)))
     _check_still(scenario, f_b, omega_b, g)
     roll, pitch = np.arctan2(-f_b[1], -f_b[2]), np.arctan2(f_b[0], np.hypot(f_b[1], f_b[2]))
-    level, azimuth = _sigmas(scenario, span_s, g, latitude)
+    P_n = _covariance(scenario, span_s, g, latitude)
     heading = settings.heading
     if heading is None:
         omega_level = euler.dcm_from_euler(roll, pitch, 0.0) @ omega_b
@@ -74,9 +75,7 @@ def static(scenario, data, earth):
     r_e = r_a_e - C_en @ C_nb @ np.array(scenario.gnss.lever_arm)
     r_i, v_i = frames.inertial_from_ecef(earth, t_s, r_e, np.zeros(3))
     q_ib = rotation.quat_from_dcm(C_ie @ C_en @ C_nb)
-    return _alignment(
-        t_s, r_i, v_i, q_ib, earth, sigma_r, settings.velocity, np.diag([level, level, azimuth]) ** 2
-    )
+    return _alignment(t_s, r_i, v_i, q_ib, earth, sigma_r, settings.velocity, P_n)
 
 
 def _alignment(t_s, r_i, v_i, q_ib, earth, sigma_r, sigma_v, P_n):
@@ -122,17 +121,24 @@ def _check_still(scenario, f_b, omega_b, g):
         raise DataError(f"static alignment: {words}; check the signs in data.axes")
 
 
-def _sigmas(scenario, span_s, g, latitude):
-    """1 sigma of level and heading, rad; DataError if the gyros cannot find north."""
+def _covariance(scenario, span_s, g, latitude):
+    """(3, 3) rad^2 about north, east and down; DataError if the sensors cannot find north.
+
+    The heading is the one at which the Earth's rate has no part along east. With small rotations (n, e, d) of
+    the attitude and an error w of the rate there, that is d cos(latitude) + n sin(latitude) = -w/omega_ie.
+    """
     settings, gyro, accelerometer = scenario.alignment, scenario.imu.gyro, scenario.imu.accelerometer
     acceleration = np.hypot(accelerometer.bias, accelerometer.in_run_bias)
     acceleration = np.hypot(acceleration, accelerometer.random_walk / np.sqrt(span_s))
     level = float(np.hypot(acceleration / g, settings.disturbance))
     if settings.azimuth is not None:
-        return level, settings.azimuth
+        return np.diag([level, level, settings.azimuth]) ** 2
     rate = np.hypot(np.hypot(gyro.bias, gyro.in_run_bias), gyro.random_walk / np.sqrt(span_s))
-    azimuth = float(rate / (wgs84.OMEGA * np.cos(latitude)))
+    of_level = np.eye(3)
+    of_level[2, 0] = -np.tan(latitude)
+    P_n = of_level @ np.diag([level, level, rate / (wgs84.OMEGA * np.cos(latitude))]) ** 2 @ of_level.T
+    azimuth = np.sqrt(P_n[2, 2])
     if not azimuth <= MOST_HEADING_SIGMA:
-        words = f"these gyros find north to {np.degrees(min(azimuth, np.pi)):.0f} deg only (1 sigma)"
+        words = f"these sensors find north to {np.degrees(min(azimuth, np.pi)):.0f} deg only (1 sigma)"
         raise DataError(f"static alignment: {words}; give alignment.heading and alignment.azimuth")
-    return level, azimuth
+    return P_n

@@ -65,10 +65,11 @@ def _external(source, folder, overrides, from_s, log):
     from shefex_nav.replay import external
 
     ready = external.prepare(scenario, files)
+    end_s = ready.blocks[-1].t_valid_s
+    _check_within(from_s, end_s)
     external.warm_up(ready)
     setup_s, clock = time.perf_counter() - began, external.Clock()
     mission = external.mission(ready)
-    end_s = ready.blocks[-1].t_valid_s
     data = _collect(external.run(ready, clock), mission, end_s, setup_s, log)
     return _summary(data, log, from_s, clock.filter_s, end_s - mission.start_s)
 
@@ -78,6 +79,7 @@ def _again(source, overrides, from_s, log):
     from shefex_nav.replay import rerun
 
     recording = rerun.open_log(source, overrides)
+    _check_within(from_s, float(recording.data.imu.t_valid_s[-1]))
     typer.echo(GETTING_READY, err=True)
     began = time.perf_counter()
     from shefex_nav import __version__
@@ -158,6 +160,14 @@ def _seconds(text):
         return QuantitySpec("s", "60s").read(text)
     except PydanticCustomError as error:
         raise typer.BadParameter(error.message(), param_hint="--from") from None
+
+
+def _check_within(from_s, end_s):
+    """Refuse statistics that begin where there is nothing left."""
+    if from_s >= end_s:
+        raise typer.BadParameter(
+            f"{from_s:g} s is not before the end of the data, T{end_s:+.1f} s", param_hint="--from"
+        )
 
 
 def _writable(path):

@@ -40,7 +40,7 @@ def parts(data):
     found = (
         Part("before lift-off", start_s, lift_s),
         Part("boost", lift_s, burnt_s),
-        Part("before stars" if used else "coast", burnt_s, first_s),
+        Part("before stars" if used else "coast" if "lift_off" in times else "all", burnt_s, first_s),
         Part("stars", first_s, last_s),
         Part("middle of the stars", first_s + third_s, last_s - third_s),
         Part("after stars", last_s, entry_s),

@@ -68,8 +68,10 @@ def imu_blocks(imu, start_s, end_s=None):
     for k in range(first, last - n + 1, n):
         rows = slice(k + 1, k + n + 1)
         begin_s, t_s = float(imu.t_s[k]), float(imu.t_s[k + n])
-        bridged = bool(imu.bridged[rows].any())
-        out.append(ImuBlock(t_s, t_s, (t_s - begin_s) / n, imu.dtheta_b[rows], imu.dv_b[rows], bridged))
+        measured = not imu.bridged[rows].any()
+        out.append(
+            ImuBlock(t_s, t_s, (t_s - begin_s) / n, imu.dtheta_b[rows], imu.dv_b[rows], False, measured)
+        )
     return out
 
 

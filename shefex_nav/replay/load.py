@@ -3,6 +3,7 @@
 import os
 
 from shefex_nav.replay.schema import CsvData, ReplayScenario, Static
+from shefex_nav.scenario import kind
 from shefex_nav.scenario import load as missions
 from shefex_nav.scenario.checks import states_that_clash
 from shefex_nav.scenario.document import dotted
@@ -23,7 +24,9 @@ def load(path, overrides=(), folder=None):
 
     Raises ScenarioError.
     """
-    scenario, places, source = missions.load_as(ReplayScenario, path, overrides)
+    scenario, places, source = missions.load_as(
+        ReplayScenario, path, overrides, instead=kind.instead_of_replay
+    )
     found = _complaints(scenario, places)
     base = os.path.join(os.path.dirname(path), scenario.data.folder) if folder is None else os.fspath(folder)
     files = {}

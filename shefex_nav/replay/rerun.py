@@ -6,6 +6,7 @@ last bit on a machine of the same type; with another one, the solution which tha
 fixes are those of the log: which frames were solved, and how, is not decided again.
 """
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -163,27 +164,29 @@ def tick(recording, nav, k):
     """
     gps, stars = recording.gps.get(k, []), recording.stars.get(k, [])
     block = imu_block(recording.data, k)
-    more_dv = None if recording.field is None else more_in_field(recording, nav.history[-1].state, block)
+    more_dv = None
+    if recording.field is not None:
+        more_dv = partial(more_in_field, recording, nav.history[-1].state, block.dt_s)
     fusion.advance(nav, block, more_dv)
     return [block, *gps, *stars, *computer.conclude(nav, k + 1, gps, stars)]
 
 
-def more_in_field(recording, state, block):
+def more_in_field(recording, state, dt_s, dtheta_b):
     """Velocity increments that a better field of the Earth than the filter's own gives on top: (n, 3) m/s.
 
     The difference of the two fields, taken in the middle of the tick, turned into the axes of the middle of
     each sample; with it the on-board integration needs not change.
 
-    state : NavState at the beginning of the block
+    state : NavState at the beginning of the block;  dt_s : of a sample
+    dtheta_b : (n, 3) rad, the block's angle increments as the strapdown takes them: a silent unit has none
     """
-    earth, half_s = recording.data.mission.earth, 0.5 * block.dt_s * len(block.dv_b)
+    earth, half_s = recording.data.mission.earth, 0.5 * dt_s * len(dtheta_b)
     C_ie = frames.dcm_ie(earth, state.t_s + half_s)
     r_e = C_ie.T @ (state.r_i + half_s * state.v_i)
     more_i = C_ie @ (gravity.gravity_e(recording.field, r_e) - gravity.gravity_j2_e(r_e))
     more_b = rotation.dcm_from_quat(state.q_ib).T @ more_i
-    turns = np.cumsum(block.dtheta_b, axis=0) - 0.5 * block.dtheta_b
-    more = np.array([rotation.dcm_from_rotvec(turn).T @ more_b for turn in turns])
-    return block.dt_s * more
+    turns = np.cumsum(dtheta_b, axis=0) - 0.5 * dtheta_b
+    return dt_s * np.array([rotation.dcm_from_rotvec(turn).T @ more_b for turn in turns])
 
 
 def records(recording):

@@ -5,7 +5,7 @@ missions use. Once loaded, a quantity is a float in SI and radians. Times count 
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 from pydantic_core import PydanticCustomError, core_schema
@@ -311,6 +311,8 @@ class ReplayNavigation(Navigation):
 
 class ReplayScenario(Block):
     """External data and how to navigate with them."""
+
+    EXAMPLE: ClassVar[str] = "csv_example.yaml"
 
     mission: ReplayMission
     earth: ReplayEarth = ReplayEarth()

@@ -1,14 +1,19 @@
-"""Best estimate of a flight from its log: the filter forward, the smoother backward.
+"""Best estimate of a flight from its log: the filter forward, the smoother backward, and both once more.
 
 The forward run is the one on board, with its delays and its decisions which measurement to believe, but for
-the field of the Earth, which is known better after the flight (`knowing_the_field`). What is smoothed is its
-final pass, in which every measurement stands at its instant. That pass is kept piece by piece only: on the
-way forward a copy of the filter is put aside every SEGMENT_TICKS, and on the way back each segment is run
-once more from its copy. So memory is that of one segment, 10 s, some 50 MB with 21 states, and of the copies
-and the result, some 0.1 MB and 0.6 MB per second of flight; time is some four times the filter's.
+what can be done better after the flight (`after_the_flight`): the field of the Earth is known, and errors of
+the sensors that last have states. What is smoothed is its final pass, in which every measurement stands at
+its instant. That pass is kept piece by piece only: on the way forward a copy of the filter is put aside every
+SEGMENT_TICKS, and on the way back each segment is run once more from its copy. What comes out is a better
+trajectory than the filter's, and the same measurements are smoothed again, linear about it (`relinear`).
+
+Memory is that of one segment, 10 s, some 150 MB with 51 states, and of copies, steps and result, some 1 MB
+per second of flight; time is some ten times the filter's.
 """
 
 import copy
+from functools import partial
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -17,16 +22,26 @@ from shefex_nav.environment import gravity
 from shefex_nav.log.run_data import RunData, RunDataBuilder, join, stack
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import solution
+from shefex_nav.onboard.navigation.blocks import CONTAINED
 from shefex_nav.onboard.navigation.fusion import Interval, finish
 from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.state import ATT, correct, pack
+from shefex_nav.onboard.navigation.state import ATT, corrected, pack
 from shefex_nav.records import GateResult, NavCovariance, NavHealth, NavSolution
-from shefex_nav.replay import rerun, smoother
+from shefex_nav.replay import relinear, rerun, smoother
+from shefex_nav.scenario import load, params_onboard
 
 SEGMENT_TICKS = 1000
 SAID = {NavSolution: "nav", NavCovariance: "covariance", GateResult: "gates", NavHealth: "health"}
 FIELD_ERROR = 2e-6 * 9.80665  # [E] m/s^2, of the field that is known after the flight
+LASTING = (  # blocks of errors that last for the whole flight
+    "gyro_scale",
+    "gyro_misalignment",
+    "gyro_g_sensitivity",
+    "accel_scale",
+    "accel_misalignment",
+    "accel_rectification",
+)
 SAME_S = 1e-6  # instants closer together than this are one
 
 
@@ -60,20 +75,57 @@ def run(recording, progress=lambda share: None):
     Smoothed
     """
     n = len(recording.data.imu.t_valid_s)
-    _, filtered = forward(recording, lambda k: progress(k / (4.0 * n)))
-    recording = knowing_the_field(recording)
-    copies, final = forward(recording, lambda k: progress((n + k) / (4.0 * n)))
+
+    def share(begin, end):
+        return lambda k: progress(begin + (end - begin) * k / n)
+
+    _, filtered = forward(recording, share(0.0, 0.1))
+    recording = after_the_flight(recording)
+    copies, final = forward(recording, share(0.1, 0.25))
+    steps, e = backward(recording, copies, share(0.5, 0.25))
     star_aided = any(gate.accepted and gate.sensor.startswith("star") for gate in final.gates)
-    nav, covariance = backward(recording, copies, star_aided, lambda k: progress((2 * n - k) / (2.0 * n)))
+    nav, covariance = again(copies[0].nav, steps, e, star_aided, share(0.5, 1.0))
     judged = NavSolution._fields[NavSolution._fields.index("star_aided") + 1 :]
     nav = nav._replace(**{name: getattr(filtered.nav, name) for name in judged})
     return Smoothed(filtered, final._replace(nav=nav, covariance=covariance))
 
 
+def after_the_flight(recording):
+    """The Recording with the filter that is smoothed: it need not keep up with the vehicle.
+
+    External data, of which neither field nor data sheet of the sensors are known, keep the filter they had.
+    """
+    if recording.gravity is None:
+        return recording
+    return knowing_the_field(with_lasting_errors(recording))
+
+
+def with_lasting_errors(recording):
+    """The Recording with states for errors of the sensors that last: `LASTING`, those that there are.
+
+    On board they are noise with the memory of a burn or of a turn. That is good enough to filter by; a
+    smoother takes the same error in boost and at entry for two that are independent, and averages over them.
+    """
+    given = recording.params.states
+    known = _with_states(recording, LASTING).params.sigma_blocks
+    states = dict.fromkeys([*given, *(block for block in LASTING if np.any(known[block]))])
+    for part, wholes in CONTAINED.items():
+        if any(whole in states for whole in wholes):
+            states.pop(part, None)
+    return _with_states(recording, states)
+
+
+def _with_states(recording, states):
+    """The Recording of a mission with other states of the filter."""
+    overrides = [f"navigation.states=[{', '.join(states)}]"]
+    scenario = load.load_text(recording.scenario_text, recording.path, overrides)
+    return recording._replace(params=params_onboard.nav_params(scenario))
+
+
 def knowing_the_field(recording):
     """The Recording with the field of the Earth that its scenario names instead of the on-board model.
 
-    On board, what J2 leaves out is a process of a few hundred seconds, or, where that is no state, bias that
+    On board, what J2 leaves out is a process of thousands of seconds, or, where that is no state, bias that
     walks and noise: good enough to filter by and too optimistic to smooth by. External data name no field and
     are left with that of the filter.
     """
@@ -102,48 +154,94 @@ def forward(recording, progress=lambda k: None):
     return copies, recording.data._replace(**{name: getattr(said, name) for name in SAID.values()})
 
 
-def backward(recording, copies, star_aided, progress=lambda k: None):
+def backward(recording, copies, progress=lambda k: None):
     """The smoother from the end of a log to its beginning.
 
     Parameters
     ----------
     recording : rerun.Recording
     copies : list of Copy
-    star_aided : whether the filter used a star fix
     progress : function of the tick reached
+
+    Returns
+    -------
+    list of relinear.Way and relinear.Seen : the steps of the final pass with what is smoothed
+    (n,) error of the filter's state at the start
+    """
+    layout, found = copies[0].nav.layout, []
+    adjoint, until_s = smoother.at_the_end(layout.n), np.inf
+    for start in copies[::-1]:
+        for step in _steps(recording, start, until_s)[::-1]:
+            e = -step.P_after @ adjoint.vector
+            found.append(relinear.step_of(step, corrected(pack(step.state_after), e, layout.nominal)))
+            adjoint = _before(step, adjoint, layout)
+        until_s = start.final_s
+        progress(start.tick)
+    return found[::-1], -copies[0].nav.history[0].P @ adjoint.vector
+
+
+def again(nav, steps, e, star_aided, progress=lambda k: None):
+    """Filter and smoother once more, linear about what is smoothed.
+
+    Parameters
+    ----------
+    nav : fusion.Filter at the start
+    steps, e : of `backward`
+    star_aided : whether the filter used a star fix
+    progress : function of the ticks done, half of them on the way forward
 
     Returns
     -------
     NavSolution, NavCovariance of arrays
     """
-    k = len(recording.data.imu.t_valid_s)  # ticks that are still to come, on the way back
-    adjoint, until_s = smoother.at_the_end(copies[0].nav.layout.n), np.inf
-    pieces = {NavSolution: [], NavCovariance: []}
-    for start in copies[::-1]:
+    x, filtered = relinear.origin(nav, nav.history[0], e)
+    begins, ticks = [], 0
+    for k, step in enumerate(steps):
+        if k % SEGMENT_TICKS == 0:
+            begins.append((k, ticks, x, filtered))
+            progress(0.5 * ticks)
+        filtered, x = relinear.follow(nav, filtered, x, step), step.x
+        ticks += _at_a_tick(step)
+    adjoint, pieces = smoother.at_the_end(nav.layout.n), {NavSolution: [], NavCovariance: []}
+    for first, before, x, filtered in begins[::-1]:
         rows = {NavSolution: [], NavCovariance: []}
-        for step in _steps(recording, start, until_s)[::-1]:
-            if type(step) is Interval and step.t_end_s == step.imu.t_end_s:
-                for record in _said(start.nav, k, step, adjoint, star_aided):
+        part = steps[first : first + SEGMENT_TICKS]
+        found = list(accumulate(part, partial(_next, nav), initial=(x, filtered)))[1:]
+        at = before + sum(map(_at_a_tick, part))
+        progress(ticks - 0.5 * at)
+        for step, (_, after) in zip(part[::-1], found[::-1], strict=True):
+            if _at_a_tick(step):
+                for record in _said(nav, at, step, after, adjoint, star_aided):
                     rows[type(record)].append(record)
-                k -= 1
-            adjoint = _before(step, adjoint, start.nav.layout)
-        for record, found in rows.items():
-            pieces[record].append(stack(record, found[::-1]))
-        until_s = start.final_s
-        progress(start.tick)
-    return tuple(join(found[::-1]) for found in pieces.values())
+                at -= 1
+            adjoint = relinear.back(adjoint, after)
+        for record, said in rows.items():
+            if said:
+                pieces[record].append(stack(record, said[::-1]))
+    return tuple(join(said[::-1]) for said in pieces.values())
 
 
-def _said(nav, ticks, step, adjoint, star_aided):
-    """NavSolution of the smoother at the end of an Interval, and NavCovariance where the filter had one.
+def _at_a_tick(step):
+    """Whether a step leads to the end of a tick."""
+    return type(step) is relinear.Way and step.t_end_s == step.imu.t_end_s
 
-    nav : fusion.Filter of the same parameters; ticks : how many there are up to here
+
+def _next(nav, reached, step):
+    """(packed nominal values, Filtered) after a step, from those before it."""
+    x, filtered = reached
+    return step.x, relinear.follow(nav, filtered, x, step)
+
+
+def _said(nav, ticks, step, after, adjoint, star_aided):
+    """NavSolution of the smoother at the end of a tick, and NavCovariance where the filter had one.
+
+    nav : fusion.Filter of the same parameters; ticks : how many there are up to here; after : Filtered
     """
-    e, P = smoother.smoothed(adjoint, step.P_after)
-    state = correct(nav.layout, step.state_after, e)
+    e, P = smoother.smoothed(adjoint, after.P, after.mean)
+    x = corrected(step.x, e, nav.layout.nominal)
     stars = nav.health["star_tracker"]._replace(used=int(star_aided))
     nav = nav._replace(
-        history=History(Tick(state.t_s, pack(state), P, step.imu)),
+        history=History(Tick(step.t_end_s, x, P, step.imu)),
         health={**nav.health, "star_tracker": stars},
     )
     yield solution.solution(nav)

@@ -13,6 +13,7 @@ import typer
 
 SUFFIX = ".smoothed.mcap"
 DOF = 9  # of the NEES of position, velocity and attitude
+WAYS = ("forward", "backward", "forward again", "backward again")  # a quarter of the time each
 TOO_SURE = 2.0  # [E] times as much as is expected: a remark
 
 
@@ -96,7 +97,7 @@ def _with_bar(work):
         task = progress.add_task("forward", total=1.0)
 
         def show(share):
-            progress.update(task, completed=share, description="forward" if share < 0.5 else "backward")
+            progress.update(task, completed=share, description=WAYS[min(int(4.0 * share), 3)])
 
         return work(show)
 
@@ -123,8 +124,8 @@ def _too_sure(parts):
         return ""
     limit = f"NEES over {TOO_SURE * DOF:.0f}"
     return (
-        f"{', '.join(names)}: smoothed errors are larger than their sigmas say ({limit}); lasting errors of "
-        "the IMU that the filter counts as noise look like this"
+        f"{', '.join(names)}: smoothed errors are larger than their sigmas say ({limit}); errors that the "
+        "filter does not know look like this, and lasting ones that it counts as noise"
     )
 
 
@@ -136,12 +137,12 @@ def _table(summary):
     title = f"{summary['scenario']}, seed {summary['seed']}: {what}"
     table = Table(title=title, title_justify="left")
     table.add_column("part", no_wrap=True)
-    table.add_column("from T", justify="right", no_wrap=True)
+    table.add_column("from T, s", justify="right", no_wrap=True)
     for heading in ("position", "velocity", "attitude", "NEES of 9"):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(heading, justify="right")
     for row in summary["parts"]:
-        cells = [f"{row['from_s']:+.1f} s"]
-        for name, digits in (("position_m", 2), ("velocity_m_s", 4), ("attitude_deg", 4)):
+        cells = [f"{row['from_s']:+.1f}"]
+        for name, digits in (("position_m", 2), ("velocity_m_s", 3), ("attitude_deg", 4)):
             before, after = row["filtered"][name], row["smoothed"][name]
             cells.append(f"{before:.{digits}f} -> {after:.{digits}f}")
         values = [row["nees"][which] for which in ("filtered", "smoothed")]

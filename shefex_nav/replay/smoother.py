@@ -11,6 +11,9 @@ The filter is a closed-loop one: after each update the estimated error dx moves 
 shifts the origin of the errors, which leaves the adjoint as it is, and for an attitude it turns them,
 e(new) = G (e - dx), which the adjoint follows with G^T.
 
+A filter that is linear about a given trajectory (`relinear`) does not move its estimate; there the errors
+have a mean m, innovations are those about it, z - H m, and the error is m - P lambda.
+
 References: Bierman, Fixed interval smoothing with discrete measurements, Int. J. Control 18 (1973), eqs. of
 section 3; Bryson & Ho, Applied Optimal Control, section 13.2. The sign of lambda is Bierman's.
 """
@@ -54,9 +57,7 @@ def before_update(adjoint, P, z, H, R, G=None):
     H, R : (m, n), (m, m)
     G : (n, n) how the correction turned the errors; None: it did not
     """
-    vector, matrix = adjoint
-    if G is not None:
-        vector, matrix = G.T @ vector, G.T @ matrix @ G
+    vector, matrix = adjoint if G is None else before_interval(adjoint, G)
     S_H = np.linalg.solve(H @ P @ H.T + R, np.column_stack([H, z]))  # S^-1 (H, z)
     left = np.eye(len(P)) - P @ H.T @ S_H[:, :-1]  # I - K H
     vector = left.T @ vector - H.T @ S_H[:, -1]
@@ -78,10 +79,10 @@ def before_forgetting(adjoint, block):
     return Adjoint(vector, matrix)
 
 
-def smoothed(adjoint, P):
+def smoothed(adjoint, P, mean=0.0):
     """Error of the filter's estimate as all data see it, and the covariance of what is left of it.
 
-    Adjoint, (n, n) covariance of the filter at the same instant -> (n,), (n, n)
+    Adjoint, (n, n) covariance of the filter at the same instant, mean of its errors -> (n,), (n, n)
     """
     P_s = P - P @ adjoint.matrix @ P
-    return -P @ adjoint.vector, 0.5 * (P_s + P_s.T)
+    return mean - P @ adjoint.vector, 0.5 * (P_s + P_s.T)

@@ -29,7 +29,7 @@ def export(
             _check_folder(path, f"--{kind}", force=force)
     for kind, path in maps.items():
         if path is not None:
-            check_file(path, f"--{kind}", force=force)
+            check_file(path, f"--{kind}", force=force, given=[log])
     from shefex_nav.log import reader
 
     data = reader.read(log)
@@ -69,8 +69,14 @@ def folder_for(path, option):
         ) from None
 
 
-def check_file(path, option, *, force):
-    """Refuse an output file that would be lost or cannot be written, before anything is computed."""
+def check_file(path, option, *, force, given=()):
+    """Refuse an output file that would be lost or cannot be written, before anything is computed.
+
+    given : paths of what is read, which nothing may overwrite
+    """
+    if any(path.resolve() == Path(one).resolve() for one in given):
+        what = "the log itself" if path.suffix == ".mcap" else "a file that is read here"
+        raise typer.BadParameter(f"{path} is {what}; choose another name", param_hint=option)
     if path.is_dir():
         raise typer.BadParameter(f"{path} is a folder; give the name of a file", param_hint=option)
     if path.exists() and not force:

@@ -31,10 +31,10 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.rotation import rotvec_between
-from shefex_nav.records import Phase, Reason
+from shefex_nav.records import Reason
 from shefex_nav.report import geodesic, local_level, programme, trust
 from shefex_nav.report.configured import configured
-from shefex_nav.report.pairing import SAME_TIME_S, same_times
+from shefex_nav.report.pairing import SAME_TIME_S, pointing_error, same_times
 from shefex_nav.report.track import earth_fixed
 
 WRONG_ANGLE = math.radians(0.5)
@@ -192,28 +192,11 @@ def _attitude_control(data):
     control = data.control
     if not len(control.t_s):
         return None
-    error_deg = np.degrees(pointing_error(control)[phase_at(data.truth, control.t_s) == Phase.POINTING])
-    error_deg = error_deg[np.isfinite(error_deg)]
+    error_deg = np.degrees(pointing_error(control, data.truth))
     return {
         "propellant_kg": float(control.propellant_kg[-1]),
         "pointing_error_deg": {"rms": _rms(error_deg), "max": _max(error_deg)},
     }
-
-
-def pointing_error(control):
-    """Angle between true and wanted attitude, or roll axes; NaN where nothing is wanted.
-
-    ControlSample of arrays -> (M,) rad
-    """
-    angle = np.sqrt(np.nansum(control.pointing_error**2, axis=1))
-    angle[np.isnan(control.pointing_error).all(axis=1)] = np.nan
-    return angle
-
-
-def phase_at(truth, t_s):
-    """Phase of the last sample of truth not later than each time, -1 before the first. (M,) s -> (M,)."""
-    k = np.searchsorted(truth.t_s, t_s + SAME_TIME_S) - 1
-    return np.where(k >= 0, truth.phase[k.clip(0)], -1) if len(truth.t_s) else np.full(len(t_s), -1)
 
 
 def window_frames(data):

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from shefex_nav.records import Phase
+
 SAME_TIME_S = 1e-6  # two records of one tick
 
 
@@ -12,3 +14,22 @@ def same_times(t_a, t_b):
     k = np.searchsorted(t_b, t_a - SAME_TIME_S).clip(0, len(t_b) - 1)
     both = np.abs(t_b[k] - t_a) <= SAME_TIME_S
     return np.flatnonzero(both), k[both]
+
+
+def phase_at(truth, t_s):
+    """Phase of the last sample of truth not later than each time, -1 before the first.
+
+    Truth of arrays or Trajectory, (M,) s -> (M,)
+    """
+    k = np.searchsorted(truth.t_s, t_s + SAME_TIME_S) - 1
+    return np.where(k >= 0, truth.phase[k.clip(0)], -1) if len(truth.t_s) else np.full(len(t_s), -1)
+
+
+def pointing_error(control, truth):
+    """Angle between true and wanted attitude, or roll axes, in the phases POINTING, where one is wanted.
+
+    ControlSample of arrays or ControlHistory, Truth of arrays or Trajectory -> (K,) rad, K <= M
+    """
+    error = control.pointing_error
+    wanted = np.isfinite(error).any(axis=1) & (phase_at(truth, control.t_s) == Phase.POINTING)
+    return np.sqrt(np.nansum(error[wanted] ** 2, axis=1))

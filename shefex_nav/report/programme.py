@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.records import Phase
+from shefex_nav.report.pairing import pointing_error
 
 AIR_KM = 100.0  # height of the event `entry`; the camera needs to be above it, and cold gas rules there
 ASTRAY_DEG = 5.0  # an attitude control that holds is within a degree
@@ -43,26 +43,19 @@ class _Moments(NamedTuple):
 
 def of_flight(flight):
     """Flown of a world.flight.fly.Flight, before any sensor has seen it."""
-    trajectory, control = flight.trajectory, flight.control
-    t_s, error = (np.zeros(0), np.zeros((0, 3))) if control is None else (control.t_s, control.pointing_error)
-    return Flown(
-        flight.events, astray_deg(t_s, error, trajectory.t_s, trajectory.phase), float(trajectory.t_s[-1])
-    )
+    trajectory = flight.trajectory
+    return Flown(flight.events, astray_deg(flight.control, trajectory), float(trajectory.t_s[-1]))
 
 
 def of_data(data):
     """Flown of a RunData."""
-    found = astray_deg(data.control.t_s, data.control.pointing_error, data.truth.t_s, data.truth.phase)
-    return Flown(tuple(data.events), found, float(data.last_t_s))
+    return Flown(tuple(data.events), astray_deg(data.control, data.truth), float(data.last_t_s))
 
 
-def astray_deg(t_s, error, truth_t_s, phase):
-    """Largest pointing error of the phases POINTING. (M,) s, (M, 3) rad, (N,) s, (N,) Phase -> deg"""
-    if not len(t_s) or not len(truth_t_s):
-        return 0.0
-    k = np.searchsorted(truth_t_s, t_s).clip(0, len(truth_t_s) - 1)
-    angle = np.sqrt(np.nansum(error**2, axis=1))[phase[k] == Phase.POINTING]
-    return float(np.degrees(angle.max())) if len(angle) else 0.0
+def astray_deg(control, truth):
+    """Largest pointing error of the phases POINTING, deg; control may be None. See `pointing_error`."""
+    angle = np.zeros(0) if control is None else pointing_error(control, truth)
+    return float(np.degrees(angle.max(initial=0.0)))
 
 
 def foreseen(scenario, seed=1):

@@ -1,5 +1,7 @@
 """The closing table of a run, for people."""
 
+import re
+
 from rich.table import Table
 from rich.text import Text
 
@@ -13,6 +15,12 @@ _FLOWN = (  # name, key, digits, unit
 
 
 MOST_FAULTS = 12  # in the table
+DOUBTS = {  # records.Doubt for people
+    "attitude": "protection level over navigation.integrity.attitude",
+    "contradicted": "contradicted by a sensor",
+    "imu": "motion beyond the IMU's range",
+}
+TOO_SURE = 2.0  # NEES over its degrees of freedom from which on it is said in words
 FAST_DEG_S = 3.0  # beyond this a star tracker is made for turns
 
 
@@ -75,8 +83,14 @@ def _flight_rows(flight, *, stood):
     if stood and flight["max_speed_m_s"] is None:
         yield "motion", "none, it stands on the ground"
     for event in flight["events"]:
-        name = event["name"].replace("_", " ")
-        yield name, f"T{event['t_s']:+.1f} s, {_text(event['altitude_km'], 1, 'km')}"
+        yield _event(event["name"]), f"T{event['t_s']:+.1f} s, {_text(event['altitude_km'], 1, 'km')}"
+
+
+def _event(name):
+    """The name of an event as people say it."""
+    words = re.sub(r"^altitude (\d+)km$", r"down to \1 km", name.replace("_", " "))
+    found = re.fullmatch(r"fault (.*?)( end)?", words)
+    return words if found is None else f"fault {'ends' if found[2] else 'begins'}: {found[1]}"
 
 
 def _control_rows(control):
@@ -100,7 +114,10 @@ def _star_rows(star):
     yield "error across the boresight", _text(error["cross_axis_rms"], 1, '" rms')
     yield "error about the boresight", _text(error["boresight_rms"], 1, '" rms')
     chain = star["chain_ms"]
-    yield "time per frame", f"{_text(chain['median'], 2, 'ms')} median, {_text(chain['p99'], 2, 'ms')} 99 %"
+    yield (
+        "time per frame",
+        f"{_text(chain['median'], 2, 'ms')} median, 99 % below {_text(chain['p99'], 2, 'ms')}",
+    )
 
 
 def _rate_rows(by_rate):
@@ -136,21 +153,30 @@ def _navigation_rows(navigation):
         if nis:
             low, high = nis["interval"]
             name = f"NIS, {sensor.replace('_', ' ')}"
-            yield name, f"{nis['mean']:.2f}, of {nis['samples']}; {low:.2f} to {high:.2f} expected"
+            words = f"{low:.2f} to {high:.2f} expected if the sigmas are right"
+            yield name, f"{nis['mean']:.2f}, mean of {nis['samples']}; {words}"
     nees = navigation["nees"]
     if nees["mean"] is not None:
-        yield "NEES", f"{nees['mean']:.1f} for {nees['dof']} degrees of freedom, {nees['samples']} epochs"
+        yield "NEES", _nees_words(nees)
+
+
+def _nees_words(nees):
+    """Errors over what the filter believes of them."""
+    what = f"{nees['mean']:.1f} for {nees['dof']} degrees of freedom, {nees['samples']} epochs"
+    if nees["mean"] > TOO_SURE * nees["dof"]:
+        return Text(f"{what}: errors are larger than the filter's sigmas say", style="bold yellow")
+    return what
 
 
 def _integrity_rows(integrity):
     """When the solution may be used, and what was noticed; losses of GPS alone are too common to list."""
     if integrity is None:
         return
-    yield "usable", f"{100.0 * integrity['usable_share']:.1f} % of the time"
+    yield "usable", f"{100.0 * integrity['usable_share']:.1f} % of the time{_doubts(integrity)}"
     entry = integrity["at_entry"]
     if entry:
         levels = ", ".join(f"{level:.3f}" for level in entry["protection_deg"])
-        words = "usable" if entry["usable"] else f"do not use, {entry['doubt']}"
+        words = "usable" if entry["usable"] else f"do not use: {DOUBTS.get(entry['doubt'], entry['doubt'])}"
         yield "at entry", f"{words}, protection level {levels} deg"
     if integrity["misleading_share"]:
         yield "misleading", Text(f"{100.0 * integrity['misleading_share']:.2f} %", style="bold red")
@@ -164,17 +190,24 @@ def _integrity_rows(integrity):
         yield "and", f"{len(faults) - MOST_FAULTS} more, see --json"
 
 
+def _doubts(integrity):
+    """Why the solution was not usable: the two reasons that held longest."""
+    longest = sorted(integrity["doubts"].items(), key=lambda one: -one[1])[:2]
+    reasons = [f"{100.0 * share:.1f} % {DOUBTS.get(name, name)}" for name, share in longest if share >= 5e-4]
+    return f"; not: {', '.join(reasons)}" if reasons else ""
+
+
 def _level_rows(navigation):
     """Errors in local level axes, and the same over their own sigmas."""
     since, over = f"rms from T{navigation['statistics_from_s']:+.0f} s", navigation["error_over_sigma"]
     for name, key, ratio, digits, unit in (
-        ("north, east, down", "position_rms_ned_m", "position_ned", 2, "m"),
-        ("north, east, down", "velocity_rms_ned_m_s", "velocity_ned", 3, "m/s"),
+        ("position N, E, D", "position_rms_ned_m", "position_ned", 2, "m"),
+        ("velocity N, E, D", "velocity_rms_ned_m_s", "velocity_ned", 3, "m/s"),
         ("roll, pitch, heading", "attitude_rms_rpy_deg", "attitude_rpy", 3, "deg"),
     ):
         values = ", ".join(f"{value:.{digits}f}" for value in navigation[key])
         sigmas = ", ".join(f"{value:.2f}" for value in over[ratio]) if over else "-"
-        yield name, f"{values} {unit} {since}; {sigmas} sigma"
+        yield name, f"{values} {unit} {since}, {sigmas} times the sigmas"
 
 
 def _run_rows(summary):
@@ -185,9 +218,9 @@ def _run_rows(summary):
         factor = _text(summary["real_time_factor"], 0)
         yield "took", f"{_text(summary['wall_s'], 1, 's')}, {factor} x real time"
     if summary["ended_early"]:
-        yield "log", Text("the run ended early; everything above is up to then", style="bold yellow")
+        yield "ended early", Text("the log is cut off; everything above is up to then", style="bold yellow")
     if summary["until_s"] is not None:
-        words = f"looked at until T{summary['until_s']:+.1f} s; everything above is up to then"
-        yield "log", Text(words, style="bold yellow")
+        words = f"until T{summary['until_s']:+.1f} s; everything above is up to then"
+        yield "looked at", Text(words, style="bold yellow")
     if summary["log"]:
         yield "log", summary["log"]

@@ -1,6 +1,6 @@
 """What every section of a scenario has in common, and sections that come in several forms."""
 
-from typing import Annotated, Any, Literal, Union, get_args
+from typing import Annotated, Any, ClassVar, Literal, Union, get_args
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Tag, WithJsonSchema, create_model
 
@@ -12,6 +12,7 @@ class Block(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+    EXAMPLE: ClassVar[str] = "base.yaml"  # a file that others extend
 
     @classmethod
     def keys(cls):

@@ -9,6 +9,7 @@ from shefex_nav.scenario import (
     checks_vehicle,
     dispersions,
     faults,
+    partial,
     star_statistics,
 )
 from shefex_nav.scenario.checks_flight import seconds
@@ -24,22 +25,35 @@ def cross_check(scenario, rated=None):
     `rated`: what motor files say of their propellant, as `expand` returns it.
     """
     start = list(checks_flight.start(scenario))
-    return start or [  # without a start nothing else can be judged
-        *checks_flight.contradictions(scenario),
-        *checks_vehicle.contradictions(scenario, rated or {}),
-        *_mission(scenario),
-        *_sensors(scenario),
-        *checks_gps.contradictions(scenario),
-        *_camera(scenario.star_camera),
-        *states_that_clash(scenario.navigation.states),
-        *checks_tracker.contradictions(scenario),
-        *star_statistics.contradictions(scenario),
-        *faults.contradictions(scenario),
-        *dispersions.contradictions(scenario),
-    ]
+    return start or [one for part in _parts(scenario, rated) for one in part]
 
 
-def _mission(scenario):
+def check_what_is_known(scenario, rated=None):
+    """The same of a scenario from `partial`, as far as its values are good."""
+    start = partial.known(checks_flight.start(scenario))
+    return start or [one for part in _parts(scenario, rated) for one in partial.known(part)]
+
+
+def _parts(scenario, rated):
+    """Iterator of iterators of contradictions; without a start none could be judged."""
+    yield checks_vehicle.contradictions(scenario, rated or {})
+    alone = (
+        *checks_flight.PARTS,
+        _clocks,
+        _vibration,
+        *checks_gps.PARTS,
+        _camera,
+        _states,
+        *checks_tracker.PARTS,
+        star_statistics.contradictions,
+        faults.contradictions,
+        dispersions.contradictions,
+    )
+    for part in alone:
+        yield part(scenario)
+
+
+def _clocks(scenario):
     """Clocks that meet."""
     start, rate = scenario.mission.start, scenario.log.rate
     if abs(start * REPORT_RATE - round(start * REPORT_RATE)) > 1e-6:
@@ -51,7 +65,7 @@ def _mission(scenario):
         yield ("log", "rate"), f"{rate:g} Hz is not offered; choose from: 10 Hz, 20 Hz, 50 Hz, 100 Hz"
 
 
-def _sensors(scenario):
+def _vibration(scenario):
     """Bands and durations the right way round."""
     vibration = scenario.imu.vibration
     if vibration.lowest_frequency >= IMU_NYQUIST:
@@ -86,9 +100,14 @@ def count(number, noun):
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
-def _camera(camera):
+def _states(scenario):
+    """Blocks of states that go together."""
+    yield from states_that_clash(scenario.navigation.states)
+
+
+def _camera(scenario):
     """Directions that make a frame, limits the right way round."""
-    path = ("star_camera", "mounting")
+    path, camera = ("star_camera", "mounting"), scenario.star_camera
     boresight, right = camera.mounting.boresight, camera.mounting.image_right
     lengths = math.hypot(*boresight), math.hypot(*right)
     for name, length in zip(("boresight", "image_right"), lengths, strict=True):

@@ -23,19 +23,6 @@ def start(scenario):
         yield (given[-1],), f"{words}; {given[0]}: null takes away what an extended file gives"
 
 
-def contradictions(scenario):
-    """(path of the field, text for people) of each, in a scenario that starts from one place."""
-    yield from _air(scenario)
-    if scenario.orbit is not None and scenario.orbit.apogee_height < scenario.orbit.perigee_height:
-        words = f"must not be below perigee_height, {1e-3 * scenario.orbit.perigee_height:g} km"
-        yield ("orbit", "apogee_height"), words
-    if scenario.ground is not None:
-        yield from _ground(scenario)
-        return
-    yield from _programme(scenario)
-    yield from _devices(scenario)
-
-
 def seconds(t_s):
     """A time as people write it."""
     return f"{t_s:g} s"
@@ -71,8 +58,17 @@ def increasing(path, values, noun, unit, factor=1.0):
             return
 
 
+def _orbit(scenario):
+    """Heights the right way round."""
+    if scenario.orbit is not None and scenario.orbit.apogee_height < scenario.orbit.perigee_height:
+        words = f"must not be below perigee_height, {1e-3 * scenario.orbit.perigee_height:g} km"
+        yield ("orbit", "apogee_height"), words
+
+
 def _ground(scenario):
     """A vehicle that stands still does nothing."""
+    if scenario.ground is None:
+        return
     hint = "null takes away what an extended file gives"
     for name in scenario.vehicle.stages:
         yield ("vehicle", "stages", name), f"a vehicle that stands on the ground burns no stage; {hint}"
@@ -116,6 +112,8 @@ def _burning(scenario, path, t_s):
 
 def _programme(scenario):
     """Tasks one after the other, within the flight, with what they need."""
+    if scenario.ground is not None:
+        return
     before, limit = None, scenario.mission.time_limit
     for name, task in scenario.tasks:
         path = ("programme", name)
@@ -189,6 +187,8 @@ def _dwell(path, task):
 def _devices(scenario):
     """Devices that work within the flight."""
     vehicle = scenario.vehicle
+    if scenario.ground is not None:
+        return
     if vehicle.spin_motors is not None:
         path, motors = ("vehicle", "spin_motors"), vehicle.spin_motors
         late = motors.at <= scenario.mission.time_limit < motors.at + motors.duration
@@ -207,3 +207,6 @@ def _devices(scenario):
     elif parachute is not None and parachute.at is not None:
         yield from within(scenario, ("vehicle", "parachute", "at"), parachute.at)
         yield from _burning(scenario, ("vehicle", "parachute", "at"), parachute.at)
+
+
+PARTS = (_air, _orbit, _ground, _programme, _devices)  # (path of the field, text for people) of each

@@ -8,21 +8,6 @@ NOMINAL = 24  # satellites of the nominal constellation
 LONGEST_AGE_DAYS = 182.0  # of an almanac; its orbits are good to some kilometres in the week it is made for
 
 
-def contradictions(scenario):
-    """All of them, one after the other."""
-    yield from _outages(scenario)
-    yield from _almanac(scenario)
-    yield from _spans(scenario.gps)
-    states = scenario.navigation.states
-    if scenario.navigation.gps == "tight" and "clock" not in states:
-        words = f"gps: tight needs the clock of the receiver; write [{', '.join([*states, 'clock'])}]"
-        yield ("navigation", "states"), words
-    wait = scenario.gps.reacquisition
-    if wait is not None and wait.shortest > wait.longest:
-        words = f"{seconds(wait.shortest)} is longer than longest, {seconds(wait.longest)}"
-        yield ("gps", "reacquisition", "shortest"), words
-
-
 def _outages(scenario):
     """Outages after events that the flight can have, with durations the right way round."""
     events = possible(scenario)
@@ -71,8 +56,9 @@ def _almanac(scenario):
         yield path, words
 
 
-def _spans(gps):
+def _spans(scenario):
     """Times the right way round, limits that say one thing, satellites that there are."""
+    gps = scenario.gps
     for number, span in enumerate(gps.only):
         if span.start >= span.end:
             words = f"{seconds(span.end)} is not after from, {seconds(span.start)}"
@@ -86,3 +72,22 @@ def _spans(gps):
             if prn not in known:
                 numbers = ", ".join(str(one) for one in known)
                 yield (*path, "prn", k), f"there is no satellite {prn}; choose from: {numbers}"
+
+
+def _clock(scenario):
+    """Ranges need the clock of the receiver."""
+    states = scenario.navigation.states
+    if scenario.navigation.gps == "tight" and "clock" not in states:
+        words = f"gps: tight needs the clock of the receiver; write [{', '.join([*states, 'clock'])}]"
+        yield ("navigation", "states"), words
+
+
+def _reacquisition(scenario):
+    """Durations the right way round."""
+    wait = scenario.gps.reacquisition
+    if wait is not None and wait.shortest > wait.longest:
+        words = f"{seconds(wait.shortest)} is longer than longest, {seconds(wait.longest)}"
+        yield ("gps", "reacquisition", "shortest"), words
+
+
+PARTS = (_outages, _almanac, _spans, _clock, _reacquisition)

@@ -8,15 +8,6 @@ CENTROIDS = {"streaks": "fit", "run_length": "weighted"}  # what a scan brings a
 SAME = 1e-9  # s, rounding of times that are to be equal
 
 
-def contradictions(scenario):
-    """Contradictions in a valid scenario: pairs of the path of a field and text for people."""
-    yield from _clock_and_window(scenario)
-    yield from _rows_and_frames(scenario)
-    yield from _grey_values(scenario)
-    yield from _chain(scenario)
-    yield from _catalogue_and_latency(scenario)
-
-
 def _rows_and_frames(scenario):
     """Exposures that fit between the frames, with the times of the rows."""
     tracker, detector = scenario.star_tracker, scenario.star_camera.detector
@@ -170,3 +161,6 @@ def _catalogue_and_latency(scenario):
             f"{seconds(navigation.history)} must be longer than the {1e3 * delay:g} ms that a {name} is late"
         )
         yield ("navigation", "history"), words
+
+
+PARTS = (_clock_and_window, _rows_and_frames, _grey_values, _chain, _catalogue_and_latency)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, get_args, get_origin
 from pydantic import Discriminator
 from pydantic_core import PydanticUndefined
 
-from shefex_nav.scenario import messages
+from shefex_nav.scenario import messages, suggest
 from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.quantity import NumberSpec, QuantitySpec, describe
 
@@ -31,12 +31,13 @@ def target(model, tree, name):
     parts, path = name.split("."), ()
     annotation, metadata, node = model, (), tree
     for part in parts:
-        annotation, metadata = _form(*messages.bare(annotation, metadata), node)
+        annotation, metadata = chosen_form(*messages.bare(annotation, metadata), node)
         if get_origin(annotation) in (list, tuple):
             part = _item(part, node, path)
+        _check_key(model, annotation, part, path)
         annotation, metadata, node = _step(annotation, node, part, path)
         path = (*path, part)
-    annotation, metadata = _form(*messages.bare(annotation, metadata), node)
+    annotation, metadata = chosen_form(*messages.bare(annotation, metadata), node)
     if messages.is_model(annotation) or get_origin(annotation) is dict:
         raise NoField(f"{dotted(path)} is a section; name a value in it{_known(annotation, node)}")
     if path == EPOCH:
@@ -56,7 +57,7 @@ def fill(model, tree, path):
     """Write defaults of sections and lists on the way to a path into the tree, where `put` wants them."""
     annotation, metadata, node = model, (), tree
     for depth, part in enumerate(path[:-1], 1):
-        annotation, metadata = _form(*messages.bare(annotation, metadata), node)
+        annotation, metadata = chosen_form(*messages.bare(annotation, metadata), node)
         annotation, metadata, inner = _step(annotation, node, part, path[: depth - 1])
         if isinstance(inner, tuple):
             inner = list(inner)
@@ -64,7 +65,7 @@ def fill(model, tree, path):
         node = inner
 
 
-def _form(annotation, metadata, node):
+def chosen_form(annotation, metadata, node):
     """The form of a section that its value chooses, itself if there is but one."""
     chooser = next((one for one in metadata if isinstance(one, Discriminator)), None)
     if chooser is None:
@@ -79,14 +80,18 @@ def _item(part, node, path):
     return int(part)
 
 
+def _check_key(model, annotation, part, path):
+    """NoField unless a section knows the key."""
+    if messages.is_model(annotation) and part not in annotation.keys():
+        known = list(annotation.keys())
+        hint = suggest.meant(model, known, (*path, part)).words or f"known there: {', '.join(known)}"
+        raise NoField(f"there is no '{part}' in {dotted(path)}; {hint}")
+
+
 def _step(annotation, node, part, path):
     """One step down: (annotation, metadata, value), the value being the default if none is given."""
     if messages.is_model(annotation):
-        field = annotation.keys().get(part)
-        if field is None:
-            known = list(annotation.keys())
-            hint = messages.close(part, known) or f"; known there: {', '.join(known)}"
-            raise NoField(f"there is no '{part}' in {dotted(path)}{hint}")
+        field = annotation.keys()[part]
         value = node.get(part, NOT_GIVEN) if isinstance(node, dict) else NOT_GIVEN
         if value is NOT_GIVEN:
             value = _default(field)

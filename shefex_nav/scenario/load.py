@@ -7,14 +7,16 @@ from functools import partial
 
 from pydantic import ValidationError
 
-from shefex_nav.scenario import disperse, document, expand, fields, messages
-from shefex_nav.scenario.checks import cross_check
+from shefex_nav.scenario import disperse, document, expand, fields, kind, messages
+from shefex_nav.scenario.checks import check_what_is_known, cross_check
 from shefex_nav.scenario.dispersions import KEYS
 from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted
 from shefex_nav.scenario.files import Unreadable, read_text
+from shefex_nav.scenario.partial import validated as part_of
 from shefex_nav.scenario.schema import Scenario
 
 EXTENDS = "extends"
+NOT_EXPANDED = (("gps", expand.ALMANAC), ("star_tracker", expand.MODEL))  # what a file gave, or was to give
 DISPERSIONS = "dispersions"  # the section whose keys are paths
 
 
@@ -30,16 +32,18 @@ def load(path, overrides=()):
     """Scenario of the YAML file at `path`, after its `extends` and the `overrides` (`a.b=value`).
 
     Raises ScenarioError with every error found: those of the YAML text first, because a tree with holes would
-    be blamed for what it lacks; then those of tables in files and of single fields; then those between
-    fields.
+    be blamed for what it lacks; then those of tables in files, of single fields, and between fields that are
+    good by themselves; those of dispersions when the fields that they name are.
     """
     files = {}
     tree, places = _extended(os.fspath(path), (), files)
     return _validated(tree, places, files, overrides, os.fspath(path))
 
 
-def load_as(model, path, overrides=()):
+def load_as(model, path, overrides=(), *, instead=lambda tree, path: ""):
     """The YAML file at `path` as another `model` than a mission by the same rules: `extends`, `--set`, units.
+
+    instead : says what a tree is that is of another kind, such as kind.instead_of_replay
 
     Returns
     -------
@@ -49,7 +53,10 @@ def load_as(model, path, overrides=()):
 
     Raises ScenarioError as `load` does.
     """
-    return _validated_as(model, *_extended(os.fspath(path), (), {}), overrides)
+    tree, places = _extended(os.fspath(path), (), {})
+    if other := instead(tree, path):
+        raise ScenarioError([f"{path}: {other}"])
+    return _validated_as(model, tree, places, overrides)
 
 
 def load_text_as(model, text, name, overrides=()):
@@ -111,26 +118,37 @@ def _whole(text, name):
 def _validated(tree, places, files, overrides, path):
     """Scenario of a merged tree after the overrides; `path` is the file or text that the user gave."""
     parents = [file for file in files if file != path]
+    if other := kind.instead_of_flight(tree, path):
+        raise ScenarioError([f"{path}: {other}"])
     _override(tree, places, overrides)
     found, rated = expand.expand(tree, places, files)
+    bad = list(NOT_EXPANDED) if found else []
     try:
         scenario = Scenario.model_validate(tree)
     except ValidationError as error:
         found += messages.lines(Scenario, error, places)
+        bad += messages.paths(error)
     about = partial(_about, places, path, parents)
-    if not found:
-        wrong = disperse.resolve(Scenario, tree, scenario.dispersions)[1]
-        found = [about(where, words) for where, words in [*cross_check(scenario, rated), *wrong]]
+    if found:
+        others = check_what_is_known(part_of(Scenario, tree, bad), rated)
+    else:
+        others = [*cross_check(scenario, rated), *disperse.resolve(Scenario, tree, scenario.dispersions)[1]]
+    found += [about(where, words) for where, words in others]
     if found:
         raise _sorted_error(found) from None
     scenario.keep_text(partial(_normalised, tree), files)  # which takes longer than all the rest
-    scenario.keep_places(partial(_line_about, about))
+    scenario.keep_places(partial(_line_about, about), partial(_place, places))
     return scenario
 
 
 def _line_about(about, where, words):
     """A line of what `_about` says."""
     return _line(*about(where, words))
+
+
+def _place(places, where):
+    """`file:line:col` of the value at a path."""
+    return str(places.value(where))
 
 
 def _about(places, path, parents, where, words):

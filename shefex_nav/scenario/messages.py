@@ -6,11 +6,13 @@ from typing import Annotated, get_args, get_origin
 
 from pydantic import BaseModel, Tag
 
+from shefex_nav.scenario import suggest
 from shefex_nav.scenario.block import is_tag
 from shefex_nav.scenario.document import Mark, dotted
 from shefex_nav.scenario.quantity import NumberSpec, QuantitySpec, describe, quoted
 
 BAD_KEY = "[key]"  # pydantic's last step to a key, not to its value
+MANY, MOST = 3, 6  # sections that are missing, from which on they are said in one line; said alone
 
 
 class Places:
@@ -88,24 +90,24 @@ def is_model(annotation):
     return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 
-def _meant(model, location):
-    """The key that was meant by an unknown one: list of one or none."""
+def _meant(model, error):
+    """suggest.Meant of the unknown key of an error."""
+    location = error["loc"]
     known = field_at(model, location[:-1])[0].keys()
-    return difflib.get_close_matches(str(location[-1]), list(known), n=1, cutoff=0.6)
+    return suggest.meant(model, known, plain(location), error["input"])
 
 
 def lines(model, validation_error, places):
     """(Mark, text) of each error in a pydantic ValidationError about `model`."""
-    found = []
-    errors = validation_error.errors(include_url=False)
-    misspelt = {error["loc"][:-1]: set() for error in errors}
-    for error in errors:
-        if error["type"] == "extra_forbidden":
-            misspelt[error["loc"][:-1]] |= set(_meant(model, error["loc"]))
+    found, errors = [], validation_error.errors(include_url=False)
+    absent = _absent(model, errors)
+    if len(absent[()]) >= MANY:
+        found.append((places.key(()), _all_absent(model, absent[()])))
+        absent = dict.fromkeys(absent, ()) if len(absent[()]) >= MOST else absent | {(): ()}
     for error in errors:
         location = error["loc"]
-        if error["type"] == "missing" and location[-1] in misspelt[location[:-1]]:
-            continue  # the message about the misspelt key says it
+        if error["type"] == "missing" and location[-1] not in absent[location[:-1]]:
+            continue  # another message says it
         if error["type"] == "missing" and isinstance(location[-1], int):
             location = location[:-1]
             if any(text.startswith(f"{dotted(plain(location))}:") for _, text in found):
@@ -113,6 +115,34 @@ def lines(model, validation_error, places):
         mark, words = _explain(model, error, location, places)
         found.append((mark, f"{dotted(plain(location))}: {words}"))
     return found
+
+
+def paths(validation_error):
+    """Path of each error in a pydantic ValidationError."""
+    return [plain(error["loc"]) for error in validation_error.errors(include_url=False)]
+
+
+def _absent(model, errors):
+    """Keys that are missing in each section, without those that were given under a misspelt name."""
+    absent = {error["loc"][:-1]: [] for error in errors} | {(): []}
+    for error in errors:
+        if error["type"] == "missing":
+            absent[error["loc"][:-1]].append(error["loc"][-1])
+    for error in errors:
+        section = absent[error["loc"][:-1]]
+        if error["type"] == "extra_forbidden":
+            meant = _meant(model, error)
+            if meant.is_sibling and meant.path[-1] in section:
+                section.remove(meant.path[-1])
+    return absent
+
+
+def _all_absent(model, absent):
+    """About a file without many of its sections: one that was to extend another, most often."""
+    return (
+        f"{', '.join(absent)}: are missing; these sections are required. A file that gives only what differs "
+        f"begins with the name of the one that has the rest, such as 'extends: {model.EXAMPLE}'"
+    )
 
 
 def plain(location):
@@ -125,7 +155,7 @@ def _explain(model, error, location, places) -> tuple[Mark, str]:
     if kind == "missing" and location == error["loc"]:
         return places.key(path[:-1]), f"is missing{_example(model, location)}"
     if kind == "extra_forbidden":
-        return places.key(path), _unknown(model, location)
+        return places.key(path), _unknown(model, error)
     if location[-1] == BAD_KEY:
         return places.key(path), f"{quoted(value)} must be one word of letters, digits, '-' and '_'"
     mark = places.value(path)
@@ -156,8 +186,9 @@ def close(value, options):
     return f"; did you mean '{found[0]}'?" if found else ""
 
 
-def _unknown(model, location):
+def _unknown(model, error):
     """Words about a key that is not known, or not in this form of the section."""
+    location = error["loc"]
     known = field_at(model, location[:-1])[0].keys()
     if is_tag(location[-2] if len(location) > 1 else ""):
         forms = [bare(option)[0] for option in get_args(field_at(model, location[:-2])[0])]
@@ -165,9 +196,7 @@ def _unknown(model, location):
             chosen = location[-2].strip("<>")
             how = "take one of the two away (null does, where a file extends another)"
             return f"does not go with {chosen}; {how}"
-    meant = _meant(model, location)
-    hint = f"did you mean '{meant[0]}'?" if meant else f"known here: {', '.join(known)}"
-    return f"unknown key; {hint}"
+    return f"unknown key; {_meant(model, error).words or 'known here: ' + ', '.join(known)}"
 
 
 def _example(model, location):

@@ -125,6 +125,17 @@ class QuantitySpec:
             raise refuse(f"must {limit}, got {quoted(value)}")
         return si
 
+    def write(self, si):
+        """Text of a value in `self.unit`, in the unit in which the example is: '25 mm' of 0.025."""
+        word = next((word for word, meaning in self.words if si == meaning), None)
+        if word is not None:
+            return word
+        unit = split(self.example)[1]
+        if not unit:
+            return f"{si:.6g}"
+        taken = self._measured_in(_unit(unit))
+        return f"{float(_unit(self.unit).to(taken, si)):.6g} {unit}"
+
     def _broken_limit(self, si):
         """Words about the bound that a value in `self.unit` does not keep; empty if it keeps all."""
         if self.positive and not si > 0.0:

@@ -6,7 +6,7 @@ parameters of the stages. Once loaded, a quantity is a float in SI and radians.
 
 import json
 from pathlib import PurePath
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, PrivateAttr
 
@@ -25,6 +25,8 @@ from shefex_nav.scenario.vehicle import Vehicle
 
 class Scenario(Block):
     """A mission to simulate; it starts from one of launch, orbit and ground."""
+
+    EXAMPLE: ClassVar[str] = "shefex2_andoya.yaml"
 
     mission: Mission
     earth: Earth
@@ -58,6 +60,7 @@ class Scenario(Block):
     _source: Any = PrivateAttr("")
     _files: tuple[tuple[str, str], ...] = PrivateAttr(())
     _line: Any = PrivateAttr(None)
+    _place: Any = PrivateAttr(None)
 
     @classmethod
     def load(cls, path, overrides=()):
@@ -97,9 +100,16 @@ class Scenario(Block):
         """Remember where the scenario came from; `source` is its text, or a function that gives it."""
         self._source, self._files = source, tuple(files.items())
 
-    def keep_places(self, line):
-        """Remember where its values were written; `line` makes a line of the path of a field and words."""
-        self._line = line
+    def keep_places(self, line, place):
+        """Remember where its values were written.
+
+        line, place : functions of the path of a field and words, and of a path alone, that give text
+        """
+        self._line, self._place = line, place
+
+    def place(self, field):
+        """`file:line:col` of a field, given as a path; "" if none is known."""
+        return "" if self._place is None else self._place(field)
 
     def line_about(self, field, words):
         """`file:line:col: field: words` about a field, given as a path; without a place if none is known."""

@@ -4,17 +4,18 @@
 it was fitted to, in SI: with others it does not hold, and the scenario is refused.
 """
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from shefex_nav.scenario.block import Block
-from shefex_nav.scenario.quantity import Number, Quantity
+from shefex_nav.scenario.quantity import Number, Quantity, QuantitySpec
 
 NOT_OF_THE_MODEL = {  # of the star tracker: when it runs, and how its result travels
     "enabled", "on", "off", "latency", "frames", "model",
 }  # fmt: skip
+MOST = 8  # settings with which a model does not go that are told one by one
 SAME = 1e-9  # relative; rounding of a number that was written and read
 
 
@@ -138,18 +139,24 @@ def contradictions(scenario):
         yield ("star_tracker", "model"), words
         return
     yield from fitness(scenario)
-    found = settings(scenario)
-    for path, value in tracker.model.settings.items():
-        if path not in found:
-            words = f"the model is made for a setting {path} that there is not; characterise again"
-            yield ("star_tracker", "model"), words
-        elif not _holds(value, found[path]):
-            words = (
-                f"is {_text(found[path])} in SI, the statistics of the star tracker were fitted to "
-                f"{_text(value)}; characterise this scenario, or fly with star_tracker.frames: rendered"
-            )
-            yield tuple(int(part) if part.isdigit() else part for part in path.split(".")), words
-    if missing := sorted(set(found) - set(tracker.model.settings)):
+    found, wanted = settings(scenario), tracker.model.settings
+    for path in [path for path in wanted if path not in found]:
+        words = f"the model is made for a setting {path} that there is not; characterise again"
+        yield ("star_tracker", "model"), words
+    others = [path for path, value in wanted.items() if path in found and not _holds(value, found[path])]
+    for path in others[:MOST]:
+        place = tuple(int(part) if part.isdigit() else part for part in path.split("."))
+        spec = _spec(type(scenario), place)
+        words = (
+            f"is {_text(found[path], spec)}, the statistics of the star tracker were fitted to "
+            f"{_text(wanted[path], spec)}; characterise this scenario, or fly with "
+            "star_tracker.frames: rendered"
+        )
+        yield place, words
+    if others[MOST:]:
+        words = f"the model does not go with {len(others) - MOST} more settings: {', '.join(others[MOST:])}"
+        yield ("star_tracker", "model"), words
+    if missing := sorted(set(found) - set(wanted)):
         words = f"the model does not say for which {missing[0]} it was made; characterise again"
         yield ("star_tracker", "model"), words
 
@@ -180,7 +187,19 @@ def _holds(wanted, found):
     return low - slack <= found <= high + slack
 
 
-def _text(value):
+def _spec(model, path):
+    """QuantitySpec of the field at a path, None if it has none."""
+    from shefex_nav.scenario.messages import field_at
+
+    annotation, metadata = field_at(model, path)
+    found = [one for one in (*metadata, *get_args(annotation)) if isinstance(one, QuantitySpec)]
+    return found[0] if found else None
+
+
+def _text(value, spec):
+    """A setting as people write it."""
     if isinstance(value, list | tuple):
-        return " to ".join(map(_text, value))
+        return " to ".join(_text(one, spec) for one in value)
+    if spec is not None and isinstance(value, int | float):
+        return spec.write(float(value))
     return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -87,17 +87,7 @@ def solve_centroids(
     """
     if not isinstance(camera, Camera):
         raise ValueError(f"camera: expected a Camera, got {camera!r}")
-    try:
-        ready = _ready(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, false_limit)
-    except TypeError:  # not what a number can be made of, or cannot be looked up
-        ready = _ready(
-            camera,
-            _number("epoch", epoch),
-            _number("max_magnitude", max_magnitude),
-            _number("centroid_sigma_px", centroid_sigma_px),
-            _number("magnitude_sigma", magnitude_sigma),
-            _number("false_limit", false_limit),
-        )
+    ready = _ready_for(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, false_limit)
     xy_px = _places(xy_px)
     flux = None if flux is None else _fluxes(flux, len(xy_px))
     P_px = centroid_covariance_px
@@ -200,6 +190,15 @@ class _Ready(NamedTuple):
 
     sky: _Sky
     settings: bayes.Settings
+
+
+def _ready_for(camera, *numbers_given):
+    """_Ready of numbers that users give, whatever they are."""
+    try:
+        return _ready(camera, *numbers_given)
+    except TypeError:  # not what a number can be made of, or cannot be looked up
+        names = "epoch", "max_magnitude", "centroid_sigma_px", "magnitude_sigma", "false_limit"
+        return _ready(camera, *(_number(*one) for one in zip(names, numbers_given, strict=True)))
 
 
 @lru_cache(maxsize=64)
@@ -330,6 +329,25 @@ def _prediction(prediction):
     return True, q_ci / norm, np.ascontiguousarray(0.5 * (P + P.T))
 
 
+def _identify_params(method, ready, zero_flux):
+    """IdentifyParams of a method, with the errors that the user says."""
+    settings = ready.settings
+    return IdentifyParams(
+        method=method,
+        camera=ready.sky.pinhole,
+        tolerance=3.0 * np.sqrt(2.0) * settings.sigma_px / ready.sky.pinhole.focal_length_px,
+        max_centroids=200 if method == "multipole" else 15,  # the others build triangles
+        min_stars=4,
+        sigma_px=settings.sigma_px,
+        gate_sigma=4.5,
+        detection_probability=0.9,
+        magnitude_margin=0.3,
+        magnitude_sigma=settings.magnitude_sigma,
+        false_alarm=settings.false_limit,
+        zero_flux=zero_flux,
+    )
+
+
 def _by_method(method, ready, xy_px, flux, P_px, zero_flux):
     """Another method of the package, lost in space."""
     if method not in IDENTIFIERS:
@@ -345,21 +363,7 @@ def _by_method(method, ready, xy_px, flux, P_px, zero_flux):
         raise ValueError("method: 'multipole' compares magnitudes; it needs flux and a positive zero_flux")
     brightness = np.ones(len(xy_px)) if flux is None else flux
     order = np.argsort(-brightness, kind="stable")
-    f = pinhole.focal_length_px
-    params = IdentifyParams(
-        method=method,
-        camera=pinhole,
-        tolerance=3.0 * np.sqrt(2.0) * settings.sigma_px / f,
-        max_centroids=200 if method == "multipole" else 15,  # the others build triangles
-        min_stars=4,
-        sigma_px=settings.sigma_px,
-        gate_sigma=4.5,
-        detection_probability=0.9,
-        magnitude_margin=0.3,
-        magnitude_sigma=settings.magnitude_sigma,
-        false_alarm=settings.false_limit,
-        zero_flux=zero_flux,
-    )
+    f, params = pinhole.focal_length_px, _identify_params(method, ready, zero_flux)
     u_c = unit_vectors(pinhole, xy_px[order])
     found = IDENTIFIERS[method](
         params, ready.sky.pairs, u_c, brightness[order], None if P_px is None else P_px[order]

@@ -53,20 +53,7 @@ def read(path):
         raise PictureError(
             f"{path}: has too many pixels; at most {MOST_PIXELS // 1_000_000} million"
         ) from None
-    except (
-        OSError,
-        SyntaxError,
-        ValueError,
-        EOFError,
-        KeyError,
-        IndexError,
-        TypeError,
-        MemoryError,
-    ) as error:
-        raise PictureError(f"{path}: is damaged or of an unknown kind ({error})") from None
-    except (
-        Exception
-    ) as error:  # decoders of damaged files raise whatever they like (struct.error, zlib.error)
+    except Exception as error:  # decoders raise whatever they like (struct.error, zlib.error)
         raise PictureError(
             f"{path}: is damaged or of an unknown kind ({type(error).__name__}: {error})"
         ) from None

@@ -33,21 +33,28 @@ class Histories(NamedTuple):
 
     averages: dict  # (block, phase) -> (number,)
     P: np.ndarray  # (m, 15, 15) as reported, at the epochs
+    one_field: dict  # of `in_one_field`; empty where gravity is no state, or where nobody asked
 
 
-def of_run(scenario, seed, fixes, *, number=HISTORIES, rng):
+def of_run(scenario, seed, fixes, *, number=HISTORIES, rng, one_field=False):
     """A run and histories from the matrices that its filter used.
 
-    scenario, seed, fixes as `flown.filter_run` takes them -> Run, Histories
+    scenario, seed, fixes as `flown.filter_run` takes them; one_field: as well those of runs that have the
+    field in common -> Run, Histories
     """
     world = prepare.build_world(scenario, seed)
     nav_params = world.computer.nav
     recorder = flown.Recorder(float(world.alignment.t_valid_s))
     run = flown.filter_run(scenario, seed, fixes, recorder=recorder, world=world)
-    _, P = state.initial(nav_params, state.layout(nav_params.states), world.alignment)
+    order = state.layout(nav_params.states)
+    _, P = state.initial(nav_params, order, world.alignment)
     level, model = recorder.vibration(run.t_s), nav_params.imu
     extra = Extra(level * model.accel_vibration, level * model.gyro_vibration, model.gravity)
-    return run, simulate(P, recorder.steps, run.t_s, run.phase, extra, number=number, rng=rng)
+    histories = simulate(P, recorder.steps, run.t_s, run.phase, extra, number=number, rng=rng)
+    if one_field and order.places["gravity"] is not None:
+        what = P, recorder.steps, run.t_s, run.phase, extra, order.places["gravity"]
+        histories = histories._replace(one_field=in_one_field(*what, number=number, rng=rng))
+    return run, histories
 
 
 def simulate(P, steps, t_s, phase, extra, *, number=HISTORIES, rng):
@@ -87,7 +94,40 @@ def simulate(P, steps, t_s, phase, extra, *, number=HISTORIES, rng):
         for name, block in BLOCKS.items():
             sums[name, int(phase[k])] += nees.nees(errors[block].T, P_k[block, block][None])
     averaged = {key: total / counts[key[1]] for key, total in sums.items() if counts[key[1]] > 0}
-    return Histories(averaged, np.array(covariances))
+    return Histories(averaged, np.array(covariances), {})
+
+
+def in_one_field(P, steps, t_s, phase, extra, field, *, number=HISTORIES, rng):
+    """Histories of runs that all fly through the same field: that of the block `gravity` is drawn once.
+
+    Parameters
+    ----------
+    P, steps, t_s, phase, extra, number, rng : as of `simulate`
+    field : slice of the errors of gravity
+
+    Returns
+    -------
+    (block, phase) -> nees.Common: of `number` runs, and as many fields
+    """
+    states = np.zeros(len(P))
+    states[field] = 1.0
+    parts = linear.Share(1.0 - states, True), linear.Share(states, False)
+    ways = [linear.outputs(P, steps, t_s, rng=rng, number=number, share=share) for share in parts]
+    sums, counts = {}, np.bincount(phase[phase >= 0], minlength=len(PHASES))
+    for k, (own, common) in enumerate(zip(*ways, strict=True)):
+        p = int(phase[k])
+        for name, block in BLOCKS.items() if p >= 0 else ():
+            swing = {"velocity": extra.velocity[k], "attitude": extra.attitude[k]}.get(name, 0.0)
+            o = own.errors[block] + swing * rng.standard_normal((3, number))
+            c = common.errors[block]
+            weight = np.linalg.inv(own.P[block, block] + swing**2 * np.eye(3)) / counts[p]
+            if (name, p) not in sums:
+                shapes = number, (number, number), number
+                sums[name, p] = nees.Common(*(np.zeros(shape) for shape in shapes))
+            sums[name, p].own[:] += np.einsum("im,ij,jm->m", o, weight, o)
+            sums[name, p].cross[:] += o.T @ (weight @ c)
+            sums[name, p].same[:] += np.einsum("im,ij,jm->m", c, weight, c)
+    return sums
 
 
 def averages(run):
@@ -110,6 +150,18 @@ def judge_nees(runs, histories, rng):
         low, high = nees.mean_interval(expected / 3.0, len(values), NEES_PROBABILITY, rng)
         what = f"NEES {key[0]}, {PHASES[key[1]]}"
         verdicts.append(nees.Verdict(what, float(np.mean(values)) / 3.0, low, high, len(values)))
+    return verdicts
+
+
+def judge_in_one_field(runs, common, rng):
+    """`judge_nees` by runs that have the field of gravity in common, of `in_one_field`."""
+    each, verdicts = [averages(run) for run in runs], []
+    for key, expected in common.items():
+        values = [one[key] for one in each if key in one]
+        low, high = nees.one_draw_interval(expected, len(values), NEES_PROBABILITY, rng)
+        what = f"NEES {key[0]}, {PHASES[key[1]]}, one field"
+        value, low, high = (float(one) / 3.0 for one in (np.mean(values), low, high))
+        verdicts.append(nees.Verdict(what, value, low, high, len(values)))
     return verdicts
 
 

@@ -45,12 +45,20 @@ class Output(NamedTuple):
     errors: np.ndarray  # (n, number of histories); (n, 0) without them
 
 
+class Share(NamedTuple):
+    """A part of what is drawn: by linearity histories are sums of those of the parts."""
+
+    states: np.ndarray  # (n,) 1: errors of which start and process noise are drawn, 0: others
+    measured: bool  # whether the noise of measurements is
+
+
 class _Drawn(NamedTuple):
     """Random numbers of the steps that are not settled: step -> (., number of histories)."""
 
     rng: object
     number: int
     kept: dict
+    share: Share | None
 
     def noise(self, k, covariance, *, last):
         """Noise of step k: the same until it is asked for the last time."""
@@ -58,8 +66,18 @@ class _Drawn(NamedTuple):
             self.kept[k] = square_root(covariance) @ self.rng.standard_normal((len(covariance), self.number))
         return self.kept.pop(k) if last else self.kept[k]
 
+    def process(self, k, covariance, *, last):
+        """The same, of an interval."""
+        noise = self.noise(k, covariance, last=last)
+        return noise if self.share is None else self.share.states[:, None] * noise
 
-def outputs(P, steps, times_s, *, rng=None, number=0):
+    def measured(self, k, covariance, *, last):
+        """The same, of a measurement."""
+        noise = self.noise(k, covariance, last=last)
+        return noise if self.share is None or self.share.measured else 0.0 * noise
+
+
+def outputs(P, steps, times_s, *, rng=None, number=0, share=None):
     """Follow the errors through the steps.
 
     Parameters
@@ -69,13 +87,16 @@ def outputs(P, steps, times_s, *, rng=None, number=0):
     times_s : increasing; each the end of an interval
     rng : Generator, with `number` > 0
     number : of histories
+    share : Share that the histories are drawn of; None: all
 
     Yields
     ------
     Output, one for each time
     """
-    drawn = _Drawn(rng, number, {})
+    drawn = _Drawn(rng, number, {}, share)
     errors = square_root(P) @ rng.standard_normal((len(P), number)) if number else np.zeros((len(P), 0))
+    if share is not None:
+        errors = share.states[:, None] * errors
     settled = 0
     for t_s in times_s:
         while settled < len(steps) and _known_s(steps[settled]) <= t_s + EARLY_S:
@@ -99,11 +120,11 @@ def _take(P, errors, step, k, drawn, *, last):
     if isinstance(step, Interval):
         grown = step.Phi @ P @ step.Phi.T + step.Q
         if drawn.number:
-            errors = step.Phi @ errors + drawn.noise(k, step.Q, last=last)
+            errors = step.Phi @ errors + drawn.process(k, step.Q, last=last)
         return 0.5 * (grown + grown.T), errors
     K = gain(P, step.H, step.R)
     if drawn.number:
-        errors = errors - K @ (step.H @ errors + drawn.noise(k, step.R, last=last))
+        errors = errors - K @ (step.H @ errors + drawn.measured(k, step.R, last=last))
     return _joseph(P, K, step.H, step.R), errors
 
 

@@ -30,6 +30,14 @@ class Verdict(NamedTuple):
         return bool(self.low <= self.value <= self.high)
 
 
+class Common(NamedTuple):
+    """Mean of (o + c)^T P^-1 (o + c) over a phase, o each run's own error, c one that all runs have."""
+
+    own: np.ndarray  # (m,) o^T P^-1 o
+    cross: np.ndarray  # (m, k) o^T P^-1 c
+    same: np.ndarray  # (k,) c^T P^-1 c
+
+
 def nees(errors, P):
     """Normalised squared errors: (..., m), (..., m, m) -> (...)."""
     sigma = np.sqrt(np.einsum("...ii->...i", P))
@@ -55,6 +63,28 @@ def mean_interval(per_history, n, probability, rng):
     means = np.empty(RESAMPLED)
     for k in range(0, RESAMPLED, 500):
         means[k : k + 500] = per_history[rng.integers(len(per_history), size=(500, n))].mean(axis=1)
+    tail = 0.5 * (1.0 - probability)
+    low, high = np.quantile(means, [tail, 1.0 - tail])
+    return float(low), float(high)
+
+
+def one_draw_interval(common, n, probability, rng):
+    """Interval of the mean over n runs of which a part of the error is the same in all, drawn once.
+
+    Parameters
+    ----------
+    common : Common
+    n, probability, rng : as of `mean_interval`
+
+    Returns
+    -------
+    low, high : float
+    """
+    own, cross, same = common
+    means = np.empty(RESAMPLED)
+    for k, j in enumerate(rng.integers(len(same), size=RESAMPLED)):
+        runs = rng.integers(len(own), size=n)
+        means[k] = own[runs].mean() + 2.0 * cross[runs, j].mean() + same[j]
     tail = 0.5 * (1.0 - probability)
     low, high = np.quantile(means, [tail, 1.0 - tail])
     return float(low), float(high)

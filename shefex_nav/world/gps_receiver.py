@@ -60,6 +60,8 @@ def limited(tracked, t_s, limits, prn, u_e):
     tracked = tracked.copy()
     for limit in limits:
         during = _during(t_s, limit)
+        if not during.any():  # it is over before the flight, or begins after it
+            continue
         if limit.prn:
             kept = np.isin(prn, limit.prn)
         else:

@@ -66,6 +66,31 @@ def test_the_tables_have_every_part(said):
         assert part in said.stdout, part
 
 
+def test_warnings_of_the_programme_are_counted_over_the_runs(tmp_path):
+    """Like but for their numbers, each run once; a campaign without any says nothing."""
+    folder = synthetic_campaign.write(tmp_path / "warned", 12, seed=3)
+    title = "The programme does not fit the flight"
+    assert title not in CliRunner().invoke(cli.app, ["report", str(folder)]).stdout
+    late, gas = "until", "propellant"
+    for run in (2, 5, 9):
+        path = folder / "runs" / f"{run:06d}.json"
+        record = json.loads(path.read_text())
+        text = f"384 s is {run}.1 s after the entry at T+38{run}.9 s: cold gas steers against the air"
+        record["summary"]["warnings"] = [{"field": "programme.entry_slew.until", "text": text}] * 2
+        if run == 5:
+            record["summary"]["warnings"].append({"field": "vehicle.cold_gas.propellant", "text": "used up"})
+        path.write_text(json.dumps(record))
+    campaign = open_campaign(folder)
+    found = {cause.words.partition(":")[0].rpartition(".")[2]: cause.runs for cause in campaign.warnings()}
+    assert found == {late: (2, 5, 9), gas: (5,)}
+    assert campaign.warnings()[0].words.startswith("programme.entry_slew.until: 384 s is 2.1 s after")
+    page = tmp_path / "page.html"
+    said = CliRunner().invoke(cli.app, ["report", str(folder), "--html", str(page)]).stdout
+    assert title in said and "3 of 12 runs (2, 5, 9), with the numbers of run 2: programme.entry" in said
+    assert "1 of 12 runs (5): vehicle.cold_gas.propellant: used up" in said
+    assert title in page.read_text() and "3 of 12 runs (2, 5, 9)" in page.read_text()
+
+
 def test_an_unfinished_campaign_says_so(tmp_path):
     folder = synthetic_campaign.write(tmp_path / "c", 4)
     head = json.loads((folder / "campaign.json").read_text())

@@ -112,6 +112,21 @@ def test_threads_that_are_set_too_late_are_not_claimed(monkeypatch):
     assert all(found[name] == "1" for name in compiled.ONE_THREAD)
 
 
+def test_one_thread_is_the_workers_affair_alone(monkeypatch):
+    """What the caller's process had set it keeps, and so do the processes that it starts later."""
+    first, *others = compiled.ONE_THREAD
+    monkeypatch.setenv(first, "4")
+    for name in others:
+        monkeypatch.delenv(name, raising=False)
+    lane = engine.ProcessLane("plan", function=os.getenv, prepare=len)
+    try:
+        told = [lane.submit(name).result() for name in compiled.ONE_THREAD]
+    finally:
+        lane.stop()
+    assert told == ["1"] * len(told)
+    assert [os.environ.get(name) for name in compiled.ONE_THREAD] == ["4"] + [None] * len(others)
+
+
 # ---- files -----------------------------------------------------------------------------------------------
 
 

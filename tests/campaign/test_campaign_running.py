@@ -1,6 +1,7 @@
 """Campaigns in one process: what is kept, resumed, refused, counted. Missions of two seconds at rest."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from typer.testing import CliRunner
 
 from shefex_nav import cli
 from shefex_nav.campaign import draws, engine, flight, repeating, results, running, store, summary, table
+from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.flight import Pilot
 from shefex_nav.log import reader, thinning
 from shefex_nav.report import metrics
@@ -127,10 +129,11 @@ def test_another_scenario_is_refused_with_the_difference(whole, scenario, tmp_pa
         fly(changed, folder, RUNS)
     lines = str(refused.value).splitlines()
     assert lines[0].startswith(f"{folder}: the scenario is not the one that was flown here")
-    changes = [line for line in lines[3:] if line[0] in "+-"]
-    assert changes == [
-        "-imu.gyro.bias: 0.5 deg/h", "+imu.gyro.bias: 3 deg/h", "-gps.max_pdop: 10", "+gps.max_pdop: 6",
-    ]  # fmt: skip
+    assert lines[0].endswith("2 values differ (flown here -> now):")
+    assert lines[1:] == [
+        "--set imu.gyro.bias: imu.gyro.bias: 0.5 deg/h -> 3 deg/h",
+        "--set gps.max_pdop: gps.max_pdop: 10 -> 6",
+    ]
     with pytest.raises(store.StoreError, match="was flown with --seed 1, not 2"):
         fly(scenario, folder, RUNS, seed=2)
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
@@ -283,6 +286,25 @@ def test_a_worker_that_does_not_fit_is_refused(scenario, monkeypatch):
         assert words in str(refused.value)
     with pytest.raises(flight.WorkerError, match="was not told what to fly"):
         flight.fly(sampler.job(0)._replace(plan="another"))
+
+
+@pytest.mark.parametrize(
+    ("name", "differs"),
+    [("hipparcos_v8.csv.gz", {"data"}), ("egm96_36x36.csv", {"data"}), ("land_110m.json", set())],
+)
+def test_another_catalogue_or_field_is_another_program(name, differs, tmp_path, monkeypatch):
+    """Results depend on the package's data as on its code; the coast lines are of pictures alone."""
+    now = planning.versions()
+    shutil.copytree(planning.PACKAGE / "data", tmp_path / "data")
+    for source in planning.PACKAGE.rglob("*.py"):
+        copy = tmp_path / source.relative_to(planning.PACKAGE)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source, copy)
+    monkeypatch.setattr(planning, "PACKAGE", tmp_path)
+    path = tmp_path / "data" / name
+    path.write_bytes(path.read_bytes()[:-1] + b"#")
+    then = planning.versions()
+    assert {key for key in now if now[key] != then[key]} == differs
 
 
 def test_files_of_others_are_left_alone(scenario, tmp_path):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.special import erf
 
 from shefex_nav.environment import ionosphere
 
@@ -32,28 +33,31 @@ def test_broadcast_model_against_published_figures(place, direction, hour, delay
     assert got == pytest.approx(delay, abs=1e-8)
 
 
-def test_share_above_is_the_integral_of_the_chapman_layer():
-    def density(h):
-        z = (h - ionosphere.PEAK_HEIGHT) / ionosphere.SCALE_HEIGHT
-        return np.exp(0.5 * (1.0 - z - np.exp(-z)))
-
-    def electrons(low):
-        return quad(density, low, 3000e3, limit=200, points=[max(low, ionosphere.PEAK_HEIGHT)])[0]
-
-    whole = electrons(-200e3)
-    for height in (0.0, 100e3, 177e3, 250e3, 350e3, 500e3, 900e3):
-        assert ionosphere.share_above(height) == pytest.approx(electrons(height) / whole, abs=1e-6)
-    assert ionosphere.share_above(0.0) == pytest.approx(1.0, abs=1e-6)
-    assert ionosphere.share_above(20_200e3) < 1e-12
+@pytest.mark.parametrize(("height", "share"), [(0.0, 1.0), (177e3, None), (350e3, 0.6827), (500e3, None)])
+def test_zenith_ray_meets_what_of_the_layer_is_above(height, share):
+    """Closed form of the layer's integral; at the peak erf(1/sqrt(2)), what a Gaussian has within 1 sigma."""
+    above = erf(np.exp(-0.5 * (height - 350e3) / 60e3) / np.sqrt(2.0))
+    assert share is None or above == pytest.approx(share, abs=1e-4)
+    assert ionosphere.electrons(height, 0.5 * np.pi) == pytest.approx(above, abs=2e-3)
+    assert ionosphere.slant_share(height, 0.5 * np.pi) == pytest.approx(above, abs=2e-3)
 
 
-@pytest.mark.parametrize("height", [0.0, 177e3, 350e3, 500e3])
-def test_zenith_ray_meets_the_share_above(height):
-    assert ionosphere.electrons(height, 0.5 * np.pi) == pytest.approx(
-        ionosphere.share_above(height), abs=2e-3
-    )
-    share = ionosphere.slant_share(height, 0.5 * np.pi)
-    assert share == pytest.approx(ionosphere.share_above(height), abs=2e-3)
+@pytest.mark.parametrize("elevation", [0, 2, 10, 30, 60])
+def test_slant_share_is_the_ratio_of_two_integrals_along_rays(elevation):
+    """By quadrature along the ray, from 300 km and from the ground; low rays meet more than on the ground."""
+
+    def met(height):
+        def density(s):
+            r = 6371e3 + height
+            h = np.sqrt(r**2 + s**2 + 2.0 * r * s * np.sin(elevation * DEG)) - 6371e3
+            z = (h - 350e3) / 60e3
+            return np.exp(0.5 * (1.0 - z - np.exp(-z)))
+
+        return quad(density, 0.0, 6000e3, limit=500, points=[500e3, 1500e3, 2500e3])[0]
+
+    share = ionosphere.slant_share(300e3, elevation * DEG)
+    assert share == pytest.approx(met(300e3) / met(0.0), rel=5e-3)
+    assert (share > 1.0) == (elevation < 30)
 
 
 @pytest.mark.parametrize("elevation", [10, 20, 45, 70])

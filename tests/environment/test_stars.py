@@ -34,8 +34,8 @@ def test_counts_by_hp_are_those_of_the_literature(catalogue):
 def test_counts_by_v(catalogue):
     assert len(catalogue.hip) == 41079
     assert np.count_nonzero(catalogue.vmag < 8.0) == 41074
-    assert len(stars.brighter_than(catalogue, 5.5).hip) == 2851
-    assert len(stars.brighter_than(catalogue, 4.5).hip) == 921
+    assert np.count_nonzero(catalogue.vmag <= 5.5) == 2851
+    assert np.count_nonzero(catalogue.vmag <= 4.5) == 921
     assert len(stars.load_catalogue(7.0).hip) == 15544
 
 
@@ -55,7 +55,7 @@ def test_groombridge_1830_moves_seven_arcseconds_a_year(catalogue):
 
 
 def test_displacements_from_1991_to_2012(catalogue):
-    bright = stars.brighter_than(catalogue, 5.5)
+    bright = stars.select(catalogue, catalogue.vmag <= 5.5)
     shift = erfa.sepp(bright.u_i, stars.at_epoch(bright, 2012.47).u_i)
     assert np.median(shift) == pytest.approx(0.96 * ARCSEC, rel=0.01)
     assert np.sqrt((shift**2).mean()) == pytest.approx(6.1 * ARCSEC, rel=0.01)

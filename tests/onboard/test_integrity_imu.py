@@ -101,6 +101,27 @@ def test_the_noise_covers_a_held_reading_that_the_truth_leaves():
         assert given[k] == pytest.approx(expected, rel=1e-3)
 
 
+def test_the_noise_covers_what_a_dead_axis_has_lost_until_it_is_seen():
+    """An accelerometer under 20 m/s^2 of thrust falls to zero; until then velocity is lost."""
+    samples = readings(3.0, np.random.default_rng(5))
+    samples[800:, 3] = 0.0
+    out, densities, states, _ = run(samples)
+    seen = int(np.flatnonzero(states[:, 3] == STUCK)[0])
+    lost = sum(samples[N * k, 3] * N - out[seen][:, 3].sum() for k in range(200, seen))  # m/s
+    assert lost < -0.4
+    sigma = np.sqrt(densities[: seen + 1, 1, 0].sum() * N * DT)
+    assert 1.0 < sigma / abs(lost) < 1.3
+
+
+def test_a_unit_that_is_silent_from_the_start_is_given_nothing_to_hold():
+    """Zeros, with the variance of readings that mean nothing: on the pad it would feel 9.8 m/s^2."""
+    out, densities, states, _ = run(readings(1.0, np.random.default_rng(6)), lost=range(10))
+    assert np.all(states[:10] == SILENT) and not states[10:].any()
+    assert not np.any(out[:10])
+    age_s = 10 * N * DT
+    assert np.allclose(densities.sum(axis=0) * N * DT, (RULES.wrong[:, None] * age_s) ** 2, rtol=0.01)
+
+
 def test_a_silent_unit_is_bridged_with_the_mean():
     samples = readings(3.0, np.random.default_rng(3))
     out, densities, states, health = run(samples, lost=range(100, 120))

@@ -208,6 +208,22 @@ def test_unknown_method_is_refused_at_once():
         tracker.init(params, all_stars(), 2012.47)
 
 
+def test_a_database_is_made_once_for_the_same_catalogue(monkeypatch):
+    """A campaign asks for it with every run; a catalogue equal in all but one field is another one."""
+    monkeypatch.setattr(tracker.onboard_catalogue, "build", lambda *asked: asked)
+    monkeypatch.setattr(tracker.onboard_catalogue, "pair_table", lambda *asked: list(asked))
+    tracker._pairs.cache_clear()
+    try:
+        first = tracker.init(TRACKER, all_stars(), 2012.47).pairs
+        assert tracker.init(TRACKER, all_stars(), 2012.47).pairs is first
+        assert tracker.init(TRACKER, all_stars(), 2012.48).pairs is not first
+        other = all_stars()._replace(epoch=2000.0)
+        made = tracker.init(TRACKER, other, 2012.47).pairs
+        assert made is not first and made[0][1] is other
+    finally:
+        tracker._pairs.cache_clear()
+
+
 def test_database_covers_the_diagonal_of_the_field():
     pairs = ready_tracker().pairs
     assert 18.4 * DEG < np.arccos(pairs.cosine[0]) < 18.7 * DEG

@@ -25,6 +25,7 @@ SIMPLE = (
     "imu.gyro.g_sensitivity=0 deg/h/gee",
     "imu.gyro.scale_factor=0 ppm",
     "imu.accelerometer.scale_factor=0 ppm",
+    "imu.accelerometer.misalignment=0 mrad",
     "navigation.gravity_error=2 ugee",  # what smoothing assumes, so that both are the same filter
     "earth.gravity=j2",
 )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import replay_files
 import turntable
+from scipy import stats
 from turntable import Turntable
 
 from shefex_nav.environment import ephemeris
@@ -47,12 +48,49 @@ def test_level_and_north_of_ideal_sensors(tmp_path):
 
 
 def test_sigmas_are_what_the_biases_make(tmp_path):
-    """b/g of the level, b/(Omega cos(latitude)) of the heading."""
-    alignment, _ = aligned(tmp_path, overrides=["imu.gyro.bias=0.2 deg/h", "imu.accelerometer.bias=2 mgee"])
+    """b/g of the level; b/(Omega cos(latitude)) of the heading, and the level's times tan(latitude)."""
+    alignment, _ = aligned(tmp_path, overrides=["imu.gyro.bias=0.2 deg/h", "imu.accelerometer.bias=20 mgee"])
     _, C_nb, _, _ = angles_of(alignment)
     level, east, azimuth = np.sqrt(np.diag(C_nb @ alignment.P_theta_b @ C_nb.T))
-    assert level == pytest.approx(2e-3, rel=0.01) and east == pytest.approx(level)
-    assert azimuth == pytest.approx(0.2 / 15.041 / np.cos(turntable.LATITUDE), rel=0.05)
+    assert level == pytest.approx(2e-2, rel=0.01) and east == pytest.approx(level)
+    of_gyros = 0.2 / 15.041 / np.cos(turntable.LATITUDE)
+    assert azimuth == pytest.approx(np.hypot(of_gyros, 2e-2 * np.tan(turntable.LATITUDE)), rel=0.02)
+
+
+@pytest.mark.parametrize(("gyro", "accelerometer"), [("0.001 deg/h", "1 mgee"), ("0.2 deg/h", "1 mgee")])
+def test_errors_of_drawn_biases_are_as_the_covariance_says(tmp_path, gyro, accelerometer):
+    """400 alignments with biases drawn, seed 3: squared normalised errors, 3 degrees of freedom each, and
+    those of the heading alone; bounds of 99.8 %. The heading leans on the level where the gyros are good."""
+    biases = [f"imu.gyro.bias={gyro}", f"imu.accelerometer.bias={accelerometer}"]
+    quiet = ["imu.gyro.random_walk=0 deg/sqrt(h)", "imu.accelerometer.random_walk=0 m/s/sqrt(h)"]
+    path = replay_files.turntable_folder(tmp_path, STILL, turntable.increments, 20.0, 5.0)
+    text = path.read_text(encoding="utf-8").replace(replay_files.REFERENCE, STATIC)
+    path.write_text(text, encoding="utf-8")
+    scenario, files = load.load(path, [*biases, *quiet])
+    data, rng = dataset.read(scenario, files), np.random.default_rng(3)
+    step_s = np.diff(data.imu.t_s, prepend=data.imu.t_s[0])[:, None]
+
+    def attitude(gyro_bias, accel_bias):
+        wrong = data.imu._replace(
+            dtheta_b=data.imu.dtheta_b + gyro_bias * step_s, dv_b=data.imu.dv_b + accel_bias * step_s
+        )
+        alignment = align.align(scenario, data._replace(imu=wrong), EARTH)
+        _, C_nb, _, _ = angles_of(alignment)
+        return C_nb, alignment.P_theta_b
+
+    true, _ = attitude(np.zeros(3), np.zeros(3))
+    nees, heading = [], []
+    for _ in range(400):
+        C_nb, P_b = attitude(
+            scenario.imu.gyro.bias * rng.standard_normal(3),
+            scenario.imu.accelerometer.bias * rng.standard_normal(3),
+        )
+        error, P_n = rotation.rotvec_from_quat(rotation.quat_from_dcm(C_nb @ true.T)), C_nb @ P_b @ C_nb.T
+        nees.append(error @ np.linalg.solve(P_n, error))
+        heading.append(error[2] ** 2 / P_n[2, 2])
+    for values, dof in ((nees, 3), (heading, 1)):
+        low, high = stats.chi2.ppf([0.001, 0.999], 400 * dof) / 400
+        assert low < np.mean(values) < high
 
 
 def test_a_heading_that_is_given_is_taken(tmp_path):

@@ -63,7 +63,7 @@ def test_report_gives_the_figures_of_the_replay(example, command):
     whole = np.array(report["navigation"]["velocity_rms_ned_m_s"])
     assert (whole > np.array(summary["navigation"]["velocity_rms_ned_m_s"])).all()  # from the start on
     text = command("report", log).out
-    assert "north, east, down" in text and "NIS, gps velocity" in text
+    assert "position N, E, D" in text and "NIS, gps velocity" in text
 
 
 def test_replay_of_its_log_is_the_same(example, command):
@@ -96,7 +96,7 @@ WRONG = {
     "no folder": ((EXAMPLE, "--data", "nowhere"), "there is no folder nowhere"),
     "no data": ((NAVEGO, "--data", "docs"), "data.imu: there is no file docs"),
     "no time": ((EXAMPLE, "--from", "later"), "--from"),
-    "a mission": ((ROOT / "scenarios" / "orbit.yaml",), "unknown key"),
+    "a mission": ((ROOT / "scenarios" / "orbit.yaml",), "is a scenario of a flight; `shefex-nav run "),
     "a value": ((EXAMPLE, "--set", "gnss.latency=3"), "gnss.latency: 3 has no unit"),
     "a log that exists": ((EXAMPLE, "--log", "README.md"), "README.md exists already"),
 }

@@ -59,17 +59,30 @@ def test_a_receiver_without_velocity(tmp_path):
     assert all(gate.accepted for gate in gates)
 
 
-def test_missing_samples_are_bridged_and_not_trusted(tmp_path):
-    """Five of 1200 samples are left out: the interpolated ones do as well here, and sigma grows over them."""
+@pytest.mark.parametrize(
+    ("missing", "blocks", "least_deg", "most_deg"), [(1, 1, 0.005, 0.05), (5, 2, 0.03, 0.2)]
+)
+def test_missing_samples_are_bridged_and_not_trusted(tmp_path, missing, blocks, least_deg, most_deg):
+    """Of 1200 samples one or five are left out. The turntable turns evenly, so that nothing is lost.
+
+    Sigma grows by what an angular acceleration of 0.5 rad/s^2 makes of one or two blocks of 40 ms, and no
+    further when samples come again.
+    """
     path = replay_files.turntable_folder(tmp_path, Turntable(), turntable.increments, 100.0, LENGTH_S)
     whole = replayed(path, ["gnss.first=1000 s"])
     lines = (tmp_path / "imu.csv").read_text(encoding="utf-8").splitlines()
-    (tmp_path / "imu.csv").write_text("\n".join(lines[:400] + lines[405:]) + "\n", encoding="utf-8")
+    (tmp_path / "imu.csv").write_text(
+        "\n".join(lines[:400] + lines[400 + missing :]) + "\n", encoding="utf-8"
+    )
     data = replayed(path, ["gnss.first=1000 s"])
     _, error, _, _ = local_level.errors(data)
     assert np.abs(error[:, 6:]).max() < 1e-4
-    assert data.imu.saturated.sum() == 2
-    assert data.nav.sigma_theta_b[-1].min() > 2.0 * whole.nav.sigma_theta_b[-1].max()
+    assert (~data.imu.valid).sum() == blocks
+    sigma_deg = np.degrees([np.linalg.norm(run.nav.sigma_theta_b[-1]) for run in (whole, data)]) / np.sqrt(
+        3.0
+    )
+    assert least_deg < np.sqrt(sigma_deg[1] ** 2 - sigma_deg[0] ** 2) < most_deg
+    assert [record.healthy for record in data.health] == [False, True]
 
 
 def test_latency_changes_when_not_what(tmp_path):

@@ -100,7 +100,7 @@ def test_a_better_field_of_the_earth_reaches_the_integration(log):
     field = gravity.load("egm96", 12)
     blocks, states = fly(0.1)
     state, earth = states[5], recording.data.mission.earth
-    more_dv = rerun.more_in_field(recording._replace(field=field), state, blocks[5])
+    more_dv = rerun.more_in_field(recording._replace(field=field), state, blocks[5].dt_s, blocks[5].dtheta_b)
     felt = blocks[5]._replace(dv_b=blocks[5].dv_b + more_dv)
     C_ie = frames.dcm_ie(earth, state.t_s + 0.005)
     g_i = C_ie @ gravity.gravity_e(field, C_ie.T @ (state.r_i + 0.005 * state.v_i))
@@ -123,7 +123,7 @@ def test_the_watch_sees_increments_as_they_were_read(log):
     stuck = blocks[0].dv_b[0].copy()
     for block in blocks:
         dv_b = np.column_stack([block.dv_b[:, 0], block.dv_b[:, 1], np.full(4, stuck[2])])
-        fusion.advance(nav, block._replace(dv_b=dv_b), 1e-6 * np.arange(12.0).reshape(4, 3))
+        fusion.advance(nav, block._replace(dv_b=dv_b), lambda dtheta_b: 1e-6 * np.arange(12.0).reshape(4, 3))
     state = nav.watch.imu.state
     assert state[5] == integrity_imu.STUCK
 

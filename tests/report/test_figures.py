@@ -255,6 +255,37 @@ def test_every_figure_is_drawn_and_named(data, entry):
     assert not re.search(rb' d="[^"]*(nan|inf)', svg, re.IGNORECASE) and len(svg) < 1_000_000
 
 
+@pytest.mark.parametrize("entry", figures.CATALOGUE, ids=lambda entry: entry.name)
+def test_legends_and_notes_cover_no_curve(data, entry):
+    """No vertex of a curve lies below a legend, and above a panel there is room for it; coasts may."""
+    figure = figures.draw(entry.name, data)
+    figure.draw_without_rendering()
+    whole = figure.bbox
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        notes = [text for text in axes.texts if text.get_position()[1] > 1.0 and text.get_fontsize() == 9]
+        for box in [one.get_window_extent().padded(-1.5) for one in (legend, *notes) if one is not None]:
+            assert whole.x0 <= box.x0 and box.x1 <= whole.x1 and box.y1 <= whole.y1
+            for other in figure.axes:
+                lines = [
+                    one for one in other.lines if entry.name != "ground_track" or one.get_label()[0] != "_"
+                ]
+                for line in lines:
+                    places = line.get_transform().transform(line.get_xydata())
+                    places = places[np.isfinite(places).all(axis=1)]
+                    places = places[[other.bbox.contains(*place) for place in places]]
+                    assert not any(box.contains(*place) for place in places), line.get_label()
+
+
+def test_what_a_few_frames_cut_off_is_told(data):
+    fixes = list(data.star_fixes)
+    fixes[7] = fixes[7]._replace(background_dn=4045.0)
+    figure = figures.draw("camera", data._replace(star_fixes=fixes))
+    grey = next(axes for axes in panels(figure) if "grey" in axes.get_ylabel())
+    assert grey.get_ylim()[1] < 30.0  # the others are 12
+    assert [text.get_text() for text in grey.texts] == [f"1 of {len(fixes)} lie above, up to 4045 DN"]
+
+
 def test_a_figure_is_the_same_every_time(data):
     one, other = (style.svg(figures.draw("attitude_control", data)) for _ in range(2))
     assert one == other

@@ -16,7 +16,7 @@ from shefex_nav.geometry.wgs84 import geodetic_from_ecef
 from shefex_nav.log import reader
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.writer import LogWriter
-from shefex_nav.report import metrics
+from shefex_nav.report import metrics, pairing
 from shefex_nav.report.table import rows, summary_table
 
 MISSION = synthetic_run.mission()
@@ -202,7 +202,7 @@ def test_pointing_error_counts_while_pointing(data, summary):
     assert control["pointing_error_deg"]["rms"] == pytest.approx(1.3)
     assert control["pointing_error_deg"]["max"] == pytest.approx(1.3)
     assert control["propellant_kg"] == pytest.approx(0.01 * (393.9 - 65.0))
-    phase = metrics.phase_at(data.truth, np.array([224.0, 249.99, 250.0, 371.99, 372.0]))
+    phase = pairing.phase_at(data.truth, np.array([224.0, 249.99, 250.0, 371.99, 372.0]))
     assert phase.tolist() == [
         -1,
         *(rec.Phase[name] for name in ("MANOEUVRE", "POINTING", "POINTING", "MANOEUVRE")),
@@ -387,3 +387,13 @@ def test_the_table_shows_the_figures(summary):
         "cold gas used", "3.29 kg", "1.30 deg rms",
     ):  # fmt: skip
         assert expected in text
+
+
+def test_no_two_rows_of_a_section_have_the_same_name(summary):
+    """A log that was cut has a name as well."""
+    told = {"ended_early": True, "until_s": 300.0, "log": "run.mcap"}
+    for section, lines in dict(rows(summary | told)).items():
+        names = [name for name, _ in lines]
+        if section == "run":
+            assert len(names) == len(set(names))
+            assert {"ended early", "looked at", "log"} <= set(names)

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from shefex_nav import prepare
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.log.run_data import RunDataBuilder
-from shefex_nav.records import Event
+from shefex_nav.records import Event, Phase
 from shefex_nav.report import metrics, page, programme, table
 from shefex_nav.scenario import load
 
@@ -144,13 +145,32 @@ def test_an_attitude_that_is_lost_is_told(scenario):
     assert not programme.warnings(scenario, flown(*USUAL, astray_deg=0.7))
 
 
+class Samples(NamedTuple):
+    """Of truth or of the attitude control."""
+
+    t_s: np.ndarray
+    phase: np.ndarray | None = None
+    pointing_error: np.ndarray | None = None
+
+
 def test_pointing_errors_count_while_pointing():
     """Of the phase POINTING alone, the whole angle."""
-    phase = np.array([int(programme.Phase.MANOEUVRE), int(programme.Phase.POINTING)])
+    phase = np.array([int(Phase.MANOEUVRE), int(Phase.POINTING)])
+    truth = Samples(np.array([0.0, 1.0]), phase)
     error = np.radians([[50.0, 0.0, 0.0], [3.0, 4.0, np.nan]])
-    found = programme.astray_deg(np.array([0.0, 1.0]), error, np.array([0.0, 1.0]), phase)
-    assert found == pytest.approx(5.0)
-    assert programme.astray_deg(np.zeros(0), np.zeros((0, 3)), np.zeros(0), phase[:0]) == 0.0
+    assert programme.astray_deg(Samples(truth.t_s, None, error), truth) == pytest.approx(5.0)
+    assert programme.astray_deg(Samples(np.zeros(0), None, np.zeros((0, 3))), truth) == 0.0
+    assert programme.astray_deg(None, truth) == 0.0
+
+
+def test_the_slew_before_pointing_does_not_count_in_a_thinned_log():
+    """Truth at 10 Hz, control at 100 Hz; the phase begins at 1 s, until then the vehicle turns."""
+    t_s = np.arange(0.0, 2.0, 0.1)
+    truth = Samples(t_s, np.where(t_s < 0.999, int(Phase.MANOEUVRE), int(Phase.POINTING)))
+    times = np.arange(0.0, 1.9, 0.01)
+    error = np.zeros((len(times), 3))
+    error[:, 1] = np.radians(np.where(times < 0.999, 60.0, 0.5))
+    assert programme.astray_deg(Samples(times, None, error), truth) == pytest.approx(0.5)
 
 
 def test_nothing_is_said_of_what_was_not_seen(flat):

@@ -14,13 +14,18 @@ from mcap_protobuf.decoder import DecoderFactory
 from rerun.chunk import McapReader, RrdReader
 
 from shefex_nav import records as rec
+from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.writer import LogWriter
 from shefex_nav.report import metrics, viewer
 from shefex_nav.report.viewer import ViewerError, layout, legend, program, recording
-from shefex_nav.report.viewer.sender import GREEN, NAMELESS, Sender
+from shefex_nav.report.viewer.sender import GREEN, NAMELESS, ORANGE, Sender
 
 OPTIONS = synthetic_run.Options(start_s=231.0, end_s=241.0)
+NO_VULKAN = pytest.mark.skipif(
+    sys.platform == "linux" and not any(Path("/usr/share/vulkan/icd.d").glob("*.json")),
+    reason="no Vulkan driver: apt-get install mesa-vulkan-drivers libvulkan1 libgl1-mesa-dri",
+)
 
 
 @pytest.fixture(scope="module")
@@ -121,10 +126,7 @@ def test_a_missing_viewer_is_a_clear_error(log, tmp_path, monkeypatch):
         viewer.view(log, screenshot=tmp_path / "picture.png")
 
 
-@pytest.mark.skipif(
-    sys.platform == "linux" and not any(Path("/usr/share/vulkan/icd.d").glob("*.json")),
-    reason="no Vulkan driver: apt-get install mesa-vulkan-drivers libvulkan1 libgl1-mesa-dri",
-)
+@NO_VULKAN
 @pytest.mark.parametrize("policy", [FramePolicy(10, "thresholded", 4.0), FramePolicy(0, "none", 4.0)])
 def test_no_view_reports_an_error(policy, tmp_path):
     path, picture = tmp_path / "run.mcap", tmp_path / "picture.png"
@@ -163,6 +165,16 @@ def test_other_logs_are_drawn_over_the_first(log, tmp_path):
     assert "/plots/nees/made_up-2" in entities
     everything = {str(chunk.entity_path) for chunk in RrdReader(saved).stream()}
     assert "/world/overlay/made_up-2" in everything
+    for logs, told in (([log, other], "Laid over made_up-1"), ([log], None)):
+        recording.build(logs, saved)
+        texts = [
+            chunk.to_record_batch().column("TextDocument:text")[0].as_py()[0]
+            for chunk in RrdReader(saved).stream()
+            if str(chunk.entity_path).startswith("/legend/")
+        ]
+        assert len(texts) == len(layout.PAGES)
+        assert all((told is not None) == text.startswith("**Logs.** Laid over made_up-1") for text in texts)
+        assert all(("orange made_up-2" in text) == (told is not None) for text in texts)
 
 
 def test_the_recording_beside_a_log_is_made_again_when_the_log_is_newer(log, tmp_path):
@@ -244,6 +256,25 @@ def wide(record):
     return record._replace(image_dn=image, bits=12)
 
 
+@NO_VULKAN
+def test_all_marks_of_a_long_lens_are_over_its_picture(tmp_path):
+    """35 mm behind 1024 pixels of 5.5 um: squares of both kinds are seen, the picture does not hide them."""
+    from matplotlib.image import imread
+
+    path, saved, picture = (tmp_path / name for name in ("run.mcap", "run.rrd", "picture.png"))
+    mission = synthetic_run.mission()._replace(camera=pinhole(1024, 1024, 35.0 / 0.0055))
+    sky = np.random.default_rng(1).normal(12.0, 2.0, (1024, 1024)).clip(0.0).astype(np.uint8)
+    with LogWriter(path, mission, FramePolicy(10, "thresholded", 4.0)) as log:
+        for record in synthetic_run.simulate(OPTIONS._replace(end_s=232.0, frame_pixels=False)):
+            log.write(record._replace(image_dn=sky) if type(record).__name__ == "Frame" else record)
+    recording.build([path], saved, page=layout.STARS)
+    program.take_picture(saved, picture, 231.5)
+    shown = np.rint(255.0 * imread(picture)[90:760, 10:1060, :3])  # where the page has its star camera
+    for colour, count in ((GREEN, 22), (ORANGE, 8)):
+        seen = np.all(np.abs(shown - colour) < 40.0, axis=2)
+        assert seen.sum() > 50 * count, colour  # a square has more than 50 points, where no other covers it
+
+
 def shown_pictures(saved, entity):
     """Pictures of a recording by mission time: {s: (rows, columns) array}."""
     found = {}
@@ -288,6 +319,23 @@ def test_twelve_bits_are_not_black(full_every, tmp_path):
         # three sigma above black, of 23 to white
         assert np.median(image) == pytest.approx(255 * 3 / 23, abs=6)
         assert 7.0 < image[:8].std() < 15.0  # a sigma is 11
+
+
+def test_all_frames_are_there_from_the_first_instant_on(tmp_path):
+    """The viewer opens at the first instant of the recording: a scene without a frame is an error there."""
+    path, saved = tmp_path / "run.mcap", tmp_path / "run.rrd"
+    mission = synthetic_run.mission(start_s=OPTIONS.start_s - 0.01)  # the first tick is not the start
+    with LogWriter(path, mission, synthetic_run.NO_PIXELS) as writer:
+        for record in synthetic_run.simulate(OPTIONS._replace(end_s=233.0)):
+            writer.write(record)
+    recording.build([path], saved)
+    first = {}
+    for chunk in chunks(saved):
+        batch = chunk.to_record_batch()
+        time = batch.column("mission_time").cast("int64").to_numpy().min()
+        first[str(chunk.entity_path)] = min(time, first.get(str(chunk.entity_path), time))
+    del first["/log"]  # of the made-up mission, whose events begin before it
+    assert first["/tf"] == first["/world/level"] == min(first.values()) == 230_990_000_000
 
 
 def test_every_page_has_a_text_about_it(log, tmp_path):
@@ -363,6 +411,14 @@ def test_names_of_states_are_whole_or_not_there(tmp_path):
 @pytest.mark.parametrize(("value", "limit"), [(0.7, 1.2), (1.3, 2.4), (2.5, 6.0), (7.0, 12.0), (0.0, 1.2e-6)])
 def test_scales_contain_their_values(value, limit):
     assert layout._largest(np.array([-value, np.nan, 0.5 * value])) == pytest.approx(limit)
+
+
+@pytest.mark.parametrize(("option", "name"), [("--screenshot", "picture.jpg"), ("--save", "run.png")])
+def test_a_file_of_another_kind_is_refused_in_one_line(log, tmp_path, command, option, name):
+    result = command("view", log, option, tmp_path / name)
+    assert result.code == 2 and len(result.err.splitlines()) == 1
+    assert option in result.err and name in result.err and ("PNG" in result.err) == (option == "--screenshot")
+    assert not (tmp_path / name).exists()
 
 
 def test_a_cut_log_is_told_once_and_by_us(log, tmp_path, command):

@@ -59,12 +59,20 @@ def test_the_text_that_a_log_keeps_needs_no_file_and_knows_no_path():
         (
             "star_camera.optics.psf_sigma=1.5 pix",
             "star_camera.optics.psf_sigma",
-            "is 1.5 in SI, the statistics",
+            "is 1.5 pix, the statistics of the star tracker were fitted to 0.55",
         ),
-        ("star_tracker.exposure.longest=45 ms", "star_tracker.exposure.longest", "were fitted to 0.05"),
-        ("star_tracker.highest_rate=3 deg/s", "star_tracker.highest_rate", "is 0.0523599 in SI"),
+        (
+            "star_tracker.exposure.longest=45 ms",
+            "star_tracker.exposure.longest",
+            "is 45 ms, the statistics of the star tracker were fitted to 50 ms",
+        ),
+        ("star_tracker.highest_rate=3 deg/s", "star_tracker.highest_rate", "is 3 deg/s, the statistics"),
         ("star_tracker.identification.method=pyramid", "star_tracker.identification.method", "is pyramid"),
-        ("star_tracker.catalogue.faintest=6 mag", "star_tracker.catalogue.faintest", "fitted to 5.5"),
+        (
+            "star_tracker.catalogue.faintest=6 mag",
+            "star_tracker.catalogue.faintest",
+            "is 6 mag, the statistics of the star tracker were fitted to 5.5 mag",
+        ),
         (
             "star_camera.stray_light.baffle=40 deg",
             "star_camera.stray_light.baffle",
@@ -90,7 +98,7 @@ def test_a_range_of_a_setting_is_a_range(tmp_path):
     for inside in ("0.75 pix", "0.8 pix", "0.85 pix"):
         load(DEFAULT, [*overrides, f"star_camera.optics.psf_sigma={inside}"])
     said = the_message(DEFAULT, [*overrides, "star_camera.optics.psf_sigma=0.86 pix"])
-    assert "is 0.86 in SI, the statistics of the star tracker were fitted to 0.75 to 0.85" in said
+    assert "is 0.86 pix, the statistics of the star tracker were fitted to 0.75 pix to 0.85 pix" in said
 
 
 def test_a_model_that_is_missing_broken_or_of_something_else_is_refused(tmp_path):

@@ -5,14 +5,15 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from shefex_nav.environment.stars import brighter_than, photocentres
+from shefex_nav.environment.stars import photocentres, select
 from shefex_nav.onboard.startracker import skygrid
 from shefex_nav.solve import patterns
 
 
 @pytest.fixture(scope="module")
 def stars():
-    return brighter_than(patterns.catalogue(2020.0), 4.5)
+    catalogue = patterns.catalogue(2020.0)
+    return select(catalogue, catalogue.vmag <= 4.5)
 
 
 def test_lists_of_stars_are_those_of_the_star_tracker(stars):

@@ -10,7 +10,7 @@ from shefex_nav.onboard.navigation.fusion import Correction, Interval
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.records import Detections, StarFix, Trajectory
 from shefex_nav.scenario import load, params
-from shefex_nav.verify import consistency, flown, linear
+from shefex_nav.verify import consistency, flown, linear, nees
 from shefex_nav.verify.flown import PHASES, Run
 from shefex_nav.world import imu, noise
 
@@ -184,3 +184,61 @@ def test_what_is_reported_beyond_the_filter_is_in_the_histories():
         scatter = values.std() / np.sqrt(1000)
         assert values.mean() == pytest.approx(3.0, abs=4.5 * scatter), (block, PHASES[p])
     assert histories.P[50][3, 3] > 4.0
+
+
+def field_of_gravity():
+    """Fifteen errors and a slow field that drives the last three of them; 60 s."""
+    n, steps, times_s = N + 3, [], 0.5 * np.arange(1, 121)
+    Phi = 0.9 * np.eye(n)
+    Phi[N:, N:], Phi[N - 3 : N, N:] = 0.99 * np.eye(3), 0.1 * np.eye(3)
+    Q = 0.1 * np.eye(n)
+    Q[N:, N:] = 0.02 * np.eye(3)
+    H = np.eye(n)[N - 3 : N]
+    for t_s in times_s:
+        steps.append(linear.Interval(t_s, Phi, Q))
+        steps.append(linear.Update(t_s, t_s, "gps", H, 25.0 * np.eye(3)))
+    return np.eye(n), steps, times_s
+
+
+def test_runs_in_one_field_scatter_more_and_by_what_the_interval_says():
+    """40 groups of 25 runs with a field in common, against the interval; only one block feels it."""
+    rng = np.random.default_rng(7)
+    P, steps, times_s = field_of_gravity()
+    phase = np.zeros(120, dtype=int)
+    none = consistency.Extra(np.zeros(120), np.zeros(120), 0.0)
+    common = consistency.in_one_field(P, steps, times_s, phase, none, slice(N, N + 3), number=400, rng=rng)
+    histories = consistency.simulate(P, steps, times_s, phase, none, number=400, rng=rng)
+    for name in ("accel_bias", "gyro_bias"):
+        parts = common[name, 0]
+        whole = parts.own + 2.0 * np.diag(parts.cross) + parts.same  # histories like any others
+        expected = histories.averages[name, 0]
+        scatter = np.hypot(whole.std(), expected.std()) / np.sqrt(400)
+        assert whole.mean() == pytest.approx(expected.mean(), abs=4.5 * scatter), name
+        assert whole.std() == pytest.approx(expected.std(), rel=0.25), name
+        low, high = nees.one_draw_interval(parts, 25, 0.9, rng)
+        alone = nees.mean_interval(expected, 25, 0.9, rng)
+        wider = (high - low) / (alone[1] - alone[0])
+        assert wider > 1.5 if name == "accel_bias" else 0.8 < wider < 1.25, (name, wider)
+    means = [group_in_one_field(P, steps, times_s, 25, rng) for _ in range(40)]
+    low, high = nees.one_draw_interval(common["accel_bias", 0], 25, 0.9, rng)
+    inside = np.mean([low < mean < high for mean in means])
+    assert 0.75 <= inside <= 1.0  # 0.9 of 40; 99 % of them within
+
+
+def group_in_one_field(P, steps, times_s, number, rng):
+    """Mean NEES of the accelerometer biases of runs whose field is the same, step by step."""
+    errors = rng.standard_normal((len(P), number))
+    errors[N:] = rng.standard_normal((3, 1))
+    total = 0.0
+    for interval, update, known in zip(
+        steps[::2], steps[1::2], linear.outputs(P, steps, times_s), strict=True
+    ):
+        errors = interval.Phi @ errors
+        errors[:N] += np.sqrt(0.1) * rng.standard_normal((N, number))
+        errors[N:] += np.sqrt(0.02) * rng.standard_normal((3, 1))
+        P = interval.Phi @ P @ interval.Phi.T + interval.Q
+        K = linear.gain(P, update.H, update.R)
+        errors -= K @ (update.H @ errors + 5.0 * rng.standard_normal((3, number)))
+        P = known.P
+        total += nees.nees(errors[N - 3 : N].T, P[N - 3 : N, N - 3 : N][None]).mean()
+    return total / len(times_s)

@@ -255,3 +255,12 @@ def test_reacquisition_takes_its_time_for_each_satellite(flight):
     t_s = np.arange(6.0)
     got = gps_receiver.reacquired(flags, t_s, gps_receiver.Reacquisition(2.0, 2.0), np.zeros((6, 1)))
     assert got[:, 0].tolist() == [True, False, False, False, True, True]
+
+
+@pytest.mark.parametrize("span", [(900.0, 950.0), (-50.0, -20.0), (5.2, 5.8)])
+def test_limits_without_an_epoch_inside_change_nothing(flight, span):
+    """Before the flight, after it, and between two fixes; NumPy warns of means of nothing."""
+    calm = PARAMS._replace(outages=(), spin_threshold=np.inf)
+    whole = measure(calm, flight).ranges
+    limited = measure(calm._replace(only=(gps_receiver.Only(*span, 2),)), flight).ranges
+    assert [r.prn.tolist() for r in limited] == [r.prn.tolist() for r in whole]

@@ -144,7 +144,8 @@ def start(params, alignment, earth, recorder=None):
 def advance(nav, block, more_dv=None):
     """One tick on: strapdown and prediction with an ImuBlock, which must follow on the last one.
 
-    more_dv : (n, 3) m/s, added to the velocity increments after the watch has seen them as they were read
+    more_dv : function of the angle increments (n, 3) rad, as the watch lets them pass, -> (n, 3) m/s that are
+        added to the velocity increments; the watch sees these as they were read
     """
     history, n, now_s = nav.history, len(block.dtheta_b), block.t_valid_s
     if abs(now_s - history.ends_s[-1] - n * block.dt_s) > SNAP_S:
@@ -155,7 +156,7 @@ def advance(nav, block, more_dv=None):
     readings = history.increments[place, BEFORE : BEFORE + n]
     nav.watch.screen(block, readings, history.extra[place])
     if more_dv is not None:
-        readings[:, 3:] += more_dv
+        readings[:, 3:] += more_dv(readings[:, :3])
     new = history.newest + 1
     prediction.enter(*nav.constants, *history.arrays, new, nav.params.motors, now_s, block.dt_s, n)
     history.extend([now_s])
@@ -191,8 +192,8 @@ def fuse(nav, arrivals):
     Parameters
     ----------
     nav : Filter, advanced to the present tick
-    arrivals : list of (arrival, fix), the first of `sensors.ARRIVALS`: 'gps' with a GpsFix, 'star_tracker'
-        with a StarFix that has an attitude, 'star_vectors' with one that has stars
+    arrivals : list of (arrival, fix), the first of `sensors.ARRIVALS`: 'gps' with a GpsFix, 'gps_ranges' with
+        GpsRanges, 'star_tracker' with a StarFix that has an attitude, 'star_vectors' with one that has stars
 
     Returns
     -------

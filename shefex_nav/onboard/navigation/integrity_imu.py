@@ -196,12 +196,16 @@ def screen_packed(
             axis.since_s, axis.charged, axis.fixed_s, axis.state = np.nan, 0.0, np.nan, GOOD
             densities[k // 3, k % 3] = 0.0
             continue
+        unseen = 0.0  # variance of what a reading that was none has added until it was called stuck
         if axis.state == GOOD:
             axis.since_s = t_end_s - age_s
+            if code == STUCK and np.isfinite(axis.before):
+                unseen = ((readings[n - 1, k] / dt_s - axis.before) * age_s) ** 2
         if code != SATURATED or at_range:
             axis.seen_s = t_end_s
         axis.state = code
-        densities[k // 3, k % 3] = _charge(rules[2, k // 3], rules[3, k // 3], axis, t_end_s) / (n * dt_s)
+        added = _charge(rules[2, k // 3], rules[3, k // 3], axis, t_end_s) + unseen
+        densities[k // 3, k % 3] = added / (n * dt_s)
     if whole == GOOD:
         last[:] = readings
     _hold(readings, axes, dt_s)
@@ -221,7 +225,10 @@ def _same(readings, last):
 @njit(cache=True)
 def _charge(wrong, change, axis, t_end_s):
     """Variance that the error of a reading which cannot be used has added since the last block."""
-    held, begin_s = axis.state != SATURATED, axis.since_s
+    held, begin_s = (
+        axis.state != SATURATED and np.isfinite(axis.mean),
+        axis.since_s,
+    )  # no mean: nothing to hold
     if axis.fixed_s > begin_s:  # what is held was right at the beginning, not at the fix
         begin_s, held = axis.fixed_s, False
     variance = integrated_variance(wrong, change, t_end_s - begin_s, held)

@@ -9,6 +9,7 @@ the tracker is not made, nor of rows whose places no rate has brought to one ins
 better than a wrong attitude.
 """
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -102,20 +103,26 @@ def init(params, catalogue, julian_year):
     camera = params.identify.camera
     half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
     field = 2.0 * np.arctan(half_diagonal / camera.focal_length_px)
-    return Tracker(params, _pairs(params.catalogue, catalogue, julian_year, field))
+    return Tracker(params, _pairs(params.catalogue, _Same(catalogue), julian_year, field))
 
 
-def _pairs(params, catalogue, julian_year, field):
-    """StarPairs of a catalogue; those made last are kept, a campaign asks for the same ones every time."""
-    wanted = params, julian_year, field
-    if _last and _last[0] == wanted and _last[1] is catalogue:
-        return _last[2]
-    pairs = onboard_catalogue.pair_table(onboard_catalogue.build(params, catalogue, julian_year), field)
-    _last[:] = wanted, catalogue, pairs
-    return pairs
+class _Same:
+    """A catalogue as a key: equal to itself alone, without a look at its arrays."""
+
+    def __init__(self, catalogue):
+        self.catalogue = catalogue
+
+    def __hash__(self):
+        return id(self.catalogue)
+
+    def __eq__(self, other):
+        return self.catalogue is other.catalogue
 
 
-_last = []  # what was wanted, of which catalogue, StarPairs
+@lru_cache(maxsize=1)  # a campaign asks for the same ones every time
+def _pairs(params, same, julian_year, field):
+    """StarPairs of a CatalogueParams, the _Same of a catalogue, year and field of view [rad]."""
+    return onboard_catalogue.pair_table(onboard_catalogue.build(params, same.catalogue, julian_year), field)
 
 
 def start(tracker, t_s):

@@ -54,11 +54,8 @@ def nees(data):
         style.log_scale(axes, bottom=min(0.03, 0.5 * low), top=max(30.0, 2.0 * float(np.nanmax(value))))
         inside = float(np.mean((value >= low) & (value <= high)))
         axes.set_ylabel(name)
-        axes.text(
-            0.995, 0.06, f"mean {np.mean(value):.2f}, {inside:.0%} of the epochs inside", ha="right",
-            fontsize=9, transform=axes.transAxes, bbox={"color": "white", "alpha": 0.8, "pad": 1.5},
-        )  # fmt: skip
-    style.legend(rows[0, 0], ncols=3, loc="upper right")
+        style.note_above(axes, f"mean {np.mean(value):.2f}, {inside:.0%} of the epochs inside")
+    style.legend_above(rows[0, 0])
     return figure
 
 
@@ -102,14 +99,11 @@ def _nis_of(axes, sensor, gates):
             label=f"refused ({refused.sum()})",
         )
     top = float(np.nanmax(np.concatenate([value, limit[np.isfinite(limit)]])))
-    style.log_scale(axes, bottom=max(1e-3, 0.5 * float(value[value > 0].min(initial=1.0))), top=15.0 * top)
+    style.log_scale(axes, bottom=max(1e-3, 0.5 * float(value[value > 0].min(initial=1.0))), top=2.0 * top)
     axes.set_ylabel(sensor.replace("_", " "))
     mean = float(np.sum(value[accepted]) / max(np.sum(dof[accepted]), 1))
-    axes.text(
-        0.995, 0.06, f"used: mean NIS per degree of freedom {mean:.2f}", ha="right", fontsize=9,
-        transform=axes.transAxes, bbox={"color": "white", "alpha": 0.8, "pad": 1.5},
-    )  # fmt: skip
-    style.legend(axes, ncols=4, loc="upper right", markerscale=1.5)
+    style.note_above(axes, f"used: mean NIS per degree of freedom {mean:.2f}")
+    style.legend_above(axes, markerscale=1.5)
 
 
 @style.styled
@@ -142,7 +136,7 @@ def protection(data):
     for axes in rows[:, 0]:
         style.log_scale(axes, bottom=bottom, top=1.6 * axes.get_ylim()[1])
     rows[0, 0].fill_between([], [], color="#eeeeee", label="do not use")
-    style.legend(rows[0, 0], ncols=4, loc="upper right")
+    style.legend_above(rows[0, 0])
     return figure
 
 
@@ -171,7 +165,7 @@ def _lanes(data):
     for doubt, colour, name in _DOUBTS:
         bars = style.spans(data.nav.t_s, data.nav.doubt == doubt) if len(data.nav.t_s) else []
         if bars:
-            out.append((f"doubt, {name}", bars, [], colour))
+            out.append((f"doubt,\n{name}", bars, [], colour))
     found = trust.noticed(data.health)
     refused = {}
     for gate in data.gates:

@@ -121,7 +121,7 @@ def _three(data, words, names, unit, series):
                 axes, [error[settled, k], 3.0 * sigma[settled_sigma, k], -3.0 * sigma[settled_sigma, k]]
             )
         rows[k, 0].set_ylabel(f"{name} [{unit}]")
-    style.legend(rows[0, 0], ncols=2, loc="best")
+    style.legend_above(rows[0, 0])
     return figure
 
 

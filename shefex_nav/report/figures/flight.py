@@ -103,7 +103,7 @@ def history(data):
     style.curve(rows[3, 0], truth.t_s, across, color=style.RED, ls="--", label="across", lw=1.0)
     style.log_scale(rows[3, 0], bottom=1e-3)
     rows[3, 0].set_ylabel("body rate\n[deg/s]")
-    style.legend(rows[3, 0], loc="upper right", ncols=2)
+    style.legend_above(rows[3, 0])
     slow = np.linalg.norm(earth_fixed(data.mission.earth, truth).v_e, axis=1) < SLOWEST
     angle_deg = np.where(slow, np.nan, np.degrees(truth.angle_of_attack))
     style.curve(rows[4, 0], truth.t_s, angle_deg, color=style.BLUE)
@@ -273,7 +273,7 @@ def attitude_control(data):
         )  # fmt: skip
     rows[0, 0].set_ylabel("error [deg]")
     style.limits(rows[0, 0], [error_deg], margin=0.15)
-    style.legend(rows[0, 0], ncols=3, loc="upper right")
+    style.legend_above(rows[0, 0])
     style.curve(rows[1, 0], control.t_s, control.propellant_kg, color=style.BLUE)
     rows[1, 0].set_ylabel("gas used [kg]")
     for start, length in style.spans(data.truth.t_s, data.truth.phase == Phase.POINTING):

@@ -35,7 +35,7 @@ def imu(data):
             for axes in rows[:, 0]:
                 axes.axvspan(start, start + length, color=colour, alpha=0.4, lw=0, label=name)
                 name = None
-    style.legend(rows[1, 0], ncols=4, loc="upper right")
+    style.legend_above(rows[1, 0])
     return figure
 
 
@@ -80,5 +80,5 @@ def gps(data):
                 start, start + length, color=style.ORANGE, alpha=0.3, lw=0, label="no fix" if first else None
             )
             first = False
-    style.legend(rows[0, 0], loc="lower right")
+    style.legend_above(rows[0, 0])
     return figure

@@ -243,16 +243,16 @@ def _draw_near(axes, data, sky, stars):
     )
     corners = _corners(camera) @ rotation.dcm_from_quat(frame.q_ic).T
     outline = _tangent(corners, centre)
-    axes.plot(*outline.T, color=style.BLACK, lw=1.2, label=f"field of view, T{frame.t_valid_s:+.0f} s")
+    axes.plot(*outline.T, color=style.BLACK, lw=1.2, label="_field")
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     ra_h, dec_deg = (
         np.degrees(np.arctan2(centre[1], centre[0])) % 360.0 / 15.0,
         np.degrees(np.arcsin(centre[2])),
     )
-    axes.set_title(f"around {ra_h:.1f} h, {dec_deg:+.1f}°; stars to V {faintest:.0f}", fontsize=11)
+    words = f"around {ra_h:.1f} h, {dec_deg:+.1f}°; stars to V {faintest:.0f}"
+    axes.set_title(f"{words};\nfield of view at T{frame.t_valid_s:+.0f} s", fontsize=10)
     axes.set_xlabel("west [deg]")
     axes.set_ylabel("north [deg]")
-    axes.legend(loc="upper right", fontsize=9)
 
 
 def _corners(camera):

@@ -28,7 +28,7 @@ def status(data):
     style.curve(rows[1, 0], t_s, known, color=style.BLUE, lw=0.9, label="identified")
     rows[1, 0].set_ylabel("objects in\na frame")
     rows[1, 0].set_ylim(bottom=0.0)
-    style.legend(rows[1, 0], ncols=2, loc="upper right")
+    style.legend_above(rows[1, 0])
     if has_truth:
         _conditions(rows[2:, 0], data)
     return figure
@@ -65,8 +65,8 @@ def _conditions(rows, data):
     style.curve(rows[0], t_s, rate_deg_s, color=style.BLUE)
     rows[0].axhline(np.degrees(metrics.WINDOW_RATE), color=style.BLACK, lw=1.0, ls="--")
     rows[0].annotate(
-        "window of the star tracker", (0.995, np.degrees(metrics.WINDOW_RATE)), (0, 3),
-        xycoords=rows[0].get_yaxis_transform(), textcoords="offset points", ha="right", fontsize=9,
+        "window of the star tracker", (0.5, np.degrees(metrics.WINDOW_RATE)), (0, 3),
+        xycoords=rows[0].get_yaxis_transform(), textcoords="offset points", ha="center", fontsize=9,
     )  # fmt: skip
     style.log_scale(rows[0], bottom=1e-2, top=max(10.0, 2.0 * float(rate_deg_s.max())))
     rows[0].set_ylabel("largest rate\n[deg/s]")
@@ -80,7 +80,7 @@ def _conditions(rows, data):
         if limit is not None:
             rows[1].axhline(np.degrees(limit), color=colour, lw=1.0, ls=":", label="least " + name)
     rows[1].set_ylabel("boresight\n[deg]")
-    style.legend(rows[1], ncols=4, loc="lower right")
+    style.legend_above(rows[1])
 
 
 @style.styled
@@ -102,11 +102,11 @@ def star_errors(data):
         style.dots(axes, errors.t_s[good], arcsec[good], color=style.AXES[axis], label=f"error {name}")
         if good.any():
             edges = mean[k] * _ARCSEC + 3.0 * np.array([[-1.0], [1.0]]) * sigma[good]
-            style.limits(axes, [arcsec[good], edges], head=0.22)
+            style.limits(axes, [arcsec[good], edges])
         for t_s in errors.t_s[wrong]:
             axes.axvline(t_s, color=style.RED, lw=1.5)
         axes.set_ylabel(f"{axis} [arcsec]")
-        style.legend(axes, ncols=2, loc="upper right", markerscale=3)
+        style.legend_above(axes, markerscale=3)
     if wrong.any():
         rows[0, 0].set_title(f"{int(wrong.sum())} wrong fixes, marked by lines", color=style.RED, fontsize=10)
     return figure
@@ -127,6 +127,7 @@ def camera(data):
     style.curve(rows[0, 0], t_s, exposure_ms, color=style.BLUE, drawstyle="steps-post")
     rows[0, 0].set_ylabel("exposure\n[ms]")
     style.limits(rows[0, 0], [exposure_ms], least=1.0)
+    style.cut_off(rows[0, 0], exposure_ms, "ms")
     if has_frames:
         style.curve(rows[1, 0], shown.t_valid_s, shown.gain_db, color=style.BLUE, drawstyle="steps-post")
         rows[1, 0].set_ylabel("gain\n[dB]")
@@ -134,6 +135,7 @@ def camera(data):
     background = np.array([fix.background_dn for fix in fixes])
     style.curve(rows[-2, 0], t_s, background, color=style.BLUE)
     rows[-2, 0].set_ylabel("mean grey\nvalue [DN]")
+    style.cut_off(rows[-2, 0], background, "DN")
     residual = np.array([fix.residual_px for fix in fixes])
     style.dots(rows[-1, 0], t_s, residual, color=style.BLUE)
     rows[-1, 0].set_ylabel("residual of\nstars [px rms]")

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from shefex_nav.records import Phase
+from shefex_nav.report import scale
 
 BLACK, GREY = "#000000", "#767676"
 ORANGE, SKY, GREEN, YELLOW = "#e69f00", "#56b4e9", "#009e73", "#f0e442"
@@ -283,18 +284,38 @@ def legend(axes, **kwargs):
         axes.legend(**{"loc": "best", "borderaxespad": 0.3, **kwargs})
 
 
-def limits(axes, values, *, margin=0.08, least=0.0, head=0.0):
-    """Limits of the y axis around finite values.
+def legend_above(axes, **kwargs):
+    """The same in one line above the panel, where it covers nothing; between panels there is room for it."""
+    handles = axes.get_legend_handles_labels()[0]
+    if handles:
+        place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": len(handles)}
+        small = {"fontsize": 9, "frameon": False, "borderaxespad": 0.0, "borderpad": 0.15}
+        axes.legend(**place, **small, **kwargs)
 
-    least : smallest height shown;  head : room above for a legend, over the height
-    """
+
+def note_above(axes, words):
+    """A few words above the left end of a panel, where they cover nothing."""
+    axes.text(0.005, 1.02, words, transform=axes.transAxes, ha="left", va="bottom", fontsize=9)
+
+
+def limits(axes, values, *, margin=0.08, least=0.0):
+    """Limits of the y axis around finite values; least : smallest height shown."""
     known = np.concatenate([np.ravel(v) for v in values])
     known = known[np.isfinite(known)]
     if not len(known):
         return
     low, high = float(known.min()), float(known.max())
     pad = margin * (high - low) + 0.5 * max(least - (high - low), 0.0) or 1.0
-    axes.set_ylim(low - pad, high + pad + head * (high - low + 2.0 * pad))
+    axes.set_ylim(low - pad, high + pad)
+
+
+def cut_off(axes, values, unit):
+    """End the y axis where a few of the values, (n,) of at least zero, would flatten the others; says so."""
+    found = scale.cut(values)
+    if found is not None:
+        axes.set_ylim(0.0, found.top)
+        words = f"{found.count} of {len(values)} lie above, up to {found.largest:.4g} {unit}"
+        note_above(axes, words)
 
 
 def spans(t_s, flags):

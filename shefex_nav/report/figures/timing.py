@@ -32,5 +32,5 @@ def chain(data):
     share.set_ylim(0.0, 100.5)
     share.set_xlabel("time [ms]")
     share.set_ylabel("frames done [%]")
-    share.legend(loc="lower right")
+    style.legend_above(share)
     return figure

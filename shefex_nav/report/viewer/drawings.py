@@ -1,13 +1,17 @@
 """The Foxglove messages of a log (pictures, poses, events) as rerun decodes them, on both timelines."""
 
-from shefex_nav.log.topics import epoch_ns
+import numpy as np
+
+from shefex_nav.log.drawings import POSE_TICKS
+from shefex_nav.log.topics import epoch_ns, log_time_ns
 from shefex_nav.report.viewer import pictures
 from shefex_nav.report.viewer.sender import TIMELINE, UTC
 
 PICTURES = "star_tracker/image", "star_tracker/image_full"
 _DRAWN = "^(/tf|/gps/location|/log|/star_tracker/(calibration|image|image_full))$"
 _LOG_TIME = "message_log_time"
-_TEXTS = "/log"
+_TEXTS, _FRAMES = "/log", "/tf"
+_BETWEEN_POSES = int(1.5e7 * POSE_TICKS)  # ns
 
 
 def send(stream, log_path, data):
@@ -16,8 +20,9 @@ def send(stream, log_path, data):
     from rerun.chunk import McapReader
 
     epoch, grey = epoch_ns(data.mission.epoch_utc), _grey(log_path, data)
+    start = int(log_time_ns(epoch, data.mission.start_s))
     source = McapReader(log_path, recover=True, include_topic_regex=[_DRAWN])
-    rr.send_chunks(source.stream().map(lambda chunk: _timed(chunk, epoch, grey)), recording=stream)
+    rr.send_chunks(source.stream().map(lambda chunk: _timed(chunk, epoch, start, grey)), recording=stream)
 
 
 def kept_pictures(log_path):
@@ -29,7 +34,7 @@ def kept_pictures(log_path):
     return [one for one in PICTURES if counts.get(f"/{one}")]
 
 
-def _timed(chunk, epoch, grey):
+def _timed(chunk, epoch, start, grey):
     """The chunk with mission time and UTC for the time at which it was logged; its other times go."""
     import pyarrow as pa
     from rerun.chunk import Chunk
@@ -41,6 +46,8 @@ def _timed(chunk, epoch, grey):
         batch = pictures.narrowed(batch, grey)
     k = batch.schema.get_field_index(_LOG_TIME)
     stamps, metadata = batch.column(k).cast(pa.int64()).to_numpy(), batch.schema.field(k).metadata or {}
+    if str(chunk.entity_path) == _FRAMES:  # poses are drawn at 20 Hz: the first from the start of the log on
+        stamps = np.where(stamps < start + _BETWEEN_POSES, start, stamps)
     since = stamps - epoch
     if str(chunk.entity_path) == _TEXTS:
         since = since // 1_000_000 * 1_000_000  # so that the list has room for them

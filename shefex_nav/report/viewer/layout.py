@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.report import metrics
+from shefex_nav.report import metrics, scale
 from shefex_nav.report.viewer import legend
 from shefex_nav.report.viewer.sender import TIMELINE
 
@@ -127,8 +127,8 @@ def blueprint(data, seen, has, *, page=OVERVIEW):
 def _overview(data, seen, has):
     import rerun.blueprint as rrb
 
-    side = rrb.Vertical(_lanes(data), _texts(OVERVIEW), row_shares=[11, 10])
-    upper = rrb.Horizontal(_cameras(has), _trajectory(seen), side, column_shares=[5, 6, 4])
+    side = rrb.Vertical(_lanes(data), _texts(OVERVIEW), row_shares=[12, 9])
+    upper = rrb.Horizontal(_cameras(data, has), _trajectory(seen), side, column_shares=[5, 6, 4])
     lower = rrb.Tabs(rrb.Grid(*_errors(data), grid_columns=COLUMNS, name=_ERRORS), _flight_curves(data, has))
     return rrb.Vertical(upper, lower, row_shares=[9, 10], name=OVERVIEW)
 
@@ -136,7 +136,7 @@ def _overview(data, seen, has):
 def _mission(data, seen, has):
     import rerun.blueprint as rrb
 
-    side = rrb.Vertical(_lanes(data), _texts(MISSION), row_shares=[5, 8])
+    side = rrb.Vertical(_lanes(data), _texts(MISSION), row_shares=[6, 7])
     upper = rrb.Horizontal(_trajectory(seen), side, column_shares=[2, 1])
     curves = rrb.Grid(*_flight_views(data, has), grid_columns=COLUMNS)
     return rrb.Vertical(upper, curves, row_shares=[3, 2], name=MISSION)
@@ -148,15 +148,16 @@ def _star_tracker(data, seen, has):
     if not has.stars:
         return None
     plots = [
-        ("stars", "Stars: detected (orange), identified (green)"),
-        ("residual", "Residual of the identified stars [px]"),
+        ("stars", "Stars: detected (orange), identified (green)", None),
+        ("residual", "Residual of the identified stars [px]", None),
     ]
     if has.frames:
-        plots.insert(1, ("exposure", "Exposure [ms] yellow, gain [dB] blue, sky grey"))
+        title, top = _exposure_scale(data)
+        plots.insert(1, ("exposure", title, top))
     if has.timed:
-        plots.append(("chain_time", "Time for a frame [ms]"))
+        plots.append(("chain_time", "Time for a frame [ms]", None))
     span = _star_time(data)
-    curves = [_plot(data, f"plots/{entity}", title, span=span) for entity, title in plots]
+    curves = [_plot(data, f"plots/{entity}", title, span=span, top=top) for entity, title, top in plots]
     sky = rrb.Spatial2DView(
         origin="sky",
         name="Sky around the camera [deg], north up, east left",
@@ -164,8 +165,17 @@ def _star_tracker(data, seen, has):
         visual_bounds=rrb.VisualBounds2D(x_range=[-50.0, 50.0], y_range=[-40.0, 40.0]),
     )
     side = rrb.Vertical(sky, rrb.Tabs(_lanes(data), _legend(STARS), active_tab=0), row_shares=[5, 3])
-    upper = rrb.Horizontal(_cameras(has), side, column_shares=[5, 4])
+    upper = rrb.Horizontal(_cameras(data, has), side, column_shares=[5, 4])
     return rrb.Vertical(upper, rrb.Horizontal(*curves), row_shares=[5, 2], name=STARS)
+
+
+def _exposure_scale(data):
+    """(title, top of the scale or None): a few frames, full of light, do not flatten the others."""
+    frames = data.frames
+    grey = [fix.background_dn for fix in data.star_fixes]
+    title = "Exposure [ms] yellow, gain [dB] blue, sky grey"
+    found = scale.cut(np.concatenate([1e3 * frames.exposure_s, frames.gain_db, grey]))
+    return (title, None) if found is None else (f"{title}; {found.largest:.0f} cut off", found.top)
 
 
 def _navigation(data, seen, has):
@@ -205,18 +215,20 @@ def _sensors(data, seen, has):
             ("force", "Specific force along body x, y, z [g]"),
             ("vibration", "Scatter of the specific force within a second, body axes [g]"),
         ):
-            views.append(_plot(data, f"plots/imu/{entity}", title, legend=True))
+            views.append(_plot(data, f"plots/imu/{entity}", title, legend="RightTop"))
     if has.gps:
-        views.append(_plot(data, "plots/gps", "GPS: satellites, dilution of precision", legend=True))
+        views.append(_plot(data, "plots/gps", "GPS: satellites, dilution of precision", legend="LeftTop"))
     if has.gps or has.stars:
-        views.append(_plot(data, "plots/age", "Age of a measurement when it is there [ms]", legend=True))
+        views.append(
+            _plot(data, "plots/age", "Age of a measurement when it is there [ms]", legend="LeftBottom")
+        )
     if not views:
         return None
     side = rrb.Tabs(_lanes(data), _legend(SENSORS), active_tab=0)
     return rrb.Grid(*views, side, grid_columns=2, name=SENSORS)
 
 
-def _plot(data, entity, title, *, legend=False, top=None, bottom=0.0, span=None):
+def _plot(data, entity, title, *, legend=None, top=None, bottom=0.0, span=None):
     """A plot over the whole flight or the times `span`, of values up to `top` where that is known."""
     import rerun.blueprint as rrb
 
@@ -225,7 +237,7 @@ def _plot(data, entity, title, *, legend=False, top=None, bottom=0.0, span=None)
         name=title,
         axis_x=_time_axis(data, span),
         axis_y=rrb.ScalarAxis(range=(bottom, top)) if top else None,
-        plot_legend=rrb.PlotLegend(visible=legend, corner=rrb.Corner2D.LeftTop),
+        plot_legend=rrb.PlotLegend(visible=legend is not None, corner=legend),
     )
 
 
@@ -248,20 +260,25 @@ def _star_time(data):
     return t_s[0] - STARS_MARGIN_S, t_s[-1] + STARS_MARGIN_S
 
 
-def _cameras(has):
+def _cameras(data, has):
     """A tab for each kind of pictures; without any the marks alone, and a name that says so."""
     import rerun.blueprint as rrb
 
     marks = "green identified, orange not"
     names = {"star_tracker/image": f"Star camera: {marks}", "star_tracker/image_full": "As read out"}
-    views = [_star_camera(entity, name) for entity, name in names.items() if entity in has.pictures]
-    return rrb.Tabs(*(views or [_star_camera("stars", f"Detections, no pictures: {marks}")]), active_tab=0)
+    views = [_star_camera(data, entity, name) for entity, name in names.items() if entity in has.pictures]
+    return rrb.Tabs(
+        *(views or [_star_camera(data, "stars", f"Detections, no pictures: {marks}")]), active_tab=0
+    )
 
 
-def _star_camera(entity, name):
+def _star_camera(data, entity, name):
     import rerun.blueprint as rrb
 
-    return rrb.Spatial2DView(origin=entity, contents=["$origin", "stars/**"], name=name)
+    size = data.mission.camera.width_px, data.mission.camera.height_px
+    x, y = ([-0.01 * most, 1.01 * most] for most in size)
+    bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
+    return rrb.Spatial2DView(origin=entity, contents=["$origin", "stars/**"], name=name, visual_bounds=bounds)
 
 
 def _trajectory(seen):
@@ -356,10 +373,15 @@ def _flight_views(data, has):
         most = _largest(np.degrees(data.control.pointing_error))
         title = "Pointing error about body x, y, z [deg]"
         views.append(_plot(data, "plots/pointing", title, top=most, bottom=-most))
-        views.append(_plot(data, "plots/gas", "Cold gas used [kg]"))
+        views.append(_plot(data, "plots/gas", "Cold gas used [kg]", top=_gas_shown(data)))
     if has.stars:
         views.append(_plot(data, "plots/stars", "Stars: detected (orange), identified (green)"))
     return views
+
+
+def _gas_shown(data):
+    """Upper end of the scale of the gas, with room above: the viewer's own cuts the last of it."""
+    return 1.05 * float(np.nanmax(data.control.propellant_kg)) or None
 
 
 def _largest(values):

@@ -41,10 +41,25 @@ def entity(page):
     return f"{ENTITY}/{page.lower().replace(' ', '_')}"
 
 
-def send(sender):
-    """The texts of all pages."""
+def overlaid(first, others):
+    """Which colours are those of which log: texts, none for one log alone. others : [(name, colour)]"""
+    if not others:
+        return ()
+    found = ", ".join(f"{colour} {name}" for name, colour in others)
+    return (
+        f"""**Logs.** Laid over {first}, whose colours are those named below: {found}: path, errors, 3 sigma
+(darker) and NEES. States, events and all else are those of {first}; titles tell what is cut off of it.""",
+    )
+
+
+def send(sender, first, others=()):
+    """The texts of all pages.
+
+    first : name of the log that is shown whole;  others : (name, colour) of each that is laid over it
+    """
     import rerun as rr
 
     for page, parts in TEXTS.items():
+        parts = (*overlaid(first, others), *parts)
         text = "\n\n".join(part.replace("\n", " ") for part in parts)
         sender.static(entity(page), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))

@@ -8,6 +8,7 @@ their own.
 
 import hashlib
 import os
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,13 @@ from shefex_nav.report.viewer.sender import Sender
 
 APPLICATION = "shefex_nav"
 ENDING = ".view.rrd"  # of the recording kept beside its log
-OVERLAY = ((255, 170, 60), (200, 130, 255), (90, 230, 210), (255, 120, 170), (200, 200, 90))
+OVERLAY = {
+    "orange": (255, 170, 60),
+    "violet": (200, 130, 255),
+    "turquoise": (90, 230, 210),
+    "pink": (255, 120, 170),
+    "olive": (200, 200, 90),
+}
 
 
 def read(log):
@@ -94,9 +101,11 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     has = layout.content(shown, drawings.kept_pictures(logs[0]))
     stream.save(rrd_path, default_blueprint=layout.blueprint(shown, seen, has, page=page))
     fill(stream, logs[0], first)
-    sender = Sender(stream, first.mission.epoch_utc)
-    for k, (data, name) in enumerate(zip(runs[1:], others, strict=True)):
-        overlay(sender, data, first.mission, name, OVERLAY[k % len(OVERLAY)])
+    sender, words = Sender(stream, first.mission.epoch_utc), []
+    for data, name, (word, colour) in zip(runs[1:], others, cycle(OVERLAY.items()), strict=False):
+        overlay(sender, data, first.mission, name, colour)
+        words.append((name, word))
+    legend.send(sender, names(runs)[0], words)
     stream.flush()
     stream.disconnect()
 
@@ -121,7 +130,6 @@ def fill(stream, log_path, data):
     sensors.send(sender, data)
     stars.send(sender, data)
     navigation.send(sender, data)
-    legend.send(sender)
     _send_summary(sender, data)
 
 

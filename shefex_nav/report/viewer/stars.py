@@ -10,7 +10,10 @@ from shefex_nav.report.viewer import layout, world
 from shefex_nav.report.viewer.drawings import PICTURES
 from shefex_nav.report.viewer.sender import BLUE, GREEN, GREY, ORANGE, WHITE, YELLOW
 
-_MARK_PX = 7.0  # half a side
+_MARK = 0.0106  # half a side, by the width of the picture
+# The picture and its marks have a frame of their own. In that of the calibration the viewer looks from the
+# focal length away, and with some (6363.6 px) picture and lowest marks round to one depth: these are hidden.
+PLANE = "star_camera_picture"
 _SKY_MAGNITUDE = 5.0  # faintest star of the map
 SKY_RADIUS = math.radians(50.0)  # of the map
 
@@ -31,7 +34,7 @@ def marks(sender, data):
     outline = rr.Boxes2D(
         array=[0, 0, camera.width_px, camera.height_px], array_format=rr.Box2DFormat.XYWH, colors=[70, 70, 70]
     )
-    plane = rr.CoordinateFrame("star_camera_image_plane")
+    plane = rr.CoordinateFrame(PLANE)
     names = [f"stars/{name}" for name in ("outline", "identified", "names", "unidentified", "true_places")]
     for entity in (*names, *PICTURES):  # static: the clearing at the end would take away those of the log
         sender.static(entity, plane)
@@ -41,9 +44,10 @@ def marks(sender, data):
         return
     t_s = [fix.t_valid_s for fix in fixes]
     known = [np.asarray(fix.hip) > 0 for fix in fixes]
-    _squares(sender, "stars/identified", t_s, fixes, known, GREEN)
-    _names(sender, "stars/names", t_s, fixes, known, GREEN)
-    _squares(sender, "stars/unidentified", t_s, fixes, [~k for k in known], ORANGE)
+    half_px = _MARK * camera.width_px
+    _squares(sender, "stars/identified", t_s, fixes, known, GREEN, half_px)
+    _names(sender, "stars/names", t_s, fixes, known, GREEN, half_px)
+    _squares(sender, "stars/unidentified", t_s, fixes, [~k for k in known], ORANGE, half_px)
     _true_places(sender, data.frame_truths)
     sender.curve("plots/stars/detected", t_s, [float(len(k)) for k in known], ORANGE, "detected")
     sender.curve("plots/stars/identified", t_s, [float(k.sum()) for k in known], GREEN, "identified")
@@ -51,24 +55,24 @@ def marks(sender, data):
         sender.clear(entity, t_s[-1] + layout.FRAME_SHOWN_S)
 
 
-def _squares(sender, entity, t_s, fixes, chosen, colour):
-    """A square around each chosen detection."""
+def _squares(sender, entity, t_s, fixes, chosen, colour, half_px):
+    """A square around each chosen detection, half_px half a side."""
     import rerun as rr
 
     centres, counts = _centres(fixes, chosen)
     sender.static(entity, rr.Boxes2D.from_fields(radii=[-0.8], colors=[colour]))
-    columns = rr.Boxes2D.columns(centers=centres, half_sizes=np.full_like(centres, _MARK_PX))
+    columns = rr.Boxes2D.columns(centers=centres, half_sizes=np.full_like(centres, half_px))
     sender.columns(entity, t_s, columns.partition(counts))
 
 
-def _names(sender, entity, t_s, fixes, chosen, colour):
-    """The Hipparcos number below each chosen detection."""
+def _names(sender, entity, t_s, fixes, chosen, colour, half_px):
+    """The Hipparcos number below the square of each chosen detection."""
     import rerun as rr
 
     centres, counts = _centres(fixes, chosen)
     names = [f"HIP {hip}" for fix, c in zip(fixes, chosen, strict=True) for hip in fix.hip[c]]
     sender.static(entity, rr.Points2D.from_fields(radii=[0.0], colors=[colour], show_labels=True))
-    columns = rr.Points2D.columns(positions=centres + np.array([0.0, _MARK_PX]), labels=names)
+    columns = rr.Points2D.columns(positions=centres + np.array([0.0, half_px]), labels=names)
     sender.columns(entity, t_s, columns.partition(counts))
 
 

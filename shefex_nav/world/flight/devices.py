@@ -56,16 +56,6 @@ def spin_left(row):
     return (k - unwound2) / (k + unwound2)
 
 
-def cord_for(spin_ratio, mass_kg, radius_m, i_roll):
-    """Length [m] of each cord that leaves spin_ratio (final over initial spin, -1 to 1) of the spin.
-
-    Zero is reached at l = sqrt(R^2 + I_x/m), whatever the spin was: that is the charm of the yo-yo.
-    """
-    if not -1.0 < spin_ratio < 1.0:
-        raise ValueError(f"a yo-yo cannot bring the spin to {spin_ratio} times its value")
-    return np.sqrt((radius_m**2 + i_roll / mass_kg) * (1.0 - spin_ratio) / (1.0 + spin_ratio))
-
-
 def spin_motor_rows(spin_motors):
     """(k, 3) start s, end s, roll torque N m."""
     if spin_motors is None:

@@ -1,0 +1,74 @@
+"""What is good of a scenario that has mistakes, so that the rest of it can be checked as well.
+
+A value that is wrong, missing, or perhaps given under a misspelt key is not there: to read it is an
+AttributeError, with which a check of values against each other ends (`known`).
+"""
+
+from typing import Annotated, get_args, get_origin
+
+from pydantic import TypeAdapter, ValidationError
+
+from shefex_nav.scenario import messages
+from shefex_nav.scenario.fields import chosen_form
+
+
+class _Unknown(Exception):
+    """A value that is wrong."""
+
+
+def validated(model, tree, bad):
+    """Instance of a model with the good values of a tree.
+
+    bad : paths of keys and values that are not good, those of unknown keys too
+    """
+    return _value(model, (), tree, (), {tuple(path) for path in bad})
+
+
+def known(complaints):
+    """Those complaints of a generator that come before it needs what is not there: list."""
+    found = []
+    try:
+        for one in complaints:
+            found.append(one)
+    except (AttributeError, StopIteration):
+        pass
+    return found
+
+
+def _value(annotation, metadata, value, path, bad):
+    """The validated value; one with good and bad ones in it has the good ones. _Unknown if it is bad."""
+    if path in bad and path:
+        raise _Unknown
+    if not any(one[: len(path)] == path for one in bad):
+        try:
+            return TypeAdapter(Annotated[annotation, *metadata] if metadata else annotation).validate_python(
+                value
+            )
+        except ValidationError:
+            raise _Unknown from None
+    annotation, metadata = chosen_form(*messages.bare(annotation, metadata), value)
+    if messages.is_model(annotation) and isinstance(value, dict):
+        return _section(annotation, value, path, bad)
+    if get_origin(annotation) is dict and isinstance(value, dict):
+        inner = get_args(annotation)[1]
+        return {key: _value(inner, (), one, (*path, key), bad) for key, one in value.items()}
+    raise _Unknown
+
+
+def _section(model, tree, path, bad):
+    """A section without what is not good; an unknown key may be any that is not given."""
+    misspelt = set(tree) - set(model.keys())
+    values = {}
+    for name, field in model.model_fields.items():
+        key = field.alias or name
+        if (*path, key) in bad or (key not in tree and (misspelt or field.is_required())):
+            continue
+        given = tree[key] if key in tree else field.get_default(call_default_factory=True)
+        try:
+            values[name] = _value(field.annotation, tuple(field.metadata), given, (*path, key), bad)
+        except _Unknown:
+            continue
+    section = model.model_construct()
+    section.__dict__.clear()
+    section.__dict__.update(values)
+    return section

@@ -1,0 +1,34 @@
+"""Scales that a few values do not flatten."""
+
+import numpy as np
+import pytest
+
+from shefex_nav.report import scale
+
+
+def test_one_large_value_is_cut_off_and_counted():
+    values = np.full(1000, 20.0)
+    values[500] = 4045.0
+    found = scale.cut(values)
+    assert found.count == 1 and found.largest == 4045.0
+    assert 20.0 < found.top < 40.0
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        [],
+        [np.nan, np.inf],
+        [0.0, 0.0, 0.0],
+        np.linspace(0.0, 100.0, 500),
+        [*[20.0] * 99, 59.0],  # not three times the others
+        [*[20.0] * 90, *[4045.0] * 10],  # not a few: a tenth of the time
+    ],
+)
+def test_what_is_no_exception_is_shown(values):
+    assert scale.cut(values) is None
+
+
+def test_values_that_are_not_finite_do_not_count():
+    found = scale.cut([*[20.0] * 99, np.nan, 500.0, np.inf])
+    assert (found.count, found.largest) == (1, 500.0)

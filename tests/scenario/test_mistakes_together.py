@@ -1,0 +1,92 @@
+"""All mistakes of a scenario at once, and none that another mistake only seems to make."""
+
+import pytest
+from broken import DEFAULT, messages
+
+from shefex_nav.scenario.load import ScenarioError, load
+
+
+def fields_of(path, overrides=()):
+    """Fields that are complained about, in any order."""
+    return {line.split(": ")[1] for line in messages(path, overrides)}
+
+
+def written(tmp_path, text):
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"extends: {DEFAULT}\n{text}", encoding="utf-8")
+    return path
+
+
+def test_values_against_each_other_are_checked_beside_single_wrong_values(tmp_path):
+    text = """mission: {epoch: 2012-06-22, start: -10.05 s}
+log: {rate: 30 Hz}
+star_tracker: {rate: 7 Hz, off: 100 s}
+gps: {latency: 2}
+imu: {vibration: {boost: [1 gee]}}
+launch: {elevaton: 3 deg}
+vehicle: {stages: {S40M: {ignition: 1}}}
+"""
+    assert fields_of(written(tmp_path, text)) == {
+        "mission.epoch", "mission.start", "log.rate", "star_tracker.rate", "star_tracker.off", "gps.latency",
+        "imu.vibration.boost", "launch.elevaton", "vehicle.stages.S40M.ignition",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "field"),
+    [
+        # the programme needs a cold-gas system, which is there under a misspelt name
+        ("vehicle: {cold_gas: null, cold_gass: {thrust: 1 N}}", "vehicle.cold_gass"),
+        # off must be later than on, which is not known
+        ("star_tracker: {on: 900, off: 385 s}", "star_tracker.on"),
+        # a start that is misspelt is none that is missing
+        ("launch: null\nlaunsh: {elevation: 80 deg}", "launsh"),
+        # nor is a model of the star tracker that cannot be read
+        ("star_tracker: {frames: statistical, model: nowhere.json}", "star_tracker.model"),
+        # tasks of a programme with one whose kind is misspelt
+        ("programme: {slew: {task: trun}}", "programme.slew.task"),
+        # a table that cannot be read has no heights that could decrease
+        ("wind: {file: nowhere.csv}", "wind.file"),
+    ],
+)  # fmt: skip
+def test_what_is_not_known_is_not_blamed_on_others(tmp_path, text, field):
+    said = messages(written(tmp_path, text))
+    assert all(f" {field}" in line for line in said), said
+
+
+def test_every_pair_of_a_wrong_value_and_a_contradiction_is_told(tmp_path):
+    """A value without its unit anywhere hides no contradiction elsewhere."""
+    path = written(tmp_path, "log: {rate: 30 Hz}\n")
+    for override in (
+        "gps.latency=2",
+        "star_camera.optics.focal_length=25",
+        "wind=3",
+        "orbit=3",
+        "dispersions=3",
+    ):
+        found = fields_of(path, [override])
+        assert "log.rate" in found and len(found) > 1, override
+
+
+def test_what_is_left_of_a_good_scenario_is_the_scenario():
+    from shefex_nav.scenario.checks import check_what_is_known
+    from shefex_nav.scenario.partial import validated
+    from shefex_nav.scenario.schema import Scenario
+
+    scenario = load(DEFAULT)
+    import ruamel.yaml
+
+    tree = ruamel.yaml.YAML(typ="safe", pure=True).load(scenario.source)
+    tree["mission"]["epoch"] = "2012-06-22T19:18:00Z"
+    whole = validated(Scenario, tree, [])
+    part = validated(Scenario, tree, [("gps", "latency")])
+    assert whole.model_dump() == scenario.model_dump()
+    assert part.star_tracker == scenario.star_tracker and part.gps.max_pdop == scenario.gps.max_pdop
+    assert not hasattr(part.gps, "latency")
+    assert check_what_is_known(part) == []
+
+
+def test_dispersions_are_judged_when_the_fields_are_good(tmp_path):
+    path = written(tmp_path, "dispersions: {launch.elevatoin: {normal: 1 deg}}\n")
+    with pytest.raises(ScenarioError, match="did you mean 'elevation'"):
+        load(path)
