@@ -54,7 +54,7 @@ def _coast(
 
     Ends before a block that does not follow on the one before it.
     """
-    n, size = dtheta_b.shape[1], numbers.shape[0]
+    n, size, work = dtheta_b.shape[1], numbers.shape[0], prediction.workspace(P.shape[0])
     for block in range(first, last):
         number = newest + 1 + block - first
         k, before = number % size, (number - 1) % size
@@ -66,7 +66,7 @@ def _coast(
         )  # fmt: skip
         prediction.enter(
             at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
-            number, motors, ends_s[block], dt_s[block], n,
+            number, motors, ends_s[block], dt_s[block], n, work,
         )  # fmt: skip
         if changed:
             return block - first + 1, changed

@@ -96,7 +96,18 @@ def travel(
     first, begin_s : number of the tick in which the way begins, s from its start
     last, end_s : in which it ends; np.inf: at its end
     """
-    work = _workspace(P.shape[0])
+    _through(
+        at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
+        first, begin_s, last, end_s, workspace(P.shape[0]),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _through(
+    at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
+    first, begin_s, last, end_s, work,
+):  # fmt: skip
+    """`travel` with a `workspace` that is there already."""
     for number in range(first, last + 1):
         k = number % numbers.shape[0]
         h, n = numbers[k, 1], int(numbers[k, 2])
@@ -117,12 +128,13 @@ def travel(
 @njit(cache=True)
 def enter(
     at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
-    number, motors, t_end_s, dt_s, n,
+    number, motors, t_end_s, dt_s, n, work=None,
 ):  # fmt: skip
     """A tick on: complete the place of a new tick in a `History`, and `travel` through it.
 
     number : of the tick, whose n samples of dt_s that end at t_end_s are in its place already
     motors : of NavParams
+    work : a `workspace` that is there already, as a run of ticks has it
     """
     k, before = number % numbers.shape[0], (number - 1) % numbers.shape[0]
     n_before, stretch = int(numbers[before, 2]), dt_s / numbers[before, 1]
@@ -139,14 +151,14 @@ def enter(
     limits = model[0].thrust_threshold, model[0].shake_threshold
     vibration = error_model.vibration_level(motors, limits[0], limits[1], t_end_s, gained / (n * dt_s), shake)
     numbers[k, 0], numbers[k, 1], numbers[k, 2], numbers[k, 3] = t_end_s, dt_s, n, vibration
-    travel(
+    _through(
         at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
-        number, 0.0, number, np.inf,
+        number, 0.0, number, np.inf, workspace(P.shape[0]) if work is None else work,
     )  # fmt: skip
 
 
 @njit(cache=True)
-def _workspace(n):
+def workspace(n):
     """Responses to errors, which of them are wanted, rows of Phi and Q, a product: see `_interval`.
 
     Responses that nobody wants are multiplied by zero: they must be numbers.
@@ -161,7 +173,7 @@ def _workspace(n):
 @njit(cache=True)
 def _growth(at, n, model, x, t_s, increments, h, vibration, extra, begin_s, end_s, C_iq, C_re, angle_0, rate):
     """Phi and Q in full: the rows of the strapdown, and a covariance of zero carried on."""
-    Phi, Q, work, T = np.eye(n), np.zeros((n, n)), _workspace(n), end_s - begin_s
+    Phi, Q, work, T = np.eye(n), np.zeros((n, n)), workspace(n), end_s - begin_s
     bias_walk = _interval(
         at, model[0], x, t_s, increments, h, vibration, extra, begin_s, end_s,
         C_iq, C_re, angle_0, rate, work,
