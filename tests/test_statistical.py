@@ -135,8 +135,9 @@ def chain(**search):
     )._replace(**search)
     one = statistical.Statistical.__new__(statistical.Statistical)
     one.search, one.rng, one.max_rate, one.fixed_s = model, np.random.default_rng(1), 0.04, -np.inf
-    one.hip = tracker().pairs.stars.hip
-    one.by_hip = np.argsort(one.hip)
+    hip = tracker().pairs.stars.hip
+    one.by_hip = np.argsort(hip)
+    one.sorted_hip, one.known = hip[one.by_hip], model.stars.tolist()
     return one
 
 
