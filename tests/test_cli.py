@@ -88,7 +88,7 @@ def test_impossible_flight_is_one_message(command, default_scenario, tmp_path):
     out = tmp_path / "run.mcap"
     result = command("run", default_scenario, "--set", "mission.time_limit=450 s", "--out", out)
     assert result.code == 2
-    assert "time limit" in result.err
+    assert "at the time limit, 450 s; mission.time_limit has to allow for all of its descent" in result.err
     assert "Traceback" not in result.err
     assert not out.exists()
 

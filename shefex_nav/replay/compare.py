@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.records import Phase
 from shefex_nav.report import metrics
 from shefex_nav.report.track import earth_fixed
 
@@ -22,8 +23,8 @@ class Part(NamedTuple):
 def parts(data):
     """Parts of a flight that a RunData covers, in order of time; 'middle of the stars' lies in 'stars'.
 
-    Boost is from lift-off to the last burn-out; stars are from the first fix that the filter used to the
-    last, their middle is the middle third; entry is the first descent through 100 km.
+    Boost is from lift-off to the last burn-out, or as far as the log goes; stars are from the first fix that
+    the filter used to the last, their middle is the middle third; entry is the first descent through 100 km.
     """
     times = {}
     for event in data.events:
@@ -33,7 +34,8 @@ def parts(data):
     k = metrics.entry_index(data.truth.t_s, earth_fixed(data.mission.earth, data.truth).height)
     entry_s = end_s if k is None else float(data.truth.t_s[k])
     lift_s = times.get("lift_off", start_s)
-    burnt_s = times.get("burn_out", lift_s)
+    burning_s = data.truth.t_s[data.truth.phase == Phase.BOOST]  # a log may end before the motor does
+    burnt_s = max(times.get("burn_out", lift_s), *burning_s[-1:].tolist(), lift_s)
     used = [gate.t_valid_s for gate in data.gates if gate.accepted and gate.sensor.startswith("star")]
     first_s, last_s = (min(used), max(used)) if used else (entry_s, entry_s)
     third_s = (last_s - first_s) / 3.0

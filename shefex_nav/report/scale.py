@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-BETTER_PART = 98.0  # percent of the values that is always shown
+BETTER_PART = 95.0  # percent of the values that is always shown
 FLATTENED = 3.0  # times the better part: what does not exceed it is shown too
 ROOM = 1.3  # above the better part
 

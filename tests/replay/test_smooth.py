@@ -9,6 +9,7 @@ from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import layout
+from shefex_nav.records import Phase
 from shefex_nav.replay import compare, relinear, rerun, smooth, smoother
 from shefex_nav.report import metrics
 from shefex_nav.scenario import load, params_onboard
@@ -226,3 +227,11 @@ def test_parts_of_the_flight(result):
     inside = (errors.t_s >= middle["from_s"]) & (errors.t_s <= middle["to_s"])
     by_hand = np.sqrt((errors.position_i[inside] ** 2).sum(axis=1).mean())
     assert np.isclose(middle["filtered"]["position_m"], by_hand, rtol=1e-12)
+
+
+def test_a_log_that_ends_before_the_motor_does_is_of_the_boost(result):
+    data = result.filtered
+    early = [event for event in data.events if not event.name.startswith("burn_out")]
+    phase = np.where(data.truth.t_s >= 0.0, Phase.BOOST, Phase.PAD)
+    cut = data._replace(events=early, gates=[], truth=data.truth._replace(phase=phase))
+    assert [part.name for part in compare.parts(cut) if part.from_s < part.to_s] == ["boost"]

@@ -160,7 +160,10 @@ class _Run:
         self._until(self.params.time_limit_s + 0.5 / self.params.sample_rate_hz, None)  # with its sample
         if isinstance(self.params.start, p.LaunchSite) and not self.landed:
             limit = self.params.time_limit_s
-            raise FlightError(f"the vehicle is still in the air at the time limit, {limit} s")
+            raise FlightError(
+                f"the vehicle is still in the air at the time limit, {limit:g} s; mission.time_limit has to "
+                "allow for all of its descent"
+            )
         if self.landed and np.isfinite(self.stop_height):
             height = 1e-3 * self.stop_height
             raise FlightError(
