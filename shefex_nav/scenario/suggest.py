@@ -30,6 +30,8 @@ SAME = {  # words of other programs: ours
     "delay": "latency",
     "duration": "time_limit",
     "algorithm": "method",
+    "width": "columns",
+    "height": "rows",
     "az": "azimuth",
     "el": "elevation",
     "arw": "random_walk",

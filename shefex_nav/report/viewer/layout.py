@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.report import metrics, scale
+from shefex_nav.report import metrics
 from shefex_nav.report.viewer import legend
 from shefex_nav.report.viewer.sender import TIMELINE
 
@@ -152,8 +152,8 @@ def _star_tracker(data, seen, has):
         ("residual", "Residual of the identified stars [px]", None),
     ]
     if has.frames:
-        title, top = _exposure_scale(data)
-        plots.insert(1, ("exposure", title, top))
+        title = "Exposure [ms] yellow, gain [dB] blue, sky [% of full] grey"
+        plots.insert(1, ("exposure", title, None))
     if has.timed:
         plots.append(("chain_time", "Time for a frame [ms]", None))
     span = _star_time(data)
@@ -167,15 +167,6 @@ def _star_tracker(data, seen, has):
     side = rrb.Vertical(sky, rrb.Tabs(_lanes(data), _legend(STARS), active_tab=0), row_shares=[5, 3])
     upper = rrb.Horizontal(_cameras(data, has), side, column_shares=[5, 4])
     return rrb.Vertical(upper, rrb.Horizontal(*curves), row_shares=[5, 2], name=STARS)
-
-
-def _exposure_scale(data):
-    """(title, top of the scale or None): a few frames, full of light, do not flatten the others."""
-    frames = data.frames
-    grey = [fix.background_dn for fix in data.star_fixes]
-    title = "Exposure [ms] yellow, gain [dB] blue, sky grey"
-    found = scale.cut(np.concatenate([1e3 * frames.exposure_s, frames.gain_db, grey]))
-    return (title, None) if found is None else (f"{title}; {found.largest:.0f} cut off", found.top)
 
 
 def _navigation(data, seen, has):

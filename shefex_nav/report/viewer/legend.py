@@ -22,7 +22,8 @@ _TESTS = """**NEES**: 95 % lie between the red lines if the covariance is right.
 dot was used, a cross refused (above 1) or held back; blue GPS position, violet GPS velocity, green star
 tracker. **Protection level** about x, y, z: what the attitude error (white) may not exceed unnoticed."""
 _STARS = """**Sky.** The stars to magnitude 5 around the camera, its field (green) and the way of its
-boresight (grey), in degrees. **Curves** are those of the time in which the star tracker works."""
+boresight (grey), in degrees. **Curves** are those of the time in which the star tracker works; no more
+objects are detected in a frame than the scenario's `detection.most_objects`, the brightest."""
 _SENSORS = """**IMU**: mean of each tick in body axes; scatter is what is left within a second, vibration
 and noise. **GPS**: satellites used, and dilution of precision of the position. **Age**: from the instant
 that is measured to the instant at which the computer has it."""

@@ -102,10 +102,11 @@ def settings(sender, data):
     if fixes:
         sender.curve("plots/residual", times, [f.residual_px for f in fixes], GREEN, "residual [px]")
     if len(frames.t_valid_s):
-        t_s, grey = frames.t_valid_s, [f.background_dn for f in fixes]
+        t_s, full_dn = frames.t_valid_s, 2.0 ** float(frames.bits[0]) - 1.0
+        percent = [100.0 * f.background_dn / full_dn for f in fixes]  # with milliseconds and dB on one scale
         sender.curve("plots/exposure/exposure", t_s, 1e3 * frames.exposure_s, YELLOW, "exposure [ms]")
         sender.curve("plots/exposure/gain", t_s, frames.gain_db, BLUE, "gain [dB]")
-        sender.curve("plots/exposure/background", times, grey, GREY, "mean grey value")
+        sender.curve("plots/exposure/background", times, percent, GREY, "mean grey value [%]")
     if len(clock.t_s):
         sender.curve("plots/chain_time", clock.t_s, 1e3 * clock.chain_s, WHITE, "chain [ms]")
 
