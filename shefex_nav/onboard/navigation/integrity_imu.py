@@ -225,10 +225,8 @@ def _same(readings, last):
 @njit(cache=True)
 def _charge(wrong, change, axis, t_end_s):
     """Variance that the error of a reading which cannot be used has added since the last block."""
-    held, begin_s = (
-        axis.state != SATURATED and np.isfinite(axis.mean),
-        axis.since_s,
-    )  # no mean: nothing to hold
+    held = axis.state != SATURATED and np.isfinite(axis.mean)  # without a mean there is nothing to hold
+    begin_s = axis.since_s
     if axis.fixed_s > begin_s:  # what is held was right at the beginning, not at the fix
         begin_s, held = axis.fixed_s, False
     variance = integrated_variance(wrong, change, t_end_s - begin_s, held)
