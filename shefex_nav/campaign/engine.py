@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from shefex_nav.campaign import flight
 from shefex_nav.compiled import ONE_THREAD
+from shefex_nav.errors import UserError
 from shefex_nav.workers import bind_to_parent, environment, undisturbed
 
 ATTEMPTS = 3  # of a run whose worker is killed or in trouble
@@ -24,7 +25,7 @@ KILLED = "its worker was killed"
 POLL_S = 0.2  # between two looks at whether to stop
 
 
-class EngineError(Exception):
+class EngineError(UserError):
     """Workers that cannot be used; the message says why."""
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from shefex_nav import workers as machine
 from shefex_nav.campaign import draws, engine, flight, progress, repeating
 from shefex_nav.campaign import plan as planning
+from shefex_nav.errors import UserError
 from shefex_nav.scenario import load
 from shefex_nav.scenario.laws import TableLaw
 
@@ -42,7 +43,7 @@ class Ended(NamedTuple):
     unlogged: tuple = ()  # of engine.Lost: runs whose log was asked for and could not be had
 
 
-class BadCampaign(Exception):
+class BadCampaign(UserError):
     """A campaign that cannot be flown; the message says why."""
 
 

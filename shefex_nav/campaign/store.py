@@ -12,6 +12,7 @@ from pathlib import Path
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign import table
 from shefex_nav.campaign.files import put, settle
+from shefex_nav.errors import UserError
 from shefex_nav.scenario import differences
 
 DIGITS = 6
@@ -24,7 +25,7 @@ NAMES = {  # of versions
 }
 
 
-class StoreError(Exception):
+class StoreError(UserError):
     """A folder that cannot be used; the message says why and what to do."""
 
 
