@@ -4,6 +4,7 @@ import time
 from functools import partial
 from typing import NamedTuple
 
+from shefex_nav import files
 from shefex_nav import workers as machine
 from shefex_nav.campaign import draws, engine, flight, progress, repeating
 from shefex_nav.campaign import plan as planning
@@ -231,7 +232,7 @@ def _keep_logs(request, plan, sampler, store, show, scores, stopped, crew):
     if not missing:
         return []
     show.say(f"flying again with a log: {_named(missing)}")
-    parts = {run: store.log(run).with_suffix(".part") for run in missing}
+    parts = {run: files.part(store.log(run)) for run in missing}
     plan = with_flight(plan, store, request.scenario)
     lanes = (crew or partial(_lanes_here, request))(plan, len(missing))
     jobs = (sampler.job(run)._replace(log=str(part)) for run, part in parts.items())
@@ -243,7 +244,7 @@ def _keep_logs(request, plan, sampler, store, show, scores, stopped, crew):
             columns = ", ".join(list(different)[: repeating.MOST_WORDS])
             show.say(f"run {run}: no log, it differs from its row in {len(different)} columns: {columns}")
         elif parts[run].exists():  # a run may fail before its first record
-            store.keep_log(parts[run], run)
+            store.keep_log(run)
         tally.take(flown.record)
         note()
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.campaign import files
+from shefex_nav import files
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.characterise.collect import Collected, Frames, Searches, Sources
 from shefex_nav.errors import UserError
