@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import prepare, statistical
+from shefex_nav.clock import IMU_HZ, SAME_S, SAMPLES_PER_TICK, TICK_HZ
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard import computer as onboard
@@ -21,10 +22,7 @@ from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, TruthS
 from shefex_nav.world import camera, faults, imu, noise
 from shefex_nav.world.camera.shutter import Shutter
 
-TICKS_PER_S = 100  # of the on-board clock
-SAMPLES_PER_TICK = 4  # of the IMU
 CONTROL_TICKS = 10  # between two records of the attitude control
-EARLY_S = 1e-6  # rounding of the times of ticks
 
 
 def run(scenario, seed):
@@ -113,7 +111,7 @@ def _star_camera(world, scenario, seed, computer, step):
     shutter = Shutter(
         world.camera,
         world.flight.trajectory,
-        every=round(TICKS_PER_S / scenario.star_tracker.rate),
+        every=round(TICK_HZ / scenario.star_tracker.rate),
         off_s=scenario.star_tracker.off,
         rng=noise.generator(seed, "camera_noise"),
         take=take,
@@ -136,10 +134,10 @@ class Diary:
         self.events = list(flight.events)[::-1]
         self.steered = control_samples(flight.control, flight.trajectory)[::-1]
         self.received = sorted(world.gps_fixes + world.gps_ranges, key=happens_s, reverse=True)
-        self.late_s = (ends_s + EARLY_S).tolist()
+        self.late_s = (ends_s + SAME_S).tolist()
         known_s = [happens_s(record) for record in (*self.events, *self.steered, *self.received)]
         self.busy = np.unique(np.searchsorted(self.late_s, known_s) + 1).tolist()
-        self.ticks = int(np.searchsorted(ends_s, until_s + EARLY_S, side="right"))
+        self.ticks = int(np.searchsorted(ends_s, until_s + SAME_S, side="right"))
 
     def next_tick(self, n, every, shutter):
         """The first tick after n at which something happens, or one of `every` has its turn."""
@@ -180,7 +178,7 @@ def warm_up(scenario):
 
 def looking_up(trajectory, camera):
     """The first second of a trajectory with the star camera held away from Earth and Sun. -> Trajectory"""
-    brief = trajectory._make(np.ascontiguousarray(column[:400]) for column in trajectory)
+    brief = trajectory._make(np.ascontiguousarray(column[:IMU_HZ]) for column in trajectory)
     up_i, sun_i = brief.r_i[0] / np.linalg.norm(brief.r_i[0]), camera.bodies.sun_u_i
     z_i = up_i - max(0.0, up_i @ sun_i) * sun_i
     z_i = z_i / np.linalg.norm(z_i)
@@ -199,7 +197,7 @@ def happens_s(record):
 def due(waiting, now_s):
     """Take what is there by now from a list in reverse order of time."""
     arrived = []
-    while waiting and happens_s(waiting[-1]) <= now_s + EARLY_S:
+    while waiting and happens_s(waiting[-1]) <= now_s + SAME_S:
         arrived.append(waiting.pop())
     return arrived
 
@@ -222,8 +220,8 @@ def control_samples(control, trajectory):
     """A ControlSample for every tenth tick that has a new one: the last. ControlHistory or None -> list."""
     if control is None or not len(control.t_s):
         return []
-    period_s = CONTROL_TICKS / TICKS_PER_S
-    slot = np.ceil((control.t_s - trajectory.t_s[0]) / period_s - EARLY_S)
+    period_s = CONTROL_TICKS / TICK_HZ
+    slot = np.ceil((control.t_s - trajectory.t_s[0] - SAME_S) / period_s)
     last = np.flatnonzero(np.diff(slot, append=np.inf))  # of each interval
     return [
         ControlSample(

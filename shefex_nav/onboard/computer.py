@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.onboard.navigation import coast as coasting
 from shefex_nav.onboard.navigation import fusion, mean_rate, sensors, solution, strapdown
@@ -24,7 +25,6 @@ from shefex_nav.records import Reason
 
 COVARIANCE_TICKS = 10  # NavCovariance at every tenth tick
 PREDICTION_FLOOR = np.radians(40.0 / 3600.0)  # rad; aberration, which the predicted places do not have
-EARLY_S = 1e-6  # rounding of the times of ticks
 
 
 class ComputerParams(NamedTuple):
@@ -95,10 +95,10 @@ def coast(computer, blocks, first, last):
         last = first + 1
     due_s = min((fix.t_available_s for fix in computer.waiting), default=np.inf)
     for switched_s in (computer.params.tracker_on_s, computer.params.tracker_off_s):
-        if switched_s > computer.nav.history.ends_s[-1] + EARLY_S:
+        if switched_s > computer.nav.history.ends_s[-1] + SAME_S:
             due_s = min(due_s, switched_s)
     if due_s < blocks.t_valid_s[last - 1]:
-        last = first + int(np.searchsorted(blocks.t_valid_s[first:last] + EARLY_S, due_s)) + 1
+        last = first + int(np.searchsorted(blocks.t_valid_s[first:last] + SAME_S, due_s)) + 1
     done = coasting.coast(computer.nav, blocks, first, last)
     return Computer(*computer[:-1], computer.ticks + done), done
 
@@ -161,7 +161,7 @@ def conclude(nav, ticks, gps_fixes, star_fixes, told=True):
 def _switches(computer, now_s):
     """Whether the tracker has to be switched on or off at this tick."""
     params = computer.params
-    wanted = params.tracker_on_s <= now_s + EARLY_S < params.tracker_off_s
+    wanted = params.tracker_on_s <= now_s + SAME_S < params.tracker_off_s
     return wanted != (computer.tracker_state is not None)
 
 
@@ -184,8 +184,8 @@ def _track_stars(computer, now_s, frames_arrived, chain, context_of):
             waiting = computer.waiting + ((fix,) if usable else ())
             computer = computer._replace(tracker_state=tracker_state, waiting=waiting)
     if computer.waiting:
-        due = [fix for fix in computer.waiting if fix.t_available_s <= now_s + EARLY_S]
-        later = tuple(fix for fix in computer.waiting if fix.t_available_s > now_s + EARLY_S)
+        due = [fix for fix in computer.waiting if fix.t_available_s <= now_s + SAME_S]
+        later = tuple(fix for fix in computer.waiting if fix.t_available_s > now_s + SAME_S)
         computer = computer._replace(waiting=later)
     return computer, outputs, due
 

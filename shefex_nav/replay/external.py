@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import __version__
+from shefex_nav.clock import SAME_S, SAMPLES_PER_TICK
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.geometry.pinhole import pinhole
@@ -16,9 +17,8 @@ from shefex_nav.records import Alignment, Event, ImuBlock, Phase, TruthSample
 from shefex_nav.replay import align, dataset, params, reference
 from shefex_nav.replay.table import DataError
 
-BLOCK = 4  # IMU samples in a tick, as in the flights of the project, so that every log has them alike
+BLOCK = SAMPLES_PER_TICK  # at whatever rate they come, so that every log has them alike
 TIMED = 100  # ticks whose processor time is taken together: asking for it costs as much as a tick
-EARLY_S = 1e-6  # rounding of the times of ticks
 NO_CAMERA = pinhole(1, 1, 1.0)
 
 
@@ -63,7 +63,7 @@ def imu_blocks(imu, start_s, end_s=None):
     Samples of slightly unequal length count as equal within a block; its beginning and its end are exact.
     """
     n, first = BLOCK, align.first_sample(imu, start_s)
-    last = len(imu.t_s) - 1 if end_s is None else int(np.searchsorted(imu.t_s, end_s + EARLY_S)) - 1
+    last = len(imu.t_s) - 1 if end_s is None else int(np.searchsorted(imu.t_s, end_s + SAME_S)) - 1
     out = []
     for k in range(first, last - n + 1, n):
         rows = slice(k + 1, k + n + 1)
@@ -132,7 +132,7 @@ def _tick(nav, ticks, block, waiting):
     waiting : GpsFix, the last is the next to arrive
     """
     arrived = []
-    while waiting and waiting[-1].t_available_s <= block.t_valid_s + EARLY_S:
+    while waiting and waiting[-1].t_available_s <= block.t_valid_s + SAME_S:
         arrived.append(waiting.pop())
     fusion.advance(nav, block)
     return block, arrived, computer.conclude(nav, ticks, arrived, ())

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import frames
 from shefex_nav.onboard.navigation import (
     error_model,
@@ -25,7 +26,7 @@ from shefex_nav.onboard.navigation import (
     measurements,
     prediction,
 )
-from shefex_nav.onboard.navigation.history import SNAP_S, History, Moment, Tick
+from shefex_nav.onboard.navigation.history import History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import (
     SENSORS,
@@ -148,7 +149,7 @@ def advance(nav, block, more_dv=None):
         added to the velocity increments; the watch sees these as they were read
     """
     history, n, now_s = nav.history, len(block.dtheta_b), block.t_valid_s
-    if abs(now_s - history.ends_s[-1] - n * block.dt_s) > SNAP_S:
+    if abs(now_s - history.ends_s[-1] - n * block.dt_s) > SAME_S:
         raise ValueError(
             f"IMU block ending at {now_s:.6f} s does not follow on the state at {history.ends_s[-1]:.6f} s"
         )
@@ -166,7 +167,7 @@ def advance(nav, block, more_dv=None):
 def forget_old(nav):
     """Let the ticks go that are older than the history is to reach."""
     history = nav.history
-    oldest_s = history.ends_s[-1] - nav.params.history_s + SNAP_S
+    oldest_s = history.ends_s[-1] - nav.params.history_s + SAME_S
     while history.ends_s[1] <= oldest_s:
         _forget_oldest(nav)
 
@@ -301,7 +302,7 @@ def _travel(nav, first, begin_s, last, end_s, recorder):
     t_s, after_s = (imu.t_end_s - (imu.length_s - at_s) for at_s in (begin_s, end_s))  # exact at the end
     state, P = unpack(t_s, history.x.copy()), history.P.copy()
     prediction.travel(*nav.constants, *history.arrays, *way)
-    if end_s - begin_s > SNAP_S:
+    if end_s - begin_s > SAME_S:
         Phi, Q = prediction.growth(nav.layout, nav.constants[1], state, imu, begin_s, end_s, nav.earth)
         after = unpack(after_s, history.x.copy())
         recorder(Interval(t_s, after_s, state, P, Phi, Q, after, history.P.copy(), imu))

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import rotation
 
 LONGEST_PAIR_S = 3.0  # [E] GPS fixes further apart than this are not compared
@@ -96,7 +97,7 @@ def judge(health, trial, nis, limit, t_valid_s, alone=True):
     else:
         rejected, t_first_s, first = 1, t_valid_s, trial.evidence
     rule = trial.rule
-    if rejected >= rule.count and t_valid_s - t_first_s >= rule.duration_s - 1e-6:
+    if rejected >= rule.count and t_valid_s - t_first_s >= rule.duration_s - SAME_S:
         return Fate.RESET, Health(health.used + 1, 0, np.nan, None)
     in_a_row = health.in_a_row + 1
     return Fate.REJECTED, Health(
