@@ -89,7 +89,7 @@ class Pattern:
     def __init__(self, text, name):
         self._text, self._name = text, name
         self._tree, self._places = _whole(text, name)
-        self.scenario = load_text(text, name)
+        self.scenario = self._validated(copy.deepcopy(self._tree), self._places.copy())
         self.dispersed, _ = disperse.resolve(Scenario, self._tree, self.scenario.dispersions)
         for one in self.dispersed:
             fields.fill(Scenario, self._tree, one.path)
@@ -105,6 +105,10 @@ class Pattern:
             fields.put(tree, one.path, disperse.applied(one, draws[one.name]))
             mark = Mark("drawn", 0, 0)
             places.put(one.path, {(): mark}, {(): mark})
+        return self._validated(tree, places)
+
+    def _validated(self, tree, places):
+        """Scenario of a tree that it may keep."""
         return _validated(tree, places, {self._name: self._text}, (), self._name)
 
 
