@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from shefex_nav import files
 from shefex_nav.campaign import draws, engine, store, table
 from shefex_nav.campaign import plan as planning
 from shefex_nav.log import thinning
@@ -62,7 +63,7 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
     head = read_head(folder, run)
     plan = _plan(head, folder)
     job = draws.Sampler(plan, load.Pattern(plan.source, plan.name).dispersed).job(run)
-    part = None if log is None else log.with_name(log.name + ".part")
+    part = None if log is None else files.part(log)
     taken = []
     try:
         lost = engine.fly([job._replace(log=part and str(part))], [lane(plan)], taken.append)
@@ -70,7 +71,7 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
             raise engine.EngineError(f"run {run}: {lost[0].reason}")
         written = part is not None and part.exists()  # a run may fail before its first record
         if written:
-            part.replace(log)
+            files.finish(log)
     finally:
         if part is not None:
             part.unlink(missing_ok=True)

@@ -1,20 +1,18 @@
 """Run an experiment on the cores of the machine.
 
 The samples are cut into chunks and each chunk gets its own child of the seed, so that the results are the
-same with one worker and with many. Workers are new processes (spawn): nothing of the parent leaks into them.
-The parent draws one sample first, which compiles and caches the kernels; workers that compiled together
-would write the same cache files at once.
+same with one worker and with many. The parent draws one sample first, which compiles and caches the kernels;
+workers that compiled together would write the same cache files at once.
 """
 
-import multiprocessing
 import time
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from contextlib import closing
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.workers import bind_to_parent, cores, undisturbed
+from shefex_nav.workers import Pool, cores, undisturbed
 
 WARM_UP_SEED = 0  # of the sample that compiles; its result is not used
 
@@ -85,17 +83,13 @@ def _measured(experiment, todo, workers):
 
 def _parallel(measure, todo, workers):
     """(number, result) in the order of completion; an interruption or a fault ends the workers at once."""
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=bind_to_parent)
-    before = set(multiprocessing.active_children())
+    pool = Pool(workers)
     try:
         futures = {pool.submit(measure, *chunk): k for k, chunk in todo.items()}
         for future in as_completed(futures):
             yield futures[future], future.result()
     except BaseException:
         with undisturbed():
-            for process in set(multiprocessing.active_children()) - before:
-                process.terminate()
-            pool.shutdown(wait=True, cancel_futures=True)
+            pool.stop(at_once=True)
         raise
-    pool.shutdown()
+    pool.stop()

@@ -7,6 +7,7 @@ from functools import partial
 
 from pydantic import ValidationError
 
+from shefex_nav.errors import UserError
 from shefex_nav.scenario import disperse, document, expand, fields, kind, messages
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
 from shefex_nav.scenario.dispersions import KEYS
@@ -20,7 +21,7 @@ NOT_EXPANDED = (("gps", expand.ALMANAC), ("star_tracker", expand.MODEL))  # what
 DISPERSIONS = "dispersions"  # the section whose keys are paths
 
 
-class ScenarioError(Exception):
+class ScenarioError(UserError):
     """A scenario that cannot be flown; `messages` are lines for the user, `file:line:col: field: what`."""
 
     def __init__(self, found):

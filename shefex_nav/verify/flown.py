@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav import prepare, simulate
+from shefex_nav import files, prepare, simulate
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.navigation import fusion, sensors, solution
 from shefex_nav.onboard.navigation.integrity import Fate
@@ -60,10 +60,8 @@ def save(path, fixes, head):
         "hip": np.concatenate([fix.hip for fix in fixes] + [np.zeros(0, dtype=np.int64)]),
         "xy_px": np.concatenate([fix.detections.xy_px for fix in fixes] + [np.zeros((0, 2))]),
     }
-    part = path.with_name(path.name + ".part")
-    with part.open("wb") as file:
+    with files.whole(path) as half, half.open("wb") as file:
         np.savez_compressed(file, **arrays)
-    part.replace(path)
 
 
 def made_by(path):
