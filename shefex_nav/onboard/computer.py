@@ -1,4 +1,4 @@
-"""The executive of the on-board computer: one call per tick, records in, records out, or `coast` over many.
+"""The executive of the on-board computer: `coast` from tick to tick, `attend` to what has arrived at one.
 
 Order within a tick: strapdown and prediction with the IMU block, star tracker chain on the frames that have
 arrived, fusion of the GPS fixes and star fixes that are due, solution. A StarFix enters the filter at the
@@ -65,16 +65,6 @@ def start(params, alignment, earth, catalogue, julian_year):
     """
     tracker = star_tracker.init(params.tracker, catalogue, julian_year)
     return Computer(params, earth, fusion.start(params.nav, alignment, earth), tracker, None, (), 0)
-
-
-def tick(computer, imu_block, gps_fixes, frames_arrived, **how):
-    """One tick: on with an ImuBlock that ends at it, then `attend` to what has arrived.
-
-    -> as `attend`, which takes all but the block
-    """
-    fusion.advance(computer.nav, imu_block)
-    computer = Computer(*computer[:-1], computer.ticks + 1)  # ticks is the last field
-    return attend(computer, gps_fixes, frames_arrived, **how)
 
 
 def coast(computer, blocks, first, last):

@@ -131,7 +131,7 @@ def _turned_back(q_ic, P_c, bend_c, noise):
 
 def _star_attitude(nav, now, fix):
     params = nav.params
-    return measurements.star_attitude_packed(nav.layout, now.x, fix, params.C_bc, params.star_sigma_floor)
+    return measurements.star_attitude(nav.layout, now.x, fix, params.C_bc, params.star_sigma_floor)
 
 
 def _star_vectors(nav, now, fix):
@@ -238,11 +238,6 @@ def _star_admits(nav, z):
     """A small contradiction may be a camera that has moved or a wrong attitude: either is admitted."""
     angle, used = float(np.sqrt(z @ z)), nav.health["star_tracker"].used + nav.health["star_vectors"].used
     return angle if used > 1 and angle < MOVED_CAMERA else None
-
-
-def never(nav, now, z, R, fix):
-    """Trial of a sensor that is never believed against the gate."""
-    return Trial(ReleaseRule(np.inf, np.inf), None, None)
 
 
 def rate_covariance(layout, state, P, omega_b, f_b, vibration):

@@ -140,32 +140,18 @@ def _named(at, P, x, nominal, gravity):
     return four, estimates, sigma[BA.stop :].copy()
 
 
-def derive(layout, tick, P, random_walk, quantum, earth):
-    """Quantities derived from the state, and their sigmas.
-
-    Parameters
-    ----------
-    layout : Layout
-    tick : history.Tick
-    P : (n, n)
-    random_walk, quantum : rad/sqrt(s), rad, of the gyros
-    earth : EarthRotation
-
-    Returns
-    -------
-    dict of the fields of NavSolution named in FIELDS; the angles are those of the velocity against the air,
-    with sigmas of pi at most, the rate is the mean of the last sample
-    """
-    out = np.empty(N_OUT)
-    sample, dt_s, vibration = tick.imu.increments[-1], tick.imu.dt_s, tick.imu.vibration
-    _derive(layout.at, tick.t_s, tick.x, P, sample, dt_s, vibration, random_walk, quantum, *earth, out)
-    found = {name: out[end - FIELDS[name] : end] for name, end in ENDS.items()}
-    return {name: value if len(value) > 1 else float(value[0]) for name, value in found.items()}
-
-
 @njit(cache=True)
 def _derive(at, t_s, x, P, sample, dt_s, vibration, random_walk, quantum, C_iq, C_re, angle_0, rate, out):
-    """`derive` with the fields of its tuples; sample (6,): the last increments; out (N_OUT,) is written."""
+    """Quantities derived from the state, and their sigmas, in the places of FIELDS.
+
+    The angles are those of the velocity against the air, with sigmas of pi at most; the rate is the mean of
+    the last sample.
+
+    at : of Layout;  t_s, x, P : of the state;  C_iq ... rate : EarthRotation
+    sample, dt_s, vibration : (6,) the last increments, s, level of the tick
+    random_walk, quantum : rad/sqrt(s), rad, of the gyros
+    out : (N_OUT,) is written
+    """
     earth = frames.EarthRotation(C_iq, C_re, angle_0, rate)
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
     turn = t3.vector(frames.omega_ie_i(earth), 0)
