@@ -67,30 +67,61 @@ def start(params, alignment, earth, catalogue, julian_year):
     return Computer(params, earth, fusion.start(params.nav, alignment, earth), tracker, None, (), 0)
 
 
-def coast(computer, blocks, first, last):
+def coast(computer, blocks, first, last, every=1):
     """On with ImuBlocks, up to the first tick that the computer itself has to attend to.
 
     Parameters
     ----------
     computer : Computer, all ticks before attended to
     blocks : ImuBlock of arrays, of which rows first ... last - 1 are meant
+    every : ticks from one NavSolution that is wanted to the next
 
     Returns
     -------
     computer : Computer at a tick that has not been attended to
     done : int, ticks that were made, at least one
+    outputs : list of (tick, records), what there is to tell of the ticks before the last: see `glide`
     """
-    last = min(last, first + COVARIANCE_TICKS - computer.ticks % COVARIANCE_TICKS)
-    if _switches(computer, computer.nav.history.ends_s[-1]):  # on from the start
+    ticks, history = computer.ticks, computer.nav.history
+    if _switches(computer, history.ends_s[-1]):  # on from the start
         last = first + 1
     due_s = min((fix.t_available_s for fix in computer.waiting), default=np.inf)
     for switched_s in (computer.params.tracker_on_s, computer.params.tracker_off_s):
-        if switched_s > computer.nav.history.ends_s[-1] + SAME_S:
+        if switched_s > history.ends_s[-1] + SAME_S:
             due_s = min(due_s, switched_s)
     if due_s < blocks.t_valid_s[last - 1]:
         last = first + int(np.searchsorted(blocks.t_valid_s[first:last] + SAME_S, due_s)) + 1
-    done = coasting.coast(computer.nav, blocks, first, last)
-    return Computer(*computer[:-1], computer.ticks + done), done
+    done, outputs = glide(computer.nav, ticks, blocks, first, last, every)
+    return Computer(*computer[:-1], ticks + done), done, outputs
+
+
+def glide(nav, ticks, blocks, first, last, every):
+    """`coasting.coast`, and what is told of the ticks on the way.
+
+    Parameters
+    ----------
+    nav : fusion.Filter
+    ticks : of this run, made before
+    blocks, first, last : as there
+    every : ticks from one NavSolution that is wanted to the next
+
+    Returns
+    -------
+    done : int, ticks that were made
+    outputs : list of (tick, list of its NavSolution and NavCovariance as far as they are wanted), without the
+        last tick, of which there may be more to tell
+    """
+    blind = nav.watch.imu_blind  # until the last tick: it ends there if that changes
+    done = coasting.coast(nav, blocks, first, last)
+    end = ticks + done
+    later, outputs = nav.history.newest - end, {}
+    told = range((ticks // every + 1) * every, end, every)
+    if told:
+        said = solution.solutions(nav, [later + tick for tick in told], blind)
+        outputs = {tick: [one] for tick, one in zip(told, said, strict=True)}
+    for tick in range((ticks // COVARIANCE_TICKS + 1) * COVARIANCE_TICKS, end, COVARIANCE_TICKS):
+        outputs.setdefault(tick, []).append(solution.covariance(nav, later + tick))
+    return done, sorted(outputs.items())
 
 
 def attend(computer, gps_fixes, frames_arrived, *, chain=star_tracker.step, context=None, told=True):

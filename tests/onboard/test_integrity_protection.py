@@ -113,8 +113,12 @@ def test_k_is_that_of_the_normal_distribution():
 def test_the_gravest_doubt_counts_and_what_is_no_number_never_passes():
     wanted = protection.Requirement(0.003, 4.4)
     good, bad = np.full(3, 0.003), np.array([0.001, 0.0031, 0.001])
-    assert protection.doubt(good, wanted, False, False) == Doubt.NONE
-    assert protection.doubt(bad, wanted, False, False) == Doubt.ATTITUDE
-    assert protection.doubt(bad * np.nan, wanted, False, False) == Doubt.ATTITUDE
-    assert protection.doubt(good, wanted, True, False) == Doubt.CONTRADICTED
-    assert protection.doubt(good, wanted, True, True) == Doubt.IMU
+    three = np.array([good, bad, bad * np.nan])
+    found = [Doubt.NONE, Doubt.ATTITUDE, Doubt.ATTITUDE]
+    assert protection.doubts(three, wanted, False, False) == found
+    assert protection.doubts(three, wanted, True, False) == [Doubt.CONTRADICTED] * 3
+    assert protection.doubts(three, wanted, True, True) == [Doubt.IMU] * 3
+    assert protection.doubts(three, wanted, False, True) == [Doubt.IMU] * 3
+    level = protection.Level(np.array([0.1, np.nan, 0.3]), np.zeros(3))
+    lost = protection.of_attitude(level, wanted, np.full((1, 3), 1e-4))
+    assert protection.doubts(lost, wanted, False, False) == [Doubt.ATTITUDE]

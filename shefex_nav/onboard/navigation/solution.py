@@ -56,33 +56,50 @@ S_R, S_V, S_ATT, S_OMEGA, S_ANGLES = (ENDS[name] - FIELDS[name] for name in list
 
 def solution(nav):
     """NavSolution of the last tick of a running filter."""
-    history, model = nav.history, nav.params.imu
-    place = history.place(-1)
-    _, dt_s, n, vibration = history.numbers[place].tolist()
-    out, sample = np.empty(N_OUT), history.increments[place, BEFORE - 1 + int(n)]
-    read = sample, dt_s, vibration, model.gyro_random_walk, model.gyro_quantum
-    _derive(nav.layout.at, history.ends_s[-1], history.x, reported(nav), *read, *nav.earth, out)
+    return solutions(nav, [nav.history.newest], nav.watch.imu_blind)[0]
+
+
+def solutions(nav, ticks, imu_blind):
+    """NavSolution of each of some ticks, numbered as `History` counts them, in one compiled call: list.
+
+    imu_blind : as `Watch.imu_blind`, at all of these ticks. What else decides whether they can be trusted is
+        that of now: nothing may have arrived since the first of them.
+    """
+    numbers, increments, _, xs, Ps = nav.history.arrays[:5]
+    places, out, model = np.array(ticks) % len(numbers), np.empty((len(ticks), N_OUT)), nav.params.imu
+    _tell(
+        nav.layout.at, places, numbers, increments, xs, Ps, model.gyro_random_walk, model.gyro_quantum,
+        model.accel_vibration, model.gyro_vibration, *nav.earth, out,
+    )  # fmt: skip
+    protection_b, doubts = _trust(nav, out[:, S_ATT:S_OMEGA], imu_blind)
+    used = nav.health["star_tracker"].used > 0
+    times = numbers[places, 0].tolist()
+    return [
+        _solution(t_s, row, used, level_b, doubt)
+        for t_s, row, level_b, doubt in zip(times, out, protection_b, doubts, strict=True)
+    ]
+
+
+def _solution(t_s, out, used, protection_b, doubt):
+    """NavSolution of what `_derive` has written for a tick; used : whether any star fix has been."""
     # by position, in the order of the record: nineteen keywords would cost more than the arithmetic
     path, heading, attack, slip = out[ANGLES:S_R].tolist()
-    sigma_b = out[S_ATT:S_OMEGA]
     return NavSolution(
-        *(history.ends_s[-1], out[0:3], out[3:6], out[6:10], out[10:13], out[13:16], out[16:19]),
+        *(t_s, out[0:3], out[3:6], out[6:10], out[10:13], out[13:16], out[16:19]),
         *(path, heading, attack, slip),
-        *(out[S_R:S_V], out[S_V:S_ATT], sigma_b, out[S_OMEGA:S_ANGLES]),
+        *(out[S_R:S_V], out[S_V:S_ATT], out[S_ATT:S_OMEGA], out[S_OMEGA:S_ANGLES]),
         *out[S_ANGLES:].tolist(),
-        nav.health["star_tracker"].used > 0,
-        *_trust(nav, sigma_b),
+        *(used, protection_b, doubt != Doubt.NONE, doubt),
     )
 
 
-def _trust(nav, sigma_b):
-    """Protection level of the attitude (3,) rad, whether not to use the solution, and the Doubt."""
+def _trust(nav, sigma_b, imu_blind):
+    """Protection levels of the attitude (k, 3) rad and the Doubts, for its sigmas (k, 3)."""
     watch = nav.watch
     wanted = watch.params.wanted
     protection_b = integrity_protection.of_attitude(watch.level, wanted, sigma_b)
     contradicted = integrity_watch.contradicted(nav.health)
-    doubt = integrity_protection.doubt(protection_b, wanted, contradicted, watch.imu_blind)
-    return protection_b, doubt != Doubt.NONE, int(doubt)
+    return protection_b, integrity_protection.doubts(protection_b, wanted, contradicted, imu_blind)
 
 
 def reported(nav):
@@ -93,28 +110,54 @@ def reported(nav):
     """
     history, model = nav.history, nav.params.imu
     vibration = float(history.numbers[history.place(-1), 3])
-    if vibration == 0.0:
-        return history.P
-    P = history.P.copy()
-    variances = P.ravel()[:: len(P) + 1]  # a view of the diagonal
-    variances[VEL] += (vibration * model.accel_vibration) ** 2
-    variances[ATT] += (vibration * model.gyro_vibration) ** 2
-    return P
+    return as_reported(history.P, vibration * model.accel_vibration, vibration * model.gyro_vibration)
 
 
-def covariance(nav):
-    """NavCovariance of the last tick."""
-    history, P, layout = nav.history, reported(nav), nav.layout
-    x = history.x.copy()
-    named = _named(layout.at, P, x, layout.nominal, nav.params.imu.gravity)
+def covariance(nav, tick=None):
+    """NavCovariance of a tick, numbered as `History` counts them, or of the last one."""
+    history, layout, model = nav.history, nav.layout, nav.params.imu
+    place = (history.newest if tick is None else tick) % len(history.numbers)
+    t_s, _, _, vibration = history.numbers[place].tolist()
+    P = as_reported(history.Ps[place], vibration * model.accel_vibration, vibration * model.gyro_vibration)
+    x = history.xs[place].copy()
+    named = _named(layout.at, P, x, layout.nominal, model.gravity)
     return NavCovariance(
-        history.ends_s[-1],
+        t_s,
         P[PVA, PVA].copy(),
         *(x[NOMINAL[name]] for name in ("gyro_bias", "accel_bias", "gyro_roll_column", "mounting")),
         named[0],
         " ".join(layout.names),
         *named[1:],
     )
+
+
+@njit(cache=True)
+def as_reported(P, accel_swing, gyro_swing):
+    """`reported`: P (n, n) itself, or a copy with the squares of the swings, m/s and rad, on top."""
+    if accel_swing == 0.0 and gyro_swing == 0.0:
+        return P
+    P = P.copy()
+    for i in range(3):
+        P[VEL.start + i, VEL.start + i] += accel_swing**2
+        P[ATT.start + i, ATT.start + i] += gyro_swing**2
+    return P
+
+
+@njit(cache=True)
+def _tell(
+    at, places, numbers, increments, xs, Ps, random_walk, quantum, accel_vibration, gyro_vibration,
+    C_iq, C_re, angle_0, rate, out,
+):  # fmt: skip
+    """`_derive` for the ticks in some places of a History; out (k, N_OUT) is written."""
+    for j in range(len(places)):
+        place = places[j]
+        dt_s, vibration = numbers[place, 1], numbers[place, 3]
+        _derive(
+            at, numbers[place, 0], xs[place],
+            as_reported(Ps[place], accel_vibration * vibration, gyro_vibration * vibration),
+            increments[place, BEFORE - 1 + int(numbers[place, 2])], dt_s, vibration, random_walk, quantum,
+            C_iq, C_re, angle_0, rate, out[j],
+        )  # fmt: skip
 
 
 @njit(cache=True)
