@@ -30,6 +30,7 @@ from shefex_nav.onboard.navigation.history import History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import (
     SENSORS,
+    Fix,
     Measurement,
     contents,
     straightened,
@@ -39,6 +40,7 @@ from shefex_nav.onboard.navigation.state import (
     X_R,
     X_V,
     Layout,
+    NavParams,
     NavState,
     initial,
     initial_covariance,
@@ -46,7 +48,7 @@ from shefex_nav.onboard.navigation.state import (
     pack,
     unpack,
 )
-from shefex_nav.onboard.navigation.strapdown import BEFORE
+from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow
 from shefex_nav.records import GateResult, Reason
 
 UNUSED = (Fate.REJECTED, Fate.HELD)
@@ -64,7 +66,7 @@ class Interval(NamedTuple):
     Q: np.ndarray  # (n, n)
     state_after: NavState
     P_after: np.ndarray  # (n, n)
-    imu: Any  # ImuWindow of the tick
+    imu: ImuWindow  # of the tick
 
 
 class Correction(NamedTuple):
@@ -75,7 +77,7 @@ class Correction(NamedTuple):
 
     t_s: float  # of the state; the fix's, but for rounding
     sensor: str
-    fix: Any
+    fix: Fix
     fate: Fate  # USED, RESET or DOUBTED
     state: NavState  # before
     P: np.ndarray  # (n, n) before
@@ -93,11 +95,11 @@ class Correction(NamedTuple):
 class Filter(NamedTuple):
     """The running filter. `history` and `health` change in place: they are the memory of the computer."""
 
-    params: Any  # NavParams
+    params: NavParams
     layout: Layout
-    earth: Any  # EarthRotation
+    earth: frames.EarthRotation
     constants: tuple  # first arguments of `prediction.travel`
-    kalman: Any  # covariance engine
+    kalman: Any  # of `eskf.engine`, whose type takes seconds to import
     limits: dict  # degrees of freedom -> limit of the gate, as far as needed yet
     history: History
     health: dict  # sensor -> integrity.Health

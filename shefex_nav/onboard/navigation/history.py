@@ -6,7 +6,7 @@ What leaves this module is copied, so later ticks and later measurements do not 
 
 from bisect import bisect_left
 from collections import deque
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -23,7 +23,7 @@ class Tick(NamedTuple):
     t_s: float
     x: np.ndarray  # (93,) packed nominal state
     P: np.ndarray  # (n, n)
-    imu: Any  # strapdown.ImuWindow that led here; None at the start
+    imu: ImuWindow | None  # that led here; None at the start
 
     @property
     def state(self):
