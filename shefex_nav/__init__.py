@@ -53,6 +53,7 @@ _PUBLIC = {
     "Camera": "solve.camera",
     "solve_centroids": "solve.centroids",
     "solve_image": "solve.image",
+    "UserError": "errors",
 }
 
 

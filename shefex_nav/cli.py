@@ -351,38 +351,13 @@ def show(summary, as_json, data):
     Console(width=None if sys.stdout.isatty() else 100).print(closing)
 
 
-def user_errors():
-    """The exceptions that mean bad input; importing their modules costs nothing once they were raised."""
-    names = (
-        "shefex_nav.scenario.load.ScenarioError",
-        "shefex_nav.world.flight.fly.FlightError",
-        "shefex_nav.environment.msis.MissingModelError",
-        "shefex_nav.verify.daveml.DaveMlError",
-        "shefex_nav.verify.data.NescDataError",
-        "shefex_nav.log.topics.LogError",
-        "shefex_nav.report.viewer.program.ViewerError",
-        "shefex_nav.replay.table.DataError",
-        "shefex_nav.statistical.OutsideModelError",
-        "shefex_nav.campaign.store.StoreError",
-    )
-    for name in names:
-        module, _, attribute = name.rpartition(".")
-        if module in sys.modules:
-            yield getattr(sys.modules[module], attribute)
-
-
 def main():
-    """Entry point: turns bad input into one message and exit code 2."""
+    """Entry point; `refusal.PlainGroup` turns bad input into one message and exit code 2."""
     try:
         app()
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         sys.exit(130)
-    except Exception as error:
-        if isinstance(error, tuple(user_errors())):
-            print(error, file=sys.stderr)
-            sys.exit(2)
-        raise
 
 
 if __name__ == "__main__":

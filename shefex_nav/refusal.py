@@ -1,12 +1,15 @@
 """Words of the command line about what it cannot take: one plain line `option: what would be right`.
 
-Typer would draw a box around a sentence of its own or of pydantic's.
+Typer would draw a box around a sentence of its own or of pydantic's. What turns out later to be bad input, a
+UserError, has its words already.
 """
 
 import re
 import sys
 
 import typer.core
+
+from shefex_nav.errors import UserError
 
 try:  # typer carries its own click, under no public name; until 2026 it used the package
     from typer._click import exceptions as refused
@@ -31,7 +34,7 @@ _KINDS = {
 
 
 class PlainGroup(typer.core.TyperGroup):
-    """The commands, whose refusals are one line on stderr and exit code 2."""
+    """The commands, whose refusals are one message on stderr and exit code 2."""
 
     def main(self, *args, standalone_mode=True, **more):
         """Run the command line; the process ends with its exit code."""
@@ -45,6 +48,9 @@ class PlainGroup(typer.core.TyperGroup):
         except refused.ClickException as error:
             print(line(error), file=sys.stderr)
             sys.exit(error.exit_code)
+        except UserError as error:
+            print(error, file=sys.stderr)
+            sys.exit(refused.UsageError.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
 
 

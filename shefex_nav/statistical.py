@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.errors import UserError
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
 from shefex_nav.onboard.startracker import objects
 from shefex_nav.onboard.startracker import tracker as star_tracker
@@ -25,7 +26,7 @@ FRAMES = "statistical"  # the scenario's word for it
 LOST_S = 1.0  # without a fix for so long, the next one is a first one
 
 
-class OutsideModelError(Exception):
+class OutsideModelError(UserError):
     """A flight for which the statistics of the star tracker do not hold."""
 
 

@@ -1,9 +1,10 @@
-"""Worker processes: how many, and how they end when their parent does."""
+"""Worker processes: how many, how they are started, and how they end when their parent does."""
 
 import multiprocessing
 import os
 import signal
 import threading
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing.connection import wait
 
@@ -53,3 +54,66 @@ def bind_to_parent():
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+class Pool:
+    """Worker processes that can be stopped at once.
+
+    Each is a new one (spawn): nothing of the parent leaks into it. It is started by the first call that finds
+    no idle one, and ends with its parent.
+    """
+
+    def __init__(self, most, prepare=None, *arguments):
+        """most : of them;  prepare : called with `arguments` in each, before anything else"""
+        context = multiprocessing.get_context("spawn")
+        self._executor = ProcessPoolExecutor(most, context, _begin, (prepare, arguments))
+        self.processes = set()  # that have been started
+
+    def submit(self, function, *arguments):
+        """Future of a call. BrokenExecutor if a worker has been killed before."""
+        before = set(multiprocessing.active_children())
+        future = self._executor.submit(function, *arguments)
+        self.processes |= set(multiprocessing.active_children()) - before
+        return future
+
+    def stop(self, *, at_once=False):
+        """Start no more calls, wait for those that are under way and for the workers' end.
+
+        at_once : end the workers, whatever they are doing
+        """
+        if at_once:
+            for process in self.processes:
+                process.terminate()
+        self._executor.shutdown(wait=True, cancel_futures=True)
+
+    def abandon(self):
+        """Leave a pool whose worker has been killed: it ends by itself."""
+        self._executor.shutdown(wait=False)
+
+
+def each(function, calls, most):
+    """Calls in as many workers; an interruption or a fault ends them at once.
+
+    function : of a module;  calls : dict, key -> arguments;  most : of the workers
+
+    Yields
+    ------
+    key, result : of each call as it is done
+    """
+    pool = Pool(most)
+    try:
+        futures = {pool.submit(function, *arguments): key for key, arguments in calls.items()}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    except BaseException:
+        with undisturbed():
+            pool.stop(at_once=True)
+        raise
+    pool.stop()
+
+
+def _begin(prepare, arguments):
+    """First thing that a worker does."""
+    bind_to_parent()
+    if prepare is not None:
+        prepare(*arguments)

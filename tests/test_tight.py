@@ -29,12 +29,14 @@ def flown(seed, *overrides):
     computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, 2012.5)
     waiting = sorted(world.gps_fixes + world.gps_ranges, key=lambda m: m.t_available_s, reverse=True)
     ranges, gates = [], []
-    for block in imu.blocks(world.imu):
-        arrived = simulate.due(waiting, block.t_valid_s)
+    blocks = imu.stacked(world.imu)
+    for n, now_s in enumerate(blocks.t_valid_s):
+        arrived = simulate.due(waiting, now_s)
         ranges += [message for message in arrived if isinstance(message, GpsRanges) and len(message.prn)]
-        computer, outputs = onboard.tick(computer, block, arrived, [])
+        computer, _ = onboard.coast(computer, blocks, n, n + 1)
+        computer, outputs = onboard.attend(computer, arrived, [])
         gates += [record for record in outputs if isinstance(record, GateResult)]
-        if block.t_valid_s > UNTIL_S - 1e-6:
+        if now_s > UNTIL_S - 1e-6:
             break
     trajectory = world.flight.trajectory
     r_i = trajectory.r_i[np.searchsorted(trajectory.t_s, UNTIL_S - 1e-6)]

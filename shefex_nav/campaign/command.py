@@ -57,9 +57,7 @@ def campaign(
     json: Json = False,
 ):
     """Fly a scenario many times; the same command goes on with a campaign that was interrupted."""
-    from shefex_nav.campaign import engine, running
-    from shefex_nav.campaign.flight import WorkerError
-    from shefex_nav.campaign.store import StoreError
+    from shefex_nav.campaign import running
     from shefex_nav.scenario import load
 
     address, kept = _address(cluster), _kept(keep or ())
@@ -68,14 +66,10 @@ def campaign(
     loaded = load.load(scenario, overrides or ())
     request = running.Request(loaded, runs, seed, workers, address, kept)
     folder = out or OUT / f"{loaded.mission.name}-seed{seed}"
-    try:
-        if dry_run:
-            _print_draws(running.prepared(loaded, runs, seed)[1], runs, json)
-            return
-        ended = _fly(request, folder)
-    except (StoreError, engine.EngineError, WorkerError, running.BadCampaign) as error:
-        _say(str(error))
-        raise typer.Exit(2) from None
+    if dry_run:
+        _print_draws(running.prepared(loaded, runs, seed)[1], runs, json)
+        return
+    ended = _fly(request, folder)
     raise typer.Exit(_result(ended, folder, runs, json))
 
 
@@ -118,20 +112,14 @@ def repeat(
     json: Json = False,
 ):
     """Fly one run of a campaign again, exactly, and compare it with what was kept (exit code 1: differs)."""
-    from shefex_nav.campaign import engine, repeating, running
-    from shefex_nav.campaign.flight import WorkerError
-    from shefex_nav.campaign.store import StoreError
+    from shefex_nav.campaign import repeating
     from shefex_nav.report.export_command import check_file
 
     if log is not None:
         check_file(log, "--log", force=force)
-    try:
-        repeating.read_head(folder, run)  # refuses before anything is said
-        _say(f"{folder}, run {run}; the first run on a machine compiles, which takes a few minutes.")
-        repeated = repeating.repeat(folder, run, log)
-    except (StoreError, engine.EngineError, WorkerError, running.BadCampaign) as error:
-        _say(str(error))
-        raise typer.Exit(2) from None
+    repeating.read_head(folder, run)  # refuses before anything is said
+    _say(f"{folder}, run {run}; the first run on a machine compiles, which takes a few minutes.")
+    repeated = repeating.repeat(folder, run, log)
     for line in repeated.notes:
         _say(line)
     if json:

@@ -9,14 +9,14 @@ A run whose worker is killed, or has no memory or disk left, is tried again, and
 is told: the fault need not be its own.
 """
 
-import multiprocessing
 from collections import deque
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, wait
 from typing import NamedTuple
 
 from shefex_nav.campaign import flight
 from shefex_nav.compiled import ONE_THREAD
-from shefex_nav.workers import bind_to_parent, environment, undisturbed
+from shefex_nav.errors import UserError
+from shefex_nav.workers import Pool, environment, undisturbed
 
 ATTEMPTS = 3  # of a run whose worker is killed or in trouble
 DEATHS = 8  # such attempts, one after the other, with nothing flown in between: then something else is wrong
@@ -24,7 +24,7 @@ KILLED = "its worker was killed"
 POLL_S = 0.2  # between two looks at whether to stop
 
 
-class EngineError(Exception):
+class EngineError(UserError):
     """Workers that cannot be used; the message says why."""
 
 
@@ -57,43 +57,28 @@ class ProcessLane:
         """function : of a job, in the worker; prepare : of the plan, the first thing that the worker does."""
         self._plan, self._function, self._prepare = plan, function, prepare
         self._pool = None
-        self._processes = []
 
     def submit(self, job):
         """Future of a run."""
         if self._pool is None:
-            context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(1, context, _begin, (self._prepare, self._plan))
-        before = set(multiprocessing.active_children())
+            self._pool = Pool(1, self._prepare, self._plan)
         try:
             with environment(dict.fromkeys(ONE_THREAD, "1")):  # of a new process, whatever the user set
-                future = self._pool.submit(self._function, job)
+                return self._pool.submit(self._function, job)
         except BrokenExecutor:  # killed while it had nothing to do
             self.renew()
             return self.submit(job)
-        self._processes += set(multiprocessing.active_children()) - before
-        return future
 
     def renew(self):
         """After the death of the worker: the next run gets a new one."""
-        self._pool.shutdown(wait=False)
-        self._pool, self._processes = None, []
+        self._pool.abandon()
+        self._pool = None
 
     def stop(self, at_once=False):
         """End the worker; at once: whatever it is doing."""
-        if self._pool is None:
-            return
-        if at_once:
-            for process in self._processes:
-                process.terminate()
-        self._pool.shutdown(wait=True, cancel_futures=True)
+        if self._pool is not None:
+            self._pool.stop(at_once=at_once)
         self._pool = None
-
-
-def _begin(prepare, plan):
-    """First thing that a worker process does."""
-    bind_to_parent()
-    prepare(plan)
 
 
 def fly(jobs, lanes, take, stopped=lambda: False, suspects=frozenset()):

@@ -16,13 +16,14 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import ONE_THREAD
+from shefex_nav.errors import UserError
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LONGEST_REASON = 500
 OF_THE_MACHINE = (MemoryError, OSError, ImportError)  # exceptions that say nothing of the run
 
 
-class WorkerError(Exception):
+class WorkerError(UserError):
     """A worker that cannot fly this campaign; the message says why."""
 
 

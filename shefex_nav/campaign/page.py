@@ -3,8 +3,8 @@
 from importlib.resources import files
 
 from shefex_nav.campaign import figures
-from shefex_nav.campaign.files import put
 from shefex_nav.campaign.parts import Command, Loud, parts
+from shefex_nav.files import put
 from shefex_nav.report import html
 from shefex_nav.report.figures import style
 from shefex_nav.report.html import element

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from shefex_nav import files
 from shefex_nav.campaign import draws, engine, store, table
 from shefex_nav.campaign import plan as planning
 from shefex_nav.log import thinning
@@ -61,8 +62,9 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
     """
     head = read_head(folder, run)
     plan = _plan(head, folder)
-    job = draws.Sampler(plan, load.Pattern(plan.source, plan.name).dispersed).job(run)
-    part = None if log is None else log.with_name(log.name + ".part")
+    pattern = load.Pattern(plan.source, plan.name)
+    job = draws.Sampler(plan, pattern.dispersed).job(run)
+    part = None if log is None else files.part(log)
     taken = []
     try:
         lost = engine.fly([job._replace(log=part and str(part))], [lane(plan)], taken.append)
@@ -70,14 +72,14 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
             raise engine.EngineError(f"run {run}: {lost[0].reason}")
         written = part is not None and part.exists()  # a run may fail before its first record
         if written:
-            part.replace(log)
+            files.finish(log)
     finally:
         if part is not None:
             part.unlink(missing_ok=True)
     (flown,), kept = taken, store.read_record(folder, run)
     differences = {} if kept is None else compared(kept, flown.record)
     notes = _changes(head["versions"], plan.versions)
-    if written and (rate_hz := _rate_hz(plan)) != thinning.LOWEST_HZ:
+    if written and (rate_hz := pattern.scenario.log.rate) != thinning.LOWEST_HZ:
         notes.append(
             f"the log has truth and solution at {rate_hz:g} Hz, a campaign's figures are of "
             f"{thinning.LOWEST_HZ} Hz: `report {log}` differs a little from the row"
@@ -93,11 +95,6 @@ def read_head(folder, run):
     if not 0 <= run < head["runs"]:
         raise store.StoreError(f"{folder}: has runs 0 to {head['runs'] - 1}, there is no run {run}")
     return head
-
-
-def _rate_hz(plan):
-    """Samples a second of truth and solution in a run's log."""
-    return load.load_text(plan.source, plan.name).log.rate
 
 
 def _plan(head, folder):

@@ -14,16 +14,11 @@ def report(folder, *, json=False, html=None, figures=None):
     json : one object instead of tables;  html : file of a page to hand over, or None;  figures : folder for
     pictures, made if it is not there, or None. A folder that is no campaign is bad input.
     """
-    from shefex_nav.campaign.results import open_campaign
-    from shefex_nav.campaign.store import StoreError
-
-    try:
-        campaign = open_campaign(folder)
-    except StoreError as error:
-        raise typer.BadParameter(str(error), param_hint="LOG") from None
     from shefex_nav.campaign import over_time, summary
+    from shefex_nav.campaign.results import open_campaign
     from shefex_nav.report import export_command
 
+    campaign = open_campaign(folder)
     if figures is not None:
         export_command.folder_for(figures, "--figures")
     wanted = html is not None or figures is not None or not json

@@ -4,9 +4,11 @@ import time
 from functools import partial
 from typing import NamedTuple
 
+from shefex_nav import files
 from shefex_nav import workers as machine
 from shefex_nav.campaign import draws, engine, flight, progress, repeating
 from shefex_nav.campaign import plan as planning
+from shefex_nav.errors import UserError
 from shefex_nav.scenario import load
 from shefex_nav.scenario.laws import TableLaw
 
@@ -42,7 +44,7 @@ class Ended(NamedTuple):
     unlogged: tuple = ()  # of engine.Lost: runs whose log was asked for and could not be had
 
 
-class BadCampaign(Exception):
+class BadCampaign(UserError):
     """A campaign that cannot be flown; the message says why."""
 
 
@@ -230,7 +232,7 @@ def _keep_logs(request, plan, sampler, store, show, scores, stopped, crew):
     if not missing:
         return []
     show.say(f"flying again with a log: {_named(missing)}")
-    parts = {run: store.log(run).with_suffix(".part") for run in missing}
+    parts = {run: files.part(store.log(run)) for run in missing}
     plan = with_flight(plan, store, request.scenario)
     lanes = (crew or partial(_lanes_here, request))(plan, len(missing))
     jobs = (sampler.job(run)._replace(log=str(part)) for run, part in parts.items())
@@ -242,7 +244,7 @@ def _keep_logs(request, plan, sampler, store, show, scores, stopped, crew):
             columns = ", ".join(list(different)[: repeating.MOST_WORDS])
             show.say(f"run {run}: no log, it differs from its row in {len(different)} columns: {columns}")
         elif parts[run].exists():  # a run may fail before its first record
-            store.keep_log(parts[run], run)
+            store.keep_log(run)
         tally.take(flown.record)
         note()
 

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign import table
-from shefex_nav.campaign.files import put, settle
+from shefex_nav.errors import UserError
+from shefex_nav.files import finish, put, settle
 from shefex_nav.scenario import differences
 
 DIGITS = 6
@@ -24,7 +25,7 @@ NAMES = {  # of versions
 }
 
 
-class StoreError(Exception):
+class StoreError(UserError):
     """A folder that cannot be used; the message says why and what to do."""
 
 
@@ -169,10 +170,10 @@ class Store:
             (self.folder / "logs").mkdir(exist_ok=True)
         return self.folder / "logs" / f"{run:0{DIGITS}d}.mcap"
 
-    def keep_log(self, part, run):
-        """Give the file of a log that is whole its name."""
+    def keep_log(self, run):
+        """Give the log that has been written to the `files.part` of its place its name."""
         with self._writing():
-            os.replace(part, self.log(run))
+            finish(self.log(run))
 
     def keep(self, flown):
         """Keep a run; its record comes last, because it says that the run is done."""

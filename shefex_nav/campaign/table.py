@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from shefex_nav.campaign.files import whole
+from shefex_nav.files import whole
 
 LONGEST = 6  # numbers of a list that become columns
 HEAD = ("run", "status", "reason", "traceback", "seed", "series_sha256")

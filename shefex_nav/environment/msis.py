@@ -9,6 +9,8 @@ pymsis would fetch them over the network.
 
 import numpy as np
 
+from shefex_nav.errors import UserError
+
 BOTTOM, KINK, TOP = -400.0, 150.0e3, 1.0e6  # m; the model reaches a little below the ellipsoid
 FINE, COARSE = 200.0, 500.0  # m, steps below and above KINK: log-linear to 1e-4 everywhere
 BOLTZMANN = 1.380649e-23  # J/K
@@ -17,7 +19,7 @@ GAMMA = 1.4  # ratio of specific heats, of air without its atomic oxygen
 MASS_DENSITY, FIRST_GAS, TEMPERATURE = 0, 1, 10  # columns of pymsis; nine gases from FIRST_GAS on
 
 
-class MissingModelError(ImportError):
+class MissingModelError(UserError, ImportError):
     """NRLMSIS was asked for and pymsis is not installed."""
 
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.errors import UserError
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.records import (
@@ -48,7 +49,7 @@ METADATA = "shefex_nav"  # name of the metadata record
 ATTACHMENT = "scenario.yaml"
 
 
-class LogError(Exception):
+class LogError(UserError):
     """A log cannot be written or read; the message says why and is for people."""
 
 

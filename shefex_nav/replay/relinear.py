@@ -28,7 +28,7 @@ from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import prediction
 from shefex_nav.onboard.navigation.fusion import Interval
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.measurements import star_attitude_packed
+from shefex_nav.onboard.navigation.measurements import star_attitude
 from shefex_nav.onboard.navigation.state import (
     ATT,
     POS,
@@ -167,7 +167,7 @@ def _rows(nav, step):
     """z, H, R of a Seen about the trajectory."""
     if step.star is not None:
         params = nav.params
-        return star_attitude_packed(nav.layout, step.x, step.star, params.C_bc, params.star_sigma_floor)
+        return star_attitude(nav.layout, step.x, step.star, params.C_bc, params.star_sigma_floor)
     d, H = difference(nav.layout, step.x_then, step.x), step.H.copy()
     H[:, ATT] = H[:, ATT] @ np.linalg.inv(right_jacobian(d[ATT]))
     return step.z - step.H @ d, H, step.R

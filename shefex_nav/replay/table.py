@@ -10,13 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.errors import UserError
 from shefex_nav.scenario.files import Unreadable, read_text
 from shefex_nav.scenario.quantity import quoted
 
 MOST_ERRORS = 5  # of one file; a file of the wrong kind is wrong in every line
 
 
-class DataError(Exception):
+class DataError(UserError):
     """Data that cannot be replayed; the message has one line for each thing, `file:line: column: what`."""
 
 

@@ -7,6 +7,7 @@ then sections in the order of the route from the flight to the solution, the sce
 from importlib.resources import files
 from typing import NamedTuple
 
+from shefex_nav.files import put
 from shefex_nav.report import figures, html, incidents, metrics, page_summary, table
 from shefex_nav.report.configured import configured
 from shefex_nav.report.figures import style
@@ -36,11 +37,7 @@ def write(path, data, log=None):
     """Make the page of a RunData and write it in one piece. `log`: file that it was read from."""
     from pathlib import Path
 
-    target = Path(path)
-    content = page(data, log)
-    part = target.with_name(target.name + ".part")
-    part.write_text(content, encoding="utf-8")
-    part.replace(target)
+    put(Path(path), page(data, log))
 
 
 def page(data, log=None):

@@ -1,20 +1,17 @@
 """Run an experiment on the cores of the machine.
 
 The samples are cut into chunks and each chunk gets its own child of the seed, so that the results are the
-same with one worker and with many. Workers are new processes (spawn): nothing of the parent leaks into them.
-The parent draws one sample first, which compiles and caches the kernels; workers that compiled together
-would write the same cache files at once.
+same with one worker and with many. The parent draws one sample first, which compiles and caches the kernels;
+workers that compiled together would write the same cache files at once.
 """
 
-import multiprocessing
 import time
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import closing
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.workers import bind_to_parent, cores, undisturbed
+from shefex_nav.workers import cores, each
 
 WARM_UP_SEED = 0  # of the sample that compiles; its result is not used
 
@@ -80,22 +77,4 @@ def _measured(experiment, todo, workers):
         for k, chunk in todo.items():
             yield k, experiment.measure(*chunk)
     else:
-        yield from _parallel(experiment.measure, todo, workers)
-
-
-def _parallel(measure, todo, workers):
-    """(number, result) in the order of completion; an interruption or a fault ends the workers at once."""
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=bind_to_parent)
-    before = set(multiprocessing.active_children())
-    try:
-        futures = {pool.submit(measure, *chunk): k for k, chunk in todo.items()}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    except BaseException:
-        with undisturbed():
-            for process in set(multiprocessing.active_children()) - before:
-                process.terminate()
-            pool.shutdown(wait=True, cancel_futures=True)
-        raise
-    pool.shutdown()
+        yield from each(experiment.measure, todo, workers)

@@ -17,12 +17,13 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import __version__
+from shefex_nav.errors import UserError
 
 HEAD = "head"  # name of the array that holds the fingerprint
-WORLD = ("records.py", "compiled.py", "geometry", "environment", "world", "onboard", "data")
+WORLD = ("clock.py", "records.py", "compiled.py", "geometry", "environment", "world", "onboard", "data")
 
 
-class StoreError(ValueError):
+class StoreError(UserError, ValueError):
     """The folder holds something that cannot be used; for the user."""
 
 

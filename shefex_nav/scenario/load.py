@@ -7,6 +7,7 @@ from functools import partial
 
 from pydantic import ValidationError
 
+from shefex_nav.errors import UserError
 from shefex_nav.scenario import disperse, document, expand, fields, kind, messages
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
 from shefex_nav.scenario.dispersions import KEYS
@@ -21,7 +22,7 @@ NOT_EXPANDED = (("gps", expand.ALMANAC), ("star_tracker", expand.MODEL))  # what
 DISPERSIONS = "dispersions"  # the section whose keys are paths
 
 
-class ScenarioError(Exception):
+class ScenarioError(UserError):
     """A scenario that cannot be flown; `messages` are lines for the user, `file:line:col: field: what`."""
 
     def __init__(self, found):
@@ -96,7 +97,7 @@ class Pattern:
     def __init__(self, text, name):
         self._text, self._name = text, name
         self._tree, self._places = _whole(text, name)
-        self.scenario = load_text(text, name)
+        self.scenario = self._validated(copy.deepcopy(self._tree), self._places.copy())
         self.dispersed, _ = disperse.resolve(Scenario, self._tree, self.scenario.dispersions)
         for one in self.dispersed:
             fields.fill(Scenario, self._tree, one.path)
@@ -112,6 +113,10 @@ class Pattern:
             fields.put(tree, one.path, disperse.applied(one, draws[one.name]))
             mark = Mark("drawn", 0, 0)
             places.put(one.path, {(): mark}, {(): mark})
+        return self._validated(tree, places)
+
+    def _validated(self, tree, places):
+        """Scenario of a tree that it may keep."""
         return _validated(tree, places, {self._name: self._text}, (), self._name)
 
 

@@ -47,10 +47,7 @@ def solve(
         _writable(overlay)
     from shefex_nav.solve import picture
 
-    try:
-        seen = picture.read(image)
-    except picture.PictureError as error:
-        raise typer.BadParameter(str(error), param_hint="IMAGE") from None
+    seen = picture.read(image)
     typer.echo("Getting ready; the first run on a machine compiles, which takes a minute.", err=True)
     from shefex_nav.solve.image import solve_picture
 

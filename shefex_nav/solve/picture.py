@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.errors import UserError
 from shefex_nav.solve import deep
 
 SMALLEST_PX, LARGEST_PX = 64, 20_000  # of a side
@@ -15,7 +16,7 @@ MOST_PIXELS = 150_000_000
 EXIF_TAKEN, EXIF_CHANGED, EXIF_BLOCK = 36867, 306, 34665  # DateTimeOriginal, DateTime, the block of the first
 
 
-class PictureError(ValueError):
+class PictureError(UserError, ValueError):
     """A picture that cannot be read; the message names the file and what is wrong."""
 
 

@@ -12,10 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.errors import UserError
+
 _TRAJECTORY = re.compile(r"(?:\w+_)?(Atmos|Orbit)_([0-9A-Za-z]+)(?:_\w+)?_sim_([0-9A-Za-z]+)\.csv")
 
 
-class NescDataError(ValueError):
+class NescDataError(UserError, ValueError):
     """Check-case data that are missing or cannot be read."""
 
 

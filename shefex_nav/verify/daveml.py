@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
+from shefex_nav.errors import UserError
 
 FOOT = 0.3048  # m, exact
 SLUG = 0.45359237 * STANDARD_GRAVITY / FOOT  # kg: pound-force s^2/ft, both pounds by definition
@@ -26,7 +27,7 @@ SI = {
 }  # fmt: skip
 
 
-class DaveMlError(ValueError):
+class DaveMlError(UserError, ValueError):
     """A model that cannot be read or evaluated."""
 
 

@@ -109,7 +109,7 @@ def test_two_workers_of_which_one_is_killed(path, digest, tmp_path):
         def take(flown):
             kept.keep(flown)
             if not killed:  # the other one is at work, or about to be
-                killed.extend(process.pid for process in lanes[1]._processes)
+                killed.extend(process.pid for process in lanes[1]._pool.processes)
                 for pid in killed:
                     os.kill(pid, signal.SIGKILL)
 

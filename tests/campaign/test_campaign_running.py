@@ -12,6 +12,7 @@ from shefex_nav import cli
 from shefex_nav.campaign import draws, engine, flight, repeating, results, running, store, summary, table
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.flight import Pilot
+from shefex_nav.clock import TICK_HZ
 from shefex_nav.log import reader, thinning
 from shefex_nav.report import metrics
 from shefex_nav.scenario import load
@@ -233,7 +234,7 @@ def at_ten_hertz(data):
     """RunData with as much of truth and solution as a campaign takes its figures from."""
 
     def few(columns):
-        ticks = np.round((columns.t_s - data.mission.start_s) * thinning.TICKS_PER_S)
+        ticks = np.round((columns.t_s - data.mission.start_s) * TICK_HZ)
         return columns._make(column[ticks % thinning.ticks(thinning.LOWEST_HZ) == 0] for column in columns)
 
     truth = few(data.truth)

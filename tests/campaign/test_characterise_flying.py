@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from shefex_nav import simulate
-from shefex_nav.campaign import engine, files
+from shefex_nav import files, simulate
+from shefex_nav.campaign import engine
 from shefex_nav.campaign.characterise import collect, flying, judge, running
 from shefex_nav.campaign.characterise.fit import FitError
 from shefex_nav.campaign.characterise.records import Flown, Records

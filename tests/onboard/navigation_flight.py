@@ -4,9 +4,10 @@ The truth is what the strapdown makes of smooth, ideal increments; the sensors a
 """
 
 import numpy as np
+from unpacked import felt, propagate, window
 
 from shefex_nav.geometry import frames, rotation
-from shefex_nav.onboard.navigation import measurements, strapdown
+from shefex_nav.onboard.navigation import measurements
 from shefex_nav.onboard.navigation.state import ImuModel, NavParams, NavState, ReleaseRule, pack
 from shefex_nav.records import Alignment, GpsFix, ImuBlock, StarFix
 
@@ -85,8 +86,8 @@ def fly(duration_s):
                 dtheta_b[k] += 0.5 * DT * w * omega_b
                 dv_b[k] += 0.5 * DT * w * f_b
         block = ImuBlock((n + 1) / 100.0, (n + 1) / 100.0, DT, dtheta_b, dv_b, False)
-        imu = strapdown.window(block, imu)
-        r_i, v_i, q_ib = strapdown.propagate(state, imu, 0.0, 4 * DT, EARTH)
+        imu = window(block, imu)
+        r_i, v_i, q_ib = propagate(state, imu, 0.0, 4 * DT, EARTH)
         state = NavState(block.t_valid_s, r_i, v_i, q_ib, *state[4:])
         blocks.append(block)
         states.append(state)
@@ -95,16 +96,16 @@ def fly(duration_s):
 
 def antenna_of(order, state, earth, l_ba_b, omega_b, f_b, vibration):
     """`measurements.antenna` of a NavState."""
-    felt = np.concatenate((omega_b, f_b))
-    return measurements.antenna(order, pack(state), state.t_s, earth, l_ba_b, felt, vibration)
+    motion_b = np.concatenate((omega_b, f_b))
+    return measurements.antenna(order, pack(state), state.t_s, earth, l_ba_b, motion_b, vibration)
 
 
 def state_at(blocks, states, t_s):
     """The truth at any instant, between samples too."""
     n = max(int(np.ceil(t_s * 100.0 - 1e-9)) - 1, 0)
-    imu = strapdown.window(blocks[n], strapdown.window(blocks[n - 1]) if n else None)
-    r_i, v_i, q_ib = strapdown.propagate(states[n], imu, 0.0, t_s - states[n].t_s, EARTH)
-    return NavState(t_s, r_i, v_i, q_ib, *states[n][4:]), strapdown.rate(states[n], imu, t_s - states[n].t_s)
+    imu = window(blocks[n], window(blocks[n - 1]) if n else None)
+    r_i, v_i, q_ib = propagate(states[n], imu, 0.0, t_s - states[n].t_s, EARTH)
+    return NavState(t_s, r_i, v_i, q_ib, *states[n][4:]), felt(states[n], imu, t_s - states[n].t_s)[0]
 
 
 def alignment(state, rng=None):

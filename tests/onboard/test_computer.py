@@ -15,6 +15,7 @@ from navigation_flight import (
     star_fix,
     state_at,
 )
+from unpacked import tick
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard import computer
@@ -67,7 +68,7 @@ def fly_computer(gps=(), frames_taken=(), on_s=0.5, off_s=2.0, chain=None):
         def due(things, now=now):
             return [x for x in things if now - 0.01 + 1e-9 < x.t_available_s <= now + 1e-9]
 
-        state, records = computer.tick(state, block, due(gps), due(frames_taken), chain=chain)
+        state, records = tick(state, block, due(gps), due(frames_taken), chain=chain)
         ticks.append((now, records))
     return ticks
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from navigation_flight import C_BC, DEG, DT, EARTH, PARAMS, alignment, fly, motion
 from scipy.stats import chi2
+from unpacked import correct
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import fusion, mean_rate, solution, state
+from shefex_nav.onboard.navigation import fusion, mean_rate, solution
 from shefex_nav.onboard.navigation.state import BG, layout, pack
 
 BLOCKS, STATES = fly(1.5)
@@ -69,7 +70,7 @@ def test_covariance_is_that_of_errors_put_into_the_state(error):
     nothing = np.zeros((N_ERROR, N_ERROR))
     quiet = mean_rate.camera_rate(nav, tick._replace(P=nothing), C_BC, BEGIN_S, END_S)[1]
     P = mean_rate.camera_rate(nav, tick._replace(P=np.outer(dx, dx)), C_BC, BEGIN_S, END_S)[1] - quiet
-    change = rate(state.correct(LAYOUT, tick.state, dx))[0] - rate(tick.state)[0]
+    change = rate(correct(LAYOUT, tick.state, dx))[0] - rate(tick.state)[0]
     np.testing.assert_allclose(P, np.outer(change, change), atol=2e-4 * size**2 + 1e-16)
 
 

@@ -5,6 +5,7 @@ import pytest
 import slow_strapdown
 from navigation_flight import C_BC, DT, EARTH, PARAMS, antenna_of, fly
 from scipy.spatial.transform import Rotation
+from unpacked import correct, propagate, star_attitude, window
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import (
@@ -12,7 +13,6 @@ from shefex_nav.onboard.navigation import (
     error_model,
     measurements,
     prediction,
-    strapdown,
 )
 from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.state import (
@@ -22,7 +22,6 @@ from shefex_nav.onboard.navigation.state import (
     VEL,
     X_Q,
     NavState,
-    correct,
     layout,
     pack,
 )
@@ -108,10 +107,10 @@ def test_transition_of_every_block_is_the_derivative_of_the_strapdown(order, beg
     In the gravity gradient the oblateness is left out: 0.3 % of that block.
     """
     state, T = state_with_errors(order.names), end_s - begin_s
-    imu = strapdown.window(BLOCKS[11], strapdown.window(BLOCKS[10]))
+    imu = window(BLOCKS[11], window(BLOCKS[10]))
 
     def end(start):
-        r_i, v_i, q_ib = strapdown.propagate(start, imu, begin_s, end_s, EARTH)
+        r_i, v_i, q_ib = propagate(start, imu, begin_s, end_s, EARTH)
         clock = start.clock + np.array([start.clock[1] * T, 0.0])
         decayed = start.range_bias * np.exp(-T / CLOCK["range_bias_time_s"])
         gravity = start.gravity * np.exp(-T / error_model.FIELD_TIME_S)
@@ -184,9 +183,9 @@ def test_the_strapdown_does_what_its_equations_say(begin_s, end_s):
     """Cuts anywhere, errors of all kinds known, against the slow one."""
     state = state_with_errors(ALL.names)
     for k in (1, 10, 25):
-        imu = strapdown.window(BLOCKS[k], strapdown.window(BLOCKS[k - 1]))
+        imu = window(BLOCKS[k], window(BLOCKS[k - 1]))
         r_i, v_i, C_ib = slow_strapdown.propagate(state, imu, begin_s, end_s, EARTH)
-        found = strapdown.propagate(state, imu, begin_s, end_s, EARTH)
+        found = propagate(state, imu, begin_s, end_s, EARTH)
         np.testing.assert_allclose(found[0], r_i, rtol=0.0, atol=4e-9)  # rounding of 6e6 m
         np.testing.assert_allclose(found[1], v_i, rtol=0.0, atol=1e-11)
         np.testing.assert_allclose(rotation.dcm_from_quat(found[2]), C_ib, rtol=0.0, atol=1e-13)
@@ -194,7 +193,7 @@ def test_the_strapdown_does_what_its_equations_say(begin_s, end_s):
 
 def test_noise_of_receiver_and_field_grows_as_said():
     """White frequency noise and random walk of it over 10 s, many steps against the closed form."""
-    order, imu = layout(("clock", "range_bias", "gravity")), strapdown.window(BLOCKS[0])
+    order, imu = layout(("clock", "range_bias", "gravity")), window(BLOCKS[0])
     state = NavState(0.0, *STATES[0][1:6])
     P, n = np.zeros((order.n, order.n)), 1000
     for _ in range(n):
@@ -287,7 +286,7 @@ def linearised(order, state, fixes):
     return (
         measurements.gps_position(fixes[0], a),
         measurements.gps_velocity(fixes[0], a),
-        measurements.star_attitude(order, state, fixes[1], C_BC, 0.0),
+        star_attitude(order, state, fixes[1], C_BC, 0.0),
     )
 
 
@@ -337,7 +336,7 @@ def test_latency_is_what_a_fix_is_older_than_it_says():
 @pytest.mark.parametrize("name", [name for name in OPTIONAL if name != "gyro_roll_column"])
 def test_every_block_alone_gives_numbers_whatever_the_memory_held(name):
     """Freed memory full of NaN before each call: nothing that was not written may be used."""
-    order, imu = layout((name,)), strapdown.window(BLOCKS[0])
+    order, imu = layout((name,)), window(BLOCKS[0])
     x, P = pack(state_with_errors((name,))), np.eye(order.n)
     for _ in range(5):
         held = [np.full(shape, np.nan) for shape in ((7, 3, 3, 3), (7, 2, 3, 3), (9, order.n), (9, 9))]

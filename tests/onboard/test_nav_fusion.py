@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from navigation_flight import DEG, DT, EARTH, PARAMS, alignment, fly, gps_fix, star_fix, state_at
 from scipy.stats import chi2
+from unpacked import correct
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import fusion, solution
-from shefex_nav.onboard.navigation.state import ATT, OPTIONAL, POS, PVA, VEL, correct, layout, pack
+from shefex_nav.onboard.navigation.state import ATT, OPTIONAL, POS, PVA, VEL, layout, pack
 
 BLOCKS, STATES = fly(30.0)
 LAYOUT = layout()
@@ -344,9 +345,9 @@ def test_sigmas_of_the_solution_are_those_of_samples():
     samples = np.linalg.cholesky(tick.P) @ rng.standard_normal((LAYOUT.n, 4000))
     rows, derived = [], ("r_e", "v_e", "omega_ib_b", "flight_path_angle", "angle_of_attack", "sideslip")
     for dx in samples.T:
-        moved = tick._replace(x=pack(correct(LAYOUT, tick.state, dx)))
-        found = solution.derive(LAYOUT, moved, tick.P, 0.0, 0.0, EARTH)
-        rows.append(np.concatenate([np.ravel(found[name]) for name in derived]))
+        nav.history.xs[nav.history.place(-1)] = pack(correct(LAYOUT, tick.state, dx))
+        found = solution.solution(nav)
+        rows.append(np.concatenate([np.ravel(getattr(found, name)) for name in derived]))
     deviation = np.std(rows, axis=0)
     expected = np.concatenate([out.sigma_r_e, out.sigma_v_e])
     assert np.allclose(deviation[:6], expected, rtol=0.06)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from unpacked import integrate, window
 
 from shefex_nav.environment.gravity import gravity_e
 from shefex_nav.geometry import frames, rotation
-from shefex_nav.onboard.navigation import strapdown
 from shefex_nav.onboard.navigation.state import NavState
 from shefex_nav.prepare import earth_rotation
 from shefex_nav.records import ImuBlock
@@ -37,10 +37,10 @@ def test_ideal_increments_give_back_the_flight(flight):
     for k in range(4, last + 1, 4):
         rows = slice(k - 3, k + 1)
         block = ImuBlock(truth.t_s[k], truth.t_s[k], dt_s, truth.dtheta_b[rows], truth.dv_b[rows], False)
-        imu = strapdown.window(block, imu)
+        imu = window(block, imu)
         C_ie = frames.dcm_ie(earth, state.t_s + 2 * dt_s)
         g_i = C_ie @ gravity_e(gravity, C_ie.T @ (state.r_i + 2 * dt_s * state.v_i))
-        r_i, v_i, q_ib = strapdown.integrate(state, imu, 0.0, 4 * dt_s, g_i)
+        r_i, v_i, q_ib = integrate(state, imu, 0.0, 4 * dt_s, g_i)
         state = NavState(truth.t_s[k], r_i, v_i, q_ib, *state[4:])
     turns = np.abs(truth.omega_ib_b[:, 0]).sum() * dt_s / (2 * np.pi)
     assert truth.t_s[last] - truth.t_s[0] > 490.0 and turns > 200.0

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from navigation_flight import EARTH, PARAMS, alignment, antenna_of, fly, gps_fix, state_at
+from unpacked import felt, window
 
 from shefex_nav.geometry import frames
-from shefex_nav.onboard.navigation import fusion, measure_ranges, strapdown
+from shefex_nav.onboard.navigation import fusion, measure_ranges
 from shefex_nav.onboard.navigation.state import layout
 from shefex_nav.records import GpsRanges
 
@@ -70,9 +71,9 @@ def ranges(t_s, sight_i, wrong=None):
         t_s, t_s + 0.2, np.arange(1, n + 1), nothing, nothing, r_e, v_e, 1.5 * one, 0.05 * one
     )
     k = max(int(np.ceil(t_s * 100.0 - 1e-9)) - 1, 0)
-    imu = strapdown.window(BLOCKS[k], strapdown.window(BLOCKS[k - 1]))
-    felt = strapdown.felt(STATES[k], imu, imu.length_s)
-    args = ORDER, state, message, antenna_of(ORDER, state, EARTH, PARAMS.l_ba_b, *felt, 0.0)
+    imu = window(BLOCKS[k], window(BLOCKS[k - 1]))
+    motion = felt(STATES[k], imu, imu.length_s)
+    args = ORDER, state, message, antenna_of(ORDER, state, EARTH, PARAMS.l_ba_b, *motion, 0.0)
     # what is innovation of a range of nothing is what the range should be, but for its sign
     pseudorange, rate = -measure_ranges.pseudoranges(*args)[0], -measure_ranges.range_rates(*args)[0]
     return message._replace(pseudorange=pseudorange + (nothing if wrong is None else wrong), range_rate=rate)

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from navigation_flight import ARCSEC, C_BC, DEG, EARTH, P_STAR_C, PARAMS, alignment, fly
+from unpacked import star_attitude, update
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import eskf, fusion, measurements
+from shefex_nav.onboard.navigation import eskf, fusion
 from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.onboard.navigation.state import ATT, NavState, layout
 from shefex_nav.records import StarFix
@@ -37,8 +38,8 @@ def after(angle, turned_back, seed):
     P[ATT, ATT], P[MOUNTING, MOUNTING] = angle**2 * np.eye(3), SIGMA_MOUNTING**2 * np.eye(3)
     kalman = eskf.engine(LAYOUT)
     for k, fix in enumerate(fixes(rng, mounting, q_ib, 20)):
-        z, H, R = measurements.star_attitude(LAYOUT, state, fix, C_BC, 0.0)
-        state, P, _, G = eskf.update(kalman, LAYOUT, state, P, z, H, R)
+        z, H, R = star_attitude(LAYOUT, state, fix, C_BC, 0.0)
+        state, P, _, G = update(kalman, LAYOUT, state, P, z, H, R)
         if k == 0 and turned_back:
             P = eskf.turned_back(P, G)
     sigma = np.sqrt(np.diag(P)[MOUNTING])

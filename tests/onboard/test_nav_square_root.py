@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from navigation_flight import EARTH, PARAMS, alignment, fly, gps_fix, star_fix
+from unpacked import predict
 
-from shefex_nav.onboard.navigation import eskf, fusion
+from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import ATT, OPTIONAL, layout, pack
 
@@ -63,11 +64,11 @@ def update(S, z, H, R):
 def test_covariance_of_a_flight_as_square_roots_and_through_filterpy(names):
     """Independent of the filter but for Phi, Q, z, H, R of each step: 1e-9 of sigma all along."""
     order, P, records = flight(names)
-    kalman, S, worst, updates = eskf.engine(order), root(P), np.zeros(3), 0
+    S, worst, updates = root(P), np.zeros(3), 0
     for record in records:
         if isinstance(record, fusion.Interval):
             S = triangle(np.hstack([record.Phi @ S, root(record.Q)]))
-            P_filterpy = eskf.predict(kalman, record.P, record.Phi, record.Q)
+            P_filterpy = predict(order, record.P, record.Phi, record.Q)
             worst[0] = max(worst[0], apart(P_filterpy, record.P_after))
         else:
             assert record.fate == Fate.USED

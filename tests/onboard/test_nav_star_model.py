@@ -7,11 +7,12 @@ from star_fields import CAMERA
 from star_sights import SIGMA_PX, camera_attitude, frame_of, places, seen
 from test_nav_blocks import ALL, ROLL, STEPS, state_with_errors
 from test_nav_blocks import RNG as RNG  # begins anew with each test of this module, too
+from unpacked import correct, star_attitude, update
 
 from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import cross_axes, cross_covariance, pixels, unit_vectors
-from shefex_nav.onboard.navigation import eskf, measure_stars, measurements
-from shefex_nav.onboard.navigation.state import ATT, correct, layout
+from shefex_nav.onboard.navigation import eskf, measure_stars
+from shefex_nav.onboard.navigation.state import ATT, layout
 from shefex_nav.onboard.startracker import likelihood
 
 
@@ -111,10 +112,8 @@ def test_many_stars_say_what_their_attitude_says(rolling):
         dx = np.zeros(order.n)
         dx[ATT] = 2e-3 * rng.standard_normal(3)
         estimate = correct(order, truth, dx)
-        whole = eskf.update(
-            kalman, order, estimate, P, *measurements.star_attitude(order, estimate, fix, C_BC, 5e-5)
-        )
-        single_stars = eskf.update(
+        whole = update(kalman, order, estimate, P, *star_attitude(order, estimate, fix, C_BC, 5e-5))
+        single_stars = update(
             kalman, order, estimate, P, *measure_stars.star_vectors(order, estimate, fix, C_BC, 5e-5)
         )
         sigma = np.sqrt(np.diag(whole.P))

@@ -1,28 +1,18 @@
 """The strapdown against analytic motion, and its errors against finite differences of itself."""
 
 from itertools import pairwise
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numba import njit
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
+from unpacked import QUIET, correct, felt, noise_of, propagate, window
 
 from shefex_nav.environment.gravity import gravity_j2_e
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import error_model, prediction, strapdown
-from shefex_nav.onboard.navigation.state import (
-    ATT,
-    BA,
-    BG,
-    POS,
-    VEL,
-    ImuModel,
-    NavState,
-    correct,
-    layout,
-)
+from shefex_nav.onboard.navigation.state import ATT, BA, BG, POS, VEL, NavState, layout
 from shefex_nav.records import ImuBlock
 
 EARTH = frames.EarthRotation(np.eye(3), np.eye(3), 1.234, 7.292115e-5)
@@ -92,9 +82,9 @@ def fly(state, blocks, cuts=(0.0, 4 * DT)):
     """The state after the blocks, each integrated in parts between the cuts."""
     imu = None
     for block in blocks:
-        imu = strapdown.window(block, imu)
+        imu = window(block, imu)
         for begin_s, end_s in pairwise(cuts):
-            r_i, v_i, q_ib = strapdown.propagate(state, imu, begin_s, end_s, EARTH)
+            r_i, v_i, q_ib = propagate(state, imu, begin_s, end_s, EARTH)
             t_s = block.t_valid_s - 4 * DT + end_s
             state = NavState(t_s, r_i, v_i, q_ib, *state[4:])
     return state
@@ -134,9 +124,9 @@ def test_cutting_a_sample_anywhere_changes_nothing():
 
 
 def test_state_inside_a_tick_is_that_of_then():
-    imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]))
+    imu = window(BLOCKS[1], window(BLOCKS[0]))
     state = fly(MOTION.start(), BLOCKS[:1])
-    _, _, q_ib = strapdown.propagate(state, imu, 0.0, 0.0037, EARTH)
+    _, _, q_ib = propagate(state, imu, 0.0, 0.0037, EARTH)
     q_true = rotation.quat_from_dcm(MOTION.C_ib(0.01 + 0.0037))
     assert np.linalg.norm(rotation.rotvec_between(q_ib, q_true)) < 1e-7
 
@@ -156,7 +146,7 @@ def test_known_sensor_errors_are_taken_out():
     state = fly(MOTION.start(gyro_bias=bias, accel_bias=accel, gyro_roll_column=column), faulty)
     assert np.linalg.norm(rotation.rotvec_between(clean.q_ib, state.q_ib)) < 1e-12
     assert np.linalg.norm(clean.r_i - state.r_i) < 1e-6
-    omega_b = strapdown.rate(state, strapdown.window(faulty[-1]), 4 * DT)
+    omega_b, _ = felt(state, window(faulty[-1]), 4 * DT)
     middle = MOTION.omega_b(3.0 - 0.5 * DT)
     assert np.allclose(omega_b, middle, atol=1e-4)  # mean of a sample against its middle: curvature only
 
@@ -198,14 +188,14 @@ def test_transition_matrix_is_the_derivative_of_the_strapdown(begin_s, end_s):
         accel_bias=np.array([0.02, -0.01, 0.03]),
         gyro_roll_column=np.array([4e-4, -3e-4, 2e-4]),
     )
-    imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]))
+    imu = window(BLOCKS[1], window(BLOCKS[0]))
 
     def end(start):
-        r_i, v_i, q_ib = strapdown.propagate(start, imu, begin_s, end_s, EARTH)
+        r_i, v_i, q_ib = propagate(start, imu, begin_s, end_s, EARTH)
         return NavState(0.0, r_i, v_i, q_ib, *start[4:])
 
     nominal = end(state)
-    Phi, _ = prediction.growth(LAYOUT, noise_of(MODEL), state, imu, begin_s, end_s, EARTH)
+    Phi, _ = prediction.growth(LAYOUT, noise_of(QUIET), state, imu, begin_s, end_s, EARTH)
     measured = np.empty((N_ERROR, N_ERROR))
     for j in range(N_ERROR):
         dx = np.zeros(N_ERROR)
@@ -226,27 +216,15 @@ def test_transition_matrix_is_the_derivative_of_the_strapdown(begin_s, end_s):
             assert difference <= tolerance, (rows, columns, difference, tolerance, scale)
 
 
-MODEL = ImuModel(**dict.fromkeys(ImuModel._fields, 0.0))._replace(
-    thrust_time_s=30.0, gravity_time_s=50.0, spun_along=1.0, spun_across=1.0
-)
-
-
-def noise_of(model):
-    """Noise for the kernels of an ImuModel alone."""
-    receiver = {"clock_white": 0.0, "clock_walk": 0.0, "range_bias_sigma": 0.0, "range_bias_time_s": np.inf}
-    receiver["gravity_sigma"] = 0.0
-    return error_model.record(SimpleNamespace(imu=model, **receiver))
-
-
 def process_noise(model, extra=strapdown.NO_EXTRA):
-    imu = strapdown.window(BLOCKS[1], strapdown.window(BLOCKS[0]), 0.0, extra)
+    imu = window(BLOCKS[1], window(BLOCKS[0]), 0.0, extra)
     state = MOTION.start()
     return prediction.growth(LAYOUT, noise_of(model), state, imu, 0.0, 0.01, EARTH).Q
 
 
 def test_white_noise_of_the_sensors_grows_as_the_datasheet_says():
     """After 1 s of unaccelerated flight: angle random walk, velocity random walk."""
-    Q = process_noise(MODEL._replace(gyro_random_walk=2e-5, accel_random_walk=7e-4, gyro_bias_walk=3e-8))
+    Q = process_noise(QUIET._replace(gyro_random_walk=2e-5, accel_random_walk=7e-4, gyro_bias_walk=3e-8))
     assert np.allclose(np.diag(Q)[ATT], 2e-5**2 * 0.01, rtol=1e-9)
     assert np.allclose(np.diag(Q)[VEL], 7e-4**2 * 0.01, rtol=1e-3)  # attitude noise under thrust adds to it
     assert np.allclose(np.diag(Q)[BG], 3e-8**2 * 0.01)
@@ -254,7 +232,7 @@ def test_white_noise_of_the_sensors_grows_as_the_datasheet_says():
 
 
 def test_spin_averages_errors_across_the_roll_axis_only():
-    Q = process_noise(MODEL._replace(gyro_g_sensitivity=1e-6))
+    Q = process_noise(QUIET._replace(gyro_g_sensitivity=1e-6))
     f = np.linalg.norm(MOTION.f_b(0.015))
     assert Q[ATT, ATT][0, 0] == pytest.approx(2 * 30.0 * (1e-6 * f) ** 2 * 0.01, rel=1e-2)
     assert Q[ATT, ATT][1, 1] < 1e-4 * Q[ATT, ATT][0, 0]
@@ -262,9 +240,9 @@ def test_spin_averages_errors_across_the_roll_axis_only():
 
 def test_noise_that_comes_on_top_acts_along_its_axes():
     """As of an axis at the end of its range, or one that is stuck: densities per body axis."""
-    assert np.allclose(process_noise(MODEL), 0.0)
+    assert np.allclose(process_noise(QUIET), 0.0)
     rate, force = np.array([0.5, 0.0, 0.2]) ** 2 * 0.01, np.array([0.0, 10.0, 3.0]) ** 2 * 0.01
-    Q = process_noise(MODEL, np.array([rate, force]))
+    Q = process_noise(QUIET, np.array([rate, force]))
     C_ib = MOTION.C_ib(0.0)  # at the start of the interval
     angle = 0.01 * MOTION.spin / 2.0  # by which the axes have turned on average: all that is left out
     assert np.allclose(Q[ATT, ATT], np.diag(rate) * 0.01, atol=rate.max() * 0.01 * 2.0 * angle)
@@ -300,7 +278,7 @@ def test_shaking_is_told_from_motion():
 def test_swinging_under_vibration_is_not_taken_for_turning():
     """Noise of scale factor and misalignment: that of the turn, and little without one; 4000 ticks."""
     swing, rng = 3e-5, np.random.default_rng(9)
-    model = noise_of(MODEL._replace(gyro_cross=1e-4, manoeuvre_angle=1.0, gyro_vibration=swing))
+    model = noise_of(QUIET._replace(gyro_cross=1e-4, manoeuvre_angle=1.0, gyro_vibration=swing))
     ends = swing * rng.standard_normal((4000, 2, 2))  # of both axes at both ends
 
     def noise(rate):
@@ -314,7 +292,7 @@ def test_swinging_under_vibration_is_not_taken_for_turning():
 
 def test_a_tick_that_is_cut_gathers_as_much_noise():
     """In parts of a third and two thirds, at a steady rate in vibration: the variance of the whole."""
-    model = noise_of(MODEL._replace(gyro_cross=1e-4, manoeuvre_angle=1.0, gyro_vibration=3e-5))
+    model = noise_of(QUIET._replace(gyro_cross=1e-4, manoeuvre_angle=1.0, gyro_vibration=3e-5))
     angle = np.array([1e-3, 9e-5, 2e-5])
     whole = 0.01 * gyro_noise(model, tuple(angle))
     parts = sum(0.01 * share * gyro_noise(model, tuple(share * angle), share) for share in (1 / 3, 2 / 3))

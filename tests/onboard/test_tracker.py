@@ -19,7 +19,7 @@ from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, rotvec_between
 from shefex_nav.onboard.startracker import best_attitude, tracker
 from shefex_nav.onboard.startracker.attitude import esoq2
-from shefex_nav.records import Frame, Reason
+from shefex_nav.records import Detections, Frame, Reason
 
 VELOCITY = np.array([-29500.0, 3000.0, 1500.0])  # m/s: the Earth's, and a rocket's
 CONTEXT = tracker.NO_CONTEXT._replace(velocity_i=VELOCITY)
@@ -166,6 +166,14 @@ def test_pure_noise_and_gradients_give_no_attitude():
         assert fix.reason != Reason.NONE
 
 
+def agreed(stars, rows, xy_px):
+    """n_used, q_ic, P_c, residual_px of named objects, each known to 0.05 px; the stars seen from rest."""
+    n, params = len(rows), TRACKER._replace(centroid_floor_px=0.0)
+    nothing, P_px = np.zeros(n, dtype=np.int64), np.tile(0.05**2 * np.eye(2), (n, 1, 1))
+    found = Detections(xy_px, np.ones(n), nothing, nothing, P_px)
+    return best_attitude.of_named(params, stars, rows, found, np.zeros(3), 4)[:4]
+
+
 def test_a_shifted_star_is_left_out_or_refused():
     """One centroid 0.8 px off: with many stars it is dropped, with four there is no attitude to trust."""
     rng = np.random.default_rng(7)
@@ -176,9 +184,7 @@ def test_a_shifted_star_is_left_out_or_refused():
         rows, xy_px = rows[:n], xy_px[:n] + rng.normal(0.0, 0.05, (n, 2))
         xy_px[2] += [0.6, -0.6]
         u_c, sigma_px = unit_vectors(CAMERA, xy_px), np.full(n, 0.05)
-        n_used, q, P_c, residual_px = best_attitude.solve(
-            TRACKER, u_c, stars.u_i[rows], np.tile(0.05**2 * np.eye(2), (n, 1, 1)), 4
-        )
+        n_used, q, P_c, residual_px = agreed(stars, rows, xy_px)
         assert (n_used >= 4) == accepted
         if accepted:
             assert n_used == n - 1
@@ -279,8 +285,7 @@ def test_stars_that_disagree_make_no_attitude():
     rows, xy_px = stars_in_frame(stars, q_ic, margin_px=5.0)
     rows, xy_px = rows[:10], xy_px[:10] + rng.normal(0.0, 0.05, (10, 2))
     xy_px[:6] += [5.0, -5.0]
-    P_px = np.tile(0.05**2 * np.eye(2), (10, 1, 1))
-    n_used, *_ = best_attitude.solve(TRACKER, unit_vectors(CAMERA, xy_px), stars.u_i[rows], P_px, 4)
+    n_used, *_ = agreed(stars, rows, xy_px)
     assert n_used < 4
 
 

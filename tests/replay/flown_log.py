@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from navigation_flight import C_BC, EARTH, alignment, fly, gps_fix, star_fix, state_at
+from unpacked import tick
 
 from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import cross_axes, pinhole
@@ -162,7 +163,7 @@ def _fly(params, flight, options):
         ]
         yield from due
         yield from (fix for fix in stars if now_s - 0.01 < fix.t_available_s - 0.05 <= now_s)
-        onboard, outputs = computer.tick(onboard, block, due, [])
+        onboard, outputs = tick(onboard, block, due, [])
         yield from outputs
 
 

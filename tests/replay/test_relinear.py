@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from navigation_flight import EARTH, PARAMS, alignment, antenna_of, fly, gps_fix, star_fix, state_at
+from unpacked import correct, propagate, star_attitude, window
 
-from shefex_nav.onboard.navigation import fusion, measurements, strapdown
-from shefex_nav.onboard.navigation.state import ATT, correct, corrected, layout, pack, unpack
+from shefex_nav.onboard.navigation import fusion, measurements
+from shefex_nav.onboard.navigation.state import ATT, corrected, layout, pack, unpack
 from shefex_nav.replay import relinear
 
 DEG = np.pi / 180.0
@@ -42,14 +43,14 @@ def test_difference_undoes_correct(nav, sigma):
 
 def way(x, k=120):
     """Way through a tick, and the ImuWindow."""
-    imu = strapdown.window(FLIGHT[0][k], strapdown.window(FLIGHT[0][k - 1]), 0.0)
+    imu = window(FLIGHT[0][k], window(FLIGHT[0][k - 1]), 0.0)
     return relinear.Way(imu.t_end_s - imu.length_s, imu.t_end_s, imu, x), imu
 
 
 def flown(nav, x, t_s, imu):
     """Packed nominal values after a tick, the equations as they are."""
     state = unpack(t_s, x)
-    r_i, v_i, q_ib = strapdown.propagate(state, imu, 0.0, imu.length_s, EARTH)
+    r_i, v_i, q_ib = propagate(state, imu, 0.0, imu.length_s, EARTH)
     return pack(state._replace(r_i=r_i, v_i=v_i, q_ib=q_ib))
 
 
@@ -96,7 +97,7 @@ def test_measurement_about_another_estimate(nav, sensor):
     def rows(state):
         if sensor == "star_tracker":
             fix = star_fix(*FLIGHT, t_s, 0.0)
-            return fix, *measurements.star_attitude(nav.layout, state, fix, PARAMS.C_bc, 0.0)
+            return fix, *star_attitude(nav.layout, state, fix, PARAMS.C_bc, 0.0)
         fix = gps_fix(*FLIGHT, t_s, 0.0)
         antenna = antenna_of(nav.layout, state, EARTH, PARAMS.l_ba_b, omega_b, f_b, 0.0)
         return fix, *getattr(measurements, sensor)(fix, antenna)

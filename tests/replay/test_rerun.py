@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from flown_log import Options, write
 from navigation_flight import fly
+from unpacked import integrate, propagate, window
 
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import frames
 from shefex_nav.log import reader
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.topics import LogError
-from shefex_nav.onboard.navigation import fusion, integrity_imu, strapdown
+from shefex_nav.onboard.navigation import fusion, integrity_imu
 from shefex_nav.records import GateResult, NavSolution, TruthSample
 from shefex_nav.replay import command as replay
 from shefex_nav.replay import rerun
@@ -104,10 +105,10 @@ def test_a_better_field_of_the_earth_reaches_the_integration(log):
     felt = blocks[5]._replace(dv_b=blocks[5].dv_b + more_dv)
     C_ie = frames.dcm_ie(earth, state.t_s + 0.005)
     g_i = C_ie @ gravity.gravity_e(field, C_ie.T @ (state.r_i + 0.005 * state.v_i))
-    before = strapdown.window(blocks[4])
-    r_i, v_i, *_ = strapdown.integrate(state, strapdown.window(blocks[5], before), 0.0, 0.01, g_i)
-    without = strapdown.propagate(state, strapdown.window(blocks[5], before), 0.0, 0.01, earth)
-    found = strapdown.propagate(state, strapdown.window(felt, before), 0.0, 0.01, earth)
+    before = window(blocks[4])
+    r_i, v_i, *_ = integrate(state, window(blocks[5], before), 0.0, 0.01, g_i)
+    without = propagate(state, window(blocks[5], before), 0.0, 0.01, earth)
+    found = propagate(state, window(felt, before), 0.0, 0.01, earth)
     missing = np.linalg.norm(v_i - without[1])
     assert missing > 1e-7  # m/s in a tick: 1e-5 m/s^2 at least
     assert np.linalg.norm(v_i - found[1]) < 1e-3 * missing

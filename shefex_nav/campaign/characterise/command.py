@@ -76,17 +76,13 @@ def _check_place(out, force):
 
 
 def _characterised(loaded, runs, seed, workers, folder):
-    """running.Result; what goes wrong as one line."""
+    """running.Result; what goes wrong with the name of the option that it is about."""
     from shefex_nav.campaign.characterise import running
-    from shefex_nav.campaign.characterise.fit import FitError
     from shefex_nav.campaign.characterise.records import RecordsError
     from shefex_nav.campaign.engine import EngineError
-    from shefex_nav.campaign.running import BadCampaign
 
     try:
         return running.characterise(loaded, runs, seed, workers=workers, folder=folder, done=_say)
-    except (FitError, BadCampaign) as error:
-        raise typer.BadParameter(str(error), param_hint="SCENARIO") from None
     except RecordsError as error:
         raise typer.BadParameter(str(error), param_hint="--records") from None
     except EngineError as error:
@@ -96,7 +92,7 @@ def _characterised(loaded, runs, seed, workers, folder):
 
 def _write(out, content):
     """Put the file in its place as a whole."""
-    from shefex_nav.campaign import files
+    from shefex_nav import files
     from shefex_nav.campaign.characterise import model
 
     try:

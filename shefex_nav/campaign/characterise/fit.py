@@ -7,6 +7,7 @@ shares by the number of stars, clutter as Poisson numbers.
 
 import numpy as np
 
+from shefex_nav.errors import UserError
 from shefex_nav.records import Reason
 from shefex_nav.statistical import IdentificationModel
 from shefex_nav.world.camera.sightings import SightingModel, broken
@@ -25,7 +26,7 @@ MOST_WRONG = 100  # rotation vectors that are kept
 WHITE_DN = 0.9  # of the largest grey value; frames above tell nothing of the mean
 
 
-class FitError(Exception):
+class FitError(UserError):
     """Runs that cannot be fitted; the message says why."""
 
 

@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.campaign import files
+from shefex_nav import files
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.characterise.collect import Collected, Frames, Searches, Sources
+from shefex_nav.errors import UserError
 
 FORMAT = 2
 HEAD = "characterise.json"
@@ -30,7 +31,7 @@ class Flown(NamedTuple):
     code: str  # digest of the program that flew it
 
 
-class RecordsError(Exception):
+class RecordsError(UserError):
     """A folder of records that cannot be used; the message says why."""
 
 

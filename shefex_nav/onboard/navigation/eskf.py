@@ -3,24 +3,13 @@
 The nominal state carries the estimate, so the error state is zero before every update (Sola,
 arXiv:1711.02508, section 6). filterpy's KalmanFilter is used with H, R given with every call; its update is
 the Joseph form. It does not keep P symmetric, which is done here. The prediction is compiled together with
-the strapdown (`prediction`); `predict` is the same through filterpy, as its reference.
+the strapdown (`prediction`), and held against filterpy's in the tests.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.navigation.state import ATT, NavState, corrected, pack, right_jacobian, unpack
-
-
-class Corrected(NamedTuple):
-    """What an update made of the state."""
-
-    state: NavState
-    P: np.ndarray  # (n, n)
-    dx: np.ndarray  # (n,) the estimated error that was taken into the state
-    G: np.ndarray  # (3, 3) by which the attitude error was turned into the new body axes
+from shefex_nav.onboard.navigation.state import ATT, corrected, right_jacobian
 
 
 def engine(layout):
@@ -31,13 +20,6 @@ def engine(layout):
     kalman.inv = _inverse  # of S; filterpy's own call takes longer than its arithmetic
     kalman.no_error = np.zeros((layout.n, 1))  # what `update_packed` begins with
     return kalman
-
-
-def predict(kalman, P, Phi, Q):
-    """Covariance after an interval: Phi P Phi^T + Q, (n, n)."""
-    kalman.P = P
-    kalman.predict(F=Phi, Q=Q)
-    return _symmetrise(kalman.P)
 
 
 @njit(cache=True)
@@ -96,7 +78,7 @@ def normalised(S, z):
     return total
 
 
-def update(kalman, layout, state, P, z, H, R):
+def update_packed(kalman, layout, P, z, H, R, x, P_after):
     """Nominal state and covariance after a measurement.
 
     After the estimated error is taken into the nominal state, the attitude error refers to new body axes:
@@ -106,21 +88,16 @@ def update(kalman, layout, state, P, z, H, R):
     ----------
     kalman : `engine`
     layout : Layout
-    state : NavState
     P : (n, n)
     z, H, R : (m,), (m, n), (m, m)
+    x : (93,) packed nominal values, changed in place
+    P_after : (n, n) is written
 
     Returns
     -------
-    Corrected
+    dx : (n,) the estimated error that was taken into the state
+    G : (3, 3) by which the attitude error was turned into the new body axes
     """
-    x, P_after = pack(state), np.empty(P.shape)
-    dx, G = update_packed(kalman, layout, P, z, H, R, x, P_after)
-    return Corrected(unpack(state.t_s, x), P_after, dx, G)
-
-
-def update_packed(kalman, layout, P, z, H, R, x, P_after):
-    """`update` with packed nominal values x, changed in place; P_after (n, n) is written. -> dx, G"""
     kalman.P = P
     kalman.x = kalman.no_error
     kalman.update(z.reshape(-1, 1), R=R, H=H)
@@ -143,7 +120,7 @@ def _take_in(x, dx, nominal, updated, P, G):
 
 
 def turned_back(P, G):
-    """Covariance after an update of the attitude alone that is believed at any angle, G of `update` undone.
+    """Covariance after an update of the attitude alone that is believed at any angle: without its G.
 
     A star fix says exp(z) = exp(e) exp(m), e the attitude's error, m the camera's. Linear at e = 0 that is
     e = z - m, whose turned error is -G m; but what is left after the correction is exp(-z) exp(e) = exp(-m).

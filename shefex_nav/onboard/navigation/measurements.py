@@ -26,7 +26,6 @@ from shefex_nav.onboard.navigation.state import (
     X_Q,
     X_R,
     X_V,
-    pack,
     right_jacobian,
 )
 from shefex_nav.onboard.navigation.strapdown import gravity_i
@@ -172,7 +171,7 @@ def lasting_factor(share, time_s, gap_s):
     return float(1.0 - share + share * (1.0 + r) / max(1.0 - r, 1e-6))
 
 
-def star_attitude(layout, state, fix, C_bc, sigma_floor):
+def star_attitude(layout, x, fix, C_bc, sigma_floor):
     """Attitude of the star camera: residual rotation in body axes.
 
     exp(z) = (q_ib exp(mounting))^-1 q_ic(measured) q_cb(nominal)
@@ -180,7 +179,7 @@ def star_attitude(layout, state, fix, C_bc, sigma_floor):
     Parameters
     ----------
     layout : Layout
-    state : NavState at the instant of the fix
+    x : (93,) packed nominal values at the instant of the fix
     fix : StarFix with an attitude
     C_bc : (3, 3) nominal mounting
     sigma_floor : rad, each axis, added to the covariance of the fix
@@ -195,11 +194,6 @@ def star_attitude(layout, state, fix, C_bc, sigma_floor):
     ----------
     Markley & Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, section 6.2.
     """
-    return star_attitude_packed(layout, pack(state), fix, C_bc, sigma_floor)
-
-
-def star_attitude_packed(layout, x, fix, C_bc, sigma_floor):
-    """`star_attitude` with packed nominal values."""
     z, H, R = np.empty(3), np.zeros((3, layout.n)), np.empty((3, 3))
     _star_attitude(x, fix.q_ic, fix.P_c, C_bc, sigma_floor, layout.at[MOUNTING], z, H, R)
     return z, H, R

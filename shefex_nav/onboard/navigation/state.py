@@ -230,14 +230,12 @@ def initial_covariance(params, name):
     return np.diag(sigma**2)
 
 
-def correct(order, state, dx):
-    """Take an estimated error into the nominal state: truth = estimate (+) error. Layout, NavState, (n,)."""
-    return unpack(state.t_s, corrected(pack(state), np.asarray(dx, dtype=float), order.nominal))
-
-
 @njit(cache=True)
 def corrected(x, dx, nominal):
-    """`correct` of packed values: (93,), (n,), Layout.nominal -> (93,)."""
+    """Take an estimated error into packed values: truth = estimate (+) error.
+
+    (93,), (n,), Layout.nominal -> (93,)
+    """
     out = x.copy()
     for i in range(3):
         out[X_R.start + i] += dx[POS.start + i]

@@ -35,7 +35,7 @@ from shefex_nav.onboard.navigation.calibration import (
     gyro_inverse,
     shaken,
 )
-from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V, pack
+from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V
 
 BEFORE = 2  # samples kept from before a block, for the slopes
 LEAST = 1e-9  # share of a sample that is worth a step
@@ -70,22 +70,6 @@ class ImuWindow(NamedTuple):
     def length_s(self):
         """Duration of the tick."""
         return self.n * self.dt_s
-
-
-def window(block, before=None, vibration=0.0, extra=NO_EXTRA):
-    """ImuWindow of an ImuBlock and the window before it; at the start the first sample stands in for it.
-
-    Samples of another duration are taken to have gone on at their rate.
-    """
-    increments = np.empty((BEFORE + len(block.dtheta_b), 6))
-    increments[BEFORE:, :3], increments[BEFORE:, 3:] = block.dtheta_b, block.dv_b
-    if before is None:
-        increments[:BEFORE] = increments[BEFORE]
-    else:
-        increments[:BEFORE] = before.increments[-BEFORE:]
-        if before.dt_s != block.dt_s:
-            increments[:BEFORE] *= block.dt_s / before.dt_s
-    return ImuWindow(block.t_valid_s, block.dt_s, increments, vibration, extra)
 
 
 @njit(cache=True, forceinline=True)
@@ -188,52 +172,13 @@ def travel(x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gy
     return u_sum, u_r_sum, angle, speed
 
 
-def integrate(state, imu, begin_s, end_s, g_i):
-    """Carry the state from begin_s to end_s, counted from the start of the window, under the gravitation g_i.
-
-    Parameters
-    ----------
-    state : NavState at begin_s
-    imu : ImuWindow
-    begin_s, end_s : within 0 ... imu.length_s
-    g_i : (3,) m/s^2, taken as constant: give the value in the middle of the interval
-
-    Returns
-    -------
-    r_i, v_i, q_ib : at end_s
-    """
-    x, none = pack(state), np.zeros(error_model.WEIGHTS, dtype=bool)
-    nothing = np.empty((0, 3, 3, 3)), np.empty((0, 2, 3, 3))
-    travel(x, imu.increments, imu.dt_s, imu.vibration, begin_s, end_s, tuple(g_i), none, none, *nothing)
-    return x[X_R], x[X_V], x[X_Q]
-
-
-def propagate(state, imu, begin_s, end_s, earth):
-    """`integrate` under the on-board gravity model (J2), evaluated in the middle of the interval."""
-    half_s = 0.5 * (end_s - begin_s)
-    middle = tuple(state.r_i + half_s * state.v_i)
-    g = gravity_i(middle, earth.angle_0 + earth.rate * (state.t_s + half_s), earth.C_iq, earth.C_re)
-    return integrate(state, imu, begin_s, end_s, state.gravity + g)
-
-
 @njit(cache=True)
 def felt_packed(x, increments, n, dt_s, vibration, at_s):
-    """`felt` with packed values; increments : of a window of n samples of dt_s -> (6,)"""
+    """Corrected rate and specific force with packed values: means of the sample in which at_s lies.
+
+    increments : of a window of n samples of dt_s;  at_s : s from its start -> (6,) rad/s, m/s^2
+    """
     k = BEFORE - 1 + min(max(int(np.ceil(at_s / dt_s - 1e-6)), 1), n)
     out = correct_increments(shaken(x, vibration), increments[k : k + 1], dt_s)[0]
     out /= dt_s
     return out
-
-
-def felt(state, imu, at_s):
-    """Corrected rate and specific force: means of the sample in which at_s lies.
-
-    NavState, ImuWindow, s from the start of the window -> omega_ib_b (3,) rad/s, f_b (3,) m/s^2
-    """
-    found = felt_packed(pack(state), imu.increments, imu.n, imu.dt_s, imu.vibration, at_s)
-    return found[:3], found[3:]
-
-
-def rate(state, imu, at_s):
-    """omega_ib_b corrected for the estimated errors: mean of the sample in which at_s lies, (3,) rad/s."""
-    return felt(state, imu, at_s)[0]

@@ -1,4 +1,4 @@
-"""Attitude from identified stars: ESOQ2, two reference solutions, and its covariance.
+"""Attitude from identified stars: ESOQ2, a reference solution, and its covariance.
 
 In: directions in the camera and in the inertial frame with one standard deviation per star. Out: q_ic and
 the covariance of its error. Mortari, "ESOQ-2: single-point algorithm for fast optimal spacecraft attitude
@@ -12,7 +12,6 @@ from numba import njit
 
 from shefex_nav.geometry.rotation import (
     dcm_from_quat,
-    quat_from_dcm,
     quat_from_rotvec,
     quat_multiply,
     quat_normalise,
@@ -62,15 +61,6 @@ def davenport(u_c, v_i, sigma):
     """As `esoq2`, by the eigenvector of K itself (Davenport 1968): slower, and a reference."""
     q = _davenport(_profile(u_c, v_i, sigma))
     return q if q[0] >= 0.0 else -q
-
-
-@njit(cache=True)
-def svd(u_c, v_i, sigma):
-    """As `esoq2`, by the singular values of B (Markley 1988): the reference."""
-    U, _, Vt = np.linalg.svd(_profile(u_c, v_i, sigma))
-    if np.linalg.det(U) * np.linalg.det(Vt) < 0.0:
-        U[:, 2] = -U[:, 2]
-    return quat_from_dcm(U @ Vt)
 
 
 @njit(cache=True)

@@ -32,7 +32,7 @@ def focal_covariance(params, xy_px):
 
 
 def with_rate(params, detections, P_px, rate):
-    """Covariance of each centroid with what the error of the rate does to it; rate as in `solve`."""
+    """Covariance of each centroid with what the error of the rate does to it; rate as in `of_named`."""
     if rate is None:
         return P_px
     t_s, P_omega = rate
@@ -40,48 +40,14 @@ def with_rate(params, detections, P_px, rate):
     return P_px + S @ P_omega @ S.transpose(0, 2, 1)
 
 
-def solve(params, u_c, seen_i, P_px, least, rate=None):
-    """Attitude, its covariance and the misfit; the worst star is left out until all that are used fit.
-
-    A neighbour too faint for the catalogue or a particle hit can shift the light of a star by more than its
-    error. Neither can be foreseen, but with more than four stars it shows. The variance that P_px promises
-    counts as an observation of PRIOR_DOF degrees of freedom. Streaks are less certain than spots: the misfit
-    of this frame's stars corrects it; that of spots only where it is more than chance makes.
-
-    Parameters
-    ----------
-    params : TrackerParams
-    u_c : (n, 3) measured directions
-    seen_i : (n, 3) apparent directions of the stars, aberration included
-    P_px : (n, 2, 2) px^2, covariance of each centroid, without the error of the rate
-    least : int, fewest stars that make an attitude
-    rate : (t_s (n,), P_omega (3, 3)), when each star was seen and the covariance of the rate that brought all
-        to one instant; None where none did
-
-    Returns
-    -------
-    n_used : int; fewer than `least` when no attitude fits that many, or not most of the stars
-    q_ic : (4,)
-    P_c : (3, 3) rad^2
-    residual_px : RMS distance of the used stars from where the attitude puts them
-    """
-    t_s, P_omega = (np.zeros(len(u_c)), np.zeros((3, 3))) if rate is None else rate
-    return _solve_kernel(
-        params.identify.camera,
-        params.outlier_sigma,
-        least,
-        u_c,
-        seen_i,
-        P_px,
-        t_s,
-        P_omega,
-        params.sigma_focal,
-        rate is None,
-    )[:4]
-
-
 def of_named(params, stars, star, detections, velocity_i, least, rate=None):
-    """`solve` for the objects of a frame that have a name, and what each of the stars used says by itself.
+    """Attitude of the named objects of a frame, its covariance and misfit, and what each star says by itself.
+
+    The worst star is left out until all that are used fit. A neighbour too faint for the catalogue or a
+    particle hit can shift the light of a star by more than its error. Neither can be foreseen, but with more
+    than four stars it shows. The variance that the centroids promise counts as an observation of PRIOR_DOF
+    degrees of freedom. Streaks are less certain than spots: the misfit of this frame's stars corrects it;
+    that of spots only where it is more than chance makes.
 
     Parameters
     ----------
@@ -90,11 +56,17 @@ def of_named(params, stars, star, detections, velocity_i, least, rate=None):
     star : (n,) int64 row of the catalogue for each object, -1 where it has no name
     detections : Detections, n of them
     velocity_i : (3,) m/s, of the vehicle relative to the solar-system barycentre
-    least, rate : as in `solve`, the latter of all objects
+    least : int, fewest stars that make an attitude
+    rate : (t_s (n,), P_omega (3, 3)), when each object was seen and the covariance of the rate that brought
+        all to one instant; None where none did
 
     Returns
     -------
-    n_used, q_ic, P_c, residual_px : as of `solve`; n_used is 0 as well where the attitude is no number
+    n_used : int; fewer than `least` when no attitude fits that many, or not most of the stars; 0 as well
+        where the attitude is no number
+    q_ic : (4,)
+    P_c : (3, 3) rad^2
+    residual_px : RMS distance of the used stars from where the attitude puts them
     StarVectors of the stars used
     """
     t_s, P_omega = (np.zeros(len(star)), np.zeros((3, 3))) if rate is None else rate
@@ -122,7 +94,7 @@ def _named_kernel(
     P_omega,
     spots,
 ):
-    """Four of `solve`, then rows of the stars used and of `StarVectors` all but names and sigma_focal."""
+    """Four of `of_named`, then rows of the stars used and of `StarVectors` all but names and sigma_focal."""
     rows = np.flatnonzero(star >= 0)
     xy_px, P_px, t_s = xy_px[rows], P_px[rows], t_s[rows]
     for k in range(len(rows)):
@@ -148,8 +120,10 @@ def _named_kernel(
 
 @njit(cache=True)
 def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega, sigma_focal, spots):
-    """`solve` with the settings that it needs, and rows of the stars used (n_used,), and misfit.
+    """Attitude of stars, all of which have a name: four of `of_named`, rows of the stars used, and misfit.
 
+    u_c, seen_i : (n, 3) measured directions; apparent ones, aberration included
+    P_px : (n, 2, 2) px^2, of the centroids, without the error of the rate
     spots : whether these are no streaks;  misfit : by what that of the stars multiplies P_px and P_c
     """
     xy_px = pixels(camera, u_c)

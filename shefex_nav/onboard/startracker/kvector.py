@@ -52,23 +52,3 @@ def span(count, slope, intercept, values, low, high):
     while b > 0 and values[b - 1] > high:
         b -= 1
     return a, max(a, b)
-
-
-@njit(cache=True)
-def search(index, values, low, high):
-    """Positions of the values within [low, high], for m ranges at once.
-
-    Parameters
-    ----------
-    index : KVector of `values`
-    values : (n,) ascending
-    low, high : (m,) limits, inclusive
-
-    Returns
-    -------
-    first, last : (m,) int64, the range is values[first:last]; first == last when it is empty
-    """
-    first, last = np.empty(low.shape[0], dtype=np.int64), np.empty(low.shape[0], dtype=np.int64)
-    for k in range(low.shape[0]):
-        first[k], last[k] = span(index.count, index.slope, index.intercept, values, low[k], high[k])
-    return first, last

@@ -220,7 +220,7 @@ def attitude(tracker, detections, context, rate=None):
     tracker : Tracker
     detections : Detections, brightest first
     context : Context
-    rate : as in `solve`
+    rate : as in `best_attitude.of_named`
 
     Returns
     -------

@@ -11,6 +11,7 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+from shefex_nav.errors import UserError
 from shefex_nav.report.viewer.sender import TIMELINE
 
 SETTLE_S = 2.0  # between two pictures that have to be the same
@@ -18,7 +19,7 @@ MOST_PICTURES = 20  # until they are
 _LOAD_TIMEOUT_S = 120.0
 
 
-class ViewerError(Exception):
+class ViewerError(UserError):
     """The viewer cannot be used; the message says why and is for people."""
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from shefex_nav import __version__
+from shefex_nav.files import whole
 from shefex_nav.log import reader
 from shefex_nav.records import Phase, TruthSample
 from shefex_nav.report import metrics
@@ -76,10 +77,9 @@ def kept(log, data=None):
     try:
         if path.exists() and stamp.exists() and stamp.read_text() == wanted:
             return path
-        half = path.with_suffix(".part")
-        build([log], half, [data] if data else None)
-        stamp.write_text("")  # ours, not to be shown before it is finished
-        half.replace(path)
+        with whole(path) as half:
+            build([log], half, [data] if data else None)
+            stamp.write_text("")  # ours, not to be shown before it is finished
         stamp.write_text(wanted)
     except OSError:
         return None

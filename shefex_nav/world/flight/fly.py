@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.errors import UserError
 from shefex_nav.geometry import rotation
 from shefex_nav.records import Trajectory
 from shefex_nav.world.flight import attitude_program as attitude
@@ -23,7 +24,7 @@ REVERSED = 0.5  # share of the spin beyond which a yo-yo must not leave it the o
 STOPPED = 0.01  # rad/s; slower than that a yo-yo does not unwind
 
 
-class FlightError(Exception):
+class FlightError(UserError):
     """The vehicle cannot do what its programme asks; the message says what happened."""
 
 
