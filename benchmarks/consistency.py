@@ -1,9 +1,10 @@
-"""Is the filter what it says it is? NEES, NIS and containment over seeds, and its error over the bound.
+"""Is the filter what it says it is, and another one? NEES, NIS, containment over seeds, error over the bound.
 
 uv run python benchmarks/consistency.py FOLDER [--seeds 100] [--set navigation.states=...] [--jobs 2]
 
-Every seed is flown once with rendered frames; its star fixes are kept in FOLDER, so a second call goes on
-from there, and other configurations of the filter (--filter) are run over the same measurements in seconds.
+As `shefex-nav verify consistency` and `bound` over the same flights, for several configurations of the filter
+(--filter) beside each other and for one that is told wrong noise (--mistuned). Every seed is flown once with
+rendered frames; its star fixes are kept in FOLDER, so a second call goes on from there.
 All seeds fly through one field, so NEES of the accelerometer biases, which are hard to tell from what the
 on-board model leaves out of gravity, depend on a single draw of that; --turn-field draws it for each seed.
 Without it a second interval is printed beside, of histories that have the field in common as the runs have.
@@ -15,109 +16,72 @@ import argparse
 import os
 import subprocess
 import sys
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 from missions import SCENARIOS
 
 MISTUNED = "star noise halved"
-FIELD = 9  # random numbers of their own, beside those of the flight
 
 
-def scenario_of(job):
+def other_filter(study, overrides):
+    """The same study, its star fixes included, with another configuration of the filter."""
     from shefex_nav.scenario import load
 
-    return load.load(job["scenario"], job["overrides"])
+    return study._replace(source=load.load_text(study.source, study.name, overrides).source)
 
 
-def fly(job):
-    """Fly one seed with frames unless its fixes are there."""
-    from shefex_nav.verify import flown
-
-    path = fixes_path(job)
-    if not path.exists():
-        flown.save(path, flown.fly(scenario_of(job), job["seed"]), job["head"])
-
-
-def fixes_path(job):
-    return Path(job["folder"]) / f"fixes-{job['seed']:04d}.npz"
-
-
-def made_for(job):
-    """What must have made the fixes: scenario and overrides; another version of the code is only told of."""
-    return {key: job["head"][key] for key in ("scenario", "set")}
-
-
-def follow(job):
+def follow(study, seed, filters, bound):
     """Every filter over one seed. -> dict of Run, bounds (None unless asked for)"""
-    from shefex_nav import prepare
     from shefex_nav.scenario import params_onboard
-    from shefex_nav.verify import field, flown, over_bound
+    from shefex_nav.verify import flown, over_bound
+    from shefex_nav.verify import study as studies
 
-    scenario = scenario_of(job)
-    world = prepare.build_world(scenario, job["seed"])
-    if job["turn_field"]:
-        world = field.turned(scenario, world, np.random.default_rng([job["seed"], FIELD]))
-    fixes = flown.load(fixes_path(job), made_for(job))
-    runs = {}
-    for name, (overrides, star_factor) in job["filters"].items():
-        other = scenario_of(job | {"overrides": (*job["overrides"], *overrides)})
-        computer = world.computer._replace(nav=params_onboard.nav_params(other))
-        runs[name] = flown.filter_run(
-            scenario, job["seed"], fixes, star_factor=star_factor, world=world._replace(computer=computer)
-        )
-    return runs, over_bound.bounds(scenario, world, fixes) if job["bound"] else None
+    fixes, scenario = studies.fixes_of(study, seed), study.scenario
+    world, runs = studies.world_of(study, scenario, seed), {}
+    for name, (overrides, star_factor) in filters.items():
+        nav = params_onboard.nav_params(other_filter(study, overrides).scenario)
+        there = world._replace(computer=world.computer._replace(nav=nav))
+        runs[name] = flown.filter_run(scenario, seed, fixes, star_factor=star_factor, world=there)
+    return runs, over_bound.bounds(scenario, world, fixes) if bound else None
 
 
-def imagine(job):
-    """Histories from the matrices of the filters of one seed: dict of consistency.Histories, and how far
-    their variances are from the filter's own at most."""
-    from shefex_nav.verify import consistency, flown
+def imagine(study, seed, overrides, number, one_field):
+    """`study.imagine` for one of the filters."""
+    from shefex_nav.verify import study as studies
 
-    found = {}
-    for name, (overrides, _) in job["filters"].items():
-        if name == MISTUNED:  # is judged by the bounds of the default
-            continue
-        chosen = scenario_of(job | {"overrides": (*job["overrides"], *overrides)})
-        fixes, rng = flown.load(fixes_path(job), made_for(job)), np.random.default_rng(job["seed"])
-        options = {"number": job["histories"], "rng": rng, "one_field": name == "default"}
-        run, one = consistency.of_run(chosen, job["seed"], fixes, **options)
-        ratio = np.diagonal(one.P, axis1=1, axis2=2) / np.diagonal(run.P, axis1=1, axis2=2)
-        found[name] = one, float(np.abs(ratio - 1.0).max())
-    return found
+    return studies.imagine(
+        other_filter(study, overrides), seed, studies.fixes_of(study, seed), number, one_field
+    )
 
 
-def work(job):
-    return job["do"](job)
+def fly(study, seed):
+    """Fly one seed with frames unless its fixes are there."""
+    from shefex_nav.verify import study as studies
+
+    studies.fixes_of(study, seed)
 
 
-def in_parallel(function, jobs, workers, what):
-    """Results in the order of the jobs."""
+def in_parallel(calls, workers, what):
+    """`study.in_workers` with a bar; the calls are those of a dict."""
     from rich.console import Console
     from rich.progress import Progress
 
-    if not jobs:
-        return []
-    results = [function(jobs[0])]  # compiles before the workers start
-    with (
-        Progress(console=Console(stderr=True)) as progress,
-        ProcessPoolExecutor(max_workers=workers, mp_context=get_context("spawn")) as pool,
-    ):
-        task = progress.add_task(what, total=len(jobs), completed=1)
-        futures = [pool.submit(function, job) for job in jobs[1:]]
-        for _ in as_completed(futures):
-            progress.advance(task)
-        return results + [future.result() for future in futures]
+    from shefex_nav.verify import study as studies
+
+    if not calls:
+        return {}
+    with Progress(console=Console(stderr=True)) as progress:
+        task = progress.add_task(what, total=len(calls))
+        return studies.in_workers(calls, workers, lambda key: progress.advance(task))
 
 
-def print_verdicts(title, verdicts):
-    print(f"\n{title}")
-    for one in verdicts:
-        mark = " " if one.good else "<" if one.value < one.low else ">"
-        bounds = f"{one.low:7.4f} ... {one.high:7.4f}"
-        print(f"  {one.what:52s} {one.value:8.4f}   {bounds}  n {one.samples:6d}  {mark}")
+def show(title, verdicts):
+    from rich.console import Console
+
+    from shefex_nav.verify import consistency_command
+
+    Console(width=130).print(consistency_command.table(title, verdicts))
 
 
 def print_ratios(title, found):
@@ -178,64 +142,68 @@ def options_of(argv):
 
 def main(argv=None):
     options = options_of(argv)
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ[name] = "1"
     options.folder.mkdir(parents=True, exist_ok=True)
-    base = {
-        "scenario": options.scenario,
-        "overrides": tuple(options.set),
-        "folder": str(options.folder),
-        "head": {"code": commit(), "scenario": Path(options.scenario).name, "set": list(options.set)},
-        "filters": filters_of(options),
-        "turn_field": options.turn_field,
-    }
-    seeds = range(options.first, options.first + options.seeds)
-    jobs = [base | {"seed": seed, "bound": k < options.bounds} for k, seed in enumerate(seeds)]
+    study = study_of(options)
+    seeds = list(range(options.first, options.first + options.seeds))
     if options.flown:
-        jobs = [job for job in jobs if fixes_path(job).exists()]
-        jobs = [job | {"bound": k < options.bounds} for k, job in enumerate(jobs)]
-    in_parallel(fly, [job for job in jobs if not fixes_path(job).exists()], options.jobs, "flown")
-    if options.fly_only:
-        return 0
-    return judge(options, jobs)
+        seeds = [seed for seed in seeds if study.path(seed).exists()]
+    missing = {seed: (fly, study, seed) for seed in seeds if not study.path(seed).exists()}
+    if missing:
+        from shefex_nav import simulate
+
+        simulate.warm_up(study.scenario)  # compiles
+    in_parallel(missing, options.jobs, "flown")
+    return 0 if options.fly_only else judge(options, study, seeds)
 
 
-def judge(options, jobs):
+def study_of(options):
+    """Study of the scenario; files of fixes say its file, its overrides and the version of the code."""
+    from shefex_nav.scenario import load
+    from shefex_nav.verify import study
+
+    found = study.of_scenario(load.load(options.scenario, options.set), str(options.folder))
+    made_for = {"scenario": Path(options.scenario).name, "set": list(options.set)}
+    made_by = {"code": commit()} | made_for
+    return found._replace(made_by=made_by, made_for=made_for, turn_field=options.turn_field)
+
+
+def judge(options, study, seeds):
     from shefex_nav.verify import consistency, consistency_figures, flown, over_bound
 
-    filters = jobs[0]["filters"]
-    chosen = jobs[0] | {"seed": options.representative, "histories": options.histories, "do": imagine}
-    alone = [chosen | {"filters": {name: one}} for name, one in filters.items()]  # the longest jobs
-    seeds = [job | {"do": follow} for job in jobs]
-    done = in_parallel(work, [seeds[0], *alone, *seeds[1:]], options.jobs, "filters and bounds")
-    histories = {name: one for found in done[1 : 1 + len(alone)] for name, one in found.items()}
-    results = [done[0], *done[1 + len(alone) :]]
+    filters = filters_of(options)
+    calls = {  # the longest first; a filter that is told wrong noise is judged by the bounds of the default
+        name: (imagine, study, options.representative, overrides, options.histories, name == "default")
+        for name, (overrides, _) in filters.items()
+        if name != MISTUNED
+    }
+    calls |= {seed: (follow, study, seed, filters, k < options.bounds) for k, seed in enumerate(seeds)}
+    done = in_parallel(calls, options.jobs, "filters and bounds")
+    results = [done[seed] for seed in seeds]
     pairs = [pair for _, pair in results if pair is not None]
-    print(f"{Path(options.scenario).name}, code {commit()}, {len(jobs)} seeds: {[j['seed'] for j in jobs]}")
-    if options.turn_field:
+    print(f"{Path(options.scenario).name}, code {commit()}, {len(seeds)} seeds: {seeds}")
+    if study.turn_field:
         print("what the on-board model leaves out of gravity is turned by another rotation for every seed")
-    print(f"frames flown by {flown.told(fixes_path(job) for job in jobs)}")
+    print(f"frames flown by {flown.told(study.path(seed) for seed in seeds)}")
     rng, found, good = np.random.default_rng(0), {}, True
     for name, (overrides, _) in filters.items():
         runs = [one[name] for one, _ in results]
-        imagined, apart = histories.get(name, histories["default"])
+        imagined, apart = done.get(name, done["default"])
         if name != MISTUNED and pairs:
             found[name] = over_bound.curves(runs, pairs)
-        verdicts = consistency.judge(runs, imagined, rng)
+        verdicts = consistency.judge(runs, imagined._replace(one_field={}), rng)
         rejected = {sensor: sum(run.rejected.get(sensor, 0) for run in runs) for sensor in runs[0].nis}
-        print_verdicts(f"{name} {' '.join(overrides)}; refused by the gate: {rejected}", verdicts)
+        show(f"{name} {' '.join(overrides)}; refused by the gate: {rejected}", verdicts)
         print(f"  (variances of the histories within {apart:.1%} of the filter's own)")
-        if imagined.one_field and name == "default" and not options.turn_field:
+        if imagined.one_field and name == "default" and not study.turn_field:
             one_field = consistency.judge_in_one_field(runs, imagined.one_field, rng)
-            print_verdicts(f"{name}: the same, by histories of which all have one field in common", one_field)
+            show(f"{name}: the same, by histories of which all have one field in common", one_field)
         good &= name != "default" or all(one.good for one in verdicts)
-    runs = [one["default"] for one, _ in results]
-    consistency_figures.draw_nees(runs, options.folder / "nees.png")
+    consistency_figures.draw_nees([one["default"] for one, _ in results], options.folder / "nees.png")
     if not pairs:
         return 0 if good else 1
     for name, one in found.items():
         print_ratios(name, one)
-    consistency_figures.draw_bound(found, options.folder / "bound.png", runs=len(runs))
+    consistency_figures.draw_bound(found, options.folder / "bound.png", runs=len(results))
     return 0 if good else 1
 
 

@@ -4,7 +4,7 @@ import multiprocessing
 import os
 import signal
 import threading
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing.connection import wait
 
@@ -89,6 +89,27 @@ class Pool:
     def abandon(self):
         """Leave a pool whose worker has been killed: it ends by itself."""
         self._executor.shutdown(wait=False)
+
+
+def each(function, calls, most):
+    """Calls in as many workers; an interruption or a fault ends them at once.
+
+    function : of a module;  calls : dict, key -> arguments;  most : of the workers
+
+    Yields
+    ------
+    key, result : of each call as it is done
+    """
+    pool = Pool(most)
+    try:
+        futures = {pool.submit(function, *arguments): key for key, arguments in calls.items()}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    except BaseException:
+        with undisturbed():
+            pool.stop(at_once=True)
+        raise
+    pool.stop()
 
 
 def _begin(prepare, arguments):

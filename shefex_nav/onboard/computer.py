@@ -117,7 +117,7 @@ def glide(nav, ticks, blocks, first, last, every):
     later, outputs = nav.history.newest - end, {}
     told = range((ticks // every + 1) * every, end, every)
     if told:
-        said = solution.solutions(nav, [later + tick for tick in told], blind)
+        said = solution.solutions(nav, range(later + told.start, later + told.stop, every), blind)
         outputs = {tick: [one] for tick, one in zip(told, said, strict=True)}
     for tick in range((ticks // COVARIANCE_TICKS + 1) * COVARIANCE_TICKS, end, COVARIANCE_TICKS):
         outputs.setdefault(tick, []).append(solution.covariance(nav, later + tick))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import __version__
-from shefex_nav.clock import SAME_S, SAMPLES_PER_TICK
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.geometry.pinhole import pinhole
@@ -17,7 +17,6 @@ from shefex_nav.records import Alignment, Event, ImuBlock, Phase, TruthSample, r
 from shefex_nav.replay import align, dataset, params, reference
 from shefex_nav.replay.table import DataError
 
-BLOCK = SAMPLES_PER_TICK  # at whatever rate they come, so that every log has them alike
 NO_CAMERA = pinhole(1, 1, 1.0)
 
 
@@ -47,7 +46,8 @@ def prepare(scenario, files):
         scenario.mission.epoch, orientation.ut1_minus_utc, orientation.pole_x, orientation.pole_y
     )
     alignment = align.align(scenario, data, earth)
-    blocks = imu_blocks(data.imu, alignment.t_valid_s, scenario.mission.end)
+    n = scenario.navigation.samples_per_tick
+    blocks = imu_blocks(data.imu, n, alignment.t_valid_s, scenario.mission.end)
     if not len(blocks.t_valid_s):
         words = f"ends at {data.imu.t_s[-1]:g} s; nothing is left to navigate after {alignment.t_valid_s:g} s"
         raise DataError(f"{files['imu']}: {words}")
@@ -56,21 +56,19 @@ def prepare(scenario, files):
     return Replay(scenario, data, earth, alignment, blocks, truth)
 
 
-def imu_blocks(imu, start_s, end_s=None):
-    """ImuBlocks from the sample that ends at start_s to end_s, or as far as there are samples: one of arrays.
+def imu_blocks(imu, n, start_s, end_s=None):
+    """Blocks of n samples from the one that ends at start_s to end_s, or as far as they go: one of arrays.
 
     Samples of slightly unequal length count as equal within a block; its beginning and its end are exact. A
     block with a sample that was missing is not valid.
     """
     first = align.first_sample(imu, start_s)
     last = len(imu.t_s) - 1 if end_s is None else int(np.searchsorted(imu.t_s, end_s + SAME_S)) - 1
-    m = max((last - first) // BLOCK, 0)
-    rows, ends = slice(first + 1, first + 1 + m * BLOCK), slice(first, first + 1 + m * BLOCK, BLOCK)
-    t_s = imu.t_s[ends]
-    dtheta_b, dv_b = imu.dtheta_b[rows].reshape(m, BLOCK, 3), imu.dv_b[rows].reshape(m, BLOCK, 3)
-    valid = ~imu.bridged[rows].reshape(m, BLOCK).any(axis=1)
-    none = np.zeros(m, dtype=bool)
-    return ImuBlock(t_s[1:], t_s[1:], np.diff(t_s) / BLOCK, dtheta_b, dv_b, none, valid)
+    m = max((last - first) // n, 0)
+    t_s, rows = imu.t_s[first : first + 1 + m * n : n], slice(first + 1, first + 1 + m * n)
+    dtheta_b, dv_b = imu.dtheta_b[rows].reshape(m, n, 3), imu.dv_b[rows].reshape(m, n, 3)
+    valid = ~imu.bridged[rows].reshape(m, n).any(axis=1)
+    return ImuBlock(t_s[1:], t_s[1:], np.diff(t_s) / n, dtheta_b, dv_b, np.zeros(m, dtype=bool), valid)
 
 
 def mission(replay):

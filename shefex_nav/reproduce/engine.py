@@ -6,13 +6,12 @@ workers that compiled together would write the same cache files at once.
 """
 
 import time
-from concurrent.futures import as_completed
 from contextlib import closing
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.workers import Pool, cores, undisturbed
+from shefex_nav.workers import cores, each
 
 WARM_UP_SEED = 0  # of the sample that compiles; its result is not used
 
@@ -78,18 +77,4 @@ def _measured(experiment, todo, workers):
         for k, chunk in todo.items():
             yield k, experiment.measure(*chunk)
     else:
-        yield from _parallel(experiment.measure, todo, workers)
-
-
-def _parallel(measure, todo, workers):
-    """(number, result) in the order of completion; an interruption or a fault ends the workers at once."""
-    pool = Pool(workers)
-    try:
-        futures = {pool.submit(measure, *chunk): k for k, chunk in todo.items()}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    except BaseException:
-        with undisturbed():
-            pool.stop(at_once=True)
-        raise
-    pool.stop()
+        yield from each(experiment.measure, todo, workers)

@@ -59,7 +59,7 @@ def _flights(scenario, seeds):
     for seed in seeds:
         _say(f"seed {seed}")
         world = prepare.build_world(scenario, seed)
-        fixes = flown.fly(scenario, seed) if scenario.star_tracker.enabled else []
+        fixes = flown.fly(scenario, seed)
         runs.append(flown.filter_run(scenario, seed, fixes, world=world))
         pairs.append(over_bound.bounds(scenario, world, fixes))
     return runs, pairs

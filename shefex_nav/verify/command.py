@@ -1,4 +1,5 @@
-"""`shefex-nav verify`: fly check-cases that others have published, and compare; errors over their bound.
+"""`shefex-nav verify`: fly check-cases that others have published, and compare; errors over their bound and
+over what the filter says of them.
 
 Exit codes: 0 all within their tolerances, 1 a comparison fails, 2 no data or bad input.
 """
@@ -11,12 +12,14 @@ from typing import Annotated
 import typer
 
 from shefex_nav.verify.bound_command import bound  # which imports late
+from shefex_nav.verify.consistency_command import consistency  # likewise
 
 app = typer.Typer(
     help="Compare flights with published check-cases, and navigation with what is possible.",
     no_args_is_help=True,
 )
 app.command()(bound)
+app.command()(consistency)
 
 
 @app.callback()

@@ -195,5 +195,7 @@ def judge_containment(runs):
 
 
 def judge(runs, histories, rng):
-    """All Verdicts of some runs."""
-    return judge_nees(runs, histories, rng) + judge_nis(runs) + judge_containment(runs)
+    """All Verdicts of some runs; of the NEES by histories with the field in common where there are any."""
+    common = histories.one_field
+    by_nees = judge_in_one_field(runs, common, rng) if common else judge_nees(runs, histories, rng)
+    return by_nees + judge_nis(runs) + judge_containment(runs)

@@ -8,11 +8,13 @@ was flown gives the very same result that it gave in flight.
 
 import json
 from typing import NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 
 from shefex_nav import files, prepare, simulate
 from shefex_nav.clock import SAME_S, TICK_HZ
+from shefex_nav.errors import UserError
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.navigation import fusion, sensors, solution
 from shefex_nav.onboard.navigation.integrity import Fate
@@ -26,6 +28,10 @@ PHASES = ("boost", "coast before stars", "star window", "entry")
 PAD = -1
 N_CORE = 15
 EPOCH_TICKS = 50  # between two epochs of the statistics
+
+
+class FlownError(UserError):
+    """A run that the statistics cannot use, or star fixes that are those of others."""
 
 
 class Run(NamedTuple):
@@ -43,8 +49,11 @@ class Run(NamedTuple):
 
 def fly(scenario, seed):
     """Fly a scenario until there are no more frames. -> list of StarFix that have an attitude"""
+    if not scenario.star_tracker.enabled:
+        return []
     until_s = scenario.star_tracker.off + 1.0
-    records = simulate.route(prepare.build_world(scenario, seed), scenario, seed, until_s=until_s)
+    world = prepare.build_world(scenario, seed)
+    records = simulate.route(world, scenario, seed, until_s=until_s, every=10, blocks=False)
     return [one for one in records if isinstance(one, StarFix) and one.reason == Reason.NONE]
 
 
@@ -56,6 +65,7 @@ def save(path, fixes, head):
         "times": np.array([(fix.t_valid_s, fix.t_available_s) for fix in fixes]).reshape(-1, 2),
         "q_ic": np.array([fix.q_ic for fix in fixes]).reshape(-1, 4),
         "P_c": np.array([fix.P_c for fix in fixes]).reshape(-1, 3, 3),
+        "exposure_s": np.array([fix.exposure_s for fix in fixes], dtype=float),
         "count": np.array([len(fix.hip) for fix in fixes], dtype=np.int64),
         "hip": np.concatenate([fix.hip for fix in fixes] + [np.zeros(0, dtype=np.int64)]),
         "xy_px": np.concatenate([fix.detections.xy_px for fix in fixes] + [np.zeros((0, 2))]),
@@ -77,16 +87,20 @@ def told(paths):
 
 
 def load(path, head=None):
-    """The fixes of a file; ValueError if they are not those of `head`. Path, dict -> list
+    """The fixes of a file; FlownError if they are not those of `head`. Path, dict -> list
 
     head : what must have made them, those keys of the file that matter; None: whatever
     """
-    with np.load(path, allow_pickle=False) as archive:
-        kept = {name: archive[name] for name in archive.files}
-    found = json.loads(str(kept["head"]))
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            kept = {name: archive[name] for name in archive.files}
+        found = json.loads(str(kept["head"]))
+    except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
+        raise FlownError(f"{path}: no file of star fixes, or a damaged one; remove it ({error})") from None
+    kept.setdefault("exposure_s", np.full(len(kept["number"]), np.nan))  # as of older files
     other = {key: found.get(key) for key, value in (head or {}).items() if found.get(key) != value}
     if other:
-        raise ValueError(
+        raise FlownError(
             f"{path}: its star fixes are those of {_words(other)}, not of {_words(head, other)}; "
             "keep those of other scenarios and overrides in folders of their own"
         )
@@ -123,7 +137,7 @@ def _fix(kept, k, rows):
         hip=kept["hip"][rows],
         residual_px=np.nan,
         background_dn=np.nan,
-        exposure_s=np.nan,
+        exposure_s=float(kept["exposure_s"][k]),
         flag_saturated=False,
         flag_no_stars=False,
     )
@@ -146,7 +160,7 @@ def filter_run(scenario, seed, fixes, *, star_factor=1.0, recorder=None, world=N
     Run
     """
     if scenario.navigation.stars != "attitude":
-        raise ValueError("kept fixes have no single stars: navigation.stars must be attitude")
+        raise FlownError("kept fixes have no single stars: navigation.stars must be attitude")
     world = prepare.build_world(scenario, seed) if world is None else world
     fixes = [fix._replace(P_c=star_factor**2 * fix.P_c) for fix in fixes]
     nav = fusion.start(world.computer.nav, world.alignment, world.earth, recorder=recorder)
@@ -198,7 +212,7 @@ class Recorder:
         """Take a fusion.Interval or a fusion.Correction, in the order of their instants."""
         if isinstance(what, fusion.Correction):
             if what.fate == Fate.RESET:
-                raise ValueError(
+                raise FlownError(
                     f"the filter forgot its {what.sensor} block at {what.t_s:.2f} s: there are no "
                     "linear histories of such a run; choose another seed"
                 )

@@ -22,7 +22,7 @@ def star_fix(rng, number, n_stars):
     seen = Detections(rng.random((n_stars, 2)) * 600, *[np.zeros(n_stars)] * 3, np.zeros((n_stars, 2, 2)))
     return StarFix(
         number, 250.0 + 0.1 * number, 250.08 + 0.1 * number, 0, rng.random(4), rng.random((3, 3)), seen,
-        rng.integers(0, 9, n_stars), 0.1, 20.0, 0.05, False, False,
+        rng.integers(0, 9, n_stars), 0.1, 20.0, 0.05 + 0.001 * number, False, False,
     )  # fmt: skip
 
 
@@ -40,10 +40,11 @@ def test_kept_fixes_come_back(tmp_path, counts):
             other.t_valid_s,
             other.t_available_s,
         )
+        assert one.exposure_s == other.exposure_s  # by which the filter straightens a fix
         for name in ("q_ic", "P_c", "hip"):
             assert np.array_equal(getattr(one, name), getattr(other, name))
         assert np.array_equal(one.detections.xy_px, other.detections.xy_px)
-    with pytest.raises(ValueError, match="are those of code abc, not of code another"):
+    with pytest.raises(flown.FlownError, match="are those of code abc, not of code another"):
         flown.load(tmp_path / "fixes.npz", {"code": "another"})
 
 
@@ -52,11 +53,30 @@ def test_fixes_of_another_scenario_or_with_other_overrides_are_refused(tmp_path)
     path = tmp_path / "fixes.npz"
     flown.save(path, [], {"code": "abc", "scenario": "a.yaml", "set": ["gps.rate=2 Hz"]})
     assert flown.load(path, {"scenario": "a.yaml", "set": ["gps.rate=2 Hz"]}) == []
-    with pytest.raises(ValueError, match=r"are those of scenario a\.yaml, not of scenario b\.yaml; keep"):
+    with pytest.raises(
+        flown.FlownError, match=r"are those of scenario a\.yaml, not of scenario b\.yaml; keep"
+    ):
         flown.load(path, {"scenario": "b.yaml", "set": ["gps.rate=2 Hz"]})
-    with pytest.raises(ValueError, match=r"those of set \['gps\.rate=2 Hz'\], not of set \[\]"):
+    with pytest.raises(flown.FlownError, match=r"those of set \['gps\.rate=2 Hz'\], not of set \[\]"):
         flown.load(path, {"scenario": "a.yaml", "set": []})
     assert flown.told([path, path]) == "code abc, scenario a.yaml, set ['gps.rate=2 Hz']"
+
+
+def test_a_file_of_something_else_is_refused(tmp_path):
+    path = tmp_path / "fixes-0001.npz"
+    for content in (b"", b"star fixes", b"PK\x03\x04 cut off"):
+        path.write_bytes(content)
+        with pytest.raises(
+            flown.FlownError, match=r"fixes-0001\.npz: no file of star fixes, or a damaged one"
+        ):
+            flown.load(path)
+    with path.open("wb") as file:
+        np.save(file, np.zeros(3))
+    with pytest.raises(flown.FlownError, match="no file of star fixes"):
+        flown.load(path)
+    np.savez(path, number=np.zeros(3))
+    with pytest.raises(flown.FlownError, match="no file of star fixes"):
+        flown.load(path)
 
 
 def at_rest(seconds):
@@ -127,7 +147,7 @@ def test_recorder_joins_the_ticks_between_updates_and_epochs():
     doubt = Correction(1.003, "gps_position", Fix, Fate.DOUBTED, None, P, P + more, *none[:7])
     recorder(doubt)
     assert np.array_equal(recorder.steps[-1].Q, more) and np.array_equal(recorder.steps[-1].Phi, np.eye(2))
-    with pytest.raises(ValueError, match="choose another seed"):
+    with pytest.raises(flown.FlownError, match="choose another seed"):
         recorder(Correction(1.0, "star_tracker", Fix, Fate.RESET, *none[:4], H, R, *none[:4]))
 
 

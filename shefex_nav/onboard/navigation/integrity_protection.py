@@ -211,15 +211,20 @@ def _after_fix(stars_b, others_b, of_stars, table, P_now):
     return after
 
 
-def of_attitude(level, wanted, sigma_b):
-    """Protection level (..., 3) rad for the standard deviations (..., 3) rad of the attitude."""
-    return wanted.k * sigma_b + np.maximum(level.stars_b, level.others_b)
+@njit(cache=True)
+def of_axis(stars, others, k, sigma):
+    """Protection level of an axis, rad, for the standard deviation of its angle and the slopes of a `Level`.
+
+    k : of the Requirement. What is not a number stays none.
+    """
+    return k * sigma + max(stars, others) if stars == stars and others == others else np.nan
 
 
 def doubts(protection_b, wanted, contradicted, imu_blind):
     """Doubt about each solution, the gravest first. (m, 3) rad, Requirement, bool, bool -> list of int"""
     if imu_blind or contradicted:
         return [int(Doubt.IMU if imu_blind else Doubt.CONTRADICTED)] * len(protection_b)
+    limit = wanted.attitude
     # not "greater": a level that is not a number must not pass
-    within = (protection_b <= wanted.attitude).all(axis=1)
-    return np.where(within, int(Doubt.NONE), int(Doubt.ATTITUDE)).tolist()
+    within = [x <= limit and y <= limit and z <= limit for x, y, z in protection_b.tolist()]
+    return [int(Doubt.NONE if good else Doubt.ATTITUDE) for good in within]

@@ -254,6 +254,11 @@ def _star_admits(nav, z):
     return angle if used > 1 and angle < MOVED_CAMERA else None
 
 
+def never(nav, now, z, R, fix):
+    """Trial of a sensor that is never believed against the gate."""
+    return Trial(ReleaseRule(np.inf, np.inf), None, None)
+
+
 def rate_covariance(layout, state, P, omega_b, f_b, vibration):
     """Covariance of the corrected rate by the estimates of the gyro errors: (3, 3) rad^2/s^2."""
     J_omega, _ = calibration.jacobians(layout, state, omega_b, f_b, vibration)

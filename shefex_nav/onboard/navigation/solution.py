@@ -44,7 +44,7 @@ FIELDS = {
     "r_i": 3, "v_i": 3, "q_ib": 4, "omega_ib_b": 3, "r_e": 3, "v_e": 3,
     "flight_path_angle": 1, "heading": 1, "angle_of_attack": 1, "sideslip": 1,
     "sigma_r_e": 3, "sigma_v_e": 3, "sigma_theta_b": 3, "sigma_omega_b": 3,
-    "sigma_flight_path_angle": 1, "sigma_angle_of_attack": 1, "sigma_sideslip": 1,
+    "sigma_flight_path_angle": 1, "sigma_angle_of_attack": 1, "sigma_sideslip": 1, "protection_b": 3,
 }  # fmt: skip
 ENDS = dict(zip(FIELDS, np.cumsum(list(FIELDS.values())).tolist(), strict=True))
 N_OUT = max(ENDS.values())
@@ -52,54 +52,49 @@ OMEGA, R_E, V_E, ANGLES = (
     ENDS[name] - FIELDS[name] for name in ("omega_ib_b", "r_e", "v_e", "flight_path_angle")
 )
 S_R, S_V, S_ATT, S_OMEGA, S_ANGLES = (ENDS[name] - FIELDS[name] for name in list(FIELDS)[10:15])
+LEVEL, T_S = ENDS["sigma_sideslip"], N_OUT  # protection level, and behind all of them the time
 
 
 def solution(nav):
     """NavSolution of the last tick of a running filter."""
-    return solutions(nav, [nav.history.newest], nav.watch.imu_blind)[0]
+    newest = nav.history.newest
+    return solutions(nav, range(newest, newest + 1), nav.watch.imu_blind)[0]
 
 
 def solutions(nav, ticks, imu_blind):
-    """NavSolution of each of some ticks, numbered as `History` counts them, in one compiled call: list.
+    """NavSolution of each of some ticks, in one compiled call: list.
 
+    Parameters
+    ----------
+    nav : fusion.Filter
+    ticks : range of their numbers, as `History` counts them
     imu_blind : as `Watch.imu_blind`, at all of these ticks. What else decides whether they can be trusted is
         that of now: nothing may have arrived since the first of them.
     """
     numbers, increments, _, xs, Ps = nav.history.arrays[:5]
-    places, out, model = np.array(ticks) % len(numbers), np.empty((len(ticks), N_OUT)), nav.params.imu
+    model, level, wanted = nav.params.imu, nav.watch.level, nav.watch.params.wanted
+    out = np.empty((len(ticks), N_OUT + 1))
     _tell(
-        nav.layout.at, places, numbers, increments, xs, Ps, model.gyro_random_walk, model.gyro_quantum,
-        model.accel_vibration, model.gyro_vibration, *nav.earth, out,
+        nav.layout.at, ticks.start, ticks.step, numbers, increments, xs, Ps,
+        model.gyro_random_walk, model.gyro_quantum, model.accel_vibration, model.gyro_vibration,
+        *nav.earth, level.stars_b, level.others_b, wanted.k, out,
     )  # fmt: skip
-    protection_b, doubts = _trust(nav, out[:, S_ATT:S_OMEGA], imu_blind)
     used = nav.health["star_tracker"].used > 0
-    times = numbers[places, 0].tolist()
-    return [
-        _solution(t_s, row, used, level_b, doubt)
-        for t_s, row, level_b, doubt in zip(times, out, protection_b, doubts, strict=True)
-    ]
-
-
-def _solution(t_s, out, used, protection_b, doubt):
-    """NavSolution of what `_derive` has written for a tick; used : whether any star fix has been."""
-    # by position, in the order of the record: nineteen keywords would cost more than the arithmetic
-    path, heading, attack, slip = out[ANGLES:S_R].tolist()
-    return NavSolution(
-        *(t_s, out[0:3], out[3:6], out[6:10], out[10:13], out[13:16], out[16:19]),
-        *(path, heading, attack, slip),
-        *(out[S_R:S_V], out[S_V:S_ATT], out[S_ATT:S_OMEGA], out[S_OMEGA:S_ANGLES]),
-        *out[S_ANGLES:].tolist(),
-        *(used, protection_b, doubt != Doubt.NONE, doubt),
-    )
-
-
-def _trust(nav, sigma_b, imu_blind):
-    """Protection levels of the attitude (k, 3) rad and the Doubts, for its sigmas (k, 3)."""
-    watch = nav.watch
-    wanted = watch.params.wanted
-    protection_b = integrity_protection.of_attitude(watch.level, wanted, sigma_b)
     contradicted = integrity_watch.contradicted(nav.health)
-    return protection_b, integrity_protection.doubts(protection_b, wanted, contradicted, imu_blind)
+    trust = integrity_protection.doubts(out[:, LEVEL:T_S], wanted, contradicted, imu_blind)
+    return [_solution(row, used, doubt) for row, doubt in zip(out, trust, strict=True)]
+
+
+def _solution(out, used, doubt):
+    """NavSolution of what `_tell` has written for a tick; used : whether any star fix has been."""
+    # by position, in the order of the record: nineteen keywords would cost more than the arithmetic
+    return NavSolution(
+        *(out[T_S].item(), out[0:3], out[3:6], out[6:10], out[10:13], out[13:16], out[16:19]),
+        *out[ANGLES:S_R].tolist(),
+        *(out[S_R:S_V], out[S_V:S_ATT], out[S_ATT:S_OMEGA], out[S_OMEGA:S_ANGLES]),
+        *out[S_ANGLES:LEVEL].tolist(),
+        *(used, out[LEVEL:T_S], doubt != Doubt.NONE, doubt),
+    )
 
 
 def reported(nav):
@@ -145,12 +140,15 @@ def as_reported(P, accel_swing, gyro_swing):
 
 @njit(cache=True)
 def _tell(
-    at, places, numbers, increments, xs, Ps, random_walk, quantum, accel_vibration, gyro_vibration,
-    C_iq, C_re, angle_0, rate, out,
+    at, first, step, numbers, increments, xs, Ps, random_walk, quantum, accel_vibration, gyro_vibration,
+    C_iq, C_re, angle_0, rate, stars_b, others_b, k, out,
 ):  # fmt: skip
-    """`_derive` for the ticks in some places of a History; out (k, N_OUT) is written."""
-    for j in range(len(places)):
-        place = places[j]
+    """`_derive`, protection level and time of ticks of a History; out (m, N_OUT + 1) is written.
+
+    first, step : numbers of the ticks;  stars_b, others_b, k : as `integrity_protection.of_attitude`
+    """
+    for j in range(len(out)):
+        place = (first + j * step) % len(numbers)
         dt_s, vibration = numbers[place, 1], numbers[place, 3]
         _derive(
             at, numbers[place, 0], xs[place],
@@ -158,6 +156,9 @@ def _tell(
             increments[place, BEFORE - 1 + int(numbers[place, 2])], dt_s, vibration, random_walk, quantum,
             C_iq, C_re, angle_0, rate, out[j],
         )  # fmt: skip
+        for i in range(3):
+            out[j, LEVEL + i] = integrity_protection.of_axis(stars_b[i], others_b[i], k, out[j, S_ATT + i])
+        out[j, T_S] = numbers[place, 0]
 
 
 @njit(cache=True)

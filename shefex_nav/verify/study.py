@@ -1,0 +1,163 @@
+"""A study of many seeds: each is flown once, followed by the filter alone, and all are judged together.
+
+The flights take the time, the star camera's pictures above all. Their star fixes may be kept in a folder; a
+seed whose fixes are there is not flown again, also not for a filter with another configuration.
+"""
+
+from concurrent.futures import BrokenExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.verify.flown import FlownError
+from shefex_nav.workers import cores, each
+
+FIELD = 9  # random numbers of their own, beside those of the flight
+DRAWN = 0  # seed of the draws that make intervals of histories
+
+
+class Study(NamedTuple):
+    """What all seeds have in common."""
+
+    name: str
+    source: str  # text of the scenario with everything in it
+    made_by: dict  # what makes star fixes, for the files that keep them
+    made_for: dict  # what must have made those that are there: some of these keys
+    folder: str | None = None  # of these files; None: they are not kept
+    turn_field: bool = False  # what the on-board model leaves out of gravity points elsewhere for each seed
+
+    @property
+    def scenario(self):
+        """Scenario of the text."""
+        from shefex_nav.scenario import load
+
+        return load.load_text(self.source, self.name)
+
+    def path(self, seed):
+        """File of the star fixes of a seed."""
+        return Path(self.folder) / f"fixes-{seed:04d}.npz"
+
+
+class Found(NamedTuple):
+    """What came of a study."""
+
+    runs: list  # flown.Run, in the order of the seeds
+    verdicts: list  # nees.Verdict
+    apart: float  # by what share the variances of the histories differ from the filter's own at most
+
+
+def of_scenario(scenario, folder=None, *, turn_field=False):
+    """Study of a Scenario, whose filter has to take attitudes. FlownError"""
+    import hashlib
+
+    from shefex_nav import __version__
+
+    if scenario.navigation.stars != "attitude":
+        raise FlownError(
+            f"navigation.stars: {scenario.navigation.stars}: the statistics know attitudes of the star "
+            "tracker alone; it has to be attitude"
+        )
+    digest = hashlib.sha256(scenario.source.encode()).hexdigest()[:12]
+    made_for = {"scenario": f"{scenario.mission.name} ({digest})"}
+    head = {"version": __version__} | made_for
+    return Study(scenario.mission.name, scenario.source, head, made_for, folder, turn_field)
+
+
+def fixes_of(study, seed):
+    """Star fixes of a seed: those that are kept, or those of a flight, which then are."""
+    from shefex_nav.verify import flown
+
+    if study.folder is not None and study.path(seed).exists():
+        return flown.load(study.path(seed), study.made_for)
+    found = flown.fly(study.scenario, seed)
+    if study.folder is not None:
+        flown.save(study.path(seed), found, study.made_by)
+    return found
+
+
+def world_of(study, scenario, seed):
+    """World of a seed, in the field of the Earth or in a turned one."""
+    from shefex_nav import prepare
+    from shefex_nav.verify import field
+
+    world = prepare.build_world(scenario, seed)
+    return field.turned(scenario, world, np.random.default_rng([seed, FIELD])) if study.turn_field else world
+
+
+def follow(study, seed, fixes=None):
+    """Fly a seed, if its star fixes are neither given nor kept, and run the filter over it. -> flown.Run"""
+    from shefex_nav.verify import flown
+
+    scenario, fixes = study.scenario, fixes_of(study, seed) if fixes is None else fixes
+    return flown.filter_run(scenario, seed, fixes, world=world_of(study, scenario, seed))
+
+
+def imagine(study, seed, fixes, number, one_field=True):
+    """Histories from the matrices of the filter of one seed, and how far their variances are from its own.
+
+    number : of histories;  one_field : with those of runs that have the field in common -> Histories, float
+    """
+    from shefex_nav.verify import consistency
+
+    rng = np.random.default_rng(seed)
+    run, found = consistency.of_run(study.scenario, seed, fixes, number=number, rng=rng, one_field=one_field)
+    ratio = np.diagonal(found.P, axis1=1, axis2=2) / np.diagonal(run.P, axis1=1, axis2=2)
+    return found, float(np.abs(ratio - 1.0).max())
+
+
+def run(study, seeds, *, histories=1000, workers=None, note=lambda words: None):
+    """Fly, follow and judge some seeds.
+
+    Parameters
+    ----------
+    study : Study
+    seeds : list of int; the matrices of the first make the intervals of the NEES
+    histories : int, made of them
+    workers : int, processes; None: one a core
+    note : called with words after each seed, and when the histories are there
+
+    Returns
+    -------
+    Found
+
+    Raises
+    ------
+    FlownError
+    """
+    from shefex_nav import simulate
+    from shefex_nav.verify import consistency
+
+    if study.folder is None or not all(study.path(seed).exists() for seed in seeds):
+        simulate.warm_up(
+            study.scenario
+        )  # compiles; workers that did so together would be in each other's way
+    first = fixes_of(study, seeds[0])
+    calls = {"histories": (imagine, study, seeds[0], first, histories, not study.turn_field)}
+    calls |= {f"seed {seed}": (follow, study, seed) for seed in seeds}
+    calls[f"seed {seeds[0]}"] = (follow, study, seeds[0], first)
+    done = in_workers(calls, workers, note)
+    imagined, apart = done.pop("histories")
+    runs = list(done.values())
+    return Found(runs, consistency.judge(runs, imagined, np.random.default_rng(DRAWN)), apart)
+
+
+def in_workers(calls, workers=None, note=lambda words: None):
+    """Results of calls in worker processes, in their order.
+
+    calls : dict, key -> (function, arguments ...);  note : called with each key as it is done -> dict
+    """
+    found = {}
+    try:
+        for key, result in each(_call, calls, min(workers or cores(), len(calls))):
+            found[key] = result
+            note(key)
+    except BrokenExecutor:
+        raise FlownError(
+            "a worker process was killed, perhaps for want of memory; fewer workers need less of it"
+        ) from None
+    return {key: found[key] for key in calls}
+
+
+def _call(function, *arguments):
+    return function(*arguments)
