@@ -4,8 +4,11 @@ uv run python benchmarks/navego.py DATA [--from 60]
 
 Both filters have 15 states, the same samples, the same fix a second and the same assumptions, those of
 scenarios/replay/navego.yaml; both begin at the reference. Seconds are of the filter alone, without reading
-files and compiling: processor time on one thread, which is judged, and for pyins also the wall clock as it
-comes, when the threads of its matrix library get in each other's way. uv makes an environment for it.
+files and compiling: processor time on one thread, and for pyins also the wall clock as it comes, when the
+threads of its matrix library get in each other's way. uv makes an environment for it.
+
+pyins carries its covariance on every 0.2 s; here that is done at every tick, as the scenario has it every
+0.02 s. The accuracy is judged with both, the speed with the step of pyins, and that of the scenario is shown.
 Exit code 1 if a figure is more than 5 % above that of pyins, or the speed is below 100 times that of pyins.
 """
 
@@ -21,6 +24,7 @@ from missions import SCENARIOS
 from peers.run import ONE_THREAD, Peer, environment
 
 PEER = Peer(("python-ins==1.0.1", "scipy"), "pyins_worker.py", {}, "covariance every 0.2 s")
+ITS_STEP = ["navigation.samples_per_tick=40"]  # at 200 Hz
 FIGURES = ("position", "velocity", "attitude")
 UNITS = {"position": "m", "velocity": "m/s", "attitude": "deg"}
 WITHIN, TIMES = 1.05, 100.0
@@ -92,29 +96,39 @@ def main():
     given = parser.parse_args()
     from shefex_nav.replay import load
 
-    scenario, files = load.load(SCENARIOS / "replay" / "navego.yaml", [], given.data)
+    path = SCENARIOS / "replay" / "navego.yaml"
+    scenario, files = load.load(path, [], given.data)
     here = ours(scenario, files, given.from_s)
+    alike = ours(load.load(path, ITS_STEP, given.data)[0], files, given.from_s)
     job = task(scenario, files, given.from_s)
     there, as_installed = theirs(job, ONE_THREAD), theirs(job, {})
     ratios = []
     for kind in FIGURES:
-        ratio = np.array(here[kind]) / there[kind]
-        ratios.extend(ratio)
-        rows = [" ".join(f"{value:7.3f}" for value in row) for row in (here[kind], there[kind], ratio)]
-        print(f"{kind:9} [{UNITS[kind]}]".ljust(17), f"here {rows[0]}   pyins {rows[1]}   ratio {rows[2]}")
-    over = [value for row in here["over_sigma"].values() for value in row]
-    print(f"error over sigma: here {min(over):.2f} to {max(over):.2f}", end=", ")
-    over = [value for kind in FIGURES for value in there[f"{kind}_over_sigma"]]
-    print(f"pyins {min(over):.2f} to {max(over):.2f}")
-    speed = [there["data_s"] / run["process_s"] for run in (here, there)]
-    faster = speed[0] / speed[1]
+        two = [np.array(one[kind]) / there[kind] for one in (here, alike)]
+        ratios.append(two)
+        columns = [" ".join(f"{value:6.3f}" for value in row) for row in (here[kind], there[kind], *two)]
+        words = "here {}   pyins {}   ratio {}, with its step {}".format(*columns)
+        print(f"{kind:9} [{UNITS[kind]}]".ljust(17), words)
+    print("error over sigma: here {:.2f} to {:.2f}".format(*ends(here["over_sigma"].values())), end=", ")
+    print("pyins {:.2f} to {:.2f}".format(*ends(there[f"{kind}_over_sigma"] for kind in FIGURES)))
+    speed = {name: there["data_s"] / run["process_s"] for name, run in
+             (("ticks", here), ("step", alike), ("pyins", there))}  # fmt: skip
+    faster = speed["step"] / speed["pyins"]
     print(
-        f"times real time, one thread: here {speed[0]:.0f}, pyins {speed[1]:.1f}: {faster:.0f} times faster"
+        f"times real time, one thread: with its step {speed['step']:.0f}, pyins {speed['pyins']:.1f}: "
+        f"{faster:.0f} times faster; with the ticks of the scenario {speed['ticks']:.0f}"
     )
     print(f"pyins as it comes, wall clock: {there['data_s'] / as_installed['wall_s']:.1f} times real time")
-    met = max(ratios) <= WITHIN and np.mean(ratios) <= 1.0 and faster >= TIMES
-    print(f"largest ratio {max(ratios):.2f}, mean {np.mean(ratios):.2f}:", "met" if met else "NOT met")
+    worst, mean = np.max(ratios), np.mean(ratios, axis=(0, 2)).max()  # of the two, the worse mean
+    met = worst <= WITHIN and mean <= 1.0 and faster >= TIMES
+    print(f"largest ratio {worst:.2f}, mean {mean:.2f}:", "met" if met else "NOT met")
     raise SystemExit(0 if met else 1)
+
+
+def ends(rows):
+    """Smallest and largest of some rows of numbers."""
+    values = [value for row in rows for value in row]
+    return min(values), max(values)
 
 
 if __name__ == "__main__":

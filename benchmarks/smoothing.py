@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 from missions import SCENARIOS
 
+from shefex_nav.clock import SAMPLES_PER_TICK
+
 AT_S = (-5.0, 30.0, 100.0, 130.0, 160.0, 200.0, 240.0, 270.0, 320.0, 370.0, 390.0, 398.0, 420.0, 480.0)
 MADE_FOR = {"scenario": "shefex2_andoya.yaml", "set": []}  # whose star fixes they must be
 BLOCKS = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9)}
@@ -34,7 +36,7 @@ def recording_of(scenario, seed, folder):
     builder = RunDataBuilder(prepare.mission(scenario, seed, trajectory))
     builder.add(world.alignment)
     for n, block in enumerate(imu.blocks(world.imu), 1):
-        builder.add(simulate.truth_sample(trajectory, n * simulate.SAMPLES_PER_TICK))
+        builder.add(simulate.truth_sample(trajectory, n * SAMPLES_PER_TICK))
         builder.add(block)
     fixes = flown.load(Path(folder) / f"fixes-{seed:04d}.npz", MADE_FOR)
     for record in (*world.flight.events, *world.gps_fixes, *fixes):

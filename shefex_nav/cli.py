@@ -6,6 +6,7 @@ nothing written), 1 an internal fault (traceback, and the log up to that moment 
 """
 
 import json as json_module
+import math
 import sys
 from contextlib import contextmanager
 from pathlib import Path
@@ -57,13 +58,23 @@ def run(
     seed: Annotated[int, typer.Option(min=0, help="Seed of all randomness.")] = 1,
     out: Annotated[Path | None, typer.Option(help="Log; default logs/<scenario>-seed<seed>.mcap.")] = None,
     overrides: SetOption = None,
+    until: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME", help="Look at the mission until this time only, e.g. 60s; its log ends there."
+        ),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --out.")] = False,
     json: JsonOption = False,
 ):
     """Fly a scenario: simulate, navigate, log, and print how well it went."""
     from shefex_nav.scenario import load
 
+    until_s = math.inf if until is None else mission_time(until, "--until")
     loaded = load.load(scenario, overrides or ())
+    if not until_s > loaded.mission.start:
+        words = f"{until} is not after the start of the mission, T{loaded.mission.start:+g} s"
+        raise typer.BadParameter(words, param_hint="--until")
     path = out or free_name(loaded.mission.name, seed)
     export_command.check_file(path, "--out", force=force, given=loaded_files(loaded, scenario))
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
@@ -74,11 +85,14 @@ def run(
         flown = runs.fly(
             loaded,
             seed,
+            until_s=until_s,
             log=path,
             overwrite=force,
             watch=lambda records, start_s, end_s: interruptible(watched(records, start_s, end_s)),
             told=lambda warnings: warn(loaded, warnings),
         )
+    if until is not None and flown.data.until_s is None:
+        say(f"--until {until}: the mission was over before, at T{flown.data.last_t_s:+.2f} s")
     show(flown.summary(), json, flown.data)
 
 
@@ -237,7 +251,7 @@ def view(
     ] = False,
 ):
     """Open logs in the rerun viewer, laid out."""
-    at_s = None if at is None else mission_time(at)
+    at_s = None if at is None else mission_time(at, "--at")
     if at is not None and screenshot is None:
         raise typer.BadParameter(
             f"{at} is the time of a picture; name it with --screenshot", param_hint="--at"
@@ -266,8 +280,8 @@ def view(
             say(f"wrote {written}")
 
 
-def mission_time(text):
-    """Seconds from a time with its unit, such as 240s or '4 min'."""
+def mission_time(text, option):
+    """Seconds from a time with its unit that an option gives, such as 240s or '4 min'."""
     from pydantic_core import PydanticCustomError
 
     from shefex_nav.scenario.quantity import QuantitySpec
@@ -275,7 +289,7 @@ def mission_time(text):
     try:
         return QuantitySpec("s", "240s").read(text)
     except PydanticCustomError as error:
-        raise typer.BadParameter(error.message(), param_hint="--at") from None
+        raise typer.BadParameter(error.message(), param_hint=option) from None
 
 
 def tell_if_cut(log, data):

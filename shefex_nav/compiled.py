@@ -10,6 +10,7 @@ import os
 import sys
 
 SHARED = (  # folders and files
+    "clock.py",
     "records.py",
     "geometry",
     "environment",

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import prepare, statistical
+from shefex_nav.clock import IMU_HZ, SAME_S, SAMPLES_PER_TICK, TICK_HZ
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard import computer as onboard
@@ -21,10 +22,7 @@ from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, TruthS
 from shefex_nav.world import camera, faults, imu, noise
 from shefex_nav.world.camera.shutter import Shutter
 
-TICKS_PER_S = 100  # of the on-board clock
-SAMPLES_PER_TICK = 4  # of the IMU
 CONTROL_TICKS = 10  # between two records of the attitude control
-EARLY_S = 1e-6  # rounding of the times of ticks
 
 
 def run(scenario, seed):
@@ -55,23 +53,21 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, ever
     eye, read = _star_camera(world, scenario, seed, computer, step), imu.stacked(world.imu)
     diary, n = Diary(world, read.t_valid_s, until_s), 0
     while n < diary.ticks:
-        busy = n + 1 if every == 1 else diary.next_tick(n, every, eye.shutter)
-        computer, made = onboard.coast(computer, read, n, min(busy, diary.ticks))
+        busy = diary.next_tick(n, eye.shutter)
+        computer, made, passed = onboard.coast(computer, read, n, min(busy, diary.ticks), every)
+        for tick, outputs in passed:
+            yield from _outside(world, read if blocks else None, tick, every, diary, outputs[-1].t_s)
+            yield from outputs
         n += made
-        computer = yield from _tick(computer, world, read if blocks else None, n, n % every == 0, diary, eye)
+        computer = yield from _tick(computer, world, read if blocks else None, n, every, diary, eye)
     if n == len(read.t_valid_s):
         yield from reversed(diary.events)  # the impact, between the last tick and the one that did not come
 
 
-def _tick(computer, world, blocks, n, told, diary, eye):
+def _tick(computer, world, blocks, n, every, diary, eye):
     """Tick n of a `route`, to which the computer has come: yields its records. -> Computer"""
     now_s = computer.nav.history.ends_s[-1]
-    yield from due(diary.events, now_s)
-    if told:
-        yield truth_sample(world.flight.trajectory, n * SAMPLES_PER_TICK)
-    yield from due(diary.steered, now_s)
-    if told and blocks:
-        yield row(blocks, n - 1)
+    yield from _outside(world, blocks, n, every, diary, now_s)
     arrived, pictures = due(diary.received, now_s), eye.shutter.arrived(now_s)
     for _, truth in pictures:
         yield truth
@@ -81,7 +77,7 @@ def _tick(computer, world, blocks, n, told, diary, eye):
         yield from frames
     clock = Stopwatch(eye.step)
     chain = eye.line.chain(clock.step)
-    how = {"chain": chain, "context": eye.context, "told": told}
+    how = {"chain": chain, "context": eye.context, "told": n % every == 0}
     computer, outputs = onboard.attend(computer, arrived, frames, **how)
     yield from outputs
     if eye.has_pictures:
@@ -89,6 +85,17 @@ def _tick(computer, world, blocks, n, told, diary, eye):
             yield ComputeTime(now_s, frame.number, duration_s)
     eye.shutter.tick(n, now_s, [record for record in outputs if isinstance(record, CameraCommand)])
     return computer
+
+
+def _outside(world, blocks, n, every, diary, now_s):
+    """What is recorded at tick n before the computer has its turn: what it does not get, and the IMU."""
+    told = n % every == 0
+    yield from due(diary.events, now_s)
+    if told:
+        yield truth_sample(world.flight.trajectory, n * SAMPLES_PER_TICK)
+    yield from due(diary.steered, now_s)
+    if told and blocks:
+        yield row(blocks, n - 1)
 
 
 class Eye(NamedTuple):
@@ -113,7 +120,7 @@ def _star_camera(world, scenario, seed, computer, step):
     shutter = Shutter(
         world.camera,
         world.flight.trajectory,
-        every=round(TICKS_PER_S / scenario.star_tracker.rate),
+        every=round(TICK_HZ / scenario.star_tracker.rate),
         off_s=scenario.star_tracker.off,
         rng=noise.generator(seed, "camera_noise"),
         take=take,
@@ -127,7 +134,7 @@ class Diary:
 
     events, steered, received : lists in reverse order of time of Event, ControlSample, and of GpsFix and
         GpsRanges
-    busy : ticks at which one of these has its turn
+    busy : ticks at which one of the last has its turn
     ticks : int, how many are flown
     """
 
@@ -136,14 +143,14 @@ class Diary:
         self.events = list(flight.events)[::-1]
         self.steered = control_samples(flight.control, flight.trajectory)[::-1]
         self.received = sorted(world.gps_fixes + world.gps_ranges, key=happens_s, reverse=True)
-        self.late_s = (ends_s + EARLY_S).tolist()
-        known_s = [happens_s(record) for record in (*self.events, *self.steered, *self.received)]
-        self.busy = np.unique(np.searchsorted(self.late_s, known_s) + 1).tolist()
-        self.ticks = int(np.searchsorted(ends_s, until_s + EARLY_S, side="right"))
+        self.late_s = (ends_s + SAME_S).tolist()
+        received_s = [happens_s(record) for record in self.received]
+        self.busy = np.unique(np.searchsorted(self.late_s, received_s) + 1).tolist()
+        self.ticks = int(np.searchsorted(ends_s, until_s + SAME_S, side="right"))
 
-    def next_tick(self, n, every, shutter):
-        """The first tick after n at which something happens, or one of `every` has its turn."""
-        tick = min((n // every + 1) * every, shutter.next_tick(n), self.ticks + 1)
+    def next_tick(self, n, shutter):
+        """The first tick after n at which something comes to the computer, or a picture is taken."""
+        tick = min(shutter.next_tick(n), self.ticks + 1)
         if (k := bisect_right(self.busy, n)) < len(self.busy):
             tick = min(tick, self.busy[k])
         if shutter.next_s < self.late_s[min(tick, self.ticks) - 1]:
@@ -180,7 +187,7 @@ def warm_up(scenario):
 
 def looking_up(trajectory, camera):
     """The first second of a trajectory with the star camera held away from Earth and Sun. -> Trajectory"""
-    brief = trajectory._make(np.ascontiguousarray(column[:400]) for column in trajectory)
+    brief = trajectory._make(np.ascontiguousarray(column[:IMU_HZ]) for column in trajectory)
     up_i, sun_i = brief.r_i[0] / np.linalg.norm(brief.r_i[0]), camera.bodies.sun_u_i
     z_i = up_i - max(0.0, up_i @ sun_i) * sun_i
     z_i = z_i / np.linalg.norm(z_i)
@@ -199,7 +206,7 @@ def happens_s(record):
 def due(waiting, now_s):
     """Take what is there by now from a list in reverse order of time."""
     arrived = []
-    while waiting and happens_s(waiting[-1]) <= now_s + EARLY_S:
+    while waiting and happens_s(waiting[-1]) <= now_s + SAME_S:
         arrived.append(waiting.pop())
     return arrived
 
@@ -222,8 +229,8 @@ def control_samples(control, trajectory):
     """A ControlSample for every tenth tick that has a new one: the last. ControlHistory or None -> list."""
     if control is None or not len(control.t_s):
         return []
-    period_s = CONTROL_TICKS / TICKS_PER_S
-    slot = np.ceil((control.t_s - trajectory.t_s[0]) / period_s - EARLY_S)
+    period_s = CONTROL_TICKS / TICK_HZ
+    slot = np.ceil((control.t_s - trajectory.t_s[0] - SAME_S) / period_s)
     last = np.flatnonzero(np.diff(slot, append=np.inf))  # of each interval
     return [
         ControlSample(

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from shefex_nav import prepare, simulate
+from shefex_nav.clock import IMU_HZ
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.log.run_data import RunDataBuilder
@@ -85,12 +86,12 @@ class Flown(NamedTuple):
 
 
 @cache
-def flown(name, *overrides, rate_hz=params.IMU_RATE):
+def flown(name, *overrides, rate_hz=float(IMU_HZ)):
     """A scenario of the package, flown."""
     return flight_of(load.load(SCENARIOS / f"{name}.yaml", overrides), rate_hz)
 
 
-def flight_of(scenario, rate_hz=params.IMU_RATE):
+def flight_of(scenario, rate_hz=float(IMU_HZ)):
     earth = prepare.earth_rotation(scenario)
     flight = fly.fly(params.flight_params(scenario)._replace(sample_rate_hz=rate_hz), earth, None)
     return Flown(scenario, earth, flight.trajectory, {event.name: event.t_s for event in flight.events})

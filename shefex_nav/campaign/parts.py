@@ -238,10 +238,12 @@ def worst(campaign):
     """Runs to look at."""
     if not statistics.successes(campaign):
         return None
-    lines = []
+    lines, title = [], "The worst runs"
+    if not campaign.succeeded.all():
+        title += " of those that flew to their end"
     for one in worst_runs(campaign):
         lines += [f"run {one.run}: {one.words}", Command(repeat(campaign, one.run))]
-    return Part("Worst of the other runs", lines=tuple(lines)) if lines else None
+    return Part(title, lines=tuple(lines)) if lines else None
 
 
 def explained(campaign):

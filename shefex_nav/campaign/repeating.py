@@ -62,7 +62,8 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
     """
     head = read_head(folder, run)
     plan = _plan(head, folder)
-    job = draws.Sampler(plan, load.Pattern(plan.source, plan.name).dispersed).job(run)
+    pattern = load.Pattern(plan.source, plan.name)
+    job = draws.Sampler(plan, pattern.dispersed).job(run)
     part = None if log is None else files.part(log)
     taken = []
     try:
@@ -78,7 +79,7 @@ def repeat(folder, run, log=None, *, lane=engine.ProcessLane):
     (flown,), kept = taken, store.read_record(folder, run)
     differences = {} if kept is None else compared(kept, flown.record)
     notes = _changes(head["versions"], plan.versions)
-    if written and (rate_hz := _rate_hz(plan)) != thinning.LOWEST_HZ:
+    if written and (rate_hz := pattern.scenario.log.rate) != thinning.LOWEST_HZ:
         notes.append(
             f"the log has truth and solution at {rate_hz:g} Hz, a campaign's figures are of "
             f"{thinning.LOWEST_HZ} Hz: `report {log}` differs a little from the row"
@@ -94,11 +95,6 @@ def read_head(folder, run):
     if not 0 <= run < head["runs"]:
         raise store.StoreError(f"{folder}: has runs 0 to {head['runs'] - 1}, there is no run {run}")
     return head
-
-
-def _rate_hz(plan):
-    """Samples a second of truth and solution in a run's log."""
-    return load.load_text(plan.source, plan.name).log.rate
 
 
 def _plan(head, folder):

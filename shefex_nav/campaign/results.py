@@ -158,8 +158,16 @@ class Campaign:
         """Object of runs/*.json of a run, with its whole summary; KeyError if it is not done."""
         found = store.read_record(self.folder, int(run))
         if found is None:
-            raise KeyError(f"{self.folder}: run {run} is not there")
+            raise KeyError(self._absent(run))
         return found
+
+    def _absent(self, run):
+        """Why there is no record of a run."""
+        last = self.head["runs"] - 1
+        if not 0 <= run <= last:
+            return f"{self.folder}: there is no run {run}; the campaign has runs 0 to {last}"
+        lost = self.lost.get(int(run))
+        return f"{self.folder}: run {run} {f'was lost: {lost}' if lost else 'is not done yet'}"
 
     def summary(self, run):
         """The object that `report.metrics.summarise` made of a run."""
@@ -182,9 +190,18 @@ class Campaign:
             with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
                 return {name: archive[name] for name in names or archive.files}
         except FileNotFoundError:
-            raise KeyError(f"{path} is not there; a failed run has no series") from None
+            raise KeyError(self._without_series(run, path)) from None
         except (OSError, ValueError, EOFError, BadZipFile, zlib.error) as error:
             raise KeyError(f"{path} cannot be read: {error}") from None
+
+    def _without_series(self, run, path):
+        """Why the file of a run's series is not there."""
+        record = store.read_record(self.folder, int(run))
+        if record is None:
+            return self._absent(run)
+        if record["status"] != SUCCEEDED:
+            return f"{self.folder}: run {run} failed, and a failed run has no series"
+        return f"{path} is not there"
 
     def table(self):
         """Everything that `shefex-nav report` prints of a campaign: a rich Group, shown by notebooks too."""

@@ -3,8 +3,9 @@
 import numpy as np
 
 from shefex_nav.campaign.plan import BLOCKS
+from shefex_nav.clock import SAME_S
 from shefex_nav.report import metrics
-from shefex_nav.report.pairing import SAME_TIME_S, phase_at, same_times
+from shefex_nav.report.pairing import phase_at, same_times
 
 
 def series(data, trajectory, biases, rate_hz):
@@ -36,7 +37,7 @@ def series(data, trajectory, biases, rate_hz):
     errors = metrics.navigation_errors(data)
     i, j = _epochs(errors, data, rate_hz)
     t_s = errors.t_s[i]
-    of_sample = np.searchsorted(trajectory.t_s, t_s - SAME_TIME_S).clip(0, len(trajectory.t_s) - 1)
+    of_sample = np.searchsorted(trajectory.t_s, t_s - SAME_S).clip(0, len(trajectory.t_s) - 1)
     kept = _errors_and_sigmas(errors, data.covariance, biases[of_sample], i, j)
     kept["phase"] = phase_at(data.truth, t_s).astype(np.int8)
     kept["nees"] = _nees(kept, data.covariance.P[j])
@@ -47,7 +48,7 @@ def _epochs(errors, data, rate_hz):
     """Places of the epochs that are kept, among the errors and among the covariances: (N,), (N,)."""
     of_errors, of_covariance = same_times(errors.t_s, data.covariance.t_s)
     since_s = errors.t_s[of_errors] - data.mission.start_s
-    wanted = np.abs(since_s * rate_hz - np.round(since_s * rate_hz)) <= SAME_TIME_S * rate_hz
+    wanted = np.abs(since_s * rate_hz - np.round(since_s * rate_hz)) <= SAME_S * rate_hz
     return of_errors[wanted], of_covariance[wanted]
 
 
@@ -87,7 +88,7 @@ def _innovations(gates, t_s):
     sums = {}
     for sensor in sorted({gate.sensor for gate in met}):
         of_sensor = [gate for gate in met if gate.sensor == sensor]
-        k = np.searchsorted(t_s, np.array([gate.t_s for gate in of_sensor]) - SAME_TIME_S)
+        k = np.searchsorted(t_s, np.array([gate.t_s for gate in of_sensor]) - SAME_S)
         inside = k < len(t_s)
         for name, values in (
             ("nis_sum", [gate.nis for gate in of_sensor]),

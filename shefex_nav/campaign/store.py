@@ -29,6 +29,7 @@ class StoreError(UserError):
     """A folder that cannot be used; the message says why and what to do."""
 
 
+OWN = (".lock", "campaign.json", "flight.npz", "results.parquet")
 HALF_WRITTEN = (  # folder, pattern
     ("", "campaign.json*.part"),
     ("", "flight.npz*.part"),
@@ -44,11 +45,14 @@ class Store:
     def __init__(self, folder):
         self.folder = Path(folder)
         self._lock = None
+        self._made = []  # folders that were not there before
+        self._is_new = False
 
     def __enter__(self):
         if self.folder.is_file():
             raise StoreError(f"{self.folder}: is a file; expected the name of a folder")
         try:
+            self._made = [path for path in (self.folder, *self.folder.parents) if not path.exists()]
             (self.folder / "runs").mkdir(parents=True, exist_ok=True)
             self._lock = open(self.folder / ".lock", "w")
         except OSError as error:
@@ -56,10 +60,26 @@ class Store:
         if not _locked(self._lock):
             self._lock.close()
             raise StoreError(f"{self.folder}: another campaign is at work in this folder")
+        self._is_new = not any((self.folder / name).exists() for name in OWN[1:])
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, error, *_):
+        if error is not None and self._is_new:
+            self._leave_nothing()
         self._lock.close()
+
+    def _leave_nothing(self):
+        """Take away what a campaign that could not begin has made; not where there is anything of a run."""
+        runs = self.folder / "runs"
+        with suppress(OSError, StoreError):
+            if (self.folder / "logs").exists() or any(runs.iterdir()):
+                return
+            self._clear()
+            for name in OWN:
+                (self.folder / name).unlink(missing_ok=True)
+            runs.rmdir()
+            for path in self._made:
+                path.rmdir()
 
     # ---- what is flown -----------------------------------------------------------------------------------
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign import statistics
-from shefex_nav.report.requirements import said, severity
+from shefex_nav.report.requirements import said, severity, words
 
 MOST_WORST = 3  # runs to look at
 
@@ -15,7 +15,7 @@ class Worst(NamedTuple):
 
     run: int
     severity: float
-    words: str  # what it did not meet, or came nearest to
+    words: str  # what it did not meet, or came nearest to missing
 
 
 def summary_object(campaign):
@@ -50,19 +50,28 @@ def of_nothing(head, lost, digest):
 
 
 def worst_runs(campaign, k=MOST_WORST):
-    """The k succeeded runs that met the fewest requirements, or came nearest to the limits: list of Worst."""
+    """The k succeeded runs that met the fewest requirements, or came nearest to the limits: list of Worst.
+
+    Among equals, and without any requirements, those with the largest rms attitude error.
+    """
     runs, severity = campaign.runs[campaign.succeeded], campaign.judgements.severity
-    first = np.lexsort((runs, -severity))[:k].tolist()
+    rms_deg = campaign.numbers("summary.navigation.attitude_error_deg.rms")[campaign.succeeded]
+    first = np.lexsort((runs, -np.nan_to_num(rms_deg), -severity))[:k].tolist()
     judged = campaign.judged(runs[first].tolist())
-    return [Worst(int(runs[j]), float(severity[j]), _why(judged[int(runs[j])])) for j in first]
+    return [Worst(int(runs[j]), float(severity[j]), _why(judged[int(runs[j])], rms_deg[j])) for j in first]
 
 
-def _why(judged):
-    """What a run missed, or what it came nearest to."""
+def _why(judged, rms_deg):
+    """What a run missed, or what it came nearest to missing; without requirements its attitude error."""
+    if not judged:
+        return f"attitude error {rms_deg:.3g} deg rms; the scenario requires nothing"
     missed = [one for one in judged if not one.passed]
     nearest = sorted(judged, key=lambda one: -severity([one]))[:1]
-    words = ", ".join(f"{name_of(one.name)} {said(one)}" for one in missed or nearest)
-    return words if missed else f"all kept; nearest: {words}"
+    found = "; ".join(
+        f"{name_of(one.name)} {said(one)}, wanted {words(one.name, one.required, one.unit)}"
+        for one in missed or nearest
+    )
+    return f"misses {found}" if missed else f"meets all requirements; nearest to its limit: {found}"
 
 
 def name_of(name):

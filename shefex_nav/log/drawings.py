@@ -11,12 +11,13 @@ import numpy as np
 from foxglove import messages as fox
 from numba import njit
 
+from shefex_nav.clock import TICK_HZ
 from shefex_nav.geometry.frames import dcm_ie
 from shefex_nav.geometry.rotation import quat_from_dcm, quat_multiply
 from shefex_nav.geometry.wgs84 import dcm_el, ecef_from_geodetic, geodetic_from_ecef
 from shefex_nav.records import Reason
 
-POSE_TICKS = 5  # of the 100 Hz clock between two drawn poses at least: 20 Hz is smooth to the eye
+POSE_TICKS = 5  # between two drawn poses at least: 20 Hz is smooth to the eye
 LAUNCH, BODY, ESTIMATE, CAMERA = "launch", "body", "body_estimate", "star_camera"
 CHANNELS = {  # topic -> channel class of foxglove.channels
     "/tf": "FrameTransformsChannel",
@@ -105,7 +106,7 @@ class Drawings:
 
     def _is_between_poses(self, record):
         """Whether no pose is drawn at this tick, counted from the start as in a thinned log."""
-        return round((record.t_s - self._mission.start_s) * 100) % POSE_TICKS != 0
+        return round((record.t_s - self._mission.start_s) * TICK_HZ) % POSE_TICKS != 0
 
     def _pose_messages(self, topic, child, record, ns, more_transforms):
         """A body with r_i and q_ib in launch axes, as a frame and as a pose."""

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.onboard.navigation import coast as coasting
 from shefex_nav.onboard.navigation import fusion, mean_rate, sensors, solution, strapdown
@@ -24,7 +25,6 @@ from shefex_nav.records import Reason
 
 COVARIANCE_TICKS = 10  # NavCovariance at every tenth tick
 PREDICTION_FLOOR = np.radians(40.0 / 3600.0)  # rad; aberration, which the predicted places do not have
-EARLY_S = 1e-6  # rounding of the times of ticks
 
 
 class ComputerParams(NamedTuple):
@@ -67,30 +67,61 @@ def start(params, alignment, earth, catalogue, julian_year):
     return Computer(params, earth, fusion.start(params.nav, alignment, earth), tracker, None, (), 0)
 
 
-def coast(computer, blocks, first, last):
+def coast(computer, blocks, first, last, every=1):
     """On with ImuBlocks, up to the first tick that the computer itself has to attend to.
 
     Parameters
     ----------
     computer : Computer, all ticks before attended to
     blocks : ImuBlock of arrays, of which rows first ... last - 1 are meant
+    every : ticks from one NavSolution that is wanted to the next
 
     Returns
     -------
     computer : Computer at a tick that has not been attended to
     done : int, ticks that were made, at least one
+    outputs : list of (tick, records), what there is to tell of the ticks before the last: see `glide`
     """
-    last = min(last, first + COVARIANCE_TICKS - computer.ticks % COVARIANCE_TICKS)
-    if _switches(computer, computer.nav.history.ends_s[-1]):  # on from the start
+    ticks, history = computer.ticks, computer.nav.history
+    if _switches(computer, history.ends_s[-1]):  # on from the start
         last = first + 1
     due_s = min((fix.t_available_s for fix in computer.waiting), default=np.inf)
     for switched_s in (computer.params.tracker_on_s, computer.params.tracker_off_s):
-        if switched_s > computer.nav.history.ends_s[-1] + EARLY_S:
+        if switched_s > history.ends_s[-1] + SAME_S:
             due_s = min(due_s, switched_s)
     if due_s < blocks.t_valid_s[last - 1]:
-        last = first + int(np.searchsorted(blocks.t_valid_s[first:last] + EARLY_S, due_s)) + 1
-    done = coasting.coast(computer.nav, blocks, first, last)
-    return Computer(*computer[:-1], computer.ticks + done), done
+        last = first + int(np.searchsorted(blocks.t_valid_s[first:last] + SAME_S, due_s)) + 1
+    done, outputs = glide(computer.nav, ticks, blocks, first, last, every)
+    return Computer(*computer[:-1], ticks + done), done, outputs
+
+
+def glide(nav, ticks, blocks, first, last, every):
+    """`coasting.coast`, and what is told of the ticks on the way.
+
+    Parameters
+    ----------
+    nav : fusion.Filter
+    ticks : of this run, made before
+    blocks, first, last : as there
+    every : ticks from one NavSolution that is wanted to the next
+
+    Returns
+    -------
+    done : int, ticks that were made
+    outputs : list of (tick, list of its NavSolution and NavCovariance as far as they are wanted), without the
+        last tick, of which there may be more to tell
+    """
+    blind = nav.watch.imu_blind  # until the last tick: it ends there if that changes
+    done = coasting.coast(nav, blocks, first, last)
+    end = ticks + done
+    later, outputs = nav.history.newest - end, {}
+    told = range((ticks // every + 1) * every, end, every)
+    if told:
+        said = solution.solutions(nav, range(later + told.start, later + told.stop, every), blind)
+        outputs = {tick: [one] for tick, one in zip(told, said, strict=True)}
+    for tick in range((ticks // COVARIANCE_TICKS + 1) * COVARIANCE_TICKS, end, COVARIANCE_TICKS):
+        outputs.setdefault(tick, []).append(solution.covariance(nav, later + tick))
+    return done, sorted(outputs.items())
 
 
 def attend(computer, gps_fixes, frames_arrived, *, chain=star_tracker.step, context=None, told=True):
@@ -151,7 +182,7 @@ def conclude(nav, ticks, gps_fixes, star_fixes, told=True):
 def _switches(computer, now_s):
     """Whether the tracker has to be switched on or off at this tick."""
     params = computer.params
-    wanted = params.tracker_on_s <= now_s + EARLY_S < params.tracker_off_s
+    wanted = params.tracker_on_s <= now_s + SAME_S < params.tracker_off_s
     return wanted != (computer.tracker_state is not None)
 
 
@@ -174,8 +205,8 @@ def _track_stars(computer, now_s, frames_arrived, chain, context_of):
             waiting = computer.waiting + ((fix,) if usable else ())
             computer = computer._replace(tracker_state=tracker_state, waiting=waiting)
     if computer.waiting:
-        due = [fix for fix in computer.waiting if fix.t_available_s <= now_s + EARLY_S]
-        later = tuple(fix for fix in computer.waiting if fix.t_available_s > now_s + EARLY_S)
+        due = [fix for fix in computer.waiting if fix.t_available_s <= now_s + SAME_S]
+        later = tuple(fix for fix in computer.waiting if fix.t_available_s > now_s + SAME_S)
         computer = computer._replace(waiting=later)
     return computer, outputs, due
 

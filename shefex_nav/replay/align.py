@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import euler, frames, rotation, wgs84
 from shefex_nav.records import Alignment
@@ -25,7 +26,7 @@ def align(scenario, data, earth):
 
 def first_sample(imu, start_s):
     """Row of the Increments that ends at start_s, or of the next one."""
-    return min(int(np.searchsorted(imu.t_s, start_s - 1e-6)), len(imu.t_s) - 1)
+    return min(int(np.searchsorted(imu.t_s, start_s - SAME_S)), len(imu.t_s) - 1)
 
 
 def from_reference(scenario, data, earth):

@@ -65,7 +65,7 @@ def _external(source, folder, overrides, from_s, log):
     from shefex_nav.replay import external
 
     ready = external.prepare(scenario, files)
-    end_s = ready.blocks[-1].t_valid_s
+    end_s = float(ready.blocks.t_valid_s[-1])
     _check_within(from_s, end_s)
     external.warm_up(ready)
     setup_s, clock = time.perf_counter() - began, external.Clock()

@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.records import Phase
 from shefex_nav.report import metrics
 from shefex_nav.report.track import earth_fixed
 
 QUANTITIES = ("position_m", "velocity_m_s", "attitude_deg")
-SAME_S = 1e-6
 
 
 class Part(NamedTuple):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import wgs84
 from shefex_nav.records import GpsFix
 from shefex_nav.replay import csv_folder, kf_gins, navego
@@ -15,7 +16,6 @@ from shefex_nav.replay.table import DataError
 
 READERS = {"csv": csv_folder.read, "kf_gins": kf_gins.read, "navego": navego.read}
 RATE_TOLERANCE = 0.02  # of the sampling rate that a scenario states
-SAME_TIME_S = 1e-6
 
 
 class Increments(NamedTuple):
@@ -163,10 +163,10 @@ def _noise(gnss, stated, wanted, name):
 def _chosen(t_s, settings):
     """Rows of the fixes that are taken: all, or those nearest to first, first + every, ..."""
     if settings.every is None:
-        return np.flatnonzero(t_s >= settings.first - SAME_TIME_S)
+        return np.flatnonzero(t_s >= settings.first - SAME_S)
     turns = np.rint((t_s - settings.first) / settings.every).astype(int)
     away = np.abs(t_s - settings.first - turns * settings.every)
     order = np.lexsort((away, turns))
     nearest = order[np.unique(turns[order], return_index=True)[1]]
-    near = away[nearest] <= 0.5 * np.median(np.diff(t_s)) + SAME_TIME_S
+    near = away[nearest] <= 0.5 * np.median(np.diff(t_s)) + SAME_S
     return np.sort(nearest[near & (turns[nearest] >= 0)])

@@ -6,19 +6,17 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav import __version__
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
-from shefex_nav.records import Alignment, Event, ImuBlock, Phase, TruthSample
+from shefex_nav.records import Alignment, Event, ImuBlock, Phase, TruthSample, row
 from shefex_nav.replay import align, dataset, params, reference
 from shefex_nav.replay.table import DataError
 
-BLOCK = 4  # IMU samples in a tick, as in the flights of the project, so that every log has them alike
-TIMED = 100  # ticks whose processor time is taken together: asking for it costs as much as a tick
-EARLY_S = 1e-6  # rounding of the times of ticks
 NO_CAMERA = pinhole(1, 1, 1.0)
 
 
@@ -29,7 +27,7 @@ class Replay(NamedTuple):
     data: dataset.Dataset
     earth: object  # EarthRotation
     alignment: Alignment
-    blocks: list  # of ImuBlock, from the alignment on
+    blocks: ImuBlock  # arrays, a row a block, from the alignment on
     truth: reference.States | None  # at the ends of blocks
 
 
@@ -48,31 +46,29 @@ def prepare(scenario, files):
         scenario.mission.epoch, orientation.ut1_minus_utc, orientation.pole_x, orientation.pole_y
     )
     alignment = align.align(scenario, data, earth)
-    blocks = imu_blocks(data.imu, alignment.t_valid_s, scenario.mission.end)
-    if not blocks:
+    n = scenario.navigation.samples_per_tick
+    blocks = imu_blocks(data.imu, n, alignment.t_valid_s, scenario.mission.end)
+    if not len(blocks.t_valid_s):
         words = f"ends at {data.imu.t_s[-1]:g} s; nothing is left to navigate after {alignment.t_valid_s:g} s"
         raise DataError(f"{files['imu']}: {words}")
-    ends_s = np.array([alignment.t_valid_s] + [block.t_valid_s for block in blocks])
+    ends_s = np.append(alignment.t_valid_s, blocks.t_valid_s)
     truth = None if data.truth is None else reference.at(data.truth, earth, ends_s)
     return Replay(scenario, data, earth, alignment, blocks, truth)
 
 
-def imu_blocks(imu, start_s, end_s=None):
-    """ImuBlock after ImuBlock from the sample that ends at start_s to end_s, or as far as there are samples.
+def imu_blocks(imu, n, start_s, end_s=None):
+    """Blocks of n samples from the one that ends at start_s to end_s, or as far as they go: one of arrays.
 
-    Samples of slightly unequal length count as equal within a block; its beginning and its end are exact.
+    Samples of slightly unequal length count as equal within a block; its beginning and its end are exact. A
+    block with a sample that was missing is not valid.
     """
-    n, first = BLOCK, align.first_sample(imu, start_s)
-    last = len(imu.t_s) - 1 if end_s is None else int(np.searchsorted(imu.t_s, end_s + EARLY_S)) - 1
-    out = []
-    for k in range(first, last - n + 1, n):
-        rows = slice(k + 1, k + n + 1)
-        begin_s, t_s = float(imu.t_s[k]), float(imu.t_s[k + n])
-        measured = not imu.bridged[rows].any()
-        out.append(
-            ImuBlock(t_s, t_s, (t_s - begin_s) / n, imu.dtheta_b[rows], imu.dv_b[rows], False, measured)
-        )
-    return out
+    first = align.first_sample(imu, start_s)
+    last = len(imu.t_s) - 1 if end_s is None else int(np.searchsorted(imu.t_s, end_s + SAME_S)) - 1
+    m = max((last - first) // n, 0)
+    t_s, rows = imu.t_s[first : first + 1 + m * n : n], slice(first + 1, first + 1 + m * n)
+    dtheta_b, dv_b = imu.dtheta_b[rows].reshape(m, n, 3), imu.dv_b[rows].reshape(m, n, 3)
+    valid = ~imu.bridged[rows].reshape(m, n).any(axis=1)
+    return ImuBlock(t_s[1:], t_s[1:], np.diff(t_s) / n, dtheta_b, dv_b, np.zeros(m, dtype=bool), valid)
 
 
 def mission(replay):
@@ -108,34 +104,38 @@ def run(replay, clock):
     yield alignment
     height = mission(replay).launch_height
     yield Event(alignment.t_valid_s, "replay_start", height, f"{scenario.data.format} data")
-    nav = fusion.start(params.nav_params(scenario, replay.blocks[0].dt_s), alignment, replay.earth)
+    nav = fusion.start(params.nav_params(scenario, float(replay.blocks.dt_s[0])), alignment, replay.earth)
     waiting = [fix for fix in replay.data.fixes if fix.t_valid_s > alignment.t_valid_s][::-1]
-    truth = _truth_samples(replay.truth)
-    for first in range(0, len(replay.blocks), TIMED):
+    truth, n = _truth_samples(replay.truth), 0
+    while n < len(replay.blocks.t_valid_s):
         began = time.process_time()
-        done = [
-            _tick(nav, ticks, block, waiting)
-            for ticks, block in enumerate(replay.blocks[first : first + TIMED], first + 1)
-        ]
+        done, arrived, told = _advance(nav, replay.blocks, n, waiting)
         clock.filter_s += time.process_time() - began
-        for block, arrived, outputs in done:
+        for tick in range(n + 1, n + done + 1):
+            block = row(replay.blocks, tick - 1)
             if block.t_valid_s in truth:
                 yield truth[block.t_valid_s]
             yield block
-            yield from arrived
-            yield from outputs
+            if tick == n + done:
+                yield from arrived
+            yield from told[tick]
+        n += done
 
 
-def _tick(nav, ticks, block, waiting):
-    """One tick without stars -> block, fixes that have arrived, what the filter says.
+def _advance(nav, blocks, n, waiting):
+    """From tick n on to the next at which a fix arrives, or as far as ticks can be made at once.
 
     waiting : GpsFix, the last is the next to arrive
+    -> ticks made, fixes that have arrived, {tick: what the filter says}
     """
-    arrived = []
-    while waiting and waiting[-1].t_available_s <= block.t_valid_s + EARLY_S:
+    last = len(blocks.t_valid_s)
+    if waiting:
+        last = min(last, int(np.searchsorted(blocks.t_valid_s, waiting[-1].t_available_s - SAME_S)) + 1)
+    done, told = computer.glide(nav, n, blocks, n, max(last, n + 1), every=1)
+    arrived, now = [], n + done
+    while waiting and waiting[-1].t_available_s <= nav.history.ends_s[-1] + SAME_S:
         arrived.append(waiting.pop())
-    fusion.advance(nav, block)
-    return block, arrived, computer.conclude(nav, ticks, arrived, ())
+    return done, arrived, {**dict(told), now: computer.conclude(nav, now, arrived, ())}
 
 
 def _truth_samples(states):
@@ -152,10 +152,10 @@ def _truth_samples(states):
 def warm_up(replay):
     """Compile or load every kernel of a replay, so that it is not measured with its compiler."""
     fixes = [fix for fix in replay.data.fixes if fix.valid][:1]
-    brief = replay.blocks[:20]
-    if fixes and len(brief) > 10:  # one fix, late, in the middle of what is flown
-        at_s = brief[5].t_valid_s - 0.3 * brief[5].dt_s
-        fixes = [fixes[0]._replace(t_valid_s=at_s, t_available_s=brief[8].t_valid_s)]
+    brief = ImuBlock(*(column[:20] for column in replay.blocks))
+    if fixes and len(brief.t_valid_s) > 10:  # one fix, late, in the middle of what is flown
+        at_s = float(brief.t_valid_s[5] - 0.3 * brief.dt_s[5])
+        fixes = [fixes[0]._replace(t_valid_s=at_s, t_available_s=float(brief.t_valid_s[8]))]
     data = replay.data._replace(fixes=fixes)
     for _ in run(replay._replace(blocks=brief, data=data), Clock()):
         pass

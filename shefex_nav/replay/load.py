@@ -1,15 +1,15 @@
 """Replay scenario file -> `ReplayScenario` and the paths of its data; all errors at once, each placed."""
 
 import os
+from functools import partial
 
 from shefex_nav.replay.schema import CsvData, ReplayScenario, Static
 from shefex_nav.scenario import kind
 from shefex_nav.scenario import load as missions
 from shefex_nav.scenario.checks import states_that_clash
-from shefex_nav.scenario.document import dotted
-from shefex_nav.scenario.load import ScenarioError
 
 SHORTEST_S = 1.0  # of a replay
+NAMES = ("imu", "gnss", "truth")  # of the files
 
 
 def load(path, overrides=(), folder=None):
@@ -24,61 +24,95 @@ def load(path, overrides=(), folder=None):
 
     Raises ScenarioError.
     """
-    scenario, places, source = missions.load_as(
-        ReplayScenario, path, overrides, instead=kind.instead_of_replay
+    found_in = partial(_folder, os.path.dirname(path), folder)
+    scenario, _, source = missions.load_as(
+        ReplayScenario,
+        path,
+        overrides,
+        parts=(*PARTS, partial(_files, found_in, folder is None)),
+        instead=kind.instead_of_replay,
     )
-    found = _complaints(scenario, places)
-    base = os.path.join(os.path.dirname(path), scenario.data.folder) if folder is None else os.fspath(folder)
-    files = {}
-    for name, given in _names(scenario.data).items():
-        files[name] = given and os.path.join(base, given)
-        if given and not os.path.isfile(files[name]):
-            where = ("data", name, "file") if isinstance(scenario.data, CsvData) else ("data", name)
-            hint = "; --data says in which folder the files are" if folder is None else ""
-            found.append(f"{places.value(where)}: {dotted(where)}: there is no file {files[name]}{hint}")
-    if found:
-        raise ScenarioError(found)
     scenario.keep_text(source)
-    return scenario, files
+    base, names = found_in(scenario), _names(scenario.data)
+    return scenario, {name: given and os.path.join(base, given) for name, given in names.items()}
 
 
 def load_text(text, name, overrides=()):
     """ReplayScenario of a text, such as a log keeps; complaints call it `name`. Raises ScenarioError."""
-    scenario, places, source = missions.load_text_as(ReplayScenario, text, name, overrides)
-    found = _complaints(scenario, places)
-    if found:
-        raise ScenarioError(found)
+    scenario, _, source = missions.load_text_as(ReplayScenario, text, name, overrides, parts=PARTS)
     scenario.keep_text(source)
     return scenario
 
 
-def _complaints(scenario, places):
-    """Lines about values that do not go together."""
-    return [f"{places.value(where)}: {dotted(where)}: {words}" for where, words in _contradictions(scenario)]
+def _folder(beside, given, scenario):
+    """Folder of the data: the one that is given, else as the scenario says, from where its file is."""
+    return os.path.join(beside, scenario.data.folder) if given is None else os.fspath(given)
+
+
+def _files(found_in, hint, scenario):
+    """(path, words) of files that are not there.
+
+    found_in : function of a scenario, `_folder`;  hint : whether --data is worth a word
+    """
+    is_csv = isinstance(scenario.data, CsvData)
+    for name in NAMES:
+        given = _name(scenario.data, name)
+        file = given and os.path.join(found_in(scenario), given)
+        if given and not os.path.isfile(file):
+            words = "; --data says in which folder the files are" if hint else ""
+            yield ("data", name, *(["file"] * is_csv)), f"there is no file {file}{words}"
+
+
+def _name(data, name):
+    """File name of one of NAMES; None if it is not given, or is wrong."""
+    part = getattr(data, name, None)
+    return part if part is None or isinstance(part, str) else getattr(part, "file", None)
 
 
 def _names(data):
     """{'imu', 'gnss', 'truth'} -> file name or None."""
-    parts = {"imu": data.imu, "gnss": data.gnss, "truth": data.truth}
-    return {name: part.file if hasattr(part, "file") else part for name, part in parts.items()}
+    return {name: _name(data, name) for name in NAMES}
 
 
-def _contradictions(scenario):
-    """(path, words) of values that do not go together."""
-    mission, alignment, data = scenario.mission, scenario.alignment, scenario.data
+def _times(scenario):
+    """The end well after the start."""
+    mission = scenario.mission
     if mission.end is not None and mission.end < mission.start + SHORTEST_S:
         yield ("mission", "end"), f"must be at least {SHORTEST_S:g} s after mission.start"
+
+
+def _heading(scenario):
+    """A heading that is given, with how well it is known."""
+    alignment = scenario.alignment
     if isinstance(alignment, Static) and (alignment.heading is None) != (alignment.azimuth is None):
         yield ("alignment",), ("heading and azimuth, its 1 sigma, go together; give both or none of them")
-    if alignment.method == "reference" and data.truth is None:
-        yield (
-            ("alignment", "method"),
-            "'reference' needs data.truth; give it, or choose static",
-        )
+
+
+def _reference(scenario):
+    """A reference to start from."""
+    if scenario.alignment.method == "reference" and scenario.data.truth is None:
+        yield ("alignment", "method"), "'reference' needs data.truth; give it, or choose static"
+
+
+def _states(scenario):
+    """Blocks of states that go together."""
     yield from states_that_clash(scenario.navigation.states)
+
+
+def _imu_units(scenario):
+    """Gyros and accelerometers that give the same kind of thing."""
+    data = scenario.data
     if isinstance(data, CsvData) and data.imu.gyro_unit.kind != data.imu.accelerometer_unit.kind:
         kinds = f"the gyros give {data.imu.gyro_unit.kind}s"
         words = f"{kinds}, the accelerometers {data.imu.accelerometer_unit.kind}s; both must be of one kind"
         yield ("data", "imu", "accelerometer_unit"), words
+
+
+def _sigmas(scenario):
+    """No sigma of what is not there."""
+    data = scenario.data
     if isinstance(data, CsvData) and data.gnss.velocity is None and data.gnss.velocity_sigma is not None:
         yield ("data", "gnss", "velocity_sigma"), "goes with data.gnss.velocity, which is not given"
+
+
+PARTS = (_times, _heading, _reference, _states, _imu_units, _sigmas)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import euler, frames, rotation, wgs84
 
 LONGEST_STEP_S = 1.5  # between two rows of truth that are interpolated
@@ -33,7 +34,7 @@ def at(truth, earth, t_s):
 def covered(truth, t_s):
     """Whether there is truth near each time: (N,) s -> (N,) bool."""
     k = np.clip(np.searchsorted(truth.t_s, t_s), 1, len(truth.t_s) - 1)
-    inside = (t_s >= truth.t_s[0] - 1e-6) & (t_s <= truth.t_s[-1] + 1e-6)
+    inside = (t_s >= truth.t_s[0] - SAME_S) & (t_s <= truth.t_s[-1] + SAME_S)
     return inside & (truth.t_s[k] - truth.t_s[k - 1] <= LONGEST_STEP_S)
 
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.log import reader
@@ -141,7 +142,7 @@ def arrivals(measurements, ticks_s):
     available_s = np.maximum.accumulate([measurement.t_available_s for measurement in measurements])
     due = {}
     for tick, measurement in zip(
-        np.searchsorted(ticks_s + computer.EARLY_S, available_s).tolist(), measurements, strict=True
+        np.searchsorted(ticks_s + SAME_S, available_s).tolist(), measurements, strict=True
     ):
         due.setdefault(tick, []).append(measurement)
     return due
@@ -195,7 +196,7 @@ def records(recording):
     yield data.alignment
     nav, aside = start(recording), not_seen_on_board(data)[::-1]
     for k, now_s in enumerate(data.imu.t_valid_s.tolist()):
-        while aside and aside[-1][0] <= now_s + computer.EARLY_S:
+        while aside and aside[-1][0] <= now_s + SAME_S:
             yield aside.pop()[1]
         yield from tick(recording, nav, k)
     for _, record in aside[::-1]:  # the impact, after the last tick

@@ -10,11 +10,13 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 from pydantic_core import PydanticCustomError, core_schema
 
+from shefex_nav.clock import SAMPLES_PER_TICK
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.messages import close
 from shefex_nav.scenario.mission import Epoch
 from shefex_nav.scenario.onboard import Navigation, Release, Releases
 from shefex_nav.scenario.quantity import (
+    Count,
     Number,
     Quantity,
     QuantitySpec,
@@ -307,6 +309,9 @@ class ReplayNavigation(Navigation):
     gravity_memory: Quantity("s", "50 s", "", positive=True) = "50 s"
     saturated_rate: Quantity("rad/s", "50 deg/s", "", positive=True) = "1 rad/s"
     saturated_acceleration: Quantity("m/s2", "5 gee", "", positive=True) = "5 gee"
+    samples_per_tick: Count("4", "samples of the IMU in a step of the filter", at_least=1, at_most=1000) = (
+        SAMPLES_PER_TICK
+    )
 
 
 class ReplayScenario(Block):

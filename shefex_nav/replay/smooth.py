@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gravity
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.log.run_data import RunData, RunDataBuilder, join, stack
@@ -43,7 +44,6 @@ LASTING = (  # blocks of errors that last for the whole flight
     "accel_misalignment",
     "accel_rectification",
 )
-SAME_S = 1e-6  # instants closer together than this are one
 
 
 class Smoothed(NamedTuple):

@@ -7,6 +7,7 @@ attitude less those of the estimated one. Their sigmas come from the logged cova
 import numpy as np
 from numba import njit
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import euler, frames, rotation, wgs84
 from shefex_nav.report.pairing import same_times
 
@@ -31,7 +32,7 @@ def summarise(data, from_s=None):
     """
     begin_s = data.mission.start_s if from_s is None else max(from_s, data.mission.start_s)
     t_s, error, sigma_t_s, ratio = errors(data)
-    late, late_sigma = t_s >= begin_s - 1e-6, sigma_t_s >= begin_s - 1e-6
+    late, late_sigma = t_s >= begin_s - SAME_S, sigma_t_s >= begin_s - SAME_S
     rms, over = _rms(error[late]), _rms(ratio[late_sigma])
     return {
         "statistics_from_s": float(begin_s),
@@ -53,7 +54,7 @@ def _nis(gates, sensor, begin_s):
     """Mean normalised innovation squared, and where it should lie if the filter is right."""
     from scipy.stats import chi2
 
-    judged = [g for g in gates if g.sensor == sensor and g.dof and g.t_valid_s >= begin_s - 1e-6]
+    judged = [g for g in gates if g.sensor == sensor and g.dof and g.t_valid_s >= begin_s - SAME_S]
     if not judged:
         return None
     dof, n = sum(gate.dof for gate in judged), len(judged)

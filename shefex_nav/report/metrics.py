@@ -30,11 +30,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.records import Reason
 from shefex_nav.report import geodesic, local_level, programme, trust
 from shefex_nav.report.configured import configured
-from shefex_nav.report.pairing import SAME_TIME_S, pointing_error, same_times
+from shefex_nav.report.pairing import pointing_error, same_times
 from shefex_nav.report.track import earth_fixed
 
 WRONG_ANGLE = math.radians(0.5)
@@ -309,12 +310,12 @@ def _navigation(data, height, entry):
 
 
 def _at_entry(data, errors, t_s, height):
-    k = np.flatnonzero(np.abs(errors.t_s - t_s) <= SAME_TIME_S)
+    k = np.flatnonzero(np.abs(errors.t_s - t_s) <= SAME_S)
     if not len(k):
         return None
     k = k[0]
     times, nees, sigma = normalised_errors(data, errors)
-    before = np.flatnonzero(times <= t_s + SAME_TIME_S)
+    before = np.flatnonzero(times <= t_s + SAME_S)
     known = before[-1] if len(before) else None
     return {
         "t_s": float(t_s),
@@ -348,7 +349,7 @@ def _nees_summary(data, errors, end_s):
         return nothing
     t_s, nees, _ = normalised_errors(data, errors)
     since_s = t_s - data.mission.start_s
-    is_second = np.abs(since_s - np.round(since_s)) <= SAME_TIME_S
+    is_second = np.abs(since_s - np.round(since_s)) <= SAME_S
     chosen = nees[is_second & (t_s >= accepted[0]) & (t_s <= end_s)]
     if not len(chosen):
         return nothing

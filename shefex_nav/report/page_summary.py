@@ -86,28 +86,28 @@ def judge(run):
 
 
 def _kept(one, is_part):
-    if _is_unseen(one, is_part):
-        return element("span", "not reached")
-    return element("span", "met" if one.passed else "not met", class_="met" if one.passed else "missed")
-
-
-def _is_unseen(one, is_part):
-    """Whether a requirement is about what a mission that was seen in part has not reached."""
-    return is_part and one.found is None
+    words = requirements.verdict(one, is_part)
+    if words == requirements.UNREACHED:
+        return element("span", words)
+    return element("span", words, class_="met" if one.passed else "missed")
 
 
 def _verdict(judged, is_part):
     if not judged:
         return element("p", "The scenario states no requirements.", class_="verdict open")
-    unseen = [one.name.replace("_", " ") for one in judged if _is_unseen(one, is_part)]
-    missed = [one.name.replace("_", " ") for one in judged if not one.passed and not _is_unseen(one, is_part)]
+    verdicts = {one.name.replace("_", " "): requirements.verdict(one, is_part) for one in judged}
+    unseen = [name for name, words in verdicts.items() if words == requirements.UNREACHED]
+    missed = [name for name, words in verdicts.items() if words.startswith("not met")]
+    so_far = " so far" if any(words.endswith("so far") for words in verdicts.values()) else ""
     if unseen and not missed:
         words = f"{len(unseen)} of {len(judged)} requirements not reached: {', '.join(unseen)}."
         return element("p", element("strong", words), class_="verdict open")
     if not missed:
-        words = "The requirement is met." if len(judged) == 1 else f"All {len(judged)} requirements are met."
-        return element("p", element("strong", words), class_="verdict")
-    words = f"{len(missed)} of {len(judged)} requirements not met: {', '.join(missed)}."
+        which = "The requirement is met" if len(judged) == 1 else f"All {len(judged)} requirements are met"
+        return element(
+            "p", element("strong", f"{which}{so_far}."), class_="verdict open" if so_far else "verdict"
+        )
+    words = f"{len(missed)} of {len(judged)} requirements not met{so_far}: {', '.join(missed)}."
     return element("p", element("strong", words), class_="verdict bad")
 
 

@@ -2,17 +2,16 @@
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.records import Phase
-
-SAME_TIME_S = 1e-6  # two records of one tick
 
 
 def same_times(t_a, t_b):
     """Indices into two sorted arrays of the times they have in common."""
     if not len(t_a) or not len(t_b):
         return np.zeros(0, int), np.zeros(0, int)
-    k = np.searchsorted(t_b, t_a - SAME_TIME_S).clip(0, len(t_b) - 1)
-    both = np.abs(t_b[k] - t_a) <= SAME_TIME_S
+    k = np.searchsorted(t_b, t_a - SAME_S).clip(0, len(t_b) - 1)
+    both = np.abs(t_b[k] - t_a) <= SAME_S
     return np.flatnonzero(both), k[both]
 
 
@@ -21,7 +20,7 @@ def phase_at(truth, t_s):
 
     Truth of arrays or Trajectory, (M,) s -> (M,)
     """
-    k = np.searchsorted(truth.t_s, t_s + SAME_TIME_S) - 1
+    k = np.searchsorted(truth.t_s, t_s + SAME_S) - 1
     return np.where(k >= 0, truth.phase[k.clip(0)], -1) if len(truth.t_s) else np.full(len(t_s), -1)
 
 

@@ -5,6 +5,7 @@ vehicle flies them all the same; an engineer wants to be told. The events of the
 each of its moments was.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from shefex_nav.report.pairing import pointing_error
 
 AIR_KM = 100.0  # height of the event `entry`; the camera needs to be above it, and cold gas rules there
+UPRIGHT = math.radians(89.0)  # an elevation from which on little is won
 ASTRAY_DEG = 5.0  # an attitude control that holds is within a degree
 LOOKING = ("point", "dwell")  # kinds of tasks in which the star camera works
 DEVICES = ("yo_yo", "spin_motors")
@@ -111,7 +113,7 @@ def _tasks(scenario, flown):
         elif looks and moments.landed is not None:
             top_km = _height_km(flown, "apogee") or 0.0
             yield Warned(path, f"the vehicle stays in the air, its apogee is {top_km:.1f} km: "
-                         "the star camera cannot see through it")  # fmt: skip
+                         f"the star camera cannot see through it{_steeper(scenario)}")  # fmt: skip
             continue
         if looks:
             yield from _early(scenario, flown, name, task)
@@ -125,6 +127,18 @@ def _tasks(scenario, flown):
                 words = f"{at:g} s is on the way down, below 60 km"
             words += "; wanted is the velocity of about the entry"
             yield Warned((*path, "at"), words)
+
+
+def _steeper(scenario):
+    """Words about the fields that would raise the apogee: launch and burns that are not upright."""
+    angles = {"launch.elevation": scenario.launch.elevation}
+    for stage in scenario.vehicle.stages.values():
+        turns = [one for one in scenario.tasks if one[1].task == "turn" and one[1].end <= stage.ignition]
+        if turns:  # the last of them is what the burn begins with
+            name, task = turns[-1]
+            angles[f"programme.{name}.elevation"] = task.elevation
+    low = [f"{name} ({math.degrees(angle):.4g} deg)" for name, angle in angles.items() if angle < UPRIGHT]
+    return f"; a larger {' or '.join(low)} raises it" if low else ""
 
 
 def _after(t_s, moments):

@@ -1,11 +1,14 @@
 """Whether a run kept what its scenario requires: the section `requirements` against the summary of the run.
 
 A requirement whose figure a run does not have (no entry, no frame in the window) is not met by it: nothing
-counts as passed that was not measured.
+counts as passed that was not measured. A star camera that never left the air has measured nothing either:
+what it would see there is not modelled.
 """
 
 import math
 from typing import NamedTuple
+
+from shefex_nav.report.programme import AIR_KM
 
 
 class Judged(NamedTuple):
@@ -16,6 +19,10 @@ class Judged(NamedTuple):
     found: float | bool | None  # None: the run has no such figure
     unit: str  # "" for counts and what is true or not
     passed: bool
+    note: str = ""  # what the figure is made of, or why there is none
+
+
+ONCE, GROWS, MOVES = "once", "grows", "moves"  # nothing; make it larger; make it larger or smaller
 
 
 class _Measure(NamedTuple):
@@ -25,6 +32,8 @@ class _Measure(NamedTuple):
     unit: str
     factor: float  # from the scenario's SI to `unit`
     word: str  # how the limit is meant
+    further: str = ONCE  # what the rest of a mission may do to the figure of a part of it
+    note: object = lambda get: ""  # function of `get`: Judged.note
 
 
 def _at(path):
@@ -47,10 +56,31 @@ def _percent(path):
 
 def _star_fixes(get):
     solved, frames = get("star_tracker.solved"), get("star_tracker.in_window")
-    return 100.0 * solved / frames if frames else None
+    return 100.0 * solved / frames if frames and not _in_air(get) else None
+
+
+def _wrong_fixes(get):
+    return None if get("star_tracker.frames") == 0 else get("star_tracker.wrong")
+
+
+def _in_air(get):
+    """Whether a vehicle flew, and never above the air."""
+    apogee_km = get("flight.apogee_km")
+    return apogee_km is not None and apogee_km < AIR_KM
+
+
+def _frames(get):
+    """What the share of star fixes is made of, or why it is none."""
+    frames = get("star_tracker.in_window")
+    if not frames:
+        return "no frame in the window"
+    if _in_air(get):
+        return f"the camera stayed in the air, below {AIR_KM:.0f} km"
+    return f"of {frames:.0f} frame{'s' if frames > 1 else ''}"
 
 
 DEG = math.degrees(1.0)
+UNREACHED = "not reached"  # verdict of what a mission that was seen in part may still do
 MEASURES = {
     "attitude_at_entry": _Measure(_largest("navigation.at_entry.attitude_error_deg"), "deg", DEG, "at most"),
     "position_at_entry": _Measure(_at("navigation.at_entry.position_error_m"), "m", 1.0, "at most"),
@@ -59,11 +89,11 @@ MEASURES = {
     "protection_at_entry": _Measure(
         _largest("navigation.integrity.at_entry.protection_deg"), "deg", DEG, "at most"
     ),
-    "misleading": _Measure(_percent("navigation.integrity.misleading_share"), "%", 100.0, "at most"),
-    "wrong_star_fixes": _Measure(_at("star_tracker.wrong"), "", 1.0, "at most"),
-    "star_fixes": _Measure(_star_fixes, "%", 100.0, "at least"),
-    "pointing_error": _Measure(_at("attitude_control.pointing_error_deg.max"), "deg", DEG, "at most"),
-    "cold_gas": _Measure(_at("attitude_control.propellant_kg"), "kg", 1.0, "at most"),
+    "misleading": _Measure(_percent("navigation.integrity.misleading_share"), "%", 100.0, "at most", MOVES),
+    "wrong_star_fixes": _Measure(_wrong_fixes, "", 1.0, "at most", GROWS),
+    "star_fixes": _Measure(_star_fixes, "%", 100.0, "at least", MOVES, _frames),
+    "pointing_error": _Measure(_at("attitude_control.pointing_error_deg.max"), "deg", DEG, "at most", GROWS),
+    "cold_gas": _Measure(_at("attitude_control.propellant_kg"), "kg", 1.0, "at most", GROWS),
     "apogee": _Measure(_at("flight.apogee_km"), "km", 1e-3, "at least"),
 }
 
@@ -107,7 +137,8 @@ def judge_figures(required, get):
     for name, limit in required.items():
         measure = MEASURES[name]
         found = measure.figure(get)
-        result.append(Judged(name, limit, found, measure.unit, _kept(found, limit, measure.word)))
+        kept = _kept(found, limit, measure.word)
+        result.append(Judged(name, limit, found, measure.unit, kept, measure.note(get)))
     return result
 
 
@@ -128,10 +159,22 @@ def words(name, limit, unit):
 def said(one):
     """What a Judged found, for people."""
     if one.found is None:
-        return "not measured"
+        return f"not measured: {one.note}" if one.note else "not measured"
     if isinstance(one.found, bool):
         return "yes" if one.found else "no"
-    return f"{one.found:.4g}{' ' if one.unit else ''}{one.unit}"
+    return f"{one.found:.4g}{' ' if one.unit else ''}{one.unit}{' ' if one.note else ''}{one.note}"
+
+
+def verdict(one, is_part):
+    """met, not met, and of a mission that was seen in part: so far, or not reached yet.
+
+    one : Judged;  is_part : whether the mission was not seen to its end
+    """
+    if one.found is None:
+        return UNREACHED if is_part else "not met"
+    words, further = "met" if one.passed else "not met", MEASURES[one.name].further
+    is_final = further == ONCE or (further == GROWS and not one.passed)
+    return words if is_final or not is_part else f"{words} so far"
 
 
 def severity(judged):

@@ -68,12 +68,10 @@ def rows(summary, judged=()):
 def _requirement_rows(judged, is_part):
     """is_part: whether the mission was not seen to its end, and what has no figure may be yet to come."""
     for one in judged:
-        if one.found is None and is_part:
-            verdict = "not reached"
-        else:
-            verdict = "met" if one.passed else Text("not met", style="bold red")
+        verdict = requirements.verdict(one, is_part)
+        style = "bold red" if verdict.startswith("not met") else ""
         said = f"{requirements.said(one)}, wanted {requirements.words(one.name, one.required, one.unit)}: "
-        yield one.name.replace("_", " "), Text.assemble(said, verdict)
+        yield one.name.replace("_", " "), Text.assemble(said, Text(verdict, style=style))
 
 
 def _flight_rows(flight, *, stood):

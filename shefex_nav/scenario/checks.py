@@ -2,6 +2,7 @@
 
 import math
 
+from shefex_nav.clock import IMU_HZ
 from shefex_nav.scenario import (
     checks_flight,
     checks_gps,
@@ -16,7 +17,7 @@ from shefex_nav.scenario.checks_flight import seconds
 
 REPORT_RATE = 10.0  # Hz, of the logged covariance, which reports want on whole seconds
 LOG_RATES = (10.0, 20.0, 50.0, 100.0)  # Hz
-IMU_NYQUIST = 200.0  # Hz, half the rate of the IMU
+IMU_NYQUIST = 0.5 * IMU_HZ
 
 
 def cross_check(scenario, rated=None):

@@ -9,6 +9,7 @@ from shefex_nav.scenario.programme import AlignVelocity, Dwell, Turn
 STARTS = ("launch", "orbit", "ground")
 SAMPLED = 0.5  # bandwidth times period up to which a sampled loop is well damped
 DEVICES = ("spin_motors", "yo_yo", "cold_gas", "parachute")
+PART = "run --until shows a part of this one"
 
 
 def start(scenario):
@@ -153,11 +154,11 @@ def _too_long(scenario, name, task):
         words = f"{seconds(task.end)} is after mission.time_limit, {limit}"
         words += f"; for a shorter flight give {limit} here"
         more = f" and null for what comes after it ({', '.join(later)})" if later else ""
-        return ("programme", name, "until"), words + more
+        return ("programme", name, "until"), f"{words}{more}; {PART}"
     words = (
         f"{seconds(task.start)} is not before mission.time_limit, {limit}; for a shorter flight give null for"
     )
-    return ("programme", name, "from"), f"{words} {', '.join([name, *later])}"
+    return ("programme", name, "from"), f"{words} {', '.join([name, *later])}; {PART}"
 
 
 def _task(scenario, path, task):

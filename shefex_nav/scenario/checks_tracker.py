@@ -1,8 +1,8 @@
 """Values of a scenario that contradict each other: star tracker, its camera, the filter that waits."""
 
+from shefex_nav.clock import TICK_HZ
 from shefex_nav.scenario.checks_flight import seconds
 
-TICK_RATE = 100.0  # Hz, of the on-board computer
 SPOTS = ("sequential", "maximum")  # scans that take a star for a spot at rest
 CENTROIDS = {"streaks": "fit", "run_length": "weighted"}  # what a scan brings along
 SAME = 1e-9  # s, rounding of times that are to be equal
@@ -103,7 +103,7 @@ def _contiguous(tracker):
 def _clock_and_window(scenario):
     """Frames that the clock can trigger, a window within the mission, thresholds the right way round."""
     tracker, path = scenario.star_tracker, ("star_tracker",)
-    ticks = TICK_RATE / tracker.rate
+    ticks = TICK_HZ / tracker.rate
     if abs(ticks - round(ticks)) > 1e-6:
         words = (
             f"{tracker.rate:g} Hz does not divide the on-board clock, 100 Hz; take 1, 2, 4, 5, 10 or 20 Hz"

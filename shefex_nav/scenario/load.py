@@ -13,6 +13,7 @@ from shefex_nav.scenario.checks import check_what_is_known, cross_check
 from shefex_nav.scenario.dispersions import KEYS
 from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted
 from shefex_nav.scenario.files import Unreadable, read_text
+from shefex_nav.scenario.partial import known
 from shefex_nav.scenario.partial import validated as part_of
 from shefex_nav.scenario.schema import Scenario
 
@@ -41,9 +42,11 @@ def load(path, overrides=()):
     return _validated(tree, places, files, overrides, os.fspath(path))
 
 
-def load_as(model, path, overrides=(), *, instead=lambda tree, path: ""):
+def load_as(model, path, overrides=(), *, parts=(), instead=lambda tree, path: ""):
     """The YAML file at `path` as another `model` than a mission by the same rules: `extends`, `--set`, units.
 
+    parts : functions of an instance that yield contradictions in it, (path of the field, text); of a tree
+        with mistakes they get what is good of it (`partial`)
     instead : says what a tree is that is of another kind, such as kind.instead_of_replay
 
     Returns
@@ -57,21 +60,26 @@ def load_as(model, path, overrides=(), *, instead=lambda tree, path: ""):
     tree, places = _extended(os.fspath(path), (), {})
     if other := instead(tree, path):
         raise ScenarioError([f"{path}: {other}"])
-    return _validated_as(model, tree, places, overrides)
+    return _validated_as(model, tree, places, overrides, parts)
 
 
-def load_text_as(model, text, name, overrides=()):
+def load_text_as(model, text, name, overrides=(), *, parts=()):
     """The same of a text that needs no other file; complaints call it `name`."""
-    return _validated_as(model, *_whole(text, name), overrides)
+    return _validated_as(model, *_whole(text, name), overrides, parts)
 
 
-def _validated_as(model, tree, places, overrides):
+def _validated_as(model, tree, places, overrides, parts):
     """What `load_as` returns, of a merged tree."""
     _override(tree, places, overrides)
     try:
-        loaded = model.model_validate(tree)
+        loaded, found, read = model.model_validate(tree), [], list
     except ValidationError as error:
-        raise _sorted_error(messages.lines(model, error, places)) from None
+        loaded, read = part_of(model, tree, messages.paths(error)), known
+        found = messages.lines(model, error, places)
+    for part in parts:
+        found += [(places.value(where), f"{dotted(where)}: {words}") for where, words in read(part(loaded))]
+    if found:
+        raise _sorted_error(found) from None
     return loaded, places, _normalised(tree)
 
 
@@ -89,7 +97,7 @@ class Pattern:
     def __init__(self, text, name):
         self._text, self._name = text, name
         self._tree, self._places = _whole(text, name)
-        self.scenario = load_text(text, name)
+        self.scenario = self._validated(copy.deepcopy(self._tree), self._places.copy())
         self.dispersed, _ = disperse.resolve(Scenario, self._tree, self.scenario.dispersions)
         for one in self.dispersed:
             fields.fill(Scenario, self._tree, one.path)
@@ -105,6 +113,10 @@ class Pattern:
             fields.put(tree, one.path, disperse.applied(one, draws[one.name]))
             mark = Mark("drawn", 0, 0)
             places.put(one.path, {(): mark}, {(): mark})
+        return self._validated(tree, places)
+
+    def _validated(self, tree, places):
+        """Scenario of a tree that it may keep."""
         return _validated(tree, places, {self._name: self._text}, (), self._name)
 
 

@@ -38,8 +38,9 @@ class Places:
 
     def put(self, path, keys, values):
         """Replace everything known at and below `path`; `keys` and `values` are relative to it."""
+        n = len(path)
         for marks in (self.keys, self.values):
-            for old in [known for known in marks if known[: len(path)] == path and known != ()]:
+            for old in [known for known in marks if len(known) >= max(n, 1) and known[:n] == path]:
                 del marks[old]
         self.keys.update({(*path, *inner): mark for inner, mark in keys.items()})
         self.values.update({(*path, *inner): mark for inner, mark in values.items()})

@@ -7,7 +7,7 @@ imported when its parameters are asked for: checking a scenario must not wait fo
 
 import numpy as np
 
-IMU_RATE = 400.0  # Hz, samples of the IMU and steps of the flight
+from shefex_nav.clock import IMU_HZ
 
 
 def flight_params(scenario):
@@ -20,7 +20,7 @@ def flight_params(scenario):
     return flight.FlightParams(
         t_start_s=scenario.mission.start,
         time_limit_s=scenario.mission.time_limit,
-        sample_rate_hz=IMU_RATE,
+        sample_rate_hz=float(IMU_HZ),
         gravity=gravity.load(scenario.earth.gravity, scenario.earth.gravity_degree),
         air=flight.Air(_air_table(scenario), scenario.atmosphere.density),
         wind=wind(scenario.wind),

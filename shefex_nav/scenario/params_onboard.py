@@ -6,8 +6,9 @@ sections that also drive the simulated sensors, unless `navigation.sensors` says
 
 import numpy as np
 
+from shefex_nav.clock import IMU_HZ
 from shefex_nav.scenario import params_filter
-from shefex_nav.scenario.params import IMU_RATE, mounting
+from shefex_nav.scenario.params import mounting
 from shefex_nav.scenario.params_gps import clock_densities
 
 SLANT_IONOSPHERE = 6.0  # m [E], at mid elevation
@@ -168,7 +169,7 @@ def nav_params(scenario):
 
     navigation, sensors = scenario.navigation, scenario.navigation.sensors
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
-    integrity = params_filter.integrity_params(scenario, 1.0 / IMU_RATE, coarse_if_silent=False)
+    integrity = params_filter.integrity_params(scenario, 1.0 / IMU_HZ, coarse_if_silent=False)
     white, walk = clock_densities(scenario.gps.clock)
     return NavParams(
         imu=_imu_model(scenario),
@@ -294,7 +295,7 @@ def _shake_threshold(vibration):
     weakest = min((level for level in vibration.boost if level > 0.0), default=np.inf)
     level2 = weakest * max(vibration.coast, 0.01 * weakest)
     width = vibration.highest_frequency - vibration.lowest_frequency
-    return float(np.sqrt(0.5 * level2 / width / IMU_RATE))
+    return float(np.sqrt(0.5 * level2 / width / IMU_HZ))
 
 
 def _swing(vibration):

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.verify.data import on_grid
 from shefex_nav.verify.daveml import FOOT, SLUG
@@ -119,7 +120,7 @@ def _allowed(tolerance, ours, t_s):
     """What a difference may be at each instant: (n,); NaN where it may be anything."""
     allowed = tolerance.value * np.abs(ours) if tolerance.relative else np.full(ours.size, tolerance.value)
     if tolerance.at_s:
-        near = np.min(np.abs(t_s[:, None] - np.array(tolerance.at_s)), axis=1) < 1e-6
+        near = np.min(np.abs(t_s[:, None] - np.array(tolerance.at_s)), axis=1) < SAME_S
         allowed = np.where(near, allowed, np.nan)
     return allowed
 

@@ -7,10 +7,11 @@ that count it as drawn anew each time therefore need a world in which it is (`tu
 
 import numpy as np
 
+from shefex_nav.clock import IMU_HZ
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import frames, rotation
 
-STEP = 400  # samples between two evaluations of the field: a second, in which it changes by 0.1 micro gee
+STEP = IMU_HZ  # samples between two evaluations of the field: a second, in which it changes by 0.1 micro gee
 
 
 def beyond(field, trajectory, earth, begin=0):

@@ -13,6 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from shefex_nav import files, prepare, simulate
+from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.errors import UserError
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.navigation import fusion, sensors, solution
@@ -27,7 +28,6 @@ PHASES = ("boost", "coast before stars", "star window", "entry")
 PAD = -1
 N_CORE = 15
 EPOCH_TICKS = 50  # between two epochs of the statistics
-EARLY_S = 1e-6
 
 
 class FlownError(UserError):
@@ -234,11 +234,11 @@ class Recorder:
 
     def _epoch(self, t_s):
         """Number of the tick that ends nearest to a time."""
-        return round((t_s - self.begin_s) * simulate.TICKS_PER_S)
+        return round((t_s - self.begin_s) * TICK_HZ)
 
     def _is_epoch(self, t_s):
         tick = self._epoch(t_s)
-        return tick % EPOCH_TICKS == 0 and abs(tick / simulate.TICKS_PER_S + self.begin_s - t_s) < EARLY_S
+        return tick % EPOCH_TICKS == 0 and abs(tick / TICK_HZ + self.begin_s - t_s) < SAME_S
 
     def vibration(self, t_s):
         """Level of the vibration at the ends of ticks, by the strongest motor's. (m,) -> (m,)"""
@@ -257,7 +257,7 @@ def reported(nav):
 
 def phases(t_s, trajectory, used_s):
     """Phase at each time, given when star fixes were used. (m,), Trajectory, list -> (m,) int"""
-    k = np.clip(np.searchsorted(trajectory.t_s, t_s - EARLY_S), 0, len(trajectory.t_s) - 1)
+    k = np.clip(np.searchsorted(trajectory.t_s, t_s - SAME_S), 0, len(trajectory.t_s) - 1)
     first_s, last_s = (used_s[0], used_s[-1]) if used_s else (np.inf, np.inf)
     phase = np.where(t_s < first_s, 1, np.where(t_s <= last_s, 2, 3))
     phase[trajectory.burning[k] > 0] = 0
@@ -267,7 +267,7 @@ def phases(t_s, trajectory, used_s):
 
 def _errors(states, trajectory, biases):
     """truth (-) estimate of the core errors. list of NavState, Trajectory, (N, 6) -> (m, 15)"""
-    k = np.searchsorted(trajectory.t_s, np.array([state.t_s for state in states]) - EARLY_S)
+    k = np.searchsorted(trajectory.t_s, np.array([state.t_s for state in states]) - SAME_S)
     errors = np.empty((len(states), N_CORE))
     errors[:, POS] = trajectory.r_i[k] - np.array([state.r_i for state in states])
     errors[:, VEL] = trajectory.v_i[k] - np.array([state.v_i for state in states])

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-EARLY_S = 1e-6  # rounding of times
+from shefex_nav.clock import SAME_S
 
 
 class Interval(NamedTuple):
@@ -99,12 +99,12 @@ def outputs(P, steps, times_s, *, rng=None, number=0, share=None):
         errors = share.states[:, None] * errors
     settled = 0
     for t_s in times_s:
-        while settled < len(steps) and _known_s(steps[settled]) <= t_s + EARLY_S:
+        while settled < len(steps) and _known_s(steps[settled]) <= t_s + SAME_S:
             P, errors = _take(P, errors, steps[settled], settled, drawn, last=True)
             settled += 1
         P_now, errors_now, k = P, errors, settled
-        while k < len(steps) and steps[k].t_s <= t_s + EARLY_S:
-            if _known_s(steps[k]) <= t_s + EARLY_S:
+        while k < len(steps) and steps[k].t_s <= t_s + SAME_S:
+            if _known_s(steps[k]) <= t_s + SAME_S:
                 P_now, errors_now = _take(P_now, errors_now, steps[k], k, drawn, last=False)
             k += 1
         yield Output(t_s, P_now, errors_now)

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gravity
 from shefex_nav.scenario import params
 from shefex_nav.verify import bound, bound_model
@@ -71,7 +72,7 @@ def curves(runs, pairs):
     m = min(len(run.t_s) for run in runs)
     t_s = runs[0].t_s[:m]
     for pair in pairs:
-        if not np.allclose(pair[0].t_s[:m], t_s, atol=1e-6):
+        if not np.allclose(pair[0].t_s[:m], t_s, atol=SAME_S):
             raise ValueError("the bound is given at other epochs than the errors")
 
     def rms(values):

@@ -9,12 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S, SAMPLES_PER_TICK
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Event, Reason
-from shefex_nav.world.imu import SAMPLES_PER_BLOCK
 
 AXES = "xyz"
-ROUNDING_S = 1e-6  # of the times of samples
 OF_CHANNELS = (
     "prn", "pseudorange", "range_rate", "r_es_e", "v_es_e", "sigma_range", "sigma_range_rate"
 )  # fmt: skip
@@ -68,7 +67,7 @@ NONE = Faults()
 
 def _within(fault, t_s):
     """Whether a fault acts at t_s; its end does not belong to it."""
-    return (t_s > fault.start_s - ROUNDING_S) & (t_s < fault.end_s - ROUNDING_S)
+    return (t_s > fault.start_s - SAME_S) & (t_s < fault.end_s - SAME_S)
 
 
 def imu(faults, data):
@@ -101,11 +100,11 @@ def imu(faults, data):
 
 def _repeat_block(dtheta_b, dv_b, rows):
     """Samples of whole blocks become those of the last block before them, in place."""
-    first = 1 + ((rows[0] - 1) // SAMPLES_PER_BLOCK) * SAMPLES_PER_BLOCK  # row 0 belongs to no block
+    first = 1 + ((rows[0] - 1) // SAMPLES_PER_TICK) * SAMPLES_PER_TICK  # row 0 belongs to no block
     if first == 1:
         return
     rows = np.arange(first, rows[-1] + 1)
-    source = first - SAMPLES_PER_BLOCK + (rows - first) % SAMPLES_PER_BLOCK
+    source = first - SAMPLES_PER_TICK + (rows - first) % SAMPLES_PER_TICK
     dtheta_b[rows], dv_b[rows] = dtheta_b[source], dv_b[source]
 
 
@@ -236,7 +235,7 @@ def events(faults, trajectory, earth):
     for name, fault, detail in _named(faults):
         for suffix, at_s, text in (("", fault.start_s, detail), ("_end", fault.end_s, "")):
             if t_s[0] <= at_s <= t_s[-1]:
-                k = min(int(np.searchsorted(t_s, at_s - ROUNDING_S)), len(t_s) - 1)
+                k = min(int(np.searchsorted(t_s, at_s - SAME_S)), len(t_s) - 1)
                 r_e, _ = frames.ecef_from_inertial(earth, t_s[k], trajectory.r_i[k], trajectory.v_i[k])
                 height = float(wgs84.geodetic_from_ecef(r_e)[2])
                 found.append(Event(float(at_s), f"fault_{name}{suffix}", height, text))

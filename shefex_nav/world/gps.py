@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gnss
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.records import GpsFix, GpsRanges
@@ -148,9 +149,9 @@ def antenna_states(trajectory, earth, l_ba_b):
     Antenna
     """
     t_s = trajectory.t_s
-    seconds = np.arange(np.ceil(t_s[0] - 1e-6), np.floor(t_s[-1] + 1e-6) + 1.0)
-    samples = np.searchsorted(t_s, seconds - 1e-6)
-    if np.any(np.abs(t_s[samples] - seconds) > 1e-6):
+    seconds = np.arange(np.ceil(t_s[0] - SAME_S), np.floor(t_s[-1] + SAME_S) + 1.0)
+    samples = np.searchsorted(t_s, seconds - SAME_S)
+    if np.any(np.abs(t_s[samples] - seconds) > SAME_S):
         raise ValueError(f"GPS fixes are due on whole seconds, but no sample of truth is (start {t_s[0]} s)")
     r_ea_e, v_ea_e, nose_e = (np.empty((len(seconds), 3)) for _ in range(3))
     l_ba_b = np.asarray(l_ba_b, dtype=float)

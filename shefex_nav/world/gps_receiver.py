@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-EARLY_S = 1e-6  # rounding of the times of epochs
+from shefex_nav.clock import SAME_S
+
 LONG = 0.9  # of the time that the best satellite is tracked, for one that counts as tracked long
 
 
@@ -47,7 +48,7 @@ def reacquired(present, t_s, reacquisition, fractions):
     for k, now in enumerate(present):
         back = now & ~before
         ready_s[back] = t_s[k] + wait_s[k, back]
-        tracked[k] = now & (t_s[k] >= ready_s - EARLY_S)
+        tracked[k] = now & (t_s[k] >= ready_s - SAME_S)
         before = now
     return tracked
 
@@ -90,4 +91,4 @@ def apart(seconds, count, u_e):
 
 def _during(t_s, span):
     """(m,) bool: epochs from from_s on and before until_s."""
-    return (t_s >= span.from_s - EARLY_S) & (t_s < span.until_s - EARLY_S)
+    return (t_s >= span.from_s - SAME_S) & (t_s < span.until_s - SAME_S)

@@ -28,10 +28,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAMPLES_PER_TICK
 from shefex_nav.records import ImuBlock
 from shefex_nav.world.noise import gauss_markov
 
-SAMPLES_PER_BLOCK = 4  # 400 Hz samples in a 100 Hz tick
 PIECE = 1 << 16  # samples handled at a time
 
 
@@ -199,12 +199,12 @@ def stacked(data):
 
     ImuData -> ImuBlock of arrays, a row a block; increments are views into `data` unless samples are missing
     """
-    n = (len(data.t_s) - 1) // SAMPLES_PER_BLOCK
-    used = slice(1, 1 + n * SAMPLES_PER_BLOCK)
-    t_s = data.t_s[used][SAMPLES_PER_BLOCK - 1 :: SAMPLES_PER_BLOCK]
+    n = (len(data.t_s) - 1) // SAMPLES_PER_TICK
+    used = slice(1, 1 + n * SAMPLES_PER_TICK)
+    t_s = data.t_s[used][SAMPLES_PER_TICK - 1 :: SAMPLES_PER_TICK]
     dt_s = (data.t_s[-1] - data.t_s[0]) / (len(data.t_s) - 1)
-    dtheta_b = data.dtheta_b[used].reshape(n, SAMPLES_PER_BLOCK, 3)
-    dv_b = data.dv_b[used].reshape(n, SAMPLES_PER_BLOCK, 3)
+    dtheta_b = data.dtheta_b[used].reshape(n, SAMPLES_PER_TICK, 3)
+    dv_b = data.dv_b[used].reshape(n, SAMPLES_PER_TICK, 3)
     saturated, valid = _any_of_block(data.saturated[used]), np.ones(n, dtype=bool)
     if data.missing is not None:
         valid = ~_any_of_block(data.missing[used])
@@ -214,8 +214,8 @@ def stacked(data):
 
 
 def _any_of_block(flags):
-    """Whether one of the samples of each block is flagged. (n SAMPLES_PER_BLOCK,) bool -> (n,) bool"""
-    return flags.reshape(-1, SAMPLES_PER_BLOCK).any(axis=1)
+    """Whether one of the samples of each block is flagged. (n SAMPLES_PER_TICK,) bool -> (n,) bool"""
+    return flags.reshape(-1, SAMPLES_PER_TICK).any(axis=1)
 
 
 def _response(scale_factor, misalignment):

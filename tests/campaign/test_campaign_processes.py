@@ -172,17 +172,19 @@ def test_two_campaigns_on_a_dask_cluster_of_which_a_worker_is_killed(path, diges
 
 
 def test_a_scheduler_that_is_not_there(path, tmp_path):
-    """One message, also where dask is not installed."""
+    """One message, also where dask is not installed, and no folder."""
+    out = tmp_path / "campaigns" / "new"
     if importlib.util.find_spec("distributed") is None:
-        flying = campaign(path, tmp_path, "--engine", "dask://127.0.0.1:1")
+        flying = campaign(path, out, "--engine", "dask://127.0.0.1:1")
         _, said = flying.communicate(timeout=PATIENCE_S)
         assert flying.returncode == 2 and "needs the extra 'cluster' (distributed is not installed)" in said
+        assert not out.parent.exists()
         return
     impatient = "from shefex_nav.campaign import cluster; cluster.CONNECT_S = 1.0"
     command = f"{impatient}; from shefex_nav import cli; cli.main()"
     address = f"dask://127.0.0.1:{free_port()}"
-    flying = started("-c", command, "campaign", path, "--runs", 1, "--out", tmp_path, "--engine", address)
+    flying = started("-c", command, "campaign", path, "--runs", 1, "--out", out, "--engine", address)
     _, said = flying.communicate(timeout=PATIENCE_S)
     assert flying.returncode == 2
     assert re.search(r"dask://127\.0\.0\.1:\d+: no scheduler with a worker answers", said), said
-    assert "Traceback" not in said
+    assert "Traceback" not in said and not out.parent.exists()

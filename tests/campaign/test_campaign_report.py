@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 import synthetic_campaign
 from typer.testing import CliRunner
@@ -10,6 +11,7 @@ from shefex_nav import cli
 from shefex_nav.campaign import over_time, parts, summary
 from shefex_nav.campaign.results import open_campaign
 from shefex_nav.report import requirements
+from shefex_nav.scenario import load
 
 N = 60
 KEYS = {"runs", "asked", "lost", "succeeded", "failed", "requirements", "wall_s", "results_digest"}
@@ -60,7 +62,7 @@ def test_the_tables_name_the_cause_of_failures_and_how_to_look_at_them(folder, s
 def test_the_tables_have_every_part(said):
     for part in (
         "flew to their end", "attitude at entry", "at most 0.17 deg", "95 % interval", "frames of the window",
-        "95 % ellipse at apogee", "inside 3 sigma", "NEES of attitude", "Worst of the other runs",
+        "95 % ellipse at apogee", "inside 3 sigma", "NEES of attitude", "The worst runs",
         "rank correlation",
     ):  # fmt: skip
         assert part in said.stdout, part
@@ -151,6 +153,19 @@ def test_the_worst_runs_are_those_that_miss_most(folder):
     assert missed[runs.index(worst[0].run)] == missed.max()
     judged = campaign.judged([worst[0].run])[worst[0].run]
     assert requirements.severity(judged) == worst[0].severity
+    for one in worst:
+        is_met = campaign.judgements.passed[runs.index(one.run)].all()
+        assert one.words.startswith("meets all requirements; nearest" if is_met else "misses ")
+        assert ", wanted at " in one.words
+
+
+def test_without_requirements_the_worst_runs_have_the_largest_errors(tmp_path):
+    source = load.load(synthetic_campaign.SCENARIO, ["requirements=null"]).source
+    campaign = open_campaign(synthetic_campaign.write(tmp_path / "c", 8, source=source))
+    campaign.columns["summary.navigation.attitude_error_deg.rms"] = np.array([3.0, 1, 4, 1, 5, 9, 2, 6])
+    assert [one.run for one in summary.worst_runs(campaign, 3)] == [5, 7, 4]
+    (first,) = summary.worst_runs(campaign, 1)
+    assert first.words == "attitude error 9 deg rms; the scenario requires nothing"
 
 
 def test_a_wrong_covariance_is_in_the_tables(tmp_path):
@@ -167,7 +182,7 @@ def test_the_page_has_everything_and_loads_nothing(folder, tmp_path):
     assert result.exit_code == 0, result.output
     page = path.read_text()
     for words in (
-        "Campaign synthetic, seed 3", "attitude at entry", "more than the thrust can lift", "Worst of the",
+        "Campaign synthetic, seed 3", "attitude at entry", "more than the thrust can lift", "The worst runs",
         open_campaign(folder).digest, "figure-errors", "figure-sensitivity", "imu:",
     ):  # fmt: skip
         assert words in page, words

@@ -12,6 +12,7 @@ from shefex_nav import cli
 from shefex_nav.campaign import draws, engine, flight, repeating, results, running, store, summary, table
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.flight import Pilot
+from shefex_nav.clock import TICK_HZ
 from shefex_nav.log import reader, thinning
 from shefex_nav.report import metrics
 from shefex_nav.scenario import load
@@ -151,6 +152,37 @@ def test_two_campaigns_do_not_share_a_folder(scenario, tmp_path):
         fly(scenario, tmp_path, 1)
 
 
+def test_a_campaign_that_cannot_begin_leaves_nothing_behind(scenario, tmp_path):
+    """Folders that it made go; a folder that was there stays with what was in it."""
+    plan, _ = running.prepared(scenario, 1, 1)
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "notes.txt").write_text("mine")
+    for folder in (tmp_path / "campaigns" / "new", mine):
+        with pytest.raises(engine.EngineError), store.Store(folder) as kept:
+            kept.begin(plan, {})
+            kept.flight(lambda: b"flown")
+            raise engine.EngineError("no workers")
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+    assert [path.name for path in mine.iterdir()] == ["notes.txt"]
+
+
+def test_what_was_there_before_stays_when_a_campaign_cannot_go_on(scenario, tmp_path):
+    plan, _ = running.prepared(scenario, 1, 1)
+    with store.Store(tmp_path) as kept:
+        kept.begin(plan, {})
+    before = (tmp_path / "campaign.json").read_bytes()
+    with pytest.raises(engine.EngineError), store.Store(tmp_path) as kept:
+        kept.begin(plan, {})
+        raise engine.EngineError("no workers")
+    assert (tmp_path / "campaign.json").read_bytes() == before
+    with pytest.raises(engine.EngineError), store.Store(tmp_path / "new") as kept:
+        kept.begin(plan, {})
+        kept.lose(engine.Lost(0, "its worker was killed", True))
+        raise engine.EngineError("no workers")
+    assert set(kept.lost()) == {0} and kept.head() is not None
+
+
 def test_every_fifth_run_fails_and_says_why(tmp_path):
     """An exposure longer than the longest contradicts another field: an error of the run that draws it."""
     rows = "\n".join("0.06" if run % 5 == 4 else "0.02" for run in range(10))
@@ -202,7 +234,7 @@ def at_ten_hertz(data):
     """RunData with as much of truth and solution as a campaign takes its figures from."""
 
     def few(columns):
-        ticks = np.round((columns.t_s - data.mission.start_s) * thinning.TICKS_PER_S)
+        ticks = np.round((columns.t_s - data.mission.start_s) * TICK_HZ)
         return columns._make(column[ticks % thinning.ticks(thinning.LOWEST_HZ) == 0] for column in columns)
 
     truth = few(data.truth)

@@ -105,8 +105,10 @@ def test_series_and_summary_of_one_run(folder):
     series = campaign.series(run)
     assert series["position_error_i"].shape == (synthetic_campaign.T, 3)
     assert campaign.summary(run)["star_tracker"]["by_rate"] == [{"from_deg_s": 0.0}]
-    with pytest.raises(KeyError, match="not there"):
-        campaign.summary(30)
+    for ask in (campaign.summary, campaign.series, campaign.times):
+        for none in (30, 77, -1):
+            with pytest.raises(KeyError, match=f"there is no run {none}; the campaign has runs 0 to 29"):
+                ask(none)
     with pytest.raises(KeyError, match=r"did you mean summary\.flight\.apogee_km"):
         campaign["summary.flight.apogee_m"]
 

@@ -105,16 +105,22 @@ def test_k_is_that_of_the_normal_distribution():
     for risk in (0.05, 1e-5):
         wanted = protection.requirement(0.003, risk)
         assert 2.0 * norm.sf(wanted.k) == pytest.approx(risk)
-    level = protection.Level(np.array([0.1, 0.0, 0.3]), np.array([0.0, 0.2, 0.1]))
-    expected = wanted.k * 0.01 + np.array([0.1, 0.2, 0.3])
-    assert np.allclose(protection.of_attitude(level, wanted, np.full(3, 0.01)), expected)
+    for stars, others, expected in (
+        (0.1, 0.0, 0.1),
+        (0.0, 0.2, 0.2),
+        (np.nan, 0.1, np.nan),
+        (0.1, np.nan, np.nan),
+    ):
+        found = protection.of_axis(stars, others, wanted.k, 0.01)
+        assert found == pytest.approx(wanted.k * 0.01 + expected, nan_ok=True)
 
 
 def test_the_gravest_doubt_counts_and_what_is_no_number_never_passes():
     wanted = protection.Requirement(0.003, 4.4)
     good, bad = np.full(3, 0.003), np.array([0.001, 0.0031, 0.001])
-    assert protection.doubt(good, wanted, False, False) == Doubt.NONE
-    assert protection.doubt(bad, wanted, False, False) == Doubt.ATTITUDE
-    assert protection.doubt(bad * np.nan, wanted, False, False) == Doubt.ATTITUDE
-    assert protection.doubt(good, wanted, True, False) == Doubt.CONTRADICTED
-    assert protection.doubt(good, wanted, True, True) == Doubt.IMU
+    three = np.array([good, bad, bad * np.nan])
+    found = [Doubt.NONE, Doubt.ATTITUDE, Doubt.ATTITUDE]
+    assert protection.doubts(three, wanted, False, False) == found
+    assert protection.doubts(three, wanted, True, False) == [Doubt.CONTRADICTED] * 3
+    assert protection.doubts(three, wanted, True, True) == [Doubt.IMU] * 3
+    assert protection.doubts(three, wanted, False, True) == [Doubt.IMU] * 3

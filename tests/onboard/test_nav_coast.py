@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from navigation_flight import DT, EARTH, PARAMS, alignment, fly, gps_fix
 
+from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import coast, fusion, integrity_imu, integrity_watch
 from shefex_nav.records import ImuBlock
 
@@ -77,6 +78,35 @@ def broken(kind):
             dtheta_b[:, 1] = BLOCKS[200].dtheta_b[0, 1]
             blocks[k] = blocks[k]._replace(dtheta_b=dtheta_b)
     return blocks
+
+
+@pytest.mark.parametrize("every", [1, 4, 10])
+def test_what_is_told_of_ticks_on_the_way_is_what_each_would_have_told(every):
+    """Every NavSolution and NavCovariance, to the last bit, and at whole tenths of a second no others."""
+    rng = np.random.default_rng(2)
+    fixes = [gps_fix(BLOCKS, STATES, t_s, 0.2, rng) for t_s in (1.0, 2.0, 3.0, 4.0012)]
+    told = []
+    for blocks in (BLOCKS, broken("silent")):
+        arrays = stacked(blocks)
+        for step in (1, len(blocks)):
+            nav, n, waiting, outputs = fusion.start(WATCHED, alignment(STATES[0]), EARTH), 0, fixes[:], []
+            while n < len(blocks):
+                until_s = waiting[0].t_available_s - 1e-9 if waiting else np.inf
+                stop = min(int(np.searchsorted(arrays.t_valid_s, until_s)) + 1, len(blocks), n + step)
+                done, passed = computer.glide(nav, n, arrays, n, stop, every)
+                n += done
+                outputs += [record for _, said in passed for record in said]
+                arrived = [waiting.pop(0)] if waiting and nav.history.ends_s[-1] > until_s else []
+                outputs += computer.conclude(nav, n, arrived, (), told=n % every == 0)
+            told.append(outputs)
+    for one, many in (told[:2], told[2:]):
+        kinds = [type(record).__name__ for record in one]
+        assert kinds.count("NavSolution") == len(BLOCKS) // every
+        assert kinds.count("NavCovariance") == len(BLOCKS) // 10
+        assert kinds == [type(record).__name__ for record in many]
+        for a, b in zip(one, many, strict=True):
+            for x, y in zip(a, b, strict=True):
+                np.testing.assert_array_equal(x, y)
 
 
 @pytest.mark.parametrize("kind", ["silent", "stuck"])

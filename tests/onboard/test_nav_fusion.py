@@ -342,7 +342,7 @@ def test_sigmas_of_the_solution_are_those_of_samples():
     samples = np.linalg.cholesky(tick.P) @ rng.standard_normal((LAYOUT.n, 4000))
     rows, derived = [], ("r_e", "v_e", "omega_ib_b", "flight_path_angle", "angle_of_attack", "sideslip")
     for dx in samples.T:
-        nav.history.x[:] = pack(correct(LAYOUT, tick.state, dx))
+        nav.history.xs[nav.history.place(-1)] = pack(correct(LAYOUT, tick.state, dx))
         found = solution.solution(nav)
         rows.append(np.concatenate([np.ravel(getattr(found, name)) for name in derived]))
     deviation = np.std(rows, axis=0)

@@ -168,6 +168,40 @@ REFUSED = {
 }
 
 
+def test_wrong_values_contradictions_and_missing_files_are_told_at_once(tmp_path):
+    """What is wrong by itself hides nothing of what does not depend on it."""
+    small(tmp_path, np.arange(500.0, 510.0, 0.05), np.arange(501.0, 509.0))
+    overrides = {
+        "imu.gyro.bias=1 m": "imu.gyro.bias: '1 m' is a length",
+        "data.imu.rate=fast": "data.imu.rate: ",
+        "mission.end=0.5 s": "mission.end: must be at least 1 s after mission.start",
+        "data.imu.gyro_unit=rad": "data.imu.accelerometer_unit: the gyros give increments",
+        "data.gnss.file=g.csv": "data.gnss.file: there is no file",
+        "data.truth=null": "alignment.method: 'reference' needs data.truth",
+        "navigation.states=[gyro_scale, gyro_roll_column]": "estimate the same error",
+    }
+    with pytest.raises(ScenarioError) as caught:
+        load.load(tmp_path / "small.yaml", list(overrides))
+    assert len(caught.value.messages) == len(overrides), str(caught.value)
+    for words in overrides.values():
+        assert words in str(caught.value), words
+
+
+@pytest.mark.parametrize(
+    ("mistake", "silent"),
+    [
+        ("mission.start=soon", "mission.end=0.5 s"),  # an end can only be too early against a start
+        ("data.imu.accelerometer_unit=m", "data.imu.gyro_unit=rad"),
+        ("data.format=navigo", "data.gnss.file=g.csv"),
+    ],
+)
+def test_nothing_is_said_of_what_a_wrong_value_contradicts(mistake, silent, tmp_path):
+    small(tmp_path, np.arange(500.0, 510.0, 0.05), np.arange(501.0, 509.0))
+    with pytest.raises(ScenarioError) as caught:
+        load.load(tmp_path / "small.yaml", [mistake, silent])
+    assert len(caught.value.messages) == 1, str(caught.value)
+
+
 @pytest.mark.parametrize("kind", REFUSED)
 def test_a_scenario_that_cannot_be_is_refused(kind, tmp_path):
     override, words = REFUSED[kind]

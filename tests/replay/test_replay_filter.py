@@ -23,17 +23,19 @@ def replayed(path, overrides=()):
     return kept.build()
 
 
-@pytest.mark.parametrize("rate_hz", [100.0, 125.0, 200.0, 500.0])
-def test_ideal_sensors_at_any_rate_leave_no_error(rate_hz, tmp_path):
+@pytest.mark.parametrize(
+    ("rate_hz", "in_tick"), [(100.0, 4), (125.0, 4), (200.0, 4), (500.0, 4), (200.0, 1), (200.0, 40)]
+)
+def test_ideal_sensors_at_any_rate_leave_no_error(rate_hz, in_tick, tmp_path):
     """A fast turntable on a slow Earth: what is left is the curvature within a sample.
 
     Integrated without GNSS, so that nothing corrects a wrong increment, time or axis.
     """
     path = replay_files.turntable_folder(tmp_path, Turntable(), turntable.increments, rate_hz, LENGTH_S)
-    data = replayed(path, ["gnss.first=1000 s"])
+    data = replayed(path, ["gnss.first=1000 s", f"navigation.samples_per_tick={in_tick}"])
     t_s, error, _, _ = local_level.errors(data)
-    assert len(t_s) == int(LENGTH_S * rate_hz) // external.BLOCK
-    assert t_s[-1] == pytest.approx(LENGTH_S, abs=external.BLOCK / rate_hz)
+    assert len(t_s) == int(LENGTH_S * rate_hz) // in_tick
+    assert t_s[-1] == pytest.approx(LENGTH_S, abs=in_tick / rate_hz)
     # an error of the gravity or of a sign makes metres; a sample too early or too late 1e-3 rad
     assert np.abs(error[:, :3]).max() < 1e-3
     assert np.abs(error[:, 3:6]).max() < 3e-4

@@ -151,6 +151,9 @@ def test_a_mission_that_was_seen_in_part_is_judged_on_what_was_seen(data, few_fi
     assert (
         "1 of 1 requirements not reached: attitude at entry" in page_summary._verdict(judged[:1], True).html
     )
+    good = [one._replace(found=0, passed=True) for one in judged]
+    whole, seen = (page_summary._verdict(good, is_part).html for is_part in (False, True))
+    assert "All 2 requirements are met." in whole and "All 2 requirements are met so far." in seen
 
 
 @pytest.mark.parametrize(

@@ -88,6 +88,35 @@ def test_a_flight_that_stays_in_the_air_is_told():
     found = programme.foreseen(load.load(DEFAULT, overrides))
     assert "programme.slew" in fields(found)
     assert "stays in the air, its apogee is 58.6 km" in found[0].text
+    fields_named = "launch.elevation (78 deg) or programme.precession.elevation (8.58 deg)"
+    assert f"; a larger {fields_named} raises it" in found[0].text
+
+
+def test_a_steeper_burn_brings_the_vehicle_out_of_the_air():
+    """The warning names the second burn's elevation; with a larger one the same launch is good."""
+    low = ["launch.elevation=80 deg"]
+    found = programme.foreseen(load.load(DEFAULT, low))
+    assert "programme.precession.elevation (8.58 deg) raises it" in found[0].text
+    assert programme.foreseen(load.load(DEFAULT, [*low, "programme.precession.elevation=45 deg"])) == ()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (
+            [],
+            "; a larger launch.elevation (86.43 deg) or programme.precession.elevation (8.58 deg) raises it",
+        ),
+        (["launch.elevation=90 deg"], "; a larger programme.precession.elevation (8.58 deg) raises it"),
+        (["launch.elevation=90 deg", "programme.precession=null"], ""),
+        (  # a turn after the burn makes nobody higher
+            ["vehicle.stages.S44.ignition=66 s", "programme.damping=null"],
+            "; a larger launch.elevation (86.43 deg) raises it",
+        ),
+    ],
+)
+def test_only_what_helps_is_named(overrides, words):
+    assert programme._steeper(load.load(DEFAULT, overrides)) == words
 
 
 def flown(*events, end_s=500.0, astray_deg=0.2):

@@ -52,6 +52,55 @@ def test_what_was_not_measured_was_not_met(wanted):
     assert passed(**wanted) == (None, False)
 
 
+def star_fixes(apogee_km, **star):
+    figures = {f"star_tracker.{name}": value for name, value in star.items()}
+    (one,) = requirements.judge_figures({"star_fixes": 95.0}, (figures | {"flight.apogee_km": apogee_km}).get)
+    return one
+
+
+@pytest.mark.parametrize(
+    ("apogee_km", "star", "is_passed", "said"),
+    [
+        (176.2, {"solved": 1251, "in_window": 1251}, True, "100 % of 1251 frames"),
+        (176.2, {"solved": 0, "in_window": 1}, False, "0 % of 1 frame"),
+        (None, {"solved": 81, "in_window": 81}, True, "100 % of 81 frames"),  # on the ground, in orbit
+        (176.2, {"solved": 0, "in_window": 0}, False, "not measured: no frame in the window"),
+        (176.2, {}, False, "not measured: no frame in the window"),
+        (84.2, {"solved": 81, "in_window": 81}, False,
+         "not measured: the camera stayed in the air, below 100 km"),
+    ],
+)  # fmt: skip
+def test_a_share_says_of_how_many_frames_it_is(apogee_km, star, is_passed, said):
+    one = star_fixes(apogee_km, **star)
+    assert (one.passed, requirements.said(one)) == (is_passed, said)
+    assert (one.found is None) == said.startswith("not measured")
+
+
+def test_no_frame_is_no_proof_that_none_is_wrong():
+    for frames, found in ((0, None), (5, 0)):
+        figures = {"star_tracker.frames": frames, "star_tracker.wrong": 0}
+        (one,) = requirements.judge_figures({"wrong_star_fixes": 0}, figures.get)
+        assert one.found == found and one.passed == (found == 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "found", "is_passed", "verdict"),
+    [
+        ("attitude_at_entry", 0.1, True, "met"),  # entry comes once
+        ("attitude_at_entry", 0.2, False, "not met"),
+        ("attitude_at_entry", None, False, "not reached"),
+        ("cold_gas", 3.0, True, "met so far"),  # the rest of the mission needs more
+        ("cold_gas", 9.0, False, "not met"),  # and gives nothing back
+        ("star_fixes", 99.0, True, "met so far"),
+        ("star_fixes", 90.0, False, "not met so far"),  # later frames may be good
+    ],
+)
+def test_a_part_of_a_mission_decides_what_the_rest_cannot_change(name, found, is_passed, verdict):
+    one = requirements.Judged(name, 1.0, found, "", is_passed)
+    assert requirements.verdict(one, is_part=True) == verdict
+    assert requirements.verdict(one, is_part=False) == ("met" if is_passed else "not met")
+
+
 def test_limits_are_shown_as_they_were_written():
     found = requirements.limits(
         Requirements(attitude_at_entry="0.17 deg", star_fixes="95 %", usable_at_entry=True)

@@ -29,6 +29,15 @@ def test_what_is_drawn_is_added_in_its_own_unit():
     assert drawn.dispersions == {}
 
 
+def test_a_pattern_keeps_the_scenario_as_it_was_written():
+    """Neither defaults that draws need in the tree nor the draws themselves get into it."""
+    scenario = load.load(DEFAULT, ["dispersions.vehicle.stages.S40M.motor.misalignment.1={normal: 1 mrad}"])
+    made = load.Pattern(scenario.source, "test")
+    made.with_draws({"vehicle.stages.S40M.motor.misalignment.1": 2.0})
+    assert made.scenario.model_dump() == load.load_text(scenario.source, "test").model_dump()
+    assert made.scenario.source == scenario.source
+
+
 def test_the_number_that_is_written_is_the_number_that_is_drawn():
     """In the field's unit nothing is rounded on the way: text -> number -> text."""
     drawn = flown({"launch.height": 0.1}, "dispersions.launch.height={normal: 1 m}")

@@ -5,8 +5,8 @@ Most ticks of a flight only integrate, and the interpreter around the call takes
 
 from numba import njit
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.onboard.navigation import fusion, integrity_imu, prediction
-from shefex_nav.onboard.navigation.history import SNAP_S
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.records import row
 
@@ -58,7 +58,7 @@ def _coast(
     for block in range(first, last):
         number = newest + 1 + block - first
         k, before = number % size, (number - 1) % size
-        if abs(ends_s[block] - numbers[before, 0] - n * dt_s[block]) > SNAP_S:
+        if abs(ends_s[block] - numbers[before, 0] - n * dt_s[block]) > SAME_S:
             return block - first, 0
         changed = integrity_imu.screen_packed(
             rules, last_block, axes, ends_s[block], dt_s[block], dtheta_b[block], dv_b[block],

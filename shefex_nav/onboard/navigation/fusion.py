@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import frames
 from shefex_nav.onboard.navigation import (
     error_model,
@@ -25,10 +26,11 @@ from shefex_nav.onboard.navigation import (
     measurements,
     prediction,
 )
-from shefex_nav.onboard.navigation.history import SNAP_S, History, Moment, Tick
+from shefex_nav.onboard.navigation.history import History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import (
     SENSORS,
+    Fix,
     Measurement,
     contents,
     straightened,
@@ -38,6 +40,7 @@ from shefex_nav.onboard.navigation.state import (
     X_R,
     X_V,
     Layout,
+    NavParams,
     NavState,
     initial,
     initial_covariance,
@@ -45,7 +48,7 @@ from shefex_nav.onboard.navigation.state import (
     pack,
     unpack,
 )
-from shefex_nav.onboard.navigation.strapdown import BEFORE
+from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow
 from shefex_nav.records import GateResult, Reason
 
 UNUSED = (Fate.REJECTED, Fate.HELD)
@@ -63,7 +66,7 @@ class Interval(NamedTuple):
     Q: np.ndarray  # (n, n)
     state_after: NavState
     P_after: np.ndarray  # (n, n)
-    imu: Any  # ImuWindow of the tick
+    imu: ImuWindow  # of the tick
 
 
 class Correction(NamedTuple):
@@ -74,7 +77,7 @@ class Correction(NamedTuple):
 
     t_s: float  # of the state; the fix's, but for rounding
     sensor: str
-    fix: Any
+    fix: Fix
     fate: Fate  # USED, RESET or DOUBTED
     state: NavState  # before
     P: np.ndarray  # (n, n) before
@@ -92,11 +95,11 @@ class Correction(NamedTuple):
 class Filter(NamedTuple):
     """The running filter. `history` and `health` change in place: they are the memory of the computer."""
 
-    params: Any  # NavParams
+    params: NavParams
     layout: Layout
-    earth: Any  # EarthRotation
+    earth: frames.EarthRotation
     constants: tuple  # first arguments of `prediction.travel`
-    kalman: Any  # covariance engine
+    kalman: Any  # of `eskf.engine`, whose type takes seconds to import
     limits: dict  # degrees of freedom -> limit of the gate, as far as needed yet
     history: History
     health: dict  # sensor -> integrity.Health
@@ -148,7 +151,7 @@ def advance(nav, block, more_dv=None):
         added to the velocity increments; the watch sees these as they were read
     """
     history, n, now_s = nav.history, len(block.dtheta_b), block.t_valid_s
-    if abs(now_s - history.ends_s[-1] - n * block.dt_s) > SNAP_S:
+    if abs(now_s - history.ends_s[-1] - n * block.dt_s) > SAME_S:
         raise ValueError(
             f"IMU block ending at {now_s:.6f} s does not follow on the state at {history.ends_s[-1]:.6f} s"
         )
@@ -166,7 +169,7 @@ def advance(nav, block, more_dv=None):
 def forget_old(nav):
     """Let the ticks go that are older than the history is to reach."""
     history = nav.history
-    oldest_s = history.ends_s[-1] - nav.params.history_s + SNAP_S
+    oldest_s = history.ends_s[-1] - nav.params.history_s + SAME_S
     while history.ends_s[1] <= oldest_s:
         _forget_oldest(nav)
 
@@ -301,7 +304,7 @@ def _travel(nav, first, begin_s, last, end_s, recorder):
     t_s, after_s = (imu.t_end_s - (imu.length_s - at_s) for at_s in (begin_s, end_s))  # exact at the end
     state, P = unpack(t_s, history.x.copy()), history.P.copy()
     prediction.travel(*nav.constants, *history.arrays, *way)
-    if end_s - begin_s > SNAP_S:
+    if end_s - begin_s > SAME_S:
         Phi, Q = prediction.growth(nav.layout, nav.constants[1], state, imu, begin_s, end_s, nav.earth)
         after = unpack(after_s, history.x.copy())
         recorder(Interval(t_s, after_s, state, P, Phi, Q, after, history.P.copy(), imu))

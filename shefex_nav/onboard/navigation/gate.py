@@ -7,13 +7,13 @@ when a sensor that contradicts the filter is believed after all, and when a fix 
 `integrity_gps` when a receiver drifts; `integrity_gyro` when it is the gyros that are wrong.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.onboard.navigation import eskf, integrity, integrity_gps, integrity_watch
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS
+from shefex_nav.onboard.navigation.sensors import SENSORS, Admitted
 from shefex_nav.records import GateResult, Reason
 
 ACCEPTED = (Fate.USED, Fate.RESET)
@@ -29,8 +29,8 @@ class Verdict(NamedTuple):
     """What becomes of a measurement."""
 
     fate: Fate
-    rows: Any  # as in sensors.Measurement
-    admitted: Any  # likewise
+    rows: np.ndarray | None  # as in sensors.Measurement
+    admitted: Admitted | None  # likewise
     note: str
     alone: bool  # whether one fix inside the gate was enough
 

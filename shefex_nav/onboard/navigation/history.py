@@ -6,16 +6,15 @@ What leaves this module is copied, so later ticks and later measurements do not 
 
 from bisect import bisect_left
 from collections import deque
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import unpack
 from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, felt_packed
-
-SNAP_S = 1e-6  # instants closer together than this are one
 
 
 class Tick(NamedTuple):
@@ -24,7 +23,7 @@ class Tick(NamedTuple):
     t_s: float
     x: np.ndarray  # (93,) packed nominal state
     P: np.ndarray  # (n, n)
-    imu: Any  # strapdown.ImuWindow that led here; None at the start
+    imu: ImuWindow | None  # that led here; None at the start
 
     @property
     def state(self):
@@ -101,13 +100,13 @@ class History:
         return float(self.numbers[place, 2] * self.numbers[place, 1])
 
     def since(self, k, begin_s, t_s):
-        """Where an instant lies in tick k: s from its start, with what is nearer than `SNAP_S` taken for
+        """Where an instant lies in tick k: s from its start, with what is nearer than `SAME_S` taken for
         begin_s, or for the end of the tick."""
         length_s = self.length_s(k)
         at_s = t_s - (self.ends_s[k] - length_s)
-        if at_s > length_s - SNAP_S:
+        if at_s > length_s - SAME_S:
             return length_s
-        return at_s if at_s - begin_s > SNAP_S else begin_s
+        return at_s if at_s - begin_s > SAME_S else begin_s
 
     def make_room(self, samples, ticks=1):
         """Place of the next tick, with places for `ticks`; what stands there is to be overwritten."""
@@ -154,9 +153,9 @@ class History:
 
     def within(self, t_s):
         """Index of the tick in which t_s lies, after the tick before and not after its own end; or None."""
-        if not self.ends_s[0] + SNAP_S < t_s <= self.ends_s[-1] + SNAP_S:
+        if not self.ends_s[0] + SAME_S < t_s <= self.ends_s[-1] + SAME_S:
             return None
-        return bisect_left(self.ends_s, t_s - SNAP_S)
+        return bisect_left(self.ends_s, t_s - SAME_S)
 
     def nearest(self, t_s):
         """Index of the tick whose end is nearest to t_s, of those that have IMU samples."""
@@ -260,6 +259,6 @@ def _bend(numbers, increments, first, newest, t_s, half_s):
                 weight += ((half_s - c) ** 2 - (half_s - b) ** 2) / (4.0 * half_s)
             for i in range(3):
                 out[i] += weight / h * increments[k, BEFORE + m, i]
-    if covered_s < 2.0 * half_s - SNAP_S:
+    if covered_s < 2.0 * half_s - SAME_S:
         out[:] = 0.0
     return out

@@ -12,11 +12,13 @@ second is used, the first never.
 """
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import rotation
+from shefex_nav.records import GpsFix, GpsRanges
 
 LONGEST_PAIR_S = 3.0  # [E] GPS fixes further apart than this are not compared
 LONGEST_STAR_PAIR_S = 60.0  # [E] nor star fixes further apart than this
@@ -33,22 +35,10 @@ class Fate(IntEnum):
     DOUBTED = 5  # not used; what it has misled before is known less well from here on
 
 
-class Health(NamedTuple):
-    """Record of one sensor."""
-
-    used: int  # measurements used since the start
-    rejected: int  # consecutive rejected fixes which agree with each other
-    t_first_s: float  # the first of them
-    evidence: Any  # the last of them, in the form that `agree` compares
-    held: Any = None  # likewise, the last fix inside the gate, where one alone does not count
-    first: Any = None  # likewise, the first of the rejected
-    in_a_row: int = 0  # rejected fixes since the last that was not, whether they agree or not
-
-
 class GpsEvidence(NamedTuple):
     """A GPS fix against the state that the filter had."""
 
-    fix: Any  # GpsFix
+    fix: GpsFix
     z: np.ndarray  # (3,) m or m/s, innovation
     P: np.ndarray  # (3, 3) of what the filter said of it
 
@@ -59,6 +49,21 @@ class StarEvidence(NamedTuple):
     t_valid_s: float
     error_i: np.ndarray  # (4,) rotation from the estimated to the measured attitude, inertial axes
     R_i: np.ndarray  # (3, 3) rad^2
+
+
+Evidence = GpsEvidence | StarEvidence | GpsRanges  # a fix in the form that `agree` compares
+
+
+class Health(NamedTuple):
+    """Record of one sensor."""
+
+    used: int  # measurements used since the start
+    rejected: int  # consecutive rejected fixes which agree with each other
+    t_first_s: float  # the first of them
+    evidence: Evidence | None  # the last of them
+    held: Evidence | None = None  # likewise, the last fix inside the gate, where one alone does not count
+    first: Evidence | None = None  # likewise, the first of the rejected
+    in_a_row: int = 0  # rejected fixes since the last that was not, whether they agree or not
 
 
 HEALTHY = Health(0, 0, np.nan, None)
@@ -96,7 +101,7 @@ def judge(health, trial, nis, limit, t_valid_s, alone=True):
     else:
         rejected, t_first_s, first = 1, t_valid_s, trial.evidence
     rule = trial.rule
-    if rejected >= rule.count and t_valid_s - t_first_s >= rule.duration_s - 1e-6:
+    if rejected >= rule.count and t_valid_s - t_first_s >= rule.duration_s - SAME_S:
         return Fate.RESET, Health(health.used + 1, 0, np.nan, None)
     in_a_row = health.in_a_row + 1
     return Fate.REJECTED, Health(

@@ -26,7 +26,7 @@ confirms, until the accelerometers contradict them.
 """
 
 from collections import deque
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -59,7 +59,7 @@ QUIET = Drift(np.zeros((len(WINDOWS), 3)), np.zeros(len(WINDOWS)), False)
 class Kept(NamedTuple):
     """A fix that was here."""
 
-    fix: Any  # GpsFix or GpsRanges; the last of those that say the same
+    fix: GpsFix | GpsRanges  # the last of those that say the same
     place: list  # its position or ranges
     velocity: list  # and their rates
     r_e: np.ndarray  # (3,) m, where the filter had the vehicle at the first of them

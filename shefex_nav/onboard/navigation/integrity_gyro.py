@@ -33,6 +33,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.state import BG, X_MOUNTING, X_Q
 
@@ -259,13 +260,13 @@ def _compare(rows, n, baselines_s, noise, limits):
     last, verdict, none = n - 1, UNDECIDED, np.zeros(3)
     for k in range(baselines_s.shape[0]):
         first = last
-        while first > 0 and rows[last, T] - rows[first, T] < baselines_s[k] - 1e-6:
+        while first > 0 and rows[last, T] - rows[first, T] < baselines_s[k] - SAME_S:
             first -= 1
         T_all = rows[last, T] - rows[first, T]
-        if T_all < baselines_s[k] - 1e-6 or T_all > 1.5 * baselines_s[k]:
+        if T_all < baselines_s[k] - SAME_S or T_all > 1.5 * baselines_s[k]:
             continue
         middle = first
-        while rows[middle, T] - rows[first, T] < 0.5 * T_all - 1e-6:
+        while rows[middle, T] - rows[first, T] < 0.5 * T_all - SAME_S:
             middle += 1
         share = (rows[middle, T] - rows[first, T]) / T_all
         if share > 0.6:

@@ -211,26 +211,20 @@ def _after_fix(stars_b, others_b, of_stars, table, P_now):
     return after
 
 
-def of_attitude(level, wanted, sigma_b):
-    """Protection level (3,) rad for the standard deviations (3,) rad of the attitude."""
-    return _of_attitude(level.stars_b, level.others_b, wanted.k, sigma_b)
-
-
 @njit(cache=True)
-def _of_attitude(stars_b, others_b, k, sigma_b):
-    """`of_attitude` with the fields of its tuples."""
-    out = np.empty(3)
-    for i in range(3):
-        out[i] = k * sigma_b[i] + max(stars_b[i], others_b[i])
-    return out
+def of_axis(stars, others, k, sigma):
+    """Protection level of an axis, rad, for the standard deviation of its angle and the slopes of a `Level`.
+
+    k : of the Requirement. What is not a number stays none.
+    """
+    return k * sigma + max(stars, others) if stars == stars and others == others else np.nan
 
 
-def doubt(protection_b, wanted, contradicted, imu_blind):
-    """Doubt about a solution, the gravest first. (3,) rad, Requirement, bool, bool -> Doubt"""
-    if imu_blind:
-        return Doubt.IMU
-    if contradicted:
-        return Doubt.CONTRADICTED
+def doubts(protection_b, wanted, contradicted, imu_blind):
+    """Doubt about each solution, the gravest first. (m, 3) rad, Requirement, bool, bool -> list of int"""
+    if imu_blind or contradicted:
+        return [int(Doubt.IMU if imu_blind else Doubt.CONTRADICTED)] * len(protection_b)
+    limit = wanted.attitude
     # not "greater": a level that is not a number must not pass
-    within = all(level <= wanted.attitude for level in protection_b.tolist())
-    return Doubt.NONE if within else Doubt.ATTITUDE
+    within = [x <= limit and y <= limit and z <= limit for x, y, z in protection_b.tolist()]
+    return [int(Doubt.NONE if good else Doubt.ATTITUDE) for good in within]

@@ -8,10 +8,9 @@ remainder is carried on, only the two ends are left.
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import calibration
-
-COVERED_S = 1e-6  # rounding of the times of ticks
 
 
 def body_rate(nav, state, begin_s, end_s):
@@ -46,7 +45,7 @@ def body_rate(nav, state, begin_s, end_s):
 
 def _ticks(history, begin_s, end_s):
     """ImuWindow of the ticks that an interval touches, oldest first; none where one of them is missing."""
-    if not begin_s < end_s <= history.ends_s[-1] + COVERED_S:
+    if not begin_s < end_s <= history.ends_s[-1] + SAME_S:
         return []
     ticks = []
     for k in range(len(history) - 1, -1, -1):
@@ -54,7 +53,7 @@ def _ticks(history, begin_s, end_s):
             break
         if window.t_end_s - window.length_s < end_s:
             ticks.append(window)
-    covered = ticks and ticks[-1].t_end_s - ticks[-1].length_s <= begin_s + COVERED_S
+    covered = ticks and ticks[-1].t_end_s - ticks[-1].length_s <= begin_s + SAME_S
     return ticks[::-1] if covered else []
 
 

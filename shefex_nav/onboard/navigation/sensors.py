@@ -5,7 +5,7 @@ several measurements: `ARRIVALS` says which.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numba import njit
@@ -21,45 +21,59 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.state import POS, VEL, ReleaseRule
-from shefex_nav.records import GpsRanges, Reason
+from shefex_nav.records import GpsFix, GpsRanges, Reason, StarFix
 
 BEND_SHARE = 0.2  # [E] of the bend, that it may be wrong by: not all light of a streak counts alike
 MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
+
+Fix = GpsFix | GpsRanges | StarFix
+Agree = Callable[[integrity.Evidence, integrity.Evidence], bool]
+Admitted = float | dict[str, np.ndarray]  # sigma of what is measured, or (3,) of each axis of some blocks
 
 
 class Measurement(NamedTuple):
     """A measurement in the history of the filter."""
 
     sensor: str  # of SENSORS
-    fix: Any
-    fate: Any  # integrity.Fate
-    rows: Any = None  # (m,) bool, rows that are used; None: all
-    # sigma that is added to what it measures, or to the blocks of a dict; None: a reset forgets it all
-    admitted: Any = None
+    fix: Fix
+    fate: integrity.Fate
+    rows: np.ndarray | None = None  # (m,) bool, rows that are used; None: all
+    admitted: Admitted | None = None  # what a reset adds; None: it forgets all of what is measured
 
 
 class Trial(NamedTuple):
     """What decides whether a sensor that contradicts the filter is believed after all."""
 
     rule: ReleaseRule
-    evidence: Any  # what is kept of the fix if it is rejected
-    agree: Callable  # (earlier evidence, this evidence) -> bool
-    steady: Callable | None = None  # (first evidence, this evidence) -> bool; None: always
+    evidence: integrity.Evidence | None  # what is kept of the fix if it is rejected
+    agree: Agree  # the earlier evidence with this
+    steady: Agree | None = None  # the first with this; None: always
+
+
+class Linearise(Protocol):
+    """How a measurement is linearised: the same rows at every call with one fix."""
+
+    def __call__(self, nav, now: Moment, fix: Fix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """fusion.Filter, Moment, fix -> z (m,), H (m, n), R (m, m)"""
+
+
+class MakeTrial(Protocol):
+    """What a fix has to stand if it contradicts the filter."""
+
+    def __call__(self, nav, now: Moment, z: np.ndarray, R: np.ndarray, fix: Fix) -> Trial:
+        """fusion.Filter, Moment, z and R as linearised, fix -> Trial"""
 
 
 class Sensor(NamedTuple):
     """One measurement."""
 
-    # (nav, now, fix) -> z (m,), H (m, n), R (m, m); the same rows at every call with one fix.
-    # nav : fusion.Filter; now : history.Moment
-    linearise: Callable
+    linearise: Linearise
     block: str  # of the layout, which a reset forgets
     forgotten: float  # standard deviation that says nothing, in the units of the block
-    # (nav, now, z, R, fix) -> Trial
-    trial: Callable
+    trial: MakeTrial
     with_it: tuple[str, ...] = ()  # blocks that a reset takes back to what was known at the start
     rows: int = 0  # rows gated together, by what they share with no other row in mind; 0: all
-    labels: Callable | None = None  # fix -> name of each group of rows, for notes
+    labels: Callable[[Fix], list[str]] | None = None  # name of each group of rows, for notes
     reset_note: str = "reset after timeout"
     # (nav, S) -> whether one fix inside the gate is enough; None: always
     alone: Callable | None = None

@@ -44,7 +44,7 @@ FIELDS = {
     "r_i": 3, "v_i": 3, "q_ib": 4, "omega_ib_b": 3, "r_e": 3, "v_e": 3,
     "flight_path_angle": 1, "heading": 1, "angle_of_attack": 1, "sideslip": 1,
     "sigma_r_e": 3, "sigma_v_e": 3, "sigma_theta_b": 3, "sigma_omega_b": 3,
-    "sigma_flight_path_angle": 1, "sigma_angle_of_attack": 1, "sigma_sideslip": 1,
+    "sigma_flight_path_angle": 1, "sigma_angle_of_attack": 1, "sigma_sideslip": 1, "protection_b": 3,
 }  # fmt: skip
 ENDS = dict(zip(FIELDS, np.cumsum(list(FIELDS.values())).tolist(), strict=True))
 N_OUT = max(ENDS.values())
@@ -52,37 +52,49 @@ OMEGA, R_E, V_E, ANGLES = (
     ENDS[name] - FIELDS[name] for name in ("omega_ib_b", "r_e", "v_e", "flight_path_angle")
 )
 S_R, S_V, S_ATT, S_OMEGA, S_ANGLES = (ENDS[name] - FIELDS[name] for name in list(FIELDS)[10:15])
+LEVEL, T_S = ENDS["sigma_sideslip"], N_OUT  # protection level, and behind all of them the time
 
 
 def solution(nav):
     """NavSolution of the last tick of a running filter."""
-    history, model = nav.history, nav.params.imu
-    place = history.place(-1)
-    _, dt_s, n, vibration = history.numbers[place].tolist()
-    out, sample = np.empty(N_OUT), history.increments[place, BEFORE - 1 + int(n)]
-    read = sample, dt_s, vibration, model.gyro_random_walk, model.gyro_quantum
-    _derive(nav.layout.at, history.ends_s[-1], history.x, reported(nav), *read, *nav.earth, out)
-    # by position, in the order of the record: nineteen keywords would cost more than the arithmetic
-    path, heading, attack, slip = out[ANGLES:S_R].tolist()
-    sigma_b = out[S_ATT:S_OMEGA]
-    return NavSolution(
-        *(history.ends_s[-1], out[0:3], out[3:6], out[6:10], out[10:13], out[13:16], out[16:19]),
-        *(path, heading, attack, slip),
-        *(out[S_R:S_V], out[S_V:S_ATT], sigma_b, out[S_OMEGA:S_ANGLES]),
-        *out[S_ANGLES:].tolist(),
-        nav.health["star_tracker"].used > 0,
-        *_trust(nav, sigma_b),
-    )
+    newest = nav.history.newest
+    return solutions(nav, range(newest, newest + 1), nav.watch.imu_blind)[0]
 
 
-def _trust(nav, sigma_b):
-    """Protection level of the attitude (3,) rad, whether not to use the solution, and the Doubt."""
-    watch = nav.watch
-    wanted = watch.params.wanted
-    protection_b = integrity_protection.of_attitude(watch.level, wanted, sigma_b)
+def solutions(nav, ticks, imu_blind):
+    """NavSolution of each of some ticks, in one compiled call: list.
+
+    Parameters
+    ----------
+    nav : fusion.Filter
+    ticks : range of their numbers, as `History` counts them
+    imu_blind : as `Watch.imu_blind`, at all of these ticks. What else decides whether they can be trusted is
+        that of now: nothing may have arrived since the first of them.
+    """
+    numbers, increments, _, xs, Ps = nav.history.arrays[:5]
+    model, level, wanted = nav.params.imu, nav.watch.level, nav.watch.params.wanted
+    out = np.empty((len(ticks), N_OUT + 1))
+    _tell(
+        nav.layout.at, ticks.start, ticks.step, numbers, increments, xs, Ps,
+        model.gyro_random_walk, model.gyro_quantum, model.accel_vibration, model.gyro_vibration,
+        *nav.earth, level.stars_b, level.others_b, wanted.k, out,
+    )  # fmt: skip
+    used = nav.health["star_tracker"].used > 0
     contradicted = integrity_watch.contradicted(nav.health)
-    doubt = integrity_protection.doubt(protection_b, wanted, contradicted, watch.imu_blind)
-    return protection_b, doubt != Doubt.NONE, int(doubt)
+    trust = integrity_protection.doubts(out[:, LEVEL:T_S], wanted, contradicted, imu_blind)
+    return [_solution(row, used, doubt) for row, doubt in zip(out, trust, strict=True)]
+
+
+def _solution(out, used, doubt):
+    """NavSolution of what `_tell` has written for a tick; used : whether any star fix has been."""
+    # by position, in the order of the record: nineteen keywords would cost more than the arithmetic
+    return NavSolution(
+        *(out[T_S].item(), out[0:3], out[3:6], out[6:10], out[10:13], out[13:16], out[16:19]),
+        *out[ANGLES:S_R].tolist(),
+        *(out[S_R:S_V], out[S_V:S_ATT], out[S_ATT:S_OMEGA], out[S_OMEGA:S_ANGLES]),
+        *out[S_ANGLES:LEVEL].tolist(),
+        *(used, out[LEVEL:T_S], doubt != Doubt.NONE, doubt),
+    )
 
 
 def reported(nav):
@@ -93,28 +105,60 @@ def reported(nav):
     """
     history, model = nav.history, nav.params.imu
     vibration = float(history.numbers[history.place(-1), 3])
-    if vibration == 0.0:
-        return history.P
-    P = history.P.copy()
-    variances = P.ravel()[:: len(P) + 1]  # a view of the diagonal
-    variances[VEL] += (vibration * model.accel_vibration) ** 2
-    variances[ATT] += (vibration * model.gyro_vibration) ** 2
-    return P
+    return as_reported(history.P, vibration * model.accel_vibration, vibration * model.gyro_vibration)
 
 
-def covariance(nav):
-    """NavCovariance of the last tick."""
-    history, P, layout = nav.history, reported(nav), nav.layout
-    x = history.x.copy()
-    named = _named(layout.at, P, x, layout.nominal, nav.params.imu.gravity)
+def covariance(nav, tick=None):
+    """NavCovariance of a tick, numbered as `History` counts them, or of the last one."""
+    history, layout, model = nav.history, nav.layout, nav.params.imu
+    place = (history.newest if tick is None else tick) % len(history.numbers)
+    t_s, _, _, vibration = history.numbers[place].tolist()
+    P = as_reported(history.Ps[place], vibration * model.accel_vibration, vibration * model.gyro_vibration)
+    x = history.xs[place].copy()
+    named = _named(layout.at, P, x, layout.nominal, model.gravity)
     return NavCovariance(
-        history.ends_s[-1],
+        t_s,
         P[PVA, PVA].copy(),
         *(x[NOMINAL[name]] for name in ("gyro_bias", "accel_bias", "gyro_roll_column", "mounting")),
         named[0],
         " ".join(layout.names),
         *named[1:],
     )
+
+
+@njit(cache=True)
+def as_reported(P, accel_swing, gyro_swing):
+    """`reported`: P (n, n) itself, or a copy with the squares of the swings, m/s and rad, on top."""
+    if accel_swing == 0.0 and gyro_swing == 0.0:
+        return P
+    P = P.copy()
+    for i in range(3):
+        P[VEL.start + i, VEL.start + i] += accel_swing**2
+        P[ATT.start + i, ATT.start + i] += gyro_swing**2
+    return P
+
+
+@njit(cache=True)
+def _tell(
+    at, first, step, numbers, increments, xs, Ps, random_walk, quantum, accel_vibration, gyro_vibration,
+    C_iq, C_re, angle_0, rate, stars_b, others_b, k, out,
+):  # fmt: skip
+    """`_derive`, protection level and time of ticks of a History; out (m, N_OUT + 1) is written.
+
+    first, step : numbers of the ticks;  stars_b, others_b, k : as `integrity_protection.of_attitude`
+    """
+    for j in range(len(out)):
+        place = (first + j * step) % len(numbers)
+        dt_s, vibration = numbers[place, 1], numbers[place, 3]
+        _derive(
+            at, numbers[place, 0], xs[place],
+            as_reported(Ps[place], accel_vibration * vibration, gyro_vibration * vibration),
+            increments[place, BEFORE - 1 + int(numbers[place, 2])], dt_s, vibration, random_walk, quantum,
+            C_iq, C_re, angle_0, rate, out[j],
+        )  # fmt: skip
+        for i in range(3):
+            out[j, LEVEL + i] = integrity_protection.of_axis(stars_b[i], others_b[i], k, out[j, S_ATT + i])
+        out[j, T_S] = numbers[place, 0]
 
 
 @njit(cache=True)

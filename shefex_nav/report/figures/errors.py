@@ -7,6 +7,7 @@ heading. What is filled is where the filter says that 99.7 % of the errors lie.
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.report import local_level, metrics
@@ -113,7 +114,7 @@ def _three(data, words, names, unit, series):
     for k, name in enumerate(names):
         for c, span_s in enumerate(spans_s):
             axes = rows[k, c]
-            late, late_sigma = t_s >= span_s[0] - 1e-6, sigma_t_s >= span_s[0] - 1e-6
+            late, late_sigma = t_s >= span_s[0] - SAME_S, sigma_t_s >= span_s[0] - SAME_S
             style.band(axes, sigma_t_s[late_sigma], sigma[late_sigma, k])
             style.curve(axes, t_s[late], error[late, k], color=_COLOURS[k], label=f"error, {name}")
             settled = late & (t_s > span_s[0] + 0.02 * (span_s[1] - span_s[0])) if c else late

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import wgs84
 from shefex_nav.records import Phase
@@ -55,7 +56,7 @@ def _by_phase(axes, data, path, x, y):
     named = set()
     for phase, piece in style.phase_pieces(data.truth):
         start_s, end_s = data.truth.t_s[piece.start], data.truth.t_s[min(piece.stop, len(data.truth.t_s) - 1)]
-        rows = np.flatnonzero((path.t_s >= start_s - 1e-6) & (path.t_s <= end_s + 1e-6))
+        rows = np.flatnonzero((path.t_s >= start_s - SAME_S) & (path.t_s <= end_s + SAME_S))
         if not len(rows):
             continue
         rows = np.arange(rows[0], min(rows[-1] + 2, len(x)))  # as far as the next piece
@@ -66,7 +67,7 @@ def _by_phase(axes, data, path, x, y):
 
 def _name_events(axes, data, path, x, y):
     """A dot at each event, and its name; the principal ones find room first."""
-    events = flown.event_names(e for e in data.events if path.t_s[0] - 1e-6 <= e.t_s <= path.t_s[-1] + 0.5)
+    events = flown.event_names(e for e in data.events if path.t_s[0] - SAME_S <= e.t_s <= path.t_s[-1] + 0.5)
     if not events:
         return
     xy = np.array([(np.interp(t, path.t_s, x), np.interp(t, path.t_s, y)) for t, _, _ in events])

@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Reason
 from shefex_nav.report.configured import configured
 from shefex_nav.report.figures import style
-from shefex_nav.report.pairing import SAME_TIME_S
 
 _ALL_SKY_VMAG, _FIELD_VMAG = 3.5, 6.0  # faintest stars drawn
 _LIMB_POINTS = 181
@@ -62,7 +62,7 @@ def _sun(mission):
 
 def limb(data, t_s):
     """Limb at the sample of truth next to a mission time."""
-    k = min(int(np.searchsorted(data.truth.t_s, t_s - SAME_TIME_S)), len(data.truth.t_s) - 1)
+    k = min(int(np.searchsorted(data.truth.t_s, t_s - SAME_S)), len(data.truth.t_s) - 1)
     C_ie = frames.dcm_ie(data.mission.earth, float(data.truth.t_s[k]))
     return Limb(float(data.truth.t_s[k]), np.ascontiguousarray(C_ie.T) @ data.truth.r_i[k], C_ie)
 

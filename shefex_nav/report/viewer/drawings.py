@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from shefex_nav.clock import TICK_HZ
 from shefex_nav.log.drawings import POSE_TICKS
 from shefex_nav.log.topics import epoch_ns, log_time_ns
 from shefex_nav.report.viewer import pictures
@@ -11,7 +12,7 @@ PICTURES = "star_tracker/image", "star_tracker/image_full"
 _DRAWN = "^(/tf|/gps/location|/log|/star_tracker/(calibration|image|image_full))$"
 _LOG_TIME = "message_log_time"
 _TEXTS, _FRAMES = "/log", "/tf"
-_BETWEEN_POSES = int(1.5e7 * POSE_TICKS)  # ns
+_BETWEEN_POSES = int(1.5e9 / TICK_HZ * POSE_TICKS)  # ns
 
 
 def send(stream, log_path, data):

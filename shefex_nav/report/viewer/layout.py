@@ -6,7 +6,7 @@ import numpy as np
 
 from shefex_nav.geometry import wgs84
 from shefex_nav.report import metrics
-from shefex_nav.report.viewer import legend
+from shefex_nav.report.viewer import counts, legend
 from shefex_nav.report.viewer.sender import TIMELINE
 
 FRAME_SHOWN_S = 0.15  # a picture disappears this long after the last one
@@ -148,7 +148,7 @@ def _star_tracker(data, seen, has):
     if not has.stars:
         return None
     plots = [
-        ("stars", "Stars: detected (orange), identified (green)", None),
+        ("stars", _stars_title(data), None),
         ("residual", "Residual of the identified stars [px]", None),
     ]
     if has.frames:
@@ -164,9 +164,16 @@ def _star_tracker(data, seen, has):
         background=[6, 8, 16],
         visual_bounds=rrb.VisualBounds2D(x_range=[-50.0, 50.0], y_range=[-40.0, 40.0]),
     )
-    side = rrb.Vertical(sky, rrb.Tabs(_lanes(data), _legend(STARS), active_tab=0), row_shares=[5, 3])
-    upper = rrb.Horizontal(_cameras(data, has), side, column_shares=[5, 4])
+    side = rrb.Vertical(sky, _lanes(data), row_shares=[5, 4])
+    upper = rrb.Horizontal(_cameras(data, has), side, _legend(STARS), column_shares=[6, 5, 4])
     return rrb.Vertical(upper, rrb.Horizontal(*curves), row_shares=[5, 2], name=STARS)
+
+
+def _stars_title(data):
+    """Of the plot of the stars; it says at which number the table of detections was full."""
+    words = "Stars: detected (orange), identified (green)"
+    limit = counts.limit(data)
+    return f"{words}; {limit.most} at most" if limit and limit.reached else words
 
 
 def _navigation(data, seen, has):
@@ -366,7 +373,7 @@ def _flight_views(data, has):
         views.append(_plot(data, "plots/pointing", title, top=most, bottom=-most))
         views.append(_plot(data, "plots/gas", "Cold gas used [kg]", top=_gas_shown(data)))
     if has.stars:
-        views.append(_plot(data, "plots/stars", "Stars: detected (orange), identified (green)"))
+        views.append(_plot(data, "plots/stars", _stars_title(data)))
     return views
 
 

@@ -22,8 +22,8 @@ _TESTS = """**NEES**: 95 % lie between the red lines if the covariance is right.
 dot was used, a cross refused (above 1) or held back; blue GPS position, violet GPS velocity, green star
 tracker. **Protection level** about x, y, z: what the attitude error (white) may not exceed unnoticed."""
 _STARS = """**Sky.** The stars to magnitude 5 around the camera, its field (green) and the way of its
-boresight (grey), in degrees. **Curves** are those of the time in which the star tracker works; no more
-objects are detected in a frame than the scenario's `detection.most_objects`, the brightest."""
+boresight (grey), in degrees. **Curves** are those of the time in which the star tracker works. Orange: all
+that was detected in a frame, green: those of it that were identified."""
 _SENSORS = """**IMU**: mean of each tick in body axes; scatter is what is left within a second, vibration
 and noise. **GPS**: satellites used, and dilution of precision of the position. **Age**: from the instant
 that is measured to the instant at which the computer has it."""
@@ -53,14 +53,28 @@ def overlaid(first, others):
     )
 
 
-def send(sender, first, others=()):
+def _at_most(limit):
+    """How many detections there can be in a frame: texts, none where that is not known. counts.Limit, None"""
+    if limit is None:
+        return ()
+    kept = f"""**Limit.** No more than {limit.most} objects of a frame are kept, the brightest
+(*star_tracker.detection.most_objects*). """
+    if not limit.reached:
+        return (f"{kept}No frame had so many.",)
+    frames = f"{limit.reached} of {limit.frames} frames have so many"
+    return (f"{kept}{frames}: what else was in them is neither drawn nor counted.",)
+
+
+def send(sender, first, others=(), limit=None):
     """The texts of all pages.
 
     first : name of the log that is shown whole;  others : (name, colour) of each that is laid over it
+    limit : counts.Limit of the log that is shown whole, None where it is not known
     """
     import rerun as rr
 
     for page, parts in TEXTS.items():
+        parts = [text for part in parts for text in (part, *(_at_most(limit) if part is _STARS else ()))]
         parts = (*overlaid(first, others), *parts)
         text = "\n\n".join(part.replace("\n", " ") for part in parts)
         sender.static(entity(page), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))

@@ -18,7 +18,17 @@ from shefex_nav.files import whole
 from shefex_nav.log import reader
 from shefex_nav.records import Phase, TruthSample
 from shefex_nav.report import metrics
-from shefex_nav.report.viewer import drawings, flight, layout, legend, navigation, sensors, stars, world
+from shefex_nav.report.viewer import (
+    counts,
+    drawings,
+    flight,
+    layout,
+    legend,
+    navigation,
+    sensors,
+    stars,
+    world,
+)
 from shefex_nav.report.viewer.program import ViewerError
 from shefex_nav.report.viewer.sender import Sender
 
@@ -105,7 +115,7 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     for data, name, (word, colour) in zip(runs[1:], others, cycle(OVERLAY.items()), strict=False):
         overlay(sender, data, first.mission, name, colour)
         words.append((name, word))
-    legend.send(sender, names(runs)[0], words)
+    legend.send(sender, names(runs)[0], words, counts.limit(first))
     stream.flush()
     stream.disconnect()
 

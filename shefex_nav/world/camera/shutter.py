@@ -6,10 +6,9 @@ rolling shutter a frame may start before the one before it has ended: its first 
 
 from math import inf
 
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry.shutter import duration_s, row_times
 from shefex_nav.world.camera.camera import expose
-
-EARLY_S = 1e-6  # rounding of the times of ticks
 
 
 class Shutter:
@@ -36,13 +35,13 @@ class Shutter:
     def tick(self, n, now_s, commands):
         """Take new commands; take a picture if one is due at tick n."""
         self.commands += commands
-        while self.commands and self.commands[0].t_s <= now_s + EARLY_S:
+        while self.commands and self.commands[0].t_s <= now_s + SAME_S:
             self.command = self.commands.pop(0)
         if self.command is None or n % self.every:
             return
         params = self.camera.params
         frame_s = duration_s(row_times(self.command.exposure_s, params.line_s, params.height_px))
-        if now_s + frame_s + params.readout_s > self.off_s + EARLY_S:
+        if now_s + frame_s + params.readout_s > self.off_s + SAME_S:
             return
         if now_s + frame_s <= self.end_s:
             self.waiting.append(
@@ -64,6 +63,6 @@ class Shutter:
     def arrived(self, now_s):
         """Pictures that have been read out by now: list of (Frame, FrameTruth)."""
         pictures = []
-        while self.waiting and self.waiting[0][0].t_available_s <= now_s + EARLY_S:
+        while self.waiting and self.waiting[0][0].t_available_s <= now_s + SAME_S:
             pictures.append(self.waiting.pop(0))
         return pictures

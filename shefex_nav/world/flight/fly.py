@@ -163,7 +163,7 @@ class _Run:
             limit = self.params.time_limit_s
             raise FlightError(
                 f"the vehicle is still in the air at the time limit, {limit:g} s; mission.time_limit has to "
-                "allow for all of its descent"
+                "allow for all of its descent (run --until shows a part of a flight)"
             )
         if self.landed and np.isfinite(self.stop_height):
             height = 1e-3 * self.stop_height
