@@ -100,7 +100,23 @@ def _watched(asked, chosen, histories, workers):
             if not console.is_terminal:
                 _say(f"{words}, {done} of {total} done")
 
-        return study.run(asked, chosen, histories=histories, workers=workers, note=note)
+        try:
+            return study.run(asked, chosen, histories=histories, workers=workers, note=note)
+        except KeyboardInterrupt:
+            pass
+    _say(_interrupted(asked, chosen))  # below the bar, which is gone now
+    raise typer.Exit(130)
+
+
+def _interrupted(asked, chosen):
+    """What is left of a study that was stopped: str."""
+    if asked.folder is None:
+        return "interrupted; nothing is kept, --keep FOLDER would"
+    kept = sum(asked.path(seed).exists() for seed in chosen)
+    return (
+        f"interrupted; the star fixes of {kept} of {len(chosen)} seeds are kept in {asked.folder}, the same "
+        "command goes on from there"
+    )
 
 
 def refused(runs):

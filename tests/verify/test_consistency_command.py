@@ -128,6 +128,20 @@ def test_containment_is_shown_by_phases_and_where_it_fails():
     assert shown[2][1] is outside
 
 
+@pytest.mark.parametrize(
+    ("keep", "words"), [(False, "--keep FOLDER would"), (True, "of 1 of 3 seeds are kept")]
+)
+def test_an_interruption_says_what_is_kept(monkeypatch, tmp_path, keep, words):
+    def stopped(asked, *_, **how):
+        study.fixes_of(asked, 4)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study, "run", stopped)
+    done = command(*SHORT, "--seeds", 3, "--first", 3, *(("--keep", tmp_path) if keep else ()))
+    assert done.exit_code == 130
+    assert words in done.stderr
+
+
 def test_results_of_workers_come_in_the_order_of_the_calls():
     told = []
     found = study.in_workers({k: (str.upper, k) for k in "cab"}, 2, told.append)
