@@ -100,7 +100,23 @@ def _watched(asked, chosen, histories, workers):
             if not console.is_terminal:
                 _say(f"{words}, {done} of {total} done")
 
-        return study.run(asked, chosen, histories=histories, workers=workers, note=note)
+        try:
+            return study.run(asked, chosen, histories=histories, workers=workers, note=note)
+        except KeyboardInterrupt:
+            pass
+    _say(_interrupted(asked, chosen))  # below the bar, which is gone now
+    raise typer.Exit(130)
+
+
+def _interrupted(asked, chosen):
+    """What is left of a study that was stopped: str."""
+    if asked.folder is None:
+        return "interrupted; nothing is kept, --keep FOLDER would"
+    kept = sum(asked.path(seed).exists() for seed in chosen)
+    return (
+        f"interrupted; the star fixes of {kept} of {len(chosen)} seeds are kept in {asked.folder}, the same "
+        "command goes on from there"
+    )
 
 
 def refused(runs):
@@ -124,10 +140,18 @@ def as_numbers(asked, chosen, histories, found):
         "turned_field": asked.turn_field,
         "histories": histories,
         "histories_apart": found.apart,
+        "star_fixes_by": None if asked.folder is None else _made_by(asked, chosen),
         "ok": all(one.good for one in found.verdicts),
         "statistics": [one._asdict() | {"inside": one.good} for one in found.verdicts],
         "refused": {name: {"refused": n, "met": met} for name, (n, met) in refused(found.runs).items()},
     }
+
+
+def _made_by(asked, chosen):
+    """In words, what made the star fixes that are kept: it may have been another version."""
+    from shefex_nav.verify import flown
+
+    return flown.told(asked.path(seed) for seed in chosen)
 
 
 def rows(verdicts):
@@ -175,6 +199,8 @@ def _show(asked, chosen, found):
     for name, (number, met) in refused(found.runs).items():
         typer.echo(f"{name}: {number} of {met} refused by the gate")
     typer.echo(f"variances of the histories within {found.apart:.1%} of the filter's own")
+    if asked.folder is not None:
+        typer.echo(f"star fixes of flights by {_made_by(asked, chosen)}")
 
 
 def _say(text):

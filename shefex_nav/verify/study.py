@@ -107,7 +107,7 @@ def imagine(study, seed, fixes, number, one_field=True):
 
 
 def run(study, seeds, *, histories=1000, workers=None, note=lambda words: None):
-    """Fly, follow and judge some seeds.
+    """Fly, follow and judge some seeds: the first here, where it compiles, the others in worker processes.
 
     Parameters
     ----------
@@ -125,20 +125,16 @@ def run(study, seeds, *, histories=1000, workers=None, note=lambda words: None):
     ------
     FlownError
     """
-    from shefex_nav import simulate
     from shefex_nav.verify import consistency
 
-    if study.folder is None or not all(study.path(seed).exists() for seed in seeds):
-        simulate.warm_up(
-            study.scenario
-        )  # compiles; workers that did so together would be in each other's way
     first = fixes_of(study, seeds[0])
+    runs = [follow(study, seeds[0], first)]
+    note(f"seed {seeds[0]}")
     calls = {"histories": (imagine, study, seeds[0], first, histories, not study.turn_field)}
-    calls |= {f"seed {seed}": (follow, study, seed) for seed in seeds}
-    calls[f"seed {seeds[0]}"] = (follow, study, seeds[0], first)
+    calls |= {f"seed {seed}": (follow, study, seed) for seed in seeds[1:]}
     done = in_workers(calls, workers, note)
     imagined, apart = done.pop("histories")
-    runs = list(done.values())
+    runs += done.values()
     return Found(runs, consistency.judge(runs, imagined, np.random.default_rng(DRAWN)), apart)
 
 

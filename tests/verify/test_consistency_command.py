@@ -57,6 +57,7 @@ def test_a_short_study_is_that_of_its_runs(tmp_path):
     assert done.exit_code == (0 if found["ok"] else 1)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["fixes-0005.npz", "fixes-0006.npz"]
     assert done.stderr.count("of 3 done") == 3
+    assert found["star_fixes_by"].startswith("scenario night_sky (")
     loaded = load.load(NIGHT, BRIEFLY)
     runs = [flown.filter_run(loaded, seed, []) for seed in (5, 6)]
     by_hand = {one.what: one for one in consistency.judge_nis(runs) + consistency.judge_containment(runs)}
@@ -125,6 +126,20 @@ def test_containment_is_shown_by_phases_and_where_it_fails():
         "NEES velocity, boost", outside.what, "least share inside 3 sigma of 3 errors, end of boost",
     ]  # fmt: skip
     assert shown[2][1] is outside
+
+
+@pytest.mark.parametrize(
+    ("keep", "words"), [(False, "--keep FOLDER would"), (True, "of 1 of 3 seeds are kept")]
+)
+def test_an_interruption_says_what_is_kept(monkeypatch, tmp_path, keep, words):
+    def stopped(asked, *_, **how):
+        study.fixes_of(asked, 4)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study, "run", stopped)
+    done = command(*SHORT, "--seeds", 3, "--first", 3, *(("--keep", tmp_path) if keep else ()))
+    assert done.exit_code == 130
+    assert words in done.stderr
 
 
 def test_results_of_workers_come_in_the_order_of_the_calls():
