@@ -109,7 +109,7 @@ def test_single_stars_are_where_they_were_in_the_middle():
 
 
 def test_noise_of_the_gyros_is_not_taken_for_a_turn():
-    """At a steady rate the fix is what it was, but for one in a thousand: the prediction has the same noise."""
+    """At a steady rate the fix is what it was, but for one in a thousand."""
     rng, changed, one = np.random.default_rng(4), 0, fix(T)
     now = moment(lambda t: np.array([0.3, 0.1, -0.2]))
     read, steady = now.history.increments[:, :, :3], now.history.increments[:, :, :3].copy()
