@@ -33,7 +33,7 @@ def flown(seed, *overrides):
     for n, now_s in enumerate(blocks.t_valid_s):
         arrived = simulate.due(waiting, now_s)
         ranges += [message for message in arrived if isinstance(message, GpsRanges) and len(message.prn)]
-        computer, _ = onboard.coast(computer, blocks, n, n + 1)
+        computer, *_ = onboard.coast(computer, blocks, n, n + 1)
         computer, outputs = onboard.attend(computer, arrived, [])
         gates += [record for record in outputs if isinstance(record, GateResult)]
         if now_s > UNTIL_S - 1e-6:
