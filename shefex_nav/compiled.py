@@ -26,6 +26,22 @@ SHARED = (  # folders and files
 ONE_THREAD = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"  # of linear algebra
 
 
+def rows(fields, align=False):
+    """NumPy type of the rows of a table whose fields kernels read as attributes, `row.mass`.
+
+    Compiled code can do so with any structured type. NUMBA_DISABLE_JIT=1 runs kernels as Python, for coverage
+    and debuggers; there rows have attributes only if they are np.record, whose own (`mean`) are taken.
+    ValueError for such a name.
+    """
+    import numba
+    import numpy as np
+
+    plain = np.dtype(fields, align=align)
+    if taken := [name for name in plain.names if hasattr(np.record, name)]:
+        raise ValueError(f"fields {', '.join(taken)}: NumPy's rows have attributes of these names")
+    return np.dtype((np.record, plain)) if numba.config.DISABLE_JIT else plain
+
+
 def cache_key(package_dir):
     """Hash of the source files whose functions are inlined into other files' kernels: str."""
     digest = hashlib.sha256()

@@ -87,12 +87,12 @@ def fly(
     folder = None if log else Folder()
     path = Path(log) if log else folder.path / LOG_NAME
     began = time.perf_counter()
-    simulate.warm_up(scenario)
-    compiled = time.perf_counter()
     world = prepare.build_world(scenario, seed)
     told(programme.warnings(scenario, programme.of_flight(world.flight)))
     t_s = world.flight.trajectory.t_s
     mission = prepare.mission(scenario, seed, world.flight.trajectory)
+    simulate.warm_up(scenario, world)
+    ready = time.perf_counter()
     kept = RunDataBuilder(mission)
     frames = scenario.log.frames
     policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
@@ -103,7 +103,7 @@ def fly(
         for record in thinned(records, scenario.log.rate, mission.start_s):
             writer.write(record)
             kept.add(record)
-        done = RunSummary(kept.last_t_s, time.perf_counter() - compiled, compiled - began, cut_s)
+        done = RunSummary(kept.last_t_s, time.perf_counter() - ready, ready - began, cut_s)
         writer.write(done)
         kept.add(done)
     return Run(kept.build(), path, folder)

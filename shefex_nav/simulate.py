@@ -166,9 +166,13 @@ def catalogue_year(epoch):
     return round(ephemeris.julian_year(epoch) * 365.25) / 365.25
 
 
-def warm_up(scenario):
-    """Compile or load every kernel of the route, so that a run is not measured with its compiler."""
-    world = prepare.build_world(scenario, seed=0, brief=True)
+def warm_up(scenario, world=None):
+    """Compile or load every kernel of the route, so that a run is not measured with its compiler.
+
+    world : the one that is going to be flown, which stays as it is; None: a brief one is built
+    """
+    if world is None:
+        world = prepare.build_world(scenario, seed=0, brief=True)
     for every in (1, 10):  # 10, as a campaign flies: ticks without arrivals are many in one call
         for _ in route(world, scenario, 0, until_s=scenario.mission.start + 1.5, every=every):
             pass

@@ -126,6 +126,7 @@ def nees(nav, place):
     return (dx / scale) @ np.linalg.solve(P / np.outer(scale, scale), dx / scale)
 
 
+@pytest.mark.compiled
 def test_at_rest_on_the_ground():
     """Twelve runs of a minute: consistent, and no angle of a velocity that is none comes out as NaN."""
     place, total, n = Ground(), 0.0, 12
@@ -153,6 +154,7 @@ def test_exactly_at_rest_the_angles_are_numbers():
         assert getattr(found, name) == pytest.approx(np.pi)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("seed", [1])
 def test_a_revolution_in_orbit(seed):
     """GPS every second, a star fix every ten: consistent to the end, all is believed but for chance."""

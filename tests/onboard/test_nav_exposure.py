@@ -106,3 +106,23 @@ def test_single_stars_are_where_they_were_in_the_middle():
     raw, _, _ = sensors._star_vectors(NAV, now, seen(now, fix(0.0, stars), "star_vectors"))
     assert np.abs(raw).max() > 5e-6 and np.abs(z).max() < 0.01 * np.abs(raw).max()
     assert np.all(np.linalg.eigvalsh(R) > 1e-12)
+
+
+def test_noise_of_the_gyros_is_not_taken_for_a_turn():
+    """At a steady rate the fix is what it was, but for one in a thousand."""
+    rng, changed, one = np.random.default_rng(4), 0, fix(T)
+    now = moment(lambda t: np.array([0.3, 0.1, -0.2]))
+    read, steady = now.history.increments[:, :, :3], now.history.increments[:, :, :3].copy()
+    for _ in range(400):
+        read[:] = steady + NAV.params.imu.gyro_random_walk * np.sqrt(DT) * rng.standard_normal(steady.shape)
+        changed += seen(now, one) is not one
+    assert changed <= 4  # 0.4 are to be expected; 5 in one of 16 000 tests
+
+
+def test_a_turn_is_seen_above_the_noise():
+    """Below what noise makes nothing happens; above it the fix is straightened."""
+    noise = np.sqrt(NAV.params.imu.gyro_random_walk**2 * T / 12.0 + NAV.params.imu.gyro_quantum**2 / 12.0)
+    for size, is_seen in ((3.0, False), (6.0, True)):
+        rate = np.array([0.0, 0.0, size * noise * 24.0 / T**2])
+        one = fix(T)
+        assert (seen(moment(lambda t, rate=rate: rate * t), one) is not one) == is_seen

@@ -70,6 +70,7 @@ def test_without_errors_the_estimate_stays_on_the_truth():
     assert np.linalg.norm(dx[ATT]) < 1e-6
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     "latency", [{"gps": 0.2, "star": 0.1}, {"gps": 0.05, "star": 0.3}, {"gps": 0.55, "star": 0.0}]
 )
@@ -81,6 +82,7 @@ def test_a_delayed_measurement_counts_as_if_it_had_come_in_time(latency):
     assert apart(in_time, delayed) < 1e-6
 
 
+@pytest.mark.compiled
 def test_a_delay_changes_nothing_with_every_block_on():
     """Out of order, between samples, several fixes at one instant, all blocks, errors of positions that last
     and one that is refused: 1e-6 of sigma."""
@@ -288,6 +290,7 @@ def faulty(rng):
     return blocks
 
 
+@pytest.mark.compiled
 def test_errors_have_the_size_that_the_covariance_says():
     """NEES of position, velocity and attitude at 29 s over 30 runs, chi-square bounds at 99.9 %."""
     exact = PARAMS._replace(

@@ -131,6 +131,7 @@ def test_errors_that_last_are_no_drift():
             assert not any(states[:50]) and states[149] and not all(states[160:220])
 
 
+@pytest.mark.compiled
 def test_a_drift_of_a_receiver_with_lasting_errors_is_noticed_in_flight():
     """3 m/s more each second from T+60 s on, fixes with sigma 2 m of which half the variance lasts: not used
     any more within 30 s, and no fix of the minute before is doubted."""

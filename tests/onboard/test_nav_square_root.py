@@ -59,6 +59,7 @@ def update(S, z, H, R):
     return array[m:, :m] @ np.linalg.solve(array[:m, :m], z), array[m:, m:]
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("names", BLOCKS_ON.values(), ids=BLOCKS_ON)
 def test_covariance_of_a_flight_as_square_roots_and_through_filterpy(names):
     """Independent of the filter but for Phi, Q, z, H, R of each step: 1e-9 of sigma all along."""
@@ -87,6 +88,7 @@ def apart(P, reference):
     return np.abs((P - reference) / np.outer(sigma, sigma)).max()
 
 
+@pytest.mark.compiled
 def test_records_are_in_order_and_without_gaps():
     """Each begins where the one before it ended, in time, state and covariance, but for rounding."""
     _, P, records = flight(BLOCKS_ON["21"])

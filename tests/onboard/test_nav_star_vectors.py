@@ -92,6 +92,7 @@ def one_star_a_frame(seed, same):
 SEEDS = range(1, 7)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("seed", SEEDS)
 def test_one_star_a_frame_another_each_time_bounds_all_axes(seed):
     """Every axis, that about the boresight too: within 4 sigma, sigma a tenth of that without stars."""
@@ -104,6 +105,7 @@ def test_one_star_a_frame_another_each_time_bounds_all_axes(seed):
     assert {result.dof for result in used} == {2}
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("seed", SEEDS)
 def test_one_star_always_the_same_bounds_the_axes_across_it(seed):
     """About the star nothing is learnt, and the covariance says so: six seeds, each within 3 sigma."""

@@ -151,6 +151,7 @@ def test_known_sensor_errors_are_taken_out():
     assert np.allclose(omega_b, middle, atol=1e-4)  # mean of a sample against its middle: curvature only
 
 
+@pytest.mark.compiled
 def test_standing_still_on_the_turning_earth():
     """A minute at rest: specific force cancels gravity, rate is that of the Earth."""
     r_e = wgs84.ecef_from_geodetic(np.deg2rad(69.3), np.deg2rad(16.0), 10.0)

@@ -24,6 +24,7 @@ is a response times a direction.
 import numpy as np
 from numba import njit
 
+from shefex_nav.compiled import rows
 from shefex_nav.geometry import wgs84
 from shefex_nav.onboard.navigation import triples as t3
 from shefex_nav.onboard.navigation.calibration import OFF_DIAGONAL
@@ -370,4 +371,4 @@ def record(params):
     """Noise of NavParams for kernels: one record, which they take seven times as fast as a tuple."""
     others = ("clock_white", "clock_walk", "range_bias_sigma", "range_bias_time_s", "gravity_sigma")
     values = params.imu._asdict() | {name: getattr(params, name) for name in others}
-    return np.array([tuple(values.values())], dtype=[(name, float) for name in values])
+    return np.array([tuple(values.values())], dtype=rows([(name, float) for name in values]))

@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from shefex_nav.compiled import rows
 from shefex_nav.records import NavHealth
 
 MEAN_S = 0.1  # [E] time constant of the mean that is held: two periods of the slowest vibration
@@ -55,10 +56,10 @@ class ImuRules(NamedTuple):
 NO_RULES = ImuRules(np.full(2, inf), np.full(2, inf), np.array([1.0, 50.0]), np.array([0.5, 50.0]))
 
 
-AXIS = np.dtype(
+AXIS = rows(
     [
         ("run", float),  # equal readings in a row
-        ("mean", float),  # mean reading as rate, rad/s or m/s^2; NaN before the first block
+        ("mean_rate", float),  # of its readings, rad/s or m/s^2; NaN before the first block
         ("before", float),  # that mean when the reading last changed
         ("since_s", float),  # when the present fault began; NaN: there is none
         ("seen_s", float),  # when it was last seen
@@ -100,7 +101,7 @@ def start(rules, n):
     """ImuWatch for blocks of n samples. ImuRules, int -> ImuWatch"""
     axes = np.zeros(6, dtype=AXIS)
     axes["run"] = 1.0
-    for name in ("mean", "before", "since_s", "seen_s", "fixed_s"):
+    for name in ("mean_rate", "before", "since_s", "seen_s", "fixed_s"):
         axes[name] = np.nan
     return ImuWatch(np.array(rules), np.full((n, 6), np.nan), axes)
 
@@ -225,7 +226,7 @@ def _same(readings, last):
 @njit(cache=True)
 def _charge(wrong, change, axis, t_end_s):
     """Variance that the error of a reading which cannot be used has added since the last block."""
-    held = axis.state != SATURATED and np.isfinite(axis.mean)  # without a mean there is nothing to hold
+    held = axis.state != SATURATED and np.isfinite(axis.mean_rate)  # without a mean there is nothing to hold
     begin_s = axis.since_s
     if axis.fixed_s > begin_s:  # what is held was right at the beginning, not at the fix
         begin_s, held = axis.fixed_s, False
@@ -241,7 +242,7 @@ def _hold(readings, axes, dt_s):
     for k in range(6):
         code = axes[k].state
         if code != GOOD and code != SATURATED:
-            kept = axes[k].before if code == STUCK else axes[k].mean
+            kept = axes[k].before if code == STUCK else axes[k].mean_rate
             for m in range(readings.shape[0]):
                 readings[m, k] = kept * dt_s if np.isfinite(kept) else 0.0
 
@@ -265,16 +266,16 @@ def _read_axis(readings, previous, axis, k, repeats, dt_s):
             axis.run += 1.0
         else:
             if axis.run < repeats:  # a run that was no fault
-                axis.before = axis.mean
+                axis.before = axis.mean_rate
             axis.run = 1.0
         longest = max(longest, axis.run)
         previous, total = value, total + value
     rate = total / (n * dt_s)
     if longest >= repeats:
-        axis.mean = axis.before  # it has taken in repeated readings until they were too many
+        axis.mean_rate = axis.before  # it has taken in repeated readings until they were too many
         return STUCK, axis.run * dt_s
-    if not np.isfinite(axis.mean):
-        axis.mean = axis.before = rate
+    if not np.isfinite(axis.mean_rate):
+        axis.mean_rate = axis.before = rate
     else:
-        axis.mean += min(1.0, n * dt_s / MEAN_S) * (rate - axis.mean)
+        axis.mean_rate += min(1.0, n * dt_s / MEAN_S) * (rate - axis.mean_rate)
     return GOOD, n * dt_s

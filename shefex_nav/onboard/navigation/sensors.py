@@ -24,6 +24,7 @@ from shefex_nav.onboard.navigation.state import POS, VEL, ReleaseRule
 from shefex_nav.records import GpsFix, GpsRanges, Reason, StarFix
 
 BEND_SHARE = 0.2  # [E] of the bend, that it may be wrong by: not all light of a streak counts alike
+BEND_SEEN = 16.3  # of the gyros' noise in a bend, its normalised square that noise alone exceeds in 0.1 %
 MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
 
 Fix = GpsFix | GpsRanges | StarFix
@@ -114,7 +115,9 @@ def straightened(nav, arrival, index, fix):
     """A StarFix as its instant shows it: what a rate that changes during the exposure does is taken out.
 
     Once, when it arrives: later the memory may have lost the beginning of the exposure. Where the memory
-    does not cover it, the rate is taken as steady, and the fix is what it was.
+    does not cover it, the rate is taken as steady, and the fix is what it was. So it is where no more is seen
+    than the noise of the gyros: the prediction has that, too, and taking it out of the fix would make an
+    error of the fix that is no longer independent of the prediction's.
 
     nav : fusion.Filter;  arrival : of `ARRIVALS`, of single stars or not;  index : of its tick in the History
     """
@@ -122,9 +125,9 @@ def straightened(nav, arrival, index, fix):
         return fix
     history, model, C_cb = nav.history, nav.params.imu, nav.params.C_bc.T
     bend_c = C_cb @ Moment(history, index, history.since(index, 0.0, fix.t_valid_s)).bend(fix.exposure_s)
-    if not bend_c.any():
-        return fix
     noise = model.gyro_random_walk**2 * fix.exposure_s / 12.0 + model.gyro_quantum**2 / 12.0
+    if not bend_c @ bend_c > BEND_SEEN * noise:
+        return fix
     q_ic, P_c, P = _turned_back(fix.q_ic, fix.P_c, bend_c, noise)
     if fix.reason == Reason.NONE:
         fix = fix._replace(q_ic=q_ic, P_c=P_c)

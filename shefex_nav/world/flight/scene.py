@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.compiled import rows
+
 _SCALARS = (
     "angle_0", "rate",  # of the Earth, rad at t = 0, rad/s
     "gm", "radius", "j2",  # of the closed form of gravitation
@@ -28,7 +30,7 @@ _VECTORS = {
 # where a table begins in the flat array, and how many rows it has
 _TABLES = ("mass", "thrust", "mach", "alpha", "aero", "damping", "spin_motors", "air", "wind")
 
-RECORD = np.dtype(
+RECORD = rows(
     [(name, np.float64) for name in _SCALARS]
     + [(name, np.float64, shape) for name, shape in _VECTORS.items()]
     + [(f"{name}_{what}", np.int64) for name in _TABLES for what in ("at", "n")]
