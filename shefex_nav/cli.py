@@ -72,15 +72,18 @@ def run(
 
     until_s = math.inf if until is None else mission_time(until, "--until")
     loaded = load.load(scenario, overrides or ())
-    if not until_s > loaded.mission.start:
-        words = f"{until} is not after the start of the mission, T{loaded.mission.start:+g} s"
+    from shefex_nav import runs
+
+    if not until_s >= runs.earliest_end(loaded):
+        words = (
+            f"{until} is not after the start of the mission, T{loaded.mission.start:+g} s: "
+            f"from {runs.earliest_end(loaded):g} s on there is something to see"
+        )
         raise typer.BadParameter(words, param_hint="--until")
     path = out or free_name(loaded.mission.name, seed)
     export_command.check_file(path, "--out", force=force, given=loaded_files(loaded, scenario))
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
     say("Getting ready; the first run on a machine compiles, which takes a few minutes.")
-    from shefex_nav import runs
-
     with about(scenario):
         flown = runs.fly(
             loaded,

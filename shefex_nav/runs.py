@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.log import pixels, reader
+from shefex_nav.log import pixels, reader, thinning
 from shefex_nav.log.topics import epoch_ns, log_time_ns
 from shefex_nav.records import FrameTruth, StarFix
 
@@ -38,10 +38,15 @@ def _check(scenario, seed, until_s):
         raise TypeError(f"a Scenario is flown, not {scenario!r}: load it with Scenario.load(path)")
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise ValueError(f"seed {seed!r}: expected a whole number from 0 on")
-    if not until_s > scenario.mission.start:
+    if not until_s >= earliest_end(scenario):
         raise ValueError(
-            f"until_s {until_s!r}: expected a time after the start, {scenario.mission.start:g} s"
+            f"until_s {until_s!r}: expected a time after the start, from {earliest_end(scenario):g} s on"
         )
+
+
+def earliest_end(scenario):
+    """Mission time [s] by which every log has a record of each kind that comes at a steady rate."""
+    return scenario.mission.start + 1.0 / thinning.LOWEST_HZ
 
 
 def fly(

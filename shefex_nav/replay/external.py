@@ -49,11 +49,22 @@ def prepare(scenario, files):
     n = scenario.navigation.samples_per_tick
     blocks = imu_blocks(data.imu, n, alignment.t_valid_s, scenario.mission.end)
     if not len(blocks.t_valid_s):
-        words = f"ends at {data.imu.t_s[-1]:g} s; nothing is left to navigate after {alignment.t_valid_s:g} s"
-        raise DataError(f"{files['imu']}: {words}")
+        raise DataError(f"{files['imu']}: {_too_short(scenario, data.imu.t_s, alignment.t_valid_s)}")
     ends_s = np.append(alignment.t_valid_s, blocks.t_valid_s)
     truth = None if data.truth is None else reference.at(data.truth, earth, ends_s)
     return Replay(scenario, data, earth, alignment, blocks, truth)
+
+
+def _too_short(scenario, t_s, start_s):
+    """Why there is not a single tick after start_s. ReplayScenario, (N,) s, s -> str"""
+    n, end_s = scenario.navigation.samples_per_tick, scenario.mission.end
+    end_s = t_s[-1] if end_s is None else min(end_s, t_s[-1])
+    if end_s > start_s:
+        return (
+            f"{end_s - start_s:g} s after {start_s:g} s are no tick of {n} samples: "
+            "a smaller navigation.samples_per_tick"
+        )
+    return f"ends at {t_s[-1]:g} s; nothing is left to navigate after {start_s:g} s"
 
 
 def imu_blocks(imu, n, start_s, end_s=None):

@@ -27,6 +27,7 @@ from shefex_nav.report import local_level
 from shefex_nav.scenario import load, params_onboard
 
 CHANGEABLE = "navigation."  # what of a scenario may be changed after the flight
+TICKS = "navigation.samples_per_tick"  # but for this
 
 
 class Recording(NamedTuple):
@@ -71,6 +72,10 @@ def open_log(log_path, overrides=()):
                     f"--set {text.partition('=')[0].strip()}: the flight of a log is over; only what starts "
                     f"with '{CHANGEABLE}' can be changed"
                 ]
+            )
+        if text.partition("=")[0].strip() == TICKS:
+            raise load.ScenarioError(
+                [f"--set {TICKS}: the samples of a log are in ticks already; replay its data"]
             )
     return of_data(reader.read(log_path), log_path, overrides)
 

@@ -99,6 +99,8 @@ def _verdict(judged, is_part):
     unseen = [name for name, words in verdicts.items() if words == requirements.UNREACHED]
     missed = [name for name, words in verdicts.items() if words.startswith("not met")]
     so_far = " so far" if any(words.endswith("so far") for words in verdicts.values()) else ""
+    if missed and not all(verdicts[name].endswith("so far") for name in missed):
+        so_far = ""  # what is missed for good is not missed so far
     if unseen and not missed:
         words = f"{len(unseen)} of {len(judged)} requirements not reached: {', '.join(unseen)}."
         return element("p", element("strong", words), class_="verdict open")

@@ -10,6 +10,8 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav import files
+
 CONTAINED, ONE_FIELD = "3 sigma ", ", one field"  # of `nees.Verdict.what`
 
 
@@ -50,7 +52,8 @@ def consistency(
     from shefex_nav.scenario import load
     from shefex_nav.verify import study
 
-    asked = study.of_scenario(load.load(scenario, overrides or ()), _folder(keep), turn_field=turn_field)
+    asked = study.of_scenario(load.load(scenario, overrides or ()), turn_field=turn_field)
+    asked = asked._replace(folder=_folder(keep))
     _say("The first flight on a machine compiles, which takes a few minutes.")
     chosen = list(range(first, first + seeds))
     found = _watched(asked, chosen, histories, workers)
@@ -103,9 +106,16 @@ def _watched(asked, chosen, histories, workers):
         try:
             return study.run(asked, chosen, histories=histories, workers=workers, note=note)
         except KeyboardInterrupt:
-            pass
+            _sweep(asked, chosen)
     _say(_interrupted(asked, chosen))  # below the bar, which is gone now
     raise typer.Exit(130)
+
+
+def _sweep(asked, chosen):
+    """Take away what workers have left half written."""
+    if asked.folder is not None:
+        for seed in chosen:
+            files.part(asked.path(seed)).unlink(missing_ok=True)
 
 
 def _interrupted(asked, chosen):

@@ -96,7 +96,7 @@ def load(path, head=None):
             kept = {name: archive[name] for name in archive.files}
         found = json.loads(str(kept["head"]))
     except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
-        raise FlownError(f"{path}: no file of star fixes, or a damaged one; remove it ({error})") from None
+        raise FlownError(f"{path}: no file of star fixes, or a damaged one; remove it") from error
     kept.setdefault("exposure_s", np.full(len(kept["number"]), np.nan))  # as of older files
     other = {key: found.get(key) for key, value in (head or {}).items() if found.get(key) != value}
     if other:

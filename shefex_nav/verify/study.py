@@ -1,7 +1,7 @@
 """A study of many seeds: each is flown once, followed by the filter alone, and all are judged together.
 
-The flights take the time, the star camera's pictures above all. Their star fixes may be kept in a folder; a
-seed whose fixes are there is not flown again, also not for a filter with another configuration.
+The flights take the time, the star camera's pictures above all. Their star fixes may be kept in a folder, one
+for each scenario with its overrides; a seed whose fixes are there is not flown again.
 """
 
 from concurrent.futures import BrokenExecutor
@@ -55,8 +55,8 @@ def of_scenario(scenario, folder=None, *, turn_field=False):
 
     if scenario.navigation.stars != "attitude":
         raise FlownError(
-            f"navigation.stars: {scenario.navigation.stars}: the statistics know attitudes of the star "
-            "tracker alone; it has to be attitude"
+            f"{scenario.mission.name}: navigation.stars has to be 'attitude', not "
+            f"'{scenario.navigation.stars}': the statistics know attitudes of the star tracker alone"
         )
     digest = hashlib.sha256(scenario.source.encode()).hexdigest()[:12]
     made_for = {"scenario": f"{scenario.mission.name} ({digest})"}

@@ -76,7 +76,12 @@ def test_a_run_until_a_time_is_a_part_of_the_mission(tmp_path):
 
 @pytest.mark.parametrize(
     ("until", "words"),
-    [("2", "unit"), ("2 m", "2 m"), ("0 s", "0 s is not after the start of the mission, T+0 s")],
+    [
+        ("2", "unit"),
+        ("2 m", "2 m"),
+        ("0 s", "0 s is not after the start of the mission, T+0 s"),
+        ("50 ms", "from 0.1 s on"),
+    ],
 )
 def test_a_time_that_is_none_of_the_mission_is_refused(tmp_path, until, words):
     out = tmp_path / "run.mcap"

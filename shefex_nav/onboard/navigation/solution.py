@@ -145,7 +145,7 @@ def _tell(
 ):  # fmt: skip
     """`_derive`, protection level and time of ticks of a History; out (m, N_OUT + 1) is written.
 
-    first, step : numbers of the ticks;  stars_b, others_b, k : as `integrity_protection.of_attitude`
+    first, step : numbers of the ticks;  stars_b, others_b, k : as `integrity_protection.of_axis`
     """
     for j in range(len(out)):
         place = (first + j * step) % len(numbers)
