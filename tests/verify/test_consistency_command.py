@@ -31,7 +31,7 @@ def command(*arguments):
         (("--histories", 10), "histories"),
         (("--out", "no/such.png"), "no folder no"),
         (("--out", "nees.pdf"), "has to end in .png or .svg"),
-        (("--set", "navigation.stars=vectors"), "navigation.stars: vectors"),
+        (("--set", "navigation.stars=vectors"), "navigation.stars has to be 'attitude'"),
         (("--set", "navigation.stat=[]"), "navigation.stat"),
     ],
 )
