@@ -90,6 +90,7 @@ def test_variants_differ_from_the_default_in_one_thing(default):
     assert differences(default, load(SCENARIOS / "no_star_tracker.yaml")) == names | {
         "star_tracker.enabled",
         "requirements.star_fixes",  # there are none
+        "requirements.wrong_star_fixes",
     }
 
 
