@@ -143,19 +143,26 @@ class Diary:
         self.events = list(flight.events)[::-1]
         self.steered = control_samples(flight.control, flight.trajectory)[::-1]
         self.received = sorted(world.gps_fixes + world.gps_ranges, key=happens_s, reverse=True)
-        self.late_s = (ends_s + SAME_S).tolist()
+        self.ends_s, self.late_s = ends_s.tolist(), (ends_s + SAME_S).tolist()
         received_s = [happens_s(record) for record in self.received]
         self.busy = np.unique(np.searchsorted(self.late_s, received_s) + 1).tolist()
         self.ticks = int(np.searchsorted(ends_s, until_s + SAME_S, side="right"))
 
     def next_tick(self, n, shutter):
-        """The first tick after n at which something comes to the computer, or a picture is taken."""
-        tick = min(shutter.next_tick(n), self.ticks + 1)
+        """The first tick after n at which something comes to the computer.
+
+        Pictures that begin before it are taken: what commands them comes with a picture.
+        """
+        tick = self.ticks + 1
         if (k := bisect_right(self.busy, n)) < len(self.busy):
-            tick = min(tick, self.busy[k])
-        if shutter.next_s < self.late_s[min(tick, self.ticks) - 1]:
-            tick = bisect_left(self.late_s, shutter.next_s, lo=n) + 1
-        return tick
+            tick = self.busy[k]
+        while True:
+            if shutter.next_s < self.late_s[min(tick, self.ticks) - 1]:
+                tick = bisect_left(self.late_s, shutter.next_s, lo=n) + 1
+            opens = shutter.next_tick(n)
+            if opens >= tick:
+                return tick
+            shutter.tick(opens, self.ends_s[opens - 1])
 
 
 def catalogue_year(epoch):

@@ -168,25 +168,23 @@ def advance(nav, block, more_dv=None):
 
 def forget_old(nav):
     """Let the ticks go that are older than the history is to reach."""
-    history = nav.history
-    oldest_s = history.ends_s[-1] - nav.params.history_s + SAME_S
-    while history.ends_s[1] <= oldest_s:
-        _forget_oldest(nav)
+    _forget(nav, nav.history.ends_s[-1] - nav.params.history_s + SAME_S)
 
 
 def finish(nav):
     """Hand all that is still open to the recorder; no measurement can be taken in afterwards."""
-    while len(nav.history) > 1:
-        _forget_oldest(nav)
+    _forget(nav, np.inf)
 
 
-def _forget_oldest(nav):
-    """Let the oldest tick go; what led from it to the next is final."""
-    if nav.recorder is not None:
-        present = nav.history.x.copy(), nav.history.P.copy()
+def _forget(nav, t_s):
+    """Let the ticks go before the last that ends at t_s or earlier; what leads from each to the next is final."""
+    history = nav.history
+    while nav.recorder is not None and len(history) > 1 and history.ends_s[1] <= t_s:
+        present = history.x.copy(), history.P.copy()
         _way(nav, 1, 1, [], nav.recorder)
-        nav.history.x[:], nav.history.P[:] = present
-    nav.history.forget_oldest()
+        history.x[:], history.P[:] = present
+        history.forget_until(history.ends_s[1])
+    history.forget_until(t_s)
 
 
 def fuse(nav, arrivals):

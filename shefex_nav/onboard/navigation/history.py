@@ -132,11 +132,13 @@ class History:
         self.ends_s.extend(ends_s)
         self.measurements.extend([()] * len(ends_s))
 
-    def forget_oldest(self):
-        """Let the oldest tick go."""
-        self.ends_s.popleft()
-        gone = self.measurements.popleft()
-        self._gone_position_s = _position_of(gone, self._gone_position_s)
+    def forget_until(self, t_s):
+        """Let the ticks go before the last that ends at t_s or earlier."""
+        ends_s, measurements = self.ends_s, self.measurements
+        while len(ends_s) > 1 and ends_s[1] <= t_s:
+            ends_s.popleft()
+            if gone := measurements.popleft():
+                self._gone_position_s = _position_of(gone, self._gone_position_s)
 
     def position_before(self, k):
         """Instant of the last position fix that was used before tick k begins; -inf: there was none."""

@@ -121,8 +121,18 @@ def _through(
             )  # fmt: skip
             _covariance(at, model[0], P, work, bias_walk, until_s - begin_s)
         if until_s == length_s:
-            xs[k], Ps[k] = x, P
+            _keep(x, P, xs[k], Ps[k])
         begin_s = 0.0
+
+
+@njit(cache=True, forceinline=True)
+def _keep(x, P, x_kept, P_kept):
+    """Copy packed values and covariance, in loops: an assignment of arrays takes more than twice as long."""
+    for i in range(x.shape[0]):
+        x_kept[i] = x[i]
+    for i in range(P.shape[0]):
+        for j in range(P.shape[1]):
+            P_kept[i, j] = P[i, j]
 
 
 @njit(cache=True)

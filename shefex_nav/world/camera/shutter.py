@@ -31,15 +31,24 @@ class Shutter:
         self.command = None  # in force; none before the first: the camera is off
         self.waiting = []  # (Frame, FrameTruth) not yet read out, oldest first
         self.number = 0
+        self.seen = 0  # the last tick that has been seen to
+        self.is_over = False  # no picture would be read out in time any more
 
-    def tick(self, n, now_s, commands):
-        """Take new commands; take a picture if one is due at tick n."""
+    def tick(self, n, now_s, commands=()):
+        """Take new commands; take a picture if one is due at tick n.
+
+        Ticks may be seen to ahead of time as far as no command can come before them; again they do nothing.
+        """
         self.commands += commands
+        if n <= self.seen:
+            return
+        self.seen = n
         while self.commands and self.commands[0].t_s <= now_s + SAME_S:
             self.command = self.commands.pop(0)
         if self.command is None or n % self.every:
             return
         params = self.camera.params
+        self.is_over = now_s + params.readout_s > self.off_s + SAME_S
         frame_s = duration_s(row_times(self.command.exposure_s, params.line_s, params.height_px))
         if now_s + frame_s + params.readout_s > self.off_s + SAME_S:
             return
@@ -51,9 +60,9 @@ class Shutter:
 
     def next_tick(self, n):
         """Number of the first tick after n in which `tick` has something to do; inf while it has not."""
-        if self.command is None and not self.commands:
+        if self.is_over or (self.command is None and not self.commands):
             return inf
-        return (n // self.every + 1) * self.every
+        return (max(n, self.seen) // self.every + 1) * self.every
 
     @property
     def next_s(self):
