@@ -18,6 +18,7 @@ from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.onboard.startracker import tracker as star_tracker
+from shefex_nav.onboard.telemetry import RECORDS, Columns
 from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, TruthSample, row
 from shefex_nav.world import camera, faults, imu, noise
 from shefex_nav.world.camera.shutter import Shutter
@@ -40,34 +41,35 @@ def run(scenario, seed):
     yield from route(prepare.build_world(scenario, seed), scenario, seed)
 
 
-def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, every=1, blocks=True):
+def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, columns=None):
     """Tick by tick through a world that has been built; as `run`, until the mission time until_s at most.
 
     step : `star_tracker.step`, or something that wraps it to see what it is given
-    every : ticks from one record of truth, IMU and solution to the next; nothing else changes with it
-    blocks : whether those of the IMU are wanted at all
+    columns : telemetry.Columns, which takes all solutions and covariances; truth, control and IMU are not
+        yielded either (`truth_columns` has the first two). Nothing else changes with it. None: all is yielded
     """
     yield world.alignment
     year = catalogue_year(scenario.mission.epoch)
     computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, year)
     eye, read = _star_camera(world, scenario, seed, computer, step), imu.stacked(world.imu)
-    diary, n = Diary(world, read.t_valid_s, until_s), 0
+    diary, n, blocks = Diary(world, read.t_valid_s, until_s), 0, None if columns else read
+    telemetry = columns or RECORDS
     while n < diary.ticks:
         busy = diary.next_tick(n, eye.shutter)
-        computer, made, passed = onboard.coast(computer, read, n, min(busy, diary.ticks), every)
+        computer, made, passed = onboard.coast(computer, read, n, min(busy, diary.ticks), telemetry)
         for tick, outputs in passed:
-            yield from _outside(world, read if blocks else None, tick, every, diary, outputs[-1].t_s)
+            yield from _outside(world, blocks, tick, diary, outputs[-1].t_s)
             yield from outputs
         n += made
-        computer = yield from _tick(computer, world, read if blocks else None, n, every, diary, eye)
+        computer = yield from _tick(computer, world, blocks, n, diary, eye, telemetry)
     if n == len(read.t_valid_s):
         yield from reversed(diary.events)  # the impact, between the last tick and the one that did not come
 
 
-def _tick(computer, world, blocks, n, every, diary, eye):
+def _tick(computer, world, blocks, n, diary, eye, telemetry):
     """Tick n of a `route`, to which the computer has come: yields its records. -> Computer"""
     now_s = computer.nav.history.ends_s[-1]
-    yield from _outside(world, blocks, n, every, diary, now_s)
+    yield from _outside(world, blocks, n, diary, now_s)
     arrived, pictures = due(diary.received, now_s), eye.shutter.arrived(now_s)
     for _, truth in pictures:
         yield truth
@@ -77,7 +79,7 @@ def _tick(computer, world, blocks, n, every, diary, eye):
         yield from frames
     clock = Stopwatch(eye.step)
     chain = eye.line.chain(clock.step)
-    how = {"chain": chain, "context": eye.context, "told": n % every == 0}
+    how = {"chain": chain, "context": eye.context, "telemetry": telemetry}
     computer, outputs = onboard.attend(computer, arrived, frames, **how)
     yield from outputs
     if eye.has_pictures:
@@ -87,14 +89,15 @@ def _tick(computer, world, blocks, n, every, diary, eye):
     return computer
 
 
-def _outside(world, blocks, n, every, diary, now_s):
-    """What is recorded at tick n before the computer has its turn: what it does not get, and the IMU."""
-    told = n % every == 0
+def _outside(world, blocks, n, diary, now_s):
+    """What is recorded at tick n before the computer has its turn: what it does not get, and the IMU.
+
+    blocks : ImuBlock of arrays; None where no truth and no samples are wanted
+    """
     yield from due(diary.events, now_s)
-    if told:
+    if blocks is not None:
         yield truth_sample(world.flight.trajectory, n * SAMPLES_PER_TICK)
-    yield from due(diary.steered, now_s)
-    if told and blocks:
+        yield from due(diary.steered, now_s)
         yield row(blocks, n - 1)
 
 
@@ -141,7 +144,8 @@ class Diary:
     def __init__(self, world, ends_s, until_s):
         flight = world.flight
         self.events = list(flight.events)[::-1]
-        self.steered = control_samples(flight.control, flight.trajectory)[::-1]
+        steered = control_samples(flight.control, flight.trajectory)
+        self.steered = [] if steered is None else [row(steered, k) for k in reversed(range(len(steered.t_s)))]
         self.received = sorted(world.gps_fixes + world.gps_ranges, key=happens_s, reverse=True)
         self.ends_s, self.late_s = ends_s.tolist(), (ends_s + SAME_S).tolist()
         received_s = [happens_s(record) for record in self.received]
@@ -180,8 +184,8 @@ def warm_up(scenario, world=None):
     """
     if world is None:
         world = prepare.build_world(scenario, seed=0, brief=True)
-    for every in (1, 10):  # 10, as a campaign flies: ticks without arrivals are many in one call
-        for _ in route(world, scenario, 0, until_s=scenario.mission.start + 1.5, every=every):
+    for columns in (None, Columns(10)):
+        for _ in route(world, scenario, 0, until_s=scenario.mission.start + 1.5, columns=columns):
             pass
     year = catalogue_year(scenario.mission.epoch)
     tracker = star_tracker.init(world.computer.tracker, world.catalogue, year)
@@ -236,22 +240,35 @@ def truth_sample(trajectory, k):
     )
 
 
+def truth_columns(world, every):
+    """TruthSample and ControlSample of arrays, as a whole `route` would yield them.
+
+    World; ticks from one TruthSample to the next -> list, without control where there is none
+    """
+    trajectory = world.flight.trajectory
+    k = np.arange(every * SAMPLES_PER_TICK, len(trajectory.t_s), every * SAMPLES_PER_TICK)
+    truth = TruthSample(
+        trajectory.t_s[k],
+        trajectory.phase[k].astype(np.int64),
+        *(column[k] for column in (trajectory.r_i, trajectory.v_i, trajectory.q_ib)),
+        *(column[k] for column in (trajectory.omega_ib_b, trajectory.f_b, trajectory.angle_of_attack)),
+    )
+    control = control_samples(world.flight.control, trajectory)
+    if control is None:
+        return [truth]
+    until_s = trajectory.t_s[(len(trajectory.t_s) - 1) // SAMPLES_PER_TICK * SAMPLES_PER_TICK] + SAME_S
+    return [truth, ControlSample(*(column[control.t_s <= until_s] for column in control))]
+
+
 def control_samples(control, trajectory):
-    """A ControlSample for every tenth tick that has a new one: the last. ControlHistory or None -> list."""
+    """Of every tenth tick that has one, the last sample. ControlHistory or None -> ControlSample, arrays"""
     if control is None or not len(control.t_s):
-        return []
+        return None
     period_s = CONTROL_TICKS / TICK_HZ
     slot = np.ceil((control.t_s - trajectory.t_s[0] - SAME_S) / period_s)
     last = np.flatnonzero(np.diff(slot, append=np.inf))  # of each interval
-    return [
-        ControlSample(
-            float(control.t_s[k]),
-            control.pointing_error[k],
-            control.torque_b[k],
-            float(control.propellant_kg[k]),
-        )
-        for k in last
-    ]
+    columns = control.t_s, control.pointing_error, control.torque_b, control.propellant_kg
+    return ControlSample(*(column[last] for column in columns))
 
 
 class Stopwatch:

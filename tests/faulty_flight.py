@@ -12,7 +12,7 @@ import numpy as np
 
 from shefex_nav import prepare, simulate
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import fusion, solution
+from shefex_nav.onboard.navigation import covariance, fusion, solution
 from shefex_nav.records import StarFix
 from shefex_nav.scenario import load
 from shefex_nav.world import faults, imu, noise
@@ -92,7 +92,7 @@ def _row(nav, truth, k):
     out = solution.solution(nav)
     attitude = rotation.rotvec_between(out.q_ib, truth.q_ib[k])
     error = np.concatenate([truth.r_i[k] - out.r_i, truth.v_i[k] - out.v_i, attitude])
-    sigma = np.sqrt(np.diag(solution.reported(nav))[:9])
+    sigma = np.sqrt(np.diag(covariance.reported(nav))[:9])
     return out.t_s, error, sigma, out.protection_b, out.doubt
 
 

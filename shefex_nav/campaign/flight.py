@@ -175,15 +175,17 @@ def _records(scenario, seed, world, log):
     from shefex_nav.log.run_data import RunDataBuilder
     from shefex_nav.log.topics import RunSummary
     from shefex_nav.log.writer import LogWriter
+    from shefex_nav.onboard.telemetry import Columns
     from shefex_nav.records import ImuBlock
 
     mission, began = prepare.mission(scenario, seed, world.flight.trajectory), time.perf_counter()
     kept = RunDataBuilder(mission)
     every = thinning.ticks(thinning.LOWEST_HZ)
     if log is None:
-        for record in simulate.route(world, scenario, seed, every=every, blocks=False):
+        columns = Columns(every)
+        for record in simulate.route(world, scenario, seed, columns=columns):
             kept.add(record)
-        return kept.build()
+        return kept.build(simulate.truth_columns(world, every) + columns.read())
     frames = scenario.log.frames
     policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
     with LogWriter(log, mission, policy, overwrite=True) as writer:

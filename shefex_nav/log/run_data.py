@@ -175,9 +175,9 @@ class RunDataBuilder:
         """Mission time of the last truth; NaN before the first."""
         return self._last_t_s
 
-    def build(self):
-        """The RunData of everything taken so far."""
-        arrays = {record: self._arrays(record) for record in ARRAYS}
+    def build(self, columns=()):
+        """The RunData of everything taken so far, and of records of arrays that were not taken one by one."""
+        arrays = {record: self._arrays(record) for record in ARRAYS} | {type(one): one for one in columns}
         lists = {record: list(self._rows[record]) for record in LISTS}
         alignment = self._rows[Alignment][-1] if self._rows[Alignment] else None
         return gather(self._mission, arrays, lists, alignment, ended_early=False)

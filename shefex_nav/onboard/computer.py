@@ -18,12 +18,12 @@ from numba import njit
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.onboard.navigation import coast as coasting
-from shefex_nav.onboard.navigation import fusion, mean_rate, sensors, solution, strapdown
+from shefex_nav.onboard.navigation import fusion, mean_rate, sensors, strapdown
 from shefex_nav.onboard.navigation.state import ATT, X_MOUNTING, X_Q, X_R, X_V, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
+from shefex_nav.onboard.telemetry import RECORDS
 from shefex_nav.records import Reason
 
-COVARIANCE_TICKS = 10  # NavCovariance at every tenth tick
 PREDICTION_FLOOR = np.radians(40.0 / 3600.0)  # rad; aberration, which the predicted places do not have
 
 
@@ -67,14 +67,14 @@ def start(params, alignment, earth, catalogue, julian_year):
     return Computer(params, earth, fusion.start(params.nav, alignment, earth), tracker, None, (), 0)
 
 
-def coast(computer, blocks, first, last, every=1):
+def coast(computer, blocks, first, last, telemetry=RECORDS):
     """On with ImuBlocks, up to the first tick that the computer itself has to attend to.
 
     Parameters
     ----------
     computer : Computer, all ticks before attended to
     blocks : ImuBlock of arrays, of which rows first ... last - 1 are meant
-    every : ticks from one NavSolution that is wanted to the next
+    telemetry : who is told of the ticks, `telemetry.Records` or `telemetry.Columns`
 
     Returns
     -------
@@ -91,11 +91,11 @@ def coast(computer, blocks, first, last, every=1):
             due_s = min(due_s, switched_s)
     if due_s < blocks.t_valid_s[last - 1]:
         last = first + int(np.searchsorted(blocks.t_valid_s[first:last] + SAME_S, due_s)) + 1
-    done, outputs = glide(computer.nav, ticks, blocks, first, last, every)
+    done, outputs = glide(computer.nav, ticks, blocks, first, last, telemetry)
     return Computer(*computer[:-1], ticks + done), done, outputs
 
 
-def glide(nav, ticks, blocks, first, last, every):
+def glide(nav, ticks, blocks, first, last, telemetry=RECORDS):
     """`coasting.coast`, and what is told of the ticks on the way.
 
     Parameters
@@ -103,28 +103,19 @@ def glide(nav, ticks, blocks, first, last, every):
     nav : fusion.Filter
     ticks : of this run, made before
     blocks, first, last : as there
-    every : ticks from one NavSolution that is wanted to the next
+    telemetry : as in `coast`
 
     Returns
     -------
     done : int, ticks that were made
-    outputs : list of (tick, list of its NavSolution and NavCovariance as far as they are wanted), without the
-        last tick, of which there may be more to tell
+    outputs : list of (tick, list of records), without the last tick, of which there may be more to tell
     """
     blind = nav.watch.imu_blind  # until the last tick: it ends there if that changes
     done = coasting.coast(nav, blocks, first, last)
-    end = ticks + done
-    later, outputs = nav.history.newest - end, {}
-    told = range((ticks // every + 1) * every, end, every)
-    if told:
-        said = solution.solutions(nav, range(later + told.start, later + told.stop, every), blind)
-        outputs = {tick: [one] for tick, one in zip(told, said, strict=True)}
-    for tick in range((ticks // COVARIANCE_TICKS + 1) * COVARIANCE_TICKS, end, COVARIANCE_TICKS):
-        outputs.setdefault(tick, []).append(solution.covariance(nav, later + tick))
-    return done, sorted(outputs.items())
+    return done, telemetry.passed(nav, ticks, ticks + done, blind)
 
 
-def attend(computer, gps_fixes, frames_arrived, *, chain=star_tracker.step, context=None, told=True):
+def attend(computer, gps_fixes, frames_arrived, *, chain=star_tracker.step, context=None, telemetry=RECORDS):
     """What is done at the tick that the filter has reached, with what has arrived since the one before.
 
     Parameters
@@ -135,22 +126,21 @@ def attend(computer, gps_fixes, frames_arrived, *, chain=star_tracker.step, cont
     frames_arrived : sequence of Frame, likewise
     chain : `star_tracker.step`, or something that wraps it to see how long it takes
     context : as `star_context`, which it is by default: what the chain wants to know of a frame
-    told : whether somebody wants the NavSolution of this tick
+    telemetry : as in `coast`
 
     Returns
     -------
     computer : Computer
     outputs : list of records in the order in which they came about: CameraCommand (the first when the tracker
-        is switched on, then one with each frame), StarFix, GateResult, the NavSolution of the tick, and at
-        10 Hz NavCovariance
+        is switched on, then one with each frame), StarFix, GateResult, what the telemetry hands over
     """
     now_s, outputs, due = computer.nav.history.ends_s[-1], [], ()
     if computer.waiting or frames_arrived or _switches(computer, now_s):
         computer, outputs, due = _track_stars(computer, now_s, frames_arrived, chain, context or star_context)
-    return computer, outputs + conclude(computer.nav, computer.ticks, gps_fixes, due, told)
+    return computer, outputs + conclude(computer.nav, computer.ticks, gps_fixes, due, telemetry)
 
 
-def conclude(nav, ticks, gps_fixes, star_fixes, told=True):
+def conclude(nav, ticks, gps_fixes, star_fixes, telemetry=RECORDS):
     """What a tick does once the filter has been advanced and the star tracker has had its turn.
 
     Parameters
@@ -159,11 +149,11 @@ def conclude(nav, ticks, gps_fixes, star_fixes, told=True):
     ticks : of this run, this one included
     gps_fixes : GpsFix and GpsRanges that have become available
     star_fixes : StarFix likewise, also those that hold nothing for the filter
-    told : whether the NavSolution is wanted
+    telemetry : as in `coast`
 
     Returns
     -------
-    list of GateResult, the NavSolution of the tick, and at 10 Hz NavCovariance
+    list of GateResult and NavHealth, then what the telemetry hands over
     """
     outputs = []
     arrivals = sensors.gps_arrivals(nav.params, gps_fixes) + sensors.star_arrivals(nav, star_fixes)
@@ -172,10 +162,7 @@ def conclude(nav, ticks, gps_fixes, star_fixes, told=True):
         if instead := sensors.attitudes_instead(nav, arrivals, outputs):
             outputs += fusion.fuse(nav, instead)
     outputs += nav.watch.changes()
-    if told:
-        outputs.append(solution.solution(nav))
-    if ticks % COVARIANCE_TICKS == 0:
-        outputs.append(solution.covariance(nav))
+    outputs += telemetry.now(nav, ticks)
     return outputs
 
 

@@ -22,13 +22,12 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gravity
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.log.run_data import RunData, RunDataBuilder, join, stack
-from shefex_nav.onboard import computer
-from shefex_nav.onboard.navigation import solution
 from shefex_nav.onboard.navigation.blocks import CONTAINED
 from shefex_nav.onboard.navigation.fusion import Interval, finish
 from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import ATT, corrected, pack
+from shefex_nav.onboard.telemetry import RECORDS
 from shefex_nav.records import GateResult, NavCovariance, NavHealth, NavSolution
 from shefex_nav.replay import relinear, rerun, smoother
 from shefex_nav.scenario import load, params_onboard
@@ -245,9 +244,7 @@ def _said(nav, ticks, step, after, adjoint, star_aided):
         history=History(Tick(step.t_end_s, x, P, step.imu)),
         health={**nav.health, "star_tracker": stars},
     )
-    yield solution.solution(nav)
-    if ticks % computer.COVARIANCE_TICKS == 0:
-        yield solution.covariance(nav)
+    yield from RECORDS.now(nav, ticks)
 
 
 def _steps(recording, start, until_s):

@@ -16,9 +16,10 @@ from shefex_nav import files, prepare, simulate
 from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.errors import UserError
 from shefex_nav.geometry.rotation import rotvec_between
-from shefex_nav.onboard.navigation import fusion, sensors, solution
+from shefex_nav.onboard.navigation import covariance, fusion, sensors
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, POS, VEL
+from shefex_nav.onboard.telemetry import Columns
 from shefex_nav.records import Detections, Reason, StarFix
 from shefex_nav.verify import linear
 from shefex_nav.world import imu
@@ -53,7 +54,7 @@ def fly(scenario, seed):
         return []
     until_s = scenario.star_tracker.off + 1.0
     world = prepare.build_world(scenario, seed)
-    records = simulate.route(world, scenario, seed, until_s=until_s, every=10, blocks=False)
+    records = simulate.route(world, scenario, seed, until_s=until_s, columns=Columns(10))
     return [one for one in records if isinstance(one, StarFix) and one.reason == Reason.NONE]
 
 
@@ -248,9 +249,9 @@ class Recorder:
 def reported(nav):
     """Covariance of the core errors as the filter reports it, (15, 15).
 
-    The estimated accelerometer bias contains what the gravity model leaves out (`solution.covariance`).
+    The estimated accelerometer bias contains what the gravity model leaves out (`covariance.covariance`).
     """
-    P = solution.reported(nav)[:N_CORE, :N_CORE].copy()
+    P = covariance.reported(nav)[:N_CORE, :N_CORE].copy()
     P[BA, BA] += nav.params.imu.gravity**2 * np.eye(3)
     return P
 

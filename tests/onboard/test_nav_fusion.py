@@ -7,7 +7,7 @@ from scipy.stats import chi2
 from unpacked import correct
 
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.onboard.navigation import fusion, solution
+from shefex_nav.onboard.navigation import covariance, fusion, solution
 from shefex_nav.onboard.navigation.state import ATT, OPTIONAL, POS, PVA, VEL, layout, pack
 
 BLOCKS, STATES = fly(30.0)
@@ -334,7 +334,8 @@ def test_solution_against_plain_geometry():
     assert out.angle_of_attack == pytest.approx(np.arctan2(v_b[2], v_b[0]))
     assert out.sideslip == pytest.approx(np.arcsin(v_b[1] / np.linalg.norm(v_e)))
     assert not out.star_aided
-    assert solution.covariance(nav).P.shape == (9, 9) and solution.covariance(nav).sigma.shape == (12,)
+    told = covariance.covariance(nav)
+    assert told.P.shape == (9, 9) and told.sigma.shape == (12,)
 
 
 def test_sigmas_of_the_solution_are_those_of_samples():

@@ -177,7 +177,7 @@ def finish(nav):
 
 
 def _forget(nav, t_s):
-    """Let the ticks go before the last that ends at t_s or earlier; what leads from each to the next is final."""
+    """Let the ticks go before the last that ends at t_s or earlier: what leads on from them is final."""
     history = nav.history
     while nav.recorder is not None and len(history) > 1 and history.ends_s[1] <= t_s:
         present = history.x.copy(), history.P.copy()

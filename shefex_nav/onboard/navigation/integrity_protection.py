@@ -31,6 +31,8 @@ from numba import njit
 from shefex_nav.onboard.navigation.state import ATT, MOUNTING
 from shefex_nav.records import Doubt
 
+NO_DOUBT, TOO_HIGH = int(Doubt.NONE), int(Doubt.ATTITUDE)  # for kernels
+
 
 class Requirement(NamedTuple):
     """What the mission asks of the attitude."""
@@ -220,11 +222,12 @@ def of_axis(stars, others, k, sigma):
     return k * sigma + max(stars, others) if stars == stars and others == others else np.nan
 
 
-def doubts(protection_b, wanted, contradicted, imu_blind):
-    """Doubt about each solution, the gravest first. (m, 3) rad, Requirement, bool, bool -> list of int"""
-    if imu_blind or contradicted:
-        return [int(Doubt.IMU if imu_blind else Doubt.CONTRADICTED)] * len(protection_b)
-    limit = wanted.attitude
-    # not "greater": a level that is not a number must not pass
-    within = [x <= limit and y <= limit and z <= limit for x, y, z in protection_b.tolist()]
-    return [int(Doubt.NONE if good else Doubt.ATTITUDE) for good in within]
+@njit(cache=True)
+def doubt(protection_b, limit, graver):
+    """Doubt about a solution. (3,) rad; rad, of the Requirement; Doubt that there is in any case, or NONE"""
+    if graver != NO_DOUBT:
+        return graver
+    for level in protection_b:
+        if not level <= limit:  # not "greater": a level that is not a number must not pass
+            return TOO_HIGH
+    return NO_DOUBT

@@ -9,7 +9,7 @@ import numpy as np
 
 from shefex_nav.onboard.navigation import integrity_gps, integrity_gyro, integrity_imu, integrity_protection
 from shefex_nav.onboard.navigation.state import ReleaseRule
-from shefex_nav.records import NavHealth
+from shefex_nav.records import Doubt, NavHealth
 
 CONTRADICTIONS = 3  # [E] rejected fixes in a row that agree with each other
 DRIFTS = "gps_position"  # the sensor whose innovations are averaged
@@ -153,6 +153,16 @@ def contradicts(name, record):
     """
     in_a_row = record.in_a_row if name == "star_tracker" else record.rejected
     return in_a_row >= CONTRADICTIONS
+
+
+def graver_doubt(health, imu_blind):
+    """Doubt about the solution whatever its protection level, NONE if there is none, as int.
+
+    {sensor: Health}, `Watch.imu_blind`
+    """
+    if imu_blind:
+        return int(Doubt.IMU)
+    return int(Doubt.CONTRADICTED if contradicted(health) else Doubt.NONE)
 
 
 def contradicted(health):

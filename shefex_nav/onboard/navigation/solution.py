@@ -1,6 +1,7 @@
 """What the filter tells the vehicle: NavSolution at every tick, with sigmas by linear propagation of P.
 
-Air-relative velocity is that of an atmosphere which turns with the Earth, without wind.
+Air-relative velocity is that of an atmosphere which turns with the Earth, without wind. A kernel writes each
+solution as a row of numbers, which are read as one record or, many of them, as a record of arrays.
 """
 
 from math import pi
@@ -19,22 +20,10 @@ from shefex_nav.onboard.navigation.calibration import (
     jacobians_packed,
     shaken,
 )
-from shefex_nav.onboard.navigation.state import (
-    ATT,
-    BA,
-    BG,
-    MOUNTING,
-    NOMINAL,
-    POS,
-    PVA,
-    ROLL_COLUMN,
-    VEL,
-    X_Q,
-    X_R,
-    X_V,
-)  # fmt: skip
+from shefex_nav.onboard.navigation.covariance import as_reported
+from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
 from shefex_nav.onboard.navigation.strapdown import BEFORE
-from shefex_nav.records import Doubt, NavCovariance, NavSolution
+from shefex_nav.records import Doubt, NavSolution
 
 SLOWEST = 1e-3  # m/s, below it the angles of the velocity have no meaning; their sigma is pi
 
@@ -52,7 +41,9 @@ OMEGA, R_E, V_E, ANGLES = (
     ENDS[name] - FIELDS[name] for name in ("omega_ib_b", "r_e", "v_e", "flight_path_angle")
 )
 S_R, S_V, S_ATT, S_OMEGA, S_ANGLES = (ENDS[name] - FIELDS[name] for name in list(FIELDS)[10:15])
-LEVEL, T_S = ENDS["sigma_sideslip"], N_OUT  # protection level, and behind all of them the time
+# behind them the protection level, the time, whether a star fix has been used, the Doubt
+LEVEL, T_S, AIDED, DOUBT = ENDS["sigma_sideslip"], N_OUT, N_OUT + 1, N_OUT + 2
+WIDTH = N_OUT + 3
 
 
 def solution(nav):
@@ -62,7 +53,14 @@ def solution(nav):
 
 
 def solutions(nav, ticks, imu_blind):
-    """NavSolution of each of some ticks, in one compiled call: list.
+    """NavSolution of each of some ticks, as `tell` takes them: list."""
+    rows = np.empty((len(ticks), WIDTH))
+    tell(nav, ticks, imu_blind, rows)
+    return [_solution(row) for row in rows]
+
+
+def tell(nav, ticks, imu_blind, rows):
+    """Write a row for each of some ticks, in one compiled call.
 
     Parameters
     ----------
@@ -70,82 +68,56 @@ def solutions(nav, ticks, imu_blind):
     ticks : range of their numbers, as `History` counts them
     imu_blind : as `Watch.imu_blind`, at all of these ticks. What else decides whether they can be trusted is
         that of now: nothing may have arrived since the first of them.
+    rows : (m, WIDTH) is written
     """
     numbers, increments, _, xs, Ps = nav.history.arrays[:5]
     model, level, wanted = nav.params.imu, nav.watch.level, nav.watch.params.wanted
-    out = np.empty((len(ticks), N_OUT + 1))
     _tell(
         nav.layout.at, ticks.start, ticks.step, numbers, increments, xs, Ps,
         model.gyro_random_walk, model.gyro_quantum, model.accel_vibration, model.gyro_vibration,
-        *nav.earth, level.stars_b, level.others_b, wanted.k, out,
+        *nav.earth, level.stars_b, level.others_b, wanted.k, wanted.attitude,
+        nav.health["star_tracker"].used > 0, integrity_watch.graver_doubt(nav.health, imu_blind), rows,
     )  # fmt: skip
-    used = nav.health["star_tracker"].used > 0
-    contradicted = integrity_watch.contradicted(nav.health)
-    trust = integrity_protection.doubts(out[:, LEVEL:T_S], wanted, contradicted, imu_blind)
-    return [_solution(row, used, doubt) for row, doubt in zip(out, trust, strict=True)]
 
 
-def _solution(out, used, doubt):
-    """NavSolution of what `_tell` has written for a tick; used : whether any star fix has been."""
+def _solution(row):
+    """NavSolution of a row of `tell`."""
     # by position, in the order of the record: nineteen keywords would cost more than the arithmetic
+    t_s, aided, doubt = row[T_S:].tolist()
     return NavSolution(
-        *(out[T_S].item(), out[0:3], out[3:6], out[6:10], out[10:13], out[13:16], out[16:19]),
-        *out[ANGLES:S_R].tolist(),
-        *(out[S_R:S_V], out[S_V:S_ATT], out[S_ATT:S_OMEGA], out[S_OMEGA:S_ANGLES]),
-        *out[S_ANGLES:LEVEL].tolist(),
-        *(used, out[LEVEL:T_S], doubt != Doubt.NONE, doubt),
+        *(t_s, row[0:3], row[3:6], row[6:10], row[10:13], row[13:16], row[16:19]),
+        *row[ANGLES:S_R].tolist(),
+        *(row[S_R:S_V], row[S_V:S_ATT], row[S_ATT:S_OMEGA], row[S_OMEGA:S_ANGLES]),
+        *row[S_ANGLES:LEVEL].tolist(),
+        *(aided > 0.0, row[LEVEL:T_S], doubt != Doubt.NONE, int(doubt)),
     )
 
 
-def reported(nav):
-    """Covariance of the errors of the solution, (n, n); not to be changed, it may be that of the filter.
-
-    While a motor burns, the sensors swing with the vibration and the strapdown follows them. Nothing of it
-    stays, so the filter does not count it as an error that grows, but the solution of the moment contains it.
-    """
-    history, model = nav.history, nav.params.imu
-    vibration = float(history.numbers[history.place(-1), 3])
-    return as_reported(history.P, vibration * model.accel_vibration, vibration * model.gyro_vibration)
-
-
-def covariance(nav, tick=None):
-    """NavCovariance of a tick, numbered as `History` counts them, or of the last one."""
-    history, layout, model = nav.history, nav.layout, nav.params.imu
-    place = (history.newest if tick is None else tick) % len(history.numbers)
-    t_s, _, _, vibration = history.numbers[place].tolist()
-    P = as_reported(history.Ps[place], vibration * model.accel_vibration, vibration * model.gyro_vibration)
-    x = history.xs[place].copy()
-    named = _named(layout.at, P, x, layout.nominal, model.gravity)
-    return NavCovariance(
-        t_s,
-        P[PVA, PVA].copy(),
-        *(x[NOMINAL[name]] for name in ("gyro_bias", "accel_bias", "gyro_roll_column", "mounting")),
-        named[0],
-        " ".join(layout.names),
-        *named[1:],
+def columns(rows):
+    """NavSolution of arrays over N: of rows (N, WIDTH) of `tell`."""
+    fields = {}
+    for name, size in FIELDS.items():
+        part = rows[:, ENDS[name] - size : ENDS[name]]
+        fields[name] = (part if size > 1 else part[:, 0]).copy()
+    doubt = rows[:, DOUBT].astype(np.int64)
+    return NavSolution(
+        t_s=rows[:, T_S].copy(),
+        star_aided=rows[:, AIDED] > 0.0,
+        do_not_use=doubt != Doubt.NONE,
+        doubt=doubt,
+        **fields,
     )
-
-
-@njit(cache=True)
-def as_reported(P, accel_swing, gyro_swing):
-    """`reported`: P (n, n) itself, or a copy with the squares of the swings, m/s and rad, on top."""
-    if accel_swing == 0.0 and gyro_swing == 0.0:
-        return P
-    P = P.copy()
-    for i in range(3):
-        P[VEL.start + i, VEL.start + i] += accel_swing**2
-        P[ATT.start + i, ATT.start + i] += gyro_swing**2
-    return P
 
 
 @njit(cache=True)
 def _tell(
     at, first, step, numbers, increments, xs, Ps, random_walk, quantum, accel_vibration, gyro_vibration,
-    C_iq, C_re, angle_0, rate, stars_b, others_b, k, out,
+    C_iq, C_re, angle_0, rate, stars_b, others_b, k, limit, aided, graver, out,
 ):  # fmt: skip
-    """`_derive`, protection level and time of ticks of a History; out (m, N_OUT + 1) is written.
+    """`_derive`, protection level, time and whether to be trusted of ticks of a History: out (m, WIDTH).
 
     first, step : numbers of the ticks;  stars_b, others_b, k : as `integrity_protection.of_axis`
+    limit : rad, of the protection level;  aided : by stars;  graver : Doubt there is in any case, or NONE
     """
     for j in range(len(out)):
         place = (first + j * step) % len(numbers)
@@ -159,29 +131,8 @@ def _tell(
         for i in range(3):
             out[j, LEVEL + i] = integrity_protection.of_axis(stars_b[i], others_b[i], k, out[j, S_ATT + i])
         out[j, T_S] = numbers[place, 0]
-
-
-@njit(cache=True)
-def _named(at, P, x, nominal, gravity):
-    """Sigmas of the four calibrations that always have a name (12,), NaN where they are not estimated; then
-    estimates and sigmas (k,) of all blocks of choice.
-
-    at, nominal : of Layout;  gravity : sigma that the estimate of the accelerometer bias contains
-    """
-    n, m = P.shape[0], BA.stop - BG.start
-    sigma, four, estimates = np.empty(n), np.full(12, np.nan), np.empty(n - BA.stop)
-    for k in range(n):
-        variance = P[k, k]
-        if BA.start <= k < BA.stop:
-            variance += gravity**2
-        sigma[k] = np.sqrt(variance)
-    for k in range(BA.stop, n):
-        estimates[k - BA.stop] = x[nominal[m + k - BA.stop]]
-    four[:m] = sigma[BG.start : BA.stop]
-    for j, block in enumerate((ROLL_COLUMN, MOUNTING)):
-        if at[block] >= 0:
-            four[m + 3 * j : m + 3 * j + 3] = sigma[at[block] : at[block] + 3]
-    return four, estimates, sigma[BA.stop :].copy()
+        out[j, AIDED] = aided
+        out[j, DOUBT] = integrity_protection.doubt(out[j, LEVEL:T_S], limit, graver)
 
 
 @njit(cache=True)
