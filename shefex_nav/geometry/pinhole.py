@@ -95,6 +95,12 @@ def cross_covariance(camera, xy_px, P_px):
     f = camera.focal_length_px
     for k in range(xy_px.shape[0]):
         x, y = (xy_px[k, 0] - camera.cx_px) / f, (xy_px[k, 1] - camera.cy_px) / f
-        J = np.ascontiguousarray(E[k, :, :2]) / (f * np.sqrt(1.0 + x * x + y * y))
-        P_u[k] = J @ np.ascontiguousarray(P_px[k]) @ J.T
+        n2 = f * f * (1.0 + x * x + y * y)
+        for i in range(2):
+            for j in range(2):
+                total = 0.0
+                for a in range(2):
+                    for b in range(2):
+                        total += E[k, i, a] * P_px[k, a, b] * E[k, j, b]
+                P_u[k, i, j] = total / n2
     return P_u

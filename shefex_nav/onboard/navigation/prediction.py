@@ -275,12 +275,13 @@ def _covariance(at, model, P, work, bias_walk, T):
             if factor != 0.0:
                 for j in range(n):
                     A[i, j] += factor * P[k, j]
+    for i in range(0, TOP, 3):
+        for j in range(0, i + 1, 3):
+            nine = _nine_sums(A, top, Q, i, j, drivers)
+            for a in range(3):
+                for b in range(3):  # of a block on the diagonal, what lies below it comes last and stays
+                    P[i + a, j + b] = P[j + b, i + a] = nine[3 * a + b]
     for i in range(TOP):
-        for j in range(i + 1):
-            total = Q[i, j]
-            for k in range(drivers):
-                total += A[i, k] * top[j, k]
-            P[i, j] = P[j, i] = total
         for j in range(TOP, n):
             P[i, j] = P[j, i] = A[i, j]
     for i in range(3):
@@ -293,6 +294,21 @@ def _covariance(at, model, P, work, bias_walk, T):
         _wander(P, at[RANGE_BIAS], SIZES[RANGE_BIAS], left, model.range_bias_sigma)
     if at[GRAVITY] >= 0:
         _wander(P, at[GRAVITY], 3, np.exp(-T / FIELD_TIME_S), model.gravity_sigma)
+
+
+@njit(cache=True, forceinline=True)
+def _nine_sums(A, top, Q, i, j, drivers):
+    """Block (3, 3) of A top^T + Q at row i and column j: sums side by side, so that none waits for another."""
+    a, b, c = Q[i, j], Q[i, j + 1], Q[i, j + 2]
+    d, e, f = Q[i + 1, j], Q[i + 1, j + 1], Q[i + 1, j + 2]
+    g, h, m = Q[i + 2, j], Q[i + 2, j + 1], Q[i + 2, j + 2]
+    for k in range(drivers):
+        x, y, z = A[i, k], A[i + 1, k], A[i + 2, k]
+        u, v, w = top[j, k], top[j + 1, k], top[j + 2, k]
+        a, b, c = a + x * u, b + x * v, c + x * w
+        d, e, f = d + y * u, e + y * v, f + y * w
+        g, h, m = g + z * u, h + z * v, m + z * w
+    return a, b, c, d, e, f, g, h, m
 
 
 @njit(cache=True)

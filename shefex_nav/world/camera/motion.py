@@ -128,12 +128,14 @@ def moved(camera, q_ib, omega_ib_b, r_i, v_i, q_bc, start, length, middle, steps
     """
     C_bc = dcm_from_quat(q_bc)
     first, last = int(start), min(int(np.ceil(start + length)), omega_ib_b.shape[0] - 1)
-    mean_b, rate, speed = np.zeros(3), 0.0, 0.0
+    mean_b, omega_c, rate, speed = np.zeros(3), np.empty(3), 0.0, 0.0
     for k in range(first, last + 1):
-        omega_b = omega_ib_b[k]
-        mean_b += omega_b / (last - first + 1)
-        rate = max(rate, np.sqrt(omega_b @ omega_b))
-        speed = max(speed, fastest(camera, omega_b @ C_bc))
+        p, q, r = omega_ib_b[k]
+        for j in range(3):
+            mean_b[j] += omega_ib_b[k, j] / (last - first + 1)
+            omega_c[j] = p * C_bc[0, j] + q * C_bc[1, j] + r * C_bc[2, j]
+        rate = max(rate, np.sqrt(p * p + q * q + r * r))
+        speed = max(speed, fastest(camera, omega_c))
     n = max(1, int(np.ceil(speed * steps)))
     C_ci, C_ci_mid = np.empty((n + 1, 3, 3)), np.empty((1, 3, 3))
     attitudes_at(q_ib, q_bc, start + length * np.arange(n + 1) / n, C_ci)

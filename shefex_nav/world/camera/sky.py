@@ -71,7 +71,8 @@ def visible(sky, planets, view, film):
     u_i, electrons = np.empty((n + n_planets, 3)), np.empty(n + n_planets)
     hip = np.zeros(n + n_planets, np.int64)
     for k in range(n):
-        u_i[k] = sky.u_i[rows[k]]
+        for j in range(3):
+            u_i[k, j] = sky.u_i[rows[k], j]
         hip[k] = sky.hip[rows[k]] if sky.is_listed[rows[k]] else 0
         electrons[k] = film.exposure_s * sky.flux[rows[k]]
     for k in range(n_planets):
@@ -84,7 +85,9 @@ def visible(sky, planets, view, film):
     for k in range(n + n_planets):
         is_drawn = electrons[k] >= _faintest(u_i[k], view.omega_ib_i, film)
         if not hidden[k] and (is_drawn or hip[k] > 0):
-            hip[kept], u_i[kept] = hip[k], u_i[k]
+            hip[kept] = hip[k]
+            for j in range(3):
+                u_i[kept, j] = u_i[k, j]
             electrons[kept] = electrons[k] if is_drawn else 0.0
             kept += 1
     return hip[:kept], u_i[:kept], electrons[:kept]
@@ -112,8 +115,9 @@ def _faintest(u_i, omega_ib_i, film):
     A still star puts 1/(2 pi sigma^2) of its light into that pixel, one that moves by L px
     1/(sqrt(2 pi) sigma L). This is what makes frames affordable while the vehicle spins.
     """
-    along = omega_ib_i @ u_i
-    speed = np.sqrt(max(0.0, omega_ib_i @ omega_ib_i - along * along))  # |omega x u|
+    x, y, z = omega_ib_i
+    along = x * u_i[0] + y * u_i[1] + z * u_i[2]
+    speed = np.sqrt(max(0.0, x * x + y * y + z * z - along * along))  # |omega x u|
     length_px = film.focal_length_px * film.exposure_s * speed
     return film.least * film.width_px * max(film.width_px, length_px)
 
@@ -124,11 +128,14 @@ def behind_earth(u_i, r_i, C_ei):
 
     With z stretched by A/B the Earth is a unit sphere; |r + s u| = 1 has a solution s > 0 there.
     """
-    stretch = np.array([1.0 / wgs84.A, 1.0 / wgs84.A, 1.0 / wgs84.B])
-    r = (C_ei @ r_i) * stretch
+    S = C_ei / np.array([[wgs84.A], [wgs84.A], [wgs84.B]])
+    r = S @ r_i
+    above = r @ r - 1.0
     hidden = np.empty(u_i.shape[0], np.bool_)
     for k in range(u_i.shape[0]):
-        u = (C_ei @ u_i[k]) * stretch
-        ru = r @ u
-        hidden[k] = ru < 0.0 and ru * ru > (u @ u) * (r @ r - 1.0)
+        uu, ru = 0.0, 0.0
+        for j in range(3):
+            x = S[j, 0] * u_i[k, 0] + S[j, 1] * u_i[k, 1] + S[j, 2] * u_i[k, 2]
+            uu, ru = uu + x * x, ru + x * r[j]
+        hidden[k] = ru < 0.0 and ru * ru > uu * above
     return hidden
