@@ -90,7 +90,7 @@ def coast(computer, blocks, first, last, telemetry=RECORDS):
         if switched_s > history.ends_s[-1] + SAME_S:
             due_s = min(due_s, switched_s)
     if due_s < blocks.t_valid_s[last - 1]:
-        last = first + int(np.searchsorted(blocks.t_valid_s[first:last] + SAME_S, due_s)) + 1
+        last = first + int(np.searchsorted(blocks.t_valid_s[first:last], due_s - SAME_S)) + 1
     done, outputs = glide(computer.nav, ticks, blocks, first, last, telemetry)
     return Computer(*computer[:-1], ticks + done), done, outputs
 

@@ -84,5 +84,6 @@ def describe(trajectory, height, earth, instants):
         detail = f"{np.sqrt(v_e @ v_e):.0f} m/s, Mach {trajectory.mach[j]:.1f}"
         if name == "max_dynamic_pressure":
             detail += f", {1e-3 * trajectory.dynamic_pressure_pa[j]:.0f} kPa"
-        events.append(Event(float(t), name, float(np.interp(t, t_s, height)), detail))
+        near = slice(max(j - 1, 0), j + 1)
+        events.append(Event(float(t), name, float(np.interp(t, t_s[near], height[near])), detail))
     return tuple(events)

@@ -17,6 +17,7 @@ from shefex_nav.records import Trajectory
 from shefex_nav.world.flight import attitude_program as attitude
 from shefex_nav.world.flight import control, devices, dynamics, events, start, surroundings, timeline, vehicle
 from shefex_nav.world.flight import params as p
+from shefex_nav.world.flight.columns import split
 from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, integrate
 from shefex_nav.world.flight.timeline import EPS, Kind
 
@@ -348,21 +349,18 @@ class _Run:
 def _record(params, earth, rows, instants, history, landed):
     """Split the rows of the integration into the record: Flight."""
     t_s = params.t_start_s + np.arange(len(rows)) / params.sample_rate_hz
-    aux, height = dynamics.STATE, rows[:, dynamics.STATE + 7]
+    *motion, (mass, mach, pressure, thrust, height, attack) = split(rows)
     stage = events.burning(params, t_s)
     if not isinstance(params.start, p.GroundSite):
         for burn in timeline.burns(params):
             instants[f"burn_out_{burn.number}"] = burn.t_1
-        instants |= events.found(params, t_s, height, rows[:, aux + 5], landed)
+        instants |= events.found(params, t_s, height, pressure, landed)
     instants = {name: t for name, t in instants.items() if t <= max(t_s[-1], instants.get("impact", -np.inf))}
-    columns = [slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)]
-    columns += [slice(aux, aux + 3), slice(13, 16), slice(16, 19)]  # f_b and the increments
-    columns += [aux + 3, aux + 4, aux + 5, aux + 6]  # mass, Mach number, dynamic pressure, thrust
     trajectory = Trajectory(
         t_s,
         events.phases(params, t_s, stage, instants),
-        *(np.ascontiguousarray(rows[:, c]) for c in columns),
+        *(*motion, mass, mach, pressure, thrust),
         burning=stage,
-        angle_of_attack=np.ascontiguousarray(rows[:, aux + 8]),
+        angle_of_attack=attack,
     )
     return Flight(trajectory, events.describe(trajectory, height, earth, instants), history)
