@@ -43,13 +43,13 @@ AUX = 9  # f_b 0:3, mass 3, Mach number 4, dynamic pressure 5, thrust 6, height 
 ROW = STATE + AUX
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def cross(ax, ay, az, bx, by, bz):
     """a x b."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def write_attitude(x, C):
     """Write C_ib of the state into C (3, 3)."""
     w, a, b, c = x[6], x[7], x[8], x[9]
@@ -58,7 +58,7 @@ def write_attitude(x, C):
     C[2, 0], C[2, 1], C[2, 2] = 2.0 * (a * c - w * b), 2.0 * (b * c + w * a), 1.0 - 2.0 * (a * a + b * b)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _relative_to_air(x, s, wind_x, wind_y, wind_z, lx, ly, lz):
     """Velocity of the centre of mass, at l from the IMU, relative to the air, and rate relative to the Earth.
 
@@ -73,7 +73,7 @@ def _relative_to_air(x, s, wind_x, wind_y, wind_z, lx, ly, lz):
     return (u + vx, v + vy, w + vz), (p, q, r)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _parachute(s, t_s, density, arm, velocity, rate):
     """Force of the parachute in body axes; arm: from the centre of mass to where its lines are fixed.
 
@@ -89,7 +89,7 @@ def _parachute(s, t_s, density, arm, velocity, rate):
     return k * u, k * v, k * w
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _motor(s, vacuum_thrust, pressure, station, x_burning, di_y, di_z, q, r):
     """Force and moment of the motor about the centre of mass, body axes, and the thrust as it is: 7 numbers.
 
@@ -112,7 +112,7 @@ def _motor(s, vacuum_thrust, pressure, station, x_burning, di_y, di_z, q, r):
     return fx, fy + across * r, fz - across * q, mx, my, mz, push
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _outside(s, tables, t_s, density, sound, station, velocity, rate):
     """Force and moment about the centre of mass, body axes, of air, parachute, spin motors: six numbers."""
     fx, fy, fz, mx, my, mz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -131,7 +131,7 @@ def _outside(s, tables, t_s, density, sound, station, velocity, rate):
     return fx, fy, fz, mx, my, mz
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _angular_acceleration(x, s, inertia, moment):
     """I^-1 (M - omega x I omega) for the full inertia tensor: three numbers."""
     p, q, r = x[10], x[11], x[12]
@@ -150,7 +150,7 @@ def _angular_acceleration(x, s, inertia, moment):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _on_rail(x, s, gx, gy, gz, push):
     """Specific force in body axes while the rail allows motion along itself only; push: F_x/m.
 
@@ -173,7 +173,7 @@ def _on_rail(x, s, gx, gy, gz, push):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _at_imu(x, s, lx, ly, lz, ax, ay, az):
     """f_b(IMU) - F/m: what the rotation and the gradient of gravitation make of the distance l to the IMU.
 
@@ -193,7 +193,7 @@ def _at_imu(x, s, lx, ly, lz, ax, ay, az):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _around(t_s, x, s, tables, fine):
     """Gravitation in frame i, height, density, pressure, speed of sound, wind in frame i: ten numbers."""
     turn = turned(s, t_s)
@@ -209,7 +209,7 @@ def _around(t_s, x, s, tables, fine):
     return gx + fine[0], gy + fine[1], gz + fine[2], height_m, density, pressure, sound, wx, wy, wz
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _acting(t_s, x, s, tables, density, pressure, sound, wx, wy, wz):
     """What acts on the vehicle but gravitation, and on what; body axes, three numbers each unless said.
 

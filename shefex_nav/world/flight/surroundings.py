@@ -76,7 +76,7 @@ def closed_form(gravity):
     return np.array([gravity.gm, gravity.radius, j2])
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def times(C, x, y, z):
     """C @ (x, y, z)."""
     return (
@@ -86,7 +86,7 @@ def times(C, x, y, z):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def transposed_times(C, x, y, z):
     """C.T @ (x, y, z)."""
     return (
@@ -96,28 +96,28 @@ def transposed_times(C, x, y, z):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def turned(s, t_s):
     """Cosine and sine of the Earth rotation angle at a mission time. s: of the Scene, or an EarthRotation."""
     angle = s.angle_0 + s.rate * t_s
     return np.cos(angle), np.sin(angle)
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def position_e(s, turn, x, y, z):
     """Position in frame e: dcm_ie(earth, t_s).T @ (x, y, z), with turn = turned(s, t_s); three numbers."""
     x, y, z = transposed_times(s.C_iq, x, y, z)
     return transposed_times(s.C_re, turn[0] * x + turn[1] * y, turn[0] * y - turn[1] * x, z)
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def to_inertial(s, turn, x, y, z):
     """Components in frame i of a vector in frame e: three numbers."""
     x, y, z = times(s.C_re, x, y, z)
     return times(s.C_iq, turn[0] * x - turn[1] * y, turn[1] * x + turn[0] * y, z)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def level(a, e2, x, y, z):
     """Height [m] above an ellipsoid, and sine and cosine of the geodetic latitude, of a position in frame e.
 
@@ -142,7 +142,7 @@ def height(shape, r_e):
     return h
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def coarse_gravity(s, x, y, z):
     """The closed form with J2 at a position in frame e: three numbers, m/s^2, frame e.
 
@@ -166,7 +166,7 @@ def fine_gravity_i(gravity, s, t_s, x, y, z):
     return to_inertial(s, turn, g[0] - gx, g[1] - gy, g[2] - gz)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def air(s, tables, height_m):
     """(density kg/m^3, pressure Pa, speed of sound m/s) at a height [m]. s, tables: of the Scene.
 
@@ -184,7 +184,7 @@ def air(s, tables, height_m):
     return s.density_factor * density, pressure, mixed(tables, at + 3, 4, part)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def wind_e(s, tables, height_m, sine, cosine, x, y):
     """Wind in frame e, three numbers, m/s; constant beyond the ends of its table. s, tables: of the Scene.
 
