@@ -298,7 +298,7 @@ def _covariance(at, model, P, work, bias_walk, T):
 
 @njit(cache=True, forceinline=True)
 def _nine_sums(A, top, Q, i, j, drivers):
-    """Block (3, 3) of A top^T + Q at row i and column j: sums side by side, so that none waits for another."""
+    """Block (3, 3) of A top^T + Q at row i, column j: sums side by side, so that none waits for another."""
     a, b, c = Q[i, j], Q[i, j + 1], Q[i, j + 2]
     d, e, f = Q[i + 1, j], Q[i + 1, j + 1], Q[i + 1, j + 2]
     g, h, m = Q[i + 2, j], Q[i + 2, j + 1], Q[i + 2, j + 2]
