@@ -73,7 +73,7 @@ def measure(params, alignment, earth, blocks, arrivals, with_solution):
     for k in [*busy, len(arrivals)]:
         while n < k:
             if with_solution:
-                done, _ = computer.glide(nav, n, blocks, n, k, every=1)
+                done, _ = computer.glide(nav, n, blocks, n, k)
                 solution.solution(nav)  # of the last, as a tick has it that is attended to
             else:
                 done = coast.coast(nav, blocks, n, k)

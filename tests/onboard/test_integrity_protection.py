@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from shefex_nav.onboard.navigation import integrity, integrity_watch
 from shefex_nav.onboard.navigation import integrity_protection as protection
 from shefex_nav.onboard.navigation.state import ATT
 from shefex_nav.records import Doubt
@@ -116,11 +117,20 @@ def test_k_is_that_of_the_normal_distribution():
 
 
 def test_the_gravest_doubt_counts_and_what_is_no_number_never_passes():
-    wanted = protection.Requirement(0.003, 4.4)
-    good, bad = np.full(3, 0.003), np.array([0.001, 0.0031, 0.001])
-    three = np.array([good, bad, bad * np.nan])
-    found = [Doubt.NONE, Doubt.ATTITUDE, Doubt.ATTITUDE]
-    assert protection.doubts(three, wanted, False, False) == found
-    assert protection.doubts(three, wanted, True, False) == [Doubt.CONTRADICTED] * 3
-    assert protection.doubts(three, wanted, True, True) == [Doubt.IMU] * 3
-    assert protection.doubts(three, wanted, False, True) == [Doubt.IMU] * 3
+    limit = 0.003
+    good, bad, unknown = np.full(3, limit), np.array([0.001, 0.0031, 0.001]), np.array([np.nan, 0.001, 0.001])
+    for level, own in ((good, Doubt.NONE), (bad, Doubt.ATTITUDE), (unknown, Doubt.ATTITUDE)):
+        assert protection.doubt(level, limit, int(Doubt.NONE)) == own
+        for graver in (Doubt.CONTRADICTED, Doubt.IMU):
+            assert protection.doubt(level, limit, int(graver)) == graver
+
+
+def test_a_blind_imu_is_graver_than_a_sensor_that_contradicts():
+    names = "star_tracker", "gps_position", "gps_velocity"
+    at_ease = dict.fromkeys(names, integrity.HEALTHY._replace(used=9))
+    insists = at_ease["star_tracker"]._replace(in_a_row=integrity_watch.CONTRADICTIONS)
+    at_odds = at_ease | {"star_tracker": insists}
+    assert integrity_watch.graver_doubt(at_ease, False) == Doubt.NONE
+    assert integrity_watch.graver_doubt(at_odds, False) == Doubt.CONTRADICTED
+    assert integrity_watch.graver_doubt(at_odds, True) == Doubt.IMU
+    assert integrity_watch.graver_doubt(at_ease, True) == Doubt.IMU

@@ -1,5 +1,7 @@
 """Attitude from centroids with covariances, and the test that drops a bad star."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -10,6 +12,8 @@ from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_m
 from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.onboard.startracker.attitude import covariance, esoq2
 from shefex_nav.onboard.startracker.likelihood import (
+    _product,
+    _shared,
     drop_worst,
     misfit_factor,
     misfit_growth,
@@ -300,3 +304,60 @@ def test_only_a_misfit_beyond_chance_makes_a_covariance_grow():
     assert (1.0 / growth).mean() == pytest.approx(1.0, abs=0.01)
     assert (1.0 / follow).mean() > 1.03
     assert misfit_growth(44.0, 11.0, 10.0) == pytest.approx((54.0 - 3.0 * np.sqrt(22.0)) / 21.0)
+
+
+@pytest.mark.parametrize(("n", "k", "m"), [(4, 4, 4), (3, 4, 4), (3, 4, 3), (4, 3, 4), (2, 7, 7), (2, 7, 2)])
+def test_products_of_small_matrices(n, k, m):
+    """Also of parts of larger ones, and transposed."""
+    rng = np.random.default_rng(27)
+    A, B = rng.standard_normal((n, k)), rng.standard_normal((k, m))
+    wide, turned = np.zeros((n + 2, k + 3)), np.ascontiguousarray(B.T).T
+    wide[1:-1, 2:-1] = A
+    for left in (A, wide[1:-1, 2:-1]):
+        for right in (B, turned):
+            np.testing.assert_allclose(_product(left, right), A @ B, rtol=1e-14, atol=1e-14)
+
+
+def shared_exactly(C, P):
+    """(I + P C)^-1 P in fractions, by Gauss and Jordan."""
+    n = len(P)
+    C, P = ([[Fraction(x) for x in row] for row in M.tolist()] for M in (C, P))
+    rows = [[sum(P[i][k] * C[k][j] for k in range(n)) + (i == j) for j in range(n)] + P[i] for i in range(n)]
+    for k in range(n):
+        first = next(i for i in range(k, n) if rows[i][k])
+        rows[k], rows[first] = rows[first], rows[k]
+        rows[k] = [x / rows[k][k] for x in rows[k]]
+        for i in set(range(n)) - {k}:
+            rows[i] = [x - rows[i][k] * y for x, y in zip(rows[i], rows[k], strict=True)]
+    return np.array([[float(x) for x in row[n:]] for row in rows])
+
+
+def common_covariance(rng, kind):
+    """(4, 4) of the size of (1e-4)^2: of rate and focal length, or of what there is of them."""
+    A, P = rng.standard_normal((3, 3)), np.zeros((4, 4))
+    if kind in ("rate", "both"):
+        P[:3, :3] = 1e-8 * (A @ A.T)
+    if kind in ("focal length", "both"):
+        P[3, 3] = 1e-8 * rng.uniform(0.1, 10.0)
+    if kind == "one turn":  # rank one, all four of it tied together
+        P = 1e-8 * np.outer(*2 * [rng.standard_normal(4)])
+    if kind == "very unequal":
+        scale = 10.0 ** rng.uniform(-3.0, 3.0, 4)
+        P = 1e-8 * np.diag(scale)
+    return P
+
+
+@pytest.mark.parametrize("size", [1e2, 1e7, 1e12])
+@pytest.mark.parametrize("kind", ["nothing", "rate", "focal length", "both", "one turn", "very unequal"])
+def test_what_stars_share_with_any_covariance_of_it(kind, size):
+    """D = P (I + C P)^-1 against fractions, in units of its own sigmas, and against NumPy."""
+    rng = np.random.default_rng(28)
+    for _ in range(40):
+        A = rng.standard_normal((20, 4)) * [1.0, 1.0, 0.1, 3.0]  # rolls move a place less
+        C, P = size * (A.T @ A), common_covariance(rng, kind)
+        found, expected = _shared(C, P), shared_exactly(C, P)
+        sigma = np.sqrt(np.diag(expected))
+        rounding = 1e-11 * sigma.max() ** 2  # where P, and with it D, is zero
+        assert np.all(np.abs(found - expected) <= 1e-8 * np.outer(sigma, sigma) + rounding)
+        inverse = P @ np.linalg.inv(np.eye(4) + C @ P)
+        np.testing.assert_allclose(found, inverse, rtol=0.0, atol=1e-8 * sigma.max() ** 2)

@@ -1,12 +1,15 @@
 """Ticks in one call: the same as one by one, to the last bit, and an end where something has to be said."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from navigation_flight import DT, EARTH, PARAMS, alignment, fly, gps_fix
 
-from shefex_nav.onboard import computer
+from shefex_nav.log.run_data import stack
+from shefex_nav.onboard import computer, telemetry
 from shefex_nav.onboard.navigation import coast, fusion, integrity_imu, integrity_watch
-from shefex_nav.records import ImuBlock
+from shefex_nav.records import ImuBlock, NavCovariance, NavSolution
 
 CLEAN, STATES = fly(6.0)
 NOISE = 1e-7 * np.random.default_rng(2).standard_normal((2, len(CLEAN), 4, 3))  # no reading comes twice
@@ -80,33 +83,57 @@ def broken(kind):
     return blocks
 
 
-@pytest.mark.parametrize("every", [1, 4, 10])
-def test_what_is_told_of_ticks_on_the_way_is_what_each_would_have_told(every):
-    """Every NavSolution and NavCovariance, to the last bit, and at whole tenths of a second no others."""
-    rng = np.random.default_rng(2)
-    fixes = [gps_fix(BLOCKS, STATES, t_s, 0.2, rng) for t_s in (1.0, 2.0, 3.0, 4.0012)]
-    told = []
-    for blocks in (BLOCKS, broken("silent")):
-        arrays = stacked(blocks)
-        for step in (1, len(blocks)):
-            nav, n, waiting, outputs = fusion.start(WATCHED, alignment(STATES[0]), EARTH), 0, fixes[:], []
-            while n < len(blocks):
-                until_s = waiting[0].t_available_s - 1e-9 if waiting else np.inf
-                stop = min(int(np.searchsorted(arrays.t_valid_s, until_s)) + 1, len(blocks), n + step)
-                done, passed = computer.glide(nav, n, arrays, n, stop, every)
-                n += done
-                outputs += [record for _, said in passed for record in said]
-                arrived = [waiting.pop(0)] if waiting and nav.history.ends_s[-1] > until_s else []
-                outputs += computer.conclude(nav, n, arrived, (), told=n % every == 0)
-            told.append(outputs)
-    for one, many in (told[:2], told[2:]):
-        kinds = [type(record).__name__ for record in one]
-        assert kinds.count("NavSolution") == len(BLOCKS) // every
-        assert kinds.count("NavCovariance") == len(BLOCKS) // 10
-        assert kinds == [type(record).__name__ for record in many]
-        for a, b in zip(one, many, strict=True):
-            for x, y in zip(a, b, strict=True):
-                np.testing.assert_array_equal(x, y)
+def told(fault, longest, listener):
+    """Records of a filter over blocks, at most `longest` ticks in a call; four fixes arrive on the way."""
+    blocks, rng = broken(fault) if fault else BLOCKS, np.random.default_rng(2)
+    waiting = [gps_fix(BLOCKS, STATES, t_s, 0.2, rng) for t_s in (1.0, 2.0, 3.0, 4.0012)]
+    arrays = stacked(blocks)
+    nav, n, outputs = fusion.start(WATCHED, alignment(STATES[0]), EARTH), 0, []
+    while n < len(blocks):
+        until_s = waiting[0].t_available_s - 1e-9 if waiting else np.inf
+        stop = min(int(np.searchsorted(arrays.t_valid_s, until_s)) + 1, len(blocks), n + longest)
+        done, passed = computer.glide(nav, n, arrays, n, stop, listener)
+        n += done
+        outputs += [record for _, said in passed for record in said]
+        arrived = [waiting.pop(0)] if waiting and nav.history.ends_s[-1] > until_s else []
+        outputs += computer.conclude(nav, n, arrived, (), listener)
+    return outputs
+
+
+@cache
+def records_of(fault, longest):
+    """What there is to tell, each as a record."""
+    return told(fault, longest, telemetry.RECORDS)
+
+
+@pytest.mark.parametrize("fault", [None, "silent"])
+def test_what_is_told_of_ticks_on_the_way_is_what_each_would_have_told(fault):
+    """Every NavSolution, and NavCovariance at whole tenths of a second, to the last bit."""
+    one, many = records_of(fault, 1), records_of(fault, len(BLOCKS))
+    kinds = [type(record) for record in one]
+    assert kinds.count(NavSolution) == len(BLOCKS)
+    assert kinds.count(NavCovariance) == len(BLOCKS) // 10
+    assert kinds == [type(record) for record in many]
+    for a, b in zip(one, many, strict=True):
+        for x, y in zip(a, b, strict=True):
+            np.testing.assert_array_equal(x, y)
+
+
+@pytest.mark.parametrize(
+    ("every", "longest"), [(1, len(BLOCKS)), (4, 1), (7, len(BLOCKS)), (10, len(BLOCKS))]
+)
+@pytest.mark.parametrize("fault", [None, "silent"])
+def test_columns_hold_what_records_tell(fault, every, longest):
+    """To the last bit, types and shapes too; what is neither solution nor covariance is handed over."""
+    records, columns = records_of(fault, len(BLOCKS)), telemetry.Columns(every)
+    kinds = [type(one) for one in told(fault, longest, columns)]
+    assert kinds == [type(one) for one in records if type(one) not in (NavSolution, NavCovariance)]
+    for found, step in zip(columns.read(), (every, 1), strict=True):
+        rows = [one for one in records if type(one) is type(found)][step - 1 :: step]
+        assert len(found.t_s) == len(rows) == len(BLOCKS) // (every if type(found) is NavSolution else 10)
+        for name, column, expected in zip(found._fields, found, stack(type(found), rows), strict=True):
+            assert (column.dtype, column.shape) == (expected.dtype, expected.shape), name
+            np.testing.assert_array_equal(column, expected)
 
 
 @pytest.mark.parametrize("kind", ["silent", "stuck"])

@@ -7,7 +7,8 @@ import pytest
 
 import shefex_nav
 from shefex_nav import prepare, simulate
-from shefex_nav.records import NavSolution
+from shefex_nav.onboard.telemetry import Columns
+from shefex_nav.records import NavCovariance, NavSolution
 from shefex_nav.replay import rerun, smooth
 from shefex_nav.scenario import faults, load
 
@@ -53,19 +54,23 @@ def healthy():
 
 @pytest.mark.parametrize("kind", FAULTS)
 def test_a_flight_with_it_is_the_same_from_its_log_and_can_be_smoothed(kind, healthy, tmp_path):
-    """The same to the last bit, from the log and with a tenth of the records; smoothed it is whole."""
+    """The same to the last bit, from the log and as columns at a tenth of the rate; smoothed it is whole."""
     scenario = scenario_with(kind)
     flown = shefex_nav.fly(scenario, seed=1, log=tmp_path / "run.mcap").data
     assert not np.array_equal(flown.nav.q_ib, healthy.q_ib)  # the fault is there
     recording = rerun.open_log(tmp_path / "run.mcap")
     again = [record for record in rerun.records(recording) if isinstance(record, NavSolution)]
-    few = simulate.route(prepare.build_world(scenario, 1), scenario, 1, every=10, blocks=False)
-    few = [record for record in few if isinstance(record, NavSolution)]
-    assert len(again) == len(flown.nav.t_s) == 100 * END_S and len(few) == 10 * END_S
+    columns = Columns(10)
+    rest = list(simulate.route(prepare.build_world(scenario, 1), scenario, 1, columns=columns))
+    assert not {NavSolution, NavCovariance} & set(map(type, rest))
+    few, covariances = columns.read()
+    assert len(again) == len(flown.nav.t_s) == 100 * END_S and len(few.t_s) == 10 * END_S
     for name in NavSolution._fields:
         expected = getattr(flown.nav, name)
         assert np.array_equal([getattr(one, name) for one in again], expected, equal_nan=True), name
-        assert np.array_equal([getattr(one, name) for one in few], expected[9::10], equal_nan=True), name
+        assert np.array_equal(getattr(few, name), expected[9::10], equal_nan=True), name
+    for name, found, expected in zip(NavCovariance._fields, covariances, flown.covariance, strict=True):
+        assert np.array_equal(found, expected, equal_nan=found.dtype.kind == "f"), name
     out = smooth.run(recording).smoothed
     for name in ("r_i", "v_i", "q_ib", "sigma_r_e", "sigma_v_e", "sigma_theta_b"):
         assert np.isfinite(getattr(out.nav, name)).all(), name

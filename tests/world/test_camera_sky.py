@@ -6,7 +6,7 @@ from camera_bench import DEG, PARAMS, T_S, build
 from camera_bench import sky as everything
 
 from shefex_nav.environment.stars import aberrate
-from shefex_nav.geometry import frames
+from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.world.camera import sky
 
 AXES = [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0.6, 0, 0.8), (-0.3, 0.5, -0.81), (0.05, -0.05, 0.9975)]
@@ -50,3 +50,23 @@ def test_visible_sources_against_array_expressions(axis, cone_deg, spin_deg_s):
     np.testing.assert_array_equal(hip, number[kept])
     np.testing.assert_allclose(u_i, seen_i[kept], atol=1e-15)
     np.testing.assert_allclose(electrons, np.where(drawn, light, 0.0)[kept], rtol=1e-14)
+
+
+@pytest.mark.parametrize("height", [2.0, 177e3, 400e3, 2e7])
+def test_the_earth_hides_the_rays_that_enter_it(height):
+    """|r + s u| = 1 in axes in which the Earth is a unit sphere, solved for s ray by ray."""
+    rng = np.random.default_rng(5)
+    stretch = np.array([wgs84.A, wgs84.A, wgs84.B])
+    hidden_before = 0
+    for latitude in (0.0, 0.9, -1.5):
+        C_ei = rotation.dcm_from_rotvec(rng.standard_normal(3))
+        r_e = wgs84.ecef_from_geodetic(latitude, 2.0, height)
+        u_i = rng.standard_normal((500, 3))
+        u_i /= np.linalg.norm(u_i, axis=1, keepdims=True)
+        hidden = sky.behind_earth(u_i, C_ei.T @ r_e, C_ei)
+        r = r_e / stretch
+        for u, found in zip(u_i @ C_ei.T / stretch, hidden, strict=True):
+            s = np.roots([u @ u, 2.0 * r @ u, r @ r - 1.0])
+            assert found == bool(np.isreal(s).all() and s.real.max() > 0.0)
+        hidden_before += hidden.sum()
+    assert 0 < hidden_before < 1500

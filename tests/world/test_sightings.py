@@ -8,7 +8,8 @@ from camera_bench import CLEAN, T_S, build, turning
 from scipy.stats import chi2, norm
 
 from shefex_nav.geometry import rotation
-from shefex_nav.geometry.pinhole import pinhole
+from shefex_nav.geometry.pinhole import pinhole, pixels, unit_vectors
+from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.records import CameraCommand
 from shefex_nav.world import camera
 from shefex_nav.world.camera import sightings, undrawn
@@ -202,6 +203,34 @@ def test_with_an_angular_acceleration_stars_stand_where_the_picture_has_the_midd
     # an unweighted centroid over 225 pixels of noise 17 electrons: 0.1 pixels for the faintest of them
     assert np.abs(errors).max() < 0.35 and np.abs(np.mean(errors, axis=0)).max() < 0.1
     np.testing.assert_allclose(np.abs(shifts), alpha * exposure_s**2 / 24.0 * HOLE.focal_length_px, rtol=0.1)
+
+
+def test_the_middle_of_the_light_is_that_of_all_instants():
+    """Axes of any direction and an acceleration: 3001 instants; and the same arithmetic in arrays."""
+    rng, exposure_s = np.random.default_rng(6), 0.05
+    xy_px = rng.uniform(20.0, 470.0, (30, 2))
+    C_ci = rotation.dcm_from_rotvec(rng.standard_normal(3))
+
+    def path(alpha_c, omega_c, t_s):
+        """C_ci at times from the middle, at which the rate is omega_c."""
+        turns = np.multiply.outer(t_s, omega_c) + 0.5 * np.multiply.outer(t_s**2, alpha_c)
+        return np.array([rotation.dcm_from_rotvec(turn).T @ C_ci for turn in turns])
+
+    t_s = np.linspace(-0.5, 0.5, 3001) * exposure_s
+    u_i = unit_vectors(HOLE, xy_px) @ C_ci
+    for _ in range(5):
+        alpha_c = 4.0 * rng.standard_normal(3)
+        moves = path(alpha_c, np.zeros(3), t_s)
+        mean_px = np.mean([pixels(HOLE, u_i @ C.T) for C in moves], axis=0)
+        shift_px = undrawn._bent(HOLE, moves, C_ci, xy_px) - xy_px
+        assert np.linalg.norm(shift_px, axis=1).max() > 0.3
+        np.testing.assert_allclose(shift_px, mean_px - xy_px, atol=2e-3)
+
+        ends = path(alpha_c, np.radians(5.0) * rng.standard_normal(3), t_s[[0, 900, -1]])
+        D = (ends[0] + 4.0 * C_ci + ends[2]) @ C_ci.T / 6.0
+        bend_c = 0.5 * np.array([D[1, 2] - D[2, 1], D[2, 0] - D[0, 2], D[0, 1] - D[1, 0]])
+        expected = xy_px + turn_jacobians(HOLE, xy_px) @ bend_c
+        np.testing.assert_allclose(undrawn._bent(HOLE, ends, C_ci, xy_px), expected, atol=1e-11)
 
 
 def test_stars_that_the_catalogue_merges_are_one_source_at_their_centre_of_light():

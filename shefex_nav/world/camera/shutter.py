@@ -31,7 +31,7 @@ class Shutter:
         self.command = None  # in force; none before the first: the camera is off
         self.waiting = []  # (Frame, FrameTruth) not yet read out, oldest first
         self.number = 0
-        self.seen = 0  # the last tick that has been seen to
+        self.seen = -1  # the last tick that has been seen to
         self.is_over = False  # no picture would be read out in time any more
 
     def tick(self, n, now_s, commands=()):
