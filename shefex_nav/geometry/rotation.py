@@ -55,15 +55,19 @@ def quat_conjugate(q):
 @njit(cache=True)
 def quat_normalise(q):
     """q divided by its norm. (4,) -> (4,)."""
-    return q / np.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
+    n = np.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
+    return np.array([q[0] / n, q[1] / n, q[2] / n, q[3] / n])
 
 
 @njit(cache=True)
 def quat_rotate(q_ab, v_b):
     """Components in a of a vector given in b. (4,), (3,) -> (3,)."""
-    u = q_ab[1:]
-    t = 2.0 * cross(u, v_b)
-    return v_b + q_ab[0] * t + cross(u, t)
+    w, a, b, c = q_ab[0], q_ab[1], q_ab[2], q_ab[3]
+    x, y, z = v_b[0], v_b[1], v_b[2]
+    tx, ty, tz = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)  # v + w t + u x t
+    return np.array(
+        [x + w * tx + (b * tz - c * ty), y + w * ty + (c * tx - a * tz), z + w * tz + (a * ty - b * tx)]
+    )
 
 
 @njit(cache=True)
