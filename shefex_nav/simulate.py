@@ -6,7 +6,7 @@ where a model stands for pictures (`statistical`), and in experiments. `run` is 
 """
 
 import time
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.onboard.startracker import tracker as star_tracker
-from shefex_nav.onboard.telemetry import RECORDS, Columns
+from shefex_nav.onboard.telemetry import RECORDS
 from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, TruthSample, row
 from shefex_nav.world import camera, faults, imu, noise
 from shefex_nav.world.camera.shutter import Shutter
@@ -52,11 +52,11 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, colu
     year = catalogue_year(scenario.mission.epoch)
     computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, year)
     eye, read = _star_camera(world, scenario, seed, computer, step), imu.stacked(world.imu)
-    diary, n, blocks = Diary(world, read.t_valid_s, until_s), 0, None if columns else read
-    telemetry = columns or RECORDS
+    diary, n = Diary(world, read.t_valid_s, until_s), 0
+    telemetry, blocks = (RECORDS, read) if columns is None else (columns, None)
     while n < diary.ticks:
-        busy = diary.next_tick(n, eye.shutter)
-        computer, made, passed = onboard.coast(computer, read, n, min(busy, diary.ticks), telemetry)
+        stop = eye.shutter.ahead(n, diary.next_tick(n), diary.ends_s)
+        computer, made, passed = onboard.coast(computer, read, n, stop, telemetry)
         for tick, outputs in passed:
             yield from _outside(world, blocks, tick, diary, outputs[-1].t_s)
             yield from outputs
@@ -137,7 +137,8 @@ class Diary:
 
     events, steered, received : lists in reverse order of time of Event, ControlSample, and of GpsFix and
         GpsRanges
-    busy : ticks at which one of the last has its turn
+    ends_s : list of mission times at which the ticks end, from the first one on
+    busy : ticks at which one of `received` has its turn
     ticks : int, how many are flown
     """
 
@@ -147,26 +148,15 @@ class Diary:
         steered = control_samples(flight.control, flight.trajectory)
         self.steered = [] if steered is None else [row(steered, k) for k in reversed(range(len(steered.t_s)))]
         self.received = sorted(world.gps_fixes + world.gps_ranges, key=happens_s, reverse=True)
-        self.ends_s, self.late_s = ends_s.tolist(), (ends_s + SAME_S).tolist()
+        self.ends_s = ends_s.tolist()
         received_s = [happens_s(record) for record in self.received]
-        self.busy = np.unique(np.searchsorted(self.late_s, received_s) + 1).tolist()
+        self.busy = np.unique(np.searchsorted(ends_s + SAME_S, received_s) + 1).tolist()
         self.ticks = int(np.searchsorted(ends_s, until_s + SAME_S, side="right"))
 
-    def next_tick(self, n, shutter):
-        """The first tick after n at which something comes to the computer.
-
-        Pictures that begin before it are taken: what commands them comes with a picture.
-        """
-        tick = self.ticks + 1
-        if (k := bisect_right(self.busy, n)) < len(self.busy):
-            tick = self.busy[k]
-        while True:
-            if shutter.next_s < self.late_s[min(tick, self.ticks) - 1]:
-                tick = bisect_left(self.late_s, shutter.next_s, lo=n) + 1
-            opens = shutter.next_tick(n)
-            if opens >= tick:
-                return tick
-            shutter.tick(opens, self.ends_s[opens - 1])
+    def next_tick(self, n):
+        """The first tick after n at which anything but a picture comes to the computer; or the last."""
+        k = bisect_right(self.busy, n)
+        return min(self.busy[k], self.ticks) if k < len(self.busy) else self.ticks
 
 
 def catalogue_year(epoch):
@@ -184,9 +174,8 @@ def warm_up(scenario, world=None):
     """
     if world is None:
         world = prepare.build_world(scenario, seed=0, brief=True)
-    for columns in (None, Columns(10)):
-        for _ in route(world, scenario, 0, until_s=scenario.mission.start + 1.5, columns=columns):
-            pass
+    for _ in route(world, scenario, 0, until_s=scenario.mission.start + 1.5):
+        pass
     year = catalogue_year(scenario.mission.epoch)
     tracker = star_tracker.init(world.computer.tracker, world.catalogue, year)
     state, command = star_tracker.start(tracker, scenario.mission.start)

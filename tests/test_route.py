@@ -105,7 +105,7 @@ def test_ticks_one_by_one_are_the_same_mission(overrides, monkeypatch):
     """Without ticks that are made many in one call, and without pictures that are taken ahead of time."""
     scenario, world = resting(overrides)
     expected = flown(scenario, world)
-    monkeypatch.setattr(simulate.Diary, "next_tick", lambda self, n, shutter: n + 1)
+    monkeypatch.setattr(simulate.Shutter, "ahead", lambda self, n, tick, ends_s: n + 1)
     assert bits(flown(scenario, world)) == bits(expected)
 
 
@@ -120,6 +120,21 @@ def test_columns_of_a_part_of_a_mission_end_with_it():
     for found in columns.read():
         rows = [one for one in told if type(one) is type(found)]
         assert found.t_s[-1] == pytest.approx(2.3) and bits(found) == bits(stack(type(found), rows))
+
+
+def test_no_picture_is_taken_that_begins_after_the_end(monkeypatch):
+    """Pictures are taken ahead of time, up to what comes next: that may lie beyond."""
+    taken, expose = [], simulate.camera.expose
+
+    def noted(camera, command, trajectory, number, t_start_s, rng):
+        taken.append(t_start_s)
+        return expose(camera, command, trajectory, number, t_start_s, rng)
+
+    monkeypatch.setattr(simulate.camera, "expose", noted)
+    for overrides in (["gps.enabled=false"], []):
+        taken.clear()
+        flown(*resting(overrides), until_s=2.345)
+        assert len(taken) > 10 and 2.2 < max(taken) <= 2.345
 
 
 @pytest.mark.parametrize("overrides", [[], FAULTS], ids=["plain", "faults"])

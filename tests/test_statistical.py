@@ -115,7 +115,7 @@ def test_the_same_seed_gives_the_same_fixes(scenarios, worlds, runs):
 
 def test_ticks_one_by_one_give_the_same_fixes(scenarios, worlds, runs, monkeypatch):
     """What is seen is drawn at the exposure, what is found at the arrival: from one generator, in turn."""
-    monkeypatch.setattr(simulate.Diary, "next_tick", lambda self, n, shutter: n + 1)
+    monkeypatch.setattr(simulate.Shutter, "ahead", lambda self, n, tick, ends_s: n + 1)
     again = list(simulate.route(worlds[1], scenarios[1], SEED, until_s=249.0))
     for kind, names in (
         (StarFix, ("t_available_s", "reason", "q_ic", "P_c")),

@@ -62,12 +62,16 @@ def quat_normalise(q):
 @njit(cache=True)
 def quat_rotate(q_ab, v_b):
     """Components in a of a vector given in b. (4,), (3,) -> (3,)."""
-    w, a, b, c = q_ab[0], q_ab[1], q_ab[2], q_ab[3]
-    x, y, z = v_b[0], v_b[1], v_b[2]
-    tx, ty, tz = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)  # v + w t + u x t
-    return np.array(
-        [x + w * tx + (b * tz - c * ty), y + w * ty + (c * tx - a * tz), z + w * tz + (a * ty - b * tx)]
-    )
+    return np.array(rotated((q_ab[0], q_ab[1], q_ab[2], q_ab[3]), (v_b[0], v_b[1], v_b[2])))
+
+
+@njit(cache=True, forceinline=True)
+def rotated(q, v):
+    """`quat_rotate` of tuples of numbers: v + w t + u x t with t = 2 u x v."""
+    w, a, b, c = q
+    x, y, z = v
+    tx, ty, tz = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
+    return x + w * tx + (b * tz - c * ty), y + w * ty + (c * tx - a * tz), z + w * tz + (a * ty - b * tx)
 
 
 @njit(cache=True)

@@ -379,6 +379,9 @@ def _by_method(method, ready, xy_px, flux, P_px, zero_flux):
     q_ic = esoq2(u_c[known], v_i, np.full(k, settings.sigma_px / f))
     errors = ordinary if P_px is None else P_px[order[known]]
     q_ic, P_c, chi2 = refine(pinhole, q_ic, xy_px[order[known]], v_i, errors)
+    if not np.isfinite(q_ic.sum() + P_c.sum() + chi2):
+        nothing = np.full(4, np.nan), np.zeros_like(hip), np.full((3, 3), np.nan), 1.0
+        return StarSolution("failed", REASONS[int(Reason.RESIDUALS)], *nothing)
     P_c *= misfit_factor(chi2, 2 * k - 3, bayes.PRIOR_DOF)  # if the noise is not what was said
     wrong = float(np.exp(-found.log_odds))
     return StarSolution("ok", "", quat_conjugate(q_ic), hip, P_c, wrong)

@@ -13,6 +13,7 @@ from shefex_nav.world.camera import shutter as shutters
 KINDS = {"global": CLEAN, "rolling": CLEAN._replace(line_s=0.05 / 493)}
 OFF_S = T_S + 2.0
 LAST = 260  # tick, with which the trajectory ends
+ENDS_S = [T_S + 0.01 * n for n in range(1, LAST + 1)]
 
 
 class Taken(NamedTuple):
@@ -56,12 +57,11 @@ def taken(params, every, is_ahead):
             from_s = now_s + 0.1 * (frame.number % 3 == 2)
             commands.append(CameraCommand(from_s, 0.02 + 0.01 * (frame.number % 4), 24.0))
         shutter.tick(n, now_s, commands)
-        while is_ahead:
-            arrival = min(LAST, np.ceil((shutter.next_s - T_S - 1e-6) / 0.01))
-            if (opens := shutter.next_tick(n)) >= arrival:
-                break
-            shutter.tick(opens, T_S + 0.01 * opens)
-            ahead += 1
+        if is_ahead:
+            before = shutter.number
+            comes = shutter.ahead(n, LAST, ENDS_S)
+            assert comes == min(LAST, np.ceil((shutter.next_s - T_S - 1e-6) / 0.01))
+            ahead += shutter.number - before
         if n >= 5 and over is None and shutter.next_tick(n) == np.inf:
             over = n
     return pictures, ahead, over
@@ -81,3 +81,14 @@ def test_pictures_taken_ahead_of_time_are_those_of_their_ticks(kind, every):
     assert max(available_s for _, available_s, *_ in expected) <= OFF_S
     # not even a picture without an exposure would be read out in time from then on
     assert over == next(n for n in range(0, LAST, every) if T_S + 0.01 * n + params.readout_s > OFF_S + 1e-6)
+
+
+def test_a_command_that_comes_too_late_for_a_picture_is_refused():
+    device, command = build(CLEAN), CameraCommand(T_S, 0.05, 24.0)
+    shutter = shutters.Shutter(
+        device, turning(110.0, 50.0), every=4, off_s=OFF_S, rng=np.random.default_rng(1), take=lambda *_: None
+    )
+    shutter.tick(8, ENDS_S[7], [command])
+    shutter.tick(8, ENDS_S[7])
+    with pytest.raises(ValueError, match=r"at tick 7 .* until 8"):
+        shutter.tick(7, ENDS_S[6], [command])

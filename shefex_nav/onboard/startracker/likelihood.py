@@ -130,18 +130,12 @@ def _normal(G, residual, P_px, P_common):
                 M[i, j] += a0 * G[k, 0, j] + a1 * G[k, 1, j]
     D = _shared(M[3:, 3:], P_common)
     BD = _product(M[:3, 3:], D)
-    P_c = inverse3(M[:3, :3] - _product(BD, M[3:, :3]))
+    P_c = inverse3(M[:3, :3] - _product(BD, M[:3, 3:].T))
     P_c_BD = _product(P_c, BD)
     P = np.empty((UNKNOWNS, UNKNOWNS))
     P[:3, :3], P[:3, 3:], P[3:, :3], P[3:, 3:] = P_c, -P_c_BD, -P_c_BD.T, D + _product(BD.T, P_c_BD)
-    g, d = b[:3].copy(), np.zeros(UNKNOWNS - 3)
-    for j in range(UNKNOWNS - 3):
-        for i in range(UNKNOWNS - 3):
-            d[j] += D[j, i] * b[3 + i]
-        for i in range(3):
-            g[i] -= M[i, 3 + j] * d[j]
-        chi2 -= b[3 + j] * d[j]
-    return P, g, d, chi2
+    d = _times(D, b[3:])
+    return P, b[:3] - _times(M[:3, 3:], d), d, chi2 - (b[3:] * d).sum()
 
 
 @njit(cache=True)
@@ -156,11 +150,21 @@ def _product(A, B):
 
 
 @njit(cache=True)
+def _times(A, v):
+    """A v likewise."""
+    out = np.zeros(A.shape[0])
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            out[i] += A[i, j] * v[j]
+    return out
+
+
+@njit(cache=True)
 def _shared(C, P):
     """D = P (I + C P)^-1 of symmetric (4, 4) matrices, of which P may be singular.
 
-    D' = (I + P C)^-1 P by elimination of the columns in turn, the largest remaining element of each first;
-    D is symmetric.
+    D' = (I + P C)^-1 P by elimination of the columns in turn, the largest remaining element of each first.
+    D is symmetric but for rounding, which the mean of the two takes out.
     """
     n = P.shape[0]
     left, right = np.eye(n) + _product(P, C), P.copy()
@@ -173,16 +177,15 @@ def _shared(C, P):
             left[k, j], left[best, j] = left[best, j], left[k, j]
             right[k, j], right[best, j] = right[best, j], right[k, j]
         for i in range(n):
-            factor = left[i, k] / left[k, k]
-            if i == k or factor == 0.0:
-                continue
-            for j in range(n):
-                left[i, j] -= factor * left[k, j]
-                right[i, j] -= factor * right[k, j]
+            if i != k:
+                factor = left[i, k] / left[k, k]
+                for j in range(n):
+                    left[i, j] -= factor * left[k, j]
+                    right[i, j] -= factor * right[k, j]
     for k in range(n):
         for j in range(n):
             right[k, j] /= left[k, k]
-    return right
+    return 0.5 * (right + right.T)
 
 
 @njit(cache=True)
@@ -219,10 +222,7 @@ def refine(camera, q_ic, xy_px, v_i, P_px, t_s=None, P_omega=None, sigma_focal=0
     for _ in range(REFINE_STEPS):
         residual, G = _observe(camera, q_ic, xy_px, v_i, t)
         P, g, _, _ = _normal(G, residual, P_px, P_common)
-        d = np.zeros(3)
-        for i in range(3):
-            for j in range(3):
-                d[i] += P[i, j] * g[j]
+        d = _times(P[:3, :3], g)
         P_c = _less_constant(P, sigma_focal)
         q_ic = quat_multiply(q_ic, quat_from_rotvec(d))
         if not d[0] ** 2 + d[1] ** 2 + d[2] ** 2 > REFINED**2:
@@ -298,10 +298,7 @@ def drop_worst(
     P_all, _, d, _ = _normal(G, residual, P_px, P_common)
     worst, largest = -1, 2.0 * np.log(n / false_alarm)
     for k in range(n):
-        rest = residual[k].copy()
-        for i in range(2):
-            for j in range(UNKNOWNS - 3):
-                rest[i] -= G[k, i, 3 + j] * d[j]
+        rest = residual[k] - _times(G[k, :, 3:], d)
         test = _form2(_inverse2(P_px[k] - _product(_product(G[k], P_all), G[k].T)), rest)
         if test > largest:
             worst, largest = k, test

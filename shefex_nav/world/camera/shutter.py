@@ -4,11 +4,17 @@ In: `CameraCommand`s of the star tracker. Out: (Frame, FrameTruth) once the fram
 rolling shutter a frame may start before the one before it has ended: its first row is free again by then.
 """
 
+from bisect import bisect_left
 from math import inf
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry.shutter import duration_s, row_times
 from shefex_nav.world.camera.camera import expose
+
+
+def _late_s(end_s):
+    """The last instant that counts to a tick with this end."""
+    return end_s + SAME_S
 
 
 class Shutter:
@@ -39,9 +45,11 @@ class Shutter:
 
         Ticks may be seen to ahead of time as far as no command can come before them; again they do nothing.
         """
-        self.commands += commands
         if n <= self.seen:
+            if commands:
+                raise ValueError(f"a command at tick {n} to a camera that has been seen to until {self.seen}")
             return
+        self.commands += commands
         self.seen = n
         while self.commands and self.commands[0].t_s <= now_s + SAME_S:
             self.command = self.commands.pop(0)
@@ -63,6 +71,29 @@ class Shutter:
         if self.is_over or (self.command is None and not self.commands):
             return inf
         return (max(n, self.seen) // self.every + 1) * self.every
+
+    def ahead(self, n, tick, ends_s):
+        """Take the pictures that begin after tick n and before anything comes to the computer.
+
+        What commands the camera comes with a picture, or while it is off: not before that.
+
+        Parameters
+        ----------
+        n : tick that has been seen to
+        tick : at which something else comes
+        ends_s : list of mission times at which the ticks end, from the first one on
+
+        Returns
+        -------
+        the tick at which the first of the two comes, a picture or something else
+        """
+        while True:
+            if self.next_s < _late_s(ends_s[tick - 1]):
+                tick = bisect_left(ends_s, self.next_s, lo=n, key=_late_s) + 1
+            opens = self.next_tick(n)
+            if opens >= tick:
+                return tick
+            self.tick(opens, ends_s[opens - 1])
 
     @property
     def next_s(self):

@@ -11,8 +11,9 @@ from numba import njit
 from scipy.spatial import cKDTree
 
 from shefex_nav.geometry import frames, rotation
-from shefex_nav.geometry.pinhole import pixels, turn_slopes
+from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
+from shefex_nav.geometry.streak import velocity
 from shefex_nav.world.camera import motion, sky
 from shefex_nav.world.camera.camera import aimed, frame_of, stray_rate, truth_of
 
@@ -160,11 +161,11 @@ def _bent(hole, path_ci, C_ci, xy_px):
     mean_ci = (path_ci[0] + 4.0 * C_ci + path_ci[-1]) / 6.0
     D = mean_ci @ C_ci.T  # 1 - skew of the turn from the middle to the mean
     bend_c = 0.5 * np.array([D[1, 2] - D[2, 1], D[2, 0] - D[0, 2], D[0, 1] - D[1, 0]])
-    out, f = np.empty_like(xy_px), hole.focal_length_px
+    out = xy_px.copy()
     for k in range(len(xy_px)):
-        dx, dy = turn_slopes((xy_px[k, 0] - hole.cx_px) / f, (xy_px[k, 1] - hole.cy_px) / f)
-        out[k, 0] = xy_px[k, 0] + f * (dx[0] * bend_c[0] + dx[1] * bend_c[1] + dx[2] * bend_c[2])
-        out[k, 1] = xy_px[k, 1] + f * (dy[0] * bend_c[0] + dy[1] * bend_c[1] + dy[2] * bend_c[2])
+        x, y = velocity(hole, bend_c, xy_px[k, 0], xy_px[k, 1])
+        out[k, 0] += x
+        out[k, 1] += y
     return out
 
 

@@ -125,13 +125,9 @@ def drift_over(q_ib, dtheta_b, dt, drift, roll_scale):
     """Drift of the reference over n samples: (n, 4), (n, 3) rad turned in each, s -> (3,) rad, frame i."""
     tx, ty, tz = 0.0, 0.0, 0.0
     for k in range(q_ib.shape[0]):
-        w, a, b, c = q_ib[k]
-        x, y, z = drift[0] * dt + roll_scale * dtheta_b[k, 0], drift[1] * dt, drift[2] * dt
-        # as `rotation.quat_rotate`, without an array for each of its vectors
-        u, v, s = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
-        tx += x + w * u + (b * s - c * v)
-        ty += y + w * v + (c * u - a * s)
-        tz += z + w * s + (a * v - b * u)
+        error_b = drift[0] * dt + roll_scale * dtheta_b[k, 0], drift[1] * dt, drift[2] * dt
+        x, y, z = rotation.rotated((q_ib[k, 0], q_ib[k, 1], q_ib[k, 2], q_ib[k, 3]), error_b)
+        tx, ty, tz = tx + x, ty + y, tz + z
     return np.array([tx, ty, tz])
 
 

@@ -17,8 +17,8 @@ from shefex_nav.records import Trajectory
 from shefex_nav.world.flight import attitude_program as attitude
 from shefex_nav.world.flight import control, devices, dynamics, events, start, surroundings, timeline, vehicle
 from shefex_nav.world.flight import params as p
-from shefex_nav.world.flight.columns import split
 from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, integrate
+from shefex_nav.world.flight.record import split
 from shefex_nav.world.flight.timeline import EPS, Kind
 
 REVERSED = 0.5  # share of the spin beyond which a yo-yo must not leave it the other way round

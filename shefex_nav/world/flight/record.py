@@ -8,7 +8,7 @@ from numba import njit
 from shefex_nav.world.flight.dynamics import STATE
 
 
-class Columns(NamedTuple):
+class Record(NamedTuple):
     """Arrays over N samples, named as in `records.Trajectory`."""
 
     r_i: np.ndarray  # (N, 3), as the next ones but q_ib
@@ -24,7 +24,7 @@ class Columns(NamedTuple):
 
 @njit(cache=True)
 def split(rows):
-    """Columns of rows (N, `dynamics.ROW`)."""
+    """Record of rows (N, `dynamics.ROW`)."""
     n = rows.shape[0]
     r_i, v_i, q_ib, omega_b = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3))
     f_b, dtheta_b, dv_b, air = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((6, n))
@@ -36,4 +36,4 @@ def split(rows):
             q_ib[k, j] = rows[k, 6 + j]
         for j in range(6):
             air[j, k] = rows[k, STATE + 3 + j]
-    return Columns(r_i, v_i, q_ib, omega_b, f_b, dtheta_b, dv_b, air)
+    return Record(r_i, v_i, q_ib, omega_b, f_b, dtheta_b, dv_b, air)
