@@ -56,12 +56,14 @@ def taken(params, every, is_ahead):
             from_s = now_s + 0.1 * (frame.number % 3 == 2)
             commands.append(CameraCommand(from_s, 0.02 + 0.01 * (frame.number % 4), 24.0))
         shutter.tick(n, now_s, commands)
+        reached = n
         while is_ahead:
             arrival = min(LAST, np.ceil((shutter.next_s - T_S - 1e-6) / 0.01))
             if (opens := shutter.next_tick(n)) >= arrival:
                 break
+            assert opens > reached
             shutter.tick(opens, T_S + 0.01 * opens)
-            ahead += 1
+            reached, ahead = opens, ahead + 1
         if n >= 5 and over is None and shutter.next_tick(n) == np.inf:
             over = n
     return pictures, ahead, over
