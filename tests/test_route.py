@@ -28,6 +28,10 @@ FAULTS = [  # between ticks that are told
     "faults.star_tracker=[{fault: blinded, from: 1.33 s, until: 1.77 s}]",
 ]
 SWITCHED = ["star_tracker.on=0 s", "star_tracker.off=1.777 s", "star_tracker.rate=4 Hz"]
+LATE = [  # commands come at the tick of the next picture
+    "star_camera.detector.readout=45 ms",
+    "star_tracker.latency=0 ms",
+]
 STEERED_S = 68.016  # neither on a tick nor on a sample; attitude control begins at 65 s
 
 
@@ -100,7 +104,7 @@ def test_columns_hold_what_the_records_tell_of_the_same_mission(case):
         assert bits(getattr(found, name)) == bits(getattr(expected, name)), name
 
 
-@pytest.mark.parametrize("overrides", [FAULTS, SWITCHED], ids=["faults", "switched"])
+@pytest.mark.parametrize("overrides", [FAULTS, FAULTS + LATE, SWITCHED], ids=["faults", "late", "switched"])
 def test_ticks_one_by_one_are_the_same_mission(overrides, monkeypatch):
     """Without ticks that are made many in one call, and without pictures that are taken ahead of time."""
     scenario, world = resting(overrides)

@@ -361,3 +361,12 @@ def test_what_stars_share_with_any_covariance_of_it(kind, size):
         assert np.all(np.abs(found - expected) <= 1e-8 * np.outer(sigma, sigma) + rounding)
         inverse = P @ np.linalg.inv(np.eye(4) + C @ P)
         np.testing.assert_allclose(found, inverse, rtol=0.0, atol=1e-8 * sigma.max() ** 2)
+
+
+def test_what_stars_share_where_a_first_element_is_zero():
+    """Symmetric and positive definite, both of them, and yet 1 + (P C)_11 = 0: rows have to change places."""
+    C, P = np.eye(4), np.eye(4)
+    P[:2, :2], C[:2, :2] = [[1.0, -2.0], [-2.0, 5.0]], [[1.0, 1.0], [1.0, 2.0]]
+    assert (np.eye(4) + P @ C)[0, 0] == 0.0
+    np.testing.assert_allclose(_shared(C, P), shared_exactly(C, P), atol=1e-15)
+    np.testing.assert_allclose(_shared(1e12 * C, 1e-12 * P), 1e-12 * shared_exactly(C, P), atol=1e-27)

@@ -194,11 +194,12 @@ def test_rates_in_a_frame_are_those_of_its_samples(line_s):
     device, trajectory, rng = build(CLEAN), turning(*HERCULES), np.random.default_rng(7)
     trajectory = trajectory._replace(omega_ib_b=rng.normal(0.0, 20.0 * DEG, trajectory.omega_ib_b.shape))
     times, t_valid_s, step_px = row_times(0.05, line_s, 493), T_S + 0.1517, 0.3
-    found = motion.during(device.pinhole, trajectory, device.q_bc, t_valid_s, times, step_px)
+    q_bc = rotation.quat_from_rotvec(rng.standard_normal(3))
+    found = motion.during(device.pinhole, trajectory, q_bc, t_valid_s, times, step_px)
     begin_s = t_valid_s - T_S - instant_after_s(times)
     first, last = int(400.0 * begin_s), int(np.ceil(400.0 * (begin_s + duration_s(times))))
     omega_b = trajectory.omega_ib_b[first : last + 1]
-    C_bc = rotation.dcm_from_quat(device.q_bc)
+    C_bc = rotation.dcm_from_quat(q_bc)
     assert found.rate == pytest.approx(np.linalg.norm(omega_b, axis=1).max(), rel=1e-14)
     np.testing.assert_allclose(found.omega_ib_i, found.C_ci.T @ C_bc.T @ omega_b.mean(axis=0), rtol=1e-12)
     speed = max(motion.fastest(device.pinhole, omega_c) for omega_c in omega_b @ C_bc)
