@@ -52,7 +52,7 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, colu
     year = catalogue_year(scenario.mission.epoch)
     computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, year)
     eye, read = _star_camera(world, scenario, seed, computer, step), imu.stacked(world.imu)
-    diary, n = Diary(world, read.t_valid_s, until_s), 0
+    diary, n = Diary(world, read.t_valid_s, until_s, columns is None), 0
     telemetry, blocks = (RECORDS, read) if columns is None else (columns, None)
     while n < diary.ticks:
         stop = eye.shutter.ahead(n, diary.next_tick(n), diary.ends_s)
@@ -140,12 +140,14 @@ class Diary:
     ends_s : list of mission times at which the ticks end, from the first one on
     busy : ticks at which one of `received` has its turn
     ticks : int, how many are flown
+
+    with_control : whether anybody wants the ControlSample
     """
 
-    def __init__(self, world, ends_s, until_s):
+    def __init__(self, world, ends_s, until_s, with_control):
         flight = world.flight
         self.events = list(flight.events)[::-1]
-        steered = control_samples(flight.control, flight.trajectory)
+        steered = control_samples(flight.control, flight.trajectory) if with_control else None
         self.steered = [] if steered is None else [row(steered, k) for k in reversed(range(len(steered.t_s)))]
         self.received = sorted(world.gps_fixes + world.gps_ranges, key=happens_s, reverse=True)
         self.ends_s = ends_s.tolist()

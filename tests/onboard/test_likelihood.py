@@ -10,9 +10,8 @@ from star_fields import CAMERA, random_attitude
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, rotvec_between
 from shefex_nav.geometry.streak import turn_jacobians
-from shefex_nav.onboard.startracker.attitude import covariance, esoq2
+from shefex_nav.onboard.startracker.attitude import covariance, esoq2, product
 from shefex_nav.onboard.startracker.likelihood import (
-    _product,
     _shared,
     drop_worst,
     misfit_factor,
@@ -315,7 +314,7 @@ def test_products_of_small_matrices(n, k, m):
     wide[1:-1, 2:-1] = A
     for left in (A, wide[1:-1, 2:-1]):
         for right in (B, turned):
-            np.testing.assert_allclose(_product(left, right), A @ B, rtol=1e-14, atol=1e-14)
+            np.testing.assert_allclose(product(left, right), A @ B, rtol=1e-14, atol=1e-14)
 
 
 def shared_exactly(C, P):

@@ -238,6 +238,17 @@ def covariance(u_c, sigma):
 
 
 @njit(cache=True)
+def product(A, B):
+    """A B of matrices so small that a library takes longer to be called than to multiply."""
+    out = np.zeros((A.shape[0], B.shape[1]))
+    for i in range(A.shape[0]):
+        for k in range(A.shape[1]):
+            for j in range(B.shape[1]):
+                out[i, j] += A[i, k] * B[k, j]
+    return out
+
+
+@njit(cache=True)
 def inverse3(F):
     """Inverse of a symmetric (3, 3) matrix."""
     adjugate = np.empty((3, 3))

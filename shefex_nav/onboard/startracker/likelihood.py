@@ -10,7 +10,7 @@ from numba import njit
 
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, quat_normalise
-from shefex_nav.onboard.startracker.attitude import inverse3
+from shefex_nav.onboard.startracker.attitude import inverse3, product
 
 REFINE_STEPS = 10  # bound only: two or three are usual
 REFINED = 1e-10  # rad; far below any centroid
@@ -129,29 +129,18 @@ def _normal(G, residual, P_px, P_common):
             for j in range(UNKNOWNS):
                 M[i, j] += a0 * G[k, 0, j] + a1 * G[k, 1, j]
     D = _shared(M[3:, 3:], P_common)
-    BD = _product(M[:3, 3:], D)
-    P_c = inverse3(M[:3, :3] - _product(BD, M[:3, 3:].T))
-    P_c_BD = _product(P_c, BD)
+    BD = product(M[:3, 3:], D)
+    P_c = inverse3(M[:3, :3] - product(BD, M[:3, 3:].T))
+    P_c_BD = product(P_c, BD)
     P = np.empty((UNKNOWNS, UNKNOWNS))
-    P[:3, :3], P[:3, 3:], P[3:, :3], P[3:, 3:] = P_c, -P_c_BD, -P_c_BD.T, D + _product(BD.T, P_c_BD)
+    P[:3, :3], P[:3, 3:], P[3:, :3], P[3:, 3:] = P_c, -P_c_BD, -P_c_BD.T, D + product(BD.T, P_c_BD)
     d = _times(D, b[3:])
     return P, b[:3] - _times(M[:3, 3:], d), d, chi2 - (b[3:] * d).sum()
 
 
 @njit(cache=True)
-def _product(A, B):
-    """A B of matrices so small that a library takes longer to be called than to multiply."""
-    out = np.zeros((A.shape[0], B.shape[1]))
-    for i in range(A.shape[0]):
-        for k in range(A.shape[1]):
-            for j in range(B.shape[1]):
-                out[i, j] += A[i, k] * B[k, j]
-    return out
-
-
-@njit(cache=True)
 def _times(A, v):
-    """A v likewise."""
+    """A v, as `product`."""
     out = np.zeros(A.shape[0])
     for i in range(A.shape[0]):
         for j in range(A.shape[1]):
@@ -167,7 +156,7 @@ def _shared(C, P):
     D is symmetric but for rounding, which the mean of the two takes out.
     """
     n = P.shape[0]
-    left, right = np.eye(n) + _product(P, C), P.copy()
+    left, right = np.eye(n) + product(P, C), P.copy()
     for k in range(n):
         best = k
         for i in range(k + 1, n):
@@ -299,7 +288,7 @@ def drop_worst(
     worst, largest = -1, 2.0 * np.log(n / false_alarm)
     for k in range(n):
         rest = residual[k] - _times(G[k, :, 3:], d)
-        test = _form2(_inverse2(P_px[k] - _product(_product(G[k], P_all), G[k].T)), rest)
+        test = _form2(_inverse2(P_px[k] - product(product(G[k], P_all), G[k].T)), rest)
         if test > largest:
             worst, largest = k, test
     if worst < 0:

@@ -23,6 +23,7 @@ from math import sqrt
 import numpy as np
 from numba import njit
 
+from shefex_nav.onboard.startracker.attitude import product
 from shefex_nav.onboard.startracker.spot import FREE_SUMS
 from shefex_nav.onboard.startracker.streak_light import draw, first_of
 from shefex_nav.onboard.startracker.streak_path import (
@@ -247,10 +248,10 @@ def _step(A, g, P):
     if not _inverse(A, P):
         return False, g.reshape(4, 1)[:, 0]
     if P[0, 0] <= POSTERIOR_PX**2:
-        return True, _product(P, g.reshape(4, 1))[:, 0]
+        return True, product(P, g.reshape(4, 1))[:, 0]
     A[0, 0] *= 1e6
     held = np.empty((4, 4))
-    return _inverse(A, held), _product(held, g.reshape(4, 1))[:, 0]
+    return _inverse(A, held), product(held, g.reshape(4, 1))[:, 0]
 
 
 @njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
@@ -271,17 +272,6 @@ def _mask(spot, pixels, path, fitted):
 
 
 @njit(cache=True)
-def _product(A, B):
-    """A B of small matrices: calling BLAS takes longer than this."""
-    out = np.zeros((A.shape[0], B.shape[1]))
-    for i in range(A.shape[0]):
-        for j in range(B.shape[1]):
-            for k in range(B.shape[0]):
-                out[i, j] += A[i, k] * B[k, j]
-    return out
-
-
-@njit(cache=True)
 def _covariance(turning, spot, pixels, near, line, path, fitted, P):
     """Covariance of a settled fit, and the mean along where it is due; False if it is none."""
     turn = np.array([[path[TX], -path[TY]], [path[TY], path[TX]]])
@@ -295,7 +285,7 @@ def _covariance(turning, spot, pixels, near, line, path, fitted, P):
         fitted[PLACE_X] += mean * path[TX]
         fitted[PLACE_Y] += mean * path[TY]
     cov *= max(1.0, (PRIOR_DOF + fitted[CHI2]) / (PRIOR_DOF + fitted[DOF]))
-    P_px = _product(_product(turn, cov), turn.T)
+    P_px = product(product(turn, cov), turn.T)
     fitted[XX], fitted[XY], fitted[YY] = P_px[0, 0], P_px[0, 1], P_px[1, 1]
     return P_px[0, 0] > 0.0 and P_px[0, 0] * P_px[1, 1] > P_px[0, 1] ** 2
 
