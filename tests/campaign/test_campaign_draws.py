@@ -4,15 +4,18 @@ Every statistical check is at a probability of one in a million or less of faili
 is fixed; N = 4000 draws unless something else is said.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import stats
 
-from shefex_nav.campaign import draws
+from shefex_nav.campaign import draws, running
 from shefex_nav.campaign.plan import Plan
-from shefex_nav.scenario import laws
+from shefex_nav.scenario import laws, load
 from shefex_nav.scenario.disperse import Dispersed
 
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 N = 4000
 LEAST_P = 1e-6
 
@@ -155,3 +158,17 @@ def test_a_latin_hypercube_knows_a_mean_better():
         return [np.mean(column(sampler(u, seed=s, runs=50, sampling=sampling), "u", 50)) for s in range(40)]
 
     assert np.var(means("latin_hypercube")) < 0.01 * np.var(means("random"))
+
+
+def test_instruments_are_drawn_alike_with_one_flight_and_with_many():
+    """Run k of `campaign_sensors` sees its flight with the instruments of run k of `campaign`."""
+    (plan, alone), (of_all, every) = (
+        running.prepared(load.load(SCENARIOS / f"{name}.yaml"), 3, 1)
+        for name in ("campaign_sensors", "campaign")
+    )
+    assert plan.shared and not of_all.shared
+    for run in range(3):
+        one, other = alone.job(run), every.job(run)
+        assert one.seed == other.seed and len(one.draws) < len(other.draws)
+        assert one.draws.items() <= other.draws.items()
+        assert {path.split(".")[0] for path in one.draws} == {"imu", "gps", "star_camera"}
