@@ -13,7 +13,7 @@ so that an error of the estimates (truth = estimate (+) error) changes the corre
 import numpy as np
 from numba import njit
 
-from shefex_nav.onboard.navigation import triples as t3
+from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation.state import (
     A_MISALIGN,
     A_RECTIFIED,

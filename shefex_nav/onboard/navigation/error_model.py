@@ -25,8 +25,8 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.compiled import rows
+from shefex_nav.geometry import triples as t3
 from shefex_nav.geometry import wgs84
-from shefex_nav.onboard.navigation import triples as t3
 from shefex_nav.onboard.navigation.calibration import OFF_DIAGONAL
 from shefex_nav.onboard.navigation.state import (
     A_MISALIGN,

@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import calibration
-from shefex_nav.onboard.navigation import triples as t3
 from shefex_nav.onboard.navigation.state import (
     ATT,
     GRAVITY,

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import error_model, strapdown
-from shefex_nav.onboard.navigation import triples as t3
 from shefex_nav.onboard.navigation.calibration import accel_inverse, g_sensitivity, gyro_inverse
 from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S, WEIGHTS
 from shefex_nav.onboard.navigation.state import (

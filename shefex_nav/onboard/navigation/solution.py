@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.geometry import frames, wgs84
+from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import integrity_protection, integrity_watch
-from shefex_nav.onboard.navigation import triples as t3
 from shefex_nav.onboard.navigation.calibration import (
     accel_inverse,
     free_increment,

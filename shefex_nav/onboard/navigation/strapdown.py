@@ -24,9 +24,9 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.environment.gravity import J2_WGS84
+from shefex_nav.geometry import triples as t3
 from shefex_nav.geometry import wgs84
 from shefex_nav.onboard.navigation import error_model
-from shefex_nav.onboard.navigation import triples as t3
 from shefex_nav.onboard.navigation.calibration import (
     accel_inverse,
     correct_increments,

@@ -29,7 +29,7 @@ import numpy as np
 from numba import njit
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
-from shefex_nav.geometry import rotation
+from shefex_nav.geometry import triples as t3
 from shefex_nav.world.flight import attitude_program
 from shefex_nav.world.flight.attitude_program import RateLaw, body_rate
 
@@ -123,102 +123,99 @@ def start(cold_gas, rng, n_ticks):
 @njit(cache=True)
 def drift_over(q_ib, dtheta_b, dt, drift, roll_scale):
     """Drift of the reference over n samples: (n, 4), (n, 3) rad turned in each, s -> (3,) rad, frame i."""
-    tx, ty, tz = 0.0, 0.0, 0.0
+    turn_i = 0.0, 0.0, 0.0
     for k in range(q_ib.shape[0]):
         error_b = drift[0] * dt + roll_scale * dtheta_b[k, 0], drift[1] * dt, drift[2] * dt
-        x, y, z = rotation.rotated((q_ib[k, 0], q_ib[k, 1], q_ib[k, 2], q_ib[k, 3]), error_b)
-        tx, ty, tz = tx + x, ty + y, tz + z
-    return np.array([tx, ty, tz])
+        turn_i = t3.plus(turn_i, 1.0, t3.quat_rotate(q_ib[k], error_b))
+    return np.array(turn_i)
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def believed(control, q_ib):
-    """The attitude that the control believes, for the true one. (4,) -> (4,)."""
-    turned = rotation.quat_multiply(rotation.quat_from_rotvec(control.tilt_i), q_ib)
-    return rotation.quat_multiply(turned, rotation.quat_from_rotvec(control.misalignment))
+    """The attitude that the control believes, for the true one: four numbers."""
+    turned = t3.quat_multiply(t3.quat_from_rotvec(control.tilt_i), q_ib)
+    return t3.quat_multiply(turned, t3.quat_from_rotvec(control.misalignment))
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _believed_rate(control, omega_b):
-    """The rate that the control believes, in what it believes to be the body axes. (3,) -> (3,) rad/s."""
-    rate = omega_b + control.drift
-    rate[0] += control.roll_scale * omega_b[0]
-    return rotation.quat_rotate(rotation.quat_from_rotvec(-control.misalignment), rate)
+    """The rate that the control believes, in what it believes to be the body axes: three numbers, rad/s."""
+    drift, p = control.drift, omega_b[0]
+    rate = p + drift[0] + control.roll_scale * p, omega_b[1] + drift[1], omega_b[2] + drift[2]
+    return t3.quat_rotate(t3.quat_from_rotvec(t3.scaled(-1.0, control.misalignment)), rate)
 
 
 def settle(control, omega_b):
     """Take the mean rate over the last revolutions: omega_b (n, 3) rad/s, true, equally spaced in time."""
-    mean = _believed_rate(control, omega_b.mean(axis=0)) if len(omega_b) else np.zeros(3)
+    mean = _believed_rate(control, omega_b.mean(axis=0)) if len(omega_b) else (0.0, 0.0, 0.0)
     control.mean_rate[:] = mean[1:]
 
 
-@njit(cache=True)
-def _steer_spin_axis(control, omega_b, error, rate):
-    """Make of angle error and rate (3,) of the body axis those of the axis about which the body spins."""
+@njit(cache=True, forceinline=True)
+def _of_spin_axis(control, omega_b, error, rate):
+    """Angle error and rate of the axis about which the body spins, for those of the body axis."""
     spin, mean = omega_b[0], control.mean_rate
     if abs(spin) > SPINNING:
         share = control.period * abs(spin) / (2.0 * np.pi * REVOLUTIONS)
         mean[0] += share * (omega_b[1] - mean[0])
         mean[1] += share * (omega_b[2] - mean[1])
-        rate[1], rate[2] = rate[1] - mean[0], rate[2] - mean[1]
+        rate = rate[0], rate[1] - mean[0], rate[2] - mean[1]
         if control.follow != RATES:
-            error[1], error[2] = error[1] + mean[1] / spin, error[2] - mean[0] / spin
+            error = error[0], error[1] + mean[1] / spin, error[2] - mean[0] / spin
+    return error, rate
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _angle_error(follow, q_ib, q_wanted):
-    """Rotation from the body to what is wanted, body axes: (3,) rad; zero about x if only the axis counts."""
-    between = rotation.quat_multiply(rotation.quat_conjugate(q_ib), q_wanted)
+    """Rotation from the body to what is wanted: three numbers, rad; none about x if only the axis counts."""
+    between = t3.quat_multiply(t3.quat_conjugate(q_ib), q_wanted)
     if follow == ATTITUDE:
-        return rotation.rotvec_from_quat(between)
-    error = np.zeros(3)
+        return t3.rotvec_from_quat(between)
     if follow != RATES:
-        d = rotation.quat_rotate(between, np.array([1.0, 0.0, 0.0]))
+        d = t3.quat_rotate(between, (1.0, 0.0, 0.0))
         across = np.sqrt(d[1] ** 2 + d[2] ** 2)
         if across > 1e-12:
             angle = np.arctan2(across, d[0])
-            error[1], error[2] = -d[2] * angle / across, d[1] * angle / across
-    return error
+            return 0.0, -d[2] * angle / across, d[1] * angle / across
+    return 0.0, 0.0, 0.0
 
 
-@njit(cache=True)
-def _advance(control, t_s, x, omega_error):
+@njit(cache=True, forceinline=True)
+def _advance(control, t_s, q_ib, omega_error):
     """Carry the wanted attitude and the drift of the reference on to t_s."""
     step = t_s - control.clock[0]
     if step > 0.0:
-        middle = body_rate(control.law, control.clock[0] + 0.5 * step)
-        turn = np.array([middle[0] * step, middle[1] * step, middle[2] * step])
-        q = rotation.quat_multiply(control.q_wanted, rotation.quat_from_rotvec(turn))
-        control.q_wanted[:] = rotation.quat_normalise(q)
-        control.tilt_i[:] += rotation.quat_rotate(x[6:10].copy(), omega_error * step)
+        p, q, r, _, _, _ = body_rate(control.law, control.clock[0] + 0.5 * step)
+        turn = t3.quat_from_rotvec((p * step, q * step, r * step))
+        control.q_wanted[:] = t3.quat_normalise(t3.quat_multiply(control.q_wanted, turn))
+        drifted = t3.quat_rotate(q_ib, t3.scaled(step, omega_error))
+        for j in range(3):
+            control.tilt_i[j] += drifted[j]
         control.clock[0] = t_s
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _wanted_rate(control, t_s, q_ib):
-    """Wanted rate and angular acceleration in the axes of the body q_ib (4,): (3,) rad/s, (3,) rad/s^2.
+    """Wanted rate and angular acceleration in the axes of the body q_ib: three numbers each, rad/s, rad/s^2.
 
     Where only the axis is followed they lie across it, but for the wanted spin in the rate's x.
     """
     p, q, r, dp, dq, dr = body_rate(control.law, t_s)
-    between = rotation.quat_multiply(rotation.quat_conjugate(q_ib), control.q_wanted)
+    between = t3.quat_multiply(t3.quat_conjugate(q_ib), control.q_wanted)
     if control.follow == ATTITUDE:
-        omega = rotation.quat_rotate(between, np.array([p, q, r]))
-        return omega, rotation.quat_rotate(between, np.array([dp, dq, dr]))
+        return t3.quat_rotate(between, (p, q, r)), t3.quat_rotate(between, (dp, dq, dr))
     # the law is one without transverse motion, or without spin: then d(q, r)/dt holds in space as well
-    omega = rotation.quat_rotate(between, np.array([0.0, q, r]))
-    alpha = rotation.quat_rotate(between, np.array([0.0, dq, dr]))
-    omega[0], alpha[0] = p, dp
-    return omega, alpha
+    omega, alpha = t3.quat_rotate(between, (0.0, q, r)), t3.quat_rotate(between, (0.0, dq, dr))
+    return (p, omega[1], omega[2]), (dp, alpha[1], alpha[2])
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _approach(control, size, inertia, j):
     """Rate [rad/s] at which an angle error [rad] about axis j is taken back: half the torque can brake it."""
     return min(0.5 * control.bandwidth * size, np.sqrt(control.torque_open[j] / inertia * size))
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _about_axis(control, j, inertia, error, rate):
     """Torque about one axis that does not feel the others' spin: (N m, whether there is something to do).
 
@@ -238,11 +235,11 @@ def _about_axis(control, j, inertia, error, rate):
     return 2.0 * control.bandwidth * inertia * (missing if error > 0.0 else -missing), True
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _across_spin(control, inertia, momentum, error, rate):
     """Torque about y and z of a body that spins: (N m, N m, whether there is something to do).
 
-    inertia: kg m^2 about y; momentum: N m s of the spin; error, rate: (3,) as above, of which y and z count.
+    inertia: kg m^2 about y; momentum: N m s of the spin; error, rate: as above, of which y and z count.
     Wakes outside the dead bands and works until half of them: every pulse turns the angular momentum, and
     at the edge of a band one pulse would ask for the next.
     """
@@ -262,52 +259,50 @@ def _across_spin(control, inertia, momentum, error, rate):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def demand(control, t_s, q_ib, omega_b, inertia):
-    """Torque [N m] that the law asks for, and the axes about which there is something to do.
+    """Torque [N m] that the law asks for, and whether there is something to do: about each axis.
 
     Parameters
     ----------
-    q_ib, omega_b : (4,), (3,) rad/s, as the control believes them
-    inertia : (3,) kg m^2
+    q_ib, omega_b : four numbers; three, rad/s: as the control believes them
+    inertia : three numbers, kg m^2
     """
-    follow = control.follow
-    momentum = inertia[0] * omega_b[0]
+    follow, momentum = control.follow, inertia[0] * omega_b[0]
     wanted, alpha = _wanted_rate(control, t_s, q_ib)
     if follow == RATES or follow == AXIS:
-        wanted[0], alpha[0] = omega_b[0], 0.0
+        wanted, alpha = (omega_b[0], wanted[1], wanted[2]), (0.0, alpha[1], alpha[2])
     error = _angle_error(follow, q_ib, control.q_wanted)
-    rate = omega_b - wanted
-    torque = inertia * alpha
+    rate = omega_b[0] - wanted[0], omega_b[1] - wanted[1], omega_b[2] - wanted[2]
+    ahead = inertia[0] * alpha[0], inertia[1] * alpha[1], inertia[2] * alpha[2]
     if follow == ATTITUDE:
-        torque += rotation.cross(wanted, inertia * wanted)
+        spin = inertia[0] * wanted[0], inertia[1] * wanted[1], inertia[2] * wanted[2]
+        ahead = t3.plus(ahead, 1.0, t3.cross(wanted, spin))
     elif follow != RATES:  # what precession takes
-        torque[1] += momentum * wanted[2]
-        torque[2] -= momentum * wanted[1]
-    busy = torque != 0.0
-    back = np.zeros(3)
-    if follow != ATTITUDE:
-        _steer_spin_axis(control, omega_b, error, rate)
+        ahead = ahead[0], ahead[1] + momentum * wanted[2], ahead[2] - momentum * wanted[1]
+    back_x, busy_x = _about_axis(control, 0, inertia[0], error[0], rate[0])
+    if follow == ATTITUDE:
+        back_y, busy_y = _about_axis(control, 1, inertia[1], error[1], rate[1])
+        back_z, busy_z = _about_axis(control, 2, inertia[2], error[2], rate[2])
+    else:
+        error, rate = _of_spin_axis(control, omega_b, error, rate)
         lean = 0.0 if follow == RATES else momentum
-        back[1], back[2], moving = _across_spin(control, inertia[1], lean, error, rate)
-        busy[1] |= moving
-        busy[2] |= moving
-    for j in range(3):
-        if follow == ATTITUDE or j == 0:
-            back[j], moving = _about_axis(control, j, inertia[j], error[j], rate[j])
-            busy[j] |= moving
-    return torque + back, busy
+        back_y, back_z, busy_y = _across_spin(control, inertia[1], lean, error, rate)
+        busy_z = busy_y
+    return (
+        (ahead[0] + back_x, ahead[1] + back_y, ahead[2] + back_z),
+        (busy_x or ahead[0] != 0.0, busy_y or ahead[1] != 0.0, busy_z or ahead[2] != 0.0),
+    )
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _open_valves(control, torque, busy, turn):
-    """Open or shut the valves for one period in which the body turns by `turn` rad about x."""
+    """Open or shut the valves, as of `demand`, for a period in which the body turns by `turn` rad about x."""
     owed, period = control.owed, control.period
     c, s = np.cos(turn), np.sin(turn)  # what is owed stays where it was in space
     owed[1], owed[2] = c * owed[1] + s * owed[2], c * owed[2] - s * owed[1]
     c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)  # in the middle of the period the body will have turned
-    ahead_y, ahead_z = c * torque[1] + s * torque[2], c * torque[2] - s * torque[1]
-    torque[1], torque[2] = ahead_y, ahead_z
+    torque = torque[0], c * torque[1] + s * torque[2], c * torque[2] - s * torque[1]
     for j in range(3):
         limit = control.torque_open[j]
         control.torque[j] = 0.0
@@ -324,9 +319,9 @@ def _open_valves(control, torque, busy, turn):
         owed[j] = min(limit, max(-limit, owed[j]))
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _remember(control, t_s, error):
-    """Write a row of the history; error: (3,) rad from the truth to what is wanted."""
+    """Write a row of the history; error: three numbers, rad, from the truth to what is wanted."""
     n = control.count[0]
     row = control.history[n]
     row[0] = t_s
@@ -337,16 +332,13 @@ def _remember(control, t_s, error):
     control.count[0] = n + 1
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def command(control, t_s, x, i_x, i_y, i_z):
     """One tick: set control.torque until the next one. x (19,) true state, i: kg m^2 about the body axes."""
-    error_rate = control.drift.copy()
-    error_rate[0] += control.roll_scale * x[10]
-    _advance(control, t_s, x, error_rate)
-    q_true = x[6:10].copy()
-    q_ib = believed(control, q_true)
-    inertia = np.array([i_x, i_y, i_z])
-    torque, busy = demand(control, t_s, q_ib, _believed_rate(control, x[10:13].copy()), inertia)
+    drift, q_true = control.drift, (x[6], x[7], x[8], x[9])
+    _advance(control, t_s, q_true, (drift[0] + control.roll_scale * x[10], drift[1], drift[2]))
+    rate = _believed_rate(control, (x[10], x[11], x[12]))
+    torque, busy = demand(control, t_s, believed(control, q_true), rate, (i_x, i_y, i_z))
     used = control.propellant[0]
     _open_valves(control, torque, busy, x[10] * control.period)
     _remember(control, t_s, _angle_error(control.follow, q_true, control.q_wanted))

@@ -1,10 +1,11 @@
 """Vectors, matrices and quaternions as tuples of numbers, for the kernels that run at every IMU sample.
 
 A tuple lives in registers: in compiled code these cost a fraction of the same on small arrays, each of which
-has to be allocated. A matrix is nine numbers, row by row. Tested against `geometry.rotation` and NumPy.
+has to be allocated. A matrix is nine numbers, row by row. `rotation` has what is wanted of arrays; either may
+be given where a tuple is read.
 """
 
-from math import cos, sin, sqrt
+from math import atan2, cos, sin, sqrt
 
 from numba import njit
 
@@ -107,6 +108,34 @@ def quat_from_rotvec(phi):
 
 
 @njit(cache=True, forceinline=True)
+def quat_conjugate(q):
+    """Inverse of a unit quaternion: q_ba from q_ab."""
+    return q[0], -q[1], -q[2], -q[3]
+
+
+@njit(cache=True, forceinline=True)
+def quat_rotate(q, v):
+    """Components in a of a vector given in b, q_ab: v + w t + u x t with t = 2 u x v."""
+    w, a, b, c = q[0], q[1], q[2], q[3]
+    x, y, z = v[0], v[1], v[2]
+    tx, ty, tz = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
+    return x + w * tx + (b * tz - c * ty), y + w * ty + (c * tx - a * tz), z + w * tz + (a * ty - b * tx)
+
+
+@njit(cache=True, forceinline=True)
+def rotvec_from_quat(q):
+    """log: rotation vector of the shorter of the two rotations q and -q."""
+    sign = 1.0 if q[0] >= 0.0 else -1.0
+    w = sign * q[0]
+    n = sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    if n < 1e-6:  # angle/n = 2/w (1 - n^2/(3 w^2)); what is left out is below 1e-24
+        k = 2.0 / w * (1.0 - n * n / (3.0 * (w * w)))
+    else:
+        k = 2.0 * atan2(n, w) / n
+    return sign * k * q[1], sign * k * q[2], sign * k * q[3]
+
+
+@njit(cache=True, forceinline=True)
 def quat_normalise(q):
     """q divided by its norm."""
     norm = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
@@ -116,7 +145,7 @@ def quat_normalise(q):
 @njit(cache=True, forceinline=True)
 def dcm_from_quat(q):
     """C_ab of q_ab."""
-    w, x, y, z = q
+    w, x, y, z = q[0], q[1], q[2], q[3]
     return (
         1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
         2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
