@@ -226,7 +226,7 @@ def put_motion(top, r, u, u_r, C, C_bi, T):
     t3.store(top[ATT, ATT], t3.product(C_bi, C))
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def vibration_level(motors, thrust_threshold, shake_threshold, t_s, thrust, shake):
     """Vibration relative to that of the strongest motor: 0 unless a motor burns.
 
@@ -248,7 +248,7 @@ def vibration_level(motors, thrust_threshold, shake_threshold, t_s, thrust, shak
     return level
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def shake(dv_b):
     """Noise of velocity increments (n, 3), from their changes: m/s rms, 0 for a single sample."""
     total, n = 0.0, dv_b.shape[0] - 1

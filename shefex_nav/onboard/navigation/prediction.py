@@ -102,7 +102,7 @@ def travel(
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _through(
     at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
     first, begin_s, last, end_s, work,
@@ -135,7 +135,7 @@ def _keep(x, P, x_kept, P_kept):
             P_kept[i, j] = P[i, j]
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def enter(
     at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
     number, motors, t_end_s, dt_s, n, work=None,
