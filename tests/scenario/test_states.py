@@ -77,3 +77,14 @@ def test_g_sensitivity_counts_in_the_watch_over_the_gyros_as_block_and_as_noise(
     sigma = load(SCENARIO).imu.gyro.g_sensitivity
     for states in ((), ("gyro_g_sensitivity",)):
         assert integrity_watch.start(nav_params(states)).gyros.noise[3] == sigma**2
+
+
+def test_missions_that_feel_their_weight_for_minutes_estimate_what_goes_with_it():
+    """On the ground and under a parachute these errors are biases; the filter's noise is that of thrust."""
+    found = []
+    for path in sorted(SCENARIO.parent.glob("*.yaml")):
+        scenario = load(path)
+        if scenario.ground is not None or scenario.vehicle.parachute is not None:
+            found.append(path.stem)
+            assert {"gyro_g_sensitivity", "accel_misalignment"} <= set(scenario.navigation.states), path.stem
+    assert found == ["night_sky", "rexus_like"]

@@ -73,11 +73,11 @@ def told(world, *overrides):
 
 
 def test_the_filter_at_rest_knows_as_much_as_can_be_known(world, bounded):
-    """All 15 sigmas, 2 %; a bias that walks instead of wandering about zero makes 1 % of it."""
+    """All 15 sigmas, 1.5 %; in-run biases that walk, where they should wander about zero, make 1 % of it."""
     ratio = told(world) / bounded
     assert ratio.shape == (6, 15)
-    assert ratio.min() > 0.995
-    assert ratio.max() < 1.02
+    assert ratio.min() > 0.998
+    assert ratio.max() < 1.015
 
 
 @pytest.mark.parametrize(
