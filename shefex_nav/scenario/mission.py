@@ -124,7 +124,10 @@ class Launch(Block):
 
 
 class Ground(Block):
-    """Where a vehicle stands still for the whole time, with the sky above it."""
+    """Where a vehicle stands still for the whole time, with the sky above it.
+
+    Its weight stays: `navigation.states` should have gyro_g_sensitivity and accel_misalignment.
+    """
 
     latitude: Quantity("rad", "48.1 deg", "geodetic, WGS 84", at_least="-90 deg", at_most="90 deg")
     longitude: Quantity("rad", "11.3 deg", "east of Greenwich", at_least="-180 deg", at_most="360 deg")

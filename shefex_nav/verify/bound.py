@@ -119,20 +119,13 @@ def follow(flight, layout, *, every_s=OUTPUT_S):
     -------
     Bound
     """
-    trajectory, earth = flight.trajectory, flight.earth
-    t_s = trajectory.t_s
-    dt_s = float((t_s[-1] - t_s[0]) / (len(t_s) - 1))
-    stride = round(every_s / dt_s)
-    at = np.arange(stride, len(t_s), stride)
-    steps = problem(flight, layout, dt_s, at)
-    C_ib = rotation.dcm_from_quat(trajectory.q_ib[0])
-    P_psi = C_ib @ flight.alignment.P_theta_b @ C_ib.T
-    omega_ie_i = frames.omega_ie_i(earth)
-    P = bound_model.start(layout, flight.alignment.sigma_r, flight.alignment.sigma_v, P_psi, omega_ie_i)
+    trajectory = flight.trajectory
+    t_s, dt_s = trajectory.t_s, _sample_s(trajectory)
     rms = world_imu.vibration_rms(flight.imu, trajectory.burning)
     levels = {rms_at: _swings(flight.imu, rms_at, dt_s) for rms_at in np.unique(rms).tolist()}
-    covariances = []
-    for k, output in zip(at, linear.outputs(P, steps, t_s[at]), strict=True):
+    at, covariances = [], []
+    for k, output in outputs(flight, layout, every_s=every_s):
+        at.append(k)
         C_ib = rotation.dcm_from_quat(trajectory.q_ib[k])
         velocity, angle = levels[float(rms[k])]
         covariances.append(
@@ -143,6 +136,28 @@ def follow(flight, layout, *, every_s=OUTPUT_S):
             )
         )
     return Bound(t_s[at], *(np.array(column) for column in zip(*covariances, strict=True)))
+
+
+def outputs(flight, layout, *, every_s=OUTPUT_S):
+    """The bound of all states along one flight, but for the swing of the moment.
+
+    flight, layout, every_s : as of `follow`. Yields index of the sample, linear.Output.
+    """
+    trajectory = flight.trajectory
+    dt_s = _sample_s(trajectory)
+    stride = round(every_s / dt_s)
+    at = np.arange(stride, len(trajectory.t_s), stride)
+    steps = problem(flight, layout, dt_s, at)
+    C_ib = rotation.dcm_from_quat(trajectory.q_ib[0])
+    P_psi = C_ib @ flight.alignment.P_theta_b @ C_ib.T
+    omega_ie_i = frames.omega_ie_i(flight.earth)
+    P = bound_model.start(layout, flight.alignment.sigma_r, flight.alignment.sigma_v, P_psi, omega_ie_i)
+    yield from zip(at.tolist(), linear.outputs(P, steps, trajectory.t_s[at]), strict=True)
+
+
+def _sample_s(trajectory):
+    """Duration of one sample."""
+    return float((trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1))
 
 
 def _swings(params, rms, dt_s):

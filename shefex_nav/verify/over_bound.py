@@ -46,22 +46,25 @@ def bounds(scenario, world, fixes):
     """
     if left_out(scenario):
         raise ValueError(f"the bound does not know {left_out(scenario)}")
-    imu, camera = params.imu_params(scenario), params.camera_params(scenario)
-    trajectory = world.flight.trajectory
+    flight = flight_of(scenario, world, fixes)
     field = gravity.load(scenario.earth.gravity, scenario.earth.gravity_degree)
-    flight = bound.Flight(
-        trajectory,
+    process = bound.gravity_process(field, flight.trajectory, world.earth)
+    layouts = [bound_model.sources(flight.imu, flight.camera, *one) for one in (process, (0.0, np.inf))]
+    return tuple(bound.follow(flight, layout) for layout in layouts)
+
+
+def flight_of(scenario, world, fixes):
+    """What the bound needs of a run. Scenario, prepare.World, list of StarFix -> bound.Flight"""
+    return bound.Flight(
+        world.flight.trajectory,
         world.earth,
         world.alignment,
         world.gps_fixes,
         fixes,
-        imu,
-        camera,
+        params.imu_params(scenario),
+        params.camera_params(scenario),
         np.array(scenario.gps.antenna.lever_arm),
     )
-    process = bound.gravity_process(field, trajectory, world.earth)
-    layouts = [bound_model.sources(imu, camera, *one) for one in (process, (0.0, np.inf))]
-    return tuple(bound.follow(flight, layout) for layout in layouts)
 
 
 def curves(runs, pairs):

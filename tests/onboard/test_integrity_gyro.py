@@ -21,8 +21,8 @@ GAIN = 1.0 - 1.0 / 1.3**2  # of a filter that uses the fixes
 
 
 def watch(relative=2e-4):
-    model = SimpleNamespace(gyro_random_walk=WALK, gyro_quantum=QUANTUM, gyro_g_sensitivity=G_SENSE)
-    return integrity_gyro.GyroWatch(model, relative)
+    model = SimpleNamespace(gyro_random_walk=WALK, gyro_quantum=QUANTUM)
+    return integrity_gyro.GyroWatch(model, relative, G_SENSE)
 
 
 def turned(q, phi):

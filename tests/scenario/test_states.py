@@ -6,6 +6,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from shefex_nav.onboard.navigation import integrity_watch
 from shefex_nav.onboard.navigation.state import DEFAULT_STATES, OPTIONAL
 from shefex_nav.scenario import params_onboard
 from shefex_nav.scenario.load import ScenarioError, load
@@ -69,3 +70,21 @@ def test_what_is_estimated_is_no_noise_as_well():
     assert every == nothing._replace(**gone)
     assert min(nothing.gyro_g_sensitivity, nothing.accel_scale, nothing.gravity) > 0.0
     assert nav_params(("accel_misalignment",)).imu == nothing._replace(accel_misalignment=0.0)
+
+
+def test_g_sensitivity_counts_in_the_watch_over_the_gyros_as_block_and_as_noise():
+    """Without it, braking in the air would look like a broken gyro to a filter that estimates it."""
+    sigma = load(SCENARIO).imu.gyro.g_sensitivity
+    for states in ((), ("gyro_g_sensitivity",)):
+        assert integrity_watch.start(nav_params(states)).gyros.noise[3] == sigma**2
+
+
+def test_missions_that_feel_their_weight_for_minutes_estimate_what_goes_with_it():
+    """On the ground and under a parachute these errors are biases; the filter's noise is that of thrust."""
+    found = []
+    for path in sorted(SCENARIO.parent.glob("*.yaml")):
+        scenario = load(path)
+        if scenario.ground is not None or scenario.vehicle.parachute is not None:
+            found.append(path.stem)
+            assert {"gyro_g_sensitivity", "accel_misalignment"} <= set(scenario.navigation.states), path.stem
+    assert found == ["night_sky", "rexus_like"]

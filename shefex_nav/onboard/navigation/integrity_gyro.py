@@ -79,14 +79,24 @@ def relative_error(params):
     return float(np.linalg.norm([params.imu.gyro_cross, *known]))
 
 
+def sensed_error(params):
+    """What rates may be wrong by under specific force, whether that is noise to the filter or a block.
+
+    NavParams -> float, rad/s per m/s^2
+    """
+    known = params.sigma_blocks.get("gyro_g_sensitivity", np.zeros(1))
+    return float(max(params.imu.gyro_g_sensitivity, np.abs(known).max()))
+
+
 class GyroWatch:
     """Memory, changed in place.
 
     model : ImuModel
     relative : error of a turned angle, relative to it: scale factor and misalignment, as known at the start
+    sensed : rad/s per m/s^2, of g-sensitivity, likewise
     """
 
-    def __init__(self, model, relative):
+    def __init__(self, model, relative, sensed):
         from scipy.special import chdtri
 
         self.noise = np.array(
@@ -94,7 +104,7 @@ class GyroWatch:
                 model.gyro_random_walk**2,
                 model.gyro_quantum**2 / 6.0,
                 relative**2,
-                model.gyro_g_sensitivity**2,
+                sensed**2,
             ]
         )
         self.limits = np.array(

@@ -133,7 +133,8 @@ def start(params):
     """Watch of a filter that starts. NavParams -> Watch"""
     from scipy.special import chdtri
 
-    gyros = integrity_gyro.GyroWatch(params.imu, integrity_gyro.relative_error(params))
+    relative, sensed = integrity_gyro.relative_error(params), integrity_gyro.sensed_error(params)
+    gyros = integrity_gyro.GyroWatch(params.imu, relative, sensed)
     limit = float(chdtri(3, integrity_gps.DRIFT_PROBABILITY))
     return Watch(params.integrity or DEFAULT, limit, gyros)
 
