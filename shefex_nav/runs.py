@@ -24,7 +24,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.log import pixels, reader, thinning
-from shefex_nav.log.topics import epoch_ns, log_time_ns
+from shefex_nav.log.run_data import RunDataBuilder
+from shefex_nav.log.topics import RunSummary, epoch_ns, log_time_ns
 from shefex_nav.records import FrameTruth, StarFix
 
 FOLDER_PREFIX = "shefex_nav-"  # of temporary logs
@@ -83,9 +84,6 @@ def fly(
     _check(scenario, seed, until_s)
     from shefex_nav import prepare, simulate
     from shefex_nav.log.drawings import FramePolicy
-    from shefex_nav.log.run_data import RunDataBuilder
-    from shefex_nav.log.thinning import thinned
-    from shefex_nav.log.topics import RunSummary
     from shefex_nav.log.writer import LogWriter
     from shefex_nav.report import programme
 
@@ -105,7 +103,7 @@ def fly(
         records = simulate.route(world, scenario, seed, until_s=until_s)
         records = watch(records, float(t_s[0]), min(float(t_s[-1]), until_s))
         cut_s = float(until_s) if until_s < t_s[-1] else math.nan
-        for record in thinned(records, scenario.log.rate, mission.start_s):
+        for record in thinning.thinned(records, scenario.log.rate, mission.start_s):
             writer.write(record)
             kept.add(record)
         done = RunSummary(kept.last_t_s, time.perf_counter() - ready, ready - began, cut_s)

@@ -182,6 +182,45 @@ def test_wrong_input_is_named(xy, flux, options, says):
         solve_centroids(xy, flux, **{"camera": CAMERA, "epoch": EPOCH, **options})
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("n_false", [0, 70])  # few are sorted by insertion, many are not
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"flux": None},
+        {"camera": Camera(659, 493, 2500.0, (340.0, 230.0), (-0.25, 0.1, 1e-3, -1e-3, 0.0))},
+        {"prediction": ([1.0, 0.0, 0.0, 0.0], 1e-6 * np.eye(3))},
+        {"centroid_covariance_px": 0.02 * np.eye(2)},
+        {"method": "pyramid"},
+        {"method": "multipole", "zero_flux": ZERO_FLUX},
+    ],
+    ids=lambda options: next(iter(options), "default"),
+)
+def test_a_centroid_without_a_place_is_refused(options, n_false, value):
+    """One coordinate that is no number among good stars: no attitude, not even from the others."""
+    xy, flux, _, _ = field(np.random.default_rng(15), n_false=n_false, least=8)
+    given = {"flux": flux, "camera": CAMERA, "epoch": EPOCH, **options}
+    if "centroid_covariance_px" in given:
+        given["centroid_covariance_px"] = np.tile(given["centroid_covariance_px"], (len(xy), 1, 1))
+    for row, column in ((0, 0), (len(xy) - 1, 1)):
+        spoilt = xy.copy()
+        spoilt[row, column] = value
+        with pytest.raises(ValueError, match=r"^xy_px: contains NaN or infinite values$"):
+            solve_centroids(spoilt, **given)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0])
+@pytest.mark.parametrize("method", ["default", "pyramid"])
+def test_a_centroid_without_light_is_refused(method, value):
+    xy, flux, _, _ = field(np.random.default_rng(15), n_false=0, least=8)
+    for row in (0, len(flux) - 1):
+        spoilt = flux.copy()
+        spoilt[row] = value
+        with pytest.raises(ValueError, match=r"^flux: expected finite positive values$"):
+            solve_centroids(xy, spoilt, camera=CAMERA, epoch=EPOCH, method=method)
+
+
 @pytest.mark.parametrize(
     "arguments, says",
     [

@@ -21,7 +21,6 @@ from shefex_nav.reproduce import impa_flight as flight
 from shefex_nav.reproduce import impa_methods as methods
 from shefex_nav.reproduce.experiment import Experiment
 from shefex_nav.reproduce.impa_centroid_tables import COLUMNS, KINDS
-from shefex_nav.reproduce.stills import electrons
 
 SAME_PX = 5.0  # a cluster further from every star is none, or a piece of a broken streak
 SAMPLES = 520  # each direction and attitude as evenly as can be, at five rates with two shutters
@@ -119,11 +118,6 @@ def measure(samples, seed, first):
             for shutter, frames_seed in zip(field.SHUTTERS, one.spawn(2), strict=True):
                 rows += frames_of(shutter, case, frames_seed)
     return {"rows": np.array(rows).reshape(-1, len(COLUMNS))}
-
-
-def magnitude(light):
-    """V of so many electrons."""
-    return -2.5 * np.log10(light / electrons(field.camera("global_shutter"), 0.0))
 
 
 # what makes the results or says what a stored number means

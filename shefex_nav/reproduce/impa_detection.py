@@ -7,7 +7,7 @@ on the detector is the edge nearest to the axis. The paper's betas are not in it
 
 r_psf = 3 says how wide a streak is: its light in a pixel of its middle line is a third of its light per pixel
 of length. For a Gaussian spot of sigma that share is, averaged over where the line runs in its pixel,
-int erf(...) = `streak_share`; a sigma of 1.124 px gives a third (`psf_sigma`).
+int erf(...) = `streak_share`; a sigma of 1.124 px gives a third.
 
 In the simulation artificial stars stand along that edge, of magnitudes around the model's; the magnitude at
 which half of them are found is fitted by a normal distribution function (probit) in the difference to the
@@ -51,11 +51,6 @@ def streak_share(sigma_px):
     scale = 1.0 / (np.sqrt(2.0) * sigma_px)
     share = integrate.quad(lambda d: 0.5 * (erf((0.5 - d) * scale) + erf((0.5 + d) * scale)), -0.5, 0.5)
     return share[0]
-
-
-def psf_sigma(r_psf):
-    """Sigma of the Gaussian whose streaks are r_psf pixels wide: px."""
-    return optimize.brentq(lambda sigma: 1.0 / streak_share(sigma) - r_psf, 0.3, 4.0)
 
 
 def model_magnitude(rate_deg_s, alpha):

@@ -16,7 +16,7 @@ from shefex_nav.environment.stars import StarCatalogue, at_epoch, load_catalogue
 from shefex_nav.onboard.startracker import skygrid
 
 MAX_MAGNITUDE = 8.0
-SMALLEST, LARGEST, RATIO = np.radians(4.5), np.radians(40.0), 1.34  # of S; a band reaches over RATIO
+SMALLEST, RATIO = np.radians(4.5), 1.34  # of S; a band reaches over RATIO
 CHOSEN = 16.0  # stars per S^2 that form triangles
 SHOWN = 26.0  # stars per S^2 that a proposal is compared with
 LONGEST, SHORTEST = 0.5, 0.12  # longest side of a triangle, in S: limits

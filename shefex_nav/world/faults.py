@@ -62,9 +62,6 @@ class Faults(NamedTuple):
     stars: tuple[StarFault, ...] = ()
 
 
-NONE = Faults()
-
-
 def _within(fault, t_s):
     """Whether a fault acts at t_s; its end does not belong to it."""
     return (t_s > fault.start_s - SAME_S) & (t_s < fault.end_s - SAME_S)

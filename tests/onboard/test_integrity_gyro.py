@@ -4,10 +4,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from unpacked import FALLING
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import integrity_gyro
-from shefex_nav.onboard.navigation.state import N_NOMINAL, X_MOUNTING, X_Q
+from shefex_nav.onboard.navigation.state import X_MOUNTING, X_Q
 
 ARCSEC = np.pi / 648000.0
 WALK, QUANTUM = 9e-6, 5e-7  # rad/sqrt(s), rad
@@ -30,7 +31,7 @@ def turned(q, phi):
 
 
 def packed(q_ib, mounting=(0.0, 0.0, 0.0)):
-    x = np.zeros(N_NOMINAL)
+    x = np.zeros_like(FALLING)
     x[X_Q], x[X_MOUNTING] = q_ib, mounting
     return x
 

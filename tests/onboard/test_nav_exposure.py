@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad_vec
 from scipy.spatial.transform import Rotation
+from unpacked import FALLING
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import sensors
 from shefex_nav.onboard.navigation.history import History, Moment, Tick
-from shefex_nav.onboard.navigation.state import N_NOMINAL, X_Q, layout
+from shefex_nav.onboard.navigation.state import X_Q, layout
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.records import NO_STARS, StarFix, StarVectors
 
@@ -22,7 +23,7 @@ C_BC = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 def moment(rate_b, t_s=0.1):
     """The Moment at t_s of a vehicle with the body rate rate_b(t), attitude and state in the middle: none."""
-    x = np.zeros(N_NOMINAL)
+    x = np.zeros_like(FALLING)
     x[X_Q.start] = 1.0
     history = History(Tick(0.0, x, np.eye(15), None))
     for k in range(1, TICKS + 1):

@@ -25,7 +25,6 @@ FAST = np.radians(5.0)
 
 def test_a_streak_of_the_camera_is_as_wide_as_the_paper_says():
     assert 1.0 / detection.streak_share(field.PSF_SIGMA_PX) == pytest.approx(3.0, abs=0.01)
-    assert detection.psf_sigma(3.0) == pytest.approx(field.PSF_SIGMA_PX, abs=0.005)
     assert detection.streak_share(0.01) == pytest.approx(1.0, abs=0.02)  # one pixel wide
     assert 1.0 / detection.streak_share(20.0) == pytest.approx(np.sqrt(2.0 * np.pi) * 20.0, rel=1e-3)
 

@@ -97,6 +97,10 @@ def hostile():
     yield "cut_lzw.tif", deep_lzw[:5000] + bytes(len(deep_lzw) - 8000) + deep_lzw[-3000:], "damaged"
     yield "wrong_bytes.png", png[:60] + bytes(200) + png[260:], "damaged"
     yield "huge.png", huge, "pixels"
+    for value in (np.nan, np.inf):
+        one = np.full((120, 160), 10.0, dtype=np.float32)
+        one[31, 40] = value
+        yield f"one_{value}.tif", saved(Image.fromarray(one), "TIFF"), "contains NaN or infinite values"
     yield "tiny.png", saved(Image.new("L", (1, 1)), "PNG"), "1 x 1 pixels"
     yield "line.png", saved(Image.new("L", (5000, 3)), "PNG"), "5000 x 3 pixels"
     yield "moving.gif", saved(frames[0], "GIF", save_all=True, append_images=frames[1:]), "3 pictures"

@@ -73,7 +73,7 @@ def antenna(layout, x, t_s, earth, l_ba_b, felt, vibration):
 
 @njit(cache=True)
 def _antenna(at, x, t_s, C_iq, C_re, angle_0, rate, l_ba_b, felt, vibration, motion, J):
-    """`antenna_packed` with the fields of its tuples; motion (2, 3) and J (2, 3, n) are written."""
+    """`antenna` with the fields of its tuples; motion (2, 3) and J (2, 3, n) are written."""
     earth, n = frames.EarthRotation(C_iq, C_re, angle_0, rate), J.shape[2]
     J_omega, J_f = calibration.jacobians_packed(at, n, x, felt[:3], felt[3:], vibration)
     zero, turn = (0.0, 0.0, 0.0), t3.vector(frames.omega_ie_i(earth), 0)

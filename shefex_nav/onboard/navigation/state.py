@@ -45,7 +45,6 @@ for _name, _size in {
 }.items():  # fmt: skip
     _start = max((place.stop for place in NOMINAL.values()), default=0)
     NOMINAL[_name] = slice(_start, _start + _size)
-N_NOMINAL = max(place.stop for place in NOMINAL.values())
 # the same as constants, for kernels
 X_R, X_V, X_Q = NOMINAL["r_i"], NOMINAL["v_i"], NOMINAL["q_ib"]
 X_BG, X_BA = NOMINAL["gyro_bias"].start, NOMINAL["accel_bias"].start

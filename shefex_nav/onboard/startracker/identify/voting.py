@@ -21,7 +21,7 @@ from shefex_nav.records import Reason
 
 LEAST_CLUSTER = 3
 
-NONE, NO_MATCH = int(Reason.NONE), int(Reason.NO_MATCH)
+NONE = int(Reason.NONE)
 
 
 def match(params, pairs, u_c, flux):
