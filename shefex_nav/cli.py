@@ -5,6 +5,8 @@ nothing written), 1 an internal fault (traceback, and the log up to that moment 
 130 interrupted.
 """
 
+import atexit
+import gc
 import json as json_module
 import math
 import sys
@@ -356,6 +358,7 @@ def show(summary, as_json, data):
 
 def main():
     """Entry point; `refusal.PlainGroup` turns bad input into one message and exit code 2."""
+    atexit.register(gc.freeze)  # else all that was loaded is searched for cycles before the prompt: a second
     try:
         app()
     except KeyboardInterrupt:

@@ -1,5 +1,7 @@
 """Worker processes: how many, how they are started, and how they end when their parent does."""
 
+import atexit
+import gc
 import multiprocessing
 import os
 import signal
@@ -115,5 +117,6 @@ def each(function, calls, most):
 def _begin(prepare, arguments):
     """First thing that a worker does."""
     bind_to_parent()
+    atexit.register(gc.freeze)  # else all that it has loaded is searched for cycles once more: a second
     if prepare is not None:
         prepare(*arguments)

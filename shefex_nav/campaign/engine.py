@@ -10,7 +10,7 @@ is told: the fault need not be its own.
 """
 
 from collections import deque
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, ThreadPoolExecutor, wait
 from typing import NamedTuple
 
 from shefex_nav.campaign import flight
@@ -103,8 +103,8 @@ def fly(jobs, lanes, take, stopped=lambda: False, suspects=frozenset()):
             for lane in lanes:
                 lane.stop(at_once=True)
         raise
-    for lane in lanes:
-        lane.stop()
+    with ThreadPoolExecutor(max(len(lanes), 1)) as together:  # each takes a moment to end
+        list(together.map(lambda lane: lane.stop(), lanes))
     return lost
 
 
