@@ -136,7 +136,7 @@ def about(scenario):
 
 
 def warn(scenario, warnings):
-    """A line for each thing that the programme of a scenario gets wrong of the flight, with its place."""
+    """A line for each thing that a scenario gets wrong of its flight, with its place."""
     for one in warnings:
         say(f"warning: {scenario.line_about(one.field, one.text)}")
 
@@ -316,7 +316,8 @@ def check(
 ):
     """Check a scenario file; all its errors at once, with line and column.
 
-    A vehicle that is launched is flown, without its sensors: times that do not fit the flight are told.
+    A vehicle that is launched is flown, without its sensors: times that do not fit the flight are told, and
+    errors of the IMU that last in it but are noise to the filter.
     """
     from shefex_nav.report import programme
     from shefex_nav.scenario import load

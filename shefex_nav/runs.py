@@ -71,7 +71,7 @@ def fly(
     log : path of the log; without it a temporary one, which lives as long as the Run
     overwrite : whether an existing log may be replaced
     watch : function (records, start_s, end_s) -> the same records, called once; for progress bars
-    told : function of what the programme gets wrong of the flight, a tuple of report.programme.Warned, called
+    told : function of what the scenario gets wrong of the flight, a tuple of report.programme.Warned, called
         before the sensors see it
 
     Returns

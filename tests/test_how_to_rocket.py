@@ -5,6 +5,7 @@ import re
 import pytest
 from test_scenarios import ROOT, SCENARIOS, flight_of
 
+from shefex_nav.report import programme
 from shefex_nav.scenario import load
 
 HOW_TO = ROOT / "docs" / "describe-your-rocket.md"
@@ -33,6 +34,35 @@ def test_example_of_the_how_to_flies(example):
     flight = flight_of(load.load(example))
     assert flight.height_km("apogee") == pytest.approx(11.0, abs=0.2)
     assert "parachute" in flight.at and "impact" in flight.at
+
+
+def test_example_of_the_how_to_is_warned_of_nothing(example):
+    assert programme.foreseen(load.load(example)) == ()
+
+
+def of_the_default():
+    """Override with the states that the example would have if it named none."""
+    return f"navigation.states=[{', '.join(load.load(SCENARIOS / 'shefex2_andoya.yaml').navigation.states)}]"
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        (
+            "vehicle.parachute.at=40 s",
+            "vehicle.parachute.at: 40 s is before the apogee, T+42.9 s: it opens on the way up",
+        ),
+        (
+            of_the_default(),
+            "navigation.states: gyro_g_sensitivity and accel_misalignment are missing: "
+            "the vehicle hangs on its parachute for 700 s, ",
+        ),
+    ],
+)
+def test_warnings_of_the_how_to(example, override, words):
+    (warned,) = programme.foreseen(load.load(example, [override]))
+    assert f"{'.'.join(warned.field)}: {warned.text}".startswith(words)
+    assert f"| `{words}" in HOW_TO.read_text()
 
 
 MESSAGES = {

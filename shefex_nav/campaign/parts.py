@@ -202,12 +202,12 @@ def _size(is_small):
 
 
 def programme(campaign):
-    """What the times of the programme get wrong of the dispersed flights; None if nothing."""
+    """What the scenario gets wrong of the dispersed flights; None if nothing."""
     good, lines = int(campaign.succeeded.sum()), []
     for cause in campaign.warnings():
         what = "" if len(cause.runs) == 1 else f", with the numbers of run {cause.runs[0]}"
         lines.append(Loud(f"{len(cause.runs)} of {good} runs ({_some(cause.runs)}){what}: {cause.words}"))
-    return Part("The programme does not fit the flight", lines=tuple(lines)) if lines else None
+    return Part("The scenario does not fit the flight", lines=tuple(lines)) if lines else None
 
 
 def _some(runs):

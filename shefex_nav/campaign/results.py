@@ -232,7 +232,7 @@ class Campaign:
         return sorted(groups, key=lambda cause: (-len(cause.runs), cause.runs[0]))
 
     def warnings(self):
-        """What the programme gets wrong of the flights, the most frequent first: list of Cause.
+        """What the scenario gets wrong of the flights, the most frequent first: list of Cause.
 
         It is in the files of the runs, not in the table: nothing is said where these are not kept.
         """

@@ -18,7 +18,7 @@ Definitions
 - Entry is the first descent through 100 km. Speed is relative to the Earth, range along the ellipsoid from
   the start to the impact; without an impact there is none.
 - `simulated_s` is the time from the first sample of truth, at `simulated_from_s`, to the last.
-- `warnings` are of the programme against the flight (`programme`); None where no scenario can be read.
+- `warnings` are of the scenario against the flight (`programme`); None where no scenario can be read.
 - Attitude control: the pointing error is the true attitude against the wanted one, the whole angle, or that
   of the roll axis alone while the spin is left alone; in the phases POINTING.
 """
@@ -129,7 +129,7 @@ def summarise(data, *, log=None, from_s=None, scenario=None):
 
 
 def _warnings(data, scenario):
-    """What the programme gets wrong of the flight: list of field and text."""
+    """What the scenario gets wrong of the flight: list of field and text."""
     scenario = configured(data).scenario if scenario is None else scenario
     if scenario is None:
         return None

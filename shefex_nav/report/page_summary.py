@@ -60,10 +60,10 @@ def summary(run, found):
 
 
 def _warnings(found):
-    """What the programme gets wrong of the flight."""
+    """What the scenario gets wrong of the flight."""
     if found:
         items = [element("li", element("code", one["field"]), f": {one['text']}") for one in found]
-        words = element("strong", "The programme does not fit the flight:")
+        words = element("strong", "The scenario does not fit the flight:")
         yield element("div", words, element("ul", *items), class_="verdict bad")
 
 

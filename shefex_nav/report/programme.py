@@ -2,7 +2,8 @@
 
 A programme's times count from lift-off and are not moved by another launch angle or another motor. The
 vehicle flies them all the same; an engineer wants to be told. The events of the flight say at which height
-each of its moments was.
+each of its moments was. They say, too, for how long weight acts, which the filter
+has to be made for (`lasting`).
 """
 
 import math
@@ -10,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.report import lasting
 from shefex_nav.report.pairing import pointing_error
 
 AIR_KM = 100.0  # height of the event `entry`; the camera needs to be above it, and cold gas rules there
@@ -61,12 +63,12 @@ def astray_deg(control, truth):
 
 
 def foreseen(scenario, seed=1):
-    """The warnings of a scenario: its vehicle is flown for them, without sensors. () if it is not launched.
+    """The warnings of a scenario: its vehicle is flown for them, without sensors, if it is launched.
 
     Raises FlightError as a run does.
     """
     if scenario.launch is None:
-        return ()
+        return warnings(scenario, Flown((), 0.0, scenario.mission.time_limit))
     from shefex_nav import prepare
 
     return warnings(scenario, of_flight(prepare.fly_vehicle(scenario, seed)))
@@ -75,15 +77,22 @@ def foreseen(scenario, seed=1):
 def warnings(scenario, flown):
     """Everything that does not fit: tuple of Warned, in the order of the scenario.
 
-    Vehicles that are not launched have no such moments; nothing is said of what a cut log has not seen.
+    The programmes of vehicles that are not launched have no such moments; nothing is said of what a cut log
+    has not seen.
     """
-    if scenario.launch is None:
-        return ()
+    found = [] if scenario.launch is None else _of_programme(scenario, flown)
+    if text := lasting.words(scenario, flown):
+        found.append(Warned(("navigation", "states"), text))
+    return tuple(found)
+
+
+def _of_programme(scenario, flown):
+    """Times, devices and attitude of a vehicle that is launched: list of Warned."""
     found = [*_tasks(scenario, flown), *_devices(scenario, flown), *_star_tracker(scenario, flown)]
     if not found and flown.astray_deg > ASTRAY_DEG:
         words = f"the vehicle was up to {flown.astray_deg:.1f} deg off the attitude that it was to hold"
         found.append(Warned(("programme",), f"{words}; the attitude control could not keep it"))
-    return tuple(found)
+    return found
 
 
 def _moments(flown):

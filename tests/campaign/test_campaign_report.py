@@ -71,7 +71,7 @@ def test_the_tables_have_every_part(said):
 def test_warnings_of_the_programme_are_counted_over_the_runs(tmp_path):
     """Like but for their numbers, each run once; a campaign without any says nothing."""
     folder = synthetic_campaign.write(tmp_path / "warned", 12, seed=3)
-    title = "The programme does not fit the flight"
+    title = "The scenario does not fit the flight"
     assert title not in CliRunner().invoke(cli.app, ["report", str(folder)]).stdout
     late, gas = "until", "propellant"
     for run in (2, 5, 9):

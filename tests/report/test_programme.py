@@ -231,7 +231,7 @@ def test_result_table_and_page_tell(flat, data):
     lines = dict(table.rows(summary))["warnings"]
     assert [name for name, _ in lines] == fields(wanted)
     text = page.page(data)
-    assert "The programme does not fit the flight" in text and "programme.entry_slew.at" in text
+    assert "The scenario does not fit the flight" in text and "programme.entry_slew.at" in text
 
 
 def test_a_log_whose_scenario_cannot_be_read_is_not_judged(data):

@@ -1,0 +1,136 @@
+"""Weight that lasts, where the filter takes what goes with it for noise: told, with the missing states."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from shefex_nav.records import Event
+from shefex_nav.report import lasting, programme
+from shefex_nav.scenario import load
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+DEFAULT = SCENARIOS / "shefex2_andoya.yaml"
+NIGHT_SKY = SCENARIOS / "night_sky.yaml"
+PARACHUTE = "vehicle.parachute={height: 5 km, drag_area: 12 m2, inflation: 2 s, station: 1 m}"
+OF_THE_DEFAULT = "navigation.states=[gyro_roll_column, accel_scale, accel_rectification, gravity, mounting]"
+OF_THE_SCHEMA = "navigation.states=[gyro_roll_column, mounting]"
+
+
+def said(scenario, *events, end_s=600.0):
+    """Words about a flight with these events, (time, name)."""
+    made = tuple(Event(t_s, name, 0.0, "") for t_s, name in events)
+    return lasting.words(scenario, programme.Flown(made, 0.0, end_s))
+
+
+def foreseen(path, *overrides):
+    """{field: text} of what `check` tells."""
+    found = programme.foreseen(load.load(path, overrides))
+    return {".".join(one.field): one.text for one in found}
+
+
+def test_minutes_under_a_parachute_are_told():
+    text = said(load.load(DEFAULT, [PARACHUTE]), (450.0, "parachute"), (580.0, "impact"))
+    assert text.startswith(
+        "gyro_g_sensitivity and accel_misalignment are missing: the vehicle hangs on its parachute for 130 s"
+    )
+    assert "noise with a memory of 20 s" in text
+    assert text.endswith(
+        "; write states: [gyro_roll_column, gyro_g_sensitivity, accel_scale, accel_misalignment, "
+        "accel_rectification, gravity, mounting]"
+    )
+
+
+@pytest.mark.parametrize(
+    ("landed_s", "memory", "is_told"),
+    [(459.0, "20 s", False), (461.0, "20 s", True), (461.0, "30 s", False), (430.0, "9 s", True)],
+)
+def test_a_parachute_counts_from_three_memories_on(landed_s, memory, is_told):
+    scenario = load.load(DEFAULT, [PARACHUTE, f"navigation.thrust_memory={memory}"])
+    text = said(scenario, (400.0, "parachute"), (landed_s, "impact"), end_s=1000.0)
+    assert bool(text) == is_told
+
+
+def test_a_parachute_that_did_not_open_or_was_not_seen_for_long_is_not_told():
+    scenario = load.load(DEFAULT, [PARACHUTE])
+    assert not said(scenario, (500.0, "impact"), end_s=500.0)
+    assert not said(scenario, (400.0, "parachute"), end_s=455.0)  # a log that ends there
+    assert said(scenario, (400.0, "parachute"), end_s=465.0)
+
+
+@pytest.mark.parametrize(
+    ("sigma", "named"),
+    [
+        ("imu.gyro.g_sensitivity=0 deg/h/gee", "accel_misalignment is missing"),
+        ("imu.accelerometer.misalignment=0 mrad", "gyro_g_sensitivity is missing"),
+        ("imu.gyro.misalignment=0 mrad", "gyro_g_sensitivity and accel_misalignment are missing"),
+    ],
+)
+def test_only_errors_that_the_imu_has_are_named(sigma, named):
+    found = foreseen(NIGHT_SKY, OF_THE_DEFAULT, sigma)
+    assert list(found) == ["navigation.states"]
+    assert found["navigation.states"].startswith(f"{named}: the vehicle stands on the ground for 600 s")
+
+
+def test_an_imu_without_such_errors_needs_no_states():
+    perfect = ["imu.gyro.g_sensitivity=0 deg/h/gee", "imu.accelerometer.misalignment=0 mrad"]
+    assert foreseen(NIGHT_SKY, OF_THE_DEFAULT, *perfect) == {}
+
+
+def test_scale_factors_of_the_accelerometers_are_named_where_they_are_no_states():
+    text = foreseen(NIGHT_SKY, OF_THE_SCHEMA)["navigation.states"]
+    assert text.startswith("gyro_g_sensitivity, accel_scale and accel_misalignment are missing: ")
+
+
+@pytest.mark.parametrize("states", [OF_THE_DEFAULT, OF_THE_SCHEMA, "navigation.states=[gyro_scale]"])
+def test_what_is_to_be_written_is_accepted_and_enough(states):
+    text = foreseen(NIGHT_SKY, states)["navigation.states"]
+    assert foreseen(NIGHT_SKY, f"navigation.states={text.partition('write states: ')[2]}") == {}
+
+
+def test_a_minute_on_the_ground_is_not_told():
+    short = ["star_tracker.off=50 s", OF_THE_DEFAULT]
+    assert foreseen(NIGHT_SKY, "mission.time_limit=60 s", *short) == {}
+    assert list(foreseen(NIGHT_SKY, "mission.time_limit=61 s", *short)) == ["navigation.states"]
+
+
+def test_minutes_on_the_pad_are_told():
+    """The default waits for ten seconds there."""
+    assert not said(load.load(DEFAULT), end_s=550.0)
+    waiting = load.load(DEFAULT, ["mission.start=-200 s"])
+    assert "the vehicle stands on the pad for 200 s" in said(waiting, end_s=550.0)
+    assert "on the pad for 90 s" in said(waiting, end_s=-110.0)  # a log that ends there
+
+
+def test_who_floats_feels_no_weight():
+    assert foreseen(SCENARIOS / "orbit.yaml", OF_THE_SCHEMA) == {}
+
+
+def test_check_flies_the_parachute_and_names_the_line(command, tmp_path):
+    """The states are the default's: where they are, and which file to change."""
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(
+        f"extends: {SCENARIOS / 'rexus_like.yaml'}\nnavigation:\n  states: [gyro_scale, gravity]\n"
+    )
+    result = command("check", mine)
+    assert (result.code, result.out) == (0, f"{mine}: good, with 1 warning\n")
+    (line,) = result.err.splitlines()
+    names = "gyro_g_sensitivity, accel_scale and accel_misalignment"
+    assert line.startswith(
+        f"warning: {mine}:3:11: navigation.states: {names} are missing: the vehicle hangs on"
+    )
+
+    mine.write_text(f"extends: {NIGHT_SKY}\n")
+    assert command("check", mine) == (0, f"{mine}: good\n", "")
+
+
+def test_run_tells_it_before_and_in_its_result(command, tmp_path):
+    """Three seconds on the ground are long against a memory of half a second."""
+    short = "mission.time_limit=3 s", "star_tracker.off=3 s", "navigation.thrust_memory=0.5 s"
+    settings = [part for one in (*short, OF_THE_DEFAULT) for part in ("--set", one)]
+    result = command("run", NIGHT_SKY, "--out", tmp_path / "flown.mcap", "--json", *settings)
+    assert result.code == 0
+    (line,) = [line for line in result.err.splitlines() if line.startswith("warning: ")]
+    (told,) = json.loads(result.out)["warnings"]
+    assert told["field"] == "navigation.states" and line.endswith(told["text"])
+    assert "stands on the ground for 3 s" in told["text"]
