@@ -5,8 +5,6 @@ nothing written), 1 an internal fault (traceback, and the log up to that moment 
 130 interrupted.
 """
 
-import atexit
-import gc
 import json as json_module
 import math
 import sys
@@ -25,6 +23,7 @@ from shefex_nav.report import export_command  # imports late
 from shefex_nav.reproduce.command import ListingCommand, reproduce  # which import late
 from shefex_nav.solve.command import solve
 from shefex_nav.verify.command import app as verify_app  # which imports late, too
+from shefex_nav.workers import end_quickly
 
 app = typer.Typer(
     name="shefex-nav",
@@ -359,7 +358,7 @@ def show(summary, as_json, data):
 
 def main():
     """Entry point; `refusal.PlainGroup` turns bad input into one message and exit code 2."""
-    atexit.register(gc.freeze)  # else all that was loaded is searched for cycles before the prompt: a second
+    end_quickly()
     try:
         app()
     except KeyboardInterrupt:

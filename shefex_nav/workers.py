@@ -58,6 +58,14 @@ def bind_to_parent():
     threading.Thread(target=watch, daemon=True).start()
 
 
+def end_quickly():
+    """Let this process end without a last search for cycles among all that it has loaded: a second.
+
+    What hangs in cycles is then not finalised: files have to be closed by then.
+    """
+    atexit.register(gc.freeze)
+
+
 class Pool:
     """Worker processes that can be stopped at once.
 
@@ -117,6 +125,6 @@ def each(function, calls, most):
 def _begin(prepare, arguments):
     """First thing that a worker does."""
     bind_to_parent()
-    atexit.register(gc.freeze)  # else all that it has loaded is searched for cycles once more: a second
+    end_quickly()
     if prepare is not None:
         prepare(*arguments)

@@ -103,8 +103,11 @@ def fly(jobs, lanes, take, stopped=lambda: False, suspects=frozenset()):
             for lane in lanes:
                 lane.stop(at_once=True)
         raise
-    with ThreadPoolExecutor(max(len(lanes), 1)) as together:  # each takes a moment to end
-        list(together.map(lambda lane: lane.stop(), lanes))
+    if len(lanes) == 1:  # not in a thread: a cluster may not answer, and Ctrl-C has to get away from it
+        lanes[0].stop()
+    elif lanes:  # a worker's libraries take some tenths of a second to go
+        with ThreadPoolExecutor(len(lanes)) as together:
+            list(together.map(lambda lane: lane.stop(), lanes))
     return lost
 
 

@@ -1,8 +1,8 @@
-"""Vectors, matrices and quaternions as tuples of numbers, for the kernels that run at every IMU sample.
+"""Vectors, matrices and quaternions as tuples of numbers: the one algebra of flight, filter and geometry.
 
 A tuple lives in registers: in compiled code these cost a fraction of the same on small arrays, each of which
-has to be allocated. A matrix is nine numbers, row by row. `rotation` has what is wanted of arrays; either may
-be given where a tuple is read.
+has to be allocated. A matrix is nine numbers, row by row (`matrix` makes them of an array, `store` writes
+them into one). Vectors and quaternions may be given as arrays, too; `rotation` gives arrays back.
 """
 
 from math import atan2, cos, sin, sqrt

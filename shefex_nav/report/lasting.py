@@ -3,7 +3,8 @@
 Errors in proportion to specific force are noise to the filter unless their block is on, noise that keeps its
 sign for `navigation.thrust_memory`: thrust ends soon. Weight does not. On the ground, on the launch pad and
 under a parachute these errors are biases, and the filter's covariance does not hold
-(docs/theory/filter.md, docs/verification.md).
+(docs/theory/filter.md, docs/verification.md). Not looked at: what falls through the air without a parachute,
+and that one which opens at a great height hangs in free fall first.
 """
 
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
@@ -44,12 +45,11 @@ def _errors(imu):
 
 def _under_weight(scenario, flown):
     """For how long the vehicle feels its weight, as far as the flight was seen: (s, where) of each time."""
-    start_s = scenario.mission.start
+    start_s, at = scenario.mission.start, {event.name: event.t_s for event in flown.events}
     if scenario.ground is not None:
         yield flown.end_s - start_s, "the vehicle stands on the ground"
     if scenario.launch is not None:
-        yield min(flown.end_s, 0.0) - start_s, "the vehicle stands on the pad"
-    at = {event.name: event.t_s for event in flown.events}
+        yield at.get("lift_off", flown.end_s) - start_s, "the vehicle stands on the pad"
     if "parachute" in at:
         yield at.get("impact", flown.end_s) - at["parachute"], "the vehicle hangs on its parachute"
 

@@ -1,9 +1,9 @@
-"""What a mission's programme gets wrong of its flight: tasks and devices whose times do not fit the heights.
+"""What a scenario gets wrong of its flight: tasks and devices whose times do not fit the heights, and more.
 
 A programme's times count from lift-off and are not moved by another launch angle or another motor. The
 vehicle flies them all the same; an engineer wants to be told. The events of the flight say at which height
-each of its moments was. They say, too, for how long weight acts, which the filter
-has to be made for (`lasting`).
+each of its moments was. They say, too, for how long weight acts, which the filter has to be made for
+(`lasting`).
 """
 
 import math
@@ -22,14 +22,14 @@ DEVICES = ("yo_yo", "spin_motors")
 
 
 class Warned(NamedTuple):
-    """Something that a scenario asks for and the flight makes nonsense of."""
+    """Something in a scenario that does not fit the flight."""
 
     field: tuple  # path in the scenario
     text: str
 
 
 class Flown(NamedTuple):
-    """What a flight has to say of its programme."""
+    """What a flight has to say of its scenario."""
 
     events: tuple  # of Event
     astray_deg: float  # largest pointing error in the phases POINTING; 0 if there was none

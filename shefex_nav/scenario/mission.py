@@ -126,7 +126,7 @@ class Launch(Block):
 class Ground(Block):
     """Where a vehicle stands still for the whole time, with the sky above it.
 
-    Its weight stays: `navigation.states` should have gyro_g_sensitivity and accel_misalignment.
+    Its weight stays: `navigation.states` should have gyro_g_sensitivity, accel_scale and accel_misalignment.
     """
 
     latitude: Quantity("rad", "48.1 deg", "geodetic, WGS 84", at_least="-90 deg", at_most="90 deg")

@@ -96,9 +96,10 @@ def test_a_minute_on_the_ground_is_not_told():
 
 def test_minutes_on_the_pad_are_told():
     """The default waits for ten seconds there."""
-    assert not said(load.load(DEFAULT), end_s=550.0)
+    assert not said(load.load(DEFAULT), (0.0, "lift_off"), end_s=550.0)
     waiting = load.load(DEFAULT, ["mission.start=-200 s"])
-    assert "the vehicle stands on the pad for 200 s" in said(waiting, end_s=550.0)
+    assert "the vehicle stands on the pad for 200 s" in said(waiting, (0.0, "lift_off"), end_s=550.0)
+    assert "on the pad for 205 s" in said(waiting, (5.0, "lift_off"), end_s=550.0)  # a late ignition
     assert "on the pad for 90 s" in said(waiting, end_s=-110.0)  # a log that ends there
 
 

@@ -276,8 +276,8 @@ def demand(control, t_s, q_ib, omega_b, inertia):
     rate = omega_b[0] - wanted[0], omega_b[1] - wanted[1], omega_b[2] - wanted[2]
     ahead = inertia[0] * alpha[0], inertia[1] * alpha[1], inertia[2] * alpha[2]
     if follow == ATTITUDE:
-        spin = inertia[0] * wanted[0], inertia[1] * wanted[1], inertia[2] * wanted[2]
-        ahead = t3.plus(ahead, 1.0, t3.cross(wanted, spin))
+        spun = inertia[0] * wanted[0], inertia[1] * wanted[1], inertia[2] * wanted[2]  # N m s
+        ahead = t3.plus(ahead, 1.0, t3.cross(wanted, spun))
     elif follow != RATES:  # what precession takes
         ahead = ahead[0], ahead[1] + momentum * wanted[2], ahead[2] - momentum * wanted[1]
     back_x, busy_x = _about_axis(control, 0, inertia[0], error[0], rate[0])
