@@ -49,7 +49,7 @@ def _under_weight(scenario, flown):
     if scenario.ground is not None:
         yield flown.end_s - start_s, "the vehicle stands on the ground"
     if scenario.launch is not None:
-        yield at.get("lift_off", flown.end_s) - start_s, "the vehicle stands on the pad"
+        yield at.get("lift_off", min(flown.end_s, 0.0)) - start_s, "the vehicle stands on the pad"
     if "parachute" in at:
         yield at.get("impact", flown.end_s) - at["parachute"], "the vehicle hangs on its parachute"
 

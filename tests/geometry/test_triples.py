@@ -42,7 +42,7 @@ def test_quaternions_turn_as_scipy_turns():
 
 
 def test_matrices_are_numpys():
-    skew = np.cross(np.eye(3), -W)  # skew @ u = w x u
+    skew = np.cross(W, np.eye(3)).T  # skew @ u = w x u
     for got, wanted in (
         (square(t3.product(nine(A), nine(B))), A @ B),
         (square(t3.transposed(nine(A))), A.T),
