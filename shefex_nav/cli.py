@@ -16,6 +16,7 @@ import typer
 
 from shefex_nav.campaign.characterise.command import characterise
 from shefex_nav.campaign.command import campaign, repeat  # which imports late
+from shefex_nav.ending import end_quickly
 from shefex_nav.refusal import PlainGroup
 from shefex_nav.replay.command import replay  # likewise
 from shefex_nav.replay.smooth_command import smooth
@@ -23,7 +24,6 @@ from shefex_nav.report import export_command  # imports late
 from shefex_nav.reproduce.command import ListingCommand, reproduce  # which import late
 from shefex_nav.solve.command import solve
 from shefex_nav.verify.command import app as verify_app  # which imports late, too
-from shefex_nav.workers import end_quickly
 
 app = typer.Typer(
     name="shefex-nav",

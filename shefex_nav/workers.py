@@ -1,7 +1,5 @@
 """Worker processes: how many, how they are started, and how they end when their parent does."""
 
-import atexit
-import gc
 import multiprocessing
 import os
 import signal
@@ -9,6 +7,8 @@ import threading
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing.connection import wait
+
+from shefex_nav.ending import end_quickly
 
 
 def cores():
@@ -56,14 +56,6 @@ def bind_to_parent():
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-def end_quickly():
-    """Let this process end without a last search for cycles among all that it has loaded: a second.
-
-    What hangs in cycles is then not finalised: files have to be closed by then.
-    """
-    atexit.register(gc.freeze)
 
 
 class Pool:

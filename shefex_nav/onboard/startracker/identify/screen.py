@@ -7,6 +7,7 @@ ones are missing. The innermost loops of the identification, on plain arrays and
 import numpy as np
 from numba import njit
 
+from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX, is_near, reach_of
 from shefex_nav.onboard.startracker.skygrid import cell_of
 
@@ -91,17 +92,7 @@ def triad(p0, p1, p2, q0, q1, q2):
 @njit(cache=True)
 def join(T, S):
     """C_ci, row by row, from the triads of a pair in the camera, T, and in the sky, S."""
-    return (
-        T[0] * S[0] + T[3] * S[3] + T[6] * S[6],
-        T[0] * S[1] + T[3] * S[4] + T[6] * S[7],
-        T[0] * S[2] + T[3] * S[5] + T[6] * S[8],
-        T[1] * S[0] + T[4] * S[3] + T[7] * S[6],
-        T[1] * S[1] + T[4] * S[4] + T[7] * S[7],
-        T[1] * S[2] + T[4] * S[5] + T[7] * S[8],
-        T[2] * S[0] + T[5] * S[3] + T[8] * S[6],
-        T[2] * S[1] + T[5] * S[4] + T[8] * S[7],
-        T[2] * S[2] + T[5] * S[5] + T[8] * S[8],
-    )
+    return t3.product(t3.transposed(T), S)
 
 
 @njit(cache=True)
