@@ -31,6 +31,7 @@ MOST_STARS = 50  # of the catalogue, in the field on average
 SMALL = 64  # fewer are sorted by insertion
 COMPLEX = (np.dtype(np.complex64), np.dtype(np.complex128))
 BAD_PLACE, BAD_FLUX = -1, -2  # of the input, found by the compiled code
+FARTHEST_PX = 1e9  # of a centroid from the first pixel; squares of much more are no numbers any longer
 
 
 class StarSolution(NamedTuple):
@@ -126,7 +127,7 @@ def _solve_kernel(stars, index, hips, settings, xy_px, flux, has_prediction, q_c
     hip = np.zeros(n, dtype=np.int64)
     reason = 0
     for k in range(n):
-        if not (np.isfinite(xy_px[k, 0]) and np.isfinite(xy_px[k, 1])):
+        if not (abs(xy_px[k, 0]) <= FARTHEST_PX and abs(xy_px[k, 1]) <= FARTHEST_PX):
             reason = BAD_PLACE
         elif has_flux and not (flux[k] > 0.0 and np.isfinite(flux[k])):
             reason = BAD_FLUX
@@ -309,7 +310,7 @@ def _real(name, values):
 def _complain(reason):
     """The input is not what it should be: raise."""
     if reason == BAD_PLACE:
-        raise ValueError("xy_px: contains NaN or infinite values")
+        raise ValueError(f"xy_px: contains NaN or values beyond {FARTHEST_PX:.0e}; expected pixels")
     if reason == BAD_FLUX:
         raise ValueError("flux: expected finite positive values")
 
@@ -354,7 +355,7 @@ def _by_method(method, ready, xy_px, flux, P_px, zero_flux):
         known = ", ".join(["default", *IDENTIFIERS])
         raise ValueError(f"method: {method!r} is not known; choose from: {known}")
     pinhole, settings = ready.sky.pinhole, ready.settings
-    if not np.isfinite(xy_px).all():
+    if not (np.abs(xy_px) <= FARTHEST_PX).all():
         _complain(BAD_PLACE)
     if flux is not None and not (np.isfinite(flux) & (flux > 0.0)).all():
         _complain(BAD_FLUX)
