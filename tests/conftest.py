@@ -26,7 +26,7 @@ class CommandResult(NamedTuple):
 def shefex_nav(*arguments, timeout_s=600):
     """Run the command as a user would, in a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-m", "shefex_nav.cli", *map(str, arguments)],
+        [sys.executable, "-m", "shefex_nav", *map(str, arguments)],
         capture_output=True,
         text=True,
         timeout=timeout_s,

@@ -15,7 +15,7 @@ def test_help_is_quick():
     best = float("inf")
     for _ in range(5):
         before = os.times()
-        subprocess.run([sys.executable, "-m", "shefex_nav.cli", "--help"], capture_output=True, check=True)
+        subprocess.run([sys.executable, "-m", "shefex_nav", "--help"], capture_output=True, check=True)
         after = os.times()
         best = min(
             best,
@@ -127,7 +127,7 @@ def test_an_existing_log_is_not_overwritten(command, default_scenario, tmp_path)
 
 def start_run(scenario, out):
     return subprocess.Popen(
-        [sys.executable, "-m", "shefex_nav.cli", "run", str(scenario), "--out", str(out)],
+        [sys.executable, "-m", "shefex_nav", "run", str(scenario), "--out", str(out)],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
     )

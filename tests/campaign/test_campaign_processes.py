@@ -49,7 +49,7 @@ def started(*arguments, threads=1):
 
 def campaign(path, folder, *more, **how):
     """The command, running."""
-    fixed = ("-m", "shefex_nav.cli", "campaign", path, "--runs", RUNS, "--out", folder, "--json")
+    fixed = ("-m", "shefex_nav", "campaign", path, "--runs", RUNS, "--out", folder, "--json")
     return started(*fixed, *more, **how)
 
 
@@ -133,7 +133,7 @@ def test_threads_of_the_user_change_nothing(path, digest, tmp_path):
     printed, said = campaign(path, folder, "--keep", "worst:1", threads=8).communicate(timeout=PATIENCE_S)
     assert json.loads(printed)["results_digest"] == digest, said
     assert len(list((folder / "logs").glob("*.mcap"))) == 1 and "no log" not in said
-    again = started("-m", "shefex_nav.cli", "repeat", folder, 2, "--log", tmp_path / "2.mcap", threads=8)
+    again = started("-m", "shefex_nav", "repeat", folder, 2, "--log", tmp_path / "2.mcap", threads=8)
     printed, said = again.communicate(timeout=PATIENCE_S)
     assert again.returncode == 0 and "run 2: succeeded; the same as its row" in printed, said
     assert (tmp_path / "2.mcap").stat().st_size > 10_000 and not list(tmp_path.glob("*.part"))
