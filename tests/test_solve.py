@@ -198,7 +198,7 @@ def test_wrong_input_is_named(xy, flux, options, says):
     ids=lambda options: next(iter(options), "default"),
 )
 def test_a_centroid_without_a_place_is_refused(options, n_false, value):
-    """One coordinate that is no number, or whose square is none, among good stars: no attitude, not even from the others."""
+    """One coordinate that is no number, or whose square is none: no attitude, not even from the others."""
     xy, flux, _, _ = field(np.random.default_rng(15), n_false=n_false, least=8)
     given = {"flux": flux, "camera": CAMERA, "epoch": EPOCH, **options}
     if "centroid_covariance_px" in given:
@@ -206,7 +206,9 @@ def test_a_centroid_without_a_place_is_refused(options, n_false, value):
     for row, column in ((0, 0), (len(xy) - 1, 1)):
         spoilt = xy.copy()
         spoilt[row, column] = value
-        with pytest.raises(ValueError, match=r"^xy_px: contains NaN or values beyond 1e\+09; expected pixels$"):
+        with pytest.raises(
+            ValueError, match=r"^xy_px: contains NaN or values beyond 1e\+09; expected pixels$"
+        ):
             solve_centroids(spoilt, **given)
 
 

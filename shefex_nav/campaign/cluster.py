@@ -10,6 +10,7 @@ fly too, and several campaigns may use one scheduler. Runs of a worker that is k
 which is the scheduler's doing; after so many deaths as it allows (`allowed-failures`) it is the engine's.
 """
 
+import logging
 import time
 import uuid
 
@@ -22,6 +23,7 @@ from shefex_nav.campaign.engine import EngineError
 CONNECT_S = 20.0
 AHEAD = 2  # runs that a worker has: the one that it flies and the next
 LOOK_S = 2.0  # between two looks at how many workers there are
+TALKATIVE = "distributed", "distributed.client", "tornado.application"  # of a scheduler that is gone
 
 
 class Briefing(WorkerPlugin):
@@ -48,6 +50,8 @@ class ClusterLane:
     def __init__(self, address, plan):
         """address: HOST:PORT of the scheduler."""
         self._address, self._client, self._briefing = address, None, Briefing(plan)
+        for name in TALKATIVE:  # what matters is an EngineError
+            logging.getLogger(name).setLevel(logging.CRITICAL)
         try:
             self._client = Client(f"tcp://{address}", timeout=CONNECT_S, set_as_default=False)
             self._client.wait_for_workers(1, timeout=CONNECT_S)

@@ -5,7 +5,6 @@ command flies it), 2 bad input or no workers, 130 interrupted; the same command 
 """
 
 import json as json_module
-import re
 from pathlib import Path
 from typing import Annotated
 
@@ -60,7 +59,8 @@ def campaign(
     from shefex_nav.campaign import running
     from shefex_nav.scenario import load
 
-    address, kept = _address(cluster), _kept(keep or ())
+    address = _told("--engine", running.address, cluster)
+    kept = _told("--keep", running.kept, keep or ())
     if address is not None and workers is not None:
         raise typer.BadParameter("the cluster has its own workers; leave one away", param_hint="--workers")
     loaded = load.load(scenario, overrides or ())
@@ -129,32 +129,14 @@ def repeat(
     raise typer.Exit(0 if repeated.same else 1)
 
 
-def _address(cluster):
-    """HOST:PORT of what --engine names, None without it."""
-    if cluster is None:
-        return None
-    found = re.fullmatch(r"dask://([\w.\-\[\]:]+:\d+)", cluster)
-    if found is None:
-        raise typer.BadParameter(
-            f"{cluster!r}: expected dask://HOST:PORT of a scheduler", param_hint="--engine"
-        )
-    return found[1]
+def _told(option, parse, value):
+    """What the value of an option means, which is refused under its name."""
+    from shefex_nav.campaign.running import BadCampaign
 
-
-def _kept(texts):
-    """tuple of Keep."""
-    from shefex_nav.campaign.running import Keep
-
-    kept = []
-    for text in texts:
-        found = re.fullmatch(r"worst:([1-9]\d*)|(failed)|(none)", text)
-        if found is None:
-            raise typer.BadParameter(f"{text!r}: expected worst:K, failed or none", param_hint="--keep")
-        if text != "none":
-            kept.append(Keep("worst", int(found[1])) if found[1] else Keep("failed"))
-    if kept and "none" in texts:
-        raise typer.BadParameter("none does not go with others", param_hint="--keep")
-    return tuple(kept)
+    try:
+        return parse(value)
+    except BadCampaign as error:
+        raise typer.BadParameter(str(error), param_hint=option) from None
 
 
 def _print_draws(sampler, runs, as_json):

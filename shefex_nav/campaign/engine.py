@@ -96,6 +96,8 @@ def fly(jobs, lanes, take, stopped=lambda: False, suspects=frozenset()):
     -------
     list of Lost
     """
+    if not lanes:
+        raise ValueError("no lanes to fly in")
     try:
         lost = _fly(iter(jobs), lanes, take, stopped, suspects)
     except BaseException:
@@ -105,7 +107,7 @@ def fly(jobs, lanes, take, stopped=lambda: False, suspects=frozenset()):
         raise
     if len(lanes) == 1:  # not in a thread: a cluster may not answer, and Ctrl-C has to get away from it
         lanes[0].stop()
-    elif lanes:  # a worker's libraries take some tenths of a second to go
+    else:  # a worker's libraries take some tenths of a second to go
         with ThreadPoolExecutor(len(lanes)) as together:
             list(together.map(lambda lane: lane.stop(), lanes))
     return lost
@@ -155,7 +157,10 @@ def _lost(run, troubles):
 def _trouble(future, job):
     """What happened to the worker of a run that is over, None if nothing did: text."""
     if future.cancelled():  # nobody here does that: the scheduler is gone, or was started anew
-        raise EngineError(f"the scheduler gave up run {job.run}: it ended, or was restarted")
+        raise EngineError(
+            f"the Dask scheduler gave up run {job.run}: it ended, or was restarted; what is done is kept, "
+            "the same command goes on"
+        )
     error = future.exception()
     if isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker":
         return KILLED

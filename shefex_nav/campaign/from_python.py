@@ -12,7 +12,7 @@ import multiprocessing
 import warnings
 
 
-def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, say=print):
+def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, engine=None, keep=(), say=print):
     """Fly a scenario many times; what the folder has of the same campaign already is not flown again.
 
     Parameters
@@ -22,17 +22,21 @@ def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, say=print):
     folder : path of the results, made if it is not there
     seed : int, root of all randomness
     workers : processes; None: one a core
+    engine : 'dask://HOST:PORT' of the scheduler of a cluster, which then flies them; None: this machine
+    keep : of 'worst:K' and 'failed', runs that are flown again at the end with a log each
     say : function that is told how far it is, a line at a time
 
     Returns
     -------
     results.Campaign
 
-    Raises StoreError if the folder holds another campaign, BadCampaign and EngineError if it cannot be flown,
+    Raises StoreError if the folder holds another campaign, BadCampaign and EngineError if it cannot be flown
+    (nothing is written if that is by the arguments),
     KeyboardInterrupt if it was interrupted: what is done is kept, the same call goes on. Warns of runs that
     were lost with their workers, which the Campaign is without; EngineError if all of them were.
     """
-    from shefex_nav.campaign import engine, progress, results, running
+    from shefex_nav.campaign import progress, results, running
+    from shefex_nav.campaign.engine import EngineError
     from shefex_nav.campaign.stopping import stopping
     from shefex_nav.campaign.store import Store
 
@@ -41,11 +45,14 @@ def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, say=print):
             "fly_campaign was called in a worker process; in a script, the call stands below "
             "`if __name__ == '__main__':`, because the workers read the script too"
         )
-    request = running.Request(scenario, runs, seed, workers, None, ())
+    asked = running.Request(scenario, runs, seed, workers, running.address(engine), running.kept(keep))
+    request = running.checked(asked)
     with Store(folder) as store, stopping() as stop:
         ended = running.fly(request, store, progress.Show(say), stop)
     for one in ended.lost:
         say(f"run {one.run} was lost and is flown by the same call the next time: {one.reason}")
+    for one in ended.unlogged:
+        say(f"run {one.run} has no log: {one.reason}")
     if ended.interrupted:
         raise KeyboardInterrupt(
             f"{len(ended.rows)} of {runs} runs are kept; the same call goes on from there"
@@ -53,6 +60,6 @@ def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, say=print):
     if ended.lost:
         words = f"{len(ended.lost)} of {runs} runs were lost with their workers, the same call flies them"
         if not ended.rows:
-            raise engine.EngineError(f"{words}; run {ended.lost[0].run}: {ended.lost[0].reason}")
+            raise EngineError(f"{words}; run {ended.lost[0].run}: {ended.lost[0].reason}")
         warnings.warn(f"{words}; every figure is of the {len(ended.rows)} others", stacklevel=2)
     return results.open_campaign(folder)

@@ -222,10 +222,11 @@ def judge_containment(series):
 
     expected, found = inside_probability(), []
     for phase, (runs, epochs) in last_epochs(series).items():
-        ratio = np.abs(series.errors[runs, epochs]) / series.sigmas[runs, epochs]
+        with np.errstate(divide="ignore", invalid="ignore"):  # a sigma of 0 holds no error
+            ratio = np.abs(series.errors[runs, epochs]) / series.sigmas[runs, epochs]
         for b, block in enumerate(BLOCKS):
             for axis in range(3):
-                values = ratio[:, b, axis][np.isfinite(ratio[:, b, axis])]
+                values = ratio[:, b, axis][~np.isnan(ratio[:, b, axis])]
                 if not len(values):
                     continue
                 n, k = len(values), int((values <= SIGMAS).sum())

@@ -49,7 +49,9 @@ def head(campaign):
     for run, reason in list(campaign.lost.items())[:MOST_LOST]:
         rows.append((f"run {run} was lost", Loud(reason)))
     if campaign.wall_s:
-        rows.append(("took", f"{campaign.wall_s:,.0f} s, {3600.0 * n / campaign.wall_s:,.0f} runs an hour"))
+        timed = campaign.head.get("timed", {"runs": 0})
+        pace = f", {3600.0 * timed['runs'] / timed['wall_s']:,.0f} runs an hour" if timed["runs"] else ""
+        rows.append(("took", f"{campaign.wall_s:,.0f} s{pace}"))
     rows.append(("digest of the results", campaign.digest[:16]))
     return Part(f"{campaign.head['scenario']}, seed {campaign.head['seed']}", (), tuple(rows))
 
@@ -119,6 +121,8 @@ def flights(campaign):
         words = f"{one.part:,} of {one.whole:,}, {100.0 * one.value:.2f} %"
         if one.low is not None:
             words += f" (95 % interval over runs {_between(one.low, one.high)})"
+        elif one.part == one.whole:
+            words += f"; at most {_tiny(star.most_gaps)} of runs have one that is not (95 %)"
         rows.append(("frames of the window solved", words))
         bound = f"at most {_tiny(star.most_wrong_runs)} of runs, {_tiny(star.most_wrong_fixes)} of fixes"
         share = star.runs_with_wrong

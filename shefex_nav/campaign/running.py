@@ -1,7 +1,9 @@
 """A campaign from its scenario to its table: what `shefex-nav campaign` does, without the command line."""
 
+import re
 import time
 from functools import partial
+from numbers import Integral
 from typing import NamedTuple
 
 from shefex_nav import files
@@ -13,6 +15,7 @@ from shefex_nav.scenario import load
 from shefex_nav.scenario.laws import TableLaw
 
 GIVE_UP = 2  # sessions in which a run killed its worker in every attempt: then it has failed
+BOOK_S = 10.0  # between two entries of the time taken, which a session that is killed would else not leave
 
 
 class Request(NamedTuple):
@@ -48,6 +51,62 @@ class BadCampaign(UserError):
     """A campaign that cannot be flown; the message says why."""
 
 
+class Session:
+    """What a session has taken, entered in the store as it goes on."""
+
+    def __init__(self, store):
+        self._store, self._since, self._runs = store, time.perf_counter(), 0
+
+    def ran(self):
+        """Count a run that is over."""
+        self._runs += 1
+        if time.perf_counter() - self._since > BOOK_S:
+            self.book()
+
+    def book(self, *, of_runs=True):
+        """Enter the time since the last entry, as that of the runs since, or of other work. -> s in all"""
+        now, runs = time.perf_counter(), self._runs
+        taken_s, self._since, self._runs = now - self._since, now, 0
+        return self._store.took(taken_s, runs if of_runs else None)
+
+
+def checked(request):
+    """The request; BadCampaign if runs, workers or seed are no numbers to fly with."""
+    numbers = [("runs", request.runs, 1), ("seed", request.seed, 0)]
+    if request.workers is not None:
+        numbers.append(("workers", request.workers, 1))
+        if request.cluster is not None:
+            raise BadCampaign("workers: the cluster has its own; leave workers or engine away")
+    for name, value, least in numbers:
+        if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+            raise BadCampaign(f"{name}: {value!r}; expected a whole number, {least} or more")
+    return request._replace(runs=int(request.runs), seed=int(request.seed))
+
+
+def address(engine_name):
+    """HOST:PORT of dask://HOST:PORT, None of None; BadCampaign."""
+    if engine_name is None:
+        return None
+    found = re.fullmatch(r"dask://([\w.\-\[\]:]+:\d+)", engine_name)
+    if found is None:
+        raise BadCampaign(f"{engine_name!r}: expected dask://HOST:PORT of a scheduler")
+    return found[1]
+
+
+def kept(texts):
+    """tuple of Keep of 'worst:K', 'failed' or 'none'; BadCampaign."""
+    found = []
+    for text in texts:
+        match = re.fullmatch(r"worst:([1-9]\d*)|(failed)|(none)", text)
+        if match is None:
+            raise BadCampaign(f"{text!r}: expected worst:K, failed or none")
+        if text != "none":
+            found.append(Keep("worst", int(match[1])) if match[1] else Keep("failed"))
+    if found and "none" in texts:
+        raise BadCampaign("none does not go with others")
+    return tuple(found)
+
+
 def prepared(scenario, runs, seed):
     """(Plan, Sampler) of a campaign; BadCampaign if a table is too short for its runs."""
     plan = planning.of_scenario(scenario, seed, runs)
@@ -75,7 +134,7 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
     -------
     Ended
     """
-    began = time.perf_counter()
+    session = Session(store)
     plan, sampler = prepared(request.scenario, request.runs, request.seed)
     store.begin(plan, described(request.scenario), request.scenario.place)
     tally = progress.Tally(plan.runs, badness(request.scenario))
@@ -89,13 +148,14 @@ def fly(request, store, show, stopped=lambda: False, crew=None):
             lanes = (crew or partial(_lanes, request))(plan, len(missing))
             with show.bar(tally) as note:
                 jobs = (sampler.job(run) for run in missing)
-                take, suspects = partial(_take, store, tally, note), _suspects(store)
+                take, suspects = partial(_take, store, tally, session, note), _suspects(store)
                 lost = _lost(engine.fly(jobs, lanes, take, stopped, suspects), sampler, store, take)
         table = store.tabulate(plan.runs)  # before logs, which nothing depends on
+        session.book()
         unlogged = _keep_logs(request, plan, sampler, store, show, tally.scores, stopped, crew)
     except engine.Interrupted:
         interrupted = True
-    wall_s = store.took(time.perf_counter() - began)
+    wall_s = session.book(of_runs=table is None)
     return Ended(*(table or store.tabulate(plan.runs)), wall_s, interrupted, tuple(lost), tuple(unlogged))
 
 
@@ -116,10 +176,11 @@ def _missing(plan, store, show, tally):
     return [run for run in range(plan.runs) if run not in done]
 
 
-def _take(store, tally, note, flown):
+def _take(store, tally, session, note, flown):
     """Keep a run that is over, count it, show it."""
     store.keep(flown)
     tally.take(flown.record)
+    session.ran()
     note()
 
 
@@ -236,17 +297,19 @@ def _keep_logs(request, plan, sampler, store, show, scores, stopped, crew):
     plan = with_flight(plan, store, request.scenario)
     lanes = (crew or partial(_lanes_here, request))(plan, len(missing))
     jobs = (sampler.job(run)._replace(log=str(part)) for run, part in parts.items())
-    tally = progress.Tally(len(missing))
+    tally, without = progress.Tally(len(missing)), []
 
     def take(flown):
         run = flown.record["run"]
         if different := repeating.compared(store.record(run), flown.record):
             columns = ", ".join(list(different)[: repeating.MOST_WORDS])
             show.say(f"run {run}: no log, it differs from its row in {len(different)} columns: {columns}")
-        elif parts[run].exists():  # a run may fail before its first record
+        elif parts[run].exists():
             store.keep_log(run)
+        else:
+            without.append(engine.Lost(run, f"it failed before its first record: {flown.record['reason']}"))
         tally.take(flown.record)
         note()
 
     with show.bar(tally) as note:
-        return engine.fly(jobs, lanes, take, stopped)
+        return [*engine.fly(jobs, lanes, take, stopped), *without]

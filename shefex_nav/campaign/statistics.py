@@ -70,7 +70,8 @@ class StarFixes(NamedTuple):
     """What the star tracker did."""
 
     availability: Share  # frames of the window with an attitude; the interval is over runs
-    wrong: int
+    most_gaps: float  # one-sided 95 % bound of the probability of a run with a frame of the window without
+    wrong: int  # of the whole flight, as all that follows
     runs_with_wrong: Share
     most_wrong_runs: float | None  # one-sided 95 % bound of the probability of a run with a wrong fix
     most_wrong_fixes: float | None  # likewise of a fix, had the fixes of a run nothing in common
@@ -152,6 +153,7 @@ def star_fixes(campaign):
     """StarFixes of the succeeded runs; None if the star tracker took no frame in the window."""
     good = campaign.succeeded
     solved = campaign.numbers("summary.star_tracker.solved")[good]
+    fixes = campaign.numbers("summary.star_tracker.fixes")[good]
     frames = campaign.numbers("summary.star_tracker.in_window")[good]
     wrong = np.nan_to_num(campaign.numbers("summary.star_tracker.wrong")[good])
     if not np.nansum(frames):
@@ -161,10 +163,11 @@ def star_fixes(campaign):
     runs_with_wrong = Share(k, n, k / n, *intervals.proportion(k, n))
     return StarFixes(
         pooled(solved[known], frames[known]),
+        at_most(int((solved < frames)[known].sum()), int(known.sum())),
         int(wrong.sum()),
         runs_with_wrong,
         at_most(k, n),
-        at_most(int(wrong.sum()), int(np.nansum(solved))),
+        at_most(int(wrong.sum()), int(np.nansum(fixes))),
     )
 
 

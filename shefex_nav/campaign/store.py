@@ -29,6 +29,9 @@ class StoreError(UserError):
     """A folder that cannot be used; the message says why and what to do."""
 
 
+HEAD = (  # of campaign.json, what readers cannot do without
+    "scenario", "source", "seed", "runs", "sampling", "flight", "rate", "versions", "wall_s",
+)  # fmt: skip
 OWN = (".lock", "campaign.json", "flight.npz", "results.parquet")
 HALF_WRITTEN = (  # folder, pattern
     ("", "campaign.json*.part"),
@@ -111,6 +114,7 @@ class Store:
             "dispersions": dispersions,
             "versions": plan.versions if old is None else old["versions"],
             "wall_s": 0.0 if old is None else old["wall_s"],
+            "timed": (old or {}).get("timed", {"runs": 0, "wall_s": 0.0}),  # runs, and what flying these took
             "flight_sha256": None if old is None else old.get("flight_sha256"),
         }
         self._keep_head(head)
@@ -133,10 +137,13 @@ class Store:
             words = f"cannot write into {self.folder}: {error.strerror or error}"
             raise StoreError(f"{words}; what is there is kept, the same command goes on") from None
 
-    def took(self, wall_s):
-        """Add the time of a session to what the campaign has taken so far. -> s in all"""
+    def took(self, wall_s, runs=None):
+        """Add time to what the campaign has taken so far; flying so many runs, or other work. -> s in all"""
         head = self.head()
         head["wall_s"] += wall_s
+        if runs is not None:
+            head["timed"]["runs"] += runs
+            head["timed"]["wall_s"] += wall_s
         self._keep_head(head)
         return head["wall_s"]
 
@@ -272,6 +279,8 @@ def read_head(folder, missing=StoreError):
     found = head.get("format") if isinstance(head, dict) else None
     if found != planning.FORMAT:
         raise StoreError(f"{path}: its format is {found}, expected {planning.FORMAT}")
+    if missing := [name for name in HEAD if name not in head]:
+        raise StoreError(f"{path}: is damaged or another program's, {', '.join(missing)} missing")
     return head
 
 

@@ -231,6 +231,7 @@ def _star_tracker(data):
         "frames": len(data.frame_truths),
         "in_window": len(window) + n_missing,
         "solved": int(in_window.sum()),
+        "fixes": len(angle),  # of the whole flight
         "wrong": int((angle > WRONG_ANGLE).sum()),
         "no_fix": dict(sorted(no_fix.items())),
         "error_arcsec": {

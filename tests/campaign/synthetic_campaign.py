@@ -25,6 +25,7 @@ NORTH_KM, EAST_KM, TURN_DEG = 8.0, 2.0, 30.0  # sigmas of the dispersion along a
 T, STEP_S = 40, 1.0
 SIGMAS = {"position": 3.0, "velocity": 0.05, "attitude": 1e-3, "gyro_bias": 1e-6, "accel_bias": 1e-4}
 FRAMES, AVAILABILITY = 1000, 0.97
+OUTSIDE = 100  # fixes before and after the window, of a run
 BROKEN_MASS = 495.0  # kg, from here on a run with `breaks` fails
 
 
@@ -42,7 +43,7 @@ def write(folder, n, *, seed=1, truth_over_sigma=1.0, breaks=False, with_series=
     kept = {
         "format": 1, "scenario": "synthetic", "source": source(), "digest": "", "seed": seed, "runs": n,
         "sampling": "random", "flight": "dispersed", "rate": 1.0 / STEP_S, "dispersions": {},
-        "versions": {}, "wall_s": 123.0,
+        "versions": {}, "wall_s": 123.0, "timed": {"runs": n, "wall_s": 120.0},
     }  # fmt: skip
     (folder / "campaign.json").write_text(json.dumps(kept | head))
     for run in range(n):
@@ -98,7 +99,7 @@ def summary(rng, u, v, w):
         "attitude_control": None,
         "star_tracker": {
             "frames": 1200, "in_window": FRAMES, "wrong": 0, "no_fix": {"too_few_stars": 3},
-            "solved": int(rng.binomial(FRAMES, AVAILABILITY)),
+            "solved": (solved := int(rng.binomial(FRAMES, AVAILABILITY))), "fixes": solved + OUTSIDE,
             "error_arcsec": {"cross_axis_rms": 12.0, "mean": [1.0, 2.0, 3.0]},
             "by_rate": [{"from_deg_s": 0.0}],
             "chain_ms": {"median": float(rng.uniform(3.0, 4.0)), "p99": 9.0},

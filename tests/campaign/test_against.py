@@ -3,6 +3,7 @@
 import json
 
 from shefex_nav.campaign import against, plan
+from shefex_nav.campaign.store import HEAD
 from shefex_nav.scenario import load
 
 
@@ -23,7 +24,8 @@ def test_values_with_their_places(tmp_path, default_scenario):
 
 def test_a_campaign_in_its_folder(tmp_path, default_scenario):
     scenario = load.load(default_scenario)
-    head = {"format": plan.FORMAT, "source": scenario.source.replace("86.43 deg", "80 deg")}
+    flown = {"format": plan.FORMAT, "source": scenario.source.replace("86.43 deg", "80 deg")}
+    head = dict.fromkeys(HEAD) | flown
     (tmp_path / "campaign.json").write_text(json.dumps(head), encoding="utf-8")
     assert against.lines(scenario, tmp_path)[1:] == [
         f"{scenario.place(('launch', 'elevation'))}: launch.elevation: 80 deg -> 86.43 deg"

@@ -31,6 +31,34 @@ def test_a_campaign_goes_on_where_it_was(tmp_path):
         shefex_nav.fly_campaign(scenario, 2, seed=2, **known)
 
 
+@pytest.mark.parametrize(
+    "wrong, says",
+    [
+        ({"runs": 0}, "runs: 0; expected a whole number, 1 or more"),
+        ({"runs": 20.5}, "runs: 20.5; expected"),
+        ({"workers": 0}, "workers: 0; expected a whole number, 1 or more"),
+        ({"workers": -1}, "workers: -1; expected"),
+        ({"workers": True}, "workers: True; expected"),
+        ({"seed": -1}, "seed: -1; expected a whole number, 0 or more"),
+        ({"engine": "here:8786"}, "'here:8786': expected dask://HOST:PORT"),
+        ({"engine": "dask://here:8786", "workers": 2}, "the cluster has its own"),
+        ({"keep": ["best:3"]}, "'best:3': expected worst:K, failed or none"),
+    ],
+)
+def test_wrong_arguments_leave_everything_as_it_is(wrong, says, tmp_path):
+    scenario, folder = shefex_nav.Scenario.load(write(tmp_path)), tmp_path / "kept"
+    with pytest.raises(BadCampaign, match=says):
+        shefex_nav.fly_campaign(scenario, **({"runs": 2, "folder": folder, "say": str} | wrong))
+    assert not folder.exists()
+
+
+def test_logs_are_kept_from_python_too(tmp_path, monkeypatch):
+    monkeypatch.setattr("shefex_nav.campaign.engine.ProcessLane", HereLane)
+    scenario, folder = shefex_nav.Scenario.load(write(tmp_path)), tmp_path / "kept"
+    shefex_nav.fly_campaign(scenario, 2, folder=folder, workers=1, keep=("worst:1",), say=str)
+    assert len(list((folder / "logs").glob("*.mcap"))) == 1
+
+
 def test_a_worker_flies_no_campaign(tmp_path, monkeypatch):
     monkeypatch.setattr(from_python.multiprocessing, "parent_process", lambda: object())
     with pytest.raises(BadCampaign, match="__main__"):

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from shefex_nav import cli
 from shefex_nav.campaign import engine, flight, results, running, store, summary
+from shefex_nav.scenario import load
 
 RUNS = 4
 
@@ -123,6 +124,17 @@ def test_a_log_that_could_not_be_had_is_no_lost_run(whole, scenario, tmp_path, m
     assert told.exit_code == 0, told.output
     assert f"run {without.run} has no log: its worker was killed, in each of 3 attempts" in told.stderr
     assert "lost" not in told.stderr
+
+
+def test_a_run_that_fails_before_its_first_record_has_no_log_and_that_is_told(tmp_path):
+    (tmp_path / "step.csv").write_text("step_s\n0.02\n0.06\n")  # the second is longer than the longest
+    more = "  star_tracker.exposure.start: {table: {file: step.csv, column: step_s, unit: s}}\n"
+    breaks = load.load(write(tmp_path, more), ["star_tracker.exposure.shortest=10 ms"])
+    ended = fly(breaks, tmp_path / "kept", 2, keep=(running.Keep("failed"),))
+    assert ended.rows[1]["status"] == "failed"
+    (without,) = ended.unlogged
+    assert without.run == 1 and without.reason.startswith("it failed before its first record: ")
+    assert ended.rows[1]["reason"] in without.reason
 
 
 def test_lost_runs_are_in_the_object_also_where_there_is_nothing_else(tmp_path, monkeypatch):

@@ -97,6 +97,15 @@ def test_chance_alone_seldom_fails_anything():
     assert stats.binomtest(bad, 200, 0.05, alternative="greater").pvalue > 1e-3, bad
 
 
+def test_an_error_beside_a_sigma_of_zero_is_outside():
+    z, sigma = np.full((40, 1, 5, 3), 0.1), np.ones((40, 1, 5, 3))
+    sigma[:, :, 0, 0] = 0.0
+    phase = np.full((40, 1), 2)
+    series = over_time.Series(np.arange(40), np.zeros(1), z, sigma, (z**2).sum(axis=3), phase, {}, {})
+    shares = [one.value for one in over_time.judge_containment(series)]
+    assert shares == [0.0] + 14 * [1.0]
+
+
 def test_each_run_is_judged_at_its_own_end_of_a_phase():
     z = np.zeros((2, 6, 5, 3))
     z[0, 2], z[1, 4], z[1, 2] = 7.0, 2.0, 9.0  # boost ends at epoch 2 of the first run, at 4 of the other

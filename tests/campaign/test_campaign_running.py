@@ -101,6 +101,23 @@ def test_an_interrupted_campaign_goes_on_to_the_same_result(whole, scenario, tmp
     assert second.wall_s > first.wall_s
 
 
+def test_a_killed_session_leaves_what_it_took(scenario, tmp_path, monkeypatch):
+    """Time and runs are entered as they come, so that a report divides the ones by the others."""
+    monkeypatch.setattr(running, "BOOK_S", 0.0)
+
+    def die(job):
+        if job.run == 2:
+            raise SystemError("killed")
+
+    with pytest.raises(SystemError):
+        fly(scenario, tmp_path, 3, before=die)
+    head = store.read_head(tmp_path)
+    assert head["timed"]["runs"] == 2 and 0.0 < head["timed"]["wall_s"] == head["wall_s"]
+    ended = fly(scenario, tmp_path, 3, keep=(running.Keep("worst", 1),))
+    head = store.read_head(tmp_path)
+    assert head["timed"]["runs"] == 3 and head["timed"]["wall_s"] < head["wall_s"] == ended.wall_s  # a log
+
+
 def test_half_a_file_counts_for_nothing(whole, scenario, tmp_path):
     """What a power failure or a kill may leave: parts of files, a record without its end."""
     fly(scenario, tmp_path, RUNS)

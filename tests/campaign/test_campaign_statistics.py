@@ -99,7 +99,22 @@ def test_availability_and_wrong_fixes(campaign):
     assert found.availability.whole == n * synthetic_campaign.FRAMES
     assert found.wrong == 0 and found.most_wrong_runs == pytest.approx(1.0 - 0.05 ** (1.0 / n))
     assert found.most_wrong_runs == pytest.approx(3.0 / n, rel=0.01)  # the rule of three
-    assert found.most_wrong_fixes == pytest.approx(3.0 / found.availability.part, rel=0.002)
+    fixes = found.availability.part + n * synthetic_campaign.OUTSIDE
+    assert found.most_wrong_fixes == pytest.approx(3.0 / fixes, rel=0.002)
+    assert found.most_gaps == 1.0  # every run has a frame that was not solved
+
+
+def test_wrong_fixes_outside_the_window_and_a_window_without_gaps(campaign, monkeypatch):
+    """More wrong fixes than frames of the window are no contradiction; that none is missing has a bound."""
+    n = int(campaign.succeeded.sum())
+    other = {"solved": 3, "in_window": 3, "fixes": 50, "wrong": 4}
+    columns = {f"summary.star_tracker.{name}": np.full(len(campaign), value) for name, value in other.items()}
+    monkeypatch.setattr(campaign, "columns", campaign.columns | columns)
+    found = statistics.star_fixes(campaign)
+    assert found.wrong == 4 * n
+    most = stats.beta.ppf(0.95, 4 * n + 1, 50 * n - 4 * n)  # Clopper & Pearson, one-sided
+    assert found.most_wrong_fixes == pytest.approx(most)
+    assert found.availability.low is None and found.most_gaps == pytest.approx(1.0 - 0.05 ** (1.0 / n))
 
 
 def test_the_interval_of_a_share_knows_that_frames_of_a_run_belong_together():

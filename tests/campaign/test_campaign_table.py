@@ -130,6 +130,10 @@ def test_what_is_no_campaign_is_refused(tmp_path):
     (tmp_path / "campaign.json").write_text("{")
     with pytest.raises(store.StoreError, match="cannot be read"):
         open_campaign(tmp_path)
-    (tmp_path / "campaign.json").write_text(json.dumps({"format": 1, "runs": 3}))
+    (tmp_path / "campaign.json").write_text(json.dumps({"format": 1}))
+    with pytest.raises(store.StoreError, match="damaged or another program's, scenario, source, seed, runs"):
+        open_campaign(tmp_path)
+    head = dict.fromkeys(store.HEAD) | {"format": 1, "runs": 3}
+    (tmp_path / "campaign.json").write_text(json.dumps(head))
     with pytest.raises(store.StoreError, match="no run"):
         open_campaign(tmp_path)
