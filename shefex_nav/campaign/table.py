@@ -1,9 +1,9 @@
 """Results of a run as one row of a table: names of the columns, Parquet, digest.
 
 What a run writes (`runs/000123.json`) is a tree; its scalars become columns named by their path:
-`summary.navigation.at_entry.position_error_m`. Short lists of numbers are columns .0, .1, .2; longer lists
-and lists of sections stay in the file of the run alone, but of a draw they are JSON. Durations that were measured, wherever they stand,
-are columns `timing.*`: all others depend on scenario, seed and index of the run alone.
+`summary.navigation.at_entry.position_error_m`. Short lists of numbers are columns .0, .1, .2; other lists
+stay in the file of the run alone, but of draws they are columns of JSON. Durations that were measured,
+wherever they stand, are columns `timing.*`: all others depend on scenario, seed and index of the run alone.
 """
 
 import hashlib
