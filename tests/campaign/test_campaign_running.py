@@ -262,7 +262,7 @@ def listed(tmp_path_factory):
 
 
 def test_lists_that_were_drawn_are_in_table_and_digest(listed):
-    path, folder, ended = listed
+    _, folder, ended = listed
     rows = list(table.load(folder / "results.parquet"))
     assert {row["status"] for row in rows} == {"succeeded"} and table.digest(rows) == ended.digest
     column = f"{results.DRAW}vehicle.imu"
