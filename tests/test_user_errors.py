@@ -21,6 +21,7 @@ INTERNAL = {  # caught inside the package, which says it in other words, or of t
     "scenario.files.Unreadable",
     "scenario.partial._Unknown",
     "scenario.tables.BadTable",
+    "scenario.tables.NoColumn",
 }
 
 

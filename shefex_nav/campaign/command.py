@@ -151,16 +151,24 @@ def _print_draws(sampler, runs, as_json):
     import csv
     import sys
 
+    from shefex_nav.campaign.table import of_draw
+
     writer = csv.writer(sys.stdout, lineterminator="\n")
-    units = [one.unit or ("times" if one.apply == "factor" else "") for one in sampler.dispersed]
-    names = [
-        f"{one.name} [{unit}]" if unit else one.name
-        for one, unit in zip(sampler.dispersed, units, strict=True)
-    ]
-    writer.writerow(["run", "seed", *names])
+    heads = {name: one.measure for one in sampler.dispersed for name in _columns(one)}
+    writer.writerow(["run", "seed", *(f"{name} [{unit}]" if unit else name for name, unit in heads.items())])
     for run in range(runs):
         job = sampler.job(run)
-        writer.writerow([run, job.seed, *job.draws.values()])
+        drawn = dict(scalar for path, value in job.draws.items() for scalar in of_draw(path, value))
+        writer.writerow([run, job.seed, *(drawn.get(name) for name in heads)])
+
+
+def _columns(dispersed):
+    """Names of the columns that draws of a Dispersed come in, as in the table: several of a list."""
+    from shefex_nav.campaign.table import of_draw
+
+    return dict.fromkeys(
+        name for value in dispersed.law.reach() for name, _ in of_draw(dispersed.name, value)
+    )
 
 
 def _show(folder, ended, as_json):

@@ -282,4 +282,5 @@ def _check_threads():
     """One thread for linear algebra: sums in another order would end in other last digits."""
     for name in ONE_THREAD:
         if os.environ.get(name) != "1":
-            raise WorkerError(f"start the worker with {name}=1, it is {os.environ.get(name, 'not set')}")
+            given = os.environ.get(name, "not set") or "empty"
+            raise WorkerError(f"start the worker with {name}=1, it is {given}")

@@ -14,7 +14,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from shefex_nav.campaign import store, table
+from shefex_nav.campaign import store, table, units
 from shefex_nav.report import requirements
 
 DRAW, SUMMARY, SUCCEEDED = "draw.", "summary.", "succeeded"
@@ -100,8 +100,13 @@ class Campaign:
 
     @property
     def draws(self):
-        """{path: (N,) array} of what was drawn."""
+        """{path: (N,) array} of what was drawn, in the unit of its dispersion (`units`)."""
         return {name[len(DRAW) :]: self[name] for name in self.columns if name.startswith(DRAW)}
+
+    @cached_property
+    def units(self):
+        """{path: unit} of what was drawn: '' without one, 'times' of a factor."""
+        return units.of_source(self.head["source"], f"{self.folder}/campaign.json")
 
     @property
     def wall_s(self):

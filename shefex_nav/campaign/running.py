@@ -113,9 +113,8 @@ def prepared(scenario, runs, seed):
     dispersed = load.Pattern(plan.source, plan.name).dispersed
     for one in dispersed:
         if isinstance(one.law, TableLaw) and len(one.law.values) < runs:
-            raise BadCampaign(
-                f"dispersions.{one.name}.table: {len(one.law.values)} values for {runs} runs; one for each"
-            )
+            words = f"{len(one.law.values)} values for {runs} runs; one for each"
+            raise BadCampaign(scenario.line_about(("dispersions", one.name, "table"), words))
     return plan, draws.Sampler(plan, dispersed)
 
 

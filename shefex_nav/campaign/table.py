@@ -1,9 +1,9 @@
 """Results of a run as one row of a table: names of the columns, Parquet, digest.
 
 What a run writes (`runs/000123.json`) is a tree; its scalars become columns named by their path:
-`summary.navigation.at_entry.position_error_m`. Short lists of numbers are columns .0, .1, .2; longer lists
-and lists of sections stay in the file of the run alone. Durations that were measured, wherever they stand,
-are columns `timing.*`: all others depend on scenario, seed and index of the run alone.
+`summary.navigation.at_entry.position_error_m`. Short lists of numbers are columns .0, .1, .2; other lists
+stay in the file of the run alone, but of draws they are columns of JSON. Durations that were measured,
+wherever they stand, are columns `timing.*`: all others depend on scenario, seed and index of the run alone.
 """
 
 import hashlib
@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from shefex_nav.campaign import units
 from shefex_nav.files import whole
 
 LONGEST = 6  # numbers of a list that become columns
@@ -28,7 +29,8 @@ def row(record):
     record : object of a runs/*.json: run, status, reason, traceback, seed, draws, summary, timing
     """
     result = {name: record.get(name) for name in HEAD}
-    result |= {f"draw.{path}": value for path, value in _scalars(record.get("draws") or {})}
+    for path, value in (record.get("draws") or {}).items():
+        result |= {f"draw.{name}": scalar for name, scalar in of_draw(path, value)}
     for path, value in _scalars(record.get("summary") or {}):
         if path in NOT_RESULTS:
             continue
@@ -36,6 +38,19 @@ def row(record):
         result[f"timing.summary.{path}" if measured else f"summary.{path}"] = value
     result |= {f"timing.{path}": value for path, value in _scalars(record.get("timing") or {})}
     return result
+
+
+def of_draw(path, value):
+    """(path, scalar) of the columns of one draw, of which nothing is left out.
+
+    A short list of numbers is several, as everywhere; any other list that a choice has drawn is its JSON.
+    """
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from of_draw(f"{path}.{key}", item)
+        return
+    found = list(_scalars(value, path))
+    yield from found or [(path, json.dumps(value))]
 
 
 def _scalars(value, path=""):
@@ -130,15 +145,28 @@ def _column(values):
 
 
 def save(rows, path):
-    """Write unmixed rows as Parquet, sorted by run; the file is whole or not there. list of dict, Path"""
+    """Write unmixed rows as Parquet, sorted by run; the file is whole or not there. list of dict, Path
+
+    In the folder of a campaign the columns of draws say their units, in the metadata of the field.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     rows = sorted(rows, key=lambda one: one["run"])
     names = [*HEAD, *sorted({name for one in rows for name in one} - set(HEAD))]
     arrays = [_arrow([one.get(name) for one in rows]) for name in names]
+    said = units.beside(path)
+    fields = [
+        pa.field(name, values.type, metadata=_metadata(name, said))
+        for name, values in zip(names, arrays, strict=True)
+    ]
     with whole(path) as part:
-        pq.write_table(pa.table(arrays, names=names), part, compression="zstd")
+        pq.write_table(pa.table(arrays, schema=pa.schema(fields)), part, compression="zstd")
+
+
+def _metadata(name, said):
+    """What a field of Parquet says of itself beside its name: of a draw its unit, of others nothing."""
+    return {"unit": said[path]} if (path := name.removeprefix("draw.")) != name and said.get(path) else None
 
 
 def _arrow(values):

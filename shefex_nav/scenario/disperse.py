@@ -34,6 +34,11 @@ class Dispersed(NamedTuple):
     group: tuple = ()  # names of the paths of the correlated group, and below the factors
     factors: tuple = ()  # (n,) by which independent standard normal numbers of the paths make this one's
 
+    @property
+    def measure(self):
+        """What a number that is drawn counts, for people: its unit, 'times' of a factor; '' without."""
+        return self.unit or ("times" if self.apply == "factor" else "")
+
 
 class Wrong(Exception):
     """A dispersion that cannot be: (keys below it, text)."""
@@ -65,8 +70,9 @@ def resolve(model, tree, section):
                 if isinstance(one, sections.Group)
                 else [_one(model, tree, name, one)]
             )
-            for dispersed in new:
+            for k, dispersed in enumerate(new):
                 _check_apart(dispersed, found)
+                _check_named_once(k, new)
                 _check_reach(dispersed)
             found += new
         except Wrong as error:
@@ -320,9 +326,22 @@ def _cholesky(matrix):
 def _check_apart(dispersed, found):
     """Wrong if two dispersions are about the same value."""
     for other in found:
-        short = min(len(other.path), len(dispersed.path))
-        if other.path[:short] == dispersed.path[:short]:
+        if _overlap(other, dispersed):
             raise Wrong((), f"{dispersed.name} is dispersed by '{other.name}' already; keep one of them")
+
+
+def _check_named_once(k, group):
+    """Wrong if path number k of a group is about the same value as one before it."""
+    for other in group[:k]:
+        if _overlap(other, group[k]):
+            words = f"{group[k].name} is in this group already, as '{other.name}'; keep one of them"
+            raise Wrong(("paths", k), words)
+
+
+def _overlap(one, other):
+    """Whether two dispersions are about the same value, or one about a part of the other's."""
+    short = min(len(one.path), len(other.path))
+    return one.path[:short] == other.path[:short]
 
 
 def _check_reach(dispersed):

@@ -15,7 +15,7 @@ from shefex_nav.scenario.document import BadText, Mark, dotted, parse
 from shefex_nav.scenario.files import Unreadable, read_text
 from shefex_nav.scenario.params_gps import ALMANAC_KEYS, ALMANAC_UNITS
 from shefex_nav.scenario.quantity import describe
-from shefex_nav.scenario.tables import BadTable
+from shefex_nav.scenario.tables import BadTable, NoColumn
 
 FILE = "file"
 ALMANAC = "almanac"
@@ -102,9 +102,7 @@ def _expand_dispersions(tree, places, texts):
         try:
             asked = ColumnOfFile.model_validate(table)
             text = read_text(asked.file, "a table")
-            column = tables.read(text, asked.file, (asked.column,), tables.names(text, asked.file))[
-                asked.column
-            ]
+            column = tables.read_one(text, asked.file, asked.column)
         except ValidationError as error:
             errors += [
                 (places.value((*path, *inner)), f"{dotted((*path, *inner))}: {words}")
@@ -113,6 +111,10 @@ def _expand_dispersions(tree, places, texts):
             continue
         except Unreadable as error:
             errors.append((places.value((*path, FILE)), f"{dotted((*path, FILE))}: '{asked.file}' {error}"))
+            continue
+        except NoColumn as error:
+            key = (*path, "column")
+            errors.append((places.value(key), f"{dotted(key)}: '{asked.file}' {error}"))
             continue
         except BadTable as error:
             errors += error.errors

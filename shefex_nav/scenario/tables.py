@@ -11,6 +11,7 @@ from typing import NamedTuple
 from shefex_nav.scenario.document import Mark
 from shefex_nav.scenario.quantity import quoted
 
+ALIKE = 0.6  # of difflib: names that may be meant for each other
 MOST_ERRORS = 5  # of one file; a table of the wrong kind is wrong in every line
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.I)
 
@@ -24,6 +25,15 @@ class BadTable(Exception):
             more = f"and {len(errors) - MOST_ERRORS} more errors of this kind"
             self.errors.append((errors[MOST_ERRORS][0], more))
         super().__init__("\n".join(f"{mark}: {text}" for mark, text in self.errors))
+
+
+class NoColumn(Exception):
+    """A table without the column that is asked for; the text says which it has."""
+
+    def __init__(self, column, known):
+        similar = difflib.get_close_matches(column, known, n=1, cutoff=ALIKE)
+        hint = f"did you mean '{similar[0]}'? " if similar else ""
+        super().__init__(f"has no column {quoted(column)}; {hint}its columns are {', '.join(known)}")
 
 
 class Cell(NamedTuple):
@@ -59,22 +69,49 @@ def read(text, file, required, optional=()):
     -------
     {name: list of Cell}, all of one length, not empty; BadTable with every error otherwise
     """
+    rows = _rows(text, file, required)
+    names = _names(rows[0], file, required, optional)
+    return _numbers(rows, names, names)
+
+
+def read_one(text, file, column):
+    """One column of the CSV `text`: list of Cell, not empty; the others may hold anything, such as words.
+
+    NoColumn if there is none of the name, BadTable with every error otherwise.
+    """
+    rows = _rows(text, file, (column,))
+    names = [name for name, _ in rows[0]]
+    if column not in names:
+        raise NoColumn(column, [name for name in names if name])
+    if names.count(column) > 1:
+        again = [mark for name, mark in rows[0] if name == column][1]
+        raise BadTable([(again, f"{column}: there is a column of this name already; keep one of them")])
+    return _numbers(rows, names, (column,))[column]
+
+
+def _rows(text, file, required):
+    """(text, Mark) of the cells of each line, that of the names of the columns first: list of lists."""
     lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.split("#")[0].strip()]
-    wanted = f"a line with the columns {', '.join(required)}"
     if not lines:
+        wanted = f"a line with the columns {', '.join(required)}"
         raise BadTable([(Mark(file, 1, 1), f"the file is empty; expected {wanted}, then rows of numbers")])
-    head = cells(lines[0][1], lines[0][0], file)
-    names = _names(head, file, required, optional)
-    if len(lines) == 1:
-        raise BadTable([(head[0][1], "there is no row below the names of the columns; expected numbers")])
-    columns, errors = {name: [] for name in names}, []
-    for n, line in lines[1:]:
-        row = cells(line, n, file)
+    return [cells(line, n, file) for n, line in lines]
+
+
+def _numbers(rows, names, wanted):
+    """{name: list of Cell} of the `wanted` columns of rows whose cells have these names."""
+    if len(rows) == 1:
+        raise BadTable([(rows[0][0][1], "there is no row below the names of the columns; expected numbers")])
+    columns, errors = {name: [] for name in wanted}, []
+    for row in rows[1:]:
         if len(row) != len(names):
-            words = f"expected {len(names)} numbers, one for each of {', '.join(names)}, got {len(row)}"
+            kind = "numbers" if len(wanted) == len(names) else "values"
+            words = f"expected {len(names)} {kind}, one for each of {', '.join(names)}, got {len(row)}"
             errors.append((row[min(len(row), len(names)) - 1][1], words))
             continue
         for name, (cell, mark) in zip(names, row, strict=True):
+            if name not in columns:
+                continue
             try:
                 columns[name].append(number(cell, name, mark))
             except BadTable as bad:
@@ -84,24 +121,17 @@ def read(text, file, required, optional=()):
     return columns
 
 
-def names(text, file):
-    """Names of the columns as they stand in the first line, whatever they are; none of an empty file."""
-    lines = ((n, line) for n, line in enumerate(text.splitlines(), 1) if line.split("#")[0].strip())
-    first = next(lines, None)
-    return () if first is None else tuple(name for name, _ in cells(first[1], first[0], file) if name)
-
-
 def _names(head, file, required, optional):
     """Names of the columns, checked."""
     known, errors, names = (*required, *optional), [], []
-    if not any(difflib.get_close_matches(name, known, n=1, cutoff=0.6) for name, _ in head):
+    if not any(difflib.get_close_matches(name, known, n=1, cutoff=ALIKE) for name, _ in head):
         got = quoted(", ".join(name for name, _ in head))
         raise BadTable([(head[0][1], f"expected a line with the columns {', '.join(required)}, got {got}")])
     for name, mark in head:
         if name in names:
             errors.append((mark, f"{name}: there is a column of this name already; keep one of them"))
         elif name not in known:
-            similar = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+            similar = difflib.get_close_matches(name, known, n=1, cutoff=ALIKE)
             hint = f"did you mean '{similar[0]}'?" if similar else f"known here: {', '.join(known)}"
             errors.append((mark, f"{quoted(name)} is no column of this table; {hint}"))
         names.append(name)

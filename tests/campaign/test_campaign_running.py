@@ -1,15 +1,28 @@
 """Campaigns in one process: what is kept, resumed, refused, counted. Missions of two seconds at rest."""
 
+import csv
 import json
 import shutil
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 from short_campaign import BREAKS, HereLane, fly, write
 from typer.testing import CliRunner
 
 from shefex_nav import cli
-from shefex_nav.campaign import draws, engine, flight, repeating, results, running, store, summary, table
+from shefex_nav.campaign import (
+    draws,
+    engine,
+    flight,
+    repeating,
+    results,
+    running,
+    sensitivity,
+    store,
+    summary,
+    table,
+)
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.flight import Pilot
 from shefex_nav.clock import TICK_HZ
@@ -243,8 +256,70 @@ def test_the_command_tells_the_cause_of_every_fifth_failure(tmp_path, monkeypatc
 def test_a_table_must_be_long_enough(tmp_path):
     (tmp_path / "mass.csv").write_text("mass_kg\n487\n488\n")
     scenario = load.load(write(tmp_path, BREAKS))
-    with pytest.raises(running.BadCampaign, match="table: 2 values for 3 runs"):
+    with pytest.raises(running.BadCampaign) as refused:
         running.prepared(scenario, 3, 1)
+    path = tmp_path / "short.yaml"
+    line = 1 + path.read_text().splitlines().index(BREAKS.rstrip("\n").partition("\n")[0])
+    words = "dispersions.vehicle.payload.mass.table: 2 values for 3 runs; one for each"
+    assert str(refused.value) == f"{path}:{line}:33: {words}"
+
+
+ARMS = ("1 m", "0 m", "0 m"), ("1 m", "0 m", "5 mm")
+LISTS = """  vehicle.imu: {choice: [[1 m, 0 m, 0 m], [1 m, 0 m, 5 mm]]}
+  wind: {choice: [none, {height: [0 m, 1 km], speed: [1 m/s, 2 m/s], from: [0 deg, 9 deg]}]}
+"""
+
+
+@pytest.fixture(scope="module")
+def listed(tmp_path_factory):
+    """(scenario file, folder, Ended) of a campaign that draws lists of texts, and a section or a word."""
+    path = write(tmp_path_factory.mktemp("lists"), LISTS)
+    folder = path.parent / "campaign"
+    return path, folder, fly(load.load(path), folder, 8)
+
+
+def test_lists_that_were_drawn_are_in_table_and_digest(listed):
+    _, folder, ended = listed
+    rows = list(table.load(folder / "results.parquet"))
+    assert {row["status"] for row in rows} == {"succeeded"} and table.digest(rows) == ended.digest
+    column = f"{results.DRAW}vehicle.imu"
+    for row in rows:
+        drawn = store.read_record(folder, row["run"])["draws"]
+        assert json.loads(row[column]) == drawn["vehicle.imu"]
+        if drawn["wind"] == "none":
+            assert row["draw.wind"] == "none" and row["draw.wind.from"] is None
+        else:
+            assert row["draw.wind"] is None and json.loads(row["draw.wind.from"]) == drawn["wind"]["from"]
+    assert {tuple(json.loads(row[column])) for row in rows} == set(ARMS)
+    other = [row | {column: json.dumps(ARMS[row[column] == json.dumps(ARMS[0])])} for row in rows]
+    assert table.digest(other) != ended.digest
+    campaign = results.open_campaign(folder)
+    assert campaign.draws["vehicle.imu"].tolist() == [row[column] for row in rows]
+    named = [one.name for one in sensitivity.features(campaign.draws) if one.name.startswith("vehicle.imu")]
+    assert named in [[f"vehicle.imu = {json.dumps(arm)}"] for arm in ARMS]  # a category, as words are
+
+
+def test_a_dry_run_prints_the_columns_of_the_table(listed):
+    path, folder, _ = listed
+    printed = CliRunner().invoke(cli.app, ["campaign", str(path), "--runs", "8", "--dry-run"])
+    assert printed.exit_code == 0, printed.output
+    found = {name.partition(" [")[0]: name for name in printed.stdout.splitlines()[0].split(",")}
+    rows = list(csv.DictReader(printed.stdout.splitlines()))
+    kept = results.open_campaign(folder).draws
+    assert found.keys() == {"run", "seed", *kept}
+    for name, values in kept.items():
+        said = [row[found[name]] for row in rows]
+        assert said == ["" if value is None else str(value) for value in values.tolist()], name
+
+
+def test_units_of_draws_are_kept(listed):
+    _, folder, _ = listed
+    campaign = results.open_campaign(folder)
+    units = {"ground.latitude": "deg", "imu.gyro.bias": "times", "imu.accelerometer.bias": "%"}
+    assert campaign.units == units | {"vehicle.imu": "", "wind": ""}
+    schema = pyarrow.parquet.read_schema(folder / "results.parquet")
+    said = {one.name: one.metadata[b"unit"].decode() for one in schema if one.metadata}
+    assert said == {f"draw.{name}": unit for name, unit in units.items()}
 
 
 def at_ten_hertz(data):
@@ -333,6 +408,12 @@ def test_a_worker_that_does_not_fit_is_refused(scenario, monkeypatch):
         with pytest.raises(flight.WorkerError) as refused:
             flight.fly(sampler.job(0)._replace(plan=asked.digest))
         assert words in str(refused.value)
+    for given, words in (("4", "it is 4"), ("", "it is empty"), (None, "it is not set")):
+        name = flight.ONE_THREAD[0]
+        monkeypatch.delenv(name) if given is None else monkeypatch.setenv(name, given)
+        flight.prepare_worker(plan, 1)
+        with pytest.raises(flight.WorkerError, match=f"start the worker with {name}=1, {words}$"):
+            flight.fly(sampler.job(0))
     with pytest.raises(flight.WorkerError, match="was not told what to fly"):
         flight.fly(sampler.job(0)._replace(plan="another"))
 

@@ -26,6 +26,20 @@ def test_scalars_and_short_vectors_are_columns():
     assert not any("by_rate" in name or "events" in name or name.endswith(".log") for name in row)
 
 
+def test_every_list_that_was_drawn_is_a_column():
+    drawn = {
+        "texts": ["0 deg", "9 deg"], "numbers": [1, 2.5], "many": [1, 2, 3, 4, 5, 6, 7], "none": [],
+        "section": {"rows": [[1, 2]], "word": "x"},
+    }  # fmt: skip
+    row = table.row({"run": 0, "draws": drawn, "summary": {"texts": ["0 deg", "9 deg"]}})
+    found = {name: value for name, value in row.items() if name not in table.HEAD}
+    assert found == {
+        "draw.texts": '["0 deg", "9 deg"]', "draw.numbers.0": 1, "draw.numbers.1": 2.5,
+        "draw.many": "[1, 2, 3, 4, 5, 6, 7]", "draw.none": "[]",
+        "draw.section.rows": "[[1, 2]]", "draw.section.word": "x",
+    }  # fmt: skip
+
+
 def test_what_a_clock_measured_is_timing():
     row = table.row(records(1)[0])
     timing = {name for name in row if name.startswith("timing.")}

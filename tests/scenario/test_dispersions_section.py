@@ -106,6 +106,38 @@ def test_a_table_of_a_file(tmp_path):
         load.load(scenario)
 
 
+def of_table(folder, unit="deg", column="az"):
+    """Scenario whose azimuth comes from a table with words beside it."""
+    (folder / "t.csv").write_text("label, az, el, el\nfirst, 10, x, y\nsecond, 20, x, y\n")
+    path = folder / "one.yaml"
+    table = f"{{file: t.csv, column: {column}, unit: {unit}}}"
+    path.write_text(f"extends: {DEFAULT}\ndispersions:\n  launch.azimuth: {{table: {table}}}\n")
+    return path
+
+
+def test_other_columns_of_a_table_may_hold_anything(tmp_path):
+    """They neither stop a table nor hide what is wrong in the column that is asked for."""
+    (one,) = pattern(path=of_table(tmp_path)).dispersed
+    assert one.law.values == (10.0, 20.0)
+    message = the_message(of_table(tmp_path, unit="m"))
+    words = "dispersions.launch.azimuth.table.0: '10 m' is a length"
+    assert message.startswith(f"{tmp_path}/t.csv:2:8: {words}")
+    (tmp_path / "other").mkdir()
+    path = of_table(tmp_path / "other")
+    (tmp_path / "other" / "t.csv").write_text("label, az\nfirst, 10\nsecond, ten\nthird, 30, 4\n")
+    words = [line.partition("t.csv:")[2] for line in messages(path)]
+    assert words[0] == "3:9: az: expected a number such as 12.5, got 'ten'"
+    assert words[1].endswith("expected 2 values, one for each of label, az, got 3")
+
+
+def test_a_column_that_is_missing_is_told_with_those_that_are_there(tmp_path):
+    path = of_table(tmp_path, column="azi")
+    words = f"'{tmp_path}/t.csv' has no column 'azi'; did you mean 'az'? its columns are label, az, el, el"
+    assert the_message(path) == f"{path}:3:49: dispersions.launch.azimuth.table.column: {words}"
+    assert the_message(of_table(tmp_path, column="zzz")).endswith("'zzz'; its columns are label, az, el, el")
+    assert "there is a column of this name already" in the_message(of_table(tmp_path, column="el"))
+
+
 def test_a_group_of_covariance_is_that_of_sigma_and_correlation():
     by_sigma = pattern(
         f"dispersions.rail={{{RAIL}, sigma: [12 arcmin, 0.5 deg], correlation: [[1, 0.6], [0.6, 1]]}}"
@@ -182,6 +214,22 @@ def test_a_value_is_dispersed_once():
     assert "launch.elevation is dispersed by 'launch.elevation' already" in the_message(DEFAULT, twice)
     nested = ["dispersions.vehicle.imu={normal: 1 mm}", "dispersions.vehicle.imu.0={normal: 1 mm}"]
     assert "vehicle.imu.0 is dispersed by 'vehicle.imu' already" in the_message(DEFAULT, nested)
+
+
+@pytest.mark.parametrize(
+    "paths",
+    [("launch.elevation", "launch.elevation"), ("vehicle.imu", "vehicle.imu.0")],
+)
+def test_a_group_names_a_value_once(paths, tmp_path):
+    sigma = {"launch.elevation": "0.1 deg"}.get(paths[0], "1 mm")
+    path = tmp_path / "twice.yaml"
+    path.write_text(
+        f"extends: {DEFAULT}\ndispersions:\n  twins:\n    paths: [{', '.join(paths)}]\n"
+        f"    sigma: [{sigma}, {sigma}]\n    correlation: [[1, 0], [0, 1]]\n"
+    )
+    words = f"{paths[1]} is in this group already, as '{paths[0]}'; keep one of them"
+    column = len(f"    paths: [{paths[0]}, ") + 1
+    assert the_message(path) == f"{path}:4:{column}: dispersions.twins.paths.1: {words}"
 
 
 def test_a_shared_flight_cannot_be_dispersed():

@@ -1,0 +1,29 @@
+"""Units of what a campaign draws, from the scenario that its folder keeps."""
+
+import json
+from pathlib import Path
+
+from shefex_nav.errors import UserError
+
+
+def of_source(source, name):
+    """{path as written: unit} of the dispersions of a scenario, YAML text; '' without, 'times' of a factor.
+
+    Nothing of a scenario that cannot be read: a table is worth having without.
+    """
+    from shefex_nav.scenario import load
+
+    try:
+        return {one.name: one.measure for one in load.Pattern(source, name).dispersed}
+    except UserError:
+        return {}
+
+
+def beside(path):
+    """The same of the campaign in whose folder a table lies, Path; nothing if it is no such folder."""
+    head = Path(path).parent / "campaign.json"
+    try:
+        source = json.loads(head.read_text())["source"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+    return of_source(source, str(head))
