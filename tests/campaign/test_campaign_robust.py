@@ -78,7 +78,7 @@ class Gone(HereLane):
 def test_a_scheduler_that_ends_is_no_fault_of_the_runs(scenario):
     plan, sampler = running.prepared(scenario, RUNS, 1)
     taken = []
-    with pytest.raises(engine.EngineError, match="the Dask scheduler gave up run 1: .* the same command goes on"):
+    with pytest.raises(engine.EngineError, match=r"the Dask scheduler gave up run 1: .* goes on$"):
         engine.fly((sampler.job(run) for run in range(RUNS)), [Gone(plan)], taken.append)
     assert [flown.record["run"] for flown in taken] == [0]
 
