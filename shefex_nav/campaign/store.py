@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from shefex_nav.campaign import plan as planning
-from shefex_nav.campaign import table
+from shefex_nav.campaign import table, units
 from shefex_nav.errors import UserError
 from shefex_nav.files import finish, put, settle
 from shefex_nav.scenario import differences
@@ -254,11 +254,16 @@ class Store:
             pass
         return found
 
+    def _units(self):
+        """{path: unit} of what is drawn here."""
+        head = self.head()
+        return {} if head is None else units.of_source(head["source"], f"{self.folder}/campaign.json")
+
     def tabulate(self, runs):
         """Write results.parquet of the runs that are done. -> (rows, digest)"""
         rows = table.unmixed([table.row(record) for record in self.records(runs)])
         with self._writing():
-            table.save(rows, self.folder / "results.parquet")
+            table.save(rows, self.folder / "results.parquet", self._units())
             settle(self.folder)
         return rows, table.digest(rows)
 

@@ -12,7 +12,6 @@ import math
 
 import numpy as np
 
-from shefex_nav.campaign import units
 from shefex_nav.files import whole
 
 LONGEST = 6  # numbers of a list that become columns
@@ -144,10 +143,10 @@ def _column(values):
     return np.array([math.nan if value is None else float(value) for value in values])
 
 
-def save(rows, path):
+def save(rows, path, units=None):
     """Write unmixed rows as Parquet, sorted by run; the file is whole or not there. list of dict, Path
 
-    In the folder of a campaign the columns of draws say their units, in the metadata of the field.
+    units : {path of a draw: unit}, which go into the metadata of its field
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -155,18 +154,18 @@ def save(rows, path):
     rows = sorted(rows, key=lambda one: one["run"])
     names = [*HEAD, *sorted({name for one in rows for name in one} - set(HEAD))]
     arrays = [_arrow([one.get(name) for one in rows]) for name in names]
-    said = units.beside(path)
     fields = [
-        pa.field(name, values.type, metadata=_metadata(name, said))
+        pa.field(name, values.type, metadata=_metadata(name, units or {}))
         for name, values in zip(names, arrays, strict=True)
     ]
     with whole(path) as part:
         pq.write_table(pa.table(arrays, schema=pa.schema(fields)), part, compression="zstd")
 
 
-def _metadata(name, said):
+def _metadata(name, units):
     """What a field of Parquet says of itself beside its name: of a draw its unit, of others nothing."""
-    return {"unit": said[path]} if (path := name.removeprefix("draw.")) != name and said.get(path) else None
+    unit = units.get(name.removeprefix("draw.")) if name.startswith("draw.") else None
+    return {"unit": unit} if unit else None
 
 
 def _arrow(values):

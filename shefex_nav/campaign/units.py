@@ -1,8 +1,5 @@
 """Units of what a campaign draws, from the scenario that its folder keeps."""
 
-import json
-from pathlib import Path
-
 from shefex_nav.errors import UserError
 
 
@@ -17,13 +14,3 @@ def of_source(source, name):
         return {one.name: one.measure for one in load.Pattern(source, name).dispersed}
     except UserError:
         return {}
-
-
-def beside(path):
-    """The same of the campaign in whose folder a table lies, Path; nothing if it is no such folder."""
-    head = Path(path).parent / "campaign.json"
-    try:
-        source = json.loads(head.read_text())["source"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return {}
-    return of_source(source, str(head))
