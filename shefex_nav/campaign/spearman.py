@@ -1,0 +1,104 @@
+"""Spearman's rank correlation with a p value that holds far out, where a correction for many tests looks.
+
+The usual p value takes Student's distribution for the correlation. Where that says 5 % of 500 pairs, 1e-4, the
+truth is three times (12 results) to ten times as much, and a correlation of 1 gets p = 0. Here p is that of
+all orders of one of the two, ties as they are. For few results and for two draws of two words each, these are
+counted. For others their distribution is taken for the symmetric one of Pearson's with its variance and
+kurtosis (Pitman 1937, J. R. Stat. Soc. Suppl. 4, 225), half a step wider for its being discrete. At 1e-4 that
+errs to the safe side: by 3 for 11 results, by 1.3 for 20.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+EXACT = 10  # results up to which all orders are counted
+ROUND = 1e-9
+
+
+class Ranked(NamedTuple):
+    """What a correlation takes of its one side."""
+
+    ranks: np.ndarray  # (n,) whole numbers from 0, with the distances of ranks
+    off: np.ndarray  # (n,) from their mean
+    squares: float  # sum of these squared
+    excess: float  # k-statistic of fourth order over the square of that of second
+    two: bool  # there are but two values
+
+
+def ranked(values):
+    """-> Ranked of values (n,), not all the same, n >= 4"""
+    from scipy import stats
+
+    ranks = stats.rankdata(values)
+    twice = np.rint(2.0 * (ranks - ranks.min())).astype(np.int64)
+    whole = (twice // np.gcd.reduce(twice)).astype(float)
+    n, off = len(whole), whole - whole.mean()
+    m2, m4 = float(np.mean(off**2)), float(np.mean(off**4))
+    k2 = n * m2 / (n - 1.0)
+    k4 = n**2 * ((n + 1.0) * m4 - 3.0 * (n - 1.0) * m2**2) / ((n - 1.0) * (n - 2.0) * (n - 3.0))
+    return Ranked(whole, off, n * m2, k4 / k2**2, whole.max() == 1.0)
+
+
+def correlation(a, b):
+    """Of two Ranked of the same runs: rho, two-sided p."""
+    n, unit = len(a.ranks), float(np.sqrt(a.squares * b.squares))
+    rho = float(np.clip(a.off @ b.off / unit, -1.0, 1.0))
+    if n <= EXACT:
+        orders = (tuple(np.sort(one.ranks).tolist()) for one in (a, b))
+        return rho, _far(_sums(*orders), a, b)
+    if a.two and b.two:
+        return rho, _far(_tables(n, int(a.ranks.sum()), int(b.ranks.sum())), a, b)
+    return rho, min(_approximate(max(abs(rho) - 0.5 / unit, 0.0), n, a.excess, b.excess), 1.0)
+
+
+def _far(shares, a, b):
+    """Share of all orders whose sum of products is as far from its mean as it is, or further."""
+    mean = a.ranks.sum() * b.ranks.sum() / len(a.ranks)
+    far = np.abs(np.arange(len(shares)) - mean) >= abs(float(a.ranks @ b.ranks) - mean) - ROUND
+    return float(shares[far].sum())
+
+
+def _tables(n, ones, others):
+    """Shares of orders by the runs in which both of two values are 1 (Fisher's exact test)."""
+    from scipy import stats
+
+    return stats.hypergeom.pmf(np.arange(min(ones, others) + 1), n, ones, others)
+
+
+def _approximate(rho, n, excess_a, excess_b):
+    """Two-sided p of |rho| over all orders, from their second and fourth moment."""
+    from scipy import special
+
+    variance = 1.0 / (n - 1.0)
+    shape = (n - 2.0) * (n - 3.0) / (3.0 * n * (n - 1.0) ** 2) * excess_a * excess_b
+    kurtosis = 3.0 * (n - 1.0) / (n + 1.0) * (1.0 + shape)
+    # not lighter than Student's, whose tails end at 1: others end before it, where there are results still
+    kurtosis = max(kurtosis, 3.0 * (n - 1.0) / (n + 1.0))
+    if abs(kurtosis - 3.0) < 1e-6:
+        return float(2.0 * special.ndtr(-rho / np.sqrt(variance)))
+    if kurtosis < 3.0:  # type II: a beta distribution
+        s = 1.5 * (kurtosis - 1.0) / (3.0 - kurtosis)
+        end = np.sqrt(variance * (2.0 * s + 1.0))
+        return float(2.0 * special.betainc(s, s, 0.5 * (1.0 - min(rho / end, 1.0))))
+    free = 4.0 + 6.0 / (kurtosis - 3.0)  # type VII: Student's, of another width
+    return float(2.0 * special.stdtr(free, -rho * np.sqrt(free / ((free - 2.0) * variance))))
+
+
+@lru_cache(maxsize=256)
+def _sums(a, b):
+    """Shares of the orders of b (tuple of whole numbers, sorted) that give each sum of products with a."""
+    few, many = sorted((a, b), key=lambda one: np.prod(np.unique(one, return_counts=True)[1] + 1.0))
+    values, sizes = np.unique(np.array(few, dtype=np.int64), return_counts=True)
+    strides = np.concatenate([[1], np.cumprod(sizes + 1)[:-1]])
+    top = int(np.dot(a, b))  # of both in the same order, the largest
+    counts = np.zeros((int(np.prod(sizes + 1)), top + 1))  # by how many of each value are placed
+    counts[0, 0] = 1.0
+    for state in range(len(counts) - 1):
+        used = state // strides % (sizes + 1)
+        factor = int(many[int(used.sum())])
+        for value, stride in zip(values[used < sizes], strides[used < sizes], strict=True):
+            step = factor * int(value)
+            counts[state + stride, step:] += counts[state, : top + 1 - step]
+    return counts[-1] / counts[-1].sum()
