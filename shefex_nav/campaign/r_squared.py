@@ -4,9 +4,9 @@ The fit to n runs explains more than the draws do, by about m/n of the rest with
 and 210 runs a true R^2 of 0.08 looks like 0.26. So the estimate is the adjusted R^2 (Ezekiel 1930), not below
 0, and its interval is one of the true R^2: all of those under which that of the fit is no unlikely one.
 
-The distribution of the latter for normal draws and noise (Fisher 1928) is a mixture of beta distributions with
-negative binomial weights (Gurland 1968, J. R. Stat. Soc. B 30, 276). Draws and noise with heavy tails, or
-noise whose size depends on a draw, spread it further: by the ratio c of the standard deviations of
+The distribution of the latter for normal draws and noise (Fisher 1928) is a mixture of beta distributions
+with negative binomial weights (Gurland 1968, J. R. Stat. Soc. B 30, 276). Draws and noise with heavy tails,
+or noise whose size depends on a draw, spread it further: by the ratio c of the standard deviations of
 log(R^2 / (1 - R^2)), from the fourth moments of fit and residuals. The interval is then that of c times as
 many sigmas, never of fewer than for normal draws.
 """

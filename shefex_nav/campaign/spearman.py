@@ -1,11 +1,12 @@
 """Spearman's rank correlation with a p value that holds far out, where a correction for many tests looks.
 
-The usual p value takes Student's distribution for the correlation. Where that says 5 % of 500 pairs, 1e-4, the
-truth is three times (12 results) to ten times as much, and a correlation of 1 gets p = 0. Here p is that of
-all orders of one of the two, ties as they are. For few results and for two draws of two words each, these are
-counted. For others their distribution is taken for the symmetric one of Pearson's with its variance and
-kurtosis (Pitman 1937, J. R. Stat. Soc. Suppl. 4, 225), half a step wider for its being discrete. At 1e-4 that
-errs to the safe side: by 3 for 11 results, by 1.3 for 20.
+The usual p value takes Student's distribution for the correlation. Where that says 1e-4, which is 5 % of 500
+pairs, the truth is more than twice as much for 12 results and worse for fewer; a correlation of 1 gets p = 0.
+Here p is that of all orders of one of the two, ties as they are. For few results these are counted, for any
+number of them if both sides have but two values. For others their distribution is taken for the symmetric
+one of Pearson's with its variance and kurtosis (Pitman 1937, J. R. Stat. Soc. Suppl. 4, 225), half a step
+wider for its being discrete. At 1e-4 without ties that errs to the safe side: by 3 for 11 results, by 1.3
+for 20.
 """
 
 from functools import lru_cache
