@@ -206,9 +206,7 @@ def test_a_centroid_without_a_place_is_refused(options, n_false, value):
     for row, column in ((0, 0), (len(xy) - 1, 1)):
         spoilt = xy.copy()
         spoilt[row, column] = value
-        with pytest.raises(
-            ValueError, match=r"^xy_px: contains NaN or values beyond 1e\+09; expected pixels$"
-        ):
+        with pytest.raises(ValueError, match=r"^xy_px: contains NaN or values beyond 1e\+09; expected pixels$"):
             solve_centroids(spoilt, **given)
 
 
