@@ -2,11 +2,14 @@
 
 The usual p value takes Student's distribution for the correlation. Where that says 1e-4, which is 5 % of 500
 pairs, the truth is more than twice as much for 12 results and worse for fewer; a correlation of 1 gets p = 0.
-Here p is that of all orders of one of the two, ties as they are. For few results these are counted, for any
-number of them if both sides have but two values. For others their distribution is taken for the symmetric
-one of Pearson's with its variance and kurtosis (Pitman 1937, J. R. Stat. Soc. Suppl. 4, 225), half a step
-wider for its being discrete. At 1e-4 without ties that errs to the safe side: by 3 for 11 results, by 1.3
-for 20.
+Here p is that of all orders of one of the two, ties as they are:
+
+- For few results these are counted.
+- For more, their distribution is taken for the symmetric one of Pearson's with its variance and kurtosis
+  (Pitman 1937, J. R. Stat. Soc. Suppl. 4, 225), half a step wider for its being discrete. At 1e-4 without
+  ties that errs to the safe side: by 3 for 11 results, by 1.3 for 20.
+- Where both sides keep one value in half of the runs, or have but two, the distribution is a few lumps that no
+  curve follows. There p is that of Fisher's exact test whether one leaves its usual value where the other does.
 """
 
 from functools import lru_cache
@@ -25,7 +28,8 @@ class Ranked(NamedTuple):
     off: np.ndarray  # (n,) from their mean
     squares: float  # sum of these squared
     excess: float  # k-statistic of fourth order over the square of that of second
-    two: bool  # there are but two values
+    unusual: np.ndarray  # (n,) whether it is not the most frequent value
+    lumps: bool  # that one has half of the runs, or there are but two
 
 
 def ranked(values):
@@ -39,7 +43,9 @@ def ranked(values):
     m2, m4 = float(np.mean(off**2)), float(np.mean(off**4))
     k2 = n * m2 / (n - 1.0)
     k4 = n**2 * ((n + 1.0) * m4 - 3.0 * (n - 1.0) * m2**2) / ((n - 1.0) * (n - 2.0) * (n - 3.0))
-    return Ranked(whole, off, n * m2, k4 / k2**2, whole.max() == 1.0)
+    each, counts = np.unique(whole, return_counts=True)
+    unusual = whole != each[np.argmax(counts)]
+    return Ranked(whole, off, n * m2, k4 / k2**2, unusual, len(each) == 2 or 2 * counts.max() >= n)
 
 
 def correlation(a, b):
@@ -48,21 +54,23 @@ def correlation(a, b):
     rho = float(np.clip(a.off @ b.off / unit, -1.0, 1.0))
     if n <= EXACT:
         orders = (tuple(np.sort(one.ranks).tolist()) for one in (a, b))
-        return rho, _far(_sums(*orders), a, b)
-    if a.two and b.two:
-        return rho, _far(_tables(n, int(a.ranks.sum()), int(b.ranks.sum())), a, b)
+        return rho, _far(_sums(*orders), a.ranks, b.ranks)
+    if a.lumps and b.lumps:
+        counts = sorted(int(one.unusual.sum()) for one in (a, b))
+        return rho, _far(_tables(n, *counts), a.unusual.astype(float), b.unusual.astype(float))
     return rho, min(_approximate(max(abs(rho) - 0.5 / unit, 0.0), n, a.excess, b.excess), 1.0)
 
 
 def _far(shares, a, b):
-    """Share of all orders whose sum of products is as far from its mean as it is, or further."""
-    mean = a.ranks.sum() * b.ranks.sum() / len(a.ranks)
-    far = np.abs(np.arange(len(shares)) - mean) >= abs(float(a.ranks @ b.ranks) - mean) - ROUND
-    return float(shares[far].sum())
+    """Share of all orders whose sum of products is as far from its mean as that of a and b (n,), or further."""
+    mean = a.sum() * b.sum() / len(a)
+    far = np.abs(np.arange(len(shares)) - mean) >= abs(float(a @ b) - mean) - ROUND
+    return min(float(shares[far].sum()), 1.0)
 
 
+@lru_cache(maxsize=4096)
 def _tables(n, ones, others):
-    """Shares of orders by the runs in which both of two values are 1 (Fisher's exact test)."""
+    """Shares of the orders of ones among n runs that have 0, 1, ... of these in common with others."""
     from scipy import stats
 
     return stats.hypergeom.pmf(np.arange(min(ones, others) + 1), n, ones, others)

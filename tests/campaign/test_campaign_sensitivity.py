@@ -157,6 +157,19 @@ def test_noise_is_certain_in_no_more_than_5_per_cent_of_small_campaigns(n):
     assert intervals.proportion(wrong, tries)[0] <= sensitivity.SIGNIFICANT, wrong / tries
 
 
+def test_words_and_counts_that_hardly_vary_are_not_certain_either():
+    rng = np.random.default_rng(20)
+    tries, n, wrong = 60, 30, 0
+    for _ in range(tries):
+        draws = {
+            f"w{k}": np.array(list("a" * 11 + "b"), dtype=object)[rng.integers(0, 12, n)] for k in range(30)
+        }
+        draws |= {f"n{k}": rng.poisson(0.3, n) for k in range(30)}
+        found = {f"o{k}": 400.0 - rng.poisson(0.15, n) for k in range(10)}
+        wrong += sensitivity.ranks(found, sensitivity.features(draws))[0].p_holm < sensitivity.SIGNIFICANT
+    assert intervals.proportion(wrong, tries)[0] <= sensitivity.SIGNIFICANT, wrong / tries
+
+
 @pytest.mark.parametrize("ties", [False, True])
 def test_p_of_few_results_is_the_share_of_all_their_orders(ties):
     rng = np.random.default_rng(19)
