@@ -8,8 +8,9 @@ Here p is that of all orders of one of the two, ties as they are:
 - For more, their distribution is taken for the symmetric one of Pearson's with its variance and kurtosis
   (Pitman 1937, J. R. Stat. Soc. Suppl. 4, 225), half a step wider for its being discrete. At 1e-4 without
   ties that errs to the safe side: by 3 for 11 results, by 1.3 for 20.
-- Where both sides keep one value in half of the runs, or have but two, the distribution is a few lumps that no
-  curve follows. There p is that of Fisher's exact test whether one leaves its usual value where the other does.
+- Where both sides keep one value in half of the runs, or have but two, the distribution is a few lumps that
+  no curve follows. There p is that of Fisher's exact test, whether one leaves its usual value where the other
+  does.
 """
 
 from functools import lru_cache
@@ -62,7 +63,7 @@ def correlation(a, b):
 
 
 def _far(shares, a, b):
-    """Share of all orders whose sum of products is as far from its mean as that of a and b (n,), or further."""
+    """Share of the orders whose sum of products is as far from its mean as that of a and b (n,) is."""
     mean = a.sum() * b.sum() / len(a)
     far = np.abs(np.arange(len(shares)) - mean) >= abs(float(a @ b) - mean) - ROUND
     return min(float(shares[far].sum()), 1.0)
