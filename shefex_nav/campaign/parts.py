@@ -297,7 +297,7 @@ def _effect(regression, feature):
 
 
 def _r2(regression):
-    return f"{regression.r2_adjusted:.2f} ({regression.r2_low:.2f} to {regression.r2_high:.2f})"
+    return f"{regression.r2:.2f} ({regression.r2_low:.2f} to {regression.r2_high:.2f})"
 
 
 def _percent(share):

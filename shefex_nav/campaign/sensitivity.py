@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.campaign import r_squared, spearman
 from shefex_nav.campaign.over_time import holm
 from shefex_nav.campaign.statistics import ENTRY
 
@@ -64,10 +65,9 @@ class Regression(NamedTuple):
 
     outcome: str
     samples: int
-    r2: float
+    r2: float  # adjusted: what the draws explain, not the fit to these runs (`r_squared`)
     r2_low: float
     r2_high: float
-    r2_adjusted: float
     effects: tuple  # of Effect of the features that others do not determine, the largest first
     distances: bool = True  # whether they are among them
 
@@ -127,16 +127,20 @@ def ranks(found, features):
 
     found : dict name -> (N,);  features : list of Feature
     """
-    from scipy import stats
-
-    result = []
+    result, ranked = [], {}  # features are ranked once for all results of the same runs
     for name, values in found.items():
-        for feature in features:
+        for k, feature in enumerate(features):
             known = np.isfinite(values) & np.isfinite(feature.values)
-            x = feature.values[known]
-            if known.sum() >= FEWEST and np.ptp(x) > 0.0 and np.ptp(values[known]) > 0.0:
-                rho, p = stats.spearmanr(x, values[known])
-                result.append(Rank(name, feature.name, float(rho), float(p), 1.0, int(known.sum())))
+            n = int(known.sum())
+            sides = []
+            for key, side in ((name, values), (k, feature.values)):
+                key = (key, known.tobytes())
+                if key not in ranked:
+                    usable = n >= FEWEST and np.ptp(side[known]) > 0.0
+                    ranked[key] = spearman.ranked(side[known]) if usable else None
+                sides.append(ranked[key])
+            if all(side is not None for side in sides):
+                result.append(Rank(name, feature.name, *spearman.correlation(*sides), 1.0, n))
     corrected = holm([one.p for one in result])
     result = [one._replace(p_holm=float(p)) for one, p in zip(result, corrected, strict=True)]
     return sorted(result, key=lambda one: (one.p, -abs(one.rho)))
@@ -145,8 +149,8 @@ def ranks(found, features):
 def regress(outcome, values, features):
     """Standardised linear regression of values (N,) on features; None if there are too few runs for it.
 
-    Intervals are those of the delta method with the influence of each run on coefficient and standard
-    deviations (robust against errors whose size depends on a draw); 95 %.
+    Intervals of coefficients are those of the delta method with the influence of each run on coefficient and
+    standard deviations (robust against errors whose size depends on a draw); 95 %. R^2: see `r_squared`.
     """
     columns = np.array([feature.values for feature in features]).T
     known = np.isfinite(values) & np.isfinite(columns).all(axis=1) if len(features) else np.zeros(0, bool)
@@ -157,35 +161,28 @@ def regress(outcome, values, features):
     y_std, x_std = y / y.std(), x / np.where(x.std(axis=0) > 0.0, x.std(axis=0), 1.0)
     kept = _independent(x_std)
     names = [feature.name for feature in features]
-    fit = _standardised(y_std, x_std[:, kept])
-    effects = (Effect(names[j], *row) for j, row in zip(kept, fit.effects, strict=True))
-    adjusted = 1.0 - (1.0 - fit.r2[0]) * (n - 1.0) / (n - 1.0 - len(kept))
+    if not kept:
+        return None
+    effects, fit = _standardised(y_std, x_std[:, kept])
+    r2 = r_squared.estimate(fit, y_std - fit, len(kept), CONFIDENCE)
+    effects = (Effect(names[j], *row) for j, row in zip(kept, effects, strict=True))
     ordered = tuple(sorted(effects, key=lambda effect: -abs(effect.value)))
-    return Regression(outcome, n, *fit.r2, adjusted, ordered)
-
-
-class _Fit(NamedTuple):
-    effects: list  # of (value, low, high)
-    r2: tuple  # value, low, high
+    return Regression(outcome, n, *r2, ordered)
 
 
 def _standardised(y, x):
-    """Fit of standardised y (n,) on standardised x (n, m)."""
+    """Fit of standardised y (n,) on standardised x (n, m): list of (value, low, high), fitted y (n,)."""
     from scipy import stats
 
     n, m = x.shape
     gram = x.T @ x / n
     beta = np.linalg.solve(gram, x.T @ y / n)
-    e = y - x @ beta
+    fit = x @ beta
     # influence of each run on beta, and on the deviations by which it is standardised
-    influence = np.linalg.solve(gram, (x * e[:, None]).T).T + 0.5 * beta * (x**2 - (y**2)[:, None])
+    influence = np.linalg.solve(gram, (x * (y - fit)[:, None]).T).T + 0.5 * beta * (x**2 - (y**2)[:, None])
     free = n - m - 1
-    t = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, free))
-    half = t * influence.std(axis=0) / np.sqrt(free)
-    r2 = 1.0 - float(e @ e) / n
-    r2_half = t * float(np.std(-(e**2) + (1.0 - r2) * y**2)) / np.sqrt(free)
-    effects = [(float(b), float(b - h), float(b + h)) for b, h in zip(beta, half, strict=True)]
-    return _Fit(effects, (r2, max(r2 - r2_half, 0.0), min(r2 + r2_half, 1.0)))
+    half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, free)) * influence.std(axis=0) / np.sqrt(free)
+    return [(float(b), float(b - h), float(b + h)) for b, h in zip(beta, half, strict=True)], fit
 
 
 def _independent(x):
