@@ -61,10 +61,8 @@ def campaign(
 
     address = _told("--engine", running.address, cluster)
     kept = _told("--keep", running.kept, keep or ())
-    if address is not None and workers is not None:
-        raise typer.BadParameter("the cluster has its own workers; leave one away", param_hint="--workers")
     loaded = load.load(scenario, overrides or ())
-    request = running.Request(loaded, runs, seed, workers, address, kept)
+    request = running.checked(running.Request(loaded, runs, seed, workers, address, kept))
     folder = out or OUT / f"{loaded.mission.name}-seed{seed}"
     if dry_run:
         _print_draws(running.prepared(loaded, runs, seed)[1], runs, json)

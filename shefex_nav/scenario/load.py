@@ -8,7 +8,7 @@ from functools import partial
 from pydantic import ValidationError
 
 from shefex_nav.errors import UserError
-from shefex_nav.scenario import disperse, document, expand, fields, kind, messages
+from shefex_nav.scenario import disperse, document, drawn, expand, fields, kind, messages
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
 from shefex_nav.scenario.dispersions import KEYS
 from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted
@@ -110,7 +110,7 @@ class Pattern:
         """
         tree, places = copy.deepcopy(self._tree), self._places.copy()
         for one in self.dispersed:
-            fields.put(tree, one.path, disperse.applied(one, draws[one.name]))
+            fields.put(tree, one.path, drawn.applied(one, draws[one.name]))
             mark = Mark("drawn", 0, 0)
             places.put(one.path, {(): mark}, {(): mark})
         return self._validated(tree, places)
