@@ -37,11 +37,11 @@ Pixels: (0, 0) is the centre of the top-left pixel, x to the right, y down.
 
 import os as _os
 
-from shefex_nav import compiled as _compiled
+from shefex_nav.compiled import target as _target
 
 __version__ = "0.1.0"
 
-_compiled.place_cache(_os.environ)
+_target.choose(_os.environ)
 
 
 _PUBLIC = {

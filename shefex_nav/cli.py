@@ -24,6 +24,7 @@ from shefex_nav.report import export_command  # imports late
 from shefex_nav.reproduce.command import ListingCommand, reproduce  # which import late
 from shefex_nav.solve.command import solve
 from shefex_nav.verify.command import app as verify_app  # which imports late, too
+from shefex_nav.warmup_command import warmup
 
 app = typer.Typer(
     name="shefex-nav",
@@ -42,6 +43,7 @@ app.command()(smooth)
 app.command()(campaign)
 app.command()(repeat)
 app.command()(export_command.export)
+app.command()(warmup)
 
 ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
 SetOption = Annotated[
@@ -84,7 +86,6 @@ def run(
     path = out or free_name(loaded.mission.name, seed)
     export_command.check_file(path, "--out", force=force, given=loaded_files(loaded, scenario))
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
-    say("Getting ready; the first run on a machine compiles, which takes a few minutes.")
     with about(scenario):
         flown = runs.fly(
             loaded,

@@ -82,14 +82,16 @@ def fly(
     ValueError for what is no scenario, seed or time.
     """
     _check(scenario, seed, until_s)
-    from shefex_nav import prepare, simulate
+    from shefex_nav import prepare, simulate, warmup
     from shefex_nav.log.drawings import FramePolicy
     from shefex_nav.log.writer import LogWriter
     from shefex_nav.report import programme
+    from shefex_nav.scenario.choices import choices
 
     folder = None if log else Folder()
     path = Path(log) if log else folder.path / LOG_NAME
     began = time.perf_counter()
+    warmup.get_ready({"run", *choices(scenario)})
     world = prepare.build_world(scenario, seed)
     told(programme.warnings(scenario, programme.of_flight(world.flight)))
     t_s = world.flight.trajectory.t_s

@@ -14,7 +14,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, ThreadPoolExecut
 from typing import NamedTuple
 
 from shefex_nav.campaign import flight
-from shefex_nav.compiled import ONE_THREAD
+from shefex_nav.compiled.target import ONE_THREAD
 from shefex_nav.errors import UserError
 from shefex_nav.workers import Pool, environment, undisturbed
 

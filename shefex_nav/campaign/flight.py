@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import ONE_THREAD
+from shefex_nav.compiled.target import ONE_THREAD
 from shefex_nav.errors import UserError
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))

@@ -209,9 +209,11 @@ def _named(runs, most=10):
 
 def compile_kernels(scenario, show):
     """Compile what is not compiled yet: workers would do so all at once and get into each other's way."""
-    from shefex_nav import simulate
+    from shefex_nav import simulate, warmup
+    from shefex_nav.scenario.choices import choices
 
-    show.say("Getting ready; the first run on a machine compiles, which takes a few minutes.")
+    show.say("Getting ready")
+    warmup.get_ready({"run", "campaign", *choices(scenario)})
     simulate.warm_up(scenario)
 
 

@@ -8,7 +8,8 @@ import, for its six gases, and density and pressure interpolated in their logari
 """
 
 import numpy as np
-from numba import njit
+
+from shefex_nav.compiled import kernel
 
 R_STAR = 8314.32  # J/(kmol K), table 2
 M_0 = 28.9644  # kg/kmol at sea level, table 2
@@ -53,7 +54,7 @@ def _layer_bases():
 LAYER_T, LAYER_P = _layer_bases()
 
 
-@njit(cache=True)
+@kernel
 def upper_temperature(height):
     """Kinetic temperature [K] above 86 km, equations 25, 27, 29 and 31; height in m."""
     z = 1e-3 * height
@@ -156,7 +157,7 @@ def _upper_table():
 UPPER = _upper_table()
 
 
-@njit(cache=True)
+@kernel
 def us76(height_m):
     """(density kg/m^3, pressure Pa, temperature K, speed of sound m/s) at a geometric height [m].
 

@@ -16,8 +16,8 @@ from math import factorial, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import wgs84
 
 GM_EGM96 = 3.986004415e14  # m^3/s^2
@@ -106,7 +106,7 @@ def from_normalised(gm, radius, cosine, sine):
     return GravityModel(float(gm), float(radius), degree, recursion, p, q)
 
 
-@njit(cache=True)
+@kernel
 def gravity_e(model, r_e):
     """Gravitation at r_e outside the Earth: (3,) m -> (3,) m/s^2, frame e."""
     r2 = r_e[0] ** 2 + r_e[1] ** 2 + r_e[2] ** 2
@@ -135,7 +135,7 @@ def gravity_e(model, r_e):
     return np.array([scale * gx, scale * gy, scale * gz])
 
 
-@njit(cache=True)
+@kernel
 def gravity_j2_e(r_e):
     """Gravitation of the WGS 84 Earth with J2 alone: (3,) m -> (3,) m/s^2, frame e.
 
@@ -149,7 +149,7 @@ def gravity_j2_e(r_e):
     return np.array([across * r_e[0], across * r_e[1], c * (1.0 + k * (3.0 - 5.0 * s2)) * r_e[2]])
 
 
-@njit(cache=True)
+@inner
 def _focal_series(t):
     """q = sum 2 n s_n t^(2n+1) and q' = sum 6 s_n t^2n, with s_n = (-1)^(n+1) / ((2n+1)(2n+3)), n from 1.
 
@@ -168,7 +168,7 @@ def _focal_series(t):
     return q, q_prime
 
 
-@njit(cache=True)
+@kernel
 def normal_gravity_e(r_e):
     """Gravity of the WGS 84 ellipsoid, with the centrifugal acceleration: (3,) m -> (3,) m/s^2, frame e.
 
@@ -200,7 +200,7 @@ def normal_gravity_e(r_e):
     return np.array([outward * r_e[0] / across, outward * r_e[1] / across, up])
 
 
-@njit(cache=True)
+@kernel
 def normal_gravity(latitude, height):
     """Magnitude of normal gravity [m/s^2] at a geodetic latitude [rad] and height [m], 0 or above.
 

@@ -11,8 +11,8 @@ from importlib.resources import files
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.environment.constants import SPEED_OF_LIGHT
 
 EPOCH = 1991.25  # Julian year of the Hipparcos positions
@@ -81,7 +81,7 @@ def silicon_magnitude(vmag, bv):
     return vmag + np.polyval(G_MINUS_V, colour)
 
 
-@njit(cache=True)
+@kernel
 def aberrate(u_i, v_i):
     """Directions as a moving observer sees them; the inverse is `aberrate(u_i, -v_i)`.
 

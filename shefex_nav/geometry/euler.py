@@ -5,12 +5,12 @@ new right, then roll about the new forward axis.
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry.rotation import rows
 
 
-@njit(cache=True)
+@kernel
 def dcm_from_euler(roll, pitch, heading):
     """C_nb of three angles [rad]: (3, 3)."""
     cr, sr = np.cos(roll), np.sin(roll)
@@ -23,14 +23,14 @@ def dcm_from_euler(roll, pitch, heading):
     )
 
 
-@njit(cache=True)
+@kernel
 def euler_from_dcm(C_nb):
     """(roll, pitch, heading) of C_nb [rad], pitch within a quarter turn. (3, 3) -> three floats."""
     pitch = np.arctan2(-C_nb[2, 0], np.sqrt(C_nb[2, 1] ** 2 + C_nb[2, 2] ** 2))
     return np.arctan2(C_nb[2, 1], C_nb[2, 2]), pitch, np.arctan2(C_nb[1, 0], C_nb[0, 0])
 
 
-@njit(cache=True)
+@kernel
 def euler_jacobian(roll, pitch):
     """d(roll, pitch, heading) of a small rotation vector in body axes: (3, 3); singular at pitch 90 deg.
 

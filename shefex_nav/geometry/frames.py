@@ -8,8 +8,8 @@ its rotation angle alone: at most 16 mm off after 600 s, at a hundredth of the c
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry.rotation import cross, rows
 
 
@@ -22,7 +22,7 @@ class EarthRotation(NamedTuple):
     rate: float  # rad/s
 
 
-@njit(cache=True)
+@kernel
 def dcm_ie(earth, t_s):
     """C_ie at mission time t_s. EarthRotation, s -> (3, 3)."""
     angle = earth.angle_0 + earth.rate * t_s
@@ -31,13 +31,13 @@ def dcm_ie(earth, t_s):
     return earth.C_iq @ C_qr @ earth.C_re
 
 
-@njit(cache=True)
+@kernel
 def omega_ie_i(earth):
     """Rotation of the Earth in inertial components: (3,) rad/s, constant within a mission."""
     return np.ascontiguousarray(earth.C_iq[:, 2]) * earth.rate
 
 
-@njit(cache=True)
+@kernel
 def inertial_from_ecef(earth, t_s, r_e, v_e):
     """(r_i, v_i) of a point with position r_e and velocity v_e relative to the Earth."""
     C_ie = dcm_ie(earth, t_s)
@@ -45,7 +45,7 @@ def inertial_from_ecef(earth, t_s, r_e, v_e):
     return r_i, C_ie @ v_e + cross(omega_ie_i(earth), r_i)
 
 
-@njit(cache=True)
+@kernel
 def ecef_from_inertial(earth, t_s, r_i, v_i):
     """(r_e, v_e), velocity relative to the rotating Earth, of an inertial state."""
     C_ei = dcm_ie(earth, t_s).T

@@ -7,7 +7,8 @@ x_px = cx + f * X/Z, y_px = cy + f * Y/Z.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from shefex_nav.compiled import kernel
 
 
 class Pinhole(NamedTuple):
@@ -25,7 +26,7 @@ def pinhole(width_px, height_px, focal_length_px):
     return Pinhole(width_px, height_px, focal_length_px, 0.5 * (width_px - 1), 0.5 * (height_px - 1))
 
 
-@njit(cache=True)
+@kernel
 def turn_slopes(x, y):
     """How a small turn of the camera, dtheta_c, moves the direction (x, y) = (X/Z, Y/Z) of a star.
 
@@ -39,7 +40,7 @@ def turn_slopes(x, y):
     return (x * y, -(1.0 + x * x), y), (1.0 + y * y, -x * y, -x)
 
 
-@njit(cache=True)
+@kernel
 def unit_vectors(camera, xy_px):
     """Directions in camera axes of pixel positions. (n, 2) px -> (n, 3)."""
     n = xy_px.shape[0]
@@ -52,7 +53,7 @@ def unit_vectors(camera, xy_px):
     return u_c
 
 
-@njit(cache=True)
+@kernel
 def pixels(camera, u_c):
     """Pixel positions of directions in front of the camera. (n, 3) -> (n, 2) px; NaN behind it."""
     n = u_c.shape[0]
@@ -66,7 +67,7 @@ def pixels(camera, u_c):
     return xy_px
 
 
-@njit(cache=True)
+@kernel
 def cross_axes(u_c):
     """Two axes across each direction: e1 is the camera's x made perpendicular to u, e2 = u x e1.
 
@@ -82,7 +83,7 @@ def cross_axes(u_c):
     return E
 
 
-@njit(cache=True)
+@kernel
 def cross_covariance(camera, xy_px, P_px):
     """Covariance of directions along their `cross_axes` from that of their places in the picture.
 

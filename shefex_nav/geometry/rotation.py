@@ -5,12 +5,12 @@ components in a. Everything is compiled and may be called from Python and from o
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry import triples as t3
 
 
-@njit(cache=True)
+@kernel
 def rows(a, b, c):
     """(3, 3) array of three rows, each a tuple of three numbers.
 
@@ -23,55 +23,55 @@ def rows(a, b, c):
     return out
 
 
-@njit(cache=True)
+@kernel
 def skew(v):
     """Cross-product matrix: skew(v) @ u = v x u. (3,) -> (3, 3)."""
     return rows((0.0, -v[2], v[1]), (v[2], 0.0, -v[0]), (-v[1], v[0], 0.0))
 
 
-@njit(cache=True)
+@kernel
 def cross(u, v):
     """u x v for (3,) vectors; np.cross on such small arrays costs ten times as much."""
     return np.array(t3.cross(u, v))
 
 
-@njit(cache=True)
+@kernel
 def quat_multiply(p, q):
     """Hamilton product: q_ac = quat_multiply(q_ab, q_bc). (4,), (4,) -> (4,)."""
     return np.array(t3.quat_multiply(p, q))
 
 
-@njit(cache=True)
+@kernel
 def quat_conjugate(q):
     """Inverse of a unit quaternion: q_ba from q_ab. (4,) -> (4,)."""
     return np.array(t3.quat_conjugate(q))
 
 
-@njit(cache=True)
+@kernel
 def quat_normalise(q):
     """q divided by its norm. (4,) -> (4,)."""
     return np.array(t3.quat_normalise(q))
 
 
-@njit(cache=True)
+@kernel
 def quat_rotate(q_ab, v_b):
     """Components in a of a vector given in b. (4,), (3,) -> (3,)."""
     return np.array(t3.quat_rotate(q_ab, v_b))
 
 
-@njit(cache=True)
+@kernel
 def quat_from_rotvec(phi):
     """exp: quaternion of the rotation by |phi| about phi. (3,) rad -> (4,)."""
     return np.array(t3.quat_from_rotvec(phi))
 
 
-@njit(cache=True)
+@kernel
 def rotvec_from_quat(q):
     """log: rotation vector of the shorter of the two rotations q and -q. (4,) -> (3,) rad."""
     return np.array(t3.rotvec_from_quat(q))
 
 
-@njit(cache=True)
+@kernel
 def dcm_from_quat(q):
     """Direction cosine matrix C_ab of q_ab. (4,) -> (3, 3)."""
     C = np.empty((3, 3))
@@ -79,7 +79,7 @@ def dcm_from_quat(q):
     return C
 
 
-@njit(cache=True)
+@kernel
 def quat_from_dcm(C):
     """Quaternion q_ab of C_ab by the largest of its components (Shepperd 1978). (3, 3) -> (4,)."""
     q2 = np.array(
@@ -106,7 +106,7 @@ def quat_from_dcm(C):
     return quat_normalise(q)
 
 
-@njit(cache=True)
+@kernel
 def dcm_from_rotvec(phi):
     """exp(skew(phi)): (3,) rad -> (3, 3)."""
     return dcm_from_quat(quat_from_rotvec(phi))

@@ -6,7 +6,7 @@ light from its start for exposure_s; with a global shutter line_s is zero and al
 
 from typing import NamedTuple
 
-from numba import njit
+from shefex_nav.compiled import kernel
 
 
 class RowTimes(NamedTuple):
@@ -22,7 +22,7 @@ def row_times(exposure_s, line_s, n_rows):
     return RowTimes(float(exposure_s), float(line_s), 0.5 * (n_rows - 1))
 
 
-@njit(cache=True)
+@kernel
 def row_start_s(times, row):
     """Start of the exposure of a row, whole or between two. RowTimes, px -> s from the frame's instant."""
     return (row - times.middle_row) * times.line_s - 0.5 * times.exposure_s

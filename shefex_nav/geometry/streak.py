@@ -10,8 +10,8 @@ so the first and the last instant solve t = row_start(y(t)) and t = row_start(y(
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.geometry.shutter import row_start_s
 
@@ -19,7 +19,7 @@ SOLVED_S = 1e-9  # of the first and last instant; less than 1e-5 px at any rate
 MOST_STEPS = 60  # of the fixed point, which shrinks by |v_y| line_s each: 0.1 at 10 deg/s
 
 
-@njit(cache=True)
+@kernel
 def place_at(camera, omega_c, x_px, y_px, t_s):
     """Where a star that is at (x_px, y_px) at time zero is at t_s.
 
@@ -53,7 +53,7 @@ def place_at(camera, omega_c, x_px, y_px, t_s):
     return camera.cx_px + scale * X, camera.cy_px + scale * Y
 
 
-@njit(cache=True)
+@kernel
 def turn_jacobian(camera, x_px, y_px):
     """How a small turn of the camera, dtheta_c, moves a star: d xy = H dtheta_c. -> (2, 3) px/rad.
 
@@ -63,7 +63,7 @@ def turn_jacobian(camera, x_px, y_px):
     return f * np.array(turn_slopes((x_px - camera.cx_px) / f, (y_px - camera.cy_px) / f))
 
 
-@njit(cache=True)
+@kernel
 def turn_jacobians(camera, xy_px):
     """`turn_jacobian` at each place. (n, 2) px -> (n, 2, 3) px/rad."""
     H = np.empty((len(xy_px), 2, 3))
@@ -72,7 +72,7 @@ def turn_jacobians(camera, xy_px):
     return H
 
 
-@njit(cache=True)
+@kernel
 def velocity(camera, omega_c, x_px, y_px):
     """Velocity of a star at (x_px, y_px). -> vx, vy [px/s]: the derivative of `place_at` at time zero."""
     f = camera.focal_length_px
@@ -82,7 +82,7 @@ def velocity(camera, omega_c, x_px, y_px):
     return f * vx, f * vy
 
 
-@njit(cache=True)
+@kernel
 def seen_from_to(camera, times, omega_c, x_px, y_px):
     """First and last instant at which the light of a star is collected.
 
@@ -111,7 +111,7 @@ def seen_from_to(camera, times, omega_c, x_px, y_px):
     return np.nan, np.nan
 
 
-@njit(cache=True)
+@kernel
 def middles_seen(camera, times, omega_c, xy_px):
     """When the light of stars is collected, in the mean. (n, 2) places at time zero -> (n,) s."""
     t_s = np.empty(len(xy_px))
@@ -121,7 +121,7 @@ def middles_seen(camera, times, omega_c, xy_px):
     return t_s
 
 
-@njit(cache=True)
+@kernel
 def rate_lever(camera, times, omega_c, x_px, y_px):
     """How an error of the rate moves a star's place at time zero: d xy = S domega_c. -> (2, 3) px s.
 

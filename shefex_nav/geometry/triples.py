@@ -7,34 +7,34 @@ them into one). Vectors and quaternions may be given as arrays, too; `rotation` 
 
 from math import atan2, cos, sin, sqrt
 
-from numba import njit
+from shefex_nav.compiled import kernel
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def dot(u, v):
     """u . v"""
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def cross(u, v):
     """u x v"""
     return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def scaled(a, u):
     """a u"""
     return a * u[0], a * u[1], a * u[2]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def plus(u, a, v):
     """u + a v"""
     return u[0] + a * v[0], u[1] + a * v[1], u[2] + a * v[2]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def turned(C, u):
     """C u"""
     return (
@@ -44,7 +44,7 @@ def turned(C, u):
     )
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def product(A, B):
     """A B"""
     return (
@@ -60,13 +60,13 @@ def product(A, B):
     )
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def transposed(A):
     """A^T"""
     return A[0], A[3], A[6], A[1], A[4], A[7], A[2], A[5], A[8]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def composed(a, u, v, w):
     """a I + u v^T + skew(w), of which the derivatives of rotations are made."""
     return (
@@ -82,7 +82,7 @@ def composed(a, u, v, w):
     )
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def quat_multiply(p, q):
     """Hamilton product, scalar first."""
     return (
@@ -93,7 +93,7 @@ def quat_multiply(p, q):
     )
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def quat_from_rotvec(phi):
     """exp: quaternion of the rotation by |phi| about phi."""
     angle2 = dot(phi, phi)
@@ -107,13 +107,13 @@ def quat_from_rotvec(phi):
     return w, s * phi[0], s * phi[1], s * phi[2]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def quat_conjugate(q):
     """Inverse of a unit quaternion: q_ba from q_ab."""
     return q[0], -q[1], -q[2], -q[3]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def quat_rotate(q, v):
     """Components in a of a vector given in b, q_ab: v + w t + u x t with t = 2 u x v."""
     w, a, b, c = q[0], q[1], q[2], q[3]
@@ -122,7 +122,7 @@ def quat_rotate(q, v):
     return x + w * tx + (b * tz - c * ty), y + w * ty + (c * tx - a * tz), z + w * tz + (a * ty - b * tx)
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def rotvec_from_quat(q):
     """log: rotation vector of the shorter of the two rotations q and -q."""
     sign = 1.0 if q[0] >= 0.0 else -1.0
@@ -135,14 +135,14 @@ def rotvec_from_quat(q):
     return sign * k * q[1], sign * k * q[2], sign * k * q[3]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def quat_normalise(q):
     """q divided by its norm."""
     norm = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def dcm_from_quat(q):
     """C_ab of q_ab."""
     w, x, y, z = q[0], q[1], q[2], q[3]
@@ -153,31 +153,31 @@ def dcm_from_quat(q):
     )  # fmt: skip
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def vector(a, k):
     """Three numbers of an array from k on."""
     return a[k], a[k + 1], a[k + 2]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def column(a, k):
     """Column k of a (3, n) array."""
     return a[0, k], a[1, k], a[2, k]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def put(out, a):
     """Write three numbers into a (3,) array."""
     out[0], out[1], out[2] = a
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def matrix(a):
     """Nine numbers of a (3, 3) array."""
     return a[0, 0], a[0, 1], a[0, 2], a[1, 0], a[1, 1], a[1, 2], a[2, 0], a[2, 1], a[2, 2]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def store(out, A):
     """Write a matrix into a (3, 3) array."""
     out[0, 0], out[0, 1], out[0, 2] = A[0], A[1], A[2]
@@ -185,7 +185,7 @@ def store(out, A):
     out[2, 0], out[2, 1], out[2, 2] = A[6], A[7], A[8]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def inverse(A):
     """A^-1 by its cofactors."""
     B = (

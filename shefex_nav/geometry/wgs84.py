@@ -4,8 +4,8 @@ Source of the constants: NIMA TR8350.2, third edition.
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry.rotation import rows
 
 A = 6378137.0  # m, semi-major axis
@@ -17,7 +17,7 @@ GM = 3.986004418e14  # m^3/s^2
 OMEGA = 7.292115e-5  # rad/s, rotation rate of the Earth
 
 
-@njit(cache=True)
+@kernel
 def ecef_from_geodetic(latitude, longitude, height):
     """Position from geodetic latitude, longitude [rad] and height [m]: (3,) m, frame e."""
     s, c = np.sin(latitude), np.cos(latitude)
@@ -31,7 +31,7 @@ def ecef_from_geodetic(latitude, longitude, height):
     )
 
 
-@njit(cache=True)
+@kernel
 def geodetic_from_ecef(r_e):
     """Geodetic latitude, longitude [rad] and height [m] of a position (3,) m, frame e.
 
@@ -52,7 +52,7 @@ def geodetic_from_ecef(r_e):
     return latitude, np.arctan2(y, x), height
 
 
-@njit(cache=True)
+@kernel
 def dcm_en(latitude, longitude):
     """C_en: components in north-east-down to components in e. rad, rad -> (3, 3)."""
     sp, cp = np.sin(latitude), np.cos(latitude)
@@ -60,7 +60,7 @@ def dcm_en(latitude, longitude):
     return rows((-sp * cl, -sl, -cp * cl), (-sp * sl, cl, -cp * sl), (cp, 0.0, -sp))
 
 
-@njit(cache=True)
+@kernel
 def dcm_el(latitude, longitude):
     """C_el: components in east-north-up at the launch site to components in e. rad -> (3, 3)."""
     sp, cp = np.sin(latitude), np.cos(latitude)
@@ -68,7 +68,7 @@ def dcm_el(latitude, longitude):
     return rows((-sl, -sp * cl, cp * cl), (cl, -sp * sl, cp * sl), (0.0, cp, sp))
 
 
-@njit(cache=True)
+@kernel
 def limb_angle(r_e, direction_e):
     """Angle between a direction and the nearest point of the Earth's limb [rad]; negative below it.
 
@@ -100,7 +100,7 @@ def limb_angle(r_e, direction_e):
     return angle - np.arctan2(s / width, (c - s * along / width) / length)
 
 
-@njit(cache=True)
+@kernel
 def perpendicular(v):
     """Some unit vector across the unit vector v. (3,) -> (3,)."""
     k = np.argmin(np.abs(v))

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 from foxglove import messages as fox
-from numba import njit
 
 from shefex_nav.clock import TICK_HZ
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry.frames import dcm_ie
 from shefex_nav.geometry.rotation import quat_from_dcm, quat_multiply
 from shefex_nav.geometry.wgs84 import dcm_el, ecef_from_geodetic, geodetic_from_ecef
@@ -207,7 +207,7 @@ class Drawings:
         yield "/log", _line(ns, fox.LogLevel.Info, "mission", text)
 
 
-@njit(cache=True)
+@kernel
 def launch_pose(earth, C_le, r_le_e, t_s, r_i, q_ib):
     """Position [m] and attitude (q_lb) in launch axes of a body given in inertial axes.
 
@@ -240,7 +240,7 @@ def _image(image_dn, ns):
     )
 
 
-@njit(cache=True)
+@kernel
 def thresholded(image_dn, threshold_sigma):
     """The frame with everything below mean + threshold_sigma * standard deviation of its background at zero.
 

@@ -13,9 +13,9 @@ from math import acos, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from shefex_nav.clock import SAME_S
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.onboard.navigation import coast as coasting
 from shefex_nav.onboard.navigation import fusion, mean_rate, sensors, strapdown
@@ -240,7 +240,7 @@ def _surroundings(computer, index, t_valid_s):
     return C_bc, C_ic, star_tracker.Context(v_i + params.tracker.earth_velocity_i, *angles)
 
 
-@njit(cache=True)
+@kernel
 def _sight(
     x, increments, n, dt_s, vibration, C_bc_nominal, later_s, t_s, C_iq, C_re, angle_0, rate, sun_i
 ):  # fmt: skip

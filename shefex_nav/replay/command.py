@@ -15,7 +15,6 @@ import typer
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 BRIEF_TICKS = 300  # of a log, by which everything is compiled: the first fixes are among them
-GETTING_READY = "Getting ready; the first run on a machine compiles, which takes a minute."
 
 
 def replay(
@@ -60,9 +59,12 @@ def _external(source, folder, overrides, from_s, log):
     from shefex_nav.replay import load
 
     scenario, files = load.load(source, overrides, folder)
-    typer.echo(GETTING_READY, err=True)
     began = time.perf_counter()
+    from shefex_nav import warmup
     from shefex_nav.replay import external
+    from shefex_nav.scenario.choices import choices
+
+    warmup.get_ready({"replay", *choices(scenario)})
 
     ready = external.prepare(scenario, files)
     end_s = float(ready.blocks.t_valid_s[-1])
@@ -80,9 +82,10 @@ def _again(source, overrides, from_s, log):
 
     recording = rerun.open_log(source, overrides)
     _check_within(from_s, float(recording.data.imu.t_valid_s[-1]))
-    typer.echo(GETTING_READY, err=True)
     began = time.perf_counter()
-    from shefex_nav import __version__
+    from shefex_nav import __version__, warmup
+
+    warmup.get_ready({"replay of a log"})
 
     data = recording.data
     nav = rerun.start(recording)

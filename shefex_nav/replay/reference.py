@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from shefex_nav.clock import SAME_S
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import euler, frames, rotation, wgs84
 
 LONGEST_STEP_S = 1.5  # between two rows of truth that are interpolated
@@ -38,7 +38,7 @@ def covered(truth, t_s):
     return inside & (truth.t_s[k] - truth.t_s[k - 1] <= LONGEST_STEP_S)
 
 
-@njit(cache=True)
+@inner
 def attitude_eb(r_e, angles):
     """q_eb of roll, pitch, heading (3,) rad at a position (3,) m, frame e."""
     latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
@@ -46,7 +46,7 @@ def attitude_eb(r_e, angles):
     return rotation.quat_from_dcm(wgs84.dcm_en(latitude, longitude) @ C_nb)
 
 
-@njit(cache=True)
+@kernel
 def _resample(earth, t_row, r_row, v_row, angles, t_s):
     """`at` on arrays."""
     n = t_s.shape[0]

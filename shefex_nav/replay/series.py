@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry import wgs84
 from shefex_nav.replay.table import DataError, Table
 
@@ -77,7 +77,7 @@ def velocities(table, names, frame, r_e):
     return to_ecef(given, r_e)
 
 
-@njit(cache=True)
+@kernel
 def to_ecef(v_n, r_e):
     """Vectors north-east-down at positions in frame e. (N, 3), (N, 3) m -> (N, 3), frame e."""
     out = np.empty_like(v_n)
@@ -89,7 +89,7 @@ def to_ecef(v_n, r_e):
     return out
 
 
-@njit(cache=True)
+@kernel
 def _ecef_kernel(latitude, longitude, height):
     """(N,) rad, rad, m -> (N, 3) m, frame e."""
     out = np.empty((latitude.shape[0], 3))

@@ -40,10 +40,11 @@ def smooth(
         typer.echo(
             f"{log}: the run ended early, at T{data.last_t_s:+.2f} s; it is smoothed up to then", err=True
         )
-    typer.echo("Getting ready; the first run on a machine compiles, which takes a minute.", err=True)
+    from shefex_nav import warmup
     from shefex_nav.replay import smooth as smoother
     from shefex_nav.replay import smoothed_log
 
+    warmup.get_ready({"smooth"})
     began = time.perf_counter()
     result = _with_bar(lambda progress: smoother.run(recording, progress))
     wall_s = time.perf_counter() - began

@@ -5,9 +5,9 @@ attitude less those of the estimated one. Their sigmas come from the logged cova
 """
 
 import numpy as np
-from numba import njit
 
 from shefex_nav.clock import SAME_S
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import euler, frames, rotation, wgs84
 from shefex_nav.report.pairing import same_times
 
@@ -99,7 +99,7 @@ def errors_and_sigmas(data):
     return t_s, error, a, t_s[a], sigma
 
 
-@njit(cache=True)
+@inner
 def _level_axes(earth, t_s, r_i):
     """C_ni at a position (3,) m in inertial axes."""
     C_ie = frames.dcm_ie(earth, t_s)
@@ -107,7 +107,7 @@ def _level_axes(earth, t_s, r_i):
     return np.ascontiguousarray((C_ie @ wgs84.dcm_en(latitude, longitude)).T)
 
 
-@njit(cache=True)
+@kernel
 def _errors_kernel(earth, t_s, r_true, v_true, q_true, r_i, v_i, q_ib):
     """(N, 9) errors of `errors`."""
     out = np.empty((t_s.shape[0], 9))
@@ -124,7 +124,7 @@ def _errors_kernel(earth, t_s, r_true, v_true, q_true, r_i, v_i, q_ib):
     return out
 
 
-@njit(cache=True)
+@kernel
 def _sigmas_kernel(earth, t_s, r_i, v_i, q_ib, P):
     """(K, 9) sigmas of these errors from covariances (K, 9, 9) of position i, velocity i, attitude b."""
     out = np.empty((t_s.shape[0], 9))

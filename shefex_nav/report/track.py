@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry.frames import ecef_from_inertial
 from shefex_nav.geometry.wgs84 import geodetic_from_ecef
 
@@ -24,7 +24,7 @@ def earth_fixed(earth, truth):
     return Track(*_track_kernel(earth, truth.t_s, truth.r_i, truth.v_i))
 
 
-@njit(cache=True)
+@kernel
 def _track_kernel(earth, t_s, r_i, v_i):
     n = t_s.shape[0]
     r_e, v_e = np.empty((n, 3)), np.empty((n, 3))

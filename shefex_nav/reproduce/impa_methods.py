@@ -9,8 +9,8 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.geometry.streak import velocity
 from shefex_nav.onboard.startracker import multipole_chain, objects, streaks, tracker
@@ -118,7 +118,7 @@ def _heading(omega_c, xy_px):
     return np.arctan2(v[:, 1], v[:, 0])
 
 
-@njit(cache=True)
+@kernel
 def _velocities(camera, omega_c, xy_px):
     """`velocity` at each place. (n, 2) -> (n, 2) px/s."""
     out = np.empty(xy_px.shape)

@@ -20,7 +20,7 @@ from shefex_nav import __version__
 from shefex_nav.errors import UserError
 
 HEAD = "head"  # name of the array that holds the fingerprint
-WORLD = ("clock.py", "records.py", "compiled.py", "geometry", "environment", "world", "onboard", "data")
+WORLD = ("clock.py", "records.py", "compiled", "geometry", "environment", "world", "onboard", "data")
 
 
 class StoreError(UserError, ValueError):

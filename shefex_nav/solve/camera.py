@@ -5,7 +5,8 @@ from math import isfinite
 from numbers import Real
 
 import numpy as np
-from numba import njit
+
+from shefex_nav.compiled import kernel
 
 UNDISTORT_STEPS = 20
 
@@ -39,7 +40,7 @@ class Camera:
             object.__setattr__(self, "distortion", tuple(float(v) for v in values))
 
 
-@njit(cache=True)
+@kernel
 def undistort(pinhole, distortion, xy_px):
     """Pixels of an ideal pinhole from distorted ones, by iteration. Pinhole, (5,), (n, 2) -> (n, 2)."""
     k1, k2, p1, p2, k3 = distortion

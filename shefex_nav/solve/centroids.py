@@ -9,8 +9,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
 from shefex_nav.geometry.rotation import quat_conjugate
@@ -115,7 +115,7 @@ def solve_centroids(
     return StarSolution("failed", REASONS[reason], q_ci, hip, P_c, 1.0)
 
 
-@njit(cache=True)
+@kernel
 def _solve_kernel(stars, index, hips, settings, xy_px, flux, has_prediction, q_ci, P_c, ellipses=None):
     """Sort by brightness, solve, name the stars in the order of the input.
 
@@ -164,7 +164,7 @@ def _solve_uneven(tables, xy_px, flux, prior, P_px):
     return reason, hip, *found
 
 
-@njit(cache=True)
+@inner
 def _insertion_sort(flux, order):
     """Sort `order`, 0 ... n - 1, by falling flux; equal ones stay in their order."""
     for k in range(1, flux.shape[0]):

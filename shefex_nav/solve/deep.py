@@ -9,7 +9,8 @@ import struct
 import zlib
 
 import numpy as np
-from numba import njit
+
+from shefex_nav.compiled import kernel
 
 # start row, start column, row step, column step of the passes of an interlaced PNG
 PASSES = ((0, 0, 8, 8), (0, 4, 8, 8), (4, 0, 8, 4), (0, 2, 4, 4), (2, 0, 4, 2), (0, 1, 2, 2), (1, 0, 2, 1))
@@ -78,7 +79,7 @@ def _inflate(packed, size):
     return stream[:size]
 
 
-@njit(cache=True)
+@kernel
 def unfilter(lines, step):
     """Undo the filters of PNG in place: each line begins with its filter; False for an unknown one."""
     rows, length = lines.shape
@@ -134,7 +135,7 @@ def _tiff(data, image):
     return pixels
 
 
-@njit(cache=True)
+@kernel
 def unpack_lzw(packed, size):
     """LZW as TIFF has it: codes of 9 to 12 bits, highest bit first. -> (size,) uint8, how many were found."""
     out = np.zeros(size, dtype=np.uint8)

@@ -10,8 +10,8 @@ are dropped, the latter are marked.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.detect import DetectParams, detect
 
 LARGEST_PX = 2048  # of the longer side; larger pictures are binned
@@ -123,7 +123,7 @@ def grey_step(grey):
     return float(steps.min()) if len(steps) else 1.0
 
 
-@njit(cache=True)
+@kernel
 def tile_quantiles(grey, edges_r, edges_c):
     """Median and quantile one sigma below it of every tile: (tiles, tiles), (tiles, tiles)."""
     n_r, n_c = len(edges_r) - 1, len(edges_c) - 1
@@ -137,7 +137,7 @@ def tile_quantiles(grey, edges_r, edges_c):
     return middle, low
 
 
-@njit(cache=True)
+@kernel
 def subtract(grey, tiles, at_r, at_c):
     """Picture minus a background that is known at the rows at_r and the columns at_c."""
     rows, columns = grey.shape
@@ -158,7 +158,7 @@ def subtract(grey, tiles, at_r, at_c):
     return flat
 
 
-@njit(cache=True)
+@inner
 def _between(at, x):
     """Number of the last node before x, and how far x is on the way to the next: constant outside."""
     if x <= at[0] or len(at) == 1:
@@ -169,7 +169,7 @@ def _between(at, x):
     return k, (x - at[k]) / (at[k + 1] - at[k])
 
 
-@njit(cache=True)
+@kernel
 def aperture(flat, xy_px, radius_px):
     """Sum of the grey values within the radius of each object. -> (n,)."""
     total = np.zeros(xy_px.shape[0])
@@ -183,7 +183,7 @@ def aperture(flat, xy_px, radius_px):
     return total
 
 
-@njit(cache=True)
+@kernel
 def crowding(flat, xy_px, radius_px, limit):
     """Share of the pixels around each object that differ from the background by the limit. -> (n,)."""
     share = np.zeros(xy_px.shape[0])

@@ -10,8 +10,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.environment.stars import StarCatalogue, at_epoch, load_catalogue, photocentres, select
 from shefex_nav.onboard.startracker import skygrid
 
@@ -112,7 +112,7 @@ def _band(number, julian_year):
     return Band(low, high, stars.u_i, stars.vmag, start, row, corner, shape, cell.astype(np.int64))
 
 
-@njit(cache=True)
+@kernel
 def choose(u_i, order, radius, limit):
     """Stars with fewer than `limit` brighter ones within the radius. (n, 3), order by z -> (n,) bool."""
     n = u_i.shape[0]
@@ -134,13 +134,13 @@ def choose(u_i, order, radius, limit):
     return chosen
 
 
-@njit(cache=True)
+@inner
 def side(u, i, j):
     """Chord between two unit vectors."""
     return np.sqrt((u[i, 0] - u[j, 0]) ** 2 + (u[i, 1] - u[j, 1]) ** 2 + (u[i, 2] - u[j, 2]) ** 2)
 
 
-@njit(cache=True)
+@inner
 def volume(u, i, j, k):
     """Triple product: its sign is the handedness of the corners i, j, k."""
     return (
@@ -150,14 +150,14 @@ def volume(u, i, j, k):
     )
 
 
-@njit(cache=True)
+@inner
 def cell_of_shape(middle, short, left_handed):
     """Cell of a triangle with these side ratios."""
     a, b = min(int(middle / CELL), COLUMNS - 1), min(int(short / CELL), COLUMNS - 1)
     return (COLUMNS if left_handed else 0) * COLUMNS + a * COLUMNS + b
 
 
-@njit(cache=True)
+@kernel
 def _triangles(u_i, chosen, shortest, longest):
     """All triangles of the chosen stars: corners, shape, cell of each."""
     by_z = chosen[np.argsort(u_i[chosen, 2])]
@@ -230,7 +230,7 @@ def sky_lists(u_i, radius):
     return _lists(u_i, radius, middle[order], reach[order], order)
 
 
-@njit(cache=True)
+@kernel
 def _lists(u_i, radius, middle, reach, order):
     """The cells near each star, twice: to count, and to fill. Cells are ordered by their z."""
     cells, z = len(order), middle[:, 2]

@@ -6,8 +6,8 @@ numbers to check; the stars around them decide.
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.identify.screen import join, triad
 from shefex_nav.onboard.startracker.skygrid import cell_of
 from shefex_nav.solve.patterns import (
@@ -33,7 +33,7 @@ KEPT = 24  # proposals
 MISSED = 0.25  # ln of the odds that each predicted star costs which is not there
 
 
-@njit(cache=True)
+@kernel
 def detection_cells(xy_px, width_px, height_px):
     """Detections near each cell of the detector: (rows, columns, PER_CELL) int64, -1 where none."""
     rows, columns = int(height_px) // CELL_PX + 1, int(width_px) // CELL_PX + 1
@@ -49,7 +49,7 @@ def detection_cells(xy_px, width_px, height_px):
     return table
 
 
-@njit(cache=True)
+@inner
 def compare(u_i, start, row, C, focal_px, size_px, xy_px, cells, middle):
     """How well an attitude explains the detections: logarithm of the odds against chance.
 
@@ -100,7 +100,7 @@ def compare(u_i, start, row, C, focal_px, size_px, xy_px, cells, middle):
     return odds
 
 
-@njit(cache=True)
+@inner
 def keep(kept, n, odds, C, focal_px):
     """Put a proposal into the list of the best, sorted; how many there are."""
     for k in range(n):  # the same attitude again: the better one stays
@@ -125,7 +125,7 @@ def keep(kept, n, odds, C, focal_px):
     return n
 
 
-@njit(cache=True)
+@inner
 def directions(xy_px, size_px, focal_px):
     """Unit vectors of pixels for a focal length: (n, 3)."""
     u_c = np.empty((xy_px.shape[0], 3))
@@ -137,7 +137,7 @@ def directions(xy_px, size_px, focal_px):
     return u_c
 
 
-@njit(cache=True)
+@inner
 def fit_three(xy_px, size_px, corner, sides, focal_px):
     """Focal length that gives three detections the sides of a catalogue triangle, and the largest misfit.
 
@@ -160,7 +160,7 @@ def fit_three(xy_px, size_px, corner, sides, focal_px):
     return focal_px, worst, u
 
 
-@njit(cache=True)
+@kernel
 def propose(xy_px, mag, size_px, focal_range, first, last, band, cells, kept, n):
     """Try all triangles of detections whose faintest is number first ... last - 1.
 
@@ -205,7 +205,7 @@ def propose(xy_px, mag, size_px, focal_range, first, last, band, cells, kept, n)
     return n, tried
 
 
-@njit(cache=True)
+@inner
 def _try_triangle(xy_px, mag, size_px, focal_range, focal_px, corner, sides, bend, u_c, band, cells, kept, n):
     """All catalogue triangles with the shape of three detections, whichever of its sides is the longest."""
     tried = 0

@@ -14,8 +14,8 @@ ed., section 14.2; states of inertial sensors as in its section 14.2.6.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation, wgs84
 
 POS, VEL, PSI = slice(0, 3), slice(3, 6), slice(6, 9)  # m, m/s, rad, all in inertial axes
@@ -131,7 +131,7 @@ def imu_columns(layout, dtheta_b, dv_b, rms2, dt_s):
     return gyro, accel
 
 
-@njit(cache=True)
+@kernel
 def spread_kernel(C_ib, dv_b, r_i, gyro, accel, gravity, dt_s, walks, X, Q):
     """Carry columns of errors and the covariance of white noise over samples, in place.
 
@@ -153,7 +153,7 @@ def spread_kernel(C_ib, dv_b, r_i, gyro, accel, gravity, dt_s, walks, X, Q):
             Q[3 + i, 3 + i] += walks[k, 1]
 
 
-@njit(cache=True)
+@inner
 def _transition(f, r, dt_s, F):
     """Write how errors of position, velocity and attitude go over one sample to F (9, 9).
 
@@ -175,7 +175,7 @@ def _transition(f, r, dt_s, F):
         F[i, 3 + i] = dt_s
 
 
-@njit(cache=True)
+@inner
 def _drive(C, f, gyro, accel, gravity, dt_s, drive):
     """Write what unit error states put into position, velocity and attitude in one sample to drive (9, p).
 

@@ -11,8 +11,8 @@ so that an error of the estimates (truth = estimate (+) error) changes the corre
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation.state import (
     A_MISALIGN,
@@ -39,7 +39,7 @@ from shefex_nav.onboard.navigation.state import (
 OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # order of misalignments
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _response(scale, misalignment, column):
     """I + diag(scale) + misalignment + column e_x^T: what a triad makes of its input, nine numbers."""
     return (
@@ -49,7 +49,7 @@ def _response(scale, misalignment, column):
     )  # fmt: skip
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def gyro_inverse(x):
     """A_g^-1 of packed nominal values, as nine numbers."""
     k = X_GM
@@ -57,7 +57,7 @@ def gyro_inverse(x):
     return t3.inverse(_response(t3.vector(x, X_GS), misalignment, t3.vector(x, X_ROLL)))
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def accel_inverse(x):
     """A_a^-1 of packed nominal values, as nine numbers."""
     k = X_AM
@@ -65,14 +65,14 @@ def accel_inverse(x):
     return t3.inverse(_response(t3.vector(x, X_AS), misalignment, (0.0, 0.0, 0.0)))
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def g_sensitivity(x):
     """G of packed nominal values, rad/s per m/s^2, as nine numbers."""
     k = X_GG
     return x[k], x[k + 1], x[k + 2], x[k + 3], x[k + 4], x[k + 5], x[k + 6], x[k + 7], x[k + 8]
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def free_increment(x, M, A, G, increments, n, duration_s):
     """Sample n of (N, 6) increments free of the estimated sensor errors; M, A, G as nine numbers.
 
@@ -83,7 +83,7 @@ def free_increment(x, M, A, G, increments, n, duration_s):
     return t3.turned(M, t3.plus(w, -1.0, t3.turned(G, dv))), dv
 
 
-@njit(cache=True)
+@kernel
 def correct_increments(x, increments, duration_s):
     """Increments free of the estimated sensor errors.
 
@@ -99,7 +99,7 @@ def correct_increments(x, increments, duration_s):
     return out
 
 
-@njit(cache=True)
+@kernel
 def shaken(x, vibration):
     """The packed values with the accelerometer bias as it is under a level of vibration. (93,), float"""
     out = x.copy()
@@ -138,7 +138,7 @@ def jacobians(layout, state, omega_b, f_b, vibration):
     return jacobians_packed(layout.at, layout.n, pack(state), omega_b, f_b, vibration)
 
 
-@njit(cache=True)
+@kernel
 def jacobians_packed(at, n, x, omega_b, f_b, vibration):
     """`jacobians` with the fields of the Layout and the packed nominal values."""
     M, A, G = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))

@@ -3,9 +3,8 @@
 Most ticks of a flight only integrate, and the interpreter around the call takes longer than the arithmetic.
 """
 
-from numba import njit
-
 from shefex_nav.clock import SAME_S
+from shefex_nav.compiled import kernel
 from shefex_nav.onboard.navigation import fusion, integrity_imu, prediction
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.records import row
@@ -45,7 +44,7 @@ def coast(nav, blocks, first, last):
     return done
 
 
-@njit(cache=True)
+@kernel
 def _coast(
     at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
     newest, motors, rules, last_block, axes, ends_s, dt_s, dtheta_b, dv_b, saturated, valid, first, last,

@@ -4,8 +4,8 @@ A kernel writes each as a row of numbers, which are read as one record or, many,
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.onboard.navigation.state import (
     ATT,
     BA,
@@ -81,7 +81,7 @@ def _fields(rows, states):
     )
 
 
-@njit(cache=True)
+@kernel
 def as_reported(P, accel_swing, gyro_swing):
     """`reported`: P (n, n) itself, or a copy with the squares of the swings, m/s and rad, on top."""
     if accel_swing == 0.0 and gyro_swing == 0.0:
@@ -93,7 +93,7 @@ def as_reported(P, accel_swing, gyro_swing):
     return P
 
 
-@njit(cache=True)
+@kernel
 def _tell(at, first, step, numbers, xs, Ps, nominal, gravity, accel_vibration, gyro_vibration, rows):
     """Rows of NavCovariance of ticks of a History: rows (m, `width`) is written.
 

@@ -22,9 +22,8 @@ is a response times a direction.
 """
 
 import numpy as np
-from numba import njit
 
-from shefex_nav.compiled import rows
+from shefex_nav.compiled import inner, rows
 from shefex_nav.geometry import triples as t3
 from shefex_nav.geometry import wgs84
 from shefex_nav.onboard.navigation.calibration import OFF_DIAGONAL
@@ -52,7 +51,7 @@ DURATION, ANGLE, SPEED = 0, 1, 4  # first of the weights of each kind
 WEIGHTS = 7
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def derivatives(T, dtheta, dv, B, b):
     """What phi and s of one part do when its increments change, body axes at its start, nine numbers each.
 
@@ -75,7 +74,7 @@ def derivatives(T, dtheta, dv, B, b):
     return J, D, D_r, J_r
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def carry_all(by_gyro, by_accel, gyro, accel, m, weights, piece, C, u, u_r):
     """Carry the responses of all weights that are wanted over a part, in place.
 
@@ -96,7 +95,7 @@ def carry_all(by_gyro, by_accel, gyro, accel, m, weights, piece, C, u, u_r):
             carry_force(accel, k, T, weights[k], m)
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def carry(gyro, k, T, u, u_r, w, m):
     """Carry the response of weight k over a part, in place.
 
@@ -116,7 +115,7 @@ def carry(gyro, k, T, u, u_r, w, m):
             gyro[k, 2, i, j] -= w * m[0, i, j]
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def carry_force(accel, k, T, w, m):
     """The same for accel (7, 2, 3, 3), of r, v, to e in d dv = -w e."""
     for i in range(3):
@@ -125,7 +124,7 @@ def carry_force(accel, k, T, w, m):
             accel[k, 1, i, j] -= w * m[0, i, j]
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def needed(at, G, gyro, accel):
     """Mark the weights that have a column. gyro, accel : (7,) bool, written; G : nine numbers."""
     couples = False  # the gyros feel the corrected specific force
@@ -143,7 +142,7 @@ def needed(at, G, gyro, accel):
             accel[k] = forces
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _put(top, column, response, k, sign, direction, i):
     """Add a response times column i of a matrix (3, 3) to the first rows of a column."""
     a, b, c = sign * direction[0, i], sign * direction[1, i], sign * direction[2, i]
@@ -156,7 +155,7 @@ def _put(top, column, response, k, sign, direction, i):
             )
 
 
-@njit(cache=True)
+@inner
 def put_calibration(top, at, gyro, accel, M, A, MGA):
     """Add the columns of all errors of the IMU to the first rows of Phi, in place.
 
@@ -185,7 +184,7 @@ def put_calibration(top, at, gyro, accel, M, A, MGA):
             _put(top, at[A_MISALIGN] + k, gyro, SPEED + j, -1.0, MGA, i)
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def put_rectification(top, at, vibration):
     """Add the columns of rectified vibration: those of the accelerometer bias by its power, in place."""
     if at[A_RECTIFIED] >= 0:
@@ -194,7 +193,7 @@ def put_rectification(top, at, vibration):
                 top[row, at[A_RECTIFIED] + i] += vibration**2 * top[row, BA.start + i]
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def put_gravity(top, at, T):
     """Add the columns of what the on-board field leaves out to the first rows of Phi, in place."""
     if at[GRAVITY] >= 0:
@@ -203,7 +202,7 @@ def put_gravity(top, at, T):
             top[VEL.start + i, at[GRAVITY] + i] += T
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def put_motion(top, r, u, u_r, C, C_bi, T):
     """Write the columns of position, velocity and attitude into the first rows of Phi.
 
@@ -226,7 +225,7 @@ def put_motion(top, r, u, u_r, C, C_bi, T):
     t3.store(top[ATT, ATT], t3.product(C_bi, C))
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def vibration_level(motors, thrust_threshold, shake_threshold, t_s, thrust, shake):
     """Vibration relative to that of the strongest motor: 0 unless a motor burns.
 
@@ -248,7 +247,7 @@ def vibration_level(motors, thrust_threshold, shake_threshold, t_s, thrust, shak
     return level
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def shake(dv_b):
     """Noise of velocity increments (n, 3), from their changes: m/s rms, 0 for a single sample."""
     total, n = 0.0, dv_b.shape[0] - 1
@@ -258,7 +257,7 @@ def shake(dv_b):
     return np.sqrt(total / (6.0 * n)) if n > 0 else 0.0
 
 
-@njit(cache=True)
+@inner
 def noise_densities(model, vibration, share, duration_s, dtheta, dv):
     """White noise that stands for everything which is not a state.
 
@@ -300,7 +299,7 @@ def noise_densities(model, vibration, share, duration_s, dtheta, dv):
     return along, across, bias_walk
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _cross(model, roll_rate, across_rate):
     """What scale factors and misalignments do that are met by rates across the roll axis.
 
@@ -316,7 +315,7 @@ def _cross(model, roll_rate, across_rate):
     return turned * along, turned * across
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _left_out(model, rate, across_rate):
     """What white noise of the accelerometers and what the gravity model leaves out do, where it is no state.
 
@@ -333,7 +332,7 @@ def _left_out(model, rate, across_rate):
     return white + (1.0 - held_along) * density, white + (1.0 - held) * density, bias_walk
 
 
-@njit(cache=True)
+@inner
 def process_noise(top, along, across, extra, C, T, Q):
     """Qd of position, velocity and attitude by the trapezoidal rule: T/2 (Phi W Phi^T + W), W the densities.
 

@@ -7,8 +7,8 @@ the strapdown (`prediction`), and held against filterpy's in the tests.
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.navigation.state import ATT, corrected, right_jacobian
 
 
@@ -22,13 +22,13 @@ def engine(layout):
     return kalman
 
 
-@njit(cache=True)
+@kernel
 def _inverse(S):
     """Inverse of the covariance of an innovation."""
     return np.linalg.inv(S)
 
 
-@njit(cache=True)
+@inner
 def _symmetrise(P):
     """P <- (P + P^T)/2, in place."""
     for i in range(P.shape[0]):
@@ -37,7 +37,7 @@ def _symmetrise(P):
     return P
 
 
-@njit(cache=True)
+@kernel
 def innovation(P, z, H, R):
     """Covariance S = H P H^T + R of an innovation, and its normalised square z^T S^-1 z.
 
@@ -59,7 +59,7 @@ def innovation(P, z, H, R):
     return S, normalised(S, z)
 
 
-@njit(cache=True)
+@kernel
 def normalised(S, z):
     """z^T S^-1 z by the Cholesky factor of S. (m, m), (m,)"""
     m, total = len(z), 0.0
@@ -106,7 +106,7 @@ def update_packed(kalman, layout, P, z, H, R, x, P_after):
     return dx, G
 
 
-@njit(cache=True)
+@kernel
 def _take_in(x, dx, nominal, updated, P, G):
     """Estimated error into the nominal state; P from the updated covariance, symmetric, in new body axes."""
     x[:] = corrected(x, dx, nominal)

@@ -9,9 +9,9 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from shefex_nav.clock import SAME_S
+from shefex_nav.compiled import kernel
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import unpack
 from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, felt_packed
@@ -232,7 +232,7 @@ class Moment:
         return felt_packed(x, history.increments[place], int(n), dt_s, vibration, self.at_s)
 
 
-@njit(cache=True)
+@kernel
 def _bend(numbers, increments, first, newest, t_s, half_s):
     """`Moment.bend`: the integral of the rate with the weight that a turn at each time has in the mean.
 

@@ -29,8 +29,8 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.records import GpsFix, GpsRanges
 
 SAYS = {  # sensor and field of where and how fast, and what the first is called
@@ -138,7 +138,7 @@ def follow(drift, z, S, limit, lasting=0.0):
     return Drift(*_follow(drift.mean, drift.variance, drift.suspected, z, S, limit, lasting))
 
 
-@njit(cache=True)
+@kernel
 def _follow(mean, variance, suspected, z, S, limit, lasting):
     """`follow` with the fields of its tuple, and those of the next one."""
     w = np.linalg.solve(np.linalg.cholesky(S), z)

@@ -31,9 +31,9 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from shefex_nav.clock import SAME_S
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.state import BG, X_MOUNTING, X_Q
 
@@ -188,20 +188,20 @@ class GyroWatch:
         return not (self.wrong or self.unchecked)
 
 
-@njit(cache=True)
+@inner
 def _camera(x):
     """Attitude of the camera, but for its nominal mounting, by packed values: (4,)."""
     return rotation.quat_multiply(x[X_Q], rotation.quat_from_rotvec(x[X_MOUNTING]))
 
 
-@njit(cache=True)
+@kernel
 def _corrected(A, x_before, x_after):
     """A of the module's text after an update, from packed values. -> (4,)"""
     moved = rotation.quat_multiply(_camera(x_after), rotation.quat_conjugate(_camera(x_before)))
     return rotation.quat_normalise(rotation.quat_multiply(moved, A))
 
 
-@njit(cache=True)
+@kernel
 def _remember(rows, n, A, t_s, x, z, R, P, f_b):
     """Write row n. x, P : packed values, (n, n) of the filter"""
     q_ib, camera = x[X_Q], _camera(x)
@@ -221,21 +221,21 @@ def _remember(rows, n, A, t_s, x, z, R, P, f_b):
     row[Q_IB] = q_ib
 
 
-@njit(cache=True)
+@inner
 def _between(rows, f, l):
     """D from row f to row l, (3,) rad, inertial axes."""
     turned = rotation.quat_multiply(rows[l, Q_E], rotation.quat_conjugate(rows[f, Q_E]))
     return rotation.rotvec_from_quat(turned)
 
 
-@njit(cache=True)
+@inner
 def _lasting(rows, f, l, noise):
     """Variance on each axis of D by errors that keep their sign: of turned angles, and of specific force."""
     turned, pushed = rows[l, PATH] - rows[f, PATH], rows[l, PUSH] - rows[f, PUSH]
     return noise[2] * turned**2 + noise[3] * pushed**2
 
 
-@njit(cache=True)
+@inner
 def _covariance(rows, f, l, noise):
     """Of D from row f to row l if the gyros are right, (3, 3) rad^2, inertial axes."""
     T_s = rows[l, T] - rows[f, T]
@@ -244,7 +244,7 @@ def _covariance(rows, f, l, noise):
     return of_fixes.reshape(3, 3) + white * np.eye(3)
 
 
-@njit(cache=True)
+@inner
 def _steady(rows, first, middle, last, share, D, D_middle, noise, limits):
     """Whether D grows steadily: both halves are significant, and the first is its share of the whole."""
     rest = _between(rows, middle, last)
@@ -260,7 +260,7 @@ def _steady(rows, first, middle, last, share, D, D_middle, noise, limits):
     return off @ np.linalg.solve(of_fixes.reshape(3, 3) + white * np.eye(3), off) < limits[1]
 
 
-@njit(cache=True)
+@kernel
 def _compare(rows, n, baselines_s, noise, limits):
     """Verdict of the last of n rows, rate error and its sigma in body axes, (3,) rad/s.
 

@@ -24,9 +24,8 @@ from math import erf, inf, log, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from shefex_nav.compiled import rows
+from shefex_nav.compiled import inner, kernel, rows
 from shefex_nav.records import NavHealth
 
 MEAN_S = 0.1  # [E] time constant of the mean that is held: two periods of the slowest vibration
@@ -152,7 +151,7 @@ def health(t_s, changed, state):
     return [NavHealth(t_s, NAMES[k], bool(state[k] == GOOD), WORDS.get(int(state[k]), "")) for k in axes]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def integrated_variance(wrong, change, age_s, held):
     """Variance of the integral of an unknown error after `age_s`: V(t) of the module's text.
 
@@ -167,7 +166,7 @@ def integrated_variance(wrong, change, age_s, held):
     return variance
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def screen_packed(
     rules, last, axes, t_end_s, dt_s, dtheta_b, dv_b, saturated, valid, readings, densities
 ):  # fmt: skip
@@ -213,7 +212,7 @@ def screen_packed(
     return changed
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _same(readings, last):
     """Whether two blocks are the same to the last bit."""
     for m in range(last.shape[0]):
@@ -223,7 +222,7 @@ def _same(readings, last):
     return True
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _charge(wrong, change, axis, t_end_s):
     """Variance that the error of a reading which cannot be used has added since the last block."""
     held = axis.state != SATURATED and np.isfinite(axis.mean_rate)  # without a mean there is nothing to hold
@@ -236,7 +235,7 @@ def _charge(wrong, change, axis, t_end_s):
     return added
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _hold(readings, axes, dt_s):
     """Give the axes that are silent or stuck the mean that they had."""
     for k in range(6):
@@ -247,7 +246,7 @@ def _hold(readings, axes, dt_s):
                 readings[m, k] = kept * dt_s if np.isfinite(kept) else 0.0
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _at_range(readings, k, limit):
     """Whether a reading of axis k is at the end of the range, to a part in a thousand."""
     for m in range(readings.shape[0]):
@@ -256,7 +255,7 @@ def _at_range(readings, k, limit):
     return False
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _read_axis(readings, previous, axis, k, repeats, dt_s):
     """Run length and mean of one axis with a new block. -> GOOD or STUCK, age of the fault s"""
     n, total, longest = readings.shape[0], 0.0, 0.0

@@ -26,8 +26,8 @@ notices), are beyond this.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.navigation.state import ATT, MOUNTING
 from shefex_nav.records import Doubt
 
@@ -72,7 +72,7 @@ LEFT_STARS = 3  # share of those of star fixes
 MOST = 4  # rad, that an older error of other sensors can have been
 
 
-@njit(cache=True)
+@kernel
 def _slope(P_before, P_after, limit):
     """Table of a `Slope` that says nothing of star fixes."""
     out = np.empty((5, 3))
@@ -84,7 +84,7 @@ def _slope(P_before, P_after, limit):
     return out
 
 
-@njit(cache=True)
+@inner
 def _seen(P, h):
     """Variance of what a row of H sees."""
     total = 0.0
@@ -95,7 +95,7 @@ def _seen(P, h):
     return total
 
 
-@njit(cache=True)
+@kernel
 def _slope_of_stars(P_before, P_after, limit, H, R, confirmed):
     """Table of a `Slope` of a star fix."""
     out = _slope(P_before, P_after, limit)
@@ -108,7 +108,7 @@ def _slope_of_stars(P_before, P_after, limit, H, R, confirmed):
     return out
 
 
-@njit(cache=True)
+@kernel
 def _slope_of_vectors(P_before, P_after, limit, H, R, mounting):
     """Table of a `Slope` of single stars; mounting: its first error, -1 if there is none."""
     out, row = _slope(P_before, P_after, limit), np.empty(P_before.shape[0])
@@ -152,7 +152,7 @@ def slope_of_vectors(layout, P_before, P_after, limit, H, R):
     return Slope(True, _slope_of_vectors(P_before, P_after, limit, H, R, int(layout.at[MOUNTING])))
 
 
-@njit(cache=True)
+@inner
 def _worst_of(P, H, R, limit, size):
     """What the worst group of `size` rows can do to the attitude, (3,) rad."""
     PH = P @ H.T
@@ -169,7 +169,7 @@ def _worst_of(P, H, R, limit, size):
     return worst
 
 
-@njit(cache=True)
+@kernel
 def _slope_of_ranges(P_before, P_after, limit, H, R):
     """Table of a `Slope` of ranges."""
     out = _slope(P_before, P_after, limit)
@@ -197,7 +197,7 @@ def after_fix(level, found, P_now):
     return Level(after[0], after[1])
 
 
-@njit(cache=True)
+@kernel
 def _after_fix(stars_b, others_b, of_stars, table, P_now):
     """stars_b and others_b of the next `Level`, the rows of a (2, 3) array."""
     after = np.empty((2, 3))
@@ -213,7 +213,7 @@ def _after_fix(stars_b, others_b, of_stars, table, P_now):
     return after
 
 
-@njit(cache=True)
+@inner
 def of_axis(stars, others, k, sigma):
     """Protection level of an axis, rad, for the standard deviation of its angle and the slopes of a `Level`.
 
@@ -222,7 +222,7 @@ def of_axis(stars, others, k, sigma):
     return k * sigma + max(stars, others) if stars == stars and others == others else np.nan
 
 
-@njit(cache=True)
+@inner
 def doubt(protection_b, limit, graver):
     """Doubt about a solution. (3,) rad; rad, of the Requirement; Doubt that there is in any case, or NONE"""
     if graver != NO_DOUBT:

@@ -21,8 +21,8 @@ Control, section 6.2.2.
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import cross_axes
 from shefex_nav.onboard.navigation.state import ATT, right_jacobian
@@ -67,7 +67,7 @@ def turned_back(stars, turn_c, P):
     return stars._replace(u_c=u_c, P_u=stars.P_u + np.array([A @ P @ A.T for A in moved]))
 
 
-@njit(cache=True)
+@kernel
 def _star_vectors(q_ib, mounting, u_c, P_u, u_i, t_s, P_omega, sigma_focal, C_bc, sigma_floor, first, H, R):
     """`star_vectors` of its parts; first: error of the mounting, -1 if it is none. H, R are written."""
     m = u_c.shape[0]

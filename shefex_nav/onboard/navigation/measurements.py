@@ -6,8 +6,8 @@ z = H dx + noise, noise ~ N(0, R), dx in the order of a `state.Layout`. Frames a
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import calibration
@@ -71,7 +71,7 @@ def antenna(layout, x, t_s, earth, l_ba_b, felt, vibration):
     return Antenna(motion[0], motion[1], J[0], J[1])
 
 
-@njit(cache=True)
+@kernel
 def _antenna(at, x, t_s, C_iq, C_re, angle_0, rate, l_ba_b, felt, vibration, motion, J):
     """`antenna` with the fields of its tuples; motion (2, 3) and J (2, 3, n) are written."""
     earth, n = frames.EarthRotation(C_iq, C_re, angle_0, rate), J.shape[2]
@@ -109,7 +109,7 @@ def _antenna(at, x, t_s, C_iq, C_re, angle_0, rate, l_ba_b, felt, vibration, mot
             J[0, i, j], J[1, i, j] = dr[i], dv[i]
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _gradient(r, dr):
     """Change of the gravitation of a point mass with the place."""
     d2 = t3.dot(r, r)
@@ -117,13 +117,13 @@ def _gradient(r, dr):
     return t3.scaled(pull, t3.plus(t3.scaled(3.0 / d2 * t3.dot(r, dr), r), -1.0, dr))
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _unit(k):
     """Axis k, nothing if there is none."""
     return 1.0 * (k == 0), 1.0 * (k == 1), 1.0 * (k == 2)
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _seen(r, v, a, turn, delay):
     """Position, velocity and acceleration against axes that turn, what they were `delay` earlier."""
     v, a = t3.plus(v, -1.0, t3.cross(turn, r)), t3.plus(a, -2.0, t3.cross(turn, v))
@@ -199,7 +199,7 @@ def star_attitude(layout, x, fix, C_bc, sigma_floor):
     return z, H, R
 
 
-@njit(cache=True)
+@kernel
 def _star_attitude(x, q_ic, P_c, C_bc, sigma_floor, first, z, H, R):
     """`star_attitude` of its parts; first: error of the mounting, -1 if it is none. z, H, R are written."""
     mounting = x[X_MOUNTING]

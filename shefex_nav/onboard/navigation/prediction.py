@@ -9,8 +9,8 @@ differ from the identity, and only the errors of the IMU drive the first nine: t
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import error_model, strapdown
 from shefex_nav.onboard.navigation.calibration import accel_inverse, g_sensitivity, gyro_inverse
@@ -80,7 +80,7 @@ def advance(layout, model, x, t_s, P, imu, begin_s, end_s, earth):
     return x, P
 
 
-@njit(cache=True)
+@kernel
 def travel(
     at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
     first, begin_s, last, end_s,
@@ -102,7 +102,7 @@ def travel(
     )  # fmt: skip
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _through(
     at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
     first, begin_s, last, end_s, work,
@@ -125,7 +125,7 @@ def _through(
         begin_s = 0.0
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _keep(x, P, x_kept, P_kept):
     """Copy packed values and covariance, in loops: an assignment of arrays takes more than twice as long."""
     for i in range(x.shape[0]):
@@ -135,7 +135,7 @@ def _keep(x, P, x_kept, P_kept):
             P_kept[i, j] = P[i, j]
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def enter(
     at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
     number, motors, t_end_s, dt_s, n, work=None,
@@ -167,7 +167,7 @@ def enter(
     )  # fmt: skip
 
 
-@njit(cache=True)
+@inner
 def workspace(n):
     """Responses to errors, which of them are wanted, rows of Phi and Q, a product: see `_interval`.
 
@@ -180,7 +180,7 @@ def workspace(n):
     )  # fmt: skip
 
 
-@njit(cache=True)
+@kernel
 def _growth(at, n, model, x, t_s, increments, h, vibration, extra, begin_s, end_s, C_iq, C_re, angle_0, rate):
     """Phi and Q in full: the rows of the strapdown, and a covariance of zero carried on."""
     Phi, Q, work, T = np.eye(n), np.zeros((n, n)), workspace(n), end_s - begin_s
@@ -201,7 +201,7 @@ def _growth(at, n, model, x, t_s, increments, h, vibration, extra, begin_s, end_
     return Phi, Q
 
 
-@njit(cache=True)
+@inner
 def _interval(
     at, model, x, t_s, increments, h, vibration, extra, begin_s, end_s, C_iq, C_re, angle_0, rate, work
 ):
@@ -241,7 +241,7 @@ def _interval(
     return bias_walk
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _drift(x, model, T):
     """Packed values of what changes by itself, clock, range errors and gravity, after T, in place."""
     x[X_CLOCK] += T * x[X_CLOCK + 1]
@@ -249,7 +249,7 @@ def _drift(x, model, T):
     x[X_GRAVITY : X_GRAVITY + 3] *= np.exp(-T / FIELD_TIME_S)
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _put_imu(top, at, gyro, accel, M, A, G, vibration):
     """Columns of the errors of the IMU; M, A, G : nine numbers each."""
     triads = np.empty((3, 3, 3))
@@ -260,7 +260,7 @@ def _put_imu(top, at, gyro, accel, M, A, G, vibration):
     error_model.put_rectification(top, at, vibration)
 
 
-@njit(cache=True)
+@inner
 def _covariance(at, model, P, work, bias_walk, T):
     """P <- Phi P Phi^T + Q, in place, exactly symmetric; work: of `_interval`."""
     top, Q, A = work[4], work[5], work[6]
@@ -296,7 +296,7 @@ def _covariance(at, model, P, work, bias_walk, T):
         _wander(P, at[GRAVITY], 3, np.exp(-T / FIELD_TIME_S), model.gravity_sigma)
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _nine_sums(A, top, Q, i, j, drivers):
     """Block (3, 3) of A top^T + Q at row i, column j: sums side by side, none of which waits for another."""
     a, b, c = Q[i, j], Q[i, j + 1], Q[i, j + 2]
@@ -311,7 +311,7 @@ def _nine_sums(A, top, Q, i, j, drivers):
     return a, b, c, d, e, f, g, h, m
 
 
-@njit(cache=True)
+@inner
 def _clock(P, c, white, walk, T):
     """The rows and columns of the receiver's clock, bias at c and drift behind it, after T, in place.
 
@@ -330,7 +330,7 @@ def _clock(P, c, white, walk, T):
     P[c + 1, c + 1] += walk * T
 
 
-@njit(cache=True)
+@inner
 def _wander(P, first, size, left, sigma):
     """Rows and columns of a first-order Gauss-Markov process of which a part `left` is left, in place."""
     for i in range(first, first + size):

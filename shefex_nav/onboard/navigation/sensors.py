@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import (
     calibration,
@@ -136,7 +136,7 @@ def straightened(nav, arrival, index, fix):
     return fix
 
 
-@njit(cache=True)
+@kernel
 def _turned_back(q_ic, P_c, bend_c, noise):
     """Attitude without a bend (3,) rad, its covariance with what the bend may be wrong by, and that alone."""
     P = noise * np.eye(3)

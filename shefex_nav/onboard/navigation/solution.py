@@ -7,8 +7,8 @@ solution as a row of numbers, which are read as one record or, many of them, as 
 from math import pi
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import integrity_protection, integrity_watch
@@ -109,7 +109,7 @@ def columns(rows):
     )
 
 
-@njit(cache=True)
+@kernel
 def _tell(
     at, first, step, numbers, increments, xs, Ps, random_walk, quantum, accel_vibration, gyro_vibration,
     C_iq, C_re, angle_0, rate, stars_b, others_b, k, limit, aided, graver, out,
@@ -135,7 +135,7 @@ def _tell(
         out[j, DOUBT] = integrity_protection.doubt(out[j, LEVEL:T_S], limit, graver)
 
 
-@njit(cache=True)
+@inner
 def _derive(at, t_s, x, P, sample, dt_s, vibration, random_walk, quantum, C_iq, C_re, angle_0, rate, out):
     """Quantities derived from the state, and their sigmas, in the places of FIELDS.
 
@@ -176,7 +176,7 @@ def _derive(at, t_s, x, P, sample, dt_s, vibration, random_walk, quantum, C_iq, 
         out[S_OMEGA + k] = np.sqrt(_variance(J_omega[k], P, ATT.stop) + noise)
 
 
-@njit(cache=True)
+@inner
 def _angles(out, C_ei, C_ib, u_i, turn, P):
     """Angles of the velocity u_i against the air, and sigmas of three of them. C_ei, C_ib : nine numbers"""
     C_bi = t3.transposed(C_ib)
@@ -202,7 +202,7 @@ def _angles(out, C_ei, C_ib, u_i, turn, P):
         out[S_ANGLES + k] = min(pi, np.sqrt(_variance(g, P, 0)))
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _put(g, dv, dr):
     """A gradient with respect to velocity and position, none to the attitude."""
     g[POS.start], g[POS.start + 1], g[POS.start + 2] = dr
@@ -210,7 +210,7 @@ def _put(g, dv, dr):
     g[ATT.start], g[ATT.start + 1], g[ATT.start + 2] = 0.0, 0.0, 0.0
 
 
-@njit(cache=True)
+@inner
 def _variance(g, P, first):
     """g^T P g: variance of a scalar with gradient g, which is zero before `first`. (m,), (n, n), m <= n"""
     total = 0.0

@@ -21,8 +21,8 @@ V is the level of vibration, by that of the strongest motor.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.blocks import DEFAULT_STATES, OPTIONAL, checked
 
@@ -229,7 +229,7 @@ def initial_covariance(params, name):
     return np.diag(sigma**2)
 
 
-@njit(cache=True)
+@kernel
 def corrected(x, dx, nominal):
     """Take an estimated error into packed values: truth = estimate (+) error.
 
@@ -246,7 +246,7 @@ def corrected(x, dx, nominal):
     return out
 
 
-@njit(cache=True)
+@kernel
 def right_jacobian(phi):
     """Jr of the rotation group: exp(phi + d) = exp(phi) exp(Jr d) for small d. (3,) rad -> (3, 3).
 

@@ -21,8 +21,8 @@ it, and work on tuples of numbers (`triples`).
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.environment.gravity import J2_WGS84
 from shefex_nav.geometry import triples as t3
 from shefex_nav.geometry import wgs84
@@ -72,7 +72,7 @@ class ImuWindow(NamedTuple):
         return self.n * self.dt_s
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def cut(last, before, sample, h, x0, x1):
     """Part x0 ... x1 (0 ... 1) of a sample of duration h, from its two predecessors' and its own increments.
 
@@ -104,13 +104,13 @@ def cut(last, before, sample, h, x0, x1):
     return T, dtheta, dv, B, b, phi, s, s_r
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _slope(last, before, sample, h):
     """Slope in the middle of a sample of what the increments integrate: parabola through three samples."""
     return t3.scaled(1.0 / (h * h), t3.plus(t3.plus(t3.scaled(1.5, sample), -2.0, before), 0.5, last))
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def gravity_i(r, angle, C_iq, C_re):
     """Gravitation with J2 at r, inertial axes, the Earth turned by an angle. -> m/s^2
 
@@ -125,7 +125,7 @@ def gravity_i(r, angle, C_iq, C_re):
     return t3.plus(t3.scaled(pull * (1.0 + k * (1.0 - 5.0 * z * z / r2)), r), 2.0 * pull * k * z, pole)
 
 
-@njit(cache=True)
+@inner
 def travel(x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gyro, accel):
     """Carry packed values through a part of a window, and with them the responses to errors of the IMU.
 
@@ -172,7 +172,7 @@ def travel(x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gy
     return u_sum, u_r_sum, angle, speed
 
 
-@njit(cache=True)
+@kernel
 def felt_packed(x, increments, n, dt_s, vibration, at_s):
     """Corrected rate and specific force with packed values: means of the sample in which at_s lies.
 

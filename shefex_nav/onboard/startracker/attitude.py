@@ -8,8 +8,8 @@ on from here.
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.rotation import (
     dcm_from_quat,
     quat_from_rotvec,
@@ -24,7 +24,7 @@ FAR_OFF = 1e-3  # rad; a first step this long means that the closed form has los
 OPEN = 1e-14  # of the information about the worst axis: nothing left above the rounding
 
 
-@njit(cache=True)
+@kernel
 def esoq2(u_c, v_i, sigma):
     """Attitude that minimises sum |v_i - C_ic u_c|^2 / sigma^2 (Wahba's problem).
 
@@ -56,14 +56,14 @@ def esoq2(u_c, v_i, sigma):
     return q if q[0] >= 0.0 else -q
 
 
-@njit(cache=True)
+@kernel
 def davenport(u_c, v_i, sigma):
     """As `esoq2`, by the eigenvector of K itself (Davenport 1968): slower, and a reference."""
     q = _davenport(_profile(u_c, v_i, sigma))
     return q if q[0] >= 0.0 else -q
 
 
-@njit(cache=True)
+@inner
 def _profile(u_c, v_i, sigma):
     """B = sum w v u' with weights that add up to one."""
     B = np.zeros((3, 3))
@@ -78,7 +78,7 @@ def _profile(u_c, v_i, sigma):
     return B
 
 
-@njit(cache=True)
+@inner
 def _davenport(B):
     """Eigenvector of the largest eigenvalue of K."""
     K = np.empty((4, 4))
@@ -91,7 +91,7 @@ def _davenport(B):
     return quat_normalise(np.linalg.eigh(K)[1][:, 3].copy())
 
 
-@njit(cache=True)
+@inner
 def _closed_form(B):
     """ESOQ2's quaternion."""
     B = B.copy()
@@ -119,7 +119,7 @@ def _closed_form(B):
     return _turn_back(q, turned) if turned >= 0 else q
 
 
-@njit(cache=True)
+@inner
 def _transposed_times(C, B):
     """C' B of (3, 3) matrices; a call of BLAS would cost more."""
     A = np.empty((3, 3))
@@ -129,7 +129,7 @@ def _transposed_times(C, B):
     return A
 
 
-@njit(cache=True)
+@inner
 def _polish(q, B):
     """Newton steps towards the maximum of trace(C' B); the quaternion and the length of the first step.
 
@@ -161,7 +161,7 @@ def _polish(q, B):
     return quat_normalise(q), first_step
 
 
-@njit(cache=True)
+@inner
 def _largest_eigenvalue(S, z, t):
     """Largest root of det(K - lambda I) by Newton from its upper bound 1 (weights add up to one)."""
     kappa = (
@@ -188,7 +188,7 @@ def _largest_eigenvalue(S, z, t):
     return x
 
 
-@njit(cache=True)
+@inner
 def _null_vector(M):
     """Unit vector e with M e = 0 of a symmetric matrix: the longest cross product of two rows."""
     best, length2 = np.zeros(3), -1.0
@@ -201,7 +201,7 @@ def _null_vector(M):
     return best / np.sqrt(length2)
 
 
-@njit(cache=True)
+@inner
 def _turn_back(q, axis):
     """q times the quaternion of 180 degrees about an axis (0, 1, 2). (4,) -> (4,)."""
     w, x, y, z = q[0], q[1], q[2], q[3]
@@ -212,7 +212,7 @@ def _turn_back(q, axis):
     return np.array([-z, y, -x, w])
 
 
-@njit(cache=True)
+@inner
 def covariance(u_c, sigma):
     """Covariance of the attitude error, q_ic(true) = q_ic * exp(dtheta_c).
 
@@ -237,7 +237,7 @@ def covariance(u_c, sigma):
     return inverse3(F)
 
 
-@njit(cache=True)
+@inner
 def product(A, B):
     """A B of matrices so small that a library takes longer to be called than to multiply."""
     out = np.zeros((A.shape[0], B.shape[1]))
@@ -248,7 +248,7 @@ def product(A, B):
     return out
 
 
-@njit(cache=True)
+@inner
 def inverse3(F):
     """Inverse of a symmetric (3, 3) matrix."""
     adjugate = np.empty((3, 3))

@@ -6,7 +6,8 @@ the signal-to-noise ratio of its brightest pixel.
 """
 
 import numpy as np
-from numba import njit
+
+from shefex_nav.compiled import inner, kernel
 
 BLOCK = 3  # pixels, side of the blocks that are summed
 N_BLOCK = BLOCK * BLOCK
@@ -15,7 +16,7 @@ SIGMA_QUANTILE = 0.158655  # a normal variable is below its mean minus one sigma
 QUANTISATION_SIGMA = np.sqrt(N_BLOCK / 12.0)
 
 
-@njit(cache=True)
+@kernel
 def repair(image_dn, bad_pixels):
     """Copy of the frame with each bad pixel replaced by the mean of its good neighbours (up to 8)."""
     rows, columns = image_dn.shape
@@ -49,7 +50,7 @@ def block_sums(image_dn):
     return blocks
 
 
-@njit(cache=True)
+@kernel
 def _block_sums_kernel(image_dn, blocks):
     """Write the sums to blocks; in its own narrow type, of which the compiler takes many at a time."""
     rows, columns = image_dn.shape
@@ -87,7 +88,7 @@ def tile_statistics(blocks, tile_px):
     return _tiles_by_order(blocks, tile_px)
 
 
-@njit(cache=True)
+@kernel
 def _tiles_by_count(blocks, tile_px):
     """As `tile_statistics`, of 8-bit frames: their few possible values are counted."""
     rows, columns = blocks.shape
@@ -122,7 +123,7 @@ def _tiles_by_count(blocks, tile_px):
     return background, sigma, total / (N_BLOCK * n_total)
 
 
-@njit(cache=True)
+@kernel
 def _tiles_by_order(blocks, tile_px):
     """As `tile_statistics`, of 16-bit frames: half a million possible values, so a tile's are selected."""
     rows, columns = blocks.shape
@@ -148,7 +149,7 @@ def _tiles_by_order(blocks, tile_px):
     return background, sigma, total / (N_BLOCK * n_total)
 
 
-@njit(cache=True)
+@inner
 def _quantile(values, fraction):
     """Quantile of whole numbers k, each of which stands for an even spread over k - 1/2 ... k + 1/2."""
     target = fraction * len(values)
@@ -160,7 +161,7 @@ def _quantile(values, fraction):
     return k - 0.5 + (target - below) / equal
 
 
-@njit(cache=True)
+@kernel
 def medians(background, sigma):
     """Background and noise of one pixel, medians over the tiles: two floats [DN]."""
     return np.median(background) / N_BLOCK, np.median(sigma) / BLOCK

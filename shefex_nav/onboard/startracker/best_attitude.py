@@ -1,8 +1,8 @@
 """The attitude that the identified stars of a frame agree on, its covariance, and which of them do not."""
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry.pinhole import cross_covariance, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
@@ -78,7 +78,7 @@ def of_named(params, stars, star, detections, velocity_i, least, rate=None):
     return *solution, vectors
 
 
-@njit(cache=True)
+@kernel
 def _named_kernel(
     camera,
     outlier_sigma,
@@ -118,7 +118,7 @@ def _named_kernel(
     return *solution, rows[used], u_c[used], P_u, seen_i[used], t_s[used], misfit * P_omega
 
 
-@njit(cache=True)
+@inner
 def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega, sigma_focal, spots):
     """Attitude of stars, all of which have a name: four of `of_named`, rows of the stars used, and misfit.
 

@@ -8,8 +8,8 @@ interpolated between the middles of the tiles, as a step of it at the border of 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.background import SIGMA_QUANTILE
 
 BIN = 2  # px
@@ -59,7 +59,7 @@ def level_of(image_dn, bad, tile_px):
     return sums, Level(tile, background / N_BIN, sigma / BIN), total / (N_BIN * sums.size)
 
 
-@njit(cache=True)
+@kernel
 def bad_map(rows, columns, bad_pixels):
     """One bit a pixel, set for the (n, 2) row, column of bad ones."""
     bad = np.zeros(rows * columns // 8 + 1, dtype=np.uint8)
@@ -69,7 +69,7 @@ def bad_map(rows, columns, bad_pixels):
     return bad
 
 
-@njit(cache=True)
+@kernel
 def _bin_kernel(image_dn, sums):
     """Write the sums; returns the sum of all."""
     total = 0
@@ -85,7 +85,7 @@ def _bin_kernel(image_dn, sums):
     return total
 
 
-@njit(cache=True)
+@kernel
 def _repair_kernel(image_dn, bad, sums):
     """Bins with bad pixels get four times the mean of their good ones, or of a neighbour bin."""
     columns = image_dn.shape[1]
@@ -108,7 +108,7 @@ def _repair_kernel(image_dn, bad, sums):
             sums[r, c] = (4 * total + n // 2) // n if n > 0 else sums[r, c - 1 if c > 0 else c + 1]
 
 
-@njit(cache=True)
+@kernel
 def _tiles_kernel(sums, tile):
     """Median, and its distance from the quantile one sigma below, of the sums in each tile."""
     rows, columns = sums.shape
@@ -125,7 +125,7 @@ def _tiles_kernel(sums, tile):
     return background, sigma
 
 
-@njit(cache=True)
+@inner
 def _two_quantiles(part, counts):
     """Median and lower one-sigma quantile of whole numbers, counted in steps around those of a sample."""
     rows, columns = part.shape
@@ -180,7 +180,7 @@ def in_noise(sums, level, clip, pad):
     return Bins(out, block[1].reshape(columns, rows))
 
 
-@njit(cache=True)
+@inner
 def _between_tiles(place, tile, n):
     """Tile before a place, and the weight of the next one."""
     at = min(max((place + 0.5) / tile - 0.5, 0.0), n - 1.0)
@@ -188,7 +188,7 @@ def _between_tiles(place, tile, n):
     return first, at - first
 
 
-@njit(cache=True)
+@inner
 def interpolated(table, tile, row, column):
     """A table of tiles at a bin."""
     i, u = _between_tiles(row, tile, table.shape[0])
@@ -199,7 +199,7 @@ def interpolated(table, tile, row, column):
     return upper + u * (lower - upper)
 
 
-@njit(cache=True)
+@kernel
 def _in_noise_kernel(sums, background, weight, tile, clip, pad, out):
     """Write the bins to the middle of `out`; background and 1 / noise of the sums in tiles."""
     rows, columns = sums.shape

@@ -9,9 +9,9 @@ point; radial distortion after Brown (1966), x_d = x (1 + k1 r^2 + k2 r^4), x = 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy import stats
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.pinhole import Pinhole, turn_slopes, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, quat_normalise
 from shefex_nav.onboard.startracker.attitude import esoq2, inverse3
@@ -233,7 +233,7 @@ def _distances2(data, theta, q_ic):
     return _distance_kernel(data.begin, data.xy_px, data.u_i, data.sigma_px, theta, q_ic)
 
 
-@njit(cache=True)
+@inner
 def _star(theta, C, u_i):
     """Direction x, y, z in the camera; pixel; radial factor."""
     X = C[0, 0] * u_i[0] + C[1, 0] * u_i[1] + C[2, 0] * u_i[2]
@@ -245,7 +245,7 @@ def _star(theta, C, u_i):
     return x, y, r2, radial
 
 
-@njit(cache=True)
+@kernel
 def _distance_kernel(begin, xy_px, u_i, sigma_px, theta, q_ic):
     out = np.empty(xy_px.shape[0])
     for frame in range(q_ic.shape[0]):
@@ -258,7 +258,7 @@ def _distance_kernel(begin, xy_px, u_i, sigma_px, theta, q_ic):
     return out
 
 
-@njit(cache=True)
+@inner
 def _jacobian(theta, x, y, r2, radial, Jc, Ja):
     """Fill the derivatives of a pixel by the camera, Jc (2, 5), and by the rotation dtheta_c, Ja (2, 3)."""
     f = theta[0]
@@ -274,7 +274,7 @@ def _jacobian(theta, x, y, r2, radial, Jc, Ja):
         Ja[0, axis], Ja[1, axis] = xx * dx[axis] + xy * dy[axis], xy * dx[axis] + yy * dy[axis]
 
 
-@njit(cache=True)
+@kernel
 def _normal_kernel(begin, xy_px, u_i, sigma_px, used, theta, q_ic, estimated, huber, damping):
     """Normal equations with the attitudes eliminated.
 
@@ -312,7 +312,7 @@ def _normal_kernel(begin, xy_px, u_i, sigma_px, used, theta, q_ic, estimated, hu
     return cost, H - reduction, g, back
 
 
-@njit(cache=True)
+@inner
 def _add_frame(rows, xy_px, u_i, sigma_px, used, theta, q_ic, columns, huber, sums):
     """Add the stars of one frame, rows first ... last - 1, to the sums; returns their cost.
 

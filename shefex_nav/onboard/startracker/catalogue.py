@@ -10,8 +10,8 @@ centre of light.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import at_epoch, photocentres, select
 from shefex_nav.onboard.startracker import kvector, tables
 
@@ -168,7 +168,7 @@ def spread_rows(u_i, n_keep, n_stars):
     return rows
 
 
-@njit(cache=True)
+@kernel
 def _spread_kernel(u_i, n_keep, n_stars, cos_separation):
     """Rows 0 ... n_keep - 1 and then each that is far enough from all taken, until there are n_stars."""
     taken = np.arange(n_stars)
@@ -203,7 +203,7 @@ def pair_table(stars, max_angle):
     return StarPairs(stars, cosine, first, second, index, quick, stars.vmag[first], stars.vmag[second])
 
 
-@njit(cache=True)
+@kernel
 def _pairs_kernel(u_i, cos_max_angle):
     """Pairs (i < j) with a cosine of at least cos_max_angle, in the order of i and j."""
     n, size = 0, 1024

@@ -8,15 +8,15 @@ on the brightness reference, 2014). `weighted` is the centroid that the scan its
 from math import erf, exp, pi, sqrt
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, PIXELS, XX, XY, YY, X, Y
 
 LEAST_VARIANCE = 1.0 / 12.0  # px^2, of one pixel
 FARTHEST_PX = 1.0  # of an interpolated centroid from the middle of the brightest column
 
 
-@njit(cache=True)
+@kernel
 def weighted(table, dn_per_electron):
     """Centroids of the scan as they are.
 
@@ -37,7 +37,7 @@ def weighted(table, dn_per_electron):
     return xy_px, flux, P_px
 
 
-@njit(cache=True)
+@inner
 def weighted_covariance(star, dn_per_electron):
     """Covariance of a centroid of the scan: 2 (2 M) / SNR^2, M the moments of spot times weight, about S/2.
 
@@ -51,7 +51,7 @@ def weighted_covariance(star, dn_per_electron):
     return noise_to_signal * np.array([[xx, xy], [xy, yy]])
 
 
-@njit(cache=True)
+@kernel
 def centre_of_mass(image_dn, table, roi_px, dn_per_electron):
     """Centre of mass of the light above the background in the region of interest; equations (1) to (3).
 
@@ -88,7 +88,7 @@ def centre_of_mass(image_dn, table, roi_px, dn_per_electron):
     return xy_px, fluxes, P_px
 
 
-@njit(cache=True)
+@inner
 def _brightest(image_dn, star):
     """Row and column of the brightest pixel within 2 pixels of an object's centroid."""
     row, column = int(np.rint(star[Y])), int(np.rint(star[X]))
@@ -100,7 +100,7 @@ def _brightest(image_dn, star):
     return best_r, best_c
 
 
-@njit(cache=True)
+@kernel
 def gaussian_interpolation(image_dn, table, roi_px, sigma_px, dn_per_electron):
     """Interpolation between the two brightest columns, then rows, of the region; equations (4) to (6).
 
@@ -127,7 +127,7 @@ def gaussian_interpolation(image_dn, table, roi_px, sigma_px, dn_per_electron):
     return xy_px, fluxes, P_px
 
 
-@njit(cache=True)
+@inner
 def _between(light, sigma_px, noise2, dn_per_electron):
     """Place of a spot from the light of its brightest pixel and the brighter neighbour: place, variance.
 
@@ -153,7 +153,7 @@ def _between(light, sigma_px, noise2, dn_per_electron):
     return middle + side * u, (weight_1**2 * variance_1 + weight_2**2 * variance_2) / slope**2
 
 
-@njit(cache=True)
+@inner
 def _share(low, high, sigma):
     """Light of a spot at 0 between two edges, and its first two derivatives to the place of the spot."""
     z_low, z_high = low / sigma, high / sigma

@@ -18,7 +18,8 @@ windows, a few rows.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from shefex_nav.compiled import inner, kernel
 
 CLIP = 0.25  # of tau_pre: how far a pixel may pull the average [E]
 CUT_PX = 0.36  # error of a centroid cut at the threshold, over the root of its number of pixels; measured [E]
@@ -91,7 +92,7 @@ def find(params, image_dn):
     return Clusters(*table, *statistics)
 
 
-@njit(cache=True)
+@inner
 def _scan_row(row, back, average, shift, limit, clip_dn, column, energy_dn):
     """Go along one row, list the bright pixels with their energies; how many, and the moving average.
 
@@ -124,7 +125,7 @@ def _scan_row(row, back, average, shift, limit, clip_dn, column, energy_dn):
     return n, (window, np.int64(k), total)
 
 
-@njit(cache=True)
+@kernel
 def _bright_pixels_kernel(image_dn, shift, tau_pre_dn, clip_dn, first_level):
     """Pixels above the moving average by more than tau_pre, row by row from left to right.
 
@@ -167,7 +168,7 @@ def _bright_pixels_kernel(image_dn, shift, tau_pre_dn, clip_dn, first_level):
     return pixels[:m], energy_dn[:m], statistics
 
 
-@njit(cache=True)
+@kernel
 def runs(pixels):
     """Run-length code of a list of pixels in the order of rows and columns.
 
@@ -192,7 +193,7 @@ def runs(pixels):
     return row[:n], first[:n], last[:n], member
 
 
-@njit(cache=True)
+@inner
 def _root(parent, a):
     """The run that stands for the cluster of run a; the way to it is shortened."""
     while parent[a] != a:
@@ -201,7 +202,7 @@ def _root(parent, a):
     return a
 
 
-@njit(cache=True)
+@kernel
 def _clusters_kernel(row, first, last, member):
     """Runs that touch, also at a corner, are one cluster; single pixels are none (union-find over the runs).
 
@@ -235,7 +236,7 @@ def _clusters_kernel(row, first, last, member):
     return label, n
 
 
-@njit(cache=True)
+@kernel
 def _measure_kernel(image_dn, saturation_dn, pixels, energy_dn, noise_dn, label, n):
     """The columns of Clusters up to `begin`, brightest first."""
     energy, sums = np.zeros(n), np.zeros((n, 2))
@@ -308,7 +309,7 @@ def _boxes(clusters):
     )
 
 
-@njit(cache=True)
+@kernel
 def _fuse_kernel(boxes_1, pixels_1, begin_1, boxes_2, pixels_2, begin_2, distance_px):
     """As `fuse`; only clusters whose boxes are near are looked at pixel by pixel."""
     n_1, n_2 = len(boxes_1), len(boxes_2)

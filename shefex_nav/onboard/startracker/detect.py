@@ -11,8 +11,8 @@ that of the SHEFEX-2 star tracker (section 3.2), one file a step:
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.onboard.startracker import centroid, fit, scan
 from shefex_nav.onboard.startracker.background import block_sums, medians, repair, tile_statistics
 from shefex_nav.onboard.startracker.spot import Picture
@@ -77,7 +77,7 @@ def detect(params, image_dn):
     return detections, statistics
 
 
-@njit(cache=True)
+@kernel
 def _brightest_first(table, xy_px, flux_dn, P_px):
     """The columns of Detections, sorted by the light that the centroid found."""
     n = len(flux_dn)

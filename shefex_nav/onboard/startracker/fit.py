@@ -12,8 +12,8 @@ larger.
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.centroid import weighted
 from shefex_nav.onboard.startracker.likelihood import misfit_growth
 from shefex_nav.onboard.startracker.scan import FLUX, X, Y
@@ -53,7 +53,7 @@ MOST_MISFIT = 9.0
 COLUMNS = 6  # x, y, flux, xx, xy, yy
 
 
-@njit(cache=True)
+@kernel
 def centroids(picture, table, default_sigma_px):
     """Place, flux and covariance of all objects of a frame.
 
@@ -83,7 +83,7 @@ def centroids(picture, table, default_sigma_px):
     return xy_px, flux, P_px
 
 
-@njit(cache=True)
+@inner
 def fit(picture, table, shape, P_S):
     """Fit all objects of a frame.
 
@@ -121,7 +121,7 @@ def fit(picture, table, shape, P_S):
     return fitted, good
 
 
-@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
+@inner(error_model="numpy", fastmath=FREE_SUMS)
 def _equations(flux, window, dn_per_electron, work):
     """Normal equations of place and flux: six sums of the matrix, three of the right side, chi squared."""
     _, _, width, height = window
@@ -158,7 +158,7 @@ def _equations(flux, window, dn_per_electron, work):
     )
 
 
-@njit(cache=True)
+@inner
 def _fit_one(picture, star, spots, P_S, others, work, fitted):
     """Fit one object, less the light of the others; write to `fitted`, returns whether it succeeded."""
     window = window_of(star, spots, picture.image_dn.shape)
@@ -203,7 +203,7 @@ def _fit_one(picture, star, spots, P_S, others, work, fitted):
     return True
 
 
-@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
+@inner(error_model="numpy", fastmath=FREE_SUMS)
 def _of_shape(flux, window, dn_per_electron, work, place, P_S):
     """What the error of the shape adds to the covariance of a place: xx, xy, yy [px^2].
 

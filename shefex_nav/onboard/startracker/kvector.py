@@ -7,7 +7,8 @@ lie below it. A range of values is then two divisions and two look-ups, however 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from shefex_nav.compiled import inner
 
 EPSILON = 2.3e-16  # relative rounding of float64: the line begins below the first and ends above the last
 
@@ -31,7 +32,7 @@ def build(values):
     return KVector(count.astype(np.int64), float(slope), float(intercept))
 
 
-@njit(cache=True)
+@inner
 def span(count, slope, intercept, values, low, high):
     """Positions of the values within [low, high]: first, last of values[first:last], equal when it is empty.
 

@@ -6,8 +6,8 @@ largest likelihood, and `drop_worst` leaves out a star that does not belong.
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply, quat_normalise
 from shefex_nav.onboard.startracker.attitude import inverse3, product
@@ -19,7 +19,7 @@ FOCAL = 6  # its place among them
 CHANCE = 3.0  # standard deviations of chi squared that are no misfit
 
 
-@njit(cache=True)
+@kernel
 def misfit_factor(chi2, dof, prior_dof):
     """By how much a covariance grows or shrinks with the misfit.
 
@@ -28,7 +28,7 @@ def misfit_factor(chi2, dof, prior_dof):
     return (prior_dof + chi2) / (prior_dof + dof)
 
 
-@njit(cache=True)
+@inner
 def misfit_growth(chi2, dof, prior_dof):
     """By how much a covariance grows with a misfit that chance does not explain; 1 for any smaller one.
 
@@ -38,7 +38,7 @@ def misfit_growth(chi2, dof, prior_dof):
     return max(1.0, misfit_factor(chi2 - CHANCE * np.sqrt(2.0 * dof), dof, prior_dof))
 
 
-@njit(cache=True)
+@inner
 def sigma_of_centroids(camera, xy_px, P_px):
     """Standard deviation of each direction, per axis, from the covariance of its centroid.
 
@@ -68,7 +68,7 @@ def sigma_of_centroids(camera, xy_px, P_px):
     return sigma
 
 
-@njit(cache=True)
+@inner
 def _observe(camera, q_ic, xy_px, v_i, t_s):
     """Residuals (n, 2) px and their derivatives G (n, 2, 7) by the `UNKNOWNS`; NaN behind the camera.
 
@@ -94,7 +94,7 @@ def _observe(camera, q_ic, xy_px, v_i, t_s):
     return residual, G
 
 
-@njit(cache=True)
+@inner
 def _inverse2(P):
     """Inverse of a (2, 2) matrix."""
     out = np.empty((2, 2))
@@ -103,7 +103,7 @@ def _inverse2(P):
     return out
 
 
-@njit(cache=True)
+@inner
 def _normal(G, residual, P_px, P_common):
     """Normal equations of the attitude, the errors that all stars share eliminated.
 
@@ -138,7 +138,7 @@ def _normal(G, residual, P_px, P_common):
     return P, b[:3] - _times(M[:3, 3:], d), d, chi2 - (b[3:] * d).sum()
 
 
-@njit(cache=True)
+@inner
 def _times(A, v):
     """A v, as `product`."""
     out = np.zeros(A.shape[0])
@@ -148,7 +148,7 @@ def _times(A, v):
     return out
 
 
-@njit(cache=True)
+@inner
 def _shared(C, P):
     """D = P (I + C P)^-1 of symmetric (4, 4) matrices, of which P may be singular.
 
@@ -177,7 +177,7 @@ def _shared(C, P):
     return 0.5 * (right + right.T)
 
 
-@njit(cache=True)
+@kernel
 def refine(camera, q_ic, xy_px, v_i, P_px, t_s=None, P_omega=None, sigma_focal=0.0):
     """Attitude of largest likelihood for centroids with covariances of any shape (Gauss-Newton).
 
@@ -221,7 +221,7 @@ def refine(camera, q_ic, xy_px, v_i, P_px, t_s=None, P_omega=None, sigma_focal=0
     return quat_normalise(q_ic), P_c, chi2
 
 
-@njit(cache=True)
+@inner
 def _less_constant(P, sigma_focal):
     """Covariance of the attitude (3, 3) without the share of the focal length, from all of `_normal`.
 
@@ -236,7 +236,7 @@ def _less_constant(P, sigma_focal):
     return P_c
 
 
-@njit(cache=True)
+@inner
 def _common(t_s, P_omega, sigma_focal, n):
     """Times (n,), zeros without a rate, and the covariance of what all stars share: rate, focal length."""
     P = np.zeros((UNKNOWNS - 3, UNKNOWNS - 3))
@@ -247,13 +247,13 @@ def _common(t_s, P_omega, sigma_focal, n):
     return t_s, P
 
 
-@njit(cache=True)
+@inner
 def _form2(W, r):
     """r' W r of a (2, 2) matrix and a (2,) vector."""
     return W[0, 0] * r[0] ** 2 + (W[0, 1] + W[1, 0]) * r[0] * r[1] + W[1, 1] * r[1] ** 2
 
 
-@njit(cache=True)
+@inner
 def drop_worst(
     camera, q_ic, xy_px, v_i, P_px, false_alarm, min_stars, t_s=None, P_omega=None, sigma_focal=0.0
 ):

@@ -17,8 +17,8 @@ from math import erf, exp, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.background import SIGMA_QUANTILE
 from shefex_nav.onboard.startracker.binned import BIN
 from shefex_nav.onboard.startracker.streak_path import LENGTH, NUMBERS, TX, TY, place_of_middle
@@ -42,7 +42,7 @@ FLAT_LINES = 1.5  # the ridge along a bright streak is this wide, in bins, on ea
 VALUE, MIDDLE_X, MIDDLE_Y = range(3)
 
 
-@njit(cache=True)
+@inner
 def curvature(length_px, sigma_px):
     """Curvature of the autocorrelation of a streak's profile along and across at its peak, px^-2 each."""
     z = length_px / (2.0 * sigma_px)
@@ -79,7 +79,7 @@ class Lines(NamedTuple):
     u0: int
 
 
-@njit(cache=True)
+@kernel
 def looks(turning, sigma_px):
     """What streaks look like at places all over a frame. Turning, width of a spot -> Looks.
 
@@ -107,7 +107,7 @@ def looks(turning, sigma_px):
     )
 
 
-@njit(cache=True)
+@inner
 def _steepest(vectors, step_px):
     """Greatest change along the second axis, per px; NaN vectors do not count."""
     steepest = 0.0
@@ -120,7 +120,7 @@ def _steepest(vectors, step_px):
     return steepest
 
 
-@njit(cache=True)
+@kernel
 def threshold(density, area_px, wanted):
     """The k, in sigma, above which `wanted` maxima of noise are expected; at least 3.
 
@@ -145,14 +145,14 @@ def grid_of(shape, seen, sigma_px):
     return Grid(shape[0], shape[1], side + most_steps + 4 + 4 * OVERLAP, side, most_steps)
 
 
-@njit(cache=True)
+@kernel
 def steps_of(along_px, slope, sigma_px):
     """Rows of bins that a sum takes: a streak over along_px rows of pixels, and the spot's own width."""
     spot = SPOT_SIGMAS * sigma_px / np.sqrt(1.0 + slope * slope)
     return max(1, int(np.rint(np.sqrt(along_px * along_px + spot * spot) / BIN)))
 
 
-@njit(cache=True)
+@kernel
 def candidates(bins, grid, turning, sigma_px, least):
     """Maxima of the frame filtered along the streaks.
 
@@ -198,7 +198,7 @@ def candidates(bins, grid, turning, sigma_px, least):
     return _thinned(raw[:n_raw], noise, level, least, sigma_px), noise
 
 
-@njit(cache=True)
+@inner
 def _transpose(bins, out):
     """Write rows and columns exchanged, block by block as the cache likes it."""
     rows, columns = bins.shape
@@ -209,7 +209,7 @@ def _transpose(bins, out):
                     out[c, r] = bins[r, c]
 
 
-@njit(cache=True)
+@inner
 def _filter_tile(bins, grid, tile, streak_px, sigma_px, least, raw, n_raw, histogram):
     """Sums along the rows' order for streaks (columns, rows); maxima go to raw, the values to histogram.
 
@@ -241,7 +241,7 @@ def _filter_tile(bins, grid, tile, streak_px, sigma_px, least, raw, n_raw, histo
     return _maxima(values, least, tile, lines, raw, n_raw)
 
 
-@njit(cache=True)
+@inner
 def _sums(bins, pad, lines, across, values):
     """Write the sums of n rows, three lines weighted (across, 1, across), in units of white noise."""
     slope, middle, first, n, u0 = lines
@@ -279,7 +279,7 @@ def _sums(bins, pad, lines, across, values):
                 out[i] = scale * total[i] + side * (total[i - 1] + total[i + 1])
 
 
-@njit(cache=True)
+@inner
 def _part_inside(grid, lines, values):
     """Weigh sums that the border cuts against the noise of the part inside; too small a part is no sum."""
     slope, middle, first, n, u0 = lines
@@ -305,7 +305,7 @@ def _part_inside(grid, lines, values):
             row[i] *= weight[np.uint32(max(count, 0))]
 
 
-@njit(cache=True)
+@inner
 def _maxima(values, least, tile, lines, raw, n_raw):
     """Append maxima above `least` whose middle is in the tile: value, x, y [px]; new length."""
     r0, r1, c0, c1 = tile
@@ -333,7 +333,7 @@ def _maxima(values, least, tile, lines, raw, n_raw):
     return n_raw
 
 
-@njit(cache=True)
+@inner
 def _spread(histogram):
     """Standard deviation and median of the filtered frame from quantiles that stars do not raise."""
     n = histogram.sum()
@@ -349,7 +349,7 @@ def _spread(histogram):
     return max(quantile[1] - quantile[0], 0.5), quantile[1]
 
 
-@njit(cache=True)
+@inner
 def _thinned(raw, noise, level, least, sigma_px):
     """Best first, in units of the measured noise, without the bumps on the ridge of a brighter one.
 

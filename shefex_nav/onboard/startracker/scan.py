@@ -8,8 +8,8 @@ by recursion, here a list of pixels is its own queue, which has no depth limit.
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.background import BLOCK, N_BLOCK
 
 # columns of the table of objects
@@ -17,7 +17,7 @@ X, Y, FLUX, PIXELS, SATURATED, BACKGROUND, NOISE, XX, XY, YY = range(10)
 COLUMNS = 10
 
 
-@njit(cache=True)
+@kernel
 def sequential(image_dn, blocks, background, sigma, rules):
     """One pass over the frame; objects that have been taken are marked in `blocks`.
 
@@ -55,7 +55,7 @@ def sequential(image_dn, blocks, background, sigma, rules):
     return table[:n_objects]
 
 
-@njit(cache=True)
+@kernel
 def maximum_search(image_dn, blocks, background, sigma, rules):
     """The greatest block above its background, again and again, until none is left or the table is full.
 
@@ -89,7 +89,7 @@ def maximum_search(image_dn, blocks, background, sigma, rules):
     return table[:n_objects]
 
 
-@njit(cache=True)
+@inner
 def _maximum(blocks):
     """Largest of some blocks; so simple that the compiler takes 16 of them at a time."""
     largest = blocks.dtype.type(-1)
@@ -98,7 +98,7 @@ def _maximum(blocks):
     return largest
 
 
-@njit(cache=True)
+@inner
 def _grow(blocks, limit, tile, seed_r, seed_c, pixels):
     """List the connected blocks above their tile's limit in `pixels`; returns how many.
 
@@ -122,7 +122,7 @@ def _grow(blocks, limit, tile, seed_r, seed_c, pixels):
     return n
 
 
-@njit(cache=True)
+@inner
 def _take(image_dn, blocks, level, noise, pixels, n, rules, table, n_objects):
     """Measure a grown object and, if it may be a star, put it into the table; new length of the table.
 
@@ -168,7 +168,7 @@ def _take(image_dn, blocks, level, noise, pixels, n, rules, table, n_objects):
     return min(n_objects + 1, table.shape[0])
 
 
-@njit(cache=True)
+@inner
 def _insert(table, n, flux):
     """Make room in the table sorted by flux, losing the faintest when it is full; row, -1 if too faint."""
     if n == table.shape[0]:

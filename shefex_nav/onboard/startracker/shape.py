@@ -17,8 +17,8 @@ first shape stays, with a covariance of the size by which first shapes are wrong
 from math import erf
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.onboard.startracker.attitude import inverse3
 from shefex_nav.onboard.startracker.likelihood import misfit_growth
 from shefex_nav.onboard.startracker.scan import FLUX, NOISE, PIXELS, SATURATED, XX, XY, YY, X, Y
@@ -62,7 +62,7 @@ SINGULAR = 1e-12  # of a determinant, against the product of the diagonal
 NO_OTHERS = np.empty((0, 3))
 
 
-@njit(cache=True)
+@inner
 def measure(picture, table, default_sigma_px):
     """Shape of the stars in a frame.
 
@@ -92,7 +92,7 @@ def measure(picture, table, default_sigma_px):
     return _shape(S), P_S
 
 
-@njit(cache=True)
+@inner
 def _clear_stars(table):
     """Rows of the brightest objects that are not saturated and no noise."""
     n = 0
@@ -105,7 +105,7 @@ def _clear_stars(table):
     return chosen[:n]
 
 
-@njit(cache=True)
+@inner
 def _unknown(sigma_px):
     """Covariance of the shape where only the data sheet tells it: a round spot, S = sigma^2."""
     variance = (2.0 * UNKNOWN_PART * sigma_px**2) ** 2
@@ -114,7 +114,7 @@ def _unknown(sigma_px):
     return P_S
 
 
-@njit(cache=True)
+@inner
 def _eigen(xx, xy, yy):
     """Eigenvalues of a symmetric matrix, great and small, and the direction of the great one."""
     mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
@@ -122,7 +122,7 @@ def _eigen(xx, xy, yy):
     return mean + radius, mean - radius, 0.5 * np.arctan2(xy, half)
 
 
-@njit(cache=True)
+@inner
 def _doubted(S):
     """Covariance of a shape that only the moments tell: each eigenvalue by itself, and the direction."""
     great, small, angle = _eigen(S[0], S[1], S[2])
@@ -139,7 +139,7 @@ def _doubted(S):
     return P_S
 
 
-@njit(cache=True)
+@inner
 def _unweighted(xx, xy, yy):
     """Covariance of a spot from the moments that the scan took, weighted with the spot smoothed over a block.
 
@@ -154,14 +154,14 @@ def _unweighted(xx, xy, yy):
     return _symmetric(s_great - EXCESS, s_small - EXCESS, angle)
 
 
-@njit(cache=True)
+@inner
 def _variance(moment):
     """... of a Gaussian along an axis."""
     b = BLOCK_VARIANCE
     return moment - 0.5 * b + np.sqrt((moment - 0.5 * b) ** 2 + b * moment) if moment > 0.0 else 0.0
 
 
-@njit(cache=True)
+@inner
 def _length(moment, variance):
     """... of a line, of spots of that variance [px]."""
     low, high = 0.0, np.sqrt(12.0 * (2.0 * moment + BLOCK_VARIANCE))
@@ -174,7 +174,7 @@ def _length(moment, variance):
     return 0.5 * (low + high)
 
 
-@njit(cache=True)
+@inner
 def _weighted_moment(length, variance):
     """Second moment along a line of its light times its weight [px^2]."""
     a, b = 1.0 / np.sqrt(2.0 * variance), 1.0 / np.sqrt(2.0 * (variance + BLOCK_VARIANCE))
@@ -189,21 +189,21 @@ def _weighted_moment(length, variance):
     return moment / total if total > 0.0 else variance
 
 
-@njit(cache=True)
+@inner
 def _symmetric(great, small, angle):
     """(xx, xy, yy) of a matrix with these eigenvalues."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([great * c * c + small * s * s, (great - small) * c * s, great * s * s + small * c * c])
 
 
-@njit(cache=True)
+@inner
 def _possible(S):
     """S with eigenvalues no smaller than LEAST_SIGMA^2."""
     great, small, angle = _eigen(S[0], S[1], S[2])
     return _symmetric(max(great, LEAST_SIGMA**2), max(small, LEAST_SIGMA**2), angle)
 
 
-@njit(cache=True)
+@inner
 def _shape(S):
     """Spot and streak of a covariance: a line of length L adds L^2/12 along itself."""
     great, small, angle = _eigen(S[0], S[1], S[2])
@@ -211,7 +211,7 @@ def _shape(S):
     return Shape(np.sqrt(small), length * np.cos(angle), length * np.sin(angle))
 
 
-@njit(cache=True)
+@inner
 def _fitted(picture, stars, S):
     """S of largest likelihood for some stars, from a first one, its covariance, and whether it was found.
 
@@ -245,7 +245,7 @@ def _fitted(picture, stars, S):
     return S, P_S, False
 
 
-@njit(cache=True)
+@inner
 def _part(S, change):
     """Greatest part of S that changes, each direction by its own eigenvalue; whether the next is negligible.
 
@@ -262,7 +262,7 @@ def _part(S, change):
     return max(along / great, across / small, turned), is_small
 
 
-@njit(cache=True)
+@inner
 def _one(picture, star, p, spots, work, J, g, back):
     """Write J, g and (A^-1 B, A^-1 a) of one star; returns whether it tells anything."""
     if np.hypot(p[0] - star[X], p[1] - star[Y]) > FARTHEST_PX:
@@ -294,7 +294,7 @@ def _one(picture, star, p, spots, work, J, g, back):
     return True
 
 
-@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
+@inner(error_model="numpy", fastmath=FREE_SUMS)
 def _sums(flux, window, dn_per_electron, work):
     """Products of what changes the light of a star, weighted and summed over the pixels: (7, 7).
 
@@ -324,7 +324,7 @@ def _sums(flux, window, dn_per_electron, work):
     return M
 
 
-@njit(cache=True)
+@inner
 def _together(J, g):
     """Change of S that the stars agree on, those far from the others with a bounded pull; its covariance."""
     n = len(J)
@@ -340,7 +340,7 @@ def _together(J, g):
     return times3(inverse, pull), inverse * misfit_growth(chi2, max(3.0 * (n - 1), 1.0), PRIOR_DOF)
 
 
-@njit(cache=True)
+@inner
 def times3(A, b):
     """A[:, :3] b of a matrix with three rows; without LAPACK, whose calls cost more than that: (3,)."""
     out = np.empty(3)
@@ -349,7 +349,7 @@ def times3(A, b):
     return out
 
 
-@njit(cache=True)
+@inner
 def det3(A):
     """Determinant of a (3, 3) matrix."""
     return (

@@ -8,7 +8,8 @@ that a direction is found without trigonometry.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from shefex_nav.compiled import inner, kernel
 
 CELLS = 24  # per edge of a face: 3.75 degrees, small against a field; 3456 lists in all
 DENSITY_WINDOW = 0.3  # mag, half width over which the density of magnitudes is averaged
@@ -33,7 +34,7 @@ def build(u_i, vmag, radius):
     return SkyGrid(start, row, np.log(density))
 
 
-@njit(cache=True)
+@inner
 def cell_of(x, y, z):
     """Cell of a direction: the face of the cube that it leaves through and the square on it."""
     ax, ay, az = abs(x), abs(y), abs(z)
@@ -49,7 +50,7 @@ def cell_of(x, y, z):
     return (face * CELLS + i) * CELLS + j
 
 
-@njit(cache=True)
+@inner
 def _on_face(face, a, b):
     """Unit vector through the point (a, b) in [-1, 1]^2 of a face."""
     v = np.empty(3)
@@ -63,7 +64,7 @@ def _on_face(face, a, b):
     return v / np.sqrt(1.0 + a * a + b * b)
 
 
-@njit(cache=True)
+@kernel
 def _lists_kernel(u_i, radius):
     """Stars within the radius of any point of each cell: start, row."""
     start = np.zeros(6 * CELLS * CELLS + 1, dtype=np.int64)

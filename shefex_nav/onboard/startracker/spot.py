@@ -9,8 +9,8 @@ from math import erf, exp, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.onboard.startracker.scan import BACKGROUND, FLUX, NOISE, X, Y
 
 PER_SIGMA = 128  # steps of the tables below; linear interpolation is good to 2e-6
@@ -45,7 +45,7 @@ class Picture(NamedTuple):
     dn_per_electron: float  # 0 where it is not known: the shot noise of the stars is left out
 
 
-@njit(cache=True)
+@inner
 def spots_of(shape):
     """Gaussian spots that together are a streak: (n, 3) x, y from its middle, sigma; equal shares of light.
 
@@ -61,7 +61,7 @@ def spots_of(shape):
     return spots
 
 
-@njit(cache=True)
+@inner
 def _edges(centre, first, n, sigma, share, slope):
     """Share of a spot's light in each of n pixels from `first` on, and its derivative to the centre."""
     inverse = 1.0 / sigma
@@ -79,7 +79,7 @@ def _edges(centre, first, n, sigma, share, slope):
         below_c, below_d = above_c, above_d
 
 
-@njit(cache=True)
+@inner
 def model(spots, x, y, window, work):
     """Write the light of a star of flux one, and its derivatives to x and y, to its layers of work."""
     left, top, width, height = window
@@ -104,7 +104,7 @@ def model(spots, x, y, window, work):
                     to_y[c] += slope * columns[c]
 
 
-@njit(cache=True)
+@inner
 def curves(spots, x, y, window, work):
     """Write how the light of a star of flux one changes with xx, xy, yy of the spot's covariance.
 
@@ -130,7 +130,7 @@ def curves(spots, x, y, window, work):
             work[TO_YY, r, c] = row_curves[r] * columns[c]
 
 
-@njit(cache=True)
+@inner
 def _streak_curves(spots, x, y, window, work):
     """... of a streak of length L, spot k at a_k L along it, the variance along it S_gg = L^2/12 + S_ss.
 
@@ -173,7 +173,7 @@ def _streak_curves(spots, x, y, window, work):
             work[TO_YY, i, j] = s * s * gg + c * c * ss + c * s * gs
 
 
-@njit(cache=True)
+@inner
 def _edge_curves(centre, first, n, sigma, curve):
     """Half the second derivative to the centre of the shares of `_edges`.
 
@@ -189,7 +189,7 @@ def _edge_curves(centre, first, n, sigma, curve):
         below = above
 
 
-@njit(cache=True)
+@inner
 def window_of(star, spots, shape):
     """First and last column and row of the pixels that are used for a star."""
     half_x, half_y = abs(spots[0, 0]), abs(spots[0, 1])
@@ -205,7 +205,7 @@ def window_of(star, spots, shape):
     return left, top, right - left + 1, bottom - top + 1
 
 
-@njit(cache=True)
+@inner
 def pixels(picture, star, spots, others, window, work):
     """Write the light of one star, without the others', and its variance to their layers of work.
 

@@ -11,8 +11,8 @@ In: the frame, the motion, level and noise in tiles, candidates. Out: the stars 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.binned import BIN, Level, interpolated
 from shefex_nav.onboard.startracker.matched import MIDDLE_X, MIDDLE_Y
 from shefex_nav.onboard.startracker.streak_fit import fit_one
@@ -82,7 +82,7 @@ class Fits(NamedTuple):
     width2: np.ndarray  # (n,) px^2, width of the spot squared; NaN for one that does not show it
 
 
-@njit(cache=True)
+@kernel
 def fit_field(field, spot, found):
     """Fit the candidates and judge them.
 
@@ -100,7 +100,7 @@ def fit_field(field, spot, found):
     return _stars(field.least, *_fit_again(field, spot, fits))
 
 
-@njit(cache=True)
+@inner
 def _fit_each(field, spot, found):
     """Fit the candidates, each without the light of those before it."""
     n, n_fits = found.shape[0], 0
@@ -124,7 +124,7 @@ def _fit_each(field, spot, found):
     return Fits(fitted[:n_fits], paths[:n_fits], fits.verdict[:n_fits], fits.width2[:n_fits])
 
 
-@njit(cache=True)
+@inner
 def _fit_again(field, spot, fits):
     """Fit again what another streak touches, and all if the spots have another width than expected.
 
@@ -157,7 +157,7 @@ def _fit_again(field, spot, fits):
     return seen.s, fits
 
 
-@njit(cache=True)
+@inner
 def _fit(field, spot, fits, subtract, path, row):
     """Fit one streak without the light of those that are to be subtracted.
 
@@ -180,7 +180,7 @@ def _fit(field, spot, fits, subtract, path, row):
     return fit_one(field.turning, spot, search, pixels, path, row), pixels
 
 
-@njit(cache=True)
+@inner
 def _ground(level, path):
     """Background and noise of a pixel in the middle of a streak."""
     row = (0.5 * (path[Y0] + path[Y1]) - 0.5) / BIN
@@ -189,7 +189,7 @@ def _ground(level, path):
     return Ground(background, interpolated(level.noise, level.tile, row, column))
 
 
-@njit(cache=True)
+@inner
 def _spot_seen(spot, fits):
     """Spot as wide as the bright stars show it, if that differs from the expected one and can be believed."""
     widths = fits.width2[np.isfinite(fits.width2)]
@@ -201,7 +201,7 @@ def _spot_seen(spot, fits):
     return spot
 
 
-@njit(cache=True)
+@inner
 def _has_neighbour(paths, subtract, k, first, s):
     """Whether a streak from `first` on that is subtracted is near streak k."""
     for j in range(first, paths.shape[0]):
@@ -210,7 +210,7 @@ def _has_neighbour(paths, subtract, k, first, s):
     return False
 
 
-@njit(cache=True)
+@inner
 def _stars(least, s, fits):
     """The fits that are stars."""
     fitted, paths, verdict, _ = fits
@@ -225,7 +225,7 @@ def _stars(least, s, fits):
     return fitted[is_star & ~is_part]
 
 
-@njit(cache=True)
+@inner
 def _is_in_line(fitted, path, other_fitted, other, s):
     """Whether two streaks look like one that is longer: end to end, on one line and as bright.
 
@@ -235,7 +235,7 @@ def _is_in_line(fitted, path, other_fitted, other, s):
     return ratio < IN_LINE_RATIO and ratio * IN_LINE_RATIO > 1.0 and _end_to_end(path, other, s)
 
 
-@njit(cache=True)
+@inner
 def _end_to_end(path, other, s):
     """Whether two streaks touch or overlap on the same line."""
     if path[LENGTH] < SHORT_SIGMAS * s:

@@ -21,8 +21,8 @@ prior), which has the smallest mean squared error and says truly how large that 
 from math import sqrt
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.onboard.startracker.attitude import product
 from shefex_nav.onboard.startracker.spot import FREE_SUMS
 from shefex_nav.onboard.startracker.streak_light import draw, first_of
@@ -68,7 +68,7 @@ LEAST_PIXELS = 8
 CORE_PART = 0.1  # of the brightest pixel's light: what counts as a pixel of the star
 
 
-@njit(cache=True)
+@inner
 def fit_one(turning, spot, search, pixels, path, fitted):
     """Fit one streak to its pixels.
 
@@ -107,7 +107,7 @@ def fit_one(turning, spot, search, pixels, path, fitted):
     return near.x.shape[0] if path_of(turning, fitted[PLACE_X], fitted[PLACE_Y], path) else 0
 
 
-@njit(cache=True)
+@inner
 def _nearest(path, s, pixels):
     """Put the pixels that can have light of the streak first; returns them. The others have no model."""
     near_across, near_along = NEAR_SIGMAS * s + 0.5, NEAR_SIGMAS * s + 1.0
@@ -127,7 +127,7 @@ def _nearest(path, s, pixels):
     return first_of(pixels, n)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
+@inner(error_model="numpy", fastmath=FREE_SUMS)
 def _first_flux(pixels):
     """Flux by least squares at the place of the search."""
     up, norm = 0.0, 1e-300
@@ -138,7 +138,7 @@ def _first_flux(pixels):
     return up / norm
 
 
-@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
+@inner(error_model="numpy", fastmath=FREE_SUMS)
 def _equations(flux, level, dn_per_electron, pixels, A, g):
     """Normal equations of the shift along and across, flux and level; returns chi squared.
 
@@ -178,7 +178,7 @@ def _equations(flux, level, dn_per_electron, pixels, A, g):
     return chi2
 
 
-@njit(cache=True)
+@inner
 def _inverse(A, out):
     """Inverse of a positive definite (4, 4) matrix by Cholesky's method; False if it is none."""
     L, b = np.empty((4, 4)), np.empty(4)
@@ -207,7 +207,7 @@ def _inverse(A, out):
     return True
 
 
-@njit(cache=True)
+@inner
 def newton(turning, spot, level_error_dn, pixels, path, fitted, P):
     """Gauss and Newton from the place, flux and level in `fitted`, which is overwritten.
 
@@ -242,7 +242,7 @@ def newton(turning, spot, level_error_dn, pixels, path, fitted, P):
     return False
 
 
-@njit(cache=True)
+@inner
 def _step(A, g, P):
     """Solve the normal equations: whether they can be, and the step. P is written; A is spoilt."""
     if not _inverse(A, P):
@@ -254,7 +254,7 @@ def _step(A, g, P):
     return _inverse(A, held), product(held, g.reshape(4, 1))[:, 0]
 
 
-@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
+@inner(error_model="numpy", fastmath=FREE_SUMS)
 def _mask(spot, pixels, path, fitted):
     """Take the weight from pixels that are too bright or too dark for the model; returns how many."""
     flux, level = fitted[FLUX], fitted[LEVEL]
@@ -271,7 +271,7 @@ def _mask(spot, pixels, path, fitted):
     return n_masked
 
 
-@njit(cache=True)
+@inner
 def _covariance(turning, spot, pixels, near, line, path, fitted, P):
     """Covariance of a settled fit, and the mean along where it is due; False if it is none."""
     turn = np.array([[path[TX], -path[TY]], [path[TY], path[TX]]])
@@ -290,7 +290,7 @@ def _covariance(turning, spot, pixels, near, line, path, fitted, P):
     return P_px[0, 0] > 0.0 and P_px[0, 0] * P_px[1, 1] > P_px[0, 1] ** 2
 
 
-@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
+@inner(error_model="numpy", fastmath=FREE_SUMS)
 def _sums(pixels, fitted):
     """Signal-to-noise ratio and number of pixels of a settled fit; False if it has too few."""
     n_used, n_core, up, norm, most = 0, 0, 0.0, 0.0, 0.0

@@ -10,8 +10,8 @@ pixel for a spot of sigma = 1 px, and within 0.7 at 0.6 px.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.spot import FREE_SUMS, NORMAL, PER_SIGMA, REACH
 from shefex_nav.onboard.startracker.streak_path import (
     BEGIN,
@@ -69,21 +69,21 @@ class Pixels(NamedTuple):
     time: np.ndarray  # s from the frame's instant
 
 
-@njit(cache=True)
+@kernel
 def memory_of(n):
     """Pixels with room for n, not written."""
     one, two, three, four = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     return Pixels(one, two, three, four, np.empty(n), np.empty(n), np.empty(n), np.empty(n))
 
 
-@njit(cache=True)
+@inner
 def first_of(pixels, n):
     """The first n pixels, in the same memory."""
     x, y, light, variance, model, d_along, d_across, time = pixels
     return Pixels(x[:n], y[:n], light[:n], variance[:n], model[:n], d_along[:n], d_across[:n], time[:n])
 
 
-@njit(cache=True)
+@inner
 def window_of(picture, path, s, extra_px, ground, memory):
     """Pixels around a streak: place, light above the level, variance.
 
@@ -125,7 +125,7 @@ def window_of(picture, path, s, extra_px, ground, memory):
     return first_of(memory, n), n_saturated
 
 
-@njit(cache=True)
+@inner
 def _columns_of(path, dy, wide, far):
     """First and last column, not rounded, of a window in the row dy below its first end."""
     tx, ty, x_0 = path[TX], path[TY], path[X0]
@@ -143,7 +143,7 @@ def _columns_of(path, dy, wide, far):
     return left, right
 
 
-@njit(cache=True)
+@inner
 def normal(z):
     """Normal distribution and density at z, linear between the steps of a table."""
     place = min(max((z + REACH) * PER_SIGMA, 0.0), 2.0 * REACH * PER_SIGMA)
@@ -155,7 +155,7 @@ def normal(z):
     return c, d
 
 
-@njit(cache=True)
+@inner
 def density(z):
     """Normal density at -REACH < z < REACH."""
     place = (z + REACH) * PER_SIGMA
@@ -163,7 +163,7 @@ def density(z):
     return NORMAL[index, 1] + (place - index) * (NORMAL[index + np.uint64(1), 1] - NORMAL[index, 1])
 
 
-@njit(cache=True)
+@inner
 def share_below(z):
     """Normal distribution at z, 0 and 1 beyond REACH."""
     if z <= -REACH:
@@ -171,7 +171,7 @@ def share_below(z):
     return normal(z)[0] if z < REACH else 1.0
 
 
-@njit(cache=True, fastmath=True)
+@inner(fastmath=True)
 def bell(z2):
     """Normal density at z, of z squared < REACH^2: (exp(-z^2/32))^16 by the series, to 1e-6 of the peak.
 
@@ -185,7 +185,7 @@ def bell(z2):
     return 0.3989422804014327 * e * e
 
 
-@njit(cache=True)
+@kernel
 def light_at(path, s, x, y):
     """Light in a pixel of a star of flux one: itself, derivatives to a shift along and across, time.
 
@@ -214,7 +214,7 @@ def light_at(path, s, x, y):
     return light, end, light * z / s, time
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inner(error_model="numpy", fastmath=True)
 def draw(path, s, pixels):
     """Write the model of flux one, its derivatives and the times: `light_at` of all pixels at once.
 
@@ -250,7 +250,7 @@ def draw(path, s, pixels):
         slopes[k] *= line
 
 
-@njit(cache=True)
+@inner
 def take_away(path, spot, flux, pixels):
     """Take a neighbour's light out of the pixels and put its shot noise into their variance."""
     for k in range(pixels.x.shape[0]):
@@ -259,7 +259,7 @@ def take_away(path, spot, flux, pixels):
         pixels.variance[k] += light * spot.dn_per_electron + (NEIGHBOUR_ERROR * light) ** 2
 
 
-@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
+@kernel(error_model="numpy", fastmath=FREE_SUMS)
 def width2(s, level, pixels):
     """Variance of the spot across, px^2, that of a pixel included, by moments under the model as window.
 

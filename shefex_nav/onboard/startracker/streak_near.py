@@ -7,8 +7,8 @@ from two strips beside each streak, the noise as the median of all: 200 pixels t
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.background import SIGMA_QUANTILE
 from shefex_nav.onboard.startracker.matched import looks, threshold
 from shefex_nav.onboard.startracker.streak_fit import fit_one
@@ -65,7 +65,7 @@ class Predicted(NamedTuple):
     ground: np.ndarray  # (m, 2) level and noise of the strips, DN
 
 
-@njit(cache=True)
+@kernel
 def fit_near(picture, turning, spot, xy_px, P_px, false_objects):
     """Fit the streaks near predictions.
 
@@ -95,7 +95,7 @@ def fit_near(picture, turning, spot, xy_px, P_px, false_objects):
     return _fit_each(picture, turning, spot, predicted, around, least), around.level_dn, around.noise_dn
 
 
-@njit(cache=True)
+@inner
 def _in_view(picture, turning, s, xy_px, P_px):
     """The predictions in view whose surroundings are known."""
     m, n = xy_px.shape[0], 0
@@ -111,7 +111,7 @@ def _in_view(picture, turning, s, xy_px, P_px):
     return Predicted(out.xy_px[:n], out.paths[:n], out.search_px[:n], out.ground[:n])
 
 
-@njit(cache=True)
+@inner
 def _fit_each(picture, turning, spot, predicted, around, least):
     """Fit the predicted streaks, each without the light of those before it; the stars (n, COLUMNS)."""
     m, n = predicted.xy_px.shape[0], 0
@@ -137,7 +137,7 @@ def _fit_each(picture, turning, spot, predicted, around, least):
     return fitted[:n]
 
 
-@njit(cache=True)
+@inner
 def _predicted(turning, xy_px, P_px, path, search_px):
     """Path of a predicted star and how far along and across it is searched; False if it is not in view."""
     camera = turning.camera
@@ -154,7 +154,7 @@ def _predicted(turning, xy_px, P_px, path, search_px):
     return True
 
 
-@njit(cache=True)
+@inner
 def _strips(picture, path, s, across_px, values, ground):
     """Level and noise of the pixels beside a streak, to ground; False if too few are in the frame."""
     image_dn, bad, _ = picture
@@ -184,7 +184,7 @@ def _strips(picture, path, s, across_px, values, ground):
     return True
 
 
-@njit(cache=True)
+@inner
 def _quantile(ordered, fraction):
     """Quantile of ordered whole numbers k, each standing for an even spread over k - 1/2 ... k + 1/2."""
     target = fraction * ordered.shape[0]

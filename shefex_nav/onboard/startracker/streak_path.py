@@ -8,8 +8,8 @@ of a tenth of a second or two.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.geometry.shutter import RowTimes
 from shefex_nav.geometry.streak import place_at, seen_from_to, velocity
@@ -32,7 +32,7 @@ class Turning(NamedTuple):
     times: RowTimes
 
 
-@njit(cache=True)
+@kernel
 def path_of(turning, x_px, y_px, path):
     """Write the numbers of a star's streak.
 
@@ -75,7 +75,7 @@ def path_of(turning, x_px, y_px, path):
     return True
 
 
-@njit(cache=True)
+@inner
 def place_of_middle(turning, middle_x, middle_y, path):
     """Place at the instant of the star whose streak has its middle at a point; writes its path.
 
@@ -94,7 +94,7 @@ def place_of_middle(turning, middle_x, middle_y, path):
     return x, y
 
 
-@njit(cache=True)
+@inner
 def touching(path, other, s, extra_px):
     """Whether the light of another streak may reach the window of one that is searched extra_px along."""
     ex = 0.5 * (other[X0] + other[X1] - path[X0] - path[X1])

@@ -12,8 +12,8 @@ from math import exp, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.onboard.startracker.streak_light import BEYOND_SIGMAS, bell, share_below
 from shefex_nav.onboard.startracker.streak_path import LENGTH, SAG, SHARE, TX, TY, X0, Y0, path_of
 
@@ -48,13 +48,13 @@ class Line(NamedTuple):
     ratio: np.ndarray  # (shifts,) odd number of steps of SHIFT_PX around none
 
 
-@njit(cache=True)
+@inner
 def reach_px(length_px, s):
     """How far each way the search along a streak goes."""
     return min(max(SEARCH_PART * length_px, SEARCH_PX[0]), SEARCH_PX[1]) + s
 
 
-@njit(cache=True)
+@inner
 def line_of(path, s, along_px):
     """Line, not written, with room for a search along_px each way."""
     reach = max(along_px, reach_px(path[LENGTH], s))
@@ -63,7 +63,7 @@ def line_of(path, s, along_px):
     return Line(start, sums, np.empty(2 * int(reach / SHIFT_PX) + 1))
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inner(error_model="numpy", fastmath=True)
 def _beside(path, s, start_px, pixels, place, height):
     """Of each pixel the place along in steps of PROFILE_PX from start_px, and the light per px of length.
 
@@ -80,7 +80,7 @@ def _beside(path, s, start_px, pixels, place, height):
         place[k] = (along - start_px) * (1.0 / PROFILE_PX)
 
 
-@njit(cache=True, error_model="numpy")
+@inner(error_model="numpy")
 def profile(path, spot, flux, level, pixels, line):
     """Matched sums across at steps of PROFILE_PX along the streak.
 
@@ -107,7 +107,7 @@ def profile(path, spot, flux, level, pixels, line):
         norm_sums[after] += f * norm
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inner(error_model="numpy", fastmath=True)
 def shifts(path, s, line):
     """Write the signal-to-noise ratio of the streak shifted along in steps of SHIFT_PX.
 
@@ -132,7 +132,7 @@ def shifts(path, s, line):
         line.ratio[i] = up / sqrt(norm) if norm > 0.0 else 0.0
 
 
-@njit(cache=True)
+@inner
 def start_of(turning, spot, search, pixels, line, path, fitted):
     """Move the start along the streak, and across if it is searched, to where its sum is highest.
 
@@ -157,7 +157,7 @@ def start_of(turning, spot, search, pixels, line, path, fitted):
     return path_of(turning, fitted[PLACE_X], fitted[PLACE_Y], path)
 
 
-@njit(cache=True)
+@inner
 def posterior(spot, pixels, line, path, fitted):
     """Mean and variance of the shift along under the likelihood."""
     profile(path, spot, fitted[FLUX], fitted[LEVEL], pixels, line)

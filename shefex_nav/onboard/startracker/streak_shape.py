@@ -11,8 +11,8 @@ path that the rate knows to P_omega_c, a neighbour too faint to be found.
 from math import sqrt
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.geometry.streak import turn_jacobian
 from shefex_nav.onboard.startracker.spot import FREE_SUMS, REACH
 from shefex_nav.onboard.startracker.streak_light import bell, first_of
@@ -40,7 +40,7 @@ MODEL_PART = 0.2  # of the light in a pixel, that a star's may differ from the m
 MASKED_PART = 0.25  # of the pixels with most of the light; more outliers than that is no star
 
 
-@njit(cache=True)
+@inner
 def judge(turning, spot, pixels, n_near, path, fitted):
     """Verdict on a fitted streak: STAR, or why it is none.
 
@@ -64,7 +64,7 @@ def judge(turning, spot, pixels, n_near, path, fitted):
     return _along(turning, spot, pixels, path, fitted)
 
 
-@njit(cache=True)
+@inner
 def _one_pixel(pixels, fitted):
     """Whether one pixel alone explains more than the star does."""
     n, level, ratio2 = 0, fitted[LEVEL], fitted[RATIO] * fitted[RATIO]
@@ -74,7 +74,7 @@ def _one_pixel(pixels, fitted):
     return n > 0
 
 
-@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
+@inner(error_model="numpy", fastmath=FREE_SUMS)
 def _misfit(spot, pixels, fitted):
     """Whether the pixels with light fit worse than a star's, its model's error allowed for."""
     flux, level, least = fitted[FLUX], fitted[LEVEL], CORE_PART * pixels.model.max()
@@ -88,7 +88,7 @@ def _misfit(spot, pixels, fitted):
     return chi2 > _largest(float(n_core))
 
 
-@njit(cache=True, error_model="numpy", fastmath=FREE_SUMS)
+@inner(error_model="numpy", fastmath=FREE_SUMS)
 def _along(turning, spot, pixels, path, fitted):
     """Evenness, ends and direction of a long streak."""
     s, flux, level, length = spot.s, fitted[FLUX], fitted[LEVEL], path[LENGTH]
@@ -124,7 +124,7 @@ def _along(turning, spot, pixels, path, fitted):
     return _verdict(turning, path, parts, tilt, fitted)
 
 
-@njit(cache=True)
+@inner
 def _verdict(turning, path, parts, tilt, fitted):
     """The verdict of the sums."""
     flux, n_parts = fitted[FLUX], parts.shape[0] - 4
@@ -151,7 +151,7 @@ def _verdict(turning, path, parts, tilt, fitted):
     return STAR
 
 
-@njit(cache=True)
+@inner
 def _largest(dof):
     """Chi squared that LIMIT_SIGMA stands for, by its expansion of Cornish and Fisher."""
     return dof + LIMIT_SIGMA * sqrt(2.0 * dof) + 2.0 / 3.0 * (LIMIT_SIGMA**2 - 1.0)

@@ -13,8 +13,8 @@ from math import acos, atan, cos, hypot, pi
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.environment.ephemeris import SkyBodies
 from shefex_nav.environment.stars import silicon_magnitude
 from shefex_nav.geometry import frames, rotation, wgs84
@@ -225,7 +225,7 @@ def surroundings(camera, boresight_i, r_i, C_ei):
     return sun_angle, limb_angle, stray_rate(camera.params, sun_angle, limb_angle, sunlight)
 
 
-@njit(cache=True)
+@kernel
 def aimed(boresight_i, r_i, C_ei, sun_u_i):
     """Angles of the boresight to Sun and limb [rad], and how brightly the Sun lights the limb below it."""
     sun_angle = acos(min(1.0, max(-1.0, boresight_i @ sun_u_i)))

@@ -17,7 +17,8 @@ from math import erfc, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from shefex_nav.compiled import inner, kernel
 
 CELLS = 65536  # of the table: one per 16-bit word
 GUIDE = 1024  # parts of the fractions
@@ -76,7 +77,7 @@ def digitise(params, gain_db, mean_electrons, rng):
     return grey
 
 
-@njit(cache=True)
+@kernel
 def _digitise_kernel(mean, collected, rng, read_noise, full_well, per_dn, black_level, largest, grey):
     """Grey values; the charge of pixels with many electrons is drawn here, that of the others collected."""
     for k in range(mean.size):
@@ -115,7 +116,7 @@ def _distribution(bits, read_noise, full_well, per_dn, black_level, mean):
     return np.minimum(np.maximum.accumulate(cdf), 1.0)  # against rounding
 
 
-@njit(cache=True)
+@kernel
 def _distribution_kernel(mean, read_noise, full_well, per_dn, black_level, cdf, certain):
     """Sum over the electron count of its probability times the normal distribution of the read noise.
 
@@ -133,7 +134,7 @@ def _distribution_kernel(mean, read_noise, full_well, per_dn, black_level, cdf, 
         _add_count(well, held, read_noise, per_dn, black_level, cdf, certain)
 
 
-@njit(cache=True)
+@inner
 def _poisson(mean):
     """First count and the probabilities from it on; what is outside has less than 1e-15.
 
@@ -150,7 +151,7 @@ def _poisson(mean):
     return first, p / p.sum()
 
 
-@njit(cache=True)
+@inner
 def _add_count(n, probability, read_noise, per_dn, black_level, cdf, certain):
     """Add the grey values of n electrons: at most k when what is amplified is below k + 1/2."""
     first = max(0, int(np.ceil((n - 9.0 * read_noise) / per_dn + black_level - 0.5)))
@@ -216,7 +217,7 @@ def background(n_pixels, cells, rng):
     return drawn.view(pixel)[:n_pixels]
 
 
-@njit(cache=True)
+@inner
 def _random_word(seed, k):
     """Number k of the sequence that starts at seed, 64 random bits."""
     z = seed + np.uint64(k) * _GAMMA
@@ -225,7 +226,7 @@ def _random_word(seed, k):
     return z ^ (z >> _S31)
 
 
-@njit(cache=True)
+@kernel
 def _draw_kernel(table, marker, fractions, outcomes, guide, seed, drawn):
     """Write outcomes, four for each random number; what shows the marker takes another number each."""
     n = drawn.size // 4
@@ -242,7 +243,7 @@ def _draw_kernel(table, marker, fractions, outcomes, guide, seed, drawn):
                     spare += 1
 
 
-@njit(cache=True)
+@inner
 def _fraction(fractions, guide, word):
     """Index of an outcome drawn among what the whole cells leave over."""
     part = (word >> _S11) * 2.0**-53

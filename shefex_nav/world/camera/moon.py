@@ -5,8 +5,8 @@ the Sun, with a sharp edge.
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.world.camera.render import add, open_for
 
 RADIUS = 1737.4e3  # m
@@ -39,7 +39,7 @@ def add_moon(light, camera, path, moon_u_i, angular_radius, sun_u_i, electrons):
     _moon_kernel(light, camera, path, C_ci @ moon_u_i, radius_px, C_ci @ sun_u_i, per_px)
 
 
-@njit(cache=True)
+@kernel
 def _moon_kernel(light, camera, path, moon_c, radius_px, sun_c, electrons_per_px):
     """Add one disc for each step."""
     for k in range(moon_c.shape[0]):

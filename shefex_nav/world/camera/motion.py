@@ -8,8 +8,8 @@ to the closing of the last, and the vehicle's state at the frame's instant.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.rotation import (
     dcm_from_quat,
     dcm_from_rotvec,
@@ -99,7 +99,7 @@ def refined(path, speed, step_px):
     return path._replace(C_ci=C_ci, step_s=path.step_s / cut)
 
 
-@njit(cache=True)
+@kernel
 def _turning_kernel(C_ic, omega_c, begin_s, step_s, n):
     """C_ci at the ends of n steps (n + 1, 3, 3)."""
     C_ci = np.empty((n + 1, 3, 3))
@@ -108,7 +108,7 @@ def _turning_kernel(C_ic, omega_c, begin_s, step_s, n):
     return C_ci
 
 
-@njit(cache=True)
+@kernel
 def fastest(camera, omega_c):
     """Speed of the fastest star on the detector, no less: px/s.
 
@@ -120,7 +120,7 @@ def fastest(camera, omega_c):
     return camera.focal_length_px * ((1.0 + tan_corner**2) * across + tan_corner * about)
 
 
-@njit(cache=True)
+@kernel
 def moved(camera, q_ib, omega_ib_b, r_i, v_i, q_bc, start, length, middle, steps):
     """C_ci (n + 1, 3, 3) of the path and the other fields of Motion.
 
@@ -148,7 +148,7 @@ def moved(camera, q_ib, omega_ib_b, r_i, v_i, q_bc, start, length, middle, steps
     return C_ci, C_ci_mid, r_mid_i, v_mid_i, omega_mid_i, rate
 
 
-@njit(cache=True)
+@inner
 def attitudes_at(q_ib, q_bc, samples, C_ci):
     """Write C_ci (n, 3, 3) at fractional numbers of samples (n,), at constant rate between two samples."""
     before = -1

@@ -7,8 +7,8 @@ of the stray light between them is an engineering guess [E].
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.geometry import pinhole, rotation, wgs84
 
 TWILIGHT = 0.02  # brightness of the limb at sunrise as a fraction of the one under a high Sun [E]
@@ -28,7 +28,7 @@ def true_pinhole(params, rng):
     return nominal._replace(cx_px=nominal.cx_px + dx, cy_px=nominal.cy_px + dy)
 
 
-@njit(cache=True)
+@inner
 def limb_sunlight(boresight_i, r_i, sun_u_i):
     """How brightly the Sun lights the limb below the boresight: 0 at night, 1 under a zenith Sun.
 

@@ -17,8 +17,8 @@ from math import erfc, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.shutter import RowTimes, row_start_s
 
 STEP_SIGMA = 1.25  # longest step of a streak, in sigma of the point-spread function
@@ -110,7 +110,7 @@ def add_tracks(light, camera, psf, path, xy_px, electrons, least):
     _tracks_kernel(light, camera, psf, path, xy_px, electrons, float(least))
 
 
-@njit(cache=True)
+@kernel
 def _points_kernel(light, camera, psf, path, u_i, electrons, least):
     n = path.C_ci.shape[0]
     x, y = np.empty(n), np.empty(n)
@@ -121,7 +121,7 @@ def _points_kernel(light, camera, psf, path, u_i, electrons, least):
             _add_track(light, camera, psf, path, x, y, electrons[star], least, shares)
 
 
-@njit(cache=True)
+@kernel
 def _tracks_kernel(light, camera, psf, path, xy_px, electrons, least):
     shares = np.empty(2 * psf.reach_px), np.empty(2 * psf.reach_px)
     for k in range(xy_px.shape[0]):
@@ -129,7 +129,7 @@ def _tracks_kernel(light, camera, psf, path, xy_px, electrons, least):
         _add_track(light, camera, psf, path, x, y, electrons[k], least, shares)
 
 
-@njit(cache=True)
+@inner
 def _project(camera, C_ci, u_i, star, x, y):
     """Write the pixel positions of one direction at all attitudes (n, 3, 3) to x, y (n,); NaN behind."""
     ux, uy, uz = u_i[star, 0], u_i[star, 1], u_i[star, 2]
@@ -140,7 +140,7 @@ def _project(camera, C_ci, u_i, star, x, y):
         y[k] = camera.cy_px + scale * (C_ci[k, 1, 0] * ux + C_ci[k, 1, 1] * uy + C_ci[k, 1, 2] * uz)
 
 
-@njit(cache=True)
+@inner
 def _add_track(light, camera, psf, path, x, y, electrons, least, shares):
     """Add one source with places x, y (n + 1,) at the ends of the steps."""
     times, exposure_s = path.times, path.times.exposure_s
@@ -172,7 +172,7 @@ def _add_track(light, camera, psf, path, x, y, electrons, least, shares):
             _add_steps(light, camera, psf, path, x, y, (k, end), electrons, radius, faint, shares)
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def _add_steps(light, camera, psf, path, x, y, ends, electrons, radius, faint, shares):
     """Add what a source gives in the steps between two ends of steps, taken as one."""
     first, last = ends
@@ -196,14 +196,14 @@ def _add_steps(light, camera, psf, path, x, y, ends, electrons, radius, faint, s
         _add_part(light, camera, psf, place, when_s, times, rate, radius, faint, shares)
 
 
-@njit(cache=True)
+@inner
 def _between(x, steps):
     """Value at a fractional number of steps of a series."""
     k = min(int(steps), x.size - 2)
     return x[k] + (steps - k) * (x[k + 1] - x[k])
 
 
-@njit(cache=True)
+@inner
 def _middle(path, x, y):
     """Where a slow source is in the middle of the exposure of the row that it is on then: x, y.
 
@@ -222,7 +222,7 @@ def _middle(path, x, y):
     return x_mid, y_mid, 1.0 / (1.0 - speed * times.line_s)
 
 
-@njit(cache=True)
+@inner
 def _patch_radius(psf, electrons, least):
     """Half width of the square of pixels outside which a spot gives none `least` electrons; -1: no spot."""
     if electrons <= 0.0:
@@ -236,7 +236,7 @@ def _patch_radius(psf, electrons, least):
     return psf.reach_px - 1
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def _shares(psf, centre, first, last, shares):
     """Write the shares of a spot's light that fall on pixels first ... last of one axis."""
     place = (first - 0.5 - centre + psf.reach_px) * psf.per_px
@@ -247,7 +247,7 @@ def _shares(psf, centre, first, last, shares):
         shares[j] = share + part * (psf.shares[phase + 1, pixel + j] - share)
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def _is_near(camera, x, y, radius):
     """Whether a spot reaches the detector; not if it is NaN."""
     return (
@@ -256,7 +256,7 @@ def _is_near(camera, x, y, radius):
     )
 
 
-@njit(cache=True)
+@inner
 def _patch(camera, x, y, radius):
     """First and last column and row of the pixels within `radius` of a spot's own; none: last < first."""
     if not _is_near(camera, x, y, radius):
@@ -266,7 +266,7 @@ def _patch(camera, x, y, radius):
     return left, right, max(0, row - radius), min(camera.height_px - 1, row + radius)
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def _add_spot(light, camera, psf, x, y, electrons, radius, least, shares):
     """Add one Gaussian spot integrated over the pixels within `radius` of its own pixel."""
     left, right, top, bottom = _patch(camera, x, y, radius)
@@ -277,7 +277,7 @@ def _add_spot(light, camera, psf, x, y, electrons, radius, least, shares):
     _add_patch(light, camera, left, right, top, bottom, electrons, least, shares)
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def _add_part(light, camera, psf, place, when_s, times, rate, radius, least, shares):
     """As `_add_spot`, of a source there from and to when_s: each row gets what falls into its exposure."""
     left, right, top, bottom = _patch(camera, place[0], place[1], radius)
@@ -290,14 +290,14 @@ def _add_part(light, camera, psf, place, when_s, times, rate, radius, least, sha
     _add_patch(light, camera, left, right, top, bottom, rate, least, shares)
 
 
-@njit(cache=True)
+@inner
 def open_for(times, row, from_s, to_s):
     """How long a row is open between two instants. RowTimes, px, s, s -> s."""
     start_s = row_start_s(times, row)
     return max(0.0, min(to_s, start_s + times.exposure_s) - max(from_s, start_s))
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def _add_patch(light, camera, left, right, top, bottom, electrons, least, shares):
     for j in range(bottom - top + 1):
         in_row, pixel = electrons * shares[1][j], (top + j) * camera.width_px + left
@@ -307,7 +307,7 @@ def _add_patch(light, camera, left, right, top, bottom, electrons, least, shares
                 add(light, pixel + i, in_pixel)
 
 
-@njit(cache=True)
+@inner
 def add(light, pixel, electrons):
     """Add electrons to a pixel and list it when it had none."""
     if light.electrons[pixel] == 0.0:
@@ -316,7 +316,7 @@ def add(light, pixel, electrons):
     light.electrons[pixel] += electrons
 
 
-@njit(cache=True)
+@kernel
 def add_charge(light, pixels, electrons):
     """Add electrons (n,) to pixels (n,), indices into the flattened frame, in place; a pixel may recur."""
     for k in range(pixels.size):

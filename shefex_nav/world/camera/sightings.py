@@ -35,8 +35,8 @@ from math import erf, erfc, exp, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.records import Detections
 from shefex_nav.world.camera.undrawn import EDGE_PX
@@ -125,7 +125,7 @@ def broken(length_px):
     return np.minimum(length_px / BROKEN_PX, 1.0) ** 2
 
 
-@njit(cache=True)
+@kernel
 def shape(hole, film, x_px, y_px):
     """The spot of a star: standard deviations along its streak and across, and the streak's direction.
 
@@ -144,13 +144,13 @@ def shape(hole, film, x_px, y_px):
     return np.sqrt(s * s + length * length / 12.0), s, along_x / length, along_y / length
 
 
-@njit(cache=True)
+@inner
 def streak_px(along_px, across_px):
     """Length of a streak with these standard deviations, `shape`."""
     return sqrt(max(12.0 * (along_px**2 - across_px**2), 0.0))
 
 
-@njit(cache=True)
+@kernel
 def margin_px(place, spot, size):
     """From the nearer end of a streak to the border. Its middle, its `shape`, (width, height) in pixels"""
     along, across, ex, ey = spot
@@ -162,7 +162,7 @@ def margin_px(place, spot, size):
     return min(x - abs(ex) * half, y - abs(ey) * half)
 
 
-@njit(cache=True)
+@kernel
 def terms(along_px, across_px, electrons, noise):
     """Parts of the variance of a centroid along the streak and across it [px^2].
 
@@ -177,13 +177,13 @@ def terms(along_px, across_px, electrons, noise):
     )
 
 
-@njit(cache=True)
+@kernel
 def contrast(along_px, across_px, electrons, noise):
     """q, by how much the brightest pixel of a star stands out of the noise."""
     return electrons / (2.0 * pi * along_px * across_px * noise)
 
 
-@njit(cache=True)
+@kernel
 def features(along_px, across_px, electrons, noise, seed_sigma):
     """What a star is found by: (1, z, p(L)), as at the head of this file."""
     length = streak_px(along_px, across_px)
@@ -200,13 +200,13 @@ def features(along_px, across_px, electrons, noise, seed_sigma):
     return 1.0, z, x * x * exp(2.0 - 2.0 * x)
 
 
-@njit(cache=True)
+@inner
 def _area(x, sigma):
     """Integral of erf(x / (sqrt(2) sigma)) from 0, and a constant."""
     return x * erf(x / (sqrt(2.0) * sigma)) + sigma * sqrt(2.0 / pi) * exp(-0.5 * (x / sigma) ** 2)
 
 
-@njit(cache=True)
+@kernel
 def _sight_kernel(model, hole, film, hip, xy_px, electrons, chances, places, seed_sigma, most):
     """Hipparcos numbers, and fields of Detections, of the brightest `most` objects, brightest first.
 
@@ -237,7 +237,7 @@ def _sight_kernel(model, hole, film, hip, xy_px, electrons, chances, places, see
     return names, out_px, light[rows] / film.electrons_per_dn, np.zeros(n, np.int64), n_saturated, P_out_px
 
 
-@njit(cache=True)
+@inner
 def _sources(model, hole, film, xy_px, electrons, chances, seed_sigma):
     """(found, measured places, reported covariances, is saturated) of n sources of the sky."""
     n, size = electrons.size, (hole.width_px, hole.height_px)

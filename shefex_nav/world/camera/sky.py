@@ -7,8 +7,8 @@ that the Earth does not hide, where the moving vehicle sees them, with their ele
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry import wgs84
 
@@ -55,7 +55,7 @@ def ordered(u_i, flux, hip, is_listed):
     return Sky(u_i[order], flux[order], hip[order], is_listed[order])
 
 
-@njit(cache=True)
+@kernel
 def visible(sky, planets, view, film):
     """Sources that may show: those of the sky, then the planets.
 
@@ -93,7 +93,7 @@ def visible(sky, planets, view, film):
     return hip[:kept], u_i[:kept], electrons[:kept]
 
 
-@njit(cache=True)
+@inner
 def _near(u_i, boresight_i, cone):
     """Rows of the directions within `cone` of the boresight; u_i ordered by its third component."""
     polar = np.arccos(min(1.0, max(-1.0, boresight_i[2])))
@@ -108,7 +108,7 @@ def _near(u_i, boresight_i, cone):
     return rows[:n]
 
 
-@njit(cache=True)
+@inner
 def _faintest(u_i, omega_ib_i, film):
     """Electrons below which a source's brightest pixel stays below film.least.
 
@@ -122,7 +122,7 @@ def _faintest(u_i, omega_ib_i, film):
     return film.least * film.width_px * max(film.width_px, length_px)
 
 
-@njit(cache=True)
+@kernel
 def behind_earth(u_i, r_i, C_ei):
     """Which directions from r_i end on the ellipsoid. (n, 3) unit vectors, (3,) m, (3, 3) -> (n,) bool.
 

@@ -7,9 +7,9 @@ from math import atan, hypot, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.spatial import cKDTree
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
@@ -104,7 +104,7 @@ def look(camera, command, trajectory, number, t_start_s):
     return frame, truth, film, scene
 
 
-@njit(cache=True)
+@kernel
 def _look(
     hole, states, q_bc, samples, earth, t_valid_s, sources, planets, earth_v_i, sun_u_i, exposure_s, width_px,
     at_once,
@@ -139,7 +139,7 @@ def _look(
     )
 
 
-@njit(cache=True)
+@inner
 def _on_detector(hole, C_ci, hip, u_i, electrons):
     """Of what is in the cone, what falls on the detector: (hip (n,), xy_px (n, 2), electrons (n,))."""
     kept, seen, light = np.empty_like(hip), np.empty((hip.size, 2)), np.empty(hip.size)
@@ -152,7 +152,7 @@ def _on_detector(hole, C_ci, hip, u_i, electrons):
     return kept[:n], seen[:n], light[:n]
 
 
-@njit(cache=True)
+@inner
 def _bent(hole, path_ci, C_ci, xy_px):
     """Places of light in the mean of a path (m, 3, 3), from those at its middle (3, 3): (n, 2) px.
 

@@ -11,8 +11,8 @@ plane of both. Tables are bilinear in Mach number and angle, and constant beyond
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.world.flight.lookup import mixed, place
 
 
@@ -71,13 +71,13 @@ def tables(aero):
     )
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def total_angle(u, v, w):
     """Total angle of attack [rad] of a velocity in body axes; 0 at rest."""
     return np.arctan2(np.sqrt(v * v + w * w), u)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _coefficients(s, tables, mach, alpha):
     """C_A, C_N/sin(alpha), C_M/sin(alpha), C_D and the four of the damping at a Mach number and an angle."""
     j, part = place(tables, s.mach_at, s.mach_n, 1, mach)
@@ -101,7 +101,7 @@ def _coefficients(s, tables, mach, alpha):
     return axial, normal, moment, drag, pitch, yaw, roll, cant
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def force_and_moment(s, tables, density, sound, station, velocity, rate):
     """Force N and moment N m about the centre of mass in body axes: six numbers.
 

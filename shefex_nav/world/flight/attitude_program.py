@@ -12,8 +12,8 @@ vehicle will be at the instant for which the direction is meant; that place is p
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.world.flight import params
 
@@ -41,7 +41,7 @@ class RateLaw(NamedTuple):
     ramp: float  # s, of the fade; 0: without the small motions
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def smooth_step(u):
     """S(u) = 10 u^3 - 15 u^4 + 6 u^5 from 0 to 1, its two derivatives and its integral from 0."""
     u = min(1.0, max(0.0, u))
@@ -50,7 +50,7 @@ def smooth_step(u):
     return s, ds, 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u), u**4 * (2.5 - 3.0 * u + u * u)
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _residual_rate(law, t_s):
     """The small motions of a `RateLaw` and their derivative: six numbers."""
     if law.ramp == 0.0:
@@ -74,7 +74,7 @@ def _residual_rate(law, t_s):
     )
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def body_rate(law, t_s):
     """omega_ib_b of a `RateLaw` and its derivative at t_s within the piece: six numbers, rad/s, rad/s^2."""
     width = law.t_1 - law.t_0

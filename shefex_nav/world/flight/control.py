@@ -26,8 +26,8 @@ turn, and no torque can stop it. What is steered is therefore the axis about whi
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import triples as t3
 from shefex_nav.world.flight import attitude_program
@@ -120,7 +120,7 @@ def start(cold_gas, rng, n_ticks):
     )
 
 
-@njit(cache=True)
+@kernel
 def drift_over(q_ib, dtheta_b, dt, drift, roll_scale):
     """Drift of the reference over n samples: (n, 4), (n, 3) rad turned in each, s -> (3,) rad, frame i."""
     turn_i = 0.0, 0.0, 0.0
@@ -130,14 +130,14 @@ def drift_over(q_ib, dtheta_b, dt, drift, roll_scale):
     return np.array(turn_i)
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def believed(control, q_ib):
     """The attitude that the control believes, for the true one: four numbers."""
     turned = t3.quat_multiply(t3.quat_from_rotvec(control.tilt_i), q_ib)
     return t3.quat_multiply(turned, t3.quat_from_rotvec(control.misalignment))
 
 
-@njit(cache=True, forceinline=True)
+@kernel(forceinline=True)
 def _believed_rate(control, omega_b):
     """The rate that the control believes, in what it believes to be the body axes: three numbers, rad/s."""
     drift, p = control.drift, omega_b[0]
@@ -151,7 +151,7 @@ def settle(control, omega_b):
     control.mean_rate[:] = mean[1:]
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _of_spin_axis(control, omega_b, error, rate):
     """Angle error and rate of the axis about which the body spins, for those of the body axis."""
     spin, mean = omega_b[0], control.mean_rate
@@ -165,7 +165,7 @@ def _of_spin_axis(control, omega_b, error, rate):
     return error, rate
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _angle_error(follow, q_ib, q_wanted):
     """Rotation from the body to what is wanted: three numbers, rad; none about x if only the axis counts."""
     between = t3.quat_multiply(t3.quat_conjugate(q_ib), q_wanted)
@@ -180,7 +180,7 @@ def _angle_error(follow, q_ib, q_wanted):
     return 0.0, 0.0, 0.0
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _advance(control, t_s, q_ib, omega_error):
     """Carry the wanted attitude and the drift of the reference on to t_s."""
     step = t_s - control.clock[0]
@@ -194,7 +194,7 @@ def _advance(control, t_s, q_ib, omega_error):
         control.clock[0] = t_s
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _wanted_rate(control, t_s, q_ib):
     """Wanted rate and angular acceleration in the axes of the body q_ib: three numbers each, rad/s, rad/s^2.
 
@@ -209,13 +209,13 @@ def _wanted_rate(control, t_s, q_ib):
     return (p, omega[1], omega[2]), (dp, alpha[1], alpha[2])
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _approach(control, size, inertia, j):
     """Rate [rad/s] at which an angle error [rad] about axis j is taken back: half the torque can brake it."""
     return min(0.5 * control.bandwidth * size, np.sqrt(control.torque_open[j] / inertia * size))
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _about_axis(control, j, inertia, error, rate):
     """Torque about one axis that does not feel the others' spin: (N m, whether there is something to do).
 
@@ -235,7 +235,7 @@ def _about_axis(control, j, inertia, error, rate):
     return 2.0 * control.bandwidth * inertia * (missing if error > 0.0 else -missing), True
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _across_spin(control, inertia, momentum, error, rate):
     """Torque about y and z of a body that spins: (N m, N m, whether there is something to do).
 
@@ -259,7 +259,7 @@ def _across_spin(control, inertia, momentum, error, rate):
     )
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def demand(control, t_s, q_ib, omega_b, inertia):
     """Torque [N m] that the law asks for, and whether there is something to do: about each axis.
 
@@ -295,7 +295,7 @@ def demand(control, t_s, q_ib, omega_b, inertia):
     )
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _open_valves(control, torque, busy, turn):
     """Open or shut the valves, as of `demand`, for a period in which the body turns by `turn` rad about x."""
     owed, period = control.owed, control.period
@@ -319,7 +319,7 @@ def _open_valves(control, torque, busy, turn):
         owed[j] = min(limit, max(-limit, owed[j]))
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _remember(control, t_s, error):
     """Write a row of the history; error: three numbers, rad, from the truth to what is wanted."""
     n = control.count[0]
@@ -332,7 +332,7 @@ def _remember(control, t_s, error):
     control.count[0] = n + 1
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def command(control, t_s, x, i_x, i_y, i_z):
     """One tick: set control.torque until the next one. x (19,) true state, i: kg m^2 about the body axes."""
     drift, q_true = control.drift, (x[6], x[7], x[8], x[9])

@@ -15,12 +15,13 @@ about the roll axis alone.
 """
 
 import numpy as np
-from numba import njit
+
+from shefex_nav.compiled import inner
 
 NEVER = np.inf
 
 
-@njit(cache=True)
+@inner
 def yo_yo_spin(yo_yo, t_s):
     """Spin over the spin at release, and its time derivative [1/s], of a row of `yo_yo_row` at t_s."""
     start, end, spin, k = yo_yo[0], yo_yo[1], yo_yo[2], yo_yo[3]
@@ -30,7 +31,7 @@ def yo_yo_spin(yo_yo, t_s):
     return (k - s * s) / (k + s * s), -4.0 * k * spin * s / (k + s * s) ** 2
 
 
-@njit(cache=True)
+@inner
 def yo_yo_acceleration(yo_yo, t_s):
     """Roll acceleration [rad/s^2] at t_s by a yo-yo (4,); zero before its release and once it is off."""
     _, slope = yo_yo_spin(yo_yo, t_s)

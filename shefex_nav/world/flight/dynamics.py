@@ -20,8 +20,8 @@ are compiled into those that call them: handed over through memory, the tuples t
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.world.flight.aerodynamics import force_and_moment, total_angle
 from shefex_nav.world.flight.attitude_program import body_rate
 from shefex_nav.world.flight.devices import yo_yo_acceleration
@@ -44,13 +44,13 @@ AUX = 9  # f_b 0:3, mass 3, Mach number 4, dynamic pressure 5, thrust 6, height 
 ROW = STATE + AUX
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def cross(ax, ay, az, bx, by, bz):
     """a x b."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def write_attitude(x, C):
     """Write C_ib of the state into C (3, 3)."""
     w, a, b, c = x[6], x[7], x[8], x[9]
@@ -59,7 +59,7 @@ def write_attitude(x, C):
     C[2, 0], C[2, 1], C[2, 2] = 2.0 * (a * c - w * b), 2.0 * (b * c + w * a), 1.0 - 2.0 * (a * a + b * b)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _relative_to_air(x, s, wind_x, wind_y, wind_z, lx, ly, lz):
     """Velocity of the centre of mass, at l from the IMU, relative to the air, and rate relative to the Earth.
 
@@ -74,7 +74,7 @@ def _relative_to_air(x, s, wind_x, wind_y, wind_z, lx, ly, lz):
     return (u + vx, v + vy, w + vz), (p, q, r)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _parachute(s, t_s, density, arm, velocity, rate):
     """Force of the parachute in body axes; arm: from the centre of mass to where its lines are fixed.
 
@@ -90,7 +90,7 @@ def _parachute(s, t_s, density, arm, velocity, rate):
     return k * u, k * v, k * w
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _motor(s, vacuum_thrust, pressure, station, x_burning, di_y, di_z, q, r):
     """Force and moment of the motor about the centre of mass, body axes, and the thrust as it is: 7 numbers.
 
@@ -113,7 +113,7 @@ def _motor(s, vacuum_thrust, pressure, station, x_burning, di_y, di_z, q, r):
     return fx, fy + across * r, fz - across * q, mx, my, mz, push
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _outside(s, tables, t_s, density, sound, station, velocity, rate):
     """Force and moment about the centre of mass, body axes, of air, parachute, spin motors: six numbers."""
     fx, fy, fz, mx, my, mz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -132,7 +132,7 @@ def _outside(s, tables, t_s, density, sound, station, velocity, rate):
     return fx, fy, fz, mx, my, mz
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _angular_acceleration(x, s, inertia, moment):
     """I^-1 (M - omega x I omega) for the full inertia tensor: three numbers."""
     p, q, r = x[10], x[11], x[12]
@@ -151,7 +151,7 @@ def _angular_acceleration(x, s, inertia, moment):
     )
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _on_rail(x, s, gx, gy, gz, push):
     """Specific force in body axes while the rail allows motion along itself only; push: F_x/m.
 
@@ -174,7 +174,7 @@ def _on_rail(x, s, gx, gy, gz, push):
     )
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _at_imu(x, s, lx, ly, lz, ax, ay, az):
     """f_b(IMU) - F/m: what the rotation and the gradient of gravitation make of the distance l to the IMU.
 
@@ -194,7 +194,7 @@ def _at_imu(x, s, lx, ly, lz, ax, ay, az):
     )
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _around(t_s, x, s, tables, fine):
     """Gravitation in frame i, height, density, pressure, speed of sound, wind in frame i: ten numbers."""
     turn = turned(s, t_s)
@@ -210,7 +210,7 @@ def _around(t_s, x, s, tables, fine):
     return gx + fine[0], gy + fine[1], gz + fine[2], height_m, density, pressure, sound, wx, wy, wz
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _acting(t_s, x, s, tables, density, pressure, sound, wx, wy, wz):
     """What acts on the vehicle but gravitation, and on what; body axes, three numbers each unless said.
 
@@ -229,7 +229,7 @@ def _acting(t_s, x, s, tables, density, pressure, sound, wx, wy, wz):
     return lever, velocity, force, moment, (i_x, i_y, i_z), (mass, push)
 
 
-@njit(cache=True, error_model="numpy")
+@inner(error_model="numpy")
 def derivative(t_s, x, mode, law, s, tables, fine, rate, aux):
     """Time derivative of the state into rate (19,), f_b and air data into aux (9,).
 

@@ -12,8 +12,8 @@ found by bisection of the last step.
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.world.flight import control as attitude_control
 from shefex_nav.world.flight import vehicle
 from shefex_nav.world.flight.dynamics import CONTROLLED, ON_RAIL, PROGRAMMED, STATE, derivative
@@ -32,7 +32,7 @@ T_END, EVENT, STOP = 0, 1, 2  # how a section ends
 _SAFETY, _SHRINK, _GROW, _BETA = 0.9, 0.2, 10.0, 0.04  # of the step size control
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _write_samples(t_s, t_new, x, k, t_start, dt, mode, law, s, tables, work, rows):
     """Write the samples of [t_s, t_new), from number k on. Returns the number of the next one."""
     y, taken, h = work.y, work.taken, t_new - t_s
@@ -56,7 +56,7 @@ def _write_samples(t_s, t_new, x, k, t_start, dt, mode, law, s, tables, work, ro
     return k
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _height(t_s, x, s):
     """Height of a state above the ellipsoid, m."""
     ex, ey, ez = position_e(s, turned(s, t_s), x[0], x[1], x[2])
@@ -64,7 +64,7 @@ def _height(t_s, x, s):
     return height
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _ended(t_s, x, height_before, mode, s, stop_height):
     """How the section has ended by the state x at t_s: T_END (it has not), EVENT or STOP."""
     if mode == PROGRAMMED:
@@ -80,7 +80,7 @@ def _ended(t_s, x, height_before, mode, s, stop_height):
     return STOP if height <= stop_height < height_before else T_END
 
 
-@njit(cache=True, error_model="numpy")
+@inner(error_model="numpy")
 def _bisect(t_s, t_new, x, height, stop_height, mode, law, s, tables, gravity, work):
     """Make the step that ends where the section does, not later than t_new: (time, how it ends)."""
     low, high, how = t_s, t_new, T_END
@@ -98,7 +98,7 @@ def _bisect(t_s, t_new, x, height, stop_height, mode, law, s, tables, gravity, w
             high = middle
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _steer(t_s, x, s, tables, control):
     """Let the attitude control decide on its torque."""
     _, left = vehicle.thrust(s, tables, t_s)
@@ -110,7 +110,7 @@ def _steer(t_s, x, s, tables, control):
         s.torque[j] = control.torque[j]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _advance(x, work):
     """Take over the step just made, with its last stage as the first one of the next."""
     for j in range(STATE):
@@ -122,14 +122,14 @@ def _advance(x, work):
         work.slopes[0, 6 + j], work.fine[0, j] = x[10 + j], work.fine[1, j]
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _next_corner(t_s, t_end, breaks):
     """The next instant at which something jumps, or the end."""
     k = np.searchsorted(breaks, t_s, side="right")
     return min(t_end, breaks[k]) if k < breaks.size else t_end
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def _controlled_step(t_s, t_new, x, size, last_error, tolerance, mode, law, s, tables, gravity, work):
     """Step towards t_new, shortened until its error is below the tolerance.
 
@@ -157,7 +157,7 @@ def _controlled_step(t_s, t_new, x, size, last_error, tolerance, mode, law, s, t
         return t_new, min(max(size, SMALLEST_STEP), LARGEST_STEP), max(error, 1e-4)
 
 
-@njit(cache=True)
+@kernel
 def _integrate(x, t_s, t_end, k, t_start, dt, mode, law, scene, gravity, breaks, control, tolerance, rows):
     """As `integrate`, for a Scene and the instants at which steps have to end."""
     s, tables, work = scene.record[0], scene.tables, workspace()

@@ -3,10 +3,10 @@
 The tables of a section stand one after the other in a single flat array, see `scene`.
 """
 
-from numba import njit
+from shefex_nav.compiled import inner, kernel
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@kernel(error_model="numpy", forceinline=True)
 def place(tables, at, n, step, x):
     """(k, part): x lies part of the way from value k to value k + 1; 0 or 1 beyond the ends.
 
@@ -27,7 +27,7 @@ def place(tables, at, n, step, x):
     return low, (x - below) / (tables[at + step * high] - below)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def mixed(tables, at, step, part):
     """Value part of the way from tables[at] to tables[at + step]."""
     return tables[at] + part * (tables[at + step] - tables[at])

@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.world.flight.dynamics import STATE
 
 
@@ -22,7 +22,7 @@ class Record(NamedTuple):
     # total angle of attack
 
 
-@njit(cache=True)
+@kernel
 def split(rows):
     """Record of rows (N, `dynamics.ROW`)."""
     n = rows.shape[0]

@@ -13,8 +13,8 @@ costs no accuracy, and the quaternion keeps its length.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.world.flight.dynamics import AUX, STATE, cross, derivative
 from shefex_nav.world.flight.surroundings import fine_gravity_i
 
@@ -54,7 +54,7 @@ class Work(NamedTuple):
     taken: np.ndarray  # (6,) increments that samples within the step have taken
 
 
-@njit(cache=True)
+@inner
 def workspace():
     """Work for one section."""
     seven, three = np.zeros((7, STATE)), np.zeros((3, STATE))
@@ -62,7 +62,7 @@ def workspace():
     return Work(seven, np.zeros((2, 3)), y, new, change, three, np.zeros(AUX), np.zeros(6))
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def turn(x, y):
     """Make y[6:10] the attitude of x turned by the rotation vector that stands in y[6:9]."""
     tx, ty, tz = y[6], y[7], y[8]
@@ -79,7 +79,7 @@ def turn(x, y):
         y[j] *= norm
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def turning(tx, ty, tz, p, q, r, slope):
     """Write the derivative of the rotation vector t since the start of the step, at the rate p, q, r.
 
@@ -97,7 +97,7 @@ def turning(tx, ty, tz, p, q, r, slope):
     slope[9] = 0.0
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def remainder(fine, part):
     """Remainder of gravitation part of the way through the step: three numbers."""
     rest = 1.0 - part
@@ -108,7 +108,7 @@ def remainder(fine, part):
     )
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def begin(t_s, x, mode, law, s, tables, gravity, work):
     """First stage of a step that does not follow smoothly from another one."""
     fine = fine_gravity_i(gravity, s, t_s, x[0], x[1], x[2])
@@ -117,7 +117,7 @@ def begin(t_s, x, mode, law, s, tables, gravity, work):
     turning(0.0, 0.0, 0.0, x[10], x[11], x[12], work.slopes[0])
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def make_step(t_s, t_new, x, mode, law, s, tables, gravity, work):
     """One step from x at t_s into work.new at t_new; its first stage is there already. Returns the error.
 
@@ -155,7 +155,7 @@ def make_step(t_s, t_new, x, mode, law, s, tables, gravity, work):
     return _error(h, slopes, work.curve[0])
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _error(h, slopes, total):
     """Largest estimated error of a step of h s; infinite where something is not finite.
 
@@ -171,7 +171,7 @@ def _error(h, slopes, total):
     return error
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def _weighted(weights, slopes, total):
     """Write the weighted sum of the slopes (7, 19) into total (19,)."""
     for j in range(STATE):
@@ -181,7 +181,7 @@ def _weighted(weights, slopes, total):
             total[j] += weights[i] * slopes[i, j]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def bend(h, work):
     """Coefficients of the continuous extension of the step just made."""
     slopes, curve, change = work.slopes, work.curve, work.change
@@ -192,7 +192,7 @@ def bend(h, work):
         curve[2, j] *= h
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def read(x, part, work):
     """Write the state part of the way through the step from x into work.y, after `bend`."""
     y, change, curve, rest = work.y, work.change, work.curve, 1.0 - part

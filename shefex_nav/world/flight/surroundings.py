@@ -11,8 +11,8 @@ orbit, the line is off by at most 1e-3 (400 m / 530 km)^2 / 8 = 7e-11 m/s^2, to 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.environment.atmosphere import us76
 from shefex_nav.environment.gravity import GravityModel, gravity_e
 from shefex_nav.geometry import wgs84
@@ -76,7 +76,7 @@ def closed_form(gravity):
     return np.array([gravity.gm, gravity.radius, j2])
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def times(C, x, y, z):
     """C @ (x, y, z)."""
     return (
@@ -86,7 +86,7 @@ def times(C, x, y, z):
     )
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def transposed_times(C, x, y, z):
     """C.T @ (x, y, z)."""
     return (
@@ -96,28 +96,28 @@ def transposed_times(C, x, y, z):
     )
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def turned(s, t_s):
     """Cosine and sine of the Earth rotation angle at a mission time. s: of the Scene, or an EarthRotation."""
     angle = s.angle_0 + s.rate * t_s
     return np.cos(angle), np.sin(angle)
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def position_e(s, turn, x, y, z):
     """Position in frame e: dcm_ie(earth, t_s).T @ (x, y, z), with turn = turned(s, t_s); three numbers."""
     x, y, z = transposed_times(s.C_iq, x, y, z)
     return transposed_times(s.C_re, turn[0] * x + turn[1] * y, turn[0] * y - turn[1] * x, z)
 
 
-@njit(cache=True, forceinline=True)
+@inner(forceinline=True)
 def to_inertial(s, turn, x, y, z):
     """Components in frame i of a vector in frame e: three numbers."""
     x, y, z = times(s.C_re, x, y, z)
     return times(s.C_iq, turn[0] * x - turn[1] * y, turn[1] * x + turn[0] * y, z)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def level(a, e2, x, y, z):
     """Height [m] above an ellipsoid, and sine and cosine of the geodetic latitude, of a position in frame e.
 
@@ -135,14 +135,14 @@ def level(a, e2, x, y, z):
     return across * c + z * s - a * np.sqrt(1.0 - e2 * s * s), s, c
 
 
-@njit(cache=True)
+@kernel
 def height(shape, r_e):
     """Height [m] above the ellipsoid `World.shape` of a position (3,) m, frame e."""
     h, _, _ = level(shape[0], shape[1], r_e[0], r_e[1], r_e[2])
     return h
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def coarse_gravity(s, x, y, z):
     """The closed form with J2 at a position in frame e: three numbers, m/s^2, frame e.
 
@@ -156,7 +156,7 @@ def coarse_gravity(s, x, y, z):
     return across * x, across * y, c * (1.0 + k * (3.0 - 5.0 * s2)) * z
 
 
-@njit(cache=True)
+@inner
 def fine_gravity_i(gravity, s, t_s, x, y, z):
     """What the closed form lacks of a GravityModel at an inertial position: three numbers, m/s^2, frame i."""
     turn = turned(s, t_s)
@@ -166,7 +166,7 @@ def fine_gravity_i(gravity, s, t_s, x, y, z):
     return to_inertial(s, turn, g[0] - gx, g[1] - gy, g[2] - gz)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@kernel(error_model="numpy", forceinline=True)
 def air(s, tables, height_m):
     """(density kg/m^3, pressure Pa, speed of sound m/s) at a height [m]. s, tables: of the Scene.
 
@@ -184,7 +184,7 @@ def air(s, tables, height_m):
     return s.density_factor * density, pressure, mixed(tables, at + 3, 4, part)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def wind_e(s, tables, height_m, sine, cosine, x, y):
     """Wind in frame e, three numbers, m/s; constant beyond the ends of its table. s, tables: of the Scene.
 
@@ -198,7 +198,7 @@ def wind_e(s, tables, height_m, sine, cosine, x, y):
     return -sine * cl * north - sl * east, -sine * sl * north + cl * east, cosine * north
 
 
-@njit(cache=True)
+@kernel
 def rest_on_earth(earth, r_e, q_eb, t_s, states):
     """Write r_i, v_i, q_ib of a body fixed to the Earth at the times t_s (n,) into states[:, 0:10]."""
     for k in range(t_s.size):
@@ -206,14 +206,14 @@ def rest_on_earth(earth, r_e, q_eb, t_s, states):
         states[k, 6:10] = quat_multiply(quat_from_dcm(dcm_ie(earth, t_s[k])), q_eb)
 
 
-@njit(cache=True)
+@inner
 def _gravitation(world, t_s, r_i):
     """All of the gravitation at an inertial position: (3,) m -> (3,) m/s^2, frame i."""
     C_ie = dcm_ie(world.earth, t_s)
     return C_ie @ gravity_e(world.gravity, C_ie.T @ r_i)
 
 
-@njit(cache=True)
+@kernel
 def free_fall(world, t_s, r_i, v_i, t_end):
     """(r_i, v_i) at t_end under gravitation alone; Runge-Kutta-Nystrom with steps of at most 1 s."""
     n = max(1, int(np.ceil(abs(t_end - t_s))))

@@ -10,8 +10,8 @@ the nose, so that the station s is at x = -s.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.rotation import dcm_from_rotvec
 from shefex_nav.world.flight import devices
 from shefex_nav.world.flight.aerodynamics import AeroTables, tables
@@ -158,7 +158,7 @@ def corners(configuration):
     return np.unique(times[np.isfinite(times)])
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def choose_rows(s, tables, t_s):
     """Note in the record of the Scene in which rows of its tables thrust and mass are at t_s.
 
@@ -176,7 +176,7 @@ def choose_rows(s, tables, t_s):
     s.mass_row, _ = place(tables, s.mass_at, s.mass_n, 6, left)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@kernel(error_model="numpy", forceinline=True)
 def thrust(s, tables, t_s):
     """(vacuum thrust N, propellant left kg) at a mission time; both exact for a broken line."""
     k = s.thrust_row
@@ -190,7 +190,7 @@ def thrust(s, tables, t_s):
     return force, tables[at + 2] - 0.5 * (tables[at + 1] + force) * since / s.exhaust_speed
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner(error_model="numpy", forceinline=True)
 def mass_properties(s, tables, propellant):
     """What the mass table says with `propellant` kg left, and its slopes: eight numbers.
 

@@ -7,8 +7,8 @@ it is first needed and never again.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker import kvector
 
 
@@ -42,13 +42,13 @@ def table(pairs):
     )
 
 
-@njit(cache=True)
+@inner
 def dot(a, i, b, j):
     """Scalar product of row i of a and row j of b."""
     return a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2]
 
 
-@njit(cache=True)
+@inner
 def cosine_limits(cosine, tolerance, cos_error):
     """Limits of a measured cosine: (low, high).
 
@@ -64,7 +64,7 @@ def cosine_limits(cosine, tolerance, cos_error):
     return low, (cosine * cos_t + sine * sin_t if cosine < cos_t else 1.0)
 
 
-@njit(cache=True)
+@kernel
 def new_sides(u_c, tolerance, cos_error):
     """Limits of all angles between the detections; nothing looked up."""
     n = u_c.shape[0]
@@ -78,7 +78,7 @@ def new_sides(u_c, tolerance, cos_error):
     return Sides(u_c, low, high, begin, np.empty((n, n), dtype=np.int64))
 
 
-@njit(cache=True)
+@inner
 def look_up(table, sides, i, j):
     """Catalogue pairs with the angle between detections i and j: (begin, end)."""
     if sides.begin[i, j] < 0:
@@ -90,13 +90,13 @@ def look_up(table, sides, i, j):
     return sides.begin[i, j], sides.end[i, j]
 
 
-@njit(cache=True)
+@inner
 def fits(table, sides, i, j, a, b):
     """Whether stars a and b are as far apart as detections i and j."""
     return sides.low[i, j] <= dot(table.u_i, a, table.u_i, b) <= sides.high[i, j]
 
 
-@njit(cache=True)
+@inner
 def further_star(table, sides, triad, abc, d):
     """The one star that fits detection d on the base (triad, abc); -1 if there is none or more than one."""
     i, j, k = triad
@@ -119,7 +119,7 @@ def further_star(table, sides, triad, abc, d):
     return found
 
 
-@njit(cache=True)
+@inner
 def extend(table, sides, triad, abc, row):
     """Fill `row` with the stars of all detections that fit the base; number of them beyond the base.
 

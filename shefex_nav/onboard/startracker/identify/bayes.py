@@ -10,8 +10,8 @@ enough (`tracking`); if they do not convince, the search begins again from nothi
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_dcm
 from shefex_nav.onboard.startracker.identify.doubts import (
@@ -143,7 +143,7 @@ def _identify(params, pairs, u_c, flux, prediction, P_px):
 NO_PREDICTION = (False, np.array([1.0, 0.0, 0.0, 0.0]), np.zeros((3, 3)))
 
 
-@njit(cache=True)
+@kernel
 def solve_kernel(
     stars, pairs, settings, xy_px, magnitude, has_flux, has_prediction, q_ci, P_c, ellipses=None
 ):
@@ -190,14 +190,14 @@ def solve_kernel(
     return conclude(lost, settings, xy_px.shape[0], work, False)
 
 
-@njit(cache=True)
+@inner
 def new_best(n):
     """Nothing found yet in n detections."""
     score = np.array([-np.inf, -np.inf, 3.0, 0.0, 1.0, 1.0])
     return Best(np.zeros((3, 3)), np.full(n, -1, dtype=np.int64), np.eye(3), np.zeros((4, 4)), score)
 
 
-@njit(cache=True)
+@inner
 def conclude(task, settings, n, work, tracked):
     """Reason, and the attitude if it is certain."""
     best = task.best
@@ -227,7 +227,7 @@ def conclude(task, settings, n, work, tracked):
     return 0, star, quat_from_dcm(best.C), P_c, odds, wrong, work, tracked
 
 
-@njit(cache=True)
+@inner
 def verdict(task, n_matched, n_par):
     """Why the best attitude must not be given out: a Reason, 0 when it may be; see `doubts`."""
     best = task.best

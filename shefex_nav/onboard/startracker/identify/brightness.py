@@ -16,8 +16,8 @@ s_i with s_j and s_k, printed s_i s_j and s_j s_k. All further angles of a candi
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.identify.angles import extend, fits, look_up, new_sides, table
 from shefex_nav.onboard.startracker.identify.verify import Identification, nothing, verify
 from shefex_nav.records import Reason
@@ -111,7 +111,7 @@ def _light(params, pairs, flux):
     )
 
 
-@njit(cache=True)
+@inner
 def _ways(table, light, i, j, faintest, p, way):
     """Stars of detections i and j if they are pair p, one way or the other; (-1, -1) where it cannot be.
 
@@ -127,7 +127,7 @@ def _ways(table, light, i, j, faintest, p, way):
     return table.second[p], table.first[p]
 
 
-@njit(cache=True)
+@inner
 def _partners(table, light, sides, i, j, faintest, head):
     """Candidates of detection i with the star that j would be, as lists: head[star of i] -> entries.
 
@@ -147,7 +147,7 @@ def _partners(table, light, sides, i, j, faintest, head):
     return partner, link
 
 
-@njit(cache=True)
+@inner
 def _clear(table, sides, i, j, head):
     """Make the lists of `_partners` empty again."""
     begin, end = look_up(table, sides, i, j)
@@ -156,7 +156,7 @@ def _clear(table, sides, i, j, head):
         head[table.second[p]] = -1
 
 
-@njit(cache=True)
+@inner
 def _triples(table, light, sides, ijk, faintest, lists, triples):
     """List the stars of three detections that have all three angles.
 
@@ -186,7 +186,7 @@ def _triples(table, light, sides, ijk, faintest, lists, triples):
     return n, is_one
 
 
-@njit(cache=True)
+@inner
 def _quadruple(table, light, sides, ijk, m, triples, n):
     """The quadruple of stars that n triples make with detection m, if there is just one; else -1s."""
     i, j, k = ijk
@@ -203,7 +203,7 @@ def _quadruple(table, light, sides, ijk, m, triples, n):
     return found if n_found == 1 else (-1, -1, -1, -1)
 
 
-@njit(cache=True)
+@inner
 def _reference_mode(table, light, sides, room, skip, star):
     """Figure 5: each surely bright star with two dim ones; candidates still to skip, -1 when done."""
     head, triples = room
@@ -225,7 +225,7 @@ def _reference_mode(table, light, sides, room, skip, star):
     return skip
 
 
-@njit(cache=True)
+@inner
 def _four_star_mode(table, light, sides, room, skip, star):
     """Each star with three dim ones; candidates still to skip, -1 when one has been written to `star`.
 
@@ -251,7 +251,7 @@ def _four_star_mode(table, light, sides, room, skip, star):
     return skip
 
 
-@njit(cache=True)
+@kernel
 def _match_kernel(table, light, u_c, tolerance, cos_error, skip, star):
     """Figure 6: write the candidate after `skip` others to `star`; the reason."""
     sides = new_sides(u_c, tolerance, cos_error)

@@ -7,8 +7,8 @@ beyond the model make an attitude of those stars that happen to fit. Each is ref
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.onboard.startracker.identify.ellipses import between2, factor, weigh, weighted2
 from shefex_nav.onboard.startracker.identify.evidence import NOISE_SCALES, cholesky, jacobian, predict
 from shefex_nav.onboard.startracker.identify.odds import log_odds
@@ -23,7 +23,7 @@ KEPT, KEPT_SHARE = 0.75, 0.55  # share of the matches; of the limit, which their
 RESIDUAL_QUANTILE = 3.1  # sigma of a normal variable: a right attitude is refused once in a thousand
 
 
-@njit(cache=True)
+@inner
 def recall(task, focal_px):
     """Fill the room with the stars of the best attitude and their detections; how many."""
     best, scene, view = task.best, task.scene, task.room
@@ -37,7 +37,7 @@ def recall(task, focal_px):
     return n
 
 
-@njit(cache=True)
+@inner
 def fits_badly(task, n, n_matched, n_par):
     """Whether the squared residuals are beyond the largest noise that is thought possible.
 
@@ -56,7 +56,7 @@ def fits_badly(task, n, n_matched, n_par):
     return best.sum() > KEPT_SHARE * limit * (NOISE_SCALES[-1] * task.scene.sigma_px) ** 2
 
 
-@njit(cache=True)
+@inner
 def _variances(L, n_par):
     """Sum of the first three diagonal elements of (L L')^-1."""
     total = 0.0
@@ -71,7 +71,7 @@ def _variances(L, n_par):
     return total
 
 
-@njit(cache=True)
+@inner
 def leans_on_one_star(task, n, focal_px, noise_px, n_par):
     """Whether one star fixes the attitude that has no better reason to be a star than chance.
 
@@ -114,7 +114,7 @@ def leans_on_one_star(task, n, focal_px, noise_px, n_par):
     return False
 
 
-@njit(cache=True)
+@inner
 def _leverage(L, scene, view, s, focal_px, n_par):
     """Share h of the information that is one star's, L L' that of all: without it no variance grows beyond
     1 / (1 - h) times (trace of N^-1 J' W J: two rows of a factor of W times J).
@@ -134,7 +134,7 @@ def _leverage(L, scene, view, s, focal_px, n_par):
     return total * focal_px**2
 
 
-@njit(cache=True)
+@inner
 def _add(N, scene, view, s, focal_px, n_par, sign):
     """Add the information of a star [px^-2 rad^2], lower triangle."""
     J = jacobian((view.xy_px[s, 0] - scene.cx_px) / focal_px, (view.xy_px[s, 1] - scene.cy_px) / focal_px)
@@ -146,7 +146,7 @@ def _add(N, scene, view, s, focal_px, n_par, sign):
             N[a, b] += sign * focal_px**2 * (ux * vx + uy * vy)
 
 
-@njit(cache=True)
+@inner
 def has_second_image(task, n, noise_px):
     """Whether detections that are no stars repeat the stars: all shifted alike, or turned by 180 degrees.
 

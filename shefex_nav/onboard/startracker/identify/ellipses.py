@@ -9,7 +9,8 @@ a streak as they do for a spot.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from shefex_nav.compiled import inner, kernel
 
 LEAST = 0.3  # sigma_px; no axis is believed to be shorter, as lens and catalogue have errors, too [E]
 LONGEST_PX = 10.0  # nor longer
@@ -39,7 +40,7 @@ def checked(P_px, n, name="P_px"):
     return P
 
 
-@njit(cache=True)
+@kernel
 def ellipses_of(P_px, sigma_px):
     """Ellipses of covariances (n, 2, 2) px^2; axes within LEAST and LONGEST_PX.
 
@@ -65,7 +66,7 @@ def ellipses_of(P_px, sigma_px):
     return Ellipses(spread, weight, log_areas)
 
 
-@njit(cache=True)
+@inner
 def weigh(ellipses, k, x, y):
     """W (x, y), W the weight of centroid k."""
     if ellipses is None:
@@ -74,7 +75,7 @@ def weigh(ellipses, k, x, y):
     return W[k, 0] * x + W[k, 1] * y, W[k, 1] * x + W[k, 2] * y
 
 
-@njit(cache=True)
+@inner
 def weighted2(ellipses, k, dx, dy):
     """Squared distance (dx, dy) from centroid k, px^2 of an ordinary star."""
     if ellipses is None:
@@ -83,13 +84,13 @@ def weighted2(ellipses, k, dx, dy):
     return W[k, 0] * dx * dx + 2.0 * W[k, 1] * dx * dy + W[k, 2] * dy * dy
 
 
-@njit(cache=True)
+@kernel
 def log_area(ellipses, k):
     """ln of the area of the ellipse of centroid k over that of an ordinary star."""
     return 0.0 if ellipses is None else ellipses.log_area[k]
 
 
-@njit(cache=True)
+@inner
 def factor(ellipses, k):
     """p, q, r of the weight's factor: W = R' R, R = [[p, q], [0, r]]."""
     if ellipses is None:
@@ -100,7 +101,7 @@ def factor(ellipses, k):
     return p, q, np.sqrt(W[k, 2] - q * q)
 
 
-@njit(cache=True)
+@inner
 def with_own(ellipses, k, variance, xx, xy, yy):
     """A covariance with the error of an ordinary star in it, with that of centroid k instead."""
     if ellipses is None:
@@ -109,7 +110,7 @@ def with_own(ellipses, k, variance, xx, xy, yy):
     return xx + variance * (S[k, 0] - 1.0), xy + variance * S[k, 1], yy + variance * (S[k, 2] - 1.0)
 
 
-@njit(cache=True)
+@inner
 def along(ellipses, i, j, dx, dy):
     """Mean of the variances of centroids i and j along the line (dx, dy), in sigma_px^2."""
     if ellipses is None:
@@ -119,7 +120,7 @@ def along(ellipses, i, j, dx, dy):
     return 0.5 * (xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy) / (dx * dx + dy * dy)
 
 
-@njit(cache=True)
+@inner
 def between2(ellipses, i, j, dx, dy):
     """Squared distance (dx, dy) between centroids i and j, weighted with the mean of their covariances."""
     if ellipses is None:

@@ -9,8 +9,8 @@ detected and the faintest one that can be are not known, the focal length may be
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.geometry.pinhole import turn_slopes
 from shefex_nav.onboard.startracker.identify.ellipses import Ellipses, log_area, weigh, weighted2
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX, STAR_GATE, gate_of, reach_of
@@ -71,7 +71,7 @@ class View(NamedTuple):
     distance2: np.ndarray  # px^2 to the detection, weighted as in `ellipses`
 
 
-@njit(cache=True)
+@inner
 def new_view():
     """Room for the stars of one frame."""
     return View(
@@ -82,7 +82,7 @@ def new_view():
     )
 
 
-@njit(cache=True)
+@inner
 def predict(stars, scene, C, focal_px, view):
     """Fill `view` with the stars that the attitude C = C_ci puts into the frame; how many."""
     n = 0
@@ -104,7 +104,7 @@ def predict(stars, scene, C, focal_px, view):
     return n
 
 
-@njit(cache=True)
+@inner
 def match(scene, view, n, gate_px, noise_px):
     """Likeliest detection within the gate of each star, each detection to its nearest star; matches.
 
@@ -125,7 +125,7 @@ def match(scene, view, n, gate_px, noise_px):
     return matches
 
 
-@njit(cache=True)
+@inner
 def match_first(scene, ellipses, view, n, gate_px, lever, noise_px):
     """As `match`, for an attitude that is only as good as the pair of detections it comes from.
 
@@ -152,7 +152,7 @@ def match_first(scene, ellipses, view, n, gate_px, lever, noise_px):
     return matches
 
 
-@njit(cache=True)
+@inner
 def _take(view, taken, s):
     """Give star s its detection unless a nearer star has it; by how much the number of matches grows."""
     k = view.det[s]
@@ -168,7 +168,7 @@ def _take(view, taken, s):
     return 0 if rival >= 0 else 1
 
 
-@njit(cache=True)
+@inner
 def jacobian(x, y):
     """d(X/Z, Y/Z)/d(phi, ln f) for a small turn phi of the stars about the camera axes: 8 numbers.
 
@@ -178,7 +178,7 @@ def jacobian(x, y):
     return -dx[0], -dx[1], -dx[2], -dy[0], -dy[1], -dy[2], x, y
 
 
-@njit(cache=True)
+@inner
 def information(scene, view, n, focal_px, n_par, noise_px):
     """Normal equations of the matched stars, in pixels: N (4, 4), right side (4,).
 
@@ -203,7 +203,7 @@ def information(scene, view, n, focal_px, n_par, noise_px):
     return N, g
 
 
-@njit(cache=True)
+@inner
 def cholesky(N, n_par):
     """Lower factor L of N = L L' in place; ln det N, or -inf when it is singular."""
     log_det = 0.0
@@ -222,7 +222,7 @@ def cholesky(N, n_par):
     return log_det
 
 
-@njit(cache=True)
+@inner
 def solve_cholesky(L, g, n_par):
     """Solution of L L' x = g in place of g."""
     for a in range(n_par):
@@ -235,7 +235,7 @@ def solve_cholesky(L, g, n_par):
         g[a] /= L[a, a]
 
 
-@njit(cache=True)
+@inner
 def turn(C, phi):
     """exp(skew(phi)) C in place, for a small phi; the rows are made orthonormal again."""
     for c in range(3):
@@ -257,7 +257,7 @@ def turn(C, phi):
         C[1, c] = C[2, p] * C[0, q] - C[2, q] * C[0, p]
 
 
-@njit(cache=True)
+@inner
 def noise_seen(scene, view, n):
     """Noise of the centroids from the median distance of the matches, within what is thought possible."""
     distance2 = np.empty(n)
@@ -270,7 +270,7 @@ def noise_seen(scene, view, n):
     return min(max(seen, scene.sigma_px), NOISE_SCALES[-1] * scene.sigma_px)
 
 
-@njit(cache=True)
+@inner
 def _all_within(view, n, gate_px):
     """Whether no match is further than the gate."""
     for s in range(n):
@@ -279,14 +279,14 @@ def _all_within(view, n, gate_px):
     return True
 
 
-@njit(cache=True)
+@inner
 def after_first(scene, ellipses, gate_px):
     """Gate of the second step of `adjust`: with ellipses, the first one was no multiple of sigma_px."""
     wide_px = WIDE_GATE * scene.sigma_px
     return min(gate_px, wide_px) if ellipses is None else wide_px
 
 
-@njit(cache=True)
+@inner
 def adjust(stars, scene, C, focal_px, view, n_par, gate_px, lever, min_stars):
     """Turn C until the predicted stars fit their detections, from a wide gate to the noise.
 

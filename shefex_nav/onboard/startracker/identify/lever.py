@@ -8,7 +8,8 @@ well. For round errors that is a circle, otherwise an ellipse for every place.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from shefex_nav.compiled import inner
 
 REACH_PX = 10.0  # no prediction is trusted to be worse
 STAR_GATE = 3.5  # sigma of a place predicted by a pair
@@ -27,13 +28,13 @@ class Lever(NamedTuple):
     gate2: float  # a detection adds this times its spread
 
 
-@njit(cache=True)
+@inner
 def _round(x, y, near2, far2):
     """Lever for round errors."""
     return Lever(x, y, near2, far2, (0.0, 0.0, 0.0), (0.0, 0.0), 0.0, near2)
 
 
-@njit(cache=True)
+@inner
 def lever_of(scene, ellipses, i, j, sigma_px):
     """Lever of the detections i and j for centroid errors of sigma_px. ellipses: those of the scene."""
     dx, dy = scene.xy_px[j, 0] - scene.xy_px[i, 0], scene.xy_px[j, 1] - scene.xy_px[i, 1]
@@ -52,13 +53,13 @@ def lever_of(scene, ellipses, i, j, sigma_px):
     return Lever(xm, ym, 0.0, 0.0, shift, both, turn2, variance)
 
 
-@njit(cache=True)
+@inner
 def no_lever(gate_px):
     """Lever of an attitude without error, for a gate of an ordinary star."""
     return _round(0.0, 0.0, gate_px * gate_px, 0.0)
 
 
-@njit(cache=True)
+@inner
 def widest_gate(scene, ellipses, lever):
     """Gate at the far end of the detector."""
     if ellipses is None:
@@ -67,7 +68,7 @@ def widest_gate(scene, ellipses, lever):
     return REACH_PX
 
 
-@njit(cache=True)
+@inner
 def reach_of(ellipses, lever, x, y):
     """Squared gate of a star predicted at (x, y), 0, 0; with ellipses xx, xy, yy of its part."""
     dx, dy = x - lever.x, y - lever.y
@@ -80,7 +81,7 @@ def reach_of(ellipses, lever, x, y):
     )
 
 
-@njit(cache=True)
+@inner
 def gate_of(ellipses, lever, reach, k, dx, dy):
     """Squared distance (dx, dy) of detection k over the squared gate there, and the gate's determinant."""
     spread = ellipses.spread
@@ -90,7 +91,7 @@ def gate_of(ellipses, lever, reach, k, dx, dy):
     return (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / det, det
 
 
-@njit(cache=True)
+@inner
 def is_near(ellipses, lever, reach, k, dx, dy):
     """Whether detection k may be a star that is predicted (dx, dy) away; reach is that of the star."""
     distance2 = dx**2 + dy**2

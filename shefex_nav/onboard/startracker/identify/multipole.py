@@ -26,8 +26,8 @@ from itertools import chain, islice
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.identify.angles import look_up, new_sides, table
 from shefex_nav.onboard.startracker.identify.verify import Identification, nothing, verify
 from shefex_nav.records import Reason
@@ -80,7 +80,7 @@ def light_of(vmag, magnitude, tolerance):
     return _light_kernel(vmag, magnitude, float(tolerance))
 
 
-@njit(cache=True)
+@kernel
 def _light_kernel(vmag, magnitude, tolerance):
     begin, end = np.zeros(len(magnitude), dtype=np.int64), np.zeros(len(magnitude), dtype=np.int64)
     for i in range(len(magnitude)):
@@ -210,7 +210,7 @@ def new_votes(n, n_stars, n_pairs):
     return Votes(counts, is_counted, np.empty(n_pairs + 1, dtype=np.uint32))
 
 
-@njit(cache=True)
+@inner
 def _sift(pairs, light, i, j, out):
     """List the pairs whose brighter star has the magnitude of detection i and the fainter that of j.
 
@@ -228,7 +228,7 @@ def _sift(pairs, light, i, j, out):
     return n
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def _vote(counts, star, voter, is_so):
     """Count a neighbour for a star of a pole, once, if it is so; without a branch, as in `_sift`."""
     count = counts[star]
@@ -236,7 +236,7 @@ def _vote(counts, star, voter, is_so):
     counts[star] = more if is_so & (count >> SHIFT != voter) else count
 
 
-@njit(cache=True)
+@inner
 def _count(sky, light, sides, votes, i, j):
     """Count what detections i and j say about each other's star, equations (37) to (40)."""
     begin, end = look_up(sky[0], sides, i, j)
@@ -256,7 +256,7 @@ def _count(sky, light, sides, votes, i, j):
     votes.is_counted[i, j] = votes.is_counted[j, i] = True
 
 
-@njit(cache=True)
+@inner
 def occurrences(sky, light, sides, votes, i):
     """With how many neighbours each star can be pole i: (n_stars,) uint32, equations (37) to (41)."""
     for j in range(len(light.begin)):
@@ -265,7 +265,7 @@ def occurrences(sky, light, sides, votes, i):
     return votes.counts[i] & LOW
 
 
-@njit(cache=True)
+@inner
 def partner(sky, light, sides, i, j, pole):
     """The star of neighbour j if that of i is `pole`; -1 if there is none or more than one: (42).
 
@@ -292,7 +292,7 @@ def partner(sky, light, sides, i, j, pole):
     return found
 
 
-@njit(cache=True)
+@inner
 def accept(sky, light, sides, votes, i, row):
     """Write A of pole i to `row`: the star of the pole and of each neighbour, -1; whether there is a pole."""
     row[:] = -1
@@ -305,7 +305,7 @@ def accept(sky, light, sides, votes, i, row):
     return True
 
 
-@njit(cache=True)
+@inner
 def common(first, second, star):
     """Write the names that two lists have in common to `star`; how many (44), (45)."""
     n, count = len(star), 0
@@ -326,7 +326,7 @@ def common(first, second, star):
     return count
 
 
-@njit(cache=True)
+@kernel
 def _next_kernel(sky, light, sides, votes, least, accepted, is_known, begin, star):
     """Go on from the two poles number `begin` (first n + second) until two pass; they are in `star`.
 

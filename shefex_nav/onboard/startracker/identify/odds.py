@@ -12,8 +12,8 @@ attitudes tried; `bayes.CHANCE` is what it is in fact.
 from math import lgamma
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.onboard.startracker.identify.ellipses import log_area
 from shefex_nav.onboard.startracker.identify.evidence import (
     BEYOND,
@@ -39,14 +39,14 @@ CROWD = 3  # neighbours that tell how dense the detections are about one of them
 CROWDED = 4.0  # times the usual density
 
 
-@njit(cache=True)
+@inner
 def add_logs(a, b):
     """ln(exp(a) + exp(b))."""
     high, low = max(a, b), min(a, b)
     return high + np.log1p(np.exp(low - high)) if low > -np.inf else high
 
 
-@njit(cache=True)
+@inner
 def log_factorials(n):
     """ln 0!, ln 1! ... ln n!."""
     table = np.zeros(n + 1)
@@ -55,7 +55,7 @@ def log_factorials(n):
     return table
 
 
-@njit(cache=True)
+@inner
 def crowding_of(scene, of_det):
     """By how much each matched detection is more likely to be chance because others crowd around it.
 
@@ -80,7 +80,7 @@ def crowding_of(scene, of_det):
     return crowding
 
 
-@njit(cache=True)
+@inner
 def place_odds(scene, view, n, log_det, n_par):
     """Logarithm of the places' part: over noise scales, of matches, false ones and attitude volume.
 
@@ -118,7 +118,7 @@ def place_odds(scene, view, n, log_det, n_par):
     return total
 
 
-@njit(cache=True)
+@inner
 def attitude_odds(prior, C, L, noise_px):
     """Logarithm of the prior density at the attitude [rad^-3].
 
@@ -144,7 +144,7 @@ def attitude_odds(prior, C, L, noise_px):
     return -0.5 * np.log((2.0 * np.pi) ** 3 * np.linalg.det(S)) - 0.5 * chi2
 
 
-@njit(cache=True)
+@inner
 def focal_odds(scene, focal_px, n_par):
     """Logarithm of the prior of the focal length: off or not, and by how much."""
     if n_par < 4:
@@ -153,7 +153,7 @@ def focal_odds(scene, focal_px, n_par):
     return np.log(FOCAL_SHARE / (np.sqrt(2.0 * np.pi) * FOCAL_SIGMA)) - 0.5 * off**2
 
 
-@njit(cache=True)
+@inner
 def zero_point(stars, scene, view, n):
     """Median of -2.5 log10 flux - V of the matched stars."""
     difference = np.empty(n)
@@ -165,7 +165,7 @@ def zero_point(stars, scene, view, n):
     return np.median(difference[:m])
 
 
-@njit(cache=True)
+@inner
 def brightness_odds(stars, scene, view, n, zero):
     """Logarithm of the odds that these brightnesses belong to these stars.
 
@@ -188,7 +188,7 @@ def brightness_odds(stars, scene, view, n, zero):
     return add_logs(np.log(1.0 - MUTE) + total, np.log(MUTE))
 
 
-@njit(cache=True)
+@inner
 def _is_due(scene, view, n, s):
     """Well inside the frame and not beside a brighter star (those come first)."""
     x, y = view.xy_px[s, 0], view.xy_px[s, 1]
@@ -201,7 +201,7 @@ def _is_due(scene, view, n, s):
     return True
 
 
-@njit(cache=True)
+@inner
 def completeness_odds(stars, view, n, scene, zero):
     """Logarithm of the probability that these stars of the view are seen and those are not.
 
@@ -235,7 +235,7 @@ def completeness_odds(stars, view, n, scene, zero):
     return total
 
 
-@njit(cache=True)
+@inner
 def log_odds(stars, scene, prior, C, focal_px, view, n, L, log_det, noise_px, n_par):
     """ln B of an adjusted attitude."""
     zero = zero_point(stars, scene, view, n)

@@ -7,8 +7,8 @@ many triads in a row. `match` believes what the papers believe; `identify`, whic
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.identify.angles import extend, fits, look_up, new_sides, table
 from shefex_nav.onboard.startracker.identify.verify import Identification, nothing, verify
 from shefex_nav.records import Reason
@@ -93,7 +93,7 @@ def identify(params, pairs, u_c, flux, P_px=None):
     return best
 
 
-@njit(cache=True)
+@inner
 def smart_triads(n):
     """All triads of n detections in Mortari's order: (m, 3) int64.
 
@@ -109,7 +109,7 @@ def smart_triads(n):
     return triads
 
 
-@njit(cache=True)
+@inner
 def _volume(a, i, j, k):
     """Triple product of rows i, j, k: its sign is the handedness of the triangle."""
     return (
@@ -119,7 +119,7 @@ def _volume(a, i, j, k):
     )
 
 
-@njit(cache=True)
+@inner
 def _hang_up(pair_first, pair_second, begin, end, head, partner, link):
     """List the partners of each star among the pairs begin ... end - 1; head[star] starts its list."""
     m = 0
@@ -130,7 +130,7 @@ def _hang_up(pair_first, pair_second, begin, end, head, partner, link):
         m += 2
 
 
-@njit(cache=True)
+@inner
 def _close_triangles(table, sides, a, b, triad, lists, triangles, n):
     """Add the triangles (a, b, c) that begin with the pair a-b to the list of n; its new length.
 
@@ -151,7 +151,7 @@ def _close_triangles(table, sides, a, b, triad, lists, triangles, n):
     return n
 
 
-@njit(cache=True)
+@inner
 def _base_triangles(table, sides, triad, head, triangles):
     """List the catalogue triangles that have the three angles of a triad; how many.
 
@@ -180,7 +180,7 @@ def _base_triangles(table, sides, triad, head, triangles):
     return n
 
 
-@njit(cache=True)
+@kernel
 def _pyramid_kernel(table, u_c, tolerance, cos_error, begin):
     """Go through the triads from number `begin` on until one of them carries confirmed pyramids.
 
@@ -209,7 +209,7 @@ def _pyramid_kernel(table, u_c, tolerance, cos_error, begin):
     return triads.shape[0], rows, 0
 
 
-@njit(cache=True)
+@kernel
 def _match_kernel(table, u_c, tolerance, cos_error, accept_triangle, star):
     """Write the first unique pyramid, or else the first unique triangle if that will do; the reason."""
     sides = new_sides(u_c, tolerance, cos_error)

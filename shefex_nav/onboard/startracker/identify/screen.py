@@ -5,8 +5,8 @@ ones are missing. The innermost loops of the identification, on plain arrays and
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.startracker.identify.lever import REACH_PX, is_near, reach_of
 from shefex_nav.onboard.startracker.skygrid import cell_of
@@ -18,7 +18,7 @@ WORK_PER_TRIAL = 4  # cost of an attitude, in stars looked at
 PATIENCE_PER_HIT = 3  # bright stars more that may be missing for each that is found
 
 
-@njit(cache=True)
+@inner
 def detection_table(scene):
     """Which detections are within REACH_PX of each cell of the detector, one bit each."""
     rows, columns = int(scene.height_px) // CELL_PX + 3, int(scene.width_px) // CELL_PX + 3
@@ -35,7 +35,7 @@ def detection_table(scene):
     return table
 
 
-@njit(cache=True, inline="always")
+@inner(inline="always")
 def screen(u_i, start, row, table, xy_px, ellipses, C, frame, lever, a, b):
     """Further stars found near where an attitude puts them, and how many stars were looked at.
 
@@ -77,7 +77,7 @@ def screen(u_i, start, row, table, xy_px, ellipses, C, frame, lever, a, b):
     return hits, start[cell + 1] - start[cell]
 
 
-@njit(cache=True)
+@inner
 def triad(p0, p1, p2, q0, q1, q2):
     """Three unit vectors: along p + q, across in their plane, normal to it; 9 numbers for unit p and q."""
     x, y, z = p0 + q0, p1 + q1, p2 + q2
@@ -89,13 +89,13 @@ def triad(p0, p1, p2, q0, q1, q2):
     return x, y, z, v * z - w * y, w * x - u * z, u * y - v * x, u, v, w
 
 
-@njit(cache=True)
+@inner
 def join(T, S):
     """C_ci, row by row, from the triads of a pair in the camera, T, and in the sky, S."""
     return t3.product(t3.transposed(T), S)
 
 
-@njit(cache=True)
+@inner
 def scan(u_i, start, row, star, fainter, table, xy_px, ellipses, T, frame, lever, gate, ij, need, begin, end):
     """Next attitude that passes the screen among those of one pair of detections.
 
@@ -134,7 +134,7 @@ def scan(u_i, start, row, star, fainter, table, xy_px, ellipses, T, frame, lever
     return end, C, work
 
 
-@njit(cache=True)
+@inner
 def directions(scene, focal_px):
     """Unit vectors of the detections for a focal length: (n, 3)."""
     n = scene.xy_px.shape[0]
@@ -147,14 +147,14 @@ def directions(scene, focal_px):
     return u_c
 
 
-@njit(cache=True)
+@inner
 def frame_of(scene, focal_px, patience, convincing):
     """The camera, the patience and what is convincing as `screen` takes them."""
     right, bottom = scene.width_px - 1.0, scene.height_px - 1.0
     return focal_px, scene.cx_px, scene.cy_px, right, bottom, scene.border_px, patience, convincing
 
 
-@njit(cache=True)
+@inner
 def put(C, nine):
     """Nine numbers into a matrix."""
     for a in range(3):

@@ -9,8 +9,8 @@ attitudes looked at is bounded.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.onboard.startracker.identify.ellipses import along
 from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, View, adjust
 from shefex_nav.onboard.startracker.identify.lever import lever_of, widest_gate
@@ -88,7 +88,7 @@ class Task(NamedTuple):
     threshold: float  # of ln B
 
 
-@njit(cache=True)
+@inner
 def position(pairs, value):
     """Number of pairs whose cosine is below the value, by the k-vector."""
     n = pairs.cosine.shape[0]
@@ -101,7 +101,7 @@ def position(pairs, value):
     return k
 
 
-@njit(cache=True)
+@inner
 def look(task, focal_px, gate_px, lever, free_focal):
     """Adjust and weigh best.trial_C, without and with a free focal length; keep the best. Work."""
     stars, scene, best, view = task.stars, task.scene, task.best, task.room
@@ -137,13 +137,13 @@ def look(task, focal_px, gate_px, lever, free_focal):
     return work
 
 
-@njit(cache=True)
+@inner
 def margin(task):
     """ln B of the best attitude, against chance and against a rival that is itself better than chance."""
     return task.best.score[0] - max(task.best.score[1], 0.0)
 
 
-@njit(cache=True)
+@inner
 def window(pairs, u_c, i, j, tolerance):
     """Catalogue pairs with the angle of the detections i and j: begin, end; empty for close detections."""
     angle = np.arccos(min(u_c[i, 0] * u_c[j, 0] + u_c[i, 1] * u_c[j, 1] + u_c[i, 2] * u_c[j, 2], 1.0))
@@ -151,7 +151,7 @@ def window(pairs, u_c, i, j, tolerance):
     return position(pairs, low), position(pairs, high)
 
 
-@njit(cache=True)
+@inner
 def try_pair(task, pairs, u_c, i, j, begin, end, way):
     """The catalogue pairs begin ... end as the detections i and j; work."""
     stars, scene, best = task.stars, task.scene, task.best
@@ -181,7 +181,7 @@ def try_pair(task, pairs, u_c, i, j, begin, end, way):
     return work
 
 
-@njit(cache=True)
+@inner
 def pairs_by_brightness(n):
     """All pairs of n detections, brightest first: (m, 2)."""
     order = np.empty((n * (n - 1) // 2, 2), dtype=np.int64)
@@ -193,7 +193,7 @@ def pairs_by_brightness(n):
     return order
 
 
-@njit(cache=True)
+@inner
 def costs_of(scene, order):
     """Relative cost of pairs of detections, inf for close ones, and their variance along the line, (m,) each.
 
@@ -210,13 +210,13 @@ def costs_of(scene, order):
     return cost, spread
 
 
-@njit(cache=True)
+@inner
 def tolerance_of(task, way):
     """Tolerance [rad] of the angle of a pair of ordinary stars."""
     return PAIR_GATE * np.sqrt(2.0) * way.noise * task.scene.sigma_px / (way.focal * task.scene.focal_px)
 
 
-@njit(cache=True)
+@inner
 def try_block(task, pairs, u_c, block, way, limit):
     """A few pairs of detections, the closest first, as those have the fewest catalogue pairs; work."""
     cost, spread = costs_of(task.scene, block)
@@ -234,7 +234,7 @@ def try_block(task, pairs, u_c, block, way, limit):
     return work
 
 
-@njit(cache=True)
+@inner
 def try_in_turn(task, pairs, u_c, order, size, way, limit):
     """All pairs of detections: the cheapest of all, and the cheapest of a block of bright ones; work.
 
@@ -259,7 +259,7 @@ def try_in_turn(task, pairs, u_c, order, size, way, limit):
     return work
 
 
-@njit(cache=True)
+@inner
 def try_all(task, ellipses, pairs, u_c, order, way, limit):
     """All pairs of detections, brightest first or, with ellipses, best first; work."""
     size = min(int(BLOCK * task.scene.xy_px.shape[0]), LARGEST_BLOCK)
@@ -273,13 +273,13 @@ def try_all(task, ellipses, pairs, u_c, order, way, limit):
     return work
 
 
-@njit(cache=True)
+@inner
 def passes_of(ellipses):
     """The ways through all pairs of detections."""
     return PASSES if ellipses is None else UNEVEN_PASSES
 
 
-@njit(cache=True)
+@inner
 def lost_in_space(task, pairs, budget):
     """Go through the pairs of detections until one attitude is certain; work."""
     work, ellipses = 0, task.scene.ellipses

@@ -4,8 +4,8 @@ Pairs of such proposals whose angles agree are attitudes, which are looked at as
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner
 from shefex_nav.onboard.startracker.identify.ellipses import along, with_own
 from shefex_nav.onboard.startracker.identify.evidence import jacobian
 from shefex_nav.onboard.startracker.identify.lever import STAR_GATE, lever_of, widest_gate
@@ -32,7 +32,7 @@ CONVINCING = 3  # further stars are worth a closer look
 PATIENCE = 6  # bright stars that may be missing before the first further one is found
 
 
-@njit(cache=True)
+@inner
 def propose(stars, scene, prior, sigma_px):
     """Detections near the predicted place of a star: (m, 2) detection, star; m = 0 when too many."""
     found = np.empty((MAX_PROPOSALS, 2), dtype=np.int64)
@@ -68,13 +68,13 @@ def propose(stars, scene, prior, sigma_px):
     return found[:m]
 
 
-@njit(cache=True)
+@inner
 def angle_between(a, i, b, j):
     """Angle between row i of a and row j of b."""
     return np.arccos(min(a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2], 1.0))
 
 
-@njit(cache=True)
+@inner
 def try_proposals(task, u_c, p, q, noise):
     """The attitude that makes two proposals true, if they agree; work."""
     stars, scene = task.stars, task.scene
@@ -102,7 +102,7 @@ def try_proposals(task, u_c, p, q, noise):
     return work + look(task, focal_px, widest_gate(scene, scene.ellipses, lever), lever, noise > NOISES[0])
 
 
-@njit(cache=True)
+@inner
 def track(task, budget):
     """Go through the pairs of proposals until one attitude is certain; work."""
     work = 0

@@ -7,8 +7,8 @@ is right. No method's own criterion is trusted: noise alone can build a pyramid 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry.pinhole import Pinhole, pixels
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker.attitude import covariance, esoq2
@@ -92,7 +92,7 @@ def verify(params, stars, u_c, flux, star):
     return Identification(matched, int(reason), float(odds))
 
 
-@njit(cache=True)
+@kernel
 def log_odds(camera, sigma_px, detection_probability, u_c, star, distance2, n_missing):
     """Natural logarithm of the odds of an attitude against chance.
 
@@ -136,7 +136,7 @@ def log_odds(camera, sigma_px, detection_probability, u_c, star, distance2, n_mi
     return attitude + best - np.log(len(star)) + n_missing * np.log(1.0 - detection_probability)
 
 
-@njit(cache=True)
+@kernel
 def brightness_odds(magnitude_sigma, vmag, flux, star):
     """Logarithm of the odds that these brightnesses belong to these stars.
 
@@ -159,7 +159,7 @@ def brightness_odds(magnitude_sigma, vmag, flux, star):
     return each.sum() - np.log(peak * np.sqrt(len(known)))
 
 
-@njit(cache=True)
+@kernel
 def _extend_kernel(camera, u_i, vmag, u_c, star, gate_px, magnitude_margin, min_stars):
     """Attitude and matches in turn, from a wide gate to the final one.
 
@@ -186,7 +186,7 @@ def _extend_kernel(camera, u_i, vmag, u_c, star, gate_px, magnitude_margin, min_
     return matched, distance2, n_missing if n_known >= min_stars else -1
 
 
-@njit(cache=True)
+@inner
 def _match_kernel(camera, q_ic, u_i, vmag, xy_px, gate_px, magnitude_margin):
     """Nearest detection within the gate of each predicted star; each detection keeps its nearest star.
 

@@ -13,8 +13,8 @@ Three are the least that an attitude can be checked with.
 """
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.startracker.identify.angles import fits, look_up, new_sides, table
 from shefex_nav.onboard.startracker.identify.verify import Identification, nothing, verify
 from shefex_nav.records import Reason
@@ -73,7 +73,7 @@ def identify(params, pairs, u_c, flux, P_px=None):
     return found if found.reason == Reason.NONE else nothing(len(flux), found.reason)
 
 
-@njit(cache=True)
+@inner
 def first_vote(table, sides):
     """Votes of the catalogue pairs: (n detections, n stars) int16."""
     n = sides.u_c.shape[0]
@@ -90,7 +90,7 @@ def first_vote(table, sides):
     return votes
 
 
-@njit(cache=True)
+@inner
 def validation_vote(table, sides, identity):
     """Which identities agree: (n, n) bool. identity: (n,) star of each detection, -1 without a vote."""
     n = len(identity)
@@ -103,7 +103,7 @@ def validation_vote(table, sides, identity):
     return agree
 
 
-@njit(cache=True)
+@inner
 def cluster(agree):
     """The largest group that grows from one detection: all its identities agree. (n, n) -> (n,) bool.
 
@@ -126,7 +126,7 @@ def cluster(agree):
     return largest
 
 
-@njit(cache=True)
+@kernel
 def _match_kernel(table, u_c, tolerance, cos_error, star):
     """Write the identities of the cluster to `star`; how many they are."""
     sides = new_sides(u_c, tolerance, cos_error)

@@ -1,0 +1,121 @@
+"""Writes shefex_nav/compiled/entries.json: the kernels that Python calls, and which jobs need them.
+
+    uv run python benchmarks/kernel_list.py            # all jobs of JOBS, a few minutes with warm kernels
+    uv run python benchmarks/kernel_list.py --check    # write nothing; exit code 1 if the list would change
+
+Every job is a command as a user would give it. A job has features: its command, and every choice that its
+scenario makes in words ("gps.mode=tight"). A kernel is needed by a job that has all the features which the
+jobs that used it have in common.
+
+To be run when a kernel that Python calls is new, or has other arguments. Without that the program works all
+the same, and compiles such a kernel when it is called, in one process.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+from shefex_nav import runs
+from shefex_nav.compiled.ahead import ENTRIES
+from shefex_nav.compiled.numba_hooks import USES
+
+ROOT = Path(__file__).parent.parent
+REFUSED = 2  # exit code of a scenario that cannot be flown so
+METHODS = ("pyramid", "voting", "brightness")
+MOST_S = {"orbit": "400s", "night_sky": "60s"}  # of missions in which the same goes on
+
+
+def jobs(folder):
+    """Command lines: list of lists."""
+    log = f"{folder}/shefex2_andoya.mcap"
+    found = []
+    for path in sorted((ROOT / "scenarios").glob("*.yaml")):
+        cut = ["--until", MOST_S[path.stem]] if path.stem in MOST_S else []
+        out = ["--out", f"{folder}/{path.stem}.mcap"]
+        found.append(["run", path, *out, *cut])
+        if path.stem not in ("campaign", "campaign_sensors"):
+            statistical = [
+                "--set",
+                "star_tracker.frames=statistical",
+                "--out",
+                f"{folder}/{path.stem}-s.mcap",
+            ]
+            found.append(["run", path, *statistical, *cut])
+    default = ROOT / "scenarios" / "shefex2_andoya.yaml"
+    for method in METHODS:
+        choice = ["--set", f"star_tracker.identification.method={method}", "--until", "150s"]
+        found.append(["run", default, "--out", f"{folder}/{method}.mcap", *choice])
+    found.append(
+        ["campaign", ROOT / "scenarios" / "campaign.yaml", "--runs", 2, "--out", f"{folder}/campaign"]
+    )
+    found.append(["replay", log])
+    found.append(["replay", ROOT / "scenarios" / "replay" / "csv_example.yaml"])
+    found.append(["smooth", log])
+    found.append(["solve", f"{folder}/sky.png"])
+    return found
+
+
+def used(job, folder):
+    """(features, {(kernel, signature as JSON)}) of a job; None if it is refused, RuntimeError if it fails."""
+    path = Path(folder, "used.jsonl")
+    if job[0] == "solve":
+        frames = runs.open_run(f"{folder}/shefex2_andoya.mcap").frames
+        Image.fromarray(frames[300.0].image_dn).save(job[1])
+    path.write_text("", encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "shefex_nav", *map(str, job)],
+        cwd=ROOT,
+        env={**os.environ, USES: str(path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode == REFUSED:
+        return None
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(map(str, job))}: {done.stderr}")
+    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    features = [frozenset(line) for line in lines if all(isinstance(one, str) for one in line)]
+    kernels = {(line[0], json.dumps(line[1])) for line in lines if line and isinstance(line[-1], list)}
+    return frozenset.union(*features), kernels
+
+
+def listed(jobs_used):
+    """Content of entries.json from [(features, kernels)]."""
+    needs = {}
+    for features, kernels in jobs_used:
+        for one in kernels:
+            needs[one] = needs.get(one, features) & features
+    return [[kernel, json.loads(types), sorted(needs[kernel, types])] for kernel, types in sorted(needs)]
+
+
+def main():
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--check", action="store_true", help="write nothing")
+    arguments = parser.parse_args()
+    jobs_used = []
+    with tempfile.TemporaryDirectory() as folder:
+        for job in jobs(folder):
+            one = used(job, folder)
+            if one is not None:
+                jobs_used.append(one)
+                print(f"{len(one[1]):4} kernels: {' '.join(map(str, job))}", file=sys.stderr)
+    rows = listed(jobs_used)
+    text = "[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n"
+    same = ENTRIES.exists() and ENTRIES.read_text("utf-8") == text
+    if not same and not arguments.check:
+        ENTRIES.write_text(text, encoding="utf-8")
+    print(f"{len(rows)} kernels, {'as listed before' if same else 'the list has changed'}")
+    return int(arguments.check and not same)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

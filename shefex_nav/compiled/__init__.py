@@ -1,0 +1,57 @@
+"""Compiled kernels: how they are marked, for which processor they are compiled, where they are kept.
+
+    kernel, inner    a loop that is compiled: called by Python, or by other kernels alone
+    rows             tables whose fields kernels read as attributes
+    target           the processor, fixed so that results are the same on another one
+    digest           what a kernel and all that it calls really are, as a number
+    signature        types of arguments as JSON
+    store            the files of compiled kernels
+    ahead            compiles what is missing in several processes
+    numba_hooks      all that touches the inside of numba
+
+This file imports numba when the first kernel is marked, not before: `target` has to choose first.
+"""
+
+
+def kernel(function=None, **options):
+    """Compile a function that Python calls, at its first call with arguments of these types.
+
+    The machine code is kept in a file and loaded by later processes, until the function, or anything that it
+    uses, becomes another. Kernels that call this one get a copy inside their own code.
+
+    options : of the compiler: error_model, fastmath, forceinline, inline
+    """
+    if function is None:
+        return lambda one: kernel(one, **options)
+    from numba import config
+
+    if config.DISABLE_JIT:
+        return function
+    from shefex_nav.compiled.numba_hooks import Kernel
+
+    return Kernel(function, {"nopython": True, "boundscheck": None, **options})
+
+
+def inner(function=None, **options):
+    """Mark a function that other kernels alone call: it is compiled as a part of them.
+
+    A call from Python works, as tests need, but costs a compilation of its own: `tests/compiled` finds calls
+    from the package's Python code. Options as for `kernel`.
+    """
+    return kernel(function, **options)
+
+
+def rows(fields, align=False):
+    """NumPy type of the rows of a table whose fields kernels read as attributes, `row.mass`.
+
+    Compiled code can do so with any structured type. NUMBA_DISABLE_JIT=1 runs kernels as Python, for coverage
+    and debuggers; there rows have attributes only if they are np.record, whose own (`mean`) are taken.
+    ValueError for such a name.
+    """
+    import numba
+    import numpy as np
+
+    plain = np.dtype(fields, align=align)
+    if taken := [name for name in plain.names if hasattr(np.record, name)]:
+        raise ValueError(f"fields {', '.join(taken)}: NumPy's rows have attributes of these names")
+    return np.dtype((np.record, plain)) if numba.config.DISABLE_JIT else plain

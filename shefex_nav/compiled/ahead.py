@@ -1,0 +1,150 @@
+"""Compiles missing kernels in several processes before they are needed.
+
+`entries.json` lists the kernels that Python calls, with the types of their arguments and what a job must have
+for each to be needed; `benchmarks/kernel_list.py` writes it from what missions used. A kernel that is not in
+it, or not foreseen, is compiled when it is called.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+from contextlib import suppress
+from pathlib import Path
+from queue import SimpleQueue
+from typing import NamedTuple
+
+from shefex_nav.compiled import digest, signature
+
+ENTRIES = Path(__file__).with_name("entries.json")
+WORKER = "shefex_nav.compiled.worker"
+
+
+class Entry(NamedTuple):
+    """A kernel that Python calls."""
+
+    kernel: str  # "module:name"
+    signature: list  # types of arguments, by `signature.encode`
+    needs: frozenset  # a job that has all of these needs it
+
+
+class CompilerFailed(RuntimeError):
+    """A process that compiles has ended early."""
+
+
+def entries():
+    """All that are listed: list of Entry."""
+    return [
+        Entry(name, types, frozenset(needs)) for name, types, needs in json.loads(ENTRIES.read_text("utf-8"))
+    ]
+
+
+def missing(features):
+    """The listed kernels that a job needs and that have no file yet: list of Entry.
+
+    features : what the job has, frozenset of str
+    """
+    return without_file(one for one in entries() if one.needs <= features)
+
+
+def without_file(wanted):
+    """Those of some kernels that are neither kept nor shipped: list of Entry."""
+    return [one for one in wanted if _has_no_file(one)]
+
+
+def _has_no_file(entry):
+    try:
+        args = tuple(signature.decode(one) for one in entry.signature)
+        return signature.find(entry.kernel).file_of(args) is None
+    except signature.UnknownType:
+        return False  # the program has another kernel now: it is compiled when it is called
+
+
+def compile_all(wanted, processes, done=lambda kernel: None):
+    """Compile kernels and put them into the store.
+
+    wanted : list of Entry;  processes : how many at the most;  done : called with each kernel's name
+    CompilerFailed if a process ended early; what was compiled by then stays.
+    """
+    finished, running = SimpleQueue(), []
+    try:
+        for share in share_out(wanted, processes):
+            running.append(_Process(share, finished))
+        left = len(running)
+        while left:
+            kernel = finished.get()
+            left -= kernel is None
+            if kernel is not None:
+                done(kernel)
+    finally:
+        faults = "".join(process.end() for process in running)
+    if faults:
+        raise CompilerFailed(faults)
+
+
+def share_out(wanted, processes):
+    """Divide kernels among processes so that all end together: list of lists of Entry.
+
+    Kernels that call the same functions go to the same process, which compiles these once.
+    """
+    calls = [set(digest.closure(signature.find(one.kernel))) for one in wanted]
+    cost = [sum(map(digest.weight, functions)) for functions in calls]
+    shares = [([], set()) for _ in range(min(processes, len(wanted)))]
+
+    def total(k, share):
+        return sum(map(digest.weight, share[1] | calls[k]))
+
+    for k in sorted(range(len(wanted)), key=lambda k: (-cost[k], wanted[k].kernel)):
+        least = min(shares, key=lambda share: total(k, share))
+        least[0].append(wanted[k])
+        least[1].update(calls[k])
+    return [share for share, _ in shares]
+
+
+class _Process:
+    """A process that compiles some kernels; it ends with this one, for its standard input is closed then.
+
+    finished : queue into which it puts the name of each kernel, and None at its end
+    """
+
+    def __init__(self, share, finished):
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
+        self._faults = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", WORKER],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._faults,
+            text=True,
+            encoding="utf-8",
+            env=environment,
+        )
+        self._reader = threading.Thread(target=self._read, args=(finished,), daemon=True)
+        self._reader.start()
+        with suppress(BrokenPipeError):  # it has ended already: its code tells
+            self.process.stdin.write(json.dumps([[one.kernel, one.signature] for one in share]) + "\n")
+            self.process.stdin.flush()
+
+    def _read(self, finished):
+        for line in self.process.stdout:
+            finished.put(line.strip())
+        finished.put(None)
+
+    def end(self):
+        """Stop it if it still works. -> what it said of a fault, "" if there was none"""
+        was_done = not self._reader.is_alive()
+        if not was_done:
+            self.process.kill()
+        self._reader.join()
+        with suppress(BrokenPipeError):
+            self.process.stdin.close()
+        self.process.stdout.close()
+        code = self.process.wait()
+        self._faults.seek(0)
+        words = self._faults.read()
+        self._faults.close()
+        return (
+            (words or f"a process that compiles kernels ended with code {code}") if was_done and code else ""
+        )

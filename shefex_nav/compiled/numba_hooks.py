@@ -1,0 +1,341 @@
+"""All that this project uses of numba's inside.
+
+numba compiles, optimises and emits every function on its own, and again inside each function that calls it:
+a kernel at the end of five calls goes through the optimiser five times. Here a function that another kernel
+calls is translated to LLVM's language only; what Python calls is linked with everything it needs, optimised
+and emitted once. The result is kept in a file named by the digest of the whole, see `store`.
+
+Private interfaces of numba are used in this file and in no other. `TESTED` names the versions with which
+tests/compiled has passed.
+"""
+
+import gc
+import hashlib
+import json
+import os
+import pickle
+import platform
+import sys
+from contextlib import contextmanager, nullcontext
+
+import llvmlite
+import numba
+import numpy as np
+from numba.core import config, types
+from numba.core.caching import NullCache, _cache_log
+from numba.core.codegen import JITCodeLibrary, RuntimeLinker
+from numba.core.compiler_lock import global_compiler_lock, require_global_compiler_lock
+from numba.core.dispatcher import Dispatcher, _FunctionCompiler
+from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.serialize import dumps
+from numba.extending import overload
+from numba.np import arrayobj
+
+from shefex_nav.compiled import digest, signature
+from shefex_nav.compiled.store import Store
+
+TESTED = ((0, 68),)  # major and minor version of numba
+FORMAT = 1  # of the content of a file
+USES = "SHEFEX_NAV_KERNELS_USED"  # environment variable: a file to which used kernels are appended
+SETTINGS = "OPT", "BOUNDSCHECK", "LOOP_VECTORIZE", "SLP_VECTORIZE"  # of numba, that change what is compiled
+
+begins_to_compile = []  # functions of a kernel, called when it has to be compiled now
+
+
+class _LateLibrary(JITCodeLibrary):
+    """Code that is linked, optimised and emitted when its address is asked for: of most functions never."""
+
+    def add_linking_library(self, library):
+        self._linking_libraries.append(library)
+
+    def finalize(self):
+        require_global_compiler_lock()
+        self._codegen._check_llvm_bugs()
+        self._raise_if_finalized()
+        for library in _needed(self):
+            self._reload_init.update(library._reload_init)
+            self._final_module.link_in(_linkable(library), preserve=True)
+        _keep_inside(self._final_module)
+        self._optimize_final_module()
+        self._final_module.verify()
+        self._finalize_final_module()
+
+
+def _needed(library):
+    """The libraries that one calls, directly or not, each once, every caller before what it calls.
+
+    LLVM's linker takes from a module what is called so far. A finalised library contains what it calls.
+    """
+    done, seen = [], set()
+
+    def visit(one):
+        seen.add(one)
+        if not one._finalized:
+            for called in one._linking_libraries:
+                if called not in seen:
+                    visit(called)
+        done.append(one)
+
+    visit(library)
+    return done[-2::-1]
+
+
+def _linkable(library):
+    """LLVM module of a library, to be linked into another; its functions may be defined more than once."""
+    if library._finalized or not isinstance(library, _LateLibrary):
+        return library._get_module_for_linking()
+    if library._shared_module is None:
+        module = library._final_module.clone()
+        for function in module.functions:
+            if not function.is_declaration and function.linkage.name == "external":
+                function.linkage = "linkonce_odr"
+        library._shared_module = module
+    return library._shared_module
+
+
+class _Address:
+    """Stands for a callee where numba keeps the address of a compiled function."""
+
+
+def _for_callers(self, flags):
+    """Flags of a function that kernels call: without a way in from Python, without machine code."""
+    flags.no_compile = True
+    flags.no_cpython_wrapper = True
+    flags.no_cfunc_wrapper = True
+    return flags
+
+
+def _add_callee(self, cres):
+    """Dispatcher.add_overload of such a function."""
+    address = _Address()
+    self.targetctx.insert_user_function(address, cres.fndesc, [cres.library])
+    self.overloads[tuple(cres.signature.args)] = cres._replace(entry_point=address)
+
+
+def _keep_inside(module):
+    """Nobody else calls the copies of functions in a module: the optimiser may do with them as it likes."""
+    prefix = RuntimeLinker.PREFIX  # of recursive functions, whose address is asked for
+    asked_for = {
+        one.name.removeprefix(prefix) for one in module.global_variables if one.name.startswith(prefix)
+    }
+    for function in module.functions:
+        if function.linkage.name == "linkonce_odr" and function.name not in asked_for:
+            function.linkage = "internal"
+
+
+def _another_shape(shape, into):
+    """Raise the error of an array that does not fit into a slice.
+
+    numba's own tells both shapes; to put that text together takes a tenth of the time of all compiling.
+    """
+
+
+@overload(_another_shape)
+def _raise_another_shape(shape, into):
+    def implementation(shape, into):
+        raise ValueError("cannot put an array into a slice of another shape")
+
+    return implementation
+
+
+@contextmanager
+def _within_a_kernel():
+    """What numba compiles of itself meanwhile, such as np.zeros, becomes part of the kernel that needs it."""
+    codegen = cpu_target.target_context.codegen()
+    before = codegen._library_class, _FunctionCompiler._customize_flags
+    codegen._library_class, _FunctionCompiler._customize_flags = _LateLibrary, _for_callers
+    CPUDispatcher.add_overload = _add_callee
+    long_error, arrayobj.raise_with_shape_context = arrayobj.raise_with_shape_context, _another_shape
+    try:
+        yield
+    finally:
+        arrayobj.raise_with_shape_context = long_error
+        codegen._library_class, _FunctionCompiler._customize_flags = before
+        del CPUDispatcher.add_overload
+
+
+class _EntryCompiler(_FunctionCompiler):
+    """Compiles what Python calls; nobody takes its address as C's."""
+
+    def _customize_flags(self, flags):
+        flags.no_cfunc_wrapper = True
+        return flags
+
+
+class _Callee(CPUDispatcher):
+    """A kernel as other kernels see it."""
+
+    def get_call_template(self, args, kws):
+        """As numba's; a 3 is any integer, for a copy of the function for each number only costs time."""
+        widened = tuple(types.unliteral(one) for one in args)
+        return super().get_call_template(widened, {k: types.unliteral(v) for k, v in kws.items()})
+
+
+class Kernel(CPUDispatcher):
+    """A kernel as Python sees it; kernels that call it are shown its `callee`."""
+
+    def __init__(self, py_func, targetoptions):
+        super().__init__(py_func, targetoptions=targetoptions)
+        old = self._compiler
+        self._compiler = _EntryCompiler(
+            py_func, old.targetdescr, targetoptions, old.locals, old.pipeline_class
+        )
+        self.callee = _Callee(py_func, targetoptions=targetoptions)
+        self._type = types.Dispatcher(self.callee)
+        self.typingctx._remove_global(self)
+        self.typingctx.insert_global(self, self._type)
+        self._cache = _Files(self)
+
+    @property
+    def _numba_type_(self):
+        return self._type
+
+    def compile(self, sig):
+        """Load or compile for these types of arguments, a tuple. -> what Python calls"""
+        with global_compiler_lock, _within_a_kernel(), _uninterrupted_memory(), self._cache.alone(sig):
+            return super().compile(sig)
+
+    def add_overload(self, cres):
+        Dispatcher.add_overload(self, cres)
+        for env in cres.referenced_envs or cres._find_referenced_environments():
+            cres.codegen.set_env(env.env_name, env)
+
+    def file_of(self, args):
+        """Path of the file of compiled code for types of arguments; None: it has to be compiled."""
+        return store().path(self._cache.name(args))
+
+
+@contextmanager
+def _uninterrupted_memory():
+    """Python's search for cycles takes a sixth of the time of compiling, and finds nothing worth it."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
+class _Files(NullCache):
+    """The cache of a kernel, as numba's Dispatcher uses it."""
+
+    def __init__(self, kernel):
+        self._kernel = kernel
+        self._names = {}
+
+    def name(self, args):
+        """Name of the file for types of arguments; None if these have no name."""
+        if args not in self._names:
+            self._names[args] = self._new_name(args)
+        return self._names[args]
+
+    def _new_name(self, args):
+        try:
+            text = json.dumps([signature.encode(one) for one in args])
+        except signature.UnknownType:
+            return None
+        whole = hashlib.sha256(f"{digest.of_kernel(self._kernel)} {text}".encode()).hexdigest()
+        short = hashlib.sha256(text.encode()).hexdigest()[:6]
+        return f"{signature.name(self._kernel).replace(':', '.')}-{short}-{whole[:20]}"
+
+    def alone(self, args):
+        """Context in which no other process compiles the same, if it has to be compiled at all."""
+        name = self.name(args)
+        return nullcontext() if name is None or store().path(name) else store().alone(name)
+
+    def load_overload(self, sig, target_context):
+        if (name := self.name(sig)) is None:
+            return None
+        _note_use(self._kernel, sig)
+        content = store().load(name)
+        if content is None:
+            for listen in begins_to_compile:
+                listen(self._kernel)
+            return None
+        target_context.refresh()
+        _cache_log("[cache] data loaded from %r", name)
+        return _rebuilt(target_context, content)
+
+    def save_overload(self, sig, cres):
+        if (name := self.name(sig)) is None or cres.library.has_dynamic_globals:
+            return
+        if path := store().save(name, _reduced(cres)):
+            _cache_log("[cache] data saved to %r", path)
+
+
+def _reduced(cres):
+    """Content of the file of a compiled kernel: bytes. The bitcode, which numba keeps, nobody needs."""
+    library, fndesc = cres.library, cres.fndesc
+    fndesc.typemap = fndesc.calltypes = None
+    module = library._final_module
+    names = [
+        one.name for of in (module.functions, module.global_variables) for one in of if not one.is_declaration
+    ]
+    parts = library.name, library._get_compiled_object(), names, fndesc, cres.environment, cres.signature
+    return dumps((*parts, cres.reload_init, cres._find_referenced_environments()))
+
+
+def _rebuilt(target_context, content):
+    """CompileResult of such a content."""
+    name, code, names, fndesc, environment, its_signature, reload_init, environments = pickle.loads(content)
+    for function in reload_init:
+        function()
+    codegen = target_context.codegen()
+    library = codegen.create_library(name)
+    library.enable_object_caching()
+    library._set_compiled_object(code)
+    library._finalize_final_module()
+    codegen._engine._defined_symbols.update(names)
+    entry_point = target_context.get_executable(library, fndesc, environment)
+    for one in environments:
+        codegen.set_env(one.env_name, one)
+    return numba.core.compiler.CompileResult(
+        target_context=target_context,
+        typing_context=target_context.typing_context,
+        library=library,
+        environment=environment,
+        entry_point=entry_point,
+        fndesc=fndesc,
+        signature=its_signature,
+        objectmode=False,
+        lifted=(),
+        typing_error=None,
+        type_annotation="",
+        call_helper=None,
+        metadata=None,
+        reload_init=reload_init,
+        referenced_envs=environments,
+    )
+
+
+def _note_use(kernel, args):
+    """Append a kernel to the file in which a list of those that are used is wanted."""
+    if path := os.environ.get(USES):
+        line = json.dumps([signature.name(kernel), [signature.encode(one) for one in args]])
+        with open(path, "a", encoding="utf-8") as file:
+            file.write(line + "\n")
+
+
+_STORE = None
+
+
+def store():
+    """The Store of this process's kernels."""
+    global _STORE
+    if _STORE is None:
+        _STORE = Store(_kind())
+    return _STORE
+
+
+def _kind():
+    """Name of all that code depends on besides the kernels: versions, processor, settings of the compiler."""
+    triple, processor, features = cpu_target.target_context.codegen().magic_tuple()
+    settings = {
+        name: getattr(config, name) for name in ("OPT", "BOUNDSCHECK", "LOOP_VECTORIZE", "SLP_VECTORIZE")
+    }
+    rest = f"{triple} {features} {settings} {FORMAT}"
+    numpy = ".".join(np.__version__.split(".")[:2])
+    python = f"{sys.implementation.cache_tag}-{platform.machine()}-{sys.platform}"
+    versions = f"numba{numba.__version__}-llvmlite{llvmlite.__version__}-numpy{numpy}"
+    return f"{python}-{processor}-{versions}-{hashlib.sha256(rest.encode()).hexdigest()[:8]}"

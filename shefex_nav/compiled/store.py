@@ -1,0 +1,138 @@
+"""The files of compiled kernels: one a kernel and list of argument types, named by what it was made from.
+
+Nothing in a file depends on the folder of the sources, and no file is ever changed: another kernel has
+another name. So folders can be copied, shared by processes and checkouts, and shipped in a wheel.
+"""
+
+import hashlib
+import os
+import sys
+import tempfile
+import time
+from contextlib import contextmanager, suppress
+from importlib.util import find_spec
+
+from shefex_nav.compiled import target
+
+ENDING = ".kernel"
+KEPT_DAYS = 30.0  # for which a file is kept that nobody loads
+TOUCHED_DAYS = 1.0  # a file that is loaded is marked as used once in that time
+NEWEST = 4  # versions of one kernel that are kept, however old
+SHIPPED = "shefex_nav_kernels"  # package that may bring compiled kernels
+DAY_S = 86400.0
+
+
+class Store:
+    """Compiled kernels of one kind: processor, versions of Python and of the compiler.
+
+    kind : name of the folder;  folder : of all kinds, None: the user's
+    """
+
+    def __init__(self, kind, folder=None):
+        self.own = os.path.join(folder or target.cache_folder(), kind)
+        self.kind = kind
+        folder = shipped_folder()
+        self.shipped = os.path.join(folder, kind) if folder else None
+        self._told = set()
+
+    def path(self, name):
+        """Where a file stands: shipped, or of this user; None: nowhere."""
+        paths = (os.path.join(folder, name + ENDING) for folder in (self.shipped, self.own) if folder)
+        return next((path for path in paths if os.path.exists(path)), None)
+
+    def load(self, name):
+        """Content of a file: bytes; None if there is none, or if it is damaged."""
+        path = self.path(name)
+        if path is None:
+            return None
+        try:
+            with open(path, "rb") as file:
+                whole = file.read()
+            if path.startswith(self.own) and time.time() - os.path.getmtime(path) > TOUCHED_DAYS * DAY_S:
+                os.utime(path)
+        except OSError as error:
+            self.tell(f"{path}: {error.strerror}; the kernel is compiled again")
+            return None
+        if hashlib.sha256(whole[32:]).digest() != whole[:32]:
+            self.tell(f"{path} is damaged; the kernel is compiled again")
+            return None
+        return whole[32:]
+
+    def save(self, name, content):
+        """Write a file. Where that fails, one line on stderr says so. -> its path, None if it failed"""
+        path = os.path.join(self.own, name + ENDING)
+        try:
+            os.makedirs(self.own, exist_ok=True)
+            handle, part = tempfile.mkstemp(dir=self.own, suffix=".part")
+            try:
+                with os.fdopen(handle, "wb") as file:
+                    file.write(hashlib.sha256(content).digest() + content)
+                os.replace(part, path)
+            except BaseException:
+                with suppress(OSError):
+                    os.unlink(part)
+                raise
+        except OSError as error:
+            self.tell(
+                f"compiled kernels cannot be kept in {self.own} ({error.strerror}): "
+                "every process compiles them again; NUMBA_CACHE_DIR names another folder"
+            )
+            return None
+        return path
+
+    @contextmanager
+    def alone(self, name):
+        """Wait while another process compiles the same kernel, until it is done or has ended."""
+        try:
+            import fcntl
+
+            os.makedirs(self.own, exist_ok=True)
+            lock = open(os.path.join(self.own, name + ".lock"), "wb")
+        except (ImportError, OSError):  # Windows; a folder that cannot be written: twice is no harm
+            yield
+            return
+        with lock:
+            with suppress(OSError):  # file systems without locks
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            try:
+                yield
+            finally:
+                with suppress(OSError):
+                    os.unlink(lock.name)
+
+    def prune(self):
+        """Delete what nobody has loaded for a month, but of each kernel the newest."""
+        versions, now = {}, time.time()
+        for entry in _entries(os.path.dirname(self.own)):
+            versions.setdefault(entry.name.rpartition("-")[0], []).append((entry.stat().st_mtime, entry.path))
+        for files in versions.values():
+            for used_s, path in sorted(files, reverse=True)[NEWEST:]:
+                if now - used_s > KEPT_DAYS * DAY_S:
+                    with suppress(OSError):
+                        os.unlink(path)
+
+    def tell(self, line):
+        """Say something on stderr, once in a process."""
+        if line not in self._told:
+            self._told.add(line)
+            print(f"shefex_nav: {line}", file=sys.stderr)
+
+
+def shipped_folder():
+    """Folder of the kernels that come in a package of their own: str; "" if it is not installed."""
+    spec = find_spec(SHIPPED)
+    return spec.submodule_search_locations[0] if spec else ""
+
+
+def shipped_kinds():
+    """Kinds of kernels that the package brings: list of str; None if it is not installed."""
+    folder = shipped_folder()
+    return sorted(one.name for one in os.scandir(folder) if "numba" in one.name) if folder else None
+
+
+def _entries(folder):
+    """Files of all kinds, and what earlier programs left: os.DirEntry."""
+    with suppress(OSError):
+        for kind in os.scandir(folder):
+            if kind.is_dir():
+                yield from (one for one in os.scandir(kind.path) if one.name.endswith(ENDING))

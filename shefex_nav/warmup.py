@@ -1,0 +1,84 @@
+"""Kernels that a job needs are compiled before it begins, in all processes that the machine has cores for."""
+
+import json
+import os
+import sys
+from contextlib import contextmanager
+
+from shefex_nav.workers import cores
+
+_told = []  # kernels that were compiled when they were called, in this process
+
+
+def get_ready(features, *, workers=None):
+    """Compile what a job is going to need. A bar on stderr shows how far that is, if anything is missing.
+
+    features : what the job has, str each, as in compiled/entries.json
+    workers : processes, None: as many as there are cores
+
+    -> number of kernels that were compiled
+    """
+    from numba import config
+
+    if config.DISABLE_JIT:
+        return 0
+    from shefex_nav.compiled import ahead, numba_hooks
+
+    _note(numba_hooks, features)
+    if _say_late not in numba_hooks.begins_to_compile:
+        numba_hooks.begins_to_compile.append(_say_late)
+    return compile_listed(ahead.missing(frozenset(features)), workers)
+
+
+def compile_listed(wanted, workers=None):
+    """Compile kernels, a list of ahead.Entry, with a bar on stderr. -> how many"""
+    from shefex_nav.compiled import ahead, numba_hooks
+
+    if wanted and sys.executable:  # an embedded Python cannot start others: kernels are compiled when called
+        _say_what_does_not_fit(numba_hooks.store())
+        with _bar(len(wanted)) as step:
+            ahead.compile_all(wanted, workers or cores(), step)
+        numba_hooks.store().prune()
+    return len(wanted)
+
+
+def _say_what_does_not_fit(store):
+    """A line on stderr if compiled kernels are installed, but not those that are needed here."""
+    from shefex_nav.compiled.store import shipped_kinds
+
+    kinds = shipped_kinds()
+    if kinds is not None and store.kind not in kinds:
+        store.tell(f"the installed shefex-nav-kernels are for {', '.join(kinds)}; here is {store.kind}")
+    elif kinds is not None:
+        store.tell("the installed shefex-nav-kernels lack some that this needs: they are compiled")
+
+
+@contextmanager
+def _bar(total):
+    """Function to be called with the name of each kernel that is done."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        print(f"compiling {total} kernels for this machine, once", file=sys.stderr)
+        yield lambda _: None
+        return
+    columns = TextColumn("compiling kernels, once"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("compile", total=total)
+        yield lambda _: progress.advance(task)
+
+
+def _say_late(kernel):
+    """A line on stderr when the first kernel is compiled that was not foreseen."""
+    if not _told:
+        print("compiling kernels that this needs for the first time; later runs load them", file=sys.stderr)
+    _told.append(kernel.__name__)
+
+
+def _note(numba_hooks, features):
+    """Append the features of a job to the file in which a list of what is used is wanted."""
+    if path := os.environ.get(numba_hooks.USES):
+        with open(path, "a", encoding="utf-8") as file:
+            file.write(json.dumps(sorted(features)) + "\n")

@@ -1,0 +1,47 @@
+"""`shefex-nav warmup`: compile kernels before anything is flown, for images and clusters.
+
+Exit codes: 0 done, 2 bad input.
+"""
+
+import json as json_module
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def warmup(
+    scenarios: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[SCENARIO]...", help="Compile what these need; without any, all kernels."),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; default: as many as there are cores.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+):
+    """Compile the kernels of missions now, so that the first run does not have to."""
+    from shefex_nav.scenario import load
+    from shefex_nav.scenario.choices import choices
+
+    jobs = [{"run", "campaign", *choices(load.load(scenario))} for scenario in scenarios or ()]
+    from shefex_nav import warmup as ready
+    from shefex_nav.compiled import ahead, numba_hooks
+
+    began = time.perf_counter()
+    wanted = [one for one in ahead.entries() if not jobs or any(one.needs <= job for job in jobs)]
+    compiled = ready.compile_listed(ahead.without_file(wanted), workers)
+    summary = {
+        "kernels": len(wanted),
+        "compiled": compiled,
+        "wall_s": time.perf_counter() - began,
+        "folder": numba_hooks.store().own,
+    }
+    if json:
+        typer.echo(json_module.dumps(summary))
+    else:
+        typer.echo(
+            f"{len(wanted)} kernels are ready, {compiled} of them compiled now in {summary['wall_s']:.0f} s"
+        )
+        typer.echo(f"kept in {summary['folder']}")
