@@ -16,7 +16,9 @@ CONTAINED, ONE_FIELD = "3 sigma ", ", one field"  # of `nees.Verdict.what`
 
 
 def consistency(
-    scenario: Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")],
+    scenario: Annotated[
+        str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_andoya.")
+    ],
     seeds: Annotated[int, typer.Option(min=2, help="How many runs; intervals get narrower with them.")] = 20,
     first: Annotated[int, typer.Option(min=0, help="Seed of the first; the others follow.")] = 0,
     overrides: Annotated[
