@@ -14,6 +14,20 @@ import shefex_nav
 
 ROOT = Path(__file__).parents[1]
 OF_PYTHON = {"__pycache__", ".pyc"}
+LOADS = """
+import sys
+sys.path.insert(0, sys.argv[1])  # before the checkout
+import shefex_nav
+from shefex_nav.replay import load as replays
+from shefex_nav.scenario import shipped
+assert shefex_nav.__file__.startswith(sys.argv[1]), shefex_nav.__file__
+for one in shipped.listed():
+    assert one.file.startswith(sys.argv[1]), one
+    if one.command == "run":
+        print(shefex_nav.Scenario.load(one.name).mission.name)
+shefex_nav.Scenario.load("campaign", ["star_tracker.frames=statistical"])
+replays.load("csv_example")
+"""
 
 
 def built(target, project, folder):
@@ -73,6 +87,24 @@ def test_data_of_every_kind_are_in_it(wheel):
         *("scenarios/data/improved_orion_like.eng", "scenarios/replay/csv_example/imu.csv"),
     ):
         assert len(wheel[f"shefex_nav/{name}"]) > 300, name
+
+
+def test_its_scenarios_load_by_name_from_an_empty_folder(wheel, tmp_path):
+    for name, content in wheel.items():
+        path = tmp_path / "site" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    (tmp_path / "empty").mkdir()
+    done = subprocess.run(
+        [sys.executable, "-I", "-c", LOADS, tmp_path / "site"],
+        cwd=tmp_path / "empty",
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == sorted(path.stem for path in (ROOT / "scenarios").glob("*.yaml"))
 
 
 def test_what_the_wheel_says_of_itself(wheel):

@@ -51,6 +51,13 @@ def test_replays_are_found_by_their_names(empty):
         replays.load(DATA_OF_OTHERS)
 
 
+def test_where_they_are(tmp_path, monkeypatch):
+    assert shipped.folder() == str(SCENARIOS)
+    (tmp_path / "scenarios").mkdir()
+    monkeypatch.setattr(shipped, "PACKAGE", str(tmp_path))  # as installed
+    assert shipped.folder() == str(tmp_path / "scenarios")
+
+
 def test_names_are_unique():
     assert list(shipped.files()) == [*FLIGHTS, *REPLAYS]
     assert len({*FLIGHTS, *REPLAYS}) == len(FLIGHTS) + len(REPLAYS)
