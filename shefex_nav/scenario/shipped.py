@@ -60,10 +60,20 @@ def resolved(name, beside=""):
         return os.path.join(beside, stem + ENDING)
     if stem in files():
         return files()[stem].removeprefix(os.getcwd() + os.sep)  # what messages name is short in a checkout
-    if os.path.exists(local):  # which is no file: whoever reads it says what it is
+    if not _is_missing(local):  # whoever reads it says what it is, or why it cannot be read
         return local
     where = "" if beside else f" in {os.getcwd()}"
     raise Unreadable(f"there is no such file{where}, and {unknown(stem)}")
+
+
+def _is_missing(path):
+    try:
+        os.stat(path)
+    except FileNotFoundError:
+        return True
+    except (OSError, ValueError):  # not to be entered; a null character
+        pass
+    return False
 
 
 def unknown(name):
