@@ -52,9 +52,11 @@ def consistency(
     if out is not None:
         writable(out)
     from shefex_nav.scenario import load
+
+    loaded = load.load(scenario, overrides or ())
     from shefex_nav.verify import study
 
-    asked = study.of_scenario(load.load(scenario, overrides or ()), turn_field=turn_field)
+    asked = study.of_scenario(loaded, turn_field=turn_field)
     asked = asked._replace(folder=_folder(keep))
     _say("The first flight on a machine compiles, which takes a few minutes.")
     chosen = list(range(first, first + seeds))
