@@ -4,8 +4,8 @@
     uv run python benchmarks/kernel_list.py --check    # write nothing; exit code 1 if the list would change
 
 Every job is a command as a user would give it. A job has features: its command, and every choice that its
-scenario makes in words ("gps.mode=tight"). A kernel is needed by a job that has all the features which the
-jobs that used it have in common.
+scenario makes in words ("gps.mode=tight"). A kernel needs the fewest features that tell the jobs which used it
+from the others.
 
 To be run when a kernel that Python calls is new, or has other arguments. Without that the program works all
 the same, and compiles such a kernel when it is called, in one process.
@@ -88,11 +88,44 @@ def used(job, folder):
 
 def listed(jobs_used):
     """Content of entries.json from [(features, kernels)]."""
-    needs = {}
-    for features, kernels in jobs_used:
+    users = {}
+    for k, (_, kernels) in enumerate(jobs_used):
         for one in kernels:
-            needs[one] = needs.get(one, features) & features
-    return [[kernel, json.loads(types), sorted(needs[kernel, types])] for kernel, types in sorted(needs)]
+            users.setdefault(one, set()).add(k)
+    texts = sorted({json.dumps(kind) for _, types in users for kind in json.loads(types)})
+    groups = {}
+    for (kernel, types), jobs in sorted(users.items()):
+        numbers = [texts.index(json.dumps(kind)) for kind in json.loads(types)]
+        groups.setdefault(needs(jobs, jobs_used), []).append([kernel, numbers])
+    return {
+        "types": [json.loads(text) for text in texts],
+        "groups": [{"needs": list(needed), "kernels": groups[needed]} for needed in sorted(groups)],
+    }
+
+
+def needs(jobs, jobs_used):
+    """The fewest features that tell the jobs that use a kernel from the others: tuple of str, in order."""
+    common = frozenset.intersection(*(jobs_used[k][0] for k in jobs))
+    others = [features for k, (features, _) in enumerate(jobs_used) if k not in jobs]
+    others = [features for features in others if not common <= features]
+    found = set()
+    while others:
+        one = min(common, key=lambda feature: (sum(feature in job for job in others), len(feature), feature))
+        found.add(one)
+        others = [features for features in others if one in features]
+    return tuple(sorted(found))
+
+
+def as_text(content):
+    """JSON with a line for each type and each kernel."""
+    types = ",\n".join(json.dumps(one) for one in content["types"])
+    groups = ",\n".join(
+        f'{{"needs": {json.dumps(group["needs"])}, "kernels": [\n'
+        + ",\n".join(json.dumps(one) for one in group["kernels"])
+        + "\n]}"
+        for group in content["groups"]
+    )
+    return f'{{"types": [\n{types}\n],\n"groups": [\n{groups}\n]}}\n'
 
 
 def main():
@@ -108,12 +141,13 @@ def main():
             if one is not None:
                 jobs_used.append(one)
                 print(f"{len(one[1]):4} kernels: {' '.join(map(str, job))}", file=sys.stderr)
-    rows = listed(jobs_used)
-    text = "[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n"
+    content = listed(jobs_used)
+    text = as_text(content)
     same = ENTRIES.exists() and ENTRIES.read_text("utf-8") == text
     if not same and not arguments.check:
         ENTRIES.write_text(text, encoding="utf-8")
-    print(f"{len(rows)} kernels, {'as listed before' if same else 'the list has changed'}")
+    count = sum(len(group["kernels"]) for group in content["groups"])
+    print(f"{count} kernels, {'as listed before' if same else 'the list has changed'}")
     return int(arguments.check and not same)
 
 

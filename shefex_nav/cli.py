@@ -22,6 +22,7 @@ from shefex_nav.replay.command import replay  # likewise
 from shefex_nav.replay.smooth_command import smooth
 from shefex_nav.report import export_command  # imports late
 from shefex_nav.reproduce.command import ListingCommand, reproduce  # which import late
+from shefex_nav.scenario.command import scenarios
 from shefex_nav.solve.command import solve
 from shefex_nav.verify.command import app as verify_app  # which imports late, too
 from shefex_nav.warmup_command import warmup
@@ -43,9 +44,12 @@ app.command()(smooth)
 app.command()(campaign)
 app.command()(repeat)
 app.command()(export_command.export)
+app.command()(scenarios)
 app.command()(warmup)
 
-ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")]
+ScenarioArgument = Annotated[
+    str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_andoya.")
+]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -84,7 +88,7 @@ def run(
         )
         raise typer.BadParameter(words, param_hint="--until")
     path = out or free_name(loaded.mission.name, seed)
-    export_command.check_file(path, "--out", force=force, given=loaded_files(loaded, scenario))
+    export_command.check_file(path, "--out", force=force, given=loaded_files(loaded))
     say(f"{loaded.mission.name}, seed {seed} -> {path}")
     with about(scenario):
         flown = runs.fly(
@@ -101,9 +105,9 @@ def run(
     show(flown.summary(), json, flown.data)
 
 
-def loaded_files(loaded, scenario):
+def loaded_files(loaded):
     """Paths of the files that a Scenario was read from."""
-    return [scenario, *(Path(name) for name, _ in loaded.files)]
+    return [Path(name) for name, _ in loaded.files]
 
 
 def free_name(name, seed):

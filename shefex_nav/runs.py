@@ -1,6 +1,6 @@
 """Fly a scenario from Python and look at what came out; a log read back gives the same object.
 
-    scenario = Scenario.load("scenarios/shefex2_andoya.yaml")
+    scenario = Scenario.load("shefex2_andoya")
     run = fly(scenario, seed=1)
     run.solution.q_ib            # (N, 4), 100 times a second
     run.errors().attitude_b      # (N, 3) rad, truth minus estimate

@@ -16,6 +16,12 @@ is what one writes. A key with *required* has to be there; a file that says `ext
 from there what it does not mention, and `null` takes away an optional section or an entry of a list of
 names. `<name>` stands for a name of your own. Bounds are inclusive, `> 0` is not.
 
+Where a scenario is expected, on the command line, in `Scenario.load` and behind `extends:`, a file that is
+there is meant by its name. Otherwise a bare name, without a folder, means `NAME.yaml` there (behind
+`extends:` beside the file that says so), or else the scenario of that name that comes with the program.
+`shefex-nav scenarios` lists these, `shefex-nav scenarios NAME` prints one, and with `--copy FOLDER` it is
+copied with the files that it needs. What a scenario names in turn (tables, data) stands beside it.
+
 `shefex-nav schema` prints the same as JSON Schema, for completion in an editor; `shefex-nav check FILE` tells
 all errors of a file at once.
 """

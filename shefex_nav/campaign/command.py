@@ -13,7 +13,9 @@ import typer
 OUT = Path("logs/campaigns")
 MOST_LOST = 5  # that are named
 
-Scenario = Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/campaign.yaml.")]
+Scenario = Annotated[
+    str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. campaign.")
+]
 Runs = Annotated[int, typer.Option(min=1, help="How many runs.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes on this machine; default one a core.")]
 Engine = Annotated[

@@ -19,7 +19,7 @@ BRIEF_TICKS = 300  # of a log, by which everything is compiled: the first fixes 
 
 def replay(
     source: Annotated[
-        Path, typer.Argument(help="Replay scenario, e.g. scenarios/replay/navego.yaml, or a log.")
+        str, typer.Argument(help="Replay scenario, a file or the name of a shipped one, or a log.")
     ],
     data: Annotated[Path | None, typer.Option(help="Folder with the data that the scenario names.")] = None,
     from_: Annotated[
@@ -40,12 +40,12 @@ def replay(
         raise typer.BadParameter(f"there is no folder {data}", param_hint="--data")
     if log is not None:
         _writable(log)
-    if _is_log(source):
+    if _is_log(Path(source)):
         if data is not None:
             raise typer.BadParameter(
                 "belongs to a replay scenario; a log holds its data", param_hint="--data"
             )
-        summary = _again(source, overrides or (), from_s, log)
+        summary = _again(Path(source), overrides or (), from_s, log)
     else:
         summary = _external(source, data, overrides or (), from_s, log)
     if json:

@@ -15,6 +15,7 @@ NAMES = ("imu", "gnss", "truth")  # of the files
 def load(path, overrides=(), folder=None):
     """ReplayScenario of the YAML file at `path` after the `overrides`, and the paths of its data.
 
+    path : may be the bare name of one that the package brings
     folder: where the data are, in place of what the file says
 
     Returns
@@ -24,6 +25,7 @@ def load(path, overrides=(), folder=None):
 
     Raises ScenarioError.
     """
+    path = missions.file_of(path)
     found_in = partial(_folder, os.path.dirname(path), folder)
     scenario, _, source = missions.load_as(
         ReplayScenario,

@@ -1,7 +1,6 @@
 """SHEFEX 4 and 5: the whole chain on rendered frames, in space, on the ground, in the night-sky scenario."""
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
@@ -27,7 +26,7 @@ WRONG = np.radians(0.5)
 GROUND = SPACE._replace(background_electrons=700.0 * 0.05, zero_magnitude_electrons=0.7 * 2.5e6 * 0.05)
 FALSE_OBJECTS, FALSE_MAGNITUDES = 250, (3.0, 6.0)  # on the whole sky
 MAGNITUDE_ERROR = 0.1
-SCENARIO = Path(__file__).parents[2] / "scenarios" / "night_sky.yaml"
+SCENARIO = "night_sky"
 PLACES = ("space", "ground")
 WAYS = ("as published", "default")
 FRAME_S = 0.1
@@ -106,10 +105,8 @@ def measure_end_to_end(samples, seed):
 def night(samples, seed):
     """Verdicts of so many frames of the night-sky scenario, pointed anywhere above 45 deg: (samples,)."""
     from shefex_nav import prepare, simulate
-    from shefex_nav.scenario import load
+    from shefex_nav.scenario import load, shipped
 
-    if not SCENARIO.is_file():
-        raise ValueError(f"{SCENARIO}: not found; this experiment runs in a checkout, with its scenarios")
     rng = np.random.default_rng(seed)
     end_s = 1.0 + (samples + 2) * FRAME_S
     overrides = (
@@ -118,7 +115,7 @@ def night(samples, seed):
         f"ground.azimuth={rng.uniform(0.0, 360.0):.2f} deg",
         f"ground.roll={-rng.uniform(45.0, 90.0):.2f} deg",
     )
-    scenario = load.load(str(SCENARIO), overrides)
+    scenario = load.load(shipped.files()[SCENARIO], overrides)
     run_seed = int(rng.integers(2**31))
     world = prepare.build_world(scenario, run_seed)
     truths, fixes = {}, []

@@ -67,6 +67,6 @@ def instead_of_replay(tree, path):
     if is_flight(tree):
         return (
             f"is a scenario of a flight; `shefex-nav run {path}` flies it, and replay takes the log of that, "
-            "or a replay scenario such as scenarios/replay/csv_example.yaml"
+            "or a replay scenario such as csv_example"
         )
     return ""

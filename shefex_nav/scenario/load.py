@@ -8,7 +8,7 @@ from functools import partial
 from pydantic import ValidationError
 
 from shefex_nav.errors import UserError
-from shefex_nav.scenario import disperse, document, drawn, expand, fields, kind, messages
+from shefex_nav.scenario import disperse, document, drawn, expand, fields, kind, messages, shipped
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
 from shefex_nav.scenario.dispersions import KEYS
 from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted
@@ -33,13 +33,15 @@ class ScenarioError(UserError):
 def load(path, overrides=()):
     """Scenario of the YAML file at `path`, after its `extends` and the `overrides` (`a.b=value`).
 
+    path : may be the bare name of a scenario that the package brings, see `shipped`
+
     Raises ScenarioError with every error found: those of the YAML text first, because a tree with holes would
     be blamed for what it lacks; then those of tables in files, of single fields, and between fields that are
     good by themselves; those of dispersions when the fields that they name are.
     """
-    files = {}
-    tree, places = _extended(os.fspath(path), (), files)
-    return _validated(tree, places, files, overrides, os.fspath(path))
+    files, path = {}, file_of(path)
+    tree, places = _extended(path, (), files)
+    return _validated(tree, places, files, overrides, path)
 
 
 def load_as(model, path, overrides=(), *, parts=(), instead=lambda tree, path: ""):
@@ -57,7 +59,8 @@ def load_as(model, path, overrides=(), *, parts=(), instead=lambda tree, path: "
 
     Raises ScenarioError as `load` does.
     """
-    tree, places = _extended(os.fspath(path), (), {})
+    path = file_of(path)
+    tree, places = _extended(path, (), {})
     if other := instead(tree, path):
         raise ScenarioError([f"{path}: {other}"])
     return _validated_as(model, tree, places, overrides, parts)
@@ -181,7 +184,8 @@ def json_schema():
     blocks = complete.pop("$defs")
     complete["properties"][EXTENDS] = {
         "type": "string",
-        "description": "Scenario file, relative to this one, whose values hold where this file gives none",
+        "description": "Scenario file, relative to this one, or name of one that comes with the program, "
+        "whose values hold where this file gives none",
     }
     blocks["Scenario"] = complete
     parts = {f"{name}.partial": _partial(block) for name, block in blocks.items()}
@@ -227,13 +231,26 @@ def _line(mark, text):
     return re.sub(r"^(--set )(\S+): \2: ", r"\1\2: ", f"{mark}: {text}")
 
 
+def file_of(name, beside="", mark=None):
+    """Path of the scenario file that is meant by `name` in the folder `beside`; complaints as in `_read`."""
+    try:
+        return shipped.resolved(os.fspath(name), beside)
+    except Unreadable as error:
+        raise _unreadable(os.path.join(beside, name), mark, error) from None
+
+
 def _read(path, mark):
     """Text of the scenario file at `path`; complaints are placed at `mark`, at the file if that is None."""
-    where = f"{mark}: {EXTENDS}: '{path}'" if mark else f"{path}:"
     try:
         return read_text(path, "a scenario file")
     except Unreadable as error:
-        raise ScenarioError([f"{where} {error}"]) from None
+        raise _unreadable(path, mark, error) from None
+
+
+def _unreadable(path, mark, error):
+    """ScenarioError of an Unreadable."""
+    where = f"{mark}: {EXTENDS}: '{path}'" if mark else f"{path}:"
+    return ScenarioError([f"{where} {error}"])
 
 
 def _parsed(text, name):
@@ -264,7 +281,7 @@ def _extended(path, chain, files, mark=None):
     here = own.values[EXTENDS,]
     if not isinstance(base, str) or not base:
         raise ScenarioError([f"{here}: {EXTENDS}: expected the name of a scenario file, such as base.yaml"])
-    tree, places = _extended(os.path.join(os.path.dirname(path), base), (*chain, real), files, here)
+    tree, places = _extended(file_of(base, os.path.dirname(path), here), (*chain, real), files, here)
     places.keys[()] = places.values[()] = own.values[()]
     _merge(tree, own, (), own.tree, places)
     found = [(own.keys[removed], text) for removed in own.removed if (text := _remove(tree, removed, places))]

@@ -66,6 +66,7 @@ class Scenario(Block):
     def load(cls, path, overrides=()):
         """Scenario of a YAML file, with overrides ["gps.rate=5 Hz"] or {"gps.rate": "5 Hz"}.
 
+        The name of one that comes with the package is enough: Scenario.load("shefex2_andoya").
         In a dict, what is no text may be a number, also of NumPy, True, None, or a list or dict of such.
         Raises ScenarioError, which lists every error with its place.
         """

@@ -14,7 +14,9 @@ COLUMNS = ("position, m", "velocity, m/s", "attitude, deg")
 
 
 def bound(
-    scenario: Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")],
+    scenario: Annotated[
+        str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_andoya.")
+    ],
     seeds: Annotated[int, typer.Option(min=1, help="How many runs; a ratio of one run says little.")] = 5,
     first: Annotated[int, typer.Option(min=0, help="Seed of the first; the others follow.")] = 0,
     overrides: Annotated[

@@ -16,7 +16,9 @@ CONTAINED, ONE_FIELD = "3 sigma ", ", one field"  # of `nees.Verdict.what`
 
 
 def consistency(
-    scenario: Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/shefex2_andoya.yaml.")],
+    scenario: Annotated[
+        str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_andoya.")
+    ],
     seeds: Annotated[int, typer.Option(min=2, help="How many runs; intervals get narrower with them.")] = 20,
     first: Annotated[int, typer.Option(min=0, help="Seed of the first; the others follow.")] = 0,
     overrides: Annotated[
@@ -50,9 +52,11 @@ def consistency(
     if out is not None:
         writable(out)
     from shefex_nav.scenario import load
+
+    loaded = load.load(scenario, overrides or ())
     from shefex_nav.verify import study
 
-    asked = study.of_scenario(load.load(scenario, overrides or ()), turn_field=turn_field)
+    asked = study.of_scenario(loaded, turn_field=turn_field)
     asked = asked._replace(folder=_folder(keep))
     _say("The first flight on a machine compiles, which takes a few minutes.")
     chosen = list(range(first, first + seeds))

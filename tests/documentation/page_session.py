@@ -19,7 +19,7 @@ from short_campaign import HereLane
 
 from shefex_nav import cli, simulate
 from shefex_nav.campaign import engine
-from shefex_nav.scenario import load
+from shefex_nav.scenario import load, shipped
 
 ROOT = Path(__file__).parents[2]
 HERE = ("mkdir", "cp", "ls", "cat")  # programs of the shell that are run as they are
@@ -51,6 +51,7 @@ class Session:
             _replace(folder / name, changes)
         (folder / "scenarios" / "campaign.yaml").write_text(CAMPAIGN)
         monkeypatch.chdir(folder)
+        monkeypatch.setattr(shipped, "folder", lambda: str(folder / "scenarios"))
         monkeypatch.setattr(engine, "ProcessLane", HereLane)
         monkeypatch.setattr(simulate, "route", self._brief(simulate.route))
 

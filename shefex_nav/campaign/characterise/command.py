@@ -15,7 +15,9 @@ import typer
 
 
 def characterise(
-    scenario: Annotated[Path, typer.Argument(help="Scenario YAML, e.g. scenarios/campaign.yaml.")],
+    scenario: Annotated[
+        str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. campaign.")
+    ],
     runs: Annotated[int, typer.Option(min=6, help="Rendered runs to fly; a part of them judges the fit.")],
     out: Annotated[Path, typer.Option(help="File of the statistics (JSON), for star_tracker.model.")],
     seed: Annotated[int, typer.Option(min=0, help="Root of all randomness.")] = 1,

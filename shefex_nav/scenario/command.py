@@ -1,0 +1,83 @@
+"""`shefex-nav scenarios`: what comes with the program, to look at and to copy.
+
+Exit codes: 0 done, 2 bad input: an unknown name, or a file that would be overwritten.
+"""
+
+import json as json_module
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def scenarios(
+    name: Annotated[
+        str | None, typer.Argument(help="Print this one in place of the list, e.g. rexus_like.")
+    ] = None,
+    copy: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Copy it, with the files that it needs; overwrites nothing."),
+    ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print the list as one JSON object on stdout.")
+    ] = False,
+):
+    """List the scenarios that come with the program; print or copy one of them.
+
+    Wherever a command takes a scenario, and in `extends:`, the name is enough.
+    """
+    from shefex_nav.scenario import shipped
+
+    if name is None and copy is not None:
+        raise typer.BadParameter("needs the NAME of a scenario to copy", param_hint="--copy")
+    if name is not None and json:
+        raise typer.BadParameter("is for the list of all; leave NAME out", param_hint="--json")
+    if name is None:
+        _show(shipped.folder(), shipped.listed(), json)
+        return
+    known, stem = shipped.files(), name.removesuffix(shipped.ENDING)
+    if stem not in known:
+        raise typer.BadParameter(f"{name}: {shipped.unknown(stem)}", param_hint="NAME")
+    if copy is None:
+        typer.echo(Path(known[stem]).read_text(encoding="utf-8"), nl=False)
+    else:
+        _copy(shipped.with_what_it_names(known[stem]), copy)
+
+
+def _show(folder, found, json):
+    """Print the list, as a table or as JSON."""
+    if json:
+        typer.echo(json_module.dumps({"folder": folder, "scenarios": [one._asdict() for one in found]}))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=f"in {folder}", title_justify="left")
+    table.add_column("scenario", no_wrap=True)
+    table.add_column("command", no_wrap=True)
+    table.add_column("what it is")
+    for one in found:
+        table.add_row(one.name, one.command, one.description)
+    Console(width=None if sys.stdout.isatty() else 130).print(table)
+
+
+def _copy(sources, folder):
+    """Copy files into a folder, placed as they are about the first one; overwrites nothing."""
+    base = os.path.dirname(sources[0])
+    pairs = [(Path(one), folder / os.path.relpath(one, base)) for one in sources]
+    content = {target: source.read_bytes() for source, target in pairs}
+    try:
+        for target in content:
+            if target.exists() and (not target.is_file() or target.read_bytes() != content[target]):
+                words = f"{target} exists already and is another; choose another folder"
+                raise typer.BadParameter(words, param_hint="--copy")
+        for target in (one for one in content if not one.exists()):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with target.open("xb") as file:
+                file.write(content[target])
+            typer.echo(f"wrote {target}", err=True)
+    except OSError as error:
+        words = f"{error.filename or folder}: cannot be written: {error.strerror}"
+        raise typer.BadParameter(words, param_hint="--copy") from None
