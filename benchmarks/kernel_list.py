@@ -4,8 +4,8 @@
     uv run python benchmarks/kernel_list.py --check    # write nothing; exit code 1 if the list would change
 
 Every job is a command as a user would give it. A job has features: its command, and every choice that its
-scenario makes in words ("gps.mode=tight"). A kernel needs the fewest features that tell the jobs which used it
-from the others.
+scenario makes in words ("gps.mode=tight"). A kernel needs the fewest features that tell the jobs which used
+it from the others.
 
 To be run when a kernel that Python calls is new, or has other arguments. Without that the program works all
 the same, and compiles such a kernel when it is called, in one process.

@@ -95,7 +95,7 @@ class Statistical:
         self.line, self.rng = line, noise.generator(seed, "sightings")
         self.max_rate, self.limits = tracker.params.max_rate, limits(tracker.params.detect)
         hip = tracker.pairs.stars.hip
-        self.by_hip = np.argsort(hip)
+        self.by_hip = np.argsort(hip, kind="stable")
         self.sorted_hip, self.known = hip[self.by_hip], self.search.stars.tolist()
         self.seen = {}  # Sighting of each frame under way, by its number
         self.fixed_s = -np.inf

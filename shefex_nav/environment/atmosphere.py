@@ -7,9 +7,13 @@ layers are evaluated in closed form; above, the diffusion equations of the Stand
 import, for its six gases, and density and pressure interpolated in their logarithms.
 """
 
+import math
+
 import numpy as np
 
 from shefex_nav.compiled import kernel
+
+from shefex_nav.geometry.elementary import exp, log, power
 
 R_STAR = 8314.32  # J/(kmol K), table 2
 M_0 = 28.9644  # kg/kmol at sea level, table 2
@@ -44,7 +48,7 @@ def _layer_bases():
         temperature[b + 1] = temperature[b] + LAYER_LAPSE[b] * thickness
         gradient = G_0 * M_0 / R_STAR
         if LAYER_LAPSE[b] == 0.0:
-            ratio = np.exp(-gradient * thickness / temperature[b])
+            ratio = math.exp(-gradient * thickness / temperature[b])
         else:
             ratio = (temperature[b] / temperature[b + 1]) ** (gradient / LAYER_LAPSE[b])
         pressure[b + 1] = pressure[b] * ratio
@@ -104,18 +108,18 @@ def _diffused(gas, z, step, temperature, slope, gravity, background, mixed):
     with np.errstate(divide="ignore", over="ignore"):
         eddy = np.where(z < 95.0, 120.0, 0.0)  # m^2/s, equation 7
         inside = (z >= 95.0) & (z < 115.0)
-        eddy[inside] = 120.0 * np.exp(1.0 - 400.0 / (400.0 - (z[inside] - 95.0) ** 2))
-    molecular = a / background * (temperature / 273.15) ** b  # m^2/s, equation 8
+        eddy[inside] = 120.0 * exp(1.0 - 400.0 / (400.0 - (z[inside] - 95.0) ** 2))
+    molecular = a / background * power(temperature / 273.15, b)  # m^2/s, equation 8
     share = molecular / (molecular + eddy)
     below, above = (
         gravity / (R_STAR * temperature) * share
         * (molar + mixture * eddy / molecular + alpha * R_STAR / gravity * slope)
         for mixture in (M_0, mixed)
     )  # fmt: skip
-    flow = q1 * (z - u1) ** 2 * np.exp(-w1 * (z - u1) ** 3)  # 1/km
-    flow = flow + np.where(z <= u2, q2 * (u2 - z) ** 2 * np.exp(-w2 * np.maximum(u2 - z, 0.0) ** 3), 0.0)
+    flow = q1 * (z - u1) ** 2 * exp(-w1 * power(z - u1, 3.0))  # 1/km
+    flow = flow + np.where(z <= u2, q2 * (u2 - z) ** 2 * exp(-w2 * power(np.maximum(u2 - z, 0.0), 3.0)), 0.0)
     exponent = _cumulative_of_two(below, above, z, step) + _cumulative(1e-3 * flow, step)
-    return n_86 * temperature[0] / temperature * np.exp(-exponent)
+    return n_86 * temperature[0] / temperature * exp(-exponent)
 
 
 def _hydrogen(z, step, temperature, slope, gravity, background):
@@ -124,8 +128,8 @@ def _hydrogen(z, step, temperature, slope, gravity, background):
     at_500 = np.searchsorted(z, 500.0)
     tau = _cumulative(gravity * 1.00797 / (R_STAR * temperature), step)
     tau -= tau[at_500]
-    scale = (temperature / temperature[at_500]) ** (1.0 + alpha) * np.exp(tau)
-    escape = _cumulative(flux / (a / background * (temperature / 273.15) ** b) * scale, step)
+    scale = power(temperature / temperature[at_500], 1.0 + alpha) * exp(tau)
+    escape = _cumulative(flux / (a / background * power(temperature / 273.15, b)) * scale, step)
     escape -= escape[at_500]
     return np.where((z >= 150.0), (8.0e10 - np.where(z <= 500.0, escape, 0.0)) / scale, 0.0)
 
@@ -143,7 +147,7 @@ def _upper_table():
     n = {}
     pull = gravity / (R_STAR * temperature)
     weight = _cumulative_of_two(M_0 * pull, molar * pull, z, step)
-    n["N2"] = n_86 * temperature[0] / temperature * np.exp(-weight)
+    n["N2"] = n_86 * temperature[0] / temperature * exp(-weight)
     n["O"], n["O2"] = (_diffused(gas, *grid, n["N2"], molar) for gas in ("O", "O2"))
     background = n["N2"] + n["O"] + n["O2"]
     mixed = sum(_GASES[gas][0] * n[gas] for gas in ("N2", "O", "O2")) / background
@@ -151,7 +155,7 @@ def _upper_table():
     n_h = _hydrogen(*grid, background + n["Ar"] + n["He"])
     density = (sum(_GASES[gas][0] * n[gas] for gas in n) + 1.00797 * n_h) / AVOGADRO
     pressure = (sum(n.values()) + n_h) * R_STAR / AVOGADRO * temperature
-    return np.log(np.stack([density, pressure]))[:, ::FINE].copy()
+    return log(np.stack([density, pressure]))[:, ::FINE].copy()
 
 
 UPPER = _upper_table()

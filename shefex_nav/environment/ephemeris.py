@@ -5,6 +5,7 @@ the GCRS. All astronomy is ERFA's (IAU 2006/2000A; epv00, moon98, plan94); nothi
 network or sets a global.
 """
 
+import math
 from datetime import datetime
 from typing import NamedTuple
 
@@ -108,7 +109,7 @@ def planet_magnitude(name, heliocentric_au, geocentric_au):
     Saturn's rings; without the 0.1 mag that Mars' rotation and season make.
     """
     r, d = np.linalg.norm(heliocentric_au), np.linalg.norm(geocentric_au)
-    phase = np.degrees(np.arccos(np.clip(heliocentric_au @ geocentric_au / (r * d), -1.0, 1.0)))
+    phase = math.degrees(math.acos(min(max(heliocentric_au @ geocentric_au / (r * d), -1.0), 1.0)))
     if name == "Mercury":
         series = [-3.0334e-12, 1.6893e-9, -3.4265e-7, 3.3644e-5, -1.6336e-3, 6.328e-2, -0.613]
     elif name == "Venus" and phase < 163.7:
@@ -125,7 +126,7 @@ def planet_magnitude(name, heliocentric_au, geocentric_au):
         # tilt of the rings: geometric mean of those seen from Sun and Earth, none when they see two faces
         tilts = SATURN_POLE_I @ heliocentric_au / r * (SATURN_POLE_I @ geocentric_au / d)
         sin_tilt = np.sqrt(max(tilts, 0.0))
-        series = [0.026, -8.914 - 1.825 * sin_tilt - 0.378 * sin_tilt * np.exp(-2.25 * phase)]
+        series = [0.026, -8.914 - 1.825 * sin_tilt - 0.378 * sin_tilt * math.exp(-2.25 * phase)]
     else:
         raise ValueError(f"no photometry for {name!r}")
-    return 5.0 * np.log10(r * d) + float(np.polyval(series, phase))
+    return 5.0 * math.log10(r * d) + float(np.polyval(series, phase))

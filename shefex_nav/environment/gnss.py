@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry import wgs84
+from shefex_nav.geometry.elementary import arcsin, arctan2
 
 SEMI_MAJOR_AXIS = 26_559.7e3  # m
 INCLINATION = np.deg2rad(55.0)
@@ -118,7 +119,7 @@ def _in_orbit(constellation, t_s):
     anomaly = eccentric_anomaly(mean - constellation.perigee, e)
     cosine, sine = np.cos(anomaly), np.sin(anomaly)
     root = np.sqrt(1.0 - np.square(e))
-    u = np.arctan2(root * sine, cosine - e) + constellation.perigee
+    u = arctan2(root * sine, cosine - e) + constellation.perigee
     near = 1.0 - e * cosine
     u_rate = constellation.latitude_rate * root / near**2
     r_rate = a * e * sine * constellation.latitude_rate / near
@@ -143,7 +144,7 @@ def elevation(r_ea_e, u_e):
     """Angle of lines of sight above the local horizontal. (m, 3), (m, n, 3) -> (m, n) rad."""
     up = r_ea_e / np.array([wgs84.A**2, wgs84.A**2, wgs84.B**2])  # normal of the ellipsoid through the point
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
-    return np.arcsin(np.clip(np.einsum("mnk,mk->mn", u_e, up), -1.0, 1.0))
+    return arcsin(np.clip(np.einsum("mnk,mk->mn", u_e, up), -1.0, 1.0))
 
 
 def lowest_height(r_ea_e, u_e):

@@ -16,6 +16,7 @@ lead down pass the layer twice. Little is below 150 km and nothing to speak of a
 import numpy as np
 
 from shefex_nav.environment.constants import SPEED_OF_LIGHT
+from shefex_nav.geometry.elementary import exp, power
 
 PEAK_HEIGHT = 350e3  # m, of the F layer, where the broadcast model has its shell
 SCALE_HEIGHT = 60e3  # m [E] of the neutral gas there; the layer's own is twice as large above its peak
@@ -49,13 +50,13 @@ def klobuchar(alpha, beta, latitude, longitude, elevation, azimuth, gps_s):
     amplitude_s = np.maximum(np.polyval(np.asarray(alpha)[::-1], lat_m), 0.0)
     period_s = np.maximum(np.polyval(np.asarray(beta)[::-1], lat_m), 72000.0)
     x = 2.0 * np.pi * (local_s - 50400.0) / period_s
-    day_s = np.where(np.abs(x) < 1.57, amplitude_s * (1.0 - x**2 / 2.0 + x**4 / 24.0), 0.0)
+    day_s = np.where(np.abs(x) < 1.57, amplitude_s * (1.0 - x**2 / 2.0 + power(x, 4.0) / 24.0), 0.0)
     return SPEED_OF_LIGHT * obliquity(elevation) * (FLOOR_S + day_s)
 
 
 def obliquity(elevation):
     """Slant over zenith delay, of the broadcast model."""
-    return 1.0 + 16.0 * (0.53 - np.maximum(elevation, LOWEST_ELEVATION) / np.pi) ** 3
+    return 1.0 + 16.0 * power(0.53 - np.maximum(elevation, LOWEST_ELEVATION) / np.pi, 3.0)
 
 
 def slant_share(height, elevation):
@@ -73,5 +74,5 @@ def electrons(height, elevation):
     for s in np.arange(0.0, FURTHEST, STEP):
         h = np.sqrt(radius**2 + s**2 + 2.0 * radius * s * sine) - EARTH_RADIUS
         z = np.maximum((h - PEAK_HEIGHT) / SCALE_HEIGHT, -10.0)
-        total = total + (0.5 if s == 0.0 else 1.0) * np.exp(0.5 * (1.0 - z - np.exp(-z)))
+        total = total + (0.5 if s == 0.0 else 1.0) * exp(0.5 * (1.0 - z - exp(-z)))
     return total * STEP / (SCALE_HEIGHT * np.sqrt(2.0 * np.pi * np.e))

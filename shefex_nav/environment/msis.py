@@ -10,6 +10,7 @@ pymsis would fetch them over the network.
 import numpy as np
 
 from shefex_nav.errors import UserError
+from shefex_nav.geometry.elementary import log
 
 BOTTOM, KINK, TOP = -400.0, 150.0e3, 1.0e6  # m; the model reaches a little below the ellipsoid
 FINE, COARSE = 200.0, 500.0  # m, steps below and above KINK: log-linear to 1e-4 everywhere
@@ -56,4 +57,4 @@ def table(epoch_iso, latitude, longitude, f107, f107_average, ap):
     number = np.nansum(values[:, FIRST_GAS:TEMPERATURE], axis=1, dtype=np.float64)  # NaN: not modelled there
     pressure = number * BOLTZMANN * values[:, TEMPERATURE]
     sound = np.sqrt(GAMMA * pressure / density)
-    return np.column_stack([height, np.log(density), np.log(pressure), sound])
+    return np.column_stack([height, log(density), log(pressure), sound])

@@ -14,6 +14,7 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.environment.constants import SPEED_OF_LIGHT
+from shefex_nav.geometry.elementary import log10, power
 
 EPOCH = 1991.25  # Julian year of the Hipparcos positions
 MAS = np.pi / 180.0 / 3.6e6  # rad, one milliarcsecond
@@ -127,9 +128,9 @@ def photocentres(catalogue, max_magnitude, radius_rad):
     -------
     StarCatalogue, brightest first
     """
-    by_z = np.argsort(catalogue.u_i[:, 2])
+    by_z = np.argsort(catalogue.u_i[:, 2], kind="stable")
     z = catalogue.u_i[by_z, 2]
-    flux = 10.0 ** (-0.4 * silicon_magnitude(catalogue.vmag, catalogue.bv))
+    flux = power(10.0, -0.4 * silicon_magnitude(catalogue.vmag, catalogue.bv))
     taken = np.zeros(len(catalogue.hip), dtype=bool)
     cos_radius = np.cos(radius_rad)
     u_i, pm_i = catalogue.u_i.copy(), catalogue.pm_i.copy()
@@ -162,4 +163,4 @@ def photocentres(catalogue, max_magnitude, radius_rad):
 
 def _summed(magnitudes):
     """Magnitude of the summed light."""
-    return -2.5 * np.log10((10.0 ** (-0.4 * magnitudes)).sum())
+    return -2.5 * log10(power(10.0, -0.4 * magnitudes).sum())

@@ -13,6 +13,8 @@ within 2 % above 4 degrees; at the horizon it is finite but a third too small.
 
 import numpy as np
 
+from shefex_nav.geometry.elementary import exp
+
 DRY_ZENITH = 2.307  # m at sea level
 DRY_HEIGHT = 7.5e3  # m
 WET_ZENITH = 0.12  # m [E]
@@ -22,7 +24,7 @@ WET_HEIGHT = 2.0e3  # m
 def zenith_delay(height):
     """Zenith delay above a height, m -> m; a tenth of a millimetre at 75 km."""
     h = np.asarray(height, dtype=float)
-    return DRY_ZENITH * np.exp(-h / DRY_HEIGHT) + WET_ZENITH * np.exp(-h / WET_HEIGHT)
+    return DRY_ZENITH * exp(-h / DRY_HEIGHT) + WET_ZENITH * exp(-h / WET_HEIGHT)
 
 
 def mapping(elevation):

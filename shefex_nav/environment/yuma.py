@@ -164,7 +164,7 @@ def read(text):
 
 def almanac(columns):
     """Almanac of {attribute: list of numbers}, satellites in the order of their numbers."""
-    order = np.argsort(np.asarray(columns["prn"]))
+    order = np.argsort(np.asarray(columns["prn"]), kind="stable")
     arrays = {name: np.asarray(columns[name])[order] for name in Almanac._fields}
     return Almanac(
         **{name: a.astype(np.int64) if name in WHOLE else a.astype(float) for name, a in arrays.items()}
@@ -202,7 +202,7 @@ def constellation(almanac, epoch_utc):
     elapsed_s = age_s(almanac, epoch_utc)
     node_rate = almanac.node_rate - OMEGA_GPS
     a = almanac.root_a**2
-    mean_motion = np.sqrt(GM_GPS / a**3)
+    mean_motion = np.sqrt(GM_GPS / (a * a * a))
     node = almanac.node + node_rate * elapsed_s - OMEGA_GPS * almanac.time_s
     latitude = almanac.perigee + almanac.anomaly + mean_motion * elapsed_s
     good = almanac.health == 0

@@ -8,6 +8,7 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import triples as t3
+from shefex_nav.geometry.elementary import arctan2
 
 
 @kernel
@@ -128,7 +129,7 @@ def rotvec_between(q_estimate, q_true):
     v = p[:, :1] * q[:, 1:] - q[:, :1] * p[:, 1:] - np.cross(p[:, 1:], q[:, 1:])
     sign = np.where(w < 0.0, -1.0, 1.0)
     norm = np.linalg.norm(v, axis=1)
-    angle = 2.0 * np.arctan2(norm, np.abs(w))
+    angle = 2.0 * arctan2(norm, np.abs(w))
     scale = np.where(norm > 1e-12, angle / np.maximum(norm, 1e-300), 2.0)
     error = (sign * scale)[:, None] * v
     return error[0] if np.ndim(q_estimate) == 1 else error

@@ -5,6 +5,8 @@ software are in `params_onboard`. A stage is
 imported when its parameters are asked for: checking a scenario must not wait for compiled kernels.
 """
 
+import math
+
 import numpy as np
 
 from shefex_nav.clock import IMU_HZ
@@ -97,7 +99,7 @@ def _place(scenario):
         scenario.mission.epoch, earth.ut1_minus_utc, earth.pole_x, earth.pole_y
     )
     u_e = frames.dcm_ie(rotation, scenario.mission.start).T @ u_i
-    return float(np.arcsin(u_e[2])), float(np.arctan2(u_e[1], u_e[0]))
+    return math.asin(min(max(u_e[2], -1.0), 1.0)), math.atan2(u_e[1], u_e[0])
 
 
 def mounting(scenario):

@@ -21,6 +21,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gnss
 from shefex_nav.geometry import frames, rotation
+from shefex_nav.geometry.elementary import arccos
 from shefex_nav.records import GpsFix, GpsRanges
 from shefex_nav.world import gps_channels, gps_errors, gps_receiver
 
@@ -169,7 +170,7 @@ def visible(params, antenna, u_e):
     clears_earth = (gnss.elevation(antenna.r_ea_e, u_e) >= params.elevation_mask) | (
         gnss.lowest_height(antenna.r_ea_e, u_e) >= params.lowest_height
     )
-    to_nose = np.arccos(np.clip(np.einsum("mnk,mk->mn", u_e, antenna.nose_e), -1.0, 1.0))
+    to_nose = arccos(np.clip(np.einsum("mnk,mk->mn", u_e, antenna.nose_e), -1.0, 1.0))
     return clears_earth & (to_nose >= params.blind_nose) & (to_nose <= np.pi - params.blind_tail)
 
 

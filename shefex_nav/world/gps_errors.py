@@ -12,12 +12,14 @@ The clock has two states, driven by white noise of frequency and by its random w
 (Brown and Hwang, Introduction to Random Signals and Applied Kalman Filtering, 4th ed., section 9.3.)
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.environment import gnss, ionosphere, troposphere
 from shefex_nav.geometry import wgs84
+from shefex_nav.geometry.elementary import arctan2
 from shefex_nav.world import noise
 
 COMMON_SHARE = 0.5  # [E] of the variance left by the ionosphere's model: an error of all satellites alike
@@ -86,7 +88,7 @@ def range_errors(params, t_s, r_ea_e, u_e, rng):
 
     if params.multipath > 0.0:
         step_s = t_s[1] - t_s[0] if m > 1 else 1.0
-        correlation = float(np.exp(-step_s / params.multipath_time_s))
+        correlation = math.exp(-step_s / params.multipath_time_s)
         error = error + params.multipath * noise.gauss_markov(correlation, white)
         variance = variance + params.multipath**2
     return RangeErrors(np.stack([error, rate]), np.stack([variance, rate_variance]))
@@ -125,7 +127,7 @@ def azimuths(latitude, longitude, u_e):
     sp, cp, sl, cl = np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude)
     north = -sp * cl * u_e[..., 0] - sp * sl * u_e[..., 1] + cp * u_e[..., 2]
     east = -sl * u_e[..., 0] + cl * u_e[..., 1]
-    return np.arctan2(east, north)
+    return arctan2(east, north)
 
 
 def clock(params, t_s, rng):

@@ -24,6 +24,7 @@ Hours of samples fill gigabytes, so everything but what goes in and comes out is
 samples; the numbers drawn for a seed do not depend on their length.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -254,7 +255,7 @@ def _add_bias(increments, bias, rectification, rms, dt_s):
 
 def _add_in_run_bias(increments, sigma, tau_s, dt_s, rng, alone):
     """Add the in-run bias, sigma in the unit of the rate, in place; to `alone` as well, unless it is None."""
-    correlation, last = np.exp(-dt_s / tau_s), None
+    correlation, last = math.exp(-dt_s / tau_s), None
     for piece in _pieces(len(increments)):
         bias = gauss_markov(correlation, rng.standard_normal(increments[piece].shape), last)
         last = bias[-1].copy()
@@ -272,9 +273,9 @@ def _add_random_walk(increments, sigma, dt_s, rng):
 
 def add_vibration(increments, params, rms, dt_s, rng):
     """Add what the vibration makes, in place. (N, 3), (N,) rms of what the increments integrate."""
-    from scipy.signal import butter, sosfilt
+    from scipy.signal import sosfilt
 
-    high_pass = butter(4, params.vibration_low_hz, "highpass", fs=1.0 / dt_s, output="sos")
+    high_pass = _butterworth(params.vibration_low_hz * dt_s)
     state = np.zeros((len(high_pass), 2, increments.shape[1]))
     for piece in _pieces(len(increments)):
         density = rms[piece] ** 2 / (params.vibration_high_hz - params.vibration_low_hz)
@@ -284,6 +285,21 @@ def add_vibration(increments, params, rms, dt_s, rng):
             drive[0] = 0.0  # the first sample starts at row 0
         shaken, state = sosfilt(high_pass, drive, axis=0, zi=state)
         increments[piece] += shaken
+
+
+def _butterworth(cycles):
+    """High pass of fourth order by the bilinear transformation, as second-order sections of SciPy: (2, 6).
+
+    cycles : corner frequency, cycles per sample. The same as `scipy.signal.butter`, whose tangent is NumPy's,
+    the last digits of which depend on the processor.
+    """
+    k = math.tan(math.pi * cycles)
+    sections = []
+    for damping in (math.cos(math.pi / 8.0), math.cos(3.0 * math.pi / 8.0)):
+        a_0 = 1.0 + 2.0 * damping * k + k * k
+        a = 1.0, 2.0 * (k * k - 1.0) / a_0, (1.0 - 2.0 * damping * k + k * k) / a_0
+        sections.append([1.0 / a_0, -2.0 / a_0, 1.0 / a_0, *a])
+    return np.array(sections)
 
 
 def _clip(increments, limit):

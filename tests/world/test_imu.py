@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import synthetic_trajectory as synthetic
-from scipy import stats
+from scipy import signal, stats
 
 from shefex_nav.world import imu, noise
 
@@ -149,6 +149,13 @@ def test_vibration_has_the_size_of_its_spectrum():
     assert velocity == pytest.approx(0.055, abs=0.001)
     assert np.std(data.dv_b[1:]) == pytest.approx(increment, rel=0.04)
     assert np.std(np.cumsum(data.dv_b, axis=0)) == pytest.approx(velocity, rel=0.04)
+
+
+@pytest.mark.parametrize("cycles", [0.001, 0.05, 0.2, 0.45])
+def test_filter_of_the_vibration_is_a_butterworth(cycles):
+    _, expected = signal.sosfreqz(signal.butter(4, 2.0 * cycles, "highpass", output="sos"))
+    _, response = signal.sosfreqz(imu._butterworth(cycles))
+    np.testing.assert_allclose(response, expected, atol=1e-10)
 
 
 def test_vibration_leaves_no_velocity_behind_even_in_spin():

@@ -3,6 +3,7 @@
 z = H dx + noise, noise ~ N(0, R), dx in the order of a `state.Layout`. Frames and units with each function.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -167,7 +168,7 @@ def lasting_factor(share, time_s, gap_s):
     """
     if not share or gap_s == np.inf:
         return 1.0
-    r = np.exp(-gap_s / time_s)
+    r = math.exp(-gap_s / time_s)
     return float(1.0 - share + share * (1.0 + r) / max(1.0 - r, 1e-6))
 
 

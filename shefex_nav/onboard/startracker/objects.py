@@ -12,6 +12,7 @@ By run lengths (`multipole_chain`, as published), streaks tell their own motion;
 frame before, whose exposure must end where this one begins.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -168,7 +169,7 @@ def predicted(params, stars, context):
     camera = params.identify.camera
     C_ci = dcm_from_quat(context.q_ic).T
     half_diagonal_px = 0.5 * np.hypot(camera.width_px, camera.height_px)
-    cosine = np.cos(np.arctan((half_diagonal_px + OUTSIDE_PX) / camera.focal_length_px))
+    cosine = math.cos(math.atan((half_diagonal_px + OUTSIDE_PX) / camera.focal_length_px))
     ahead_i = stars.u_i[stars.u_i @ C_ci[2] > cosine]
     velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
     u_c = np.ascontiguousarray(aberrate(ahead_i, velocity_i) @ C_ci.T)

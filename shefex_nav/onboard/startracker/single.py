@@ -11,16 +11,19 @@ passes is then as sure as the prediction itself, which is why the navigation sta
 each stands on its own.
 """
 
+import math
+
 import numpy as np
 
 from shefex_nav.environment.stars import aberrate
+from shefex_nav.geometry.elementary import log10
 from shefex_nav.geometry.pinhole import cross_covariance, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.records import NO_STARS, Reason, StarVectors
 
 MISSED = 1e-4  # probability that a star is further from its predicted place than its gate
-GATE2 = -2.0 * np.log(MISSED)  # chi-square, 2 degrees of freedom
+GATE2 = -2.0 * math.log(MISSED)  # chi-square, 2 degrees of freedom
 RIVAL = 2.0  # times the gate: within it there must be no other star, and no other object
 CHANCE = 1e-3  # [E] expected number of objects in a gate that are there by chance
 UNSOLVED = (Reason.TOO_FEW_STARS, Reason.NO_MATCH, Reason.AMBIGUOUS)  # of which single stars may be used
@@ -102,8 +105,8 @@ def _ahead(params, stars, context):
     camera = params.identify.camera
     C_ci = dcm_from_quat(context.q_ic).T
     half_px = 0.5 * np.hypot(camera.width_px, camera.height_px)
-    cosine = np.cos(1.5 * np.arctan(half_px / camera.focal_length_px))  # beyond the border, for a wide prior
-    rows = np.flatnonzero(stars.u_i @ C_ci[2] > cosine)
+    angle = 1.5 * math.atan(half_px / camera.focal_length_px)  # beyond the border, for a wide prior
+    rows = np.flatnonzero(stars.u_i @ C_ci[2] > math.cos(angle))
     velocity_i = params.earth_velocity_i if context.velocity_i is None else context.velocity_i
     seen_i = aberrate(stars.u_i[rows], velocity_i)
     return rows, seen_i, pixels(camera, np.ascontiguousarray(seen_i @ C_ci.T))
@@ -124,7 +127,7 @@ def _bright_as(params, vmag, detections):
     settings = params.identify
     if not np.isfinite(settings.zero_flux):
         return np.ones((len(detections.flux_dn), len(vmag)), dtype=bool)
-    magnitude = -2.5 * np.log10(detections.flux_dn / settings.zero_flux)
+    magnitude = -2.5 * log10(detections.flux_dn / settings.zero_flux)
     fainter = magnitude[:, None] - vmag
     saturated = (np.asarray(detections.n_saturated) > 0)[:, None]
     return (fainter > -settings.magnitude_tolerance) & ((fainter < settings.magnitude_tolerance) | saturated)

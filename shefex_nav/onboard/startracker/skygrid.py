@@ -11,6 +11,8 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 
+from shefex_nav.geometry.elementary import log
+
 CELLS = 24  # per edge of a face: 3.75 degrees, small against a field; 3456 lists in all
 DENSITY_WINDOW = 0.3  # mag, half width over which the density of magnitudes is averaged
 
@@ -31,7 +33,7 @@ def build(u_i, vmag, radius):
     faint, bright = vmag[-1], vmag[0]  # the window ends with the catalogue
     width = np.minimum(vmag + DENSITY_WINDOW, faint) - np.maximum(vmag - DENSITY_WINDOW, bright)
     density = (above - below) / (len(vmag) * np.maximum(width, DENSITY_WINDOW))
-    return SkyGrid(start, row, np.log(density))
+    return SkyGrid(start, row, log(density))
 
 
 @inner

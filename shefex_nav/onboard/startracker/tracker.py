@@ -9,6 +9,7 @@ the tracker is not made, nor of rows whose places no rate has brought to one ins
 better than a wrong attitude.
 """
 
+import math
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -102,7 +103,7 @@ def init(params, catalogue, julian_year):
         raise ValueError(f"unknown scan {params.detect.scan!r}; choose from: {', '.join(objects.WAYS)}")
     camera = params.identify.camera
     half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
-    field = 2.0 * np.arctan(half_diagonal / camera.focal_length_px)
+    field = 2.0 * math.atan(half_diagonal / camera.focal_length_px)
     return Tracker(params, _pairs(params.catalogue, _Same(catalogue), julian_year, field))
 
 

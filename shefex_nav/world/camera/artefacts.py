@@ -4,11 +4,13 @@ In: the settable numbers of `CameraParams` and a random generator. Out: lists dr
 pixels, objects that are in no catalogue) or per frame (spikes).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.environment.stars import silicon_magnitude
+from shefex_nav.geometry.elementary import exp, log
 
 # B-V of Mercury, Venus, Mars, Jupiter, Saturn (Allen's Astrophysical Quantities, 4th ed., table 12.10)
 PLANET_BV = np.array([0.93, 0.82, 1.36, 0.83, 1.04])
@@ -38,7 +40,7 @@ def bad_pixels(params, rng):
     n_hot = params.hot_pixels + params.unknown_bad_pixels
     pixels = rng.choice(params.width_px * params.height_px, n_hot + params.dead_pixels, replace=False)
     hot, dead = pixels[:n_hot], pixels[n_hot:]
-    rates = np.exp(rng.uniform(*np.log(params.hot_pixel_rates), n_hot))
+    rates = exp(rng.uniform(*log(params.hot_pixel_rates), n_hot))
     known = np.sort(np.concatenate([hot[: params.hot_pixels], dead]))
     rows_columns = np.column_stack(np.divmod(known, params.width_px))
     smeared, smeared_rate = _smear(params, hot, rates)
@@ -50,7 +52,7 @@ def _smear(params, hot, rates):
     if params.hot_pixel_smear == 0.0:
         return np.empty(0, np.int64), np.empty(0)
     behind = np.arange(1, int(5.0 * SMEAR_PX) + 1)
-    share = np.exp(-behind / SMEAR_PX)
+    share = exp(-behind / SMEAR_PX)
     pixels = hot[:, None] + params.width_px * behind
     charge = params.hot_pixel_smear * rates[:, None] * share / share.sum()
     inside = pixels < params.width_px * params.height_px
@@ -83,5 +85,5 @@ def planet_magnitudes(bodies):
 
 def full_moon_magnitude(bodies):
     """Magnitude in the band of a silicon detector that the Moon would have if it were full."""
-    vmag = FULL_MOON_VMAG + 5.0 * np.log10(np.linalg.norm(bodies.moon_r_i) / MOON_DISTANCE)
+    vmag = FULL_MOON_VMAG + 5.0 * math.log10(np.linalg.norm(bodies.moon_r_i) / MOON_DISTANCE)
     return silicon_magnitude(np.array([vmag]), np.array([MOON_BV]))[0]

@@ -18,6 +18,7 @@ from shefex_nav.compiled import kernel
 from shefex_nav.environment.ephemeris import SkyBodies
 from shefex_nav.environment.stars import silicon_magnitude
 from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.geometry.elementary import power
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.geometry.pinhole import Pinhole, pixels, unit_vectors
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
@@ -216,7 +217,7 @@ def truth_of(frame, params, motion, angles, hip, xy_px):
 
 def _flux(params, magnitudes):
     """Electrons/s of silicon magnitudes."""
-    return params.zero_magnitude_flux * 10.0 ** (-0.4 * magnitudes)
+    return params.zero_magnitude_flux * power(10.0, -0.4 * magnitudes)
 
 
 def surroundings(camera, boresight_i, r_i, C_ei):

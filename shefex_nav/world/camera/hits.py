@@ -9,10 +9,12 @@ Sizes and charges are engineering values [E]. For scale: a proton of 100 MeV lea
 micrometre of silicon (stopping power 5.8 MeV cm^2/g, 3.65 eV for each electron).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry.elementary import exp, log
 from shefex_nav.world.camera.render import add_charge
 
 DIFFUSION_PX = 0.3  # sigma of the charge of an upset [E]
@@ -92,15 +94,15 @@ def of_frame(params, rng):
     """
     if params.upsets_per_frame == 0.0 and params.trails_per_frame == 0.0:
         return NO_HITS
-    size, weight = np.array([params.width_px, params.height_px]), np.log(params.particle_electrons)
+    size, weight = np.array([params.width_px, params.height_px]), log(params.particle_electrons)
     n = rng.poisson(params.upsets_per_frame)
     places = rng.uniform(-0.5, size - 0.5, (n, 2))
-    found = [upsets(*size, places, np.exp(rng.uniform(*weight, n)))]
+    found = [upsets(*size, places, exp(rng.uniform(*weight, n)))]
     for _ in range(rng.poisson(params.trails_per_frame)):
         start, angle = rng.uniform(-0.5, size - 0.5), rng.uniform(0.0, 2.0 * np.pi)
-        length_px = np.exp(rng.uniform(0.0, np.log(params.trail_longest_px)))
+        length_px = math.exp(rng.uniform(0.0, math.log(params.trail_longest_px)))
         end = start + length_px * np.array([np.cos(angle), np.sin(angle)])
-        found.append(trail(*size, start, end, np.exp(rng.uniform(*weight))))
+        found.append(trail(*size, start, end, math.exp(rng.uniform(*weight))))
     return joined(found)
 
 

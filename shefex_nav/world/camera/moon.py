@@ -4,6 +4,8 @@ In: ephemeris, vehicle, how the camera looks during the frame. Out: mean electro
 the Sun, with a sharp edge.
 """
 
+import math
+
 import numpy as np
 
 from shefex_nav.compiled import kernel
@@ -19,7 +21,7 @@ def seen_from(bodies, r_i):
     """
     toward_i = bodies.moon_r_i - r_i
     distance = np.sqrt(toward_i @ toward_i)
-    return toward_i / distance, np.arcsin(RADIUS / distance)
+    return toward_i / distance, math.asin(RADIUS / distance)
 
 
 def add_moon(light, camera, path, moon_u_i, angular_radius, sun_u_i, electrons):
@@ -32,7 +34,7 @@ def add_moon(light, camera, path, moon_u_i, angular_radius, sun_u_i, electrons):
     angular_radius : float [rad]
     electrons : float, of the exposure of a row from a full Moon; the phase is in the picture
     """
-    radius_px = camera.focal_length_px * np.tan(angular_radius)
+    radius_px = camera.focal_length_px * math.tan(angular_radius)
     # the mean of cos(incidence) over the disc of a fully lit sphere is 2/3
     per_px = 1.5 * electrons / (np.pi * radius_px**2)
     C_ci = 0.5 * (path.C_ci[1:] + path.C_ci[:-1])  # in the middle of the steps

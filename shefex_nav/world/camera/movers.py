@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry.elementary import arccos, exp, log
+
 
 class Movers(NamedTuple):
     """u_i(t) = a cos(rate t) + b sin(rate t) for each of n objects."""
@@ -27,7 +29,7 @@ def draw(n, rates, flux, rng):
     a_i /= np.linalg.norm(a_i, axis=1, keepdims=True)
     b_i -= (b_i * a_i).sum(axis=1, keepdims=True) * a_i
     b_i /= np.linalg.norm(b_i, axis=1, keepdims=True)
-    return Movers(a_i, b_i, np.exp(rng.uniform(*np.log(rates), n)), flux)
+    return Movers(a_i, b_i, exp(rng.uniform(*log(rates), n)), flux)
 
 
 def directions(movers, t_s):
@@ -39,7 +41,7 @@ def directions(movers, t_s):
 def near(movers, t_s, boresight_i, cone, longest_s):
     """Those that may come within `cone` [rad] of the boresight within longest_s of a time. -> (m,) rows"""
     cosine = np.clip(directions(movers, t_s) @ boresight_i, -1.0, 1.0)
-    return np.flatnonzero(np.arccos(cosine) < cone + movers.rate * longest_s)
+    return np.flatnonzero(arccos(cosine) < cone + movers.rate * longest_s)
 
 
 def tracks(movers, camera, path, t_valid_s):

@@ -9,6 +9,7 @@ spin. A target direction is given as azimuth and elevation in the local level fr
 vehicle will be at the instant for which the direction is meant; that place is predicted by a free fall.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -125,7 +126,7 @@ def turn_roll_axis(t_0, t_1, spin, q_ib, direction_i):
     axis = np.array([0.0, -target_b[2], target_b[1]])  # e_x x target
     across = np.sqrt((axis**2).sum())
     axis = axis / across if across > 1e-12 else np.array([0.0, 0.0, 1.0])
-    return hold(t_0, t_1, spin)._replace(axis=axis, angle=float(np.arctan2(across, target_b[0])))
+    return hold(t_0, t_1, spin)._replace(axis=axis, angle=math.atan2(across, target_b[0]))
 
 
 def turn_to(t_0, t_1, q_ib, q_target):

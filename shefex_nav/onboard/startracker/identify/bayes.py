@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry.elementary import log10
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_dcm
 from shefex_nav.onboard.startracker.identify.doubts import (
@@ -130,7 +131,7 @@ def _identify(params, pairs, u_c, flux, prediction, P_px):
         max(int(params.min_stars), MIN_STARS),
         BUDGET,
     )
-    magnitude = -2.5 * np.log10(np.asarray(flux, dtype=float))
+    magnitude = -2.5 * log10(flux)
     frame = pixels(camera, u_c), magnitude, True
     if P_px is None:
         found = Solution(*solve_kernel(*pairs.quick, settings, *frame, *prediction))

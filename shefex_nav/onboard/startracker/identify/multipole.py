@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry.elementary import log10
 from shefex_nav.onboard.startracker.identify.angles import look_up, new_sides, table
 from shefex_nav.onboard.startracker.identify.verify import Identification, nothing, verify
 from shefex_nav.records import Reason
@@ -59,7 +60,7 @@ def magnitudes(params, flux):
     zero_flux = params.zero_flux
     if not zero_flux > 0.0:
         raise ValueError(f"star identification 'multipole' needs the flux of magnitude 0, not {zero_flux}")
-    return -2.5 * np.log10(np.asarray(flux, dtype=np.float64) / zero_flux)
+    return -2.5 * log10(np.asarray(flux, dtype=np.float64) / zero_flux)
 
 
 def light_of(vmag, magnitude, tolerance):

@@ -4,6 +4,7 @@ In: a few identified stars. Out: all detections matched with the catalogue, and 
 is right. No method's own criterion is trusted: noise alone can build a pyramid of four.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -88,7 +89,7 @@ def verify(params, stars, u_c, flux, star):
         params.camera, params.sigma_px, params.detection_probability, u_c, matched, distance2, n_missing
     )
     odds += brightness_odds(params.magnitude_sigma, stars.vmag, flux, matched)
-    reason = Reason.NONE if odds > -np.log(params.false_alarm) else Reason.AMBIGUOUS
+    reason = Reason.NONE if odds > -math.log(params.false_alarm) else Reason.AMBIGUOUS
     return Identification(matched, int(reason), float(odds))
 
 

@@ -1,0 +1,50 @@
+"""Elementary functions against Python's `math`, to the last bit, in all shapes."""
+
+import math
+
+import numpy as np
+import pytest
+
+from shefex_nav.geometry import elementary
+
+RNG = np.random.default_rng(1)  # anew in each test: conftest.own_numbers
+ONE = {
+    "exp": (math.exp, -700.0, 700.0),
+    "log": (math.log, 1e-6, 1e6),
+    "log10": (math.log10, 1e-6, 1e6),
+    "arcsin": (math.asin, -1.0, 1.0),
+    "arccos": (math.acos, -1.0, 1.0),
+}
+TWO = {"power": (math.pow, 0.1, 20.0), "arctan2": (math.atan2, -5.0, 5.0)}
+
+
+@pytest.mark.parametrize("name", ONE)
+def test_as_the_c_library(name):
+    function, least, most = ONE[name]
+    x = RNG.uniform(least, most, 1000)
+    assert np.array_equal(getattr(elementary, name)(x), [function(value) for value in x])
+    assert np.allclose(getattr(elementary, name)(x), getattr(np, name)(x), rtol=1e-14)
+
+
+@pytest.mark.parametrize("name", TWO)
+def test_of_two_as_the_c_library(name):
+    function, least, most = TWO[name]
+    x, y = RNG.uniform(least, most, (2, 1000))
+    expected = [function(a, b) for a, b in zip(x, y, strict=True)]
+    assert np.array_equal(getattr(elementary, name)(x, y), expected)
+    assert np.allclose(getattr(elementary, name)(x, y), getattr(np, name)(x, y), rtol=1e-14)
+
+
+def test_shapes_and_single_numbers():
+    x = RNG.uniform(0.5, 2.0, (4, 6))
+    assert np.array_equal(elementary.exp(x[:, ::2].T), elementary.exp(x)[:, ::2].T)
+    assert elementary.power(10.0, x[0]).shape == (6,)
+    assert elementary.arctan2(x[:, :1], x[0]).shape == (4, 6)
+    assert elementary.exp(np.empty((0, 3))).shape == (0, 3)
+    assert elementary.log10([10, 1000]).tolist() == [1.0, 3.0]
+    assert elementary.exp(1) == math.e and np.ndim(elementary.exp(1)) == 0
+
+
+def test_outside_the_domain_is_no_number():
+    assert elementary.log(0.0) == -math.inf and elementary.exp(1e4) == math.inf
+    assert math.isnan(elementary.arccos(1.5)) and math.isnan(elementary.log(-1.0))
