@@ -1,19 +1,22 @@
 """Builds the wheel shefex-nav-kernels: the compiled kernels of this shefex-nav, for this Python and platform.
 
-    python .ci/kernels_wheel.py dist/       # compiles every listed kernel anew, then writes one wheel
+    uv run python .ci/kernels_wheel.py dist/
 
 The kernels are files of data in a package without code; shefex_nav finds them when it is imported, and
 compiles by itself where versions or platform differ from those that the wheel names. To be run with the
 environment for which the wheel is meant; needs `build` and `hatchling`.
 """
 
-import os
 import shutil
 import subprocess
 import sys
 import tempfile
 from importlib.metadata import distribution, version
 from pathlib import Path
+
+from shefex_nav import warmup
+from shefex_nav.compiled import ahead, signature
+from shefex_nav.compiled.numba_hooks import store
 
 PROJECT = """\
 [build-system]
@@ -48,22 +51,22 @@ class Tag(BuildHookInterface):
 def main():
     out = Path(sys.argv[1] if len(sys.argv) > 1 else "dist").resolve()
     with tempfile.TemporaryDirectory() as folder:
-        project, cache = Path(folder, "project"), Path(folder, "cache")
-        package = project / "shefex_nav_kernels"
-        package.mkdir(parents=True)
-        compile_all(cache)
-        for kind in (cache / "shefex_nav").iterdir():
-            shutil.copytree(kind, package / kind.name)
+        project = Path(folder)
+        place = project / "shefex_nav_kernels" / store().kind
+        place.mkdir(parents=True)
+        for file in compiled():
+            shutil.copyfile(file, place / Path(file).name)
         write_project(project)
-        subprocess.run(
-            [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", out, project], check=True
-        )
+        command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", out, project]
+        subprocess.run(command, check=True)
 
 
-def compile_all(cache):
-    """Compile every listed kernel into an empty folder."""
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
-    subprocess.run([sys.executable, "-m", "shefex_nav", "warmup"], env=environment, check=True)
+def compiled():
+    """Files of all listed kernels; what is missing is compiled."""
+    wanted = ahead.entries()
+    warmup.compile_listed(ahead.without_file(wanted))
+    for one in wanted:
+        yield signature.find(one.kernel).file_of(tuple(map(signature.decode, one.signature)))
 
 
 def write_project(project):

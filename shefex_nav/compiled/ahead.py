@@ -36,8 +36,11 @@ class CompilerFailed(RuntimeError):
 
 def entries():
     """All that are listed: list of Entry."""
+    content = json.loads(ENTRIES.read_text(encoding="utf-8"))
     return [
-        Entry(name, types, frozenset(needs)) for name, types, needs in json.loads(ENTRIES.read_text("utf-8"))
+        Entry(kernel, [content["types"][k] for k in types], frozenset(group["needs"]))
+        for group in content["groups"]
+        for kernel, types in group["kernels"]
     ]
 
 

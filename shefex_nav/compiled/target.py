@@ -7,10 +7,19 @@ So kernels are compiled for a baseline that most processors have; results are th
 import os
 import platform
 import sys
+from typing import NamedTuple
 
 ONE_THREAD = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"  # of linear algebra
-BASELINE = "x86-64-v3"
-V3_FLAGS = {"avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe", "abm"}  # as /proc/cpuinfo names them
+V2_FLAGS = {"cx16", "lahf_lm", "popcnt", "sse4_1", "sse4_2", "ssse3"}  # as /proc/cpuinfo names them
+V3_FLAGS = V2_FLAGS | {"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe", "xsave"}
+LLVM_NAMES = {"abm": "lzcnt", "bmi1": "bmi", "lahf_lm": "sahf"}  # where these differ
+
+
+class Target(NamedTuple):
+    """A baseline for which code is chosen."""
+
+    kernels: str  # processor as LLVM names it
+    algebra: str | None  # processor as OpenBLAS names it; None: it chooses
 
 
 def choose(environ):
@@ -18,27 +27,40 @@ def choose(environ):
 
     Where NumPy or numba has been imported already, that would come too late, and only hide it.
     """
+    target, wanted = baseline(), {}
     if "numpy" not in sys.modules:
-        for name in ONE_THREAD:
-            environ.setdefault(name, "1")
-    if "numba" not in sys.modules and "NUMBA_CPU_NAME" not in environ and has_baseline():
-        environ["NUMBA_CPU_NAME"] = BASELINE
-        environ.setdefault("NUMBA_CPU_FEATURES", "")
+        wanted.update(dict.fromkeys(ONE_THREAD, "1"))
+        if target.algebra:
+            wanted["OPENBLAS_CORETYPE"] = target.algebra
+    if "numba" not in sys.modules and "NUMBA_CPU_NAME" not in environ:
+        wanted.update(NUMBA_CPU_NAME=target.kernels, NUMBA_CPU_FEATURES="", NUMBA_DISABLE_INTEL_SVML="1")
+    for name, value in wanted.items():
+        environ.setdefault(name, value)
 
 
-def has_baseline():
-    """Whether this processor has all of x86-64-v3: bool."""
-    if platform.machine() not in ("x86_64", "AMD64"):
-        return False
+def baseline():
+    """The baseline of this machine: Target."""
+    machine = platform.machine().lower()
+    if machine in ("arm64", "aarch64"):
+        return Target("apple-m1", None) if sys.platform == "darwin" else Target("generic", "ARMV8")
+    if machine not in ("x86_64", "amd64"):
+        return Target("generic", None)
+    flags = _flags()
+    if flags >= V3_FLAGS:
+        return Target("x86-64-v3", "Haswell")
+    return Target("x86-64-v2", "Nehalem") if flags >= V2_FLAGS else Target("x86-64", None)
+
+
+def _flags():
+    """What this x86-64 processor has, of V3_FLAGS: set of str."""
     try:
         with open("/proc/cpuinfo", encoding="ascii", errors="replace") as file:
-            flags = next((line for line in file if line.startswith("flags")), "")
+            return set(next((line for line in file if line.startswith("flags")), "").split()) & V3_FLAGS
     except OSError:  # no Linux
         from llvmlite.binding import get_host_cpu_features
 
         features = get_host_cpu_features()
-        return all(features.get(name) for name in ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"))
-    return V3_FLAGS <= set(flags.split())
+        return {flag for flag in V3_FLAGS if features.get(LLVM_NAMES.get(flag, flag).replace("_", "."))}
 
 
 def cache_folder(environ=os.environ):

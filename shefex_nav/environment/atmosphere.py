@@ -12,7 +12,6 @@ import math
 import numpy as np
 
 from shefex_nav.compiled import kernel
-
 from shefex_nav.geometry.elementary import exp, log, power
 
 R_STAR = 8314.32  # J/(kmol K), table 2

@@ -10,12 +10,13 @@ Arguments outside a function's domain give NaN or infinity, without a warning.
 import math
 
 import numpy as np
-from numba import njit
+
+from shefex_nav.compiled import kernel
 
 _EXP, _LOG, _LOG10, _ARCSIN, _ARCCOS, _POWER, _ARCTAN2 = range(7)
 
 
-@njit(cache=True)
+@kernel
 def _each(which, x, y, out):
     """Write a function of each number x, or of each pair x, y."""
     for k in range(len(x)):

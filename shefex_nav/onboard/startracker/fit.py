@@ -19,7 +19,6 @@ from shefex_nav.onboard.startracker.likelihood import misfit_growth
 from shefex_nav.onboard.startracker.scan import FLUX, X, Y
 from shefex_nav.onboard.startracker.shape import measure
 from shefex_nav.onboard.startracker.spot import (
-    FREE_SUMS,
     LARGEST_REACH,
     SEEN,
     SPOT,
@@ -121,7 +120,7 @@ def fit(picture, table, shape, P_S):
     return fitted, good
 
 
-@inner(error_model="numpy", fastmath=FREE_SUMS)
+@inner(error_model="numpy")
 def _equations(flux, window, dn_per_electron, work):
     """Normal equations of place and flux: six sums of the matrix, three of the right side, chi squared."""
     _, _, width, height = window
@@ -203,7 +202,7 @@ def _fit_one(picture, star, spots, P_S, others, work, fitted):
     return True
 
 
-@inner(error_model="numpy", fastmath=FREE_SUMS)
+@inner(error_model="numpy")
 def _of_shape(flux, window, dn_per_electron, work, place, P_S):
     """What the error of the shape adds to the covariance of a place: xx, xy, yy [px^2].
 

@@ -23,7 +23,6 @@ from shefex_nav.onboard.startracker.attitude import inverse3
 from shefex_nav.onboard.startracker.likelihood import misfit_growth
 from shefex_nav.onboard.startracker.scan import FLUX, NOISE, PIXELS, SATURATED, XX, XY, YY, X, Y
 from shefex_nav.onboard.startracker.spot import (
-    FREE_SUMS,
     SEEN,
     SPOT,
     TO_X,
@@ -294,7 +293,7 @@ def _one(picture, star, p, spots, work, J, g, back):
     return True
 
 
-@inner(error_model="numpy", fastmath=FREE_SUMS)
+@inner(error_model="numpy")
 def _sums(flux, window, dn_per_electron, work):
     """Products of what changes the light of a star, weighted and summed over the pixels: (7, 7).
 

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-
 from shefex_nav.geometry.elementary import log
 
 CELLS = 24  # per edge of a face: 3.75 degrees, small against a field; 3456 lists in all

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.spot import FREE_SUMS, NORMAL, PER_SIGMA, REACH
+from shefex_nav.onboard.startracker.spot import NORMAL, PER_SIGMA, REACH
 from shefex_nav.onboard.startracker.streak_path import (
     BEGIN,
     END,
@@ -259,7 +259,9 @@ def take_away(path, spot, flux, pixels):
         pixels.variance[k] += light * spot.dn_per_electron + (NEIGHBOUR_ERROR * light) ** 2
 
 
-@kernel(error_model="numpy", fastmath=FREE_SUMS)
+@kernel(
+    error_model="numpy",
+)
 def width2(s, level, pixels):
     """Variance of the spot across, px^2, that of a pixel included, by moments under the model as window.
 
