@@ -259,9 +259,7 @@ def take_away(path, spot, flux, pixels):
         pixels.variance[k] += light * spot.dn_per_electron + (NEIGHBOUR_ERROR * light) ** 2
 
 
-@kernel(
-    error_model="numpy",
-)
+@kernel(error_model="numpy")
 def width2(s, level, pixels):
     """Variance of the spot across, px^2, that of a pixel included, by moments under the model as window.
 
