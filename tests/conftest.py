@@ -1,18 +1,39 @@
 """The default mission, flown once for all tests that look at a whole run."""
 
+import io
 import json
 import os
 import subprocess
 import sys
 import zlib
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+from affected import changes, select
 
 ROOT = Path(__file__).parent.parent
 DEFAULT = ROOT / "scenarios" / "shefex2_andoya.yaml"
+
+
+def pytest_addoption(parser):
+    words = "only the test files that reach what has changed since a commit, HEAD if none is named"
+    parser.addoption("--affected", nargs="?", const="HEAD", metavar="BASE", help=words)
+
+
+def pytest_configure(config):
+    """What --affected chooses, once for all workers."""
+    if config.option.affected is not None and not hasattr(config, "workerinput"):
+        changed, known = changes(ROOT, config.option.affected), config.cache.get("affected", {})
+        config.option.chosen, kept = select(ROOT, changed, known)
+        config.cache.set("affected", kept)
+
+
+def pytest_ignore_collect(collection_path, config):
+    if config.option.affected is not None and collection_path.suffix == ".py":
+        return collection_path.relative_to(ROOT).as_posix() not in config.option.chosen or None
 
 
 class CommandResult(NamedTuple):
@@ -23,7 +44,7 @@ class CommandResult(NamedTuple):
     err: str
 
 
-def shefex_nav(*arguments, timeout_s=600):
+def alone(*arguments, timeout_s=600):
     """Run the command as a user would, in a process of its own."""
     done = subprocess.run(
         [sys.executable, "-m", "shefex_nav", *map(str, arguments)],
@@ -53,10 +74,32 @@ def own_numbers(request):
         rng.bit_generator.state = np.random.default_rng(seed).bit_generator.state
 
 
+def here(*arguments):
+    """Run the command line in this process, which has loaded everything; a fault is not caught."""
+    from shefex_nav import cli
+
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.chdir(ROOT)
+        patch.setenv("COLUMNS", "100")
+        patch.setattr(sys, "argv", ["shefex-nav", *map(str, arguments)])
+        try:
+            cli.main()
+        except SystemExit as end:
+            code = end.code or 0
+    return CommandResult(code, out.getvalue(), err.getvalue())
+
+
 @pytest.fixture(scope="session")
 def command():
-    """The command line: command("check", path) -> CommandResult."""
-    return shefex_nav
+    """The command line in this process: command("check", path) -> CommandResult."""
+    return here
+
+
+@pytest.fixture(scope="session")
+def process():
+    """The same in a process of its own: for what a process writes by itself, and how it ends."""
+    return alone
 
 
 @pytest.fixture(scope="session")
@@ -69,6 +112,6 @@ def default_scenario():
 def default_run(tmp_path_factory):
     """The default mission, flown and logged."""
     log = tmp_path_factory.mktemp("default") / "run.mcap"
-    result = shefex_nav("run", DEFAULT, "--seed", 1, "--out", log, "--json")
+    result = alone("run", DEFAULT, "--seed", 1, "--out", log, "--json")
     assert result.code == 0, result.err
     return DefaultRun(log, json.loads(result.out))

@@ -30,6 +30,12 @@ def test_check_of_a_good_scenario(command, default_scenario):
     assert "good" in result.out
 
 
+def test_a_process_says_the_same_and_ends_with_its_code(command, process, default_scenario):
+    """The other tests of messages run the command line in this process, which is the same and quicker."""
+    for arguments in (("check", default_scenario), ("check", default_scenario, "--set", "gps.latency=nan s")):
+        assert process(*arguments) == command(*arguments)
+
+
 def test_schema_is_json(command):
     schema = json.loads(command("schema").out)
     assert "mission" in schema["$defs"]["Scenario"]["properties"]
@@ -142,14 +148,16 @@ def wait_for_bytes(out, size, process):
 
 
 @pytest.mark.parametrize("size", [1e6, 10e6, 30e6])
-def test_killed_run_is_readable_to_its_last_second(size, default_run, command, default_scenario, tmp_path):
+def test_killed_run_is_readable_to_its_last_second(
+    size, default_run, command, process, default_scenario, tmp_path
+):
     """kill -9 when the file has grown to `size`: no gap before its end, and every command can read it."""
     out = tmp_path / "run.mcap"
-    process = start_run(default_scenario, out)
-    wait_for_bytes(out, size, process)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    process.stderr.close()
+    run = start_run(default_scenario, out)
+    wait_for_bytes(out, size, run)
+    run.send_signal(signal.SIGKILL)
+    run.wait()
+    run.stderr.close()
 
     from shefex_nav.log import reader
 
@@ -163,7 +171,7 @@ def test_killed_run_is_readable_to_its_last_second(size, default_run, command, d
     assert json.loads(result.out)["ended_early"] is True
     assert "ended early" in result.err
     recording = tmp_path / "view.rrd"
-    result = command("view", out, "--save", recording)
+    result = process("view", out, "--save", recording)
     assert result.code == 0, result.err
     assert result.err.splitlines() == [  # nothing of what the reader of the recording has to say of the end
         f"{out}: the run ended early, at T{data.last_t_s:+.2f} s; this is about what there is",
