@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 import zlib
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
@@ -109,9 +110,47 @@ def default_scenario():
 
 
 @pytest.fixture(scope="session")
-def default_run(tmp_path_factory):
+def once(tmp_path_factory):
+    """once(name, make): a folder that `make(folder)` fills, once for all processes that tests run in."""
+
+    def shared(name, make):
+        base = tmp_path_factory.getbasetemp()
+        folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / name
+        done, failed = folder / "done", folder / "failed"
+        try:
+            folder.mkdir()
+        except FileExistsError:  # the others wait
+            while not done.exists():
+                assert not failed.exists(), f"{name} could not be made"
+                time.sleep(0.05)
+            return folder
+        try:
+            make(folder)
+        except BaseException:
+            failed.touch()
+            raise
+        done.touch()
+        return folder
+
+    return shared
+
+
+@pytest.fixture(scope="session")
+def default_run(once):
     """The default mission, flown and logged."""
-    log = tmp_path_factory.mktemp("default") / "run.mcap"
-    result = alone("run", DEFAULT, "--seed", 1, "--out", log, "--json")
-    assert result.code == 0, result.err
-    return DefaultRun(log, json.loads(result.out))
+
+    def make(folder):
+        result = alone("run", DEFAULT, "--seed", 1, "--out", folder / "run.mcap", "--json")
+        assert result.code == 0, result.err
+        (folder / "summary.json").write_text(result.out)
+
+    folder = once("default", make)
+    return DefaultRun(folder / "run.mcap", json.loads((folder / "summary.json").read_text()))
+
+
+@pytest.fixture(scope="session")
+def default_data(default_run):
+    """RunData of its log; tests change nothing in it."""
+    from shefex_nav.log import reader
+
+    return reader.read(default_run.log)
