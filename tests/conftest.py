@@ -8,6 +8,7 @@ import sys
 import time
 import zlib
 from contextlib import redirect_stderr, redirect_stdout
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -89,6 +90,16 @@ def here(*arguments):
         except SystemExit as end:
             code = end.code or 0
     return CommandResult(code, out.getvalue(), err.getvalue())
+
+
+@pytest.fixture(scope="session", autouse=True)
+def read_once():
+    """What a YAML text says, which nobody changes, is found out once: most of the time that loading takes."""
+    from shefex_nav.scenario import document
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(document, "_compose", lru_cache(200)(document._compose))
+        yield
 
 
 @pytest.fixture(scope="session")
