@@ -131,8 +131,9 @@ def once(tmp_path_factory):
         try:
             folder.mkdir()
         except FileExistsError:  # the others wait
+            end_s = time.monotonic() + 900.0
             while not done.exists():
-                assert not failed.exists(), f"{name} could not be made"
+                assert not failed.exists() and time.monotonic() < end_s, f"{name} could not be made"
                 time.sleep(0.05)
             return folder
         try:
