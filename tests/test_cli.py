@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -28,6 +29,12 @@ def test_check_of_a_good_scenario(command, default_scenario):
     result = command("check", default_scenario)
     assert result.code == 0
     assert "good" in result.out
+
+
+def test_a_process_says_the_same_and_ends_with_its_code(command, process, default_scenario):
+    """The other tests of messages run the command line in this process, which is the same and quicker."""
+    for arguments in (("check", default_scenario), ("check", default_scenario, "--set", "gps.latency=nan s")):
+        assert process(*arguments) == command(*arguments)
 
 
 def test_schema_is_json(command):
@@ -141,29 +148,52 @@ def wait_for_bytes(out, size, process):
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("size", [1e6, 10e6, 30e6])
-def test_killed_run_is_readable_to_its_last_second(size, default_run, command, default_scenario, tmp_path):
-    """kill -9 when the file has grown to `size`: no gap before its end, and every command can read it."""
-    out = tmp_path / "run.mcap"
-    process = start_run(default_scenario, out)
-    wait_for_bytes(out, size, process)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    process.stderr.close()
+SIZES = 1_000_000, 10_000_000, 30_000_000  # bytes
+
+
+@pytest.fixture(scope="module")
+def killed(default_scenario, tmp_path_factory):
+    """{size: what a run leaves behind, killed with kill -9 when its log has grown to that size}.
+
+    One run: a process that stands still has written as much as one that is killed there.
+    """
+    folder = tmp_path_factory.mktemp("killed")
+    out = folder / "run.mcap"
+    run, left = start_run(default_scenario, out), {}
+    try:
+        for size in SIZES:
+            wait_for_bytes(out, size, run)
+            run.send_signal(signal.SIGSTOP)
+            os.waitpid(run.pid, os.WUNTRACED)
+            if size == SIZES[-1]:
+                run.kill()
+                run.wait()
+            left[size] = shutil.copy(out, folder / f"{size}.mcap")
+            run.send_signal(signal.SIGCONT)
+    finally:
+        run.kill()
+        run.communicate()
+    return left
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_killed_run_is_readable_to_its_last_second(size, killed, default_data, command, process, tmp_path):
+    """No gap before its end, and every command can read it."""
+    out = killed[size]
 
     from shefex_nav.log import reader
 
-    data, whole = reader.read(out), reader.read(default_run.log)
+    data = reader.read(out)
     assert data.ended_early
     n = len(data.nav.t_s)
-    assert (data.nav.r_i == whole.nav.r_i[:n]).all()  # complete: no gap before the end
+    assert (data.nav.r_i == default_data.nav.r_i[:n]).all()  # complete: no gap before the end
     assert data.truth.t_s[-1] - data.nav.t_s[-1] < 0.5
     result = command("report", out, "--json")
     assert result.code == 0, result.err
     assert json.loads(result.out)["ended_early"] is True
     assert "ended early" in result.err
     recording = tmp_path / "view.rrd"
-    result = command("view", out, "--save", recording)
+    result = process("view", out, "--save", recording)
     assert result.code == 0, result.err
     assert result.err.splitlines() == [  # nothing of what the reader of the recording has to say of the end
         f"{out}: the run ended early, at T{data.last_t_s:+.2f} s; this is about what there is",

@@ -11,7 +11,6 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from shefex_nav import prepare, simulate
-from shefex_nav.log import reader
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.records import ComputeTime
 from shefex_nav.scenario import load
@@ -62,9 +61,9 @@ def test_navigation_at_entry(default_run):
     assert navigation["nees"]["samples"] > 100
 
 
-def test_star_fixes_are_taken_without_a_fight(default_run):
+def test_star_fixes_are_taken_without_a_fight(default_data):
     """No attitude reset, and hardly a fix rejected: covariance of fixes and filter are both honest."""
-    gates = [gate for gate in reader.read(default_run.log).gates if gate.sensor == "star_tracker"]
+    gates = [gate for gate in default_data.gates if gate.sensor == "star_tracker"]
     assert not [gate for gate in gates if "reset" in gate.note]
     assert np.mean([gate.accepted for gate in gates]) > 0.99
 
@@ -100,7 +99,7 @@ def test_log_is_small_and_every_message_decodes(default_run):
     } <= counts.keys()
 
 
-def test_same_seed_same_records(default_run, default_scenario):
+def test_same_seed_same_records(default_data, default_scenario):
     """Every record but the measured durations, to the last bit, in another process than the first run's."""
     scenario = load.load(default_scenario)
     world = prepare.build_world(scenario, 1)
@@ -108,7 +107,7 @@ def test_same_seed_same_records(default_run, default_scenario):
     for record in simulate.route(world, scenario, 1):
         if not isinstance(record, ComputeTime):
             again.add(record)
-    first, second = reader.read(default_run.log), again.build()
+    first, second = default_data, again.build()
     measured = {"compute_times", "summary"}
     for name in set(first._fields) - measured:
         assert_identical(getattr(first, name), getattr(second, name), name)

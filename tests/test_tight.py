@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from shefex_nav import prepare, simulate
+from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import frames
 from shefex_nav.onboard import computer as onboard
-from shefex_nav.records import GateResult, GpsRanges, NavSolution
+from shefex_nav.onboard import telemetry
+from shefex_nav.onboard.navigation import solution
+from shefex_nav.records import GateResult, GpsRanges
 from shefex_nav.scenario import load
 from shefex_nav.world import imu
 
@@ -28,16 +31,17 @@ def flown(seed, *overrides):
     world = prepare.build_world(scenario, seed)
     computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, 2012.5)
     waiting = sorted(world.gps_fixes + world.gps_ranges, key=lambda m: m.t_available_s, reverse=True)
-    ranges, gates = [], []
-    blocks = imu.stacked(world.imu)
-    for n, now_s in enumerate(blocks.t_valid_s):
-        arrived = simulate.due(waiting, now_s)
+    blocks, ranges, gates, n, columns = imu.stacked(world.imu), [], [], 0, telemetry.Columns(100)
+    last = int(np.searchsorted(blocks.t_valid_s, UNTIL_S - 1e-6)) + 1
+    while n < last:
+        due_s = waiting[-1].t_available_s if waiting else np.inf
+        stop = min(int(np.searchsorted(blocks.t_valid_s, due_s - SAME_S)) + 1, last)
+        computer, done, _ = onboard.coast(computer, blocks, n, max(stop, n + 1), columns)
+        n += done
+        arrived = simulate.due(waiting, blocks.t_valid_s[n - 1])
         ranges += [message for message in arrived if isinstance(message, GpsRanges) and len(message.prn)]
-        computer, *_ = onboard.coast(computer, blocks, n, n + 1)
-        computer, outputs = onboard.attend(computer, arrived, [])
+        computer, outputs = onboard.attend(computer, arrived, [], telemetry=columns)
         gates += [record for record in outputs if isinstance(record, GateResult)]
-        if now_s > UNTIL_S - 1e-6:
-            break
     trajectory = world.flight.trajectory
     r_i = trajectory.r_i[np.searchsorted(trajectory.t_s, UNTIL_S - 1e-6)]
     C_ie = frames.dcm_ie(world.earth, UNTIL_S)
@@ -48,8 +52,7 @@ def flown(seed, *overrides):
         last = next(r for r in reversed(few) if tuple(r.prn) == numbers)
         sight = last.r_es_e @ C_ie.T - r_i
         sight /= np.linalg.norm(sight, axis=1, keepdims=True)
-    solution = next(record for record in outputs if isinstance(record, NavSolution))
-    return solution.r_i - r_i, sight, gates
+    return solution.solution(computer.nav).r_i - r_i, sight, gates
 
 
 def nis(gates, sensor):

@@ -17,11 +17,13 @@ from shefex_nav.campaign.running import BadCampaign
 from shefex_nav.campaign.store import StoreError
 
 
-def test_a_campaign_goes_on_where_it_was(tmp_path):
+def test_a_campaign_goes_on_where_it_was(tmp_path, monkeypatch):
+    """The first run in a process of its own, what comes after in this one."""
     scenario, said = shefex_nav.Scenario.load(write(tmp_path)), []
     known = {"folder": tmp_path / "kept", "workers": 1, "say": said.append}
     first = shefex_nav.fly_campaign(scenario, 1, **known)
     assert len(first) == 1 and said
+    monkeypatch.setattr("shefex_nav.campaign.engine.ProcessLane", HereLane)
     began = (tmp_path / "kept" / "runs" / "000000.json").stat().st_mtime_ns
     both = shefex_nav.fly_campaign(scenario, 2, **known)
     assert len(both) == 2 and both.succeeded.all()

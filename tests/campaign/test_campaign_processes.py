@@ -130,7 +130,8 @@ def free_port():
 def test_threads_of_the_user_change_nothing(path, digest, tmp_path):
     """Many profiles set OMP_NUM_THREADS: the campaign, its logs and `repeat` fly with one all the same."""
     folder = tmp_path / "campaign"
-    printed, said = campaign(path, folder, "--keep", "worst:1", threads=8).communicate(timeout=PATIENCE_S)
+    wanted = "--workers", 1, "--keep", "worst:1"
+    printed, said = campaign(path, folder, *wanted, threads=8).communicate(timeout=PATIENCE_S)
     assert json.loads(printed)["results_digest"] == digest, said
     assert len(list((folder / "logs").glob("*.mcap"))) == 1 and "no log" not in said
     again = started("-m", "shefex_nav", "repeat", folder, 2, "--log", tmp_path / "2.mcap", threads=8)

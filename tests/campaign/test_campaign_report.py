@@ -8,7 +8,7 @@ import synthetic_campaign
 from typer.testing import CliRunner
 
 from shefex_nav import cli
-from shefex_nav.campaign import over_time, parts, summary
+from shefex_nav.campaign import figures, over_time, parts, summary
 from shefex_nav.campaign.results import open_campaign
 from shefex_nav.report import requirements
 from shefex_nav.scenario import load
@@ -142,6 +142,13 @@ def test_pictures_are_drawn_of_all_that_there_is(folder, tmp_path):
     assert all(path.stat().st_size > 10_000 for path in (tmp_path / "f").iterdir())
 
 
+@pytest.fixture
+def errors_alone(monkeypatch):
+    """One picture, errors.png, is drawn in place of all."""
+    monkeypatch.setattr(figures, "OF_SERIES", {"errors": figures.draw_errors})
+    monkeypatch.setattr(figures, "OF_RESULTS", {})
+
+
 def test_the_worst_runs_are_those_that_miss_most(folder):
     campaign = open_campaign(folder)
     worst = summary.worst_runs(campaign, 5)
@@ -205,7 +212,7 @@ def test_rates_are_told_of_the_runs_that_flew_and_of_all(folder, said, tmp_path)
     assert "of all" not in " ".join(parts.requirements(good).heads)
 
 
-def test_pictures_are_not_overwritten_unless_that_is_asked_for(folder, tmp_path):
+def test_pictures_are_not_overwritten_unless_that_is_asked_for(folder, tmp_path, errors_alone):
     mine = tmp_path / "errors.png"
     mine.write_bytes(b"mine")
     arguments = ["report", str(folder), "--json", "--figures", str(tmp_path)]
@@ -217,7 +224,7 @@ def test_pictures_are_not_overwritten_unless_that_is_asked_for(folder, tmp_path)
     assert mine.stat().st_size > 10_000
 
 
-def test_other_files_in_the_folder_of_pictures_are_in_nobodys_way(folder, tmp_path):
+def test_other_files_in_the_folder_of_pictures_are_in_nobodys_way(folder, tmp_path, errors_alone):
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "trajectory.png").write_bytes(b"of a run, not of a campaign")
     result = CliRunner().invoke(cli.app, ["report", str(folder), "--json", "--figures", str(tmp_path)])

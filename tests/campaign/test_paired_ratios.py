@@ -50,6 +50,7 @@ def many(module):
     return [np.array([[one[k] * np.ones(3) for one in row] for row in rows], float) for k in range(3)]
 
 
+@pytest.mark.slow
 def test_ratios_scatter_by_the_formulas_of_their_docstring(many):
     """var ln R^2 of normal errors, whose squares have v = 2 and rho = SHARED^2; 450 samples: 3.3 %."""
     v, rho, n, total = 2.0, SHARED**2, PAIRS, PAIRS + FURTHER
@@ -65,6 +66,7 @@ def test_ratios_scatter_by_the_formulas_of_their_docstring(many):
     assert np.all(np.abs(many[0].mean(axis=(0, 2))) < 0.007)
 
 
+@pytest.mark.slow
 def test_intervals_of_pairs_hold_the_true_ratio_as_often_as_they_say(many):
     """0.95 with a standard error of 1.0 %; independent ones of such samples are too wide."""
     independent, paired, controlled = many[1].mean(axis=(0, 2))
@@ -77,6 +79,7 @@ def test_intervals_of_pairs_hold_the_true_ratio_as_often_as_they_say(many):
     assert widths[0] / scatter[0] > 2.0 * 1.96 * 1.1
 
 
+@pytest.mark.slow
 def test_without_correlation_independent_intervals_hold_as_often_as_they_say(module):
     rng, held = np.random.default_rng(3), []
     for _ in range(SAMPLES):

@@ -1,7 +1,10 @@
-"""Notebook 5, with runs of two seconds on the ground."""
+"""Notebook 5, with runs of two seconds on the ground, flown in this process."""
 
 import pytest
 from cells import FOLDER, execute
+from short_campaign import HereLane
+
+from shefex_nav.campaign import engine
 
 SHORT = """
 extends: {night_sky}
@@ -21,6 +24,7 @@ def test_campaign_statistics(monkeypatch, tmp_path):
     }
     parameters = {"MISSION": str(mission), "CHANGES": changes, "RUNS": 16}
     parameters |= {"FOLDER": tmp_path / "campaign", "WORKERS": 1}
+    monkeypatch.setattr(engine, "ProcessLane", HereLane)
     found = execute("05_campaign_statistics", monkeypatch, **parameters)
     campaign = found["campaign"]
     assert len(campaign) == 16 and campaign.succeeded.all()

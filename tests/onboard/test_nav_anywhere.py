@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from shefex_nav.environment.gravity import gravity_j2_e
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.onboard.navigation import fusion, solution
+from shefex_nav.onboard.navigation import coast, fusion, solution
 from shefex_nav.onboard.navigation.state import NavState
 from shefex_nav.records import GpsFix, ImuBlock, StarFix
 
@@ -28,6 +28,7 @@ SENSORS = PARAMS.imu._replace(
 )
 PARAMS = PARAMS._replace(imu=SENSORS)
 GROUND_S, ORBIT_S = 60, 5600  # a little more than a revolution at 400 km
+NEVER = np.zeros(100, dtype=bool)
 Q_BC = rotation.quat_from_dcm(PARAMS.C_bc)
 
 
@@ -107,9 +108,11 @@ def navigate(place, duration_s, rng, star_every_s=None):
         noise = np.sqrt(DT) * rng.standard_normal((2, 400, 3))
         dtheta_b = (place.omega_b + bias_g) * DT + imu.gyro_random_walk * noise[0]
         dv_b = (place.f_b + bias_a) * DT + imu.accel_random_walk * noise[1]
-        for n in range(100):
-            t_s, rows = second - 1 + (n + 1) / 100, slice(4 * n, 4 * n + 4)
-            fusion.advance(nav, ImuBlock(t_s, t_s, DT, dtheta_b[rows], dv_b[rows], False))
+        t_s, increments = second - 1 + np.arange(1, 101) / 100, (dtheta_b, dv_b)
+        increments = (values.reshape(100, 4, 3) for values in increments)
+        blocks, n = ImuBlock(t_s, t_s, np.full(100, DT), *increments, NEVER, ~NEVER), 0
+        while n < 100:
+            n += coast.coast(nav, blocks, n, 100)
         fixes = [("gps", gps_fix(place, float(second), rng))]
         if star_every_s and second % star_every_s == 0:
             fixes.append(("star_tracker", star_fix(place, float(second), mounting, rng)))

@@ -16,7 +16,12 @@ NIGHT = (
     Path(__file__).parents[2] / "scenarios" / "night_sky.yaml"
 )  # at rest under stars, frames from the start
 END_S = 5.0
-BRIEFLY = f"mission.time_limit={END_S} s", f"star_tracker.off={END_S} s", "gps.outages=[]"
+BRIEFLY = (
+    f"mission.time_limit={END_S} s",
+    f"star_tracker.off={END_S} s",
+    "gps.outages=[]",
+    "star_tracker.rate=5 Hz",
+)
 FAULTS = {
     "stuck": ("imu", "sensor: gyro, axis: y"),
     "dead": ("imu", "sensor: accelerometer, axis: x"),

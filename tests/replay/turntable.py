@@ -4,7 +4,6 @@ Heading grows at a constant rate about the vertical, roll and pitch are constant
 Increments are integrals by Simpson's rule over twenty parts of a sample.
 """
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -40,22 +39,23 @@ def place_e():
 
 
 def felt(table, t_s, earth_rate):
-    """Rate and specific force in body axes at one instant, under the gravity that the filter knows."""
-    C_nb, C_en = table.C_nb(t_s), wgs84.dcm_en(LATITUDE, LONGITUDE)
-    r_e, omega_e = place_e(), np.array([0.0, 0.0, earth_rate])
+    """Rates and specific forces in body axes at times of any shape; gravity is what the filter knows."""
+    C_en, r_e, omega_e = wgs84.dcm_en(LATITUDE, LONGITUDE), place_e(), np.array([0.0, 0.0, earth_rate])
     g_n = C_en.T @ (gravity.gravity_j2_e(r_e) - np.cross(omega_e, np.cross(omega_e, r_e)))
     omega_n = C_en.T @ omega_e + np.array([0.0, 0.0, table.rate])
-    return C_nb.T @ omega_n, -C_nb.T @ g_n
+    cos, sin = np.cos(table.rate * t_s), np.sin(table.rate * t_s)  # since the start, about the vertical
+
+    def in_body(v_n):
+        turned = np.stack([cos * v_n[0] + sin * v_n[1], cos * v_n[1] - sin * v_n[0], v_n[2] + 0.0 * cos], -1)
+        return turned @ table.C_nb(0.0)
+
+    return in_body(omega_n), -in_body(g_n)
 
 
 def increments(table, t_s, earth_rate):
     """Angles and velocities between the times, (N - 1, 3) each."""
     weights = np.ones(PARTS + 1)
     weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
-    turn, gain = [], []
-    for begin, end in pairwise(t_s):
-        values = [felt(table, t, earth_rate) for t in np.linspace(begin, end, PARTS + 1)]
-        scale = (end - begin) / PARTS / 3.0
-        turn.append(scale * weights @ np.array([value[0] for value in values]))
-        gain.append(scale * weights @ np.array([value[1] for value in values]))
-    return np.array(turn), np.array(gain)
+    values = felt(table, np.linspace(t_s[:-1], t_s[1:], PARTS + 1), earth_rate)
+    scale = np.diff(t_s)[:, None] / PARTS / 3.0
+    return tuple(scale * np.einsum("k,knj->nj", weights, value) for value in values)

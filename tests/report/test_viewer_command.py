@@ -88,13 +88,13 @@ def test_a_file_of_another_kind_is_refused_in_one_line(log, tmp_path, command, o
     assert not (tmp_path / name).exists()
 
 
-def test_a_cut_log_is_told_once_and_by_us(log, tmp_path, command):
+def test_a_cut_log_is_told_once_and_by_us(log, tmp_path, process):
     cut, saved = tmp_path / "cut.mcap", tmp_path / "cut.rrd"
     cut.write_bytes(log.read_bytes()[: int(0.6 * log.stat().st_size)])
-    result = command("view", cut, "--save", saved)
+    result = process("view", cut, "--save", saved)
     told, wrote = result.err.splitlines()
     assert result.code == 0 and wrote == f"wrote {saved}"
     assert told.startswith(f"{cut}: the run ended early, at T+")
     first = saved.read_bytes()
-    again = command("view", cut, "--save", saved, "--force")
+    again = process("view", cut, "--save", saved, "--force")
     assert again.code == 0 and saved.stat().st_size == pytest.approx(len(first), rel=0.01)

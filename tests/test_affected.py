@@ -1,0 +1,91 @@
+"""What `pytest --affected` chooses: whatever a change can reach, and not much more."""
+
+import subprocess
+
+import affected
+import pytest
+
+SOURCES = {  # of a small project
+    "shefex_nav/__init__.py": '_PUBLIC = {"fly": "mission"}',
+    "shefex_nav/__main__.py": "from shefex_nav import cli",
+    "shefex_nav/cli.py": (
+        "def run():\n    start()\ndef start():\n    from shefex_nav import mission\n"
+        "def show():\n    from shefex_nav import picture\n"
+    ),
+    "shefex_nav/kernel.py": "def turn(x):\n    return x + 1\n",
+    "shefex_nav/mission.py": "def fly():\n    from shefex_nav.kernel import turn\n",
+    "shefex_nav/picture.py": "NAME = 'data/sky.png'",
+    "tests/conftest.py": "def command():\n    from shefex_nav import cli\n",
+    "tests/helper.py": "import shefex_nav.kernel",
+    "tests/test_attribute.py": "import shefex_nav\ndef test_it():\n    shefex_nav.fly()\n",
+    "tests/test_command.py": "def test_it(command):\n    command('run')\n",
+    "tests/test_alone.py": "import sys\nRUN = [sys.executable, '-m', 'shefex_nav', 'show']",
+    "tests/test_helper.py": "import helper",
+    "tests/test_nothing.py": "import math",
+    "tests/test_text.py": "PATCHED = 'shefex_nav.picture.NAME'",
+}
+KERNEL = {"attribute", "command", "helper"}  # what reaches kernel.py
+
+
+@pytest.fixture
+def project(tmp_path):
+    """Folder of the small project, in git."""
+    for name, text in SOURCES.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    git = "git", "-c", "user.name=a", "-c", "user.email=a@b"
+    for words in (["init", "-q"], ["add", "."], ["commit", "-q", "-m", "first"]):
+        subprocess.run([*git, *words], cwd=tmp_path, check=True)
+    return tmp_path
+
+
+def chosen(project, *changed):
+    return {name[len("tests/test_") : -len(".py")] for name in affected.select(project, set(changed), {})[0]}
+
+
+@pytest.mark.parametrize(
+    ("changed", "tests"),
+    [
+        ("shefex_nav/kernel.py", KERNEL),
+        ("shefex_nav/mission.py", {"attribute", "command"}),
+        ("shefex_nav/picture.py", {"alone", "text"}),
+        ("shefex_nav/cli.py", {"alone", "command"}),
+        ("shefex_nav/data/sky.png", {"alone", "text"}),
+        ("shefex_nav/__init__.py", {"alone", "attribute", "command", "helper", "text"}),
+        ("tests/helper.py", {"helper"}),
+        ("tests/test_nothing.py", {"nothing"}),
+        ("tests/conftest.py", {"alone", "attribute", "command", "helper", "nothing", "text"}),
+        ("LICENSE", set()),
+    ],
+)
+def test_a_change_chooses_what_it_can_reach(project, changed, tests):
+    assert chosen(project, changed) == tests
+
+
+def test_a_file_that_is_gone_is_still_missed_by_its_users(project):
+    (project / "shefex_nav" / "kernel.py").unlink()
+    assert chosen(project, "shefex_nav/kernel.py") == KERNEL
+
+
+def test_what_was_read_before_is_not_read_again(project, monkeypatch):
+    first, kept = affected.select(project, {"shefex_nav/kernel.py"}, {})
+    monkeypatch.setattr(affected, "read", None)
+    assert affected.select(project, {"shefex_nav/kernel.py"}, kept) == (first, kept)
+
+
+def test_changes_are_those_since_a_commit_and_files_that_git_does_not_know(project):
+    assert affected.changes(project, "HEAD") == set()
+    (project / "shefex_nav" / "kernel.py").write_text("def turn(x):\n    return x - 1\n")
+    (project / "tests" / "test_new.py").write_text("")
+    assert affected.changes(project, "HEAD") == {"shefex_nav/kernel.py", "tests/test_new.py"}
+    with pytest.raises(pytest.UsageError, match="--affected nowhere: "):
+        affected.changes(project, "nowhere")
+
+
+def test_a_line_of_a_compiled_kernel_chooses_its_tests_and_not_others():
+    """In this project: the update of the filter and a lens; missions that a command flies among them."""
+    update, known = affected.select(affected.ROOT, {"shefex_nav/onboard/navigation/strapdown.py"}, {})
+    assert {"tests/onboard/test_nav_strapdown.py", "tests/test_mission.py", "tests/test_cli.py"} < set(update)
+    assert "tests/geometry/test_euler.py" not in update and "tests/solve/test_lens.py" not in update
+    lens, _ = affected.select(affected.ROOT, {"shefex_nav/solve/lens.py"}, known)
+    assert "tests/solve/test_lens.py" in lens and len(lens) < 20
