@@ -4,8 +4,8 @@
     uv run python benchmarks/kernel_list.py --check    # write nothing; exit code 1 if the list would change
 
 Every job is a command as a user would give it. A job has features: its command, and every choice that its
-scenario makes in words ("gps.mode=tight"). A kernel needs the fewest features that tell the jobs which used
-it from the others.
+scenario makes in words ("navigation.gps=tight"). A kernel needs the fewest features that tell the jobs of a
+command which used it from those that did not.
 
 To be run when a kernel that Python calls is new, or has other arguments. Without that the program works all
 the same, and compiles such a kernel when it is called, in one process.
@@ -28,6 +28,16 @@ from shefex_nav.compiled.numba_hooks import USES
 ROOT = Path(__file__).parent.parent
 REFUSED = 2  # exit code of a scenario that cannot be flown so
 METHODS = ("pyramid", "voting", "brightness")
+CENTROIDS = """
+import numpy as np
+import shefex_nav as sn
+camera = sn.Camera(659, 493, 2525.0)
+rng = np.random.default_rng(1)
+for flux in (None, rng.uniform(1e3, 1e4, 8)):
+    for errors in (None, np.tile(0.01 * np.eye(2), (8, 1, 1))):
+        more = {"epoch": 2012.5, "centroid_covariance_px": errors}
+        sn.solve_centroids(rng.uniform(0, 480, (8, 2)), flux, camera=camera, **more)
+"""
 MOST_S = {"orbit": "400s", "night_sky": "60s"}  # of missions in which the same goes on
 
 
@@ -40,24 +50,19 @@ def jobs(folder):
         out = ["--out", f"{folder}/{path.stem}.mcap"]
         found.append(["run", path, *out, *cut])
         if path.stem not in ("campaign", "campaign_sensors"):
-            statistical = [
-                "--set",
-                "star_tracker.frames=statistical",
-                "--out",
-                f"{folder}/{path.stem}-s.mcap",
-            ]
-            found.append(["run", path, *statistical, *cut])
+            out = ["--out", f"{folder}/{path.stem}-s.mcap"]
+            found.append(["run", path, *out, "--set", "star_tracker.frames=statistical", *cut])
     default = ROOT / "scenarios" / "shefex2_andoya.yaml"
     for method in METHODS:
         choice = ["--set", f"star_tracker.identification.method={method}", "--until", "150s"]
         found.append(["run", default, "--out", f"{folder}/{method}.mcap", *choice])
-    found.append(
-        ["campaign", ROOT / "scenarios" / "campaign.yaml", "--runs", 2, "--out", f"{folder}/campaign"]
-    )
+    campaign = ROOT / "scenarios" / "campaign.yaml"
+    found.append(["campaign", campaign, "--runs", 2, "--out", f"{folder}/campaign"])
     found.append(["replay", log])
     found.append(["replay", ROOT / "scenarios" / "replay" / "csv_example.yaml"])
     found.append(["smooth", log])
     found.append(["solve", f"{folder}/sky.png"])
+    found.append(["-c", CENTROIDS])
     return found
 
 
@@ -69,7 +74,7 @@ def used(job, folder):
         Image.fromarray(frames[300.0].image_dn).save(job[1])
     path.write_text("", encoding="utf-8")
     done = subprocess.run(
-        [sys.executable, "-m", "shefex_nav", *map(str, job)],
+        [sys.executable, *([] if job[0] == "-c" else ["-m", "shefex_nav"]), *map(str, job)],
         cwd=ROOT,
         env={**os.environ, USES: str(path)},
         capture_output=True,
@@ -89,31 +94,32 @@ def used(job, folder):
 def listed(jobs_used):
     """Content of entries.json from [(features, kernels)]."""
     users = {}
-    for k, (_, kernels) in enumerate(jobs_used):
+    for k, (features, kernels) in enumerate(jobs_used):
+        command = next(one for one in features if one.startswith("command="))
         for one in kernels:
-            users.setdefault(one, set()).add(k)
-    texts = sorted({json.dumps(kind) for _, types in users for kind in json.loads(types)})
+            users.setdefault((*one, command), set()).add(k)
+    texts = sorted({json.dumps(kind) for _, types, _ in users for kind in json.loads(types)})
     groups = {}
-    for (kernel, types), jobs in sorted(users.items()):
+    for (kernel, types, command), jobs in sorted(users.items()):
         numbers = [texts.index(json.dumps(kind)) for kind in json.loads(types)]
-        groups.setdefault(needs(jobs, jobs_used), []).append([kernel, numbers])
+        groups.setdefault((command, *needs(jobs, jobs_used, command)), []).append([kernel, numbers])
     return {
         "types": [json.loads(text) for text in texts],
         "groups": [{"needs": list(needed), "kernels": groups[needed]} for needed in sorted(groups)],
     }
 
 
-def needs(jobs, jobs_used):
-    """The fewest features that tell the jobs that use a kernel from the others: tuple of str, in order."""
+def needs(jobs, jobs_used, command):
+    """The fewest features that tell the jobs of a command that use a kernel from its others: list of str."""
     common = frozenset.intersection(*(jobs_used[k][0] for k in jobs))
-    others = [features for k, (features, _) in enumerate(jobs_used) if k not in jobs]
+    others = [one for k, (one, _) in enumerate(jobs_used) if k not in jobs and command in one]
     others = [features for features in others if not common <= features]
     found = set()
     while others:
         one = min(common, key=lambda feature: (sum(feature in job for job in others), len(feature), feature))
         found.add(one)
         others = [features for features in others if one in features]
-    return tuple(sorted(found))
+    return sorted(found)
 
 
 def as_text(content):

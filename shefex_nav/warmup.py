@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from shefex_nav.workers import cores
 
 _told = []  # kernels that were compiled when they were called, in this process
+_done = set()  # features of jobs for which this process is ready
 
 
 def get_ready(features, *, workers=None):
@@ -20,14 +21,16 @@ def get_ready(features, *, workers=None):
     """
     from numba import config
 
-    if config.DISABLE_JIT:
+    features = frozenset(features)
+    if config.DISABLE_JIT or features in _done:
         return 0
+    _done.add(features)
     from shefex_nav.compiled import ahead, numba_hooks
 
     _note(numba_hooks, features)
     if _say_late not in numba_hooks.begins_to_compile:
         numba_hooks.begins_to_compile.append(_say_late)
-    return compile_listed(ahead.missing(frozenset(features)), workers)
+    return compile_listed(ahead.missing(features), workers)
 
 
 def compile_listed(wanted, workers=None):

@@ -25,12 +25,12 @@ def warmup(
     from shefex_nav.scenario import load
     from shefex_nav.scenario.choices import choices
 
-    jobs = [{"run", "campaign", *choices(load.load(scenario))} for scenario in scenarios or ()]
+    jobs = [{"command=run", *choices(load.load(scenario))} for scenario in scenarios or ()]
     from shefex_nav import warmup as ready
     from shefex_nav.compiled import ahead, numba_hooks
 
     began = time.perf_counter()
-    wanted = [one for one in ahead.entries() if not jobs or any(one.needs <= job for job in jobs)]
+    wanted = [one for one in ahead.entries() if not jobs or any(map(one.is_needed, jobs))]
     compiled = ready.compile_listed(ahead.without_file(wanted), workers)
     summary = {
         "kernels": len(wanted),

@@ -213,7 +213,7 @@ def compile_kernels(scenario, show):
     from shefex_nav.scenario.choices import choices
 
     show.say("Getting ready")
-    warmup.get_ready({"run", "campaign", *choices(scenario)})
+    warmup.get_ready({"command=run", *choices(scenario)})
     simulate.warm_up(scenario)
 
 

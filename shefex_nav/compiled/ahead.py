@@ -27,7 +27,11 @@ class Entry(NamedTuple):
 
     kernel: str  # "module:name"
     signature: list  # types of arguments, by `signature.encode`
-    needs: frozenset  # a job that has all of these needs it
+    needs: list  # of frozensets: a job that has all features of one of them needs it
+
+    def is_needed(self, features):
+        """Whether a job with these features, a set of str, needs it."""
+        return any(needs <= features for needs in self.needs)
 
 
 class CompilerFailed(RuntimeError):
@@ -37,19 +41,21 @@ class CompilerFailed(RuntimeError):
 def entries():
     """All that are listed: list of Entry."""
     content = json.loads(ENTRIES.read_text(encoding="utf-8"))
+    found = {}
+    for group in content["groups"]:
+        for kernel, types in group["kernels"]:
+            found.setdefault((kernel, tuple(types)), []).append(frozenset(group["needs"]))
     return [
-        Entry(kernel, [content["types"][k] for k in types], frozenset(group["needs"]))
-        for group in content["groups"]
-        for kernel, types in group["kernels"]
+        Entry(kernel, [content["types"][k] for k in types], needs) for (kernel, types), needs in found.items()
     ]
 
 
 def missing(features):
     """The listed kernels that a job needs and that have no file yet: list of Entry.
 
-    features : what the job has, frozenset of str
+    features : what the job has, set of str
     """
-    return without_file(one for one in entries() if one.needs <= features)
+    return without_file(one for one in entries() if one.is_needed(features))
 
 
 def without_file(wanted):

@@ -5,8 +5,7 @@ a kernel at the end of five calls goes through the optimiser five times. Here a 
 calls is translated to LLVM's language only; what Python calls is linked with everything it needs, optimised
 and emitted once. The result is kept in a file named by the digest of the whole, see `store`.
 
-Private interfaces of numba are used in this file and in no other. `TESTED` names the versions with which
-tests/compiled has passed.
+Private interfaces of numba are used in this file and in no other; pyproject.toml pins numba for its sake.
 """
 
 import gc
@@ -34,7 +33,6 @@ from numba.np import arrayobj
 from shefex_nav.compiled import digest, signature
 from shefex_nav.compiled.store import Store
 
-TESTED = ((0, 68),)  # major and minor version of numba
 FORMAT = 1  # of the content of a file
 USES = "SHEFEX_NAV_KERNELS_USED"  # environment variable: a file to which used kernels are appended
 SETTINGS = "OPT", "BOUNDSCHECK", "LOOP_VECTORIZE", "SLP_VECTORIZE"  # of numba, that change what is compiled
@@ -44,6 +42,8 @@ begins_to_compile = []  # functions of a kernel, called when it has to be compil
 
 class _LateLibrary(JITCodeLibrary):
     """Code that is linked, optimised and emitted when its address is asked for: of most functions never."""
+
+    _alone = None  # its LLVM module without what it calls, for linking
 
     def add_linking_library(self, library):
         self._linking_libraries.append(library)
@@ -84,13 +84,12 @@ def _linkable(library):
     """LLVM module of a library, to be linked into another; its functions may be defined more than once."""
     if library._finalized or not isinstance(library, _LateLibrary):
         return library._get_module_for_linking()
-    if library._shared_module is None:
-        module = library._final_module.clone()
-        for function in module.functions:
+    if library._alone is None:
+        library._alone = library._final_module.clone()
+        for function in library._alone.functions:
             if not function.is_declaration and function.linkage.name == "external":
                 function.linkage = "linkonce_odr"
-        library._shared_module = module
-    return library._shared_module
+    return library._alone
 
 
 class _Address:
@@ -189,6 +188,9 @@ class Kernel(CPUDispatcher):
     @property
     def _numba_type_(self):
         return self._type
+
+    def __reduce__(self):
+        return signature.find, (signature.name(self),)
 
     def compile(self, sig):
         """Load or compile for these types of arguments, a tuple. -> what Python calls"""

@@ -64,7 +64,7 @@ def _external(source, folder, overrides, from_s, log):
     from shefex_nav.replay import external
     from shefex_nav.scenario.choices import choices
 
-    warmup.get_ready({"replay", *choices(scenario)})
+    warmup.get_ready({"command=replay", *choices(scenario)})
 
     ready = external.prepare(scenario, files)
     end_s = float(ready.blocks.t_valid_s[-1])
@@ -85,7 +85,7 @@ def _again(source, overrides, from_s, log):
     began = time.perf_counter()
     from shefex_nav import __version__, warmup
 
-    warmup.get_ready({"replay of a log"})
+    warmup.get_ready({"command=replay of a log"})
 
     data = recording.data
     nav = rerun.start(recording)

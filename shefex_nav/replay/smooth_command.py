@@ -44,7 +44,7 @@ def smooth(
     from shefex_nav.replay import smooth as smoother
     from shefex_nav.replay import smoothed_log
 
-    warmup.get_ready({"smooth"})
+    warmup.get_ready({"command=smooth"})
     began = time.perf_counter()
     result = _with_bar(lambda progress: smoother.run(recording, progress))
     wall_s = time.perf_counter() - began

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav import warmup
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
@@ -222,6 +223,7 @@ def _ready(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, fal
 @lru_cache(maxsize=8)
 def _sky(camera, epoch, max_magnitude):
     """Catalogue and pairs of a camera; brighter than max_magnitude where the field would hold too many."""
+    warmup.get_ready({"command=solve_centroids"})
     if not 1900.0 < epoch < 2200.0:
         raise ValueError(f"epoch: expected a Julian year between 1900 and 2200, got {epoch!r}")
     if not -2.0 < max_magnitude <= 8.0:

@@ -45,11 +45,9 @@ def solve(
         )
     if overlay is not None:
         _writable(overlay)
-    from shefex_nav import warmup
     from shefex_nav.solve import picture
 
     seen = picture.read(image)
-    warmup.get_ready({"solve"})
     from shefex_nav.solve.image import solve_picture
 
     solution = solve_picture(seen, fov_deg=fov_deg, epoch=epoch)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav import warmup
 from shefex_nav.environment.stars import select
 from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.geometry.rotation import quat_from_dcm
@@ -143,6 +144,7 @@ def solve_image(image, *, camera=None, fov_deg=None, epoch=None):
 
 def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None):
     """`solve_image` for a Picture that has been read."""
+    warmup.get_ready({"command=solve"})
     size_px = seen.grey.shape[::-1]
     focal_range = _focal_range(size_px, camera, fov_deg)
     year = _year(epoch, seen.julian_year)

@@ -1,13 +1,17 @@
 """Kernels are marked by who calls them: `kernel` by Python, `inner` by other kernels alone."""
 
 import ast
+import pickle
 import re
 from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 
 import shefex_nav
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry import rotation
 
 PACKAGE = Path(shefex_nav.__file__).parent
 MARKS = "kernel", "inner"
@@ -122,6 +126,39 @@ def test_an_inner_kernel_can_be_called_by_a_test():
         return half(half(x))
 
     assert (half(3.0), quarter(3.0), half(3)) == (1.5, 0.75, 1.5)
+
+
+def test_kernels_travel_to_other_processes_by_name():
+    assert pickle.loads(pickle.dumps(rotation.quat_multiply)) is rotation.quat_multiply
+
+
+def test_functions_that_others_compile_call_kernels():
+    """Whether the inner kernel has been a part of a kernel before, or not."""
+
+    @inner
+    def third(x):
+        return max(x, 0.0) / 3.0
+
+    @inner
+    def fifth(x):
+        return max(x, 0.0) / 5.0
+
+    @kernel
+    def both(x):
+        return third(x) + fifth(x)
+
+    @numba.njit
+    def mine(x):
+        return third(x) + np.array([x, 2.0]).sum()
+
+    @numba.njit
+    def other(x):
+        return fifth(x) + mine(x) + both(x)
+
+    assert mine(3.0) == 6.0
+    assert both(15.0) == 8.0
+    assert other(15.0) == 3.0 + 22.0 + 8.0
+    assert mine.py_func is not third.py_func and third(6.0) == 2.0
 
 
 def test_errors_and_defaults_pass_through():

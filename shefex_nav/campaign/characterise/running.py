@@ -85,7 +85,7 @@ def _rendered(scenario, plan, jobs, workers, records, done):
     if kept:
         done(f"{len(kept)} of {len(jobs)} rendered runs are kept in {records.folder}")
     if missing:
-        warmup.get_ready({"run", "campaign", *choices(scenario)})
+        warmup.get_ready({"command=run", *choices(scenario)})
         simulate.warm_up(scenario)  # compiles; workers that compiled together would get into each other's way
     keep = (lambda one: None) if records is None else records.keep
     results, failed, lost = flying.fly(plan, workers, flying.rendered, missing, done, "rendered", keep)
