@@ -29,16 +29,22 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    """What --affected chooses, once for all workers."""
+    """What --affected chooses: by the process that starts the workers, and told to them."""
     if config.option.affected is not None and not hasattr(config, "workerinput"):
         changed, known = changes(ROOT, config.option.affected), config.cache.get("affected", {})
-        config.option.chosen, kept = select(ROOT, changed, known)
+        config.chosen, kept = select(ROOT, changed, known)
         config.cache.set("affected", kept)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node):
+    node.workerinput["chosen"] = getattr(node.config, "chosen", None)
 
 
 def pytest_ignore_collect(collection_path, config):
     if config.option.affected is not None and collection_path.suffix == ".py":
-        return collection_path.relative_to(ROOT).as_posix() not in config.option.chosen or None
+        chosen = config.workerinput["chosen"] if hasattr(config, "workerinput") else config.chosen
+        return collection_path.relative_to(ROOT).as_posix() not in chosen or None
 
 
 class CommandResult(NamedTuple):

@@ -1,6 +1,7 @@
 """What `pytest --affected` chooses: whatever a change can reach, and not much more."""
 
 import subprocess
+import sys
 
 import affected
 import pytest
@@ -89,3 +90,13 @@ def test_a_line_of_a_compiled_kernel_chooses_its_tests_and_not_others():
     assert "tests/geometry/test_euler.py" not in update and "tests/solve/test_lens.py" not in update
     lens, _ = affected.select(affected.ROOT, {"shefex_nav/solve/lens.py"}, known)
     assert "tests/solve/test_lens.py" in lens and len(lens) < 20
+
+
+@pytest.mark.skipif(not (affected.ROOT / ".git").exists(), reason="no repository")
+def test_workers_are_told_what_was_chosen(tmp_path):
+    """Of one file that is asked for, where none of its tests is wanted: nothing is run, and nothing fails."""
+    words = "--affected=HEAD", "-n1", "-k", "no_such_test", "-o", f"cache_dir={tmp_path}"
+    command = [sys.executable, "-m", "pytest", *words, "tests/geometry/test_euler.py"]
+    done = subprocess.run(command, cwd=affected.ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == pytest.ExitCode.NO_TESTS_COLLECTED, done.stdout
+    assert "rror" not in done.stdout
