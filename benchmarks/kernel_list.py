@@ -54,8 +54,11 @@ def jobs(folder):
             found.append(["run", path, *out, "--set", "star_tracker.frames=statistical", *cut])
     default = ROOT / "scenarios" / "shefex2_andoya.yaml"
     for method in METHODS:
-        choice = ["--set", f"star_tracker.identification.method={method}", "--until", "150s"]
-        found.append(["run", default, "--out", f"{folder}/{method}.mcap", *choice])
+        lost = ["--set", "star_tracker.identification.tracking=false"]
+        out = ["--out", f"{folder}/{method}.mcap", "--until", "250s"]
+        found.append(
+            ["run", default, *out, "--set", choice, "--set", "star_tracker.identification.tracking=false"]
+        )
     campaign = ROOT / "scenarios" / "campaign.yaml"
     found.append(["campaign", campaign, "--runs", 2, "--out", f"{folder}/campaign"])
     found.append(["replay", log])

@@ -13,6 +13,8 @@ from shefex_nav.errors import UserError
 INTERNAL = {  # caught inside the package, which says it in other words, or of the machine
     "campaign.engine.Interrupted",
     "campaign.flight.MachineError",
+    "compiled.ahead.CompilerFailed",
+    "compiled.signature.UnknownType",
     "environment.yuma.BadYuma",
     "onboard.navigation.blocks.LayoutError",
     "scenario.disperse.Wrong",

@@ -12,6 +12,13 @@
 This file imports numba when the first kernel is marked, not before: `target` has to choose first.
 """
 
+DEFAULTS = {
+    "nopython": True,
+    "boundscheck": None,
+    "error_model": "python",
+    "fastmath": False,
+}
+
 
 def kernel(function=None, **options):
     """Compile a function that Python calls, at its first call with arguments of these types.
@@ -19,7 +26,9 @@ def kernel(function=None, **options):
     The machine code is kept in a file and loaded by later processes, until the function, or anything that it
     uses, becomes another. Kernels that call this one get a copy inside their own code.
 
-    options : of the compiler: error_model, fastmath, forceinline, inline
+    options : of the compiler: error_model, fastmath, forceinline, inline; else as in DEFAULTS. Without these
+        numba would take what the kernel that calls this one has, and of several the first: results must not
+        depend on that. (forceinline is inherited so; it changes no result.)
     """
     if function is None:
         return lambda one: kernel(one, **options)
@@ -29,7 +38,7 @@ def kernel(function=None, **options):
         return function
     from shefex_nav.compiled.numba_hooks import Kernel
 
-    return Kernel(function, {"nopython": True, "boundscheck": None, **options})
+    return Kernel(function, {**DEFAULTS, **options})
 
 
 def inner(function=None, **options):

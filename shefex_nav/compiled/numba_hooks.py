@@ -24,6 +24,7 @@ from numba.core import config, types
 from numba.core.caching import NullCache, _cache_log
 from numba.core.codegen import JITCodeLibrary, RuntimeLinker
 from numba.core.compiler_lock import global_compiler_lock, require_global_compiler_lock
+from numba.core.cpu_options import FastMathOptions
 from numba.core.dispatcher import Dispatcher, _FunctionCompiler
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.serialize import dumps
@@ -33,7 +34,7 @@ from numba.np import arrayobj
 from shefex_nav.compiled import digest, signature
 from shefex_nav.compiled.store import Store
 
-FORMAT = 1  # of the content of a file
+FORMAT = 1  # of the content of a file, and of how it is made
 USES = "SHEFEX_NAV_KERNELS_USED"  # environment variable: a file to which used kernels are appended
 SETTINGS = "OPT", "BOUNDSCHECK", "LOOP_VECTORIZE", "SLP_VECTORIZE"  # of numba, that change what is compiled
 
@@ -96,12 +97,25 @@ class _Address:
     """Stands for a callee where numba keeps the address of a compiled function."""
 
 
-def _for_callers(self, flags):
+def _without_entry(flags):
     """Flags of a function that kernels call: without a way in from Python, without machine code."""
     flags.no_compile = True
     flags.no_cpython_wrapper = True
     flags.no_cfunc_wrapper = True
     return flags
+
+
+def _of_numba(self, flags):
+    """Flags of numba's own functions; they would be those of the first kernel that calls them."""
+    flags.error_model, flags.fastmath = "python", FastMathOptions(False)
+    return _without_entry(flags)
+
+
+class _CalleeCompiler(_FunctionCompiler):
+    """Compiles a kernel for other kernels."""
+
+    def _customize_flags(self, flags):
+        return _without_entry(flags)
 
 
 def _add_callee(self, cres):
@@ -142,7 +156,7 @@ def _within_a_kernel():
     """What numba compiles of itself meanwhile, such as np.zeros, becomes part of the kernel that needs it."""
     codegen = cpu_target.target_context.codegen()
     before = codegen._library_class, _FunctionCompiler._customize_flags
-    codegen._library_class, _FunctionCompiler._customize_flags = _LateLibrary, _for_callers
+    codegen._library_class, _FunctionCompiler._customize_flags = _LateLibrary, _of_numba
     CPUDispatcher.add_overload = _add_callee
     long_error, arrayobj.raise_with_shape_context = arrayobj.raise_with_shape_context, _another_shape
     try:
@@ -161,8 +175,22 @@ class _EntryCompiler(_FunctionCompiler):
         return flags
 
 
+def _use(dispatcher, compiler):
+    """Let a dispatcher compile with another class of compiler."""
+    old = dispatcher._compiler
+    dispatcher._compiler = compiler(
+        old.py_func, old.targetdescr, old.targetoptions, old.locals, old.pipeline_class
+    )
+
+
 class _Callee(CPUDispatcher):
-    """A kernel as other kernels see it."""
+    """A kernel as other kernels, and functions that others compile, see it."""
+
+    add_overload = _add_callee
+
+    def __init__(self, py_func, targetoptions):
+        super().__init__(py_func, targetoptions=targetoptions)
+        _use(self, _CalleeCompiler)
 
     def get_call_template(self, args, kws):
         """As numba's; a 3 is any integer, for a copy of the function for each number only costs time."""
@@ -175,11 +203,8 @@ class Kernel(CPUDispatcher):
 
     def __init__(self, py_func, targetoptions):
         super().__init__(py_func, targetoptions=targetoptions)
-        old = self._compiler
-        self._compiler = _EntryCompiler(
-            py_func, old.targetdescr, targetoptions, old.locals, old.pipeline_class
-        )
-        self.callee = _Callee(py_func, targetoptions=targetoptions)
+        _use(self, _EntryCompiler)
+        self.callee = _Callee(py_func, targetoptions)
         self._type = types.Dispatcher(self.callee)
         self.typingctx._remove_global(self)
         self.typingctx.insert_global(self, self._type)

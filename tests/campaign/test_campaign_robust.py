@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from short_campaign import HereLane, fly, write
 
-from shefex_nav import compiled, files
+from shefex_nav import files
 from shefex_nav.campaign import engine, flight, results, running, stopping, store, table
+from shefex_nav.compiled import target
 from shefex_nav.scenario import load
 
 RUNS = 3
@@ -105,26 +106,26 @@ def test_ctrl_c_is_answered_at_once(capfd):
 def test_threads_that_are_set_too_late_are_not_claimed(monkeypatch):
     """NumPy has been imported here: its BLAS has its threads already, and the check has to see that."""
     found = {}
-    compiled.place_cache(found)
-    assert not set(found) & set(compiled.ONE_THREAD)
+    target.choose(found)
+    assert not set(found) & set(target.ONE_THREAD)
     monkeypatch.delitem(sys.modules, "numpy")
-    compiled.place_cache(found)
-    assert all(found[name] == "1" for name in compiled.ONE_THREAD)
+    target.choose(found)
+    assert all(found[name] == "1" for name in target.ONE_THREAD)
 
 
 def test_one_thread_is_the_workers_affair_alone(monkeypatch):
     """What the caller's process had set it keeps, and so do the processes that it starts later."""
-    first, *others = compiled.ONE_THREAD
+    first, *others = target.ONE_THREAD
     monkeypatch.setenv(first, "4")
     for name in others:
         monkeypatch.delenv(name, raising=False)
     lane = engine.ProcessLane("plan", function=os.getenv, prepare=len)
     try:
-        told = [lane.submit(name).result() for name in compiled.ONE_THREAD]
+        told = [lane.submit(name).result() for name in target.ONE_THREAD]
     finally:
         lane.stop()
     assert told == ["1"] * len(told)
-    assert [os.environ.get(name) for name in compiled.ONE_THREAD] == ["4"] + [None] * len(others)
+    assert [os.environ.get(name) for name in target.ONE_THREAD] == ["4"] + [None] * len(others)
 
 
 # ---- files -----------------------------------------------------------------------------------------------
