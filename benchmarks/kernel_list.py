@@ -56,9 +56,7 @@ def jobs(folder):
     for method in METHODS:
         lost = ["--set", "star_tracker.identification.tracking=false"]
         out = ["--out", f"{folder}/{method}.mcap", "--until", "250s"]
-        found.append(
-            ["run", default, *out, "--set", choice, "--set", "star_tracker.identification.tracking=false"]
-        )
+        found.append(["run", default, *out, *lost, "--set", f"star_tracker.identification.method={method}"])
     campaign = ROOT / "scenarios" / "campaign.yaml"
     found.append(["campaign", campaign, "--runs", 2, "--out", f"{folder}/campaign"])
     found.append(["replay", log])
