@@ -33,7 +33,8 @@ from rich.table import Table
 
 ROOT = Path(__file__).parent.parent
 MISSION = ["-m", "shefex_nav", "run", "scenarios/shefex2_andoya.yaml", "--force", "--out", "run.mcap"]
-METHOD = [*MISSION, "--set", "star_tracker.identification.method=pyramid", "--until", "150s"]
+LOST = ["--set", "star_tracker.identification.tracking=false", "--until", "250s"]
+METHOD = [*MISSION, "--set", "star_tracker.identification.method=pyramid", *LOST]
 TEST = ["-m", "pytest", "-q", "-n", "0", "tests/onboard/test_nav_blocks.py"]
 KERNELS = "shefex_nav/onboard/navigation/error_model.py"
 LINE = "t3.cross(dtheta, dv), T * T / 12.0", "t3.cross(dtheta, dv), T / 12.0 * T"
