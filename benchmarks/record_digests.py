@@ -31,6 +31,9 @@ import sys
 import tempfile
 from pathlib import Path
 
+import shefex_nav  # noqa: F401 first: it chooses for which processor NumPy computes
+
+# isort: split
 import numpy as np
 from mcap.records import Channel, Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk

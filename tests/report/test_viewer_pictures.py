@@ -16,8 +16,14 @@ from shefex_nav.report.viewer.sender import GREEN, ORANGE
 
 
 @NO_VULKAN
-@pytest.mark.parametrize("policy", [FramePolicy(10, "thresholded", 4.0), FramePolicy(0, "none", 4.0)])
-def test_no_view_reports_an_error(policy, tmp_path):
+@pytest.mark.parametrize(
+    "policy, pages",
+    [
+        (FramePolicy(10, "thresholded", 4.0), layout.PAGES),
+        (FramePolicy(0, "none", 4.0), (layout.OVERVIEW, layout.STARS)),  # the others show no frames
+    ],
+)
+def test_no_view_reports_an_error(policy, pages, tmp_path):
     path, picture = tmp_path / "run.mcap", tmp_path / "picture.png"
     with LogWriter(path, synthetic_run.mission(), policy) as log:
         for record in synthetic_run.simulate(OPTIONS._replace(end_s=236.0)):
@@ -25,7 +31,7 @@ def test_no_view_reports_an_error(policy, tmp_path):
     saved = tmp_path / "run.rrd"
     recording.build([path], saved)
     names = set()
-    for page in layout.PAGES:
+    for page in pages:
         recording.build([path], saved, page=page)
         # 236.5 is after the last frame, when the pictures are gone
         for at_s in (235.0, 236.5) if page == layout.OVERVIEW else (235.0,):
