@@ -11,37 +11,40 @@ _told = []  # kernels that were compiled when they were called, in this process
 _done = set()  # features of jobs for which this process is ready
 
 
-def get_ready(features, *, workers=None):
+def get_ready(features):
     """Compile what a job is going to need. A bar on stderr shows how far that is, if anything is missing.
 
     features : what the job has, str each, as in compiled/entries.json
-    workers : processes, None: as many as there are cores
-
-    -> number of kernels that were compiled
     """
     from numba import config
 
     features = frozenset(features)
     if config.DISABLE_JIT or features in _done:
-        return 0
+        return
     _done.add(features)
     from shefex_nav.compiled import ahead, numba_hooks
 
     _note(numba_hooks, features)
     if _say_late not in numba_hooks.begins_to_compile:
         numba_hooks.begins_to_compile.append(_say_late)
-    return compile_listed(ahead.missing(features), workers)
+    compile_listed(ahead.missing(features))
 
 
 def compile_listed(wanted, workers=None):
-    """Compile kernels, a list of ahead.Entry, with a bar on stderr. -> how many"""
+    """Compile kernels, a list of ahead.Entry, with a bar on stderr. -> how many
+
+    None where other processes cannot compile for this one, which then does so when a kernel is called: an
+    embedded Python cannot start them, and without a folder that can be written their work would be lost.
+    """
     from shefex_nav.compiled import ahead, numba_hooks
 
-    if wanted and sys.executable:  # an embedded Python cannot start others: kernels are compiled when called
-        _say_what_does_not_fit(numba_hooks.store())
-        with _bar(len(wanted)) as step:
-            ahead.compile_all(wanted, workers or cores(), step)
-        numba_hooks.store().prune()
+    store = numba_hooks.store()
+    if not wanted or not sys.executable or not store.is_writable():
+        return 0
+    _say_what_does_not_fit(store)
+    with _bar(len(wanted)) as step:
+        ahead.compile_all(wanted, workers or cores(), step)
+    store.prune()
     return len(wanted)
 
 

@@ -36,8 +36,8 @@ class Store:
         self._told = set()
 
     def path(self, name):
-        """Where a file stands: shipped, or of this user; None: nowhere."""
-        paths = (os.path.join(folder, name + ENDING) for folder in (self.shipped, self.own) if folder)
+        """Where a file stands: of this user, or shipped; None: nowhere."""
+        paths = (os.path.join(folder, name + ENDING) for folder in (self.own, self.shipped) if folder)
         return next((path for path in paths if os.path.exists(path)), None)
 
     def load(self, name):
@@ -73,12 +73,25 @@ class Store:
                     os.unlink(part)
                 raise
         except OSError as error:
-            self.tell(
-                f"compiled kernels cannot be kept in {self.own} ({error.strerror}): "
-                "every process compiles them again; NUMBA_CACHE_DIR names another folder"
-            )
+            self._tell_unwritable(error)
             return None
         return path
+
+    def is_writable(self):
+        """Whether files can be kept; where not, one line on stderr says so."""
+        try:
+            os.makedirs(self.own, exist_ok=True)
+            tempfile.TemporaryFile(dir=self.own).close()
+        except OSError as error:
+            self._tell_unwritable(error)
+            return False
+        return True
+
+    def _tell_unwritable(self, error):
+        self.tell(
+            f"compiled kernels cannot be kept in {self.own} ({error.strerror}): "
+            "every process compiles them again; NUMBA_CACHE_DIR names another folder"
+        )
 
     @contextmanager
     def alone(self, name):

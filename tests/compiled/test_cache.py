@@ -122,7 +122,7 @@ def test_files_that_nobody_uses_are_deleted(tmp_path):
     assert left == {f"a.kernel-abc-{n}.kernel" for n in ("new", 6, 5, 4)}
 
 
-def test_what_a_package_brings_is_found_first(tmp_path, monkeypatch):
+def test_what_a_package_brings_is_found(tmp_path, monkeypatch):
     shipped = tmp_path / "site" / store.SHIPPED
     (shipped / "kind").mkdir(parents=True)
     shipped.joinpath("__init__.py").write_text("", encoding="utf-8")

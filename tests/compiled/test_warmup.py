@@ -66,6 +66,14 @@ def test_compiling_ahead_is_told(tmp_path):
     assert len(said) == 2 and "shefex-nav-kernels are for cpython-39-numba0.1; here is cpython-" in said[0]
 
 
+def test_nothing_is_compiled_ahead_that_could_not_be_kept(tmp_path):
+    folder = tmp_path / "file"
+    folder.write_text("no folder", encoding="utf-8")
+    code = "from shefex_nav import warmup; warmup.get_ready({'command=solve_centroids'})"
+    said = python(code, folder).splitlines()
+    assert len(said) == 1 and "cannot be kept in" in said[0]  # and not: compiling 6 kernels
+
+
 @pytest.mark.parametrize("setting", ["NUMBA_CPU_NAME", "OPENBLAS_CORETYPE", "OMP_NUM_THREADS"])
 def test_what_the_user_has_set_stays(setting):
     from shefex_nav.compiled import target
