@@ -343,9 +343,9 @@ def check(
 @app.command()
 def schema():
     """Print the JSON Schema of scenario files, for completion in editors."""
-    from shefex_nav.scenario import load
+    from shefex_nav.scenario import json_schema
 
-    typer.echo(json_module.dumps(load.json_schema(), indent=2))
+    typer.echo(json_module.dumps(json_schema.json_schema(), indent=2))
 
 
 def show(summary, as_json, data):

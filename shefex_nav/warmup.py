@@ -27,14 +27,22 @@ def get_ready(features):
     _note(numba_hooks, features)
     if _say_late not in numba_hooks.begins_to_compile:
         numba_hooks.begins_to_compile.append(_say_late)
-    compile_listed(ahead.missing(features))
+    try:
+        compile_listed(ahead.missing(features))
+    except ahead.CompilerFailed as error:  # such as one that the system ended for want of memory
+        last = str(error).strip().splitlines()[-1]
+        print(
+            f"compiling in several processes failed ({last}); kernels are compiled when called",
+            file=sys.stderr,
+        )
 
 
 def compile_listed(wanted, workers=None):
     """Compile kernels, a list of ahead.Entry, with a bar on stderr. -> how many
 
-    None where other processes cannot compile for this one, which then does so when a kernel is called: an
+    0 where other processes cannot compile for this one, which then does so when a kernel is called: an
     embedded Python cannot start them, and without a folder that can be written their work would be lost.
+    Raises ahead.CompilerFailed.
     """
     from shefex_nav.compiled import ahead, numba_hooks
 

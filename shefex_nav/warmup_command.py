@@ -10,6 +10,8 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.errors import UserError
+
 
 def warmup(
     scenarios: Annotated[
@@ -31,7 +33,10 @@ def warmup(
 
     began = time.perf_counter()
     wanted = [one for one in ahead.entries() if not jobs or any(map(one.is_needed, jobs))]
-    compiled = ready.compile_listed(ahead.without_file(wanted), workers)
+    missing = ahead.without_file(wanted)
+    compiled = ready.compile_listed(missing, workers)
+    if compiled < len(missing):
+        raise UserError(f"{len(missing)} kernels are missing and cannot be compiled ahead here")
     summary = {
         "kernels": len(wanted),
         "compiled": compiled,

@@ -54,7 +54,7 @@ def test_message_and_exit_code_2_from_any_command(exceptions, monkeypatch, capsy
         def refuse(error=error):
             raise error
 
-        monkeypatch.setattr("shefex_nav.scenario.load.json_schema", refuse)
+        monkeypatch.setattr("shefex_nav.scenario.json_schema.json_schema", refuse)
         with pytest.raises(SystemExit) as ended:
             cli.main()
         printed = capsys.readouterr()
@@ -66,7 +66,7 @@ def test_a_fault_of_the_program_keeps_its_traceback(monkeypatch):
     def fail():
         raise ValueError("a fault")
 
-    monkeypatch.setattr("shefex_nav.scenario.load.json_schema", fail)
+    monkeypatch.setattr("shefex_nav.scenario.json_schema.json_schema", fail)
     monkeypatch.setattr(sys, "argv", ["shefex-nav", "schema"])
     with pytest.raises(ValueError, match="a fault"):
         cli.main()

@@ -63,9 +63,9 @@ def _flags():
         return {flag for flag in V3_FLAGS if features.get(LLVM_NAMES.get(flag, flag).replace("_", "."))}
 
 
-def cache_folder(environ=os.environ):
+def cache_folder():
     """Folder in which this machine's user keeps compiled kernels: str."""
-    if own := environ.get("NUMBA_CACHE_DIR"):
+    if own := os.environ.get("NUMBA_CACHE_DIR"):
         return os.path.join(own, "shefex_nav")
-    base = environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     return os.path.join(base, "shefex_nav", "kernels")

@@ -74,6 +74,28 @@ def test_nothing_is_compiled_ahead_that_could_not_be_kept(tmp_path):
     assert len(said) == 1 and "cannot be kept in" in said[0]  # and not: compiling 6 kernels
 
 
+def test_warmup_without_a_folder_is_an_error(process, tmp_path):
+    folder = tmp_path / "file"
+    folder.write_text("no folder", encoding="utf-8")
+    done = process("warmup", NUMBA_CACHE_DIR=str(folder))
+    assert done.code == 2 and "ready" not in done.out and "Traceback" not in done.err
+    assert "cannot be kept in" in done.err and "kernels are missing" in done.err
+
+
+def test_a_process_that_fails_is_told_and_the_job_goes_on(monkeypatch, capsys):
+    from shefex_nav import warmup
+    from shefex_nav.compiled import ahead
+
+    def fail(wanted, workers=None):
+        raise ahead.CompilerFailed("Traceback\n  of many lines\nMemoryError: no more\n")
+
+    monkeypatch.setattr(warmup, "compile_listed", fail)
+    monkeypatch.setattr(warmup, "_done", set())
+    warmup.get_ready(())
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "failed (MemoryError: no more)" in line and "when called" in line
+
+
 @pytest.mark.parametrize("setting", ["NUMBA_CPU_NAME", "OPENBLAS_CORETYPE", "OMP_NUM_THREADS"])
 def test_what_the_user_has_set_stays(setting):
     from shefex_nav.compiled import target

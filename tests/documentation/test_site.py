@@ -89,10 +89,10 @@ def test_reference_of_python_has_every_public_name(site):
 
 def test_reference_of_scenarios_has_every_key():
     """Every section of the JSON schema that editors use, with its keys and examples."""
-    from shefex_nav.scenario import load
+    from shefex_nav.scenario.json_schema import json_schema
 
     text = hook("scenario_keys").text()
-    blocks = {n: b for n, b in load.json_schema()["$defs"].items() if not n.endswith(".partial")}
+    blocks = {n: b for n, b in json_schema()["$defs"].items() if not n.endswith(".partial")}
     keys = {key for name, block in blocks.items() if name != "Unknown" for key in block.get("properties", {})}
     assert len(keys) > 200
     assert {key for key in keys if f"| `{key}` |" not in text} == {"extends"}

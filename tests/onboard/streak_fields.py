@@ -8,8 +8,8 @@ from math import erf, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import Pinhole, pinhole, pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise
@@ -83,7 +83,7 @@ def motion_of(bench, omega_c, rolling=False, sigma=0.0):
     return Motion(omega_c, sigma**2 * np.eye(3), times_of(bench, rolling))
 
 
-@njit(cache=True)
+@kernel
 def _smear(light, camera, sigma, times, omega_c, x, y, electrons, begin, end, step_px):
     """Add the light of one star between two instants."""
     rows, columns = light.shape

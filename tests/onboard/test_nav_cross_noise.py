@@ -6,8 +6,8 @@ The truth here is a turn integrated step by step: every error of a triad by itse
 import numpy as np
 import pytest
 from navigation_flight import PARAMS
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import error_model
 from shefex_nav.onboard.navigation.state import ImuModel
@@ -51,7 +51,7 @@ def assumed(roll_rate, across_rate, angle):
     return np.array(densities) * angle / across_rate
 
 
-@njit
+@kernel
 def _densities(record, dtheta):
     along, across, _ = error_model.noise_densities(record[0], 0.0, 1.0, 0.01, dtheta, (0.0, 0.0, 0.0))
     return along[0], across[0]

@@ -4,11 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numba import njit
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from unpacked import QUIET, correct, felt, noise_of, propagate, window
 
+from shefex_nav.compiled import kernel
 from shefex_nav.environment.gravity import gravity_j2_e
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation import error_model, prediction, strapdown
@@ -301,7 +301,7 @@ def test_a_tick_that_is_cut_gathers_as_much_noise():
     assert whole > 1e-8 * 1e-2 * 1e-3  # and that is not nothing
 
 
-@njit
+@kernel
 def gyro_noise(model, dtheta, share=1.0):
     along, _, _ = error_model.noise_densities(model[0], 1.0, share, 0.01 * share, dtheta, (0.0, 0.0, 0.0))
     return along[0]

@@ -1,6 +1,7 @@
 """Pictures in a recording, and pictures that the real viewer takes of one."""
 
 import os
+import time
 from pathlib import Path
 
 import numpy as np
@@ -133,14 +134,24 @@ class SlowViewer:
 
 
 @pytest.mark.parametrize(
-    ("shown", "taken"), [(["all"], 2), (["half", "more", "all"], 4), ([str(k) for k in range(100)], 20)]
+    ("shown", "taken"), [(["all"], 4), (["half", "more", "all"], 6), ([str(k) for k in range(100)], 60)]
 )
 def test_a_picture_is_taken_when_nothing_more_comes_in(shown, taken, tmp_path, monkeypatch):
+    """The last that was new, and three more that are the same."""
     monkeypatch.setattr(program, "SETTLE_S", 0.0)
+    monkeypatch.setattr(program, "PAUSE_S", 0.0)
     viewer_, picture = SlowViewer(shown), tmp_path / "picture.png"
     program._save_settled(viewer_, picture)
     assert viewer_.taken == taken
     assert picture.read_text() == (shown[-1] if taken < program.MOST_PICTURES else shown[taken - 1])
+
+
+def test_a_picture_must_not_change_for_a_time(tmp_path, monkeypatch):
+    monkeypatch.setattr(program, "PAUSE_S", 0.01)
+    monkeypatch.setattr(program, "SETTLE_S", 0.2)
+    begin_s = time.monotonic()
+    program._save_settled(SlowViewer(["all"]), tmp_path / "picture.png")
+    assert time.monotonic() - begin_s >= 0.2
 
 
 def test_no_graphics_is_a_clear_error(log, tmp_path, monkeypatch):

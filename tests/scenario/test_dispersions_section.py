@@ -7,6 +7,7 @@ import pytest
 from broken import DEFAULT, messages, the_message
 
 from shefex_nav.scenario import load
+from shefex_nav.scenario.json_schema import json_schema
 
 RAIL = "paths: [launch.elevation, launch.azimuth]"
 
@@ -257,5 +258,5 @@ def test_set_reaches_into_a_dispersion():
 
 
 def test_the_schema_of_editors_knows_the_section():
-    text = json.dumps(load.json_schema())
+    text = json.dumps(json_schema())
     assert "truncated_normal" in text and "latin_hypercube" in text

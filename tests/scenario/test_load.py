@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from shefex_nav.scenario import document
-from shefex_nav.scenario.load import ScenarioError, json_schema, load, load_text
+from shefex_nav.scenario.json_schema import json_schema
+from shefex_nav.scenario.load import ScenarioError, load, load_text
 from shefex_nav.scenario.schema import Scenario
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"

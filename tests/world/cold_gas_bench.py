@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.world.flight import attitude_program, control
 from shefex_nav.world.flight.params import AttitudeReference, ColdGas
@@ -42,7 +42,7 @@ class Run(NamedTuple):
         return int(on[0]) + int((on[1:] & ~on[:-1]).sum())
 
 
-@njit
+@kernel
 def _rates(x, torque, inertia):
     p, q, r = x[10], x[11], x[12]
     out = np.zeros(7)
@@ -53,7 +53,7 @@ def _rates(x, torque, inertia):
     return out
 
 
-@njit
+@kernel
 def _fly(x, law, n, inertia, states):
     """n periods of Euler's equations under the valves' torque; x (19,) in place, eight steps a period."""
     h = law.period / 8.0

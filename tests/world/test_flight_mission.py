@@ -5,9 +5,9 @@ Flown by cold gas where nothing else is said, with a perfect attitude reference,
 
 import numpy as np
 import pytest
-from numba import njit
 from shefex2 import COLD_GAS, DEG, EARTH, PARAMS, PRESCRIBED, PROGRAMME, S44, SITE, flown, prescribed
 
+from shefex_nav.compiled import kernel
 from shefex_nav.environment.gravity import gravity_e
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Phase
@@ -163,7 +163,7 @@ def test_nothing_jumps_at_staging(how):
         assert np.abs(turned - trajectory.dtheta_b[k - 1 : k + 4]).max() < 1e-7
 
 
-@njit
+@kernel
 def strapdown(t_s, dtheta_b, dv_b, r, v, q, gravity, earth):
     """Navigate on the increments alone, rate and specific force quadratic over three samples."""
     for k in range(1, len(t_s)):

@@ -14,8 +14,10 @@ from pathlib import Path
 from shefex_nav.errors import UserError
 from shefex_nav.report.viewer.sender import TIMELINE
 
-SETTLE_S = 2.0  # between two pictures that have to be the same
-MOST_PICTURES = 20  # until they are
+SETTLE_S = 1.0  # for so long a picture must not have changed,
+SETTLE_PICTURES = 3  # nor while so many are taken: on a busy machine each takes longer
+PAUSE_S = 0.2  # between two
+MOST_PICTURES = 60
 _LOAD_TIMEOUT_S = 120.0
 
 
@@ -133,15 +135,19 @@ def _open(client, recording):
 
 
 def _save_settled(client, picture):
-    """Save a picture that no longer changes: on a busy machine data come in after the loading is over."""
-    before = None
+    """Save a picture that no longer changes: data may come in after the loading is over."""
+    before, since_s, same = None, time.monotonic(), 0
     for _ in range(MOST_PICTURES):
-        time.sleep(SETTLE_S)
+        begin_s = time.monotonic()
         client.save_screenshot(str(picture))
         now = picture.read_bytes() if picture.exists() else None
-        if now is not None and now == before:
+        if now is None or now != before:
+            before, since_s, same = now, begin_s, 0
+        else:
+            same += 1
+        if same >= SETTLE_PICTURES and time.monotonic() - since_s >= SETTLE_S:
             return
-        before = now
+        time.sleep(PAUSE_S)
 
 
 def _free_port():

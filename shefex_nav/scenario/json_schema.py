@@ -1,0 +1,47 @@
+"""JSON Schema of a scenario file, for editors that complete and check while one writes."""
+
+from shefex_nav.scenario.load import EXTENDS
+from shefex_nav.scenario.schema import Scenario
+
+
+def json_schema():
+    """JSON Schema of a scenario file; a file that extends another need not be complete."""
+    complete = Scenario.model_json_schema()
+    blocks = complete.pop("$defs")
+    complete["properties"][EXTENDS] = {
+        "type": "string",
+        "description": "Scenario file, relative to this one, or name of one that comes with the program, "
+        "whose values hold where this file gives none",
+    }
+    blocks["Scenario"] = complete
+    parts = {f"{name}.partial": _partial(block) for name, block in blocks.items()}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "shefex_nav scenario",
+        "if": {"required": [EXTENDS]},
+        "then": {"$ref": "#/$defs/Scenario.partial"},
+        "else": {"$ref": "#/$defs/Scenario"},
+        "$defs": blocks | parts,
+    }
+
+
+def _partial(block):
+    """A schema block without required keys, pointing to others like it; `null` takes any value away.
+
+    What is not complete may be any of several forms, hence anyOf for oneOf.
+    """
+    if isinstance(block, list):
+        return [_partial(item) for item in block]
+    if not isinstance(block, dict):
+        return block
+    partial = {
+        "anyOf" if key == "oneOf" else key: f"{value}.partial" if key == "$ref" else _partial(value)
+        for key, value in block.items()
+        if not (key == "required" and isinstance(value, list))
+    }
+    for key in ("properties", "patternProperties"):
+        values = partial.get(key, {})
+        partial |= (
+            {key: {name: {"anyOf": [v, {"type": "null"}]} for name, v in values.items()}} if values else {}
+        )
+    return partial
