@@ -139,7 +139,7 @@ def conclude_end_to_end(results):
         for p, place in enumerate(PLACES)
         for w, way in enumerate(WAYS)
     ]
-    columns.append((f"scenario {SCENARIO.stem}, {len(results)} directions", published[1]))
+    columns.append((f"scenario {SCENARIO}, {len(results)} directions", published[1]))
     rows = []
     for column, (condition, goal) in enumerate(columns):
         is_solved = verdicts[:, column] == 1

@@ -68,7 +68,7 @@ def conclude(results):
     for kind in KINDS[4:]:
         for rate in RATES:
             out += _own_rows(kind, rate, chosen(rows, kind, rate))
-    return out
+    return out or [_info(f"clusters; a row needs {LEAST}", "all kinds and rates", len(rows))]
 
 
 def _published_rows(kind, rate, rows):

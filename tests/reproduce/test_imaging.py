@@ -53,3 +53,14 @@ def test_the_chain_solves_stills_and_is_told_what_is_wrong():
             assert end_to_end.verdict(found, end_to_end.random_attitude(rng)) == -1
     assert end_to_end.verdict(None, q_ic) == 0
     assert solved >= 5
+
+
+def test_every_column_of_verdicts_has_its_share():
+    """Half solved, one wrong of four: in each of the conditions."""
+    columns = len(end_to_end.PLACES) * len(end_to_end.WAYS) + 1
+    verdicts = np.repeat([[1], [1], [0], [-1]], columns, axis=1)
+    rows = end_to_end.conclude_end_to_end([verdicts])
+    assert len({row.condition for row in rows}) == columns
+    assert any("night_sky" in row.condition for row in rows)
+    shares = {float(row.measured) for row in rows if "olved" in row.quantity or "success" in row.quantity}
+    assert shares == {0.5}
