@@ -96,6 +96,19 @@ def test_a_process_that_fails_is_told_and_the_job_goes_on(monkeypatch, capsys):
     assert "(a.b: TypingError: no, and 1 more)" in line and "when called" in line
 
 
+def test_a_job_goes_on_with_an_old_list(tmp_path, monkeypatch, capsys):
+    from shefex_nav import warmup
+    from shefex_nav.compiled import ahead, numba_hooks
+    from shefex_nav.compiled.store import Store
+
+    stale = ahead.Entry(f"{ROTATION}:quat_conjugate", ["float64"], [frozenset()])
+    monkeypatch.setattr(ahead, "entries", lambda: [stale])
+    monkeypatch.setattr(numba_hooks, "_STORE", Store("kind", tmp_path))
+    monkeypatch.setattr(warmup, "_done", set())
+    warmup.get_ready(())
+    assert "quat_conjugate: TypingError" in capsys.readouterr().err.splitlines()[-1]
+
+
 def test_warmup_tells_what_could_not_be_compiled(command, tmp_path, monkeypatch):
     from shefex_nav.compiled import ahead, numba_hooks
     from shefex_nav.compiled.store import Store
