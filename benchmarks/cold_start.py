@@ -14,7 +14,7 @@ folder of compiled kernels:
     one line: run    the mission after the same edit
     method           another identification method, for the first time
 
-"compiled" counts the kernels that were saved, by numba's own report.
+"compiled" counts the files of kernels that are new.
 """
 
 import argparse
@@ -63,7 +63,6 @@ class Machine:
             **os.environ,
             "PYTHONPATH": str(checkout),
             "NUMBA_CACHE_DIR": str(self.cache),
-            "NUMBA_DEBUG_CACHE": "1",
         }
         before, began = _used_s(), time.perf_counter()
         files = _kernels(self.cache)

@@ -29,20 +29,21 @@ def get_ready(features):
         numba_hooks.begins_to_compile.append(_say_late)
     try:
         compile_listed(ahead.missing(features))
-    except ahead.CompilerFailed as error:  # such as one that the system ended for want of memory
-        last = str(error).strip().splitlines()[-1]
+    except ahead.CompilerFailed as error:  # such as a process that the system ended for want of memory
+        first, *others = str(error).splitlines()
+        more = f", and {len(others)} more" if others else ""
         print(
-            f"compiling in several processes failed ({last}); kernels are compiled when called",
+            f"not everything was compiled ahead ({first}{more}); that is compiled when called",
             file=sys.stderr,
         )
 
 
 def compile_listed(wanted, workers=None):
-    """Compile kernels, a list of ahead.Entry, with a bar on stderr. -> how many
+    """Compile kernels, a list of ahead.Entry, with a bar on stderr. -> how many of them are kept now
 
     0 where other processes cannot compile for this one, which then does so when a kernel is called: an
     embedded Python cannot start them, and without a folder that can be written their work would be lost.
-    Raises ahead.CompilerFailed.
+    ahead.CompilerFailed, when the others are done, if some cannot be compiled.
     """
     from shefex_nav.compiled import ahead, numba_hooks
 
@@ -50,10 +51,12 @@ def compile_listed(wanted, workers=None):
     if not wanted or not sys.executable or not store.is_writable():
         return 0
     _say_what_does_not_fit(store)
-    with _bar(len(wanted)) as step:
-        ahead.compile_all(wanted, workers or cores(), step)
-    store.prune()
-    return len(wanted)
+    try:
+        with _bar(len(wanted)) as step:
+            ahead.compile_all(wanted, workers or cores(), step)
+    finally:
+        store.prune()
+    return len(wanted) - len(ahead.without_file(wanted))
 
 
 def _say_what_does_not_fit(store):

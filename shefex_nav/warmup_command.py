@@ -1,6 +1,6 @@
 """`shefex-nav warmup`: compile kernels before anything is flown, for images and clusters.
 
-Exit codes: 0 done, 2 bad input.
+Exit codes: 0 done, 2 bad input, or some kernels could not be compiled or kept.
 """
 
 import json as json_module
@@ -34,9 +34,14 @@ def warmup(
     began = time.perf_counter()
     wanted = [one for one in ahead.entries() if not jobs or any(map(one.is_needed, jobs))]
     missing = ahead.without_file(wanted)
-    compiled = ready.compile_listed(missing, workers)
+    try:
+        compiled = ready.compile_listed(missing, workers)
+    except ahead.CompilerFailed as error:
+        raise UserError(f"some kernels could not be compiled:\n{error}") from error
     if compiled < len(missing):
-        raise UserError(f"{len(missing)} kernels are missing and cannot be compiled ahead here")
+        raise UserError(
+            f"{len(missing) - compiled} kernels are missing and cannot be compiled ahead here, or not be kept"
+        )
     summary = {
         "kernels": len(wanted),
         "compiled": compiled,

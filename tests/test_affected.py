@@ -10,22 +10,28 @@ SOURCES = {  # of a small project
     "shefex_nav/__init__.py": '_PUBLIC = {"fly": "mission"}',
     "shefex_nav/__main__.py": "from shefex_nav import cli",
     "shefex_nav/cli.py": (
+        "from shefex_nav.draw_command import paint\n"
         "def run():\n    start()\ndef start():\n    from shefex_nav import mission\n"
-        "def show():\n    from shefex_nav import picture\n"
+        "def show():\n    paint()\n"
     ),
+    "shefex_nav/draw_command.py": "def paint():\n    from shefex_nav import picture\n",
     "shefex_nav/kernel.py": "def turn(x):\n    return x + 1\n",
     "shefex_nav/mission.py": "def fly():\n    from shefex_nav.kernel import turn\n",
     "shefex_nav/picture.py": "NAME = 'data/sky.png'",
     "tests/conftest.py": "def command():\n    from shefex_nav import cli\n",
     "tests/helper.py": "import shefex_nav.kernel",
+    "tests/test_all.py": "FILES = list(PACKAGE.rglob('*.py'))",
     "tests/test_attribute.py": "import shefex_nav\ndef test_it():\n    shefex_nav.fly()\n",
+    "tests/test_code.py": "CODE = 'from shefex_nav import mission\\nmission.fly()'",
     "tests/test_command.py": "def test_it(command):\n    command('run')\n",
     "tests/test_alone.py": "import sys\nRUN = [sys.executable, '-m', 'shefex_nav', 'show']",
     "tests/test_helper.py": "import helper",
     "tests/test_nothing.py": "import math",
+    "tests/test_template.py": "CODE = f'import shefex_nav.kernel as k; {CALL}'",
     "tests/test_text.py": "PATCHED = 'shefex_nav.picture.NAME'",
 }
-KERNEL = {"attribute", "command", "helper"}  # what reaches kernel.py
+KERNEL = {"all", "attribute", "code", "command", "helper", "template"}  # what reaches kernel.py
+EVERY = {name[len("tests/test_") : -len(".py")] for name in SOURCES if name.startswith("tests/test_")}
 
 
 @pytest.fixture
@@ -48,14 +54,16 @@ def chosen(project, *changed):
     ("changed", "tests"),
     [
         ("shefex_nav/kernel.py", KERNEL),
-        ("shefex_nav/mission.py", {"attribute", "command"}),
-        ("shefex_nav/picture.py", {"alone", "text"}),
-        ("shefex_nav/cli.py", {"alone", "command"}),
+        ("shefex_nav/mission.py", {"all", "attribute", "code", "command"}),
+        ("shefex_nav/picture.py", {"all", "alone", "text"}),
+        ("shefex_nav/cli.py", {"all", "alone", "command"}),
         ("shefex_nav/data/sky.png", {"alone", "text"}),
-        ("shefex_nav/__init__.py", {"alone", "attribute", "command", "helper", "text"}),
+        ("shefex_nav/__init__.py", EVERY - {"nothing"}),
         ("tests/helper.py", {"helper"}),
         ("tests/test_nothing.py", {"nothing"}),
-        ("tests/conftest.py", {"alone", "attribute", "command", "helper", "nothing", "text"}),
+        ("tests/conftest.py", EVERY),
+        ("uv.lock", EVERY),
+        ("pyproject.toml", EVERY),
         ("LICENSE", set()),
     ],
 )
@@ -72,6 +80,9 @@ def test_what_was_read_before_is_not_read_again(project, monkeypatch):
     first, kept = affected.select(project, {"shefex_nav/kernel.py"}, {})
     monkeypatch.setattr(affected, "read", None)
     assert affected.select(project, {"shefex_nav/kernel.py"}, kept) == (first, kept)
+    monkeypatch.setattr(affected, "READER", b"another reader")
+    with pytest.raises(TypeError):  # it reads anew
+        affected.select(project, {"shefex_nav/kernel.py"}, kept)
 
 
 def test_changes_are_those_since_a_commit_and_files_that_git_does_not_know(project):
@@ -81,6 +92,11 @@ def test_changes_are_those_since_a_commit_and_files_that_git_does_not_know(proje
     assert affected.changes(project, "HEAD") == {"shefex_nav/kernel.py", "tests/test_new.py"}
     with pytest.raises(pytest.UsageError, match="--affected nowhere: "):
         affected.changes(project, "nowhere")
+
+
+def test_a_file_that_has_another_name_is_gone_under_its_old_one(project):
+    subprocess.run(["git", "mv", "shefex_nav/kernel.py", "shefex_nav/turn.py"], cwd=project, check=True)
+    assert affected.changes(project, "HEAD") == {"shefex_nav/kernel.py", "shefex_nav/turn.py"}
 
 
 def test_a_line_of_a_compiled_kernel_chooses_its_tests_and_not_others():

@@ -17,6 +17,7 @@ from queue import SimpleQueue
 from typing import NamedTuple
 
 from shefex_nav.compiled import digest, signature
+from shefex_nav.compiled.numba_hooks import USES, Kernel
 
 ENTRIES = Path(__file__).with_name("entries.json")
 WORKER = "shefex_nav.compiled.worker"
@@ -35,7 +36,7 @@ class Entry(NamedTuple):
 
 
 class CompilerFailed(RuntimeError):
-    """A process that compiles has ended early."""
+    """Some kernels could not be compiled; the others have been. The message has a line for each fault."""
 
 
 def entries():
@@ -60,37 +61,43 @@ def missing(features):
 
 def without_file(wanted):
     """Those of some kernels that are neither kept nor shipped: list of Entry."""
-    return [one for one in wanted if _has_no_file(one)]
+    known = {}
+    return [one for one in wanted if _has_no_file(one, known)]
 
 
-def _has_no_file(entry):
+def _has_no_file(entry, known):
     try:
+        kernel = signature.find(entry.kernel)
         args = tuple(signature.decode(one) for one in entry.signature)
-        return signature.find(entry.kernel).file_of(args) is None
     except signature.UnknownType:
         return False  # the program has another kernel now: it is compiled when it is called
+    return isinstance(kernel, Kernel) and kernel.file_of(args, known) is None
 
 
 def compile_all(wanted, processes, done=lambda kernel: None):
     """Compile kernels and put them into the store.
 
     wanted : list of Entry;  processes : how many at the most;  done : called with each kernel's name
-    CompilerFailed if a process ended early; what was compiled by then stays.
+    CompilerFailed, when all others are done, if a kernel could not be compiled or a process ended early.
     """
-    finished, running = SimpleQueue(), []
+    finished, running, faults = SimpleQueue(), [], []
     try:
         for share in share_out(wanted, processes):
             running.append(_Process(share, finished))
         left = len(running)
         while left:
-            kernel = finished.get()
-            left -= kernel is None
-            if kernel is not None:
-                done(kernel)
+            news = finished.get()
+            if news is None:
+                left -= 1
+                continue
+            kernel, fault = news
+            done(kernel)
+            if fault:
+                faults.append(f"{kernel}: {fault}")
     finally:
-        faults = "".join(process.end() for process in running)
+        faults += filter(None, [process.end() for process in running])
     if faults:
-        raise CompilerFailed(faults)
+        raise CompilerFailed("\n".join(faults))
 
 
 def share_out(wanted, processes):
@@ -98,7 +105,8 @@ def share_out(wanted, processes):
 
     Kernels that call the same functions go to the same process, which compiles these once.
     """
-    calls = [set(digest.closure(signature.find(one.kernel))) for one in wanted]
+    known = {}
+    calls = [set(digest.closure(signature.find(one.kernel), known)) for one in wanted]
     cost = [sum(map(digest.weight, functions)) for functions in calls]
     shares = [([], set()) for _ in range(min(processes, len(wanted)))]
 
@@ -115,21 +123,24 @@ def share_out(wanted, processes):
 class _Process:
     """A process that compiles some kernels; it ends with this one, for its standard input is closed then.
 
-    finished : queue into which it puts the name of each kernel, and None at its end
+    finished : queue into which it puts (name, fault or "") of each kernel, and None at its end
     """
 
     def __init__(self, share, finished):
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
-        self._faults = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")
+        paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+        environment = {**os.environ, "PYTHONPATH": paths}
+        environment.pop(USES, None)  # what is compiled ahead has not been used
+        self._words = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")
         self.process = subprocess.Popen(
-            [sys.executable, "-m", WORKER],
+            [sys.executable, "-P", "-m", WORKER],  # -P: modules are looked for where this process does
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=self._faults,
+            stderr=self._words,
             text=True,
             encoding="utf-8",
             env=environment,
         )
+        self._has_ended = False  # by itself
         self._reader = threading.Thread(target=self._read, args=(finished,), daemon=True)
         self._reader.start()
         with suppress(BrokenPipeError):  # it has ended already: its code tells
@@ -138,22 +149,23 @@ class _Process:
 
     def _read(self, finished):
         for line in self.process.stdout:
-            finished.put(line.strip())
+            finished.put(json.loads(line))
+        self._has_ended = True
         finished.put(None)
 
     def end(self):
-        """Stop it if it still works. -> what it said of a fault, "" if there was none"""
-        was_done = not self._reader.is_alive()
-        if not was_done:
+        """Stop it if it still works. -> what was wrong with its end, one line; "" if nothing was"""
+        by_itself = self._has_ended
+        if not by_itself:
             self.process.kill()
         self._reader.join()
         with suppress(BrokenPipeError):
             self.process.stdin.close()
         self.process.stdout.close()
         code = self.process.wait()
-        self._faults.seek(0)
-        words = self._faults.read()
-        self._faults.close()
-        return (
-            (words or f"a process that compiles kernels ended with code {code}") if was_done and code else ""
-        )
+        self._words.seek(0)
+        last = (self._words.read().strip().splitlines() or [""])[-1]
+        self._words.close()
+        if not by_itself or code == 0:
+            return ""
+        return f"a process that compiles kernels ended with code {code}{': ' if last else ''}{last}"

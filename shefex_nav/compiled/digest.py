@@ -8,30 +8,42 @@ stand. Comments, docstrings, line numbers and folders do not count.
 import dis
 import enum
 import hashlib
+import sys
 import types as python
 from functools import cache
 
 import numpy as np
 
-OURS = "shefex_nav"
+FIXED = sys.stdlib_module_names | {"numpy", "scipy", "numba", "llvmlite"}  # packages that do not change
+PLAIN = {type(None), type(...), bool, int, float, complex, str, bytes, slice, range}
 LOADS_CONSTANT = frozenset(dis.hasconst)
-CACHE_ENTRY = dis.opmap.get("CACHE", 0)
 
 
-def closure(kernel):
-    """All functions that are compiled together with a kernel, itself included: list."""
+def closure(kernel, known=None):
+    """All functions that are compiled together with a kernel, itself first: {function: own(function)}.
+
+    Always in the same order, whatever they are called.
+
+    known : what has been found out for other kernels at this moment, likewise; it grows. Not to be kept:
+        globals may become others
+    """
+    known = {} if known is None else known
     found, waiting = {}, [kernel.py_func]
     while waiting:
         function = waiting.pop()
         if function not in found:
-            found[function] = None
-            waiting += _own(function)[1]
-    return list(found)
+            if function not in known:
+                known[function] = own(function)
+            found[function] = known[function]
+            waiting += found[function][1]
+    return found
 
 
-def of_kernel(kernel):
-    """Digest of a kernel and all that it calls: str."""
-    parts = sorted(_own(function)[0] for function in closure(kernel))
+def of_kernel(kernel, known=None):
+    """Digest of a kernel and all that it calls, as they are now: str. known : as for `closure`"""
+    found = closure(kernel, known)
+    numbers = {function: k for k, function in enumerate(found)}
+    parts = [f"{text} calls {[numbers[one] for one in called]}" for text, called in found.values()]
     return hashlib.sha256("\n".join([_options(kernel), *parts]).encode()).hexdigest()
 
 
@@ -40,30 +52,43 @@ def weight(function):
     return len(function.__code__.co_code)
 
 
-@cache
-def _own(function):
+def own(function):
     """Text that tells a function from others, and the functions that it calls: (str, list)."""
     called = []
-    parts = [_name(function), _code(function.__code__)]
-    for name, value in _used(function):
+    text, names = _code(function.__code__)
+    parts = [_name(function), text]
+    for name, value in _used(function, names):
         parts.append(f"{name} = {_value(value, called)}")
     parts.append(_value((function.__defaults__, function.__kwdefaults__), called))
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest() + " " + _name(function), called
+    return "\n".join(parts), called
 
 
-def _used(function):
+def _used(function, names):
     """Names of other files or of the module that a function uses, with what they mean: (name, value)."""
-    names = sorted(_names(function.__code__))
-    space = function.__globals__
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
-    yield from ((name, cell.cell_contents) for name, cell in cells)
-    for name in names:
-        if name not in space:
-            continue  # Python's own, or an attribute
-        value = space[name]
+    found = [(name, cell.cell_contents) for name, cell in cells]
+    space = function.__globals__  # what is not in it is Python's own, or an attribute
+    found += [(name, space[name]) for name in names if name in space]
+    for name, value in found:
         yield name, value
-        if isinstance(value, python.ModuleType) and value.__name__.split(".")[0] == OURS:
-            yield from ((f"{name}.{one}", getattr(value, one)) for one in names if hasattr(value, one))
+        if isinstance(value, python.ModuleType):
+            yield from _attributes(name, value, names, ())
+
+
+def _attributes(path, module, names, around):
+    """What a module has under names that a function uses, and modules in it: (name, value)."""
+    if _is_fixed(module.__name__) or module in around:
+        return
+    for name in names:
+        if hasattr(module, name):
+            value = getattr(module, name)
+            yield f"{path}.{name}", value
+            if isinstance(value, python.ModuleType):
+                yield from _attributes(f"{path}.{name}", value, names, (*around, module))
+
+
+def _is_fixed(module):
+    return str(module).split(".")[0] in FIXED
 
 
 def _names(code):
@@ -72,7 +97,13 @@ def _names(code):
     return set(code.co_names).union(*map(_names, inside))
 
 
+@cache
 def _code(code):
+    """Digest of the instructions, and the names of globals and attributes in them, sorted: (str, list)."""
+    return hashlib.sha256(of_code(code).encode()).hexdigest(), sorted(_names(code))
+
+
+def of_code(code):
     """Text of the instructions: constants in the order of their use, so that a docstring is none of them."""
     raw, constants, wide = bytearray(code.co_code), [], 0
     for k in range(0, len(raw), 2):
@@ -80,7 +111,7 @@ def _code(code):
         wide = argument << 8 if operation == dis.EXTENDED_ARG else 0
         if operation in LOADS_CONSTANT:
             one = code.co_consts[argument]
-            constants.append(_code(one) if isinstance(one, python.CodeType) else repr(one))
+            constants.append(of_code(one) if isinstance(one, python.CodeType) else _value(one, []))
             raw[k + 1] = 0
     layout = code.co_argcount, code.co_varnames, code.co_names, code.co_freevars, code.co_cellvars
     return f"{raw.hex()} {constants} {layout} {code.co_exceptiontable.hex()}"
@@ -99,10 +130,13 @@ def _value(value, called):
 
     TypeError for a kind of constant for which there is no rule.
     """
+    if type(value) in PLAIN:
+        return f"{type(value).__name__} {value!r}"
+    if hasattr(value, "py_func"):
+        called.append(value.py_func)
+        return f"kernel {_name(value.py_func)} {_options(value)}"
     if isinstance(value, enum.Enum):
         return f"{_name(type(value))}.{value.name} {value.value!r}"
-    if value is None or isinstance(value, (bool, int, float, complex, str, bytes, slice, range)):
-        return f"{type(value).__name__} {value!r}"
     if isinstance(value, (tuple, list)):
         inside = ", ".join(_value(one, called) for one in value)
         return f"{_value(type(value), called)} ({inside})"
@@ -110,10 +144,7 @@ def _value(value, called):
         return f"set {sorted(_value(one, called) for one in value)}"
     if isinstance(value, dict):
         return f"dict {sorted((_value(k, called), _value(v, called)) for k, v in value.items())}"
-    if hasattr(value, "py_func"):
-        called.append(value.py_func)
-        return f"kernel {_name(value.py_func)} {_options(value)}"
-    if isinstance(value, python.FunctionType):
+    if isinstance(value, python.FunctionType) and not _is_fixed(value.__module__):
         called.append(value)
         return f"function {_name(value)}"
     return _description(value)
@@ -121,16 +152,20 @@ def _value(value, called):
 
 def _description(value):
     """Text of what is neither a plain value nor a function of ours."""
+    if isinstance(value, python.ModuleType):
+        return f"module {value.__name__}"
     if isinstance(value, (np.ndarray, np.generic)):
         bits = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
-        return f"array {_description(value.dtype)} {np.shape(value)} {bits}"
+        order = value.flags.c_contiguous, value.flags.f_contiguous
+        return f"array {_description(value.dtype)} {np.shape(value)} {order} {bits}"
     if isinstance(value, np.dtype):
         return f"dtype {value.descr} {value.itemsize} {value.alignment}"
     if isinstance(value, type):
         members = [(one.name, one.value) for one in value] if issubclass(value, enum.Enum) else ()
-        return f"class {_name(value)} {getattr(value, '_fields', ())} {members}"
-    if isinstance(value, python.ModuleType):
-        return f"module {value.__name__}"
+        fields, defaults = getattr(value, "_fields", ()), getattr(value, "_field_defaults", {})
+        return f"class {_name(value)} {fields} {_value(defaults, [])} {members}"
+    if isinstance(value, (int, float, str)):  # of a class of its own
+        return f"{_name(type(value))} {value!r}"
     if callable(value) and hasattr(value, "__name__"):  # of Python, NumPy or numba
         return f"callable {getattr(value, '__module__', '')} {value.__name__}"
     if type(value).__module__.split(".")[0] == "numba":

@@ -14,6 +14,7 @@ import json
 import os
 import pickle
 import platform
+import re
 import sys
 from contextlib import contextmanager, nullcontext
 
@@ -34,9 +35,12 @@ from numba.np import arrayobj
 from shefex_nav.compiled import digest, signature
 from shefex_nav.compiled.store import Store
 
-FORMAT = 1  # of the content of a file, and of how it is made
 USES = "SHEFEX_NAV_KERNELS_USED"  # environment variable: a file to which used kernels are appended
-SETTINGS = "OPT", "BOUNDSCHECK", "LOOP_VECTORIZE", "SLP_VECTORIZE"  # of numba, that change what is compiled
+SETTINGS = (  # of numba, that change what it compiles
+    *("OPT", "BOUNDSCHECK", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML", "LLVM_REFPRUNE_PASS"),
+    *("LLVM_REFPRUNE_FLAGS", "DEBUGINFO_DEFAULT", "EXTEND_VARIABLE_LIFETIMES", "ENABLE_PROFILING"),
+    *("FULL_TRACEBACKS", "DEBUG_NRT", "DEBUG_NRT_STACK_LIMIT", "USE_LLVMLITE_MEMORY_MANAGER"),
+)
 
 begins_to_compile = []  # functions of a kernel, called when it has to be compiled now
 
@@ -183,10 +187,15 @@ def _use(dispatcher, compiler):
     )
 
 
+_compiled_from = {}  # what a callee was when it was compiled: function -> digest.own
+
+
 class _Callee(CPUDispatcher):
     """A kernel as other kernels, and functions that others compile, see it."""
 
-    add_overload = _add_callee
+    def add_overload(self, cres):
+        _compiled_from.setdefault(self.py_func, digest.own(self.py_func))
+        _add_callee(self, cres)
 
     def __init__(self, py_func, targetoptions):
         super().__init__(py_func, targetoptions=targetoptions)
@@ -227,9 +236,13 @@ class Kernel(CPUDispatcher):
         for env in cres.referenced_envs or cres._find_referenced_environments():
             cres.codegen.set_env(env.env_name, env)
 
-    def file_of(self, args):
-        """Path of the file of compiled code for types of arguments; None: it has to be compiled."""
-        return store().path(self._cache.name(args))
+    def file_of(self, args, known=None):
+        """Path of the file of compiled code for types of arguments; None: it has to be compiled.
+
+        known : as for `digest.closure`
+        """
+        name = self._cache.name(args, known)
+        return None if name is None else store().path(name)
 
 
 @contextmanager
@@ -249,30 +262,26 @@ class _Files(NullCache):
 
     def __init__(self, kernel):
         self._kernel = kernel
-        self._names = {}
+        self._wanted = None  # name of the file that is loaded or made now
 
-    def name(self, args):
-        """Name of the file for types of arguments; None if these have no name."""
-        if args not in self._names:
-            self._names[args] = self._new_name(args)
-        return self._names[args]
-
-    def _new_name(self, args):
+    def name(self, args, known=None):
+        """Name of the file for types of arguments, as all is now; None if these have no name."""
         try:
             text = json.dumps([signature.encode(one) for one in args])
         except signature.UnknownType:
             return None
-        whole = hashlib.sha256(f"{digest.of_kernel(self._kernel)} {text}".encode()).hexdigest()
+        whole = f"{digest.of_kernel(self._kernel, known)} {text} {_settings()}"
         short = hashlib.sha256(text.encode()).hexdigest()[:6]
-        return f"{signature.name(self._kernel).replace(':', '.')}-{short}-{whole[:20]}"
+        stem = re.sub(r"[^\w.]", "_", signature.name(self._kernel).replace(":", "."))  # <lambda> is no file
+        return f"{stem}-{short}-{hashlib.sha256(whole.encode()).hexdigest()[:20]}"
 
     def alone(self, args):
         """Context in which no other process compiles the same, if it has to be compiled at all."""
-        name = self.name(args)
+        name = self._wanted = self.name(args)
         return nullcontext() if name is None or store().path(name) else store().alone(name)
 
     def load_overload(self, sig, target_context):
-        if (name := self.name(sig)) is None:
+        if (name := self._wanted) is None:
             return None
         _note_use(self._kernel, sig)
         content = store().load(name)
@@ -285,10 +294,18 @@ class _Files(NullCache):
         return _rebuilt(target_context, content)
 
     def save_overload(self, sig, cres):
-        if (name := self.name(sig)) is None or cres.library.has_dynamic_globals:
+        if self._wanted is None or cres.library.has_dynamic_globals or not self._is_as_named(sig):
             return
-        if path := store().save(name, _reduced(cres)):
+        if path := store().save(self._wanted, _reduced(cres)):
             _cache_log("[cache] data saved to %r", path)
+
+    def _is_as_named(self, args):
+        """Whether what was compiled is what the name says: a global may have become another meanwhile, or
+        since a callee was compiled, which is used again.
+        """
+        parts = digest.closure(self._kernel)
+        unchanged = all(_compiled_from.get(function, one) == one for function, one in parts.items())
+        return unchanged and self.name(args) == self._wanted
 
 
 def _reduced(cres):
@@ -355,14 +372,27 @@ def store():
     return _STORE
 
 
+def _settings():
+    """SETTINGS as they are now: numba reads the environment again whenever it compiles."""
+    config.reload_config()
+    return [getattr(config, name) for name in SETTINGS]
+
+
+_AT_FIRST = _settings()  # some are used when the compiler is set up, too
+
+
 def _kind():
     """Name of all that code depends on besides the kernels: versions, processor, settings of the compiler."""
     triple, processor, features = cpu_target.target_context.codegen().magic_tuple()
-    settings = {
-        name: getattr(config, name) for name in ("OPT", "BOUNDSCHECK", "LOOP_VECTORIZE", "SLP_VECTORIZE")
-    }
-    rest = f"{triple} {features} {settings} {FORMAT}"
+    made_by = [_text(sys.modules[one]) for one in (__name__, digest.__name__, signature.__name__)]
+    rest = f"{triple} {features} {_AT_FIRST} {made_by}"
     numpy = ".".join(np.__version__.split(".")[:2])
     python = f"{sys.implementation.cache_tag}-{platform.machine()}-{sys.platform}"
     versions = f"numba{numba.__version__}-llvmlite{llvmlite.__version__}-numpy{numpy}"
     return f"{python}-{processor}-{versions}-{hashlib.sha256(rest.encode()).hexdigest()[:8]}"
+
+
+def _text(module):
+    """A module's source; its instructions where only these are installed."""
+    loader = module.__spec__.loader
+    return loader.get_source(module.__name__) or digest.of_code(loader.get_code(module.__name__))

@@ -7,6 +7,8 @@ from numba.core import types
 from numba.np import numpy_support
 
 SCALARS = types.Number, types.Boolean, types.NoneType, types.UnicodeType
+DEFAULTS = type(None), bool, int, float, str  # of values: exactly these, which JSON gives back as they were
+FAULTS = AttributeError, IndexError, KeyError, TypeError, ValueError  # of what does not mean a type
 
 
 class UnknownType(ValueError):
@@ -15,9 +17,9 @@ class UnknownType(ValueError):
 
 def encode(kind):
     """Type of numba -> str or list. UnknownType."""
-    if isinstance(kind, types.Omitted):
+    if isinstance(kind, types.Omitted) and type(kind.value) in DEFAULTS:
         return ["default", kind.value]
-    if isinstance(kind, types.Array):
+    if type(kind) is types.Array:
         flags = "" if kind.mutable else "readonly", "" if kind.aligned else "unaligned"
         return ["array", encode(kind.dtype), kind.ndim, kind.layout, *filter(None, flags)]
     if isinstance(kind, types.Record):
@@ -32,8 +34,6 @@ def encode(kind):
         ]
     if isinstance(kind, types.BaseTuple):
         return ["tuple", *(encode(one) for one in kind)]
-    if isinstance(kind, types.Dispatcher):
-        return ["kernel", name(kind.dispatcher)]
     if isinstance(kind, SCALARS) and not isinstance(kind, types.Literal):
         return str(kind)
     raise UnknownType(f"no rule for {kind}")
@@ -41,6 +41,15 @@ def encode(kind):
 
 def decode(text):
     """What `encode` gave -> type of numba. UnknownType for what the program no longer has."""
+    try:
+        return _decode(text)
+    except UnknownType:
+        raise
+    except FAULTS as error:
+        raise UnknownType(f"no type is {text}: {error}") from error
+
+
+def _decode(text):
     if isinstance(text, str):
         return types.none if text == "none" else getattr(types, text)
     word, *rest = text
@@ -55,8 +64,6 @@ def decode(text):
         return _decode_named(*rest)
     if word == "tuple":
         return types.BaseTuple.from_types(tuple(decode(one) for one in rest))
-    if word == "kernel":
-        return find(rest[0])._type
     raise UnknownType(f"no rule for {text}")
 
 
@@ -80,16 +87,28 @@ def _encode_record(dtype):
 
 
 def _format(dtype):
-    if dtype.subdtype is None:
-        return dtype.str
-    of, shape = dtype.subdtype
-    return [of.str, list(shape)]
+    of, shape = dtype.subdtype or (dtype, ())
+    text = of.str if of.names is None else _encode_record(of)
+    return [text, list(shape)] if shape else text
 
 
 def _decode_record(size, aligned, fields):
-    formats = [one if isinstance(one, str) else (one[0], tuple(one[1])) for _, one, _ in fields]
+    return numpy_support.from_dtype(_dtype(size, aligned, fields))
+
+
+def _dtype(size, aligned, fields):
+    formats = [_decode_format(one) for _, one, _ in fields]
     layout = {"names": [one[0] for one in fields], "formats": formats, "offsets": [one[2] for one in fields]}
-    return numpy_support.from_dtype(np.dtype({**layout, "itemsize": size}, align=aligned))
+    return np.dtype({**layout, "itemsize": size}, align=aligned)
+
+
+def _decode_format(text):
+    if isinstance(text, str):
+        return text
+    if text[0] == "record":
+        return _dtype(*text[1:])
+    of, shape = text
+    return _decode_format(of), tuple(shape)
 
 
 def _decode_named(of, names, kinds):

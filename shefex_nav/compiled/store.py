@@ -17,6 +17,8 @@ from shefex_nav.compiled import target
 ENDING = ".kernel"
 KEPT_DAYS = 30.0  # for which a file is kept that nobody loads
 TOUCHED_DAYS = 1.0  # a file that is loaded is marked as used once in that time
+BROKEN_OFF = ".lock", ".part"  # endings of what a process leaves that is killed
+BROKEN_OFF_DAYS = 1.0
 NEWEST = 4  # versions of one kernel that are kept, however old
 SHIPPED = "shefex_nav_kernels"  # package that may bring compiled kernels
 DAY_S = 86400.0
@@ -48,11 +50,12 @@ class Store:
         try:
             with open(path, "rb") as file:
                 whole = file.read()
-            if path.startswith(self.own) and time.time() - os.path.getmtime(path) > TOUCHED_DAYS * DAY_S:
-                os.utime(path)
         except OSError as error:
             self.tell(f"{path}: {error.strerror}; the kernel is compiled again")
             return None
+        with suppress(OSError):  # somebody else's file, which may be read only
+            if path.startswith(self.own) and time.time() - os.path.getmtime(path) > TOUCHED_DAYS * DAY_S:
+                os.utime(path)
         if hashlib.sha256(whole[32:]).digest() != whole[:32]:
             self.tell(f"{path} is damaged; the kernel is compiled again")
             return None
@@ -114,13 +117,21 @@ class Store:
                     os.unlink(lock.name)
 
     def prune(self):
-        """Delete what nobody has loaded for a month, but of each kernel the newest."""
+        """Delete what nobody has loaded for a month, but of each kernel the newest.
+
+        What a process left that was killed goes after a day.
+        """
         versions, now = {}, time.time()
-        for entry in _entries(os.path.dirname(self.own)):
-            versions.setdefault(entry.name.rpartition("-")[0], []).append((entry.stat().st_mtime, entry.path))
+        for path in _files(os.path.dirname(self.own)):
+            with suppress(OSError):  # another process may have deleted it
+                age_d = (now - os.path.getmtime(path)) / DAY_S
+                if path.endswith(ENDING):
+                    versions.setdefault(os.path.basename(path).rpartition("-")[0], []).append((age_d, path))
+                elif path.endswith(BROKEN_OFF) and age_d > BROKEN_OFF_DAYS:
+                    os.unlink(path)
         for files in versions.values():
-            for used_s, path in sorted(files, reverse=True)[NEWEST:]:
-                if now - used_s > KEPT_DAYS * DAY_S:
+            for age_d, path in sorted(files)[NEWEST:]:
+                if age_d > KEPT_DAYS:
                     with suppress(OSError):
                         os.unlink(path)
 
@@ -143,9 +154,9 @@ def shipped_kinds():
     return sorted(one.name for one in os.scandir(folder) if "numba" in one.name) if folder else None
 
 
-def _entries(folder):
-    """Files of all kinds, and what earlier programs left: os.DirEntry."""
+def _files(folder):
+    """Files of all kinds, and what earlier programs left: paths."""
     with suppress(OSError):
         for kind in os.scandir(folder):
             if kind.is_dir():
-                yield from (one for one in os.scandir(kind.path) if one.name.endswith(ENDING))
+                yield from (one.path for one in os.scandir(kind.path))

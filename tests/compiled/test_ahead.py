@@ -5,12 +5,21 @@ import os
 import subprocess
 import sys
 import time
+from queue import SimpleQueue
 
 import pytest
 
 from shefex_nav.compiled import ahead, digest, signature
 
 SMALL = "shefex_nav.geometry.rotation:quat_conjugate", "shefex_nav.geometry.rotation:quat_normalise"
+
+NOISY = """
+from shefex_nav.compiled import kernel
+print("a line of a user's module")
+@kernel
+def half(x):
+    return 0.5 * x
+"""
 
 
 @pytest.fixture(scope="module")
@@ -69,10 +78,46 @@ def test_two_processes_fill_an_empty_cache(listed, tmp_path):
     assert int(count) >= 2 and (same, left) == ("True", "[]")
 
 
-def test_a_process_that_fails_is_told(listed):
-    wrong = listed[0]._replace(kernel="shefex_nav.geometry.rotation:quat_conjugate", signature=["float64"])
-    with pytest.raises(ahead.CompilerFailed, match="TypingError"):
-        ahead.compile_all([wrong], 2)
+def test_a_kernel_that_cannot_be_compiled_is_told_and_the_others_are_compiled(tmp_path, monkeypatch):
+    """With a folder around that holds a file of the name of a module, and a module that prints."""
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "json.py").write_text("raise SystemExit('another module')", encoding="utf-8")
+    (tmp_path / "noisy.py").write_text(NOISY, encoding="utf-8")
+    monkeypatch.chdir(tmp_path / "here")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setenv("SHEFEX_NAV_KERNELS_USED", str(tmp_path / "used"))
+    wanted, done = [ahead.Entry("noisy:half", [text], []) for text in ("unicode_type", "float64")], []
+    with pytest.raises(ahead.CompilerFailed, match=r"^noisy:half: TypingError: [^\n]+$"):
+        ahead.compile_all(wanted, 1, done.append)
+    assert done == ["noisy:half"] * 2
+    assert [path.name.startswith("noisy.half") for path in tmp_path.rglob("*.kernel")] == [True]
+    assert not (tmp_path / "used").exists()  # by a job
+
+
+def test_a_process_that_ends_early_is_told(listed, tmp_path, monkeypatch):
+    (tmp_path / "breaks.py").write_text("raise SystemExit('no more memory')", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(ahead, "WORKER", "breaks")
+    with pytest.raises(ahead.CompilerFailed, match="ended with code 1: no more memory"):
+        ahead.compile_all(listed[:1], 2)
+
+
+def test_an_end_that_was_told_is_no_stop(tmp_path, monkeypatch):
+    """A fault must not be lost between the last word of a process and the end of the thread that reads it."""
+    (tmp_path / "breaks.py").write_text("raise SystemExit('no more memory')", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(ahead, "WORKER", "breaks")
+
+    class Slow(SimpleQueue):
+        def put(self, item):
+            super().put(item)
+            time.sleep(0.5)
+
+    finished = Slow()
+    process = ahead._Process([], finished)
+    assert finished.get() is None
+    assert "no more memory" in process.end()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="asks for a process by its number")
@@ -104,6 +149,8 @@ def _is_alive(pid):
 
 def test_a_kernel_that_the_program_no_longer_has_is_left_out():
     gone = ahead.Entry("shefex_nav.geometry.rotation:nothing", ["float64"], [])
-    assert not ahead._has_no_file(gone)
+    other = gone._replace(kernel="shefex_nav.geometry.rotation:quat_conjugate", signature=["nonsense"])
+    no_kernel = gone._replace(kernel="shefex_nav.geometry.rotation:np")
+    assert not ahead.without_file([gone, other, no_kernel])
     with pytest.raises(signature.UnknownType, match="no shefex_nav"):
         signature.find(gone.kernel)

@@ -5,7 +5,7 @@ import shutil
 import time
 
 import pytest
-from conftest import LOWER, UPPER, Package
+from kernel_package import LOWER, UPPER, Package
 
 from shefex_nav.compiled import store
 
@@ -120,6 +120,31 @@ def test_files_that_nobody_uses_are_deleted(tmp_path):
     kept.prune()
     left = {path.name for path in (tmp_path / "kind").iterdir()}
     assert left == {f"a.kernel-abc-{n}.kernel" for n in ("new", 6, 5, 4)}
+
+
+def test_what_broke_off_is_deleted_after_a_day(tmp_path):
+    kept = store.Store("kind", tmp_path)
+    kept.save("a.kernel-abc-1", b"code")
+    os.symlink(tmp_path / "nowhere", tmp_path / "kind" / "gone.kernel")  # as if deleted meanwhile
+    for name in ("old.lock", "old.part", "new.lock", "new.part"):
+        path = tmp_path / "kind" / name
+        path.touch()
+        if name.startswith("old"):
+            os.utime(path, (time.time() - 1.1 * store.DAY_S,) * 2)
+    kept.prune()
+    left = {path.name for path in (tmp_path / "kind").iterdir()}
+    assert left == {"a.kernel-abc-1.kernel", "gone.kernel", "new.lock", "new.part"}
+
+
+def test_a_file_that_cannot_be_marked_as_used_is_good(tmp_path, monkeypatch, capsys):
+    kept = store.Store("kind", tmp_path)
+    os.utime(kept.save("one", b"code"), (0.0, 0.0))
+
+    def refuse(path):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "utime", refuse)
+    assert kept.load("one") == b"code" and not capsys.readouterr().err
 
 
 def test_what_a_package_brings_is_found(tmp_path, monkeypatch):

@@ -87,13 +87,50 @@ def test_a_process_that_fails_is_told_and_the_job_goes_on(monkeypatch, capsys):
     from shefex_nav.compiled import ahead
 
     def fail(wanted, workers=None):
-        raise ahead.CompilerFailed("Traceback\n  of many lines\nMemoryError: no more\n")
+        raise ahead.CompilerFailed("a.b: TypingError: no\na.c: TypingError: no")
 
     monkeypatch.setattr(warmup, "compile_listed", fail)
     monkeypatch.setattr(warmup, "_done", set())
     warmup.get_ready(())
     (line,) = capsys.readouterr().err.splitlines()
-    assert "failed (MemoryError: no more)" in line and "when called" in line
+    assert "(a.b: TypingError: no, and 1 more)" in line and "when called" in line
+
+
+def test_a_job_goes_on_with_an_old_list(tmp_path, monkeypatch, capsys):
+    from shefex_nav import warmup
+    from shefex_nav.compiled import ahead, numba_hooks
+    from shefex_nav.compiled.store import Store
+
+    stale = ahead.Entry(f"{ROTATION}:quat_conjugate", ["float64"], [frozenset()])
+    monkeypatch.setattr(ahead, "entries", lambda: [stale])
+    monkeypatch.setattr(numba_hooks, "_STORE", Store("kind", tmp_path))
+    monkeypatch.setattr(warmup, "_done", set())
+    warmup.get_ready(())
+    assert "quat_conjugate: TypingError" in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_warmup_tells_what_could_not_be_compiled(command, tmp_path, monkeypatch):
+    from shefex_nav.compiled import ahead, numba_hooks
+    from shefex_nav.compiled.store import Store
+
+    stale = ahead.Entry(f"{ROTATION}:quat_conjugate", ["float64"], [])
+    monkeypatch.setattr(ahead, "entries", lambda: [stale])
+    monkeypatch.setattr(numba_hooks, "_STORE", Store("kind", tmp_path))
+    done = command("warmup")
+    assert done.code == 2 and "ready" not in done.out and "Traceback" not in done.err
+    assert done.err.count("quat_conjugate: TypingError") == 1
+
+
+def test_warmup_counts_what_is_kept(command, tmp_path, monkeypatch):
+    """A disk may become full meanwhile."""
+    from shefex_nav.compiled import ahead, numba_hooks
+    from shefex_nav.compiled.store import Store
+
+    monkeypatch.setattr(ahead, "compile_all", lambda wanted, workers, step: None)
+    monkeypatch.setattr(numba_hooks, "_STORE", Store("kind", tmp_path))
+    done = command("warmup")
+    assert done.code == 2 and "ready" not in done.out
+    assert "kernels are missing" in done.err and "kept" in done.err
 
 
 @pytest.mark.parametrize("setting", ["NUMBA_CPU_NAME", "OPENBLAS_CORETYPE", "OMP_NUM_THREADS"])
