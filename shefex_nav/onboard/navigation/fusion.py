@@ -37,6 +37,7 @@ from shefex_nav.onboard.navigation.sensors import (
     without_solution,
 )
 from shefex_nav.onboard.navigation.state import (
+    ATT,
     X_R,
     X_V,
     Layout,
@@ -327,7 +328,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)
     else:
         dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P)
-    if fate == Fate.RESET and sensor.block == "attitude":
+    if measurement.sensor == "star_tracker" and (fate == Fate.RESET or dx[ATT] @ dx[ATT] > eskf.LARGE2):
         history.P[:], G = eskf.turned_back(history.P, G), np.eye(3)
     if recorder is not None:
         after = now.state, history.P.copy(), cut
