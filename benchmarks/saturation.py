@@ -92,7 +92,9 @@ def main():
             misled = [row for row in found if row["misleading_s"] > 0.0]
             bad |= bool(misled) or not low <= mean <= high
             for row in found:
-                print("   ", *(f"{k}={v:.3g}" if isinstance(v, float) else f"{k}={v}" for k, v in row.items()))
+                print(
+                    "   ", *(f"{k}={v:.3g}" if isinstance(v, float) else f"{k}={v}" for k, v in row.items())
+                )
             print(
                 f"{rocket}: {len(misled)} of {len(found)} mislead; mean NEES {mean:.2f} "
                 f"({low:.2f} to {high:.2f}); median {np.median([row['nees'] for row in found]):.2f}"

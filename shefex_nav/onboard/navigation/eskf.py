@@ -11,7 +11,6 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.navigation.state import ATT, corrected, right_jacobian
 
-
 LARGE2 = 0.05**2  # [E] rad^2, square of a correction of the attitude that is no small angle
 
 
