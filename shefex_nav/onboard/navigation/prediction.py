@@ -120,7 +120,7 @@ def _through(
                 C_iq, C_re, angle_0, rate, work,
             )  # fmt: skip
             _covariance(at, model[0], P, work, bias_walk, until_s - begin_s)
-            unknown_attitude.widen(P, angle, speed, until_s - begin_s, model[0].thrust_time_s)
+            unknown_attitude.widen(P, angle, speed)
         if until_s == length_s:
             _keep(x, P, xs[k], Ps[k])
         begin_s = 0.0

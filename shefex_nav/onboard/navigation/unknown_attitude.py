@@ -15,9 +15,9 @@ by w in an unknown direction: its error grows by |w| T in a time T, in one direc
 
     C (theta x dv + theta x (theta x dv)/2)
 
-of which the model has the first term. The second keeps its direction for as long as the force; it is counted
-as an error of the size s = |theta| |theta x dv|/2, never more than 2 |dv|, that lasts for the time tau of
-errors that go with thrust: white noise of the variance 2 tau s^2/T in a time T.
+of which the model has the first term. The second keeps its direction as long as the force does. It is counted
+as an error of the size s = |theta| |theta x dv|/2, never more than 2 |dv|, in the direction of the error that
+the velocity has already: sigma grows by s until a fix takes it back.
 """
 
 import numpy as np
@@ -32,16 +32,15 @@ MARGIN = 1.05  # of that variance, before ties are cut
 
 
 @inner(forceinline=True)
-def widen(P, angle, speed, T, lasting_s):
+def widen(P, angle, speed):
     """Make a covariance after an interval as large as the module's text says, in place.
 
     P : (n, n);  angle, speed : rad, m/s, three numbers each, passed through in the interval, body axes
-    T : s, its duration;  lasting_s : tau of the module's text
     """
     a = ATT.start
     largest = max(P[a, a], P[a + 1, a + 1], P[a + 2, a + 2])
     if largest > LARGE2:
-        _add_second_order(P, speed, T, lasting_s)
+        _add_second_order(P, speed)
     if largest > MARGIN * UNKNOWN2:
         for k in range(3):
             if P[a + k, a + k] > MARGIN * UNKNOWN2:
@@ -50,7 +49,7 @@ def widen(P, angle, speed, T, lasting_s):
 
 
 @inner
-def _add_second_order(P, speed, T, lasting_s):
+def _add_second_order(P, speed):
     """Noise of velocity for the second order of the attitude's error, in place."""
     a = ATT.start
     trace, along = 0.0, 0.0
@@ -60,9 +59,9 @@ def _add_second_order(P, speed, T, lasting_s):
             along += speed[i] * P[a + i, a + j] * speed[j]
     gained2 = t3.dot(speed, speed)
     across = max(trace * gained2 - along, 0.0)  # mean square of theta x dv
-    size2 = min(0.25 * trace * across, 4.0 * gained2)
+    size = np.sqrt(min(0.25 * trace * across, 4.0 * gained2))
     for i in range(VEL.start, VEL.stop):
-        P[i, i] += 2.0 * lasting_s * size2 / T
+        P[i, i] += size * (2.0 * np.sqrt(P[i, i]) + size)
 
 
 @inner
