@@ -16,7 +16,7 @@ _FLOWN = (  # name, key, digits, unit
 
 MOST_FAULTS = 12  # in the table
 DOUBTS = {  # records.Doubt for people
-    "attitude": "protection level over navigation.integrity.attitude",
+    "attitude": "protection level over requirements.attitude.limit",
     "contradicted": "contradicted by a sensor",
     "imu": "motion beyond the IMU's range",
 }

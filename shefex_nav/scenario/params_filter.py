@@ -50,7 +50,7 @@ def integrity_params(scenario, dt_s, coarse_if_silent):
             change=np.array([section.angular_acceleration, section.thrust_change]),
             missed=_missed(scenario),
         ),
-        wanted=integrity_protection.requirement(section.attitude, section.risk),
+        wanted=integrity_protection.requirement(scenario.requirements.attitude.limit, section.risk),
         wrong_star_fix=section.wrong_star_fix,
         release_gps_jump=_rule(section.gps_jump),
     )

@@ -58,13 +58,6 @@ class GpsParams(NamedTuple):
     reacquisition: gps_receiver.Reacquisition | None = None
 
 
-class GpsData(NamedTuple):
-    """What the receiver gives, one of each a second."""
-
-    fixes: list[GpsFix]
-    ranges: list[GpsRanges]
-
-
 class Antenna(NamedTuple):
     """True state of the antenna at the m epochs of the fixes."""
 
@@ -73,6 +66,14 @@ class Antenna(NamedTuple):
     v_ea_e: np.ndarray  # (m, 3) m/s, relative to the Earth
     nose_e: np.ndarray  # (m, 3) direction of body x
     roll_rate: np.ndarray  # (m,) rad/s
+
+
+class GpsData(NamedTuple):
+    """What the receiver gives, one of each a second, and where its antenna was, which it does not know."""
+
+    fixes: list[GpsFix]
+    ranges: list[GpsRanges]
+    antenna: Antenna
 
 
 def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
@@ -121,7 +122,7 @@ def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
     ranges = gps_channels.ranges(
         geometry, clock, errors, sigmas, tracked & lit, prn, t_s, params.latency_s, reasons
     )
-    return GpsData(fixes, ranges)
+    return GpsData(fixes, ranges, antenna)
 
 
 def _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons):
