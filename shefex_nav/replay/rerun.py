@@ -49,7 +49,8 @@ def run(log_path, overrides=()):
     Parameters
     ----------
     log_path : MCAP file
-    overrides : texts 'navigation.key=value', or of requirements.attitude, of a filter that is configured otherwise than in flight
+    overrides : texts 'navigation.key=value', or of requirements.attitude, of a filter that is configured
+        otherwise than in flight
 
     Yields
     ------
