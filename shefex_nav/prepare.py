@@ -61,7 +61,7 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         flight = fly_vehicle(scenario, seed, brief=brief)
     trajectory, wrong = flight.trajectory, params_faults.faults(scenario)
     imu_biases = np.empty((len(trajectory.t_s), 6)) if biases else None
-    measured = imu.measure(params.imu_params(scenario), trajectory, rng("imu"), imu_biases)
+    measured = imu.measure(params.imu_params(scenario), trajectory, rng("imu"), imu_biases, wrong.imu)
     true_camera = camera.init(params.camera_params(scenario), at_epoch, bodies, earth, rng("camera_errors"))
     gps_data = gps.measure(
         params_gps.gps_params(scenario),
@@ -78,9 +78,9 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         catalogue=catalogue,
         flight=flight._replace(events=tuple(sorted(events, key=lambda event: event.t_s))),
         alignment=pad.align(params.pad_params(scenario), trajectory, earth, rng("pad")),
-        imu=faults.imu(wrong.imu, measured),
+        imu=measured,
         gps_fixes=faults.gps(wrong.gps, gps_data.fixes),
-        gps_ranges=faults.gps_ranges(wrong.gps, gps_data.ranges),
+        gps_ranges=faults.gps_ranges(wrong.gps, gps_data.ranges, gps_data.antenna),
         camera=true_camera,
         computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
         faults=wrong,

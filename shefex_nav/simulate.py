@@ -51,7 +51,8 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, colu
     yield world.alignment
     year = catalogue_year(scenario.mission.epoch)
     computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, year)
-    eye, read = _star_camera(world, scenario, seed, computer, step), imu.stacked(world.imu)
+    read = imu.stacked(world.imu)
+    eye = _star_camera(world, scenario, seed, computer, step, read.t_valid_s)
     diary, n = Diary(world, read.t_valid_s, until_s, columns is None), 0
     telemetry, blocks = (RECORDS, read) if columns is None else (columns, None)
     while n < diary.ticks:
@@ -111,8 +112,8 @@ class Eye(NamedTuple):
     has_pictures: bool
 
 
-def _star_camera(world, scenario, seed, computer, step):
-    """Eye of a run, whose pictures, if there are any, are searched by `step`."""
+def _star_camera(world, scenario, seed, computer, step, ends_s):
+    """Eye of a run, whose pictures, if there are any, are searched by `step`; ends_s : (n,) of its ticks."""
     line, take = faults.StarLine(world.faults.stars, noise.generator(seed, "faults")), camera.expose
     is_statistical = statistical.is_wanted(scenario)
     if is_statistical:
@@ -124,7 +125,7 @@ def _star_camera(world, scenario, seed, computer, step):
         world.camera,
         world.flight.trajectory,
         every=round(TICK_HZ / scenario.star_tracker.rate),
-        off_s=scenario.star_tracker.off,
+        last_s=onboard.last_on_s(world.computer, ends_s),
         rng=noise.generator(seed, "camera_noise"),
         take=take,
     )

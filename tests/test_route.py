@@ -11,14 +11,19 @@ from shefex_nav.log import thinning
 from shefex_nav.log.run_data import RunData, RunDataBuilder, stack
 from shefex_nav.onboard.telemetry import Columns
 from shefex_nav.records import (
+    CameraCommand,
     ComputeTime,
     ControlSample,
+    Frame,
     ImuBlock,
     NavCovariance,
     NavSolution,
+    Reason,
+    StarFix,
     TruthSample,
 )
 from shefex_nav.scenario import load
+from shefex_nav.world.camera.camera import frame_of
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 TICKS, SEED = 10, 4
@@ -146,3 +151,88 @@ def test_warming_up_leaves_the_world_as_it_was(overrides):
     scenario, world = resting(overrides)
     simulate.warm_up(scenario, world)
     assert bits(flown(scenario, world, until_s=3.0)) == bits(expected)
+
+
+TICK_US, EVERY = 10_000, 10  # of the computer; ticks from picture to picture
+EXPOSURE_US, READOUT_US = 50_000, (15_000, 20_000)  # a picture arrives between two ticks, or on one
+WITHIN_TICK_US = 0, 0.5, 2, 1000, 5000, 9000, 9998, 9999.5
+SWITCHES_US = [
+    *((500_000.0, 2_050_000.0 + k * TICK_US + us) for k in range(5) for us in WITHIN_TICK_US),
+    *((490_000.0 + k * TICK_US + us, 2_100_000.0) for k in range(3) for us in WITHIN_TICK_US),
+    *((500_000.0 + us, 570_000.0 + us) for us in WITHIN_TICK_US),  # on for a picture, or not quite
+    (503_000.0, 508_000.0),  # for no tick
+]
+
+
+@pytest.fixture(scope="module")
+def still():
+    return resting([])
+
+
+def tick_of(us):
+    """The first tick that ends then or later, an instant being a microsecond wide."""
+    return int(np.ceil((us - 1.0) / TICK_US))
+
+
+def switched(still, monkeypatch, on_us, off_us, readout_us):
+    """Star camera and tracker that give no attitude and want the same exposure again. -> records"""
+
+    def expose(camera, command, trajectory, number, t_start_s, rng):
+        times_s = t_start_s, t_start_s + 0.5 * command.exposure_s, t_start_s + command.exposure_s
+        frame = frame_of(camera.params, command, number, times_s, np.zeros((8, 8), dtype=np.uint8))
+        return frame, number
+
+    def step(tracker, state, frame, context):
+        fix = made_up_fix(frame.number, frame.t_valid_s, frame.t_available_s)
+        return state, fix, CameraCommand(frame.t_available_s, 1e-6 * EXPOSURE_US, 0.0)
+
+    scenario, world = still
+    monkeypatch.setattr(simulate.camera, "expose", expose)
+    start = simulate.star_tracker.start
+    monkeypatch.setattr(
+        simulate.star_tracker, "start",
+        lambda tracker, now_s: (start(tracker, now_s)[0], CameraCommand(now_s, 1e-6 * EXPOSURE_US, 0.0)),
+    )  # fmt: skip
+    computer = world.computer._replace(tracker_on_s=1e-6 * on_us, tracker_off_s=1e-6 * off_us)
+    params = world.camera.params._replace(readout_s=1e-6 * readout_us, line_s=0.0)
+    world = world._replace(computer=computer, camera=world.camera._replace(params=params))
+    return list(simulate.route(world, scenario, SEED, until_s=2.2, step=step))
+
+
+def made_up_fix(number, t_valid_s, t_available_s):
+    """StarFix of a frame without stars."""
+    unknown = np.full(4, np.nan), np.full((3, 3), np.nan)
+    few = int(Reason.TOO_FEW_STARS)
+    return StarFix(
+        number, t_valid_s, t_available_s, few, *unknown, None, None, np.nan, 0.0, 0.05, False, True
+    )
+
+
+@pytest.mark.parametrize("readout_us", READOUT_US)
+@pytest.mark.parametrize(("on_us", "off_us"), SWITCHES_US)
+def test_computer_and_camera_agree_who_is_on(still, monkeypatch, on_us, off_us, readout_us):
+    """Pictures are those that arrive at a tick at which the tracker is on, and none is left out."""
+    records = switched(still, monkeypatch, on_us, off_us, readout_us)
+    on, off = tick_of(on_us), tick_of(off_us)
+    arrival = {n: tick_of(n * TICK_US + EXPOSURE_US + readout_us) for n in range(0, 221, EVERY)}
+    expected = [n for n in arrival if n >= on and arrival[n] < off]
+    frames = [record for record in records if isinstance(record, Frame)]
+    assert [round(frame.t_start_s / (1e-6 * TICK_US)) for frame in frames] == expected
+    for kind in (StarFix, ComputeTime):
+        numbers = [
+            one.number if kind is StarFix else one.frame_number for one in records if type(one) is kind
+        ]
+        assert numbers == [frame.number for frame in frames]
+    commands = [record.t_s for record in records if isinstance(record, CameraCommand)]
+    assert len(commands) == (1 + len(frames) if on < off else 0)
+    if on < off:
+        assert commands[0] == pytest.approx(1e-6 * TICK_US * on)
+
+
+def test_a_picture_that_would_arrive_as_the_tracker_goes_off_is_not_taken():
+    """Rendered, and with ticks that are made many at once."""
+    scenario, world = resting(["star_tracker.off=2.07 s"])
+    records = flown(scenario, world, until_s=4.0)
+    frames = [record for record in records if isinstance(record, Frame)]
+    fixes = [record for record in records if isinstance(record, StarFix)]
+    assert len(frames) == len(fixes) == 10 and frames[-1].t_available_s <= 2.06

@@ -82,13 +82,11 @@ def coast(computer, blocks, first, last, telemetry=RECORDS):
     done : int, ticks that were made, at least one
     outputs : list of (tick, records), what there is to tell of the ticks before the last: see `glide`
     """
-    ticks, history = computer.ticks, computer.nav.history
-    if _switches(computer, history.ends_s[-1]):  # on from the start
-        last = first + 1
+    ticks, is_now = computer.ticks, computer.tracker_state is not None
+    switches = np.flatnonzero(is_on(computer.params, blocks.t_valid_s[first:last]) != is_now)
+    if len(switches):
+        last = first + int(switches[0]) + 1
     due_s = min((fix.t_available_s for fix in computer.waiting), default=np.inf)
-    for switched_s in (computer.params.tracker_on_s, computer.params.tracker_off_s):
-        if switched_s > history.ends_s[-1] + SAME_S:
-            due_s = min(due_s, switched_s)
     if due_s < blocks.t_valid_s[last - 1]:
         last = first + int(np.searchsorted(blocks.t_valid_s[first:last], due_s - SAME_S)) + 1
     done, outputs = glide(computer.nav, ticks, blocks, first, last, telemetry)
@@ -166,11 +164,24 @@ def conclude(nav, ticks, gps_fixes, star_fixes, telemetry=RECORDS):
     return outputs
 
 
+def is_on(params, now_s):
+    """Whether camera and star tracker are on at the ticks that end at now_s: this alone decides it.
+
+    ComputerParams; s, scalar or (n,) -> bool, likewise
+    """
+    late_s = now_s + SAME_S
+    return (params.tracker_on_s <= late_s) & (late_s < params.tracker_off_s)
+
+
+def last_on_s(params, ends_s):
+    """End of the last tick at which a picture can be taken in. ComputerParams; (n,) s -> s, -inf without"""
+    ends_on_s = ends_s[is_on(params, ends_s)]
+    return float(ends_on_s[-1]) if len(ends_on_s) else -np.inf
+
+
 def _switches(computer, now_s):
     """Whether the tracker has to be switched on or off at this tick."""
-    params = computer.params
-    wanted = params.tracker_on_s <= now_s + SAME_S < params.tracker_off_s
-    return wanted != (computer.tracker_state is not None)
+    return is_on(computer.params, now_s) != (computer.tracker_state is not None)
 
 
 def _track_stars(computer, now_s, frames_arrived, chain, context_of):

@@ -73,7 +73,9 @@ def _external(source, folder, overrides, from_s, log):
     setup_s, clock = time.perf_counter() - began, external.Clock()
     mission = external.mission(ready)
     data = _collect(external.run(ready, clock), mission, end_s, setup_s, log)
-    return _summary(data, log, from_s, clock.filter_s, end_s - mission.start_s)
+    summary = _summary(data, log, from_s, clock.filter_s, end_s - mission.start_s)
+    summary["warnings"] = [one._asdict() for one in ready.oddities]
+    return summary
 
 
 def _again(source, overrides, from_s, log):

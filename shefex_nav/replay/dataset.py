@@ -109,6 +109,14 @@ def body_axes(values, axes):
     return values[:, ["xyz".index(axis[-1]) for axis in axes]] * signs
 
 
+def file_axes(values, axes):
+    """Vectors (N, 3) in axes forward, right, down in those of the file: the inverse of `body_axes`."""
+    out = np.empty_like(values)
+    for k, axis in enumerate(axes):
+        out[:, "xyz".index(axis[-1])] = -values[:, k] if axis[0] == "-" else values[:, k]
+    return out
+
+
 def _without_holes(t_s, turn, gain, step_s):
     """Rates with interpolated samples where some are missing. -> times, (N, 3), (N, 3), (N,) bool"""
     missing = np.maximum(np.rint(np.diff(t_s) / step_s).astype(int) - 1, 0)

@@ -14,7 +14,7 @@ from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.records import Alignment, Event, ImuBlock, Phase, TruthSample, row
-from shefex_nav.replay import align, dataset, params, reference
+from shefex_nav.replay import align, dataset, params, plausible, reference
 from shefex_nav.replay.table import DataError
 
 NO_CAMERA = pinhole(1, 1, 1.0)
@@ -29,6 +29,7 @@ class Replay(NamedTuple):
     alignment: Alignment
     blocks: ImuBlock  # arrays, a row a block, from the alignment on
     truth: reference.States | None  # at the ends of blocks
+    oddities: tuple[plausible.Oddity, ...] = ()  # what is to be warned of
 
 
 class Clock:
@@ -41,6 +42,7 @@ class Clock:
 def prepare(scenario, files):
     """Replay of a ReplayScenario and the paths of its files; DataError where the data do not allow it."""
     data = dataset.read(scenario, files)
+    oddities = plausible.check(scenario, data)
     orientation = scenario.earth
     earth = ephemeris.earth_rotation(
         scenario.mission.epoch, orientation.ut1_minus_utc, orientation.pole_x, orientation.pole_y
@@ -52,7 +54,7 @@ def prepare(scenario, files):
         raise DataError(f"{files['imu']}: {_too_short(scenario, data.imu.t_s, alignment.t_valid_s)}")
     ends_s = np.append(alignment.t_valid_s, blocks.t_valid_s)
     truth = None if data.truth is None else reference.at(data.truth, earth, ends_s)
-    return Replay(scenario, data, earth, alignment, blocks, truth)
+    return Replay(scenario, data, earth, alignment, blocks, truth, tuple(oddities))
 
 
 def _too_short(scenario, t_s, start_s):

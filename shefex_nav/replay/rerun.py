@@ -26,7 +26,7 @@ from shefex_nav.replay import params as external_params
 from shefex_nav.report import local_level
 from shefex_nav.scenario import load, params_onboard
 
-CHANGEABLE = "navigation."  # what of a scenario may be changed after the flight
+CHANGEABLE = "navigation.", "requirements.attitude."  # what of a scenario may be changed after the flight
 TICKS = "navigation.samples_per_tick"  # but for this
 
 
@@ -49,7 +49,8 @@ def run(log_path, overrides=()):
     Parameters
     ----------
     log_path : MCAP file
-    overrides : texts 'navigation.key=value', of a filter that is configured otherwise than in flight
+    overrides : texts 'navigation.key=value', or of requirements.attitude, of a filter that is configured
+        otherwise than in flight
 
     Yields
     ------
@@ -70,7 +71,7 @@ def open_log(log_path, overrides=()):
             raise load.ScenarioError(
                 [
                     f"--set {text.partition('=')[0].strip()}: the flight of a log is over; only what starts "
-                    f"with '{CHANGEABLE}' can be changed"
+                    f"with {' or '.join(map(repr, CHANGEABLE))} can be changed"
                 ]
             )
         if text.partition("=")[0].strip() == TICKS:

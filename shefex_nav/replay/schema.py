@@ -26,6 +26,7 @@ from shefex_nav.scenario.quantity import (
     quoted,
     refuse,
 )
+from shefex_nav.scenario.requirements import AttitudeLimit
 from shefex_nav.scenario.sensors import OFF, UNLIMITED, Accelerometer, Gyro
 
 NED = Field(description="noise, 1 sigma, north, east, down; takes the place of what the file says")
@@ -314,6 +315,12 @@ class ReplayNavigation(Navigation):
     )
 
 
+class ReplayRequirements(Block):
+    """What is required of the solution."""
+
+    attitude: AttitudeLimit = AttitudeLimit()
+
+
 class ReplayScenario(Block):
     """External data and how to navigate with them."""
 
@@ -326,6 +333,7 @@ class ReplayScenario(Block):
     alignment: form("method", {"reference": FromReference, "static": Static})
     imu: ReplayImu
     navigation: ReplayNavigation = ReplayNavigation()
+    requirements: ReplayRequirements = ReplayRequirements()
 
     _source: str = PrivateAttr("")
 

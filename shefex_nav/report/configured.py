@@ -50,7 +50,7 @@ def _read(text):
     return Configured(
         description=scenario.mission.description,
         requirements=scenario.requirements,
-        attitude_rad=scenario.navigation.integrity.attitude,
+        attitude_rad=scenario.requirements.attitude.limit,
         sun_exclusion_rad=stray.sun_exclusion,
         limb_exclusion_rad=stray.earth_exclusion,
         problem="",

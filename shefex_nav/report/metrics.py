@@ -16,7 +16,8 @@ Definitions
 - NEES: position, velocity and attitude at whole seconds since the start of the run, from the first star fix
   that the filter accepts to entry, or to the end of a run without one.
 - Entry is the first descent through 100 km. Speed is relative to the Earth, range along the ellipsoid from
-  the start to the impact; without an impact there is none.
+  the start to the impact; without an impact there is none. Without truth the flight is that of the solution
+  (`of`). The greatest height is an apogee only if the data go on beyond it; `climbs_at_km` if they do not.
 - `simulated_s` is the time from the first sample of truth, at `simulated_from_s`, to the last.
 - `warnings` are of the scenario against the flight (`programme`); None where no scenario can be read.
 - Attitude control: the pointing error is the true attitude against the wanted one, the whole angle, or that
@@ -33,7 +34,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.records import Reason
-from shefex_nav.report import geodesic, local_level, programme, trust
+from shefex_nav.report import flight, local_level, programme, trust
 from shefex_nav.report.configured import configured
 from shefex_nav.report.pairing import pointing_error, same_times
 from shefex_nav.report.track import earth_fixed
@@ -42,7 +43,6 @@ WRONG_ANGLE = math.radians(0.5)
 WINDOW_RATE = math.radians(2.0)  # rad/s
 RATES_DEG_S = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, math.inf)  # bounds of by_rate
 ENTRY_HEIGHT = 100e3  # m
-STANDING = 1e-3  # m/s; what never moves faster stands on the ground
 NEES_DOF = 9  # position, velocity, attitude
 _ARCSEC = math.degrees(1.0) * 3600.0
 
@@ -117,7 +117,7 @@ def summarise(data, *, log=None, from_s=None, scenario=None):
         "wall_s": wall_s,
         "setup_s": data.summary.setup_s if data.summary else None,
         "real_time_factor": simulated_s / wall_s if simulated_s and wall_s else None,
-        "flight": _flight(data, track, entry),
+        "flight": flight.of_truth(data, track, entry) if len(truth.t_s) else flight.of_solution(data),
         "attitude_control": _attitude_control(data),
         "star_tracker": _star_tracker(data),
         "navigation": _navigation(data, track.height, entry),
@@ -144,48 +144,6 @@ def entry_index(t_s, height):
         return None
     below = np.flatnonzero(height[above[0] :] <= ENTRY_HEIGHT)
     return int(above[0] + below[0]) if len(below) else None
-
-
-def _flight(data, track, entry):
-    impact = next((event for event in data.events if event.name == "impact"), None)
-    mission = data.mission
-    range_km = None
-    if impact and len(track.height):
-        k = int(np.argmin(np.abs(data.truth.t_s - impact.t_s)))
-        length = geodesic.distance(
-            mission.launch_latitude, mission.launch_longitude, track.latitude[k], track.longitude[k]
-        )
-        range_km = length / 1e3
-    speed = np.linalg.norm(track.v_e, axis=1)
-    moved = bool(len(speed)) and float(speed.max()) > STANDING
-    rose = moved and _seen_to_apogee(data)
-    return {
-        "apogee_km": float(track.height.max()) / 1e3 if rose else None,
-        "range_km": range_km,
-        "max_speed_m_s": float(speed.max()) if moved else None,
-        "at_apogee": _place(data, track, int(np.argmax(track.height))) if rose else None,
-        "at_entry": None if entry is None else _place(data, track, entry),
-        "events": [
-            {"name": event.name, "t_s": event.t_s, "altitude_km": event.altitude_m / 1e3}
-            for event in data.events
-        ],
-    }
-
-
-def _seen_to_apogee(data):
-    """Whether the greatest height is the mission's: that of a part of it only if the apogee is there."""
-    is_part = data.ended_early or data.until_s is not None
-    return not is_part or any(event.name == "apogee" for event in data.events)
-
-
-def _place(data, track, k):
-    """Where the vehicle truly is at sample k."""
-    return {
-        "t_s": float(data.truth.t_s[k]),
-        "latitude_deg": math.degrees(track.latitude[k]),
-        "longitude_deg": math.degrees(track.longitude[k]),
-        "altitude_km": float(track.height[k]) / 1e3,
-    }
 
 
 def _attitude_control(data):

@@ -81,7 +81,7 @@ def judge(run):
                 value = value.get(key) if isinstance(value, dict) else None
             return value
 
-        return requirements.judge_figures({"attitude_at_entry": limit}, get), "of navigation.integrity"
+        return requirements.judge_figures({"attitude_at_entry": limit}, get), "of requirements.attitude"
     return [], ""
 
 

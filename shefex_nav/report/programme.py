@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.report import lasting
+from shefex_nav.report import imu_range, lasting
 from shefex_nav.report.pairing import pointing_error
 
 AIR_KM = 100.0  # height of the event `entry`; the camera needs to be above it, and cold gas rules there
@@ -34,6 +34,7 @@ class Flown(NamedTuple):
     events: tuple  # of Event
     astray_deg: float  # largest pointing error in the phases POINTING; 0 if there was none
     end_s: float  # of what is known of it
+    motion: imu_range.Motion | None = None  # None: not known
 
 
 class _Moments(NamedTuple):
@@ -48,12 +49,16 @@ class _Moments(NamedTuple):
 def of_flight(flight):
     """Flown of a world.flight.fly.Flight, before any sensor has seen it."""
     trajectory = flight.trajectory
-    return Flown(flight.events, astray_deg(flight.control, trajectory), float(trajectory.t_s[-1]))
+    moved = imu_range.motion(trajectory.t_s, trajectory.omega_ib_b, trajectory.f_b)
+    return Flown(flight.events, astray_deg(flight.control, trajectory), float(trajectory.t_s[-1]), moved)
 
 
 def of_data(data):
     """Flown of a RunData."""
-    return Flown(tuple(data.events), astray_deg(data.control, data.truth), float(data.last_t_s))
+    truth, moved = data.truth, None
+    if len(truth.t_s):
+        moved = imu_range.motion(truth.t_s, truth.omega_ib_b, truth.f_b)
+    return Flown(tuple(data.events), astray_deg(data.control, truth), float(data.last_t_s), moved)
 
 
 def astray_deg(control, truth):
@@ -81,6 +86,8 @@ def warnings(scenario, flown):
     has not seen.
     """
     found = [] if scenario.launch is None else _of_programme(scenario, flown)
+    if flown.motion is not None:
+        found += [Warned(path, text) for path, text in imu_range.beyond(scenario.imu, flown.motion)]
     if text := lasting.words(scenario, flown):
         found.append(Warned(("navigation", "states"), text))
     return tuple(found)

@@ -22,6 +22,10 @@ class Judged(NamedTuple):
     note: str = ""  # what the figure is made of, or why there is none
 
 
+OF_LIMIT = {  # requirement: the section with its limit, the key that says whether it is required
+    "attitude_at_entry": ("attitude", "at_entry"),
+    "protection_at_entry": ("attitude", "protection_at_entry"),
+}
 ONCE, GROWS, MOVES = "once", "grows", "moves"  # nothing; make it larger; make it larger or smaller
 
 
@@ -116,12 +120,21 @@ def judge(requirements, summary):
 
 def limits(requirements):
     """{name: limit in its unit} of what is required."""
-    wanted = {name: getattr(requirements, name) for name in MEASURES}
+    wanted = {name: _wanted(requirements, name) for name in MEASURES}
     return {
         name: _limit(value, MEASURES[name])
         for name, value in wanted.items()
         if value is not None and value is not False
     }
+
+
+def _wanted(requirements, name):
+    """The limit of a requirement in SI; None or False where it is not required."""
+    if name not in OF_LIMIT:
+        return getattr(requirements, name)
+    section, required = OF_LIMIT[name]
+    block = getattr(requirements, section)
+    return block.limit if getattr(block, required) else None
 
 
 def _limit(value, measure):

@@ -16,7 +16,7 @@ _FLOWN = (  # name, key, digits, unit
 
 MOST_FAULTS = 12  # in the table
 DOUBTS = {  # records.Doubt for people
-    "attitude": "protection level over navigation.integrity.attitude",
+    "attitude": "protection level over requirements.attitude.limit",
     "contradicted": "contradicted by a sensor",
     "imu": "motion beyond the IMU's range",
 }
@@ -75,11 +75,16 @@ def _requirement_rows(judged, is_part):
 
 
 def _flight_rows(flight, *, stood):
+    estimated = flight["of"] == "solution"
+    if flight["climbs_at_km"] is not None:
+        yield "height at the end", f"{_text(flight['climbs_at_km'], 1, 'km')}, no apogee before it"
     for name, key, digits, unit in _FLOWN:
         if flight[key] is not None:
             yield name, _text(flight[key], digits, unit)
     if stood and flight["max_speed_m_s"] is None:
-        yield "motion", "none, it stands on the ground"
+        yield "motion", "none beyond the errors" if estimated else "none, it stands on the ground"
+    if stood and estimated:
+        yield "as estimated", "there is no truth"
     for event in flight["events"]:
         yield _event(event["name"]), f"T{event['t_s']:+.1f} s, {_text(event['altitude_km'], 1, 'km')}"
 

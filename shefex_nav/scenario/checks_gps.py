@@ -1,5 +1,6 @@
 """Contradictions in the section `gps` of a scenario: (path of the field, text for people)."""
 
+from shefex_nav.clock import TICK_HZ
 from shefex_nav.scenario.checks_flight import seconds
 from shefex_nav.scenario.events import possible
 from shefex_nav.scenario.messages import close
@@ -90,4 +91,14 @@ def _reacquisition(scenario):
         yield ("gps", "reacquisition", "shortest"), words
 
 
-PARTS = (_outages, _almanac, _spans, _clock, _reacquisition)
+def _rate(scenario):
+    """Fixes that the clock can trigger, those on whole seconds among them."""
+    rate = scenario.gps.rate
+    if abs(TICK_HZ / rate - round(TICK_HZ / rate)) > 1e-6 or abs(rate - round(rate)) > 1e-6:
+        words = (
+            f"{rate:g} Hz does not divide the on-board clock, 100 Hz; take 1, 2, 4, 5, 10, 20, 25 or 50 Hz"
+        )
+        yield ("gps", "rate"), words
+
+
+PARTS = (_rate, _outages, _almanac, _spans, _clock, _reacquisition)

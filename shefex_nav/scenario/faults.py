@@ -54,6 +54,22 @@ class GyroScale(Fault):
     factor: Quantity("", "1 %", "by which it reads more")
 
 
+class AccelerometerBias(Fault):
+    """The bias of one accelerometer is another than before."""
+
+    fault: Literal["accelerometer_bias"]
+    axis: Axis = Field(description="which axis")
+    acceleration: Quantity("m/s2", "5 mgee", "that is added to what it reads")
+
+
+class AccelerometerScale(Fault):
+    """The scale factor of one accelerometer is another than before."""
+
+    fault: Literal["accelerometer_scale"]
+    axis: Axis = Field(description="which axis")
+    factor: Quantity("", "1 %", "by which it reads more")
+
+
 class Dropout(Fault):
     """The unit does not answer."""
 
@@ -80,18 +96,20 @@ class Freeze(Fault):
 
 
 class Jump(Fault):
-    """The position is off by a constant vector."""
+    """The position is off by a constant vector; the ranges are those of an antenna there."""
 
     fault: Literal["jump"]
     position: Vector("m", "300 m", "north, east, down")
 
 
 class Drift(Fault):
-    """The position runs away."""
+    """The position runs away; the ranges are those of an antenna that does."""
 
     fault: Literal["drift"]
     rate: Vector("m/s", "2 m/s", "north, east, down")
-    velocity_too: StrictBool = Field(False, description="the reported velocity contains the drift")
+    velocity_too: StrictBool = Field(
+        False, description="the reported velocity and the range rates contain the drift"
+    )
 
 
 class Bias(Fault):
@@ -117,7 +135,9 @@ class Blinded(Fault):
     fault: Literal["blinded"]
 
 
-ImuFault = kinds("fault", Stuck, Dead, Dropout, Repeat, GyroBias, GyroScale)
+ImuFault = kinds(
+    "fault", Stuck, Dead, Dropout, Repeat, GyroBias, GyroScale, AccelerometerBias, AccelerometerScale
+)
 GpsFault = kinds("fault", Outage, Freeze, Jump, Drift)
 StarFault = kinds("fault", Bias, WrongFixes, Blinded)
 

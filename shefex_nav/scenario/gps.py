@@ -137,8 +137,11 @@ Satellites = tagged(_almanac_form, {"name": str, "prn": Almanac})
 
 
 class Gps(Block):
-    """GPS receiver: a position and velocity fix a second, and the ranges of which it is made."""
+    """GPS receiver: fixes of position and velocity, and the ranges of which they are made."""
 
+    rate: Quantity("Hz", "1 Hz", "fixes a second; must divide 100 Hz", positive=True, at_most="50 Hz") = (
+        "1 Hz"
+    )
     latency: Quantity(
         "s", "0.2 s", "from the instant measured to the fix on board", non_negative=True, at_most="1 s"
     )

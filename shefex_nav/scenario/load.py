@@ -8,7 +8,7 @@ from functools import partial
 from pydantic import ValidationError
 
 from shefex_nav.errors import UserError
-from shefex_nav.scenario import disperse, document, drawn, expand, fields, kind, messages, shipped
+from shefex_nav.scenario import disperse, document, drawn, expand, fields, kind, messages, moved, shipped
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
 from shefex_nav.scenario.dispersions import KEYS
 from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted
@@ -253,6 +253,8 @@ def _remove(tree, path, places):
     for part in path[:-1]:
         node = node.get(part) if isinstance(node, dict) else None
     if not isinstance(node, dict) or path[-1] not in node:
+        if said := moved.words(path):
+            return f"{dotted(path)}: {said}"
         return f"{dotted(path)}: null takes away what the extended file gives, which is nothing; leave it out"
     del node[path[-1]]
     places.put(path, {}, {})
@@ -327,6 +329,8 @@ def _put(tree, parts, value, mark, places):
             if isinstance(node, list):
                 return f"an item of {dotted(path[:-1])} cannot be taken away; give the whole list"
             if node.pop(part, REMOVED) is REMOVED:
+                if said := moved.words(path):
+                    return said
                 return f"null takes away what the scenario gives; {dotted(path)} is not given"
             places.put(path, {}, {})
             return None

@@ -6,7 +6,7 @@ from typing import Annotated, get_args, get_origin
 
 from pydantic import BaseModel, Tag
 
-from shefex_nav.scenario import suggest
+from shefex_nav.scenario import moved, suggest
 from shefex_nav.scenario.block import is_tag
 from shefex_nav.scenario.document import Mark, dotted
 from shefex_nav.scenario.quantity import NumberSpec, QuantitySpec, describe, quoted
@@ -191,6 +191,8 @@ def _unknown(model, error):
     """Words about a key that is not known, or not in this form of the section."""
     location = error["loc"]
     known = field_at(model, location[:-1])[0].keys()
+    if said := moved.words(plain(location), error["input"]):
+        return said
     if is_tag(location[-2] if len(location) > 1 else ""):
         forms = [bare(option)[0] for option in get_args(field_at(model, location[:-2])[0])]
         if any(is_model(form) and location[-1] in form.keys() for form in forms):

@@ -207,11 +207,8 @@ StateBlock = Literal[
 
 
 class Integrity(Block):
-    """What the mission requires of the attitude, and how faults of the sensors are noticed."""
+    """How faults of the sensors are noticed; how wrong the attitude may be, `requirements` say."""
 
-    attitude: Quantity("rad", "0.17 deg", "largest error that may be, about each axis", positive=True) = (
-        "0.17 deg"
-    )
     risk: Number("1e-5", "that a normal error exceeds the protection level", positive=True, at_most=0.1) = (
         1e-5
     )

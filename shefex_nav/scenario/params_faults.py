@@ -3,6 +3,12 @@
 import numpy as np
 
 AXES = "xyz"
+WRONG_BY = {  # key of what a sensor reads too much
+    "gyro_bias": "rate",
+    "gyro_scale": "factor",
+    "accelerometer_bias": "acceleration",
+    "accelerometer_scale": "factor",
+}
 
 
 def faults(scenario):
@@ -24,11 +30,11 @@ def _imu(fault):
     plain = ImuFault(fault.fault, fault.start, fault.end)
     if fault.fault in ("dropout", "repeat"):
         return plain
-    if fault.fault in ("gyro_bias", "gyro_scale"):
-        error = fault.rate if fault.fault == "gyro_bias" else fault.factor
-        kind = fault.fault.removeprefix("gyro_")
-        return plain._replace(kind=kind, sensor="gyro", axis=AXES.index(fault.axis), error=error)
-    return plain._replace(sensor=fault.sensor, axis=AXES.index(fault.axis))
+    plain = plain._replace(axis=AXES.index(fault.axis))
+    if name := WRONG_BY.get(fault.fault):
+        sensor, kind = fault.fault.split("_")
+        return plain._replace(kind=kind, sensor=sensor, error=getattr(fault, name))
+    return plain._replace(sensor=fault.sensor)
 
 
 def _gps(fault):

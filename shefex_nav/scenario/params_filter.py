@@ -48,11 +48,22 @@ def integrity_params(scenario, dt_s, coarse_if_silent):
             range=np.array([triad.range for triad in triads]),
             wrong=np.array([navigation.saturated_rate, navigation.saturated_acceleration]),
             change=np.array([section.angular_acceleration, section.thrust_change]),
+            missed=_missed(scenario),
         ),
-        wanted=integrity_protection.requirement(section.attitude, section.risk),
+        wanted=integrity_protection.requirement(scenario.requirements.attitude.limit, section.risk),
         wrong_star_fix=section.wrong_star_fix,
         release_gps_jump=_rule(section.gps_jump),
     )
+
+
+def _missed(scenario):
+    """Sigma of what a reading at the end of its range leaves out: (2,) rad/s, m/s^2.
+
+    A vehicle that turns faster than its gyros can show may turn twice as fast.
+    """
+    rate, limit = scenario.navigation.saturated_rate, scenario.imu.gyro.range
+    most = max(rate, limit) if np.isfinite(limit) else rate
+    return np.array([most, scenario.navigation.saturated_acceleration])
 
 
 def imu_model(scenario, **others):

@@ -13,6 +13,7 @@ def gps_params(scenario):
     return GpsParams(
         l_ba_b=np.array(gps.antenna.lever_arm),
         latency_s=gps.latency,
+        rate=gps.rate,
         sigma_range=gps.range_noise,
         sigma_range_rate=gps.range_rate_noise,
         elevation_mask=gps.elevation_mask,

@@ -1,8 +1,9 @@
-"""What goes wrong: faults of the sensors between two times, put into what healthy sensors report.
+"""What goes wrong: faults of the sensors between two times.
 
-In: the data of `imu.measure`, the fixes of `gps.measure`, pictures and star fixes on their way. Out: the same
-as the on-board computer gets it, and an Event at the begin and at the end of every fault, which is truth and
-never seen on board. Without faults everything passes unchanged.
+In: what the sensors of the IMU feel and what it sends (`imu.measure` asks for both), the fixes and ranges of
+`gps.measure`, pictures and star fixes on their way. Out: the same as the on-board computer gets it, and an
+Event at the begin and at the end of every fault, which is truth and never seen on board. Without faults
+everything passes unchanged.
 """
 
 from typing import NamedTuple
@@ -11,12 +12,17 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S, SAMPLES_PER_TICK
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.records import Event, Reason
+from shefex_nav.records import Event, GpsRanges, Reason
+from shefex_nav.world import gps_channels
 
 AXES = "xyz"
 OF_CHANNELS = (
     "prn", "pseudorange", "range_rate", "r_es_e", "v_es_e", "sigma_range", "sigma_range_rate"
 )  # fmt: skip
+
+
+FELT = "bias", "scale"  # faults of a sensor, before end of range and quanta
+SENT = "stuck", "dead", "dropout", "repeat"  # of what the unit sends
 
 
 class ImuFault(NamedTuple):
@@ -67,42 +73,72 @@ def _within(fault, t_s):
     return (t_s > fault.start_s - SAME_S) & (t_s < fault.end_s - SAME_S)
 
 
-def imu(faults, data):
-    """The samples with their faults. tuple of ImuFault, ImuData -> ImuData"""
-    if not faults:
-        return data
-    dt_s = (data.t_s[-1] - data.t_s[0]) / (len(data.t_s) - 1)
-    dtheta_b, dv_b = data.dtheta_b.copy(), data.dv_b.copy()
-    missing = np.zeros(len(data.t_s), dtype=bool)
-    for fault in faults:
-        rows = np.flatnonzero(_within(fault, data.t_s - dt_s))  # samples that begin within the fault
-        rows = rows[rows > 0]
-        if not len(rows):
-            continue
-        increments = dtheta_b if fault.sensor == "gyro" else dv_b
+def imu_felt(faults, t_s, dtheta_b, dv_b):
+    """What the sensors of a faulty unit feel, in place: wrong bias and scale, before range and quanta.
+
+    tuple of ImuFault; (N,) s, ends of the samples; (N, 3) rad, (N, 3) m/s without end of range and quanta
+    """
+    dt_s = _sample_s(t_s)
+    for fault, rows, increments, _ in _acting(faults, FELT, t_s, (dtheta_b, dv_b)):
+        if fault.kind == "bias":
+            increments[rows, fault.axis] += fault.error * dt_s
+        else:
+            increments[rows, fault.axis] *= 1.0 + fault.error
+
+
+def imu_sent(faults, t_s, dtheta_b, dv_b, at_range):
+    """What a faulty unit sends, in place: what repeats, repeats readings that were really sent.
+
+    Parameters
+    ----------
+    faults : tuple of ImuFault
+    t_s : (N,) s, ends of the samples
+    dtheta_b, dv_b : (N, 3) rad, m/s, within the range and in whole quanta
+    at_range : pair of (N, 3) bool, of gyros and accelerometers: the reading is at the end of its range
+
+    Returns
+    -------
+    (N,) bool, samples that are not sent; None without faults
+    """
+    missing = np.zeros(len(t_s), dtype=bool) if faults else None
+    for fault, rows, increments, flags in _acting(faults, SENT, t_s, (dtheta_b, dv_b), at_range):
         if fault.kind == "stuck":
             increments[rows, fault.axis] = increments[rows[0] - 1, fault.axis]
+            flags[rows, fault.axis] = flags[rows[0] - 1, fault.axis]
         elif fault.kind == "dead":
             increments[rows, fault.axis] = 0.0
-        elif fault.kind == "bias":
-            increments[rows, fault.axis] += fault.error * dt_s
-        elif fault.kind == "scale":
-            increments[rows, fault.axis] *= 1.0 + fault.error
+            flags[rows, fault.axis] = False
         elif fault.kind == "dropout":
             missing[rows] = True
         else:
-            _repeat_block(dtheta_b, dv_b, rows)
-    return data._replace(dtheta_b=dtheta_b, dv_b=dv_b, missing=missing)
+            _repeat_block(rows, dtheta_b, dv_b, *at_range)
+    return missing
 
 
-def _repeat_block(dtheta_b, dv_b, rows):
-    """Samples of whole blocks become those of the last block before them, in place."""
+def _acting(faults, kinds, t_s, increments, flags=(None, None)):
+    """Faults of some kinds that act on samples. Yields fault, rows, and of its triad increments and flags."""
+    begin_s = t_s - _sample_s(t_s)
+    for fault in faults:
+        rows = np.flatnonzero(_within(fault, begin_s))  # samples that begin within the fault
+        rows = rows[rows > 0]
+        if fault.kind in kinds and len(rows):
+            triad = 0 if fault.sensor == "gyro" else 1
+            yield fault, rows, increments[triad], flags[triad]
+
+
+def _sample_s(t_s):
+    return (t_s[-1] - t_s[0]) / (len(t_s) - 1)
+
+
+def _repeat_block(rows, *columns):
+    """Samples of whole blocks become those of the last block before them, in place; columns : (N, 3)."""
     first = 1 + ((rows[0] - 1) // SAMPLES_PER_TICK) * SAMPLES_PER_TICK  # row 0 belongs to no block
     if first == 1:
         return
     rows = np.arange(first, rows[-1] + 1)
     source = first - SAMPLES_PER_TICK + (rows - first) % SAMPLES_PER_TICK
-    dtheta_b[rows], dv_b[rows] = dtheta_b[source], dv_b[source]
+    for column in columns:
+        column[rows] = column[source]
 
 
 def gps(faults, fixes):
@@ -118,26 +154,84 @@ def gps(faults, fixes):
     return fixes
 
 
-def gps_ranges(faults, messages):
-    """The ranges with their faults; a jump or a drift of the solution is none of its ranges.
+def gps_ranges(faults, messages, antenna):
+    """The ranges with their faults.
 
-    tuple of GpsFault, list of GpsRanges -> list of GpsRanges
+    A jump or a drift makes them those of an antenna in another place, as a spoofer or a wrong reference
+    station does: each pseudorange changes by the difference of the distances from its satellite, -u . d to
+    first order, u the line of sight and d the displacement. The range rates become those of the displaced
+    antenna too, so that they still say the velocity that was true; with `velocity_too` they contain the
+    drift.
+
+    Parameters
+    ----------
+    faults : tuple of GpsFault
+    messages : list of GpsRanges
+    antenna : gps.Antenna, where it was at each of them
+
+    Returns
+    -------
+    list of GpsRanges
     """
+    heard = [
+        _Heard(message, r_e, v_e)
+        for message, r_e, v_e in zip(messages, antenna.r_ea_e, antenna.v_ea_e, strict=True)
+    ]
     for fault in faults:
         changed, last = [], None
-        for message in messages:
-            acts = _within(fault, message.t_valid_s)
-            if not acts and not message.reason:
-                last = message
-            if acts and fault.kind == "outage":
-                message = message._replace(**{name: getattr(message, name)[:0] for name in OF_CHANNELS})
-                message = message._replace(reason="outage")
-            elif acts and fault.kind == "freeze" and last is not None:
-                t_valid_s = last.t_valid_s if fault.time_stands else message.t_valid_s
-                message = last._replace(t_valid_s=t_valid_s, t_available_s=message.t_available_s)
-            changed.append(message)
-        messages = changed
-    return messages
+        for one in heard:
+            acts = _within(fault, one.message.t_valid_s)
+            if not acts and not one.message.reason:
+                last = one
+            changed.append(_ranges_fault(fault, one, last) if acts else one)
+        heard = changed
+    return [one.message for one in heard] if faults else messages
+
+
+class _Heard(NamedTuple):
+    """A GpsRanges and the state of the antenna that it tells: (3,) m, (3,) m/s, frame e."""
+
+    message: GpsRanges
+    r_ea_e: np.ndarray
+    v_ea_e: np.ndarray
+
+
+def _ranges_fault(fault, heard, last):
+    """Ranges under a fault. GpsFault, _Heard, the last one with ranges before it or None -> _Heard"""
+    message = heard.message
+    if fault.kind == "freeze":
+        if last is None:
+            return heard
+        t_valid_s = last.message.t_valid_s if fault.time_stands else message.t_valid_s
+        message = last.message._replace(t_valid_s=t_valid_s, t_available_s=message.t_available_s)
+        return last._replace(message=message)
+    if fault.kind == "outage":
+        message = message._replace(**{name: getattr(message, name)[:0] for name in OF_CHANNELS})
+        return heard._replace(message=message._replace(reason="outage"))
+    moved_e, faster_e = _moved(fault, heard.r_ea_e, message.t_valid_s)
+    there = _Heard(message, heard.r_ea_e + moved_e, heard.v_ea_e + faster_e)
+    rho, rho_rate = (
+        now - before
+        for now, before in zip(
+            *(gps_channels.between(message.r_es_e, message.v_es_e, one.r_ea_e, one.v_ea_e)
+              for one in (there, heard)),
+            strict=True,
+        )
+    )  # fmt: skip
+    return there._replace(
+        message=message._replace(
+            pseudorange=message.pseudorange + rho, range_rate=message.range_rate + rho_rate
+        )
+    )
+
+
+def _moved(fault, r_ea_e, t_s):
+    """By how much a jump or drift changes position and velocity at a time: (3,) m, (3,) m/s, frame e."""
+    latitude, longitude, _ = wgs84.geodetic_from_ecef(r_ea_e)
+    moved_e = wgs84.dcm_en(latitude, longitude) @ fault.moved_n
+    if fault.kind == "jump":
+        return moved_e, np.zeros(3)
+    return (t_s - fault.start_s) * moved_e, moved_e if fault.velocity_too else np.zeros(3)
 
 
 def _gps_fault(fault, fix, last):
@@ -155,12 +249,8 @@ def _gps_fault(fault, fix, last):
         )  # fmt: skip
     if not fix.valid:
         return fix
-    latitude, longitude, _ = wgs84.geodetic_from_ecef(fix.r_ea_e)
-    moved_e = wgs84.dcm_en(latitude, longitude) @ fault.moved_n
-    if fault.kind == "jump":
-        return fix._replace(r_ea_e=fix.r_ea_e + moved_e)
-    v_ea_e = fix.v_ea_e + moved_e if fault.velocity_too else fix.v_ea_e
-    return fix._replace(r_ea_e=fix.r_ea_e + (fix.t_valid_s - fault.start_s) * moved_e, v_ea_e=v_ea_e)
+    moved_e, faster_e = _moved(fault, fix.r_ea_e, fix.t_valid_s)
+    return fix._replace(r_ea_e=fix.r_ea_e + moved_e, v_ea_e=fix.v_ea_e + faster_e)
 
 
 class StarLine:
@@ -243,7 +333,8 @@ def _named(faults):
     """(name, fault, detail) of every fault."""
     for fault in faults.imu:
         axis = f"{fault.sensor}_{AXES[fault.axis]}" if fault.sensor else "imu"
-        words = {"bias": f"{np.degrees(fault.error):g} deg/s", "scale": f"{1e6 * fault.error:g} ppm"}
+        bias = f"{np.degrees(fault.error):g} deg/s" if fault.sensor == "gyro" else f"{fault.error:g} m/s^2"
+        words = {"bias": bias, "scale": f"{1e6 * fault.error:g} ppm"}
         yield f"{axis}_{fault.kind}", fault, words.get(fault.kind, "")
     for fault in faults.gps:
         north, east, down = fault.moved_n

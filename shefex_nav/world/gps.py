@@ -1,5 +1,5 @@
-"""GPS receiver: a fix of the antenna's position and velocity on every whole second, or why there is none, and
-what its channels measure.
+"""GPS receiver: fixes of the antenna's position and velocity at a steady rate, one of them on every whole
+second, or why there is none, and what its channels measure.
 
 A satellite is tracked if its signal clears the Earth, arrives outside the blind cones of the antenna and is
 not lost in the spin (`gps_receiver`: nor limited, nor to be acquired again). Range errors of the tracked
@@ -56,13 +56,7 @@ class GpsParams(NamedTuple):
     clock: gps_errors.ClockParams = gps_errors.ClockParams()
     only: tuple[gps_receiver.Only, ...] = ()
     reacquisition: gps_receiver.Reacquisition | None = None
-
-
-class GpsData(NamedTuple):
-    """What the receiver gives, one of each a second."""
-
-    fixes: list[GpsFix]
-    ranges: list[GpsRanges]
+    rate: float = 1.0  # Hz, of the fixes; a divisor of 100
 
 
 class Antenna(NamedTuple):
@@ -75,8 +69,16 @@ class Antenna(NamedTuple):
     roll_rate: np.ndarray  # (m,) rad/s
 
 
+class GpsData(NamedTuple):
+    """What the receiver gives, one of each at a time, and where its antenna was, which it does not know."""
+
+    fixes: list[GpsFix]
+    ranges: list[GpsRanges]
+    antenna: Antenna
+
+
 def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
-    """Fixes and ranges on every whole second of a trajectory.
+    """Fixes and ranges along a trajectory.
 
     Parameters
     ----------
@@ -93,7 +95,7 @@ def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
     -------
     GpsData
     """
-    antenna = antenna_states(trajectory, earth, params.l_ba_b)
+    antenna = antenna_states(trajectory, earth, params.l_ba_b, params.rate)
     t_s, prn = antenna.t_s, gnss.numbers(constellation)
     u_e = gnss.lines_of_sight_e(antenna.r_ea_e, gnss.positions_e(constellation, t_s))
     white = rng.standard_normal((2, *u_e.shape[:2]))
@@ -121,7 +123,7 @@ def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
     ranges = gps_channels.ranges(
         geometry, clock, errors, sigmas, tracked & lit, prn, t_s, params.latency_s, reasons
     )
-    return GpsData(fixes, ranges)
+    return GpsData(fixes, ranges, antenna)
 
 
 def _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons):
@@ -140,8 +142,8 @@ def _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons):
     ]
 
 
-def antenna_states(trajectory, earth, l_ba_b):
-    """True states of the antenna on whole seconds.
+def antenna_states(trajectory, earth, l_ba_b, rate=1.0):
+    """True states of the antenna when fixes are due, `rate` times a second from whole seconds on.
 
     r_ea_e = r_eb_e + C_eb l_ba_b,   v_ea_e = v_eb_e + C_eb (omega_eb_b x l_ba_b)
 
@@ -150,10 +152,13 @@ def antenna_states(trajectory, earth, l_ba_b):
     Antenna
     """
     t_s = trajectory.t_s
-    seconds = np.arange(np.ceil(t_s[0] - SAME_S), np.floor(t_s[-1] + SAME_S) + 1.0)
+    first, last = np.ceil(rate * (t_s[0] - SAME_S)), np.floor(rate * (t_s[-1] + SAME_S))
+    seconds = np.arange(first, last + 1.0) / rate
     samples = np.searchsorted(t_s, seconds - SAME_S)
     if np.any(np.abs(t_s[samples] - seconds) > SAME_S):
-        raise ValueError(f"GPS fixes are due on whole seconds, but no sample of truth is (start {t_s[0]} s)")
+        raise ValueError(
+            f"GPS fixes are due {rate:g} times a second, but no sample of truth is (start {t_s[0]} s)"
+        )
     r_ea_e, v_ea_e, nose_e = (np.empty((len(seconds), 3)) for _ in range(3))
     l_ba_b = np.asarray(l_ba_b, dtype=float)
     for n, k in enumerate(samples):

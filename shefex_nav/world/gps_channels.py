@@ -41,15 +41,24 @@ def geometry(constellation, t_s, r_ea_e, v_ea_e):
     for _ in range(LIGHT_TIME_PASSES):
         r_e, v_e = gnss.states_e(constellation, t_s[:, None] - tau)
         r_es_e, v_es_e = _turned(r_e, tau), _turned(v_e, tau)
-        d = r_es_e - r_ea_e[:, None, :]
-        rho = np.linalg.norm(d, axis=-1)
-        tau = rho / SPEED_OF_LIGHT
+        tau = np.linalg.norm(r_es_e - r_ea_e[:, None, :], axis=-1) / SPEED_OF_LIGHT
+    rho, rho_rate = between(r_es_e, v_es_e, r_ea_e, v_ea_e)
+    return rho, rho_rate, r_es_e, v_es_e
+
+
+def between(r_es_e, v_es_e, r_ea_e, v_ea_e):
+    """Ranges and range rates of satellites at transmission: the formulas above.
+
+    (..., n, 3), (..., n, 3), (..., 3), (..., 3) m, m/s, axes e of reception -> (..., n) m, (..., n) m/s
+    """
+    d = r_es_e - r_ea_e[..., None, :]
+    rho = np.linalg.norm(d, axis=-1)
     u = d / rho[..., None]
     earth_rate = np.array([0.0, 0.0, wgs84.OMEGA])
     v_s = v_es_e + np.cross(earth_rate, r_es_e)
-    v_a = (v_ea_e + np.cross(earth_rate, r_ea_e))[:, None, :]
+    v_a = (v_ea_e + np.cross(earth_rate, r_ea_e))[..., None, :]
     rho_rate = np.sum(u * (v_s - v_a), axis=-1) / (1.0 + np.sum(u * v_s, axis=-1) / SPEED_OF_LIGHT)
-    return rho, rho_rate, r_es_e, v_es_e
+    return rho, rho_rate
 
 
 def _turned(x_e, tau):

@@ -8,7 +8,8 @@ For the gyro triad and, without its g-sensitivity, for the accelerometer triad::
 s scale factor, M misalignment, b turn-on bias, b(t) in-run bias (first-order Gauss-Markov), k vibration
 rectification, G sensitivity to specific force, w white noise; then clipped to the range and counted in whole
 quanta, the remainder being carried into the next sample (Groves, Principles of GNSS, Inertial and Multisensor
-Integrated Navigation Systems, 2nd ed., section 4.4).
+Integrated Navigation Systems, 2nd ed., section 4.4). A faulty sensor (`faults`) has a wrong bias or scale
+before range and quanta; what a faulty unit repeats or leaves out are readings as it sends them.
 
 Vibration. The case of the instrument is shaken at random, its acceleration a having a flat spectrum of
 one-sided density S = a_rms^2/(f_high - f_low) between two frequencies and none outside (after the shock
@@ -31,6 +32,7 @@ import numpy as np
 
 from shefex_nav.clock import SAMPLES_PER_TICK
 from shefex_nav.records import ImuBlock
+from shefex_nav.world import faults
 from shefex_nav.world.noise import gauss_markov
 
 PIECE = 1 << 16  # samples handled at a time
@@ -91,7 +93,7 @@ class ImuData(NamedTuple):
     missing: np.ndarray | None = None  # (N,) bool, the unit did not answer; None: it always did
 
 
-def measure(params, trajectory, rng, biases=None):
+def measure(params, trajectory, rng, biases=None, wrong=()):
     """IMU samples along a trajectory.
 
     Parameters
@@ -101,6 +103,7 @@ def measure(params, trajectory, rng, biases=None):
     rng : Generator; the order of the draws does not depend on `params`
     biases : (N, 6), written if it is given: sum of turn-on and in-run bias of gyros and accelerometers in
         each sample, rad/s, m/s^2; in row 0, before the first, that of the first
+    wrong : tuple of faults.ImuFault
 
     Returns
     -------
@@ -118,10 +121,13 @@ def measure(params, trajectory, rng, biases=None):
     if biases is not None:
         biases /= dt_s
         biases[0] = biases[1]
-    saturated = _clip(dtheta_b, params.gyro_range * dt_s) | _clip(dv_b, params.accel_range * dt_s)
+    faults.imu_felt(wrong, trajectory.t_s, dtheta_b, dv_b)
+    at_range = _clip(dtheta_b, params.gyro_range * dt_s), _clip(dv_b, params.accel_range * dt_s)
     dtheta_b = quantise(dtheta_b, params.gyro_quantum)
     dv_b = quantise(dv_b, params.accel_quantum)
-    return ImuData(trajectory.t_s, dtheta_b, dv_b, saturated, errors)
+    missing = faults.imu_sent(wrong, trajectory.t_s, dtheta_b, dv_b, at_range)
+    saturated = at_range[0].any(axis=1) | at_range[1].any(axis=1)
+    return ImuData(trajectory.t_s, dtheta_b, dv_b, saturated, errors, missing)
 
 
 def _turned(params, errors, trajectory, rms, dt_s, rng, bias):
@@ -303,9 +309,9 @@ def _butterworth(cycles):
 
 
 def _clip(increments, limit):
-    """Hold (N, 3) increments within +-limit in place; -> (N,) bool, whether a sample reached it."""
-    at_range = np.zeros(len(increments), dtype=bool)
+    """Hold (N, 3) increments within +-limit in place; -> (N, 3) bool, whether a sample reached it."""
+    at_range = np.empty(increments.shape, dtype=bool)
     for j in range(increments.shape[1]):
-        at_range |= np.abs(increments[:, j]) >= limit
+        at_range[:, j] = np.abs(increments[:, j]) >= limit
     np.clip(increments, -limit, limit, out=increments)
     return at_range

@@ -16,12 +16,16 @@ def fix(t_s, r, v):
     return GpsFix(t_s, t_s + 0.2, True, r, v, np.eye(3), np.eye(3), 8, 2.0, "")
 
 
+def here(t_s, r_e, v_e, sigma_v=0.0, sigma_a=0.0):
+    return integrity_gps.Whereabouts(t_s, r_e, v_e, sigma_v, sigma_a)
+
+
 def verdicts(*fixes, speed=100.0, acceleration=10.0):
     """Reasons of `repeated` for a vehicle that moves, by what the filter says."""
     memory, found = integrity_gps.memory(), []
     for one in fixes:
         r_e, v_e = np.array([[speed * one.t_valid_s, 0, 0], [acceleration * one.t_valid_s, 0, 0]])
-        found.append(integrity_gps.repeated(memory, one, r_e, v_e)[0])
+        found.append(integrity_gps.repeated(memory, one, here(one.t_valid_s, r_e, v_e))[0])
     return found
 
 
@@ -52,16 +56,45 @@ def test_a_coarse_receiver_at_rest_may_repeat_itself():
     """It is used, but a hundred times the same says less than six times something new: sum of 1/k."""
     memory, information = integrity_gps.memory(), 0.0
     for k in range(100):
-        here = np.array([0.001 * k, 0.0, 0.0])  # the filter wanders
-        reasons, one = integrity_gps.repeated(memory, fix(float(k), [1, 2, 3], [0, 0, 0]), here, here)
+        place = np.array([0.001 * k, 0.0, 0.0])  # the filter wanders
+        there = here(float(k), place, place)
+        reasons, one = integrity_gps.repeated(memory, fix(float(k), [1, 2, 3], [0, 0, 0]), there)
         assert reasons == {}
         information += 1.0 / one.R_r_e[0, 0]
     assert information == pytest.approx(np.sum(1.0 / np.arange(1, 101)))
-    again, _ = integrity_gps.repeated(memory, fix(99.0, [1, 2, 3], [0, 0, 0]), here, here)
+    again, _ = integrity_gps.repeated(memory, fix(99.0, [1, 2, 3], [0, 0, 0]), there)
     assert set(again) == BOTH  # the last one once more, its time as well
-    moved = np.array([1.8, 0.0, 0.0])  # of sqrt(3) m
-    gone, _ = integrity_gps.repeated(memory, fix(100.0, [1, 2, 3], [0, 0, 0]), moved, here)
+    moved = here(100.0, np.array([1.9, 0.0, 0.0]), place)  # of sqrt(3) m
+    gone, _ = integrity_gps.repeated(memory, fix(100.0, [1, 2, 3], [0, 0, 0]), moved)
     assert set(gone) == BOTH and gone["gps_position"].startswith("frozen")
+    fast = here(100.0, place, np.array([0.0, 1.8, 0.0]))
+    gone, _ = integrity_gps.repeated(memory, fix(100.0, [1, 2, 3], [0, 0, 0]), fast)
+    assert set(gone) == BOTH and gone["gps_position"].startswith("frozen")
+
+
+@pytest.mark.parametrize(
+    ("sigma_v", "sigma_a", "moved", "rests"),
+    [(0.0, 0.1, 14.0, True), (0.0, 0.1, 16.0, False), (0.5, 0.0, 14.0, True), (0.5, 0.0, 16.0, False)],
+)
+def test_inertial_sensors_that_stray_do_not_betray_a_receiver_at_rest(sigma_v, sigma_a, moved, rests):
+    """Ten seconds: 3 sigma are 15 m, of 0.1 m/s^2 as of 0.5 m/s."""
+    memory, nothing, strays = integrity_gps.memory(), np.zeros(3), (sigma_v, sigma_a)
+    integrity_gps.repeated(memory, fix(0.0, [1, 2, 3], [0, 0, 0]), here(0.0, nothing, nothing, *strays))
+    there = here(10.0, np.array([moved, 0.0, 0.0]), nothing)
+    reasons, _ = integrity_gps.repeated(memory, fix(10.0, [1, 2, 3], [0, 0, 0]), there)
+    assert (reasons == {}) == rests
+
+
+def test_the_acceleration_of_a_level_unit_strays_by_tilt_and_bias():
+    """Weight times the tilt about two axes, and the bias of three; ties between the two count."""
+    P = np.zeros((15, 15))
+    P[6:9, 6:9], P[12:15, 12:15] = 1e-4 * np.eye(3), 0.01 * np.eye(3)
+    there = integrity_gps.whereabouts(0.0, np.zeros(3), np.zeros(3), P, np.array([0.0, 0.0, 10.0]))
+    assert there.sigma_a == pytest.approx(np.sqrt(2 * 0.01 + 3 * 0.01)) and there.sigma_v == 0.0
+    P[6, 13] = P[13, 6] = -0.001  # tilt about x and bias of y, which weight cannot tell apart
+    P[7, 12] = P[12, 7] = 0.001
+    tied = integrity_gps.whereabouts(0.0, np.zeros(3), np.zeros(3), P, np.array([0.0, 0.0, 10.0]))
+    assert tied.sigma_a == pytest.approx(0.1)
 
 
 def test_a_stale_fix_is_one_of_an_instant_that_was_here():

@@ -14,6 +14,7 @@ RULES = watch_imu.ImuRules(
     range=np.array([np.radians(1000.0), 400.0]),
     wrong=np.array([1.0, 50.0]),
     change=np.array([0.35, 30.0]),
+    missed=np.array([np.radians(1000.0), 50.0]),
 )
 
 
@@ -152,8 +153,38 @@ def test_an_axis_at_the_end_of_its_range_is_told_from_the_others():
     # it is calm for a second before it is trusted again
     assert bad[-1] == pytest.approx(299 + watch_imu.CALM_S * 100, abs=1.0)
     assert np.all(states[bad, 0] == SATURATED)
-    assert densities[bad, 0, 0].all() and not densities[bad[-1] + 1].any()
+    assert densities[200:300, 0, 0].all() and not densities[300:].any()  # what is read again is right
     assert np.array_equal(out[250][:, 0], samples[1000:1004, 0])  # at least as fast as that
+
+
+def test_only_the_time_at_the_end_of_the_range_counts():
+    """Peaks of vibration: a tenth of the blocks is clipped, the variance is that of so much time alone."""
+    samples = readings(5.0, np.random.default_rng(15))
+    clipped = np.arange(100, 500, 10)
+    for block in clipped:
+        samples[N * block + 1, 0] = RULES.range[0] * DT
+    _, densities, states, _ = run(samples, saturated=set(clipped))
+    lost_s = len(clipped) * N * DT
+    expected = watch_imu.integrated_variance(RULES.missed[0], 0.0, lost_s, False)
+    assert np.all(states[100:500, 0] == SATURATED)
+    assert (densities[:, 0, 0] * N * DT).sum() == pytest.approx(expected)
+
+
+def test_a_fix_ends_what_was_missed_before_it():
+    samples = readings(4.0, np.random.default_rng(16))
+    samples[400:, 0] = RULES.range[0] * DT
+    watch, out, densities = watch_imu.start(RULES, N), np.empty((N, 6)), np.empty((2, 3))
+    for k, block in enumerate(blocks(samples, saturated=range(100, 400))):
+        watch_imu.screen(watch, block, out, densities)
+        if k == 299:
+            before = densities[0, 0]
+            watch_imu.fixed(watch, 0, block.t_valid_s - 0.05, block.t_valid_s)
+        if k == 300:
+            age_s = np.array([0.05, 0.06])
+            steps = [watch_imu.integrated_variance(RULES.missed[0], 0.0, age, False) for age in age_s]
+            assert densities[0, 0] * N * DT == pytest.approx(steps[1] - steps[0])
+            assert densities[0, 0] < 0.1 * before
+            break
 
 
 def test_a_flag_without_an_axis_concerns_them_all():

@@ -18,7 +18,11 @@ BLOCKS = [
     for block, dtheta, dv in zip(CLEAN, *NOISE, strict=True)
 ]
 RULES = integrity_imu.ImuRules(
-    np.array([24.0, 24.0]), np.array([50.0, 500.0]), np.array([1.0, 50.0]), np.array([0.5, 50.0])
+    repeats=np.array([24.0, 24.0]),
+    range=np.array([50.0, 500.0]),
+    wrong=np.array([1.0, 50.0]),
+    change=np.array([0.5, 50.0]),
+    missed=np.array([50.0, 50.0]),
 )
 WATCHED = PARAMS._replace(integrity=integrity_watch.DEFAULT._replace(imu=RULES))
 

@@ -29,6 +29,8 @@ FAULTS = {
     "repeat": ("imu", ""),
     "gyro_bias": ("imu", "axis: z, rate: 0.5 deg/s"),
     "gyro_scale": ("imu", "axis: x, factor: 5 %"),
+    "accelerometer_bias": ("imu", "axis: x, acceleration: 50 mgee"),
+    "accelerometer_scale": ("imu", "axis: z, factor: -5 %"),
     "outage": ("gps", ""),
     "freeze": ("gps", "time: stands"),
     "jump": ("gps", "position: [300 m, 0 m, 0 m]"),

@@ -5,7 +5,9 @@ import math
 import pytest
 
 from shefex_nav.report import requirements
-from shefex_nav.scenario.requirements import Requirements
+from shefex_nav.scenario.requirements import Attitude, Requirements
+
+ATTITUDE = {"limit": "0.17 deg", "at_entry": True}
 
 SUMMARY = {
     "flight": {"apogee_km": 176.2},
@@ -29,11 +31,12 @@ def passed(**wanted):
 @pytest.mark.parametrize(
     ("wanted", "found", "is_passed"),
     [
-        ({"attitude_at_entry": "0.17 deg"}, 0.18, False),  # the largest of the axes, whatever its sign
-        ({"attitude_at_entry": "0.18 deg"}, 0.18, True),  # the limit itself is kept
+        ({"attitude": {"limit": "0.17 deg", "at_entry": True}}, 0.18, False),  # the largest, without sign
+        ({"attitude": {"limit": "0.18 deg", "at_entry": True}}, 0.18, True),  # the limit itself is kept
         ({"position_at_entry": "0.1 km"}, 99.0, True),
         ({"usable_at_entry": True}, True, True),
-        ({"protection_at_entry": "0.15 deg"}, 0.2, False),
+        ({"attitude": {"limit": "0.15 deg", "protection_at_entry": True}}, 0.2, False),
+        ({"attitude": {"limit": "0.25 deg", "protection_at_entry": True}}, 0.2, True),
         ({"misleading": "0 %"}, 0.2, False),
         ({"misleading": "0.2 %"}, 0.2, True),
         ({"wrong_star_fixes": 0}, 1, False),
@@ -102,20 +105,24 @@ def test_a_part_of_a_mission_decides_what_the_rest_cannot_change(name, found, is
 
 
 def test_limits_are_shown_as_they_were_written():
-    found = requirements.limits(
-        Requirements(attitude_at_entry="0.17 deg", star_fixes="95 %", usable_at_entry=True)
-    )
+    found = requirements.limits(Requirements(attitude=ATTITUDE, star_fixes="95 %", usable_at_entry=True))
     assert found == {"attitude_at_entry": 0.17, "usable_at_entry": True, "star_fixes": 95.0}
     assert requirements.words("attitude_at_entry", 0.17, "deg") == "at most 0.17 deg"
 
 
+def test_a_limit_alone_requires_nothing():
+    assert requirements.limits(Requirements(attitude={"limit": "0.1 deg"})) == {}
+
+
 def test_every_field_of_the_section_is_measured():
-    assert set(requirements.MEASURES) == set(Requirements.model_fields)
+    judged = set(requirements.MEASURES) - set(requirements.OF_LIMIT)
+    assert judged | {"attitude"} == set(Requirements.model_fields)
+    assert {key for _, key in requirements.OF_LIMIT.values()} | {"limit"} == set(Attitude.model_fields)
     assert math.isclose(requirements.MEASURES["cold_gas"].factor, 1.0)
 
 
 def test_runs_are_put_in_order_by_what_they_miss_and_then_by_how_near_they_came():
-    wanted = Requirements(attitude_at_entry="0.17 deg", wrong_star_fixes=0, star_fixes="90 %")
+    wanted = Requirements(attitude=ATTITUDE, wrong_star_fixes=0, star_fixes="90 %")
 
     def severity(attitude_deg, wrong, solved):
         summary = {

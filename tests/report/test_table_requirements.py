@@ -32,7 +32,7 @@ def test_each_requirement_is_a_line(is_part, last):
 def test_run_and_report_say_whether_requirements_are_met(tmp_path):
     """Twelve seconds of stars on the ground, which fixes every frame but has no entry."""
     log = tmp_path / "sky.mcap"
-    wanted = "requirements={star_fixes: 90 %, attitude_at_entry: 0.17 deg}"
+    wanted = "requirements={star_fixes: 90 %, attitude: {limit: 0.17 deg, at_entry: true}}"
     ends = ["--set", "mission.time_limit=12 s", "--set", "star_tracker.off=12 s"]
     settings = [*ends, "--set", wanted]
     flown = CliRunner().invoke(cli.app, ["run", "scenarios/night_sky.yaml", "--out", str(log), *settings])
@@ -48,7 +48,7 @@ def test_a_run_until_a_time_is_a_part_of_the_mission(tmp_path):
     """Two seconds of the night sky: the same records as those of the whole run up to then, and said so."""
     logs = [tmp_path / "whole.mcap", tmp_path / "part.mcap"]
     settings = ["--set", "mission.time_limit=4 s", "--set", "star_tracker.off=4 s"]
-    settings += ["--set", "requirements={star_fixes: 90 %, attitude_at_entry: 0.17 deg}"]
+    settings += ["--set", "requirements={star_fixes: 90 %, attitude: {limit: 0.17 deg, at_entry: true}}"]
     runner = CliRunner()
     for log, until in zip(logs, ([], ["--until", "2 s"]), strict=True):
         arguments = ["run", "scenarios/night_sky.yaml", "--out", str(log), *settings, *until]

@@ -15,7 +15,7 @@ from shefex_nav import records as rec
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.writer import LogWriter
 from shefex_nav.report import metrics, viewer
-from shefex_nav.report.viewer import counts, layout, legend, recording
+from shefex_nav.report.viewer import counts, layout, legend, recording, sensors
 from shefex_nav.report.viewer.sender import GREEN, NAMELESS, Sender
 from shefex_nav.scenario import load
 
@@ -227,3 +227,23 @@ def test_the_text_about_the_star_tracker_is_seen_at_once(log, tmp_path):
         return [part] + [deeper for one in parts for deeper in shown(one)]
 
     assert any(isinstance(part, rrb.TextDocumentView) for part in shown(page))
+
+
+def test_missing_samples_are_neither_calm_nor_shaken():
+    """Vibration of a known size, a second without samples, one with a tenth of them, one axis alone."""
+    n, sigma = 1000, 0.5
+    t_s = 0.01 * np.arange(1, n + 1)
+    force = sigma * np.random.default_rng(5).standard_normal((n, 4, 3))
+    times, whole = sensors.vibration(t_s, force)
+    np.testing.assert_allclose(whole, sigma, rtol=0.2)  # 300 differences: 5 sigma of their scatter
+    force[200:300] = np.nan
+    force[500:590] = np.nan
+    force[700:790, :, 1] = np.nan
+    again, scatter = sensors.vibration(t_s, force)
+    assert np.array_equal(times, again)
+    assert np.isnan(scatter[2]).all()
+    np.testing.assert_allclose(scatter[5], sigma, rtol=0.6)  # 30 differences
+    np.testing.assert_allclose(scatter[7, 1], sigma, rtol=0.6)
+    assert np.array_equal(scatter[7, [0, 2]], whole[7, [0, 2]])
+    untouched = [0, 1, 3, 4, 6, 8, 9]
+    assert np.array_equal(scatter[untouched], whole[untouched])

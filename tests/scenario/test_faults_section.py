@@ -13,6 +13,10 @@ faults:
     - {fault: stuck, sensor: gyro, axis: y, from: 300 s, until: 310 s}
     - {fault: dead, sensor: accelerometer, axis: x, from: 10 s, until: 20 s}
     - {fault: dropout, from: 320 s, until: 320.05 s}
+    - {fault: gyro_bias, axis: x, rate: 0.1 deg/s, from: 30 s, until: 40 s}
+    - {fault: gyro_scale, axis: x, factor: -2 %, from: 30 s, until: 40 s}
+    - {fault: accelerometer_bias, axis: z, acceleration: -5 mgee, from: 30 s, until: 40 s}
+    - {fault: accelerometer_scale, axis: y, factor: 300 ppm, from: 30 s, until: 40 s}
   gps:
     - {fault: freeze, from: 1 s, until: 60 s}
     - {fault: jump, position: [300 m, 0 m, 0 m], from: 100 s, until: 110 s}
@@ -31,7 +35,12 @@ def test_faults_are_read_in_si(tmp_path):
     path = tmp_path / "faulty.yaml"
     path.write_text(TEXT + GOOD, encoding="utf-8")
     imu, gps, stars = faults(load(path))
-    assert [fault.kind for fault in imu] == ["stuck", "dead", "dropout"]
+    assert [fault.kind for fault in imu[:3]] == ["stuck", "dead", "dropout"]
+    assert [(f.kind, f.sensor, f.axis) for f in imu[3:]] == [
+        ("bias", "gyro", 0), ("scale", "gyro", 0), ("bias", "accelerometer", 2), ("scale", "accelerometer", 1)
+    ]  # fmt: skip
+    errors = [np.radians(0.1), -0.02, -5e-3 * 9.80665, 300e-6]
+    assert [f.error for f in imu[3:]] == pytest.approx(errors)
     assert (imu[0].sensor, imu[0].axis, imu[0].start_s, imu[0].end_s) == ("gyro", 1, 300.0, 310.0)
     assert (imu[1].sensor, imu[1].axis) == ("accelerometer", 0)
     assert [fault.kind for fault in gps] == ["freeze", "jump", "drift"]
@@ -46,6 +55,13 @@ def test_faults_are_read_in_si(tmp_path):
         ("fault: freeze", "fault: @freze", "faults.gps.0.fault", "did you mean 'freeze'?"),
         ("until: 60 s", "until: @0.5 s", "faults.gps.0.until", "0.5 s must be later than from, 1 s"),
         ("sensor: gyro", "sensor: @giro", "faults.imu.0.sensor", "choose from: gyro, accelerometer"),
+        (
+            "acceleration: -5 mgee",
+            "acceleration: @-5 deg/s",
+            "faults.imu.5.acceleration",
+            "an acceleration",
+        ),
+        ("factor: -2 %", "factor: @-2 m", "faults.imu.4.factor", "expected a plain ratio"),
         ("axis: y", "axis: @roll", "faults.imu.0.axis", "'roll' is not known; choose from: x, y, z"),
         ("smallest: 0.5 deg", "smallest: @190 deg", "faults.star_tracker.0.smallest", "180 deg"),
         (

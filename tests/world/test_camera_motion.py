@@ -217,7 +217,7 @@ def test_rolling_frames_overlap_and_come_in_their_order():
     """Every 60 ms a frame of which the last row closes after 100 ms; none that the trajectory would cut."""
     device = build(CLEAN._replace(line_s=LINE_S))
     trajectory = turning(*HERCULES)
-    shutter = shutters.Shutter(device, trajectory, every=6, off_s=1e9, rng=np.random.default_rng(1))
+    shutter = shutters.Shutter(device, trajectory, every=6, last_s=1e9, rng=np.random.default_rng(1))
     arrived = []
     for n in range(50):
         now_s = T_S + 0.01 * n

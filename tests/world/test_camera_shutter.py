@@ -11,7 +11,7 @@ from shefex_nav.records import CameraCommand
 from shefex_nav.world.camera import shutter as shutters
 
 KINDS = {"global": CLEAN, "rolling": CLEAN._replace(line_s=0.05 / 493)}
-OFF_S = T_S + 2.0
+LAST_S = T_S + 2.0
 LAST = 260  # tick, with which the trajectory ends
 ENDS_S = [T_S + 0.01 * n for n in range(1, LAST + 1)]
 
@@ -45,7 +45,7 @@ def taken(params, every, is_ahead):
         return Taken(end_s, number, t_start_s, command, rng.random()), None
 
     rng = np.random.default_rng(1)
-    shutter = shutters.Shutter(device, trajectory, every=every, off_s=OFF_S, rng=rng, take=take)
+    shutter = shutters.Shutter(device, trajectory, every=every, last_s=LAST_S, rng=rng, take=take)
     pictures, ahead, over = [], 0, None
     assert shutter.next_tick(0) == np.inf  # off, until it is commanded
     for n in range(1, LAST + 1):
@@ -78,15 +78,20 @@ def test_pictures_taken_ahead_of_time_are_those_of_their_ticks(kind, every):
     commands = [command for *_, command, _ in expected]
     assert len(expected) > 0.8 * 200 / every and len({command.exposure_s for command in commands}) == 4
     assert len({command.t_s for command in commands}) > 5
-    assert max(available_s for _, available_s, *_ in expected) <= OFF_S
+    assert max(available_s for _, available_s, *_ in expected) <= LAST_S
     # not even a picture without an exposure would be read out in time from then on
-    assert over == next(n for n in range(0, LAST, every) if T_S + 0.01 * n + params.readout_s > OFF_S + 1e-6)
+    assert over == next(n for n in range(0, LAST, every) if T_S + 0.01 * n + params.readout_s > LAST_S + 1e-6)
 
 
 def test_a_command_that_comes_too_late_for_a_picture_is_refused():
     device, command = build(CLEAN), CameraCommand(T_S, 0.05, 24.0)
     shutter = shutters.Shutter(
-        device, turning(110.0, 50.0), every=4, off_s=OFF_S, rng=np.random.default_rng(1), take=lambda *_: None
+        device,
+        turning(110.0, 50.0),
+        every=4,
+        last_s=LAST_S,
+        rng=np.random.default_rng(1),
+        take=lambda *_: None,
     )
     shutter.tick(8, ENDS_S[7], [command])
     shutter.tick(8, ENDS_S[7])

@@ -25,14 +25,22 @@ def changed(one, two):
     return rows[0] / 400.0, rows[-1] / 400.0
 
 
+def sent(data, *wrong):
+    """The data of a unit that sends them with faults."""
+    dtheta_b, dv_b = data.dtheta_b.copy(), data.dv_b.copy()
+    at_range = np.zeros((2, N, 3), dtype=bool)
+    missing = faults.imu_sent(wrong, data.t_s, dtheta_b, dv_b, at_range)
+    return data._replace(dtheta_b=dtheta_b, dv_b=dv_b, missing=missing)
+
+
 def test_without_faults_nothing_is_touched(data):
-    assert faults.imu((), data) is data
+    assert np.array_equal(sent(data).dtheta_b, data.dtheta_b) and sent(data).missing is None
     fixes = [gps_fix(1.0)]
     assert faults.gps((), fixes) is fixes
 
 
 def test_a_stuck_axis_repeats_the_last_good_reading(data):
-    bad = faults.imu((faults.ImuFault("stuck", 2.0, 3.0, "gyro", 1),), data)
+    bad = sent(data, faults.ImuFault("stuck", 2.0, 3.0, "gyro", 1))
     assert changed(bad.dtheta_b, data.dtheta_b) == (2.0025, 3.0)  # samples of (2 s, 3 s]
     assert np.all(bad.dtheta_b[801:1201, 1] == data.dtheta_b[800, 1])
     assert np.array_equal(bad.dtheta_b[:, [0, 2]], data.dtheta_b[:, [0, 2]])
@@ -40,13 +48,13 @@ def test_a_stuck_axis_repeats_the_last_good_reading(data):
 
 
 def test_a_dead_axis_reads_zero(data):
-    bad = faults.imu((faults.ImuFault("dead", 2.0, 3.0, "accelerometer", 2),), data)
+    bad = sent(data, faults.ImuFault("dead", 2.0, 3.0, "accelerometer", 2))
     assert not bad.dv_b[801:1201, 2].any() and bad.dv_b[1201, 2] == data.dv_b[1201, 2]
     assert np.array_equal(bad.dtheta_b, data.dtheta_b)
 
 
 def test_a_dropout_makes_blocks_that_say_they_are_not_valid(data):
-    blocks = list(imu.blocks(faults.imu((faults.ImuFault("dropout", 2.0, 2.05),), data)))
+    blocks = list(imu.blocks(sent(data, faults.ImuFault("dropout", 2.0, 2.05))))
     lost = [block.t_valid_s for block in blocks if not block.valid]
     assert lost == pytest.approx([2.01, 2.02, 2.03, 2.04, 2.05])
     assert all(np.isnan(block.dtheta_b).all() for block in blocks if not block.valid)
@@ -55,7 +63,7 @@ def test_a_dropout_makes_blocks_that_say_they_are_not_valid(data):
 
 def test_repeated_blocks_are_the_last_good_one(data):
     good = list(imu.blocks(data))
-    bad = list(imu.blocks(faults.imu((faults.ImuFault("repeat", 2.0, 2.05),), data)))
+    bad = list(imu.blocks(sent(data, faults.ImuFault("repeat", 2.0, 2.05))))
     for k in range(1000):
         source = 199 if 200 <= k < 205 else k  # block k begins at k/100 s
         assert np.array_equal(bad[k].dtheta_b, good[source].dtheta_b)

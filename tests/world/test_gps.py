@@ -58,8 +58,24 @@ def test_a_start_between_seconds_keeps_to_whole_seconds():
     assert [fix.t_valid_s for fix in fixes] == [-2.0, -1.0, 0.0, 1.0]
 
 
+@pytest.mark.parametrize("rate", [4.0, 20.0])
+def test_a_faster_receiver_measures_in_between_too(flight, rate):
+    """Every fix is of the truth at its instant; those of one receiver on whole seconds are as before."""
+    antenna = gps.antenna_states(flight, synthetic.EARTH, PARAMS.l_ba_b, rate)
+    slow = gps.antenna_states(flight, synthetic.EARTH, PARAMS.l_ba_b)
+    assert len(antenna.t_s) == rate * (len(slow.t_s) - 1) + 1
+    np.testing.assert_allclose(np.diff(antenna.t_s), 1.0 / rate, atol=1e-12)
+    for name in ("r_ea_e", "v_ea_e", "t_s"):
+        assert np.array_equal(getattr(antenna, name)[:: round(rate)], getattr(slow, name))
+    step = 0.5 / rate * (antenna.v_ea_e[1:] + antenna.v_ea_e[:-1])  # trapezoidal rule
+    calm = antenna.t_s[1:] < -1.0  # at rest on the pad
+    np.testing.assert_allclose(np.diff(antenna.r_ea_e, axis=0)[calm], step[calm], atol=1e-6)
+    fixes = measure(CALM._replace(rate=rate), flight)
+    assert [fix.t_valid_s for fix in fixes] == antenna.t_s.tolist()
+
+
 def test_a_truth_without_whole_seconds_is_an_error(flight):
-    with pytest.raises(ValueError, match="whole seconds"):
+    with pytest.raises(ValueError, match="1 times a second"):
         measure(CALM, flight._replace(t_s=flight.t_s + 0.001))
 
 

@@ -11,6 +11,8 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.navigation.state import ATT, corrected, right_jacobian
 
+LARGE2 = 0.05**2  # [E] rad^2, square of a correction of the attitude that is no small angle
+
 
 def engine(layout):
     """filterpy.kalman.KalmanFilter for the errors; its contents do not outlive a call of this module."""
@@ -120,7 +122,7 @@ def _take_in(x, dx, nominal, updated, P, G):
 
 
 def turned_back(P, G):
-    """Covariance after an update of the attitude alone that is believed at any angle: without its G.
+    """Covariance after an update of the attitude alone, by a large angle or a reset: without its G.
 
     A star fix says exp(z) = exp(e) exp(m), e the attitude's error, m the camera's. Linear at e = 0 that is
     e = z - m, whose turned error is -G m; but what is left after the correction is exp(-z) exp(e) = exp(-m).

@@ -37,8 +37,7 @@ from shefex_nav.onboard.navigation.sensors import (
     without_solution,
 )
 from shefex_nav.onboard.navigation.state import (
-    X_R,
-    X_V,
+    ATT,
     Layout,
     NavParams,
     NavState,
@@ -232,7 +231,7 @@ def _worth_trying(nav, arrival, fix, index, results):
     if arrival.startswith("star"):
         return names, straightened(nav, arrival, index, fix)
     if arrival.startswith("gps"):
-        repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, *_whereabouts(nav, index))
+        repeats, fix = integrity_gps.repeated(nav.watch.gps, fix, _whereabouts(nav, index))
         results.extend(_unused(now_s, fix, name, words) for name, words in repeats.items())
         nav.watch.tell(now_s, "gps", next(iter(repeats.values()), ""))
         names = tuple(name for name in names if name not in repeats)
@@ -240,9 +239,14 @@ def _worth_trying(nav, arrival, fix, index, results):
 
 
 def _whereabouts(nav, index):
-    """Position and velocity of a tick, axes of the Earth: (3,) m, (3,) m/s."""
-    x = nav.history.xs[nav.history.place(index)]
-    return frames.ecef_from_inertial(nav.earth, nav.history.ends_s[index], x[X_R], x[X_V])
+    """integrity_gps.Whereabouts of a tick."""
+    history, t_s = nav.history, nav.history.ends_s[index]
+    place = history.place(index)
+    x, P = history.xs[place], history.Ps[place]
+    r_i, v_i = nav.watch.path.at(history.number(index), t_s, x)
+    r_e, v_e = frames.ecef_from_inertial(nav.earth, t_s, r_i, v_i)
+    f_b = Moment(history, index, history.length_s(index)).felt_with(x)[3:]
+    return integrity_gps.whereabouts(t_s, r_e, v_e, P, f_b)
 
 
 def _turn(measurement):
@@ -271,6 +275,7 @@ def _way(nav, first, last, results, recorder=None):
     history.go_to(first - 1)
     if recorder is None:
         nav.watch.gyros.back_to(history.number(first - 1))
+        nav.watch.path.back_to(history.number(first - 1))
     if nav.params.lasting_share:
         history.position_s = history.position_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
@@ -327,13 +332,15 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)
     else:
         dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P)
-    if fate == Fate.RESET and sensor.block == "attitude":
+    if measurement.sensor == "star_tracker" and (fate == Fate.RESET or dx[ATT] @ dx[ATT] > eskf.LARGE2):
         history.P[:], G = eskf.turned_back(history.P, G), np.eye(3)
     if recorder is not None:
         after = now.state, history.P.copy(), cut
         recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))
     elif fate != Fate.DOUBTED:
-        nav.watch.gyros.corrected(history.number(index), history.number(0), x, history.x)
+        numbers = history.number(index), history.number(0)
+        nav.watch.gyros.corrected(*numbers, x, history.x)
+        nav.watch.path.corrected(*numbers, now.t_s, x, history.x)
     if pending and fate != Fate.DOUBTED:
         _protect(nav, measurement, prior, history.P, H, R, confirmed)
         if confirmed:

@@ -2,10 +2,12 @@
 
 **Repeated fixes.** A measurement has noise, so two fixes that agree to the last bit are one fix sent twice,
 unless the last bit is coarse. Stale: valid at the instant of one that was here before. Frozen: the position
-of one that was here before, with a new time, although the vehicle has moved meanwhile, by what the filter
-says, further than a fix is uncertain; or likewise its velocity. Neither reaches the gate, so a frozen
-receiver neither corrects the filter nor counts as contradiction. A coarse receiver at rest may well repeat
-itself.
+of one that was here before, with a new time, although the vehicle has moved meanwhile further than a fix is
+uncertain, or faster; or likewise its velocity. Whether it has moved, the inertial sensors say alone
+(`raw_path`): repeated fixes would hold a filter that believes them. To the uncertainty of a fix comes what
+the inertial sensors may be wrong by since: 3 sigma of their velocity and of the acceleration that follows
+from them. Neither reaches the gate, so a frozen receiver neither corrects the filter nor counts as
+contradiction. A coarse receiver at rest may well repeat itself.
 
 **Slow drift.** A position that runs away slowly takes the filter with it and passes every gate; but the
 filter lags behind, being held back by inertial sensors and GPS velocity, so the innovations keep their sign.
@@ -31,6 +33,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import kernel
+from shefex_nav.geometry import rotation
+from shefex_nav.onboard.navigation.state import ATT, BA, VEL
 from shefex_nav.records import GpsFix, GpsRanges
 
 SAYS = {  # sensor and field of where and how fast, and what the first is called
@@ -56,14 +60,30 @@ class Drift(NamedTuple):
 QUIET = Drift(np.zeros((len(WINDOWS), 3)), np.zeros(len(WINDOWS)), False)
 
 
+class Whereabouts(NamedTuple):
+    """The vehicle by its inertial sensors alone, and how far these can be trusted from here on."""
+
+    t_s: float
+    r_e: np.ndarray  # (3,) m
+    v_e: np.ndarray  # (3,) m/s
+    sigma_v: float  # m/s, of the norm of the velocity
+    sigma_a: float  # m/s^2, of the norm of the acceleration
+
+
+def whereabouts(t_s, r_e, v_e, P, f_b):
+    """Whereabouts. P : (n, n) of the filter;  f_b : (3,) m/s^2, which turns with the error of the attitude"""
+    J, at = np.hstack([-rotation.skew(f_b), -np.eye(3)]), np.r_[ATT, BA]
+    variances = np.trace(P[VEL, VEL]), max(np.trace(J @ P[np.ix_(at, at)] @ J.T), 0.0)
+    return Whereabouts(t_s, r_e, v_e, *np.sqrt(variances).tolist())
+
+
 class Kept(NamedTuple):
     """A fix that was here."""
 
     fix: GpsFix | GpsRanges  # the last of those that say the same
     place: list  # its position or ranges
     velocity: list  # and their rates
-    r_e: np.ndarray  # (3,) m, where the filter had the vehicle at the first of them
-    v_e: np.ndarray  # (3,) m/s, and how fast
+    there: Whereabouts  # of the vehicle at the first of them
     times: int  # how often its position has been said again by a receiver at rest
 
 
@@ -72,14 +92,14 @@ def memory():
     return deque(maxlen=MEMORY)
 
 
-def repeated(earlier, fix, r_e, v_e):
+def repeated(earlier, fix, here):
     """What of a valid fix repeats one that was here.
 
     Parameters
     ----------
     earlier : `memory`, which takes the fix in if it is new
     fix : GpsFix or GpsRanges
-    r_e, v_e : (3,) m, m/s, where the filter has the vehicle at that instant, and how fast
+    here : Whereabouts at that instant
 
     Returns
     -------
@@ -98,27 +118,37 @@ def repeated(earlier, fix, r_e, v_e):
             words = f"stale: of T{old.t_valid_s:+.1f} s, as one before"
             return {where[0]: words, how_fast[0]: words}, fix
         if kept.place == place:
-            if _rests(fix, kept, r_e):
+            if _rests(fix, kept, here):
                 earlier[k] = kept._replace(fix=fix, velocity=velocity, times=kept.times + 1)
                 return {}, fix._replace(R_r_e=(kept.times + 2) * fix.R_r_e)
             words = f"frozen: {what} of T{old.t_valid_s:+.1f} s"
             return {where[0]: words, how_fast[0]: words}, fix
         if any(velocity) and kept.velocity == velocity:
-            if type(fix) is GpsFix and _within(v_e - kept.v_e, fix.R_v_e):
+            if type(fix) is GpsFix and _is_as_fast(fix, kept, here):
                 continue
             return {how_fast[0]: f"frozen: velocity of T{old.t_valid_s:+.1f} s"}, fix
-    earlier.append(Kept(fix, place, velocity, r_e, v_e, 0))
+    earlier.append(Kept(fix, place, velocity, here, 0))
     return {}, fix
 
 
-def _rests(fix, kept, r_e):
+def _rests(fix, kept, here):
     """Whether nothing has moved since a fix; ranges change always, with the satellites."""
-    return type(fix) is GpsFix and _within(r_e - kept.r_e, fix.R_r_e)
+    if type(fix) is not GpsFix or not _is_as_fast(fix, kept, here):
+        return False
+    since_s = here.t_s - kept.there.t_s
+    strayed = kept.there.sigma_v * since_s, 0.5 * kept.there.sigma_a * since_s**2
+    return _within(here.r_e - kept.there.r_e, fix.R_r_e, *strayed)
 
 
-def _within(d, R):
-    """Whether a change is no larger than the noise of one fix. (3,), (3, 3) -> bool"""
-    return bool(d @ d < np.trace(R))
+def _is_as_fast(fix, kept, here):
+    """Whether the velocity is what it was at a fix; a receiver that reports none says nothing against it."""
+    strayed = kept.there.sigma_a * (here.t_s - kept.there.t_s)
+    return np.isnan(fix.R_v_e[0, 0]) or _within(here.v_e - kept.there.v_e, fix.R_v_e, strayed)
+
+
+def _within(d, R, *strayed):
+    """Whether a change (3,) is within the noise of a fix, (3, 3), and 3 sigma of what adds to it."""
+    return bool(d @ d < np.trace(R) + 9.0 * sum(sigma**2 for sigma in strayed))
 
 
 def follow(drift, z, S, limit, lasting=0.0):

@@ -7,7 +7,8 @@
 An axis that is silent or stuck is given the mean that it had before (over `MEAN_S`, which vibration does not
 disturb), a saturated one keeps its reading. Either way the rate is wrong by an unknown amount, so the filter
 is told: white noise of such a density that the variance of the integrated error grows as that of the error
-itself. An error of sigma s that keeps its sign for a time T (first-order Gauss-Markov) integrates to
+itself. Of a saturated axis only the time counts that its readings spend at the end of the range.
+An error of sigma s that keeps its sign for a time T (first-order Gauss-Markov) integrates to
 
     V(t) = 2 s^2 T^2 (t/T - 1 + exp(-t/T)),                     s^2 t^2 at first,
 
@@ -50,9 +51,12 @@ class ImuRules(NamedTuple):
     range: np.ndarray  # (2,) rad/s, m/s^2; inf: unknown
     wrong: np.ndarray  # (2,) rad/s, m/s^2, sigma of the error of a reading that means nothing
     change: np.ndarray  # (2,) rad/s^2, m/s^3, how fast the truth runs away from a reading that is held
+    missed: np.ndarray  # (2,) rad/s, m/s^2, sigma of what a reading at the end of the range leaves out
 
 
-NO_RULES = ImuRules(np.full(2, inf), np.full(2, inf), np.array([1.0, 50.0]), np.array([0.5, 50.0]))
+NO_RULES = ImuRules(
+    np.full(2, inf), np.full(2, inf), np.array([1.0, 50.0]), np.array([0.5, 50.0]), np.array([1.0, 50.0])
+)
 
 
 AXIS = rows(
@@ -63,6 +67,7 @@ AXIS = rows(
         ("since_s", float),  # when the present fault began; NaN: there is none
         ("seen_s", float),  # when it was last seen
         ("charged", float),  # rad^2 or m^2/s^2, variance that the filter has been given for it
+        ("at_end_s", float),  # time at the end of its range, in all or since a fix
         ("fixed_s", float),  # when a fix last said what the integral was; NaN: not since it began
         ("state", int),  # GOOD ...
     ]
@@ -72,7 +77,7 @@ AXIS = rows(
 class ImuWatch(NamedTuple):
     """Memory of the watch, changed in place."""
 
-    rules: np.ndarray  # (4, 2) the ImuRules
+    rules: np.ndarray  # (5, 2) the ImuRules
     last: np.ndarray  # (n, 6) the block before, as it was read; NaN at the start
     axes: np.ndarray  # (6,) of AXIS, gyros first
 
@@ -131,13 +136,14 @@ def fixed(watch, sensor, t_valid_s, now_s):
 
     watch : ImuWatch;  sensor : 0 the gyros, 1 the accelerometers;  now_s : of the last block
     """
-    _, _, wrong, change = watch.rules
+    _, _, wrong, change, missed = watch.rules
     for axis in watch.axes[3 * sensor : 3 * sensor + 3]:
         if axis["state"] != GOOD and t_valid_s > axis["since_s"]:
-            axis["fixed_s"] = t_valid_s
-            axis["charged"] = integrated_variance(
-                wrong[sensor], change[sensor], max(now_s - t_valid_s, 0.0), False
-            )
+            axis["fixed_s"], age_s, sigma = t_valid_s, max(now_s - t_valid_s, 0.0), wrong[sensor]
+            if axis["state"] == SATURATED:
+                age_s = axis["at_end_s"] = min(age_s, axis["at_end_s"])
+                sigma = missed[sensor]
+            axis["charged"] = integrated_variance(sigma, change[sensor], age_s, False)
 
 
 def health(t_s, changed, state):
@@ -194,6 +200,7 @@ def screen_packed(
             changed |= 1 << k
         if code == GOOD:
             axis.since_s, axis.charged, axis.fixed_s, axis.state = np.nan, 0.0, np.nan, GOOD
+            axis.at_end_s = 0.0
             densities[k // 3, k % 3] = 0.0
             continue
         unseen = 0.0  # variance of what a reading that was none has added until it was called stuck
@@ -204,7 +211,10 @@ def screen_packed(
         if code != SATURATED or at_range:
             axis.seen_s = t_end_s
         axis.state = code
-        added = _charge(rules[2, k // 3], rules[3, k // 3], axis, t_end_s) + unseen
+        if code == SATURATED:
+            added = _charge_at_end(rules[4, k // 3], axis, n * dt_s) if at_range else 0.0
+        else:
+            added = _charge(rules[2, k // 3], rules[3, k // 3], axis, t_end_s) + unseen
         densities[k // 3, k % 3] = added / (n * dt_s)
     if whole == GOOD:
         last[:] = readings
@@ -225,11 +235,21 @@ def _same(readings, last):
 @inner(forceinline=True)
 def _charge(wrong, change, axis, t_end_s):
     """Variance that the error of a reading which cannot be used has added since the last block."""
-    held = axis.state != SATURATED and np.isfinite(axis.mean_rate)  # without a mean there is nothing to hold
+    held = np.isfinite(axis.mean_rate)  # without a mean there is nothing to hold
     begin_s = axis.since_s
     if axis.fixed_s > begin_s:  # what is held was right at the beginning, not at the fix
         begin_s, held = axis.fixed_s, False
     variance = integrated_variance(wrong, change, t_end_s - begin_s, held)
+    added = max(variance - axis.charged, 0.0)
+    axis.charged = max(variance, axis.charged)
+    return added
+
+
+@inner(forceinline=True)
+def _charge_at_end(missed, axis, duration_s):
+    """Variance that a reading at the end of its range has added in a block."""
+    axis.at_end_s += duration_s
+    variance = integrated_variance(missed, 0.0, axis.at_end_s, False)
     added = max(variance - axis.charged, 0.0)
     axis.charged = max(variance, axis.charged)
     return added

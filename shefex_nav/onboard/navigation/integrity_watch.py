@@ -7,7 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import integrity_gps, integrity_gyro, integrity_imu, integrity_protection
+from shefex_nav.onboard.navigation import (
+    integrity_gps,
+    integrity_gyro,
+    integrity_imu,
+    integrity_protection,
+    raw_path,
+)
 from shefex_nav.onboard.navigation.state import ReleaseRule
 from shefex_nav.records import Doubt, NavHealth
 
@@ -49,6 +55,7 @@ class Watch:
         self.unread = False  # whether readings of an axis have been replaced, or are at the end of its range
         self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
+        self.path = raw_path.RawPath()
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
         self.used_now = []  # integrity_protection.Slope of each fix used in this tick

@@ -12,7 +12,7 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import triples as t3
-from shefex_nav.onboard.navigation import error_model, strapdown
+from shefex_nav.onboard.navigation import error_model, strapdown, unknown_attitude
 from shefex_nav.onboard.navigation.calibration import accel_inverse, g_sensitivity, gyro_inverse
 from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S, WEIGHTS
 from shefex_nav.onboard.navigation.state import (
@@ -115,11 +115,12 @@ def _through(
         until_s = end_s if number == last and end_s < length_s else length_s
         if until_s > begin_s:
             t_s, window = numbers[k, 0] - length_s + begin_s, increments[k, : BEFORE + n]
-            bias_walk = _interval(
+            bias_walk, angle, speed = _interval(
                 at, model[0], x, t_s, window, h, numbers[k, 3], extra[k], begin_s, until_s,
                 C_iq, C_re, angle_0, rate, work,
             )  # fmt: skip
             _covariance(at, model[0], P, work, bias_walk, until_s - begin_s)
+            unknown_attitude.widen(P, angle, speed)
         if until_s == length_s:
             _keep(x, P, xs[k], Ps[k])
         begin_s = 0.0
@@ -184,7 +185,7 @@ def workspace(n):
 def _growth(at, n, model, x, t_s, increments, h, vibration, extra, begin_s, end_s, C_iq, C_re, angle_0, rate):
     """Phi and Q in full: the rows of the strapdown, and a covariance of zero carried on."""
     Phi, Q, work, T = np.eye(n), np.zeros((n, n)), workspace(n), end_s - begin_s
-    bias_walk = _interval(
+    bias_walk, _, _ = _interval(
         at, model[0], x, t_s, increments, h, vibration, extra, begin_s, end_s,
         C_iq, C_re, angle_0, rate, work,
     )  # fmt: skip
@@ -208,7 +209,9 @@ def _interval(
     """Strapdown and error model of a part of a tick.
 
     Arguments of `growth`, the tuples in their fields. x (93,) is carried on in place. Of the workspace are
-    written: (9, n) first rows of Phi; (9, 9) Q of them. -> m^2/s^5, random walk of the accelerometer bias
+    written: (9, n) first rows of Phi; (9, 9) Q of them.
+
+    -> m^2/s^5, random walk of the accelerometer bias; rad, m/s, sums of the corrected increments
     """
     gyro, accel, by_gyro, by_accel, top, Q, _ = work
     r, v, T = t3.vector(x, X_R.start), t3.vector(x, X_V.start), end_s - begin_s
@@ -238,7 +241,7 @@ def _interval(
     share = T / (h * (increments.shape[0] - BEFORE))
     along, across, bias_walk = error_model.noise_densities(model, vibration, share, T, angle, speed)
     error_model.process_noise(top, along, across, extra, C, T, Q)
-    return bias_walk
+    return bias_walk, angle, speed
 
 
 @inner(forceinline=True)

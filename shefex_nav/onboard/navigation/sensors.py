@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from shefex_nav.compiled import kernel
-from shefex_nav.geometry import rotation
+from shefex_nav.geometry import frames, rotation
 from shefex_nav.onboard.navigation import (
     calibration,
     integrity,
@@ -20,7 +20,7 @@ from shefex_nav.onboard.navigation import (
     measurements,
 )
 from shefex_nav.onboard.navigation.history import Moment
-from shefex_nav.onboard.navigation.state import POS, VEL, ReleaseRule
+from shefex_nav.onboard.navigation.state import POS, VEL, X_Q, ReleaseRule
 from shefex_nav.records import GpsFix, GpsRanges, Reason, StarFix
 
 BEND_SHARE = 0.2  # [E] of the bend, that it may be wrong by: not all light of a streak counts alike
@@ -97,7 +97,10 @@ def _gps_position(nav, now, fix):
 
 def _gps_velocity(nav, now, fix):
     z, H, R = measurements.gps_velocity(fix, _antenna(nav, now))
-    return z, H, R + vibration_variance(nav.params, now) * np.eye(3) if now.vibration else R
+    if now.vibration:
+        R = R + vibration_variance(nav.params, now) * np.eye(3)
+    swing = swing_covariance(nav, now)
+    return z, H, R if swing is None else R + swing
 
 
 def _gps_range(nav, now, fix):
@@ -107,7 +110,11 @@ def _gps_range(nav, now, fix):
 
 def _gps_range_rate(nav, now, fix):
     z, H, R = measure_ranges.range_rates(nav.layout, now.state, fix, _antenna(nav, now))
-    along = H[:, VEL]  # the antenna's velocity in vibration is one vector for all satellites
+    along = H[:, VEL]  # what vibration and unknown rates do to the antenna is one vector for all satellites
+    swing = swing_covariance(nav, now)
+    if swing is not None:
+        C_ei = frames.dcm_ie(nav.earth, now.t_s).T
+        R = R + along @ C_ei.T @ swing @ C_ei @ along.T
     return z, H, R + vibration_variance(nav.params, now) * (along @ along.T)
 
 
@@ -165,6 +172,21 @@ def vibration_variance(params, now):
     model, imu = params.imu, now.imu
     rate2 = 2.0 * (model.gyro_vibration / imu.dt_s) ** 2
     return imu.vibration**2 * (model.accel_vibration**2 + rate2 * (params.l_ba_b @ params.l_ba_b))
+
+
+def swing_covariance(nav, now):
+    """What rates that are not measured do to the velocity of the antenna: (3, 3) m^2/s^2, frame e, or None.
+
+    A gyro that cannot be read leaves the velocity of the antenna against the IMU unknown, omega x arm.
+    """
+    imu, rules = now.imu, nav.watch.params.imu
+    if not imu.extra[0].any():
+        return None
+    at_end = (np.abs(imu.dtheta_b) >= 0.999 * rules.range[0] * imu.dt_s).any(axis=0)
+    sigma = np.where(imu.extra[0] > 0.0, np.where(at_end, rules.missed[0], rules.wrong[0]), 0.0)
+    C_ei = frames.dcm_ie(nav.earth, now.t_s).T
+    swung = C_ei @ rotation.dcm_from_quat(now.x[X_Q]) @ rotation.skew(nav.params.l_ba_b) * sigma
+    return swung @ swung.T
 
 
 def _gps_trial(nav, now, z, R, fix):

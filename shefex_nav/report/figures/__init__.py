@@ -107,7 +107,7 @@ CATALOGUE = (
     Entry(
         "protection", "consistency.protection", "consistency",
         "The protection level bounds what a fault that nobody noticed may do to the attitude. Grey: the"
-        " solution said not to be used. An error above the level outside the grey would be misleading.",
+        " solution said not to be used. An error above the level outside the grey is misleading.",
     ),
     Entry(
         "timing", "timing.chain", "computing time",

@@ -23,28 +23,39 @@ def imu(sender, data):
         return
     t_s, dt_s = block.t_valid_s, block.dt_s[:, None]
     n = block.dv_b.shape[1]
-    rate = np.degrees(block.dtheta_b.sum(axis=1) / (n * dt_s))
-    force = block.dv_b.sum(axis=1) / (n * dt_s) / STANDARD_GRAVITY
+    dtheta_b, dv_b = (
+        np.where(block.valid[:, None, None], column, np.nan) for column in (block.dtheta_b, block.dv_b)
+    )
+    rate = np.degrees(dtheta_b.sum(axis=1) / (n * dt_s))
+    force = dv_b.sum(axis=1) / (n * dt_s) / STANDARD_GRAVITY
     step = plot_step(t_s)
     sender.axes("plots/imu/rate", t_s[::step], rate[::step])
     sender.axes("plots/imu/force", t_s[::step], force[::step])
-    times, scatter = vibration(t_s, block.dv_b / dt_s[:, :, None] / STANDARD_GRAVITY)
+    times, scatter = vibration(t_s, dv_b / dt_s[:, :, None] / STANDARD_GRAVITY)
     sender.axes("plots/imu/vibration", times, scatter)
 
 
 def vibration(t_s, force):
     """Standard deviation of the differences between neighbouring samples over the root of two, each second.
 
-    Slow changes of the specific force drop out of the differences. (N,) s, (N, n, 3) -> (M,), (M, 3)
+    Slow changes of the specific force drop out of the differences. Samples that are missing (NaN) count
+    neither as calm nor as shaken: of a second without any there is nothing to say, NaN.
+
+    (N,) s, (N, n, 3) -> (M,), (M, 3)
     """
     per_tick = np.diff(force, axis=1) ** 2
     second = np.floor((t_s - t_s[0]) / VIBRATION_S).astype(int)
     starts = np.flatnonzero(np.diff(second, prepend=-1))
     if force.shape[1] < 2 or not len(starts):
         return np.zeros(0), np.zeros((0, 3))
-    sums = np.add.reduceat(np.nan_to_num(per_tick).sum(axis=1), starts)
-    counts = np.diff([*starts, len(t_s)]) * per_tick.shape[1]
-    return t_s[starts], np.sqrt(sums / counts[:, None] / 2.0)
+    known = np.isfinite(per_tick)
+    sums, counts = (
+        np.add.reduceat(column.sum(axis=1), starts)
+        for column in (np.where(known, per_tick, 0.0), known.astype(float))
+    )
+    return t_s[starts], np.sqrt(
+        np.divide(sums, 2.0 * counts, out=np.full(sums.shape, np.nan), where=counts > 0)
+    )
 
 
 def gps(sender, data):

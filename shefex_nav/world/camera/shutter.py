@@ -23,15 +23,15 @@ class Shutter:
     camera : Camera
     trajectory : Trajectory
     every : int, ticks from frame to frame
-    off_s : s, a picture that would not have been read out by then is not taken
+    last_s : s, a picture that would not have been read out by then is not taken: the computer is off after it
     rng : Generator of the noise of the frames
     take : `camera.expose`, or what stands for a picture in its place
     """
 
-    def __init__(self, camera, trajectory, *, every, off_s, rng, take=expose):
+    def __init__(self, camera, trajectory, *, every, last_s, rng, take=expose):
         self.take = take
         self.camera, self.trajectory, self.rng = camera, trajectory, rng
-        self.every, self.off_s = every, off_s
+        self.every, self.last_s = every, last_s
         self.end_s = float(trajectory.t_s[-1])
         self.commands = []  # not yet in force, oldest first
         self.command = None  # in force; none before the first: the camera is off
@@ -56,9 +56,9 @@ class Shutter:
         if self.command is None or n % self.every:
             return
         params = self.camera.params
-        self.is_over = now_s + params.readout_s > self.off_s + SAME_S
+        self.is_over = now_s + params.readout_s > self.last_s + SAME_S
         frame_s = duration_s(row_times(self.command.exposure_s, params.line_s, params.height_px))
-        if now_s + frame_s + params.readout_s > self.off_s + SAME_S:
+        if now_s + frame_s + params.readout_s > self.last_s + SAME_S:
             return
         if now_s + frame_s <= self.end_s:
             self.waiting.append(

@@ -1,0 +1,85 @@
+"""Attitude that is hardly known: what the linear error model leaves out when its errors are no small angles.
+
+Linear prediction holds for errors of the attitude up to a few degrees. Beyond, three things are put right,
+each by more uncertainty than it may need, never by less.
+
+**An angle is known modulo a turn.** A variance of more than pi^2/3, that of an angle of which nothing is
+known, means nothing. It is taken back to that, and its ties to all other errors are cut: after more than a
+turn they say nothing any more.
+
+**A missed roll loses the direction of the axis, too.** While the rate about an axis k is not known, as of a
+gyro at the end of its range, the rate w across is measured in a frame that turns away. The axis then moves
+by w in an unknown direction: its error grows by |w| T in a time T, in one direction, not as noise.
+
+**Specific force in an unknown direction.** To second order in the error theta the velocity gains
+
+    C (theta x dv + theta x (theta x dv)/2)
+
+of which the model has the first term. The second keeps its direction as long as the force does. It is counted
+as an error of the size s = |theta| |theta x dv|/2, never more than 2 |dv|, in the direction of the error that
+the velocity has already: sigma grows by s until a fix takes it back.
+"""
+
+import numpy as np
+
+from shefex_nav.compiled import inner
+from shefex_nav.geometry import triples as t3
+from shefex_nav.onboard.navigation.state import ATT, VEL
+
+LARGE2 = 0.05**2  # [E] rad^2: below, the second order is less than a fortieth of the first
+UNKNOWN2 = np.pi**2 / 3.0  # rad^2, variance of an angle of which nothing is known
+MARGIN = 1.05  # of that variance, before ties are cut
+
+
+@inner(forceinline=True)
+def widen(P, angle, speed):
+    """Make a covariance after an interval as large as the module's text says, in place.
+
+    P : (n, n);  angle, speed : rad, m/s, three numbers each, passed through in the interval, body axes
+    """
+    a = ATT.start
+    largest = max(P[a, a], P[a + 1, a + 1], P[a + 2, a + 2])
+    if largest > LARGE2:
+        _add_second_order(P, speed)
+    if largest > MARGIN * UNKNOWN2:
+        for k in range(3):
+            if P[a + k, a + k] > MARGIN * UNKNOWN2:
+                _cut(P, a + k)
+                _lose_axis(P, k, angle)
+
+
+@inner
+def _add_second_order(P, speed):
+    """Noise of velocity for the second order of the attitude's error, in place."""
+    a = ATT.start
+    trace, along = 0.0, 0.0
+    for i in range(3):
+        trace += P[a + i, a + i]
+        for j in range(3):
+            along += speed[i] * P[a + i, a + j] * speed[j]
+    gained2 = t3.dot(speed, speed)
+    across = max(trace * gained2 - along, 0.0)  # mean square of theta x dv
+    size = np.sqrt(min(0.25 * trace * across, 4.0 * gained2))
+    for i in range(VEL.start, VEL.stop):
+        P[i, i] += size * (2.0 * np.sqrt(P[i, i]) + size)
+
+
+@inner
+def _cut(P, k):
+    """Nothing is known of error k any more, an angle, nor of its ties to others. In place."""
+    for j in range(P.shape[0]):
+        P[k, j] = P[j, k] = 0.0
+    P[k, k] = UNKNOWN2
+
+
+@inner
+def _lose_axis(P, k, angle):
+    """Axis k moves in an unknown direction, by the angle that was turned across it. In place."""
+    a, moved2 = ATT.start, 0.0
+    for i in range(3):
+        if i != k:
+            moved2 += angle[i] ** 2
+    moved = np.sqrt(moved2)
+    for i in range(3):
+        if i != k:
+            P[a + i, a + i] += moved * (2.0 * np.sqrt(P[a + i, a + i]) + moved)

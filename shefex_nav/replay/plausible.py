@@ -1,0 +1,356 @@
+"""Do the series of a data set fit each other, as the scenario describes them? Before anything is navigated.
+
+- Velocities against the change of the positions between two fixes, or two rows of truth.
+- Truth against the positions of the fixes.
+- The specific force against that of the truth; without truth, what points up at rest against a vehicle that
+  climbs: it stands nose up.
+
+What disagrees beyond any noise, and what another frame or unit explains, is refused with what would fit. What
+is only odd (noise that was stated too small does it, too) is a warning.
+"""
+
+from itertools import permutations, product
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.environment import gravity
+from shefex_nav.geometry import euler, wgs84
+from shefex_nav.replay import dataset
+from shefex_nav.replay.table import DataError
+
+LONGEST_PAIR_S = 5.0  # [E] between two fixes whose positions are compared
+FEWEST_PAIRS = 3  # [E] in motion
+MOVING = 5.0  # bounds, by which a position has to change
+MISFIT, SHARE = 6.0, 0.3  # [E] bounds, and share of the way, from which on velocities do not fit positions
+ODD, ODD_SHARE = 4.0, 0.1  # [E] likewise, from which on that is odd
+FITS, FITS_SHARE = 3.0, 0.15  # [E] up to which they fit
+FRAMES = ("ned", "enu", "ecef")
+SPEED_UNITS = {"km/h": 3.6, "knots": 1.943844, "ft/s": 3.28084, "cm/s": 100.0, "km/s": 1e-3}  # of 1 m/s
+FAR_M, FAR = 1000.0, 50.0  # [E] truth and fixes that are further apart are not of one vehicle; bounds
+APART = 10.0  # [E] bounds, from which on that is odd
+STILL = 0.5  # m/s
+LEAD_S = 0.5  # [E] before the first motion that a receiver tells
+SECOND_S, MOST_SECONDS = 1.0, 100
+MOST_TURN = np.radians(10.0)  # within a second
+STEEP = np.cos(np.radians(45.0))  # of the angle to up
+TILTED, TILT_SLACK = np.radians(20.0), np.radians(5.0)  # [E]
+CLIMBS = 20.0  # m/s
+SIDES = ("forward", "right", "down")
+OPPOSITE = {"forward": "backward", "right": "left", "down": "up"}
+
+
+class Oddity(NamedTuple):
+    """Something to warn of."""
+
+    field: str  # of the scenario
+    text: str
+
+
+class _Track(NamedTuple):
+    """Positions and velocities with their noise, in the order of time."""
+
+    t_s: np.ndarray  # (n,)
+    r_e: np.ndarray  # (n, 3) m
+    v_e: np.ndarray  # (n, 3) m/s
+    sigma_r: np.ndarray  # (n,) m, of all axes together
+    sigma_v: np.ndarray  # (n,) m/s
+
+
+def check(scenario, data):
+    """list of Oddity of a ReplayScenario and its Dataset; DataError where they cannot be meant."""
+    found, files = [], scenario.data
+    fixes = [fix for fix in data.fixes if fix.valid]
+    if fixes and np.isfinite(fixes[0].v_ea_e).all():
+        found += _velocities("gnss", getattr(files, "gnss", None), _of_fixes(fixes))
+    if data.truth is not None:
+        truth = data.truth
+        found += _truth(scenario, truth, fixes)
+        small = np.full(len(truth.t_s), 0.01)
+        found += _velocities(
+            "truth", files.truth, _Track(truth.t_s, truth.r_e, truth.v_e, 10.0 * small, small)
+        )
+    return found + _axes(scenario, data, fixes)
+
+
+def _of_fixes(fixes):
+    columns = [np.array([getattr(fix, name) for fix in fixes]) for name in ("t_valid_s", "r_ea_e", "v_ea_e")]
+    sigmas = [np.sqrt([np.trace(getattr(fix, name)) for fix in fixes]) for name in ("R_r_e", "R_v_e")]
+    return _Track(*columns, *sigmas)
+
+
+# velocities
+
+
+def _velocities(section, columns, track):
+    """Whether velocities are the change of positions. 'gnss' or 'truth', their columns if a CSV, _Track"""
+    declared = getattr(columns, "velocity_frame", "ned")
+    field = f"data.{section}.velocity_frame" if hasattr(columns, "velocity_frame") else f"data.{section}"
+    misfit, share, gap = _misfit(track)
+    if misfit <= ODD or share <= ODD_SHARE:
+        return []
+    words = (
+        f"the velocities, taken as {declared}, differ from the change of the positions by {gap:.3g} m/s "
+        f"({100.0 * share:.0f} % of the way, median)"
+    )
+    fitting = [
+        (*fit[1::-1], said)
+        for said, v_e in _otherwise(track, declared)
+        if (fit := _misfit(track._replace(v_e=v_e)))[0] < FITS and fit[1] < FITS_SHARE
+    ]
+    if fitting and misfit > MISFIT and share > SHARE:
+        raise DataError(f"{field}: {words}; they fit as {min(fitting)[-1]}")
+    hint = f"; they fit better as {min(fitting)[-1]}" if fitting else ""
+    return [Oddity(field, f"{words}{hint}")]
+
+
+def _misfit(track):
+    """How far velocities are from the change of positions, over the time in motion: three medians.
+
+    The velocity between two fixes is the mean of both; it may have changed at any instant between them.
+
+    -> misfit in bounds of noise and acceleration, its share of the way, m/s; zeros with too little motion
+    """
+    dt_s, way, dv = np.diff(track.t_s), np.diff(track.r_e, axis=0), np.diff(track.v_e, axis=0)
+    said = 0.5 * (track.v_e[1:] + track.v_e[:-1]) * dt_s[:, None]
+    noise = np.sqrt(
+        track.sigma_r[1:] ** 2
+        + track.sigma_r[:-1] ** 2
+        + 0.25 * dt_s**2 * (track.sigma_v[1:] ** 2 + track.sigma_v[:-1] ** 2)
+    )
+    bound = noise + 0.5 * dt_s * np.linalg.norm(dv, axis=1)
+    length = np.maximum(np.linalg.norm(way, axis=1), np.linalg.norm(said, axis=1))
+    used = (dt_s <= LONGEST_PAIR_S) & (length > MOVING * noise)
+    if np.count_nonzero(used) < FEWEST_PAIRS:
+        return 0.0, 0.0, 0.0
+    gap = np.linalg.norm(way - said, axis=1)[used]
+    return tuple(float(np.median(gap / one[used])) for one in (bound, length, dt_s))
+
+
+def _otherwise(track, declared):
+    """(words, (n, 3) m/s in frame e) of what the same columns would be in other frames and units."""
+    C_en = _level_axes(track.r_e)
+    v_n = np.einsum("kji,kj->ki", C_en, track.v_e)
+    given = {"ned": v_n, "enu": np.column_stack([v_n[:, 1], v_n[:, 0], -v_n[:, 2]]), "ecef": track.v_e}[
+        declared
+    ]
+
+    def turned(v_n):
+        return np.einsum("kij,kj->ki", C_en, v_n)
+
+    readings = {
+        "ned": turned(given),
+        "enu": turned(np.column_stack([given[:, 1], given[:, 0], -given[:, 2]])),
+        "ecef": given,
+    }
+    for frame in FRAMES:
+        if frame != declared:
+            yield f"'velocity_frame: {frame}'", readings[frame]
+    if declared != "ecef":
+        yield (
+            "velocities with the sign of the third column turned: down in ned, up in enu",
+            readings[declared]
+            - 2.0 * turned(np.array([0.0, 0.0, 1.0]) * np.einsum("kji,kj->ki", C_en, track.v_e)),
+        )
+    for unit, of_one in SPEED_UNITS.items():
+        yield f"velocities in {unit}: give them in m/s", track.v_e / of_one
+
+
+def _level_axes(r_e):
+    """C_en at positions (n, 3) m: (n, 3, 3)."""
+    return np.array([wgs84.dcm_en(*wgs84.geodetic_from_ecef(place)[:2]) for place in r_e])
+
+
+# truth
+
+
+def _truth(scenario, truth, fixes):
+    """Whether truth and the positions of the fixes are of one vehicle."""
+    inside = [fix for fix in fixes if truth.t_s[0] <= fix.t_valid_s <= truth.t_s[-1]]
+    if len(inside) < FEWEST_PAIRS:
+        return []
+    t_s, r_e = (np.array([getattr(fix, name) for fix in inside]) for name in ("t_valid_s", "r_ea_e"))
+    noise = np.sqrt([np.trace(fix.R_r_e) for fix in inside]) + np.linalg.norm(scenario.gnss.lever_arm)
+    bent = np.linalg.norm(np.diff(truth.r_e, n=2, axis=0), axis=1)  # what a straight line between rows lacks
+    bound = noise + (np.interp(t_s, truth.t_s[1:-1], bent) / 8.0 if len(bent) else 0.0)
+
+    def away(truth_e):
+        there = np.column_stack([np.interp(t_s, truth.t_s, column) for column in truth_e.T])
+        return np.linalg.norm(there - r_e, axis=1)
+
+    gap = away(truth.r_e)
+    typical, limit = float(np.median(gap)), float(np.median(bound))
+    if typical <= APART * limit:
+        return []
+    words = f"{truth.table.file}: truth is {_length(typical)} from the positions of the fixes (median)"
+    if typical <= max(FAR_M, FAR * limit):
+        return [
+            Oddity(
+                "data.truth.position", f"{words}; heights above the sea on one side, or clocks that differ?"
+            )
+        ]
+    near = max(FAR_M, FAR * limit)
+    fitting = [(m, said) for said, other in _read_otherwise(scenario, truth.r_e)
+               if (m := float(np.median(away(other)))) < near]  # fmt: skip
+    if fitting:
+        raise DataError(f"{words}; {min(fitting)[1]}, it is {_length(min(fitting)[0])} from them")
+    raise DataError(f"{words}; no other unit explains that: check columns, units and clocks of both files")
+
+
+def _length(metres):
+    return f"{metres:.3g} m" if metres < 1000.0 else f"{metres / 1000.0:,.4g} km".replace(",", " ")
+
+
+def _read_otherwise(scenario, r_e):
+    """(words, (n, 3) m in frame e) of truth with other units; columns that cannot be so are left out."""
+    declared = getattr(scenario.data.truth, "position_frame", "geodetic")
+    if declared == "ecef":
+        yield "if its columns are kilometres", 1e3 * r_e
+        yield "if its columns are feet", 0.3048 * r_e
+        return
+    latitude, longitude, height = np.array([wgs84.geodetic_from_ecef(place) for place in r_e]).T
+    turn = np.degrees(1.0)
+    readings = {
+        "if its angles are radians, not degrees (angle_unit: rad)": (
+            latitude * turn,
+            longitude * turn,
+            height,
+        ),
+        "if its longitude is radians": (latitude, longitude * turn, height),
+        "if latitude and longitude change places": (longitude, latitude, height),
+        "if its heights are kilometres": (latitude, longitude, 1e3 * height),
+        "if its heights are feet": (latitude, longitude, 0.3048 * height),
+        "if its heights are millimetres": (latitude, longitude, 1e-3 * height),
+        "if the sign of its longitude is turned": (latitude, -longitude, height),
+        "if the sign of its latitude is turned": (-latitude, longitude, height),
+    }
+    for words, (north, east, up) in readings.items():
+        if np.abs(north).max() <= 0.5 * np.pi:
+            yield (
+                words,
+                np.array([wgs84.ecef_from_geodetic(*one) for one in zip(north, east, up, strict=True)]),
+            )
+
+
+# axes of the IMU
+
+
+def _axes(scenario, data, fixes):
+    """Whether the specific force points to where the declared axes have it."""
+    if not fixes:
+        return []
+    g = float(np.linalg.norm(gravity.normal_gravity_e(fixes[0].r_ea_e)))
+    slack = 5.0 * np.sqrt(3.0) * scenario.imu.accelerometer.bias / g + TILT_SLACK
+    if data.truth is not None:
+        return _against_truth(data, scenario.data.axes, g, slack)
+    return _against_climb(data, scenario.data.axes, fixes, g, slack)
+
+
+def _against_truth(data, axes, g, slack):
+    """The specific force against that of the truth, second by second: its acceleration less gravity."""
+    felt_b, true_b = _specific_forces(data, g)
+    if not len(felt_b):
+        return []
+    tilt = _tilt(felt_b, true_b)
+    if tilt <= slack:
+        return []
+    in_file = dataset.file_axes(felt_b, axes)
+    fitting = [one for one in _right_handed() if _tilt(dataset.body_axes(in_file, one), true_b) <= slack]
+    fits = " or ".join(f"[{', '.join(one)}]" for one in fitting) or "no other axes"
+    words = (
+        f"in axes [{', '.join(axes)}] the specific force points {np.degrees(tilt):.0f} deg from where the "
+        f"truth has it (median of {len(felt_b)} s); it fits in {fits}"
+    )
+    if tilt > max(TILTED, slack):
+        raise DataError(f"data.axes: {words}: check these and the angles of the truth")
+    return [Oddity("data.axes", words)]
+
+
+def _tilt(a, b):
+    """Median of the angles between vectors (n, 3)."""
+    cosine = np.sum(a * b, axis=1) / (np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1))
+    return float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def _right_handed():
+    """The 24 ways in which axes of a file can point forward, right and down."""
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            if np.linalg.det(np.diag(signs) @ np.eye(3)[list(order)]) > 0.0:
+                yield tuple(f"{'-' if s < 0.0 else ''}{'xyz'[k]}" for k, s in zip(order, signs, strict=True))
+
+
+def _specific_forces(data, g):
+    """Means over seconds as the IMU felt them and as the truth has them: (k, 3), (k, 3) m/s^2, body axes.
+
+    Seconds in which the vehicle turns, or falls freely, are left out.
+    """
+    imu, truth = data.imu, data.truth
+    begin_s, end_s = max(imu.t_s[0], truth.t_s[0]), min(imu.t_s[-1], truth.t_s[-1])
+    n = min(int((end_s - begin_s) / SECOND_S), MOST_SECONDS)
+    gained, felt_b, true_b = np.cumsum(imu.dv_b, axis=0), [], []
+    for first_s in np.linspace(begin_s, end_s - SECOND_S, n) if n > 0 else ():
+        ends_s = np.array([first_s, first_s + SECOND_S])
+        felt = np.diff([np.interp(ends_s, imu.t_s, column) for column in gained.T], axis=1)[:, 0] / SECOND_S
+        rows = np.clip(np.searchsorted(truth.t_s, [*ends_s, ends_s.mean()]), 0, len(truth.t_s) - 1)
+        C_first, C_last, C_nb = (euler.dcm_from_euler(*truth.angles[k]) for k in rows)
+        v_e = np.array([np.interp(ends_s, truth.t_s, column) for column in truth.v_e.T])
+        C_en = wgs84.dcm_en(*wgs84.geodetic_from_ecef(truth.r_e[rows[2]])[:2])
+        coriolis_e = 2.0 * np.cross([0.0, 0.0, wgs84.OMEGA], v_e.mean(axis=1))
+        true = C_nb.T @ (C_en.T @ (np.diff(v_e, axis=1)[:, 0] / SECOND_S + coriolis_e) - [0.0, 0.0, g])
+        steady = np.trace(C_first.T @ C_last) > 1.0 + 2.0 * np.cos(MOST_TURN)
+        if steady and min(np.linalg.norm(felt), np.linalg.norm(true)) > 0.5 * g:
+            felt_b.append(felt)
+            true_b.append(true)
+    return np.array(felt_b).reshape(-1, 3), np.array(true_b).reshape(-1, 3)
+
+
+def _against_climb(data, axes, fixes, g, slack):
+    """What points up at rest against a vehicle that climbs afterwards."""
+    end_s = _rest_end(fixes)
+    imu, rows = data.imu, np.flatnonzero(data.imu.t_s <= end_s)[1:]
+    span_s = imu.t_s[rows[-1]] - imu.t_s[0] if len(rows) else 0.0
+    if span_s < SECOND_S:
+        return []
+    f_b = imu.dv_b[rows].sum(axis=0) / span_s
+    if abs(np.linalg.norm(f_b) - g) > slack * g:
+        return []  # not at rest, or wrong by a unit: `align` refuses that
+    up_b = f_b / np.linalg.norm(f_b)
+    climb = next((fix for fix in fixes if np.linalg.norm(fix.v_ea_e) > CLIMBS), None)
+    if climb is None or _upward(climb) < STEEP or up_b[0] > STEEP:
+        return []
+    words = f"at rest the file's axis {_of_file(up_b, axes)} points up, which data.axes calls {_side(up_b)}"
+    return [
+        Oddity("data.axes", f"{words}; then the vehicle climbs: one that stands nose up has forward there")
+    ]
+
+
+def _rest_end(fixes):
+    """Until when the vehicle stands still, s; -inf if nothing says that it does."""
+    if not np.isfinite(fixes[0].v_ea_e).all():
+        return -np.inf
+    t_s = np.array([fix.t_valid_s for fix in fixes])
+    speed = np.array([np.linalg.norm(fix.v_ea_e) for fix in fixes])
+    limit = STILL + 3.0 * np.sqrt(np.mean([np.trace(fix.R_v_e) for fix in fixes]))
+    moving = np.flatnonzero(speed > limit)
+    last = len(t_s) - 1 if not len(moving) else int(moving[0]) - 1
+    return float(t_s[last]) - LEAD_S if last >= 0 else -np.inf
+
+
+def _upward(fix):
+    """Cosine of the angle between the velocity of a fix and up."""
+    latitude, longitude, _ = wgs84.geodetic_from_ecef(fix.r_ea_e)
+    return float(-wgs84.dcm_en(latitude, longitude)[:, 2] @ fix.v_ea_e / np.linalg.norm(fix.v_ea_e))
+
+
+def _side(u_b):
+    """The side of the body that is nearest to a direction, such as 'forward' or 'left'."""
+    k = int(np.argmax(np.abs(u_b)))
+    return SIDES[k] if u_b[k] > 0.0 else OPPOSITE[SIDES[k]]
+
+
+def _of_file(u_b, axes):
+    """The axis of the file that is nearest to a direction in body axes, such as '-y'."""
+    k = int(np.argmax(np.abs(u_b)))
+    sign = u_b[k] * (-1.0 if axes[k][0] == "-" else 1.0)
+    return axes[k][-1] if sign > 0.0 else f"-{axes[k][-1]}"

@@ -1,0 +1,86 @@
+"""What the flight was: apogee, range, speed, events; of the truth, or without one of the solution."""
+
+import math
+
+import numpy as np
+
+from shefex_nav.report import geodesic
+from shefex_nav.report.track import earth_fixed
+
+STANDING = 1e-3  # m/s; what never moves faster stands on the ground
+
+
+def of_truth(data, track, entry):
+    """Figures of a RunData with truth: dict. track : of the truth;  entry : index of its sample, or None"""
+    impact = next((event for event in data.events if event.name == "impact"), None)
+    mission = data.mission
+    range_km = None
+    if impact and len(track.height):
+        k = int(np.argmin(np.abs(data.truth.t_s - impact.t_s)))
+        length = geodesic.distance(
+            mission.launch_latitude, mission.launch_longitude, track.latitude[k], track.longitude[k]
+        )
+        range_km = length / 1e3
+    return {
+        "of": "truth",
+        **_rise(data, data.truth.t_s, track, 0.0, STANDING),
+        "range_km": range_km,
+        "at_entry": None if entry is None else _place(data.truth.t_s, track, entry),
+        "events": _events(data),
+    }
+
+
+def of_solution(data):
+    """The same of a run without truth, as the solution has it; what is less than its errors is no motion."""
+    nav = data.nav
+    track = earth_fixed(data.mission.earth, nav)
+    of_height, of_speed = (
+        3.0 * np.linalg.norm(sigma, axis=1).max(initial=0.0) for sigma in (nav.sigma_r_e, nav.sigma_v_e)
+    )
+    return {
+        "of": "solution",
+        **_rise(data, nav.t_s, track, of_height, max(STANDING, of_speed)),
+        "range_km": None,
+        "at_entry": None,
+        "events": _events(data),
+    }
+
+
+def _events(data):
+    return [
+        {"name": event.name, "t_s": event.t_s, "altitude_km": event.altitude_m / 1e3} for event in data.events
+    ]
+
+
+def _rise(data, t_s, track, of_height, of_speed):
+    """Apogee, height where the data end while it still climbs, and highest speed.
+
+    of_height, of_speed : m, m/s, so much is no difference
+    """
+    speed = np.linalg.norm(track.v_e, axis=1)
+    moved = bool(len(speed)) and float(speed.max()) > of_speed
+    top = int(np.argmax(track.height)) if moved else 0
+    climbs = moved and track.height[-1] >= track.height[top] - of_height  # at the end
+    rose = moved and not climbs and _seen_to_apogee(data)
+    return {
+        "apogee_km": float(track.height[top]) / 1e3 if rose else None,
+        "climbs_at_km": float(track.height[-1]) / 1e3 if climbs else None,
+        "max_speed_m_s": float(speed.max()) if moved else None,
+        "at_apogee": _place(t_s, track, top) if rose else None,
+    }
+
+
+def _seen_to_apogee(data):
+    """Whether the greatest height is the mission's: that of a part of it only if the apogee is there."""
+    is_part = data.ended_early or data.until_s is not None
+    return not is_part or any(event.name == "apogee" for event in data.events)
+
+
+def _place(t_s, track, k):
+    """Where the vehicle is at sample k."""
+    return {
+        "t_s": float(t_s[k]),
+        "latitude_deg": math.degrees(track.latitude[k]),
+        "longitude_deg": math.degrees(track.longitude[k]),
+        "altitude_km": float(track.height[k]) / 1e3,
+    }

@@ -1,0 +1,27 @@
+"""Keys that scenarios of earlier versions have: where they are now."""
+
+_NOW = {  # path: what to write instead of a value, and of null
+    ("requirements", "attitude_at_entry"): (
+        "requirements.attitude: {{limit: {value}, at_entry: true}}",
+        "requirements.attitude: {at_entry: false}",
+    ),
+    ("requirements", "protection_at_entry"): (
+        "requirements.attitude: {{limit: {value}, protection_at_entry: true}}",
+        "requirements.attitude: {protection_at_entry: false}",
+    ),
+    ("navigation", "integrity", "attitude"): (
+        "requirements.attitude: {{limit: {value}}}",
+        "requirements.attitude: {limit: null}",
+    ),
+}
+
+
+def words(path, value=None):
+    """What is said of a key that has moved; "" of any other.
+
+    path : tuple of keys;  value : as it was given, None for null
+    """
+    if path not in _NOW:
+        return ""
+    given, taken = _NOW[path]
+    return f"has moved; write '{taken if value is None else given.format(value=value)}'"
