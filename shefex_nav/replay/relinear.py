@@ -185,7 +185,7 @@ def _forgotten(nav, seen, mean, P):
 def _update(mean, P, z, H, R):
     """Take rows of a measurement into mean and P, in place; z : about the mean. -> K (n, m), S^-1 (m, m)
 
-    Joseph's form, multiplied out: P - K (H P) - (H P)^T K^T + K S K^T.
+    Joseph's form.
     """
     m, n = H.shape
     HP = np.zeros((m, n))
@@ -203,15 +203,12 @@ def _update(mean, P, z, H, R):
             S[i, j] = S[j, i] = total
     S_inverse = np.linalg.inv(S)
     K = np.ascontiguousarray(HP.T) @ S_inverse
-    KS = K @ S
+    mean[:] += K @ z
+    left = np.eye(n) - K @ H
+    found = left @ P @ left.T + K @ R @ K.T
     for i in range(n):
-        for k in range(m):
-            mean[i] += K[i, k] * z[k]
         for j in range(i + 1):
-            less = 0.0
-            for k in range(m):
-                less += K[i, k] * HP[k, j] + HP[k, i] * K[j, k] - KS[i, k] * K[j, k]
-            P[i, j] = P[j, i] = P[i, j] - less
+            P[i, j] = P[j, i] = 0.5 * (found[i, j] + found[j, i])
     return K, S_inverse
 
 

@@ -20,9 +20,10 @@ from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import frames
 from shefex_nav.log.run_data import RunData, RunDataBuilder
 from shefex_nav.onboard import computer
-from shefex_nav.onboard.navigation import covariance, fusion, solution
+from shefex_nav.onboard.navigation import covariance, integrity_imu, solution
 from shefex_nav.onboard.navigation.blocks import CONTAINED
 from shefex_nav.onboard.navigation.state import ATT, X_R
+from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.onboard.telemetry import COVARIANCE_TICKS, Columns
 from shefex_nav.records import GateResult, NavHealth, NavSolution
 from shefex_nav.replay import final_pass, relinear, rerun, smoother
@@ -147,11 +148,15 @@ def forward(recording, progress=lambda share: None):
     nav, columns = rerun.start(recording), Columns(1)
     nav = nav._replace(history=final_pass.Keeping(nav.history[0]))
     done, end = 0, len(blocks.t_valid_s)
+    states = np.zeros((end + 1, 6), dtype=int)
     busy = sorted({*recording.gps, *recording.stars, end - 1})
     for k in busy:
         while done <= k:
+            before = _axes(nav)
             more, _ = computer.glide(nav, done, blocks, done, k + 1, columns)
+            states[done + 1 : done + more] = before  # a change ends it
             done += more
+            states[done] = _axes(nav)
             gps, stars = (what.get(done - 1, []) for what in (recording.gps, recording.stars))
             for record in computer.conclude(nav, done, gps, stars, columns):
                 said.add(record)
@@ -159,7 +164,44 @@ def forward(recording, progress=lambda share: None):
     said = said.build()
     told = dict(zip(("nav", "covariance"), columns.read(), strict=False))
     told |= {"gates": said.gates, "health": said.health}
-    return recording.data._replace(**told), nav, nav.history.final()
+    final = without_hedging(nav.history.final(), states, blocks.saturated, nav.watch.imu.rules)
+    return recording.data._replace(**told), nav, final
+
+
+def _axes(nav):
+    """State of each axis of the IMU, as `ImuWatch.state`: (6,) int, a copy."""
+    return np.zeros(6, dtype=int) if nav.watch.imu is None else nav.watch.imu.state.copy()
+
+
+def without_hedging(final, states, saturated, rules):
+    """The Final with the noise that readings at the end of their range deserve as one sees it afterwards.
+
+    On board nobody knows for a second after such a reading whether the next is one, too, and the noise grows
+    as if all were (`integrity_imu.CALM_S`). What the strapdown made of the good ones in between is right, and
+    stays so as long as nothing corrects it; a smoother that believes in the noise does. Here the ticks with
+    such a reading have it, and no others; in a row they are wrong in the same sense.
+
+    states : (N + 1, 6) int, of the axes at each tick, as `ImuWatch.state`
+    saturated : (N,) bool, what the unit says;  rules : (4, 2), `ImuWatch.rules`
+    """
+    numbers, extra = final.numbers, final.extra.copy()
+    lengths_s = numbers[:, 1] * numbers[:, 2]
+    readings = np.abs(final.increments[:, BEFORE:]).max(axis=1)
+    limits = 0.999 * numbers[:, 1, None] * np.repeat(rules[1], 3)
+    at_range = readings >= limits
+    unnamed = np.append(False, saturated) & ~at_range.any(axis=1)
+    at_range |= unnamed[:, None]
+    for axis in range(6):
+        run_s = 0.0
+        for k in np.flatnonzero(states[:, axis] == integrity_imu.SATURATED):
+            if not at_range[k, axis]:
+                extra[k, axis // 3, axis % 3] = 0.0
+                continue
+            run_s = run_s if k > 1 and at_range[k - 1, axis] else 0.0
+            wrong, T = rules[2, axis // 3], lengths_s[k]
+            extra[k, axis // 3, axis % 3] = wrong**2 * ((run_s + T) ** 2 - run_s**2) / T
+            run_s += T
+    return final._replace(extra=extra)
 
 
 def backward(recording, flown, final, star_aided, progress=lambda share: None):

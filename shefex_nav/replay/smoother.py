@@ -241,28 +241,17 @@ def _times(vector, matrix, out):
 def _before_update(vector, matrix, z, H, K, S_inverse, second):
     """Adjoint before a measurement, from that after it, in place; z : about the mean.
 
-    With L = I - K H: lambda <- L^T lambda - H^T S^-1 z, Lambda <- L^T Lambda L + H^T S^-1 H.
+    With L = I - K H: lambda <- L^T lambda - H^T S^-1 z, Lambda <- L^T Lambda L + H^T S^-1 H. L is made first:
+    where little was known before the measurement it is nearly singular, and multiplied out it would be lost.
     """
-    m, n = H.shape
-    s = S_inverse @ z
-    for i in range(m):
-        for k in range(n):
-            s[i] += K[k, i] * vector[k]
-    for i in range(m):
-        for k in range(n):
-            vector[k] -= H[i, k] * s[i]
-    if not second:
-        return
-    KL = np.ascontiguousarray(K.T) @ matrix
-    KLK = S_inverse + KL @ K
-    for i in range(n):
-        for j in range(i + 1):
-            total = 0.0
-            for a in range(m):
-                total -= H[a, i] * KL[a, j] + KL[a, i] * H[a, j]
-                for b in range(m):
-                    total += H[a, i] * KLK[a, b] * H[b, j]
-            matrix[i, j] = matrix[j, i] = matrix[i, j] + total
+    left = np.ascontiguousarray((np.eye(H.shape[1]) - K @ H).T)
+    Ht = np.ascontiguousarray(H.T)
+    vector[:] = left @ vector - Ht @ (S_inverse @ z)
+    if second:
+        found = left @ matrix @ left.T + Ht @ (S_inverse @ H)
+        for i in range(len(vector)):
+            for j in range(i + 1):
+                matrix[i, j] = matrix[j, i] = 0.5 * (found[i, j] + found[j, i])
 
 
 @kernel
