@@ -1,4 +1,4 @@
-"""The steps of a filter's final pass once more, linear about another trajectory: that of a first smoothing.
+"""The slow, obvious reference of `relinear`: dense matrices, step by step.
 
 A filter is linear about its own estimates. Before the stars those may be off by a degree about the roll axis,
 and what a smoother later takes from them is off by the square of that: 1.5e-4 of every acceleration that the
@@ -41,7 +41,7 @@ from shefex_nav.onboard.navigation.state import (
     right_jacobian,
     unpack,
 )
-from shefex_nav.replay import smoother
+import slow_smoother as smoother
 
 
 class Way(NamedTuple):

@@ -1,4 +1,4 @@
-"""Fixed-interval smoother over the errors of a filter: the modified Bryson-Frazier form.
+"""The slow, obvious reference of `smoother`: the modified Bryson-Frazier form, dense, step by step.
 
 The filter runs forward and its steps are kept; then the adjoint lambda (n,), Lambda (n, n) runs backward
 from zero and carries what all later measurements say. With the covariance P of the filter at some instant

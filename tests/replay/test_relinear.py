@@ -7,7 +7,7 @@ from unpacked import correct, propagate, star_attitude, window
 
 from shefex_nav.onboard.navigation import fusion, measurements
 from shefex_nav.onboard.navigation.state import ATT, corrected, layout, pack, unpack
-from shefex_nav.replay import relinear
+import slow_relinear as relinear
 
 DEG = np.pi / 180.0
 FLIGHT = fly(3.0)

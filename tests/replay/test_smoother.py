@@ -6,7 +6,7 @@ from scipy.stats import chi2
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.state import right_jacobian
-from shefex_nav.replay import smoother
+import slow_smoother as smoother
 
 N_STEPS, N = 25, 4
 FORGOTTEN_AT, BLOCK = 11, slice(0, 2)  # the block is drawn anew there
