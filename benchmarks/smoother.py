@@ -78,7 +78,12 @@ def measure(recording):
         for part in compare.parts(result.filtered):
             if part.name in found:
                 found[part.name][which] = _in(part, data)
-    return {"parts": found, "smoother_s": smoother_s, "filter_s": filter_s, "states": len(alike.params.states)}
+    return {
+        "parts": found,
+        "smoother_s": smoother_s,
+        "filter_s": filter_s,
+        "states": len(alike.params.states),
+    }
 
 
 def _in(part, data):
@@ -125,7 +130,7 @@ def of_errors(runs, name, rng):
 
 
 def of_nees(runs, name, comparisons):
-    """Rows of a part: block, mean NEES per degree of freedom of both, bounds, whether the smoother is inside."""
+    """Rows of a part: block, mean NEES per degree of freedom of both, bounds, whether inside."""
     from scipy.stats import chi2
 
     rows, n = [], len(runs)

@@ -46,7 +46,9 @@ class Trajectory(NamedTuple):
     """What a pass is linear about, at nodes 0 ... m."""
 
     xs: np.ndarray  # (m + 1, 93) packed values
-    more: np.ndarray  # (m + 1, 3) m/s^2, inertial axes, gravity that the on-board field leaves out and is known
+    more: (
+        np.ndarray
+    )  # (m + 1, 3) m/s^2, inertial axes, gravity that the on-board field leaves out and is known
 
 
 class Intervals(NamedTuple):

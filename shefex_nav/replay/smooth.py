@@ -25,7 +25,7 @@ from shefex_nav.onboard.navigation.blocks import CONTAINED
 from shefex_nav.onboard.navigation.state import ATT, X_R
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.onboard.telemetry import COVARIANCE_TICKS, Columns
-from shefex_nav.records import GateResult, NavHealth, NavSolution
+from shefex_nav.records import NavSolution
 from shefex_nav.replay import final_pass, relinear, rerun, smoother
 from shefex_nav.scenario import load, params_onboard
 
@@ -33,6 +33,7 @@ CHUNK_TICKS = 1000  # of which the solution is written down at once
 FIELD_TICKS = 100  # between two places at which the field is worked out
 MOVES = np.radians(2.0)  # [E] a pass is off by some half of the square of what the trajectory moves in it
 MOST_PASSES = 6
+FILTER_SHARE = 0.3  # of the time, roughly
 FIELD_ERROR = 2e-6 * STANDARD_GRAVITY  # [E] m/s^2, of the field that is known after the flight
 LASTING = (  # blocks of errors that last for the whole flight
     "gyro_scale",
@@ -80,10 +81,14 @@ def run(recording, progress=lambda share: None):
     -------
     Smoothed
     """
-    filtered, nav, final = forward(recording, lambda share: progress(0.3 * share))
+    filtered, nav, final = forward(recording, lambda share: progress(FILTER_SHARE * share))
     recording = after_the_flight(recording)
     used = any(gate.accepted and gate.sensor.startswith("star") for gate in filtered.gates)
-    nav, covariance_ = backward(recording, nav, final, used, lambda share: progress(0.3 + 0.7 * share))
+
+    def later(share):
+        progress(FILTER_SHARE + (1.0 - FILTER_SHARE) * share)
+
+    nav, covariance_ = backward(recording, nav, final, used, later)
     judged = NavSolution._fields[NavSolution._fields.index("star_aided") + 1 :]
     nav = nav._replace(**{name: getattr(filtered.nav, name) for name in judged})
     return Smoothed(filtered, filtered._replace(nav=nav, covariance=covariance_))
@@ -149,7 +154,7 @@ def forward(recording, progress=lambda share: None):
     nav = nav._replace(history=final_pass.Keeping(nav.history[0]))
     done, end = 0, len(blocks.t_valid_s)
     states = np.zeros((end + 1, 6), dtype=int)
-    busy = sorted({*recording.gps, *recording.stars, end - 1})
+    busy = sorted({k for k in (*recording.gps, *recording.stars, end - 1) if k < end})
     for k in busy:
         while done <= k:
             before = _axes(nav)

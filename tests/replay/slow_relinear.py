@@ -23,6 +23,7 @@ the camera are compared anew. Whether a measurement is believed is not decided a
 from typing import Any, NamedTuple
 
 import numpy as np
+import slow_smoother as smoother
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import prediction
@@ -41,7 +42,6 @@ from shefex_nav.onboard.navigation.state import (
     right_jacobian,
     unpack,
 )
-import slow_smoother as smoother
 
 
 class Way(NamedTuple):

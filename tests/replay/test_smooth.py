@@ -8,6 +8,7 @@ from flown_log import Options, write
 from scipy.stats import chi2
 
 from shefex_nav.geometry import rotation
+from shefex_nav.onboard.navigation import integrity_imu
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import SENSORS
@@ -250,3 +251,25 @@ def test_a_log_that_ends_before_the_motor_does_is_of_the_boost(result):
     phase = np.where(data.truth.t_s >= 0.0, Phase.BOOST, Phase.PAD)
     cut = data._replace(events=early, gates=[], truth=data.truth._replace(phase=phase))
     assert [part.name for part in compare.parts(cut) if part.from_s < part.to_s] == ["boost"]
+
+
+def test_readings_at_the_end_of_their_range_are_wrong_and_those_after_them_are_not():
+    """Two ticks in a row and one alone, of an axis that counts as saturated for all of it; a stuck one stays."""
+    ticks, n = 30, 4
+    numbers = np.column_stack([0.01 * np.arange(ticks + 1), *np.full((3, ticks + 1), [[0.0025], [n], [0.0]])])
+    increments = np.full((ticks + 1, 2 + n, 6), 1e-4)
+    increments[[5, 6, 20], 3, 3] = 0.25, -0.26, 0.25  # of 100 m/s^2
+    extra = np.full((ticks + 1, 2, 3), 7.0)
+    states = np.zeros((ticks + 1, 6), dtype=int)
+    states[5:, 3], states[8:, 1] = integrity_imu.SATURATED, integrity_imu.STUCK
+    rules = np.array([[np.inf, np.inf], [10.0, 100.0], [1.0, 50.0], [0.5, 50.0]])
+    final = final_pass.Final(numbers, increments, extra, np.zeros((ticks + 1, 93)), [()] * (ticks + 1))
+    found = smooth.without_hedging(final, states, np.zeros(ticks, dtype=bool), rules).extra
+    variance = 0.01 * found[:, 1, 0]
+    assert np.isclose(variance[5] + variance[6], (50.0 * 0.02) ** 2)  # the same sign for 20 ms
+    assert np.isclose(variance[5], (50.0 * 0.01) ** 2) and np.isclose(variance[20], variance[5])
+    assert not np.delete(found[5:, 1, 0], [0, 1, 15]).any()
+    others = found[:, [0, 0, 0, 1, 1], [0, 1, 2, 1, 2]]
+    assert np.all(others == 7.0) and np.all(found[:5] == 7.0) and np.all(extra == 7.0)
+    unnamed = np.arange(1, ticks + 1) == 12  # the unit says so of a tick in which no reading shows it
+    assert smooth.without_hedging(final, states, unnamed, rules).extra[12, 1, 0] > 0.0
