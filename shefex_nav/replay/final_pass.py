@@ -1,8 +1,8 @@
 """What of a filter's run stands at its end: samples, trajectory, and the measurements that were believed.
 
 The filter works with delays; once nothing can change a tick any more it leaves the filter's memory, and is
-kept here. The instants at which anything is known, ends of ticks and of measurements between them, are the nodes
-of the smoother (`nodes`), and between two of them lies an interval.
+kept here. The instants at which anything is known, ends of ticks and of measurements between them, are the
+nodes of the smoother (`nodes`), and between two of them lies an interval.
 """
 
 from typing import NamedTuple

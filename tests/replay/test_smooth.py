@@ -254,7 +254,7 @@ def test_a_log_that_ends_before_the_motor_does_is_of_the_boost(result):
 
 
 def test_readings_at_the_end_of_their_range_are_wrong_and_those_after_them_are_not():
-    """Two ticks in a row and one alone, of an axis that counts as saturated for all of it; a stuck one stays."""
+    """Two ticks in a row and one alone, of an axis that counts as saturated throughout; a stuck one stays."""
     ticks, n = 30, 4
     numbers = np.column_stack([0.01 * np.arange(ticks + 1), *np.full((3, ticks + 1), [[0.0025], [n], [0.0]])])
     increments = np.full((ticks + 1, 2 + n, 6), 1e-4)
