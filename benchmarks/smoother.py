@@ -69,7 +69,7 @@ def measure(recording):
     began = time.process_time()
     result = smooth.run(recording)
     smoother_s = time.process_time() - began
-    alike = smooth.after_the_flight(recording)
+    alike = smooth.after_the_flight(recording)._replace(field=None)
     began = time.process_time()
     smooth.forward(alike)
     filter_s = time.process_time() - began

@@ -149,6 +149,8 @@ def forward(recording, progress=lambda share: None):
 
     -> RunData with what it said, fusion.Filter at the end, final_pass.Final
     """
+    if recording.field is not None:
+        raise ValueError("the filter runs in the on-board field; a better one is for `backward`")
     blocks, said = recording.data.imu, RunDataBuilder(recording.data.mission)
     nav, columns = rerun.start(recording), Columns(1)
     nav = nav._replace(history=final_pass.Keeping(nav.history[0]))
