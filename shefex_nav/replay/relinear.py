@@ -117,7 +117,12 @@ def origin(layout, x_0, P_0, x):
     return -G @ e, G @ P_0 @ G.T
 
 
-def forward(nav, whole, nodes, trajectory, start, kept):
+def room(m, n):
+    """Intervals to be written; new memory for each pass would cost more than the arithmetic."""
+    return Intervals(np.empty((m, TOP, n)), np.empty((m, n)), np.empty((m, TOP, TOP)), np.empty(m))
+
+
+def forward(nav, whole, nodes, trajectory, start, kept, intervals):
     """The pass.
 
     Parameters
@@ -127,15 +132,14 @@ def forward(nav, whole, nodes, trajectory, start, kept):
     nodes : final_pass.Nodes
     trajectory : Trajectory
     start : history.Tick
-    kept : Kept, written
+    kept, intervals : Kept, Intervals, written
 
     Returns
     -------
     Passed
     """
-    n, m = nav.layout.n, len(nodes.ticks)
+    m = len(nodes.ticks)
     mean_0, P_0 = origin(nav.layout, start.x, start.P, trajectory.xs[0])
-    intervals = Intervals(np.empty((m, TOP, n)), np.empty((m, n)), np.empty((m, TOP, TOP)), np.empty(m))
     mean, P, updates, reached = mean_0.copy(), P_0.copy(), {}, 0
     nav = nav._replace(history=whole)
     whole.position_s = -np.inf

@@ -227,7 +227,8 @@ def backward(recording, flown, final, star_aided, progress=lambda share: None):
     nav = rerun.start(recording)
     start, whole = nav.history[0], final_pass.Whole(final, nav.history.P)
     nodes = final_pass.nodes(flown, final, nav.layout.nominal)
-    one_pass = partial(smoothed_about, nav, whole, nodes, start)
+    intervals = relinear.room(len(nodes.ticks), nav.layout.n)
+    one_pass = partial(smoothed_about, nav, whole, nodes, start, intervals)
     xs = nodes.xs
     for k in range(MOST_PASSES):
         e, _, _ = one_pass(relinear.Trajectory(xs, known_field(recording, nodes, final, xs)))
@@ -243,10 +244,11 @@ def backward(recording, flown, final, star_aided, progress=lambda share: None):
     return told(nav, final, nodes, xs, P, kept)
 
 
-def smoothed_about(nav, whole, nodes, start, trajectory, second=False):
+def smoothed_about(nav, whole, nodes, start, intervals, trajectory, second=False):
     """Forward and backward once, linear about a trajectory.
 
     nav : fusion.Filter;  whole : final_pass.Whole;  nodes : final_pass.Nodes;  start : history.Tick
+    intervals : relinear.Intervals, overwritten
     second : whether covariances are wanted
 
     Returns
@@ -263,7 +265,7 @@ def smoothed_about(nav, whole, nodes, start, trajectory, second=False):
         ends[nodes.ends] = True
     whole_P = np.empty((len(tenth) if second else 0, n, n))
     kept = relinear.Kept(np.empty((count if second else 0, relinear.TOP, n)), whole_P, rows)
-    passed = relinear.forward(nav, whole, nodes, trajectory, start, kept)
+    passed = relinear.forward(nav, whole, nodes, trajectory, start, kept, intervals)
     e, P = smoother.back(nav, nodes, passed, kept, ends)
     return e, P, kept
 

@@ -66,7 +66,8 @@ def test_equals_the_slow_reference_and_rts(recording):
     after, nav, final, nodes, whole = prepared(recording)
     xs, n = nodes.xs, nav.layout.n
     trajectory = relinear.Trajectory(xs, smooth.known_field(after, nodes, final, xs))
-    e, P, kept = smooth.smoothed_about(nav, whole, nodes, nav.history[0], trajectory, second=True)
+    room = relinear.room(len(nodes.ticks), n)
+    e, P, kept = smooth.smoothed_about(nav, whole, nodes, nav.history[0], room, trajectory, second=True)
     steps = slow_steps(after, nav, final, nodes, xs)
     start = nav.history[0]
     x, filtered = slow_relinear.origin(nav, start, slow_relinear.difference(nav.layout, start.x, xs[0]))
@@ -120,7 +121,8 @@ def test_it_is_linear_about_the_flight_not_about_the_filter(recording):
     for error_deg in (4.0, 0.0):
         after, nav, final, nodes, whole = prepared(misaligned(recording, error_deg))
         trajectory = relinear.Trajectory(nodes.xs, smooth.known_field(after, nodes, final, nodes.xs))
-        e, _, _ = smooth.smoothed_about(nav, whole, nodes, nav.history[0], trajectory)
+        room = relinear.room(len(nodes.ticks), nav.layout.n)
+        e, _, _ = smooth.smoothed_about(nav, whole, nodes, nav.history[0], room, trajectory)
         once.append(smoother.moved(nodes.xs, e, nav.layout.nominal)[nodes.ends[1:], :10])
         twice.append(smooth.run(misaligned(recording, error_deg)).smoothed.nav)
     boost = slice(100, 1900)
