@@ -1,183 +1,348 @@
-"""The steps of a filter's final pass once more, linear about another trajectory: that of a first smoothing.
+"""A Kalman filter over the nodes of a flight, linear about a given trajectory x, not about its own estimates.
 
-A filter is linear about its own estimates. Before the stars those may be off by a degree about the roll axis,
-and what a smoother later takes from them is off by the square of that: 1.5e-4 of every acceleration that the
-sensors feel, 40 micro gee in a vehicle that tumbles at 1.5 Hz. The first smoothing is off by hundredths of a
-degree, so it is linear about that a second time: a Kalman filter about a given trajectory x with errors of
-mean m and covariance P, and the adjoint back over it. A smoother that is repeated so is a Gauss-Newton method
-for the most probable trajectory (Bell, SIAM J. Optim. 4 (1994) 626).
-
-Of an interval from x to y, with f(x) what the strapdown makes of x and d = y (-) f(x)::
+Errors about the trajectory have a mean m and a covariance P. Over an interval from x to y, with f(x) what the
+strapdown makes of x and d = y (-) f(x)::
 
     m <- G (Phi m - d),   P <- G (Phi P Phi^T + Q) G^T,   G = Jr(d) for the attitude
 
-Of a measurement of GPS or of single stars, linear about the filter's estimate x' as z = H e' + noise, with
-d = x (-) x'::
+A measurement is linearised at the node's x, z = H e + noise, and corrects m and P; the trajectory stays. What
+`smoother` needs of every interval is kept: the first rows of G Phi, of d and of Q.
 
-    z <- z - H d,   H <- H Jr(d)^-1 for the attitude
-
-which is right to the square of d times the arm of an antenna, parts of a millimetre a second. Attitudes of
-the camera are compared anew. Whether a measurement is believed is not decided again.
+A smoother that is repeated so, each time about what came out the time before, is a Gauss-Newton method for
+the most probable trajectory (Bell, SIAM J. Optim. 4 (1994) 626).
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import prediction
-from shefex_nav.onboard.navigation.fusion import Interval
+from shefex_nav.onboard.navigation import fusion, prediction
+from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S
+from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.measurements import star_attitude
+from shefex_nav.onboard.navigation.prediction import SIZES, TOP
+from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.onboard.navigation.state import (
     ATT,
+    BA,
+    BG,
+    CLOCK,
+    GRAVITY,
     POS,
+    RANGE_BIAS,
     VEL,
+    X_GRAVITY,
     X_Q,
     X_R,
     X_V,
-    corrected,
-    pack,
     right_jacobian,
-    unpack,
 )
-from shefex_nav.replay import smoother
+from shefex_nav.onboard.navigation.strapdown import BEFORE
 
 
-class Way(NamedTuple):
-    """An interval of the first pass."""
+class Trajectory(NamedTuple):
+    """What a pass is linear about, at nodes 0 ... m."""
 
-    t_begin_s: float
-    t_end_s: float
-    imu: Any  # ImuWindow of the tick
-    x: np.ndarray  # packed nominal values at its end, of the trajectory to be linear about
+    xs: np.ndarray  # (m + 1, 93) packed values
+    more: (
+        np.ndarray
+    )  # (m + 1, 3) m/s^2, inertial axes, gravity that the on-board field leaves out and is known
 
 
-class Seen(NamedTuple):
-    """A measurement of the first pass, or what made one doubtful: then it has no rows."""
+class Intervals(NamedTuple):
+    """The m intervals about a trajectory, G taken in."""
 
-    x_then: np.ndarray  # packed nominal values that it was linear about
-    z: np.ndarray  # (m,)
-    H: np.ndarray  # (m, n)
-    R: np.ndarray  # (m, m)
-    P: Any  # (n, n) what was added to the covariance before it, or of the blocks of `cut`; None: nothing
+    tops: np.ndarray  # (m, 9, n) first rows of Phi
+    jumps: np.ndarray  # (m, n) d, turned by G
+    noises: np.ndarray  # (m, 9, 9) of Q
+    walks: np.ndarray  # (m,) m^2/s^5, random walk of the accelerometer bias
+
+
+class Kept(NamedTuple):
+    """Covariances that the smoother asks for; of a node all measurements are taken in."""
+
+    wide: np.ndarray  # (m + 1, 9, n) first rows, at every node; (0, 9, n): not kept
+    whole: np.ndarray  # (c, n, n), at some nodes
+    rows: np.ndarray  # (m + 1,) row of a node in `whole`, -1: none
+
+
+class Update(NamedTuple):
+    """What a measurement did at a node."""
+
+    added: np.ndarray | None  # (n, n) to the covariance before it, or in the blocks of `cut`; None: nothing
+    held: np.ndarray | None  # (n,) error of what the filter held for right when it forgot
     cut: tuple  # slices of the blocks that were forgotten with all their ties to others
-    star: Any  # StarFix, where it is an attitude of the camera
-    x: np.ndarray  # packed nominal values after it, of the trajectory to be linear about
+    z: np.ndarray  # (m,) innovation, about the mean
+    H: np.ndarray  # (m, n)
+    K: np.ndarray  # (n, m) gain
+    S_inverse: np.ndarray  # (m, m)
 
 
-class Filtered(NamedTuple):
-    """Errors about the trajectory, after a step; and what the adjoint needs of the step."""
+class Passed(NamedTuple):
+    """A pass from the start to the end."""
 
-    mean: np.ndarray  # (n,)
+    mean: np.ndarray  # (n,) at the start
     P: np.ndarray  # (n, n)
-    Phi: Any = None  # (n, n) of an interval or a turn
-    update: Any = None  # arguments of `smoother.before_update`
-    cut: tuple = ()
-
-
-def step_of(step, x):
-    """Way or Seen of an Interval or a Correction; x : packed nominal values after it, to be linear about."""
-    if type(step) is Interval:
-        return Way(step.t_begin_s, step.t_end_s, step.imu, x)
-    P = None if step.fate == Fate.USED else step.P_forgotten if step.cut else step.P_forgotten - step.P
-    star = step.fix if step.sensor == "star_tracker" else None
-    return Seen(pack(step.state), step.z, step.H, step.R, P, step.cut, star, x)
+    intervals: Intervals
+    updates: dict  # node -> list of Update
+    end: tuple  # mean and P at the end
 
 
 def difference(layout, x, y):
     """Error e of packed nominal values x against y: y = x (+) e. -> (n,)"""
     e = np.empty(layout.n)
-    e[POS], e[VEL] = y[X_R] - x[X_R], y[X_V] - x[X_V]
-    e[ATT] = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(x[X_Q]), y[X_Q]))
-    e[ATT.stop :] = y[layout.nominal] - x[layout.nominal]
+    _difference(x, y, layout.nominal, e)
     return e
 
 
-def turn_of(layout, d):
-    """G = Jr(d) for the attitude, the identity for all others: (n, n)."""
+@kernel
+def _difference(x, y, nominal, e):
+    """`difference`; e (n,) is written."""
+    for i in range(3):
+        e[POS.start + i] = y[X_R.start + i] - x[X_R.start + i]
+        e[VEL.start + i] = y[X_V.start + i] - x[X_V.start + i]
+    turn = rotation.quat_multiply(rotation.quat_conjugate(x[X_Q]), y[X_Q])
+    e[ATT] = rotation.rotvec_from_quat(turn)
+    for k in range(nominal.shape[0]):
+        e[ATT.stop + k] = y[nominal[k]] - x[nominal[k]]
+
+
+def origin(layout, x_0, P_0, x):
+    """Errors about x at the start, of which x_0 and P_0 were assumed: mean (n,), P (n, n)."""
+    e = difference(layout, x_0, x)
     G = np.eye(layout.n)
-    G[ATT, ATT] = right_jacobian(d[ATT])
-    return G
+    G[ATT, ATT] = right_jacobian(e[ATT])
+    return -G @ e, G @ P_0 @ G.T
 
 
-def origin(nav, first, e):
-    """Packed nominal values that are better by e than a Tick, and the errors about them as it knew them.
-
-    fusion.Filter, history.Tick, (n,) -> (93,), Filtered
-    """
-    G = turn_of(nav.layout, e)
-    return corrected(first.x, e, nav.layout.nominal), Filtered(-G @ e, G @ first.P @ G.T)
+def room(m, n):
+    """Intervals to be written; new memory for each pass would cost more than the arithmetic."""
+    return Intervals(np.empty((m, TOP, n)), np.empty((m, n)), np.empty((m, TOP, TOP)), np.empty(m))
 
 
-def follow(nav, before, x, step):
-    """A step further.
+def forward(nav, whole, nodes, trajectory, start, kept, intervals):
+    """The pass.
 
     Parameters
     ----------
-    nav : fusion.Filter, of which parameters and layout are used
-    before : Filtered
-    x : packed nominal values before it
-    step : Way or Seen
+    nav : fusion.Filter of the same parameters, of which `start` are state and covariance at the start
+    whole : final_pass.Whole
+    nodes : final_pass.Nodes
+    trajectory : Trajectory
+    start : history.Tick
+    kept, intervals : Kept, Intervals, written
 
     Returns
     -------
-    Filtered
+    Passed
     """
-    return (_on if type(step) is Way else _corrected)(nav, before, x, step)
+    m = len(nodes.ticks)
+    mean_0, P_0 = origin(nav.layout, start.x, start.P, trajectory.xs[0])
+    mean, P, updates, reached = mean_0.copy(), P_0.copy(), {}, 0
+    nav = nav._replace(history=whole)
+    whole.position_s = -np.inf
+    samples = whole.numbers, whole.increments, whole.extra
+    for node in [*sorted(nodes.seen), m]:
+        _follow(
+            *nav.constants, *samples, nav.layout.nominal, *trajectory, nodes.ticks, nodes.parts_s,
+            reached, node, mean, P, *intervals, *kept,
+        )  # fmt: skip
+        reached = node
+        if node in nodes.seen:
+            whole.x[:] = trajectory.xs[node]
+            whole.P[:] = P
+            updates[node] = [_correct(nav, seen, mean, P) for seen in nodes.seen[node]]
+            _keep(node, P, *kept)
+    return Passed(mean_0, P_0, intervals, updates, (mean, P))
 
 
-def _on(nav, before, x, step):
-    """Over a Way."""
-    layout, model = nav.layout, nav.constants[1]
-    begin_s, end_s = (step.imu.length_s - (step.imu.t_end_s - t_s) for t_s in (step.t_begin_s, step.t_end_s))
-    part = step.imu, begin_s, end_s, nav.earth
-    Phi, _ = prediction.growth(layout, model, unpack(step.t_begin_s, x), *part)
-    there, P = prediction.advance(layout, model, x, step.t_begin_s, before.P, *part)
-    d = difference(layout, there, step.x)
-    J, mean = right_jacobian(d[ATT]), Phi @ before.mean - d
-    Phi[ATT], mean[ATT], P[ATT] = J @ Phi[ATT], J @ mean[ATT], J @ P[ATT]
-    P[:, ATT] = P[:, ATT] @ J.T
-    return Filtered(mean, 0.5 * (P + P.T), Phi=Phi)
+def _correct(nav, seen, mean, P):
+    """Take a Seen into mean and P, in place. -> Update"""
+    whole, one = nav.history, seen.measurement
+    sensor = SENSORS[one.sensor]
+    z, H, R = sensor.linearise(nav, Moment(whole, seen.tick, seen.at_s), one.fix)
+    added, held, cut = None, None, ()
+    if one.fate != Fate.USED:
+        added, held, cut = _forgotten(nav, seen, mean, P)
+    z, H, R = fusion._rows_used(nav, one, z, H, R)
+    z = z - H @ mean
+    K, S_inverse = np.zeros((len(mean), len(z))), np.zeros((len(z), len(z)))
+    if len(z):
+        K, S_inverse = _update(mean, P, z, H, R)
+    return Update(added, held, cut, z, H, K, S_inverse)
 
 
-def _corrected(nav, before, x, step):
-    """By a Seen."""
-    layout, P, mean = nav.layout, before.P.copy(), before.mean.copy()
-    held = difference(layout, x, step.x_then)
-    for block in step.cut:  # it may be anything, around what the filter held for right
-        P[block], P[:, block], mean[block] = 0.0, 0.0, held[block]
-        P[block, block] = step.P[block, block]
-    if step.P is not None and not step.cut:
-        P += step.P
-    d = difference(layout, x, step.x)
-    G = turn_of(layout, d)
-    mean, P = G @ (mean - d), G @ P @ G.T
-    if not len(step.z):
-        return Filtered(mean, P, Phi=G, cut=step.cut)
-    z, H, R = _rows(nav, step)
-    z -= H @ mean
-    gain = np.linalg.solve(H @ P @ H.T + R, H @ P).T
-    left = np.eye(layout.n) - gain @ H
-    after = left @ P @ left.T + gain @ R @ gain.T
-    return Filtered(mean + gain @ z, 0.5 * (after + after.T), Phi=G, update=(P, z, H, R), cut=step.cut)
+def _forgotten(nav, seen, mean, P):
+    """Forget what a reset forgets, or add what is doubted, in place. -> as in Update"""
+    one = seen.measurement
+    prior, cut = fusion._forgotten(nav, P, SENSORS[one.sensor], one.admitted)
+    added, held = prior - P, None
+    if cut:
+        added, held = prior.copy(), difference(nav.layout, nav.history.x, seen.x_then)
+        for block in cut:
+            mean[block] = held[block]
+    P[:] = prior
+    return added, held, cut
 
 
-def _rows(nav, step):
-    """z, H, R of a Seen about the trajectory."""
-    if step.star is not None:
-        params = nav.params
-        return star_attitude(nav.layout, step.x, step.star, params.C_bc, params.star_sigma_floor)
-    d, H = difference(nav.layout, step.x_then, step.x), step.H.copy()
-    H[:, ATT] = H[:, ATT] @ np.linalg.inv(right_jacobian(d[ATT]))
-    return step.z - step.H @ d, H, step.R
+@kernel
+def _update(mean, P, z, H, R):
+    """Take rows of a measurement into mean and P, in place; z : about the mean. -> K (n, m), S^-1 (m, m)
+
+    Joseph's form.
+    """
+    m, n = H.shape
+    HP = np.zeros((m, n))
+    for i in range(m):
+        for k in range(n):
+            if H[i, k] != 0.0:
+                for j in range(n):
+                    HP[i, j] += H[i, k] * P[k, j]
+    S = np.empty((m, m))
+    for i in range(m):
+        for j in range(i + 1):
+            total = 0.5 * (R[i, j] + R[j, i])
+            for k in range(n):
+                total += HP[i, k] * H[j, k]
+            S[i, j] = S[j, i] = total
+    S_inverse = np.linalg.inv(S)
+    K = np.ascontiguousarray(HP.T) @ S_inverse
+    mean[:] += K @ z
+    left = np.eye(n) - K @ H
+    found = left @ P @ left.T + K @ R @ K.T
+    for i in range(n):
+        for j in range(i + 1):
+            P[i, j] = P[j, i] = 0.5 * (found[i, j] + found[j, i])
+    return K, S_inverse
 
 
-def back(adjoint, after):
-    """Adjoint before a step, from that after it and the Filtered after it."""
-    if after.update is not None:
-        adjoint = smoother.before_update(adjoint, *after.update)
-    adjoint = smoother.before_interval(adjoint, after.Phi)
-    for block in after.cut:
-        adjoint = smoother.before_forgetting(adjoint, block)
-    return adjoint
+@kernel
+def _keep(node, P, wide, whole, rows):
+    """What is kept of a node's covariance."""
+    n = P.shape[0]
+    if wide.shape[0] > 0:
+        for i in range(TOP):
+            for j in range(n):
+                wide[node, i, j] = P[i, j]
+    if rows[node] >= 0:
+        for i in range(n):
+            for j in range(n):
+                whole[rows[node], i, j] = P[i, j]
+
+
+@kernel
+def _follow(
+    at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, nominal, xs, more, ticks, parts_s,
+    first, last, mean, P, tops, jumps, noises, walks, wide, whole, rows,
+):  # fmt: skip
+    """Mean and P from node `first` to node `last`, in place; what there is of intervals and nodes is written.
+
+    at, model, C_iq ... rate : `fusion.Filter.constants`;  numbers, increments, extra : of Final
+    nominal : of Layout;  the others as in Nodes, Trajectory, Intervals and Kept
+    """
+    n = P.shape[0]
+    work, d, x, moved = prediction.workspace(n), np.empty(n), np.empty(xs.shape[1]), np.empty(n)
+    top, Q = work[4], work[5]
+    for j in range(first, last):
+        k, begin_s, end_s = ticks[j], parts_s[j, 0], parts_s[j, 1]
+        h, samples, T = numbers[k, 1], int(numbers[k, 2]), end_s - begin_s
+        x[:] = xs[j]
+        for i in range(3):
+            x[X_GRAVITY + i] += more[j, i]
+        walk, _, _ = prediction.interval(
+            at, model[0], x, numbers[k, 0] - samples * h + begin_s, increments[k, : BEFORE + samples], h,
+            numbers[k, 3], extra[k], begin_s, end_s, C_iq, C_re, angle_0, rate, work,
+        )  # fmt: skip
+        prediction.carry_covariance(at, model[0], P, work, walk, T)
+        left = np.exp(-T / FIELD_TIME_S)
+        for i in range(3):
+            x[X_GRAVITY + i] = left * xs[j, X_GRAVITY + i]
+        _difference(x, xs[j + 1], nominal, d)
+        _carried(at, model[0], top, mean, T, moved)
+        for i in range(n):
+            mean[i] = moved[i] - d[i]
+        _turn(d, top, Q, mean, P)
+        tops[j] = top
+        noises[j] = Q
+        jumps[j] = d
+        walks[j] = walk
+        _keep(j + 1, P, wide, whole, rows)
+
+
+@inner
+def _carried(at, model, top, e, T, out):
+    """Phi e: errors after an interval. (n,), written to out (n,)"""
+    n = e.shape[0]
+    for i in range(TOP):
+        total = 0.0
+        for k in range(n):
+            total += top[i, k] * e[k]
+        out[i] = total
+    for k in range(TOP, n):
+        out[k] = e[k]
+    if at[CLOCK] >= 0:
+        out[at[CLOCK]] += T * e[at[CLOCK] + 1]
+    if at[RANGE_BIAS] >= 0:
+        for k in range(at[RANGE_BIAS], at[RANGE_BIAS] + SIZES[RANGE_BIAS]):
+            out[k] *= np.exp(-T / model.range_bias_time_s)
+    if at[GRAVITY] >= 0:
+        for k in range(at[GRAVITY], at[GRAVITY] + 3):
+            out[k] *= np.exp(-T / FIELD_TIME_S)
+
+
+@inner
+def _turn(d, top, Q, mean, P):
+    """G on all that has an attitude, in place; nothing where the trajectory goes as a flight does."""
+    a = ATT.start
+    if d[a] ** 2 + d[a + 1] ** 2 + d[a + 2] ** 2 < 1e-24:
+        return
+    G = right_jacobian(d[ATT])
+    _rows_turned(G, top, a)
+    _rows_turned(G, Q, a)
+    _rows_turned(G, P, a)
+    for matrix in (Q, P):
+        m = matrix.shape[0]
+        for i in range(m):
+            x, y, z = matrix[i, a], matrix[i, a + 1], matrix[i, a + 2]
+            for k in range(3):
+                matrix[i, a + k] = G[k, 0] * x + G[k, 1] * y + G[k, 2] * z
+        for i in range(m):
+            for k in range(a, a + 3):
+                matrix[i, k] = matrix[k, i] = 0.5 * (matrix[i, k] + matrix[k, i])
+    for e in (mean, d):
+        x, y, z = e[a], e[a + 1], e[a + 2]
+        for k in range(3):
+            e[a + k] = G[k, 0] * x + G[k, 1] * y + G[k, 2] * z
+
+
+@inner
+def _rows_turned(G, matrix, a):
+    """Three rows from a on, turned by G, in place."""
+    for j in range(matrix.shape[1]):
+        x, y, z = matrix[a, j], matrix[a + 1, j], matrix[a + 2, j]
+        for k in range(3):
+            matrix[a + k, j] = G[k, 0] * x + G[k, 1] * y + G[k, 2] * z
+
+
+@inner
+def other_noise(at, model, walk, T, vector, out):
+    """Q times a vector, of all errors but the first nine, subtracted from out (n,)."""
+    for i in range(3):
+        out[BG.start + i] -= model.gyro_bias_walk**2 * T * vector[BG.start + i]
+        out[BA.start + i] -= walk * T * vector[BA.start + i]
+    c = at[CLOCK]
+    if c >= 0:
+        white, drift = model.clock_white**2, model.clock_walk**2
+        both = drift * T**2 / 2.0
+        out[c] -= (white * T + drift * T**3 / 3.0) * vector[c] + both * vector[c + 1]
+        out[c + 1] -= both * vector[c] + drift * T * vector[c + 1]
+    if at[RANGE_BIAS] >= 0:
+        left = np.exp(-T / model.range_bias_time_s)
+        for k in range(at[RANGE_BIAS], at[RANGE_BIAS] + SIZES[RANGE_BIAS]):
+            out[k] -= model.range_bias_sigma**2 * (1.0 - left * left) * vector[k]
+    if at[GRAVITY] >= 0:
+        left = np.exp(-T / FIELD_TIME_S)
+        for k in range(at[GRAVITY], at[GRAVITY] + 3):
+            out[k] -= model.gravity_sigma**2 * (1.0 - left * left) * vector[k]

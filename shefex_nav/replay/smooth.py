@@ -1,39 +1,39 @@
-"""Best estimate of a flight from its log: the filter forward, the smoother backward, and both once more.
+"""Best estimate of a flight from its log: the filter forward, then a smoother over all that it believed.
 
-The forward run is the one on board, with its delays and its decisions which measurement to believe, but for
-what can be done better after the flight (`after_the_flight`): the field of the Earth is known, and errors of
-the sensors that last have states. What is smoothed is its final pass, in which every measurement stands at
-its instant. That pass is kept piece by piece only: on the way forward a copy of the filter is put aside every
-SEGMENT_TICKS, and on the way back each segment is run once more from its copy. What comes out is a better
-trajectory than the filter's, and the same measurements are smoothed again, linear about it (`relinear`).
+The forward run is the one on board, with its delays and its decisions which measurement to believe. What
+stands at its end (`final_pass`) is smoothed, with what can be done better after the flight
+(`after_the_flight`): the field of the Earth is known, and errors of the sensors that last have states. A
+Kalman filter linear about the filter's own trajectory goes forward (`relinear`) and the adjoint backward
+(`smoother`); what comes out is a better trajectory, about which both go once more, and again where it still
+moves (`MOVES`).
 
-Memory is that of one segment, 10 s, some 150 MB with 51 states, and of copies, steps and result, some 1 MB
-per second of flight; time is some ten times the filter's.
+Memory is some 1 MB per second of flight with 51 states; time is some four times that of the filter.
 """
 
-import copy
 from functools import partial
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gravity
 from shefex_nav.environment.constants import STANDARD_GRAVITY
-from shefex_nav.log.run_data import RunData, RunDataBuilder, join, stack
+from shefex_nav.geometry import frames
+from shefex_nav.log.run_data import RunData, RunDataBuilder
+from shefex_nav.onboard import computer
+from shefex_nav.onboard.navigation import covariance, integrity_imu, solution
 from shefex_nav.onboard.navigation.blocks import CONTAINED
-from shefex_nav.onboard.navigation.fusion import Interval, finish
-from shefex_nav.onboard.navigation.history import History, Tick
-from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.state import ATT, corrected, pack
-from shefex_nav.onboard.telemetry import RECORDS
-from shefex_nav.records import GateResult, NavCovariance, NavHealth, NavSolution
-from shefex_nav.replay import relinear, rerun, smoother
+from shefex_nav.onboard.navigation.state import ATT, X_R
+from shefex_nav.onboard.navigation.strapdown import BEFORE
+from shefex_nav.onboard.telemetry import COVARIANCE_TICKS, Columns
+from shefex_nav.records import NavSolution
+from shefex_nav.replay import final_pass, relinear, rerun, smoother
 from shefex_nav.scenario import load, params_onboard
 
-SEGMENT_TICKS = 1000
-SAID = {NavSolution: "nav", NavCovariance: "covariance", GateResult: "gates", NavHealth: "health"}
+CHUNK_TICKS = 1000  # of which the solution is written down at once
+FIELD_TICKS = 100  # between two places at which the field is worked out
+MOVES = np.radians(2.0)  # [E] a pass is off by some half of the square of what the trajectory moves in it
+MOST_PASSES = 6
+FILTER_SHARE = 0.3  # of the time, roughly
 FIELD_ERROR = 2e-6 * STANDARD_GRAVITY  # [E] m/s^2, of the field that is known after the flight
 LASTING = (  # blocks of errors that last for the whole flight
     "gyro_scale",
@@ -54,12 +54,19 @@ class Smoothed(NamedTuple):
     smoothed: RunData
 
 
-class Copy(NamedTuple):
-    """The filter at some moment of the way forward."""
+class Chunk(NamedTuple):
+    """Ticks 0 ... m - 1 of a solution, as `solution.tell` and `covariance.tell` read a History."""
 
-    tick: int  # that comes next
-    nav: object  # fusion.Filter
-    final_s: float  # up to here nothing changes any more
+    numbers: np.ndarray
+    increments: np.ndarray
+    extra: np.ndarray
+    xs: np.ndarray  # (m, 93)
+    Ps: np.ndarray  # (m, n, n)
+
+    @property
+    def arrays(self):
+        """As of a History."""
+        return tuple(self)
 
 
 def run(recording, progress=lambda share: None):
@@ -74,20 +81,17 @@ def run(recording, progress=lambda share: None):
     -------
     Smoothed
     """
-    n = len(recording.data.imu.t_valid_s)
-
-    def share(begin, end):
-        return lambda k: progress(begin + (end - begin) * k / n)
-
-    _, filtered = forward(recording, share(0.0, 0.1))
+    filtered, nav, final = forward(recording, lambda share: progress(FILTER_SHARE * share))
     recording = after_the_flight(recording)
-    copies, final = forward(recording, share(0.1, 0.25))
-    steps, e = backward(recording, copies, share(0.5, 0.25))
-    star_aided = any(gate.accepted and gate.sensor.startswith("star") for gate in final.gates)
-    nav, covariance = again(copies[0].nav, steps, e, star_aided, share(0.5, 1.0))
+    used = any(gate.accepted and gate.sensor.startswith("star") for gate in filtered.gates)
+
+    def later(share):
+        progress(FILTER_SHARE + (1.0 - FILTER_SHARE) * share)
+
+    nav, covariance_ = backward(recording, nav, final, used, later)
     judged = NavSolution._fields[NavSolution._fields.index("star_aided") + 1 :]
     nav = nav._replace(**{name: getattr(filtered.nav, name) for name in judged})
-    return Smoothed(filtered, final._replace(nav=nav, covariance=covariance))
+    return Smoothed(filtered, filtered._replace(nav=nav, covariance=covariance_))
 
 
 def after_the_flight(recording):
@@ -140,134 +144,175 @@ def knowing_the_field(recording):
     return recording._replace(field=gravity.load(*recording.gravity), params=params)
 
 
-def forward(recording, progress=lambda k: None):
-    """The filter over a whole log. -> list of Copy, RunData with what it said"""
-    nav, copies, said = rerun.start(recording), [], RunDataBuilder(recording.data.mission)
-    for k in range(len(recording.data.imu.t_valid_s)):
-        if k % SEGMENT_TICKS == 0:
-            copies.append(Copy(k, copy.deepcopy(nav), nav.history[0].t_s))
-            progress(k)
-        for record in rerun.tick(recording, nav, k):
-            if type(record) in SAID:
-                said.add(record)
-    said = said.build()
-    return copies, recording.data._replace(**{name: getattr(said, name) for name in SAID.values()})
+def forward(recording, progress=lambda share: None):
+    """The filter over a whole log.
 
-
-def backward(recording, copies, progress=lambda k: None):
-    """The smoother from the end of a log to its beginning.
-
-    Parameters
-    ----------
-    recording : rerun.Recording
-    copies : list of Copy
-    progress : function of the tick reached
-
-    Returns
-    -------
-    list of relinear.Way and relinear.Seen : the steps of the final pass with what is smoothed
-    (n,) error of the filter's state at the start
+    -> RunData with what it said, fusion.Filter at the end, final_pass.Final
     """
-    layout, found = copies[0].nav.layout, []
-    adjoint, until_s = smoother.at_the_end(layout.n), np.inf
-    for start in copies[::-1]:
-        for step in _steps(recording, start, until_s)[::-1]:
-            e = -step.P_after @ adjoint.vector
-            found.append(relinear.step_of(step, corrected(pack(step.state_after), e, layout.nominal)))
-            adjoint = _before(step, adjoint, layout)
-        until_s = start.final_s
-        progress(start.tick)
-    return found[::-1], -copies[0].nav.history[0].P @ adjoint.vector
+    if recording.field is not None:
+        raise ValueError("the filter runs in the on-board field; a better one is for `backward`")
+    blocks, said = recording.data.imu, RunDataBuilder(recording.data.mission)
+    nav, columns = rerun.start(recording), Columns(1)
+    nav = nav._replace(history=final_pass.Keeping(nav.history[0]))
+    done, end = 0, len(blocks.t_valid_s)
+    states = np.zeros((end + 1, 6), dtype=int)
+    busy = sorted({k for k in (*recording.gps, *recording.stars, end - 1) if k < end})
+    for k in busy:
+        while done <= k:
+            before = _axes(nav)
+            more, _ = computer.glide(nav, done, blocks, done, k + 1, columns)
+            states[done + 1 : done + more] = before  # a change ends it
+            done += more
+            states[done] = _axes(nav)
+            gps, stars = (what.get(done - 1, []) for what in (recording.gps, recording.stars))
+            for record in computer.conclude(nav, done, gps, stars, columns):
+                said.add(record)
+        progress(done / end)
+    said = said.build()
+    told = dict(zip(("nav", "covariance"), columns.read(), strict=False))
+    told |= {"gates": said.gates, "health": said.health}
+    final = without_hedging(nav.history.final(), states, blocks.saturated, nav.watch.imu.rules)
+    return recording.data._replace(**told), nav, final
 
 
-def again(nav, steps, e, star_aided, progress=lambda k: None):
-    """Filter and smoother once more, linear about what is smoothed.
+def _axes(nav):
+    """State of each axis of the IMU, as `ImuWatch.state`: (6,) int, a copy."""
+    return np.zeros(6, dtype=int) if nav.watch.imu is None else nav.watch.imu.state.copy()
+
+
+def without_hedging(final, states, saturated, rules):
+    """The Final with the noise that readings at the end of their range deserve as one sees it afterwards.
+
+    On board nobody knows for a second after such a reading whether the next is one, too, and the noise grows
+    as if all were (`integrity_imu.CALM_S`). What the strapdown made of the good ones in between is right, and
+    stays so as long as nothing corrects it; a smoother that believes in the noise does. Here the ticks with
+    such a reading have it, and no others; in a row they are wrong in the same sense.
+
+    states : (N + 1, 6) int, of the axes at each tick, as `ImuWatch.state`
+    saturated : (N,) bool, what the unit says;  rules : (4, 2), `ImuWatch.rules`
+    """
+    numbers, extra = final.numbers, final.extra.copy()
+    lengths_s = numbers[:, 1] * numbers[:, 2]
+    readings = np.abs(final.increments[:, BEFORE:]).max(axis=1)
+    limits = 0.999 * numbers[:, 1, None] * np.repeat(rules[1], 3)
+    at_range = readings >= limits
+    unnamed = np.append(False, saturated) & ~at_range.any(axis=1)
+    at_range |= unnamed[:, None]
+    for axis in range(6):
+        run_s = 0.0
+        for k in np.flatnonzero(states[:, axis] == integrity_imu.SATURATED):
+            if not at_range[k, axis]:
+                extra[k, axis // 3, axis % 3] = 0.0
+                continue
+            run_s = run_s if k > 1 and at_range[k - 1, axis] else 0.0
+            wrong, T = rules[2, axis // 3], lengths_s[k]
+            extra[k, axis // 3, axis % 3] = wrong**2 * ((run_s + T) ** 2 - run_s**2) / T
+            run_s += T
+    return final._replace(extra=extra)
+
+
+def backward(recording, flown, final, star_aided, progress=lambda share: None):
+    """The smoother over what a filter believed.
 
     Parameters
     ----------
-    nav : fusion.Filter at the start
-    steps, e : of `backward`
+    recording : rerun.Recording with the filter that is smoothed
+    flown, final : of `forward`
     star_aided : whether the filter used a star fix
-    progress : function of the ticks done, half of them on the way forward
 
     Returns
     -------
     NavSolution, NavCovariance of arrays
     """
-    x, filtered = relinear.origin(nav, nav.history[0], e)
-    begins, ticks = [], 0
-    for k, step in enumerate(steps):
-        if k % SEGMENT_TICKS == 0:
-            begins.append((k, ticks, x, filtered))
-            progress(0.5 * ticks)
-        filtered, x = relinear.follow(nav, filtered, x, step), step.x
-        ticks += _at_a_tick(step)
-    adjoint, pieces = smoother.at_the_end(nav.layout.n), {NavSolution: [], NavCovariance: []}
-    for first, before, x, filtered in begins[::-1]:
-        rows = {NavSolution: [], NavCovariance: []}
-        part = steps[first : first + SEGMENT_TICKS]
-        found = list(accumulate(part, partial(_next, nav), initial=(x, filtered)))[1:]
-        at = before + sum(map(_at_a_tick, part))
-        progress(ticks - 0.5 * at)
-        for step, (_, after) in zip(part[::-1], found[::-1], strict=True):
-            if _at_a_tick(step):
-                for record in _said(nav, at, step, after, adjoint, star_aided):
-                    rows[type(record)].append(record)
-                at -= 1
-            adjoint = relinear.back(adjoint, after)
-        for record, said in rows.items():
-            if said:
-                pieces[record].append(stack(record, said[::-1]))
-    return tuple(join(said[::-1]) for said in pieces.values())
-
-
-def _at_a_tick(step):
-    """Whether a step leads to the end of a tick."""
-    return type(step) is relinear.Way and step.t_end_s == step.imu.t_end_s
-
-
-def _next(nav, reached, step):
-    """(packed nominal values, Filtered) after a step, from those before it."""
-    x, filtered = reached
-    return step.x, relinear.follow(nav, filtered, x, step)
-
-
-def _said(nav, ticks, step, after, adjoint, star_aided):
-    """NavSolution of the smoother at the end of a tick, and NavCovariance where the filter had one.
-
-    nav : fusion.Filter of the same parameters; ticks : how many there are up to here; after : Filtered
-    """
-    e, P = smoother.smoothed(adjoint, after.P, after.mean)
-    x = corrected(step.x, e, nav.layout.nominal)
+    nav = rerun.start(recording)
+    start, whole = nav.history[0], final_pass.Whole(final, nav.history.P)
+    nodes = final_pass.nodes(flown, final, nav.layout.nominal)
+    intervals = relinear.room(len(nodes.ticks), nav.layout.n)
+    one_pass = partial(smoothed_about, nav, whole, nodes, start, intervals)
+    xs = nodes.xs
+    for k in range(MOST_PASSES):
+        e, _, _ = one_pass(relinear.Trajectory(xs, known_field(recording, nodes, final, xs)))
+        xs = smoother.moved(xs, e, nav.layout.nominal)
+        progress((k + 1.0) / (k + 3.0))
+        if np.sqrt((e[nodes.ends, ATT] ** 2).sum(axis=1).max()) < MOVES or k == MOST_PASSES - 1:
+            break
+    e, P, kept = one_pass(relinear.Trajectory(xs, known_field(recording, nodes, final, xs)), second=True)
+    xs = smoother.moved(xs, e, nav.layout.nominal)
+    progress(0.9)
     stars = nav.health["star_tracker"]._replace(used=int(star_aided))
-    nav = nav._replace(
-        history=History(Tick(step.t_end_s, x, P, step.imu)),
-        health={**nav.health, "star_tracker": stars},
-    )
-    yield from RECORDS.now(nav, ticks)
+    nav = nav._replace(health={**nav.health, "star_tracker": stars})
+    return told(nav, final, nodes, xs, P, kept)
 
 
-def _steps(recording, start, until_s):
-    """Interval and Correction of the final pass from a Copy to an instant, in order of time."""
-    steps = []
-    nav = copy.deepcopy(start.nav)._replace(recorder=steps.append)
-    for k in range(start.tick, len(recording.data.imu.t_valid_s)):
-        rerun.tick(recording, nav, k)
-        if nav.history[0].t_s >= until_s - SAME_S:
-            return steps
-    finish(nav)
-    return steps
+def smoothed_about(nav, whole, nodes, start, intervals, trajectory, second=False):
+    """Forward and backward once, linear about a trajectory.
+
+    nav : fusion.Filter;  whole : final_pass.Whole;  nodes : final_pass.Nodes;  start : history.Tick
+    intervals : relinear.Intervals, overwritten
+    second : whether covariances are wanted
+
+    Returns
+    -------
+    e : (m + 1, n) errors of the trajectory
+    P : (m + 1, 9, 9) covariances of them at the ends of ticks, or None
+    kept : relinear.Kept, with covariances of all errors at every tenth tick
+    """
+    n, count, rows = nav.layout.n, len(nodes.xs), np.full(len(nodes.xs), -1)
+    ends, tenth = None, nodes.ends[COVARIANCE_TICKS::COVARIANCE_TICKS]
+    if second:
+        rows[tenth] = np.arange(len(tenth))
+        ends = np.zeros(count, dtype=bool)
+        ends[nodes.ends] = True
+    whole_P = np.empty((len(tenth) if second else 0, n, n))
+    kept = relinear.Kept(np.empty((count if second else 0, relinear.TOP, n)), whole_P, rows)
+    passed = relinear.forward(nav, whole, nodes, trajectory, start, kept, intervals)
+    e, P = smoother.back(nav, nodes, passed, kept, ends)
+    return e, P, kept
 
 
-def _before(step, adjoint, layout):
-    """Adjoint before a step, from that after it."""
-    if type(step) is Interval:
-        return smoother.before_interval(adjoint, step.Phi)
-    if step.fate == Fate.DOUBTED:  # noise that was added, which needs nothing here
-        return adjoint
-    G = np.eye(layout.n)
-    G[ATT, ATT] = step.G
-    adjoint = smoother.before_update(adjoint, step.P_forgotten, step.z, step.H, step.R, G)
-    for block in step.cut:  # drawn anew before it; an error that a reset only admits is noise again
-        adjoint = smoother.before_forgetting(adjoint, block)
-    return adjoint
+def known_field(recording, nodes, final, xs):
+    """Gravity that the on-board field leaves out and the recording's does not: (m + 1, 3) m/s^2, inertial.
+
+    Worked out once a second of ticks and taken as linear between: over a few kilometres it is.
+    """
+    if recording.field is None:
+        return np.zeros((len(xs), 3))
+    earth, last = recording.data.mission.earth, len(nodes.ends) - 1
+    at = np.unique(np.append(np.arange(0, last, FIELD_TICKS), last))
+    t_s, found = final.numbers[:, 0], np.empty((len(at), 3))
+    for row, k in enumerate(at):
+        C_ie = frames.dcm_ie(earth, t_s[k])
+        r_e = C_ie.T @ xs[nodes.ends[k], X_R]
+        found[row] = C_ie @ (gravity.gravity_e(recording.field, r_e) - gravity.gravity_j2_e(r_e))
+    begin = nodes.parts_s[:, 0] - final.numbers[nodes.ticks, 1] * final.numbers[nodes.ticks, 2]
+    begin_s = np.append(t_s[nodes.ticks] + begin, t_s[last])
+    half_s = 0.5 * np.append(nodes.parts_s[:, 1] - nodes.parts_s[:, 0], 0.0)
+    return np.column_stack([np.interp(begin_s + half_s, t_s[at], found[:, i]) for i in range(3)])
+
+
+def told(nav, final, nodes, xs, P, kept):
+    """NavSolution of the smoother at every tick, and NavCovariance at every tenth.
+
+    nav : fusion.Filter of the same parameters;  xs, P, kept : of the last pass
+    What is left of the errors behind the attitude changes slowly; that of the tenth tick stands for the nine
+    before it.
+    """
+    last = len(nodes.ends) - 1
+    rows = np.empty((last, solution.WIDTH))
+    spread = np.empty((last // COVARIANCE_TICKS, covariance.width(nav.layout)))
+    for first in range(1, last + 1, CHUNK_TICKS):
+        ticks = np.arange(first, min(first + CHUNK_TICKS, last + 1))
+        Ps = np.zeros((len(ticks), nav.layout.n, nav.layout.n))
+        if len(kept.whole):
+            nearest = np.minimum((ticks - 1) // COVARIANCE_TICKS, len(kept.whole) - 1)
+            Ps[:] = kept.whole[nearest]
+        Ps[:, :9, :9] = P[nodes.ends[ticks]]
+        of_ticks = (array[ticks] for array in (final.numbers, final.increments, final.extra))
+        chunk = Chunk(*of_ticks, xs[nodes.ends[ticks]], Ps)
+        here = nav._replace(history=chunk)
+        solution.tell(here, range(len(ticks)), False, rows[first - 1 : first - 1 + len(ticks)])
+        tenth = ticks[ticks % COVARIANCE_TICKS == 0]
+        if len(tenth):
+            own = spread[tenth[0] // COVARIANCE_TICKS - 1 : tenth[-1] // COVARIANCE_TICKS]
+            covariance.tell(here, range(tenth[0] - first, tenth[-1] - first + 1, COVARIANCE_TICKS), own)
+    return solution.columns(rows), covariance.columns(nav.layout, spread)

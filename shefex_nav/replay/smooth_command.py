@@ -13,7 +13,6 @@ import typer
 
 SUFFIX = ".smoothed.mcap"
 DOF = 9  # of the NEES of position, velocity and attitude
-WAYS = ("forward", "backward", "forward again", "backward again")  # a quarter of the time each
 TOO_SURE = 2.0  # [E] times as much as is expected: a remark
 
 
@@ -95,10 +94,14 @@ def _with_bar(work):
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("forward", total=1.0)
+        task = progress.add_task("filter", total=1.0)
+
+        from shefex_nav.replay.smooth import FILTER_SHARE
 
         def show(share):
-            progress.update(task, completed=share, description=WAYS[min(int(4.0 * share), 3)])
+            progress.update(
+                task, completed=share, description="filter" if share < FILTER_SHARE else "smoother"
+            )
 
         return work(show)
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+import slow_relinear as relinear
 from navigation_flight import EARTH, PARAMS, alignment, antenna_of, fly, gps_fix, star_fix, state_at
 from unpacked import correct, propagate, star_attitude, window
 
 from shefex_nav.onboard.navigation import fusion, measurements
 from shefex_nav.onboard.navigation.state import ATT, corrected, layout, pack, unpack
-from shefex_nav.replay import relinear
 
 DEG = np.pi / 180.0
 FLIGHT = fly(3.0)

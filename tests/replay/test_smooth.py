@@ -2,15 +2,19 @@
 
 import numpy as np
 import pytest
+import slow_relinear
+import slow_smoother
 from flown_log import Options, write
 from scipy.stats import chi2
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import fusion
+from shefex_nav.onboard.navigation import integrity_imu
+from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.state import layout
+from shefex_nav.onboard.navigation.sensors import SENSORS
+from shefex_nav.onboard.navigation.state import unpack
 from shefex_nav.records import Phase
-from shefex_nav.replay import compare, relinear, rerun, smooth, smoother
+from shefex_nav.replay import compare, final_pass, relinear, rerun, smooth, smoother
 from shefex_nav.report import metrics
 from shefex_nav.scenario import load, params_onboard
 
@@ -27,53 +31,76 @@ def result(recording):
     return smooth.run(recording)
 
 
-def rts(recording):
-    """Rauch-Tung-Striebel over the steps, linear about what a first smoothing gave.
+def prepared(recording):
+    """What `smooth.backward` works on: Recording, fusion.Filter, Final, Nodes, Whole."""
+    _, flown, final = smooth.forward(recording)
+    after = smooth.after_the_flight(recording)
+    nav = rerun.start(after)
+    whole = final_pass.Whole(final, nav.history.P)
+    return after, nav, final, final_pass.nodes(flown, final, nav.layout.nominal), whole
 
-    -> {t_s: (packed nominal values, error of them, its covariance)} at ticks
-    """
-    copies, _ = smooth.forward(smooth.after_the_flight(recording))
-    steps, e = smooth.backward(smooth.after_the_flight(recording), copies)
-    nav = copies[0].nav
-    x, filtered = relinear.origin(nav, nav.history[0], e)
-    reached = [(x, filtered)]
-    for step in steps:
-        reached.append((step.x, relinear.follow(nav, reached[-1][1], reached[-1][0], step)))
-    e, P_s = reached[-1][1].mean, reached[-1][1].P
-    found = {}
-    for step, (_, after), (x, before) in zip(steps[::-1], reached[:0:-1], reached[-2::-1], strict=True):
-        if type(step) is relinear.Way:
-            if step.t_end_s == step.imu.t_end_s:
-                found[step.t_end_s] = step.x, e, P_s
-            known = np.diag(after.P) == 0.0  # the field
-            scale = np.sqrt(np.where(known, 1.0, np.diag(after.P)))
-            C = before.P @ after.Phi.T
-            within = after.P / np.outer(scale, scale) + np.diag(known.astype(float))
+
+def slow_steps(recording, nav, final, nodes, xs):
+    """Way and Seen of the reference over the nodes, field and measurements about xs: list of (node, step)."""
+    whole, steps = final_pass.Whole(final, nav.history.P), []
+    running = nav._replace(history=whole)
+    for j, (k, part) in enumerate(zip(nodes.ticks.tolist(), nodes.parts_s.tolist(), strict=True)):
+        imu = whole.imu(k)
+        begin_s, end_s = (imu.t_end_s - imu.length_s + at_s for at_s in part)
+        if recording.field is not None:  # as increments of velocity, not as gravity
+            at_tick = nodes.ends[k - 1]
+            state = unpack(imu.t_end_s - imu.length_s, xs[at_tick])
+            imu.increments[2:, 3:] += rerun.more_in_field(recording, state, imu.dt_s, imu.dtheta_b)
+        steps.append((j + 1, slow_relinear.Way(begin_s, end_s, imu, xs[j + 1])))
+        for seen in nodes.seen.get(j + 1, ()):
+            whole.x[:] = xs[j + 1]
+            one, now = seen.measurement, Moment(whole, seen.tick, seen.at_s)
+            assert one.fate == Fate.USED  # so nothing is forgotten in this flight
+            z, H, R = SENSORS[one.sensor].linearise(running, now, one.fix)
+            steps.append((j + 1, slow_relinear.Seen(xs[j + 1], z, H, R, None, (), None, xs[j + 1])))
+    return steps
+
+
+def test_equals_the_slow_reference_and_rts(recording):
+    """Dense matrices, step by step, over the same nodes: the adjoint, and RTS with inverses."""
+    after, nav, final, nodes, whole = prepared(recording)
+    xs, n = nodes.xs, nav.layout.n
+    trajectory = relinear.Trajectory(xs, smooth.known_field(after, nodes, final, xs))
+    room = relinear.room(len(nodes.ticks), n)
+    e, P, kept = smooth.smoothed_about(nav, whole, nodes, nav.history[0], room, trajectory, second=True)
+    steps = slow_steps(after, nav, final, nodes, xs)
+    start = nav.history[0]
+    x, filtered = slow_relinear.origin(nav, start, slow_relinear.difference(nav.layout, start.x, xs[0]))
+    reached = [filtered]
+    for _, step in steps:
+        filtered, x = slow_relinear.follow(nav, filtered, x, step), step.x
+        reached.append(filtered)
+    adjoint, mean, P_rts = slow_smoother.at_the_end(n), reached[-1].mean, reached[-1].P
+    rows = set(nodes.ends[10::70].tolist())
+    for (node, step), before, now in zip(steps[::-1], reached[-2::-1], reached[:0:-1], strict=True):
+        last = nodes.seen.get(node) is None or type(step) is slow_relinear.Seen
+        if node in rows and last:
+            rows.discard(node)
+            e_slow, P_slow = slow_smoother.smoothed(adjoint, now.P, now.mean)
+            sigma = np.sqrt(np.diag(P_slow))
+            sigma[sigma == 0.0] = 1.0
+            assert np.abs((e[node] - e_slow) / sigma).max() < 1e-4
+            assert np.abs((mean - e_slow) / sigma).max() < 1e-4
+            nine = np.outer(sigma, sigma)[:9, :9]
+            assert np.abs((P[node] - P_slow[:9, :9]) / nine).max() < 1e-5
+            assert np.abs((P_rts - P_slow) / np.outer(sigma, sigma)).max() < 1e-4
+            if kept.rows[node] >= 0:
+                both = kept.whole[kept.rows[node]] - P_slow
+                assert np.abs(both / np.outer(sigma, sigma)).max() < 1e-5
+        adjoint = slow_relinear.back(adjoint, now)
+        if type(step) is slow_relinear.Way:
+            known = np.diag(now.P) == 0.0
+            scale = np.sqrt(np.where(known, 1.0, np.diag(now.P)))
+            within = now.P / np.outer(scale, scale) + np.diag(known.astype(float))
+            C = before.P @ now.Phi.T
             C = np.linalg.solve(within, (C / scale).T).T / scale
-            e, P_s = before.mean + C @ (e - after.mean), before.P + C @ (P_s - after.P) @ C.T
-        else:  # what all data say is the same before and after; the trajectory is another one
-            inverse = np.linalg.inv(after.Phi)
-            e = inverse @ e + relinear.difference(nav.layout, x, step.x)
-            P_s = inverse @ P_s @ inverse.T
-    return found
-
-
-def test_equals_rts_over_the_same_steps(recording, result):
-    """Another recursion, with inverses, over what the filter did."""
-    nav, covariance = result.smoothed.nav, result.smoothed.covariance
-    assert len(nav.t_s) == 3000 and len(covariance.t_s) == 300
-    expected = rts(recording)
-    for k in range(0, 300, 7):
-        t_s = covariance.t_s[k]
-        x, e, P_s = expected[t_s]
-        sigma = np.sqrt(np.diag(P_s))
-        j = np.searchsorted(nav.t_s, t_s)
-        assert nav.t_s[j] == t_s
-        turn = rotation.rotvec_between(x[6:10], nav.q_ib[j])
-        apart = np.concatenate([nav.r_i[j] - x[:3], nav.v_i[j] - x[3:6], turn]) - e[:9]
-        assert np.abs(apart / sigma[:9]).max() < 1e-5
-        if t_s > 20.0:  # before, vibration is added to what is reported
-            assert np.abs((covariance.P[k] - P_s[:9, :9]) / np.outer(sigma[:9], sigma[:9])).max() < 1e-5
+            mean, P_rts = before.mean + C @ (mean - now.mean), before.P + C @ (P_rts - now.P) @ C.T
+    assert not rows
 
 
 def misaligned(recording, error_deg):
@@ -92,11 +119,12 @@ def test_it_is_linear_about_the_flight_not_about_the_filter(recording):
     """
     once, twice = [], []
     for error_deg in (4.0, 0.0):
-        flown = smooth.after_the_flight(misaligned(recording, error_deg))
-        copies, _ = smooth.forward(flown)
-        steps, e = smooth.backward(flown, copies)
-        once.append(np.array([step.x[:10] for step in steps if smooth._at_a_tick(step)]))
-        twice.append(smooth.again(copies[0].nav, steps, e, True)[0])
+        after, nav, final, nodes, whole = prepared(misaligned(recording, error_deg))
+        trajectory = relinear.Trajectory(nodes.xs, smooth.known_field(after, nodes, final, nodes.xs))
+        room = relinear.room(len(nodes.ticks), nav.layout.n)
+        e, _, _ = smooth.smoothed_about(nav, whole, nodes, nav.history[0], room, trajectory)
+        once.append(smoother.moved(nodes.xs, e, nav.layout.nominal)[nodes.ends[1:], :10])
+        twice.append(smooth.run(misaligned(recording, error_deg)).smoothed.nav)
     boost = slice(100, 1900)
     sigma_v, sigma_theta = twice[1].sigma_v_e[boost], twice[1].sigma_theta_b[boost]
     v_i, across = (once[0] - once[1])[boost, 3:6], slice(1, 3)
@@ -132,8 +160,8 @@ def test_errors_that_last_are_states_of_what_is_smoothed(recording):
     assert smooth.after_the_flight(flown._replace(gravity=None)).params == onboard
 
 
-def test_segments_of_any_length_give_the_same(recording, result, monkeypatch):
-    monkeypatch.setattr(smooth, "SEGMENT_TICKS", 137)
+def test_chunks_of_any_length_give_the_same(recording, result, monkeypatch):
+    monkeypatch.setattr(smooth, "CHUNK_TICKS", 137)
     again = smooth.run(recording)
     for one, two in ((result.smoothed.nav, again.smoothed.nav), (result.filtered.nav, again.filtered.nav)):
         assert np.array_equal(one.t_s, two.t_s)
@@ -201,16 +229,6 @@ def test_a_reset_does_not_leak_into_what_was_before(tmp_path):
     assert np.isfinite(flight.smoothed.nav.sigma_theta_b).all()
 
 
-def test_what_is_only_doubted_is_noise():
-    """P grows and nothing is measured: the past is what it was."""
-    order = layout()
-    rng = np.random.default_rng(1)
-    step = fusion.Correction(*[None] * len(fusion.Correction._fields))._replace(fate=Fate.DOUBTED)
-    root = rng.standard_normal((order.n, order.n))
-    adjoint = smoother.Adjoint(rng.standard_normal(order.n), root @ root.T)
-    assert smooth._before(step, adjoint, order) is adjoint
-
-
 def test_parts_of_the_flight(result):
     rows = compare.compare(result.filtered, result.filtered)
     assert [row["part"] for row in rows] == [
@@ -235,3 +253,25 @@ def test_a_log_that_ends_before_the_motor_does_is_of_the_boost(result):
     phase = np.where(data.truth.t_s >= 0.0, Phase.BOOST, Phase.PAD)
     cut = data._replace(events=early, gates=[], truth=data.truth._replace(phase=phase))
     assert [part.name for part in compare.parts(cut) if part.from_s < part.to_s] == ["boost"]
+
+
+def test_readings_at_the_end_of_their_range_are_wrong_and_those_after_them_are_not():
+    """Two ticks in a row and one alone, of an axis that counts as saturated throughout; a stuck one stays."""
+    ticks, n = 30, 4
+    numbers = np.column_stack([0.01 * np.arange(ticks + 1), *np.full((3, ticks + 1), [[0.0025], [n], [0.0]])])
+    increments = np.full((ticks + 1, 2 + n, 6), 1e-4)
+    increments[[5, 6, 20], 3, 3] = 0.25, -0.26, 0.25  # of 100 m/s^2
+    extra = np.full((ticks + 1, 2, 3), 7.0)
+    states = np.zeros((ticks + 1, 6), dtype=int)
+    states[5:, 3], states[8:, 1] = integrity_imu.SATURATED, integrity_imu.STUCK
+    rules = np.array([[np.inf, np.inf], [10.0, 100.0], [1.0, 50.0], [0.5, 50.0]])
+    final = final_pass.Final(numbers, increments, extra, np.zeros((ticks + 1, 93)), [()] * (ticks + 1))
+    found = smooth.without_hedging(final, states, np.zeros(ticks, dtype=bool), rules).extra
+    variance = 0.01 * found[:, 1, 0]
+    assert np.isclose(variance[5] + variance[6], (50.0 * 0.02) ** 2)  # the same sign for 20 ms
+    assert np.isclose(variance[5], (50.0 * 0.01) ** 2) and np.isclose(variance[20], variance[5])
+    assert not np.delete(found[5:, 1, 0], [0, 1, 15]).any()
+    others = found[:, [0, 0, 0, 1, 1], [0, 1, 2, 1, 2]]
+    assert np.all(others == 7.0) and np.all(found[:5] == 7.0) and np.all(extra == 7.0)
+    unnamed = np.arange(1, ticks + 1) == 12  # the unit says so of a tick in which no reading shows it
+    assert smooth.without_hedging(final, states, unnamed, rules).extra[12, 1, 0] > 0.0

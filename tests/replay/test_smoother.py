@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+import slow_smoother
 from scipy.stats import chi2
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.state import right_jacobian
-from shefex_nav.replay import smoother
+from shefex_nav.replay import relinear, smoother
 
 N_STEPS, N = 25, 4
 FORGOTTEN_AT, BLOCK = 11, slice(0, 2)  # the block is drawn anew there
@@ -62,18 +63,18 @@ def closed_loop(Phi, Q, P0, measured, z, forget_at=None):
             x, P = x + K @ residual, (np.eye(N) - K @ H) @ P
         steps.append(own)
         filtered.append((x, P))
-    adjoint, means, covariances = smoother.at_the_end(N), [], []
+    adjoint, means, covariances = slow_smoother.at_the_end(N), [], []
     for (x, P), own in zip(filtered[::-1], [*steps[::-1], []], strict=True):
-        e, P_s = smoother.smoothed(adjoint, P)
+        e, P_s = slow_smoother.smoothed(adjoint, P)
         means.append(x + e)
         covariances.append(P_s)
         for kind, what in own[::-1]:
             if kind == "update":
-                adjoint = smoother.before_update(adjoint, *what)
+                adjoint = slow_smoother.before_update(adjoint, *what)
             elif kind == "forget":
-                adjoint = smoother.before_forgetting(adjoint, BLOCK)
+                adjoint = slow_smoother.before_forgetting(adjoint, BLOCK)
             else:
-                adjoint = smoother.before_interval(adjoint, what)
+                adjoint = slow_smoother.before_interval(adjoint, what)
     return np.array(means[::-1]), np.array(covariances[::-1])
 
 
@@ -195,18 +196,18 @@ def attitude_smoother(increments, stars, start, *, sigma_0=SIGMA_0, with_reset=T
         filtered.append((q, bias, P))
 
     def corrected(state, adjoint):
-        e, P_s = smoother.smoothed(adjoint, state[2])
+        e, P_s = slow_smoother.smoothed(adjoint, state[2])
         return rotation.quat_multiply(state[0], rotation.quat_from_rotvec(e[:3])), state[1] + e[3:], P_s
 
-    adjoint, result, jumps = smoother.at_the_end(6), [], []
+    adjoint, result, jumps = slow_smoother.at_the_end(6), [], []
     for k in range(TICKS, -1, -1):
         result.append(corrected(filtered[k], adjoint))
         for kind, what in steps[k - 1][::-1] if k else ():
             if kind == "update":
-                adjoint = smoother.before_update(adjoint, *what)
+                adjoint = slow_smoother.before_update(adjoint, *what)
                 jumps.append(rotation.rotvec_between(corrected(before[k], adjoint)[0], result[-1][0]))
             else:
-                adjoint = smoother.before_interval(adjoint, what)
+                adjoint = slow_smoother.before_interval(adjoint, what)
     return filtered, result[::-1], np.array(jumps[::-1])
 
 
@@ -239,3 +240,20 @@ def test_the_smoothed_attitude_does_not_jump_at_an_update():
     _, _, jumps = attitude_smoother(increments, stars, start, sigma_0=FAR)
     _, _, careless = attitude_smoother(increments, stars, start, sigma_0=FAR, with_reset=False)
     assert np.abs(jumps).max() < 1e-6 < 1e-5 < np.abs(careless).max()
+
+
+def test_what_is_known_of_little_is_not_lost_in_what_is_known_of_much():
+    """Position known to 100 km and then to 1 m: the compiled update against the algebra."""
+    rng, n = np.random.default_rng(5), 12
+    P = np.diag(np.array([1e5] * 3 + [1e2] * 3 + [1e-2] * 6) ** 2)
+    H, R, z = np.eye(3, n), np.eye(3), rng.standard_normal(3)
+    information = rng.standard_normal((n, n))
+    vector, matrix = rng.standard_normal(n), information @ information.T * 1e8
+    expected = slow_smoother.before_update(slow_smoother.Adjoint(vector, matrix), P, z, H, R)
+    after = P.copy()
+    K, S_inverse = relinear._update(np.zeros(n), after, z, H, R)
+    smoother._before_update(vector, matrix, z, H, K, S_inverse, True)
+    scale = np.sqrt(np.abs(np.diag(expected.matrix)))
+    assert np.abs((matrix - expected.matrix) / np.outer(scale, scale)).max() < 1e-6
+    assert np.allclose(vector, expected.vector, rtol=1e-6, atol=1e-6 * np.abs(expected.vector).max())
+    assert np.linalg.eigvalsh(after)[0] > -1e-9 and np.all(np.diag(after)[:3] < 1.0 + 1e-6)

@@ -115,11 +115,11 @@ def _through(
         until_s = end_s if number == last and end_s < length_s else length_s
         if until_s > begin_s:
             t_s, window = numbers[k, 0] - length_s + begin_s, increments[k, : BEFORE + n]
-            bias_walk, angle, speed = _interval(
+            bias_walk, angle, speed = interval(
                 at, model[0], x, t_s, window, h, numbers[k, 3], extra[k], begin_s, until_s,
                 C_iq, C_re, angle_0, rate, work,
             )  # fmt: skip
-            _covariance(at, model[0], P, work, bias_walk, until_s - begin_s)
+            carry_covariance(at, model[0], P, work, bias_walk, until_s - begin_s)
             unknown_attitude.widen(P, angle, speed)
         if until_s == length_s:
             _keep(x, P, xs[k], Ps[k])
@@ -170,7 +170,7 @@ def enter(
 
 @inner
 def workspace(n):
-    """Responses to errors, which of them are wanted, rows of Phi and Q, a product: see `_interval`.
+    """Responses to errors, which of them are wanted, rows of Phi and Q, a product: see `interval`.
 
     Responses that nobody wants are multiplied by zero: they must be numbers.
     """
@@ -185,7 +185,7 @@ def workspace(n):
 def _growth(at, n, model, x, t_s, increments, h, vibration, extra, begin_s, end_s, C_iq, C_re, angle_0, rate):
     """Phi and Q in full: the rows of the strapdown, and a covariance of zero carried on."""
     Phi, Q, work, T = np.eye(n), np.zeros((n, n)), workspace(n), end_s - begin_s
-    bias_walk, _, _ = _interval(
+    bias_walk, _, _ = interval(
         at, model[0], x, t_s, increments, h, vibration, extra, begin_s, end_s,
         C_iq, C_re, angle_0, rate, work,
     )  # fmt: skip
@@ -198,12 +198,12 @@ def _growth(at, n, model, x, t_s, increments, h, vibration, extra, begin_s, end_
     if at[GRAVITY] >= 0:
         for i in range(at[GRAVITY], at[GRAVITY] + 3):
             Phi[i, i] = np.exp(-T / FIELD_TIME_S)
-    _covariance(at, model[0], Q, work, bias_walk, T)
+    carry_covariance(at, model[0], Q, work, bias_walk, T)
     return Phi, Q
 
 
 @inner
-def _interval(
+def interval(
     at, model, x, t_s, increments, h, vibration, extra, begin_s, end_s, C_iq, C_re, angle_0, rate, work
 ):
     """Strapdown and error model of a part of a tick.
@@ -264,8 +264,8 @@ def _put_imu(top, at, gyro, accel, M, A, G, vibration):
 
 
 @inner
-def _covariance(at, model, P, work, bias_walk, T):
-    """P <- Phi P Phi^T + Q, in place, exactly symmetric; work: of `_interval`."""
+def carry_covariance(at, model, P, work, bias_walk, T):
+    """P <- Phi P Phi^T + Q, in place, exactly symmetric; work: of `interval`."""
     top, Q, A = work[4], work[5], work[6]
     n, drivers = P.shape[0], N_CORE
     for k in range(GRAVITY + 1):

@@ -17,7 +17,8 @@ by w in an unknown direction: its error grows by |w| T in a time T, in one direc
 
 of which the model has the first term. The second keeps its direction as long as the force does. It is counted
 as an error of the size s = |theta| |theta x dv|/2, never more than 2 |dv|, in the direction of the error that
-the velocity has already: sigma grows by s until a fix takes it back.
+the velocity has already: sigma grows by s until a fix takes it back. The smoother, which is linear about where the vehicle was, needs
+none of it.
 """
 
 import numpy as np
@@ -38,20 +39,19 @@ def widen(P, angle, speed):
     P : (n, n);  angle, speed : rad, m/s, three numbers each, passed through in the interval, body axes
     """
     a = ATT.start
-    largest = max(P[a, a], P[a + 1, a + 1], P[a + 2, a + 2])
-    if largest > LARGE2:
-        _add_second_order(P, speed)
-    if largest > MARGIN * UNKNOWN2:
-        for k in range(3):
-            if P[a + k, a + k] > MARGIN * UNKNOWN2:
-                _cut(P, a + k)
-                _lose_axis(P, k, angle)
+    _add_second_order(P, speed)
+    for k in range(3):
+        if P[a + k, a + k] > MARGIN * UNKNOWN2:
+            _cut(P, a + k)
+            _lose_axis(P, k, angle)
 
 
 @inner
 def _add_second_order(P, speed):
     """Noise of velocity for the second order of the attitude's error, in place."""
     a = ATT.start
+    if max(P[a, a], P[a + 1, a + 1], P[a + 2, a + 2]) <= LARGE2:
+        return
     trace, along = 0.0, 0.0
     for i in range(3):
         trace += P[a + i, a + i]
