@@ -17,8 +17,8 @@ by w in an unknown direction: its error grows by |w| T in a time T, in one direc
 
 of which the model has the first term. The second keeps its direction as long as the force does. It is counted
 as an error of the size s = |theta| |theta x dv|/2, never more than 2 |dv|, in the direction of the error that
-the velocity has already: sigma grows by s until a fix takes it back. The smoother, which is linear about where the vehicle was, needs
-none of it.
+the velocity has already: sigma grows by s until a fix takes it back. The smoother is linear about the flight
+itself and needs none of this.
 """
 
 import numpy as np
