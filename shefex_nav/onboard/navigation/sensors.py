@@ -18,6 +18,7 @@ from shefex_nav.onboard.navigation import (
     measure_ranges,
     measure_stars,
     measurements,
+    unknown_attitude,
 )
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.state import POS, VEL, X_Q, ReleaseRule
@@ -92,7 +93,9 @@ def _antenna(nav, now):
 
 
 def _gps_position(nav, now, fix):
-    return measurements.gps_position(fix, _antenna(nav, now))
+    z, H, R = measurements.gps_position(fix, _antenna(nav, now))
+    arm = unknown_attitude.of_arm(now.P, nav.params.l_ba_b)
+    return z, H, R + arm * np.eye(3) if arm else R
 
 
 def _gps_velocity(nav, now, fix):
@@ -100,7 +103,10 @@ def _gps_velocity(nav, now, fix):
     if now.vibration:
         R = R + vibration_variance(nav.params, now) * np.eye(3)
     swing = swing_covariance(nav, now)
-    return z, H, R if swing is None else R + swing
+    if swing is not None:
+        R = R + swing
+    arm = unknown_attitude.of_arm(now.P, rotation.cross(now.felt_packed[:3], nav.params.l_ba_b))
+    return z, H, R + arm * np.eye(3) if arm else R
 
 
 def _gps_range(nav, now, fix):

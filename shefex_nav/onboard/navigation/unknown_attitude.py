@@ -19,6 +19,10 @@ of which the model has the first term. The second keeps its direction as long as
 as an error of the size s = |theta| |theta x dv|/2, never more than 2 |dv|, in the direction of the error that
 the velocity has already: sigma grows by s until a fix takes it back. The smoother is linear about the flight
 itself and needs none of this.
+
+**A lever arm in an unknown direction.** What GPS sees of it has a second order, too,
+theta x (theta x l)/2, and every fix has the same. It counts as noise of `ALIKE` times its size, so that many
+fixes alike do not make an attitude known of which each says nothing.
 """
 
 import numpy as np
@@ -30,6 +34,7 @@ from shefex_nav.onboard.navigation.state import ATT, VEL
 LARGE2 = 0.05**2  # [E] rad^2: below, the second order is less than a fortieth of the first
 UNKNOWN2 = np.pi**2 / 3.0  # rad^2, variance of an angle of which nothing is known
 MARGIN = 1.05  # of that variance, before ties are cut
+ALIKE = 10.0  # [E] square root of the number of fixes with the same error
 
 
 @inner(forceinline=True)
@@ -62,6 +67,19 @@ def _add_second_order(P, speed):
     size = np.sqrt(min(0.25 * trace * across, 4.0 * gained2))
     for i in range(VEL.start, VEL.stop):
         P[i, i] += size * (2.0 * np.sqrt(P[i, i]) + size)
+
+
+def of_arm(P, arm_b):
+    """Variance of each axis of what is not linear of a vector in body axes: 0 while the attitude is known.
+
+    P : (n, n);  arm_b : (3,) of any unit -> float, its square
+    """
+    P_theta = P[ATT, ATT]
+    if P_theta.diagonal().max() <= LARGE2:
+        return 0.0
+    trace, length2 = float(np.trace(P_theta)), float(arm_b @ arm_b)
+    across = max(trace * length2 - float(arm_b @ P_theta @ arm_b), 0.0)
+    return ALIKE**2 * min(0.25 * trace * across, 4.0 * length2)
 
 
 @inner
