@@ -72,9 +72,24 @@ class Whereabouts(NamedTuple):
 
 def whereabouts(t_s, r_e, v_e, P, f_b):
     """Whereabouts. P : (n, n) of the filter;  f_b : (3,) m/s^2, which turns with the error of the attitude"""
-    J, at = np.hstack([-rotation.skew(f_b), -np.eye(3)]), np.r_[ATT, BA]
-    variances = np.trace(P[VEL, VEL]), max(np.trace(J @ P[np.ix_(at, at)] @ J.T), 0.0)
-    return Whereabouts(t_s, r_e, v_e, *np.sqrt(variances).tolist())
+    return Whereabouts(t_s, r_e, v_e, *_sigmas(P, f_b))
+
+
+@kernel
+def _sigmas(P, f_b):
+    """Standard deviations of velocity and acceleration, of their norms; the latter is -f x theta - bias."""
+    J, velocity, acceleration = np.zeros((3, 6)), 0.0, 0.0
+    J[:, :3] = -rotation.skew(f_b)
+    for i in range(3):
+        J[i, 3 + i] = -1.0
+        velocity += P[VEL.start + i, VEL.start + i]
+    for i in range(3):
+        for j in range(6):
+            for k in range(6):
+                row = ATT.start + j if j < 3 else BA.start + j - 3
+                column = ATT.start + k if k < 3 else BA.start + k - 3
+                acceleration += J[i, j] * P[row, column] * J[i, k]
+    return np.sqrt(velocity), np.sqrt(max(acceleration, 0.0))
 
 
 class Kept(NamedTuple):

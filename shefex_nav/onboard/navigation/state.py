@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shefex_nav.compiled import kernel
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.blocks import DEFAULT_STATES, OPTIONAL, checked
 
@@ -229,7 +229,7 @@ def initial_covariance(params, name):
     return np.diag(sigma**2)
 
 
-@kernel
+@inner
 def corrected(x, dx, nominal):
     """Take an estimated error into packed values: truth = estimate (+) error.
 
