@@ -4,6 +4,7 @@ import json
 import os
 import sys
 from contextlib import contextmanager
+from itertools import count
 
 from shefex_nav.workers import cores
 
@@ -52,7 +53,7 @@ def compile_listed(wanted, workers=None):
         return 0
     _say_what_does_not_fit(store)
     try:
-        with _bar(len(wanted)) as step:
+        with _bar(ahead.works(wanted)) as step:
             ahead.compile_all(wanted, workers or cores(), step)
     finally:
         store.prune()
@@ -71,26 +72,37 @@ def _say_what_does_not_fit(store):
 
 
 @contextmanager
-def _bar(total):
-    """Function to be called with the name of each kernel that is done."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+def _bar(works):
+    """Function to be called with the name of each kernel that is done.
 
-    console = Console(stderr=True)
+    works : work of each kernel, list of (name, number); the bar shows the work, the count the kernels
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console, total = Console(stderr=True), len(works)
     if not console.is_terminal:
-        print(f"compiling {total} kernels for this machine, once", file=sys.stderr)
+        kernels = f"{total} kernels" if total > 1 else "a kernel"
+        print(f"compiling {kernels} for this machine; later runs load what is compiled", file=sys.stderr)
         yield lambda _: None
         return
-    columns = TextColumn("compiling kernels, once"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    left = {}
+    for name, work in works:
+        left.setdefault(name, []).append(work)
+    counted = TextColumn("{task.fields[done]} of " + str(total)), TimeElapsedColumn()
+    columns = TextColumn("compiling kernels; later runs load them"), BarColumn(), *counted
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("compile", total=total)
-        yield lambda _: progress.advance(task)
+        task, done = progress.add_task("compile", total=sum(work for _, work in works), done=0), count(1)
+        yield lambda name: progress.update(task, advance=left[name].pop(), done=next(done))
 
 
 def _say_late(kernel):
     """A line on stderr when the first kernel is compiled that was not foreseen."""
     if not _told:
-        print("compiling kernels that this needs for the first time; later runs load them", file=sys.stderr)
+        from shefex_nav.compiled import numba_hooks
+
+        later = "; later runs load them" if numba_hooks.store().is_writable() else ""
+        print(f"compiling kernels that this needs for the first time{later}", file=sys.stderr)
     _told.append(kernel.__name__)
 
 

@@ -93,7 +93,7 @@ class Store:
     def _tell_unwritable(self, error):
         self.tell(
             f"compiled kernels cannot be kept in {self.own} ({error.strerror}): "
-            "every process compiles them again; NUMBA_CACHE_DIR names another folder"
+            "every process compiles them again; set NUMBA_CACHE_DIR to a folder that can be written"
         )
 
     @contextmanager
