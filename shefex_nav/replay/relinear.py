@@ -166,7 +166,7 @@ def _correct(nav, seen, mean, P):
     added, held, cut = None, None, ()
     if one.fate != Fate.USED:
         added, held, cut = _forgotten(nav, seen, mean, P)
-    z, H, R = fusion._rows_used(nav, one, z, H, R)
+    z, H, R = fusion.rows_used(nav, one, z, H, R)
     z = z - H @ mean
     K, S_inverse = np.zeros((len(mean), len(z))), np.zeros((len(z), len(z)))
     if len(z):
@@ -177,7 +177,7 @@ def _correct(nav, seen, mean, P):
 def _forgotten(nav, seen, mean, P):
     """Forget what a reset forgets, or add what is doubted, in place. -> as in Update"""
     one = seen.measurement
-    prior, cut = fusion._forgotten(nav, P, SENSORS[one.sensor], one.admitted)
+    prior, cut = fusion.forgotten(nav, P, SENSORS[one.sensor], one.admitted)
     added, held = prior - P, None
     if cut:
         added, held = prior.copy(), difference(nav.layout, nav.history.x, seen.x_then)

@@ -183,13 +183,11 @@ def _axes(nav):
 def without_hedging(final, states, saturated, rules):
     """The Final with the noise that readings at the end of their range deserve as one sees it afterwards.
 
-    On board nobody knows for a second after such a reading whether the next is one, too, and the noise grows
-    as if all were (`integrity_imu.CALM_S`). What the strapdown made of the good ones in between is right, and
-    stays so as long as nothing corrects it; a smoother that believes in the noise does. Here the ticks with
-    such a reading have it, and no others; in a row they are wrong in the same sense.
+    On board such readings count as wrong in the same sense until a fix, also where good ones lie in between,
+    so the noise grows with the square of their number. Here only those that follow on each other do.
 
     states : (N + 1, 6) int, of the axes at each tick, as `ImuWatch.state`
-    saturated : (N,) bool, what the unit says;  rules : (4, 2), `ImuWatch.rules`
+    saturated : (N,) bool, what the unit says;  rules : (5, 2), `ImuWatch.rules`
     """
     numbers, extra = final.numbers, final.extra.copy()
     lengths_s = numbers[:, 1] * numbers[:, 2]
@@ -205,8 +203,8 @@ def without_hedging(final, states, saturated, rules):
                 extra[k, axis // 3, axis % 3] = 0.0
                 continue
             run_s = run_s if k > 1 and at_range[k - 1, axis] else 0.0
-            wrong, T = rules[2, axis // 3], lengths_s[k]
-            extra[k, axis // 3, axis % 3] = wrong**2 * ((run_s + T) ** 2 - run_s**2) / T
+            missed, T = rules[4, axis // 3], lengths_s[k]
+            extra[k, axis // 3, axis % 3] = missed**2 * ((run_s + T) ** 2 - run_s**2) / T
             run_s += T
     return final._replace(extra=extra)
 

@@ -264,7 +264,7 @@ def test_readings_at_the_end_of_their_range_are_wrong_and_those_after_them_are_n
     extra = np.full((ticks + 1, 2, 3), 7.0)
     states = np.zeros((ticks + 1, 6), dtype=int)
     states[5:, 3], states[8:, 1] = integrity_imu.SATURATED, integrity_imu.STUCK
-    rules = np.array([[np.inf, np.inf], [10.0, 100.0], [1.0, 50.0], [0.5, 50.0]])
+    rules = np.array([[np.inf, np.inf], [10.0, 100.0], [1.0, 7.0], [0.5, 50.0], [10.0, 50.0]])
     final = final_pass.Final(numbers, increments, extra, np.zeros((ticks + 1, 93)), [()] * (ticks + 1))
     found = smooth.without_hedging(final, states, np.zeros(ticks, dtype=bool), rules).extra
     variance = 0.01 * found[:, 1, 0]

@@ -274,8 +274,7 @@ def _way(nav, first, last, results, recorder=None):
     history = nav.history
     history.go_to(first - 1)
     if recorder is None:
-        nav.watch.gyros.back_to(history.number(first - 1))
-        nav.watch.path.back_to(history.number(first - 1))
+        nav.watch.back_to(history.number(first - 1))
     if nav.params.lasting_share:
         history.position_s = history.position_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
@@ -326,8 +325,8 @@ def _apply(nav, index, at_s, measurement, results, recorder):
             return measurement
     fate, x = measurement.fate, history.x.copy()
     before, P = None if recorder is None else now.state, history.P.copy()
-    prior, cut = (P, ()) if fate == Fate.USED else _forgotten(nav, P, sensor, measurement.admitted)
-    z, H, R = _rows_used(nav, measurement, z, H, R)
+    prior, cut = (P, ()) if fate == Fate.USED else forgotten(nav, P, sensor, measurement.admitted)
+    z, H, R = rows_used(nav, measurement, z, H, R)
     if fate == Fate.DOUBTED:
         history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)
     else:
@@ -338,9 +337,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         after = now.state, history.P.copy(), cut
         recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))
     elif fate != Fate.DOUBTED:
-        numbers = history.number(index), history.number(0)
-        nav.watch.gyros.corrected(*numbers, x, history.x)
-        nav.watch.path.corrected(*numbers, now.t_s, x, history.x)
+        nav.watch.corrected(history.number(index), history.number(0), now.t_s, x, history.x)
     if pending and fate != Fate.DOUBTED:
         _protect(nav, measurement, prior, history.P, H, R, confirmed)
         if confirmed:
@@ -348,7 +345,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     return measurement
 
 
-def _rows_used(nav, measurement, z, H, R):
+def rows_used(nav, measurement, z, H, R):
     """The rows of a measurement that correct the state, with the noise that they count with.
 
     The gate has judged them by the noise of one fix alone, which is what an innovation has. Errors that last
@@ -383,7 +380,7 @@ def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
     watch.used_now.append(found)
 
 
-def _forgotten(nav, P, sensor, admitted):
+def forgotten(nav, P, sensor, admitted):
     """Covariance in which nothing is known of what a sensor measures, or less by a sigma that is admitted.
 
     -> (n, n), slices of the blocks whose ties to others are cut

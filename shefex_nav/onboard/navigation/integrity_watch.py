@@ -114,6 +114,16 @@ class Watch:
         if self.unread and sensor in MEASURES:
             integrity_imu.fixed(self.imu, MEASURES[sensor], t_valid_s, now_s)
 
+    def back_to(self, number):
+        """The filter goes back to the end of a tick: corrections after it are not made yet."""
+        self.gyros.back_to(number)
+        self.path.back_to(number)
+
+    def corrected(self, number, oldest, t_s, x_before, x_after):
+        """The filter has corrected its packed values at t_s in a tick; `oldest`: first it may go back to."""
+        self.gyros.corrected(number, oldest, x_before, x_after)
+        self.path.corrected(number, oldest, t_s, x_before, x_after)
+
     def protect(self, P_now):
         """Bring the protection level up to date with the fixes used in this tick; P_now (n, n) of now."""
         for slopes in self.used_now:

@@ -111,7 +111,9 @@ def _gps_velocity(nav, now, fix):
 
 def _gps_range(nav, now, fix):
     sigma_bias = nav.params.range_bias_sigma
-    return measure_ranges.pseudoranges(nav.layout, now.state, fix, _antenna(nav, now), sigma_bias)
+    z, H, R = measure_ranges.pseudoranges(nav.layout, now.state, fix, _antenna(nav, now), sigma_bias)
+    arm, along = unknown_attitude.of_arm(now.P, nav.params.l_ba_b), H[:, POS]
+    return z, H, R + arm * (along @ along.T) if arm else R
 
 
 def _gps_range_rate(nav, now, fix):
@@ -121,7 +123,8 @@ def _gps_range_rate(nav, now, fix):
     if swing is not None:
         C_ei = frames.dcm_ie(nav.earth, now.t_s).T
         R = R + along @ C_ei.T @ swing @ C_ei @ along.T
-    return z, H, R + vibration_variance(nav.params, now) * (along @ along.T)
+    arm = unknown_attitude.of_arm(now.P, rotation.cross(now.felt_packed[:3], nav.params.l_ba_b))
+    return z, H, R + (vibration_variance(nav.params, now) + arm) * (along @ along.T)
 
 
 def straightened(nav, arrival, index, fix):

@@ -21,8 +21,8 @@ the velocity has already: sigma grows by s until a fix takes it back. The smooth
 itself and needs none of this.
 
 **A lever arm in an unknown direction.** What GPS sees of it has a second order, too,
-theta x (theta x l)/2, and every fix has the same. It counts as noise of `ALIKE` times its size, so that many
-fixes alike do not make an attitude known of which each says nothing.
+theta x (theta x l)/2. It is the same in every fix, so the mean of many fixes is no better than one. It counts
+as noise `ALIKE` times as large as it is.
 """
 
 import numpy as np
