@@ -80,13 +80,13 @@ def test_which_blocks_a_reset_cuts():
     P = nav.history.P.copy()
     others = np.delete(np.arange(nav.layout.n), np.r_[mounting])
     assert not P[mounting][:, others].any()
-    admitted, cut = fusion._forgotten(nav, P, sensor, 0.01)
+    admitted, cut = fusion.forgotten(nav, P, sensor, 0.01)
     assert cut == () and np.allclose(admitted - P, np.diag(np.diag(admitted - P)))
     assert np.diag(admitted - P)[mounting] == pytest.approx(1e-4)
     P[ATT, mounting] = P[mounting, ATT] = 1e-9 * np.eye(3)
-    forgotten, cut = fusion._forgotten(nav, P, sensor, None)
+    forgotten, cut = fusion.forgotten(nav, P, sensor, None)
     assert cut == (places["attitude"], mounting)
     assert not forgotten[ATT, mounting].any() and forgotten[0, 0] == P[0, 0]
     found = {"gyro_bias": np.array([0.0, 1e-3, 0.0])}
-    _, cut = fusion._forgotten(nav, P, sensor, found)
+    _, cut = fusion.forgotten(nav, P, sensor, found)
     assert cut == ()
