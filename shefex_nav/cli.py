@@ -332,14 +332,37 @@ def check(
 
         differences = other.lines(loaded, against)
     with about(scenario):
+        loaded, effects = settled(loaded)
         found = programme.foreseen(loaded)
     warn(loaded, found)
     count = f", with {len(found)} warning{'s' if found[1:] else ''}" if found else ""
     for line in told.lines(loaded):
         say(f"told otherwise: {line}")
     typer.echo(f"{scenario}: good{count}")
+    if effects:
+        from rich.console import Console
+
+        from shefex_nav.report import states
+
+        Console(width=None if sys.stdout.isatty() else 130).print(states.table(effects))
     for line in differences:
         typer.echo(line)
+
+
+def settled(loaded):
+    """A Scenario with the names of its filter's states, and why these, if it leaves them to the program.
+
+    -> Scenario, list of wanted_states.Effect
+    """
+    from shefex_nav.scenario import onboard
+
+    if loaded.navigation.states != onboard.AUTOMATIC:
+        return loaded, []
+    from shefex_nav import prepare
+    from shefex_nav.scenario import load
+
+    effects = prepare.wanted(loaded)
+    return load.with_states(loaded, [one.block for one in effects if one.on]), effects
 
 
 @app.command()

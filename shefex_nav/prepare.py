@@ -10,11 +10,14 @@ from shefex_nav.geometry import frames, wgs84
 from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.records import Alignment
-from shefex_nav.scenario import params, params_faults, params_gps, params_onboard
+from shefex_nav.scenario import load, params, params_faults, params_gps, params_onboard, wanted_states
+from shefex_nav.scenario.onboard import AUTOMATIC
+from shefex_nav.scenario.told import as_told
 from shefex_nav.world import camera, faults, gps, imu, noise, pad
 from shefex_nav.world.flight import fly
 
 BRIEF_S = 5.0  # of a flight that nobody waits for
+PLANNED = 1  # seed of the planned flight
 
 
 class World(NamedTuple):
@@ -59,6 +62,7 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
     at_epoch = stars.at_epoch(catalogue, ephemeris.julian_year(epoch))
     if flight is None:
         flight = fly_vehicle(scenario, seed, brief=brief)
+    scenario = settled(scenario, flight if brief else None)
     trajectory, wrong = flight.trajectory, params_faults.faults(scenario)
     imu_biases = np.empty((len(trajectory.t_s), 6)) if biases else None
     measured = imu.measure(params.imu_params(scenario), trajectory, rng("imu"), imu_biases, wrong.imu)
@@ -87,6 +91,25 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         faults=wrong,
         imu_biases=imu_biases,
     )
+
+
+def settled(scenario, flight=None):
+    """The Scenario with the names of the blocks that its filter estimates, if it leaves them to the program.
+
+    flight : the planned one, if it has been flown already; it does not depend on the run
+    """
+    if scenario.navigation.states != AUTOMATIC:
+        return scenario
+    return load.with_states(scenario, [one.block for one in wanted(scenario, flight) if one.on])
+
+
+def wanted(scenario, flight=None):
+    """list of wanted_states.Effect of a scenario, by its planned flight; arguments as of `settled`."""
+    if flight is None:
+        flight = fly_vehicle(scenario, PLANNED)
+    trajectory = flight.trajectory
+    moved, end_s = wanted_states.motion(trajectory), float(trajectory.t_s[-1])
+    return wanted_states.effects(as_told(scenario), moved, flight.events, end_s)
 
 
 def fly_vehicle(scenario, seed, *, brief=False):

@@ -92,6 +92,7 @@ def fly(
     path = Path(log) if log else folder.path / LOG_NAME
     began = time.perf_counter()
     warmup.get_ready({"command=run", *choices(scenario)})
+    scenario = prepare.settled(scenario)
     world = prepare.build_world(scenario, seed)
     told(programme.warnings(scenario, programme.of_flight(world.flight)))
     t_s = world.flight.trajectory.t_s

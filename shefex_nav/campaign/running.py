@@ -109,7 +109,9 @@ def kept(texts):
 
 def prepared(scenario, runs, seed):
     """(Plan, Sampler) of a campaign; BadCampaign if a table is too short for its runs."""
-    plan = planning.of_scenario(scenario, seed, runs)
+    from shefex_nav import prepare  # which needs the compiler
+
+    plan = planning.of_scenario(prepare.settled(scenario), seed, runs)
     dispersed = load.Pattern(plan.source, plan.name).dispersed
     for one in dispersed:
         if isinstance(one.law, TableLaw) and len(one.law.values) < runs:

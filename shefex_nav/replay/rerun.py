@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from shefex_nav import prepare
 from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import frames, rotation
@@ -112,6 +113,7 @@ def _configuration(data, name, overrides):
         return external_params.nav_params(scenario, float(data.imu.dt_s[0])), scenario.source, None
     scenario = load.load_text(text, name, overrides)
     known = scenario.earth.gravity, scenario.earth.gravity_degree
+    scenario = prepare.settled(scenario)
     return params_onboard.nav_params(scenario), scenario.source, known
 
 

@@ -4,6 +4,7 @@ from shefex_nav.clock import TICK_HZ
 from shefex_nav.scenario.checks_flight import seconds
 from shefex_nav.scenario.events import possible
 from shefex_nav.scenario.messages import close
+from shefex_nav.scenario.onboard import AUTOMATIC
 
 NOMINAL = 24  # satellites of the nominal constellation
 LONGEST_AGE_DAYS = 182.0  # of an almanac; its orbits are good to some kilometres in the week it is made for
@@ -78,7 +79,7 @@ def _spans(scenario):
 def _clock(scenario):
     """Ranges need the clock of the receiver."""
     states = scenario.navigation.states
-    if scenario.navigation.gps == "tight" and "clock" not in states:
+    if scenario.navigation.gps == "tight" and states != AUTOMATIC and "clock" not in states:
         words = f"gps: tight needs the clock of the receiver; write [{', '.join([*states, 'clock'])}]"
         yield ("navigation", "states"), words
 

@@ -170,6 +170,20 @@ def _whose(mark, path, others):
     return f" (set in {mark.file}; change it in {path}, which {verb} it)" if verb else ""
 
 
+def with_states(scenario, names):
+    """A Scenario whose filter has the named blocks of states, in its text as well."""
+    navigation = scenario.navigation.model_copy(update={"states": list(names)})
+    settled = scenario.model_copy(update={"navigation": navigation})
+    settled.keep_text(partial(_source_with_states, scenario, list(names)), dict(scenario.files))
+    return settled
+
+
+def _source_with_states(scenario, names):
+    tree = layers.parsed(scenario.source, scenario.mission.name).tree
+    tree["navigation"]["states"] = names
+    return _normalised(tree)
+
+
 def _normalised(tree):
     """YAML text of the merged tree, without comments, that loads to the same scenario."""
     import io

@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import Field, StrictBool
 
-from shefex_nav.scenario.block import Block
+from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.quantity import Count, Number, Quantity, Time, Vector
 from shefex_nav.scenario.star_statistics import Model
 from shefex_nav.scenario.told import Told
@@ -207,6 +207,16 @@ StateBlock = Literal[
 ]
 
 
+AUTOMATIC = "automatic"
+
+
+def _states_form(value):
+    return f"<{AUTOMATIC}>" if isinstance(value, str) else "<names>"
+
+
+States = tagged(_states_form, {AUTOMATIC: Literal["automatic"], "names": list[StateBlock]})
+
+
 class Integrity(Block):
     """How faults of the sensors are noticed; how wrong the attitude may be, `requirements` say."""
 
@@ -232,9 +242,10 @@ class Integrity(Block):
 class Navigation(Block):
     """Error-state Kalman filter: position, velocity, attitude, biases of the IMU, and blocks of choice."""
 
-    states: list[StateBlock] = Field(
-        default=["gyro_roll_column", "mounting"],
-        description="what is estimated besides: errors of the sensors, each a block of states",
+    states: States = Field(
+        default=AUTOMATIC,
+        description="what is estimated besides: errors of the sensors, each a block of states; automatic: "
+        "those that swamp the noise of the sensors in the planned flight",
     )
     sensors: SensorOverrides = Field(
         default_factory=SensorOverrides, description="what the filter assumes of the sensors"

@@ -9,6 +9,7 @@ import numpy as np
 
 from shefex_nav.clock import IMU_HZ
 from shefex_nav.scenario import params_filter
+from shefex_nav.scenario.onboard import AUTOMATIC
 from shefex_nav.scenario.params import mounting
 from shefex_nav.scenario.params_gps import clock_densities
 from shefex_nav.scenario.told import as_told
@@ -170,6 +171,8 @@ def nav_params(scenario):
     """NavParams of a scenario."""
     from shefex_nav.onboard.navigation.state import NavParams
 
+    if scenario.navigation.states == AUTOMATIC:
+        raise ValueError("navigation.states: automatic is not settled yet: prepare.settled")
     of_gps, scenario = _gps_told(scenario), as_told(scenario)
     navigation, sensors = scenario.navigation, scenario.navigation.sensors
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer

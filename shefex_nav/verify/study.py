@@ -51,8 +51,9 @@ def of_scenario(scenario, folder=None, *, turn_field=False):
     """Study of a Scenario, whose filter has to take attitudes. FlownError"""
     import hashlib
 
-    from shefex_nav import __version__
+    from shefex_nav import __version__, prepare
 
+    scenario = prepare.settled(scenario)
     if scenario.navigation.stars != "attitude":
         raise FlownError(
             f"{scenario.mission.name}: navigation.stars has to be 'attitude', not "

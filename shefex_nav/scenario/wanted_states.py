@@ -1,0 +1,175 @@
+"""Which errors of the IMU the filter has to estimate: a rule from the data sheets and the planned flight.
+
+The filter takes an error that goes with rate or specific force for noise unless a block of its states carries
+it. Where the flight turns or pushes long enough, such an error is no noise: it moves attitude or velocity by
+many times what noise does, always the same way. So for each block: by how much does its error, one standard
+deviation on each element, move attitude or velocity within `WINDOW_S` of the planned flight, at the worst?
+
+    moved(t) = int_t^{t + WINDOW_S} C_ib E(omega, f) dt,        E linear in the elements of the block
+
+and rms over the elements and the inertial axes. Against it stands what noise makes of the same time: of the
+gyros the angular random walk, sigma sqrt(WINDOW_S); of velocity the slope of a line through the fixes of that
+time, sigma sqrt(12/N) for N fixes. A block whose error is `SWAMPS` times that is estimated;
+so is one whose error weight makes a bias, for minutes (`weight`).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.scenario import weight
+
+WINDOW_S = 60.0  # [E] three times the filter's memory of thrust: an error that lasts longer is no noise
+SWAMPS = 3.0  # [E] times the noise
+STEP_HZ = 100.0  # of the samples that are summed up, if they are not too many
+MOST = 200_000  # samples
+DILUTION = 2.0  # [E] of a velocity fix, each axis, by satellites all around
+
+GYROS = ("gyro_roll_column", "gyro_scale", "gyro_misalignment")  # the first is a part of the others
+
+
+class Motion(NamedTuple):
+    """A flight as the IMU feels it: K samples, dt_s apart."""
+
+    dt_s: float
+    C_ib: np.ndarray  # (K, 3, 3)
+    omega_b: np.ndarray  # (K, 3) rad/s
+    f_b: np.ndarray  # (K, 3) m/s^2
+    burning: np.ndarray  # (K,) int, stage whose motor burns, from 1; 0: none
+
+
+class Effect(NamedTuple):
+    """What the errors of one block do to the planned flight."""
+
+    block: str  # of onboard.navigation.blocks.OPTIONAL
+    on: bool
+    effect: float  # rad, m/s or m, rms of an axis, in the worst WINDOW_S; NaN: not looked at
+    noise: float  # of the sensor that sees it, in the same unit
+    unit: str  # deg, m/s or m
+    why: str  # for people
+
+
+def motion(trajectory):
+    """Motion of a Trajectory."""
+    from shefex_nav.geometry.rotation import dcm_from_quat
+
+    t_s = trajectory.t_s
+    dt_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
+    every = max(1, round(1.0 / (STEP_HZ * dt_s)), math.ceil(len(t_s) / MOST))
+    rows = slice(0, None, every)
+    C_ib = np.array([dcm_from_quat(q) for q in trajectory.q_ib[rows]])
+    return Motion(
+        every * dt_s, C_ib, trajectory.omega_ib_b[rows], trajectory.f_b[rows], trajectory.burning[rows]
+    )
+
+
+def effects(scenario, moved, events, end_s):
+    """What the errors of each block do, and whether it is estimated.
+
+    Parameters
+    ----------
+    scenario : Scenario as the computer is told
+    moved : Motion of the planned flight
+    events : sequence of its Event
+    end_s : of the flight
+
+    Returns
+    -------
+    list of Effect
+    """
+    gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
+    turned, pushed = _responses(moved, moved.omega_b), _responses(moved, moved.f_b)
+    scale = np.array([gyro.scale_factor_roll, gyro.scale_factor, gyro.scale_factor])
+    of_scale, of_axes = np.diag(scale), gyro.misalignment * (1.0 - np.eye(3))
+    roll = np.zeros((3, 3))
+    roll[:, 0] = (of_scale + of_axes)[:, 0]
+    weights = {
+        "gyro_roll_column": (turned, roll),
+        "gyro_scale": (turned, of_scale),
+        "gyro_misalignment": (turned, of_axes),
+        "gyro_g_sensitivity": (pushed, np.full((3, 3), gyro.g_sensitivity)),
+        "accel_scale": (pushed, accelerometer.scale_factor * np.eye(3)),
+        "accel_misalignment": (pushed, accelerometer.misalignment * (1.0 - np.eye(3))),
+    }
+    dt_s = moved.dt_s
+    sizes = {name: _worst(*one, dt_s) for name, one in weights.items()}
+    across = [_worst(turned, np.where(roll, 0.0, sigma), dt_s) for sigma in (of_scale, of_axes)]
+    sizes["accel_rectification"] = _rectified(scenario, moved)
+    sizes["gravity"] = scenario.navigation.gravity_error * WINDOW_S
+    noises = {name: _noise(scenario, name) for name in sizes}
+    on = {name for name in sizes if sizes[name] > SWAMPS * noises[name]}
+    if max(across) > SWAMPS * noises["gyro_scale"]:  # turns about the other axes count, too
+        on.discard("gyro_roll_column")
+    else:
+        on -= {"gyro_scale", "gyro_misalignment"}
+    why = {name: _words(name, sizes[name], noises[name], on) for name in sizes}
+    lasts_s, where = weight.longest(scenario, events, end_s)
+    for name, sigma in weight.errors(scenario.imu).items():
+        if sigma and name not in on and weight.is_bias(scenario, lasts_s):
+            on.add(name)
+            why[name] = f"{where} for {lasts_s:.0f} s: a bias"
+    found = [Effect(name, name in on, sizes[name], noises[name], _unit(name), why[name]) for name in sizes]
+    return found + _of_others(scenario)
+
+
+def _responses(moved, felt_b):
+    """What an element ij of a matrix that multiplies `felt_b` has moved by each sample: (K + 1, 3, 3, 3).
+
+    Element [k, i, j] is the integral of C_ib[:, i] felt_b[j] over the first k samples, inertial axes.
+    """
+    each = np.einsum("kai,kj->kija", moved.C_ib, felt_b) * moved.dt_s
+    return np.concatenate([np.zeros((1, 3, 3, 3)), np.cumsum(each, axis=0)])
+
+
+def _worst(responses, sigma, dt_s):
+    """Largest rms of an axis within any window, of elements with these sigmas. (K + 1, 3, 3, 3), (3, 3), s"""
+    steps = min(round(WINDOW_S / dt_s), len(responses) - 1)
+    grown = responses[steps:] - responses[: len(responses) - steps]
+    square = np.einsum("kija,ij->k", grown**2, sigma**2)
+    return float(np.sqrt(square.max() / 3.0))
+
+
+def _rectified(scenario, moved):
+    """Velocity that the bias under vibration makes, m/s, rms of an axis in the worst window."""
+    vibration = scenario.imu.vibration
+    level = np.array([vibration.coast, *vibration.boost])[moved.burning] ** 2
+    each = np.einsum("kai,k->kia", moved.C_ib, level) * moved.dt_s
+    grown = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(each, axis=0)])
+    sigma = scenario.imu.accelerometer.vibration_rectification
+    return _worst(grown[:, :, None, :], np.full((3, 1), sigma), moved.dt_s)
+
+
+def _noise(scenario, block):
+    """What noise makes in a window: rad of gyros, m/s of accelerometers."""
+    if block.startswith("gyro"):
+        return scenario.imu.gyro.random_walk * np.sqrt(WINDOW_S)
+    fixes = WINDOW_S * scenario.gps.rate
+    return DILUTION * scenario.gps.range_rate_noise * np.sqrt(12.0 / fixes)
+
+
+def _words(block, size, noise, on):
+    """Why a block is estimated or not; `on` : all that are."""
+    if size > SWAMPS * noise and block not in on:
+        return f"{' and '.join(name for name in GYROS if name in on)} stand for it"
+    return f"{size / noise:.3g} times the noise" if noise else "there is no noise"
+
+
+def _unit(block):
+    return "deg" if block.startswith("gyro") else "m/s"
+
+
+def _of_others(scenario):
+    """Effect of blocks that are not the IMU's."""
+    tracker, camera = scenario.star_tracker, scenario.star_camera
+    one_star = tracker.identification.centroid_error * camera.detector.pixel_size / camera.optics.focal_length
+    enabled = tracker.enabled and camera.mounting.error > 0.0
+    words = "constant, no number of fixes averages it out" if tracker.enabled else "no star tracker"
+    found = [Effect("mounting", enabled, camera.mounting.error, one_star, "deg", words)]
+    if scenario.navigation.gps == "tight":
+        found.append(Effect("clock", True, np.nan, np.nan, "m", "ranges need it"))
+        if scenario.gps.errors.model_dump(exclude_none=True):
+            found.append(
+                Effect("range_bias", True, np.nan, np.nan, "m", "the errors of ranges last (gps.errors)")
+            )
+    return found
