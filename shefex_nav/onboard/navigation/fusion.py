@@ -25,6 +25,7 @@ from shefex_nav.onboard.navigation import (
     integrity_watch,
     measurements,
     prediction,
+    unknown_attitude,
 )
 from shefex_nav.onboard.navigation.history import History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
@@ -330,7 +331,8 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     if fate == Fate.DOUBTED:
         history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)
     else:
-        dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P)
+        share = None if measurement.sensor.startswith("star") else unknown_attitude.believed(prior)
+        dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P, share)
     if measurement.sensor == "star_tracker" and (fate == Fate.RESET or dx[ATT] @ dx[ATT] > eskf.LARGE2):
         history.P[:], G = eskf.turned_back(history.P, G), np.eye(3)
     if recorder is not None:
