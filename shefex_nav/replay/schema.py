@@ -27,7 +27,8 @@ from shefex_nav.scenario.quantity import (
     refuse,
 )
 from shefex_nav.scenario.requirements import AttitudeLimit
-from shefex_nav.scenario.sensors import OFF, UNLIMITED, Accelerometer, Gyro
+from shefex_nav.scenario.sensors import OF_IMU, OFF, UNLIMITED, Accelerometer, Gyro
+from shefex_nav.scenario.use import Use
 
 NED = Field(description="noise, 1 sigma, north, east, down; takes the place of what the file says")
 SIDES = ("x", "y", "z")
@@ -273,6 +274,7 @@ class ReplayAccelerometer(Accelerometer):
 class ReplayImu(Block):
     """What the filter assumes of the inertial sensors."""
 
+    use: Use = Field(None, description=OF_IMU)
     gyro: ReplayGyro
     accelerometer: ReplayAccelerometer
 
