@@ -72,6 +72,7 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         rng("gps"),
         rng("gps_errors"),
     )
+    ranges = faults.gps_ranges(wrong.gps, gps_data.ranges, gps_data.antenna)
     events = [*flight.events, *faults.events(wrong, trajectory, earth)]
     return World(
         earth=earth,
@@ -79,8 +80,8 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         flight=flight._replace(events=tuple(sorted(events, key=lambda event: event.t_s))),
         alignment=pad.align(params.pad_params(scenario), trajectory, earth, rng("pad")),
         imu=measured,
-        gps_fixes=faults.gps(wrong.gps, gps_data.fixes),
-        gps_ranges=faults.gps_ranges(wrong.gps, gps_data.ranges, gps_data.antenna),
+        gps_fixes=gps.stamped(faults.gps(wrong.gps, gps_data.fixes), scenario.gps.clock_offset),
+        gps_ranges=gps.stamped(ranges, scenario.gps.clock_offset),
         camera=true_camera,
         computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
         faults=wrong,

@@ -312,6 +312,9 @@ class ReplayNavigation(Navigation):
     gravity_memory: Quantity("s", "50 s", "", positive=True) = "50 s"
     saturated_rate: Quantity("rad/s", "50 deg/s", "", positive=True) = "1 rad/s"
     saturated_acceleration: Quantity("m/s2", "5 gee", "", positive=True) = "5 gee"
+    told: None = Field(
+        default=None, description="here `imu` and `gnss` are what is told; nobody knows the truth"
+    )
     samples_per_tick: Count("4", "samples of the IMU in a step of the filter", at_least=1, at_most=1000) = (
         SAMPLES_PER_TICK
     )

@@ -34,7 +34,10 @@ class ImuFile(InstrumentFile):
     accelerometer: Accelerometer
 
 
-SECTIONS = {("imu",): ImuFile}  # path of the section: what a file for it holds
+SECTIONS = {  # path of the section: what a file for it holds
+    ("imu",): ImuFile,
+    ("navigation", "told", "imu"): ImuFile,
+}
 HEAD = (KIND, *InstrumentFile.keys())  # keys of a file that are no values of the section
 
 

@@ -19,6 +19,7 @@ from shefex_nav.onboard.navigation import (
     error_model,
     eskf,
     gate,
+    gps_told,
     integrity,
     integrity_gps,
     integrity_protection,
@@ -203,6 +204,7 @@ def fuse(nav, arrivals):
     history, results = nav.history, []
     earliest = len(history)
     for arrival, fix in arrivals:
+        fix = gps_told.understood(nav.params.gps_told, fix)
         index = history.within(fix.t_valid_s)
         names, fix = _worth_trying(nav, arrival, fix, index, results)
         if names:
