@@ -42,13 +42,13 @@ def model(scenario, interval_s):
 
     interval_s : from one reading to the next
     """
-    from shefex_nav.onboard.navigation.measure_barometer import BarometerModel
+    from shefex_nav.onboard.navigation import measure_barometer
 
     section, use = scenario.barometer, scenario.navigation.barometer
     if section is None or not use.used:
         return None
     mach, coefficient, error = _port(section)
-    return BarometerModel(
+    return measure_barometer.BarometerModel(
         interval_s=interval_s,
         noise=float(np.hypot(section.noise, section.quantum / np.sqrt(12.0))),
         lag_s=section.lag,
@@ -59,7 +59,7 @@ def model(scenario, interval_s):
         flow_error=use.flow_error,
         flow_memory_s=use.flow_memory,
         layer_error=use.layer_error,
-        scale=sigmas(scenario)["baro_scale"],
+        P_scale=measure_barometer.of_layers(section.day.temperature, section.day.depth),
         up_to=use.up_to,
         unused_mach=tuple(use.unused_mach),
         release=(use.release.rejections, use.release.duration),
@@ -74,11 +74,10 @@ def sigmas(scenario):
     if section is None:
         return {}
     metres = section.day.pressure / measure_barometer.SURFACE_WEIGHT
+    layers = measure_barometer.of_layers(section.day.temperature, section.day.depth)
     return {
         "baro_bias": (float(np.hypot(section.bias, section.drift)), metres),
-        "baro_scale": tuple(
-            measure_barometer.of_layers(section.day.temperature, section.day.depth).tolist()
-        ),
+        "baro_scale": tuple(np.sqrt(np.diag(layers)).tolist()),
     }
 
 

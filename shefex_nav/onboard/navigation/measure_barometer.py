@@ -50,7 +50,7 @@ class BarometerModel(NamedTuple):
     flow_error: float  # part of the dynamic pressure, besides
     flow_memory_s: float
     layer_error: float  # m
-    scale: tuple  # (6,) of what the block baro_scale would have
+    P_scale: np.ndarray  # (6, 6) covariance of the warmth of the layers at the start
     up_to: float  # m, not used above
     unused_mach: tuple  # Mach numbers between which it is not used
     release: tuple  # rejections, s, after which readings are a new bias
@@ -75,13 +75,21 @@ class Offset(NamedTuple):
 
 
 def of_layers(temperature, depth):
-    """Sigma of the mean warmth of each layer, for a temperature of the day in K that goes with itself over
-    `depth` (Gauss-Markov): (6,)
+    """Covariance of the mean warmth of the layers, for a temperature of the day in K that goes with itself
+    over `depth` (first-order Gauss-Markov in height): (6, 6)
 
-    The mean over t of such a process has the variance 2 s^2 x^-2 (x - 1 + exp(-x)), x = t/depth.
+    Over a layer of t = x depth the mean has the variance 2 s^2 x^-2 (x - 1 + exp(-x)); the mean of one from a
+    to b goes with that of a higher one from c to d as the integral of exp(-(v - u)/depth) over both.
     """
-    x = np.diff([*LAYERS, LAST_TOP]) / depth
-    return temperature / SURFACE_TEMPERATURE * np.sqrt(2.0 * (x - 1.0 + np.exp(-x))) / x
+    edges = np.array([*LAYERS, LAST_TOP]) / depth
+    x, s2 = np.diff(edges), (temperature / SURFACE_TEMPERATURE) ** 2
+    P = np.diag(2.0 * s2 * (x - 1.0 + np.exp(-x)) / x**2)
+    for j in range(1, len(x)):
+        for i in range(j):
+            a, b, c, d = edges[i], edges[i + 1], edges[j], edges[j + 1]
+            both = np.exp(b - c) - np.exp(a - c) - np.exp(b - d) + np.exp(a - d)
+            P[i, j] = P[j, i] = s2 * both / (x[i] * x[j])
+    return P
 
 
 def air(earth, t_s, x):
@@ -168,7 +176,7 @@ def lasting(layout, model, here, told):
         ((told.slope * _left(model, here.height)) ** 2, layers_s),
     ]
     if layout.places["baro_scale"] is None:
-        parts.append((told.slope**2 * float((told.parts**2) @ np.square(model.scale)), FOR_EVER_S))
+        parts.append((told.slope**2 * float(told.parts @ model.P_scale @ told.parts), FOR_EVER_S))
     return parts
 
 

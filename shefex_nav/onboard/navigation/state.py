@@ -233,6 +233,8 @@ def initial_covariance(params, name):
     sigma = np.asarray(params.sigma_blocks[name], dtype=float)
     if sigma.shape != (OPTIONAL[name],):
         raise ValueError(f"sigma of '{name}': {OPTIONAL[name]} values are needed, shape is {sigma.shape}")
+    if name == "baro_scale" and params.barometer is not None:
+        return params.barometer.P_scale.copy()  # layers of air that lie on each other are warm together
     return np.diag(sigma**2)
 
 
