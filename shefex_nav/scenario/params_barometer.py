@@ -37,11 +37,8 @@ def _port(section):
     return np.array(section.port.mach), np.array(section.port.coefficient), section.port.error
 
 
-def model(scenario, interval_s):
-    """measure_barometer.BarometerModel of a scenario or a replay; None if no barometer is used.
-
-    interval_s : from one reading to the next
-    """
+def model(scenario):
+    """measure_barometer.BarometerModel of a scenario or a replay; None if no barometer is used."""
     from shefex_nav.onboard.navigation import measure_barometer
 
     section, use = scenario.barometer, scenario.navigation.barometer
@@ -49,7 +46,7 @@ def model(scenario, interval_s):
         return None
     mach, coefficient, error = _port(section)
     return measure_barometer.BarometerModel(
-        interval_s=interval_s,
+        interval_s=1.0 / section.rate,
         noise=float(np.hypot(section.noise, section.quantum / np.sqrt(12.0))),
         lag_s=section.lag,
         lag_error=use.lag_error,

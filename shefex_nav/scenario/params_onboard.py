@@ -190,7 +190,7 @@ def nav_params(scenario):
         lasting_share=_lasting_share(scenario),
         gravity_sigma=navigation.gravity_error,
         gps=navigation.gps,
-        barometer=params_barometer.model(scenario, _between_readings(scenario)),
+        barometer=params_barometer.model(scenario),
         baro_bias_walk=params_barometer.bias_walk(scenario),
         stars=navigation.stars,
     )
@@ -216,11 +216,6 @@ def _sigma_blocks(scenario):
     }
     known |= params_barometer.sigmas(scenario)
     return {name: np.array(known[name]) for name in scenario.navigation.states}
-
-
-def _between_readings(scenario):
-    """From one reading of the barometer to the next, s."""
-    return np.inf if scenario.barometer is None else 1.0 / scenario.barometer.rate
 
 
 def _range_bias(scenario):
