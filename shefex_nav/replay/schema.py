@@ -94,7 +94,9 @@ class ReplayEarth(Block):
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Names = tuple[str, str, str]
 PLACE = "columns: latitude, longitude, height, or x, y, z; or latitude and longitude alone"
-Level = Annotated[tuple[str, ...], Field(min_length=2, max_length=3)]  # of three columns, the last may be missing
+Level = Annotated[
+    tuple[str, ...], Field(min_length=2, max_length=3)
+]  # of three columns, the last may be missing
 
 
 class ImuColumns(Block):
@@ -354,7 +356,9 @@ class ReplayScenario(Block):
     earth: ReplayEarth = ReplayEarth()
     data: form("format", FORMATS)
     gnss: ReplayGnss = ReplayGnss()
-    barometer: Barometer | None = Field(default=None, description="of data.barometer: what the filter assumes")
+    barometer: Barometer | None = Field(
+        default=None, description="of data.barometer: what the filter assumes"
+    )
     alignment: form("method", {"reference": FromReference, "static": Static})
     imu: ReplayImu
     navigation: ReplayNavigation = ReplayNavigation()

@@ -86,7 +86,9 @@ def contradictions(scenario):
     yield from of_sensor(scenario)
     section = scenario.barometer
     if section is not None and abs(100.0 / section.rate - round(100.0 / section.rate)) > 1e-6:
-        words = f"{section.rate:g} Hz does not divide the on-board clock, 100 Hz; take such as 1, 10, 20 or 50 Hz"
+        words = (
+            f"{section.rate:g} Hz does not divide the on-board clock, 100 Hz; take such as 1, 10, 20 or 50 Hz"
+        )
         yield ("barometer", "rate"), words
 
 
