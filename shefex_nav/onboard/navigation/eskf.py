@@ -92,7 +92,7 @@ def update_packed(kalman, layout, P, z, H, R, x, P_after, share=None):
     layout : Layout
     P : (n, n)
     z, H, R : (m,), (m, n), (m, m)
-    x : (93,) packed nominal values, changed in place
+    x : (X,) packed nominal values, changed in place
     P_after : (n, n) is written
     share : (3,) of the estimated error of the attitude that is taken, None: all of it. The covariance is
         that of the gain which is left (Brink, JGCD 40 (2017), partial update)
