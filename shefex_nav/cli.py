@@ -354,12 +354,11 @@ def settled(loaded):
 
     -> Scenario, list of wanted_states.Effect
     """
-    from shefex_nav.scenario import onboard
+    from shefex_nav.scenario import block, load
 
-    if loaded.navigation.states != onboard.AUTOMATIC:
+    if loaded.navigation.states != block.AUTOMATIC:
         return loaded, []
     from shefex_nav import prepare
-    from shefex_nav.scenario import load
 
     effects = prepare.wanted(loaded)
     return load.with_states(loaded, [one.block for one in effects if one.on]), effects

@@ -4,6 +4,8 @@ from typing import Annotated, Any, ClassVar, Literal, Union, get_args
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Tag, WithJsonSchema, create_model
 
+AUTOMATIC = "automatic"  # in place of a choice that is left to the program
+
 
 class Block(BaseModel):
     """A section of a scenario; a key that it does not know is an error.

@@ -4,6 +4,7 @@ import math
 
 from shefex_nav.clock import IMU_HZ
 from shefex_nav.scenario import (
+    barometer,
     checks_flight,
     checks_gps,
     checks_tracker,
@@ -14,8 +15,8 @@ from shefex_nav.scenario import (
     star_statistics,
     told,
 )
+from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.checks_flight import seconds
-from shefex_nav.scenario.onboard import AUTOMATIC
 
 REPORT_RATE = 10.0  # Hz, of the logged covariance, which reports want on whole seconds
 LOG_RATES = (10.0, 20.0, 50.0, 100.0)  # Hz
@@ -45,6 +46,7 @@ def _parts(scenario, rated):
         _clocks,
         _vibration,
         *checks_gps.PARTS,
+        barometer.contradictions,
         _camera,
         _states,
         *checks_tracker.PARTS,

@@ -1,10 +1,10 @@
 """Contradictions in the section `gps` of a scenario: (path of the field, text for people)."""
 
 from shefex_nav.clock import TICK_HZ
+from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.checks_flight import seconds
 from shefex_nav.scenario.events import possible
 from shefex_nav.scenario.messages import close
-from shefex_nav.scenario.onboard import AUTOMATIC
 
 NOMINAL = 24  # satellites of the nominal constellation
 LONGEST_AGE_DAYS = 182.0  # of an almanac; its orbits are good to some kilometres in the week it is made for

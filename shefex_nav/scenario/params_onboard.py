@@ -8,8 +8,8 @@ otherwise.
 import numpy as np
 
 from shefex_nav.clock import IMU_HZ
-from shefex_nav.scenario import params_filter
-from shefex_nav.scenario.onboard import AUTOMATIC
+from shefex_nav.scenario import params_barometer, params_filter
+from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.params import mounting
 from shefex_nav.scenario.params_gps import clock_densities
 from shefex_nav.scenario.told import as_told
@@ -197,6 +197,8 @@ def nav_params(scenario):
         lasting_share=_lasting_share(scenario),
         gravity_sigma=navigation.gravity_error,
         gps=navigation.gps,
+        barometer=params_barometer.model(scenario),
+        baro_bias_walk=params_barometer.bias_walk(scenario),
         stars=navigation.stars,
         gps_told=of_gps,
     )
@@ -235,6 +237,7 @@ def _sigma_blocks(scenario):
         "gps_latency": (sensors.gps_latency_error,),
         "range_bias": (_range_bias(scenario),) * OPTIONAL["range_bias"],
     }
+    known |= params_barometer.sigmas(scenario)
     return {name: np.array(known[name]) for name in scenario.navigation.states}
 
 

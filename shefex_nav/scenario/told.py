@@ -10,6 +10,7 @@ from typing import Annotated, get_args
 from pydantic import Field, create_model
 
 from shefex_nav.scenario import layers
+from shefex_nav.scenario.barometer import Barometer
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.camera import StarCamera
 from shefex_nav.scenario.document import dotted
@@ -23,6 +24,7 @@ OF_GPS = {
     **dict.fromkeys(("latency", "clock_offset", "range_noise", "range_rate_noise", "clock", "errors")),
     "antenna": {"lever_arm": None},
 }
+OF_BAROMETER = dict.fromkeys(("bias", "drift", "drift_time", "noise", "lag", "quantum", "port", "day"))
 OF_CAMERA = dict.fromkeys(("mounting", "optics"))
 SAME = {  # keys of `navigation.sensors`: what they say too
     "gyro_bias": ("imu", "gyro", "bias"),
@@ -63,6 +65,7 @@ class Told(Block):
 
     imu: part_of(Imu) | None = Field(None, description="of the IMU and of what shakes it")
     gps: part_of(Gps, OF_GPS) | None = Field(None, description="of the GPS receiver and its antenna")
+    barometer: part_of(Barometer, OF_BAROMETER) | None = Field(None, description="of the barometer")
     star_camera: part_of(StarCamera, OF_CAMERA) | None = Field(None, description="of the star camera")
 
 
@@ -72,7 +75,7 @@ def as_told(scenario):
     sections = {
         name: over(getattr(scenario, name), given)
         for name in Told.model_fields
-        if (given := getattr(told, name)) is not None
+        if (given := getattr(told, name)) is not None and getattr(scenario, name) is not None
     }
     return scenario.model_copy(update=sections) if sections else scenario
 
@@ -114,8 +117,9 @@ def differences(scenario):
     """What the computer is told and is not true: yields (path below `navigation.told`, true value, told)."""
     told = scenario.navigation.told
     for name in Told.model_fields:
-        if (given := getattr(told, name)) is not None:
-            yield from _differences(getattr(scenario, name), given, (name,))
+        given, true = getattr(told, name), getattr(scenario, name)
+        if given is not None and true is not None:
+            yield from _differences(true, given, (name,))
 
 
 def _differences(section, given, path):
@@ -131,6 +135,8 @@ def _differences(section, given, path):
 def contradictions(scenario):
     """(path of the field, text for people) of what is told twice, or does not go with the rest."""
     told, sensors = scenario.navigation.told, scenario.navigation.sensors
+    if told.barometer is not None and scenario.barometer is None:
+        yield ("navigation", "told", "barometer"), "there is none that it could be told of"
     if _given(told, ("gps", "latency")) and _given(told, ("gps", "clock_offset")):
         words = (
             "is of no use beside latency: the computer counts back from the arrival then, without the stamp"

@@ -172,4 +172,7 @@ def _of_others(scenario):
             found.append(
                 Effect("range_bias", True, np.nan, np.nan, "m", "the errors of ranges last (gps.errors)")
             )
+    if scenario.barometer is not None and scenario.navigation.barometer.used:
+        found.append(Effect("baro_bias", True, np.nan, np.nan, "Pa", "a barometer needs it"))
+        found.append(Effect("baro_scale", True, np.nan, np.nan, "m", "the day is warmer than the standard"))
     return found

@@ -80,9 +80,20 @@ def test_what_the_default_leaves_out():
         *("satellite", "ionosphere", "troposphere", "multipath"),
         *("gps", "stars", "risk", "wrong_star_fix", "rejections", "duration"),  # navigation
         *("angular_acceleration", "thrust_change"),
+        *(
+            "barometer",
+            "used",
+            "up_to",
+            "unused_mach",
+            "flow_error",
+            "flow_memory",
+            "lag_error",
+            "layer_error",
+        ),
         *("use", "clock_offset"),  # of the IMU: an instrument; of the GPS receiver
         *("model", "sampling", "flight", "series"),  # of the star tracker's statistics, of campaigns
         *("apogee", "cold_gas", "pointing_error", "protection_at_entry"),  # that are not required
+        "fix",  # of the GPS receiver
     }
 
 
@@ -260,6 +271,7 @@ def test_schema_holds_together():
         optional = {"SensorOverrides", "Atmosphere", "Faults", "Integrity", "Requirements", "Campaign"}
         optional |= {"Clock", "RangeErrors", "SatelliteErrors"}  # of GPS
         optional |= {"Attitude"}  # of the requirements
+        optional |= {"BarometerUse", "Day"}
         optional |= {one for one in blocks if one.startswith("Told")}  # in place of what is true
         assert name.endswith(".partial") is not ("required" in block) or name in optional
     needed = {name for name, field in Scenario.model_fields.items() if field.is_required()}

@@ -10,8 +10,9 @@ from shefex_nav import cli, prepare
 from shefex_nav.campaign.running import prepared
 from shefex_nav.records import Event
 from shefex_nav.scenario import params_onboard
+from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.load import load
-from shefex_nav.scenario.onboard import AUTOMATIC, Navigation
+from shefex_nav.scenario.onboard import Navigation
 from shefex_nav.scenario.wanted_states import SWAMPS, WINDOW_S, Motion, effects
 
 NAME = "shefex2_andoya"
@@ -103,6 +104,8 @@ def test_what_the_rest_of_the_scenario_asks_for(scenario):
     assert found(scenario, moving())["mounting"].on
     without = found(load(NAME, [SET, "star_tracker.enabled=false"]), moving())
     assert not without["mounting"].on and "clock" not in without
+    pressed = found(load("baro_2d_gps", [SET]), moving())
+    assert pressed["baro_bias"].on and pressed["baro_scale"].on and "baro_bias" not in without
     tight = found(load("tight", [SET]), moving())
     assert tight["clock"].on and tight["range_bias"].on and np.isnan(tight["clock"].effect)
 
