@@ -8,9 +8,10 @@ deviation on each element, move attitude or velocity within `WINDOW_S` of the pl
     moved(t) = int_t^{t + WINDOW_S} C_ib E(omega, f) dt,        E linear in the elements of the block
 
 and rms over the elements and the inertial axes. Against it stands what noise makes of the same time: of the
-gyros the angular random walk, sigma sqrt(WINDOW_S); of velocity the slope of a line through the fixes of that
-time, sigma sqrt(12/N) for N fixes. A block whose error is `SWAMPS` times that is estimated;
-so is one whose error weight makes a bias, for minutes (`weight`).
+gyros the angular random walk, sigma sqrt(WINDOW_S); of the change of velocity what a line through the N
+velocities of that time leaves open, sigma sqrt(12/N), or a parabola through the positions, sigma
+sqrt(720/N)/WINDOW_S. A block whose error is `SWAMPS` times that is estimated; so is one whose error weight
+makes a bias, for minutes (`weight`).
 """
 
 import math
@@ -24,7 +25,7 @@ WINDOW_S = 60.0  # [E] three times the filter's memory of thrust: an error that 
 SWAMPS = 3.0  # [E] times the noise
 STEP_HZ = 100.0  # of the samples that are summed up, if they are not too many
 MOST = 200_000  # samples
-DILUTION = 2.0  # [E] of a velocity fix, each axis, by satellites all around
+DILUTION = 2.0  # [E] of a fix, each axis, by satellites all around
 
 GYROS = ("gyro_roll_column", "gyro_scale", "gyro_misalignment")  # the first is a part of the others
 
@@ -144,8 +145,11 @@ def _noise(scenario, block):
     """What noise makes in a window: rad of gyros, m/s of accelerometers."""
     if block.startswith("gyro"):
         return scenario.imu.gyro.random_walk * np.sqrt(WINDOW_S)
-    fixes = WINDOW_S * scenario.gps.rate
-    return DILUTION * scenario.gps.range_rate_noise * np.sqrt(12.0 / fixes)
+    gps, fixes = scenario.gps, WINDOW_S * scenario.gps.rate
+    by_positions = DILUTION * gps.range_noise * np.sqrt(720.0 / fixes) / WINDOW_S
+    if gps.fix != "full":
+        return by_positions
+    return min(by_positions, DILUTION * gps.range_rate_noise * np.sqrt(12.0 / fixes))
 
 
 def _words(block, size, noise, on):

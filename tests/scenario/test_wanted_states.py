@@ -79,6 +79,20 @@ def test_thrust_that_ends(scenario):
     assert of["accel_scale"].noise == pytest.approx(sigma)
 
 
+def test_what_noise_makes_of_velocities_and_of_positions():
+    """Against the covariance of a straight line and of a parabola, by least squares."""
+    n, positions = 60, load("baro_2d_gps", [SET, "gps.rate=1 Hz"])
+    t_s = np.linspace(0.0, W, n + 1)[:n]
+    for chosen, degree, sigma in (
+        (load(NAME, [SET]), 1, 0.1),
+        (positions, 2, 2.0 * positions.gps.range_noise),
+    ):
+        A = np.vander(t_s, degree + 1)
+        spread = np.sqrt(np.linalg.inv(A.T @ A)[0, 0])  # of the slope; of half the acceleration
+        noise = found(chosen, moving())["accel_scale"].noise
+        assert noise == pytest.approx(degree * spread * sigma * W, rel=0.05)
+
+
 def test_only_what_swamps_the_noise_is_on(scenario):
     of = found(scenario, moving(f_b=(100.0, 0.0, 0.0), until_s=20.0))
     for one in of.values():
