@@ -59,7 +59,9 @@ def write(folder, column="pressure", gnss=GNSS, sensor=SENSOR, states="[baro_bia
     text = EXAMPLE.read_text(encoding="utf-8").replace("folder: csv_example ", f"folder: {folder} ")
     begin, end = text.index("    file: gnss.csv"), text.index("  truth: #")
     text = text[:begin] + gnss + BAROMETER.format(column=COLUMNS[column]) + text[end:]
-    text = text.replace("  latency: 0.2 s\n", f"  latency: 0.2 s\n  position_noise: [3 m, 3 m, 1 m]\n{sensor}")
+    text = text.replace(
+        "  latency: 0.2 s\n", f"  latency: 0.2 s\n  position_noise: [3 m, 3 m, 1 m]\n{sensor}"
+    )
     text = text.replace("navigation:\n", f"navigation:\n  states: {states}\n")
     path = folder / "own.yaml"
     path.write_text(text, encoding="utf-8")
@@ -80,12 +82,14 @@ def data(tmp_path_factory):
 
 
 def test_a_student_rocket_is_navigated_by_pressure_and_two_coordinates(data):
-    gates = {sensor: [g for g in data.gates if g.sensor == sensor] for sensor in ("barometer", "gps_position")}
+    gates = {
+        sensor: [g for g in data.gates if g.sensor == sensor] for sensor in ("barometer", "gps_position")
+    }
     assert {gate.dof for gate in gates["gps_position"]} == {2}
     assert all(gate.accepted for gate in gates["gps_position"])
     assert len([gate for gate in gates["barometer"] if gate.accepted]) > 150
     errors = metrics.navigation_errors(data)
-    t_s, nees, _ = metrics.normalised_errors(data, errors)
+    _, nees, _ = metrics.normalised_errors(data, errors)
     assert np.linalg.norm(errors.position_i, axis=1).max() < 30.0
     assert 0.5 < nees.mean() < 20.0  # of 9
     sigma = np.sqrt(np.einsum("nii->n", data.covariance.P[:, :3, :3]))
@@ -109,8 +113,16 @@ def test_the_height_of_the_start_is_known_as_well_as_it_is_said(tmp_path):
     ("changes", "field", "words"),
     [
         ({"gnss": GNSS.replace("    height: 360 m\n", "")}, "data.gnss.height", "fixes say no height"),
-        ({"gnss": GNSS.replace("longitude]", "longitude]\n    position_frame: ecef")}, "position", "ecef has three"),
-        ({"gnss": GNSS + "    position_sigma: [a, b, c]\n"}, "position_sigma", "3 columns for a position of 2"),
+        (
+            {"gnss": GNSS.replace("longitude]", "longitude]\n    position_frame: ecef")},
+            "position",
+            "ecef has three",
+        ),
+        (
+            {"gnss": GNSS + "    position_sigma: [a, b, c]\n"},
+            "position_sigma",
+            "3 columns for a position of 2",
+        ),
         ({"gnss": GNSS + "    velocity: [a, b, c]\n"}, "data.gnss.velocity", "used without velocity"),
         ({"gnss": GNSS.replace("[latitude, longitude]", "[latitude]")}, "data.gnss.position", "2"),
         ({"sensor": "", "states": "[]"}, "data", "give both or none"),

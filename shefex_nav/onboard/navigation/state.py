@@ -110,7 +110,7 @@ class NavState(NamedTuple):
     accel_rectification: np.ndarray = _NOTHING[3]
     gravity: np.ndarray = _NOTHING[3]  # (3,) m/s^2, inertial axes, to be added to that of the on-board field
     baro_bias: np.ndarray = _NOTHING[2]
-    baro_scale: np.ndarray = _NOTHING[6]
+    baro_scale: np.ndarray = _NOTHING[8]
 
 
 def pack(state):
