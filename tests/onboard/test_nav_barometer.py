@@ -114,9 +114,9 @@ def test_errors_that_last_make_a_reading_count_less_but_pass_the_gate_alike():
         params=params,
         earth=EARTH,
         layout=LAYOUT,
-        history=SimpleNamespace(x=pack(state), reading_s=state.t_s - 0.1),
+        history=SimpleNamespace(x=pack(state)),
     )
-    counted = measure_barometer.counts(nav, BarometerReading(state.t_s, state.t_s, 0.0), R)
+    counted = measure_barometer.counts(nav, BarometerReading(state.t_s, state.t_s, 0.0), R, 0.1)
     slow = np.exp(-0.1 / BAROMETER.flow_memory_s)
     assert R[0, 0] > BAROMETER.noise**2
     assert counted[0, 0] > 10.0 * R[0, 0]

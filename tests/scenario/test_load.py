@@ -83,6 +83,7 @@ def test_what_the_default_leaves_out():
         *("use", "clock_offset"),  # of the IMU: an instrument; of the GPS receiver
         *("model", "sampling", "flight", "series"),  # of the star tracker's statistics, of campaigns
         *("apogee", "cold_gas", "pointing_error", "protection_at_entry"),  # that are not required
+        *("magnetometer", "rows", "model_error", "memory"),
         *("fix", "barometer", "used", "up_to", "unused_mach", "flow_error", "flow_memory", "lag_error"),
     }
 
@@ -260,7 +261,7 @@ def test_schema_holds_together():
         assert block["additionalProperties"] is False
         optional = {"SensorOverrides", "Atmosphere", "Faults", "Integrity", "Requirements", "Campaign"}
         optional |= {"Clock", "RangeErrors", "SatelliteErrors"}  # of GPS
-        optional |= {"BarometerUse", "Day"}
+        optional |= {"BarometerUse", "Day", "MagnetometerUse"}
         optional |= {"Attitude"}  # of the requirements
         optional |= {one for one in blocks if one.startswith("Told")}  # in place of what is true
         assert name.endswith(".partial") is not ("required" in block) or name in optional

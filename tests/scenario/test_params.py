@@ -30,6 +30,7 @@ MAY_BE_NONE = (
     *("parachute", "payload_aerodynamics", "south_magnitude", "run_length"),
     *("errors", "clock", "reacquisition"),
     "barometer",
+    "magnetometer",
 )
 
 

@@ -201,13 +201,13 @@ def _left(day, height):
     return max((temperature / SURFACE_TEMPERATURE * depth) ** 2 * bridge, 0.0)
 
 
-def counts(nav, fix, R):
+def counts(nav, fix, R, gap_s):
     """R with which a reading that has passed the gate corrects the state, (1, 1) Pa^2: see the module's text.
 
-    fusion.Filter on its way, which has reached the instant of the reading; it remembers that instant
+    nav : fusion.Filter on its way, which has reached the instant of the reading
+    gap_s : since the last reading that was used before, inf: there was none
     """
-    model, x, gap_s = nav.params.barometer, nav.history.x, fix.t_valid_s - nav.history.reading_s
-    nav.history.reading_s = fix.t_valid_s
+    model, x = nav.params.barometer, nav.history.x
     here = air(nav.earth, fix.t_valid_s, x)
     variance = model.noise**2
     for one, lasts_s in lasting(nav.layout, model, here, expected(model, x, here)):
