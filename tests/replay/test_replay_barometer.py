@@ -1,11 +1,12 @@
-"""Data of others with a barometer and a receiver that says latitude and longitude alone."""
+"""Data of others with a barometer, a magnetometer, a receiver that says latitude and longitude alone."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from shefex_nav.environment import atmosphere
+from shefex_nav.environment import atmosphere, magnetic_field
+from shefex_nav.geometry import euler
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.replay import external, load
 from shefex_nav.replay.table import DataError
@@ -145,3 +146,46 @@ def test_a_rate_that_is_not_the_files_and_a_pressure_that_is_none_are_refused(tm
     (tmp_path / "pressure.csv").write_text("\n".join(text))
     with pytest.raises(DataError, match=r"pressure.csv:6: p: a static pressure is greater than zero, got 0"):
         external.prepare(*load.load(path))
+
+
+def with_magnetometer(folder):
+    """The example with a magnetometer, in micro-tesla along forward, left and up. -> path of its scenario"""
+    text = (FOLDER / "truth.csv").read_text().split()
+    names, rng, harmonics = text[0].split(","), np.random.default_rng(4), magnetic_field.load(2011.145)
+    place = [
+        names.index(name) for name in ("t_ms", "latitude", "longitude", "height", "roll", "pitch", "heading")
+    ]
+    lines = ["t_ms,mx,my,mz"]
+    for row in text[1:]:
+        t_ms, *angles = (float(row.split(",")[k]) for k in place)
+        latitude, longitude = np.radians(angles[:2])
+        b_n = magnetic_field.field_n(harmonics, latitude, longitude, angles[2])
+        b_b = euler.dcm_from_euler(*np.radians(angles[3:])).T @ b_n + [3e-7, -2e-7, 4e-7]
+        field = 1e6 * (b_b + 5e-8 * rng.standard_normal(3)) * [1.0, -1.0, -1.0]
+        lines.append(",".join([f"{t_ms:.1f}", *(f"{x:.5f}" for x in field)]))
+    (folder / "field.csv").write_text("\n".join(lines) + "\n")
+    text = EXAMPLE.read_text(encoding="utf-8").replace("folder: csv_example ", f"folder: {folder} ")
+    for name in ("imu.csv", "truth.csv", "gnss.csv"):
+        (folder / name).write_text((FOLDER / name).read_text())
+    columns = (
+        "file: field.csv\n    time: t_ms\n    time_unit: ms\n    field: [mx, my, mz]\n    field_unit: uT"
+    )
+    text = text.replace("  truth: #", f"  magnetometer:\n    {columns}\n  truth: #")
+    sensor = "magnetometer:\n  rate: 10 Hz\n  hard_iron: 500 nT\n  noise: 50 nT\n"
+    text = text.replace("alignment:\n", f"{sensor}alignment:\n").replace(
+        "navigation:\n", "navigation:\n  states: [hard_iron]\n"
+    )
+    path = folder / "own.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_magnetometer_in_the_axes_of_the_file_finds_the_heading(tmp_path, data):
+    """Gyros find north to 2 deg there; with the field of the Earth it is known to a fraction of that."""
+    found = replayed(with_magnetometer(tmp_path))
+    gates = [gate for gate in found.gates if gate.sensor == "magnetometer"]
+    assert len(gates) > 200 and all(gate.accepted for gate in gates)
+    errors, before = (np.degrees(metrics.navigation_errors(one).attitude_b[-500:]) for one in (found, data))
+    assert np.abs(errors).max() < 0.8 < np.abs(before).max()
+    _, nees, _ = metrics.normalised_errors(found, metrics.navigation_errors(found))
+    assert 0.5 < nees.mean() < 20.0
