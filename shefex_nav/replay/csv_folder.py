@@ -17,8 +17,8 @@ def read(data, files):
         _imu(data.imu, files["imu"]),
         _gnss(data.gnss, files["gnss"]),
         _truth(data.truth, files["truth"]),
-        _barometer(data.barometer, files["barometer"]),
-        _magnetometer(data.magnetometer, files["magnetometer"]),
+        _barometer(data.barometer, files.get("barometer")),
+        _magnetometer(data.magnetometer, files.get("magnetometer")),
     )
 
 
