@@ -1,5 +1,6 @@
 """Everything that is settled before the first tick: the flight, and what the sensors will say of it."""
 
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -16,12 +17,13 @@ from shefex_nav.scenario import (
     params_barometer,
     params_faults,
     params_gps,
+    params_magnetometer,
     params_onboard,
     wanted_states,
 )
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.told import as_told
-from shefex_nav.world import barometer, camera, faults, gps, imu, noise, pad
+from shefex_nav.world import barometer, camera, faults, gps, imu, magnetometer, noise, pad
 from shefex_nav.world.flight import fly
 
 BRIEF_S = 5.0  # of a flight that nobody waits for
@@ -43,12 +45,13 @@ class World(NamedTuple):
     faults: faults.Faults
     imu_biases: np.ndarray | None = None  # (N, 6) rad/s, m/s^2, if they are wanted
     pressures: barometer.BarometerData | None = None  # None: there is no barometer
+    fields: magnetometer.MagnetometerData | None = None  # None: there is no magnetometer
 
     @property
     def received(self):
-        """What GPS receiver and barometer say, in no order: list."""
-        said = [] if self.pressures is None else self.pressures.readings
-        return [*self.gps_fixes, *self.gps_ranges, *said]
+        """What GPS receiver, barometer and magnetometer say, in no order: list."""
+        others = [one.readings for one in (self.pressures, self.fields) if one is not None]
+        return [*self.gps_fixes, *self.gps_ranges, *chain(*others)]
 
 
 def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
@@ -107,6 +110,7 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         faults=wrong,
         imu_biases=imu_biases,
         pressures=pressures(scenario, seed, trajectory, earth),
+        fields=fields(scenario, seed, trajectory, earth),
     )
 
 
@@ -127,6 +131,14 @@ def wanted(scenario, flight=None):
     trajectory = flight.trajectory
     moved, end_s = wanted_states.motion(trajectory), float(trajectory.t_s[-1])
     return wanted_states.effects(as_told(scenario), moved, flight.events, end_s)
+
+
+def fields(scenario, seed, trajectory, earth):
+    """MagnetometerData of a flight; None without a magnetometer."""
+    if scenario.magnetometer is None:
+        return None
+    said = params_magnetometer.magnetometer_params(scenario)
+    return magnetometer.measure(said, trajectory, earth, noise.generator(seed, "magnetometer"))
 
 
 def pressures(scenario, seed, trajectory, earth):

@@ -130,6 +130,15 @@ class BarometerReading(NamedTuple):
     at_limit: bool = False  # the sensor is at an end of its range
 
 
+class MagnetometerReading(NamedTuple):
+    """Magnetic field along the body axes."""
+
+    t_valid_s: float
+    t_available_s: float
+    field_b: np.ndarray  # (3,) T
+    at_limit: bool = False  # an axis is at an end of its range
+
+
 class GpsRanges(NamedTuple):
     """What the receiver's channels measure at one instant; n satellites are tracked, and there may be none.
 
@@ -280,7 +289,7 @@ class GateResult(NamedTuple):
 
 # sensors of which each reading is judged with the variance of errors that it shares with those around it: the
 # mean of their NIS is below 1
-ERRORS_THAT_LAST = ("barometer",)
+ERRORS_THAT_LAST = ("barometer", "magnetometer")
 
 
 class NavHealth(NamedTuple):

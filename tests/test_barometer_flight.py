@@ -47,7 +47,7 @@ def test_the_receiver_says_latitude_and_longitude_alone(flown):
 def test_height_stays_inside_its_sigma_and_readings_are_used_where_they_may_be(flown):
     data = data_of(flown)
     errors = metrics.navigation_errors(data)
-    t_s, nees, _ = metrics.normalised_errors(data, errors)
+    _, nees, _ = metrics.normalised_errors(data, errors)
     assert 3.0 < nees.mean() < 20.0  # of 9
     k = np.searchsorted(errors.t_s, data.covariance.t_s - 1e-6).clip(0, len(errors.t_s) - 1)
     for n in range(0, len(k), 20):

@@ -25,6 +25,7 @@ from shefex_nav.records import (
     GpsFix,
     GpsRanges,
     ImuBlock,
+    MagnetometerReading,
     NavCovariance,
     NavHealth,
     NavSolution,
@@ -48,6 +49,7 @@ class RunData(NamedTuple):
     gps: list[GpsFix]
     gps_ranges: list[GpsRanges]
     barometer: BarometerReading  # arrays; empty without a barometer
+    magnetometer: MagnetometerReading  # likewise
     star_fixes: list[StarFix]
     frame_truths: list[FrameTruth]
     gates: list[GateResult]
@@ -81,6 +83,7 @@ ARRAYS = {
     Frame: "frames",
     CameraCommand: "commands",
     BarometerReading: "barometer",
+    MagnetometerReading: "magnetometer",
     Timing: "timing",
 }
 LISTS = {

@@ -35,6 +35,7 @@ from shefex_nav.records import (
     GpsFix,
     GpsRanges,
     ImuBlock,
+    MagnetometerReading,
     NavCovariance,
     NavHealth,
     NavSolution,
@@ -203,6 +204,12 @@ TOPICS = (
         T_AVAILABLE,
         _number("pressure_pa", "pressure", "as measured [Pa]"),
         _flag("at_limit", "at_limit", "the sensor is at an end of its range"),
+    )),
+    Topic(MagnetometerReading, "/magnetometer", "Magnetometer", None, "t_valid_s", "Magnetic field.", (
+        T_VALID,
+        T_AVAILABLE,
+        _vector("field_b_t", "field_b", "as measured, body axes [T]"),
+        _flag("at_limit", "at_limit", "an axis is at an end of its range"),
     )),
     Topic(GpsRanges, "/gps/ranges", "GpsRanges", 1, "t_valid_s", "What the channels of the receiver say.", (
         T_VALID,

@@ -4,18 +4,21 @@ import numpy as np
 
 from shefex_nav.environment import atmosphere
 from shefex_nav.replay import series
-from shefex_nav.replay.series import ImuSeries, PressureSeries, TruthSeries
+from shefex_nav.replay.series import ImuSeries, MagneticSeries, PressureSeries, TruthSeries
 from shefex_nav.replay.table import DataError, read_csv
 
 
 def read(data, files):
-    """(ImuSeries, GnssSeries, TruthSeries or None, PressureSeries or None) of a schema.CsvData and the paths
-    of its files."""
+    """Series of a schema.CsvData and the paths of its files.
+
+    -> ImuSeries, GnssSeries, TruthSeries, PressureSeries and MagneticSeries, the last three or None
+    """
     return (
         _imu(data.imu, files["imu"]),
         _gnss(data.gnss, files["gnss"]),
         _truth(data.truth, files["truth"]),
-        _barometer(data.barometer, files["barometer"]),
+        _barometer(data.barometer, files.get("barometer")),
+        _magnetometer(data.magnetometer, files.get("magnetometer")),
     )
 
 
@@ -63,6 +66,14 @@ def _barometer(columns, path):
         words = f"{name}: a static pressure is greater than zero, got {told[bad[0]]:g}"
         raise DataError(f"{table.place(bad[0])}: {words}")
     return PressureSeries(table, table.columns[columns.time] * columns.time_unit.factor, pressure)
+
+
+def _magnetometer(columns, path):
+    if columns is None:
+        return None
+    table = read_csv(path, (columns.time, *columns.field))
+    field = table.stack(columns.field) * columns.field_unit.factor
+    return MagneticSeries(table, table.columns[columns.time] * columns.time_unit.factor, field)
 
 
 def _truth(columns, path):

@@ -9,7 +9,7 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import wgs84
-from shefex_nav.records import BarometerReading, GpsFix
+from shefex_nav.records import BarometerReading, GpsFix, MagnetometerReading
 from shefex_nav.replay import csv_folder, kf_gins, navego
 from shefex_nav.replay.series import TruthSeries
 from shefex_nav.replay.table import DataError
@@ -34,27 +34,28 @@ class Dataset(NamedTuple):
     imu: Increments
     fixes: list  # of GpsFix, in order of time
     truth: TruthSeries | None
-    readings: tuple = ()  # of BarometerReading, in order of time
+    readings: tuple = ()  # of BarometerReading, in order of time, then of MagnetometerReading
 
 
 def read(scenario, files):
     """Dataset of a ReplayScenario and the paths of its files; DataError with what is wrong in them."""
     imu, gnss, truth, *others = READERS[scenario.data.format](scenario.data, files)
-    pressures = others[0] if others else None
+    pressures, fields = others or (None, None)
     if scenario.data.format == "navego":
         _same_lever_arm(scenario, files["gnss"])
-    for one in (imu, gnss, truth, pressures):
+    for one in (imu, gnss, truth, pressures, fields):
         if one is not None:
             _ascending(one)
     start_s = imu.t_s[0]
-    moved = (one and one._replace(t_s=one.t_s - start_s) for one in (imu, gnss, truth, pressures))
-    imu, gnss, truth, pressures = moved
+    moved = (one and one._replace(t_s=one.t_s - start_s) for one in (imu, gnss, truth, pressures, fields))
+    imu, gnss, truth, pressures, fields = moved
     end_s = imu.t_s[-1]
-    for one in (gnss, truth, pressures):
+    for one in (gnss, truth, pressures, fields):
         if one is not None and (one.t_s[0] > end_s or one.t_s[-1] < 0.0):
             words = f"covers {one.t_s[0]:g} s to {one.t_s[-1]:g} s after the first sample of the IMU"
             raise DataError(f"{one.table.file}: {words}, which ends at {end_s:g} s; are the clocks the same?")
     given = () if pressures is None else readings(pressures, scenario.barometer)
+    given += () if fields is None else magnetic_readings(fields, scenario.magnetometer, scenario.data)
     return Dataset(increments(imu, scenario.data), fixes(gnss, scenario.gnss), truth, given)
 
 
@@ -165,17 +166,31 @@ def fixes(gnss, settings):
 
 def readings(pressures, settings):
     """BarometerReading of a PressureSeries; settings : scenario.barometer.Barometer. -> tuple"""
-    step_s = float(np.median(np.diff(pressures.t_s)))
-    if abs(step_s * settings.rate - 1.0) > READING_RATE_TOLERANCE:
-        words = f"has {1.0 / step_s:.4g} readings a second, barometer.rate says {settings.rate:g}"
-        raise DataError(f"{pressures.table.file}: {words}")
+    _check_rate(pressures, settings.rate, "barometer")
     at_limit = (pressures.pressure <= settings.lowest) | (pressures.pressure >= settings.highest)
+    columns = pressures.t_s.tolist(), pressures.pressure.tolist(), at_limit.tolist()
     return tuple(
-        BarometerReading(t_s, t_s + settings.latency, value, limit)
-        for t_s, value, limit in zip(
-            pressures.t_s.tolist(), pressures.pressure.tolist(), at_limit.tolist(), strict=True
-        )
+        BarometerReading(t_s, t_s + settings.latency, *said) for t_s, *said in zip(*columns, strict=True)
     )
+
+
+def magnetic_readings(fields, settings, data):
+    """MagnetometerReading of a MagneticSeries; settings : scenario.magnetometer.Magnetometer. -> tuple"""
+    _check_rate(fields, settings.rate, "magnetometer")
+    field_b = body_axes(fields.field, data.magnetometer.axes or data.axes)
+    at_limit = (np.abs(field_b) >= settings.range).any(axis=1)
+    columns = fields.t_s.tolist(), field_b, at_limit.tolist()
+    return tuple(
+        MagnetometerReading(t_s, t_s + settings.latency, *said) for t_s, *said in zip(*columns, strict=True)
+    )
+
+
+def _check_rate(series, rate, section):
+    """DataError unless readings come about as often as a scenario says."""
+    step_s = float(np.median(np.diff(series.t_s)))
+    if abs(step_s * rate - 1.0) > READING_RATE_TOLERANCE:
+        words = f"has {1.0 / step_s:.4g} readings a second, {section}.rate says {rate:g}"
+        raise DataError(f"{series.table.file}: {words}")
 
 
 def _noise(gnss, stated, wanted, name):

@@ -14,6 +14,7 @@ from shefex_nav.onboard.navigation import prediction
 from shefex_nav.onboard.navigation.fusion import UNUSED
 from shefex_nav.onboard.navigation.history import History
 from shefex_nav.onboard.navigation.state import X_Q
+from shefex_nav.records import ERRORS_THAT_LAST
 
 
 class Keeping(History):
@@ -71,7 +72,7 @@ class Whole(History):
         self.ends_s = final.numbers[:, 0].tolist()
         self.measurements, self.newest = final.measurements, len(self.ends_s) - 1
         self.x, self.P, self.position_s = final.xs[0].copy(), P.copy(), -np.inf
-        self.reading_s = -np.inf
+        self.used_s = dict.fromkeys(ERRORS_THAT_LAST, -np.inf)
 
 
 class Seen(NamedTuple):

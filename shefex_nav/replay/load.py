@@ -4,12 +4,12 @@ import os
 from functools import partial
 
 from shefex_nav.replay.schema import CsvData, ReplayScenario, Static
-from shefex_nav.scenario import barometer, kind
+from shefex_nav.scenario import barometer, kind, magnetometer
 from shefex_nav.scenario import load as missions
 from shefex_nav.scenario.checks import states_that_clash
 
 SHORTEST_S = 1.0  # of a replay
-NAMES = ("imu", "gnss", "barometer", "truth")  # of the files
+NAMES = ("imu", "gnss", "barometer", "magnetometer", "truth")  # of the files
 
 
 def load(path, overrides=(), folder=None):
@@ -21,7 +21,7 @@ def load(path, overrides=(), folder=None):
     Returns
     -------
     scenario : ReplayScenario
-    files : {'imu', 'gnss', 'barometer', 'truth'} -> path, or None of what is not given
+    files : {'imu', 'gnss', 'barometer', 'magnetometer', 'truth'} -> path, or None of what is not given
 
     Raises ScenarioError.
     """
@@ -137,15 +137,32 @@ def _without_height(scenario):
         yield (*path, "position_sigma"), words
 
 
+def _both_or_none(scenario):
+    """Sensors that are described where there are data of them."""
+    for name in ("barometer", "magnetometer"):
+        columns = getattr(scenario.data, name, None)
+        if (columns is None) != (getattr(scenario, name) is None):
+            words = f"data.{name} says where its file is, {name} what to assume of it: give both or none"
+            yield ("data" if columns is None else name,), words
+
+
 def _barometer(scenario):
-    """A barometer that is described where there is one, with one column to read."""
+    """A barometer with one column to read, and its states; likewise of the magnetometer."""
     columns = getattr(scenario.data, "barometer", None)
-    if (columns is None) != (scenario.barometer is None):
-        words = "data.barometer says where its file is, barometer what to assume of it: give both or none"
-        yield ("data" if columns is None else "barometer",), words
     if columns is not None and (columns.pressure is None) == (columns.height is None):
         yield ("data", "barometer"), "give one of pressure and height, the column to read"
     yield from barometer.of_sensor(scenario)
+    yield from magnetometer.of_sensor(scenario)
 
 
-PARTS = (_times, _heading, _reference, _states, _imu_units, _sigmas, _without_height, _barometer)
+PARTS = (
+    _times,
+    _heading,
+    _reference,
+    _states,
+    _imu_units,
+    _sigmas,
+    _without_height,
+    _both_or_none,
+    _barometer,
+)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from shefex_nav.onboard.navigation.state import NavParams
-from shefex_nav.scenario import params_barometer, params_filter
+from shefex_nav.scenario import params_barometer, params_filter, params_magnetometer
 
 
 def nav_params(scenario, dt_s):
@@ -21,13 +21,15 @@ def nav_params(scenario, dt_s):
         history_s=scenario.navigation.history + _longest_latency(scenario),
         motors=np.zeros((0, 2)),
         barometer=params_barometer.model(scenario),
+        magnetometer=params_magnetometer.model(scenario),
         baro_bias_walk=params_barometer.bias_walk(scenario),
     )
 
 
 def _longest_latency(scenario):
     """Of fixes and readings, s."""
-    return max(scenario.gnss.latency, scenario.barometer.latency if scenario.barometer else 0.0)
+    others = [one.latency for one in (scenario.barometer, scenario.magnetometer) if one is not None]
+    return max(scenario.gnss.latency, *others, 0.0)
 
 
 def _sigma_blocks(scenario):
@@ -37,5 +39,5 @@ def _sigma_blocks(scenario):
         "lever_arm": (sensors.lever_arm_error,) * 3,
         "gps_latency": (sensors.gps_latency_error,),
     }
-    known |= params_barometer.sigmas(scenario)
+    known |= params_barometer.sigmas(scenario) | params_magnetometer.sigmas(scenario)
     return {name: np.array(known[name]) for name in scenario.navigation.states}

@@ -38,7 +38,7 @@ class Recording(NamedTuple):
     data: RunData
     params: NavParams  # of the filter that is run
     scenario_text: str  # with the overrides in it
-    gps: dict  # tick, counted from 0 -> list of what GPS receiver and barometer said in it
+    gps: dict  # tick, counted from 0 -> list of what GPS receiver, barometer, magnetometer said in it
     stars: dict  # likewise of StarFix, those without an attitude too
     gravity: tuple | None  # kind and degree of the field that the scenario names; external data name none
     field: Any = None  # GravityModel that is felt instead of the on-board one; None: that of the filter
@@ -100,7 +100,7 @@ def of_data(data, log_path, overrides=()):
         params=nav_params,
         scenario_text=source,
         gravity=known,
-        gps=_merged(*(arrivals(said, ticks_s) for said in (data.gps, data.gps_ranges, _readings(data)))),
+        gps=_merged(*(arrivals(said, ticks_s) for said in _heard(data))),
         stars=arrivals(sorted(data.star_fixes, key=lambda fix: fix.t_available_s), ticks_s),
     )
 
@@ -156,9 +156,11 @@ def arrivals(measurements, ticks_s):
     return due
 
 
-def _readings(data):
-    """BarometerReading of a RunData, as a list."""
-    return [row(data.barometer, k) for k in range(len(data.barometer.t_valid_s))]
+def _heard(data):
+    """Lists of what the sensors of a RunData said that have no pictures."""
+    yield from (data.gps, data.gps_ranges)
+    for arrays in (data.barometer, data.magnetometer):
+        yield [row(arrays, k) for k in range(len(arrays.t_valid_s))]
 
 
 def _merged(*parts):

@@ -13,6 +13,7 @@ from pydantic_core import PydanticCustomError, core_schema
 from shefex_nav.clock import SAMPLES_PER_TICK
 from shefex_nav.scenario.barometer import Barometer
 from shefex_nav.scenario.block import Block, tagged
+from shefex_nav.scenario.magnetometer import Magnetometer
 from shefex_nav.scenario.messages import close
 from shefex_nav.scenario.mission import Epoch
 from shefex_nav.scenario.onboard import Navigation, Release, Releases
@@ -147,6 +148,19 @@ class BarometerColumns(Block):
     )
 
 
+class MagnetometerColumns(Block):
+    """A CSV of a magnetometer, in the axes of the IMU's file unless it says others."""
+
+    file: str = Field(min_length=1)
+    time: str = Field(description="column of the time")
+    time_unit: Unit("s", "s") = "s"
+    field: Names = Field(description="columns of the magnetic field")
+    field_unit: Unit("uT", "T") = Field(default="uT", description="T, uT, nT, G, mG")
+    axes: tuple[Axis, Axis, Axis] | None = Field(
+        default=None, description="axes of this file that point forward, right and down; else data.axes"
+    )
+
+
 class TruthColumns(Block):
     """A CSV of what really happened, or of a better system's solution."""
 
@@ -193,6 +207,7 @@ class CsvData(DataBlock):
     imu: ImuColumns
     gnss: GnssColumns
     barometer: BarometerColumns | None = None
+    magnetometer: MagnetometerColumns | None = None
     truth: TruthColumns | None = None
 
 
@@ -317,6 +332,7 @@ ReplayStates = Literal[
     "gps_latency",
     "baro_bias",
     "baro_scale",
+    "hard_iron",
 ]
 
 
@@ -364,6 +380,7 @@ class ReplayScenario(Block):
     barometer: Barometer | None = Field(
         default=None, description="of data.barometer: what the filter assumes"
     )
+    magnetometer: Magnetometer | None = Field(default=None, description="likewise of data.magnetometer")
     alignment: form("method", {"reference": FromReference, "static": Static})
     imu: ReplayImu
     navigation: ReplayNavigation = ReplayNavigation()

@@ -40,6 +40,14 @@ class PressureSeries(NamedTuple):
     pressure: np.ndarray  # (K,) Pa
 
 
+class MagneticSeries(NamedTuple):
+    """Readings of a magnetometer, in the axes of the file."""
+
+    table: Table
+    t_s: np.ndarray  # (K,)
+    field: np.ndarray  # (K, 3) T
+
+
 class TruthSeries(NamedTuple):
     """What really happened to the IMU."""
 

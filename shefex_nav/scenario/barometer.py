@@ -71,9 +71,6 @@ class BarometerUse(Block):
         "20 s"
     )
     lag_error: Quantity("", "20 %", "of the lag, 1 sigma", non_negative=True, at_most="100 %") = "20 %"
-    layer_error: Quantity("m", "5 m", "left by the layers of state baro_scale, 1 sigma", positive=True) = (
-        "5 m"
-    )
     release: Release = Field(
         {"rejections": 50, "duration": "5 s"},
         validate_default=True,

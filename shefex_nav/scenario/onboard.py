@@ -10,6 +10,7 @@ from pydantic import Field, StrictBool
 
 from shefex_nav.scenario.barometer import BarometerUse, Release
 from shefex_nav.scenario.block import AUTOMATIC, Block, tagged
+from shefex_nav.scenario.magnetometer import MagnetometerUse
 from shefex_nav.scenario.quantity import Count, Number, Quantity, Time, Vector
 from shefex_nav.scenario.star_statistics import Model
 from shefex_nav.scenario.told import Told
@@ -200,6 +201,7 @@ StateBlock = Literal[
     "range_bias",
     "baro_bias",
     "baro_scale",
+    "hard_iron",
 ]
 
 
@@ -264,6 +266,9 @@ class Navigation(Block):
     integrity: Integrity = Field(default_factory=Integrity, description="protection level and faults")
     barometer: BarometerUse = Field(
         default_factory=BarometerUse, description="how the filter uses the barometer, if there is one"
+    )
+    magnetometer: MagnetometerUse = Field(
+        default_factory=MagnetometerUse, description="how the filter uses the magnetometer, if there is one"
     )
     history: Quantity("s", "0.5 s", "how far back a measurement may lie", positive=True, at_most="5 s")
     thrust_threshold: Quantity("m/s2", "15 m/s2", "specific force above which a motor burns", positive=True)

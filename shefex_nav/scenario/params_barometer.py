@@ -54,7 +54,7 @@ def model(scenario):
         port_error=error,
         flow_error=use.flow_error,
         flow_memory_s=use.flow_memory,
-        layer_error=use.layer_error,
+        day=(section.day.temperature, section.day.depth),
         P_scale=measure_barometer.of_layers(section.day.temperature, section.day.depth),
         up_to=use.up_to,
         unused_mach=tuple(use.unused_mach),

@@ -16,6 +16,7 @@ from shefex_nav.scenario.camera import StarCamera
 from shefex_nav.scenario.dispersions import Campaign, Dispersions
 from shefex_nav.scenario.faults import Faults
 from shefex_nav.scenario.gps import Gps
+from shefex_nav.scenario.magnetometer import Magnetometer
 from shefex_nav.scenario.mission import Atmosphere, Earth, Ground, Launch, Mission, Orbit, Wind
 from shefex_nav.scenario.onboard import Log, Navigation, StarTracker
 from shefex_nav.scenario.programme import Programme
@@ -44,6 +45,7 @@ class Scenario(Block):
     imu: Imu
     gps: Gps
     barometer: Barometer | None = Field(default=None, description="left out: there is none")
+    magnetometer: Magnetometer | None = Field(default=None, description="left out: there is none")
     pad_alignment: PadAlignment
     star_camera: StarCamera
     star_tracker: StarTracker

@@ -222,6 +222,8 @@ def simulate(options=DEFAULT):
             valid = n % 1000 != 300
             reason = "" if valid else "lost at ignition"
             yield rec.GpsFix(t_s, t_s + 0.2, valid, r_e, v_e, cov3, cov3 * 1e-4, 9, 1.8, reason)
+            yield rec.BarometerReading(t_s, t_s + 0.02, 101325.0 - 10.0 * n, not valid)
+            yield rec.MagnetometerReading(t_s, t_s + 0.02, 1e-6 * np.array([10.0, -20.0, 0.1 * n]), not valid)
             yield _ranges(t_s, r_e, np.random.default_rng(n), 0 if not valid else 4 + n // 100 % 3)
             yield rec.GateResult(t_s + 0.2, t_s, "gps_position", 3, 2.5, 16.3, True, "", np.ones(3))
             if n % 1000 in (0, 300):

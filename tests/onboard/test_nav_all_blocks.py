@@ -41,7 +41,16 @@ def test_sensors_without_noise_leave_no_error_with_every_block_on():
 
 
 # theirs are those of the truth
-OUTSIDE = ("gravity", "lever_arm", "clock", "gps_latency", "range_bias", "baro_bias", "baro_scale")
+OUTSIDE = (
+    "gravity",
+    "lever_arm",
+    "clock",
+    "gps_latency",
+    "range_bias",
+    "baro_bias",
+    "baro_scale",
+    "hard_iron",
+)
 SIGMAS = {name: np.full(size, 10.0 * STEPS[name]) for name, size in OPTIONAL.items()}
 
 

@@ -50,6 +50,7 @@ STEPS = {
     "range_bias": 1.0,
     "baro_bias": 1.0,
     "baro_scale": 1e-3,
+    "hard_iron": 1e-6,
 }
 RNG = np.random.default_rng(11)  # anew in each test: conftest.own_numbers
 BLOCKS, STATES = fly(0.3)

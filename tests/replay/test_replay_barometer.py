@@ -1,11 +1,12 @@
-"""Data of others with a barometer and a receiver that says latitude and longitude alone."""
+"""Data of others with a barometer, a magnetometer, a receiver that says latitude and longitude alone."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from shefex_nav.environment import atmosphere
+from shefex_nav.environment import atmosphere, magnetic_field
+from shefex_nav.geometry import euler
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.replay import external, load
 from shefex_nav.replay.table import DataError
@@ -59,7 +60,9 @@ def write(folder, column="pressure", gnss=GNSS, sensor=SENSOR, states="[baro_bia
     text = EXAMPLE.read_text(encoding="utf-8").replace("folder: csv_example ", f"folder: {folder} ")
     begin, end = text.index("    file: gnss.csv"), text.index("  truth: #")
     text = text[:begin] + gnss + BAROMETER.format(column=COLUMNS[column]) + text[end:]
-    text = text.replace("  latency: 0.2 s\n", f"  latency: 0.2 s\n  position_noise: [3 m, 3 m, 1 m]\n{sensor}")
+    text = text.replace(
+        "  latency: 0.2 s\n", f"  latency: 0.2 s\n  position_noise: [3 m, 3 m, 1 m]\n{sensor}"
+    )
     text = text.replace("navigation:\n", f"navigation:\n  states: {states}\n")
     path = folder / "own.yaml"
     path.write_text(text, encoding="utf-8")
@@ -80,12 +83,14 @@ def data(tmp_path_factory):
 
 
 def test_a_student_rocket_is_navigated_by_pressure_and_two_coordinates(data):
-    gates = {sensor: [g for g in data.gates if g.sensor == sensor] for sensor in ("barometer", "gps_position")}
+    gates = {
+        sensor: [g for g in data.gates if g.sensor == sensor] for sensor in ("barometer", "gps_position")
+    }
     assert {gate.dof for gate in gates["gps_position"]} == {2}
     assert all(gate.accepted for gate in gates["gps_position"])
     assert len([gate for gate in gates["barometer"] if gate.accepted]) > 150
     errors = metrics.navigation_errors(data)
-    t_s, nees, _ = metrics.normalised_errors(data, errors)
+    _, nees, _ = metrics.normalised_errors(data, errors)
     assert np.linalg.norm(errors.position_i, axis=1).max() < 30.0
     assert 0.5 < nees.mean() < 20.0  # of 9
     sigma = np.sqrt(np.einsum("nii->n", data.covariance.P[:, :3, :3]))
@@ -109,8 +114,16 @@ def test_the_height_of_the_start_is_known_as_well_as_it_is_said(tmp_path):
     ("changes", "field", "words"),
     [
         ({"gnss": GNSS.replace("    height: 360 m\n", "")}, "data.gnss.height", "fixes say no height"),
-        ({"gnss": GNSS.replace("longitude]", "longitude]\n    position_frame: ecef")}, "position", "ecef has three"),
-        ({"gnss": GNSS + "    position_sigma: [a, b, c]\n"}, "position_sigma", "3 columns for a position of 2"),
+        (
+            {"gnss": GNSS.replace("longitude]", "longitude]\n    position_frame: ecef")},
+            "position",
+            "ecef has three",
+        ),
+        (
+            {"gnss": GNSS + "    position_sigma: [a, b, c]\n"},
+            "position_sigma",
+            "3 columns for a position of 2",
+        ),
         ({"gnss": GNSS + "    velocity: [a, b, c]\n"}, "data.gnss.velocity", "used without velocity"),
         ({"gnss": GNSS.replace("[latitude, longitude]", "[latitude]")}, "data.gnss.position", "2"),
         ({"sensor": "", "states": "[]"}, "data", "give both or none"),
@@ -133,3 +146,49 @@ def test_a_rate_that_is_not_the_files_and_a_pressure_that_is_none_are_refused(tm
     (tmp_path / "pressure.csv").write_text("\n".join(text))
     with pytest.raises(DataError, match=r"pressure.csv:6: p: a static pressure is greater than zero, got 0"):
         external.prepare(*load.load(path))
+
+
+def with_magnetometer(folder):
+    """The example with a magnetometer, in micro-tesla along forward, left and up. -> path of its scenario"""
+    text = (FOLDER / "truth.csv").read_text().split()
+    names, rng, harmonics = text[0].split(","), np.random.default_rng(4), magnetic_field.load(2011.145)
+    place = [
+        names.index(name) for name in ("t_ms", "latitude", "longitude", "height", "roll", "pitch", "heading")
+    ]
+    lines = ["t_ms,mx,my,mz"]
+    for row in text[1:]:
+        t_ms, *angles = (float(row.split(",")[k]) for k in place)
+        latitude, longitude = np.radians(angles[:2])
+        b_n = magnetic_field.field_n(harmonics, latitude, longitude, angles[2])
+        b_b = euler.dcm_from_euler(*np.radians(angles[3:])).T @ b_n + [3e-8, -2e-8, 4e-8]
+        field = 1e6 * (b_b + 5e-8 * rng.standard_normal(3)) * [1.0, -1.0, -1.0]
+        lines.append(",".join([f"{t_ms:.1f}", *(f"{x:.5f}" for x in field)]))
+    (folder / "field.csv").write_text("\n".join(lines) + "\n")
+    text = EXAMPLE.read_text(encoding="utf-8").replace("folder: csv_example ", f"folder: {folder} ")
+    for name in ("imu.csv", "truth.csv", "gnss.csv"):
+        (folder / name).write_text((FOLDER / name).read_text())
+    columns = (
+        "file: field.csv\n    time: t_ms\n    time_unit: ms\n    field: [mx, my, mz]\n    field_unit: uT"
+    )
+    text = text.replace("  truth: #", f"  magnetometer:\n    {columns}\n  truth: #")
+    sensor = "magnetometer:\n  rate: 10 Hz\n  hard_iron: 50 nT\n  noise: 50 nT\n"
+    text = text.replace("alignment:\n", f"{sensor}alignment:\n").replace(
+        "navigation:\n", "navigation:\n  states: [hard_iron]\n"
+    )
+    path = folder / "own.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_magnetometer_in_the_axes_of_the_file_finds_the_heading(tmp_path, data):
+    """Gyros find north to 2 deg there; with the field of the Earth it is known to a fraction of that."""
+    found = replayed(with_magnetometer(tmp_path))
+    gates = [gate for gate in found.gates if gate.sensor == "magnetometer"]
+    assert len(gates) > 200 and all(gate.accepted for gate in gates)
+    after, before = (
+        np.degrees(np.linalg.norm(metrics.navigation_errors(one).attitude_b[200:300], axis=1))
+        for one in (found, data)
+    )
+    assert after.max() < 1.2 < before.min()
+    _, nees, _ = metrics.normalised_errors(found, metrics.navigation_errors(found))
+    assert 0.5 < nees.mean() < 20.0

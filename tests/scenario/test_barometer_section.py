@@ -31,9 +31,9 @@ def test_the_filter_assumes_what_the_sensor_is_said_to_have():
     bias, metres = nav.sigma_blocks["baro_bias"]
     assert bias == pytest.approx(np.hypot(100.0, 20.0))
     assert metres == pytest.approx(800.0 / (1.225 * 9.80665))
-    column = nav.barometer.P_scale[:2, :2]
-    thick = np.array([2000.0, 2500.0])
-    assert 80.0 < np.sqrt(thick @ column @ thick) < 125.0  # m, of the height of a level at 4.5 km
+    column = nav.barometer.P_scale[:3, :3]
+    thick = np.array([1500.0, 2000.0, 1500.0])
+    assert 90.0 < np.sqrt(thick @ column @ thick) < 140.0  # m, of the height of a level at 5 km
 
 
 def test_a_filter_may_do_without_it():

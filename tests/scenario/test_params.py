@@ -28,7 +28,9 @@ def bodies():
 
 MAY_BE_NONE = (
     *("parachute", "payload_aerodynamics", "south_magnitude", "run_length"),
-    *("errors", "clock", "reacquisition", "barometer"),
+    *("errors", "clock", "reacquisition"),
+    "barometer",
+    "magnetometer",
 )
 
 

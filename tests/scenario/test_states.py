@@ -16,6 +16,7 @@ SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
 
 
 BAROMETER = "barometer={rate: 10 Hz, bias: 100 Pa, noise: 5 Pa}"
+MAGNETOMETER = "magnetometer={rate: 10 Hz, hard_iron: 500 nT, noise: 50 nT}"
 
 
 def nav_params(states, *overrides):
@@ -25,7 +26,7 @@ def nav_params(states, *overrides):
 def test_a_scenario_may_name_every_block_of_the_filter():
     assert get_args(StateBlock) == tuple(OPTIONAL)
     states = tuple(OPTIONAL)[1:]
-    params = nav_params(states, BAROMETER)
+    params = nav_params(states, BAROMETER, MAGNETOMETER)
     assert params.states == states
     for name in states:
         sigma = params.sigma_blocks[name]

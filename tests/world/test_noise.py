@@ -27,12 +27,14 @@ def test_keys_of_streams_are_frozen():
         "gps_errors": 7,
         "faults": 8,
         "sightings": 9,
+        "barometer": 10,
+        "magnetometer": 11,
     }
 
 
 def test_unknown_stream_is_an_error():
     with pytest.raises(KeyError):
-        noise.generator(1, "barometer")
+        noise.generator(1, "altimeter")
 
 
 def test_gauss_markov_against_the_recursion():

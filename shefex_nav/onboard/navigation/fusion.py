@@ -281,8 +281,8 @@ def _way(nav, first, last, results, recorder=None):
         nav.watch.back_to(history.number(first - 1))
     if nav.params.lasting_share:
         history.position_s = history.position_before(first)
-    if nav.params.barometer is not None:
-        history.reading_s = history.reading_before(first)
+    if nav.params.barometer is not None or nav.params.magnetometer is not None:
+        history.used_s = history.used_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
     for index in range(first, last + 1):
         decided = []
@@ -365,7 +365,9 @@ def rows_used(nav, measurement, z, H, R):
         return z[used], H[used], R[np.ix_(used, used)]
     params, fix, sensor = nav.params, measurement.fix, SENSORS[measurement.sensor]
     if sensor.counted is not None:
-        return z, H, sensor.counted(nav, fix, R)
+        used_s = nav.history.used_s
+        gap_s, used_s[measurement.sensor] = fix.t_valid_s - used_s[measurement.sensor], fix.t_valid_s
+        return z, H, sensor.counted(nav, fix, R, gap_s)
     if params.lasting_share and measurement.sensor == "gps_position":
         gap_s = fix.t_valid_s - nav.history.position_s
         nav.history.position_s = fix.t_valid_s

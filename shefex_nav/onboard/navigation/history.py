@@ -15,6 +15,7 @@ from shefex_nav.compiled import kernel
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import unpack
 from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, felt_packed
+from shefex_nav.records import ERRORS_THAT_LAST
 
 
 class Tick(NamedTuple):
@@ -43,14 +44,15 @@ class History:
     increments : (size, 2 + samples, 6) of ImuWindow;  extra : (size, 2, 3) likewise
     xs, Ps : (size, X), (size, n, n)
     position_s : of the last position fix that was used before the instant that has been reached; kept where
-        position fixes have errors that last;  reading_s : likewise of the barometer
+        position fixes have errors that last;  used_s : likewise of each sensor of records.ERRORS_THAT_LAST
     """
 
     def __init__(self, tick):
         self.ends_s, self.measurements, self.newest = deque([tick.t_s]), deque([()]), 0
         self.x, self.P = tick.x.copy(), tick.P.copy()
         self.position_s = self._gone_position_s = -np.inf
-        self.reading_s = self._gone_reading_s = -np.inf
+        self.used_s = dict.fromkeys(ERRORS_THAT_LAST, -np.inf)
+        self._gone_used_s = self.used_s.copy()
         samples = 0 if tick.imu is None else tick.imu.n
         self._allocate(2, samples)
         self.numbers[0] = tick.t_s, 1.0, 0, 0.0
@@ -140,15 +142,16 @@ class History:
             ends_s.popleft()
             if gone := measurements.popleft():
                 self._gone_position_s = _last_of("gps_position", gone, self._gone_position_s)
-                self._gone_reading_s = _last_of("barometer", gone, self._gone_reading_s)
+                for sensor, before_s in self._gone_used_s.items():
+                    self._gone_used_s[sensor] = _last_of(sensor, gone, before_s)
 
     def position_before(self, k):
         """Instant of the last position fix that was used before tick k begins; -inf: there was none."""
         return self._before("gps_position", k, self._gone_position_s)
 
-    def reading_before(self, k):
-        """Likewise of a reading of the barometer."""
-        return self._before("barometer", k, self._gone_reading_s)
+    def used_before(self, k):
+        """Likewise of the sensors of records.ERRORS_THAT_LAST: dict."""
+        return {sensor: self._before(sensor, k, gone_s) for sensor, gone_s in self._gone_used_s.items()}
 
     def _before(self, sensor, k, gone_s):
         for j in range(k - 1, -1, -1):

@@ -27,9 +27,9 @@ from shefex_nav.geometry import frames, wgs84
 from shefex_nav.onboard.navigation.measurements import lasting_factor
 from shefex_nav.onboard.navigation.state import POS, VEL, X_BARO_BIAS, X_BARO_SCALE, X_R, X_V
 
-LAYERS = np.array([0.0, 2e3, 4.5e3, 8e3, 12e3, 18e3])  # m, base of each; the last has no top
+LAYERS = np.array([0.0, 1.5e3, 3.5e3, 6e3, 9e3, 12e3, 16e3, 21e3])  # m, base of each; the last has no top
 LAST_TOP = 32e3  # m, of the last layer where its warmth is worked out
-LEFT_DEPTH = 2e3  # m [E], half of a layer: over which what the layers leave goes with itself
+LEFT_DEPTH = 1e3  # m [E], a third of a layer: over which what the layers leave goes with itself
 FOR_EVER_S = 300.0  # s [E], of errors that do not change in a flight and have no state
 SURFACE_TEMPERATURE = 288.15  # K
 SURFACE_WEIGHT = 1.225 * atmosphere.G_0  # Pa/m, of air at sea level
@@ -48,8 +48,8 @@ class BarometerModel(NamedTuple):
     port_error: float  # of the coefficient, as a share of it
     flow_error: float  # part of the dynamic pressure, besides
     flow_memory_s: float
-    layer_error: float  # m
-    P_scale: np.ndarray  # (6, 6) covariance of the warmth of the layers at the start
+    day: tuple  # temperature K, depth m, as in `of_layers`
+    P_scale: np.ndarray  # (8, 8) covariance of the warmth of the layers at the start, `of_layers`
     up_to: float  # m, not used above
     unused_mach: tuple  # Mach numbers between which it is not used
     release: tuple  # rejections, s, after which readings are a new bias
@@ -75,7 +75,7 @@ class Offset(NamedTuple):
 
 def of_layers(temperature, depth):
     """Covariance of the mean warmth of the layers, for a temperature of the day in K that goes with itself
-    over `depth` (first-order Gauss-Markov in height): (6, 6)
+    over `depth` (first-order Gauss-Markov in height): (8, 8)
 
     Over a layer of t = x depth the mean has the variance 2 s^2 x^-2 (x - 1 + exp(-x)); the mean of one from a
     to b goes with that of a higher one from c to d as the integral of exp(-(v - u)/depth) over both.
@@ -103,7 +103,7 @@ def air(earth, t_s, x):
 
 
 def thicknesses(height):
-    """Part of each layer below a height; below sea level that of the lowest is negative. m -> (6,) m"""
+    """Part of each layer below a height; below sea level that of the lowest is negative. m -> (8,) m"""
     tops = np.append(LAYERS[1:], np.inf)
     parts = np.clip(height, LAYERS, tops) - LAYERS
     if height < LAYERS[0]:
@@ -116,7 +116,7 @@ class Expected(NamedTuple):
 
     pressure: float  # Pa
     slope: float  # Pa/m, of the pressure of the Standard at the height where it is read
-    parts: np.ndarray  # (6,) m, of the layers below
+    parts: np.ndarray  # (8,) m, of the layers below
     stretch: float  # dH/dh'
 
 
@@ -172,25 +172,42 @@ def lasting(layout, model, here, told):
     parts = [
         ((math.hypot(flow, model.flow_error) * here.dynamic_pressure) ** 2, model.flow_memory_s),
         ((told.slope * model.lag_error * model.lag_s * here.climb) ** 2, model.flow_memory_s),
-        ((told.slope * _left(model, here.height)) ** 2, layers_s),
+        (told.slope**2 * _left(model.day, here.height), layers_s),
     ]
     if layout.places["baro_scale"] is None:
         parts.append((told.slope**2 * float(told.parts @ model.P_scale @ told.parts), FOR_EVER_S))
     return parts
 
 
-def _left(model, height):
-    """What the layers leave of the height of a pressure, m: nothing at sea level, grown within a layer."""
-    return model.layer_error * min(abs(height) / LAYERS[1], 1.0)
+def _left(day, height):
+    """What the layers leave of the height of a pressure: variance in m^2, for a day as in `of_layers`.
+
+    Over the lower part x of a layer t the warmth adds up to I(x), of which the mean of the layer says
+    x I(t)/t; with V = var I = 2 s^2 L^2 (x/L - 1 + exp(-x/L)) and the stationary increments of I
+
+        var = V(x) - (x/t) (V(x) + V(t) - V(t - x)) + (x/t)^2 V(t).
+    """
+    temperature, depth = day
+    layer = max(int(np.searchsorted(LAYERS, height, side="right")) - 1, 0)
+    top = LAYERS[layer + 1] if layer + 1 < len(LAYERS) else LAST_TOP
+    t = float(top - LAYERS[layer])
+    x = min(max(height - float(LAYERS[layer]), 0.0), t)
+
+    def grown(y):
+        return 2.0 * (y / depth - 1.0 + math.exp(-y / depth))
+
+    share = x / t
+    bridge = grown(x) - share * (grown(x) + grown(t) - grown(t - x)) + share**2 * grown(t)
+    return max((temperature / SURFACE_TEMPERATURE * depth) ** 2 * bridge, 0.0)
 
 
-def counts(nav, fix, R):
+def counts(nav, fix, R, gap_s):
     """R with which a reading that has passed the gate corrects the state, (1, 1) Pa^2: see the module's text.
 
-    fusion.Filter on its way, which has reached the instant of the reading; it remembers that instant
+    nav : fusion.Filter on its way, which has reached the instant of the reading
+    gap_s : since the last reading that was used before, inf: there was none
     """
-    model, x, gap_s = nav.params.barometer, nav.history.x, fix.t_valid_s - nav.history.reading_s
-    nav.history.reading_s = fix.t_valid_s
+    model, x = nav.params.barometer, nav.history.x
     here = air(nav.earth, fix.t_valid_s, x)
     variance = model.noise**2
     for one, lasts_s in lasting(nav.layout, model, here, expected(model, x, here)):

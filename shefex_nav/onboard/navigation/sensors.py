@@ -16,6 +16,7 @@ from shefex_nav.onboard.navigation import (
     integrity,
     integrity_watch,
     measure_barometer,
+    measure_magnetometer,
     measure_ranges,
     measure_stars,
     measurements,
@@ -23,13 +24,13 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.state import POS, VEL, X_Q, ReleaseRule
-from shefex_nav.records import BarometerReading, GpsFix, GpsRanges, Reason, StarFix
+from shefex_nav.records import BarometerReading, GpsFix, GpsRanges, MagnetometerReading, Reason, StarFix
 
 BEND_SHARE = 0.2  # [E] of the bend, that it may be wrong by: not all light of a streak counts alike
 BEND_SEEN = 16.3  # of the gyros' noise in a bend, its normalised square that noise alone exceeds in 0.1 %
 MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
 
-Fix = GpsFix | GpsRanges | StarFix | BarometerReading
+Fix = GpsFix | GpsRanges | StarFix | BarometerReading | MagnetometerReading
 Agree = Callable[[integrity.Evidence, integrity.Evidence], bool]
 Admitted = float | dict[str, np.ndarray]  # sigma of what is measured, or (3,) of each axis of some blocks
 
@@ -85,7 +86,7 @@ class Sensor(NamedTuple):
     # (nav, z) -> standard deviation of the error that a reset admits in the block and those with it, if it
     # explains the contradiction without forgetting everything; None: it does not
     admits: Callable | None = None
-    # (nav, fix, R) -> the noise with which a measurement that has passed the gate counts; None: R
+    # (nav, fix, R, gap_s) -> the noise with which a measurement that has passed the gate counts; None: R
     counted: Callable | None = None
     # (nav, t_s, x, fix) -> why it is not to be used where packed values x are, '' if it may; None: always
     unfit: Callable | None = None
@@ -302,6 +303,18 @@ def _barometer_trial(nav, now, z, R, fix):
     return Trial(ReleaseRule(*model.release), offset, measure_barometer.offsets_agree)
 
 
+def _magnetometer_trial(nav, now, z, R, fix):
+    """Readings that are off by the same field again and again are those of a new hard iron.
+
+    What is off in heading by the same angle need not be: of heading alone nothing is ever believed.
+    """
+    model = nav.params.magnetometer
+    if model.heading:
+        return never(nav, now, z, R, fix)
+    offset = measure_magnetometer.Offset(fix.t_valid_s, z, model.noise)
+    return Trial(ReleaseRule(*model.release), offset, measure_magnetometer.offsets_agree)
+
+
 def never(nav, now, z, R, fix):
     """Trial of a sensor that is never believed against the gate."""
     return Trial(ReleaseRule(np.inf, np.inf), None, None)
@@ -351,6 +364,15 @@ SENSORS = {
         counted=measure_barometer.counts,
         unfit=measure_barometer.unfit,
     ),
+    "magnetometer": Sensor(
+        measure_magnetometer.linearise,
+        "hard_iron",
+        1e-4,
+        _magnetometer_trial,
+        reset_note="new hard iron",
+        counted=measure_magnetometer.counts,
+        unfit=measure_magnetometer.unfit,
+    ),
 }
 ARRIVALS = {
     "gps": ("gps_position", "gps_velocity"),
@@ -358,6 +380,7 @@ ARRIVALS = {
     "star_tracker": ("star_tracker",),
     "star_vectors": ("star_vectors",),
     "barometer": ("barometer",),
+    "magnetometer": ("magnetometer",),
 }
 
 
@@ -370,6 +393,8 @@ def gps_arrivals(params, messages):
     arrivals = {GpsRanges: "gps_ranges"} if params.gps == "tight" else {GpsFix: "gps"}
     if params.barometer is not None:
         arrivals[BarometerReading] = "barometer"
+    if params.magnetometer is not None:
+        arrivals[MagnetometerReading] = "magnetometer"
     return [(arrivals[type(one)], one) for one in messages if type(one) in arrivals]
 
 

@@ -39,7 +39,7 @@ CORE = {"position": POS, "velocity": VEL, "attitude": ATT, "gyro_bias": BG, "acc
 
 # index of a block in `Layout.at`
 ROLL_COLUMN, G_SCALE, G_MISALIGN, G_SENSE, A_SCALE, A_MISALIGN, A_RECTIFIED, GRAVITY = range(8)
-MOUNTING, LEVER, CLOCK, LATENCY, RANGE_BIAS, BARO_BIAS, BARO_SCALE = range(8, 15)
+MOUNTING, LEVER, CLOCK, LATENCY, RANGE_BIAS, BARO_BIAS, BARO_SCALE, HARD_IRON = range(8, 16)
 
 NOMINAL = {}  # place of every value in the packed nominal state, whether its error is estimated or not
 for _name, _size in {
@@ -58,6 +58,7 @@ X_CLOCK, X_RANGE = NOMINAL["clock"].start, NOMINAL["range_bias"]
 X_RECTIFIED, X_GRAVITY = NOMINAL["accel_rectification"].start, NOMINAL["gravity"].start
 X_MOUNTING, X_LEVER, X_LATENCY = NOMINAL["mounting"], NOMINAL["lever_arm"], NOMINAL["gps_latency"].start
 X_BARO_BIAS, X_BARO_SCALE = NOMINAL["baro_bias"], NOMINAL["baro_scale"]
+X_HARD_IRON = NOMINAL["hard_iron"]
 
 
 class Layout(NamedTuple):
@@ -66,7 +67,7 @@ class Layout(NamedTuple):
     names: tuple[str, ...]  # optional blocks that are on, in the order of their errors
     n: int  # number of errors
     places: dict  # name of a block, core and optional -> slice, or None if it is off
-    at: np.ndarray  # (15,) the same for kernels: first error of each block of OPTIONAL, -1 if it is off
+    at: np.ndarray  # (16,) the same for kernels: first error of each block of OPTIONAL, -1 if it is off
     nominal: np.ndarray  # (n - 9,) place in the packed nominal state of each error behind the attitude
 
 
@@ -112,7 +113,8 @@ class NavState(NamedTuple):
     accel_rectification: np.ndarray = _NOTHING[3]
     gravity: np.ndarray = _NOTHING[3]  # (3,) m/s^2, inertial axes, to be added to that of the on-board field
     baro_bias: np.ndarray = _NOTHING[2]
-    baro_scale: np.ndarray = _NOTHING[6]
+    baro_scale: np.ndarray = _NOTHING[8]
+    hard_iron: np.ndarray = _NOTHING[3]
 
 
 def pack(state):
@@ -123,7 +125,7 @@ def pack(state):
             state.gyro_scale, state.gyro_misalignment, state.gyro_g_sensitivity, state.accel_scale,
             state.accel_misalignment, state.accel_rectification, state.gravity, state.mounting,
             state.lever_arm, state.clock, state.gps_latency, state.range_bias, state.baro_bias,
-            state.baro_scale,
+            state.baro_scale, state.hard_iron,
         ]
     )  # fmt: skip
 
@@ -203,6 +205,7 @@ class NavParams(NamedTuple):
     stars: str = "attitude"  # stars by the attitude of each frame; "vectors": each star by itself
     gps_told: GpsTold = NOTHING_TOLD  # of the receiver, beyond what its messages say themselves
     barometer: Any = None  # measure_barometer.BarometerModel; None: there is no barometer
+    magnetometer: Any = None  # measure_magnetometer.MagnetometerModel; None: there is none
     baro_bias_walk: float = 0.0  # Pa/sqrt(s), of the first of the block baro_bias
 
 

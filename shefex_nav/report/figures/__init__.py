@@ -57,6 +57,10 @@ CATALOGUE = (
         "grows with height; the lower panel is scaled to what was used.",
     ),
     Entry(
+        "magnetometer", "sensors.magnetometer", "sensors",
+        "As the computer got it, hard iron included: a field whose size changes as the vehicle turns.",
+    ),
+    Entry(
         "sky_map", "sky.sky_map", "star tracker",
         "True direction of the boresight at each frame. On the left the whole sky, right ascension in "
         "hours, with what the exclusion angles forbid in the middle of the fixes; on the right the part"

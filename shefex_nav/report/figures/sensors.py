@@ -114,3 +114,20 @@ def barometer(data):
         rows[1, 0].set_ylim(*(1.3 * np.array([-1.0, 1.0]) * max(float(known.max()), 1.0)))
     style.legend_above(rows[0, 0])
     return figure
+
+
+@style.styled
+def magnetometer(data):
+    """Field along the body axes, and its size. RunData -> Figure; None without a magnetometer."""
+    said = data.magnetometer
+    if not len(said.t_valid_s):
+        return None
+    field = 1e6 * said.field_b
+    figure, rows = style.panels(data, 2, "Magnetometer as measured: field along the body axes", height=1.9)
+    for k, axis in enumerate("xyz"):
+        style.curve(rows[0, 0], said.t_valid_s, field[:, k], color=style.AXES[axis], lw=0.8, label=axis)
+    rows[0, 0].set_ylabel("field\n[µT]")
+    style.curve(rows[1, 0], said.t_valid_s, np.linalg.norm(field, axis=1), color=style.BLUE, lw=0.9)
+    rows[1, 0].set_ylabel("its size\n[µT]")
+    style.legend_above(rows[0, 0])
+    return figure

@@ -87,6 +87,7 @@ class Content(NamedTuple):
     covariance: bool
     protection: bool
     barometer: bool = False
+    magnetometer: bool = False
 
 
 def content(data, pictures):
@@ -102,6 +103,7 @@ def content(data, pictures):
         bool(len(data.covariance.t_s)),
         bool(np.isfinite(data.nav.protection_b).any()),
         bool(len(data.barometer.t_valid_s)),
+        bool(len(data.magnetometer.t_valid_s)),
     )
 
 
@@ -220,6 +222,10 @@ def _sensors(data, seen, has):
         views.append(_plot(data, "plots/gps", "GPS: satellites, dilution of precision", legend="LeftTop"))
     if has.barometer:
         views.append(_plot(data, "plots/barometer", "Pressure altitude [km]", legend="LeftTop"))
+    if has.magnetometer:
+        views.append(
+            _plot(data, "plots/magnetometer", "Magnetic field along body x, y, z [uT]", legend="LeftTop")
+        )
     if has.gps or has.stars:
         views.append(
             _plot(data, "plots/age", "Age of a measurement when it is there [ms]", legend="LeftBottom")

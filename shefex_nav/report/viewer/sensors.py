@@ -15,6 +15,7 @@ def send(sender, data):
     imu(sender, data)
     gps(sender, data)
     barometer(sender, data)
+    magnetometer(sender, data)
     ages(sender, data)
 
 
@@ -79,6 +80,14 @@ def barometer(sender, data):
         step = plot_step(said.t_valid_s)
         height = 1e-3 * atmosphere.pressure_height(said.pressure[::step])
         sender.curve("plots/barometer/altitude", said.t_valid_s[::step], height, BLUE, "pressure altitude")
+
+
+def magnetometer(sender, data):
+    """Field along the body axes."""
+    said = data.magnetometer
+    if len(said.t_valid_s):
+        step = plot_step(said.t_valid_s)
+        sender.axes("plots/magnetometer/field", said.t_valid_s[::step], 1e6 * said.field_b[::step])
 
 
 def ages(sender, data):

@@ -1,0 +1,54 @@
+"""The section magnetometer: absent by default, what is refused, and what the filter takes from it."""
+
+import numpy as np
+import pytest
+from broken import DEFAULT, messages
+
+from shefex_nav.environment import magnetic_field
+from shefex_nav.scenario import params_onboard
+from shefex_nav.scenario.load import load
+
+SENSOR = {"rate": "10 Hz", "hard_iron": "500 nT", "noise": "50 nT"}
+STATES = "navigation.states=[mounting, hard_iron]"
+
+
+def section(**changes):
+    return "magnetometer={" + ", ".join(f"{key}: {value}" for key, value in (SENSOR | changes).items()) + "}"
+
+
+def test_there_is_none_unless_it_is_given():
+    assert load(DEFAULT).magnetometer is None
+    assert params_onboard.nav_params(load(DEFAULT)).magnetometer is None
+
+
+def test_the_filter_assumes_what_the_sensor_is_said_to_have():
+    nav = params_onboard.nav_params(load(DEFAULT, [section(soft_iron="0.3 %", quantum="150 nT"), STATES]))
+    assert nav.magnetometer.noise == pytest.approx(np.hypot(50e-9, 150e-9 / np.sqrt(12.0)))
+    assert nav.magnetometer.soft_iron == pytest.approx(3e-3)
+    np.testing.assert_allclose(nav.sigma_blocks["hard_iron"], 500e-9)
+    np.testing.assert_allclose(nav.magnetometer.sigma_n, magnetic_field.sigma_n(2012.47), rtol=1e-3)
+    assert not nav.magnetometer.heading
+    alone = load(DEFAULT, [section(), STATES, "navigation.magnetometer.rows=heading"])
+    assert params_onboard.nav_params(alone).magnetometer.heading
+
+
+@pytest.mark.parametrize(
+    ("overrides", "field", "words"),
+    [
+        ([section()], "navigation.states", "a magnetometer needs the state of its hard iron"),
+        ([STATES], "navigation.states", "'hard_iron' is of a magnetometer: give section magnetometer"),
+        ([section(rate="30 Hz"), STATES], "magnetometer.rate", "30 Hz does not divide the on-board clock"),
+        ([section(noise="5 Pa"), STATES], "magnetometer.noise", "is a pressure, expected"),
+        ([section(range="0 uT"), STATES], "magnetometer.range", "must be greater than zero"),
+        ([section(soft_iron="80 %"), STATES], "magnetometer.soft_iron", "50 %"),
+        (
+            [section(), STATES, "mission.epoch=1985-06-22T19:18:00Z"],
+            "mission.epoch",
+            "the magnetic field is not known 25 years outside its models",
+        ),
+        ([section(), STATES, "navigation.magnetometer.rows=compass"], "rows", "compass"),
+    ],
+)
+def test_what_is_refused(overrides, field, words):
+    said = messages(DEFAULT, overrides)
+    assert any(field in line and words in line for line in said), said
