@@ -31,6 +31,8 @@ from shefex_nav.scenario.sensors import OFF, UNLIMITED, Accelerometer, Gyro
 
 NED = Field(description="noise, 1 sigma, north, east, down; takes the place of what the file says")
 SIDES = ("x", "y", "z")
+FIND = (("find", float("inf")),)
+NOT_KNOWN = (("unknown", float("inf")),)
 
 
 class Scale(NamedTuple):
@@ -217,6 +219,9 @@ class ReplayGnss(Block):
     latency: Quantity("s", "0.2 s", "from the instant measured to the fix on board", non_negative=True) = (
         "0 s"
     )
+    clock_offset: Quantity(
+        "s", "0.35 s", "time of the IMU less that of GNSS, added to the times of the fixes", words=FIND
+    ) = "0 s"
     every: Time("1 s", "take one fix in this time only", positive=True) | None = None
     first: Time("0.2 s", "the first of them", non_negative=True) = "0 s"
     position_noise: Annotated[Vector("m", "5 m", "", positive=True) | None, NED] = None
@@ -238,14 +243,47 @@ class Static(Block):
 
     method: Literal["static"]
     duration: Time("30 s", "for which it stands still, from mission.start", at_least="1 s")
-    heading: Quantity("rad", "85 deg", "of the forward axis; without it the gyros look for north") | None = (
-        None
-    )
+    heading: (
+        Quantity("rad", "85 deg", "of the forward axis; without it the gyros look for north", words=NOT_KNOWN)
+        | None
+    ) = None
     azimuth: Quantity("rad", "1 deg", "how well the heading is known, 1 sigma", positive=True) | None = None
     disturbance: Quantity("rad", "0.02 deg", "swaying of the vehicle, 1 sigma", positive=True) = "0.01 deg"
     velocity: Quantity("m/s", "0.01 m/s", "what is left of standing still, 1 sigma", positive=True) = (
         "0.01 m/s"
     )
+    gyro_bias: Literal["as_stated", "at_rest"] = Field(
+        default="as_stated",
+        description="known as imu.gyro.bias says, or from the mean rate at rest; this needs a heading",
+    )
+
+
+class Rail(Block):
+    """A rocket stands on its rail at first: it points as the rail does, gravity shows its roll if it can."""
+
+    method: Literal["rail"]
+    duration: Time("30 s", "for which it stands still, from mission.start", at_least="0.2 s")
+    elevation: Quantity("rad", "84 deg", "of the rail", at_least="20 deg", at_most="90 deg")
+    elevation_error: Quantity("rad", "0.5 deg", "1 sigma", positive=True)
+    azimuth: Quantity("rad", "135 deg", "to which the rail leans, from north over east")
+    azimuth_error: Quantity("rad", "2 deg", "1 sigma", positive=True)
+    disturbance: Quantity("rad", "0.02 deg", "swaying of the rocket, 1 sigma", positive=True) = "0.05 deg"
+    velocity: Quantity("m/s", "0.01 m/s", "what is left of standing still, 1 sigma", positive=True) = (
+        "0.01 m/s"
+    )
+
+
+class Course(Block):
+    """The vehicle moves: it points where it goes over the ground, level by the specific force."""
+
+    method: Literal["course"]
+    speed: Quantity("m/s", "5 m/s", "over the ground, from which on the course is taken", positive=True) = (
+        "3 m/s"
+    )
+    sideslip: Quantity("rad", "5 deg", "between its heading and its course, 1 sigma", positive=True) = "3 deg"
+
+
+ALIGNMENTS = {"reference": FromReference, "static": Static, "rail": Rail, "course": Course}
 
 
 class ReplayGyro(Gyro):
@@ -330,7 +368,7 @@ class ReplayScenario(Block):
     earth: ReplayEarth = ReplayEarth()
     data: form("format", FORMATS)
     gnss: ReplayGnss = ReplayGnss()
-    alignment: form("method", {"reference": FromReference, "static": Static})
+    alignment: form("method", ALIGNMENTS)
     imu: ReplayImu
     navigation: ReplayNavigation = ReplayNavigation()
     requirements: ReplayRequirements = ReplayRequirements()

@@ -5,7 +5,7 @@ import re
 from rich.table import Table
 from rich.text import Text
 
-from shefex_nav.report import requirements
+from shefex_nav.report import requirements, start_rows
 
 _FLOWN = (  # name, key, digits, unit
     ("apogee", "apogee_km", 1, "km"),
@@ -62,6 +62,9 @@ def rows(summary, judged=()):
             "warnings",
             ((one["field"], Text(one["text"], style="bold yellow")) for one in summary["warnings"]),
         )
+    if "alignment" in summary:
+        yield "alignment", start_rows.alignment(summary["alignment"])
+        yield "clocks", start_rows.clocks(summary["clocks"])
     yield "run", _run_rows(summary)
 
 
