@@ -118,6 +118,18 @@ class GpsFix(NamedTuple):
     n_satellites: int
     pdop: float
     reason: str  # why there is no fix; empty when valid
+    # latitude and longitude alone: r_ea_e lies at any height above or below the place, R_r_e has no part along
+    # the vertical there, and of the velocity nothing is known
+    horizontal: bool = False
+
+
+class BarometerReading(NamedTuple):
+    """Static pressure at the port of the vehicle."""
+
+    t_valid_s: float
+    t_available_s: float
+    pressure: float  # Pa
+    at_limit: bool = False  # the sensor is at an end of its range
 
 
 class GpsRanges(NamedTuple):

@@ -11,6 +11,8 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 from pydantic_core import PydanticCustomError, core_schema
 
 from shefex_nav.clock import SAMPLES_PER_TICK
+from shefex_nav.replay.schema_alignment import ALIGNMENTS
+from shefex_nav.scenario.barometer import Barometer
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.messages import close
 from shefex_nav.scenario.mission import Epoch
@@ -32,7 +34,6 @@ from shefex_nav.scenario.sensors import OFF, UNLIMITED, Accelerometer, Gyro
 NED = Field(description="noise, 1 sigma, north, east, down; takes the place of what the file says")
 SIDES = ("x", "y", "z")
 FIND = (("find", float("inf")),)
-NOT_KNOWN = (("unknown", float("inf")),)
 
 
 class Scale(NamedTuple):
@@ -94,6 +95,10 @@ class ReplayEarth(Block):
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Names = tuple[str, str, str]
+PLACE = "columns: latitude, longitude, height, or x, y, z; or latitude and longitude alone"
+Level = Annotated[
+    tuple[str, ...], Field(min_length=2, max_length=3)
+]  # of three columns, the last may be missing
 
 
 class ImuColumns(Block):
@@ -115,14 +120,32 @@ class GnssColumns(Block):
     file: str = Field(min_length=1)
     time: str = Field(description="column of the time")
     time_unit: Unit("s", "s") = "s"
-    position: Names = Field(description="columns: latitude, longitude, height, or x, y, z")
+    position: Level = Field(description=PLACE)
     position_frame: Literal["geodetic", "ecef"] = "geodetic"
+    height: Quantity("m", "360 m", "of the start above the ellipsoid, where fixes say none",
+                     at_least="-500 m", at_most="9 km") | None = None  # fmt: skip
+    height_error: Quantity("m", "10 m", "of that height, 1 sigma", positive=True) = "10 m"
     angle_unit: Unit("deg", "rad") = Field(default="deg", description="of latitude and longitude")
     velocity: Names | None = Field(default=None, description="columns")
     velocity_frame: Literal["ned", "enu", "ecef"] = "ned"
-    position_sigma: Names | None = Field(default=None, description="columns north, east, down, in m")
+    position_sigma: Level | None = Field(
+        default=None, description="columns north, east, down, in m; north and east if there is no height"
+    )
     velocity_sigma: Names | None = Field(default=None, description="columns north, east, down, in m/s")
     valid: str | None = Field(default=None, description="column; 0 where there is no fix")
+
+
+class BarometerColumns(Block):
+    """A CSV of a barometer."""
+
+    file: str = Field(min_length=1)
+    time: str = Field(description="column of the time")
+    time_unit: Unit("s", "s") = "s"
+    pressure: str | None = Field(default=None, description="column of the static pressure")
+    pressure_unit: Unit("Pa", "Pa") = Field(default="Pa", description="Pa, hPa, mbar, kPa")
+    height: str | None = Field(
+        default=None, description="column of the pressure altitude (of the standard atmosphere), in m"
+    )
 
 
 class TruthColumns(Block):
@@ -170,6 +193,7 @@ class CsvData(DataBlock):
     format: Literal["csv"]
     imu: ImuColumns
     gnss: GnssColumns
+    barometer: BarometerColumns | None = None
     truth: TruthColumns | None = None
 
 
@@ -228,64 +252,6 @@ class ReplayGnss(Block):
     velocity_noise: Annotated[Vector("m/s", "0.1 m/s", "", positive=True) | None, NED] = None
 
 
-class FromReference(Block):
-    """Position, velocity and attitude are those of the truth, and known as well as is said here (1 sigma)."""
-
-    method: Literal["reference"]
-    level: Quantity("rad", "1 deg", "about north and about east", positive=True)
-    azimuth: Quantity("rad", "2 deg", "about the vertical", positive=True)
-    position: Quantity("m", "5 m", "each axis", positive=True)
-    velocity: Quantity("m/s", "0.1 m/s", "each axis", positive=True)
-
-
-class Static(Block):
-    """The vehicle stands still at first: level by the accelerometers, heading by the gyros or as given."""
-
-    method: Literal["static"]
-    duration: Time("30 s", "for which it stands still, from mission.start", at_least="1 s")
-    heading: (
-        Quantity("rad", "85 deg", "of the forward axis; without it the gyros look for north", words=NOT_KNOWN)
-        | None
-    ) = None
-    azimuth: Quantity("rad", "1 deg", "how well the heading is known, 1 sigma", positive=True) | None = None
-    disturbance: Quantity("rad", "0.02 deg", "swaying of the vehicle, 1 sigma", positive=True) = "0.01 deg"
-    velocity: Quantity("m/s", "0.01 m/s", "what is left of standing still, 1 sigma", positive=True) = (
-        "0.01 m/s"
-    )
-    gyro_bias: Literal["as_stated", "at_rest"] = Field(
-        default="as_stated",
-        description="known as imu.gyro.bias says, or from the mean rate at rest; this needs a heading",
-    )
-
-
-class Rail(Block):
-    """A rocket stands on its rail at first: it points as the rail does, gravity shows its roll if it can."""
-
-    method: Literal["rail"]
-    duration: Time("30 s", "for which it stands still, from mission.start", at_least="0.2 s")
-    elevation: Quantity("rad", "84 deg", "of the rail", at_least="20 deg", at_most="90 deg")
-    elevation_error: Quantity("rad", "0.5 deg", "1 sigma", positive=True)
-    azimuth: Quantity("rad", "135 deg", "to which the rail leans, from north over east")
-    azimuth_error: Quantity("rad", "2 deg", "1 sigma", positive=True)
-    disturbance: Quantity("rad", "0.02 deg", "swaying of the rocket, 1 sigma", positive=True) = "0.05 deg"
-    velocity: Quantity("m/s", "0.01 m/s", "what is left of standing still, 1 sigma", positive=True) = (
-        "0.01 m/s"
-    )
-
-
-class Course(Block):
-    """The vehicle moves: it points where it goes over the ground, level by the specific force."""
-
-    method: Literal["course"]
-    speed: Quantity("m/s", "5 m/s", "over the ground, from which on the course is taken", positive=True) = (
-        "3 m/s"
-    )
-    sideslip: Quantity("rad", "5 deg", "between its heading and its course, 1 sigma", positive=True) = "3 deg"
-
-
-ALIGNMENTS = {"reference": FromReference, "static": Static, "rail": Rail, "course": Course}
-
-
 class ReplayGyro(Gyro):
     """Gyro triad; what is not given is zero."""
 
@@ -327,6 +293,8 @@ ReplayStates = Literal[
     "accel_misalignment",
     "lever_arm",
     "gps_latency",
+    "baro_bias",
+    "baro_scale",
 ]
 
 
@@ -368,6 +336,9 @@ class ReplayScenario(Block):
     earth: ReplayEarth = ReplayEarth()
     data: form("format", FORMATS)
     gnss: ReplayGnss = ReplayGnss()
+    barometer: Barometer | None = Field(
+        default=None, description="of data.barometer: what the filter assumes"
+    )
     alignment: form("method", ALIGNMENTS)
     imu: ReplayImu
     navigation: ReplayNavigation = ReplayNavigation()

@@ -7,9 +7,9 @@ begins there.
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import fusion
+from shefex_nav.onboard.navigation import fusion, sensors
 from shefex_nav.onboard.navigation.hypotheses import Bank, is_wide
-from shefex_nav.records import row
+from shefex_nav.records import GpsFix, row
 from shefex_nav.replay import params
 from shefex_nav.replay.table import DataError
 
@@ -37,7 +37,7 @@ def settle(scenario, data, alignment, earth, blocks_from):
         return alignment, None  # the caller says so
     bank = Bank(params.nav_params(scenario, float(blocks.dt_s[0])), alignment, earth)
     mixture = None
-    for mixture in _mixtures(bank, blocks, data.fixes):
+    for mixture in mixtures(bank, blocks, [*data.fixes, *data.readings]):
         if mixture.is_settled:
             return mixture.alignment(), alignment.t_valid_s
     raise DataError(_not_found(alignment, mixture))
@@ -56,9 +56,14 @@ def _not_found(alignment, mixture):
     )
 
 
-def _mixtures(bank, blocks, fixes):
-    """Go through blocks and fixes with a Bank; Mixture after every tick in which a fix arrived."""
-    waiting = [fix for fix in fixes if fix.t_valid_s > bank.members[0].nav.history.ends_s[-1]][::-1]
+def mixtures(bank, blocks, received):
+    """Go through blocks and what is received with a Bank; Mixture after every tick in which a fix arrived.
+
+    received : GpsFix and BarometerReading, in any order
+    """
+    start_s = bank.members[0].nav.history.ends_s[-1]
+    waiting = [one for one in received if one.t_valid_s > start_s]
+    waiting.sort(key=lambda one: one.t_available_s, reverse=True)
     for k in range(len(blocks.t_valid_s)):
         block, arrived = row(blocks, k), []
         while waiting and waiting[-1].t_available_s <= block.t_valid_s + 1e-6:
@@ -66,7 +71,7 @@ def _mixtures(bank, blocks, fixes):
         for member in bank.members:
             fusion.advance(member.nav, block)
             if arrived:
-                fusion.fuse(member.nav, [("gps", fix) for fix in arrived])
-        if arrived:
+                fusion.fuse(member.nav, sensors.gps_arrivals(member.nav.params, arrived))
+        if any(isinstance(one, GpsFix) for one in arrived):
             bank.prune()
             yield bank.mixture()

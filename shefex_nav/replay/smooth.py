@@ -60,7 +60,7 @@ class Chunk(NamedTuple):
     numbers: np.ndarray
     increments: np.ndarray
     extra: np.ndarray
-    xs: np.ndarray  # (m, 93)
+    xs: np.ndarray  # (m, X)
     Ps: np.ndarray  # (m, n, n)
 
     @property

@@ -41,7 +41,7 @@ def records(data):
     if data.alignment is not None:
         yield data.alignment
     pairs = not_seen_on_board(data)
-    lists = [data.gps, data.gps_ranges, data.star_fixes, data.gates]
+    lists = [data.gps, data.gps_ranges, data.barometer, data.star_fixes, data.gates]
     pairs += [(record.t_valid_s, record) for record in chain(*lists)]
     pairs += [(record.t_s, record) for record in data.health]
     for arrays in (data.nav, data.covariance):

@@ -18,7 +18,7 @@ def alignment(found):
 def clocks(found):
     """(name, text) of the object that `replay.said.clocks` makes; nothing where nothing is known."""
     if found["found_s"] is not None:
-        seen = f"{1e3 * found["found_s"]:+.1f} ms, 1 sigma {1e3 * found['sigma_s']:.1f} ms"
+        seen = f"{1e3 * found['found_s']:+.1f} ms, 1 sigma {1e3 * found['sigma_s']:.1f} ms"
         yield "IMU less GNSS", f"{seen}, by comparing their motions"
     if found["applied_s"]:
         yield "corrected by", f"{1e3 * found['applied_s']:+.1f} ms, added to the times of GNSS"

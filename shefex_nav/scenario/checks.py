@@ -4,6 +4,7 @@ import math
 
 from shefex_nav.clock import IMU_HZ
 from shefex_nav.scenario import (
+    barometer,
     checks_flight,
     checks_gps,
     checks_tracker,
@@ -43,6 +44,7 @@ def _parts(scenario, rated):
         _clocks,
         _vibration,
         *checks_gps.PARTS,
+        barometer.contradictions,
         _camera,
         _states,
         *checks_tracker.PARTS,

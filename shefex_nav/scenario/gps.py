@@ -1,5 +1,7 @@
 """Section of a scenario about the GPS receiver, its antenna, the satellites and the errors of ranges."""
 
+from typing import Literal
+
 from pydantic import Field
 
 from shefex_nav.scenario.block import Block, tagged
@@ -141,6 +143,9 @@ class Gps(Block):
 
     rate: Quantity("Hz", "1 Hz", "fixes a second; must divide 100 Hz", positive=True, at_most="50 Hz") = (
         "1 Hz"
+    )
+    fix: Literal["full", "position", "horizontal"] = Field(
+        "full", description="position and velocity; position alone; or latitude and longitude alone"
     )
     latency: Quantity(
         "s", "0.2 s", "from the instant measured to the fix on board", non_negative=True, at_most="1 s"

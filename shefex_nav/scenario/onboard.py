@@ -8,6 +8,7 @@ from typing import Literal
 
 from pydantic import Field, StrictBool
 
+from shefex_nav.scenario.barometer import BarometerUse, Release
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.quantity import Count, Number, Quantity, Time, Vector
 from shefex_nav.scenario.star_statistics import Model
@@ -174,13 +175,6 @@ class SensorOverrides(Block):
     range_bias_time: Quantity("s", "300 s", "correlation time of it", positive=True) = "300 s"
 
 
-class Release(Block):
-    """When a sensor that contradicts the filter is believed after all."""
-
-    rejections: Count("3", "one after the other, that agree with each other", at_least=2)
-    duration: Quantity("s", "2 s", "from the first to the last of them", non_negative=True)
-
-
 class Releases(Block):
     """Release rules of the sensors."""
 
@@ -203,6 +197,8 @@ StateBlock = Literal[
     "clock",
     "gps_latency",
     "range_bias",
+    "baro_bias",
+    "baro_scale",
 ]
 
 
@@ -253,6 +249,9 @@ class Navigation(Block):
         "m/s", "10 m/s", "difference allowed between two fixes, per second", positive=True
     )
     integrity: Integrity = Field(default_factory=Integrity, description="protection level and faults")
+    barometer: BarometerUse = Field(
+        default_factory=BarometerUse, description="how the filter uses the barometer, if there is one"
+    )
     history: Quantity("s", "0.5 s", "how far back a measurement may lie", positive=True, at_most="5 s")
     thrust_threshold: Quantity("m/s2", "15 m/s2", "specific force above which a motor burns", positive=True)
     thrust_memory: Quantity(

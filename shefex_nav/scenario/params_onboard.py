@@ -7,7 +7,7 @@ sections that also drive the simulated sensors, unless `navigation.sensors` says
 import numpy as np
 
 from shefex_nav.clock import IMU_HZ
-from shefex_nav.scenario import params_filter
+from shefex_nav.scenario import params_barometer, params_filter
 from shefex_nav.scenario.params import mounting
 from shefex_nav.scenario.params_gps import clock_densities
 
@@ -190,6 +190,8 @@ def nav_params(scenario):
         lasting_share=_lasting_share(scenario),
         gravity_sigma=navigation.gravity_error,
         gps=navigation.gps,
+        barometer=params_barometer.model(scenario),
+        baro_bias_walk=params_barometer.bias_walk(scenario),
         stars=navigation.stars,
     )
 
@@ -212,6 +214,7 @@ def _sigma_blocks(scenario):
         "gps_latency": (sensors.gps_latency_error,),
         "range_bias": (_range_bias(scenario),) * OPTIONAL["range_bias"],
     }
+    known |= params_barometer.sigmas(scenario)
     return {name: np.array(known[name]) for name in scenario.navigation.states}
 
 

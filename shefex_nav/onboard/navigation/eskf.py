@@ -92,7 +92,7 @@ def update_packed(kalman, layout, P, z, H, R, x, P_after):
     layout : Layout
     P : (n, n)
     z, H, R : (m,), (m, n), (m, m)
-    x : (93,) packed nominal values, changed in place
+    x : (X,) packed nominal values, changed in place
     P_after : (n, n) is written
 
     Returns

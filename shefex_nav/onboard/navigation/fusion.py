@@ -34,6 +34,7 @@ from shefex_nav.onboard.navigation.sensors import (
     Measurement,
     contents,
     straightened,
+    unfit,
     without_solution,
 )
 from shefex_nav.onboard.navigation.state import (
@@ -104,7 +105,9 @@ class Filter(NamedTuple):
     health: dict  # sensor -> integrity.Health
     recorder: Callable | None
     watch: integrity_watch.Watch  # over the sensors, changes in place, too
-    judged: Callable | None = None  # called with S (m, m) and the NIS of every measurement that met the gate
+    judged: Callable | None = (
+        None  # of the sensor, S (m, m) and the NIS of every measurement that met the gate
+    )
 
     def limit(self, dof):
         """What a normalised innovation squared may be, chi-square with so many degrees of freedom."""
@@ -223,7 +226,7 @@ def _worth_trying(nav, arrival, fix, index, results):
     Results of those that are not are added.
     """
     now_s, names = nav.history.ends_s[-1], contents(arrival, fix)
-    reason = without_solution(arrival, fix)
+    reason = without_solution(arrival, fix) or unfit(nav, names[0], index, fix)
     if reason:
         results.append(_unused(now_s, fix, names[0], reason))
         nav.watch.tell(now_s, "gps" if arrival.startswith("gps") else arrival, reason)
@@ -359,7 +362,9 @@ def rows_used(nav, measurement, z, H, R):
     if measurement.rows is not None:
         used = measurement.rows
         return z[used], H[used], R[np.ix_(used, used)]
-    params, fix = nav.params, measurement.fix
+    params, fix, sensor = nav.params, measurement.fix, SENSORS[measurement.sensor]
+    if sensor.counted is not None:
+        return z, H, sensor.counted(nav, fix, R)
     if params.lasting_share and measurement.sensor == "gps_position":
         gap_s = fix.t_valid_s - nav.history.position_s
         nav.history.position_s = fix.t_valid_s

@@ -21,7 +21,7 @@ class Tick(NamedTuple):
     """The filter at the end of a tick."""
 
     t_s: float
-    x: np.ndarray  # (93,) packed nominal state
+    x: np.ndarray  # (X,) packed nominal state
     P: np.ndarray  # (n, n)
     imu: ImuWindow | None  # that led here; None at the start
 
@@ -37,11 +37,11 @@ class History:
     ends_s : deque of the mission times at which they end
     measurements : deque of tuples, what is valid within each, in the order of their instants
     newest : number of the last tick
-    x, P : (93,), (n, n) of the instant that has been reached: the end of the last tick, but for `fusion` on
+    x, P : (X,), (n, n) of the instant that has been reached: the end of the last tick, but for `fusion` on
         its way
     numbers : (size, 4) mission time of the end [s], s of a sample, number of samples, vibration
     increments : (size, 2 + samples, 6) of ImuWindow;  extra : (size, 2, 3) likewise
-    xs, Ps : (size, 93), (size, n, n)
+    xs, Ps : (size, X), (size, n, n)
     position_s : of the last position fix that was used before the instant that has been reached; kept where
         position fixes have errors that last
     """
@@ -178,7 +178,7 @@ def _position_of(measurements, otherwise_s):
 class Moment:
     """The instant that a filter on its way through its history has reached, at_s in its tick k.
 
-    x, P : (93,), (n, n), the present values of the History, not copied
+    x, P : (X,), (n, n), the present values of the History, not copied
     """
 
     def __init__(self, history, k, at_s):

@@ -1,4 +1,4 @@
-"""An attitude of which one angle is hardly known: several filters, each sure of another angle, until one is right.
+"""An attitude of which one angle is hardly known: filters that are each sure of another angle, until one is right.
 
 The error model is linear, so one filter with a heading that may be anything converges to wrong headings and
 believes them. Here the angle's range is divided among filters, each with a part that is small enough for it.
@@ -28,6 +28,7 @@ MEMBERS = 16  # [E] on a full turn
 WIDER = 1.5  # [E] sigma of a member over that of an even distribution in its part: the parts overlap
 TEMPER = 0.5  # [E] exponent of the likelihood
 MOST_NIS = 25.0  # [E] of one measurement: each can take a factor of 500 at most
+UNSEEING = ("barometer",)  # sensors that do not see the angle, but for errors that last
 LEAST = 1e-9  # weight below which a member is given up
 CLOSE = np.radians(
     30.0
@@ -101,8 +102,9 @@ class Bank:
         ]
 
     def _judge(self, k):
-        def judged(S, nis):
-            self.logs[k] -= 0.5 * TEMPER * (min(nis, MOST_NIS) + float(np.linalg.slogdet(S)[1]))
+        def judged(name, S, nis):
+            if name not in UNSEEING:
+                self.logs[k] -= 0.5 * TEMPER * (min(nis, MOST_NIS) + float(np.linalg.slogdet(S)[1]))
 
         return judged
 
