@@ -139,11 +139,12 @@ def fixes(gnss, settings):
     sigma_v_n = (
         None if gnss.v_e is None else _noise(gnss, gnss.sigma_v_n, settings.velocity_noise, "velocity")
     )
-    out = []
+    count, out = np.zeros(len(gnss.t_s)) if gnss.satellites is None else gnss.satellites, []
     for k in _chosen(gnss.t_s, settings).tolist():
         latitude, longitude, _ = wgs84.geodetic_from_ecef(gnss.r_e[k])
         C_en = wgs84.dcm_en(latitude, longitude)
-        has_velocity, valid = gnss.v_e is not None, bool(gnss.valid[k])
+        has_velocity, reason = gnss.v_e is not None, _unusable(gnss, k, settings.fewest_satellites)
+        valid = not reason
         nothing, unknown = np.full(3, np.nan), np.full((3, 3), np.nan)
         out.append(
             GpsFix(
@@ -154,13 +155,22 @@ def fixes(gnss, settings):
                 v_ea_e=gnss.v_e[k] if valid and has_velocity else nothing,
                 R_r_e=C_en * sigma_r_n[k] ** 2 @ C_en.T if valid else unknown,
                 R_v_e=C_en * sigma_v_n[k] ** 2 @ C_en.T if valid and has_velocity else unknown,
-                n_satellites=0,
+                n_satellites=0 if np.isnan(count[k]) else int(count[k]),
                 pdop=np.nan,
-                reason="" if valid else "marked as not valid",
+                reason=reason,
                 horizontal=gnss.horizontal,
             )
         )
     return out
+
+
+def _unusable(gnss, k, fewest):
+    """Why fix k is none; '' if it is one. A number of satellites that is nonsense says nothing against it."""
+    if not gnss.valid[k]:
+        return "marked as not valid"
+    if gnss.satellites is not None and gnss.satellites[k] < fewest:
+        return f"fewer than {fewest} satellites"
+    return ""
 
 
 def readings(pressures, settings):

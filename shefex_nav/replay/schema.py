@@ -133,6 +133,7 @@ class GnssColumns(Block):
     )
     velocity_sigma: Names | None = Field(default=None, description="columns north, east, down, in m/s")
     valid: str | None = Field(default=None, description="column; 0 where there is no fix")
+    satellites: str | None = Field(default=None, description="column: how many satellites were used")
 
 
 class BarometerColumns(Block):
@@ -248,6 +249,7 @@ class ReplayGnss(Block):
     ) = "0 s"
     every: Time("1 s", "take one fix in this time only", positive=True) | None = None
     first: Time("0.2 s", "the first of them", non_negative=True) = "0 s"
+    fewest_satellites: Count("5", "with which a fix counts, where data.gnss.satellites says", at_least=0) = 4
     position_noise: Annotated[Vector("m", "5 m", "", positive=True) | None, NED] = None
     velocity_noise: Annotated[Vector("m/s", "0.1 m/s", "", positive=True) | None, NED] = None
 
