@@ -118,8 +118,8 @@ class GpsFix(NamedTuple):
     n_satellites: int
     pdop: float
     reason: str  # why there is no fix; empty when valid
-    # latitude and longitude alone: r_ea_e lies at any height above or below the place, R_r_e has no part along
-    # the vertical there, and of the velocity nothing is known
+    # latitude and longitude alone: r_ea_e lies at any height above the place or below it, R_r_e has no part
+    # along the vertical there, and of the velocity nothing is known
     horizontal: bool = False
 
 

@@ -47,7 +47,7 @@ class RunData(NamedTuple):
     compute_times: ComputeTime  # arrays
     gps: list[GpsFix]
     gps_ranges: list[GpsRanges]
-    barometer: list[BarometerReading]
+    barometer: BarometerReading  # arrays; empty without a barometer
     star_fixes: list[StarFix]
     frame_truths: list[FrameTruth]
     gates: list[GateResult]
@@ -80,12 +80,12 @@ ARRAYS = {
     NavCovariance: "covariance",
     Frame: "frames",
     CameraCommand: "commands",
+    BarometerReading: "barometer",
     Timing: "timing",
 }
 LISTS = {
     GpsFix: "gps",
     GpsRanges: "gps_ranges",
-    BarometerReading: "barometer",
     StarFix: "star_fixes",
     FrameTruth: "frame_truths",
     GateResult: "gates",

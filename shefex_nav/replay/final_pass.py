@@ -71,6 +71,7 @@ class Whole(History):
         self.ends_s = final.numbers[:, 0].tolist()
         self.measurements, self.newest = final.measurements, len(self.ends_s) - 1
         self.x, self.P, self.position_s = final.xs[0].copy(), P.copy(), -np.inf
+        self.reading_s = -np.inf
 
 
 class Seen(NamedTuple):

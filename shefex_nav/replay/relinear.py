@@ -143,7 +143,7 @@ def forward(nav, whole, nodes, trajectory, start, kept, intervals):
     mean_0, P_0 = origin(nav.layout, start.x, start.P, trajectory.xs[0])
     mean, P, updates, reached = mean_0.copy(), P_0.copy(), {}, 0
     nav = nav._replace(history=whole)
-    whole.position_s = -np.inf
+    whole.position_s = whole.reading_s = -np.inf
     samples = whole.numbers, whole.increments, whole.extra
     for node in [*sorted(nodes.seen), m]:
         _follow(

@@ -99,7 +99,7 @@ def of_data(data, log_path, overrides=()):
         params=nav_params,
         scenario_text=source,
         gravity=known,
-        gps=_merged(*(arrivals(said, ticks_s) for said in (data.gps, data.gps_ranges, data.barometer))),
+        gps=_merged(*(arrivals(said, ticks_s) for said in (data.gps, data.gps_ranges, _readings(data)))),
         stars=arrivals(sorted(data.star_fixes, key=lambda fix: fix.t_available_s), ticks_s),
     )
 
@@ -152,6 +152,11 @@ def arrivals(measurements, ticks_s):
     ):
         due.setdefault(tick, []).append(measurement)
     return due
+
+
+def _readings(data):
+    """BarometerReading of a RunData, as a list."""
+    return [row(data.barometer, k) for k in range(len(data.barometer.t_valid_s))]
 
 
 def _merged(*parts):

@@ -46,7 +46,6 @@ def model(scenario):
         return None
     mach, coefficient, error = _port(section)
     return measure_barometer.BarometerModel(
-        interval_s=1.0 / section.rate,
         noise=float(np.hypot(section.noise, section.quantum / np.sqrt(12.0))),
         lag_s=section.lag,
         lag_error=use.lag_error,

@@ -5,8 +5,8 @@ height H lies at
 
     h(H) = H + e_0 + integral from 0 to H of s(H') dH',    s = dT/T,
 
-e_0 from the day's pressure at sea level, s from its temperature, a first-order Gauss-Markov process in height.
-Only the barometer feels the day; the forces of the air are those of the model. At the port a part of the
+e_0 from the day's pressure at sea level, s from its temperature, first-order Gauss-Markov in height. Only the
+barometer feels the day; the forces of the air are those of the model. At the port a part of the
 dynamic pressure q adds to the static one,
 
     p = p_air + c(M) (1 + d) q,

@@ -220,7 +220,7 @@ def spread(u_e, tracked, variances):
 
 
 def told(fixes, kind):
-    """GpsFix as a receiver tells them: 'full', by 'position' alone, or 'horizontal', by latitude and longitude.
+    """GpsFix as a receiver tells them: 'full', by 'position' alone, by latitude and longitude ('horizontal').
 
     list of GpsFix -> list
     """

@@ -283,6 +283,8 @@ def _way(nav, first, last, results, recorder=None):
         nav.watch.back_to(history.number(first - 1))
     if nav.params.lasting_share:
         history.position_s = history.position_before(first)
+    if nav.params.barometer is not None:
+        history.reading_s = history.reading_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
     for index in range(first, last + 1):
         decided = []

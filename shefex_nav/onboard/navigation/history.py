@@ -43,13 +43,14 @@ class History:
     increments : (size, 2 + samples, 6) of ImuWindow;  extra : (size, 2, 3) likewise
     xs, Ps : (size, X), (size, n, n)
     position_s : of the last position fix that was used before the instant that has been reached; kept where
-        position fixes have errors that last
+        position fixes have errors that last;  reading_s : likewise of the barometer
     """
 
     def __init__(self, tick):
         self.ends_s, self.measurements, self.newest = deque([tick.t_s]), deque([()]), 0
         self.x, self.P = tick.x.copy(), tick.P.copy()
         self.position_s = self._gone_position_s = -np.inf
+        self.reading_s = self._gone_reading_s = -np.inf
         samples = 0 if tick.imu is None else tick.imu.n
         self._allocate(2, samples)
         self.numbers[0] = tick.t_s, 1.0, 0, 0.0
@@ -138,15 +139,23 @@ class History:
         while len(ends_s) > 1 and ends_s[1] <= t_s:
             ends_s.popleft()
             if gone := measurements.popleft():
-                self._gone_position_s = _position_of(gone, self._gone_position_s)
+                self._gone_position_s = _last_of("gps_position", gone, self._gone_position_s)
+                self._gone_reading_s = _last_of("barometer", gone, self._gone_reading_s)
 
     def position_before(self, k):
         """Instant of the last position fix that was used before tick k begins; -inf: there was none."""
+        return self._before("gps_position", k, self._gone_position_s)
+
+    def reading_before(self, k):
+        """Likewise of a reading of the barometer."""
+        return self._before("barometer", k, self._gone_reading_s)
+
+    def _before(self, sensor, k, gone_s):
         for j in range(k - 1, -1, -1):
-            found_s = _position_of(self.measurements[j], -np.inf)
+            found_s = _last_of(sensor, self.measurements[j], -np.inf)
             if found_s > -np.inf:
                 return found_s
-        return self._gone_position_s
+        return gone_s
 
     def go_to(self, k):
         """Begin again at the end of tick k."""
@@ -167,10 +176,10 @@ class History:
         return earlier if t_s - self.ends_s[earlier] <= self.ends_s[later] - t_s else later
 
 
-def _position_of(measurements, otherwise_s):
-    """Instant of the last position fix that was used among the measurements of a tick."""
+def _last_of(sensor, measurements, otherwise_s):
+    """Instant of the last fix of a sensor that was used among the measurements of a tick."""
     for one in reversed(measurements):
-        if one.sensor == "gps_position" and one.fate in (Fate.USED, Fate.RESET):
+        if one.sensor == sensor and one.fate in (Fate.USED, Fate.RESET):
             return one.fix.t_valid_s
     return otherwise_s
 

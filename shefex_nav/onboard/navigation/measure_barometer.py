@@ -1,7 +1,7 @@
 """What a barometer says about the errors: one reading of static pressure, one row.
 
-z = H dx + noise, as in `measurements`. The standard atmosphere has the reading at the height H; a real day has
-it at h. With the pressure p_s of the Standard and the block `baro_scale` of warmth s in `LAYERS`::
+z = H dx + noise, as in `measurements`. The standard atmosphere has the reading at the height H, a real day
+at h. With the pressure p_s of the Standard and the block `baro_scale` of warmth s in `LAYERS`::
 
     p = p_s(H) + b + c(M) q,   H = h' - e - sum_j s_j t_j(h'),   h' = h - lag v_up
 
@@ -12,9 +12,9 @@ hydrostatic law gives dp_s/dH = -g rho (US Standard Atmosphere 1976, eq. 33). On
 known, readings settle b and e together: to first order they are one there, and part with height.
 
 Errors that are no states last: those of the port for `flow_memory_s`, what the layers leave while the vehicle
-crosses a `LEFT_DEPTH` of air, warmth that has no states for the flight. One reading is judged by the gate with their
-variance; together readings say less than each by itself, so they correct the state with R of as many readings
-as last together (`counted`, see `measurements.lasting_factor`).
+crosses a `LEFT_DEPTH` of air, warmth that has no states for the flight. One reading is judged by the gate
+with their variance; together readings say less than each by itself, so one that follows on another corrects
+the state with more (`counts`, see `measurements.lasting_factor`).
 """
 
 import math
@@ -40,7 +40,6 @@ SIGMAS = 3.0  # of the noise, within which two readings agree
 class BarometerModel(NamedTuple):
     """What the filter assumes of a barometer; sigmas are standard deviations."""
 
-    interval_s: float  # from one reading to the next
     noise: float  # Pa, white, quanta included
     lag_s: float
     lag_error: float  # of the lag, as a share of it
@@ -188,13 +187,14 @@ def _left(model, height):
 def counts(nav, fix, R):
     """R with which a reading that has passed the gate corrects the state, (1, 1) Pa^2: see the module's text.
 
-    fusion.Filter on its way, which has reached the instant of the reading
+    fusion.Filter on its way, which has reached the instant of the reading; it remembers that instant
     """
-    model, x = nav.params.barometer, nav.history.x
+    model, x, gap_s = nav.params.barometer, nav.history.x, fix.t_valid_s - nav.history.reading_s
+    nav.history.reading_s = fix.t_valid_s
     here = air(nav.earth, fix.t_valid_s, x)
     variance = model.noise**2
     for one, lasts_s in lasting(nav.layout, model, here, expected(model, x, here)):
-        variance += one * lasting_factor(1.0, lasts_s, model.interval_s)
+        variance += one * lasting_factor(1.0, lasts_s, gap_s)
     return np.array([[variance]])
 
 
