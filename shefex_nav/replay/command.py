@@ -61,7 +61,7 @@ def _external(source, folder, overrides, from_s, log):
     scenario, files = load.load(source, overrides, folder)
     began = time.perf_counter()
     from shefex_nav import warmup
-    from shefex_nav.replay import external, said
+    from shefex_nav.replay import air, external, said
     from shefex_nav.scenario.choices import choices
 
     warmup.get_ready({"command=replay", *choices(scenario)})
@@ -76,6 +76,7 @@ def _external(source, folder, overrides, from_s, log):
     summary = _summary(data, log, from_s, clock.filter_s, end_s - mission.start_s)
     summary["warnings"] = [one._asdict() for one in ready.oddities]
     summary["alignment"], summary["clocks"] = ready.start, said.clocks(ready.common, data)
+    summary["barometer"] = air.highest(ready.data.readings, ready.alignment, data)
     return summary
 
 

@@ -16,6 +16,7 @@ from shefex_nav.replay.table import DataError
 
 READERS = {"csv": csv_folder.read, "kf_gins": kf_gins.read, "navego": navego.read}
 RATE_TOLERANCE = 0.02  # of the sampling rate that a scenario states
+NONSENSE = -1  # number of satellites that cannot be
 READING_RATE_TOLERANCE = 0.1  # likewise of a barometer, which need not keep time
 
 
@@ -155,7 +156,7 @@ def fixes(gnss, settings):
                 v_ea_e=gnss.v_e[k] if valid and has_velocity else nothing,
                 R_r_e=C_en * sigma_r_n[k] ** 2 @ C_en.T if valid else unknown,
                 R_v_e=C_en * sigma_v_n[k] ** 2 @ C_en.T if valid and has_velocity else unknown,
-                n_satellites=0 if np.isnan(count[k]) else int(count[k]),
+                n_satellites=NONSENSE if np.isnan(count[k]) else int(count[k]),
                 pdop=np.nan,
                 reason=reason,
                 horizontal=gnss.horizontal,

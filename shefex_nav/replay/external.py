@@ -14,7 +14,7 @@ from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.records import Alignment, Event, ImuBlock, Phase, TruthSample, row
-from shefex_nav.replay import align, clocks, dataset, params, plausible, reference, said, settle
+from shefex_nav.replay import align, clocks, dataset, params, plausible, reference, repeats, said, settle
 from shefex_nav.replay.table import DataError
 
 NO_CAMERA = pinhole(1, 1, 1.0)
@@ -46,7 +46,8 @@ def prepare(scenario, files):
     data = dataset.read(scenario, files)
     data, common = clocks.made_one(scenario, data)
     oddities = plausible.check(scenario, data)
-    oddities += [plausible.Oddity(*one) for one in clocks.oddities(common)]
+    odd = (*clocks.oddities(common), *repeats.oddities(data.imu, data.fixes))
+    oddities += [plausible.Oddity(*one) for one in odd]
     orientation = scenario.earth
     earth = ephemeris.earth_rotation(
         scenario.mission.epoch, orientation.ut1_minus_utc, orientation.pole_x, orientation.pole_y

@@ -25,3 +25,16 @@ def clocks(found):
     if found["gps_latency_s"] is not None:
         seen = f"{1e3 * found['gps_latency_s']:+.1f} ms, 1 sigma {1e3 * found['sigma_gps_latency_s']:.1f} ms"
         yield "by the filter", f"fixes are {seen}, older than their times"
+
+
+def barometer(found):
+    """(name, text) of the object that `replay.air.highest` makes."""
+    words = f"{found['pressure_altitude_m']:.0f} m above the start at T{found['t_s']:+.1f} s"
+    yield "pressure altitude", f"{words}, by the standard atmosphere"
+    yield (
+        "height there",
+        f"{found['height_m']:.0f} m above the start, 1 sigma {found['sigma_height_m']:.0f} m",
+    )
+    if found["warmer_by"] is not None:
+        share = f"{100.0 * found['warmer_by']:+.1f} %, 1 sigma {100.0 * found['sigma_warmer_by']:.1f} %"
+        yield "air below", f"warmer than the standard by {share}"
