@@ -6,6 +6,10 @@ Two things both of them see, whatever the attitude is:
 - the turn of the course, which the gyros see about the direction of the specific force (for a vehicle that
   goes along the ground).
 
+The lever arm of the antenna counts: in a bend it goes elsewhere than the IMU. Where the axle is that does
+not slip is not known; a metre between it and the IMU moves the course by 1 m over the speed, in time. So an
+offset by the course is a coarse one, and the filter's own estimate (state gps_latency) is better by far.
+
 The offset is where the squared differences over their noise are least, while a constant difference of each
 kind (biases) is free. Its sigma is from the curvature there, larger by what the differences are larger than
 the noise. Nothing is said where the motion does not show it.
@@ -27,7 +31,10 @@ LONGEST_S = 2.5  # [E] between fixes that are compared
 FEWEST = 8  # [E] pairs of fixes
 SLOW = 3.0  # [E] m/s over the ground, below which a course means nothing
 STEEP = 0.5  # [E] climb over speed from which on there is no course
-MOST_SIGMA_S = 0.1  # [E] of an offset that is worth a word
+SMOOTHED_S = 0.05  # [E] over which rates are averaged that swing the antenna
+NO_ARM = np.zeros(3)
+AXLE_M = 0.5  # [E] 1 sigma, from the IMU to where the vehicle does not slip
+MOST_SIGMA_S = 0.15  # [E] of an offset that is worth a word
 NOISE = 0.05  # [E] m/s^2 and, in rad/s, a hundredth of it: what both see differently anyway
 CLEAR = 5.0  # [E] sigma from which on an offset is told
 SMALL_S = 0.02  # [E] offset that is not worth a word
@@ -52,7 +59,8 @@ def made_one(scenario, data):
 
     DataError where the scenario wants the offset to be found and the motion does not show it.
     """
-    found, wanted_s = find(data.imu, data.fixes), scenario.gnss.clock_offset
+    found = find(data.imu, data.fixes, np.array(scenario.gnss.lever_arm))
+    wanted_s = scenario.gnss.clock_offset
     if np.isinf(wanted_s):
         if found is None:
             words = "the motion does not show it; GNSS velocities in a motion that changes would"
@@ -82,8 +90,11 @@ def oddities(common):
         )
 
 
-def find(imu, fixes):
-    """Offset of the clocks of Increments and GpsFix, or None if the motion does not show it."""
+def find(imu, fixes, arm_b=NO_ARM):
+    """Offset of the clocks, or None if the motion does not show it.
+
+    imu : Increments;  fixes : GpsFix;  arm_b : (3,) m, IMU to antenna
+    """
     fixes = [fix for fix in fixes if fix.valid and np.isfinite(fix.v_ea_e[0])]
     pairs = [(a, b) for a, b in pairwise(fixes) if _is_usable(a, b)]
     inside = [
@@ -93,16 +104,17 @@ def find(imu, fixes):
     if len(inside) < FEWEST:
         return None
     shifts_s = np.arange(-MOST_S, MOST_S + 0.5 * STEP_S, STEP_S)
-    seen = _Seen(imu)
-    cost, count = np.zeros(len(shifts_s)), 0
-    for said, sigma, felt in (_force(seen, inside), _turn(seen, inside)):
+    seen = _Seen(imu, arm_b)
+    cost, count, coarse_s = np.zeros(len(shifts_s)), 0, 0.0
+    for said, sigma, felt, own_s in (_force(seen, inside), _turn(seen, inside)):
         if len(said) < FEWEST:
             continue
         misfit = np.array([_misfit(said, sigma, felt(shift_s)) for shift_s in shifts_s])
         if misfit.max() < 4.0 * misfit.min() + 4.0 * len(said):
             continue  # nothing happens that would show it
         cost, count = cost + misfit, count + len(said)
-    return _least(shifts_s, cost, count) if count else None
+        coarse_s = max(coarse_s, own_s)
+    return _least(shifts_s, cost, count, coarse_s) if count else None
 
 
 def told(offset):
@@ -117,9 +129,15 @@ def _is_usable(earlier, later):
 class _Seen:
     """Integrals of the IMU in axes that do not turn, at the times of its samples."""
 
-    def __init__(self, imu):
+    def __init__(self, imu, arm_b):
         self.t_s = imu.t_s
-        self.gained = _gained(imu.dtheta_b, imu.dv_b)
+        step_s = float(np.median(np.diff(imu.t_s)))
+        wide = max(1, round(SMOOTHED_S / step_s))
+        omega_b = np.column_stack(
+            [np.convolve(one, np.full(wide, 1.0 / wide), "same") for one in imu.dtheta_b.T / step_s]
+        )
+        self.swing = np.cross(omega_b, arm_b)  # velocity of the antenna about the IMU, body axes
+        self.gained = _gained(imu.dtheta_b, imu.dv_b, self.swing)
         up = imu.dv_b.sum(axis=0)  # of a vehicle that goes along the ground
         self.turned = -np.cumsum(imu.dtheta_b @ up) / max(float(np.linalg.norm(up)), 1e-9)
 
@@ -131,15 +149,16 @@ class _Seen:
 
 
 @kernel
-def _gained(dtheta_b, dv_b):
-    """Sums of velocity increments in the axes of the first sample: (N, 3) rad, (N, 3) m/s -> (N, 3) m/s."""
-    C, gained = np.eye(3), np.zeros_like(dv_b)
+def _gained(dtheta_b, dv_b, swing_b):
+    """Velocity that the antenna has gained, in the axes of the first sample: (N, 3) rad, m/s, m/s -> m/s."""
+    C, gained, arm = np.eye(3), np.zeros_like(dv_b), np.zeros_like(dv_b)
     for k in range(1, len(dv_b)):
         half = rotation.dcm_from_rotvec(0.5 * dtheta_b[k])
         C = C @ half
         gained[k] = gained[k - 1] + C @ dv_b[k]
         C = C @ half
-    return gained
+        arm[k] = C @ swing_b[k]
+    return gained + arm
 
 
 def _times(pairs):
@@ -148,7 +167,8 @@ def _times(pairs):
 
 
 def _force(seen, pairs):
-    """Lengths of the specific force [m/s^2]: by GNSS, their sigma, and by the IMU at a shift."""
+    """Lengths of the specific force [m/s^2]: by GNSS, their sigma, by the IMU at a shift, and 1 sigma [s] of
+    the offset that comes out, whatever the noise."""
     begin_s, end_s, span_s = _times(pairs)
     said, sigma = [], []
     for (earlier, later), dt_s in zip(pairs, span_s, strict=True):
@@ -162,7 +182,7 @@ def _force(seen, pairs):
         gained = seen.at(end_s + shift_s, seen.gained) - seen.at(begin_s + shift_s, seen.gained)
         return np.linalg.norm(gained, axis=1) / span_s
 
-    return np.array(said), np.hypot(sigma, NOISE), felt
+    return np.array(said), np.hypot(sigma, NOISE), felt, 0.0
 
 
 def _turn(seen, pairs):
@@ -174,10 +194,23 @@ def _turn(seen, pairs):
     turn = (last[:, 0] - first[:, 0] + np.pi) % (2.0 * np.pi) - np.pi
     sigma = np.hypot(first[:, 1], last[:, 1]) / np.maximum(span_s, 1e-9)
 
-    def felt(shift_s):
-        return (seen.at(end_s + shift_s, seen.turned) - seen.at(begin_s + shift_s, seen.turned)) / span_s
+    speed = np.array([[_speed(fix) for fix in pairs[k]] for k in used]).reshape(-1, 2)
 
-    return turn / np.maximum(span_s, 1e-9), np.hypot(sigma, 0.01 * NOISE), felt
+    def lead(at_s, fast):  # of the antenna's course, by its motion about the IMU
+        swing = seen.at(at_s, seen.swing)
+        return np.arctan2(swing[:, 1], np.maximum(fast, SLOW))
+
+    def felt(shift_s):
+        turned = seen.at(end_s + shift_s, seen.turned) - seen.at(begin_s + shift_s, seen.turned)
+        led = lead(end_s + shift_s, speed[:, 1]) - lead(begin_s + shift_s, speed[:, 0])
+        return (turned + led) / span_s
+
+    own_s = AXLE_M / float(np.median(speed)) if used else 0.0
+    return turn / np.maximum(span_s, 1e-9), np.hypot(sigma, 0.01 * NOISE), felt, own_s
+
+
+def _speed(fix):
+    return float(np.linalg.norm(fix.v_ea_e))
 
 
 def _course(fix):
@@ -198,7 +231,7 @@ def _misfit(said, sigma, felt):
     return float(np.sum(weight * (d - np.sum(weight * d) / np.sum(weight)) ** 2))
 
 
-def _least(shifts_s, cost, count):
+def _least(shifts_s, cost, count, coarse_s):
     """Offset at the least cost, from a parabola through it; None if it is at an end or too vague."""
     k = int(np.argmin(cost))
     wide = 3  # steps: the cost is made of straight pieces between the samples of the IMU
@@ -209,5 +242,5 @@ def _least(shifts_s, cost, count):
     if curvature <= 0.0:
         return None
     offset_s = shifts_s[k] + 0.5 * (low - high) / (low - 2.0 * middle + high) * wide * STEP_S
-    sigma_s = float(np.sqrt(2.0 / curvature * max(1.0, middle / max(count - 2, 1))))
+    sigma_s = float(np.hypot(np.sqrt(2.0 / curvature * max(1.0, middle / max(count - 2, 1))), coarse_s))
     return Offset(float(offset_s), sigma_s) if sigma_s < MOST_SIGMA_S else None

@@ -1,7 +1,7 @@
 """A receiver that says the same position for a long time while the vehicle moves.
 
-The filter notices that fix by fix (`onboard.navigation.integrity_gps`); here it is said of the data as a whole,
-before the flight, by what the inertial sensors feel meanwhile.
+The filter notices that fix by fix (`onboard.navigation.integrity_gps`); here it is said of the data as a
+whole, by what the inertial sensors feel meanwhile.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ SHAKEN = 1.0  # [E] m/s^2, standard deviation of the specific force that a vehic
 
 
 def longest(imu, fixes):
-    """(first, last) time [s] and number of the fixes of the longest repetition in motion; None if there is none.
+    """First and last time [s] and number of the fixes of the longest repetition in motion; None without one.
 
     imu : Increments;  fixes : GpsFix
     """
@@ -41,12 +41,11 @@ def oddities(imu, fixes):
         first_s, last_s, count = found
         yield (
             "data.gnss",
-            f"the position repeats itself to the last digit for {last_s - first_s:.1f} s, from T{first_s:+.1f} s "
-            f"to T{last_s:+.1f} s ({count} fixes), while the IMU feels motion; the filter leaves it out",
+            f"the position repeats itself to the last digit for {last_s - first_s:.1f} s, from "
+            f"T{first_s:+.1f} s to T{last_s:+.1f} s ({count} fixes), while the IMU feels motion; "
+            "the filter leaves it out",
         )
     strange = [fix for fix in fixes if fix.n_satellites == NONSENSE]
     if strange:
-        text = (
-            f"the number of satellites of {len(strange)} fixes is none that there can be; they count as fixes"
-        )
-        yield "data.gnss.satellites", f"{text} all the same"
+        text = f"the number of satellites of {len(strange)} fixes is none that there can be"
+        yield "data.gnss.satellites", f"{text}; they count as fixes all the same"

@@ -99,7 +99,7 @@ def test_mixture_of_two_members(bank):
     assert mixture.mean[0] == pytest.approx(2.0)
     assert mixture.P[0, 0] == pytest.approx(25.0 + 0.75 * 4.0 + 0.25 * 36.0)
     found = mixture.alignment()
-    np.testing.assert_allclose(found.r_i, R + [2.0, 0.0, 0.0])
+    np.testing.assert_allclose(found.r_i, R + np.array([2.0, 0.0, 0.0]))
     assert found.sigma_r == pytest.approx(np.sqrt(2.0 * 37.0))
     assert len(found.gyro_bias) == 3 and found.sigma_gyro_bias > 0.0
 

@@ -1,4 +1,4 @@
-"""Alignment by the course, and of a heading that nobody knows: errors of drawn drives against their sigmas."""
+"""Alignment by the course, and of a heading that nobody knows: errors of drawn drives, and their sigmas."""
 
 import drive
 import numpy as np

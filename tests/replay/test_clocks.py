@@ -30,27 +30,27 @@ def drives():
 @pytest.mark.parametrize("shift_s", [0.0, 0.15, -0.8, 2.0])
 def test_an_offset_is_found(shift_s, drives):
     for data in drives:
-        found = clocks.find(data.imu, late(data, shift_s).fixes)
-        assert found.sigma_s < 0.05
-        assert abs(found.offset_s - shift_s) < 4.0 * found.sigma_s + 0.01
+        found = clocks.find(data.imu, late(data, shift_s).fixes, drive.LEVER)
+        assert 0.02 < found.sigma_s < 0.1
+        assert abs(found.offset_s - shift_s) < 0.03
 
 
 def test_it_is_told_if_it_matters(drives):
     scenario = load.load_text(drive.scenario_text(COURSE), "drive.yaml")
-    data, common = clocks.made_one(scenario, late(drives[0], 0.4))
+    data, common = clocks.made_one(scenario, late(drives[0], 0.6))
     ((field, words),) = clocks.oddities(common)
-    assert field == "gnss.clock_offset" and "+0.4" in words and common.applied_s == 0.0
-    assert data.fixes[0].t_valid_s == pytest.approx(0.1)
+    assert field == "gnss.clock_offset" and "+0.6" in words and common.applied_s == 0.0
+    assert data.fixes[0].t_valid_s == pytest.approx(-0.1)
     _, common = clocks.made_one(scenario, drives[0])
     assert not list(clocks.oddities(common))
 
 
 def test_a_given_offset_and_one_to_be_found(drives):
-    for word, tolerance in (("0.4 s", 1e-12), ("find", 0.05)):
+    for word, tolerance in (("0.6 s", 1e-12), ("find", 0.05)):
         gnss = f"{{lever_arm: [1 m, 0.2 m, -1.2 m], clock_offset: {word}}}"
         scenario = load.load_text(drive.scenario_text(COURSE, gnss=gnss), "drive.yaml")
-        data, common = clocks.made_one(scenario, late(drives[0], 0.4))
-        assert common.applied_s == pytest.approx(0.4, abs=tolerance)
+        data, common = clocks.made_one(scenario, late(drives[0], 0.6))
+        assert common.applied_s == pytest.approx(0.6, abs=tolerance)
         assert data.fixes[3].t_valid_s == pytest.approx(drives[0].fixes[3].t_valid_s, abs=tolerance)
         assert not list(clocks.oddities(common))
 
@@ -60,7 +60,7 @@ def test_what_stands_still_shows_no_clock():
     assert clocks.find(data.imu, data.fixes) is None
     gnss = "{clock_offset: find}"
     scenario = load.load_text(drive.scenario_text(COURSE, gnss=gnss), "drive.yaml")
-    with pytest.raises(DataError, match="gnss.clock_offset: 'find': the motion does not show it"):
+    with pytest.raises(DataError, match=r"gnss\.clock_offset: 'find': the motion does not show it"):
         clocks.made_one(scenario, data)
     without = [fix._replace(v_ea_e=np.full(3, np.nan)) for fix in data.fixes]
     assert clocks.find(data.imu, without) is None

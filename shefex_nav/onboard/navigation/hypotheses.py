@@ -1,4 +1,4 @@
-"""An attitude of which one angle is hardly known: filters that are each sure of another angle, until one is right.
+"""An attitude of which one angle is hardly known: filters, each sure of another angle, until one is right.
 
 The error model is linear, so one filter with a heading that may be anything converges to wrong headings and
 believes them. Here the angle's range is divided among filters, each with a part that is small enough for it.
