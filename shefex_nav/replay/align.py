@@ -160,7 +160,9 @@ def _check_still(scenario, f_b, omega_b, g):
     excess = abs(np.linalg.norm(f_b) - g)
     if excess > 5.0 * np.sqrt(3.0) * np.hypot(accelerometer.bias, accelerometer.scale_factor * g) + 0.05:
         words = f"the mean specific force is {np.linalg.norm(f_b):.4g} m/s2, gravity {g:.4g} m/s2"
-        raise DataError(f"static alignment: {words}; check units and imu.accelerometer.bias")
+        raise DataError(
+            f"static alignment: {words}; check units, imu.accelerometer.bias and alignment.duration"
+        )
     rate = np.linalg.norm(omega_b)
     if rate > wgs84.OMEGA + 5.0 * np.sqrt(3.0) * gyro.bias + 1e-4:
         words = f"the mean rate is {np.degrees(rate):.4g} deg/s"

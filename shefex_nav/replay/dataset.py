@@ -89,7 +89,8 @@ def increments(imu, data):
     stated = getattr(data.imu, "rate", None)
     if stated is not None and abs(step_s * stated - 1.0) > RATE_TOLERANCE:
         raise DataError(
-            f"{imu.table.file}: has {1.0 / step_s:.4g} samples a second, data.imu.rate says {stated:g}"
+            f"{imu.table.file}: has {1.0 / step_s:.4g} samples a second, data.imu.rate says {stated:g}; "
+            "check it and data.imu.time_unit"
         )
     longest = int(np.argmax(dt_s))
     if dt_s[longest] > max(data.longest_gap, 1.5 * step_s):

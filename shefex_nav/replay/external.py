@@ -14,7 +14,18 @@ from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.records import Alignment, Event, ImuBlock, Phase, TruthSample, row
-from shefex_nav.replay import align, clocks, dataset, params, plausible, reference, repeats, said, settle
+from shefex_nav.replay import (
+    align,
+    clocks,
+    dataset,
+    params,
+    plausible,
+    pressure,
+    reference,
+    repeats,
+    said,
+    settle,
+)
 from shefex_nav.replay.table import DataError
 
 NO_CAMERA = pinhole(1, 1, 1.0)
@@ -44,6 +55,7 @@ class Clock:
 def prepare(scenario, files):
     """Replay of a ReplayScenario and the paths of its files; DataError where the data do not allow it."""
     data = dataset.read(scenario, files)
+    pressure.check(scenario, data)
     data, common = clocks.made_one(scenario, data)
     oddities = plausible.check(scenario, data)
     odd = (*clocks.oddities(common), *repeats.oddities(data.imu, data.fixes))

@@ -13,6 +13,15 @@ from shefex_nav.records import GpsFix, row
 from shefex_nav.replay import params
 from shefex_nav.replay.table import DataError
 
+HEADING = (
+    "what is not known shows when the vehicle accelerates along the ground; give a heading, or more of the "
+    "motion"
+)
+HINTS = {
+    "rail": "gravity shows the roll about the nose as well as imu.accelerometer.bias allows: a smaller one, if "
+    "the sensors are that good, or a rail that leans more"
+}
+
 
 def settle(scenario, data, alignment, earth, blocks_from):
     """Alignment that one filter can start from: the same, or a later one.
@@ -40,20 +49,17 @@ def settle(scenario, data, alignment, earth, blocks_from):
     for mixture in mixtures(bank, blocks, [*data.fixes, *data.readings]):
         if mixture.is_settled:
             return mixture.alignment(), alignment.t_valid_s
-    raise DataError(_not_found(alignment, mixture))
+    raise DataError(_not_found(alignment, mixture, HINTS.get(scenario.alignment.method, HEADING)))
 
 
-def _not_found(alignment, mixture):
+def _not_found(alignment, mixture, hint):
     begin = f"from {alignment.t_valid_s:g} s on"
     if mixture is None:
         return f"alignment: the heading is not known, and there is no fix {begin} to find it by"
     words = f"to {min(np.degrees(mixture.sigma), 180.0):.0f} deg only (1 sigma) at {mixture.t_s:g} s"
     if mixture.others > 0.01:
         words += f", with another answer of weight {mixture.others:.2g}"
-    return (
-        f"alignment: {begin} the data show the attitude {words}; what is not known shows when the vehicle "
-        "accelerates along the ground; give a heading, or more of the motion"
-    )
+    return f"alignment: {begin} the data show the attitude {words}; {hint}"
 
 
 def mixtures(bank, blocks, received):

@@ -72,5 +72,5 @@ def test_a_rail_that_the_accelerometers_contradict_is_refused(tmp_path):
     words = r"the accelerometers feel 80\.0 deg, alignment.elevation says 86\.0 deg; check elevation"
     with pytest.raises(DataError, match=words):
         aligned(tmp_path, alignment=rail)
-    with pytest.raises(DataError, match="forward is the nose"):
+    with pytest.raises(DataError, match="axis x of the file points up"):
         aligned(tmp_path, overrides=[*BIASES, "data.axes=[z, y, -x]"])
