@@ -79,6 +79,8 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         rng("gps"),
         rng("gps_errors"),
     )
+    fixes = gps.told(faults.gps(wrong.gps, gps_data.fixes), scenario.gps.fix)
+    ranges = faults.gps_ranges(wrong.gps, gps_data.ranges, gps_data.antenna)
     events = [*flight.events, *faults.events(wrong, trajectory, earth)]
     return World(
         earth=earth,
@@ -86,8 +88,8 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         flight=flight._replace(events=tuple(sorted(events, key=lambda event: event.t_s))),
         alignment=pad.align(params.pad_params(scenario), trajectory, earth, rng("pad")),
         imu=measured,
-        gps_fixes=gps.told(faults.gps(wrong.gps, gps_data.fixes), scenario.gps.fix),
-        gps_ranges=faults.gps_ranges(wrong.gps, gps_data.ranges, gps_data.antenna),
+        gps_fixes=gps.stamped(fixes, scenario.gps.clock_offset),
+        gps_ranges=gps.stamped(ranges, scenario.gps.clock_offset),
         camera=true_camera,
         computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
         faults=wrong,

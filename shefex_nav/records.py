@@ -280,6 +280,11 @@ class GateResult(NamedTuple):
     innovation: np.ndarray  # (dof,)
 
 
+# sensors of which each reading is judged with the variance of errors that it shares with those around it: the
+# mean of their NIS is below 1
+ERRORS_THAT_LAST = ("barometer",)
+
+
 class NavHealth(NamedTuple):
     """Change in what the navigation thinks of a sensor, or of an axis of one."""
 

@@ -29,7 +29,8 @@ from shefex_nav.scenario.quantity import (
     refuse,
 )
 from shefex_nav.scenario.requirements import AttitudeLimit
-from shefex_nav.scenario.sensors import OFF, UNLIMITED, Accelerometer, Gyro
+from shefex_nav.scenario.sensors import OF_IMU, OFF, UNLIMITED, Accelerometer, Gyro
+from shefex_nav.scenario.use import Use
 
 NED = Field(description="noise, 1 sigma, north, east, down; takes the place of what the file says")
 SIDES = ("x", "y", "z")
@@ -279,6 +280,7 @@ class ReplayAccelerometer(Accelerometer):
 class ReplayImu(Block):
     """What the filter assumes of the inertial sensors."""
 
+    use: Use = Field(None, description=OF_IMU)
     gyro: ReplayGyro
     accelerometer: ReplayAccelerometer
 
@@ -318,6 +320,9 @@ class ReplayNavigation(Navigation):
     gravity_memory: Quantity("s", "50 s", "", positive=True) = "50 s"
     saturated_rate: Quantity("rad/s", "50 deg/s", "", positive=True) = "1 rad/s"
     saturated_acceleration: Quantity("m/s2", "5 gee", "", positive=True) = "5 gee"
+    told: None = Field(
+        default=None, description="here `imu` and `gnss` are what is told; nobody knows the truth"
+    )
     samples_per_tick: Count("4", "samples of the IMU in a step of the filter", at_least=1, at_most=1000) = (
         SAMPLES_PER_TICK
     )

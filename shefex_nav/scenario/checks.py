@@ -13,6 +13,7 @@ from shefex_nav.scenario import (
     faults,
     partial,
     star_statistics,
+    told,
 )
 from shefex_nav.scenario.checks_flight import seconds
 
@@ -50,6 +51,8 @@ def _parts(scenario, rated):
         *checks_tracker.PARTS,
         star_statistics.contradictions,
         faults.contradictions,
+        told.contradictions,
+        _told,
         dispersions.contradictions,
     )
     for part in alone:
@@ -106,6 +109,18 @@ def count(number, noun):
 def _states(scenario):
     """Blocks of states that go together."""
     yield from states_that_clash(scenario.navigation.states)
+
+
+def _told(scenario):
+    """What the computer is told goes together, as what is true does."""
+    known = told.as_told(scenario)
+    if known is scenario:
+        return
+    for part in (_vibration, _camera):
+        true = list(part(scenario))
+        for path, words in part(known):
+            if (path, words) not in true:
+                yield ("navigation", "told", *path), words
 
 
 def _camera(scenario):

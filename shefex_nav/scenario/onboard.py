@@ -1,7 +1,7 @@
 """Sections of a scenario about the software that flies: star tracker and navigation filter.
 
 Values are floats in SI and radians once loaded. What the filter assumes of the sensors is taken from their
-sections unless it is overridden in `navigation`.
+sections unless it is told otherwise in `navigation`.
 """
 
 from typing import Literal
@@ -12,6 +12,7 @@ from shefex_nav.scenario.barometer import BarometerUse, Release
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.quantity import Count, Number, Quantity, Time, Vector
 from shefex_nav.scenario.star_statistics import Model
+from shefex_nav.scenario.told import Told
 
 
 class ExposureControl(Block):
@@ -233,6 +234,10 @@ class Navigation(Block):
     )
     sensors: SensorOverrides = Field(
         default_factory=SensorOverrides, description="what the filter assumes of the sensors"
+    )
+    told: Told = Field(
+        default_factory=Told,
+        description="figures of the sensors that the computer is told in the place of the true ones",
     )
     gps: Literal["loose", "tight"] = Field(
         "loose", description="how GPS is used: its fixes, or the ranges of its channels (needs state clock)"

@@ -126,6 +126,13 @@ def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
     return GpsData(fixes, ranges, antenna)
 
 
+def stamped(messages, offset_s):
+    """Messages of a receiver whose clock gives instants that are later by offset_s than they are. -> list"""
+    if not offset_s:
+        return messages
+    return [message._replace(t_valid_s=message.t_valid_s + offset_s) for message in messages]
+
+
 def _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons):
     """GpsFix of every epoch: errors and covariance by least squares. -> list"""
     pdop, cofactor, per_sigma = solve(u_e, tracked, white)

@@ -19,12 +19,14 @@ from shefex_nav.onboard.navigation import (
     error_model,
     eskf,
     gate,
+    gps_told,
     integrity,
     integrity_gps,
     integrity_protection,
     integrity_watch,
     measurements,
     prediction,
+    unknown_attitude,
 )
 from shefex_nav.onboard.navigation.history import History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
@@ -208,6 +210,7 @@ def fuse(nav, arrivals):
     history, results = nav.history, []
     earliest = len(history)
     for arrival, fix in arrivals:
+        fix = gps_told.understood(nav.params.gps_told, fix)
         index = history.within(fix.t_valid_s)
         names, fix = _worth_trying(nav, arrival, fix, index, results)
         if names:
@@ -338,7 +341,8 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     if fate == Fate.DOUBTED:
         history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)
     else:
-        dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P)
+        share = None if measurement.sensor.startswith("star") else unknown_attitude.believed(prior)
+        dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P, share)
     if measurement.sensor == "star_tracker" and (fate == Fate.RESET or dx[ATT] @ dx[ATT] > eskf.LARGE2):
         history.P[:], G = eskf.turned_back(history.P, G), np.eye(3)
     if recorder is not None:

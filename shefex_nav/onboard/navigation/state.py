@@ -25,6 +25,8 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.blocks import DEFAULT_STATES, OPTIONAL, checked
+from shefex_nav.onboard.navigation.gps_told import NOTHING as NOTHING_TOLD
+from shefex_nav.onboard.navigation.gps_told import GpsTold
 
 POS = slice(0, 3)  # dr_i [m]
 VEL = slice(3, 6)  # dv_i [m/s]
@@ -199,6 +201,7 @@ class NavParams(NamedTuple):
     lasting_share: float = 0.0  # of the variance of a position fix: errors that last range_bias_time_s
     integrity: Any = None  # integrity_watch.IntegrityParams; None: nothing is expected of IMU and solution
     stars: str = "attitude"  # stars by the attitude of each frame; "vectors": each star by itself
+    gps_told: GpsTold = NOTHING_TOLD  # of the receiver, beyond what its messages say themselves
     barometer: Any = None  # measure_barometer.BarometerModel; None: there is no barometer
     baro_bias_walk: float = 0.0  # Pa/sqrt(s), of the first of the block baro_bias
 
