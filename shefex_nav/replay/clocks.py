@@ -41,7 +41,7 @@ SMALL_S = 0.02  # [E] offset that is not worth a word
 
 
 class Offset(NamedTuple):
-    """Time of the IMU less that of GNSS for one instant."""
+    """By how much fixes are stamped later than the clock of the IMU has them."""
 
     offset_s: float
     sigma_s: float
@@ -51,7 +51,7 @@ class Clocks(NamedTuple):
     """What is known of the clocks, and what was done."""
 
     found: Offset | None  # by the motion, before anything was done
-    applied_s: float  # that was added to the times of GNSS
+    applied_s: float  # that was taken from the times of GNSS
 
 
 def made_one(scenario, data):
@@ -69,7 +69,7 @@ def made_one(scenario, data):
     if not wanted_s:
         return data, Clocks(found, 0.0)
     moved = [
-        fix._replace(t_valid_s=fix.t_valid_s + wanted_s, t_available_s=fix.t_available_s + wanted_s)
+        fix._replace(t_valid_s=fix.t_valid_s - wanted_s, t_available_s=fix.t_available_s - wanted_s)
         for fix in data.fixes
     ]
     return data._replace(fixes=moved), Clocks(found, float(wanted_s))
@@ -85,8 +85,8 @@ def oddities(common):
         seen = f"{found.offset_s:+.3f} s, 1 sigma {found.sigma_s:.3f} s"
         yield (
             "gnss.clock_offset",
-            f"by the motion, the clock of the IMU less that of GNSS is {seen}; write 'find' or the value, "
-            "and let the filter estimate what is left (navigation.states: [gps_latency])",
+            f"by the motion, fixes are stamped {seen}, later than the IMU's clock has them; write "
+            "'find' or the value, and let the filter estimate the rest (navigation.states: [gps_latency])",
         )
 
 
@@ -243,4 +243,4 @@ def _least(shifts_s, cost, count, coarse_s):
         return None
     offset_s = shifts_s[k] + 0.5 * (low - high) / (low - 2.0 * middle + high) * wide * STEP_S
     sigma_s = float(np.hypot(np.sqrt(2.0 / curvature * max(1.0, middle / max(count - 2, 1))), coarse_s))
-    return Offset(float(offset_s), sigma_s) if sigma_s < MOST_SIGMA_S else None
+    return Offset(float(-offset_s), sigma_s) if sigma_s < MOST_SIGMA_S else None

@@ -246,7 +246,7 @@ class ReplayGnss(Block):
         "0 s"
     )
     clock_offset: Quantity(
-        "s", "0.35 s", "time of the IMU less that of GNSS, added to the times of the fixes", words=FIND
+        "s", "0.35 s", "fixes are stamped so much later than they are, by the clock of the IMU", words=FIND
     ) = "0 s"
     every: Time("1 s", "take one fix in this time only", positive=True) | None = None
     first: Time("0.2 s", "the first of them", non_negative=True) = "0 s"

@@ -6,8 +6,7 @@ from pydantic import Field
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.quantity import Quantity, Time
-
-NOT_KNOWN = (("unknown", float("inf")),)
+from shefex_nav.scenario.sensors import NOT_KNOWN
 
 
 class FromReference(Block):

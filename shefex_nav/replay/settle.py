@@ -18,7 +18,7 @@ HEADING = (
     "motion"
 )
 HINTS = {
-    "rail": "gravity shows the roll about the nose as well as imu.accelerometer.bias allows: a smaller one, if "
+    "rail": "gravity shows the roll about the nose as imu.accelerometer.bias allows: a smaller one, if "
     "the sensors are that good, or a rail that leans more"
 }
 

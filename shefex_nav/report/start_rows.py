@@ -19,9 +19,9 @@ def clocks(found):
     """(name, text) of the object that `replay.said.clocks` makes; nothing where nothing is known."""
     if found["found_s"] is not None:
         seen = f"{1e3 * found['found_s']:+.1f} ms, 1 sigma {1e3 * found['sigma_s']:.1f} ms"
-        yield "IMU less GNSS", f"{seen}, by comparing their motions"
+        yield "fixes are stamped", f"{seen}, later than the IMU has them, by comparing their motions"
     if found["applied_s"]:
-        yield "corrected by", f"{1e3 * found['applied_s']:+.1f} ms, added to the times of GNSS"
+        yield "corrected by", f"{1e3 * found['applied_s']:+.1f} ms, taken from the times of GNSS"
     if found["gps_latency_s"] is not None:
         seen = f"{1e3 * found['gps_latency_s']:+.1f} ms, 1 sigma {1e3 * found['sigma_gps_latency_s']:.1f} ms"
         yield "by the filter", f"fixes are {seen}, older than their times"

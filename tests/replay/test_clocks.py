@@ -13,9 +13,9 @@ COURSE = "{method: course, speed: 5 m/s, sideslip: 1 deg}"
 
 
 def late(data, shift_s):
-    """The same with times of GNSS that are early by shift_s: what it says is of later."""
+    """The same, stamped later by shift_s."""
     moved = [
-        fix._replace(t_valid_s=fix.t_valid_s - shift_s, t_available_s=fix.t_available_s - shift_s)
+        fix._replace(t_valid_s=fix.t_valid_s + shift_s, t_available_s=fix.t_available_s + shift_s)
         for fix in data.fixes
     ]
     return data._replace(fixes=moved)
@@ -39,8 +39,9 @@ def test_it_is_told_if_it_matters(drives):
     scenario = load.load_text(drive.scenario_text(COURSE), "drive.yaml")
     data, common = clocks.made_one(scenario, late(drives[0], 0.6))
     ((field, words),) = clocks.oddities(common)
-    assert field == "gnss.clock_offset" and "+0.6" in words and common.applied_s == 0.0
-    assert data.fixes[0].t_valid_s == pytest.approx(-0.1)
+    assert field == "gnss.clock_offset" and common.applied_s == 0.0
+    assert float(words.partition("stamped ")[2].partition(" s")[0]) == pytest.approx(0.6, abs=0.03)
+    assert data.fixes[0].t_valid_s == pytest.approx(1.1)
     _, common = clocks.made_one(scenario, drives[0])
     assert not list(clocks.oddities(common))
 
@@ -67,7 +68,7 @@ def test_what_stands_still_shows_no_clock():
 
 
 def test_the_filter_estimates_what_is_left(drives):
-    """A rest of 40 ms is in the state gps_latency, with its sign: fixes that are younger than they say."""
+    """A rest of 40 ms is in the state gps_latency, with its sign: fixes that are older than they say."""
     more = "\nnavigation: {states: [gps_latency], sensors: {gps_latency_error: 50 ms}}\n"
     scenario = load.load_text(drive.scenario_text(COURSE) + more, "drive.yaml")
     data = late(drives[1], 0.04)
@@ -82,5 +83,5 @@ def test_the_filter_estimates_what_is_left(drives):
         kept.add(record)
     found = said.clocks(clocks.Clocks(None, 0.0), kept.build())
     assert found["sigma_gps_latency_s"] < 0.01
-    assert abs(found["gps_latency_s"] + 0.04) < 4.0 * found["sigma_gps_latency_s"]
+    assert abs(found["gps_latency_s"] - 0.04) < 4.0 * found["sigma_gps_latency_s"]
     assert params.nav_params(scenario, 0.01).states[-1] == "gps_latency"

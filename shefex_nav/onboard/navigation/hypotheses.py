@@ -115,6 +115,16 @@ class Bank:
         weights = np.exp(logs - logs.max())
         return weights / weights.sum()
 
+    @property
+    def best_member(self):
+        """The Member with most weight."""
+        return self.members[int(np.argmax(self.weights))]
+
+    @property
+    def best(self):
+        """Its fusion.Filter."""
+        return self.best_member.nav
+
     def prune(self):
         """Give up the members that have no weight left."""
         self.members = [
@@ -144,6 +154,11 @@ class Mixture(NamedTuple):
     mean: np.ndarray  # (12,) error of that: position, velocity, attitude, gyro bias
     P: np.ndarray  # (12, 12)
     others: float  # weight of members that are another answer
+
+    @property
+    def about_best(self):
+        """Mean square of the error of the best member, ties included: (12, 12)."""
+        return self.P + np.outer(self.mean, self.mean)
 
     @property
     def sigma(self):
