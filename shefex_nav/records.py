@@ -89,6 +89,8 @@ class Alignment(NamedTuple):
     sigma_r: float  # m, each axis
     sigma_v: float  # m/s, each axis
     P_theta_b: np.ndarray  # (3, 3) rad^2, covariance of the attitude error in body axes
+    gyro_bias: np.ndarray = np.empty(0)  # (3,) rad/s, found while aligning; (0,) if it was not
+    sigma_gyro_bias: float = 0.0  # rad/s, of that, each axis
 
 
 class ImuBlock(NamedTuple):

@@ -233,6 +233,8 @@ TOPICS = (
         _number("sigma_r_m", "sigma_r", "standard deviation of each axis [m]"),
         _number("sigma_v_m_s", "sigma_v", "standard deviation of each axis [m/s]"),
         _matrix("P_theta_b_rad2", "P_theta_b", "covariance of the attitude error, body axes [rad^2]"),
+        _number("gyro_bias_rad_s", "gyro_bias", "gyro bias found while aligning, if any [rad/s]", (-1,)),
+        _number("sigma_gyro_bias_rad_s", "sigma_gyro_bias", "its standard deviation, each axis [rad/s]"),
     )),
     Topic(NavSolution, "/nav/solution", "NavSolution", 100, "t_s", "The navigation's output.", (
         T_S,

@@ -18,7 +18,7 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
 from shefex_nav.onboard.navigation import coast as coasting
-from shefex_nav.onboard.navigation import fusion, mean_rate, sensors, strapdown
+from shefex_nav.onboard.navigation import fusion, mean_rate, search, sensors, strapdown
 from shefex_nav.onboard.navigation.state import ATT, X_MOUNTING, X_Q, X_R, X_V, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.onboard.telemetry import RECORDS
@@ -47,6 +47,7 @@ class Computer(NamedTuple):
     tracker_state: Any  # star_tracker.TrackerState while switched on, else None
     waiting: tuple  # StarFix that are not available yet
     ticks: int
+    bank: Any = None  # hypotheses.Bank while an angle of the attitude is not known; nav is the best of it
 
 
 def start(params, alignment, earth, catalogue, julian_year):
@@ -64,7 +65,8 @@ def start(params, alignment, earth, catalogue, julian_year):
     Computer
     """
     tracker = star_tracker.init(params.tracker, catalogue, julian_year)
-    return Computer(params, earth, fusion.start(params.nav, alignment, earth), tracker, None, (), 0)
+    nav, bank = search.start(params.nav, alignment, earth)
+    return Computer(params, earth, nav, tracker, None, (), 0, bank)
 
 
 def coast(computer, blocks, first, last, telemetry=RECORDS):
@@ -82,6 +84,9 @@ def coast(computer, blocks, first, last, telemetry=RECORDS):
     done : int, ticks that were made, at least one
     outputs : list of (tick, records), what there is to tell of the ticks before the last: see `glide`
     """
+    if computer.bank is not None:
+        search.advance(computer.bank, blocks, first)
+        return computer._replace(ticks=computer.ticks + 1), 1, []
     ticks, is_now = computer.ticks, computer.tracker_state is not None
     switches = np.flatnonzero(is_on(computer.params, blocks.t_valid_s[first:last]) != is_now)
     if len(switches):
@@ -90,7 +95,7 @@ def coast(computer, blocks, first, last, telemetry=RECORDS):
     if due_s < blocks.t_valid_s[last - 1]:
         last = first + int(np.searchsorted(blocks.t_valid_s[first:last], due_s - SAME_S)) + 1
     done, outputs = glide(computer.nav, ticks, blocks, first, last, telemetry)
-    return Computer(*computer[:-1], ticks + done), done, outputs
+    return computer._replace(ticks=ticks + done), done, outputs
 
 
 def glide(nav, ticks, blocks, first, last, telemetry=RECORDS):
@@ -135,7 +140,22 @@ def attend(computer, gps_fixes, frames_arrived, *, chain=star_tracker.step, cont
     now_s, outputs, due = computer.nav.history.ends_s[-1], [], ()
     if computer.waiting or frames_arrived or _switches(computer, now_s):
         computer, outputs, due = _track_stars(computer, now_s, frames_arrived, chain, context or star_context)
+    if computer.bank is not None:
+        computer, more = _search(computer, gps_fixes, due, telemetry)
+        return computer, outputs + more
     return computer, outputs + conclude(computer.nav, computer.ticks, gps_fixes, due, telemetry)
+
+
+def _search(computer, gps_fixes, star_fixes, telemetry):
+    """`conclude` while an angle of the attitude is not known. -> Computer, records"""
+    params, bank = computer.params, computer.bank
+    outputs = search.fuse(bank, gps_fixes, star_fixes) if len(gps_fixes) or len(star_fixes) else []
+    found = search.settled(bank, params.nav, computer.earth) if outputs else None
+    if found is None:
+        outputs = outputs + telemetry.now(search.teller(bank), computer.ticks)
+        return computer._replace(nav=bank.best), outputs
+    outputs = outputs + telemetry.now(found, computer.ticks)
+    return computer._replace(nav=found, bank=None), outputs
 
 
 def conclude(nav, ticks, gps_fixes, star_fixes, telemetry=RECORDS):

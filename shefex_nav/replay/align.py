@@ -1,12 +1,16 @@
-"""Where the navigation of external data starts from: the truth, or sensors of a vehicle that stands still."""
+"""Where the navigation of external data starts from: the truth, sensors of a vehicle that stands still, on a
+rail or not, or the course of one that moves."""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import euler, frames, rotation, wgs84
+from shefex_nav.onboard.navigation.hypotheses import UNKNOWN
 from shefex_nav.records import Alignment
-from shefex_nav.replay import reference
+from shefex_nav.replay import align_motion, align_rail, reference
 from shefex_nav.replay.table import DataError
 
 MOST_HEADING_SIGMA = np.radians(20.0)  # beyond it a linear filter cannot start
@@ -19,9 +23,7 @@ def align(scenario, data, earth):
 
     It is valid at the sample of the IMU that begins the navigation.
     """
-    if scenario.alignment.method == "static":
-        return static(scenario, data, earth)
-    return from_reference(scenario, data, earth)
+    return METHODS[scenario.alignment.method](scenario, data, earth)
 
 
 def first_sample(imu, start_s):
@@ -40,7 +42,7 @@ def from_reference(scenario, data, earth):
         raise DataError(f"{data.truth.table.file}: {words}")
     sigmas = (settings.position, settings.velocity)
     P_n = np.diag([settings.level, settings.level, settings.azimuth]) ** 2
-    return _alignment(float(t_s[0]), state.r_i[0], state.v_i[0], state.q_ib[0], earth, *sigmas, P_n)
+    return alignment(float(t_s[0]), state.r_i[0], state.v_i[0], state.q_ib[0], earth, *sigmas, P_n)
 
 
 def static(scenario, data, earth):
@@ -51,6 +53,44 @@ def static(scenario, data, earth):
     b/g, one of the gyros turns the heading by b/(omega_ie cos(latitude)); so does the rate of the Earth about
     the vertical, of which a tilt about north lets the share omega_ie sin(latitude) into the east axis.
     """
+    rest, settings = _rest(scenario, data), scenario.alignment
+    f_b, omega_b = rest.f_b, rest.omega_b
+    if f_b[2] > 0.5 * rest.g:
+        words = "the specific force points down where the vehicle stands on the ground"
+        raise DataError(f"static alignment: {words}; check the signs in data.axes")
+    roll, pitch = np.arctan2(-f_b[1], -f_b[2]), np.arctan2(f_b[0], np.hypot(f_b[1], f_b[2]))
+    P_n = _covariance(scenario, rest.span_s, rest.g, rest.latitude)
+    heading = settings.heading
+    if heading is None:
+        omega_level = euler.dcm_from_euler(roll, pitch, 0.0) @ omega_b
+        heading = float(np.arctan2(-omega_level[1], omega_level[0]))
+    C_nb = euler.dcm_from_euler(roll, pitch, 0.0 if np.isinf(heading) else heading)
+    return _at_rest(scenario, rest, earth, C_nb, P_n, settings.gyro_bias == "at_rest")
+
+
+def rail(scenario, data, earth):
+    """Alignment of a rocket that stands on its rail for a time, at the end of that time."""
+    rest = _rest(scenario, data)
+    C_nb, P_n = align_rail.attitude(scenario, rest.f_b, rest.span_s, rest.g)
+    return _at_rest(scenario, rest, earth, C_nb, P_n, True)
+
+
+class Rest(NamedTuple):
+    """What the sensors say in a time in which the vehicle stands still."""
+
+    t_s: float  # its end
+    span_s: float
+    r_a_e: np.ndarray  # (3,) m, antenna
+    sigma_r: float  # m, each axis
+    latitude: float  # rad
+    C_en: np.ndarray  # (3, 3)
+    f_b: np.ndarray  # (3,) m/s^2, mean specific force
+    omega_b: np.ndarray  # (3,) rad/s, mean rate
+    g: float  # m/s^2
+
+
+def _rest(scenario, data):
+    """Rest of the time that the scenario says; DataError if the data say something else."""
     settings, imu = scenario.alignment, data.imu
     begin = first_sample(imu, scenario.mission.start)
     end = first_sample(imu, scenario.mission.start + settings.duration)
@@ -63,25 +103,31 @@ def static(scenario, data, earth):
     latitude, longitude, _ = wgs84.geodetic_from_ecef(r_a_e)
     f_b = imu.dv_b[begin + 1 : end + 1].sum(axis=0) / span_s
     omega_b = imu.dtheta_b[begin + 1 : end + 1].sum(axis=0) / span_s
-    C_en = wgs84.dcm_en(latitude, longitude)
     g = float(np.linalg.norm(gravity.normal_gravity_e(r_a_e)))
     _check_still(scenario, f_b, omega_b, g)
-    roll, pitch = np.arctan2(-f_b[1], -f_b[2]), np.arctan2(f_b[0], np.hypot(f_b[1], f_b[2]))
-    P_n = _covariance(scenario, span_s, g, latitude)
-    heading = settings.heading
-    if heading is None:
-        omega_level = euler.dcm_from_euler(roll, pitch, 0.0) @ omega_b
-        heading = float(np.arctan2(-omega_level[1], omega_level[0]))
-    C_nb = euler.dcm_from_euler(roll, pitch, heading)
-    t_s = float(imu.t_s[end])
-    C_ie = frames.dcm_ie(earth, t_s)
-    r_e = r_a_e - C_en @ C_nb @ np.array(scenario.gnss.lever_arm)
-    r_i, v_i = frames.inertial_from_ecef(earth, t_s, r_e, np.zeros(3))
-    q_ib = rotation.quat_from_dcm(C_ie @ C_en @ C_nb)
-    return _alignment(t_s, r_i, v_i, q_ib, earth, sigma_r, settings.velocity, P_n)
+    C_en = wgs84.dcm_en(latitude, longitude)
+    return Rest(float(imu.t_s[end]), span_s, r_a_e, sigma_r, latitude, C_en, f_b, omega_b, g)
 
 
-def _alignment(t_s, r_i, v_i, q_ib, earth, sigma_r, sigma_v, P_n):
+def _at_rest(scenario, rest, earth, C_nb, P_n, with_bias):
+    """Alignment at the end of a Rest. with_bias : whether the mean rate says what the gyros' bias is"""
+    r_e = rest.r_a_e - rest.C_en @ C_nb @ np.array(scenario.gnss.lever_arm)
+    r_i, v_i = frames.inertial_from_ecef(earth, rest.t_s, r_e, np.zeros(3))
+    q_ib = rotation.quat_from_dcm(frames.dcm_ie(earth, rest.t_s) @ rest.C_en @ C_nb)
+    sigmas = rest.sigma_r, scenario.alignment.velocity
+    found = alignment(rest.t_s, r_i, v_i, q_ib, earth, *sigmas, P_n)
+    if not with_bias:
+        return found
+    bias = align_rail.gyro_bias(scenario, rest.omega_b, rest.span_s, C_nb, rest.C_en, P_n)
+    return found._replace(gyro_bias=bias[0], sigma_gyro_bias=bias[1])
+
+
+def course(scenario, data, earth):
+    """Alignment of a vehicle that moves, by the course of its velocity."""
+    return align_motion.course(scenario, data, earth, alignment)
+
+
+def alignment(t_s, r_i, v_i, q_ib, earth, sigma_r, sigma_v, P_n):
     """Alignment with the covariance of the attitude given about north, east and down, (3, 3) rad^2."""
     C_ie = frames.dcm_ie(earth, t_s)
     latitude, longitude, _ = wgs84.geodetic_from_ecef(C_ie.T @ r_i)
@@ -114,14 +160,13 @@ def _check_still(scenario, f_b, omega_b, g):
     excess = abs(np.linalg.norm(f_b) - g)
     if excess > 5.0 * np.sqrt(3.0) * np.hypot(accelerometer.bias, accelerometer.scale_factor * g) + 0.05:
         words = f"the mean specific force is {np.linalg.norm(f_b):.4g} m/s2, gravity {g:.4g} m/s2"
-        raise DataError(f"static alignment: {words}; check units and imu.accelerometer.bias")
+        raise DataError(
+            f"static alignment: {words}; check units, imu.accelerometer.bias and alignment.duration"
+        )
     rate = np.linalg.norm(omega_b)
     if rate > wgs84.OMEGA + 5.0 * np.sqrt(3.0) * gyro.bias + 1e-4:
         words = f"the mean rate is {np.degrees(rate):.4g} deg/s"
         raise DataError(f"static alignment: {words}; check units, imu.gyro.bias and alignment.duration")
-    if f_b[2] > 0.5 * g:
-        words = "the specific force points down where the vehicle stands on the ground"
-        raise DataError(f"static alignment: {words}; check the signs in data.axes")
 
 
 def _covariance(scenario, span_s, g, latitude):
@@ -134,6 +179,8 @@ def _covariance(scenario, span_s, g, latitude):
     acceleration = np.hypot(accelerometer.bias, accelerometer.in_run_bias)
     acceleration = np.hypot(acceleration, accelerometer.random_walk / np.sqrt(span_s))
     level = float(np.hypot(acceleration / g, settings.disturbance))
+    if settings.heading is not None and np.isinf(settings.heading):
+        return np.diag([level, level, UNKNOWN]) ** 2
     if settings.azimuth is not None:
         return np.diag([level, level, settings.azimuth]) ** 2
     rate = np.hypot(np.hypot(gyro.bias, gyro.in_run_bias), gyro.random_walk / np.sqrt(span_s))
@@ -143,5 +190,11 @@ def _covariance(scenario, span_s, g, latitude):
     azimuth = np.sqrt(P_n[2, 2])
     if not azimuth <= MOST_HEADING_SIGMA:
         words = f"these sensors find north to {np.degrees(min(azimuth, np.pi)):.0f} deg only (1 sigma)"
-        raise DataError(f"static alignment: {words}; give alignment.heading and alignment.azimuth")
+        raise DataError(
+            f"static alignment: {words}; give alignment.heading and alignment.azimuth, "
+            "or 'heading: unknown', which finds it from the motion"
+        )
     return P_n
+
+
+METHODS = {"reference": from_reference, "static": static, "rail": rail, "course": course}

@@ -61,7 +61,7 @@ def _external(source, folder, overrides, from_s, log):
     scenario, files = load.load(source, overrides, folder)
     began = time.perf_counter()
     from shefex_nav import warmup
-    from shefex_nav.replay import external
+    from shefex_nav.replay import air, external, said
     from shefex_nav.scenario.choices import choices
 
     warmup.get_ready({"command=replay", *choices(scenario)})
@@ -75,6 +75,8 @@ def _external(source, folder, overrides, from_s, log):
     data = _collect(external.run(ready, clock), mission, end_s, setup_s, log)
     summary = _summary(data, log, from_s, clock.filter_s, end_s - mission.start_s)
     summary["warnings"] = [one._asdict() for one in ready.oddities]
+    summary["alignment"], summary["clocks"] = ready.start, said.clocks(ready.common, data)
+    summary["barometer"] = air.highest(ready.data.pressures, ready.alignment, data)
     return summary
 
 

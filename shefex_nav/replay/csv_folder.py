@@ -7,6 +7,8 @@ from shefex_nav.replay import series
 from shefex_nav.replay.series import ImuSeries, MagneticSeries, PressureSeries, TruthSeries
 from shefex_nav.replay.table import DataError, read_csv
 
+MOST_SATELLITES = 100  # that can be in view of one antenna; more is nonsense
+
 
 def read(data, files):
     """Series of a schema.CsvData and the paths of its files.
@@ -36,10 +38,10 @@ def _imu(columns, path):
 def _gnss(columns, path):
     optional = (columns.velocity, columns.position_sigma, columns.velocity_sigma)
     names = (columns.time, *columns.position, *(name for triple in optional for name in triple or ()))
-    table = read_csv(path, names + ((columns.valid,) if columns.valid else ()))
+    table = read_csv(path, names + tuple(filter(None, (columns.valid, columns.satellites))))
     angle, height = columns.angle_unit.factor, columns.height
     r_e = series.positions(table, columns.position, columns.position_frame, angle, height)
-    return series.gnss(
+    said = series.gnss(
         table,
         table.columns[columns.time] * columns.time_unit.factor,
         r_e,
@@ -49,6 +51,10 @@ def _gnss(columns, path):
         table.columns[columns.valid] != 0.0 if columns.valid else None,
         horizontal=len(columns.position) == 2,
     )
+    if columns.satellites is None:
+        return said
+    count = table.columns[columns.satellites]
+    return said._replace(satellites=np.where((count >= 0) & (count <= MOST_SATELLITES), count, np.nan))
 
 
 def _barometer(columns, path):

@@ -16,6 +16,7 @@ from shefex_nav.replay.table import DataError
 
 READERS = {"csv": csv_folder.read, "kf_gins": kf_gins.read, "navego": navego.read}
 RATE_TOLERANCE = 0.02  # of the sampling rate that a scenario states
+NONSENSE = -1  # number of satellites that cannot be
 READING_RATE_TOLERANCE = 0.1  # likewise of a barometer, which need not keep time
 
 
@@ -34,7 +35,13 @@ class Dataset(NamedTuple):
     imu: Increments
     fixes: list  # of GpsFix, in order of time
     truth: TruthSeries | None
-    readings: tuple = ()  # of BarometerReading, in order of time, then of MagnetometerReading
+    pressures: tuple = ()  # of BarometerReading, in order of time
+    fields: tuple = ()  # of MagnetometerReading, likewise
+
+    @property
+    def received(self):
+        """Fixes and readings, in no order: list."""
+        return [*self.fixes, *self.pressures, *self.fields]
 
 
 def read(scenario, files):
@@ -54,9 +61,13 @@ def read(scenario, files):
         if one is not None and (one.t_s[0] > end_s or one.t_s[-1] < 0.0):
             words = f"covers {one.t_s[0]:g} s to {one.t_s[-1]:g} s after the first sample of the IMU"
             raise DataError(f"{one.table.file}: {words}, which ends at {end_s:g} s; are the clocks the same?")
-    given = () if pressures is None else readings(pressures, scenario.barometer)
-    given += () if fields is None else magnetic_readings(fields, scenario.magnetometer, scenario.data)
-    return Dataset(increments(imu, scenario.data), fixes(gnss, scenario.gnss), truth, given)
+    return Dataset(
+        imu=increments(imu, scenario.data),
+        fixes=fixes(gnss, scenario.gnss),
+        truth=truth,
+        pressures=() if pressures is None else readings(pressures, scenario.barometer),
+        fields=() if fields is None else magnetic_readings(fields, scenario.magnetometer, scenario.data),
+    )
 
 
 def _same_lever_arm(scenario, path):
@@ -89,7 +100,8 @@ def increments(imu, data):
     stated = getattr(data.imu, "rate", None)
     if stated is not None and abs(step_s * stated - 1.0) > RATE_TOLERANCE:
         raise DataError(
-            f"{imu.table.file}: has {1.0 / step_s:.4g} samples a second, data.imu.rate says {stated:g}"
+            f"{imu.table.file}: has {1.0 / step_s:.4g} samples a second, data.imu.rate says {stated:g}; "
+            "check it and data.imu.time_unit"
         )
     longest = int(np.argmax(dt_s))
     if dt_s[longest] > max(data.longest_gap, 1.5 * step_s):
@@ -140,11 +152,12 @@ def fixes(gnss, settings):
     sigma_v_n = (
         None if gnss.v_e is None else _noise(gnss, gnss.sigma_v_n, settings.velocity_noise, "velocity")
     )
-    out = []
+    count, out = np.zeros(len(gnss.t_s)) if gnss.satellites is None else gnss.satellites, []
     for k in _chosen(gnss.t_s, settings).tolist():
         latitude, longitude, _ = wgs84.geodetic_from_ecef(gnss.r_e[k])
         C_en = wgs84.dcm_en(latitude, longitude)
-        has_velocity, valid = gnss.v_e is not None, bool(gnss.valid[k])
+        has_velocity, reason = gnss.v_e is not None, _unusable(gnss, k, settings.fewest_satellites)
+        valid = not reason
         nothing, unknown = np.full(3, np.nan), np.full((3, 3), np.nan)
         out.append(
             GpsFix(
@@ -155,13 +168,22 @@ def fixes(gnss, settings):
                 v_ea_e=gnss.v_e[k] if valid and has_velocity else nothing,
                 R_r_e=C_en * sigma_r_n[k] ** 2 @ C_en.T if valid else unknown,
                 R_v_e=C_en * sigma_v_n[k] ** 2 @ C_en.T if valid and has_velocity else unknown,
-                n_satellites=0,
+                n_satellites=NONSENSE if np.isnan(count[k]) else int(count[k]),
                 pdop=np.nan,
-                reason="" if valid else "marked as not valid",
+                reason=reason,
                 horizontal=gnss.horizontal,
             )
         )
     return out
+
+
+def _unusable(gnss, k, fewest):
+    """Why fix k is none; '' if it is one. A number of satellites that is nonsense says nothing against it."""
+    if not gnss.valid[k]:
+        return "marked as not valid"
+    if gnss.satellites is not None and gnss.satellites[k] < fewest:
+        return f"fewer than {fewest} satellites"
+    return ""
 
 
 def readings(pressures, settings):

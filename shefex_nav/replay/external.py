@@ -14,7 +14,18 @@ from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.records import Alignment, Event, ImuBlock, Phase, TruthSample, row
-from shefex_nav.replay import align, dataset, params, plausible, reference
+from shefex_nav.replay import (
+    align,
+    clocks,
+    dataset,
+    params,
+    plausible,
+    pressure,
+    reference,
+    repeats,
+    said,
+    settle,
+)
 from shefex_nav.replay.table import DataError
 
 NO_CAMERA = pinhole(1, 1, 1.0)
@@ -30,6 +41,8 @@ class Replay(NamedTuple):
     blocks: ImuBlock  # arrays, a row a block, from the alignment on
     truth: reference.States | None  # at the ends of blocks
     oddities: tuple[plausible.Oddity, ...] = ()  # what is to be warned of
+    start: dict | None = None  # `said.alignment`
+    common: clocks.Clocks | None = None  # what is known of the clocks
 
 
 class Clock:
@@ -42,19 +55,29 @@ class Clock:
 def prepare(scenario, files):
     """Replay of a ReplayScenario and the paths of its files; DataError where the data do not allow it."""
     data = dataset.read(scenario, files)
+    pressure.check(scenario, data)
+    data, common = clocks.made_one(scenario, data)
     oddities = plausible.check(scenario, data)
+    odd = (*clocks.oddities(common), *repeats.oddities(data.imu, data.fixes))
+    oddities += [plausible.Oddity(*one) for one in odd]
     orientation = scenario.earth
     earth = ephemeris.earth_rotation(
         scenario.mission.epoch, orientation.ut1_minus_utc, orientation.pole_x, orientation.pole_y
     )
-    alignment = align.align(scenario, data, earth)
     n = scenario.navigation.samples_per_tick
-    blocks = imu_blocks(data.imu, n, alignment.t_valid_s, scenario.mission.end)
+
+    def blocks_from(start_s):
+        return imu_blocks(data.imu, n, start_s, scenario.mission.end)
+
+    alignment = align.align(scenario, data, earth)
+    alignment, since_s = settle.settle(scenario, data, alignment, earth, blocks_from)
+    blocks = blocks_from(alignment.t_valid_s)
     if not len(blocks.t_valid_s):
         raise DataError(f"{files['imu']}: {_too_short(scenario, data.imu.t_s, alignment.t_valid_s)}")
     ends_s = np.append(alignment.t_valid_s, blocks.t_valid_s)
     truth = None if data.truth is None else reference.at(data.truth, earth, ends_s)
-    return Replay(scenario, data, earth, alignment, blocks, truth, tuple(oddities))
+    start = said.alignment(alignment, earth, scenario.alignment.method, since_s)
+    return Replay(scenario, data, earth, alignment, blocks, truth, tuple(oddities), start, common)
 
 
 def _too_short(scenario, t_s, start_s):
@@ -118,8 +141,7 @@ def run(replay, clock):
     height = mission(replay).launch_height
     yield Event(alignment.t_valid_s, "replay_start", height, f"{scenario.data.format} data")
     nav = fusion.start(params.nav_params(scenario, float(replay.blocks.dt_s[0])), alignment, replay.earth)
-    said = [*replay.data.fixes, *replay.data.readings]
-    said = [one for one in said if one.t_valid_s > alignment.t_valid_s]
+    said = [one for one in replay.data.received if one.t_valid_s > alignment.t_valid_s]
     waiting = sorted(said, key=lambda one: one.t_available_s, reverse=True)
     truth, n = _truth_samples(replay.truth), 0
     while n < len(replay.blocks.t_valid_s):

@@ -1,9 +1,11 @@
 """Replay scenario file -> `ReplayScenario` and the paths of its data; all errors at once, each placed."""
 
+import math
 import os
 from functools import partial
 
-from shefex_nav.replay.schema import CsvData, ReplayScenario, Static
+from shefex_nav.replay.schema import CsvData, ReplayScenario
+from shefex_nav.replay.schema_alignment import Static
 from shefex_nav.scenario import barometer, kind, magnetometer
 from shefex_nav.scenario import load as missions
 from shefex_nav.scenario.checks import states_that_clash
@@ -86,8 +88,16 @@ def _times(scenario):
 def _heading(scenario):
     """A heading that is given, with how well it is known."""
     alignment = scenario.alignment
-    if isinstance(alignment, Static) and (alignment.heading is None) != (alignment.azimuth is None):
+    if not isinstance(alignment, Static):
+        return
+    if alignment.heading == math.inf:
+        if alignment.azimuth is not None:
+            yield ("alignment", "azimuth"), "has no meaning with 'heading: unknown'; leave it out"
+    elif (alignment.heading is None) != (alignment.azimuth is None):
         yield ("alignment",), ("heading and azimuth, its 1 sigma, go together; give both or none of them")
+    if alignment.heading is None and alignment.gyro_bias == "at_rest":
+        words = "the rate at rest cannot say both north and the bias; give heading and azimuth"
+        yield ("alignment", "gyro_bias"), f"{words}, or 'heading: unknown'"
 
 
 def _reference(scenario):

@@ -322,7 +322,7 @@ def _against_climb(data, axes, fixes, g, slack):
     climb = next((fix for fix in fixes if np.linalg.norm(fix.v_ea_e) > CLIMBS), None)
     if climb is None or _upward(climb) < STEEP or up_b[0] > STEEP:
         return []
-    words = f"at rest the file's axis {_of_file(up_b, axes)} points up, which data.axes calls {_side(up_b)}"
+    words = f"at rest the file's axis {of_file(up_b, axes)} points up, which data.axes calls {_side(up_b)}"
     return [
         Oddity("data.axes", f"{words}; then the vehicle climbs: one that stands nose up has forward there")
     ]
@@ -352,7 +352,7 @@ def _side(u_b):
     return SIDES[k] if u_b[k] > 0.0 else OPPOSITE[SIDES[k]]
 
 
-def _of_file(u_b, axes):
+def of_file(u_b, axes):
     """The axis of the file that is nearest to a direction in body axes, such as '-y'."""
     k = int(np.argmax(np.abs(u_b)))
     sign = u_b[k] * (-1.0 if axes[k][0] == "-" else 1.0)

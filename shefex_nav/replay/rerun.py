@@ -20,6 +20,7 @@ from shefex_nav.log.run_data import RunData
 from shefex_nav.log.topics import ATTACHMENT, LogError
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
+from shefex_nav.onboard.navigation.hypotheses import is_wide
 from shefex_nav.onboard.navigation.state import NavParams
 from shefex_nav.records import ControlSample, Event, FrameTruth, Reason, TruthSample, row
 from shefex_nav.replay import load as external_load
@@ -85,6 +86,11 @@ def open_log(log_path, overrides=()):
 def of_data(data, log_path, overrides=()):
     """Recording of a RunData, read from `log_path` or kept in memory under this name."""
     _check(log_path, data)
+    if data.alignment is not None and is_wide(data.alignment):
+        raise LogError(
+            f"{log_path}: begins with an angle of the attitude that was not known; its flight can be flown "
+            "again (run), its filter cannot be run again over this log"
+        )
     nav_params, source, known = _configuration(data, f"{log_path}: {ATTACHMENT}", overrides)
     if nav_params.stars == "vectors" and any(
         fix.reason == Reason.NONE and not len(fix.stars.hip) for fix in data.star_fixes

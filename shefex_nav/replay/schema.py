@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 from pydantic_core import PydanticCustomError, core_schema
 
 from shefex_nav.clock import SAMPLES_PER_TICK
+from shefex_nav.replay.schema_alignment import ALIGNMENTS
 from shefex_nav.scenario.barometer import Barometer
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.magnetometer import Magnetometer
@@ -34,6 +35,7 @@ from shefex_nav.scenario.use import Use
 
 NED = Field(description="noise, 1 sigma, north, east, down; takes the place of what the file says")
 SIDES = ("x", "y", "z")
+FIND = (("find", float("inf")),)
 
 
 class Scale(NamedTuple):
@@ -133,6 +135,7 @@ class GnssColumns(Block):
     )
     velocity_sigma: Names | None = Field(default=None, description="columns north, east, down, in m/s")
     valid: str | None = Field(default=None, description="column; 0 where there is no fix")
+    satellites: str | None = Field(default=None, description="column: how many satellites were used")
 
 
 class BarometerColumns(Block):
@@ -257,35 +260,14 @@ class ReplayGnss(Block):
     latency: Quantity("s", "0.2 s", "from the instant measured to the fix on board", non_negative=True) = (
         "0 s"
     )
+    clock_offset: Quantity(
+        "s", "0.35 s", "fixes are stamped so much later than they are, by the clock of the IMU", words=FIND
+    ) = "0 s"
     every: Time("1 s", "take one fix in this time only", positive=True) | None = None
     first: Time("0.2 s", "the first of them", non_negative=True) = "0 s"
+    fewest_satellites: Count("5", "with which a fix counts, where data.gnss.satellites says", at_least=0) = 4
     position_noise: Annotated[Vector("m", "5 m", "", positive=True) | None, NED] = None
     velocity_noise: Annotated[Vector("m/s", "0.1 m/s", "", positive=True) | None, NED] = None
-
-
-class FromReference(Block):
-    """Position, velocity and attitude are those of the truth, and known as well as is said here (1 sigma)."""
-
-    method: Literal["reference"]
-    level: Quantity("rad", "1 deg", "about north and about east", positive=True)
-    azimuth: Quantity("rad", "2 deg", "about the vertical", positive=True)
-    position: Quantity("m", "5 m", "each axis", positive=True)
-    velocity: Quantity("m/s", "0.1 m/s", "each axis", positive=True)
-
-
-class Static(Block):
-    """The vehicle stands still at first: level by the accelerometers, heading by the gyros or as given."""
-
-    method: Literal["static"]
-    duration: Time("30 s", "for which it stands still, from mission.start", at_least="1 s")
-    heading: Quantity("rad", "85 deg", "of the forward axis; without it the gyros look for north") | None = (
-        None
-    )
-    azimuth: Quantity("rad", "1 deg", "how well the heading is known, 1 sigma", positive=True) | None = None
-    disturbance: Quantity("rad", "0.02 deg", "swaying of the vehicle, 1 sigma", positive=True) = "0.01 deg"
-    velocity: Quantity("m/s", "0.01 m/s", "what is left of standing still, 1 sigma", positive=True) = (
-        "0.01 m/s"
-    )
 
 
 class ReplayGyro(Gyro):
@@ -381,7 +363,7 @@ class ReplayScenario(Block):
         default=None, description="of data.barometer: what the filter assumes"
     )
     magnetometer: Magnetometer | None = Field(default=None, description="likewise of data.magnetometer")
-    alignment: form("method", {"reference": FromReference, "static": Static})
+    alignment: form("method", ALIGNMENTS)
     imu: ReplayImu
     navigation: ReplayNavigation = ReplayNavigation()
     requirements: ReplayRequirements = ReplayRequirements()

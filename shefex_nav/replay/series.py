@@ -30,6 +30,7 @@ class GnssSeries(NamedTuple):
     sigma_v_n: np.ndarray | None  # (M, 3) m/s
     valid: np.ndarray  # (M,) bool
     horizontal: bool = False  # the height of r_e, and the last of sigma_r_n, mean nothing
+    satellites: np.ndarray | None = None  # (M,) number of them; NaN where the file says nonsense
 
 
 class PressureSeries(NamedTuple):

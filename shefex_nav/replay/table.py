@@ -135,7 +135,9 @@ def _missing(name, found, kind="column"):
     """Words about a column that is not there, or not alone."""
     if found.count(name) > 1:
         return f"{kind} {quoted(name)} is there {found.count(name)} times; keep one of them"
-    similar = difflib.get_close_matches(name, found, n=1, cutoff=0.6)
+    plain = {one.lower(): one for one in reversed(found)}
+    close = difflib.get_close_matches(name.lower(), plain, n=1, cutoff=0.6)
+    similar = [plain[one] for one in close]
     hint = f"did you mean '{similar[0]}'?" if similar else f"there are: {', '.join(found)}"
     return f"{kind} {quoted(name)} is missing; {hint}"
 

@@ -23,7 +23,7 @@ def of_truth(data, track, entry):
         range_km = length / 1e3
     return {
         "of": "truth",
-        **_rise(data, data.truth.t_s, track, 0.0, STANDING),
+        **_rise(data, data.truth.t_s, track, *np.zeros((2, len(data.truth.t_s)))),
         "range_km": range_km,
         "at_entry": None if entry is None else _place(data.truth.t_s, track, entry),
         "events": _events(data),
@@ -31,15 +31,16 @@ def of_truth(data, track, entry):
 
 
 def of_solution(data):
-    """The same of a run without truth, as the solution has it; what is less than its errors is no motion."""
+    """The same of a run without truth, as the solution has it; what is less than its errors is no motion.
+
+    Each sample counts with its own errors: a vehicle that loses its attitude late has flown all the same.
+    """
     nav = data.nav
     track = earth_fixed(data.mission.earth, nav)
-    of_height, of_speed = (
-        3.0 * np.linalg.norm(sigma, axis=1).max(initial=0.0) for sigma in (nav.sigma_r_e, nav.sigma_v_e)
-    )
+    errors = (3.0 * np.linalg.norm(sigma, axis=1) for sigma in (nav.sigma_r_e, nav.sigma_v_e))
     return {
         "of": "solution",
-        **_rise(data, nav.t_s, track, of_height, max(STANDING, of_speed)),
+        **_rise(data, nav.t_s, track, *errors),
         "range_km": None,
         "at_entry": None,
         "events": _events(data),
@@ -55,17 +56,20 @@ def _events(data):
 def _rise(data, t_s, track, of_height, of_speed):
     """Apogee, height where the data end while it still climbs, and highest speed.
 
-    of_height, of_speed : m, m/s, so much is no difference
+    of_height, of_speed : (N,) m, m/s, so much is no difference
     """
     speed = np.linalg.norm(track.v_e, axis=1)
-    moved = bool(len(speed)) and float(speed.max()) > of_speed
+    fastest = int(np.argmax(speed - of_speed)) if len(speed) else 0
+    moved = bool(len(speed)) and float(speed[fastest]) > max(STANDING, float(of_speed[fastest]))
     top = int(np.argmax(track.height)) if moved else 0
-    climbs = moved and track.height[-1] >= track.height[top] - of_height  # at the end
+    climbs = moved and track.height[-1] >= track.height[top] - max(
+        of_height[top], of_height[-1]
+    )  # at the end
     rose = moved and not climbs and _seen_to_apogee(data)
     return {
         "apogee_km": float(track.height[top]) / 1e3 if rose else None,
         "climbs_at_km": float(track.height[-1]) / 1e3 if climbs else None,
-        "max_speed_m_s": float(speed.max()) if moved else None,
+        "max_speed_m_s": float(speed[fastest]) if moved else None,
         "at_apogee": _place(t_s, track, top) if rose else None,
     }
 

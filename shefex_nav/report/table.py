@@ -6,7 +6,7 @@ from rich.table import Table
 from rich.text import Text
 
 from shefex_nav.records import ERRORS_THAT_LAST
-from shefex_nav.report import requirements
+from shefex_nav.report import requirements, start_rows
 
 _FLOWN = (  # name, key, digits, unit
     ("apogee", "apogee_km", 1, "km"),
@@ -63,6 +63,11 @@ def rows(summary, judged=()):
             "warnings",
             ((one["field"], Text(one["text"], style="bold yellow")) for one in summary["warnings"]),
         )
+    if "alignment" in summary:
+        yield "alignment", start_rows.alignment(summary["alignment"])
+        yield "clocks", start_rows.clocks(summary["clocks"])
+    if summary.get("barometer"):
+        yield "barometer", start_rows.barometer(summary["barometer"])
     yield "run", _run_rows(summary)
 
 
@@ -186,14 +191,41 @@ def _integrity_rows(integrity):
         yield "at entry", f"{words}, protection level {levels} deg"
     if integrity["misleading_share"]:
         yield "misleading", Text(f"{100.0 * integrity['misleading_share']:.2f} %", style="bold red")
-    faults = [
-        entry for entry in integrity["noticed"] if not entry["reason"].startswith(("no fix", "no ranges"))
-    ]
+    faults = _joined(integrity["noticed"])
     for entry in faults[:MOST_FAULTS]:
         until = "the end" if entry["until_s"] is None else f"T{entry['until_s']:+.1f} s"
         yield entry["source"].replace("_", " "), f"T{entry['from_s']:+.1f} s to {until}: {entry['reason']}"
     if len(faults) > MOST_FAULTS:
         yield "and", f"{len(faults) - MOST_FAULTS} more, see --json"
+
+
+def _joined(noticed):
+    """What was noticed, without losses of GPS; what goes on after such a loss is one entry."""
+    out, last = [], {}
+    for entry in noticed:
+        if entry["reason"].startswith(("no fix", "no ranges")):
+            continue
+        before = last.get(entry["source"])
+        lost = before is not None and before["reason"] == entry["reason"]
+        if lost and _only_lost(noticed, before, entry):
+            before["until_s"] = entry["until_s"]
+            continue
+        last[entry["source"]] = dict(entry)
+        out.append(last[entry["source"]])
+    return out
+
+
+def _only_lost(noticed, before, entry):
+    """Whether a source had nothing but losses from the end of one entry to the beginning of another."""
+    gap = [
+        one
+        for one in noticed
+        if one["source"] == entry["source"]
+        and one["reason"].startswith(("no fix", "no ranges"))
+        and before["until_s"] - 1e-6 <= one["from_s"] < entry["from_s"]
+    ]
+    covered_s = sum(one["until_s"] - one["from_s"] for one in gap)
+    return bool(gap) and covered_s > 0.5 * (entry["from_s"] - before["until_s"])
 
 
 def _doubts(integrity):

@@ -11,6 +11,7 @@ from shefex_nav.scenario.use import Use
 
 UNLIMITED = (("unlimited", float("inf")),)
 OFF = (("off", 0.0),)
+NOT_KNOWN = (("unknown", float("inf")),)
 OF_IMU = (
     "name of an instrument, or of its file, whose gyro and accelerometer these are; "
     "what stands beside it comes on top"
@@ -79,6 +80,6 @@ class PadAlignment(Block):
     """
 
     level: Quantity("rad", "0.05 deg", "about north and about east", positive=True)
-    azimuth: Quantity("rad", "0.3 deg", "about the vertical", positive=True)
+    azimuth: Quantity("rad", "0.3 deg", "about the vertical", positive=True, words=NOT_KNOWN)
     position: Quantity("m", "1 m", "each axis", positive=True)
     velocity: Quantity("m/s", "0.01 m/s", "each axis", positive=True)

@@ -3,6 +3,7 @@
 On the ground the launch crew says it, in orbit whatever determined orbit and attitude before.
 """
 
+from math import erf
 from typing import NamedTuple
 
 import numpy as np
@@ -10,12 +11,14 @@ import numpy as np
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Alignment, Phase
 
+UNKNOWN = np.pi / np.sqrt(3.0)  # rad, sigma of an angle of which nothing is known
+
 
 class PadParams(NamedTuple):
     """One standard deviation of each error of the alignment."""
 
     sigma_level: float  # rad, about north and about east
-    sigma_azimuth: float  # rad, about the vertical
+    sigma_azimuth: float  # rad, about the vertical; inf: nothing is known of it
     sigma_r: float  # m, each axis
     sigma_v: float  # m/s, each axis; on the ground relative to the Earth
 
@@ -52,6 +55,8 @@ def align(params, trajectory, earth, rng):
     latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
     C_in = frames.dcm_ie(earth, t_s) @ wgs84.dcm_en(latitude, longitude)
     sigma_n = np.array([params.sigma_level, params.sigma_level, params.sigma_azimuth])
+    if np.isinf(params.sigma_azimuth):  # anything within half a turn, from the same draw
+        sigma_n[2], error_n[2] = UNKNOWN, np.sqrt(3.0) * erf(error_n[2] / np.sqrt(2.0))
     q_ib_true = trajectory.q_ib[0]
     error_b = rotation.dcm_from_quat(q_ib_true).T @ C_in @ (sigma_n * error_n)
     q_ib = rotation.quat_multiply(q_ib_true, rotation.quat_from_rotvec(-error_b))

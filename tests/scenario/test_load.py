@@ -80,16 +80,7 @@ def test_what_the_default_leaves_out():
         *("satellite", "ionosphere", "troposphere", "multipath"),
         *("gps", "stars", "risk", "wrong_star_fix", "rejections", "duration"),  # navigation
         *("angular_acceleration", "thrust_change"),
-        *(
-            "barometer",
-            "used",
-            "up_to",
-            "unused_mach",
-            "flow_error",
-            "flow_memory",
-            "lag_error",
-            "layer_error",
-        ),
+        *("barometer", "used", "up_to", "unused_mach", "flow_error", "flow_memory", "lag_error"),
         *("use", "clock_offset"),  # of the IMU: an instrument; of the GPS receiver
         *("model", "sampling", "flight", "series"),  # of the star tracker's statistics, of campaigns
         *("apogee", "cold_gas", "pointing_error", "protection_at_entry"),  # that are not required

@@ -97,3 +97,17 @@ def test_same_seed_same_alignment(flight):
     first, again, other = align(flight, 5), align(flight, 5), align(flight, 6)
     assert first.q_ib.tobytes() == again.q_ib.tobytes() and first.r_i.tobytes() == again.r_i.tobytes()
     assert not np.array_equal(first.q_ib, other.q_ib)
+
+
+def test_an_unknown_azimuth_is_anything_within_half_a_turn(flight):
+    """400 draws: even (Kolmogorov-Smirnov), about the vertical, reported as such; level is what it was."""
+    unknown = PARAMS._replace(sigma_azimuth=np.inf)
+    C_in = frames.dcm_ie(synthetic.EARTH, -10.0) @ wgs84.dcm_en(*synthetic.SITE)
+    down_b = rotation.dcm_from_quat(flight.q_ib[0]).T @ C_in[:, 2]
+    turned = []
+    for seed in range(400):
+        alignment = align(flight, seed, unknown)
+        turned.append(rotation.rotvec_between(alignment.q_ib, flight.q_ib[0]) @ down_b)
+    assert stats.kstest(turned, stats.uniform(-np.pi, 2.0 * np.pi).cdf).pvalue > 1e-3
+    sigma = np.sqrt(np.linalg.eigvalsh(alignment.P_theta_b))
+    np.testing.assert_allclose(np.degrees(sigma), [0.05, 0.05, 180.0 / np.sqrt(3.0)], rtol=1e-9)

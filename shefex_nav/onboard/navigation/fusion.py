@@ -107,6 +107,9 @@ class Filter(NamedTuple):
     health: dict  # sensor -> integrity.Health
     recorder: Callable | None
     watch: integrity_watch.Watch  # over the sensors, changes in place, too
+    judged: Callable | None = (
+        None  # of the sensor, S (m, m) and the NIS of every measurement that met the gate
+    )
 
     def limit(self, dof):
         """What a normalised innovation squared may be, chi-square with so many degrees of freedom."""
@@ -115,7 +118,7 @@ class Filter(NamedTuple):
         return self.limits[dof]
 
 
-def start(params, alignment, earth, recorder=None):
+def start(params, alignment, earth, recorder=None, judged=None):
     """Filter at the instant of the alignment.
 
     Parameters
@@ -125,6 +128,7 @@ def start(params, alignment, earth, recorder=None):
     earth : EarthRotation
     recorder : function of an Interval or a Correction, called with each in the order of their instants once
         no later measurement can change it any more, `params.history_s` after it, or at `finish`
+    judged : function, as in Filter
 
     Returns
     -------
@@ -143,6 +147,7 @@ def start(params, alignment, earth, recorder=None):
         health={name: integrity.HEALTHY for name in SENSORS},
         recorder=recorder,
         watch=integrity_watch.start(params),
+        judged=judged,
     )
 
 

@@ -43,6 +43,8 @@ def decide(nav, now, z, H, R, measurement):
     """
     name, sensor = measurement.sensor, SENSORS[measurement.sensor]
     S, nis = eskf.innovation(now.P, z, H, R)
+    if nav.judged is not None:
+        nav.judged(name, S, nis)
     verdict = _verdict(nav, now, z, R, S, nis, measurement)
     attitude = _attitude(nav, now, z, R, measurement, verdict.fate)
     found = _gyros_wrong(nav, now, *attitude, verdict.fate) if attitude else None

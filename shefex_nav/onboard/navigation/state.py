@@ -214,19 +214,20 @@ def initial(params, order, alignment):
 
     NavParams, Layout, Alignment -> NavState, (n, n)
     """
+    is_found = len(alignment.gyro_bias) > 0
     state = NavState(
         float(alignment.t_valid_s),
         np.array(alignment.r_i, dtype=float),
         np.array(alignment.v_i, dtype=float),
         rotation.quat_normalise(np.array(alignment.q_ib, dtype=float)),
-        np.zeros(3),
+        np.array(alignment.gyro_bias, dtype=float) if is_found else np.zeros(3),
         np.zeros(3),
     )
     P = np.zeros((order.n, order.n))
     P[POS, POS] = alignment.sigma_r**2 * np.eye(3)
     P[VEL, VEL] = alignment.sigma_v**2 * np.eye(3)
     P[ATT, ATT] = alignment.P_theta_b
-    P[BG, BG] = params.sigma_gyro_bias**2 * np.eye(3)
+    P[BG, BG] = (alignment.sigma_gyro_bias if is_found else params.sigma_gyro_bias) ** 2 * np.eye(3)
     P[BA, BA] = params.sigma_accel_bias**2 * np.eye(3)
     for name in order.names:
         place = order.places[name]

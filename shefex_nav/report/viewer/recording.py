@@ -135,12 +135,23 @@ def fill(stream, log_path, data):
     stream.send_recording_name(f"{data.mission.scenario}, seed {data.mission.seed}")
     drawings.send(stream, log_path, data)
     sender, shown = Sender(stream, data.mission.epoch_utc), scene(data)
+    if not len(data.truth.t_s):
+        _estimate_stands_in(sender)
     world.send(sender, shown)
     flight.send(sender, shown)
     sensors.send(sender, data)
     stars.send(sender, data)
     navigation.send(sender, data)
     _send_summary(sender, data)
+
+
+def _estimate_stands_in(sender):
+    """Frames of the vehicle and its camera where no truth moves them: those of the estimate."""
+    import rerun as rr
+
+    for parent, child in (("body_estimate", "body"), ("body", "star_camera")):
+        frame = rr.Transform3D(translation=[0.0, 0.0, 0.0], parent_frame=parent, child_frame=child)
+        sender.static(f"frames/{child}", frame)
 
 
 def overlay(sender, data, mission, name, colour):

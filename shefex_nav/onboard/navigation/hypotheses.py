@@ -1,0 +1,200 @@
+"""An attitude of which one angle is hardly known: filters, each sure of another angle, until one is right.
+
+The error model is linear, so one filter with a heading that may be anything converges to wrong headings and
+believes them. Here the angle's range is divided among filters, each with a part that is small enough for it.
+All get the same measurements; what is improbable for one of them takes weight from it,
+
+    ln w_k <- ln w_k - TEMPER (min(nis, MOST_NIS) + ln det S)/2,
+
+nis and S being those of the innovation before the gate (multiple-model estimation, Bar-Shalom, Li and
+Kirubarajan, Estimation with Applications to Tracking and Navigation, 11.6.2). Measurements are less
+independent than a likelihood takes them to be, and one wrong fix must not decide: hence TEMPER and MOST_NIS.
+It is settled when the filters that have weight agree: mean and covariance of the mixture are then those of a
+single filter, which is started from them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry import rotation
+from shefex_nav.onboard.navigation import fusion
+from shefex_nav.onboard.navigation.state import ATT, BG, POS, VEL, X_BG, X_Q, X_R, X_V
+from shefex_nav.records import Alignment
+
+WIDE = np.radians(20.0)  # [E] sigma of an angle beyond which one linear filter cannot start
+UNKNOWN = np.pi / np.sqrt(3.0)  # rad, sigma of an angle of which nothing is known
+MEMBERS = 16  # [E] on a full turn
+WIDER = 1.5  # [E] sigma of a member over that of an even distribution in its part: the parts overlap
+TEMPER = 0.5  # [E] exponent of the likelihood
+MOST_NIS = 25.0  # [E] of one measurement: each can take a factor of 500 at most
+UNSEEING = ("barometer",)  # sensors that do not see the angle, but for errors that last
+LEAST = 1e-9  # weight below which a member is given up
+CLOSE = np.radians(
+    30.0
+)  # [E] members further from the best one than that, and than 4 sigma, are another answer
+OTHERS = 1e-4  # [E] weight that other answers may have
+NARROW = np.radians(12.0)  # [E] sigma of the mixture's attitude at which it is settled, each axis
+APART = 2.0  # factor by which blocks of a covariance grow when the ties between two of them are cut
+
+
+class Part(NamedTuple):
+    """What one of the filters starts from."""
+
+    alignment: Alignment
+    weight: float
+
+
+class Member(NamedTuple):
+    """A filter; its weight stands in the Bank, under its number."""
+
+    nav: fusion.Filter
+    number: int
+
+
+def is_wide(alignment):
+    """Whether an attitude is too little known for one filter."""
+    return bool(np.linalg.eigvalsh(alignment.P_theta_b)[-1] > WIDE**2)
+
+
+def split(alignment):
+    """Parts of an Alignment along the angle that is known least. ValueError if a second one is not known."""
+    variances, axes = np.linalg.eigh(alignment.P_theta_b)
+    if variances[1] > WIDE**2:
+        raise ValueError("two angles of the attitude are not known")
+    u, sigma = axes[:, 2], float(np.sqrt(variances[2]))
+    step = 2.0 * np.pi / MEMBERS
+    if sigma >= 0.9 * UNKNOWN:
+        places = np.arange(MEMBERS) * step
+        weights = np.full(MEMBERS, 1.0 / MEMBERS)
+    else:
+        most = min(int(np.ceil(3.0 * sigma / step)), MEMBERS // 2 - 1)
+        places = np.arange(-most, most + 1) * step
+        weights = np.exp(-0.5 * (places / sigma) ** 2)
+    own = WIDER * step / np.sqrt(12.0)
+    P = alignment.P_theta_b + (own**2 - variances[2]) * np.outer(u, u)
+    return [
+        Part(_turned(alignment, angle * u, P), weight / weights.sum())
+        for angle, weight in zip(places, weights, strict=True)
+    ]
+
+
+def _turned(alignment, turn_b, P_theta_b):
+    """Alignment turned by (3,) rad in body axes, with a covariance (3, 3) given in the axes before."""
+    C = rotation.dcm_from_rotvec(turn_b)
+    q_ib = rotation.quat_multiply(alignment.q_ib, rotation.quat_from_rotvec(turn_b))
+    return alignment._replace(q_ib=q_ib, P_theta_b=C.T @ P_theta_b @ C)
+
+
+class Bank:
+    """Filters from the parts of one alignment; changed in place.
+
+    members : list of Member, those that have weight
+    logs : (n,) logarithms of the weights of all parts, but for a constant
+    """
+
+    def __init__(self, params, alignment, earth):
+        parts = split(alignment)
+        self.logs = np.log([part.weight for part in parts])
+        self.members = [
+            Member(fusion.start(params, part.alignment, earth, judged=self._judge(k)), k)
+            for k, part in enumerate(parts)
+        ]
+
+    def _judge(self, k):
+        def judged(name, S, nis):
+            if name not in UNSEEING:
+                self.logs[k] -= 0.5 * TEMPER * (min(nis, MOST_NIS) + float(np.linalg.slogdet(S)[1]))
+
+        return judged
+
+    @property
+    def weights(self):
+        """(m,) of the members, their sum is one."""
+        logs = self.logs[[member.number for member in self.members]]
+        weights = np.exp(logs - logs.max())
+        return weights / weights.sum()
+
+    @property
+    def best_member(self):
+        """The Member with most weight."""
+        return self.members[int(np.argmax(self.weights))]
+
+    @property
+    def best(self):
+        """Its fusion.Filter."""
+        return self.best_member.nav
+
+    def prune(self):
+        """Give up the members that have no weight left."""
+        self.members = [
+            member for member, weight in zip(self.members, self.weights, strict=True) if weight > LEAST
+        ]
+
+    def mixture(self):
+        """Mean and covariance of the members at their last tick: Mixture."""
+        weights = self.weights
+        best = self.members[int(np.argmax(weights))].nav.history
+        d = np.array([_difference(best.x, member.nav.history.x) for member in self.members])
+        mean = weights @ d
+        P = np.zeros((12, 12))
+        for weight, away, member in zip(weights, d - mean, self.members, strict=True):
+            P += weight * (member.nav.history.P[:12, :12] + np.outer(away, away))
+        far = np.linalg.norm(d[:, ATT], axis=1)
+        own = np.sqrt([np.linalg.eigvalsh(member.nav.history.P[ATT, ATT])[-1] for member in self.members])
+        others = float(weights[far > np.maximum(CLOSE, 4.0 * own)].sum())
+        return Mixture(float(best.ends_s[-1]), best.x.copy(), mean, P, others)
+
+
+class Mixture(NamedTuple):
+    """Mean and covariance of several filters."""
+
+    t_s: float
+    x: np.ndarray  # packed values of the member with most weight
+    mean: np.ndarray  # (12,) error of that: position, velocity, attitude, gyro bias
+    P: np.ndarray  # (12, 12)
+    others: float  # weight of members that are another answer
+
+    @property
+    def about_best(self):
+        """Mean square of the error of the best member, ties included: (12, 12)."""
+        return self.P + np.outer(self.mean, self.mean)
+
+    @property
+    def sigma(self):
+        """Largest sigma of the attitude [rad]."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.P[ATT, ATT])[-1]))
+
+    @property
+    def is_settled(self):
+        """Whether one filter can go on from it."""
+        return self.others < OTHERS and self.sigma < NARROW
+
+    def alignment(self):
+        """Alignment for one filter. It has no ties between attitude and gyro bias, so both count for more."""
+        q_ib = rotation.quat_multiply(self.x[X_Q], rotation.quat_from_rotvec(self.mean[ATT]))
+        sigma_r, sigma_v, sigma_g = (
+            float(np.sqrt(np.linalg.eigvalsh(self.P[block, block])[-1])) for block in (POS, VEL, BG)
+        )
+        grown = np.sqrt(APART)
+        return Alignment(
+            self.t_s,
+            self.x[X_R] + self.mean[POS],
+            self.x[X_V] + self.mean[VEL],
+            q_ib,
+            grown * sigma_r,
+            grown * sigma_v,
+            APART * self.P[ATT, ATT],
+            self.x[X_BG : X_BG + 3] + self.mean[BG],
+            grown * sigma_g,
+        )
+
+
+def _difference(x, other):
+    """Error of packed values x if others were true: position, velocity, attitude, gyro bias. -> (12,)"""
+    out = np.empty(12)
+    out[POS], out[VEL] = other[X_R] - x[X_R], other[X_V] - x[X_V]
+    q = rotation.quat_multiply(rotation.quat_conjugate(x[X_Q]), other[X_Q])
+    out[ATT] = rotation.rotvec_from_quat(q)
+    out[BG] = other[X_BG : X_BG + 3] - x[X_BG : X_BG + 3]
+    return out

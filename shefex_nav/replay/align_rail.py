@@ -1,0 +1,58 @@
+"""Alignment of a rocket on its rail: where the nose points is known, the roll about it is seen by gravity.
+
+The nose points to the rail's azimuth and elevation. At rest the accelerometers feel gravity across the nose,
+f_y = -sin(roll) cos(elevation) g and f_z = -cos(roll) cos(elevation) g, so a bias b turns the roll by
+b/(g cos(elevation)): on a rail that is nearly vertical, little or nothing is known of it. The mean rate at
+rest, less that of the Earth, is the gyros' bias.
+"""
+
+import numpy as np
+
+from shefex_nav.geometry import euler, wgs84
+from shefex_nav.onboard.navigation.hypotheses import UNKNOWN
+from shefex_nav.replay import plausible
+from shefex_nav.replay.table import DataError
+
+DISAGREE = 5.0  # [E] sigma by which accelerometers and rail may disagree about the elevation
+
+
+def attitude(scenario, f_b, span_s, g):
+    """C_nb, its covariance about north, east and down, (3, 3) rad^2, of the mean specific force at rest."""
+    settings, accelerometer = scenario.alignment, scenario.imu.accelerometer
+    acceleration = np.hypot(accelerometer.bias, accelerometer.in_run_bias)
+    acceleration = np.hypot(acceleration, accelerometer.random_walk / np.sqrt(span_s))
+    level = float(np.hypot(acceleration / g, settings.disturbance))
+    felt = float(np.arctan2(f_b[0], np.hypot(f_b[1], f_b[2])))
+    sigma = float(np.hypot(level, settings.elevation_error))
+    if abs(felt - settings.elevation) > DISAGREE * sigma:
+        words = f"the accelerometers feel {np.degrees(felt):.1f} deg, alignment.elevation says"
+        up = plausible.of_file(f_b / np.linalg.norm(f_b), scenario.data.axes)
+        raise DataError(
+            f"alignment: {words} {np.degrees(settings.elevation):.1f} deg; check elevation, its error, "
+            f"imu.accelerometer.bias and data.axes: the first is the nose, axis {up} of the file points up"
+        )
+    weight = settings.elevation_error**2 / sigma**2
+    elevation = settings.elevation + weight * (felt - settings.elevation)
+    elevation_sigma = level * settings.elevation_error / sigma
+    roll_sigma = min(level / max(np.cos(elevation), 1e-6), UNKNOWN)
+    C_nb = euler.dcm_from_euler(np.arctan2(-f_b[1], -f_b[2]), elevation, settings.azimuth)
+    down, across = (
+        np.array([0.0, 0.0, 1.0]),
+        np.array([-np.sin(settings.azimuth), np.cos(settings.azimuth), 0.0]),
+    )
+    parts = ((settings.azimuth_error, down), (elevation_sigma, across), (roll_sigma, C_nb[:, 0]))
+    return C_nb, sum(size**2 * np.outer(axis, axis) for size, axis in parts)
+
+
+def gyro_bias(scenario, omega_b, span_s, C_nb, C_en, P_n):
+    """Bias of the gyros by their mean rate at rest, (3,) rad/s, and its 1 sigma.
+
+    The rate of the Earth is taken out as far as the attitude is known; what is not known of it, with the
+    angular random walk, the bias that changes, a quantum and the swaying, is the sigma.
+    """
+    gyro = scenario.imu.gyro
+    omega_n = C_en.T @ np.array([0.0, 0.0, wgs84.OMEGA])
+    turned = wgs84.OMEGA * min(float(np.sqrt(np.linalg.eigvalsh(P_n)[-1])), 1.5)
+    sway = np.sqrt(2.0) * scenario.alignment.disturbance / span_s
+    parts = (gyro.random_walk / np.sqrt(span_s), gyro.in_run_bias, sway, gyro.quantum / span_s, turned)
+    return omega_b - C_nb.T @ omega_n, float(np.linalg.norm(parts))

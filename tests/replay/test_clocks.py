@@ -1,0 +1,87 @@
+"""Offset of the clocks of IMU and GNSS, from the motion alone and by the filter."""
+
+import drive
+import numpy as np
+import pytest
+
+from shefex_nav.environment import ephemeris
+from shefex_nav.replay import clocks, external, load, params, said
+from shefex_nav.replay.table import DataError
+
+EARTH = ephemeris.earth_rotation("2020-06-01T12:00:00", 0.0, 0.0, 0.0)
+COURSE = "{method: course, speed: 5 m/s, sideslip: 1 deg}"
+
+
+def late(data, shift_s):
+    """The same, stamped later by shift_s."""
+    moved = [
+        fix._replace(t_valid_s=fix.t_valid_s + shift_s, t_available_s=fix.t_available_s + shift_s)
+        for fix in data.fixes
+    ]
+    return data._replace(fixes=moved)
+
+
+@pytest.fixture(scope="module")
+def drives():
+    rng = np.random.default_rng(7)
+    return [drive.sensed(drive.drive(EARTH, 60.0, heading=h), rng) for h in (0.3, 2.9)]
+
+
+@pytest.mark.parametrize("shift_s", [0.0, 0.15, -0.8, 2.0])
+def test_an_offset_is_found(shift_s, drives):
+    for data in drives:
+        found = clocks.find(data.imu, late(data, shift_s).fixes, drive.LEVER)
+        assert 0.02 < found.sigma_s < 0.1
+        assert abs(found.offset_s - shift_s) < 0.03
+
+
+def test_it_is_told_if_it_matters(drives):
+    scenario = load.load_text(drive.scenario_text(COURSE), "drive.yaml")
+    data, common = clocks.made_one(scenario, late(drives[0], 0.6))
+    ((field, words),) = clocks.oddities(common)
+    assert field == "gnss.clock_offset" and common.applied_s == 0.0
+    assert float(words.partition("stamped ")[2].partition(" s")[0]) == pytest.approx(0.6, abs=0.03)
+    assert data.fixes[0].t_valid_s == pytest.approx(1.1)
+    _, common = clocks.made_one(scenario, drives[0])
+    assert not list(clocks.oddities(common))
+
+
+def test_a_given_offset_and_one_to_be_found(drives):
+    for word, tolerance in (("0.6 s", 1e-12), ("find", 0.05)):
+        gnss = f"{{lever_arm: [1 m, 0.2 m, -1.2 m], clock_offset: {word}}}"
+        scenario = load.load_text(drive.scenario_text(COURSE, gnss=gnss), "drive.yaml")
+        data, common = clocks.made_one(scenario, late(drives[0], 0.6))
+        assert common.applied_s == pytest.approx(0.6, abs=tolerance)
+        assert data.fixes[3].t_valid_s == pytest.approx(drives[0].fixes[3].t_valid_s, abs=tolerance)
+        assert not list(clocks.oddities(common))
+
+
+def test_what_stands_still_shows_no_clock():
+    data = drive.sensed(drive.drive(EARTH, 40.0, speed=0.0), np.random.default_rng(1))
+    assert clocks.find(data.imu, data.fixes) is None
+    gnss = "{clock_offset: find}"
+    scenario = load.load_text(drive.scenario_text(COURSE, gnss=gnss), "drive.yaml")
+    with pytest.raises(DataError, match=r"gnss\.clock_offset: 'find': the motion does not show it"):
+        clocks.made_one(scenario, data)
+    without = [fix._replace(v_ea_e=np.full(3, np.nan)) for fix in data.fixes]
+    assert clocks.find(data.imu, without) is None
+
+
+def test_the_filter_estimates_what_is_left(drives):
+    """A rest of 40 ms is in the state gps_latency, with its sign: fixes that are older than they say."""
+    more = "\nnavigation: {states: [gps_latency], sensors: {gps_latency_error: 50 ms}}\n"
+    scenario = load.load_text(drive.scenario_text(COURSE) + more, "drive.yaml")
+    data = late(drives[1], 0.04)
+    from shefex_nav.log.run_data import RunDataBuilder
+    from shefex_nav.replay import align
+
+    start = align.align(scenario, data, EARTH)
+    blocks = external.imu_blocks(data.imu, 4, start.t_valid_s)
+    ready = external.Replay(scenario, data, EARTH, start, blocks, None)
+    kept = RunDataBuilder(external.mission(ready))
+    for record in external.run(ready, external.Clock()):
+        kept.add(record)
+    found = said.clocks(clocks.Clocks(None, 0.0), kept.build())
+    assert found["sigma_gps_latency_s"] < 0.01
+    assert abs(found["gps_latency_s"] - 0.04) < 4.0 * found["sigma_gps_latency_s"]
+    assert params.nav_params(scenario, 0.01).states[-1] == "gps_latency"
