@@ -21,9 +21,10 @@ of what is left of each. What a star fix has misled is what star fixes measure, 
 together, and goes as H P H^T; what another sensor has done goes as P. A fix that has been confirmed by others
 can only be wrong by what that comparison lets through: a star fix that agrees with a second one through the
 gyros by T sqrt(2 R), a sensor that is believed against the filter, because its rejected fixes agree with each
-other, by T sqrt(2 K R K^T) <= T sqrt(2 P(after)). And a star fix that passes the gate bounds what other
-sensors may have done to the attitude before: had it been more than 2 T sqrt(S), the gate's T and as much for
-noise that hides it, the fix would not have passed.
+other, by T sqrt(2 K R K^T) <= T sqrt(2 P(after)). And a fix that passes the gate, which is right if an earlier
+one was wrong, bounds what that can have done to what this one measures: had it been more than 2 T sqrt(S), the
+gate's T and as much for noise that hides it, the fix would not have passed. Star fixes so bound what other
+sensors have done to the attitude, fixes with three rows of position or velocity what any has done to that.
 
 Between fixes what a wrong one did grows. An error e with e^T P^-1 e = c^2 stays one of c sigma at most,
 however errors grow, (F e)^T (F P F^T + Q)^-1 (F e) <= e^T P^-1 e; so w of the velocity grows as its sigma
@@ -105,7 +106,7 @@ BEFORE = 1  # sigma before it, and before anything was forgotten for its sake
 AFTER = 2  # sigma after it
 LEFT = 3  # share of older errors of other sensors
 LEFT_STARS = 4  # share of those of star fixes
-MOST = 5  # that an older error of other sensors can have been
+MOST = 5  # that an older error can have been, of the attitude one of other sensors
 
 
 @inner
@@ -142,6 +143,27 @@ def _seen(P, h):
             for k in range(len(h)):
                 total += h[j] * P[j, k] * h[k]
     return total
+
+
+def bound(found, P, H, R, limit, first, axes):
+    """What a fix that passed says of older errors of what it measures goes into its Slope.
+
+    found : Slope;  P : (n, n) before it;  H, R : (3, n), (3, 3);  limit : of its gate, chi-square
+    first : POS.start or VEL.start, the first of the errors that its rows are of
+    """
+    H_block = np.ascontiguousarray(H[:, first : first + 3])
+    _bound(found.table, P, H, R, H_block, limit, first, axes)
+
+
+@kernel
+def _bound(table, P, H, R, H_block, limit, first, axes):
+    S = H @ (P @ H.T) + R
+    seen = np.linalg.solve(
+        H_block.T.copy(), axes[:3].T.copy()
+    )  # (3, 3), column j is axis j by the innovation
+    for j in range(3):
+        a = np.ascontiguousarray(seen[:, j])
+        table[MOST, first + j] = 2.0 * np.sqrt(limit * (a @ (S @ a)))
 
 
 @kernel
@@ -283,6 +305,8 @@ def _after_fix(w, before, dt_s, of_stars, table):
     out = w.copy()
     _grow(out, before, table[BEFORE], dt_s)
     for j in range(N_FOLLOWED):
+        if j < BODY.start:
+            out[STARS, j] = min(out[STARS, j], table[MOST, j])
         out[STARS, j] *= table[LEFT_STARS, j]
         out[OTHERS, j] = min(out[OTHERS, j], table[MOST, j]) * table[LEFT, j]
         row = STARS if of_stars else OTHERS

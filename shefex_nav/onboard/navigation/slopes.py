@@ -6,6 +6,7 @@ Star fixes alone are known by name, for what they mislead is attitude and mounti
 from shefex_nav.onboard.navigation import integrity_protection, protected
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import SENSORS
+from shefex_nav.onboard.navigation.state import POS, VEL
 
 
 def slope(nav, now, measurement, P, prior, H, R, confirmed):
@@ -27,6 +28,9 @@ def slope(nav, now, measurement, P, prior, H, R, confirmed):
         found = integrity_protection.slope_of_rows(prior, now.P, one, H, R, rows, axes, agreed)
     else:
         found = integrity_protection.slope(prior, now.P, limit, axes, agreed)
+        block = nav.layout.places[SENSORS[name].block]
+        if len(R) == 3 and block in (POS, VEL) and prior is P:
+            integrity_protection.bound(found, P, H, R, limit, block.start, axes)
     if prior is not P:
         found.table[integrity_protection.BEFORE] = protected.sigmas(P, axes)
     return found
