@@ -21,10 +21,11 @@ of what is left of each. What a star fix has misled is what star fixes measure, 
 together, and goes as H P H^T; what another sensor has done goes as P. A fix that has been confirmed by others
 can only be wrong by what that comparison lets through: a star fix that agrees with a second one through the
 gyros by T sqrt(2 R), a sensor that is believed against the filter, because its rejected fixes agree with each
-other, by T sqrt(2 K R K^T) <= T sqrt(2 P(after)). And a fix that passes the gate, which is right if an earlier
-one was wrong, bounds what that can have done to what this one measures: had it been more than 2 T sqrt(S), the
-gate's T and as much for noise that hides it, the fix would not have passed. Star fixes so bound what other
-sensors have done to the attitude, fixes with three rows of position or velocity what any has done to that.
+other, by T sqrt(2 K R K^T) <= T sqrt(2 P(after)). And a fix that passes the gate, which is right if an
+earlier one was wrong, bounds what that can have done to what this one measures: had it been more than
+2 T sqrt(S), the gate's T and as much for noise that hides it, the fix would not have passed. Star fixes so
+bound what other sensors have done to the attitude, fixes with three rows of position or velocity what any has
+done to that.
 
 Between fixes what a wrong one did grows. An error e with e^T P^-1 e = c^2 stays one of c sigma at most,
 however errors grow, (F e)^T (F P F^T + Q)^-1 (F e) <= e^T P^-1 e; so w of the velocity grows as its sigma

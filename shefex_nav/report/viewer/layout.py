@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.report import metrics
-from shefex_nav.report.trust import has_levels
+from shefex_nav.report import metrics, trust
 from shefex_nav.report.viewer import counts, legend
 from shefex_nav.report.viewer.sender import TIMELINE
 
@@ -87,6 +86,7 @@ class Content(NamedTuple):
     control: bool
     covariance: bool
     protection: bool
+    barometer: bool = False
 
 
 def content(data, pictures):
@@ -100,7 +100,8 @@ def content(data, pictures):
         bool(data.gps),
         bool(len(data.control.t_s)),
         bool(len(data.covariance.t_s)),
-        has_levels(data.nav),
+        trust.has_levels(data.nav),
+        bool(len(data.barometer.t_valid_s)),
     )
 
 
@@ -184,7 +185,7 @@ def _navigation(data, seen, has):
     nis = _plot(
         data, "plots/nis", "NIS over its limit; dot: used, cross: refused or held", top=_nis_shown(data)
     )
-    of = (("position", "m"), ("velocity", "m/s"), ("attitude", "deg")) if has.protection else ()
+    of = trust.SHOWN if has.protection else ()
     levels = [_plot(data, f"plots/protection/{q}", f"Level, {q}; error white [{unit}]") for q, unit in of]
     tests = [*([nees] * has.covariance), nis, *levels]
     tabs = [rrb.Grid(*_errors(data), *tests, grid_columns=COLUMNS, name=f"{_ERRORS}, consistency")]
@@ -218,6 +219,8 @@ def _sensors(data, seen, has):
             views.append(_plot(data, f"plots/imu/{entity}", title, legend="RightTop"))
     if has.gps:
         views.append(_plot(data, "plots/gps", "GPS: satellites, dilution of precision", legend="LeftTop"))
+    if has.barometer:
+        views.append(_plot(data, "plots/barometer", "Pressure altitude [km]", legend="LeftTop"))
     if has.gps or has.stars:
         views.append(
             _plot(data, "plots/age", "Age of a measurement when it is there [ms]", legend="LeftBottom")
