@@ -8,7 +8,9 @@ import numpy as np
 from shefex_nav.records import QUANTITIES, Doubt, Reason, protected
 from shefex_nav.report import metrics, trust
 
-_TOGETHER_S = 2.5  # refusals of one sensor that are not farther apart are one incident
+_TOGETHER_S = (
+    2.5  # refusals of one sensor, or doubts about one quantity, that are not farther apart are one incident
+)
 
 
 class Incident(NamedTuple):
@@ -73,8 +75,18 @@ def _doubts(data):
     for quantity in QUANTITIES:
         said = protected(nav, quantity)
         for doubt, text in words.items():
-            for start, end in _runs(nav.t_s, said.do_not_use & (said.doubt == doubt)):
+            for start, end in _joined(_runs(nav.t_s, said.do_not_use & (said.doubt == doubt))):
                 yield Incident(start, end, f"{quantity} not to be used: {text}")
+
+
+def _joined(spans):
+    """Spans of time, those that follow within _TOGETHER_S as one: a level grows and shrinks from fix to fix."""
+    whole = []
+    for start, end in spans:
+        if whole and start - whole[-1][1] < _TOGETHER_S:
+            start = whole.pop()[0]
+        whole.append((start, end))
+    return whole
 
 
 def _imu(data):
