@@ -80,7 +80,7 @@ def _doubts(data):
 
 
 def _joined(spans):
-    """Spans of time, those that follow within _TOGETHER_S as one: a level grows and shrinks from fix to fix."""
+    """Spans of time, those that follow soon as one: a level grows and shrinks from fix to fix."""
     whole = []
     for start, end in spans:
         if whole and start - whole[-1][1] < _TOGETHER_S:
