@@ -276,12 +276,11 @@ def after_fixes(level, found, now_s, P_now, axes):
 
     level : Level;  found : list of (s, Slope), in their order;  P_now : (n, n);  axes : as `slope` -> Level
     """
-    w, before, before_s = level.w, level.sigma, level.t_s
+    w, before, before_s = level.w.copy(), level.sigma, level.t_s
     for t_s, one in found:
-        w = _after_fix(w, before, max(t_s - before_s, 0.0), one.stars, one.table)
+        _after_fix(w, before, max(t_s - before_s, 0.0), one.stars, one.table)
         before, before_s = one.table[AFTER], t_s
-    sigma = protected.sigmas(P_now, axes)
-    return Level(_grown(w, before, sigma, now_s - before_s), sigma, now_s)
+    return Level(w, _until(w, before, now_s - before_s, P_now, axes), now_s)
 
 
 @inner
@@ -294,25 +293,24 @@ def _grow(w, before, now, dt_s):
 
 
 @kernel
-def _grown(w, before, now, dt_s):
-    out = w.copy()
-    _grow(out, before, now, dt_s)
-    return out
+def _until(w, before, dt_s, P_now, axes):
+    """w (2, 9) dt_s after an instant with sigmas `before`, in place. -> sigmas of then"""
+    now = protected.sigmas(P_now, axes)
+    _grow(w, before, now, dt_s)
+    return now
 
 
 @kernel
 def _after_fix(w, before, dt_s, of_stars, table):
-    """w (2, 9) after a fix, dt_s after an instant with sigmas `before`."""
-    out = w.copy()
-    _grow(out, before, table[BEFORE], dt_s)
+    """w (2, 9) after a fix, dt_s after an instant with sigmas `before`, in place."""
+    _grow(w, before, table[BEFORE], dt_s)
+    fixed = STARS if of_stars else OTHERS
     for j in range(N_FOLLOWED):
         if j < BODY.start:
-            out[STARS, j] = min(out[STARS, j], table[MOST, j])
-        out[STARS, j] *= table[LEFT_STARS, j]
-        out[OTHERS, j] = min(out[OTHERS, j], table[MOST, j]) * table[LEFT, j]
-        row = STARS if of_stars else OTHERS
-        out[row, j] = max(out[row, j], table[WORST, j])
-    return out
+            w[STARS, j] = min(w[STARS, j], table[MOST, j])
+        w[STARS, j] *= table[LEFT_STARS, j]
+        w[OTHERS, j] = min(w[OTHERS, j], table[MOST, j]) * table[LEFT, j]
+        w[fixed, j] = max(w[fixed, j], table[WORST, j])
 
 
 @inner
@@ -323,19 +321,28 @@ def levels(w, before, dt_s, k, known, sigma, out):
     known : (9,) sigmas of the filter, which wrong fixes grow with
     sigma : (7,) those of the solution, which swings with vibration besides
     """
-    grown, worst = w.copy(), np.empty(N_TOLD)
-    _grow(grown, before, known, dt_s)
     for row in range(2):
-        for block in range(2):
-            north = P_NED.start + 3 * block
-            worst[2 * block] = np.sqrt(grown[row, north] ** 2 + grown[row, north + 1] ** 2)
-            worst[2 * block + 1] = grown[row, north + 2]
-        for i in range(3):
-            worst[ATTITUDE.start + i] = grown[row, BODY.start + i]
-        for j in range(N_TOLD):
-            level = k[j] * sigma[j] + worst[j]
-            if row == 0 or level > out[j] or level != level:
-                out[j] = level
+        for i in range(3):  # as `_grow`; north and east are put together
+            v = V_NED.start + i
+            velocity = w[row, v] * max(known[v] / before[v], 1.0)
+            position = w[row, i] + velocity * dt_s
+            if i == 0:
+                north_r, north_v = position, velocity
+            elif i == 1:
+                _told(row, POSITION.start, np.sqrt(north_r**2 + position**2), k, sigma, out)
+                _told(row, VELOCITY.start, np.sqrt(north_v**2 + velocity**2), k, sigma, out)
+            else:
+                _told(row, POSITION.start + 1, position, k, sigma, out)
+                _told(row, VELOCITY.start + 1, velocity, k, sigma, out)
+            _told(row, ATTITUDE.start + i, w[row, BODY.start + i], k, sigma, out)
+
+
+@inner(forceinline=True)
+def _told(row, j, worst, k, sigma, out):
+    """Level of an axis that is told: the larger of both kinds of sensors."""
+    level = k[j] * sigma[j] + worst
+    if row == 0 or level > out[j] or level != level:
+        out[j] = level
 
 
 @inner

@@ -22,6 +22,7 @@ CONTRADICTIONS = 3  # [E] rejected fixes in a row that agree with each other
 DRIFTS = "gps_position"  # the sensor whose innovations are averaged
 WHY = {"star_tracker": "contradicts the gyros", "gps_velocity": "contradicts the accelerometers"}
 UNCHECKED = "has been wrong before: no stars to check it by"
+AXES_S = 1.0
 ALL_OF = {doubt: np.full(3, int(doubt)) for doubt in Doubt}  # about position, velocity and attitude alike
 ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.int64)
 OF_ATTITUDE = ("star_tracker", "star_vectors")  # sensors that say nothing of position and velocity
@@ -62,6 +63,7 @@ class Watch:
         self.path = raw_path.RawPath()
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
+        self.axes, self.axes_s = None, -np.inf  # of `level_axes`, and their time
         self.used_now = []  # (s, integrity_protection.Slope) of each fix used in this tick
         self.reasons = {}  # source -> why it is not healthy
         self.said = []  # NavHealth not handed over yet
@@ -128,11 +130,17 @@ class Watch:
         self.gyros.corrected(number, oldest, x_before, x_after)
         self.path.corrected(number, oldest, t_s, x_before, x_after)
 
+    def level_axes(self, earth, t_s, x):
+        """`protected.level_axes`, kept for AXES_S: in a second they turn by 1e-3 rad, also in orbit."""
+        if not abs(t_s - self.axes_s) <= AXES_S:
+            self.axes_s, self.axes = t_s, protected.level_axes(earth, t_s, x)
+        return self.axes
+
     def protect(self, earth, history):
         """Bring the protection levels up to date with the fixes used in this tick."""
         if self.used_now:
             now_s = history.ends_s[-1]
-            axes = protected.level_axes(earth, now_s, history.x)
+            axes = self.level_axes(earth, now_s, history.x)
             self.level = integrity_protection.after_fixes(self.level, self.used_now, now_s, history.P, axes)
             self.used_now.clear()
 

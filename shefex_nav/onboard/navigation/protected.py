@@ -64,36 +64,36 @@ def variances(P, axes, out):
 
     -> those of north and east together, of position and of velocity
     """
-    g, seen, both = np.empty((6, 6)), np.empty(6), np.zeros(2)
-    gradients(axes, g)
-    for a in range(6):
-        for j in range(VEL.stop):
-            seen[j] = 0.0
-            for i in range(VEL.stop):
-                seen[j] += g[a, i] * P[POS.start + i, POS.start + j]
-        out[a] = _along(seen, g[a])
-        if a % 3 == 0:
-            both[a // 3] = _along(seen, g[a + 1])
+    turn, both_r, both_v = (axes[3, 0], axes[3, 1], axes[3, 2]), 0.0, 0.0
+    east = axes[1, 0], axes[1, 1], axes[1, 2]
     for k in range(3):
+        row = axes[k, 0], axes[k, 1], axes[k, 2]
+        seen = _by(P, POS.start, POS.start, row)
+        out[k] = t3.dot(seen, row)
+        turned = t3.cross(turn, row)  # as in `gradients`
+        of_r = t3.plus(_by(P, POS.start, VEL.start, row), 1.0, _by(P, POS.start, POS.start, turned))
+        of_v = t3.plus(_by(P, VEL.start, VEL.start, row), 1.0, _by(P, VEL.start, POS.start, turned))
+        out[V_NED.start + k] = t3.dot(of_v, row) + t3.dot(of_r, turned)
+        if k == 0:
+            both_r, both_v = t3.dot(seen, east), t3.dot(of_v, east) + t3.dot(of_r, t3.cross(turn, east))
         out[BODY.start + k] = P[ATT.start + k, ATT.start + k]
-    return both[0], both[1]
+    return both_r, both_v
 
 
-@inner
-def _along(seen, g):
-    total = 0.0
-    for j in range(VEL.stop):
-        total += seen[j] * g[j]
-    return total
-
-
-def sigmas(P, axes):
-    """Standard deviations along the nine axes of a covariance (n, n): (9,) m, m/s, rad. axes: `level_axes`"""
-    return _sigmas(P, axes)
+@inner(forceinline=True)
+def _by(P, first, second, row):
+    """A block (3, 3) of P times three numbers."""
+    x, y, z = row
+    return (  # by elements: a view of a row would be counted as a reference
+        P[first, second] * x + P[first, second + 1] * y + P[first, second + 2] * z,
+        P[first + 1, second] * x + P[first + 1, second + 1] * y + P[first + 1, second + 2] * z,
+        P[first + 2, second] * x + P[first + 2, second + 1] * y + P[first + 2, second + 2] * z,
+    )
 
 
 @kernel
-def _sigmas(P, axes):
+def sigmas(P, axes):
+    """Standard deviations along the nine axes of a covariance (n, n): (9,) m, m/s, rad. axes: `level_axes`"""
     out = np.empty(N_FOLLOWED)
     variances(P, axes, out)
     return np.sqrt(out)

@@ -17,7 +17,7 @@ def slope(nav, now, measurement, P, prior, H, R, confirmed):
     H, R : (m, n), (m, m) of the rows used;  confirmed : whether another fix agrees with it
     """
     name, limit = measurement.sensor, nav.limit(len(R))
-    rows, axes = SENSORS[name].rows, protected.level_axes(nav.earth, now.t_s, now.x)
+    rows, axes = SENSORS[name].rows, nav.watch.level_axes(nav.earth, now.t_s, now.x)
     agreed = confirmed or measurement.fate == Fate.RESET  # `integrity.judge`: its rejected fixes agree
     if name == "star_vectors":
         found = integrity_protection.slope_of_vectors(nav.layout, prior, now.P, nav.limit(2), H, R, axes)

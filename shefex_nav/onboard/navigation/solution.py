@@ -44,6 +44,7 @@ OMEGA, R_E, V_E, ANGLES = (
 S_R, S_V, S_ATT, S_OMEGA, S_ANGLES = (ENDS[name] - FIELDS[name] for name in list(FIELDS)[10:15])
 # behind them the protection levels, the time, whether a star fix has been used, Doubt of each of QUANTITIES
 LEVEL, T_S, AIDED, DOUBT = ENDS["sigma_sideslip"], N_OUT, N_OUT + 1, N_OUT + 2
+NO_DOUBT = float(Doubt.NONE)
 WIDTH = DOUBT + len(QUANTITIES)
 
 
@@ -84,15 +85,15 @@ def tell(nav, ticks, imu_blind, rows):
 def _solution(row):
     """NavSolution of a row of `tell`."""
     # by position, in the order of the record: nineteen keywords would cost more than the arithmetic
-    t_s, aided, *doubts = row[T_S:].tolist()
+    t_s, aided, position, velocity, attitude = row[T_S:].tolist()
     return NavSolution(
         *(t_s, row[0:3], row[3:6], row[6:10], row[10:13], row[13:16], row[16:19]),
         *row[ANGLES:S_R].tolist(),
         *(row[S_R:S_V], row[S_V:S_ATT], row[S_ATT:S_OMEGA], row[S_OMEGA:S_ANGLES]),
         *row[S_ANGLES:LEVEL].tolist(),
         *(aided > 0.0, row[LEVEL : LEVEL + 2], row[LEVEL + 2 : LEVEL + 4], row[LEVEL + 4 : T_S]),
-        *(doubt != Doubt.NONE for doubt in doubts),
-        *(int(doubt) for doubt in doubts),
+        *(position != NO_DOUBT, velocity != NO_DOUBT, attitude != NO_DOUBT),
+        *(int(position), int(velocity), int(attitude)),
     )
 
 
@@ -118,7 +119,7 @@ def _tell(
     first, step : numbers of the ticks;  w, before, since_s : of a Level;  limits, k : of the Requirement
     aided : by stars;  graver : (3,) Doubt there is in any case, or NONE
     """
-    axes = np.empty((4, 3))
+    axes, known, sigma = np.empty((4, 3)), np.empty(protected.N_FOLLOWED), np.empty(protected.N_TOLD)
     for j in range(len(out)):
         place = (first + j * step) % len(numbers)
         dt_s, vibration = numbers[place, 1], numbers[place, 3]
@@ -128,25 +129,27 @@ def _tell(
             increments[place, BEFORE - 1 + int(numbers[place, 2])], dt_s, vibration, random_walk, quantum,
             C_iq, C_re, angle_0, rate, out[j], axes,
         )  # fmt: skip
-        _protect(Ps[place], axes, swings, w, before, numbers[place, 0] - since_s, k, out[j, LEVEL:T_S])
+        _sigmas(Ps[place], axes, swings, known, sigma)
+        dt_s, told = numbers[place, 0] - since_s, out[j, LEVEL:T_S]
+        integrity_protection.levels(w, before, dt_s, k, known, sigma, told)
         out[j, T_S] = numbers[place, 0]
         out[j, AIDED] = aided
-        integrity_protection.doubts(out[j, LEVEL:T_S], limits, graver, out[j, DOUBT:WIDTH])
+        integrity_protection.doubts(told, limits, graver, out[j, DOUBT:WIDTH])
 
 
 @inner
-def _protect(P, axes, swings, w, before, dt_s, k, out):
-    """Protection levels of a tick, in the order of `protected`: out (7,) is written.
+def _sigmas(P, axes, swings, known, sigma):
+    """Sigmas of a tick: known (9,) of the filter, sigma (7,) of the solution, in the order of `protected`.
 
     P : (n, n) of the filter;  axes : of `protected.level_axes`;  swings : m/s, rad, of vibration
     """
-    known, sigma = np.empty(protected.N_FOLLOWED), np.empty(protected.N_TOLD)
     both = protected.variances(P, axes, known)
     protected.worst_sigmas(known, both, sigma)
     for i in range(protected.VELOCITY.start, protected.N_TOLD):
         swing = swings[0] if i < protected.ATTITUDE.start else swings[1]
         sigma[i] = np.sqrt(sigma[i] ** 2 + swing * swing)
-    integrity_protection.levels(w, before, dt_s, k, np.sqrt(known), sigma, out)
+    for i in range(protected.N_FOLLOWED):
+        known[i] = np.sqrt(known[i])
 
 
 @inner
