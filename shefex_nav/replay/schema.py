@@ -29,7 +29,7 @@ from shefex_nav.scenario.quantity import (
     quoted,
     refuse,
 )
-from shefex_nav.scenario.requirements import AttitudeLimit
+from shefex_nav.scenario.requirements import AttitudeLimit, IntegrityRisk, PositionLimit, VelocityLimit
 from shefex_nav.scenario.sensors import OF_IMU, OFF, UNLIMITED, Accelerometer, Gyro
 from shefex_nav.scenario.use import Use
 
@@ -347,7 +347,10 @@ class ReplayNavigation(Navigation):
 class ReplayRequirements(Block):
     """What is required of the solution."""
 
+    position: PositionLimit = PositionLimit()
+    velocity: VelocityLimit = VelocityLimit()
     attitude: AttitudeLimit = AttitudeLimit()
+    integrity_risk: IntegrityRisk = "1e-5 /h"
 
 
 class ReplayScenario(Block):

@@ -5,10 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.records import Doubt, Reason
+from shefex_nav.records import QUANTITIES, Doubt, Reason, protected
 from shefex_nav.report import metrics, trust
 
-_TOGETHER_S = 2.5  # refusals of one sensor that are not farther apart are one incident
+_TOGETHER_S = (
+    2.5  # refusals of one sensor, or doubts about one quantity, that are not farther apart are one incident
+)
 
 
 class Incident(NamedTuple):
@@ -66,13 +68,25 @@ def _doubts(data):
     if not len(nav.t_s):
         return
     words = {
-        Doubt.ATTITUDE: "protection level of the attitude above what is required",
+        Doubt.LEVEL: "its protection level is above what is required",
         Doubt.CONTRADICTED: "a sensor contradicts the solution",
         Doubt.IMU: "the IMU does not measure",
     }
-    for doubt, text in words.items():
-        for start, end in _runs(nav.t_s, nav.do_not_use & (nav.doubt == doubt)):
-            yield Incident(start, end, f"solution not to be used: {text}")
+    for quantity in QUANTITIES:
+        said = protected(nav, quantity)
+        for doubt, text in words.items():
+            for start, end in _joined(_runs(nav.t_s, said.do_not_use & (said.doubt == doubt))):
+                yield Incident(start, end, f"{quantity} not to be used: {text}")
+
+
+def _joined(spans):
+    """Spans of time, those that follow soon as one: a level grows and shrinks from fix to fix."""
+    whole = []
+    for start, end in spans:
+        if whole and start - whole[-1][1] < _TOGETHER_S:
+            start = whole.pop()[0]
+        whole.append((start, end))
+    return whole
 
 
 def _imu(data):

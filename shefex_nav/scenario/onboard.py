@@ -213,11 +213,8 @@ States = tagged(_states_form, {AUTOMATIC: Literal["automatic"], "names": list[St
 
 
 class Integrity(Block):
-    """How faults of the sensors are noticed; how wrong the attitude may be, `requirements` say."""
+    """How faults of the sensors are noticed; how wrong the solution may be, `requirements` say."""
 
-    risk: Number("1e-5", "that a normal error exceeds the protection level", positive=True, at_most=0.1) = (
-        1e-5
-    )
     wrong_star_fix: Quantity(
         "rad", "0.5 deg", "smallest error that makes a star fix wrong", positive=True
     ) = "0.5 deg"
@@ -263,7 +260,7 @@ class Navigation(Block):
     gps_agreement: Quantity(
         "m/s", "10 m/s", "difference allowed between two fixes, per second", positive=True
     )
-    integrity: Integrity = Field(default_factory=Integrity, description="protection level and faults")
+    integrity: Integrity = Field(default_factory=Integrity, description="faults of the sensors")
     barometer: BarometerUse = Field(
         default_factory=BarometerUse, description="how the filter uses the barometer, if there is one"
     )

@@ -26,6 +26,7 @@ T, STEP_S = 40, 1.0
 SIGMAS = {"position": 3.0, "velocity": 0.05, "attitude": 1e-3, "gyro_bias": 1e-6, "accel_bias": 1e-4}
 FRAMES, AVAILABILITY = 1000, 0.97
 OUTSIDE = 100  # fixes before and after the window, of a run
+USABLE_H = 0.1  # of a run
 BROKEN_MASS = 495.0  # kg, from here on a run with `breaks` fails
 
 
@@ -112,8 +113,11 @@ def summary(rng, u, v, w):
                 "t_s": 430.0, "altitude_km": 100.0, "attitude_error_deg": attitude.tolist(),
                 "position_error_m": float(position), "velocity_error_m_s": float(abs(rng.normal(0.0, 0.1))),
             },
-            "integrity": {"misleading_share": 0.0, "at_entry": {"usable": True, "doubt": "none",
-                                                                "protection_deg": [0.2, 0.2, 0.2]}},
+            "integrity": {"misleading_share": 0.0, "at_entry": {"usable": True}} | {
+                quantity: {"usable_h": USABLE_H, "misleading_share": 0.0, "misleading_events": 0,
+                           "over_level": float(rng.uniform(0.3, 0.6)), "at_entry": {"usable": True}}
+                for quantity in ("position", "velocity", "attitude")
+            },
         },
     }  # fmt: skip
 

@@ -5,7 +5,8 @@ AXES = "**Axes.** x is red, y green, z blue."
 _STATES = """**States.** Green: good or in use. Orange: not; *Events* say why. A name that has no room is
 left out. *phase*: grey on the pad, red boost, white coast, blue manoeuvre, green pointing, violet descent,
 yellow parachute. *gps*: what the receiver gives. *health*: what the navigation makes of a sensor.
-*solution*: whether the computer lets its attitude be used. *star_tracker*: solved, or why not."""
+*solution*: whether the computer lets attitude,
+position, velocity be used. *star_tracker*: solved, or why not."""
 _FRAME = """**Star camera.** Green square: detected and identified, with its Hipparcos number. Orange
 square: detected, not identified: faint stars that the on-board catalogue lacks, hot pixels, particles. Blue
 dot: where a bright catalogue star truly is. Pixels of sky background are set to zero where the log keeps no
@@ -20,7 +21,8 @@ filter. The scale suits the better part of the flight; the title says what is cu
 a spin-up. Zoom with the mouse wheel, double click resets."""
 _TESTS = """**NEES**: 95 % lie between the red lines if the covariance is right. **NIS over its limit**: a
 dot was used, a cross refused (above 1) or held back; blue GPS position, violet GPS velocity, green star
-tracker. **Protection level** about x, y, z: what the attitude error (white) may not exceed unnoticed."""
+tracker. **Level**, the protection level: what the error (white, worst axis) may not exceed unnoticed;
+position and velocity green horizontal, yellow vertical, attitude about x, y, z."""
 _STARS = """**Sky.** The stars to magnitude 5 around the camera, its field (green) and the way of its
 boresight (grey), in degrees. **Curves** are those of the time in which the star tracker works. Orange: all
 that was detected in a frame, green: those of it that were identified."""
