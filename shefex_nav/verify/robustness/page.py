@@ -56,17 +56,20 @@ def page(head, records):
 
 def _requirements(judged):
     rows = [
-        (one.name, *([element("strong", show.verdict(one))] if one.good is False else [show.verdict(one)]),
-         one.words, one.found)
+        (
+            one.name,
+            one.words,
+            element("strong", f"{show.verdict(one)}: ") if one.good is False else "",
+            one.found,
+        )
         for one in judged
-    ]  # fmt: skip
-    return html.table("", ("requirement", "", "required", "found"), rows)
+    ]
+    found = [(name, words, html.join([verdict, text])) for name, words, verdict, text in rows]
+    return html.table("", ("requirement", "required", "found"), found)
 
 
 def _level(records, name):
-    rows = [
-        (level, *show.row(cells.of_cell(found))) for (level,), found in cells.grouped(records, name).items()
-    ]
+    rows = [(level, *show.row(cells.of_cell(found))) for level, found in show.by(records, name)]
     return html.table(f"by {name}", (name, *show.HEADS), rows, range(1, 1 + len(show.HEADS)))
 
 

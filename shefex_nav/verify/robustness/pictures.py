@@ -3,7 +3,7 @@
 import numpy as np
 
 from shefex_nav.report.figures import style
-from shefex_nav.verify.robustness import cells, require
+from shefex_nav.verify.robustness import cells, design, require
 
 svg = style.svg
 
@@ -38,7 +38,7 @@ def _map(flown, key, label, colours):
         flown = [record | {"unit": f"{record['rocket']}, {record['grade']}"} for record in flown]
         for axes, names in ((left, ("happens", "told")), (right, ("unit", "phase"))):
             values = _values(flown, key, names)
-            rows, columns = (list(dict.fromkeys(pair[k] for pair in values)) for k in (0, 1))
+            rows, columns = (_ordered({pair[k] for pair in values}) for k in (0, 1))
             grid = np.full((len(rows), len(columns)), np.nan)
             for (one, other), value in values.items():
                 grid[rows.index(one), columns.index(other)] = value
@@ -52,6 +52,12 @@ def _map(flown, key, label, colours):
         return figure
 
 
+def _ordered(levels):
+    """Levels in the order of the design; rockets with grades in that of their names. set of str -> list"""
+    order = [level for known in design.FACTORS.values() for level in known]
+    return sorted(levels, key=lambda level: (order.index(level) if level in order else len(order), level))
+
+
 def _nees(flown):
     with _styled():
         from matplotlib.figure import Figure
@@ -60,10 +66,8 @@ def _nees(flown):
         axes = figure.subplots()
         axes.axhspan(*require.NEES, color="#e4e4e4")
         found = cells.grouped(flown, "told", "cell")
-        order = sorted(
-            found, key=lambda key: (list(dict.fromkeys(k[0] for k in found)).index(key[0]), key[1])
-        )
-        names, colours = list(dict.fromkeys(key[0] for key in order)), (style.BLUE, style.RED)
+        names, colours = _ordered({key[0] for key in found}), (style.BLUE, style.RED)
+        order = sorted(found, key=lambda key: (names.index(key[0]), key[1]))
         for k, key in enumerate(order):
             spread = cells.of_cell(found[key])["nees_healthy_end"]
             if spread["mean"] is None:

@@ -16,16 +16,27 @@ def as_numbers(head, records):
         "requirements": [one._asdict() for one in judged],
         "totals": cells.of_cell(records),
         "levels": {
-            name: {level: cells.of_cell(several) for (level,), several in _by(records, name).items()}
+            name: {level: cells.of_cell(several) for level, several in by(records, name)}
             for name in design.FACTORS
         },
         "cells": [levels | figures for levels, figures in cells.table(records)],
+        "flights": [_flight(record) for record in records],
         "undetectable": require.undetectable(records),
     }
 
 
-def _by(records, name):
-    return cells.grouped(records, name)
+def _flight(record):
+    """Of one flight: from when each of its faults could be noticed."""
+    fault = record.get("fault")
+    names = "rocket", "cell", "flight", "seed"
+    return {name: record[name] for name in names} | {"detectable": fault["detectable"] if fault else None}
+
+
+def by(records, name):
+    """Flights of each level of a factor, in the order of the design: list of (level, records)."""
+    found, order = cells.grouped(records, name), design.FACTORS[name]
+    levels = sorted(found, key=lambda one: order.index(one[0]) if one[0] in order else len(order))
+    return [(level[0], found[level]) for level in levels]
 
 
 def worst(records, most=WORST):
@@ -76,7 +87,7 @@ def tables(records):
     """rich Tables, in the order in which they are printed."""
     yield _requirements(records)
     for name in design.FACTORS:
-        rows = [(level, row(cells.of_cell(found))) for (level,), found in _by(records, name).items()]
+        rows = [(level, row(cells.of_cell(found))) for level, found in by(records, name)]
         if len(rows) > 1:
             yield _table(f"by {name}", (name,), [((level,), numbers) for level, numbers in rows])
     names = ("cell", *design.FACTORS)
