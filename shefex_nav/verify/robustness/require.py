@@ -63,9 +63,11 @@ def _alarms(flown):
     for key, name, words in ALARMS:
         bad = [one for one in faults if any(alarm[key] for alarm in one["fault"]["alarm"].values())]
         met = sum(any(alarm["beyond_s"] for alarm in one["fault"]["alarm"].values()) for one in faults)
+        kinds = cells.grouped(bad, "told_kind")
+        of_kinds = "; ".join(f"{len(several)} told {kind}" for (kind,), several in sorted(kinds.items()))
         words_found = (
             f"{len(bad)} of {len(faults)} flights with a fault fail ({met} had errors beyond a level); "
-            f"{_where(bad)}"
+            f"{of_kinds}; {_where(bad)}"
         ).rstrip("; ")
         found.append(Judged(name, words, words_found, not bad if faults else None))
     return found

@@ -34,6 +34,7 @@ def jobs(request):
         chosen += [(given, cell) for cell in found if request.cells is None or cell.number in request.cells]
     if not chosen:
         raise RobustnessError("none of the cells that were asked for belongs to these scenarios")
+    chosen.sort(key=lambda one: one[1].number)
     return [
         flight.Job(given, request.overrides, cell, k, flight.seed_of(request.seed, cell.number, k))
         for k in range(request.flights)
