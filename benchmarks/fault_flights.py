@@ -132,7 +132,7 @@ class Log:
         r_e, v_e = self._in_e(out.t_s, truth.r_i[k], truth.v_i[k])
         error = np.concatenate([r_e - out.r_e, v_e - out.v_e, turned])
         sigma = np.concatenate([out.sigma_r_e, out.sigma_v_e, out.sigma_theta_b])
-        return out.t_s, error, sigma, out.protection_b, out.doubt, out.star_aided
+        return out.t_s, error, sigma, out.protection_attitude, out.doubt_attitude, out.star_aided
 
     def _in_e(self, t_s, r_i, v_i):
         from shefex_nav.geometry import frames

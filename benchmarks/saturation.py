@@ -43,9 +43,9 @@ def fly(rocket, seed):
     scenario = sn.Scenario.load(name, [f"imu.gyro.range={spin / ratio:.2f} deg/s", *settings])
     run = sn.fly(scenario, seed=seed)
     errors, solution, covariance = run.errors(), run.solution, run.data.covariance
-    t_s, usable = solution.t_s, ~solution.do_not_use
-    over = usable & (np.abs(errors.attitude_b) > solution.protection_b).any(axis=1)
-    share = np.where(usable, (np.abs(errors.attitude_b) / solution.protection_b).max(axis=1), 0.0)
+    t_s, usable = solution.t_s, ~solution.do_not_use_attitude
+    over = usable & (np.abs(errors.attitude_b) > solution.protection_attitude).any(axis=1)
+    share = np.where(usable, (np.abs(errors.attitude_b) / solution.protection_attitude).max(axis=1), 0.0)
     times = {event.name: event.t_s for event in run.events}
     end_s = min(times.get("entry", t_s[-1]), t_s[-1])
     k = int(np.searchsorted(covariance.t_s, end_s + 1e-6)) - 1

@@ -276,10 +276,10 @@ class NavHealth(NamedTuple):
 
 
 class Doubt(IntEnum):
-    """Why the solution must not be used; NONE when it may."""
+    """Why position, velocity or attitude must not be used; NONE when it may."""
 
     NONE = 0
-    ATTITUDE = 1  # its protection level exceeds what the mission requires
+    LEVEL = 1  # its protection level exceeds what the mission requires
     CONTRADICTED = 2  # a sensor contradicts it, and nothing says which of the two is wrong
     IMU = 3  # rates or specific force of the moment are not measured
 
@@ -306,9 +306,33 @@ class NavSolution(NamedTuple):
     sigma_angle_of_attack: float  # rad
     sigma_sideslip: float  # rad
     star_aided: bool  # a star fix has been used since the start
-    protection_b: np.ndarray = np.full(3, np.nan)  # (3,) rad, protection level of the attitude
-    do_not_use: bool = False
-    doubt: int = int(Doubt.NONE)  # Doubt, why not
+    protection_position: np.ndarray = np.full(2, np.nan)  # (2,) m, protection level, horizontal and vertical
+    protection_velocity: np.ndarray = np.full(2, np.nan)  # (2,) m/s, against the Earth, likewise
+    protection_attitude: np.ndarray = np.full(3, np.nan)  # (3,) rad, about the body axes
+    do_not_use_position: bool = False
+    do_not_use_velocity: bool = False
+    do_not_use_attitude: bool = False
+    doubt_position: int = int(Doubt.NONE)  # Doubt, why not
+    doubt_velocity: int = int(Doubt.NONE)
+    doubt_attitude: int = int(Doubt.NONE)
+
+
+class Protected(NamedTuple):
+    """What a NavSolution says of how far one of its quantities can be trusted, of a record or of arrays."""
+
+    level: np.ndarray  # protection level along each axis
+    do_not_use: np.ndarray
+    doubt: np.ndarray
+
+
+QUANTITIES = ("position", "velocity", "attitude")  # what has a protection level
+
+
+def protected(solution, quantity):
+    """Protected of one of QUANTITIES. NavSolution, str -> Protected"""
+    return Protected(
+        *(getattr(solution, f"{field}_{quantity}") for field in ("protection", "do_not_use", "doubt"))
+    )
 
 
 class NavCovariance(NamedTuple):

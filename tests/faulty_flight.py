@@ -12,7 +12,7 @@ import numpy as np
 
 from shefex_nav import prepare, simulate
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import covariance, fusion, solution
+from shefex_nav.onboard.navigation import covariance, fusion, protected, solution
 from shefex_nav.records import StarFix
 from shefex_nav.scenario import load
 from shefex_nav.world import faults, imu, noise
@@ -32,7 +32,10 @@ class Flown(NamedTuple):
     error: np.ndarray  # (n, 9) m, m/s, rad: inertial axes, attitude in body axes
     sigma: np.ndarray  # (n, 9)
     protection_b: np.ndarray  # (n, 3) rad
-    doubt: np.ndarray  # (n,) Doubt
+    doubt: np.ndarray  # (n,) Doubt about the attitude
+    level: np.ndarray  # (n, 4) m, m/s: protection level of position and velocity, horizontal, vertical
+    doubts: np.ndarray  # (n, 2) Doubt about them
+    level_error: np.ndarray  # (n, 4) their errors in the same axes
     gates: list  # GateResult
     health: list  # NavHealth
     world: object
@@ -93,7 +96,12 @@ def _row(nav, truth, k):
     attitude = rotation.rotvec_between(out.q_ib, truth.q_ib[k])
     error = np.concatenate([truth.r_i[k] - out.r_i, truth.v_i[k] - out.v_i, attitude])
     sigma = np.sqrt(np.diag(covariance.reported(nav))[:9])
-    return out.t_s, error, sigma, out.protection_b, out.doubt
+    level = np.concatenate([out.protection_position, out.protection_velocity])
+    doubts = np.array([out.doubt_position, out.doubt_velocity])
+    axes = protected.level_axes(nav.earth, out.t_s, nav.history.x)
+    r, v = axes[:3] @ error[:3], axes[:3] @ (error[3:6] - np.cross(axes[3], error[:3]))
+    in_axes = np.array([np.hypot(r[0], r[1]), abs(r[2]), np.hypot(v[0], v[1]), abs(v[2])])
+    return out.t_s, error, sigma, out.protection_attitude, out.doubt_attitude, level, doubts, in_axes
 
 
 def star_fixes(world, seed):

@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from shefex_nav.campaign import convergence, over_time, sensitivity, statistics
+from shefex_nav.campaign import convergence, integrity, over_time, sensitivity, statistics
 from shefex_nav.campaign.summary import name_of, repeat, worst_runs
 from shefex_nav.report import intervals
 
@@ -34,7 +34,13 @@ def parts(campaign, series=None):
     """Everything for people: list of Part. series : over_time.Series, None if no run has any"""
     found = [head(campaign), requirements(campaign), errors(campaign), flights(campaign)]
     found.append(unjudged(campaign) if series is None else covariance(campaign, series))
-    found += [programme(campaign), failures(campaign), worst(campaign), explained(campaign)]
+    found += [
+        trusted(campaign),
+        programme(campaign),
+        failures(campaign),
+        worst(campaign),
+        explained(campaign),
+    ]
     return [part for part in found if part is not None]
 
 
@@ -203,6 +209,30 @@ def _verdict(one, group):
 
 def _size(is_small):
     return Loud(f"covariance too {'small' if is_small else 'large'}")
+
+
+def trusted(campaign):
+    """Integrity risk; None without protection levels."""
+    found = integrity.count(campaign)
+    if not found:
+        return None
+    heads = (
+        "quantity", ">usable [h]", ">events", ">per hour (99 %)", ">stated", "verdict", ">worst", ">run",
+        ">extrapolated, per hour (99 %)",
+    )  # fmt: skip
+    rows = []
+    for one in found:
+        verdict = Loud(one.verdict) if one.verdict == "not kept" else one.verdict
+        rate = "-" if one.rate is None else f"{one.rate:.2g} ({one.least:.2g} to {one.most:.2g})"
+        worst = ("-", "-") if one.worst is None else (f"{one.worst:.2f}", str(one.worst_run))
+        tail = "-" if one.tail is None else f"{one.tail:.1g} (at most {one.tail_most:.1g})"
+        hours, stated = f"{one.hours:.3g}", f"{one.risk:.2g}"
+        rows.append((one.quantity, hours, str(one.events), rate, stated, verdict, *worst, tail))
+    lines = (
+        "Events: error beyond its protection level for more than a second while usable. Worst: largest error "
+        "over its level. Extrapolated: a Gumbel tail of the runs' largest, not counted.",
+    )
+    return Part("Integrity risk", heads, tuple(rows), lines)
 
 
 def programme(campaign):

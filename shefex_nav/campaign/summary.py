@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.campaign import statistics
+from shefex_nav.campaign import integrity, statistics
 from shefex_nav.report.requirements import said, severity, words
 
 MOST_WORST = 3  # runs to look at
@@ -38,6 +38,7 @@ def summary_object(campaign):
             }
             for one in statistics.successes(campaign)
         ],
+        "integrity": integrity.summary(campaign),
         "wall_s": campaign.wall_s,
         "results_digest": campaign.digest,
     }
@@ -46,7 +47,12 @@ def summary_object(campaign):
 def of_nothing(head, lost, digest):
     """The same of a campaign that has no run. head : of campaign.json, lost : how many runs were lost"""
     counts = {"runs": 0, "asked": head["runs"], "lost": lost, "succeeded": 0, "failed": 0}
-    return counts | {"requirements": [], "wall_s": head["wall_s"] or None, "results_digest": digest}
+    return counts | {
+        "requirements": [],
+        "integrity": [],
+        "wall_s": head["wall_s"] or None,
+        "results_digest": digest,
+    }
 
 
 def worst_runs(campaign, k=MOST_WORST):

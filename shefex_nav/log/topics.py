@@ -44,7 +44,7 @@ from shefex_nav.records import (
     TruthSample,
 )
 
-FORMAT = "2"  # of this table; a reader refuses others
+FORMAT = "3"  # of this table; a reader refuses others
 METADATA = "shefex_nav"  # name of the metadata record
 ATTACHMENT = "scenario.yaml"
 
@@ -239,9 +239,18 @@ TOPICS = (
         _number("sigma_angle_of_attack_rad", "sigma_angle_of_attack", "standard deviation [rad]"),
         _number("sigma_sideslip_rad", "sigma_sideslip", "standard deviation [rad]"),
         _flag("star_aided", "star_aided", "a star fix has been used since the start"),
-        _vector("protection_b_rad", "protection_b", "protection level of the attitude, body axes [rad]"),
-        _flag("do_not_use", "do_not_use", "the solution must not be used"),
-        Field("doubt", "doubt", Doubt, (), "why not"),
+        _vector("protection_position_m", "protection_position",
+                "protection level of the position, horizontal and vertical [m]", 2),
+        _vector("protection_velocity_m_s", "protection_velocity",
+                "protection level of v_e, horizontal and vertical [m/s]", 2),
+        _vector("protection_attitude_rad", "protection_attitude",
+                "protection level of the attitude, body axes [rad]"),
+        _flag("do_not_use_position", "do_not_use_position", "the position must not be used"),
+        _flag("do_not_use_velocity", "do_not_use_velocity", "the velocity must not be used"),
+        _flag("do_not_use_attitude", "do_not_use_attitude", "the attitude must not be used"),
+        Field("doubt_position", "doubt_position", Doubt, (), "why not"),
+        Field("doubt_velocity", "doubt_velocity", Doubt, (), "why not"),
+        Field("doubt_attitude", "doubt_attitude", Doubt, (), "why not"),
     )),
     Topic(NavCovariance, "/nav/covariance", "NavCovariance", 10, "t_s", "Covariance, calibration states.", (
         T_S,

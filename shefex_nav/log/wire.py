@@ -58,9 +58,10 @@ def file_descriptor(topic):
         added.label = added.LABEL_REPEATED if field.shape else added.LABEL_OPTIONAL
         if _kind(field) == "enum":
             added.type_name = f".{PACKAGE}.{topic.schema}.{field.kind.__name__}"
-            enum = message.enum_type.add(name=field.kind.__name__)
-            for member in field.kind:
-                enum.value.add(name=member.name, number=member.value)
+            if field.kind.__name__ not in [enum.name for enum in message.enum_type]:
+                enum = message.enum_type.add(name=field.kind.__name__)
+                for member in field.kind:
+                    enum.value.add(name=member.name, number=member.value)
         info.location.add(path=[4, 0, 2, k], span=[k + 1, 0, 0], leading_comments=field.comment)
     return file
 

@@ -20,13 +20,17 @@ from shefex_nav.log.topics import ATTACHMENT, LogError
 from shefex_nav.onboard import computer
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.state import NavParams
-from shefex_nav.records import ControlSample, Event, FrameTruth, Reason, TruthSample, row
+from shefex_nav.records import QUANTITIES, ControlSample, Event, FrameTruth, Reason, TruthSample, row
 from shefex_nav.replay import load as external_load
 from shefex_nav.replay import params as external_params
 from shefex_nav.report import local_level
 from shefex_nav.scenario import load, params_onboard
 
-CHANGEABLE = "navigation.", "requirements.attitude."  # what of a scenario may be changed after the flight
+CHANGEABLE = (  # what of a scenario may be changed after the flight
+    "navigation.",
+    *(f"requirements.{quantity}." for quantity in QUANTITIES),
+    "requirements.integrity_risk",
+)
 TICKS = "navigation.samples_per_tick"  # but for this
 
 

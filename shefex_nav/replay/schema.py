@@ -26,7 +26,7 @@ from shefex_nav.scenario.quantity import (
     quoted,
     refuse,
 )
-from shefex_nav.scenario.requirements import AttitudeLimit
+from shefex_nav.scenario.requirements import AttitudeLimit, IntegrityRisk, PositionLimit, VelocityLimit
 from shefex_nav.scenario.sensors import OFF, UNLIMITED, Accelerometer, Gyro
 
 NED = Field(description="noise, 1 sigma, north, east, down; takes the place of what the file says")
@@ -318,7 +318,10 @@ class ReplayNavigation(Navigation):
 class ReplayRequirements(Block):
     """What is required of the solution."""
 
+    position: PositionLimit = PositionLimit()
+    velocity: VelocityLimit = VelocityLimit()
     attitude: AttitudeLimit = AttitudeLimit()
+    integrity_risk: IntegrityRisk = "1e-5 /h"
 
 
 class ReplayScenario(Block):

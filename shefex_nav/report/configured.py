@@ -4,6 +4,7 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
+from shefex_nav.records import QUANTITIES
 from shefex_nav.report import local_level, requirements
 
 
@@ -12,14 +13,14 @@ class Configured(NamedTuple):
 
     description: str  # may be empty
     requirements: object  # scenario.requirements.Requirements
-    attitude_rad: float | None  # largest error that may be, about each axis
+    limits: dict  # quantity of records.QUANTITIES: its limit in SI; empty where the scenario does not say
     sun_exclusion_rad: float | None
     limb_exclusion_rad: float | None
     problem: str  # why the scenario cannot be read; empty otherwise
     scenario: object = None  # Scenario
 
 
-NOTHING = Configured("", None, None, None, None, "")
+NOTHING = Configured("", None, {}, None, None, "")
 
 
 def configured(data):
@@ -50,7 +51,7 @@ def _read(text):
     return Configured(
         description=scenario.mission.description,
         requirements=scenario.requirements,
-        attitude_rad=scenario.requirements.attitude.limit,
+        limits={quantity: getattr(scenario.requirements, quantity).limit for quantity in QUANTITIES},
         sun_exclusion_rad=stray.sun_exclusion,
         limb_exclusion_rad=stray.earth_exclusion,
         problem="",

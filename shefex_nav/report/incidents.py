@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.records import Doubt, Reason
+from shefex_nav.records import QUANTITIES, Doubt, Reason, protected
 from shefex_nav.report import metrics, trust
 
 _TOGETHER_S = 2.5  # refusals of one sensor that are not farther apart are one incident
@@ -66,13 +66,15 @@ def _doubts(data):
     if not len(nav.t_s):
         return
     words = {
-        Doubt.ATTITUDE: "protection level of the attitude above what is required",
+        Doubt.LEVEL: "its protection level is above what is required",
         Doubt.CONTRADICTED: "a sensor contradicts the solution",
         Doubt.IMU: "the IMU does not measure",
     }
-    for doubt, text in words.items():
-        for start, end in _runs(nav.t_s, nav.do_not_use & (nav.doubt == doubt)):
-            yield Incident(start, end, f"solution not to be used: {text}")
+    for quantity in QUANTITIES:
+        said = protected(nav, quantity)
+        for doubt, text in words.items():
+            for start, end in _runs(nav.t_s, said.do_not_use & (said.doubt == doubt)):
+                yield Incident(start, end, f"{quantity} not to be used: {text}")
 
 
 def _imu(data):

@@ -89,14 +89,22 @@ def errors_and_sigmas(data):
 
     As in `errors`; row k of the sigmas belongs to row index[k] of the errors.
     """
-    truth, nav, earth = data.truth, data.nav, data.mission.earth
+    truth, earth = data.truth, data.mission.earth
+    t_s, error = level_errors(data)
+    i, _ = same_times(truth.t_s, t_s)
+    states = (truth.r_i[i], truth.v_i[i], truth.q_ib[i])
+    a, b = same_times(t_s, data.covariance.t_s)
+    sigma = _sigmas_kernel(earth, t_s[a], *(state[a] for state in states), data.covariance.P[b])
+    return t_s, error, a, t_s[a], sigma
+
+
+def level_errors(data):
+    """t_s (N,) and error (N, 9) of `errors`."""
+    truth, nav = data.truth, data.nav
     i, j = same_times(truth.t_s, nav.t_s)
     t_s = truth.t_s[i]
     states = (truth.r_i[i], truth.v_i[i], truth.q_ib[i], nav.r_i[j], nav.v_i[j], nav.q_ib[j])
-    error = _errors_kernel(earth, t_s, *states)
-    a, b = same_times(t_s, data.covariance.t_s)
-    sigma = _sigmas_kernel(earth, t_s[a], *(state[a] for state in states[:3]), data.covariance.P[b])
-    return t_s, error, a, t_s[a], sigma
+    return t_s, _errors_kernel(data.mission.earth, t_s, *states)
 
 
 @inner

@@ -264,7 +264,7 @@ def _navigation(data, height, entry):
         "attitude_error_deg": {"rms": _rms(attitude_deg), "max": _max(attitude_deg)},
         "at_entry": None if entry is None else _at_entry(data, errors, data.truth.t_s[entry], height[entry]),
         "nees": _nees_summary(data, errors, math.inf if entry is None else data.truth.t_s[entry]),
-        "integrity": trust.trust(data, errors, None if entry is None else float(data.truth.t_s[entry])),
+        "integrity": trust.trust(data, None if entry is None else float(data.truth.t_s[entry])),
     }
 
 

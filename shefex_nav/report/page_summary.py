@@ -4,6 +4,7 @@ import platform
 
 import numpy as np
 
+from shefex_nav.records import QUANTITIES
 from shefex_nav.report import html, requirements
 from shefex_nav.report.html import element
 
@@ -72,8 +73,8 @@ def judge(run):
     stated = run.limits.requirements
     if stated is not None and requirements.limits(stated):
         return requirements.judge(stated, run.summary), "of the scenario"
-    if run.limits.attitude_rad is not None and run.summary["navigation"]["at_entry"]:
-        limit = float(f"{np.degrees(run.limits.attitude_rad):.12g}")
+    if "attitude" in run.limits.limits and run.summary["navigation"]["at_entry"]:
+        limit = float(f"{np.degrees(run.limits.limits['attitude']):.12g}")
 
         def get(path):
             value = run.summary
@@ -135,19 +136,24 @@ def _tiles(run):
             ("position error at entry", _number(entry["position_error_m"], 2, "m"), when),
         ]
     if nav["integrity"]:
-        share = nav["integrity"]["misleading_share"]
-        misleading = (
-            "never misleading" if share == 0.0 else f"misleading {_number(100.0 * (share or 0.0), 2, '%')}"
-        )
-        tiles.append(
-            ("solution usable", _number(100.0 * nav["integrity"]["usable_share"], 1, "%"), misleading)
-        )
+        tiles += [_usable_tile(quantity, nav["integrity"][quantity]) for quantity in QUANTITIES]
     shown = [
         element("div", element("dt", name), element("dd", value, *([element("small", note)] if note else [])))
         for name, value, note in tiles
         if value != _DASH
     ]
     return element("dl", *shown, class_="tiles") if shown else ""
+
+
+def _usable_tile(quantity, one):
+    """Share of the time in which a quantity may be used, and how near its errors came to the level."""
+    share, over = one["misleading_share"], one["over_level"]
+    words = (
+        "" if share is None else "never misleading" if share == 0.0 else f"misleading {100.0 * share:.2f} %"
+    )
+    if over is not None:
+        words += f"{', ' if words else ''}error at most {over:.2f} of its level"
+    return f"{quantity} usable", _number(100.0 * one["usable_share"], 1, "%"), words
 
 
 def _number(value, digits, unit):

@@ -8,6 +8,7 @@ what it would see there is not modelled.
 import math
 from typing import NamedTuple
 
+from shefex_nav.records import QUANTITIES
 from shefex_nav.report.programme import AIR_KM
 
 
@@ -23,8 +24,8 @@ class Judged(NamedTuple):
 
 
 OF_LIMIT = {  # requirement: the section with its limit, the key that says whether it is required
-    "attitude_at_entry": ("attitude", "at_entry"),
-    "protection_at_entry": ("attitude", "protection_at_entry"),
+    **{f"{quantity}_at_entry": (quantity, "at_entry") for quantity in QUANTITIES},
+    **{f"{quantity}_protection_at_entry": (quantity, "protection_at_entry") for quantity in QUANTITIES},
 }
 ONCE, GROWS, MOVES = "once", "grows", "moves"  # nothing; make it larger; make it larger or smaller
 
@@ -50,6 +51,16 @@ def _largest(path):
     def figure(get):
         values = get(path)
         return None if not values or None in values else max(abs(value) for value in values)
+
+    return figure
+
+
+def _together(path):
+    """Root of the sum of squares: the whole of what is horizontal and vertical."""
+
+    def figure(get):
+        values = get(path)
+        return None if not values or None in values else math.hypot(*values)
 
     return figure
 
@@ -83,6 +94,12 @@ def _frames(get):
     return f"of {frames:.0f} frame{'s' if frames > 1 else ''}"
 
 
+def _which(get):
+    """What of the solution was misleading."""
+    names = [q for q in QUANTITIES if get(f"navigation.integrity.{q}.misleading_share")]
+    return f"of the time: {', '.join(names)}" if names else ""
+
+
 DEG = math.degrees(1.0)
 UNREACHED = "not reached"  # verdict of what a mission that was seen in part may still do
 MEASURES = {
@@ -90,10 +107,18 @@ MEASURES = {
     "position_at_entry": _Measure(_at("navigation.at_entry.position_error_m"), "m", 1.0, "at most"),
     "velocity_at_entry": _Measure(_at("navigation.at_entry.velocity_error_m_s"), "m/s", 1.0, "at most"),
     "usable_at_entry": _Measure(_at("navigation.integrity.at_entry.usable"), "", 1.0, "is"),
-    "protection_at_entry": _Measure(
-        _largest("navigation.integrity.at_entry.protection_deg"), "deg", DEG, "at most"
+    "position_protection_at_entry": _Measure(
+        _together("navigation.integrity.position.at_entry.protection_m"), "m", 1.0, "at most"
     ),
-    "misleading": _Measure(_percent("navigation.integrity.misleading_share"), "%", 100.0, "at most", MOVES),
+    "velocity_protection_at_entry": _Measure(
+        _together("navigation.integrity.velocity.at_entry.protection_m_s"), "m/s", 1.0, "at most"
+    ),
+    "attitude_protection_at_entry": _Measure(
+        _largest("navigation.integrity.attitude.at_entry.protection_deg"), "deg", DEG, "at most"
+    ),
+    "misleading": _Measure(
+        _percent("navigation.integrity.misleading_share"), "%", 100.0, "at most", MOVES, _which
+    ),
     "wrong_star_fixes": _Measure(_wrong_fixes, "", 1.0, "at most", GROWS),
     "star_fixes": _Measure(_star_fixes, "%", 100.0, "at least", MOVES, _frames),
     "pointing_error": _Measure(_at("attitude_control.pointing_error_deg.max"), "deg", DEG, "at most", GROWS),

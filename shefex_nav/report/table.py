@@ -5,6 +5,7 @@ import re
 from rich.table import Table
 from rich.text import Text
 
+from shefex_nav.records import QUANTITIES
 from shefex_nav.report import requirements
 
 _FLOWN = (  # name, key, digits, unit
@@ -16,7 +17,7 @@ _FLOWN = (  # name, key, digits, unit
 
 MOST_FAULTS = 12  # in the table
 DOUBTS = {  # records.Doubt for people
-    "attitude": "protection level over requirements.attitude.limit",
+    "level": "protection level over requirements.{quantity}.limit",
     "contradicted": "contradicted by a sensor",
     "imu": "motion beyond the IMU's range",
 }
@@ -175,14 +176,16 @@ def _integrity_rows(integrity):
     """When the solution may be used, and what was noticed; losses of GPS alone are too common to list."""
     if integrity is None:
         return
-    yield "usable", f"{100.0 * integrity['usable_share']:.1f} % of the time{_doubts(integrity)}"
-    entry = integrity["at_entry"]
-    if entry:
-        levels = ", ".join(f"{level:.3f}" for level in entry["protection_deg"])
-        words = "usable" if entry["usable"] else f"do not use: {DOUBTS.get(entry['doubt'], entry['doubt'])}"
-        yield "at entry", f"{words}, protection level {levels} deg"
-    if integrity["misleading_share"]:
-        yield "misleading", Text(f"{100.0 * integrity['misleading_share']:.2f} %", style="bold red")
+    for quantity in QUANTITIES:
+        one = integrity[quantity]
+        share, over = one["usable_share"], one["over_level"]
+        largest = "" if over is None else f", error at most {over:.2f} of its protection level"
+        yield f"{quantity} usable", f"{100.0 * share:.1f} % of the time{largest}{_doubts(quantity, one)}"
+        if one["misleading_share"]:
+            share = 100.0 * one["misleading_share"]
+            yield f"{quantity} misleading", Text(f"{share:.2f} % of the time", style="bold red")
+        if one["at_entry"]:
+            yield f"{quantity} at entry", _entry_words(quantity, one["at_entry"])
     faults = [
         entry for entry in integrity["noticed"] if not entry["reason"].startswith(("no fix", "no ranges"))
     ]
@@ -193,10 +196,30 @@ def _integrity_rows(integrity):
         yield "and", f"{len(faults) - MOST_FAULTS} more, see --json"
 
 
-def _doubts(integrity):
-    """Why the solution was not usable: the two reasons that held longest."""
-    longest = sorted(integrity["doubts"].items(), key=lambda one: -one[1])[:2]
-    reasons = [f"{100.0 * share:.1f} % {DOUBTS.get(name, name)}" for name, share in longest if share >= 5e-4]
+LEVELS = {  # quantity: key of its levels, how they are shown
+    "position": ("protection_m", "{:.1f} m horizontal, {:.1f} m vertical"),
+    "velocity": ("protection_m_s", "{:.2f} m/s horizontal, {:.2f} m/s vertical"),
+    "attitude": ("protection_deg", "{:.3f}, {:.3f}, {:.3f} deg"),
+}
+
+
+def _entry_words(quantity, entry):
+    """Whether a quantity may be used at entry, and its protection level."""
+    key, form = LEVELS[quantity]
+    words = "usable" if entry["usable"] else f"do not use: {_doubt(quantity, entry['doubt'])}"
+    known = None not in entry[key]
+    return f"{words}, protection level {form.format(*entry[key]) if known else 'unknown'}"
+
+
+def _doubt(quantity, name):
+    """A Doubt about a quantity, for people."""
+    return DOUBTS.get(name, name).format(quantity=quantity)
+
+
+def _doubts(quantity, one):
+    """Why a quantity was not usable: the two reasons that held longest."""
+    longest = sorted(one["doubts"].items(), key=lambda one: -one[1])[:2]
+    reasons = [f"{100.0 * share:.1f} % {_doubt(quantity, name)}" for name, share in longest if share >= 5e-4]
     return f"; not: {', '.join(reasons)}" if reasons else ""
 
 

@@ -2,52 +2,140 @@
 
 Definitions
 -----------
-- The solution is usable where it does not say `do_not_use`.
-- It is misleading where it is usable although the attitude error about an axis exceeds the protection level:
-  a protection level that never does is no proof, one that does is wrong.
+- Position, velocity and attitude are each usable where the solution does not say `do_not_use` of it.
+- One of them is misleading where it is usable although its error along an axis has been beyond the protection
+  level for more than TIME_TO_ALERT_S: the whole of such a stretch counts, and each is one event. A protection
+  level that is never exceeded is no proof, one that is is wrong.
+- The axes are those of the levels: horizontal distance and height in the level plane of the true position,
+  velocity against the Earth likewise, attitude about the body axes.
+- Shares are of the time of the run, `usable_h` is in hours. `over_level` is the largest error over its level
+  while usable, however short.
+- The solution is usable where all three are, misleading where any is.
 - Entry is that of `metrics`. What was noticed is listed from when it was to when it was over, None if never.
 """
 
 import math
 from collections import Counter
+from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.records import Doubt
+from shefex_nav.clock import SAME_S
+from shefex_nav.geometry.rotation import rotvec_between
+from shefex_nav.records import QUANTITIES, Doubt, protected
+from shefex_nav.report import local_level
 from shefex_nav.report.pairing import same_times
 
+TIME_TO_ALERT_S = 1.0  # [E] an error that is over sooner has misled nobody
+UNITS = {"position": ("m", 1.0), "velocity": ("m_s", 1.0), "attitude": ("deg", math.degrees(1.0))}  # of SI
 
-def trust(data, errors, entry_s):
+
+class Compared(NamedTuple):
+    """Errors of one quantity beside its protection level, at the M ticks that have both."""
+
+    t_s: np.ndarray  # (M,)
+    error: np.ndarray  # (M, axes) sizes, m, m/s, rad
+    level: np.ndarray  # (M, axes)
+    usable: np.ndarray  # (M,) bool
+
+    @property
+    def over_level(self):
+        """(M,) the largest error over its level."""
+        return (self.error / self.level).max(axis=1)
+
+
+def has_levels(nav):
+    """Whether a NavSolution of arrays has protection levels. Those of an older log are not numbers."""
+    return bool(len(nav.t_s)) and bool(np.isfinite(nav.protection_attitude).any())
+
+
+def axis_errors(data):
+    """Sizes of the errors along the axes of the levels: t_s (N,), {quantity: (N, 2 or 3)}."""
+    t_s, error = local_level.level_errors(data)
+    i, j = same_times(data.truth.t_s, data.nav.t_s)
+    attitude_b = rotvec_between(data.nav.q_ib[j], data.truth.q_ib[i])
+    return t_s, {
+        "position": np.column_stack([np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])]),
+        "velocity": np.column_stack([np.hypot(error[:, 3], error[:, 4]), np.abs(error[:, 5])]),
+        "attitude": np.abs(attitude_b),
+    }
+
+
+def compare(data):
+    """{quantity: Compared} of a RunData."""
+    t_s, errors = axis_errors(data)
+    _, j = same_times(t_s, data.nav.t_s)
+    found = {}
+    for quantity in QUANTITIES:
+        said = protected(data.nav, quantity)
+        found[quantity] = Compared(t_s, errors[quantity], said.level[j], ~said.do_not_use[j])
+    return found
+
+
+def misleading(one):
+    """Where a quantity is misleading, (M,) bool, and how many times it becomes so. Compared"""
+    over = one.usable & (one.error > one.level).any(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], over.astype(np.int8), [0]])))
+    marks, events = np.zeros(len(over), dtype=bool), 0
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        if one.t_s[end - 1] - one.t_s[first] > TIME_TO_ALERT_S + SAME_S:
+            marks[first:end] = True
+            events += 1
+    return marks, events
+
+
+def trust(data, entry_s):
     """Figures of a RunData: dict of numbers and texts; None for a log that has no protection levels.
 
-    errors : metrics.NavErrors;  entry_s : mission time, None without an entry
+    entry_s : mission time, None without an entry
     """
     nav = data.nav
-    if not len(nav.t_s) or not np.isfinite(nav.protection_b).any():
+    if not has_levels(nav):
         return None
-    i, j = same_times(errors.t_s, nav.t_s)
-    usable = ~nav.do_not_use[j]
-    wrong = (np.abs(errors.attitude_b[i]) > nav.protection_b[j]).any(axis=1)
-    doubts = Counter(nav.doubt[nav.do_not_use].tolist())
-    n = len(nav.t_s)
-    return {
-        "usable_share": float(np.mean(~nav.do_not_use)),
-        "doubts": {Doubt(k).name.lower(): count / n for k, count in sorted(doubts.items())},
-        "misleading_share": float(np.mean(wrong & usable)) if len(j) else math.nan,
-        "at_entry": _at(nav, entry_s),
+    compared = compare(data)
+    wrong = {quantity: misleading(one) for quantity, one in compared.items()}
+    usable = np.logical_and.reduce([~protected(nav, quantity).do_not_use for quantity in QUANTITIES])
+    found = {q: _of_quantity(nav, q, compared[q], *wrong[q], entry_s) for q in QUANTITIES}
+    any_wrong = np.logical_or.reduce([marks for marks, _ in wrong.values()])
+    entries = [one["at_entry"] for one in found.values()]
+    return found | {
+        "usable_share": float(np.mean(usable)),
+        "misleading_share": _share(any_wrong),
+        "at_entry": None if None in entries else {"usable": all(one["usable"] for one in entries)},
         "noticed": noticed(data.health),
     }
 
 
-def _at(nav, t_s):
+def _share(marks):
+    return float(np.mean(marks)) if len(marks) else math.nan
+
+
+def _of_quantity(nav, quantity, one, marks, events, entry_s):
+    """Figures of one quantity."""
+    said, n = protected(nav, quantity), len(nav.t_s)
+    doubts = Counter(said.doubt[said.do_not_use].tolist())
+    step_s = float(np.median(np.diff(nav.t_s))) if n > 1 else 0.0
+    return {
+        "usable_share": float(np.mean(~said.do_not_use)),
+        "usable_h": float(np.count_nonzero(one.usable)) * step_s / 3600.0,
+        "doubts": {Doubt(k).name.lower(): count / n for k, count in sorted(doubts.items())},
+        "misleading_share": _share(marks),
+        "misleading_events": events if len(marks) else None,
+        "over_level": float(one.over_level[one.usable].max()) if one.usable.any() else math.nan,
+        "at_entry": _at(nav, quantity, entry_s),
+    }
+
+
+def _at(nav, quantity, t_s):
     """Protection level and doubt at a mission time."""
     if t_s is None:
         return None
-    k = int(np.argmin(np.abs(nav.t_s - t_s)))
+    k, said = int(np.argmin(np.abs(nav.t_s - t_s))), protected(nav, quantity)
+    unit, factor = UNITS[quantity]
     return {
-        "usable": not bool(nav.do_not_use[k]),
-        "doubt": Doubt(int(nav.doubt[k])).name.lower(),
-        "protection_deg": np.degrees(nav.protection_b[k]).tolist(),
+        "usable": not bool(said.do_not_use[k]),
+        "doubt": Doubt(int(said.doubt[k])).name.lower(),
+        f"protection_{unit}": (factor * said.level[k]).tolist(),
     }
 
 

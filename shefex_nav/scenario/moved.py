@@ -9,6 +9,18 @@ _NOW = {  # path: what to write instead of a value, and of null
         "requirements.attitude: {{limit: {value}, protection_at_entry: true}}",
         "requirements.attitude: {protection_at_entry: false}",
     ),
+    ("requirements", "position_at_entry"): (
+        "requirements.position: {{limit: {value}, at_entry: true}}",
+        "requirements.position: {at_entry: false}",
+    ),
+    ("requirements", "velocity_at_entry"): (
+        "requirements.velocity: {{limit: {value}, at_entry: true}}",
+        "requirements.velocity: {at_entry: false}",
+    ),
+    ("navigation", "integrity", "risk"): (
+        "requirements.integrity_risk: 1e-5 /h",  # per hour of use; the old one was per independent error
+        "requirements.integrity_risk: 1e-5 /h",
+    ),
     ("navigation", "integrity", "attitude"): (
         "requirements.attitude: {{limit: {value}}}",
         "requirements.attitude: {limit: null}",

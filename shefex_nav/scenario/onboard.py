@@ -207,11 +207,8 @@ StateBlock = Literal[
 
 
 class Integrity(Block):
-    """How faults of the sensors are noticed; how wrong the attitude may be, `requirements` say."""
+    """How faults of the sensors are noticed; how wrong the solution may be, `requirements` say."""
 
-    risk: Number("1e-5", "that a normal error exceeds the protection level", positive=True, at_most=0.1) = (
-        1e-5
-    )
     wrong_star_fix: Quantity(
         "rad", "0.5 deg", "smallest error that makes a star fix wrong", positive=True
     ) = "0.5 deg"
@@ -252,7 +249,7 @@ class Navigation(Block):
     gps_agreement: Quantity(
         "m/s", "10 m/s", "difference allowed between two fixes, per second", positive=True
     )
-    integrity: Integrity = Field(default_factory=Integrity, description="protection level and faults")
+    integrity: Integrity = Field(default_factory=Integrity, description="faults of the sensors")
     history: Quantity("s", "0.5 s", "how far back a measurement may lie", positive=True, at_most="5 s")
     thrust_threshold: Quantity("m/s2", "15 m/s2", "specific force above which a motor burns", positive=True)
     thrust_memory: Quantity(

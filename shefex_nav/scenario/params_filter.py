@@ -6,6 +6,8 @@ they have besides, vibration, star camera and GPS receiver, goes on top.
 
 import numpy as np
 
+from shefex_nav.records import QUANTITIES
+
 
 def common(scenario, integrity):
     """Fields of NavParams that follow from section `navigation` alone. Scenario, IntegrityParams -> dict"""
@@ -32,7 +34,7 @@ def integrity_params(scenario, dt_s, coarse_if_silent):
     coarse_if_silent : readings of which the scenario does not say how coarse they are may be of any
         coarseness, as those of files that others have rounded: an axis may repeat itself then
     """
-    from shefex_nav.onboard.navigation import integrity_imu, integrity_protection, integrity_watch
+    from shefex_nav.onboard.navigation import integrity_imu, integrity_watch
 
     navigation, section = scenario.navigation, scenario.navigation.integrity
     triads = (scenario.imu.gyro, scenario.imu.accelerometer)
@@ -50,10 +52,18 @@ def integrity_params(scenario, dt_s, coarse_if_silent):
             change=np.array([section.angular_acceleration, section.thrust_change]),
             missed=_missed(scenario),
         ),
-        wanted=integrity_protection.requirement(scenario.requirements.attitude.limit, section.risk),
+        wanted=_requirement(scenario.requirements),
         wrong_star_fix=section.wrong_star_fix,
         release_gps_jump=_rule(section.gps_jump),
     )
+
+
+def _requirement(stated):
+    """What the protection levels are held against, of section `requirements`."""
+    from shefex_nav.onboard.navigation import integrity_protection
+
+    limits = (getattr(stated, quantity).limit for quantity in QUANTITIES)
+    return integrity_protection.requirement(*limits, stated.integrity_risk)
 
 
 def _missed(scenario):

@@ -197,6 +197,6 @@ def test_a_log_made_of_one_that_was_cut_off_says_where(log, tmp_path):
 def test_a_log_is_judged_by_another_limit_of_the_attitude(log):
     """The limit belongs to the requirements; the computer on board that is run again takes it."""
     found = rerun.open_log(log, ["requirements.attitude.limit=0.4 deg"])
-    assert found.params.integrity.wanted.attitude == pytest.approx(np.radians(0.4))
-    with pytest.raises(ScenarioError, match=r"'navigation\.' or 'requirements\.attitude\.'"):
+    assert found.params.integrity.wanted.limits[2] == pytest.approx(np.radians(0.4))
+    with pytest.raises(ScenarioError, match=r"'navigation\.' or 'requirements\.position\.'"):
         rerun.open_log(log, ["requirements.apogee=1 km"])

@@ -25,7 +25,13 @@ def data():
     made = gathered(OPTIONS)
     do_not_use = made.nav.t_s < 236.0
     level = np.where(do_not_use[:, None], 6e-3, 2.5e-3) * np.ones((1, 3))
-    nav = made.nav._replace(protection_b=level, do_not_use=do_not_use, doubt=do_not_use.astype(np.int64))
+    nav = made.nav._replace(
+        protection_attitude=level,
+        protection_position=2e3 * level[:, :2],
+        protection_velocity=2e2 * level[:, :2],
+        do_not_use_attitude=do_not_use,
+        doubt_attitude=do_not_use.astype(np.int64),
+    )
     return made._replace(nav=nav)
 
 

@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from shefex_nav.records import QUANTITIES
 from shefex_nav.report import requirements
 from shefex_nav.scenario.requirements import Attitude, Requirements
 
@@ -17,7 +18,10 @@ SUMMARY = {
         "at_entry": {"attitude_error_deg": [0.1, -0.18, 0.0], "position_error_m": 99.0},
         "integrity": {
             "misleading_share": 0.002,
-            "at_entry": {"usable": True, "protection_deg": [0.1, 0.2, 0.1]},
+            "at_entry": {"usable": True},
+            "position": {"misleading_share": 0.0, "at_entry": {"protection_m": [30.0, 40.0]}},
+            "velocity": {"misleading_share": 0.002, "at_entry": {"protection_m_s": [0.3, 0.4]}},
+            "attitude": {"misleading_share": 0.0, "at_entry": {"protection_deg": [0.1, 0.2, 0.1]}},
         },
     },
 }
@@ -33,7 +37,9 @@ def passed(**wanted):
     [
         ({"attitude": {"limit": "0.17 deg", "at_entry": True}}, 0.18, False),  # the largest, without sign
         ({"attitude": {"limit": "0.18 deg", "at_entry": True}}, 0.18, True),  # the limit itself is kept
-        ({"position_at_entry": "0.1 km"}, 99.0, True),
+        ({"position": {"limit": "0.1 km", "at_entry": True}}, 99.0, True),
+        ({"position": {"limit": "50 m", "protection_at_entry": True}}, 50.0, True),  # hypot(30, 40)
+        ({"velocity": {"limit": "0.49 m/s", "protection_at_entry": True}}, 0.5, False),
         ({"usable_at_entry": True}, True, True),
         ({"attitude": {"limit": "0.15 deg", "protection_at_entry": True}}, 0.2, False),
         ({"attitude": {"limit": "0.25 deg", "protection_at_entry": True}}, 0.2, True),
@@ -50,7 +56,7 @@ def test_limits(wanted, found, is_passed):
     assert passed(**wanted) == (pytest.approx(found), is_passed)
 
 
-@pytest.mark.parametrize("wanted", [{"cold_gas": "5 kg"}, {"velocity_at_entry": "1 m/s"}])
+@pytest.mark.parametrize("wanted", [{"cold_gas": "5 kg"}, {"velocity": {"at_entry": True}}])
 def test_what_was_not_measured_was_not_met(wanted):
     assert passed(**wanted) == (None, False)
 
@@ -116,7 +122,8 @@ def test_a_limit_alone_requires_nothing():
 
 def test_every_field_of_the_section_is_measured():
     judged = set(requirements.MEASURES) - set(requirements.OF_LIMIT)
-    assert judged | {"attitude"} == set(Requirements.model_fields)
+    made_for = {"integrity_risk"}  # the levels; campaigns count against it
+    assert judged | made_for | set(QUANTITIES) == set(Requirements.model_fields)
     assert {key for _, key in requirements.OF_LIMIT.values()} | {"limit"} == set(Attitude.model_fields)
     assert math.isclose(requirements.MEASURES["cold_gas"].factor, 1.0)
 

@@ -78,7 +78,7 @@ def test_what_the_default_leaves_out():
         *("boresight_rate", "cross_rate", "cross_period", "cross_phase", "ramp"),
         *("almanac", "bias", "drift", "h_0", "h_minus_2", "reacquisition"),  # of the GPS receiver
         *("satellite", "ionosphere", "troposphere", "multipath"),
-        *("gps", "stars", "risk", "wrong_star_fix", "rejections", "duration"),  # navigation
+        *("gps", "stars", "wrong_star_fix", "rejections", "duration"),  # navigation
         *("angular_acceleration", "thrust_change"),
         *("model", "sampling", "flight", "series"),  # of the star tracker's statistics, of campaigns
         *("apogee", "cold_gas", "pointing_error", "protection_at_entry"),  # that are not required
@@ -256,7 +256,7 @@ def test_schema_holds_together():
         assert block["additionalProperties"] is False
         optional = {"SensorOverrides", "Atmosphere", "Faults", "Integrity", "Requirements", "Campaign"}
         optional |= {"Clock", "RangeErrors", "SatelliteErrors"}  # of GPS
-        optional |= {"Attitude"}  # of the requirements
+        optional |= {"Position", "Velocity", "Attitude"}  # of the requirements
         assert name.endswith(".partial") is not ("required" in block) or name in optional
     needed = {name for name, field in Scenario.model_fields.items() if field.is_required()}
     assert set(blocks["Scenario"]["required"]) == needed

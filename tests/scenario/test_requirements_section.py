@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 from broken import DEFAULT, the_message
 
+from shefex_nav.records import QUANTITIES
 from shefex_nav.report import configured, requirements
 from shefex_nav.scenario import params_onboard
 from shefex_nav.scenario.load import load, load_text
@@ -23,8 +24,14 @@ def test_limits_are_read_with_their_units():
 def test_nothing_is_required_where_nothing_is_said():
     wanted = load(DEFAULT.with_name("orbit.yaml")).requirements
     assert wanted.attitude.limit == pytest.approx(math.radians(0.17))  # of the computer on board
-    assert set(wanted.model_dump(exclude={"attitude": {"limit"}}).pop("attitude").values()) == {False}
-    assert set(wanted.model_dump(exclude={"attitude"}).values()) == {None, False}
+    said, limits = wanted.model_dump(), []
+    for quantity in QUANTITIES:
+        block = said.pop(quantity)
+        limits.append(block.pop("limit"))
+        assert set(block.values()) == {False}
+    assert limits == pytest.approx([100.0, 1.0, math.radians(0.17)])
+    assert said.pop("integrity_risk") == pytest.approx(1e-5)  # for which the levels are made
+    assert set(said.values()) == {None, False}
 
 
 def test_the_text_that_a_campaign_keeps_has_them():
@@ -41,7 +48,27 @@ def test_the_text_that_a_campaign_keeps_has_them():
         (["requirements.attitude.at_entry=yes please"], "attitude.at_entry", "true or false"),
         (["requirements.attitude=0.1 deg"], "requirements.attitude", "section with keys of its own"),
         (["requirements.usable_at_entry=1"], "usable_at_entry", "true or false"),
-        (["requirements.position_at_entri=1 m"], "position_at_entri", "position_at_entry"),
+        (["requirements.positiom.limit=1 m"], "positiom", "position"),
+        (["requirements.position.limit=3 m/s"], "position.limit", "expected a length"),
+        (["requirements.velocity.limit=0 m/s"], "velocity.limit", "greater than zero"),
+        (["requirements.integrity_risk=1e-5"], "integrity_risk", "'1e-05 /h'"),
+        (["requirements.integrity_risk=0 /h"], "integrity_risk", "greater than zero"),
+        (["requirements.integrity_risk=1000 /h"], "integrity_risk", "at most 100 /h"),
+        (
+            ["requirements.position_at_entry=80 m"],
+            "requirements.position_at_entry",
+            "has moved; write 'requirements.position: {limit: 80 m, at_entry: true}'",
+        ),
+        (
+            ["requirements.velocity_at_entry=null"],
+            "requirements.velocity_at_entry",
+            "has moved; write 'requirements.velocity: {at_entry: false}'",
+        ),
+        (
+            ["navigation.integrity.risk=1e-5"],
+            "navigation.integrity.risk",
+            "has moved; write 'requirements.integrity_risk: 1e-5 /h'",
+        ),
         (
             ["requirements.attitude_at_entry=0.1 deg"],
             "requirements.attitude_at_entry",
@@ -82,10 +109,14 @@ def test_whatever_is_required_a_mission_without_star_tracker_may_be_flown():
 
 
 def test_one_limit_for_the_mission_the_computer_and_the_reports():
-    """What is required of the attitude is what the watch on board compares the protection level with."""
-    scenario = load(DEFAULT, ["requirements.attitude.limit=0.05 deg"])
-    limit = math.radians(0.05)
-    assert params_onboard.nav_params(scenario).integrity.wanted.attitude == pytest.approx(limit)
-    assert requirements.limits(scenario.requirements)["attitude_at_entry"] == 0.05
+    """What is required of a quantity is what the watch on board compares its protection level with."""
+    own = "position.limit=7 m", "velocity.limit=0.2 m/s", "attitude.limit=0.05 deg"
+    scenario = load(DEFAULT, [f"requirements.{text}" for text in own])
+    limits = 7.0, 0.2, math.radians(0.05)
+    assert params_onboard.nav_params(scenario).integrity.wanted.limits == pytest.approx(limits)
+    found = requirements.limits(scenario.requirements)
+    assert [found[f"{quantity}_at_entry"] for quantity in QUANTITIES] == [7.0, 0.2, 0.05]
     log = SimpleNamespace(scenario_text=scenario.source, sun_exclusion=math.nan, limb_exclusion=math.nan)
-    assert configured.configured(SimpleNamespace(mission=log, events=())).attitude_rad == pytest.approx(limit)
+    assert configured.configured(SimpleNamespace(mission=log, events=())).limits == pytest.approx(
+        dict(zip(QUANTITIES, limits, strict=True))
+    )

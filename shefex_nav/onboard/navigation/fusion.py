@@ -21,10 +21,10 @@ from shefex_nav.onboard.navigation import (
     gate,
     integrity,
     integrity_gps,
-    integrity_protection,
     integrity_watch,
     measurements,
     prediction,
+    slopes,
 )
 from shefex_nav.onboard.navigation.history import History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
@@ -210,7 +210,7 @@ def fuse(nav, arrivals):
             earliest = min(earliest, index)
     if earliest < len(history):
         _way(nav, earliest, len(history) - 1, results)
-    nav.watch.protect(history.P)
+    nav.watch.protect(nav.earth, history)
     return results
 
 
@@ -339,7 +339,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     elif fate != Fate.DOUBTED:
         nav.watch.corrected(history.number(index), history.number(0), now.t_s, x, history.x)
     if pending and fate != Fate.DOUBTED:
-        _protect(nav, measurement, prior, history.P, H, R, confirmed)
+        _used(nav, now, measurement, P, prior, H, R, confirmed)
         if confirmed:
             nav.health[measurement.sensor] = sensor.confirmed(nav, now, fix)
     return measurement
@@ -364,20 +364,12 @@ def rows_used(nav, measurement, z, H, R):
     return z, H, R
 
 
-def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
+def _used(nav, now, measurement, P, prior, H, R, confirmed):
     """Tell the watch of a measurement that has just been used for the first time."""
-    watch, limit, name = nav.watch, nav.limit(len(R)), measurement.sensor
-    whole = name == "star_vectors" and measurement.fix.reason == Reason.NONE  # as good as the attitude
-    watch.used("star_tracker" if whole else name, measurement.fix.t_valid_s, nav.history.ends_s[-1])
-    if name == "star_vectors":
-        found = integrity_protection.slope_of_vectors(nav.layout, P_before, P_after, nav.limit(2), H, R)
-    elif name == "star_tracker":
-        found = integrity_protection.slope_of_stars(P_before, P_after, limit, H, R, confirmed)
-    elif SENSORS[name].rows == 1:
-        found = integrity_protection.slope_of_ranges(P_before, P_after, nav.limit(1), H, R)
-    else:
-        found = integrity_protection.slope(P_before, P_after, limit)
-    watch.used_now.append(found)
+    fix, name = measurement.fix, measurement.sensor
+    whole = name == "star_vectors" and fix.reason == Reason.NONE  # as good as the attitude
+    nav.watch.used("star_tracker" if whole else name, fix.t_valid_s, nav.history.ends_s[-1])
+    nav.watch.used_now.append((now.t_s, slopes.slope(nav, now, measurement, P, prior, H, R, confirmed)))
 
 
 def forgotten(nav, P, sensor, admitted):

@@ -1,11 +1,15 @@
-"""Protection level: how wrong the attitude may be without anyone on board noticing, against what is required.
+"""Protection levels: how wrong position, velocity and attitude may be without anyone on board noticing.
 
-About each body axis
+For each axis of `protected`
 
     level = k sigma + w
 
-k sigma is what the known errors do, k such that a normal error exceeds it with the probability that the
-mission accepts. w is what a single wrong fix could do that the gate lets through: an innovation z passes if
+k sigma is what the known errors do. The mission states an integrity risk per hour; an hour has
+INDEPENDENT_PER_HOUR errors that know nothing of each other, so each of them, shared out among the axes of a
+quantity, may exceed k sigma with the probability risk / INDEPENDENT_PER_HOUR / axes. In the horizontal plane
+the error is a distance: exp(-k^2/2) (Rayleigh, with the sigma of the worst direction a bound).
+
+w is what a single wrong fix could do that the gate lets through: an innovation z passes if
 z^T S^-1 z <= T^2, it moves the state by K z, and the worst of them moves axis j by
 
     w_j = T sqrt((K S K^T)_jj) = T sqrt(P_jj(before) - P_jj(after)),
@@ -14,10 +18,17 @@ the slope of the error over the test statistic times the limit of the test, as i
 integrity monitoring (Brown and Chin 1998; for Kalman filters Joerger and Pervan, JGCD 36 (2013)). Later fixes
 take the wrong one out again at the rate at which they reduce errors, so w is the worst over all fixes so far
 of what is left of each. What a star fix has misled is what star fixes measure, attitude and mounting
-together, and goes as H P H^T; what another sensor has done to the attitude goes as P. A fix that has been
-confirmed by a second one through the gyros can only be wrong by what that comparison lets through,
-T sqrt(2 R). And a star fix that passes the gate bounds what other sensors may have done before: had it been
-more than 2 T sqrt(S), the gate's T and as much for noise that hides it, the fix would not have passed.
+together, and goes as H P H^T; what another sensor has done goes as P. A fix that has been confirmed by others
+can only be wrong by what that comparison lets through: a star fix that agrees with a second one through the
+gyros by T sqrt(2 R), a sensor that is believed against the filter, because its rejected fixes agree with each
+other, by T sqrt(2 K R K^T) <= T sqrt(2 P(after)). And a star fix that passes the gate bounds what other
+sensors may have done to the attitude before: had it been more than 2 T sqrt(S), the gate's T and as much for
+noise that hides it, the fix would not have passed.
+
+Between fixes what a wrong one did grows. An error e with e^T P^-1 e = c^2 stays one of c sigma at most,
+however errors grow, (F e)^T (F P F^T + Q)^-1 (F e) <= e^T P^-1 e; so w of the velocity grows as its sigma
+does [E: as if it were all of e], and w of the position by that of the velocity times the time. That of the
+attitude stays: gyros hold it, and the axes that it is about turn with the body.
 
 Two faults at once, and one that is common to all fixes (a star camera that has moved by less than the gate
 notices), are beyond this.
@@ -28,60 +39,98 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.navigation.state import ATT, MOUNTING
+from shefex_nav.onboard.navigation import protected
+from shefex_nav.onboard.navigation.protected import (
+    ATTITUDE,
+    BODY,
+    N_FOLLOWED,
+    N_TOLD,
+    P_NED,
+    POSITION,
+    V_NED,
+    VELOCITY,
+)
+from shefex_nav.onboard.navigation.state import ATT, MOUNTING, POS, VEL
 from shefex_nav.records import Doubt
 
-NO_DOUBT, TOO_HIGH = int(Doubt.NONE), int(Doubt.ATTITUDE)  # for kernels
+NO_DOUBT, TOO_HIGH = int(Doubt.NONE), int(Doubt.LEVEL)  # for kernels
+# [E] errors in an hour that know nothing of each other: one a second, since GPS fixes, the quickest to renew
+# all three, come once a second, and an error counts if it lasts for longer (report.trust)
+INDEPENDENT_PER_HOUR = 3600.0
 
 
 class Requirement(NamedTuple):
-    """What the mission asks of the attitude."""
+    """What the mission asks."""
 
-    attitude: float  # rad, each axis
-    k: float  # sigmas, of the accepted probability
+    limits: (
+        np.ndarray
+    )  # (3,) m, m/s, rad: of position and velocity as a whole, of the attitude about each axis
+    k: np.ndarray  # (7,) sigmas of each axis of `protected`
 
 
 class Level(NamedTuple):
-    """Running protection level."""
+    """Running slopes w, at an instant, along the nine axes that are followed."""
 
-    stars_b: np.ndarray  # (3,) rad, w of the module's text, of star fixes
-    others_b: np.ndarray  # (3,) rad, and of other sensors
-
-
-NO_FIX = Level(np.zeros(3), np.zeros(3))
+    w: np.ndarray  # (2, 9) m, m/s, rad: what star fixes have done, and what other sensors have
+    sigma: np.ndarray  # (9,) that there was then; infinite before the first fix
+    t_s: float
 
 
-def requirement(attitude, risk):
-    """Requirement for an accepted probability `risk` that a normal error exceeds k sigma."""
+STARS, OTHERS = 0, 1
+NO_FIX = Level(np.zeros((2, N_FOLLOWED)), np.full(N_FOLLOWED, np.inf), 0.0)
+
+
+def requirement(position, velocity, attitude, risk):
+    """Requirement of limits [m], [m/s], [rad] and of an integrity risk per hour."""
     from scipy.special import ndtri
 
-    return Requirement(attitude, float(-ndtri(0.5 * risk)))
+    k = np.empty(N_TOLD)
+    for axes in (POSITION, VELOCITY, ATTITUDE):
+        share = min(risk / INDEPENDENT_PER_HOUR / (axes.stop - axes.start), 1.0)
+        k[axes] = -ndtri(0.5 * share)
+        if axes is not ATTITUDE:
+            k[axes.start] = np.sqrt(-2.0 * np.log(share))
+    return Requirement(np.array([position, velocity, attitude]), k)
 
 
 class Slope(NamedTuple):
-    """What a wrong fix could have done to the attitude, and what this fix has left of older errors."""
+    """What a wrong fix could have done, and what this fix has left of older errors."""
 
     stars: bool  # of a star fix
-    table: np.ndarray  # (5, 3), its rows are the following
+    table: np.ndarray  # (6, 9), its rows are the following
 
 
-WORST = 0  # rad, at the instant of the fix
-VARIANCE = 1  # rad^2, of the attitude after it
-LEFT = 2  # share of older errors of other sensors
-LEFT_STARS = 3  # share of those of star fixes
-MOST = 4  # rad, that an older error of other sensors can have been
+WORST = 0  # at the instant of the fix
+BEFORE = 1  # sigma before it, and before anything was forgotten for its sake
+AFTER = 2  # sigma after it
+LEFT = 3  # share of older errors of other sensors
+LEFT_STARS = 4  # share of those of star fixes
+MOST = 5  # that an older error of other sensors can have been
+
+
+@inner
+def _table(P_before, P_after, limit, confirmed, axes):
+    """Table of a `Slope` whose rows were gated together, of a sensor that is no star tracker."""
+    out = np.empty((6, N_FOLLOWED))
+    before, after = np.empty(N_FOLLOWED), np.empty(N_FOLLOWED)
+    protected.variances(P_before, axes, before)
+    protected.variances(P_after, axes, after)
+    for j in range(N_FOLLOWED):
+        worst = max(before[j] - after[j], 0.0)
+        if confirmed:
+            worst = min(worst, 2.0 * after[j])
+        out[WORST, j], out[BEFORE, j] = np.sqrt(limit * worst), np.sqrt(before[j])
+        out[AFTER, j] = np.sqrt(after[j])
+        out[LEFT, j] = out[LEFT_STARS, j] = min(after[j] / before[j], 1.0)
+        out[MOST, j] = np.inf
+        if j >= BODY.start:
+            out[LEFT_STARS, j] = 1.0
+    return out
 
 
 @kernel
-def _slope(P_before, P_after, limit):
-    """Table of a `Slope` that says nothing of star fixes."""
-    out = np.empty((5, 3))
-    for i in range(3):
-        k = ATT.start + i
-        before, after = P_before[k, k], P_after[k, k]
-        out[WORST, i], out[VARIANCE, i] = np.sqrt(limit * max(before - after, 0.0)), after
-        out[LEFT, i], out[LEFT_STARS, i], out[MOST, i] = min(after / before, 1.0), 1.0, np.inf
-    return out
+def _slope(P_before, P_after, limit, confirmed, axes):
+    return _table(P_before, P_after, limit, confirmed, axes)
 
 
 @inner
@@ -96,138 +145,189 @@ def _seen(P, h):
 
 
 @kernel
-def _slope_of_stars(P_before, P_after, limit, H, R, confirmed):
+def _slope_of_stars(P_before, P_after, limit, H, R, confirmed, axes):
     """Table of a `Slope` of a star fix."""
-    out = _slope(P_before, P_after, limit)
+    out = _table(P_before, P_after, limit, confirmed, axes)
     for i in range(3):
-        before = _seen(P_before, H[i])
+        before, j = _seen(P_before, H[i]), BODY.start + i
         if confirmed:
-            out[WORST, i] = min(out[WORST, i], np.sqrt(2.0 * limit * R[i, i]))
-        out[LEFT_STARS, i] = min(_seen(P_after, H[i]) / before, 1.0)
-        out[MOST, i] = 2.0 * np.sqrt(limit * (before + R[i, i]))
+            k = ATT.start + i
+            moved = max(P_before[k, k] - P_after[k, k], 0.0)
+            out[WORST, j] = np.sqrt(limit * min(moved, 2.0 * R[i, i]))
+        out[LEFT_STARS, j] = min(_seen(P_after, H[i]) / before, 1.0)
+        out[MOST, j] = 2.0 * np.sqrt(limit * (before + R[i, i]))
     return out
 
 
 @kernel
-def _slope_of_vectors(P_before, P_after, limit, H, R, mounting):
+def _slope_of_vectors(P_before, P_after, limit, H, R, mounting, axes):
     """Table of a `Slope` of single stars; mounting: its first error, -1 if there is none."""
-    out, row = _slope(P_before, P_after, limit), np.empty(P_before.shape[0])
-    out[WORST] = _worst_of(P_before, H, R, limit, 2)
+    out, row = _table(P_before, P_after, limit, False, axes), np.empty(P_before.shape[0])
+    _worst_of(P_before, H, R, limit, 2, axes, out[WORST])
     for i in range(3):  # what stars have misled is attitude and mounting together
         row[:] = 0.0
         row[ATT.start + i] = 1.0
         if mounting >= 0:
             row[mounting + i] = 1.0
-        out[LEFT_STARS, i] = min(_seen(P_after, row) / _seen(P_before, row), 1.0)
+        out[LEFT_STARS, BODY.start + i] = min(_seen(P_after, row) / _seen(P_before, row), 1.0)
     return out
 
 
-def slope(P_before, P_after, limit):
-    """Slope of a fix of another sensor than the star tracker.
+def slope(P_before, P_after, limit, axes, confirmed=False):
+    """Slope of a fix of another sensor than the star tracker, whose rows are gated together.
 
     P_before, P_after : (n, n) of the filter, at the instant of the fix;  limit : of its gate, chi-square
+    axes : (4, 3) of `protected.level_axes`
+    confirmed : whether other fixes agree with it: then it was believed against the filter
     """
-    return Slope(False, _slope(P_before, P_after, limit))
+    return Slope(False, _slope(P_before, P_after, limit, confirmed, axes))
 
 
-def slope_of_stars(P_before, P_after, limit, H, R, confirmed):
+def slope_of_stars(P_before, P_after, limit, H, R, confirmed, axes):
     """Slope of a star fix, whose three rows are about the body axes.
 
     As `slope`, and
     H, R : (3, n), (3, 3) rad^2, of the fix
     confirmed : whether a second fix agrees with it
     """
-    return Slope(True, _slope_of_stars(P_before, P_after, limit, H, R, confirmed))
+    return Slope(True, _slope_of_stars(P_before, P_after, limit, H, R, confirmed, axes))
 
 
-def slope_of_vectors(layout, P_before, P_after, limit, H, R):
+def slope_of_vectors(layout, P_before, P_after, limit, H, R, axes):
     """Slope of stars that were used and gated one by one, two rows each: of the star that could do worst.
 
     Star k passes if z_k^T S_kk^-1 z_k <= limit and moves the state by K_k z_k, K_k its columns of the gain,
-    so the worst of it about axis j is sqrt(limit (K_k S_kk K_k^T)_jj).
+    so the worst of it along axis j is sqrt(limit (K_k S_kk K_k^T)_jj).
 
     layout : Layout;  limit : of the gate of one star;  H, R : (2 m, n), (2 m, 2 m);  else as `slope`
     """
     H, R = np.ascontiguousarray(H), np.ascontiguousarray(R)
-    return Slope(True, _slope_of_vectors(P_before, P_after, limit, H, R, int(layout.at[MOUNTING])))
+    return Slope(True, _slope_of_vectors(P_before, P_after, limit, H, R, int(layout.at[MOUNTING]), axes))
 
 
 @inner
-def _worst_of(P, H, R, limit, size):
-    """What the worst group of `size` rows can do to the attitude, (3,) rad."""
+def _worst_of(P, H, R, limit, size, axes, worst):
+    """What the worst group of `size` rows can do: worst (9,) is written."""
+    g = np.empty((6, 6))
+    protected.gradients(axes, g)
     PH = P @ H.T
     S = H @ PH + R
-    K = np.linalg.solve(S, PH[ATT.start : ATT.stop].T.copy()).T
-    worst = np.zeros(3)
+    seen = np.empty((N_FOLLOWED, H.shape[0]))
+    seen[:6] = g @ np.ascontiguousarray(PH[POS.start : VEL.stop])
+    seen[6:] = PH[ATT.start : ATT.stop]
+    K = np.linalg.solve(S, seen.T.copy()).T
+    worst[:] = 0.0
     for first in range(0, H.shape[0], size):
-        for i in range(3):
+        for i in range(N_FOLLOWED):
             variance = 0.0
             for j in range(first, first + size):
                 for k in range(first, first + size):
                     variance += K[i, j] * S[j, k] * K[i, k]
             worst[i] = max(worst[i], np.sqrt(limit * max(variance, 0.0)))
-    return worst
 
 
 @kernel
-def _slope_of_ranges(P_before, P_after, limit, H, R):
-    """Table of a `Slope` of ranges."""
-    out = _slope(P_before, P_after, limit)
-    out[WORST] = _worst_of(P_before, H, R, limit, 1)
+def _slope_of_rows(P_before, P_after, limit, H, R, size, confirmed, axes):
+    """Table of a `Slope` of rows that were gated in groups."""
+    out = _table(P_before, P_after, limit, confirmed, axes)
+    worst = np.empty(N_FOLLOWED)
+    _worst_of(P_before, H, R, limit, size, axes, worst)
+    out[WORST] = np.minimum(worst, out[WORST]) if confirmed else worst
     return out
 
 
-def slope_of_ranges(P_before, P_after, limit, H, R):
-    """Slope of satellites that were used and gated one by one, a row each: of the one that could do worst.
+def slope_of_rows(P_before, P_after, limit, H, R, size, axes, confirmed=False):
+    """Slope of rows that were used and gated in groups of `size`, such as one a satellite: the worst group's.
 
-    limit : of the gate of one satellite;  H, R : (m, n), (m, m);  else as `slope`
+    limit : of the gate of one group;  H, R : (m, n), (m, m);  else as `slope`
     """
     H, R = np.ascontiguousarray(H), np.ascontiguousarray(R)
-    return Slope(False, _slope_of_ranges(P_before, P_after, limit, H, R))
+    return Slope(False, _slope_of_rows(P_before, P_after, limit, H, R, size, confirmed, axes))
 
 
-def after_fix(level, found, P_now):
-    """Level after a fix has been used and the time since then has been taken again.
+def after_fixes(level, found, now_s, P_now, axes):
+    """Level after fixes have been used and the time since then has been taken again.
 
-    What later fixes, used already, do to the effect of a late one is in P: it shrinks as P has since.
+    A late fix counts as what it was at its instant: what later fixes, used already, have taken out of its
+    error is not looked for.
 
-    level : Level;  found : Slope;  P_now : (n, n) -> Level
+    level : Level;  found : list of (s, Slope), in their order;  P_now : (n, n);  axes : as `slope` -> Level
     """
-    after = _after_fix(level.stars_b, level.others_b, found.stars, found.table, P_now)
-    return Level(after[0], after[1])
+    w, before, before_s = level.w, level.sigma, level.t_s
+    for t_s, one in found:
+        w = _after_fix(w, before, max(t_s - before_s, 0.0), one.stars, one.table)
+        before, before_s = one.table[AFTER], t_s
+    sigma = protected.sigmas(P_now, axes)
+    return Level(_grown(w, before, sigma, now_s - before_s), sigma, now_s)
+
+
+@inner
+def _grow(w, before, now, dt_s):
+    """What wrong fixes did, (2, 9), from an instant with sigmas (9,) to one dt_s later with others."""
+    for row in range(2):
+        for j in range(3):
+            w[row, V_NED.start + j] *= max(now[V_NED.start + j] / before[V_NED.start + j], 1.0)
+            w[row, P_NED.start + j] += w[row, V_NED.start + j] * dt_s
 
 
 @kernel
-def _after_fix(stars_b, others_b, of_stars, table, P_now):
-    """stars_b and others_b of the next `Level`, the rows of a (2, 3) array."""
-    after = np.empty((2, 3))
-    for i in range(3):
-        variance = P_now[ATT.start + i, ATT.start + i]
-        now = table[WORST, i] * np.sqrt(min(variance / table[VARIANCE, i], 1.0))
-        after[0, i] = stars_b[i] * table[LEFT_STARS, i]
-        after[1, i] = min(others_b[i], table[MOST, i]) * table[LEFT, i]
-        if of_stars:
-            after[0, i] = max(after[0, i], now)
-        else:
-            after[1, i] = max(after[1, i], now)
-    return after
+def _grown(w, before, now, dt_s):
+    out = w.copy()
+    _grow(out, before, now, dt_s)
+    return out
+
+
+@kernel
+def _after_fix(w, before, dt_s, of_stars, table):
+    """w (2, 9) after a fix, dt_s after an instant with sigmas `before`."""
+    out = w.copy()
+    _grow(out, before, table[BEFORE], dt_s)
+    for j in range(N_FOLLOWED):
+        out[STARS, j] *= table[LEFT_STARS, j]
+        out[OTHERS, j] = min(out[OTHERS, j], table[MOST, j]) * table[LEFT, j]
+        row = STARS if of_stars else OTHERS
+        out[row, j] = max(out[row, j], table[WORST, j])
+    return out
 
 
 @inner
-def of_axis(stars, others, k, sigma):
-    """Protection level of an axis, rad, for the standard deviation of its angle and the slopes of a `Level`.
+def levels(w, before, dt_s, k, known, sigma, out):
+    """Protection levels: out (7,) is written. What is not a number stays none.
 
-    k : of the Requirement. What is not a number stays none.
+    w, before : of a Level, dt_s before;  k : of the Requirement
+    known : (9,) sigmas of the filter, which wrong fixes grow with
+    sigma : (7,) those of the solution, which swings with vibration besides
     """
-    return k * sigma + max(stars, others) if stars == stars and others == others else np.nan
+    grown, worst = w.copy(), np.empty(N_TOLD)
+    _grow(grown, before, known, dt_s)
+    for row in range(2):
+        for block in range(2):
+            north = P_NED.start + 3 * block
+            worst[2 * block] = np.sqrt(grown[row, north] ** 2 + grown[row, north + 1] ** 2)
+            worst[2 * block + 1] = grown[row, north + 2]
+        for i in range(3):
+            worst[ATTITUDE.start + i] = grown[row, BODY.start + i]
+        for j in range(N_TOLD):
+            level = k[j] * sigma[j] + worst[j]
+            if row == 0 or level > out[j] or level != level:
+                out[j] = level
 
 
 @inner
-def doubt(protection_b, limit, graver):
-    """Doubt about a solution. (3,) rad; rad, of the Requirement; Doubt that there is in any case, or NONE"""
-    if graver != NO_DOUBT:
-        return graver
-    for level in protection_b:
-        if not level <= limit:  # not "greater": a level that is not a number must not pass
-            return TOO_HIGH
-    return NO_DOUBT
+def doubts(levels, limits, graver, out):
+    """Doubt about position, velocity and attitude: out (3,) is written.
+
+    levels : (7,);  limits : (3,) of the Requirement;  graver : (3,) Doubt that there is in any case, or NONE
+
+    The limits of position and velocity are of the whole error, horizontal and vertical together.
+    """
+    whole = np.sqrt(levels[0] ** 2 + levels[1] ** 2), np.sqrt(levels[2] ** 2 + levels[3] ** 2)
+    out[0] = NO_DOUBT if whole[0] <= limits[0] else TOO_HIGH  # a level that is not a number must not pass
+    out[1] = NO_DOUBT if whole[1] <= limits[1] else TOO_HIGH
+    out[2] = NO_DOUBT
+    for j in range(ATTITUDE.start, ATTITUDE.stop):
+        if not levels[j] <= limits[2]:
+            out[2] = TOO_HIGH
+    for i in range(3):
+        if graver[i] != NO_DOUBT:
+            out[i] = graver[i]

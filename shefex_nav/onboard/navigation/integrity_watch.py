@@ -12,6 +12,7 @@ from shefex_nav.onboard.navigation import (
     integrity_gyro,
     integrity_imu,
     integrity_protection,
+    protected,
     raw_path,
 )
 from shefex_nav.onboard.navigation.state import ReleaseRule
@@ -21,6 +22,9 @@ CONTRADICTIONS = 3  # [E] rejected fixes in a row that agree with each other
 DRIFTS = "gps_position"  # the sensor whose innovations are averaged
 WHY = {"star_tracker": "contradicts the gyros", "gps_velocity": "contradicts the accelerometers"}
 UNCHECKED = "has been wrong before: no stars to check it by"
+ALL_OF = {doubt: np.full(3, int(doubt)) for doubt in Doubt}  # about position, velocity and attitude alike
+ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.int64)
+OF_ATTITUDE = ("star_tracker", "star_vectors")  # sensors that say nothing of position and velocity
 MEASURES = {"star_tracker": 0, "gps_velocity": 1}  # sensor -> triad whose readings it says the sum of
 
 
@@ -35,7 +39,7 @@ class IntegrityParams(NamedTuple):
 
 DEFAULT = IntegrityParams(
     imu=integrity_imu.NO_RULES,
-    wanted=integrity_protection.requirement(np.radians(0.17), 1e-5),
+    wanted=integrity_protection.requirement(100.0, 1.0, np.radians(0.17), 1e-5),
     wrong_star_fix=np.radians(0.5),
     release_gps_jump=ReleaseRule(30, 29.0),
 )
@@ -58,7 +62,7 @@ class Watch:
         self.path = raw_path.RawPath()
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
-        self.used_now = []  # integrity_protection.Slope of each fix used in this tick
+        self.used_now = []  # (s, integrity_protection.Slope) of each fix used in this tick
         self.reasons = {}  # source -> why it is not healthy
         self.said = []  # NavHealth not handed over yet
 
@@ -124,11 +128,29 @@ class Watch:
         self.gyros.corrected(number, oldest, x_before, x_after)
         self.path.corrected(number, oldest, t_s, x_before, x_after)
 
-    def protect(self, P_now):
-        """Bring the protection level up to date with the fixes used in this tick; P_now (n, n) of now."""
-        for slopes in self.used_now:
-            self.level = integrity_protection.after_fix(self.level, slopes, P_now)
-        self.used_now.clear()
+    def protect(self, earth, history):
+        """Bring the protection levels up to date with the fixes used in this tick."""
+        if self.used_now:
+            now_s = history.ends_s[-1]
+            axes = protected.level_axes(earth, now_s, history.x)
+            self.level = integrity_protection.after_fixes(self.level, self.used_now, now_s, history.P, axes)
+            self.used_now.clear()
+
+    def graver_doubts(self, health, imu_blind):
+        """Doubt about position, velocity and attitude whatever their protection levels: (3,) Doubt as int.
+
+        {sensor: Health};  imu_blind : as the attribute. While the IMU does not measure all three run away. A
+        star tracker that contradicts says that the attitude is wrong, or itself; position and velocity are
+        checked by GPS, where there is any. A GPS velocity contradicts an attitude as well, by the direction
+        of the thrust: any other sensor makes all three doubtful.
+        """
+        if imu_blind:
+            return ALL_OF[Doubt.IMU]
+        bad = contradicting(health)
+        if not bad:
+            return ALL_OF[Doubt.NONE]
+        alone = all(name in OF_ATTITUDE for name in bad) and not self.reasons.get("gps")
+        return ONLY_ATTITUDE if alone else ALL_OF[Doubt.CONTRADICTED]
 
     def tell(self, t_s, source, reason):
         """A source is healthy, reason '', or not; it is said once, and again when the kind of reason changes.
@@ -173,28 +195,18 @@ def contradicts(name, record):
     return in_a_row >= CONTRADICTIONS
 
 
-def graver_doubt(health, imu_blind):
-    """Doubt about the solution whatever its protection level, NONE if there is none, as int.
-
-    {sensor: Health}, `Watch.imu_blind`
-    """
-    if imu_blind:
-        return int(Doubt.IMU)
-    return int(Doubt.CONTRADICTED if contradicted(health) else Doubt.NONE)
-
-
-def contradicted(health):
-    """Whether a sensor contradicts the solution, and nothing says which is wrong. {sensor: Health} -> bool
+def contradicting(health):
+    """Sensors that contradict the solution, where nothing says which is wrong. {sensor: Health} -> names
 
     A GPS position that contradicts while its velocity does not is wrong itself: the inertial sensors and the
     velocity say the same.
     """
     if not any(record.rejected or record.in_a_row for record in health.values()):
-        return False  # as nearly always
+        return ()  # as nearly always
     bad = [name for name, record in health.items() if contradicts(name, record)]
     if "gps_position" in bad and jumped(health):
         bad.remove("gps_position")
-    return bool(bad)
+    return bad
 
 
 def jumped(health):

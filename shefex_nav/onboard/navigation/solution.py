@@ -11,7 +11,7 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.geometry import triples as t3
-from shefex_nav.onboard.navigation import integrity_protection, integrity_watch
+from shefex_nav.onboard.navigation import integrity_protection, protected
 from shefex_nav.onboard.navigation.calibration import (
     accel_inverse,
     free_increment,
@@ -23,17 +23,18 @@ from shefex_nav.onboard.navigation.calibration import (
 from shefex_nav.onboard.navigation.covariance import as_reported
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
 from shefex_nav.onboard.navigation.strapdown import BEFORE
-from shefex_nav.records import Doubt, NavSolution
+from shefex_nav.records import QUANTITIES, Doubt, NavSolution
 
 SLOWEST = 1e-3  # m/s, below it the angles of the velocity have no meaning; their sigma is pi
 
 
-# where the kernel puts each field of NavSolution, from r_i to the protection level
+# where the kernel puts each field of NavSolution, from r_i to the protection levels
 FIELDS = {
     "r_i": 3, "v_i": 3, "q_ib": 4, "omega_ib_b": 3, "r_e": 3, "v_e": 3,
     "flight_path_angle": 1, "heading": 1, "angle_of_attack": 1, "sideslip": 1,
     "sigma_r_e": 3, "sigma_v_e": 3, "sigma_theta_b": 3, "sigma_omega_b": 3,
-    "sigma_flight_path_angle": 1, "sigma_angle_of_attack": 1, "sigma_sideslip": 1, "protection_b": 3,
+    "sigma_flight_path_angle": 1, "sigma_angle_of_attack": 1, "sigma_sideslip": 1,
+    "protection_position": 2, "protection_velocity": 2, "protection_attitude": 3,
 }  # fmt: skip
 ENDS = dict(zip(FIELDS, np.cumsum(list(FIELDS.values())).tolist(), strict=True))
 N_OUT = max(ENDS.values())
@@ -41,9 +42,9 @@ OMEGA, R_E, V_E, ANGLES = (
     ENDS[name] - FIELDS[name] for name in ("omega_ib_b", "r_e", "v_e", "flight_path_angle")
 )
 S_R, S_V, S_ATT, S_OMEGA, S_ANGLES = (ENDS[name] - FIELDS[name] for name in list(FIELDS)[10:15])
-# behind them the protection level, the time, whether a star fix has been used, the Doubt
+# behind them the protection levels, the time, whether a star fix has been used, Doubt of each of QUANTITIES
 LEVEL, T_S, AIDED, DOUBT = ENDS["sigma_sideslip"], N_OUT, N_OUT + 1, N_OUT + 2
-WIDTH = N_OUT + 3
+WIDTH = DOUBT + len(QUANTITIES)
 
 
 def solution(nav):
@@ -75,21 +76,23 @@ def tell(nav, ticks, imu_blind, rows):
     _tell(
         nav.layout.at, ticks.start, ticks.step, numbers, increments, xs, Ps,
         model.gyro_random_walk, model.gyro_quantum, model.accel_vibration, model.gyro_vibration,
-        *nav.earth, level.stars_b, level.others_b, wanted.k, wanted.attitude,
-        nav.health["star_tracker"].used > 0, integrity_watch.graver_doubt(nav.health, imu_blind), rows,
+        *nav.earth, *level, *wanted,
+        nav.health["star_tracker"].used > 0, nav.watch.graver_doubts(nav.health, imu_blind), rows,
     )  # fmt: skip
 
 
 def _solution(row):
     """NavSolution of a row of `tell`."""
     # by position, in the order of the record: nineteen keywords would cost more than the arithmetic
-    t_s, aided, doubt = row[T_S:].tolist()
+    t_s, aided, *doubts = row[T_S:].tolist()
     return NavSolution(
         *(t_s, row[0:3], row[3:6], row[6:10], row[10:13], row[13:16], row[16:19]),
         *row[ANGLES:S_R].tolist(),
         *(row[S_R:S_V], row[S_V:S_ATT], row[S_ATT:S_OMEGA], row[S_OMEGA:S_ANGLES]),
         *row[S_ANGLES:LEVEL].tolist(),
-        *(aided > 0.0, row[LEVEL:T_S], doubt != Doubt.NONE, int(doubt)),
+        *(aided > 0.0, row[LEVEL : LEVEL + 2], row[LEVEL + 2 : LEVEL + 4], row[LEVEL + 4 : T_S]),
+        *(doubt != Doubt.NONE for doubt in doubts),
+        *(int(doubt) for doubt in doubts),
     )
 
 
@@ -99,44 +102,57 @@ def columns(rows):
     for name, size in FIELDS.items():
         part = rows[:, ENDS[name] - size : ENDS[name]]
         fields[name] = (part if size > 1 else part[:, 0]).copy()
-    doubt = rows[:, DOUBT].astype(np.int64)
-    return NavSolution(
-        t_s=rows[:, T_S].copy(),
-        star_aided=rows[:, AIDED] > 0.0,
-        do_not_use=doubt != Doubt.NONE,
-        doubt=doubt,
-        **fields,
-    )
+    for k, quantity in enumerate(QUANTITIES):
+        doubt = rows[:, DOUBT + k].astype(np.int64)
+        fields |= {f"doubt_{quantity}": doubt, f"do_not_use_{quantity}": doubt != Doubt.NONE}
+    return NavSolution(t_s=rows[:, T_S].copy(), star_aided=rows[:, AIDED] > 0.0, **fields)
 
 
 @kernel
 def _tell(
     at, first, step, numbers, increments, xs, Ps, random_walk, quantum, accel_vibration, gyro_vibration,
-    C_iq, C_re, angle_0, rate, stars_b, others_b, k, limit, aided, graver, out,
+    C_iq, C_re, angle_0, rate, w, before, since_s, limits, k, aided, graver, out,
 ):  # fmt: skip
-    """`_derive`, protection level, time and whether to be trusted of ticks of a History: out (m, WIDTH).
+    """`_derive`, protection levels, time and whether to be trusted of ticks of a History: out (m, WIDTH).
 
-    first, step : numbers of the ticks;  stars_b, others_b, k : as `integrity_protection.of_axis`
-    limit : rad, of the protection level;  aided : by stars;  graver : Doubt there is in any case, or NONE
+    first, step : numbers of the ticks;  w, before, since_s : of a Level;  limits, k : of the Requirement
+    aided : by stars;  graver : (3,) Doubt there is in any case, or NONE
     """
+    axes = np.empty((4, 3))
     for j in range(len(out)):
         place = (first + j * step) % len(numbers)
         dt_s, vibration = numbers[place, 1], numbers[place, 3]
+        swings = accel_vibration * vibration, gyro_vibration * vibration
         _derive(
-            at, numbers[place, 0], xs[place],
-            as_reported(Ps[place], accel_vibration * vibration, gyro_vibration * vibration),
+            at, numbers[place, 0], xs[place], as_reported(Ps[place], swings[0], swings[1]),
             increments[place, BEFORE - 1 + int(numbers[place, 2])], dt_s, vibration, random_walk, quantum,
-            C_iq, C_re, angle_0, rate, out[j],
+            C_iq, C_re, angle_0, rate, out[j], axes,
         )  # fmt: skip
-        for i in range(3):
-            out[j, LEVEL + i] = integrity_protection.of_axis(stars_b[i], others_b[i], k, out[j, S_ATT + i])
+        _protect(Ps[place], axes, swings, w, before, numbers[place, 0] - since_s, k, out[j, LEVEL:T_S])
         out[j, T_S] = numbers[place, 0]
         out[j, AIDED] = aided
-        out[j, DOUBT] = integrity_protection.doubt(out[j, LEVEL:T_S], limit, graver)
+        integrity_protection.doubts(out[j, LEVEL:T_S], limits, graver, out[j, DOUBT:WIDTH])
 
 
 @inner
-def _derive(at, t_s, x, P, sample, dt_s, vibration, random_walk, quantum, C_iq, C_re, angle_0, rate, out):
+def _protect(P, axes, swings, w, before, dt_s, k, out):
+    """Protection levels of a tick, in the order of `protected`: out (7,) is written.
+
+    P : (n, n) of the filter;  axes : of `protected.level_axes`;  swings : m/s, rad, of vibration
+    """
+    known, sigma = np.empty(protected.N_FOLLOWED), np.empty(protected.N_TOLD)
+    both = protected.variances(P, axes, known)
+    protected.worst_sigmas(known, both, sigma)
+    for i in range(protected.VELOCITY.start, protected.N_TOLD):
+        swing = swings[0] if i < protected.ATTITUDE.start else swings[1]
+        sigma[i] = np.sqrt(sigma[i] ** 2 + swing * swing)
+    integrity_protection.levels(w, before, dt_s, k, np.sqrt(known), sigma, out)
+
+
+@inner
+def _derive(
+    at, t_s, x, P, sample, dt_s, vibration, random_walk, quantum, C_iq, C_re, angle_0, rate, out, axes
+):  # fmt: skip
     """Quantities derived from the state, and their sigmas, in the places of FIELDS.
 
     The angles are those of the velocity against the air, with sigmas of pi at most; the rate is the mean of
@@ -145,7 +161,7 @@ def _derive(at, t_s, x, P, sample, dt_s, vibration, random_walk, quantum, C_iq, 
     at : of Layout;  t_s, x, P : of the state;  C_iq ... rate : EarthRotation
     sample, dt_s, vibration : (6,) the last increments, s, level of the tick
     random_walk, quantum : rad/sqrt(s), rad, of the gyros
-    out : (N_OUT,) is written
+    out, axes : (N_OUT,) and that of `protected.level_axes` are written
     """
     earth = frames.EarthRotation(C_iq, C_re, angle_0, rate)
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
@@ -156,7 +172,11 @@ def _derive(at, t_s, x, P, sample, dt_s, vibration, random_walk, quantum, C_iq, 
     out[: X_Q.stop] = x[: X_Q.stop]
     out[R_E], out[R_E + 1], out[R_E + 2] = t3.turned(C_ei, r_i)
     out[V_E], out[V_E + 1], out[V_E + 2] = t3.turned(C_ei, u_i)
-    _angles(out, C_ei, C_ib, u_i, turn, P)
+    latitude, longitude, _ = wgs84.geodetic_from_ecef(out[R_E : R_E + 3])
+    C_ni = t3.product(t3.transposed(t3.matrix(wgs84.dcm_en(latitude, longitude))), C_ei)
+    t3.store(axes[:3], C_ni)
+    t3.put(axes[3], turn)
+    _angles(out, C_ni, C_ib, u_i, turn, P)
     g = np.zeros(ATT.stop)
     for k in range(3):
         row = C_ei[3 * k], C_ei[3 * k + 1], C_ei[3 * k + 2]
@@ -177,11 +197,9 @@ def _derive(at, t_s, x, P, sample, dt_s, vibration, random_walk, quantum, C_iq, 
 
 
 @inner
-def _angles(out, C_ei, C_ib, u_i, turn, P):
-    """Angles of the velocity u_i against the air, and sigmas of three of them. C_ei, C_ib : nine numbers"""
+def _angles(out, C_ni, C_ib, u_i, turn, P):
+    """Angles of the velocity u_i against the air, and sigmas of three of them. C_ni, C_ib : nine numbers"""
     C_bi = t3.transposed(C_ib)
-    latitude, longitude, _ = wgs84.geodetic_from_ecef(out[R_E : R_E + 3])
-    C_ni = t3.product(t3.transposed(t3.matrix(wgs84.dcm_en(latitude, longitude))), C_ei)
     v_n, v_b = t3.turned(C_ni, u_i), t3.turned(C_bi, u_i)
     speed2 = max(np.sqrt(t3.dot(u_i, u_i)), SLOWEST) ** 2
     along, in_plane = np.sqrt(v_n[0] ** 2 + v_n[1] ** 2), np.sqrt(v_b[0] ** 2 + v_b[2] ** 2)

@@ -105,9 +105,17 @@ CATALOGUE = (
         "refused.",
     ),
     Entry(
+        "position_protection", "consistency.position_protection", "consistency",
+        "The protection level bounds what a fault that nobody noticed may do to the position. Grey: the"
+        " solution said not to use it. An error above the level for more than a second outside the grey is"
+        " misleading. What is required is of the whole, horizontal and vertical together.",
+    ),
+    Entry(
+        "velocity_protection", "consistency.velocity_protection", "consistency", "The same of the velocity."
+    ),
+    Entry(
         "protection", "consistency.protection", "consistency",
-        "The protection level bounds what a fault that nobody noticed may do to the attitude. Grey: the"
-        " solution said not to be used. An error above the level outside the grey is misleading.",
+        "The same of the attitude, where what is required is about each axis.",
     ),
     Entry(
         "timing", "timing.chain", "computing time",

@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from shefex_nav.records import QUANTITIES, protected
 from shefex_nav.report import metrics, trust
 from shefex_nav.report.configured import configured
 from shefex_nav.report.figures import style
 
 LEVEL = 0.95  # of the bounds
 _BLOCKS = (("position", slice(0, 3)), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
-_DOUBTS = ((1, style.SKY, "attitude"), (2, style.RED, "contradicted"), (3, style.ORANGE, "IMU"))
+_DOUBTS = ((1, style.SKY, "level"), (2, style.RED, "contradicted"), (3, style.ORANGE, "IMU"))
 _MOST_LANES = 12
 
 
@@ -106,32 +107,54 @@ def _nis_of(axes, sensor, gates):
     style.legend_above(axes, markerscale=1.5)
 
 
-@style.styled
+_AXES = {  # quantity: its unit, what it is shown in of SI, its panels
+    "position": ("m", 1.0, ("horizontal", "vertical")),
+    "velocity": ("m/s", 1.0, ("horizontal", "vertical")),
+    "attitude": ("deg", np.degrees(1.0), ("about x", "about y", "about z")),
+}
+_COLOURS = {"horizontal": style.SKY, "vertical": style.ORANGE}
+
+
+def position_protection(data):
+    """Protection level of the position, error, what is required. RunData -> Figure; None without levels."""
+    return _protection(data, "position")
+
+
+def velocity_protection(data):
+    """As `position_protection`, of the velocity."""
+    return _protection(data, "velocity")
+
+
 def protection(data):
-    """Protection level, attitude error, what is required. RunData -> Figure; None without levels."""
+    """As `position_protection`, of the attitude."""
+    return _protection(data, "attitude")
+
+
+@style.styled
+def _protection(data, quantity):
+    """Protection level of a quantity, its error, what is required."""
     nav = data.nav
-    if not len(nav.t_s) or not np.isfinite(nav.protection_b).any():
+    if not trust.has_levels(nav):
         return None
-    errors = metrics.navigation_errors(data)
-    required = configured(data).attitude_rad
-    words = "Protection level of the attitude, against the true error and what is required"
-    figure, rows = style.panels(data, 3, words)
+    unit, factor, names = _AXES[quantity]
+    compared, said = trust.compare(data)[quantity], protected(nav, quantity)
+    required = configured(data).limits.get(quantity)
+    words = f"Protection level of the {quantity}, against the true error and what is required"
+    figure, rows = style.panels(data, len(names), words)
     lowest = []
-    for k, axis in enumerate("xyz"):
-        axes = rows[k, 0]
-        for start, length in style.spans(nav.t_s, nav.do_not_use):
+    for k, name in enumerate(names):
+        axes, colour = rows[k, 0], _COLOURS.get(name) or style.AXES[name[-1]]
+        for start, length in style.spans(nav.t_s, said.do_not_use):
             axes.axvspan(start, start + length, color="#eeeeee", lw=0, zorder=0)
-        style.curve(
-            axes, nav.t_s, np.degrees(nav.protection_b[:, k]), color=style.BLACK, label="protection level"
-        )
-        if len(errors.t_s):
-            error_deg = np.degrees(np.abs(errors.attitude_b[:, k]))
-            style.curve(axes, errors.t_s, error_deg, color=style.AXES[axis], lw=0.9, label="error")
-            lowest.append(float(np.quantile(error_deg, 0.05)))
+        style.curve(axes, nav.t_s, factor * said.level[:, k], color=style.BLACK, label="protection level")
+        if len(compared.t_s):
+            error = factor * compared.error[:, k]
+            style.curve(axes, compared.t_s, error, color=colour, lw=0.9, label="error")
+            lowest.append(float(np.quantile(error, 0.05)))
         if required is not None:
-            label = f"required, {np.degrees(required):g}°"
-            axes.axhline(np.degrees(required), color=style.RED, lw=1.3, ls="--", label=label)
-        axes.set_ylabel(f"about {axis} [deg]")
+            label = f"required, {factor * required:g} {unit}"
+            axes.axhline(factor * required, color=style.RED, lw=1.3, ls="--", label=label)
+        axes.set_ylabel(f"{name} [{unit}]")
     bottom = max(min(lowest, default=1e-3), 1e-4)
     for axes in rows[:, 0]:
         style.log_scale(axes, bottom=bottom, top=1.6 * axes.get_ylim()[1])
@@ -162,10 +185,11 @@ def _lanes(data):
     """(name, bars, marks, colour) of each lane."""
     end_s = style.whole(data)[1]
     out = []
-    for doubt, colour, name in _DOUBTS:
-        bars = style.spans(data.nav.t_s, data.nav.doubt == doubt) if len(data.nav.t_s) else []
-        if bars:
-            out.append((f"doubt,\n{name}", bars, [], colour))
+    for quantity in QUANTITIES if len(data.nav.t_s) else ():
+        for doubt, colour, name in _DOUBTS:
+            bars = style.spans(data.nav.t_s, protected(data.nav, quantity).doubt == doubt)
+            if bars:
+                out.append((f"{quantity},\n{name}", bars, [], colour))
     found = trust.noticed(data.health)
     refused = {}
     for gate in data.gates:

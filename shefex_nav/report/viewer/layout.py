@@ -6,6 +6,7 @@ import numpy as np
 
 from shefex_nav.geometry import wgs84
 from shefex_nav.report import metrics
+from shefex_nav.report.trust import has_levels
 from shefex_nav.report.viewer import counts, legend
 from shefex_nav.report.viewer.sender import TIMELINE
 
@@ -99,7 +100,7 @@ def content(data, pictures):
         bool(data.gps),
         bool(len(data.control.t_s)),
         bool(len(data.covariance.t_s)),
-        bool(np.isfinite(data.nav.protection_b).any()),
+        has_levels(data.nav),
     )
 
 
@@ -183,8 +184,9 @@ def _navigation(data, seen, has):
     nis = _plot(
         data, "plots/nis", "NIS over its limit; dot: used, cross: refused or held", top=_nis_shown(data)
     )
-    level = _plot(data, "plots/protection", "Protection level about x, y, z; error white [deg]")
-    tests = [*([nees] * has.covariance), nis, *([level] * has.protection)]
+    of = (("position", "m"), ("velocity", "m/s"), ("attitude", "deg")) if has.protection else ()
+    levels = [_plot(data, f"plots/protection/{q}", f"Level, {q}; error white [{unit}]") for q, unit in of]
+    tests = [*([nees] * has.covariance), nis, *levels]
     tabs = [rrb.Grid(*_errors(data), *tests, grid_columns=COLUMNS, name=f"{_ERRORS}, consistency")]
     if has.covariance:
         views = [

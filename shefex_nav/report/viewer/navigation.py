@@ -3,8 +3,8 @@
 import numpy as np
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
-from shefex_nav.records import Doubt
-from shefex_nav.report import metrics
+from shefex_nav.records import QUANTITIES, Doubt, protected
+from shefex_nav.report import metrics, trust
 from shefex_nav.report.viewer import layout, world
 from shefex_nav.report.viewer.sender import (
     BLUE,
@@ -30,7 +30,7 @@ def send(sender, data):
     errors(sender, data)
     biases(sender, data)
     consistency(sender, data)
-    trust(sender, data)
+    trusted(sender, data)
 
 
 def errors(sender, data, run="", colours=(BLUE, RED)):
@@ -107,22 +107,13 @@ def _innovations(sender, sensor, gates):
         sender.marks(f"{entity}/refused", t_s[refused], shown, ORANGE, f"{name}, refused", "cross", 4.0)
 
 
-def trust(sender, data):
-    """Protection level against the attitude error, whether to use the solution, the health of the sensors."""
+def trusted(sender, data):
+    """Protection levels against the errors, whether to use the solution, the health of the sensors."""
     nav = data.nav
-    if len(nav.t_s) and np.isfinite(nav.protection_b).any():
-        step = plot_step(nav.t_s)
-        sender.axes("plots/protection/level", nav.t_s[::step], np.degrees(nav.protection_b[::step]))
-        found = metrics.navigation_errors(data)
-        step = plot_step(found.t_s)
-        worst = np.degrees(np.abs(found.attitude_b).max(axis=1))[::step]
-        sender.curve("plots/protection/error", found.t_s[::step], worst, (240, 240, 240), "error, worst axis")
-        words = {int(doubt): f"do not use: {doubt.name.lower()}" for doubt in Doubt}
-        words[int(Doubt.NONE)] = "usable"
-        colours = {word: GREEN if word == "usable" else ORANGE for word in words.values()}
-        changes = np.flatnonzero(np.diff(nav.doubt, prepend=-1))
-        states = [words[int(d)] for d in nav.doubt[changes]]
-        sender.lane("states/solution", nav.t_s[changes], states, colours, world.time_span(data))
+    if trust.has_levels(nav):
+        compared = trust.compare(data)
+        for quantity in QUANTITIES:
+            _protection(sender, data, quantity, compared[quantity])
     for source in sorted({record.source for record in data.health}):
         records = [record for record in data.health if record.source == source]
         states = ["good" if record.healthy else record.reason for record in records]
@@ -136,3 +127,24 @@ def trust(sender, data):
             {**colours, "": GREY},
             world.time_span(data),
         )
+
+
+def _protection(sender, data, quantity, compared):
+    """Protection level of one quantity, its error along the worst axis, and whether to use it."""
+    nav, said, factor = data.nav, protected(data.nav, quantity), trust.UNITS[quantity][1]
+    step, entity = plot_step(nav.t_s), f"plots/protection/{quantity}"
+    level = factor * said.level[::step]
+    if quantity == "attitude":
+        sender.axes(f"{entity}/level", nav.t_s[::step], level)
+    else:
+        for k, (name, colour) in enumerate((("horizontal", GREEN), ("vertical", YELLOW))):
+            sender.curve(f"{entity}/{name}", nav.t_s[::step], level[:, k], colour, f"level, {name}")
+    step = plot_step(compared.t_s)
+    worst = factor * compared.error.max(axis=1)[::step] if len(compared.t_s) else np.zeros(0)
+    sender.curve(f"{entity}/error", compared.t_s[::step], worst, (240, 240, 240), "error, worst axis")
+    words = {int(doubt): f"do not use: {doubt.name.lower()}" for doubt in Doubt}
+    words[int(Doubt.NONE)] = "usable"
+    colours = {word: GREEN if word == "usable" else ORANGE for word in words.values()}
+    changes = np.flatnonzero(np.diff(said.doubt, prepend=-1))
+    states = [words[int(d)] for d in said.doubt[changes]]
+    sender.lane(f"states/solution/{quantity}", nav.t_s[changes], states, colours, world.time_span(data))
