@@ -369,5 +369,6 @@ def process_noise(top, along, across, extra, C, T, Q):
 def record(params):
     """Noise of NavParams for kernels: one record, which they take seven times as fast as a tuple."""
     others = ("clock_white", "clock_walk", "range_bias_sigma", "range_bias_time_s", "gravity_sigma")
+    others = (*others, "baro_bias_walk")
     values = params.imu._asdict() | {name: getattr(params, name) for name in others}
     return np.array([tuple(values.values())], dtype=rows([(name, float) for name in values]))

@@ -87,6 +87,7 @@ class Content(NamedTuple):
     control: bool
     covariance: bool
     protection: bool
+    barometer: bool = False
 
 
 def content(data, pictures):
@@ -101,6 +102,7 @@ def content(data, pictures):
         bool(len(data.control.t_s)),
         bool(len(data.covariance.t_s)),
         has_levels(data.nav),
+        bool(len(data.barometer.t_valid_s)),
     )
 
 
@@ -218,6 +220,8 @@ def _sensors(data, seen, has):
             views.append(_plot(data, f"plots/imu/{entity}", title, legend="RightTop"))
     if has.gps:
         views.append(_plot(data, "plots/gps", "GPS: satellites, dilution of precision", legend="LeftTop"))
+    if has.barometer:
+        views.append(_plot(data, "plots/barometer", "Pressure altitude [km]", legend="LeftTop"))
     if has.gps or has.stars:
         views.append(
             _plot(data, "plots/age", "Age of a measurement when it is there [ms]", legend="LeftBottom")
