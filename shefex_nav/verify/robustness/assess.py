@@ -16,7 +16,7 @@ def compared(situation, flown, twin, alone=()):
     flight.Situation, flight.Kept of it, of its twin or None, and of several faults that of each alone
     """
     read = levels.read(flown)
-    told, risk = situation.told, situation.scenario.navigation.integrity.risk
+    told, risk = situation.told, situation.scenario.requirements.integrity_risk
     record = {"told_kind": told.kind, "noise_told": told.residuals, "risk": risk} | _figures(flown, read)
     if twin is None:
         return record | {"twin": None, "fault": None}
@@ -73,7 +73,7 @@ def _figures(kept, read):
     """Of a flight alone: dict."""
     late = _after_innovations(kept, read.t_s)
     figures = {"quantities": {name: _quantity(one, read.t_s) for name, one in read.quantities.items()}}
-    usable = next(iter(read.quantities.values())).usable
+    usable = np.all([one.usable for one in read.quantities.values()], axis=0)
     chosen = read.nees[late & usable]
     return figures | {
         "alarms": [f"{one.source}: {one.reason}" for one in alarms(kept.health, ())],

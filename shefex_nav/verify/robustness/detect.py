@@ -45,11 +45,13 @@ class Detectable(NamedTuple):
 
 def instant(faulty, clean, start_s):
     """Detectable by innovations. Flown, Flown, begin of the fault"""
-    there = {_key(gate): gate for gate in reversed(clean.gates) if gate.dof}
+    there, others = _by_key(clean.gates)
+    _, own = _by_key(faulty.gates)
     statement_s = first_statement(faulty.health, clean.health, start_s)
     total, reacted = 0.0, False
     for gate in faulty.gates:
-        other, now, before = there.get(_key(gate)), faulty.seen.get(_key(gate)), clean.seen.get(_key(gate))
+        other = there.get(_key(gate)) or _same_place(gate, own, others)
+        now, before = faulty.seen.get(_key(gate)), other and clean.seen.get(_key(other))
         if gate.t_s < start_s - SLACK_S or None in (other, now, before) or now.z.shape != before.z.shape:
             continue
         reacted |= gate.t_s > statement_s + SLACK_S
@@ -120,6 +122,23 @@ def _repeated_s(fixes, window):
         if fix.t_available_s >= window.start_s and np.array_equal(fix.r_ea_e, before.r_ea_e):
             return fix.t_available_s
     return None
+
+
+def _by_key(gates):
+    """Gates that met the gate: dict, key -> the first; and of each sensor in the order of their instants."""
+    met = [gate for gate in gates if gate.dof]
+    ordered = {}
+    for gate in sorted(met, key=lambda one: one.t_valid_s):
+        ordered.setdefault(gate.sensor, []).append(_key(gate))
+    return {_key(gate): gate for gate in reversed(met)}, (ordered, {_key(gate): gate for gate in met})
+
+
+def _same_place(gate, own, others):
+    """The gate of the twin that a fix with a wrong time belongs to: that of the same number, or None."""
+    mine, theirs = own[0].get(gate.sensor, []), others[0].get(gate.sensor, [])
+    if len(mine) != len(theirs) or _key(gate) not in mine:
+        return None
+    return others[1][theirs[mine.index(_key(gate))]]
 
 
 def _key(gate):

@@ -1,8 +1,7 @@
 """What a cell is told wrongly, and how good its inertial sensors are: the levels of these two factors.
 
-A cell flies a world of one scenario with a computer of another. Both have the IMU of the cell's grade; what
-the computer is told differently stands in the second alone. Stamps of time and the noise that a receiver
-reports are no part of a data sheet: those are changed in the fixes on their way to the computer.
+What the computer is told differently goes into `navigation.told`. Stamps of time and the noise that a
+receiver reports are no part of a data sheet: those are changed in the fixes on their way to the computer.
 """
 
 from collections.abc import Callable
@@ -14,42 +13,14 @@ RIGHT = "right"
 SHOWS = "noise up to two"  # it shows in residuals
 CONSTANT = "constant up to two"
 BEYOND = "beyond what is required"
+TO = "navigation.told."
 
-GRADES = {  # typical data sheets: what a customer of such a unit reads
-    "navigation": {
-        "gyro.bias": "0.01 deg/h", "gyro.in_run_bias": "0.003 deg/h", "gyro.random_walk": "0.003 deg/sqrt(h)",
-        "gyro.scale_factor_roll": "5 ppm", "gyro.scale_factor": "5 ppm", "gyro.misalignment": "0.01 mrad",
-        "gyro.g_sensitivity": "0.01 deg/h/gee", "gyro.vibration_rectification": "0.0005 deg/h/gee2",
-        "accelerometer.bias": "0.05 mgee", "accelerometer.in_run_bias": "10 ugee",
-        "accelerometer.random_walk": "0.005 m/s/sqrt(h)", "accelerometer.scale_factor": "100 ppm",
-        "accelerometer.misalignment": "0.02 mrad", "accelerometer.vibration_rectification": "10 ugee/gee2",
-    },
-    "tactical": {
-        "gyro.bias": "1 deg/h", "gyro.in_run_bias": "0.2 deg/h", "gyro.random_walk": "0.05 deg/sqrt(h)",
-        "gyro.scale_factor_roll": "100 ppm", "gyro.scale_factor": "100 ppm", "gyro.misalignment": "0.1 mrad",
-        "gyro.g_sensitivity": "0.5 deg/h/gee", "gyro.vibration_rectification": "0.02 deg/h/gee2",
-        "accelerometer.bias": "1 mgee", "accelerometer.in_run_bias": "50 ugee",
-        "accelerometer.random_walk": "0.03 m/s/sqrt(h)", "accelerometer.scale_factor": "300 ppm",
-        "accelerometer.misalignment": "0.1 mrad", "accelerometer.vibration_rectification": "20 ugee/gee2",
-    },
-    "industrial_mems": {
-        "gyro.bias": "100 deg/h", "gyro.in_run_bias": "3 deg/h", "gyro.random_walk": "0.2 deg/sqrt(h)",
-        "gyro.scale_factor_roll": "1000 ppm", "gyro.scale_factor": "1000 ppm",
-        "gyro.misalignment": "1 mrad", "gyro.g_sensitivity": "10 deg/h/gee",
-        "gyro.vibration_rectification": "0.5 deg/h/gee2",
-        "accelerometer.bias": "3 mgee", "accelerometer.in_run_bias": "100 ugee",
-        "accelerometer.random_walk": "0.06 m/s/sqrt(h)", "accelerometer.scale_factor": "1000 ppm",
-        "accelerometer.misalignment": "1 mrad", "accelerometer.vibration_rectification": "50 ugee/gee2",
-    },
-    "consumer_mems": {
-        "gyro.bias": "0.3 deg/s", "gyro.in_run_bias": "20 deg/h", "gyro.random_walk": "0.5 deg/sqrt(h)",
-        "gyro.scale_factor_roll": "1 %", "gyro.scale_factor": "1 %", "gyro.misalignment": "10 mrad",
-        "gyro.g_sensitivity": "100 deg/h/gee", "gyro.vibration_rectification": "2 deg/h/gee2",
-        "accelerometer.bias": "20 mgee", "accelerometer.in_run_bias": "300 ugee",
-        "accelerometer.random_walk": "0.15 m/s/sqrt(h)", "accelerometer.scale_factor": "5000 ppm",
-        "accelerometer.misalignment": "10 mrad", "accelerometer.vibration_rectification": "100 ugee/gee2",
-    },
-}  # fmt: skip
+GRADES = {  # instruments that come with the program, one of each grade
+    "navigation": "hg9900",
+    "tactical": "ln_200s",
+    "industrial_mems": "adis16470",
+    "consumer_mems": "icm_42688_p",
+}
 
 
 class Told(NamedTuple):
@@ -57,7 +28,7 @@ class Told(NamedTuple):
 
     words: str
     kind: str  # RIGHT, SHOWS, CONSTANT or BEYOND: which requirement holds
-    settings: Callable | None = None  # of the true Scenario -> list of KEY=VALUE for the computer's scenario
+    settings: Callable | None = None  # of the true Scenario -> list of KEY=VALUE of what is told
     late_s: float = 0.0  # by which fixes are stamped too late: what they say was true so long before
     reported: float = 1.0  # sigma that the receiver reports, over the true one
     needs_stars: bool = False
@@ -90,14 +61,14 @@ def _scaled(scenario, rows, factor):
     for path, unit in rows:
         triad, name = path.split(".")
         value = factor * getattr(getattr(scenario.imu, triad), name) * (1e6 if unit == "ppm" else 1.0)
-        found.append(f"imu.{path}={value:.12g} {unit}")
+        found.append(f"{TO}imu.{path}={value:.12g} {unit}")
     return found
 
 
 def _arm(factor):
     def settings(scenario):
         arm = ", ".join(f"{factor * metres:.9g} m" for metres in scenario.gps.antenna.lever_arm)
-        return [f"gps.antenna.lever_arm=[{arm}]"]
+        return [f"{TO}gps.antenna.lever_arm=[{arm}]"]
 
     return settings
 
@@ -110,7 +81,7 @@ def _mounting(sigmas):
         boresight, right = np.array(mounting.boresight), np.array(mounting.image_right)
         boresight, right = boresight / np.linalg.norm(boresight), right / np.linalg.norm(right)
         turned = boresight + np.tan(sigmas * mounting.error) * np.cross(right, boresight)
-        return [f"star_camera.mounting.boresight=[{', '.join(f'{one:.12g}' for one in turned)}]"]
+        return [f"{TO}star_camera.mounting.boresight=[{', '.join(f'{one:.12g}' for one in turned)}]"]
 
     return settings
 
@@ -150,7 +121,7 @@ TOLD = {
 
 def imu_settings(grade):
     """KEY=VALUE of a grade: list."""
-    return [f"imu.{path}={value}" for path, value in GRADES[grade].items()]
+    return [f"imu.use={GRADES[grade]}"]
 
 
 def shaken(scenario, factor):

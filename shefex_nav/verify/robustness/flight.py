@@ -141,14 +141,6 @@ def _scenario(name, settings):
 
 
 @lru_cache(maxsize=8)
-def _computer_scenario(name, settings):
-    """Scenario of which the computer is made: it needs no model of the star tracker."""
-    from shefex_nav.scenario import load
-
-    return load.load(name, (*settings, "star_tracker.frames=rendered"))
-
-
-@lru_cache(maxsize=8)
 def _vehicle(name, settings):
     """Flight of a rocket, without sensors."""
     from shefex_nav import prepare
@@ -162,10 +154,9 @@ def _fly(job, situation, vehicle):
     from shefex_nav.onboard.telemetry import Columns
     from shefex_nav.records import GateResult, NavHealth
 
-    base = overrides(job)
-    scenario = _scenario(job.scenario, (*base, *situation.settings))
-    world = prepare.build_world(scenario, job.seed, flight=vehicle)
-    world = _told_world(world, job.scenario, base, situation)
+    told = situation.told.settings(situation.scenario) if situation.told.settings else ()
+    scenario = _scenario(job.scenario, (*overrides(job), *told, *situation.settings))
+    world = _received(prepare.build_world(scenario, job.seed, flight=vehicle), situation)
     kept, columns, until_s = {GateResult: [], NavHealth: []}, Columns(EVERY), last_s(vehicle)
     with innovations.watched() as seen:
         for record in simulate.route(world, scenario, job.seed, until_s=until_s, columns=columns):
@@ -177,20 +168,8 @@ def _fly(job, situation, vehicle):
     )
 
 
-def _told_world(world, name, base, situation):
-    """World with the computer of what it is told, and with fixes that are not what they say."""
-    from shefex_nav.environment import ephemeris
-    from shefex_nav.scenario import params_onboard
-
-    told, true = situation.told, situation.scenario
-    if told.settings is not None:
-        computer = _computer_scenario(name, (*base, *told.settings(true)))
-        bodies = ephemeris.sky_bodies(true.mission.epoch)
-        made = params_onboard.computer_params(computer, bodies, world.camera.bad_pixel_map)
-    else:
-        made = params_onboard.computer_params(
-            true, ephemeris.sky_bodies(true.mission.epoch), world.camera.bad_pixel_map
-        )
-    world, arm = world._replace(computer=made), true.gps.antenna.lever_arm
+def _received(world, situation):
+    """World with fixes that are not what they say."""
+    told, arm = situation.told, situation.scenario.gps.antenna.lever_arm
     world = fixes.changed(world, arm, late_s=told.late_s, reported=told.reported)
     return fixes.changed(world, arm, late_s=situation.late_s, window=situation.window)

@@ -4,27 +4,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.geometry import rotation
+from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.records import QUANTITIES, protected
 
 
 class Quantity(NamedTuple):
-    """Over the instants of a flight."""
+    """Over the instants of a flight, along the axes of its protection level."""
 
-    error: np.ndarray  # (n, 3)
-    level: np.ndarray  # (n, 3) protection level
+    error: np.ndarray  # (n, axes) sizes
+    level: np.ndarray  # (n, axes)
     usable: np.ndarray  # (n,) bool
     doubt: np.ndarray  # (n,) Doubt of it
 
     @property
     def beyond(self):
-        """(n,) bool: the error of an axis exceeds its level, or its level is no number."""
-        return ~(np.abs(self.error) <= self.level).all(axis=1)
+        """(n,) bool: the error along an axis exceeds its level, or its level is no number."""
+        return ~(self.error <= self.level).all(axis=1)
 
     @property
     def ratio(self):
         """(n,) the largest error over its level while it may be used, 0 elsewhere."""
-        share = (np.abs(self.error) / self.level).max(axis=1)
-        return np.where(self.usable, share, 0.0)
+        return np.where(self.usable, (self.error / self.level).max(axis=1), 0.0)
 
 
 class Flown(NamedTuple):
@@ -44,13 +44,28 @@ def read(kept):
         raise ValueError("truth, solution and covariance are of different instants")
     attitude = rotation.rotvec_between(solution.q_ib[:n], truth.q_ib[:n])
     error = np.hstack([truth.r_i[:n] - solution.r_i[:n], truth.v_i[:n] - solution.v_i[:n], attitude])
-    # a line for each quantity that has a protection level of its own
-    quantities = {
-        "attitude": Quantity(
-            attitude, solution.protection_b[:n], ~solution.do_not_use[:n], solution.doubt[:n]
-        ),
-    }
+    along = _along_axes(kept.earth, truth, solution, n) | {"attitude": np.abs(attitude)}
+    quantities = {}
+    for name in QUANTITIES:
+        said = protected(solution, name)
+        quantities[name] = Quantity(along[name], said.level[:n], ~said.do_not_use[:n], said.doubt[:n])
     return Flown(t_s, quantities, nees(kept.covariance.P[:n], error))
+
+
+def _along_axes(earth, truth, solution, n):
+    """Errors of position and velocity against the Earth, horizontal and vertical where the vehicle truly is.
+
+    -> {"position": (n, 2) m, "velocity": (n, 2) m/s}, sizes
+    """
+    position, velocity = np.empty((n, 2)), np.empty((n, 2))
+    for k in range(n):
+        r_e, v_e = frames.ecef_from_inertial(earth, truth.t_s[k], truth.r_i[k], truth.v_i[k])
+        latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
+        C_ne = wgs84.dcm_en(latitude, longitude).T
+        for row, of_earth in ((position, r_e - solution.r_e[k]), (velocity, v_e - solution.v_e[k])):
+            north, east, down = C_ne @ of_earth
+            row[k] = np.hypot(north, east), abs(down)
+    return {"position": position, "velocity": velocity}
 
 
 def nees(P, error):

@@ -103,6 +103,11 @@ def _freeze(scenario, rng, size):
     return {"fault": "freeze", "time": ("runs", "stands")[int(rng.integers(2))]}
 
 
+def _delay(scenario, rng, size):
+    """Nothing is told of delays: a sigma stands for a millisecond."""
+    return {"fault": "delay", "by": f"{size:.9g} ms", "time": ("right", "late")[int(rng.integers(2))]}
+
+
 def _plain(name):
     return lambda scenario, rng, size: {"fault": name}
 
@@ -120,6 +125,7 @@ KINDS = {
     "freeze": Kind(GPS, REPEATED_FIX, _freeze),
     "jump": Kind(GPS, INNOVATIONS, _jump),
     "drift": Kind(GPS, INNOVATIONS, _drift),
+    "delay": Kind(GPS, INNOVATIONS, _delay),
     "bias": Kind(STARS, INNOVATIONS, _turned),
     "wrong_fixes": Kind(STARS, INNOVATIONS, _wrong),
     "blinded": Kind(STARS, AT_ONCE, _plain("blinded")),

@@ -8,7 +8,7 @@ from scipy.stats import poisson
 from shefex_nav.verify.robustness import cells
 from shefex_nav.verify.robustness.factors import CONSTANT, RIGHT, SHOWS
 
-AXES = 3
+HOUR_S = 3600.0
 POISSON = 0.99
 MOST_OF_CONSTANTS = 1e-3  # of usable time
 NEES = 5.0, 15.0
@@ -86,7 +86,9 @@ def _misleading(flown, name):
     sums = [cells.healthy(record)["quantities"][name] for record in chosen]
     usable_s = sum(one["usable_s"] for one in sums)
     times, seconds = (sum(one[key] for one in sums) for key in ("misleading_times", "misleading_s"))
-    expected = sum(AXES * record["risk"] * one["usable_s"] for record, one in zip(chosen, sums, strict=True))
+    expected = sum(
+        record["risk"] / HOUR_S * one["usable_s"] for record, one in zip(chosen, sums, strict=True)
+    )
     most = int(poisson.ppf(POISSON, expected)) if expected else 0
     bad = [record for record, one in zip(chosen, sums, strict=True) if one["misleading_times"]]
     return Judged(
