@@ -95,7 +95,7 @@ class Doubted(NamedTuple):
     quantities: dict
 
 
-def track(beyond, usable, doubt=Doubt.ATTITUDE):
+def track(beyond, usable, doubt=Doubt.LEVEL):
     """levels.Flown-like of ten samples a second; (n,) bool each."""
     beyond, usable = np.asarray(beyond), np.asarray(usable)
     error = np.where(beyond, 2.0, 0.5)[:, None] * np.ones(3)
@@ -104,7 +104,7 @@ def track(beyond, usable, doubt=Doubt.ATTITUDE):
     return Doubted(0.1 * np.arange(len(beyond)), {"attitude": one})
 
 
-def alarm(beyond, usable, detectable_s, named=(), doubt=Doubt.ATTITUDE):
+def alarm(beyond, usable, detectable_s, named=(), doubt=Doubt.LEVEL):
     healthy = track(np.zeros(100, dtype=bool), np.ones(100, dtype=bool))
     window = Window(2.0, 8.0)
     noticed = [(2.0, detectable_s)]
