@@ -243,7 +243,7 @@ def test_rexus_spinning_withdraws_its_solution_while_it_spins():
         pass
     told = columns.read()[0]
     spinning = told.t_s > beyond_s[0] + 0.05
-    assert told.do_not_use[spinning].all()
+    assert told.do_not_use_attitude[spinning].all()
 
 
 def test_night_sky_stands_still_and_looks_up():
