@@ -10,7 +10,7 @@ from shefex_nav.verify.robustness import cells, design, pictures, require, show
 CAPTIONS = {
     "misleading": "Seconds in which a solution that may be used was beyond its protection level, all flights "
     "of a pair of levels together. White: none; grey: not flown.",
-    "ratio": "Largest error over its protection level while it may be used. Above 1 the level is broken.",
+    "ratio": "Largest error over its protection level while it may be used. Red, above 1: it is broken.",
     "nees": "NEES of 9 degrees of freedom at the end of the flights in which nothing happens: each cell its "
     "mean, and the middle 90 % of its flights. Grey: 5 to 15.",
     "alarms": "Seconds from when a fault could be noticed and the error was beyond its level to 'do not use' "

@@ -14,7 +14,7 @@ def draw(records):
     if not flown:
         return
     yield "misleading", _map(flown, "misleading_s", "s", "Reds")
-    yield "ratio", _map(flown, "largest_ratio", "error over level", "viridis")
+    yield "ratio", _map(flown, "largest_ratio", "error over level", "RdBu_r")
     yield "nees", _nees(flown)
     yield "alarms", _alarms(flown)
 
@@ -31,6 +31,7 @@ def _values(flown, key, names):
 def _map(flown, key, label, colours):
     """What happens over what is told wrongly, and rockets with grades over phases."""
     with _styled():
+        from matplotlib.colors import LogNorm, Normalize
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(style.WIDTH, 6.6), layout="constrained")
@@ -43,8 +44,11 @@ def _map(flown, key, label, colours):
             for (one, other), value in values.items():
                 grid[rows.index(one), columns.index(other)] = value
             most = max(np.nanmax(grid), 1e-9)
+            norm = Normalize(0.0, most)
+            if key == "largest_ratio":  # 1 is the middle
+                norm, grid = LogNorm(1.0 / max(most, 2.0), max(most, 2.0)), np.maximum(grid, 1e-6)
             axes.set_facecolor("#dddddd")
-            mesh = axes.imshow(grid, cmap=colours, vmin=0.0, vmax=most, aspect="auto")
+            mesh = axes.imshow(grid, cmap=colours, norm=norm, aspect="auto")
             axes.set_xticks(range(len(columns)), columns, rotation=60, ha="right", fontsize=7.5)
             axes.set_yticks(range(len(rows)), rows, fontsize=7.5)
             axes.grid(False)
