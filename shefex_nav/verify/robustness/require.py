@@ -7,6 +7,7 @@ from scipy.stats import poisson
 
 from shefex_nav.verify.robustness import cells
 from shefex_nav.verify.robustness.factors import CONSTANT, RIGHT, SHOWS
+from shefex_nav.verify.robustness.happenings import HAPPENS
 
 HOUR_S = 3600.0
 POISSON = 0.99
@@ -117,7 +118,7 @@ def _constants(flown, name):
 def _nees_right(flown):
     chosen = [record for record in flown if record["told_kind"] == RIGHT]
     outside, number = [], 0
-    for (cell,), several in cells.grouped(chosen, "cell").items():
+    for cell, several in _together(chosen).items():
         ends = [cells.healthy(record) for record in several]
         known = [one["nees_end"] for one in ends if (one["sigma_deg"] or np.inf) < KNOWN_DEG]
         unknown = [one["nees_end"] for one in ends if (one["sigma_deg"] or np.inf) >= KNOWN_DEG]
@@ -125,7 +126,7 @@ def _nees_right(flown):
         for values, low in ((known, NEES[0]), (unknown, 0.0)):
             mean = _mean(values)
             if mean is not None and not low <= mean <= NEES[1]:
-                outside.append(f"cell {cell}: {mean:.1f} of {len(values)}")
+                outside.append(f"{cell}: {mean:.1f} of {len(values)}")
     words = (
         "nothing happens, all told rightly: mean NEES of 9 degrees of freedom at the end 5 to 15 in each "
         "cell (at most 15 where the attitude is known to 5 deg or worse)"
@@ -137,15 +138,24 @@ def _nees_noises(flown):
     low, high = NOISES
     chosen = [record for record in flown if low <= record["noise_told"] <= high and _about_noise(record)]
     outside, number = [], 0
-    for (cell,), several in cells.grouped(chosen, "cell").items():
+    for cell, several in _together(chosen).items():
         mean = _mean([cells.healthy(record)["nees_usable"] for record in several])
         number += mean is not None
         if mean is not None and mean > NEES[1]:
-            outside.append(f"cell {cell}: {mean:.1f}")
+            outside.append(f"{cell}: {mean:.1f}")
     words = (
         "nothing happens, noises told 0.3 to 3 times: mean NEES while usable after 100 innovations at most 15"
     )
     return Judged("NEES noises", words, _outside(outside, number), not outside if number else None)
+
+
+def _together(chosen):
+    """Flights whose NEES is averaged: those of a cell; of random faults, which have no cells, of a rocket."""
+    found = {}
+    for record in chosen:
+        of_cell = record["happens"] in HAPPENS
+        found.setdefault(f"cell {record['cell']}" if of_cell else record["rocket"], []).append(record)
+    return found
 
 
 def _about_noise(record):
@@ -159,7 +169,7 @@ def _mean(values):
 
 def _outside(outside, number, most=8):
     more = [f"and {len(outside) - most} more"] if len(outside) > most else []
-    return f"{len(outside)} of {number} cells outside; {', '.join(outside[:most] + more)}".rstrip("; ")
+    return f"{len(outside)} of {number} means outside; {', '.join(outside[:most] + more)}".rstrip("; ")
 
 
 def undetectable(records):
