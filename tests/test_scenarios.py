@@ -17,6 +17,7 @@ from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.thinning import thinned
+from shefex_nav.onboard.telemetry import Columns
 from shefex_nav.report import geodesic, metrics
 from shefex_nav.scenario import load, params
 from shefex_nav.world.flight import fly
@@ -226,6 +227,23 @@ def test_rexus_navigates_without_a_star_tracker():
     assert result["star_tracker"]["frames"] == 0
     assert result["navigation"]["position_error_m"]["max"] < 15.0
     assert result["navigation"]["attitude_error_deg"]["max"] < 3.0
+
+
+def test_rexus_spinning_withdraws_its_solution_while_it_spins():
+    """4 Hz, gyros up to 2: from T+3 s, when the range is passed, until the air has slowed the payload."""
+    flight = flown("rexus_spinning")
+    omega = np.abs(flight.trajectory.omega_ib_b[:, 0])
+    fastest = omega.max()
+    assert fastest / flight.scenario.imu.gyro.range == pytest.approx(2.0, abs=0.05)
+    assert "yo_yo_release" not in flight.at
+    beyond_s = flight.trajectory.t_s[omega > flight.scenario.imu.gyro.range]
+    assert beyond_s[0] == pytest.approx(3.5, abs=0.5)
+    columns, world = Columns(10), prepare.build_world(flight.scenario, 1)
+    for _ in simulate.route(world, flight.scenario, 1, until_s=200.0, columns=columns):
+        pass
+    told = columns.read()[0]
+    spinning = told.t_s > beyond_s[0] + 0.05
+    assert told.do_not_use_attitude[spinning].all()
 
 
 def test_night_sky_stands_still_and_looks_up():

@@ -13,6 +13,7 @@ import typer
 
 from shefex_nav.verify.bound_command import bound  # which imports late
 from shefex_nav.verify.consistency_command import consistency  # likewise
+from shefex_nav.verify.robustness_command import robustness  # likewise
 
 app = typer.Typer(
     help="Compare flights with published check-cases, and navigation with what is possible.",
@@ -20,6 +21,7 @@ app = typer.Typer(
 )
 app.command()(bound)
 app.command()(consistency)
+app.command()(robustness)
 
 
 @app.callback()

@@ -1,0 +1,37 @@
+"""Makes the covering design of `shefex-nav verify robustness` anew, from its levels and a fixed seed.
+
+uv run python benchmarks/robustness_design.py [--check]
+
+Writes shefex_nav/verify/robustness/design.csv; with --check it is compared, exit code 1 if it differs.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from shefex_nav.verify.robustness import cover, design
+
+CELLS, SEED = 400, 20120622
+PATH = Path(design.__file__).parent / design.FILE
+
+
+def text():
+    """Contents of the file."""
+    table = cover.array(design.FACTORS, design.possible, CELLS, SEED)
+    head = ["cell", *design.FACTORS]
+    rows = [[str(k), *(row[name] for name in design.FACTORS)] for k, row in enumerate(table)]
+    return "\n".join(",".join(row) for row in [head, *rows]) + "\n"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true")
+    given, made = parser.parse_args(), text()
+    if given.check:
+        return int(made != PATH.read_text())
+    PATH.write_text(made)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

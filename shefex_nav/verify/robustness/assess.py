@@ -1,0 +1,185 @@
+"""What a flight and its twin say: how long the solution misled, when it was withdrawn, by which words."""
+
+import numpy as np
+
+from shefex_nav.verify.robustness import detect, happenings, levels
+
+ALERT_S = 1.0  # for so long an error may be beyond its level, or beyond what can be noticed
+FIRST_INNOVATIONS = 100  # before these the NEES is that of the alignment
+TRUE_WORDS = "no fix", "at the end of its range"  # begin of reasons that are no alarms
+STEP_S = 0.1
+
+
+def compared(situation, flown, twin, alone=()):
+    """Figures of a flight, for JSON: dict.
+
+    flight.Situation, flight.Kept of it, of its twin or None, and of several faults that of each alone
+    """
+    read = levels.read(flown)
+    told, risk = situation.told, situation.scenario.requirements.integrity_risk
+    record = {"told_kind": told.kind, "noise_told": told.residuals, "risk": risk} | _figures(flown, read)
+    if twin is None:
+        return record | {"twin": None, "fault": None}
+    healthy = levels.read(twin)
+    families = tuple(name for device in situation.sources for name in happenings.SOURCES[device])
+    doubts = {doubt for device in situation.sources for doubt in happenings.DOUBTS[device]}
+    found = detectable(situation, flown, twin, alone)
+    noticed = [(span[1].start_s, one.t_s) for span, one in zip(situation.spans, found, strict=True)]
+    fault = {
+        "start_s": situation.window.start_s,
+        "end_s": situation.window.end_s,
+        "settings": list(situation.settings),
+        "detectable": [
+            {"what": what.words, "start_s": begin_s, "t_s": one.t_s, "by": one.by, "sum": _finite(one.total)}
+            for (what, (begin_s, _)), one in zip(situation.spans, found, strict=True)
+        ],
+        "alarm": {
+            name: _alarm(read, healthy, name, noticed, situation.window, _named(flown, families), doubts)
+            for name in read.quantities
+        },
+        "usable_again_s": _usable_again(read, healthy, situation.window),
+    }
+    record["alarms"] = [f"{one.source}: {one.reason}" for one in alarms(flown.health, families)]
+    return record | {"twin": _figures(twin, healthy), "fault": fault}
+
+
+def detectable(situation, flown, twin, alone):
+    """detect.Detectable of each fault: list. Of several, each is compared as it flies alone."""
+    found = []
+    for (what, window), kept in zip(situation.spans, alone or [flown], strict=True):
+        innovations = detect.instant(_seen(kept), _seen(twin), window.start_s)
+        readings = detect.of_readings(what, window, situation.scenario, kept.fixes)
+        found.append(detect.earliest(innovations, readings))
+    return found
+
+
+def _seen(kept):
+    return detect.Flown(kept.seen, kept.gates, kept.health)
+
+
+def alarms(health, families):
+    """Statements against sensors that are healthy: list of NavHealth. families : begins of those that are not
+
+    What is true of a healthy sensor, no fix or a reading at its range, is none.
+    """
+    return [
+        one
+        for one in health
+        if not one.healthy and not one.reason.startswith(TRUE_WORDS) and not one.source.startswith(families)
+    ]
+
+
+def _figures(kept, read):
+    """Of a flight alone: dict."""
+    late = _after_innovations(kept, read.t_s)
+    figures = {"quantities": {name: _quantity(one, read.t_s) for name, one in read.quantities.items()}}
+    usable = np.all([one.usable for one in read.quantities.values()], axis=0)
+    chosen = read.nees[late & usable]
+    return figures | {
+        "alarms": [f"{one.source}: {one.reason}" for one in alarms(kept.health, ())],
+        "sigma_deg": _finite(np.degrees(np.sqrt(np.trace(kept.covariance.P[len(read.t_s) - 1][6:, 6:])))),
+        "nees_end": _finite(read.nees[-1]),
+        "nees_usable": _finite(chosen.mean()) if len(chosen) else None,
+        "end_s": float(read.t_s[-1]),
+    }
+
+
+def _after_innovations(kept, t_s):
+    """(n,) bool: the filter has met `FIRST_INNOVATIONS` measurements."""
+    met = sorted(gate.t_s for gate in kept.gates if gate.dof)
+    return t_s >= (met[FIRST_INNOVATIONS - 1] if len(met) >= FIRST_INNOVATIONS else np.inf)
+
+
+def _quantity(one, t_s):
+    """Of one quantity: dict."""
+    long = [pair for pair in levels.stretches(one.beyond & one.usable, t_s) if _lasts(pair, t_s) > ALERT_S]
+    return {
+        "usable_s": float(STEP_S * one.usable.sum()),
+        "misleading_s": float(sum(_lasts(pair, t_s) for pair in long)),
+        "misleading_times": len(long),
+        "misleading_from_s": float(t_s[long[0][0]]) if long else None,
+        "largest_ratio": _finite(one.ratio.max()),
+    }
+
+
+def _lasts(pair, t_s):
+    return float(t_s[pair[1]] - t_s[pair[0]] + STEP_S)
+
+
+def _named(kept, families):
+    """When a sensor of some families is said not to be healthy: list of (from, until) s."""
+    since, spans = {}, []
+    for one in kept.health:
+        if not one.source.startswith(families) or one.reason.startswith(TRUE_WORDS[0]):
+            continue
+        if not one.healthy:
+            since.setdefault(one.source, one.t_s)
+        elif one.source in since:
+            spans.append((since.pop(one.source), one.t_s))
+    return spans + [(t_s, np.inf) for t_s in since.values()]
+
+
+def _alarm(read, healthy, name, noticed, window, named, doubts):
+    """Whether a quantity that a fault made wrong was withdrawn in time, and by the right words: dict.
+
+    The fault is to blame where the error is beyond its level and that of the twin is not. Of several faults
+    all that have begun by then have to be detectable.
+
+    noticed : (begin, instant from which on it can be noticed or None) of each fault
+    """
+    one, other, t_s = read.quantities[name], healthy.quantities[name], read.t_s
+    n = min(len(one.usable), len(other.usable))
+    beyond = one.beyond[:n] & ~other.beyond[:n] & (t_s[:n] >= window.start_s)
+    blamed = np.zeros(n, dtype=bool)
+    for begin_s, end_s in named:
+        blamed |= (t_s[:n] >= begin_s - STEP_S) & (t_s[:n] <= end_s)
+    told = ~one.usable[:n] & (blamed | np.isin(one.doubt[:n], list(doubts)))
+    found = {"beyond_s": 0.0, "late_s": 0.0, "undetected_s": 0.0, "wrong_words": 0, "after_s": None}
+    for pair in levels.stretches(beyond, t_s):
+        found["beyond_s"] += _lasts(pair, t_s)
+        begun = [t_d for begin_s, t_d in noticed if begin_s <= t_s[pair[0]] + STEP_S]
+        detectable_s = None if None in begun else max(begun, default=None)
+        _judge(found, pair, t_s, one.usable, told, detectable_s)
+    return found
+
+
+def _judge(found, pair, t_s, usable, told, detectable_s):
+    """Add one stretch of errors beyond their level to what `_alarm` gives."""
+    rows = np.arange(pair[0], pair[1] + 1)
+    from_s = max(float(t_s[pair[0]]), np.inf if detectable_s is None else detectable_s)
+    unnoticed = rows[(t_s[rows] < from_s + ALERT_S) & usable[rows]]
+    late = rows[(t_s[rows] >= from_s + ALERT_S) & usable[rows]]
+    if _lasts(pair, t_s) > ALERT_S:
+        if detectable_s is None or t_s[pair[0]] < detectable_s:
+            found["undetected_s"] += STEP_S * len(unnoticed)
+        found["late_s"] += STEP_S * len(late)
+    after = rows[t_s[rows] >= from_s - STEP_S]
+    silent = after[~usable[after]]
+    if len(silent):
+        words = after[told[after]]
+        found["wrong_words"] += int(not len(words) or t_s[words[0]] > from_s + ALERT_S)
+        if len(words):
+            found["after_s"] = max(found["after_s"] or 0.0, float(t_s[words[0]]) - from_s)
+
+
+def _usable_again(read, healthy, window):
+    """How long after the end of a fault all quantities may be used again and are right, s.
+
+    Counted from where those of the twin may be used; None where these never may, inf (-1.0) if never again.
+    """
+    n = min(len(read.t_s), len(healthy.t_s))
+    good, there = (
+        np.all([one.usable[:n] & ~one.beyond[:n] for one in found.quantities.values()], axis=0)
+        & (read.t_s[:n] >= window.end_s)
+        for found in (read, healthy)
+    )
+    if not there.any():
+        return None
+    t_s = read.t_s[:n]
+    first_s = t_s[np.flatnonzero(there)[0]]
+    later = t_s[good & (t_s >= first_s)]
+    return float(later[0] - first_s) if len(later) else -1.0
+
+
+def _finite(value):
+    return float(value) if np.isfinite(value) else None

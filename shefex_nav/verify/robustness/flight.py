@@ -1,0 +1,175 @@
+"""One flight of a cell and its twin: the same world, computer and seed, but nothing happens."""
+
+import time
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.verify.robustness import design, factors, fixes, happenings, innovations, random_faults
+from shefex_nav.verify.robustness.happenings import HAPPENS
+
+EVERY = 10  # ticks from one solution that is kept to the next
+OF_CELLS, OF_HAPPENINGS = 77, 9  # keys of random numbers of their own, beside those of the sensors
+LAST = "altitude_20km"  # on the way down: what comes later is no matter of navigation
+VEHICLE_SEED = 0  # all flights of a rocket fly the same way; what differs is what sensors say of it
+
+
+class Job(NamedTuple):
+    """One flight."""
+
+    scenario: str  # file or name of a shipped one
+    overrides: tuple  # KEY=VALUE of the user
+    cell: design.Cell
+    flight: int  # number of it in its cell
+    seed: int
+
+
+class Situation(NamedTuple):
+    """What is flown and what goes wrong with it."""
+
+    sources: tuple  # devices, keys of happenings.SOURCES
+    window: happenings.Window | None  # when; None: nothing happens
+    told: factors.Told
+    scenario: object  # Scenario of the healthy world
+    settings: tuple  # KEY=VALUE of the faults
+    late_s: float = 0.0  # of fixes within the window
+    spans: tuple = ()  # (happenings.Happening, happenings.Window) of which it is made
+    alone: tuple = ()  # settings of each of several faults by itself
+
+
+class Kept(NamedTuple):
+    """What is kept of a flight."""
+
+    solution: object  # NavSolution of arrays
+    covariance: object  # NavCovariance of arrays
+    truth: object  # TruthSample of arrays
+    gates: list  # GateResult
+    health: list  # NavHealth
+    seen: dict  # of innovations.watched
+    fixes: list  # GpsFix
+    earth: object  # EarthRotation
+
+
+def seed_of(root, cell, flight):
+    """Seed of a flight: int."""
+    return int(np.random.SeedSequence(root, spawn_key=(OF_CELLS, cell, flight)).generate_state(1)[0])
+
+
+def fly(job):
+    """One flight and its twin, judged. Job -> dict, plain, for JSON"""
+    from shefex_nav.verify.robustness import assess
+
+    began = time.process_time()
+    head = {"cell": job.cell.number, "flight": job.flight, "seed": job.seed}
+    head |= {name: getattr(job.cell, name) for name in design.FACTORS}
+    try:
+        record = assess.compared(*pair(job))
+    except Exception as error:  # the end of this flight, not of the others
+        record = {"failed": f"{type(error).__name__}: {error}"[:500]}
+    return head | record | {"cpu_s": round(time.process_time() - began, 3)}
+
+
+def pair(job):
+    """Situation, the flight, its twin or None if nothing happens; of several faults each alone: list."""
+    true = _scenario(job.scenario, overrides(job))
+    vehicle = _vehicle(job.scenario, overrides(job))
+    situation = situation_of(job, true, vehicle)
+    flown = _fly(job, situation, vehicle)
+    if situation.window is None:
+        return situation, flown, None, []
+    twin = _fly(job, situation._replace(settings=(), late_s=0.0), vehicle)
+    alone = situation.alone if len(situation.alone) > 1 else ()
+    return situation, flown, twin, [_fly(job, situation._replace(settings=one), vehicle) for one in alone]
+
+
+def situation_of(job, true, vehicle):
+    """Situation of a cell: the time of what happens is drawn by the seed of the flight."""
+    if job.cell.happens == random_faults.NAME:
+        return _random_situation(job, true, vehicle)
+    cell, happening = job.cell, HAPPENS[job.cell.happens]
+    told = factors.TOLD[cell.told]
+    if not happening.device:
+        return Situation((), None, told, true, ())
+    rng = np.random.default_rng([job.seed, OF_HAPPENINGS])
+    start_s, end_s = true.mission.start, last_s(vehicle)
+    tracker = true.star_tracker
+    stars = (tracker.on + 16.0, tracker.off - 13.0) if tracker.enabled else None
+    phase = happenings.phases(vehicle.events, start_s, end_s, stars)[cell.phase]
+    window = happenings.drawn(happening, phase, rng)
+    settings = tuple(happenings.settings(happening, true, window, rng))
+    if happening.shakes != 1.0:
+        window = happenings.Window(start_s, end_s)
+    spans = ((happening, window),)
+    return Situation((happening.device,), window, told, true, settings, happening.late_s, spans)
+
+
+def _random_situation(job, true, vehicle):
+    """Situation of one or two faults at random; it begins with the first and ends with the last."""
+    found = random_faults.drawn(true, true.mission.start, last_s(vehicle), job.seed)
+    window = happenings.Window(
+        min(one.start_s for one in found.windows), max(one.end_s for one in found.windows)
+    )
+    devices = tuple(dict.fromkeys(one.device for one in found.happenings))
+    told = factors.TOLD[job.cell.told]
+    spans = tuple(zip(found.happenings, found.windows, strict=True))
+    return Situation(devices, window, told, true, found.settings, spans=spans, alone=found.alone)
+
+
+def overrides(job):
+    """KEY=VALUE of the healthy world of a job: tuple; later ones win."""
+    name = job.cell.rocket
+    grade = () if job.cell.grade == design.OWN else factors.imu_settings(job.cell.grade)
+    return (*design.ROCKETS.get(name, ()), *grade, *job.overrides)
+
+
+def last_s(vehicle):
+    """Until when a vehicle is flown, s."""
+    at = {event.name: event.t_s for event in vehicle.events}
+    return float(at.get(LAST, vehicle.trajectory.t_s[-1]))
+
+
+@lru_cache(maxsize=16)
+def _scenario(name, settings):
+    """Scenario with settings; pictures are never drawn."""
+    from shefex_nav.scenario import load
+
+    loaded = load.load(name, settings)
+    if loaded.star_tracker.enabled and loaded.star_tracker.frames != "statistical":
+        loaded = load.load(name, (*settings, "star_tracker.frames=statistical"))
+    return loaded
+
+
+@lru_cache(maxsize=8)
+def _vehicle(name, settings):
+    """Flight of a rocket, without sensors."""
+    from shefex_nav import prepare
+
+    return prepare.fly_vehicle(_scenario(name, settings), VEHICLE_SEED)
+
+
+def _fly(job, situation, vehicle):
+    """One flight of a Situation. -> Kept"""
+    from shefex_nav import prepare, simulate
+    from shefex_nav.onboard.telemetry import Columns
+    from shefex_nav.records import GateResult, NavHealth
+
+    told = situation.told.settings(situation.scenario) if situation.told.settings else ()
+    scenario = _scenario(job.scenario, (*overrides(job), *told, *situation.settings))
+    world = _received(prepare.build_world(scenario, job.seed, flight=vehicle), situation)
+    kept, columns, until_s = {GateResult: [], NavHealth: []}, Columns(EVERY), last_s(vehicle)
+    with innovations.watched() as seen:
+        for record in simulate.route(world, scenario, job.seed, until_s=until_s, columns=columns):
+            kept.setdefault(type(record), []).append(record)
+    solution, covariance = columns.read()
+    truth = simulate.truth_columns(world, EVERY)[0]
+    return Kept(
+        solution, covariance, truth, kept[GateResult], kept[NavHealth], seen, world.gps_fixes, world.earth
+    )
+
+
+def _received(world, situation):
+    """World with fixes that are not what they say."""
+    told, arm = situation.told, situation.scenario.gps.antenna.lever_arm
+    world = fixes.changed(world, arm, late_s=told.late_s, reported=told.reported)
+    return fixes.changed(world, arm, late_s=situation.late_s, window=situation.window)

@@ -1,0 +1,41 @@
+"""What a filter expected of each measurement: innovation and its covariance, seen from beside it.
+
+The filter's records say of an innovation how large it is by its own covariance, not that covariance itself.
+Every linearisation passes through the table of the sensors, so that is where it is looked at; the filter does
+what it did before.
+"""
+
+from contextlib import contextmanager
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Seen(NamedTuple):
+    """One innovation, when it met the gate."""
+
+    z: np.ndarray  # (m,)
+    S: np.ndarray  # (m, m)
+
+
+@contextmanager
+def watched():
+    """Gives a dict that fills with (sensor, t_valid_s) -> Seen while a filter flies in this process."""
+    from shefex_nav.onboard.navigation.sensors import SENSORS
+
+    seen, before = {}, dict(SENSORS)
+    for name, sensor in before.items():
+        SENSORS[name] = sensor._replace(linearise=_noting(name, sensor.linearise, seen))
+    try:
+        yield seen
+    finally:
+        SENSORS.update(before)
+
+
+def _noting(name, linearise, seen):
+    def noted(nav, now, fix):
+        z, H, R = linearise(nav, now, fix)
+        seen.setdefault((name, fix.t_valid_s), Seen(z.copy(), H @ now.P @ H.T + R))
+        return z, H, R
+
+    return noted

@@ -1,0 +1,82 @@
+"""How wrong each quantity is, how wrong it may be, and whether it may be used: read in one place."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry import frames, rotation, wgs84
+from shefex_nav.records import QUANTITIES, protected
+
+
+class Quantity(NamedTuple):
+    """Over the instants of a flight, along the axes of its protection level."""
+
+    error: np.ndarray  # (n, axes) sizes
+    level: np.ndarray  # (n, axes)
+    usable: np.ndarray  # (n,) bool
+    doubt: np.ndarray  # (n,) Doubt of it
+
+    @property
+    def beyond(self):
+        """(n,) bool: the error along an axis exceeds its level, or its level is no number."""
+        return ~(self.error <= self.level).all(axis=1)
+
+    @property
+    def ratio(self):
+        """(n,) the largest error over its level while it may be used, 0 elsewhere."""
+        return np.where(self.usable, (self.error / self.level).max(axis=1), 0.0)
+
+
+class Flown(NamedTuple):
+    """Errors of a flight."""
+
+    t_s: np.ndarray  # (n,)
+    quantities: dict  # name -> Quantity
+    nees: np.ndarray  # (n,) of position, velocity and attitude, 9 degrees of freedom
+
+
+def read(kept):
+    """Flown of a flight.Kept."""
+    truth, solution = kept.truth, kept.solution
+    n = min(len(truth.t_s), len(solution.t_s), len(kept.covariance.t_s))
+    t_s = solution.t_s[:n]
+    if not (np.allclose(truth.t_s[:n], t_s) and np.allclose(kept.covariance.t_s[:n], t_s)):
+        raise ValueError("truth, solution and covariance are of different instants")
+    attitude = rotation.rotvec_between(solution.q_ib[:n], truth.q_ib[:n])
+    error = np.hstack([truth.r_i[:n] - solution.r_i[:n], truth.v_i[:n] - solution.v_i[:n], attitude])
+    along = _along_axes(kept.earth, truth, solution, n) | {"attitude": np.abs(attitude)}
+    quantities = {}
+    for name in QUANTITIES:
+        said = protected(solution, name)
+        quantities[name] = Quantity(along[name], said.level[:n], ~said.do_not_use[:n], said.doubt[:n])
+    return Flown(t_s, quantities, nees(kept.covariance.P[:n], error))
+
+
+def _along_axes(earth, truth, solution, n):
+    """Errors of position and velocity against the Earth, horizontal and vertical where the vehicle truly is.
+
+    -> {"position": (n, 2) m, "velocity": (n, 2) m/s}, sizes
+    """
+    position, velocity = np.empty((n, 2)), np.empty((n, 2))
+    for k in range(n):
+        r_e, v_e = frames.ecef_from_inertial(earth, truth.t_s[k], truth.r_i[k], truth.v_i[k])
+        latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
+        C_ne = wgs84.dcm_en(latitude, longitude).T
+        for row, of_earth in ((position, r_e - solution.r_e[k]), (velocity, v_e - solution.v_e[k])):
+            north, east, down = C_ne @ of_earth
+            row[k] = np.hypot(north, east), abs(down)
+    return {"position": position, "velocity": velocity}
+
+
+def nees(P, error):
+    """Normalised errors squared: (n, 9, 9), (n, 9) -> (n,)."""
+    sigma = np.sqrt(np.einsum("kii->ki", P))
+    scaled = P / (sigma[:, :, None] * sigma[:, None, :])  # metres and radians in one matrix
+    z = error / sigma
+    return np.einsum("ki,ki->k", z, np.linalg.solve(scaled, z[:, :, None])[:, :, 0])
+
+
+def stretches(flags, t_s):
+    """Begin and end of each run of True: list of (first, last) indices; t_s : (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, dtype=int), [0]])))
+    return [(int(first), int(last) - 1) for first, last in zip(edges[::2], edges[1::2], strict=True)]

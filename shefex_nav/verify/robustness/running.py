@@ -1,0 +1,77 @@
+"""Flights to workers and back, in the order of the design: after any number of them all levels have met."""
+
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, wait
+from typing import NamedTuple
+
+from shefex_nav.compiled.target import ONE_THREAD
+from shefex_nav.errors import UserError
+from shefex_nav.verify.robustness import design, flight, random_faults
+from shefex_nav.workers import Pool, cores, environment, undisturbed
+
+
+class Request(NamedTuple):
+    """What is asked for."""
+
+    scenarios: tuple  # (name as given, name of the mission, has a star tracker), ...
+    overrides: tuple
+    flights: int  # of each cell
+    cells: tuple | None  # numbers; None: all
+    seed: int
+    random: int  # missions with random faults; 0: the design is flown
+
+
+class RobustnessError(UserError):
+    """A study that cannot be flown; the message says why."""
+
+
+def jobs(request):
+    """list of flight.Job: first one flight of every cell, then the second ..."""
+    if request.random:
+        return [_random(request, k) for k in range(request.random)]
+    chosen = []
+    for given, mission, has_stars in request.scenarios:
+        found = design.of_scenario(mission, has_stars)
+        chosen += [(given, cell) for cell in found if request.cells is None or cell.number in request.cells]
+    if not chosen:
+        raise RobustnessError("none of the cells that were asked for belongs to these scenarios")
+    chosen.sort(key=lambda one: one[1].number)
+    return [
+        flight.Job(given, request.overrides, cell, k, flight.seed_of(request.seed, cell.number, k))
+        for k in range(request.flights)
+        for given, cell in chosen
+    ]
+
+
+def _random(request, k):
+    """Mission k with random faults, in one scenario after the other."""
+    given, mission, _ = request.scenarios[k % len(request.scenarios)]
+    cell = design.Cell(k, mission, design.OWN, "right", random_faults.NAME, design.ANY)
+    return flight.Job(given, request.overrides, cell, 0, flight.seed_of(request.seed, k, 0))
+
+
+def fly(waiting, workers, take):
+    """Fly jobs in worker processes; each result is handed to `take` as it comes.
+
+    waiting : list of flight.Job;  workers : int or None, one a core
+    """
+    left, flying = list(reversed(waiting)), set()
+    pool = Pool(min(workers or cores(), max(1, len(left))))
+    try:
+        with environment(dict.fromkeys(ONE_THREAD, "1")):
+            while left or flying:
+                while left and len(flying) < 2 * (workers or cores()):
+                    flying.add(pool.submit(flight.fly, left.pop()))
+                over, flying = wait(flying, return_when=FIRST_COMPLETED)
+                for future in over:
+                    take(future.result())
+    except BrokenExecutor:
+        pool.abandon()
+        raise RobustnessError(
+            "a worker process was killed, perhaps for want of memory; what is done is kept in --out FOLDER, "
+            "--resume goes on"
+        ) from None
+    except BaseException:
+        with undisturbed():
+            pool.stop(at_once=True)
+        raise
+    pool.stop()

@@ -1,0 +1,108 @@
+"""The folder of a study: `robustness.json` says what is flown, `flights.jsonl` has a line for each flight.
+
+A line is on the disk before its flight counts as done; half a line, of a process that was killed, is taken
+away when the study goes on.
+"""
+
+import hashlib
+import json
+import os
+from pathlib import Path
+
+from shefex_nav import __version__
+from shefex_nav.errors import UserError
+from shefex_nav.files import put, settle
+
+HEAD, FLIGHTS, PAGE = "robustness.json", "flights.jsonl", "robustness.html"
+PACKAGE = Path(__file__).parents[2]
+
+
+class StoreError(UserError):
+    """A folder that cannot be used; the message says why and what to do."""
+
+
+def code_digest():
+    """Digest of the program: a study is of one program. -> 16 hexadecimal digits"""
+    total = hashlib.sha256(__version__.encode())
+    for path in sorted(PACKAGE.glob("**/*")):
+        if path.suffix in (".py", ".csv"):
+            total.update(path.relative_to(PACKAGE).as_posix().encode() + path.read_bytes())
+    return total.hexdigest()[:16]
+
+
+class Store:
+    """An open folder; None: nothing is kept but in memory. `with` closes its file."""
+
+    def __init__(self, folder, head, resume):
+        self.done, self._file = {}, None
+        if folder is None:
+            return
+        self.folder = Path(folder)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._begin(head, resume)
+            self._file = open(self.folder / FLIGHTS, "a", encoding="utf-8")
+        except OSError as error:
+            raise StoreError(f"cannot write into the folder {folder}: {error.strerror}") from None
+
+    def _begin(self, head, resume):
+        path = self.folder / HEAD
+        if path.exists():
+            if not resume:
+                raise StoreError(
+                    f"{self.folder}: holds a study already; --resume goes on with it, or name another"
+                )
+            _compare(json.loads(path.read_text()), head, self.folder)
+            self.done = _read(self.folder / FLIGHTS)
+        elif (self.folder / FLIGHTS).exists():
+            raise StoreError(f"{self.folder}: there are flights, but no {HEAD} that says of what")
+        else:
+            put(path, json.dumps(head, indent=1) + "\n")
+            settle(self.folder)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self._file is not None:
+            self._file.close()
+
+    def keep(self, record):
+        """Keep the record of a flight."""
+        self.done[key(record)] = record
+        if self._file is not None:
+            self._file.write(json.dumps(record, allow_nan=False) + "\n")
+            self._file.flush()
+            os.fsync(self._file.fileno())
+
+
+def key(record):
+    """What tells one flight from the others: (rocket, cell, flight)."""
+    return record["rocket"], record["cell"], record["flight"]
+
+
+def _compare(old, new, folder):
+    """StoreError if a folder is of another study."""
+    differ = [name for name in new if old.get(name) != new[name]]
+    if differ:
+        words = "; ".join(f"{name} was {old.get(name)!r}, now {new[name]!r}" for name in differ)
+        raise StoreError(f"{folder}: is of another study: {words}")
+
+
+def _read(path):
+    """Flights that are done: dict key -> record. Half a line at the end is cut off."""
+    if not path.exists():
+        return {}
+    content = path.read_bytes()
+    whole = content[: content.rfind(b"\n") + 1]
+    if len(whole) < len(content):
+        with open(path, "rb+") as file:
+            file.truncate(len(whole))
+    found = {}
+    for number, line in enumerate(whole.decode().splitlines(), 1):
+        try:
+            record = json.loads(line)
+        except json.JSONDecodeError:
+            raise StoreError(f"{path}:{number}: is no record of a flight; take the line away") from None
+        found[key(record)] = record
+    return found
