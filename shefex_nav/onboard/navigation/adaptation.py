@@ -32,8 +32,7 @@ WATCHED = ("gps_position", "gps_velocity")  # sensors whose windows are kept: on
 MOST = 16.0  # largest factor of a standard deviation
 LOOP_S = 60.0  # [E] two resets of a sensor within it are one too many
 STEP = 2.0  # [E] factor after an alarm that does not say how large it is
-BOLDEST = 8.0  # [E] largest step: a loop of resets must end at once
-RECENT = 10  # innovations, rejected ones too, that say how far off a loop is
+RECENT = 10  # innovations, rejected ones too: the largest of them says how far off a loop is
 SETTLING = 10  # innovations after an alarm that say nothing yet
 FEWEST, ENOUGH = 30, 100  # innovations before the factor changes, and before it is told
 TOLD_SHARE = 0.3  # of process noise in the innovations, below which the factor cannot be told
@@ -84,7 +83,7 @@ def weigh(nav, now, z, H, R, S, nis, measurement, verdict):
     recent = noise.recent.setdefault(name, deque(maxlen=RECENT))
     recent.append(nis / len(z))
     if name == "gps_velocity" and verdict.fate == Fate.USED:
-        _rest(nav, now, measurement.fix)
+        _rest(nav, measurement.fix)
     if verdict.fate == Fate.RESET:
         return _second_reset(nav, now, z, name, verdict)
     if name in WATCHED and verdict.fate == Fate.USED:
@@ -101,7 +100,7 @@ def _second_reset(nav, now, z, name, verdict):
     if now.t_s - before > LOOP_S:
         return verdict
     noise.resets.pop(name)
-    step = float(np.clip(np.sqrt(np.mean(noise.recent[name])), STEP, BOLDEST))
+    step = float(np.clip(np.sqrt(max(noise.recent[name])), STEP, MOST))
     return _widen(nav, now, step, verdict, "second reset")
 
 
@@ -228,10 +227,10 @@ def _blame(nav, name, factor):
     nav.watch.said.append(NavHealth(nav.history.ends_s[-1], f"{name} noise", False, words))
 
 
-def _rest(nav, now, fix):
+def _rest(nav, fix):
     """Compare the scatter of readings at rest with the noise that was told."""
     noise, told = nav.noise, nav.params.imu
-    rest = noise.still.look(nav.history, now.k, told, fix)
+    rest = noise.still.look(nav.history, told, fix)
     if rest is None:
         return
     rest = tuple(min(max(found, old), MOST) for found, old in zip(rest, noise.rest, strict=True))

@@ -1,15 +1,17 @@
 """The noise of the IMU while the vehicle stands still: readings against what was told of them.
 
-Once for each GPS fix at rest the increments of the last `SPAN_S` are summed: white noise of density N^2 makes
-N^2 SPAN_S of it, whatever vibrates faster is averaged, and the difference of two sums that follow on each
-other knows no bias::
+When a GPS fix has arrived, the increments of the last spans of `SPAN_S` are summed. White noise of density N^2
+makes N^2 SPAN_S of each, m samples that are each rounded to quanta q add m q^2/12, and the difference d of two
+sums that follow on each other knows no bias::
 
-    sum over n differences of |d|^2 / (2 (N^2 SPAN_S + m q^2/12)) ~ chi-square, 3 n degrees of freedom,
+    sum over n differences of |d|^2 / (2 (N^2 SPAN_S + m q^2/12)) ~ chi-square, 3 n degrees of freedom
 
-nearly: neighbouring differences share a sum, and the limit is taken with two thirds of the degrees of
-freedom for that. m samples are each rounded to the
-quantum q. Rest is what GPS says: velocities of zero, positions that stay, all within
-5 sigma of a fix.
+nearly: neighbouring differences share a sum, and the limit is taken with two thirds of the degrees of freedom
+for that. A vehicle that shakes at rest swings and comes back, its sums do not grow with their span as those of
+noise do: the span is as long as the memory of the filter allows, and what is less than `SHAKEN` times the
+variance that was told is left to shaking. Rest is what GPS says: velocities of zero and positions that stay,
+all within 5 sigma of a fix, at the fix after as well: what moves the vehicle begins before the fix that shows
+it.
 """
 
 from collections import deque
@@ -20,24 +22,22 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.onboard.navigation.integrity_windows import CHANCE
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 
-SPAN_S = 0.3  # s before a fix; the memory of the filter holds little more
-PAIRS = 8  # differences, at least
-LEAST_S = 7.5  # between the first and the last sum: with the fixes before and after 10 s of rest
+SPAN_S, SUMS = 0.3, 2  # s, in all what the memory of the filter has
+FIXES = 8  # at rest, at least
+LEAST_S = 6.5  # between the first and the last of them: 10 s of rest have as many, a second apart
 FAR = 25.0  # squared sigma of a fix
-NOTABLE = 1.7  # [E] factor below which nothing is said
+SHAKEN = 3.6  # [E]
 
 
 class Still:
     """Memory, changed in place."""
 
     def __init__(self):
-        self.fixes = deque(maxlen=64)  # of rest: time, position, its covariance, sums (6,) rad, m/s
+        self.fixes = deque(maxlen=64)  # of rest: time, position, sums (SUMS, 6) rad, m/s
         self.limits = {}
 
-    def look(self, history, k, told, fix):
-        """Take a GPS fix of tick k that was used in; told : ImuModel.
-
-        The last sum does not count: what moves the vehicle may have begun before the fix that shows it.
+    def look(self, history, told, fix):
+        """Take a GPS fix that was used in; told : ImuModel.
 
         -> factors of the white noise of gyros and accelerometers, 1 where it is right; None: no rest
         """
@@ -46,46 +46,56 @@ class Still:
             return None
         if self.fixes and np.any((fix.r_ea_e - self.fixes[0][1]) ** 2 > 2.0 * FAR * np.diag(fix.R_r_e)):
             self.fixes.clear()
-        if self.fixes and fix.t_valid_s - self.fixes[-1][0] < SPAN_S:
+        now_s = history.ends_s[-1]
+        if self.fixes and now_s - self.fixes[-1][0] < SUMS * SPAN_S - SAME_S:
             return None  # sums must not overlap
-        sums = _sums(history, k)
+        sums = _sums(history)
         if sums is None:
             return None
-        self.fixes.append((fix.t_valid_s, fix.r_ea_e, sums))
-        times = [one[0] for one in self.fixes][:-1]
-        if len(times) <= PAIRS or times[-1] - times[0] < LEAST_S:
+        self.fixes.append((now_s, fix.r_ea_e, sums))
+        if len(self.fixes) <= FIXES or self.fixes[-2][0] - self.fixes[0][0] < LEAST_S:
             return None
-        d = np.diff([one[2] for one in self.fixes][:-1], axis=0)
+        found = np.concatenate([one[2] for one in self.fixes][:-1])
         self.fixes.clear()
-        rounded = told.gyro_quantum**2 / 12.0 * SPAN_S / history.numbers[history.place(k), 1]
-        gyro = told.gyro_random_walk**2 * SPAN_S + rounded
-        return self._factor(d[:, :3], gyro), self._factor(d[:, 3:], told.accel_random_walk**2 * SPAN_S)
+        samples = SPAN_S / history.numbers[history.place(-1), 1]
+        return (
+            self._factor(found[:, :3], told.gyro_random_walk, samples * told.gyro_quantum**2 / 12.0),
+            self._factor(found[:, 3:], told.accel_random_walk, samples * told.accel_quantum**2 / 12.0),
+        )
 
-    def _factor(self, d, variance):
-        """How many times the noise of a triad is what was told; 1 unless it is certainly more."""
-        told = 2.0 * variance  # of a difference
-        if told <= 0.0:
+    def _factor(self, sums, walk, rounded):
+        """How many times the noise of a triad is what was told; 1 unless it is certainly more.
+
+        sums : (n, 3);  walk : sqrt of the density;  rounded : variance of a sum by rounding
+        """
+        if walk <= 0.0:
             return 1.0
-        ratio = float((d * d).sum()) / told / d.size
-        dof = 2 * d.size // 3
+        d, white = np.diff(sums, axis=0), walk**2 * SPAN_S
+        variance, dof = 0.5 * float((d * d).mean()), 2 * d.size // 3
         if dof not in self.limits:
             from scipy.special import chdtri
 
-            self.limits[dof] = float(chdtri(dof, CHANCE)) / dof
-        certain = ratio > max(self.limits[dof], NOTABLE**2)
-        return float(np.sqrt(ratio)) if certain else 1.0
+            self.limits[dof] = max(float(chdtri(dof, CHANCE)) / dof, SHAKEN)
+        if variance < self.limits[dof] * (white + rounded):
+            return 1.0
+        return float(np.sqrt((variance - rounded) / white))
 
 
-def _sums(history, last):
-    """Increments of the `SPAN_S` before the end of tick `last`: (6,) rad, m/s; None: the memory is shorter."""
-    total, covered_s = np.zeros(6), 0.0
-    for k in range(last, 0, -1):
+def _sums(history):
+    """Increments of the last spans, oldest first: (SUMS, 6) rad, m/s; None: the memory is shorter.
+
+    A span is whole ticks, and as near to `SPAN_S` as they allow.
+    """
+    total, covered_s, span = np.zeros((SUMS, 6)), 0.0, SUMS - 1
+    for k in range(len(history) - 1, 0, -1):
         place = history.place(k)
         _, dt_s, n, _ = history.numbers[place].tolist()
         if n == 0:
             return None
-        total += history.increments[place, BEFORE : BEFORE + int(n)].sum(axis=0)
+        total[span] += history.increments[place, BEFORE : BEFORE + int(n)].sum(axis=0)
         covered_s += n * dt_s
-        if covered_s > SPAN_S - SAME_S:
-            return total
+        if covered_s > (SUMS - span) * SPAN_S - 0.5 * n * dt_s:
+            if span == 0:
+                return total
+            span -= 1
     return None
