@@ -35,11 +35,12 @@ STEP = 2.0  # [E] factor after an alarm that does not say how large it is
 RECENT = 10  # innovations, rejected ones too: the largest of them says how far off a loop is
 SETTLING = 10  # innovations after an alarm that say nothing yet
 FEWEST, ENOUGH = 30, 100  # innovations before the factor changes, and before it is told
+LEAST_SHARE = 0.1  # [E] of process noise in the innovations, below which they do not change the factor
 TOLD_SHARE = 0.3  # of process noise in the innovations, below which the factor cannot be told
 SLOW = 0.7  # the factor falls to no less than this share of itself at a time
 RIGHT = 1.15  # a factor below is none
 WIDEST = 1.0  # rad, most that the sigma of an angle grows to
-IMU, CANNOT = "IMU noise", "cannot be told by how much"
+IMU, CANNOT, ABOUT = "IMU noise", "cannot be told by how much", "about"
 
 
 class Noise:
@@ -78,20 +79,19 @@ def weigh(nav, now, z, H, R, S, nis, measurement, verdict):
     noise, name = nav.noise, measurement.sensor
     if noise.share is not None:
         _learn(nav, now, z, H, S, name, verdict.fate)
-    if nav.watch.imu_blind or now.vibration > 0.0 or verdict.fate in (Fate.HELD, Fate.DOUBTED):
+    if nav.watch.imu_blind or verdict.fate in (Fate.HELD, Fate.DOUBTED):
         return verdict
-    recent = noise.recent.setdefault(name, deque(maxlen=RECENT))
-    recent.append(nis / len(z))
-    if name == "gps_velocity" and verdict.fate == Fate.USED:
-        _rest(nav, measurement.fix)
+    noise.recent.setdefault(name, deque(maxlen=RECENT)).append(nis / len(z))
     if verdict.fate == Fate.RESET:
-        return _second_reset(nav, now, z, name, verdict)
-    if name in WATCHED and verdict.fate == Fate.USED:
-        return _windows(nav, now, z, R, S, name, verdict)
-    return verdict
+        return _second_reset(nav, now, name, verdict)
+    if now.vibration > 0.0 or verdict.fate != Fate.USED or name not in WATCHED:
+        return verdict
+    if name == "gps_velocity":
+        _rest(nav, measurement.fix)
+    return _windows(nav, now, z, R, S, name, verdict)
 
 
-def _second_reset(nav, now, z, name, verdict):
+def _second_reset(nav, now, name, verdict):
     """Verdict on a measurement that is believed against the filter: the second time it is the filter."""
     noise = nav.noise
     if verdict.admitted is not None or not (name in RATES or _alone(nav, name)):
@@ -192,7 +192,7 @@ def _learn(nav, now, z, H, S, name, fate):
     if found is None or found.count < FEWEST:
         return
     best = noise.imu * np.sqrt(max(found.growth, 0.01))
-    far = abs(found.growth - 1.0) > 2.0 * found.sigma
+    far = found.share > LEAST_SHARE and abs(found.growth - 1.0) > 2.0 * found.sigma
     if far or found.count >= ENOUGH:
         _refine(nav, found, float(np.clip(best, SLOW * noise.imu, MOST)) if far else noise.imu)
 
@@ -211,7 +211,8 @@ def _refine(nav, found, factor):
         return
     if found.count >= ENOUGH:
         known = found.share >= TOLD_SHARE
-        _say(nav, f"{IMU} told too small: " + (f"about {factor:.2g} times" if known else CANNOT))
+        if known or ABOUT not in noise.told:
+            _say(nav, f"{IMU} told too small: " + (f"{ABOUT} {factor:.2g} times" if known else CANNOT))
         noise.share.fade()
     if factor != before:
         noise.share.begin()
