@@ -19,10 +19,10 @@ from collections import deque
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import at_rest, integrity_watch
+from shefex_nav.onboard.navigation import at_rest, error_model, integrity_watch
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_share import Share
-from shefex_nav.onboard.navigation.integrity_windows import Window
+from shefex_nav.onboard.navigation.integrity_windows import WHITE, Window, neighbours
 from shefex_nav.onboard.navigation.sensors import Grown
 from shefex_nav.onboard.navigation.state import ATT, N_CORE
 from shefex_nav.records import NavHealth
@@ -38,6 +38,7 @@ FEWEST, ENOUGH = 30, 100  # innovations before the factor changes, and before it
 LEAST_SHARE = 0.1  # [E] of process noise in the innovations, below which they do not change the factor
 TOLD_SHARE = 0.3  # of process noise in the innovations, below which the factor cannot be told
 SLOW = 0.7  # the factor falls to no less than this share of itself at a time
+OWN_SHARE = 0.6  # [E] of its own noise in the innovations of a sensor, below which they do not accuse it
 RIGHT = 1.15  # a factor below is none
 WIDEST = 1.0  # rad, most that the sigma of an angle grows to
 IMU, CANNOT, ABOUT = "IMU noise", "cannot be told by how much", "about"
@@ -81,27 +82,35 @@ def weigh(nav, now, z, H, R, S, nis, measurement, verdict):
         _learn(nav, now, z, H, S, name, verdict.fate)
     if nav.watch.imu_blind or verdict.fate in (Fate.HELD, Fate.DOUBTED):
         return verdict
-    noise.recent.setdefault(name, deque(maxlen=RECENT)).append(nis / len(z))
+    whitened = np.linalg.solve(np.linalg.cholesky(S), z)
+    noise.recent.setdefault(name, deque(maxlen=RECENT)).append(whitened)
+    if name == "gps_velocity":
+        _rest(nav, measurement.fix)
     if verdict.fate == Fate.RESET:
         return _second_reset(nav, now, name, verdict)
     if now.vibration > 0.0 or verdict.fate != Fate.USED or name not in WATCHED:
         return verdict
-    if name == "gps_velocity":
-        _rest(nav, measurement.fix)
-    return _windows(nav, now, z, R, S, name, verdict)
+    return _windows(nav, now, whitened, R, S, name, verdict)
 
 
 def _second_reset(nav, now, name, verdict):
     """Verdict on a measurement that is believed against the filter: the second time it is the filter."""
     noise = nav.noise
-    if verdict.admitted is not None or not (name in RATES or _alone(nav, name)):
+    if verdict.admitted is not None:
         return verdict
     before, noise.resets[name] = noise.resets.get(name, -np.inf), now.t_s
     if now.t_s - before > LOOP_S:
         return verdict
+    recent = noise.recent[name]
+    largest = float(np.sqrt(max(w @ w / len(w) for w in recent)))
+    if name in WATCHED and len(recent) == RECENT and neighbours(np.array(recent)) < WHITE:
+        if noise.share is None:  # while the IMU is in doubt no sensor is
+            _count_sensor(nav, name, noise.of_sensor(name) * float(np.sqrt(np.mean(np.square(recent)))))
+        return verdict
+    if not (name in RATES or _alone(nav, name)):
+        return verdict
     noise.resets.pop(name)
-    step = float(np.clip(np.sqrt(max(noise.recent[name])), STEP, MOST))
-    return _widen(nav, now, step, verdict, "second reset")
+    return _widen(nav, now, float(np.clip(largest, STEP, MOST)), verdict, "second reset")
 
 
 def _alone(nav, name):
@@ -109,17 +118,16 @@ def _alone(nav, name):
     return name.startswith("gps") and not integrity_watch.jumped(nav.health)
 
 
-def _windows(nav, now, z, R, S, name, verdict):
+def _windows(nav, now, whitened, R, S, name, verdict):
     """Verdict on a measurement that was used, by the windows over the innovations of its sensor."""
     noise = nav.noise
-    found = noise.windows[name].take(np.linalg.solve(np.linalg.cholesky(S), z))
-    shares = noise.by_noise[name]
-    shares.append(float(np.trace(np.linalg.solve(S, R))) / len(z))
-    if found.sensor:
-        grown = 1.0 + (found.excess - 1.0) / np.mean(shares)
-        _blame(nav, name, min(noise.sensors.get(name, 1.0) * np.sqrt(grown), MOST))
-        return verdict
-    if not found.process or name not in RATES:
+    found, shares = noise.windows[name].take(whitened), noise.by_noise[name]
+    shares.append(float(np.trace(np.linalg.solve(S, R))) / len(R))
+    own = float(np.mean(shares))  # where it is small, innovations are white whoever makes them too large
+    if noise.share is None and found.full and own > OWN_SHARE:  # while the IMU is in doubt no sensor is
+        _blame(nav, name, found, own)
+    process = found.process or (found.sensor and own <= OWN_SHARE)
+    if not process or name not in RATES:
         return verdict
     return _widen(nav, now, STEP, verdict, "innovations hang together")
 
@@ -171,6 +179,15 @@ def scheduled(model, told, schedule, since_s=-np.inf):
         model["accel_bias_walk"][k] = imu * told.accel_bias_walk
 
 
+def replayed(nav, schedule):
+    """Filter that begins, with the noise that another found on its way. Filter, `Noise.schedule` -> Filter"""
+    if not schedule:
+        return nav
+    model = error_model.record(nav.params, len(schedule))
+    scheduled(model, nav.params.imu, schedule)
+    return nav._replace(constants=(nav.constants[0], model, *nav.constants[2:]))
+
+
 def carry(nav):
     """Before ticks are forgotten: the share of process noise, where it is followed, goes with them."""
     nav.noise.share.carry(nav, nav.history.newest - (len(nav.history) - 1))
@@ -218,14 +235,28 @@ def _refine(nav, found, factor):
         noise.share.begin()
 
 
-def _blame(nav, name, factor):
-    """The noise of a sensor counts so many times from the next fix on."""
+def _blame(nav, name, found, own):
+    """The noise of a sensor by its innovations: more at once, and less and less where that was too much.
+
+    found : integrity_windows.Finding;  own : share of the sensor's noise in its innovations
+    """
     noise = nav.noise
-    noise.sensors[name] = float(factor)
+    before = noise.sensors.get(name, 1.0)
+    factor = before * np.sqrt(max(1.0 + (found.excess - 1.0) / own, SLOW**2))
+    factor = float(factor) if factor > RIGHT else 1.0
+    if not (found.sensor or factor < 0.5 * (1.0 + SLOW) * before):
+        return
+    _count_sensor(nav, name, factor)
+
+
+def _count_sensor(nav, name, factor):
+    """The noise of a sensor counts so many times from the next fix on."""
+    noise, factor = nav.noise, min(factor, MOST)
+    noise.sensors[name] = factor
     noise.windows[name].forget()
     noise.by_noise[name].clear()
-    words = f"{name.replace('_', ' ')} noise told too small: about {factor:.2g} times"
-    nav.watch.said.append(NavHealth(nav.history.ends_s[-1], f"{name} noise", False, words))
+    words = f"{name.replace('_', ' ')} noise told too small: about {factor:.2g} times" if factor > 1.0 else ""
+    nav.watch.said.append(NavHealth(nav.history.ends_s[-1], f"{name} noise", not words, words))
 
 
 def _rest(nav, fix):

@@ -37,9 +37,15 @@ class Finding(NamedTuple):
     process: bool  # they are too large and hang together, or all on one side
     sensor: bool  # they are too large and white
     excess: float  # mean normalised innovation squared over its degrees of freedom: 1 is right
+    full: bool  # whether the longest window is
 
 
-QUIET = Finding(False, False, 1.0)
+QUIET = Finding(False, False, 1.0, False)
+
+
+def neighbours(w):
+    """How far whitened innovations (n, d) hang together, in sigmas of white ones."""
+    return float((w[1:] * w[:-1]).sum()) / float((w * w).sum()) * np.sqrt(w.size)
 
 
 class Window:
@@ -63,9 +69,7 @@ class Window:
         for n in LENGTHS:
             if len(self.kept) >= n:
                 one = self._judged(np.array(self.kept)[-n:], n == LENGTHS[-1])
-                found = Finding(
-                    found.process or one.process, found.sensor or one.sensor, max(found.excess, one.excess)
-                )
+                found = one._replace(process=found.process or one.process)
         return found
 
     def _judged(self, w, longest):
@@ -73,11 +77,11 @@ class Window:
         n, d = w.shape
         size, total = float((w * w).sum()), w.sum(axis=0)
         run = float(total @ total) / n
-        neighbours = float((w[1:] * w[:-1]).sum()) / size * np.sqrt(n * d)
+        near = neighbours(w)
         large, excess = size > self._limit(n * d), size / (n * d)
-        process = large and neighbours > TOGETHER
-        one_sided = run > self._limit(d) and neighbours > TOGETHER
-        return Finding(process or one_sided, longest and large and neighbours < WHITE, excess)
+        process = large and near > TOGETHER
+        one_sided = run > self._limit(d) and near > TOGETHER
+        return Finding(process or one_sided, longest and large and near < WHITE, excess, longest)
 
     def _limit(self, dof):
         """Chi-square limit."""

@@ -1,4 +1,4 @@
-"""What a recorder of the filter is told: each step of prediction, each correction, once nothing can change it."""
+"""What a recorder of the filter is told: each step of prediction and each correction that is final."""
 
 from typing import NamedTuple
 
