@@ -124,7 +124,7 @@ def judged(world, told, gates, health, fixes, begin_s, end_s):
 
 
 def alarm_due_s(world, frozen, repeats):
-    """When the alarm is due at the latest; None: the velocity never changes by so much, or at the very end."""
+    """When the alarm is due at the latest; None: the velocity never changes by so much."""
     limit = SIGMAS * np.sqrt(np.trace(frozen.R_v_e) / 3.0)
     v_e = truth(world, frozen.t_valid_s)[1]
     for k, fix in enumerate(repeats[:-1]):

@@ -324,7 +324,7 @@ def check(
     errors of the IMU that last in it but are noise to the filter.
     """
     from shefex_nav.report import programme
-    from shefex_nav.scenario import load
+    from shefex_nav.scenario import load, told
 
     loaded, differences = load.load(scenario, overrides or ()), []
     if against is not None:
@@ -335,6 +335,8 @@ def check(
         found = programme.foreseen(loaded)
     warn(loaded, found)
     count = f", with {len(found)} warning{'s' if found[1:] else ''}" if found else ""
+    for line in told.lines(loaded):
+        say(f"told otherwise: {line}")
     typer.echo(f"{scenario}: good{count}")
     for line in differences:
         typer.echo(line)

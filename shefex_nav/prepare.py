@@ -10,8 +10,8 @@ from shefex_nav.geometry import frames, wgs84
 from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.records import Alignment
-from shefex_nav.scenario import params, params_faults, params_gps, params_onboard
-from shefex_nav.world import camera, faults, gps, imu, noise, pad
+from shefex_nav.scenario import params, params_barometer, params_faults, params_gps, params_onboard
+from shefex_nav.world import barometer, camera, faults, gps, imu, noise, pad
 from shefex_nav.world.flight import fly
 
 BRIEF_S = 5.0  # of a flight that nobody waits for
@@ -31,6 +31,13 @@ class World(NamedTuple):
     gps_ranges: list
     faults: faults.Faults
     imu_biases: np.ndarray | None = None  # (N, 6) rad/s, m/s^2, if they are wanted
+    pressures: barometer.BarometerData | None = None  # None: there is no barometer
+
+    @property
+    def received(self):
+        """What GPS receiver and barometer say, in no order: list."""
+        said = [] if self.pressures is None else self.pressures.readings
+        return [*self.gps_fixes, *self.gps_ranges, *said]
 
 
 def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
@@ -72,6 +79,8 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         rng("gps"),
         rng("gps_errors"),
     )
+    fixes = gps.told(faults.gps(wrong.gps, gps_data.fixes), scenario.gps.fix)
+    ranges = faults.gps_ranges(wrong.gps, gps_data.ranges, gps_data.antenna)
     events = [*flight.events, *faults.events(wrong, trajectory, earth)]
     return World(
         earth=earth,
@@ -79,13 +88,22 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         flight=flight._replace(events=tuple(sorted(events, key=lambda event: event.t_s))),
         alignment=pad.align(params.pad_params(scenario), trajectory, earth, rng("pad")),
         imu=measured,
-        gps_fixes=faults.gps(wrong.gps, gps_data.fixes),
-        gps_ranges=faults.gps_ranges(wrong.gps, gps_data.ranges, gps_data.antenna),
+        gps_fixes=gps.stamped(fixes, scenario.gps.clock_offset),
+        gps_ranges=gps.stamped(ranges, scenario.gps.clock_offset),
         camera=true_camera,
         computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
         faults=wrong,
         imu_biases=imu_biases,
+        pressures=pressures(scenario, seed, trajectory, earth),
     )
+
+
+def pressures(scenario, seed, trajectory, earth):
+    """BarometerData of a flight; None without a barometer."""
+    if scenario.barometer is None:
+        return None
+    said = params_barometer.barometer_params(scenario, params.air_table(scenario))
+    return barometer.measure(said, trajectory, earth, noise.generator(seed, "barometer"))
 
 
 def fly_vehicle(scenario, seed, *, brief=False):

@@ -116,6 +116,18 @@ class GpsFix(NamedTuple):
     n_satellites: int
     pdop: float
     reason: str  # why there is no fix; empty when valid
+    # latitude and longitude alone: r_ea_e lies at any height above the place or below it, R_r_e has no part
+    # along the vertical there, and of the velocity nothing is known
+    horizontal: bool = False
+
+
+class BarometerReading(NamedTuple):
+    """Static pressure at the port of the vehicle."""
+
+    t_valid_s: float
+    t_available_s: float
+    pressure: float  # Pa
+    at_limit: bool = False  # the sensor is at an end of its range
 
 
 class GpsRanges(NamedTuple):
@@ -264,6 +276,11 @@ class GateResult(NamedTuple):
     accepted: bool
     note: str  # '', 'rejected', 'reset after timeout', 'attitude reset' ...
     innovation: np.ndarray  # (dof,)
+
+
+# sensors of which each reading is judged with the variance of errors that it shares with those around it: the
+# mean of their NIS is below 1
+ERRORS_THAT_LAST = ("barometer",)
 
 
 class NavHealth(NamedTuple):

@@ -136,8 +136,8 @@ def _star_camera(world, scenario, seed, computer, step, ends_s):
 class Diary:
     """What is still to come in a run, and at which tick.
 
-    events, steered, received : lists in reverse order of time of Event, ControlSample, and of GpsFix and
-        GpsRanges
+    events, steered, received : lists in reverse order of time of Event, ControlSample, and of GpsFix,
+        GpsRanges and BarometerReading
     ends_s : list of mission times at which the ticks end, from the first one on
     busy : ticks at which one of `received` has its turn
     ticks : int, how many are flown
@@ -150,7 +150,7 @@ class Diary:
         self.events = list(flight.events)[::-1]
         steered = control_samples(flight.control, flight.trajectory) if with_control else None
         self.steered = [] if steered is None else [row(steered, k) for k in reversed(range(len(steered.t_s)))]
-        self.received = sorted(world.gps_fixes + world.gps_ranges, key=happens_s, reverse=True)
+        self.received = sorted(world.received, key=happens_s, reverse=True)
         self.ends_s = ends_s.tolist()
         received_s = [happens_s(record) for record in self.received]
         self.busy = np.unique(np.searchsorted(ends_s + SAME_S, received_s) + 1).tolist()

@@ -42,14 +42,18 @@ def exceptions():
 def test_every_exception_is_for_people_or_internal(exceptions):
     for_people = {name for name, one in exceptions.items() if issubclass(one, UserError)}
     assert exceptions.keys() - for_people == INTERNAL
-    assert {"scenario.load.ScenarioError", "world.flight.fly.FlightError", "log.topics.LogError"} < for_people
+    assert {
+        "scenario.layers.ScenarioError",
+        "world.flight.fly.FlightError",
+        "log.topics.LogError",
+    } < for_people
 
 
 def test_message_and_exit_code_2_from_any_command(exceptions, monkeypatch, capsys):
     words = ["x.yaml:1:1: wrong", "x.yaml:2:1: wrong, too"]
     monkeypatch.setattr(sys, "argv", ["shefex-nav", "schema"])
     for name in sorted(exceptions.keys() - INTERNAL):
-        error = exceptions[name](words if name == "scenario.load.ScenarioError" else "\n".join(words))
+        error = exceptions[name](words if name == "scenario.layers.ScenarioError" else "\n".join(words))
 
         def refuse(error=error):
             raise error

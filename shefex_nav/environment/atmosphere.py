@@ -195,3 +195,15 @@ def us76(height_m):
     density = np.exp(UPPER[0, k] + part * (UPPER[0, k + 1] - UPPER[0, k]))
     pressure = np.exp(UPPER[1, k] + part * (UPPER[1, k + 1] - UPPER[1, k]))
     return density, pressure, temperature, sound
+
+
+def pressure_height(pressure):
+    """Geometric height at which the Standard has a pressure, from 2 km below sea level to 86 km.
+
+    (N,) Pa -> (N,) m; NaN for a pressure that it has nowhere there
+    """
+    levels = np.arange(-2e3, Z_86, 25.0)  # log-linear in between: to a millimetre
+    told = np.array([math.log(us76(level)[1]) for level in levels])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wanted = np.log(np.asarray(pressure, dtype=float))
+    return np.interp(-wanted, -told, levels, left=np.nan, right=np.nan)

@@ -5,6 +5,7 @@ turning with the Earth), `body` (truth), `body_estimate` (navigation), `star_cam
 nominal mounting on `body`).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -142,7 +143,7 @@ class Drawings:
                 frame_id="gps_antenna",
                 latitude=np.degrees(latitude),
                 longitude=np.degrees(longitude),
-                altitude=height,
+                altitude=math.nan if record.horizontal else height,
                 position_covariance=(C_le @ record.R_r_e @ C_le.T).ravel().tolist(),  # east, north, up
                 position_covariance_type=fox.LocationFixPositionCovarianceType.Known,
             ),

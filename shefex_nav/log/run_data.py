@@ -14,6 +14,7 @@ from shefex_nav.log.topics import TOPICS, Mission, RunSummary, Timing, timing
 from shefex_nav.log.wire import assemble
 from shefex_nav.records import (
     Alignment,
+    BarometerReading,
     CameraCommand,
     ComputeTime,
     ControlSample,
@@ -46,6 +47,7 @@ class RunData(NamedTuple):
     compute_times: ComputeTime  # arrays
     gps: list[GpsFix]
     gps_ranges: list[GpsRanges]
+    barometer: BarometerReading  # arrays; empty without a barometer
     star_fixes: list[StarFix]
     frame_truths: list[FrameTruth]
     gates: list[GateResult]
@@ -78,6 +80,7 @@ ARRAYS = {
     NavCovariance: "covariance",
     Frame: "frames",
     CameraCommand: "commands",
+    BarometerReading: "barometer",
     Timing: "timing",
 }
 LISTS = {

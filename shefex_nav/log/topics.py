@@ -24,6 +24,7 @@ from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.records import (
     Alignment,
+    BarometerReading,
     CameraCommand,
     ControlSample,
     Doubt,
@@ -195,6 +196,13 @@ TOPICS = (
         _integer("n_satellites", "n_satellites", "satellites used"),
         _number("pdop", "pdop", "dilution of precision, position"),
         _text("reason", "reason", "why there is no fix"),
+        _flag("horizontal", "horizontal", "latitude and longitude alone: the height of r_ea_e means nothing"),
+    )),
+    Topic(BarometerReading, "/barometer", "Barometer", None, "t_valid_s", "Static pressure at its port.", (
+        T_VALID,
+        T_AVAILABLE,
+        _number("pressure_pa", "pressure", "as measured [Pa]"),
+        _flag("at_limit", "at_limit", "the sensor is at an end of its range"),
     )),
     Topic(GpsRanges, "/gps/ranges", "GpsRanges", 1, "t_valid_s", "What the channels of the receiver say.", (
         T_VALID,

@@ -58,6 +58,8 @@ def static(scenario, data, earth):
     if end - begin < FEWEST_SAMPLES or span_s < 0.9 * settings.duration:
         raise DataError(f"alignment.duration: the data end {span_s:g} s after mission.start")
     r_a_e, sigma_r = _place(data.fixes, imu.t_s[begin], imu.t_s[end])
+    if data.fixes[0].horizontal:
+        sigma_r = max(sigma_r, scenario.data.gnss.height_error)
     latitude, longitude, _ = wgs84.geodetic_from_ecef(r_a_e)
     f_b = imu.dv_b[begin + 1 : end + 1].sum(axis=0) / span_s
     omega_b = imu.dtheta_b[begin + 1 : end + 1].sum(axis=0) / span_s

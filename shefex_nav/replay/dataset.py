@@ -9,13 +9,14 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import wgs84
-from shefex_nav.records import GpsFix
+from shefex_nav.records import BarometerReading, GpsFix
 from shefex_nav.replay import csv_folder, kf_gins, navego
 from shefex_nav.replay.series import TruthSeries
 from shefex_nav.replay.table import DataError
 
 READERS = {"csv": csv_folder.read, "kf_gins": kf_gins.read, "navego": navego.read}
 RATE_TOLERANCE = 0.02  # of the sampling rate that a scenario states
+READING_RATE_TOLERANCE = 0.1  # likewise of a barometer, which need not keep time
 
 
 class Increments(NamedTuple):
@@ -33,25 +34,28 @@ class Dataset(NamedTuple):
     imu: Increments
     fixes: list  # of GpsFix, in order of time
     truth: TruthSeries | None
+    readings: tuple = ()  # of BarometerReading, in order of time
 
 
 def read(scenario, files):
     """Dataset of a ReplayScenario and the paths of its files; DataError with what is wrong in them."""
-    imu, gnss, truth = READERS[scenario.data.format](scenario.data, files)
+    imu, gnss, truth, *others = READERS[scenario.data.format](scenario.data, files)
+    pressures = others[0] if others else None
     if scenario.data.format == "navego":
         _same_lever_arm(scenario, files["gnss"])
-    for one in (imu, gnss, truth):
+    for one in (imu, gnss, truth, pressures):
         if one is not None:
             _ascending(one)
     start_s = imu.t_s[0]
-    moved = (one and one._replace(t_s=one.t_s - start_s) for one in (imu, gnss, truth))
-    imu, gnss, truth = moved
+    moved = (one and one._replace(t_s=one.t_s - start_s) for one in (imu, gnss, truth, pressures))
+    imu, gnss, truth, pressures = moved
     end_s = imu.t_s[-1]
-    for one in (gnss, truth):
+    for one in (gnss, truth, pressures):
         if one is not None and (one.t_s[0] > end_s or one.t_s[-1] < 0.0):
             words = f"covers {one.t_s[0]:g} s to {one.t_s[-1]:g} s after the first sample of the IMU"
             raise DataError(f"{one.table.file}: {words}, which ends at {end_s:g} s; are the clocks the same?")
-    return Dataset(increments(imu, scenario.data), fixes(gnss, scenario.gnss), truth)
+    given = () if pressures is None else readings(pressures, scenario.barometer)
+    return Dataset(increments(imu, scenario.data), fixes(gnss, scenario.gnss), truth, given)
 
 
 def _same_lever_arm(scenario, path):
@@ -153,15 +157,34 @@ def fixes(gnss, settings):
                 n_satellites=0,
                 pdop=np.nan,
                 reason="" if valid else "marked as not valid",
+                horizontal=gnss.horizontal,
             )
         )
     return out
 
 
+def readings(pressures, settings):
+    """BarometerReading of a PressureSeries; settings : scenario.barometer.Barometer. -> tuple"""
+    step_s = float(np.median(np.diff(pressures.t_s)))
+    if abs(step_s * settings.rate - 1.0) > READING_RATE_TOLERANCE:
+        words = f"has {1.0 / step_s:.4g} readings a second, barometer.rate says {settings.rate:g}"
+        raise DataError(f"{pressures.table.file}: {words}")
+    at_limit = (pressures.pressure <= settings.lowest) | (pressures.pressure >= settings.highest)
+    return tuple(
+        BarometerReading(t_s, t_s + settings.latency, value, limit)
+        for t_s, value, limit in zip(
+            pressures.t_s.tolist(), pressures.pressure.tolist(), at_limit.tolist(), strict=True
+        )
+    )
+
+
 def _noise(gnss, stated, wanted, name):
     """(M, 3) sigmas north, east, down: what the scenario wants, else what the file states."""
     if wanted is not None:
-        return np.tile(np.array(wanted), (len(gnss.t_s), 1))
+        sigma = np.tile(np.array(wanted), (len(gnss.t_s), 1))
+        if gnss.horizontal and name == "position":
+            sigma[:, 2] = 0.0
+        return sigma
     if stated is None:
         words = f"says nothing about the noise of the {name}; give gnss.{name}_noise"
         raise DataError(f"{gnss.table.file}: {words}, north, east, down, 1 sigma")

@@ -111,14 +111,16 @@ def run(replay, clock):
     Yields
     ------
     Alignment, Event 'replay_start', then with every ImuBlock TruthSample (where there is truth), ImuBlock,
-    GpsFix, GateResult, NavSolution and NavCovariance
+    GpsFix, BarometerReading, GateResult, NavSolution and NavCovariance
     """
     alignment, scenario = replay.alignment, replay.scenario
     yield alignment
     height = mission(replay).launch_height
     yield Event(alignment.t_valid_s, "replay_start", height, f"{scenario.data.format} data")
     nav = fusion.start(params.nav_params(scenario, float(replay.blocks.dt_s[0])), alignment, replay.earth)
-    waiting = [fix for fix in replay.data.fixes if fix.t_valid_s > alignment.t_valid_s][::-1]
+    said = [*replay.data.fixes, *replay.data.readings]
+    said = [one for one in said if one.t_valid_s > alignment.t_valid_s]
+    waiting = sorted(said, key=lambda one: one.t_available_s, reverse=True)
     truth, n = _truth_samples(replay.truth), 0
     while n < len(replay.blocks.t_valid_s):
         began = time.process_time()
@@ -138,8 +140,8 @@ def run(replay, clock):
 def _advance(nav, blocks, n, waiting):
     """From tick n on to the next at which a fix arrives, or as far as ticks can be made at once.
 
-    waiting : GpsFix, the last is the next to arrive
-    -> ticks made, fixes that have arrived, {tick: what the filter says}
+    waiting : GpsFix and BarometerReading, the last is the next to arrive
+    -> ticks made, what has arrived, {tick: what the filter says}
     """
     last = len(blocks.t_valid_s)
     if waiting:

@@ -59,7 +59,7 @@ class Final(NamedTuple):
     numbers: np.ndarray  # (N + 1, 4) as of a History
     increments: np.ndarray  # (N + 1, 2 + samples, 6)
     extra: np.ndarray  # (N + 1, 2, 3)
-    xs: np.ndarray  # (N + 1, 93) packed values at the ends of the ticks, all measurements taken in
+    xs: np.ndarray  # (N + 1, X) packed values at the ends of the ticks, all measurements taken in
     measurements: list  # of tuples of sensors.Measurement, those valid within each tick
 
 
@@ -71,6 +71,7 @@ class Whole(History):
         self.ends_s = final.numbers[:, 0].tolist()
         self.measurements, self.newest = final.measurements, len(self.ends_s) - 1
         self.x, self.P, self.position_s = final.xs[0].copy(), P.copy(), -np.inf
+        self.reading_s = -np.inf
 
 
 class Seen(NamedTuple):
@@ -79,7 +80,7 @@ class Seen(NamedTuple):
     tick: int
     at_s: float  # s from the start of the tick
     measurement: object  # sensors.Measurement
-    x_then: np.ndarray  # (93,) packed values that the filter had before the tick, carried to the instant
+    x_then: np.ndarray  # (X,) packed values that the filter had before the tick, carried to the instant
 
 
 class Nodes(NamedTuple):
@@ -89,7 +90,7 @@ class Nodes(NamedTuple):
     parts_s: np.ndarray  # (m, 2) its beginning and end, s from the start of the tick
     ends: np.ndarray  # (N + 1,) node at the end of each tick
     seen: dict  # node -> list of Seen, in their order
-    xs: np.ndarray  # (m + 1, 93) packed values of the filter
+    xs: np.ndarray  # (m + 1, X) packed values of the filter
 
 
 def nodes(nav, final, nominal):

@@ -4,12 +4,12 @@ import os
 from functools import partial
 
 from shefex_nav.replay.schema import CsvData, ReplayScenario, Static
-from shefex_nav.scenario import kind
+from shefex_nav.scenario import barometer, kind
 from shefex_nav.scenario import load as missions
 from shefex_nav.scenario.checks import states_that_clash
 
 SHORTEST_S = 1.0  # of a replay
-NAMES = ("imu", "gnss", "truth")  # of the files
+NAMES = ("imu", "gnss", "barometer", "truth")  # of the files
 
 
 def load(path, overrides=(), folder=None):
@@ -21,7 +21,7 @@ def load(path, overrides=(), folder=None):
     Returns
     -------
     scenario : ReplayScenario
-    files : {'imu', 'gnss', 'truth'} -> path, or None for a truth that is not given
+    files : {'imu', 'gnss', 'barometer', 'truth'} -> path, or None of what is not given
 
     Raises ScenarioError.
     """
@@ -72,7 +72,7 @@ def _name(data, name):
 
 
 def _names(data):
-    """{'imu', 'gnss', 'truth'} -> file name or None."""
+    """Name of NAMES -> file name or None."""
     return {name: _name(data, name) for name in NAMES}
 
 
@@ -117,4 +117,35 @@ def _sigmas(scenario):
         yield ("data", "gnss", "velocity_sigma"), "goes with data.gnss.velocity, which is not given"
 
 
-PARTS = (_times, _heading, _reference, _states, _imu_units, _sigmas)
+def _without_height(scenario):
+    """Latitude and longitude alone: nothing of a third axis, and a height to start from."""
+    data = scenario.data
+    if not isinstance(data, CsvData):
+        return
+    gnss, path = data.gnss, ("data", "gnss")
+    n = len(gnss.position)
+    if n == 2 and gnss.position_frame == "ecef":
+        yield (*path, "position"), "ecef has three columns x, y, z; two are latitude and longitude"
+    if n == 2 and gnss.velocity is not None:
+        yield (*path, "velocity"), "fixes without height are used without velocity; leave it out"
+    if n == 2 and gnss.height is None:
+        yield (*path, "height"), "fixes say no height; give that of the start above the ellipsoid"
+    if n == 3 and gnss.height is not None:
+        yield (*path, "height"), "data.gnss.position has a height; leave this one out"
+    if gnss.position_sigma is not None and len(gnss.position_sigma) != n:
+        words = f"{len(gnss.position_sigma)} columns for a position of {n}; give one for each"
+        yield (*path, "position_sigma"), words
+
+
+def _barometer(scenario):
+    """A barometer that is described where there is one, with one column to read."""
+    columns = getattr(scenario.data, "barometer", None)
+    if (columns is None) != (scenario.barometer is None):
+        words = "data.barometer says where its file is, barometer what to assume of it: give both or none"
+        yield ("data" if columns is None else "barometer",), words
+    if columns is not None and (columns.pressure is None) == (columns.height is None):
+        yield ("data", "barometer"), "give one of pressure and height, the column to read"
+    yield from barometer.of_sensor(scenario)
+
+
+PARTS = (_times, _heading, _reference, _states, _imu_units, _sigmas, _without_height, _barometer)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from shefex_nav.onboard.navigation.state import NavParams
-from shefex_nav.scenario import params_filter
+from shefex_nav.scenario import params_barometer, params_filter
 
 
 def nav_params(scenario, dt_s):
@@ -18,9 +18,16 @@ def nav_params(scenario, dt_s):
         l_ba_b=np.array(scenario.gnss.lever_arm),
         C_bc=np.eye(3),
         **params_filter.common(scenario, integrity),
-        history_s=scenario.navigation.history + scenario.gnss.latency,
+        history_s=scenario.navigation.history + _longest_latency(scenario),
         motors=np.zeros((0, 2)),
+        barometer=params_barometer.model(scenario),
+        baro_bias_walk=params_barometer.bias_walk(scenario),
     )
+
+
+def _longest_latency(scenario):
+    """Of fixes and readings, s."""
+    return max(scenario.gnss.latency, scenario.barometer.latency if scenario.barometer else 0.0)
 
 
 def _sigma_blocks(scenario):
@@ -30,4 +37,5 @@ def _sigma_blocks(scenario):
         "lever_arm": (sensors.lever_arm_error,) * 3,
         "gps_latency": (sensors.gps_latency_error,),
     }
+    known |= params_barometer.sigmas(scenario)
     return {name: np.array(known[name]) for name in scenario.navigation.states}

@@ -176,7 +176,10 @@ def _truth(scenario, truth, fixes):
 
     def away(truth_e):
         there = np.column_stack([np.interp(t_s, truth.t_s, column) for column in truth_e.T])
-        return np.linalg.norm(there - r_e, axis=1)
+        gap = there - r_e
+        if inside[0].horizontal:
+            gap = np.einsum("kji,kj->ki", _level_axes(r_e)[:, :, :2], gap)
+        return np.linalg.norm(gap, axis=1)
 
     gap = away(truth.r_e)
     typical, limit = float(np.median(gap)), float(np.median(bound))

@@ -27,6 +27,7 @@ from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.onboard.navigation.state import (
     ATT,
     BA,
+    BARO_BIAS,
     BG,
     CLOCK,
     GRAVITY,
@@ -45,7 +46,7 @@ from shefex_nav.onboard.navigation.strapdown import BEFORE
 class Trajectory(NamedTuple):
     """What a pass is linear about, at nodes 0 ... m."""
 
-    xs: np.ndarray  # (m + 1, 93) packed values
+    xs: np.ndarray  # (m + 1, X) packed values
     more: (
         np.ndarray
     )  # (m + 1, 3) m/s^2, inertial axes, gravity that the on-board field leaves out and is known
@@ -142,7 +143,7 @@ def forward(nav, whole, nodes, trajectory, start, kept, intervals):
     mean_0, P_0 = origin(nav.layout, start.x, start.P, trajectory.xs[0])
     mean, P, updates, reached = mean_0.copy(), P_0.copy(), {}, 0
     nav = nav._replace(history=whole)
-    whole.position_s = -np.inf
+    whole.position_s = whole.reading_s = -np.inf
     samples = whole.numbers, whole.increments, whole.extra
     for node in [*sorted(nodes.seen), m]:
         _follow(
@@ -347,3 +348,5 @@ def other_noise(at, model, walks, T, vector, out):
         left = np.exp(-T / FIELD_TIME_S)
         for k in range(at[GRAVITY], at[GRAVITY] + 3):
             out[k] -= model.gravity_sigma**2 * (1.0 - left * left) * vector[k]
+    if at[BARO_BIAS] >= 0:
+        out[at[BARO_BIAS]] -= model.baro_bias_walk**2 * T * vector[at[BARO_BIAS]]

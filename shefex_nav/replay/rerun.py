@@ -37,7 +37,7 @@ class Recording(NamedTuple):
     data: RunData
     params: NavParams  # of the filter that is run
     scenario_text: str  # with the overrides in it
-    gps: dict  # tick, counted from 0 -> list of what the GPS receiver said in it
+    gps: dict  # tick, counted from 0 -> list of what GPS receiver and barometer said in it
     stars: dict  # likewise of StarFix, those without an attitude too
     gravity: tuple | None  # kind and degree of the field that the scenario names; external data name none
     field: Any = None  # GravityModel that is felt instead of the on-board one; None: that of the filter
@@ -99,7 +99,7 @@ def of_data(data, log_path, overrides=()):
         params=nav_params,
         scenario_text=source,
         gravity=known,
-        gps=_merged(arrivals(data.gps, ticks_s), arrivals(data.gps_ranges, ticks_s)),
+        gps=_merged(*(arrivals(said, ticks_s) for said in (data.gps, data.gps_ranges, _readings(data)))),
         stars=arrivals(sorted(data.star_fixes, key=lambda fix: fix.t_available_s), ticks_s),
     )
 
@@ -154,9 +154,15 @@ def arrivals(measurements, ticks_s):
     return due
 
 
-def _merged(one, two):
-    """Two dictionaries of `arrivals` as one: in each tick the records of the first come first."""
-    return {k: one.get(k, []) + two.get(k, []) for k in one.keys() | two.keys()}
+def _readings(data):
+    """BarometerReading of a RunData, as a list."""
+    return [row(data.barometer, k) for k in range(len(data.barometer.t_valid_s))]
+
+
+def _merged(*parts):
+    """Dictionaries of `arrivals` as one: in each tick the records of the first come first."""
+    ticks = set().union(*parts)
+    return {k: [record for part in parts for record in part.get(k, ())] for k in ticks}
 
 
 def start(recording):

@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 from pydantic_core import PydanticCustomError, core_schema
 
 from shefex_nav.clock import SAMPLES_PER_TICK
+from shefex_nav.scenario.barometer import Barometer
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.messages import close
 from shefex_nav.scenario.mission import Epoch
@@ -27,7 +28,8 @@ from shefex_nav.scenario.quantity import (
     refuse,
 )
 from shefex_nav.scenario.requirements import AttitudeLimit
-from shefex_nav.scenario.sensors import OFF, UNLIMITED, Accelerometer, Gyro
+from shefex_nav.scenario.sensors import OF_IMU, OFF, UNLIMITED, Accelerometer, Gyro
+from shefex_nav.scenario.use import Use
 
 NED = Field(description="noise, 1 sigma, north, east, down; takes the place of what the file says")
 SIDES = ("x", "y", "z")
@@ -92,6 +94,10 @@ class ReplayEarth(Block):
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Names = tuple[str, str, str]
+PLACE = "columns: latitude, longitude, height, or x, y, z; or latitude and longitude alone"
+Level = Annotated[
+    tuple[str, ...], Field(min_length=2, max_length=3)
+]  # of three columns, the last may be missing
 
 
 class ImuColumns(Block):
@@ -113,14 +119,32 @@ class GnssColumns(Block):
     file: str = Field(min_length=1)
     time: str = Field(description="column of the time")
     time_unit: Unit("s", "s") = "s"
-    position: Names = Field(description="columns: latitude, longitude, height, or x, y, z")
+    position: Level = Field(description=PLACE)
     position_frame: Literal["geodetic", "ecef"] = "geodetic"
+    height: Quantity("m", "360 m", "of the start above the ellipsoid, where fixes say none",
+                     at_least="-500 m", at_most="9 km") | None = None  # fmt: skip
+    height_error: Quantity("m", "10 m", "of that height, 1 sigma", positive=True) = "10 m"
     angle_unit: Unit("deg", "rad") = Field(default="deg", description="of latitude and longitude")
     velocity: Names | None = Field(default=None, description="columns")
     velocity_frame: Literal["ned", "enu", "ecef"] = "ned"
-    position_sigma: Names | None = Field(default=None, description="columns north, east, down, in m")
+    position_sigma: Level | None = Field(
+        default=None, description="columns north, east, down, in m; north and east if there is no height"
+    )
     velocity_sigma: Names | None = Field(default=None, description="columns north, east, down, in m/s")
     valid: str | None = Field(default=None, description="column; 0 where there is no fix")
+
+
+class BarometerColumns(Block):
+    """A CSV of a barometer."""
+
+    file: str = Field(min_length=1)
+    time: str = Field(description="column of the time")
+    time_unit: Unit("s", "s") = "s"
+    pressure: str | None = Field(default=None, description="column of the static pressure")
+    pressure_unit: Unit("Pa", "Pa") = Field(default="Pa", description="Pa, hPa, mbar, kPa")
+    height: str | None = Field(
+        default=None, description="column of the pressure altitude (of the standard atmosphere), in m"
+    )
 
 
 class TruthColumns(Block):
@@ -168,6 +192,7 @@ class CsvData(DataBlock):
     format: Literal["csv"]
     imu: ImuColumns
     gnss: GnssColumns
+    barometer: BarometerColumns | None = None
     truth: TruthColumns | None = None
 
 
@@ -273,6 +298,7 @@ class ReplayAccelerometer(Accelerometer):
 class ReplayImu(Block):
     """What the filter assumes of the inertial sensors."""
 
+    use: Use = Field(None, description=OF_IMU)
     gyro: ReplayGyro
     accelerometer: ReplayAccelerometer
 
@@ -289,6 +315,8 @@ ReplayStates = Literal[
     "accel_misalignment",
     "lever_arm",
     "gps_latency",
+    "baro_bias",
+    "baro_scale",
 ]
 
 
@@ -310,6 +338,9 @@ class ReplayNavigation(Navigation):
     gravity_memory: Quantity("s", "50 s", "", positive=True) = "50 s"
     saturated_rate: Quantity("rad/s", "50 deg/s", "", positive=True) = "1 rad/s"
     saturated_acceleration: Quantity("m/s2", "5 gee", "", positive=True) = "5 gee"
+    told: None = Field(
+        default=None, description="here `imu` and `gnss` are what is told; nobody knows the truth"
+    )
     samples_per_tick: Count("4", "samples of the IMU in a step of the filter", at_least=1, at_most=1000) = (
         SAMPLES_PER_TICK
     )
@@ -330,6 +361,9 @@ class ReplayScenario(Block):
     earth: ReplayEarth = ReplayEarth()
     data: form("format", FORMATS)
     gnss: ReplayGnss = ReplayGnss()
+    barometer: Barometer | None = Field(
+        default=None, description="of data.barometer: what the filter assumes"
+    )
     alignment: form("method", {"reference": FromReference, "static": Static})
     imu: ReplayImu
     navigation: ReplayNavigation = ReplayNavigation()

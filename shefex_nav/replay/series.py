@@ -29,6 +29,15 @@ class GnssSeries(NamedTuple):
     sigma_r_n: np.ndarray | None  # (M, 3) m, north, east, down
     sigma_v_n: np.ndarray | None  # (M, 3) m/s
     valid: np.ndarray  # (M,) bool
+    horizontal: bool = False  # the height of r_e, and the last of sigma_r_n, mean nothing
+
+
+class PressureSeries(NamedTuple):
+    """Readings of a barometer."""
+
+    table: Table
+    t_s: np.ndarray  # (K,)
+    pressure: np.ndarray  # (K,) Pa
 
 
 class TruthSeries(NamedTuple):
@@ -41,22 +50,27 @@ class TruthSeries(NamedTuple):
     angles: np.ndarray  # (L, 3) rad: roll, pitch, heading
 
 
-def gnss(table, t_s, r_e, v_e=None, sigma_r_n=None, sigma_v_n=None, valid=None):
-    """GnssSeries, checked."""
+def gnss(table, t_s, r_e, v_e=None, sigma_r_n=None, sigma_v_n=None, valid=None, horizontal=False):
+    """GnssSeries, checked; sigma_r_n of fixes without height has two columns."""
     valid = np.ones(len(t_s), dtype=bool) if valid is None else valid
     for sigma in (sigma_r_n, sigma_v_n):
         bad = [] if sigma is None else np.flatnonzero(valid & ~(sigma > 0.0).all(axis=1))
         if len(bad):
             raise DataError(f"{table.place(bad[0])}: a sigma must be greater than zero")
-    return GnssSeries(table, t_s, r_e, v_e, sigma_r_n, sigma_v_n, valid)
+    if horizontal and sigma_r_n is not None:
+        sigma_r_n = np.column_stack([sigma_r_n[:, :2], np.zeros(len(t_s))])
+    return GnssSeries(table, t_s, r_e, v_e, sigma_r_n, sigma_v_n, valid, horizontal)
 
 
-def positions(table, names, frame, angle=1.0):
+def positions(table, names, frame, angle=1.0, height=0.0):
     """Positions of three columns, (N, 3) m, frame e.
 
     frame : 'geodetic' (latitude, longitude, height) or 'ecef';  angle : rad, unit of the angles
+    height : m, where latitude and longitude are all that is given
     """
     given = table.stack(names)
+    if len(names) == 2:
+        given = np.column_stack([given, np.full(len(given), height)])
     if frame == "ecef":
         return given
     latitude = given[:, 0] * angle

@@ -60,7 +60,7 @@ class Chunk(NamedTuple):
     numbers: np.ndarray
     increments: np.ndarray
     extra: np.ndarray
-    xs: np.ndarray  # (m, 93)
+    xs: np.ndarray  # (m, X)
     Ps: np.ndarray  # (m, n, n)
 
     @property
@@ -111,7 +111,10 @@ def with_lasting_errors(recording):
     smoother takes the same error in boost and at entry for two that are independent, and averages over them.
     """
     given = recording.params.states
-    known = _with_states(recording, LASTING).params.sigma_blocks
+    others = [
+        block for block in given if block not in CONTAINED and block not in LASTING
+    ]  # what sensors need
+    known = _with_states(recording, [*LASTING, *others]).params.sigma_blocks
     states = dict.fromkeys([*given, *(block for block in LASTING if np.any(known[block]))])
     for part, wholes in CONTAINED.items():
         if any(whole in states for whole in wholes):

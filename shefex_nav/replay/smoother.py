@@ -256,7 +256,7 @@ def _before_update(vector, matrix, z, H, K, S_inverse, second):
 
 @kernel
 def moved(xs, e, nominal):
-    """The trajectory that is better by its errors. (m, 93), (m, n), Layout.nominal -> (m, 93)"""
+    """The trajectory that is better by its errors. (m, X), (m, n), Layout.nominal -> (m, X)"""
     out = np.empty_like(xs)
     for k in range(len(xs)):
         out[k] = corrected(xs[k], e[k], nominal)

@@ -14,6 +14,7 @@ import numpy as np
 
 from shefex_nav.log.topics import EQUAL, TOPICS
 from shefex_nav.records import (
+    BarometerReading,
     CameraCommand,
     ControlSample,
     Event,
@@ -38,6 +39,7 @@ _SOURCES = {  # table -> record and field of RunData
     "imu": (ImuBlock, "imu"),
     "gps": (GpsFix, "gps"),
     "gps_ranges": (GpsRanges, "gps_ranges"),
+    "barometer": (BarometerReading, "barometer"),
     "frames": (Frame, "frames"),
     "frame_truth": (FrameTruth, "frame_truths"),
     "camera_commands": (CameraCommand, "commands"),

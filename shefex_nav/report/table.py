@@ -5,6 +5,7 @@ import re
 from rich.table import Table
 from rich.text import Text
 
+from shefex_nav.records import ERRORS_THAT_LAST
 from shefex_nav.report import requirements
 
 _FLOWN = (  # name, key, digits, unit
@@ -157,6 +158,8 @@ def _navigation_rows(navigation):
             low, high = nis["interval"]
             name = f"NIS, {sensor.replace('_', ' ')}"
             words = f"{low:.2f} to {high:.2f} expected if the sigmas are right"
+            if sensor in ERRORS_THAT_LAST:
+                words = "below 1 where its sigmas are right, for its errors last"
             yield name, f"{nis['mean']:.2f}, mean of {nis['samples']}; {words}"
     nees = navigation["nees"]
     if nees["mean"] is not None:

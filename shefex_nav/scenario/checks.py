@@ -4,6 +4,7 @@ import math
 
 from shefex_nav.clock import IMU_HZ
 from shefex_nav.scenario import (
+    barometer,
     checks_flight,
     checks_gps,
     checks_tracker,
@@ -12,6 +13,7 @@ from shefex_nav.scenario import (
     faults,
     partial,
     star_statistics,
+    told,
 )
 from shefex_nav.scenario.checks_flight import seconds
 
@@ -43,11 +45,14 @@ def _parts(scenario, rated):
         _clocks,
         _vibration,
         *checks_gps.PARTS,
+        barometer.contradictions,
         _camera,
         _states,
         *checks_tracker.PARTS,
         star_statistics.contradictions,
         faults.contradictions,
+        told.contradictions,
+        _told,
         dispersions.contradictions,
     )
     for part in alone:
@@ -104,6 +109,18 @@ def count(number, noun):
 def _states(scenario):
     """Blocks of states that go together."""
     yield from states_that_clash(scenario.navigation.states)
+
+
+def _told(scenario):
+    """What the computer is told goes together, as what is true does."""
+    known = told.as_told(scenario)
+    if known is scenario:
+        return
+    for part in (_vibration, _camera):
+        true = list(part(scenario))
+        for path, words in part(known):
+            if (path, words) not in true:
+                yield ("navigation", "told", *path), words
 
 
 def _camera(scenario):

@@ -14,7 +14,7 @@ import typer
 
 def scenarios(
     name: Annotated[
-        str | None, typer.Argument(help="Print this one in place of the list, e.g. rexus_like.")
+        str | None, typer.Argument(help="Print this one in place of the list, e.g. rexus_like, ln_200s.")
     ] = None,
     copy: Annotated[
         Path | None,
@@ -24,20 +24,21 @@ def scenarios(
         bool, typer.Option("--json", help="Print the list as one JSON object on stdout.")
     ] = False,
 ):
-    """List the scenarios that come with the program; print or copy one of them.
+    """List the scenarios and instruments that come with the program; print or copy one of them.
 
-    Wherever a command takes a scenario, and in `extends:`, the name is enough.
+    Wherever a command takes a scenario, and in `extends:`, the name is enough; that of an instrument in
+    `use:`.
     """
-    from shefex_nav.scenario import shipped
+    from shefex_nav.scenario import instruments, shipped
 
     if name is None and copy is not None:
         raise typer.BadParameter("needs the NAME of a scenario to copy", param_hint="--copy")
     if name is not None and json:
         raise typer.BadParameter("is for the list of all; leave NAME out", param_hint="--json")
     if name is None:
-        _show(shipped.folder(), shipped.listed(), json)
+        _show(shipped.folder(), shipped.listed(), instruments.listed(), json)
         return
-    known, stem = shipped.files(), name.removesuffix(shipped.ENDING)
+    known, stem = shipped.files() | instruments.files(), name.removesuffix(shipped.ENDING)
     if stem not in known:
         raise typer.BadParameter(f"{name}: {shipped.unknown(stem)}", param_hint="NAME")
     if copy is None:
@@ -46,10 +47,12 @@ def scenarios(
         _copy(shipped.with_what_it_names(known[stem]), copy)
 
 
-def _show(folder, found, json):
-    """Print the list, as a table or as JSON."""
+def _show(folder, found, units, json):
+    """Print the list of scenarios and of instruments, as tables or as JSON."""
     if json:
-        typer.echo(json_module.dumps({"folder": folder, "scenarios": [one._asdict() for one in found]}))
+        named = {"scenarios": found, "instruments": units}
+        listed = {key: [one._asdict() for one in several] for key, several in named.items()}
+        typer.echo(json_module.dumps({"folder": folder, **listed}))
         return
     from rich.console import Console
     from rich.table import Table
@@ -60,7 +63,14 @@ def _show(folder, found, json):
     table.add_column("what it is")
     for one in found:
         table.add_row(one.name, one.command, one.description)
-    Console(width=None if sys.stdout.isatty() else 130).print(table)
+    of_units = Table(title="instruments, for example for imu: {use: ln_200s}", title_justify="left")
+    for column in ("instrument", "section", "grade", "unit"):
+        of_units.add_column(column, no_wrap=True)
+    for one in units:
+        of_units.add_row(one.name, one.instrument, one.grade, one.unit)
+    console = Console(width=None if sys.stdout.isatty() else 130)
+    console.print(table)
+    console.print(of_units)
 
 
 def _copy(sources, folder):

@@ -112,6 +112,16 @@ class Drift(Fault):
     )
 
 
+class Delay(Fault):
+    """Fixes and ranges arrive later than usual."""
+
+    fault: Literal["delay"]
+    by: Quantity("s", "0.5 s", "on top of the latency", positive=True, at_most="60 s")
+    time: Literal["right", "late"] = Field(
+        "right", description="whether the time of the fix is that of its instant or late by as much"
+    )
+
+
 class Bias(Fault):
     """Every star fix is turned by the same angles."""
 
@@ -138,7 +148,7 @@ class Blinded(Fault):
 ImuFault = kinds(
     "fault", Stuck, Dead, Dropout, Repeat, GyroBias, GyroScale, AccelerometerBias, AccelerometerScale
 )
-GpsFault = kinds("fault", Outage, Freeze, Jump, Drift)
+GpsFault = kinds("fault", Outage, Freeze, Jump, Drift, Delay)
 StarFault = kinds("fault", Bias, WrongFixes, Blinded)
 
 

@@ -1,5 +1,7 @@
 """Section of a scenario about the GPS receiver, its antenna, the satellites and the errors of ranges."""
 
+from typing import Literal
+
 from pydantic import Field
 
 from shefex_nav.scenario.block import Block, tagged
@@ -142,9 +144,15 @@ class Gps(Block):
     rate: Quantity("Hz", "1 Hz", "fixes a second; must divide 100 Hz", positive=True, at_most="50 Hz") = (
         "1 Hz"
     )
+    fix: Literal["full", "position", "horizontal"] = Field(
+        "full", description="position and velocity; position alone; or latitude and longitude alone"
+    )
     latency: Quantity(
         "s", "0.2 s", "from the instant measured to the fix on board", non_negative=True, at_most="1 s"
     )
+    clock_offset: Quantity(
+        "s", "5 ms", "fixes are stamped so much later than they are", at_least="-1 s", at_most="1 s"
+    ) = "0 s"
     range_noise: Quantity("m", "3 m", "range to one satellite, 1 sigma, white in time", positive=True)
     range_rate_noise: Quantity("m/s", "0.1 m/s", "range rate, 1 sigma", positive=True)
     elevation_mask: Quantity("rad", "5 deg", "lowest elevation", at_least="-30 deg", at_most="80 deg")

@@ -2,6 +2,7 @@
 
 from shefex_nav.scenario.load import EXTENDS
 from shefex_nav.scenario.schema import Scenario
+from shefex_nav.scenario.use import USE
 
 
 def json_schema():
@@ -15,6 +16,8 @@ def json_schema():
     }
     blocks["Scenario"] = complete
     parts = {f"{name}.partial": _partial(block) for name, block in blocks.items()}
+    for block in blocks.values():
+        _complete_by_use(block, blocks)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "shefex_nav scenario",
@@ -23,6 +26,15 @@ def json_schema():
         "else": {"$ref": "#/$defs/Scenario"},
         "$defs": blocks | parts,
     }
+
+
+def _complete_by_use(block, blocks):
+    """Let sections of a block that say which instrument they `use` leave out its values, in place."""
+    for key, value in block.get("properties", {}).items():
+        name = value.get("$ref", "").rpartition("/")[2]
+        if USE in blocks.get(name, {}).get("properties", {}):
+            partial = {"$ref": f"#/$defs/{name}.partial"}
+            block["properties"][key] = {"if": {"required": [USE]}, "then": partial, "else": value}
 
 
 def _partial(block):

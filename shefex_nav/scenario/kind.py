@@ -14,6 +14,7 @@ MAGIC = (  # first bytes of a file, what it is
 )
 FLIGHT = ("vehicle", "programme", "star_camera", "star_tracker", "pad_alignment", "launch", "gps")
 REPLAY = ("data", "alignment", "gnss")
+INSTRUMENT = ("instrument", "unit", "source")
 CAMPAIGN, STATISTICS = ("digest", "source", "sampling"), ("digest", "sightings", "identification")
 
 
@@ -44,8 +45,17 @@ def is_flight(tree):
     return "data" not in tree and sum(key in tree for key in FLIGHT) > 1
 
 
+def _is_instrument(tree, path):
+    """Words about the file of an instrument, '' if a tree is none."""
+    if not all(key in tree for key in INSTRUMENT):
+        return ""
+    return f"is an instrument; a scenario takes its values with `{tree['instrument']}: {{use: {path}}}`"
+
+
 def instead_of_flight(tree, path):
     """What the tree of the file at `path` is if it is no scenario of a flight, '' if it is, or nearly."""
+    if words := _is_instrument(tree, path):
+        return words
     if is_replay(tree):
         return (
             "is a replay scenario, about data that were recorded (it has 'data', no 'vehicle'); "
@@ -64,6 +74,8 @@ def instead_of_flight(tree, path):
 
 def instead_of_replay(tree, path):
     """The same of what is no replay scenario."""
+    if words := _is_instrument(tree, path):
+        return words
     if is_flight(tree):
         return (
             f"is a scenario of a flight; `shefex-nav run {path}` flies it, and replay takes the log of that, "

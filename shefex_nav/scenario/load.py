@@ -1,33 +1,21 @@
 """Scenario file -> `Scenario`: read, extend, override, validate; all errors at once, each with its place."""
 
 import copy
-import os
-import re
 from functools import partial
 
 from pydantic import ValidationError
 
-from shefex_nav.errors import UserError
-from shefex_nav.scenario import disperse, document, drawn, expand, fields, kind, messages, moved, shipped
+from shefex_nav.scenario import disperse, drawn, expand, fields, kind, layers, messages, overriding
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
-from shefex_nav.scenario.dispersions import KEYS
-from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted
-from shefex_nav.scenario.files import Unreadable, read_text
+from shefex_nav.scenario.document import Mark, dotted
+from shefex_nav.scenario.layers import EXTENDS, ScenarioError, Texts, file_of
 from shefex_nav.scenario.partial import known
 from shefex_nav.scenario.partial import validated as part_of
 from shefex_nav.scenario.schema import Scenario
 
-EXTENDS = "extends"
+__all__ = ["EXTENDS", "Pattern", "ScenarioError", "file_of", "load", "load_as", "load_text", "load_text_as"]
 NOT_EXPANDED = (("gps", expand.ALMANAC), ("star_tracker", expand.MODEL))  # what a file gave, or was to give
-DISPERSIONS = "dispersions"  # the section whose keys are paths
-
-
-class ScenarioError(UserError):
-    """A scenario that cannot be flown; `messages` are lines for the user, `file:line:col: field: what`."""
-
-    def __init__(self, found):
-        self.messages = tuple(found)
-        super().__init__("\n".join(self.messages))
+DISPERSIONS = "dispersions"
 
 
 def load(path, overrides=()):
@@ -39,8 +27,8 @@ def load(path, overrides=()):
     be blamed for what it lacks; then those of tables in files, of single fields, and between fields that are
     good by themselves; those of dispersions when the fields that they name are.
     """
-    files, path = {}, file_of(path)
-    tree, places = _extended(path, (), files)
+    files, path = Texts(), file_of(path)
+    tree, places = layers.extended(path, files)
     return _validated(tree, places, files, overrides, path)
 
 
@@ -60,7 +48,7 @@ def load_as(model, path, overrides=(), *, parts=(), instead=lambda tree, path: "
     Raises ScenarioError as `load` does.
     """
     path = file_of(path)
-    tree, places = _extended(path, (), {})
+    tree, places = layers.extended(path, Texts())
     if other := instead(tree, path):
         raise ScenarioError([f"{path}: {other}"])
     return _validated_as(model, tree, places, overrides, parts)
@@ -73,7 +61,7 @@ def load_text_as(model, text, name, overrides=(), *, parts=()):
 
 def _validated_as(model, tree, places, overrides, parts):
     """What `load_as` returns, of a merged tree."""
-    _override(tree, places, overrides)
+    overriding.carry_out(overrides, tree, places, Texts())
     try:
         loaded, found, read = model.model_validate(tree), [], list
     except ValidationError as error:
@@ -82,7 +70,7 @@ def _validated_as(model, tree, places, overrides, parts):
     for part in parts:
         found += [(places.value(where), f"{dotted(where)}: {words}") for where, words in read(part(loaded))]
     if found:
-        raise _sorted_error(found) from None
+        raise layers.sorted_error(found) from None
     return loaded, places, _normalised(tree)
 
 
@@ -91,7 +79,7 @@ def load_text(text, name, overrides=()):
 
     Raises ScenarioError as `load` does.
     """
-    return _validated(*_whole(text, name), {name: text}, overrides, name)
+    return _validated(*_whole(text, name), Texts({name: text}), overrides, name)
 
 
 class Pattern:
@@ -120,12 +108,12 @@ class Pattern:
 
     def _validated(self, tree, places):
         """Scenario of a tree that it may keep."""
-        return _validated(tree, places, {self._name: self._text}, (), self._name)
+        return _validated(tree, places, Texts({self._name: self._text}), (), self._name)
 
 
 def _whole(text, name):
     """(tree, places) of a text that needs no other file."""
-    own = _parsed(text, name)
+    own = layers.parsed(text, name)
     places = messages.Places(own.values[()])
     places.put((), own.keys, own.values)
     return own.tree, places
@@ -133,10 +121,10 @@ def _whole(text, name):
 
 def _validated(tree, places, files, overrides, path):
     """Scenario of a merged tree after the overrides; `path` is the file or text that the user gave."""
-    parents = [file for file in files if file != path]
     if other := kind.instead_of_flight(tree, path):
         raise ScenarioError([f"{path}: {other}"])
-    _override(tree, places, overrides)
+    overriding.carry_out(overrides, tree, places, files)
+    others = {file: "uses" if file in files.instruments else "extends" for file in files if file != path}
     found, rated = expand.expand(tree, places, files)
     bad = list(NOT_EXPANDED) if found else []
     try:
@@ -144,14 +132,14 @@ def _validated(tree, places, files, overrides, path):
     except ValidationError as error:
         found += messages.lines(Scenario, error, places)
         bad += messages.paths(error)
-    about = partial(_about, places, path, parents)
+    about = partial(_about, places, path, others)
     if found:
-        others = check_what_is_known(part_of(Scenario, tree, bad), rated)
+        more = check_what_is_known(part_of(Scenario, tree, bad), rated)
     else:
-        others = [*cross_check(scenario, rated), *disperse.resolve(Scenario, tree, scenario.dispersions)[1]]
-    found += [about(where, words) for where, words in others]
+        more = [*cross_check(scenario, rated), *disperse.resolve(Scenario, tree, scenario.dispersions)[1]]
+    found += [about(where, words) for where, words in more]
     if found:
-        raise _sorted_error(found) from None
+        raise layers.sorted_error(found) from None
     scenario.keep_text(partial(_normalised, tree), files)  # which takes longer than all the rest
     scenario.keep_places(partial(_line_about, about), partial(_place, places))
     return scenario
@@ -159,7 +147,7 @@ def _validated(tree, places, files, overrides, path):
 
 def _line_about(about, where, words):
     """A line of what `_about` says."""
-    return _line(*about(where, words))
+    return layers.placed(*about(where, words))
 
 
 def _place(places, where):
@@ -167,181 +155,19 @@ def _place(places, where):
     return str(places.value(where))
 
 
-def _about(places, path, parents, where, words):
-    """(Mark, text) about the field at the path `where` of the scenario in the file `path`."""
+def _about(places, path, others, where, words):
+    """(Mark, text) about the field at the path `where` of the scenario in the file `path`.
+
+    others : {path of another file: 'extends', 'uses', what the scenario does with it}
+    """
     mark = places.value(where)
-    return mark, f"{dotted(where)}: {words}{_whose(mark, path, parents)}"
+    return mark, f"{dotted(where)}: {words}{_whose(mark, path, others)}"
 
 
-def _whose(mark, path, parents):
-    """Where to put right what stands in a file that the user's own extends: nobody need edit that one."""
-    return f" (set in {mark.file}; change it in {path}, which extends it)" if mark.file in parents else ""
-
-
-def _sorted_error(found):
-    """ScenarioError of (Mark, text), in the order of the file."""
-    return ScenarioError(_line(mark, text) for mark, text in sorted(found))
-
-
-def _line(mark, text):
-    """Line for the user; `--set a.b` need not name its field twice."""
-    return re.sub(r"^(--set )(\S+): \2: ", r"\1\2: ", f"{mark}: {text}")
-
-
-def file_of(name, beside="", mark=None):
-    """Path of the scenario file that is meant by `name` in the folder `beside`; complaints as in `_read`."""
-    try:
-        return shipped.resolved(os.fspath(name), beside)
-    except Unreadable as error:
-        raise _unreadable(os.path.join(beside, name), mark, error) from None
-
-
-def _read(path, mark):
-    """Text of the scenario file at `path`; complaints are placed at `mark`, at the file if that is None."""
-    try:
-        return read_text(path, "a scenario file")
-    except Unreadable as error:
-        raise _unreadable(path, mark, error) from None
-
-
-def _unreadable(path, mark, error):
-    """ScenarioError of an Unreadable."""
-    where = f"{mark}: {EXTENDS}: '{path}'" if mark else f"{path}:"
-    return ScenarioError([f"{where} {error}"])
-
-
-def _parsed(text, name):
-    """document.Document of a text that came from the file `name`."""
-    try:
-        own = document.parse(text, name)
-    except BadText as error:
-        raise ScenarioError([f"{error.args[0]}: {error.args[1]}"]) from None
-    if own.errors:
-        raise _sorted_error(own.errors)
-    return own
-
-
-def _extended(path, chain, files, mark=None):
-    """(tree, places) of the file at `path` merged over what it extends; texts are added to `files`."""
-    text = _read(path, mark)
-    real = os.path.realpath(path)
-    if real in chain:
-        raise ScenarioError([f"{mark}: {EXTENDS}: '{path}' extends itself in a circle; remove one extends"])
-    own = _parsed(text, path)
-    files[path] = text
-    expand.relative_to(own.tree, os.path.dirname(path))
-    places = messages.Places(own.values[()])
-    if EXTENDS not in own.tree:
-        places.put((), own.keys, own.values)
-        return own.tree, places
-    base = own.tree.pop(EXTENDS)
-    here = own.values[EXTENDS,]
-    if not isinstance(base, str) or not base:
-        raise ScenarioError([f"{here}: {EXTENDS}: expected the name of a scenario file, such as base.yaml"])
-    tree, places = _extended(file_of(base, os.path.dirname(path), here), (*chain, real), files, here)
-    places.keys[()] = places.values[()] = own.values[()]
-    _merge(tree, own, (), own.tree, places)
-    found = [(own.keys[removed], text) for removed in own.removed if (text := _remove(tree, removed, places))]
-    if found:
-        raise _sorted_error(found)
-    return tree, places
-
-
-def _remove(tree, path, places):
-    """Take away what a base gives at `path`; the complaint if it gives nothing there, else None."""
-    node = tree
-    for part in path[:-1]:
-        node = node.get(part) if isinstance(node, dict) else None
-    if not isinstance(node, dict) or path[-1] not in node:
-        if said := moved.words(path):
-            return f"{dotted(path)}: {said}"
-        return f"{dotted(path)}: null takes away what the extended file gives, which is nothing; leave it out"
-    del node[path[-1]]
-    places.put(path, {}, {})
-    return None
-
-
-def _merge(tree, own, path, updates, places):
-    """Put `updates` into `tree`, section by section; a list or a value replaces what was there."""
-    for key, value in updates.items():
-        here = (*path, key)
-        if isinstance(value, dict) and isinstance(tree.get(key), dict):
-            places.keys[here], places.values[here] = own.keys[here], own.values[here]
-            _merge(tree[key], own, here, value, places)
-            continue
-        tree[key] = value
-        keys, values = (
-            {known[len(here) :]: mark for known, mark in marks.items() if known[: len(here)] == here}
-            for marks in (own.keys, own.values)
-        )
-        places.put(here, keys, values)
-
-
-def _override(tree, places, overrides):
-    """Carry out the `--set` texts in `tree`."""
-    found = []
-    for text in overrides:
-        name, equals, value_text = text.partition("=")
-        name = name.strip()
-        mark = Mark(f"--set {name}", 0, 0)
-        if not equals or not name:
-            found.append((mark, "expected path=value, for example --set star_tracker.rate='5 Hz'"))
-            continue
-        try:
-            value, errors = document.parse_value(value_text, mark.file)
-        except BadText as error:
-            found.append((mark, error.args[1]))
-            continue
-        found += [(mark, words) for _, words in errors]
-        problem = _put(tree, _parts(tree, name), value, mark, places)
-        found += [(mark, problem)] if problem else []
-    if found:
-        raise _sorted_error(found)
-
-
-def _parts(tree, name):
-    """Keys of a path; below `dispersions` the path of a field is one key, as far as there is such a one."""
-    parts = name.split(".")
-    if parts[0] != DISPERSIONS or len(parts) < 3:
-        return parts
-    given = tree.get(DISPERSIONS)
-    for end in range(len(parts), 1, -1):
-        key = ".".join(parts[1:end])
-        whole = end == len(parts) or parts[end] in KEYS
-        if whole and isinstance(given, dict) and key in given:
-            return [DISPERSIONS, key, *parts[end:]]
-    end = len(parts) - (parts[-1] in KEYS)
-    return [DISPERSIONS, ".".join(parts[1:end]), *parts[end:]]
-
-
-def _put(tree, parts, value, mark, places):
-    """Set one value by its path; the complaint if that is impossible, else None."""
-    node, path = tree, ()
-    for depth, part in enumerate(parts):
-        if isinstance(node, list):
-            if not part.isdecimal() or int(part) >= len(node):
-                return f"{dotted(path)} is a list, its items are 0 to {len(node) - 1}, got '{part}'"
-            part = int(part)
-        elif not isinstance(node, dict):
-            return f"{dotted(path)} is a single value, there is no '{part}' in it"
-        path = (*path, part)
-        if depth + 1 == len(parts) and value is REMOVED:
-            if isinstance(node, list):
-                return f"an item of {dotted(path[:-1])} cannot be taken away; give the whole list"
-            if node.pop(part, REMOVED) is REMOVED:
-                if said := moved.words(path):
-                    return said
-                return f"null takes away what the scenario gives; {dotted(path)} is not given"
-            places.put(path, {}, {})
-            return None
-        if depth + 1 == len(parts):
-            node[part] = value
-            places.put(path, {(): mark}, {(): mark})
-        elif isinstance(node, dict) and part not in node:
-            node[part] = {}
-            places.put(path, {(): mark}, {(): mark})
-        node = node[part]
-    return None
+def _whose(mark, path, others):
+    """Where to put right what stands in a file that the user's own builds on: nobody need edit that one."""
+    verb = others.get(mark.file)
+    return f" (set in {mark.file}; change it in {path}, which {verb} it)" if verb else ""
 
 
 def _normalised(tree):

@@ -1,16 +1,18 @@
 """Sections of a scenario about the software that flies: star tracker and navigation filter.
 
 Values are floats in SI and radians once loaded. What the filter assumes of the sensors is taken from their
-sections unless it is overridden in `navigation`.
+sections unless it is told otherwise in `navigation`.
 """
 
 from typing import Literal
 
 from pydantic import Field, StrictBool
 
+from shefex_nav.scenario.barometer import BarometerUse, Release
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.quantity import Count, Number, Quantity, Time, Vector
 from shefex_nav.scenario.star_statistics import Model
+from shefex_nav.scenario.told import Told
 
 
 class ExposureControl(Block):
@@ -174,13 +176,6 @@ class SensorOverrides(Block):
     range_bias_time: Quantity("s", "300 s", "correlation time of it", positive=True) = "300 s"
 
 
-class Release(Block):
-    """When a sensor that contradicts the filter is believed after all."""
-
-    rejections: Count("3", "one after the other, that agree with each other", at_least=2)
-    duration: Quantity("s", "2 s", "from the first to the last of them", non_negative=True)
-
-
 class Releases(Block):
     """Release rules of the sensors."""
 
@@ -203,6 +198,8 @@ StateBlock = Literal[
     "clock",
     "gps_latency",
     "range_bias",
+    "baro_bias",
+    "baro_scale",
 ]
 
 
@@ -238,6 +235,10 @@ class Navigation(Block):
     sensors: SensorOverrides = Field(
         default_factory=SensorOverrides, description="what the filter assumes of the sensors"
     )
+    told: Told = Field(
+        default_factory=Told,
+        description="figures of the sensors that the computer is told in the place of the true ones",
+    )
     gps: Literal["loose", "tight"] = Field(
         "loose", description="how GPS is used: its fixes, or the ranges of its channels (needs state clock)"
     )
@@ -253,6 +254,9 @@ class Navigation(Block):
         "m/s", "10 m/s", "difference allowed between two fixes, per second", positive=True
     )
     integrity: Integrity = Field(default_factory=Integrity, description="protection level and faults")
+    barometer: BarometerUse = Field(
+        default_factory=BarometerUse, description="how the filter uses the barometer, if there is one"
+    )
     history: Quantity("s", "0.5 s", "how far back a measurement may lie", positive=True, at_most="5 s")
     thrust_threshold: Quantity("m/s2", "15 m/s2", "specific force above which a motor burns", positive=True)
     thrust_memory: Quantity(

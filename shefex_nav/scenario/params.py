@@ -24,7 +24,7 @@ def flight_params(scenario):
         time_limit_s=scenario.mission.time_limit,
         sample_rate_hz=float(IMU_HZ),
         gravity=gravity.load(scenario.earth.gravity, scenario.earth.gravity_degree),
-        air=flight.Air(_air_table(scenario), scenario.atmosphere.density),
+        air=flight.Air(air_table(scenario), scenario.atmosphere.density),
         wind=wind(scenario.wind),
         start=_start(scenario),
         C_bc=mounting(scenario),
@@ -69,7 +69,7 @@ def wind(section):
     return np.column_stack([section.height, -speed * np.cos(whence), -speed * np.sin(whence)])
 
 
-def _air_table(scenario):
+def air_table(scenario):
     """Air of NRLMSIS above the place of the start, (n, 4) as `environment.msis.table`; (0, 4) for US76."""
     atmosphere = scenario.atmosphere
     if atmosphere.model == "us76":

@@ -44,6 +44,8 @@ def _gps(fault):
     plain = GpsFault(fault.fault, fault.start, fault.end)
     if fault.fault == "freeze":
         return plain._replace(time_stands=fault.time == "stands")
+    if fault.fault == "delay":
+        return plain._replace(later_s=fault.by, stamped_late=fault.time == "late")
     if fault.fault == "jump":
         return plain._replace(moved_n=np.array(fault.position))
     if fault.fault == "drift":

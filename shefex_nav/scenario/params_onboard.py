@@ -1,15 +1,17 @@
 """Sections of a scenario -> the parameters of the software that flies, in SI.
 
 What the navigation filter assumes of the sensors is derived from their data sheets, that is, from the
-sections that also drive the simulated sensors, unless `navigation.sensors` says otherwise.
+sections that also drive the simulated sensors, unless `navigation.told` or `navigation.sensors` say
+otherwise.
 """
 
 import numpy as np
 
 from shefex_nav.clock import IMU_HZ
-from shefex_nav.scenario import params_filter
+from shefex_nav.scenario import params_barometer, params_filter
 from shefex_nav.scenario.params import mounting
 from shefex_nav.scenario.params_gps import clock_densities
+from shefex_nav.scenario.told import as_told
 
 SLANT_IONOSPHERE = 6.0  # m [E], at mid elevation
 SLANT_TROPOSPHERE = 5.0  # m
@@ -53,6 +55,7 @@ def tracker_params(scenario, earth_velocity_i, bad_pixels):
     from shefex_nav.onboard.startracker.catalogue import CatalogueParams
     from shefex_nav.onboard.startracker.tracker import TrackerParams
 
+    scenario = as_told(scenario)
     tracker, catalogue = scenario.star_tracker, scenario.star_tracker.catalogue
     return TrackerParams(
         catalogue=CatalogueParams(
@@ -167,6 +170,7 @@ def nav_params(scenario):
     """NavParams of a scenario."""
     from shefex_nav.onboard.navigation.state import NavParams
 
+    of_gps, scenario = _gps_told(scenario), as_told(scenario)
     navigation, sensors = scenario.navigation, scenario.navigation.sensors
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     integrity = params_filter.integrity_params(scenario, 1.0 / IMU_HZ, coarse_if_silent=False)
@@ -190,7 +194,25 @@ def nav_params(scenario):
         lasting_share=_lasting_share(scenario),
         gravity_sigma=navigation.gravity_error,
         gps=navigation.gps,
+        barometer=params_barometer.model(scenario),
+        baro_bias_walk=params_barometer.bias_walk(scenario),
         stars=navigation.stars,
+        gps_told=of_gps,
+    )
+
+
+def _gps_told(scenario):
+    """GpsTold of a Scenario."""
+    from shefex_nav.onboard.navigation.gps_told import NOTHING, GpsTold
+
+    true, told = scenario.gps, scenario.navigation.told.gps
+    if told is None:
+        return NOTHING
+    return GpsTold(
+        position_factor=_given(told.range_noise, true.range_noise) / true.range_noise,
+        velocity_factor=_given(told.range_rate_noise, true.range_rate_noise) / true.range_rate_noise,
+        clock_offset_s=_given(told.clock_offset, 0.0),
+        latency_s=_given(told.latency, np.nan),
     )
 
 
@@ -212,6 +234,7 @@ def _sigma_blocks(scenario):
         "gps_latency": (sensors.gps_latency_error,),
         "range_bias": (_range_bias(scenario),) * OPTIONAL["range_bias"],
     }
+    known |= params_barometer.sigmas(scenario)
     return {name: np.array(known[name]) for name in scenario.navigation.states}
 
 

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, PrivateAttr
 
+from shefex_nav.scenario.barometer import Barometer
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.camera import StarCamera
 from shefex_nav.scenario.dispersions import Campaign, Dispersions
@@ -42,6 +43,7 @@ class Scenario(Block):
     programme: Programme = Field(description="tasks of the attitude control, by name; may be {}")
     imu: Imu
     gps: Gps
+    barometer: Barometer | None = Field(default=None, description="left out: there is none")
     pad_alignment: PadAlignment
     star_camera: StarCamera
     star_tracker: StarTracker

@@ -7,9 +7,14 @@ from pydantic import Field
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.quantity import Quantity
+from shefex_nav.scenario.use import Use
 
 UNLIMITED = (("unlimited", float("inf")),)
 OFF = (("off", 0.0),)
+OF_IMU = (
+    "name of an instrument, or of its file, whose gyro and accelerometer these are; "
+    "what stands beside it comes on top"
+)
 
 
 class Gyro(Block):
@@ -61,6 +66,7 @@ class Vibration(Block):
 class Imu(Block):
     """Strapdown inertial measurement unit, 400 samples a second of integrated rate and specific force."""
 
+    use: Use = Field(None, description=OF_IMU)
     gyro: Gyro
     accelerometer: Accelerometer
     vibration: Vibration

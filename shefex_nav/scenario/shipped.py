@@ -52,18 +52,26 @@ def resolved(name, beside=""):
 
     Raises Unreadable where a bare name means none.
     """
+    if (path := found(name, beside, files())) is not None:
+        return path
+    where = "" if beside else f" in {os.getcwd()}"
+    raise Unreadable(f"there is no such file{where}, and {unknown(name.removesuffix(ENDING))}")
+
+
+def found(name, beside, known):
+    """Path of the file that `name` means in the folder `beside`; None where a bare name means none.
+
+    known : {name: path} of those of the package
+    """
     local = os.path.join(beside, name)
     if os.path.basename(name) != name or os.path.isfile(local):
         return local
     stem = name.removesuffix(ENDING)
     if os.path.isfile(os.path.join(beside, stem + ENDING)):
         return os.path.join(beside, stem + ENDING)
-    if stem in files():
-        return files()[stem].removeprefix(os.getcwd() + os.sep)  # what messages name is short in a checkout
-    if not _is_missing(local):  # whoever reads it says what it is, or why it cannot be read
-        return local
-    where = "" if beside else f" in {os.getcwd()}"
-    raise Unreadable(f"there is no such file{where}, and {unknown(stem)}")
+    if stem in known:
+        return known[stem].removeprefix(os.getcwd() + os.sep)  # what messages name is short in a checkout
+    return None if _is_missing(local) else local  # whoever reads it says what it is, or why it cannot be read
 
 
 def _is_missing(path):
@@ -78,15 +86,19 @@ def _is_missing(path):
 
 def unknown(name):
     """Words about a name that none of them has."""
-    import difflib
-
     known = list(files())
-    alike = difflib.get_close_matches(name.lower(), known, n=MOST)
-    if alike:
-        more = f"did you mean {' or '.join(alike)}? `shefex-nav scenarios` lists all"
+    if like := alike(name, known):
+        more = f"did you mean {' or '.join(like)}? `shefex-nav scenarios` lists all"
     else:
         more = f"there are {', '.join(known)}" if known else "there are none"
     return f"no scenario '{name}' comes with the program (in {folder()}); {more}"
+
+
+def alike(name, known):
+    """Those of the names known that are like one that is not."""
+    import difflib
+
+    return difflib.get_close_matches(name.lower(), known, n=MOST)
 
 
 def with_what_it_names(path):

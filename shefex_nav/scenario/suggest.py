@@ -11,6 +11,7 @@ ANY = "*"  # a name that the user gives, or the number of an item
 ALIKE, NEARLY = 0.6, 0.8  # of difflib: among keys of the same section, among all others
 MOST = 3  # places named
 APART = ("dispersions", "campaign")  # sections whose keys are no values of the mission
+TOLD = ("navigation", "told")  # whose keys are those of other sections again
 UNITS = set(
     "m mm cm km s ms us min h hz khz deg rad mrad arcsec arcmin kg g n kn m2 cm2 mm2 pa hpa k db dn electron "
     "px pix percent ppm mag gee mgee ugee rpm rev per sqrt s2 m3".split()
@@ -68,7 +69,7 @@ def meant(model, known, path, value=None):
         if found is not None:
             sibling, more = found
             return Meant((*path[:-1], sibling), True, f"did you mean '{sibling}'?{more}")
-    everywhere = [one for one in _paths(model) if one[0] not in APART or one[0] == path[0]]
+    everywhere = [one for one in _paths(model) if not _apart(one) or (one[0] == path[0] and _apart(path))]
     elsewhere = _nearest(path, [one for one in everywhere if one[-1] == name])
     if elsewhere:
         spelling = "it" if name == key else f"'{name}'"
@@ -81,6 +82,11 @@ def meant(model, known, path, value=None):
     if found:
         return Meant(found[0], False, f"did you mean {' or '.join('.'.join(one) for one in found)}?")
     return NOTHING
+
+
+def _apart(path):
+    """Whether a path is no value of the mission, or one that the computer is told in place of another."""
+    return path[0] in APART or tuple(path[:2]) == TOLD
 
 
 def spelt(key):

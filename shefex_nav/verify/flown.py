@@ -188,7 +188,7 @@ def filter_run(scenario, seed, fixes, *, star_factor=1.0, recorder=None, world=N
 
 def _follow(nav, world, fixes):
     """Let a filter hear what the sensors say. -> list of gate results; NavState and (15, 15) of each epoch"""
-    received = sorted(world.gps_fixes + world.gps_ranges, key=lambda one: one.t_available_s, reverse=True)
+    received = sorted(world.received, key=lambda one: one.t_available_s, reverse=True)
     stars = sorted(fixes, key=lambda fix: fix.t_available_s, reverse=True)
     gates, states, covariances = [], [], []
     for n, block in enumerate(imu.blocks(world.imu), 1):

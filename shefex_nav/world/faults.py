@@ -40,12 +40,15 @@ class ImuFault(NamedTuple):
 class GpsFault(NamedTuple):
     """One fault of the GPS receiver."""
 
-    kind: str  # outage; freeze: the last solution again and again; jump, drift: of the position
+    kind: str  # outage; freeze: the last solution again and again; jump, drift: of the position;
+    # delay: of the arrival
     start_s: float
     end_s: float
     moved_n: np.ndarray = np.zeros(3)  # (3,) north, east, down: jump m, drift m/s
     velocity_too: bool = False  # drift: the velocity that is reported contains it
     time_stands: bool = False  # freeze: the time of validity is repeated too
+    later_s: float = 0.0  # delay: s
+    stamped_late: bool = False  # delay: the time of validity is late, too
 
 
 class StarFault(NamedTuple):
@@ -208,6 +211,8 @@ def _ranges_fault(fault, heard, last):
     if fault.kind == "outage":
         message = message._replace(**{name: getattr(message, name)[:0] for name in OF_CHANNELS})
         return heard._replace(message=message._replace(reason="outage"))
+    if fault.kind == "delay":
+        return heard._replace(message=_delayed(fault, message))
     moved_e, faster_e = _moved(fault, heard.r_ea_e, message.t_valid_s)
     there = _Heard(message, heard.r_ea_e + moved_e, heard.v_ea_e + faster_e)
     rho, rho_rate = (
@@ -234,6 +239,12 @@ def _moved(fault, r_ea_e, t_s):
     return (t_s - fault.start_s) * moved_e, moved_e if fault.velocity_too else np.zeros(3)
 
 
+def _delayed(fault, message):
+    """A GpsFix or GpsRanges that comes later. -> the same kind"""
+    t_valid_s = message.t_valid_s + (fault.later_s if fault.stamped_late else 0.0)
+    return message._replace(t_valid_s=t_valid_s, t_available_s=message.t_available_s + fault.later_s)
+
+
 def _gps_fault(fault, fix, last):
     """A fix under a fault. GpsFault, GpsFix, the last valid GpsFix without it or None -> GpsFix"""
     if fault.kind == "freeze":
@@ -247,6 +258,8 @@ def _gps_fault(fault, fix, last):
             valid=False, r_ea_e=nothing, v_ea_e=nothing, R_r_e=unknown, R_v_e=unknown, n_satellites=0,
             pdop=np.nan, reason="outage",
         )  # fmt: skip
+    if fault.kind == "delay":
+        return _delayed(fault, fix)
     if not fix.valid:
         return fix
     moved_e, faster_e = _moved(fault, fix.r_ea_e, fix.t_valid_s)
@@ -339,7 +352,9 @@ def _named(faults):
     for fault in faults.gps:
         north, east, down = fault.moved_n
         words = f"{north:g}, {east:g}, {down:g} {'m' if fault.kind == 'jump' else 'm/s'} north, east, down"
-        yield f"gps_{fault.kind}", fault, words if fault.kind in ("jump", "drift") else ""
+        delay = f"{fault.later_s:g} s{', stamped late' if fault.stamped_late else ''}"
+        known = {"jump": words, "drift": words, "delay": delay}
+        yield f"gps_{fault.kind}", fault, known.get(fault.kind, "")
     for fault in faults.stars:
         words = ""
         if fault.kind == "wrong_fixes":

@@ -20,7 +20,7 @@ import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.environment import gnss
-from shefex_nav.geometry import frames, rotation
+from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.geometry.elementary import arccos
 from shefex_nav.records import GpsFix, GpsRanges
 from shefex_nav.world import gps_channels, gps_errors, gps_receiver
@@ -126,6 +126,13 @@ def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
     return GpsData(fixes, ranges, antenna)
 
 
+def stamped(messages, offset_s):
+    """Messages of a receiver whose clock gives instants that are later by offset_s than they are. -> list"""
+    if not offset_s:
+        return messages
+    return [message._replace(t_valid_s=message.t_valid_s + offset_s) for message in messages]
+
+
 def _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons):
     """GpsFix of every epoch: errors and covariance by least squares. -> list"""
     pdop, cofactor, per_sigma = solve(u_e, tracked, white)
@@ -217,6 +224,29 @@ def spread(u_e, tracked, variances):
     A = np.linalg.solve(information, np.swapaxes(H, 1, 2))
     A[unsolvable] = np.nan
     return np.einsum("min,amn,mjn->amij", A[:, :3], variances, A[:, :3])
+
+
+def told(fixes, kind):
+    """GpsFix as a receiver tells them: 'full', by 'position' alone, by latitude and longitude ('horizontal').
+
+    list of GpsFix -> list
+    """
+    if kind == "full":
+        return fixes
+    nothing = {"v_ea_e": np.full(3, np.nan), "R_v_e": np.full((3, 3), np.nan)}
+    fixes = [fix._replace(**nothing) for fix in fixes]
+    return fixes if kind == "position" else [_horizontal(fix) for fix in fixes]
+
+
+def _horizontal(fix):
+    """A GpsFix of position without its height: on the ellipsoid, without a variance along the vertical."""
+    if not fix.valid:
+        return fix._replace(horizontal=True)
+    latitude, longitude, _ = wgs84.geodetic_from_ecef(fix.r_ea_e)
+    level = wgs84.dcm_en(latitude, longitude)[:, :2]
+    R_r_e = level @ (level.T @ fix.R_r_e @ level) @ level.T
+    foot = wgs84.ecef_from_geodetic(latitude, longitude, 0.0)
+    return fix._replace(r_ea_e=foot, R_r_e=R_r_e, horizontal=True)
 
 
 def outage_reasons(outages, events, t_s, fractions):

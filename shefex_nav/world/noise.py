@@ -15,6 +15,8 @@ STREAMS = {
     "gps_errors": 7,  # of ranges, as far as they last; receiver clock, reacquisition
     "faults": 8,  # wrong star fixes
     "sightings": 9,  # what a star tracker finds in pictures that are not drawn
+    "barometer": 10,
+    "magnetometer": 11,
 }
 
 

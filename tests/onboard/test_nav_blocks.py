@@ -48,6 +48,8 @@ STEPS = {
     "clock": 1.0,
     "gps_latency": 1e-4,
     "range_bias": 1.0,
+    "baro_bias": 1.0,
+    "baro_scale": 1e-3,
 }
 RNG = np.random.default_rng(11)  # anew in each test: conftest.own_numbers
 BLOCKS, STATES = fly(0.3)

@@ -5,10 +5,17 @@ import pytest
 from navigation_flight import DEG, DT, EARTH, PARAMS, Q_0, R_0, V_0, alignment
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import error_model, fusion, integrity_imu, integrity_watch, prediction
+from shefex_nav.onboard.navigation import (
+    error_model,
+    eskf,
+    fusion,
+    integrity_imu,
+    integrity_watch,
+    prediction,
+)
 from shefex_nav.onboard.navigation.state import ATT, VEL, NavState, initial, layout, pack
 from shefex_nav.onboard.navigation.strapdown import ImuWindow
-from shefex_nav.onboard.navigation.unknown_attitude import LARGE2, UNKNOWN2
+from shefex_nav.onboard.navigation.unknown_attitude import LARGE2, UNKNOWN2, believed
 from shefex_nav.records import ImuBlock
 
 RANGE = 4.0  # rad/s, of the gyros
@@ -131,3 +138,52 @@ def test_an_angle_is_known_modulo_a_turn_and_its_ties_are_cut():
     assert after[ATT.start, ATT.start] == UNKNOWN2
     assert not np.delete(after[ATT.start], ATT.start).any()
     assert is_covariance(after)
+
+
+def test_a_missed_roll_loses_the_direction_of_what_is_wrong_across():
+    """Truth: a leaning of which the direction is known, and any roll. Its three angles have no direction."""
+    rng, sigma = np.random.default_rng(7), np.array([0.2, 0.02])
+    P = covariance_with(0.01)
+    P[ATT, ATT] = np.diag([100.0, *sigma**2])
+    after = predicted(P, 0.01, np.zeros(3))[ATT, ATT]
+    assert after[1, 1] == after[2, 2] and after[1, 2] == 0.0
+    errors = []
+    for lean in sigma * rng.standard_normal((2000, 2)):
+        roll = rng.uniform(-np.pi, np.pi)
+        leant = rotation.quat_from_rotvec(np.array([0.0, *lean]))
+        turned = rotation.quat_from_rotvec(np.array([roll, 0.0, 0.0]))
+        errors.append(rotation.rotvec_from_quat(rotation.quat_multiply(leant, turned)))
+    nees = (np.array(errors)[:, 1:] ** 2 / np.diag(after)[1:]).sum(axis=1)
+    assert nees.mean() < 2.0
+    assert (np.array(errors)[:, 2] ** 2).mean() > 10.0 * sigma[1] ** 2  # what the weaker axis was believed
+
+
+def updated(P, z, share):
+    """Estimated attitude and covariance after one exact look at how far the body is rolled."""
+    H = np.zeros((1, ORDER.n))
+    H[0, ATT.start] = 1.0
+    P_after = np.empty_like(P)
+    engine, x = eskf.engine(ORDER), pack(START)
+    dx, _ = eskf.update_packed(engine, ORDER, P, np.array([z]), H, np.array([[1e-6]]), x, P_after, share)
+    return dx[ATT.start], P_after
+
+
+@pytest.mark.parametrize("sigma", [0.1, 0.5, 1.0, 1.8])
+def test_the_sine_of_an_angle_says_less_than_the_angle(sigma):
+    """Truth: an angle is drawn, its sine is seen. The error of the estimate stays within its sigma."""
+    P, rng = covariance_with(sigma), np.random.default_rng(8)
+    share, left = believed(P), []
+    for theta in sigma * rng.standard_normal(300):
+        estimate, after = updated(P, np.sin(theta), share)
+        left.append(theta - estimate)
+    assert np.mean(np.square(left)) < 1.2 * after[ATT.start, ATT.start] + 1e-5
+    assert np.linalg.eigvalsh(after).min() > -1e-9
+    assert after[ATT.start, ATT.start] == pytest.approx(sigma**2 * (1.0 - np.exp(-(sigma**2))), rel=0.02)
+
+
+def test_what_is_known_takes_all_of_a_correction():
+    assert believed(covariance_with(0.9 * np.sqrt(LARGE2))) is None
+    P = covariance_with(0.3)
+    whole, after = updated(P, 0.1, None)
+    same, after_ones = updated(P, 0.1, np.ones(3))
+    assert whole == same and np.array_equal(after, after_ones)

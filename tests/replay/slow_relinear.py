@@ -104,7 +104,7 @@ def turn_of(layout, d):
 def origin(nav, first, e):
     """Packed nominal values that are better by e than a Tick, and the errors about them as it knew them.
 
-    fusion.Filter, history.Tick, (n,) -> (93,), Filtered
+    fusion.Filter, history.Tick, (n,) -> (X,), Filtered
     """
     G = turn_of(nav.layout, e)
     return corrected(first.x, e, nav.layout.nominal), Filtered(-G @ e, G @ first.P @ G.T)

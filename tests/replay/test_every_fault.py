@@ -35,6 +35,7 @@ FAULTS = {
     "freeze": ("gps", "time: stands"),
     "jump": ("gps", "position: [300 m, 0 m, 0 m]"),
     "drift": ("gps", "rate: [2 m/s, 0 m/s, 0 m/s], velocity_too: true"),
+    "delay": ("gps", "by: 0.3 s, time: late"),
     "bias": ("star_tracker", "angles: [0.1 deg, 0 deg, 0.2 deg]"),
     "wrong_fixes": ("star_tracker", "every: 2, smallest: 0.5 deg, largest: 180 deg"),
     "blinded": ("star_tracker", ""),

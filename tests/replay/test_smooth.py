@@ -12,7 +12,7 @@ from shefex_nav.onboard.navigation import integrity_imu
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import SENSORS
-from shefex_nav.onboard.navigation.state import unpack
+from shefex_nav.onboard.navigation.state import N_NOMINAL, unpack
 from shefex_nav.records import Phase
 from shefex_nav.replay import compare, final_pass, relinear, rerun, smooth, smoother
 from shefex_nav.report import metrics
@@ -265,7 +265,7 @@ def test_readings_at_the_end_of_their_range_are_wrong_and_those_after_them_are_n
     states = np.zeros((ticks + 1, 6), dtype=int)
     states[5:, 3], states[8:, 1] = integrity_imu.SATURATED, integrity_imu.STUCK
     rules = np.array([[np.inf, np.inf], [10.0, 100.0], [1.0, 7.0], [0.5, 50.0], [10.0, 50.0]])
-    final = final_pass.Final(numbers, increments, extra, np.zeros((ticks + 1, 93)), [()] * (ticks + 1))
+    final = final_pass.Final(numbers, increments, extra, np.zeros((ticks + 1, N_NOMINAL)), [()] * (ticks + 1))
     found = smooth.without_hedging(final, states, np.zeros(ticks, dtype=bool), rules).extra
     variance = 0.01 * found[:, 1, 0]
     assert np.isclose(variance[5] + variance[6], (50.0 * 0.02) ** 2)  # the same sign for 20 ms

@@ -6,7 +6,8 @@ import pytest
 
 from shefex_nav.scenario.load import ScenarioError, load
 
-DEFAULT = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
+SCENARIO_FOLDER = Path(__file__).parents[2] / "scenarios"
+DEFAULT = SCENARIO_FOLDER / "shefex2_andoya.yaml"
 TEXT = DEFAULT.read_text(encoding="utf-8")
 
 

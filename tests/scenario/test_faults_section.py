@@ -21,6 +21,7 @@ faults:
     - {fault: freeze, from: 1 s, until: 60 s}
     - {fault: jump, position: [300 m, 0 m, 0 m], from: 100 s, until: 110 s}
     - {fault: drift, rate: [0 m/s, 2 m/s, 0 m/s], velocity_too: true, from: 120 s, until: 140 s}
+    - {fault: delay, by: 0.3 s, time: late, from: 150 s, until: 160 s}
   star_tracker:
     - {fault: wrong_fixes, every: 10, smallest: 0.5 deg, largest: 180 deg, from: 230 s, until: 400 s}
     - {fault: bias, angles: [0.1 deg, 0 deg, 0 deg], from: 300 s, until: 400 s}
@@ -43,7 +44,8 @@ def test_faults_are_read_in_si(tmp_path):
     assert [f.error for f in imu[3:]] == pytest.approx(errors)
     assert (imu[0].sensor, imu[0].axis, imu[0].start_s, imu[0].end_s) == ("gyro", 1, 300.0, 310.0)
     assert (imu[1].sensor, imu[1].axis) == ("accelerometer", 0)
-    assert [fault.kind for fault in gps] == ["freeze", "jump", "drift"]
+    assert [fault.kind for fault in gps] == ["freeze", "jump", "drift", "delay"]
+    assert (gps[3].later_s, gps[3].stamped_late, gps[2].stamped_late) == (pytest.approx(0.3), True, False)
     assert np.array_equal(gps[1].moved_n, [300.0, 0.0, 0.0]) and gps[2].velocity_too
     assert (stars[0].every, stars[0].smallest) == (10, pytest.approx(np.radians(0.5)))
     assert stars[1].bias_c == pytest.approx([np.radians(0.1), 0.0, 0.0])
@@ -53,6 +55,8 @@ def test_faults_are_read_in_si(tmp_path):
     ("good", "bad", "field", "words"),
     [
         ("fault: freeze", "fault: @freze", "faults.gps.0.fault", "did you mean 'freeze'?"),
+        ("time: late", "time: @latee", "faults.gps.3.time", "did you mean 'late'?"),
+        ("by: 0.3 s", "by: @-0.3 s", "faults.gps.3.by", "must be greater than zero"),
         ("until: 60 s", "until: @0.5 s", "faults.gps.0.until", "0.5 s must be later than from, 1 s"),
         ("sensor: gyro", "sensor: @giro", "faults.imu.0.sensor", "choose from: gyro, accelerometer"),
         (

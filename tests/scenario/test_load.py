@@ -66,7 +66,7 @@ def test_what_the_default_leaves_out():
     given = load(DEFAULT).model_dump(exclude_unset=True)
     every = load(DEFAULT).model_dump()
     left = {path for path, _ in leaves(every)} - {path for path, _ in leaves(given)}
-    sensors = {path for path in left if path[:2] == ("navigation", "sensors")}
+    sensors = {path for path in left if path[:2] in {("navigation", "sensors"), ("navigation", "told")}}
     assert {path[-1] if isinstance(path[-1], str) else path[-2] for path in left - sensors} == {
         *("orbit", "ground", "parachute", "angle_of_attack", "damping_mach", "drag"),
         *("centre_of_mass_offset", "principal_axis_tilt", "aerodynamics", "separation"),
@@ -80,6 +80,7 @@ def test_what_the_default_leaves_out():
         *("satellite", "ionosphere", "troposphere", "multipath"),
         *("gps", "stars", "risk", "wrong_star_fix", "rejections", "duration"),  # navigation
         *("angular_acceleration", "thrust_change"),
+        *("use", "clock_offset"),  # of the IMU: an instrument; of the GPS receiver
         *("model", "sampling", "flight", "series"),  # of the star tracker's statistics, of campaigns
         *("apogee", "cold_gas", "pointing_error", "protection_at_entry"),  # that are not required
     }
@@ -252,11 +253,14 @@ def test_schema_holds_together():
     for name, block in blocks.items():
         for reference in references(block):
             assert reference.removeprefix("#/$defs/") in blocks
-            assert reference.endswith(".partial") == name.endswith(".partial")
+            # for imu: {use: NAME}, and likewise for what the computer is told
+            of_use = (name, reference) == ("Scenario", "#/$defs/Imu.partial")
+            assert reference.endswith(".partial") == name.endswith(".partial") or of_use
         assert block["additionalProperties"] is False
         optional = {"SensorOverrides", "Atmosphere", "Faults", "Integrity", "Requirements", "Campaign"}
         optional |= {"Clock", "RangeErrors", "SatelliteErrors"}  # of GPS
         optional |= {"Attitude"}  # of the requirements
+        optional |= {one for one in blocks if one.startswith("Told")}  # in place of what is true
         assert name.endswith(".partial") is not ("required" in block) or name in optional
     needed = {name for name, field in Scenario.model_fields.items() if field.is_required()}
     assert set(blocks["Scenario"]["required"]) == needed

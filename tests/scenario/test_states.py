@@ -15,15 +15,18 @@ from shefex_nav.scenario.onboard import Navigation, StateBlock
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
 
 
-def nav_params(states):
-    return params_onboard.nav_params(load(SCENARIO, [f"navigation.states=[{', '.join(states)}]"]))
+BAROMETER = "barometer={rate: 10 Hz, bias: 100 Pa, noise: 5 Pa}"
+
+
+def nav_params(states, *overrides):
+    return params_onboard.nav_params(load(SCENARIO, [f"navigation.states=[{', '.join(states)}]", *overrides]))
 
 
 def test_a_scenario_may_name_every_block_of_the_filter():
     assert get_args(StateBlock) == tuple(OPTIONAL)
     assert tuple(Navigation.model_fields["states"].default) == DEFAULT_STATES
     states = tuple(OPTIONAL)[1:]
-    params = nav_params(states)
+    params = nav_params(states, BAROMETER)
     assert params.states == states
     for name in states:
         sigma = params.sigma_blocks[name]
@@ -87,4 +90,4 @@ def test_missions_that_feel_their_weight_for_minutes_estimate_what_goes_with_it(
         if scenario.ground is not None or scenario.vehicle.parachute is not None:
             found.append(path.stem)
             assert {"gyro_g_sensitivity", "accel_misalignment"} <= set(scenario.navigation.states), path.stem
-    assert found == ["night_sky", "rexus_like"]
+    assert found == ["baro_2d_gps", "night_sky", "rexus_like"]

@@ -89,6 +89,17 @@ def test_a_frozen_receiver_repeats_its_last_valid_fix():
     assert stands[4].t_valid_s == 1.0 and stands[4].t_available_s == 4.2
 
 
+def test_a_delayed_receiver_says_the_same_later():
+    fixes = [gps_fix(float(t), valid=t != 4) for t in range(8)]
+    right = faults.gps((faults.GpsFault("delay", 3.0, 6.0, later_s=0.5),), fixes)
+    late = faults.gps((faults.GpsFault("delay", 3.0, 6.0, later_s=0.5, stamped_late=True),), fixes)
+    for t, fix in enumerate(fixes):
+        later_s = 0.5 if t in (3, 4, 5) else 0.0
+        assert right[t].t_available_s == late[t].t_available_s == fix.t_available_s + later_s
+        assert (right[t].t_valid_s, late[t].t_valid_s) == (t, t + later_s)
+        assert right[t].r_ea_e is late[t].r_ea_e is fix.r_ea_e and right[t].valid == fix.valid
+
+
 def test_jump_and_drift_are_along_north_east_down():
     fixes = [gps_fix(float(t)) for t in range(8)]
     moved = np.array([30.0, -40.0, 5.0])

@@ -2,9 +2,9 @@
 
 Three things show it. **Innovations** of the velocity that are too large and hang together, or keep their sign
 (`integrity_windows`): the noise of the IMU. **Resets**: a sensor that was believed after it had contradicted
-the filter, and contradicts it again within `LOOP_S`: then it is not the sensor. **Rest**: for 10 s the vehicle
-stands still, and the readings of a triad scatter more than its noise (`at_rest`). Innovations that are too
-large and white are the noise of the sensor itself.
+the filter, and contradicts it again within `LOOP_S`: then it is not the sensor. **Rest**: the vehicle
+stands still, and its readings scatter more than they should (`at_rest`). Innovations that are too large and
+white are the noise of the sensor itself.
 
 What follows is said, logged, and bounded by `MOST`: from that tick on the noise of the IMU counts `imu` times
 (a row of `error_model.record`, which the smoother gets, too), the covariance of attitude and biases grows as
@@ -28,6 +28,7 @@ from shefex_nav.onboard.navigation.state import ATT, N_CORE
 from shefex_nav.records import NavHealth
 
 RATES = ("gps_velocity", "gps_range_rate")  # what the inertial sensors are held against
+JUDGED = ("gps_position", *RATES)
 WATCHED = ("gps_position", "gps_velocity")  # sensors whose windows are kept: one fix, three numbers
 MOST = 16.0  # largest factor of a standard deviation
 LOOP_S = 60.0  # [E] two resets of a sensor within it are one too many
@@ -80,7 +81,7 @@ def weigh(nav, now, z, H, R, S, nis, measurement, verdict):
     noise, name = nav.noise, measurement.sensor
     if noise.share is not None:
         _learn(nav, now, z, H, S, name, verdict.fate)
-    if nav.watch.imu_blind or verdict.fate in (Fate.HELD, Fate.DOUBTED):
+    if name not in JUDGED or nav.watch.imu_blind or verdict.fate in (Fate.HELD, Fate.DOUBTED):
         return verdict
     whitened = np.linalg.solve(np.linalg.cholesky(S), z)
     noise.recent.setdefault(name, deque(maxlen=RECENT)).append(whitened)
@@ -107,15 +108,15 @@ def _second_reset(nav, now, name, verdict):
         if noise.share is None:  # while the IMU is in doubt no sensor is
             _count_sensor(nav, name, noise.of_sensor(name) * float(np.sqrt(np.mean(np.square(recent)))))
         return verdict
-    if not (name in RATES or _alone(nav, name)):
+    if not (name in RATES or _alone(nav)):
         return verdict
     noise.resets.pop(name)
     return _widen(nav, now, float(np.clip(largest, STEP, MOST)), verdict, "second reset")
 
 
-def _alone(nav, name):
-    """Whether a GPS position or range speaks for the velocity too: no velocity says otherwise."""
-    return name.startswith("gps") and not integrity_watch.jumped(nav.health)
+def _alone(nav):
+    """Whether a GPS position speaks for the velocity too: no velocity says otherwise."""
+    return not integrity_watch.jumped(nav.health)
 
 
 def _windows(nav, now, whitened, R, S, name, verdict):
@@ -202,7 +203,7 @@ def _learn(nav, now, z, H, S, name, fate):
     if number < share.number:
         return
     if fate == Fate.USED:
-        if name in RATES or _alone(nav, name):
+        if name in RATES or (name in JUDGED and _alone(nav)):
             share.innovation(z, H, S)
         share.corrected(now.P, H, S)
     found = share.estimate()

@@ -17,6 +17,8 @@ OPTIONAL = {  # blocks and their sizes, in the order of the errors; what drives 
     "clock": 2,  # of the GPS receiver, ahead of GPS time: bias [m], drift [m/s]
     "gps_latency": 1,  # a fix belongs to an instant so much before its t_valid_s [s]
     "range_bias": 32,  # range errors that last, of satellites 1 to 32, first-order Gauss-Markov [m]
+    "baro_bias": 2,  # of the barometer [Pa], random walk; how much higher the day's pressures lie [m]
+    "baro_scale": 6,  # of the layers of `measure_barometer`: warmer than the standard, by its temperature [-]
 }
 DEFAULT_STATES = ("gyro_roll_column", "mounting")
 CONTAINED = {"gyro_roll_column": ("gyro_scale", "gyro_misalignment")}  # its errors are errors of those, too

@@ -101,7 +101,7 @@ def correct_increments(x, increments, duration_s):
 
 @kernel
 def shaken(x, vibration):
-    """The packed values with the accelerometer bias as it is under a level of vibration. (93,), float"""
+    """The packed values with the accelerometer bias as it is under a level of vibration. (X,), float"""
     out = x.copy()
     for i in range(3):
         out[X_BA + i] += vibration**2 * x[X_RECTIFIED + i]

@@ -80,7 +80,7 @@ def normalised(S, z):
     return total
 
 
-def update_packed(kalman, layout, P, z, H, R, x, P_after):
+def update_packed(kalman, layout, P, z, H, R, x, P_after, share=None):
     """Nominal state and covariance after a measurement.
 
     After the estimated error is taken into the nominal state, the attitude error refers to new body axes:
@@ -92,8 +92,10 @@ def update_packed(kalman, layout, P, z, H, R, x, P_after):
     layout : Layout
     P : (n, n)
     z, H, R : (m,), (m, n), (m, m)
-    x : (93,) packed nominal values, changed in place
+    x : (X,) packed nominal values, changed in place
     P_after : (n, n) is written
+    share : (3,) of the estimated error of the attitude that is taken, None: all of it. The covariance is
+        that of the gain which is left (Brink, JGCD 40 (2017), partial update)
 
     Returns
     -------
@@ -103,8 +105,13 @@ def update_packed(kalman, layout, P, z, H, R, x, P_after):
     kalman.P = P
     kalman.x = kalman.no_error
     kalman.update(z.reshape(-1, 1), R=R, H=H)
-    dx, G = kalman.x[:, 0], np.empty((3, 3))
-    _take_in(x, dx, layout.nominal, kalman.P, P_after, G)
+    dx, G, updated = kalman.x[:, 0], np.empty((3, 3)), kalman.P
+    if share is not None:
+        dx[ATT] *= share
+        left, spare = np.zeros(len(dx)), np.zeros(len(dx))
+        left[ATT], spare[ATT] = 1.0 - share, np.sqrt(2.0 * share * (1.0 - share))
+        updated = updated + (np.outer(left, left) + np.outer(spare, spare)) * (P - updated)
+    _take_in(x, dx, layout.nominal, updated, P_after, G)
     return dx, G
 
 

@@ -20,12 +20,14 @@ from shefex_nav.onboard.navigation import (
     error_model,
     eskf,
     gate,
+    gps_told,
     integrity,
     integrity_gps,
     integrity_protection,
     integrity_watch,
     measurements,
     prediction,
+    unknown_attitude,
 )
 from shefex_nav.onboard.navigation.history import History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
@@ -36,6 +38,7 @@ from shefex_nav.onboard.navigation.sensors import (
     Measurement,
     contents,
     straightened,
+    unfit,
     without_solution,
 )
 from shefex_nav.onboard.navigation.state import (
@@ -170,6 +173,7 @@ def fuse(nav, arrivals):
     history, results = nav.history, []
     earliest = len(history)
     for arrival, fix in arrivals:
+        fix = gps_told.understood(nav.params.gps_told, fix)
         index = history.within(fix.t_valid_s)
         names, fix = _worth_trying(nav, arrival, fix, index, results)
         if names:
@@ -189,7 +193,7 @@ def _worth_trying(nav, arrival, fix, index, results):
     Results of those that are not are added.
     """
     now_s, names = nav.history.ends_s[-1], contents(arrival, fix)
-    reason = without_solution(arrival, fix)
+    reason = without_solution(arrival, fix) or unfit(nav, names[0], index, fix)
     if reason:
         results.append(_unused(now_s, fix, names[0], reason))
         nav.watch.tell(now_s, "gps" if arrival.startswith("gps") else arrival, reason)
@@ -246,6 +250,8 @@ def _way(nav, first, last, results, recorder=None):
         nav.watch.back_to(history.number(first - 1))
     if nav.params.lasting_share:
         history.position_s = history.position_before(first)
+    if nav.params.barometer is not None:
+        history.reading_s = history.reading_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
     for index in range(first, last + 1):
         decided = []
@@ -299,7 +305,8 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     if fate == Fate.DOUBTED:
         history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)
     else:
-        dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P)
+        share = None if measurement.sensor.startswith("star") else unknown_attitude.believed(prior)
+        dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P, share)
     if measurement.sensor == "star_tracker" and (fate == Fate.RESET or dx[ATT] @ dx[ATT] > eskf.LARGE2):
         history.P[:], G = eskf.turned_back(history.P, G), np.eye(3)
     if recorder is not None:
@@ -331,7 +338,9 @@ def rows_used(nav, measurement, z, H, R):
     if measurement.rows is not None:
         used = measurement.rows
         return z[used], H[used], R[np.ix_(used, used)]
-    params, fix = nav.params, measurement.fix
+    params, fix, sensor = nav.params, measurement.fix, SENSORS[measurement.sensor]
+    if sensor.counted is not None:
+        return z, H, sensor.counted(nav, fix, R)
     if params.lasting_share and measurement.sensor == "gps_position":
         gap_s = fix.t_valid_s - nav.history.position_s
         nav.history.position_s = fix.t_valid_s

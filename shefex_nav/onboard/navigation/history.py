@@ -21,7 +21,7 @@ class Tick(NamedTuple):
     """The filter at the end of a tick."""
 
     t_s: float
-    x: np.ndarray  # (93,) packed nominal state
+    x: np.ndarray  # (X,) packed nominal state
     P: np.ndarray  # (n, n)
     imu: ImuWindow | None  # that led here; None at the start
 
@@ -37,19 +37,20 @@ class History:
     ends_s : deque of the mission times at which they end
     measurements : deque of tuples, what is valid within each, in the order of their instants
     newest : number of the last tick
-    x, P : (93,), (n, n) of the instant that has been reached: the end of the last tick, but for `fusion` on
+    x, P : (X,), (n, n) of the instant that has been reached: the end of the last tick, but for `fusion` on
         its way
     numbers : (size, 4) mission time of the end [s], s of a sample, number of samples, vibration
     increments : (size, 2 + samples, 6) of ImuWindow;  extra : (size, 2, 3) likewise
-    xs, Ps : (size, 93), (size, n, n)
+    xs, Ps : (size, X), (size, n, n)
     position_s : of the last position fix that was used before the instant that has been reached; kept where
-        position fixes have errors that last
+        position fixes have errors that last;  reading_s : likewise of the barometer
     """
 
     def __init__(self, tick):
         self.ends_s, self.measurements, self.newest = deque([tick.t_s]), deque([()]), 0
         self.x, self.P = tick.x.copy(), tick.P.copy()
         self.position_s = self._gone_position_s = -np.inf
+        self.reading_s = self._gone_reading_s = -np.inf
         samples = 0 if tick.imu is None else tick.imu.n
         self._allocate(2, samples)
         self.numbers[0] = tick.t_s, 1.0, 0, 0.0
@@ -138,15 +139,23 @@ class History:
         while len(ends_s) > 1 and ends_s[1] <= t_s:
             ends_s.popleft()
             if gone := measurements.popleft():
-                self._gone_position_s = _position_of(gone, self._gone_position_s)
+                self._gone_position_s = _last_of("gps_position", gone, self._gone_position_s)
+                self._gone_reading_s = _last_of("barometer", gone, self._gone_reading_s)
 
     def position_before(self, k):
         """Instant of the last position fix that was used before tick k begins; -inf: there was none."""
+        return self._before("gps_position", k, self._gone_position_s)
+
+    def reading_before(self, k):
+        """Likewise of a reading of the barometer."""
+        return self._before("barometer", k, self._gone_reading_s)
+
+    def _before(self, sensor, k, gone_s):
         for j in range(k - 1, -1, -1):
-            found_s = _position_of(self.measurements[j], -np.inf)
+            found_s = _last_of(sensor, self.measurements[j], -np.inf)
             if found_s > -np.inf:
                 return found_s
-        return self._gone_position_s
+        return gone_s
 
     def go_to(self, k):
         """Begin again at the end of tick k."""
@@ -167,10 +176,10 @@ class History:
         return earlier if t_s - self.ends_s[earlier] <= self.ends_s[later] - t_s else later
 
 
-def _position_of(measurements, otherwise_s):
-    """Instant of the last position fix that was used among the measurements of a tick."""
+def _last_of(sensor, measurements, otherwise_s):
+    """Instant of the last fix of a sensor that was used among the measurements of a tick."""
     for one in reversed(measurements):
-        if one.sensor == "gps_position" and one.fate in (Fate.USED, Fate.RESET):
+        if one.sensor == sensor and one.fate in (Fate.USED, Fate.RESET):
             return one.fix.t_valid_s
     return otherwise_s
 
@@ -178,7 +187,7 @@ def _position_of(measurements, otherwise_s):
 class Moment:
     """The instant that a filter on its way through its history has reached, at_s in its tick k.
 
-    x, P : (93,), (n, n), the present values of the History, not copied
+    x, P : (X,), (n, n), the present values of the History, not copied
     """
 
     def __init__(self, history, k, at_s):

@@ -34,6 +34,7 @@ import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation
+from shefex_nav.onboard.navigation.measurements import level_axes
 from shefex_nav.onboard.navigation.state import ATT, BA, VEL
 from shefex_nav.records import GpsFix, GpsRanges
 
@@ -152,7 +153,10 @@ def _rests(fix, kept, here):
         return False
     since_s = here.t_s - kept.there.t_s
     strayed = kept.there.sigma_v * since_s, 0.5 * kept.there.sigma_a * since_s**2
-    return _within(here.r_e - kept.there.r_e, fix.R_r_e, *strayed)
+    moved = here.r_e - kept.there.r_e
+    if fix.horizontal:
+        moved = level_axes(fix).T @ moved
+    return _within(moved, fix.R_r_e, *strayed)
 
 
 def _is_as_fast(fix, kept, here):
@@ -172,7 +176,7 @@ def follow(drift, z, S, limit, lasting=0.0):
     Parameters
     ----------
     drift : Drift
-    z, S : (3,), (3, 3), innovation and its covariance
+    z, S : (3,), (3, 3), innovation and its covariance; (2,), (2, 2) of a fix without height
     limit : chi-square, 3 degrees of freedom, `DRIFT_PROBABILITY`
     lasting : share of the variance of a fix that is of errors which last
 
@@ -180,6 +184,10 @@ def follow(drift, z, S, limit, lasting=0.0):
     -------
     Drift
     """
+    if len(z) < 3:  # of a fix without height: nothing is said along a third axis
+        z, full = np.append(z, 0.0), np.eye(3)
+        full[:2, :2] = S
+        S = full
     return Drift(*_follow(drift.mean, drift.variance, drift.suspected, z, S, limit, lasting))
 
 

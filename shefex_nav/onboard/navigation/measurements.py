@@ -140,6 +140,25 @@ def gps_position(fix, a):
     return fix.r_ea_e - a.r_e, a.J_r, fix.R_r_e
 
 
+def level_axes(fix):
+    """Directions north and east at the place of a GpsFix: (3, 2), frame e."""
+    latitude, longitude, _ = wgs84.geodetic_from_ecef(fix.r_ea_e)
+    return wgs84.dcm_en(latitude, longitude)[:, :2]
+
+
+def gps_horizontal(fix, a):
+    """Latitude and longitude of the antenna: z = how far north and east of the antenna the fix lies.
+
+    The fix is compared with the antenna at the height of the latter, whatever height is written in it.
+
+    fix : GpsFix, horizontal;  a : Antenna at its instant -> z (2,) m;  H (2, n);  R (2, 2) m^2
+    """
+    latitude, longitude, _ = wgs84.geodetic_from_ecef(fix.r_ea_e)
+    height, level = wgs84.geodetic_from_ecef(a.r_e)[2], level_axes(fix)
+    z_e = wgs84.ecef_from_geodetic(latitude, longitude, height) - a.r_e
+    return level.T @ z_e, level.T @ a.J_r, level.T @ fix.R_r_e @ level
+
+
 def gps_velocity(fix, a):
     """Velocity fix of the antenna, relative to the rotating Earth: z = v_ea_e(measured) - v_ea_e.
 
@@ -180,7 +199,7 @@ def star_attitude(layout, x, fix, C_bc, sigma_floor):
     Parameters
     ----------
     layout : Layout
-    x : (93,) packed nominal values at the instant of the fix
+    x : (X,) packed nominal values at the instant of the fix
     fix : StarFix with an attitude
     C_bc : (3, 3) nominal mounting
     sigma_floor : rad, each axis, added to the covariance of the fix

@@ -17,6 +17,7 @@ from shefex_nav.onboard.navigation.calibration import accel_inverse, g_sensitivi
 from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S, WEIGHTS
 from shefex_nav.onboard.navigation.state import (
     BA,
+    BARO_BIAS,
     BG,
     CLOCK,
     GRAVITY,
@@ -92,7 +93,7 @@ def travel(
     at : of Layout;  model : `error_model.record`;  C_iq ... rate : EarthRotation
     numbers, increments, extra : of a `History`, which holds tick k in place k modulo its size
     xs, Ps : likewise, written wherever the end of a tick is reached
-    x, P : (93,), (n, n) at the start; carried along, in place
+    x, P : (X,), (n, n) at the start; carried along, in place
     first, begin_s : number of the tick in which the way begins, s from its start
     last, end_s : in which it ends; np.inf: at its end
     """
@@ -210,7 +211,7 @@ def interval(
 ):
     """Strapdown and error model of a part of a tick.
 
-    Arguments of `growth`, the tuples in their fields. x (93,) is carried on in place. Of the workspace are
+    Arguments of `growth`, the tuples in their fields. x (X,) is carried on in place. Of the workspace are
     written: (9, n) first rows of Phi; (9, 9) Q of them.
 
     -> m^2/s^5, random walk of the accelerometer bias; rad, m/s, sums of the corrected increments
@@ -299,6 +300,8 @@ def carry_covariance(at, model, P, work, bias_walk, T):
         _wander(P, at[RANGE_BIAS], SIZES[RANGE_BIAS], left, model.range_bias_sigma)
     if at[GRAVITY] >= 0:
         _wander(P, at[GRAVITY], 3, np.exp(-T / FIELD_TIME_S), model.gravity_sigma)
+    if at[BARO_BIAS] >= 0:
+        P[at[BARO_BIAS], at[BARO_BIAS]] += model.baro_bias_walk**2 * T
 
 
 @inner(forceinline=True)

@@ -15,6 +15,7 @@ from shefex_nav.onboard.navigation import (
     calibration,
     integrity,
     integrity_watch,
+    measure_barometer,
     measure_ranges,
     measure_stars,
     measurements,
@@ -22,13 +23,13 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.state import POS, VEL, X_Q, ReleaseRule
-from shefex_nav.records import GpsFix, GpsRanges, Reason, StarFix
+from shefex_nav.records import BarometerReading, GpsFix, GpsRanges, Reason, StarFix
 
 BEND_SHARE = 0.2  # [E] of the bend, that it may be wrong by: not all light of a streak counts alike
 BEND_SEEN = 16.3  # of the gyros' noise in a bend, its normalised square that noise alone exceeds in 0.1 %
 MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
 
-Fix = GpsFix | GpsRanges | StarFix
+Fix = GpsFix | GpsRanges | StarFix | BarometerReading
 Agree = Callable[[integrity.Evidence, integrity.Evidence], bool]
 
 
@@ -94,6 +95,10 @@ class Sensor(NamedTuple):
     # (nav, z) -> standard deviation of the error that a reset admits in the block and those with it, if it
     # explains the contradiction without forgetting everything; None: it does not
     admits: Callable | None = None
+    # (nav, fix, R) -> the noise with which a measurement that has passed the gate counts; None: R
+    counted: Callable | None = None
+    # (nav, t_s, x, fix) -> why it is not to be used where packed values x are, '' if it may; None: always
+    unfit: Callable | None = None
 
 
 def _antenna(nav, now):
@@ -103,9 +108,10 @@ def _antenna(nav, now):
 
 
 def _gps_position(nav, now, fix):
-    z, H, R = measurements.gps_position(fix, _antenna(nav, now))
+    said = measurements.gps_horizontal if fix.horizontal else measurements.gps_position
+    z, H, R = said(fix, _antenna(nav, now))
     arm = unknown_attitude.of_arm(now.P, nav.params.l_ba_b)
-    return z, H, R + arm * np.eye(3) if arm else R
+    return z, H, R + arm * np.eye(len(z)) if arm else R
 
 
 def _gps_velocity(nav, now, fix):
@@ -216,7 +222,8 @@ def _gps_trial(nav, now, z, R, fix):
             return integrity.positions_agree(earlier, later, slack)
         return integrity.gps_fixes_agree(earlier.fix, later.fix, slack)
 
-    return Trial(nav.params.release_gps, integrity.GpsEvidence(fix, z, now.P[POS, POS].copy()), agree)
+    z_e = measurements.level_axes(fix) @ z if fix.horizontal else z
+    return Trial(nav.params.release_gps, integrity.GpsEvidence(fix, z_e, now.P[POS, POS].copy()), agree)
 
 
 def _gps_position_trial(nav, now, z, R, fix):
@@ -298,6 +305,13 @@ def _star_admits(nav, z):
     return angle if used > 1 and angle < MOVED_CAMERA else None
 
 
+def _barometer_trial(nav, now, z, R, fix):
+    """Readings that are off by the same pressure again and again are those of a new bias."""
+    model = nav.params.barometer
+    offset = measure_barometer.Offset(fix.t_valid_s, float(z[0]), model.noise)
+    return Trial(ReleaseRule(*model.release), offset, measure_barometer.offsets_agree)
+
+
 def never(nav, now, z, R, fix):
     """Trial of a sensor that is never believed against the gate."""
     return Trial(ReleaseRule(np.inf, np.inf), None, None)
@@ -338,23 +352,35 @@ SENSORS = {
     "star_vectors": Sensor(
         _star_vectors, "attitude", np.pi, _vectors_trial, rows=2, labels=_hip, alone=_vectors_alone
     ),
+    "barometer": Sensor(
+        measure_barometer.linearise,
+        "baro_bias",
+        1e4,
+        _barometer_trial,
+        reset_note="new bias",
+        counted=measure_barometer.counts,
+        unfit=measure_barometer.unfit,
+    ),
 }
 ARRIVALS = {
     "gps": ("gps_position", "gps_velocity"),
     "gps_ranges": ("gps_range", "gps_range_rate"),
     "star_tracker": ("star_tracker",),
     "star_vectors": ("star_vectors",),
+    "barometer": ("barometer",),
 }
 
 
 def gps_arrivals(params, messages):
-    """What the filter takes of GpsFix and GpsRanges: fixes if it is coupled loosely, ranges if tightly.
+    """What the filter takes of what is received: of GPS the fixes if it is coupled loosely, the ranges if
+    tightly; readings of a barometer if it has one.
 
-    NavParams, sequence of GpsFix and GpsRanges -> list of (arrival, fix)
+    NavParams, sequence of GpsFix, GpsRanges and BarometerReading -> list of (arrival, fix)
     """
-    tight = params.gps == "tight"
-    arrival = "gps_ranges" if tight else "gps"
-    return [(arrival, message) for message in messages if isinstance(message, GpsRanges) == tight]
+    arrivals = {GpsRanges: "gps_ranges"} if params.gps == "tight" else {GpsFix: "gps"}
+    if params.barometer is not None:
+        arrivals[BarometerReading] = "barometer"
+    return [(arrivals[type(one)], one) for one in messages if type(one) in arrivals]
 
 
 def star_arrivals(nav, fixes):
@@ -409,3 +435,11 @@ def without_solution(arrival, fix):
     if arrival == "star_vectors":
         return "" if len(fix.stars.hip) else "no stars by themselves"
     return f"no fix: {fix.reason}" if arrival == "gps" and not fix.valid else ""
+
+
+def unfit(nav, name, index, fix):
+    """Why a measurement is not to be used where the vehicle was in tick `index`, if any; '' if it may."""
+    judge = SENSORS[name].unfit
+    if judge is None or index is None:
+        return ""
+    return judge(nav, nav.history.ends_s[index], nav.history.xs[nav.history.place(index)], fix)

@@ -25,6 +25,8 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.blocks import DEFAULT_STATES, OPTIONAL, checked
+from shefex_nav.onboard.navigation.gps_told import NOTHING as NOTHING_TOLD
+from shefex_nav.onboard.navigation.gps_told import GpsTold
 
 POS = slice(0, 3)  # dr_i [m]
 VEL = slice(3, 6)  # dv_i [m/s]
@@ -37,7 +39,7 @@ CORE = {"position": POS, "velocity": VEL, "attitude": ATT, "gyro_bias": BG, "acc
 
 # index of a block in `Layout.at`
 ROLL_COLUMN, G_SCALE, G_MISALIGN, G_SENSE, A_SCALE, A_MISALIGN, A_RECTIFIED, GRAVITY = range(8)
-MOUNTING, LEVER, CLOCK, LATENCY, RANGE_BIAS = range(8, 13)
+MOUNTING, LEVER, CLOCK, LATENCY, RANGE_BIAS, BARO_BIAS, BARO_SCALE = range(8, 15)
 
 NOMINAL = {}  # place of every value in the packed nominal state, whether its error is estimated or not
 for _name, _size in {
@@ -45,6 +47,7 @@ for _name, _size in {
 }.items():  # fmt: skip
     _start = max((place.stop for place in NOMINAL.values()), default=0)
     NOMINAL[_name] = slice(_start, _start + _size)
+N_NOMINAL = max(place.stop for place in NOMINAL.values())  # packed values; in shapes it is written X
 # the same as constants, for kernels
 X_R, X_V, X_Q = NOMINAL["r_i"], NOMINAL["v_i"], NOMINAL["q_ib"]
 X_BG, X_BA = NOMINAL["gyro_bias"].start, NOMINAL["accel_bias"].start
@@ -54,6 +57,7 @@ X_AS, X_AM = NOMINAL["accel_scale"].start, NOMINAL["accel_misalignment"].start
 X_CLOCK, X_RANGE = NOMINAL["clock"].start, NOMINAL["range_bias"]
 X_RECTIFIED, X_GRAVITY = NOMINAL["accel_rectification"].start, NOMINAL["gravity"].start
 X_MOUNTING, X_LEVER, X_LATENCY = NOMINAL["mounting"], NOMINAL["lever_arm"], NOMINAL["gps_latency"].start
+X_BARO_BIAS, X_BARO_SCALE = NOMINAL["baro_bias"], NOMINAL["baro_scale"]
 
 
 class Layout(NamedTuple):
@@ -62,7 +66,7 @@ class Layout(NamedTuple):
     names: tuple[str, ...]  # optional blocks that are on, in the order of their errors
     n: int  # number of errors
     places: dict  # name of a block, core and optional -> slice, or None if it is off
-    at: np.ndarray  # (13,) the same for kernels: first error of each block of OPTIONAL, -1 if it is off
+    at: np.ndarray  # (15,) the same for kernels: first error of each block of OPTIONAL, -1 if it is off
     nominal: np.ndarray  # (n - 9,) place in the packed nominal state of each error behind the attitude
 
 
@@ -107,16 +111,19 @@ class NavState(NamedTuple):
     range_bias: np.ndarray = _NOTHING[32]
     accel_rectification: np.ndarray = _NOTHING[3]
     gravity: np.ndarray = _NOTHING[3]  # (3,) m/s^2, inertial axes, to be added to that of the on-board field
+    baro_bias: np.ndarray = _NOTHING[2]
+    baro_scale: np.ndarray = _NOTHING[6]
 
 
 def pack(state):
-    """The nominal values of a NavState as one array for kernels, in the order of NOMINAL: (93,)."""
+    """The nominal values of a NavState as one array for kernels, in the order of NOMINAL: (X,)."""
     return np.concatenate(
         [
             state.r_i, state.v_i, state.q_ib, state.gyro_bias, state.accel_bias, state.gyro_roll_column,
             state.gyro_scale, state.gyro_misalignment, state.gyro_g_sensitivity, state.accel_scale,
             state.accel_misalignment, state.accel_rectification, state.gravity, state.mounting,
-            state.lever_arm, state.clock, state.gps_latency, state.range_bias,
+            state.lever_arm, state.clock, state.gps_latency, state.range_bias, state.baro_bias,
+            state.baro_scale,
         ]
     )  # fmt: skip
 
@@ -125,7 +132,7 @@ _SLICES = [NOMINAL[name] for name in NavState._fields[1:]]
 
 
 def unpack(t_s, x):
-    """NavState of packed values (93,), as views of them."""
+    """NavState of packed values (X,), as views of them."""
     return NavState(t_s, *[x[place] for place in _SLICES])
 
 
@@ -195,6 +202,9 @@ class NavParams(NamedTuple):
     lasting_share: float = 0.0  # of the variance of a position fix: errors that last range_bias_time_s
     integrity: Any = None  # integrity_watch.IntegrityParams; None: nothing is expected of IMU and solution
     stars: str = "attitude"  # stars by the attitude of each frame; "vectors": each star by itself
+    gps_told: GpsTold = NOTHING_TOLD  # of the receiver, beyond what its messages say themselves
+    barometer: Any = None  # measure_barometer.BarometerModel; None: there is no barometer
+    baro_bias_walk: float = 0.0  # Pa/sqrt(s), of the first of the block baro_bias
 
 
 def initial(params, order, alignment):
@@ -227,6 +237,8 @@ def initial_covariance(params, name):
     sigma = np.asarray(params.sigma_blocks[name], dtype=float)
     if sigma.shape != (OPTIONAL[name],):
         raise ValueError(f"sigma of '{name}': {OPTIONAL[name]} values are needed, shape is {sigma.shape}")
+    if name == "baro_scale" and params.barometer is not None:
+        return params.barometer.P_scale.copy()  # layers of air that lie on each other are warm together
     return np.diag(sigma**2)
 
 
@@ -234,7 +246,7 @@ def initial_covariance(params, name):
 def corrected(x, dx, nominal):
     """Take an estimated error into packed values: truth = estimate (+) error.
 
-    (93,), (n,), Layout.nominal -> (93,)
+    (X,), (n,), Layout.nominal -> (X,)
     """
     out = x.copy()
     for i in range(3):

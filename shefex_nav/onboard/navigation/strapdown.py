@@ -131,7 +131,7 @@ def travel(x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gy
 
     Parameters
     ----------
-    x : (93,) packed nominal state at begin_s; position, velocity and attitude are written
+    x : (X,) packed nominal state at begin_s; position, velocity and attitude are written
     increments : (2 + n, 6) of an ImuWindow;  h : s, of each sample;  vibration : level
     begin_s, end_s : s from the start of the window
     g : m/s^2, three numbers, inertial axes

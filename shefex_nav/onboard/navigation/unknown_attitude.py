@@ -1,6 +1,6 @@
 """Attitude that is hardly known: what the linear error model leaves out when its errors are no small angles.
 
-Linear prediction holds for errors of the attitude up to a few degrees. Beyond, three things are put right,
+Linear prediction holds for errors of the attitude up to a few degrees. Beyond, five things are put right,
 each by more uncertainty than it may need, never by less.
 
 **An angle is known modulo a turn.** A variance of more than pi^2/3, that of an angle of which nothing is
@@ -9,7 +9,9 @@ turn they say nothing any more.
 
 **A missed roll loses the direction of the axis, too.** While the rate about an axis k is not known, as of a
 gyro at the end of its range, the rate w across is measured in a frame that turns away. The axis then moves
-by w in an unknown direction: its error grows by |w| T in a time T, in one direction, not as noise.
+by w in an unknown direction: its error grows by |w| T in a time T, in one direction, not as noise. What is
+known of one direction across better than of the other is lost: the three angles of a rotation by a and a
+small one across it are those of the small one turned by a/2.
 
 **Specific force in an unknown direction.** To second order in the error theta the velocity gains
 
@@ -19,6 +21,10 @@ of which the model has the first term. The second keeps its direction as long as
 as an error of the size s = |theta| |theta x dv|/2, never more than 2 |dv|, in the direction of the error that
 the velocity has already: sigma grows by s until a fix takes it back. The smoother is linear about the flight
 itself and needs none of this.
+
+**What a vector shows of an angle.** GPS shows how the specific force is turned: the sine of the error, not
+the error. Of a normal angle with variance s^2 the sine says exp(-s^2/2) of what the angle would say. So much
+of the correction is taken, and the covariance falls by the square of it (`believed`).
 
 **A lever arm in an unknown direction.** What GPS sees of it has a second order, too,
 theta x (theta x l)/2. It is the same in every fix, so the mean of many fixes is no better than one. It counts
@@ -49,6 +55,7 @@ def widen(P, angle, speed):
         if P[a + k, a + k] > MARGIN * UNKNOWN2:
             _cut(P, a + k)
             _lose_axis(P, k, angle)
+            _lose_direction(P, k)
 
 
 @inner
@@ -67,6 +74,12 @@ def _add_second_order(P, speed):
     size = np.sqrt(min(0.25 * trace * across, 4.0 * gained2))
     for i in range(VEL.start, VEL.stop):
         P[i, i] += size * (2.0 * np.sqrt(P[i, i]) + size)
+
+
+def believed(P):
+    """Share of what GPS says of the attitude that is taken, each axis (3,); None: all of it. P : (n, n)"""
+    variance = P[ATT, ATT].diagonal()
+    return np.exp(-0.5 * variance) if variance.max() > LARGE2 else None
 
 
 def of_arm(P, arm_b):
@@ -101,3 +114,13 @@ def _lose_axis(P, k, angle):
     for i in range(3):
         if i != k:
             P[a + i, a + i] += moved * (2.0 * np.sqrt(P[a + i, a + i]) + moved)
+
+
+@inner
+def _lose_direction(P, k):
+    """Of the two axes across axis k the one is known no better than the other. In place."""
+    i, j = ATT.start + (k + 1) % 3, ATT.start + (k + 2) % 3
+    half, tie = 0.5 * (P[i, i] - P[j, j]), P[i, j]
+    largest = 0.5 * (P[i, i] + P[j, j]) + np.sqrt(half * half + tie * tie)
+    P[i, i] = P[j, j] = largest
+    P[i, j] = P[j, i] = 0.0

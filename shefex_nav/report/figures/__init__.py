@@ -52,6 +52,11 @@ CATALOGUE = (
         "As the receiver reports; shaded where it had no fix.",
     ),
     Entry(
+        "barometer", "sensors.barometer", "sensors",
+        "Height at which the standard atmosphere has the pressure that was read. What a day adds to it "
+        "grows with height; the lower panel is scaled to what was used.",
+    ),
+    Entry(
         "sky_map", "sky.sky_map", "star tracker",
         "True direction of the boresight at each frame. On the left the whole sky, right ascension in "
         "hours, with what the exclusion angles forbid in the middle of the fixes; on the right the part"

@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from shefex_nav.environment import atmosphere
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.report.figures import style
+from shefex_nav.report.track import earth_fixed
 
 
 @style.styled
@@ -79,5 +81,36 @@ def gps(data):
                 start, start + length, color=style.ORANGE, alpha=0.3, lw=0, label="no fix" if first else None
             )
             first = False
+    style.legend_above(rows[0, 0])
+    return figure
+
+
+@style.styled
+def barometer(data):
+    """Pressure altitude of the readings, and how far it is from the true height; which readings were used.
+
+    RunData -> Figure; None without a barometer. Without truth the height is that of the solution.
+    """
+    said = data.barometer
+    if not len(said.t_valid_s):
+        return None
+    height = atmosphere.pressure_height(said.pressure)
+    used_s = [gate.t_valid_s for gate in data.gates if gate.sensor == "barometer" and gate.accepted]
+    used = np.isin(said.t_valid_s, used_s)
+    flown = data.truth if len(data.truth.t_s) else data.nav
+    at_s, true = flown.t_s, earth_fixed(data.mission.earth, flown).height
+    off = height - np.interp(said.t_valid_s, at_s, true, left=np.nan, right=np.nan)
+    whose = "true height" if len(data.truth.t_s) else "height of the solution"
+    figure, rows = style.panels(data, 2, f"Barometer: pressure altitude against the {whose}", height=1.9)
+    style.curve(rows[0, 0], at_s, 1e-3 * true, color=style.BLACK, lw=0.9, label=whose)
+    for chosen, colour, name in ((used, style.BLUE, "used"), (~used, style.ORANGE, "not used")):
+        if chosen.any():
+            style.dots(rows[0, 0], said.t_valid_s[chosen], 1e-3 * height[chosen], color=colour, label=name)
+            style.dots(rows[1, 0], said.t_valid_s[chosen], off[chosen], color=colour)
+    rows[0, 0].set_ylabel("pressure\naltitude [km]")
+    rows[1, 0].set_ylabel("less height\n[m]")
+    known = np.abs(off[used & np.isfinite(off)])
+    if len(known):
+        rows[1, 0].set_ylim(*(1.3 * np.array([-1.0, 1.0]) * max(float(known.max()), 1.0)))
     style.legend_above(rows[0, 0])
     return figure

@@ -86,6 +86,7 @@ class Content(NamedTuple):
     control: bool
     covariance: bool
     protection: bool
+    barometer: bool = False
 
 
 def content(data, pictures):
@@ -100,6 +101,7 @@ def content(data, pictures):
         bool(len(data.control.t_s)),
         bool(len(data.covariance.t_s)),
         bool(np.isfinite(data.nav.protection_b).any()),
+        bool(len(data.barometer.t_valid_s)),
     )
 
 
@@ -216,6 +218,8 @@ def _sensors(data, seen, has):
             views.append(_plot(data, f"plots/imu/{entity}", title, legend="RightTop"))
     if has.gps:
         views.append(_plot(data, "plots/gps", "GPS: satellites, dilution of precision", legend="LeftTop"))
+    if has.barometer:
+        views.append(_plot(data, "plots/barometer", "Pressure altitude [km]", legend="LeftTop"))
     if has.gps or has.stars:
         views.append(
             _plot(data, "plots/age", "Age of a measurement when it is there [ms]", legend="LeftBottom")

@@ -22,6 +22,7 @@ _SENSORS = {  # colour of what it accepted
     "gps_position": BLUE,
     "gps_velocity": VIOLET,
     "star_tracker": GREEN,
+    "barometer": GREY,
 }
 
 

@@ -1,7 +1,8 @@
-"""What the viewer shows of IMU and GPS: rates, specific force, vibration, satellites, how old data are."""
+"""What the viewer shows of IMU, GPS and barometer: rates, force, vibration, satellites, how old data are."""
 
 import numpy as np
 
+from shefex_nav.environment import atmosphere
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.report.viewer import world
 from shefex_nav.report.viewer.sender import BLUE, GREEN, ORANGE, WHITE, YELLOW, plot_step
@@ -13,6 +14,7 @@ def send(sender, data):
     """Everything of one run."""
     imu(sender, data)
     gps(sender, data)
+    barometer(sender, data)
     ages(sender, data)
 
 
@@ -68,6 +70,15 @@ def gps(sender, data):
         sender.curve("plots/gps/satellites", times, [f.n_satellites for f in fixes], GREEN, "satellites used")
         pdop = [f.pdop if f.valid else np.nan for f in fixes]
         sender.curve("plots/gps/pdop", times, pdop, YELLOW, "position dilution")
+
+
+def barometer(sender, data):
+    """Pressure altitude of the readings."""
+    said = data.barometer
+    if len(said.t_valid_s):
+        step = plot_step(said.t_valid_s)
+        height = 1e-3 * atmosphere.pressure_height(said.pressure[::step])
+        sender.curve("plots/barometer/altitude", said.t_valid_s[::step], height, BLUE, "pressure altitude")
 
 
 def ages(sender, data):

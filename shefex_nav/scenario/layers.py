@@ -1,0 +1,248 @@
+"""Files that build on each other -> one tree of values, each with the place where it was written.
+
+A scenario `extends` another, whose values hold where it gives none. A section that says `use: NAME` takes the
+values of an instrument (`instruments`), in the place of what the extended file says of that; what stands
+beside `use` comes on top, and so does what a file that extends this one gives.
+"""
+
+import os
+import re
+from typing import NamedTuple
+
+from pydantic import ValidationError
+
+from shefex_nav.errors import UserError
+from shefex_nav.scenario import document, expand, instruments, messages, moved, shipped
+from shefex_nav.scenario.document import BadText, Mark, dotted
+from shefex_nav.scenario.files import Unreadable, read_text
+from shefex_nav.scenario.use import USE
+
+EXTENDS = "extends"
+
+
+class ScenarioError(UserError):
+    """A scenario that cannot be flown; `messages` are lines for the user, `file:line:col: field: what`."""
+
+    def __init__(self, found):
+        self.messages = tuple(found)
+        super().__init__("\n".join(self.messages))
+
+
+class Texts(dict):
+    """Text of each file that a scenario is made of, by its path."""
+
+    def __init__(self, texts=()):
+        super().__init__(texts)
+        self.instruments = set()  # paths of those that are instruments
+
+
+def sorted_error(found):
+    """ScenarioError of (Mark, text), in the order of the file."""
+    return ScenarioError(placed(mark, text) for mark, text in sorted(found))
+
+
+class Named(NamedTuple):
+    """What names a file: the field, and where it stands."""
+
+    mark: Mark
+    field: str
+
+    def line(self, words):
+        """Line for the user about it."""
+        return placed(self.mark, f"{self.field}: {words}")
+
+
+def placed(mark, text):
+    """Line for the user; `--set a.b` need not name its field twice."""
+    return re.sub(r"^(--set )(\S+): \2: ", r"\1\2: ", f"{mark}: {text}")
+
+
+def file_of(name, beside="", mark=None):
+    """Path of the scenario file that is meant by `name` in the folder `beside`.
+
+    mark : where `extends` says so; None: the user does
+    """
+    try:
+        return shipped.resolved(os.fspath(name), beside)
+    except Unreadable as error:
+        raise _unreadable(os.path.join(beside, name), mark and Named(mark, EXTENDS), error) from None
+
+
+def parsed(text, name):
+    """document.Document of a text that came from the file `name`."""
+    try:
+        own = document.parse(text, name)
+    except BadText as error:
+        raise ScenarioError([f"{error.args[0]}: {error.args[1]}"]) from None
+    if own.errors:
+        raise sorted_error(own.errors)
+    return own
+
+
+def extended(path, texts, chain=(), said=None, find=None):
+    """(tree, places) of the file at `path` merged over what it extends and uses.
+
+    Parameters
+    ----------
+    path : of the file
+    texts : Texts, to which those of the files are added
+    chain : real paths of the files that led here
+    said : Named, for complaints about the file; None: the user names it
+    find : as `file_of`, which it is by default: which file the name behind `extends` means
+    """
+    find = find or file_of
+    text = _read(path, said)
+    real = os.path.realpath(path)
+    if real in chain:
+        raise ScenarioError([said.line(f"'{path}' extends itself in a circle; remove one extends")])
+    own = parsed(text, path)
+    texts[path] = text
+    folder = os.path.dirname(path)
+    expand.relative_to(own.tree, folder)
+    places, tree = messages.Places(own.values[()]), {}
+    has_base, used = EXTENDS in own.tree, taken_uses(own.tree)
+    if not has_base and not used:
+        places.put((), own.keys, own.values)
+        return own.tree, places
+    if has_base:
+        base, here = own.tree.pop(EXTENDS), own.values[EXTENDS,]
+        if not isinstance(base, str) or not base:
+            raise ScenarioError(
+                [f"{here}: {EXTENDS}: expected the name of a scenario file, such as base.yaml"]
+            )
+        chain = (*chain, real)
+        tree, places = extended(find(base, folder, here), texts, chain, Named(here, EXTENDS), find)
+        places.keys[()] = places.values[()] = own.values[()]
+    for section, name in used:
+        put_instrument(tree, section, name, folder, own.values[*section, USE], places, texts)
+    merge(tree, own, (), own.tree, places)
+    in_reach = [path for path in own.removed if has_base or any(_is_below(path, one) for one, _ in used)]
+    found = [(own.keys[path], words) for path in in_reach if (words := _remove(tree, path, places))]
+    if found:
+        raise sorted_error(found)
+    return tree, places
+
+
+def taken_uses(tree):
+    """Take the keys `use` out of a tree: list of (path of the section, name)."""
+    found = []
+    for section in instruments.SECTIONS:
+        given = node(tree, section)
+        if isinstance(given, dict) and USE in given:
+            found.append((section, given.pop(USE)))
+    return found
+
+
+def node(tree, path):
+    """What stands at a path of a tree, None if there is nothing."""
+    for part in path:
+        tree = tree.get(part) if isinstance(tree, dict) else None
+    return tree
+
+
+def _is_below(path, section):
+    return len(path) > len(section) and path[: len(section)] == section
+
+
+def put_instrument(tree, section, name, folder, mark, places, texts):
+    """Put the values of an instrument into a section of a tree, in the place of what it says of them.
+
+    Parameters
+    ----------
+    tree : of the scenario; sections that are missing are made
+    section : path of the section
+    name : as given behind `use`
+    folder : in which a file of that name is looked for
+    mark : where that stands
+    places : messages.Places of the tree
+    texts : Texts, to which that of the instrument is added
+    """
+    said = Named(mark, dotted((*section, USE)))
+    values, inner = _instrument(section, name, folder, said, texts)
+    for depth in range(1, len(section) + 1):
+        path = section[:depth]
+        outer = node(tree, path[:-1])
+        if not isinstance(outer.get(path[-1]), dict):
+            outer[path[-1]] = {}
+            places.put(path, {(): mark}, {(): mark})
+    into = node(tree, section)
+    for key, value in values.items():
+        into[key] = value
+        keys, marks = (_below(one, (key,)) for one in (inner.keys, inner.values))
+        places.put((*section, key), keys, marks)
+
+
+def _instrument(section, name, folder, said, texts):
+    """Values of an instrument for a section, and the messages.Places of its file; ScenarioError of a bad one.
+
+    said : Named
+    """
+    if not isinstance(name, str) or not name:
+        known = instruments.listing(section)
+        raise ScenarioError([said.line(f"expected the name of an instrument or of its file; {known}")])
+
+    def find(other, beside, mark):
+        named = said if mark is None else Named(mark, EXTENDS)
+        try:
+            return instruments.resolved(section, other, beside)
+        except Unreadable as error:
+            raise ScenarioError([named.line(error)]) from None
+
+    path = find(name, folder, None)
+    tree, places = extended(path, texts, (), said, find)
+    texts.instruments.add(path)
+    if words := instruments.instead(section, tree):
+        raise ScenarioError([said.line(f"'{path}' {words}")])
+    model = instruments.SECTIONS[section]
+    try:
+        model.model_validate(tree)
+    except ValidationError as error:
+        raise sorted_error(messages.lines(model, error, places)) from None
+    return {key: value for key, value in tree.items() if key not in instruments.HEAD}, places
+
+
+def _read(path, said):
+    """Text of the scenario file at `path`; complaints as of `_unreadable`."""
+    try:
+        return read_text(path, "a scenario file")
+    except Unreadable as error:
+        raise _unreadable(path, said, error) from None
+
+
+def _unreadable(path, said, error):
+    """ScenarioError of an Unreadable; `said` : Named, None if the user names the file."""
+    return ScenarioError([said.line(f"'{path}' {error}") if said else f"{path}: {error}"])
+
+
+def _remove(tree, path, places):
+    """Take away what a base gives at `path`; the complaint if it gives nothing there, else None."""
+    given = node(tree, path[:-1])
+    if not isinstance(given, dict) or path[-1] not in given:
+        if said := moved.words(path):
+            return f"{dotted(path)}: {said}"
+        return f"{dotted(path)}: null takes away what the extended file gives, which is nothing; leave it out"
+    del given[path[-1]]
+    places.put(path, {}, {})
+    return None
+
+
+def merge(tree, own, path, updates, places):
+    """Put `updates` into `tree`, section by section; a list or a value replaces what was there.
+
+    tree : section at `path` of the scenario
+    own : document.Document, or what has its marks, of the updates
+    places : messages.Places of the scenario
+    """
+    for key, value in updates.items():
+        here = (*path, key)
+        if isinstance(value, dict) and isinstance(tree.get(key), dict):
+            places.keys[here], places.values[here] = own.keys[here], own.values[here]
+            merge(tree[key], own, here, value, places)
+            continue
+        tree[key] = value
+        places.put(here, _below(own.keys, here), _below(own.values, here))
+
+
+def _below(marks, path):
+    """Marks at and below a path, by their paths from there."""
+    return {known[len(path) :]: mark for known, mark in marks.items() if known[: len(path)] == path}

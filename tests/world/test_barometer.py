@@ -1,0 +1,123 @@
+"""The simulated barometer: hydrostatics of its day, lag, port, limits, and a stream of its own."""
+
+import numpy as np
+import pytest
+import synthetic_trajectory
+
+from shefex_nav.environment import atmosphere
+from shefex_nav.world import barometer, noise
+
+GOOD = barometer.BarometerParams(
+    rate=10.0,
+    latency_s=0.02,
+    bias=0.0,
+    drift=0.0,
+    drift_time_s=300.0,
+    noise=0.0,
+    lag_s=0.0,
+    quantum=0.0,
+    lowest=0.0,
+    highest=120e3,
+    port_mach=np.zeros(1),
+    port_coefficient=np.zeros(1),
+    port_error=0.0,
+    day_pressure=0.0,
+    day_temperature=0.0,
+    day_depth=8e3,
+    air=np.zeros((0, 4)),
+)
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return synthetic_trajectory.fly(end_s=30.0)
+
+
+def measured(flight, seed=1, **changes):
+    rng = noise.generator(seed, "barometer")
+    return barometer.measure(GOOD._replace(**changes), flight, synthetic_trajectory.EARTH, rng)
+
+
+def pressures(flight, **changes):
+    return np.array([one.pressure for one in measured(flight, **changes).readings])
+
+
+def height(t_s):
+    """Of the synthetic flight."""
+    burn = np.clip(t_s, 0.0, synthetic_trajectory.BURN_S)
+    return 10.0 + 25.0 * burn**2 + 50.0 * burn * np.maximum(0.0, t_s - synthetic_trajectory.BURN_S)
+
+
+def test_a_barometer_without_errors_reads_the_standard_atmosphere_ten_times_a_second(flight):
+    readings = measured(flight).readings
+    t_s = np.array([one.t_valid_s for one in readings])
+    np.testing.assert_allclose(np.diff(t_s), 0.1, atol=1e-9)
+    np.testing.assert_allclose([one.t_available_s for one in readings] - t_s, 0.02, atol=1e-12)
+    expected = [atmosphere.us76(h)[1] for h in height(t_s)]
+    np.testing.assert_allclose([one.pressure for one in readings], expected, rtol=1e-6)
+
+
+def test_the_air_of_a_warm_day_is_in_hydrostatic_balance():
+    """d ln p/dh = -g M/(R T) with the temperature of the day, T (1 + s), from where p and h are alone."""
+    params = GOOD._replace(day_pressure=800.0, day_temperature=8.0)
+    errors = barometer.draw_errors(params, noise.generator(3, "barometer"))
+    for level in (250.0, 3050.0, 9950.0, 15_050.0):  # in the middle of a step of the table
+        layer = int(level / barometer.DAY_STEP)
+        warm = errors.warmth[layer]
+        lie = level + errors.level_m + barometer.DAY_STEP * errors.warmth[:layer].sum()
+        lie += warm * (level - layer * barometer.DAY_STEP)
+        h = np.array([lie - 10.0, lie, lie + 10.0])
+        p = [atmosphere.us76(H)[1] for H in barometer.of_the_day(errors, h)]
+        _, _, temperature, _ = atmosphere.us76(level)
+        g = atmosphere.G_0 * (atmosphere.EARTH_RADIUS / (atmosphere.EARTH_RADIUS + level)) ** 2
+        scale = atmosphere.R_STAR * temperature * (1.0 + warm) / (atmosphere.M_0 * g)
+        assert np.log(p[2] / p[0]) / 20.0 == pytest.approx(-1.0 / scale, rel=2e-4)
+
+
+def test_a_day_is_as_far_from_the_standard_at_5_km_as_days_are():
+    """Published scatter of the height of the 540 hPa level: 50 to 250 m between days."""
+    params, heights = GOOD._replace(day_pressure=800.0, day_temperature=8.0), np.array([5000.0])
+    off = [
+        5000.0
+        - barometer.of_the_day(barometer.draw_errors(params, noise.generator(k, "barometer")), heights)[0]
+        for k in range(1, 400)
+    ]
+    assert 100.0 < np.std(off) < 180.0
+
+
+def test_the_lag_delays_a_steady_change_by_itself():
+    ramp = np.linspace(0.0, 100.0, 4001)
+    felt = barometer.lagged(ramp, 0.2, 1.0 / 400.0)
+    late = ramp[2000:] - 0.2 * 10.0  # 10 Pa in a second
+    np.testing.assert_allclose(felt[2000:], late, atol=1e-9)
+    assert barometer.lagged(np.full(5, 7.0), 0.2, 0.01) == pytest.approx(np.full(5, 7.0))
+
+
+def test_the_port_adds_its_part_of_the_dynamic_pressure(flight):
+    flown = flight._replace(
+        mach=np.full(len(flight.t_s), 0.9), dynamic_pressure_pa=np.full(len(flight.t_s), 3e4)
+    )
+    more = {"port_mach": np.array([0.8, 1.0]), "port_coefficient": np.array([0.0, -0.04])}
+    np.testing.assert_allclose(pressures(flown, **more) - pressures(flown), -0.02 * 3e4, atol=1e-6)
+
+
+def test_readings_stay_in_the_range_and_say_so(flight):
+    readings = measured(flight, lowest=30e3, quantum=50.0).readings
+    low = [one for one in readings if one.at_limit]
+    assert low
+    assert {one.pressure for one in low} == {30e3}
+    assert all(abs(one.pressure / 50.0 - round(one.pressure / 50.0)) < 1e-9 for one in readings)
+
+
+def test_noise_and_bias_are_as_large_as_said(flight):
+    errors = [pressures(flight, seed=k, bias=100.0, noise=5.0) - pressures(flight) for k in range(60)]
+    means = np.mean(errors, axis=1)
+    assert 75.0 < np.std(means) < 128.0  # 99.9 % of 60 draws of 100
+    scatter = np.std(errors, axis=1).mean()
+    assert scatter == pytest.approx(5.0, rel=0.05)
+
+
+def test_what_is_drawn_does_not_depend_on_the_size_of_the_errors(flight):
+    one, two = pressures(flight, noise=5.0), pressures(flight, noise=5.0, bias=100.0, drift=20.0)
+    three = pressures(flight, bias=100.0, drift=20.0)
+    np.testing.assert_allclose(one + three - pressures(flight), two, atol=1e-6)
