@@ -31,6 +31,7 @@ RATES = ("gps_velocity", "gps_range_rate")  # what the inertial sensors are held
 JUDGED = ("gps_position", *RATES)
 WATCHED = ("gps_position", "gps_velocity")  # sensors whose windows are kept: one fix, three numbers
 MOST = 16.0  # largest factor of a standard deviation
+YOUNG = 5  # [E] measurements of a sensor that were used, this one too: the filter has only begun
 LOOP_S = 60.0  # [E] two resets of a sensor within it are one too many
 STEP = 2.0  # [E] factor after an alarm that does not say how large it is
 RECENT = 10  # innovations, rejected ones too: the largest of them says how far off a loop is
@@ -95,12 +96,16 @@ def weigh(nav, now, z, H, R, S, nis, measurement, verdict):
 
 
 def _second_reset(nav, now, name, verdict):
-    """Verdict on a measurement that is believed against the filter: the second time it is the filter."""
+    """Verdict on a measurement that is believed against the filter: the second time it is the filter.
+
+    So it is the first time, if the sensor has contradicted it nearly from the start on.
+    """
     noise = nav.noise
     if verdict.admitted is not None:
         return verdict
     before, noise.resets[name] = noise.resets.get(name, -np.inf), now.t_s
-    if now.t_s - before > LOOP_S:
+    young = name in RATES and nav.health[name].used <= YOUNG
+    if now.t_s - before > LOOP_S and not young:
         return verdict
     recent = noise.recent[name]
     largest = float(np.sqrt(max(w @ w / len(w) for w in recent)))
@@ -110,8 +115,9 @@ def _second_reset(nav, now, name, verdict):
         return verdict
     if not (name in RATES or _alone(nav)):
         return verdict
-    noise.resets.pop(name)
-    return _widen(nav, now, float(np.clip(largest, STEP, MOST)), verdict, "second reset")
+    noise.resets.pop(name, None)
+    why = "contradicted from the start" if young else "second reset"
+    return _widen(nav, now, float(np.clip(largest, STEP, MOST)), verdict, why)
 
 
 def _alone(nav):

@@ -1,14 +1,14 @@
 """The noise of the IMU while the vehicle stands still: readings against what was told of them.
 
 When a GPS fix has arrived, the increments of the last spans of `SPAN_S` are summed. White noise of density
-N^2 makes N^2 SPAN_S of each, m samples that are each rounded to quanta q add m q^2/12, and the difference d of two
-sums that follow on each other knows no bias::
+N^2 makes N^2 SPAN_S of each, m samples, each rounded to quanta q, add m q^2/12, and the difference d of
+two sums that follow on each other knows no bias::
 
     sum over n differences of |d|^2 / (2 (N^2 SPAN_S + m q^2/12)) ~ chi-square, 3 n degrees of freedom
 
 nearly: neighbouring differences share a sum, and the limit is taken with two thirds of the degrees of freedom
-for that. A vehicle that shakes at rest swings and comes back, its sums do not grow with their span as those of
-noise do: the span is as long as the memory of the filter allows, and what is less than `SHAKEN` times the
+for that. A vehicle that shakes at rest swings and comes back, its sums do not grow with their span as those
+of noise do: the span is as long as the memory of the filter allows, and what is less than `SHAKEN` times the
 variance that was told is left to shaking. Rest is what GPS says: velocities of zero and positions that stay,
 all within 5 sigma of a fix, at the fix after as well: what moves the vehicle begins before the fix that
 shows it.
