@@ -34,6 +34,7 @@ MOST = 16.0  # largest factor of a standard deviation
 YOUNG = 5  # [E] measurements of a sensor that were used, this one too: the filter has only begun
 LOOP_S = 60.0  # [E] two resets of a sensor within it are one too many
 STEP = 2.0  # [E] factor after an alarm that does not say how large it is
+BOLDEST = 4.0  # [E] largest factor after innovations that have all passed the gate
 RECENT = 10  # innovations, rejected ones too: the largest of them says how far off a loop is
 SETTLING = 10  # innovations after an alarm that say nothing yet
 FEWEST, ENOUGH = 30, 100  # innovations before the factor changes, and before it is told
@@ -133,10 +134,12 @@ def _windows(nav, now, whitened, R, S, name, verdict):
     own = float(np.mean(shares))  # where it is small, innovations are white whoever makes them too large
     if noise.share is None and found.full and own > OWN_SHARE:  # while the IMU is in doubt no sensor is
         _blame(nav, name, found, own)
-    process = found.process or (found.sensor and own <= OWN_SHARE)
+    process = found.process or (found.large and (own <= OWN_SHARE or noise.share is not None))
     if not process or name not in RATES:
         return verdict
-    return _widen(nav, now, STEP, verdict, "innovations hang together")
+    growth = 1.0 + (found.excess - 1.0) / max(1.0 - own, LEAST_SHARE)
+    step = float(np.clip(np.sqrt(max(growth, 1.0)), STEP, BOLDEST))
+    return _widen(nav, now, step, verdict, "innovations are too large")
 
 
 def _widen(nav, now, step, verdict, why):

@@ -34,13 +34,14 @@ WHITE = 2.0  # sigma: they do not
 class Finding(NamedTuple):
     """What a window says of its innovations."""
 
+    large: bool  # they are too large
     process: bool  # they are too large and hang together, or all on one side
     sensor: bool  # they are too large and white
     excess: float  # mean normalised innovation squared over its degrees of freedom: 1 is right
     full: bool  # whether the longest window is
 
 
-QUIET = Finding(False, False, 1.0, False)
+QUIET = Finding(False, False, False, 1.0, False)
 
 
 def neighbours(w):
@@ -69,7 +70,7 @@ class Window:
         for n in LENGTHS:
             if len(self.kept) >= n:
                 one = self._judged(np.array(self.kept)[-n:], n == LENGTHS[-1])
-                found = one._replace(process=found.process or one.process)
+                found = one._replace(large=found.large or one.large, process=found.process or one.process)
         return found
 
     def _judged(self, w, longest):
@@ -81,7 +82,7 @@ class Window:
         large, excess = size > self._limit(n * d), size / (n * d)
         process = large and near > TOGETHER
         one_sided = run > self._limit(d) and near > TOGETHER
-        return Finding(process or one_sided, longest and large and near < WHITE, excess, longest)
+        return Finding(large, process or one_sided, longest and large and near < WHITE, excess, longest)
 
     def _limit(self, dof):
         """Chi-square limit."""
