@@ -234,7 +234,7 @@ def _refine(nav, found, factor):
         for window in noise.windows.values():
             window.forget()
     if noise.share is None:
-        _say(nav, "")
+        _say(nav, _at_rest(noise.rest))
         return
     if found.count >= ENOUGH:
         known = found.share >= TOLD_SHARE
@@ -279,9 +279,14 @@ def _rest(nav, fix):
     if rest == noise.rest:
         return
     _count(nav, noise.imu, rest)
-    words = [f"{what} about {factor:.2g} times" for what, factor in zip(("gyros", "accelerometers"), rest,
-             strict=True) if factor > 1.0]  # fmt: skip
-    _say(nav, f"{IMU} told too small: at rest {', '.join(words)}")
+    _say(nav, _at_rest(rest))
+
+
+def _at_rest(factors):
+    """What the factors at rest say, '' if they are right."""
+    named = zip(("gyros", "accelerometers"), factors, strict=True)
+    words = ", ".join(f"{what} {ABOUT} {factor:.2g} times" for what, factor in named if factor > 1.0)
+    return f"{IMU} told too small: at rest {words}" if words else ""
 
 
 def _say(nav, words):
