@@ -32,7 +32,7 @@ class Memory:
         return k % len(self.ends_s)
 
 
-def told_at_rest(factors, seed, *, quantum=0.0, swing=0.0, seconds=12, speed=0.0):
+def told_at_rest(factors, seed, *, quantum=0.0, swing=0.0, seconds=12, speed=0.0, turn=None):
     """Factors found of an IMU with so many times the noise that is told, and when."""
     rng, still = np.random.default_rng(seed), Still()
     noise = np.repeat(np.array(factors) * WALK, 3) * np.sqrt(DT)
@@ -41,13 +41,15 @@ def told_at_rest(factors, seed, *, quantum=0.0, swing=0.0, seconds=12, speed=0.0
         t = second + DT * np.arange(1, 241)
         increments = RATE * DT + noise * rng.standard_normal((240, 6))
         increments[:, 3:] += swing * np.diff(np.sin(2 * np.pi * 31.0 * np.append(0.0, t)))[:, None]
+        if turn is not None:
+            increments[:, :3] += turn(t)[:, None] * DT
         if quantum:
             increments = quantum * np.round(increments / quantum)
         fix = SimpleNamespace(
             t_valid_s=float(second), v_ea_e=np.array([speed, 0.0, 0.0]), R_v_e=0.01 * np.eye(3),
             r_ea_e=np.array([6e6 + speed * second, 0.0, 0.0]), R_r_e=4.0 * np.eye(3),
         )  # fmt: skip
-        found = still.look(Memory(second + 0.2, increments), told, fix)
+        found = still.look(Memory(second + 0.2, increments), told, fix, 1e-4)
         if found is not None:
             return found, second
     return None, None
@@ -88,3 +90,11 @@ def test_a_swing_of_the_size_of_the_noise_is_no_noise():
 
 def test_a_vehicle_that_moves_is_not_at_rest():
     assert told_at_rest((10.0, 10.0), 1, speed=3.0) == (None, None)
+
+
+def test_a_vehicle_that_turns_where_it_stands_is_not_at_rest():
+    """Fast, as on a turntable; slowly to and fro; once by a little."""
+    for seed in range(10):
+        assert told_at_rest((1.0, 1.0), seed, turn=lambda t: 0.3 + 0.0 * t) == (None, None)
+        for turn in (lambda t: 1e-3 * np.sin(0.6 * t), lambda t: 5e-3 * (np.abs(t - 4.0) < 0.1)):
+            assert told_at_rest((1.0, 1.0), seed, turn=turn)[0] == (1.0, 1.0)
