@@ -18,7 +18,7 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import fusion, prediction
+from shefex_nav.onboard.navigation import error_model, fusion, prediction
 from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
@@ -58,7 +58,7 @@ class Intervals(NamedTuple):
     tops: np.ndarray  # (m, 9, n) first rows of Phi
     jumps: np.ndarray  # (m, n) d, turned by G
     noises: np.ndarray  # (m, 9, 9) of Q
-    walks: np.ndarray  # (m,) m^2/s^5, random walk of the accelerometer bias
+    walks: np.ndarray  # (m, 2) rad^2/s^3, m^2/s^5, random walks of the biases: gyros, accelerometers
 
 
 class Kept(NamedTuple):
@@ -120,7 +120,7 @@ def origin(layout, x_0, P_0, x):
 
 def room(m, n):
     """Intervals to be written; new memory for each pass would cost more than the arithmetic."""
-    return Intervals(np.empty((m, TOP, n)), np.empty((m, n)), np.empty((m, TOP, TOP)), np.empty(m))
+    return Intervals(np.empty((m, TOP, n)), np.empty((m, n)), np.empty((m, TOP, TOP)), np.empty((m, 2)))
 
 
 def forward(nav, whole, nodes, trajectory, start, kept, intervals):
@@ -162,8 +162,7 @@ def forward(nav, whole, nodes, trajectory, start, kept, intervals):
 def _correct(nav, seen, mean, P):
     """Take a Seen into mean and P, in place. -> Update"""
     whole, one = nav.history, seen.measurement
-    sensor = SENSORS[one.sensor]
-    z, H, R = sensor.linearise(nav, Moment(whole, seen.tick, seen.at_s), one.fix)
+    z, H, R = fusion.linearised(nav, Moment(whole, seen.tick, seen.at_s), one)
     added, held, cut = None, None, ()
     if one.fate != Fate.USED:
         added, held, cut = _forgotten(nav, seen, mean, P)
@@ -252,11 +251,12 @@ def _follow(
         x[:] = xs[j]
         for i in range(3):
             x[X_GRAVITY + i] += more[j, i]
+        row = error_model.valid(model, numbers[k, 0])
         walk, _, _ = prediction.interval(
-            at, model[0], x, numbers[k, 0] - samples * h + begin_s, increments[k, : BEFORE + samples], h,
+            at, model[row], x, numbers[k, 0] - samples * h + begin_s, increments[k, : BEFORE + samples], h,
             numbers[k, 3], extra[k], begin_s, end_s, C_iq, C_re, angle_0, rate, work,
         )  # fmt: skip
-        prediction.carry_covariance(at, model[0], P, work, walk, T)
+        prediction.carry_covariance(at, model[row], P, work, walk, T)
         left = np.exp(-T / FIELD_TIME_S)
         for i in range(3):
             x[X_GRAVITY + i] = left * xs[j, X_GRAVITY + i]
@@ -268,7 +268,8 @@ def _follow(
         tops[j] = top
         noises[j] = Q
         jumps[j] = d
-        walks[j] = walk
+        walks[j, 0] = model[row].gyro_bias_walk ** 2
+        walks[j, 1] = walk
         _keep(j + 1, P, wide, whole, rows)
 
 
@@ -328,11 +329,11 @@ def _rows_turned(G, matrix, a):
 
 
 @inner
-def other_noise(at, model, walk, T, vector, out):
-    """Q times a vector, of all errors but the first nine, subtracted from out (n,)."""
+def other_noise(at, model, walks, T, vector, out):
+    """Q times a vector, of all errors but the first nine, subtracted from out (n,); walks: of Intervals."""
     for i in range(3):
-        out[BG.start + i] -= model.gyro_bias_walk**2 * T * vector[BG.start + i]
-        out[BA.start + i] -= walk * T * vector[BA.start + i]
+        out[BG.start + i] -= walks[0] * T * vector[BG.start + i]
+        out[BA.start + i] -= walks[1] * T * vector[BA.start + i]
     c = at[CLOCK]
     if c >= 0:
         white, drift = model.clock_white**2, model.clock_walk**2

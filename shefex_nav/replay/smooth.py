@@ -20,7 +20,7 @@ from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import frames
 from shefex_nav.log.run_data import RunData, RunDataBuilder
 from shefex_nav.onboard import computer
-from shefex_nav.onboard.navigation import covariance, integrity_imu, solution
+from shefex_nav.onboard.navigation import adaptation, covariance, integrity_imu, solution
 from shefex_nav.onboard.navigation.blocks import CONTAINED
 from shefex_nav.onboard.navigation.state import ATT, X_R
 from shefex_nav.onboard.navigation.strapdown import BEFORE
@@ -225,7 +225,7 @@ def backward(recording, flown, final, star_aided, progress=lambda share: None):
     -------
     NavSolution, NavCovariance of arrays
     """
-    nav = rerun.start(recording)
+    nav = adaptation.replayed(rerun.start(recording), flown.noise.schedule)
     start, whole = nav.history[0], final_pass.Whole(final, nav.history.P)
     nodes = final_pass.nodes(flown, final, nav.layout.nominal)
     intervals = relinear.room(len(nodes.ticks), nav.layout.n)

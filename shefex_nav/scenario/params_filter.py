@@ -120,6 +120,7 @@ def imu_model(scenario, **others):
         "gravity": left("gravity", navigation.gravity_error),
         "gravity_time_s": navigation.gravity_memory,
         "saturated_rate": navigation.saturated_rate,
+        "accel_quantum": accelerometer.quantum,
     }
     return ImuModel(**fields | others)
 

@@ -46,7 +46,7 @@ def test_solutions_go_on_without_a_gap_and_warn(flights):
     for run in flights:
         nav = run.data.nav
         np.testing.assert_allclose(np.diff(nav.t_s), 0.01, atol=1e-6)
-        assert nav.do_not_use[nav.t_s < 0.0].all()
+        assert nav.do_not_use_attitude[nav.t_s < 0.0].all()
         speed = np.linalg.norm(np.diff(nav.v_e, axis=0), axis=1)
         assert speed.max() < 10.0  # m/s, also where one filter takes over
 

@@ -49,6 +49,7 @@ from shefex_nav.onboard.navigation.state import (
 FIELD_TIME_S = 3000.0
 DURATION, ANGLE, SPEED = 0, 1, 4  # first of the weights of each kind
 WEIGHTS = 7
+SPARE = 8  # rows of a `record` for noise that is found to be other than told
 
 
 @inner(forceinline=True)
@@ -366,9 +367,25 @@ def process_noise(top, along, across, extra, C, T, Q):
         Q[a + i, a + i] += half * w[i]
 
 
-def record(params):
-    """Noise of NavParams for kernels: one record, which they take seven times as fast as a tuple."""
+@inner(forceinline=True)
+def valid(model, t_end_s):
+    """Row of a `record` that counts in a tick which ends at t_end_s."""
+    k = 0
+    while k + 1 < model.shape[0] and model[k + 1].from_s < t_end_s:
+        k += 1
+    return k
+
+
+def record(params, more=SPARE):
+    """Noise of NavParams for kernels: records, which they take seven times as fast as a tuple.
+
+    The first is what NavParams say; `more` rows have room for what the filter finds out (`adaptation`): a row
+    counts in the ticks that end after its `from_s`.
+    """
     others = ("clock_white", "clock_walk", "range_bias_sigma", "range_bias_time_s", "gravity_sigma")
     others = (*others, "baro_bias_walk")
-    values = params.imu._asdict() | {name: getattr(params, name) for name in others}
-    return np.array([tuple(values.values())], dtype=rows([(name, float) for name in values]))
+    values = params.imu._asdict() | {name: getattr(params, name) for name in others} | {"from_s": -np.inf}
+    one = tuple(values.values())
+    model = np.array([one] * (1 + more), dtype=rows([(name, float) for name in values]))
+    model["from_s"][1:] = np.inf
+    return model

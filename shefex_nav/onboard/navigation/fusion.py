@@ -16,6 +16,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import frames
 from shefex_nav.onboard.navigation import (
+    adaptation,
     error_model,
     eskf,
     gate,
@@ -30,9 +31,10 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.history import History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.recorded import Correction, Interval
 from shefex_nav.onboard.navigation.sensors import (
     SENSORS,
-    Fix,
+    Grown,
     Measurement,
     contents,
     straightened,
@@ -43,55 +45,17 @@ from shefex_nav.onboard.navigation.state import (
     ATT,
     Layout,
     NavParams,
-    NavState,
     initial,
     initial_covariance,
     layout,
     pack,
     unpack,
 )
-from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow
+from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.records import GateResult, Reason
 
 UNUSED = (Fate.REJECTED, Fate.HELD)
 RANK = {name: k for k, name in enumerate(SENSORS)}
-
-
-class Interval(NamedTuple):
-    """For a recorder: prediction over a tick, or over a part of it between measurements."""
-
-    t_begin_s: float
-    t_end_s: float
-    state: NavState  # at the beginning, and its covariance
-    P: np.ndarray  # (n, n)
-    Phi: np.ndarray  # (n, n)
-    Q: np.ndarray  # (n, n)
-    state_after: NavState
-    P_after: np.ndarray  # (n, n)
-    imu: ImuWindow  # of the tick
-
-
-class Correction(NamedTuple):
-    """For a recorder: one update. What is not used is not recorded, but for what it makes doubtful.
-
-    A DOUBTED measurement has no rows, and P_after is P_forgotten.
-    """
-
-    t_s: float  # of the state; the fix's, but for rounding
-    sensor: str
-    fix: Fix
-    fate: Fate  # USED, RESET or DOUBTED
-    state: NavState  # before
-    P: np.ndarray  # (n, n) before
-    P_forgotten: np.ndarray  # (n, n) the same after a reset forgot or doubt added; P where there was neither
-    z: np.ndarray  # (m,) rows used
-    H: np.ndarray  # (m, n)
-    R: np.ndarray  # (m, m)
-    dx: np.ndarray  # (n,) taken into the state
-    G: np.ndarray  # (3, 3) attitude error -> attitude error in the new body axes
-    state_after: NavState
-    P_after: np.ndarray  # (n, n)
-    cut: tuple = ()  # slices of the blocks that were forgotten with all their ties to others
 
 
 class Filter(NamedTuple):
@@ -107,9 +71,8 @@ class Filter(NamedTuple):
     health: dict  # sensor -> integrity.Health
     recorder: Callable | None
     watch: integrity_watch.Watch  # over the sensors, changes in place, too
-    judged: Callable | None = (
-        None  # of the sensor, S (m, m) and the NIS of every measurement that met the gate
-    )
+    noise: adaptation.Noise  # that is larger than told, likewise
+    judged: Callable | None = None  # of the sensor, S (m, m) and the NIS of every measurement at the gate
 
     def limit(self, dof):
         """What a normalised innovation squared may be, chi-square with so many degrees of freedom."""
@@ -147,6 +110,7 @@ def start(params, alignment, earth, recorder=None, judged=None):
         health={name: integrity.HEALTHY for name in SENSORS},
         recorder=recorder,
         watch=integrity_watch.start(params),
+        noise=adaptation.Noise(),
         judged=judged,
     )
 
@@ -175,6 +139,8 @@ def advance(nav, block, more_dv=None):
 
 def forget_old(nav):
     """Let the ticks go that are older than the history is to reach."""
+    if nav.noise.share is not None:
+        adaptation.carry(nav)
     _forget(nav, nav.history.ends_s[-1] - nav.params.history_s + SAME_S)
 
 
@@ -214,7 +180,8 @@ def fuse(nav, arrivals):
         index = history.within(fix.t_valid_s)
         names, fix = _worth_trying(nav, arrival, fix, index, results)
         if names:
-            queue = [*history.measurements[index], *(Measurement(name, fix, Fate.PENDING) for name in names)]
+            new = (Measurement(name, fix, Fate.PENDING, grown=nav.noise.of_sensor(name)) for name in names)
+            queue = [*history.measurements[index], *new]
             history.measurements[index] = tuple(sorted(queue, key=_turn))
             earliest = min(earliest, index)
     if earliest < len(history):
@@ -327,7 +294,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     """Correct the instant that has been reached, at_s in tick `index`, with a measurement. -> Measurement"""
     history, sensor, fix = nav.history, SENSORS[measurement.sensor], measurement.fix
     now = Moment(history, index, at_s)
-    z, H, R = sensor.linearise(nav, now, fix)
+    z, H, R = linearised(nav, now, measurement)
     pending, confirmed = measurement.fate == Fate.PENDING, False
     if pending:
         measurement, result, confirmed = gate.decide(nav, now, z, H, R, measurement)
@@ -355,6 +322,12 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         if confirmed:
             nav.health[measurement.sensor] = sensor.confirmed(nav, now, fix)
     return measurement
+
+
+def linearised(nav, now, measurement):
+    """z (m,), H (m, n), R (m, m) of a measurement, with the noise that its sensor was found to have."""
+    z, H, R = SENSORS[measurement.sensor].linearise(nav, now, measurement.fix)
+    return z, H, (R if measurement.grown == 1.0 else measurement.grown**2 * R)
 
 
 def rows_used(nav, measurement, z, H, R):
@@ -395,6 +368,8 @@ def forgotten(nav, P, sensor, admitted):
     """
     places, P = nav.layout.places, P.copy()
     named = [name for name in (sensor.block, *sensor.with_it) if places[name] is not None]
+    if isinstance(admitted, Grown):
+        return P * np.outer(admitted.factors, admitted.factors), ()
     if admitted is not None:
         added = admitted if isinstance(admitted, dict) else dict.fromkeys(named, np.full(3, admitted))
         for name, sigma in added.items():

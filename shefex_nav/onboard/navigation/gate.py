@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import eskf, integrity, integrity_gps, integrity_watch
+from shefex_nav.onboard.navigation import adaptation, eskf, integrity, integrity_gps, integrity_watch
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import SENSORS, Admitted
 from shefex_nav.records import GateResult, Reason
@@ -51,6 +51,8 @@ def decide(nav, now, z, H, R, measurement):
     _tell(nav, nav.history.ends_s[-1], name, Fate.USED if found else verdict.fate, verdict.note)
     if found:
         verdict = _find_again(nav, name, verdict, found, attitude[0])
+    else:
+        verdict = adaptation.weigh(nav, now, z, H, R, S, nis, measurement, verdict)
     result = _result(nav, z, S, nis, measurement, verdict)
     confirmed = not verdict.alone or (verdict.fate == Fate.RESET and sensor.confirmed is not None)
     decided = measurement._replace(fate=verdict.fate, rows=verdict.rows, admitted=verdict.admitted)

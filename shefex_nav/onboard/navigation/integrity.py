@@ -20,7 +20,7 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import rotation
 from shefex_nav.records import GpsFix, GpsRanges
 
-LONGEST_PAIR_S = 3.0  # [E] GPS fixes further apart than this are not compared
+LONGEST_PAIR_S = 10.0  # [E] GPS fixes further apart than this are not compared
 LONGEST_STAR_PAIR_S = 60.0  # [E] nor star fixes further apart than this
 
 

@@ -116,11 +116,12 @@ def _through(
         until_s = end_s if number == last and end_s < length_s else length_s
         if until_s > begin_s:
             t_s, window = numbers[k, 0] - length_s + begin_s, increments[k, : BEFORE + n]
+            row = error_model.valid(model, numbers[k, 0])
             bias_walk, angle, speed = interval(
-                at, model[0], x, t_s, window, h, numbers[k, 3], extra[k], begin_s, until_s,
+                at, model[row], x, t_s, window, h, numbers[k, 3], extra[k], begin_s, until_s,
                 C_iq, C_re, angle_0, rate, work,
             )  # fmt: skip
-            carry_covariance(at, model[0], P, work, bias_walk, until_s - begin_s)
+            carry_covariance(at, model[row], P, work, bias_walk, until_s - begin_s)
             unknown_attitude.widen(P, angle, speed)
         if until_s == length_s:
             _keep(x, P, xs[k], Ps[k])
@@ -186,8 +187,9 @@ def workspace(n):
 def _growth(at, n, model, x, t_s, increments, h, vibration, extra, begin_s, end_s, C_iq, C_re, angle_0, rate):
     """Phi and Q in full: the rows of the strapdown, and a covariance of zero carried on."""
     Phi, Q, work, T = np.eye(n), np.zeros((n, n)), workspace(n), end_s - begin_s
+    row = error_model.valid(model, t_s - begin_s + h * (increments.shape[0] - BEFORE))
     bias_walk, _, _ = interval(
-        at, model[0], x, t_s, increments, h, vibration, extra, begin_s, end_s,
+        at, model[row], x, t_s, increments, h, vibration, extra, begin_s, end_s,
         C_iq, C_re, angle_0, rate, work,
     )  # fmt: skip
     Phi[:TOP] = work[4]
@@ -199,7 +201,7 @@ def _growth(at, n, model, x, t_s, increments, h, vibration, extra, begin_s, end_
     if at[GRAVITY] >= 0:
         for i in range(at[GRAVITY], at[GRAVITY] + 3):
             Phi[i, i] = np.exp(-T / FIELD_TIME_S)
-    carry_covariance(at, model[0], Q, work, bias_walk, T)
+    carry_covariance(at, model[row], Q, work, bias_walk, T)
     return Phi, Q
 
 

@@ -32,7 +32,16 @@ MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give
 
 Fix = GpsFix | GpsRanges | StarFix | BarometerReading | MagnetometerReading
 Agree = Callable[[integrity.Evidence, integrity.Evidence], bool]
-Admitted = float | dict[str, np.ndarray]  # sigma of what is measured, or (3,) of each axis of some blocks
+
+
+class Grown(NamedTuple):
+    """A covariance that was too small all along: sigmas that grow, with their correlations."""
+
+    factors: np.ndarray  # (n,) of each error
+
+
+# sigma of what is measured, or (3,) of each axis of some blocks, or the whole covariance
+Admitted = float | dict[str, np.ndarray] | Grown
 
 
 class Measurement(NamedTuple):
@@ -43,6 +52,7 @@ class Measurement(NamedTuple):
     fate: integrity.Fate
     rows: np.ndarray | None = None  # (m,) bool, rows that are used; None: all
     admitted: Admitted | None = None  # what a reset adds; None: it forgets all of what is measured
+    grown: float = 1.0  # factor of the noise of its sensor, standard deviation
 
 
 class Trial(NamedTuple):
@@ -252,7 +262,7 @@ def _star_trial(nav, now, z, R, fix):
     P_rate = rate_covariance(nav.layout, state, now.P, *now.felt, now.vibration)
     limit = nav.limit(3)
 
-    noise = params.imu.gyro_random_walk**2 + now.imu.extra[0].max()
+    noise = (nav.noise.gyro * params.imu.gyro_random_walk) ** 2 + now.imu.extra[0].max()
 
     def agree(earlier, later):
         return integrity.star_fixes_agree(earlier, later, P_rate, limit, noise)

@@ -167,6 +167,7 @@ class ImuModel(NamedTuple):
     gravity: float  # m/s^2, what the on-board gravity model leaves out, where it is no state
     gravity_time_s: float  # for how long it acts before GPS corrects for it, while the body turns
     saturated_rate: float  # rad/s, error while a sensor is at its range
+    accel_quantum: float = 0.0  # m/s, smallest increment
 
 
 class ReleaseRule(NamedTuple):

@@ -1,0 +1,297 @@
+"""The filter concludes that its own model is at fault: noise that is larger than it was told.
+
+Three things show it. **Innovations** of the velocity that are too large and hang together, or keep their sign
+(`integrity_windows`): the noise of the IMU. **Resets**: a sensor that was believed after it had contradicted
+the filter, and contradicts it again within `LOOP_S`: then it is not the sensor. **Rest**: the vehicle
+stands still, and its readings scatter more than they should (`at_rest`). Innovations that are too large and
+white are the noise of the sensor itself.
+
+What follows is said, logged, and bounded by `MOST`: from that tick on the noise of the IMU counts `imu` times
+(a row of `error_model.record`, which the smoother gets, too), the covariance of attitude and biases grows as
+if it always had, and the share of process noise in the innovations says whether that was right
+(`integrity_share`). The factor rises at once and falls slowly. It never falls below 1: noise that is told too
+large costs accuracy, and a covariance that shrinks by what innovations say may be too small.
+
+Without an alarm nothing is touched.
+"""
+
+from collections import deque
+
+import numpy as np
+
+from shefex_nav.onboard.navigation import at_rest, error_model, integrity_watch
+from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.integrity_share import Share
+from shefex_nav.onboard.navigation.integrity_windows import WHITE, Window, neighbours
+from shefex_nav.onboard.navigation.sensors import Grown
+from shefex_nav.onboard.navigation.state import ATT, N_CORE
+from shefex_nav.records import NavHealth
+
+RATES = ("gps_velocity", "gps_range_rate")  # what the inertial sensors are held against
+JUDGED = ("gps_position", *RATES)
+WATCHED = ("gps_position", "gps_velocity")  # sensors whose windows are kept: one fix, three numbers
+MOST = 16.0  # largest factor of a standard deviation
+YOUNG = 5  # [E] measurements of a sensor that were used, this one too: the filter has only begun
+LOOP_S = 60.0  # [E] two resets of a sensor within it are one too many
+STEP = 2.0  # [E] factor after an alarm that does not say how large it is
+BOLDEST = 4.0  # [E] largest factor after innovations that have all passed the gate
+RECENT = 10  # innovations, rejected ones too: the largest of them says how far off a loop is
+SETTLING = 10  # innovations after an alarm that say nothing yet
+FEWEST, ENOUGH = 30, 100  # innovations before the factor changes, and before it is told
+LEAST_SHARE = 0.1  # [E] of process noise in the innovations, below which they do not change the factor
+TOLD_SHARE = 0.3  # of process noise in the innovations, below which the factor cannot be told
+SLOW = 0.7  # the factor falls to no less than this share of itself at a time
+OWN_SHARE = 0.6  # [E] of its own noise in the innovations of a sensor, below which they do not accuse it
+RIGHT = 1.15  # a factor below is none
+WIDEST = 1.0  # rad, most that the sigma of an angle grows to
+IMU, CANNOT, ABOUT = "IMU noise", "cannot be told by how much", "about"
+
+
+class Noise:
+    """Memory of a filter, changed in place.
+
+    imu : factor of all noise of the IMU, by innovations
+    rest : factors of the white noise of gyros and accelerometers, by readings at rest
+    sensors : {sensor: factor of its noise}
+    schedule : list of (s, imu, rest) from when on they counted
+    """
+
+    def __init__(self):
+        self.imu, self.rest, self.sensors, self.schedule = 1.0, (1.0, 1.0), {}, []
+        self.windows = {name: Window() for name in WATCHED}
+        self.by_noise = {name: deque(maxlen=60) for name in WATCHED}  # share of the sensor's noise in S
+        self.recent, self.resets, self.share = {}, {}, None
+        self.still = at_rest.Still()
+        self.told = ""  # the last remark on the IMU
+
+    @property
+    def gyro(self):
+        """Factor of the white noise of the gyros."""
+        return max(self.imu, self.rest[0])
+
+    def of_sensor(self, name):
+        """Factor of the noise of a sensor, standard deviation."""
+        return self.sensors.get(name, 1.0)
+
+
+def weigh(nav, now, z, H, R, S, nis, measurement, verdict):
+    """Verdict on a new measurement, when the filter has asked itself whether its own model is right.
+
+    nav : Filter;  now : Moment;  z, H, R, S, nis : of the measurement;  verdict : gate.Verdict of the gate
+    -> gate.Verdict, the same unless the model is found wrong
+    """
+    noise, name = nav.noise, measurement.sensor
+    if noise.share is not None:
+        _learn(nav, now, z, H, S, name, verdict.fate)
+    if name not in JUDGED or nav.watch.imu_blind or verdict.fate in (Fate.HELD, Fate.DOUBTED):
+        return verdict
+    whitened = np.linalg.solve(np.linalg.cholesky(S), z)
+    noise.recent.setdefault(name, deque(maxlen=RECENT)).append(whitened)
+    if name == "gps_velocity":
+        _rest(nav, measurement.fix)
+    if verdict.fate == Fate.RESET:
+        return _second_reset(nav, now, name, verdict)
+    if now.vibration > 0.0 or verdict.fate != Fate.USED or name not in WATCHED:
+        return verdict
+    return _windows(nav, now, whitened, R, S, name, verdict)
+
+
+def _second_reset(nav, now, name, verdict):
+    """Verdict on a measurement that is believed against the filter: the second time it is the filter.
+
+    So it is the first time, if the sensor has contradicted it nearly from the start on.
+    """
+    noise = nav.noise
+    if verdict.admitted is not None:
+        return verdict
+    before, noise.resets[name] = noise.resets.get(name, -np.inf), now.t_s
+    young = name in RATES and nav.health[name].used <= YOUNG
+    if now.t_s - before > LOOP_S and not young:
+        return verdict
+    recent = noise.recent[name]
+    largest = float(np.sqrt(max(w @ w / len(w) for w in recent)))
+    if name in WATCHED and len(recent) == RECENT and neighbours(np.array(recent)) < WHITE:
+        if noise.share is None:  # while the IMU is in doubt no sensor is
+            _count_sensor(nav, name, noise.of_sensor(name) * float(np.sqrt(np.mean(np.square(recent)))))
+        return verdict
+    if not (name in RATES or _alone(nav)):
+        return verdict
+    noise.resets.pop(name, None)
+    why = "contradicted from the start" if young else "second reset"
+    return _widen(nav, now, float(np.clip(largest, STEP, MOST)), verdict, why)
+
+
+def _alone(nav):
+    """Whether a GPS position speaks for the velocity too: no velocity says otherwise."""
+    return not integrity_watch.jumped(nav.health)
+
+
+def _windows(nav, now, whitened, R, S, name, verdict):
+    """Verdict on a measurement that was used, by the windows over the innovations of its sensor."""
+    noise = nav.noise
+    found, shares = noise.windows[name].take(whitened), noise.by_noise[name]
+    shares.append(float(np.trace(np.linalg.solve(S, R))) / len(R))
+    own = float(np.mean(shares))  # where it is small, innovations are white whoever makes them too large
+    if noise.share is None and found.full and own > OWN_SHARE:  # while the IMU is in doubt no sensor is
+        _blame(nav, name, found, own)
+    process = found.process or (found.large and (own <= OWN_SHARE or noise.share is not None))
+    if not process or name not in RATES:
+        return verdict
+    growth = 1.0 + (found.excess - 1.0) / max(1.0 - own, LEAST_SHARE)
+    step = float(np.clip(np.sqrt(max(growth, 1.0)), STEP, BOLDEST))
+    return _widen(nav, now, step, verdict, "innovations are too large")
+
+
+def _widen(nav, now, step, verdict, why):
+    """The noise of the IMU counts so many times more from here on, and so does what it has done already.
+
+    -> gate.Verdict: used after the covariance has grown, or as it was if the factor is as large as may be
+    """
+    noise, before = nav.noise, nav.noise.imu
+    for window in noise.windows.values():
+        window.forget()
+    if min(before * step, MOST) == before:
+        return verdict
+    _count(nav, min(before * step, MOST), noise.rest)
+    if noise.share is None:
+        noise.share = Share(nav.history)
+    noise.share.begin(SETTLING)
+    _say(nav, f"{IMU} told too small: counts {noise.imu:.2g} times, {CANNOT} yet")
+    factors, sigma = np.ones(nav.layout.n), np.sqrt(np.diag(now.P)[ATT])
+    factors[:N_CORE] = step
+    factors[ATT] = np.maximum(np.minimum(step, WIDEST / sigma), 1.0)
+    return verdict._replace(fate=Fate.RESET, admitted=Grown(factors), note=f"{IMU} told too small: {why}")
+
+
+def _count(nav, imu, rest):
+    """Let the noise of the IMU count so many times from the next tick on."""
+    noise, model, told, now_s = nav.noise, nav.constants[1], nav.params.imu, nav.history.ends_s[-1]
+    noise.imu, noise.rest = imu, rest
+    noise.schedule.append((now_s, imu, rest))
+    scheduled(model, told, noise.schedule, nav.history.ends_s[0])
+    nav.watch.gyros.noise[0] = (noise.gyro * told.gyro_random_walk) ** 2
+
+
+def scheduled(model, told, schedule, since_s=-np.inf):
+    """Write a schedule of factors into the rows of an `error_model.record` that counts from since_s on.
+
+    told : ImuModel;  schedule : as `Noise.schedule`
+    """
+    first = sum(from_s <= since_s for from_s, _, _ in schedule)  # the last of these counts at since_s
+    rows = [(-np.inf, *(schedule[first - 1][1:] if first else (1.0, (1.0, 1.0)))), *schedule[first:]]
+    rows = [rows[0], *rows[max(1, len(rows) - len(model) + 1) :]]
+    model["from_s"] = np.inf
+    for k, (from_s, imu, (gyro, accel)) in enumerate(rows):
+        model["from_s"][k] = from_s
+        model["gyro_random_walk"][k] = max(imu, gyro) * told.gyro_random_walk
+        model["accel_random_walk"][k] = max(imu, accel) * told.accel_random_walk
+        model["gyro_bias_walk"][k] = imu * told.gyro_bias_walk
+        model["accel_bias_walk"][k] = imu * told.accel_bias_walk
+
+
+def replayed(nav, schedule):
+    """Filter that begins, with the noise that another found on its way. Filter, `Noise.schedule` -> Filter"""
+    if not schedule:
+        return nav
+    model = error_model.record(nav.params, len(schedule))
+    scheduled(model, nav.params.imu, schedule)
+    return nav._replace(constants=(nav.constants[0], model, *nav.constants[2:]))
+
+
+def carry(nav):
+    """Before ticks are forgotten: the share of process noise, where it is followed, goes with them."""
+    nav.noise.share.carry(nav, nav.history.newest - (len(nav.history) - 1))
+
+
+def _learn(nav, now, z, H, S, name, fate):
+    """What a measurement says of the share of process noise; the factor when there are enough."""
+    noise, share, number = nav.noise, nav.noise.share, nav.history.number(now.k)
+    if fate not in (Fate.USED, Fate.RESET) or H.shape[0] == 0:
+        return
+    share.carry(nav, number)
+    if number < share.number:
+        return
+    if fate == Fate.USED:
+        if name in RATES or (name in JUDGED and _alone(nav)):
+            share.innovation(z, H, S)
+        share.corrected(now.P, H, S)
+    found = share.estimate()
+    if found is None or found.count < FEWEST:
+        return
+    best = noise.imu * np.sqrt(max(found.growth, 0.01))
+    far = found.share > LEAST_SHARE and abs(found.growth - 1.0) > 2.0 * found.sigma
+    if far or found.count >= ENOUGH:
+        _refine(nav, found, float(np.clip(best, SLOW * noise.imu, MOST)) if far else noise.imu)
+
+
+def _refine(nav, found, factor):
+    """Another factor, by enough innovations."""
+    noise, before = nav.noise, nav.noise.imu
+    if factor < RIGHT:
+        noise.share, factor = None, 1.0
+    if factor != before:
+        _count(nav, factor, noise.rest)
+        for window in noise.windows.values():
+            window.forget()
+    if noise.share is None:
+        _say(nav, _at_rest(noise.rest))
+        return
+    if found.count >= ENOUGH:
+        known = found.share >= TOLD_SHARE
+        if known or ABOUT not in noise.told:
+            _say(nav, f"{IMU} told too small: " + (f"{ABOUT} {factor:.2g} times" if known else CANNOT))
+        noise.share.fade()
+    if factor != before:
+        noise.share.begin()
+
+
+def _blame(nav, name, found, own):
+    """The noise of a sensor by its innovations: more at once, and less and less where that was too much.
+
+    found : integrity_windows.Finding;  own : share of the sensor's noise in its innovations
+    """
+    noise = nav.noise
+    before = noise.sensors.get(name, 1.0)
+    factor = before * np.sqrt(max(1.0 + (found.excess - 1.0) / own, SLOW**2))
+    factor = float(factor) if factor > RIGHT else 1.0
+    if not (found.sensor or factor < 0.5 * (1.0 + SLOW) * before):
+        return
+    _count_sensor(nav, name, factor)
+
+
+def _count_sensor(nav, name, factor):
+    """The noise of a sensor counts so many times from the next fix on."""
+    noise, factor = nav.noise, min(factor, MOST)
+    noise.sensors[name] = factor
+    noise.windows[name].forget()
+    noise.by_noise[name].clear()
+    words = f"{name.replace('_', ' ')} noise told too small: about {factor:.2g} times" if factor > 1.0 else ""
+    nav.watch.said.append(NavHealth(nav.history.ends_s[-1], f"{name} noise", not words, words))
+
+
+def _rest(nav, fix):
+    """Compare the scatter of readings at rest with the noise that was told."""
+    noise, told = nav.noise, nav.params.imu
+    rest = noise.still.look(nav.history, told, fix, nav.params.sigma_gyro_bias)
+    if rest is None:
+        return
+    rest = tuple(min(max(found, old), MOST) for found, old in zip(rest, noise.rest, strict=True))
+    if rest == noise.rest:
+        return
+    _count(nav, noise.imu, rest)
+    _say(nav, _at_rest(rest))
+
+
+def _at_rest(factors):
+    """What the factors at rest say, '' if they are right."""
+    named = zip(("gyros", "accelerometers"), factors, strict=True)
+    words = ", ".join(f"{what} {ABOUT} {factor:.2g} times" for what, factor in named if factor > 1.0)
+    return f"{IMU} told too small: at rest {words}" if words else ""
+
+
+def _say(nav, words):
+    """Let the log know what is thought of the noise of the IMU, if that has changed."""
+    noise = nav.noise
+    if words != noise.told:
+        noise.told = words
+        nav.watch.said.append(NavHealth(nav.history.ends_s[-1], "imu noise", not words, words))

@@ -1,0 +1,93 @@
+"""Windows over the innovations of a sensor: are they too large, and do they hang together?
+
+Innovations of a filter whose model is right are white and as large as it says. With w = L^-1 z, S = L L^T,
+over the last n of them, d numbers each, three statistics say what is wrong::
+
+    size        sum |w_k|^2                                ~ chi-square, n d degrees of freedom
+    run         |sum w_k|^2 / n                            ~ chi-square, d degrees of freedom
+    neighbours  sum w_k . w_(k-1) / sum |w_k|^2  times sqrt(n d)   ~ normal
+
+Too large and hanging together: what comes between two measurements, process noise, is larger than the filter
+believes, so its gain is too low and what it misses is there again in the next innovation. Too large and
+white: the noise of the measurement itself. A gain that is too high makes neighbours of opposite sign.
+A run of one sign shows where every innovation is small against its S, which an error that lasts has made
+large.
+
+R. K. Mehra, On the identification of variances and adaptive Kalman filtering, IEEE TAC 15 (1970); Bar-Shalom,
+Li, Kirubarajan, Estimation with applications to tracking and navigation (2001), section 5.4.
+
+Each statistic is tested at `CHANCE`. A flight has some 2000 innovations, two windows and two statistics that
+may raise an alarm: fewer than one alarm in 1e5 flights whose model is right.
+"""
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+LENGTHS = (20, 60)  # [E] innovations
+CHANCE = 1e-9  # of exceeding a limit, per innovation, window and statistic
+TOGETHER = 3.0  # sigma: neighbours hang together
+WHITE = 2.0  # sigma: they do not
+
+
+class Finding(NamedTuple):
+    """What a window says of its innovations."""
+
+    large: bool  # they are too large
+    process: bool  # they are too large and hang together, or all on one side
+    sensor: bool  # they are too large and white
+    excess: float  # mean normalised innovation squared over its degrees of freedom: 1 is right
+    full: bool  # whether the longest window is
+
+
+QUIET = Finding(False, False, False, 1.0, False)
+
+
+def neighbours(w):
+    """How far whitened innovations (n, d) hang together, in sigmas of white ones."""
+    return float((w[1:] * w[:-1]).sum()) / float((w * w).sum()) * np.sqrt(w.size)
+
+
+class Window:
+    """The last innovations of one sensor, changed in place.
+
+    limits : {degrees of freedom: chi-square that is exceeded with `CHANCE`}
+    """
+
+    def __init__(self):
+        self.kept = deque(maxlen=max(LENGTHS))
+        self.limits = {}
+
+    def forget(self):
+        """Begin anew: what came before was judged by another model."""
+        self.kept.clear()
+
+    def take(self, w):
+        """Take a whitened innovation (d,) in. -> Finding"""
+        self.kept.append(w)
+        found = QUIET
+        for n in LENGTHS:
+            if len(self.kept) >= n:
+                one = self._judged(np.array(self.kept)[-n:], n == LENGTHS[-1])
+                found = one._replace(large=found.large or one.large, process=found.process or one.process)
+        return found
+
+    def _judged(self, w, longest):
+        """Finding of whitened innovations (n, d); only the longest window tells white ones from others."""
+        n, d = w.shape
+        size, total = float((w * w).sum()), w.sum(axis=0)
+        run = float(total @ total) / n
+        near = neighbours(w)
+        large, excess = size > self._limit(n * d), size / (n * d)
+        process = large and near > TOGETHER
+        one_sided = run > self._limit(d) and near > TOGETHER
+        return Finding(large, process or one_sided, longest and large and near < WHITE, excess, longest)
+
+    def _limit(self, dof):
+        """Chi-square limit."""
+        if dof not in self.limits:
+            from scipy.special import chdtri
+
+            self.limits[dof] = float(chdtri(dof, CHANCE))
+        return self.limits[dof]

@@ -1,0 +1,117 @@
+"""A filter that is told too little noise of its IMU: it says so, counts more, and goes on."""
+
+import numpy as np
+import pytest
+from navigation_flight import DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix
+
+from shefex_nav.onboard.navigation import adaptation, error_model, fusion
+from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.recorded import Correction, Interval
+
+SECONDS = 75
+TRUE = MODEL._replace(
+    gyro_random_walk=3e-4, accel_random_walk=0.15, gravity=0.0, accel_scale=0.0, accel_misalignment=0.0
+)
+
+
+def flown(told, seed, recorder=None):
+    """Filter at the end, GateResult, NavHealth and position errors of a drive with noise TRUE."""
+    blocks, states = fly(SECONDS)
+    rng, nav = np.random.default_rng(seed), None
+    noise = np.repeat([TRUE.gyro_random_walk, TRUE.accel_random_walk], 3) * np.sqrt(DT)
+    params = PARAMS._replace(
+        imu=TRUE._replace(
+            gyro_random_walk=told * TRUE.gyro_random_walk, accel_random_walk=told * TRUE.accel_random_walk
+        ),
+        motors=np.zeros((0, 2)), states=(), sigma_blocks={},
+    )  # fmt: skip
+    nav = fusion.start(params, alignment(states[0]), EARTH, recorder)
+    gates, health, errors = [], [], []
+    for n, (block, state) in enumerate(zip(blocks, states[1:], strict=True), 1):
+        read = noise * rng.standard_normal((4, 6))
+        fusion.advance(
+            nav, block._replace(dtheta_b=block.dtheta_b + read[:, :3], dv_b=block.dv_b + read[:, 3:])
+        )
+        if n % 100 == 20 and n > 100:
+            fix = gps_fix(blocks, states, (n - 20) / 100.0, 0.2, rng)
+            gates += fusion.fuse(nav, [("gps", fix)])
+            health += nav.watch.changes()
+            errors.append(np.linalg.norm(nav.history.x[:3] - state.r_i))
+    fusion.finish(nav)
+    return nav, gates, health, np.array(errors)
+
+
+@pytest.fixture(scope="module")
+def wrong():
+    kept = []
+    return *flown(0.1, 1, kept.append), kept
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_noise_told_right_is_left_alone(seed):
+    nav, gates, health, _ = flown(1.0, seed)
+    assert nav.noise.imu == 1.0
+    assert not nav.noise.schedule
+    assert not [one for one in health if "noise" in one.source]
+    assert np.isinf(nav.constants[1]["from_s"][1:]).all()
+    assert not [one for one in gates if "told" in one.note]
+
+
+def test_noise_told_too_small_is_said_and_counted(wrong):
+    nav, gates, health, errors, _ = wrong
+    remarks = [one for one in health if one.source == "imu noise"]
+    assert remarks[0].reason.startswith("IMU noise told too small: counts")
+    assert not remarks[0].healthy
+    assert [one for one in gates if one.note.startswith("IMU noise told too small")]
+    assert 3.0 < nav.noise.imu <= 16.0  # ten times, and it has had a minute
+    after = [one.nis for one in gates if one.sensor == "gps_velocity" and one.t_s > nav.noise.schedule[-1][0]]
+    assert np.mean(after) < 2.0 * 3  # degrees of freedom
+    resets = [one for one in gates if one.note == "reset after timeout"]
+    assert len([one for one in resets if one.sensor == "gps_velocity"]) <= 2
+    *_, right = flown(1.0, 1)
+    late = slice(20, None)
+    assert np.sqrt((errors[late] ** 2).mean()) < 1.5 * np.sqrt((right[late] ** 2).mean())
+
+
+def test_noise_told_too_large_never_shrinks_the_covariance():
+    nav, _, health, _ = flown(5.0, 1)
+    assert nav.noise.imu == 1.0
+    assert not [one for one in health if "noise" in one.source]
+
+
+def test_a_recorder_gets_the_noise_that_counted(wrong):
+    """Q of velocity over a tick is N^2 T as it counted then; and what grew is recorded, too."""
+    nav, *_, kept = wrong
+    since_s = nav.noise.schedule[0][0]
+    whole = [one for one in kept if isinstance(one, Interval) and one.t_end_s - one.t_begin_s > 0.0099]
+    told = (0.1 * TRUE.accel_random_walk) ** 2
+    for one in whole[:: max(len(whole) // 50, 1)]:
+        factor = 1.0
+        for from_s, imu, _ in nav.noise.schedule:
+            factor = imu if one.t_end_s > from_s + 1e-9 else factor
+        assert one.Q[3, 3] / 0.01 == pytest.approx(factor**2 * told, rel=0.05)
+    assert whole[0].t_end_s < since_s < whole[-1].t_begin_s
+    grown = [one for one in kept if isinstance(one, Correction) and one.fate == Fate.RESET]
+    assert any(np.trace(one.P_forgotten) > 3.0 * np.trace(one.P) for one in grown)
+
+
+def test_the_smoother_begins_with_the_schedule(wrong):
+    nav = wrong[0]
+    fresh = fusion.start(nav.params, alignment(fly(SECONDS)[1][0]), EARTH)
+    model = adaptation.replayed(fresh, nav.noise.schedule).constants[1]
+    for from_s, imu, _ in nav.noise.schedule:
+        row = model[error_model.valid(model, from_s + 0.01)]
+        assert row["accel_random_walk"] == pytest.approx(imu * nav.params.imu.accel_random_walk)
+    assert model["accel_random_walk"][0] == nav.params.imu.accel_random_walk
+    assert adaptation.replayed(fresh, []) is fresh
+
+
+def test_rows_that_no_memory_reaches_make_room():
+    """Many factors one after the other: the model keeps those that the filter may go back to."""
+    params = PARAMS._replace(imu=TRUE)
+    model = error_model.record(params)
+    schedule = [(float(k), 1.0 + 0.1 * k, (1.0, 1.0)) for k in range(1, 40)]
+    adaptation.scheduled(model, TRUE, schedule, since_s=36.5)
+    for t_s, factor in ((36.9, 4.6), (37.5, 4.7), (39.5, 4.9)):
+        row = model[error_model.valid(model, t_s)]
+        assert row["gyro_random_walk"] == pytest.approx(factor * TRUE.gyro_random_walk)

@@ -1,0 +1,44 @@
+"""The share of process noise in innovations, and the size of that noise: a walk whose noise is known."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from shefex_nav.onboard.navigation.integrity_share import Share
+
+
+def shared(q, told_q, r, n, seed):
+    """Share of a filter of a random walk in three axes, whose process noise is told wrong."""
+    rng, P, H = np.random.default_rng(seed), 10.0 * np.eye(3), np.eye(3)
+    share = Share(SimpleNamespace(P=P, newest=0))
+    x, estimate = np.zeros(3), np.zeros(3)
+    for _ in range(n):
+        x = x + np.sqrt(q) * rng.standard_normal(3)
+        P, share.P = P + told_q * np.eye(3), share.P + told_q * np.eye(3)
+        z, S = x + np.sqrt(r) * rng.standard_normal(3) - estimate, P + r * np.eye(3)
+        share.innovation(z, H, S)
+        share.corrected(P, H, S)
+        estimate, P = estimate + P @ np.linalg.solve(S, z), P - P @ np.linalg.solve(S, P)
+    return share.estimate()
+
+
+@pytest.mark.parametrize("true", [0.25, 1.0, 9.0, 100.0])
+def test_the_growth_is_that_of_the_true_noise(true):
+    """Whatever the gain, which belongs to the noise that was told: the formula is no approximation."""
+    found = [shared(q=0.25 * true, told_q=0.25, r=1.0, n=600, seed=seed).growth for seed in range(10)]
+    assert np.mean(found) == pytest.approx(true, rel=0.1, abs=0.05)
+
+
+def test_a_hundred_innovations_tell_the_factor_within_two_where_the_share_is_a_third():
+    """Factor of the standard deviation, told 3.3 times too small; noise of half the sensor's."""
+    found = [shared(q=6.0, told_q=0.55, r=1.0, n=100, seed=seed) for seed in range(50)]
+    factors, true = np.sqrt([one.growth for one in found]), np.sqrt(6.0 / 0.55)
+    assert min(one.share for one in found) > 0.3
+    assert np.all((factors > true / 2.0) & (factors < 2.0 * true))
+
+
+def test_a_small_share_has_a_large_sigma():
+    one = shared(q=1e-4, told_q=1e-4, r=1.0, n=100, seed=1)
+    assert one.share < 0.05
+    assert one.sigma > 1.0
