@@ -103,9 +103,15 @@ def update_packed(kalman, layout, P, z, H, R, x, P_after):
     kalman.P = P
     kalman.x = kalman.no_error
     kalman.update(z.reshape(-1, 1), R=R, H=H)
-    dx, G = kalman.x[:, 0], np.empty((3, 3))
-    _take_in(x, dx, layout.nominal, kalman.P, P_after, G)
-    return dx, G
+    dx = kalman.x[:, 0]
+    return dx, take_in(x, dx, layout.nominal, kalman.P, P_after)
+
+
+def take_in(x, dx, nominal, updated, P_after):
+    """The rest of `update_packed`, once the estimated error and the updated covariance are there. -> G"""
+    G = np.empty((3, 3))
+    _take_in(x, dx, nominal, updated, P_after, G)
+    return G
 
 
 @kernel

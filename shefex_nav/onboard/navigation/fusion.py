@@ -21,10 +21,12 @@ from shefex_nav.onboard.navigation import (
     gate,
     integrity,
     integrity_gps,
+    integrity_learnt,
     integrity_protection,
     integrity_watch,
     measurements,
     prediction,
+    reset,
 )
 from shefex_nav.onboard.navigation.history import History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
@@ -42,7 +44,6 @@ from shefex_nav.onboard.navigation.state import (
     NavParams,
     NavState,
     initial,
-    initial_covariance,
     layout,
     pack,
     unpack,
@@ -105,11 +106,15 @@ class Filter(NamedTuple):
     recorder: Callable | None
     watch: integrity_watch.Watch  # over the sensors, changes in place, too
 
-    def limit(self, dof):
-        """What a normalised innovation squared may be, chi-square with so many degrees of freedom."""
-        if dof not in self.limits:
-            self.limits[dof] = integrity.chi_square_limit(self.params.gate_probability, dof)
-        return self.limits[dof]
+    def limit(self, dof, probability=None):
+        """What a normalised innovation squared may be, chi-square with so many degrees of freedom.
+
+        probability : of exceeding it; None: that of the gate
+        """
+        key = dof if probability is None else (dof, probability)
+        if key not in self.limits:
+            self.limits[key] = integrity.chi_square_limit(probability or self.params.gate_probability, dof)
+        return self.limits[key]
 
 
 def start(params, alignment, earth, recorder=None):
@@ -325,19 +330,26 @@ def _apply(nav, index, at_s, measurement, results, recorder):
             return measurement
     fate, x = measurement.fate, history.x.copy()
     before, P = None if recorder is None else now.state, history.P.copy()
-    prior, cut = (P, ()) if fate == Fate.USED else forgotten(nav, P, sensor, measurement.admitted)
+    prior, cut = reset.forgotten(nav, P, measurement)
     z, H, R = rows_used(nav, measurement, z, H, R)
     if fate == Fate.DOUBTED:
         history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)
-    else:
+    elif measurement.teaches:
         dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P)
-    if measurement.sensor == "star_tracker" and (fate == Fate.RESET or dx[ATT] @ dx[ATT] > eskf.LARGE2):
+    else:
+        dx, G = integrity_learnt.update_without(
+            integrity_learnt.places(nav.layout), nav.layout, prior, z, H, R, history.x, history.P
+        )
+    attitude_alone = fate == Fate.RESET or dx[ATT] @ dx[ATT] > eskf.LARGE2 or not measurement.teaches
+    if measurement.sensor == "star_tracker" and attitude_alone:
         history.P[:], G = eskf.turned_back(history.P, G), np.eye(3)
     if recorder is not None:
         after = now.state, history.P.copy(), cut
         recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))
     elif fate != Fate.DOUBTED:
         nav.watch.corrected(history.number(index), history.number(0), now.t_s, x, history.x)
+        if measurement.sensor in integrity_watch.VELOCITIES:
+            nav.watch.learnt.moving(now.t_s, history.x)
     if pending and fate != Fate.DOUBTED:
         _protect(nav, measurement, prior, history.P, H, R, confirmed)
         if confirmed:
@@ -378,21 +390,3 @@ def _protect(nav, measurement, P_before, P_after, H, R, confirmed):
     else:
         found = integrity_protection.slope(P_before, P_after, limit)
     watch.used_now.append(found)
-
-
-def forgotten(nav, P, sensor, admitted):
-    """Covariance in which nothing is known of what a sensor measures, or less by a sigma that is admitted.
-
-    -> (n, n), slices of the blocks whose ties to others are cut
-    """
-    places, P = nav.layout.places, P.copy()
-    named = [name for name in (sensor.block, *sensor.with_it) if places[name] is not None]
-    if admitted is not None:
-        added = admitted if isinstance(admitted, dict) else dict.fromkeys(named, np.full(3, admitted))
-        for name, sigma in added.items():
-            P[places[name], places[name]] += np.diag(sigma**2)
-        return P, ()
-    for name in named:
-        known = sensor.forgotten**2 if name == sensor.block else initial_covariance(nav.params, name)
-        P = eskf.forget(P, places[name], known)
-    return P, tuple(places[name] for name in named)

@@ -11,12 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import eskf, integrity, integrity_gps, integrity_watch
+from shefex_nav.onboard.navigation import eskf, integrity, integrity_gps, integrity_learnt, integrity_watch
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import SENSORS, Admitted
 from shefex_nav.records import GateResult, Reason
 
 ACCEPTED = (Fate.USED, Fate.RESET)
+SURPRISING = 1e-2  # [E] probability: a confirmed fix that is less likely teaches with more doubt
+EXPLAINED = 1.5  # [E] times the rate by which the stars find a gyro wrong, since it was right
 NOTES = {
     Fate.USED: "",
     Fate.REJECTED: "rejected",
@@ -33,6 +35,7 @@ class Verdict(NamedTuple):
     admitted: Admitted | None  # likewise
     note: str
     alone: bool  # whether one fix inside the gate was enough
+    doubts: dict | None = None  # likewise
 
 
 def decide(nav, now, z, H, R, measurement):
@@ -48,10 +51,17 @@ def decide(nav, now, z, H, R, measurement):
     found = _gyros_wrong(nav, now, *attitude, verdict.fate) if attitude else None
     _tell(nav, nav.history.ends_s[-1], name, Fate.USED if found else verdict.fate, verdict.note)
     if found:
-        verdict = _find_again(nav, name, verdict, found, attitude[0])
+        verdict = _find_again(nav, now, verdict, found, measurement, attitude[0])
+    elif verdict.fate == Fate.RESET:
+        verdict = _doubted(nav, now, z, name, verdict)
+    elif verdict.fate == Fate.USED and not verdict.alone and nis > nav.limit(len(z), SURPRISING):
+        verdict = verdict._replace(doubts=integrity_learnt.by_surprise(nav, now, nis / len(z)))
     result = _result(nav, z, S, nis, measurement, verdict)
     confirmed = not verdict.alone or (verdict.fate == Fate.RESET and sensor.confirmed is not None)
-    decided = measurement._replace(fate=verdict.fate, rows=verdict.rows, admitted=verdict.admitted)
+    decided = measurement._replace(
+        fate=verdict.fate, rows=verdict.rows, admitted=verdict.admitted, doubts=verdict.doubts,
+        teaches=not nav.watch.replaced,
+    )  # fmt: skip
     return decided, result, confirmed
 
 
@@ -72,14 +82,32 @@ def _verdict(nav, now, z, R, S, nis, measurement):
     return Verdict(fate, rows, admitted, note, alone)
 
 
-def _find_again(nav, name, verdict, found, z):
+def _find_again(nav, now, verdict, found, measurement, z):
     """Verdict on a star fix by which the gyros are found wrong: their bias is unknown from here on."""
+    name = measurement.sensor
     health = nav.health[name]
     counted = verdict.fate in ACCEPTED
     nav.health[name] = integrity.HEALTHY._replace(used=health.used if counted else health.used + 1)
     admitted = {"attitude": np.full(3, np.sqrt(z @ z)), "gyro_bias": found.admitted}
     note = f"{' '.join(found.axes)} wrong: bias to be found again"
-    return verdict._replace(fate=Fate.RESET, admitted=admitted, note=note)
+    angle = np.sqrt(z @ z)
+    explained = counted or angle < EXPLAINED * found.largest * (now.t_s - nav.watch.gyros.checked_s)
+    if not explained:
+        nav.watch.gyros.doubt(angle)
+    doubts = integrity_learnt.by_stars(nav, now, z, explained)
+    return verdict._replace(fate=Fate.RESET, admitted=admitted, doubts=doubts, note=note)
+
+
+def _doubted(nav, now, z, name, verdict):
+    """Verdict on a measurement that is believed at last, with what is to be doubted for it."""
+    watch = nav.watch
+    if name == "star_tracker":
+        watch.gyros.doubt(np.sqrt(z @ z))
+        return verdict._replace(doubts=integrity_learnt.by_stars(nav, now, z, verdict.admitted is not None))
+    if name in integrity_watch.VELOCITIES:
+        watch.gyros.doubt()
+        return verdict._replace(doubts=integrity_learnt.by_velocity(nav, now, z))
+    return verdict
 
 
 def _result(nav, z, S, nis, measurement, verdict):
@@ -128,6 +156,8 @@ def _gyros_wrong(nav, now, z, R, fate):
     found = watch.gyros.compare(now.t_s, now.x, now.P, z, R, now.felt_packed[3:])
     if found:
         watch.gyros_wrong(nav.history.ends_s[-1], found)
+    elif watch.gyros.checked_s == now.t_s:
+        watch.learnt.confirmed(now.t_s, now.x, now.P)
     return found
 
 

@@ -22,8 +22,9 @@ made unknown, to be found again from the stars. Short comparisons find large err
 ones: after 8 s some 6 arcsec/s with stars good to an arcsecond.
 
 What this cannot see. A wrong scale factor or misalignment while the vehicle does not turn does nothing, and
-is found when it turns. Without stars nothing is found. So a gyro that has been wrong once is not trusted
-without them: `UNCHECKED_S` after the last check the solution is not to be used, and the log says why. A star
+is found when it turns. Without stars nothing is found. So a gyro that has been wrong once, or contradicted by
+stars or GPS, is not trusted without them: `UNCHECKED_S` after the last check the solution is not to be used,
+and the log says why. A star
 tracker whose fixes all turn away at one steady rate cannot be told from a gyro.
 """
 
@@ -47,7 +48,7 @@ SLACK = 0.12  # [E] of D by which the middle may be off: axes that have turned m
 CONFIRMATIONS = 3  # comparisons that must agree
 WITHIN_S = 1.0  # [E] and within how long
 SIGNIFICANT = 4.0  # sigma of the rate error of an axis that is blamed
-UNCHECKED_S = 10.0  # [E] for how long a gyro that was wrong once is trusted without stars
+UNCHECKED_S = 1.0  # [E] for how long a gyro that was wrong once is trusted without stars: it may be turning
 ROWS = 256  # fixes that are remembered at most; half of them go when they are full
 T, Q_E, R_I, PATH, P_BG, Q_IB, PUSH = 0, slice(1, 5), slice(5, 14), 14, slice(15, 24), slice(24, 28), 28
 WIDTH = 29
@@ -67,6 +68,11 @@ class Finding(NamedTuple):
         """Standard deviation that the bias gets on top: (3,) rad/s, of the axes that are wrong."""
         wrong = np.array([name in self.axes for name in AXES])
         return np.where(wrong, np.hypot(self.rate_b, self.sigma_b), 0.0)
+
+    @property
+    def largest(self):
+        """rad/s, of the error."""
+        return float(np.sqrt(self.rate_b @ self.rate_b))
 
 
 def relative_error(params):
@@ -179,6 +185,16 @@ class GyroWatch:
         self.failed = tuple(name for name in AXES if name in self.failed or name in axes)
         self.forget()
         return Finding(axes, rate_b, sigma_b)
+
+    def doubt(self, relative=0.0):
+        """Another sensor has contradicted the gyros: from here on they need stars to be trusted.
+
+        relative : error of a turned angle by that of the camera's mounting, if it may be more than was known
+        """
+        self.noise[2] = max(self.noise[2], min(relative, 1.0) ** 2)
+        self.failed = AXES
+        self.checked_s = np.nan
+        self.forget()
 
     def trust(self, now_s):
         """Whether gyros that have been wrong before may be relied on now; none of them: always."""

@@ -11,6 +11,7 @@ from shefex_nav.onboard.navigation import (
     integrity_gps,
     integrity_gyro,
     integrity_imu,
+    integrity_learnt,
     integrity_protection,
     raw_path,
 )
@@ -21,6 +22,7 @@ CONTRADICTIONS = 3  # [E] rejected fixes in a row that agree with each other
 DRIFTS = "gps_position"  # the sensor whose innovations are averaged
 WHY = {"star_tracker": "contradicts the gyros", "gps_velocity": "contradicts the accelerometers"}
 UNCHECKED = "has been wrong before: no stars to check it by"
+VELOCITIES = "gps_velocity", "gps_range_rate"
 MEASURES = {"star_tracker": 0, "gps_velocity": 1}  # sensor -> triad whose readings it says the sum of
 
 
@@ -52,6 +54,7 @@ class Watch:
     def __init__(self, params, drift_limit, gyros):
         self.params, self.drift_limit, self.gyros = params, drift_limit, gyros
         self.imu = None  # integrity_imu.ImuWatch, from the first block on
+        self.learnt = integrity_learnt.Learnt()
         self.unread = False  # whether readings of an axis have been replaced, or are at the end of its range
         self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
@@ -87,6 +90,11 @@ class Watch:
         self.said += changes
         self.unread = bool(self.imu.state.any())
         self.gyros.forget()
+
+    @property
+    def replaced(self):
+        """Whether readings are others than those that were read: axes that are silent or stuck."""
+        return self.unread and integrity_imu.replaced(self.imu.state)
 
     @property
     def imu_blind(self):
