@@ -181,10 +181,10 @@ def _forgotten(nav, seen, mean, P):
     added, held = prior - P, None
     if cut:
         held = difference(nav.layout, nav.history.x, seen.x_then)
-        for block in cut:
-            added[block], added[:, block] = 0.0, 0.0
-            added[block, block] = prior[block, block]
-            mean[block] = held[block]
+        places = np.concatenate([np.arange(len(P))[block] for block in cut])
+        added[places], added[:, places] = 0.0, 0.0
+        added[np.ix_(places, places)] = prior[np.ix_(places, places)]
+        mean[places] = held[places]
     P[:] = prior
     return added, held, cut
 

@@ -17,6 +17,7 @@ from shefex_nav.onboard.navigation.sensors import SENSORS, Admitted
 from shefex_nav.records import GateResult, Reason
 
 ACCEPTED = (Fate.USED, Fate.RESET)
+LONGEST_S = 300.0  # [E] that a gyro which is found wrong has been so, if stars have never checked it
 SURPRISING = 1e-2  # [E] probability: a confirmed fix that is less likely teaches with more doubt
 EXPLAINED = 1.5  # [E] times the rate by which the stars find a gyro wrong, since it was right
 NOTES = {
@@ -90,10 +91,14 @@ def _find_again(nav, now, verdict, found, measurement, z):
     nav.health[name] = integrity.HEALTHY._replace(used=health.used if counted else health.used + 1)
     admitted = {"attitude": np.full(3, np.sqrt(z @ z)), "gyro_bias": found.admitted}
     note = f"{' '.join(found.axes)} wrong: bias to be found again"
-    angle = np.sqrt(z @ z)
-    explained = counted or angle < EXPLAINED * found.largest * (now.t_s - nav.watch.gyros.checked_s)
+    watch, angle = nav.watch, float(np.sqrt(z @ z))
+    # since the stars last agreed with the gyros, if they ever did
+    explains = EXPLAINED * found.largest * np.fmin(now.t_s - watch.gyros.checked_s, LONGEST_S)
+    explained = counted or angle < explains
+    if watch.disputed < explains:
+        watch.disputed = 0.0
     if not explained:
-        nav.watch.gyros.doubt(angle)
+        watch.gyros.doubt(angle)
     doubts = integrity_learnt.by_stars(nav, now, z, explained)
     return verdict._replace(fate=Fate.RESET, admitted=admitted, doubts=doubts, note=note)
 
@@ -125,7 +130,7 @@ def _result(nav, z, S, nis, measurement, verdict):
 def _tell(nav, now_s, name, fate, note):
     """Let the log know what is thought of a sensor, if that has changed; one rejected fix changes nothing."""
     if fate == Fate.USED:
-        nav.watch.tell(now_s, name, "")
+        nav.watch.tell(now_s, name, integrity_watch.settled(nav.watch, name))
     elif fate in (Fate.DOUBTED, Fate.RESET):
         nav.watch.tell(now_s, name, note)
     elif integrity_watch.contradicts(name, nav.health[name]):
@@ -153,7 +158,8 @@ def _gyros_wrong(nav, now, z, R, fate):
     if watch.unread or now.vibration > 0.0 or fate == Fate.RESET:
         watch.gyros.forget()
         return None
-    found = watch.gyros.compare(now.t_s, now.x, now.P, z, R, now.felt_packed[3:])
+    turned = np.sqrt(z @ z) if fate == Fate.REJECTED else 0.0  # the camera may be, and turns about other axes
+    found = watch.gyros.compare(now.t_s, now.x, now.P, z, R, now.felt_packed[3:], turned)
     if found:
         watch.gyros_wrong(nav.history.ends_s[-1], found)
     elif watch.gyros.checked_s == now.t_s:

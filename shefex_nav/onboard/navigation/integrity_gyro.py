@@ -51,7 +51,8 @@ SIGNIFICANT = 4.0  # sigma of the rate error of an axis that is blamed
 UNCHECKED_S = 1.0  # [E] for how long a gyro that was wrong once is trusted without stars: it may be turning
 ROWS = 256  # fixes that are remembered at most; half of them go when they are full
 T, Q_E, R_I, PATH, P_BG, Q_IB, PUSH = 0, slice(1, 5), slice(5, 14), 14, slice(15, 24), slice(24, 28), 28
-WIDTH = 29
+Q_STARS, PATH_STARS = slice(29, 33), 33
+WIDTH = 34
 UNDECIDED, CONFORM, WRONG = range(3)
 AXES = ("gyro x", "gyro y", "gyro z")
 
@@ -111,6 +112,7 @@ class GyroWatch:
                 model.gyro_quantum**2 / 6.0,
                 relative**2,
                 sensed**2,
+                0.0,
             ]
         )
         self.limits = np.array(
@@ -143,7 +145,7 @@ class GyroWatch:
         while self.turned[1][0] <= oldest:
             self.turned.popleft()
 
-    def compare(self, t_s, x, P, z, R, f_b):
+    def compare(self, t_s, x, P, z, R, f_b, turned=0.0):
         """Take in a star fix.
 
         Parameters
@@ -151,6 +153,8 @@ class GyroWatch:
         t_s, x, P : its instant, s, and the filter's packed values and (n, n) at it, before the update
         z, R : (3,) rad, (3, 3) rad^2, residual and covariance in body axes
         f_b : (3,) m/s^2, specific force, to which gyros answer a little
+        turned : rad, by which the camera may be turned: a fix that contradicts the attitude. The axes about
+            which the stars turn are then off by as much
 
         Returns
         -------
@@ -165,7 +169,11 @@ class GyroWatch:
             self.rows[: self.n] = self.rows[ROWS - self.n :]
         _remember(self.rows, self.n, self.turned[-1][1], t_s, x, z, R, P, f_b)
         self.n += 1
-        verdict, rate_b, sigma_b = _compare(self.rows, self.n, BASELINES_S, self.noise, self.limits)
+        noise = self.noise
+        if turned**2 > noise[4]:
+            noise = noise.copy()
+            noise[4] = min(turned, 1.0) ** 2
+        verdict, rate_b, sigma_b = _compare(self.rows, self.n, BASELINES_S, noise, self.limits)
         return self._conclude(t_s, verdict, rate_b, sigma_b)
 
     def _conclude(self, t_s, verdict, rate_b, sigma_b):
@@ -191,7 +199,7 @@ class GyroWatch:
 
         relative : error of a turned angle by that of the camera's mounting, if it may be more than was known
         """
-        self.noise[2] = max(self.noise[2], min(relative, 1.0) ** 2)
+        self.noise[4] = max(self.noise[4], min(relative, 1.0) ** 2)
         self.failed = AXES
         self.checked_s = np.nan
         self.forget()
@@ -228,12 +236,16 @@ def _remember(rows, n, A, t_s, x, z, R, P, f_b):
     row[T] = t_s
     row[Q_E] = rotation.quat_multiply(before, A)
     row[R_I], row[P_BG] = R_i.ravel(), P_i.ravel()
-    row[PATH] = row[PUSH] = 0.0
+    row[PATH] = row[PUSH] = row[PATH_STARS] = 0.0
+    row[Q_STARS] = rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(z))
     if n > 0:
         row[PUSH] = rows[n - 1, PUSH] + (t_s - rows[n - 1, T]) * np.sqrt((f_b**2).sum())
         turned = rotation.quat_multiply(rotation.quat_conjugate(rows[n - 1, Q_IB]), q_ib)
         v = rotation.rotvec_from_quat(turned)
         row[PATH] = rows[n - 1, PATH] + np.sqrt((v**2).sum())
+        seen = rotation.quat_multiply(rotation.quat_conjugate(rows[n - 1, Q_STARS]), row[Q_STARS])
+        u = rotation.rotvec_from_quat(seen)
+        row[PATH_STARS] = rows[n - 1, PATH_STARS] + np.sqrt((u**2).sum())
     row[Q_IB] = q_ib
 
 
@@ -248,7 +260,10 @@ def _between(rows, f, l):
 def _lasting(rows, f, l, noise):
     """Variance on each axis of D by errors that keep their sign: of turned angles, and of specific force."""
     turned, pushed = rows[l, PATH] - rows[f, PATH], rows[l, PUSH] - rows[f, PUSH]
-    return noise[2] * turned**2 + noise[3] * pushed**2
+    lasting = noise[2] * turned**2 + noise[3] * pushed**2
+    if noise[4] > 0.0:
+        lasting += noise[4] * (rows[l, PATH_STARS] - rows[f, PATH_STARS]) ** 2
+    return lasting
 
 
 @inner
@@ -280,7 +295,8 @@ def _steady(rows, first, middle, last, share, D, D_middle, noise, limits):
 def _compare(rows, n, baselines_s, noise, limits):
     """Verdict of the last of n rows, rate error and its sigma in body axes, (3,) rad/s.
 
-    noise : white rad^2/s, rad^2 of one reading, squares of the relative error of angles, of g-sensitivity
+    noise : white rad^2/s, rad^2 of one reading, squares of the relative error of angles, of g-sensitivity, of
+        the angle by which the camera may be turned
     limits : chi-square of D, of the middle, of D where it is conform, of each half
     """
     last, verdict, none = n - 1, UNDECIDED, np.zeros(3)

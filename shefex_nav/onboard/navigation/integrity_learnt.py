@@ -11,7 +11,8 @@ last known to be right,
 
 the certainty that it has gained since and all of the correction, which may be the falsehood. Adding
 independent noise is honest whatever the ties are; to cut them is not: attitude and mounting, of which the
-stars see the sum, would seem to be known by sqrt(2) better after the next fix.
+stars see the sum, would seem to be known by sqrt(2) better after the next fix. What is added to the mounting
+is added to the attitude with the opposite sign.
 
 **Then** is the start of the filter, unless the stars have confirmed the gyros since (`integrity_gyro`): what
 the stars contradict was right at the last comparison that agreed and is `PROVEN_S` old. A GPS receiver is
@@ -19,9 +20,12 @@ confirmed by nothing so sharp.
 
 **Stars against the rest.** Star fixes that agree with each other and contradict the filter say that either
 the camera or gyros and GPS are wrong by the angle between them, and nothing on board says which. The solution
-follows the stars, and the mounting is uncertain by that angle, and so is the attitude. What may resolve it is
-GPS velocity under thrust or drag, which sees the attitude across the force: the filter does that by itself.
-Whatever the mounting is doubted by, the attitude is: the stars see the sum of both.
+follows the stars. Up to `LINEAR` the mounting is uncertain by that angle, and the attitude with it: their sum
+alone is known. A turn of the vehicle resolves it, which gyros and stars see about axes that differ by the
+mounting, or GPS velocity under thrust or drag, which sees the attitude across the force; the filter does that
+by itself. A larger angle stays disputed: the solution is not to be used, unless the stars then find a gyro
+that turns wrongly by so much that it explains the angle. If GPS has contradicted the inertial unit before,
+the attitude was unknown and the stars contradict nothing: two of three agree.
 
 **A first fix that is hardly likely.** The first star fix, or one after a long time without, meets a wide
 gate: a wrong gyro may pass it. If its normalised innovation squared is one that chance gives once in a
@@ -42,9 +46,16 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import kernel
-from shefex_nav.geometry import wgs84
+from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard.navigation import eskf
-from shefex_nav.onboard.navigation.state import NOMINAL, X_R, X_V, initial_covariance
+from shefex_nav.onboard.navigation.state import (
+    ATT,
+    NOMINAL,
+    X_R,
+    X_V,
+    initial_covariance,
+    right_jacobian,
+)
 from shefex_nav.onboard.navigation.unknown_attitude import UNKNOWN2
 
 LEARNT = (
@@ -63,6 +74,8 @@ LEARNT = (
     "gps_latency",
 )
 PROVEN_S = 10.0  # [E] a wrong gyro is found within so long, or it is too small for the stars to find
+LINEAR = np.radians(1.0)  # [E] below, a wrong mounting may be left to the filter, which is linear
+SPLIT = "split"  # key of what is doubted of mounting and attitude, but not of their sum
 EVERY_S = 5.0  # [E] between two sets of values that are kept
 
 
@@ -138,20 +151,42 @@ def _at_start(params, name):
     return initial_covariance(params, name).diagonal()
 
 
-def by_stars(nav, now, z, admitted):
+def by_stars(nav, now, z, explained):
     """What is added to the blocks when star fixes have contradicted the filter until they are believed.
 
     nav : fusion.Filter;  now : Moment;  z : (3,) rad, innovation
-    admitted : whether the angle is admitted in attitude and mounting already
-    -> {block: (size,) sigma}
+    explained : whether it is known what was wrong, or the angle is admitted in attitude and mounting already
+    -> {block: (size,) sigma}; `SPLIT`: of the mounting, and of the attitude so that their sum stays known
     """
     memory, angle = nav.watch.learnt, float(np.sqrt(z @ z))
     added = doubts(nav.params, nav.layout, memory.then(now.t_s), now.x, now.P)
-    if "mounting" in added:
-        if not admitted:
-            added["mounting"] = np.full(3, min(angle, np.sqrt(UNKNOWN2)))
-        added["attitude"] = added["mounting"]  # stars see the sum: what one has gained, the other has lost
+    split = added.pop("mounting", None)
+    if not explained and (split is None or angle > LINEAR):
+        nav.watch.disputed = max(nav.watch.disputed, angle)
+    elif not explained:
+        split = np.hypot(split, angle)
+    if split is not None:
+        added[SPLIT] = split
     return added
+
+
+def add(P, layout, x, sigmas):
+    """Noise on blocks of errors, in place; a smoother may lack some of them.
+
+    P : (n, n);  x : (93,) packed values;  sigmas : {block: (size,) sigma}, of `by_stars` and its like
+    """
+    for name, sigma in sigmas.items():
+        place = layout.places["mounting" if name == SPLIT else name]
+        if place is None:
+            continue
+        P[place, place] += np.diag(sigma**2)
+        if name == SPLIT:
+            # stars see C^T theta + J m: a mounting that is off by m and an attitude by -C J m look right
+            mounting = x[NOMINAL["mounting"]]
+            tie = -rotation.dcm_from_rotvec(mounting) @ right_jacobian(mounting) * sigma
+            P[ATT, ATT] += tie @ tie.T
+            P[ATT, place] += tie * sigma
+            P[place, ATT] += (tie * sigma).T
 
 
 def by_velocity(nav, now, z):

@@ -56,6 +56,7 @@ class Watch:
         self.imu = None  # integrity_imu.ImuWatch, from the first block on
         self.learnt = integrity_learnt.Learnt()
         self.unread = False  # whether readings of an axis have been replaced, or are at the end of its range
+        self.disputed = 0.0  # rad, between stars and gyros, of which nothing says which is wrong
         self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
         self.path = raw_path.RawPath()
@@ -99,7 +100,7 @@ class Watch:
     @property
     def imu_blind(self):
         """Whether rate or specific force of the moment are not measured on an axis, or cannot be trusted."""
-        return self.unread or self.distrusted
+        return self.unread or self.distrusted or self.disputed > 0.0
 
     def gyros_wrong(self, now_s, found):
         """An integrity_gyro.Finding of this tick."""
@@ -162,6 +163,13 @@ def start(params):
     gyros = integrity_gyro.GyroWatch(params.imu, relative, sensed)
     limit = float(chdtri(3, integrity_gps.DRIFT_PROBABILITY))
     return Watch(params.integrity or DEFAULT, limit, gyros)
+
+
+def settled(watch, name):
+    """What is left to say of a sensor that is used. Watch, str -> str"""
+    if name == "star_tracker" and watch.disputed > 0.0:
+        return f"disputed: it or the gyros are wrong by {np.degrees(watch.disputed):.2g} deg"
+    return ""
 
 
 def reason(name, health):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import eskf
+from shefex_nav.onboard.navigation import eskf, integrity_learnt
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.onboard.navigation.state import initial_covariance
@@ -17,21 +17,16 @@ def forgotten(nav, P, measurement):
     if measurement.fate == Fate.USED and not measurement.doubts:
         return P, ()
     sensor, admitted = SENSORS[measurement.sensor], measurement.admitted
-    places, P, cut = nav.layout.places, P.copy(), ()
+    order, x, P, cut = nav.layout, nav.history.x, P.copy(), ()
+    places = order.places
     named = [name for name in (sensor.block, *sensor.with_it) if places[name] is not None]
     if admitted is not None:
         added = admitted if isinstance(admitted, dict) else dict.fromkeys(named, np.full(3, admitted))
-        _add(P, places, added)
+        integrity_learnt.add(P, order, x, added)
     elif measurement.fate != Fate.USED:
         for name in named:
             known = sensor.forgotten**2 if name == sensor.block else initial_covariance(nav.params, name)
             P = eskf.forget(P, places[name], known)
         cut = tuple(places[name] for name in named)
-    _add(P, places, measurement.doubts or {})
+    integrity_learnt.add(P, order, x, measurement.doubts or {})
     return P, cut
-
-
-def _add(P, places, sigmas):
-    """Noise on blocks of errors, in place. {name: (size,) sigma}"""
-    for name, sigma in sigmas.items():
-        P[places[name], places[name]] += np.diag(sigma**2)
