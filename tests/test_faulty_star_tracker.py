@@ -60,3 +60,13 @@ def test_a_star_camera_that_moves_is_not_simply_believed():
     ratio = np.abs(flown.error[:, 6:]) / flown.sigma[:, 6:]
     assert ratio[flown.during(295.0, 406.0)].max() < 4.0
     assert not (np.abs(flown.error[:, 6:]) > flown.protection_b)[flown.during(302.0, 406.0)].any()
+
+
+def test_a_camera_turned_throughout_stays_disputed():
+    """By 2.9 deg: camera or gyros and GPS, and nothing on board says which."""
+    turned = (
+        "faults.star_tracker=[{fault: bias, angles: [1.7 deg, 1.7 deg, 1.7 deg], from: -5 s, until: 600 s}]"
+    )
+    flown = fly("shefex2_andoya", turned, until_s=406.0)
+    assert flown.doubt[flown.during(249.0, 406.0)].all()
+    assert any("disputed" in reason for _, reason in flown.noticed("star_tracker"))

@@ -18,12 +18,11 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import error_model, fusion, prediction
+from shefex_nav.onboard.navigation import error_model, fusion, prediction, reset
 from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.prediction import SIZES, TOP
-from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.onboard.navigation.state import (
     ATT,
     BA,
@@ -72,7 +71,7 @@ class Kept(NamedTuple):
 class Update(NamedTuple):
     """What a measurement did at a node."""
 
-    added: np.ndarray | None  # (n, n) to the covariance before it, or in the blocks of `cut`; None: nothing
+    added: np.ndarray | None  # (n, n) to the covariance before it, in the blocks of `cut` all; None: nothing
     held: np.ndarray | None  # (n,) error of what the filter held for right when it forgot
     cut: tuple  # slices of the blocks that were forgotten with all their ties to others
     z: np.ndarray  # (m,) innovation, about the mean
@@ -164,7 +163,7 @@ def _correct(nav, seen, mean, P):
     whole, one = nav.history, seen.measurement
     z, H, R = fusion.linearised(nav, Moment(whole, seen.tick, seen.at_s), one)
     added, held, cut = None, None, ()
-    if one.fate != Fate.USED:
+    if one.fate != Fate.USED or one.doubts:
         added, held, cut = _forgotten(nav, seen, mean, P)
     z, H, R = fusion.rows_used(nav, one, z, H, R)
     z = z - H @ mean
@@ -177,12 +176,14 @@ def _correct(nav, seen, mean, P):
 def _forgotten(nav, seen, mean, P):
     """Forget what a reset forgets, or add what is doubted, in place. -> as in Update"""
     one = seen.measurement
-    prior, cut = fusion.forgotten(nav, P, SENSORS[one.sensor], one.admitted)
+    prior, cut = reset.forgotten(nav, P, one)
     added, held = prior - P, None
     if cut:
-        added, held = prior.copy(), difference(nav.layout, nav.history.x, seen.x_then)
-        for block in cut:
-            mean[block] = held[block]
+        held = difference(nav.layout, nav.history.x, seen.x_then)
+        places = np.concatenate([np.arange(len(P))[block] for block in cut])
+        added[places], added[:, places] = 0.0, 0.0
+        added[np.ix_(places, places)] = prior[np.ix_(places, places)]
+        mean[places] = held[places]
     P[:] = prior
     return added, held, cut
 

@@ -81,11 +81,9 @@ def _errors(nav, nodes, passed, durations, lambdas, between):
             if update.added is None:
                 continue
             drawn = update.added @ between[node, k]
-            if not update.cut:
-                e[node] -= drawn
+            e[node] -= drawn
             for block in update.cut:
-                own = update.added[block, block] @ between[node, k][block]
-                e[node][block] = update.held[block] - own
+                e[node][block] = update.held[block] - drawn[block]
     return e
 
 

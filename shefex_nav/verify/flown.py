@@ -222,6 +222,8 @@ class Recorder:
                 eye = np.eye(len(what.P))
                 self.steps.append(linear.Interval(what.t_s, eye, what.P_forgotten - what.P))
                 return
+            if what.P_forgotten is not what.P:  # likewise, before it is used
+                self.steps.append(linear.Interval(what.t_s, np.eye(len(what.P)), what.P_forgotten - what.P))
             update = linear.Update(what.t_s, what.fix.t_available_s, what.sensor, what.H, what.R)
             self.steps.append(update)
             return

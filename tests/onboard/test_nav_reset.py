@@ -6,8 +6,9 @@ from navigation_flight import ARCSEC, C_BC, DEG, EARTH, P_STAR_C, PARAMS, alignm
 from unpacked import star_attitude, update
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import eskf, fusion
-from shefex_nav.onboard.navigation.sensors import SENSORS
+from shefex_nav.onboard.navigation import eskf, fusion, reset
+from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.sensors import Measurement
 from shefex_nav.onboard.navigation.state import ATT, NavState, layout
 from shefex_nav.records import StarFix
 
@@ -75,18 +76,18 @@ def test_turning_back_undoes_the_turn():
 def test_which_blocks_a_reset_cuts():
     """All that a forgotten sensor measures; none if an error is admitted, also of blocks without ties."""
     nav = fusion.start(PARAMS, alignment(fly(0.1)[1][0]), EARTH)
-    places, sensor = nav.layout.places, SENSORS["star_tracker"]
+    places, one = nav.layout.places, Measurement("star_tracker", None, Fate.RESET)
     mounting = places["mounting"]
     P = nav.history.P.copy()
     others = np.delete(np.arange(nav.layout.n), np.r_[mounting])
     assert not P[mounting][:, others].any()
-    admitted, cut = fusion.forgotten(nav, P, sensor, 0.01)
+    admitted, cut = reset.forgotten(nav, P, one._replace(admitted=0.01))
     assert cut == () and np.allclose(admitted - P, np.diag(np.diag(admitted - P)))
     assert np.diag(admitted - P)[mounting] == pytest.approx(1e-4)
     P[ATT, mounting] = P[mounting, ATT] = 1e-9 * np.eye(3)
-    forgotten, cut = fusion.forgotten(nav, P, sensor, None)
+    forgotten, cut = reset.forgotten(nav, P, one)
     assert cut == (places["attitude"], mounting)
     assert not forgotten[ATT, mounting].any() and forgotten[0, 0] == P[0, 0]
     found = {"gyro_bias": np.array([0.0, 1e-3, 0.0])}
-    _, cut = fusion.forgotten(nav, P, sensor, found)
+    _, cut = reset.forgotten(nav, P, one._replace(admitted=found))
     assert cut == ()

@@ -105,14 +105,28 @@ def update_packed(kalman, layout, P, z, H, R, x, P_after, share=None):
     kalman.P = P
     kalman.x = kalman.no_error
     kalman.update(z.reshape(-1, 1), R=R, H=H)
-    dx, G, updated = kalman.x[:, 0], np.empty((3, 3)), kalman.P
+    dx, updated = kalman.x[:, 0], kalman.P
     if share is not None:
-        dx[ATT] *= share
-        left, spare = np.zeros(len(dx)), np.zeros(len(dx))
-        left[ATT], spare[ATT] = 1.0 - share, np.sqrt(2.0 * share * (1.0 - share))
-        updated = updated + (np.outer(left, left) + np.outer(spare, spare)) * (P - updated)
-    _take_in(x, dx, layout.nominal, updated, P_after, G)
-    return dx, G
+        updated = partly(dx, P, updated, share)
+    return dx, take_in(x, dx, layout.nominal, updated, P_after)
+
+
+def partly(dx, P, updated, share):
+    """Covariance if only a share of the estimated error of the attitude is taken; dx in place.
+
+    share : as of `update_packed`
+    """
+    dx[ATT] *= share
+    left, spare = np.zeros(len(dx)), np.zeros(len(dx))
+    left[ATT], spare[ATT] = 1.0 - share, np.sqrt(2.0 * share * (1.0 - share))
+    return updated + (np.outer(left, left) + np.outer(spare, spare)) * (P - updated)
+
+
+def take_in(x, dx, nominal, updated, P_after):
+    """The rest of `update_packed`, once the estimated error and the updated covariance are there. -> G"""
+    G = np.empty((3, 3))
+    _take_in(x, dx, nominal, updated, P_after, G)
+    return G
 
 
 @kernel

@@ -23,9 +23,11 @@ from shefex_nav.onboard.navigation import (
     gps_told,
     integrity,
     integrity_gps,
+    integrity_learnt,
     integrity_watch,
     measurements,
     prediction,
+    reset,
     slopes,
     unknown_attitude,
 )
@@ -34,7 +36,6 @@ from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.recorded import Correction, Interval
 from shefex_nav.onboard.navigation.sensors import (
     SENSORS,
-    Grown,
     Measurement,
     contents,
     straightened,
@@ -46,7 +47,6 @@ from shefex_nav.onboard.navigation.state import (
     Layout,
     NavParams,
     initial,
-    initial_covariance,
     layout,
     pack,
     unpack,
@@ -74,11 +74,15 @@ class Filter(NamedTuple):
     noise: adaptation.Noise  # that is larger than told, likewise
     judged: Callable | None = None  # of the sensor, S (m, m) and the NIS of every measurement at the gate
 
-    def limit(self, dof):
-        """What a normalised innovation squared may be, chi-square with so many degrees of freedom."""
-        if dof not in self.limits:
-            self.limits[dof] = integrity.chi_square_limit(self.params.gate_probability, dof)
-        return self.limits[dof]
+    def limit(self, dof, probability=None):
+        """What a normalised innovation squared may be, chi-square with so many degrees of freedom.
+
+        probability : of exceeding it; None: that of the gate
+        """
+        key = dof if probability is None else (dof, probability)
+        if key not in self.limits:
+            self.limits[key] = integrity.chi_square_limit(probability or self.params.gate_probability, dof)
+        return self.limits[key]
 
 
 def start(params, alignment, earth, recorder=None, judged=None):
@@ -303,20 +307,27 @@ def _apply(nav, index, at_s, measurement, results, recorder):
             return measurement
     fate, x = measurement.fate, history.x.copy()
     before, P = None if recorder is None else now.state, history.P.copy()
-    prior, cut = (P, ()) if fate == Fate.USED else forgotten(nav, P, sensor, measurement.admitted)
+    prior, cut = reset.forgotten(nav, P, measurement)
     z, H, R = rows_used(nav, measurement, z, H, R)
     if fate == Fate.DOUBTED:
         history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)
     else:
         share = None if measurement.sensor.startswith("star") else unknown_attitude.believed(prior)
-        dx, G = eskf.update_packed(nav.kalman, nav.layout, prior, z, H, R, history.x, history.P, share)
-    if measurement.sensor == "star_tracker" and (fate == Fate.RESET or dx[ATT] @ dx[ATT] > eskf.LARGE2):
+        given = prior, z, H, R, history.x, history.P, share
+        if measurement.teaches:
+            dx, G = eskf.update_packed(nav.kalman, nav.layout, *given)
+        else:
+            dx, G = integrity_learnt.update_without(nav.layout, *given)
+    attitude_alone = fate == Fate.RESET or dx[ATT] @ dx[ATT] > eskf.LARGE2 or not measurement.teaches
+    if measurement.sensor == "star_tracker" and attitude_alone:
         history.P[:], G = eskf.turned_back(history.P, G), np.eye(3)
     if recorder is not None:
         after = now.state, history.P.copy(), cut
         recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))
     elif fate != Fate.DOUBTED:
         nav.watch.corrected(history.number(index), history.number(0), now.t_s, x, history.x)
+        if measurement.sensor in integrity_watch.VELOCITIES:
+            nav.watch.learnt.moving(now.t_s, history.x)
     if pending and fate != Fate.DOUBTED:
         _used(nav, now, measurement, P, prior, H, R, confirmed)
         if confirmed:
@@ -359,23 +370,3 @@ def _used(nav, now, measurement, P, prior, H, R, confirmed):
     whole = name == "star_vectors" and fix.reason == Reason.NONE  # as good as the attitude
     nav.watch.used("star_tracker" if whole else name, fix.t_valid_s, nav.history.ends_s[-1])
     nav.watch.used_now.append((now.t_s, slopes.slope(nav, now, measurement, P, prior, H, R, confirmed)))
-
-
-def forgotten(nav, P, sensor, admitted):
-    """Covariance in which nothing is known of what a sensor measures, or less by a sigma that is admitted.
-
-    -> (n, n), slices of the blocks whose ties to others are cut
-    """
-    places, P = nav.layout.places, P.copy()
-    named = [name for name in (sensor.block, *sensor.with_it) if places[name] is not None]
-    if isinstance(admitted, Grown):
-        return P * np.outer(admitted.factors, admitted.factors), ()
-    if admitted is not None:
-        added = admitted if isinstance(admitted, dict) else dict.fromkeys(named, np.full(3, admitted))
-        for name, sigma in added.items():
-            P[places[name], places[name]] += np.diag(sigma**2)
-        return P, ()
-    for name in named:
-        known = sensor.forgotten**2 if name == sensor.block else initial_covariance(nav.params, name)
-        P = eskf.forget(P, places[name], known)
-    return P, tuple(places[name] for name in named)

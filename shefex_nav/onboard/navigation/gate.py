@@ -11,12 +11,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import adaptation, eskf, integrity, integrity_gps, integrity_watch
+from shefex_nav.onboard.navigation import (
+    adaptation,
+    eskf,
+    integrity,
+    integrity_gps,
+    integrity_learnt,
+    integrity_watch,
+)
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS, Admitted
+from shefex_nav.onboard.navigation.sensors import SENSORS, Admitted, Grown
 from shefex_nav.records import GateResult, Reason
 
 ACCEPTED = (Fate.USED, Fate.RESET)
+LONGEST_S = 300.0  # [E] that a gyro which is found wrong has been so, if stars have never checked it
+SURPRISING = 1e-2  # [E] probability: a confirmed fix that is less likely teaches with more doubt
+EXPLAINED = 1.5  # [E] times the rate by which the stars find a gyro wrong, since it was right
 NOTES = {
     Fate.USED: "",
     Fate.REJECTED: "rejected",
@@ -33,6 +43,7 @@ class Verdict(NamedTuple):
     admitted: Admitted | None  # likewise
     note: str
     alone: bool  # whether one fix inside the gate was enough
+    doubts: dict | None = None  # likewise
 
 
 def decide(nav, now, z, H, R, measurement):
@@ -50,12 +61,16 @@ def decide(nav, now, z, H, R, measurement):
     found = _gyros_wrong(nav, now, *attitude, verdict.fate) if attitude else None
     _tell(nav, nav.history.ends_s[-1], name, Fate.USED if found else verdict.fate, verdict.note)
     if found:
-        verdict = _find_again(nav, name, verdict, found, attitude[0])
+        verdict = _find_again(nav, now, verdict, found, measurement, attitude[0])
     else:
         verdict = adaptation.weigh(nav, now, z, H, R, S, nis, measurement, verdict)
+        verdict = _doubted(nav, now, z, nis, name, verdict)
     result = _result(nav, z, S, nis, measurement, verdict)
     confirmed = not verdict.alone or (verdict.fate == Fate.RESET and sensor.confirmed is not None)
-    decided = measurement._replace(fate=verdict.fate, rows=verdict.rows, admitted=verdict.admitted)
+    decided = measurement._replace(
+        fate=verdict.fate, rows=verdict.rows, admitted=verdict.admitted, doubts=verdict.doubts,
+        teaches=not nav.watch.replaced,
+    )  # fmt: skip
     return decided, result, confirmed
 
 
@@ -76,14 +91,40 @@ def _verdict(nav, now, z, R, S, nis, measurement):
     return Verdict(fate, rows, admitted, note, alone)
 
 
-def _find_again(nav, name, verdict, found, z):
+def _find_again(nav, now, verdict, found, measurement, z):
     """Verdict on a star fix by which the gyros are found wrong: their bias is unknown from here on."""
+    name = measurement.sensor
     health = nav.health[name]
     counted = verdict.fate in ACCEPTED
     nav.health[name] = integrity.HEALTHY._replace(used=health.used if counted else health.used + 1)
     admitted = {"attitude": np.full(3, np.sqrt(z @ z)), "gyro_bias": found.admitted}
     note = f"{' '.join(found.axes)} wrong: bias to be found again"
-    return verdict._replace(fate=Fate.RESET, admitted=admitted, note=note)
+    watch, angle = nav.watch, float(np.sqrt(z @ z))
+    # since the stars last agreed with the gyros, if they ever did
+    explains = EXPLAINED * found.largest * np.fmin(now.t_s - watch.gyros.checked_s, LONGEST_S)
+    explained = counted or angle < explains
+    if watch.disputed < explains:
+        watch.disputed = 0.0
+    if not explained:
+        watch.gyros.doubt(angle)
+    doubts = integrity_learnt.by_stars(nav, now, z, explained)
+    return verdict._replace(fate=Fate.RESET, admitted=admitted, doubts=doubts, note=note)
+
+
+def _doubted(nav, now, z, nis, name, verdict):
+    """Verdict with what is to be doubted: for a sensor that is believed at last, or for a surprise."""
+    watch = nav.watch
+    if isinstance(verdict.admitted, Grown):
+        return verdict  # the model is at fault: all that it has done has grown
+    if verdict.fate == Fate.RESET and name == "star_tracker":
+        watch.gyros.doubt(np.sqrt(z @ z))
+        return verdict._replace(doubts=integrity_learnt.by_stars(nav, now, z, verdict.admitted is not None))
+    if verdict.fate == Fate.RESET and name in integrity_watch.VELOCITIES:
+        watch.gyros.doubt()
+        return verdict._replace(doubts=integrity_learnt.by_velocity(nav, now, z))
+    if verdict.fate == Fate.USED and not verdict.alone and nis > nav.limit(len(z), SURPRISING):
+        return verdict._replace(doubts=integrity_learnt.by_surprise(nav, now, nis / len(z)))
+    return verdict
 
 
 def _result(nav, z, S, nis, measurement, verdict):
@@ -101,7 +142,7 @@ def _result(nav, z, S, nis, measurement, verdict):
 def _tell(nav, now_s, name, fate, note):
     """Let the log know what is thought of a sensor, if that has changed; one rejected fix changes nothing."""
     if fate == Fate.USED:
-        nav.watch.tell(now_s, name, "")
+        nav.watch.tell(now_s, name, integrity_watch.settled(nav.watch, name))
     elif fate in (Fate.DOUBTED, Fate.RESET):
         nav.watch.tell(now_s, name, note)
     elif integrity_watch.contradicts(name, nav.health[name]):
@@ -129,9 +170,12 @@ def _gyros_wrong(nav, now, z, R, fate):
     if watch.unread or now.vibration > 0.0 or fate == Fate.RESET:
         watch.gyros.forget()
         return None
-    found = watch.gyros.compare(now.t_s, now.x, now.P, z, R, now.felt_packed[3:])
+    turned = np.sqrt(z @ z) if fate == Fate.REJECTED else 0.0  # the camera may be, and turns about other axes
+    found = watch.gyros.compare(now.t_s, now.x, now.P, z, R, now.felt_packed[3:], turned)
     if found:
         watch.gyros_wrong(nav.history.ends_s[-1], found)
+    elif watch.gyros.checked_s == now.t_s:
+        watch.learnt.confirmed(now.t_s, now.x, now.P)
     return found
 
 

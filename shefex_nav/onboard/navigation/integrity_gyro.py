@@ -22,8 +22,9 @@ made unknown, to be found again from the stars. Short comparisons find large err
 ones: after 8 s some 6 arcsec/s with stars good to an arcsecond.
 
 What this cannot see. A wrong scale factor or misalignment while the vehicle does not turn does nothing, and
-is found when it turns. Without stars nothing is found. So a gyro that has been wrong once is not trusted
-without them: `UNCHECKED_S` after the last check the solution is not to be used, and the log says why. A star
+is found when it turns. Without stars nothing is found. So a gyro that has been wrong once, or contradicted by
+stars or GPS, is not trusted without them: `UNCHECKED_S` after the last check the solution is not to be used,
+and the log says why. A star
 tracker whose fixes all turn away at one steady rate cannot be told from a gyro.
 """
 
@@ -47,10 +48,11 @@ SLACK = 0.12  # [E] of D by which the middle may be off: axes that have turned m
 CONFIRMATIONS = 3  # comparisons that must agree
 WITHIN_S = 1.0  # [E] and within how long
 SIGNIFICANT = 4.0  # sigma of the rate error of an axis that is blamed
-UNCHECKED_S = 10.0  # [E] for how long a gyro that was wrong once is trusted without stars
+UNCHECKED_S = 1.0  # [E] for how long a gyro that was wrong once is trusted without stars: it may be turning
 ROWS = 256  # fixes that are remembered at most; half of them go when they are full
 T, Q_E, R_I, PATH, P_BG, Q_IB, PUSH = 0, slice(1, 5), slice(5, 14), 14, slice(15, 24), slice(24, 28), 28
-WIDTH = 29
+Q_STARS, PATH_STARS = slice(29, 33), 33
+WIDTH = 34
 UNDECIDED, CONFORM, WRONG = range(3)
 AXES = ("gyro x", "gyro y", "gyro z")
 
@@ -67,6 +69,11 @@ class Finding(NamedTuple):
         """Standard deviation that the bias gets on top: (3,) rad/s, of the axes that are wrong."""
         wrong = np.array([name in self.axes for name in AXES])
         return np.where(wrong, np.hypot(self.rate_b, self.sigma_b), 0.0)
+
+    @property
+    def largest(self):
+        """rad/s, of the error."""
+        return float(np.sqrt(self.rate_b @ self.rate_b))
 
 
 def relative_error(params):
@@ -105,6 +112,7 @@ class GyroWatch:
                 model.gyro_quantum**2 / 6.0,
                 relative**2,
                 sensed**2,
+                0.0,
             ]
         )
         self.limits = np.array(
@@ -137,7 +145,7 @@ class GyroWatch:
         while self.turned[1][0] <= oldest:
             self.turned.popleft()
 
-    def compare(self, t_s, x, P, z, R, f_b):
+    def compare(self, t_s, x, P, z, R, f_b, turned=0.0):
         """Take in a star fix.
 
         Parameters
@@ -145,6 +153,8 @@ class GyroWatch:
         t_s, x, P : its instant, s, and the filter's packed values and (n, n) at it, before the update
         z, R : (3,) rad, (3, 3) rad^2, residual and covariance in body axes
         f_b : (3,) m/s^2, specific force, to which gyros answer a little
+        turned : rad, by which the camera may be turned: a fix that contradicts the attitude. The axes about
+            which the stars turn are then off by as much
 
         Returns
         -------
@@ -159,7 +169,11 @@ class GyroWatch:
             self.rows[: self.n] = self.rows[ROWS - self.n :]
         _remember(self.rows, self.n, self.turned[-1][1], t_s, x, z, R, P, f_b)
         self.n += 1
-        verdict, rate_b, sigma_b = _compare(self.rows, self.n, BASELINES_S, self.noise, self.limits)
+        noise = self.noise
+        if turned**2 > noise[4]:
+            noise = noise.copy()
+            noise[4] = min(turned, 1.0) ** 2
+        verdict, rate_b, sigma_b = _compare(self.rows, self.n, BASELINES_S, noise, self.limits)
         return self._conclude(t_s, verdict, rate_b, sigma_b)
 
     def _conclude(self, t_s, verdict, rate_b, sigma_b):
@@ -179,6 +193,16 @@ class GyroWatch:
         self.failed = tuple(name for name in AXES if name in self.failed or name in axes)
         self.forget()
         return Finding(axes, rate_b, sigma_b)
+
+    def doubt(self, relative=0.0):
+        """Another sensor has contradicted the gyros: from here on they need stars to be trusted.
+
+        relative : error of a turned angle by that of the camera's mounting, if it may be more than was known
+        """
+        self.noise[4] = max(self.noise[4], min(relative, 1.0) ** 2)
+        self.failed = AXES
+        self.checked_s = np.nan
+        self.forget()
 
     def trust(self, now_s):
         """Whether gyros that have been wrong before may be relied on now; none of them: always."""
@@ -212,12 +236,16 @@ def _remember(rows, n, A, t_s, x, z, R, P, f_b):
     row[T] = t_s
     row[Q_E] = rotation.quat_multiply(before, A)
     row[R_I], row[P_BG] = R_i.ravel(), P_i.ravel()
-    row[PATH] = row[PUSH] = 0.0
+    row[PATH] = row[PUSH] = row[PATH_STARS] = 0.0
+    row[Q_STARS] = rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(z))
     if n > 0:
         row[PUSH] = rows[n - 1, PUSH] + (t_s - rows[n - 1, T]) * np.sqrt((f_b**2).sum())
         turned = rotation.quat_multiply(rotation.quat_conjugate(rows[n - 1, Q_IB]), q_ib)
         v = rotation.rotvec_from_quat(turned)
         row[PATH] = rows[n - 1, PATH] + np.sqrt((v**2).sum())
+        seen = rotation.quat_multiply(rotation.quat_conjugate(rows[n - 1, Q_STARS]), row[Q_STARS])
+        u = rotation.rotvec_from_quat(seen)
+        row[PATH_STARS] = rows[n - 1, PATH_STARS] + np.sqrt((u**2).sum())
     row[Q_IB] = q_ib
 
 
@@ -232,7 +260,10 @@ def _between(rows, f, l):
 def _lasting(rows, f, l, noise):
     """Variance on each axis of D by errors that keep their sign: of turned angles, and of specific force."""
     turned, pushed = rows[l, PATH] - rows[f, PATH], rows[l, PUSH] - rows[f, PUSH]
-    return noise[2] * turned**2 + noise[3] * pushed**2
+    lasting = noise[2] * turned**2 + noise[3] * pushed**2
+    if noise[4] > 0.0:
+        lasting += noise[4] * (rows[l, PATH_STARS] - rows[f, PATH_STARS]) ** 2
+    return lasting
 
 
 @inner
@@ -264,7 +295,8 @@ def _steady(rows, first, middle, last, share, D, D_middle, noise, limits):
 def _compare(rows, n, baselines_s, noise, limits):
     """Verdict of the last of n rows, rate error and its sigma in body axes, (3,) rad/s.
 
-    noise : white rad^2/s, rad^2 of one reading, squares of the relative error of angles, of g-sensitivity
+    noise : white rad^2/s, rad^2 of one reading, squares of the relative error of angles, of g-sensitivity, of
+        the angle by which the camera may be turned
     limits : chi-square of D, of the middle, of D where it is conform, of each half
     """
     last, verdict, none = n - 1, UNDECIDED, np.zeros(3)

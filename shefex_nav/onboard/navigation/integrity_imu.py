@@ -146,6 +146,11 @@ def fixed(watch, sensor, t_valid_s, now_s):
             axis["charged"] = integrated_variance(sigma, change[sensor], age_s, False)
 
 
+def replaced(state):
+    """Whether readings are given to axes. (6,) int, of an ImuWatch -> bool"""
+    return bool(((state != GOOD) & (state != SATURATED)).any())
+
+
 def health(t_s, changed, state):
     """NavHealth of every axis that has changed (bits of an int), or one for the unit if all have.
 

@@ -11,6 +11,7 @@ from shefex_nav.onboard.navigation import (
     integrity_gps,
     integrity_gyro,
     integrity_imu,
+    integrity_learnt,
     integrity_protection,
     protected,
     raw_path,
@@ -26,6 +27,7 @@ AXES_S = 1.0
 ALL_OF = {doubt: np.full(3, int(doubt)) for doubt in Doubt}  # about position, velocity and attitude alike
 ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.int64)
 OF_ATTITUDE = ("star_tracker", "star_vectors")  # sensors that say nothing of position and velocity
+VELOCITIES = "gps_velocity", "gps_range_rate"
 MEASURES = {"star_tracker": 0, "gps_velocity": 1}  # sensor -> triad whose readings it says the sum of
 
 
@@ -57,7 +59,9 @@ class Watch:
     def __init__(self, params, drift_limit, gyros):
         self.params, self.drift_limit, self.gyros = params, drift_limit, gyros
         self.imu = None  # integrity_imu.ImuWatch, from the first block on
+        self.learnt = integrity_learnt.Learnt()
         self.unread = False  # whether readings of an axis have been replaced, or are at the end of its range
+        self.disputed = 0.0  # rad, between stars and gyros, of which nothing says which is wrong
         self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
         self.path = raw_path.RawPath()
@@ -95,9 +99,14 @@ class Watch:
         self.gyros.forget()
 
     @property
+    def replaced(self):
+        """Whether readings are others than those that were read: axes that are silent or stuck."""
+        return self.unread and integrity_imu.replaced(self.imu.state)
+
+    @property
     def imu_blind(self):
         """Whether rate or specific force of the moment are not measured on an axis, or cannot be trusted."""
-        return self.unread or self.distrusted
+        return self.unread or self.distrusted or self.disputed > 0.0
 
     def gyros_wrong(self, now_s, found):
         """An integrity_gyro.Finding of this tick."""
@@ -184,6 +193,13 @@ def start(params):
     gyros = integrity_gyro.GyroWatch(params.imu, relative, sensed)
     limit = float(chdtri(3, integrity_gps.DRIFT_PROBABILITY))
     return Watch(params.integrity or DEFAULT, limit, gyros)
+
+
+def settled(watch, name):
+    """What is left to say of a sensor that is used. Watch, str -> str"""
+    if name == "star_tracker" and watch.disputed > 0.0:
+        return f"disputed: it or the gyros are wrong by {np.degrees(watch.disputed):.2g} deg"
+    return ""
 
 
 def reason(name, health):

@@ -52,6 +52,8 @@ class Measurement(NamedTuple):
     fate: integrity.Fate
     rows: np.ndarray | None = None  # (m,) bool, rows that are used; None: all
     admitted: Admitted | None = None  # what a reset adds; None: it forgets all of what is measured
+    doubts: dict | None = None  # (size,) sigma of blocks that is added before it, `integrity_learnt`
+    teaches: bool = True  # whether the learnt blocks take part
     grown: float = 1.0  # factor of the noise of its sensor, standard deviation
 
 
