@@ -106,10 +106,10 @@ def _second_reset(nav, now, name, verdict):
         return verdict
     before, noise.resets[name] = noise.resets.get(name, -np.inf), now.t_s
     young = name in RATES and nav.health[name].used <= YOUNG
-    if now.t_s - before > LOOP_S and not young:
-        return verdict
     recent = noise.recent[name]
     largest = float(np.sqrt(max(w @ w / len(w) for w in recent)))
+    if now.t_s - before > LOOP_S and not young and largest > BOLDEST:
+        return verdict
     if name in WATCHED and len(recent) == RECENT and neighbours(np.array(recent)) < WHITE:
         if noise.share is None:  # while the IMU is in doubt no sensor is
             _count_sensor(nav, name, noise.of_sensor(name) * float(np.sqrt(np.mean(np.square(recent)))))

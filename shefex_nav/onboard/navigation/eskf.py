@@ -80,7 +80,12 @@ def normalised(S, z):
     return total
 
 
-def update_packed(kalman, layout, P, z, H, R, x, P_after, share=None):
+def whole(dx, P, updated):
+    """All of an estimated error is taken."""
+    return updated
+
+
+def update_packed(kalman, layout, P, z, H, R, x, P_after, share=whole):
     """Nominal state and covariance after a measurement.
 
     After the estimated error is taken into the nominal state, the attitude error refers to new body axes:
@@ -94,8 +99,7 @@ def update_packed(kalman, layout, P, z, H, R, x, P_after, share=None):
     z, H, R : (m,), (m, n), (m, m)
     x : (X,) packed nominal values, changed in place
     P_after : (n, n) is written
-    share : (3,) of the estimated error of the attitude that is taken, None: all of it. The covariance is
-        that of the gain which is left (Brink, JGCD 40 (2017), partial update)
+    share : (dx, P, updated) -> covariance after a share of dx, which it changes in place, is taken
 
     Returns
     -------
@@ -105,16 +109,14 @@ def update_packed(kalman, layout, P, z, H, R, x, P_after, share=None):
     kalman.P = P
     kalman.x = kalman.no_error
     kalman.update(z.reshape(-1, 1), R=R, H=H)
-    dx, updated = kalman.x[:, 0], kalman.P
-    if share is not None:
-        updated = partly(dx, P, updated, share)
-    return dx, take_in(x, dx, layout.nominal, updated, P_after)
+    dx = kalman.x[:, 0]
+    return dx, take_in(x, dx, layout.nominal, share(dx, P, kalman.P), P_after)
 
 
 def partly(dx, P, updated, share):
     """Covariance if only a share of the estimated error of the attitude is taken; dx in place.
 
-    share : as of `update_packed`
+    share : (3,). The covariance is that of the gain which is left (Brink, JGCD 40 (2017), partial update)
     """
     dx[ATT] *= share
     left, spare = np.zeros(len(dx)), np.zeros(len(dx))

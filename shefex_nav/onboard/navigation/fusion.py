@@ -44,6 +44,7 @@ from shefex_nav.onboard.navigation.sensors import (
 )
 from shefex_nav.onboard.navigation.state import (
     ATT,
+    X_Q,
     Layout,
     NavParams,
     initial,
@@ -54,6 +55,7 @@ from shefex_nav.onboard.navigation.state import (
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.records import GateResult, Reason
 
+VECTORS = "gps_position", "gps_velocity"
 UNUSED = (Fate.REJECTED, Fate.HELD)
 RANK = {name: k for k, name in enumerate(SENSORS)}
 
@@ -299,6 +301,9 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     history, sensor, fix = nav.history, SENSORS[measurement.sensor], measurement.fix
     now = Moment(history, index, at_s)
     z, H, R = linearised(nav, now, measurement)
+    bent = unknown_attitude.bent(now.P, z, H, R, now.x[X_Q]) if measurement.sensor in VECTORS else None
+    if bent is not None:
+        z = z - H @ bent
     pending, confirmed = measurement.fate == Fate.PENDING, False
     if pending:
         measurement, result, confirmed = gate.decide(nav, now, z, H, R, measurement)
@@ -306,13 +311,18 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         if measurement.fate in UNUSED:
             return measurement
     fate, x = measurement.fate, history.x.copy()
+    if bent is not None and fate != Fate.USED:  # a sensor that is believed otherwise says it in its own way
+        z, bent = z + H @ bent, None
     before, P = None if recorder is None else now.state, history.P.copy()
     prior, cut = reset.forgotten(nav, P, measurement)
     z, H, R = rows_used(nav, measurement, z, H, R)
     if fate == Fate.DOUBTED:
         history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)
     else:
-        share = None if measurement.sensor.startswith("star") else unknown_attitude.believed(prior)
+        if bent is not None:
+            history.x[: ATT.start] += bent[: ATT.start]
+        whole = bent is not None or measurement.sensor.startswith("star")
+        share = eskf.whole if whole else unknown_attitude.take_share
         given = prior, z, H, R, history.x, history.P, share
         if measurement.teaches:
             dx, G = eskf.update_packed(nav.kalman, nav.layout, *given)

@@ -218,12 +218,10 @@ def places(layout):
     return learnt
 
 
-def update_without(layout, P, z, H, R, x, P_after, share=None):
+def update_without(layout, P, z, H, R, x, P_after, share=eskf.whole):
     """`eskf.update_packed` by which nothing is learnt: zero gain of the errors of `places`."""
     dx, updated = _consider(P, z, H, R, places(layout))
-    if share is not None:
-        updated = eskf.partly(dx, P, updated, share)
-    return dx, eskf.take_in(x, dx, layout.nominal, updated, P_after)
+    return dx, eskf.take_in(x, dx, layout.nominal, share(dx, P, updated), P_after)
 
 
 @kernel

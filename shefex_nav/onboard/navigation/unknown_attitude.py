@@ -4,8 +4,8 @@ Linear prediction holds for errors of the attitude up to a few degrees. Beyond, 
 each by more uncertainty than it may need, never by less.
 
 **An angle is known modulo a turn.** A variance of more than pi^2/3, that of an angle of which nothing is
-known, means nothing. It is taken back to that, and its ties to all other errors are cut: after more than a
-turn they say nothing any more.
+known, means nothing. It is taken back to that, and its ties to other errors fall as the mean of exp(i theta)
+does. Where it grows past that within a tick, as of a gyro at the end of its range, they are cut.
 
 **A missed roll loses the direction of the axis, too.** While the rate about an axis k is not known, as of a
 gyro at the end of its range, the rate w across is measured in a frame that turns away. The axis then moves
@@ -13,18 +13,18 @@ by w in an unknown direction: its error grows by |w| T in a time T, in one direc
 known of one direction across better than of the other is lost: the three angles of a rotation by a and a
 small one across it are those of the small one turned by a/2.
 
-**Specific force in an unknown direction.** To second order in the error theta the velocity gains
+**Specific force in an unknown direction.** Of a large angle h about an axis u, velocity that is gained
+across u is less by 1 - cos h, of which the linear model has nothing. So it is for each of the three axes about
+which the angles have no ties. The loss keeps its direction as long as the force does: it is counted as an
+error of the size of its mean square, in that direction, added to the sigma that the velocity has there. A
+small angle t across u has no such part together with h: C_true = exp(h u) exp(t) C levels with t whatever
+h is, and t is what gravity shows.
 
-    C (theta x dv + theta x (theta x dv)/2)
-
-of which the model has the first term. The second keeps its direction as long as the force does. It is counted
-as an error of the size s = |theta| |theta x dv|/2, never more than 2 |dv|, in the direction of the error that
-the velocity has already: sigma grows by s until a fix takes it back. The smoother is linear about the flight
-itself and needs none of this.
-
-**What a vector shows of an angle.** GPS shows how the specific force is turned: the sine of the error, not
-the error. Of a normal angle with variance s^2 the sine says exp(-s^2/2) of what the angle would say. So much
-of the correction is taken, and the covariance falls by the square of it (`believed`).
+**What a vector shows of an angle.** GPS shows how the specific force is turned. Where the vector is long
+enough, its direction tells the angle as a whole (`bent`). Else it is the sine, not the angle: of a normal
+angle with variance s^2 the sine has the variance (1 - exp(-2 s^2))/2 and the tie s^2 exp(-s^2/2) to the
+angle, from which follow the best linear gain and the variance that it leaves (statistical linearisation;
+Gelb, Applied Optimal Estimation, 1974, section 6.2). No more is taken than by the linear gain (`take_share`).
 
 **A lever arm in an unknown direction.** What GPS sees of it has a second order, too,
 theta x (theta x l)/2. It is the same in every fix, so the mean of many fixes is no better than one. It counts
@@ -34,52 +34,131 @@ as noise `ALIKE` times as large as it is.
 import numpy as np
 
 from shefex_nav.compiled import inner
+from shefex_nav.geometry import rotation
 from shefex_nav.geometry import triples as t3
-from shefex_nav.onboard.navigation.state import ATT, VEL
+from shefex_nav.onboard.navigation import eskf
+from shefex_nav.onboard.navigation.state import ATT, POS, VEL
 
 LARGE2 = 0.05**2  # [E] rad^2: below, the second order is less than a fortieth of the first
 UNKNOWN2 = np.pi**2 / 3.0  # rad^2, variance of an angle of which nothing is known
 MARGIN = 1.05  # of that variance, before ties are cut
+BENT2 = 0.2**2  # [E] rad^2, of an angle below which its second order is less than what GPS sees
+SURE = 5.0  # of its sigma: length of a vector from which on its direction is known
 ALIKE = 10.0  # [E] square root of the number of fixes with the same error
 
 
 @inner(forceinline=True)
-def widen(P, angle, speed):
+def widen(P, angle, speed, q_ib):
     """Make a covariance after an interval as large as the module's text says, in place.
 
     P : (n, n);  angle, speed : rad, m/s, three numbers each, passed through in the interval, body axes
+    q_ib : attitude, four numbers
     """
     a = ATT.start
-    _add_second_order(P, speed)
     for k in range(3):
         if P[a + k, a + k] > MARGIN * UNKNOWN2:
             _cut(P, a + k)
             _lose_axis(P, k, angle)
             _lose_direction(P, k)
+    if max(P[a, a], P[a + 1, a + 1], P[a + 2, a + 2]) > LARGE2:
+        _add_second_order(P, speed, q_ib)
 
 
 @inner
-def _add_second_order(P, speed):
+def _add_second_order(P, speed, q_ib):
     """Noise of velocity for the second order of the attitude's error, in place."""
-    a = ATT.start
-    if max(P[a, a], P[a + 1, a + 1], P[a + 2, a + 2]) <= LARGE2:
+    values, axes = np.linalg.eigh(np.ascontiguousarray(P[ATT, ATT]))
+    for k in range(3):
+        if values[k] <= 0.0:
+            continue
+        axis = axes[0, k], axes[1, k], axes[2, k]
+        _lose_across(P, values[k], axis, speed, q_ib)
+        if values[k] > UNKNOWN2:
+            _wrap(P, values[k], axis)
+
+
+@inner
+def _lose_across(P, variance, axis, speed, q_ib):
+    """A large angle about an axis: what velocity gains across it is less by 1 - cos. In place."""
+    small, large = np.expm1(-0.5 * variance), np.expm1(-2.0 * variance)
+    lost2 = max(0.5 * large - 2.0 * small, 0.0)  # mean of (1 - cos)^2
+    across = t3.quat_rotate(q_ib, t3.plus(speed, -t3.dot(axis, speed), axis))
+    gained2 = t3.dot(across, across)
+    if gained2 == 0.0:
         return
-    trace, along = 0.0, 0.0
+    v, known2 = VEL.start, 0.0
     for i in range(3):
-        trace += P[a + i, a + i]
         for j in range(3):
-            along += speed[i] * P[a + i, a + j] * speed[j]
-    gained2 = t3.dot(speed, speed)
-    across = max(trace * gained2 - along, 0.0)  # mean square of theta x dv
-    size = np.sqrt(min(0.25 * trace * across, 4.0 * gained2))
-    for i in range(VEL.start, VEL.stop):
-        P[i, i] += size * (2.0 * np.sqrt(P[i, i]) + size)
+            known2 += across[i] * P[v + i, v + j] * across[j]
+    # (sigma + size)^2 - sigma^2 along a unit vector, of which `across` is the length
+    size, sigma = np.sqrt(lost2), np.sqrt(max(known2, 0.0)) / gained2
+    for i in range(3):
+        for j in range(3):
+            P[v + i, v + j] += size * (2.0 * sigma + size) * across[i] * across[j]
 
 
-def believed(P):
-    """Share of what GPS says of the attitude that is taken, each axis (3,); None: all of it. P : (n, n)"""
-    variance = P[ATT, ATT].diagonal()
-    return np.exp(-0.5 * variance) if variance.max() > LARGE2 else None
+def bent(P, z, H, R, q_ib):
+    """What an angle that a vector shows as a whole has done to position and velocity beyond the first order.
+
+    Of an angle h about an axis u the vector d, gained across u, shows sin(h) u x d + (cos(h) - 1) d, both of
+    which together tell h without doubt, where the sine alone does not tell h from pi - h. u x d is the tie
+    of the angle to position and velocity over its variance. With the second order taken off, a linear update
+    finds the angle itself.
+
+    P : (n, n);  z, H, R : (m,), (m, n), (m, m) of a measurement;  q_ib : (4,)
+    -> (n,) to be added to the state and taken off z, or None where the vector is too short or the angle small
+    """
+    A = P[ATT, ATT]
+    if A.diagonal().max() <= LARGE2:
+        return None
+    values, axes = np.linalg.eigh(A)
+    variance, axis_b = values[2], axes[:, 2]
+    if variance <= BENT2:
+        return None
+    first, second = np.zeros(len(P)), np.zeros(len(P))
+    axis_i = rotation.quat_rotate(q_ib, axis_b)
+    for block in (POS, VEL):
+        across = P[block, ATT] @ axis_b / variance
+        second[block] = rotation.cross(across, axis_i)
+        first[block] = across - (across @ axis_i) * axis_i
+    sees, turns = H @ first, H @ second
+    length2 = sees @ sees
+    noise2 = sees @ (H @ P @ H.T + R) @ sees / max(length2, 1e-300) - variance * length2
+    if length2 <= SURE**2 * max(noise2, 0.0) or not length2:
+        return None
+    angle = np.arctan2(sees @ z, turns @ z + length2)
+    return (np.sin(angle) - angle) * first + (np.cos(angle) - 1.0) * second
+
+
+def take_share(dx, P, updated):
+    """Covariance after a vector was seen, and of the estimated error the share that is taken.
+
+    dx : (n,) by the linear model, changed in place
+    P, updated : (n, n) before, and after by the linear model. -> (n, n)
+    """
+    if P[ATT, ATT].diagonal().max() <= LARGE2:
+        return updated
+    axes = np.eye(len(P))
+    axes[ATT, ATT] = np.linalg.eigh(P[ATT, ATT])[1]  # the angles about these have no ties to each other
+    P, updated, along = axes.T @ P @ axes, axes.T @ updated @ axes, axes.T @ dx
+    share, after = _by_the_sine(P[ATT, ATT].diagonal(), updated[ATT, ATT].diagonal())
+    updated = eskf.partly(along, P, updated, share)
+    angles = np.arange(ATT.start, ATT.stop)
+    updated[angles, angles] = np.maximum(updated[angles, angles], after)
+    dx[:] = axes @ along
+    return axes @ updated @ axes.T
+
+
+def _by_the_sine(before, after):
+    """Share of the linear gain that is best for the sine of an angle, and the variance that it leaves.
+
+    before, after : (3,) variances by the linear model. -> (3,) at most 1, (3,)
+    """
+    gain = np.clip(1.0 - after / before, 1e-12, 1.0)
+    noise2 = before * (1.0 / gain - 1.0)
+    sine2, tie = 0.5 * (1.0 - np.exp(-2.0 * before)), before * np.exp(-0.5 * before)
+    taken = np.minimum(gain, tie / (sine2 + noise2))
+    return taken / gain, before + taken**2 * (sine2 + noise2) - 2.0 * taken * tie
 
 
 def of_arm(P, arm_b):
@@ -93,6 +172,25 @@ def of_arm(P, arm_b):
     trace, length2 = float(np.trace(P_theta)), float(arm_b @ arm_b)
     across = max(trace * length2 - float(arm_b @ P_theta @ arm_b), 0.0)
     return ALIKE**2 * min(0.25 * trace * across, 4.0 * length2)
+
+
+@inner
+def _wrap(P, variance, axis):
+    """An angle about an axis is known modulo a turn: it loses its ties as it grows beyond. In place."""
+    a, n = ATT.start, P.shape[0]
+    left = np.exp(0.5 * (UNKNOWN2 - variance)) * np.sqrt(UNKNOWN2 / variance)
+    for j in range(n):
+        tie = (1.0 - left) * (axis[0] * P[a, j] + axis[1] * P[a + 1, j] + axis[2] * P[a + 2, j])
+        for i in range(3):
+            P[a + i, j] -= tie * axis[i]
+    for j in range(n):
+        tie = (1.0 - left) * (axis[0] * P[j, a] + axis[1] * P[j, a + 1] + axis[2] * P[j, a + 2])
+        for i in range(3):
+            P[j, a + i] -= tie * axis[i]
+    spread = UNKNOWN2 - left * left * variance
+    for i in range(3):
+        for j in range(3):
+            P[a + i, a + j] += spread * axis[i] * axis[j]
 
 
 @inner
