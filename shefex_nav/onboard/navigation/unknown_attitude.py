@@ -14,8 +14,8 @@ known of one direction across better than of the other is lost: the three angles
 small one across it are those of the small one turned by a/2.
 
 **Specific force in an unknown direction.** Of a large angle h about an axis u, velocity that is gained
-across u is less by 1 - cos h, of which the linear model has nothing. So it is for each of the three axes about
-which the angles have no ties. The loss keeps its direction as long as the force does: it is counted as an
+across u is less by 1 - cos h, of which the linear model has nothing. So it is for each of the three axes
+about which the angles have no ties. The loss keeps its direction as long as the force does: it is counted as an
 error of the size of its mean square, in that direction, added to the sigma that the velocity has there. A
 small angle t across u has no such part together with h: C_true = exp(h u) exp(t) C levels with t whatever
 h is, and t is what gravity shows.
