@@ -15,10 +15,10 @@ small one across it are those of the small one turned by a/2.
 
 **Specific force in an unknown direction.** Of a large angle h about an axis u, velocity that is gained
 across u is less by 1 - cos h, of which the linear model has nothing. So it is for each of the three axes
-about which the angles have no ties. The loss keeps its direction as long as the force does: it is counted as an
-error of the size of its mean square, in that direction, added to the sigma that the velocity has there. A
-small angle t across u has no such part together with h: C_true = exp(h u) exp(t) C levels with t whatever
-h is, and t is what gravity shows.
+about which the angles have no ties. The loss keeps its direction as long as the force does: it is counted
+as an error of the size of its mean square, in that direction, added to the sigma that the velocity has
+there. A small angle t across u has no such part together with h: C_true = exp(h u) exp(t) C levels with t
+whatever h is, and t is what gravity shows.
 
 **What a vector shows of an angle.** GPS shows how the specific force is turned. Where the vector is long
 enough, its direction tells the angle as a whole (`bent`). Else it is the sine, not the angle: of a normal
