@@ -15,7 +15,7 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.state import ATT, VEL, NavState, initial, layout, pack
 from shefex_nav.onboard.navigation.strapdown import ImuWindow
-from shefex_nav.onboard.navigation.unknown_attitude import LARGE2, UNKNOWN2, take_share
+from shefex_nav.onboard.navigation.unknown_attitude import LARGE2, UNKNOWN2, bent, take_share
 from shefex_nav.records import ImuBlock
 
 RANGE = 4.0  # rad/s, of the gyros
@@ -199,3 +199,38 @@ def test_an_angle_that_grows_beyond_a_turn_loses_its_ties_little_by_little():
     assert after[k, k] == UNKNOWN2 and is_covariance(after)
     tie = after[k, v] / np.sqrt(after[k, k] * after[v, v])
     assert tie == pytest.approx(0.5 * np.exp(-0.5 * grown), rel=1e-2)
+
+
+def gained(length, sigma_v=0.05):
+    """Heading of which nothing is known, and a velocity that was gained meanwhile. -> P, axis_i, (3,) m/s"""
+    axis_i = rotation.quat_rotate(Q_0, np.array([0.0, 0.0, 1.0]))
+    along = rotation.quat_rotate(Q_0, np.array([length, 0.0, 0.0]))
+    P = covariance_with(0.001)
+    P[ATT.stop - 1, ATT.stop - 1] = UNKNOWN2
+    P[VEL, VEL] = sigma_v**2 * np.eye(3)
+    E = np.eye(len(P))
+    E[VEL, ATT.stop - 1] = np.cross(axis_i, along)
+    return E @ P @ E.T, axis_i, along
+
+
+@pytest.mark.parametrize("heading_deg", [-175.0, -100.0, -20.0, 5.0, 60.0, 120.0, 170.0])
+def test_the_direction_of_a_long_vector_tells_any_heading(heading_deg):
+    """Truth: the velocity that was gained, turned by the heading. Its sine alone has two answers."""
+    P, axis_i, along = gained(8.0)
+    H, R, heading = np.zeros((3, ORDER.n)), 0.05**2 * np.eye(3), heading_deg * DEG
+    H[:, VEL] = np.eye(3)
+    z = rotation.dcm_from_rotvec(heading * axis_i) @ along - along
+    shift = bent(P, z, H, R, Q_0)
+    engine, P_after = eskf.engine(ORDER), np.empty_like(P)
+    dx, _ = eskf.update_packed(engine, ORDER, P, z - H @ shift, H, R, pack(START), P_after)
+    assert dx[ATT][2] == pytest.approx(heading, abs=0.01) and abs(dx[ATT][:2]).max() < 1e-3
+    np.testing.assert_allclose((dx + shift)[VEL], z, atol=0.01)
+    assert np.sqrt(P_after[ATT.stop - 1, ATT.stop - 1]) == pytest.approx(0.05 * np.sqrt(2.0) / 8.0, rel=0.05)
+
+
+def test_a_short_vector_and_a_known_angle_are_left_to_the_linear_update():
+    H, R = np.zeros((3, ORDER.n)), 0.05**2 * np.eye(3)
+    H[:, VEL] = np.eye(3)
+    assert bent(gained(0.1)[0], np.zeros(3), H, R, Q_0) is None
+    assert bent(gained(8.0)[0], np.zeros(3), H, R, Q_0) is not None
+    assert bent(covariance_with(0.04), np.zeros(3), H, R, Q_0) is None

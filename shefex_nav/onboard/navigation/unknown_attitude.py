@@ -1,7 +1,7 @@
 """Attitude that is hardly known: what the linear error model leaves out when its errors are no small angles.
 
-Linear prediction holds for errors of the attitude up to a few degrees. Beyond, five things are put right,
-each by more uncertainty than it may need, never by less.
+Linear prediction holds for errors of the attitude up to a few degrees. Beyond, five things are put
+right. Where that is not exact, by more uncertainty than it may need.
 
 **An angle is known modulo a turn.** A variance of more than pi^2/3, that of an angle of which nothing is
 known, means nothing. It is taken back to that, and its ties to other errors fall as the mean of exp(i theta)
