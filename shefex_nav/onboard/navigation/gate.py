@@ -65,6 +65,7 @@ def decide(nav, now, z, H, R, measurement):
     else:
         verdict = adaptation.weigh(nav, now, z, H, R, S, nis, measurement, verdict)
         verdict = _doubted(nav, now, z, nis, name, verdict)
+    nav.watch.constants_seen(nav, now, name, z, H, S, verdict.fate)
     result = _result(nav, z, S, nis, measurement, verdict)
     confirmed = not verdict.alone or (verdict.fate == Fate.RESET and sensor.confirmed is not None)
     decided = measurement._replace(

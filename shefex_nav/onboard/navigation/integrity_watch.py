@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.onboard.navigation import (
+    integrity_constants,
     integrity_gps,
     integrity_gyro,
     integrity_imu,
@@ -65,6 +66,7 @@ class Watch:
         self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
         self.path = raw_path.RawPath()
+        self.constants = integrity_constants.Constants()
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
         self.axes, self.axes_s = None, -np.inf  # of `level_axes`, and their time
@@ -129,6 +131,11 @@ class Watch:
         if self.unread and sensor in MEASURES:
             integrity_imu.fixed(self.imu, MEASURES[sensor], t_valid_s, now_s)
 
+    def constants_seen(self, nav, now, name, z, H, S, fate):
+        """A measurement is judged: `integrity_constants.Constants.take`."""
+        self.constants.take(nav, now, name, z, H, S, fate)
+        self.tell(nav.history.ends_s[-1], "gps_constants", self.constants.found)
+
     def back_to(self, number):
         """The filter goes back to the end of a tick: corrections after it are not made yet."""
         self.gyros.back_to(number)
@@ -163,6 +170,8 @@ class Watch:
         """
         if imu_blind:
             return ALL_OF[Doubt.IMU]
+        if self.constants.found:
+            return ALL_OF[Doubt.CONTRADICTED]
         bad = contradicting(health)
         if not bad:
             return ALL_OF[Doubt.NONE]

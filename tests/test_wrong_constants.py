@@ -1,0 +1,40 @@
+"""Constants of the GPS receiver that were told wrongly: found, named, and the solution withdrawn."""
+
+import re
+
+import numpy as np
+import pytest
+from faulty_flight import fly
+
+from shefex_nav.records import Doubt
+
+
+def said(flown):
+    """(s, words) of what was found wrong."""
+    return [(one.t_s, one.reason) for one in flown.health if one.source == "gps_constants" and one.reason]
+
+
+@pytest.mark.parametrize("name", ["shefex2_andoya", "rexus_like"])
+def test_right_constants_are_never_found_wrong(name):
+    for seed in (1, 2):
+        assert not said(fly(name, until_s=150.0, seed=seed))
+
+
+@pytest.mark.parametrize("offset_ms", [50.0, -50.0])
+def test_the_time_of_fixes_is_found_wrong_soon_after_lift_off(offset_ms):
+    """A stamp that is later than the fix by so much belongs to a fix measured before it."""
+    flown = fly("shefex2_andoya", f"gps.clock_offset={offset_ms} ms", until_s=100.0)
+    found = said(flown)
+    assert found and found[0][0] < 10.0
+    assert re.search(r"about \d+ ms (before|after)", found[0][1])[1] == (
+        "before" if offset_ms > 0.0 else "after"
+    )
+    after = flown.t_s > found[0][0] + 0.2
+    assert np.all(flown.doubts[after] != Doubt.NONE)
+
+
+def test_a_lever_arm_is_found_wrong_in_the_spin():
+    """What is told is 1 m off across the axis about which the rocket spins."""
+    flown = fly("rexus_like", "navigation.told.gps.antenna.lever_arm=[0 m, 1 m, 0 m]", until_s=60.0)
+    found = said(flown)
+    assert found and found[0][1].startswith("lever arm wrong")
