@@ -25,6 +25,7 @@ from shefex_nav.records import GateResult, Reason
 
 ACCEPTED = (Fate.USED, Fate.RESET)
 LONGEST_S = 300.0  # [E] that a gyro which is found wrong has been so, if stars have never checked it
+FAR = 1e-12  # probability: a rejected fix that is less likely needs no second one to raise doubt
 SURPRISING = 1e-2  # [E] probability: a confirmed fix that is less likely teaches with more doubt
 EXPLAINED = 1.5  # [E] times the rate by which the stars find a gyro wrong, since it was right
 NOTES = {
@@ -83,6 +84,8 @@ def _verdict(nav, now, z, R, S, nis, measurement):
     trial = None if passed and alone else sensor.trial(nav, now, z, R, fix)
     judged = 0.0 if passed else np.inf
     fate, nav.health[name] = integrity.judge(nav.health[name], trial, judged, limit, fix.t_valid_s, alone)
+    if fate == Fate.REJECTED and nis > nav.limit(len(z), FAR):
+        nav.health[name] = nav.health[name]._replace(far=True)
     admitted = sensor.admits(nav, z) if fate == Fate.RESET and sensor.admits else None
     if name == integrity_watch.DRIFTS:
         fate, admitted = _drifts(nav, fate, z, S, admitted)

@@ -64,6 +64,7 @@ class Health(NamedTuple):
     held: Evidence | None = None  # likewise, the last fix inside the gate, where one alone does not count
     first: Evidence | None = None  # likewise, the first of the rejected
     in_a_row: int = 0  # rejected fixes since the last that was not, whether they agree or not
+    far: bool = False  # whether the last fix was so far off that it says alone that something is wrong
 
 
 HEALTHY = Health(0, 0, np.nan, None)

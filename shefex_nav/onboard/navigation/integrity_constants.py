@@ -17,7 +17,8 @@ Innovations of a filter whose constants are right are white with covariance S, s
 
 for any h. B is followed through position, velocity and attitude only; that makes h less sharp, not the chance
 of a false alarm larger. Whoever else is at fault leaves innovations of another form: a constant is found only
-where it explains most of what is more than chance in all innovations since the start.
+where it explains most of what is more than chance in all innovations since the start. Constants are wrong
+from the start: once a sensor was believed against the filter, something else may be, and no more is taken in.
 """
 
 import numpy as np
@@ -47,6 +48,7 @@ class Constants:
         self.a_i = np.zeros(3)  # m/s^2, mean since the one before
         self.J, self.y, self.beyond, self.count = np.zeros((4, 4)), np.zeros(4), 0.0, 0
         self.found, self.wrong = "", None  # words, and which constants
+        self.closed = False  # whether something else may have been wrong since
 
     def take(self, nav, now, name, z, H, S, fate):
         """Take a measurement in, before it corrects the state.
@@ -57,12 +59,13 @@ class Constants:
         gps = name in ("gps_position", "gps_velocity")
         h = (_columns(nav, now, name, H, self.a_i) if gps else 0.0) - H @ self.B
         weighed = np.linalg.solve(S, np.column_stack([h, z]))
-        if gps and fate != Fate.HELD:
+        if gps and fate != Fate.HELD and not self.closed and not nav.watch.imu_blind:
             self.J += h.T @ weighed[:, :4]
             self.y += h.T @ weighed[:, 4]
             self.beyond += float(z @ weighed[:, 4]) - len(z)
             self.count += 1
             self._judge()
+        self.closed |= fate == Fate.RESET
         if fate == Fate.USED:
             self.B += now.P @ H.T @ weighed[:, :4]
         elif fate == Fate.RESET and gps:

@@ -29,6 +29,7 @@ ALL_OF = {doubt: np.full(3, int(doubt)) for doubt in Doubt}  # about position, v
 ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.int64)
 OF_ATTITUDE = ("star_tracker", "star_vectors")  # sensors that say nothing of position and velocity
 VELOCITIES = "gps_velocity", "gps_range_rate"
+ALONE = "gps_position", "gps_velocity"  # sensors of which one fix that is far off raises doubt
 MEASURES = {"star_tracker": 0, "gps_velocity": 1}  # sensor -> triad whose readings it says the sum of
 
 
@@ -221,9 +222,12 @@ def reason(name, health):
 def contradicts(name, record):
     """Whether a sensor insists on contradicting the solution. str, Health -> bool
 
-    Its rejected fixes agree with each other. Those of the star tracker need not: where gyros are wrong, star
+    Its rejected fixes agree with each other, or the last is far off: at a fix a second the next one comes too
+    late. Those of the star tracker need not: where gyros are wrong, star
     fixes that are right do not agree through them.
     """
+    if record.far and name in ALONE:
+        return True
     in_a_row = record.in_a_row if name == "star_tracker" else record.rejected
     return in_a_row >= CONTRADICTIONS
 
