@@ -79,6 +79,7 @@ def decide(nav, now, z, H, R, measurement):
 def _verdict(nav, now, z, R, S, nis, measurement):
     """Verdict by the gate, by the record of the sensor, and by the means of its innovations."""
     name, fix, sensor = measurement.sensor, measurement.fix, SENSORS[measurement.sensor]
+    nav.watch.far = nav.health[name].far
     limit, alone = nav.limit(len(z)), sensor.alone is None or sensor.alone(nav, S)
     rows, passed = _passed(nav, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
     trial = None if passed and alone else sensor.trial(nav, now, z, R, fix)
@@ -125,6 +126,7 @@ def _doubted(nav, now, z, nis, name, verdict):
         return verdict._replace(doubts=integrity_learnt.by_stars(nav, now, z, verdict.admitted is not None))
     if verdict.fate == Fate.RESET and name in integrity_watch.VELOCITIES:
         watch.gyros.doubt()
+        watch.velocity_believed(name, z)
         return verdict._replace(doubts=integrity_learnt.by_velocity(nav, now, z))
     if verdict.fate == Fate.USED and not verdict.alone and nis > nav.limit(len(z), SURPRISING):
         return verdict._replace(doubts=integrity_learnt.by_surprise(nav, now, nis / len(z)))

@@ -29,6 +29,7 @@ ALL_OF = {doubt: np.full(3, int(doubt)) for doubt in Doubt}  # about position, v
 ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.int64)
 OF_ATTITUDE = ("star_tracker", "star_vectors")  # sensors that say nothing of position and velocity
 VELOCITIES = "gps_velocity", "gps_range_rate"
+BACK = 0.3  # [E] share of a step, to within which one back ends it
 ALONE = "gps_position", "gps_velocity"  # sensors of which one fix that is far off raises doubt
 MEASURES = {"star_tracker": 0, "gps_velocity": 1}  # sensor -> triad whose readings it says the sum of
 
@@ -68,6 +69,8 @@ class Watch:
         self.gps = integrity_gps.memory()
         self.path = raw_path.RawPath()
         self.constants = integrity_constants.Constants()
+        self.far = False  # whether the fix before the one that is judged was far off, of its sensor
+        self.step = None  # (3,) m/s, by which a GPS velocity was believed against the accelerometers
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
         self.axes, self.axes_s = None, -np.inf  # of `level_axes`, and their time
@@ -132,6 +135,17 @@ class Watch:
         if self.unread and sensor in MEASURES:
             integrity_imu.fixed(self.imu, MEASURES[sensor], t_valid_s, now_s)
 
+    def velocity_believed(self, name, z):
+        """A GPS velocity is believed against the accelerometers, which show nothing wrong by themselves.
+
+        Either may be wrong, and both agree from here on: the receiver that goes on with its error as well as
+        the filter that was put right. Only a step back, as large, says that it was the receiver, and is over.
+        """
+        if name != "gps_velocity" or self.unread or not self.far:
+            return
+        back = self.step is not None and np.linalg.norm(self.step + z) < BACK * np.linalg.norm(self.step)
+        self.step = None if back else z.copy()
+
     def constants_seen(self, nav, now, name, z, H, S, fate):
         """A measurement is judged: `integrity_constants.Constants.take`."""
         self.constants.take(nav, now, name, z, H, S, fate)
@@ -171,7 +185,7 @@ class Watch:
         """
         if imu_blind:
             return ALL_OF[Doubt.IMU]
-        if self.constants.found:
+        if self.constants.found or self.step is not None:
             return ALL_OF[Doubt.CONTRADICTED]
         bad = contradicting(health)
         if not bad:
@@ -207,6 +221,8 @@ def start(params):
 
 def settled(watch, name):
     """What is left to say of a sensor that is used. Watch, str -> str"""
+    if name == "gps_velocity" and watch.step is not None:
+        return f"disputed: it or the accelerometers were wrong by {np.linalg.norm(watch.step):.2g} m/s"
     if name == "star_tracker" and watch.disputed > 0.0:
         return f"disputed: it or the gyros are wrong by {np.degrees(watch.disputed):.2g} deg"
     return ""
