@@ -132,16 +132,25 @@ def verdicts(*records):
     return {one.name: one.good for one in require.judge(records)}
 
 
+def test_of_few_flights_the_mean_is_held_to_what_chance_does():
+    """Chi-square with 9 degrees of freedom, 99.9 %: 0.97 and 29.7 of one flight, 4.86 and 14.8 of eight."""
+    for value, good in ((0.95, False), (1.0, True), (29.6, True), (29.7, False)):
+        assert verdicts(record(nees_end=value))["NEES told rightly"] is good
+    assert verdicts(*[record(nees_end=15.1)] * 8)["NEES told rightly"] is False
+    assert verdicts(record(nees_usable=29.7))["NEES noises"] is False
+
+
 def test_requirements_are_met_and_not():
     assert verdicts(record()) == {
         "flown": True, "alarm": None, "reason": None, "misleading attitude": True, "constants attitude": None,
         "NEES told rightly": True, "NEES noises": True,
     }  # fmt: skip
-    assert verdicts(record(nees_end=20.0))["NEES told rightly"] is False
-    assert verdicts(record(nees_end=1.0))["NEES told rightly"] is False
-    assert verdicts(record(nees_end=1.0, sigma_deg=40.0))["NEES told rightly"] is True
-    assert verdicts(record(nees_usable=15.1))["NEES noises"] is False
-    assert verdicts(record(nees_usable=15.1, told_kind="x", noise_told=0.2))["NEES noises"] is None
+    nine = lambda **changes: verdicts(*[record(**changes)] * 9)  # noqa: E731
+    assert nine(nees_end=15.1)["NEES told rightly"] is False
+    assert nine(nees_end=4.9)["NEES told rightly"] is False
+    assert nine(nees_end=1.0, sigma_deg=40.0)["NEES told rightly"] is True
+    assert nine(nees_usable=15.1)["NEES noises"] is False
+    assert nine(nees_usable=15.1, told_kind="x", noise_told=0.2)["NEES noises"] is None
     assert verdicts({**record(), "failed": "ValueError: no"})["flown"] is False
     misled = {"misleading_s": 2.0, "misleading_times": 2}
     assert verdicts(record(quantity=misled))["misleading attitude"] is False

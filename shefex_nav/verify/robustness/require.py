@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import poisson
+from scipy.stats import chi2, poisson
 
 from shefex_nav.verify.robustness import cells
 from shefex_nav.verify.robustness.factors import CONSTANT, RIGHT, SHOWS
@@ -13,6 +13,8 @@ HOUR_S = 3600.0
 POISSON = 0.99
 MOST_OF_CONSTANTS = 1e-3  # of usable time
 NEES = 5.0, 15.0
+ENOUGH = 9  # flights, from which on the mean of a cell is held to `NEES`
+CHANCE = 1e-3  # with fewer: probability that a consistent filter's mean is outside
 NOISES = 0.3, 3.0  # told over true, between which the upper limit of the NEES holds
 ALARMS = (  # key of the flight, name, what is required
     (
@@ -123,9 +125,9 @@ def _nees_right(flown):
         known = [one["nees_end"] for one in ends if (one["sigma_deg"] or np.inf) < KNOWN_DEG]
         unknown = [one["nees_end"] for one in ends if (one["sigma_deg"] or np.inf) >= KNOWN_DEG]
         number += 1
-        for values, low in ((known, NEES[0]), (unknown, 0.0)):
-            mean = _mean(values)
-            if mean is not None and not low <= mean <= NEES[1]:
+        for values, bounded in ((known, True), (unknown, False)):
+            mean, (low, high) = _mean(values), _bounds(len(values))
+            if mean is not None and not (low if bounded else 0.0) <= mean <= high:
                 outside.append(f"{cell}: {mean:.1f} of {len(values)}")
     words = (
         "nothing happens, all told rightly: mean NEES of 9 degrees of freedom at the end 5 to 15 in each "
@@ -141,12 +143,20 @@ def _nees_noises(flown):
     for cell, several in _together(chosen).items():
         mean = _mean([cells.healthy(record)["nees_usable"] for record in several])
         number += mean is not None
-        if mean is not None and mean > NEES[1]:
+        if mean is not None and mean > _bounds(len(several))[1]:
             outside.append(f"{cell}: {mean:.1f}")
     words = (
         "nothing happens, noises told 0.3 to 3 times: mean NEES while usable after 100 innovations at most 15"
     )
     return Judged("NEES noises", words, _outside(outside, number), not outside if number else None)
+
+
+def _bounds(count):
+    """What the mean NEES of so many flights may be: of few, whatever chance does to a consistent filter."""
+    if count >= ENOUGH or not count:
+        return NEES
+    low, high = chi2.ppf([0.5 * CHANCE, 1.0 - 0.5 * CHANCE], 9 * count) / count
+    return min(low, NEES[0]), max(high, NEES[1])
 
 
 def _together(chosen):
