@@ -23,8 +23,7 @@ from shefex_nav.onboard.navigation import at_rest, error_model, integrity_watch
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_share import Share
 from shefex_nav.onboard.navigation.integrity_windows import WHITE, Window, neighbours
-from shefex_nav.onboard.navigation.sensors import Grown
-from shefex_nav.onboard.navigation.state import ATT, N_CORE
+from shefex_nav.onboard.navigation.sensors import grown
 from shefex_nav.records import NavHealth
 
 RATES = ("gps_velocity", "gps_range_rate")  # what the inertial sensors are held against
@@ -43,7 +42,6 @@ TOLD_SHARE = 0.3  # of process noise in the innovations, below which the factor 
 SLOW = 0.7  # the factor falls to no less than this share of itself at a time
 OWN_SHARE = 0.6  # [E] of its own noise in the innovations of a sensor, below which they do not accuse it
 RIGHT = 1.15  # a factor below is none
-WIDEST = 1.0  # rad, most that the sigma of an angle grows to
 IMU, CANNOT, ABOUT = "IMU noise", "cannot be told by how much", "about"
 
 
@@ -118,7 +116,7 @@ def _second_reset(nav, now, name, verdict):
         return verdict
     noise.resets.pop(name, None)
     why = "contradicted from the start" if young else "second reset"
-    return _widen(nav, now, float(np.clip(largest, STEP, MOST)), verdict, why)
+    return widen(nav, now, float(np.clip(largest, STEP, MOST)), verdict, why)
 
 
 def _alone(nav):
@@ -139,10 +137,10 @@ def _windows(nav, now, whitened, R, S, name, verdict):
         return verdict
     growth = 1.0 + (found.excess - 1.0) / max(1.0 - own, LEAST_SHARE)
     step = float(np.clip(np.sqrt(max(growth, 1.0)), STEP, BOLDEST))
-    return _widen(nav, now, step, verdict, "innovations are too large")
+    return widen(nav, now, step, verdict, "innovations are too large")
 
 
-def _widen(nav, now, step, verdict, why):
+def widen(nav, now, step, verdict, why):
     """The noise of the IMU counts so many times more from here on, and so does what it has done already.
 
     -> gate.Verdict: used after the covariance has grown, or as it was if the factor is as large as may be
@@ -157,10 +155,7 @@ def _widen(nav, now, step, verdict, why):
         noise.share = Share(nav.history)
     noise.share.begin(SETTLING)
     _say(nav, f"{IMU} told too small: counts {noise.imu:.2g} times, {CANNOT} yet")
-    factors, sigma = np.ones(nav.layout.n), np.sqrt(np.diag(now.P)[ATT])
-    factors[:N_CORE] = step
-    factors[ATT] = np.maximum(np.minimum(step, WIDEST / sigma), 1.0)
-    return verdict._replace(fate=Fate.RESET, admitted=Grown(factors), note=f"{IMU} told too small: {why}")
+    return verdict._replace(fate=Fate.RESET, admitted=grown(now.P, step), note=f"{IMU} told too small: {why}")
 
 
 def _count(nav, imu, rest):

@@ -66,7 +66,9 @@ def decide(nav, now, z, H, R, measurement):
     else:
         verdict = adaptation.weigh(nav, now, z, H, R, S, nis, measurement, verdict)
         verdict = _doubted(nav, now, z, nis, name, verdict)
-    nav.watch.constants_seen(nav, now, name, z, H, S, verdict.fate)
+        verdict = nav.bank.take(nav, now, z, R, S, measurement, verdict)
+    grown = isinstance(verdict.admitted, Grown)  # the model was at fault, the measurement was used
+    nav.watch.constants_seen(nav, now, name, z, H, S, Fate.USED if grown else verdict.fate)
     result = _result(nav, z, S, nis, measurement, verdict)
     confirmed = not verdict.alone or (verdict.fate == Fate.RESET and sensor.confirmed is not None)
     decided = measurement._replace(

@@ -1,0 +1,152 @@
+"""Bank of windows over innovations: what it raises, what it lets pass, and what becomes of the solution."""
+
+import numpy as np
+import pytest
+from navigation_flight import DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix
+
+from shefex_nav.onboard.navigation import fusion, integrity_watch
+from shefex_nav.onboard.navigation.integrity import HEALTHY
+from shefex_nav.onboard.navigation.integrity_bank import CALM, WINDOWS, Stream, _worst, limits
+from shefex_nav.records import Doubt
+
+SECONDS, FROM_S = 70, 30
+QUIET = MODEL._replace(gravity=0.0, accel_scale=0.0, accel_misalignment=0.0)
+
+
+def taken(innovations):
+    stream = Stream(innovations.shape[1])
+    return [stream.take(w) for w in innovations]
+
+
+def reference(kept, n, windows, sizes, run):
+    """The window that is furthest beyond its limit, written slowly."""
+    found = []
+    for k, m in enumerate(windows):
+        if m <= n:
+            w = kept[n - m : n]
+            along = w.sum(axis=0)
+            found.append(((w * w).sum() / sizes[k], k, False))
+            found += [(along @ along / m / run, k, True)] if m > 1 else []
+    worst = max(found)
+    return worst[1:] if worst[0] > 1.0 else (-1, False)
+
+
+@pytest.mark.parametrize("d", [1, 3, 6])
+def test_compiled_windows_are_those_written_slowly(d):
+    rng = np.random.default_rng(d)
+    sizes, run = limits(d, 0.05)  # a limit that is passed now and then
+    for _ in range(300):
+        n = int(rng.integers(1, 128))
+        kept = rng.standard_normal((128, d)) + rng.choice([0.0, 0.3])
+        k, of_run, _ = _worst(kept, n, WINDOWS, sizes, run)
+        assert (k, of_run) == reference(kept, n, WINDOWS, sizes, run)
+
+
+def test_each_limit_has_its_chance():
+    """20 000 windows of white innovations: 1 % of them beyond, within 4 sigma of the binomial law."""
+    rng, n, count = np.random.default_rng(5), 8, 20_000
+    sizes, run = limits(3, 0.01, (n,))
+    w = rng.standard_normal((count, n, 3))
+    along = w.sum(axis=1)
+    for share in (((w * w).sum(axis=(1, 2)) > sizes[0]).mean(), ((along**2).sum(axis=1) / n > run).mean()):
+        assert abs(share - 0.01) < 4.0 * np.sqrt(0.01 * 0.99 / count)
+
+
+def test_white_innovations_raise_no_alarm():
+    """Sixty flights of a thousand innovations; at 1e-9 a test, one alarm has a chance of 1e-3 at most."""
+    for seed in range(60):
+        assert not any(taken(np.random.default_rng(seed).standard_normal((1000, 3))))
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_innovations_on_one_side_are_found_though_each_is_small(sign):
+    rng = np.random.default_rng(2)
+    w = rng.standard_normal((200, 3)) + sign * np.array([1.0, 0.0, -1.0])
+    found = [one for one in taken(w) if one]
+    assert (w[:64] ** 2).sum(axis=1).max() < 30.0
+    assert "on one side" in found[0].words
+    assert np.sign(found[0].mean[0]) == sign
+    assert found[0].excess == pytest.approx(2.0 / 3.0, abs=0.5)
+    turned = w * rng.choice([-1.0, 1.0], (200, 1))
+    assert not [one for one in taken(turned) if one and "on one side" in one.words]
+
+
+def test_a_step_is_found_at_once_and_too_large_a_scatter_within_ten():
+    rng = np.random.default_rng(3)
+    step = np.vstack([rng.standard_normal((50, 3)), [[6.0, 4.0, 0.0]]])
+    assert taken(step)[-1].words == "innovations too large: of 1 fix"
+    scattered = 3.0 * rng.standard_normal((10, 3))
+    assert any(taken(scattered))
+
+
+def test_calm_needs_innovations_of_the_right_size():
+    rng, stream = np.random.default_rng(4), Stream(3)
+    for _ in range(CALM - 1):
+        stream.take(rng.standard_normal(3))
+        assert not stream.calm()
+    stream.take(np.zeros(3))
+    assert stream.calm()
+    for _ in range(CALM):
+        stream.take(2.5 * rng.standard_normal(3))
+    assert not stream.calm()
+
+
+def flown(bias, seed):
+    """Filter, [(s, alarms, doubts, velocity error over sigma)]: accelerometer off by `bias` for 6 s."""
+    blocks, states = fly(SECONDS)
+    rng, nav, rows = np.random.default_rng(seed), None, []
+    params = PARAMS._replace(imu=QUIET, motors=np.zeros((0, 2)), states=(), sigma_blocks={})
+    nav = fusion.start(params, alignment(states[0]), EARTH)
+    noise = np.repeat([QUIET.gyro_random_walk, QUIET.accel_random_walk], 3) * np.sqrt(DT)
+    for n, (block, state) in enumerate(zip(blocks, states[1:], strict=True), 1):
+        read = noise * rng.standard_normal((4, 6))
+        read[:, 4] += bias * DT * (FROM_S <= n / 100.0 < FROM_S + 6)
+        fusion.advance(
+            nav, block._replace(dtheta_b=block.dtheta_b + read[:, :3], dv_b=block.dv_b + read[:, 3:])
+        )
+        if n % 100 == 20 and n > 100:
+            fusion.fuse(nav, [("gps", gps_fix(blocks, states, (n - 20) / 100.0, 0.2, rng))])
+            error = nav.history.x[3:6] - state.v_i
+            off = np.abs(error / np.sqrt(np.diag(nav.history.P)[3:6])).max()
+            rows.append((n / 100.0, dict(nav.watch.alarms), nav.watch.graver_doubts(nav.health, False), off))
+    return nav, rows
+
+
+@pytest.fixture(scope="module")
+def biased():
+    return flown(0.12, 1)
+
+
+def test_an_error_that_every_gate_lets_pass_withdraws_the_solution(biased):
+    nav, rows = biased
+    assert nav.health["gps_velocity"].rejected == 0
+    during = [row for row in rows if FROM_S < row[0] < FROM_S + 7]
+    assert any("gps" in row[1] for row in during)
+    for _, alarms, doubts, _ in rows:
+        assert (doubts == Doubt.CONTRADICTED).all() == ("gps" in alarms)
+
+
+def test_the_solution_comes_back_and_is_as_good_as_it_says(biased):
+    _, rows = biased
+    assert not rows[-1][1]
+    assert (rows[-1][2] == Doubt.NONE).all()
+    assert max(row[3] for row in rows[-10:]) < 5.0
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_without_an_error_nothing_is_raised(seed):
+    nav, rows = flown(0.0, seed)
+    assert not any(row[1] for row in rows)
+    assert not [one for one in nav.watch.changes() if one.source == "innovations"]
+
+
+def test_a_position_that_jumps_alone_is_doubted_alone():
+    nav, _ = flown(0.0, 1)
+    used = HEALTHY._replace(used=10)
+    health = nav.health | {"gps_velocity": used, "gps_position": used._replace(rejected=3, in_a_row=3)}
+    assert nav.watch.graver_doubts(health, False).tolist() == [Doubt.CONTRADICTED, Doubt.NONE, Doubt.NONE]
+    health["star_tracker"] = used._replace(in_a_row=integrity_watch.CONTRADICTIONS)
+    both = [Doubt.CONTRADICTED, Doubt.NONE, Doubt.CONTRADICTED]
+    assert nav.watch.graver_doubts(health, False).tolist() == both
+    health["gps_velocity"] = used._replace(rejected=3, in_a_row=3)
+    assert (nav.watch.graver_doubts(health, False) == Doubt.CONTRADICTED).all()
