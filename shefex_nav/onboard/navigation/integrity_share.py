@@ -70,7 +70,8 @@ class Share:
     def corrected(self, P, H, S):
         """The filter has used a measurement; P (n, n) before it."""
         left = np.eye(len(P)) - P @ H.T @ np.linalg.solve(S, H)
-        self.P = left @ self.P @ left.T
+        updated = left @ self.P @ left.T
+        self.P = 0.5 * (updated + updated.T)  # what rounding leaves of a difference grows by each prediction
 
     def estimate(self):
         """Estimate, or None before there is anything."""
