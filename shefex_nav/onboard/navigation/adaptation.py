@@ -100,7 +100,7 @@ def _second_reset(nav, now, name, verdict):
     So it is the first time, if the sensor has contradicted it nearly from the start on.
     """
     noise = nav.noise
-    if verdict.admitted is not None:
+    if verdict.admitted is not None or verdict.insisted:
         return verdict
     before, noise.resets[name] = noise.resets.get(name, -np.inf), now.t_s
     young = name in RATES and nav.health[name].used <= YOUNG

@@ -248,7 +248,7 @@ def _doubted(nav, now, group, alarm, verdict):
     if group == "gps":
         nav.watch.learnt.forget()
         doubts = integrity_learnt.doubts(nav.params, nav.layout, None, now.x, now.P)
-        if alarm.again and not now.vibration:
+        if alarm.again and not now.vibration and not verdict.insisted:
             verdict = adaptation.widen(nav, now, factor, verdict, "innovations are too large again")
     else:
         z = np.array([alarm.mean * float(sigma.max()), 0.0, 0.0])

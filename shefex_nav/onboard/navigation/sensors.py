@@ -78,6 +78,7 @@ class Trial(NamedTuple):
     evidence: integrity.Evidence | None  # what is kept of the fix if it is rejected
     agree: Agree  # the earlier evidence with this
     steady: Agree | None = None  # the first with this; None: always
+    still: Agree | None = None  # whether this, inside the gate, is off as the earlier was; None: never
 
 
 class Linearise(Protocol):
@@ -253,7 +254,8 @@ def _gps_position_trial(nav, now, z, R, fix):
     def steady(first, later):
         return integrity.offsets_agree(first, later, limit)
 
-    return trial._replace(rule=nav.watch.params.release_gps_jump, steady=steady)
+    rule = nav.watch.params.release_gps_jump
+    return trial._replace(rule=rule, steady=steady, still=integrity.nearer_to_it_than_to_zero)
 
 
 def _range_trial(nav, now, z, R, fix):
