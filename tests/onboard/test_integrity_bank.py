@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from navigation_flight import DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix
 
-from shefex_nav.onboard.navigation import fusion, integrity_watch
-from shefex_nav.onboard.navigation.integrity import HEALTHY
+from shefex_nav.onboard.navigation import fusion, integrity, integrity_watch, sensors
+from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate
 from shefex_nav.onboard.navigation.integrity_bank import CALM, WINDOWS, Stream, _worst, limits
-from shefex_nav.records import Doubt
+from shefex_nav.onboard.navigation.sensors import grown
+from shefex_nav.onboard.navigation.state import ReleaseRule
+from shefex_nav.records import Doubt, GpsFix
 
 SECONDS, FROM_S = 70, 30
 QUIET = MODEL._replace(gravity=0.0, accel_scale=0.0, accel_misalignment=0.0)
@@ -150,3 +152,54 @@ def test_a_position_that_jumps_alone_is_doubted_alone():
     assert nav.watch.graver_doubts(health, False).tolist() == both
     health["gps_velocity"] = used._replace(rejected=3, in_a_row=3)
     assert (nav.watch.graver_doubts(health, False) == Doubt.CONTRADICTED).all()
+
+
+def after_star_fix(P, sigma):
+    """Covariance of attitude and mounting, of which stars see the sum."""
+    H = np.hstack([np.eye(3), np.eye(3)])
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + sigma**2 * np.eye(3))
+    return P - K @ H @ P
+
+
+def test_growing_tells_nothing_of_what_stars_cannot_tell_apart():
+    """Attitude and mounting, each known to 1 mrad, their sum to 1e-3 of it."""
+    tied = np.block([[np.eye(3), -np.eye(3)], [-np.eye(3), np.eye(3)]]) * 1e-6
+    P = np.zeros((12, 12))
+    P[6:, 6:] = tied + 1e-14 * np.eye(6)
+    factors = grown(P, 3.0).factors
+    larger = (P * np.outer(factors, factors))[6:, 6:]
+    assert np.diag(after_star_fix(larger, 1e-6)).min() > 0.99 * 9.0 * 1e-6
+    one_alone = np.repeat([3.0, 1.0], 3)  # what was wrong: the attitude grew, the mounting did not
+    wrong = P[6:, 6:] * np.outer(one_alone, one_alone)
+    assert np.diag(after_star_fix(wrong, 1e-6)).max() < 1e-3 * 1e-6
+
+
+def test_angles_that_are_hardly_known_do_not_grow():
+    P = np.diag(np.r_[np.ones(6), 0.01, 1.0, 4.0])
+    assert grown(P, 8.0).factors.tolist() == [8.0] * 7 + [1.0, 1.0]
+
+
+def position(z):
+    """Evidence of a GPS position that is off by z."""
+    fix = GpsFix(0.0, 0.0, True, np.zeros(3), np.zeros(3), np.eye(3), 0.01 * np.eye(3), 8, 1.0, "")
+    return integrity.GpsEvidence(fix, np.array(z), 1e4 * np.eye(3))
+
+
+@pytest.mark.parametrize("z, fate", [([28.0, 3.0, 1.0], Fate.REJECTED), ([2.0, -3.0, 1.0], Fate.USED)])
+def test_a_position_refused_before_is_no_better_in_a_wider_gate(z, fate):
+    rule = ReleaseRule(30, 29.0)
+    refused = HEALTHY._replace(used=5, rejected=2, t_first_s=1.0, in_a_row=2)
+    refused = refused._replace(evidence=position([30.0, 0.0, 0.0]), first=position([31.0, 0.0, 0.0]))
+    trial = sensors.Trial(
+        rule, position(z), lambda *_: True, lambda *_: True, integrity.nearer_to_it_than_to_zero
+    )
+    found, health = integrity.judge(refused, trial, 0.0, 21.1, 3.0)
+    assert found == fate
+    assert health.rejected == (3 if fate == Fate.REJECTED else 0)
+
+
+def test_a_velocity_that_says_the_same_again_is_told_from_one_that_wanders():
+    first = position([2.0, 0.0, 0.0])
+    assert integrity.same_velocity_offset(first, position([1.7, 0.4, -0.3]))
+    assert not integrity.same_velocity_offset(first, position([3.5, -0.5, 0.0]))  # as noise that adds up
+    assert not integrity.same_velocity_offset(None, first)
