@@ -108,15 +108,44 @@ def _second_reset(nav, now, name, verdict):
     largest = float(np.sqrt(max(w @ w / len(w) for w in recent)))
     if now.t_s - before > LOOP_S and not young and largest > BOLDEST:
         return verdict
-    if name in WATCHED and len(recent) == RECENT and neighbours(np.array(recent)) < WHITE:
-        if noise.share is None:  # while the IMU is in doubt no sensor is
-            _count_sensor(nav, name, noise.of_sensor(name) * float(np.sqrt(np.mean(np.square(recent)))))
+    if name in WATCHED and _is_white(recent):
+        _count_white(nav, name, recent)
         return verdict
     if not (name in RATES or _alone(nav)):
         return verdict
     noise.resets.pop(name, None)
     why = "contradicted from the start" if young else "second reset"
     return widen(nav, now, float(np.clip(largest, STEP, MOST)), verdict, why)
+
+
+def too_large_again(nav, now, factor, verdict):
+    """Verdict when innovations of GPS are too large for the second time within `LOOP_S`: noise is to blame.
+
+    nav : Filter;  now : Moment;  factor : of sigmas, by the innovations;  verdict : gate.Verdict
+    -> gate.Verdict; the noise of a sensor whose innovations are white, or that of the IMU, counts more
+    """
+    noise, white = nav.noise, True
+    for name in WATCHED:
+        recent = noise.recent.get(name, ())
+        if len(recent) == RECENT and float(np.mean(np.square(recent))) > RIGHT**2:
+            if _is_white(recent):
+                _count_white(nav, name, recent)
+            else:
+                white = white and name not in RATES
+    return verdict if white else widen(nav, now, factor, verdict, "innovations are too large again")
+
+
+def _is_white(recent):
+    """Whether the last innovations of a sensor do not hang together; not before there are `RECENT`."""
+    return len(recent) == RECENT and neighbours(np.array(recent)) < WHITE
+
+
+def _count_white(nav, name, recent):
+    """Count the noise of a sensor by its last innovations; while the IMU is in doubt no sensor is."""
+    if nav.noise.share is None:
+        factor = nav.noise.of_sensor(name) * float(np.sqrt(np.mean(np.square(recent))))
+        _count_sensor(nav, name, factor)
+        nav.noise.recent[name].clear()
 
 
 def _alone(nav):

@@ -49,6 +49,7 @@ class Finding(NamedTuple):
     """A window whose innovations are too large."""
 
     words: str
+    of_run: bool  # they are on one side, each of them may be as large as it should
     excess: float  # of the variance of an innovation, over what it should be, less one
     mean: np.ndarray  # (d,) whitened, of the window
 
@@ -58,7 +59,7 @@ class Alarm(NamedTuple):
 
     factor: float  # of all sigmas
     mean: float  # length of the mean innovation, whitened
-    again: bool  # whether the noise of the IMU is to blame
+    again: bool  # whether innovations are too large for the second time in a minute
 
 
 class Stream:
@@ -91,7 +92,7 @@ class Stream:
         excess = (value / self.d - 1.0) / count if of_run else value / (count * self.d) - 1.0
         what = "on one side" if of_run else "too large"
         words = f"innovations {what}: of {count} fix{'es' if count > 1 else ''}"
-        return Finding(words, excess, self.kept[self.n - count : self.n].mean(axis=0))
+        return Finding(words, of_run, excess, self.kept[self.n - count : self.n].mean(axis=0))
 
     def calm(self):
         """Whether the last innovations have the size of healthy ones; not before there are `CALM`."""
@@ -143,7 +144,7 @@ class Bank:
 
     streams : {sensor, or "gps" of position and velocity together: Stream}
     due : {group of sensors: Alarm} whose doubts wait for a fix that is used
-    before : {sensor: s}, of the last alarm
+    before : {group of sensors: s}, of the last alarm
     position : s, whitened innovation of the last GPS position
     """
 
@@ -199,11 +200,11 @@ class Bank:
     def _alarm(self, nav, group, name, found, own):
         """The solution is withdrawn; what is to be doubted waits for the next fix that is used."""
         now_s = nav.history.ends_s[-1]
-        again = now_s - self.before.get(name, -np.inf) < adaptation.LOOP_S
-        nav.watch.alarms[group] = self.before[name] = now_s
+        again = now_s - self.before.get(group, -np.inf) < adaptation.LOOP_S
+        nav.watch.alarms[group] = self.before[group] = now_s
         factor = np.sqrt(1.0 + max(found.excess, 0.0) / (1.0 - min(own, OWN)))
         factor, mean = float(np.clip(factor, LEAST, MOST)), float(np.linalg.norm(found.mean))
-        self.due[group] = Alarm(factor, mean, again and name == "gps_velocity")
+        self.due[group] = Alarm(factor, mean, again and not found.of_run)
         self.forget()
         nav.watch.tell(now_s, "innovations", f"{name}: {found.words}")
 
@@ -241,15 +242,15 @@ def _own(R, S):
 def _doubted(nav, now, group, alarm, verdict):
     """Verdict on a fix before which the covariance grows, and what was learnt is doubted.
 
-    The second alarm of GPS within a minute says that the first has mended nothing: then the noise of the IMU
-    was told too small. Vibration is noise of another kind.
+    The second alarm of GPS within a minute says that the first has mended nothing: then noise was told too
+    small. Vibration is noise of another kind.
     """
     sigma, factor = np.sqrt(np.diag(now.P)[ATT]), alarm.factor
     if group == "gps":
         nav.watch.learnt.forget()
         doubts = integrity_learnt.doubts(nav.params, nav.layout, None, now.x, now.P)
         if alarm.again and not now.vibration and not verdict.insisted:
-            verdict = adaptation.widen(nav, now, factor, verdict, "innovations are too large again")
+            verdict = adaptation.too_large_again(nav, now, factor, verdict)
     else:
         z = np.array([alarm.mean * float(sigma.max()), 0.0, 0.0])
         doubts = integrity_learnt.by_stars(nav, now, z, False)
