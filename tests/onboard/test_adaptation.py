@@ -140,7 +140,7 @@ def noisy_receiver(seed, told=0.5):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_white_innovations_that_are_too_large_twice_are_noise_of_the_receiver(seed):
-    """Half of its noise is reported; the mean square of twenty innovations of three tells it within a third."""
+    """Half of its noise is reported; the mean square of some innovations tells it roughly."""
     nav, health = noisy_receiver(seed)
     assert 1.4 < nav.noise.of_sensor("gps_position") < 2.8
     assert 1.4 < nav.noise.of_sensor("gps_velocity") < 2.8
