@@ -109,7 +109,8 @@ def _second_reset(nav, now, name, verdict):
     if now.t_s - before > LOOP_S and not young and largest > BOLDEST:
         return verdict
     if name in WATCHED and _is_white(recent):
-        _count_white(nav, name, recent)
+        if noise.share is None:  # while the IMU is in doubt no sensor is
+            _count_sensor(nav, name, noise.of_sensor(name) * float(np.sqrt(np.mean(np.square(recent)))))
         return verdict
     if not (name in RATES or _alone(nav)):
         return verdict
@@ -118,34 +119,32 @@ def _second_reset(nav, now, name, verdict):
     return widen(nav, now, float(np.clip(largest, STEP, MOST)), verdict, why)
 
 
-def too_large_again(nav, now, factor, verdict):
+def too_large_again(nav, now, factor, verdict, streams):
     """Verdict when innovations of GPS are too large for the second time within `LOOP_S`: noise is to blame.
 
+    That of the IMU, if those of the velocity hang together or hardly show the receiver's own noise; else that
+    of each of the receiver's sensors whose innovations are white and mostly its own noise.
+
     nav : Filter;  now : Moment;  factor : of sigmas, by the innovations;  verdict : gate.Verdict
-    -> gate.Verdict; the noise of a sensor whose innovations are white, or that of the IMU, counts more
+    streams : {sensor: integrity_bank.Stream} -> gate.Verdict
     """
-    noise, white = nav.noise, True
-    for name in WATCHED:
-        recent = noise.recent.get(name, ())
-        if len(recent) == RECENT and float(np.mean(np.square(recent))) > RIGHT**2:
-            if _is_white(recent):
-                _count_white(nav, name, recent)
-            else:
-                white = white and name not in RATES
-    return verdict if white else widen(nav, now, factor, verdict, "innovations are too large again")
+    known = [name for name in WATCHED if name in streams and len(streams[name].recent) == RECENT]
+    recent = {name: np.array([w for w, _ in streams[name].recent]) for name in known}
+    own = {name: float(np.mean([share for _, share in streams[name].recent])) for name in known}
+    large = [name for name in known if np.mean(np.square(recent[name])) > RIGHT**2]
+    white = [name for name in large if _is_white(recent[name]) and own[name] > OWN_SHARE]
+    if "gps_velocity" in large and "gps_velocity" not in white:
+        return widen(nav, now, factor, verdict, "innovations are too large again")
+    for name in white if nav.noise.share is None else ():  # while the IMU is in doubt no sensor is
+        excess = float(np.mean(np.square(recent[name]))) - 1.0
+        _count_sensor(nav, name, nav.noise.of_sensor(name) * np.sqrt(1.0 + excess / own[name]))
+        streams[name].recent.clear()
+    return verdict
 
 
 def _is_white(recent):
     """Whether the last innovations of a sensor do not hang together; not before there are `RECENT`."""
     return len(recent) == RECENT and neighbours(np.array(recent)) < WHITE
-
-
-def _count_white(nav, name, recent):
-    """Count the noise of a sensor by its last innovations; while the IMU is in doubt no sensor is."""
-    if nav.noise.share is None:
-        factor = nav.noise.of_sensor(name) * float(np.sqrt(np.mean(np.square(recent))))
-        _count_sensor(nav, name, factor)
-        nav.noise.recent[name].clear()
 
 
 def _alone(nav):
@@ -285,7 +284,7 @@ def _blame(nav, name, found, own):
 
 def _count_sensor(nav, name, factor):
     """The noise of a sensor counts so many times from the next fix on."""
-    noise, factor = nav.noise, min(factor, MOST)
+    noise, factor = nav.noise, float(min(factor, MOST))
     noise.sensors[name] = factor
     noise.windows[name].forget()
     noise.by_noise[name].clear()

@@ -64,6 +64,7 @@ def decide(nav, now, z, H, R, measurement):
     _tell(nav, nav.history.ends_s[-1], name, Fate.USED if found else verdict.fate, verdict.note)
     if found:
         verdict = _find_again(nav, now, verdict, found, measurement, attitude[0])
+        nav.bank.forget("star_tracker")
     else:
         verdict = adaptation.weigh(nav, now, z, H, R, S, nis, measurement, verdict)
         verdict = _doubted(nav, now, z, nis, name, verdict)
@@ -71,7 +72,8 @@ def decide(nav, now, z, H, R, measurement):
     grown = isinstance(verdict.admitted, Grown)  # the model was at fault, the measurement was used
     nav.watch.constants_seen(nav, now, name, z, H, S, Fate.USED if grown else verdict.fate)
     result = _result(nav, z, S, nis, measurement, verdict)
-    confirmed = not verdict.alone or (verdict.fate == Fate.RESET and sensor.confirmed is not None)
+    believed = verdict.fate == Fate.RESET and not grown and sensor.confirmed is not None
+    confirmed = not verdict.alone or believed
     decided = measurement._replace(
         fate=verdict.fate, rows=verdict.rows, admitted=verdict.admitted, doubts=verdict.doubts,
         teaches=not nav.watch.replaced,

@@ -113,7 +113,9 @@ def judge(health, trial, nis, limit, t_valid_s, alone=True):
 
 def _still_off(health, trial):
     """Whether a fix inside a gate that has become wider says what rejected ones have said."""
-    return trial is not None and trial.still is not None and trial.still(health.evidence, trial.evidence)
+    if trial is None or trial.still is None or not insists(health, trial):
+        return False
+    return trial.still(health.first, trial.evidence)
 
 
 def insists(health, trial):
@@ -137,9 +139,7 @@ def offsets_agree(first, later, limit):
 
 
 def nearer_to_it_than_to_zero(earlier, later):
-    """Whether a GPS position is still off as an earlier one was. GpsEvidence or None, GpsEvidence -> bool"""
-    if earlier is None or len(earlier.z) != len(later.z):
-        return False
+    """Whether a GPS position is still off as an earlier one was. GpsEvidence, GpsEvidence -> bool"""
     return bool(np.linalg.norm(later.z - earlier.z) < np.linalg.norm(later.z))
 
 

@@ -195,7 +195,7 @@ class Watch:
             return ALL_OF[Doubt.NONE]
         others = [name for name in bad if name not in OF_ATTITUDE]
         position_alone = others == ["gps_position"] and jumped(health)
-        if (others and not position_alone) or (bad and self.reasons.get("gps")):
+        if (others and not position_alone) or ((bad or self.alarms) and self.reasons.get("gps")):
             return ALL_OF[Doubt.CONTRADICTED]
         of_attitude = self.alarms or len(bad) > len(others)
         return (ONLY_ATTITUDE if of_attitude else 0) | (ONLY_POSITION if position_alone else 0)
