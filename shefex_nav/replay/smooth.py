@@ -7,7 +7,7 @@ Kalman filter linear about the filter's own trajectory goes forward (`relinear`)
 (`smoother`); what comes out is a better trajectory, about which both go once more, and again where it still
 moves (`MOVES`).
 
-Memory is some 1 MB per second of flight with 51 states; time is some four times that of the filter.
+Memory is some 1.3 MB per second of flight with 48 states; time is some three times that of the filter.
 """
 
 from functools import partial
