@@ -1,11 +1,13 @@
 """Smoother against its filter: errors by part and axis, whether its covariance is right, and its time.
 
 uv run python benchmarks/smoother.py FOLDER [--scenario shefex2_andoya] [--seeds 30] [--first 0]
-    [--set KEY=VALUE] [--navego DATA] [--json FILE]
+    [--set KEY=VALUE] [--navego DATA [--as-recorded]] [--json FILE]
 
 FOLDER keeps the logs of the flights, <scenario>-<seed>.mcap; one that is there is not flown again.
-With --navego the runs are the drive of NaveGo in the folder DATA, once with each fifth of its fixes (one a
-second, five disjoint sets); its IMU is the same in all of them, so that neither interval below is exact.
+With --navego the runs are the drive of NaveGo in the folder DATA, one fix a second, with errors of IMU, GNSS
+and start that are drawn for each seed from what the scenario states (`navego_drawn`): independent of each
+other, on one road. With --as-recorded they are the five disjoint sets of the fixes in the files (5 Hz) with
+the one IMU of the files: not independent, so that neither interval below is exact.
 
 Printed for each part of the flight and each axis (position and velocity inertial, attitude in body axes):
 RMS over all seeds and instants of filter and smoother, their ratio and its 99.9 % interval (bootstrap over
@@ -29,7 +31,7 @@ from missions import SCENARIOS
 BLOCKS = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9), "all": slice(0, 9)}
 AXES = ("r x", "r y", "r z", "v x", "v y", "v z", "att x", "att y", "att z")
 CONFIDENCE, DRAWS, TIMES = 0.999, 20_000, 4.0
-SETS = 5  # of NaveGo's fixes
+SETS = 5  # of the fixes in NaveGo's files
 
 
 def flown(folder, name, seed, overrides):
@@ -49,13 +51,18 @@ def flown(folder, name, seed, overrides):
     return rerun.open_log(log)
 
 
-def driven(folder, k):
-    """Recording of NaveGo's drive with the fixes k, k + 5, ..."""
+def driven(folder, k, recorded):
+    """Recording of NaveGo's drive: fixes k, k + 5, ... of the files, or the errors of seed k."""
+    import navego_drawn
+
     from shefex_nav.log.run_data import RunDataBuilder
     from shefex_nav.replay import external, load, rerun
 
-    setting = [f"gnss.first={0.2 * k:.1f} s"]
-    ready = external.prepare(*load.load(SCENARIOS / "replay" / "navego.yaml", setting, folder))
+    if recorded:
+        setting = [f"gnss.first={0.2 * k:.1f} s"]
+        ready = external.prepare(*load.load(SCENARIOS / "replay" / "navego.yaml", setting, folder))
+    else:
+        ready = navego_drawn.drawn(folder, k)
     kept = RunDataBuilder(external.mission(ready))
     for record in external.run(ready, external.Clock()):
         kept.add(record)
@@ -192,15 +199,16 @@ def main():
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--set", action="append", default=[], dest="overrides", metavar="KEY=VALUE")
     parser.add_argument("--navego", type=Path, metavar="DATA", help="folder of NaveGo's files")
+    parser.add_argument("--as-recorded", action="store_true", help="NaveGo's files as they are, five sets")
     parser.add_argument("--json", type=Path, help="what was measured of each run, and what they say")
     given = parser.parse_args()
     from shefex_nav import warmup
 
     warmup.get_ready({"command=smooth"})
     runs = []
-    for k in range(SETS if given.navego else given.seeds):
+    for k in range(SETS if given.as_recorded else given.seeds):
         if given.navego:
-            recording = driven(given.navego, k)
+            recording = driven(given.navego, k if given.as_recorded else given.first + k, given.as_recorded)
         else:
             given.folder.mkdir(parents=True, exist_ok=True)
             recording = flown(given.folder, given.scenario, given.first + k, given.overrides)

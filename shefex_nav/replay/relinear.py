@@ -60,14 +60,6 @@ class Intervals(NamedTuple):
     walks: np.ndarray  # (m, 2) rad^2/s^3, m^2/s^5, random walks of the biases: gyros, accelerometers
 
 
-class Kept(NamedTuple):
-    """Covariances that the smoother asks for; of a node all measurements are taken in."""
-
-    wide: np.ndarray  # (m + 1, 9, n) first rows, at every node; (0, 9, n): not kept
-    whole: np.ndarray  # (c, n, n), at some nodes
-    rows: np.ndarray  # (m + 1,) row of a node in `whole`, -1: none
-
-
 class Update(NamedTuple):
     """What a measurement did at a node."""
 
@@ -84,10 +76,10 @@ class Passed(NamedTuple):
     """A pass from the start to the end."""
 
     mean: np.ndarray  # (n,) at the start
-    P: np.ndarray  # (n, n)
+    P: np.ndarray  # (n, n) likewise
     intervals: Intervals
     updates: dict  # node -> list of Update
-    end: tuple  # mean and P at the end
+    covariances: dict  # node -> P with its measurements: of start, end and `updates`, where wanted
 
 
 def difference(layout, x, y):
@@ -122,7 +114,7 @@ def room(m, n):
     return Intervals(np.empty((m, TOP, n)), np.empty((m, n)), np.empty((m, TOP, TOP)), np.empty((m, 2)))
 
 
-def forward(nav, whole, nodes, trajectory, start, kept, intervals):
+def forward(nav, whole, nodes, trajectory, start, intervals, second=False):
     """The pass.
 
     Parameters
@@ -132,7 +124,8 @@ def forward(nav, whole, nodes, trajectory, start, kept, intervals):
     nodes : final_pass.Nodes
     trajectory : Trajectory
     start : history.Tick
-    kept, intervals : Kept, Intervals, written
+    intervals : Intervals, written
+    second : whether covariances are wanted
 
     Returns
     -------
@@ -140,22 +133,24 @@ def forward(nav, whole, nodes, trajectory, start, kept, intervals):
     """
     m = len(nodes.ticks)
     mean_0, P_0 = origin(nav.layout, start.x, start.P, trajectory.xs[0])
-    mean, P, updates, reached = mean_0.copy(), P_0.copy(), {}, 0
+    mean, P, reached = mean_0.copy(), P_0.copy(), 0
+    updates, covariances = {}, {0: P_0}
     nav = nav._replace(history=whole)
     whole.position_s, whole.used_s = -np.inf, dict.fromkeys(whole.used_s, -np.inf)
     samples = whole.numbers, whole.increments, whole.extra
     for node in [*sorted(nodes.seen), m]:
         _follow(
             *nav.constants, *samples, nav.layout.nominal, *trajectory, nodes.ticks, nodes.parts_s,
-            reached, node, mean, P, *intervals, *kept,
+            reached, node, mean, P, *intervals,
         )  # fmt: skip
         reached = node
         if node in nodes.seen:
             whole.x[:] = trajectory.xs[node]
             whole.P[:] = P
             updates[node] = [_correct(nav, seen, mean, P) for seen in nodes.seen[node]]
-            _keep(node, P, *kept)
-    return Passed(mean_0, P_0, intervals, updates, (mean, P))
+        if second:
+            covariances[node] = P.copy()
+    return Passed(mean_0, P_0, intervals, updates, covariances)
 
 
 def _correct(nav, seen, mean, P):
@@ -220,28 +215,14 @@ def _update(mean, P, z, H, R):
 
 
 @kernel
-def _keep(node, P, wide, whole, rows):
-    """What is kept of a node's covariance."""
-    n = P.shape[0]
-    if wide.shape[0] > 0:
-        for i in range(TOP):
-            for j in range(n):
-                wide[node, i, j] = P[i, j]
-    if rows[node] >= 0:
-        for i in range(n):
-            for j in range(n):
-                whole[rows[node], i, j] = P[i, j]
-
-
-@kernel
 def _follow(
     at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, nominal, xs, more, ticks, parts_s,
-    first, last, mean, P, tops, jumps, noises, walks, wide, whole, rows,
+    first, last, mean, P, tops, jumps, noises, walks,
 ):  # fmt: skip
     """Mean and P from node `first` to node `last`, in place; what there is of intervals and nodes is written.
 
     at, model, C_iq ... rate : `fusion.Filter.constants`;  numbers, increments, extra : of Final
-    nominal : of Layout;  the others as in Nodes, Trajectory, Intervals and Kept
+    nominal : of Layout;  the others as in Nodes, Trajectory and Intervals
     """
     n = P.shape[0]
     work, d, x, moved = prediction.workspace(n), np.empty(n), np.empty(xs.shape[1]), np.empty(n)
@@ -262,37 +243,53 @@ def _follow(
         for i in range(3):
             x[X_GRAVITY + i] = left * xs[j, X_GRAVITY + i]
         _difference(x, xs[j + 1], nominal, d)
-        _carried(at, model[0], top, mean, T, moved)
+        carried(at, model[0], top, mean, T, moved)
         for i in range(n):
             mean[i] = moved[i] - d[i]
         _turn(d, top, Q, mean, P)
-        tops[j] = top
-        noises[j] = Q
-        jumps[j] = d
+        copy(top, tops[j])
+        copy(Q, noises[j])
+        for i in range(n):
+            jumps[j, i] = d[i]
         walks[j, 0] = model[row].gyro_bias_walk ** 2
         walks[j, 1] = walk
-        _keep(j + 1, P, wide, whole, rows)
+
+
+@inner(forceinline=True)
+def copy(matrix, out):
+    """In loops: an assignment of arrays takes more than twice as long."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            out[i, j] = matrix[i, j]
 
 
 @inner
-def _carried(at, model, top, e, T, out):
+def carried(at, model, top, e, T, out):
     """Phi e: errors after an interval. (n,), written to out (n,)"""
     n = e.shape[0]
-    for i in range(TOP):
-        total = 0.0
+    for i in range(0, TOP, 3):  # sums side by side, none of which waits for another
+        a, b, c = 0.0, 0.0, 0.0
         for k in range(n):
-            total += top[i, k] * e[k]
-        out[i] = total
+            a, b, c = a + top[i, k] * e[k], b + top[i + 1, k] * e[k], c + top[i + 2, k] * e[k]
+        out[i], out[i + 1], out[i + 2] = a, b, c
     for k in range(TOP, n):
         out[k] = e[k]
     if at[CLOCK] >= 0:
         out[at[CLOCK]] += T * e[at[CLOCK] + 1]
+    fade(at, model, T, out)
+
+
+@inner(forceinline=True)
+def fade(at, model, T, vector):
+    """What is left of errors that fade, in place."""
     if at[RANGE_BIAS] >= 0:
+        left = np.exp(-T / model.range_bias_time_s)
         for k in range(at[RANGE_BIAS], at[RANGE_BIAS] + SIZES[RANGE_BIAS]):
-            out[k] *= np.exp(-T / model.range_bias_time_s)
+            vector[k] *= left
     if at[GRAVITY] >= 0:
+        left = np.exp(-T / FIELD_TIME_S)
         for k in range(at[GRAVITY], at[GRAVITY] + 3):
-            out[k] *= np.exp(-T / FIELD_TIME_S)
+            vector[k] *= left
 
 
 @inner

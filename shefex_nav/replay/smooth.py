@@ -7,7 +7,7 @@ Kalman filter linear about the filter's own trajectory goes forward (`relinear`)
 (`smoother`); what comes out is a better trajectory, about which both go once more, and again where it still
 moves (`MOVES`).
 
-Memory is some 1 MB per second of flight with 51 states; time is some four times that of the filter.
+Memory is some 1.3 MB per second of flight with 48 states; time is some three times that of the filter.
 """
 
 from functools import partial
@@ -29,7 +29,7 @@ from shefex_nav.records import NavSolution
 from shefex_nav.replay import final_pass, relinear, rerun, smoother
 from shefex_nav.scenario import load, params_onboard
 
-CHUNK_TICKS = 1000  # of which the solution is written down at once
+CHUNK_TICKS = 100  # of which the solution is written down at once: what the processor's cache holds
 FIELD_TICKS = 100  # between two places at which the field is worked out
 MOVES = np.radians(2.0)  # [E] a pass is off by some half of the square of what the trajectory moves in it
 MOST_PASSES = 6
@@ -232,17 +232,17 @@ def backward(recording, flown, final, star_aided, progress=lambda share: None):
     one_pass = partial(smoothed_about, nav, whole, nodes, start, intervals)
     xs = nodes.xs
     for k in range(MOST_PASSES):
-        e, _, _ = one_pass(relinear.Trajectory(xs, known_field(recording, nodes, final, xs)))
+        e, _ = one_pass(relinear.Trajectory(xs, known_field(recording, nodes, final, xs)))
         xs = smoother.moved(xs, e, nav.layout.nominal)
         progress((k + 1.0) / (k + 3.0))
         if np.sqrt((e[nodes.ends, ATT] ** 2).sum(axis=1).max()) < MOVES or k == MOST_PASSES - 1:
             break
-    e, P, kept = one_pass(relinear.Trajectory(xs, known_field(recording, nodes, final, xs)), second=True)
+    e, wanted = one_pass(relinear.Trajectory(xs, known_field(recording, nodes, final, xs)), second=True)
     xs = smoother.moved(xs, e, nav.layout.nominal)
     progress(0.9)
     stars = nav.health["star_tracker"]._replace(used=int(star_aided))
     nav = nav._replace(health={**nav.health, "star_tracker": stars})
-    return told(nav, final, nodes, xs, P, kept)
+    return told(nav, final, nodes, xs, wanted)
 
 
 def smoothed_about(nav, whole, nodes, start, intervals, trajectory, second=False):
@@ -255,20 +255,17 @@ def smoothed_about(nav, whole, nodes, start, intervals, trajectory, second=False
     Returns
     -------
     e : (m + 1, n) errors of the trajectory
-    P : (m + 1, 9, 9) covariances of them at the ends of ticks, or None
-    kept : relinear.Kept, with covariances of all errors at every tenth tick
+    wanted : smoother.Wanted, covariances of the nine at the ends of ticks, of all at every tenth; or None
     """
-    n, count, rows = nav.layout.n, len(nodes.xs), np.full(len(nodes.xs), -1)
-    ends, tenth = None, nodes.ends[COVARIANCE_TICKS::COVARIANCE_TICKS]
+    passed = relinear.forward(nav, whole, nodes, trajectory, start, intervals, second)
+    wanted = None
     if second:
-        rows[tenth] = np.arange(len(tenth))
-        ends = np.zeros(count, dtype=bool)
-        ends[nodes.ends] = True
-    whole_P = np.empty((len(tenth) if second else 0, n, n))
-    kept = relinear.Kept(np.empty((count if second else 0, relinear.TOP, n)), whole_P, rows)
-    passed = relinear.forward(nav, whole, nodes, trajectory, start, kept, intervals)
-    e, P = smoother.back(nav, nodes, passed, kept, ends)
-    return e, P, kept
+        n, count, tenth = nav.layout.n, len(nodes.xs), nodes.ends[COVARIANCE_TICKS::COVARIANCE_TICKS]
+        ends, rows = np.zeros(count, dtype=bool), np.full(count, -1)
+        ends[nodes.ends], rows[tenth] = True, np.arange(len(tenth))
+        nine = np.empty((count, relinear.TOP, relinear.TOP))
+        wanted = smoother.Wanted(ends, nine, rows, np.empty((len(tenth), n, n)))
+    return smoother.back(nav, nodes, passed, wanted), wanted
 
 
 def known_field(recording, nodes, final, xs):
@@ -291,23 +288,24 @@ def known_field(recording, nodes, final, xs):
     return np.column_stack([np.interp(begin_s + half_s, t_s[at], found[:, i]) for i in range(3)])
 
 
-def told(nav, final, nodes, xs, P, kept):
+def told(nav, final, nodes, xs, wanted):
     """NavSolution of the smoother at every tick, and NavCovariance at every tenth.
 
-    nav : fusion.Filter of the same parameters;  xs, P, kept : of the last pass
+    nav : fusion.Filter of the same parameters;  xs, wanted : of the last pass
     What is left of the errors behind the attitude changes slowly; that of the tenth tick stands for the nine
     before it.
     """
-    last = len(nodes.ends) - 1
+    last, n = len(nodes.ends) - 1, nav.layout.n
     rows = np.empty((last, solution.WIDTH))
     spread = np.empty((last // COVARIANCE_TICKS, covariance.width(nav.layout)))
+    room = np.zeros((min(CHUNK_TICKS, last), n, n))
     for first in range(1, last + 1, CHUNK_TICKS):
         ticks = np.arange(first, min(first + CHUNK_TICKS, last + 1))
-        Ps = np.zeros((len(ticks), nav.layout.n, nav.layout.n))
-        if len(kept.whole):
-            nearest = np.minimum((ticks - 1) // COVARIANCE_TICKS, len(kept.whole) - 1)
-            Ps[:] = kept.whole[nearest]
-        Ps[:, :9, :9] = P[nodes.ends[ticks]]
+        Ps = room[: len(ticks)]
+        if len(wanted.whole):
+            nearest = np.minimum((ticks - 1) // COVARIANCE_TICKS, len(wanted.whole) - 1)
+            np.take(wanted.whole, nearest, axis=0, out=Ps, mode="clip")
+        Ps[:, :9, :9] = wanted.nine[nodes.ends[ticks]]
         of_ticks = (array[ticks] for array in (final.numbers, final.increments, final.extra))
         chunk = Chunk(*of_ticks, xs[nodes.ends[ticks]], Ps)
         here = nav._replace(history=chunk)

@@ -10,22 +10,36 @@ only at the start: from there they are carried forward with the noise that the a
 
     e <- Phi e - d - Q lambda
 
-(Koopman, Biometrika 80 (1993) 117), so that P is kept only as far as somebody wants to know it afterwards.
+(Koopman, Biometrika 80 (1993) 117). Where the covariance is wanted, P is kept after measurements and carried
+on once more from each to the next: its first rows at all nodes would be a fifth of all memory, and new memory
+costs more than the arithmetic.
 
 References: Bierman, Fixed interval smoothing with discrete measurements, Int. J. Control 18 (1973), eqs. of
 section 3; Bryson & Ho, Applied Optimal Control, section 13.2. The sign of lambda is Bierman's.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.onboard.navigation import prediction
 from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S
 from shefex_nav.onboard.navigation.prediction import SIZES, TOP
-from shefex_nav.onboard.navigation.state import CLOCK, GRAVITY, RANGE_BIAS, corrected
-from shefex_nav.replay.relinear import _carried, other_noise
+from shefex_nav.onboard.navigation.state import BG, CLOCK, GRAVITY, RANGE_BIAS, corrected
+from shefex_nav.replay.relinear import carried, copy, fade, other_noise
 
 
-def back(nav, nodes, passed, kept, ends=None):
+class Wanted(NamedTuple):
+    """Covariances of the smoothed estimate that are wanted, all measurements of a node taken in."""
+
+    ends: np.ndarray  # (m + 1,) bool, nodes at which those of the first nine errors are
+    nine: np.ndarray  # (m + 1, 9, 9) these
+    rows: np.ndarray  # (m + 1,) row of a node in `whole`, -1: none
+    whole: np.ndarray  # (c, n, n) of all errors, at some of the nodes in `ends`
+
+
+def back(nav, nodes, passed, wanted=None):
     """From the end to the start: errors about the trajectory, and their covariances.
 
     Parameters
@@ -33,31 +47,28 @@ def back(nav, nodes, passed, kept, ends=None):
     nav : fusion.Filter, of which parameters and layout are used
     nodes : final_pass.Nodes
     passed : relinear.Passed
-    kept : relinear.Kept; with rows at every node (`wide`), `whole` becomes that of the smoothed estimate
-    ends : (m + 1,) bool, nodes at which the covariance is wanted; None: none
+    wanted : Wanted, whose arrays are written; None: no covariances
 
     Returns
     -------
-    e : (m + 1, n) error of the trajectory at the nodes, measurements and what they forgot taken in
-    P : (m + 1, 9, 9) of it, where it is wanted; None if nowhere
+    (m + 1, n) error of the trajectory at the nodes, measurements and what they forgot taken in
     """
-    m, n = len(nodes.ticks), nav.layout.n
-    vector, matrix, second = np.zeros(n), np.zeros((n, n)), ends is not None
-    lambdas, between = np.empty((m + 1, n)), {}
-    P = np.empty((m + 1, TOP, TOP)) if second else np.empty((0, TOP, TOP))
-    ends = ends if second else np.zeros(m + 1, dtype=bool)
-    durations = nodes.parts_s[:, 1] - nodes.parts_s[:, 0]
+    m, n, second = len(nodes.ticks), nav.layout.n, wanted is not None
+    vector, matrix, lambdas, between = np.zeros(n), np.zeros((n, n)), np.empty((m + 1, n)), {}
+    durations, intervals = nodes.parts_s[:, 1] - nodes.parts_s[:, 0], passed.intervals
+    given = nav.layout.at, nav.constants[1], intervals.tops, durations
+    stops = [*sorted(passed.updates, reverse=True), 0]
+    if second:
+        first_rows = np.empty((-np.diff([m, *stops]).min(), TOP, n))
+        _at_the_end(passed.covariances[m], *wanted)
     reached = m
-    if second and m not in passed.updates:
-        _spread(m, matrix, *kept, ends, P)
-    for node in [*sorted(passed.updates, reverse=True), 0]:
-        _back(
-            nav.layout.at, nav.constants[1], passed.intervals.tops, durations, node, reached, vector, matrix,
-            lambdas, *kept, ends, P, second,
-        )  # fmt: skip
+    for node in stops:
+        _back(*given, node, reached, vector, lambdas)
+        if second:
+            P, noise = passed.covariances[node].copy(), (intervals.noises, intervals.walks)
+            _filtered(*given, *noise, node, reached, P, first_rows, wanted.rows, wanted.whole)
+            _spread(*given, node, reached, matrix, first_rows, *wanted)
         reached = node
-        if second and node:
-            _spread(node, matrix, *kept, ends, P)
         for k, update in reversed(list(enumerate(passed.updates.get(node, ())))):
             if len(update.z):
                 _before_update(vector, matrix, update.z, update.H, update.K, update.S_inverse, second)
@@ -65,17 +76,23 @@ def back(nav, nodes, passed, kept, ends=None):
             for block in update.cut:
                 vector[block], matrix[block], matrix[:, block] = 0.0, 0.0, 0.0
     lambdas[0] = vector
-    return _errors(nav, nodes, passed, durations, lambdas, between), (P if second else None)
+    return _errors(nav, passed, durations, lambdas, between)
 
 
-def _errors(nav, nodes, passed, durations, lambdas, between):
-    """Errors at the nodes, from the start to the end: (m + 1, n)."""
-    e = np.empty_like(lambdas)
+def _at_the_end(P, ends, nine, rows, whole):
+    """At the last node nothing comes later: the filter's own covariance P (n, n)."""
+    if ends[-1]:
+        nine[-1] = P[:TOP, :TOP]
+        if rows[-1] >= 0:
+            whole[rows[-1]] = P
+
+
+def _errors(nav, passed, durations, lambdas, between):
+    """Errors at the nodes, from the start to the end: (m + 1, n), in the memory of the lambdas."""
+    e, reached = lambdas, 0
     e[0] = passed.mean - passed.P @ lambdas[0]
-    reached = 0
     for node in [*sorted(passed.updates), len(durations)]:
-        what = nav.layout.at, nav.constants[1], *passed.intervals, durations
-        _forth(*what, reached, node, lambdas, e)
+        _forth(nav.layout.at, nav.constants[1], *passed.intervals, durations, reached, node, e)
         reached = node
         for k, update in enumerate(passed.updates.get(node, ())):
             if update.added is None:
@@ -88,12 +105,16 @@ def _errors(nav, nodes, passed, durations, lambdas, between):
 
 
 @kernel
-def _forth(at, model, tops, jumps, noises, walks, durations, first, last, lambdas, e):
-    """Errors from node `first` to `last`: e (m + 1, n), written."""
+def _forth(at, model, tops, jumps, noises, walks, durations, first, last, e):
+    """Errors from node `first` to `last`: e (m + 1, n), written over the lambdas, which stand in it."""
+    n = e.shape[1]
+    vector = np.empty(n)
     for j in range(first, last):
-        T, vector = durations[j], lambdas[j + 1]
-        _carried(at, model[0], tops[j], e[j], T, e[j + 1])
-        for i in range(e.shape[1]):
+        T = durations[j]
+        for i in range(n):
+            vector[i] = e[j + 1, i]
+        carried(at, model[0], tops[j], e[j], T, e[j + 1])
+        for i in range(n):
             e[j + 1, i] -= jumps[j, i]
         for i in range(TOP):
             for k in range(TOP):
@@ -102,137 +123,135 @@ def _forth(at, model, tops, jumps, noises, walks, durations, first, last, lambda
 
 
 @kernel
-def _back(
-    at, model, tops, durations, first, last, vector, matrix, lambdas, wide, whole, rows, ends, P, second
-):
-    """Adjoint from node `last` to `first`, in place; lambdas at the ends of the intervals are written.
-
-    second : whether the matrix is wanted, and covariances at the nodes between
-    """
+def _back(at, model, tops, durations, first, last, vector, lambdas):
+    """lambda <- Phi^T lambda from node `last` to `first`, in place; `lambdas` at the ends of intervals."""
     n = vector.shape[0]
-    before, W, U = np.empty(n), np.empty((n, n)), np.empty((n, TOP))
+    before = np.empty(n)
     for j in range(last - 1, first - 1, -1):
-        lambdas[j + 1] = vector
-        top, T = tops[j], durations[j]
-        _vector_back(at, model[0], top, T, vector, before)
-        if second:
-            _matrix_back(at, model[0], top, T, matrix, W, U)
-            if j > first:
-                _spread(j, matrix, wide, whole, rows, ends, P)
-
-
-@inner
-def _vector_back(at, model, top, T, vector, before):
-    """lambda <- Phi^T lambda, in place."""
-    n = vector.shape[0]
-    for j in range(n):
-        before[j] = vector[j] if j >= TOP else 0.0
-    if at[CLOCK] >= 0:
-        before[at[CLOCK] + 1] += T * vector[at[CLOCK]]
-    _fade(at, model, T, before)
-    for k in range(TOP):
-        for j in range(n):
-            before[j] += top[k, j] * vector[k]
-    for j in range(n):
-        vector[j] = before[j]
-
-
-@inner(forceinline=True)
-def _fade(at, model, T, row):
-    """What is left of errors that fade, in place."""
-    if at[RANGE_BIAS] >= 0:
-        left = np.exp(-T / model.range_bias_time_s)
-        for k in range(at[RANGE_BIAS], at[RANGE_BIAS] + SIZES[RANGE_BIAS]):
-            row[k] *= left
-    if at[GRAVITY] >= 0:
-        left = np.exp(-T / FIELD_TIME_S)
-        for k in range(at[GRAVITY], at[GRAVITY] + 3):
-            row[k] *= left
-
-
-@inner
-def _matrix_back(at, model, top, T, matrix, W, U):
-    """Lambda <- Phi^T Lambda Phi, in place, exactly symmetric.
-
-    Phi is D = diag(I, what clock, range errors and gravity do) and behind it the first rows, I + M: with
-    L = D^T Lambda D it is L + W + W^T, W = (L[:, :9] + M^T L[:9, :9]/2) M.
-    """
-    n = matrix.shape[0]
-    c = at[CLOCK]
-    if c >= 0:
+        T, top = durations[j], tops[j]
         for i in range(n):
-            matrix[i, c + 1] += T * matrix[i, c]
-        for j in range(n):
-            matrix[c + 1, j] += T * matrix[c, j]
-    if at[RANGE_BIAS] >= 0 or at[GRAVITY] >= 0:
+            lambdas[j + 1, i] = vector[i]
+            before[i] = vector[i] if i >= TOP else 0.0
+        if at[CLOCK] >= 0:
+            before[at[CLOCK] + 1] += T * vector[at[CLOCK]]
+        fade(at, model[0], T, before)
+        for k in range(TOP):
+            for i in range(n):
+                before[i] += top[k, i] * vector[k]
         for i in range(n):
-            _fade(at, model, T, matrix[i])
-        for j in range(n):
-            _fade(at, model, T, matrix[:, j])
-    for i in range(TOP):
-        top[i, i] -= 1.0
-    for i in range(n):
-        for k in range(TOP):
-            total = 0.0
-            for j in range(TOP):
-                total += top[j, i] * matrix[j, k]
-            U[i, k] = matrix[i, k] + 0.5 * total
-    for i in range(n):
-        for j in range(n):
-            W[i, j] = 0.0
-        for k in range(TOP):
-            factor = U[i, k]
-            if factor != 0.0:
-                for j in range(n):
-                    W[i, j] += factor * top[k, j]
-    for i in range(n):
-        for j in range(i + 1):
-            matrix[i, j] = matrix[j, i] = matrix[i, j] + (W[i, j] + W[j, i])
-    for i in range(TOP):
-        top[i, i] += 1.0
+            vector[i] = before[i]
 
 
 @kernel
-def _spread(node, matrix, wide, whole, rows, ends, P):
-    """P - P Lambda P of a node: of its first rows, and in `whole` of all, where they are kept."""
-    if not ends[node]:
-        return
+def _filtered(at, model, tops, durations, noises, walks, first, last, P, first_rows, rows, whole):
+    """P of the forward pass at the nodes from `first` on, in place, and before `last`.
+
+    first_rows : (last - first, 9, n) is written, and `whole` where it has a row
+    """
+    gyro, accel, by_gyro, by_accel, _, _, A = prediction.workspace(P.shape[0])
+    for j in range(first, last):
+        copy(P[:TOP], first_rows[j - first])
+        if rows[j] >= 0:
+            copy(P, whole[rows[j]])
+        if j + 1 == last:
+            break
+        work = gyro, accel, by_gyro, by_accel, tops[j], noises[j], A
+        prediction.carry_covariance(at, model[0], P, work, walks[j, 1], durations[j])
+        for i in range(BG.start, BG.stop):  # as it was then, which may be another row of the model
+            P[i, i] += (walks[j, 0] - model[0].gyro_bias_walk ** 2) * durations[j]
+
+
+@kernel
+def _spread(at, model, tops, durations, first, last, matrix, first_rows, ends, nine, rows, whole):
+    """Lambda from node `last` to `first`, in place, and P - P Lambda P of the nodes before `last`.
+
+    first_rows : of P, as `_filtered` leaves them, and `whole`, which becomes that of the smoothed estimate
+    """
     n = matrix.shape[0]
-    row = np.empty(n)
-    for i in range(TOP):
-        _times(wide[node, i], matrix, row)
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(n):
-                total += row[k] * wide[node, j, k]
-            P[node, i, j] = P[node, j, i] = wide[node, i, j] - total
-    if rows[node] < 0:
-        return
-    kept = whole[rows[node]]
-    smoothed = np.empty((n, n))
-    for i in range(n):
-        _times(kept[i], matrix, row)
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(n):
-                total += row[k] * kept[j, k]
-            smoothed[i, j] = smoothed[j, i] = kept[i, j] - total
-    for i in range(n):
-        for j in range(n):
-            kept[i, j] = smoothed[i, j]
+    M, U, R = np.empty((TOP, n)), np.empty((TOP, n)), np.empty((TOP, n))
+    for j in range(last - 1, first - 1, -1):
+        _matrix_back(at, model[0], tops[j], durations[j], matrix, M, U)
+        if not ends[j]:
+            continue
+        _nine_smoothed(first_rows[j - first], matrix, R, nine[j])
+        if rows[j] >= 0:
+            P = whole[rows[j]]
+            less = P @ matrix @ P
+            for i in range(n):
+                for k in range(i + 1):
+                    P[i, k] = P[k, i] = P[i, k] - 0.5 * (less[i, k] + less[k, i])
 
 
 @inner
-def _times(vector, matrix, out):
-    """vector^T matrix, written to out."""
-    n = matrix.shape[0]
-    for j in range(n):
-        out[j] = 0.0
-    for k in range(n):
-        factor = vector[k]
-        if factor != 0.0:
+def _matrix_back(at, model, top, T, matrix, M, U):
+    """Lambda <- Phi^T Lambda Phi, in place, exactly symmetric.
+
+    Phi is D = diag(I, what clock, range errors and gravity do) and behind it the first rows, I + M: with
+    L = D^T Lambda D it is L + U^T M + M^T U, U = L[:9] + L[:9, :9] M/2. Three terms at a time: each time that
+    a row of the matrix is gone through it is loaded and stored.
+    """
+    n, clock = matrix.shape[0], at[CLOCK]
+    if clock >= 0:
+        for i in range(n):
+            matrix[i, clock + 1] += T * matrix[i, clock]
+        for j in range(n):
+            matrix[clock + 1, j] += T * matrix[clock, j]
+    if at[RANGE_BIAS] >= 0:
+        _faded(matrix, at[RANGE_BIAS], SIZES[RANGE_BIAS], np.exp(-T / model.range_bias_time_s))
+    if at[GRAVITY] >= 0:
+        _faded(matrix, at[GRAVITY], 3, np.exp(-T / FIELD_TIME_S))
+    copy(top, M)
+    for i in range(TOP):
+        M[i, i] -= 1.0
+    for i in range(TOP):
+        for j in range(n):
+            U[i, j] = matrix[i, j]
+        for k in range(0, TOP, 3):
+            a, b, c = 0.5 * matrix[i, k], 0.5 * matrix[i, k + 1], 0.5 * matrix[i, k + 2]
             for j in range(n):
-                out[j] += factor * matrix[k, j]
+                U[i, j] += a * M[k, j] + b * M[k + 1, j] + c * M[k + 2, j]
+    for i in range(n):
+        for k in range(0, TOP, 3):
+            a, b, c = U[k, i], U[k + 1, i], U[k + 2, i]
+            d, e, f = M[k, i], M[k + 1, i], M[k + 2, i]
+            for j in range(i + 1):
+                matrix[i, j] += (
+                    (a * M[k, j] + d * U[k, j])
+                    + (b * M[k + 1, j] + e * U[k + 1, j])
+                    + (c * M[k + 2, j] + f * U[k + 2, j])
+                )
+        for j in range(i):
+            matrix[j, i] = matrix[i, j]
+
+
+@inner
+def _faded(matrix, first, size, left):
+    """Rows and columns of errors of which a part `left` is left, in place."""
+    for i in range(first, first + size):
+        for j in range(matrix.shape[0]):
+            matrix[i, j] *= left
+        for j in range(matrix.shape[0]):
+            matrix[j, i] *= left
+
+
+@inner
+def _nine_smoothed(rows, matrix, R, out):
+    """First nine rows and columns of P - P Lambda P. rows (9, n) of P, matrix (n, n), R (9, n), out (9, 9)"""
+    n = matrix.shape[0]
+    for i in range(0, TOP, 3):
+        for j in range(n):
+            R[i, j], R[i + 1, j], R[i + 2, j] = 0.0, 0.0, 0.0
+        for k in range(n):
+            a, b, c = rows[i, k], rows[i + 1, k], rows[i + 2, k]
+            for j in range(n):
+                x = matrix[k, j]
+                R[i, j], R[i + 1, j], R[i + 2, j] = R[i, j] - a * x, R[i + 1, j] - b * x, R[i + 2, j] - c * x
+    for i in range(0, TOP, 3):
+        for j in range(0, i + 1, 3):
+            nine = prediction._nine_sums(R, rows, rows, i, j, n)
+            for a in range(3):
+                for b in range(3):
+                    out[i + a, j + b] = out[j + b, i + a] = nine[3 * a + b]
 
 
 @kernel

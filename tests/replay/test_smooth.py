@@ -67,7 +67,7 @@ def test_equals_the_slow_reference_and_rts(recording):
     xs, n = nodes.xs, nav.layout.n
     trajectory = relinear.Trajectory(xs, smooth.known_field(after, nodes, final, xs))
     room = relinear.room(len(nodes.ticks), n)
-    e, P, kept = smooth.smoothed_about(nav, whole, nodes, nav.history[0], room, trajectory, second=True)
+    e, found = smooth.smoothed_about(nav, whole, nodes, nav.history[0], room, trajectory, second=True)
     steps = slow_steps(after, nav, final, nodes, xs)
     start = nav.history[0]
     x, filtered = slow_relinear.origin(nav, start, slow_relinear.difference(nav.layout, start.x, xs[0]))
@@ -87,10 +87,10 @@ def test_equals_the_slow_reference_and_rts(recording):
             assert np.abs((e[node] - e_slow) / sigma).max() < 1e-4
             assert np.abs((mean - e_slow) / sigma).max() < 1e-4
             nine = np.outer(sigma, sigma)[:9, :9]
-            assert np.abs((P[node] - P_slow[:9, :9]) / nine).max() < 1e-5
+            assert np.abs((found.nine[node] - P_slow[:9, :9]) / nine).max() < 1e-5
             assert np.abs((P_rts - P_slow) / np.outer(sigma, sigma)).max() < 1e-4
-            if kept.rows[node] >= 0:
-                both = kept.whole[kept.rows[node]] - P_slow
+            if found.rows[node] >= 0:
+                both = found.whole[found.rows[node]] - P_slow
                 assert np.abs(both / np.outer(sigma, sigma)).max() < 1e-5
         adjoint = slow_relinear.back(adjoint, now)
         if type(step) is slow_relinear.Way:
@@ -122,7 +122,7 @@ def test_it_is_linear_about_the_flight_not_about_the_filter(recording):
         after, nav, final, nodes, whole = prepared(misaligned(recording, error_deg))
         trajectory = relinear.Trajectory(nodes.xs, smooth.known_field(after, nodes, final, nodes.xs))
         room = relinear.room(len(nodes.ticks), nav.layout.n)
-        e, _, _ = smooth.smoothed_about(nav, whole, nodes, nav.history[0], room, trajectory)
+        e, _ = smooth.smoothed_about(nav, whole, nodes, nav.history[0], room, trajectory)
         once.append(smoother.moved(nodes.xs, e, nav.layout.nominal)[nodes.ends[1:], :10])
         twice.append(smooth.run(misaligned(recording, error_deg)).smoothed.nav)
     boost = slice(100, 1900)
