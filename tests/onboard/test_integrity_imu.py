@@ -94,11 +94,12 @@ def test_the_noise_covers_a_held_reading_that_the_truth_leaves():
     for age in (0.2, 1.0, 5.0, 20.0):
         k = round((1.0 + age) / (N * DT)) - 1
         age_s = age + DT  # counted from the reading that is repeated
-        # sigma of the angle: c t^2/2 at first, then that of a Gauss-Markov rate, by quadrature
+        # sigma of the angle: c (tau + t/2) t at first, of a mean that is tau old, then that of a
+        # Gauss-Markov rate, by quadrature
         t = np.linspace(0.0, age_s, 20001)
         weight = (age_s - t) * np.exp(-t / watch_imu.SIGN_S)
         markov = 2.0 * RULES.wrong[0] ** 2 * np.trapezoid(weight, t)
-        expected = min(markov, (0.5 * RULES.change[0] * age_s**2) ** 2)
+        expected = min(markov, (RULES.change[0] * (watch_imu.MEAN_S + 0.5 * age_s) * age_s) ** 2)
         assert given[k] == pytest.approx(expected, rel=1e-3)
 
 
@@ -132,7 +133,7 @@ def test_a_silent_unit_is_bridged_with_the_mean():
         assert np.allclose(out[k][:, :3] / DT, [0.3, -0.02, 0.01], atol=1e-3)
     age = 20 * N * DT
     given = densities.sum(axis=0) * N * DT
-    assert np.allclose(given, (0.5 * RULES.change[:, None] * age**2) ** 2)
+    assert np.allclose(given, (RULES.change[:, None] * (watch_imu.MEAN_S + 0.5 * age) * age) ** 2)
     assert [(record.source, record.healthy) for record in health] == [("imu", False), ("imu", True)]
 
 

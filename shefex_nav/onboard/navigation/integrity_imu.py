@@ -13,7 +13,8 @@ An error of sigma s that keeps its sign for a time T (first-order Gauss-Markov) 
 
     V(t) = 2 s^2 T^2 (t/T - 1 + exp(-t/T)),                     s^2 t^2 at first,
 
-and a held reading, from which the truth runs away at the rate c, to (c t^2/2)^2 before that. A fault is seen
+and a held reading, from which the truth runs away at the rate c, to (c (tau + t/2) t)^2 before that: what is
+held is a mean that is tau = `MEAN_S` old. A fault is seen
 later than it begins; the variance of the time before is made up for at once. Once a fix has said where the
 integral was at an instant, the error counts from there, V(t) <= s^2 t^2 with t since the fix: that is much
 less than the same noise would add that knows nothing of a bound on the rate.
@@ -187,7 +188,7 @@ def integrated_variance(wrong, change, age_s, held):
     if x < 1e-3:  # the difference above loses its digits
         variance = wrong**2 * age_s**2
     if held:
-        variance = min(variance, (0.5 * change * age_s**2) ** 2)
+        variance = min(variance, (change * (MEAN_S + 0.5 * age_s) * age_s) ** 2)
     return variance
 
 
