@@ -222,6 +222,13 @@ def test_angles_that_are_hardly_known_do_not_grow():
     assert grown(P, 8.0).factors.tolist() == [8.0] * 7 + [1.0, 1.0]
 
 
+def test_what_has_no_ties_does_not_grow():
+    """A mounting before the first star, and a block that is tied to a velocity."""
+    P = 0.01 * np.eye(13)
+    P[4, 9] = P[9, 4] = 0.001
+    assert grown(P, 3.0).factors.tolist() == [3.0] * 10 + [1.0] * 3
+
+
 def position(z):
     """Evidence of a GPS position that is off by z."""
     fix = GpsFix(0.0, 0.0, True, np.zeros(3), np.zeros(3), np.eye(3), 0.01 * np.eye(3), 8, 1.0, "")

@@ -87,7 +87,8 @@ def test_heights_of_the_flight(flown):
     more = found["height_m"] - found["pressure_altitude_m"]
     assert 50.0 < more < 250.0
     assert 20.0 < found["sigma_height_m"] < 250.0
-    assert 0.0 < found["warmer_by"] < 0.06 and found["sigma_warmer_by"] < 0.05
+    # all sigmas have grown at T+18 s, where GPS contradicts the filter
+    assert 0.0 < found["warmer_by"] < 0.06 and found["sigma_warmer_by"] < 0.08
 
 
 @needs_data

@@ -64,7 +64,7 @@ def decide(nav, now, z, H, R, measurement):
     _tell(nav, nav.history.ends_s[-1], name, Fate.USED if found else verdict.fate, verdict.note)
     if found:
         verdict = _find_again(nav, now, verdict, found, measurement, attitude[0])
-        nav.bank.forget("star_tracker")
+        nav.bank.explained(nav, "star_tracker")
     else:
         verdict = adaptation.weigh(nav, now, z, H, R, S, nis, measurement, verdict)
         verdict = _doubted(nav, now, z, nis, name, verdict)
@@ -130,13 +130,15 @@ def _doubted(nav, now, z, nis, name, verdict):
     if isinstance(verdict.admitted, Grown):
         return verdict  # the model is at fault: all that it has done has grown
     if verdict.insisted and verdict.fate == Fate.USED:
-        watch.velocity_believed(name, z)
+        watch.velocity_believed(name, z, watch.learnt.pushed(now.t_s, now.x))
+    if name == "star_tracker" and verdict.fate in ACCEPTED:
+        watch.attitude_was_wrong(float(np.sqrt(z @ z)))
     if verdict.fate == Fate.RESET and name == "star_tracker":
         watch.gyros.doubt(np.sqrt(z @ z))
         return verdict._replace(doubts=integrity_learnt.by_stars(nav, now, z, verdict.admitted is not None))
     if verdict.fate == Fate.RESET and name in integrity_watch.VELOCITIES:
         watch.gyros.doubt()
-        watch.velocity_believed(name, z)
+        watch.velocity_believed(name, z, watch.learnt.pushed(now.t_s, now.x))
         return verdict._replace(doubts=integrity_learnt.by_velocity(nav, now, z))
     if verdict.fate == Fate.USED and not verdict.alone and nis > nav.limit(len(z), SURPRISING):
         return verdict._replace(doubts=integrity_learnt.by_surprise(nav, now, nis / len(z)))

@@ -33,7 +33,7 @@ import numpy as np
 from shefex_nav.compiled import kernel
 from shefex_nav.onboard.navigation import adaptation, integrity_learnt, integrity_watch
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import grown
+from shefex_nav.onboard.navigation.sensors import Grown, grown
 
 WINDOWS = np.array([3, 4, 6, 8, 12, 16, 24, 32, 48, 64])  # innovations
 CHANCE = 1e-9  # of exceeding a limit, per innovation, window and statistic
@@ -42,6 +42,7 @@ CALM_CHANCE = 1e-2  # of not calling them healthy
 CLIPPED = 25.0  # [E] squared length of an innovation at most: one, or two in a row, raise no alarm
 LEAST_S = 5.0  # [E] that an alarm lasts
 SPEAKS_S = 15.0  # [E] what a sensor said so long ago neither prolongs an alarm nor makes anything grow
+WAITS_S = {"gps": 0.0, "star_tracker": 4.0}  # [E] until anything grows: stars tell of gyros by themselves
 LEAST, MOST = 2.0, 8.0  # [E] factor of sigma after an alarm
 OWN = 0.95  # [E] share of a sensor's own noise in its innovations at most, when the factor is found
 GROUPS = {"gps_position": "gps", "gps_velocity": "gps", "gps": "gps", "star_tracker": "star_tracker"}
@@ -165,6 +166,13 @@ class Bank:
             if GROUPS[name] == group:
                 stream.forget()
 
+    def explained(self, nav, group):
+        """An alarm is over, if there is one: it is known what was wrong."""
+        self.forget(group)
+        self.due.pop(group, None)
+        if nav.watch.alarms.pop(group, None) is not None:
+            nav.watch.tell(nav.history.ends_s[-1], f"{group} innovations", "")
+
     def take(self, nav, now, z, R, S, measurement, verdict):
         """Verdict on a new measurement after the bank has seen it.
 
@@ -175,18 +183,22 @@ class Bank:
         if name not in GROUPS:
             return verdict
         group, now_s = GROUPS[name], nav.history.ends_s[-1]
-        if fate == Fate.RESET:
+        if fate == Fate.RESET and isinstance(verdict.admitted, Grown):
             self.forget(group)
-            self.due.pop(group, None)  # what is believed now has its own doubts
+            self.due.pop(group, None)
+        elif fate == Fate.RESET:
+            self.explained(nav, group)  # what is believed now has its own doubts
         elif _counts(nav, name, fate):
             L = np.linalg.cholesky(S)
             found = self._found(nav, name, measurement.fix, _clipped(np.linalg.solve(L, z)), _own(R, S))
             if found is not None:
                 self._alarm(nav, group, name, found, L)
         if group in self.due and fate == Fate.USED and not _insists(nav, group):
-            alarm = self.due.pop(group)
-            if now_s - alarm.t_s < SPEAKS_S:
-                return self._doubted(nav, now, group, alarm, verdict)
+            alarm = self.due[group]
+            if now_s - alarm.t_s >= WAITS_S[group]:
+                del self.due[group]
+                if now_s - alarm.t_s < SPEAKS_S:
+                    return self._doubted(nav, now, group, alarm, verdict)
         if group in nav.watch.alarms:
             self._look(nav, group, now_s)
         return verdict

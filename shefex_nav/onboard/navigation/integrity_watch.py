@@ -73,6 +73,7 @@ class Watch:
         self.far = False  # whether the fix before the one that is judged was far off, of its sensor
         self.alarms = {}  # of `integrity_bank`: group of sensors -> s, since when
         self.step = None  # (3,) m/s, by which a GPS velocity was believed against the accelerometers
+        self.pushed = 0.0  # m/s, that specific force had added to the velocity before that, since a fix
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
         self.axes, self.axes_s = None, -np.inf  # of `level_axes`, and their time
@@ -137,7 +138,7 @@ class Watch:
         if self.unread and sensor in MEASURES:
             integrity_imu.fixed(self.imu, MEASURES[sensor], t_valid_s, now_s)
 
-    def velocity_believed(self, name, z):
+    def velocity_believed(self, name, z, pushed):
         """A GPS velocity is believed against the accelerometers, which show nothing wrong by themselves.
 
         Either may be wrong, and both agree from here on: the receiver that goes on with its error as well as
@@ -146,7 +147,12 @@ class Watch:
         if name != "gps_velocity" or self.unread or not self.far:
             return
         back = self.step is not None and np.linalg.norm(self.step + z) < BACK * np.linalg.norm(self.step)
-        self.step = None if back else z.copy()
+        self.step, self.pushed = (None if back else z.copy()), pushed
+
+    def attitude_was_wrong(self, angle):
+        """Stars have turned the attitude by an angle: if that explains a step of the velocity, it is over."""
+        if self.step is not None and angle * self.pushed > BACK * np.linalg.norm(self.step):
+            self.step = None
 
     def constants_seen(self, nav, now, name, z, H, S, fate):
         """A measurement is judged: `integrity_constants.Constants.take`."""

@@ -42,14 +42,16 @@ class Grown(NamedTuple):
 
 
 def grown(P, factor):
-    """Grown by one factor, but for angles that are hardly known.
+    """Grown by one factor, but for angles that are hardly known, and for errors without ties to others.
 
-    All errors grow alike: of an attitude and a mounting of which stars have told the sum, the sum would look
-    known and each of them, too, if only one grew.
+    All errors that are tied grow alike: of an attitude and a mounting of which stars have told the sum, the
+    sum would look known and each of them, too, if only one grew. Without stars nothing is told of a mounting.
 
     P : (n, n)
     """
-    factors, sigma = np.full(len(P), factor), np.sqrt(np.diag(P)[ATT])
+    tied = (P - np.diag(np.diag(P))).any(axis=1)
+    factors, sigma = np.where(tied, factor, 1.0), np.sqrt(np.diag(P)[ATT])
+    factors[: ATT.stop] = factor
     factors[ATT] = np.maximum(np.minimum(factor, WIDEST / sigma), 1.0)
     return Grown(factors)
 

@@ -120,8 +120,8 @@ TOLD = {
 
 
 def imu_settings(grade):
-    """KEY=VALUE of a grade: list."""
-    return [f"imu.use={GRADES[grade]}"]
+    """KEY=VALUE of a grade: list. States that a scenario names are those of its own unit."""
+    return [f"imu.use={GRADES[grade]}", "navigation.states=automatic"]
 
 
 def shaken(scenario, factor):
