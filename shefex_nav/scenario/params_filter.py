@@ -32,7 +32,8 @@ def integrity_params(scenario, dt_s, coarse_if_silent):
     scenario : with sections `imu` and `navigation`
     dt_s : duration of one IMU sample
     coarse_if_silent : readings of which the scenario does not say how coarse they are may be of any
-        coarseness, as those of files that others have rounded: an axis may repeat itself then
+        coarseness, as those of files that others have rounded: an axis may repeat itself then, and each
+        sample is rounded by itself, where a unit carries what is left over on to the next
     """
     from shefex_nav.onboard.navigation import integrity_imu, integrity_watch
 
@@ -41,7 +42,7 @@ def integrity_params(scenario, dt_s, coarse_if_silent):
     repeats = [
         np.inf
         if coarse_if_silent and not triad.quantum
-        else integrity_imu.repeats(triad.random_walk * np.sqrt(dt_s), triad.quantum)
+        else integrity_imu.repeats(triad.random_walk * np.sqrt(dt_s), triad.quantum, not coarse_if_silent)
         for triad in triads
     ]
     return integrity_watch.IntegrityParams(

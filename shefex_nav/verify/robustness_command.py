@@ -169,7 +169,6 @@ def _warm_up(missing):
     from shefex_nav.scenario import load
     from shefex_nav.scenario.choices import choices
 
-    _say("The first flight on a machine compiles, which takes a few minutes.")
     for name in dict.fromkeys(job.scenario for job in missing):
         warmup.get_ready({"command=run", *choices(load.load(name))})
 
@@ -184,9 +183,8 @@ def _show(records):
         console.print(table)
         console.print()
     cpu_s = sum(record["cpu_s"] for record in records)
-    typer.echo(
-        f"{len(records)} flights, each with its twin; {cpu_s / len(records):.1f} s of a processor each"
-    )
+    flights = "1 flight" if len(records) == 1 else f"{len(records)} flights"
+    typer.echo(f"{flights}, each with its twin; {cpu_s / len(records):.1f} s of a processor each")
 
 
 def _say(text):

@@ -115,3 +115,36 @@ def test_rows_that_no_memory_reaches_make_room():
     for t_s, factor in ((36.9, 4.6), (37.5, 4.7), (39.5, 4.9)):
         row = model[error_model.valid(model, t_s)]
         assert row["gyro_random_walk"] == pytest.approx(factor * TRUE.gyro_random_walk)
+
+
+def noisy_receiver(seed, told=0.5):
+    """Filter at the end of a drive with fixes that report `told` times their noise, and NavHealth."""
+    blocks, states = fly(SECONDS)
+    rng, health = np.random.default_rng(seed), []
+    quiet = MODEL._replace(gravity=0.0, accel_scale=0.0, accel_misalignment=0.0)
+    params = PARAMS._replace(imu=quiet, motors=np.zeros((0, 2)), states=(), sigma_blocks={})
+    nav = fusion.start(params, alignment(states[0]), EARTH)
+    noise = np.repeat([quiet.gyro_random_walk, quiet.accel_random_walk], 3) * np.sqrt(DT)
+    for n, block in enumerate(blocks, 1):
+        read = noise * rng.standard_normal((4, 6))
+        fusion.advance(
+            nav, block._replace(dtheta_b=block.dtheta_b + read[:, :3], dv_b=block.dv_b + read[:, 3:])
+        )
+        if n % 100 == 20 and n > 100:
+            fix = gps_fix(blocks, states, (n - 20) / 100.0, 0.2, rng)
+            fix = fix._replace(R_r_e=told**2 * fix.R_r_e, R_v_e=told**2 * fix.R_v_e)
+            fusion.fuse(nav, [("gps", fix)])
+            health += nav.watch.changes()
+    return nav, health
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_white_innovations_that_are_too_large_twice_are_noise_of_the_receiver(seed):
+    """Half of its noise is reported; the mean square of some innovations tells it roughly."""
+    nav, health = noisy_receiver(seed)
+    assert 1.4 < nav.noise.of_sensor("gps_position") < 2.8
+    assert 1.4 < nav.noise.of_sensor("gps_velocity") < 2.8
+    assert nav.noise.imu == 1.0
+    assert next(one for one in health if one.source == "gps_velocity noise").t_s < 40.0
+    nav, _ = noisy_receiver(seed, 1.0)
+    assert nav.noise.sensors == {} and nav.noise.imu == 1.0

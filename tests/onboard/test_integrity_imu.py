@@ -94,11 +94,12 @@ def test_the_noise_covers_a_held_reading_that_the_truth_leaves():
     for age in (0.2, 1.0, 5.0, 20.0):
         k = round((1.0 + age) / (N * DT)) - 1
         age_s = age + DT  # counted from the reading that is repeated
-        # sigma of the angle: c t^2/2 at first, then that of a Gauss-Markov rate, by quadrature
+        # sigma of the angle: c (tau + t/2) t at first, of a mean that is tau old, then that of a
+        # Gauss-Markov rate, by quadrature
         t = np.linspace(0.0, age_s, 20001)
         weight = (age_s - t) * np.exp(-t / watch_imu.SIGN_S)
         markov = 2.0 * RULES.wrong[0] ** 2 * np.trapezoid(weight, t)
-        expected = min(markov, (0.5 * RULES.change[0] * age_s**2) ** 2)
+        expected = min(markov, (RULES.change[0] * (watch_imu.MEAN_S + 0.5 * age_s) * age_s) ** 2)
         assert given[k] == pytest.approx(expected, rel=1e-3)
 
 
@@ -132,7 +133,7 @@ def test_a_silent_unit_is_bridged_with_the_mean():
         assert np.allclose(out[k][:, :3] / DT, [0.3, -0.02, 0.01], atol=1e-3)
     age = 20 * N * DT
     given = densities.sum(axis=0) * N * DT
-    assert np.allclose(given, (0.5 * RULES.change[:, None] * age**2) ** 2)
+    assert np.allclose(given, (RULES.change[:, None] * (watch_imu.MEAN_S + 0.5 * age) * age) ** 2)
     assert [(record.source, record.healthy) for record in health] == [("imu", False), ("imu", True)]
 
 
@@ -197,3 +198,52 @@ def test_a_unit_without_noise_may_repeat_itself():
     rules = RULES._replace(repeats=np.full(2, np.inf))
     _, densities, states, health = run(np.tile([0.0, 0.0, 0.0, 0.02, 0.0, 0.0], (400, 1)), rules)
     assert not densities.any() and not states.any() and not health
+
+
+def counted(n, ratio, rng, rate=0.0):
+    """(n,) counts of a unit that carries on what rounding leaves; noise and rate in quanta a sample."""
+    total = np.cumsum(rate + ratio * rng.standard_normal(n)) + rng.uniform(-0.5, 0.5)
+    return np.diff(np.rint(total), prepend=np.rint(rng.uniform(-0.5, 0.5)))
+
+
+def longest_run(counts):
+    """Equal numbers in a row, at most."""
+    ends = np.flatnonzero(np.diff(counts, append=np.inf))
+    return int(np.diff(ends, prepend=-1).max())
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.2, 0.3, 0.5, 0.9])
+def test_a_unit_that_carries_on_what_rounding_leaves_repeats_itself_less(ratio):
+    """Truth: half a million readings at the rate that repeats most, of which none reaches the limit."""
+    rng = np.random.default_rng(11)
+    limit, rounded = watch_imu.repeats(ratio, 1.0, carried=True), watch_imu.repeats(ratio, 1.0)
+    found = longest_run(counted(500_000, ratio, rng))
+    assert found < limit < 6.0 * max(found, watch_imu.FEWEST_REPEATS / 6.0)
+    assert limit <= rounded
+    assert ratio > 0.2 or limit < 0.1 * rounded  # so long a stuck axis of such a unit was not seen
+
+
+@pytest.mark.parametrize("factor", [2.0, 10.0])
+def test_noise_that_is_told_too_large_calls_a_healthy_unit_stuck_a_few_times_at_most(factor):
+    """Truth: gyro noise of 0.2 quanta about a rate that repeats most, for five minutes; then one is stuck."""
+    rng, ratio, n = np.random.default_rng(12), 0.2, 120_000
+    samples = np.column_stack([counted(n, one, rng) for one in 3 * [ratio] + 3 * [3.0]])
+    samples[-1600:, 1] = samples[-1601, 1]
+    told = watch_imu.repeats(factor * ratio, 1.0, carried=True)
+    rules = RULES._replace(repeats=np.full(2, told), range=np.full(2, np.inf))
+    _, _, states, health = run(samples, rules=rules)
+    stuck = states == STUCK
+    assert stuck[:-410].mean() < 1e-4
+    assert sum(not one.healthy for one in health if one.t_s < 10.0) <= 8
+    assert not stuck[len(stuck) // 10 : -410].any()
+    assert stuck[-150:, 1].all() and not np.delete(stuck[-150:], 1, axis=1).any()
+
+
+def test_a_long_fault_does_not_allow_longer_ones():
+    rng = np.random.default_rng(13)
+    samples = readings(12.0, rng)
+    for first in (800, 2800):
+        samples[first : first + 1000, 0] = samples[first - 1, 0]
+    _, _, states, _ = run(samples)
+    seen = [int(np.flatnonzero(states[first // N :, 0])[0]) for first in (800, 2800)]
+    assert max(seen) * N <= RULES.repeats[0] + 2 * N

@@ -42,3 +42,29 @@ def test_a_small_share_has_a_large_sigma():
     one = shared(q=1e-4, told_q=1e-4, r=1.0, n=100, seed=1)
     assert one.share < 0.05
     assert one.sigma > 1.0
+
+
+def test_what_process_noise_has_brought_in_stays_a_covariance():
+    """`prediction` takes the rows of a symmetric matrix; a difference by rounding would grow at each fix."""
+    rng, n = np.random.default_rng(2), 30
+    scale = 10.0 ** rng.uniform(-7.0, 1.0, n)
+    P = np.diag(scale) @ (np.eye(n) + 0.1 * np.ones((n, n))) @ np.diag(scale)
+    share = Share(SimpleNamespace(P=P, newest=0))
+    share.P, H = 0.5 * P, rng.standard_normal((3, n)) / scale
+    for _ in range(50):
+        share.corrected(P, H, H @ P @ H.T + 1e-4 * np.eye(3))
+        assert np.array_equal(share.P, share.P.T)
+        assert np.linalg.eigvalsh(share.P / np.outer(scale, scale)).min() > -1e-9
+
+
+def test_a_part_that_is_more_than_the_whole_begins_anew():
+    """A reset took another gain than the one followed; carried on, it grew past all numbers in flight."""
+    P, H = 10.0 * np.eye(3), np.eye(3)
+    share = Share(SimpleNamespace(P=P, newest=0))
+    share.P[:] = np.diag([1.0, 20.0, 1.0])
+    share.innovation(np.ones(3), H, P + H)
+    share.corrected(P, H, P + H)
+    assert not share.P.any() and share.count == 0
+    share.P[:] = P
+    share.corrected(P, H, P + H)
+    assert np.diag(share.P) == pytest.approx(10.0 / 11.0**2)

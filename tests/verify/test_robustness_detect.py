@@ -132,6 +132,15 @@ def test_an_alarm_is_due_a_second_after_detectability_and_error():
     assert never["late_s"] == 0.0 and never["undetected_s"] == pytest.approx(4.0)
 
 
+@pytest.mark.parametrize("lasts_s, wrong", [(0.9, 0), (1.3, 1)])
+def test_an_error_that_is_over_before_an_alarm_is_due_needs_no_reason(lasts_s, wrong):
+    t_s = 0.1 * np.arange(100)
+    beyond = (t_s > 3.95) & (t_s < 3.95 + lasts_s)
+    found = alarm(beyond, t_s < 3.95, 3.0)
+    assert found["beyond_s"] == pytest.approx(lasts_s)
+    assert (found["late_s"], found["wrong_words"]) == (0.0, wrong)
+
+
 def test_misleading_is_longer_than_a_second():
     t_s = 0.1 * np.arange(100)
     one = track((t_s > 1.0) & (t_s < 1.75), np.ones(100, dtype=bool)).quantities["attitude"]

@@ -23,8 +23,7 @@ from shefex_nav.onboard.navigation import at_rest, error_model, integrity_watch
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_share import Share
 from shefex_nav.onboard.navigation.integrity_windows import WHITE, Window, neighbours
-from shefex_nav.onboard.navigation.sensors import Grown
-from shefex_nav.onboard.navigation.state import ATT, N_CORE
+from shefex_nav.onboard.navigation.sensors import grown
 from shefex_nav.records import NavHealth
 
 RATES = ("gps_velocity", "gps_range_rate")  # what the inertial sensors are held against
@@ -43,7 +42,6 @@ TOLD_SHARE = 0.3  # of process noise in the innovations, below which the factor 
 SLOW = 0.7  # the factor falls to no less than this share of itself at a time
 OWN_SHARE = 0.6  # [E] of its own noise in the innovations of a sensor, below which they do not accuse it
 RIGHT = 1.15  # a factor below is none
-WIDEST = 1.0  # rad, most that the sigma of an angle grows to
 IMU, CANNOT, ABOUT = "IMU noise", "cannot be told by how much", "about"
 
 
@@ -102,7 +100,7 @@ def _second_reset(nav, now, name, verdict):
     So it is the first time, if the sensor has contradicted it nearly from the start on.
     """
     noise = nav.noise
-    if verdict.admitted is not None:
+    if verdict.admitted is not None or verdict.insisted:
         return verdict
     before, noise.resets[name] = noise.resets.get(name, -np.inf), now.t_s
     young = name in RATES and nav.health[name].used <= YOUNG
@@ -110,7 +108,7 @@ def _second_reset(nav, now, name, verdict):
     largest = float(np.sqrt(max(w @ w / len(w) for w in recent)))
     if now.t_s - before > LOOP_S and not young and largest > BOLDEST:
         return verdict
-    if name in WATCHED and len(recent) == RECENT and neighbours(np.array(recent)) < WHITE:
+    if name in WATCHED and _is_white(recent):
         if noise.share is None:  # while the IMU is in doubt no sensor is
             _count_sensor(nav, name, noise.of_sensor(name) * float(np.sqrt(np.mean(np.square(recent)))))
         return verdict
@@ -118,7 +116,35 @@ def _second_reset(nav, now, name, verdict):
         return verdict
     noise.resets.pop(name, None)
     why = "contradicted from the start" if young else "second reset"
-    return _widen(nav, now, float(np.clip(largest, STEP, MOST)), verdict, why)
+    return widen(nav, now, float(np.clip(largest, STEP, MOST)), verdict, why)
+
+
+def too_large_again(nav, now, factor, verdict, streams):
+    """Verdict when innovations of GPS are too large for the second time within `LOOP_S`: noise is to blame.
+
+    That of the IMU, if those of the velocity hang together or hardly show the receiver's own noise; else that
+    of each of the receiver's sensors whose innovations are white and mostly its own noise.
+
+    nav : Filter;  now : Moment;  factor : of sigmas, by the innovations;  verdict : gate.Verdict
+    streams : {sensor: integrity_bank.Stream} -> gate.Verdict
+    """
+    known = [name for name in WATCHED if name in streams and len(streams[name].recent) == RECENT]
+    recent = {name: np.array([w for w, _ in streams[name].recent]) for name in known}
+    own = {name: float(np.mean([share for _, share in streams[name].recent])) for name in known}
+    large = [name for name in known if np.mean(np.square(recent[name])) > RIGHT**2]
+    white = [name for name in large if _is_white(recent[name]) and own[name] > OWN_SHARE]
+    if "gps_velocity" in large and "gps_velocity" not in white:
+        return widen(nav, now, factor, verdict, "innovations are too large again")
+    for name in white if nav.noise.share is None else ():  # while the IMU is in doubt no sensor is
+        excess = float(np.mean(np.square(recent[name]))) - 1.0
+        _count_sensor(nav, name, nav.noise.of_sensor(name) * np.sqrt(1.0 + excess / own[name]))
+        streams[name].recent.clear()
+    return verdict
+
+
+def _is_white(recent):
+    """Whether the last innovations of a sensor do not hang together; not before there are `RECENT`."""
+    return len(recent) == RECENT and neighbours(np.array(recent)) < WHITE
 
 
 def _alone(nav):
@@ -139,10 +165,10 @@ def _windows(nav, now, whitened, R, S, name, verdict):
         return verdict
     growth = 1.0 + (found.excess - 1.0) / max(1.0 - own, LEAST_SHARE)
     step = float(np.clip(np.sqrt(max(growth, 1.0)), STEP, BOLDEST))
-    return _widen(nav, now, step, verdict, "innovations are too large")
+    return widen(nav, now, step, verdict, "innovations are too large")
 
 
-def _widen(nav, now, step, verdict, why):
+def widen(nav, now, step, verdict, why):
     """The noise of the IMU counts so many times more from here on, and so does what it has done already.
 
     -> gate.Verdict: used after the covariance has grown, or as it was if the factor is as large as may be
@@ -157,10 +183,7 @@ def _widen(nav, now, step, verdict, why):
         noise.share = Share(nav.history)
     noise.share.begin(SETTLING)
     _say(nav, f"{IMU} told too small: counts {noise.imu:.2g} times, {CANNOT} yet")
-    factors, sigma = np.ones(nav.layout.n), np.sqrt(np.diag(now.P)[ATT])
-    factors[:N_CORE] = step
-    factors[ATT] = np.maximum(np.minimum(step, WIDEST / sigma), 1.0)
-    return verdict._replace(fate=Fate.RESET, admitted=Grown(factors), note=f"{IMU} told too small: {why}")
+    return verdict._replace(fate=Fate.RESET, admitted=grown(now.P, step), note=f"{IMU} told too small: {why}")
 
 
 def _count(nav, imu, rest):
@@ -261,7 +284,7 @@ def _blame(nav, name, found, own):
 
 def _count_sensor(nav, name, factor):
     """The noise of a sensor counts so many times from the next fix on."""
-    noise, factor = nav.noise, min(factor, MOST)
+    noise, factor = nav.noise, float(min(factor, MOST))
     noise.sensors[name] = factor
     noise.windows[name].forget()
     noise.by_noise[name].clear()

@@ -22,6 +22,7 @@ from shefex_nav.onboard.navigation import (
     gate,
     gps_told,
     integrity,
+    integrity_bank,
     integrity_gps,
     integrity_learnt,
     integrity_watch,
@@ -74,6 +75,7 @@ class Filter(NamedTuple):
     recorder: Callable | None
     watch: integrity_watch.Watch  # over the sensors, changes in place, too
     noise: adaptation.Noise  # that is larger than told, likewise
+    bank: integrity_bank.Bank  # of windows over innovations, likewise
     judged: Callable | None = None  # of the sensor, S (m, m) and the NIS of every measurement at the gate
 
     def limit(self, dof, probability=None):
@@ -117,6 +119,7 @@ def start(params, alignment, earth, recorder=None, judged=None):
         recorder=recorder,
         watch=integrity_watch.start(params),
         noise=adaptation.Noise(),
+        bank=integrity_bank.Bank(),
         judged=judged,
     )
 

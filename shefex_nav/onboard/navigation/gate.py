@@ -45,6 +45,7 @@ class Verdict(NamedTuple):
     note: str
     alone: bool  # whether one fix inside the gate was enough
     doubts: dict | None = None  # likewise
+    insisted: bool = False  # whether a GPS velocity says what it has said when it was rejected
 
 
 def decide(nav, now, z, H, R, measurement):
@@ -63,12 +64,16 @@ def decide(nav, now, z, H, R, measurement):
     _tell(nav, nav.history.ends_s[-1], name, Fate.USED if found else verdict.fate, verdict.note)
     if found:
         verdict = _find_again(nav, now, verdict, found, measurement, attitude[0])
+        nav.bank.forget("star_tracker")
     else:
         verdict = adaptation.weigh(nav, now, z, H, R, S, nis, measurement, verdict)
         verdict = _doubted(nav, now, z, nis, name, verdict)
-    nav.watch.constants_seen(nav, now, name, z, H, S, verdict.fate)
+        verdict = nav.bank.take(nav, now, z, R, S, measurement, verdict)
+    grown = isinstance(verdict.admitted, Grown)  # the model was at fault, the measurement was used
+    nav.watch.constants_seen(nav, now, name, z, H, S, Fate.USED if grown else verdict.fate)
     result = _result(nav, z, S, nis, measurement, verdict)
-    confirmed = not verdict.alone or (verdict.fate == Fate.RESET and sensor.confirmed is not None)
+    believed = verdict.fate == Fate.RESET and not grown and sensor.confirmed is not None
+    confirmed = not verdict.alone or believed
     decided = measurement._replace(
         fate=verdict.fate, rows=verdict.rows, admitted=verdict.admitted, doubts=verdict.doubts,
         teaches=not nav.watch.replaced,
@@ -82,7 +87,8 @@ def _verdict(nav, now, z, R, S, nis, measurement):
     nav.watch.far = nav.health[name].far
     limit, alone = nav.limit(len(z)), sensor.alone is None or sensor.alone(nav, S)
     rows, passed = _passed(nav, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
-    trial = None if passed and alone else sensor.trial(nav, now, z, R, fix)
+    before = nav.health[name]
+    trial = None if passed and alone and not before.rejected else sensor.trial(nav, now, z, R, fix)
     judged = 0.0 if passed else np.inf
     fate, nav.health[name] = integrity.judge(nav.health[name], trial, judged, limit, fix.t_valid_s, alone)
     if fate == Fate.REJECTED and nis > nav.limit(len(z), FAR):
@@ -93,7 +99,9 @@ def _verdict(nav, now, z, R, S, nis, measurement):
     note = NOTES.get(fate, sensor.reset_note)
     if fate == Fate.RESET and admitted is not None:
         note += ", or the camera has moved"
-    return Verdict(fate, rows, admitted, note, alone)
+    insisted = fate in ACCEPTED and name == "gps_velocity" and before.rejected > 0
+    insisted = insisted and integrity.same_velocity_offset(before.first, trial.evidence)
+    return Verdict(fate, rows, admitted, note, alone, insisted=insisted)
 
 
 def _find_again(nav, now, verdict, found, measurement, z):
@@ -121,6 +129,8 @@ def _doubted(nav, now, z, nis, name, verdict):
     watch = nav.watch
     if isinstance(verdict.admitted, Grown):
         return verdict  # the model is at fault: all that it has done has grown
+    if verdict.insisted and verdict.fate == Fate.USED:
+        watch.velocity_believed(name, z)
     if verdict.fate == Fate.RESET and name == "star_tracker":
         watch.gyros.doubt(np.sqrt(z @ z))
         return verdict._replace(doubts=integrity_learnt.by_stars(nav, now, z, verdict.admitted is not None))

@@ -21,6 +21,7 @@ from shefex_nav.geometry import rotation
 from shefex_nav.records import GpsFix, GpsRanges
 
 LONGEST_PAIR_S = 10.0  # [E] GPS fixes further apart than this are not compared
+SAME = 0.5  # [E] share of an offset, by which one that is the same may differ
 LONGEST_STAR_PAIR_S = 60.0  # [E] nor star fixes further apart than this
 
 
@@ -93,7 +94,7 @@ def judge(health, trial, nis, limit, t_valid_s, alone=True):
     fate : Fate
     health : Health
     """
-    if nis <= limit:
+    if nis <= limit and not _still_off(health, trial):
         if alone or (health.held is not None and trial.agree(health.held, trial.evidence)):
             return Fate.USED, Health(health.used + 1, 0, np.nan, None)
         return Fate.HELD, health._replace(held=trial.evidence)
@@ -108,6 +109,13 @@ def judge(health, trial, nis, limit, t_valid_s, alone=True):
     return Fate.REJECTED, Health(
         health.used, rejected, t_first_s, trial.evidence, health.held, first, in_a_row
     )
+
+
+def _still_off(health, trial):
+    """Whether a fix inside a gate that has become wider says what rejected ones have said."""
+    if trial is None or trial.still is None or not insists(health, trial):
+        return False
+    return trial.still(health.first, trial.evidence)
 
 
 def insists(health, trial):
@@ -128,6 +136,24 @@ def offsets_agree(first, later, limit):
     d = later.z - first.z
     S = first.fix.R_r_e + later.fix.R_r_e + later.P
     return float(d @ np.linalg.solve(S, d)) <= limit
+
+
+def nearer_to_it_than_to_zero(earlier, later):
+    """Whether a GPS position is still off as an earlier one was. GpsEvidence, GpsEvidence -> bool"""
+    return bool(np.linalg.norm(later.z - earlier.z) < np.linalg.norm(later.z))
+
+
+def same_velocity_offset(earlier, later):
+    """Whether two GPS velocities are off by the same vector, to half of it.
+
+    A wrong velocity of the receiver is there at once and stays. What noise of the inertial sensors does
+    grows from fix to fix.
+
+    earlier, later : GpsEvidence or None, GpsEvidence
+    """
+    if earlier is None or np.isnan(earlier.fix.v_ea_e[0]):
+        return False
+    return bool(np.linalg.norm(later.z - earlier.z) < SAME * np.linalg.norm(earlier.z))
 
 
 def gps_fixes_agree(earlier, later, slack):

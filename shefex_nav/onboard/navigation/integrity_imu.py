@@ -1,7 +1,8 @@
 """Watch over the inertial measurement unit: what its readings alone betray, and what is done about it.
 
 - **No samples**, or the last block again, to the last count: the unit is silent.
-- **Stuck**: an axis repeats one reading more often in a row than its noise and its quantum allow.
+- **Stuck**: an axis repeats one reading more often in a row than its noise and its quantum allow, and twice
+  as often as any axis of its triad has done before and gone on.
 - **Saturated**: a reading at the end of the range, or the unit says so.
 
 An axis that is silent or stuck is given the mean that it had before (over `MEAN_S`, which vibration does not
@@ -12,7 +13,8 @@ An error of sigma s that keeps its sign for a time T (first-order Gauss-Markov) 
 
     V(t) = 2 s^2 T^2 (t/T - 1 + exp(-t/T)),                     s^2 t^2 at first,
 
-and a held reading, from which the truth runs away at the rate c, to (c t^2/2)^2 before that. A fault is seen
+and a held reading, from which the truth runs away at the rate c, to (c (tau + t/2) t)^2 before that: what is
+held is a mean that is tau = `MEAN_S` old. A fault is seen
 later than it begins; the variance of the time before is made up for at once. Once a fix has said where the
 integral was at an instant, the error counts from there, V(t) <= s^2 t^2 with t since the fix: that is much
 less than the same noise would add that knows nothing of a bound on the rate.
@@ -21,7 +23,7 @@ An axis that is wrong in a way that looks alive is not seen here, but by the sta
 then contradict the strapdown (`integrity`).
 """
 
-from math import erf, inf, log, sqrt
+from math import ceil, erf, inf, log, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +35,9 @@ MEAN_S = 0.1  # [E] time constant of the mean that is held: two periods of the s
 CALM_S = 1.0  # [E] an axis that vibrates into the end of its range has left it after so long without
 SIGN_S = 10.0  # [E] for how long the error of a sensor that cannot be trusted keeps its sign
 FEWEST_REPEATS = 20  # [E] readings; a driver may well send one sample twice
+AGAIN = 2.0  # [E] times the longest run of a triad that ended by itself
+BY_ITSELF = 4.0  # [E] times the limit: a longer run was a fault; so was one of more than NATURAL_S
+NATURAL_S = 1.0  # [E]
 ONCE = 1e-9  # probability, per reading, of calling a healthy axis stuck
 NAMES = tuple(f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz")
 GOOD, STUCK, SATURATED, SILENT, REPEATED = range(5)
@@ -62,6 +67,7 @@ NO_RULES = ImuRules(
 AXIS = rows(
     [
         ("run", float),  # equal readings in a row
+        ("longest", float),  # of the runs that ended by themselves
         ("mean_rate", float),  # of its readings, rad/s or m/s^2; NaN before the first block
         ("before", float),  # that mean when the reading last changed
         ("since_s", float),  # when the present fault began; NaN: there is none
@@ -87,18 +93,27 @@ class ImuWatch(NamedTuple):
         return self.axes["state"]
 
 
-def repeats(sigma, quantum):
+def repeats(sigma, quantum, carried=False):
     """Equal readings in a row that a healthy axis gives once in a thousand million readings at most.
 
-    A reading is the noisy increment, sigma (of one sample), rounded to quanta. No count is more frequent than
-    one in the middle of the noise, p = erf(q/(2 sqrt(2) sigma)), and n of them in a row have p^n.
+    A reading is the noisy increment, sigma (of one sample), rounded to quanta q. No count is more frequent
+    than one in the middle of the noise, p = erf(q/(2 sqrt(2) sigma)), and n of them in a row have p^n.
+
+    carried : what rounding leaves is counted in the next sample, as by a unit that counts whole angles. While
+        it repeats itself the sum of what is left, a random walk, stays within one quantum, which n steps do
+        with 4/pi exp(-n (pi sigma/L)^2/2), L = q + 1.165 sigma as it is looked at once a sample (Siegmund,
+        Advances in Applied Probability 11, 1979); a rate between two counts, or one that changes, leaves it
+        sooner.
     """
     if sigma <= 0.0:
         return inf
-    p = erf(quantum / (2.0 * sqrt(2.0) * sigma))
-    if p >= 1.0:
-        return inf
-    return float(max(FEWEST_REPEATS, np.ceil(log(ONCE) / log(p)) if p > 0.0 else 0.0))
+    most, p = inf, erf(quantum / (2.0 * sqrt(2.0) * sigma))
+    if p < 1.0:
+        most = ceil(log(ONCE) / log(p)) if p > 0.0 else 0.0
+    if carried:
+        width = quantum / sigma + 1.165
+        most = min(most, ceil(2.0 * log(4.0 / (pi * ONCE)) * (width / pi) ** 2))
+    return float(max(FEWEST_REPEATS, most))
 
 
 def start(rules, n):
@@ -173,7 +188,7 @@ def integrated_variance(wrong, change, age_s, held):
     if x < 1e-3:  # the difference above loses its digits
         variance = wrong**2 * age_s**2
     if held:
-        variance = min(variance, (0.5 * change * age_s**2) ** 2)
+        variance = min(variance, (change * (MEAN_S + 0.5 * age_s) * age_s) ** 2)
     return variance
 
 
@@ -197,7 +212,8 @@ def screen_packed(
         # if the unit does not say which axis is at the end of its range, it may be any
         at_range = _at_range(readings, k, rules[1, k // 3] * dt_s) or (saturated and not anywhere)
         if whole == GOOD:
-            code, age_s = _read_axis(readings, last[n - 1, k], axis, k, rules[0, k // 3], dt_s)
+            limit, end = _limit(rules[0, k // 3], axes, k // 3), 0.999 * rules[1, k // 3] * dt_s
+            code, age_s = _read_axis(readings, last[n - 1, k], axis, k, limit, end, dt_s)
             calm = axis.state == SATURATED and t_end_s - axis.seen_s > CALM_S
             if at_range or (code == GOOD and axis.state == SATURATED and not calm):
                 code = SATURATED
@@ -281,8 +297,22 @@ def _at_range(readings, k, limit):
 
 
 @inner(forceinline=True)
-def _read_axis(readings, previous, axis, k, repeats, dt_s):
-    """Run length and mean of one axis with a new block. -> GOOD or STUCK, age of the fault s"""
+def _limit(told, axes, triad):
+    """Equal readings in a row that are too many: by what was told, or by what the triad has shown."""
+    for k in range(3 * triad, 3 * triad + 3):
+        told = max(told, AGAIN * axes[k].longest)
+    return told
+
+
+@inner(forceinline=True)
+def _read_axis(readings, previous, axis, k, repeats, end, dt_s):
+    """Run length and mean of one axis with a new block, `end` the largest reading within its range.
+
+    A unit whose noise is told too large repeats itself more often than that allows. A run that is too long
+    and yet ends soon was no fault, and longer ones are allowed from then on.
+
+    -> GOOD or STUCK, age of the fault s
+    """
     n, total, longest = readings.shape[0], 0.0, 0.0
     for m in range(n):
         value = readings[m, k]
@@ -291,6 +321,8 @@ def _read_axis(readings, previous, axis, k, repeats, dt_s):
         else:
             if axis.run < repeats:  # a run that was no fault
                 axis.before = axis.mean_rate
+            if axis.run < min(BY_ITSELF * repeats, NATURAL_S / dt_s) and abs(previous) < end:
+                axis.longest = max(axis.longest, axis.run)
             axis.run = 1.0
         longest = max(longest, axis.run)
         previous, total = value, total + value

@@ -20,6 +20,8 @@ import numpy as np
 
 from shefex_nav.onboard.navigation import prediction
 
+MORE = 1.01  # for rounding
+
 
 class Estimate(NamedTuple):
     """What innovations say of the process noise."""
@@ -68,9 +70,16 @@ class Share:
         self.by_noise += float(np.trace(solved[:, 1:]))
 
     def corrected(self, P, H, S):
-        """The filter has used a measurement; P (n, n) before it."""
+        """The filter has used a measurement; P (n, n) before it.
+
+        P_Q is a part of P. Where it is more, gains were others than these, as at a reset: it begins anew.
+        """
+        if (np.diag(self.P) > MORE * np.diag(P)).any():
+            self.P[:] = 0.0
+            self.begin(self.skip)
         left = np.eye(len(P)) - P @ H.T @ np.linalg.solve(S, H)
-        self.P = left @ self.P @ left.T
+        updated = left @ self.P @ left.T
+        self.P = 0.5 * (updated + updated.T)  # what rounding leaves of a difference grows by each prediction
 
     def estimate(self):
         """Estimate, or None before there is anything."""

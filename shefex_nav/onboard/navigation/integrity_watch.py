@@ -27,6 +27,7 @@ UNCHECKED = "has been wrong before: no stars to check it by"
 AXES_S = 1.0
 ALL_OF = {doubt: np.full(3, int(doubt)) for doubt in Doubt}  # about position, velocity and attitude alike
 ONLY_ATTITUDE = np.array([Doubt.NONE, Doubt.NONE, Doubt.CONTRADICTED], dtype=np.int64)
+ONLY_POSITION = np.array([Doubt.CONTRADICTED, Doubt.NONE, Doubt.NONE], dtype=np.int64)
 OF_ATTITUDE = ("star_tracker", "star_vectors")  # sensors that say nothing of position and velocity
 VELOCITIES = "gps_velocity", "gps_range_rate"
 BACK = 0.3  # [E] share of a step, to within which one back ends it
@@ -70,6 +71,7 @@ class Watch:
         self.path = raw_path.RawPath()
         self.constants = integrity_constants.Constants()
         self.far = False  # whether the fix before the one that is judged was far off, of its sensor
+        self.alarms = {}  # of `integrity_bank`: group of sensors -> s, since when
         self.step = None  # (3,) m/s, by which a GPS velocity was believed against the accelerometers
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
@@ -181,17 +183,22 @@ class Watch:
         {sensor: Health};  imu_blind : as the attribute. While the IMU does not measure all three run away. A
         star tracker that contradicts says that the attitude is wrong, or itself; position and velocity are
         checked by GPS, where there is any. A GPS velocity contradicts an attitude as well, by the direction
-        of the thrust: any other sensor makes all three doubtful.
+        of the thrust: any other sensor makes all three doubtful. A GPS position whose velocity goes on
+        contradicts the position alone: most likely it has jumped, but the filter may have followed it before.
         """
         if imu_blind:
             return ALL_OF[Doubt.IMU]
-        if self.constants.found or self.step is not None:
+        if self.constants.found or self.step is not None or "gps" in self.alarms:
             return ALL_OF[Doubt.CONTRADICTED]
         bad = contradicting(health)
-        if not bad:
+        if not bad and not self.alarms:
             return ALL_OF[Doubt.NONE]
-        alone = all(name in OF_ATTITUDE for name in bad) and not self.reasons.get("gps")
-        return ONLY_ATTITUDE if alone else ALL_OF[Doubt.CONTRADICTED]
+        others = [name for name in bad if name not in OF_ATTITUDE]
+        position_alone = others == ["gps_position"] and jumped(health)
+        if (others and not position_alone) or ((bad or self.alarms) and self.reasons.get("gps")):
+            return ALL_OF[Doubt.CONTRADICTED]
+        of_attitude = self.alarms or len(bad) > len(others)
+        return (ONLY_ATTITUDE if of_attitude else 0) | (ONLY_POSITION if position_alone else 0)
 
     def tell(self, t_s, source, reason):
         """A source is healthy, reason '', or not; it is said once, and again when the kind of reason changes.
@@ -249,17 +256,10 @@ def contradicts(name, record):
 
 
 def contradicting(health):
-    """Sensors that contradict the solution, where nothing says which is wrong. {sensor: Health} -> names
-
-    A GPS position that contradicts while its velocity does not is wrong itself: the inertial sensors and the
-    velocity say the same.
-    """
+    """Sensors that contradict the solution. {sensor: Health} -> names"""
     if not any(record.rejected or record.in_a_row for record in health.values()):
         return ()  # as nearly always
-    bad = [name for name, record in health.items() if contradicts(name, record)]
-    if "gps_position" in bad and jumped(health):
-        bad.remove("gps_position")
-    return bad
+    return [name for name, record in health.items() if contradicts(name, record)]
 
 
 def jumped(health):

@@ -122,7 +122,8 @@ def _through(
                 C_iq, C_re, angle_0, rate, work,
             )  # fmt: skip
             carry_covariance(at, model[row], P, work, bias_walk, until_s - begin_s)
-            unknown_attitude.widen(P, angle, speed, (x[6], x[7], x[8], x[9]))
+            q_ib = x[6], x[7], x[8], x[9]
+            unknown_attitude.widen(P, angle, speed, extra[k], until_s - begin_s, q_ib)
         if until_s == length_s:
             _keep(x, P, xs[k], Ps[k])
         begin_s = 0.0

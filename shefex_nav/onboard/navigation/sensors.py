@@ -23,11 +23,12 @@ from shefex_nav.onboard.navigation import (
     unknown_attitude,
 )
 from shefex_nav.onboard.navigation.history import Moment
-from shefex_nav.onboard.navigation.state import POS, VEL, X_Q, ReleaseRule
+from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, ReleaseRule
 from shefex_nav.records import BarometerReading, GpsFix, GpsRanges, MagnetometerReading, Reason, StarFix
 
 BEND_SHARE = 0.2  # [E] of the bend, that it may be wrong by: not all light of a streak counts alike
 BEND_SEEN = 16.3  # of the gyros' noise in a bend, its normalised square that noise alone exceeds in 0.1 %
+WIDEST = 1.0  # rad, most that the sigma of an angle grows to
 MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
 
 Fix = GpsFix | GpsRanges | StarFix | BarometerReading | MagnetometerReading
@@ -38,6 +39,19 @@ class Grown(NamedTuple):
     """A covariance that was too small all along: sigmas that grow, with their correlations."""
 
     factors: np.ndarray  # (n,) of each error
+
+
+def grown(P, factor):
+    """Grown by one factor, but for angles that are hardly known.
+
+    All errors grow alike: of an attitude and a mounting of which stars have told the sum, the sum would look
+    known and each of them, too, if only one grew.
+
+    P : (n, n)
+    """
+    factors, sigma = np.full(len(P), factor), np.sqrt(np.diag(P)[ATT])
+    factors[ATT] = np.maximum(np.minimum(factor, WIDEST / sigma), 1.0)
+    return Grown(factors)
 
 
 # sigma of what is measured, or (3,) of each axis of some blocks, or the whole covariance
@@ -64,6 +78,7 @@ class Trial(NamedTuple):
     evidence: integrity.Evidence | None  # what is kept of the fix if it is rejected
     agree: Agree  # the earlier evidence with this
     steady: Agree | None = None  # the first with this; None: always
+    still: Agree | None = None  # whether this, inside the gate, is off as the earlier was; None: never
 
 
 class Linearise(Protocol):
@@ -239,7 +254,8 @@ def _gps_position_trial(nav, now, z, R, fix):
     def steady(first, later):
         return integrity.offsets_agree(first, later, limit)
 
-    return trial._replace(rule=nav.watch.params.release_gps_jump, steady=steady)
+    rule = nav.watch.params.release_gps_jump
+    return trial._replace(rule=rule, steady=steady, still=integrity.nearer_to_it_than_to_zero)
 
 
 def _range_trial(nav, now, z, R, fix):

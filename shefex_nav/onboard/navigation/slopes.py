@@ -5,7 +5,7 @@ Star fixes alone are known by name, for what they mislead is attitude and mounti
 
 from shefex_nav.onboard.navigation import integrity_protection, protected
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS
+from shefex_nav.onboard.navigation.sensors import SENSORS, Grown
 from shefex_nav.onboard.navigation.state import POS, VEL
 
 
@@ -18,7 +18,8 @@ def slope(nav, now, measurement, P, prior, H, R, confirmed):
     """
     name, limit = measurement.sensor, nav.limit(len(R))
     rows, axes = SENSORS[name].rows, nav.watch.level_axes(nav.earth, now.t_s, now.x)
-    agreed = confirmed or measurement.fate == Fate.RESET  # `integrity.judge`: its rejected fixes agree
+    grown = isinstance(measurement.admitted, Grown)  # no fix has confirmed it
+    agreed = confirmed or (measurement.fate == Fate.RESET and not grown)  # `judge`: its rejected fixes agree
     if name == "star_vectors":
         found = integrity_protection.slope_of_vectors(nav.layout, prior, now.P, nav.limit(2), H, R, axes)
     elif name == "star_tracker":

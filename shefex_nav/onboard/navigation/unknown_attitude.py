@@ -1,6 +1,6 @@
 """Attitude that is hardly known: what the linear error model leaves out when its errors are no small angles.
 
-Linear prediction holds for errors of the attitude up to a few degrees. Beyond, five things are put
+Linear prediction holds for errors of the attitude up to a few degrees. Beyond, six things are put
 right. Where that is not exact, by more uncertainty than it may need.
 
 **An angle is known modulo a turn.** A variance of more than pi^2/3, that of an angle of which nothing is
@@ -19,6 +19,20 @@ about which the angles have no ties. The loss keeps its direction as long as the
 as an error of the size of its mean square, in that direction, added to the sigma that the velocity has
 there. A small angle t across u has no such part together with h: C_true = exp(h u) exp(t) C levels with t
 whatever h is, and t is what gravity shows.
+
+**Specific force that is not read.** While the reading of an accelerometer axis k cannot be trusted, the force
+along it is off by an unknown m, of which the filter is given the noise along k alone (`integrity_imu`). Of
+the truth C_true = C exp(theta) the velocity lacks, to the second order,
+
+    exp(theta) (f + m e_k) - f  =  theta x f + m e_k + m theta x e_k,
+
+so there is an error across k as well, m theta x e_k. It has no mean, as m and theta know nothing of each
+other, and the covariance of theta, turned by e_k, times the variance of m; of a large angle counts the sine,
+whose variance is (1 - exp(-2 s^2))/2. Without it a fix that shows no velocity across k would prove that the
+attitude is right, by the tie theta x f with an f that is no force. To take f_k out of the tie would not do:
+where f is known to lie along the axis of theta, as weight does along that of the heading, its components
+cancel each other only together, and the rest would be a tie that is none. m stays the same from fix to fix,
+so n fixes say of theta what one says: the error counts `ALIKE` times as large as it is; they teach nothing.
 
 **What a vector shows of an angle.** GPS shows how the specific force is turned. Where the vector is long
 enough, its direction tells the angle as a whole (`bent`). Else it is the sine, not the angle: of a normal
@@ -48,13 +62,17 @@ ALIKE = 10.0  # [E] square root of the number of fixes with the same error
 
 
 @inner(forceinline=True)
-def widen(P, angle, speed, q_ib):
+def widen(P, angle, speed, extra, T, q_ib):
     """Make a covariance after an interval as large as the module's text says, in place.
 
     P : (n, n);  angle, speed : rad, m/s, three numbers each, passed through in the interval, body axes
+    extra : (2, 3) white noise of readings that cannot be trusted, rad^2/s and m^2/s^3, body axes;  T : s
     q_ib : attitude, four numbers
     """
     a = ATT.start
+    for k in range(3):
+        if extra[1, k] > 0.0:
+            _lose_force(P, k, ALIKE**2 * T * extra[1, k], q_ib)
     for k in range(3):
         if P[a + k, a + k] > MARGIN * UNKNOWN2:
             _cut(P, a + k)
@@ -62,6 +80,30 @@ def widen(P, angle, speed, q_ib):
             _lose_direction(P, k)
     if max(P[a, a], P[a + 1, a + 1], P[a + 2, a + 2]) > LARGE2:
         _add_second_order(P, speed, q_ib)
+
+
+@inner
+def _lose_force(P, k, variance, q_ib):
+    """Velocity across accelerometer axis k, whose readings are off by `variance`, m^2/s^2. In place.
+
+    theta x e_k = theta_j e_i - theta_i e_j with i, j, k in the order of the axes.
+    """
+    a, v, i, j = ATT.start, VEL.start, (k + 1) % 3, (k + 2) % 3
+    x, y = _sine_share(P[a + i, a + i]), _sine_share(P[a + j, a + j])
+    first, second = variance * y * y * P[a + j, a + j], variance * x * x * P[a + i, a + i]
+    both = -variance * x * y * P[a + i, a + j]
+    C = t3.dcm_from_quat(q_ib)
+    for m in range(3):
+        for n in range(m + 1):
+            added = first * C[3 * m + i] * C[3 * n + i] + second * C[3 * m + j] * C[3 * n + j]
+            added += both * (C[3 * m + i] * C[3 * n + j] + C[3 * m + j] * C[3 * n + i])
+            P[v + m, v + n] = P[v + n, v + m] = P[v + m, v + n] + added
+
+
+@inner(forceinline=True)
+def _sine_share(variance):
+    """Standard deviation of the sine of a normal angle over that of the angle."""
+    return np.sqrt(-0.5 * np.expm1(-2.0 * variance) / variance) if variance > 0.0 else 1.0
 
 
 @inner
@@ -211,7 +253,8 @@ def _lose_axis(P, k, angle):
     moved = np.sqrt(moved2)
     for i in range(3):
         if i != k:
-            P[a + i, a + i] += moved * (2.0 * np.sqrt(P[a + i, a + i]) + moved)
+            known = np.sqrt(max(P[a + i, a + i], 0.0))  # below zero by rounding, at most
+            P[a + i, a + i] += moved * (2.0 * known + moved)
 
 
 @inner

@@ -157,7 +157,8 @@ def _judge(found, pair, t_s, usable, told, detectable_s):
     silent = after[~usable[after]]
     if len(silent):
         words = after[told[after]]
-        found["wrong_words"] += int(not len(words) or t_s[words[0]] > from_s + ALERT_S)
+        due_s = float(t_s[words[0]]) if len(words) else np.inf
+        found["wrong_words"] += int(due_s > from_s + ALERT_S and t_s[pair[1]] > from_s + ALERT_S)
         if len(words):
             found["after_s"] = max(found["after_s"] or 0.0, float(t_s[words[0]]) - from_s)
 

@@ -131,7 +131,8 @@ def _nees_right(flown):
                 outside.append(f"{cell}: {mean:.1f} of {len(values)}")
     words = (
         "nothing happens, all told rightly: mean NEES of 9 degrees of freedom at the end 5 to 15 in each "
-        "cell (at most 15 where the attitude is known to 5 deg or worse)"
+        "cell (at most 15 where the attitude is known to 5 deg or worse); of fewer than nine flights, what "
+        "chance allows 99.9 % of their means"
     )
     return Judged("NEES told rightly", words, _outside(outside, number), not outside if number else None)
 
@@ -143,7 +144,7 @@ def _nees_noises(flown):
     for cell, several in _together(chosen).items():
         mean = _mean([cells.healthy(record)["nees_usable"] for record in several])
         number += mean is not None
-        if mean is not None and mean > _bounds(len(several))[1]:
+        if mean is not None and mean > NEES[1]:
             outside.append(f"{cell}: {mean:.1f}")
     words = (
         "nothing happens, noises told 0.3 to 3 times: mean NEES while usable after 100 innovations at most 15"
