@@ -8,7 +8,7 @@ from flown_log import Options, write
 from scipy.stats import chi2
 
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import integrity_imu
+from shefex_nav.onboard.navigation import adaptation, integrity_imu
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import SENSORS
@@ -101,6 +101,28 @@ def test_equals_the_slow_reference_and_rts(recording):
             C = np.linalg.solve(within, (C / scale).T).T / scale
             mean, P_rts = before.mean + C @ (mean - now.mean), before.P + C @ (P_rts - now.P) @ C.T
     assert not rows
+
+
+def test_the_covariance_is_carried_on_again_as_it_was(recording):
+    """With noise that counts ten times from the middle on: another row of the model."""
+    _, nav, final, nodes, whole = prepared(recording)
+    count, middle_s = 400, final.numbers[200, 0]
+    nav = adaptation.replayed(nav, [(middle_s, 10.0, (1.0, 1.0))])
+    trajectory = relinear.Trajectory(nodes.xs, np.zeros((len(nodes.xs), 3)))
+    n, room = nav.layout.n, relinear.room(len(nodes.ticks), nav.layout.n)
+    P, found = [], np.empty((count, relinear.TOP, n))
+    for m in (0, count - 1):
+        cut = nodes._replace(ticks=nodes.ticks[:m], parts_s=nodes.parts_s[:m], seen={})
+        passed = relinear.forward(nav, whole, cut, trajectory, nav.history[0], room, second=True)
+        P.append(passed.covariances[m])
+    durations = nodes.parts_s[:, 1] - nodes.parts_s[:, 0]
+    of_Q, nowhere = (room.noises, room.walks), np.full(count, -1)
+    what = nav.layout.at, nav.constants[1], room.tops, durations, *of_Q, 0, count
+    smoother._filtered(*what, P[0].copy(), found, nowhere, np.empty((0, n, n)))
+    sigma = np.sqrt(np.diag(P[1]))
+    scale = np.outer(sigma[: relinear.TOP], np.where(sigma > 0.0, sigma, 1.0))
+    assert np.abs((found[-1] - P[1][: relinear.TOP]) / scale).max() < 1e-9
+    assert np.isclose(room.walks[count - 2, 0], 100.0 * room.walks[0, 0]) and room.walks[0, 0] > 0.0
 
 
 def misaligned(recording, error_deg):
