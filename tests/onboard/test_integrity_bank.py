@@ -5,9 +5,9 @@ import pytest
 from navigation_flight import DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix
 
 from shefex_nav.onboard.navigation import fusion, integrity, integrity_watch, sensors
+from shefex_nav.onboard.navigation.grown import grown
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate
 from shefex_nav.onboard.navigation.integrity_bank import CALM, WINDOWS, Stream, _worst, limits
-from shefex_nav.onboard.navigation.sensors import grown
 from shefex_nav.onboard.navigation.state import ReleaseRule
 from shefex_nav.records import Doubt, GpsFix
 
@@ -229,6 +229,18 @@ def test_what_has_no_ties_does_not_grow():
     assert grown(P, 3.0).factors.tolist() == [3.0] * 10 + [1.0] * 3
 
 
+def test_stars_end_a_dispute_only_where_their_angle_explains_the_step():
+    """A step of 2 m/s after 100 m/s of thrust: 1 mrad does not explain it, 20 mrad do."""
+    nav, _ = flown(0.0, 1)
+    watch, z = nav.watch, np.array([2.0, 0.0, 0.0])
+    watch.far = True
+    for pushed, angle, over in ((100.0, 1e-3, False), (100.0, 2e-2, True), (np.inf, 2e-2, False)):
+        watch.velocity_believed("gps_velocity", z, pushed)
+        watch.attitude_was_wrong(angle)
+        assert (watch.step is None) == over
+        watch.step = None
+
+
 def position(z):
     """Evidence of a GPS position that is off by z."""
     fix = GpsFix(0.0, 0.0, True, np.zeros(3), np.zeros(3), np.eye(3), 0.01 * np.eye(3), 8, 1.0, "")
@@ -240,9 +252,7 @@ def test_a_position_refused_before_is_no_better_in_a_wider_gate(z, fate):
     rule = ReleaseRule(30, 29.0)
     refused = HEALTHY._replace(used=5, rejected=2, t_first_s=1.0, in_a_row=2)
     refused = refused._replace(evidence=position([30.0, 0.0, 0.0]), first=position([31.0, 0.0, 0.0]))
-    trial = sensors.Trial(
-        rule, position(z), lambda *_: True, lambda *_: True, integrity.nearer_to_it_than_to_zero
-    )
+    trial = sensors.Trial(rule, position(z), lambda *_: True, lambda *_: True, integrity.offset_remains)
     found, health = integrity.judge(refused, trial, 0.0, 21.1, 3.0)
     assert found == fate
     assert health.rejected == (3 if fate == Fate.REJECTED else 0)

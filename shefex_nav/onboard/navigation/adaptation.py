@@ -19,11 +19,11 @@ from collections import deque
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import at_rest, error_model, integrity_watch
+from shefex_nav.onboard.navigation import at_rest, error_model, eskf, integrity_watch
+from shefex_nav.onboard.navigation.grown import grown
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_share import Share
 from shefex_nav.onboard.navigation.integrity_windows import WHITE, Window, neighbours
-from shefex_nav.onboard.navigation.sensors import grown
 from shefex_nav.records import NavHealth
 
 RATES = ("gps_velocity", "gps_range_rate")  # what the inertial sensors are held against
@@ -83,7 +83,7 @@ def weigh(nav, now, z, H, R, S, nis, measurement, verdict):
         _learn(nav, now, z, H, S, name, verdict.fate)
     if name not in JUDGED or nav.watch.imu_blind or verdict.fate in (Fate.HELD, Fate.DOUBTED):
         return verdict
-    whitened = np.linalg.solve(np.linalg.cholesky(S), z)
+    whitened = eskf.whitened(z, S)
     noise.recent.setdefault(name, deque(maxlen=RECENT)).append(whitened)
     if name == "gps_velocity":
         _rest(nav, measurement.fix)
@@ -156,7 +156,7 @@ def _windows(nav, now, whitened, R, S, name, verdict):
     """Verdict on a measurement that was used, by the windows over the innovations of its sensor."""
     noise = nav.noise
     found, shares = noise.windows[name].take(whitened), noise.by_noise[name]
-    shares.append(float(np.trace(np.linalg.solve(S, R))) / len(R))
+    shares.append(eskf.own_share(R, S))
     own = float(np.mean(shares))  # where it is small, innovations are white whoever makes them too large
     if noise.share is None and found.full and own > OWN_SHARE:  # while the IMU is in doubt no sensor is
         _blame(nav, name, found, own)

@@ -80,6 +80,16 @@ def normalised(S, z):
     return total
 
 
+def whitened(z, S):
+    """L^-1 z, S = L L^T: independent, of variance 1 where S is right. (m,), (m, m) -> (m,)"""
+    return np.linalg.solve(np.linalg.cholesky(S), z)
+
+
+def own_share(R, S):
+    """Share of a sensor's own noise R in the covariance S of its innovation, both (m, m)."""
+    return float(np.trace(np.linalg.solve(S, R))) / len(R)
+
+
 def whole(dx, P, updated):
     """All of an estimated error is taken."""
     return updated

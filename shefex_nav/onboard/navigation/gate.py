@@ -19,8 +19,9 @@ from shefex_nav.onboard.navigation import (
     integrity_learnt,
     integrity_watch,
 )
+from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS, Admitted, Grown
+from shefex_nav.onboard.navigation.sensors import SENSORS, Admitted
 from shefex_nav.records import GateResult, Reason
 
 ACCEPTED = (Fate.USED, Fate.RESET)

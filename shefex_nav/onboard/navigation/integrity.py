@@ -138,8 +138,8 @@ def offsets_agree(first, later, limit):
     return float(d @ np.linalg.solve(S, d)) <= limit
 
 
-def nearer_to_it_than_to_zero(earlier, later):
-    """Whether a GPS position is still off as an earlier one was. GpsEvidence, GpsEvidence -> bool"""
+def offset_remains(earlier, later):
+    """Whether the offset of a GPS position is nearer to an earlier one than to none. GpsEvidence each"""
     return bool(np.linalg.norm(later.z - earlier.z) < np.linalg.norm(later.z))
 
 

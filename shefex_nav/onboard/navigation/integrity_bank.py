@@ -31,9 +31,9 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import kernel
-from shefex_nav.onboard.navigation import adaptation, integrity_learnt, integrity_watch
+from shefex_nav.onboard.navigation import adaptation, eskf, integrity_learnt, integrity_watch
+from shefex_nav.onboard.navigation.grown import Grown, grown
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import Grown, grown
 
 WINDOWS = np.array([3, 4, 6, 8, 12, 16, 24, 32, 48, 64])  # innovations
 CHANCE = 1e-9  # of exceeding a limit, per innovation, window and statistic
@@ -189,10 +189,10 @@ class Bank:
         elif fate == Fate.RESET:
             self.explained(nav, group)  # what is believed now has its own doubts
         elif _counts(nav, name, fate):
-            L = np.linalg.cholesky(S)
-            found = self._found(nav, name, measurement.fix, _clipped(np.linalg.solve(L, z)), _own(R, S))
+            w, own = _clipped(eskf.whitened(z, S)), eskf.own_share(R, S)
+            found = self._found(nav, name, measurement.fix, w, own)
             if found is not None:
-                self._alarm(nav, group, name, found, L)
+                self._alarm(nav, group, name, found, own, S)
         if group in self.due and fate == Fate.USED and not _insists(nav, group):
             alarm = self.due[group]
             if now_s - alarm.t_s >= WAITS_S[group]:
@@ -221,13 +221,13 @@ class Bank:
             self.streams[name] = Stream(d, name != "star_tracker")
         return self.streams[name]
 
-    def _alarm(self, nav, group, name, found, L):
+    def _alarm(self, nav, group, name, found, own, S):
         """The solution is withdrawn; the covariance grows before the next fix that is used."""
-        now_s, own = nav.history.ends_s[-1], self.streams[name].recent[-1][1]
+        now_s = nav.history.ends_s[-1]
         nav.watch.alarms[group] = now_s
         nav.watch.tell(now_s, f"{group} innovations", f"{name}: {found.words}")
         factor = np.sqrt(1.0 + max(found.excess, 0.0) / (1.0 - min(own, OWN)))
-        mean = L @ found.mean[-len(L) :]
+        mean = np.linalg.cholesky(S) @ found.mean[-len(S) :]
         self.due[group] = Alarm(now_s, float(np.clip(factor, LEAST, MOST)), mean)
         self.forget(group)
 
@@ -266,7 +266,7 @@ class Bank:
 
 
 def _counts(nav, name, fate):
-    """Whether an innovation counts; of stars not one that is refused, nor of a position that jumps alone."""
+    """Whether an innovation counts. A refused star fix does not, nor a refused position that jumps alone."""
     if nav.watch.imu_blind or fate not in (Fate.USED, Fate.REJECTED):
         return False
     alone = name == "star_tracker" or (name == "gps_position" and integrity_watch.jumped(nav.health))
@@ -282,8 +282,3 @@ def _clipped(w):
     """A whitened innovation, its length bounded."""
     size = float(w @ w)
     return w if size <= CLIPPED else w * np.sqrt(CLIPPED / size)
-
-
-def _own(R, S):
-    """Share of a sensor's own noise in its innovations."""
-    return float(np.trace(np.linalg.solve(S, R))) / len(R)

@@ -150,8 +150,13 @@ class Watch:
         self.step, self.pushed = (None if back else z.copy()), pushed
 
     def attitude_was_wrong(self, angle):
-        """Stars have turned the attitude by an angle: if that explains a step of the velocity, it is over."""
-        if self.step is not None and angle * self.pushed > BACK * np.linalg.norm(self.step):
+        """Stars have turned the attitude by an angle: if that explains a step of the velocity, it is over.
+
+        Where no velocity was known before the step, nothing says what an angle would have done.
+        """
+        if self.step is None or not np.isfinite(self.pushed):
+            return
+        if angle * self.pushed > BACK * np.linalg.norm(self.step):
             self.step = None
 
     def constants_seen(self, nav, now, name, z, H, S, fate):

@@ -3,8 +3,9 @@
 import numpy as np
 
 from shefex_nav.onboard.navigation import eskf, integrity_learnt
+from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS, Grown
+from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.onboard.navigation.state import initial_covariance
 
 

@@ -22,38 +22,17 @@ from shefex_nav.onboard.navigation import (
     measurements,
     unknown_attitude,
 )
+from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.history import Moment
-from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, ReleaseRule
+from shefex_nav.onboard.navigation.state import POS, VEL, X_Q, ReleaseRule
 from shefex_nav.records import BarometerReading, GpsFix, GpsRanges, MagnetometerReading, Reason, StarFix
 
 BEND_SHARE = 0.2  # [E] of the bend, that it may be wrong by: not all light of a streak counts alike
 BEND_SEEN = 16.3  # of the gyros' noise in a bend, its normalised square that noise alone exceeds in 0.1 %
-WIDEST = 1.0  # rad, most that the sigma of an angle grows to
 MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
 
 Fix = GpsFix | GpsRanges | StarFix | BarometerReading | MagnetometerReading
 Agree = Callable[[integrity.Evidence, integrity.Evidence], bool]
-
-
-class Grown(NamedTuple):
-    """A covariance that was too small all along: sigmas that grow, with their correlations."""
-
-    factors: np.ndarray  # (n,) of each error
-
-
-def grown(P, factor):
-    """Grown by one factor, but for angles that are hardly known, and for errors without ties to others.
-
-    All errors that are tied grow alike: of an attitude and a mounting of which stars have told the sum, the
-    sum would look known and each of them, too, if only one grew. Without stars nothing is told of a mounting.
-
-    P : (n, n)
-    """
-    tied = (P - np.diag(np.diag(P))).any(axis=1)
-    factors, sigma = np.where(tied, factor, 1.0), np.sqrt(np.diag(P)[ATT])
-    factors[: ATT.stop] = factor
-    factors[ATT] = np.maximum(np.minimum(factor, WIDEST / sigma), 1.0)
-    return Grown(factors)
 
 
 # sigma of what is measured, or (3,) of each axis of some blocks, or the whole covariance
@@ -257,7 +236,7 @@ def _gps_position_trial(nav, now, z, R, fix):
         return integrity.offsets_agree(first, later, limit)
 
     rule = nav.watch.params.release_gps_jump
-    return trial._replace(rule=rule, steady=steady, still=integrity.nearer_to_it_than_to_zero)
+    return trial._replace(rule=rule, steady=steady, still=integrity.offset_remains)
 
 
 def _range_trial(nav, now, z, R, fix):

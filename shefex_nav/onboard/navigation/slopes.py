@@ -4,8 +4,9 @@ Star fixes alone are known by name, for what they mislead is attitude and mounti
 """
 
 from shefex_nav.onboard.navigation import integrity_protection, protected
+from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS, Grown
+from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.onboard.navigation.state import POS, VEL
 
 

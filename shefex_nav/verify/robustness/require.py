@@ -131,8 +131,8 @@ def _nees_right(flown):
                 outside.append(f"{cell}: {mean:.1f} of {len(values)}")
     words = (
         "nothing happens, all told rightly: mean NEES of 9 degrees of freedom at the end 5 to 15 in each "
-        "cell (at most 15 where the attitude is known to 5 deg or worse); of fewer than nine flights, what "
-        "chance allows 99.9 % of their means"
+        "cell (at most 15 where the attitude is known to 5 deg or worse); with fewer than nine flights, in "
+        "the 99.9 % interval of chi-square"
     )
     return Judged("NEES told rightly", words, _outside(outside, number), not outside if number else None)
 
