@@ -6,6 +6,7 @@ and a date stays the text that was written.
 """
 
 import re
+from functools import lru_cache
 from typing import NamedTuple
 
 STR, INT, FLOAT, BOOL, NULL = (
@@ -66,6 +67,7 @@ def parse_value(text, label):
     return value, document.errors
 
 
+@lru_cache(maxsize=16)  # a study reads its scenario for every flight
 def _compose(text, file):
     """Root node of the YAML `text`, None if there is nothing in it."""
     from ruamel.yaml import YAML

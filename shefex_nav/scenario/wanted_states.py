@@ -53,13 +53,13 @@ class Effect(NamedTuple):
 
 def motion(trajectory):
     """Motion of a Trajectory."""
-    from shefex_nav.geometry.rotation import dcm_from_quat
+    from scipy.spatial.transform import Rotation
 
     t_s = trajectory.t_s
     dt_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
     every = max(1, round(1.0 / (STEP_HZ * dt_s)), math.ceil(len(t_s) / MOST))
     rows = slice(0, None, every)
-    C_ib = np.array([dcm_from_quat(q) for q in trajectory.q_ib[rows]])
+    C_ib = Rotation.from_quat(trajectory.q_ib[rows][:, [1, 2, 3, 0]]).as_matrix()
     return Motion(
         every * dt_s, C_ib, trajectory.omega_ib_b[rows], trajectory.f_b[rows], trajectory.burning[rows]
     )

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.verify.robustness import design, factors, fixes, happenings, innovations, random_faults
 from shefex_nav.verify.robustness.happenings import HAPPENS
 
@@ -73,7 +74,7 @@ def fly(job):
 def pair(job):
     """Situation, the flight, its twin or None if nothing happens; of several faults each alone: list."""
     true = _scenario(job.scenario, overrides(job))
-    vehicle = _vehicle(job.scenario, overrides(job))
+    vehicle = _vehicle(job.scenario, of_rocket(job))
     situation = situation_of(job, true, vehicle)
     flown = _fly(job, situation, vehicle)
     if situation.window is None:
@@ -118,9 +119,13 @@ def _random_situation(job, true, vehicle):
 
 def overrides(job):
     """KEY=VALUE of the healthy world of a job: tuple; later ones win."""
-    name = job.cell.rocket
     grade = () if job.cell.grade == design.OWN else factors.imu_settings(job.cell.grade)
-    return (*design.ROCKETS.get(name, ()), *grade, *job.overrides)
+    return (*design.ROCKETS.get(job.cell.rocket, ()), *grade, *job.overrides)
+
+
+def of_rocket(job):
+    """Those of them that the flight depends on, which knows no inertial sensors: tuple."""
+    return (*design.ROCKETS.get(job.cell.rocket, ()), *job.overrides)
 
 
 def last_s(vehicle):
@@ -129,7 +134,7 @@ def last_s(vehicle):
     return float(at.get(LAST, vehicle.trajectory.t_s[-1]))
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=256)  # all that is told of all grades of a rocket
 def _scenario(name, settings):
     """Scenario with settings; pictures are never drawn."""
     from shefex_nav.scenario import load
@@ -148,14 +153,26 @@ def _vehicle(name, settings):
     return prepare.fly_vehicle(_scenario(name, settings), VEHICLE_SEED)
 
 
+@lru_cache(maxsize=None)
+def _states(name, settings, vehicle_settings):
+    """Names of the blocks that the filter of a scenario estimates, where it leaves them to the program."""
+    from shefex_nav import prepare
+
+    return prepare.settled(_scenario(name, settings), _vehicle(name, vehicle_settings)).navigation.states
+
+
 def _fly(job, situation, vehicle):
     """One flight of a Situation. -> Kept"""
     from shefex_nav import prepare, simulate
     from shefex_nav.onboard.telemetry import Columns
     from shefex_nav.records import GateResult, NavHealth
+    from shefex_nav.scenario import load
 
     told = situation.told.settings(situation.scenario) if situation.told.settings else ()
-    scenario = _scenario(job.scenario, (*overrides(job), *told, *situation.settings))
+    healthy = (*overrides(job), *told)
+    scenario = _scenario(job.scenario, (*healthy, *situation.settings))
+    if scenario.navigation.states == AUTOMATIC:
+        scenario = load.with_states(scenario, _states(job.scenario, healthy, of_rocket(job)))
     world = _received(prepare.build_world(scenario, job.seed, flight=vehicle), situation)
     kept, columns, until_s = {GateResult: [], NavHealth: []}, Columns(EVERY), last_s(vehicle)
     with innovations.watched() as seen:
