@@ -5,6 +5,7 @@ import pytest
 from navigation_flight import DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix
 
 from shefex_nav.onboard.navigation import adaptation, error_model, fusion
+from shefex_nav.onboard.navigation.gate import Verdict
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.recorded import Correction, Interval
 
@@ -148,3 +149,28 @@ def test_white_innovations_that_are_too_large_twice_are_noise_of_the_receiver(se
     assert next(one for one in health if one.source == "gps_velocity noise").t_s < 40.0
     nav, _ = noisy_receiver(seed, 1.0)
     assert nav.noise.sensors == {} and nav.noise.imu == 1.0
+
+
+@pytest.mark.parametrize(
+    "position, velocity, own, told, to_blame",
+    [
+        (2.0, 1.9, 0.8, "", True),
+        (2.0, 4.0, 0.8, "", False),  # more than a receiver's noise makes: the IMU
+        (1.0, 2.0, 0.8, "", False),  # positions are as good as they say
+        (2.0, 1.9, 0.4, "", False),  # what makes them too large can be the IMU as well
+        (2.0, 1.9, 0.8, "IMU noise told too small: about 3 times", False),
+    ],
+)
+def test_positions_tell_the_noise_of_the_receiver_from_that_of_the_imu(position, velocity, own, told, to_blame):
+    """Innovations of a velocity do not; an accusation of the IMU that nothing confirms is taken back."""
+    blocks, states = fly(2)
+    nav = fusion.start(PARAMS, alignment(states[0]), EARTH)
+    fusion.advance(nav, blocks[0])
+    adaptation.widen(nav, nav.history, 2.0, Verdict(Fate.USED, None, None, "", True), "test")
+    nav.noise.told = told or nav.noise.told
+    w = np.random.default_rng(1).standard_normal((2, 20, 3))
+    assert adaptation._receiver(nav, position * w[0], own, velocity * w[1]) == to_blame
+    assert (nav.noise.imu == 1.0) == to_blame and (nav.noise.share is None) == to_blame
+    factors = [nav.noise.of_sensor(name) for name in ("gps_position", "gps_velocity")]
+    assert factors[0] == factors[1]
+    assert (1.8 < factors[0] < 2.6) == to_blame

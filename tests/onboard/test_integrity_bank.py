@@ -177,6 +177,45 @@ def test_an_alarm_ends_though_the_receiver_gives_no_velocity_any_more():
     assert not rows[-1][1]
 
 
+def position_off(offset):
+    """Glitch: positions are off by a function of the second, m."""
+    return lambda second, fix: fix._replace(r_ea_e=fix.r_ea_e + np.array(offset(second)))
+
+
+def test_a_position_that_was_believed_in_the_end_stays_in_doubt():
+    """60 m off from 30 s on, for good: refused for half a minute, then believed; nothing says who was right."""
+    nav, rows = flown(0.0, 1, position_off(lambda second: [60.0 * (second >= 30), 0.0, 0.0]))
+    assert nav.health["gps_position"].rejected == 0
+    assert np.linalg.norm(nav.watch.moved) == pytest.approx(60.0, abs=5.0)
+    only_position = [Doubt.CONTRADICTED, Doubt.NONE, Doubt.NONE]
+    assert all(row[2].tolist() == only_position for row in rows if row[0] > 31.0)
+
+
+def test_a_position_that_runs_away_and_takes_the_filter_with_it_stays_in_doubt():
+    nav, rows = flown(0.0, 1, position_off(lambda second: [max(0.0, 0.4 * (second - 25)), 0.0, 0.0]))
+    since_s = next(row[0] for row in rows if row[1])
+    assert nav.watch.moved is not None
+    assert all(row[2][0] == Doubt.CONTRADICTED for row in rows if row[0] >= since_s)
+
+
+def test_only_a_step_back_says_that_the_receiver_was_wrong():
+    nav, _ = flown(0.0, 1)
+    watch = nav.watch
+    watch.position_believed(np.array([60.0, 0.0, 0.0]))
+    assert watch.moved is None  # a fix that is just outside the gate is no step
+    watch.far = True
+    for z, over in (([60.0, 0.0, 0.0], False), ([0.0, 60.0, 0.0], False), ([0.0, -58.0, 3.0], True)):
+        watch.position_believed(np.array(z))
+        assert (watch.moved is None) == over
+
+
+@pytest.mark.parametrize("sigma, widened", [(20.0, False), (25.0, True)])
+def test_a_gate_that_has_widened_says_nothing_of_a_position(sigma, widened):
+    earlier = position([30.0, 0.0, 0.0])._replace(P=100.0 * np.eye(3))
+    later = position([25.0, 0.0, 0.0])._replace(P=sigma**2 * np.eye(3))
+    assert integrity.has_widened(earlier, later) == widened
+
+
 def test_stars_in_alarm_without_gps_leave_nothing_to_be_used():
     nav, _ = flown(0.0, 1)
     nav.watch.alarms["star_tracker"] = 1.0

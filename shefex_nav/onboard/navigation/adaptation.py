@@ -23,7 +23,7 @@ from shefex_nav.onboard.navigation import at_rest, error_model, eskf, integrity_
 from shefex_nav.onboard.navigation.grown import grown
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.integrity_share import Share
-from shefex_nav.onboard.navigation.integrity_windows import WHITE, Window, neighbours
+from shefex_nav.onboard.navigation.integrity_windows import LENGTHS, WHITE, Window, neighbours
 from shefex_nav.records import NavHealth
 
 RATES = ("gps_velocity", "gps_range_rate")  # what the inertial sensors are held against
@@ -41,6 +41,7 @@ LEAST_SHARE = 0.1  # [E] of process noise in the innovations, below which they d
 TOLD_SHARE = 0.3  # of process noise in the innovations, below which the factor cannot be told
 SLOW = 0.7  # the factor falls to no less than this share of itself at a time
 OWN_SHARE = 0.6  # [E] of its own noise in the innovations of a sensor, below which they do not accuse it
+ALIKE = 1.5  # [E] times the growth of a receiver's noise that its positions say, of its velocities
 RIGHT = 1.15  # a factor below is none
 IMU, CANNOT, ABOUT = "IMU noise", "cannot be told by how much", "about"
 
@@ -134,12 +135,41 @@ def too_large_again(nav, now, factor, verdict, streams):
     large = [name for name in known if np.mean(np.square(recent[name])) > RIGHT**2]
     white = [name for name in large if _is_white(recent[name]) and own[name] > OWN_SHARE]
     if "gps_velocity" in large and "gps_velocity" not in white:
+        if _receiver(nav, recent.get("gps_position", ()), own.get("gps_position"), recent["gps_velocity"]):
+            for name in known:
+                streams[name].recent.clear()
+            return verdict
         return widen(nav, now, factor, verdict, "innovations are too large again")
     for name in white if nav.noise.share is None else ():  # while the IMU is in doubt no sensor is
         excess = float(np.mean(np.square(recent[name]))) - 1.0
         _count_sensor(nav, name, nav.noise.of_sensor(name) * np.sqrt(1.0 + excess / own[name]))
         streams[name].recent.clear()
     return verdict
+
+
+def _receiver(nav, position, own, velocity):
+    """Whether the noise of the receiver is to blame for innovations of its velocity: it counts more then.
+
+    A receiver that says too little of its noise does so of position and velocity alike, and what the inertial
+    sensors do hardly shows in an innovation of the position that is its own noise for the most part. An
+    accusation of the IMU that nothing has confirmed is taken back.
+
+    position, velocity : (n, 3) whitened innovations;  own : mean share of the receiver's noise in the first
+    """
+    noise = nav.noise
+    if len(position) < RECENT or own <= OWN_SHARE or (noise.share is not None and ABOUT in noise.told):
+        return False
+    size, of_velocity = float(np.mean(np.square(position))), float(np.mean(np.square(velocity)))
+    growth = 1.0 + (size - 1.0) / own
+    if size < RIGHT**2 or of_velocity > ALIKE * growth or not neighbours(np.array(position)) < WHITE:
+        return False
+    for name in WATCHED:
+        _count_sensor(nav, name, noise.of_sensor(name) * float(np.sqrt(growth)))
+    if noise.share is not None:
+        noise.share = None
+        _count(nav, 1.0, noise.rest)
+        _say(nav, _at_rest(noise.rest))
+    return True
 
 
 def _is_white(recent):
@@ -163,9 +193,17 @@ def _windows(nav, now, whitened, R, S, name, verdict):
     process = found.process or (found.large and (own <= OWN_SHARE or noise.share is not None))
     if not process or name not in RATES:
         return verdict
+    if name == "gps_velocity" and _receiver(nav, *_of_position(noise), noise.windows[name].last()):
+        return verdict
     growth = 1.0 + (found.excess - 1.0) / max(1.0 - own, LEAST_SHARE)
     step = float(np.clip(np.sqrt(max(growth, 1.0)), STEP, BOLDEST))
     return widen(nav, now, step, verdict, "innovations are too large")
+
+
+def _of_position(noise):
+    """Innovations of the GPS position that its window has, and the share of its own noise in them."""
+    found, shares = noise.windows["gps_position"].last(), list(noise.by_noise["gps_position"])[-LENGTHS[0] :]
+    return found, float(np.mean(shares)) if shares else 0.0
 
 
 def widen(nav, now, step, verdict, why):

@@ -46,7 +46,9 @@ class Verdict(NamedTuple):
     note: str
     alone: bool  # whether one fix inside the gate was enough
     doubts: dict | None = None  # likewise
-    insisted: bool = False  # whether a GPS velocity says what it has said when it was rejected
+    # whether a GPS velocity says what it has said when it was rejected, or a GPS position passes a gate that
+    # is too wide to say that it does not
+    insisted: bool = False
 
 
 def decide(nav, now, z, H, R, measurement):
@@ -92,7 +94,7 @@ def _verdict(nav, now, z, R, S, nis, measurement):
     trial = None if passed and alone and not before.rejected else sensor.trial(nav, now, z, R, fix)
     judged = 0.0 if passed else np.inf
     fate, nav.health[name] = integrity.judge(nav.health[name], trial, judged, limit, fix.t_valid_s, alone)
-    if fate == Fate.REJECTED and nis > nav.limit(len(z), FAR):
+    if fate == Fate.REJECTED and (before.far or nis > nav.limit(len(z), FAR)):
         nav.health[name] = nav.health[name]._replace(far=True)
     admitted = sensor.admits(nav, z) if fate == Fate.RESET and sensor.admits else None
     if name == integrity_watch.DRIFTS:
@@ -100,9 +102,17 @@ def _verdict(nav, now, z, R, S, nis, measurement):
     note = NOTES.get(fate, sensor.reset_note)
     if fate == Fate.RESET and admitted is not None:
         note += ", or the camera has moved"
-    insisted = fate in ACCEPTED and name == "gps_velocity" and before.rejected > 0
-    insisted = insisted and integrity.same_velocity_offset(before.first, trial.evidence)
+    insisted = fate in ACCEPTED and before.rejected > 0 and _insists(name, before, trial.evidence)
     return Verdict(fate, rows, admitted, note, alone, insisted=insisted)
+
+
+def _insists(name, before, evidence):
+    """Verdict.insisted of a sensor with rejected fixes. str, Health before the fix, evidence of the fix"""
+    if name == "gps_velocity":
+        return integrity.same_velocity_offset(before.first, evidence)
+    if name == "gps_position" and integrity_watch.contradicts(name, before):
+        return integrity.has_widened(before.evidence, evidence)
+    return False
 
 
 def _find_again(nav, now, verdict, found, measurement, z):
@@ -130,7 +140,9 @@ def _doubted(nav, now, z, nis, name, verdict):
     watch = nav.watch
     if isinstance(verdict.admitted, Grown):
         return verdict  # the model is at fault: all that it has done has grown
-    if verdict.insisted and verdict.fate == Fate.USED:
+    if verdict.insisted and verdict.fate == Fate.USED and name == "gps_position":
+        watch.moved = z.copy()
+    elif verdict.insisted and verdict.fate == Fate.USED:
         watch.velocity_believed(name, z, watch.learnt.pushed(now.t_s, now.x))
     if name == "star_tracker" and verdict.fate in ACCEPTED:
         watch.attitude_was_wrong(float(np.sqrt(z @ z)))
@@ -141,6 +153,8 @@ def _doubted(nav, now, z, nis, name, verdict):
         watch.gyros.doubt()
         watch.velocity_believed(name, z, watch.learnt.pushed(now.t_s, now.x))
         return verdict._replace(doubts=integrity_learnt.by_velocity(nav, now, z))
+    if verdict.fate == Fate.RESET and name == "gps_position" and verdict.admitted is None:
+        watch.position_believed(z)
     if verdict.fate == Fate.USED and not verdict.alone and nis > nav.limit(len(z), SURPRISING):
         return verdict._replace(doubts=integrity_learnt.by_surprise(nav, now, nis / len(z)))
     return verdict

@@ -21,6 +21,7 @@ from shefex_nav.geometry import rotation
 from shefex_nav.records import GpsFix, GpsRanges
 
 LONGEST_PAIR_S = 10.0  # [E] GPS fixes further apart than this are not compared
+WIDER = 4.0  # [E] times the variance
 SAME = 0.5  # [E] share of an offset, by which one that is the same may differ
 LONGEST_STAR_PAIR_S = 60.0  # [E] nor star fixes further apart than this
 
@@ -65,7 +66,7 @@ class Health(NamedTuple):
     held: Evidence | None = None  # likewise, the last fix inside the gate, where one alone does not count
     first: Evidence | None = None  # likewise, the first of the rejected
     in_a_row: int = 0  # rejected fixes since the last that was not, whether they agree or not
-    far: bool = False  # whether the last fix was so far off that it says alone that something is wrong
+    far: bool = False  # whether one of those was so far off that it says alone that something is wrong
 
 
 HEALTHY = Health(0, 0, np.nan, None)
@@ -112,10 +113,10 @@ def judge(health, trial, nis, limit, t_valid_s, alone=True):
 
 
 def _still_off(health, trial):
-    """Whether a fix inside a gate that has become wider says what rejected ones have said."""
-    if trial is None or trial.still is None or not insists(health, trial):
+    """Whether a fix inside a gate that has become wider says what the last rejected one has said."""
+    if trial is None or trial.still is None or health.evidence is None:
         return False
-    return trial.still(health.first, trial.evidence)
+    return trial.agree(health.evidence, trial.evidence) and trial.still(health.evidence, trial.evidence)
 
 
 def insists(health, trial):
@@ -141,6 +142,15 @@ def offsets_agree(first, later, limit):
 def offset_remains(earlier, later):
     """Whether the offset of a GPS position is nearer to an earlier one than to none. GpsEvidence each"""
     return bool(np.linalg.norm(later.z - earlier.z) < np.linalg.norm(later.z))
+
+
+def has_widened(earlier, later):
+    """Whether the gate of a GPS position is so much wider than it was that it says nothing of the same offset.
+
+    earlier, later : GpsEvidence
+    """
+    before, now = (np.trace(one.P + one.fix.R_r_e) for one in (earlier, later))
+    return bool(now > WIDER * before)
 
 
 def same_velocity_offset(earlier, later):

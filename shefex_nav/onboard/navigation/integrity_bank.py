@@ -55,6 +55,7 @@ class Finding(NamedTuple):
     words: str
     excess: float  # of the variance of an innovation, over what it should be, less one
     mean: np.ndarray  # (d,) whitened, of the window
+    one_sided: bool
 
 
 class Alarm(NamedTuple):
@@ -97,7 +98,7 @@ class Stream:
         count = int(WINDOWS[k])
         excess = (value / self.d - 1.0) / count if of_run else value / (count * self.d) - 1.0
         what = "on one side" if of_run else "too large"
-        return Finding(f"{what}: of {count} fixes", excess, self.last(count).mean(axis=0))
+        return Finding(f"{what}: of {count} fixes", excess, self.last(count).mean(axis=0), of_run)
 
     def last(self, count):
         """The last innovations: (count, d) at most."""
@@ -228,6 +229,8 @@ class Bank:
         nav.watch.tell(now_s, f"{group} innovations", f"{name}: {found.words}")
         factor = np.sqrt(1.0 + max(found.excess, 0.0) / (1.0 - min(own, OWN)))
         mean = np.linalg.cholesky(S) @ found.mean[-len(S) :]
+        if name == "gps_position" and found.one_sided:
+            nav.watch.moved = mean  # the filter has followed it, and follows it still
         self.due[group] = Alarm(now_s, float(np.clip(factor, LEAST, MOST)), mean)
         self.forget(group)
 

@@ -73,6 +73,7 @@ class Watch:
         self.far = False  # whether the fix before the one that is judged was far off, of its sensor
         self.alarms = {}  # of `integrity_bank`: group of sensors -> s, since when
         self.step = None  # (3,) m/s, by which a GPS velocity was believed against the accelerometers
+        self.moved = None  # (3,) m, by which a GPS position was believed against the filter
         self.pushed = 0.0  # m/s, that specific force had added to the velocity before that, since a fix
         self.drift = integrity_gps.QUIET
         self.level = integrity_protection.NO_FIX
@@ -146,8 +147,15 @@ class Watch:
         """
         if name != "gps_velocity" or self.unread or not self.far:
             return
-        back = self.step is not None and np.linalg.norm(self.step + z) < BACK * np.linalg.norm(self.step)
-        self.step, self.pushed = (None if back else z.copy()), pushed
+        self.step, self.pushed = (None if _is_back(self.step, z) else z.copy()), pushed
+
+    def position_believed(self, z):
+        """A GPS position is believed against the filter, which its velocity did not make wrong.
+
+        As of a velocity: only a step back, as large, says that it was the receiver.
+        """
+        if self.far and not self.unread:
+            self.moved = None if _is_back(self.moved, z) else z.copy()
 
     def attitude_was_wrong(self, angle):
         """Stars have turned the attitude by an angle: if that explains a step of the velocity, it is over.
@@ -157,7 +165,7 @@ class Watch:
         if self.step is None or not np.isfinite(self.pushed):
             return
         if angle * self.pushed > BACK * np.linalg.norm(self.step):
-            self.step = None
+            self.step = self.moved = None  # the velocity has moved the position
 
     def constants_seen(self, nav, now, name, z, H, S, fate):
         """A measurement is judged: `integrity_constants.Constants.take`."""
@@ -196,20 +204,22 @@ class Watch:
         checked by GPS, where there is any. A GPS velocity contradicts an attitude as well, by the direction
         of the thrust: any other sensor makes all three doubtful. A GPS position whose velocity goes on
         contradicts the position alone: most likely it has jumped, but the filter may have followed it before.
+        So does one that was believed in the end.
         """
         if imu_blind:
             return ALL_OF[Doubt.IMU]
         if self.constants.found or self.step is not None or "gps" in self.alarms:
             return ALL_OF[Doubt.CONTRADICTED]
         bad = contradicting(health)
-        if not bad and not self.alarms:
+        if not bad and not self.alarms and self.moved is None:
             return ALL_OF[Doubt.NONE]
         others = [name for name in bad if name not in OF_ATTITUDE]
-        position_alone = others == ["gps_position"] and jumped(health)
-        if (others and not position_alone) or ((bad or self.alarms) and self.reasons.get("gps")):
+        jumps = others == ["gps_position"] and jumped(health)
+        if (others and not jumps) or ((bad or self.alarms) and self.reasons.get("gps")):
             return ALL_OF[Doubt.CONTRADICTED]
         of_attitude = self.alarms or len(bad) > len(others)
-        return (ONLY_ATTITUDE if of_attitude else 0) | (ONLY_POSITION if position_alone else 0)
+        of_position = jumps or self.moved is not None
+        return (ONLY_ATTITUDE if of_attitude else 0) | (ONLY_POSITION if of_position else 0)
 
     def tell(self, t_s, source, reason):
         """A source is healthy, reason '', or not; it is said once, and again when the kind of reason changes.
@@ -237,8 +247,17 @@ def start(params):
     return Watch(params.integrity or DEFAULT, limit, gyros)
 
 
+def _is_back(step, z):
+    """Whether an innovation takes a step back. (d,) or None, (d,) -> bool"""
+    if step is None or len(step) != len(z):
+        return False
+    return bool(np.linalg.norm(step + z) < BACK * np.linalg.norm(step))
+
+
 def settled(watch, name):
     """What is left to say of a sensor that is used. Watch, str -> str"""
+    if name == "gps_position" and watch.moved is not None:
+        return f"disputed: it or the filter was wrong by {np.linalg.norm(watch.moved):.3g} m"
     if name == "gps_velocity" and watch.step is not None:
         return f"disputed: it or the accelerometers were wrong by {np.linalg.norm(watch.step):.2g} m/s"
     if name == "star_tracker" and watch.disputed > 0.0:

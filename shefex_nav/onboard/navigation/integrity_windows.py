@@ -63,6 +63,10 @@ class Window:
         """Begin anew: what came before was judged by another model."""
         self.kept.clear()
 
+    def last(self):
+        """As many of the last as the shorter window has at most: (n, d)."""
+        return np.array(list(self.kept)[-LENGTHS[0] :])
+
     def take(self, w):
         """Take a whitened innovation (d,) in. -> Finding"""
         self.kept.append(w)
