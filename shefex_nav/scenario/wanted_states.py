@@ -11,7 +11,9 @@ and rms over the elements and the inertial axes. Against it stands what noise ma
 gyros the angular random walk, sigma sqrt(WINDOW_S); of the change of velocity what a line through the N
 velocities of that time leaves open, sigma sqrt(12/N), or a parabola through the positions, sigma
 sqrt(720/N)/WINDOW_S. A block whose error is `SWAMPS` times that is estimated; so is one whose error weight
-makes a bias, for minutes (`weight`).
+makes a bias, for minutes (`weight`). Beside `gyro_scale` the misalignment of the gyros is estimated where its
+error exceeds the noise at all: spin makes it an error that is fixed to the body, as large as the misalignment
+itself, and no noise of the filter stands for that.
 """
 
 import math
@@ -102,6 +104,8 @@ def effects(scenario, moved, events, end_s):
     on = {name for name in sizes if sizes[name] > SWAMPS * noises[name]}
     if max(across) > SWAMPS * noises["gyro_scale"]:  # turns about the other axes count, too
         on.discard("gyro_roll_column")
+        if sizes["gyro_misalignment"] > noises["gyro_misalignment"]:
+            on.add("gyro_misalignment")  # no noise stands for what it makes of the roll rate
     else:
         on -= {"gyro_scale", "gyro_misalignment"}
     why = {name: _words(name, sizes[name], noises[name], on) for name in sizes}

@@ -161,7 +161,9 @@ def test_white_innovations_that_are_too_large_twice_are_noise_of_the_receiver(se
         (2.0, 1.9, 0.8, "IMU noise told too small: about 3 times", False),
     ],
 )
-def test_positions_tell_the_noise_of_the_receiver_from_that_of_the_imu(position, velocity, own, told, to_blame):
+def test_positions_tell_the_noise_of_the_receiver_from_that_of_the_imu(
+    position, velocity, own, told, to_blame
+):
     """Innovations of a velocity do not; an accusation of the IMU that nothing confirms is taken back."""
     blocks, states = fly(2)
     nav = fusion.start(PARAMS, alignment(states[0]), EARTH)

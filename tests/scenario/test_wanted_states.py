@@ -63,6 +63,19 @@ def test_a_spin_takes_turns_with_what_is_across(scenario):
     assert spun["gyro_misalignment"].effect < 0.01 * still["gyro_misalignment"].effect
 
 
+def test_a_misalignment_that_a_spin_fixes_to_the_body_is_estimated():
+    """No noise of the filter stands for it: the attitude of this rocket was wrong by four sigma of it."""
+    spinning = load("rexus_spinning", ["imu.use=adis16470", SET])
+    of = {one.block: one for one in prepare.wanted(spinning)}
+    assert of["gyro_scale"].on and not of["gyro_roll_column"].on
+    assert of["gyro_misalignment"].on
+    assert (
+        of["gyro_misalignment"].noise
+        < of["gyro_misalignment"].effect
+        < SWAMPS * of["gyro_misalignment"].noise
+    )
+
+
 def test_thrust_that_ends(scenario):
     """100 m/s^2 along the nose for 20 s: what goes with force, in velocity; g-sensitivity in attitude."""
     imu, of = scenario.imu, found(scenario, moving(f_b=(100.0, 0.0, 0.0), until_s=20.0, burning=1))

@@ -34,6 +34,7 @@ YOUNG = 5  # [E] measurements of a sensor that were used, this one too: the filt
 LOOP_S = 60.0  # [E] two resets of a sensor within it are one too many
 STEP = 2.0  # [E] factor after an alarm that does not say how large it is
 BOLDEST = 4.0  # [E] largest factor after innovations that have all passed the gate
+FEW = 6  # [E] innovations of a position, which tell white ones from those that hang together
 RECENT = 10  # innovations, rejected ones too: the largest of them says how far off a loop is
 SETTLING = 10  # innovations after an alarm that say nothing yet
 FEWEST, ENOUGH = 30, 100  # innovations before the factor changes, and before it is told
@@ -135,16 +136,28 @@ def too_large_again(nav, now, factor, verdict, streams):
     large = [name for name in known if np.mean(np.square(recent[name])) > RIGHT**2]
     white = [name for name in large if _is_white(recent[name]) and own[name] > OWN_SHARE]
     if "gps_velocity" in large and "gps_velocity" not in white:
-        if _receiver(nav, recent.get("gps_position", ()), own.get("gps_position"), recent["gps_velocity"]):
-            for name in known:
-                streams[name].recent.clear()
-            return verdict
         return widen(nav, now, factor, verdict, "innovations are too large again")
     for name in white if nav.noise.share is None else ():  # while the IMU is in doubt no sensor is
         excess = float(np.mean(np.square(recent[name]))) - 1.0
         _count_sensor(nav, name, nav.noise.of_sensor(name) * np.sqrt(1.0 + excess / own[name]))
         streams[name].recent.clear()
     return verdict
+
+
+def receiver_too_large(nav, streams):
+    """Whether the noise of the receiver is to blame for innovations of GPS that are too large: `_receiver`.
+
+    streams : as `too_large_again`
+    """
+    known = [streams[name].recent for name in WATCHED if name in streams]
+    if len(known) < len(WATCHED) or not all(known):
+        return False
+    position, velocity = (np.array([w for w, _ in one]) for one in known)
+    blamed = _receiver(nav, position, float(np.mean([own for _, own in known[0]])), velocity)
+    if blamed:
+        for one in known:
+            one.clear()
+    return blamed
 
 
 def _receiver(nav, position, own, velocity):
@@ -157,7 +170,7 @@ def _receiver(nav, position, own, velocity):
     position, velocity : (n, 3) whitened innovations;  own : mean share of the receiver's noise in the first
     """
     noise = nav.noise
-    if len(position) < RECENT or own <= OWN_SHARE or (noise.share is not None and ABOUT in noise.told):
+    if len(position) < FEW or own <= OWN_SHARE or (noise.share is not None and ABOUT in noise.told):
         return False
     size, of_velocity = float(np.mean(np.square(position))), float(np.mean(np.square(velocity)))
     growth = 1.0 + (size - 1.0) / own

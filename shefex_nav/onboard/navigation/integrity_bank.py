@@ -237,15 +237,16 @@ class Bank:
     def _doubted(self, nav, now, group, alarm, verdict):
         """Verdict on a fix before which the covariance grows, and what was learnt is doubted.
 
-        The second time within a minute says that the first has mended nothing: then noise was told too small.
-        Vibration is noise of another kind.
+        Positions that scatter tell of their receiver at once. The second time within a minute says that the
+        first has mended nothing: then noise was told too small. Vibration is noise of another kind.
         """
         before, self.before[group] = self.before.get(group, -np.inf), alarm.t_s
         again = alarm.t_s - before < adaptation.LOOP_S
         if group == "gps":
             nav.watch.learnt.forget()
             doubts = integrity_learnt.doubts(nav.params, nav.layout, None, now.x, now.P)
-            if again and not now.vibration and not verdict.insisted:
+            of_receiver = adaptation.receiver_too_large(nav, self.streams)
+            if again and not of_receiver and not now.vibration and not verdict.insisted:
                 verdict = adaptation.too_large_again(nav, now, alarm.factor, verdict, self.streams)
         else:
             doubts = integrity_learnt.by_stars(nav, now, alarm.mean, False)
