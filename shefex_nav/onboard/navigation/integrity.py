@@ -145,7 +145,7 @@ def offset_remains(earlier, later):
 
 
 def has_widened(earlier, later):
-    """Whether the gate of a GPS position is so much wider than it was that it says nothing of the same offset.
+    """Whether the gate of a GPS position is so much wider than it was that it lets the same offset pass.
 
     earlier, later : GpsEvidence
     """

@@ -1,7 +1,7 @@
 """One flight of a cell and its twin: the same world, computer and seed, but nothing happens."""
 
 import time
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -153,7 +153,7 @@ def _vehicle(name, settings):
     return prepare.fly_vehicle(_scenario(name, settings), VEHICLE_SEED)
 
 
-@lru_cache(maxsize=None)
+@cache
 def _states(name, settings, vehicle_settings):
     """Names of the blocks that the filter of a scenario estimates, where it leaves them to the program."""
     from shefex_nav import prepare
