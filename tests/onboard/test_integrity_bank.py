@@ -183,7 +183,7 @@ def position_off(offset):
 
 
 def test_a_position_that_was_believed_in_the_end_stays_in_doubt():
-    """60 m off from 30 s on, for good: refused for half a minute, then believed; nothing says who was right."""
+    """60 m off from 30 s on, for good: refused for half a minute, then believed; who is right is open."""
     nav, rows = flown(0.0, 1, position_off(lambda second: [60.0 * (second >= 30), 0.0, 0.0]))
     assert nav.health["gps_position"].rejected == 0
     assert np.linalg.norm(nav.watch.moved) == pytest.approx(60.0, abs=5.0)
