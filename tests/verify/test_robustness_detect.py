@@ -104,8 +104,8 @@ def track(beyond, usable, doubt=Doubt.LEVEL):
     return Doubted(0.1 * np.arange(len(beyond)), {"attitude": one})
 
 
-def alarm(beyond, usable, detectable_s, named=(), doubt=Doubt.LEVEL):
-    healthy = track(np.zeros(100, dtype=bool), np.ones(100, dtype=bool))
+def alarm(beyond, usable, detectable_s, named=(), doubt=Doubt.LEVEL, healthy=None):
+    healthy = healthy or track(np.zeros(100, dtype=bool), np.ones(100, dtype=bool))
     window = Window(2.0, 8.0)
     noticed = [(2.0, detectable_s)]
     return assess._alarm(
@@ -126,6 +126,9 @@ def test_an_alarm_is_due_a_second_after_detectability_and_error():
     assert (silent["late_s"], silent["wrong_words"]) == (0.0, 1)
     named = alarm(beyond, t_s < 4.85, 3.0, named=[(4.0, np.inf)])
     assert named["wrong_words"] == 0
+    for reason, wrong in ((Doubt.LEVEL, 0), (Doubt.CONTRADICTED, 1)):  # that of the twin, withdrawn as well
+        twin = track(np.zeros(100, dtype=bool), t_s < 4.85, reason)
+        assert alarm(beyond, t_s < 4.85, 3.0, healthy=twin)["wrong_words"] == wrong
     later = alarm(beyond, t_s < 6.95, 6.0, doubt=Doubt.IMU)  # it cannot be noticed before 6 s
     assert later["late_s"] == 0.0 and later["undetected_s"] == pytest.approx(3.0)
     never = alarm(beyond, always, None)

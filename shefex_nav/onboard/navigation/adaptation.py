@@ -90,6 +90,8 @@ def weigh(nav, now, z, H, R, S, nis, measurement, verdict):
     if name == "gps_velocity":
         _rest(nav, measurement.fix)
     if verdict.fate == Fate.RESET:
+        if name == "gps_position" and integrity_watch.is_back(nav.watch.moved, z):
+            return verdict  # it was the receiver
         return _second_reset(nav, now, name, verdict)
     if now.vibration > 0.0 or verdict.fate != Fate.USED or name not in WATCHED:
         return verdict

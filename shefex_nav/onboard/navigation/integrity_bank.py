@@ -184,7 +184,7 @@ class Bank:
         if name not in GROUPS:
             return verdict
         group, now_s = GROUPS[name], nav.history.ends_s[-1]
-        if fate == Fate.RESET and isinstance(verdict.admitted, Grown):
+        if fate == Fate.RESET and (isinstance(verdict.admitted, Grown) or name == "gps_position"):
             self.forget(group)
             self.due.pop(group, None)
         elif fate == Fate.RESET:

@@ -147,7 +147,7 @@ class Watch:
         """
         if name != "gps_velocity" or self.unread or not self.far:
             return
-        self.step, self.pushed = (None if _is_back(self.step, z) else z.copy()), pushed
+        self.step, self.pushed = (None if is_back(self.step, z) else z.copy()), pushed
 
     def position_believed(self, z):
         """A GPS position is believed against the filter, which its velocity did not make wrong.
@@ -155,7 +155,7 @@ class Watch:
         As of a velocity: only a step back, as large, says that it was the receiver.
         """
         if self.far and not self.unread:
-            self.moved = None if _is_back(self.moved, z) else z.copy()
+            self.moved = None if is_back(self.moved, z) else z.copy()
 
     def attitude_was_wrong(self, angle):
         """Stars have turned the attitude by an angle: if that explains a step of the velocity, it is over.
@@ -247,7 +247,7 @@ def start(params):
     return Watch(params.integrity or DEFAULT, limit, gyros)
 
 
-def _is_back(step, z):
+def is_back(step, z):
     """Whether an innovation takes a step back. (d,) or None, (d,) -> bool"""
     if step is None or len(step) != len(z):
         return False

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from shefex_nav.records import Doubt
 from shefex_nav.verify.robustness import detect, happenings, levels
 
 ALERT_S = 1.0  # for so long an error may be beyond its level, or beyond what can be noticed
@@ -123,7 +124,8 @@ def _alarm(read, healthy, name, noticed, window, named, doubts):
     """Whether a quantity that a fault made wrong was withdrawn in time, and by the right words: dict.
 
     The fault is to blame where the error is beyond its level and that of the twin is not. Of several faults
-    all that have begun by then have to be detectable.
+    all that have begun by then have to be detectable. The right words are the device that failed; or a level
+    that is too high, where that of the twin is as well: the fault is not what the quantity is withdrawn for.
 
     noticed : (begin, instant from which on it can be noticed or None) of each fault
     """
@@ -133,7 +135,8 @@ def _alarm(read, healthy, name, noticed, window, named, doubts):
     blamed = np.zeros(n, dtype=bool)
     for begin_s, end_s in named:
         blamed |= (t_s[:n] >= begin_s - STEP_S) & (t_s[:n] <= end_s)
-    told = ~one.usable[:n] & (blamed | np.isin(one.doubt[:n], list(doubts)))
+    anyway = (one.doubt[:n] == Doubt.LEVEL) & ~other.usable[:n] & (other.doubt[:n] == Doubt.LEVEL)
+    told = ~one.usable[:n] & (blamed | anyway | np.isin(one.doubt[:n], list(doubts)))
     found = {"beyond_s": 0.0, "late_s": 0.0, "undetected_s": 0.0, "wrong_words": 0, "after_s": None}
     for pair in levels.stretches(beyond, t_s):
         found["beyond_s"] += _lasts(pair, t_s)

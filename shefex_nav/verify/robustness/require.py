@@ -23,7 +23,12 @@ ALARMS = (  # key of the flight, name, what is required
         "a detectable fault is followed by 'do not use' within 1 s of the later of: it can be noticed, the "
         "error exceeds its level",
     ),
-    ("wrong_words", "reason", "the reason that is given then is the sensor that failed"),
+    (
+        "wrong_words",
+        "reason",
+        "the reason that is given then is the sensor that failed, or a level that is too high without it as "
+        "well",
+    ),
 )
 KNOWN_DEG = 5.0  # sigma of the attitude; what is less known has no normal error
 
