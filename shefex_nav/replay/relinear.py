@@ -159,7 +159,7 @@ def _correct(nav, seen, mean, P):
     z, H, R = fusion.linearised(nav, Moment(whole, seen.tick, seen.at_s), one)
     added, held, cut = None, None, ()
     if one.fate != Fate.USED or one.doubts:
-        added, held, cut = _forgotten(nav, seen, mean, P)
+        added, held, cut = _forgotten(nav, seen, mean, P, H)
     z, H, R = fusion.rows_used(nav, one, z, H, R)
     z = z - H @ mean
     K, S_inverse = np.zeros((len(mean), len(z))), np.zeros((len(z), len(z)))
@@ -168,10 +168,10 @@ def _correct(nav, seen, mean, P):
     return Update(added, held, cut, z, H, K, S_inverse)
 
 
-def _forgotten(nav, seen, mean, P):
+def _forgotten(nav, seen, mean, P, H):
     """Forget what a reset forgets, or add what is doubted, in place. -> as in Update"""
     one = seen.measurement
-    prior, cut = reset.forgotten(nav, P, one)
+    prior, cut = reset.forgotten(nav, P, one, H)
     added, held = prior - P, None
     if cut:
         held = difference(nav.layout, nav.history.x, seen.x_then)

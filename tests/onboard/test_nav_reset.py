@@ -9,8 +9,8 @@ from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import eskf, fusion, reset
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.sensors import Measurement
-from shefex_nav.onboard.navigation.state import ATT, NavState, layout
-from shefex_nav.records import StarFix
+from shefex_nav.onboard.navigation.state import ATT, POS, NavState, layout
+from shefex_nav.records import GpsFix, StarFix
 
 LAYOUT = layout(("mounting",))
 MOUNTING = LAYOUT.places["mounting"]
@@ -76,18 +76,37 @@ def test_turning_back_undoes_the_turn():
 def test_which_blocks_a_reset_cuts():
     """All that a forgotten sensor measures; none if an error is admitted, also of blocks without ties."""
     nav = fusion.start(PARAMS, alignment(fly(0.1)[1][0]), EARTH)
+    H = np.zeros((3, nav.layout.n))
     places, one = nav.layout.places, Measurement("star_tracker", None, Fate.RESET)
     mounting = places["mounting"]
     P = nav.history.P.copy()
     others = np.delete(np.arange(nav.layout.n), np.r_[mounting])
     assert not P[mounting][:, others].any()
-    admitted, cut = reset.forgotten(nav, P, one._replace(admitted=0.01))
+    admitted, cut = reset.forgotten(nav, P, one._replace(admitted=0.01), H)
     assert cut == () and np.allclose(admitted - P, np.diag(np.diag(admitted - P)))
     assert np.diag(admitted - P)[mounting] == pytest.approx(1e-4)
     P[ATT, mounting] = P[mounting, ATT] = 1e-9 * np.eye(3)
-    forgotten, cut = reset.forgotten(nav, P, one)
+    forgotten, cut = reset.forgotten(nav, P, one, H)
     assert cut == (places["attitude"], mounting)
     assert not forgotten[ATT, mounting].any() and forgotten[0, 0] == P[0, 0]
     found = {"gyro_bias": np.array([0.0, 1e-3, 0.0])}
-    _, cut = reset.forgotten(nav, P, one._replace(admitted=found))
+    _, cut = reset.forgotten(nav, P, one._replace(admitted=found), H)
     assert cut == ()
+
+
+def test_a_fix_without_height_leaves_the_height_known():
+    """Nothing is known of the level plane any more, and of the height what was known before."""
+    nav = fusion.start(PARAMS, alignment(fly(0.1)[1][0]), EARTH)
+    rng, n = np.random.default_rng(4), nav.layout.n
+    axes = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    H = np.zeros((2, n))
+    H[:, POS] = axes[:, :2].T
+    A = rng.standard_normal((n, n))
+    P = A @ A.T
+    fix = GpsFix(0.0, 0.0, True, np.zeros(3), np.zeros(3), np.eye(3), np.eye(3), 8, 1.0, "", horizontal=True)
+    forgotten, cut = reset.forgotten(nav, P, Measurement("gps_position", fix, Fate.RESET), H)
+    down = axes[:, 2]
+    assert cut == ()
+    assert down @ forgotten[POS, POS] @ down == pytest.approx(down @ P[POS, POS] @ down, rel=1e-6)
+    assert np.allclose(down @ forgotten[POS, 3:], down @ P[POS, 3:])
+    assert min(axes[:, k] @ forgotten[POS, POS] @ axes[:, k] for k in range(2)) > 0.99e10

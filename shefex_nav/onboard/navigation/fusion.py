@@ -317,7 +317,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
     if bent is not None and fate != Fate.USED:  # a sensor that is believed otherwise says it in its own way
         z, bent = z + H @ bent, None
     before, P = None if recorder is None else now.state, history.P.copy()
-    prior, cut = reset.forgotten(nav, P, measurement)
+    prior, cut = reset.forgotten(nav, P, measurement, H)
     z, H, R = rows_used(nav, measurement, z, H, R)
     if fate == Fate.DOUBTED:
         history.P[:], dx, G = prior, np.zeros(nav.layout.n), np.eye(3)

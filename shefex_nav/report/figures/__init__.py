@@ -35,8 +35,8 @@ CATALOGUE = (
     ),
     Entry(
         "ground_track", "flight.ground_track", "flight",
-        "True and estimated track differ by metres and lie on each other. Coast lines: Natural Earth, "
-        "1:110 million, without small islands.",
+        "Where both are known, true and estimated track differ by metres and lie on each other. Coast lines: "
+        "Natural Earth, 1:110 million, without small islands.",
     ),
     Entry(
         "attitude_control", "flight.attitude_control", "flight",

@@ -88,10 +88,11 @@ class Content(NamedTuple):
     protection: bool
     barometer: bool = False
     magnetometer: bool = False
+    errors: bool = True  # there is a truth that they can be told by
 
 
-def content(data, pictures):
-    """Content of a RunData and the kinds of pictures in its log."""
+def content(data, pictures, errors=True):
+    """Content of a RunData, the kinds of pictures in its log, and whether it has a truth."""
     return Content(
         tuple(pictures),
         bool(data.star_fixes),
@@ -104,6 +105,7 @@ def content(data, pictures):
         trust.has_levels(data.nav),
         bool(len(data.barometer.t_valid_s)),
         bool(len(data.magnetometer.t_valid_s)),
+        errors,
     )
 
 
@@ -132,7 +134,10 @@ def _overview(data, seen, has):
     import rerun.blueprint as rrb
 
     side = rrb.Vertical(_lanes(data), _texts(OVERVIEW), row_shares=[12, 9])
-    upper = rrb.Horizontal(_cameras(data, has), _trajectory(seen), side, column_shares=[5, 6, 4])
+    cameras = [_cameras(data, has)] if has.stars or has.pictures else []
+    upper = rrb.Horizontal(*cameras, _trajectory(seen), side, column_shares=[*[5] * len(cameras), 6, 4])
+    if not has.errors:
+        return rrb.Vertical(upper, _flight_curves(data, has), row_shares=[2, 1], name=OVERVIEW)
     lower = rrb.Tabs(rrb.Grid(*_errors(data), grid_columns=COLUMNS, name=_ERRORS), _flight_curves(data, has))
     return rrb.Vertical(upper, lower, row_shares=[9, 10], name=OVERVIEW)
 
@@ -188,9 +193,13 @@ def _navigation(data, seen, has):
         data, "plots/nis", "NIS over its limit; dot: used, cross: refused or held", top=_nis_shown(data)
     )
     of = trust.SHOWN if has.protection else ()
-    levels = [_plot(data, f"plots/protection/{q}", f"Level, {q}; error white [{unit}]") for q, unit in of]
-    tests = [*([nees] * has.covariance), nis, *levels]
-    tabs = [rrb.Grid(*_errors(data), *tests, grid_columns=COLUMNS, name=f"{_ERRORS}, consistency")]
+    white = "; error white" if has.errors else ""
+    levels = [_plot(data, f"plots/protection/{q}", f"Level, {q}{white} [{unit}]") for q, unit in of]
+    if has.errors:
+        tests, name = [*_errors(data), *([nees] * has.covariance), nis, *levels], f"{_ERRORS}, consistency"
+    else:
+        tests, name = [nis, *levels], "Consistency"
+    tabs = [rrb.Grid(*tests, grid_columns=COLUMNS, name=name)]
     if has.covariance:
         views = [
             _plot(data, f"plots/biases/{name}_{axis}", f"{word} bias {axis}, body [{unit}]")

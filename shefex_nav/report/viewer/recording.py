@@ -108,7 +108,7 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(first))
     shown = scene(first)
     seen = layout.scene(world.path(shown))
-    has = layout.content(shown, drawings.kept_pictures(logs[0]))
+    has = layout.content(shown, drawings.kept_pictures(logs[0]), bool(len(first.truth.t_s)))
     stream.save(rrd_path, default_blueprint=layout.blueprint(shown, seen, has, page=page))
     fill(stream, logs[0], first)
     sender, words = Sender(stream, first.mission.epoch_utc), []
