@@ -9,6 +9,7 @@ from pydantic import BaseModel, Tag
 from shefex_nav.scenario import moved, suggest
 from shefex_nav.scenario.block import is_tag
 from shefex_nav.scenario.document import Mark, dotted
+from shefex_nav.scenario.kind import of_the_other
 from shefex_nav.scenario.quantity import NumberSpec, QuantitySpec, describe, quoted
 
 BAD_KEY = "[key]"  # pydantic's last step to a key, not to its value
@@ -199,7 +200,10 @@ def _unknown(model, error):
             chosen = location[-2].strip("<>")
             how = "take one of the two away (null does, where a file extends another)"
             return f"does not go with {chosen}; {how}"
-    return f"unknown key; {_meant(model, error).words or 'known here: ' + ', '.join(known)}"
+    meant = _meant(model, error)
+    if len(location) == 1 and (said := of_the_other(location[0], known)):
+        return f"{said}; {meant.words}" if meant.is_sibling else said
+    return f"unknown key; {meant.words or 'known here: ' + ', '.join(known)}"
 
 
 def _example(model, location):

@@ -39,6 +39,8 @@ SAME = {  # words of other programs: ours
     "vrw": "random_walk",
     "date": "epoch",
     "time": "epoch",
+    "gnss": "gps",  # of flights and of replays
+    "gps": "gnss",
 }
 WORDS = {"max": "highest", "maximum": "highest", "min": "lowest", "minimum": "lowest", "number": "most"}
 
