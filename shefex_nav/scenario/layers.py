@@ -37,8 +37,9 @@ class Texts(dict):
 
 
 def sorted_error(found):
-    """ScenarioError of (Mark, text), in the order of the file."""
-    return ScenarioError(placed(mark, text) for mark, text in sorted(found))
+    """ScenarioError of (Mark, text) in the order of the file; in one place a section before what is in it."""
+    ordered = sorted(found, key=lambda one: (one[0], one[1].partition(": ")[0].split("."), one[1]))
+    return ScenarioError(placed(mark, text) for mark, text in ordered)
 
 
 class Named(NamedTuple):

@@ -2,7 +2,7 @@
 
 import difflib
 import re
-from typing import Annotated, get_args, get_origin
+from typing import Annotated, Literal, get_args, get_origin
 
 from pydantic import BaseModel, Tag
 
@@ -10,7 +10,7 @@ from shefex_nav.scenario import moved, suggest
 from shefex_nav.scenario.block import is_tag
 from shefex_nav.scenario.document import Mark, dotted
 from shefex_nav.scenario.kind import of_the_other
-from shefex_nav.scenario.quantity import NumberSpec, QuantitySpec, describe, quoted
+from shefex_nav.scenario.quantity import describe, quoted
 
 BAD_KEY = "[key]"  # pydantic's last step to a key, not to its value
 MANY, MOST = 3, 6  # sections that are missing, from which on they are said in one line; said alone
@@ -22,11 +22,12 @@ class Places:
     def __init__(self, root):
         self.keys = {(): root}
         self.values = {(): root}
+        self.made = set()  # paths of sections that are there because `--set` has put a value into them
 
     def copy(self):
         """The same places, to be changed."""
         other = Places(None)
-        other.keys, other.values = dict(self.keys), dict(self.values)
+        other.keys, other.values, other.made = dict(self.keys), dict(self.values), set(self.made)
         return other
 
     def key(self, path):
@@ -43,6 +44,7 @@ class Places:
         for marks in (self.keys, self.values):
             for old in [known for known in marks if len(known) >= max(n, 1) and known[:n] == path]:
                 del marks[old]
+        self.made = {known for known in self.made if known[:n] != path}
         self.keys.update({(*path, *inner): mark for inner, mark in keys.items()})
         self.values.update({(*path, *inner): mark for inner, mark in values.items()})
 
@@ -106,6 +108,9 @@ def lines(model, validation_error, places):
     if len(absent[()]) >= MANY:
         found.append((places.key(()), _all_absent(model, absent[()])))
         absent = dict.fromkeys(absent, ()) if len(absent[()]) >= MOST else absent | {(): ()}
+    for section in [one for one in absent if absent[one] and plain(one) in places.made]:
+        found.append((places.key(plain(section)), _all_required(model, section)))
+        absent[section] = ()
     for error in errors:
         location = error["loc"]
         if error["type"] == "missing" and location[-1] not in absent[location[:-1]]:
@@ -144,6 +149,16 @@ def _all_absent(model, absent):
     return (
         f"{', '.join(absent)}: are missing; these sections are required. A file that gives only what differs "
         f"begins with the name of the one that has the rest, such as 'extends: {model.EXAMPLE}'"
+    )
+
+
+def _all_required(model, section):
+    """About a section that is there for one value of it, which the user has set."""
+    name, keys = dotted(plain(section)), field_at(model, section)[0].keys()
+    required = [_line(model, (*section, key)) for key, field in keys.items() if field.is_required()]
+    return (
+        f"{name}: the scenario has no {name} yet; a section needs all of its required fields, for example "
+        f"'{name.split('.')[-1]}: {{{', '.join(required)}}}'"
     )
 
 
@@ -209,12 +224,20 @@ def _unknown(model, error):
 def _example(model, location):
     """`; expected for example '10 Hz'` for a field that is missing."""
     annotation, metadata = field_at(model, location)
-    spec = next((m for m in metadata if isinstance(m, QuantitySpec | NumberSpec)), None)
-    if spec is not None:
-        return f"; expected for example '{location[-1]}: {spec.example}'"
+    if any(hasattr(one, "example") for one in metadata):
+        return f"; expected for example '{_line(model, location)}'"
     if is_model(annotation) or get_origin(annotation) is dict or _is_form(annotation):
         return "; this section is required"
     return ""
+
+
+def _line(model, location):
+    """`rate: 10 Hz`, an example of a field as one writes it; dots where nothing is known of it."""
+    annotation, metadata = field_at(model, location)
+    examples = [one.example for one in metadata if hasattr(one, "example")]
+    if get_origin(annotation) is Literal:
+        examples += get_args(annotation)
+    return f"{location[-1]}: {examples[0] if examples else '...'}"
 
 
 def _is_form(annotation):
