@@ -181,11 +181,7 @@ def _explain(model, error, location, places) -> tuple[Mark, str]:
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return mark, f"expected a section with keys of its own, got {describe(value)}"
     if kind == "literal_error":
-        options = re.findall(r"'([^']*)'", error["ctx"]["expected"])
-        return (
-            mark,
-            f"{describe(value)} is not known; choose from: {', '.join(options)}{close(value, options)}",
-        )
+        return mark, f"{describe(value)} is not known; choose from: {_choices(model, error)}"
     if kind == "string_type":
         return mark, f"expected a text, got {describe(value)}"
     if kind == "string_too_short":
@@ -201,6 +197,23 @@ def close(value, options):
     """`; did you mean 'x'?` if one of the options is like the value, else nothing."""
     found = difflib.get_close_matches(str(value), list(options), n=1, cutoff=0.6)
     return f"; did you mean '{found[0]}'?" if found else ""
+
+
+def _choices(model, error):
+    """`random, latin_hypercube`: what may stand there, and which of that was perhaps meant."""
+    options = re.findall(r"'([^']*)'", error["ctx"]["expected"])
+    items = _items_instead(model, error["loc"])
+    several = f", or give a list of: {', '.join(items)}" if items else ""
+    return f"{', '.join(options)}{several}{close(error['input'], [*options, *(f'[{one}]' for one in items)])}"
+
+
+def _items_instead(model, location):
+    """Words of which a list may be made in the place of the one word that is wrong, () if none may."""
+    if not is_tag(location[-1]):
+        return ()
+    forms = [bare(option)[0] for option in get_args(field_at(model, location[:-1])[0])]
+    lists = [get_args(form)[0] for form in forms if get_origin(form) is list]
+    return next((get_args(one) for one in lists if get_origin(one) is Literal), ())
 
 
 def _unknown(model, error):
