@@ -88,11 +88,27 @@ def _request(scenarios, overrides, flights, cells, seed, random_faults):
                 f"{name}: navigation.gps has to be 'loose', not '{loaded.navigation.gps}': the matrix "
                 "changes fixes, not ranges"
             )
+        _refuse_without_statistics(name, loaded.mission.name, tuple(overrides or ()))
         given.append((name, loaded.mission.name, bool(loaded.star_tracker.enabled)))
     names = [mission for _, mission, _ in given]
     if len(set(names)) < len(names):
         raise running.RobustnessError(f"two scenarios have the same mission.name: {', '.join(names)}")
     return running.Request(tuple(given), tuple(overrides or ()), flights, cells, seed, random_faults)
+
+
+def _refuse_without_statistics(name, mission, overrides):
+    """Refuse a scenario whose star tracker has no statistics: no cell could be flown."""
+    from shefex_nav.scenario.layers import ScenarioError
+    from shefex_nav.verify.robustness import design, flight, running
+
+    try:
+        flight.scenario_of(name, (*design.ROCKETS.get(mission, ()), *overrides))
+    except ScenarioError as error:
+        raise running.RobustnessError(
+            f"{name}: the matrix flies star trackers by their statistics (star_tracker.frames: statistical), "
+            "and those here are not of this scenario; `shefex-nav characterise` makes them, "
+            f"--set star_tracker.enabled=false flies without stars\n{error}"
+        ) from None
 
 
 def _cells(text):

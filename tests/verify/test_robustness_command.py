@@ -33,6 +33,11 @@ def command(*arguments):
         (("rexus_like", "--random-faults", 3, "--cells", "0"), "no cells of the design"),
         (("no_such_scenario",), "no_such_scenario"),
         (("tight",), "navigation.gps has to be 'loose'"),
+        (
+            ("night_sky",),
+            "night_sky: the matrix flies star trackers by their statistics",
+        ),
+        (("night_sky",), "star_camera.optics.zero_magnitude_flux: is 1.75e+06 electron/s, the statistics of"),
         (("rexus_like", "--cells", "1"), "none of the cells"),  # is one of rexus_spinning
         (("rexus_like", "rexus_like.yaml"), "rexus_like"),
     ],
