@@ -160,13 +160,20 @@ def _check_still(scenario, f_b, omega_b, g):
     excess = abs(np.linalg.norm(f_b) - g)
     if excess > 5.0 * np.sqrt(3.0) * np.hypot(accelerometer.bias, accelerometer.scale_factor * g) + 0.05:
         words = f"the mean specific force is {np.linalg.norm(f_b):.4g} m/s2, gravity {g:.4g} m/s2"
-        raise DataError(
-            f"static alignment: {words}; check units, imu.accelerometer.bias and alignment.duration"
-        )
+        raise DataError(_moves(scenario, words, "accelerometer"))
     rate = np.linalg.norm(omega_b)
     if rate > wgs84.OMEGA + 5.0 * np.sqrt(3.0) * gyro.bias + 1e-4:
         words = f"the mean rate is {np.degrees(rate):.4g} deg/s"
-        raise DataError(f"static alignment: {words}; check units, imu.gyro.bias and alignment.duration")
+        raise DataError(_moves(scenario, words, "gyro"))
+
+
+def _moves(scenario, words, sensor):
+    """About a sensor that does not stand still, and the fields that may be wrong: str."""
+    unit = (
+        f"data.imu.{sensor}_unit" if hasattr(scenario.data.imu, f"{sensor}_unit") else "the units of data.imu"
+    )
+    fields = f"{unit}, imu.{sensor}.bias and alignment.duration"
+    return f"{scenario.alignment.method} alignment: {words}; check {fields}"
 
 
 def _covariance(scenario, span_s, g, latitude):

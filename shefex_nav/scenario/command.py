@@ -40,11 +40,24 @@ def scenarios(
         return
     known, stem = shipped.files() | instruments.files(), name.removesuffix(shipped.ENDING)
     if stem not in known:
-        raise typer.BadParameter(f"{name}: {shipped.unknown(stem)}", param_hint="NAME")
+        raise typer.BadParameter(f"{name}: {_unknown(stem)}", param_hint="NAME")
     if copy is None:
         typer.echo(Path(known[stem]).read_text(encoding="utf-8"), nl=False)
     else:
         _copy(shipped.with_what_it_names(known[stem]), copy)
+
+
+def _unknown(name):
+    """Words about a name that no scenario and no instrument has."""
+    from shefex_nav.scenario import instruments, shipped
+
+    scenarios, units = list(shipped.files()), list(instruments.files())
+    if like := shipped.alike(name, [*scenarios, *units]):
+        called = (f"the instrument {one}" if one in units else one for one in like)
+        more = f"did you mean {' or '.join(called)}? `shefex-nav scenarios` lists all"
+    else:
+        more = f"there are {', '.join(scenarios)}, and the instruments {', '.join(units)}"
+    return f"no scenario or instrument '{name}' comes with the program (in {shipped.folder()}); {more}"
 
 
 def _show(folder, found, units, json):

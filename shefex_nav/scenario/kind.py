@@ -1,4 +1,4 @@
-"""Which file a user has given where a scenario was expected, and the command that takes it."""
+"""Which file or section a user has given where another was expected, and the command that takes it."""
 
 import os
 
@@ -13,7 +13,11 @@ MAGIC = (  # first bytes of a file, what it is
     (b"MATLAB", "is a file of Matlab; a replay scenario names it under data"),
 )
 FLIGHT = ("vehicle", "programme", "star_camera", "star_tracker", "pad_alignment", "launch", "gps")
-REPLAY = ("data", "alignment", "gnss")
+REPLAY = ("data", "alignment", "gnss")  # sections that flights do not have
+OF_FLIGHTS = (  # sections that replays do not have
+    "atmosphere", "wind", "launch", "orbit", "ground", "vehicle", "attitude", "programme", "gps",
+    "pad_alignment", "star_camera", "star_tracker", "log", "faults", "campaign", "dispersions",
+)  # fmt: skip
 INSTRUMENT = ("instrument", "unit", "source")
 CAMPAIGN, STATISTICS = ("digest", "source", "sampling"), ("digest", "sightings", "identification")
 
@@ -81,4 +85,16 @@ def instead_of_replay(tree, path):
             f"is a scenario of a flight; `shefex-nav run {path}` flies it, and replay takes the log of that, "
             "or a replay scenario such as csv_example"
         )
+    return ""
+
+
+def of_the_other(key, known):
+    """What an unknown section is if scenarios of the other kind have it, '' of any other.
+
+    known : sections of this kind
+    """
+    if key in REPLAY and "vehicle" in known:
+        return "is a section of replay scenarios (`shefex-nav replay`), this is one of a flight"
+    if key in OF_FLIGHTS and "data" in known:
+        return "is a section of scenarios of flights (`shefex-nav run`), this is one of a replay"
     return ""

@@ -34,11 +34,18 @@ class Texts(dict):
     def __init__(self, texts=()):
         super().__init__(texts)
         self.instruments = set()  # paths of those that are instruments
+        self.mistakes = {}  # (Mark, text) of what is wrong in them, as keys: each once
+
+    def with_mistakes(self, found):
+        """(Mark, text) of these and of `found`, which may say of a value what is said of its file already."""
+        told = {mark for mark, _ in self.mistakes}
+        return [*self.mistakes, *(one for one in found if one[0] not in told)]
 
 
 def sorted_error(found):
-    """ScenarioError of (Mark, text), in the order of the file."""
-    return ScenarioError(placed(mark, text) for mark, text in sorted(found))
+    """ScenarioError of (Mark, text) in the order of the file; in one place a section before what is in it."""
+    ordered = sorted(found, key=lambda one: (one[0], one[1].partition(": ")[0].split("."), one[1]))
+    return ScenarioError(placed(mark, text) for mark, text in ordered)
 
 
 class Named(NamedTuple):
@@ -173,7 +180,9 @@ def put_instrument(tree, section, name, folder, mark, places, texts):
 
 
 def _instrument(section, name, folder, said, texts):
-    """Values of an instrument for a section, and the messages.Places of its file; ScenarioError of a bad one.
+    """Values of an instrument for a section, and the messages.Places of its file.
+
+    Raises ScenarioError if it is none; what is wrong in one is kept in `texts`, and the rest is checked, too.
 
     said : Named
     """
@@ -197,7 +206,7 @@ def _instrument(section, name, folder, said, texts):
     try:
         model.model_validate(tree)
     except ValidationError as error:
-        raise sorted_error(messages.lines(model, error, places)) from None
+        texts.mistakes |= dict.fromkeys(messages.lines(model, error, places))
     return {key: value for key, value in tree.items() if key not in instruments.HEAD}, places
 
 

@@ -47,26 +47,27 @@ def load_as(model, path, overrides=(), *, parts=(), instead=lambda tree, path: "
 
     Raises ScenarioError as `load` does.
     """
-    path = file_of(path)
-    tree, places = layers.extended(path, Texts())
+    files, path = Texts(), file_of(path)
+    tree, places = layers.extended(path, files)
     if other := instead(tree, path):
         raise ScenarioError([f"{path}: {other}"])
-    return _validated_as(model, tree, places, overrides, parts)
+    return _validated_as(model, tree, places, files, overrides, parts)
 
 
 def load_text_as(model, text, name, overrides=(), *, parts=()):
     """The same of a text that needs no other file; complaints call it `name`."""
-    return _validated_as(model, *_whole(text, name), overrides, parts)
+    return _validated_as(model, *_whole(text, name), Texts(), overrides, parts)
 
 
-def _validated_as(model, tree, places, overrides, parts):
+def _validated_as(model, tree, places, files, overrides, parts):
     """What `load_as` returns, of a merged tree."""
-    overriding.carry_out(overrides, tree, places, Texts())
+    overriding.carry_out(overrides, tree, places, files)
     try:
         loaded, found, read = model.model_validate(tree), [], list
     except ValidationError as error:
         loaded, read = part_of(model, tree, messages.paths(error)), known
         found = messages.lines(model, error, places)
+    found = files.with_mistakes(found)
     for part in parts:
         found += [(places.value(where), f"{dotted(where)}: {words}") for where, words in read(part(loaded))]
     if found:
@@ -132,6 +133,7 @@ def _validated(tree, places, files, overrides, path):
     except ValidationError as error:
         found += messages.lines(Scenario, error, places)
         bad += messages.paths(error)
+    found = files.with_mistakes(found)
     about = partial(_about, places, path, others)
     if found:
         more = check_what_is_known(part_of(Scenario, tree, bad), rated)

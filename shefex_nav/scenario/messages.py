@@ -2,14 +2,15 @@
 
 import difflib
 import re
-from typing import Annotated, get_args, get_origin
+from typing import Annotated, Literal, get_args, get_origin
 
 from pydantic import BaseModel, Tag
 
 from shefex_nav.scenario import moved, suggest
 from shefex_nav.scenario.block import is_tag
 from shefex_nav.scenario.document import Mark, dotted
-from shefex_nav.scenario.quantity import NumberSpec, QuantitySpec, describe, quoted
+from shefex_nav.scenario.kind import of_the_other
+from shefex_nav.scenario.quantity import describe, quoted
 
 BAD_KEY = "[key]"  # pydantic's last step to a key, not to its value
 MANY, MOST = 3, 6  # sections that are missing, from which on they are said in one line; said alone
@@ -21,11 +22,12 @@ class Places:
     def __init__(self, root):
         self.keys = {(): root}
         self.values = {(): root}
+        self.made = set()  # paths of sections that are there because `--set` has put a value into them
 
     def copy(self):
         """The same places, to be changed."""
         other = Places(None)
-        other.keys, other.values = dict(self.keys), dict(self.values)
+        other.keys, other.values, other.made = dict(self.keys), dict(self.values), set(self.made)
         return other
 
     def key(self, path):
@@ -42,6 +44,7 @@ class Places:
         for marks in (self.keys, self.values):
             for old in [known for known in marks if len(known) >= max(n, 1) and known[:n] == path]:
                 del marks[old]
+        self.made = {known for known in self.made if known[:n] != path}
         self.keys.update({(*path, *inner): mark for inner, mark in keys.items()})
         self.values.update({(*path, *inner): mark for inner, mark in values.items()})
 
@@ -105,6 +108,9 @@ def lines(model, validation_error, places):
     if len(absent[()]) >= MANY:
         found.append((places.key(()), _all_absent(model, absent[()])))
         absent = dict.fromkeys(absent, ()) if len(absent[()]) >= MOST else absent | {(): ()}
+    for section in [one for one in absent if absent[one] and plain(one) in places.made]:
+        found.append((places.key(plain(section)), _all_required(model, section)))
+        absent[section] = ()
     for error in errors:
         location = error["loc"]
         if error["type"] == "missing" and location[-1] not in absent[location[:-1]]:
@@ -146,6 +152,16 @@ def _all_absent(model, absent):
     )
 
 
+def _all_required(model, section):
+    """About a section that is there for one value of it, which the user has set."""
+    name, keys = dotted(plain(section)), field_at(model, section)[0].keys()
+    required = [_line(model, (*section, key)) for key, field in keys.items() if field.is_required()]
+    return (
+        f"{name}: the scenario has no {name} yet; a section needs all of its required fields, for example "
+        f"'{name.split('.')[-1]}: {{{', '.join(required)}}}'"
+    )
+
+
 def plain(location):
     """Path of the scenario out of a pydantic location."""
     return tuple(part for part in location if not is_tag(part) and part != BAD_KEY)
@@ -165,11 +181,7 @@ def _explain(model, error, location, places) -> tuple[Mark, str]:
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return mark, f"expected a section with keys of its own, got {describe(value)}"
     if kind == "literal_error":
-        options = re.findall(r"'([^']*)'", error["ctx"]["expected"])
-        return (
-            mark,
-            f"{describe(value)} is not known; choose from: {', '.join(options)}{close(value, options)}",
-        )
+        return mark, f"{describe(value)} is not known; choose from: {_choices(model, error)}"
     if kind == "string_type":
         return mark, f"expected a text, got {describe(value)}"
     if kind == "string_too_short":
@@ -187,6 +199,23 @@ def close(value, options):
     return f"; did you mean '{found[0]}'?" if found else ""
 
 
+def _choices(model, error):
+    """`random, latin_hypercube`: what may stand there, and which of that was perhaps meant."""
+    options = re.findall(r"'([^']*)'", error["ctx"]["expected"])
+    items = _items_instead(model, error["loc"])
+    several = f", or give a list of: {', '.join(items)}" if items else ""
+    return f"{', '.join(options)}{several}{close(error['input'], [*options, *(f'[{one}]' for one in items)])}"
+
+
+def _items_instead(model, location):
+    """Words of which a list may be made in the place of the one word that is wrong, () if none may."""
+    if not is_tag(location[-1]):
+        return ()
+    forms = [bare(option)[0] for option in get_args(field_at(model, location[:-1])[0])]
+    lists = [get_args(form)[0] for form in forms if get_origin(form) is list]
+    return next((get_args(one) for one in lists if get_origin(one) is Literal), ())
+
+
 def _unknown(model, error):
     """Words about a key that is not known, or not in this form of the section."""
     location = error["loc"]
@@ -199,18 +228,29 @@ def _unknown(model, error):
             chosen = location[-2].strip("<>")
             how = "take one of the two away (null does, where a file extends another)"
             return f"does not go with {chosen}; {how}"
-    return f"unknown key; {_meant(model, error).words or 'known here: ' + ', '.join(known)}"
+    meant = _meant(model, error)
+    if len(location) == 1 and (said := of_the_other(location[0], known)):
+        return f"{said}; {meant.words}" if meant.is_sibling else said
+    return f"unknown key; {meant.words or 'known here: ' + ', '.join(known)}"
 
 
 def _example(model, location):
     """`; expected for example '10 Hz'` for a field that is missing."""
     annotation, metadata = field_at(model, location)
-    spec = next((m for m in metadata if isinstance(m, QuantitySpec | NumberSpec)), None)
-    if spec is not None:
-        return f"; expected for example '{location[-1]}: {spec.example}'"
+    if any(hasattr(one, "example") for one in metadata):
+        return f"; expected for example '{_line(model, location)}'"
     if is_model(annotation) or get_origin(annotation) is dict or _is_form(annotation):
         return "; this section is required"
     return ""
+
+
+def _line(model, location):
+    """`rate: 10 Hz`, an example of a field as one writes it; dots where nothing is known of it."""
+    annotation, metadata = field_at(model, location)
+    examples = [one.example for one in metadata if hasattr(one, "example")]
+    if get_origin(annotation) is Literal:
+        examples += get_args(annotation)
+    return f"{location[-1]}: {examples[0] if examples else '...'}"
 
 
 def _is_form(annotation):

@@ -130,5 +130,6 @@ def _put(tree, parts, value, mark, places):
         elif isinstance(node, dict) and part not in node:
             node[part] = {}
             places.put(path, {(): mark}, {(): mark})
+            places.made.add(path)
         node = node[part]
     return None

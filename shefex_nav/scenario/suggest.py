@@ -39,6 +39,8 @@ SAME = {  # words of other programs: ours
     "vrw": "random_walk",
     "date": "epoch",
     "time": "epoch",
+    "gnss": "gps",  # of flights and of replays
+    "gps": "gnss",
 }
 WORDS = {"max": "highest", "maximum": "highest", "min": "lowest", "minimum": "lowest", "number": "most"}
 
@@ -70,7 +72,7 @@ def meant(model, known, path, value=None):
             sibling, more = found
             return Meant((*path[:-1], sibling), True, f"did you mean '{sibling}'?{more}")
     everywhere = [one for one in _paths(model) if not _apart(one) or (one[0] == path[0] and _apart(path))]
-    elsewhere = _nearest(path, [one for one in everywhere if one[-1] == name])
+    elsewhere = _telling(path, [one for one in everywhere if one[-1] == name])
     if elsewhere:
         spelling = "it" if name == key else f"'{name}'"
         return Meant(elsewhere[0], False, f"{spelling} {_where(elsewhere)}")
@@ -78,7 +80,7 @@ def meant(model, known, path, value=None):
         return Meant((*path[:-1], found), True, f"did you mean '{found}'?")
     likely = difflib.get_close_matches(name, {one[-1] for one in everywhere}, n=1, cutoff=NEARLY)
     likely = likely or [one[-1] for one in everywhere if len(one) == 1 and name in one[-1].split("_")][:1]
-    found = _nearest(path, [one for one in everywhere if one[-1] in likely])
+    found = _telling(path, [one for one in everywhere if one[-1] in likely])
     if found:
         return Meant(found[0], False, f"did you mean {' or '.join('.'.join(one) for one in found)}?")
     return NOTHING
@@ -149,6 +151,25 @@ def _alike(name, known):
     found = found or [one for one in known if len(one) > 3 and one in name.split("_")]
     found = found if len(found) == 1 else difflib.get_close_matches(name, list(known), n=1, cutoff=ALIKE)
     return found[0] if found else None
+
+
+def _telling(path, places):
+    """Those of the nearest places that can have been meant: near by, a section, the only one of such a name.
+
+    A rate, an error or a mass is in many sections; that one of them is far away says nothing.
+    """
+    near = [one for one in _nearest(path, places) if _is_near(one, path)]
+    if near or _apart(path):
+        return near
+    sections = [one for one in places if len(one) == 1]
+    return _nearest(path, sections or (places if len(places) == 1 else []))
+
+
+def _is_near(place, path):
+    """Whether a place is in the section of a path or in the one around that, within one of the mission's."""
+    above = len(TOLD) if tuple(path[:2]) == TOLD else int(path[0] in APART)
+    around = len(path) - 2  # sections around the one in which the key stands
+    return _shared(place, path) >= max(around, above + 1)
 
 
 def _nearest(path, places):

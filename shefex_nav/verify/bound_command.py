@@ -38,7 +38,10 @@ def bound(
     if over_bound.left_out(loaded):
         words = f"{scenario} has errors that the bound does not know: {over_bound.left_out(loaded)}"
         raise typer.BadParameter(words, param_hint="SCENARIO")
-    _say("The first flight on a machine compiles, which takes a few minutes.")
+    from shefex_nav import warmup
+    from shefex_nav.scenario.choices import choices
+
+    warmup.get_ready({"command=run", *choices(loaded)})
     found = over_bound.curves(*_flights(loaded, range(first, first + seeds)))
     ratios = over_bound.ratios(found)
     if json:

@@ -44,12 +44,13 @@ def nesc(
     from shefex_nav.verify.data import search
 
     files = search(data)
+    from shefex_nav import warmup
     from shefex_nav.verify import nesc as cases
 
     wanted = [number.strip().zfill(2) for item in case or () for number in item.split(",")]
     chosen, others = cases.choose(files, wanted)
     flown = []
-    _say("The first flight on a machine compiles, which takes a few minutes.")
+    warmup.get_ready({"command=verify nesc"})  # none are listed ahead; it says when one is compiled
     for number in chosen:
         _say(f"case {number}: {cases.CASES[number].title}")
         for note in cases.NOTES.get(number, ()):

@@ -54,11 +54,14 @@ def consistency(
     from shefex_nav.scenario import load
 
     loaded = load.load(scenario, overrides or ())
+    from shefex_nav import warmup
+    from shefex_nav.scenario.choices import choices
     from shefex_nav.verify import study
 
-    asked = study.of_scenario(loaded, turn_field=turn_field)
-    asked = asked._replace(folder=_folder(keep))
-    _say("The first flight on a machine compiles, which takes a few minutes.")
+    study.check(loaded)
+    folder = _folder(keep)
+    warmup.get_ready({"command=run", *choices(loaded)})
+    asked = study.of_scenario(loaded, folder, turn_field=turn_field)
     chosen = list(range(first, first + seeds))
     found = _watched(asked, chosen, histories, workers)
     outside = [one.what for one in found.verdicts if not one.good]

@@ -43,7 +43,7 @@ def robustness(
     if random_faults and cells is not None:
         raise typer.BadParameter("random faults have no cells of the design", param_hint="--cells")
     request = _request(scenarios, overrides, flights, _cells(cells), seed, random_faults)
-    from shefex_nav.verify.robustness import running, show, store
+    from shefex_nav.verify.robustness import require, running, show, store
 
     waiting, head = running.jobs(request), _head(request)
     with store.Store(out, head, resume) as kept:
@@ -66,7 +66,7 @@ def robustness(
         _say(f"wrote {out / store.PAGE}")
     if interrupted:
         how = "the same command with --resume goes on" if out else "nothing is kept, --out FOLDER would"
-        _say(f"interrupted after {len(records)} of {len(waiting)} flights; {how}")
+        _say(f"interrupted after {len(records)} of {require.counted(len(waiting), 'flight')}; {how}")
         raise typer.Exit(130)
     if not found["ok"]:
         for one in found["requirements"]:
@@ -88,11 +88,27 @@ def _request(scenarios, overrides, flights, cells, seed, random_faults):
                 f"{name}: navigation.gps has to be 'loose', not '{loaded.navigation.gps}': the matrix "
                 "changes fixes, not ranges"
             )
+        _refuse_without_statistics(name, loaded.mission.name, tuple(overrides or ()))
         given.append((name, loaded.mission.name, bool(loaded.star_tracker.enabled)))
     names = [mission for _, mission, _ in given]
     if len(set(names)) < len(names):
         raise running.RobustnessError(f"two scenarios have the same mission.name: {', '.join(names)}")
     return running.Request(tuple(given), tuple(overrides or ()), flights, cells, seed, random_faults)
+
+
+def _refuse_without_statistics(name, mission, overrides):
+    """Refuse a scenario whose star tracker has no statistics: no cell could be flown."""
+    from shefex_nav.scenario.layers import ScenarioError
+    from shefex_nav.verify.robustness import design, flight, running
+
+    try:
+        flight.scenario_of(name, (*design.ROCKETS.get(mission, ()), *overrides))
+    except ScenarioError as error:
+        raise running.RobustnessError(
+            f"{name}: the matrix flies star trackers by their statistics (star_tracker.frames: statistical), "
+            "and those here are not of this scenario; `shefex-nav characterise` makes them, "
+            f"--set star_tracker.enabled=false flies without stars\n{error}"
+        ) from None
 
 
 def _cells(text):
@@ -137,7 +153,7 @@ def _fly(missing, total, jobs, kept):
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from shefex_nav.verify.robustness import running
+    from shefex_nav.verify.robustness import require, running
 
     if not missing:
         return False
@@ -154,7 +170,7 @@ def _fly(missing, total, jobs, kept):
             progress.update(task, completed=done, description=f"cell {record['cell']}")
             if not console.is_terminal and done * 20 // total > said:
                 said = done * 20 // total
-                _say(f"{done} of {total} flights done")
+                _say(f"{done} of {require.counted(total, 'flight')} done")
 
         try:
             running.fly(missing, jobs, take)
@@ -176,14 +192,14 @@ def _warm_up(missing):
 def _show(records):
     from rich.console import Console
 
-    from shefex_nav.verify.robustness import show
+    from shefex_nav.verify.robustness import require, show
 
     console = Console(width=None if sys.stdout.isatty() else 200)
     for table in show.tables(records):
         console.print(table)
         console.print()
     cpu_s = sum(record["cpu_s"] for record in records)
-    flights = "1 flight" if len(records) == 1 else f"{len(records)} flights"
+    flights = require.counted(len(records), "flight")
     typer.echo(f"{flights}, each with its twin; {cpu_s / len(records):.1f} s of a processor each")
 
 

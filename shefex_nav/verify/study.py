@@ -47,18 +47,23 @@ class Found(NamedTuple):
     apart: float  # by what share the variances of the histories differ from the filter's own at most
 
 
+def check(scenario):
+    """Refuse a Scenario whose filter takes no attitudes. FlownError"""
+    if scenario.navigation.stars != "attitude":
+        raise FlownError(
+            f"{scenario.mission.name}: navigation.stars has to be 'attitude', not "
+            f"'{scenario.navigation.stars}': the statistics know attitudes of the star tracker alone"
+        )
+
+
 def of_scenario(scenario, folder=None, *, turn_field=False):
     """Study of a Scenario, whose filter has to take attitudes. FlownError"""
     import hashlib
 
     from shefex_nav import __version__, prepare
 
+    check(scenario)
     scenario = prepare.settled(scenario)
-    if scenario.navigation.stars != "attitude":
-        raise FlownError(
-            f"{scenario.mission.name}: navigation.stars has to be 'attitude', not "
-            f"'{scenario.navigation.stars}': the statistics know attitudes of the star tracker alone"
-        )
     digest = hashlib.sha256(scenario.source.encode()).hexdigest()[:12]
     made_for = {"scenario": f"{scenario.mission.name} ({digest})"}
     head = {"version": __version__} | made_for

@@ -10,6 +10,7 @@ from turntable import Turntable
 from shefex_nav.environment import ephemeris
 from shefex_nav.replay import align, dataset, load
 from shefex_nav.replay.table import DataError
+from shefex_nav.scenario.load import ScenarioError
 
 EARTH = ephemeris.earth_rotation(replay_files.EPOCH, 0.0, 0.0, 0.0)
 ON_RAIL = Turntable(roll=np.radians(35.0), pitch=np.radians(80.0), heading=np.radians(130.0), rate=0.0)
@@ -74,3 +75,16 @@ def test_a_rail_that_the_accelerometers_contradict_is_refused(tmp_path):
         aligned(tmp_path, alignment=rail)
     with pytest.raises(DataError, match="axis x of the file points up"):
         aligned(tmp_path, overrides=[*BIASES, "data.axes=[z, y, -x]"])
+
+
+def test_a_unit_of_the_gyros_that_makes_rest_a_turn_is_named(tmp_path):
+    """The rate of the Earth as turns a second, and columns that say none."""
+    words = (
+        r"rail alignment: the mean rate is 0\.02\d* deg/s; check data\.imu\.gyro_unit, imu\.gyro\.bias and al"
+    )
+    with pytest.raises(DataError, match=words):
+        aligned(tmp_path, overrides=["imu.accelerometer.bias=2 mgee", "data.imu.gyro_unit=cycle/s"])
+    with pytest.raises(
+        ScenarioError, match=r"data\.imu\.gyro_unit: is missing; expected .* 'gyro_unit: deg/s'"
+    ):
+        aligned(tmp_path, overrides=["data.imu.gyro_unit=null"])

@@ -4,7 +4,10 @@ import pytest
 from broken import DEFAULT, the_message
 
 from shefex_nav.replay import load as replays
+from shefex_nav.replay.schema import ReplayScenario
+from shefex_nav.scenario import kind
 from shefex_nav.scenario.load import ScenarioError
+from shefex_nav.scenario.schema import Scenario
 
 SCENARIOS = DEFAULT.parent
 EXAMPLE = SCENARIOS / "replay" / "csv_example.yaml"
@@ -55,3 +58,21 @@ def test_a_file_without_most_sections_was_to_extend_another(tmp_path):
     said = the_message(path)
     assert said.startswith(f"{path}:1:1: mission, earth, vehicle, ")
     assert said.endswith("such as 'extends: shefex2_andoya.yaml'")
+
+
+def test_which_sections_are_of_one_kind_alone():
+    assert set(Scenario.keys()) - set(ReplayScenario.keys()) == set(kind.OF_FLIGHTS)
+    assert set(ReplayScenario.keys()) - set(Scenario.keys()) == set(kind.REPLAY)
+
+
+def test_a_section_of_the_other_kind_is_said_to_be_one():
+    said = "is a section of replay scenarios (`shefex-nav replay`), this is one of a flight"
+    assert the_message(DEFAULT, ["data.axes=1"]) == f"--set data.axes: data: {said}"
+    assert the_message(DEFAULT, ["gnss.latency=1 s"]).endswith(f"gnss: {said}; did you mean 'gps'?")
+    with pytest.raises(ScenarioError) as refused:
+        replays.load(EXAMPLE, ["vehicle.payload=3", "pad_alignment={}"])
+    said = "is a section of scenarios of flights (`shefex-nav run`), this is one of a replay"
+    assert refused.value.messages == (
+        f"--set pad_alignment: {said}; did you mean 'alignment'?",
+        f"--set vehicle.payload: vehicle: {said}",
+    )

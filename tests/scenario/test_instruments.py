@@ -10,11 +10,12 @@ import pytest
 from broken import SCENARIO_FOLDER, messages, the_message
 
 from shefex_nav import cli
+from shefex_nav.replay import load as replays
 from shefex_nav.scenario import document, instruments, shipped
 from shefex_nav.scenario.differences import of_texts
 from shefex_nav.scenario.instruments import SECTIONS
 from shefex_nav.scenario.json_schema import json_schema
-from shefex_nav.scenario.load import Pattern, load, load_as
+from shefex_nav.scenario.load import Pattern, ScenarioError, load, load_as
 from shefex_nav.scenario.sensors import Imu
 
 SHIPPED = {"hg9900": "navigation", "ln_200s": "tactical", "adis16470": "industrial MEMS",
@@ -182,6 +183,25 @@ def test_mistakes_in_its_file_are_told_there(written):
         f"mine.yaml:{bias}:9: gyro.bias: '1 m' is a length, expected an angular rate such as '1 deg/h'",
         f"mine.yaml:{rnge}:3: accelerometer.rnge: unknown key; did you mean 'range'?",
     )
+
+
+def test_mistakes_in_its_file_hide_none_of_the_scenario(written):
+    """Each once: not again as a value of the section, nor of a second section that uses the same file."""
+    text = Path(instruments.files()["ln_200s"]).read_text(encoding="utf-8")
+    written("mine.yaml", text.replace("bias: 1 deg/h", "bias: 1 m").replace("range: 40 gee", "rnge: 40 gee"))
+    use = "{use: mine}"
+    more = f"gps: {{latency: 2}}\nnavigation: {{told: {{imu: {use}}}}}\nlog: {{rate: 30 Hz}}\n"
+    said = messages(written("a.yaml", f"{BASE}imu: {use}\n{more}"))
+    assert [line.split(": ")[1] for line in said] == [
+        "gps.latency", "log.rate", "gyro.bias", "accelerometer.rnge",
+    ]  # fmt: skip
+    said = messages("shefex2_andoya", ["imu.use=mine", "imu.gyro.bias=1 deg/h", "gps.latency=2"])
+    assert ["--set" in line for line in said] == [True, False, False]  # wrong in the file, although not used
+    with pytest.raises(ScenarioError) as refused:
+        replays.load("csv_example", ["imu.use=mine", "gnss.latency=2"])
+    lines = refused.value.messages
+    assert lines[0].startswith("--set gnss.latency: 2 has no unit")
+    assert [line.split(": ")[1] for line in lines[1:]] == ["gyro.bias", "accelerometer.rnge"]
 
 
 def test_a_value_of_it_that_does_not_fit_the_scenario_is_told_where_to_change_it(written, monkeypatch):

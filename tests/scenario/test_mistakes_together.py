@@ -90,3 +90,18 @@ def test_dispersions_are_judged_when_the_fields_are_good(tmp_path):
     path = written(tmp_path, "dispersions: {launch.elevatoin: {normal: 1 deg}}\n")
     with pytest.raises(ScenarioError, match="did you mean 'elevation'"):
         load(path)
+
+
+def test_a_section_that_is_there_for_one_value_of_it_is_said_to_be_new():
+    """In one line with all that it needs, before what is wrong in it; not where it was given as a whole."""
+    said = messages(DEFAULT, ["magnetometer.noise=1"])
+    assert said[:2] == (
+        "--set magnetometer.noise: magnetometer: the scenario has no magnetometer yet; a section needs all "
+        "of its required fields, for example 'magnetometer: {rate: 10 Hz, hard_iron: 500 nT, noise: 50 nT}'",
+        "--set magnetometer.noise: 1 has no unit; write it with one, for example '1 nT' or '1 T'",
+    )
+    assert not any("is missing" in line for line in said)
+    first = messages(DEFAULT, ["programme.wait.from=3 s"])[0]
+    assert "the scenario has no programme.wait yet" in first and "'wait: {task: damp}'" in first
+    said = messages(DEFAULT, ["magnetometer.noise=1", "magnetometer={noise: 50 nT, rate: 10 Hz}"])
+    assert any("magnetometer.hard_iron: is missing; expected for example" in line for line in said)

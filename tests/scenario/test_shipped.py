@@ -135,6 +135,19 @@ def test_every_command_refuses_an_unknown_name(words, empty, shefex_nav):
     assert not list(empty.iterdir())
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("ln200s", "did you mean the instrument ln_200s? `shefex-nav scenarios` lists all"),
+        ("shefex2_andoja", "did you mean shefex2_andoya or "),
+        ("xyz", "and the instruments adis16470, hg9900, icm_42688_p, ln_200s"),
+    ],
+)
+def test_a_name_of_neither_scenario_nor_instrument(name, words, empty, shefex_nav):
+    code, _, err = shefex_nav("scenarios", name)
+    assert code == 2 and words in err and err.startswith(f"{name}: no scenario or instrument '{name}' comes")
+
+
 def test_the_list_has_a_sentence_for_each(empty, shefex_nav):
     code, out, _ = shefex_nav("scenarios", "--json")
     listed = json.loads(out)["scenarios"]

@@ -41,7 +41,12 @@ def test_a_scenario_may_name_every_block_of_the_filter():
         ("[gyro_scale, mounting, gyro_roll_column]", "navigation.states.2", "estimate the same error"),
         ("[gyro_roll_column, gyro_misalignment]", "navigation.states.0", "'gyro_misalignment'"),
         ("[clock, clock]", "navigation.states.1", "'clock' is named twice"),
-        ("clock", "navigation.states", "'clock' is not known; choose from: automatic"),
+        (
+            "clock",
+            "navigation.states",
+            "choose from: automatic, or give a list of: gyro_roll_column, gyro_scale, ",
+        ),
+        ("clock", "navigation.states", "did you mean '[clock]'?"),
     ],
 )
 def test_wrong_names_are_refused_with_place_and_value(states, place, words):

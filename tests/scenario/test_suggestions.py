@@ -67,6 +67,20 @@ def test_what_was_meant(override):
     assert any(MEANT[override] in line for line in said), said
 
 
+@pytest.mark.parametrize(
+    ("override", "known"),
+    [
+        ("navigation.told.star_camera.rate=5", "mounting, optics"),  # errors of GPS satellites have one, too
+        ("navigation.told.star_camera.read_noise=5 electron", "mounting, optics"),  # is the world's alone
+        ("log.latency=0.1 s", "rate, frames"),
+        ("star_camera.rate=5 Hz", "mounting, optics, detector, "),
+    ],
+)
+def test_a_place_far_away_is_no_hint_if_many_have_such_a_key(override, known):
+    (said,) = messages(DEFAULT, [override])
+    assert f"unknown key; known here: {known}" in said
+
+
 def test_nothing_is_guessed_of_a_word_that_is_like_no_other():
     (said,) = messages(DEFAULT, ["star_tracker.colour=red"])
     assert "unknown key; known here: enabled, on, " in said

@@ -151,7 +151,11 @@ def test_how_messages_are_understood():
         (["imu.use=ln200s"], "imu.use", "did you mean ln_200s?"),
         (["gps.latency=1 ms", "gps.clock_offset=1 ms"], "gps.clock_offset", "of no use beside latency"),
         (["gps.rate=5 Hz"], "gps.rate", "unknown key"),
-        (["gps.errors.multipath.range=3 m"], "gps.errors.multipath.time", "is missing"),
+        (
+            ["gps.errors.multipath.range=3 m"],
+            "gps.errors.multipath",
+            "'multipath: {range: 0.5 m, time: 30 s}'",
+        ),
         (["star_camera.mounting.boresight=[1, 0, 0]"], "star_camera.mounting.image_right", "right angles"),
     ],
 )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from shefex_nav import prepare
+from shefex_nav import prepare, warmup
 from shefex_nav.verify import flown, over_bound
 from shefex_nav.verify.command import app
 
@@ -36,9 +36,10 @@ def test_scenarios_with_errors_that_are_no_states_are_refused():
 
 def test_what_is_printed_is_what_was_found(monkeypatch):
     """Flights and bounds are stood in for; the seeds asked for are the seeds flown."""
-    seeds = []
+    seeds, ready = [], []
     three = np.array([1.0, 2.0, np.radians(3.0)])
     ratios = {"boost": {key: three for key in ("error", "sigma", "bound", "ratio", "ratio_known")}}
+    monkeypatch.setattr(warmup, "get_ready", ready.append)
     monkeypatch.setattr(prepare, "build_world", lambda scenario, seed: seeds.append(seed))
     monkeypatch.setattr(flown, "fly", lambda scenario, seed: [])
     monkeypatch.setattr(flown, "filter_run", lambda scenario, seed, fixes, world: seed)
@@ -48,7 +49,8 @@ def test_what_is_printed_is_what_was_found(monkeypatch):
     done = verify(SCENARIO, "--first", 4, "--seeds", 2, "--json")
     assert done.exit_code == 0, done.output
     result = json.loads(done.stdout)
-    assert seeds == [4, 5]
+    assert seeds == [4, 5] and "command=run" in ready[0]
+    assert done.stderr == "seed 4\nseed 5\n"  # nothing about compiling, which says itself that it does
     assert result["phases"]["boost"]["bound"] == pytest.approx(three.tolist())
     table = verify(SCENARIO, "--seeds", 1)
     assert table.exit_code == 0

@@ -48,6 +48,8 @@ def test_json_says_how_far_each_simulator_is(folder):
     assert altitude["ok"] is True
     assert result["not_flown"] == ["11", "Orbit 02"]
     assert "not flown: 11 (F-16)" in done.stderr
+    again = verify("--data", folder)  # with all that is compiled
+    assert "compil" not in again.stderr and again.stderr.startswith("case 01: dragless sphere")
 
 
 def test_the_table_shows_every_case(folder):

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from shefex_nav.cli import app
-from shefex_nav.verify.robustness import design, require, running, store
+from shefex_nav.verify.robustness import design, page, require, running, show, store
 
 ROOT = Path(__file__).parents[2]
 BRIEF = "rexus_like", "--flights", 1, "--jobs", 1, "--seed", 3
@@ -33,6 +33,11 @@ def command(*arguments):
         (("rexus_like", "--random-faults", 3, "--cells", "0"), "no cells of the design"),
         (("no_such_scenario",), "no_such_scenario"),
         (("tight",), "navigation.gps has to be 'loose'"),
+        (
+            ("night_sky",),
+            "night_sky: the matrix flies star trackers by their statistics",
+        ),
+        (("night_sky",), "star_camera.optics.zero_magnitude_flux: is 1.75e+06 electron/s, the statistics of"),
         (("rexus_like", "--cells", "1"), "none of the cells"),  # is one of rexus_spinning
         (("rexus_like", "rexus_like.yaml"), "rexus_like"),
     ],
@@ -159,12 +164,26 @@ def test_requirements_are_met_and_not():
     assert verdicts(record(quantity=misled | {"usable_s": 2001.0}, **constant))["constants attitude"] is True
 
 
+def test_what_was_not_flown_is_not_called_met():
+    one = require.judge([record()])
+    said = "4 of 7 requirements are met, 3 were not flown"
+    assert require.in_short(one) == said and next(show.tables([record()])).title == said
+    head = {"scenarios": ["r"]}
+    assert f"1 flight; {said}" in page.page(head, [record()])
+    failed = require.judge([{**record(), "failed": "ValueError: no"}])
+    assert require.in_short(failed).startswith("1 of 5 requirements is not met, 4 were not flown")
+    assert require.in_short([row._replace(good=True) for row in one]) == "all 7 requirements are met"
+    assert not any("1 flights" in row.found for row in one)
+
+
 def test_a_fault_that_comes_late_is_named_in_plain_words():
     late = {"beyond_s": 5.0, "late_s": 3.0, "undetected_s": 0.0, "wrong_words": 0, "after_s": 4.0}
     fault = {"alarm": {"attitude": late}, "detectable": [{"what": "x", "t_s": 1.0}], "usable_again_s": None}
     judged = {one.name: one for one in require.judge([record(fault=fault, twin=record())])}
     assert judged["alarm"].good is False and judged["reason"].good is True
-    assert "1 of 1 flights with a fault" in judged["alarm"].found and "cell 1: 1" in judged["alarm"].found
+    assert (
+        "1 of 1 flight with a fault failed" in judged["alarm"].found and "cell 1: 1" in judged["alarm"].found
+    )
     unseen = late | {"late_s": 0.0, "undetected_s": 2.5}
     rows = require.undetectable([record(fault=fault | {"alarm": {"attitude": unseen}}, twin=record())])
     assert rows[0]["what"] == "x" and rows[0]["seconds"] == 2.5 and rows[0]["flights"] == 1

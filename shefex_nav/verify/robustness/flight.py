@@ -73,7 +73,7 @@ def fly(job):
 
 def pair(job):
     """Situation, the flight, its twin or None if nothing happens; of several faults each alone: list."""
-    true = _scenario(job.scenario, overrides(job))
+    true = scenario_of(job.scenario, overrides(job))
     vehicle = _vehicle(job.scenario, of_rocket(job))
     situation = situation_of(job, true, vehicle)
     flown = _fly(job, situation, vehicle)
@@ -135,7 +135,7 @@ def last_s(vehicle):
 
 
 @lru_cache(maxsize=256)  # all that is told of all grades of a rocket
-def _scenario(name, settings):
+def scenario_of(name, settings):
     """Scenario with settings; pictures are never drawn."""
     from shefex_nav.scenario import load
 
@@ -150,7 +150,7 @@ def _vehicle(name, settings):
     """Flight of a rocket, without sensors."""
     from shefex_nav import prepare
 
-    return prepare.fly_vehicle(_scenario(name, settings), VEHICLE_SEED)
+    return prepare.fly_vehicle(scenario_of(name, settings), VEHICLE_SEED)
 
 
 @cache
@@ -158,7 +158,7 @@ def _states(name, settings, vehicle_settings):
     """Names of the blocks that the filter of a scenario estimates, where it leaves them to the program."""
     from shefex_nav import prepare
 
-    return prepare.settled(_scenario(name, settings), _vehicle(name, vehicle_settings)).navigation.states
+    return prepare.settled(scenario_of(name, settings), _vehicle(name, vehicle_settings)).navigation.states
 
 
 def _fly(job, situation, vehicle):
@@ -170,7 +170,7 @@ def _fly(job, situation, vehicle):
 
     told = situation.told.settings(situation.scenario) if situation.told.settings else ()
     healthy = (*overrides(job), *told)
-    scenario = _scenario(job.scenario, (*healthy, *situation.settings))
+    scenario = scenario_of(job.scenario, (*healthy, *situation.settings))
     if scenario.navigation.states == AUTOMATIC:
         scenario = load.with_states(scenario, _states(job.scenario, healthy, of_rocket(job)))
     world = _received(prepare.build_world(scenario, job.seed, flight=vehicle), situation)

@@ -26,10 +26,7 @@ def write(path, head, records):
 def page(head, records):
     """The page: str."""
     judged = require.judge(records)
-    bad = [one for one in judged if one.good is False]
-    summary = f"{len(records)} flights; " + (
-        f"{len(bad)} of {len(judged)} requirements are not met" if bad else "all requirements are met"
-    )
+    summary = f"{require.counted(len(records), 'flight')}; {require.in_short(judged)}"
     sections = [
         ("requirements", "Requirements", [element("p", summary), _requirements(judged)]),
         ("pictures", "Pictures", [_picture(*one) for one in pictures.draw(records)]),

@@ -51,6 +51,20 @@ def judge(records):
     return [*found, _nees_right(flown), _nees_noises(flown)]
 
 
+def in_short(judged):
+    """How many of all are met, in words: those about which nothing was flown are neither."""
+    bad, good, none = (sum(one.good is state for one in judged) for state in (False, True, None))
+    number, met = (bad, "not met") if bad else (good, "met")
+    of_all = f"all {good}" if good == len(judged) else f"{number} of {len(judged)}"
+    more = f", {none} {'was' if none == 1 else 'were'} not flown" if none else ""
+    return f"{of_all} requirements {'is' if number == 1 else 'are'} {met}{more}"
+
+
+def counted(number, word):
+    """`1 flight`, `2 flights`."""
+    return f"{number} {word}{'' if number == 1 else 's'}"
+
+
 def quantities(flown):
     """Names of what has a protection level, in order."""
     return list(dict.fromkeys(name for record in flown for name in record["quantities"]))
@@ -74,8 +88,8 @@ def _alarms(flown):
         kinds = cells.grouped(bad, "told_kind")
         of_kinds = "; ".join(f"{len(several)} told {kind}" for (kind,), several in sorted(kinds.items()))
         words_found = (
-            f"{len(bad)} of {len(faults)} flights with a fault fail ({met} had errors beyond a level); "
-            f"{of_kinds}; {_where(bad)}"
+            f"{len(bad)} of {counted(len(faults), 'flight')} with a fault failed ({met} had errors beyond a "
+            f"level); {of_kinds}; {_where(bad)}"
         ).rstrip("; ")
         found.append(Judged(name, words, words_found, not bad if faults else None))
     return found
@@ -83,9 +97,10 @@ def _alarms(flown):
 
 def _where(bad, most=8):
     """Cells of flights, those with the most first."""
-    counted = sorted(cells.grouped(bad, "cell").items(), key=lambda item: -len(item[1]))
-    shown = [f"cell {number}: {len(several)}" for (number,), several in counted[:most]]
-    more = [f"and {len(counted) - most} cells more"] if len(counted) > most else []
+    numbers = sorted(cells.grouped(bad, "cell").items(), key=lambda item: -len(item[1]))
+    shown = [f"cell {number}: {len(several)}" for (number,), several in numbers[:most]]
+    left = len(numbers) - most
+    more = [f"and {counted(left, 'cell')} more"] if left > 0 else []
     return ", ".join(shown + more)
 
 
@@ -99,11 +114,12 @@ def _misleading(flown, name):
     )
     most = int(poisson.ppf(POISSON, expected)) if expected else 0
     bad = [record for record, one in zip(chosen, sums, strict=True) if one["misleading_times"]]
+    flights = counted(len(chosen), "flight")
     return Judged(
         f"misleading {name}",
         "nothing happens, told rightly or noise within a factor of two: misleads no oftener than the stated "
         "risk allows (99 % Poisson)",
-        f"{times} times, {seconds:.1f} s, in {usable_s:.0f} s of {len(chosen)} flights; allowed {most}; "
+        f"{counted(times, 'time')}, {seconds:.1f} s, in {usable_s:.0f} s of {flights}; allowed {most}; "
         f"{_where(bad)}".rstrip("; "),
         times <= most if usable_s else None,
     )
@@ -114,10 +130,11 @@ def _constants(flown, name):
     sums = [cells.healthy(record)["quantities"][name] for record in chosen]
     usable_s, seconds = (sum(one[key] for one in sums) for key in ("usable_s", "misleading_s"))
     bad = [record for record, one in zip(chosen, sums, strict=True) if one["misleading_times"]]
+    flights = counted(len(chosen), "flight")
     return Judged(
         f"constants {name}",
         "nothing happens, constants told wrongly by up to two: misleads for at most 0.001 of the usable time",
-        f"{seconds:.1f} s of {usable_s:.0f} s in {len(chosen)} flights; {_where(bad)}".rstrip("; "),
+        f"{seconds:.1f} s of {usable_s:.0f} s in {flights}; {_where(bad)}".rstrip("; "),
         seconds <= MOST_OF_CONSTANTS * usable_s if usable_s else None,
     )
 
@@ -185,7 +202,8 @@ def _mean(values):
 
 def _outside(outside, number, most=8):
     more = [f"and {len(outside) - most} more"] if len(outside) > most else []
-    return f"{len(outside)} of {number} means outside; {', '.join(outside[:most] + more)}".rstrip("; ")
+    means = f"{len(outside)} of {counted(number, 'mean')} outside"
+    return f"{means}; {', '.join(outside[:most] + more)}".rstrip("; ")
 
 
 def undetectable(records):

@@ -113,10 +113,11 @@ def _table(title, names, rows):
 def _requirements(records):
     from rich.table import Table
 
-    table = Table(title="requirements", title_justify="left", show_lines=True)
+    judged = require.judge(records)
+    table = Table(title=require.in_short(judged), title_justify="left", show_lines=True)
     for name in ("", "required", "found"):
         table.add_column(name)
-    for one in require.judge(records):
+    for one in judged:
         table.add_row(f"{one.name}: {verdict(one)}", one.words, one.found)
     return table
 
