@@ -229,7 +229,23 @@ def test_the_text_about_the_star_tracker_is_seen_at_once(log, tmp_path):
     assert any(isinstance(part, rrb.TextDocumentView) for part in shown(page))
 
 
-def test_missing_samples_are_neither_calm_nor_shaken():
+def origins(part):
+    """Entities that the views of a part of a blueprint show."""
+    if isinstance(part, rrb.View):
+        return [str(part.origin)]
+    return [name for one in part.contents for name in origins(one)]
+
+
+@pytest.mark.parametrize("errors", [True, False])
+def test_without_truth_there_are_no_empty_plots_of_errors(log, errors):
+    """Nor a panel of a camera that saw nothing; what is left are paths, levels and what was refused."""
+    data = recording.read(log)
+    has = layout.content(data, [], errors)._replace(stars=False)
+    for make in (layout._overview, layout._navigation):
+        shown = origins(make(data, layout.scene(data.truth.r_i), has))
+        assert any(name.startswith("plots/errors") for name in shown) == errors
+        assert "stars" not in shown
+        assert "plots/nis" in shown or "plots/height" in shown
     """Vibration of a known size, a second without samples, one with a tenth of them, one axis alone."""
     n, sigma = 1000, 0.5
     t_s = 0.01 * np.arange(1, n + 1)
