@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from navigation_flight import DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix
 
-from shefex_nav.onboard.navigation import fusion, integrity, integrity_watch, sensors
+from shefex_nav.onboard.navigation import fusion, gate, integrity, integrity_watch, sensors
 from shefex_nav.onboard.navigation.grown import grown
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate
 from shefex_nav.onboard.navigation.integrity_bank import CALM, WINDOWS, Stream, _worst, limits
@@ -196,6 +196,38 @@ def test_a_position_that_runs_away_and_takes_the_filter_with_it_stays_in_doubt()
     since_s = next(row[0] for row in rows if row[1])
     assert nav.watch.moved is not None
     assert all(row[2][0] == Doubt.CONTRADICTED for row in rows if row[0] >= since_s)
+
+
+def test_positions_wait_for_what_becomes_of_a_velocity_that_is_far_off():
+    """Both run away at 2 m/s: positions inside the gate must not bring the velocity along."""
+
+    def away(second, fix):
+        off = np.array([2.0 * (second >= 30), 0.0, 0.0])
+        return fix._replace(v_ea_e=fix.v_ea_e + off, r_ea_e=fix.r_ea_e + max(second - 30, 0) * off)
+
+    nav, rows = flown(0.0, 1, away)
+    assert np.linalg.norm(nav.watch.step) == pytest.approx(2.0, abs=0.3)
+    assert all((row[2] == Doubt.CONTRADICTED).all() for row in rows if row[0] > 31.0)
+    held, health = HEALTHY._replace(used=5, far=True, in_a_row=1), nav.health
+    fix = position([0.0, 0.0, 0.0]).fix
+    for velocity, waits in (
+        (held, True),
+        (held._replace(in_a_row=6), False),
+        (held._replace(far=False), False),
+    ):
+        health["gps_velocity"] = velocity
+        assert gate._receiver_is_doubtful(nav, fix) == waits
+    health["gps_velocity"] = held
+    assert not gate._receiver_is_doubtful(nav, fix._replace(v_ea_e=np.full(3, np.nan)))
+
+
+@pytest.mark.parametrize(
+    "far, narrow, insists", [(True, True, True), (True, False, False), (False, True, False)]
+)
+def test_a_velocity_that_passes_only_just_after_it_was_far_off_insists(far, narrow, insists):
+    before = HEALTHY._replace(rejected=2, far=far, first=position([2.0, 0.0, 0.0]))
+    found = gate._insists("gps_velocity", before, position([0.5, 0.8, 0.0]), narrow)
+    assert found == insists
 
 
 def test_only_a_step_back_says_that_the_receiver_was_wrong():

@@ -29,6 +29,8 @@ LONGEST_S = 300.0  # [E] that a gyro which is found wrong has been so, if stars 
 FAR = 1e-12  # probability: a rejected fix that is less likely needs no second one to raise doubt
 SURPRISING = 1e-2  # [E] probability: a confirmed fix that is less likely teaches with more doubt
 EXPLAINED = 1.5  # [E] times the rate by which the stars find a gyro wrong, since it was right
+MOST_HELD = 5  # [E] positions that wait for what becomes of their velocity
+NOT_ALONE = "held: its velocity contradicts the filter"
 NOTES = {
     Fate.USED: "",
     Fate.REJECTED: "rejected",
@@ -91,6 +93,8 @@ def _verdict(nav, now, z, R, S, nis, measurement):
     limit, alone = nav.limit(len(z)), sensor.alone is None or sensor.alone(nav, S)
     rows, passed = _passed(nav, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
     before = nav.health[name]
+    if name == "gps_position" and _receiver_is_doubtful(nav, fix):
+        return Verdict(Fate.HELD, None, None, NOT_ALONE, alone)
     trial = None if passed and alone and not before.rejected else sensor.trial(nav, now, z, R, fix)
     judged = 0.0 if passed else np.inf
     fate, nav.health[name] = integrity.judge(nav.health[name], trial, judged, limit, fix.t_valid_s, alone)
@@ -102,14 +106,28 @@ def _verdict(nav, now, z, R, S, nis, measurement):
     note = NOTES.get(fate, sensor.reset_note)
     if fate == Fate.RESET and admitted is not None:
         note += ", or the camera has moved"
-    insisted = fate in ACCEPTED and before.rejected > 0 and _insists(name, before, trial.evidence)
+    narrow = nis > nav.limit(len(z), SURPRISING)
+    insisted = fate in ACCEPTED and before.rejected > 0 and _insists(name, before, trial.evidence, narrow)
     return Verdict(fate, rows, admitted, note, alone, insisted=insisted)
 
 
-def _insists(name, before, evidence):
-    """Verdict.insisted of a sensor with rejected fixes. str, Health before the fix, evidence of the fix"""
+def _receiver_is_doubtful(nav, fix):
+    """Whether the velocities that come with positions have just been refused, the first of them far off.
+
+    Positions that run away with their velocity would bring the velocity of the filter to it, fix by fix, each
+    inside the gate. A receiver whose velocities alone are wrong has its positions used again after a while.
+    """
+    velocity = nav.health["gps_velocity"]
+    return velocity.far and velocity.in_a_row <= MOST_HELD and not np.isnan(fix.v_ea_e[0])
+
+
+def _insists(name, before, evidence, narrow):
+    """Verdict.insisted of a sensor with rejected fixes.
+
+    str, Health before the fix, evidence of the fix, whether it has passed the gate only just
+    """
     if name == "gps_velocity":
-        return integrity.same_velocity_offset(before.first, evidence)
+        return (before.far and narrow) or integrity.same_velocity_offset(before.first, evidence)
     if name == "gps_position" and integrity_watch.contradicts(name, before):
         return integrity.has_widened(before.evidence, evidence)
     return False
