@@ -67,7 +67,7 @@ def parse_value(text, label):
     return value, document.errors
 
 
-@lru_cache(maxsize=16)  # a study reads its scenario for every flight
+@lru_cache(maxsize=128)  # a study reads its scenario for every flight
 def _compose(text, file):
     """Root node of the YAML `text`, None if there is nothing in it."""
     from ruamel.yaml import YAML

@@ -152,27 +152,34 @@ def test_white_innovations_that_are_too_large_twice_are_noise_of_the_receiver(se
 
 
 @pytest.mark.parametrize(
-    "position, velocity, own, told, to_blame",
+    "position, velocity, own, confirmed, to_blame",
     [
-        (2.0, 1.9, 0.8, "", True),
-        (2.0, 4.0, 0.8, "", False),  # more than a receiver's noise makes: the IMU
-        (1.0, 2.0, 0.8, "", False),  # positions are as good as they say
-        (2.0, 1.9, 0.4, "", False),  # what makes them too large can be the IMU as well
-        (2.0, 1.9, 0.8, "IMU noise told too small: about 3 times", False),
+        (2.0, 1.9, 0.8, False, True),
+        (2.0, 4.0, 0.8, False, False),  # more than a receiver's noise makes: the IMU
+        (1.0, 2.0, 0.8, False, False),  # positions are as good as they say
+        (2.0, 1.9, 0.4, False, False),  # what makes them too large can be the IMU as well
+        (2.0, 1.9, 0.8, True, False),
     ],
 )
 def test_positions_tell_the_noise_of_the_receiver_from_that_of_the_imu(
-    position, velocity, own, told, to_blame
+    position, velocity, own, confirmed, to_blame
 ):
     """Innovations of a velocity do not; an accusation of the IMU that nothing confirms is taken back."""
     blocks, states = fly(2)
     nav = fusion.start(PARAMS, alignment(states[0]), EARTH)
     fusion.advance(nav, blocks[0])
     adaptation.widen(nav, nav.history, 2.0, Verdict(Fate.USED, None, None, "", True), "test")
-    nav.noise.told = told or nav.noise.told
+    nav.noise.confirmed = confirmed
     w = np.random.default_rng(1).standard_normal((2, 20, 3))
     assert adaptation._receiver(nav, position * w[0], own, velocity * w[1]) == to_blame
     assert (nav.noise.imu == 1.0) == to_blame and (nav.noise.share is None) == to_blame
     factors = [nav.noise.of_sensor(name) for name in ("gps_position", "gps_velocity")]
     assert factors[0] == factors[1]
     assert (1.8 < factors[0] < 2.6) == to_blame
+
+
+def test_noise_of_the_imu_that_throws_velocities_far_beyond_the_gate_is_blamed(monkeypatch):
+    """Velocities that are reset while far off insist on nothing: the second reset says that it is the IMU."""
+    monkeypatch.setattr("test_adaptation.TRUE", TRUE._replace(accel_random_walk=1.5))
+    nav, *_ = flown(0.02, 1)
+    assert nav.noise.imu > 3.0

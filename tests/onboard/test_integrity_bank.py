@@ -208,7 +208,8 @@ def test_positions_wait_for_what_becomes_of_a_velocity_that_is_far_off():
     nav, rows = flown(0.0, 1, away)
     assert np.linalg.norm(nav.watch.step) == pytest.approx(2.0, abs=0.3)
     assert all((row[2] == Doubt.CONTRADICTED).all() for row in rows if row[0] > 31.0)
-    held, health = HEALTHY._replace(used=5, far=True, in_a_row=1), nav.health
+    refused = position([2.0, 0.0, 0.0])
+    held, health = HEALTHY._replace(used=5, far=True, in_a_row=1, evidence=refused), nav.health
     fix = position([0.0, 0.0, 0.0]).fix
     for velocity, waits in (
         (held, True),
@@ -218,6 +219,7 @@ def test_positions_wait_for_what_becomes_of_a_velocity_that_is_far_off():
         health["gps_velocity"] = velocity
         assert gate._receiver_is_doubtful(nav, fix) == waits
     health["gps_velocity"] = held
+    assert not gate._receiver_is_doubtful(nav, fix._replace(t_valid_s=20.0))  # it is too long ago
     assert not gate._receiver_is_doubtful(nav, fix._replace(v_ea_e=np.full(3, np.nan)))
 
 
@@ -226,8 +228,14 @@ def test_positions_wait_for_what_becomes_of_a_velocity_that_is_far_off():
 )
 def test_a_velocity_that_passes_only_just_after_it_was_far_off_insists(far, narrow, insists):
     before = HEALTHY._replace(rejected=2, far=far, first=position([2.0, 0.0, 0.0]))
-    found = gate._insists("gps_velocity", before, position([0.5, 0.8, 0.0]), narrow)
-    assert found == insists
+    assert gate._insists("gps_velocity", before, position([0.5, 0.8, 0.0]), narrow) == insists
+    assert not gate._insists("gps_velocity", before, position([0.4, 0.8, 0.0]), narrow)  # to another side
+
+
+def test_a_velocity_that_was_far_off_once_does_not_withdraw_all_that_follows():
+    """5 m/s along x in one fix, and the next one across by so much that it passes only just."""
+    _, rows = flown(0.0, 1, velocity_off([30, 31], [5.0, 0.0, 0.0], [0.0, 0.17, 0.0]))
+    assert (rows[-1][2] == Doubt.NONE).all()
 
 
 def test_only_a_step_back_says_that_the_receiver_was_wrong():

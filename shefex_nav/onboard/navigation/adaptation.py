@@ -63,6 +63,7 @@ class Noise:
         self.recent, self.resets, self.share = {}, {}, None
         self.still = at_rest.Still()
         self.told = ""  # the last remark on the IMU
+        self.confirmed = False  # whether innovations have told the factor of the IMU
 
     @property
     def gyro(self):
@@ -172,7 +173,9 @@ def _receiver(nav, position, own, velocity):
     position, velocity : (n, 3) whitened innovations;  own : mean share of the receiver's noise in the first
     """
     noise = nav.noise
-    if len(position) < FEW or own <= OWN_SHARE or (noise.share is not None and ABOUT in noise.told):
+    if len(position) < FEW or own <= OWN_SHARE or noise.confirmed:
+        return False
+    if min(noise.of_sensor(name) for name in WATCHED) >= MOST:
         return False
     size, of_velocity = float(np.mean(np.square(position))), float(np.mean(np.square(velocity)))
     growth = 1.0 + (size - 1.0) / own
@@ -209,6 +212,7 @@ def _windows(nav, now, whitened, R, S, name, verdict):
     if not process or name not in RATES:
         return verdict
     if name == "gps_velocity" and _receiver(nav, *_of_position(noise), noise.windows[name].last()):
+        nav.bank.begin_anew()
         return verdict
     growth = 1.0 + (found.excess - 1.0) / max(1.0 - own, LEAST_SHARE)
     step = float(np.clip(np.sqrt(max(growth, 1.0)), STEP, BOLDEST))
@@ -304,7 +308,7 @@ def _refine(nav, found, factor):
     """Another factor, by enough innovations."""
     noise, before = nav.noise, nav.noise.imu
     if factor < RIGHT:
-        noise.share, factor = None, 1.0
+        noise.share, factor, noise.confirmed = None, 1.0, False
     if factor != before:
         _count(nav, factor, noise.rest)
         for window in noise.windows.values():
@@ -314,6 +318,7 @@ def _refine(nav, found, factor):
         return
     if found.count >= ENOUGH:
         known = found.share >= TOLD_SHARE
+        noise.confirmed |= known
         if known or ABOUT not in noise.told:
             _say(nav, f"{IMU} told too small: " + (f"{ABOUT} {factor:.2g} times" if known else CANNOT))
         noise.share.fade()

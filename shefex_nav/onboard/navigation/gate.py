@@ -48,8 +48,8 @@ class Verdict(NamedTuple):
     note: str
     alone: bool  # whether one fix inside the gate was enough
     doubts: dict | None = None  # likewise
-    # whether a GPS velocity says what it has said when it was rejected, or a GPS position passes a gate that
-    # is too wide to say that it does not
+    # whether a GPS velocity says what it said when it was rejected, or a GPS position that was rejected
+    # passes because the gate has become wider
     insisted: bool = False
 
 
@@ -106,19 +106,21 @@ def _verdict(nav, now, z, R, S, nis, measurement):
     note = NOTES.get(fate, sensor.reset_note)
     if fate == Fate.RESET and admitted is not None:
         note += ", or the camera has moved"
-    narrow = nis > nav.limit(len(z), SURPRISING)
+    narrow = fate == Fate.USED and nis > nav.limit(len(z), SURPRISING)
     insisted = fate in ACCEPTED and before.rejected > 0 and _insists(name, before, trial.evidence, narrow)
     return Verdict(fate, rows, admitted, note, alone, insisted=insisted)
 
 
 def _receiver_is_doubtful(nav, fix):
-    """Whether the velocities that come with positions have just been refused, the first of them far off.
+    """Whether the velocities that come with positions have just been refused, one of them far off.
 
     Positions that run away with their velocity would bring the velocity of the filter to it, fix by fix, each
     inside the gate. A receiver whose velocities alone are wrong has its positions used again after a while.
     """
     velocity = nav.health["gps_velocity"]
-    return velocity.far and velocity.in_a_row <= MOST_HELD and not np.isnan(fix.v_ea_e[0])
+    if not velocity.far or velocity.in_a_row > MOST_HELD or np.isnan(fix.v_ea_e[0]):
+        return False
+    return fix.t_valid_s - velocity.evidence.fix.t_valid_s < integrity.LONGEST_PAIR_S
 
 
 def _insists(name, before, evidence, narrow):
@@ -127,7 +129,9 @@ def _insists(name, before, evidence, narrow):
     str, Health before the fix, evidence of the fix, whether it has passed the gate only just
     """
     if name == "gps_velocity":
-        return (before.far and narrow) or integrity.same_velocity_offset(before.first, evidence)
+        if before.far and narrow and integrity.same_direction(before.first, evidence):
+            return True
+        return integrity.same_velocity_offset(before.first, evidence)
     if name == "gps_position" and integrity_watch.contradicts(name, before):
         return integrity.has_widened(before.evidence, evidence)
     return False
@@ -159,7 +163,8 @@ def _doubted(nav, now, z, nis, name, verdict):
     if isinstance(verdict.admitted, Grown):
         return verdict  # the model is at fault: all that it has done has grown
     if verdict.insisted and verdict.fate == Fate.USED and name == "gps_position":
-        watch.moved = z.copy()
+        if not watch.unread:
+            watch.moved = z.copy()
     elif verdict.insisted and verdict.fate == Fate.USED:
         watch.velocity_believed(name, z, watch.learnt.pushed(now.t_s, now.x))
     if name == "star_tracker" and verdict.fate in ACCEPTED:

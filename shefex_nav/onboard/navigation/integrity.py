@@ -166,6 +166,12 @@ def same_velocity_offset(earlier, later):
     return bool(np.linalg.norm(later.z - earlier.z) < SAME * np.linalg.norm(earlier.z))
 
 
+def same_direction(earlier, later):
+    """Whether two GPS velocities are off to the same side, within 60 deg. GpsEvidence each"""
+    along = float(later.z @ earlier.z)
+    return bool(along > 0.5 * np.linalg.norm(later.z) * np.linalg.norm(earlier.z))
+
+
 def gps_fixes_agree(earlier, later, slack):
     """Whether the change of position between two GpsFix is what their velocities say (trapezoidal rule).
 

@@ -167,6 +167,13 @@ class Bank:
             if GROUPS[name] == group:
                 stream.forget()
 
+    def begin_anew(self):
+        """Another noise counts: what the innovations of GPS were says nothing any more."""
+        self.forget("gps")
+        for name in adaptation.WATCHED:
+            if name in self.streams:
+                self.streams[name].recent.clear()
+
     def explained(self, nav, group):
         """An alarm is over, if there is one: it is known what was wrong."""
         self.forget(group)
@@ -229,7 +236,7 @@ class Bank:
         nav.watch.tell(now_s, f"{group} innovations", f"{name}: {found.words}")
         factor = np.sqrt(1.0 + max(found.excess, 0.0) / (1.0 - min(own, OWN)))
         mean = np.linalg.cholesky(S) @ found.mean[-len(S) :]
-        if name == "gps_position" and found.one_sided:
+        if name == "gps_position" and found.one_sided and nav.watch.moved is None:
             nav.watch.moved = mean  # the filter has followed it, and follows it still
         self.due[group] = Alarm(now_s, float(np.clip(factor, LEAST, MOST)), mean)
         self.forget(group)

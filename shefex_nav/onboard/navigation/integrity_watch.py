@@ -70,7 +70,7 @@ class Watch:
         self.gps = integrity_gps.memory()
         self.path = raw_path.RawPath()
         self.constants = integrity_constants.Constants()
-        self.far = False  # whether the fix before the one that is judged was far off, of its sensor
+        self.far = False  # whether its sensor's rejected fixes before the one that is judged were far off
         self.alarms = {}  # of `integrity_bank`: group of sensors -> s, since when
         self.step = None  # (3,) m/s, by which a GPS velocity was believed against the accelerometers
         self.moved = None  # (3,) m, by which a GPS position was believed against the filter
@@ -154,8 +154,10 @@ class Watch:
 
         As of a velocity: only a step back, as large, says that it was the receiver.
         """
-        if self.far and not self.unread:
-            self.moved = None if is_back(self.moved, z) else z.copy()
+        if is_back(self.moved, z):
+            self.moved = None
+        elif self.far and not self.unread:
+            self.moved = z.copy()
 
     def attitude_was_wrong(self, angle):
         """Stars have turned the attitude by an angle: if that explains a step of the velocity, it is over.
@@ -275,9 +277,9 @@ def reason(name, health):
 def contradicts(name, record):
     """Whether a sensor insists on contradicting the solution. str, Health -> bool
 
-    Its rejected fixes agree with each other, or the last is far off: at a fix a second the next one comes too
-    late. Those of the star tracker need not: where gyros are wrong, star
-    fixes that are right do not agree through them.
+    Its rejected fixes agree with each other, or one of them is far off: at a fix a second the next one comes
+    too late. Those of the star tracker need not: where gyros are wrong, star fixes that are right do not
+    agree through them.
     """
     if record.far and name in ALONE:
         return True

@@ -12,8 +12,8 @@ from shefex_nav.onboard.navigation.state import initial_covariance
 def forgotten(nav, P, measurement, H):
     """Covariance in which nothing is known of what a sensor measures, or less by a sigma that is admitted.
 
-    And less of what is doubted with it. Of a fix without height the height stays known: H (2, n) says where
-    it lies.
+    And less of what is doubted with it. Of a position without height the height stays known: H (2, n) says
+    where it lies.
     -> (n, n), slices of the blocks whose ties to others are cut
     """
     if measurement.fate == Fate.USED and not measurement.doubts:
@@ -27,7 +27,7 @@ def forgotten(nav, P, measurement, H):
     elif admitted is not None:
         added = admitted if isinstance(admitted, dict) else dict.fromkeys(named, np.full(3, admitted))
         integrity_learnt.add(P, order, x, added)
-    elif measurement.fate != Fate.USED and getattr(measurement.fix, "horizontal", False):
+    elif measurement.fate != Fate.USED and len(H) == 2 and measurement.sensor == "gps_position":
         level = H[:, places[sensor.block]]
         P[places[sensor.block], places[sensor.block]] += sensor.forgotten**2 * (level.T @ level)
     elif measurement.fate != Fate.USED:
