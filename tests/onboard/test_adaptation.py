@@ -171,7 +171,7 @@ def test_positions_tell_the_noise_of_the_receiver_from_that_of_the_imu(
     adaptation.widen(nav, nav.history, 2.0, Verdict(Fate.USED, None, None, "", True), "test")
     nav.noise.confirmed = confirmed
     w = np.random.default_rng(1).standard_normal((2, 20, 3))
-    assert adaptation._receiver(nav, position * w[0], own, velocity * w[1]) == to_blame
+    assert adaptation._blame_if_white(nav, position * w[0], own, velocity * w[1]) == to_blame
     assert (nav.noise.imu == 1.0) == to_blame and (nav.noise.share is None) == to_blame
     factors = [nav.noise.of_sensor(name) for name in ("gps_position", "gps_velocity")]
     assert factors[0] == factors[1]

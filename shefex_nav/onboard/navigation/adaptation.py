@@ -34,7 +34,7 @@ YOUNG = 5  # [E] measurements of a sensor that were used, this one too: the filt
 LOOP_S = 60.0  # [E] two resets of a sensor within it are one too many
 STEP = 2.0  # [E] factor after an alarm that does not say how large it is
 BOLDEST = 4.0  # [E] largest factor after innovations that have all passed the gate
-FEW = 6  # [E] innovations of a position, which tell white ones from those that hang together
+FEW = 6  # [E] innovations of a position; fewer accuse nobody
 RECENT = 10  # innovations, rejected ones too: the largest of them says how far off a loop is
 SETTLING = 10  # innovations after an alarm that say nothing yet
 FEWEST, ENOUGH = 30, 100  # innovations before the factor changes, and before it is told
@@ -147,30 +147,27 @@ def too_large_again(nav, now, factor, verdict, streams):
     return verdict
 
 
-def receiver_too_large(nav, streams):
-    """Whether the noise of the receiver is to blame for innovations of GPS that are too large: `_receiver`.
+def blame_receiver(nav, streams):
+    """Blame the noise of the receiver for innovations of GPS that are too large, if it explains them.
 
-    streams : as `too_large_again`
+    streams : as `too_large_again` -> whether it does
     """
     known = [streams[name].recent for name in WATCHED if name in streams]
     if len(known) < len(WATCHED) or not all(known):
         return False
     position, velocity = (np.array([w for w, _ in one]) for one in known)
-    blamed = _receiver(nav, position, float(np.mean([own for _, own in known[0]])), velocity)
-    if blamed:
-        for one in known:
-            one.clear()
-    return blamed
+    return _blame_if_white(nav, position, float(np.mean([own for _, own in known[0]])), velocity)
 
 
-def _receiver(nav, position, own, velocity):
-    """Whether the noise of the receiver is to blame for innovations of its velocity: it counts more then.
+def _blame_if_white(nav, position, own, velocity):
+    """Let the noise of the receiver count more, if it explains velocities whose innovations are too large.
 
     A receiver that says too little of its noise does so of position and velocity alike, and what the inertial
     sensors do hardly shows in an innovation of the position that is its own noise for the most part. An
     accusation of the IMU that nothing has confirmed is taken back.
 
     position, velocity : (n, 3) whitened innovations;  own : mean share of the receiver's noise in the first
+    -> whether it does
     """
     noise = nav.noise
     if len(position) < FEW or own <= OWN_SHARE or noise.confirmed:
@@ -187,6 +184,7 @@ def _receiver(nav, position, own, velocity):
         noise.share = None
         _count(nav, 1.0, noise.rest)
         _say(nav, _at_rest(noise.rest))
+    nav.bank.begin_anew()
     return True
 
 
@@ -211,8 +209,7 @@ def _windows(nav, now, whitened, R, S, name, verdict):
     process = found.process or (found.large and (own <= OWN_SHARE or noise.share is not None))
     if not process or name not in RATES:
         return verdict
-    if name == "gps_velocity" and _receiver(nav, *_of_position(noise), noise.windows[name].last()):
-        nav.bank.begin_anew()
+    if name == "gps_velocity" and _blame_if_white(nav, *_of_position(noise), noise.windows[name].last()):
         return verdict
     growth = 1.0 + (found.excess - 1.0) / max(1.0 - own, LEAST_SHARE)
     step = float(np.clip(np.sqrt(max(growth, 1.0)), STEP, BOLDEST))

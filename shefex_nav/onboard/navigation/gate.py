@@ -30,7 +30,7 @@ FAR = 1e-12  # probability: a rejected fix that is less likely needs no second o
 SURPRISING = 1e-2  # [E] probability: a confirmed fix that is less likely teaches with more doubt
 EXPLAINED = 1.5  # [E] times the rate by which the stars find a gyro wrong, since it was right
 MOST_HELD = 5  # [E] positions that wait for what becomes of their velocity
-NOT_ALONE = "held: its velocity contradicts the filter"
+WAITS = "held: its velocity contradicts the filter"
 NOTES = {
     Fate.USED: "",
     Fate.REJECTED: "rejected",
@@ -94,7 +94,7 @@ def _verdict(nav, now, z, R, S, nis, measurement):
     rows, passed = _passed(nav, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
     before = nav.health[name]
     if name == "gps_position" and _receiver_is_doubtful(nav, fix):
-        return Verdict(Fate.HELD, None, None, NOT_ALONE, alone)
+        return Verdict(Fate.HELD, None, None, WAITS, alone)
     trial = None if passed and alone and not before.rejected else sensor.trial(nav, now, z, R, fix)
     judged = 0.0 if passed else np.inf
     fate, nav.health[name] = integrity.judge(nav.health[name], trial, judged, limit, fix.t_valid_s, alone)

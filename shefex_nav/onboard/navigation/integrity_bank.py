@@ -252,7 +252,7 @@ class Bank:
         if group == "gps":
             nav.watch.learnt.forget()
             doubts = integrity_learnt.doubts(nav.params, nav.layout, None, now.x, now.P)
-            of_receiver = adaptation.receiver_too_large(nav, self.streams)
+            of_receiver = adaptation.blame_receiver(nav, self.streams)
             if again and not of_receiver and not now.vibration and not verdict.insisted:
                 verdict = adaptation.too_large_again(nav, now, alarm.factor, verdict, self.streams)
         else:
