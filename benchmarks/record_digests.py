@@ -53,7 +53,7 @@ FLIGHTS = {  # name -> file, mission time [s] at which it is cut
     "imu_faults": ("imu_faults", 325.0),
     "shefex2_aps_rolling": ("shefex2_aps_rolling", 240.0),
 }
-MEASURED = next(topic.topic for topic in topics.TOPICS if topic.record is topics.Timing)
+MEASURED = next(topic.topic for topic in topics.topics() if topic.record is topics.Timing)
 PIXELS = "/star_tracker/frame image_dn"  # of all pictures
 LETTERS = 16  # of a digest
 
@@ -127,7 +127,7 @@ def difference(a, b):
 
 def differences(log, other):
     """{topic: (relative difference, field)} of two logs, of the topics that hold whole records."""
-    topic_of = {topic.record: topic.topic for topic in topics.TOPICS}
+    topic_of = {topic.record: topic.topic for topic in topics.topics()}
     names = {**ARRAYS, **LISTS, topics.Mission: "mission", Alignment: "alignment"}
     first, second = reader.read(log), reader.read(other)
     result = {}

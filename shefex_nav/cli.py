@@ -231,7 +231,7 @@ def _picture_names(log):
         return figures.NAMES
     from shefex_nav.report import figures
 
-    return [entry.name for entry in figures.CATALOGUE]
+    return [entry.name for entry in figures.catalogue()]
 
 
 @app.command()

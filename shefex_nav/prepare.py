@@ -8,22 +8,15 @@ import numpy as np
 from shefex_nav import __version__
 from shefex_nav.environment import ephemeris, gnss, stars, yuma
 from shefex_nav.geometry import frames, wgs84
+from shefex_nav.instruments.instrument import Truth
 from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.records import Alignment
-from shefex_nav.scenario import (
-    load,
-    params,
-    params_barometer,
-    params_faults,
-    params_gps,
-    params_magnetometer,
-    params_onboard,
-    wanted_states,
-)
+from shefex_nav.scenario import aboard, load, params, params_faults, params_gps, params_onboard, wanted_states
 from shefex_nav.scenario.block import AUTOMATIC
+from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.told import as_told
-from shefex_nav.world import barometer, camera, faults, gps, imu, magnetometer, noise, pad
+from shefex_nav.world import camera, faults, gps, imu, noise, pad
 from shefex_nav.world.flight import fly
 
 BRIEF_S = 5.0  # of a flight that nobody waits for
@@ -44,13 +37,12 @@ class World(NamedTuple):
     gps_ranges: list
     faults: faults.Faults
     imu_biases: np.ndarray | None = None  # (N, 6) rad/s, m/s^2, if they are wanted
-    pressures: barometer.BarometerData | None = None  # None: there is no barometer
-    fields: magnetometer.MagnetometerData | None = None  # None: there is no magnetometer
+    measured: dict = {}  # noqa: RUF012 a default is not changed; name of an instrument -> instrument.Measured
 
     @property
     def received(self):
-        """What GPS receiver, barometer and magnetometer say, in no order: list."""
-        others = [one.readings for one in (self.pressures, self.fields) if one is not None]
+        """What GPS receiver and instruments say, in no order: list."""
+        others = (one.readings for one in self.measured.values())
         return [*self.gps_fixes, *self.gps_ranges, *chain(*others)]
 
 
@@ -109,8 +101,7 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
         faults=wrong,
         imu_biases=imu_biases,
-        pressures=pressures(scenario, seed, trajectory, earth),
-        fields=fields(scenario, seed, trajectory, earth),
+        measured=measured_by_instruments(scenario, seed, trajectory, earth),
     )
 
 
@@ -133,20 +124,18 @@ def wanted(scenario, flight=None):
     return wanted_states.effects(as_told(scenario), moved, flight.events, end_s)
 
 
-def fields(scenario, seed, trajectory, earth):
-    """MagnetometerData of a flight; None without a magnetometer."""
-    if scenario.magnetometer is None:
-        return None
-    said = params_magnetometer.magnetometer_params(scenario)
-    return magnetometer.measure(said, trajectory, earth, noise.generator(seed, "magnetometer"))
-
-
-def pressures(scenario, seed, trajectory, earth):
-    """BarometerData of a flight; None without a barometer."""
-    if scenario.barometer is None:
-        return None
-    said = params_barometer.barometer_params(scenario, params.air_table(scenario))
-    return barometer.measure(said, trajectory, earth, noise.generator(seed, "barometer"))
+def measured_by_instruments(scenario, seed, trajectory, earth):
+    """What the instruments aboard say of a flight: {name: instrument.Measured}."""
+    found = list(aboard.instruments(scenario))
+    if not found:
+        return {}
+    sun_i = ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i
+    truth = Truth(trajectory, earth, aboard.year(scenario), sun_i, params.air_table(scenario))
+    streams = {one.name: noise.key_of(one.name) if one.stream is None else one.stream for one, _ in found}
+    return {
+        one.name: one.measure(settings(one.settings, given), truth, noise.generator(seed, streams[one.name]))
+        for one, given in found
+    }
 
 
 def fly_vehicle(scenario, seed, *, brief=False):

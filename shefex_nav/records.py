@@ -123,24 +123,6 @@ class GpsFix(NamedTuple):
     horizontal: bool = False
 
 
-class BarometerReading(NamedTuple):
-    """Static pressure at the port of the vehicle."""
-
-    t_valid_s: float
-    t_available_s: float
-    pressure: float  # Pa
-    at_limit: bool = False  # the sensor is at an end of its range
-
-
-class MagnetometerReading(NamedTuple):
-    """Magnetic field along the body axes."""
-
-    t_valid_s: float
-    t_available_s: float
-    field_b: np.ndarray  # (3,) T
-    at_limit: bool = False  # an axis is at an end of its range
-
-
 class GpsRanges(NamedTuple):
     """What the receiver's channels measure at one instant; n satellites are tracked, and there may be none.
 
@@ -287,11 +269,6 @@ class GateResult(NamedTuple):
     accepted: bool
     note: str  # '', 'rejected', 'reset after timeout', 'attitude reset' ...
     innovation: np.ndarray  # (dof,)
-
-
-# sensors of which each reading is judged with the variance of errors that it shares with those around it: the
-# mean of their NIS is below 1
-ERRORS_THAT_LAST = ("barometer", "magnetometer")
 
 
 class NavHealth(NamedTuple):

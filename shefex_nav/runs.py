@@ -227,7 +227,7 @@ class Run:
         """Figures of the run, each of matplotlib: `run.plot.attitude()`; `dir(run.plot)` names them."""
         from shefex_nav.report import figures
 
-        names = [entry.name for entry in figures.CATALOGUE]
+        names = [entry.name for entry in figures.catalogue()]
         return figures.Plots(names, lambda name: figures.draw(name, self.data))
 
     def view(self, save=None):

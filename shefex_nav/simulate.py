@@ -137,7 +137,7 @@ class Diary:
     """What is still to come in a run, and at which tick.
 
     events, steered, received : lists in reverse order of time of Event, ControlSample, and of GpsFix,
-        GpsRanges, BarometerReading and MagnetometerReading
+        GpsRanges and readings of instruments
     ends_s : list of mission times at which the ticks end, from the first one on
     busy : ticks at which one of `received` has its turn
     ticks : int, how many are flown

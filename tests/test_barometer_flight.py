@@ -69,7 +69,7 @@ def test_a_log_with_a_barometer_gives_the_same_solution_again(flown, tmp_path):
         for record in records:
             log.write(record)
     data, again = reader.read(path), list(rerun.run(path))
-    assert len(data.barometer.t_valid_s) == 10 * (10 + UNTIL_S) - 1
+    assert len(data.readings["barometer"].t_valid_s) == 10 * (10 + UNTIL_S) - 1
     told = [record for record in again if type(record) is NavSolution]
     np.testing.assert_array_equal([one.r_i for one in told], data.nav.r_i)
     notes = [record.note for record in again if type(record) is GateResult]
@@ -84,7 +84,7 @@ def test_a_log_with_a_barometer_gives_the_same_solution_again(flown, tmp_path):
 
 def test_on_the_pad_the_pressure_altitude_is_off_by_the_day_and_the_sensor(flown):
     data = data_of(flown)
-    said = data.barometer
+    said = data.readings["barometer"]
     h = atmosphere.pressure_height(said.pressure[said.t_valid_s < 0.0])
     r_e = frames.dcm_ie(data.mission.earth, -5.0).T @ data.truth.r_i[500]
     assert 1.0 < abs(h.mean() - wgs84.geodetic_from_ecef(r_e)[2]) < 250.0

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign.plan import BLOCKS
-from shefex_nav.records import ERRORS_THAT_LAST
+from shefex_nav.instruments import TABLE
 from shefex_nav.report import intervals
 
 CORRELATED = BLOCKS[:3]  # whose NEES has the correlations between axes, without which it is no chi-square
@@ -180,7 +180,7 @@ def anis(series):
     """Normalised squared innovations: dict sensor -> Normalised, its mean (T,)."""
     result = {}
     for sensor, dof_of_runs in series.nis_dof.items():
-        if sensor in ERRORS_THAT_LAST:
+        if sensor in TABLE and TABLE[sensor].errors_last:
             continue
         total, dof = (one.sum(axis=0, dtype=float) for one in (series.nis_sum[sensor], dof_of_runs))
         mean = np.divide(total, dof, out=np.full(dof.shape, np.nan), where=dof > 0)

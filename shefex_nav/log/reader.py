@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from shefex_nav.log import topics, wire
-from shefex_nav.log.run_data import ARRAYS, LISTS, gather, stack
+from shefex_nav.log.run_data import LISTS, gather, kept_as_arrays, stack
 from shefex_nav.log.topics import LogError, Mission
 from shefex_nav.records import Alignment
 
@@ -20,7 +20,6 @@ _LONGEST = 4 << 30  # bytes of a record; what claims more is no record
 _RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
 _CHANNEL_OF = struct.Struct("<H")  # the first of it
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence number, log time, publish time
-_OURS = {topic.topic for topic in topics.TOPICS}
 
 
 class _Raw(NamedTuple):
@@ -36,10 +35,10 @@ class _Raw(NamedTuple):
 def read(path):
     """RunData of a log; LogError with the reason when that is impossible."""
     raw, is_complete = _read_file(Path(path))
-    arrays, lists, single = {}, {}, {}
+    arrays, lists, single, steady = {}, {}, {}, kept_as_arrays()
     for topic in _stored_topics(path, raw):
         decoded = wire.codec(topic).decode(raw.messages.get(topic.topic, []))
-        if topic.record in ARRAYS:
+        if topic.record in steady:
             arrays[topic.record] = stack(topic.record, decoded) if isinstance(decoded, list) else decoded
         elif topic.record in LISTS:
             lists[topic.record] = decoded
@@ -58,7 +57,7 @@ def _stored_topics(path, raw):
         raise LogError(f"{path}: an MCAP file, but not a log of shefex_nav (no metadata '{topics.METADATA}')")
     if found != topics.FORMAT:
         raise LogError(f"{path}: the log has format {found}, this version reads format {topics.FORMAT}")
-    stored = {topic.topic: topic for topic in topics.TOPICS}
+    stored = {topic.topic: topic for topic in topics.topics()}
     for channel in raw.channels.values():
         if channel.topic not in stored:
             continue
@@ -237,4 +236,5 @@ def _take_chunk(data, raw):
 
 def _lists(raw):
     """{channel number: where its messages go, None for topics of others}."""
-    return {n: raw.messages[c.topic] if c.topic in _OURS else None for n, c in raw.channels.items()}
+    ours = {topic.topic for topic in topics.topics()}
+    return {n: raw.messages[c.topic] if c.topic in ours else None for n, c in raw.channels.items()}

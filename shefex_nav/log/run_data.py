@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.log.topics import TOPICS, Mission, RunSummary, Timing, timing
+from shefex_nav.instruments import TABLE
+from shefex_nav.log.topics import Mission, RunSummary, Timing, of_record, timing
 from shefex_nav.log.wire import assemble
 from shefex_nav.records import (
     Alignment,
-    BarometerReading,
     CameraCommand,
     ComputeTime,
     ControlSample,
@@ -25,7 +25,6 @@ from shefex_nav.records import (
     GpsFix,
     GpsRanges,
     ImuBlock,
-    MagnetometerReading,
     NavCovariance,
     NavHealth,
     NavSolution,
@@ -48,8 +47,7 @@ class RunData(NamedTuple):
     compute_times: ComputeTime  # arrays
     gps: list[GpsFix]
     gps_ranges: list[GpsRanges]
-    barometer: BarometerReading  # arrays; empty without a barometer
-    magnetometer: MagnetometerReading  # likewise
+    readings: dict  # name of an instrument -> its record of arrays; empty ones of what was not aboard
     star_fixes: list[StarFix]
     frame_truths: list[FrameTruth]
     gates: list[GateResult]
@@ -82,8 +80,6 @@ ARRAYS = {
     NavCovariance: "covariance",
     Frame: "frames",
     CameraCommand: "commands",
-    BarometerReading: "barometer",
-    MagnetometerReading: "magnetometer",
     Timing: "timing",
 }
 LISTS = {
@@ -95,14 +91,18 @@ LISTS = {
     NavHealth: "health",
     Event: "events",
 }
-_TOPIC = {topic.record: topic for topic in TOPICS}
 _STACK_ROWS = 4096  # records of one type that wait to be made arrays, which take a tenth of their memory
+
+
+def kept_as_arrays():
+    """Types of the records that become one record of arrays: tuple."""
+    return (*ARRAYS, *(one.record for one in TABLE.values()))
 
 
 def stack(record, rows):
     """Rows of the given record type -> one record of arrays; a field has one length in all of them."""
     values = {}
-    for field in _TOPIC[record].fields:
+    for field in of_record(record).fields:
         k = record._fields.index(field.source)
         dtype = {"double": np.float64, "bool": np.bool_, "string": np.str_}.get(field.kind, np.int64)
         shape = tuple(max(n, -1 if rows else 0) for n in field.shape)
@@ -130,6 +130,7 @@ def gather(mission, arrays, lists, alignment, *, ended_early):
         mission=mission,
         **{name: arrays[record] for record, name in ARRAYS.items() if record is not Timing},
         **{name: lists[record] for record, name in LISTS.items()},
+        readings={name: arrays[one.record] for name, one in TABLE.items()},
         compute_times=compute_times,
         alignment=alignment,
         summary=summary,
@@ -157,8 +158,9 @@ class RunDataBuilder:
 
     def __init__(self, mission):
         self._mission = mission
-        self._rows = {record: [] for record in (*ARRAYS, *LISTS, Alignment)}
-        self._stacked = {record: [] for record in ARRAYS}
+        self._arrays_of = kept_as_arrays()
+        self._rows = {record: [] for record in (*self._arrays_of, *LISTS, Alignment)}
+        self._stacked = {record: [] for record in self._arrays_of}
         self._last_t_s = math.nan
 
     def add(self, record):
@@ -172,7 +174,7 @@ class RunDataBuilder:
             kind, record = Timing, timing(record)
         rows = self._rows[kind]
         rows.append(record)
-        if len(rows) == _STACK_ROWS and kind in ARRAYS:
+        if len(rows) == _STACK_ROWS and kind in self._stacked:
             self._stacked[kind].append(stack(kind, rows))
             rows.clear()
 
@@ -183,7 +185,8 @@ class RunDataBuilder:
 
     def build(self, columns=()):
         """The RunData of everything taken so far, and of records of arrays that were not taken one by one."""
-        arrays = {record: self._arrays(record) for record in ARRAYS} | {type(one): one for one in columns}
+        arrays = {record: self._arrays(record) for record in self._arrays_of}
+        arrays |= {type(one): one for one in columns}
         lists = {record: list(self._rows[record]) for record in LISTS}
         alignment = self._rows[Alignment][-1] if self._rows[Alignment] else None
         return gather(self._mission, arrays, lists, alignment, ended_early=False)

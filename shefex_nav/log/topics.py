@@ -15,16 +15,17 @@ its log time: `t_s`, or for a measurement `t_valid_s`, so that what belongs toge
 
 import math
 from datetime import UTC, datetime, timedelta
-from typing import NamedTuple
+from functools import cache
+from typing import NamedTuple, get_args, get_type_hints
 
 import numpy as np
 
 from shefex_nav.errors import UserError
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.geometry.pinhole import Pinhole
+from shefex_nav.instruments import TABLE
 from shefex_nav.records import (
     Alignment,
-    BarometerReading,
     CameraCommand,
     ControlSample,
     Doubt,
@@ -35,7 +36,6 @@ from shefex_nav.records import (
     GpsFix,
     GpsRanges,
     ImuBlock,
-    MagnetometerReading,
     NavCovariance,
     NavHealth,
     NavSolution,
@@ -158,7 +158,7 @@ T_AVAILABLE = _number(
 )
 Q_IB = _vector("q_ib_wxyz", "q_ib", "attitude, body to inertial axes, Hamilton, scalar first", 4)
 
-TOPICS = (
+OWN = (
     Topic(TruthSample, "/truth/state", "Truth", 100, "t_s", "What happens, at every tick.", (
         T_S,
         Field("phase", "phase", Phase, (), "phase of the mission"),
@@ -198,18 +198,6 @@ TOPICS = (
         _number("pdop", "pdop", "dilution of precision, position"),
         _text("reason", "reason", "why there is no fix"),
         _flag("horizontal", "horizontal", "latitude and longitude alone: the height of r_ea_e means nothing"),
-    )),
-    Topic(BarometerReading, "/barometer", "Barometer", None, "t_valid_s", "Static pressure at its port.", (
-        T_VALID,
-        T_AVAILABLE,
-        _number("pressure_pa", "pressure", "as measured [Pa]"),
-        _flag("at_limit", "at_limit", "the sensor is at an end of its range"),
-    )),
-    Topic(MagnetometerReading, "/magnetometer", "Magnetometer", None, "t_valid_s", "Magnetic field.", (
-        T_VALID,
-        T_AVAILABLE,
-        _vector("field_b_t", "field_b", "as measured, body axes [T]"),
-        _flag("at_limit", "at_limit", "an axis is at an end of its range"),
     )),
     Topic(GpsRanges, "/gps/ranges", "GpsRanges", 1, "t_valid_s", "What the channels of the receiver say.", (
         T_VALID,
@@ -390,6 +378,35 @@ TOPICS = (
         _number("limb_exclusion_rad", "limb_exclusion", "that it must keep from the Earth's limb [rad]"),
     )),
 )  # fmt: skip
+
+
+def topics():
+    """The whole table: that of the program, and a topic for each instrument that is known now."""
+    return (*OWN, *(_of_instrument(one) for one in TABLE.values()))
+
+
+def of_record(record):
+    """Topic of a type of record."""
+    return next(topic for topic in topics() if topic.record is record)
+
+
+@cache
+def _of_instrument(one):
+    """Topic of the readings of an Instrument: names carry the unit, comments too."""
+    fields = [T_VALID, T_AVAILABLE]
+    for source, kind in get_type_hints(one.record, include_extras=True).items():
+        if source in ("t_valid_s", "t_available_s"):
+            continue
+        own, column = get_args(kind)
+        unit = column.unit.lower().replace("/", "_").replace("^", "")
+        name, words = (
+            (f"{source}_{unit}", f"{column.help} [{column.unit}]") if unit else (source, column.help)
+        )
+        log_kind = {bool: "bool", int: "sfixed32", str: "string"}.get(own, "double")
+        fields.append(Field(name, source, log_kind, column.shape, words))
+    schema = "".join(part.title() for part in one.name.split("_"))
+    comment = (one.record.__doc__ or "").strip().partition("\n")[0]
+    return Topic(one.record, f"/{one.name}", schema, None, "t_valid_s", comment, tuple(fields))
 
 
 def epoch_ns(epoch_utc):

@@ -157,7 +157,7 @@ class LogWriter:
         }
         self._channels = list(self._drawing_channels.values())
         self._routes = {}
-        for topic in topics.TOPICS:
+        for topic in topics.topics():
             name = f"{wire.PACKAGE}.{topic.schema}"
             schema = Schema(name=name, encoding="protobuf", data=wire.schema_bytes(topic))
             channel = Channel(topic.topic, schema=schema, message_encoding="protobuf", context=self._context)

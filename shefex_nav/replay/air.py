@@ -4,6 +4,7 @@ import numpy as np
 
 from shefex_nav.environment import atmosphere
 from shefex_nav.geometry import frames, wgs84
+from shefex_nav.instruments import state_sizes
 from shefex_nav.onboard.navigation import measure_barometer
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
 from shefex_nav.onboard.navigation.state import POS
@@ -22,7 +23,7 @@ def pressure_altitude(pressure):
 def highest(readings, alignment, data):
     """JSON object about the greatest pressure altitude above the start; None without readings.
 
-    readings : BarometerReading of the data set;  alignment : Alignment;  data : RunData of the replay
+    readings : of the barometer in the data set;  alignment : Alignment;  data : RunData of the replay
     """
     if not readings or data.covariance is None or not len(data.covariance.t_s):
         return None
@@ -62,8 +63,9 @@ def _warmth(covariance, j, height):
     states = covariance.states[j].split()
     if "baro_scale" not in states:
         return None, None
-    first = sum(OPTIONAL[name] for name in states[: states.index("baro_scale")])
-    block = slice(first, first + OPTIONAL["baro_scale"])
+    sizes = OPTIONAL | state_sizes()
+    first = sum(sizes[name] for name in states[: states.index("baro_scale")])
+    block = slice(first, first + sizes["baro_scale"])
     parts = measure_barometer.thicknesses(height)
     weights = parts / parts.sum()
     return float(weights @ covariance.estimates[j][block]), float(weights @ covariance.sigmas[j][block])

@@ -76,7 +76,7 @@ def _external(source, folder, overrides, from_s, log):
     summary = _summary(data, log, from_s, clock.filter_s, end_s - mission.start_s)
     summary["warnings"] = [one._asdict() for one in ready.oddities]
     summary["alignment"], summary["clocks"] = ready.start, said.clocks(ready.common, data)
-    summary["barometer"] = air.highest(ready.data.pressures, ready.alignment, data)
+    summary["barometer"] = air.highest(ready.data.readings.get("barometer", ()), ready.alignment, data)
     return summary
 
 

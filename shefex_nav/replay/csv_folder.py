@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from shefex_nav.environment import atmosphere
+from shefex_nav.instruments import TABLE
 from shefex_nav.replay import series
-from shefex_nav.replay.series import ImuSeries, MagneticSeries, PressureSeries, TruthSeries
+from shefex_nav.replay.series import ImuSeries, ReadingSeries, TruthSeries
 from shefex_nav.replay.table import DataError, read_csv
 
 MOST_SATELLITES = 100  # that can be in view of one antenna; more is nonsense
@@ -13,14 +13,14 @@ MOST_SATELLITES = 100  # that can be in view of one antenna; more is nonsense
 def read(data, files):
     """Series of a schema.CsvData and the paths of its files.
 
-    -> ImuSeries, GnssSeries, TruthSeries, PressureSeries and MagneticSeries, the last three or None
+    -> ImuSeries, GnssSeries, TruthSeries or None, {instrument: ReadingSeries}
     """
+    given = {name: getattr(data, name, None) for name in TABLE}
     return (
         _imu(data.imu, files["imu"]),
         _gnss(data.gnss, files["gnss"]),
         _truth(data.truth, files["truth"]),
-        _barometer(data.barometer, files.get("barometer")),
-        _magnetometer(data.magnetometer, files.get("magnetometer")),
+        {name: _readings(TABLE[name], one, files[name]) for name, one in given.items() if one is not None},
     )
 
 
@@ -57,29 +57,27 @@ def _gnss(columns, path):
     return said._replace(satellites=np.where((count >= 0) & (count <= MOST_SATELLITES), count, np.nan))
 
 
-def _barometer(columns, path):
-    if columns is None:
-        return None
-    name = columns.pressure or columns.height
-    table = read_csv(path, (columns.time, name))
-    told = table.columns[name]
-    if columns.pressure is None:
-        pressure = np.array([atmosphere.us76(height)[1] for height in told])
-    else:
-        pressure = told * columns.pressure_unit.factor
-    bad = np.flatnonzero(~(pressure > 0.0))
-    if len(bad):
-        words = f"{name}: a static pressure is greater than zero, got {told[bad[0]]:g}"
-        raise DataError(f"{table.place(bad[0])}: {words}")
-    return PressureSeries(table, table.columns[columns.time] * columns.time_unit.factor, pressure)
+def _readings(instrument, columns, path):
+    """ReadingSeries of an instrument and the section of its columns."""
+    given = [one for one in instrument.data if getattr(columns, one.key) is not None]
+    names = {one.key: _listed(getattr(columns, one.key)) for one in given}
+    table = read_csv(path, (columns.time, *(name for listed in names.values() for name in listed)))
+    fields = {}
+    for one in given:
+        told = table.stack(names[one.key])
+        values = told * getattr(columns, f"{one.key}_unit").factor
+        values = values if one.vector else values[:, 0]
+        values = values if one.convert is None else one.convert(values)
+        bad = [] if one.is_valid is None else np.flatnonzero(~one.is_valid(values))
+        if len(bad):
+            words = f"{names[one.key][0]}: {one.wanted}, got {told[bad[0], 0]:g}"
+            raise DataError(f"{table.place(bad[0])}: {words}")
+        fields[one.field] = values
+    return ReadingSeries(table, table.columns[columns.time] * columns.time_unit.factor, fields)
 
 
-def _magnetometer(columns, path):
-    if columns is None:
-        return None
-    table = read_csv(path, (columns.time, *columns.field))
-    field = table.stack(columns.field) * columns.field_unit.factor
-    return MagneticSeries(table, table.columns[columns.time] * columns.time_unit.factor, field)
+def _listed(names):
+    return (names,) if isinstance(names, str) else names
 
 
 def _truth(columns, path):

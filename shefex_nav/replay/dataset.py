@@ -3,13 +3,15 @@
 IMU samples become increments, one after the other without holes; fixes become records of the project.
 """
 
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import wgs84
-from shefex_nav.records import BarometerReading, GpsFix, MagnetometerReading
+from shefex_nav.instruments import TABLE
+from shefex_nav.records import GpsFix
 from shefex_nav.replay import csv_folder, kf_gins, navego
 from shefex_nav.replay.series import TruthSeries
 from shefex_nav.replay.table import DataError
@@ -17,7 +19,7 @@ from shefex_nav.replay.table import DataError
 READERS = {"csv": csv_folder.read, "kf_gins": kf_gins.read, "navego": navego.read}
 RATE_TOLERANCE = 0.02  # of the sampling rate that a scenario states
 NONSENSE = -1  # number of satellites that cannot be
-READING_RATE_TOLERANCE = 0.1  # likewise of a barometer, which need not keep time
+READING_RATE_TOLERANCE = 0.1  # likewise of an instrument, which need not keep time
 
 
 class Increments(NamedTuple):
@@ -35,29 +37,28 @@ class Dataset(NamedTuple):
     imu: Increments
     fixes: list  # of GpsFix, in order of time
     truth: TruthSeries | None
-    pressures: tuple = ()  # of BarometerReading, in order of time
-    fields: tuple = ()  # of MagnetometerReading, likewise
+    readings: dict = {}  # noqa: RUF012 a default is not changed; instrument -> its readings, in order of time
 
     @property
     def received(self):
         """Fixes and readings, in no order: list."""
-        return [*self.fixes, *self.pressures, *self.fields]
+        return [*self.fixes, *chain.from_iterable(self.readings.values())]
 
 
 def read(scenario, files):
     """Dataset of a ReplayScenario and the paths of its files; DataError with what is wrong in them."""
     imu, gnss, truth, *others = READERS[scenario.data.format](scenario.data, files)
-    pressures, fields = others or (None, None)
+    said = others[0] if others else {}
     if scenario.data.format == "navego":
         _same_lever_arm(scenario, files["gnss"])
-    for one in (imu, gnss, truth, pressures, fields):
+    for one in (imu, gnss, truth, *said.values()):
         if one is not None:
             _ascending(one)
     start_s = imu.t_s[0]
-    moved = (one and one._replace(t_s=one.t_s - start_s) for one in (imu, gnss, truth, pressures, fields))
-    imu, gnss, truth, pressures, fields = moved
+    imu, gnss, truth = (one and one._replace(t_s=one.t_s - start_s) for one in (imu, gnss, truth))
+    said = {name: one._replace(t_s=one.t_s - start_s) for name, one in said.items()}
     end_s = imu.t_s[-1]
-    for one in (gnss, truth, pressures, fields):
+    for one in (gnss, truth, *said.values()):
         if one is not None and (one.t_s[0] > end_s or one.t_s[-1] < 0.0):
             words = f"covers {one.t_s[0]:g} s to {one.t_s[-1]:g} s after the first sample of the IMU"
             raise DataError(f"{one.table.file}: {words}, which ends at {end_s:g} s; are the clocks the same?")
@@ -65,8 +66,7 @@ def read(scenario, files):
         imu=increments(imu, scenario.data),
         fixes=fixes(gnss, scenario.gnss),
         truth=truth,
-        pressures=() if pressures is None else readings(pressures, scenario.barometer),
-        fields=() if fields is None else magnetic_readings(fields, scenario.magnetometer, scenario.data),
+        readings={name: readings(TABLE[name], one, scenario) for name, one in said.items()},
     )
 
 
@@ -186,24 +186,20 @@ def _unusable(gnss, k, fewest):
     return ""
 
 
-def readings(pressures, settings):
-    """BarometerReading of a PressureSeries; settings : scenario.barometer.Barometer. -> tuple"""
-    _check_rate(pressures, settings.rate, "barometer")
-    at_limit = (pressures.pressure <= settings.lowest) | (pressures.pressure >= settings.highest)
-    columns = pressures.t_s.tolist(), pressures.pressure.tolist(), at_limit.tolist()
+def readings(instrument, series, scenario):
+    """Records of a ReadingSeries of an instrument of a ReplayScenario: tuple."""
+    settings = getattr(scenario, instrument.name)
+    _check_rate(series, settings.rate, instrument.name)
+    axes, values = getattr(scenario.data, instrument.name).axes or scenario.data.axes, dict(series.fields)
+    for one in instrument.data:
+        if one.vector:
+            values[one.field] = body_axes(values[one.field], axes)
+    if instrument.at_limit is not None:
+        values["at_limit"] = instrument.at_limit(settings, *values.values())
+    columns = [column.tolist() if column.ndim == 1 else column for column in values.values()]
     return tuple(
-        BarometerReading(t_s, t_s + settings.latency, *said) for t_s, *said in zip(*columns, strict=True)
-    )
-
-
-def magnetic_readings(fields, settings, data):
-    """MagnetometerReading of a MagneticSeries; settings : scenario.magnetometer.Magnetometer. -> tuple"""
-    _check_rate(fields, settings.rate, "magnetometer")
-    field_b = body_axes(fields.field, data.magnetometer.axes or data.axes)
-    at_limit = (np.abs(field_b) >= settings.range).any(axis=1)
-    columns = fields.t_s.tolist(), field_b, at_limit.tolist()
-    return tuple(
-        MagnetometerReading(t_s, t_s + settings.latency, *said) for t_s, *said in zip(*columns, strict=True)
+        instrument.record(t_s, t_s + settings.latency, **dict(zip(values, said, strict=True)))
+        for t_s, *said in zip(series.t_s.tolist(), *columns, strict=True)
     )
 
 

@@ -134,7 +134,7 @@ def run(replay, clock):
     Yields
     ------
     Alignment, Event 'replay_start', then with every ImuBlock TruthSample (where there is truth), ImuBlock,
-    GpsFix, BarometerReading, MagnetometerReading, GateResult, NavSolution and NavCovariance
+    GpsFix, readings of instruments, GateResult, NavSolution and NavCovariance
     """
     alignment, scenario = replay.alignment, replay.scenario
     yield alignment
@@ -162,7 +162,7 @@ def run(replay, clock):
 def _advance(nav, blocks, n, waiting):
     """From tick n on to the next at which a fix arrives, or as far as ticks can be made at once.
 
-    waiting : GpsFix, BarometerReading and MagnetometerReading, the last is the next to arrive
+    waiting : GpsFix and readings of instruments, the last is the next to arrive
     -> ticks made, what has arrived, {tick: what the filter says}
     """
     last = len(blocks.t_valid_s)

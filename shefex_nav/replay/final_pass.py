@@ -14,14 +14,13 @@ from shefex_nav.onboard.navigation import prediction
 from shefex_nav.onboard.navigation.fusion import UNUSED
 from shefex_nav.onboard.navigation.history import History
 from shefex_nav.onboard.navigation.state import X_Q
-from shefex_nav.records import ERRORS_THAT_LAST
 
 
 class Keeping(History):
     """A filter's memory that keeps what leaves it, in the order in which it came: see `Final`."""
 
-    def __init__(self, tick):
-        super().__init__(tick)
+    def __init__(self, tick, aids=()):
+        super().__init__(tick, aids)
         self._pieces, self._measurements = [], []
 
     def forget_until(self, t_s):
@@ -67,12 +66,12 @@ class Final(NamedTuple):
 class Whole(History):
     """A History of all ticks of a Final, for `Moment`; states and covariances are not in it."""
 
-    def __init__(self, final, P):
+    def __init__(self, final, P, aids=()):
         self.numbers, self.increments, self.extra = final.numbers, final.increments, final.extra
         self.ends_s = final.numbers[:, 0].tolist()
         self.measurements, self.newest = final.measurements, len(self.ends_s) - 1
         self.x, self.P, self.position_s = final.xs[0].copy(), P.copy(), -np.inf
-        self.used_s = dict.fromkeys(ERRORS_THAT_LAST, -np.inf)
+        self.used_s = dict.fromkeys(aids, -np.inf)
 
 
 class Seen(NamedTuple):
@@ -107,7 +106,7 @@ def nodes(nav, final, nominal):
     -------
     Nodes
     """
-    whole = Whole(final, nav.history.P)
+    whole = Whole(final, nav.history.P, nav.params.aid_names)
     ticks, parts, ends, seen, between = [], [], [0], {}, {}
     for k in range(1, len(whole.ends_s)):
         length_s, begin_s, x = whole.length_s(k), 0.0, None
@@ -141,5 +140,4 @@ def _carried(nav, whole, k, x, begin_s, end_s):
     """Packed values x, carried over a part of tick k."""
     imu, nothing = whole.imu(k), np.zeros_like(nav.history.P)
     t_s = imu.t_end_s - imu.length_s + begin_s
-    model = nav.constants[1]
-    return prediction.advance(nav.layout, model, x, t_s, nothing, imu, begin_s, end_s, nav.earth)[0]
+    return prediction.advance(nav.constants, x, t_s, nothing, imu, begin_s, end_s)[0]

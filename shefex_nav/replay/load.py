@@ -4,14 +4,15 @@ import math
 import os
 from functools import partial
 
-from shefex_nav.replay.schema import CsvData, ReplayScenario
+from shefex_nav.instruments import TABLE
+from shefex_nav.replay import schema
+from shefex_nav.replay.schema import CsvData
 from shefex_nav.replay.schema_alignment import Static
-from shefex_nav.scenario import barometer, kind, magnetometer
+from shefex_nav.scenario import aboard, kind
 from shefex_nav.scenario import load as missions
 from shefex_nav.scenario.checks import states_that_clash
 
 SHORTEST_S = 1.0  # of a replay
-NAMES = ("imu", "gnss", "barometer", "magnetometer", "truth")  # of the files
 
 
 def load(path, overrides=(), folder=None):
@@ -23,14 +24,14 @@ def load(path, overrides=(), folder=None):
     Returns
     -------
     scenario : ReplayScenario
-    files : {'imu', 'gnss', 'barometer', 'magnetometer', 'truth'} -> path, or None of what is not given
+    files : {'imu', 'gnss', 'truth' or an instrument: path, or None of what is not given}
 
     Raises ScenarioError.
     """
     path = missions.file_of(path)
     found_in = partial(_folder, os.path.dirname(path), folder)
     scenario, _, source = missions.load_as(
-        ReplayScenario,
+        schema.model(),
         path,
         overrides,
         parts=(*PARTS, partial(_files, found_in, folder is None)),
@@ -43,7 +44,7 @@ def load(path, overrides=(), folder=None):
 
 def load_text(text, name, overrides=()):
     """ReplayScenario of a text, such as a log keeps; complaints call it `name`. Raises ScenarioError."""
-    scenario, _, source = missions.load_text_as(ReplayScenario, text, name, overrides, parts=PARTS)
+    scenario, _, source = missions.load_text_as(schema.model(), text, name, overrides, parts=PARTS)
     scenario.keep_text(source)
     return scenario
 
@@ -59,7 +60,7 @@ def _files(found_in, hint, scenario):
     found_in : function of a scenario, `_folder`;  hint : whether --data is worth a word
     """
     is_csv = isinstance(scenario.data, CsvData)
-    for name in NAMES:
+    for name in _parts():
         given = _name(scenario.data, name)
         file = given and os.path.join(found_in(scenario), given)
         if given and not os.path.isfile(file):
@@ -68,14 +69,19 @@ def _files(found_in, hint, scenario):
 
 
 def _name(data, name):
-    """File name of one of NAMES; None if it is not given, or is wrong."""
+    """File name of one of the parts; None if it is not given, or is wrong."""
     part = getattr(data, name, None)
     return part if part is None or isinstance(part, str) else getattr(part, "file", None)
 
 
 def _names(data):
-    """Name of NAMES -> file name or None."""
-    return {name: _name(data, name) for name in NAMES}
+    """Name of each part -> file name or None."""
+    return {name: _name(data, name) for name in _parts()}
+
+
+def _parts():
+    """Names of what there may be a file of."""
+    return "imu", "gnss", *TABLE, "truth"
 
 
 def _times(scenario):
@@ -149,20 +155,23 @@ def _without_height(scenario):
 
 def _both_or_none(scenario):
     """Sensors that are described where there are data of them."""
-    for name in ("barometer", "magnetometer"):
+    for name in TABLE:
         columns = getattr(scenario.data, name, None)
         if (columns is None) != (getattr(scenario, name) is None):
             words = f"data.{name} says where its file is, {name} what to assume of it: give both or none"
             yield ("data" if columns is None else name,), words
 
 
-def _barometer(scenario):
-    """A barometer with one column to read, and its states; likewise of the magnetometer."""
-    columns = getattr(scenario.data, "barometer", None)
-    if columns is not None and (columns.pressure is None) == (columns.height is None):
-        yield ("data", "barometer"), "give one of pressure and height, the column to read"
-    yield from barometer.of_sensor(scenario)
-    yield from magnetometer.of_sensor(scenario)
+def _instruments(scenario):
+    """Instruments with one column to read for each field, and their states."""
+    for name, one in TABLE.items():
+        columns, of_field = getattr(scenario.data, name, None), {}
+        for column in one.data if columns is not None else ():
+            of_field.setdefault(column.field, []).append(column.key)
+        for keys in of_field.values():
+            if sum(getattr(columns, key) is not None for key in keys) != 1:
+                yield ("data", name), f"give one of {' and '.join(keys)}, the column to read"
+    yield from aboard.of_sensors(scenario)
 
 
 PARTS = (
@@ -174,5 +183,5 @@ PARTS = (
     _sigmas,
     _without_height,
     _both_or_none,
-    _barometer,
+    _instruments,
 )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from shefex_nav.onboard.navigation.state import NavParams
-from shefex_nav.scenario import params_barometer, params_filter, params_magnetometer
+from shefex_nav.scenario import aboard, params_filter
 
 
 def nav_params(scenario, dt_s):
@@ -18,18 +18,10 @@ def nav_params(scenario, dt_s):
         l_ba_b=np.array(scenario.gnss.lever_arm),
         C_bc=np.eye(3),
         **params_filter.common(scenario, integrity),
-        history_s=scenario.navigation.history + _longest_latency(scenario),
+        history_s=scenario.navigation.history + max(scenario.gnss.latency, aboard.longest_latency(scenario)),
         motors=np.zeros((0, 2)),
-        barometer=params_barometer.model(scenario),
-        magnetometer=params_magnetometer.model(scenario),
-        baro_bias_walk=params_barometer.bias_walk(scenario),
+        aids=aboard.aids(scenario),
     )
-
-
-def _longest_latency(scenario):
-    """Of fixes and readings, s."""
-    others = [one.latency for one in (scenario.barometer, scenario.magnetometer) if one is not None]
-    return max(scenario.gnss.latency, *others, 0.0)
 
 
 def _sigma_blocks(scenario):
@@ -39,5 +31,4 @@ def _sigma_blocks(scenario):
         "lever_arm": (sensors.lever_arm_error,) * 3,
         "gps_latency": (sensors.gps_latency_error,),
     }
-    known |= params_barometer.sigmas(scenario) | params_magnetometer.sigmas(scenario)
-    return {name: np.array(known[name]) for name in scenario.navigation.states}
+    return aboard.sigma_blocks(known, scenario.navigation.states)

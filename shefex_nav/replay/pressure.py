@@ -18,9 +18,10 @@ UNITS = {"Pa": 1.0, "hPa or mbar": 100.0, "kPa": 1000.0, "mmHg": 133.322, "psi":
 def check(scenario, data):
     """DataError if the first readings cannot be pressures of the air at the first fix, in the unit said."""
     fixes = [fix for fix in data.fixes if fix.valid]
-    if not data.pressures or not fixes:
+    pressures = data.readings.get("barometer", ())
+    if not pressures or not fixes:
         return
-    pressure = float(np.median([one.pressure for one in data.pressures[:FIRST]]))
+    pressure = float(np.median([one.pressure for one in pressures[:FIRST]]))
     height = wgs84.geodetic_from_ecef(fixes[0].r_ea_e)[2]
     standard = float(atmosphere.us76(height)[1])
     if abs(pressure / standard - 1.0) < WEATHER:

@@ -26,7 +26,6 @@ from shefex_nav.onboard.navigation.prediction import SIZES, TOP
 from shefex_nav.onboard.navigation.state import (
     ATT,
     BA,
-    BARO_BIAS,
     BG,
     CLOCK,
     GRAVITY,
@@ -39,7 +38,7 @@ from shefex_nav.onboard.navigation.state import (
     X_V,
     right_jacobian,
 )
-from shefex_nav.onboard.navigation.strapdown import BEFORE
+from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow
 
 
 class Trajectory(NamedTuple):
@@ -137,12 +136,10 @@ def forward(nav, whole, nodes, trajectory, start, intervals, second=False):
     updates, covariances = {}, {0: P_0}
     nav = nav._replace(history=whole)
     whole.position_s, whole.used_s = -np.inf, dict.fromkeys(whole.used_s, -np.inf)
-    samples = whole.numbers, whole.increments, whole.extra
+    samples = Samples(whole.numbers, whole.increments, whole.extra, nodes.ticks, nodes.parts_s)
+    about = About(nav.layout.nominal, *trajectory)
     for node in [*sorted(nodes.seen), m]:
-        _follow(
-            *nav.constants, *samples, nav.layout.nominal, *trajectory, nodes.ticks, nodes.parts_s,
-            reached, node, mean, P, *intervals,
-        )  # fmt: skip
+        _follow(nav.constants, samples, about, (reached, node), mean, P, intervals)
         reached = node
         if node in nodes.seen:
             whole.x[:] = trajectory.xs[node]
@@ -214,45 +211,58 @@ def _update(mean, P, z, H, R):
     return K, S_inverse
 
 
-@kernel
-def _follow(
-    at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, nominal, xs, more, ticks, parts_s,
-    first, last, mean, P, tops, jumps, noises, walks,
-):  # fmt: skip
-    """Mean and P from node `first` to node `last`, in place; what there is of intervals and nodes is written.
+class Samples(NamedTuple):
+    """The ticks of a Final, and the parts of them that lie between nodes."""
 
-    at, model, C_iq ... rate : `fusion.Filter.constants`;  numbers, increments, extra : of Final
-    nominal : of Layout;  the others as in Nodes, Trajectory and Intervals
+    numbers: np.ndarray  # (N + 1, 4)
+    increments: np.ndarray  # (N + 1, 2 + samples, 6)
+    extra: np.ndarray  # (N + 1, 2, 3)
+    ticks: np.ndarray  # (m,) as of Nodes
+    parts_s: np.ndarray  # (m, 2)
+
+
+class About(NamedTuple):
+    """A Trajectory, and where its values stand."""
+
+    nominal: np.ndarray  # of Layout
+    xs: np.ndarray  # as of Trajectory
+    more: np.ndarray
+
+
+@kernel
+def _follow(constants, samples, about, between, mean, P, intervals):
+    """Mean and P from one node to another, in place; what there is of intervals and nodes is written.
+
+    constants : of fusion.Filter;  samples : Samples;  about : About;  between : the two nodes
+    intervals : Intervals
     """
-    n = P.shape[0]
+    n, xs, numbers, model = P.shape[0], about.xs, samples.numbers, constants.model
     work, d, x, moved = prediction.workspace(n), np.empty(n), np.empty(xs.shape[1]), np.empty(n)
     top, Q = work[4], work[5]
-    for j in range(first, last):
-        k, begin_s, end_s = ticks[j], parts_s[j, 0], parts_s[j, 1]
-        h, samples, T = numbers[k, 1], int(numbers[k, 2]), end_s - begin_s
+    for j in range(between[0], between[1]):
+        k, begin_s, end_s = samples.ticks[j], samples.parts_s[j, 0], samples.parts_s[j, 1]
+        T, own = end_s - begin_s, samples.increments[k, : BEFORE + int(numbers[k, 2])]
         x[:] = xs[j]
         for i in range(3):
-            x[X_GRAVITY + i] += more[j, i]
+            x[X_GRAVITY + i] += about.more[j, i]
         row = error_model.valid(model, numbers[k, 0])
-        walk, _, _ = prediction.interval(
-            at, model[row], x, numbers[k, 0] - samples * h + begin_s, increments[k, : BEFORE + samples], h,
-            numbers[k, 3], extra[k], begin_s, end_s, C_iq, C_re, angle_0, rate, work,
-        )  # fmt: skip
-        prediction.carry_covariance(at, model[row], P, work, walk, T)
+        imu = ImuWindow(numbers[k, 0], numbers[k, 1], own, numbers[k, 3], samples.extra[k])
+        walk, _, _ = prediction.interval(constants, model[row], x, imu, begin_s, end_s, work)
+        prediction.carry_covariance(constants, model[row], P, work, walk, T)
         left = np.exp(-T / FIELD_TIME_S)
         for i in range(3):
             x[X_GRAVITY + i] = left * xs[j, X_GRAVITY + i]
-        _difference(x, xs[j + 1], nominal, d)
-        carried(at, model[0], top, mean, T, moved)
+        _difference(x, xs[j + 1], about.nominal, d)
+        carried(constants.at, model[0], top, mean, T, moved)
         for i in range(n):
             mean[i] = moved[i] - d[i]
         _turn(d, top, Q, mean, P)
-        copy(top, tops[j])
-        copy(Q, noises[j])
+        copy(top, intervals.tops[j])
+        copy(Q, intervals.noises[j])
         for i in range(n):
-            jumps[j, i] = d[i]
-        walks[j, 0] = model[row].gyro_bias_walk ** 2
-        walks[j, 1] = walk
+            intervals.jumps[j, i] = d[i]
+        intervals.walks[j, 0] = model[row].gyro_bias_walk ** 2
+        intervals.walks[j, 1] = walk
 
 
 @inner(forceinline=True)
@@ -327,8 +337,9 @@ def _rows_turned(G, matrix, a):
 
 
 @inner
-def other_noise(at, model, walks, T, vector, out):
+def other_noise(constants, walks, T, vector, out):
     """Q times a vector, of all errors but the first nine, subtracted from out (n,); walks: of Intervals."""
+    at, model = constants.at, constants.model[0]
     for i in range(3):
         out[BG.start + i] -= walks[0] * T * vector[BG.start + i]
         out[BA.start + i] -= walks[1] * T * vector[BA.start + i]
@@ -346,5 +357,7 @@ def other_noise(at, model, walks, T, vector, out):
         left = np.exp(-T / FIELD_TIME_S)
         for k in range(at[GRAVITY], at[GRAVITY] + 3):
             out[k] -= model.gravity_sigma**2 * (1.0 - left * left) * vector[k]
-    if at[BARO_BIAS] >= 0:
-        out[at[BARO_BIAS]] -= model.baro_bias_walk**2 * T * vector[at[BARO_BIAS]]
+    others = constants.walks
+    for k in range(others.shape[0]):
+        i = out.shape[0] - others.shape[0] + k
+        out[i] -= others[k] * T * vector[i]

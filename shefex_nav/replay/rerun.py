@@ -43,7 +43,7 @@ class Recording(NamedTuple):
     data: RunData
     params: NavParams  # of the filter that is run
     scenario_text: str  # with the overrides in it
-    gps: dict  # tick, counted from 0 -> list of what GPS receiver, barometer, magnetometer said in it
+    gps: dict  # tick, counted from 0 -> list of what GPS receiver and instruments said in it
     stars: dict  # likewise of StarFix, those without an attitude too
     gravity: tuple | None  # kind and degree of the field that the scenario names; external data name none
     field: Any = None  # GravityModel that is felt instead of the on-board one; None: that of the filter
@@ -169,7 +169,7 @@ def arrivals(measurements, ticks_s):
 def _heard(data):
     """Lists of what the sensors of a RunData said that have no pictures."""
     yield from (data.gps, data.gps_ranges)
-    for arrays in (data.barometer, data.magnetometer):
+    for arrays in data.readings.values():
         yield [row(arrays, k) for k in range(len(arrays.t_valid_s))]
 
 

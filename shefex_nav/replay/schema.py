@@ -5,16 +5,17 @@ missions use. Once loaded, a quantity is a float in SI and radians. Times count 
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, create_model, model_validator
 from pydantic_core import PydanticCustomError, core_schema
 
 from shefex_nav.clock import SAMPLES_PER_TICK
+from shefex_nav.instruments import TABLE
 from shefex_nav.replay.schema_alignment import ALIGNMENTS
-from shefex_nav.scenario.barometer import Barometer
+from shefex_nav.scenario import aboard
 from shefex_nav.scenario.block import Block, tagged
-from shefex_nav.scenario.magnetometer import Magnetometer
 from shefex_nav.scenario.messages import close
 from shefex_nav.scenario.mission import Epoch
 from shefex_nav.scenario.onboard import Navigation, Release, Releases
@@ -138,30 +139,30 @@ class GnssColumns(Block):
     satellites: str | None = Field(default=None, description="column: how many satellites were used")
 
 
-class BarometerColumns(Block):
-    """A CSV of a barometer."""
+class ReadingColumns(Block):
+    """A CSV of an instrument, vectors in the axes of the IMU's file unless it says others."""
 
     file: str = Field(min_length=1)
     time: str = Field(description="column of the time")
     time_unit: Unit("s", "s") = "s"
-    pressure: str | None = Field(default=None, description="column of the static pressure")
-    pressure_unit: Unit("Pa", "Pa") = Field(default="Pa", description="Pa, hPa, mbar, kPa")
-    height: str | None = Field(
-        default=None, description="column of the pressure altitude (of the standard atmosphere), in m"
-    )
-
-
-class MagnetometerColumns(Block):
-    """A CSV of a magnetometer, in the axes of the IMU's file unless it says others."""
-
-    file: str = Field(min_length=1)
-    time: str = Field(description="column of the time")
-    time_unit: Unit("s", "s") = "s"
-    field: Names = Field(description="columns of the magnetic field")
-    field_unit: Unit("uT", "T") = Field(default="uT", description="T, uT, nT, G, mG")
     axes: tuple[Axis, Axis, Axis] | None = Field(
         default=None, description="axes of this file that point forward, right and down; else data.axes"
     )
+
+
+@cache
+def columns_of(instrument):
+    """Section of the columns of an instrument: ReadingColumns with those of its DataColumns."""
+    fields = {}
+    for one in instrument.data:
+        kind, alone = Names if one.vector else str, len(instrument.data) == 1
+        default = {} if alone else {"default": None}
+        fields[one.key] = (kind if alone else kind | None, Field(description=one.help, **default))
+        words = f"its unit, such as {one.unit}"
+        fields[f"{one.key}_unit"] = (Unit(one.unit, one.si), Field(default=one.unit, description=words))
+    name = "".join(part.title() for part in instrument.name.split("_"))
+    doc = f"A CSV of a {instrument.name.replace('_', ' ')}."
+    return create_model(f"{name}Columns", __base__=ReadingColumns, __doc__=doc, **fields)
 
 
 class TruthColumns(Block):
@@ -209,8 +210,6 @@ class CsvData(DataBlock):
     format: Literal["csv"]
     imu: ImuColumns
     gnss: GnssColumns
-    barometer: BarometerColumns | None = None
-    magnetometer: MagnetometerColumns | None = None
     truth: TruthColumns | None = None
 
 
@@ -232,7 +231,20 @@ class NavegoData(DataBlock):
     truth: str | None = Field(default=None, description="with t, lat, lon, h, vel, roll, pitch, yaw")
 
 
-FORMATS = {"csv": CsvData, "kf_gins": KfGinsData, "navego": NavegoData}
+@cache
+def _formats(instruments):
+    """{word of `format`: section of data}, where CSVs may be of each of some instruments."""
+    columns = {
+        one.name: (columns_of(one) | None, Field(default=None, description=f"of section {one.name}"))
+        for one in instruments
+    }
+    own = create_model("CsvData", __base__=CsvData, __module__=__name__, __doc__=CsvData.__doc__, **columns)
+    return {"csv": own, "kf_gins": KfGinsData, "navego": NavegoData}
+
+
+def formats():
+    """The same for the instruments of the table that data can be of."""
+    return _formats(tuple(one for one in TABLE.values() if one.data))
 
 
 def form(key, models):
@@ -303,7 +315,7 @@ class ReplayImu(Block):
 RELEASE = Release(rejections=5, duration="4 s")
 
 
-ReplayStates = Literal[
+STATES = (  # blocks that are no instrument's
     "gyro_roll_column",
     "gyro_scale",
     "gyro_misalignment",
@@ -312,16 +324,15 @@ ReplayStates = Literal[
     "accel_misalignment",
     "lever_arm",
     "gps_latency",
-    "baro_bias",
-    "baro_scale",
-    "hard_iron",
-]
+)
 
 
 class ReplayNavigation(Navigation):
     """The filter; the defaults are for vehicles near the ground."""
 
-    states: list[ReplayStates] = Field(default=[], description="what is estimated besides the fifteen")
+    NAME: ClassVar[str] = "ReplayNavigation"
+
+    states: Any = ()  # `states_field`
     gps: Literal["loose"] = Field(default="loose", description="by its fixes")
     stars: Literal["attitude"] = Field(default="attitude", description="there are no stars in these data")
     gate_probability: Number("1e-4", "of rejecting a good measurement", positive=True, at_most=0.1) = 1e-4
@@ -343,6 +354,11 @@ class ReplayNavigation(Navigation):
         SAMPLES_PER_TICK
     )
 
+    @classmethod
+    def states_field(cls, block):
+        """Type and FieldInfo of `states`. block : Literal of the names of all blocks"""
+        return list[block], Field(default=[], description="what is estimated besides the fifteen")
+
 
 class ReplayRequirements(Block):
     """What is required of the solution."""
@@ -353,19 +369,16 @@ class ReplayRequirements(Block):
     integrity_risk: IntegrityRisk = "1e-5 /h"
 
 
-class ReplayScenario(Block):
+class ReplayBase(Block):
     """External data and how to navigate with them."""
 
+    NAME: ClassVar[str] = "ReplayScenario"
     EXAMPLE: ClassVar[str] = "csv_example.yaml"
 
     mission: ReplayMission
     earth: ReplayEarth = ReplayEarth()
-    data: form("format", FORMATS)
+    data: Any  # `form` of `formats`
     gnss: ReplayGnss = ReplayGnss()
-    barometer: Barometer | None = Field(
-        default=None, description="of data.barometer: what the filter assumes"
-    )
-    magnetometer: Magnetometer | None = Field(default=None, description="likewise of data.magnetometer")
     alignment: form("method", ALIGNMENTS)
     imu: ReplayImu
     navigation: ReplayNavigation = ReplayNavigation()
@@ -381,3 +394,19 @@ class ReplayScenario(Block):
     def keep_text(self, source):
         """Remember where it came from."""
         self._source = source
+
+
+def model():
+    """ReplayScenario with sections for each instrument that is known now, those of plug-ins included."""
+    whole = aboard.complete(ReplayBase, ReplayNavigation, core=STATES)
+    return _with_data(whole, tuple(formats().items()))
+
+
+@cache
+def _with_data(whole, known):
+    data = form("format", dict(known))
+    how = {"__base__": whole, "__module__": __name__, "__doc__": whole.__doc__}
+    return create_model(ReplayBase.NAME, **how, data=(data, ...))
+
+
+ReplayScenario = model()

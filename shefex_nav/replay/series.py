@@ -33,20 +33,12 @@ class GnssSeries(NamedTuple):
     satellites: np.ndarray | None = None  # (M,) number of them; NaN where the file says nonsense
 
 
-class PressureSeries(NamedTuple):
-    """Readings of a barometer."""
+class ReadingSeries(NamedTuple):
+    """Readings of an instrument, vectors in the axes of the file."""
 
     table: Table
     t_s: np.ndarray  # (K,)
-    pressure: np.ndarray  # (K,) Pa
-
-
-class MagneticSeries(NamedTuple):
-    """Readings of a magnetometer, in the axes of the file."""
-
-    table: Table
-    t_s: np.ndarray  # (K,)
-    field: np.ndarray  # (K, 3) T
+    fields: dict  # name of a field of its record -> (K,) or (K, 3)
 
 
 class TruthSeries(NamedTuple):

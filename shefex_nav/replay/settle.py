@@ -65,7 +65,7 @@ def _not_found(alignment, mixture, hint):
 def mixtures(bank, blocks, received):
     """Go through blocks and what is received with a Bank; Mixture after every tick in which a fix arrived.
 
-    received : GpsFix and BarometerReading, in any order
+    received : GpsFix and readings of instruments, in any order
     """
     start_s = bank.members[0].nav.history.ends_s[-1]
     waiting = [one for one in received if one.t_valid_s > start_s]

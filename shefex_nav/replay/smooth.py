@@ -156,7 +156,7 @@ def forward(recording, progress=lambda share: None):
         raise ValueError("the filter runs in the on-board field; a better one is for `backward`")
     blocks, said = recording.data.imu, RunDataBuilder(recording.data.mission)
     nav, columns = rerun.start(recording), Columns(1)
-    nav = nav._replace(history=final_pass.Keeping(nav.history[0]))
+    nav = nav._replace(history=final_pass.Keeping(nav.history[0], nav.params.aid_names))
     done, end = 0, len(blocks.t_valid_s)
     states = np.zeros((end + 1, 6), dtype=int)
     busy = sorted({k for k in (*recording.gps, *recording.stars, end - 1) if k < end})
@@ -226,7 +226,7 @@ def backward(recording, flown, final, star_aided, progress=lambda share: None):
     NavSolution, NavCovariance of arrays
     """
     nav = adaptation.replayed(rerun.start(recording), flown.noise.schedule)
-    start, whole = nav.history[0], final_pass.Whole(final, nav.history.P)
+    start, whole = nav.history[0], final_pass.Whole(final, nav.history.P, nav.params.aid_names)
     nodes = final_pass.nodes(flown, final, nav.layout.nominal)
     intervals = relinear.room(len(nodes.ticks), nav.layout.n)
     one_pass = partial(smoothed_about, nav, whole, nodes, start, intervals)

@@ -43,7 +43,7 @@ def records(data):
     pairs = not_seen_on_board(data)
     lists = [data.gps, data.gps_ranges, data.star_fixes, data.gates]
     pairs += [(record.t_valid_s, record) for record in chain(*lists)]
-    for arrays in (data.barometer, data.magnetometer):
+    for arrays in data.readings.values():
         pairs += [(t_s, row(arrays, k)) for k, t_s in enumerate(arrays.t_valid_s.tolist())]
     pairs += [(record.t_s, record) for record in data.health]
     for arrays in (data.nav, data.covariance):

@@ -56,7 +56,7 @@ def back(nav, nodes, passed, wanted=None):
     m, n, second = len(nodes.ticks), nav.layout.n, wanted is not None
     vector, matrix, lambdas, between = np.zeros(n), np.zeros((n, n)), np.empty((m + 1, n)), {}
     durations, intervals = nodes.parts_s[:, 1] - nodes.parts_s[:, 0], passed.intervals
-    given = nav.layout.at, nav.constants[1], intervals.tops, durations
+    given = nav.constants, intervals, durations
     stops = [*sorted(passed.updates, reverse=True), 0]
     if second:
         first_rows = np.empty((-np.diff([m, *stops]).min(), TOP, n))
@@ -65,9 +65,9 @@ def back(nav, nodes, passed, wanted=None):
     for node in stops:
         _back(*given, node, reached, vector, lambdas)
         if second:
-            P, noise = passed.covariances[node].copy(), (intervals.noises, intervals.walks)
-            _filtered(*given, *noise, node, reached, P, first_rows, wanted.rows, wanted.whole)
-            _spread(*given, node, reached, matrix, first_rows, *wanted)
+            P = passed.covariances[node].copy()
+            _filtered(*given, (node, reached), P, first_rows, wanted)
+            _spread(*given, (node, reached), matrix, first_rows, wanted)
         reached = node
         for k, update in reversed(list(enumerate(passed.updates.get(node, ())))):
             if len(update.z):
@@ -92,7 +92,7 @@ def _errors(nav, passed, durations, lambdas, between):
     e, reached = lambdas, 0
     e[0] = passed.mean - passed.P @ lambdas[0]
     for node in [*sorted(passed.updates), len(durations)]:
-        _forth(nav.layout.at, nav.constants[1], *passed.intervals, durations, reached, node, e)
+        _forth(nav.constants, passed.intervals, durations, reached, node, e)
         reached = node
         for k, update in enumerate(passed.updates.get(node, ())):
             if update.added is None:
@@ -105,36 +105,36 @@ def _errors(nav, passed, durations, lambdas, between):
 
 
 @kernel
-def _forth(at, model, tops, jumps, noises, walks, durations, first, last, e):
+def _forth(constants, intervals, durations, first, last, e):
     """Errors from node `first` to `last`: e (m + 1, n), written over the lambdas, which stand in it."""
-    n = e.shape[1]
+    n, model = e.shape[1], constants.model[0]
     vector = np.empty(n)
     for j in range(first, last):
         T = durations[j]
         for i in range(n):
             vector[i] = e[j + 1, i]
-        carried(at, model[0], tops[j], e[j], T, e[j + 1])
+        carried(constants.at, model, intervals.tops[j], e[j], T, e[j + 1])
         for i in range(n):
-            e[j + 1, i] -= jumps[j, i]
+            e[j + 1, i] -= intervals.jumps[j, i]
         for i in range(TOP):
             for k in range(TOP):
-                e[j + 1, i] -= noises[j, i, k] * vector[k]
-        other_noise(at, model[0], walks[j], T, vector, e[j + 1])
+                e[j + 1, i] -= intervals.noises[j, i, k] * vector[k]
+        other_noise(constants, intervals.walks[j], T, vector, e[j + 1])
 
 
 @kernel
-def _back(at, model, tops, durations, first, last, vector, lambdas):
+def _back(constants, intervals, durations, first, last, vector, lambdas):
     """lambda <- Phi^T lambda from node `last` to `first`, in place; `lambdas` at the ends of intervals."""
-    n = vector.shape[0]
+    n, at = vector.shape[0], constants.at
     before = np.empty(n)
     for j in range(last - 1, first - 1, -1):
-        T, top = durations[j], tops[j]
+        T, top = durations[j], intervals.tops[j]
         for i in range(n):
             lambdas[j + 1, i] = vector[i]
             before[i] = vector[i] if i >= TOP else 0.0
         if at[CLOCK] >= 0:
             before[at[CLOCK] + 1] += T * vector[at[CLOCK]]
-        fade(at, model[0], T, before)
+        fade(at, constants.model[0], T, before)
         for k in range(TOP):
             for i in range(n):
                 before[i] += top[k, i] * vector[k]
@@ -143,11 +143,13 @@ def _back(at, model, tops, durations, first, last, vector, lambdas):
 
 
 @kernel
-def _filtered(at, model, tops, durations, noises, walks, first, last, P, first_rows, rows, whole):
-    """P of the forward pass at the nodes from `first` on, in place, and before `last`.
+def _filtered(constants, intervals, durations, between, P, first_rows, wanted):
+    """P of the forward pass at the nodes from the first of `between` on, in place, and before the last.
 
-    first_rows : (last - first, 9, n) is written, and `whole` where it has a row
+    first_rows : (last - first, 9, n) is written, and the whole of `wanted` where it has a row
     """
+    first, last = between
+    rows, whole, walks, noise = wanted.rows, wanted.whole, intervals.walks, constants.model[0]
     gyro, accel, by_gyro, by_accel, _, _, A = prediction.workspace(P.shape[0])
     for j in range(first, last):
         copy(P[:TOP], first_rows[j - first])
@@ -155,25 +157,25 @@ def _filtered(at, model, tops, durations, noises, walks, first, last, P, first_r
             copy(P, whole[rows[j]])
         if j + 1 == last:
             break
-        work = gyro, accel, by_gyro, by_accel, tops[j], noises[j], A
-        prediction.carry_covariance(at, model[0], P, work, walks[j, 1], durations[j])
+        work = gyro, accel, by_gyro, by_accel, intervals.tops[j], intervals.noises[j], A
+        prediction.carry_covariance(constants, noise, P, work, walks[j, 1], durations[j])
         for i in range(BG.start, BG.stop):  # as it was then, which may be another row of the model
-            P[i, i] += (walks[j, 0] - model[0].gyro_bias_walk ** 2) * durations[j]
+            P[i, i] += (walks[j, 0] - noise.gyro_bias_walk**2) * durations[j]
 
 
 @kernel
-def _spread(at, model, tops, durations, first, last, matrix, first_rows, ends, nine, rows, whole):
-    """Lambda from node `last` to `first`, in place, and P - P Lambda P of the nodes before `last`.
+def _spread(constants, intervals, durations, between, matrix, first_rows, wanted):
+    """Lambda from the last node of `between` to the first, in place, and P - P Lambda P before the last.
 
-    first_rows : of P, as `_filtered` leaves them, and `whole`, which becomes that of the smoothed estimate
+    first_rows : of P, as `_filtered` leaves them, and `wanted`, which becomes that of the smoothed estimate
     """
-    n = matrix.shape[0]
+    n, (first, last), rows, whole = matrix.shape[0], between, wanted.rows, wanted.whole
     M, U, R = np.empty((TOP, n)), np.empty((TOP, n)), np.empty((TOP, n))
     for j in range(last - 1, first - 1, -1):
-        _matrix_back(at, model[0], tops[j], durations[j], matrix, M, U)
-        if not ends[j]:
+        _matrix_back(constants.at, constants.model[0], intervals.tops[j], durations[j], matrix, M, U)
+        if not wanted.ends[j]:
             continue
-        _nine_smoothed(first_rows[j - first], matrix, R, nine[j])
+        _nine_smoothed(first_rows[j - first], matrix, R, wanted.nine[j])
         if rows[j] >= 0:
             P = whole[rows[j]]
             less = P @ matrix @ P

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.log.topics import EQUAL, TOPICS
+from shefex_nav.instruments import TABLE
+from shefex_nav.log.topics import EQUAL, of_record
 from shefex_nav.records import (
-    BarometerReading,
     CameraCommand,
     ControlSample,
     Event,
@@ -24,7 +24,6 @@ from shefex_nav.records import (
     GpsFix,
     GpsRanges,
     ImuBlock,
-    MagnetometerReading,
     NavCovariance,
     NavHealth,
     NavSolution,
@@ -40,8 +39,6 @@ _SOURCES = {  # table -> record and field of RunData
     "imu": (ImuBlock, "imu"),
     "gps": (GpsFix, "gps"),
     "gps_ranges": (GpsRanges, "gps_ranges"),
-    "barometer": (BarometerReading, "barometer"),
-    "magnetometer": (MagnetometerReading, "magnetometer"),
     "frames": (Frame, "frames"),
     "frame_truth": (FrameTruth, "frame_truths"),
     "camera_commands": (CameraCommand, "commands"),
@@ -60,7 +57,6 @@ _PER_ELEMENT = {  # tables of what has a length of its own: name, and an attribu
     NavCovariance: (("nav_states", "estimates"),),
 }
 _SAMPLES = ("dtheta_b_rad", "dv_b_m_s")  # a vector in each row
-_TOPIC = {topic.record: topic for topic in TOPICS}
 
 
 class Column(NamedTuple):
@@ -75,11 +71,12 @@ def tables(data):
     """Tables of a RunData: {name: list of Column}; those without a row are left out."""
     out = {}
     for name, (record, field) in _SOURCES.items():
-        topic, source = _TOPIC[record], getattr(data, field)
+        topic, source = of_record(record), getattr(data, field)
         if record is not GpsRanges:
             out[name] = _table(topic, source)
         for inner, counted in _PER_ELEMENT.get(record, ()):
             out[inner] = _elements(topic, source, counted)
+    out |= {name: _table(of_record(one.record), data.readings[name]) for name, one in TABLE.items()}
     out |= _errors(data)
     return {name: columns for name, columns in out.items() if columns and len(columns[0].values)}
 

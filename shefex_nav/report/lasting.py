@@ -5,6 +5,7 @@ Where weight lasts (`scenario.weight`) these errors are biases, and the filter's
 and that one which opens at a great height hangs in free fall first.
 """
 
+from shefex_nav.instruments import state_sizes
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
 from shefex_nav.scenario import weight
 
@@ -18,7 +19,7 @@ def words(scenario, flown):
     ]
     if not weight.is_bias(scenario, lasts_s) or not missing:
         return ""
-    whole = [name for name in OPTIONAL if name in missing or name in navigation.states]
+    whole = [name for name in OPTIONAL | state_sizes() if name in missing or name in navigation.states]
     are, errors_are, them = (
         ("are", "these errors are biases", "them") if missing[1:] else ("is", "this error is a bias", "it")
     )

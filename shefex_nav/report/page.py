@@ -13,7 +13,7 @@ from shefex_nav.report.configured import configured
 from shefex_nav.report.figures import style
 from shefex_nav.report.html import element
 
-_HEADINGS = (  # section of figures.CATALOGUE, heading
+_HEADINGS = (  # section of figures.catalogue, heading
     ("flight", "Flight"),
     ("sensors", "Sensors"),
     ("star tracker", "Star tracker"),
@@ -93,7 +93,7 @@ def _section(name, heading, parts):
 def _figures(data):
     """{section: its figures as HTML}."""
     out = {}
-    for entry in figures.CATALOGUE:
+    for entry in figures.catalogue():
         figure = figures.draw(entry.name, data)
         if figure is None:
             continue

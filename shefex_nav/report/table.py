@@ -5,7 +5,8 @@ import re
 from rich.table import Table
 from rich.text import Text
 
-from shefex_nav.records import ERRORS_THAT_LAST, QUANTITIES
+from shefex_nav.instruments import TABLE
+from shefex_nav.records import QUANTITIES
 from shefex_nav.report import requirements, start_rows
 
 _FLOWN = (  # name, key, digits, unit
@@ -163,7 +164,7 @@ def _navigation_rows(navigation):
             low, high = nis["interval"]
             name = f"NIS, {sensor.replace('_', ' ')}"
             words = f"{low:.2f} to {high:.2f} expected if the sigmas are right"
-            if sensor in ERRORS_THAT_LAST:
+            if sensor in TABLE and TABLE[sensor].errors_last:
                 words = "below 1 where its sigmas are right, for its errors last"
             yield name, f"{nis['mean']:.2f}, mean of {nis['samples']}; {words}"
     nees = navigation["nees"]

@@ -3,15 +3,15 @@
 import math
 
 from shefex_nav.clock import IMU_HZ
+from shefex_nav.instruments import state_sizes
 from shefex_nav.scenario import (
-    barometer,
+    aboard,
     checks_flight,
     checks_gps,
     checks_tracker,
     checks_vehicle,
     dispersions,
     faults,
-    magnetometer,
     partial,
     star_statistics,
     told,
@@ -47,8 +47,7 @@ def _parts(scenario, rated):
         _clocks,
         _vibration,
         *checks_gps.PARTS,
-        barometer.contradictions,
-        magnetometer.contradictions,
+        aboard.contradictions,
         _camera,
         _states,
         *checks_tracker.PARTS,
@@ -98,7 +97,7 @@ def states_that_clash(names):
     from shefex_nav.onboard.navigation.blocks import LayoutError, checked
 
     try:
-        checked(names)
+        checked(names, state_sizes())
     except LayoutError as error:
         last = len(names) - 1 - names[::-1].index(error.name)
         yield ("navigation", "states", last), str(error)

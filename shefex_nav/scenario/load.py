@@ -5,13 +5,12 @@ from functools import partial
 
 from pydantic import ValidationError
 
-from shefex_nav.scenario import disperse, drawn, expand, fields, kind, layers, messages, overriding
+from shefex_nav.scenario import disperse, drawn, expand, fields, kind, layers, messages, overriding, schema
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
 from shefex_nav.scenario.document import Mark, dotted
 from shefex_nav.scenario.layers import EXTENDS, ScenarioError, Texts, file_of
 from shefex_nav.scenario.partial import known
 from shefex_nav.scenario.partial import validated as part_of
-from shefex_nav.scenario.schema import Scenario
 
 __all__ = ["EXTENDS", "Pattern", "ScenarioError", "file_of", "load", "load_as", "load_text", "load_text_as"]
 NOT_EXPANDED = (("gps", expand.ALMANAC), ("star_tracker", expand.MODEL))  # what a file gave, or was to give
@@ -90,9 +89,9 @@ class Pattern:
         self._text, self._name = text, name
         self._tree, self._places = _whole(text, name)
         self.scenario = self._validated(copy.deepcopy(self._tree), self._places.copy())
-        self.dispersed, _ = disperse.resolve(Scenario, self._tree, self.scenario.dispersions)
+        self.dispersed, _ = disperse.resolve(schema.model(), self._tree, self.scenario.dispersions)
         for one in self.dispersed:
-            fields.fill(Scenario, self._tree, one.path)
+            fields.fill(schema.model(), self._tree, one.path)
         self._tree.pop(DISPERSIONS, None)
 
     def with_draws(self, draws):
@@ -127,18 +126,18 @@ def _validated(tree, places, files, overrides, path):
     overriding.carry_out(overrides, tree, places, files)
     others = {file: "uses" if file in files.instruments else "extends" for file in files if file != path}
     found, rated = expand.expand(tree, places, files)
-    bad = list(NOT_EXPANDED) if found else []
+    bad, model = list(NOT_EXPANDED) if found else [], schema.model()
     try:
-        scenario = Scenario.model_validate(tree)
+        scenario = model.model_validate(tree)
     except ValidationError as error:
-        found += messages.lines(Scenario, error, places)
+        found += messages.lines(model, error, places)
         bad += messages.paths(error)
     found = files.with_mistakes(found)
     about = partial(_about, places, path, others)
     if found:
-        more = check_what_is_known(part_of(Scenario, tree, bad), rated)
+        more = check_what_is_known(part_of(model, tree, bad), rated)
     else:
-        more = [*cross_check(scenario, rated), *disperse.resolve(Scenario, tree, scenario.dispersions)[1]]
+        more = [*cross_check(scenario, rated), *disperse.resolve(model, tree, scenario.dispersions)[1]]
     found += [about(where, words) for where, words in more]
     if found:
         raise layers.sorted_error(found) from None

@@ -4,16 +4,18 @@ Values are floats in SI and radians once loaded. What the filter assumes of the 
 sections unless it is told otherwise in `navigation`.
 """
 
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, StrictBool
 
-from shefex_nav.scenario.barometer import BarometerUse, Release
+from shefex_nav.instruments.instrument import Release as ReleaseSettings
 from shefex_nav.scenario.block import AUTOMATIC, Block, tagged
-from shefex_nav.scenario.magnetometer import MagnetometerUse
+from shefex_nav.scenario.of_settings import section
 from shefex_nav.scenario.quantity import Count, Number, Quantity, Time, Vector
 from shefex_nav.scenario.star_statistics import Model
 from shefex_nav.scenario.told import Told
+
+Release = section(ReleaseSettings)
 
 
 class ExposureControl(Block):
@@ -185,31 +187,8 @@ class Releases(Block):
     star_fix: Release
 
 
-StateBlock = Literal[
-    "gyro_roll_column",
-    "gyro_scale",
-    "gyro_misalignment",
-    "gyro_g_sensitivity",
-    "accel_scale",
-    "accel_misalignment",
-    "accel_rectification",
-    "gravity",
-    "mounting",
-    "lever_arm",
-    "clock",
-    "gps_latency",
-    "range_bias",
-    "baro_bias",
-    "baro_scale",
-    "hard_iron",
-]
-
-
 def _states_form(value):
     return f"<{AUTOMATIC}>" if isinstance(value, str) else "<names>"
-
-
-States = tagged(_states_form, {AUTOMATIC: Literal["automatic"], "names": list[StateBlock]})
 
 
 class Integrity(Block):
@@ -234,18 +213,13 @@ class Integrity(Block):
 class Navigation(Block):
     """Error-state Kalman filter: position, velocity, attitude, biases of the IMU, and blocks of choice."""
 
-    states: States = Field(
-        default=AUTOMATIC,
-        description="what is estimated besides: errors of the sensors, each a block of states; automatic: "
-        "those that swamp the noise of the sensors in the planned flight",
-    )
+    NAME: ClassVar[str] = "Navigation"
+
+    states: Any = AUTOMATIC  # `states_field`
     sensors: SensorOverrides = Field(
         default_factory=SensorOverrides, description="what the filter assumes of the sensors"
     )
-    told: Told = Field(
-        default_factory=Told,
-        description="figures of the sensors that the computer is told in the place of the true ones",
-    )
+    told: Told = Field(default_factory=Told, description=Told.HELP)
     gps: Literal["loose", "tight"] = Field(
         "loose", description="how GPS is used: its fixes, or the ranges of its channels (needs state clock)"
     )
@@ -261,12 +235,6 @@ class Navigation(Block):
         "m/s", "10 m/s", "difference allowed between two fixes, per second", positive=True
     )
     integrity: Integrity = Field(default_factory=Integrity, description="faults of the sensors")
-    barometer: BarometerUse = Field(
-        default_factory=BarometerUse, description="how the filter uses the barometer, if there is one"
-    )
-    magnetometer: MagnetometerUse = Field(
-        default_factory=MagnetometerUse, description="how the filter uses the magnetometer, if there is one"
-    )
     history: Quantity("s", "0.5 s", "how far back a measurement may lie", positive=True, at_most="5 s")
     thrust_threshold: Quantity("m/s2", "15 m/s2", "specific force above which a motor burns", positive=True)
     thrust_memory: Quantity(
@@ -279,6 +247,15 @@ class Navigation(Block):
     )
     saturated_rate: Quantity("rad/s", "50 deg/s", "gyro error at the end of its range", positive=True)
     saturated_acceleration: Quantity("m/s2", "5 gee", "accelerometer error likewise", positive=True)
+
+    @classmethod
+    def states_field(cls, block):
+        """Type and FieldInfo of `states`. block : Literal of the names of all blocks"""
+        return tagged(_states_form, {AUTOMATIC: Literal["automatic"], "names": list[block]}), Field(
+            default=AUTOMATIC,
+            description="what is estimated besides: errors of the sensors, each a block of states; "
+            "automatic: those that swamp the noise of the sensors in the planned flight",
+        )
 
 
 class FrameLog(Block):

@@ -8,7 +8,7 @@ otherwise.
 import numpy as np
 
 from shefex_nav.clock import IMU_HZ
-from shefex_nav.scenario import params_barometer, params_filter, params_magnetometer
+from shefex_nav.scenario import aboard, params_filter
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.params import mounting
 from shefex_nav.scenario.params_gps import clock_densities
@@ -197,9 +197,7 @@ def nav_params(scenario):
         lasting_share=_lasting_share(scenario),
         gravity_sigma=navigation.gravity_error,
         gps=navigation.gps,
-        barometer=params_barometer.model(scenario),
-        magnetometer=params_magnetometer.model(scenario),
-        baro_bias_walk=params_barometer.bias_walk(scenario),
+        aids=aboard.aids(scenario),
         stars=navigation.stars,
         gps_told=of_gps,
     )
@@ -238,8 +236,7 @@ def _sigma_blocks(scenario):
         "gps_latency": (sensors.gps_latency_error,),
         "range_bias": (_range_bias(scenario),) * OPTIONAL["range_bias"],
     }
-    known |= params_barometer.sigmas(scenario) | params_magnetometer.sigmas(scenario)
-    return {name: np.array(known[name]) for name in scenario.navigation.states}
+    return aboard.sigma_blocks(known, scenario.navigation.states)
 
 
 def _range_bias(scenario):

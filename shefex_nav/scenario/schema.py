@@ -10,24 +10,25 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, PrivateAttr
 
-from shefex_nav.scenario.barometer import Barometer
+from shefex_nav.scenario import aboard
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.camera import StarCamera
 from shefex_nav.scenario.dispersions import Campaign, Dispersions
 from shefex_nav.scenario.faults import Faults
 from shefex_nav.scenario.gps import Gps
-from shefex_nav.scenario.magnetometer import Magnetometer
 from shefex_nav.scenario.mission import Atmosphere, Earth, Ground, Launch, Mission, Orbit, Wind
 from shefex_nav.scenario.onboard import Log, Navigation, StarTracker
 from shefex_nav.scenario.programme import Programme
 from shefex_nav.scenario.requirements import Requirements
 from shefex_nav.scenario.sensors import Imu, PadAlignment
+from shefex_nav.scenario.told import Told
 from shefex_nav.scenario.vehicle import Vehicle
 
 
-class Scenario(Block):
+class ScenarioBase(Block):
     """A mission to simulate; it starts from one of launch, orbit and ground."""
 
+    NAME: ClassVar[str] = "Scenario"
     EXAMPLE: ClassVar[str] = "shefex2_andoya.yaml"
 
     mission: Mission
@@ -44,8 +45,6 @@ class Scenario(Block):
     programme: Programme = Field(description="tasks of the attitude control, by name; may be {}")
     imu: Imu
     gps: Gps
-    barometer: Barometer | None = Field(default=None, description="left out: there is none")
-    magnetometer: Magnetometer | None = Field(default=None, description="left out: there is none")
     pad_alignment: PadAlignment
     star_camera: StarCamera
     star_tracker: StarTracker
@@ -119,6 +118,14 @@ class Scenario(Block):
     def line_about(self, field, words):
         """`file:line:col: field: words` about a field, given as a path; without a place if none is known."""
         return f"{'.'.join(map(str, field))}: {words}" if self._line is None else self._line(field, words)
+
+
+def model():
+    """Scenario with a section for each instrument that is known now, those of plug-ins included."""
+    return aboard.complete(ScenarioBase, Navigation, Told)
+
+
+Scenario = model()  # of the instruments that come with the program
 
 
 def _yaml(value):

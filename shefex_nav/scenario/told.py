@@ -5,12 +5,11 @@ The sections of the sensors say what they are; what the computer knows of them i
 world never sees them.
 """
 
-from typing import Annotated, get_args
+from typing import Annotated, ClassVar, get_args
 
 from pydantic import Field, create_model
 
 from shefex_nav.scenario import layers
-from shefex_nav.scenario.barometer import Barometer
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.camera import StarCamera
 from shefex_nav.scenario.document import dotted
@@ -24,7 +23,6 @@ OF_GPS = {
     **dict.fromkeys(("latency", "clock_offset", "range_noise", "range_rate_noise", "clock", "errors")),
     "antenna": {"lever_arm": None},
 }
-OF_BAROMETER = dict.fromkeys(("bias", "drift", "drift_time", "noise", "lag", "quantum", "port", "day"))
 OF_CAMERA = dict.fromkeys(("mounting", "optics"))
 SAME = {  # keys of `navigation.sensors`: what they say too
     "gyro_bias": ("imu", "gyro", "bias"),
@@ -63,9 +61,11 @@ def part_of(model, keys=None):
 class Told(Block):
     """Figures of the sensors that the computer on board is told where they are not the true ones."""
 
+    NAME: ClassVar[str] = "Told"
+    HELP: ClassVar[str] = "figures of the sensors that the computer is told in the place of the true ones"
+
     imu: part_of(Imu) | None = Field(None, description="of the IMU and of what shakes it")
     gps: part_of(Gps, OF_GPS) | None = Field(None, description="of the GPS receiver and its antenna")
-    barometer: part_of(Barometer, OF_BAROMETER) | None = Field(None, description="of the barometer")
     star_camera: part_of(StarCamera, OF_CAMERA) | None = Field(None, description="of the star camera")
 
 
@@ -74,7 +74,7 @@ def as_told(scenario):
     told = scenario.navigation.told
     sections = {
         name: over(getattr(scenario, name), given)
-        for name in Told.model_fields
+        for name in type(told).model_fields
         if (given := getattr(told, name)) is not None and getattr(scenario, name) is not None
     }
     return scenario.model_copy(update=sections) if sections else scenario
@@ -116,7 +116,7 @@ def _written(annotation, metadata, value):
 def differences(scenario):
     """What the computer is told and is not true: yields (path below `navigation.told`, true value, told)."""
     told = scenario.navigation.told
-    for name in Told.model_fields:
+    for name in type(told).model_fields:
         given, true = getattr(told, name), getattr(scenario, name)
         if given is not None and true is not None:
             yield from _differences(true, given, (name,))
@@ -135,8 +135,6 @@ def _differences(section, given, path):
 def contradictions(scenario):
     """(path of the field, text for people) of what is told twice, or does not go with the rest."""
     told, sensors = scenario.navigation.told, scenario.navigation.sensors
-    if told.barometer is not None and scenario.barometer is None:
-        yield ("navigation", "told", "barometer"), "there is none that it could be told of"
     if _given(told, ("gps", "latency")) and _given(told, ("gps", "clock_offset")):
         words = (
             "is of no use beside latency: the computer counts back from the arrival then, without the stamp"

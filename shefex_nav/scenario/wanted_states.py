@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.scenario import weight
+from shefex_nav.scenario import aboard, weight
 
 WINDOW_S = 60.0  # [E] three times the filter's memory of thrust: an error that lasts longer is no noise
 SWAMPS = 3.0  # [E] times the noise
@@ -180,7 +180,7 @@ def _of_others(scenario):
             found.append(
                 Effect("range_bias", True, np.nan, np.nan, "m", "the errors of ranges last (gps.errors)")
             )
-    if scenario.barometer is not None and scenario.navigation.barometer.used:
-        found.append(Effect("baro_bias", True, np.nan, np.nan, "Pa", "a barometer needs it"))
-        found.append(Effect("baro_scale", True, np.nan, np.nan, "m", "the day is warmer than the standard"))
+    for instrument, _, _ in aboard.used(scenario):
+        for block in instrument.states:
+            found.append(Effect(block.name, True, np.nan, np.nan, block.unit, block.why))
     return found

@@ -24,34 +24,11 @@ from shefex_nav.clock import IMU_HZ
 from shefex_nav.compiled import kernel
 from shefex_nav.environment import atmosphere
 from shefex_nav.geometry import frames, wgs84
-from shefex_nav.records import BarometerReading
 from shefex_nav.world.noise import gauss_markov
 
 DAY_STEP, DAY_TOP = 100.0, 60e3  # m, of the table of a day; above it the day has the temperature of the model
 SURFACE_PRESSURE, SURFACE_DENSITY = 101325.0, 1.225  # Pa, kg/m^3, of the Standard at sea level
 SURFACE_TEMPERATURE = 288.15  # K
-
-
-class BarometerParams(NamedTuple):
-    """Sensor, port and day; sigmas are one standard deviation of what is drawn per run."""
-
-    rate: float  # Hz, a divisor of 100
-    latency_s: float  # from the instant measured to the reading on board
-    bias: float  # Pa
-    drift: float  # Pa, bias that wanders
-    drift_time_s: float  # its correlation time
-    noise: float  # Pa, of one reading, white
-    lag_s: float  # time constant of line and sensor
-    quantum: float  # Pa; 0: none
-    lowest: float  # Pa, range of the sensor
-    highest: float  # Pa
-    port_mach: np.ndarray  # (k,) increasing
-    port_coefficient: np.ndarray  # (k,) part of the dynamic pressure at the port, as calibrated
-    port_error: float  # of the coefficient, as a share of it
-    day_pressure: float  # Pa, at sea level
-    day_temperature: float  # K, against the model
-    day_depth: float  # m, over which the temperature of the day goes with itself
-    air: np.ndarray  # (n, 4) as `flight.params.Air.table`; n = 0: US76
 
 
 class Errors(NamedTuple):
@@ -63,57 +40,54 @@ class Errors(NamedTuple):
     warmth: np.ndarray  # (m,) s at the heights 0, DAY_STEP, ...
 
 
-class BarometerData(NamedTuple):
-    """Readings of a flight, and what is wrong with them."""
+class Pressures(NamedTuple):
+    """What the sensor says at some samples of a flight, and what is wrong with it."""
 
-    readings: list  # of BarometerReading
+    pressure: np.ndarray  # (n,) Pa
+    at_limit: np.ndarray  # (n,) bool, at an end of its range
     errors: Errors
 
 
-def measure(params, trajectory, earth, rng):
-    """Readings along a trajectory.
+def measure(settings, truth, k, rng):
+    """Pressures at the samples k (n,) of a trajectory.
 
     Parameters
     ----------
-    params : BarometerParams
-    trajectory : Trajectory
-    earth : EarthRotation
-    rng : Generator; as many numbers are drawn whatever `params` says but for its rate
+    settings : instruments.barometer.Barometer
+    truth : with trajectory, earth and air (n, 4) as `flight.params.Air.table`; n = 0: US76
+    k : (n,) int, equally spaced
+    rng : Generator; as many numbers are drawn whatever `settings` says but for its rate
 
     Returns
     -------
-    BarometerData
+    Pressures
     """
-    errors, dt_s = draw_errors(params, rng), 1.0 / IMU_HZ
-    heights = _heights(trajectory.t_s, trajectory.r_i, *earth)
-    static = _pressures(of_the_day(errors, heights), params.air)
-    coefficient = np.interp(trajectory.mach, params.port_mach, params.port_coefficient)
-    port = static + coefficient * (1.0 + errors.port) * trajectory.dynamic_pressure_pa
-    felt = lagged(port, params.lag_s, dt_s)
-    every = round(IMU_HZ / params.rate)
-    k = np.arange(every, len(trajectory.t_s), every)
+    trajectory = truth.trajectory
+    errors, dt_s = draw_errors(settings, rng), 1.0 / IMU_HZ
+    heights = _heights(trajectory.t_s, trajectory.r_i, *truth.earth)
+    port = _pressures(of_the_day(errors, heights), truth.air)
+    if settings.port is not None:
+        coefficient = np.interp(trajectory.mach, settings.port.mach, settings.port.coefficient)
+        port = port + coefficient * (1.0 + errors.port) * trajectory.dynamic_pressure_pa
+    felt = lagged(port, settings.lag, dt_s)
     white = rng.standard_normal((len(k), 2))
-    wander = gauss_markov(np.exp(-every * dt_s / params.drift_time_s), white[:, :1])[:, 0]
-    read = felt[k] + errors.bias + params.drift * wander + params.noise * white[:, 1]
-    counted = np.round(read / params.quantum) * params.quantum if params.quantum else read
-    pressure = np.clip(counted, params.lowest, params.highest)
-    at_limit = (counted <= params.lowest) | (counted >= params.highest)
-    times = trajectory.t_s[k].tolist()
-    readings = [
-        BarometerReading(t_s, t_s + params.latency_s, value, limit)
-        for t_s, value, limit in zip(times, pressure.tolist(), at_limit.tolist(), strict=True)
-    ]
-    return BarometerData(readings, errors)
+    every = k[0] if len(k) else 1
+    wander = gauss_markov(np.exp(-every * dt_s / settings.drift_time), white[:, :1])[:, 0]
+    read = felt[k] + errors.bias + settings.drift * wander + settings.noise * white[:, 1]
+    counted = np.round(read / settings.quantum) * settings.quantum if settings.quantum else read
+    at_limit = (counted <= settings.lowest) | (counted >= settings.highest)
+    return Pressures(np.clip(counted, settings.lowest, settings.highest), at_limit, errors)
 
 
-def draw_errors(params, rng):
+def draw_errors(settings, rng):
     """What is constant in a run. -> Errors"""
     bias, port, level = rng.standard_normal(3)
-    white = rng.standard_normal((round(DAY_TOP / DAY_STEP), 1))
-    warmth = gauss_markov(np.exp(-DAY_STEP / params.day_depth), white)[:, 0]
-    metres = params.day_pressure / (SURFACE_DENSITY * atmosphere.G_0)
-    share = params.day_temperature / SURFACE_TEMPERATURE
-    return Errors(params.bias * bias, params.port_error * port, metres * level, share * warmth)
+    white, day = rng.standard_normal((round(DAY_TOP / DAY_STEP), 1)), settings.day
+    warmth = gauss_markov(np.exp(-DAY_STEP / day.depth), white)[:, 0]
+    metres = day.pressure / (SURFACE_DENSITY * atmosphere.G_0)
+    share = day.temperature / SURFACE_TEMPERATURE
+    of_port = 0.0 if settings.port is None else settings.port.error
+    return Errors(settings.bias * bias, of_port * port, metres * level, share * warmth)
 
 
 def of_the_day(errors, heights):
@@ -155,7 +129,7 @@ def _heights(t_s, r_i, C_iq, C_re, angle_0, rate):
 
 
 def _pressures(heights, air):
-    """Pressure of the model of the air. (N,) m; air as in BarometerParams -> (N,) Pa
+    """Pressure of the model of the air. (N,) m; air as of `measure` -> (N,) Pa
 
     A table holds its first row below its first height, and ends in the vacuum above its last.
     """

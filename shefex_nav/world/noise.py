@@ -3,6 +3,8 @@
 The key of a stream never changes, so a new sensor or a draw more in one sensor changes no other's noise.
 """
 
+from zlib import crc32
+
 import numpy as np
 
 STREAMS = {
@@ -15,14 +17,19 @@ STREAMS = {
     "gps_errors": 7,  # of ranges, as far as they last; receiver clock, reacquisition
     "faults": 8,  # wrong star fixes
     "sightings": 9,  # what a star tracker finds in pictures that are not drawn
-    "barometer": 10,
-    "magnetometer": 11,
 }
+FIRST_BY_NAME = 1000  # keys of streams that follow from a name
 
 
 def generator(seed, stream):
-    """Generator of one stream, named in `STREAMS`, of the run with this seed."""
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, STREAMS[stream])))
+    """Generator of one stream of the run with this seed. stream : of `STREAMS`, or its key"""
+    key = STREAMS[stream] if isinstance(stream, str) else stream
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, key)))
+
+
+def key_of(name):
+    """Key of a stream that is not in `STREAMS`, by its name."""
+    return FIRST_BY_NAME + crc32(name.encode())
 
 
 def gauss_markov(correlation, white, before=None):

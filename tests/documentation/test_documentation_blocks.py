@@ -14,9 +14,9 @@ BLOCKS = {name: page_blocks.blocks((ROOT / name).read_text(), name) for name in 
 @pytest.fixture
 def registers():
     """What pages register is forgotten again."""
-    from shefex_nav.onboard.navigation import fusion, sensors
+    from shefex_nav.onboard.navigation import sensors
 
-    kept = [(one, dict(one)) for one in (sensors.SENSORS, sensors.ARRIVALS, fusion.RANK)]
+    kept = [(one, dict(one)) for one in (sensors.SENSORS, sensors.ARRIVALS)]
     yield
     for one, before in kept:
         one.clear()

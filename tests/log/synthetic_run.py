@@ -13,6 +13,9 @@ from shefex_nav import records as rec
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.geometry.frames import EarthRotation, ecef_from_inertial, inertial_from_ecef
 from shefex_nav.geometry.pinhole import pinhole
+from shefex_nav.instruments.barometer import BarometerReading
+from shefex_nav.instruments.magnetometer import MagnetometerReading
+from shefex_nav.instruments.sun_sensor import SunReading
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.topics import Mission, RunSummary
 
@@ -222,8 +225,9 @@ def simulate(options=DEFAULT):
             valid = n % 1000 != 300
             reason = "" if valid else "lost at ignition"
             yield rec.GpsFix(t_s, t_s + 0.2, valid, r_e, v_e, cov3, cov3 * 1e-4, 9, 1.8, reason)
-            yield rec.BarometerReading(t_s, t_s + 0.02, 101325.0 - 10.0 * n, not valid)
-            yield rec.MagnetometerReading(t_s, t_s + 0.02, 1e-6 * np.array([10.0, -20.0, 0.1 * n]), not valid)
+            yield BarometerReading(t_s, t_s + 0.02, 101325.0 - 10.0 * n, not valid)
+            yield MagnetometerReading(t_s, t_s + 0.02, 1e-6 * np.array([10.0, -20.0, 0.1 * n]), not valid)
+            yield SunReading(t_s, t_s + 0.02, np.array([0.6, 0.0, 0.8]), valid)
             yield _ranges(t_s, r_e, np.random.default_rng(n), 0 if not valid else 4 + n // 100 % 3)
             yield rec.GateResult(t_s + 0.2, t_s, "gps_position", 3, 2.5, 16.3, True, "", np.ones(3))
             if n % 1000 in (0, 300):

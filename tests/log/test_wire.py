@@ -45,7 +45,7 @@ def samples():
     return found
 
 
-@pytest.mark.parametrize("topic", topics.TOPICS, ids=lambda topic: topic.schema)
+@pytest.mark.parametrize("topic", topics.topics(), ids=lambda topic: topic.schema)
 def test_google_protobuf_reads_what_was_encoded(topic, samples):
     encoder = wire.codec(topic)
     rows = samples[topic.record]
@@ -63,7 +63,7 @@ def test_google_protobuf_reads_what_was_encoded(topic, samples):
                 assert value == expected, field.name
 
 
-@pytest.mark.parametrize("topic", topics.TOPICS, ids=lambda topic: topic.schema)
+@pytest.mark.parametrize("topic", topics.topics(), ids=lambda topic: topic.schema)
 def test_decoding_gives_back_the_records(topic, samples):
     coder = wire.codec(topic)
     rows = samples[topic.record]
@@ -80,7 +80,7 @@ def test_decoding_gives_back_the_records(topic, samples):
                 assert np.shape(value) == np.shape(expected), field.name
 
 
-@pytest.mark.parametrize("topic", [*filter(wire.is_fixed, topics.TOPICS)], ids=lambda topic: topic.schema)
+@pytest.mark.parametrize("topic", [*filter(wire.is_fixed, topics.topics())], ids=lambda topic: topic.schema)
 def test_fixed_layouts_say_what_google_protobuf_says(topic, samples):
     rows = samples[topic.record]
     google = wire.VariableCodec(topic).encode(rows, stamps(rows))
@@ -96,7 +96,7 @@ def test_varints_have_the_published_encoding():
 
 
 def test_comments_travel_with_the_schema():
-    topic = next(t for t in topics.TOPICS if t.schema == "Truth")
+    topic = next(t for t in topics.topics() if t.schema == "Truth")
     file = descriptor_pb2.FileDescriptorSet.FromString(wire.schema_bytes(topic)).file[0]
     comments = {tuple(place.path): place.leading_comments for place in file.source_code_info.location}
     number = [field.name for field in file.message_type[0].field].index("r_i_m")
@@ -104,7 +104,7 @@ def test_comments_travel_with_the_schema():
 
 
 def test_schema_comparison_sees_fields_and_not_comments():
-    topic = next(t for t in topics.TOPICS if t.schema == "Truth")
+    topic = next(t for t in topics.topics() if t.schema == "Truth")
     reworded = topic._replace(comment="In other words.")
     renamed = topic._replace(fields=(topic.fields[0]._replace(name="other"), *topic.fields[1:]))
     assert wire.is_same_schema(wire.schema_bytes(reworded), topic)
@@ -112,7 +112,7 @@ def test_schema_comparison_sees_fields_and_not_comments():
 
 
 def test_fixed_decoding_refuses_other_bytes():
-    topic = next(t for t in topics.TOPICS if t.schema == "Truth")
+    topic = next(t for t in topics.topics() if t.schema == "Truth")
     coder = wire.codec(topic)
     truth = synthetic_run.truth_at(synthetic_run.mission(), 3.0)
     data = coder.encode([truth], stamps([truth]))[0]
@@ -123,7 +123,7 @@ def test_fixed_decoding_refuses_other_bytes():
 
 
 def test_wrong_shapes_are_refused():
-    coder = wire.codec(next(t for t in topics.TOPICS if t.schema == "Truth"))
+    coder = wire.codec(next(t for t in topics.topics() if t.schema == "Truth"))
     truth = synthetic_run.truth_at(synthetic_run.mission(), 3.0)
     for wrong in (np.zeros(4), np.zeros((3, 1))):
         with pytest.raises(ValueError, match=r"broadcast|sequence"):
@@ -133,7 +133,7 @@ def test_wrong_shapes_are_refused():
 @pytest.mark.parametrize("n", [1, 2, 4, 9])
 def test_any_number_of_imu_samples_in_a_tick(n):
     """Two at 200 Hz: what protobuf reads is what was encoded, and it comes back with its shape."""
-    topic, rng = next(t for t in topics.TOPICS if t.schema == "ImuBlock"), np.random.default_rng(n)
+    topic, rng = next(t for t in topics.topics() if t.schema == "ImuBlock"), np.random.default_rng(n)
     rows = [
         rec.ImuBlock(0.01 * k, 0.01 * k, 0.01 / n, *rng.standard_normal((2, n, 3)), k == 3) for k in range(5)
     ]
@@ -148,7 +148,7 @@ def test_any_number_of_imu_samples_in_a_tick(n):
 
 
 def test_ticks_of_different_lengths_are_refused():
-    topic = next(t for t in topics.TOPICS if t.schema == "ImuBlock")
+    topic = next(t for t in topics.topics() if t.schema == "ImuBlock")
     two, four = (rec.ImuBlock(0.0, 0.0, 0.01, np.zeros((n, 3)), np.zeros((n, 3)), False) for n in (2, 4))
     encoder = wire.codec(topic)
     encoder.encode([two], stamps([two]))

@@ -56,7 +56,7 @@ def test_mcap_reads_every_topic(log):
     for topic in ("/star_tracker/image", "/star_tracker/annotations", "/star_tracker/fix", "/truth/frame"):
         assert counts[topic] == 201
     assert counts["/star_tracker/calibration"] == counts["/mission"] == counts["/nav/alignment"] == 1
-    assert {topic.topic for topic in topics.TOPICS} <= set(counts)
+    assert {topic.topic for topic in topics.topics()} <= set(counts)
 
 
 def test_scenario_and_origin_travel_in_the_file(log):
@@ -86,7 +86,7 @@ def contents(path):
 
 
 def test_records_stand_in_the_order_in_which_they_came(records, log):
-    topic_of = {topic.record: topic.topic for topic in topics.TOPICS}
+    topic_of = {topic.record: topic.topic for topic in topics.topics()}
     topic_of[rec.ComputeTime] = topic_of[topics.RunSummary] = topic_of[topics.Timing]
     with log.open("rb") as file:
         messages = make_reader(file).iter_messages(topics=list(topic_of.values()), log_time_order=False)

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from navigation_flight import DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix
 
-from shefex_nav.onboard.navigation import fusion, gate, integrity, integrity_watch, sensors
+from shefex_nav.onboard.navigation import fusion, gate, integrity, integrity_watch
 from shefex_nav.onboard.navigation.grown import grown
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate
 from shefex_nav.onboard.navigation.integrity_bank import CALM, WINDOWS, Stream, _worst, limits
+from shefex_nav.onboard.navigation.sensor import Trial
 from shefex_nav.onboard.navigation.state import ReleaseRule
 from shefex_nav.records import Doubt, GpsFix
 
@@ -331,7 +332,7 @@ def test_a_position_refused_before_is_no_better_in_a_wider_gate(z, fate):
     rule = ReleaseRule(30, 29.0)
     refused = HEALTHY._replace(used=5, rejected=2, t_first_s=1.0, in_a_row=2)
     refused = refused._replace(evidence=position([30.0, 0.0, 0.0]), first=position([31.0, 0.0, 0.0]))
-    trial = sensors.Trial(rule, position(z), lambda *_: True, lambda *_: True, integrity.offset_remains)
+    trial = Trial(rule, position(z), lambda *_: True, lambda *_: True, integrity.offset_remains)
     found, health = integrity.judge(refused, trial, 0.0, 21.1, 3.0)
     assert found == fate
     assert health.rejected == (3 if fate == Fate.REJECTED else 0)

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from navigation_flight import C_BC, DEG, DT, EARTH, MODEL, PARAMS, alignment, fly, gps_fix, star_fix
-from test_nav_blocks import ALL, CLOCK, STATES, STEPS, error_between, state_with_errors
+from test_nav_blocks import ALL, CLOCK, DRIFT, STATES, STEPS, error_between, state_with_errors
 from test_nav_blocks import RNG as RNG  # begins anew with each test of this module, too
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import fusion
+from shefex_nav.onboard.navigation.aid import Aid
 from shefex_nav.onboard.navigation.blocks import LayoutError
 from shefex_nav.onboard.navigation.state import ATT, CORE, OPTIONAL, POS, VEL, layout, pack
 
@@ -16,9 +17,12 @@ def test_sensors_without_noise_leave_no_error_with_every_block_on():
     """Faulty increments, errors known: the estimate stays on the truth, every block on its value."""
     blocks, states = fly(3.0)
     errors = state_with_errors(ALL.names)
-    known = states[0]._replace(**{name: getattr(errors, name) for name in ALL.names if name not in OUTSIDE})
-    known = known._replace(gyro_bias=errors.gyro_bias, accel_bias=errors.accel_bias)
-    params = PARAMS._replace(states=ALL.names, sigma_blocks=SIGMAS, **CLOCK)
+    inside = [name for name in OPTIONAL if name in ALL.names and name not in OUTSIDE]
+    known = states[0]._replace(**{name: getattr(errors, name) for name in inside})
+    biases = {"gyro_bias": errors.gyro_bias, "accel_bias": errors.accel_bias}
+    known = known._replace(others=np.zeros(DRIFT.size), **biases)
+    drifting = Aid("drifting", tuple, None, (DRIFT,))
+    params = PARAMS._replace(states=ALL.names, sigma_blocks=SIGMAS, aids=(drifting,), **CLOCK)
     nav = fusion.start(params, alignment(states[0]), EARTH)
     nav.history.x[:] = nav.history.xs[nav.history.place(0)] = pack(known)
     for k, block in enumerate(faulty(blocks, known), 1):
@@ -47,9 +51,6 @@ OUTSIDE = (
     "clock",
     "gps_latency",
     "range_bias",
-    "baro_bias",
-    "baro_scale",
-    "hard_iron",
 )
 SIGMAS = {name: np.full(size, 10.0 * STEPS[name]) for name, size in OPTIONAL.items()}
 

@@ -1,5 +1,6 @@
 """Barometer and fixes without height in the filter: Jacobians, what lasts, limits of use, a new bias."""
 
+from functools import partial
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -10,73 +11,89 @@ from unpacked import correct
 
 from shefex_nav.environment import atmosphere
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.onboard.navigation import fusion, integrity_gps, measure_barometer, measurements
-from shefex_nav.onboard.navigation.state import OPTIONAL, NavState, layout, pack
-from shefex_nav.records import Alignment, BarometerReading, GpsFix, ImuBlock
+from shefex_nav.instruments import state_sizes
+from shefex_nav.instruments.barometer import BarometerReading
+from shefex_nav.onboard.navigation import aiding, fusion, integrity_gps, measure_barometer, measurements
+from shefex_nav.onboard.navigation.aid import Aid, Block, Renewal
+from shefex_nav.onboard.navigation.state import NavState, layout, pack
+from shefex_nav.records import Alignment, GpsFix, ImuBlock
 
 EARTH = frames.EarthRotation(
     rotation.dcm_from_rotvec(np.array([1e-3, -2e-3, 5e-4])), np.eye(3), 2.5, 7.292115e-5
 )
 SITE = np.deg2rad(67.89), np.deg2rad(21.1)
-LAYOUT = layout(("baro_bias", "baro_scale"))
 STEP = np.concatenate([np.repeat([1.0, 1e-2, 1e-5, 1e-4, 1e-2], 3), [1.0, 1.0], np.full(8, 1e-5)])
-BAROMETER = measure_barometer.BarometerModel(
+BAROMETER = measure_barometer.Model(
     noise=5.0,
-    lag_s=0.05,
+    lag=0.05,
     lag_error=0.2,
     port_mach=np.array([0.0, 1.0, 2.0]),
     port_coefficient=np.array([0.0, 0.02, 0.01]),
     port_error=0.25,
     flow_error=0.005,
-    flow_memory_s=20.0,
+    flow_memory=20.0,
     day=(8.0, 8e3),
     P_scale=measure_barometer.of_layers(8.0, 8e3),
     up_to=30e3,
     unused_mach=(0.8, 1.3),
-    release=(5, 0.4),
 )
 
 
-def state_at(height, climb=300.0, t_s=50.0):
+def aid_of(model):
+    """Aid of a filter."""
+    blocks = (
+        Block("baro_bias", np.diag([100.0, 65.0]) ** 2, np.array([1.0, 0.0])),
+        Block("baro_scale", model.P_scale, np.zeros(8)),
+    )
+    expect, unfit = (partial(one, model) for one in (measure_barometer.expect, measure_barometer.unfit))
+    return Aid(
+        "barometer", BarometerReading, expect, blocks, unfit, Renewal("baro_bias", 1e4, 5, 0.4, "new bias")
+    )
+
+
+AID = aid_of(BAROMETER)
+LAYOUT = layout(("baro_bias", "baro_scale"), AID.blocks)
+
+
+def state_at(height, climb=300.0, t_s=50.0, others=True):
     rng = np.random.default_rng(4)
     r_e, C_en = wgs84.ecef_from_geodetic(*SITE, height), wgs84.dcm_en(*SITE)
     r_i, v_i = frames.inertial_from_ecef(EARTH, t_s, r_e, C_en @ np.array([40.0, -20.0, -climb]))
-    return NavState(
-        t_s, r_i, v_i, rotation.quat_normalise(rng.standard_normal(4)), np.zeros(3), np.zeros(3),
-        baro_bias=np.array([120.0, -45.0]), baro_scale=0.02 * rng.standard_normal(8),
-    )  # fmt: skip
+    q_ib = rotation.quat_normalise(rng.standard_normal(4))
+    values = np.concatenate([[120.0, -45.0], 0.02 * rng.standard_normal(8)]) if others else np.empty(0)
+    return NavState(t_s, r_i, v_i, q_ib, np.zeros(3), np.zeros(3), others=values)
 
 
-def reading_of(state, pressure=0.0, order=LAYOUT):
-    x = pack(state)
-    here = measure_barometer.air(EARTH, state.t_s, x)
-    fix = BarometerReading(state.t_s, state.t_s, pressure)
-    return measure_barometer.reading(order, BAROMETER, x, here, fix)
+def here(state, order=LAYOUT):
+    return aiding.Here(order, EARTH, state.t_s, pack(state))
+
+
+def reading_of(state, pressure=0.0, order=LAYOUT, model=BAROMETER):
+    """z, H, and R with what lasts."""
+    seen = measure_barometer.expect(
+        model, here(state, order), BarometerReading(state.t_s, state.t_s, pressure)
+    )
+    return seen.z, seen.H, seen.R + sum(one for one, _ in seen.lasting)
 
 
 @pytest.mark.parametrize("height", [-50.0, 300.0, 5000.0, 11_500.0, 25_000.0])
 def test_the_jacobian_is_what_perturbing_the_state_gives(height):
     """But for what the flow does: the part of q at the port is taken from the state, its Jacobian is not."""
-    global BAROMETER
-    state, before = state_at(height), BAROMETER
-    BAROMETER = before._replace(port_coefficient=np.zeros(3))
-    try:
-        _, H, _ = reading_of(state)
-        for k in range(LAYOUT.n):
-            e = np.zeros(LAYOUT.n)
-            e[k] = STEP[k]
-            ahead, behind = (reading_of(correct(LAYOUT, state, s * e))[0] for s in (1.0, -1.0))
-            numeric = (behind[0] - ahead[0]) / (2.0 * STEP[k])  # z falls as the expected reading grows
-            assert H[0, k] == pytest.approx(numeric, rel=2e-4, abs=2e-6 * abs(H[0]).max()), k
-    finally:
-        BAROMETER = before
+    state, model = state_at(height), BAROMETER._replace(port_coefficient=np.zeros(3))
+    _, H, _ = reading_of(state, model=model)
+    for k in range(LAYOUT.n):
+        e = np.zeros(LAYOUT.n)
+        e[k] = STEP[k]
+        ahead, behind = (reading_of(correct(LAYOUT, state, s * e), model=model)[0] for s in (1.0, -1.0))
+        numeric = (behind[0] - ahead[0]) / (2.0 * STEP[k])  # z falls as the expected reading grows
+        assert H[0, k] == pytest.approx(numeric, rel=2e-4, abs=2e-6 * abs(H[0]).max()), k
 
 
 def test_the_reading_of_a_known_place_leaves_no_innovation():
     """Pressure of the Standard at the height that the errors of bias and warmth leave, lagging behind."""
     state = state_at(3000.0)
     felt = 3000.0 - 0.05 * 300.0
-    level = felt + 45.0 - state.baro_scale[0] * 1500.0 - state.baro_scale[1] * (felt - 1500.0)
+    level = felt + 45.0 - state.others[2] * 1500.0 - state.others[3] * (felt - 1500.0)
     density, _, _, sound = atmosphere.us76(3000.0)
     speed = np.sqrt(40.0**2 + 20.0**2 + 300.0**2)
     flow = 0.02 * speed / sound * 0.5 * density * speed**2  # the coefficient rises to 0.02 at Mach 1
@@ -109,27 +126,19 @@ def test_layers_of_a_day_that_goes_with_itself():
 def test_errors_that_last_make_a_reading_count_less_but_pass_the_gate_alike():
     state = state_at(5000.0)
     _, _, R = reading_of(state)
-    params = PARAMS._replace(barometer=BAROMETER)
-    nav = SimpleNamespace(
-        params=params,
-        earth=EARTH,
-        layout=LAYOUT,
-        history=SimpleNamespace(x=pack(state)),
-    )
-    counted = measure_barometer.counts(nav, BarometerReading(state.t_s, state.t_s, 0.0), R, 0.1)
-    slow = np.exp(-0.1 / BAROMETER.flow_memory_s)
+    nav = SimpleNamespace(earth=EARTH, layout=LAYOUT, history=SimpleNamespace(x=pack(state)))
+    counted = aiding.sensor(AID).counted(nav, BarometerReading(state.t_s, state.t_s, 0.0), R, 0.1)
+    slow = np.exp(-0.1 / BAROMETER.flow_memory)
     assert R[0, 0] > BAROMETER.noise**2
     assert counted[0, 0] > 10.0 * R[0, 0]
     assert counted[0, 0] < (1.0 + slow) / (1.0 - slow) * R[0, 0]
 
 
 def test_a_reading_is_not_used_high_up_in_shocks_and_at_the_end_of_its_range():
-    nav = SimpleNamespace(params=PARAMS._replace(barometer=BAROMETER), earth=EARTH)
-
     def why(height, climb, **more):
         state = state_at(height, climb)
         fix = BarometerReading(state.t_s, state.t_s, 5e4, **more)
-        return measure_barometer.unfit(nav, state.t_s, pack(state), fix)
+        return AID.unfit(here(state), fix)
 
     assert why(1000.0, 100.0) == ""
     assert why(31e3, 100.0) == "not used: above 30 km"
@@ -148,11 +157,7 @@ def stand(readings, seconds, fixes=(), states=("baro_bias", "baro_scale")):
     r_i, v_i = frames.inertial_from_ecef(EARTH, 0.0, r_e, np.zeros(3))
     q_ib = rotation.quat_from_dcm(frames.dcm_ie(EARTH, 0.0) @ C_en)
     begin = Alignment(0.0, r_i, v_i, q_ib, 3.0, 0.01, 1e-6 * np.eye(3))
-    sigmas = {"baro_bias": np.array([100.0, 65.0]), "baro_scale": np.ones(8)}
-    params = PARAMS._replace(
-        states=states, sigma_blocks={name: sigmas[name] for name in states}, barometer=BAROMETER,
-        baro_bias_walk=1.0, imu=MODEL,
-    )  # fmt: skip
+    params = PARAMS._replace(states=states, sigma_blocks={}, aids=(AID,), imu=MODEL)
     nav, results = fusion.start(params, begin, EARTH), []
     waiting = sorted([*readings, *fixes], key=lambda one: one.t_available_s)
     from shefex_nav.environment import gravity
@@ -188,9 +193,8 @@ def test_the_known_pad_calibrates_the_barometer():
     nav, results = stand(on_the_pad(5.0), 5.0)
     assert all(result.accepted for result in results)
     state, P = nav.history[-1].state, nav.history[-1].P
-    here = measure_barometer.air(EARTH, state.t_s, pack(state))
-    assert here.height == pytest.approx(360.0, abs=3.0)
-    told = measure_barometer.expected(BAROMETER, pack(state), here).pressure
+    assert here(state).height == pytest.approx(360.0, abs=3.0)
+    told = -reading_of(state)[0][0]
     assert told - atmosphere.us76(360.0)[1] == pytest.approx(180.0, abs=12.0)
     _, H, _ = reading_of(state)
     H[0, : nav.layout.places["baro_bias"].start] = 0.0
@@ -214,7 +218,7 @@ def test_a_barometer_that_jumps_has_a_new_bias_and_leaves_the_height_alone():
     assert len(refused) == 4
     assert [result.note for result in results if result.note == "new bias"] == ["new bias"]
     state = nav.history[-1].state
-    assert measure_barometer.air(EARTH, state.t_s, pack(state)).height == pytest.approx(360.0, abs=4.0)
+    assert here(state).height == pytest.approx(360.0, abs=4.0)
     assert results[-1].accepted
 
 
@@ -250,13 +254,13 @@ def level_fix(t_s, north, east, height=0.0, sigma=2.0):
 
 
 def test_latitude_and_longitude_say_nothing_of_the_height():
-    order, state = layout(("lever_arm",)), state_at(8000.0)
+    order, state = layout(("lever_arm",)), state_at(8000.0, others=False)
     a = antenna_of(state, order)
     z, H, R = measurements.gps_horizontal(level_fix(state.t_s, 3.0, -4.0), a)
     again, _, _ = measurements.gps_horizontal(level_fix(state.t_s, 3.0, -4.0, height=5000.0), a)
     np.testing.assert_allclose(z, again, atol=1e-6)
     np.testing.assert_allclose(R, 4.0 * np.eye(2), atol=1e-9)
-    up_i = measure_barometer.air(EARTH, state.t_s, pack(state)).up_i
+    up_i = here(state, order).up_i
     assert np.abs(H[:, :3] @ up_i).max() < 1e-5  # the fix is 5 m away: its level is another by 1e-6
     for k in range(order.n):
         e = np.zeros(order.n)
@@ -297,4 +301,4 @@ def test_a_coarse_receiver_below_which_the_vehicle_climbs_does_not_repeat_itself
 
 
 def test_every_block_of_the_barometer_has_its_size():
-    assert (OPTIONAL["baro_bias"], OPTIONAL["baro_scale"]) == (2, len(measure_barometer.LAYERS))
+    assert state_sizes() | {"baro_bias": 2, "baro_scale": len(measure_barometer.LAYERS)} == state_sizes()

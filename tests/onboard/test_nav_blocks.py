@@ -14,6 +14,7 @@ from shefex_nav.onboard.navigation import (
     measurements,
     prediction,
 )
+from shefex_nav.onboard.navigation.blocks import Block
 from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.state import (
     ATT,
@@ -27,7 +28,8 @@ from shefex_nav.onboard.navigation.state import (
 )
 from shefex_nav.records import GpsFix, StarFix
 
-ALL = layout(tuple(OPTIONAL)[1:])  # the roll column is part of scale factor and misalignment
+DRIFT = Block("drift", np.diag([4.0, 9.0]), np.array([0.3, 0.0]))  # of an instrument, one that wanders
+ALL = layout((*tuple(OPTIONAL)[1:], "drift"), (DRIFT,))  # the roll column is part of the next two
 ROLL = layout(("gyro_roll_column", "gyro_g_sensitivity", "accel_misalignment", "lever_arm"))
 STEPS = {
     "position": 10.0,
@@ -48,9 +50,7 @@ STEPS = {
     "clock": 1.0,
     "gps_latency": 1e-4,
     "range_bias": 1.0,
-    "baro_bias": 1.0,
-    "baro_scale": 1e-3,
-    "hard_iron": 1e-6,
+    "drift": 1.0,
 }
 RNG = np.random.default_rng(11)  # anew in each test: conftest.own_numbers
 BLOCKS, STATES = fly(0.3)
@@ -65,7 +65,10 @@ NOISE = error_model.record(PARAMS._replace(**CLOCK))
 def state_with_errors(names, latency_s=0.0, t_s=123.4):
     """A state in flight, nothing zero of what is estimated."""
     small = {"gyro_g_sensitivity": 1e-6, "mounting": 2e-3, "lever_arm": 0.1, "clock": 5.0, "range_bias": 2.0}
-    blocks = {name: small.get(name, 5e-4) * RNG.standard_normal(OPTIONAL[name]) for name in names}
+    own = [name for name in names if name in OPTIONAL]
+    blocks = {name: small.get(name, 5e-4) * RNG.standard_normal(OPTIONAL[name]) for name in own}
+    if "drift" in names:
+        blocks["others"] = RNG.standard_normal(DRIFT.size)
     if "gps_latency" in names:
         blocks["gps_latency"] = np.array([latency_s])
     return NavState(
@@ -98,8 +101,14 @@ def error_between(order, estimate, truth):
     dx[POS], dx[VEL] = truth.r_i - estimate.r_i, truth.v_i - estimate.v_i
     dx[ATT] = rotation.rotvec_between(estimate.q_ib, truth.q_ib)
     for name in ("gyro_bias", "accel_bias", *order.names):
-        dx[order.places[name]] = getattr(truth, name) - getattr(estimate, name)
+        field = "others" if name == "drift" else name
+        dx[order.places[name]] = getattr(truth, field) - getattr(estimate, field)
     return dx
+
+
+def constants_of(order):
+    """What a prediction with some blocks needs."""
+    return prediction.constants(order, NOISE, EARTH, (DRIFT,))
 
 
 @pytest.mark.parametrize("order", [ALL, ROLL], ids=["all", "roll column"])
@@ -120,7 +129,7 @@ def test_transition_of_every_block_is_the_derivative_of_the_strapdown(order, beg
         return start._replace(r_i=r_i, v_i=v_i, q_ib=q_ib, clock=clock, range_bias=decayed, gravity=gravity)
 
     nominal = end(state)
-    Phi, _ = prediction.growth(order, NOISE, state, imu, begin_s, end_s, EARTH)
+    Phi, _ = prediction.growth(constants_of(order), order, state, imu, begin_s, end_s)
     measured = np.empty((order.n, order.n))
     for _, j, step in each_error(order):
         up = error_between(order, nominal, end(correct(order, state, unit(order, j, step))))
@@ -151,17 +160,17 @@ def test_the_kernel_carries_the_state_as_the_strapdown_does():
         place = history.make_room(4)
         history.increments[place, 2:], history.extra[place] = np.hstack([block.dtheta_b, block.dv_b]), 0.0
         t_end_s = state.t_s + 0.01 * k
-        prediction.enter(ALL.at, NOISE, *EARTH, *history.arrays, k, motors, t_end_s, DT, 4)
+        prediction.enter(constants_of(ALL), history.arrays, k, motors, t_end_s, DT, 4)
         history.extend([t_end_s])
     in_turn = history.xs[:12].copy(), history.Ps[:12].copy()
     history.go_to(0)
-    prediction.travel(ALL.at, NOISE, *EARTH, *history.arrays, 1, 0.0, 11, np.inf)
+    prediction.travel(constants_of(ALL), history.arrays, 1, 0.0, 11, np.inf)
     assert np.array_equal(in_turn[0], history.xs[:12]) and np.array_equal(in_turn[1], history.Ps[:12])
     for k in range(1, 12):
         imu = history.imu(k)
         r_i, v_i, C_ib = slow_strapdown.propagate(state, imu, 0.0, 0.01, EARTH)
-        Phi, Q = prediction.growth(ALL, NOISE, state, imu, 0.0, 0.01, EARTH)
-        x, P_step = prediction.advance(ALL, NOISE, x, t_s, P, imu, 0.0, 0.01, EARTH)
+        Phi, Q = prediction.growth(constants_of(ALL), ALL, state, imu, 0.0, 0.01)
+        x, P_step = prediction.advance(constants_of(ALL), x, t_s, P, imu, 0.0, 0.01)
         P = Phi @ P @ Phi.T + Q
         P = 0.5 * (P + P.T)
         clock = state.clock + np.array([0.01 * state.clock[1], 0.0])
@@ -200,7 +209,7 @@ def test_noise_of_receiver_and_field_grows_as_said():
     state = NavState(0.0, *STATES[0][1:6])
     P, n = np.zeros((order.n, order.n)), 1000
     for _ in range(n):
-        _, P = prediction.advance(order, NOISE, pack(state), 0.0, P, imu, 0.0, 0.01, EARTH)
+        _, P = prediction.advance(constants_of(order), pack(state), 0.0, P, imu, 0.0, 0.01)
     T, white, walk = 10.0, CLOCK["clock_white"] ** 2, CLOCK["clock_walk"] ** 2
     c, r = order.places["clock"], order.places["range_bias"]
     expected = [[white * T + walk * T**3 / 3.0, walk * T**2 / 2.0], [walk * T**2 / 2.0, walk * T]]
@@ -344,5 +353,5 @@ def test_every_block_alone_gives_numbers_whatever_the_memory_held(name):
     for _ in range(5):
         held = [np.full(shape, np.nan) for shape in ((7, 3, 3, 3), (7, 2, 3, 3), (9, order.n), (9, 9))]
         del held
-        _, after = prediction.advance(order, NOISE, x, 0.0, P, imu, 0.0, 0.01, EARTH)
+        _, after = prediction.advance(constants_of(order), x, 0.0, P, imu, 0.0, 0.01)
         assert np.all(np.isfinite(after))

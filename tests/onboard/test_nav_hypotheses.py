@@ -5,6 +5,7 @@ import pytest
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import hypotheses
+from shefex_nav.onboard.navigation.aid import Aid
 from shefex_nav.onboard.navigation.hypotheses import Bank, split
 from shefex_nav.records import Alignment
 
@@ -63,7 +64,8 @@ def bank():
     """Of the navigation's test flight."""
     from navigation_flight import EARTH, PARAMS
 
-    return Bank(PARAMS, alignment(hypotheses.UNKNOWN), EARTH)
+    blind = Aid("pressure", tuple, None, sees_attitude=False)
+    return Bank(PARAMS._replace(aids=(blind,)), alignment(hypotheses.UNKNOWN), EARTH)
 
 
 def test_weights_follow_the_likelihood(bank):
@@ -75,7 +77,7 @@ def test_weights_follow_the_likelihood(bank):
     assert ratio == pytest.approx(np.exp(hypotheses.TEMPER * 3.0))
     before = bank.weights.copy()
     for member in bank.members:  # a barometer sees no heading
-        member.nav.judged("barometer", np.eye(1), float(member.number))
+        member.nav.judged("pressure", np.eye(1), float(member.number))
     np.testing.assert_array_equal(bank.weights, before)
 
 

@@ -1,7 +1,5 @@
 """Magnetometer in the filter: Jacobians of three axes and of the heading, hard iron, limits of use."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from navigation_flight import MODEL, PARAMS
@@ -9,21 +7,34 @@ from unpacked import correct
 
 from shefex_nav.environment import gravity, magnetic_field
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.onboard.navigation import fusion, measure_magnetometer
+from shefex_nav.instruments import magnetometer
+from shefex_nav.instruments.instrument import Known, Release
+from shefex_nav.instruments.magnetometer import Magnetometer, MagnetometerReading, MagnetometerUse
+from shefex_nav.onboard.navigation import fusion
+from shefex_nav.onboard.navigation.aiding import Here
 from shefex_nav.onboard.navigation.state import ATT, NavState, layout, pack
-from shefex_nav.records import Alignment, ImuBlock, MagnetometerReading
+from shefex_nav.records import Alignment, ImuBlock
 
 EARTH = frames.EarthRotation(
     rotation.dcm_from_rotvec(np.array([1e-3, -2e-3, 5e-4])), np.eye(3), 2.5, 7.292115e-5
 )
 SITE = np.deg2rad(47.0), np.deg2rad(11.0)
-LAYOUT = layout(("hard_iron",))
 HARMONICS = magnetic_field.load(2025.5)
 STEP = np.concatenate([np.repeat([1.0, 1e-2, 1e-5, 1e-4, 1e-2], 3), np.full(3, 1e-8)])
-SENSOR = measure_magnetometer.MagnetometerModel(
-    harmonics=HARMONICS, sigma_n=magnetic_field.sigma_n(2025.5), noise=5e-8, soft_iron=3e-3, memory_s=100.0,
-    heading=False, release=(5, 0.4),
-)  # fmt: skip
+SENSOR = Magnetometer(
+    rate=10.0, latency=0.0, hard_iron=5e-7, soft_iron=3e-3, noise=5e-8, quantum=0.0, range=2e-4
+)
+
+
+def aid_of(rows):
+    """Aid of a filter that uses the three axes, or the heading alone."""
+    release = Release(rejections=5, duration=0.4)
+    use = MagnetometerUse(used=True, rows=rows, model_error=0.0, memory=100.0, release=release)
+    return magnetometer.aid(SENSOR, use, Known(2025.5, np.zeros(3)))
+
+
+FIELD, HEADING = aid_of("field"), aid_of("heading")
+LAYOUT = layout(("hard_iron",), FIELD.blocks)
 
 
 def state_at(t_s=50.0, seed=4, site=SITE):
@@ -31,23 +42,24 @@ def state_at(t_s=50.0, seed=4, site=SITE):
     r_e, C_en = wgs84.ecef_from_geodetic(*site, 3000.0), wgs84.dcm_en(*site)
     r_i, v_i = frames.inertial_from_ecef(EARTH, t_s, r_e, C_en @ np.array([40.0, -20.0, -300.0]))
     q_ib = rotation.quat_normalise(rng.standard_normal(4))
-    return NavState(t_s, r_i, v_i, q_ib, np.zeros(3), np.zeros(3), hard_iron=5e-7 * rng.standard_normal(3))
+    return NavState(t_s, r_i, v_i, q_ib, np.zeros(3), np.zeros(3), others=5e-7 * rng.standard_normal(3))
 
 
-def nav_of(model):
-    return SimpleNamespace(params=PARAMS._replace(magnetometer=model), earth=EARTH, layout=LAYOUT)
+def here(state):
+    return Here(LAYOUT, EARTH, state.t_s, pack(state))
 
 
-def said(state, model=SENSOR, field_b=(0.0, 0.0, 0.0)):
-    fix = MagnetometerReading(state.t_s, state.t_s, np.array(field_b))
-    return measure_magnetometer.reading(nav_of(model), state.t_s, pack(state), fix)
+def said(state, aid=FIELD, field_b=(0.0, 0.0, 0.0)):
+    """z, H, and R with what lasts."""
+    seen = aid.expect(here(state), MagnetometerReading(state.t_s, state.t_s, np.array(field_b)))
+    return seen.z, seen.H, seen.R + sum(one for one, _ in seen.lasting)
 
 
 def true_field(state):
     """What a sensor without noise reads of a state: the model's field, turned, and the hard iron."""
     C_ie = frames.dcm_ie(EARTH, state.t_s)
     b_i = C_ie @ magnetic_field.field_e(HARMONICS, C_ie.T @ state.r_i)
-    return rotation.dcm_from_quat(state.q_ib).T @ b_i + state.hard_iron
+    return rotation.dcm_from_quat(state.q_ib).T @ b_i + state.others
 
 
 def test_the_reading_of_a_known_attitude_leaves_no_innovation():
@@ -71,13 +83,13 @@ def test_the_jacobian_is_what_perturbing_the_state_gives():
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_heading_is_how_far_the_horizontal_field_is_turned(seed):
     """A vehicle turned about the vertical by a small angle reads a heading that is off by it."""
-    state, model = state_at(seed=seed), SENSOR._replace(heading=True)
+    state = state_at(seed=seed)
     C_ie = frames.dcm_ie(EARTH, state.t_s)
     latitude, longitude, _ = wgs84.geodetic_from_ecef(C_ie.T @ state.r_i)
     down_i = C_ie @ wgs84.dcm_en(latitude, longitude)[:, 2]
     down_b = rotation.dcm_from_quat(state.q_ib).T @ down_i
     turned = correct(LAYOUT, state, np.concatenate([np.zeros(6), 1e-5 * down_b, np.zeros(9)]))
-    z, H, R = said(state, model, true_field(turned))
+    z, H, R = said(state, HEADING, true_field(turned))
     assert z.shape == (1,) and R.shape == (1, 1)
     assert abs(z[0]) == pytest.approx(1e-5, rel=1e-4)
     assert H[0, ATT] @ (1e-5 * down_b) == pytest.approx(z[0], rel=1e-4)
@@ -88,15 +100,13 @@ def test_the_heading_is_how_far_the_horizontal_field_is_turned(seed):
 
 
 def test_a_reading_is_not_used_at_the_end_of_its_range_nor_for_a_heading_near_the_pole():
-    def why(model, state, limit=False):
-        fix = MagnetometerReading(state.t_s, state.t_s, np.zeros(3), limit)
-        return measure_magnetometer.unfit(nav_of(model), state.t_s, pack(state), fix)
+    def why(aid, state, limit=False):
+        return aid.unfit(here(state), MagnetometerReading(state.t_s, state.t_s, np.zeros(3), limit))
 
     pole = state_at(site=(np.deg2rad(86.0), np.deg2rad(139.0)))
-    heading = SENSOR._replace(heading=True)
-    assert why(SENSOR, state_at()) == why(heading, state_at()) == why(SENSOR, pole) == ""
-    assert why(SENSOR, state_at(), limit=True) == "not used: the sensor is at an end of its range"
-    assert why(heading, pole) == "not used: the horizontal field is too weak for a heading"
+    assert why(FIELD, state_at()) == why(HEADING, state_at()) == why(FIELD, pole) == ""
+    assert why(FIELD, state_at(), limit=True) == "not used: the sensor is at an end of its range"
+    assert why(HEADING, pole) == "not used: the horizontal field is too weak for a heading"
 
 
 def turn_on_a_table(readings_of, seconds=12.0, azimuth_off=0.0):
@@ -110,9 +120,7 @@ def turn_on_a_table(readings_of, seconds=12.0, azimuth_off=0.0):
     off = rotation.dcm_from_rotvec(np.array([0.0, 0.0, azimuth_off]))
     P = np.diag([1e-3, 1e-3, np.deg2rad(5.0)]) ** 2
     begin = Alignment(0.0, r_i, v_i, rotation.quat_from_dcm(level @ off.T), 3.0, 0.01, P)
-    params = PARAMS._replace(
-        states=("hard_iron",), sigma_blocks={"hard_iron": np.full(3, 5e-7)}, magnetometer=SENSOR, imu=MODEL
-    )
+    params = PARAMS._replace(states=("hard_iron",), sigma_blocks={}, aids=(FIELD,), imu=MODEL)
     nav, results = fusion.start(params, begin, EARTH), []
     g, spin = float(np.linalg.norm(gravity.normal_gravity_e(r_e))), np.deg2rad(30.0)
     earth_n = np.array([wgs84.OMEGA * np.cos(SITE[0]), 0.0, -wgs84.OMEGA * np.sin(SITE[0])])
@@ -167,7 +175,7 @@ def test_turning_finds_the_hard_iron_and_the_heading():
     assert np.all(np.abs(error) < 3.5 * sigma[ATT])
     place = nav.layout.places["hard_iron"]
     assert np.all(sigma[place][:2] < 0.75 * 5e-7)  # across the axis of the turn; soft iron hides the rest
-    assert np.all(np.abs(state.hard_iron - IRON) < 3.5 * sigma[place])
+    assert np.all(np.abs(state.others - IRON) < 3.5 * sigma[place])
 
 
 def test_readings_that_come_late_say_what_they_would_have_said_in_time():
@@ -183,4 +191,4 @@ def test_a_field_that_jumps_is_a_new_hard_iron():
     assert [result.note for result in results if result.note.startswith("new")] == ["new hard iron"]
     assert results[-1].accepted
     assert abs(np.degrees(rotation.rotvec_between(nav.history[-1].state.q_ib, q_ib)[2])) < 1.0
-    assert np.abs(nav.history[-1].state.hard_iron - IRON - [2e-5, 0.0, 0.0]).max() < 1e-6
+    assert np.abs(nav.history[-1].state.others - IRON - [2e-5, 0.0, 0.0]).max() < 1e-6

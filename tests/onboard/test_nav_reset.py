@@ -8,7 +8,7 @@ from unpacked import star_attitude, update
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import eskf, fusion, reset
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import Measurement
+from shefex_nav.onboard.navigation.sensor import Measurement
 from shefex_nav.onboard.navigation.state import ATT, POS, NavState, layout
 from shefex_nav.records import GpsFix, StarFix
 

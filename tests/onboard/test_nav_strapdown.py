@@ -196,7 +196,8 @@ def test_transition_matrix_is_the_derivative_of_the_strapdown(begin_s, end_s):
         return NavState(0.0, r_i, v_i, q_ib, *start[4:])
 
     nominal = end(state)
-    Phi, _ = prediction.growth(LAYOUT, noise_of(QUIET), state, imu, begin_s, end_s, EARTH)
+    constants = prediction.constants(LAYOUT, noise_of(QUIET), EARTH)
+    Phi, _ = prediction.growth(constants, LAYOUT, state, imu, begin_s, end_s)
     measured = np.empty((N_ERROR, N_ERROR))
     for j in range(N_ERROR):
         dx = np.zeros(N_ERROR)
@@ -220,7 +221,8 @@ def test_transition_matrix_is_the_derivative_of_the_strapdown(begin_s, end_s):
 def process_noise(model, extra=strapdown.NO_EXTRA):
     imu = window(BLOCKS[1], window(BLOCKS[0]), 0.0, extra)
     state = MOTION.start()
-    return prediction.growth(LAYOUT, noise_of(model), state, imu, 0.0, 0.01, EARTH).Q
+    constants = prediction.constants(LAYOUT, noise_of(model), EARTH)
+    return prediction.growth(constants, LAYOUT, state, imu, 0.0, 0.01).Q
 
 
 def test_white_noise_of_the_sensors_grows_as_the_datasheet_says():

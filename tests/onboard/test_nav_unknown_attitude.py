@@ -36,7 +36,7 @@ def predicted(P, seconds, f_b):
     imu, x, t_s = window(np.zeros(3), f_b), pack(START), 0.0
     model = error_model.record(PARAMS)
     for _ in range(round(100 * seconds)):
-        x, P = prediction.advance(ORDER, model, x, t_s, P, imu, 0.0, 4 * DT, EARTH)
+        x, P = prediction.advance(prediction.constants(ORDER, model, EARTH), x, t_s, P, imu, 0.0, 4 * DT)
         t_s += 4 * DT
     return P
 
@@ -59,8 +59,9 @@ def test_small_errors_grow_by_the_linear_model_alone():
         window(np.array([1.0, 0.1, 0.0]), np.array([30.0, 1.0, 0.0])),
     )
     model = error_model.record(PARAMS)
-    _, after = prediction.advance(ORDER, model, pack(START), 0.0, P, imu, 0.0, 4 * DT, EARTH)
-    growth = prediction.growth(ORDER, model, START, imu, 0.0, 4 * DT, EARTH)
+    constants = prediction.constants(ORDER, model, EARTH)
+    _, after = prediction.advance(constants, pack(START), 0.0, P, imu, 0.0, 4 * DT)
+    growth = prediction.growth(constants, ORDER, START, imu, 0.0, 4 * DT)
     linear = growth.Phi @ P @ growth.Phi.T + growth.Q
     scale = np.sqrt(np.diag(linear))
     assert np.abs((after - linear) / np.outer(scale, scale)).max() < 1e-12

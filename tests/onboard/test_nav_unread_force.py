@@ -75,7 +75,8 @@ def one_tick(P, f_b, extra):
     """Covariance after a tick with white noise of more, body axes."""
     increments = np.tile(np.concatenate([np.zeros(3), f_b]) * DT, (6, 1))
     imu = ImuWindow(0.01, DT, increments, 0.0, extra)
-    return prediction.advance(ORDER, error_model.record(PARAMS), pack(START), 0.0, P, imu, 0.0, 4 * DT, EARTH)
+    constants = prediction.constants(ORDER, error_model.record(PARAMS), EARTH)
+    return prediction.advance(constants, pack(START), 0.0, P, imu, 0.0, 4 * DT)
 
 
 def test_a_missed_force_is_felt_across_by_the_error_of_the_attitude():

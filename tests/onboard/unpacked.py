@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.onboard.navigation import error_model, eskf, measurements, prediction, strapdown
 from shefex_nav.onboard.navigation.history import History, Tick
@@ -29,7 +30,7 @@ CORE = layout(())
 QUIET = ImuModel(**dict.fromkeys(ImuModel._fields, 0.0))._replace(
     thrust_time_s=30.0, gravity_time_s=50.0, spun_along=1.0, spun_across=1.0
 )
-FIXED_EARTH = np.eye(3), np.eye(3), 0.0, 0.0
+FIXED_EARTH = EarthRotation(np.eye(3), np.eye(3), 0.0, 0.0)
 FALLING = pack(
     NavState(0.0, np.array([7e6, 0, 0]), np.zeros(3), np.array([1.0, 0, 0, 0]), *[np.zeros(3)] * 4)
 )
@@ -39,7 +40,7 @@ NO_P = np.zeros((CORE.n, CORE.n))
 def noise_of(model):
     """What kernels take for an ImuModel alone."""
     receiver = {"clock_white": 0.0, "clock_walk": 0.0, "range_bias_sigma": 0.0, "range_bias_time_s": np.inf}
-    return error_model.record(SimpleNamespace(imu=model, gravity_sigma=0.0, baro_bias_walk=0.0, **receiver))
+    return error_model.record(SimpleNamespace(imu=model, gravity_sigma=0.0, **receiver))
 
 
 NO_NOISE = noise_of(QUIET)
@@ -53,7 +54,8 @@ def window(block, before=None, vibration=0.0, extra=NO_EXTRA):
     history.increments[place, BEFORE : BEFORE + n] = np.hstack([block.dtheta_b, block.dv_b])
     history.extra[place] = extra
     motors = np.zeros((0, 2))
-    prediction.enter(CORE.at, NO_NOISE, *FIXED_EARTH, *history.arrays, 1, motors, end_s, block.dt_s, n)
+    constants = prediction.constants(CORE, NO_NOISE, FIXED_EARTH)
+    prediction.enter(constants, history.arrays, 1, motors, end_s, block.dt_s, n)
     history.extend([end_s])
     return history.imu(-1)._replace(vibration=vibration)
 
@@ -63,7 +65,8 @@ def propagate(state, imu, begin_s, end_s, earth):
 
     NavState at begin_s, ImuWindow, s from its start, EarthRotation -> r_i, v_i, q_ib
     """
-    x, _ = prediction.advance(CORE, NO_NOISE, pack(state), state.t_s, NO_P, imu, begin_s, end_s, earth)
+    constants = prediction.constants(CORE, NO_NOISE, earth)
+    x, _ = prediction.advance(constants, pack(state), state.t_s, NO_P, imu, begin_s, end_s)
     return x[X_R], x[X_V], x[X_Q]
 
 

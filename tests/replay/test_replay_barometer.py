@@ -99,7 +99,9 @@ def test_a_student_rocket_is_navigated_by_pressure_and_two_coordinates(data):
 
 def test_a_pressure_altitude_is_the_pressure_that_it_stands_for(data, tmp_path):
     again = replayed(write(tmp_path, column="height"))
-    np.testing.assert_allclose(again.barometer.pressure, data.barometer.pressure, atol=0.02)
+    np.testing.assert_allclose(
+        again.readings["barometer"].pressure, data.readings["barometer"].pressure, atol=0.02
+    )
     np.testing.assert_allclose(again.nav.r_i[-1], data.nav.r_i[-1], atol=0.05)
 
 

@@ -11,7 +11,6 @@ from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import adaptation, integrity_imu
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.onboard.navigation.state import N_NOMINAL, unpack
 from shefex_nav.records import Phase
 from shefex_nav.replay import compare, final_pass, relinear, rerun, smooth, smoother
@@ -56,7 +55,7 @@ def slow_steps(recording, nav, final, nodes, xs):
             whole.x[:] = xs[j + 1]
             one, now = seen.measurement, Moment(whole, seen.tick, seen.at_s)
             assert one.fate == Fate.USED  # so nothing is forgotten in this flight
-            z, H, R = SENSORS[one.sensor].linearise(running, now, one.fix)
+            z, H, R = running.sensors[one.sensor].linearise(running, now, one.fix)
             steps.append((j + 1, slow_relinear.Seen(xs[j + 1], z, H, R, None, (), None, xs[j + 1])))
     return steps
 
@@ -116,9 +115,9 @@ def test_the_covariance_is_carried_on_again_as_it_was(recording):
         passed = relinear.forward(nav, whole, cut, trajectory, nav.history[0], room, second=True)
         P.append(passed.covariances[m])
     durations = nodes.parts_s[:, 1] - nodes.parts_s[:, 0]
-    of_Q, nowhere = (room.noises, room.walks), np.full(count, -1)
-    what = nav.layout.at, nav.constants[1], room.tops, durations, *of_Q, 0, count
-    smoother._filtered(*what, P[0].copy(), found, nowhere, np.empty((0, n, n)))
+    nothing = np.empty((0, relinear.TOP, relinear.TOP)), np.full(count, -1), np.empty((0, n, n))
+    wanted = smoother.Wanted(np.zeros(count, dtype=bool), *nothing)
+    smoother._filtered(nav.constants, room, durations, (0, count), P[0].copy(), found, wanted)
     sigma = np.sqrt(np.diag(P[1]))
     scale = np.outer(sigma[: relinear.TOP], np.where(sigma > 0.0, sigma, 1.0))
     assert np.abs((found[-1] - P[1][: relinear.TOP]) / scale).max() < 1e-9

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from shefex_nav.log.drawings import CHANNELS
-from shefex_nav.log.topics import TOPICS
+from shefex_nav.log.topics import topics
 from shefex_nav.log.wire import all_fields
 
 LAYOUT = Path(__file__).parents[2] / "docs" / "foxglove-layout.json"
-FIELDS = {topic.topic: {field.name: field for field in all_fields(topic)} for topic in TOPICS}
+FIELDS = {topic.topic: {field.name: field for field in all_fields(topic)} for topic in topics()}
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from broken import DEFAULT, the_message
 
-from shefex_nav.scenario import params_barometer, params_onboard
+from shefex_nav.scenario import params_onboard
 from shefex_nav.scenario.load import load
 
 SENSOR = {"rate": "10 Hz", "bias": "100 Pa", "noise": "5 Pa"}
@@ -17,29 +17,29 @@ def section(**changes):
 
 
 def test_there_is_none_unless_it_is_given():
-    nav = params_onboard.nav_params(load(DEFAULT))
-    assert (nav.barometer, nav.baro_bias_walk) == (None, 0.0)
+    assert params_onboard.nav_params(load(DEFAULT)).aids == ()
     assert load(DEFAULT).barometer is None
 
 
 def test_the_filter_assumes_what_the_sensor_is_said_to_have():
     more = section(drift="20 Pa", drift_time="200 s", quantum="12 Pa", lag="30 ms")
-    nav = params_onboard.nav_params(load(DEFAULT, [more, STATES]))
-    assert nav.baro_bias_walk == pytest.approx(20.0 * np.sqrt(2.0 / 200.0))
-    assert nav.barometer.noise == pytest.approx(np.hypot(5.0, 12.0 / np.sqrt(12.0)))
-    assert nav.barometer.lag_s == pytest.approx(0.03)
-    bias, metres = nav.sigma_blocks["baro_bias"]
+    (aid,) = params_onboard.nav_params(load(DEFAULT, [more, STATES])).aids
+    (model,), (of_bias, of_scale) = aid.expect.args, aid.blocks
+    np.testing.assert_allclose(of_bias.walk, [20.0 * np.sqrt(2.0 / 200.0), 0.0])
+    assert model.noise == pytest.approx(np.hypot(5.0, 12.0 / np.sqrt(12.0)))
+    assert model.lag == pytest.approx(0.03)
+    bias, metres = np.sqrt(np.diag(of_bias.P))
     assert bias == pytest.approx(np.hypot(100.0, 20.0))
     assert metres == pytest.approx(800.0 / (1.225 * 9.80665))
-    column = nav.barometer.P_scale[:3, :3]
+    column = of_scale.P[:3, :3]
     thick = np.array([1500.0, 2000.0, 1500.0])
     assert 90.0 < np.sqrt(thick @ column @ thick) < 140.0  # m, of the height of a level at 5 km
 
 
 def test_a_filter_may_do_without_it():
     scenario = load(DEFAULT, [section(), "navigation.barometer.used=false"])
-    assert params_onboard.nav_params(scenario).barometer is None
-    assert params_barometer.barometer_params(scenario, np.zeros((0, 4))).rate == 10.0
+    assert params_onboard.nav_params(scenario).aids == ()
+    assert scenario.barometer.rate == 10.0
 
 
 @pytest.mark.parametrize(

@@ -80,7 +80,16 @@ def test_what_the_default_leaves_out():
         *("satellite", "ionosphere", "troposphere", "multipath"),
         *("gps", "stars", "wrong_star_fix", "rejections", "duration"),  # navigation
         *("angular_acceleration", "thrust_change"),
-        *("barometer", "used", "up_to", "unused_mach", "flow_error", "flow_memory", "lag_error"),
+        *(
+            "barometer",
+            "sun_sensor",
+            "used",
+            "up_to",
+            "unused_mach",
+            "flow_error",
+            "flow_memory",
+            "lag_error",
+        ),
         *("use", "clock_offset"),  # of the IMU: an instrument; of the GPS receiver
         *("model", "sampling", "flight", "series"),  # of the star tracker's statistics, of campaigns
         *("apogee", "cold_gas", "pointing_error", "protection_at_entry"),  # that are not required
@@ -262,7 +271,7 @@ def test_schema_holds_together():
         assert block["additionalProperties"] is False
         optional = {"SensorOverrides", "Atmosphere", "Faults", "Integrity", "Requirements", "Campaign"}
         optional |= {"Clock", "RangeErrors", "SatelliteErrors"}  # of GPS
-        optional |= {"BarometerUse", "Day", "MagnetometerUse"}
+        optional |= {"BarometerUse", "Day", "MagnetometerUse", "Use"}
         optional |= {"Position", "Velocity", "Attitude"}  # of the requirements
         optional |= {one for one in blocks if one.startswith("Told")}  # in place of what is true
         assert name.endswith(".partial") is not ("required" in block) or name in optional

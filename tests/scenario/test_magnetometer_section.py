@@ -16,20 +16,26 @@ def section(**changes):
     return "magnetometer={" + ", ".join(f"{key}: {value}" for key, value in (SENSOR | changes).items()) + "}"
 
 
+def of_filter(*overrides):
+    """Aid of the filter, and what it assumes."""
+    (aid,) = params_onboard.nav_params(load(DEFAULT, overrides)).aids
+    return aid, aid.expect.args[0]
+
+
 def test_there_is_none_unless_it_is_given():
     assert load(DEFAULT).magnetometer is None
-    assert params_onboard.nav_params(load(DEFAULT)).magnetometer is None
+    assert params_onboard.nav_params(load(DEFAULT)).aids == ()
 
 
 def test_the_filter_assumes_what_the_sensor_is_said_to_have():
-    nav = params_onboard.nav_params(load(DEFAULT, [section(soft_iron="0.3 %", quantum="150 nT"), STATES]))
-    assert nav.magnetometer.noise == pytest.approx(np.hypot(50e-9, 150e-9 / np.sqrt(12.0)))
-    assert nav.magnetometer.soft_iron == pytest.approx(3e-3)
-    np.testing.assert_allclose(nav.sigma_blocks["hard_iron"], 500e-9)
-    np.testing.assert_allclose(nav.magnetometer.sigma_n, magnetic_field.sigma_n(2012.47), rtol=1e-3)
-    assert not nav.magnetometer.heading
-    alone = load(DEFAULT, [section(), STATES, "navigation.magnetometer.rows=heading"])
-    assert params_onboard.nav_params(alone).magnetometer.heading
+    aid, model = of_filter(section(soft_iron="0.3 %", quantum="150 nT"), STATES)
+    assert model.noise == pytest.approx(np.hypot(50e-9, 150e-9 / np.sqrt(12.0)))
+    assert model.soft_iron == pytest.approx(3e-3)
+    np.testing.assert_allclose(aid.blocks[0].P, 500e-9**2 * np.eye(3))
+    np.testing.assert_allclose(model.sigma_n, magnetic_field.sigma_n(2012.47), rtol=1e-3)
+    assert not model.heading and aid.renewal is not None
+    aid, model = of_filter(section(), STATES, "navigation.magnetometer.rows=heading")
+    assert model.heading and aid.renewal is None
 
 
 @pytest.mark.parametrize(

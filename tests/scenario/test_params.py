@@ -29,8 +29,6 @@ def bodies():
 MAY_BE_NONE = (
     *("parachute", "payload_aerodynamics", "south_magnitude", "run_length"),
     *("errors", "clock", "reacquisition"),
-    "barometer",
-    "magnetometer",
 )
 
 

@@ -1,16 +1,16 @@
 """Blocks of states of the filter: what a scenario may name, and what they change of the filter's noise."""
 
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
 
+from shefex_nav.instruments import state_sizes
 from shefex_nav.onboard.navigation import integrity_watch
-from shefex_nav.onboard.navigation.state import DEFAULT_STATES, OPTIONAL
+from shefex_nav.onboard.navigation.state import DEFAULT_STATES, OPTIONAL, initial_covariance
 from shefex_nav.scenario import params_onboard
 from shefex_nav.scenario.load import ScenarioError, load
-from shefex_nav.scenario.onboard import StateBlock
+from shefex_nav.scenario.schema import Scenario
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
 
@@ -24,14 +24,16 @@ def nav_params(states, *overrides):
 
 
 def test_a_scenario_may_name_every_block_of_the_filter():
-    assert get_args(StateBlock) == tuple(OPTIONAL)
-    states = tuple(OPTIONAL)[1:]
+    known = OPTIONAL | state_sizes()
+    named = Scenario.model_json_schema()["$defs"]["Navigation"]["properties"]["states"]["oneOf"][1]["items"]
+    assert named["enum"] == list(known)
+    states = tuple(known)[1:]
     params = nav_params(states, BAROMETER, MAGNETOMETER)
     assert params.states == states
     for name in states:
-        sigma = params.sigma_blocks[name]
-        assert sigma.shape == (OPTIONAL[name],)
-        assert np.all(sigma > 0.0) or name == "range_bias"  # the receiver of the default mission has none
+        P = initial_covariance(params, name)
+        assert P.shape == (known[name],) * 2
+        assert np.all(P.diagonal() > 0.0) or name == "range_bias"  # that receiver has none
 
 
 @pytest.mark.parametrize(

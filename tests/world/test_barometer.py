@@ -1,30 +1,30 @@
 """The simulated barometer: hydrostatics of its day, lag, port, limits, and a stream of its own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import synthetic_trajectory
 
 from shefex_nav.environment import atmosphere
+from shefex_nav.instruments.barometer import BAROMETER, Barometer, Day, Port
+from shefex_nav.instruments.instrument import Truth
 from shefex_nav.world import barometer, noise
 
-GOOD = barometer.BarometerParams(
+CALM = Day(pressure=0.0, temperature=0.0, depth=8e3)
+GOOD = Barometer(
     rate=10.0,
-    latency_s=0.02,
+    latency=0.02,
     bias=0.0,
     drift=0.0,
-    drift_time_s=300.0,
+    drift_time=300.0,
     noise=0.0,
-    lag_s=0.0,
+    lag=0.0,
     quantum=0.0,
     lowest=0.0,
     highest=120e3,
-    port_mach=np.zeros(1),
-    port_coefficient=np.zeros(1),
-    port_error=0.0,
-    day_pressure=0.0,
-    day_temperature=0.0,
-    day_depth=8e3,
-    air=np.zeros((0, 4)),
+    port=None,
+    day=CALM,
 )
 
 
@@ -34,8 +34,8 @@ def flight():
 
 
 def measured(flight, seed=1, **changes):
-    rng = noise.generator(seed, "barometer")
-    return barometer.measure(GOOD._replace(**changes), flight, synthetic_trajectory.EARTH, rng)
+    truth = Truth(flight, synthetic_trajectory.EARTH, 2012.5, np.zeros(3), np.zeros((0, 4)))
+    return BAROMETER.measure(replace(GOOD, **changes), truth, noise.generator(seed, BAROMETER.stream))
 
 
 def pressures(flight, **changes):
@@ -59,8 +59,8 @@ def test_a_barometer_without_errors_reads_the_standard_atmosphere_ten_times_a_se
 
 def test_the_air_of_a_warm_day_is_in_hydrostatic_balance():
     """d ln p/dh = -g M/(R T) with the temperature of the day, T (1 + s), from where p and h are alone."""
-    params = GOOD._replace(day_pressure=800.0, day_temperature=8.0)
-    errors = barometer.draw_errors(params, noise.generator(3, "barometer"))
+    params = replace(GOOD, day=replace(CALM, pressure=800.0, temperature=8.0))
+    errors = barometer.draw_errors(params, noise.generator(3, BAROMETER.stream))
     for level in (250.0, 3050.0, 9950.0, 15_050.0):  # in the middle of a step of the table
         layer = int(level / barometer.DAY_STEP)
         warm = errors.warmth[layer]
@@ -76,10 +76,12 @@ def test_the_air_of_a_warm_day_is_in_hydrostatic_balance():
 
 def test_a_day_is_as_far_from_the_standard_at_5_km_as_days_are():
     """Published scatter of the height of the 540 hPa level: 50 to 250 m between days."""
-    params, heights = GOOD._replace(day_pressure=800.0, day_temperature=8.0), np.array([5000.0])
+    params, heights = replace(GOOD, day=replace(CALM, pressure=800.0, temperature=8.0)), np.array([5000.0])
     off = [
         5000.0
-        - barometer.of_the_day(barometer.draw_errors(params, noise.generator(k, "barometer")), heights)[0]
+        - barometer.of_the_day(barometer.draw_errors(params, noise.generator(k, BAROMETER.stream)), heights)[
+            0
+        ]
         for k in range(1, 400)
     ]
     assert 100.0 < np.std(off) < 180.0
@@ -97,8 +99,8 @@ def test_the_port_adds_its_part_of_the_dynamic_pressure(flight):
     flown = flight._replace(
         mach=np.full(len(flight.t_s), 0.9), dynamic_pressure_pa=np.full(len(flight.t_s), 3e4)
     )
-    more = {"port_mach": np.array([0.8, 1.0]), "port_coefficient": np.array([0.0, -0.04])}
-    np.testing.assert_allclose(pressures(flown, **more) - pressures(flown), -0.02 * 3e4, atol=1e-6)
+    port = Port(mach=(0.8, 1.0), coefficient=(0.0, -0.04), error=0.0)
+    np.testing.assert_allclose(pressures(flown, port=port) - pressures(flown), -0.02 * 3e4, atol=1e-6)
 
 
 def test_readings_stay_in_the_range_and_say_so(flight):

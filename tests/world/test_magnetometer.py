@@ -1,15 +1,19 @@
 """The simulated magnetometer: field of the model in body axes, irons, limits, a stream of its own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import synthetic_trajectory
 
 from shefex_nav.environment import magnetic_field
 from shefex_nav.geometry import frames, rotation
-from shefex_nav.world import magnetometer, noise
+from shefex_nav.instruments import magnetometer
+from shefex_nav.instruments.instrument import Truth
+from shefex_nav.world import noise
 
-GOOD = magnetometer.MagnetometerParams(
-    rate=10.0, latency_s=0.02, hard_iron=0.0, soft_iron=0.0, noise=0.0, quantum=0.0, range=2e-4, year=2012.5
+GOOD = magnetometer.Magnetometer(
+    rate=10.0, latency=0.02, hard_iron=0.0, soft_iron=0.0, noise=0.0, quantum=0.0, range=2e-4
 )
 
 
@@ -19,8 +23,8 @@ def flight():
 
 
 def fields(flight, seed=1, **changes):
-    rng = noise.generator(seed, "magnetometer")
-    said = magnetometer.measure(GOOD._replace(**changes), flight, synthetic_trajectory.EARTH, rng)
+    truth = Truth(flight, synthetic_trajectory.EARTH, 2012.5, np.zeros(3), np.zeros((0, 4)))
+    said = magnetometer.measure(replace(GOOD, **changes), truth, noise.generator(seed, 11))
     return np.array([one.field_b for one in said.readings]), said
 
 

@@ -27,8 +27,6 @@ def test_keys_of_streams_are_frozen():
         "gps_errors": 7,
         "faults": 8,
         "sightings": 9,
-        "barometer": 10,
-        "magnetometer": 11,
     }
 
 

@@ -242,7 +242,7 @@ def widen(nav, now, step, verdict, why):
 
 def _count(nav, imu, rest):
     """Let the noise of the IMU count so many times from the next tick on."""
-    noise, model, told, now_s = nav.noise, nav.constants[1], nav.params.imu, nav.history.ends_s[-1]
+    noise, model, told, now_s = nav.noise, nav.constants.model, nav.params.imu, nav.history.ends_s[-1]
     noise.imu, noise.rest = imu, rest
     noise.schedule.append((now_s, imu, rest))
     scheduled(model, told, noise.schedule, nav.history.ends_s[0])
@@ -272,7 +272,7 @@ def replayed(nav, schedule):
         return nav
     model = error_model.record(nav.params, len(schedule))
     scheduled(model, nav.params.imu, schedule)
-    return nav._replace(constants=(nav.constants[0], model, *nav.constants[2:]))
+    return nav._replace(constants=nav.constants._replace(model=model))
 
 
 def carry(nav):

@@ -1,7 +1,12 @@
 """The blocks of errors that a scenario may switch on, and which go together.
 
-Apart from `state`, so that a scenario can be checked without a compiler.
+Apart from `state`, so that a scenario can be checked without a compiler. Instruments bring further blocks
+along (`Block`), which stand behind these.
 """
+
+from typing import NamedTuple
+
+import numpy as np
 
 OPTIONAL = {  # blocks and their sizes, in the order of the errors; what drives the first nine comes first
     "gyro_roll_column": 3,  # error on x, y, z per unit of roll rate [-]: scale factor and two misalignments
@@ -17,12 +22,22 @@ OPTIONAL = {  # blocks and their sizes, in the order of the errors; what drives 
     "clock": 2,  # of the GPS receiver, ahead of GPS time: bias [m], drift [m/s]
     "gps_latency": 1,  # a fix belongs to an instant so much before its t_valid_s [s]
     "range_bias": 32,  # range errors that last, of satellites 1 to 32, first-order Gauss-Markov [m]
-    "baro_bias": 2,  # of the barometer [Pa], random walk; how much higher the day's pressures lie [m]
-    "baro_scale": 8,  # of the layers of `measure_barometer`: warmer than the standard, by its temperature [-]
-    "hard_iron": 3,  # constant field of the vehicle at the magnetometer, body axes [T]
 }
 DEFAULT_STATES = ("gyro_roll_column", "mounting")
 CONTAINED = {"gyro_roll_column": ("gyro_scale", "gyro_misalignment")}  # its errors are errors of those, too
+
+
+class Block(NamedTuple):
+    """Errors of an instrument that the filter estimates; they drive no other errors."""
+
+    name: str
+    P: np.ndarray  # (size, size) covariance at the start
+    walk: np.ndarray  # (size,) density of a random walk, in the unit of the error per sqrt(s); 0: constant
+
+    @property
+    def size(self):
+        """Number of errors."""
+        return len(self.P)
 
 
 class LayoutError(ValueError):
@@ -33,12 +48,15 @@ class LayoutError(ValueError):
         self.name = name
 
 
-def checked(names):
-    """The names as a tuple, or a LayoutError. Iterable of names of OPTIONAL -> tuple."""
-    names = tuple(names)
+def checked(names, others=()):
+    """The names as a tuple, or a LayoutError.
+
+    names : of OPTIONAL, or of `others`, which instruments bring along
+    """
+    names, known = tuple(names), (*OPTIONAL, *others)
     for k, name in enumerate(names):
-        if name not in OPTIONAL:
-            raise LayoutError(name, f"there is no block of states '{name}'; there are {', '.join(OPTIONAL)}")
+        if name not in known:
+            raise LayoutError(name, f"there is no block of states '{name}'; there are {', '.join(known)}")
         if name in names[:k]:
             raise LayoutError(name, f"'{name}' is named twice")
         for whole in CONTAINED.get(name, ()):

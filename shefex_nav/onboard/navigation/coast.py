@@ -4,10 +4,10 @@ Most ticks of a flight only integrate, and the interpreter around the call takes
 """
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.compiled import kernel
+from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.navigation import fusion, integrity_imu, prediction
 from shefex_nav.onboard.navigation.strapdown import BEFORE
-from shefex_nav.records import row
+from shefex_nav.records import ImuBlock, row
 
 LONGEST = 32  # ticks in a call; the history needs room for them beside those that it keeps
 
@@ -31,10 +31,8 @@ def coast(nav, blocks, first, last):
     if watch.is_calm(n):
         history.make_room(n, last - first)
         done, changed = _coast(
-            *nav.constants, *history.arrays, history.newest, nav.params.motors, *watch.imu,
-            blocks.t_valid_s, blocks.dt_s, blocks.dtheta_b, blocks.dv_b, blocks.saturated, blocks.valid,
-            first, last,
-        )  # fmt: skip
+            nav.constants, history.arrays, history.newest, nav.params.motors, watch.imu, blocks, first, last
+        )
     if not done:  # what is out of the ordinary, and what does not follow on the last block
         fusion.advance(nav, row(blocks, first))
         return 1
@@ -45,28 +43,28 @@ def coast(nav, blocks, first, last):
 
 
 @kernel
-def _coast(
-    at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
-    newest, motors, rules, last_block, axes, ends_s, dt_s, dtheta_b, dv_b, saturated, valid, first, last,
-):  # fmt: skip
-    """`coast` with the fields of its tuples. -> ticks made, bits of the axes that changed in the last
+def _coast(constants, memory, newest, motors, screen, blocks, first, last):
+    """`coast` with what of a Filter is compiled. -> ticks made, bits of the axes that changed in the last
 
     Ends before a block that does not follow on the one before it.
     """
-    n, size, work = dtheta_b.shape[1], numbers.shape[0], prediction.workspace(P.shape[0])
-    for block in range(first, last):
-        number = newest + 1 + block - first
+    numbers, increments, extra = memory.numbers, memory.increments, memory.extra
+    n, size, work = blocks.dtheta_b.shape[1], numbers.shape[0], prediction.workspace(memory.P.shape[0])
+    for m in range(first, last):
+        number, block = newest + 1 + m - first, _block(blocks, m)
         k, before = number % size, (number - 1) % size
-        if abs(ends_s[block] - numbers[before, 0] - n * dt_s[block]) > SAME_S:
-            return block - first, 0
-        changed = integrity_imu.screen_packed(
-            rules, last_block, axes, ends_s[block], dt_s[block], dtheta_b[block], dv_b[block],
-            saturated[block], valid[block], increments[k, BEFORE : BEFORE + n], extra[k],
-        )  # fmt: skip
-        prediction.enter(
-            at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
-            number, motors, ends_s[block], dt_s[block], n, work,
-        )  # fmt: skip
+        if abs(block.t_valid_s - numbers[before, 0] - n * block.dt_s) > SAME_S:
+            return m - first, 0
+        changed = integrity_imu.screen_packed(screen, block, increments[k, BEFORE : BEFORE + n], extra[k])
+        prediction.enter(constants, memory, number, motors, block.t_valid_s, block.dt_s, n, work)
         if changed:
-            return block - first + 1, changed
+            return m - first + 1, changed
     return last - first, 0
+
+
+@inner(forceinline=True)
+def _block(blocks, m):
+    """Block m of an ImuBlock of arrays."""
+    t_s, dt_s, valid = blocks.t_valid_s[m], blocks.dt_s[m], blocks.valid[m]
+    dtheta_b, dv_b = blocks.dtheta_b[m], blocks.dv_b[m]
+    return ImuBlock(t_s, blocks.t_available_s[m], dt_s, dtheta_b, dv_b, blocks.saturated[m], valid)

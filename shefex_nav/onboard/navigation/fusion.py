@@ -9,6 +9,7 @@ once, when it arrives, and repeated in later recomputations.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,14 +36,8 @@ from shefex_nav.onboard.navigation import (
 from shefex_nav.onboard.navigation.history import History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.recorded import Correction, Interval
-from shefex_nav.onboard.navigation.sensors import (
-    SENSORS,
-    Measurement,
-    contents,
-    straightened,
-    unfit,
-    without_solution,
-)
+from shefex_nav.onboard.navigation.sensor import Measurement
+from shefex_nav.onboard.navigation.sensors import contents, straightened, table, unfit, without_solution
 from shefex_nav.onboard.navigation.state import (
     ATT,
     X_Q,
@@ -58,7 +53,6 @@ from shefex_nav.records import GateResult, Reason
 
 VECTORS = "gps_position", "gps_velocity"
 UNUSED = (Fate.REJECTED, Fate.HELD)
-RANK = {name: k for k, name in enumerate(SENSORS)}
 
 
 class Filter(NamedTuple):
@@ -67,7 +61,8 @@ class Filter(NamedTuple):
     params: NavParams
     layout: Layout
     earth: frames.EarthRotation
-    constants: tuple  # first arguments of `prediction.travel`
+    sensors: dict  # name -> sensor.Sensor, in the order in which measurements of one instant have their turn
+    constants: prediction.Constants
     kalman: Any  # of `eskf.engine`, whose type takes seconds to import
     limits: dict  # degrees of freedom -> limit of the gate, as far as needed yet
     history: History
@@ -105,17 +100,18 @@ def start(params, alignment, earth, recorder=None, judged=None):
     -------
     Filter
     """
-    order = layout(params.states)
+    order, known = layout(params.states, params.blocks), table(params)
     state, P = initial(params, order, alignment)
     return Filter(
         params=params,
         layout=order,
         earth=earth,
-        constants=(order.at, error_model.record(params), *earth),
+        sensors=known,
+        constants=prediction.constants(order, error_model.record(params), earth, params.blocks),
         kalman=eskf.engine(order),
         limits={},
-        history=History(Tick(state.t_s, pack(state), P, None)),
-        health={name: integrity.HEALTHY for name in SENSORS},
+        history=History(Tick(state.t_s, pack(state), P, None), params.aid_names),
+        health={name: integrity.HEALTHY for name in known},
         recorder=recorder,
         watch=integrity_watch.start(params),
         noise=adaptation.Noise(),
@@ -141,7 +137,7 @@ def advance(nav, block, more_dv=None):
     if more_dv is not None:
         readings[:, 3:] += more_dv(readings[:, :3])
     new = history.newest + 1
-    prediction.enter(*nav.constants, *history.arrays, new, nav.params.motors, now_s, block.dt_s, n)
+    prediction.enter(nav.constants, history.arrays, new, nav.params.motors, now_s, block.dt_s, n)
     history.extend([now_s])
     forget_old(nav)
 
@@ -183,7 +179,7 @@ def fuse(nav, arrivals):
     list of GateResult, one for each measurement
     """
     history, results = nav.history, []
-    earliest = len(history)
+    earliest, turn = len(history), partial(_turn, list(nav.sensors))
     for arrival, fix in arrivals:
         fix = gps_told.understood(nav.params.gps_told, fix)
         index = history.within(fix.t_valid_s)
@@ -191,7 +187,7 @@ def fuse(nav, arrivals):
         if names:
             new = (Measurement(name, fix, Fate.PENDING, grown=nav.noise.of_sensor(name)) for name in names)
             queue = [*history.measurements[index], *new]
-            history.measurements[index] = tuple(sorted(queue, key=_turn))
+            history.measurements[index] = tuple(sorted(queue, key=turn))
             earliest = min(earliest, index)
     if earliest < len(history):
         _way(nav, earliest, len(history) - 1, results)
@@ -234,12 +230,12 @@ def _whereabouts(nav, index):
     return integrity_gps.whereabouts(t_s, r_e, v_e, P, f_b)
 
 
-def _turn(measurement):
-    """When a measurement has its turn: at its instant; of one instant in the order of the table of sensors.
+def _turn(sensors, measurement):
+    """When a measurement has its turn: at its instant; of one instant in the order of the list of sensors.
 
     So the order of arrival does not matter.
     """
-    return measurement.fix.t_valid_s, RANK[measurement.sensor]
+    return measurement.fix.t_valid_s, sensors.index(measurement.sensor)
 
 
 def _unused(now_s, fix, sensor, note):
@@ -262,7 +258,7 @@ def _way(nav, first, last, results, recorder=None):
         nav.watch.back_to(history.number(first - 1))
     if nav.params.lasting_share:
         history.position_s = history.position_before(first)
-    if nav.params.barometer is not None or nav.params.magnetometer is not None:
+    if nav.params.aids:
         history.used_s = history.used_before(first)
     k, begin_s = first, 0.0  # the instant that has been reached: tick, s from its start
     for index in range(first, last + 1):
@@ -286,22 +282,22 @@ def _travel(nav, first, begin_s, last, end_s, recorder):
     history = nav.history
     way = history.number(first), begin_s, history.number(last), end_s
     if recorder is None:
-        prediction.travel(*nav.constants, *history.arrays, *way)
+        prediction.travel(nav.constants, history.arrays, *way)
         return
     imu = history.imu(last)
     end_s = min(end_s, imu.length_s)
     t_s, after_s = (imu.t_end_s - (imu.length_s - at_s) for at_s in (begin_s, end_s))  # exact at the end
     state, P = unpack(t_s, history.x.copy()), history.P.copy()
-    prediction.travel(*nav.constants, *history.arrays, *way)
+    prediction.travel(nav.constants, history.arrays, *way)
     if end_s - begin_s > SAME_S:
-        Phi, Q = prediction.growth(nav.layout, nav.constants[1], state, imu, begin_s, end_s, nav.earth)
+        Phi, Q = prediction.growth(nav.constants, nav.layout, state, imu, begin_s, end_s)
         after = unpack(after_s, history.x.copy())
         recorder(Interval(t_s, after_s, state, P, Phi, Q, after, history.P.copy(), imu))
 
 
 def _apply(nav, index, at_s, measurement, results, recorder):
     """Correct the instant that has been reached, at_s in tick `index`, with a measurement. -> Measurement"""
-    history, sensor, fix = nav.history, SENSORS[measurement.sensor], measurement.fix
+    history, sensor, fix = nav.history, nav.sensors[measurement.sensor], measurement.fix
     now = Moment(history, index, at_s)
     z, H, R = linearised(nav, now, measurement)
     bent = unknown_attitude.bent(now.P, z, H, R, now.x[X_Q]) if measurement.sensor in VECTORS else None
@@ -350,7 +346,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
 
 def linearised(nav, now, measurement):
     """z (m,), H (m, n), R (m, m) of a measurement, with the noise that its sensor was found to have."""
-    z, H, R = SENSORS[measurement.sensor].linearise(nav, now, measurement.fix)
+    z, H, R = nav.sensors[measurement.sensor].linearise(nav, now, measurement.fix)
     return z, H, (R if measurement.grown == 1.0 else measurement.grown**2 * R)
 
 
@@ -365,7 +361,7 @@ def rows_used(nav, measurement, z, H, R):
     if measurement.rows is not None:
         used = measurement.rows
         return z[used], H[used], R[np.ix_(used, used)]
-    params, fix, sensor = nav.params, measurement.fix, SENSORS[measurement.sensor]
+    params, fix, sensor = nav.params, measurement.fix, nav.sensors[measurement.sensor]
     if sensor.counted is not None:
         used_s = nav.history.used_s
         gap_s, used_s[measurement.sensor] = fix.t_valid_s - used_s[measurement.sensor], fix.t_valid_s

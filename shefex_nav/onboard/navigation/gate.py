@@ -21,7 +21,7 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS, Admitted
+from shefex_nav.onboard.navigation.sensor import Admitted
 from shefex_nav.records import GateResult, Reason
 
 ACCEPTED = (Fate.USED, Fate.RESET)
@@ -59,7 +59,7 @@ def decide(nav, now, z, H, R, measurement):
     nav : Filter;  now : Moment;  z, H, R : of the measurement
     -> Measurement, GateResult, whether another fix has confirmed it
     """
-    name, sensor = measurement.sensor, SENSORS[measurement.sensor]
+    name, sensor = measurement.sensor, nav.sensors[measurement.sensor]
     S, nis = eskf.innovation(now.P, z, H, R)
     if nav.judged is not None:
         nav.judged(name, S, nis)
@@ -88,7 +88,7 @@ def decide(nav, now, z, H, R, measurement):
 
 def _verdict(nav, now, z, R, S, nis, measurement):
     """Verdict by the gate, by the record of the sensor, and by the means of its innovations."""
-    name, fix, sensor = measurement.sensor, measurement.fix, SENSORS[measurement.sensor]
+    name, fix, sensor = measurement.sensor, measurement.fix, nav.sensors[measurement.sensor]
     nav.watch.far = nav.health[name].far
     limit, alone = nav.limit(len(z)), sensor.alone is None or sensor.alone(nav, S)
     rows, passed = _passed(nav, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
@@ -187,7 +187,7 @@ def _result(nav, z, S, nis, measurement, verdict):
     """GateResult for the log."""
     name, fix, note, limit = measurement.sensor, measurement.fix, verdict.note, nav.limit(len(z))
     if verdict.rows is not None:
-        rows, refused = verdict.rows, _rejected(SENSORS[name], fix, verdict.rows)
+        rows, refused = verdict.rows, _rejected(nav.sensors[name], fix, verdict.rows)
         note = "; ".join(filter(None, (note, f"rejected: {', '.join(refused)}")))
         z, limit = z[rows], nav.limit(int(rows.sum()))
         nis = eskf.normalised(S[np.ix_(rows, rows)], z)
@@ -215,7 +215,7 @@ def _attitude(nav, now, z, R, measurement, fate):
         return z, R
     fix = measurement.fix
     if measurement.sensor == "star_vectors" and fate == Fate.USED and fix.reason == Reason.NONE:
-        z, _, R = SENSORS["star_tracker"].linearise(nav, now, fix)
+        z, _, R = nav.sensors["star_tracker"].linearise(nav, now, fix)
         return z, R
     return None
 

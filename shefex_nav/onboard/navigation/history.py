@@ -13,9 +13,9 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import kernel
 from shefex_nav.onboard.navigation.integrity import Fate
+from shefex_nav.onboard.navigation.prediction import Memory
 from shefex_nav.onboard.navigation.state import unpack
 from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, felt_packed
-from shefex_nav.records import ERRORS_THAT_LAST
 
 
 class Tick(NamedTuple):
@@ -44,14 +44,15 @@ class History:
     increments : (size, 2 + samples, 6) of ImuWindow;  extra : (size, 2, 3) likewise
     xs, Ps : (size, X), (size, n, n)
     position_s : of the last position fix that was used before the instant that has been reached; kept where
-        position fixes have errors that last;  used_s : likewise of each sensor of records.ERRORS_THAT_LAST
+        position fixes have errors that last;  used_s : likewise of each aid (`aiding`)
     """
 
-    def __init__(self, tick):
+    def __init__(self, tick, aids=()):
+        """tick : the first;  aids : names of the sensors of `used_s`"""
         self.ends_s, self.measurements, self.newest = deque([tick.t_s]), deque([()]), 0
         self.x, self.P = tick.x.copy(), tick.P.copy()
         self.position_s = self._gone_position_s = -np.inf
-        self.used_s = dict.fromkeys(ERRORS_THAT_LAST, -np.inf)
+        self.used_s = dict.fromkeys(aids, -np.inf)
         self._gone_used_s = self.used_s.copy()
         samples = 0 if tick.imu is None else tick.imu.n
         self._allocate(2, samples)
@@ -94,8 +95,8 @@ class History:
 
     @property
     def arrays(self):
-        """As `prediction.travel` takes them."""
-        return self.numbers, self.increments, self.extra, self.xs, self.Ps, self.x, self.P
+        """As `prediction.travel` takes them: Memory."""
+        return Memory(self.numbers, self.increments, self.extra, self.xs, self.Ps, self.x, self.P)
 
     def length_s(self, k):
         """Duration of tick k."""
@@ -150,7 +151,7 @@ class History:
         return self._before("gps_position", k, self._gone_position_s)
 
     def used_before(self, k):
-        """Likewise of the sensors of records.ERRORS_THAT_LAST: dict."""
+        """Likewise of the aids: dict."""
         return {sensor: self._before(sensor, k, gone_s) for sensor, gone_s in self._gone_used_s.items()}
 
     def _before(self, sensor, k, gone_s):

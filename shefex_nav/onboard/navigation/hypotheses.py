@@ -28,7 +28,6 @@ MEMBERS = 16  # [E] on a full turn
 WIDER = 1.5  # [E] sigma of a member over that of an even distribution in its part: the parts overlap
 TEMPER = 0.5  # [E] exponent of the likelihood
 MOST_NIS = 25.0  # [E] of one measurement: each can take a factor of 500 at most
-UNSEEING = ("barometer",)  # sensors that do not see the angle, but for errors that last
 LEAST = 1e-9  # weight below which a member is given up
 CLOSE = np.radians(
     30.0
@@ -94,16 +93,16 @@ class Bank:
     """
 
     def __init__(self, params, alignment, earth):
-        parts = split(alignment)
+        parts, blind = split(alignment), {aid.name for aid in params.aids if not aid.sees_attitude}
         self.logs = np.log([part.weight for part in parts])
         self.members = [
-            Member(fusion.start(params, part.alignment, earth, judged=self._judge(k)), k)
+            Member(fusion.start(params, part.alignment, earth, judged=self._judge(k, blind)), k)
             for k, part in enumerate(parts)
         ]
 
-    def _judge(self, k):
+    def _judge(self, k, blind):
         def judged(name, S, nis):
-            if name not in UNSEEING:
+            if name not in blind:
                 self.logs[k] -= 0.5 * TEMPER * (min(nis, MOST_NIS) + float(np.linalg.slogdet(S)[1]))
 
         return judged

@@ -139,10 +139,7 @@ def screen(watch, block, readings, densities):
     -------
     list of NavHealth, one for each axis whose state has changed
     """
-    changed = screen_packed(
-        *watch, block.t_valid_s, block.dt_s, block.dtheta_b, block.dv_b, block.saturated, block.valid,
-        readings, densities,
-    )  # fmt: skip
+    changed = screen_packed(watch, block, readings, densities)
     return health(block.t_valid_s, changed, watch.state) if changed else []
 
 
@@ -193,15 +190,14 @@ def integrated_variance(wrong, change, age_s, held):
 
 
 @kernel(forceinline=True)
-def screen_packed(
-    rules, last, axes, t_end_s, dt_s, dtheta_b, dv_b, saturated, valid, readings, densities
-):  # fmt: skip
-    """`screen` with the fields of its tuples, compiled. -> int, bit k: the state of axis k has changed"""
-    n, changed = dtheta_b.shape[0], 0
+def screen_packed(watch, block, readings, densities):
+    """`screen`, compiled. -> int, bit k: the state of axis k has changed"""
+    rules, last, axes, t_end_s, dt_s = watch.rules, watch.last, watch.axes, block.t_valid_s, block.dt_s
+    n, changed = block.dtheta_b.shape[0], 0
     for m in range(n):
         for i in range(3):
-            readings[m, i], readings[m, 3 + i] = dtheta_b[m, i], dv_b[m, i]
-    whole = GOOD if valid and np.isfinite(readings).all() else SILENT
+            readings[m, i], readings[m, 3 + i] = block.dtheta_b[m, i], block.dv_b[m, i]
+    whole = GOOD if block.valid and np.isfinite(readings).all() else SILENT
     if whole == GOOD and np.isfinite(rules[0, 0]) and np.isfinite(rules[0, 1]) and _same(readings, last):
         whole = REPEATED
     anywhere = False
@@ -210,7 +206,7 @@ def screen_packed(
     for k in range(6):
         axis, code, age_s = axes[k], whole, n * dt_s
         # if the unit does not say which axis is at the end of its range, it may be any
-        at_range = _at_range(readings, k, rules[1, k // 3] * dt_s) or (saturated and not anywhere)
+        at_range = _at_range(readings, k, rules[1, k // 3] * dt_s) or (block.saturated and not anywhere)
         if whole == GOOD:
             limit, end = _limit(rules[0, k // 3], axes, k // 3), 0.999 * rules[1, k // 3] * dt_s
             code, age_s = _read_axis(readings, last[n - 1, k], axis, k, limit, end, dt_s)

@@ -54,8 +54,8 @@ class Share:
             self.number = max(self.number, oldest)
             return
         x, xs, Ps = history.xs[self.number % len(history.xs)].copy(), *map(np.empty_like, history.arrays[3:5])
-        way = self.number + 1, 0.0, number, np.inf
-        prediction.travel(*nav.constants, *history.arrays[:3], xs, Ps, x, self.P, *way)
+        memory = history.arrays._replace(xs=xs, Ps=Ps, x=x, P=self.P)
+        prediction.travel(nav.constants, memory, self.number + 1, 0.0, number, np.inf)
         self.number = number
 
     def innovation(self, z, H, S):

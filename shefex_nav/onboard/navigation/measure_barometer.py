@@ -11,10 +11,8 @@ calibration, against air at rest. A lag of first order feels the pressure of `la
 hydrostatic law gives dp_s/dH = -g rho (US Standard Atmosphere 1976, eq. 33). On the pad, where the place is
 known, readings settle b and e together: to first order they are one there, and part with height.
 
-Errors that are no states last: those of the port for `flow_memory_s`, what the layers leave while the vehicle
-crosses a `LEFT_DEPTH` of air, warmth that has no states for the flight. One reading is judged by the gate
-with their variance; together readings say less than each by itself, so one that follows on another corrects
-the state with more (`counts`, see `measurements.lasting_factor`).
+Errors that are no states last: those of the port for `flow_memory`, what the layers leave while the vehicle
+crosses a `LEFT_DEPTH` of air, warmth that has no states for the flight.
 """
 
 import math
@@ -23,9 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.environment import atmosphere
-from shefex_nav.geometry import frames, wgs84
-from shefex_nav.onboard.navigation.measurements import lasting_factor
-from shefex_nav.onboard.navigation.state import POS, VEL, X_BARO_BIAS, X_BARO_SCALE, X_R, X_V
+from shefex_nav.onboard.navigation.aid import Seen
 
 LAYERS = np.array([0.0, 1.5e3, 3.5e3, 6e3, 9e3, 12e3, 16e3, 21e3])  # m, base of each; the last has no top
 LAST_TOP = 32e3  # m, of the last layer where its warmth is worked out
@@ -34,43 +30,32 @@ FOR_EVER_S = 300.0  # s [E], of errors that do not change in a flight and have n
 SURFACE_TEMPERATURE = 288.15  # K
 SURFACE_WEIGHT = 1.225 * atmosphere.G_0  # Pa/m, of air at sea level
 AT_REST = 0.1  # m/s, slower is standing still
-SIGMAS = 3.0  # of the noise, within which two readings agree
 
 
-class BarometerModel(NamedTuple):
+class Model(NamedTuple):
     """What the filter assumes of a barometer; sigmas are standard deviations."""
 
     noise: float  # Pa, white, quanta included
-    lag_s: float
+    lag: float  # s
     lag_error: float  # of the lag, as a share of it
     port_mach: np.ndarray  # (k,)
     port_coefficient: np.ndarray  # (k,) part of the dynamic pressure at the port
     port_error: float  # of the coefficient, as a share of it
     flow_error: float  # part of the dynamic pressure, besides
-    flow_memory_s: float
+    flow_memory: float  # s
     day: tuple  # temperature K, depth m, as in `of_layers`
     P_scale: np.ndarray  # (8, 8) covariance of the warmth of the layers at the start, `of_layers`
     up_to: float  # m, not used above
     unused_mach: tuple  # Mach numbers between which it is not used
-    release: tuple  # rejections, s, after which readings are a new bias
 
 
 class Air(NamedTuple):
     """Where the vehicle is in the air that the filter assumes."""
 
     height: float  # m, above the ellipsoid
-    up_i: np.ndarray  # (3,) unit
     climb: float  # m/s
     mach: float  # against air at rest
     dynamic_pressure: float  # Pa
-
-
-class Offset(NamedTuple):
-    """A reading against the filter, for the comparison with the next."""
-
-    t_valid_s: float
-    z: float  # Pa
-    noise: float  # Pa
 
 
 def of_layers(temperature, depth):
@@ -91,15 +76,11 @@ def of_layers(temperature, depth):
     return P
 
 
-def air(earth, t_s, x):
-    """Air of packed values x at a mission time, with EarthRotation `earth`."""
-    C_ie = frames.dcm_ie(earth, t_s)
-    r_e, v_e = frames.ecef_from_inertial(earth, t_s, x[X_R], x[X_V])
-    latitude, longitude, height = wgs84.geodetic_from_ecef(r_e)
-    up_e = -wgs84.dcm_en(latitude, longitude)[:, 2]
-    density, _, _, sound = atmosphere.us76(height)
-    speed2 = float(v_e @ v_e)
-    return Air(height, C_ie @ up_e, float(up_e @ v_e), math.sqrt(speed2) / sound, 0.5 * density * speed2)
+def air(here):
+    """Air of an aiding.Here."""
+    density, _, _, sound = atmosphere.us76(here.height)
+    speed2, climb = float(here.v_e @ here.v_e), float(-here.C_en[:, 2] @ here.v_e)
+    return Air(here.height, climb, math.sqrt(speed2) / sound, 0.5 * density * speed2)
 
 
 def thicknesses(height):
@@ -120,61 +101,46 @@ class Expected(NamedTuple):
     stretch: float  # dH/dh'
 
 
-def expected(model, x, here):
-    """Expected. BarometerModel, packed values, Air"""
-    felt = here.height - model.lag_s * here.climb
-    parts, warmth = thicknesses(felt), x[X_BARO_SCALE]
-    level = felt - x[X_BARO_BIAS.start + 1] - float(warmth @ parts)
+def expected(model, air, bias, warmth):
+    """Expected. Model, Air, values of the blocks baro_bias (2,) and baro_scale (8,)"""
+    felt = air.height - model.lag * air.climb
+    parts = thicknesses(felt)
+    level = felt - bias[1] - float(warmth @ parts)
     density, pressure, _, _ = atmosphere.us76(level)
     g = atmosphere.G_0 * (atmosphere.EARTH_RADIUS / (atmosphere.EARTH_RADIUS + level)) ** 2
     layer = max(int(np.searchsorted(LAYERS, felt, side="right")) - 1, 0)
-    flow = float(np.interp(here.mach, model.port_mach, model.port_coefficient)) * here.dynamic_pressure
-    return Expected(pressure + x[X_BARO_BIAS.start] + flow, -density * g, parts, 1.0 - float(warmth[layer]))
+    flow = float(np.interp(air.mach, model.port_mach, model.port_coefficient)) * air.dynamic_pressure
+    return Expected(pressure + bias[0] + flow, -density * g, parts, 1.0 - float(warmth[layer]))
 
 
-def linearise(nav, now, fix):
-    """As `sensors.Linearise`."""
-    here = air(nav.earth, now.t_s, now.x)
-    return reading(nav.layout, nav.params.barometer, now.x, here, fix)
-
-
-def reading(layout, model, x, here, fix):
-    """One reading.
-
-    Parameters
-    ----------
-    layout : Layout
-    model : BarometerModel
-    x : packed values at the instant of the reading
-    here : Air of them
-    fix : BarometerReading
-
-    Returns
-    -------
-    z : (1,) Pa;  H : (1, n);  R : (1, 1) Pa^2, of this reading by itself
-    """
-    told, H = expected(model, x, here), np.zeros((1, layout.n))
+def expect(model, here, reading):
+    """Seen of one reading: z (1,) Pa, H (1, n). Model, aiding.Here, BarometerReading"""
+    around, warmth = air(here), here.value("baro_scale")
+    known = np.zeros(len(LAYERS)) if warmth is None else warmth
+    told, H = expected(model, around, here.value("baro_bias"), known), here.rows(1)
     steep = told.slope * told.stretch
-    H[0, POS] = steep * here.up_i
-    H[0, VEL] = -model.lag_s * steep * here.up_i
-    if place := layout.places["baro_bias"]:
-        H[0, place] = 1.0, -told.slope
-    if place := layout.places["baro_scale"]:
-        H[0, place] = -told.slope * told.parts
-    variance = model.noise**2 + sum(part[0] for part in lasting(layout, model, here, told))
-    return np.array([fix.pressure - told.pressure]), H, np.array([[variance]])
+    H[0, here.columns("position")] = steep * here.up_i
+    H[0, here.columns("velocity")] = -model.lag * steep * here.up_i
+    H[0, here.columns("baro_bias")] = 1.0, -told.slope
+    if warmth is not None:
+        H[0, here.columns("baro_scale")] = -told.slope * told.parts
+    shared = tuple((np.array([[v]]), lasts_s) for v, lasts_s in lasting(model, around, told, warmth is None))
+    return Seen(np.array([reading.pressure - told.pressure]), H, np.array([[model.noise**2]]), shared)
 
 
-def lasting(layout, model, here, told):
-    """Errors of a reading that are no states: [(variance Pa^2, s that it lasts)]."""
-    flow = float(np.interp(here.mach, model.port_mach, model.port_coefficient)) * model.port_error
-    layers_s = min(LEFT_DEPTH / max(abs(here.climb), AT_REST), FOR_EVER_S)
+def lasting(model, air, told, warmth_too):
+    """Errors of a reading that are no states: [(variance Pa^2, s that it lasts)].
+
+    warmth_too : whether that of the layers is none
+    """
+    flow = float(np.interp(air.mach, model.port_mach, model.port_coefficient)) * model.port_error
+    layers_s = min(LEFT_DEPTH / max(abs(air.climb), AT_REST), FOR_EVER_S)
     parts = [
-        ((math.hypot(flow, model.flow_error) * here.dynamic_pressure) ** 2, model.flow_memory_s),
-        ((told.slope * model.lag_error * model.lag_s * here.climb) ** 2, model.flow_memory_s),
-        (told.slope**2 * _left(model.day, here.height), layers_s),
+        ((math.hypot(flow, model.flow_error) * air.dynamic_pressure) ** 2, model.flow_memory),
+        ((told.slope * model.lag_error * model.lag * air.climb) ** 2, model.flow_memory),
+        (told.slope**2 * _left(model.day, air.height), layers_s),
     ]
-    if layout.places["baro_scale"] is None:
+    if warmth_too:
         parts.append((told.slope**2 * float(told.parts @ model.P_scale @ told.parts), FOR_EVER_S))
     return parts
 
@@ -201,35 +167,14 @@ def _left(day, height):
     return max((temperature / SURFACE_TEMPERATURE * depth) ** 2 * bridge, 0.0)
 
 
-def counts(nav, fix, R, gap_s):
-    """R with which a reading that has passed the gate corrects the state, (1, 1) Pa^2: see the module's text.
-
-    nav : fusion.Filter on its way, which has reached the instant of the reading
-    gap_s : since the last reading that was used before, inf: there was none
-    """
-    model, x = nav.params.barometer, nav.history.x
-    here = air(nav.earth, fix.t_valid_s, x)
-    variance = model.noise**2
-    for one, lasts_s in lasting(nav.layout, model, here, expected(model, x, here)):
-        variance += one * lasting_factor(1.0, lasts_s, gap_s)
-    return np.array([[variance]])
-
-
-def unfit(nav, t_s, x, fix):
-    """Why a reading is not to be used at packed values x; '' if it may. fusion.Filter, s -> str"""
-    model = nav.params.barometer
-    if fix.at_limit:
+def unfit(model, here, reading):
+    """Why a reading is not to be used; '' if it may. Model, aiding.Here, BarometerReading -> str"""
+    if reading.at_limit:
         return "not used: the sensor is at an end of its range"
-    here = air(nav.earth, t_s, x)
-    if here.height > model.up_to:
+    around = air(here)
+    if around.height > model.up_to:
         return f"not used: above {1e-3 * model.up_to:g} km"
     low, high = model.unused_mach
-    if low < here.mach < high:
-        return f"not used: Mach {here.mach:.2f}, shocks cross the port"
+    if low < around.mach < high:
+        return f"not used: Mach {around.mach:.2f}, shocks cross the port"
     return ""
-
-
-def offsets_agree(earlier, later):
-    """Whether two rejected readings, Offset each, are off by the same pressure, which a new bias is."""
-    noise = math.hypot(earlier.noise, later.noise)
-    return 0.0 < later.t_valid_s - earlier.t_valid_s and abs(later.z - earlier.z) <= SIGMAS * noise

@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.geometry import frames
 from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import error_model, strapdown, unknown_attitude
 from shefex_nav.onboard.navigation.calibration import accel_inverse, g_sensitivity, gyro_inverse
 from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S, WEIGHTS
 from shefex_nav.onboard.navigation.state import (
     BA,
-    BARO_BIAS,
     BG,
     CLOCK,
     GRAVITY,
@@ -33,10 +33,37 @@ from shefex_nav.onboard.navigation.state import (
     X_V,
     pack,
 )
-from shefex_nav.onboard.navigation.strapdown import BEFORE, gravity_i
+from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, gravity_i
 
 SIZES = np.array(list(OPTIONAL.values()))
 TOP = PVA.stop  # rows of Phi that the strapdown makes
+
+
+class Constants(NamedTuple):
+    """What a prediction needs of a filter, the same in all ticks."""
+
+    at: np.ndarray  # of Layout
+    model: np.ndarray  # `error_model.record`
+    walks: np.ndarray  # (m,) variance a second of the last errors, those of instruments
+    earth: frames.EarthRotation
+
+
+def constants(layout, model, earth, blocks=()):
+    """Constants. Layout, `error_model.record`, EarthRotation, blocks.Block of instruments"""
+    walks = [block.walk**2 for block in blocks if block.name in layout.names]
+    return Constants(layout.at, model, np.concatenate([np.empty(0), *walks]), earth)
+
+
+class Memory(NamedTuple):
+    """The arrays of a `History`, which holds tick k in place k modulo its size."""
+
+    numbers: np.ndarray  # (size, 4)
+    increments: np.ndarray  # (size, 2 + samples, 6)
+    extra: np.ndarray  # (size, 2, 3)
+    xs: np.ndarray  # (size, X)
+    Ps: np.ndarray  # (size, n, n)
+    x: np.ndarray  # (X,) of the instant that has been reached
+    P: np.ndarray  # (n, n) likewise
 
 
 class Growth(NamedTuple):
@@ -46,27 +73,26 @@ class Growth(NamedTuple):
     Q: np.ndarray  # (n, n)
 
 
-def growth(layout, model, state, imu, begin_s, end_s, earth):
+def growth(constants, layout, state, imu, begin_s, end_s):
     """Transition matrix and process noise of the part begin_s ... end_s of a tick.
 
     Parameters
     ----------
+    constants : Constants
     layout : Layout
-    model : `error_model.record`
     state : NavState at begin_s
     imu : ImuWindow
     begin_s, end_s : s from the start of the window
-    earth : EarthRotation
 
     Returns
     -------
     Growth
     """
-    arguments = (state.t_s, imu.increments, imu.dt_s, imu.vibration, imu.extra, begin_s, end_s)
-    return Growth(*_growth(layout.at, layout.n, model, pack(state), *arguments, *earth))
+    imu = imu._replace(t_end_s=state.t_s - begin_s + imu.length_s)
+    return Growth(*_growth(constants, layout.n, pack(state), imu, begin_s, end_s))
 
 
-def advance(layout, model, x, t_s, P, imu, begin_s, end_s, earth):
+def advance(constants, x, t_s, P, imu, begin_s, end_s):
     """State and covariance after the part begin_s ... end_s of a tick.
 
     As `growth`, with the packed nominal state x at begin_s, mission time t_s, and its covariance P (n, n)
@@ -74,58 +100,45 @@ def advance(layout, model, x, t_s, P, imu, begin_s, end_s, earth):
     """
     x, P = x.copy(), P.copy()
     numbers = np.array([[t_s - begin_s + imu.length_s, imu.dt_s, imu.n, imu.vibration]])
-    travel(
-        layout.at, model, *earth, numbers, imu.increments[None], imu.extra[None], x[None].copy(),
-        P[None].copy(), x, P, 0, begin_s, 0, end_s,
-    )  # fmt: skip
+    increments, extra = imu.increments[None], imu.extra[None]
+    memory = Memory(numbers, increments, extra, x[None].copy(), P[None].copy(), x, P)
+    travel(constants, memory, 0, begin_s, 0, end_s)
     return x, P
 
 
 @kernel
-def travel(
-    at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
-    first, begin_s, last, end_s,
-):  # fmt: skip
+def travel(constants, memory, first, begin_s, last, end_s):
     """State and covariance from an instant within one tick to one within the same or a later tick.
 
     Parameters
     ----------
-    at : of Layout;  model : `error_model.record`;  C_iq ... rate : EarthRotation
-    numbers, increments, extra : of a `History`, which holds tick k in place k modulo its size
-    xs, Ps : likewise, written wherever the end of a tick is reached
-    x, P : (X,), (n, n) at the start; carried along, in place
+    constants : Constants
+    memory : Memory; x and P are carried along, xs and Ps written wherever the end of a tick is reached
     first, begin_s : number of the tick in which the way begins, s from its start
     last, end_s : in which it ends; np.inf: at its end
     """
-    _through(
-        at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
-        first, begin_s, last, end_s, workspace(P.shape[0]),
-    )  # fmt: skip
+    _through(constants, memory, first, begin_s, last, end_s, workspace(memory.P.shape[0]))
 
 
 @inner(forceinline=True)
-def _through(
-    at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
-    first, begin_s, last, end_s, work,
-):  # fmt: skip
+def _through(constants, memory, first, begin_s, last, end_s, work):
     """`travel` with a `workspace` that is there already."""
+    numbers, x, P, model = memory.numbers, memory.x, memory.P, constants.model
     for number in range(first, last + 1):
         k = number % numbers.shape[0]
         h, n = numbers[k, 1], int(numbers[k, 2])
         length_s = n * h
         until_s = end_s if number == last and end_s < length_s else length_s
         if until_s > begin_s:
-            t_s, window = numbers[k, 0] - length_s + begin_s, increments[k, : BEFORE + n]
+            extra = memory.extra[k]
+            imu = ImuWindow(numbers[k, 0], h, memory.increments[k, : BEFORE + n], numbers[k, 3], extra)
             row = error_model.valid(model, numbers[k, 0])
-            bias_walk, angle, speed = interval(
-                at, model[row], x, t_s, window, h, numbers[k, 3], extra[k], begin_s, until_s,
-                C_iq, C_re, angle_0, rate, work,
-            )  # fmt: skip
-            carry_covariance(at, model[row], P, work, bias_walk, until_s - begin_s)
+            bias_walk, angle, speed = interval(constants, model[row], x, imu, begin_s, until_s, work)
+            carry_covariance(constants, model[row], P, work, bias_walk, until_s - begin_s)
             q_ib = x[6], x[7], x[8], x[9]
-            unknown_attitude.widen(P, angle, speed, extra[k], until_s - begin_s, q_ib)
+            unknown_attitude.widen(P, angle, speed, extra, until_s - begin_s, q_ib)
         if until_s == length_s:
-            _keep(x, P, xs[k], Ps[k])
+            _keep(x, P, memory.xs[k], memory.Ps[k])
         begin_s = 0.0
 
 
@@ -140,16 +153,14 @@ def _keep(x, P, x_kept, P_kept):
 
 
 @kernel(forceinline=True)
-def enter(
-    at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
-    number, motors, t_end_s, dt_s, n, work=None,
-):  # fmt: skip
+def enter(constants, memory, number, motors, t_end_s, dt_s, n, work=None):
     """A tick on: complete the place of a new tick in a `History`, and `travel` through it.
 
     number : of the tick, whose n samples of dt_s that end at t_end_s are in its place already
     motors : of NavParams
     work : a `workspace` that is there already, as a run of ticks has it
     """
+    numbers, increments, model = memory.numbers, memory.increments, constants.model
     k, before = number % numbers.shape[0], (number - 1) % numbers.shape[0]
     n_before, stretch = int(numbers[before, 2]), dt_s / numbers[before, 1]
     for i in range(BEFORE):
@@ -165,10 +176,8 @@ def enter(
     limits = model[0].thrust_threshold, model[0].shake_threshold
     vibration = error_model.vibration_level(motors, limits[0], limits[1], t_end_s, gained / (n * dt_s), shake)
     numbers[k, 0], numbers[k, 1], numbers[k, 2], numbers[k, 3] = t_end_s, dt_s, n, vibration
-    _through(
-        at, model, C_iq, C_re, angle_0, rate, numbers, increments, extra, xs, Ps, x, P,
-        number, 0.0, number, np.inf, workspace(P.shape[0]) if work is None else work,
-    )  # fmt: skip
+    room = workspace(memory.P.shape[0]) if work is None else work
+    _through(constants, memory, number, 0.0, number, np.inf, room)
 
 
 @inner
@@ -185,14 +194,12 @@ def workspace(n):
 
 
 @kernel
-def _growth(at, n, model, x, t_s, increments, h, vibration, extra, begin_s, end_s, C_iq, C_re, angle_0, rate):
+def _growth(constants, n, x, imu, begin_s, end_s):
     """Phi and Q in full: the rows of the strapdown, and a covariance of zero carried on."""
     Phi, Q, work, T = np.eye(n), np.zeros((n, n)), workspace(n), end_s - begin_s
-    row = error_model.valid(model, t_s - begin_s + h * (increments.shape[0] - BEFORE))
-    bias_walk, _, _ = interval(
-        at, model[row], x, t_s, increments, h, vibration, extra, begin_s, end_s,
-        C_iq, C_re, angle_0, rate, work,
-    )  # fmt: skip
+    at, model = constants.at, constants.model
+    row = error_model.valid(model, imu.t_end_s)
+    bias_walk, _, _ = interval(constants, model[row], x, imu, begin_s, end_s, work)
     Phi[:TOP] = work[4]
     if at[CLOCK] >= 0:
         Phi[at[CLOCK], at[CLOCK] + 1] = T
@@ -202,25 +209,27 @@ def _growth(at, n, model, x, t_s, increments, h, vibration, extra, begin_s, end_
     if at[GRAVITY] >= 0:
         for i in range(at[GRAVITY], at[GRAVITY] + 3):
             Phi[i, i] = np.exp(-T / FIELD_TIME_S)
-    carry_covariance(at, model[row], Q, work, bias_walk, T)
+    carry_covariance(constants, model[row], Q, work, bias_walk, T)
     return Phi, Q
 
 
 @inner
-def interval(
-    at, model, x, t_s, increments, h, vibration, extra, begin_s, end_s, C_iq, C_re, angle_0, rate, work
-):
-    """Strapdown and error model of a part of a tick.
+def interval(constants, noise, x, imu, begin_s, end_s, work):
+    """Strapdown and error model of the part begin_s ... end_s of a tick.
 
-    Arguments of `growth`, the tuples in their fields. x (X,) is carried on in place. Of the workspace are
-    written: (9, n) first rows of Phi; (9, 9) Q of them.
+    noise : row of `Constants.model`;  imu : ImuWindow.  x (X,) at begin_s is carried on in place. Of the
+    workspace are written: (9, n) first rows of Phi; (9, 9) Q of them.
 
     -> m^2/s^5, random walk of the accelerometer bias; rad, m/s, sums of the corrected increments
     """
     gyro, accel, by_gyro, by_accel, top, Q, _ = work
+    at, earth, h, vibration = constants.at, constants.earth, imu.dt_s, imu.vibration
+    length_s = h * (imu.increments.shape[0] - BEFORE)
+    t_s = imu.t_end_s - length_s + begin_s
     r, v, T = t3.vector(x, X_R.start), t3.vector(x, X_V.start), end_s - begin_s
     C = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
-    g = gravity_i(t3.plus(r, 0.5 * T, v), angle_0 + rate * (t_s + 0.5 * T), C_iq, C_re)
+    angle_0, rate = earth.angle_0, earth.rate
+    g = gravity_i(t3.plus(r, 0.5 * T, v), angle_0 + rate * (t_s + 0.5 * T), earth.C_iq, earth.C_re)
     g = t3.plus(g, 1.0, t3.vector(x, X_GRAVITY))
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     error_model.needed(at, G, by_gyro, by_accel)
@@ -230,9 +239,9 @@ def interval(
         if by_accel[k]:
             accel[k] = 0.0
     u, u_r, angle, speed = strapdown.travel(
-        x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gyro, accel
+        x, imu.increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gyro, accel
     )
-    _drift(x, model, T)
+    _drift(x, noise, T)
     q_after = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
     C_bi = t3.transposed(t3.dcm_from_quat(q_after))
     for k in range(WEIGHTS):
@@ -242,9 +251,8 @@ def interval(
     error_model.put_motion(top, r, u, u_r, C, C_bi, T)
     error_model.put_gravity(top, at, T)
     _put_imu(top, at, gyro, accel, M, A, G, vibration)
-    share = T / (h * (increments.shape[0] - BEFORE))
-    along, across, bias_walk = error_model.noise_densities(model, vibration, share, T, angle, speed)
-    error_model.process_noise(top, along, across, extra, C, T, Q)
+    along, across, bias_walk = error_model.noise_densities(noise, vibration, T / length_s, T, angle, speed)
+    error_model.process_noise(top, along, across, imu.extra, C, T, Q)
     return bias_walk, angle, speed
 
 
@@ -268,9 +276,9 @@ def _put_imu(top, at, gyro, accel, M, A, G, vibration):
 
 
 @inner
-def carry_covariance(at, model, P, work, bias_walk, T):
-    """P <- Phi P Phi^T + Q, in place, exactly symmetric; work: of `interval`."""
-    top, Q, A = work[4], work[5], work[6]
+def carry_covariance(constants, noise, P, work, bias_walk, T):
+    """P <- Phi P Phi^T + Q, in place, exactly symmetric; noise, work: as of `interval`."""
+    top, Q, A, at, walks = work[4], work[5], work[6], constants.at, constants.walks
     n, drivers = P.shape[0], N_CORE
     for k in range(GRAVITY + 1):
         if at[k] >= 0:
@@ -292,17 +300,18 @@ def carry_covariance(at, model, P, work, bias_walk, T):
         for j in range(TOP, n):
             P[i, j] = P[j, i] = A[i, j]
     for i in range(3):
-        P[BG.start + i, BG.start + i] += model.gyro_bias_walk**2 * T
+        P[BG.start + i, BG.start + i] += noise.gyro_bias_walk**2 * T
         P[BA.start + i, BA.start + i] += bias_walk * T
     if at[CLOCK] >= 0:
-        _clock(P, at[CLOCK], model.clock_white**2, model.clock_walk**2, T)
+        _clock(P, at[CLOCK], noise.clock_white**2, noise.clock_walk**2, T)
     if at[RANGE_BIAS] >= 0:
-        left = np.exp(-T / model.range_bias_time_s)
-        _wander(P, at[RANGE_BIAS], SIZES[RANGE_BIAS], left, model.range_bias_sigma)
+        left = np.exp(-T / noise.range_bias_time_s)
+        _wander(P, at[RANGE_BIAS], SIZES[RANGE_BIAS], left, noise.range_bias_sigma)
     if at[GRAVITY] >= 0:
-        _wander(P, at[GRAVITY], 3, np.exp(-T / FIELD_TIME_S), model.gravity_sigma)
-    if at[BARO_BIAS] >= 0:
-        P[at[BARO_BIAS], at[BARO_BIAS]] += model.baro_bias_walk**2 * T
+        _wander(P, at[GRAVITY], 3, np.exp(-T / FIELD_TIME_S), noise.gravity_sigma)
+    for k in range(walks.shape[0]):
+        i = n - walks.shape[0] + k
+        P[i, i] += walks[k] * T
 
 
 @inner(forceinline=True)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import Fix
+from shefex_nav.onboard.navigation.sensor import Fix
 from shefex_nav.onboard.navigation.state import NavState
 from shefex_nav.onboard.navigation.strapdown import ImuWindow
 

@@ -5,7 +5,6 @@ import numpy as np
 from shefex_nav.onboard.navigation import eskf, integrity_learnt
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.onboard.navigation.state import initial_covariance
 
 
@@ -18,7 +17,7 @@ def forgotten(nav, P, measurement, H):
     """
     if measurement.fate == Fate.USED and not measurement.doubts:
         return P, ()
-    sensor, admitted = SENSORS[measurement.sensor], measurement.admitted
+    sensor, admitted = nav.sensors[measurement.sensor], measurement.admitted
     order, x, P, cut = nav.layout, nav.history.x, P.copy(), ()
     places = order.places
     named = [name for name in (sensor.block, *sensor.with_it) if places[name] is not None]

@@ -1,103 +1,31 @@
 """The sensors that the filter listens to: how each is linearised, gated and, in the end, believed.
 
-A new sensor is an entry of `SENSORS` and a function that linearises it. What arrives on board may hold
+GPS and stars stand here; an instrument that adds to them is an Aid (`aiding`). What arrives on board may hold
 several measurements: `ARRIVALS` says which.
 """
-
-from collections.abc import Callable
-from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.onboard.navigation import (
+    aiding,
     calibration,
     integrity,
     integrity_watch,
-    measure_barometer,
-    measure_magnetometer,
     measure_ranges,
     measure_stars,
     measurements,
     unknown_attitude,
 )
-from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.history import Moment
+from shefex_nav.onboard.navigation.sensor import Sensor, Trial
 from shefex_nav.onboard.navigation.state import POS, VEL, X_Q, ReleaseRule
-from shefex_nav.records import BarometerReading, GpsFix, GpsRanges, MagnetometerReading, Reason, StarFix
+from shefex_nav.records import GpsFix, GpsRanges, Reason
 
 BEND_SHARE = 0.2  # [E] of the bend, that it may be wrong by: not all light of a streak counts alike
 BEND_SEEN = 16.3  # of the gyros' noise in a bend, its normalised square that noise alone exceeds in 0.1 %
 MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give way
-
-Fix = GpsFix | GpsRanges | StarFix | BarometerReading | MagnetometerReading
-Agree = Callable[[integrity.Evidence, integrity.Evidence], bool]
-
-
-# sigma of what is measured, or (3,) of each axis of some blocks, or the whole covariance
-Admitted = float | dict[str, np.ndarray] | Grown
-
-
-class Measurement(NamedTuple):
-    """A measurement in the history of the filter."""
-
-    sensor: str  # of SENSORS
-    fix: Fix
-    fate: integrity.Fate
-    rows: np.ndarray | None = None  # (m,) bool, rows that are used; None: all
-    admitted: Admitted | None = None  # what a reset adds; None: it forgets all of what is measured
-    doubts: dict | None = None  # (size,) sigma of blocks that is added before it, `integrity_learnt`
-    teaches: bool = True  # whether the learnt blocks take part
-    grown: float = 1.0  # factor of the noise of its sensor, standard deviation
-
-
-class Trial(NamedTuple):
-    """What decides whether a sensor that contradicts the filter is believed after all."""
-
-    rule: ReleaseRule
-    evidence: integrity.Evidence | None  # what is kept of the fix if it is rejected
-    agree: Agree  # the earlier evidence with this
-    steady: Agree | None = None  # the first with this; None: always
-    still: Agree | None = None  # whether this, inside the gate, is off as the earlier was; None: never
-
-
-class Linearise(Protocol):
-    """How a measurement is linearised: the same rows at every call with one fix."""
-
-    def __call__(self, nav, now: Moment, fix: Fix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """fusion.Filter, Moment, fix -> z (m,), H (m, n), R (m, m)"""
-
-
-class MakeTrial(Protocol):
-    """What a fix has to stand if it contradicts the filter."""
-
-    def __call__(self, nav, now: Moment, z: np.ndarray, R: np.ndarray, fix: Fix) -> Trial:
-        """fusion.Filter, Moment, z and R as linearised, fix -> Trial"""
-
-
-class Sensor(NamedTuple):
-    """One measurement."""
-
-    linearise: Linearise
-    block: str  # of the layout, which a reset forgets
-    forgotten: float  # standard deviation that says nothing, in the units of the block
-    trial: MakeTrial
-    with_it: tuple[str, ...] = ()  # blocks that a reset takes back to what was known at the start
-    rows: int = 0  # rows gated together, by what they share with no other row in mind; 0: all
-    labels: Callable[[Fix], list[str]] | None = None  # name of each group of rows, for notes
-    reset_note: str = "reset after timeout"
-    # (nav, S) -> whether one fix inside the gate is enough; None: always
-    alone: Callable | None = None
-    # (nav, now, fix) -> Health after it was used, in which it is there to confirm the next one
-    confirmed: Callable | None = None
-    # (nav, z) -> standard deviation of the error that a reset admits in the block and those with it, if it
-    # explains the contradiction without forgetting everything; None: it does not
-    admits: Callable | None = None
-    # (nav, fix, R, gap_s) -> the noise with which a measurement that has passed the gate counts; None: R
-    counted: Callable | None = None
-    # (nav, t_s, x, fix) -> why it is not to be used where packed values x are, '' if it may; None: always
-    unfit: Callable | None = None
 
 
 def _antenna(nav, now):
@@ -305,30 +233,6 @@ def _star_admits(nav, z):
     return angle if used > 1 and angle < MOVED_CAMERA else None
 
 
-def _barometer_trial(nav, now, z, R, fix):
-    """Readings that are off by the same pressure again and again are those of a new bias."""
-    model = nav.params.barometer
-    offset = measure_barometer.Offset(fix.t_valid_s, float(z[0]), model.noise)
-    return Trial(ReleaseRule(*model.release), offset, measure_barometer.offsets_agree)
-
-
-def _magnetometer_trial(nav, now, z, R, fix):
-    """Readings that are off by the same field again and again are those of a new hard iron.
-
-    What is off in heading by the same angle need not be: of heading alone nothing is ever believed.
-    """
-    model = nav.params.magnetometer
-    if model.heading:
-        return never(nav, now, z, R, fix)
-    offset = measure_magnetometer.Offset(fix.t_valid_s, z, model.noise)
-    return Trial(ReleaseRule(*model.release), offset, measure_magnetometer.offsets_agree)
-
-
-def never(nav, now, z, R, fix):
-    """Trial of a sensor that is never believed against the gate."""
-    return Trial(ReleaseRule(np.inf, np.inf), None, None)
-
-
 def rate_covariance(layout, state, P, omega_b, f_b, vibration):
     """Covariance of the corrected rate by the estimates of the gyro errors: (3, 3) rad^2/s^2."""
     J_omega, _ = calibration.jacobians(layout, state, omega_b, f_b, vibration)
@@ -364,46 +268,28 @@ SENSORS = {
     "star_vectors": Sensor(
         _star_vectors, "attitude", np.pi, _vectors_trial, rows=2, labels=_hip, alone=_vectors_alone
     ),
-    "barometer": Sensor(
-        measure_barometer.linearise,
-        "baro_bias",
-        1e4,
-        _barometer_trial,
-        reset_note="new bias",
-        counted=measure_barometer.counts,
-        unfit=measure_barometer.unfit,
-    ),
-    "magnetometer": Sensor(
-        measure_magnetometer.linearise,
-        "hard_iron",
-        1e-4,
-        _magnetometer_trial,
-        reset_note="new hard iron",
-        counted=measure_magnetometer.counts,
-        unfit=measure_magnetometer.unfit,
-    ),
 }
 ARRIVALS = {
     "gps": ("gps_position", "gps_velocity"),
     "gps_ranges": ("gps_range", "gps_range_rate"),
     "star_tracker": ("star_tracker",),
     "star_vectors": ("star_vectors",),
-    "barometer": ("barometer",),
-    "magnetometer": ("magnetometer",),
 }
+
+
+def table(params):
+    """The sensors of a filter: `SENSORS`, and behind them its aids. NavParams -> {name: Sensor}"""
+    return SENSORS | {aid.name: aiding.sensor(aid) for aid in params.aids}
 
 
 def gps_arrivals(params, messages):
     """What the filter takes of what is received: of GPS the fixes if it is coupled loosely, the ranges if
-    tightly; readings of a barometer if it has one.
+    tightly; readings of its aids.
 
-    NavParams, sequence of GpsFix, GpsRanges and BarometerReading -> list of (arrival, fix)
+    NavParams, sequence of GpsFix, GpsRanges and readings of instruments -> list of (arrival, fix)
     """
     arrivals = {GpsRanges: "gps_ranges"} if params.gps == "tight" else {GpsFix: "gps"}
-    if params.barometer is not None:
-        arrivals[BarometerReading] = "barometer"
-    if params.magnetometer is not None:
-        arrivals[MagnetometerReading] = "magnetometer"
+    arrivals |= {aid.record: aid.name for aid in params.aids}
     return [(arrivals[type(one)], one) for one in messages if type(one) in arrivals]
 
 
@@ -449,7 +335,7 @@ def contents(arrival, fix):
     """Names of the measurements that an arrival holds; receivers that give no velocity leave it NaN."""
     if arrival == "gps" and np.isnan(fix.v_ea_e[0]):
         return ("gps_position",)
-    return ARRIVALS[arrival]
+    return ARRIVALS.get(arrival, (arrival,))
 
 
 def without_solution(arrival, fix):
@@ -463,7 +349,7 @@ def without_solution(arrival, fix):
 
 def unfit(nav, name, index, fix):
     """Why a measurement is not to be used where the vehicle was in tick `index`, if any; '' if it may."""
-    judge = SENSORS[name].unfit
+    judge = nav.sensors[name].unfit
     if judge is None or index is None:
         return ""
     return judge(nav, nav.history.ends_s[index], nav.history.xs[nav.history.place(index)], fix)

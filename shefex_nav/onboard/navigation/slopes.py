@@ -6,7 +6,6 @@ Star fixes alone are known by name, for what they mislead is attitude and mounti
 from shefex_nav.onboard.navigation import integrity_protection, protected
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensors import SENSORS
 from shefex_nav.onboard.navigation.state import POS, VEL
 
 
@@ -18,7 +17,7 @@ def slope(nav, now, measurement, P, prior, H, R, confirmed):
     H, R : (m, n), (m, m) of the rows used;  confirmed : whether another fix agrees with it
     """
     name, limit = measurement.sensor, nav.limit(len(R))
-    rows, axes = SENSORS[name].rows, nav.watch.level_axes(nav.earth, now.t_s, now.x)
+    rows, axes = nav.sensors[name].rows, nav.watch.level_axes(nav.earth, now.t_s, now.x)
     grown = isinstance(measurement.admitted, Grown)  # no fix has confirmed it
     agreed = confirmed or (measurement.fate == Fate.RESET and not grown)  # `judge`: its rejected fixes agree
     if name == "star_vectors":
@@ -30,7 +29,7 @@ def slope(nav, now, measurement, P, prior, H, R, confirmed):
         found = integrity_protection.slope_of_rows(prior, now.P, one, H, R, rows, axes, agreed)
     else:
         found = integrity_protection.slope(prior, now.P, limit, axes, agreed)
-        block = nav.layout.places[SENSORS[name].block]
+        block = nav.layout.places.get(nav.sensors[name].block)
         if len(R) == 3 and block in (POS, VEL) and prior is P:
             integrity_protection.bound(found, P, H, R, limit, block.start, axes)
     if prior is not P:

@@ -7,7 +7,8 @@ Nominal states are carried by the strapdown; the covariance belongs to their err
 Fifteen errors are always there (the slices below); further blocks are switched on by name. `layout` is the
 only place where the order of the errors is settled, `NOMINAL` where that of the packed nominal values is. To
 add a block: a line in `blocks.OPTIONAL`, a field in `NavState`, its columns in `error_model.transition` (if
-it drives the others) or in the measurements that see it, its initial sigma in `scenario.params_onboard`.
+it drives the others) or in the measurements that see it, its initial sigma in `scenario.params_onboard`. The
+blocks of instruments (`blocks.Block`) are not known here: their errors and values stand behind all others.
 
 What the sensors of the IMU measure, with the blocks of their errors::
 
@@ -39,7 +40,7 @@ CORE = {"position": POS, "velocity": VEL, "attitude": ATT, "gyro_bias": BG, "acc
 
 # index of a block in `Layout.at`
 ROLL_COLUMN, G_SCALE, G_MISALIGN, G_SENSE, A_SCALE, A_MISALIGN, A_RECTIFIED, GRAVITY = range(8)
-MOUNTING, LEVER, CLOCK, LATENCY, RANGE_BIAS, BARO_BIAS, BARO_SCALE, HARD_IRON = range(8, 16)
+MOUNTING, LEVER, CLOCK, LATENCY, RANGE_BIAS = range(8, 13)
 
 NOMINAL = {}  # place of every value in the packed nominal state, whether its error is estimated or not
 for _name, _size in {
@@ -47,7 +48,7 @@ for _name, _size in {
 }.items():  # fmt: skip
     _start = max((place.stop for place in NOMINAL.values()), default=0)
     NOMINAL[_name] = slice(_start, _start + _size)
-N_NOMINAL = max(place.stop for place in NOMINAL.values())  # packed values; in shapes it is written X
+N_NOMINAL = max(place.stop for place in NOMINAL.values())  # with those of instruments X, in shapes
 # the same as constants, for kernels
 X_R, X_V, X_Q = NOMINAL["r_i"], NOMINAL["v_i"], NOMINAL["q_ib"]
 X_BG, X_BA = NOMINAL["gyro_bias"].start, NOMINAL["accel_bias"].start
@@ -57,8 +58,6 @@ X_AS, X_AM = NOMINAL["accel_scale"].start, NOMINAL["accel_misalignment"].start
 X_CLOCK, X_RANGE = NOMINAL["clock"].start, NOMINAL["range_bias"]
 X_RECTIFIED, X_GRAVITY = NOMINAL["accel_rectification"].start, NOMINAL["gravity"].start
 X_MOUNTING, X_LEVER, X_LATENCY = NOMINAL["mounting"], NOMINAL["lever_arm"], NOMINAL["gps_latency"].start
-X_BARO_BIAS, X_BARO_SCALE = NOMINAL["baro_bias"], NOMINAL["baro_scale"]
-X_HARD_IRON = NOMINAL["hard_iron"]
 
 
 class Layout(NamedTuple):
@@ -67,22 +66,35 @@ class Layout(NamedTuple):
     names: tuple[str, ...]  # optional blocks that are on, in the order of their errors
     n: int  # number of errors
     places: dict  # name of a block, core and optional -> slice, or None if it is off
-    at: np.ndarray  # (16,) the same for kernels: first error of each block of OPTIONAL, -1 if it is off
+    at: np.ndarray  # (13,) the same for kernels: first error of each block of OPTIONAL, -1 if it is off
     nominal: np.ndarray  # (n - 9,) place in the packed nominal state of each error behind the attitude
+    values: dict  # name of a block with a nominal value -> slice of it in the packed nominal state
 
 
-def layout(names=DEFAULT_STATES):
-    """Layout of the core and the named blocks. Iterable of names of OPTIONAL -> Layout; or LayoutError."""
-    names = checked(names)
-    places, at, n = dict(CORE), np.full(len(OPTIONAL), -1), N_CORE
-    for k, (name, size) in enumerate(OPTIONAL.items()):
+def layout(names=DEFAULT_STATES, blocks=()):
+    """Layout of the core and the named blocks; LayoutError if they do not exist or do not go together.
+
+    names : of OPTIONAL and of `blocks`
+    blocks : blocks.Block of instruments, of which those that are not named are off
+    """
+    names = checked(names, [block.name for block in blocks])
+    sizes = OPTIONAL | {block.name: block.size for block in blocks}
+    places, values, at, n = dict(CORE), dict(NOMINAL), np.full(len(OPTIONAL), -1), N_CORE
+    end = N_NOMINAL
+    for k, (name, size) in enumerate(sizes.items()):
         places[name] = slice(n, n + size) if name in names else None
-        if name in names:
-            at[k], n = n, n + size
-    ordered = tuple(name for name in OPTIONAL if name in names)
-    of_errors = [NOMINAL[name] for name in ("gyro_bias", "accel_bias", *ordered)]
+        if name not in names:
+            continue
+        if name in OPTIONAL:
+            at[k] = n
+        else:
+            values[name] = slice(end, end + size)
+            end += size
+        n += size
+    ordered = tuple(name for name in sizes if name in names)
+    of_errors = [values[name] for name in ("gyro_bias", "accel_bias", *ordered)]
     nominal = np.concatenate([np.arange(place.start, place.stop) for place in of_errors])
-    return Layout(ordered, n, places, at, nominal)
+    return Layout(ordered, n, places, at, nominal, values)
 
 
 _NOTHING = {size: np.zeros(size) for size in OPTIONAL.values()}
@@ -112,9 +124,7 @@ class NavState(NamedTuple):
     range_bias: np.ndarray = _NOTHING[32]
     accel_rectification: np.ndarray = _NOTHING[3]
     gravity: np.ndarray = _NOTHING[3]  # (3,) m/s^2, inertial axes, to be added to that of the on-board field
-    baro_bias: np.ndarray = _NOTHING[2]
-    baro_scale: np.ndarray = _NOTHING[8]
-    hard_iron: np.ndarray = _NOTHING[3]
+    others: np.ndarray = np.empty(0)  # of the blocks of instruments that are on, one after the other
 
 
 def pack(state):
@@ -124,13 +134,12 @@ def pack(state):
             state.r_i, state.v_i, state.q_ib, state.gyro_bias, state.accel_bias, state.gyro_roll_column,
             state.gyro_scale, state.gyro_misalignment, state.gyro_g_sensitivity, state.accel_scale,
             state.accel_misalignment, state.accel_rectification, state.gravity, state.mounting,
-            state.lever_arm, state.clock, state.gps_latency, state.range_bias, state.baro_bias,
-            state.baro_scale, state.hard_iron,
+            state.lever_arm, state.clock, state.gps_latency, state.range_bias, state.others,
         ]
     )  # fmt: skip
 
 
-_SLICES = [NOMINAL[name] for name in NavState._fields[1:]]
+_SLICES = [NOMINAL[name] for name in NavState._fields[1:-1]] + [slice(N_NOMINAL, None)]
 
 
 def unpack(t_s, x):
@@ -205,9 +214,17 @@ class NavParams(NamedTuple):
     integrity: Any = None  # integrity_watch.IntegrityParams; None: nothing is expected of IMU and solution
     stars: str = "attitude"  # stars by the attitude of each frame; "vectors": each star by itself
     gps_told: GpsTold = NOTHING_TOLD  # of the receiver, beyond what its messages say themselves
-    barometer: Any = None  # measure_barometer.BarometerModel; None: there is no barometer
-    magnetometer: Any = None  # measure_magnetometer.MagnetometerModel; None: there is none
-    baro_bias_walk: float = 0.0  # Pa/sqrt(s), of the first of the block baro_bias
+    aids: tuple = ()  # aiding.Aid, instruments that the filter uses besides GPS and stars
+
+    @property
+    def aid_names(self):
+        """Names of all aids: tuple of str."""
+        return tuple(aid.name for aid in self.aids)
+
+    @property
+    def blocks(self):
+        """Blocks of all aids: tuple of blocks.Block."""
+        return tuple(block for aid in self.aids for block in aid.blocks)
 
 
 def initial(params, order, alignment):
@@ -223,6 +240,7 @@ def initial(params, order, alignment):
         rotation.quat_normalise(np.array(alignment.q_ib, dtype=float)),
         np.array(alignment.gyro_bias, dtype=float) if is_found else np.zeros(3),
         np.zeros(3),
+        others=np.zeros(max(place.stop for place in order.values.values()) - N_NOMINAL),
     )
     P = np.zeros((order.n, order.n))
     P[POS, POS] = alignment.sigma_r**2 * np.eye(3)
@@ -237,12 +255,13 @@ def initial(params, order, alignment):
 
 
 def initial_covariance(params, name):
-    """What is known of an optional block at the start: (size, size), in the units of OPTIONAL."""
+    """What is known of an optional block at the start: (size, size), in its units."""
+    for block in params.blocks:
+        if block.name == name:
+            return block.P.copy()
     sigma = np.asarray(params.sigma_blocks[name], dtype=float)
     if sigma.shape != (OPTIONAL[name],):
         raise ValueError(f"sigma of '{name}': {OPTIONAL[name]} values are needed, shape is {sigma.shape}")
-    if name == "baro_scale" and params.barometer is not None:
-        return params.barometer.P_scale.copy()  # layers of air that lie on each other are warm together
     return np.diag(sigma**2)
 
 

@@ -6,18 +6,20 @@
     data = reader.read("run.mcap")
     figures.draw("trajectory", data).savefig("trajectory.png")
 
-The functions are in one module for each subject; CATALOGUE is their list in the order of the report.
+The functions are in one module for each subject; `catalogue` is their list in the order of the report.
 """
 
 from importlib import import_module
 from typing import NamedTuple
+
+from shefex_nav.instruments import TABLE
 
 
 class Entry(NamedTuple):
     """One kind of figure."""
 
     name: str
-    place: str  # 'module.function' of this package
+    place: str  # 'module.function' of this package; '': of the plots of an instrument
     section: str  # of the report
     caption: str  # how it is read
 
@@ -50,15 +52,6 @@ CATALOGUE = (
     Entry(
         "gps", "sensors.gps", "sensors",
         "As the receiver reports; shaded where it had no fix.",
-    ),
-    Entry(
-        "barometer", "sensors.barometer", "sensors",
-        "Height at which the standard atmosphere has the pressure that was read. What a day adds to it "
-        "grows with height; the lower panel is scaled to what was used.",
-    ),
-    Entry(
-        "magnetometer", "sensors.magnetometer", "sensors",
-        "As the computer got it, hard iron included: a field whose size changes as the vehicle turns.",
     ),
     Entry(
         "sky_map", "sky.sky_map", "star tracker",
@@ -131,14 +124,24 @@ CATALOGUE = (
         "Measured on the machine that simulated, not reproducible.",
     ),
 )  # fmt: skip
-_BY_NAME = {entry.name: entry for entry in CATALOGUE}
+AFTER = "gps"  # here are those of instruments
+
+
+def catalogue():
+    """CATALOGUE, and a figure for each instrument that is known now."""
+    own = (Entry(name, one.figure or "", "sensors", one.caption) for name, one in TABLE.items())
+    first = next(k for k, entry in enumerate(CATALOGUE) if entry.name == AFTER) + 1
+    return (*CATALOGUE[:first], *own, *CATALOGUE[first:])
 
 
 def draw(name, data):
-    """The Figure of a name of CATALOGUE for a RunData; None where the log has nothing of the kind."""
-    if name not in _BY_NAME:
-        raise ValueError(f"there is no figure {name!r}; choose from {', '.join(_BY_NAME)}")
-    module, _, function = _BY_NAME[name].place.partition(".")
+    """The Figure of a name of `catalogue` for a RunData; None where the log has nothing of the kind."""
+    entries = {entry.name: entry for entry in catalogue()}
+    if name not in entries:
+        raise ValueError(f"there is no figure {name!r}; choose from {', '.join(entries)}")
+    if not entries[name].place:
+        return import_module(f"{__name__}.sensors").instrument(data, TABLE[name])
+    module, _, function = entries[name].place.partition(".")
     return getattr(import_module(f"{__name__}.{module}"), function)(data)
 
 
@@ -149,7 +152,7 @@ def save_all(data, folder, kind="png"):
     from shefex_nav.report.figures import style
 
     written = []
-    for entry in CATALOGUE:
+    for entry in catalogue():
         figure = draw(entry.name, data)
         if figure is not None:
             written.append(Path(folder) / f"{entry.name}.{kind}")

@@ -1,4 +1,4 @@
-"""What the IMU and the GPS receiver said."""
+"""What IMU, GPS receiver and instruments said."""
 
 import numpy as np
 
@@ -91,7 +91,7 @@ def barometer(data):
 
     RunData -> Figure; None without a barometer. Without truth the height is that of the solution.
     """
-    said = data.barometer
+    said = data.readings["barometer"]
     if not len(said.t_valid_s):
         return None
     height = atmosphere.pressure_height(said.pressure)
@@ -117,17 +117,21 @@ def barometer(data):
 
 
 @style.styled
-def magnetometer(data):
-    """Field along the body axes, and its size. RunData -> Figure; None without a magnetometer."""
-    said = data.magnetometer
+def instrument(data, one):
+    """The plots of an Instrument, one below the other. RunData -> Figure; None without readings."""
+    said = data.readings[one.name]
     if not len(said.t_valid_s):
         return None
-    field = 1e6 * said.field_b
-    figure, rows = style.panels(data, 2, "Magnetometer as measured: field along the body axes", height=1.9)
-    for k, axis in enumerate("xyz"):
-        style.curve(rows[0, 0], said.t_valid_s, field[:, k], color=style.AXES[axis], lw=0.8, label=axis)
-    rows[0, 0].set_ylabel("field\n[µT]")
-    style.curve(rows[1, 0], said.t_valid_s, np.linalg.norm(field, axis=1), color=style.BLUE, lw=0.9)
-    rows[1, 0].set_ylabel("its size\n[µT]")
-    style.legend_above(rows[0, 0])
+    words = f"{one.name.replace('_', ' ').capitalize()} as measured"
+    figure, rows = style.panels(data, len(one.plots), words, height=1.9)
+    for panel, plot in zip(rows[:, 0], one.plots, strict=True):
+        values = plot.values(said)
+        if values.ndim == 1:
+            style.curve(panel, said.t_valid_s, values, color=style.BLUE, lw=0.9)
+        else:
+            for k, axis in enumerate("xyz"):
+                colour = style.AXES[axis]
+                style.curve(panel, said.t_valid_s, values[:, k], color=colour, lw=0.8, label=axis)
+            style.legend_above(panel)
+        panel.set_ylabel(f"{plot.name.replace('_', ' ')}\n[{plot.unit}]" if plot.unit else plot.name)
     return figure

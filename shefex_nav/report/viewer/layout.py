@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry import wgs84
+from shefex_nav.instruments import TABLE
 from shefex_nav.report import metrics, trust
 from shefex_nav.report.viewer import counts, legend
 from shefex_nav.report.viewer.sender import TIMELINE
@@ -86,8 +87,7 @@ class Content(NamedTuple):
     control: bool
     covariance: bool
     protection: bool
-    barometer: bool = False
-    magnetometer: bool = False
+    instruments: tuple = ()  # names of those of which there are readings
     errors: bool = True  # there is a truth that they can be told by
 
 
@@ -103,8 +103,7 @@ def content(data, pictures, errors=True):
         bool(len(data.control.t_s)),
         bool(len(data.covariance.t_s)),
         trust.has_levels(data.nav),
-        bool(len(data.barometer.t_valid_s)),
-        bool(len(data.magnetometer.t_valid_s)),
+        tuple(name for name, said in data.readings.items() if len(said.t_valid_s)),
         errors,
     )
 
@@ -230,12 +229,10 @@ def _sensors(data, seen, has):
             views.append(_plot(data, f"plots/imu/{entity}", title, legend="RightTop"))
     if has.gps:
         views.append(_plot(data, "plots/gps", "GPS: satellites, dilution of precision", legend="LeftTop"))
-    if has.barometer:
-        views.append(_plot(data, "plots/barometer", "Pressure altitude [km]", legend="LeftTop"))
-    if has.magnetometer:
-        views.append(
-            _plot(data, "plots/magnetometer", "Magnetic field along body x, y, z [uT]", legend="LeftTop")
-        )
+    for name in has.instruments:
+        for plot in TABLE[name].plots:
+            title = f"{plot.title} [{plot.unit}]" if plot.unit else plot.title
+            views.append(_plot(data, f"plots/{name}/{plot.name}", title, legend="LeftTop"))
     if has.gps or has.stars:
         views.append(
             _plot(data, "plots/age", "Age of a measurement when it is there [ms]", legend="LeftBottom")

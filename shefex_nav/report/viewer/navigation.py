@@ -3,6 +3,7 @@
 import numpy as np
 
 from shefex_nav.environment.constants import STANDARD_GRAVITY
+from shefex_nav.instruments import TABLE
 from shefex_nav.records import QUANTITIES, Doubt, protected
 from shefex_nav.report import metrics, trust
 from shefex_nav.report.viewer import layout, world
@@ -18,11 +19,10 @@ from shefex_nav.report.viewer.sender import (
 )
 
 CONFIDENCE = 0.95  # of the bounds of NEES
-_SENSORS = {  # colour of what it accepted
+_SENSORS = {  # colour of what it accepted; of instruments grey
     "gps_position": BLUE,
     "gps_velocity": VIOLET,
     "star_tracker": GREEN,
-    "barometer": GREY,
 }
 
 
@@ -99,7 +99,7 @@ def _innovations(sender, sensor, gates):
     accepted = np.array([gate.accepted for gate in gates])
     known = np.isfinite(share)
     entity, name = f"plots/nis/{sensor}", sensor.replace("_", " ")
-    colour = _SENSORS.get(sensor, YELLOW)
+    colour = _SENSORS.get(sensor, GREY if sensor in TABLE else YELLOW)
     used = accepted & known
     sender.marks(f"{entity}/used", t_s[used], share[used], colour, f"{name}, used")
     refused = ~accepted & known  # what has no NIS, such as no fix, is in the states

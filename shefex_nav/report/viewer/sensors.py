@@ -1,9 +1,9 @@
-"""What the viewer shows of IMU, GPS and barometer: rates, force, vibration, satellites, how old data are."""
+"""What the viewer shows of IMU, GPS and instruments: rates, vibration, satellites, how old data are."""
 
 import numpy as np
 
-from shefex_nav.environment import atmosphere
 from shefex_nav.environment.constants import STANDARD_GRAVITY
+from shefex_nav.instruments import TABLE
 from shefex_nav.report.viewer import world
 from shefex_nav.report.viewer.sender import BLUE, GREEN, ORANGE, WHITE, YELLOW, plot_step
 
@@ -14,8 +14,7 @@ def send(sender, data):
     """Everything of one run."""
     imu(sender, data)
     gps(sender, data)
-    barometer(sender, data)
-    magnetometer(sender, data)
+    instruments(sender, data)
     ages(sender, data)
 
 
@@ -73,21 +72,17 @@ def gps(sender, data):
         sender.curve("plots/gps/pdop", times, pdop, YELLOW, "position dilution")
 
 
-def barometer(sender, data):
-    """Pressure altitude of the readings."""
-    said = data.barometer
-    if len(said.t_valid_s):
-        step = plot_step(said.t_valid_s)
-        height = 1e-3 * atmosphere.pressure_height(said.pressure[::step])
-        sender.curve("plots/barometer/altitude", said.t_valid_s[::step], height, BLUE, "pressure altitude")
-
-
-def magnetometer(sender, data):
-    """Field along the body axes."""
-    said = data.magnetometer
-    if len(said.t_valid_s):
-        step = plot_step(said.t_valid_s)
-        sender.axes("plots/magnetometer/field", said.t_valid_s[::step], 1e6 * said.field_b[::step])
+def instruments(sender, data):
+    """The plots of the instruments."""
+    for name, said in data.readings.items():
+        step = plot_step(said.t_valid_s) if len(said.t_valid_s) else 1
+        for plot in TABLE[name].plots if len(said.t_valid_s) else ():
+            values, t_s = plot.values(said)[::step], said.t_valid_s[::step]
+            entity = f"plots/{name}/{plot.name}"
+            if values.ndim == 1:
+                sender.curve(entity, t_s, values, BLUE, plot.title)
+            else:
+                sender.axes(entity, t_s, values)
 
 
 def ages(sender, data):

@@ -1,8 +1,8 @@
 """What a filter expected of each measurement: innovation and its covariance, seen from beside it.
 
 The filter's records say of an innovation how large it is by its own covariance, not that covariance itself.
-Every linearisation passes through the table of the sensors, so that is where it is looked at; the filter does
-what it did before.
+Every linearisation passes through the filter's table of sensors, so that is where it is looked at; the filter
+does what it did before.
 """
 
 from contextlib import contextmanager
@@ -21,15 +21,21 @@ class Seen(NamedTuple):
 @contextmanager
 def watched():
     """Gives a dict that fills with (sensor, t_valid_s) -> Seen while a filter flies in this process."""
-    from shefex_nav.onboard.navigation.sensors import SENSORS
+    from shefex_nav.onboard.navigation import fusion
 
-    seen, before = {}, dict(SENSORS)
-    for name, sensor in before.items():
-        SENSORS[name] = sensor._replace(linearise=_noting(name, sensor.linearise, seen))
+    seen, table = {}, fusion.table
+
+    def noting(params):
+        return {
+            name: sensor._replace(linearise=_noting(name, sensor.linearise, seen))
+            for name, sensor in table(params).items()
+        }
+
+    fusion.table = noting
     try:
         yield seen
     finally:
-        SENSORS.update(before)
+        fusion.table = table
 
 
 def _noting(name, linearise, seen):

@@ -1,0 +1,21 @@
+"""The table of instruments that add to IMU, GPS and star camera: one file each, or one with its two halves.
+
+The generic code walks this table and names none of them. Plug-ins add to it (`plugins`).
+"""
+
+from shefex_nav.instruments.barometer import BAROMETER
+from shefex_nav.instruments.magnetometer import MAGNETOMETER
+from shefex_nav.instruments.sun_sensor import SUN_SENSOR
+
+BUILT_IN = {one.name: one for one in (BAROMETER, MAGNETOMETER, SUN_SENSOR)}
+TABLE = dict(BUILT_IN)  # of this process
+
+
+def state_sizes():
+    """{name: number of errors} of all blocks of states of instruments."""
+    return {block.name: block.size for one in TABLE.values() for block in one.states}
+
+
+def of_record(record):
+    """Instrument with readings of a type; None: it is of none."""
+    return next((one for one in TABLE.values() if one.record is record), None)

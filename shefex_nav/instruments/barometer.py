@@ -1,0 +1,220 @@
+"""Barometer: static pressure of the air at the vehicle.
+
+Its physics are in `world.barometer`, what the filter makes of a reading in `measure_barometer`; here is what
+they have in common: settings, record and states.
+"""
+
+from functools import partial
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from shefex_nav.instruments import instrument
+from shefex_nav.instruments.instrument import Column, DataColumn, Instrument, Plot, Release, StateBlock
+from shefex_nav.onboard.navigation.aid import Aid, Block, Renewal
+from shefex_nav.settings import Settings, number, quantity, section, switch
+
+
+class Port(Settings):
+    """What the flow adds to the static pressure at the port: a coefficient times the dynamic pressure."""
+
+    mach: tuple[float, ...] = number("0.9", "increasing", non_negative=True)
+    coefficient: tuple[float, ...] = number(
+        "-0.02", "at these Mach numbers, as calibrated; constant beyond their ends", at_least=-2.0,
+        at_most=2.0,
+    )  # fmt: skip
+    error: float = quantity(
+        "", "25 %", "of the coefficient, 1 sigma", "25 %", non_negative=True, at_most="100 %"
+    )
+
+
+class Day(Settings):
+    """The air of the day against the model of the air; felt by the barometer, not by the flight."""
+
+    pressure: float = quantity(
+        "Pa", "8 hPa", "at sea level, 1 sigma", "8 hPa", non_negative=True, at_most="100 hPa"
+    )
+    temperature: float = quantity(
+        "K", "8 K", "at each height, 1 sigma", "8 K", non_negative=True, at_most="60 K"
+    )
+    depth: float = quantity(
+        "m", "8 km", "over which it goes with itself", "8 km", at_least="500 m", at_most="100 km"
+    )
+
+
+class Barometer(Settings):
+    """Barometer on board: static pressure."""
+
+    rate: float = quantity(
+        "Hz", "10 Hz", "readings a second; must divide 100 Hz", positive=True, at_most="100 Hz"
+    )
+    latency: float = quantity(
+        "s", "10 ms", "from the instant measured to the reading on board", "0 s", non_negative=True,
+        at_most="1 s",
+    )  # fmt: skip
+    bias: float = quantity("Pa", "100 Pa", "of the sensor, 1 sigma", non_negative=True)
+    drift: float = quantity("Pa", "20 Pa", "bias that wanders in flight, 1 sigma", "0 Pa", non_negative=True)
+    drift_time: float = quantity("s", "300 s", "correlation time of the drift", "300 s", positive=True)
+    noise: float = quantity("Pa", "5 Pa", "of one reading, 1 sigma, white", positive=True)
+    lag: float = quantity(
+        "s", "20 ms", "time constant of line and sensor", "0 s", non_negative=True, at_most="10 s"
+    )
+    quantum: float = quantity(
+        "Pa", "1 Pa", "pressure of one count", "off", positive=True, words=(("off", 0.0),)
+    )
+    lowest: float = quantity("Pa", "10 hPa", "end of the range", "0 Pa", non_negative=True)
+    highest: float = quantity("Pa", "1200 hPa", "end of the range", "1200 hPa", positive=True)
+    port: Port | None = section("error with the flow; left out: none", None)
+    day: Day = section("the air of the day against the model", {})
+
+
+class BarometerUse(Settings):
+    """How the filter uses the barometer."""
+
+    used: bool = switch("false: the filter does without it", default=True)
+    up_to: float = quantity(
+        "m", "30 km", "not used above this height", "30 km", positive=True, at_most="80 km"
+    )
+    unused_mach: tuple[float, float] = number(
+        "0.8", "not used between these Mach numbers, where shocks cross the port; equal: always used",
+        (0.8, 1.3), non_negative=True,
+    )  # fmt: skip
+    flow_error: float = number(
+        "0.005", "part of the dynamic pressure in every reading, 1 sigma, besides the error that the port is "
+        "said to have", 0.005, non_negative=True, at_most=1.0,
+    )  # fmt: skip
+    flow_memory: float = quantity(
+        "s", "20 s", "for how long errors of the port keep their sign", "20 s", positive=True
+    )
+    lag_error: float = quantity("", "20 %", "of the lag, 1 sigma", "20 %", non_negative=True, at_most="100 %")
+    release: Release = section(
+        "when readings that contradict the filter are a new bias", {"rejections": 50, "duration": "5 s"}
+    )
+
+
+class BarometerReading(NamedTuple):
+    """Static pressure at its port."""
+
+    t_valid_s: float
+    t_available_s: float
+    pressure: Annotated[float, Column("Pa", "as measured")]
+    at_limit: Annotated[bool, Column("", "the sensor is at an end of its range")] = False
+
+
+def measure(settings, truth, rng):
+    """Readings along a trajectory. Barometer, Truth, Generator -> Measured"""
+    from shefex_nav.world import barometer
+
+    k = instrument.samples(settings.rate, truth.trajectory)
+    said, t_s = barometer.measure(settings, truth, k, rng), truth.trajectory.t_s[k]
+    read = instrument.readings(BarometerReading, settings, t_s, said.pressure, said.at_limit)
+    return instrument.Measured(read, said.errors)
+
+
+def aid(settings, use, known):
+    """Aid of a filter. Barometer, BarometerUse, Known"""
+    from shefex_nav.onboard.navigation import measure_barometer
+
+    port, day, release = settings.port, settings.day, use.release
+    layers = measure_barometer.of_layers(day.temperature, day.depth)
+    model = measure_barometer.Model(
+        noise=float(np.hypot(settings.noise, settings.quantum / np.sqrt(12.0))),
+        lag=settings.lag,
+        lag_error=use.lag_error,
+        port_mach=np.zeros(1) if port is None else np.array(port.mach),
+        port_coefficient=np.zeros(1) if port is None else np.array(port.coefficient),
+        port_error=0.0 if port is None else port.error,
+        flow_error=use.flow_error,
+        flow_memory=use.flow_memory,
+        day=(day.temperature, day.depth),
+        P_scale=layers,
+        up_to=use.up_to,
+        unused_mach=use.unused_mach,
+    )
+    metres = day.pressure / measure_barometer.SURFACE_WEIGHT
+    bias = np.diag([np.hypot(settings.bias, settings.drift) ** 2, metres**2])
+    walk = np.array([settings.drift * np.sqrt(2.0 / settings.drift_time), 0.0])  # as which a drift starts out
+    blocks = Block("baro_bias", bias, walk), Block("baro_scale", layers, np.zeros(len(layers)))
+    return Aid(
+        BAROMETER.name,
+        BarometerReading,
+        partial(measure_barometer.expect, model),
+        blocks,
+        partial(measure_barometer.unfit, model),
+        Renewal("baro_bias", 1e4, release.rejections, release.duration, "new bias"),
+        sees_attitude=False,
+    )
+
+
+def check(settings, use, year):
+    """(path, words) of contradictions."""
+    if settings.lowest >= settings.highest:
+        words = f"{settings.lowest:g} Pa must be below highest, {settings.highest:g} Pa"
+        yield ("barometer", "lowest"), words
+    low, high = use.unused_mach
+    if low > high:
+        yield ("navigation", "barometer", "unused_mach"), f"{low:g} is above {high:g}; the lower comes first"
+    if settings.port is None:
+        return
+    mach, coefficient = settings.port.mach, settings.port.coefficient
+    if len(mach) != len(coefficient):
+        words = f"{len(coefficient)} values for {len(mach)} Mach numbers; give one for each"
+        yield ("barometer", "port", "coefficient"), words
+    falls = [k for k in range(1, len(mach)) if mach[k] <= mach[k - 1]]
+    if falls:
+        words = f"{mach[falls[0]]:g} does not follow on {mach[falls[0] - 1]:g}; they must increase"
+        yield ("barometer", "port", "mach", falls[0]), words
+
+
+def at_limit(settings, pressure):
+    """Whether readings are at an end of the range. (N,) Pa -> (N,) bool"""
+    return (pressure <= settings.lowest) | (pressure >= settings.highest)
+
+
+def of_heights(heights):
+    """Pressures of the standard atmosphere at pressure altitudes. (N,) m -> (N,) Pa"""
+    from shefex_nav.environment import atmosphere
+
+    return np.array([atmosphere.us76(height)[1] for height in heights])
+
+
+def pressure_altitude(read):
+    """Height at which the standard atmosphere has the pressures of readings. -> (N,) km"""
+    from shefex_nav.environment import atmosphere
+
+    return 1e-3 * atmosphere.pressure_height(read.pressure)
+
+
+def _positive(pressure):
+    return pressure > 0.0
+
+
+STATIC = "a static pressure is greater than zero"
+BAROMETER = Instrument(
+    name="barometer",
+    settings=Barometer,
+    record=BarometerReading,
+    measure=measure,
+    aid=aid,
+    use=BarometerUse,
+    states=(
+        StateBlock("baro_bias", 2, "Pa", "a barometer needs the state of its bias"),
+        StateBlock("baro_scale", 8, "m", "the day is warmer than the standard", needed=False),
+    ),
+    check=check,
+    told=("bias", "drift", "drift_time", "noise", "lag", "quantum", "port", "day"),
+    stream=10,
+    data=(
+        DataColumn("pressure", "pressure", "Pa", "Pa", "column of the static pressure", is_valid=_positive,
+                   wanted=STATIC),
+        DataColumn("height", "pressure", "m", "m",
+                   "column of the pressure altitude (of the standard atmosphere)", convert=of_heights,
+                   is_valid=_positive, wanted=STATIC),
+    ),
+    at_limit=at_limit,
+    plots=(Plot("altitude", "Pressure altitude", "km", pressure_altitude),),
+    figure="sensors.barometer",
+    caption="Height at which the standard atmosphere has the pressure that was read. What a day adds to it "
+    "grows with height; the lower panel is scaled to what was used.",
+    errors_last=True,
+)  # fmt: skip

@@ -1,0 +1,121 @@
+"""Sun sensor: the direction of the Sun in body axes, while it is seen.
+
+**In the world** the direction s to the Sun, C_bi s_i, is turned by an alignment error of the sensor, drawn
+per run, and by noise, each a small rotation vector. The Sun is seen while the vehicle is outside the Earth's
+shadow, whose edge is the limb without air.
+
+**On board** s_i is that of the epoch. C_bi(true) s_i = s_b + s_b x dtheta_b; two rows are used, across s_b,
+
+    e_1 = (s_b x a)/|s_b x a|, a the body axis most across s_b,   e_2 = s_b x e_1
+
+because along s_b a direction says nothing (Markley & Crassidis, Fundamentals of Spacecraft Attitude
+Determination and Control, section 4.4). The alignment error is no state: it lasts.
+"""
+
+from functools import partial
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from shefex_nav.instruments import instrument
+from shefex_nav.instruments.instrument import Column, Instrument, Plot, Use
+from shefex_nav.onboard.navigation.aid import Aid, Seen
+from shefex_nav.settings import Settings, number, quantity
+
+LASTS_S = 1000.0  # [E] of the alignment error, which does not change in a flight
+
+
+class SunSensor(Settings):
+    """Sun sensor on board."""
+
+    rate: float = quantity(
+        "Hz", "10 Hz", "readings a second; must divide 100 Hz", positive=True, at_most="100 Hz"
+    )
+    latency: float = quantity(
+        "s", "10 ms", "from the instant measured to the reading on board", "0 s", non_negative=True,
+        at_most="1 s",
+    )  # fmt: skip
+    boresight: tuple[float, float, float] = number(
+        "0", "middle of its field of view, body axes (x to the nose)"
+    )
+    field_of_view: float = quantity("rad", "60 deg", "half angle", positive=True, at_most="180 deg")
+    alignment: float = quantity(
+        "rad", "0.1 deg", "constant rotation about each axis, 1 sigma", "0 deg", non_negative=True
+    )
+    noise: float = quantity("rad", "0.1 deg", "of one reading, each axis, 1 sigma, white", positive=True)
+
+
+class SunReading(NamedTuple):
+    """Direction of the Sun, where the sensor sees it."""
+
+    t_valid_s: float
+    t_available_s: float
+    s_b: Annotated[
+        np.ndarray, Column("", "unit vector to the Sun as measured, body axes; NaN: not seen", (3,))
+    ]
+    seen: Annotated[bool, Column("", "the Sun is in the field of view and not behind the Earth")]
+
+
+def measure(settings, truth, rng):
+    """Readings along a trajectory. SunSensor, Truth, Generator -> Measured, errors: (3,) rad, alignment"""
+    from shefex_nav.geometry import frames, rotation, wgs84
+
+    trajectory, alignment = truth.trajectory, settings.alignment * rng.standard_normal(3)
+    k = instrument.samples(settings.rate, trajectory)
+    turns = alignment + settings.noise * rng.standard_normal((len(k), 3))
+    boresight, s_b, seen = np.array(settings.boresight), np.empty((len(k), 3)), np.empty(len(k), dtype=bool)
+    nearest = np.cos(settings.field_of_view) * np.linalg.norm(boresight)
+    for j, sample in enumerate(k.tolist()):
+        true_b = rotation.dcm_from_quat(trajectory.q_ib[sample]).T @ truth.sun_i
+        C_ei = frames.dcm_ie(truth.earth, trajectory.t_s[sample]).T
+        is_lit = wgs84.limb_angle(C_ei @ trajectory.r_i[sample], C_ei @ truth.sun_i) > 0.0
+        seen[j] = is_lit and true_b @ boresight >= nearest
+        s_b[j] = rotation.dcm_from_rotvec(turns[j]) @ true_b if seen[j] else np.nan
+    return instrument.Measured(
+        instrument.readings(SunReading, settings, trajectory.t_s[k], s_b, seen), alignment
+    )
+
+
+def aid(settings, use, known):
+    """Aid of a filter. SunSensor, Use, Known"""
+    return Aid(SUN_SENSOR.name, SunReading, partial(expect, settings, known.sun_i), unfit=unfit)
+
+
+def expect(settings, sun_i, here, reading):
+    """Seen of a reading, two rows in rad. SunSensor, (3,), aiding.Here, SunReading"""
+    from shefex_nav.geometry import rotation
+
+    s_b, H = here.C_ib.T @ sun_i, here.rows(2)
+    e_1 = np.cross(s_b, np.eye(3)[np.argmin(np.abs(s_b))])
+    e_1 /= np.linalg.norm(e_1)
+    across = np.array([e_1, np.cross(s_b, e_1)])
+    H[:, here.columns("attitude")] = across @ rotation.skew(s_b)
+    lasting = (settings.alignment**2 * np.eye(2), LASTS_S)
+    return Seen(across @ (reading.s_b - s_b), H, settings.noise**2 * np.eye(2), (lasting,))
+
+
+def unfit(here, reading):
+    """Why a reading is not to be used; '' if it may."""
+    return "" if reading.seen else "not used: the Sun is not seen"
+
+
+def check(settings, use, year):
+    """(path, words) of contradictions."""
+    if not np.linalg.norm(settings.boresight) > 1e-6:
+        yield ("sun_sensor", "boresight"), "must not be zero; give a direction such as [0, 1, 0]"
+
+
+SUN_SENSOR = Instrument(
+    name="sun_sensor",
+    settings=SunSensor,
+    record=SunReading,
+    measure=measure,
+    aid=aid,
+    use=Use,
+    check=check,
+    told=("alignment", "noise"),
+    plots=(Plot("direction", "Direction of the Sun along body x, y, z", "", lambda read: read.s_b),),
+    caption="Unit vector to the Sun as measured; no line where it is not in the field of view, or behind the "
+    "Earth.",
+    errors_last=True,
+)

@@ -1,0 +1,170 @@
+"""Instruments in a scenario: their sections, what contradicts them, and what world and filter get of them.
+
+`navigation.<name>` says how the filter uses an instrument; `navigation.told.<name>` what the computer is told
+of it in the place of the truth.
+"""
+
+from functools import cache
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, create_model
+
+from shefex_nav.instruments import TABLE
+from shefex_nav.instruments.instrument import Known
+from shefex_nav.onboard.navigation.blocks import OPTIONAL
+from shefex_nav.scenario.block import AUTOMATIC
+from shefex_nav.scenario.of_settings import section, settings
+from shefex_nav.scenario.told import part_of
+
+CLOCK_HZ = 100.0  # of the computer on board
+LEFT_OUT = "left out: there is none"
+_MADE = {}  # models by their qualified names
+
+
+def complete(base, navigation, told=None, core=tuple(OPTIONAL)):
+    """Model of a kind of scenario with a section for each instrument of the table as it is now.
+
+    base : Block of the scenario, with a field `navigation`
+    navigation : Block of that section, whose field `states` is given the names of all blocks
+    told : Block of navigation.told, if there is one
+    core : names of the blocks that are no instrument's
+    """
+    return _complete(base, navigation, told, core, tuple(TABLE.values()))
+
+
+@cache
+def _complete(base, navigation, told, core, instruments):
+    words = {one.name: one.name.replace("_", " ") for one in instruments}
+    own = {
+        one.name: (
+            section(one.use),
+            Field(
+                default_factory=section(one.use),
+                description=f"how the filter uses the {words[one.name]}, if there is one",
+            ),
+        )
+        for one in instruments
+        if one.use
+    }
+    states = Literal[(*core, *(block.name for one in instruments for block in one.states))]
+    own["states"] = navigation.states_field(states)
+    if told is not None:
+        parts = {
+            one.name: (
+                part_of(section(one.settings), dict.fromkeys(one.told)) | None,
+                Field(default=None, description=f"of the {words[one.name]}"),
+            )
+            for one in instruments
+            if one.told
+        }
+        whole = _model(told, parts)
+        own["told"] = (whole, Field(default_factory=whole, description=told.HELP))
+    sections = {
+        one.name: (section(one.settings) | None, Field(default=None, description=LEFT_OUT))
+        for one in instruments
+    }
+    given, whole = base.model_fields["navigation"], _model(navigation, own)
+    how = {} if given.is_required() else {"default_factory": whole}
+    return _model(base, {"navigation": (whole, Field(description=given.description, **how)), **sections})
+
+
+def _model(base, fields):
+    made = create_model(base.NAME, __base__=base, __module__=__name__, __doc__=base.__doc__, **fields)
+    made.__qualname__ = f"{base.NAME}:{','.join(TABLE)}"
+    _MADE[made.__qualname__] = made
+    return made
+
+
+def __getattr__(name):
+    """A model by its qualified name, as pickle asks for it in another process."""
+    if ":" not in name:
+        raise AttributeError(name)
+    from shefex_nav.scenario import schema  # which completes its models here
+
+    schema.model()
+    if name not in _MADE:
+        raise AttributeError(f"{name}: other instruments are known here")
+    return _MADE[name]
+
+
+def instruments(scenario):
+    """What is aboard: iterator of (Instrument, its Section)."""
+    for one in TABLE.values():
+        if (given := getattr(scenario, one.name)) is not None:
+            yield one, given
+
+
+def used(scenario):
+    """What the filter uses: iterator of (Instrument, its settings, those of its use)."""
+    for one, given in instruments(scenario):
+        if one.aid is None:
+            continue
+        use = settings(one.use, getattr(scenario.navigation, one.name))
+        if use.used:
+            yield one, settings(one.settings, given), use
+
+
+def aids(scenario):
+    """Aids of the filter: tuple of aid.Aid."""
+    found = list(used(scenario))
+    if not found:
+        return ()
+    from shefex_nav.environment import ephemeris
+
+    known = Known(year(scenario), ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i)
+    return tuple(one.aid(given, use, known) for one, given, use in found)
+
+
+def year(scenario):
+    """Of the mission, decimal."""
+    from shefex_nav.environment import magnetic_field
+
+    return magnetic_field.decimal_year(scenario.mission.epoch)
+
+
+def longest_latency(scenario):
+    """Of readings, s."""
+    return max((given.latency for _, given in instruments(scenario)), default=0.0)
+
+
+def contradictions(scenario):
+    """(path, words) of contradictions in the sections of the instruments of a mission."""
+    yield from of_sensors(scenario)
+    told = scenario.navigation.told
+    for name in TABLE:
+        if getattr(scenario, name) is None and getattr(told, name, None) is not None:
+            yield ("navigation", "told", name), "there is none that it could be told of"
+    for one, given in instruments(scenario):
+        ticks = CLOCK_HZ / given.rate
+        if abs(ticks - round(ticks)) > 1e-6:
+            words = f"{given.rate:g} Hz does not divide the on-board clock, {CLOCK_HZ:g} Hz"
+            yield (one.name, "rate"), f"{words}; take such as 1, 10, 20 or 50 Hz"
+
+
+def of_sensors(scenario):
+    """(path, words) of what missions and replays have in common."""
+    states = scenario.navigation.states
+    for one in TABLE.values():
+        if getattr(scenario, one.name) is None:
+            yield from _of_none(one, states)
+    for one, given, use in used(scenario):
+        missing = [block for block in one.states if block.needed and block.name not in states]
+        if missing and states != AUTOMATIC:
+            names = ", ".join([*states, *(block.name for block in missing)])
+            yield ("navigation", "states"), f"{missing[0].why}; write [{names}]"
+        if one.check is not None:
+            yield from one.check(given, use, year(scenario))
+
+
+def _of_none(one, states):
+    """Blocks of states of an instrument that is not aboard."""
+    for block in one.states:
+        if states != AUTOMATIC and block.name in states:
+            words = f"'{block.name}' is of a {one.name}: give section {one.name}, or leave it out"
+            yield ("navigation", "states", states.index(block.name)), words
+
+
+def sigma_blocks(known, states):
+    """Of those blocks that are no instrument's: {name: (size,) sigma at the start}."""
+    return {name: np.array(known[name]) for name in states if name in known}

@@ -1,0 +1,82 @@
+"""Settings declared once, where they are used.
+
+    class Gyro(Settings):
+        "Gyro triad."
+
+        bias: float = quantity("rad/s", "0.5 deg/h", "turn-on bias, each axis, 1 sigma", non_negative=True)
+        scale_factor: float = quantity("", "100 ppm", "1 sigma", default="0 ppm")
+
+A class of settings says of each value its unit, an example and, if it may be left out, its default, both as
+people write them, its bounds, and one line of help. The section of a scenario with its messages, its JSON
+Schema and its page of the reference follow from that (`scenario.of_settings`). An instance holds values as
+programs use them: floats in SI and radians under the same names; it is immutable.
+"""
+
+from dataclasses import dataclass, field, fields
+from typing import Any, NamedTuple, dataclass_transform, get_type_hints
+
+REQUIRED = object()  # in the place of a default
+_KEY = "setting"
+
+
+class Setting(NamedTuple):
+    """How one value is written in a scenario."""
+
+    kind: str  # quantity, number, count, choice, switch, section
+    help: str
+    default: Any  # as people write it; REQUIRED: it must be given
+    unit: str = ""  # SI, of a quantity
+    example: str = ""
+    limits: tuple = ()  # (name, value) of bounds and the like, as `scenario.quantity` takes them
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+class Settings:
+    """Base of classes of settings; values are keyword arguments, in SI."""
+
+    def __init_subclass__(cls):
+        dataclass(cls, frozen=True, kw_only=True)
+
+
+def declared(cls):
+    """Settings of a class: {name: (type, Setting)}, in the order in which they stand."""
+    types = get_type_hints(cls, include_extras=True)
+    return {one.name: (types[one.name], one.metadata[_KEY]) for one in fields(cls)}
+
+
+def quantity(unit, example, help, default=REQUIRED, **limits):
+    """A value with a unit, or a tuple of such: a float in `unit`, which is SI.
+
+    limits : positive, non_negative, at_least, at_most (as written), words: ((word, value), ...) that may
+        stand in the place of a quantity
+    """
+    return _field(Setting("quantity", help, default, unit, example, tuple(limits.items())))
+
+
+def number(example, help, default=REQUIRED, **limits):
+    """A number without a unit, or a tuple of such; limits as of `quantity`, as numbers."""
+    return _field(Setting("number", help, default, "", example, tuple(limits.items())))
+
+
+def count(example, help, default=REQUIRED, **limits):
+    """A whole number."""
+    return _field(Setting("count", help, default, "", example, tuple(limits.items())))
+
+
+def choice(help, default=REQUIRED):
+    """One of the words of its Literal type."""
+    return _field(Setting("choice", help, default))
+
+
+def switch(help, default=REQUIRED):
+    """True or false."""
+    return _field(Setting("switch", help, default))
+
+
+def section(help, default=REQUIRED):
+    """Settings of their own; {} as the default: theirs, None: left out if it is not given."""
+    return _field(Setting("section", help, default))
+
+
+def _field(setting):
+    return field(metadata={_KEY: setting})
