@@ -12,7 +12,16 @@ from shefex_nav.instruments.instrument import Truth
 from shefex_nav.log.topics import Mission
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.records import Alignment
-from shefex_nav.scenario import aboard, load, params, params_faults, params_gps, params_onboard, wanted_states
+from shefex_nav.scenario import (
+    aboard,
+    load,
+    params,
+    params_faults,
+    params_gps,
+    params_onboard,
+    plugged,
+    wanted_states,
+)
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.told import as_told
@@ -178,6 +187,7 @@ def mission(scenario, seed, trajectory):
         sun_i=ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i,
         sun_exclusion=scenario.star_camera.stray_light.sun_exclusion,
         limb_exclusion=scenario.star_camera.stray_light.earth_exclusion,
+        plugins=plugged.pinned(scenario),
     )
 
 

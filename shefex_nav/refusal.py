@@ -9,6 +9,7 @@ import sys
 
 import typer.core
 
+from shefex_nav import plugins
 from shefex_nav.errors import UserError
 
 try:  # typer carries its own click, under no public name; until 2026 it used the package
@@ -16,7 +17,7 @@ try:  # typer carries its own click, under no public name; until 2026 it used th
 except ModuleNotFoundError:
     from click import exceptions as refused
 
-PROGRAM = "shefex-nav"
+PROGRAM, TRUST = "shefex-nav", "--trust"
 _WHOLE, _NUMBER = "expected a whole number", "expected a number"
 _KINDS = {
     "int_parsing": _WHOLE,
@@ -34,15 +35,25 @@ _KINDS = {
 
 
 class PlainGroup(typer.core.TyperGroup):
-    """The commands, whose refusals are one message on stderr and exit code 2."""
+    """The commands, whose refusals are one message on stderr and exit code 2.
 
-    def main(self, *args, standalone_mode=True, **more):
+    `--trust` belongs to all of them: it is consent to run the plug-ins that a scenario names as files.
+    """
+
+    def main(self, args=None, standalone_mode=True, **more):
         """Run the command line; the process ends with its exit code."""
         more.setdefault("prog_name", PROGRAM)
-        if not standalone_mode:
-            return super().main(*args, standalone_mode=False, **more)
+        args = list(sys.argv[1:] if args is None else args)
+        with plugins.trusting(TRUST in args):
+            args = [one for one in args if one != TRUST]
+            if standalone_mode:
+                return self._alone(args, more)
+            return super().main(args, standalone_mode=False, **more)
+
+    def _alone(self, args, more):
+        """The whole life of the process."""
         try:
-            code = super().main(*args, standalone_mode=False, **more)
+            code = super().main(args, standalone_mode=False, **more)
         except refused.NoArgsIsHelpError as error:  # which has printed it
             sys.exit(error.exit_code)
         except refused.ClickException as error:

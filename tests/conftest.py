@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import time
 import zlib
 from contextlib import redirect_stderr, redirect_stdout
@@ -19,6 +20,7 @@ import numpy as np
 import pytest
 from affected import changes, select
 
+os.environ["XDG_CONFIG_HOME"] = tempfile.mkdtemp()  # consent to plug-ins is no test's to give for later
 ROOT = Path(__file__).parent.parent
 DEFAULT = ROOT / "scenarios" / "shefex2_andoya.yaml"
 

@@ -116,6 +116,9 @@ def test_same_seed_same_records(default_data, default_scenario):
 def assert_identical(a, b, where):
     if isinstance(a, np.ndarray):
         assert np.array_equal(a, b, equal_nan=a.dtype.kind == "f"), where
+    elif isinstance(a, dict):
+        assert list(a) == list(b), where
+        assert_identical(list(a.values()), list(b.values()), where)
     elif isinstance(a, tuple | list):
         assert len(a) == len(b), where
         for k, (x, y) in enumerate(zip(a, b, strict=True)):

@@ -8,7 +8,7 @@ from shefex_nav.instruments.magnetometer import MAGNETOMETER
 from shefex_nav.instruments.sun_sensor import SUN_SENSOR
 
 BUILT_IN = {one.name: one for one in (BAROMETER, MAGNETOMETER, SUN_SENSOR)}
-TABLE = dict(BUILT_IN)  # of this process
+TABLE = dict(BUILT_IN)  # and those of the plug-ins that this process has loaded
 
 
 def state_sizes():

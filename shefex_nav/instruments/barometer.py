@@ -140,8 +140,8 @@ def aid(settings, use, known):
         BarometerReading,
         partial(measure_barometer.expect, model),
         blocks,
-        partial(measure_barometer.unfit, model),
-        Renewal("baro_bias", 1e4, release.rejections, release.duration, "new bias"),
+        unfit=partial(measure_barometer.unfit, model),
+        renewal=Renewal("baro_bias", 1e4, release.rejections, release.duration, "new bias"),
         sees_attitude=False,
     )
 

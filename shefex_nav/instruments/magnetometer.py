@@ -163,8 +163,14 @@ def aid(settings, use, known):
     # what is off in heading by the same angle need be no hard iron: of heading alone nothing is ever believed
     renewal = Renewal("hard_iron", 1e-4, release.rejections, release.duration, "new hard iron")
     block = Block("hard_iron", settings.hard_iron**2 * np.eye(3), np.zeros(3))
-    told = partial(expect, model), (block,), partial(unfit, model), None if heading else renewal
-    return Aid(MAGNETOMETER.name, MagnetometerReading, *told)
+    return Aid(
+        MAGNETOMETER.name,
+        MagnetometerReading,
+        partial(expect, model),
+        (block,),
+        unfit=partial(unfit, model),
+        renewal=None if heading else renewal,
+    )
 
 
 def expect(model, here, reading):

@@ -78,7 +78,7 @@ def measure(settings, truth, rng):
 
 def aid(settings, use, known):
     """Aid of a filter. SunSensor, Use, Known"""
-    return Aid(SUN_SENSOR.name, SunReading, partial(expect, settings, known.sun_i), unfit=unfit)
+    return Aid(SUN_SENSOR.name, SunReading, partial(expect, settings, known.sun_i), holds=sees)
 
 
 def expect(settings, sun_i, here, reading):
@@ -94,9 +94,9 @@ def expect(settings, sun_i, here, reading):
     return Seen(across @ (reading.s_b - s_b), H, settings.noise**2 * np.eye(2), (lasting,))
 
 
-def unfit(here, reading):
-    """Why a reading is not to be used; '' if it may."""
-    return "" if reading.seen else "not used: the Sun is not seen"
+def sees(reading):
+    """Whether the Sun was seen."""
+    return reading.seen
 
 
 def check(settings, use, year):

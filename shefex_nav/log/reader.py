@@ -4,11 +4,14 @@ The file is read from front to back, chunk by chunk, so that one whose writer wa
 way: reading stops at the first record that is not complete.
 """
 
+import json
 import struct
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
 
+from shefex_nav import plugins
 from shefex_nav.log import topics, wire
 from shefex_nav.log.run_data import LISTS, gather, kept_as_arrays, stack
 from shefex_nav.log.topics import LogError, Mission
@@ -98,6 +101,7 @@ def _mission(numbers, raw):
         seed=int(raw.metadata["seed"]),
         version=raw.metadata["version"],
         epoch_utc=raw.metadata["epoch_utc"],
+        plugins=_plugins(raw.metadata),
     )
 
 
@@ -209,9 +213,26 @@ def _take(opcode, content, raw):
         record = Metadata.read(stream)
         if record.name == topics.METADATA:
             raw.metadata.update(record.metadata)
+            _load_plugins(raw.metadata)
     elif opcode == _ATTACHMENT:
         record = Attachment.read(stream)
         raw.attachments[record.name] = record.data
+
+
+def _plugins(metadata):
+    """Mission.plugins of the metadata."""
+    return tuple(map(tuple, json.loads(metadata.get("plugins", "[]"))))
+
+
+def _load_plugins(metadata):
+    """Load the plug-ins with which a log was flown, before its messages come.
+
+    What one of them has logged is passed over where that cannot be done: a log may be looked at without
+    running somebody's code.
+    """
+    for name, sha256 in _plugins(metadata):
+        with suppress(plugins.PluginError):
+            plugins.load(name, sha256)
 
 
 def _take_chunk(data, raw):

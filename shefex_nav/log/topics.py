@@ -73,6 +73,7 @@ class Mission(NamedTuple):
     sun_i: np.ndarray = np.full(3, np.nan)  # (3,) direction of the Sun from the Earth at t = 0
     sun_exclusion: float = math.nan  # rad, that the camera must keep from the Sun
     limb_exclusion: float = math.nan  # rad, and from the Earth's limb
+    plugins: tuple = ()  # of (file or name of a package, SHA-256 of its source)
 
 
 class RunSummary(NamedTuple):

@@ -6,6 +6,7 @@ time, at least once a second of the wall clock and after every event: a run that
 last second.
 """
 
+import json
 import time
 from operator import attrgetter
 from pathlib import Path
@@ -172,9 +173,11 @@ class LogWriter:
     def _describe(self):
         """Metadata, the scenario and the constants, on disk before the first record."""
         mission = self._mission
+        plugged = {"plugins": json.dumps(mission.plugins)} if mission.plugins else {}
         self._file.write_metadata(
             topics.METADATA,
-            {
+            plugged
+            | {
                 "format": topics.FORMAT,
                 "scenario": mission.scenario,
                 "seed": str(mission.seed),

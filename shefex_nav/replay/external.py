@@ -27,6 +27,7 @@ from shefex_nav.replay import (
     settle,
 )
 from shefex_nav.replay.table import DataError
+from shefex_nav.scenario import plugged
 
 NO_CAMERA = pinhole(1, 1, 1.0)
 
@@ -125,6 +126,7 @@ def mission(replay):
         launch_height=height,
         camera=NO_CAMERA,
         C_bc=np.eye(3),
+        plugins=plugged.pinned(scenario),
     )
 
 

@@ -31,7 +31,7 @@ def load(path, overrides=(), folder=None):
     path = missions.file_of(path)
     found_in = partial(_folder, os.path.dirname(path), folder)
     scenario, _, source = missions.load_as(
-        schema.model(),
+        schema.model,
         path,
         overrides,
         parts=(*PARTS, partial(_files, found_in, folder is None)),
@@ -44,7 +44,7 @@ def load(path, overrides=(), folder=None):
 
 def load_text(text, name, overrides=()):
     """ReplayScenario of a text, such as a log keeps; complaints call it `name`. Raises ScenarioError."""
-    scenario, _, source = missions.load_text_as(schema.model(), text, name, overrides, parts=PARTS)
+    scenario, _, source = missions.load_text_as(schema.model, text, name, overrides, parts=PARTS)
     scenario.keep_text(source)
     return scenario
 

@@ -12,13 +12,15 @@ from pydantic import BeforeValidator, Field, PrivateAttr, create_model, model_va
 from pydantic_core import PydanticCustomError, core_schema
 
 from shefex_nav.clock import SAMPLES_PER_TICK
-from shefex_nav.instruments import TABLE
+from shefex_nav.instruments import BUILT_IN
+from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.replay.schema_alignment import ALIGNMENTS
 from shefex_nav.scenario import aboard
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.messages import close
 from shefex_nav.scenario.mission import Epoch
 from shefex_nav.scenario.onboard import Navigation, Release, Releases
+from shefex_nav.scenario.plugged import PLUGINS, Plugins
 from shefex_nav.scenario.quantity import (
     Count,
     Number,
@@ -242,9 +244,10 @@ def _formats(instruments):
     return {"csv": own, "kf_gins": KfGinsData, "navego": NavegoData}
 
 
-def formats():
-    """The same for the instruments of the table that data can be of."""
-    return _formats(tuple(one for one in TABLE.values() if one.data))
+def formats(provided=()):
+    """The same for the instruments that data can be of. provided : by plug-ins"""
+    own = (one for one in provided if isinstance(one, Instrument))
+    return _formats(tuple(one for one in (*BUILT_IN.values(), *own) if one.data))
 
 
 def form(key, models):
@@ -375,6 +378,7 @@ class ReplayBase(Block):
     NAME: ClassVar[str] = "ReplayScenario"
     EXAMPLE: ClassVar[str] = "csv_example.yaml"
 
+    plugins: Plugins = Field(default=(), description=PLUGINS)
     mission: ReplayMission
     earth: ReplayEarth = ReplayEarth()
     data: Any  # `form` of `formats`
@@ -396,10 +400,10 @@ class ReplayBase(Block):
         self._source = source
 
 
-def model():
-    """ReplayScenario with sections for each instrument that is known now, those of plug-ins included."""
-    whole = aboard.complete(ReplayBase, ReplayNavigation, core=STATES)
-    return _with_data(whole, tuple(formats().items()))
+def model(provided=()):
+    """ReplayScenario with sections for each instrument. provided : by its plug-ins"""
+    whole = aboard.complete(provided, ReplayBase, ReplayNavigation, core=STATES)
+    return _with_data(whole, tuple(formats(provided).items()))
 
 
 @cache

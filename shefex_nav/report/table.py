@@ -165,7 +165,7 @@ def _navigation_rows(navigation):
             name = f"NIS, {sensor.replace('_', ' ')}"
             words = f"{low:.2f} to {high:.2f} expected if the sigmas are right"
             if sensor in TABLE and TABLE[sensor].errors_last:
-                words = "below 1 where its sigmas are right, for its errors last"
+                words = f"below {nis['dof']} where its sigmas are right, for its errors last"
             yield name, f"{nis['mean']:.2f}, mean of {nis['samples']}; {words}"
     nees = navigation["nees"]
     if nees["mean"] is not None:

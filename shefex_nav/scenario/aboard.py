@@ -5,14 +5,15 @@ of it in the place of the truth.
 """
 
 from functools import cache
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from pydantic import Field, create_model
 
-from shefex_nav.instruments import TABLE
-from shefex_nav.instruments.instrument import Known
+from shefex_nav.instruments import BUILT_IN, TABLE
+from shefex_nav.instruments.instrument import Instrument, Known
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
+from shefex_nav.plugins import STEPS, Method
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.of_settings import section, settings
 from shefex_nav.scenario.told import part_of
@@ -22,19 +23,45 @@ LEFT_OUT = "left out: there is none"
 _MADE = {}  # models by their qualified names
 
 
-def complete(base, navigation, told=None, core=tuple(OPTIONAL)):
-    """Model of a kind of scenario with a section for each instrument of the table as it is now.
+def complete(provided, base, navigation, told=None, core=tuple(OPTIONAL)):
+    """Model of a kind of scenario with a section for each instrument.
 
+    provided : what plug-ins provide, Instrument and Method, beside what comes with the program
     base : Block of the scenario, with a field `navigation`
     navigation : Block of that section, whose field `states` is given the names of all blocks
     told : Block of navigation.told, if there is one
     core : names of the blocks that are no instrument's
     """
-    return _complete(base, navigation, told, core, tuple(TABLE.values()))
+    own = [one for one in provided if isinstance(one, Instrument)]
+    whole = _complete((*BUILT_IN.values(), *own), base, navigation, told, core)
+    for one in provided:
+        if isinstance(one, Method) and STEPS[one.step][0][0] in whole.model_fields:
+            whole = _with_word(whole, STEPS[one.step][0], one.name)
+    return whole
 
 
 @cache
-def _complete(base, navigation, told, core, instruments):
+def _with_word(model, path, word):
+    """A model in which the words that may stand at a path are one more."""
+    name, *rest = path
+    field = model.model_fields[name]
+    if rest:
+        kind = _with_word(field.annotation, tuple(rest), word)
+    else:
+        kind = Literal[(*get_args(field.annotation), word)]
+    given = {"default": field.default} if field.default_factory is None else {}
+    made = Field(default_factory=field.default_factory, description=field.description, **given)
+    return create_model(
+        model.__name__,
+        __base__=model,
+        __module__=model.__module__,
+        __doc__=model.__doc__,
+        **{name: (kind, made)},
+    )
+
+
+@cache
+def _complete(instruments, base, navigation, told, core):
     words = {one.name: one.name.replace("_", " ") for one in instruments}
     own = {
         one.name: (
@@ -58,20 +85,21 @@ def _complete(base, navigation, told, core, instruments):
             for one in instruments
             if one.told
         }
-        whole = _model(told, parts)
+        whole = _model(told, parts, instruments)
         own["told"] = (whole, Field(default_factory=whole, description=told.HELP))
     sections = {
         one.name: (section(one.settings) | None, Field(default=None, description=LEFT_OUT))
         for one in instruments
     }
-    given, whole = base.model_fields["navigation"], _model(navigation, own)
+    given, whole = base.model_fields["navigation"], _model(navigation, own, instruments)
     how = {} if given.is_required() else {"default_factory": whole}
-    return _model(base, {"navigation": (whole, Field(description=given.description, **how)), **sections})
+    fields = {"navigation": (whole, Field(description=given.description, **how)), **sections}
+    return _model(base, fields, instruments)
 
 
-def _model(base, fields):
+def _model(base, fields, instruments):
     made = create_model(base.NAME, __base__=base, __module__=__name__, __doc__=base.__doc__, **fields)
-    made.__qualname__ = f"{base.NAME}:{','.join(TABLE)}"
+    made.__qualname__ = f"{base.NAME}:{','.join(one.name for one in instruments)}"
     _MADE[made.__qualname__] = made
     return made
 
@@ -83,15 +111,13 @@ def __getattr__(name):
     from shefex_nav.scenario import schema  # which completes its models here
 
     schema.model()
-    if name not in _MADE:
-        raise AttributeError(f"{name}: other instruments are known here")
     return _MADE[name]
 
 
 def instruments(scenario):
     """What is aboard: iterator of (Instrument, its Section)."""
     for one in TABLE.values():
-        if (given := getattr(scenario, one.name)) is not None:
+        if (given := getattr(scenario, one.name, None)) is not None:
             yield one, given
 
 
@@ -133,7 +159,7 @@ def contradictions(scenario):
     yield from of_sensors(scenario)
     told = scenario.navigation.told
     for name in TABLE:
-        if getattr(scenario, name) is None and getattr(told, name, None) is not None:
+        if getattr(scenario, name, None) is None and getattr(told, name, None) is not None:
             yield ("navigation", "told", name), "there is none that it could be told of"
     for one, given in instruments(scenario):
         ticks = CLOCK_HZ / given.rate
@@ -146,7 +172,7 @@ def of_sensors(scenario):
     """(path, words) of what missions and replays have in common."""
     states = scenario.navigation.states
     for one in TABLE.values():
-        if getattr(scenario, one.name) is None:
+        if getattr(scenario, one.name, None) is None:
             yield from _of_none(one, states)
     for one, given, use in used(scenario):
         missing = [block for block in one.states if block.needed and block.name not in states]

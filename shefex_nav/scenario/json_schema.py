@@ -7,7 +7,7 @@ from shefex_nav.scenario.use import USE
 
 def json_schema():
     """JSON Schema of a scenario file; a file that extends another need not be complete."""
-    complete = schema.model().model_json_schema()
+    complete = schema.Scenario.model_json_schema()
     blocks = complete.pop("$defs")
     complete["properties"][EXTENDS] = {
         "type": "string",

@@ -5,7 +5,18 @@ from functools import partial
 
 from pydantic import ValidationError
 
-from shefex_nav.scenario import disperse, drawn, expand, fields, kind, layers, messages, overriding, schema
+from shefex_nav.scenario import (
+    disperse,
+    drawn,
+    expand,
+    fields,
+    kind,
+    layers,
+    messages,
+    overriding,
+    plugged,
+    schema,
+)
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
 from shefex_nav.scenario.document import Mark, dotted
 from shefex_nav.scenario.layers import EXTENDS, ScenarioError, Texts, file_of
@@ -17,10 +28,11 @@ NOT_EXPANDED = (("gps", expand.ALMANAC), ("star_tracker", expand.MODEL))  # what
 DISPERSIONS = "dispersions"
 
 
-def load(path, overrides=()):
+def load(path, overrides=(), *, trust=False):
     """Scenario of the YAML file at `path`, after its `extends` and the `overrides` (`a.b=value`).
 
     path : may be the bare name of a scenario that the package brings, see `shipped`
+    trust : consent to run the files of its plug-ins as they are now, `plugins`
 
     Raises ScenarioError with every error found: those of the YAML text first, because a tree with holes would
     be blamed for what it lacks; then those of tables in files, of single fields, and between fields that are
@@ -28,12 +40,21 @@ def load(path, overrides=()):
     """
     files, path = Texts(), file_of(path)
     tree, places = layers.extended(path, files)
-    return _validated(tree, places, files, overrides, path)
+    return _validated(tree, places, files, overrides, path, trust)
 
 
-def load_as(model, path, overrides=(), *, parts=(), instead=lambda tree, path: ""):
-    """The YAML file at `path` as another `model` than a mission by the same rules: `extends`, `--set`, units.
+def _provided(tree, places, trust):
+    """What the plug-ins of a tree provide; ScenarioError where one cannot be used."""
+    provided, found = plugged.loaded(tree, places, trust)
+    if found:
+        raise layers.sorted_error(found)
+    return provided
 
+
+def load_as(model, path, overrides=(), *, parts=(), instead=lambda tree, path: "", trust=False):
+    """The YAML file at `path` as another kind than a mission by the same rules: `extends`, `--set`, units.
+
+    model : function of what plug-ins provide that gives the model of the kind
     parts : functions of an instance that yield contradictions in it, (path of the field, text); of a tree
         with mistakes they get what is good of it (`partial`)
     instead : says what a tree is that is of another kind, such as kind.instead_of_replay
@@ -50,7 +71,7 @@ def load_as(model, path, overrides=(), *, parts=(), instead=lambda tree, path: "
     tree, places = layers.extended(path, files)
     if other := instead(tree, path):
         raise ScenarioError([f"{path}: {other}"])
-    return _validated_as(model, tree, places, files, overrides, parts)
+    return _validated_as(model, tree, places, files, overrides, parts, trust)
 
 
 def load_text_as(model, text, name, overrides=(), *, parts=()):
@@ -58,9 +79,10 @@ def load_text_as(model, text, name, overrides=(), *, parts=()):
     return _validated_as(model, *_whole(text, name), Texts(), overrides, parts)
 
 
-def _validated_as(model, tree, places, files, overrides, parts):
+def _validated_as(model, tree, places, files, overrides, parts, trust=False):
     """What `load_as` returns, of a merged tree."""
     overriding.carry_out(overrides, tree, places, files)
+    model = model(_provided(tree, places, trust))
     try:
         loaded, found, read = model.model_validate(tree), [], list
     except ValidationError as error:
@@ -89,9 +111,9 @@ class Pattern:
         self._text, self._name = text, name
         self._tree, self._places = _whole(text, name)
         self.scenario = self._validated(copy.deepcopy(self._tree), self._places.copy())
-        self.dispersed, _ = disperse.resolve(schema.model(), self._tree, self.scenario.dispersions)
+        self.dispersed, _ = disperse.resolve(type(self.scenario), self._tree, self.scenario.dispersions)
         for one in self.dispersed:
-            fields.fill(schema.model(), self._tree, one.path)
+            fields.fill(type(self.scenario), self._tree, one.path)
         self._tree.pop(DISPERSIONS, None)
 
     def with_draws(self, draws):
@@ -119,14 +141,15 @@ def _whole(text, name):
     return own.tree, places
 
 
-def _validated(tree, places, files, overrides, path):
+def _validated(tree, places, files, overrides, path, trust=False):
     """Scenario of a merged tree after the overrides; `path` is the file or text that the user gave."""
     if other := kind.instead_of_flight(tree, path):
         raise ScenarioError([f"{path}: {other}"])
     overriding.carry_out(overrides, tree, places, files)
+    model = schema.model(_provided(tree, places, trust))
     others = {file: "uses" if file in files.instruments else "extends" for file in files if file != path}
     found, rated = expand.expand(tree, places, files)
-    bad, model = list(NOT_EXPANDED) if found else [], schema.model()
+    bad = list(NOT_EXPANDED) if found else []
     try:
         scenario = model.model_validate(tree)
     except ValidationError as error:

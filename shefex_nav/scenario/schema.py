@@ -18,6 +18,7 @@ from shefex_nav.scenario.faults import Faults
 from shefex_nav.scenario.gps import Gps
 from shefex_nav.scenario.mission import Atmosphere, Earth, Ground, Launch, Mission, Orbit, Wind
 from shefex_nav.scenario.onboard import Log, Navigation, StarTracker
+from shefex_nav.scenario.plugged import PLUGINS, Plugins
 from shefex_nav.scenario.programme import Programme
 from shefex_nav.scenario.requirements import Requirements
 from shefex_nav.scenario.sensors import Imu, PadAlignment
@@ -31,6 +32,7 @@ class ScenarioBase(Block):
     NAME: ClassVar[str] = "Scenario"
     EXAMPLE: ClassVar[str] = "shefex2_andoya.yaml"
 
+    plugins: Plugins = Field(default=(), description=PLUGINS)
     mission: Mission
     earth: Earth
     atmosphere: Atmosphere = Field(default_factory=Atmosphere)
@@ -66,11 +68,12 @@ class ScenarioBase(Block):
     _place: Any = PrivateAttr(None)
 
     @classmethod
-    def load(cls, path, overrides=()):
+    def load(cls, path, overrides=(), *, trust=False):
         """Scenario of a YAML file, with overrides ["gps.rate=5 Hz"] or {"gps.rate": "5 Hz"}.
 
         The name of one that comes with the package is enough: Scenario.load("shefex2_andoya").
         In a dict, what is no text may be a number, also of NumPy, True, None, or a list or dict of such.
+        trust : consent to run the Python files that it names in `plugins`, as they are now; it is kept
         Raises ScenarioError, which lists every error with its place.
         """
         from shefex_nav.scenario.load import ScenarioError, load  # which need this class
@@ -81,7 +84,11 @@ class ScenarioBase(Block):
             if bad:
                 raise ScenarioError(bad)
             overrides = [f"{key}={text}" for key, text, _ in told]
-        return load(path, overrides)
+        return load(path, overrides, trust=trust)
+
+    def __reduce__(self):
+        """One with plug-ins is read again in another process: it has models of its own."""
+        return (_read_again, (self.source, self.mission.name)) if self.plugins else super().__reduce__()
 
     @property
     def source(self):
@@ -120,9 +127,15 @@ class ScenarioBase(Block):
         return f"{'.'.join(map(str, field))}: {words}" if self._line is None else self._line(field, words)
 
 
-def model():
-    """Scenario with a section for each instrument that is known now, those of plug-ins included."""
-    return aboard.complete(ScenarioBase, Navigation, Told)
+def _read_again(source, name):
+    from shefex_nav.scenario.load import load_text  # which needs this module
+
+    return load_text(source, name)
+
+
+def model(provided=()):
+    """Scenario with a section for each instrument. provided : by its plug-ins, Instrument and Method"""
+    return aboard.complete(provided, ScenarioBase, Navigation, Told)
 
 
 Scenario = model()  # of the instruments that come with the program

@@ -46,9 +46,8 @@ def aid_of(model):
         Block("baro_scale", model.P_scale, np.zeros(8)),
     )
     expect, unfit = (partial(one, model) for one in (measure_barometer.expect, measure_barometer.unfit))
-    return Aid(
-        "barometer", BarometerReading, expect, blocks, unfit, Renewal("baro_bias", 1e4, 5, 0.4, "new bias")
-    )
+    renewal = Renewal("baro_bias", 1e4, 5, 0.4, "new bias")
+    return Aid("barometer", BarometerReading, expect, blocks, unfit=unfit, renewal=renewal)
 
 
 AID = aid_of(BAROMETER)

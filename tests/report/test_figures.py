@@ -251,7 +251,7 @@ def test_names_neither_cover_each_other_nor_leave_the_figure():
         assert not any(box.overlaps(other) for other in boxes[k + 1 :])
 
 
-@pytest.mark.parametrize("entry", figures.CATALOGUE, ids=lambda entry: entry.name)
+@pytest.mark.parametrize("entry", figures.catalogue(), ids=lambda entry: entry.name)
 def test_every_figure_is_drawn_and_named(data, entry):
     figure = figures.draw(entry.name, data)
     assert figure.texts[0].get_text()
@@ -261,7 +261,7 @@ def test_every_figure_is_drawn_and_named(data, entry):
     assert not re.search(rb' d="[^"]*(nan|inf)', svg, re.IGNORECASE) and len(svg) < 1_000_000
 
 
-@pytest.mark.parametrize("entry", figures.CATALOGUE, ids=lambda entry: entry.name)
+@pytest.mark.parametrize("entry", figures.catalogue(), ids=lambda entry: entry.name)
 def test_legends_and_notes_cover_no_curve(data, entry):
     """No vertex of a curve lies below a legend, and above a panel there is room for it; coasts may."""
     figure = figures.draw(entry.name, data)
@@ -316,7 +316,7 @@ def _cut_short(data):
 @pytest.mark.parametrize("case", ["nothing", "one tick", "no truth", "no solution", "no fix"])
 def test_a_log_that_lacks_things_has_fewer_figures_and_no_error(data, case):
     poorer = _cut_short(data)[case]
-    names = [entry.name for entry in figures.CATALOGUE if figures.draw(entry.name, poorer) is not None]
+    names = [entry.name for entry in figures.catalogue() if figures.draw(entry.name, poorer) is not None]
     missing = {"no truth": "nees", "no solution": "attitude", "no fix": "star_errors"}.get(case)
     assert missing not in names
     if case in ("nothing", "one tick"):

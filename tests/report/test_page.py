@@ -71,7 +71,7 @@ def test_the_page_is_whole_and_its_names_are_unique(text, read):
 
 
 def test_every_figure_is_there_with_words_for_those_who_do_not_see_it(data, read):
-    wanted = [entry.name for entry in figures.CATALOGUE if figures.draw(entry.name, data) is not None]
+    wanted = [entry.name for entry in figures.catalogue() if figures.draw(entry.name, data) is not None]
     assert [name for name in read.ids if name.startswith("figure-")] == [f"figure-{name}" for name in wanted]
     images = [named for tag, named in read.elements if tag == "img"]
     assert len(images) == len(wanted)

@@ -39,6 +39,7 @@ class Aid(NamedTuple):
     record: type  # of its readings
     expect: Callable[[Any, Any], Seen]  # aiding.Here, reading
     blocks: tuple[Block, ...] = ()  # states that it brings along
+    holds: Callable[[Any], bool] | None = None  # whether a reading measures anything; None: each does
     unfit: Callable[[Any, Any], str] | None = None  # why a reading is not to be used; '' if it may
     renewal: Renewal | None = None  # None: it is never believed against the filter
     sees_attitude: bool = True  # but for errors that last

@@ -101,6 +101,11 @@ class Offset(NamedTuple):
     variances: np.ndarray  # (m,) of the noise
 
 
+def holds(aid, reading):
+    """Whether a reading of an Aid measures anything."""
+    return aid.holds is None or aid.holds(reading)
+
+
 def sensor(aid):
     """Sensor of an Aid."""
     renewal = aid.renewal

@@ -289,8 +289,13 @@ def gps_arrivals(params, messages):
     NavParams, sequence of GpsFix, GpsRanges and readings of instruments -> list of (arrival, fix)
     """
     arrivals = {GpsRanges: "gps_ranges"} if params.gps == "tight" else {GpsFix: "gps"}
-    arrivals |= {aid.record: aid.name for aid in params.aids}
-    return [(arrivals[type(one)], one) for one in messages if type(one) in arrivals]
+    aids = {aid.record: aid for aid in params.aids}
+    arrivals |= {record: aid.name for record, aid in aids.items()}
+    return [
+        (arrivals[type(one)], one)
+        for one in messages
+        if type(one) in arrivals and (type(one) not in aids or aiding.holds(aids[type(one)], one))
+    ]
 
 
 def star_arrivals(nav, fixes):

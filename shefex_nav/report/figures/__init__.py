@@ -124,14 +124,13 @@ CATALOGUE = (
         "Measured on the machine that simulated, not reproducible.",
     ),
 )  # fmt: skip
-AFTER = "gps"  # here are those of instruments
 
 
 def catalogue():
     """CATALOGUE, and a figure for each instrument that is known now."""
     own = (Entry(name, one.figure or "", "sensors", one.caption) for name, one in TABLE.items())
-    first = next(k for k, entry in enumerate(CATALOGUE) if entry.name == AFTER) + 1
-    return (*CATALOGUE[:first], *own, *CATALOGUE[first:])
+    before = sum(entry.section in ("flight", "sensors") for entry in CATALOGUE)
+    return (*CATALOGUE[:before], *own, *CATALOGUE[before:])
 
 
 def draw(name, data):

@@ -1,0 +1,63 @@
+"""The key `plugins` of a scenario: what is loaded before the scenario is read, and from where."""
+
+import os
+
+from pydantic import Field
+
+from shefex_nav import plugins
+from shefex_nav.scenario.block import Block, tagged
+from shefex_nav.scenario.document import dotted
+
+KEY, FILE, HASH = "plugins", "file", "sha256"
+PLUGINS = (
+    "instruments and methods of your own: Python files, relative to this one, or names of installed "
+    "plug-ins; a file is run with your consent only (--trust)"
+)
+
+
+class Pinned(Block):
+    """A plug-in with the content that it had when it was flown, as logs keep it."""
+
+    file: str = Field(min_length=1, description="path, or name of an installed plug-in")
+    sha256: str = Field(pattern=r"^[0-9a-f]{64}$", description="of its source")
+
+
+def _form(value):
+    return "<pinned>" if isinstance(value, dict | Pinned) else "<name>"
+
+
+Plugins = list[tagged(_form, {"name": str, "pinned": Pinned})]
+
+
+def relative_to(tree, folder):
+    """Let the files among the plug-ins of a scenario's own `tree` be looked for in `folder`."""
+    given = tree.get(KEY)
+    for k, one in enumerate(given if isinstance(given, list) else ()):
+        if isinstance(one, str) and plugins.is_file(one):
+            given[k] = os.path.join(folder, one)
+
+
+def pinned(scenario):
+    """(file or name of a package, SHA-256 of its source) of each plug-in of a scenario: tuple."""
+    return tuple((one.file, one.sha256) for one in scenario.plugins)
+
+
+def loaded(tree, places, trust=False):
+    """What the plug-ins of a tree provide; each stands in the tree with its content then.
+
+    -> tuple of what it is, list of (Mark, text) about plug-ins that cannot be used
+    """
+    provided, found, given = [], [], tree.get(KEY)
+    for k, one in enumerate(given if isinstance(given, list) else ()):
+        name, pinned = (one.get(FILE), one.get(HASH)) if isinstance(one, dict) else (one, None)
+        if not isinstance(name, str) or not name:
+            continue  # the schema says what is wrong
+        try:
+            plugin, more = plugins.load(name, pinned, trust)
+        except plugins.PluginError as error:
+            found.append((places.value((KEY, k)), f"{dotted((KEY, k))}: {error}"))
+            continue
+        provided += more
+        path = plugin.path if plugins.is_file(name) else name
+        given[k] = {FILE: path, HASH: plugin.sha256}
+    return tuple(provided), found
