@@ -1,5 +1,7 @@
 """What smoothing a flight has changed: as an object for other programs, as a table for people."""
 
+from rich.table import Table
+
 from shefex_nav.replay import compare
 
 DOF = 9  # of the NEES of position, velocity and attitude
@@ -9,7 +11,7 @@ TOO_SURE = 2.0  # [E] times as much as is expected: a remark
 def summarise(log, path, result, wall_s):
     """Object of numbers, texts and None; 'parts' is None without truth.
 
-    log, path : that was smoothed, that was written;  result : smooth.Result;  wall_s : how long it took
+    log, path : that was smoothed, that was written;  result : smooth.Smoothed;  wall_s : how long it took
     """
     data = result.smoothed
     has_truth = len(data.truth.t_s) > 0
@@ -39,8 +41,6 @@ def too_sure(parts):
 
 def table(summary):
     """rich Table: filtered and smoothed RMS by part of the flight."""
-    from rich.table import Table
-
     what = "RMS errors in m, m/s and deg, filtered -> smoothed"
     title = f"{summary['scenario']}, seed {summary['seed']}: {what}"
     found = Table(title=title, title_justify="left")
