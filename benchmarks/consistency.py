@@ -79,9 +79,9 @@ def in_parallel(calls, workers, what):
 def show(title, verdicts):
     from rich.console import Console
 
-    from shefex_nav.verify import consistency_command
+    from shefex_nav.verify import consistency_table
 
-    Console(width=130).print(consistency_command.table(title, verdicts))
+    Console(width=130).print(consistency_table.table(title, verdicts))
 
 
 def print_ratios(title, found):

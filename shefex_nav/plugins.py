@@ -202,15 +202,13 @@ def _add(one):
 
 
 @contextmanager
-def trusting(every):
-    """Consent for every file that is loaded within, if `every`: `--trust`."""
-    if every:
-        _EVERY.append(True)
+def trusting():
+    """Consent for every file that is loaded within: `--trust`."""
+    _EVERY.append(True)
     try:
         yield
     finally:
-        if every:
-            _EVERY.pop()
+        _EVERY.pop()
 
 
 def consent(sha256, path):

@@ -119,9 +119,15 @@ def settled(scenario, flight=None):
 
     flight : the planned one, if it has been flown already; it does not depend on the run
     """
+    return settled_with_effects(scenario, flight)[0]
+
+
+def settled_with_effects(scenario, flight=None):
+    """The same, and why these blocks: list of wanted_states.Effect, empty if the scenario names them."""
     if scenario.navigation.states != AUTOMATIC:
-        return scenario
-    return load.with_states(scenario, [one.block for one in wanted(scenario, flight) if one.on])
+        return scenario, []
+    effects = wanted(scenario, flight)
+    return load.with_states(scenario, [one.block for one in effects if one.on]), effects
 
 
 def wanted(scenario, flight=None):

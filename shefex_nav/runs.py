@@ -83,8 +83,6 @@ def fly(
     """
     _check(scenario, seed, until_s)
     from shefex_nav import prepare, simulate, warmup
-    from shefex_nav.log.drawings import FramePolicy
-    from shefex_nav.log.writer import LogWriter
     from shefex_nav.report import programme
     from shefex_nav.scenario.choices import choices
 
@@ -95,24 +93,44 @@ def fly(
     scenario = prepare.settled(scenario)
     world = prepare.build_world(scenario, seed)
     told(programme.warnings(scenario, programme.of_flight(world.flight)))
-    t_s = world.flight.trajectory.t_s
     mission = prepare.mission(scenario, seed, world.flight.trajectory)
     simulate.warm_up(scenario, world)
-    ready = time.perf_counter()
-    kept = RunDataBuilder(mission)
-    frames = scenario.log.frames
+    setup_s = time.perf_counter() - began
+    records, cut_s = _seen(world, scenario, seed, until_s, watch)
+    data = _record(records, mission, scenario.log, path, overwrite, setup_s, cut_s)
+    return Run(data, path, folder)
+
+
+def _seen(world, scenario, seed, until_s, watch):
+    """Records of a flight as `watch` passes them on, and when it is looked at no more, as of `_record`."""
+    from shefex_nav import simulate
+
+    t_s = world.flight.trajectory.t_s
+    records = simulate.route(world, scenario, seed, until_s=until_s)
+    cut_s = float(until_s) if until_s < t_s[-1] else math.nan
+    return watch(records, float(t_s[0]), min(float(t_s[-1]), until_s)), cut_s
+
+
+def _record(records, mission, wanted, path, overwrite, setup_s, cut_s):
+    """RunData of the records of a flight, which are written to its log as well, thinned.
+
+    wanted : what a scenario says of its log;  setup_s : how long everything before took
+    cut_s : mission time at which it was not looked at any more, NaN if it was to the end
+    """
+    from shefex_nav.log.drawings import FramePolicy
+    from shefex_nav.log.writer import LogWriter
+
+    began, kept = time.perf_counter(), RunDataBuilder(mission)
+    frames = wanted.frames
     policy = FramePolicy(frames.full_every, frames.otherwise, frames.threshold_sigma)
     with LogWriter(path, mission, policy, overwrite=overwrite) as writer:
-        records = simulate.route(world, scenario, seed, until_s=until_s)
-        records = watch(records, float(t_s[0]), min(float(t_s[-1]), until_s))
-        cut_s = float(until_s) if until_s < t_s[-1] else math.nan
-        for record in thinning.thinned(records, scenario.log.rate, mission.start_s):
+        for record in thinning.thinned(records, wanted.rate, mission.start_s):
             writer.write(record)
             kept.add(record)
-        done = RunSummary(kept.last_t_s, time.perf_counter() - ready, ready - began, cut_s)
+        done = RunSummary(kept.last_t_s, time.perf_counter() - began, setup_s, cut_s)
         writer.write(done)
         kept.add(done)
-    return Run(kept.build(), path, folder)
+    return kept.build()
 
 
 def open_run(log):

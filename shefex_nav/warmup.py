@@ -6,6 +6,7 @@ import sys
 from contextlib import contextmanager
 from itertools import count
 
+from shefex_nav.errors import UserError
 from shefex_nav.workers import cores
 
 _told = []  # kernels that were compiled when they were called, in this process
@@ -58,6 +59,29 @@ def compile_listed(wanted, workers=None):
     finally:
         store.prune()
     return len(wanted) - len(ahead.without_file(wanted))
+
+
+def compile_for(jobs, workers=None):
+    """Compile the kernels of some jobs, or of all that there are where no job is named.
+
+    jobs : list of sets of features, as for `get_ready`
+    -> how many kernels they need, how many of these have been compiled now
+
+    UserError if some cannot be compiled, or are compiled and cannot be kept.
+    """
+    from shefex_nav.compiled import ahead
+
+    wanted = [one for one in ahead.entries() if not jobs or any(map(one.is_needed, jobs))]
+    missing = ahead.without_file(wanted)
+    try:
+        compiled = compile_listed(missing, workers)
+    except ahead.CompilerFailed as error:
+        raise UserError(f"some kernels could not be compiled:\n{error}") from error
+    if compiled < len(missing):
+        raise UserError(
+            f"{len(missing) - compiled} kernels are missing and cannot be compiled ahead here, or not be kept"
+        )
+    return len(wanted), compiled
 
 
 def _say_what_does_not_fit(store):

@@ -22,7 +22,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 READER = Path(__file__).read_bytes()  # what was read by another one is read again
 PACKAGE, TESTS, FIXTURES = "shefex_nav", "tests", "conftest.py"
-LATE = re.compile(r"(^|/)(conftest|cli|(?!test_)\w*command)\.py$")
+LATE = re.compile(rf"(^|/)conftest\.py$|^{PACKAGE}/commands/")
 EVERYTHING = {"pyproject.toml", "uv.lock"}
 STATEMENT = re.compile(r"(?:from|import) [^;\n]+")
 MODULES = re.compile(rf"\b{PACKAGE}(?:\.\w+)+")

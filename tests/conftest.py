@@ -90,7 +90,7 @@ def own_numbers(request):
 
 def here(*arguments):
     """Run the command line in this process, which has loaded everything; a fault is not caught."""
-    from shefex_nav import cli
+    from shefex_nav.commands.main import main
 
     out, err, code = io.StringIO(), io.StringIO(), 0
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
@@ -98,7 +98,7 @@ def here(*arguments):
         patch.setenv("COLUMNS", "100")
         patch.setattr(sys, "argv", ["shefex-nav", *map(str, arguments)])
         try:
-            cli.main()
+            main()
         except SystemExit as end:
             code = end.code or 0
     return CommandResult(code, out.getvalue(), err.getvalue())

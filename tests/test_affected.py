@@ -8,17 +8,22 @@ import pytest
 
 SOURCES = {  # of a small project
     "shefex_nav/__init__.py": '_PUBLIC = {"fly": "mission"}',
-    "shefex_nav/__main__.py": "from shefex_nav import cli",
-    "shefex_nav/cli.py": (
-        "from shefex_nav.draw_command import paint\n"
-        "def run():\n    start()\ndef start():\n    from shefex_nav import mission\n"
-        "def show():\n    paint()\n"
+    "shefex_nav/__main__.py": "from shefex_nav.commands import main",
+    "shefex_nav/commands/__init__.py": "",
+    "shefex_nav/commands/main.py": (
+        "from shefex_nav.commands.run import run\nfrom shefex_nav.commands.show import show\n"
     ),
-    "shefex_nav/draw_command.py": "def paint():\n    from shefex_nav import picture\n",
+    "shefex_nav/commands/painting.py": "def paint():\n    from shefex_nav import picture\n",
+    "shefex_nav/commands/run.py": (
+        "def run():\n    start()\ndef start():\n    from shefex_nav import mission\n"
+    ),
+    "shefex_nav/commands/show.py": (
+        "from shefex_nav.commands.painting import paint\ndef show():\n    paint()\n"
+    ),
     "shefex_nav/kernel.py": "def turn(x):\n    return x + 1\n",
     "shefex_nav/mission.py": "def fly():\n    from shefex_nav.kernel import turn\n",
     "shefex_nav/picture.py": "NAME = 'data/sky.png'",
-    "tests/conftest.py": "def command():\n    from shefex_nav import cli\n",
+    "tests/conftest.py": "def command():\n    from shefex_nav.commands import main\n",
     "tests/helper.py": "import shefex_nav.kernel",
     "tests/test_all.py": "FILES = list(PACKAGE.rglob('*.py'))",
     "tests/test_attribute.py": "import shefex_nav\ndef test_it():\n    shefex_nav.fly()\n",
@@ -38,7 +43,7 @@ EVERY = {name[len("tests/test_") : -len(".py")] for name in SOURCES if name.star
 def project(tmp_path):
     """Folder of the small project, in git."""
     for name, text in SOURCES.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
     git = "git", "-c", "user.name=a", "-c", "user.email=a@b"
     for words in (["init", "-q"], ["add", "."], ["commit", "-q", "-m", "first"]):
@@ -56,7 +61,8 @@ def chosen(project, *changed):
         ("shefex_nav/kernel.py", KERNEL),
         ("shefex_nav/mission.py", {"all", "attribute", "code", "command"}),
         ("shefex_nav/picture.py", {"all", "alone", "text"}),
-        ("shefex_nav/cli.py", {"all", "alone", "command"}),
+        ("shefex_nav/commands/main.py", {"all", "alone", "command"}),
+        ("shefex_nav/commands/run.py", {"all", "alone", "command"}),
         ("shefex_nav/data/sky.png", {"alone", "text"}),
         ("shefex_nav/__init__.py", EVERY - {"nothing"}),
         ("tests/helper.py", {"helper"}),

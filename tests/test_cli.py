@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -23,6 +24,22 @@ def test_help_is_quick():
             after.children_user + after.children_system - before.children_user - before.children_system,
         )
     assert best < 0.5
+
+
+def test_each_command_is_a_file_of_its_name():
+    import typer
+
+    from shefex_nav import commands
+    from shefex_nav.commands.main import app
+
+    def names(group, before=""):
+        for name, command in group.commands.items():
+            yield before + name
+            yield from names(command, f"{name}_") if hasattr(command, "commands") else ()
+
+    shared = {"__init__", "main", "options", "output_files", "printing", "flights", "refusal"}
+    files = {path.stem for path in Path(commands.__file__).parent.glob("*.py")}
+    assert files - shared == set(names(typer.main.get_command(app)))
 
 
 def test_check_of_a_good_scenario(command, default_scenario):

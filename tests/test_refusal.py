@@ -2,7 +2,7 @@
 
 import pytest
 
-from shefex_nav import cli
+from shefex_nav.commands.main import main
 
 LOG, THERE = "{log}", "{there}"  # files that exist
 
@@ -74,7 +74,7 @@ def test_one_plain_line(arguments, tmp_path, monkeypatch, capsys, default_scenar
         names[name].write_bytes(b"precious")
     monkeypatch.setattr("sys.argv", ["shefex-nav", *(word.format(**names) for word in arguments)])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main()
     printed = capsys.readouterr()
     assert ended.value.code == 2
     assert printed.err == REFUSALS[arguments].format(**names) + "\n"
@@ -86,7 +86,7 @@ def test_one_plain_line(arguments, tmp_path, monkeypatch, capsys, default_scenar
 def test_without_arguments_there_is_help(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["shefex-nav"])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main()
     assert ended.value.code == 2
     printed = capsys.readouterr()
     assert "Commands" in printed.out + printed.err
@@ -95,5 +95,5 @@ def test_without_arguments_there_is_help(monkeypatch, capsys):
 def test_exit_codes_of_commands_stay(monkeypatch, tmp_path, default_scenario):
     monkeypatch.setattr("sys.argv", ["shefex-nav", "check", str(default_scenario)])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main()
     assert ended.value.code == 0

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 import shefex_nav
-from shefex_nav import cli
+from shefex_nav.commands.main import main
 from shefex_nav.errors import UserError
 
 INTERNAL = {  # caught inside the package, which says it in other words, or of the machine
@@ -60,7 +60,7 @@ def test_message_and_exit_code_2_from_any_command(exceptions, monkeypatch, capsy
 
         monkeypatch.setattr("shefex_nav.scenario.json_schema.json_schema", refuse)
         with pytest.raises(SystemExit) as ended:
-            cli.main()
+            main()
         printed = capsys.readouterr()
         assert ended.value.code == 2, name
         assert (printed.err, printed.out) == ("\n".join(words) + "\n", ""), name
@@ -73,4 +73,4 @@ def test_a_fault_of_the_program_keeps_its_traceback(monkeypatch):
     monkeypatch.setattr("shefex_nav.scenario.json_schema.json_schema", fail)
     monkeypatch.setattr(sys, "argv", ["shefex-nav", "schema"])
     with pytest.raises(ValueError, match="a fault"):
-        cli.main()
+        main()

@@ -115,7 +115,7 @@ def test_what_the_wheel_says_of_itself(wheel):
     cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.M)
     assert metadata["Version"] == shefex_nav.__version__ == cited[1]
     assert {"licenses/LICENSE", "licenses/NOTICE"} <= set(said)
-    assert b"shefex-nav = shefex_nav.cli:main" in said["entry_points.txt"]
+    assert b"shefex-nav = shefex_nav.commands.main:main" in said["entry_points.txt"]
 
 
 def test_the_source_distribution_makes_the_same_wheel(wheel, tmp_path):

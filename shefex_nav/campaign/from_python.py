@@ -36,7 +36,6 @@ def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, engine=None, k
     were lost with their workers, which the Campaign is without; EngineError if all of them were.
     """
     from shefex_nav.campaign import progress, results, running
-    from shefex_nav.campaign.engine import EngineError
     from shefex_nav.campaign.stopping import stopping
     from shefex_nav.campaign.store import Store
 
@@ -49,6 +48,14 @@ def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, engine=None, k
     request = running.checked(asked)
     with Store(folder) as store, stopping() as stop:
         ended = running.fly(request, store, progress.Show(say), stop)
+    _tell(ended, runs, say)
+    return results.open_campaign(folder)
+
+
+def _tell(ended, runs, say):
+    """Say, warn of or raise what a campaign of so many runs is without. running.Ended"""
+    from shefex_nav.campaign.engine import EngineError
+
     for one in ended.lost:
         say(f"run {one.run} was lost and is flown by the same call the next time: {one.reason}")
     for one in ended.unlogged:
@@ -61,5 +68,4 @@ def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, engine=None, k
         words = f"{len(ended.lost)} of {runs} runs were lost with their workers, the same call flies them"
         if not ended.rows:
             raise EngineError(f"{words}; run {ended.lost[0].run}: {ended.lost[0].reason}")
-        warnings.warn(f"{words}; every figure is of the {len(ended.rows)} others", stacklevel=2)
-    return results.open_campaign(folder)
+        warnings.warn(f"{words}; every figure is of the {len(ended.rows)} others", stacklevel=3)

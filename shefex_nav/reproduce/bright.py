@@ -1,4 +1,4 @@
-"""The experiments of the brightness-referenced paper (BRIGHT, 2014): tables 2, 3 and 4, figure 3."""
+"""The experiments of the brightness-referenced paper (BRIGHT, 2014): tables 2, 3 and 4, figures 1 and 3."""
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from shefex_nav.report import intervals
 from shefex_nav.reproduce import bright_fields as fields
 from shefex_nav.reproduce import bright_frames as frames
 from shefex_nav.reproduce import bright_methods as methods
+from shefex_nav.reproduce import imaging, imaging_figures
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.published import BRIGHT
 
@@ -250,5 +251,14 @@ EXPERIMENTS = {
         conclude=frames.conclude_table4,
         draw=frames.draw_table4,
         timed=True,
+    ),
+    "bright-centroids": Experiment(
+        title="Centre of mass against Gaussian interpolation (BRIGHT figure 1)",
+        samples=200,
+        unit="tracks",
+        chunk=20,
+        measure=imaging.measure_centroids,
+        conclude=imaging.conclude_centroids,
+        draw=imaging_figures.draw_centroids,
     ),
 }

@@ -11,8 +11,7 @@ from shefex_nav.geometry.rotation import quat_from_rotvec
 from shefex_nav.onboard.startracker import background, scan
 from shefex_nav.onboard.startracker.detect import DetectParams, detect, rules
 from shefex_nav.report import intervals
-from shefex_nav.reproduce import imaging_figures
-from shefex_nav.reproduce.experiment import Experiment, Row
+from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.published import BRIGHT, SHEFEX
 from shefex_nav.reproduce.shefex_field import (
     CAMERA,
@@ -245,26 +244,3 @@ def conclude_centroids(results):
         error = np.sqrt(((distance[:, m] - distance[:, -1]) ** 2).mean(axis=1))
         rows.append(_row(f"error along the track [px rms], {method.replace('_', ' ')}", condition, error))
     return rows
-
-
-EXPERIMENTS = {
-    "shefex-scan": Experiment(
-        title="Sequential scan against maximum search (SHEFEX section 3.2)",
-        samples=200,
-        unit="frames",
-        chunk=50,
-        measure=measure_scan,
-        conclude=conclude_scan,
-        draw=imaging_figures.draw_scan,
-        timed=True,
-    ),
-    "bright-centroids": Experiment(
-        title="Centre of mass against Gaussian interpolation (BRIGHT figure 1)",
-        samples=200,
-        unit="tracks",
-        chunk=20,
-        measure=measure_centroids,
-        conclude=conclude_centroids,
-        draw=imaging_figures.draw_centroids,
-    ),
-}

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from shefex_nav.reproduce.imaging import TRACK_CENTROIDS
+
 COLOURS = ("#1f5fa8", "#d1622b", "#5f9e3f")
 
 
@@ -30,8 +32,6 @@ def draw_scan(figure, results, rows):
 
 def draw_centroids(figure, results, _rows):
     """The first track as in the paper's figure 1: distance from the straight line, image by image."""
-    from shefex_nav.reproduce.imaging import TRACK_CENTROIDS
-
     distance = results[0][0]
     images = np.arange(1, distance.shape[1] + 1)
     figure.set_size_inches(10.0, 4.5)

@@ -11,8 +11,7 @@ from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.calibrate import calibrate
 from shefex_nav.report import intervals
-from shefex_nav.reproduce import shefex_figures
-from shefex_nav.reproduce.experiment import Experiment, Row
+from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.published import SHEFEX
 from shefex_nav.reproduce.shefex_field import (
     CAMERA,
@@ -319,25 +318,3 @@ def _scatter_rows(frames):
     errors = np.array([calibrated(block).camera.focal_length_px * PIXEL_MM - TRUE_MM for block in blocks])
     rms, condition = float(np.sqrt(np.mean(errors**2))), f"{len(blocks)} calibrations of {BLOCK} frames each"
     return [Row("error of the focal length, RMS [mm]", condition, None, rms, intervals.rms(errors), None, "")]
-
-
-EXPERIMENTS = {
-    "shefex-attitude": Experiment(
-        title="attitude error against centroid error (SHEFEX figure 10)",
-        samples=SHEFEX["identification"]["random_attitudes"],
-        unit="random attitudes",
-        chunk=100,
-        measure=measure_attitude,
-        conclude=conclude_attitude,
-        draw=shefex_figures.draw_attitude,
-    ),
-    "shefex-calibration": Experiment(
-        title="focal length and principal point from identified frames (SHEFEX section 4)",
-        samples=500,
-        unit="frames",
-        chunk=50,
-        measure=measure_calibration,
-        conclude=conclude_calibration,
-        draw=shefex_figures.draw_calibration,
-    ),
-}

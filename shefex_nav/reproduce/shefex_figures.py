@@ -2,6 +2,10 @@
 
 import numpy as np
 
+from shefex_nav.report import intervals
+from shefex_nav.reproduce import shefex_attitude as attitude
+from shefex_nav.reproduce import shefex_stars as stars
+
 STYLES = ("o-", "s-", "^-", "D-", "v-")
 COLOURS = ("#1f5fa8", "#d1622b", "#5f9e3f", "#9c4f96", "#8c6d31")
 
@@ -13,19 +17,17 @@ def _tidy(axis):
 
 def draw_catalogue(figure, _results, _rows):
     """The sky of the catalogues (figures 4 and 5): three maps, right ascension against declination."""
-    from shefex_nav.reproduce import shefex_stars
-
     figure.set_size_inches(9.0, 10.5)
-    built = shefex_stars.build_catalogues()
+    built = stars.build_catalogues()
     shown = ("asymmetric", "uniform", "combined")
     for axis, name in zip(figure.subplots(3, 1, sharex=True), shown, strict=True):
-        stars = built[name]
-        ra_deg = np.degrees(np.arctan2(stars.u_i[:, 1], stars.u_i[:, 0])) % 360.0
-        dec_deg = np.degrees(np.arcsin(stars.u_i[:, 2]))
-        size = 2.0 + 2.2 * np.clip(6.0 - stars.vmag, 0.0, 6.0) ** 1.3
+        sky = built[name]
+        ra_deg = np.degrees(np.arctan2(sky.u_i[:, 1], sky.u_i[:, 0])) % 360.0
+        dec_deg = np.degrees(np.arcsin(sky.u_i[:, 2]))
+        size = 2.0 + 2.2 * np.clip(6.0 - sky.vmag, 0.0, 6.0) ** 1.3
         axis.scatter(ra_deg, dec_deg, s=size, color=COLOURS[0], alpha=0.65, lw=0)
         south = (dec_deg < 0.0).mean()
-        title = f"{name}: {len(dec_deg)} stars, {south:.0%} south, faintest V {stars.vmag.max():.2f}"
+        title = f"{name}: {len(dec_deg)} stars, {south:.0%} south, faintest V {sky.vmag.max():.2f}"
         axis.set_title(title, loc="left", fontsize=10)
         axis.set_ylabel("declination [deg]")
         axis.set_xlim(360.0, 0.0)
@@ -38,8 +40,6 @@ def draw_catalogue(figure, _results, _rows):
 
 def draw_cos_error(figure, results, _rows):
     """Time (figure 7) and success (figure 8) against cosError."""
-    from shefex_nav.reproduce import shefex_stars as stars
-
     verdict, seconds = (np.concatenate(column) for column in zip(*results, strict=True))
     figure.set_size_inches(11.0, 4.8)
     left, right = figure.subplots(1, 2)
@@ -64,9 +64,6 @@ def draw_cos_error(figure, results, _rows):
 
 def draw_spikes(figure, results, _rows):
     """Wrong identifications against the number of spikes (figure 9)."""
-    from shefex_nav.report import intervals
-    from shefex_nav.reproduce import shefex_stars as stars
-
     wrong = np.concatenate(results) == stars.WRONG_ONE
     figure.set_size_inches(7.5, 5.0)
     axis = figure.subplots()
@@ -87,8 +84,6 @@ def draw_spikes(figure, results, _rows):
 
 def draw_attitude(figure, results, _rows):
     """Errors about the three axes against the centroid error (figure 10)."""
-    from shefex_nav.reproduce import shefex_attitude as attitude
-
     errors, known = np.moveaxis(np.concatenate([errors for errors, _ in results]), 1, 0)
     figure.set_size_inches(8.0, 5.4)
     axis = figure.subplots()
@@ -115,8 +110,6 @@ def draw_attitude(figure, results, _rows):
 
 def draw_calibration(figure, results, _rows):
     """Focal length against the number of frames, and the residuals with the nominal and the found camera."""
-    from shefex_nav.reproduce import shefex_attitude as attitude
-
     frames = [frame for chunk in results for frame in chunk]
     figure.set_size_inches(11.0, 4.8)
     left, right = figure.subplots(1, 2)
@@ -147,8 +140,6 @@ def draw_calibration(figure, results, _rows):
 
 def _residuals(axis, frames):
     """Outward residuals against the distance from the middle, before and after the calibration."""
-    from shefex_nav.reproduce import shefex_attitude as attitude
-
     found = attitude.calibrated(frames)
     cameras = {
         "nominal camera": (attitude.CAMERA, np.zeros(5)),

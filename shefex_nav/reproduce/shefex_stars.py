@@ -13,8 +13,7 @@ from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.report import intervals
-from shefex_nav.reproduce import shefex_figures
-from shefex_nav.reproduce.experiment import Experiment, Row
+from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.published import SHEFEX
 from shefex_nav.reproduce.shefex_field import (
     COMBINED,
@@ -281,35 +280,3 @@ def _rises(wrong):
     half = wrong.shape[1] // 2
     few, many = wrong[:, :half].mean(axis=1), wrong[:, half:].mean(axis=1)
     return bool(len(wrong) > 1 and intervals.mean(many - few)[0] > 0.0)
-
-
-EXPERIMENTS = {
-    "shefex-catalogue": Experiment(
-        title="the star catalogue that flies (SHEFEX section 3.3, figures 4 and 5)",
-        samples=10000,
-        unit="random attitudes",
-        chunk=1000,
-        measure=measure_catalogue,
-        conclude=conclude_catalogue,
-        draw=shefex_figures.draw_catalogue,
-    ),
-    "shefex-cos-error": Experiment(
-        title="time and success of the pyramid against cosError (SHEFEX figures 7 and 8)",
-        samples=SHEFEX["identification"]["random_attitudes"],
-        unit="random attitudes",
-        chunk=50,
-        measure=measure_cos_error,
-        conclude=conclude_cos_error,
-        draw=shefex_figures.draw_cos_error,
-        timed=True,
-    ),
-    "shefex-spikes": Experiment(
-        title="wrong identifications of the pyramid against false stars (SHEFEX figure 9)",
-        samples=SHEFEX["identification"]["random_attitudes"],
-        unit="random attitudes",
-        chunk=25,
-        measure=measure_spikes,
-        conclude=conclude_spikes,
-        draw=shefex_figures.draw_spikes,
-    ),
-}

@@ -67,6 +67,24 @@ def flight_of(scenario, world, fixes):
     )
 
 
+def flights(scenario, seeds, note=lambda words: None):
+    """Runs and bounds of some seeds, flown one after the other. `note` is called with words about each.
+
+    -> list of flown.Run, list of `bounds`
+    """
+    from shefex_nav import prepare
+    from shefex_nav.verify import flown
+
+    runs, pairs = [], []
+    for seed in seeds:
+        note(f"seed {seed}")
+        world = prepare.build_world(scenario, seed)
+        fixes = flown.fly(scenario, seed)
+        runs.append(flown.filter_run(scenario, seed, fixes, world=world))
+        pairs.append(bounds(scenario, world, fixes))
+    return runs, pairs
+
+
 def curves(runs, pairs):
     """Curves of some runs.
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.files import part
 from shefex_nav.verify.flown import FlownError
 from shefex_nav.workers import cores, each
 
@@ -142,6 +143,13 @@ def run(study, seeds, *, histories=1000, workers=None, note=lambda words: None):
     imagined, apart = done.pop("histories")
     runs += done.values()
     return Found(runs, consistency.judge(runs, imagined, np.random.default_rng(DRAWN)), apart)
+
+
+def sweep(study, seeds):
+    """Take away what workers that were stopped have left half written."""
+    if study.folder is not None:
+        for seed in seeds:
+            part(study.path(seed)).unlink(missing_ok=True)
 
 
 def in_workers(calls, workers=None, note=lambda words: None):

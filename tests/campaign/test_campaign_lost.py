@@ -7,8 +7,8 @@ import pytest
 from short_campaign import HereLane, Show, fly, request, write
 from typer.testing import CliRunner
 
-from shefex_nav import cli
 from shefex_nav.campaign import engine, flight, results, running, store, summary
+from shefex_nav.commands.main import app
 from shefex_nav.scenario import load
 
 RUNS = 4
@@ -120,7 +120,7 @@ def test_a_log_that_could_not_be_had_is_no_lost_run(whole, scenario, tmp_path, m
     assert ended.lost == () and ended.digest == whole[1].digest and not list(tmp_path.rglob("*.lost"))
     monkeypatch.setattr(running, "_lanes_here", lambda r, p, n: [Deadly(p, {run: 3 for run in range(RUNS)})])
     arguments = ["campaign", str(write(tmp_path)), "--runs", str(RUNS), "--out", str(tmp_path), "--json"]
-    told = CliRunner().invoke(cli.app, [*arguments, "--keep", "worst:1"])
+    told = CliRunner().invoke(app, [*arguments, "--keep", "worst:1"])
     assert told.exit_code == 0, told.output
     assert f"run {without.run} has no log: its worker was killed, in each of 3 attempts" in told.stderr
     assert "lost" not in told.stderr
@@ -140,11 +140,11 @@ def test_a_run_that_fails_before_its_first_record_has_no_log_and_that_is_told(tm
 def test_lost_runs_are_in_the_object_also_where_there_is_nothing_else(tmp_path, monkeypatch):
     monkeypatch.setattr(running, "_lanes_here", lambda request, plan, runs: [Deadly(plan, {0: 3})])
     arguments = ["campaign", str(write(tmp_path)), "--out", str(tmp_path / "c"), "--json"]
-    alone = CliRunner().invoke(cli.app, [*arguments, "--runs", "1"])
+    alone = CliRunner().invoke(app, [*arguments, "--runs", "1"])
     found = json.loads(alone.stdout)
     assert alone.exit_code == 1 and "run 0 was lost: its worker was killed" in alone.stderr
     assert (found["runs"], found["asked"], found["lost"], found["requirements"]) == (0, 1, 1, [])
-    both = CliRunner().invoke(cli.app, [*arguments, "--runs", "2"])
+    both = CliRunner().invoke(app, [*arguments, "--runs", "2"])
     found = json.loads(both.stdout)
     assert both.exit_code == 1 and (found["runs"], found["asked"], found["failed"]) == (2, 2, 1)
 

@@ -182,7 +182,7 @@ def test_a_scheduler_that_is_not_there(path, tmp_path):
         assert not out.parent.exists()
         return
     impatient = "from shefex_nav.campaign import cluster; cluster.CONNECT_S = 1.0"
-    command = f"{impatient}; from shefex_nav import cli; cli.main()"
+    command = f"{impatient}; from shefex_nav.commands.main import main; main()"
     address = f"dask://127.0.0.1:{free_port()}"
     flying = started("-c", command, "campaign", path, "--runs", 1, "--out", out, "--engine", address)
     _, said = flying.communicate(timeout=PATIENCE_S)

@@ -6,8 +6,8 @@ import pytest
 from short_campaign import HereLane, fly, write
 from typer.testing import CliRunner
 
-from shefex_nav import cli
 from shefex_nav.campaign import repeating, store
+from shefex_nav.commands.main import app
 from shefex_nav.scenario import load
 
 RUNS = 4
@@ -47,10 +47,10 @@ def test_a_log_has_more_than_the_figures_of_a_campaign_and_that_is_said(whole, t
     folder, ended = whole
     monkeypatch.setattr(repeating.repeat, "__kwdefaults__", {"lane": HereLane})
     arguments = ["repeat", str(folder), "1", "--log", str(tmp_path / "1.mcap")]
-    said = CliRunner().invoke(cli.app, arguments)
+    said = CliRunner().invoke(app, arguments)
     assert said.exit_code == 0 and "the same as its row" in said.stdout
     assert "the log has truth and solution at 100 Hz, a campaign's figures are of 10 Hz" in said.stderr
-    told = json.loads(CliRunner().invoke(cli.app, ["report", str(tmp_path / "1.mcap"), "--json"]).stdout)
+    told = json.loads(CliRunner().invoke(app, ["report", str(tmp_path / "1.mcap"), "--json"]).stdout)
     row = ended.rows[1]
     for name in ("position_error_m", "velocity_error_m_s", "attitude_error_deg"):
         rms, largest = (row[f"summary.navigation.{name}.{what}"] for what in ("rms", "max"))

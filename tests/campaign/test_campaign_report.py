@@ -7,9 +7,9 @@ import pytest
 import synthetic_campaign
 from typer.testing import CliRunner
 
-from shefex_nav import cli
 from shefex_nav.campaign import figures, over_time, parts, summary
 from shefex_nav.campaign.results import open_campaign
+from shefex_nav.commands.main import app
 from shefex_nav.report import requirements
 from shefex_nav.scenario import load
 
@@ -26,11 +26,11 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def said(folder):
-    return CliRunner().invoke(cli.app, ["report", str(folder)])
+    return CliRunner().invoke(app, ["report", str(folder)])
 
 
 def test_the_object_has_exactly_its_keys(folder):
-    result = CliRunner().invoke(cli.app, ["report", str(folder), "--json"])
+    result = CliRunner().invoke(app, ["report", str(folder), "--json"])
     assert result.exit_code == 0
     found = json.loads(result.stdout)
     campaign = open_campaign(folder)
@@ -71,7 +71,7 @@ def test_warnings_of_the_programme_are_counted_over_the_runs(tmp_path):
     """Like but for their numbers, each run once; a campaign without any says nothing."""
     folder = synthetic_campaign.write(tmp_path / "warned", 12, seed=3)
     title = "The scenario does not fit the flight"
-    assert title not in CliRunner().invoke(cli.app, ["report", str(folder)]).stdout
+    assert title not in CliRunner().invoke(app, ["report", str(folder)]).stdout
     late, gas = "until", "propellant"
     for run in (2, 5, 9):
         path = folder / "runs" / f"{run:06d}.json"
@@ -86,7 +86,7 @@ def test_warnings_of_the_programme_are_counted_over_the_runs(tmp_path):
     assert found == {late: (2, 5, 9), gas: (5,)}
     assert campaign.warnings()[0].words.startswith("programme.entry_slew.until: 384 s is 2.1 s after")
     page = tmp_path / "page.html"
-    said = CliRunner().invoke(cli.app, ["report", str(folder), "--html", str(page)]).stdout
+    said = CliRunner().invoke(app, ["report", str(folder), "--html", str(page)]).stdout
     assert title in said and "3 of 12 runs (2, 5, 9), with the numbers of run 2: programme.entry" in said
     assert "1 of 12 runs (5): vehicle.cold_gas.propellant: used up" in said
     assert title in page.read_text() and "3 of 12 runs (2, 5, 9)" in page.read_text()
@@ -96,10 +96,10 @@ def test_an_unfinished_campaign_says_so(tmp_path):
     folder = synthetic_campaign.write(tmp_path / "c", 4)
     head = json.loads((folder / "campaign.json").read_text())
     (folder / "campaign.json").write_text(json.dumps(head | {"runs": 9}))
-    result = CliRunner().invoke(cli.app, ["report", str(folder)])
+    result = CliRunner().invoke(app, ["report", str(folder)])
     assert result.exit_code == 0 and "4 of 9, the campaign is not finished" in result.stdout
     (folder / "runs" / "000007.lost").write_text('{"reason": "its worker was killed", "deadly": 1}')
-    result = CliRunner().invoke(cli.app, ["report", str(folder)])
+    result = CliRunner().invoke(app, ["report", str(folder)])
     lines = [" ".join(line.split()) for line in result.stdout.splitlines()]
     assert "run 7 was lost its worker was killed" in lines
 
@@ -113,9 +113,9 @@ def test_a_campaign_of_failures_alone_is_told(tmp_path):
             "summary": {},
         }
         path.write_text(json.dumps(record))
-    result = CliRunner().invoke(cli.app, ["report", str(folder)])
+    result = CliRunner().invoke(app, ["report", str(folder)])
     assert result.exit_code == 0 and "FlightError: no" in result.stdout
-    result = CliRunner().invoke(cli.app, ["report", str(folder), "--json"])
+    result = CliRunner().invoke(app, ["report", str(folder), "--json"])
     assert {one["ci95"] for one in json.loads(result.stdout)["requirements"]} == {None}
 
 
@@ -125,7 +125,7 @@ def test_bad_input_is_one_message(tmp_path, folder, kind):
     if kind != "empty":
         (tmp_path / "file").write_text("")
         arguments = ["report", str(folder), "--figures", str(tmp_path / "file" / "x")]
-    result = CliRunner().invoke(cli.app, arguments)
+    result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 2 and "Traceback" not in result.output
     assert ("campaign.json" if kind == "empty" else "cannot make the folder") in result.output.replace(
         "\n", ""
@@ -133,7 +133,7 @@ def test_bad_input_is_one_message(tmp_path, folder, kind):
 
 
 def test_pictures_are_drawn_of_all_that_there_is(folder, tmp_path):
-    result = CliRunner().invoke(cli.app, ["report", str(folder), "--json", "--figures", str(tmp_path / "f")])
+    result = CliRunner().invoke(app, ["report", str(folder), "--json", "--figures", str(tmp_path / "f")])
     assert result.exit_code == 0, result.output
     written = {path.name for path in (tmp_path / "f").iterdir()}
     expected = {"errors", "nees", "containment", "ellipses", "convergence", "sensitivity"}
@@ -184,7 +184,7 @@ def test_a_wrong_covariance_is_in_the_tables(tmp_path):
 
 def test_the_page_has_everything_and_loads_nothing(folder, tmp_path):
     path = tmp_path / "page.html"
-    result = CliRunner().invoke(cli.app, ["report", str(folder), "--json", "--html", str(path)])
+    result = CliRunner().invoke(app, ["report", str(folder), "--json", "--html", str(path)])
     assert result.exit_code == 0, result.output
     page = path.read_text()
     for words in (
@@ -193,7 +193,7 @@ def test_the_page_has_everything_and_loads_nothing(folder, tmp_path):
     ):  # fmt: skip
         assert words in page, words
     assert "://" not in page and "<script" not in page
-    again = CliRunner().invoke(cli.app, ["report", str(folder), "--html", str(path)])
+    again = CliRunner().invoke(app, ["report", str(folder), "--html", str(path)])
     assert again.exit_code == 2 and "exists already" in " ".join(again.output.split())
 
 
@@ -215,18 +215,18 @@ def test_pictures_are_not_overwritten_unless_that_is_asked_for(folder, tmp_path,
     mine = tmp_path / "errors.png"
     mine.write_bytes(b"mine")
     arguments = ["report", str(folder), "--json", "--figures", str(tmp_path)]
-    refused = CliRunner().invoke(cli.app, arguments)
+    refused = CliRunner().invoke(app, arguments)
     words = " ".join(refused.output.replace("│", " ").split())
     assert refused.exit_code == 2 and "exists already; choose another folder or add --force" in words
     assert mine.read_bytes() == b"mine"
-    assert CliRunner().invoke(cli.app, [*arguments, "--force"]).exit_code == 0
+    assert CliRunner().invoke(app, [*arguments, "--force"]).exit_code == 0
     assert mine.stat().st_size > 10_000
 
 
 def test_other_files_in_the_folder_of_pictures_are_in_nobodys_way(folder, tmp_path, errors_alone):
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "trajectory.png").write_bytes(b"of a run, not of a campaign")
-    result = CliRunner().invoke(cli.app, ["report", str(folder), "--json", "--figures", str(tmp_path)])
+    result = CliRunner().invoke(app, ["report", str(folder), "--json", "--figures", str(tmp_path)])
     assert result.exit_code == 0 and (tmp_path / "errors.png").exists(), result.output
     assert (tmp_path / "trajectory.png").read_bytes() == b"of a run, not of a campaign"
 
@@ -234,7 +234,7 @@ def test_other_files_in_the_folder_of_pictures_are_in_nobodys_way(folder, tmp_pa
 @pytest.mark.parametrize("what", ["a folder without a campaign", "a log that is not there"])
 def test_no_folder_is_made_for_pictures_of_nothing(tmp_path, what):
     of = tmp_path if what == "a folder without a campaign" else tmp_path / "none.mcap"
-    result = CliRunner().invoke(cli.app, ["report", str(of), "--figures", str(tmp_path / "a" / "b")])
+    result = CliRunner().invoke(app, ["report", str(of), "--figures", str(tmp_path / "a" / "b")])
     assert result.exit_code != 0 and not (tmp_path / "a").exists(), result.output
 
 

@@ -10,7 +10,6 @@ import pytest
 from short_campaign import BREAKS, HereLane, fly, write
 from typer.testing import CliRunner
 
-from shefex_nav import cli
 from shefex_nav.campaign import (
     draws,
     engine,
@@ -26,6 +25,7 @@ from shefex_nav.campaign import (
 from shefex_nav.campaign import plan as planning
 from shefex_nav.campaign.flight import Pilot
 from shefex_nav.clock import TICK_HZ
+from shefex_nav.commands.main import app
 from shefex_nav.log import reader, thinning
 from shefex_nav.report import metrics
 from shefex_nav.scenario import load
@@ -242,13 +242,13 @@ def test_the_command_tells_the_cause_of_every_fifth_failure(tmp_path, monkeypatc
     more = "  star_tracker.exposure.start: {table: {file: step.csv, column: step_s, unit: s}}\n"
     arguments = ["campaign", str(write(tmp_path, more)), "--runs", "10", "--out", str(tmp_path / "c")]
     arguments += ["--set", "star_tracker.exposure.shortest=10 ms"]
-    ended = CliRunner().invoke(cli.app, arguments)
+    ended = CliRunner().invoke(app, arguments)
     assert ended.exit_code == 1, ended.output
     assert "8, 80.0 %" in ended.stdout
     assert "2 runs (4, 9): ScenarioError: drawn: star_tracker.exposure.start: " in ended.stdout
     words = "Failed runs drew star_tracker.exposure.start from 0.06 to 0.06, the others from 0.02 to 0.02 (p "
     assert words in ended.stdout
-    printed = CliRunner().invoke(cli.app, [*arguments, "--json"])
+    printed = CliRunner().invoke(app, [*arguments, "--json"])
     found = json.loads(printed.stdout)
     assert printed.exit_code == 1 and (found["succeeded"], found["failed"]) == (8, 2)
 
@@ -301,7 +301,7 @@ def test_lists_that_were_drawn_are_in_table_and_digest(listed):
 
 def test_a_dry_run_prints_the_columns_of_the_table(listed):
     path, folder, _ = listed
-    printed = CliRunner().invoke(cli.app, ["campaign", str(path), "--runs", "8", "--dry-run"])
+    printed = CliRunner().invoke(app, ["campaign", str(path), "--runs", "8", "--dry-run"])
     assert printed.exit_code == 0, printed.output
     found = {name.partition(" [")[0]: name for name in printed.stdout.splitlines()[0].split(",")}
     rows = list(csv.DictReader(printed.stdout.splitlines()))

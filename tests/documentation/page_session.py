@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 from short_campaign import HereLane
 
-from shefex_nav import cli, simulate
+from shefex_nav import simulate
 from shefex_nav.campaign import engine
+from shefex_nav.commands.main import main
 from shefex_nav.scenario import load, shipped
 
 ROOT = Path(__file__).parents[2]
@@ -136,7 +137,7 @@ class Session:
         sys.argv = ["shefex-nav", *arguments]
         try:
             with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), warnings.catch_warnings():
-                cli.main()
+                main()
         except SystemExit as end:
             code = end.code or 0
         finally:

@@ -69,11 +69,11 @@ def flown(tmp_path_factory):
     """What `replay hedy --json` says, and the gates of its log."""
     from typer.testing import CliRunner
 
-    from shefex_nav import cli
+    from shefex_nav.commands.main import app
     from shefex_nav.log import reader
 
     log = tmp_path_factory.mktemp("hedy") / "hedy.mcap"
-    done = CliRunner().invoke(cli.app, ["replay", "hedy", "--data", str(HEDY), "--log", str(log), "--json"])
+    done = CliRunner().invoke(app, ["replay", "hedy", "--data", str(HEDY), "--log", str(log), "--json"])
     assert done.exit_code == 0, done.output
     return json.loads(done.stdout), reader.read(log)
 

@@ -6,6 +6,7 @@ from flown_log import Options, write
 from navigation_flight import fly
 from unpacked import integrate, propagate, window
 
+from shefex_nav.commands.replay import replay
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import frames
 from shefex_nav.log import reader
@@ -13,7 +14,6 @@ from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.topics import LogError
 from shefex_nav.onboard.navigation import fusion, integrity_imu
 from shefex_nav.records import GateResult, NavSolution, TruthSample
-from shefex_nav.replay import command as replay
 from shefex_nav.replay import rerun
 from shefex_nav.report import metrics
 from shefex_nav.scenario.load import ScenarioError
@@ -186,8 +186,8 @@ def test_a_log_that_was_cut_off_is_run_to_its_end(log, tmp_path):
 def test_a_log_made_of_one_that_was_cut_off_says_where(log, tmp_path):
     path, whole, part = (tmp_path / f"{name}.mcap" for name in ("cut", "whole", "part"))
     path.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
-    replay.replay(log, log=whole)
-    replay.replay(path, log=part)
+    replay(log, log=whole)
+    replay(path, log=part)
     assert reader.read(whole).until_s is None
     made = reader.read(part)
     assert not made.ended_early

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from shefex_nav import cli
+from shefex_nav.commands.main import app
 from shefex_nav.log import reader
 from shefex_nav.report import table
 from shefex_nav.report.requirements import Judged
@@ -35,8 +35,8 @@ def test_run_and_report_say_whether_requirements_are_met(tmp_path):
     wanted = "requirements={star_fixes: 90 %, attitude: {limit: 0.17 deg, at_entry: true}}"
     ends = ["--set", "mission.time_limit=12 s", "--set", "star_tracker.off=12 s"]
     settings = [*ends, "--set", wanted]
-    flown = CliRunner().invoke(cli.app, ["run", "scenarios/night_sky.yaml", "--out", str(log), *settings])
-    read = CliRunner().invoke(cli.app, ["report", str(log)])
+    flown = CliRunner().invoke(app, ["run", "scenarios/night_sky.yaml", "--out", str(log), *settings])
+    read = CliRunner().invoke(app, ["report", str(log)])
     for result in (flown, read):
         assert result.exit_code == 0, result.output
         said = " ".join(result.stdout.split())
@@ -52,17 +52,17 @@ def test_a_run_until_a_time_is_a_part_of_the_mission(tmp_path):
     runner = CliRunner()
     for log, until in zip(logs, ([], ["--until", "2 s"]), strict=True):
         arguments = ["run", "scenarios/night_sky.yaml", "--out", str(log), *settings, *until]
-        flown = runner.invoke(cli.app, arguments)
+        flown = runner.invoke(app, arguments)
         assert flown.exit_code == 0, flown.output
     whole, part = (reader.read(log) for log in logs)
     n = len(part.nav.t_s)
     assert part.nav.t_s[-1] == pytest.approx(2.0) and whole.nav.t_s[-1] == pytest.approx(4.0)
     assert np.array_equal(part.nav.q_ib, whole.nav.q_ib[:n])
     assert np.array_equal(part.truth.r_i, whole.truth.r_i[:n])
-    read = runner.invoke(cli.app, ["report", str(logs[1])])
+    read = runner.invoke(app, ["report", str(logs[1])])
     assert "the mission was looked at until T+2.00 s" in " ".join(read.stderr.split())
     replayed = tmp_path / "replayed.mcap"
-    again = runner.invoke(cli.app, ["replay", str(logs[1]), "--log", str(replayed)])
+    again = runner.invoke(app, ["replay", str(logs[1]), "--log", str(replayed)])
     assert again.exit_code == 0, again.output
     assert reader.read(replayed).until_s == part.until_s == 2.0
     for told in (flown.stdout, read.stdout, again.stdout):
@@ -85,9 +85,7 @@ def test_a_run_until_a_time_is_a_part_of_the_mission(tmp_path):
 )
 def test_a_time_that_is_none_of_the_mission_is_refused(tmp_path, until, words):
     out = tmp_path / "run.mcap"
-    result = CliRunner().invoke(
-        cli.app, ["run", "scenarios/night_sky.yaml", "--until", until, "--out", str(out)]
-    )
+    result = CliRunner().invoke(app, ["run", "scenarios/night_sky.yaml", "--until", until, "--out", str(out)])
     assert result.exit_code == 2 and not out.exists()
     assert "--until" in result.output and words in " ".join(result.output.replace("│", " ").split())
 
@@ -95,6 +93,6 @@ def test_a_time_that_is_none_of_the_mission_is_refused(tmp_path, until, words):
 def test_a_mission_that_is_over_before_is_no_part(tmp_path):
     log = tmp_path / "sky.mcap"
     ends = ["--set", "mission.time_limit=2 s", "--set", "star_tracker.off=2 s", "--until", "1 min"]
-    flown = CliRunner().invoke(cli.app, ["run", "scenarios/night_sky.yaml", "--out", str(log), *ends])
+    flown = CliRunner().invoke(app, ["run", "scenarios/night_sky.yaml", "--out", str(log), *ends])
     assert flown.exit_code == 0 and reader.read(log).until_s is None
     assert "--until 1 min: the mission was over before, at T+2.00 s" in flown.stderr

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from shefex_nav.cli import app
+from shefex_nav.commands.main import app
 from shefex_nav.reproduce import engine, keep, progress, registry
 from shefex_nav.reproduce.experiment import Experiment, Row
 

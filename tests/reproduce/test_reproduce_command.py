@@ -6,7 +6,7 @@ import pytest
 import toy
 from typer.testing import CliRunner
 
-from shefex_nav.cli import app
+from shefex_nav.commands.main import app
 from shefex_nav.reproduce import registry
 from shefex_nav.reproduce.verdict import TOO_FEW
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from broken import SCENARIO_FOLDER, messages, the_message
 
-from shefex_nav import cli
+from shefex_nav.commands.main import main
 from shefex_nav.replay import load as replays
 from shefex_nav.scenario import document, instruments, shipped
 from shefex_nav.scenario.differences import of_texts
@@ -271,7 +271,7 @@ def shefex_nav(monkeypatch, capsys):
     def call(*words):
         monkeypatch.setattr(sys, "argv", ["shefex-nav", *words])
         with pytest.raises(SystemExit) as ended:
-            cli.main()
+            main()
         printed = capsys.readouterr()
         assert ended.value.code == 0, printed.err
         return printed.out

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from broken import the_message
 
-from shefex_nav import Scenario, cli
+from shefex_nav import Scenario
+from shefex_nav.commands.main import main
 from shefex_nav.replay import load as replays
 from shefex_nav.scenario import load, shipped
 
@@ -32,7 +33,7 @@ def shefex_nav(monkeypatch, capsys):
     def call(*words):
         monkeypatch.setattr(sys, "argv", ["shefex-nav", *map(str, words)])
         with pytest.raises(SystemExit) as ended:
-            cli.main()
+            main()
         return ended.value.code, *capsys.readouterr()
 
     return call

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from broken import the_message
 
-from shefex_nav import cli
+from shefex_nav.commands.main import main
 from shefex_nav.onboard.navigation.gps_told import NOTHING, GpsTold, understood
 from shefex_nav.records import GpsFix, GpsRanges
 from shefex_nav.scenario import params, params_gps, params_onboard
@@ -178,7 +178,7 @@ def test_check_says_what_differs(monkeypatch, capsys):
     words = [part for value in sets for part in ("--set", f"navigation.told.{value}")]
     monkeypatch.setattr(sys, "argv", ["shefex-nav", "check", NAME, *words])
     with pytest.raises(SystemExit):
-        cli.main()
+        main()
     said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("told otherwise: ")]
     assert [line.partition("--set navigation.told.")[2] for line in said] == [
         "imu.gyro.bias: 1 deg/h, the truth is 0.5 deg/h",

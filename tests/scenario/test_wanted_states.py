@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from broken import SCENARIO_FOLDER, the_message
 
-from shefex_nav import cli, prepare
+from shefex_nav import prepare
 from shefex_nav.campaign.running import prepared
+from shefex_nav.commands.main import main
 from shefex_nav.records import Event
 from shefex_nav.scenario import params_onboard
 from shefex_nav.scenario.block import AUTOMATIC
@@ -191,7 +192,7 @@ def test_check_says_which_and_why(monkeypatch, capsys):
     def check(*words):
         monkeypatch.setattr(sys, "argv", ["shefex-nav", "check", NAME, *words])
         with pytest.raises(SystemExit):
-            cli.main()
+            main()
         return capsys.readouterr().out
 
     assert check() == f"{NAME}: good\n"

@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from shefex_nav import prepare, warmup
+from shefex_nav.commands.verify import app
 from shefex_nav.verify import flown, over_bound
-from shefex_nav.verify.command import app
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
 

@@ -6,8 +6,8 @@ import pytest
 import small_models
 from typer.testing import CliRunner
 
+from shefex_nav.commands.verify import app
 from shefex_nav.verify import data, daveml
-from shefex_nav.verify.command import app
 
 TITLES = "time,altitudeMsl_ft,longitude_deg,localGravity_ft_s2"
 START = "0.0,30000.0,0.0,32.1065359519"

@@ -24,6 +24,40 @@ class RobustnessError(UserError):
     """A study that cannot be flown; the message says why."""
 
 
+def request(scenarios, overrides, flights, cells, seed, random_faults):
+    """Request of scenarios as given; RobustnessError or ScenarioError of one that cannot be flown."""
+    from shefex_nav.scenario import load
+
+    given = []
+    for name in dict.fromkeys(scenarios):
+        loaded = load.load(name, overrides)
+        if loaded.navigation.gps != "loose":
+            raise RobustnessError(
+                f"{name}: navigation.gps has to be 'loose', not '{loaded.navigation.gps}': the matrix "
+                "changes fixes, not ranges"
+            )
+        _refuse_without_statistics(name, loaded.mission.name, tuple(overrides))
+        given.append((name, loaded.mission.name, bool(loaded.star_tracker.enabled)))
+    names = [mission for _, mission, _ in given]
+    if len(set(names)) < len(names):
+        raise RobustnessError(f"two scenarios have the same mission.name: {', '.join(names)}")
+    return Request(tuple(given), tuple(overrides), flights, cells, seed, random_faults)
+
+
+def _refuse_without_statistics(name, mission, overrides):
+    """Refuse a scenario whose star tracker has no statistics: no cell could be flown."""
+    from shefex_nav.scenario.layers import ScenarioError
+
+    try:
+        flight.scenario_of(name, (*design.ROCKETS.get(mission, ()), *overrides))
+    except ScenarioError as error:
+        raise RobustnessError(
+            f"{name}: the matrix flies star trackers by their statistics (star_tracker.frames: statistical), "
+            "and those here are not of this scenario; `shefex-nav characterise` makes them, "
+            f"--set star_tracker.enabled=false flies without stars\n{error}"
+        ) from None
+
+
 def jobs(request):
     """list of flight.Job: first one flight of every cell, then the second ..."""
     if request.random:
@@ -47,6 +81,16 @@ def _random(request, k):
     given, mission, _ = request.scenarios[k % len(request.scenarios)]
     cell = design.Cell(k, mission, design.OWN, "right", random_faults.NAME, design.ANY)
     return flight.Job(given, request.overrides, cell, 0, flight.seed_of(request.seed, k, 0))
+
+
+def warm_up(waiting):
+    """Compile what is not compiled yet: workers would do so all at once."""
+    from shefex_nav import warmup
+    from shefex_nav.scenario import load
+    from shefex_nav.scenario.choices import choices
+
+    for name in dict.fromkeys(job.scenario for job in waiting):
+        warmup.get_ready({"command=run", *choices(load.load(name))})
 
 
 def fly(waiting, workers, take):

@@ -30,6 +30,17 @@ def code_digest():
     return total.hexdigest()[:16]
 
 
+def head(request):
+    """What a folder is of; what may grow, flights and cells, is not in it."""
+    return {
+        "scenarios": [name for name, *_ in request.scenarios],
+        "set": list(request.overrides),
+        "seed": request.seed,
+        "of": "random faults" if request.random else "design",
+        "code": code_digest(),
+    }
+
+
 class Store:
     """An open folder; None: nothing is kept but in memory. `with` closes its file."""
 
@@ -74,6 +85,20 @@ class Store:
             self._file.write(json.dumps(record, allow_nan=False) + "\n")
             self._file.flush()
             os.fsync(self._file.fileno())
+
+    def missing(self, jobs):
+        """Those of a list of flight.Job whose flights are not done."""
+        return [job for job in jobs if job_key(job) not in self.done]
+
+    def of(self, jobs):
+        """Records of those of a list of flight.Job whose flights are done, in the order of their keys."""
+        wanted = {job_key(job) for job in jobs}
+        return [record for one, record in sorted(self.done.items()) if one in wanted]
+
+
+def job_key(job):
+    """The `key` of the record that a flight.Job is going to have."""
+    return job.cell.rocket, job.cell.number, job.flight
 
 
 def key(record):

@@ -3,13 +3,13 @@
 Exit codes: 0 done, 2 bad input: an unknown name, or a file that would be overwritten.
 """
 
-import json as json_module
 import os
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from shefex_nav.commands.printing import print_json, say, stdout
 
 
 def scenarios(
@@ -65,9 +65,8 @@ def _show(folder, found, units, json):
     if json:
         named = {"scenarios": found, "instruments": units}
         listed = {key: [one._asdict() for one in several] for key, several in named.items()}
-        typer.echo(json_module.dumps({"folder": folder, **listed}))
+        print_json({"folder": folder, **listed})
         return
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(title=f"in {folder}", title_justify="left")
@@ -81,7 +80,7 @@ def _show(folder, found, units, json):
         of_units.add_column(column, no_wrap=True)
     for one in units:
         of_units.add_row(one.name, one.instrument, one.grade, one.unit)
-    console = Console(width=None if sys.stdout.isatty() else 130)
+    console = stdout(130)
     console.print(table)
     console.print(of_units)
 
@@ -100,7 +99,7 @@ def _copy(sources, folder):
             target.parent.mkdir(parents=True, exist_ok=True)
             with target.open("xb") as file:
                 file.write(content[target])
-            typer.echo(f"wrote {target}", err=True)
+            say(f"wrote {target}")
     except OSError as error:
         words = f"{error.filename or folder}: cannot be written: {error.strerror}"
         raise typer.BadParameter(words, param_hint="--copy") from None

@@ -6,24 +6,22 @@ interrupted, nothing written. Single runs that fail, or that no worker brings to
 counted; with --records nothing that was flown is lost in any case.
 """
 
-import json as json_module
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from shefex_nav.commands.options import DispersedScenario, OverwriteOut, RootSeed, Workers
+from shefex_nav.commands.output_files import OR_FORCE, check_place
+from shefex_nav.commands.printing import print_json, say, stdout
+
 
 def characterise(
-    scenario: Annotated[
-        str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. campaign.")
-    ],
+    scenario: DispersedScenario,
     runs: Annotated[int, typer.Option(min=6, help="Rendered runs to fly; a part of them judges the fit.")],
     out: Annotated[Path, typer.Option(help="File of the statistics (JSON), for star_tracker.model.")],
-    seed: Annotated[int, typer.Option(min=0, help="Root of all randomness.")] = 1,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes on this machine; default one a core.")
-    ] = None,
+    seed: RootSeed = 1,
+    workers: Workers = None,
     records: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Keep the rendered runs here; what is there is not flown again."),
@@ -32,27 +30,27 @@ def characterise(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Override one value, as of shefex-nav run."),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --out.")] = False,
+    force: OverwriteOut = False,
     json: Annotated[bool, typer.Option("--json", help="Print the file's content on stdout.")] = False,
 ):
     """Fit the statistics of a scenario's star tracker to rendered runs, for frames: statistical."""
     loaded = _loaded(scenario, overrides or ())
-    _check_place(out, force)
+    check_place(out, "--out", force=force, instead=OR_FORCE)
     if records is not None and not records.parent.is_dir():
         raise typer.BadParameter(f"there is no folder {records.parent}", param_hint="--records")
-    _say(f"{loaded.mission.name}, {runs} rendered runs, seed {seed}; the first run on a machine compiles")
+    say(f"{loaded.mission.name}, {runs} rendered runs, seed {seed}; the first run on a machine compiles")
     result = _characterised(loaded, runs, seed, workers, records)
     _write(out, result.content)
     if json:
-        typer.echo(json_module.dumps(result.content, allow_nan=False))
+        print_json(result.content)
     else:
         _show(result)
     if result.failed:
-        _say(f"{len(result.failed)} of {runs} rendered runs failed and are not in it")
+        say(f"{len(result.failed)} of {runs} rendered runs failed and are not in it")
     if result.lost:
         again = "" if records is None else "; the same command with --force flies them"
-        _say(f"{len(result.lost)} runs were lost, no worker brought them to an end, and are not in it{again}")
-    _say(f"wrote {out}")
+        say(f"{len(result.lost)} runs were lost, no worker brought them to an end, and are not in it{again}")
+    say(f"wrote {out}")
     raise typer.Exit(0 if all(test.good for test in result.tests) else 1)
 
 
@@ -69,14 +67,6 @@ def _loaded(path, overrides):
     return loaded
 
 
-def _check_place(out, force):
-    if out.exists() and not force:
-        words = f"{out} exists already; choose another name or add --force"
-        raise typer.BadParameter(words, param_hint="--out")
-    if not out.parent.is_dir():
-        raise typer.BadParameter(f"there is no folder {out.parent}", param_hint="--out")
-
-
 def _characterised(loaded, runs, seed, workers, folder):
     """running.Result; what goes wrong with the name of the option that it is about."""
     from shefex_nav.campaign.characterise import running
@@ -84,7 +74,7 @@ def _characterised(loaded, runs, seed, workers, folder):
     from shefex_nav.campaign.engine import EngineError
 
     try:
-        return running.characterise(loaded, runs, seed, workers=workers, folder=folder, done=_say)
+        return running.characterise(loaded, runs, seed, workers=workers, folder=folder, done=say)
     except RecordsError as error:
         raise typer.BadParameter(str(error), param_hint="--records") from None
     except EngineError as error:
@@ -106,54 +96,8 @@ def _write(out, content):
 
 def _show(result):
     """Tables of the parameters and of the tests."""
-    from rich.console import Console
-    from rich.table import Table
+    from shefex_nav.campaign.characterise import tables
 
-    console = Console(width=None if sys.stdout.isatty() else 120)
-    fitted = Table("parameter", "value", title="Fitted", title_justify="left")
-    for part in ("sightings", "identification"):
-        for name, value in result.content[part].items():
-            fitted.add_row(name, _words(name, value))
-    console.print(fitted)
-    table = Table(title="On runs that were not fitted", title_justify="left")
-    for name, justify in (
-        ("figure", "left"),
-        ("value", "right"),
-        ("+-", "right"),
-        ("limits", "right"),
-        ("samples", "right"),
-        ("", "left"),
-    ):
-        table.add_column(name, justify=justify)
-    for test in result.tests:
-        limits = f"{test.low:g} ... {test.high:g}"
-        table.add_row(
-            test.what, f"{test.value:.3f}", f"{test.error:.3f}", limits, str(test.samples), _verdict(test)
-        )
-    console.print(table)
-
-
-def _verdict(test):
-    """What a test says, for people; nothing if it is inside."""
-    if test.good:
-        return ""
-    return test.verdict if test.deciding is None else f"{test.verdict}, {test.deciding} would decide"
-
-
-def _words(name, value):
-    """A fitted parameter for people."""
-    if name == "table":
-        return "\n".join(
-            f"{stars:2d} stars: {100 * first:.4g} % of first, {100 * later:.4g} % of later frames, "
-            f"{100 * wrong:.3g} % of them wrong"
-            for stars, first, later, wrong in value
-        )
-    return (
-        ", ".join(f"{item:g}" if isinstance(item, float) else str(item) for item in value)
-        if isinstance(value, list)
-        else str(value)
-    )
-
-
-def _say(text):
-    typer.echo(text, err=True)
+    console = stdout(120)
+    console.print(tables.parameters(result.content))
+    console.print(tables.tests(result.tests))

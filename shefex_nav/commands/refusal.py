@@ -6,10 +6,10 @@ UserError, has its words already.
 
 import re
 import sys
+from contextlib import nullcontext
 
 import typer.core
 
-from shefex_nav import plugins
 from shefex_nav.errors import UserError
 
 try:  # typer carries its own click, under no public name; until 2026 it used the package
@@ -44,7 +44,7 @@ class PlainGroup(typer.core.TyperGroup):
         """Run the command line; the process ends with its exit code."""
         more.setdefault("prog_name", PROGRAM)
         args = list(sys.argv[1:] if args is None else args)
-        with plugins.trusting(TRUST in args):
+        with _trusting(TRUST in args):
             args = [one for one in args if one != TRUST]
             if standalone_mode:
                 return self._alone(args, more)
@@ -63,6 +63,15 @@ class PlainGroup(typer.core.TyperGroup):
             print(error, file=sys.stderr)
             sys.exit(refused.UsageError.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _trusting(every):
+    """`plugins.trusting`, imported where it is asked for."""
+    if not every:
+        return nullcontext()
+    from shefex_nav import plugins
+
+    return plugins.trusting()
 
 
 def line(error):

@@ -3,17 +3,18 @@
 Exit codes: 0 done, also where a figure disagrees (the table says so and why), 2 bad input, 130 interrupted.
 """
 
-import json as json_module
 import signal
-import sys
 import tempfile
 import threading
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from shefex_nav.commands.options import Json, Seed
+from shefex_nav.commands.printing import print_json, progress_bar, say, stdout
 from shefex_nav.reproduce import registry
 
 OUT = Path("logs/reproduce")
@@ -33,7 +34,7 @@ def reproduce(
     samples: Annotated[
         int | None, typer.Option(help="Sample size; default as in the paper, with 'all' less for long ones.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all randomness.")] = 1,
+    seed: Seed = 1,
     out: Annotated[Path, typer.Option(help="Folder for the figures (PNG).")] = OUT,
     keep: Annotated[
         Path | None,
@@ -42,7 +43,7 @@ def reproduce(
             "too if the first had whole chunks alone (a message says of how many)."
         ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+    json: Json = False,
 ):
     """Run an experiment of the papers again and compare with what was published."""
     if name is None:
@@ -67,48 +68,41 @@ def reproduce(
         from shefex_nav.reproduce.table import as_numbers
 
         objects = [as_numbers(one, outcome) for one, outcome in done]
-        result = {"experiments": objects} if name == "all" else objects[0]
-        typer.echo(json_module.dumps(result, allow_nan=False))
+        print_json({"experiments": objects} if name == "all" else objects[0])
 
 
 def _run(name, samples, seed, out, keep, show):
     """One experiment: measure, draw, and show the table if wanted. Outcome."""
-    from rich.console import Console
-
     from shefex_nav.reproduce import picture, table
     from shefex_nav.reproduce.keep import StoreError
 
     experiment = registry.load(name)
     samples = samples or experiment.samples
-    _say(f"{name}: {samples} {experiment.unit}, seed {seed}; the first run on a machine compiles")
+    say(f"{name}: {samples} {experiment.unit}, seed {seed}; the first run on a machine compiles")
     try:
         outcome = _watched(experiment, samples, seed, keep)
     except StoreError as error:
         raise typer.BadParameter(str(error), param_hint="--keep") from None
     if show:
-        console = Console(width=None if sys.stdout.isatty() else 130)
-        console.print(table.experiment_table(name, experiment, outcome))
+        stdout(130).print(table.experiment_table(name, experiment, outcome))
     path = out / f"{name}.png"
     picture.draw(experiment, outcome, path)
-    _say(f"wrote {path}")
+    say(f"wrote {path}")
     return outcome
 
 
 def _watched(experiment, samples, seed, folder):
     """Run with a progress bar on stderr, or with lines where that is no terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TimeRemainingColumn
 
     from shefex_nav.reproduce import engine
     from shefex_nav.reproduce import keep as keeping
     from shefex_nav.reproduce.progress import lines
 
     store = None if folder is None else keeping.store(experiment, seed, folder)
-    console = Console(stderr=True)
-    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with progress_bar(BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as progress:
         task = progress.add_task("measure", total=samples)
-        told = (lambda n: progress.advance(task, n)) if console.is_terminal else lines(samples, _say)
+        told = lines(samples, say) if progress.disable else partial(progress.advance, task)
         with _interrupts() as asked:
 
             def note(n):
@@ -122,7 +116,7 @@ def _watched(experiment, samples, seed, folder):
                 if not (asked or isinstance(error, KeyboardInterrupt)):
                     raise
                 words = _interrupted(experiment, samples, store)
-    _say(words)  # below the bar, which is gone now
+    say(words)  # below the bar, which is gone now
     raise typer.Exit(130)
 
 
@@ -170,7 +164,3 @@ def _writable(out, option):
         raise typer.BadParameter(
             f"cannot write into the folder {out}: {error.strerror}", param_hint=option
         ) from None
-
-
-def _say(text):
-    typer.echo(text, err=True)

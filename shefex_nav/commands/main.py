@@ -1,0 +1,66 @@
+"""The command line: all commands, and the entry point.
+
+Results go to stdout, progress and messages to stderr. Exit codes: 0 done, 2 bad input (one clear message,
+nothing written), 1 an internal fault (traceback, and the log up to that moment stays readable),
+130 interrupted.
+
+Commands import late what they need: the command line starts without it.
+"""
+
+import sys
+
+import typer
+
+from shefex_nav.commands.campaign import campaign
+from shefex_nav.commands.characterise import characterise
+from shefex_nav.commands.check import check
+from shefex_nav.commands.export import export
+from shefex_nav.commands.refusal import PlainGroup
+from shefex_nav.commands.repeat import repeat
+from shefex_nav.commands.replay import replay
+from shefex_nav.commands.report import report
+from shefex_nav.commands.reproduce import ListingCommand, reproduce
+from shefex_nav.commands.run import run
+from shefex_nav.commands.scenarios import scenarios
+from shefex_nav.commands.schema import schema
+from shefex_nav.commands.smooth import smooth
+from shefex_nav.commands.solve import solve
+from shefex_nav.commands.verify import app as verify_app
+from shefex_nav.commands.view import view
+from shefex_nav.commands.warmup import warmup
+from shefex_nav.ending import end_quickly
+
+app = typer.Typer(
+    name="shefex-nav",
+    cls=PlainGroup,
+    help="Hybrid INS/GPS/star-tracker navigation simulator for sounding rockets and small satellites.",
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+)
+app.command(cls=ListingCommand)(reproduce)
+app.command()(solve)
+app.command()(characterise)
+app.command()(replay)
+app.command()(smooth)
+app.command()(campaign)
+app.command()(repeat)
+app.command()(export)
+app.command()(scenarios)
+app.command()(warmup)
+app.command()(run)
+app.command()(report)
+app.command()(view)
+app.command()(check)
+app.command()(schema)
+app.add_typer(verify_app, name="verify")
+
+
+def main():
+    """Entry point; `refusal.PlainGroup` turns bad input into one message and exit code 2."""
+    end_quickly()
+    try:
+        app()
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)

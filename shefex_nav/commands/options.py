@@ -1,0 +1,44 @@
+"""Arguments and options that several commands have, and how a time among them is read."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Scenario = Annotated[
+    str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. shefex2_andoya.")
+]
+DispersedScenario = Annotated[
+    str, typer.Argument(help="Scenario: a YAML file, or the name of a shipped one, e.g. campaign.")
+]
+Log = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed runs are read too.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
+RootSeed = Annotated[int, typer.Option(min=0, help="Root of all randomness.")]
+FirstSeed = Annotated[int, typer.Option(min=0, help="Seed of the first; the others follow.")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Override one value, e.g. --set star_tracker.rate='5 Hz'."
+    ),
+]
+StudyOverrides = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override one value.")
+]
+Workers = Annotated[int | None, typer.Option(min=1, help="Processes on this machine; default one a core.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+OverwriteOut = Annotated[bool, typer.Option("--force", help="Overwrite the file given with --out.")]
+
+
+def mission_time(text, option, example):
+    """Seconds from a time with its unit that an option gives, such as 240s or '4 min'.
+
+    example : a time as one may write it, for the message about one that cannot be read
+    """
+    from pydantic_core import PydanticCustomError
+
+    from shefex_nav.scenario.quantity import QuantitySpec
+
+    try:
+        return QuantitySpec("s", example).read(text)
+    except PydanticCustomError as error:
+        raise typer.BadParameter(error.message(), param_hint=option) from None

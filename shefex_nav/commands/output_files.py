@@ -1,0 +1,61 @@
+"""Where commands may write: what would be lost or cannot be written is refused before anything is computed.
+
+Each function takes the name of the option that the path was given with, which the message begins with.
+"""
+
+from pathlib import Path
+
+import typer
+
+OTHER_NAME, OR_FORCE = "choose another name", "choose another name or add --force"
+
+
+def check_file(path, option, *, force, given=()):
+    """Refuse an output file that would be lost or cannot be written.
+
+    given : paths of what is read, which nothing may overwrite
+    """
+    if any(path.resolve() == Path(one).resolve() for one in given):
+        what = "the log itself" if path.suffix == ".mcap" else "a file that is read here"
+        raise typer.BadParameter(f"{path} is {what}; {OTHER_NAME}", param_hint=option)
+    if path.is_dir():
+        raise typer.BadParameter(f"{path} is a folder; give the name of a file", param_hint=option)
+    check_place(path, option, force=force, instead=OR_FORCE)
+
+
+def check_place(path, option, *, force=False, instead=OTHER_NAME):
+    """Refuse a file that is there already, or whose folder is not.
+
+    instead : what to do in place of overwriting, in words
+    """
+    if path.exists() and not force:
+        raise typer.BadParameter(f"{path} exists already; {instead}", param_hint=option)
+    if not path.parent.is_dir():
+        raise typer.BadParameter(f"there is no folder {path.parent}", param_hint=option)
+
+
+def check_picture(path, option, *, endings=(".png", ".svg")):
+    """Refuse a picture that has none of these endings, is there already, or whose folder is not."""
+    if path.suffix.lower() not in endings:
+        raise typer.BadParameter(f"{path} has to end in {' or '.join(endings)}", param_hint=option)
+    check_place(path, option)
+
+
+def check_pictures(folder, names, option, *, force):
+    """Refuse a folder in which one of these pictures (PNG) would be overwritten."""
+    there = [name for name in names if (folder / f"{name}.png").exists()]
+    if there and not force:
+        more = f" and {len(there) - 1} more exist" if there[1:] else " exists"
+        raise typer.BadParameter(
+            f"{folder / there[0]}.png{more} already; choose another folder or add --force", param_hint=option
+        )
+
+
+def make_folder(path, option):
+    """Make a folder for results, if it is not there, or say why not."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise typer.BadParameter(
+            f"cannot make the folder {path}: {error.strerror}", param_hint=option
+        ) from None

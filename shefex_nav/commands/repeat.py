@@ -1,0 +1,37 @@
+"""`shefex-nav repeat`: one run of a campaign again, exactly.
+
+Exit codes: 0 it came out as it was kept, 1 it differs, 2 bad input.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shefex_nav.commands.options import Json
+from shefex_nav.commands.output_files import check_file
+from shefex_nav.commands.printing import print_json, say
+
+
+def repeat(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a campaign.")],
+    run: Annotated[int, typer.Argument(min=0, help="Number of the run.")],
+    log: Annotated[Path | None, typer.Option(help="Write the log of the run (MCAP).")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file given with --log.")] = False,
+    json: Json = False,
+):
+    """Fly one run of a campaign again, exactly, and compare it with what was kept (exit code 1: differs)."""
+    from shefex_nav.campaign import repeating
+
+    if log is not None:
+        check_file(log, "--log", force=force)
+    repeating.read_head(folder, run)  # refuses before anything is said
+    say(f"{folder}, run {run}; the first run on a machine compiles, which takes a few minutes.")
+    repeated = repeating.repeat(folder, run, log)
+    for line in repeated.notes:
+        say(line)
+    if json:
+        print_json(repeated.result())
+    else:
+        typer.echo(repeated.words())
+    raise typer.Exit(0 if repeated.same else 1)

@@ -1,0 +1,94 @@
+"""`shefex-nav replay`: the on-board navigation over what was recorded elsewhere.
+
+Exit codes: 0 done, 2 bad input: a scenario or data that cannot be replayed (the message names file and line).
+"""
+
+import math
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shefex_nav.commands.options import Json, mission_time
+from shefex_nav.commands.output_files import check_place
+from shefex_nav.commands.printing import print_json, stdout
+
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+
+
+def replay(
+    source: Annotated[
+        str, typer.Argument(help="Replay scenario, a file or the name of a shipped one, or a log.")
+    ],
+    data: Annotated[Path | None, typer.Option(help="Folder with the data that the scenario names.")] = None,
+    from_: Annotated[
+        str | None, typer.Option("--from", help="Statistics from this mission time on, e.g. 60s.")
+    ] = None,
+    log: Annotated[Path | None, typer.Option(help="Write a log (.mcap) for report and view.")] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Override one value, e.g. --set gnss.latency='0.1 s'."
+        ),
+    ] = None,
+    json: Json = False,
+):
+    """Run the on-board navigation over external data, or over a log with another configuration."""
+    from_s = -math.inf if from_ is None else mission_time(from_, "--from", "60s")
+    if data is not None and not data.is_dir():
+        raise typer.BadParameter(f"there is no folder {data}", param_hint="--data")
+    if log is not None:
+        check_place(log, "--log")
+    summarise = _of_log if _is_log(Path(source)) else _of_data
+    summary = summarise(source, data, overrides or (), from_s, log)
+    if json:
+        print_json(summary)
+    else:
+        from shefex_nav.report import table
+
+        stdout(100).print(table.summary_table(summary))
+
+
+def _of_data(source, folder, overrides, from_s, log):
+    """Replay external data. -> the summary"""
+    from shefex_nav.replay import load
+
+    scenario, files = load.load(source, overrides, folder)
+    from shefex_nav.replay import replayed
+
+    with _under_its_option():
+        return replayed.of_data(scenario, files, from_s, log)
+
+
+def _of_log(source, folder, overrides, from_s, log):
+    """Run the filter again over a log. -> the summary"""
+    if folder is not None:
+        raise typer.BadParameter("belongs to a replay scenario; a log holds its data", param_hint="--data")
+    from shefex_nav.replay import rerun
+
+    recording = rerun.open_log(Path(source), overrides)
+    from shefex_nav.replay import replayed
+
+    with _under_its_option():
+        return replayed.of_log(recording, from_s, log)
+
+
+@contextmanager
+def _under_its_option():
+    """That nothing is left for statistics is refused under the name of their option."""
+    from shefex_nav.replay.replayed import NothingLeft
+
+    try:
+        yield
+    except NothingLeft as error:
+        raise typer.BadParameter(str(error), param_hint="--from") from None
+
+
+def _is_log(path):
+    """Whether a file is an MCAP file, or is called one; whoever reads it says what is wrong."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MCAP_MAGIC)) == MCAP_MAGIC or path.suffix == ".mcap"
+    except OSError:
+        return path.suffix == ".mcap"

@@ -1,0 +1,89 @@
+"""`shefex-nav report`: the results of a run, or of a campaign, also of one that is not finished."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shefex_nav.commands.flights import show_campaign, show_run, tell_if_cut
+from shefex_nav.commands.options import Json
+from shefex_nav.commands.output_files import check_file, check_pictures, make_folder
+from shefex_nav.commands.printing import print_json, say
+
+
+def report(
+    log: Annotated[Path, typer.Argument(help="Log of a run (MCAP), or folder of a campaign.")],
+    html: Annotated[Path | None, typer.Option(help="Write a page to hand over, with every figure.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite what --html and --figures name.")] = False,
+    figures: Annotated[Path | None, typer.Option(help="Folder for the pictures, each a PNG.")] = None,
+    json: Json = False,
+):
+    """Print the results of a run from its log, or those of a campaign from its folder."""
+    if html is not None:
+        check_file(html, "--html", force=force, given=[log])
+    if figures is not None:
+        check_pictures(figures, _picture_names(log), "--figures", force=force)
+    if log.is_dir():
+        _of_campaign(log, html, figures, json)
+    else:
+        _of_run(log, html, figures, json)
+
+
+def _picture_names(log):
+    """Names of the pictures that a report may write: of a campaign's folder, or of a run's log."""
+    if log.is_dir():
+        from shefex_nav.campaign import figures
+
+        return figures.NAMES
+    from shefex_nav.report import figures
+
+    return [entry.name for entry in figures.catalogue()]
+
+
+def _of_run(log, html, figures, as_json):
+    """The report of a run; html, figures : paths, or None of what is not wanted."""
+    from shefex_nav.log import reader
+    from shefex_nav.report import metrics
+
+    data = reader.read(log)
+    tell_if_cut(log, data)
+    if figures is not None:
+        make_folder(figures, "--figures")
+    if html is not None:
+        from shefex_nav.report import page
+
+        say("Drawing; the first page on a machine takes longer.")
+        page.write(html, data, log)
+        say(f"wrote {html}")
+    if figures is not None:
+        from shefex_nav.report import figures as pictures
+
+        for path in pictures.save_all(data, figures):
+            say(f"wrote {path}")
+    show_run(metrics.summarise(data, log=log), as_json, data)
+
+
+def _of_campaign(folder, html, figures, as_json):
+    """The report of a campaign's folder; one that is none is bad input. Arguments as of `_of_run`."""
+    from shefex_nav.campaign import over_time, summary
+    from shefex_nav.campaign.results import open_campaign
+
+    campaign = open_campaign(folder)
+    if figures is not None:
+        make_folder(figures, "--figures")
+    wanted = html is not None or figures is not None or not as_json
+    series = over_time.read(campaign) if wanted else None
+    if as_json:
+        print_json(summary.summary_object(campaign))
+    else:
+        show_campaign(campaign, series)
+    if html is not None:
+        from shefex_nav.campaign import page
+
+        page.write(html, campaign, series)
+        say(f"wrote {html}")
+    if figures is not None:
+        from shefex_nav.campaign import figures as pictures
+
+        for path in pictures.save_all(campaign, series, figures):
+            say(f"wrote {path}")

@@ -1,0 +1,106 @@
+"""`shefex-nav run`: fly a scenario once."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shefex_nav.commands.flights import about, show_run, warn
+from shefex_nav.commands.options import Json, Overrides, OverwriteOut, Scenario, Seed, mission_time
+from shefex_nav.commands.output_files import check_file
+from shefex_nav.commands.printing import progress_bar, say
+
+
+def run(
+    scenario: Scenario,
+    seed: Seed = 1,
+    out: Annotated[Path | None, typer.Option(help="Log; default logs/<scenario>-seed<seed>.mcap.")] = None,
+    overrides: Overrides = None,
+    until: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME", help="Look at the mission until this time only, e.g. 60s; its log ends there."
+        ),
+    ] = None,
+    force: OverwriteOut = False,
+    json: Json = False,
+):
+    """Fly a scenario: simulate, navigate, log, and print how well it went."""
+    from shefex_nav.scenario import load
+
+    until_s = math.inf if until is None else mission_time(until, "--until", "240s")
+    loaded = load.load(scenario, overrides or ())
+    from shefex_nav import runs
+
+    if not until_s >= runs.earliest_end(loaded):
+        words = (
+            f"{until} is not after the start of the mission, T{loaded.mission.start:+g} s: "
+            f"from {runs.earliest_end(loaded):g} s on there is something to see"
+        )
+        raise typer.BadParameter(words, param_hint="--until")
+    path = out or _free_name(loaded.mission.name, seed)
+    check_file(path, "--out", force=force, given=[name for name, _ in loaded.files])
+    say(f"{loaded.mission.name}, seed {seed} -> {path}")
+    with about(scenario):
+        flown = runs.fly(
+            loaded,
+            seed,
+            until_s=until_s,
+            log=path,
+            overwrite=force,
+            watch=lambda records, start_s, end_s: _interruptible(_watched(records, start_s, end_s)),
+            told=lambda warnings: warn(loaded, warnings),
+        )
+    if until is not None and flown.data.until_s is None:
+        say(f"--until {until}: the mission was over before, at T{flown.data.last_t_s:+.2f} s")
+    show_run(flown.summary(), json, flown.data)
+
+
+def _free_name(name, seed):
+    """First unused path logs/<name>-seed<seed>[-<n>].mcap; the folder is made if need be."""
+    path, n = Path("logs") / f"{name}-seed{seed}.mcap", 1
+    try:
+        path.parent.mkdir(exist_ok=True)
+    except OSError as error:
+        raise typer.BadParameter(f"cannot make the folder {path.parent}: {error.strerror}") from None
+    while path.exists():
+        n += 1
+        path = path.with_name(f"{name}-seed{seed}-{n}.mcap")
+    return path
+
+
+def _interruptible(records):
+    """The same records; Ctrl-C takes effect between two of them, never inside compiled code."""
+    import signal
+
+    wishes = []
+    before = signal.signal(signal.SIGINT, lambda *_: wishes.append(True))
+    try:
+        for record in records:
+            if wishes:
+                raise KeyboardInterrupt
+            yield record
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _watched(records, start_s, end_s):
+    """The same records; shows mission time, phase and speed on stderr while they pass.
+
+    start_s, end_s: of the flight, for the bar.
+    """
+    from rich.progress import BarColumn, TextColumn
+
+    from shefex_nav.records import Phase, TruthSample
+
+    words = "T{task.fields[t_s]:+8.1f} s  {task.fields[phase]:<9} {task.fields[speed]:6.0f} x real time"
+    with progress_bar(BarColumn(), TextColumn(words)) as progress:
+        task = progress.add_task("fly", total=end_s - start_s, t_s=start_s, phase="", speed=0.0)
+        for record in records:
+            if type(record) is TruthSample and record.t_s % 1.0 < 0.005:
+                elapsed = max(progress.tasks[0].elapsed or 0.0, 1e-3)
+                phase = Phase(record.phase).name.lower()
+                done_s = record.t_s - start_s
+                progress.update(task, completed=done_s, t_s=record.t_s, phase=phase, speed=done_s / elapsed)
+            yield record

@@ -1,0 +1,94 @@
+"""`shefex-nav smooth`: the best-estimate trajectory of a flight, from its log.
+
+Exit codes: 0 done, 2 a log that cannot be smoothed or bad input.
+"""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shefex_nav.commands.options import Json, Log
+from shefex_nav.commands.output_files import check_place
+from shefex_nav.commands.printing import print_json, progress_bar, say, stdout
+
+SUFFIX = ".smoothed.mcap"
+
+
+def smooth(
+    log: Log,
+    out: Annotated[Path | None, typer.Option(help="Log to write; default <log>.smoothed.mcap.")] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Configure the filter otherwise: navigation.<key>=value."
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file that is written.")] = False,
+    json: Json = False,
+):
+    """Smooth a flight after it is over: every estimate from all its measurements, later ones too."""
+    path = log.with_suffix(SUFFIX) if out is None else out
+    _check(log, path, "LOG" if out is None else "--out", force=force)
+    from shefex_nav.replay import rerun
+
+    recording = rerun.open_log(log, overrides or ())
+    data = recording.data
+    if data.ended_early:
+        say(f"{log}: the run ended early, at T{data.last_t_s:+.2f} s; it is smoothed up to then")
+    from shefex_nav import warmup
+    from shefex_nav.replay import smooth as smoother
+    from shefex_nav.replay import smoothed_log, smoothed_table
+
+    warmup.get_ready({"command=smooth"})
+    began = time.perf_counter()
+    result = _with_bar(lambda progress: smoother.run(recording, progress))
+    wall_s = time.perf_counter() - began
+    smoothed_log.write(path, recording, result.smoothed, wall_s, overwrite=force)
+    summary = smoothed_table.summarise(log, path, result, wall_s)
+    if json:
+        print_json(summary)
+    else:
+        _show(summary)
+
+
+def _check(log, path, option, *, force):
+    """Refuse an output file that would be lost or cannot be written, before anything is computed."""
+    if path.exists() and log.exists() and path.samefile(log):
+        raise typer.BadParameter(
+            f"{path} is the log itself; choose another name with --out", param_hint=option
+        )
+    check_place(path, option, force=force, instead="choose another name with --out or add --force")
+
+
+def _with_bar(work):
+    """Result of a function of a progress function; a bar on stderr while it works."""
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+
+    from shefex_nav.replay.smooth import FILTER_SHARE
+
+    columns = TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()
+    with progress_bar(*columns) as progress:
+        task = progress.add_task("filter", total=1.0)
+
+        def show(share):
+            description = "filter" if share < FILTER_SHARE else "smoother"
+            progress.update(task, completed=share, description=description)
+
+        return work(show)
+
+
+def _show(summary):
+    """The result as people read it."""
+    from shefex_nav.replay import smoothed_table
+
+    console = stdout(100, highlight=False)
+    if summary["parts"] is None:
+        console.print("There is no truth in the log to compare with.")
+    else:
+        console.print(smoothed_table.table(summary))
+        if sure := smoothed_table.too_sure(summary["parts"]):
+            console.print(sure, markup=False, soft_wrap=True)
+    factor = f"{summary['wall_s']:.1f} s, {summary['real_time_factor']:.0f} x real time"
+    console.print(f"{summary['smoothed']}, smoothed in {factor}", markup=False, soft_wrap=True)

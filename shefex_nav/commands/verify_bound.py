@@ -1,0 +1,50 @@
+"""`shefex-nav verify bound`: the errors of a mission's filter over the posterior Cramer-Rao bound.
+
+Exit codes: 0 done, 2 bad input. A study of many seeds in parallel is `benchmarks/consistency.py`.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shefex_nav.commands.options import FirstSeed, Json, Scenario, StudyOverrides
+from shefex_nav.commands.output_files import check_picture
+from shefex_nav.commands.printing import print_json, say, stdout
+
+
+def bound(
+    scenario: Scenario,
+    seeds: Annotated[int, typer.Option(min=1, help="How many runs; a ratio of one run says little.")] = 5,
+    first: FirstSeed = 0,
+    overrides: StudyOverrides = None,
+    out: Annotated[Path | None, typer.Option(help="Draw the curves into a new .png or .svg file.")] = None,
+    json: Json = False,
+):
+    """Fly a scenario with some seeds and compare the errors with what is possible at best."""
+    if out is not None:
+        check_picture(out, "--out")
+    from shefex_nav.scenario import load
+
+    loaded = load.load(scenario, overrides or ())
+    from shefex_nav.verify import over_bound
+
+    if over_bound.left_out(loaded):
+        words = f"{scenario} has errors that the bound does not know: {over_bound.left_out(loaded)}"
+        raise typer.BadParameter(words, param_hint="SCENARIO")
+    from shefex_nav import warmup
+    from shefex_nav.scenario.choices import choices
+    from shefex_nav.verify import bound_table
+
+    warmup.get_ready({"command=run", *choices(loaded)})
+    found = over_bound.curves(*over_bound.flights(loaded, range(first, first + seeds), say))
+    ratios = over_bound.ratios(found)
+    if json:
+        print_json(bound_table.as_numbers(loaded, first, seeds, ratios))
+    else:
+        stdout(130).print(bound_table.table(ratios, seeds))
+    if out is not None:
+        from shefex_nav.verify import consistency_figures
+
+        consistency_figures.draw_bound({"filter": found}, out, runs=seeds)
+        say(f"wrote {out}")

@@ -1,0 +1,127 @@
+"""`shefex-nav verify consistency`: are a filter's errors as large as it says? NEES, NIS, 3 sigma over seeds.
+
+Exit codes: 0 every statistic is inside its interval, 1 one is outside, 2 bad input, 130 interrupted.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shefex_nav.commands.options import FirstSeed, Json, Scenario, StudyOverrides, Workers
+from shefex_nav.commands.output_files import check_picture, make_folder
+from shefex_nav.commands.printing import print_json, progress_bar, say, stdout
+
+
+def consistency(
+    scenario: Scenario,
+    seeds: Annotated[int, typer.Option(min=2, help="How many runs; intervals get narrower with them.")] = 20,
+    first: FirstSeed = 0,
+    overrides: StudyOverrides = None,
+    workers: Workers = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(help="Folder for the star fixes of the flights; seeds that it has are not flown again."),
+    ] = None,
+    turn_field: Annotated[
+        bool,
+        typer.Option(
+            "--turn-field",
+            help="Let what the on-board model leaves out of gravity point elsewhere in each run.",
+        ),
+    ] = False,
+    histories: Annotated[
+        int, typer.Option(min=100, help="Histories that make the intervals of the NEES.")
+    ] = 1000,
+    out: Annotated[
+        Path | None, typer.Option(help="Draw the NEES over time into a new .png or .svg file.")
+    ] = None,
+    json: Json = False,
+):
+    """Fly a scenario with many seeds and hold the filter's errors against its own covariance."""
+    if out is not None:
+        check_picture(out, "--out")
+    asked = _study(scenario, overrides or (), keep, turn_field)
+    chosen = list(range(first, first + seeds))
+    found = _watched(asked, chosen, histories, workers)
+    from shefex_nav.verify import consistency_table
+
+    if json:
+        print_json(consistency_table.as_numbers(asked, chosen, histories, found))
+    else:
+        _show(asked, chosen, found)
+    if out is not None:
+        from shefex_nav.verify import consistency_figures
+
+        consistency_figures.draw_nees(found.runs, out)
+        say(f"wrote {out}")
+    if outside := [one.what for one in found.verdicts if not one.good]:
+        say(f"{len(outside)} of {len(found.verdicts)} statistics outside: " + "; ".join(outside))
+        raise typer.Exit(1)
+
+
+def _study(scenario, overrides, keep, turn_field):
+    """study.Study of a scenario, whose kernels are compiled; keep : Path of the star fixes, or None."""
+    from shefex_nav.scenario import load
+
+    loaded = load.load(scenario, overrides)
+    from shefex_nav import warmup
+    from shefex_nav.scenario.choices import choices
+    from shefex_nav.verify import study
+
+    study.check(loaded)
+    if keep is not None:
+        make_folder(keep, "--keep")
+    warmup.get_ready({"command=run", *choices(loaded)})
+    return study.of_scenario(loaded, None if keep is None else str(keep), turn_field=turn_field)
+
+
+def _watched(asked, chosen, histories, workers):
+    """`study.run` with a bar on stderr, or with lines where that is no terminal."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+    from shefex_nav.verify import study
+
+    total, done = len(chosen) + 1, 0
+    columns = BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"), TimeRemainingColumn()
+    with progress_bar(*columns) as progress:
+        task = progress.add_task("", total=total)
+
+        def note(words):
+            nonlocal done
+            done += 1
+            progress.update(task, advance=1, description=words)
+            if progress.disable:
+                say(f"{words}, {done} of {total} done")
+
+        try:
+            return study.run(asked, chosen, histories=histories, workers=workers, note=note)
+        except KeyboardInterrupt:
+            study.sweep(asked, chosen)
+    say(_interrupted(asked, chosen))  # below the bar, which is gone now
+    raise typer.Exit(130)
+
+
+def _interrupted(asked, chosen):
+    """What is left of a study that was stopped: str."""
+    if asked.folder is None:
+        return "interrupted; nothing is kept, --keep FOLDER would"
+    kept = sum(asked.path(seed).exists() for seed in chosen)
+    return (
+        f"interrupted; the star fixes of {kept} of {len(chosen)} seeds are kept in {asked.folder}, the same "
+        "command goes on from there"
+    )
+
+
+def _show(asked, chosen, found):
+    """The result as people read it."""
+    from shefex_nav.verify import consistency_table
+
+    fields = "another field of gravity in each" if asked.turn_field else "all in the field of the Earth"
+    title = f"{asked.name}, seeds {chosen[0]} to {chosen[-1]}, {fields}; NEES, NIS: 1 is expected"
+    stdout(130).print(consistency_table.table(title, found.verdicts))
+    for name, (number, met) in consistency_table.refused(found.runs).items():
+        typer.echo(f"{name}: {number} of {met} refused by the gate")
+    typer.echo(f"variances of the histories within {found.apart:.1%} of the filter's own")
+    if asked.folder is not None:
+        typer.echo(f"star fixes of flights by {consistency_table.made_by(asked, chosen)}")

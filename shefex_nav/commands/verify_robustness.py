@@ -1,0 +1,153 @@
+"""`shefex-nav verify robustness`: does a navigation stay honest when it is told wrongly and sensors fail?
+
+Exit codes: 0 every requirement is met, 1 one is not, 2 bad input, 130 interrupted.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shefex_nav.commands.options import Json, StudyOverrides, Workers
+from shefex_nav.commands.printing import print_json, progress_bar, say, stdout
+
+
+def robustness(
+    scenarios: Annotated[
+        list[str], typer.Argument(metavar="SCENARIO...", help="Scenarios, files or names of shipped ones.")
+    ],
+    flights: Annotated[int, typer.Option(min=1, help="How many flights of each cell.")] = 25,
+    cells: Annotated[
+        str | None, typer.Option(metavar="LIST", help="Cells of the design, e.g. 0-19,35; default all.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Root of all random numbers.")] = 0,
+    jobs: Workers = None,
+    random_faults: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Instead: N missions with one or two random faults.")
+    ] = 0,
+    overrides: StudyOverrides = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Keep flights, and draw robustness.html.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the flights that --out FOLDER has already.")
+    ] = False,
+    json: Json = False,
+):
+    """Fly the stress matrix: told wrongly, sensors that fail, every phase, grade of IMU and rocket."""
+    if resume and out is None:
+        raise typer.BadParameter("needs --out FOLDER, where the flights are", param_hint="--resume")
+    if random_faults and cells is not None:
+        raise typer.BadParameter("random faults have no cells of the design", param_hint="--cells")
+    chosen = _cells(cells)
+    from shefex_nav.verify.robustness import running, store
+
+    request = running.request(scenarios, overrides or (), flights, chosen, seed, random_faults)
+    waiting, head = running.jobs(request), store.head(request)
+    with store.Store(out, head, resume) as kept:
+        interrupted = _fly(waiting, jobs, kept)
+        records = kept.of(waiting)
+    if not records:
+        say("interrupted before the first flight was over")
+        raise typer.Exit(130)
+    found = _result(head, records, out, json)
+    if interrupted:
+        _tell_interrupted(len(records), len(waiting), out)
+        raise typer.Exit(130)
+    if not found["ok"]:
+        for one in found["requirements"]:
+            if one["good"] is False:
+                say(f"not met: {one['words']}: {one['found']}")
+        raise typer.Exit(1)
+
+
+def _cells(text):
+    """Numbers of cells of a text such as 0-19,35: frozenset, None of None."""
+    if text is None:
+        return None
+    from shefex_nav.verify.robustness import design
+
+    most, found = len(design.cells()) - 1, set()
+    for part in text.split(","):
+        first, dash, last = part.strip().partition("-")
+        if not (first.isdecimal() and (last.isdecimal() or not dash)):
+            words = f"{part.strip()!r} is no number and no range of cells such as 0-19"
+            raise typer.BadParameter(words, param_hint="--cells")
+        low, high = int(first), int(last or first)
+        if not low <= high <= most:
+            words = f"{part.strip()}: expected cells from 0 to {most}, the smaller number first"
+            raise typer.BadParameter(words, param_hint="--cells")
+        found |= set(range(low, high + 1))
+    return frozenset(found)
+
+
+def _fly(waiting, workers, kept):
+    """Fly what is missing, with a bar on stderr or lines where that is no terminal. -> whether interrupted
+
+    waiting : list of flight.Job, those among them whose flights the store.Store `kept` has as well
+    """
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+    from shefex_nav.verify.robustness import require, running
+
+    missing, total = kept.missing(waiting), len(waiting)
+    if not missing:
+        return False
+    running.warm_up(missing)
+    done, said = total - len(missing), 0
+    columns = BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"), TimeRemainingColumn()
+    with progress_bar(*columns) as progress:
+        task = progress.add_task("", total=total, completed=done)
+
+        def take(record):
+            nonlocal done, said
+            kept.keep(record)
+            done += 1
+            progress.update(task, completed=done, description=f"cell {record['cell']}")
+            if progress.disable and done * 20 // total > said:
+                said = done * 20 // total
+                say(f"{done} of {require.counted(total, 'flight')} done")
+
+        try:
+            running.fly(missing, workers, take)
+        except KeyboardInterrupt:
+            return True
+    return False
+
+
+def _result(head, records, out, as_json):
+    """Print what came out, and draw the page if there is a folder for it. -> what --json prints"""
+    from shefex_nav.verify.robustness import show, store
+
+    found = show.as_numbers(head, records)
+    if as_json:
+        print_json(found)
+    else:
+        _show(records)
+    if out is not None:
+        from shefex_nav.verify.robustness import page
+
+        page.write(out / store.PAGE, head, records)
+        say(f"wrote {out / store.PAGE}")
+    return found
+
+
+def _show(records):
+    """The result as people read it."""
+    from shefex_nav.verify.robustness import require, show
+
+    console = stdout(200)
+    for table in show.tables(records):
+        console.print(table)
+        console.print()
+    cpu_s = sum(record["cpu_s"] for record in records)
+    flights = require.counted(len(records), "flight")
+    typer.echo(f"{flights}, each with its twin; {cpu_s / len(records):.1f} s of a processor each")
+
+
+def _tell_interrupted(flown, total, out):
+    """How to go on."""
+    from shefex_nav.verify.robustness import require
+
+    how = "the same command with --resume goes on" if out else "nothing is kept, --out FOLDER would"
+    say(f"interrupted after {flown} of {require.counted(total, 'flight')}; {how}")

@@ -1,0 +1,75 @@
+"""`shefex-nav view`: logs in the rerun viewer, on screen, in a browser or in a file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shefex_nav.commands.flights import tell_if_cut
+from shefex_nav.commands.options import mission_time
+from shefex_nav.commands.output_files import check_file
+from shefex_nav.commands.printing import say
+
+
+def view(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            help="Logs of runs (MCAP), killed runs too; the others are drawn over the first one.",
+        ),
+    ],
+    page: Annotated[
+        str,
+        typer.Option(
+            "--view",
+            metavar="NAME",
+            help="Page open at first: overview, mission, star-tracker, navigation, sensors.",
+        ),
+    ] = "overview",
+    save: Annotated[Path | None, typer.Option(help="Write a rerun recording (.rrd), do not open it.")] = None,
+    screenshot: Annotated[Path | None, typer.Option(help="PNG of the viewer; needs no screen.")] = None,
+    at: Annotated[str | None, typer.Option(help="Mission time of the screenshot, e.g. 240s.")] = None,
+    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite what --save and --screenshot name.")
+    ] = False,
+):
+    """Open logs in the rerun viewer, laid out."""
+    at_s = None if at is None else mission_time(at, "--at", "240s")
+    if at is not None and screenshot is None:
+        raise typer.BadParameter(
+            f"{at} is the time of a picture; name it with --screenshot", param_hint="--at"
+        )
+    if web and (save or screenshot):
+        raise typer.BadParameter("does not go with --save or --screenshot", param_hint="--web")
+    for path, option, ending in ((save, "--save", ".rrd"), (screenshot, "--screenshot", ".png")):
+        if path is not None:
+            check_file(path, option, force=force, given=logs)
+            _check_ending(path, option, ending)
+    chosen = _page(page)
+    from shefex_nav.report import viewer
+
+    runs = viewer.view(logs, save=save, screenshot=screenshot, at_s=at_s, page=chosen, web=web)
+    for log, data in zip(logs, runs, strict=True):
+        tell_if_cut(log, data)
+    for written in (save, screenshot):
+        if written is not None:
+            say(f"wrote {written}")
+
+
+def _check_ending(path, option, ending):
+    """Refuse a file whose name says that it is of another kind than what is written."""
+    if path.suffix.lower() != ending:
+        words = f"{path}: only {ending.removeprefix('.').upper()} is written; end its name in {ending}"
+        raise typer.BadParameter(words, param_hint=option)
+
+
+def _page(name):
+    """The page of `layout.PAGES` that is meant by a name such as star-tracker, upper case or lower."""
+    from shefex_nav.report.viewer import layout
+
+    names = {page.lower().replace(" ", "-"): page for page in layout.PAGES}
+    if name.lower() not in names:
+        raise typer.BadParameter(f"{name!r} is no page; choose from: {', '.join(names)}", param_hint="--view")
+    return names[name.lower()]
