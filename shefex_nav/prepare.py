@@ -27,6 +27,7 @@ from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.told import as_told
 from shefex_nav.world import camera, faults, gps, imu, noise, pad
 from shefex_nav.world.flight import fly
+from shefex_nav.world.settings import Imu, PadAlignment
 
 BRIEF_S = 5.0  # of a flight that nobody waits for
 PLANNED = 1  # seed of the planned flight
@@ -84,7 +85,7 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
     scenario = settled(scenario, flight if brief else None)
     trajectory, wrong = flight.trajectory, params_faults.faults(scenario)
     imu_biases = np.empty((len(trajectory.t_s), 6)) if biases else None
-    measured = imu.measure(params.imu_params(scenario), trajectory, rng("imu"), imu_biases, wrong.imu)
+    measured = imu.measure(settings(Imu, scenario.imu), trajectory, rng("imu"), imu_biases, wrong.imu)
     true_camera = camera.init(params.camera_params(scenario), at_epoch, bodies, earth, rng("camera_errors"))
     gps_data = gps.measure(
         params_gps.gps_params(scenario),
@@ -102,7 +103,7 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         earth=earth,
         catalogue=catalogue,
         flight=flight._replace(events=tuple(sorted(events, key=lambda event: event.t_s))),
-        alignment=pad.align(params.pad_params(scenario), trajectory, earth, rng("pad")),
+        alignment=pad.align(settings(PadAlignment, scenario.pad_alignment), trajectory, earth, rng("pad")),
         imu=measured,
         gps_fixes=gps.stamped(fixes, scenario.gps.clock_offset),
         gps_ranges=gps.stamped(ranges, scenario.gps.clock_offset),
@@ -209,5 +210,5 @@ def true_biases(scenario, seed, trajectory):
     The instrument is asked again, with the same random numbers.
     """
     biases = np.empty((len(trajectory.t_s), 6))
-    imu.measure(params.imu_params(scenario), trajectory, noise.generator(seed, "imu"), biases)
+    imu.measure(settings(Imu, scenario.imu), trajectory, noise.generator(seed, "imu"), biases)
     return biases

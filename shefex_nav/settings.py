@@ -12,7 +12,7 @@ Schema and its page of the reference follow from that (`scenario.of_settings`). 
 programs use them: floats in SI and radians under the same names; it is immutable.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple, dataclass_transform, get_type_hints
 
 REQUIRED = object()  # in the place of a default
@@ -38,6 +38,20 @@ class Settings:
         dataclass(cls, frozen=True, kw_only=True)
 
 
+def changed(settings, values):
+    """Settings with other values. values : {"gyro.bias": float in SI, ...}, keys of inner settings dotted"""
+    own, inner = {}, {}
+    for key, value in values.items():
+        name, dot, rest = key.partition(".")
+        if dot:
+            inner.setdefault(name, {})[rest] = value
+        else:
+            own[name] = value
+    return replace(
+        settings, **own, **{name: changed(getattr(settings, name), more) for name, more in inner.items()}
+    )
+
+
 def declared(cls):
     """Settings of a class: {name: (type, Setting)}, in the order in which they stand."""
     types = get_type_hints(cls, include_extras=True)
@@ -48,7 +62,7 @@ def quantity(unit, example, help, default=REQUIRED, **limits):
     """A value with a unit, or a tuple of such: a float in `unit`, which is SI.
 
     limits : positive, non_negative, at_least, at_most (as written), words: ((word, value), ...) that may
-        stand in the place of a quantity
+        stand in the place of a quantity, fewest: so many items at least
     """
     return _field(Setting("quantity", help, default, unit, example, tuple(limits.items())))
 

@@ -18,7 +18,7 @@ from shefex_nav.settings import Settings, number, quantity, section, switch
 class Port(Settings):
     """What the flow adds to the static pressure at the port: a coefficient times the dynamic pressure."""
 
-    mach: tuple[float, ...] = number("0.9", "increasing", non_negative=True)
+    mach: tuple[float, ...] = number("0.9", "increasing", non_negative=True, fewest=1)
     coefficient: tuple[float, ...] = number(
         "-0.02", "at these Mach numbers, as calibrated; constant beyond their ends", at_least=-2.0,
         at_most=2.0,

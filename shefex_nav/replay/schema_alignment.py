@@ -6,7 +6,7 @@ from pydantic import Field
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.quantity import Quantity, Time
-from shefex_nav.scenario.sensors import NOT_KNOWN
+from shefex_nav.world.settings import NOT_KNOWN
 
 
 class FromReference(Block):

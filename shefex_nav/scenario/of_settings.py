@@ -58,11 +58,12 @@ def _field(annotation, setting):
         own = StrictBool if setting.kind == "switch" else kind
         return own, Field(default=default, description=setting.help)
     limits = dict(setting.limits)
+    fewest = limits.pop("fewest", None)
     if setting.kind == "quantity":
         one = Quantity(setting.unit, setting.example, setting.help, **limits)
     else:
         one = (Number if setting.kind == "number" else Count)(setting.example, setting.help, **limits)
-    return _optional(_several(kind, one), annotation), Field(default=default, **_least(kind))
+    return _optional(_several(kind, one), annotation), Field(default=default, min_length=fewest)
 
 
 def _several(kind, one):
@@ -71,11 +72,6 @@ def _several(kind, one):
         return one
     items = get_args(kind)
     return list[one] if items[-1] is Ellipsis else tuple[(one,) * len(items)]
-
-
-def _least(kind):
-    """A list has at least one item."""
-    return {"min_length": 1} if get_origin(kind) is tuple and get_args(kind)[-1] is Ellipsis else {}
 
 
 def _optional(own, annotation):

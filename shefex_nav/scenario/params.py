@@ -112,50 +112,6 @@ def mounting(scenario):
     return np.column_stack([right_b, np.cross(boresight_b, right_b), boresight_b])
 
 
-def imu_params(scenario):
-    """ImuParams of a scenario."""
-    from shefex_nav.world.imu import ImuParams
-
-    gyro, accelerometer, vibration = scenario.imu.gyro, scenario.imu.accelerometer, scenario.imu.vibration
-    return ImuParams(
-        gyro_bias=gyro.bias,
-        gyro_bias_in_run=gyro.in_run_bias,
-        gyro_bias_tau_s=gyro.in_run_bias_time,
-        gyro_random_walk=gyro.random_walk,
-        gyro_scale_factor_roll=gyro.scale_factor_roll,
-        gyro_scale_factor=gyro.scale_factor,
-        gyro_misalignment=gyro.misalignment,
-        gyro_g_sensitivity=gyro.g_sensitivity,
-        gyro_vibration_rectification=gyro.vibration_rectification,
-        gyro_range=gyro.range,
-        gyro_quantum=gyro.quantum,
-        accel_bias=accelerometer.bias,
-        accel_bias_in_run=accelerometer.in_run_bias,
-        accel_bias_tau_s=accelerometer.in_run_bias_time,
-        accel_random_walk=accelerometer.random_walk,
-        accel_scale_factor=accelerometer.scale_factor,
-        accel_misalignment=accelerometer.misalignment,
-        accel_vibration_rectification=accelerometer.vibration_rectification,
-        accel_range=accelerometer.range,
-        accel_quantum=accelerometer.quantum,
-        vibration_boost=np.array(vibration.boost),
-        vibration_coast=vibration.coast,
-        vibration_rate=vibration.angular,
-        vibration_low_hz=vibration.lowest_frequency,
-        vibration_high_hz=vibration.highest_frequency,
-    )
-
-
-def pad_params(scenario):
-    """PadParams of a scenario."""
-    from shefex_nav.world.pad import PadParams
-
-    pad = scenario.pad_alignment
-    return PadParams(
-        sigma_level=pad.level, sigma_azimuth=pad.azimuth, sigma_r=pad.position, sigma_v=pad.velocity
-    )
-
-
 def camera_params(scenario):
     """CameraParams of a scenario."""
     from shefex_nav.world.camera.camera import CameraParams

@@ -41,7 +41,7 @@ class Flight(NamedTuple):
     alignment: object  # Alignment
     gps_fixes: list
     star_fixes: list  # of StarFix that were used
-    imu: object  # world.imu.ImuParams
+    imu: object  # world.settings.Imu
     camera: object  # world.camera.CameraParams
     l_ba_b: np.ndarray  # (3,) m
 
@@ -87,7 +87,7 @@ def gravity_process(field, trajectory, earth):
 def swing(params, rms, dt_s):
     """Standard deviation of what vibration of a level leaves in the sum of increments, each axis.
 
-    The world's own filter (`world.imu`), summed over its response. ImuParams, level of what the increments
+    The world's own filter (`world.imu`), summed over its response. settings.Imu, level of what the increments
     integrate (m/s^2 or rad/s rms), s -> m/s or rad
     """
     response = np.zeros((SWING_LENGTH, 1))
@@ -162,7 +162,7 @@ def _sample_s(trajectory):
 
 def _swings(params, rms, dt_s):
     """Swing of velocity and of attitude at a level of linear vibration."""
-    return swing(params, rms, dt_s), swing(params, params.vibration_rate * rms, dt_s)
+    return swing(params, rms, dt_s), swing(params, params.vibration.angular * rms, dt_s)
 
 
 def problem(flight, layout, dt_s, at):
@@ -206,8 +206,8 @@ def _interval(flight, layout, dt_s, before, end):
     carried = (dtheta_b**2).sum(axis=1) / 12.0  # turned remainders of the counts
     walks = np.column_stack(
         [
-            params.gyro_random_walk**2 * dt_s + carried * params.gyro_quantum**2,
-            params.accel_random_walk**2 * dt_s + carried * params.accel_quantum**2,
+            params.gyro.random_walk**2 * dt_s + carried * params.gyro.quantum**2,
+            params.accelerometer.random_walk**2 * dt_s + carried * params.accelerometer.quantum**2,
         ]
     )
     q = trajectory.q_ib[earlier] + trajectory.q_ib[rows] * _sign(trajectory, earlier, rows)
@@ -269,7 +269,9 @@ def _swing_of_antenna(flight, rms, dt_s):
     arm.
     """
     params = flight.imu
-    density = (params.vibration_rate * rms) ** 2 / (params.vibration_high_hz - params.vibration_low_hz)
+    density = (params.vibration.angular * rms) ** 2 / (
+        params.vibration.highest_frequency - params.vibration.lowest_frequency
+    )
     rate2 = 0.5 * density / dt_s
     return swing(params, rms, dt_s) ** 2 + rate2 * float(flight.l_ba_b @ flight.l_ba_b) * 2.0 / 3.0
 

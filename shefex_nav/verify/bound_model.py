@@ -57,7 +57,7 @@ def sources(imu, camera, gravity_sigma, gravity_tau_s):
 
     Parameters
     ----------
-    imu : world.imu.ImuParams
+    imu : world.settings.Imu
     camera : world.camera.CameraParams
     gravity_sigma, gravity_tau_s : m/s^2, s: what a gravity model leaves out; 0: the field is known
 
@@ -69,20 +69,20 @@ def sources(imu, camera, gravity_sigma, gravity_tau_s):
     def same(name, size, sigma, tau_s=np.inf):
         return Source(name, size, np.full(size, float(sigma)), tau_s)
 
-    scale = np.array([imu.gyro_scale_factor_roll, imu.gyro_scale_factor, imu.gyro_scale_factor])
+    scale = np.array([imu.gyro.scale_factor_roll, imu.gyro.scale_factor, imu.gyro.scale_factor])
     return layout(
         [
-            same("gyro_bias", 3, imu.gyro_bias),
-            same("gyro_in_run_bias", 3, imu.gyro_bias_in_run, imu.gyro_bias_tau_s),
+            same("gyro_bias", 3, imu.gyro.bias),
+            same("gyro_in_run_bias", 3, imu.gyro.in_run_bias, imu.gyro.in_run_bias_time),
             Source("gyro_scale_factor", 3, scale, np.inf),
-            same("gyro_misalignment", 6, imu.gyro_misalignment),
-            same("gyro_g_sensitivity", 9, imu.gyro_g_sensitivity),
-            same("gyro_rectification", 3, imu.gyro_vibration_rectification),
-            same("accel_bias", 3, imu.accel_bias),
-            same("accel_in_run_bias", 3, imu.accel_bias_in_run, imu.accel_bias_tau_s),
-            same("accel_scale_factor", 3, imu.accel_scale_factor),
-            same("accel_misalignment", 6, imu.accel_misalignment),
-            same("accel_rectification", 3, imu.accel_vibration_rectification),
+            same("gyro_misalignment", 6, imu.gyro.misalignment),
+            same("gyro_g_sensitivity", 9, imu.gyro.g_sensitivity),
+            same("gyro_rectification", 3, imu.gyro.vibration_rectification),
+            same("accel_bias", 3, imu.accelerometer.bias),
+            same("accel_in_run_bias", 3, imu.accelerometer.in_run_bias, imu.accelerometer.in_run_bias_time),
+            same("accel_scale_factor", 3, imu.accelerometer.scale_factor),
+            same("accel_misalignment", 6, imu.accelerometer.misalignment),
+            same("accel_rectification", 3, imu.accelerometer.vibration_rectification),
             same("gravity", 3, gravity_sigma, gravity_tau_s),
             same("mounting", 3, camera.sigma_mounting_rad),
             same("principal_point", 2, camera.sigma_principal_point_px),

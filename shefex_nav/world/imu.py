@@ -38,36 +38,6 @@ from shefex_nav.world.noise import gauss_markov
 PIECE = 1 << 16  # samples handled at a time
 
 
-class ImuParams(NamedTuple):
-    """Error model of the instrument; sigmas are one standard deviation of what is drawn per run and axis."""
-
-    gyro_bias: float  # rad/s, turn-on
-    gyro_bias_in_run: float  # rad/s
-    gyro_bias_tau_s: float  # correlation time of the in-run bias
-    gyro_random_walk: float  # rad/sqrt(s)
-    gyro_scale_factor_roll: float  # x axis
-    gyro_scale_factor: float  # y and z axes
-    gyro_misalignment: float  # rad
-    gyro_g_sensitivity: float  # rad/s per m/s^2
-    gyro_vibration_rectification: float  # rad/s per (m/s^2 rms)^2
-    gyro_range: float  # rad/s; inf = unlimited
-    gyro_quantum: float  # rad; 0 = continuous
-    accel_bias: float  # m/s^2, turn-on
-    accel_bias_in_run: float  # m/s^2
-    accel_bias_tau_s: float
-    accel_random_walk: float  # m/s/sqrt(s)
-    accel_scale_factor: float
-    accel_misalignment: float  # rad
-    accel_vibration_rectification: float  # m/s^2 per (m/s^2 rms)^2
-    accel_range: float  # m/s^2; inf = unlimited
-    accel_quantum: float  # m/s; 0 = continuous
-    vibration_boost: np.ndarray  # (n,) m/s^2 rms on each axis while each of the n stages burns
-    vibration_coast: float  # m/s^2 rms, at all other times
-    vibration_rate: float  # rad/s rms of angular vibration per m/s^2 rms
-    vibration_low_hz: float  # band of both vibrations
-    vibration_high_hz: float
-
-
 class ImuErrors(NamedTuple):
     """The errors drawn for one run: what a filter may estimate, what a report compares with."""
 
@@ -93,14 +63,14 @@ class ImuData(NamedTuple):
     missing: np.ndarray | None = None  # (N,) bool, the unit did not answer; None: it always did
 
 
-def measure(params, trajectory, rng, biases=None, wrong=()):
+def measure(settings, trajectory, rng, biases=None, wrong=()):
     """IMU samples along a trajectory.
 
     Parameters
     ----------
-    params : ImuParams
+    settings : settings.Imu
     trajectory : Trajectory, at the sampling rate of the instrument
-    rng : Generator; the order of the draws does not depend on `params`
+    rng : Generator; the order of the draws does not depend on `settings`
     biases : (N, 6), written if it is given: sum of turn-on and in-run bias of gyros and accelerometers in
         each sample, rad/s, m/s^2; in row 0, before the first, that of the first
     wrong : tuple of faults.ImuFault
@@ -109,69 +79,74 @@ def measure(params, trajectory, rng, biases=None, wrong=()):
     -------
     ImuData
     """
-    errors, of_gyros, of_accels = draw_errors(params, rng), None, None
+    errors, of_gyros, of_accels = draw_errors(settings, rng), None, None
     dt_s = (trajectory.t_s[-1] - trajectory.t_s[0]) / (len(trajectory.t_s) - 1)
-    rms = vibration_rms(params, trajectory.burning)
+    rms = vibration_rms(settings, trajectory.burning)
     if biases is not None:
         biases[:] = np.concatenate([errors.gyro_bias, errors.accel_bias]) * dt_s
         of_gyros, of_accels = biases[:, :3], biases[:, 3:]
-    dtheta_b = _turned(params, errors, trajectory, rms, dt_s, rng, of_gyros)
-    dv_b = _pushed(params, errors, trajectory, rms, dt_s, rng, of_accels)
+    dtheta_b = _turned(settings, errors, trajectory, rms, dt_s, rng, of_gyros)
+    dv_b = _pushed(settings, errors, trajectory, rms, dt_s, rng, of_accels)
     dtheta_b[0] = dv_b[0] = 0.0
     if biases is not None:
         biases /= dt_s
         biases[0] = biases[1]
     faults.imu_felt(wrong, trajectory.t_s, dtheta_b, dv_b)
-    at_range = _clip(dtheta_b, params.gyro_range * dt_s), _clip(dv_b, params.accel_range * dt_s)
-    dtheta_b = quantise(dtheta_b, params.gyro_quantum)
-    dv_b = quantise(dv_b, params.accel_quantum)
+    at_range = _clip(dtheta_b, settings.gyro.range * dt_s), _clip(dv_b, settings.accelerometer.range * dt_s)
+    dtheta_b = quantise(dtheta_b, settings.gyro.quantum)
+    dv_b = quantise(dv_b, settings.accelerometer.quantum)
     missing = faults.imu_sent(wrong, trajectory.t_s, dtheta_b, dv_b, at_range)
     saturated = at_range[0].any(axis=1) | at_range[1].any(axis=1)
     return ImuData(trajectory.t_s, dtheta_b, dv_b, saturated, errors, missing)
 
 
-def _turned(params, errors, trajectory, rms, dt_s, rng, bias):
+def _turned(settings, errors, trajectory, rms, dt_s, rng, bias):
     """What the gyros would read without end of range and quanta: (N, 3) rad; bias : of `_add_in_run_bias`."""
     dtheta_b = _apply(_response(errors.gyro_scale_factor, errors.gyro_misalignment), trajectory.dtheta_b)
     _add_response(dtheta_b, errors.gyro_g_sensitivity, trajectory.dv_b)
     _add_bias(dtheta_b, errors.gyro_bias, errors.gyro_vibration_rectification, rms, dt_s)
-    add_vibration(dtheta_b, params, params.vibration_rate * rms, dt_s, rng)
-    _add_in_run_bias(dtheta_b, params.gyro_bias_in_run, params.gyro_bias_tau_s, dt_s, rng, bias)
-    _add_random_walk(dtheta_b, params.gyro_random_walk, dt_s, rng)
+    add_vibration(dtheta_b, settings, settings.vibration.angular * rms, dt_s, rng)
+    _add_in_run_bias(dtheta_b, settings.gyro, dt_s, rng, bias)
+    _add_random_walk(dtheta_b, settings.gyro.random_walk, dt_s, rng)
     return dtheta_b
 
 
-def _pushed(params, errors, trajectory, rms, dt_s, rng, bias):
+def _pushed(settings, errors, trajectory, rms, dt_s, rng, bias):
     """Likewise the accelerometers: (N, 3) m/s."""
     dv_b = _apply(_response(errors.accel_scale_factor, errors.accel_misalignment), trajectory.dv_b)
     _add_bias(dv_b, errors.accel_bias, errors.accel_vibration_rectification, rms, dt_s)
-    add_vibration(dv_b, params, rms, dt_s, rng)
-    _add_in_run_bias(dv_b, params.accel_bias_in_run, params.accel_bias_tau_s, dt_s, rng, bias)
-    _add_random_walk(dv_b, params.accel_random_walk, dt_s, rng)
+    add_vibration(dv_b, settings, rms, dt_s, rng)
+    _add_in_run_bias(dv_b, settings.accelerometer, dt_s, rng, bias)
+    _add_random_walk(dv_b, settings.accelerometer.random_walk, dt_s, rng)
     return dv_b
 
 
-def draw_errors(params, rng):
+def draw_errors(settings, rng):
     """The constant errors of one run: ImuErrors."""
     return ImuErrors(
-        gyro_bias=params.gyro_bias * rng.standard_normal(3),
+        gyro_bias=settings.gyro.bias * rng.standard_normal(3),
         gyro_scale_factor=np.array(
-            [params.gyro_scale_factor_roll, params.gyro_scale_factor, params.gyro_scale_factor]
+            [settings.gyro.scale_factor_roll, settings.gyro.scale_factor, settings.gyro.scale_factor]
         )
         * rng.standard_normal(3),
-        gyro_misalignment=params.gyro_misalignment * _off_diagonal(rng),
-        gyro_g_sensitivity=params.gyro_g_sensitivity * rng.standard_normal((3, 3)),
-        gyro_vibration_rectification=params.gyro_vibration_rectification * rng.standard_normal(3),
-        accel_bias=params.accel_bias * rng.standard_normal(3),
-        accel_scale_factor=params.accel_scale_factor * rng.standard_normal(3),
-        accel_misalignment=params.accel_misalignment * _off_diagonal(rng),
-        accel_vibration_rectification=params.accel_vibration_rectification * rng.standard_normal(3),
+        gyro_misalignment=settings.gyro.misalignment * _off_diagonal(rng),
+        gyro_g_sensitivity=settings.gyro.g_sensitivity * rng.standard_normal((3, 3)),
+        gyro_vibration_rectification=settings.gyro.vibration_rectification * rng.standard_normal(3),
+        accel_bias=settings.accelerometer.bias * rng.standard_normal(3),
+        accel_scale_factor=settings.accelerometer.scale_factor * rng.standard_normal(3),
+        accel_misalignment=settings.accelerometer.misalignment * _off_diagonal(rng),
+        accel_vibration_rectification=settings.accelerometer.vibration_rectification * rng.standard_normal(3),
     )
 
 
-def vibration_rms(params, burning):
+def vibration_rms(settings, burning):
     """Level of the linear vibration at each sample. (N,) stage that burns, or 0 -> (N,) m/s^2 rms."""
-    return np.concatenate([[params.vibration_coast], params.vibration_boost])[burning]
+    return np.concatenate([[settings.vibration.coast], settings.vibration.boost])[burning]
+
+
+def bandwidth(settings):
+    """Width of the flat spectrum of the vibration, Hz."""
+    return settings.vibration.highest_frequency - settings.vibration.lowest_frequency
 
 
 def quantise(increments, quantum):
@@ -259,13 +234,13 @@ def _add_bias(increments, bias, rectification, rms, dt_s):
         increments[piece] += (bias + np.outer(rms[piece] ** 2, rectification)) * dt_s
 
 
-def _add_in_run_bias(increments, sigma, tau_s, dt_s, rng, alone):
-    """Add the in-run bias, sigma in the unit of the rate, in place; to `alone` as well, unless it is None."""
-    correlation, last = math.exp(-dt_s / tau_s), None
+def _add_in_run_bias(increments, triad, dt_s, rng, alone):
+    """Add the in-run bias of a triad's settings, in place; to `alone` as well, unless it is None."""
+    correlation, last = math.exp(-dt_s / triad.in_run_bias_time), None
     for piece in _pieces(len(increments)):
         bias = gauss_markov(correlation, rng.standard_normal(increments[piece].shape), last)
         last = bias[-1].copy()
-        bias *= sigma * dt_s
+        bias *= triad.in_run_bias * dt_s
         increments[piece] += bias
         if alone is not None:
             alone[piece] += bias
@@ -277,14 +252,16 @@ def _add_random_walk(increments, sigma, dt_s, rng):
         increments[piece] += sigma * np.sqrt(dt_s) * rng.standard_normal(increments[piece].shape)
 
 
-def add_vibration(increments, params, rms, dt_s, rng):
+def add_vibration(increments, settings, rms, dt_s, rng):
     """Add what the vibration makes, in place. (N, 3), (N,) rms of what the increments integrate."""
     from scipy.signal import sosfilt
 
-    high_pass = _butterworth(params.vibration_low_hz * dt_s)
+    high_pass = _butterworth(settings.vibration.lowest_frequency * dt_s)
     state = np.zeros((len(high_pass), 2, increments.shape[1]))
     for piece in _pieces(len(increments)):
-        density = rms[piece] ** 2 / (params.vibration_high_hz - params.vibration_low_hz)
+        density = rms[piece] ** 2 / (
+            settings.vibration.highest_frequency - settings.vibration.lowest_frequency
+        )
         white = rng.standard_normal(increments[piece].shape)
         drive = np.sqrt(0.5 * density * dt_s)[:, None] * white
         if piece.start == 0:

@@ -4,7 +4,6 @@ On the ground the launch crew says it, in orbit whatever determined orbit and at
 """
 
 from math import erf
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,16 +13,7 @@ from shefex_nav.records import Alignment, Phase
 UNKNOWN = np.pi / np.sqrt(3.0)  # rad, sigma of an angle of which nothing is known
 
 
-class PadParams(NamedTuple):
-    """One standard deviation of each error of the alignment."""
-
-    sigma_level: float  # rad, about north and about east
-    sigma_azimuth: float  # rad, about the vertical; inf: nothing is known of it
-    sigma_r: float  # m, each axis
-    sigma_v: float  # m/s, each axis; on the ground relative to the Earth
-
-
-def align(params, trajectory, earth, rng):
+def align(settings, trajectory, earth, rng):
     """Alignment at the first sample of the trajectory.
 
     truth = estimate (+) error, q_ib(true) = q_ib(estimate) * exp(error_b): the attitude error is drawn
@@ -33,7 +23,7 @@ def align(params, trajectory, earth, rng):
 
     Parameters
     ----------
-    params : PadParams
+    settings : settings.PadAlignment
     trajectory : Trajectory
     earth : EarthRotation
     rng : Generator
@@ -45,7 +35,7 @@ def align(params, trajectory, earth, rng):
     t_s = float(trajectory.t_s[0])
     r_e, v_e = frames.ecef_from_inertial(earth, t_s, trajectory.r_i[0], trajectory.v_i[0])
     error_r, error_v, error_n = rng.standard_normal((3, 3))
-    error_r, error_v = params.sigma_r * error_r, params.sigma_v * error_v
+    error_r, error_v = settings.position * error_r, settings.velocity * error_v
     if trajectory.phase[0] == Phase.ORBIT:
         C_ie = frames.dcm_ie(earth, t_s)
         r_i, v_i = trajectory.r_i[0] - C_ie @ error_r, trajectory.v_i[0] - C_ie @ error_v
@@ -54,8 +44,8 @@ def align(params, trajectory, earth, rng):
 
     latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
     C_in = frames.dcm_ie(earth, t_s) @ wgs84.dcm_en(latitude, longitude)
-    sigma_n = np.array([params.sigma_level, params.sigma_level, params.sigma_azimuth])
-    if np.isinf(params.sigma_azimuth):  # anything within half a turn, from the same draw
+    sigma_n = np.array([settings.level, settings.level, settings.azimuth])
+    if np.isinf(settings.azimuth):  # anything within half a turn, from the same draw
         sigma_n[2], error_n[2] = UNKNOWN, np.sqrt(3.0) * erf(error_n[2] / np.sqrt(2.0))
     q_ib_true = trajectory.q_ib[0]
     error_b = rotation.dcm_from_quat(q_ib_true).T @ C_in @ (sigma_n * error_n)
@@ -63,4 +53,4 @@ def align(params, trajectory, earth, rng):
 
     C_bn = rotation.dcm_from_quat(q_ib).T @ C_in
     P_theta_b = C_bn @ np.diag(sigma_n**2) @ C_bn.T
-    return Alignment(t_s, r_i, v_i, q_ib, params.sigma_r, params.sigma_v, P_theta_b)
+    return Alignment(t_s, r_i, v_i, q_ib, settings.position, settings.velocity, P_theta_b)

@@ -57,7 +57,7 @@ def test_what_comes_with_the_program():
 def test_each_says_its_unit_its_source_and_what_is_assumed(name):
     path = Path(instruments.files()[name])
     text = path.read_text(encoding="utf-8")
-    loaded, _, _ = load_as(SECTIONS["imu",], path)
+    loaded, _, _ = load_as(lambda provided: SECTIONS["imu",], path)
     assert loaded.grade == SHIPPED[name] and loaded.unit.split()[0] in loaded.source
     head, body = text.split("instrument: imu")
     assert loaded.unit.split()[-1] in head and "[E] assumed" in head and "[E] assumed" in body
@@ -66,7 +66,7 @@ def test_each_says_its_unit_its_source_and_what_is_assumed(name):
 def test_an_instrument_replaces_what_the_extended_file_says(written):
     path = written("a.yaml", f"{BASE}imu:\n  use: ln_200s\n")
     base, own = load("shefex2_andoya"), load(path)
-    unit, _, _ = load_as(SECTIONS["imu",], instruments.files()["ln_200s"])
+    unit, _, _ = load_as(lambda provided: SECTIONS["imu",], instruments.files()["ln_200s"])
     assert own.imu.gyro == unit.gyro and own.imu.accelerometer == unit.accelerometer
     assert own.imu.vibration == base.imu.vibration
     changed = {path for path, _, _ in of_texts(base.source, own.source)}

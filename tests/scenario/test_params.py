@@ -1,14 +1,18 @@
 """Sections of the default scenario as the parameters of the stages."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from imu_settings import PERFECT
 
 from shefex_nav.environment import ephemeris
 from shefex_nav.scenario import params, params_gps, params_onboard
 from shefex_nav.scenario.load import load
+from shefex_nav.scenario.of_settings import settings
+from shefex_nav.world.settings import Imu
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 DEG = math.pi / 180.0
@@ -59,9 +63,7 @@ def assert_plain(record):
 def test_every_stage_gets_plain_parameters(scenario, bodies):
     for convert in (
         params.flight_params,
-        params.imu_params,
         params_gps.gps_params,
-        params.pad_params,
         params.camera_params,
         params_onboard.nav_params,
     ):
@@ -85,18 +87,18 @@ def test_mounting_is_a_right_handed_frame(scenario):
 
 def test_units_of_the_imu(scenario):
     """Data-sheet units converted by hand."""
-    imu = params.imu_params(scenario)
-    assert imu.gyro_bias == pytest.approx(0.5 * DEG / 3600.0)
-    assert imu.gyro_random_walk == pytest.approx(0.03 * DEG / 60.0)
-    assert imu.gyro_g_sensitivity == pytest.approx(0.5 * DEG / 3600.0 / G)
-    assert imu.gyro_vibration_rectification == pytest.approx(0.02 * DEG / 3600.0 / G**2)
-    assert imu.accel_bias == pytest.approx(0.5e-3 * G)
-    assert imu.accel_random_walk == pytest.approx(0.03 / 60.0)
-    assert imu.accel_vibration_rectification == pytest.approx(20e-6 * G / G**2)
-    np.testing.assert_allclose(imu.vibration_boost, [7.0 * G, 3.5 * G])
+    imu = settings(Imu, scenario.imu)
+    assert imu.gyro.bias == pytest.approx(0.5 * DEG / 3600.0)
+    assert imu.gyro.random_walk == pytest.approx(0.03 * DEG / 60.0)
+    assert imu.gyro.g_sensitivity == pytest.approx(0.5 * DEG / 3600.0 / G)
+    assert imu.gyro.vibration_rectification == pytest.approx(0.02 * DEG / 3600.0 / G**2)
+    assert imu.accelerometer.bias == pytest.approx(0.5e-3 * G)
+    assert imu.accelerometer.random_walk == pytest.approx(0.03 / 60.0)
+    assert imu.accelerometer.vibration_rectification == pytest.approx(20e-6 * G / G**2)
+    np.testing.assert_allclose(imu.vibration.boost, [7.0 * G, 3.5 * G])
     free = load(SCENARIOS / "shefex2_andoya.yaml", ["imu.gyro.range=unlimited", "imu.gyro.quantum=off"])
-    assert params.imu_params(free).gyro_range == math.inf
-    assert params.imu_params(free).gyro_quantum == 0.0
+    assert settings(Imu, free.imu).gyro.range == math.inf
+    assert settings(Imu, free.imu).gyro.quantum == 0.0
 
 
 def test_gps_outages(scenario):
@@ -112,10 +114,10 @@ def test_gps_outages(scenario):
 
 
 def test_filter_knows_the_data_sheets(scenario):
-    nav, imu = params_onboard.nav_params(scenario), params.imu_params(scenario)
-    assert nav.sigma_gyro_bias == pytest.approx(math.hypot(imu.gyro_bias, imu.gyro_bias_in_run))
+    nav, imu = params_onboard.nav_params(scenario), settings(Imu, scenario.imu)
+    assert nav.sigma_gyro_bias == pytest.approx(math.hypot(imu.gyro.bias, imu.gyro.in_run_bias))
     np.testing.assert_allclose(nav.sigma_blocks["gyro_roll_column"], [30e-6, 5e-5, 5e-5])
-    assert nav.imu.gyro_random_walk == imu.gyro_random_walk
+    assert nav.imu.gyro_random_walk == imu.gyro.random_walk
     camera = params.camera_params(scenario)
     offset = math.atan(camera.sigma_principal_point_px * camera.pixel_m / camera.focal_length_m)
     assert nav.sigma_blocks["mounting"][0] == pytest.approx(math.hypot(camera.sigma_mounting_rad, offset))
@@ -132,11 +134,7 @@ def test_filter_expects_the_vibration_that_the_imu_reports(scenario):
     from shefex_nav.world.imu import measure
 
     n = 40_001
-    quiet = params.imu_params(scenario)
-    quiet = quiet._replace(**{name: 0.0 for name in quiet._fields if name.startswith(("gyro_", "accel_"))})
-    quiet = quiet._replace(
-        gyro_bias_tau_s=1.0, accel_bias_tau_s=1.0, gyro_range=math.inf, accel_range=math.inf
-    )
+    quiet = replace(PERFECT, vibration=settings(Imu, scenario.imu).vibration)
     none = np.zeros((n, 3))
     trajectory = Trajectory(
         t_s=np.arange(n) / 400.0,
@@ -169,7 +167,7 @@ def test_overrides_of_what_the_filter_knows():
             "navigation.sensors.lever_arm=[1 m, 2 m, 3 m]",
         ],
     )
-    nav, imu = params_onboard.nav_params(changed), params.imu_params(changed)
+    nav, imu = params_onboard.nav_params(changed), settings(Imu, changed.imu)
     assert nav.sigma_gyro_bias == pytest.approx(3.0 * DEG / 3600.0)
     np.testing.assert_allclose(nav.sigma_blocks["gyro_roll_column"], [1e-3, 1e-3, 1e-3])
     assert nav.imu.gyro_random_walk == pytest.approx(DEG / 60.0)
@@ -177,9 +175,8 @@ def test_overrides_of_what_the_filter_knows():
     assert nav.imu.accel_random_walk == pytest.approx(1.0 / 60.0)
     assert nav.sigma_blocks["mounting"][0] == pytest.approx(0.1 * DEG)
     np.testing.assert_allclose(nav.l_ba_b, [1.0, 2.0, 3.0])
-    unchanged = params.imu_params(load(SCENARIOS / "shefex2_andoya.yaml"))  # the sensors stay as they are
-    for name, value in zip(imu._fields, imu, strict=True):
-        np.testing.assert_array_equal(value, getattr(unchanged, name))
+    unchanged = load(SCENARIOS / "shefex2_andoya.yaml")
+    assert imu == settings(Imu, unchanged.imu)  # the sensors stay as they are
 
 
 def test_filter_knows_which_motor_may_burn(scenario):

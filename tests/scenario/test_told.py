@@ -44,8 +44,9 @@ def same(one, two):
 
 
 def of_world(scenario):
-    makers = (params.imu_params, params_gps.gps_params, params.camera_params, params.pad_params)
-    return (*(make(scenario) for make in makers), params.flight_params(scenario), scenario.gps.clock_offset)
+    makers = (params_gps.gps_params, params.camera_params, params.flight_params)
+    true = scenario.imu.model_dump(), scenario.pad_alignment.model_dump(), scenario.gps.clock_offset
+    return (*(make(scenario) for make in makers), *true)
 
 
 def of_computer(scenario):

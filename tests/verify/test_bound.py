@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from imu_settings import PERFECT, imu_with
 
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import frames, rotation, wgs84
@@ -15,11 +16,7 @@ ARM = np.array([0.6, 0.05, -0.03])
 C_BC = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 Q_0 = rotation.quat_normalise(np.array([0.6, 0.2, -0.5, 0.3]))
 R_0, V_0 = np.array([2.2e6, 0.6e6, 6.0e6]), np.array([100.0, 400.0, 900.0])
-QUIET = imu.ImuParams(
-    **dict.fromkeys(imu.ImuParams._fields, 0.0)
-    | {"gyro_bias_tau_s": 1000.0, "accel_bias_tau_s": 1000.0, "vibration_boost": np.array([0.0])}
-    | {"vibration_low_hz": 20.0, "vibration_high_hz": 2000.0}
-)
+QUIET = imu_with(PERFECT, vibration_boost=(0.0,))
 
 
 class Camera:
@@ -81,7 +78,7 @@ def transition(trajectory, layout, params, duration_s):
 
 def test_every_error_source_grows_as_in_a_flight_with_that_error():
     """Each state against a strapdown whose increments have that error; 6 s of thrust and spin."""
-    params = QUIET._replace(vibration_boost=np.array([30.0]))
+    params = imu_with(QUIET, vibration_boost=(30.0,))
     layout = bound_model.sources(params, Camera, 0.0, np.inf)
     trajectory = flight(6.0)
     Phi, _ = transition(trajectory, layout, params, 6.0)
@@ -154,7 +151,7 @@ def test_errors_of_the_start_and_of_gravity_grow_as_in_a_flight():
 
 def test_white_noise_adds_up_as_known():
     """Without forces and turns, in closed form: variance of a random walk and of its integral."""
-    params = QUIET._replace(gyro_random_walk=1e-4, accel_random_walk=2e-3)
+    params = imu_with(QUIET, gyro_random_walk=1e-4, accel_random_walk=2e-3)
     layout = bound_model.sources(params, Camera, 0.0, np.inf)
     n = round(4.0 / DT)
     far = flight(4.0)._replace(
@@ -244,7 +241,7 @@ def test_star_rows_against_a_fit_to_shifted_stars():
 
 def test_swing_is_what_the_instrument_makes_of_vibration():
     """Scatter of the summed increments of the simulated instrument: 100 s, three axes, seed 7; 5 %."""
-    params = QUIET._replace(vibration_boost=np.array([30.0]), vibration_rate=0.0)
+    params = imu_with(QUIET, vibration_boost=(30.0,), vibration_angular=0.0)
     trajectory = flight(6.0)
     n = 40000
     still = trajectory._replace(
@@ -253,7 +250,7 @@ def test_swing_is_what_the_instrument_makes_of_vibration():
         dv_b=np.zeros((n, 3)),
         burning=np.ones(n, dtype=np.int8),
     )
-    params = params._replace(gyro_range=np.inf, accel_range=np.inf)
+    params = imu_with(params, gyro_range=np.inf, accel_range=np.inf)
     dv_b = imu.measure(params, still, np.random.default_rng(7)).dv_b
     scatter = np.cumsum(dv_b, axis=0)[1000:].std()
     assert bound.swing(params, 30.0, DT) == pytest.approx(scatter, rel=0.05)
@@ -309,7 +306,8 @@ def test_bound_is_the_filters_covariance_where_the_filter_knows_the_world():
         motors=np.zeros((0, 2)),
     )
     model = nav_params.imu
-    world = QUIET._replace(
+    world = imu_with(
+        QUIET,
         gyro_bias=5e-5,
         accel_bias=5e-3,
         gyro_random_walk=model.gyro_random_walk,
@@ -351,10 +349,11 @@ def test_a_further_error_source_never_helps():
         GpsFix(t, t + 0.2, True, None, None, 4.0 * np.eye(3), 0.01 * np.eye(3), 8, 2.0, "")
         for t in range(1, 20, 3)
     ]
-    few = QUIET._replace(gyro_bias=1e-6, accel_bias=5e-3, gyro_random_walk=1e-5, accel_random_walk=5e-4)
-    many = few._replace(
-        gyro_scale_factor=1e-4, accel_scale_factor=3e-4, gyro_g_sensitivity=3e-7, accel_bias_in_run=5e-4,
-        gyro_misalignment=5e-5, vibration_boost=np.array([20.0]), vibration_rate=5e-4,
+    few = imu_with(QUIET, gyro_bias=1e-6, accel_bias=5e-3, gyro_random_walk=1e-5, accel_random_walk=5e-4)
+    many = imu_with(
+        few,
+        gyro_scale_factor=1e-4, accel_scale_factor=3e-4, gyro_g_sensitivity=3e-7, accel_in_run_bias=5e-4,
+        gyro_misalignment=5e-5, vibration_boost=np.array([20.0]), vibration_angular=5e-4,
     )  # fmt: skip
     both = []
     for params in (few, many):

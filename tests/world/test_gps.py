@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import synthetic_trajectory as synthetic
+from imu_settings import PERFECT, imu_with
 from scipy import stats
 
 from shefex_nav.environment import gnss
@@ -264,11 +265,7 @@ def test_reproducible_and_parameters_disturb_only_what_they_mean(flight):
 
 def test_gps_parameters_leave_the_imu_alone(flight):
     """The sensors draw from streams of their own, in whatever order and from whatever parameters."""
-    perfect = imu.ImuParams(*[0.0] * len(imu.ImuParams._fields))
-    params = perfect._replace(
-        gyro_random_walk=1e-5, gyro_bias_tau_s=1.0, accel_bias_tau_s=1.0, gyro_range=9.0, accel_range=1e3,
-        vibration_boost=np.zeros(2), vibration_low_hz=20.0, vibration_high_hz=2000.0,
-    )  # fmt: skip
+    params = imu_with(PERFECT, gyro_random_walk=1e-5, gyro_range=9.0, accel_range=1e3)
     alone = imu.measure(params, flight, noise.generator(1, "imu"))
     for gps_params in (PARAMS, CALM._replace(sigma_range=10.0)):
         measure(gps_params, flight, seed=1)

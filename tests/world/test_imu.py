@@ -3,26 +3,17 @@
 import numpy as np
 import pytest
 import synthetic_trajectory as synthetic
+from imu_settings import PERFECT, TRIADS, imu_with
 from scipy import signal, stats
 
 from shefex_nav.world import imu, noise
 
 DT_S = 1.0 / synthetic.RATE_HZ
 G = 9.80665  # m/s^2
-PERFECT = imu.ImuParams(
-    **{name: 0.0 for name in imu.ImuParams._fields}
-)._replace(
-    vibration_boost=np.zeros(2),
-    gyro_bias_tau_s=1000.0,
-    accel_bias_tau_s=1000.0,
-    gyro_range=np.inf,
-    accel_range=np.inf,
-    vibration_low_hz=20.0,
-    vibration_high_hz=2000.0,
-)  # fmt: skip
-REAL = PERFECT._replace(
+REAL = imu_with(
+    PERFECT,
     gyro_bias=2.4e-6,
-    gyro_bias_in_run=4.8e-7,
+    gyro_in_run_bias=4.8e-7,
     gyro_random_walk=8.7e-6,
     gyro_scale_factor_roll=30e-6,
     gyro_scale_factor=100e-6,
@@ -32,20 +23,20 @@ REAL = PERFECT._replace(
     gyro_range=17.5,
     gyro_quantum=4.8e-7,
     accel_bias=4.9e-3,
-    accel_bias_in_run=4.9e-4,
+    accel_in_run_bias=4.9e-4,
     accel_random_walk=5e-4,
     accel_scale_factor=300e-6,
     accel_misalignment=1e-4,
     accel_vibration_rectification=2e-6,
     accel_range=40 * G,
     accel_quantum=5e-5,
-    vibration_boost=np.array([7 * G, 3.5 * G]),
+    vibration_boost=(7 * G, 3.5 * G),
     vibration_coast=0.02 * G,
-    vibration_rate=5.3e-4,
+    vibration_angular=5.3e-4,
 )
 
 
-SHAKEN = PERFECT._replace(vibration_boost=np.array([7 * G]))
+SHAKEN = imu_with(PERFECT, vibration_boost=(7 * G,))
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +46,12 @@ def flight():
 
 def measure(params, trajectory, seed=1):
     return imu.measure(params, trajectory, noise.generator(seed, "imu"))
+
+
+def true_sigma(name):
+    """What REAL says of an error of `ImuErrors`."""
+    triad, _, setting = name.partition("_")
+    return getattr(getattr(REAL, TRIADS[triad]), setting)
 
 
 def variance_is(samples, variance, confidence=0.999):
@@ -72,9 +69,9 @@ def test_a_perfect_instrument_reports_the_truth(flight):
 
 def test_constant_errors_follow_their_equation(flight):
     """Every constant term at once, against the equation written for one sample."""
-    params = REAL._replace(
-        gyro_bias_in_run=0, gyro_random_walk=0, gyro_quantum=0, accel_bias_in_run=0, accel_random_walk=0,
-        accel_quantum=0, vibration_rate=0, vibration_coast=0, vibration_boost=np.zeros(1),
+    params = imu_with(REAL, 
+        gyro_in_run_bias=0, gyro_random_walk=0, gyro_quantum=0, accel_in_run_bias=0, accel_random_walk=0,
+        accel_quantum=0, vibration_angular=0, vibration_coast=0, vibration_boost=(0.0,),
     )  # fmt: skip
     data = measure(params, flight)
     e = data.errors
@@ -93,22 +90,22 @@ def test_drawn_errors_have_their_sigmas():
     runs = [imu.draw_errors(REAL, noise.generator(seed, "imu")) for seed in range(400)]
     roll = np.array([run.gyro_scale_factor[0] for run in runs])
     across = np.array([run.gyro_scale_factor[1:] for run in runs])
-    assert variance_is(roll, REAL.gyro_scale_factor_roll**2)
-    assert variance_is(across, REAL.gyro_scale_factor**2)
+    assert variance_is(roll, REAL.gyro.scale_factor_roll**2)
+    assert variance_is(across, REAL.gyro.scale_factor**2)
     off_diagonal = ~np.eye(3, dtype=bool)
     for name in ("gyro_bias", "gyro_g_sensitivity", "accel_bias", "accel_scale_factor"):
-        assert variance_is(np.array([getattr(run, name) for run in runs]), getattr(REAL, name) ** 2)
+        assert variance_is(np.array([getattr(run, name) for run in runs]), true_sigma(name) ** 2)
     for name in ("gyro_misalignment", "accel_misalignment"):
         sample = np.array([getattr(run, name)[off_diagonal] for run in runs])
-        assert variance_is(sample, getattr(REAL, name) ** 2)
+        assert variance_is(sample, true_sigma(name) ** 2)
     for name in ("gyro_vibration_rectification", "accel_vibration_rectification"):
-        assert variance_is(np.array([getattr(run, name) for run in runs]), getattr(REAL, name) ** 2)
+        assert variance_is(np.array([getattr(run, name) for run in runs]), true_sigma(name) ** 2)
 
 
 @pytest.mark.parametrize("window", [1, 40, 1600])
 def test_random_walks_grow_with_the_root_of_time(window):
     """Sums over windows have variance sigma^2 t; 120 000 samples, three axes, chi-square at 99.9 %."""
-    params = PERFECT._replace(gyro_random_walk=8.7e-6, accel_random_walk=5e-4)
+    params = imu_with(PERFECT, gyro_random_walk=8.7e-6, accel_random_walk=5e-4)
     data = measure(params, synthetic.still(120_001))
     for increments, sigma in ((data.dtheta_b, 8.7e-6), (data.dv_b, 5e-4)):
         sums = increments[1:].reshape(-1, window, 3).sum(axis=1)
@@ -117,8 +114,12 @@ def test_random_walks_grow_with_the_root_of_time(window):
 
 def test_in_run_bias_wanders_within_its_sigma():
     """300 runs of 10 s with tau 5 s: bias at both ends has the variance asked for, chi-square at 99.9 %."""
-    params = PERFECT._replace(
-        gyro_bias_in_run=1e-3, gyro_bias_tau_s=5.0, accel_bias_in_run=2.0, accel_bias_tau_s=5.0
+    params = imu_with(
+        PERFECT,
+        gyro_in_run_bias=1e-3,
+        gyro_in_run_bias_time=5.0,
+        accel_in_run_bias=2.0,
+        accel_in_run_bias_time=5.0,
     )
     still = synthetic.still(4001)
     runs = [measure(params, still, seed) for seed in range(300)]
@@ -168,7 +169,7 @@ def test_vibration_leaves_no_velocity_behind_even_in_spin():
 
 
 def test_vibration_follows_the_motor(flight):
-    params = SHAKEN._replace(vibration_coast=0.02 * G, vibration_rate=5.3e-4)
+    params = imu_with(SHAKEN, vibration_coast=0.02 * G, vibration_angular=5.3e-4)
     data = measure(params, flight)
     noisy_v, noisy_theta = data.dv_b - flight.dv_b, data.dtheta_b - flight.dtheta_b
     boost = flight.burning == 1
@@ -178,15 +179,15 @@ def test_vibration_follows_the_motor(flight):
     assert np.std(noisy_theta[boost]) / np.std(noisy_v[boost]) == pytest.approx(5.3e-4, rel=0.03)
     level = imu.vibration_rms(REAL, np.array([0, 1, 2, 0], np.int8))
     np.testing.assert_allclose(level / G, [0.02, 7.0, 3.5, 0.02])
-    no_stages = REAL._replace(vibration_boost=np.zeros(0))
+    no_stages = imu_with(REAL, vibration_boost=())
     np.testing.assert_allclose(imu.vibration_rms(no_stages, np.zeros(2, np.int8)) / G, 0.02)
 
 
 def test_rectification_is_a_bias_that_grows_with_the_square_of_the_vibration(flight):
-    params = SHAKEN._replace(accel_vibration_rectification=2e-6, gyro_vibration_rectification=1e-9)
+    params = imu_with(SHAKEN, accel_vibration_rectification=2e-6, gyro_vibration_rectification=1e-9)
     with_it = measure(params, flight)
     without = measure(
-        params._replace(accel_vibration_rectification=0, gyro_vibration_rectification=0), flight
+        imu_with(params, accel_vibration_rectification=0, gyro_vibration_rectification=0), flight
     )
     boost = (flight.burning == 1)[:, None]
     e = with_it.errors
@@ -197,7 +198,7 @@ def test_rectification_is_a_bias_that_grows_with_the_square_of_the_vibration(fli
 
 
 def test_quantised_increments_are_whole_quanta_and_do_not_drift(flight):
-    data = measure(PERFECT._replace(gyro_quantum=1e-4, accel_quantum=0.01), flight)
+    data = measure(imu_with(PERFECT, gyro_quantum=1e-4, accel_quantum=0.01), flight)
     for counted, ideal, quantum in ((data.dtheta_b, flight.dtheta_b, 1e-4), (data.dv_b, flight.dv_b, 0.01)):
         counts = counted / quantum
         np.testing.assert_allclose(counts, np.rint(counts), atol=1e-9)
@@ -223,7 +224,7 @@ def test_samples_at_the_range_are_flagged_and_held():
     dtheta_b[80, 2] = -20.0 * DT_S
     dv_b[90, 0] = 39 * G * DT_S
     data = measure(
-        PERFECT._replace(accel_range=40 * G, gyro_range=17.5), still._replace(dv_b=dv_b, dtheta_b=dtheta_b)
+        imu_with(PERFECT, accel_range=40 * G, gyro_range=17.5), still._replace(dv_b=dv_b, dtheta_b=dtheta_b)
     )
     assert np.flatnonzero(data.saturated).tolist() == [40, 41, 42, 43, 44, 60, 80]
     assert data.dv_b[42, 0] == pytest.approx(40 * G * DT_S)
@@ -264,7 +265,7 @@ def test_same_seed_same_bytes_and_one_sensor_does_not_disturb_the_other(flight):
     data, again = measure(REAL, flight), measure(REAL, flight)
     assert data.dtheta_b.tobytes() == again.dtheta_b.tobytes()
     assert data.dv_b.tobytes() == again.dv_b.tobytes()
-    coarse = measure(REAL._replace(gyro_scale_factor_roll=300e-6, gyro_bias_in_run=0.0), flight)
+    coarse = measure(imu_with(REAL, gyro_scale_factor_roll=300e-6, gyro_in_run_bias=0.0), flight)
     assert data.dv_b.tobytes() == coarse.dv_b.tobytes()
     np.testing.assert_allclose(coarse.errors.gyro_scale_factor[0], 10 * data.errors.gyro_scale_factor[0])
     np.testing.assert_array_equal(coarse.errors.gyro_scale_factor[1:], data.errors.gyro_scale_factor[1:])

@@ -1,5 +1,7 @@
 """The alignment before lift-off: error statistics, sign of the error, and a vehicle at rest on the Earth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import synthetic_trajectory as synthetic
@@ -7,8 +9,9 @@ from scipy import stats
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.world import noise, pad
+from shefex_nav.world.settings import PadAlignment
 
-PARAMS = pad.PadParams(sigma_level=np.deg2rad(0.05), sigma_azimuth=np.deg2rad(0.3), sigma_r=3.0, sigma_v=0.01)
+PARAMS = PadAlignment(level=np.deg2rad(0.05), azimuth=np.deg2rad(0.3), position=3.0, velocity=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +24,7 @@ def align(flight, seed, params=PARAMS):
 
 
 def test_without_errors_it_is_the_truth(flight):
-    alignment = align(flight, 1, pad.PadParams(0.0, 0.0, 0.0, 0.0))
+    alignment = align(flight, 1, PadAlignment(level=0.0, azimuth=0.0, position=0.0, velocity=0.0))
     assert alignment.t_valid_s == -10.0
     np.testing.assert_allclose(alignment.r_i, flight.r_i[0], atol=1e-8)
     np.testing.assert_allclose(alignment.v_i, flight.v_i[0], atol=1e-11)
@@ -49,12 +52,12 @@ def test_azimuth_and_level_errors_are_about_the_vertical_and_across_it(flight):
     C_in = frames.dcm_ie(synthetic.EARTH, -10.0) @ wgs84.dcm_en(*synthetic.SITE)
     vertical_b = rotation.dcm_from_quat(flight.q_ib[0]).T @ C_in[:, 2]
     for seed in range(5):
-        turned = align(flight, seed, PARAMS._replace(sigma_level=0.0))
+        turned = align(flight, seed, replace(PARAMS, level=0.0))
         error_b = rotation.rotvec_between(turned.q_ib, flight.q_ib[0])
         np.testing.assert_allclose(
             np.cross(error_b, vertical_b), 0.0, atol=1e-7 * np.linalg.norm(error_b) + 1e-12
         )
-        tilted = align(flight, seed, PARAMS._replace(sigma_azimuth=0.0))
+        tilted = align(flight, seed, replace(PARAMS, azimuth=0.0))
         error_b = rotation.rotvec_between(tilted.q_ib, flight.q_ib[0])
         assert abs(error_b @ vertical_b) < 1e-7 * np.linalg.norm(error_b) + 1e-12
 
@@ -70,7 +73,7 @@ def test_reported_covariance_has_the_axes_of_the_site(flight):
 
 def test_velocity_is_that_of_the_ground(flight):
     """Inertial velocity is the Earth's rotation, 166 m/s at the launch site at 69 degrees north."""
-    alignment = align(flight, 2, PARAMS._replace(sigma_v=0.0))
+    alignment = align(flight, 2, replace(PARAMS, velocity=0.0))
     expected = np.cross(frames.omega_ie_i(synthetic.EARTH), alignment.r_i)
     np.testing.assert_allclose(alignment.v_i, expected, atol=1e-9)
     assert np.linalg.norm(alignment.v_i) == pytest.approx(165.0, abs=1.5)
@@ -79,17 +82,17 @@ def test_velocity_is_that_of_the_ground(flight):
 def test_alignment_in_orbit():
     """Errors of position and velocity are independent, those of attitude are about local level."""
     flight = synthetic.orbit(end_s=0.1)
-    far = PARAMS._replace(sigma_r=1e5)
+    far = replace(PARAMS, position=1e5)
     alignments = [align(flight, seed, far) for seed in range(300)]
     error_v = np.array([alignment.v_i - flight.v_i[0] for alignment in alignments])
     low, high = stats.chi2.interval(0.999, error_v.size)  # 1e5 m turning with the Earth would add 7 m/s
-    assert low < np.sum(error_v**2) / PARAMS.sigma_v**2 < high
+    assert low < np.sum(error_v**2) / PARAMS.velocity**2 < high
     error_r = np.array([alignment.r_i - flight.r_i[0] for alignment in alignments])
-    assert low < np.sum(error_r**2) / far.sigma_r**2 < high
+    assert low < np.sum(error_r**2) / far.position**2 < high
     q_true = flight.q_ib[0]  # body x ahead, y to the right, z down: level but for the ellipsoid's normal
     error_b = np.array([rotation.rotvec_between(alignment.q_ib, q_true) for alignment in alignments])
     np.testing.assert_allclose(np.rad2deg(error_b.std(axis=0)), [0.05, 0.05, 0.3], rtol=0.2)
-    same = align(flight, 1, pad.PadParams(0.0, 0.0, 0.0, 0.0))
+    same = align(flight, 1, PadAlignment(level=0.0, azimuth=0.0, position=0.0, velocity=0.0))
     np.testing.assert_allclose(same.v_i, flight.v_i[0], atol=1e-12)
 
 
@@ -101,7 +104,7 @@ def test_same_seed_same_alignment(flight):
 
 def test_an_unknown_azimuth_is_anything_within_half_a_turn(flight):
     """400 draws: even (Kolmogorov-Smirnov), about the vertical, reported as such; level is what it was."""
-    unknown = PARAMS._replace(sigma_azimuth=np.inf)
+    unknown = replace(PARAMS, azimuth=np.inf)
     C_in = frames.dcm_ie(synthetic.EARTH, -10.0) @ wgs84.dcm_en(*synthetic.SITE)
     down_b = rotation.dcm_from_quat(flight.q_ib[0]).T @ C_in[:, 2]
     turned = []
