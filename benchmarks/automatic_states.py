@@ -43,7 +43,7 @@ def scenario_of(name, unit, states):
 def fly(name, unit, states, seed):
     """One flight: {moment: (errors (9,), NEES of position, velocity, attitude (3,))}, once a second."""
     from shefex_nav import prepare, simulate
-    from shefex_nav.onboard.navigation import coast, fusion
+    from shefex_nav.onboard.navigation import fusion, ticks
     from shefex_nav.world import imu
 
     world = prepare.build_world(scenario_of(name, unit, states), seed, flight=planned(name))
@@ -55,7 +55,7 @@ def fly(name, unit, states, seed):
         stop = min(n - n % 100 + 100, len(blocks.t_valid_s))
         stop = min(stop, int(np.searchsorted(blocks.t_valid_s + 1e-6, arrives_s)) + 1)
         while n < stop:
-            n += coast.coast(nav, blocks, n, stop)
+            n += ticks.advance(nav, blocks, n, stop)
         if arrived := simulate.due(gps, blocks.t_valid_s[n - 1]):
             fusion.fuse(nav, [("gps", fix) for fix in arrived])
         if n % 100 == 0 and blocks.t_valid_s[n - 1] > 0.0:

@@ -93,7 +93,7 @@ def with_kept_stars(scenario, world, job):
             break
         fusion.advance(nav, block)
         due = simulate.due(stars, block.t_valid_s)
-        records = computer.conclude(nav, n, simulate.due(gps, block.t_valid_s), due)
+        records = computer.update_filter(nav, n, simulate.due(gps, block.t_valid_s), due)
         for record in [*due, *records]:
             log.take(record)
     return log.flight()

@@ -65,7 +65,7 @@ def parameters(overrides):
 def measure(params, alignment, earth, blocks, arrivals, with_solution):
     """Processor time and wall clock [s] of the filter over the ticks."""
     from shefex_nav.onboard import computer
-    from shefex_nav.onboard.navigation import coast, fusion, solution
+    from shefex_nav.onboard.navigation import fusion, solution, ticks
     from shefex_nav.records import row
 
     nav, n, busy = fusion.start(params, alignment, earth), 0, [k for k, what in enumerate(arrivals) if what]
@@ -73,10 +73,10 @@ def measure(params, alignment, earth, blocks, arrivals, with_solution):
     for k in [*busy, len(arrivals)]:
         while n < k:
             if with_solution:
-                done, _ = computer.glide(nav, n, blocks, n, k)
+                done, _ = computer.predict_filter(nav, n, blocks, n, k)
                 solution.solution(nav)  # of the last, as a tick has it that is attended to
             else:
-                done = coast.coast(nav, blocks, n, k)
+                done = ticks.advance(nav, blocks, n, k)
             n += done
         if k == len(arrivals):
             break

@@ -52,68 +52,68 @@ def route(world, scenario, seed, *, until_s=np.inf, step=star_tracker.step, colu
     year = catalogue_year(scenario.mission.epoch)
     computer = onboard.start(world.computer, world.alignment, world.earth, world.catalogue, year)
     read = imu.stacked(world.imu)
-    eye = _star_camera(world, scenario, seed, computer, step, read.t_valid_s)
-    diary, n = Diary(world, read.t_valid_s, until_s, columns is None), 0
+    link = _star_camera(world, scenario, seed, computer, step, read.t_valid_s)
+    schedule, n = Schedule(world, read.t_valid_s, until_s, columns is None), 0
     telemetry, blocks = (RECORDS, read) if columns is None else (columns, None)
-    while n < diary.ticks:
-        stop = eye.shutter.ahead(n, diary.next_tick(n), diary.ends_s)
-        computer, made, passed = onboard.coast(computer, read, n, stop, telemetry)
+    while n < schedule.ticks:
+        stop = link.shutter.ahead(n, schedule.next_tick(n), schedule.ends_s)
+        computer, made, passed = onboard.predict(computer, read, n, stop, telemetry)
         for tick, outputs in passed:
-            yield from _outside(world, blocks, tick, diary, outputs[-1].t_s)
+            yield from _outside(world, blocks, tick, schedule, outputs[-1].t_s)
             yield from outputs
         n += made
-        computer = yield from _tick(computer, world, blocks, n, diary, eye, telemetry)
+        computer = yield from _tick(computer, world, blocks, n, schedule, link, telemetry)
     if n == len(read.t_valid_s):
-        yield from reversed(diary.events)  # the impact, between the last tick and the one that did not come
+        yield from reversed(schedule.events)  # the impact, after the last tick
 
 
-def _tick(computer, world, blocks, n, diary, eye, telemetry):
+def _tick(computer, world, blocks, n, schedule, link, telemetry):
     """Tick n of a `route`, to which the computer has come: yields its records. -> Computer"""
     now_s = computer.nav.history.ends_s[-1]
-    yield from _outside(world, blocks, n, diary, now_s)
-    arrived, pictures = due(diary.received, now_s), eye.shutter.arrived(now_s)
+    yield from _outside(world, blocks, n, schedule, now_s)
+    arrived, pictures = due(schedule.received, now_s), link.shutter.arrived(now_s)
     for _, truth in pictures:
         yield truth
     yield from arrived
-    frames = [eye.line.picture(frame) for frame, _ in pictures]
-    if eye.has_pictures:
+    frames = [link.line.picture(frame) for frame, _ in pictures]
+    if link.has_pictures:
         yield from frames
-    clock = Stopwatch(eye.step)
-    chain = eye.line.chain(clock.step)
-    how = {"chain": chain, "context": eye.context, "telemetry": telemetry}
-    computer, outputs = onboard.attend(computer, arrived, frames, **how)
+    clock = Stopwatch(link.step)
+    chain = link.line.chain(clock.step)
+    how = {"chain": chain, "context": link.context, "telemetry": telemetry}
+    computer, outputs = onboard.update(computer, arrived, frames, **how)
     yield from outputs
-    if eye.has_pictures:
+    if link.has_pictures:
         for frame, duration_s in zip(frames, clock.durations_s, strict=True):
             yield ComputeTime(now_s, frame.number, duration_s)
-    eye.shutter.tick(n, now_s, [record for record in outputs if isinstance(record, CameraCommand)])
+    link.shutter.tick(n, now_s, [record for record in outputs if isinstance(record, CameraCommand)])
     return computer
 
 
-def _outside(world, blocks, n, diary, now_s):
+def _outside(world, blocks, n, schedule, now_s):
     """What is recorded at tick n before the computer has its turn: what it does not get, and the IMU.
 
     blocks : ImuBlock of arrays; None where no truth and no samples are wanted
     """
-    yield from due(diary.events, now_s)
+    yield from due(schedule.events, now_s)
     if blocks is not None:
         yield truth_sample(world.flight.trajectory, n * SAMPLES_PER_TICK)
-        yield from due(diary.steered, now_s)
+        yield from due(schedule.steered, now_s)
         yield row(blocks, n - 1)
 
 
-class Eye(NamedTuple):
+class CameraLink(NamedTuple):
     """Star camera, the line to the computer, and what searches its pictures there."""
 
     shutter: Shutter
     line: faults.StarLine
     step: Callable  # `star_tracker.step`, or what stands for it
-    context: Callable  # of `onboard.attend`
+    context: Callable  # of `onboard.update`
     has_pictures: bool
 
 
 def _star_camera(world, scenario, seed, computer, step, ends_s):
-    """Eye of a run, whose pictures, if there are any, are searched by `step`; ends_s : (n,) of its ticks."""
+    """CameraLink of a run; pictures, if there are any, are searched by `step`. ends_s : (n,) of its ticks"""
     line, take = faults.StarLine(world.faults.stars, noise.generator(seed, "faults")), camera.expose
     is_statistical = statistical.is_wanted(scenario)
     if is_statistical:
@@ -130,10 +130,10 @@ def _star_camera(world, scenario, seed, computer, step, ends_s):
         take=take,
     )
     context = onboard.brief_context if brief else onboard.star_context
-    return Eye(shutter, line, step, context, not is_statistical)
+    return CameraLink(shutter, line, step, context, not is_statistical)
 
 
-class Diary:
+class Schedule:
     """What is still to come in a run, and at which tick.
 
     events, steered, received : lists in reverse order of time of Event, ControlSample, and of GpsFix,

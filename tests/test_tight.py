@@ -36,11 +36,11 @@ def flown(seed, *overrides):
     while n < last:
         due_s = waiting[-1].t_available_s if waiting else np.inf
         stop = min(int(np.searchsorted(blocks.t_valid_s, due_s - SAME_S)) + 1, last)
-        computer, done, _ = onboard.coast(computer, blocks, n, max(stop, n + 1), columns)
+        computer, done, _ = onboard.predict(computer, blocks, n, max(stop, n + 1), columns)
         n += done
         arrived = simulate.due(waiting, blocks.t_valid_s[n - 1])
         ranges += [message for message in arrived if isinstance(message, GpsRanges) and len(message.prn)]
-        computer, outputs = onboard.attend(computer, arrived, [], telemetry=columns)
+        computer, outputs = onboard.update(computer, arrived, [], telemetry=columns)
         gates += [record for record in outputs if isinstance(record, GateResult)]
     trajectory = world.flight.trajectory
     r_i = trajectory.r_i[np.searchsorted(trajectory.t_s, UNTIL_S - 1e-6)]

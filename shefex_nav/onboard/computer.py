@@ -1,4 +1,4 @@
-"""The executive of the on-board computer: `coast` from tick to tick, `attend` to what has arrived at one.
+"""The executive of the on-board computer: `predict` from tick to tick, `update` with what has arrived at one.
 
 Order within a tick: strapdown and prediction with the IMU block, star tracker chain on the frames that have
 arrived, fusion of the GPS fixes and star fixes that are due, solution. A StarFix enters the filter at the
@@ -17,8 +17,8 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
-from shefex_nav.onboard.navigation import coast as coasting
 from shefex_nav.onboard.navigation import fusion, mean_rate, search, sensors, strapdown
+from shefex_nav.onboard.navigation import ticks as filter_ticks
 from shefex_nav.onboard.navigation.state import ATT, X_MOUNTING, X_Q, X_R, X_V, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.onboard.telemetry import RECORDS
@@ -69,20 +69,20 @@ def start(params, alignment, earth, catalogue, julian_year):
     return Computer(params, earth, nav, tracker, None, (), 0, bank)
 
 
-def coast(computer, blocks, first, last, telemetry=RECORDS):
-    """On with ImuBlocks, up to the first tick that the computer itself has to attend to.
+def predict(computer, blocks, first, last, telemetry=RECORDS):
+    """On with ImuBlocks, up to the first tick at which the computer itself has something to do.
 
     Parameters
     ----------
-    computer : Computer, all ticks before attended to
+    computer : Computer, all ticks before updated
     blocks : ImuBlock of arrays, of which rows first ... last - 1 are meant
     telemetry : who is told of the ticks, `telemetry.Records` or `telemetry.Columns`
 
     Returns
     -------
-    computer : Computer at a tick that has not been attended to
+    computer : Computer at a tick that has not been updated
     done : int, ticks that were made, at least one
-    outputs : list of (tick, records), what there is to tell of the ticks before the last: see `glide`
+    outputs : list of (tick, records), what there is to tell of the ticks before the last
     """
     if computer.bank is not None:
         search.advance(computer.bank, blocks, first)
@@ -94,19 +94,19 @@ def coast(computer, blocks, first, last, telemetry=RECORDS):
     due_s = min((fix.t_available_s for fix in computer.waiting), default=np.inf)
     if due_s < blocks.t_valid_s[last - 1]:
         last = first + int(np.searchsorted(blocks.t_valid_s[first:last], due_s - SAME_S)) + 1
-    done, outputs = glide(computer.nav, ticks, blocks, first, last, telemetry)
+    done, outputs = predict_filter(computer.nav, ticks, blocks, first, last, telemetry)
     return computer._replace(ticks=ticks + done), done, outputs
 
 
-def glide(nav, ticks, blocks, first, last, telemetry=RECORDS):
-    """`coasting.coast`, and what is told of the ticks on the way.
+def predict_filter(nav, ticks, blocks, first, last, telemetry=RECORDS):
+    """`ticks.advance`, and what is told of the ticks on the way.
 
     Parameters
     ----------
     nav : fusion.Filter
     ticks : of this run, made before
     blocks, first, last : as there
-    telemetry : as in `coast`
+    telemetry : as in `predict`
 
     Returns
     -------
@@ -114,11 +114,11 @@ def glide(nav, ticks, blocks, first, last, telemetry=RECORDS):
     outputs : list of (tick, list of records), without the last tick, of which there may be more to tell
     """
     blind = nav.watch.imu_blind  # until the last tick: it ends there if that changes
-    done = coasting.coast(nav, blocks, first, last)
+    done = filter_ticks.advance(nav, blocks, first, last)
     return done, telemetry.passed(nav, ticks, ticks + done, blind)
 
 
-def attend(computer, gps_fixes, frames_arrived, *, chain=star_tracker.step, context=None, telemetry=RECORDS):
+def update(computer, gps_fixes, frames_arrived, *, chain=star_tracker.step, context=None, telemetry=RECORDS):
     """What is done at the tick that the filter has reached, with what has arrived since the one before.
 
     Parameters
@@ -129,7 +129,7 @@ def attend(computer, gps_fixes, frames_arrived, *, chain=star_tracker.step, cont
     frames_arrived : sequence of Frame, likewise
     chain : `star_tracker.step`, or something that wraps it to see how long it takes
     context : as `star_context`, which it is by default: what the chain wants to know of a frame
-    telemetry : as in `coast`
+    telemetry : as in `predict`
 
     Returns
     -------
@@ -143,11 +143,11 @@ def attend(computer, gps_fixes, frames_arrived, *, chain=star_tracker.step, cont
     if computer.bank is not None:
         computer, more = _search(computer, gps_fixes, due, telemetry)
         return computer, outputs + more
-    return computer, outputs + conclude(computer.nav, computer.ticks, gps_fixes, due, telemetry)
+    return computer, outputs + update_filter(computer.nav, computer.ticks, gps_fixes, due, telemetry)
 
 
 def _search(computer, gps_fixes, star_fixes, telemetry):
-    """`conclude` while an angle of the attitude is not known. -> Computer, records"""
+    """`update_filter` while an angle of the attitude is not known. -> Computer, records"""
     params, bank = computer.params, computer.bank
     outputs = search.fuse(bank, gps_fixes, star_fixes) if len(gps_fixes) or len(star_fixes) else []
     found = search.settled(bank, params.nav, computer.earth) if outputs else None
@@ -158,7 +158,7 @@ def _search(computer, gps_fixes, star_fixes, telemetry):
     return computer._replace(nav=found, bank=None), outputs
 
 
-def conclude(nav, ticks, gps_fixes, star_fixes, telemetry=RECORDS):
+def update_filter(nav, ticks, gps_fixes, star_fixes, telemetry=RECORDS):
     """What a tick does once the filter has been advanced and the star tracker has had its turn.
 
     Parameters
@@ -167,7 +167,7 @@ def conclude(nav, ticks, gps_fixes, star_fixes, telemetry=RECORDS):
     ticks : of this run, this one included
     gps_fixes : GpsFix and GpsRanges that have become available
     star_fixes : StarFix likewise, also those that hold nothing for the filter
-    telemetry : as in `coast`
+    telemetry : as in `predict`
 
     Returns
     -------

@@ -170,11 +170,11 @@ def _advance(nav, blocks, n, waiting):
     last = len(blocks.t_valid_s)
     if waiting:
         last = min(last, int(np.searchsorted(blocks.t_valid_s, waiting[-1].t_available_s - SAME_S)) + 1)
-    done, told = computer.glide(nav, n, blocks, n, max(last, n + 1))
+    done, told = computer.predict_filter(nav, n, blocks, n, max(last, n + 1))
     arrived, now = [], n + done
     while waiting and waiting[-1].t_available_s <= nav.history.ends_s[-1] + SAME_S:
         arrived.append(waiting.pop())
-    return done, arrived, {**dict(told), now: computer.conclude(nav, now, arrived, ())}
+    return done, arrived, {**dict(told), now: computer.update_filter(nav, now, arrived, ())}
 
 
 def _truth_samples(states):

@@ -195,7 +195,7 @@ def tick(recording, nav, k):
     if recording.field is not None:
         more_dv = partial(more_in_field, recording, nav.history[-1].state, block.dt_s)
     fusion.advance(nav, block, more_dv)
-    return [block, *gps, *stars, *computer.conclude(nav, k + 1, gps, stars)]
+    return [block, *gps, *stars, *computer.update_filter(nav, k + 1, gps, stars)]
 
 
 def more_in_field(recording, state, dt_s, dtheta_b):

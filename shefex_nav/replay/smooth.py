@@ -163,12 +163,12 @@ def forward(recording, progress=lambda share: None):
     for k in busy:
         while done <= k:
             before = _axes(nav)
-            more, _ = computer.glide(nav, done, blocks, done, k + 1, columns)
+            more, _ = computer.predict_filter(nav, done, blocks, done, k + 1, columns)
             states[done + 1 : done + more] = before  # a change ends it
             done += more
             states[done] = _axes(nav)
             gps, stars = (what.get(done - 1, []) for what in (recording.gps, recording.stars))
-            for record in computer.conclude(nav, done, gps, stars, columns):
+            for record in computer.update_filter(nav, done, gps, stars, columns):
                 said.add(record)
         progress(done / end)
     said = said.build()

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from shefex_nav.environment.gravity import gravity_j2_e
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.onboard.navigation import coast, fusion, solution
+from shefex_nav.onboard.navigation import fusion, solution, ticks
 from shefex_nav.onboard.navigation.state import NavState
 from shefex_nav.records import GpsFix, ImuBlock, StarFix
 
@@ -112,7 +112,7 @@ def navigate(place, duration_s, rng, star_every_s=None):
         increments = (values.reshape(100, 4, 3) for values in increments)
         blocks, n = ImuBlock(t_s, t_s, np.full(100, DT), *increments, NEVER, ~NEVER), 0
         while n < 100:
-            n += coast.coast(nav, blocks, n, 100)
+            n += ticks.advance(nav, blocks, n, 100)
         fixes = [("gps", gps_fix(place, float(second), rng))]
         if star_every_s and second % star_every_s == 0:
             fixes.append(("star_tracker", star_fix(place, float(second), mounting, rng)))

@@ -44,7 +44,7 @@ def flown(nav, blocks, fixes, kind=GateResult):
         fusion.advance(nav, block)
         due = [fix for fix in waiting if fix.t_available_s <= block.t_valid_s + 1e-9]
         waiting = waiting[len(due) :]
-        outputs = computer.conclude(nav, n, [], due)
+        outputs = computer.update_filter(nav, n, [], due)
         results += [record for record in outputs if isinstance(record, kind)]
     return results
 

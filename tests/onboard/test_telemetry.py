@@ -26,10 +26,10 @@ class Flight:
         records = []
         while self.n < last:
             stop = min(last, self.n + longest)
-            done, passed = computer.glide(self.nav, self.n, ARRAYS, self.n, stop, self.listener)
+            done, passed = computer.predict_filter(self.nav, self.n, ARRAYS, self.n, stop, self.listener)
             self.n += done
             records += [one for _, said in passed for one in said]
-            records += computer.conclude(self.nav, self.n, [], (), self.listener)
+            records += computer.update_filter(self.nav, self.n, [], (), self.listener)
         return records
 
 

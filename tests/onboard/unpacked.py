@@ -120,8 +120,8 @@ def star_attitude(order, state, fix, C_bc, sigma_floor):
 
 
 def tick(computer, block, gps_fixes, frames_arrived, **how):
-    """A tick of the computer: on with one ImuBlock, and what has arrived. -> as `computer.attend`"""
+    """A tick of the computer: on with one ImuBlock, and what has arrived. -> as `computer.update`"""
     rows = type(block)(*(np.array([field]) for field in block))
-    computer, made, _ = onboard.coast(computer, rows, 0, 1)
+    computer, made, _ = onboard.predict(computer, rows, 0, 1)
     assert made == 1
-    return onboard.attend(computer, gps_fixes, frames_arrived, **how)
+    return onboard.update(computer, gps_fixes, frames_arrived, **how)

@@ -4,7 +4,7 @@ Tick by tick all filters of the Bank get the same; the one with most weight stan
 tracker. What is told is the mixture of all. Once they agree, one filter goes on from there.
 """
 
-from shefex_nav.onboard.navigation import coast, fusion, sensors
+from shefex_nav.onboard.navigation import fusion, sensors, ticks
 from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.hypotheses import Bank, is_wide
 from shefex_nav.onboard.navigation.state import BG
@@ -26,7 +26,7 @@ def start(params, alignment, earth):
 def advance(bank, blocks, k):
     """One tick on with all filters of a Bank. blocks : ImuBlock of arrays, of which row k is meant"""
     for member in bank.members:
-        coast.coast(member.nav, blocks, k, k + 1)
+        ticks.advance(member.nav, blocks, k, k + 1)
 
 
 def fuse(bank, gps_fixes, star_fixes):

@@ -8,7 +8,7 @@ from navigation_flight import DT, EARTH, PARAMS, alignment, fly, gps_fix
 
 from shefex_nav.log.run_data import stack
 from shefex_nav.onboard import computer, telemetry
-from shefex_nav.onboard.navigation import coast, fusion, integrity_imu, integrity_watch
+from shefex_nav.onboard.navigation import fusion, integrity_imu, integrity_watch, ticks
 from shefex_nav.records import ImuBlock, NavCovariance, NavSolution
 
 CLEAN, STATES = fly(6.0)
@@ -39,7 +39,7 @@ def flown(blocks, together, params=WATCHED, fixes=()):
     for stop, fix in zip(stops, [*fixes, None], strict=True):
         while n < stop:
             if together:
-                n += coast.coast(nav, arrays, n, stop)
+                n += ticks.advance(nav, arrays, n, stop)
             else:
                 fusion.advance(nav, blocks[n])
                 n += 1
@@ -96,11 +96,11 @@ def told(fault, longest, listener):
     while n < len(blocks):
         until_s = waiting[0].t_available_s - 1e-9 if waiting else np.inf
         stop = min(int(np.searchsorted(arrays.t_valid_s, until_s)) + 1, len(blocks), n + longest)
-        done, passed = computer.glide(nav, n, arrays, n, stop, listener)
+        done, passed = computer.predict_filter(nav, n, arrays, n, stop, listener)
         n += done
         outputs += [record for _, said in passed for record in said]
         arrived = [waiting.pop(0)] if waiting and nav.history.ends_s[-1] > until_s else []
-        outputs += computer.conclude(nav, n, arrived, (), listener)
+        outputs += computer.update_filter(nav, n, arrived, (), listener)
     return outputs
 
 
@@ -148,7 +148,7 @@ def test_what_the_watch_finds_is_said_at_its_tick(kind):
     assert_same(one, many)
     nav, n, said = fusion.start(WATCHED, alignment(STATES[0]), EARTH), 0, []
     while n < len(blocks):
-        n += coast.coast(nav, arrays, n, len(blocks))
+        n += ticks.advance(nav, arrays, n, len(blocks))
         for change in nav.watch.changes():
             assert change.t_s == nav.history.ends_s[-1]  # the call ended there
             said.append(change.healthy)
@@ -157,10 +157,10 @@ def test_what_the_watch_finds_is_said_at_its_tick(kind):
 
 def test_gyros_that_have_been_wrong_are_watched_tick_by_tick():
     nav, arrays = fusion.start(WATCHED, alignment(STATES[0]), EARTH), stacked(BLOCKS)
-    assert coast.coast(nav, arrays, 0, 100) == 1  # the watch takes its first block by itself
-    assert coast.coast(nav, arrays, 1, 100) == coast.LONGEST
+    assert ticks.advance(nav, arrays, 0, 100) == 1  # the watch takes its first block by itself
+    assert ticks.advance(nav, arrays, 1, 100) == ticks.LONGEST
     nav.watch.gyros.failed = ("gyro x",)
-    assert coast.coast(nav, arrays, 1 + coast.LONGEST, 100) == 1
+    assert ticks.advance(nav, arrays, 1 + ticks.LONGEST, 100) == 1
     assert nav.watch.distrusted  # no stars have said otherwise
 
 
@@ -170,5 +170,5 @@ def test_a_gap_in_the_blocks_is_refused():
     nav, n = fusion.start(WATCHED, alignment(STATES[0]), EARTH), 0
     with pytest.raises(ValueError, match="does not follow on"):
         while n < 20:
-            n += coast.coast(nav, holed, n, 20)
+            n += ticks.advance(nav, holed, n, 20)
     assert n == 5 and nav.history.ends_s[-1] == pytest.approx(5 * 4 * DT)

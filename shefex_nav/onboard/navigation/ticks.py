@@ -12,7 +12,7 @@ from shefex_nav.records import ImuBlock, row
 LONGEST = 32  # ticks in a call; the history needs room for them beside those that it keeps
 
 
-def coast(nav, blocks, first, last):
+def advance(nav, blocks, first, last):
     """Up to last - first ticks on, in which nothing arrives: `fusion.advance` with each block, and faster.
 
     Ends early, after a tick in which the health of the unit has changed, or when it has done many.
@@ -30,7 +30,7 @@ def coast(nav, blocks, first, last):
     done, last = 0, min(last, first + LONGEST)
     if watch.is_calm(n):
         history.make_room(n, last - first)
-        done, changed = _coast(
+        done, changed = _advance(
             nav.constants, history.arrays, history.newest, nav.params.motors, watch.imu, blocks, first, last
         )
     if not done:  # what is out of the ordinary, and what does not follow on the last block
@@ -43,8 +43,8 @@ def coast(nav, blocks, first, last):
 
 
 @kernel
-def _coast(constants, memory, newest, motors, screen, blocks, first, last):
-    """`coast` with what of a Filter is compiled. -> ticks made, bits of the axes that changed in the last
+def _advance(constants, memory, newest, motors, screen, blocks, first, last):
+    """`advance` with what of a Filter is compiled. -> ticks made, bits of the axes that changed in the last
 
     Ends before a block that does not follow on the one before it.
     """
