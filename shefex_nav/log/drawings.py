@@ -262,7 +262,7 @@ def thresholded(image_dn, threshold_sigma):
     mean, sigma = 0.0, 0.0
     for _ in range(3):
         n, total, squares = 0, 0, 0
-        for level in range(max(0, np.ceil(low)), min(largest, np.floor(high)) + 1):
+        for level in range(max(0, int(np.ceil(low))), min(largest, int(np.floor(high))) + 1):
             n += counts[level]
             total += counts[level] * level
             squares += counts[level] * level * level  # whole numbers: nothing is rounded

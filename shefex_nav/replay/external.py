@@ -11,7 +11,7 @@ from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.log.topics import Mission
-from shefex_nav.onboard import computer
+from shefex_nav.onboard.driving import arrivals, drive
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.records import Alignment, Event, ImuBlock, Phase, TruthSample, row
 from shefex_nav.replay import (
@@ -144,37 +144,26 @@ def run(replay, clock):
     yield Event(alignment.t_valid_s, "replay_start", height, f"{scenario.data.format} data")
     nav = fusion.start(params.nav_params(scenario, float(replay.blocks.dt_s[0])), alignment, replay.earth)
     said = [one for one in replay.data.received if one.t_valid_s > alignment.t_valid_s]
-    waiting = sorted(said, key=lambda one: one.t_available_s, reverse=True)
-    truth, n = _truth_samples(replay.truth), 0
-    while n < len(replay.blocks.t_valid_s):
+    said = arrivals(sorted(said, key=lambda one: one.t_available_s), replay.blocks.t_valid_s)
+    truth = _truth_samples(replay.truth)
+    for k, arrived, outputs in _timed(drive(nav, replay.blocks, said, {}), clock):
+        block = row(replay.blocks, k)
+        if block.t_valid_s in truth:
+            yield truth[block.t_valid_s]
+        yield block
+        yield from arrived
+        yield from outputs
+
+
+def _timed(steps, clock):
+    """Steps of an iterator, the processor time that they take added to a clock."""
+    while True:
         began = time.process_time()
-        done, arrived, told = _advance(nav, replay.blocks, n, waiting)
+        step = next(steps, None)
         clock.filter_s += time.process_time() - began
-        for tick in range(n + 1, n + done + 1):
-            block = row(replay.blocks, tick - 1)
-            if block.t_valid_s in truth:
-                yield truth[block.t_valid_s]
-            yield block
-            if tick == n + done:
-                yield from arrived
-            yield from told[tick]
-        n += done
-
-
-def _advance(nav, blocks, n, waiting):
-    """From tick n on to the next at which a fix arrives, or as far as ticks can be made at once.
-
-    waiting : GpsFix and readings of instruments, the last is the next to arrive
-    -> ticks made, what has arrived, {tick: what the filter says}
-    """
-    last = len(blocks.t_valid_s)
-    if waiting:
-        last = min(last, int(np.searchsorted(blocks.t_valid_s, waiting[-1].t_available_s - SAME_S)) + 1)
-    done, told = computer.predict_filter(nav, n, blocks, n, max(last, n + 1))
-    arrived, now = [], n + done
-    while waiting and waiting[-1].t_available_s <= nav.history.ends_s[-1] + SAME_S:
-        arrived.append(waiting.pop())
-    return done, arrived, {**dict(told), now: computer.update_filter(nav, now, arrived, ())}
+        if step is None:
+            return
+        yield step
 
 
 def _truth_samples(states):

@@ -8,6 +8,8 @@ from shefex_nav import __version__, warmup
 from shefex_nav.errors import UserError
 from shefex_nav.log.run_data import RunDataBuilder
 from shefex_nav.log.topics import RunSummary
+from shefex_nav.onboard.driving import drive
+from shefex_nav.records import ImuBlock
 from shefex_nav.replay import air, external, rerun, said
 from shefex_nav.report import metrics
 from shefex_nav.scenario.choices import choices
@@ -56,9 +58,9 @@ def of_log(recording, from_s, log):
     began = time.perf_counter()
     warmup.get_ready({"command=replay of a log"})
     data = recording.data
-    nav = rerun.start(recording)
-    for k in range(min(len(data.imu.t_valid_s), BRIEF_TICKS)):
-        rerun.tick(recording, nav, k)
+    brief = ImuBlock(*(column[:BRIEF_TICKS] for column in data.imu))
+    for _ in drive(rerun.start(recording), brief, recording.gps, recording.stars):
+        pass
     setup_s = time.perf_counter() - began
     name = f"{data.mission.scenario} (replayed)"
     mission = data.mission._replace(scenario=name, scenario_text=recording.scenario_text, version=__version__)

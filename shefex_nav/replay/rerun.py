@@ -6,19 +6,16 @@ last bit on a machine of the same type; with another one, the solution which tha
 fixes are those of the log: which frames were solved, and how, is not decided again.
 """
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from shefex_nav import prepare
 from shefex_nav.clock import SAME_S
-from shefex_nav.environment import gravity
-from shefex_nav.geometry import frames, rotation
 from shefex_nav.log import reader
 from shefex_nav.log.run_data import RunData
 from shefex_nav.log.topics import ATTACHMENT, LogError
-from shefex_nav.onboard import computer
+from shefex_nav.onboard.driving import arrivals, drive
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.hypotheses import is_wide
 from shefex_nav.onboard.navigation.state import NavParams
@@ -152,20 +149,6 @@ def _check(log_path, data):
     )
 
 
-def arrivals(measurements, ticks_s):
-    """When measurements arrive: what stands behind one that is not available yet waits with it.
-
-    records with t_available_s, in order; (N,) s -> {tick, counted from 0: list of records}
-    """
-    available_s = np.maximum.accumulate([measurement.t_available_s for measurement in measurements])
-    due = {}
-    for tick, measurement in zip(
-        np.searchsorted(ticks_s + SAME_S, available_s).tolist(), measurements, strict=True
-    ):
-        due.setdefault(tick, []).append(measurement)
-    return due
-
-
 def _heard(data):
     """Lists of what the sensors of a RunData said that have no pictures."""
     yield from (data.gps, data.gps_ranges)
@@ -184,54 +167,20 @@ def start(recording):
     return fusion.start(recording.params, recording.data.alignment, recording.data.mission.earth)
 
 
-def tick(recording, nav, k):
-    """Tick k, counted from 0, of the on-board computer without camera and star tracker.
-
-    Recording, fusion.Filter after tick k - 1 -> list of records: measurements, then what the filter says
-    """
-    gps, stars = recording.gps.get(k, []), recording.stars.get(k, [])
-    block = imu_block(recording.data, k)
-    more_dv = None
-    if recording.field is not None:
-        more_dv = partial(more_in_field, recording, nav.history[-1].state, block.dt_s)
-    fusion.advance(nav, block, more_dv)
-    return [block, *gps, *stars, *computer.update_filter(nav, k + 1, gps, stars)]
-
-
-def more_in_field(recording, state, dt_s, dtheta_b):
-    """Velocity increments that a better field of the Earth than the filter's own gives on top: (n, 3) m/s.
-
-    The difference of the two fields, taken in the middle of the tick, turned into the axes of the middle of
-    each sample; with it the on-board integration needs not change.
-
-    state : NavState at the beginning of the block;  dt_s : of a sample
-    dtheta_b : (n, 3) rad, the block's angle increments as the strapdown takes them: a silent unit has none
-    """
-    earth, half_s = recording.data.mission.earth, 0.5 * dt_s * len(dtheta_b)
-    C_ie = frames.dcm_ie(earth, state.t_s + half_s)
-    r_e = C_ie.T @ (state.r_i + half_s * state.v_i)
-    more_i = C_ie @ (gravity.gravity_e(recording.field, r_e) - gravity.gravity_j2_e(r_e))
-    more_b = rotation.dcm_from_quat(state.q_ib).T @ more_i
-    turns = np.cumsum(dtheta_b, axis=0) - 0.5 * dtheta_b
-    return dt_s * np.array([rotation.dcm_from_rotvec(turn).T @ more_b for turn in turns])
-
-
 def records(recording):
     """The records of `run`."""
-    data = recording.data
+    data, nav = recording.data, start(recording)
     yield data.alignment
-    nav, aside = start(recording), not_seen_on_board(data)[::-1]
-    for k, now_s in enumerate(data.imu.t_valid_s.tolist()):
-        while aside and aside[-1][0] <= now_s + SAME_S:
+    aside = not_seen_on_board(data)[::-1]
+    for k, arrived, outputs in drive(nav, data.imu, recording.gps, recording.stars):
+        block = row(data.imu, k)
+        while aside and aside[-1][0] <= block.t_valid_s + SAME_S:
             yield aside.pop()[1]
-        yield from tick(recording, nav, k)
+        yield block
+        yield from arrived
+        yield from outputs
     for _, record in aside[::-1]:  # the impact, after the last tick
         yield record
-
-
-def imu_block(data, k):
-    """ImuBlock k of a RunData."""
-    return row(data.imu, k)
 
 
 def not_seen_on_board(data):

@@ -19,7 +19,7 @@ from shefex_nav.environment import gravity
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.geometry import frames
 from shefex_nav.log.run_data import RunData, RunDataBuilder
-from shefex_nav.onboard import computer
+from shefex_nav.onboard.driving import drive
 from shefex_nav.onboard.navigation import adaptation, covariance, integrity_imu, solution
 from shefex_nav.onboard.navigation.blocks import CONTAINED
 from shefex_nav.onboard.navigation.state import ATT, X_R
@@ -157,19 +157,14 @@ def forward(recording, progress=lambda share: None):
     blocks, said = recording.data.imu, RunDataBuilder(recording.data.mission)
     nav, columns = rerun.start(recording), Columns(1)
     nav = nav._replace(history=final_pass.Keeping(nav.history[0], nav.params.aid_names))
-    done, end = 0, len(blocks.t_valid_s)
+    done, end, before = 0, len(blocks.t_valid_s), _axes(nav)
     states = np.zeros((end + 1, 6), dtype=int)
-    busy = sorted({k for k in (*recording.gps, *recording.stars, end - 1) if k < end})
-    for k in busy:
-        while done <= k:
-            before = _axes(nav)
-            more, _ = computer.predict_filter(nav, done, blocks, done, k + 1, columns)
-            states[done + 1 : done + more] = before  # a change ends it
-            done += more
-            states[done] = _axes(nav)
-            gps, stars = (what.get(done - 1, []) for what in (recording.gps, recording.stars))
-            for record in computer.update_filter(nav, done, gps, stars, columns):
-                said.add(record)
+    for k, _, outputs in drive(nav, blocks, recording.gps, recording.stars, columns):
+        states[done + 1 : k + 1] = before  # a change ends the ticks that are made at once
+        done, before = k + 1, _axes(nav)
+        states[done] = before
+        for record in outputs:
+            said.add(record)
         progress(done / end)
     said = said.build()
     told = dict(zip(("nav", "covariance"), columns.read(), strict=False))

@@ -7,6 +7,7 @@ was flown gives the very same result that it gave in flight.
 """
 
 import json
+from operator import attrgetter
 from typing import NamedTuple
 from zipfile import BadZipFile
 
@@ -16,11 +17,12 @@ from shefex_nav import files, prepare, simulate
 from shefex_nav.clock import SAME_S, TICK_HZ
 from shefex_nav.errors import UserError
 from shefex_nav.geometry.rotation import rotvec_between
-from shefex_nav.onboard.navigation import covariance, fusion, sensors
+from shefex_nav.onboard.driving import arrivals, drive
+from shefex_nav.onboard.navigation import covariance, fusion
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import ATT, BA, BG, POS, VEL
-from shefex_nav.onboard.telemetry import Columns
-from shefex_nav.records import Detections, Reason, StarFix
+from shefex_nav.onboard.telemetry import NOTHING, Columns
+from shefex_nav.records import Detections, GateResult, Reason, StarFix
 from shefex_nav.verify import linear
 from shefex_nav.world import imu
 
@@ -188,17 +190,16 @@ def filter_run(scenario, seed, fixes, *, star_factor=1.0, recorder=None, world=N
 
 def _follow(nav, world, fixes):
     """Let a filter hear what the sensors say. -> list of gate results; NavState and (15, 15) of each epoch"""
-    received = sorted(world.received, key=lambda one: one.t_available_s, reverse=True)
-    stars = sorted(fixes, key=lambda fix: fix.t_available_s, reverse=True)
+    blocks, by_time = imu.stacked(world.imu), attrgetter("t_available_s")
+    heard, seen = (
+        arrivals(sorted(records, key=by_time), blocks.t_valid_s) for records in (world.received, fixes)
+    )
+    for k in range(EPOCH_TICKS - 1, len(blocks.t_valid_s), EPOCH_TICKS):
+        heard.setdefault(k, [])
     gates, states, covariances = [], [], []
-    for n, block in enumerate(imu.blocks(world.imu), 1):
-        fusion.advance(nav, block)
-        now_s = block.t_valid_s
-        arrivals = sensors.gps_arrivals(nav.params, simulate.due(received, now_s))
-        arrivals += [("star_tracker", fix) for fix in simulate.due(stars, now_s)]
-        if arrivals:
-            gates += fusion.fuse(nav, arrivals)
-        if n % EPOCH_TICKS == 0:
+    for k, _, outputs in drive(nav, blocks, heard, seen, NOTHING):
+        gates += [one for one in outputs if isinstance(one, GateResult)]
+        if (k + 1) % EPOCH_TICKS == 0:
             states.append(nav.history[-1].state)
             covariances.append(reported(nav))
     return gates, states, np.array(covariances)

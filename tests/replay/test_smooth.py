@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import slow_relinear
 import slow_smoother
+from better_field import more_in_field
 from flown_log import Options, write
 from scipy.stats import chi2
 
@@ -49,7 +50,9 @@ def slow_steps(recording, nav, final, nodes, xs):
         if recording.field is not None:  # as increments of velocity, not as gravity
             at_tick = nodes.ends[k - 1]
             state = unpack(imu.t_end_s - imu.length_s, xs[at_tick])
-            imu.increments[2:, 3:] += rerun.more_in_field(recording, state, imu.dt_s, imu.dtheta_b)
+            imu.increments[2:, 3:] += more_in_field(
+                recording.field, running.earth, state, imu.dt_s, imu.dtheta_b
+            )
         steps.append((j + 1, slow_relinear.Way(begin_s, end_s, imu, xs[j + 1])))
         for seen in nodes.seen.get(j + 1, ()):
             whole.x[:] = xs[j + 1]

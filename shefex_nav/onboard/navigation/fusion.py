@@ -120,12 +120,8 @@ def start(params, alignment, earth, recorder=None, judged=None):
     )
 
 
-def advance(nav, block, more_dv=None):
-    """One tick on: strapdown and prediction with an ImuBlock, which must follow on the last one.
-
-    more_dv : function of the angle increments (n, 3) rad, as the watch lets them pass, -> (n, 3) m/s that are
-        added to the velocity increments; the watch sees these as they were read
-    """
+def advance(nav, block):
+    """One tick on: strapdown and prediction with an ImuBlock, which must follow on the last one."""
     history, n, now_s = nav.history, len(block.dtheta_b), block.t_valid_s
     if abs(now_s - history.ends_s[-1] - n * block.dt_s) > SAME_S:
         raise ValueError(
@@ -134,8 +130,6 @@ def advance(nav, block, more_dv=None):
     place = history.make_room(n)
     readings = history.increments[place, BEFORE : BEFORE + n]
     nav.watch.screen(block, readings, history.extra[place])
-    if more_dv is not None:
-        readings[:, 3:] += more_dv(readings[:, :3])
     new = history.newest + 1
     prediction.enter(nav.constants, history.arrays, new, nav.params.motors, now_s, block.dt_s, n)
     history.extend([now_s])
