@@ -23,14 +23,14 @@ from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.onboard.startracker.likelihood import misfit_factor, refine
 from shefex_nav.onboard.startracker.tables import Pairs, Stars
 from shefex_nav.records import Reason
-from shefex_nav.solve.camera import Camera, numbers, undistort
+from shefex_nav.solve import given
+from shefex_nav.solve.camera import Camera, undistort
 
 MERGE_PX = 2.0  # closer stars are one point of light
 REASONS = {int(reason): reason.name.lower() for reason in Reason}
 NO_FLUX = np.zeros(0)
 MOST_STARS = 50  # of the catalogue, in the field on average
 SMALL = 64  # fewer are sorted by insertion
-COMPLEX = (np.dtype(np.complex64), np.dtype(np.complex128))
 BAD_PLACE, BAD_FLUX = -1, -2  # of the input, found by the compiled code
 FARTHEST_PX = 1e9  # of a centroid from the first pixel; squares of much more are no numbers any longer
 
@@ -87,29 +87,32 @@ def solve_centroids(
     -------
     StarSolution; a frame that cannot be solved is not an error
     """
-    if not isinstance(camera, Camera):
-        raise ValueError(f"camera: expected a Camera, got {camera!r}")
     ready = _ready_for(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, false_limit)
-    xy_px = _places(xy_px)
-    flux = None if flux is None else _fluxes(flux, len(xy_px))
-    P_px = centroid_covariance_px
+    centroids = _of_pinhole(ready.sky.pinhole, camera, xy_px, flux, centroid_covariance_px)
+    if method not in ("default", "bayes"):
+        return _by_method(method, ready, *centroids, zero_flux, prediction)
+    return _by_default(ready, *centroids, prediction)
+
+
+def _of_pinhole(pinhole, camera, xy_px, flux, P_px):
+    """Checked centroids (n, 2) without the distortion, brightness (n,) or None, covariances or None."""
+    xy_px = given.places(xy_px)
+    flux = None if flux is None else given.fluxes(flux, len(xy_px))
     if P_px is not None:
         P_px = checked(P_px, len(xy_px), "centroid_covariance_px")
     if camera.distortion is not None:
-        xy_px = undistort(ready.sky.pinhole, np.array(camera.distortion), xy_px)
-    if method not in ("default", "bayes"):
-        if prediction is not None:
-            raise ValueError(
-                f"prediction: method {method!r} cannot use one; expected None, or the default method"
-            )
-        return _by_method(method, ready, xy_px, flux, P_px, zero_flux)
-    prior = bayes.NO_PREDICTION if prediction is None else _prediction(prediction)
-    sky = ready.sky
-    tables, flux = (sky.stars, sky.index, sky.hip, ready.settings), NO_FLUX if flux is None else flux
+        xy_px = undistort(pinhole, np.array(camera.distortion), xy_px)
+    return xy_px, flux, P_px
+
+
+def _by_default(ready, xy_px, flux, P_px, prediction):
+    """StarSolution of the default method; centroids of `_of_pinhole`."""
+    prior = bayes.NO_PREDICTION if prediction is None else given.prediction(prediction)
+    flux = NO_FLUX if flux is None else flux
     if P_px is None:
-        reason, hip, q_ci, P_c, wrong = _solve_kernel(*tables, xy_px, flux, *prior)
+        reason, hip, q_ci, P_c, wrong = _solve_kernel(*ready.tables, xy_px, flux, prior)
     else:
-        reason, hip, q_ci, P_c, wrong = _solve_uneven(tables, xy_px, flux, prior, P_px)
+        reason, hip, q_ci, P_c, wrong = _solve_uneven(ready.tables, xy_px, flux, prior, P_px)
     if reason == 0:
         return StarSolution("ok", "", q_ci, hip, P_c, wrong)
     _complain(reason)
@@ -117,10 +120,11 @@ def solve_centroids(
 
 
 @kernel
-def _solve_kernel(stars, index, hips, settings, xy_px, flux, has_prediction, q_ci, P_c, ellipses=None):
+def _solve_kernel(stars, index, hips, settings, xy_px, flux, prediction, ellipses=None):
     """Sort by brightness, solve, name the stars in the order of the input.
 
     flux : (n,), or (0,) where nothing is known of it
+    prediction : of `bayes.solve_kernel`
     ellipses : of centroids that are sorted already, or None
     -> reason (Reason, BAD_PLACE, BAD_FLUX), hip (n,), q_ci, P_c, probability that it is chance
     """
@@ -146,7 +150,7 @@ def _solve_kernel(stars, index, hips, settings, xy_px, flux, has_prediction, q_c
             ordered[k, 0], ordered[k, 1] = xy_px[order[k], 0], xy_px[order[k], 1]
             magnitude[k] = -2.5 * np.log10(flux[order[k]])
     reason, star, q_ci, P_c, _, wrong, _, _ = bayes.solve_kernel(
-        stars, index, settings, ordered, magnitude, has_flux, has_prediction, q_ci, P_c, ellipses
+        stars, index, settings, ordered, magnitude, has_flux, prediction, ellipses
     )
     for k in range(n):
         if star[k] >= 0:
@@ -159,7 +163,7 @@ def _solve_uneven(tables, xy_px, flux, prior, P_px):
     order = np.argsort(-flux, kind="stable") if len(flux) else np.arange(len(xy_px))
     ellipses = ellipses_of(P_px[order], tables[-1].sigma_px)
     flux = flux[order] if len(flux) else flux
-    reason, in_order, *found = _solve_kernel(*tables, xy_px[order], flux, *prior, ellipses)
+    reason, in_order, *found = _solve_kernel(*tables, xy_px[order], flux, prior, ellipses)
     hip = np.empty_like(in_order)
     hip[order] = in_order
     return reason, hip, *found
@@ -192,15 +196,18 @@ class _Ready(NamedTuple):
 
     sky: _Sky
     settings: bayes.Settings
+    tables: tuple  # Stars, Pairs, (n,) Hipparcos numbers, settings: as `_solve_kernel` takes them
 
 
 def _ready_for(camera, *numbers_given):
-    """_Ready of numbers that users give, whatever they are."""
+    """_Ready of what users give, whatever that is."""
+    if not isinstance(camera, Camera):
+        raise ValueError(f"camera: expected a Camera, got {camera!r}")
     try:
         return _ready(camera, *numbers_given)
     except TypeError:  # not what a number can be made of, or cannot be looked up
         names = "epoch", "max_magnitude", "centroid_sigma_px", "magnitude_sigma", "false_limit"
-        return _ready(camera, *(_number(*one) for one in zip(names, numbers_given, strict=True)))
+        return _ready(camera, *(given.number(*one) for one in zip(names, numbers_given, strict=True)))
 
 
 @lru_cache(maxsize=64)
@@ -217,7 +224,7 @@ def _ready(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, fal
         sky.pinhole.cx_px, sky.pinhole.cy_px, bayes.BORDER_PX + sky.displaced_px,
         float(centroid_sigma_px), float(magnitude_sigma), float(false_limit), bayes.MIN_STARS, bayes.BUDGET,
     )  # fmt: skip
-    return _Ready(sky, settings)
+    return _Ready(sky, settings, (sky.stars, sky.index, sky.hip, settings))
 
 
 @lru_cache(maxsize=8)
@@ -267,69 +274,12 @@ def _depth(vmag, max_magnitude, pinhole):
     return max_magnitude if enough >= len(vmag) else min(max_magnitude, float(vmag[enough]))
 
 
-def _places(xy_px):
-    """Centroids as an array of our own: one layout, one compilation. -> (n, 2)."""
-    _real("xy_px", xy_px)
-    try:
-        array = np.array(xy_px, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise ValueError(f"xy_px: expected numbers of shape (n, 2), got {xy_px!r}") from None
-    if array.size == 0 and array.ndim <= 2:
-        return np.zeros((0, 2))
-    if array.ndim != 2 or array.shape[1] != 2:
-        raise ValueError(f"xy_px: expected shape (n, 2), got {array.shape}")
-    return array
-
-
-def _number(name, value):
-    """A float, or a ValueError that says what is wrong."""
-    if isinstance(value, str | bytes | bool | complex) or np.ndim(value):
-        raise ValueError(f"{name}: expected a number, got {value!r}")
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: expected a number, got {value!r}") from None
-
-
-def _fluxes(flux, n):
-    """Brightness of the n centroids, likewise."""
-    _real("flux", flux)
-    try:
-        array = np.array(flux, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise ValueError(f"flux: expected numbers of shape ({n},), got {flux!r}") from None
-    if array.shape != (n,):
-        raise ValueError(f"flux: expected shape ({n},), got {array.shape}")
-    return array
-
-
-def _real(name, values):
-    """Refuse what a conversion to numbers would silently cut off."""
-    if isinstance(values, np.ma.MaskedArray) or getattr(values, "dtype", None) in COMPLEX:
-        raise ValueError(f"{name}: expected real numbers, none masked, got {type(values).__name__}")
-
-
 def _complain(reason):
     """The input is not what it should be: raise."""
     if reason == BAD_PLACE:
         raise ValueError(f"xy_px: contains NaN or values beyond {FARTHEST_PX:.0e}; expected pixels")
     if reason == BAD_FLUX:
         raise ValueError("flux: expected finite positive values")
-
-
-def _prediction(prediction):
-    """Checked (True, q_ci, P)."""
-    try:
-        q_ci, P = prediction
-    except (TypeError, ValueError):
-        raise ValueError("prediction: expected (q_ci, covariance)") from None
-    q_ci, P = numbers("prediction q_ci", q_ci, (4,)), numbers("prediction covariance", P, (3, 3))
-    norm = np.linalg.norm(q_ci)
-    if not 0.9 < norm < 1.1:
-        raise ValueError(f"prediction q_ci: expected a unit quaternion, got norm {norm:.3g}")
-    if np.linalg.eigvalsh(0.5 * (P + P.T))[0] <= 0.0:
-        raise ValueError("prediction covariance: expected a positive definite matrix")
-    return True, q_ci / norm, np.ascontiguousarray(0.5 * (P + P.T))
 
 
 def _identify_params(method, ready, zero_flux):
@@ -351,8 +301,12 @@ def _identify_params(method, ready, zero_flux):
     )
 
 
-def _by_method(method, ready, xy_px, flux, P_px, zero_flux):
+def _by_method(method, ready, xy_px, flux, P_px, zero_flux, prediction):
     """Another method of the package, lost in space."""
+    if prediction is not None:
+        raise ValueError(
+            f"prediction: method {method!r} cannot use one; expected None, or the default method"
+        )
     if method not in IDENTIFIERS:
         known = ", ".join(["default", *IDENTIFIERS])
         raise ValueError(f"method: {method!r} is not known; choose from: {known}")
@@ -361,7 +315,7 @@ def _by_method(method, ready, xy_px, flux, P_px, zero_flux):
         _complain(BAD_PLACE)
     if flux is not None and not (np.isfinite(flux) & (flux > 0.0)).all():
         _complain(BAD_FLUX)
-    zero_flux = np.nan if zero_flux is None else _number("zero_flux", zero_flux)
+    zero_flux = np.nan if zero_flux is None else given.number("zero_flux", zero_flux)
     if method == "multipole" and (flux is None or not zero_flux > 0.0):
         raise ValueError("method: 'multipole' compares magnitudes; it needs flux and a positive zero_flux")
     brightness = np.ones(len(xy_px)) if flux is None else flux

@@ -99,9 +99,8 @@ def _load(year):
     lens.directions(Camera(256, 256, 2000.0, None, (0.1, 0.0, 0.0, 0.0, 0.0)), grid)
     band = patterns.band(patterns.bands(0.5, 0.5)[0], year)
     cells = triangles.detection_cells(grid, *search.size_px)
-    triangles.propose(
-        grid, flux, (256.0, 256.0), (400.0, 600.0), 2, 4, band, cells, np.zeros((triangles.KEPT, 11)), 0
-    )
+    spots = triangles.Spots(grid, flux, (256.0, 256.0), cells)
+    triangles.propose(spots, (400.0, 600.0), 2, 4, band, np.zeros((triangles.KEPT, 11)), 0)
 
 
 class _Search(NamedTuple):
@@ -218,9 +217,9 @@ def _solve(xy_px, flux, search, clock):
     if len(flux) < LEAST:
         return None, "too_few_stars"
     xy_px, flux = np.ascontiguousarray(xy_px[:MAX_DETECTIONS]), flux[:MAX_DETECTIONS]
-    mag = -2.5 * np.log10(flux)
-    cells = triangles.detection_cells(xy_px, *search.size_px)
-    size, wide_px = np.sqrt(search.size_px[0] * search.size_px[1]), tuple(float(n) for n in search.size_px)
+    cells, wide_px = triangles.detection_cells(xy_px, *search.size_px), tuple(map(float, search.size_px))
+    spots = triangles.Spots(xy_px, -2.5 * np.log10(flux), wide_px, cells)
+    size = np.sqrt(search.size_px[0] * search.size_px[1])
     numbers = patterns.bands(size / search.focal_range[1], size / search.focal_range[0])
     kept, filled = np.zeros((len(numbers), triangles.KEPT, 11)), np.zeros(len(numbers), dtype=np.int64)
     done, reason = set(), "no_match"
@@ -228,10 +227,10 @@ def _solve(xy_px, flux, search, clock):
         for b in (*range(len(numbers)), -1):  # each band for itself, then the best of all
             if b >= 0 and first < len(flux):
                 band = clock.wait_for(patterns.band, numbers[b], search.year)
+                faintest = first, min(last, len(flux))
                 filled[b], _ = triangles.propose(
-                    xy_px, mag, wide_px, search.focal_range, first, min(last, len(flux)), band, cells,
-                    kept[b], filled[b],
-                )  # fmt: skip
+                    spots, search.focal_range, *faintest, band, kept[b], filled[b]
+                )
             chosen = kept[b] if b >= 0 else kept.reshape(-1, 11)
             for proposal in _best(chosen, CLEAR if b >= 0 else WORTH, done):
                 fit, outcome = _examined(proposal, xy_px, flux, search)

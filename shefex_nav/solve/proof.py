@@ -77,7 +77,8 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
         QUIET_PX if fit.noise_px < LIMIT_PX else NOISY_PX, MAGNITUDE_SIGMA,
         FALSE_LIMIT * np.exp(-log_price), MIN_MATCHED, BUDGET,
     )  # fmt: skip
-    xy_px, mag, q_ci = np.ascontiguousarray(xy_px), -2.5 * np.log10(flux), quat_from_dcm(lens.C_ci)
+    xy_px, mag = np.ascontiguousarray(xy_px), -2.5 * np.log10(flux)
+    prediction = (True, quat_from_dcm(lens.C_ci), P_c)
     diameter = 2.0 * np.arctan(0.5 * np.hypot(*size_px) / lens.focal_px) + MARGIN
     best = Proof(False, False, 0, 1.0)
     for shallower in DEPTHS:
@@ -85,7 +86,8 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
         if len(seen.hip) < MIN_MATCHED:
             break
         pairs = pair_table(OnboardCatalogue(seen.hip, seen.u_i, seen.vmag), diameter)
-        found = bayes.Solution(*bayes.solve_kernel(*pairs.quick, settings, xy_px, mag, True, True, q_ci, P_c))
+        found = bayes.solve_kernel(*pairs.quick, settings, xy_px, mag, True, prediction)
+        found = bayes.Solution(*found)
         n, rivalled = int((found.star >= 0).sum()), found.reason == bayes.AMBIGUOUS or best.is_rivalled
         chance = bounded(found.false_probability, log_price)
         is_true = found.reason == 0 and n >= MIN_MATCHED and is_of(fit, found, size_px)

@@ -5,6 +5,8 @@ that put the most stars onto detections. Three stars fix the attitude and the fo
 numbers to check; the stars around them decide.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
@@ -33,6 +35,25 @@ KEPT = 24  # proposals
 MISSED = 0.25  # ln of the odds that each predicted star costs which is not there
 
 
+class Spots(NamedTuple):
+    """The n detections of one picture, brightest first."""
+
+    xy_px: np.ndarray  # (n, 2)
+    mag: np.ndarray  # (n,) -2.5 log10 flux
+    size_px: tuple  # (width, height) of the picture
+    cells: np.ndarray  # of `detection_cells`
+
+
+class Guess(NamedTuple):
+    """Focal lengths of a band, and what the detections are for the one in the middle of them."""
+
+    shortest_px: float
+    longest_px: float
+    focal_px: float  # the geometric mean
+    bend: float  # by how much a shape may be wrong for it, relative
+    u_c: np.ndarray  # (m, 3) directions of the brightest detections
+
+
 @kernel
 def detection_cells(xy_px, width_px, height_px):
     """Detections near each cell of the detector: (rows, columns, PER_CELL) int64, -1 where none."""
@@ -50,22 +71,21 @@ def detection_cells(xy_px, width_px, height_px):
 
 
 @inner
-def compare(u_i, start, row, C, focal_px, size_px, xy_px, cells, middle):
+def compare(band, spots, C, focal_px, middle):
     """How well an attitude explains the detections: logarithm of the odds against chance.
 
     Each predicted star that is found counts ln(1 / probability that a detection is there by chance).
 
     Parameters
     ----------
-    u_i, start, row : stars and their lists by direction
+    band : Band
+    spots : Spots
     C : 9 numbers, C_ci row by row
     focal_px : float
-    size_px : (width, height)
-    xy_px : (n, 2)
-    cells : of detection_cells
     middle : (x, y) of the triangle
     """
-    width, height = size_px
+    u_i, start, row, xy_px, cells = band.u_i, band.start, band.row, spots.xy_px, spots.cells
+    width, height = spots.size_px
     cx, cy = 0.5 * (width - 1.0), 0.5 * (height - 1.0)
     per_area = np.pi * xy_px.shape[0] / (width * height)
     patience, odds, compared = PATIENCE, 0.0, 0
@@ -161,17 +181,15 @@ def fit_three(xy_px, size_px, corner, sides, focal_px):
 
 
 @kernel
-def propose(xy_px, mag, size_px, focal_range, first, last, band, cells, kept, n):
+def propose(spots, focal_range, first, last, band, kept, n):
     """Try all triangles of detections whose faintest is number first ... last - 1.
 
     Parameters
     ----------
-    xy_px, mag : (n_det, 2), (n_det,) detections, brightest first
-    size_px : (width, height)
+    spots : Spots
     focal_range : (shortest, longest) focal length [px]
     first, last : int
     band : Band
-    cells : of detection_cells
     kept : (KEPT, 11) proposals: ln odds, focal length, C_ci row by row; filled in place
     n : int, proposals in `kept` so far
 
@@ -180,16 +198,16 @@ def propose(xy_px, mag, size_px, focal_range, first, last, band, cells, kept, n)
     n : int, proposals
     tried : int, catalogue triangles compared
     """
-    size = np.sqrt(size_px[0] * size_px[1])
+    size = np.sqrt(spots.size_px[0] * spots.size_px[1])
     low, high = max(focal_range[0], size / band.high), min(focal_range[1], size / band.low)
     tried = 0
     if low > high:
         return n, tried
     focal_px = np.sqrt(low * high)
-    u_c = directions(xy_px[:last], size_px, focal_px)
+    u_c = directions(spots.xy_px[:last], spots.size_px, focal_px)
     unit = size / focal_px
     # the shape of a triangle off the axis depends on the focal length: half the band, at the corner
-    bend = 0.5 * np.log(high / low) * (0.5 * unit) ** 2
+    guess = Guess(low, high, focal_px, 0.5 * np.log(high / low) * (0.5 * unit) ** 2, u_c)
     for i in range(first, last):
         for j in range(i):
             for k in range(j):
@@ -198,26 +216,27 @@ def propose(xy_px, mag, size_px, focal_range, first, last, band, cells, kept, n)
                 longest = max(sides[0], sides[1], sides[2])
                 if longest > LONGEST * unit or longest < SHORTEST * unit:
                     continue
-                n, more = _try_triangle(
-                    xy_px, mag, size_px, (low, high), focal_px, corner, sides, bend, u_c, band, cells, kept, n
-                )
+                n, more = _try_triangle(spots, band, guess, corner, sides, kept, n)
                 tried += more
     return n, tried
 
 
 @inner
-def _try_triangle(xy_px, mag, size_px, focal_range, focal_px, corner, sides, bend, u_c, band, cells, kept, n):
-    """All catalogue triangles with the shape of three detections, whichever of its sides is the longest."""
-    tried = 0
+def _try_triangle(spots, band, guess, corner, sides, kept, n):
+    """All catalogue triangles with the shape of three detections, whichever of its sides is the longest.
+
+    corner : (3,) the detections;  sides : (3,) chords opposite to them, for the focal length of the guess
+    """
+    tried, xy_px, mag = 0, spots.xy_px, spots.mag
     orders = ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))
     for p, q, r in orders:
         a, b, c = sides[p], sides[q], sides[r]
-        slack = 2.0 * CENTROID_PX / (focal_px * a) + LENS + bend
+        slack = 2.0 * CENTROID_PX / (guess.focal_px * a) + LENS + guess.bend
         middle, short = b / a, c / a
         if middle > 1.0 + slack or short > middle + slack or short < SLIVER - slack:
             continue
         at = np.array([corner[p], corner[q], corner[r]])
-        left = volume(u_c, at[0], at[1], at[2]) < 0.0
+        left = volume(guess.u_c, at[0], at[1], at[2]) < 0.0
         for m in range(
             int(max(middle - slack, 0.0) / CELL), min(int((middle + slack) / CELL), COLUMNS - 1) + 1
         ):
@@ -227,8 +246,8 @@ def _try_triangle(xy_px, mag, size_px, focal_range, focal_px, corner, sides, ben
                 shape = band.shape[t]
                 if abs(shape[1] - middle) > slack or abs(shape[2] - short) > slack:
                     continue
-                guess = focal_px * a / shape[0]
-                if guess < focal_range[0] or guess > focal_range[1]:
+                focal_px = guess.focal_px * a / shape[0]
+                if focal_px < guess.shortest_px or focal_px > guess.longest_px:
                     continue
                 s0, s1, s2 = band.corner[t]
                 first = (mag[at[0]] - mag[at[1]]) - (band.vmag[s0] - band.vmag[s1])
@@ -236,24 +255,23 @@ def _try_triangle(xy_px, mag, size_px, focal_range, focal_px, corner, sides, ben
                 if max(abs(first), abs(second), abs(first - second)) > MAGNITUDES:
                     continue
                 true = np.array([shape[0], shape[0] * shape[1], shape[0] * shape[2]])
-                guess, misfit, u = fit_three(xy_px, size_px, at, true, guess)
+                focal_px, misfit, u = fit_three(xy_px, spots.size_px, at, true, focal_px)
                 if misfit > 1.0:
                     continue
                 tried += 1
-                T = triad(u[1, 0], u[1, 1], u[1, 2], u[2, 0], u[2, 1], u[2, 2])  # the longest side
-                x, y = band.u_i[s1], band.u_i[s2]
-                C = join(T, triad(x[0], x[1], x[2], y[0], y[1], y[2]))
-                at_middle = (xy_px[at[0]] + xy_px[at[1]] + xy_px[at[2]]) / 3.0
-                odds = compare(
-                    band.u_i,
-                    band.start,
-                    band.row,
-                    C,
-                    guess,
-                    size_px,
-                    xy_px,
-                    cells,
-                    (at_middle[0], at_middle[1]),
-                )
-                n = keep(kept, n, odds, C, guess)
+                odds, C = _weigh(spots, band, at, u, t, focal_px)
+                n = keep(kept, n, odds, C, focal_px)
     return n, tried
+
+
+@inner
+def _weigh(spots, band, at, u, t, focal_px):
+    """Odds of the attitude that puts catalogue triangle number t onto the detections `at`, and its 9 numbers.
+
+    u : (3, 3) directions of these detections, by row
+    """
+    T = triad(u[1, 0], u[1, 1], u[1, 2], u[2, 0], u[2, 1], u[2, 2])  # the longest side
+    x, y = band.u_i[band.corner[t, 1]], band.u_i[band.corner[t, 2]]
+    C = join(T, triad(x[0], x[1], x[2], y[0], y[1], y[2]))
+    middle = (spots.xy_px[at[0]] + spots.xy_px[at[1]] + spots.xy_px[at[2]]) / 3.0
+    return compare(band, spots, C, focal_px, (middle[0], middle[1])), C

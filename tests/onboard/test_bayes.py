@@ -79,9 +79,10 @@ def test_adjustment_finds_the_attitude_and_the_focal_length(n_par, focal):
         scene = scene._replace(xy_px=middle + focal * (scene.xy_px - middle))
         start = dcm_from_rotvec(np.array([1e-3, -8e-4, 2e-3])) @ C
         view = evidence.new_view()
-        out = evidence.adjust(stars, scene, start, scene.focal_px, view, n_par, 10.0, AT_REST, 4)
-        assert out[0] > 0
-        assert out[1] / scene.focal_px == pytest.approx(focal, abs=1e-5)
+        trial = evidence.Trial(start, scene.focal_px, n_par)
+        out = evidence.adjust(stars, scene, trial, view, 10.0, AT_REST, 4)
+        assert out.n > 0
+        assert out.focal_px / scene.focal_px == pytest.approx(focal, abs=1e-5)
         assert np.abs(start @ C.T - np.eye(3)).max() < 2e-5
         np.testing.assert_allclose(start @ start.T, np.eye(3), atol=1e-12)
 
@@ -99,8 +100,9 @@ def test_odds_against_plain_formulas():
     view = evidence.new_view()
     for seed in range(5):
         scene, C, _ = field(seed)
-        fit = evidence.adjust(stars, scene, C, scene.focal_px, view, 3, 5.0, AT_REST, 4)
-        n, _, L, log_det, _ = fit
+        trial = evidence.Trial(C, scene.focal_px, 3)
+        fit = evidence.adjust(stars, scene, trial, view, 5.0, AT_REST, 4)
+        n, L, log_det = fit.n, fit.L, fit.log_det
         assert log_det == pytest.approx(np.linalg.slogdet((L @ L.T)[:3, :3])[1]) or n == 0
         det, row, d2 = view.det[:n], view.row[:n], view.distance2[:n]
         known, n_det = det >= 0, len(scene.mag)
@@ -137,18 +139,16 @@ def test_scan_against_brute_force():
     stars, pairs = stars_and_pairs()
     scene, _, _ = field(3, n_false=10)
     u_c = screen.directions(scene, scene.focal_px)
-    table, i, j = screen.detection_table(scene), 0, 1
+    seen, i, j = screen.Seen(screen.detection_table(scene), scene.xy_px, scene.ellipses), 0, 1
     T, reach = screen.triad(*u_c[i], *u_c[j]), lever.lever_of(scene, None, i, j, 0.5)
     frame, gate = screen.frame_of(scene, scene.focal_px, 99, 5), (-0.8, 1.2)
+    two = screen.TwoSeen(T, reach, gate, (-1, -1))
     angle = np.arccos(u_c[i] @ u_c[j])
     begin, end = search.position(pairs, np.cos(angle + 5e-4)), search.position(pairs, np.cos(angle - 5e-4))
     assert begin == np.searchsorted(pairs.cosine, np.cos(angle + 5e-4))
     entry, checked = 2 * begin, 0
     while entry < 2 * end:
-        entry, C, _ = screen.scan(
-            stars.u_i, stars.start, stars.row, pairs.star, pairs.fainter, table, scene.xy_px,
-            scene.ellipses, T, frame, reach, gate, (-1, -1), 0, entry, 2 * end,
-        )  # fmt: skip
+        entry, C, _ = screen.scan(stars, pairs, seen, two, frame, 0, entry, 2 * end)
         if entry == 2 * end:
             break
         a, b = pairs.star[entry // 2]
@@ -157,10 +157,7 @@ def test_scan_against_brute_force():
         C_ci = np.array(C).reshape(3, 3)
         np.testing.assert_allclose(C_ci @ C_ci.T, np.eye(3), atol=1e-9)
         assert np.linalg.norm(C_ci @ (stars.u_i[a] - stars.u_i[b]) - (u_c[i] - u_c[j])) < 6e-4
-        hits, _ = screen.screen.py_func(
-            stars.u_i, stars.start, stars.row, table, scene.xy_px, scene.ellipses,
-            C, frame, reach, a, b,
-        )  # fmt: skip
+        hits, _ = screen.screen.py_func(stars, seen, C, frame, reach, a, b)
         assert hits == min(brute_hits(stars, scene, C_ci, reach, a, b), 5)
         entry, checked = entry + 1, checked + 1
         if checked == 150:
@@ -256,9 +253,7 @@ def test_work_is_bounded():
         )
         xy = rng.uniform([0.0, 0.0], [658.0, 492.0], (n, 2))
         found = bayes.Solution(
-            *bayes.solve_kernel(
-                stars, pairs, settings, xy, np.sort(rng.random(n)), True, *bayes.NO_PREDICTION
-            )
+            *bayes.solve_kernel(stars, pairs, settings, xy, np.sort(rng.random(n)), True, bayes.NO_PREDICTION)
         )
         assert found.reason == Reason.NO_MATCH and len(found.star) == n
         assert found.work < 300_000

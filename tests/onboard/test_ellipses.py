@@ -155,8 +155,9 @@ def test_adjusted_attitude_is_that_of_largest_likelihood():
         start = dcm_from_rotvec(rng.normal(0.0, 2e-4, 3)) @ dcm_from_quat(q_ic).T
         scene, view = scene_of(xy, flux, P), evidence.new_view()
         wide = lever.no_lever(14.0 * SIGMA)
-        out = evidence.adjust(stars, scene, start, scene.focal_px, view, 3, 10.0, wide, 4)
-        n, _, L, _, _ = out
+        trial = evidence.Trial(start, scene.focal_px, 3)
+        out = evidence.adjust(stars, scene, trial, view, 10.0, wide, 4)
+        n, L = out.n, out.L
         known = view.det[:n] >= 0
         det, row = view.det[:n][known], view.row[:n][known]
         q, P_c, _ = refine(CAMERA, q_ic, xy[det], stars.u_i[row], P[det])

@@ -12,6 +12,7 @@ from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_rotvec, quat_m
 from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.onboard.startracker.attitude import covariance, esoq2, product
 from shefex_nav.onboard.startracker.likelihood import (
+    CommonErrors,
     _shared,
     drop_worst,
     misfit_factor,
@@ -201,7 +202,9 @@ def test_common_error_of_the_rate_is_that_of_one_large_covariance():
     rng = np.random.default_rng(21)
     P_px = streaks(rng, 9)
     _, xy_px, v_i, t_s = rolling_frame(rng, 9, P_px, P_OMEGA)
-    q_ic, P_c, chi2 = refine(CAMERA, first_attitude(xy_px, v_i, P_px), xy_px, v_i, P_px, t_s, P_OMEGA)
+    q_ic, P_c, chi2 = refine(
+        CAMERA, first_attitude(xy_px, v_i, P_px), xy_px, v_i, P_px, CommonErrors(t_s, P_OMEGA, 0.0)
+    )
     at = predicted(q_ic, v_i)
     H = turn_jacobians(CAMERA, at)
     S = (t_s[:, None, None] * H).reshape(-1, 3)
@@ -222,11 +225,11 @@ def test_covariance_covers_a_wrong_rate_and_independent_errors_do_not():
         P_px = np.tile(0.01 * np.eye(2), (20, 1, 1))
         truth, xy_px, v_i, t_s = rolling_frame(rng, 20, P_px, P_OMEGA)
         S = t_s[:, None, None] * turn_jacobians(CAMERA, xy_px)
-        for out, P, rate in (
-            (common, P_px, (t_s, P_OMEGA)),
-            (apart, P_px + S @ P_OMEGA @ S.transpose(0, 2, 1), (np.zeros(20), np.zeros((3, 3)))),
+        for out, P, errors in (
+            (common, P_px, CommonErrors(t_s, P_OMEGA, 0.0)),
+            (apart, P_px + S @ P_OMEGA @ S.transpose(0, 2, 1), None),
         ):
-            q_ic, P_c, _ = refine(CAMERA, truth, xy_px, v_i, P, *rate)
+            q_ic, P_c, _ = refine(CAMERA, truth, xy_px, v_i, P, errors)
             error = rotvec_between(q_ic, truth)
             out[k] = error @ np.linalg.solve(P_c, error) / 3.0
     assert common.mean() == pytest.approx(1.0, abs=3.5 * np.sqrt(2.0 / 3.0 / 400))
@@ -240,10 +243,10 @@ def test_with_a_wrong_rate_the_bad_star_is_still_the_one_that_is_dropped():
     for _ in range(300):
         P_px = np.tile(0.01 * np.eye(2), (12, 1, 1))
         truth, xy_px, v_i, t_s = rolling_frame(rng, 12, P_px, P_OMEGA)
-        rate = t_s, P_OMEGA
-        n_dropped += drop_worst(CAMERA, truth, xy_px, v_i, P_px, 0.05, 4, *rate)[0] >= 0
+        rate = CommonErrors(t_s, P_OMEGA, 0.0)
+        n_dropped += drop_worst(CAMERA, truth, xy_px, v_i, P_px, 0.05, 4, rate)[0] >= 0
         xy_px[5] += [0.9, -0.6]
-        n_right += drop_worst(CAMERA, truth, xy_px, v_i, P_px, 0.05, 4, *rate)[0] == 5
+        n_right += drop_worst(CAMERA, truth, xy_px, v_i, P_px, 0.05, 4, rate)[0] == 5
     assert 4 <= n_dropped <= 30  # 15 expected
     assert n_right > 290
 
@@ -260,9 +263,8 @@ def test_common_error_of_the_focal_length_is_that_of_one_large_covariance():
     sigma, P_px = 3e-4, np.tile(0.02**2 * np.eye(2), (8, 1, 1))
     _, xy_px, v_i = frame(rng, 8, P_px)
     xy_px = wrong_focal_length(xy_px, 2.0 * sigma)
-    q_ic, P_c, chi2 = refine(
-        CAMERA, first_attitude(xy_px, v_i, P_px), xy_px, v_i, P_px, None, None, sigma_focal=sigma
-    )
+    lens = CommonErrors(np.zeros(8), np.zeros((3, 3)), sigma)
+    q_ic, P_c, chi2 = refine(CAMERA, first_attitude(xy_px, v_i, P_px), xy_px, v_i, P_px, lens)
     at = predicted(q_ic, v_i)
     H, r = turn_jacobians(CAMERA, at).reshape(-1, 3), (xy_px - at).ravel()
     s = (at - [CAMERA.cx_px, CAMERA.cy_px]).ravel()
@@ -279,14 +281,14 @@ def test_with_a_wrong_focal_length_the_covariance_is_that_of_what_changes():
     rng = np.random.default_rng(25)
     sigma, P_px = 2e-4, np.tile(0.02**2 * np.eye(2), (8, 1, 1))
     truth, ideal_px, v_i = frame(rng, 8, 1e-20 * P_px)
+    lens = CommonErrors(np.zeros(8), np.zeros((3, 3)), sigma)
     errors, dropped = np.empty((400, 3)), np.zeros(2)
     for k in range(400):
         xy_px = wrong_focal_length(ideal_px, 2.0 * sigma) + 0.02 * rng.standard_normal((8, 2))
-        q_ic, P_c, _ = refine(CAMERA, truth, xy_px, v_i, P_px, None, None, sigma_focal=sigma)
+        q_ic, P_c, _ = refine(CAMERA, truth, xy_px, v_i, P_px, lens)
         errors[k] = rotvec_between(q_ic, truth)
-        for j, known in enumerate((sigma, 0.0)):
-            arguments = CAMERA, truth, xy_px, v_i, P_px, 0.01, 4, None, None
-            dropped[j] += drop_worst(*arguments, sigma_focal=known)[0] >= 0
+        for j, known in enumerate((lens, None)):
+            dropped[j] += drop_worst(CAMERA, truth, xy_px, v_i, P_px, 0.01, 4, known)[0] >= 0
     errors -= errors.mean(axis=0)
     nees = np.einsum("ki,ij,kj->k", errors, np.linalg.inv(P_c), errors) / 3.0
     assert nees.mean() == pytest.approx(1.0, abs=3.5 * np.sqrt(2.0 / 3.0 / 400))

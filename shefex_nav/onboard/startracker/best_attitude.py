@@ -1,5 +1,7 @@
 """The attitude that the identified stars of a frame agree on, its covariance, and which of them do not."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
@@ -9,6 +11,7 @@ from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.streak import turn_jacobians
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.likelihood import (
+    CommonErrors,
     drop_worst,
     misfit_factor,
     misfit_growth,
@@ -18,6 +21,15 @@ from shefex_nav.records import StarVectors
 
 MOST_DROPPED = 0.25  # of the identified stars; one in any case
 PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the one of this frame [E]
+
+
+class Criteria(NamedTuple):
+    """By what the stars of a frame are judged."""
+
+    floor_px: float  # error of any centroid, per axis, beside the one that it is said to have
+    outlier_sigma: float  # a star that is further from where the others put it is left out
+    least: int  # fewest stars that make an attitude
+    spots: bool  # no streaks: only a misfit that is more than chance makes changes the covariance
 
 
 def centroid_covariance(params, detections):
@@ -70,39 +82,32 @@ def of_named(params, stars, star, detections, velocity_i, least, rate=None):
     StarVectors of the stars used
     """
     t_s, P_omega = (np.zeros(len(star)), np.zeros((3, 3))) if rate is None else rate
+    criteria = params.centroid_floor_px, params.outlier_sigma, least, rate is None
     *solution, used, u_c, P_u, seen_i, t_s, P_omega = _named_kernel(
-        params.identify.camera, params.outlier_sigma, params.centroid_floor_px, params.sigma_focal, least,
-        stars.u_i, star, detections.xy_px, detections.P_px, velocity_i, t_s, P_omega, rate is None,
+        params.identify.camera, criteria, stars.u_i, star, detections.xy_px, detections.P_px, velocity_i,
+        (t_s, P_omega, params.sigma_focal),
     )  # fmt: skip
     vectors = StarVectors(stars.hip[star[used]], u_c, P_u, seen_i, t_s, P_omega, params.sigma_focal)
     return *solution, vectors
 
 
 @kernel
-def _named_kernel(
-    camera,
-    outlier_sigma,
-    floor_px,
-    sigma_focal,
-    least,
-    u_i,
-    star,
-    xy_px,
-    P_px,
-    velocity_i,
-    t_s,
-    P_omega,
-    spots,
-):
-    """Four of `of_named`, then rows of the stars used and of `StarVectors` all but names and sigma_focal."""
-    rows = np.flatnonzero(star >= 0)
-    xy_px, P_px, t_s = xy_px[rows], P_px[rows], t_s[rows]
+def _named_kernel(camera, criteria, u_i, star, xy_px, P_px, velocity_i, common):
+    """Four of `of_named`, then rows of the stars used and of `StarVectors` all but names and sigma_focal.
+
+    criteria, common : the fields of Criteria, and of CommonErrors for all n objects: plain tuples, which
+        take less time to hand over
+    u_i : (m, 3) of the catalogue
+    """
+    criteria, common = Criteria(*criteria), CommonErrors(*common)
+    rows, sigma_focal = np.flatnonzero(star >= 0), common.sigma_focal
+    xy_px, P_px, t_s = xy_px[rows], P_px[rows], common.t_s[rows]
     for k in range(len(rows)):
         for i in range(2):
-            P_px[k, i, i] += floor_px**2
+            P_px[k, i, i] += criteria.floor_px**2
     u_c, seen_i = unit_vectors(camera, xy_px), aberrate(u_i[star[rows]], velocity_i)
     n_used, q_ic, P_c, residual_px, used, misfit = _solve_kernel(
-        camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega, sigma_focal, spots
+        camera, criteria, u_c, seen_i, P_px, CommonErrors(t_s, common.P_omega, sigma_focal)
     )
     if not np.isfinite(q_ic.sum() + P_c.sum()):
         n_used = 0
@@ -115,37 +120,30 @@ def _named_kernel(
                 P_px[k, i, j] = misfit * P_px[k, i, j] + sigma_focal**2 * off_px[i] * off_px[j]
     P_u = cross_covariance(camera, xy_px, P_px)
     solution = n_used, q_ic, P_c, residual_px
-    return *solution, rows[used], u_c[used], P_u, seen_i[used], t_s[used], misfit * P_omega
+    return *solution, rows[used], u_c[used], P_u, seen_i[used], t_s[used], misfit * common.P_omega
 
 
 @inner
-def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega, sigma_focal, spots):
+def _solve_kernel(camera, criteria, u_c, seen_i, P_px, common):
     """Attitude of stars, all of which have a name: four of `of_named`, rows of the stars used, and misfit.
 
+    criteria : Criteria;  common : CommonErrors
     u_c, seen_i : (n, 3) measured directions; apparent ones, aberration included
-    P_px : (n, 2, 2) px^2, of the centroids, without the error of the rate
-    spots : whether these are no streaks;  misfit : by what that of the stars multiplies P_px and P_c
+    P_px : (n, 2, 2) px^2, of the centroids, without the errors that are shared
+    misfit : by what that of the stars multiplies P_px and P_c
     """
     xy_px = pixels(camera, u_c)
     rows = np.arange(len(u_c))
     q_ic = esoq2(u_c, seen_i, sigma_of_centroids(camera, xy_px, P_px))
     while True:
-        false_alarm = len(rows) * np.exp(-0.5 * outlier_sigma**2)
+        false_alarm = len(rows) * np.exp(-0.5 * criteria.outlier_sigma**2)
+        theirs = CommonErrors(common.t_s[rows], common.P_omega, common.sigma_focal)
         dropped, q_ic, P_c, chi2 = drop_worst(
-            camera,
-            q_ic,
-            xy_px[rows],
-            seen_i[rows],
-            P_px[rows],
-            false_alarm,
-            least - 1,
-            t_s[rows],
-            P_omega,
-            sigma_focal,
+            camera, q_ic, xy_px[rows], seen_i[rows], P_px[rows], false_alarm, criteria.least - 1, theirs
         )
         if dropped >= 0:
             rows = np.delete(rows, dropped)
-        if dropped < 0 or len(rows) < least:
+        if dropped < 0 or len(rows) < criteria.least:
             break
     n_used = len(rows)
     if len(u_c) - n_used > max(1.0, MOST_DROPPED * len(u_c)):
@@ -154,5 +152,5 @@ def _solve_kernel(camera, outlier_sigma, least, u_c, seen_i, P_px, t_s, P_omega,
     offset_px = xy_px[rows] - pixels(camera, seen_i[rows] @ dcm_from_quat(q_ic))
     residual_px = np.sqrt((offset_px**2).sum() / n_used)
     dof = 2 * n_used - 3
-    misfit = misfit_growth(chi2, dof, PRIOR_DOF) if spots else misfit_factor(chi2, dof, PRIOR_DOF)
+    misfit = misfit_growth(chi2, dof, PRIOR_DOF) if criteria.spots else misfit_factor(chi2, dof, PRIOR_DOF)
     return n_used, q_ic, misfit * P_c, residual_px, rows, misfit

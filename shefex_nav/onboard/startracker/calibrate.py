@@ -72,20 +72,7 @@ def calibrate(frames, camera0, *, with_principal_point=True, with_distortion=Tru
     """
     data = _stack(frames)
     estimated = np.array([True, *2 * [with_principal_point], *2 * [with_distortion]])
-    theta = np.array([camera0.focal_length_px, camera0.cx_px, camera0.cy_px, 0.0, 0.0])
-    q_ic = np.array([_first_attitude(camera0, *frame) for frame in _split(data)])
-    _refuse_if_few(data, data.sigma_px > 0.0, estimated)
-    used = np.ones(len(data.sigma_px), dtype=bool)
-    limit = stats.chi2.isf(FALSE_REJECTION, 2)
-    theta, q_ic, _ = _minimise(data, used, theta, q_ic, estimated, HUBER)
-    for _ in range(MAX_ROUNDS):
-        accepted = _distances2(data, theta, q_ic) < limit
-        if (accepted == used).all():
-            break
-        used = accepted
-        _refuse_if_few(data, used, estimated)
-        theta, q_ic, _ = _minimise(data, used, theta, q_ic, estimated, np.inf)
-    theta, q_ic, chi2 = _minimise(data, used, theta, q_ic, estimated, np.inf)
+    used, theta, q_ic, chi2 = _judged(data, camera0, estimated)
     if used.mean() < 1.0 - SHARE_BAD:
         raise ValueError(
             f"{(~used).sum()} of {len(used)} centroids do not fit any camera: wrong stars, or sigma_px is "
@@ -107,12 +94,12 @@ def calibrate(frames, camera0, *, with_principal_point=True, with_distortion=Tru
 
 
 class _Data(NamedTuple):
-    """All frames in one: rows begin[k] ... begin[k + 1] - 1 are frame k."""
+    """All n centroids of all frames: rows begin[k] ... begin[k + 1] - 1 are those of frame k."""
 
     begin: np.ndarray  # (n_frames + 1,) int64
-    xy_px: np.ndarray
-    u_i: np.ndarray
-    sigma_px: np.ndarray
+    xy_px: np.ndarray  # (n, 2)
+    u_i: np.ndarray  # (n, 3) unit vectors to their stars
+    sigma_px: np.ndarray  # (n,) standard deviation per axis
 
 
 def _stack(frames):
@@ -180,10 +167,28 @@ def _refuse_if_loose(camera0, theta, covariance, estimated):
         raise ValueError("the frames do not determine " + "; nor ".join(loose))
 
 
+def _judged(data, camera0, estimated):
+    """Fit, and the centroids that belong to their stars: used (n,), theta (5,), q_ic (n_frames, 4), chi2."""
+    theta = np.array([camera0.focal_length_px, camera0.cx_px, camera0.cy_px, 0.0, 0.0])
+    q_ic = np.array([_first_attitude(camera0, *frame) for frame in _split(data)])
+    _refuse_if_few(data, data.sigma_px > 0.0, estimated)
+    used = np.ones(len(data.sigma_px), dtype=bool)
+    limit = stats.chi2.isf(FALSE_REJECTION, 2)
+    theta, q_ic, _ = _minimise(data, used, theta, q_ic, estimated, HUBER)
+    for _ in range(MAX_ROUNDS):
+        accepted = _distances2(data, theta, q_ic) < limit
+        if (accepted == used).all():
+            break
+        used = accepted
+        _refuse_if_few(data, used, estimated)
+        theta, q_ic, _ = _minimise(data, used, theta, q_ic, estimated, np.inf)
+    return used, *_minimise(data, used, theta, q_ic, estimated, np.inf)
+
+
 def _minimise(data, used, theta, q_ic, estimated, huber):
     """Levenberg-Marquardt. Parameters (5,), attitudes (n, 4) and cost at the minimum."""
     m, damping = int(estimated.sum()), 1e-6
-    cost, S, g, back = _normal_kernel(*data, used, theta, q_ic, estimated, huber, damping)
+    cost, S, g, back = _normal_kernel(data, used, theta, q_ic, estimated, huber, damping)
     for _ in range(MAX_STEPS):
         try:
             step = np.linalg.solve(S, g)
@@ -192,7 +197,7 @@ def _minimise(data, used, theta, q_ic, estimated, huber):
         new_theta = theta.copy()
         new_theta[estimated] += step
         new_q = _turned(q_ic, back[:, :, m] - back[:, :, :m] @ step)
-        trial = _normal_kernel(*data, used, new_theta, new_q, estimated, huber, 0.1 * damping)
+        trial = _normal_kernel(data, used, new_theta, new_q, estimated, huber, 0.1 * damping)
         settled = abs(cost - trial[0]) <= CONVERGED * (cost + 1.0)
         if trial[0] <= cost or settled:
             theta, q_ic, damping = new_theta, new_q, 0.1 * damping
@@ -203,7 +208,7 @@ def _minimise(data, used, theta, q_ic, estimated, huber):
             damping = max(10.0 * damping, 1e-9)
             if damping > 1e12:
                 break
-            cost, S, g, back = _normal_kernel(*data, used, theta, q_ic, estimated, huber, damping)
+            cost, S, g, back = _normal_kernel(data, used, theta, q_ic, estimated, huber, damping)
     raise ValueError("the fit does not converge: are these the stars of these frames?")
 
 
@@ -216,7 +221,7 @@ def _turned(q_ic, rotation):
 
 def _covariance(data, used, theta, q_ic, estimated):
     """Of the estimated parameters: inverse of the undamped Schur complement."""
-    _, S, _, _ = _normal_kernel(*data, used, theta, q_ic, estimated, np.inf, 0.0)
+    _, S, _, _ = _normal_kernel(data, used, theta, q_ic, estimated, np.inf, 0.0)
     scale = np.sqrt(np.abs(np.diag(S)))  # of the size of one each: the parameters differ by 1e7
     try:
         inverse = np.linalg.inv(S / np.outer(scale, scale))
@@ -230,7 +235,7 @@ def _covariance(data, used, theta, q_ic, estimated):
 
 def _distances2(data, theta, q_ic):
     """Squared distance of each centroid from its star in units of its sigma. (n,)."""
-    return _distance_kernel(data.begin, data.xy_px, data.u_i, data.sigma_px, theta, q_ic)
+    return _distance_kernel(data, theta, q_ic)
 
 
 @inner
@@ -246,15 +251,15 @@ def _star(theta, C, u_i):
 
 
 @kernel
-def _distance_kernel(begin, xy_px, u_i, sigma_px, theta, q_ic):
-    out = np.empty(xy_px.shape[0])
+def _distance_kernel(data, theta, q_ic):
+    out = np.empty(data.xy_px.shape[0])
     for frame in range(q_ic.shape[0]):
         C = dcm_from_quat(q_ic[frame])
-        for k in range(begin[frame], begin[frame + 1]):
-            x, y, _, radial = _star(theta, C, u_i[k])
-            dx = xy_px[k, 0] - theta[1] - theta[0] * radial * x
-            dy = xy_px[k, 1] - theta[2] - theta[0] * radial * y
-            out[k] = (dx * dx + dy * dy) / sigma_px[k] ** 2
+        for k in range(data.begin[frame], data.begin[frame + 1]):
+            x, y, _, radial = _star(theta, C, data.u_i[k])
+            dx = data.xy_px[k, 0] - theta[1] - theta[0] * radial * x
+            dy = data.xy_px[k, 1] - theta[2] - theta[0] * radial * y
+            out[k] = (dx * dx + dy * dy) / data.sigma_px[k] ** 2
     return out
 
 
@@ -275,8 +280,18 @@ def _jacobian(theta, x, y, r2, radial, Jc, Ja):
 
 
 @kernel
-def _normal_kernel(begin, xy_px, u_i, sigma_px, used, theta, q_ic, estimated, huber, damping):
+def _normal_kernel(data, used, theta, q_ic, estimated, huber, damping):
     """Normal equations with the attitudes eliminated.
+
+    Parameters
+    ----------
+    data : _Data
+    used : (n,) bool
+    theta : (5,) the camera, in the order of NAMES
+    q_ic : (n_frames, 4)
+    estimated : (5,) bool, m of them true
+    huber : float, HUBER or infinite
+    damping : float, of Levenberg-Marquardt
 
     Returns
     -------
@@ -290,10 +305,10 @@ def _normal_kernel(begin, xy_px, u_i, sigma_px, used, theta, q_ic, estimated, hu
     back = np.zeros((q_ic.shape[0], 3, m + 1))
     cost = 0.0
     for frame in range(q_ic.shape[0]):
-        rows = begin[frame], begin[frame + 1]
+        rows = data.begin[frame], data.begin[frame + 1]
         A, E, b = np.zeros((3, 3)), np.zeros((3, m)), np.zeros(3)
         sums = A, E, b, H, g
-        cost += _add_frame(rows, xy_px, u_i, sigma_px, used, theta, q_ic[frame], columns, huber, sums)
+        cost += _add_frame(data, rows, used, theta, q_ic[frame], columns, huber, sums)
         for r in range(3):
             A[r, r] *= 1.0 + damping
         inverse = inverse3(A)
@@ -313,8 +328,8 @@ def _normal_kernel(begin, xy_px, u_i, sigma_px, used, theta, q_ic, estimated, hu
 
 
 @inner
-def _add_frame(rows, xy_px, u_i, sigma_px, used, theta, q_ic, columns, huber, sums):
-    """Add the stars of one frame, rows first ... last - 1, to the sums; returns their cost.
+def _add_frame(data, rows, used, theta, q_ic, columns, huber, sums):
+    """Add the stars of one frame, rows first ... last - 1 of the data, to the sums; returns their cost.
 
     sums : A (3, 3), E (3, m), b (3,) of this frame's attitude, H (m, m), g (m,) of the camera
     """
@@ -324,14 +339,14 @@ def _add_frame(rows, xy_px, u_i, sigma_px, used, theta, q_ic, columns, huber, su
     for k in range(rows[0], rows[1]):
         if not used[k]:
             continue
-        x, y, r2, radial = _star(theta, C, u_i[k])
+        x, y, r2, radial = _star(theta, C, data.u_i[k])
         _jacobian(theta, x, y, r2, radial, Jc, Ja)
         residual = (
-            xy_px[k, 0] - theta[1] - theta[0] * radial * x,
-            xy_px[k, 1] - theta[2] - theta[0] * radial * y,
+            data.xy_px[k, 0] - theta[1] - theta[0] * radial * x,
+            data.xy_px[k, 1] - theta[2] - theta[0] * radial * y,
         )
-        distance = np.sqrt(residual[0] ** 2 + residual[1] ** 2) / sigma_px[k]
-        weight = 1.0 / sigma_px[k] ** 2
+        distance = np.sqrt(residual[0] ** 2 + residual[1] ** 2) / data.sigma_px[k]
+        weight = 1.0 / data.sigma_px[k] ** 2
         if distance > huber:
             cost += huber * (2.0 * distance - huber)
             weight *= huber / distance

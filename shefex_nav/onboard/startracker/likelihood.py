@@ -5,6 +5,8 @@ covariance; where the covariances are elongated (streaks), `refine` goes on from
 largest likelihood, and `drop_worst` leaves out a star that does not belong.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
@@ -17,6 +19,14 @@ REFINED = 1e-10  # rad; far below any centroid
 UNKNOWNS = 7  # attitude, and what all stars of a frame share: rate, focal length
 FOCAL = 6  # its place among them
 CHANCE = 3.0  # standard deviations of chi squared that are no misfit
+
+
+class CommonErrors(NamedTuple):
+    """Errors that all n stars of a frame share. None in its place: there are none."""
+
+    t_s: np.ndarray  # (n,) when each star was seen, from the instant to which a rate has brought its place
+    P_omega: np.ndarray  # (3, 3) (rad/s)^2, covariance of that rate
+    sigma_focal: float  # relative error of the focal length
 
 
 @kernel
@@ -178,7 +188,7 @@ def _shared(C, P):
 
 
 @kernel
-def refine(camera, q_ic, xy_px, v_i, P_px, t_s=None, P_omega=None, sigma_focal=0.0):
+def refine(camera, q_ic, xy_px, v_i, P_px, common=None):
     """Attitude of largest likelihood for centroids with covariances of any shape (Gauss-Newton).
 
     Minimises chi2 = sum r' P^-1 r over the attitude, r the distances [px] from the predicted places. Places
@@ -195,10 +205,8 @@ def refine(camera, q_ic, xy_px, v_i, P_px, t_s=None, P_omega=None, sigma_focal=0
     q_ic : (4,) first attitude, e.g. of `esoq2`
     xy_px : (n, 2), n >= 2
     v_i : (n, 3) unit vectors
-    P_px : (n, 2, 2) px^2, positive definite, without the error of the rate
-    t_s : (n,) when each star was seen, from the instant; None: no rate was used
-    P_omega : (3, 3) (rad/s)^2, covariance of the rate; None likewise
-    sigma_focal : relative error of the focal length
+    P_px : (n, 2, 2) px^2, positive definite, without the errors that are shared
+    common : CommonErrors, or None
 
     Returns
     -------
@@ -206,17 +214,18 @@ def refine(camera, q_ic, xy_px, v_i, P_px, t_s=None, P_omega=None, sigma_focal=0
     P_c : (3, 3) rad^2, covariance of the error with q_ic(true) = q_ic exp(dtheta_c)
     chi2 : float, 2 n - 3 degrees of freedom
     """
-    t, P_common = _common(t_s, P_omega, sigma_focal, xy_px.shape[0])
+    errors = _all_common(common, xy_px.shape[0])
+    P_common = _covariance(errors)
     P_c, chi2 = np.full((3, 3), np.nan), np.nan
     for _ in range(REFINE_STEPS):
-        residual, G = _observe(camera, q_ic, xy_px, v_i, t)
+        residual, G = _observe(camera, q_ic, xy_px, v_i, errors.t_s)
         P, g, _, _ = _normal(G, residual, P_px, P_common)
         d = _times(P[:3, :3], g)
-        P_c = _less_constant(P, sigma_focal)
+        P_c = _less_constant(P, errors.sigma_focal)
         q_ic = quat_multiply(q_ic, quat_from_rotvec(d))
         if not d[0] ** 2 + d[1] ** 2 + d[2] ** 2 > REFINED**2:
             break
-    residual, G = _observe(camera, q_ic, xy_px, v_i, t)
+    residual, G = _observe(camera, q_ic, xy_px, v_i, errors.t_s)
     chi2 = _normal(G, residual, P_px, P_common)[3]
     return quat_normalise(q_ic), P_c, chi2
 
@@ -237,14 +246,20 @@ def _less_constant(P, sigma_focal):
 
 
 @inner
-def _common(t_s, P_omega, sigma_focal, n):
-    """Times (n,), zeros without a rate, and the covariance of what all stars share: rate, focal length."""
+def _all_common(common, n):
+    """CommonErrors of n stars, zero where there are none."""
+    if common is None:
+        return CommonErrors(np.zeros(n), np.zeros((3, 3)), 0.0)
+    return common
+
+
+@inner
+def _covariance(errors):
+    """Covariance of what all stars share, rate and focal length: (4, 4)."""
     P = np.zeros((UNKNOWNS - 3, UNKNOWNS - 3))
-    P[FOCAL - 3, FOCAL - 3] = sigma_focal**2
-    if t_s is None or P_omega is None:
-        return np.zeros(n), P
-    P[:3, :3] = P_omega
-    return t_s, P
+    P[FOCAL - 3, FOCAL - 3] = errors.sigma_focal**2
+    P[:3, :3] = errors.P_omega
+    return P
 
 
 @inner
@@ -254,9 +269,7 @@ def _form2(W, r):
 
 
 @inner
-def drop_worst(
-    camera, q_ic, xy_px, v_i, P_px, false_alarm, min_stars, t_s=None, P_omega=None, sigma_focal=0.0
-):
+def drop_worst(camera, q_ic, xy_px, v_i, P_px, false_alarm, min_stars, common=None):
     """Attitude by `refine`, without the worst star if that one does not belong.
 
     The distance r of a star from where the OTHERS put it has the covariance P + G P_others G'; with the fit
@@ -269,7 +282,7 @@ def drop_worst(
 
     Parameters
     ----------
-    camera, q_ic, xy_px, v_i, P_px, t_s, P_omega, sigma_focal : as `refine`; n >= 3
+    camera, q_ic, xy_px, v_i, P_px, common : as `refine`; n >= 3
     false_alarm : float
     min_stars : int, at least 2; no star is dropped if fewer would remain
 
@@ -279,12 +292,12 @@ def drop_worst(
     q_ic, P_c, chi2 : as `refine`, without that star
     """
     n = xy_px.shape[0]
-    t, P_common = _common(t_s, P_omega, sigma_focal, n)
-    q_ic, P_c, chi2 = refine(camera, q_ic, xy_px, v_i, P_px, t_s, P_omega, sigma_focal)
+    errors = _all_common(common, n)
+    q_ic, P_c, chi2 = refine(camera, q_ic, xy_px, v_i, P_px, errors)
     if n - 1 < max(min_stars, 2):
         return -1, q_ic, P_c, chi2
-    residual, G = _observe(camera, q_ic, xy_px, v_i, t)
-    P_all, _, d, _ = _normal(G, residual, P_px, P_common)
+    residual, G = _observe(camera, q_ic, xy_px, v_i, errors.t_s)
+    P_all, _, d, _ = _normal(G, residual, P_px, _covariance(errors))
     worst, largest = -1, 2.0 * np.log(n / false_alarm)
     for k in range(n):
         rest = residual[k] - _times(G[k, :, 3:], d)
@@ -295,7 +308,6 @@ def drop_worst(
         return -1, q_ic, P_c, chi2
     rest_of = np.ones(n, dtype=np.bool_)
     rest_of[worst] = False
-    q_ic, P_c, chi2 = refine(
-        camera, q_ic, xy_px[rest_of], v_i[rest_of], P_px[rest_of], t[rest_of], P_common[:3, :3], sigma_focal
-    )
+    left = CommonErrors(errors.t_s[rest_of], errors.P_omega, errors.sigma_focal)
+    q_ic, P_c, chi2 = refine(camera, q_ic, xy_px[rest_of], v_i[rest_of], P_px[rest_of], left)
     return worst, q_ic, P_c, chi2

@@ -69,6 +69,16 @@ class Grid(NamedTuple):
     most_steps: int  # rows of a sum, for which the empty bins suffice
 
 
+class Tile(NamedTuple):
+    """Bins of a frame in rows r0 ... r1 - 1, columns c0 ... c1 - 1, in which all streaks are alike."""
+
+    r0: int
+    r1: int
+    c0: int
+    c1: int
+    streak_px: tuple  # from end to end: columns, rows
+
+
 class Lines(NamedTuple):
     """Sheared lines of a tile: line u is at column u + slope (row - middle), u = u0, u0 + 1 ..."""
 
@@ -180,16 +190,14 @@ def candidates(bins, grid, turning, sigma_px, least):
                 continue
             dx, dy = path[LENGTH] * path[TX], path[LENGTH] * path[TY]
             if abs(dy) >= abs(dx):
-                tile = (r0, r1, c0, c1)
-                n_raw = _filter_tile(bins.upright, grid, tile, (dx, dy), sigma_px, low, raw, n_raw, histogram)
+                tile = Tile(r0, r1, c0, c1, (dx, dy))
+                n_raw = _filter_tile(bins.upright, grid, tile, sigma_px, low, raw, n_raw, histogram)
             else:
                 if not is_turned:
                     _transpose(bins.upright, bins.turned)
                     is_turned = True
-                tile = (c0, c1, r0, r1)
-                n_raw = _filter_tile(
-                    bins.turned, turned_grid, tile, (dy, dx), sigma_px, low, raw, n_raw, histogram
-                )
+                tile = Tile(c0, c1, r0, r1, (dy, dx))
+                n_raw = _filter_tile(bins.turned, turned_grid, tile, sigma_px, low, raw, n_raw, histogram)
                 for k in range(begin, n_raw):
                     raw[k, 1], raw[k, 2] = raw[k, 2], raw[k, 1]
             for k in range(begin, n_raw):
@@ -210,14 +218,14 @@ def _transpose(bins, out):
 
 
 @inner
-def _filter_tile(bins, grid, tile, streak_px, sigma_px, least, raw, n_raw, histogram):
-    """Sums along the rows' order for streaks (columns, rows); maxima go to raw, the values to histogram.
+def _filter_tile(bins, grid, tile, sigma_px, least, raw, n_raw, histogram):
+    """Sums along the order of the rows, for the streaks of a tile; maxima go to raw, the values to histogram.
 
     Returns the new length of raw. A tile whose streaks are longer than the empty bins allow is left out.
     """
-    r0, r1, c0, c1 = tile
-    slope = streak_px[0] / streak_px[1]
-    n = steps_of(abs(streak_px[1]), slope, sigma_px)
+    r0, r1, c0, c1, (across_px, along_px) = tile
+    slope = across_px / along_px
+    n = steps_of(abs(along_px), slope, sigma_px)
     if n > grid.most_steps:
         return n_raw
     drift = abs(slope) * (0.5 * (r1 - r0) + 1.0 + OVERLAP) + OVERLAP
@@ -308,7 +316,7 @@ def _part_inside(grid, lines, values):
 @inner
 def _maxima(values, least, tile, lines, raw, n_raw):
     """Append maxima above `least` whose middle is in the tile: value, x, y [px]; new length."""
-    r0, r1, c0, c1 = tile
+    r0, r1, c0, c1, _ = tile
     slope, middle, first, n, u0 = lines
     for k in range(1, values.shape[0] - 1):
         before, here, after = values[k - 1], values[k], values[k + 1]

@@ -51,7 +51,7 @@ def sequential(image_dn, blocks, background, sigma, rules):
                 if blocks[r, c] > limit:
                     n = _grow(blocks, grow_limit, tile, r, c, pixels)
                     level, noise = background[i, j], sigma[i, j]
-                    n_objects = _take(image_dn, blocks, level, noise, pixels, n, rules, table, n_objects)
+                    n_objects = _take(image_dn, blocks, level, noise, pixels[:n], rules, table, n_objects)
     return table[:n_objects]
 
 
@@ -85,7 +85,7 @@ def maximum_search(image_dn, blocks, background, sigma, rules):
         n = _grow(blocks, grow_limit, tile, row, column, pixels)
         i, j = tile[row], tile[column]
         level, noise = background[i, j], sigma[i, j]
-        n_objects = _take(image_dn, blocks, level, noise, pixels, n, rules, table, n_objects)
+        n_objects = _take(image_dn, blocks, level, noise, pixels[:n], rules, table, n_objects)
     return table[:n_objects]
 
 
@@ -123,7 +123,7 @@ def _grow(blocks, limit, tile, seed_r, seed_c, pixels):
 
 
 @inner
-def _take(image_dn, blocks, level, noise, pixels, n, rules, table, n_objects):
+def _take(image_dn, blocks, level, noise, pixels, rules, table, n_objects):
     """Measure a grown object and, if it may be a star, put it into the table; new length of the table.
 
     x = sum(w I x) / sum(w I), I a pixel above the background, w its block above the background. The plain
@@ -131,7 +131,8 @@ def _take(image_dn, blocks, level, noise, pixels, n, rules, table, n_objects):
     noisy; the weight, which is the star's own smoothed shape, goes to zero at the cut and takes streaks as
     they come.
     """
-    min_pixels, max_pixels, max_peak_fraction, saturation_dn = rules[3], rules[4], rules[5], rules[6]
+    n, min_pixels, max_pixels = pixels.shape[0], rules[3], rules[4]
+    max_peak_fraction, saturation_dn = rules[5], rules[6]
     if n < min_pixels or n > max_pixels:
         return n_objects
     rows, columns = image_dn.shape

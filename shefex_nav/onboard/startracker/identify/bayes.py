@@ -30,7 +30,7 @@ from shefex_nav.onboard.startracker.identify.evidence import (
     solve_cholesky,
 )
 from shefex_nav.onboard.startracker.identify.lever import no_lever
-from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, detection_table
+from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS, Seen, detection_table
 from shefex_nav.onboard.startracker.identify.search import Best, Task, look, lost_in_space, margin
 from shefex_nav.onboard.startracker.identify.tracking import track
 from shefex_nav.onboard.startracker.identify.verify import Identification
@@ -134,10 +134,10 @@ def _identify(params, pairs, u_c, flux, prediction, P_px):
     magnitude = -2.5 * log10(flux)
     frame = pixels(camera, u_c), magnitude, True
     if P_px is None:
-        found = Solution(*solve_kernel(*pairs.quick, settings, *frame, *prediction))
+        found = Solution(*solve_kernel(*pairs.quick, settings, *frame, prediction))
     else:
         ellipses = ellipses_of(checked(P_px, len(u_c)), settings.sigma_px)
-        found = Solution(*solve_kernel(*pairs.quick, settings, *frame, *prediction, ellipses))
+        found = Solution(*solve_kernel(*pairs.quick, settings, *frame, prediction, ellipses))
     return Identification(found.star, int(found.reason), float(found.log_odds)), found.tracked
 
 
@@ -145,9 +145,7 @@ NO_PREDICTION = (False, np.array([1.0, 0.0, 0.0, 0.0]), np.zeros((3, 3)))
 
 
 @kernel
-def solve_kernel(
-    stars, pairs, settings, xy_px, magnitude, has_flux, has_prediction, q_ci, P_c, ellipses=None
-):
+def solve_kernel(stars, pairs, settings, xy_px, magnitude, has_flux, prediction, ellipses=None):
     """Attitude of one frame; detections brightest first, if there is a flux.
 
     Parameters
@@ -156,14 +154,16 @@ def solve_kernel(
     settings : Settings
     xy_px : (n, 2) of an ideal pinhole
     magnitude : (n,) -2.5 log10 flux
-    has_flux, has_prediction : bool
-    q_ci, P_c : (4,), (3, 3) rad^2 predicted attitude and covariance of its error in camera axes
+    has_flux : bool
+    prediction : (bool, (4,), (3, 3) rad^2) whether there is one, its q_ci, covariance of its error in camera
+        axes; NO_PREDICTION where there is none
     ellipses : Ellipses of the centroids; None: settings.sigma_px for all
 
     Returns
     -------
     Solution, as a plain tuple
     """
+    has_prediction, q_ci, P_c = prediction
     n = min(xy_px.shape[0], MAX_DETECTIONS)
     scene = Scene(
         xy_px[:n], magnitude[:n], has_flux, settings.width_px, settings.height_px, settings.focal_px,
@@ -175,7 +175,8 @@ def solve_kernel(
     prior = Prior(has_prediction, dcm_from_quat(q_ci), P_c)
     is_narrow = max(P_c[0, 0], P_c[1, 1], P_c[2, 2]) < NARROW**2
     least = MIN_TRACKED if is_narrow else settings.min_stars
-    tracked = Task(stars, scene, prior, detection_table(scene), new_best(n), new_view(), least, strict)
+    seen = Seen(detection_table(scene), scene.xy_px, ellipses)
+    tracked = Task(stars, scene, prior, seen, new_best(n), new_view(), least, strict)
     work = 0
     if has_prediction and n >= least and np.isfinite(q_ci.sum() + P_c.sum()):
         work = track(tracked, settings.budget // 4)
@@ -183,9 +184,7 @@ def solve_kernel(
         if found[0] == 0:
             return found
     nothing = Prior(False, prior.C_ci, P_c)
-    lost = Task(
-        stars, scene, nothing, tracked.table, new_best(n), tracked.room, settings.min_stars, threshold
-    )
+    lost = Task(stars, scene, nothing, seen, new_best(n), tracked.room, settings.min_stars, threshold)
     if n >= settings.min_stars:
         work += lost_in_space(lost, pairs, settings.budget - work)
     return conclude(lost, settings, xy_px.shape[0], work, False)

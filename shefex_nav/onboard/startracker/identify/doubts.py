@@ -10,7 +10,7 @@ import numpy as np
 
 from shefex_nav.compiled import inner
 from shefex_nav.onboard.startracker.identify.ellipses import between2, factor, weigh, weighted2
-from shefex_nav.onboard.startracker.identify.evidence import NOISE_SCALES, cholesky, jacobian, predict
+from shefex_nav.onboard.startracker.identify.evidence import NOISE_SCALES, Fit, cholesky, jacobian, predict
 from shefex_nav.onboard.startracker.identify.odds import log_odds
 
 LEVER_SIGMA = np.radians(0.1)  # a star without which the attitude is less certain than this ...
@@ -79,7 +79,7 @@ def leans_on_one_star(task, n, focal_px, noise_px, n_par):
     must beat the odds without it by as much as an attitude must beat chance. A prediction counts with the
     others.
     """
-    stars, scene, view = task.stars, task.scene, task.room
+    scene, view = task.scene, task.room
     N = np.zeros((4, 4))
     for s in range(n):
         if view.det[s] >= 0:
@@ -105,9 +105,8 @@ def leans_on_one_star(task, n, focal_px, noise_px, n_par):
         if log_det == -np.inf:
             return True
         view.det[s] = -1
-        without = log_odds(
-            stars, scene, task.prior, task.best.C, focal_px, view, n, rest, log_det, noise_px, n_par
-        )
+        fit = Fit(task.best.C, focal_px, n_par, n, rest, log_det, noise_px)
+        without = log_odds(task.stars, scene, task.prior, view, fit)
         view.det[s] = k
         if task.best.score[0] - without < task.threshold:
             return True

@@ -71,6 +71,26 @@ class View(NamedTuple):
     distance2: np.ndarray  # px^2 to the detection, weighted as in `ellipses`
 
 
+class Trial(NamedTuple):
+    """An attitude under examination, and what of it is free."""
+
+    C: np.ndarray  # (3, 3) C_ci, written
+    focal_px: float
+    n_par: int  # 3: the attitude is adjusted; 4: the focal length, too
+
+
+class Fit(NamedTuple):
+    """What `adjust` has made of a trial."""
+
+    C: np.ndarray  # (3, 3) C_ci
+    focal_px: float
+    n_par: int  # of the trial
+    n: int  # stars in the view; 0 where the field does not hold enough of them
+    L: np.ndarray  # (4, 4) factor of the information, px^-2 rad^2
+    log_det: float  # of the information
+    noise_px: float  # of the centroids
+
+
 @inner
 def new_view():
     """Room for the stars of one frame."""
@@ -287,19 +307,13 @@ def after_first(scene, ellipses, gate_px):
 
 
 @inner
-def adjust(stars, scene, C, focal_px, view, n_par, gate_px, lever, min_stars):
-    """Turn C until the predicted stars fit their detections, from a wide gate to the noise.
+def adjust(stars, scene, trial, view, gate_px, lever, min_stars):
+    """Turn trial.C until the predicted stars fit their detections, from a wide gate to the noise. -> Fit
 
-    The first gate is gate_px; where the detections have ellipses, what the lever says.
-
-    Returns
-    -------
-    n : int, stars in the view; 0 when the field does not hold min_stars
-    focal_px : float, adjusted if n_par is 4
-    L : (4, 4) factor of the information, px^-2 rad^2
-    log_det : float, of the information
-    noise_px : float
+    The first gate is gate_px; where the detections have ellipses, what the lever says. A field that does not
+    hold min_stars is no fit.
     """
+    C, focal_px, n_par = trial
     noise_px = NOISE_SCALES[-1] * scene.sigma_px
     L, log_det, n = np.zeros((4, 4)), -np.inf, 0
     for step in range(4):
@@ -309,13 +323,13 @@ def adjust(stars, scene, C, focal_px, view, n_par, gate_px, lever, min_stars):
         else:
             matches = match(scene, view, n, gate_px, noise_px)
         if matches < min_stars:
-            return 0, focal_px, L, log_det, noise_px
+            return Fit(C, focal_px, n_par, 0, L, log_det, noise_px)
         if step > 0:
             noise_px = noise_seen(scene, view, n)
         L, g = information(scene, view, n, focal_px, n_par, noise_px)
         log_det = cholesky(L, n_par)
         if log_det == -np.inf:
-            return 0, focal_px, L, log_det, noise_px
+            return Fit(C, focal_px, n_par, 0, L, log_det, noise_px)
         if step == 3:
             break
         solve_cholesky(L, g, n_par)
@@ -325,4 +339,4 @@ def adjust(stars, scene, C, focal_px, view, n_par, gate_px, lever, min_stars):
         if step > 0 and moved_px < SETTLED * noise_px and _all_within(view, n, GATE * noise_px):
             break
         gate_px = after_first(scene, scene.ellipses, gate_px) if step == 0 else GATE * noise_px
-    return n, focal_px, L, log_det, noise_px
+    return Fit(C, focal_px, n_par, n, L, log_det, noise_px)

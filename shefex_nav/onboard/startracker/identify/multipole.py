@@ -55,6 +55,13 @@ class Votes(NamedTuple):
     work: np.ndarray  # (m + 1,) uint32, room for all pairs: touched only as far as it is needed
 
 
+class Accepted(NamedTuple):
+    """Set A of each detection as the pole, as far as it has been found."""
+
+    star: np.ndarray  # (n, n) int64, of pole and detection: the star that it is accepted as, -1
+    is_known: np.ndarray  # (n,) bool, whose A has been found
+
+
 def magnitudes(params, flux):
     """Magnitude of each flux, equation (32). IdentifyParams, (n,) -> (n,); ValueError without zero_flux."""
     zero_flux = params.zero_flux
@@ -195,12 +202,11 @@ def _candidates(params, pairs, u_c, flux):
     light = light_of(pairs.stars.vmag, magnitude, params.magnitude_tolerance)
     sides = new_sides(u_c[:n], float(params.tolerance), float(params.cos_error))
     votes = new_votes(n, len(pairs.stars.vmag), len(sky[1]))
-    accepted = np.full((n, n), -1, dtype=np.int64)  # A of each pole
-    is_known = np.zeros(n, dtype=np.bool_)  # whose A has been found
+    accepted = Accepted(np.full((n, n), -1, dtype=np.int64), np.zeros(n, dtype=np.bool_))
     least, begin = int(params.min_stars), 0
     while begin >= 0:
         star = np.full(len(flux), -1, dtype=np.int64)
-        begin = _next_kernel(sky, light, sides, votes, least, accepted, is_known, begin, star[:n])
+        begin = _next_kernel(sky, light, sides, votes, least, accepted, begin, star[:n])
         if begin >= 0:
             yield star
 
@@ -328,7 +334,7 @@ def common(first, second, star):
 
 
 @kernel
-def _next_kernel(sky, light, sides, votes, least, accepted, is_known, begin, star):
+def _next_kernel(sky, light, sides, votes, least, accepted, begin, star):
     """Go on from the two poles number `begin` (first n + second) until two pass; they are in `star`.
 
     A list depends on its pole alone and is made once, in `accepted`.
@@ -337,17 +343,17 @@ def _next_kernel(sky, light, sides, votes, least, accepted, is_known, begin, sta
     -------
     next : int, where to go on; -1 when there are no more
     """
-    n = len(star)
+    n, named = len(star), accepted.star
     for number in range(begin, n * n):
         i, j = number // n, number % n
-        if not is_known[i]:
-            accept(sky, light, sides, votes, i, accepted[i])
-            is_known[i] = True
-        if i == j or accepted[i, j] < 0:
+        if not accepted.is_known[i]:
+            accept(sky, light, sides, votes, i, named[i])
+            accepted.is_known[i] = True
+        if i == j or named[i, j] < 0:
             continue
-        if not is_known[j]:
-            accept(sky, light, sides, votes, j, accepted[j])
-            is_known[j] = True
-        if accepted[j, j] >= 0 and common(accepted[i], accepted[j], star) >= least:
+        if not accepted.is_known[j]:
+            accept(sky, light, sides, votes, j, named[j])
+            accepted.is_known[j] = True
+        if named[j, j] >= 0 and common(named[i], named[j], star) >= least:
             return number + 1
     return -1

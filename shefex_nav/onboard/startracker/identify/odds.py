@@ -236,13 +236,14 @@ def completeness_odds(stars, view, n, scene, zero):
 
 
 @inner
-def log_odds(stars, scene, prior, C, focal_px, view, n, L, log_det, noise_px, n_par):
-    """ln B of an adjusted attitude."""
+def log_odds(stars, scene, prior, view, fit):
+    """ln B of an adjusted attitude, whose stars are in the view."""
+    n = fit.n
     zero = zero_point(stars, scene, view, n)
     return (
-        place_odds(scene, view, n, log_det, n_par)
-        + attitude_odds(prior, C, L, noise_px)
-        + focal_odds(scene, focal_px, n_par)
+        place_odds(scene, view, n, fit.log_det, fit.n_par)
+        + attitude_odds(prior, fit.C, fit.L, fit.noise_px)
+        + focal_odds(scene, fit.focal_px, fit.n_par)
         + brightness_odds(stars, scene, view, n, zero)
         + completeness_odds(stars, view, n, scene, zero)
     )

@@ -1,14 +1,17 @@
 """The quick look at an attitude that a pair of detections proposes: are the bright stars there?
 
 In: pairs of stars with the right angle. Out: those whose attitude finds further stars before too many bright
-ones are missing. The innermost loops of the identification, on plain arrays and numbers.
+ones are missing. The innermost loops of the identification.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.compiled import inner
 from shefex_nav.geometry import triples as t3
-from shefex_nav.onboard.startracker.identify.lever import REACH_PX, is_near, reach_of
+from shefex_nav.onboard.startracker.identify.ellipses import Ellipses
+from shefex_nav.onboard.startracker.identify.lever import REACH_PX, Lever, is_near, reach_of
 from shefex_nav.onboard.startracker.skygrid import cell_of
 
 CELL_SHIFT = 4
@@ -16,6 +19,23 @@ CELL_PX = 1 << CELL_SHIFT  # of the table of detections
 MAX_DETECTIONS = 64  # one bit each
 WORK_PER_TRIAL = 4  # cost of an attitude, in stars looked at
 PATIENCE_PER_HIT = 3  # bright stars more that may be missing for each that is found
+
+
+class Seen(NamedTuple):
+    """The n detections of a frame as `screen` looks for them."""
+
+    table: np.ndarray  # of `detection_table`
+    xy_px: np.ndarray  # (n, 2)
+    ellipses: Ellipses | None
+
+
+class TwoSeen(NamedTuple):
+    """Two detections, i and j, as `scan` compares them with pairs of stars."""
+
+    T: tuple  # triad of their directions in the camera, 9 numbers
+    lever: Lever
+    gate: tuple  # (lowest, highest) vmag[star of j] - vmag[star of i]
+    known: tuple  # the stars that are already known to be i and j, rows of the catalogue
 
 
 @inner
@@ -36,14 +56,23 @@ def detection_table(scene):
 
 
 @inner(inline="always")
-def screen(u_i, start, row, table, xy_px, ellipses, C, frame, lever, a, b):
+def screen(stars, seen, C, frame, lever, a, b):
     """Further stars found near where an attitude puts them, and how many stars were looked at.
 
     No more than are convincing; -1 is found as soon as too many bright ones are missing.
-    The innermost loop of the search, so it takes plain arrays and numbers: C is (3, 3) row by row; frame is
-    focal_px, cx, cy, right, bottom, border, the patience and the hits that convince.
+
+    Parameters
+    ----------
+    stars : Stars
+    seen : Seen
+    C : C_ci row by row, 9 numbers
+    frame : of `frame_of`
+    lever : Lever
+    a, b : the stars of which the attitude was made
     """
     focal_px, cx, cy, right, bottom, border, patience, convincing = frame
+    u_i, start, row = stars.u_i, stars.start, stars.row
+    table, xy_px, ellipses = seen
     hits = 0
     cell = cell_of(C[6], C[7], C[8])
     for e in range(start[cell], start[cell + 1]):
@@ -96,17 +125,16 @@ def join(T, S):
 
 
 @inner
-def scan(u_i, start, row, star, fainter, table, xy_px, ellipses, T, frame, lever, gate, ij, need, begin, end):
+def scan(stars, pairs, seen, two, frame, need, begin, end):
     """Next attitude that passes the screen among those of one pair of detections.
 
     Entry 2 p is pair p of the catalogue in its order, brighter star on detection i; 2 p + 1 the other way.
 
     Parameters
     ----------
-    star, fainter : of `search.Pairs`
-    T, frame, lever : as in `screen` and `join`
-    gate : (lowest, highest) vmag[star of j] - vmag[star of i]
-    ij : stars that are already known to be i and j
+    stars, pairs : Stars, Pairs
+    seen, frame : as in `screen`
+    two : TwoSeen
     need : hits
     begin, end : entries
 
@@ -116,6 +144,8 @@ def scan(u_i, start, row, star, fainter, table, xy_px, ellipses, T, frame, lever
     C : its attitude, 9 numbers
     work : stars looked at, with WORK_PER_TRIAL for each attitude
     """
+    u_i, star, fainter = stars.u_i, pairs.star, pairs.fainter
+    gate, ij = two.gate, two.known
     work = 0
     C = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     for entry in range(begin, end):
@@ -126,8 +156,8 @@ def scan(u_i, start, row, star, fainter, table, xy_px, ellipses, T, frame, lever
         if a == ij[0] and b == ij[1]:
             continue
         S = triad(u_i[a, 0], u_i[a, 1], u_i[a, 2], u_i[b, 0], u_i[b, 1], u_i[b, 2])
-        C = join(T, S)
-        hits, looked_at = screen(u_i, start, row, table, xy_px, ellipses, C, frame, lever, a, b)
+        C = join(two.T, S)
+        hits, looked_at = screen(stars, seen, C, frame, two.lever, a, b)
         work += WORK_PER_TRIAL + looked_at
         if hits >= need:
             return entry, C, work

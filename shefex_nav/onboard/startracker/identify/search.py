@@ -12,10 +12,12 @@ import numpy as np
 
 from shefex_nav.compiled import inner
 from shefex_nav.onboard.startracker.identify.ellipses import along
-from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, View, adjust
+from shefex_nav.onboard.startracker.identify.evidence import Prior, Scene, Trial, View, adjust
 from shefex_nav.onboard.startracker.identify.lever import lever_of, widest_gate
 from shefex_nav.onboard.startracker.identify.odds import log_odds
 from shefex_nav.onboard.startracker.identify.screen import (
+    Seen,
+    TwoSeen,
     directions,
     frame_of,
     put,
@@ -81,7 +83,7 @@ class Task(NamedTuple):
     stars: Stars
     scene: Scene
     prior: Prior
-    table: np.ndarray  # of `detection_table`
+    seen: Seen  # the detections of the scene
     best: Best
     room: View  # working space
     min_stars: int
@@ -108,13 +110,12 @@ def look(task, focal_px, gate_px, lever, free_focal):
     start, work = best.trial_C.copy(), 0
     for n_par in range(3, 5 if free_focal else 4):
         best.trial_C[:] = start
-        f = focal_px if n_par == 4 else scene.focal_px
-        fit = adjust(stars, scene, best.trial_C, f, view, n_par, gate_px, lever, task.min_stars)
-        n, f, L, log_det, noise_px = fit
-        work += WORK_PER_LOOK + int(WORK_PER_MATCH * n * scene.xy_px.shape[0])
-        if n == 0:
+        trial = Trial(best.trial_C, focal_px if n_par == 4 else scene.focal_px, n_par)
+        fit = adjust(stars, scene, trial, view, gate_px, lever, task.min_stars)
+        work += WORK_PER_LOOK + int(WORK_PER_MATCH * fit.n * scene.xy_px.shape[0])
+        if fit.n == 0:
             continue
-        odds = log_odds(stars, scene, task.prior, best.trial_C, f, view, n, L, log_det, noise_px, n_par)
+        odds = log_odds(stars, scene, task.prior, view, fit)
         same = 0.0
         for a in range(3):
             for b in range(3):
@@ -126,11 +127,11 @@ def look(task, focal_px, gate_px, lever, free_focal):
         if same < SAME_TRACE:
             best.score[1] = best.score[0]
         best.C[:] = best.trial_C
-        best.L[:] = L
+        best.L[:] = fit.L
         best.score[0], best.score[2], best.score[3] = odds, n_par, 0.0
-        best.score[4], best.score[5] = f, noise_px
+        best.score[4], best.score[5] = fit.focal_px, fit.noise_px
         best.star[:] = -1
-        for s in range(n):
+        for s in range(fit.n):
             if view.det[s] >= 0:
                 best.star[view.det[s]] = view.row[s]
                 best.score[3] += view.distance2[s]
@@ -163,14 +164,10 @@ def try_pair(task, pairs, u_c, i, j, begin, end, way):
     if not scene.has_flux:
         width = np.inf
     fainter = scene.mag[j] - scene.mag[i]
-    gate = (fainter - width, fainter + width)
+    two = TwoSeen(T, lever, (fainter - width, fainter + width), (best.star[i], best.star[j]))
     entry, work = 2 * begin, WORK_PER_PAIR
     while entry < 2 * end:
-        entry, C, n = scan(
-            stars.u_i, stars.start, stars.row, pairs.star, pairs.fainter, task.table, scene.xy_px,
-            scene.ellipses, T, frame, lever, gate, (best.star[i], best.star[j]), task.min_stars - 2,
-            entry, 2 * end,
-        )  # fmt: skip
+        entry, C, n = scan(stars, pairs, task.seen, two, frame, task.min_stars - 2, entry, 2 * end)
         work += n
         if entry < 2 * end:
             put(best.trial_C, C)

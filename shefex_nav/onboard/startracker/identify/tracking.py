@@ -92,10 +92,7 @@ def try_proposals(task, u_c, p, q, noise):
     C = join(triad(u[0], u[1], u[2], v[0], v[1], v[2]), S)
     lever = lever_of(scene, scene.ellipses, i, j, sigma_px)
     frame = frame_of(scene, focal_px, PATIENCE, CONVINCING)
-    hits, work = screen(
-        stars.u_i, stars.start, stars.row, task.table, scene.xy_px, scene.ellipses,
-        C, frame, lever, a, b,
-    )  # fmt: skip
+    hits, work = screen(stars, task.seen, C, frame, lever, a, b)
     if hits + 2 < task.min_stars:
         return work
     put(task.best.trial_C, C)

@@ -1,0 +1,64 @@
+"""What users give of a frame: numbers and arrays of our own, or a ValueError that says what is wrong."""
+
+import numpy as np
+
+from shefex_nav.solve.camera import numbers
+
+COMPLEX = (np.dtype(np.complex64), np.dtype(np.complex128))
+
+
+def places(xy_px):
+    """Centroids as an array of our own: one layout, one compilation. -> (n, 2)."""
+    real("xy_px", xy_px)
+    try:
+        array = np.array(xy_px, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        raise ValueError(f"xy_px: expected numbers of shape (n, 2), got {xy_px!r}") from None
+    if array.size == 0 and array.ndim <= 2:
+        return np.zeros((0, 2))
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise ValueError(f"xy_px: expected shape (n, 2), got {array.shape}")
+    return array
+
+
+def fluxes(flux, n):
+    """Brightness of the n centroids, likewise."""
+    real("flux", flux)
+    try:
+        array = np.array(flux, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        raise ValueError(f"flux: expected numbers of shape ({n},), got {flux!r}") from None
+    if array.shape != (n,):
+        raise ValueError(f"flux: expected shape ({n},), got {array.shape}")
+    return array
+
+
+def real(name, values):
+    """Refuse what a conversion to numbers would silently cut off."""
+    if isinstance(values, np.ma.MaskedArray) or getattr(values, "dtype", None) in COMPLEX:
+        raise ValueError(f"{name}: expected real numbers, none masked, got {type(values).__name__}")
+
+
+def number(name, value):
+    """A float, or a ValueError that says what is wrong."""
+    if isinstance(value, str | bytes | bool | complex) or np.ndim(value):
+        raise ValueError(f"{name}: expected a number, got {value!r}")
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected a number, got {value!r}") from None
+
+
+def prediction(said):
+    """Checked (True, q_ci, P)."""
+    try:
+        q_ci, P = said
+    except (TypeError, ValueError):
+        raise ValueError("prediction: expected (q_ci, covariance)") from None
+    q_ci, P = numbers("prediction q_ci", q_ci, (4,)), numbers("prediction covariance", P, (3, 3))
+    norm = np.linalg.norm(q_ci)
+    if not 0.9 < norm < 1.1:
+        raise ValueError(f"prediction q_ci: expected a unit quaternion, got norm {norm:.3g}")
+    if np.linalg.eigvalsh(0.5 * (P + P.T))[0] <= 0.0:
+        raise ValueError("prediction covariance: expected a positive definite matrix")
+    return True, q_ci / norm, np.ascontiguousarray(0.5 * (P + P.T))
