@@ -50,6 +50,16 @@ class Cells(NamedTuple):
     together: int  # grey values in an outcome, 1 or 2
 
 
+class Electronics(NamedTuple):
+    """What shapes the noise."""
+
+    bits: int  # of a grey value
+    read_noise: float  # electrons
+    full_well: float  # electrons
+    per_dn: float  # electrons for one grey value
+    black_level: float  # grey values
+
+
 def electrons_per_dn(params, gain_db):
     """Electrons for one grey value at an amplifier gain in dB (20 log10 of the amplitude)."""
     return params.electrons_per_dn * 10.0 ** (-gain_db / 20.0)
@@ -64,7 +74,8 @@ def digitise(params, gain_db, mean_electrons, rng):
     """Noisy grey values of pixels drawn one by one. (n,) mean electrons -> (n,) uint8 or uint16."""
     bounded = np.minimum(mean_electrons, 10.0 * params.full_well_electrons)  # far beyond it all look alike
     pixel, few = np.uint8 if params.bits == 8 else np.uint16, bounded < MANY_ELECTRONS
-    _, read_noise, full_well, per_dn, black_level = _electronics(params, gain_db)
+    electronics = _electronics(params, gain_db)
+    _, read_noise, full_well, per_dn, black_level = electronics
     if np.count_nonzero(~few) < WORTH_A_CALL:
         collected = np.minimum(rng.poisson(bounded), full_well)
         amplified = collected + read_noise * rng.standard_normal(len(collected))
@@ -72,14 +83,15 @@ def digitise(params, gain_db, mean_electrons, rng):
         return np.clip(grey, 0.0, largest_dn(params)).astype(pixel)
     collected, grey = np.empty(len(bounded)), np.empty(len(bounded), dtype=pixel)
     collected[few] = rng.poisson(bounded[few])
-    amplifier = read_noise, full_well, per_dn, black_level, float(largest_dn(params))
-    _digitise_kernel(bounded, collected, rng, *amplifier, grey)
+    _digitise_kernel(bounded, collected, rng, tuple(electronics), grey)
     return grey
 
 
 @kernel
-def _digitise_kernel(mean, collected, rng, read_noise, full_well, per_dn, black_level, largest, grey):
+def _digitise_kernel(mean, collected, rng, electronics, grey):
     """Grey values; the charge of pixels with many electrons is drawn here, that of the others collected."""
+    bits, read_noise, full_well, per_dn, black_level = electronics
+    largest = 2.0**bits - 1.0
     for k in range(mean.size):
         electrons = collected[k]
         if mean[k] >= MANY_ELECTRONS:
@@ -92,25 +104,22 @@ def _digitise_kernel(mean, collected, rng, read_noise, full_well, per_dn, black_
 
 def grey_distribution(params, gain_db, mean_electrons):
     """P(grey value <= k) of a pixel with the given mean electrons: (2^bits,)."""
-    return _distribution(*_electronics(params, gain_db), mean_electrons)
+    return _distribution(_electronics(params, gain_db), mean_electrons)
 
 
 def _electronics(params, gain_db):
-    """What shapes the noise: bits, read noise, full well [electrons], electrons per DN, black level [DN]."""
+    """Electronics at an amplifier gain in dB."""
     per_dn = electrons_per_dn(params, gain_db)
-    return (
-        params.bits,
-        params.read_noise_electrons,
-        params.full_well_electrons,
-        per_dn,
-        params.black_level_dn,
+    return Electronics(
+        params.bits, params.read_noise_electrons, params.full_well_electrons, per_dn, params.black_level_dn
     )
 
 
-def _distribution(bits, read_noise, full_well, per_dn, black_level, mean):
+def _distribution(electronics, mean):
     """P(grey value <= k): (2^bits,)."""
+    bits, *rest = electronics
     cdf, certain = np.zeros(2**bits), np.zeros(2**bits)
-    _distribution_kernel(mean, read_noise, full_well, per_dn, black_level, cdf, certain)
+    _distribution_kernel(mean, *rest, cdf, certain)
     cdf += np.cumsum(certain)
     cdf[-1] = 1.0
     return np.minimum(np.maximum.accumulate(cdf), 1.0)  # against rounding
@@ -165,12 +174,12 @@ def _add_count(n, probability, read_noise, per_dn, black_level, cdf, certain):
 
 def background_cells(params, gain_db, mean_electrons):
     """Cells of pixels with the given mean electrons; those asked for last are kept."""
-    return _background_cells(*_electronics(params, gain_db), mean_electrons)
+    return _background_cells(_electronics(params, gain_db), mean_electrons)
 
 
 @lru_cache(maxsize=4)
-def _background_cells(*electronics_and_mean):
-    return cells(_distribution(*electronics_and_mean))
+def _background_cells(electronics, mean_electrons):
+    return cells(_distribution(electronics, mean_electrons))
 
 
 def cells(cdf):

@@ -46,13 +46,13 @@ def during(camera, trajectory, q_bc, t_valid_s, times, step_px):
     step_px : float
     """
     steps = duration_s(times) / step_px
-    C_ci, *rest = moved(camera, *states(trajectory), q_bc, *samples(trajectory.t_s, t_valid_s, times), steps)
+    C_ci, *rest = moved(camera, states(trajectory), q_bc, samples(trajectory.t_s, t_valid_s, times), steps)
     path = Path(C_ci, -instant_after_s(times), duration_s(times) / (len(C_ci) - 1), times)
     return Motion(path, *rest)
 
 
 def states(trajectory):
-    """What `moved` needs of a Trajectory: q_ib, omega_ib_b, r_i, v_i."""
+    """What `moved` needs of a Trajectory: q_ib (N, 4), omega_ib_b, r_i, v_i (N, 3)."""
     return trajectory.q_ib, trajectory.omega_ib_b, trajectory.r_i, trajectory.v_i
 
 
@@ -121,11 +121,12 @@ def fastest(camera, omega_c):
 
 
 @kernel
-def moved(camera, q_ib, omega_ib_b, r_i, v_i, q_bc, start, length, middle, steps):
+def moved(camera, states, q_bc, samples, steps):
     """C_ci (n + 1, 3, 3) of the path and the other fields of Motion.
 
-    q_ib ... v_i : of `states`;  start, length, middle : of `samples`;  steps : for 1 px/s
+    states, samples : of `states`, of `samples`;  steps : for 1 px/s
     """
+    (q_ib, omega_ib_b, r_i, v_i), (start, length, middle) = states, samples
     C_bc = dcm_from_quat(q_bc)
     first, last = int(start), min(int(np.ceil(start + length)), omega_ib_b.shape[0] - 1)
     mean_b, omega_c, rate, speed = np.zeros(3), np.empty(3), 0.0, 0.0

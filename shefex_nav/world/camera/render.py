@@ -57,6 +57,30 @@ class Light(NamedTuple):
     n_lit: np.ndarray  # (1,) int64, how many
 
 
+class Track(NamedTuple):
+    """Where a source is on the detector, px, at the ends of the n steps of a Path."""
+
+    x: np.ndarray  # (n + 1,)
+    y: np.ndarray  # (n + 1,)
+
+
+class Spot(NamedTuple):
+    """How the light of a source falls on one place, and how much of it is drawn."""
+
+    electrons: float
+    radius: int  # half width of the square of pixels that is drawn
+    least: float  # electrons that a pixel is lit for
+
+
+class Patch(NamedTuple):
+    """First and last column and row of some pixels; none: last < first."""
+
+    left: int
+    right: int
+    top: int
+    bottom: int
+
+
 @lru_cache(maxsize=16)
 def gaussian_psf(sigma_px):
     """Table of the Gaussian's distribution function; interpolation error below 1e-6 for sigma > 0.7 px."""
@@ -114,19 +138,19 @@ def add_tracks(light, camera, psf, path, xy_px, electrons, least):
 def _points_kernel(light, camera, psf, path, u_i, electrons, least):
     n = path.C_ci.shape[0]
     x, y = np.empty(n), np.empty(n)
-    shares = np.empty(2 * psf.reach_px), np.empty(2 * psf.reach_px)
+    track, shares = Track(x, y), (np.empty(2 * psf.reach_px), np.empty(2 * psf.reach_px))
     for star in range(u_i.shape[0]):
         if electrons[star] > 0.0:
             _project(camera, path.C_ci, u_i, star, x, y)
-            _add_track(light, camera, psf, path, x, y, electrons[star], least, shares)
+            _add_track(light, camera, psf, path, track, electrons[star], least, shares)
 
 
 @kernel
 def _tracks_kernel(light, camera, psf, path, xy_px, electrons, least):
     shares = np.empty(2 * psf.reach_px), np.empty(2 * psf.reach_px)
     for k in range(xy_px.shape[0]):
-        x, y = np.ascontiguousarray(xy_px[k, :, 0]), np.ascontiguousarray(xy_px[k, :, 1])
-        _add_track(light, camera, psf, path, x, y, electrons[k], least, shares)
+        track = Track(np.ascontiguousarray(xy_px[k, :, 0]), np.ascontiguousarray(xy_px[k, :, 1]))
+        _add_track(light, camera, psf, path, track, electrons[k], least, shares)
 
 
 @inner
@@ -141,9 +165,12 @@ def _project(camera, C_ci, u_i, star, x, y):
 
 
 @inner
-def _add_track(light, camera, psf, path, x, y, electrons, least, shares):
-    """Add one source with places x, y (n + 1,) at the ends of the steps."""
-    times, exposure_s = path.times, path.times.exposure_s
+def _add_track(light, camera, psf, path, track, electrons, least, shares):
+    """Add one source.
+
+    shares : two arrays (2 reach_px,) to work in: of a spot's light, by columns and by rows
+    """
+    x, y, times, exposure_s = track.x, track.y, path.times, path.times.exposure_s
     longest_px = 0.0
     for k in range(x.size - 1):
         square = (x[k + 1] - x[k]) ** 2 + (y[k + 1] - y[k]) ** 2
@@ -156,7 +183,7 @@ def _add_track(light, camera, psf, path, x, y, electrons, least, shares):
         electrons *= longer
         radius = _patch_radius(psf, electrons, least)
         if radius >= 0:
-            _add_spot(light, camera, psf, x_mid, y_mid, electrons, radius, least, shares)
+            _add_spot(light, camera, psf, (x_mid, y_mid), Spot(electrons, radius, least), shares)
         return
     stride = max(1, int(psf.step_px / longest_px))  # steps taken as one
     of_exposure = 0.5 * stride * path.step_s / exposure_s  # one spot
@@ -166,16 +193,21 @@ def _add_track(light, camera, psf, path, x, y, electrons, least, shares):
     radius = _patch_radius(psf, electrons * of_exposure, faint)
     if radius < 0:
         return
+    source = Spot(electrons, radius, faint)
     for k in range(0, x.size - 1, stride):
         end = min(k + stride, x.size - 1)
         if _is_near(camera, 0.5 * (x[k] + x[end]), 0.5 * (y[k] + y[end]), radius + 1):
-            _add_steps(light, camera, psf, path, x, y, (k, end), electrons, radius, faint, shares)
+            _add_steps(light, camera, psf, path, track, (k, end), source, shares)
 
 
 @inner(inline="always")
-def _add_steps(light, camera, psf, path, x, y, ends, electrons, radius, faint, shares):
-    """Add what a source gives in the steps between two ends of steps, taken as one."""
+def _add_steps(light, camera, psf, path, track, ends, source, shares):
+    """Add what a source gives in the steps between two ends of steps, taken as one.
+
+    source : Spot of all the light that it gives in the exposure of a row, on one place
+    """
     first, last = ends
+    (x, y), (electrons, radius, faint) = track, source
     m, times = last - first, path.times
     from_s, length_s = path.begin_s + first * path.step_s, m * path.step_s
     # rows that its light may reach
@@ -186,14 +218,14 @@ def _add_steps(light, camera, psf, path, x, y, ends, electrons, radius, faint, s
     rate = electrons / times.exposure_s
     if times.line_s == 0.0 or (from_s >= last_s and from_s + length_s <= first_s + times.exposure_s):
         for along in (0.5 - GAUSS, 0.5 + GAUSS):
-            place_x, place_y = _between(x, first + along * m), _between(y, first + along * m)
-            _add_spot(light, camera, psf, place_x, place_y, 0.5 * rate * length_s, radius, faint, shares)
+            place = _between(x, first + along * m), _between(y, first + along * m)
+            _add_spot(light, camera, psf, place, Spot(0.5 * rate * length_s, radius, faint), shares)
         return
     part_s, faint = length_s / PARTS, faint * 2.0 / PARTS
     for part in range(PARTS):
         steps, part_from_s = first + m * (part + 0.5) / PARTS, from_s + part * part_s
         place, when_s = (_between(x, steps), _between(y, steps)), (part_from_s, part_from_s + part_s)
-        _add_part(light, camera, psf, place, when_s, times, rate, radius, faint, shares)
+        _add_part(light, camera, psf, place, Spot(rate, radius, faint), times, when_s, shares)
 
 
 @inner
@@ -258,36 +290,39 @@ def _is_near(camera, x, y, radius):
 
 @inner
 def _patch(camera, x, y, radius):
-    """First and last column and row of the pixels within `radius` of a spot's own; none: last < first."""
+    """Patch of the pixels within `radius` of a spot's own."""
     if not _is_near(camera, x, y, radius):
-        return 0, -1, 0, -1
+        return Patch(0, -1, 0, -1)
     column, row = int(np.floor(x + 0.5)), int(np.floor(y + 0.5))
     left, right = max(0, column - radius), min(camera.width_px - 1, column + radius)
-    return left, right, max(0, row - radius), min(camera.height_px - 1, row + radius)
+    return Patch(left, right, max(0, row - radius), min(camera.height_px - 1, row + radius))
 
 
 @inner(inline="always")
-def _add_spot(light, camera, psf, x, y, electrons, radius, least, shares):
-    """Add one Gaussian spot integrated over the pixels within `radius` of its own pixel."""
-    left, right, top, bottom = _patch(camera, x, y, radius)
-    if right < left or bottom < top:
+def _add_spot(light, camera, psf, place, spot, shares):
+    """Add one Gaussian spot integrated over the pixels within its radius of its own pixel."""
+    patch = _patch(camera, place[0], place[1], spot.radius)
+    if patch.right < patch.left or patch.bottom < patch.top:
         return
-    _shares(psf, x, left, right, shares[0])
-    _shares(psf, y, top, bottom, shares[1])
-    _add_patch(light, camera, left, right, top, bottom, electrons, least, shares)
+    _shares(psf, place[0], patch.left, patch.right, shares[0])
+    _shares(psf, place[1], patch.top, patch.bottom, shares[1])
+    _add_patch(light, camera, patch, spot, shares)
 
 
 @inner(inline="always")
-def _add_part(light, camera, psf, place, when_s, times, rate, radius, least, shares):
-    """As `_add_spot`, of a source there from and to when_s: each row gets what falls into its exposure."""
-    left, right, top, bottom = _patch(camera, place[0], place[1], radius)
-    if right < left or bottom < top:
+def _add_part(light, camera, psf, place, spot, times, when_s, shares):
+    """As `_add_spot`, of a source that is there for a time: each row gets what falls into its exposure.
+
+    spot : of the electrons in a second;  times : RowTimes;  when_s : from and to, s
+    """
+    patch = _patch(camera, place[0], place[1], spot.radius)
+    if patch.right < patch.left or patch.bottom < patch.top:
         return
-    _shares(psf, place[0], left, right, shares[0])
-    _shares(psf, place[1], top, bottom, shares[1])
-    for row in range(top, bottom + 1):
-        shares[1][row - top] *= open_for(times, row, when_s[0], when_s[1])
-    _add_patch(light, camera, left, right, top, bottom, rate, least, shares)
+    _shares(psf, place[0], patch.left, patch.right, shares[0])
+    _shares(psf, place[1], patch.top, patch.bottom, shares[1])
+    for row in range(patch.top, patch.bottom + 1):
+        shares[1][row - patch.top] *= open_for(times, row, when_s[0], when_s[1])
+    _add_patch(light, camera, patch, spot, shares)
 
 
 @inner
@@ -298,12 +333,14 @@ def open_for(times, row, from_s, to_s):
 
 
 @inner(inline="always")
-def _add_patch(light, camera, left, right, top, bottom, electrons, least, shares):
+def _add_patch(light, camera, patch, spot, shares):
+    """Add what of a spot's light `_shares` gave to the pixels of its patch."""
+    left, right, top, bottom = patch
     for j in range(bottom - top + 1):
-        in_row, pixel = electrons * shares[1][j], (top + j) * camera.width_px + left
+        in_row, pixel = spot.electrons * shares[1][j], (top + j) * camera.width_px + left
         for i in range(right - left + 1):
             in_pixel = in_row * shares[0][i]
-            if in_pixel > least:
+            if in_pixel > spot.least:
                 add(light, pixel + i, in_pixel)
 
 

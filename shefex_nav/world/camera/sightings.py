@@ -110,7 +110,7 @@ def sight(model, camera, film, scene, rng, limits):
     clutter = rng.poisson(model.clutter[0] + model.clutter[1] * broken(turned_px(hole, film)))
     places = rng.random((clutter, 2))
     hip, *detections = _sight_kernel(
-        model, hole, film, *scene, chances, places, limits.seed_sigma, limits.most
+        model, hole, film, scene, chances, places, limits.seed_sigma, limits.most
     )
     return Sighting(Detections(*detections), hip, float(mean_dn))
 
@@ -207,12 +207,14 @@ def _area(x, sigma):
 
 
 @kernel
-def _sight_kernel(model, hole, film, hip, xy_px, electrons, chances, places, seed_sigma, most):
+def _sight_kernel(model, hole, film, scene, chances, places, seed_sigma, most):
     """Hipparcos numbers, and fields of Detections, of the brightest `most` objects, brightest first.
 
+    scene : as of `sight`
     places : (m, 2) uniform, of objects that are no source, anywhere: as bright as it takes, the first to go
         if the table is full
     """
+    hip, xy_px, electrons = scene
     found, seen_px, P_px, saturated = _sources(model, hole, film, xy_px, electrons, chances, seed_sigma)
     sources, m = np.flatnonzero(found), places.shape[0]
     least = seed_sigma * BLOCK * film.noise_electrons

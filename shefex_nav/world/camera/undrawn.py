@@ -33,6 +33,24 @@ class Exposure(NamedTuple):
     mean_dn: float  # mean grey value that is expected
 
 
+class Heaven(NamedTuple):
+    """What there is to be seen from near the Earth."""
+
+    sources: sky.Sky
+    planets: sky.Planets
+    earth_v_i: np.ndarray  # (3,) m/s, of the Earth, barycentric
+    sun_u_i: np.ndarray  # (3,) direction of the Sun
+
+
+class Shot(NamedTuple):
+    """When and how the shutter opens."""
+
+    t_valid_s: float  # the frame's instant
+    exposure_s: float  # of each row
+    at_once: bool  # all rows are exposed at once
+    width_px: float  # of the spots: sqrt(2 pi) sigma
+
+
 def catalogued(stars, camera, merge_radius):
     """The camera with a sky whose sources are what the star tracker may tell apart.
 
@@ -92,10 +110,11 @@ def look(camera, command, trajectory, number, t_start_s):
     params, exposure_s = camera.params, command.exposure_s
     times = row_times(exposure_s, params.line_s, params.height_px)
     t_valid_s, t_end_s = t_start_s + instant_after_s(times), t_start_s + duration_s(times)
+    heaven = camera.sky, camera.planets, camera.bodies.earth_v_i, camera.bodies.sun_u_i
+    shot = t_valid_s, exposure_s, params.line_s == 0.0, camera.psf.width_px
     (q_ic, rate, omega_c), aim, listed, scene = _look(
         camera.pinhole, motion.states(trajectory), camera.q_bc,
-        motion.samples(trajectory.t_s, t_valid_s, times), camera.earth, t_valid_s, camera.sky, camera.planets,
-        camera.bodies.earth_v_i, camera.bodies.sun_u_i, exposure_s, camera.psf.width_px, params.line_s == 0.0,
+        motion.samples(trajectory.t_s, t_valid_s, times), camera.earth, heaven, shot,
     )  # fmt: skip
     background = (params.background_rate + stray_rate(params, *aim)) * exposure_s
     film = _film(params, command, omega_c, background, scene[2].sum())
@@ -105,14 +124,11 @@ def look(camera, command, trajectory, number, t_start_s):
 
 
 @kernel
-def _look(
-    hole, states, q_bc, samples, earth, t_valid_s, sources, planets, earth_v_i, sun_u_i, exposure_s, width_px,
-    at_once,
-):  # fmt: skip
+def _look(hole, states, q_bc, samples, earth, heaven, shot):
     """All of `look` that is arithmetic.
 
-    hole : Pinhole;  states, samples : of `motion`;  sources, planets : sky.Sky, sky.Planets
-    earth_v_i, sun_u_i : of SkyBodies;  width_px : of the spots;  at_once : whether all rows are
+    hole : Pinhole;  states, samples : of `motion`;  earth : EarthRotation
+    heaven, shot : the fields of Heaven, of Shot: plain tuples, which take less time to hand over
 
     Returns
     -------
@@ -121,19 +137,20 @@ def _look(
     (hip (n,), xy_px (n, 2)) of listed stars in the middle of the exposure
     (hip (n,), xy_px (n, 2), electrons (n,)) of all sources where their light falls in the mean
     """
-    path_ci, C_ci, r_i, v_i, omega_i, rate = motion.moved(hole, *states, q_bc, *samples, 0.0)
-    C_ei = np.ascontiguousarray(frames.dcm_ie(earth, t_valid_s).T)
+    heaven, shot = Heaven(*heaven), Shot(*shot)
+    path_ci, C_ci, r_i, v_i, omega_i, rate = motion.moved(hole, states, q_bc, samples, 0.0)
+    C_ei = np.ascontiguousarray(frames.dcm_ie(earth, shot.t_valid_s).T)
     cone = atan(0.5 * hypot(hole.width_px, hole.height_px) / hole.focal_length_px) + SPARE
-    view = sky.View(C_ci[2], cone, r_i, earth_v_i + v_i, np.zeros(3), C_ei)
-    every = sky.Film(exposure_s, hole.focal_length_px, width_px, 0.0)
-    hip, u_i, electrons = sky.visible(sources, planets, view, every)
+    view = sky.View(C_ci[2], cone, r_i, heaven.earth_v_i + v_i, np.zeros(3), C_ei)
+    every = sky.Film(shot.exposure_s, hole.focal_length_px, shot.width_px, 0.0)
+    hip, u_i, electrons = sky.visible(heaven.sources, heaven.planets, view, every)
     hip, xy_px, electrons = _on_detector(hole, C_ci, hip, u_i, electrons)
-    caught_px = _bent(hole, path_ci, C_ci, xy_px) if at_once else xy_px
+    caught_px = _bent(hole, path_ci, C_ci, xy_px) if shot.at_once else xy_px
     q_ic = rotation.quat_from_dcm(np.ascontiguousarray(C_ci.T))
     listed = hip > 0
     return (
         (q_ic, rate, C_ci @ omega_i),
-        aimed(C_ci[2], r_i, C_ei, sun_u_i),
+        aimed(C_ci[2], r_i, C_ei, heaven.sun_u_i),
         (hip[listed], xy_px[listed]),
         (hip, caught_px, electrons),
     )
