@@ -1,5 +1,7 @@
 """What is said to people instead of a traceback."""
 
+import traceback
+
 
 class UserError(Exception):
     """Something from outside cannot be used: a file, a folder, data, what is asked of a flight.
@@ -7,3 +9,14 @@ class UserError(Exception):
     The message says what is wrong, where and what would be right; the command line prints it and ends with
     exit code 2. Every exception of the package whose message is for people extends this one.
     """
+
+
+class CodeError(UserError):
+    """Code of a user's own that has failed, or given something else than it must: what, and their frames."""
+
+    def __init__(self, words, cause=None):
+        if cause is not None:
+            frames = traceback.extract_tb(cause.__traceback__)[1:]  # the first is the program's call
+            where = "".join(traceback.format_list(frames))
+            words = f"{words}\n{where}{type(cause).__name__}: {cause}"
+        super().__init__(words)

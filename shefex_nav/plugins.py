@@ -14,13 +14,17 @@ import hashlib
 import os
 import sys
 import traceback
+import types
 from contextlib import contextmanager
 from importlib import import_module, util
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
+
+import numpy as np
 
 from shefex_nav import instruments
 from shefex_nav.errors import UserError
-from shefex_nav.instruments.instrument import Instrument
+from shefex_nav.instruments.instrument import Column, DataColumn, Instrument, Plot, StateBlock
+from shefex_nav.onboard.navigation.blocks import CORE_BLOCKS, OPTIONAL
 from shefex_nav.settings import Settings, declared
 
 GROUP = "shefex_nav.plugins"
@@ -74,8 +78,20 @@ class Plugin(NamedTuple):
         return f"{self.name}{version} (sha256 {self.sha256[:12]})"
 
 
+# names that mean something else: sections, topics, tables and figures, sensors and streams of the program
+TAKEN = frozenset(
+    "mission plugins earth atmosphere wind launch orbit ground vehicle attitude programme imu gps "
+    "pad_alignment star_camera star_tracker navigation log faults requirements campaign "
+    "dispersions data gnss alignment truth control attitude_control events timing nav nav_states "
+    "nav_covariance gates gate_innovations health frames frame_truth frame_truth_stars "
+    "camera_commands star_fixes star_fix_objects star_vectors errors star_fix_errors columns "
+    "trajectory history ground_track sky_map status star_errors camera velocity position biases "
+    "nees nis protection position_protection velocity_protection pad camera_errors camera_noise "
+    "gps_errors sightings gyro accelerometer ".split()
+)
+PREFIXES = ("gps", "star")  # of what the filter tells apart by it
 _LOADED = {}  # sha256 -> (Plugin, tuple of what it provides)
-_OWNERS = {}  # (kind, name) of what plug-ins have added -> path of the plug-in
+_ADDED = {}  # step -> names of the ways that plug-ins have added
 _EVERY = []  # not empty: within `trusting`
 
 
@@ -96,33 +112,51 @@ def load(name, sha256=None, trust=False):
         with open(path, "rb") as file:
             source = file.read()
     except OSError as error:
-        raise PluginError(f"'{name}' cannot be read: {error.strerror}; it is part of the scenario") from None
+        raise PluginError(
+            f"'{name}' cannot be read: {error.strerror}; put it there, or name where it is"
+        ) from None
     found = hashlib.sha256(source).hexdigest()
     if sha256 is not None and found != sha256:
         raise PluginError(
             f"'{name}' is another file than the one that was flown: its SHA-256 is {found[:12]}..., "
             f"that was {sha256[:12]}..."
         )
-    if found in _LOADED:
-        return _LOADED[found]
-    plugin = Plugin(os.path.basename(path) if is_file(name) else name, version, found, os.path.abspath(path))
-    if is_file(name):
-        if trust or _EVERY:
-            consent(found, path)
-        if not is_trusted(found):
-            raise NotTrusted(
-                f"'{name}' is code that flying this scenario would run; read it, then give --trust "
-                f"(kept for this file as it is, SHA-256 {found[:12]}...)"
-            )
-    provided = tuple(one._replace(plugin=plugin) for one in _provided(_module(plugin), name))
-    for one in provided:
-        _add(one)
-    _LOADED[found] = plugin, provided
-    return plugin, provided
+    if found not in _LOADED:
+        plugin = Plugin(
+            os.path.basename(path) if is_file(name) else name, version, found, os.path.abspath(path)
+        )
+        if is_file(name):
+            _ask(name, path, found, trust)
+            provided = _module(plugin, source)
+        else:
+            provided = _entry(name).load()
+        _LOADED[found] = plugin, tuple(one._replace(plugin=plugin) for one in _provided(provided, name))
+    activate(_LOADED[found][1])
+    return _LOADED[found]
+
+
+def _ask(name, path, sha256, trust):
+    """NotTrusted unless there is consent to run a file."""
+    if trust or _EVERY:
+        consent(sha256, path)
+    if not is_trusted(sha256):
+        raise NotTrusted(
+            f"'{name}' is code that flying this scenario would run; read it, then give --trust "
+            f"(kept for this file as it is, SHA-256 {sha256[:12]}...)"
+        )
 
 
 def _installed(name):
     """Path of the module of an installed plug-in, and the version of its package."""
+    entry = _entry(name)
+    spec = util.find_spec(entry.value.partition(":")[0])
+    if spec is None or spec.origin is None:
+        raise PluginError(f"plug-in '{name}': its module {entry.value} cannot be found; install it again")
+    return spec.origin, entry.dist.version if entry.dist else ""
+
+
+def _entry(name):
+    """Entry point of a plug-in."""
     from importlib import metadata  # which takes a while
 
     found = list(metadata.entry_points(group=GROUP, name=name))
@@ -130,18 +164,17 @@ def _installed(name):
         known = sorted({one.name for one in metadata.entry_points(group=GROUP)})
         there = f"installed are: {', '.join(known)}" if known else "none is installed"
         raise PluginError(f"there is no plug-in '{name}'; {there}; a file of your own ends in .py")
-    spec = util.find_spec(found[0].value.partition(":")[0])
-    return spec.origin, found[0].dist.version if found[0].dist else ""
+    return found[0]
 
 
-def _module(plugin):
-    """The module of a plug-in, imported under a name of its own."""
+def _module(plugin, source):
+    """The module that the bytes of a file make, under a name of its own. They are what consent is about."""
     name = f"shefex_nav_plugin_{plugin.sha256[:16]}"
-    spec = util.spec_from_file_location(name, plugin.path)
-    module = util.module_from_spec(spec)
+    module = types.ModuleType(name)
+    module.__file__ = plugin.path
     sys.modules[name] = module  # where its records are found again in other processes
     try:
-        spec.loader.exec_module(module)
+        exec(compile(source, plugin.path, "exec"), module.__dict__)
     except Exception as error:
         del sys.modules[name]
         frames = [one for one in traceback.extract_tb(error.__traceback__) if one.filename == plugin.path]
@@ -158,7 +191,8 @@ def _provided(module, name):
     for one in provided:
         if not isinstance(one, Instrument | Method):
             raise PluginError(f"'{name}': {one!r} in PROVIDES is neither an Instrument nor a Method")
-        if problem := _problem(one) if isinstance(one, Instrument) else _problem_of_method(one):
+        problem = _problem(one) if isinstance(one, Instrument) else _problem_of_method(one)
+        if problem:
             raise PluginError(f"'{name}': '{one.name}': {problem}")
     return provided
 
@@ -167,6 +201,8 @@ def _problem_of_method(one):
     """What is wrong with a Method; '' if nothing is."""
     if one.step not in STEPS:
         return f"there is no step '{one.step}'; choose from: {', '.join(STEPS)}"
+    if one.name in _built_in(one.step):
+        return f"there is a way of {one.step} of that name already, of the program"
     return "" if callable(one.function) else f"its function must be one, got {one.function!r}"
 
 
@@ -174,6 +210,12 @@ def _problem(one):
     """What is wrong with the description of an instrument; '' if nothing is."""
     if not one.name.isidentifier() or not one.name.islower():
         return "its name must be lower case with underscores, such as 'radar_altimeter'"
+    if one.name in instruments.BUILT_IN:
+        return "there is an instrument of that name already, of the program"
+    if one.name in TAKEN or one.name.startswith(PREFIXES):
+        return (
+            f"that name means something else, as do all that begin with {' or '.join(PREFIXES)}; take another"
+        )
     if not (isinstance(one.settings, type) and issubclass(one.settings, Settings)):
         return f"settings must be a class of Settings, got {one.settings!r}"
     missing = [key for key in ("rate", "latency") if key not in declared(one.settings)]
@@ -183,22 +225,52 @@ def _problem(one):
         return f"its record must be a NamedTuple that begins with {' and '.join(TIMES)}"
     if one.aid is not None and one.use is None:
         return "one with an aid needs a class of settings in `use` (instrument.Use, for example)"
-    return ""
+    return _problem_of_parts(one)
 
 
-def _add(one):
-    """Put something into its table; one of the same file, edited since, takes the place of the older."""
-    kind, table, value = "an instrument", instruments.TABLE, one
-    if isinstance(one, Method):
-        module, _, name = STEPS[one.step][1].partition(":")
-        kind, value = f"a way of {one.step}", one.function
-        table = getattr(import_module(module), name)
-    owner = _OWNERS.get((kind, one.name))
-    if one.name in table and owner != one.plugin.path:
-        whose = owner or "the program"
-        raise PluginError(f"{one.plugin.path}: there is {kind} '{one.name}' already, of {whose}")
-    _OWNERS[kind, one.name] = one.plugin.path
-    table[one.name] = value
+def _problem_of_parts(one):
+    """What is wrong with the parts of an instrument; '' if nothing is."""
+    kinds = {"states": StateBlock, "data": DataColumn, "plots": Plot}
+    for field, kind in kinds.items():
+        parts = getattr(one, field)
+        if not isinstance(parts, tuple) or not all(isinstance(part, kind) for part in parts):
+            return f"{field} must be a tuple of {kind.__name__}, got {parts!r}"
+    for field in one.record._fields[len(TIMES) :]:
+        hint = get_type_hints(one.record, include_extras=True)[field]
+        column = next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Column)), None)
+        if column is None:
+            return (
+                f"field {field} of its record needs a Column, `{field}: Annotated[float, Column(unit, help)]`"
+            )
+        if hint.__origin__ is np.ndarray and not column.shape:
+            return f"field {field} of its record is an array: give its shape, Column(unit, help, (3,))"
+    others = {part.name for other in instruments.BUILT_IN.values() for part in other.states}
+    for block in one.states:
+        if block.name in CORE_BLOCKS or block.name in OPTIONAL or block.name in others:
+            return f"there is a block of states '{block.name}' already; give yours another name"
+    unknown = [key for key in one.told if key not in declared(one.settings)]
+    unknown += [column.field for column in one.data if column.field not in one.record._fields]
+    return f"there is no '{unknown[0]}' in it" if unknown else ""
+
+
+def _built_in(step):
+    """Names of the ways of a step that come with the program."""
+    return {name for name, value in _table(step).items() if name not in _ADDED.get(step, ())}
+
+
+def _table(step):
+    module, _, name = STEPS[step][1].partition(":")
+    return getattr(import_module(module), name)
+
+
+def activate(provided):
+    """Put what plug-ins provide into the tables of this process, in the place of what others had there."""
+    for one in provided:
+        if isinstance(one, Method):
+            _table(one.step)[one.name] = one.function
+            _ADDED.setdefault(one.step, set()).add(one.name)
+        else:
+            instruments.TABLE[one.name] = one
 
 
 @contextmanager
@@ -215,10 +287,12 @@ def consent(sha256, path):
     """Keep the user's consent to run a file, for this process and those it starts, and for later ones."""
     os.environ[CONSENT] = ",".join(filter(None, (os.environ.get(CONSENT, ""), sha256)))
     kept = _kept_in()
+    if sha256 in _kept():
+        return
     try:
         os.makedirs(os.path.dirname(kept), exist_ok=True)
         with open(kept, "a", encoding="utf-8") as file:
-            file.write(f"{sha256} {os.path.abspath(path)}\n")
+            file.write(f"{sha256} {os.path.abspath(path)!a}\n")
     except OSError:  # it is asked for again next time
         pass
 
@@ -227,11 +301,16 @@ def is_trusted(sha256):
     """Whether the user has given consent to a file with this content."""
     if sha256 in os.environ.get(CONSENT, "").split(","):
         return True
+    return sha256 in _kept()
+
+
+def _kept():
+    """SHA-256 of the files with a consent that was kept: set."""
     try:
-        with open(_kept_in(), encoding="utf-8") as file:
-            return any(line.split(" ", 1)[0] == sha256 for line in file)
+        with open(_kept_in(), encoding="ascii", errors="replace") as file:
+            return {line.split(" ", 1)[0] for line in file}
     except OSError:
-        return False
+        return set()
 
 
 def _kept_in():

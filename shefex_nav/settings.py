@@ -12,10 +12,15 @@ Schema and its page of the reference follow from that (`scenario.of_settings`). 
 programs use them: floats in SI and radians under the same names; it is immutable.
 """
 
+import re
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple, dataclass_transform, get_type_hints
 
 REQUIRED = object()  # in the place of a default
+SI = {  # what a unit may be made of, with the units of pictures, which have no other
+    *("m", "s", "kg", "rad", "K", "A", "Hz", "N", "Pa", "J", "W", "C", "V", "T", "sr", "mol", "cd", "sqrt"),
+    *("pix", "electron", "DN", "mag", "dB"),
+}
 _KEY = "setting"
 
 
@@ -59,11 +64,14 @@ def declared(cls):
 
 
 def quantity(unit, example, help, default=REQUIRED, **limits):
-    """A value with a unit, or a tuple of such: a float in `unit`, which is SI.
+    """A value with a unit, or a tuple of such: a float in `unit`, which is SI; ValueError if it is not.
 
     limits : positive, non_negative, at_least, at_most (as written), words: ((word, value), ...) that may
         stand in the place of a quantity, fewest: so many items at least
     """
+    others = [word for word in re.findall(r"[A-Za-z%]+", unit) if word not in SI]
+    if others:
+        raise ValueError(f"unit '{unit}': '{others[0]}' is not SI; people may write it, programs count in SI")
     return _field(Setting("quantity", help, default, unit, example, tuple(limits.items())))
 
 

@@ -8,16 +8,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT
 
 from shefex_nav import instruments, plugins, prepare
-from shefex_nav.log import reader
+from shefex_nav.log import reader, topics
 from shefex_nav.onboard.startracker.detect import CENTROIDS
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
+from shefex_nav.report import figures
 from shefex_nav.scenario.load import ScenarioError, load, load_text
 from shefex_nav.scenario.schema import Scenario
+from shefex_nav.world import noise
 
-OWN = "sun_sensor: {rate: 10 Hz, boresight: [0, 1, 0], field_of_view: 90 deg, noise: 0.2 deg}"
+ROOT = Path(__file__).parent.parent
+OWN = (
+    "sun_sensor: {rate: 10 Hz, boresight: [0, 1, 0], field_of_view: 90 deg, "
+    "noise: 0.2 deg, alignment: 0.1 deg}"
+)
 ALTIMETER = "radar_altimeter: {rate: 5 Hz, bias: 1 m, noise: 2 m}"
 METHODS = """
 from shefex_nav.onboard.startracker import centroid
@@ -40,7 +45,7 @@ PROVIDES = [Method("identification", "five_stars", identify), Method("centroid",
 @pytest.fixture(autouse=True)
 def forgotten(monkeypatch, tmp_path):
     """Nothing that a test loads, or consents to, is there in the next one."""
-    tables = instruments.TABLE, IDENTIFIERS, CENTROIDS, plugins._LOADED, plugins._OWNERS
+    tables = instruments.TABLE, IDENTIFIERS, CENTROIDS, plugins._LOADED, plugins._ADDED
     kept = [dict(one) for one in tables]
     (tmp_path / "config").mkdir()  # astropy warns of one that is not there
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
@@ -77,15 +82,13 @@ def message(path, **how):
 def test_the_same_file_outside_the_package_gives_the_same_records(tmp_path):
     """Under another name, for that of the program is taken; with the same stream of random numbers."""
     source = (Path(instruments.__file__).parent / "sun_sensor.py").read_text()
-    source = source.replace('name="sun_sensor",', 'name="sun_sensor_too",\n    stream=2013464567,')
+    source = source.replace("sun_alignment", "sun_alignment_too")
+    stream = noise.key_of("sun_sensor")
+    source = source.replace('name="sun_sensor",', f'name="sun_sensor_too",\n    stream={stream},')
     (tmp_path / "too.py").write_text(source + "\n\nPROVIDES = [SUN_SENSOR]\n")
     assert instruments.TABLE["sun_sensor"].stream is None
     both = f"{OWN}\n{OWN.replace('sun_sensor', 'sun_sensor_too')}"
     loaded = load(str(scenario(tmp_path, "too.py", both)), trust=True)
-    from shefex_nav.world import noise
-
-    outside = instruments.TABLE["sun_sensor_too"]
-    instruments.TABLE["sun_sensor_too"] = outside._replace(stream=noise.key_of("sun_sensor"))
     world = prepare.build_world(loaded, 1)
     inside, out = (world.measured[name].readings for name in ("sun_sensor", "sun_sensor_too"))
     assert len(inside) > 1000 and any(one.seen for one in inside)
@@ -117,13 +120,42 @@ def test_a_key_of_a_plugin_is_known_only_to_the_scenarios_that_name_it(tmp_path)
 
 WRONG = (  # text of the file, what stands in its place, what is said
     ("PROVIDES", "OTHERS", "provides nothing; end it with PROVIDES"),
-    ('name="radar_altimeter",', 'name="barometer",', "an instrument 'barometer' already, of the program"),
+    (
+        'name="radar_altimeter",',
+        'name="barometer",',
+        "'barometer': there is an instrument of that name already, of the program",
+    ),
     ('"""Radar altimeter: height', '1 / 0\n"""', "radar_altimeter.py:1: ZeroDivisionError: division by zero"),
     ('"""Radar altimeter: height', 'def f(:\n"""', "radar_altimeter.py:1: SyntaxError"),
     ("    latency: float", "    late: float", "its settings need latency"),
     ("        use=Use,\n", "", "one with an aid needs a class of settings in `use`"),
     ("    t_available_s: float\n", "", "begins with t_valid_s and t_available_s"),
     ("PROVIDES = [", "PROVIDES = [7, ", "7 in PROVIDES is neither an Instrument"),
+    ('name="radar_altimeter",', 'name="nees",', "that name means something else"),
+    ('name="radar_altimeter",', 'name="star_finder",', "that name means something else"),
+    (
+        'StateBlock("altimeter_bias"',
+        'StateBlock("accel_bias"',
+        "there is a block of states 'accel_bias' already",
+    ),
+)
+
+
+FAULTS = (  # likewise, of what shows when it flies only
+    ("    return Measured(", "    settings.nothing\n    return Measured(", "has no attribute 'nothing'"),
+    (
+        "flight.t_s[k], height)",
+        "flight.t_s[k][::-1], height)",
+        "times of its readings must be numbers in asc",
+    ),
+    (
+        "    return Seen(z, H",
+        "    return Seen(z, H[:, :5]",
+        "shapes of z, H, R and what lasts are [(1,), (1, 5)",
+    ),
+    ("here.rows(1)", "here.rows(1) + np.nan", "z and H must be numbers"),
+    ('here.columns("altimeter_bias")', 'here.columns("altimeter")', "there is no block 'altimeter'"),
+    ('Block("altimeter_bias"', 'Block("altimeter_error"', "expected the same name and record, and states"),
 )
 
 
@@ -135,6 +167,38 @@ def test_what_is_wrong_with_a_plugin_is_one_line(tmp_path, old, new, words):
     said = message(scenario(tmp_path), trust=True)
     assert words in said and "plugins.0: " in said
     assert len(said.splitlines()) == 1
+
+
+def test_what_a_file_was_is_forgotten_when_it_is_edited_and_known_again_when_it_is_as_before(tmp_path):
+    code, path = altimeter(tmp_path), scenario(tmp_path)
+    first, text = load(str(path), trust=True), altimeter(tmp_path).read_text()
+    code.write_text(text.replace("radar_altimeter", "laser_altimeter"))
+    assert "radar_altimeter: unknown key" in message(path, trust=True)
+    code.write_text(text.replace("latency: float", "window: float = 1.0\n    latency: float"))
+    assert "window" not in first.radar_altimeter.model_dump()
+    code.write_text(text)
+    again = load(str(path))
+    assert again.radar_altimeter == first.radar_altimeter
+    assert pickle.loads(pickle.dumps(again)).radar_altimeter == first.radar_altimeter
+
+
+def test_the_names_that_mean_something_else_are_those_of_the_program():
+    """A section, topic, table, figure, sensor or stream that comes later is refused as well."""
+    own = set(instruments.BUILT_IN)
+    names = {*Scenario.keys(), *noise.STREAMS, *(entry.name for entry in figures.catalogue())}
+    names |= {topic.topic.split("/")[1] for topic in topics.topics()}
+    assert {name for name in names - own if not name.startswith(plugins.PREFIXES)} <= plugins.TAKEN
+
+
+def test_code_that_goes_wrong_in_flight_is_named_with_its_line(tmp_path, command):
+    code = altimeter(tmp_path)
+    text = code.read_text()
+    for old, new, words in FAULTS:
+        assert old in text
+        code.write_text(text.replace(old, new, 1))
+        flown = command("run", scenario(tmp_path), "--trust", "--until", "1s", "--out", tmp_path / "a.mcap")
+        assert flown.code != 0
+        assert words in flown.err and "radar_altimeter" in flown.err, flown.err
 
 
 def test_plugins_that_are_not_there(tmp_path):

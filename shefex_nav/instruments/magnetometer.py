@@ -111,9 +111,14 @@ def _at_limit(settings, field_b):
     return (np.abs(field_b) >= settings.range).any(axis=1)
 
 
+def _micro_tesla(read):
+    """Field of readings."""
+    return 1e6 * read.field_b
+
+
 def _size(read):
     """Of the field of readings, micro-tesla."""
-    return 1e6 * np.linalg.norm(read.field_b, axis=1)
+    return np.linalg.norm(_micro_tesla(read), axis=1)
 
 
 def _true_field(truth, k, drive):
@@ -233,13 +238,8 @@ MAGNETOMETER = Instrument(
     data=(DataColumn("field", "field_b", "uT", "T", "columns of the magnetic field", vector=True),),
     at_limit=_at_limit,
     plots=(
-        Plot("field", "Magnetic field along body x, y, z", "uT", lambda read: 1e6 * read.field_b),
-        Plot(
-            "size",
-            "Size of the magnetic field",
-            "uT",
-            lambda read: 1e6 * np.linalg.norm(read.field_b, axis=1),
-        ),
+        Plot("field", "Magnetic field along body x, y, z", "uT", _micro_tesla),
+        Plot("size", "Size of the magnetic field", "uT", _size),
     ),
     caption="As the computer got it, hard iron included: a field whose size changes as the vehicle turns.",
     errors_last=True,

@@ -9,7 +9,8 @@ shadow, whose edge is the limb without air.
     e_1 = (s_b x a)/|s_b x a|, a the body axis most across s_b,   e_2 = s_b x e_1
 
 because along s_b a direction says nothing (Markley & Crassidis, Fundamentals of Spacecraft Attitude
-Determination and Control, section 4.4). The alignment error is no state: it lasts.
+Determination and Control, section 4.4). The alignment error a (block `sun_alignment`) turns what is read by
+a x s_b. World and filter take the Sun of the epoch for the whole mission: it moves by 0.04 deg an hour.
 """
 
 from functools import partial
@@ -18,11 +19,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from shefex_nav.instruments import instrument
-from shefex_nav.instruments.instrument import Column, Instrument, Plot, Use
-from shefex_nav.onboard.navigation.aid import Aid, Seen
+from shefex_nav.instruments.instrument import Column, Instrument, Plot, StateBlock, Use
+from shefex_nav.onboard.navigation.aid import Aid, Block, Seen
 from shefex_nav.settings import Settings, number, quantity
-
-LASTS_S = 1000.0  # [E] of the alignment error, which does not change in a flight
 
 
 class SunSensor(Settings):
@@ -39,9 +38,7 @@ class SunSensor(Settings):
         "0", "middle of its field of view, body axes (x to the nose)"
     )
     field_of_view: float = quantity("rad", "60 deg", "half angle", positive=True, at_most="180 deg")
-    alignment: float = quantity(
-        "rad", "0.1 deg", "constant rotation about each axis, 1 sigma", "0 deg", non_negative=True
-    )
+    alignment: float = quantity("rad", "0.1 deg", "constant rotation about each axis, 1 sigma", positive=True)
     noise: float = quantity("rad", "0.1 deg", "of one reading, each axis, 1 sigma, white", positive=True)
 
 
@@ -78,11 +75,13 @@ def measure(settings, truth, rng):
 
 def aid(settings, use, known):
     """Aid of a filter. SunSensor, Use, Known"""
-    return Aid(SUN_SENSOR.name, SunReading, partial(expect, settings, known.sun_i), holds=sees)
+    alignment = Block("sun_alignment", settings.alignment**2 * np.eye(3), np.zeros(3))
+    expected = partial(expect, settings.noise, known.sun_i)
+    return Aid(SUN_SENSOR.name, SunReading, expected, (alignment,), holds=sees)
 
 
-def expect(settings, sun_i, here, reading):
-    """Seen of a reading, two rows in rad. SunSensor, (3,), aiding.Here, SunReading"""
+def expect(noise, sun_i, here, reading):
+    """Seen of a reading, two rows in rad. rad; (3,) to the Sun; aiding.Here, SunReading"""
     from shefex_nav.geometry import rotation
 
     s_b, H = here.C_ib.T @ sun_i, here.rows(2)
@@ -90,8 +89,9 @@ def expect(settings, sun_i, here, reading):
     e_1 /= np.linalg.norm(e_1)
     across = np.array([e_1, np.cross(s_b, e_1)])
     H[:, here.columns("attitude")] = across @ rotation.skew(s_b)
-    lasting = (settings.alignment**2 * np.eye(2), LASTS_S)
-    return Seen(across @ (reading.s_b - s_b), H, settings.noise**2 * np.eye(2), (lasting,))
+    H[:, here.columns("sun_alignment")] = -across @ rotation.skew(s_b)
+    turned = s_b + np.cross(here.value("sun_alignment"), s_b)
+    return Seen(across @ (reading.s_b - turned), H, noise**2 * np.eye(2))
 
 
 def sees(reading):
@@ -112,10 +112,10 @@ SUN_SENSOR = Instrument(
     measure=measure,
     aid=aid,
     use=Use,
+    states=(StateBlock("sun_alignment", 3, "rad", "a Sun sensor needs the state of its alignment"),),
     check=check,
     told=("alignment", "noise"),
     plots=(Plot("direction", "Direction of the Sun along body x, y, z", "", lambda read: read.s_b),),
     caption="Unit vector to the Sun as measured; no line where it is not in the field of view, or behind the "
     "Earth.",
-    errors_last=True,
 )

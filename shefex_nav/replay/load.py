@@ -157,7 +157,7 @@ def _both_or_none(scenario):
     """Sensors that are described where there are data of them."""
     for name in TABLE:
         columns = getattr(scenario.data, name, None)
-        if (columns is None) != (getattr(scenario, name) is None):
+        if (columns is None) != (getattr(scenario, name, None) is None):
             words = f"data.{name} says where its file is, {name} what to assume of it: give both or none"
             yield ("data" if columns is None else name,), words
 

@@ -10,6 +10,8 @@ from typing import Literal, get_args
 import numpy as np
 from pydantic import Field, create_model
 
+from shefex_nav.clock import TICK_HZ
+from shefex_nav.errors import CodeError
 from shefex_nav.instruments import BUILT_IN, TABLE
 from shefex_nav.instruments.instrument import Instrument, Known
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
@@ -18,7 +20,6 @@ from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.of_settings import section, settings
 from shefex_nav.scenario.told import part_of
 
-CLOCK_HZ = 100.0  # of the computer on board
 LEFT_OUT = "left out: there is none"
 _MADE = {}  # models by their qualified names
 
@@ -99,6 +100,7 @@ def _complete(instruments, base, navigation, told, core):
 
 def _model(base, fields, instruments):
     made = create_model(base.NAME, __base__=base, __module__=__name__, __doc__=base.__doc__, **fields)
+    made.INSTRUMENTS = instruments
     made.__qualname__ = f"{base.NAME}:{','.join(one.name for one in instruments)}"
     _MADE[made.__qualname__] = made
     return made
@@ -114,9 +116,19 @@ def __getattr__(name):
     return _MADE[name]
 
 
+def table_of(scenario):
+    """Instruments that a scenario may have: its own, whatever other plug-ins this process has loaded."""
+    return getattr(type(scenario), "INSTRUMENTS", None) or tuple(TABLE.values())
+
+
+def activate(scenario):
+    """Let this process know the instruments of a scenario, in the place of others of the same names."""
+    TABLE.update({one.name: one for one in table_of(scenario)})
+
+
 def instruments(scenario):
     """What is aboard: iterator of (Instrument, its Section)."""
-    for one in TABLE.values():
+    for one in table_of(scenario):
         if (given := getattr(scenario, one.name, None)) is not None:
             yield one, given
 
@@ -139,7 +151,31 @@ def aids(scenario):
     from shefex_nav.environment import ephemeris
 
     known = Known(year(scenario), ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i)
-    return tuple(one.aid(given, use, known) for one, given, use in found)
+    return tuple(_aid(one, given, use, known) for one, given, use in found)
+
+
+def _aid(one, given, use, known):
+    """Aid of an instrument, which must be as its object says."""
+    try:
+        aid = one.aid(given, use, known)
+    except Exception as error:
+        raise CodeError(f"instrument '{one.name}': its aid cannot be made", error) from error
+    found = [(block.name, block.size) for block in aid.blocks]
+    said = [(block.name, block.size) for block in one.states]
+    if (aid.name, aid.record, found) != (one.name, one.record, said):
+        words = f"its aid is {aid.name!r} of {aid.record.__name__} with states {found}"
+        raise CodeError(
+            f"instrument '{one.name}': {words}; expected the same name and record, and states {said}"
+        )
+    return aid
+
+
+def estimated(scenario):
+    """Names of the blocks that the filter estimates: those of the scenario, without those of instruments that
+    it does not use."""
+    unused = {block.name for one in table_of(scenario) for block in one.states}
+    unused -= {block.name for one, _, _ in used(scenario) for block in one.states}
+    return tuple(name for name in scenario.navigation.states if name not in unused)
 
 
 def year(scenario):
@@ -158,20 +194,20 @@ def contradictions(scenario):
     """(path, words) of contradictions in the sections of the instruments of a mission."""
     yield from of_sensors(scenario)
     told = scenario.navigation.told
-    for name in TABLE:
+    for name in (one.name for one in table_of(scenario)):
         if getattr(scenario, name, None) is None and getattr(told, name, None) is not None:
             yield ("navigation", "told", name), "there is none that it could be told of"
     for one, given in instruments(scenario):
-        ticks = CLOCK_HZ / given.rate
-        if abs(ticks - round(ticks)) > 1e-6:
-            words = f"{given.rate:g} Hz does not divide the on-board clock, {CLOCK_HZ:g} Hz"
+        ticks = TICK_HZ / given.rate
+        if round(ticks) < 1 or abs(ticks - round(ticks)) > 1e-6:
+            words = f"{given.rate:g} Hz does not divide the on-board clock, {TICK_HZ:g} Hz"
             yield (one.name, "rate"), f"{words}; take such as 1, 10, 20 or 50 Hz"
 
 
 def of_sensors(scenario):
     """(path, words) of what missions and replays have in common."""
     states = scenario.navigation.states
-    for one in TABLE.values():
+    for one in table_of(scenario):
         if getattr(scenario, one.name, None) is None:
             yield from _of_none(one, states)
     for one, given, use in used(scenario):

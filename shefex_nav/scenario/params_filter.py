@@ -7,6 +7,7 @@ they have besides, vibration, star camera and GPS receiver, goes on top.
 import numpy as np
 
 from shefex_nav.records import QUANTITIES
+from shefex_nav.scenario import aboard
 
 
 def common(scenario, integrity):
@@ -19,7 +20,7 @@ def common(scenario, integrity):
         "release_star_first": _rule(navigation.release.first_star_fix),
         "release_star": _rule(navigation.release.star_fix),
         "gps_agreement": navigation.gps_agreement,
-        "states": tuple(navigation.states),
+        "states": aboard.estimated(scenario),
         "integrity": integrity,
     }
 

@@ -3,10 +3,14 @@
 import os
 
 from pydantic import Field
+from pydantic_core import PydanticCustomError
 
 from shefex_nav import plugins
+from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.document import dotted
+from shefex_nav.scenario.quantity import QuantitySpec
+from shefex_nav.settings import declared
 
 KEY, FILE, HASH = "plugins", "file", "sha256"
 PLUGINS = (
@@ -42,6 +46,23 @@ def pinned(scenario):
     return tuple((one.file, one.sha256) for one in scenario.plugins)
 
 
+def _problem(one, taken):
+    """What is wrong with something that a plug-in provides; '' if nothing is. taken : names of others"""
+    if one.name in taken:
+        return f"there is a '{one.name}' already, of another plug-in of this scenario"
+    for cls in (one.settings, one.use) if isinstance(one, Instrument) else ():
+        for key, (_, setting) in declared(cls).items() if cls is not None else ():
+            try:
+                if setting.kind == "quantity":
+                    spec = QuantitySpec(setting.unit, setting.example, **dict(setting.limits))
+                    given = setting.default if isinstance(setting.default, str) else setting.example
+                    spec.read(setting.example)
+                    spec.read(given)
+            except (PydanticCustomError, TypeError, ValueError) as error:
+                return f"setting {key} of {cls.__name__}: its example or default: {error}"
+    return ""
+
+
 def loaded(tree, places, trust=False):
     """What the plug-ins of a tree provide; each stands in the tree with its content then.
 
@@ -56,6 +77,11 @@ def loaded(tree, places, trust=False):
             plugin, more = plugins.load(name, pinned, trust)
         except plugins.PluginError as error:
             found.append((places.value((KEY, k)), f"{dotted((KEY, k))}: {error}"))
+            continue
+        taken = {other.name for other in provided}
+        problem = next((words for each in more if (words := _problem(each, taken))), "")
+        if problem:
+            found.append((places.value((KEY, k)), f"{dotted((KEY, k))}: '{name}': {problem}"))
             continue
         provided += more
         path = plugin.path if plugins.is_file(name) else name

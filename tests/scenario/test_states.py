@@ -17,6 +17,7 @@ SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
 
 BAROMETER = "barometer={rate: 10 Hz, bias: 100 Pa, noise: 5 Pa}"
 MAGNETOMETER = "magnetometer={rate: 10 Hz, hard_iron: 500 nT, noise: 50 nT}"
+SUN = "sun_sensor={rate: 10 Hz, boresight: [0, 1, 0], field_of_view: 1 rad, noise: 1 mrad, alignment: 1 mrad}"
 
 
 def nav_params(states, *overrides):
@@ -28,7 +29,7 @@ def test_a_scenario_may_name_every_block_of_the_filter():
     named = Scenario.model_json_schema()["$defs"]["Navigation"]["properties"]["states"]["oneOf"][1]["items"]
     assert named["enum"] == list(known)
     states = tuple(known)[1:]
-    params = nav_params(states, BAROMETER, MAGNETOMETER)
+    params = nav_params(states, BAROMETER, MAGNETOMETER, SUN)
     assert params.states == states
     for name in states:
         P = initial_covariance(params, name)

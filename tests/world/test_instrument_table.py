@@ -23,14 +23,12 @@ GIVEN = {
     "barometer": {"rate": "10 Hz", "bias": "100 Pa", "noise": "5 Pa", "lag": "30 ms"},
     "magnetometer": {"rate": "10 Hz", "hard_iron": "500 nT", "noise": "50 nT"},
     "sun_sensor": {
-        "rate": "20 Hz",
-        "boresight": [0.0, 1.0, 0.0],
-        "field_of_view": "80 deg",
-        "noise": "0.1 deg",
+        **{"rate": "20 Hz", "boresight": [0, 1, 0], "field_of_view": "80 deg"},
+        **{"noise": "0.1 deg", "alignment": "0.1 deg"},
     },
 }
 STEPS = {"position": 20.0, "velocity": 1e-2, "attitude": 1e-5, "baro_bias": 1.0, "baro_scale": 1e-4}
-STEPS["hard_iron"] = 1e-8
+STEPS |= {"hard_iron": 1e-8, "sun_alignment": 1e-4}
 EACH = pytest.mark.parametrize("one", list(instruments.BUILT_IN.values()), ids=list(instruments.BUILT_IN))
 
 

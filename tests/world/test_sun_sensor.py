@@ -7,7 +7,7 @@ import synthetic_trajectory
 
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.instruments import sun_sensor
-from shefex_nav.instruments.instrument import Truth
+from shefex_nav.instruments.instrument import Known, Truth, Use
 from shefex_nav.instruments.sun_sensor import SunSensor
 from shefex_nav.world import noise
 
@@ -74,9 +74,14 @@ def test_it_says_nothing_about_the_direction_of_the_sun():
 
     sun_i, q_ib = overhead(), rotation.quat_normalise(np.array([0.3, -0.5, 0.7, 0.2]))
     earth = frames.EarthRotation(np.eye(3), np.eye(3), 0.3, 7.292115e-5)
-    state = NavState(5.0, np.array([6.4e6, 0, 0]), np.zeros(3), q_ib, np.zeros(3), np.zeros(3))
-    here, s_b = Here(layout(()), earth, 5.0, pack(state)), rotation.dcm_from_quat(q_ib).T @ sun_i
-    seen = sun_sensor.expect(SENSOR, sun_i, here, sun_sensor.SunReading(5.0, 5.0, s_b, True))
+    zero = np.zeros(3)
+    state = NavState(5.0, np.array([6.4e6, 0, 0]), zero, q_ib, zero, zero, others=zero)
+    aid = sun_sensor.aid(replace(SENSOR, alignment=2e-3), Use(used=True), Known(2012.5, sun_i))
+    order, s_b = layout(("sun_alignment",), aid.blocks), rotation.dcm_from_quat(q_ib).T @ sun_i
+    here = Here(order, earth, 5.0, pack(state))
+    seen = aid.expect(here, sun_sensor.SunReading(5.0, 5.0, s_b, True))
+    np.testing.assert_allclose(seen.R, 1e-6 * np.eye(2))
+    np.testing.assert_allclose(aid.blocks[0].P, 4e-6 * np.eye(3))
     np.testing.assert_allclose(seen.z, 0.0, atol=1e-15)
     np.testing.assert_allclose(seen.H[:, ATT] @ s_b, 0.0, atol=1e-15)
     assert np.linalg.matrix_rank(seen.H) == 2

@@ -23,6 +23,7 @@ OPTIONAL = {  # blocks and their sizes, in the order of the errors; what drives 
     "gps_latency": 1,  # a fix belongs to an instant so much before its t_valid_s [s]
     "range_bias": 32,  # range errors that last, of satellites 1 to 32, first-order Gauss-Markov [m]
 }
+CORE_BLOCKS = ("position", "velocity", "attitude", "gyro_bias", "accel_bias")  # always there
 DEFAULT_STATES = ("gyro_roll_column", "mounting")
 CONTAINED = {"gyro_roll_column": ("gyro_scale", "gyro_misalignment")}  # its errors are errors of those, too
 

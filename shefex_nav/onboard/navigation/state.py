@@ -214,7 +214,7 @@ class NavParams(NamedTuple):
     integrity: Any = None  # integrity_watch.IntegrityParams; None: nothing is expected of IMU and solution
     stars: str = "attitude"  # stars by the attitude of each frame; "vectors": each star by itself
     gps_told: GpsTold = NOTHING_TOLD  # of the receiver, beyond what its messages say themselves
-    aids: tuple = ()  # aiding.Aid, instruments that the filter uses besides GPS and stars
+    aids: tuple = ()  # of aid.Aid, instruments that the filter uses besides GPS and stars
 
     @property
     def aid_names(self):

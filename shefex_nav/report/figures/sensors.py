@@ -120,7 +120,7 @@ def barometer(data):
 def instrument(data, one):
     """The plots of an Instrument, one below the other. RunData -> Figure; None without readings."""
     said = data.readings[one.name]
-    if not len(said.t_valid_s):
+    if not len(said.t_valid_s) or not one.plots:
         return None
     words = f"{one.name.replace('_', ' ').capitalize()} as measured"
     figure, rows = style.panels(data, len(one.plots), words, height=1.9)
