@@ -17,7 +17,7 @@ from shefex_nav.records import Trajectory
 from shefex_nav.world.flight import attitude_program as attitude
 from shefex_nav.world.flight import control, devices, dynamics, events, start, surroundings, timeline, vehicle
 from shefex_nav.world.flight import params as p
-from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, integrate
+from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, Samples, Vehicle, integrate
 from shefex_nav.world.flight.record import split
 from shefex_nav.world.flight.timeline import EPS, Kind
 
@@ -192,13 +192,13 @@ class _Run:
         """Integrate one section: event as `integrate` gives it."""
         steering = self.steering if self.mode == dynamics.CONTROLLED else self.unsteered
         steering = steering._replace(stop_height=self.stop_height)
-        t_0, dt = float(self.params.t_start_s), 1.0 / self.params.sample_rate_hz
+        flown = Vehicle(self.configuration, self.mode, self.law, steering)
+        samples = Samples(self.params.t_start_s, 1.0 / self.params.sample_rate_hz, self.rows)
         begin = self.t_s
         try:
             self.t_s, self.k, event = integrate(
-                self.x, begin, t_end, self.k, t_0, dt, self.mode, self.law, self.configuration, self.world,
-                steering, TOLERANCE, self.rows,
-            )  # fmt: skip
+                self.x, begin, t_end, self.k, samples, flown, self.world, TOLERANCE
+            )
         except ArithmeticError:
             raise FlightError(
                 f"the motion grows without bound between T+{begin:.1f} s and T+{t_end:.1f} s; look at the "
