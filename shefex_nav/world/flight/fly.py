@@ -85,10 +85,11 @@ def _at_the_start(params, world, q_eb, rows, steering):
     if isinstance(params.start, p.Orbit):
         t_start = float(params.t_start_s)
         x = start.orbit(params, lever(vehicles[0], t_start))
-        return _Run(params, world, rows, vehicles, steering, x, t_start, 0, dynamics.FREE)
+        return _Run(params, world, rows, vehicles, steering, _Begin(x, t_start, 0, dynamics.FREE))
     lift_off = timeline.burns(params)[0].t_0
     x, k = start.stand(params, world, q_eb, vehicles[0].mass[-1, 1], rows, lift_off)
-    run = _Run(params, world, rows, vehicles, steering, x, lift_off, k, dynamics.ON_RAIL)
+    begin = _Begin(x, lift_off, k, dynamics.ON_RAIL)
+    run = _Run(params, world, rows, vehicles, steering, begin)
     run.instants["lift_off"] = lift_off
     if lift_off > 0.0:
         run.instants["ignition_1"] = lift_off
@@ -138,13 +139,22 @@ def _steering(params, rng):
     return control.start(params.cold_gas, rng, ticks)
 
 
+class _Begin(NamedTuple):
+    """Where the integration begins."""
+
+    x: np.ndarray  # (19,) state
+    t_s: float
+    k: int  # number of the first sample
+    mode: int  # of the attitude, as in `dynamics`
+
+
 class _Run:
     """The flight while it is flown: state, what is attached, who steers."""
 
-    def __init__(self, params, world, rows, vehicles, steering, x, t_s, k, mode):
+    def __init__(self, params, world, rows, vehicles, steering, begin):
         self.params, self.world, self.rows = params, world, rows
         self.vehicles, self.steering = vehicles, steering
-        self.x, self.t_s, self.k, self.mode = x, t_s, k, mode
+        self.x, self.t_s, self.k, self.mode = begin
         self.configuration, self.law = vehicles[0], attitude.hold(0.0, 1.0, 0.0)
         self.instants, self.landed = {}, False
         self.moments = timeline.moments(params)
