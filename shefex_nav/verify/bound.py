@@ -213,7 +213,7 @@ def _interval(flight, layout, dt_s, before, end):
     q = trajectory.q_ib[earlier] + trajectory.q_ib[rows] * _sign(trajectory, earlier, rows)
     q /= np.linalg.norm(q, axis=1)[:, None]
     r_i = 0.5 * (trajectory.r_i[earlier] + trajectory.r_i[rows])
-    samples = (_dcms(q), np.ascontiguousarray(dv_b), r_i, gyro, accel, walks)
+    samples = bound_model.Samples(_dcms(q), np.ascontiguousarray(dv_b), r_i, gyro, accel, walks)
     t_s = float(trajectory.t_s[end])
     return linear.Interval(t_s, *bound_model.interval(layout, samples, t_s, dt_s))
 

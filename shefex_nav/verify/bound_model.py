@@ -43,6 +43,17 @@ class Layout(NamedTuple):
         return N_NAV + sum(source.size for source in self.sources)
 
 
+class Samples(NamedTuple):
+    """N samples of a flight as errors grow over them."""
+
+    C_ib: np.ndarray  # (N, 3, 3) in the middle of each sample
+    dv_b: np.ndarray  # (N, 3) m/s, true increments
+    r_i: np.ndarray  # (N, 3) m, likewise in the middle
+    gyro: np.ndarray  # (N, 3, p) rad, of `imu_columns`
+    accel: np.ndarray  # (N, 3, p) m/s, likewise
+    walks: np.ndarray  # (N, 2) variance of white noise of attitude [rad^2], velocity [m^2/s^2], each axis
+
+
 def layout(sources):
     """Layout of the sources in their order."""
     places, begin = {}, N_NAV
@@ -132,14 +143,13 @@ def imu_columns(layout, dtheta_b, dv_b, rms2, dt_s):
 
 
 @kernel
-def spread_kernel(C_ib, dv_b, r_i, gyro, accel, gravity, dt_s, walks, X, Q):
+def spread_kernel(samples, gravity, dt_s, X, Q):
     """Carry columns of errors and the covariance of white noise over samples, in place.
 
-    C_ib : (N, 3, 3) in the middle of each sample; dv_b : (N, 3); r_i : (N, 3) m
-    gyro, accel : (N, 3, p) of `imu_columns`; gravity : index of the first of three states of gravity
-    walks : (N, 2) variance of white noise of attitude [rad^2], velocity [m^2/s^2] in each sample and axis
+    samples : Samples;  gravity : index of the first of three states of gravity;  dt_s : of one sample
     X : (9, 9 + p), written: begins as [I | 0];  Q : (9, 9), written: begins as 0
     """
+    C_ib, dv_b, r_i, gyro, accel, walks = samples
     F, drive = np.empty((9, 9)), np.empty((9, gyro.shape[2]))
     for k in range(C_ib.shape[0]):
         f = C_ib[k] @ dv_b[k]
@@ -202,7 +212,7 @@ def interval(layout, samples, t_s, dt_s):
     Parameters
     ----------
     layout : Layout
-    samples : tuple of C_ib (N, 3, 3), dv_b (N, 3), r_i (N, 3), gyro, accel (N, 3, p), walks (N, 2)
+    samples : Samples
     t_s : end of the last sample
     dt_s : of one sample
 
@@ -210,11 +220,10 @@ def interval(layout, samples, t_s, dt_s):
     -------
     Phi, Q : (n, n)
     """
-    C_ib, dv_b, r_i, gyro, accel, walks = samples
-    n, duration_s = layout.n, dt_s * len(C_ib)
+    n, duration_s = layout.n, dt_s * len(samples.C_ib)
     X, Q_nav = np.eye(N_NAV, n), np.zeros((N_NAV, N_NAV))
     gravity = layout.places["gravity"].start - N_NAV
-    spread_kernel(C_ib, dv_b, r_i, gyro, accel, gravity, dt_s, walks, X, Q_nav)
+    spread_kernel(samples, gravity, dt_s, X, Q_nav)
     Phi, Q = np.eye(n), np.zeros((n, n))
     Phi[:N_NAV], Q[:N_NAV, :N_NAV] = X, Q_nav
     for source in layout.sources:

@@ -54,8 +54,9 @@ def fly(case, models, tolerance=integrate.TOLERANCE):
 def _advance(x, t_s, end_s, k, configuration, world, tolerance, states):
     """Integrate to end_s; x in place, rows into states. Returns (end_s, next row)."""
     law, quiet = attitude_program.hold(0.0, 1.0, 0.0), control.none()
-    section = (dynamics.FREE, law, configuration, world, quiet, tolerance, states)
-    reached_s, k, event = integrate.integrate(x, t_s, end_s, k, 0.0, STEP_S, *section)
+    flown = integrate.Vehicle(configuration, dynamics.FREE, law, quiet)
+    samples = integrate.Samples(0.0, STEP_S, states)
+    reached_s, k, event = integrate.integrate(x, t_s, end_s, k, samples, flown, world, tolerance)
     if event != 0:
         raise RuntimeError(f"the flight of a check-case ended early, at {reached_s:.3f} s")
     return end_s, k

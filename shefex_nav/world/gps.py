@@ -69,6 +69,17 @@ class Antenna(NamedTuple):
     roll_rate: np.ndarray  # (m,) rad/s
 
 
+class Solution(NamedTuple):
+    """What least squares make of the satellites of one epoch."""
+
+    r_ea_e: np.ndarray  # (3,) m
+    v_ea_e: np.ndarray  # (3,) m/s, relative to the Earth
+    R_r_e: np.ndarray  # (3, 3) m^2, covariance of the position
+    R_v_e: np.ndarray  # (3, 3) m^2/s^2, of the velocity
+    n_satellites: int
+    pdop: float
+
+
 class GpsData(NamedTuple):
     """What the receiver gives, one of each at a time, and where its antenna was, which it does not know."""
 
@@ -120,9 +131,8 @@ def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
     fixes = _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons)
     errors = sigmas[..., None] * white + (0.0 if lasting is None else lasting.error)
     geometry = gps_channels.geometry(constellation, t_s, antenna.r_ea_e, antenna.v_ea_e)
-    ranges = gps_channels.ranges(
-        geometry, clock, errors, sigmas, tracked & lit, prn, t_s, params.latency_s, reasons
-    )
+    reception = gps_channels.Reception(t_s, prn, tracked & lit, reasons)
+    ranges = gps_channels.ranges(geometry, clock, errors, sigmas, reception, params.latency_s)
     return GpsData(fixes, ranges, antenna)
 
 
@@ -142,7 +152,7 @@ def _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons):
         R = R + spread(u_e, tracked, lasting.variance)
     r_ea_e, v_ea_e = antenna.r_ea_e + error[0], antenna.v_ea_e + error[1]
     return [
-        _fix(params, float(t), r, v, R_r, R_v, int(n), float(dop), reason)
+        _fix(params, float(t), Solution(r, v, R_r, R_v, int(n), float(dop)), reason)
         for t, r, v, R_r, R_v, n, dop, reason in zip(
             antenna.t_s, r_ea_e, v_ea_e, R[0], R[1], tracked.sum(axis=1), pdop, reasons, strict=True
         )
@@ -265,26 +275,26 @@ def outage_reasons(outages, events, t_s, fractions):
     return reasons
 
 
-def _fix(params, t_s, r_ea_e, v_ea_e, R_r_e, R_v_e, n_satellites, pdop, reason):
-    """GpsFix, without a solution if there is a reason against it."""
+def _fix(params, t_s, solution, reason):
+    """GpsFix of a Solution, without it if there is a reason against it."""
     if reason:
-        n_satellites, pdop = 0, np.nan
-    elif n_satellites < MIN_SATELLITES:
-        reason = f"{n_satellites} satellites tracked"
-    elif pdop > params.max_pdop:
-        reason = f"pdop {pdop:.0f}"
+        solution = solution._replace(n_satellites=0, pdop=np.nan)
+    elif solution.n_satellites < MIN_SATELLITES:
+        reason = f"{solution.n_satellites} satellites tracked"
+    elif solution.pdop > params.max_pdop:
+        reason = f"pdop {solution.pdop:.0f}"
     if reason:
-        r_ea_e, v_ea_e = np.full(3, np.nan), np.full(3, np.nan)
-        R_r_e, R_v_e = np.full((3, 3), np.nan), np.full((3, 3), np.nan)
+        places, covariances = np.full((2, 3), np.nan), np.full((2, 3, 3), np.nan)
+        solution = Solution(*places, *covariances, solution.n_satellites, solution.pdop)
     return GpsFix(
         t_valid_s=t_s,
         t_available_s=t_s + params.latency_s,
         valid=not reason,
-        r_ea_e=r_ea_e,
-        v_ea_e=v_ea_e,
-        R_r_e=R_r_e,
-        R_v_e=R_v_e,
-        n_satellites=n_satellites,
-        pdop=pdop,
+        r_ea_e=solution.r_ea_e,
+        v_ea_e=solution.v_ea_e,
+        R_r_e=solution.R_r_e,
+        R_v_e=solution.R_v_e,
+        n_satellites=solution.n_satellites,
+        pdop=solution.pdop,
         reason=reason,
     )

@@ -11,6 +11,8 @@ are whole seconds of the mission's time, as of a receiver whose time pulse is st
 in the pseudoranges alone, without the metres that the vehicle moves in it.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shefex_nav.environment import gnss
@@ -21,6 +23,15 @@ from shefex_nav.records import GpsRanges
 LIGHT_TIME_PASSES = (
     4  # each takes the error of the range down by a factor of 1e5 (satellite over light speed)
 )
+
+
+class Reception(NamedTuple):
+    """Which of n satellites are received at m epochs."""
+
+    t_s: np.ndarray  # (m,)
+    prn: np.ndarray  # (n,) int
+    tracked: np.ndarray  # (m, n) bool
+    reasons: list  # (m,) str, why nothing is tracked
 
 
 def geometry(constellation, t_s, r_ea_e, v_ea_e):
@@ -68,7 +79,7 @@ def _turned(x_e, tau):
     return np.stack([c * x + s * y, c * y - s * x, z], axis=-1)
 
 
-def ranges(geometry, clock, errors, sigmas, tracked, prn, t_s, latency_s, reasons):
+def ranges(geometry, clock, errors, sigmas, reception, latency_s):
     """GpsRanges of every epoch.
 
     Parameters
@@ -77,11 +88,8 @@ def ranges(geometry, clock, errors, sigmas, tracked, prn, t_s, latency_s, reason
     clock : bias (m,) m, drift (m,) m/s
     errors : (2, m, n) m, m/s of range and range rate, everything but the clock
     sigmas : (2, m) m, m/s, noise of a channel as the receiver reports it
-    tracked : (m, n) bool
-    prn : (n,) int
-    t_s : (m,) s
+    reception : Reception
     latency_s : s
-    reasons : (m,) str, why nothing is tracked
 
     Returns
     -------
@@ -90,15 +98,15 @@ def ranges(geometry, clock, errors, sigmas, tracked, prn, t_s, latency_s, reason
     rho, rho_rate, r_es_e, v_es_e = geometry
     pseudorange = rho + clock[0][:, None] + errors[0]
     range_rate = rho_rate + clock[1][:, None] + errors[1]
-    result = []
-    for k, seen in enumerate(tracked):
+    t_s, result = reception.t_s, []
+    for k, seen in enumerate(reception.tracked):
         n = int(seen.sum())
-        reason = "" if n else reasons[k] or "0 satellites tracked"
+        reason = "" if n else reception.reasons[k] or "0 satellites tracked"
         result.append(
             GpsRanges(
                 t_valid_s=float(t_s[k]),
                 t_available_s=float(t_s[k]) + latency_s,
-                prn=prn[seen],
+                prn=reception.prn[seen],
                 pseudorange=pseudorange[k, seen],
                 range_rate=range_rate[k, seen],
                 r_es_e=r_es_e[k, seen],

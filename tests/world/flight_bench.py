@@ -49,9 +49,9 @@ def section(x, t_s, t_end, configuration, around, **options):
         options.get("steering", control.none()),
         options.get("tolerance", integrate.TOLERANCE),
     )
-    t, k, how = integrate.integrate(
-        x, t_s, t_end, 0, t_s, dt, mode, law, configuration, around, steering, tolerance, rows
-    )
+    samples = integrate.Samples(t_s, dt, rows)
+    flown = integrate.Vehicle(configuration, mode, law, steering)
+    t, k, how = integrate.integrate(x, t_s, t_end, 0, samples, flown, around, tolerance)
     return x, t, how, rows[:k]
 
 

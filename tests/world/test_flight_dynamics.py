@@ -50,7 +50,7 @@ def derivative(t_s, x, mode, configuration, around, torque=(0.0, 0.0, 0.0), law=
     s["torque"] = torque
     fine = surroundings.fine_gravity_i(around.gravity, s, t_s, *x[0:3])
     rate, aux = np.full(dynamics.STATE, np.nan), np.empty(dynamics.AUX)
-    dynamics.derivative(t_s, x, mode, law, s, tables, fine, rate, aux)
+    dynamics.derivative(t_s, x, dynamics.Section(mode, law, s, tables), fine, rate, aux)
     return rate, aux
 
 

@@ -129,11 +129,11 @@ def test_increments_are_the_integrals():
 def test_increments_go_on_over_the_end_of_a_section():
     c, dt = body(), 0.01
     rows, x = np.zeros((400, dynamics.ROW)), TUMBLING.copy()
+    samples = integrate.Samples(0.0, dt, rows)
+    flown = integrate.Vehicle(c, dynamics.FREE, IDLE, control.none())
     t, k = 0.0, 0
     for end in (0.5137, 0.514, 1.9, 3.3):
-        t, k, how = integrate.integrate(
-            x, t, end, k, 0.0, dt, dynamics.FREE, IDLE, c, world(), control.none(), 1e-10, rows
-        )
+        t, k, how = integrate.integrate(x, t, end, k, samples, flown, world(), 1e-10)
         assert (t, how) == (end, integrate.T_END)
         assert k == np.ceil(end / dt - 1e-6)  # the sample at the very end is left to the next section
     whole, at_once = propagate(TUMBLING, 3.3, c, dt=dt)
@@ -145,9 +145,9 @@ def test_increments_go_on_over_the_end_of_a_section():
 def test_rows_are_not_written_beyond_their_end():
     rows, x = np.full((6, dynamics.ROW), np.nan), TUMBLING.copy()
     guard = rows[3:].copy()
-    _, k, _ = integrate.integrate(
-        x, 0.0, 1.0, 0, 0.0, 0.1, dynamics.FREE, IDLE, body(), world(), control.none(), 1e-10, rows[:3]
-    )
+    samples = integrate.Samples(0.0, 0.1, rows[:3])
+    flown = integrate.Vehicle(body(), dynamics.FREE, IDLE, control.none())
+    _, k, _ = integrate.integrate(x, 0.0, 1.0, 0, samples, flown, world(), 1e-10)
     assert k == 3
     assert np.array_equal(rows[3:], guard, equal_nan=True)
 

@@ -19,11 +19,13 @@ Vectors are written out in components: arrays this small cost more to allocate t
 are compiled into those that call them: handed over through memory, the tuples took an eighth of a flight.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shefex_nav.compiled import inner
 from shefex_nav.world.flight.aerodynamics import force_and_moment, total_angle
-from shefex_nav.world.flight.attitude_program import body_rate
+from shefex_nav.world.flight.attitude_program import RateLaw, body_rate
 from shefex_nav.world.flight.devices import yo_yo_acceleration
 from shefex_nav.world.flight.surroundings import (
     air,
@@ -44,6 +46,25 @@ AUX = 9  # f_b 0:3, mass 3, Mach number 4, dynamic pressure 5, thrust 6, height 
 ROW = STATE + AUX
 
 
+class Section(NamedTuple):
+    """A section of the flight as the kernels see it."""
+
+    mode: int  # ON_RAIL, FREE, PROGRAMMED or CONTROLLED
+    law: RateLaw  # followed in the mode PROGRAMMED
+    s: np.ndarray  # one row of `scene.RECORD`, its rows of tables chosen (`vehicle.choose_rows`)
+    tables: np.ndarray  # (n,) of the Scene
+
+
+class Around(NamedTuple):
+    """What is around the vehicle. The wind and all other vectors here: three numbers, frame i."""
+
+    height_m: float  # above the ellipsoid
+    density: float  # kg/m^3
+    pressure: float  # Pa
+    sound: float  # m/s
+    wind: tuple  # m/s
+
+
 @inner(error_model="numpy", forceinline=True)
 def cross(ax, ay, az, bx, by, bz):
     """a x b."""
@@ -60,14 +81,14 @@ def write_attitude(x, C):
 
 
 @inner(error_model="numpy", forceinline=True)
-def _relative_to_air(x, s, wind_x, wind_y, wind_z, lx, ly, lz):
+def _relative_to_air(x, s, wind, lx, ly, lz):
     """Velocity of the centre of mass, at l from the IMU, relative to the air, and rate relative to the Earth.
 
     Three numbers each, body axes. The air turns with the Earth, and the wind comes on top.
     """
     wx, wy, wz = s.C_iq[0, 2] * s.rate, s.C_iq[1, 2] * s.rate, s.C_iq[2, 2] * s.rate
     vx, vy, vz = cross(wx, wy, wz, x[0], x[1], x[2])
-    u, v, w = transposed_times(s.C, x[3] - vx - wind_x, x[4] - vy - wind_y, x[5] - vz - wind_z)
+    u, v, w = transposed_times(s.C, x[3] - vx - wind[0], x[4] - vy - wind[1], x[5] - vz - wind[2])
     wx, wy, wz = transposed_times(s.C, wx, wy, wz)
     p, q, r = x[10] - wx, x[11] - wy, x[12] - wz
     vx, vy, vz = cross(p, q, r, lx, ly, lz)
@@ -91,11 +112,11 @@ def _parachute(s, t_s, density, arm, velocity, rate):
 
 
 @inner(error_model="numpy", forceinline=True)
-def _motor(s, vacuum_thrust, pressure, station, x_burning, di_y, di_z, q, r):
+def _motor(s, body, vacuum_thrust, pressure, q, r):
     """Force and moment of the motor about the centre of mass, body axes, and the thrust as it is: 7 numbers.
 
     Gas that goes from the burning surface at the station x_p to the exit at x_e, flow mu, in a body that
-    turns: force -2 mu omega x (r_e - r_p), and across the roll axis the moment
+    turns, `vehicle.MassProperties`: force -2 mu omega x (r_e - r_p), and across the roll axis the moment
     -mu ((x_e - x)^2 - dI/dm) omega, where dI/dm = (x_p - x)^2 + k^2 with k the radius of gyration of the
     burning surface. Both follow from -2 int rho omega x v dV for steady flow.
     """
@@ -104,12 +125,12 @@ def _motor(s, vacuum_thrust, pressure, station, x_burning, di_y, di_z, q, r):
     push = max(0.0, vacuum_thrust - s.exit_area * pressure)
     fx, fy, fz = push * s.thrust_axis[0], push * s.thrust_axis[1], push * s.thrust_axis[2]
     ry, rz = s.thrust_offset[0] - s.offset[0], s.thrust_offset[1] - s.offset[1]
-    mx, my, mz = cross(station - s.exit_station, ry, rz, fx, fy, fz)
+    mx, my, mz = cross(body.station - s.exit_station, ry, rz, fx, fy, fz)
     flow = s.gas * vacuum_thrust / s.exhaust_speed
-    across = 2.0 * flow * (s.exit_station - x_burning)
-    reach2 = (s.exit_station - station) ** 2
-    my -= flow * (reach2 - di_y) * q
-    mz -= flow * (reach2 - di_z) * r
+    across = 2.0 * flow * (s.exit_station - body.x_burning)
+    reach2 = (s.exit_station - body.station) ** 2
+    my -= flow * (reach2 - body.di_y) * q
+    mz -= flow * (reach2 - body.di_z) * r
     return fx, fy + across * r, fz - across * q, mx, my, mz, push
 
 
@@ -196,7 +217,7 @@ def _at_imu(x, s, lx, ly, lz, ax, ay, az):
 
 @inner(error_model="numpy", forceinline=True)
 def _around(t_s, x, s, tables, fine):
-    """Gravitation in frame i, height, density, pressure, speed of sound, wind in frame i: ten numbers."""
+    """Gravitation in frame i, three numbers, m/s^2, and Around."""
     turn = turned(s, t_s)
     ex, ey, ez = position_e(s, turn, x[0], x[1], x[2])
     gx, gy, gz = coarse_gravity(s, ex, ey, ez)
@@ -207,30 +228,33 @@ def _around(t_s, x, s, tables, fine):
     if s.wind_n > 0:
         wx, wy, wz = wind_e(s, tables, height_m, sine, cosine, ex, ey)
         wx, wy, wz = to_inertial(s, turn, wx, wy, wz)
-    return gx + fine[0], gy + fine[1], gz + fine[2], height_m, density, pressure, sound, wx, wy, wz
+    gravitation = gx + fine[0], gy + fine[1], gz + fine[2]
+    return gravitation, Around(height_m, density, pressure, sound, (wx, wy, wz))
 
 
 @inner(error_model="numpy", forceinline=True)
-def _acting(t_s, x, s, tables, density, pressure, sound, wx, wy, wz):
+def _acting(t_s, x, s, tables, around):
     """What acts on the vehicle but gravitation, and on what; body axes, three numbers each unless said.
 
     Way from the IMU to the centre of mass m, velocity relative to the air m/s, force over mass m/s^2, moment
     about the centre of mass N m, I_x, I_y, I_z kg m^2, and mass kg and thrust N, two numbers.
     """
     vacuum, left = thrust(s, tables, t_s)
-    mass, station, i_x, i_y, i_z, x_burning, di_y, di_z = mass_properties(s, tables, left)
-    lever = (-station - s.imu[0], s.offset[0] - s.imu[1], s.offset[1] - s.imu[2])
-    velocity, turning = _relative_to_air(x, s, wx, wy, wz, lever[0], lever[1], lever[2])
-    fx, fy, fz, mx, my, mz = _outside(s, tables, t_s, density, sound, station, velocity, turning)
-    px, py, pz, nx, ny, nz, push = _motor(s, vacuum, pressure, station, x_burning, di_y, di_z, x[11], x[12])
-    mx += nx + s.torque[0] + i_x * yo_yo_acceleration(s.yo_yo, t_s)
-    force = ((fx + px) / mass, (fy + py) / mass, (fz + pz) / mass)
+    body = mass_properties(s, tables, left)
+    lever = (-body.station - s.imu[0], s.offset[0] - s.imu[1], s.offset[1] - s.imu[2])
+    velocity, turning = _relative_to_air(x, s, around.wind, lever[0], lever[1], lever[2])
+    fx, fy, fz, mx, my, mz = _outside(
+        s, tables, t_s, around.density, around.sound, body.station, velocity, turning
+    )
+    px, py, pz, nx, ny, nz, push = _motor(s, body, vacuum, around.pressure, x[11], x[12])
+    mx += nx + s.torque[0] + body.i_x * yo_yo_acceleration(s.yo_yo, t_s)
+    force = ((fx + px) / body.mass, (fy + py) / body.mass, (fz + pz) / body.mass)
     moment = (mx, my + ny + s.torque[1], mz + nz + s.torque[2])
-    return lever, velocity, force, moment, (i_x, i_y, i_z), (mass, push)
+    return lever, velocity, force, moment, (body.i_x, body.i_y, body.i_z), (body.mass, push)
 
 
 @inner(error_model="numpy")
-def derivative(t_s, x, mode, law, s, tables, fine, rate, aux):
+def derivative(t_s, x, section, fine, rate, aux):
     """Time derivative of the state into rate (19,), f_b and air data into aux (9,).
 
     That of the attitude, 6:10, is left to the integration, which knows how to turn.
@@ -238,17 +262,16 @@ def derivative(t_s, x, mode, law, s, tables, fine, rate, aux):
     Parameters
     ----------
     x : (19,) state; in a programmed section its omega_ib_b is overwritten by the programme's
-    s, tables : of the Scene, with its rows chosen (`vehicle.choose_rows`)
+    section : Section
     fine : three numbers, m/s^2, the gravitation in inertial components that the closed form lacks
     """
-    gx, gy, gz, height_m, density, pressure, sound, wx, wy, wz = _around(t_s, x, s, tables, fine)
+    mode, law, s, tables = section
+    (gx, gy, gz), around = _around(t_s, x, s, tables, fine)
     ax, ay, az = 0.0, 0.0, 0.0
     if mode == PROGRAMMED:
         x[10], x[11], x[12], ax, ay, az = body_rate(law, t_s)
     write_attitude(x, s.C)
-    lever, velocity, force, moment, inertia, (mass, push) = _acting(
-        t_s, x, s, tables, density, pressure, sound, wx, wy, wz
-    )
+    lever, velocity, force, moment, inertia, (mass, push) = _acting(t_s, x, s, tables, around)
     if mode == ON_RAIL:
         fx, fy, fz = _on_rail(x, s, gx, gy, gz, force[0])
     else:
@@ -265,5 +288,5 @@ def derivative(t_s, x, mode, law, s, tables, fine, rate, aux):
     u, v, w = velocity
     speed2 = u * u + v * v + w * w
     aux[0], aux[1], aux[2] = fx, fy, fz
-    aux[3], aux[4], aux[5] = mass, np.sqrt(speed2) / sound, 0.5 * density * speed2
-    aux[6], aux[7], aux[8] = push, height_m, total_angle(u, v, w)
+    aux[3], aux[4], aux[5] = mass, np.sqrt(speed2) / around.sound, 0.5 * around.density * speed2
+    aux[6], aux[7], aux[8] = push, around.height_m, total_angle(u, v, w)

@@ -17,7 +17,7 @@ from shefex_nav.records import Trajectory
 from shefex_nav.world.flight import attitude_program as attitude
 from shefex_nav.world.flight import control, devices, dynamics, events, start, surroundings, timeline, vehicle
 from shefex_nav.world.flight import params as p
-from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, integrate
+from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, Samples, Vehicle, integrate
 from shefex_nav.world.flight.record import split
 from shefex_nav.world.flight.timeline import EPS, Kind
 
@@ -85,10 +85,11 @@ def _at_the_start(params, world, q_eb, rows, steering):
     if isinstance(params.start, p.Orbit):
         t_start = float(params.t_start_s)
         x = start.orbit(params, lever(vehicles[0], t_start))
-        return _Run(params, world, rows, vehicles, steering, x, t_start, 0, dynamics.FREE)
+        return _Run(params, world, rows, vehicles, steering, _Begin(x, t_start, 0, dynamics.FREE))
     lift_off = timeline.burns(params)[0].t_0
     x, k = start.stand(params, world, q_eb, vehicles[0].mass[-1, 1], rows, lift_off)
-    run = _Run(params, world, rows, vehicles, steering, x, lift_off, k, dynamics.ON_RAIL)
+    begin = _Begin(x, lift_off, k, dynamics.ON_RAIL)
+    run = _Run(params, world, rows, vehicles, steering, begin)
     run.instants["lift_off"] = lift_off
     if lift_off > 0.0:
         run.instants["ignition_1"] = lift_off
@@ -138,13 +139,22 @@ def _steering(params, rng):
     return control.start(params.cold_gas, rng, ticks)
 
 
+class _Begin(NamedTuple):
+    """Where the integration begins."""
+
+    x: np.ndarray  # (19,) state
+    t_s: float
+    k: int  # number of the first sample
+    mode: int  # of the attitude, as in `dynamics`
+
+
 class _Run:
     """The flight while it is flown: state, what is attached, who steers."""
 
-    def __init__(self, params, world, rows, vehicles, steering, x, t_s, k, mode):
+    def __init__(self, params, world, rows, vehicles, steering, begin):
         self.params, self.world, self.rows = params, world, rows
         self.vehicles, self.steering = vehicles, steering
-        self.x, self.t_s, self.k, self.mode = x, t_s, k, mode
+        self.x, self.t_s, self.k, self.mode = begin
         self.configuration, self.law = vehicles[0], attitude.hold(0.0, 1.0, 0.0)
         self.instants, self.landed = {}, False
         self.moments = timeline.moments(params)
@@ -192,13 +202,13 @@ class _Run:
         """Integrate one section: event as `integrate` gives it."""
         steering = self.steering if self.mode == dynamics.CONTROLLED else self.unsteered
         steering = steering._replace(stop_height=self.stop_height)
-        t_0, dt = float(self.params.t_start_s), 1.0 / self.params.sample_rate_hz
+        flown = Vehicle(self.configuration, self.mode, self.law, steering)
+        samples = Samples(self.params.t_start_s, 1.0 / self.params.sample_rate_hz, self.rows)
         begin = self.t_s
         try:
             self.t_s, self.k, event = integrate(
-                self.x, begin, t_end, self.k, t_0, dt, self.mode, self.law, self.configuration, self.world,
-                steering, TOLERANCE, self.rows,
-            )  # fmt: skip
+                self.x, begin, t_end, self.k, samples, flown, self.world, TOLERANCE
+            )
         except ArithmeticError:
             raise FlightError(
                 f"the motion grows without bound between T+{begin:.1f} s and T+{t_end:.1f} s; look at the "

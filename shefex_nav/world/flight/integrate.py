@@ -11,12 +11,15 @@ end of the section; each sees the histories as they are between its ends. Ends t
 found by bisection of the last step.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.world.flight import control as attitude_control
 from shefex_nav.world.flight import vehicle
-from shefex_nav.world.flight.dynamics import CONTROLLED, ON_RAIL, PROGRAMMED, STATE, derivative
+from shefex_nav.world.flight.attitude_program import RateLaw
+from shefex_nav.world.flight.dynamics import CONTROLLED, ON_RAIL, PROGRAMMED, STATE, Section, derivative
 from shefex_nav.world.flight.runge_kutta import MOVING, begin, bend, make_step, read, remainder, workspace
 from shefex_nav.world.flight.scene import prepare
 from shefex_nav.world.flight.surroundings import level, position_e, turned
@@ -32,10 +35,35 @@ T_END, EVENT, STOP = 0, 1, 2  # how a section ends
 _SAFETY, _SHRINK, _GROW, _BETA = 0.9, 0.2, 10.0, 0.04  # of the step size control
 
 
+class Samples(NamedTuple):
+    """The samples of a flight: number k is at t_start + k dt."""
+
+    t_start: float  # s
+    dt: float  # s
+    rows: np.ndarray  # (n, dynamics.ROW) state and aux of each, written
+
+
+class Vehicle(NamedTuple):
+    """The vehicle in a section of the flight, and how its attitude comes about."""
+
+    configuration: vehicle.Configuration
+    mode: int  # ON_RAIL, FREE, PROGRAMMED or CONTROLLED
+    law: RateLaw  # followed in the mode PROGRAMMED
+    control: attitude_control.Control  # in the mode CONTROLLED it is asked for its torque at its ticks
+
+
+class Pace(NamedTuple):
+    """Control of the step size."""
+
+    size: float  # s, that the next step may have
+    last_error: float  # of the step before, in tolerances
+
+
 @inner(error_model="numpy", forceinline=True)
-def _write_samples(t_s, t_new, x, k, t_start, dt, mode, law, s, tables, work, rows):
+def _write_samples(t_s, t_new, x, k, samples, section, work):
     """Write the samples of [t_s, t_new), from number k on. Returns the number of the next one."""
     y, taken, h = work.y, work.taken, t_new - t_s
+    t_start, dt, rows = samples
     for j in range(6):
         taken[j] = 0.0
     bent = False
@@ -46,7 +74,7 @@ def _write_samples(t_s, t_new, x, k, t_start, dt, mode, law, s, tables, work, ro
         t_k = max(t_start + k * dt, t_s)
         part = (t_k - t_s) / h if t_k - t_s > TIME_EPS else 0.0
         read(x, part, work)
-        derivative(t_k, y, mode, law, s, tables, remainder(work.fine, part), rows[k, :STATE], rows[k, STATE:])
+        derivative(t_k, y, section, remainder(work.fine, part), rows[k, :STATE], rows[k, STATE:])
         for j in range(MOVING):
             rows[k, j] = y[j]
         for j in range(6):
@@ -81,15 +109,15 @@ def _ended(t_s, x, height_before, mode, s, stop_height):
 
 
 @inner(error_model="numpy")
-def _bisect(t_s, t_new, x, height, stop_height, mode, law, s, tables, gravity, work):
+def _bisect(t_s, t_new, x, height, stop_height, section, gravity, work):
     """Make the step that ends where the section does, not later than t_new: (time, how it ends)."""
     low, high, how = t_s, t_new, T_END
     while True:
         middle = 0.5 * (low + high)
         last = high - low < EVENT_EPS or not low < middle < high
         t = high if last else middle
-        make_step(t_s, t, x, mode, law, s, tables, gravity, work)
-        how = _ended(t, work.new, height, mode, s, stop_height)
+        make_step(t_s, t, x, section, gravity, work)
+        how = _ended(t, work.new, height, section.mode, section.s, stop_height)
         if last:
             return high, how
         if how == T_END:
@@ -102,8 +130,8 @@ def _bisect(t_s, t_new, x, height, stop_height, mode, law, s, tables, gravity, w
 def _steer(t_s, x, s, tables, control):
     """Let the attitude control decide on its torque."""
     _, left = vehicle.thrust(s, tables, t_s)
-    _, _, i_x, i_y, i_z, _, _, _ = vehicle.mass_properties(s, tables, left)
-    attitude_control.command(control, t_s, x, i_x, i_y, i_z)
+    body = vehicle.mass_properties(s, tables, left)
+    attitude_control.command(control, t_s, x, body.i_x, body.i_y, body.i_z)
     if control.next_s[0] <= t_s:  # ticks that have been missed stay missed
         control.next_s[0] = t_s + control.period
     for j in range(3):
@@ -130,17 +158,17 @@ def _next_corner(t_s, t_end, breaks):
 
 
 @inner(forceinline=True)
-def _controlled_step(t_s, t_new, x, size, last_error, tolerance, mode, law, s, tables, gravity, work):
+def _controlled_step(t_s, t_new, x, pace, tolerance, section, gravity, work):
     """Step towards t_new, shortened until its error is below the tolerance.
 
-    Returns the time reached, the size that the next step may have and the error for the control.
+    Returns the time reached and the Pace of the next step.
     """
-    rejected = False
+    rejected, size = False, pace.size
     while True:
         h = t_new - t_s
-        error = make_step(t_s, t_new, x, mode, law, s, tables, gravity, work) / max(tolerance, 1e-300)
+        error = make_step(t_s, t_new, x, section, gravity, work) / max(tolerance, 1e-300)
         if tolerance <= 0.0:
-            return t_new, size, last_error
+            return t_new, pace
         factor = _SHRINK
         if 0.0 < error < np.inf:
             factor = _SAFETY * error ** (0.75 * _BETA - 0.2)
@@ -149,19 +177,24 @@ def _controlled_step(t_s, t_new, x, size, last_error, tolerance, mode, law, s, t
             continue
         if error == np.inf:
             raise ArithmeticError("the equations of motion have no finite solution from here on")
-        factor = _GROW if error == 0.0 else min(_GROW, max(_SHRINK, factor * last_error**_BETA))
+        factor = _GROW if error == 0.0 else min(_GROW, max(_SHRINK, factor * pace.last_error**_BETA))
         if rejected:
             factor = min(1.0, factor)
         # a step that was cut short says little about what is possible
         size = max(h * factor, size) if h < 0.99 * size and not rejected else h * factor
-        return t_new, min(max(size, SMALLEST_STEP), LARGEST_STEP), max(error, 1e-4)
+        return t_new, Pace(min(max(size, SMALLEST_STEP), LARGEST_STEP), max(error, 1e-4))
 
 
 @kernel
-def _integrate(x, t_s, t_end, k, t_start, dt, mode, law, scene, gravity, breaks, control, tolerance, rows):
-    """As `integrate`, for a Scene and the instants at which steps have to end."""
+def _integrate(x, span, k, samples, steered, scene, gravity, tolerance):
+    """As `integrate`, for a Scene.
+
+    span : t_s, t_end and the instants (n,) at which steps have to end;  steered : mode, law, control
+    """
+    (t_s, t_end, breaks), (mode, law, control) = span, steered
     s, tables, work = scene.record[0], scene.tables, workspace()
-    size, last_error = (FIRST_STEP if tolerance > 0.0 else -tolerance), 1e-4
+    section = Section(mode, law, s, tables)
+    pace = Pace(FIRST_STEP if tolerance > 0.0 else -tolerance, 1e-4)
     follows, t_break = False, t_s  # the last stage of the step before is the first one of this step
     height = _height(t_s, x, s)
     if mode == CONTROLLED:
@@ -175,18 +208,14 @@ def _integrate(x, t_s, t_end, k, t_start, dt, mode, law, scene, gravity, breaks,
                 if t_s >= control.next_s[0] - TIME_EPS:
                     _steer(t_s, x, s, tables, control)
                 t_break = min(t_break, control.next_s[0])
-            begin(t_s, x, mode, law, s, tables, gravity, work)
-        n = np.ceil((t_break - t_s) / size - 1e-6)  # equal steps rather than a short last one
+            begin(t_s, x, section, gravity, work)
+        n = np.ceil((t_break - t_s) / pace.size - 1e-6)  # equal steps rather than a short last one
         t_new = t_break if n <= 1.0 else t_s + (t_break - t_s) / n
-        t_new, size, last_error = _controlled_step(
-            t_s, t_new, x, size, last_error, tolerance, mode, law, s, tables, gravity, work
-        )
+        t_new, pace = _controlled_step(t_s, t_new, x, pace, tolerance, section, gravity, work)
         how = _ended(t_new, work.new, height, mode, s, control.stop_height)
         if how != T_END:
-            t_new, how = _bisect(
-                t_s, t_new, x, height, control.stop_height, mode, law, s, tables, gravity, work
-            )
-        k = _write_samples(t_s, t_new, x, k, t_start, dt, mode, law, s, tables, work, rows)
+            t_new, how = _bisect(t_s, t_new, x, height, control.stop_height, section, gravity, work)
+        k = _write_samples(t_s, t_new, x, k, samples, section, work)
         _advance(x, work)
         follows = t_new < t_break
         t_s = t_new
@@ -196,25 +225,25 @@ def _integrate(x, t_s, t_end, k, t_start, dt, mode, law, scene, gravity, breaks,
     return t_s, k, T_END
 
 
-def integrate(x, t_s, t_end, k, t_start, dt, mode, law, configuration, world, control, tolerance, rows):
+def integrate(x, t_s, t_end, k, samples, flown, world, tolerance):
     """Integrate one section from t_s until t_end or until its event: (time, next sample, how it ended).
 
     Parameters
     ----------
     x : (19,) state, advanced in place
-    k : index of the next sample; sample k is at t_start + k dt and goes to rows[k] (dynamics.ROW numbers) as
-        state and aux, with the values that hold just after it where they jump; one at t_end is left to the
-        section that follows
-    mode : ON_RAIL, FREE, PROGRAMMED or CONTROLLED
-    law : attitude_program.RateLaw, followed in the mode PROGRAMMED
-    control : control.Control; in the mode CONTROLLED it is asked for its torque at its ticks
+    k : number of the next sample
+    samples : Samples; they are written with the values that hold just after them where they jump; one at
+        t_end is left to the section that follows
+    flown : Vehicle
+    world : surroundings.World
     tolerance : error of a step, m, m/s, rad, rad/s; not above zero: steps of -tolerance s, errors ignored
 
     The section ends with T_END at t_end, with EVENT at the end of the rail or on the ground, with STOP when
     control.stop_height is passed on the way down. Where the attitude is programmed it ends at t_end only.
     """
+    configuration, *steered = flown
     return _integrate(
-        x, float(t_s), float(t_end), int(k), float(t_start), float(dt), mode, law,
-        prepare(configuration, world), world.gravity, vehicle.corners(configuration), control,
-        float(tolerance), rows,
+        x, (float(t_s), float(t_end), vehicle.corners(configuration)), int(k),
+        Samples(float(samples.t_start), float(samples.dt), samples.rows), tuple(steered),
+        prepare(configuration, world), world.gravity, float(tolerance),
     )  # fmt: skip

@@ -109,16 +109,16 @@ def remainder(fine, part):
 
 
 @inner(error_model="numpy", forceinline=True)
-def begin(t_s, x, mode, law, s, tables, gravity, work):
+def begin(t_s, x, section, gravity, work):
     """First stage of a step that does not follow smoothly from another one."""
-    fine = fine_gravity_i(gravity, s, t_s, x[0], x[1], x[2])
+    fine = fine_gravity_i(gravity, section.s, t_s, x[0], x[1], x[2])
     work.fine[0, 0], work.fine[0, 1], work.fine[0, 2] = fine
-    derivative(t_s, x, mode, law, s, tables, fine, work.slopes[0], work.aux)
+    derivative(t_s, x, section, fine, work.slopes[0], work.aux)
     turning(0.0, 0.0, 0.0, x[10], x[11], x[12], work.slopes[0])
 
 
 @inner(error_model="numpy", forceinline=True)
-def make_step(t_s, t_new, x, mode, law, s, tables, gravity, work):
+def make_step(t_s, t_new, x, section, gravity, work):
     """One step from x at t_s into work.new at t_new; its first stage is there already. Returns the error.
 
     Stages at the end see the time just before it: what jumps there belongs to the next step.
@@ -127,7 +127,7 @@ def make_step(t_s, t_new, x, mode, law, s, tables, gravity, work):
     fall = 0.5 * h * h
     fine[1, 0], fine[1, 1], fine[1, 2] = fine_gravity_i(
         gravity,
-        s,
+        section.s,
         t_new,
         x[0] + h * x[3] + fall * slopes[0, 3],
         x[1] + h * x[4] + fall * slopes[0, 4],
@@ -148,7 +148,7 @@ def make_step(t_s, t_new, x, mode, law, s, tables, gravity, work):
         turn(x, y)
         part = _C[stage]
         t = end if stage >= 5 else t_s + part * h
-        derivative(t, y, mode, law, s, tables, remainder(fine, part), slopes[stage], work.aux)
+        derivative(t, y, section, remainder(fine, part), slopes[stage], work.aux)
         turning(change[6], change[7], change[8], y[10], y[11], y[12], slopes[stage])
     for j in range(STATE):
         new[j] = y[j]

@@ -190,17 +190,26 @@ def thrust(s, tables, t_s):
     return force, tables[at + 2] - 0.5 * (tables[at + 1] + force) * since / s.exhaust_speed
 
 
+class MassProperties(NamedTuple):
+    """What the mass table says for one amount of propellant."""
+
+    mass: float  # kg
+    station: float  # m, of the centre of mass
+    i_x: float  # kg m^2, about it, likewise below
+    i_y: float
+    i_z: float
+    x_burning: float  # m, station of the propellant that burns now, d(m x)/dm
+    di_y: float  # m^2, dI_y/dm
+    di_z: float  # m^2
+
+
 @inner(error_model="numpy", forceinline=True)
 def mass_properties(s, tables, propellant):
-    """What the mass table says with `propellant` kg left, and its slopes: eight numbers.
-
-    Mass kg, station of the centre of mass m, I_x, I_y, I_z kg m^2 about it; station m of the propellant that
-    burns now, d(m x)/dm; dI_y/dm, dI_z/dm m^2. Slopes are those from row to row.
-    """
+    """MassProperties with `propellant` kg left. Slopes are those from row to row."""
     at = s.mass_at + 6 * s.mass_row
     width = tables[at + 6] - tables[at]
     part = (propellant - tables[at]) / width
-    return (
+    return MassProperties(
         mixed(tables, at + 1, 6, part),
         mixed(tables, at + 2, 6, part),
         mixed(tables, at + 3, 6, part),
