@@ -90,17 +90,7 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
     imu_biases = np.empty((len(trajectory.t_s), 6)) if biases else None
     measured = imu.measure(settings(Imu, scenario.imu), trajectory, rng("imu"), imu_biases, wrong.imu)
     true_camera = camera.init(params.camera_params(scenario), at_epoch, bodies, earth, rng("camera_errors"))
-    gps_data = gps.measure(
-        params_gps.gps_params(scenario),
-        trajectory,
-        flight.events,
-        earth,
-        constellation(scenario),
-        rng("gps"),
-        rng("gps_errors"),
-    )
-    fixes = gps.told(faults.gps(wrong.gps, gps_data.fixes), scenario.gps.fix)
-    ranges = faults.gps_ranges(wrong.gps, gps_data.ranges, gps_data.antenna)
+    fixes, ranges = _received(scenario, flight, earth, wrong.gps, rng)
     events = [*flight.events, *faults.events(wrong, trajectory, earth)]
     return World(
         earth=earth,
@@ -108,14 +98,28 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         flight=flight._replace(events=tuple(sorted(events, key=lambda event: event.t_s))),
         alignment=pad.align(settings(PadAlignment, scenario.pad_alignment), trajectory, earth, rng("pad")),
         imu=measured,
-        gps_fixes=gps.stamped(fixes, scenario.gps.clock_offset),
-        gps_ranges=gps.stamped(ranges, scenario.gps.clock_offset),
+        gps_fixes=fixes,
+        gps_ranges=ranges,
         camera=true_camera,
         computer=params_onboard.computer_params(scenario, bodies, true_camera.bad_pixel_map),
         faults=wrong,
         imu_biases=imu_biases,
         measured=measured_by_instruments(scenario, seed, trajectory, earth),
     )
+
+
+def _received(scenario, flight, earth, wrong, rng):
+    """What the GPS receiver says, faults included: its fixes and its ranges.
+
+    wrong : of its faults; rng : by the name of a stream
+    """
+    given, satellites = params_gps.gps_params(scenario), constellation(scenario)
+    said = gps.measure(
+        given, flight.trajectory, flight.events, earth, satellites, rng("gps"), rng("gps_errors")
+    )
+    fixes = gps.told(faults.gps(wrong, said.fixes), scenario.gps.fix)
+    ranges = faults.gps_ranges(wrong, said.ranges, said.antenna)
+    return [gps.stamped(one, scenario.gps.clock_offset) for one in (fixes, ranges)]
 
 
 def settled(scenario, flight=None):
