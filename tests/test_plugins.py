@@ -7,12 +7,11 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import plugin_tables
 import pytest
 
 from shefex_nav import instruments, plugins, prepare
 from shefex_nav.log import reader, topics
-from shefex_nav.onboard.startracker.detect import CENTROIDS
-from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.report import figures
 from shefex_nav.scenario.load import ScenarioError, load, load_text
 from shefex_nav.scenario.schema import Scenario
@@ -45,15 +44,11 @@ PROVIDES = [Method("identification", "five_stars", identify), Method("centroid",
 @pytest.fixture(autouse=True)
 def forgotten(monkeypatch, tmp_path):
     """Nothing that a test loads, or consents to, is there in the next one."""
-    tables = instruments.TABLE, IDENTIFIERS, CENTROIDS, plugins._LOADED, plugins._ADDED
-    kept = [dict(one) for one in tables]
     (tmp_path / "config").mkdir()  # astropy warns of one that is not there
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     monkeypatch.setenv(plugins.CONSENT, "")
-    yield
-    for one, before in zip(tables, kept, strict=True):
-        one.clear()
-        one.update(before)
+    with plugin_tables.restored():
+        yield
 
 
 def altimeter(folder):

@@ -141,7 +141,7 @@ def test_it_is_the_default_and_every_scenario_of_the_package_names_its_states():
     assert load(NAME, ["navigation.states=null"]).navigation.states == AUTOMATIC
     said = the_message(NAME, ["navigation.states=automtic"])
     assert "'automtic' is not known; choose from: automatic, or give a list of: gyro_roll_column, " in said
-    assert said.endswith("hard_iron; did you mean 'automatic'?")
+    assert said.endswith("sun_alignment; did you mean 'automatic'?")
 
 
 def test_a_scenario_that_names_its_states_keeps_them():

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 import synthetic_trajectory as synthetic
-from test_imu import PERFECT, REAL
+from imu_settings import PERFECT, imu_with
+from test_imu import REAL
 
 from shefex_nav.world import faults, imu, noise
 from shefex_nav.world.faults import ImuFault
 
 DT_S = 1.0 / synthetic.RATE_HZ
-NAMES = {"gyro": ("dtheta_b", "gyro"), "accelerometer": ("dv_b", "accel")}
+NAMES = {"gyro": ("dtheta_b", "gyro"), "accelerometer": ("dv_b", "accel")}  # increments, of `imu_with`
 BOOST = 5.0, 15.0  # s: rate 2.4 to 7.1 rad/s about x, specific force 60 m/s^2
 ROWS = slice(6001, 10001)  # samples of (5 s, 15 s]; the flight begins at -10 s
 
@@ -35,7 +36,7 @@ def test_a_wrong_bias_is_added(flight, sensor, error, axis):
     bad = measure(REAL, flight, ImuFault("bias", *BOOST, sensor, axis, error))
     expected = np.zeros((len(flight.t_s), 3))
     expected[ROWS, axis] = error * DT_S
-    quantum = getattr(REAL, f"{NAMES[sensor][1]}_quantum")
+    quantum = getattr(REAL, sensor).quantum
     more = readings(bad, sensor) - readings(good, sensor)
     np.testing.assert_allclose(more, expected, atol=2.01 * quantum)
     np.testing.assert_allclose(more.sum(axis=0), expected.sum(axis=0), atol=1.01 * quantum)
@@ -62,7 +63,7 @@ def test_what_exceeds_the_range_is_held_counted_and_flagged(flight, kind, sensor
     name, unit = NAMES[sensor]
     values = getattr(flight, name)[ROWS, 0]
     full = 1.25 * np.abs(getattr(flight, name)).max()
-    params = PERFECT._replace(**{f"{unit}_range": full / DT_S, f"{unit}_quantum": full / 1000.5})
+    params = imu_with(PERFECT, **{f"{unit}_range": full / DT_S, f"{unit}_quantum": full / 1000.5})
     good = measure(params, flight)
     assert not good.saturated.any()
     error = 1.0 if kind == "scale" else 0.6 * full / DT_S
@@ -80,7 +81,7 @@ def test_what_exceeds_the_range_is_held_counted_and_flagged(flight, kind, sensor
 @pytest.mark.parametrize("kind", ["stuck", "dead", "repeat"])
 def test_flags_go_with_the_readings_that_are_sent(flight, kind):
     """An accelerometer at the end of its range from ignition on; the fault ends with the burn still on."""
-    params = PERFECT._replace(accel_range=40.0)
+    params = imu_with(PERFECT, accel_range=40.0)
     fault = ImuFault(kind, *BOOST) if kind == "repeat" else ImuFault(kind, *BOOST, "accelerometer", 0)
     good, bad = measure(params, flight), measure(params, flight, fault)
     assert good.saturated[ROWS].all()
@@ -96,7 +97,7 @@ def test_a_stuck_axis_repeats_what_a_faulty_sensor_sent(flight):
         ImuFault("scale", 0.0, 15.0, "accelerometer", 0, 0.5),
         ImuFault("stuck", *BOOST, "accelerometer", 0),
     )
-    params = PERFECT._replace(accel_range=80.0, accel_quantum=0.003)
+    params = imu_with(PERFECT, accel_range=80.0, accel_quantum=0.003)
     one, other = measure(params, flight, *wrong), measure(params, flight, *wrong[::-1])
     assert np.array_equal(one.dv_b, other.dv_b)
     scaled = measure(params, flight, wrong[0])
@@ -111,7 +112,7 @@ def test_a_fault_moves_nothing_else(flight):
     assert np.array_equal(good.dv_b, bad.dv_b)
     assert np.array_equal(good.dtheta_b[:, [0, 2]], bad.dtheta_b[:, [0, 2]])
     assert np.array_equal(good.dtheta_b[: ROWS.start], bad.dtheta_b[: ROWS.start])
-    assert np.allclose(good.dtheta_b[ROWS.stop :], bad.dtheta_b[ROWS.stop :], atol=2.01 * REAL.gyro_quantum)
+    assert np.allclose(good.dtheta_b[ROWS.stop :], bad.dtheta_b[ROWS.stop :], atol=2.01 * REAL.gyro.quantum)
 
 
 def test_events_name_unit_and_size():

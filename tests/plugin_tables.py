@@ -1,0 +1,20 @@
+"""What plug-ins add in one test is not there in the next one of the same process."""
+
+from contextlib import contextmanager
+
+from shefex_nav import instruments, plugins
+from shefex_nav.onboard.startracker.detect import CENTROIDS
+from shefex_nav.onboard.startracker.identify import IDENTIFIERS
+
+
+@contextmanager
+def restored():
+    """Tables as they were before."""
+    tables = instruments.TABLE, IDENTIFIERS, CENTROIDS, plugins._LOADED, plugins._ADDED
+    kept = [dict(one) for one in tables]
+    try:
+        yield
+    finally:
+        for one, before in zip(tables, kept, strict=True):
+            one.clear()
+            one.update(before)
