@@ -17,19 +17,14 @@ import traceback
 import types
 from contextlib import contextmanager
 from importlib import import_module, util
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from shefex_nav import instruments
+from shefex_nav import instruments, plugin_checks
 from shefex_nav.errors import UserError
-from shefex_nav.instruments.instrument import Column, DataColumn, Instrument, Plot, StateBlock
-from shefex_nav.onboard.navigation.blocks import CORE_BLOCKS, OPTIONAL
-from shefex_nav.settings import Settings, declared
+from shefex_nav.instruments.instrument import Instrument
 
 GROUP = "shefex_nav.plugins"
 CONSENT = "SHEFEX_NAV_TRUST"  # environment variable of consents given in this process, for those it starts
-TIMES = ("t_valid_s", "t_available_s")
 
 
 class PluginError(UserError):
@@ -78,18 +73,6 @@ class Plugin(NamedTuple):
         return f"{self.name}{version} (sha256 {self.sha256[:12]})"
 
 
-# names that mean something else: sections, topics, tables and figures, sensors and streams of the program
-TAKEN = frozenset(
-    "mission plugins earth atmosphere wind launch orbit ground vehicle attitude programme imu gps "
-    "pad_alignment star_camera star_tracker navigation log faults requirements campaign "
-    "dispersions data gnss alignment truth control attitude_control events timing nav nav_states "
-    "nav_covariance gates gate_innovations health frames frame_truth frame_truth_stars "
-    "camera_commands star_fixes star_fix_objects star_vectors errors star_fix_errors columns "
-    "trajectory history ground_track sky_map status star_errors camera velocity position biases "
-    "nees nis protection position_protection velocity_protection pad camera_errors camera_noise "
-    "gps_errors sightings gyro accelerometer ".split()
-)
-PREFIXES = ("gps", "star")  # of what the filter tells apart by it
 _LOADED = {}  # sha256 -> (Plugin, tuple of what it provides)
 _ADDED = {}  # step -> names of the ways that plug-ins have added
 _EVERY = []  # not empty: within `trusting`
@@ -130,9 +113,15 @@ def load(name, sha256=None, trust=False):
             provided = _module(plugin, source)
         else:
             provided = _entry(name).load()
-        _LOADED[found] = plugin, tuple(one._replace(plugin=plugin) for one in _provided(provided, name))
+        _LOADED[found] = plugin, tuple(_brought(one, plugin) for one in _provided(provided, name))
     activate(_LOADED[found][1])
     return _LOADED[found]
+
+
+def _brought(one, plugin):
+    """What a plug-in provides, as the program keeps it."""
+    one = one._replace(plugin=plugin)
+    return plugin_checks.checked(one) if isinstance(one, Instrument) else one
 
 
 def _ask(name, path, sha256, trust):
@@ -191,7 +180,7 @@ def _provided(module, name):
     for one in provided:
         if not isinstance(one, Instrument | Method):
             raise PluginError(f"'{name}': {one!r} in PROVIDES is neither an Instrument nor a Method")
-        problem = _problem(one) if isinstance(one, Instrument) else _problem_of_method(one)
+        problem = plugin_checks.problem(one) if isinstance(one, Instrument) else _problem_of_method(one)
         if problem:
             raise PluginError(f"'{name}': '{one.name}': {problem}")
     return provided
@@ -204,53 +193,6 @@ def _problem_of_method(one):
     if one.name in _built_in(one.step):
         return f"there is a way of {one.step} of that name already, of the program"
     return "" if callable(one.function) else f"its function must be one, got {one.function!r}"
-
-
-def _problem(one):
-    """What is wrong with the description of an instrument; '' if nothing is."""
-    if not one.name.isidentifier() or not one.name.islower():
-        return "its name must be lower case with underscores, such as 'radar_altimeter'"
-    if one.name in instruments.BUILT_IN:
-        return "there is an instrument of that name already, of the program"
-    if one.name in TAKEN or one.name.startswith(PREFIXES):
-        return (
-            f"that name means something else, as do all that begin with {' or '.join(PREFIXES)}; take another"
-        )
-    if not (isinstance(one.settings, type) and issubclass(one.settings, Settings)):
-        return f"settings must be a class of Settings, got {one.settings!r}"
-    missing = [key for key in ("rate", "latency") if key not in declared(one.settings)]
-    if missing:
-        return f"its settings need {' and '.join(missing)}"
-    if getattr(one.record, "_fields", ())[:2] != TIMES:
-        return f"its record must be a NamedTuple that begins with {' and '.join(TIMES)}"
-    if one.aid is not None and one.use is None:
-        return "one with an aid needs a class of settings in `use` (instrument.Use, for example)"
-    return _problem_of_parts(one)
-
-
-def _problem_of_parts(one):
-    """What is wrong with the parts of an instrument; '' if nothing is."""
-    kinds = {"states": StateBlock, "data": DataColumn, "plots": Plot}
-    for field, kind in kinds.items():
-        parts = getattr(one, field)
-        if not isinstance(parts, tuple) or not all(isinstance(part, kind) for part in parts):
-            return f"{field} must be a tuple of {kind.__name__}, got {parts!r}"
-    for field in one.record._fields[len(TIMES) :]:
-        hint = get_type_hints(one.record, include_extras=True)[field]
-        column = next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Column)), None)
-        if column is None:
-            return (
-                f"field {field} of its record needs a Column, `{field}: Annotated[float, Column(unit, help)]`"
-            )
-        if hint.__origin__ is np.ndarray and not column.shape:
-            return f"field {field} of its record is an array: give its shape, Column(unit, help, (3,))"
-    others = {part.name for other in instruments.BUILT_IN.values() for part in other.states}
-    for block in one.states:
-        if block.name in CORE_BLOCKS or block.name in OPTIONAL or block.name in others:
-            return f"there is a block of states '{block.name}' already; give yours another name"
-    unknown = [key for key in one.told if key not in declared(one.settings)]
-    unknown += [column.field for column in one.data if column.field not in one.record._fields]
-    return f"there is no '{unknown[0]}' in it" if unknown else ""
 
 
 def _built_in(step):

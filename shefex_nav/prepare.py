@@ -7,7 +7,6 @@ import numpy as np
 
 from shefex_nav import __version__
 from shefex_nav.environment import ephemeris, gnss, stars, yuma
-from shefex_nav.errors import CodeError
 from shefex_nav.geometry import frames, wgs84
 from shefex_nav.instruments.instrument import Truth
 from shefex_nav.log.topics import Mission
@@ -156,25 +155,9 @@ def measured_by_instruments(scenario, seed, trajectory, earth):
     truth = Truth(trajectory, earth, aboard.year(scenario), sun_i, params.air_table(scenario))
     streams = {one.name: noise.key_of(one.name) if one.stream is None else one.stream for one, _ in found}
     return {
-        one.name: _measured(
-            one, settings(one.settings, given), truth, noise.generator(seed, streams[one.name])
-        )
+        one.name: one.measure(settings(one.settings, given), truth, noise.generator(seed, streams[one.name]))
         for one, given in found
     }
-
-
-def _measured(one, given, truth, rng):
-    """What an instrument says, checked. -> instrument.Measured"""
-    try:
-        measured = one.measure(given, truth, rng)
-        times = [(reading.t_valid_s, reading.t_available_s) for reading in measured.readings]
-    except Exception as error:
-        raise CodeError(f"instrument '{one.name}': measure has failed", error) from error
-    if not all(type(reading) is one.record for reading in measured.readings):
-        raise CodeError(f"instrument '{one.name}': measure must give readings of {one.record.__name__}")
-    if not np.isfinite(times).all() or (np.diff(np.reshape(times, (-1, 2)), axis=0) < 0.0).any():
-        raise CodeError(f"instrument '{one.name}': times of its readings must be numbers in ascending order")
-    return measured
 
 
 def fly_vehicle(scenario, seed, *, brief=False):

@@ -10,7 +10,7 @@ import numpy as np
 import plugin_tables
 import pytest
 
-from shefex_nav import instruments, plugins, prepare
+from shefex_nav import instruments, plugin_checks, plugins, prepare
 from shefex_nav.log import reader, topics
 from shefex_nav.report import figures
 from shefex_nav.scenario.load import ScenarioError, load, load_text
@@ -122,7 +122,7 @@ WRONG = (  # text of the file, what stands in its place, what is said
     ),
     ('"""Radar altimeter: height', '1 / 0\n"""', "radar_altimeter.py:1: ZeroDivisionError: division by zero"),
     ('"""Radar altimeter: height', 'def f(:\n"""', "radar_altimeter.py:1: SyntaxError"),
-    ("    latency: float", "    late: float", "its settings need latency"),
+    ("class RadarAltimeter(Sampled)", "class RadarAltimeter(Use)", "settings must be a class of Sampled"),
     ("        use=Use,\n", "", "one with an aid needs a class of settings in `use`"),
     ("    t_available_s: float\n", "", "begins with t_valid_s and t_available_s"),
     ("PROVIDES = [", "PROVIDES = [7, ", "7 in PROVIDES is neither an Instrument"),
@@ -146,7 +146,7 @@ FAULTS = (  # likewise, of what shows when it flies only
     (
         "    return Seen(z, H",
         "    return Seen(z, H[:, :5]",
-        "shapes of z, H, R and what lasts are [(1,), (1, 5)",
+        "what lasts have shapes [(1,), (1, 5)",
     ),
     ("here.rows(1)", "here.rows(1) + np.nan", "z and H must be numbers"),
     ('here.columns("altimeter_bias")', 'here.columns("altimeter")', "there is no block 'altimeter'"),
@@ -169,7 +169,9 @@ def test_what_a_file_was_is_forgotten_when_it_is_edited_and_known_again_when_it_
     first, text = load(str(path), trust=True), altimeter(tmp_path).read_text()
     code.write_text(text.replace("radar_altimeter", "laser_altimeter"))
     assert "radar_altimeter: unknown key" in message(path, trust=True)
-    code.write_text(text.replace("latency: float", "window: float = 1.0\n    latency: float"))
+    window = 'window: float = quantity("m", "1 m", "of an echo", "1 m")'
+    code.write_text(text.replace("bias: float", f"{window}\n    bias: float"))
+    assert load(str(path), trust=True).radar_altimeter.window == 1.0
     assert "window" not in first.radar_altimeter.model_dump()
     code.write_text(text)
     again = load(str(path))
@@ -182,7 +184,9 @@ def test_the_names_that_mean_something_else_are_those_of_the_program():
     own = set(instruments.BUILT_IN)
     names = {*Scenario.keys(), *noise.STREAMS, *(entry.name for entry in figures.catalogue())}
     names |= {topic.topic.split("/")[1] for topic in topics.topics()}
-    assert {name for name in names - own if not name.startswith(plugins.PREFIXES)} <= plugins.TAKEN
+    assert {
+        name for name in names - own if not name.startswith(plugin_checks.PREFIXES)
+    } <= plugin_checks.TAKEN
 
 
 def test_code_that_goes_wrong_in_flight_is_named_with_its_line(tmp_path, command):

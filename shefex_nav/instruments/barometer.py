@@ -10,7 +10,15 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from shefex_nav.instruments import instrument
-from shefex_nav.instruments.instrument import Column, DataColumn, Instrument, Plot, Release, StateBlock
+from shefex_nav.instruments.instrument import (
+    Column,
+    DataColumn,
+    Instrument,
+    Plot,
+    Release,
+    Sampled,
+    StateBlock,
+)
 from shefex_nav.onboard.navigation.aid import Aid, Block, Renewal
 from shefex_nav.settings import Settings, number, quantity, section, switch
 
@@ -42,16 +50,9 @@ class Day(Settings):
     )
 
 
-class Barometer(Settings):
+class Barometer(Sampled):
     """Barometer on board: static pressure."""
 
-    rate: float = quantity(
-        "Hz", "10 Hz", "readings a second; must divide 100 Hz", positive=True, at_most="100 Hz"
-    )
-    latency: float = quantity(
-        "s", "10 ms", "from the instant measured to the reading on board", "0 s", non_negative=True,
-        at_most="1 s",
-    )  # fmt: skip
     bias: float = quantity("Pa", "100 Pa", "of the sensor, 1 sigma", non_negative=True)
     drift: float = quantity("Pa", "20 Pa", "bias that wanders in flight, 1 sigma", "0 Pa", non_negative=True)
     drift_time: float = quantity("s", "300 s", "correlation time of the drift", "300 s", positive=True)

@@ -79,11 +79,23 @@ class StateBlock(NamedTuple):
     needed: bool = True  # a filter that uses the instrument has it
 
 
+class Sampled(Settings):
+    """Settings that every instrument has; those of one extend them."""
+
+    rate: float = quantity(
+        "Hz", "10 Hz", "readings a second; must divide 100 Hz", positive=True, at_most="100 Hz"
+    )
+    latency: float = quantity(
+        "s", "10 ms", "from the instant measured to the reading on board", "0 s", non_negative=True,
+        at_most="1 s",
+    )  # fmt: skip
+
+
 class Instrument(NamedTuple):
     """One instrument."""
 
     name: str  # of its section, topic and stream of random numbers, and in the filter's gates
-    settings: type[Settings]
+    settings: type[Sampled]
     record: type  # NamedTuple of a reading: t_valid_s, t_available_s, and fields with a Column
     measure: Callable[[Any, Truth, np.random.Generator], Measured]  # of settings, Truth, random numbers
     aid: Callable | None = None  # settings, settings of `use`, Known -> aid.Aid; None: it is logged alone

@@ -23,7 +23,15 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 
 from shefex_nav.instruments import instrument
-from shefex_nav.instruments.instrument import Column, DataColumn, Instrument, Plot, Release, StateBlock
+from shefex_nav.instruments.instrument import (
+    Column,
+    DataColumn,
+    Instrument,
+    Plot,
+    Release,
+    Sampled,
+    StateBlock,
+)
 from shefex_nav.onboard.navigation.aid import Aid, Block, Renewal, Seen
 from shefex_nav.settings import Settings, choice, quantity, section, switch
 
@@ -31,16 +39,9 @@ ANOMALY_LENGTH = 50e3  # m [E], along the path, over which the field of the crus
 NO_HEADING = 10.0  # [E] sigmas of the model by which the horizontal field must exceed it for a heading
 
 
-class Magnetometer(Settings):
+class Magnetometer(Sampled):
     """Magnetometer on board: the Earth's field along the three body axes."""
 
-    rate: float = quantity(
-        "Hz", "10 Hz", "readings a second; must divide 100 Hz", positive=True, at_most="100 Hz"
-    )
-    latency: float = quantity(
-        "s", "10 ms", "from the instant measured to the reading on board", "0 s", non_negative=True,
-        at_most="1 s",
-    )  # fmt: skip
     hard_iron: float = quantity(
         "T", "500 nT", "constant field of the vehicle, each axis, 1 sigma", non_negative=True
     )

@@ -19,21 +19,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from shefex_nav.instruments import instrument
-from shefex_nav.instruments.instrument import Column, Instrument, Plot, StateBlock, Use
+from shefex_nav.instruments.instrument import Column, Instrument, Plot, Sampled, StateBlock, Use
 from shefex_nav.onboard.navigation.aid import Aid, Block, Seen
-from shefex_nav.settings import Settings, number, quantity
+from shefex_nav.settings import number, quantity
 
 
-class SunSensor(Settings):
+class SunSensor(Sampled):
     """Sun sensor on board."""
 
-    rate: float = quantity(
-        "Hz", "10 Hz", "readings a second; must divide 100 Hz", positive=True, at_most="100 Hz"
-    )
-    latency: float = quantity(
-        "s", "10 ms", "from the instant measured to the reading on board", "0 s", non_negative=True,
-        at_most="1 s",
-    )  # fmt: skip
     boresight: tuple[float, float, float] = number(
         "0", "middle of its field of view, body axes (x to the nose)"
     )

@@ -11,7 +11,6 @@ import numpy as np
 from pydantic import Field, create_model
 
 from shefex_nav.clock import TICK_HZ
-from shefex_nav.errors import CodeError
 from shefex_nav.instruments import BUILT_IN, TABLE
 from shefex_nav.instruments.instrument import Instrument, Known
 from shefex_nav.onboard.navigation.blocks import OPTIONAL
@@ -151,23 +150,7 @@ def aids(scenario):
     from shefex_nav.environment import ephemeris
 
     known = Known(year(scenario), ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i)
-    return tuple(_aid(one, given, use, known) for one, given, use in found)
-
-
-def _aid(one, given, use, known):
-    """Aid of an instrument, which must be as its object says."""
-    try:
-        aid = one.aid(given, use, known)
-    except Exception as error:
-        raise CodeError(f"instrument '{one.name}': its aid cannot be made", error) from error
-    found = [(block.name, block.size) for block in aid.blocks]
-    said = [(block.name, block.size) for block in one.states]
-    if (aid.name, aid.record, found) != (one.name, one.record, said):
-        words = f"its aid is {aid.name!r} of {aid.record.__name__} with states {found}"
-        raise CodeError(
-            f"instrument '{one.name}': {words}; expected the same name and record, and states {said}"
-        )
-    return aid
+    return tuple(one.aid(given, use, known) for one, given, use in found)
 
 
 def estimated(scenario):

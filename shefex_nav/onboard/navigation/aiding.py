@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.errors import CodeError
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation.measurements import lasting_factor
 from shefex_nav.onboard.navigation.sensor import Sensor, Trial, never
@@ -127,32 +126,13 @@ def sensor(aid):
 
 def _linearise(aid, nav, now, reading):
     """As `sensor.Linearise`."""
-    seen = _seen(aid, nav, now.t_s, now.x, reading)
+    seen = aid.expect(Here(nav.layout, nav.earth, now.t_s, now.x), reading)
     return seen.z, seen.H, seen.R + sum(variance for variance, _ in seen.lasting)
-
-
-def _seen(aid, nav, t_s, x, reading):
-    """Seen of a reading, checked; CodeError says what is wrong with it."""
-    where = f"instrument '{aid.name}': expect, T{t_s:+.2f} s"
-    try:
-        seen = aid.expect(Here(nav.layout, nav.earth, t_s, x), reading)
-        m = len(seen.z)
-        shapes = [np.shape(one) for one in (seen.z, seen.H, seen.R, *(one for one, _ in seen.lasting))]
-    except Exception as error:
-        raise CodeError(where, error) from error
-    wanted = [(m,), (m, nav.layout.n), *[(m, m)] * (1 + len(seen.lasting))]
-    if shapes != wanted:
-        raise CodeError(f"{where}: shapes of z, H, R and what lasts are {shapes}, expected {wanted}")
-    if not (np.isfinite(seen.z).all() and np.isfinite(seen.H).all() and (np.diag(seen.R) > 0.0).all()):
-        raise CodeError(
-            f"{where}: z and H must be numbers and the variances in R greater than zero, got {seen}"
-        )
-    return seen
 
 
 def _counted(aid, nav, reading, R, gap_s):
     """Noise with which a reading that has passed the gate counts. gap_s : since the one used before it"""
-    seen = _seen(aid, nav, reading.t_valid_s, nav.history.x, reading)
+    seen = aid.expect(Here(nav.layout, nav.earth, reading.t_valid_s, nav.history.x), reading)
     R = seen.R
     for variance, lasts_s in seen.lasting:
         R = R + variance * lasting_factor(1.0, lasts_s, gap_s)
@@ -166,7 +146,7 @@ def _unfit(aid, nav, t_s, x, reading):
 
 def _trial(aid, nav, now, z, R, reading):
     """Readings that are off by the same amount again and again are those of a new bias."""
-    seen = _seen(aid, nav, now.t_s, now.x, reading)
+    seen = aid.expect(Here(nav.layout, nav.earth, now.t_s, now.x), reading)
     rule = ReleaseRule(aid.renewal.rejections, aid.renewal.duration_s)
     return Trial(rule, Offset(reading.t_valid_s, z, seen.R.diagonal()), offsets_agree)
 

@@ -51,7 +51,7 @@ class Sender:
         )
 
     def curve(self, entity, t_s, values, colour, name, width=1.2):
-        """One curve of a plot; values that are not finite leave a gap in the data, not in the line."""
+        """One curve of a plot; it has a gap where values are not finite."""
         import rerun as rr
 
         style = rr.SeriesLines(
@@ -61,15 +61,22 @@ class Sender:
             aggregation_policy="MinMax",  # the default averages and would flatter every error
         )
         self.static(entity, style)
-        known = np.isfinite(values)
-        t_s, values = np.asarray(t_s)[known], np.asarray(values, np.float64)[known]
-        if len(t_s):
+        values = np.where(np.isfinite(values), values, np.nan)
+        if not np.isnan(values).all():
             self.columns(entity, t_s, rr.Scalars.columns(scalars=values))
 
     def axes(self, entity, t_s, values):
         """Three curves, entity/x, /y and /z; values (n, 3)."""
         for k, (axis, colour) in enumerate(AXES.items()):
             self.curve(f"{entity}/{axis}", t_s, values[:, k], colour, axis)
+
+    def readings(self, entity, t_s, values, colour, name):
+        """A curve; marks where some values are not finite, for a line would not show one alone."""
+        known = np.isfinite(values)
+        if known.all():
+            self.curve(entity, t_s, values, colour, name)
+        else:
+            self.marks(entity, np.asarray(t_s)[known], np.asarray(values)[known], colour, name)
 
     def marks(self, entity, t_s, values, colour, name, shape="circle", size=2.5):
         """Marks in a plot."""

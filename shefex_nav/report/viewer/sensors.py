@@ -5,7 +5,7 @@ import numpy as np
 from shefex_nav.environment.constants import STANDARD_GRAVITY
 from shefex_nav.instruments import TABLE
 from shefex_nav.report.viewer import world
-from shefex_nav.report.viewer.sender import BLUE, GREEN, ORANGE, WHITE, YELLOW, plot_step
+from shefex_nav.report.viewer.sender import AXES, BLUE, GREEN, ORANGE, WHITE, YELLOW, plot_step
 
 VIBRATION_S = 1.0  # over which the scatter of the specific force is taken
 
@@ -80,19 +80,20 @@ def instruments(sender, data):
             values, t_s = plot.values(said)[::step], said.t_valid_s[::step]
             entity = f"plots/{name}/{plot.name}"
             if values.ndim == 1:
-                sender.curve(entity, t_s, values, BLUE, plot.title)
+                sender.readings(entity, t_s, values, BLUE, plot.title)
             else:
-                sender.axes(entity, t_s, values)
+                for k, (axis, colour) in enumerate(AXES.items()):
+                    sender.readings(f"{entity}/{axis}", t_s, values[:, k], colour, axis)
 
 
 def ages(sender, data):
-    """How old a measurement is when the computer has it."""
+    """How old a measurement is when the computer has it, to 1 ns."""
     for name, records, colour in (("gps", data.gps, BLUE), ("star tracker", data.star_fixes, GREEN)):
         if records:
-            age = [1e3 * (r.t_available_s - r.t_valid_s) for r in records]
+            age = [round(1e3 * (r.t_available_s - r.t_valid_s), 6) for r in records]
             entity = f"plots/age/{name.replace(' ', '_')}"
             sender.curve(entity, [r.t_available_s for r in records], age, colour, name)
     if len(data.frames.t_valid_s):
         frames = data.frames
-        age = 1e3 * (frames.t_available_s - frames.t_valid_s)
+        age = np.round(1e3 * (frames.t_available_s - frames.t_valid_s), 6)
         sender.curve("plots/age/frame", frames.t_available_s, age, WHITE, "frame read out")

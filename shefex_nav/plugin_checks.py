@@ -1,0 +1,133 @@
+"""What is wrong with an instrument of a plug-in: with its description, or with what its code does in flight.
+
+Instruments that come with the program are not looked at: an exception of theirs is a fault of the program.
+"""
+
+from functools import partial
+from typing import get_type_hints
+
+import numpy as np
+
+from shefex_nav import instruments
+from shefex_nav.errors import CodeError
+from shefex_nav.instruments.instrument import Column, DataColumn, Plot, Sampled, StateBlock
+from shefex_nav.onboard.navigation.blocks import CORE_BLOCKS, OPTIONAL
+from shefex_nav.settings import declared
+
+TIMES = ("t_valid_s", "t_available_s")
+# names that mean something else: sections, topics, tables and figures, sensors and streams of the program
+TAKEN = frozenset(
+    "mission plugins earth atmosphere wind launch orbit ground vehicle attitude programme imu gps "
+    "pad_alignment star_camera star_tracker navigation log faults requirements campaign "
+    "dispersions data gnss alignment truth control attitude_control events timing nav nav_states "
+    "nav_covariance gates gate_innovations health frames frame_truth frame_truth_stars "
+    "camera_commands star_fixes star_fix_objects star_vectors errors star_fix_errors columns "
+    "trajectory history ground_track sky_map status star_errors camera velocity position biases "
+    "nees nis protection position_protection velocity_protection pad camera_errors camera_noise "
+    "gps_errors sightings gyro accelerometer ".split()
+)
+PREFIXES = ("gps", "star")  # of what the filter tells apart by it
+
+
+def problem(one):
+    """What is wrong with the description of an Instrument; '' if nothing is."""
+    if not one.name.isidentifier() or not one.name.islower():
+        return "its name must be lower case with underscores, such as 'radar_altimeter'"
+    if one.name in instruments.BUILT_IN:
+        return "there is an instrument of that name already, of the program"
+    if one.name in TAKEN or one.name.startswith(PREFIXES):
+        return (
+            f"that name means something else, as do all that begin with {' or '.join(PREFIXES)}; take another"
+        )
+    if not (isinstance(one.settings, type) and issubclass(one.settings, Sampled)):
+        return f"settings must be a class of Sampled, got {one.settings!r}"
+    if getattr(one.record, "_fields", ())[:2] != TIMES:
+        return f"its record must be a NamedTuple that begins with {' and '.join(TIMES)}"
+    if one.aid is not None and one.use is None:
+        return "one with an aid needs a class of settings in `use` (instrument.Use, for example)"
+    return _problem_of_parts(one)
+
+
+def _problem_of_parts(one):
+    """What is wrong with the parts of an instrument; '' if nothing is."""
+    kinds = {"states": StateBlock, "data": DataColumn, "plots": Plot}
+    for field, kind in kinds.items():
+        parts = getattr(one, field)
+        if not isinstance(parts, tuple) or not all(isinstance(part, kind) for part in parts):
+            return f"{field} must be a tuple of {kind.__name__}, got {parts!r}"
+    for field in one.record._fields[len(TIMES) :]:
+        hint = get_type_hints(one.record, include_extras=True)[field]
+        column = next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Column)), None)
+        if column is None:
+            return (
+                f"field {field} of its record needs a Column, `{field}: Annotated[float, Column(unit, help)]`"
+            )
+        if hint.__origin__ is np.ndarray and not column.shape:
+            return f"field {field} of its record is an array: give its shape, Column(unit, help, (3,))"
+    others = {part.name for other in instruments.BUILT_IN.values() for part in other.states}
+    for block in one.states:
+        if block.name in CORE_BLOCKS or block.name in OPTIONAL or block.name in others:
+            return f"there is a block of states '{block.name}' already; give yours another name"
+    unknown = [key for key in one.told if key not in declared(one.settings)]
+    unknown += [column.field for column in one.data if column.field not in one.record._fields]
+    return f"there is no '{unknown[0]}' in it" if unknown else ""
+
+
+def checked(one):
+    """An Instrument whose functions say with CodeError what is wrong with what they do."""
+    more = {} if one.aid is None else {"aid": partial(_aid, one)}
+    return one._replace(measure=partial(_measure, one), **more)
+
+
+def _called(words, function, *given):
+    """What a function of the plug-in gives. words : where it is called"""
+    try:
+        return function(*given)
+    except Exception as error:
+        raise CodeError(words, error) from error
+
+
+def _measure(one, settings, truth, rng):
+    """As Instrument.measure."""
+    words = f"instrument '{one.name}': measure"
+    measured = _called(words, one.measure, settings, truth, rng)
+    if not all(type(reading) is one.record for reading in measured.readings):
+        raise CodeError(f"{words} must give readings of {one.record.__name__}")
+    times = np.reshape([reading[:2] for reading in measured.readings], (-1, 2))
+    if not np.isfinite(times).all() or (np.diff(times, axis=0) < 0.0).any():
+        raise CodeError(f"{words}: times of its readings must be numbers in ascending order")
+    return measured
+
+
+def _aid(one, given, use, known):
+    """As Instrument.aid."""
+    words = f"instrument '{one.name}'"
+    aid = _called(f"{words}: aid", one.aid, given, use, known)
+    found = [(block.name, block.size) for block in aid.blocks]
+    said = [(block.name, block.size) for block in one.states]
+    if (aid.name, aid.record, found) != (one.name, one.record, said):
+        made = f"its aid is {aid.name!r} of {aid.record.__name__} with states {found}"
+        raise CodeError(f"{words}: {made}; expected the same name and record, and states {said}")
+    judges = {
+        key: partial(_called, f"{words}: {key}", getattr(aid, key))
+        for key in ("holds", "unfit")
+        if getattr(aid, key) is not None
+    }
+    return aid._replace(expect=partial(_expect, words, aid.expect), **judges)
+
+
+def _expect(words, expect, here, reading):
+    """As Aid.expect."""
+    words = f"{words}: expect, T{reading.t_valid_s:+.2f} s"
+    seen = _called(words, expect, here, reading)
+    m, n = np.size(seen.z), here.rows(1).shape[1]
+    shapes = [np.shape(one) for one in (seen.z, seen.H, seen.R, *(one for one, _ in seen.lasting))]
+    if shapes != [(m,), (m, n), *[(m, m)] * (1 + len(seen.lasting))]:
+        raise CodeError(
+            f"{words}: z, H, R and what lasts have shapes {shapes}; z (m,) needs ({m}, {n}) and (m, m)"
+        )
+    if not (np.isfinite(seen.z).all() and np.isfinite(seen.H).all() and (np.diag(seen.R) > 0.0).all()):
+        raise CodeError(
+            f"{words}: z and H must be numbers and the variances in R greater than zero, got {seen}"
+        )
+    return seen
