@@ -21,9 +21,11 @@ from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.records import CameraCommand, Trajectory
-from shefex_nav.reproduce.stills import Electronics, StillCamera, electrons, still
+from shefex_nav.reproduce.stills import StillCamera, electrons, still
 from shefex_nav.scenario import load, params
+from shefex_nav.settings import changed
 from shefex_nav.world import camera
+from shefex_nav.world.camera.detector import Electronics
 
 RATES = 0.0, 2.0, 5.0  # deg/s
 ATTITUDES = 5
@@ -38,7 +40,10 @@ def mission_camera(line_s):
     epoch = scenario.mission.epoch
     catalogue = stars.at_epoch(stars.load_catalogue(8.0), ephemeris.julian_year(epoch))
     earth = ephemeris.earth_rotation(epoch, scenario.earth.ut1_minus_utc, 0.0, 0.0)
-    chosen = params.camera_params(scenario)._replace(line_s=line_s)
+    chosen = changed(
+        params.star_camera(scenario),
+        {"detector.shutter": "rolling" if line_s else "global", "detector.line_time": line_s},
+    )
     return camera.init(chosen, catalogue, ephemeris.sky_bodies(epoch), earth, np.random.default_rng(1))
 
 
@@ -50,10 +55,10 @@ def turning(device, omega_c, rng):
     x_i = np.cross(z_i, rng.standard_normal(3))
     x_i /= np.linalg.norm(x_i)
     C_ic = np.column_stack([x_i, np.cross(z_i, x_i), z_i])
-    omega_b = device.params.C_bc @ omega_c
+    omega_b = device.settings.mounting.C_bc @ omega_c
     n = 201
     t_s = np.arange(n) / 400.0
-    q_ib = rotation.quat_from_dcm(C_ic @ device.params.C_bc.T)
+    q_ib = rotation.quat_from_dcm(C_ic @ device.settings.mounting.C_bc.T)
     q = [rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(omega_b * t)) for t in t_s]
     zero, none = np.zeros((n, 3)), np.zeros(n)
     return Trajectory(

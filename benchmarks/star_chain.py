@@ -28,7 +28,8 @@ from shefex_nav.onboard.startracker.exposure import ExposureParams
 from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.records import Frame, Reason
 from shefex_nav.reproduce import imaging
-from shefex_nav.reproduce.stills import Electronics, StillCamera, electrons, still
+from shefex_nav.reproduce.stills import StillCamera, electrons, still
+from shefex_nav.world.camera.detector import Electronics
 
 PER_DN, SIGMA_PX, READ_DN, BACKGROUND_DN = 4.0, 1.0, 2.0, 10.0
 CAMERA = StillCamera(

@@ -21,9 +21,10 @@ from shefex_nav.geometry.shutter import row_times
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.onboard.startracker.fit import UNFITTED_PX
 from shefex_nav.records import Frame, Reason
-from shefex_nav.reproduce.stills import Electronics, StillCamera, electrons, still
+from shefex_nav.reproduce.stills import StillCamera, electrons, still
 from shefex_nav.scenario.load import load
-from shefex_nav.scenario.params_onboard import electrons_per_dn, nominal_camera, tracker_params
+from shefex_nav.scenario.params_onboard import nominal_camera, tracker_params
+from shefex_nav.world.camera.detector import electronics as electronics_at
 
 WIDTHS = (0.40, 0.45, 0.50, 0.55, 0.60, 0.70, 0.80, 0.90)
 BINS = (-2.0, 2.0, 3.0, 4.0, 5.0, 5.5)
@@ -39,13 +40,7 @@ def still_camera(scenario, sigma_psf_px):
     return StillCamera(
         nominal_camera(scenario),
         sigma_psf_px,
-        Electronics(
-            detector.read_noise,
-            detector.full_well,
-            electrons_per_dn(scenario),
-            detector.black_level,
-            detector.bits,
-        ),
+        electronics_at(detector, scenario.star_tracker.exposure.gain),
         detector.background * exposure_s,
         optics.zero_magnitude_flux * exposure_s,
         row_times(exposure_s, 0.0, detector.rows),

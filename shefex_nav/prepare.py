@@ -88,7 +88,7 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
     trajectory, wrong = flight.trajectory, params_faults.faults(scenario)
     imu_biases = np.empty((len(trajectory.t_s), 6)) if biases else None
     measured = imu.measure(settings(Imu, scenario.imu), trajectory, rng("imu"), imu_biases, wrong.imu)
-    true_camera = camera.init(params.camera_params(scenario), at_epoch, bodies, earth, rng("camera_errors"))
+    true_camera = camera.init(params.star_camera(scenario), at_epoch, bodies, earth, rng("camera_errors"))
     fixes, ranges = _received(scenario, flight, earth, wrong.gps, rng)
     events = [*flight.events, *faults.events(wrong, trajectory, earth)]
     return World(

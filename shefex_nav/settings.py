@@ -76,7 +76,7 @@ def quantity(unit, example, help, default=REQUIRED, **limits):
 
 
 def number(example, help, default=REQUIRED, **limits):
-    """A number without a unit, or a tuple of such; limits as of `quantity`, as numbers."""
+    """A number without a unit, or a tuple of such, with one example or one for each; limits are numbers."""
     return _field(Setting("number", help, default, "", example, tuple(limits.items())))
 
 
@@ -95,7 +95,7 @@ def switch(help, default=REQUIRED):
     return _field(Setting("switch", help, default))
 
 
-def section(help, default=REQUIRED):
+def section(help="", default=REQUIRED):
     """Settings of their own; {} as the default: theirs, None: left out if it is not given."""
     return _field(Setting("section", help, default))
 

@@ -200,7 +200,7 @@ def looking_up(trajectory, camera):
     z_i = z_i / np.linalg.norm(z_i)
     x_i = wgs84.perpendicular(z_i)
     C_ic = np.column_stack([x_i, np.cross(z_i, x_i), z_i])
-    q_ib = rotation.quat_from_dcm(C_ic @ camera.params.C_bc.T)
+    q_ib = rotation.quat_from_dcm(C_ic @ camera.settings.mounting.C_bc.T)
     n = len(brief.t_s)
     return brief._replace(q_ib=np.tile(q_ib, (n, 1)), omega_ib_b=np.zeros((n, 3)))
 

@@ -23,6 +23,7 @@ from shefex_nav.records import (
     TruthSample,
 )
 from shefex_nav.scenario import load
+from shefex_nav.settings import changed
 from shefex_nav.world.camera.camera import frame_of
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
@@ -179,7 +180,7 @@ def switched(still, monkeypatch, on_us, off_us, readout_us):
 
     def expose(camera, command, trajectory, number, t_start_s, rng):
         times_s = t_start_s, t_start_s + 0.5 * command.exposure_s, t_start_s + command.exposure_s
-        frame = frame_of(camera.params, command, number, times_s, np.zeros((8, 8), dtype=np.uint8))
+        frame = frame_of(camera.settings.detector, command, number, times_s, np.zeros((8, 8), dtype=np.uint8))
         return frame, number
 
     def step(tracker, state, frame, context):
@@ -194,8 +195,10 @@ def switched(still, monkeypatch, on_us, off_us, readout_us):
         lambda tracker, now_s: (start(tracker, now_s)[0], CameraCommand(now_s, 1e-6 * EXPOSURE_US, 0.0)),
     )  # fmt: skip
     computer = world.computer._replace(tracker_on_s=1e-6 * on_us, tracker_off_s=1e-6 * off_us)
-    params = world.camera.params._replace(readout_s=1e-6 * readout_us, line_s=0.0)
-    world = world._replace(computer=computer, camera=world.camera._replace(params=params))
+    camera_settings = changed(
+        world.camera.settings, {"detector.readout": 1e-6 * readout_us, "detector.shutter": "global"}
+    )
+    world = world._replace(computer=computer, camera=world.camera._replace(settings=camera_settings))
     return list(simulate.route(world, scenario, SEED, until_s=2.2, step=step))
 
 

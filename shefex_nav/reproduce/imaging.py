@@ -18,8 +18,9 @@ from shefex_nav.reproduce.shefex_field import (
     in_view,
     random_attitude,
 )
-from shefex_nav.reproduce.stills import Electronics, StillCamera, electrons, still
+from shefex_nav.reproduce.stills import StillCamera, electrons, still
 from shefex_nav.reproduce.verdict import POINTS, judgement
+from shefex_nav.world.camera.detector import Electronics
 
 # the camera of the mission at 24 dB and 50 ms: see scenarios/shefex2_andoya.yaml
 PER_DN = 118.0 * 10.0 ** (-24.0 / 20.0)

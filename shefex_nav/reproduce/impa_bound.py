@@ -97,7 +97,7 @@ def bound(still_camera, omega_c, P_omega_c, xy_px, electrons):
     mean, h = light(0.0, 0.0), DERIVATIVE_PX
     by = [(light(h, 0.0) - light(-h, 0.0)) / (2 * h), (light(0.0, h) - light(0.0, -h)) / (2 * h), mean]
     electronics = still_camera.electronics
-    variance = still_camera.background_electrons + electronics.read_noise_electrons**2
+    variance = still_camera.background_electrons + electronics.read_noise**2
     variance = variance + electronics.electrons_per_dn**2 / 12.0 + mean
     information = np.array([[(a * b / variance).sum() for b in by] for a in by])
     P_px = np.linalg.inv(information)[:2, :2]

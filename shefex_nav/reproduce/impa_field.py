@@ -21,7 +21,8 @@ from shefex_nav.geometry.rotation import quat_from_dcm, quat_from_rotvec, quat_m
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.reproduce.published import IMPA
-from shefex_nav.reproduce.stills import Electronics, StillCamera
+from shefex_nav.reproduce.stills import StillCamera
+from shefex_nav.world.camera.detector import Electronics
 
 SETTINGS, PROTOCOL = IMPA["camera"], IMPA["protocol"]
 SHUTTERS = ("global_shutter", "rolling_shutter")

@@ -18,22 +18,12 @@ FAINT = 0.05  # light below this fraction of the noise is not drawn
 MARGIN = 0.01  # rad around the field of view, for the spots
 
 
-class Electronics(NamedTuple):
-    """Detector: as the fields of `CameraParams`, at 0 dB."""
-
-    read_noise_electrons: float  # > 0
-    full_well_electrons: float
-    electrons_per_dn: float
-    black_level_dn: float
-    bits: int = 8
-
-
 class StillCamera(NamedTuple):
     """A camera on a bench."""
 
     pinhole: Pinhole
     sigma_psf_px: float
-    electronics: Electronics
+    electronics: detector.Electronics
     background_electrons: float  # per pixel and exposure
     zero_magnitude_electrons: float  # of the exposure of a row, from a star of magnitude 0
     times: RowTimes | None = None  # needed when the camera turns
@@ -79,17 +69,17 @@ def still(camera, u_i, light, q_ic, rng, *, omega_c=None, hits=NO_HITS):
         cone = float(np.linalg.norm(omega_c)) * instant_after_s(camera.times)
     cone += atan(0.5 * hypot(hole.width_px, hole.height_px) / hole.focal_length_px) + MARGIN
     near = u_i @ C_ic[:, 2] > cos(min(pi, cone))
-    least = FAINT * hypot(electronics.read_noise_electrons, sqrt(background))
+    least = FAINT * hypot(electronics.read_noise, sqrt(background))
     sheet = _sheet(hole.width_px * hole.height_px)
     render.darken(sheet)  # what the frame before left
     render.add_points(sheet, hole, psf, path, u_i[near], np.asarray(light, dtype=float)[near], least)
     add_hits(sheet, hits)
     grey = detector.background(
-        hole.width_px * hole.height_px, detector.background_cells(electronics, 0.0, background), rng
+        hole.width_px * hole.height_px, detector.background_cells(electronics, background), rng
     )
     lit = render.lit_pixels(sheet)
     mean = background + sheet.electrons[lit].astype(float)
-    grey[lit] = detector.digitise(electronics, 0.0, mean, rng)
+    grey[lit] = detector.digitise(electronics, mean, rng)
     return grey.reshape(hole.height_px, hole.width_px), pixels(hole, u_i @ C_ic)
 
 

@@ -53,25 +53,31 @@ def _field(annotation, setting):
     if setting.kind == "section":
         factory = section(kind) if given == {} else None
         how = {"default_factory": factory} if factory else {"default": default, "validate_default": True}
-        return _optional(section(kind), annotation), Field(description=setting.help, **how)
+        return _optional(section(kind), annotation), Field(description=setting.help or None, **how)
     if setting.kind in ("choice", "switch"):
         own = StrictBool if setting.kind == "switch" else kind
-        return own, Field(default=default, description=setting.help)
+        return own, Field(default=default, description=setting.help or None)
     limits = dict(setting.limits)
     fewest = limits.pop("fewest", None)
-    if setting.kind == "quantity":
-        one = Quantity(setting.unit, setting.example, setting.help, **limits)
-    else:
-        one = (Number if setting.kind == "number" else Count)(setting.example, setting.help, **limits)
-    return _optional(_several(kind, one), annotation), Field(default=default, min_length=fewest)
+
+    def one(example):
+        if setting.kind == "quantity":
+            return Quantity(setting.unit, example, setting.help, **limits)
+        return (Number if setting.kind == "number" else Count)(example, setting.help, **limits)
+
+    own = _several(kind, setting.example, one)
+    return _optional(own, annotation), Field(default=default, min_length=fewest)
 
 
-def _several(kind, one):
-    """Type of a field of single values: one, a list, or a tuple of so many."""
+def _several(kind, example, one):
+    """Type of a field of single values: one, a list, or a tuple of so many. one : example -> type of one"""
     if get_origin(kind) is not tuple:
-        return one
+        return one(example)
     items = get_args(kind)
-    return list[one] if items[-1] is Ellipsis else tuple[(one,) * len(items)]
+    if items[-1] is Ellipsis:
+        return list[one(example)]
+    examples = (example,) * len(items) if isinstance(example, str) else example
+    return tuple[tuple(one(example) for example in examples)]
 
 
 def _optional(own, annotation):

@@ -10,6 +10,8 @@ import math
 import numpy as np
 
 from shefex_nav.clock import IMU_HZ
+from shefex_nav.scenario.of_settings import settings
+from shefex_nav.world.camera_settings import Mounting, StarCamera
 
 
 def flight_params(scenario):
@@ -103,62 +105,10 @@ def _place(scenario):
 
 
 def mounting(scenario):
-    """Nominal C_bc of the star camera (3, 3): columns are image right, image down and boresight."""
-    boresight_b = np.array(scenario.star_camera.mounting.boresight)
-    boresight_b /= np.linalg.norm(boresight_b)
-    right_b = np.array(scenario.star_camera.mounting.image_right)
-    right_b -= (right_b @ boresight_b) * boresight_b  # checks.py holds the angle to 90 deg within rounding
-    right_b /= np.linalg.norm(right_b)
-    return np.column_stack([right_b, np.cross(boresight_b, right_b), boresight_b])
+    """Nominal C_bc of the star camera (3, 3), its axes as columns."""
+    return settings(Mounting, scenario.star_camera.mounting).C_bc
 
 
-def camera_params(scenario):
-    """CameraParams of a scenario."""
-    from shefex_nav.world.camera.camera import CameraParams
-
-    camera = scenario.star_camera
-    optics, detector, artefacts, stray = camera.optics, camera.detector, camera.artefacts, camera.stray_light
-    return CameraParams(
-        width_px=detector.columns,
-        height_px=detector.rows,
-        pixel_m=detector.pixel_size,
-        focal_length_m=optics.focal_length,
-        C_bc=mounting(scenario),
-        sigma_mounting_rad=camera.mounting.error,
-        sigma_focal_length=optics.focal_length_error,
-        sigma_principal_point_px=optics.principal_point_error,
-        zero_magnitude_flux=optics.zero_magnitude_flux,
-        sigma_psf_px=optics.psf_sigma,
-        background_rate=detector.background,
-        read_noise_electrons=detector.read_noise,
-        full_well_electrons=detector.full_well,
-        electrons_per_dn=detector.conversion,
-        black_level_dn=detector.black_level,
-        readout_s=detector.readout,
-        render_vmag=camera.stars.faintest,
-        sigma_magnitude=camera.stars.brightness_error,
-        hot_pixels=artefacts.hot_pixels,
-        hot_pixel_rates=(artefacts.hot_pixel_weakest, artefacts.hot_pixel_strongest),
-        dead_pixels=artefacts.dead_pixels,
-        unknown_bad_pixels=artefacts.unknown_bad_pixels,
-        false_objects=artefacts.false_objects,
-        spikes_per_frame=artefacts.spikes_per_frame,
-        false_object_magnitudes=(artefacts.false_brightest, artefacts.false_faintest),
-        sun_exclusion_rad=stray.sun_exclusion,
-        earth_exclusion_rad=stray.earth_exclusion,
-        baffle_rad=stray.baffle,
-        stray_rate=stray.rate_at_exclusion,
-        stray_decade_rad=stray.tenfold_angle,
-        direct_rate=stray.direct_rate,
-        hot_pixel_smear=artefacts.hot_pixel_smear,
-        upsets_per_frame=artefacts.upsets_per_frame,
-        trails_per_frame=artefacts.trails_per_frame,
-        particle_electrons=(artefacts.particle_weakest, artefacts.particle_strongest),
-        trail_longest_px=artefacts.trail_longest,
-        moving_objects=artefacts.moving_objects,
-        moving_rates=(artefacts.moving_slowest, artefacts.moving_fastest),
-        stray_gradient=stray.gradient,
-        bits=detector.bits,
-        line_s=detector.line_s,
-        band=camera.stars.band,
-    )
+def star_camera(scenario):
+    """StarCamera, the settings of the camera of a scenario."""
+    return settings(StarCamera, scenario.star_camera)

@@ -12,7 +12,6 @@ from pydantic import Field, PrivateAttr
 
 from shefex_nav.scenario import aboard
 from shefex_nav.scenario.block import Block
-from shefex_nav.scenario.camera import StarCamera
 from shefex_nav.scenario.dispersions import Campaign, Dispersions
 from shefex_nav.scenario.faults import Faults
 from shefex_nav.scenario.gps import Gps
@@ -21,7 +20,7 @@ from shefex_nav.scenario.onboard import Log, Navigation, StarTracker
 from shefex_nav.scenario.plugged import PLUGINS, Plugins
 from shefex_nav.scenario.programme import Programme
 from shefex_nav.scenario.requirements import Requirements
-from shefex_nav.scenario.sensors import Imu, PadAlignment
+from shefex_nav.scenario.sensors import Imu, PadAlignment, StarCamera
 from shefex_nav.scenario.told import Told
 from shefex_nav.scenario.vehicle import Vehicle
 

@@ -1,13 +1,23 @@
-"""Sections of a scenario about the inertial measurement unit and the alignment on the pad."""
+"""Sections of a scenario about the IMU, the alignment on the pad and the star camera."""
 
 from pydantic import Field
 
 from shefex_nav.scenario.of_settings import section
 from shefex_nav.scenario.use import Use
-from shefex_nav.world import settings
+from shefex_nav.world import camera_settings, settings
 from shefex_nav.world.settings import OFF, UNLIMITED
 
-__all__ = ["OFF", "OF_IMU", "UNLIMITED", "Accelerometer", "Gyro", "Imu", "PadAlignment", "Vibration"]
+__all__ = [
+    "OFF",
+    "OF_IMU",
+    "UNLIMITED",
+    "Accelerometer",
+    "Gyro",
+    "Imu",
+    "PadAlignment",
+    "StarCamera",
+    "Vibration",
+]
 OF_IMU = (
     "name of an instrument, or of its file, whose gyro and accelerometer these are; "
     "what stands beside it comes on top"
@@ -15,6 +25,7 @@ OF_IMU = (
 Gyro, Accelerometer, Vibration, PadAlignment = (
     section(one) for one in (settings.Gyro, settings.Accelerometer, settings.Vibration, settings.PadAlignment)
 )
+StarCamera = section(camera_settings.StarCamera)
 
 
 class Imu(section(settings.Imu)):

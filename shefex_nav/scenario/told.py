@@ -11,12 +11,11 @@ from pydantic import Field, create_model
 
 from shefex_nav.scenario import layers
 from shefex_nav.scenario.block import Block
-from shefex_nav.scenario.camera import StarCamera
 from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.gps import Gps
 from shefex_nav.scenario.messages import bare, field_at, is_model
 from shefex_nav.scenario.quantity import QuantitySpec
-from shefex_nav.scenario.sensors import Imu
+from shefex_nav.scenario.sensors import Imu, StarCamera
 
 # What the computer takes from the section of the receiver and of the camera; the rest is the world's alone.
 OF_GPS = {

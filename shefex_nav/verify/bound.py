@@ -42,7 +42,7 @@ class Flight(NamedTuple):
     gps_fixes: list
     star_fixes: list  # of StarFix that were used
     imu: object  # world.settings.Imu
-    camera: object  # world.camera.CameraParams
+    camera: object  # world.camera_settings.StarCamera
     l_ba_b: np.ndarray  # (3,) m
 
 
@@ -237,9 +237,11 @@ def _update(flight, layout, dt_s, k, fix):
     if not hasattr(fix, "r_ea_e"):
         camera = flight.camera
         named = fix.hip > 0
-        centre = np.array([0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)])
-        focal_px = camera.focal_length_m / camera.pixel_m
-        H = bound_model.star_rows(layout, C_ib, camera.C_bc, focal_px, fix.detections.xy_px[named] - centre)
+        centre = np.array([0.5 * (camera.detector.columns - 1), 0.5 * (camera.detector.rows - 1)])
+        focal_px = camera.optics.focal_length / camera.detector.pixel_size
+        H = bound_model.star_rows(
+            layout, C_ib, camera.mounting.C_bc, focal_px, fix.detections.xy_px[named] - centre
+        )
         return linear.Update(t_s, fix.t_available_s, "star_tracker", H, fix.P_c)
     rms = float(world_imu.vibration_rms(flight.imu, trajectory.burning[k : k + 1])[0])
     row = slice(k, k + 1)

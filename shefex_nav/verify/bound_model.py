@@ -69,7 +69,7 @@ def sources(imu, camera, gravity_sigma, gravity_tau_s):
     Parameters
     ----------
     imu : world.settings.Imu
-    camera : world.camera.CameraParams
+    camera : world.camera_settings.StarCamera
     gravity_sigma, gravity_tau_s : m/s^2, s: what a gravity model leaves out; 0: the field is known
 
     Returns
@@ -95,9 +95,9 @@ def sources(imu, camera, gravity_sigma, gravity_tau_s):
             same("accel_misalignment", 6, imu.accelerometer.misalignment),
             same("accel_rectification", 3, imu.accelerometer.vibration_rectification),
             same("gravity", 3, gravity_sigma, gravity_tau_s),
-            same("mounting", 3, camera.sigma_mounting_rad),
-            same("principal_point", 2, camera.sigma_principal_point_px),
-            same("focal_length", 1, camera.sigma_focal_length),
+            same("mounting", 3, camera.mounting.error),
+            same("principal_point", 2, camera.optics.principal_point_error),
+            same("focal_length", 1, camera.optics.focal_length_error),
         ]
     )
 

@@ -64,7 +64,7 @@ def flight_of(scenario, world, fixes):
         world.gps_fixes,
         fixes,
         settings(Imu, scenario.imu),
-        params.camera_params(scenario),
+        params.star_camera(scenario),
         np.array(scenario.gps.antenna.lever_arm),
     )
 

@@ -1,7 +1,7 @@
 """Sections of the default scenario as the parameters of the stages."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from shefex_nav.environment import ephemeris
 from shefex_nav.scenario import params, params_gps, params_onboard
 from shefex_nav.scenario.load import load
 from shefex_nav.scenario.of_settings import settings
+from shefex_nav.settings import Settings
 from shefex_nav.world.settings import Imu
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -32,7 +33,7 @@ def bodies():
 
 MAY_BE_NONE = (
     *("parachute", "payload_aerodynamics", "south_magnitude", "run_length"),
-    *("errors", "clock", "reacquisition"),
+    *("errors", "clock", "reacquisition", "line_time"),
 )
 
 
@@ -40,15 +41,21 @@ def is_number(value):
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
+def is_record(value):
+    return hasattr(value, "_fields") or isinstance(value, Settings)
+
+
 def assert_plain(record):
     """Numbers, texts, arrays and records of them: nothing of the scenario's own types gets into a stage."""
-    for name, value in zip(record._fields, record, strict=True):
-        if hasattr(value, "_fields"):
+    names = [field.name for field in fields(record)] if is_dataclass(record) else record._fields
+    for name in names:
+        value = getattr(record, name)
+        if is_record(value):
             assert_plain(value)
         elif isinstance(value, tuple):
-            assert all(is_number(item) or isinstance(item, str) or hasattr(item, "_fields") for item in value)
+            assert all(is_number(item) or isinstance(item, str) or is_record(item) for item in value)
             for item in value:
-                if hasattr(item, "_fields"):
+                if is_record(item):
                     assert_plain(item)
         elif isinstance(value, dict):
             assert all(item.dtype == np.float64 for item in value.values()), name
@@ -64,7 +71,7 @@ def test_every_stage_gets_plain_parameters(scenario, bodies):
     for convert in (
         params.flight_params,
         params_gps.gps_params,
-        params.camera_params,
+        params.star_camera,
         params_onboard.nav_params,
     ):
         assert_plain(convert(scenario))
@@ -118,9 +125,11 @@ def test_filter_knows_the_data_sheets(scenario):
     assert nav.sigma_gyro_bias == pytest.approx(math.hypot(imu.gyro.bias, imu.gyro.in_run_bias))
     np.testing.assert_allclose(nav.sigma_blocks["gyro_roll_column"], [30e-6, 5e-5, 5e-5])
     assert nav.imu.gyro_random_walk == imu.gyro.random_walk
-    camera = params.camera_params(scenario)
-    offset = math.atan(camera.sigma_principal_point_px * camera.pixel_m / camera.focal_length_m)
-    assert nav.sigma_blocks["mounting"][0] == pytest.approx(math.hypot(camera.sigma_mounting_rad, offset))
+    camera = params.star_camera(scenario)
+    offset = math.atan(
+        camera.optics.principal_point_error * camera.detector.pixel_size / camera.optics.focal_length
+    )
+    assert nav.sigma_blocks["mounting"][0] == pytest.approx(math.hypot(camera.mounting.error, offset))
     np.testing.assert_array_equal(nav.l_ba_b, params_gps.gps_params(scenario).l_ba_b)
     np.testing.assert_array_equal(nav.C_bc, params.flight_params(scenario).C_bc)
 

@@ -7,49 +7,87 @@ import numpy as np
 from shefex_nav.environment import ephemeris, stars
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Trajectory
+from shefex_nav.settings import changed
 from shefex_nav.world import camera
+from shefex_nav.world.camera_settings import (
+    Artefacts,
+    Detector,
+    Mounting,
+    Optics,
+    StarCamera,
+    Stars,
+    StrayLight,
+)
 
 DEG = np.pi / 180.0
 EPOCH = "2012-06-22T19:18:00"
 SITE = 72.5 * DEG, 14.0 * DEG, 177e3  # apogee of SHEFEX-2: latitude, longitude, height [m]
 T_S = 250.0
 
-PARAMS = camera.CameraParams(
-    width_px=659,
-    height_px=493,
-    pixel_m=9.9e-6,
-    focal_length_m=24.95e-3,
-    C_bc=np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
-    sigma_mounting_rad=0.02 * DEG,
-    sigma_focal_length=1e-4,
-    sigma_principal_point_px=0.3,
-    zero_magnitude_flux=2.5e6,
-    sigma_psf_px=0.8,
-    background_rate=400.0,
-    read_noise_electrons=16.0,
-    full_well_electrons=30e3,
-    electrons_per_dn=118.0,
-    black_level_dn=16.0,
-    readout_s=0.015,
-    render_vmag=7.0,
-    sigma_magnitude=0.1,
-    hot_pixels=60,
-    hot_pixel_rates=(2e3, 1e5),
-    dead_pixels=10,
-    unknown_bad_pixels=3,
-    false_objects=250,
-    spikes_per_frame=0.0,
-    false_object_magnitudes=(3.0, 6.0),
-    sun_exclusion_rad=90.0 * DEG,
-    earth_exclusion_rad=45.0 * DEG,
-    baffle_rad=50.0 * DEG,
-    stray_rate=100.0,
-    stray_decade_rad=5.0 * DEG,
-    direct_rate=1e8,
+PARAMS = StarCamera(
+    mounting=Mounting(boresight=(0.0, 1.0, 0.0), image_right=(1.0, 0.0, 0.0), error=0.02 * DEG),
+    optics=Optics(
+        focal_length=24.95e-3,
+        focal_length_error=1e-4,
+        principal_point_error=0.3,
+        psf_sigma=0.8,
+        zero_magnitude_flux=2.5e6,
+    ),
+    detector=Detector(
+        columns=659,
+        rows=493,
+        pixel_size=9.9e-6,
+        background=400.0,
+        read_noise=16.0,
+        full_well=30e3,
+        conversion=118.0,
+        black_level=16.0,
+        readout=0.015,
+        bits=8,
+        shutter="global",
+        line_time=None,
+    ),
+    stars=Stars(faintest=7.0, brightness_error=0.1, band="silicon"),
+    artefacts=Artefacts(
+        hot_pixels=60,
+        hot_pixel_weakest=2e3,
+        hot_pixel_strongest=1e5,
+        dead_pixels=10,
+        unknown_bad_pixels=3,
+        false_objects=250,
+        spikes_per_frame=0.0,
+        false_brightest=3.0,
+        false_faintest=6.0,
+        hot_pixel_smear=0.0,
+        upsets_per_frame=0.0,
+        trails_per_frame=0.0,
+        particle_weakest=500.0,
+        particle_strongest=20e3,
+        trail_longest=100.0,
+        moving_objects=0,
+        moving_slowest=1.7e-3,
+        moving_fastest=35e-3,
+    ),
+    stray_light=StrayLight(
+        sun_exclusion=90.0 * DEG,
+        earth_exclusion=45.0 * DEG,
+        baffle=50.0 * DEG,
+        rate_at_exclusion=100.0,
+        tenfold_angle=5.0 * DEG,
+        direct_rate=1e8,
+        gradient=0.0,
+    ),
 )
 # the same camera without anything but catalogue stars and noise
-CLEAN = PARAMS._replace(
-    sigma_magnitude=0.0, hot_pixels=0, dead_pixels=0, unknown_bad_pixels=0, false_objects=0
+CLEAN = changed(
+    PARAMS,
+    {
+        "stars.brightness_error": 0.0,
+        "artefacts.hot_pixels": 0,
+        "artefacts.dead_pixels": 0,
+        "artefacts.unknown_bad_pixels": 0,
+        "artefacts.false_objects": 0,
+    },
 )
 
 
@@ -77,8 +115,8 @@ def turning(azimuth_deg, elevation_deg, omega_c=(0.0, 0.0, 0.0), duration_s=0.5)
     z_i = frames.dcm_ie(earth, T_S) @ wgs84.dcm_en(latitude, longitude) @ boresight_n
     x_i = wgs84.perpendicular(z_i)
     C_ic = np.column_stack([x_i, np.cross(z_i, x_i), z_i])
-    q_ib = rotation.quat_from_dcm(C_ic @ PARAMS.C_bc.T)
-    omega_ib_b = PARAMS.C_bc @ np.asarray(omega_c, dtype=float)
+    q_ib = rotation.quat_from_dcm(C_ic @ PARAMS.mounting.C_bc.T)
+    omega_ib_b = PARAMS.mounting.C_bc @ np.asarray(omega_c, dtype=float)
     n = round(duration_s * 400) + 1
     t_s = T_S + np.arange(n) / 400.0
     q = [rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(omega_ib_b * (t - T_S))) for t in t_s]

@@ -9,15 +9,17 @@ from shefex_nav.geometry import pinhole
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.records import CameraCommand
-from shefex_nav.reproduce.stills import Electronics, StillCamera, still
+from shefex_nav.reproduce.stills import StillCamera, still
+from shefex_nav.settings import changed
 from shefex_nav.world import camera
 from shefex_nav.world.camera import hits, motion, movers
+from shefex_nav.world.camera.detector import Electronics
 
 COMMAND = CameraCommand(T_S, 0.05, 24.0)
 HERCULES = (110.0, 50.0)
 SIZE = 40, 30
-EMPTY = CLEAN._replace(render_vmag=-5.0)
-PER_DN = PARAMS.electrons_per_dn * 10.0 ** (-24.0 / 20.0)
+EMPTY = changed(CLEAN, {"stars.faintest": -5.0})
+PER_DN = PARAMS.detector.conversion * 10.0 ** (-24.0 / 20.0)
 
 
 def take(device, trajectory, seed=9, command=COMMAND, t_s=T_S):
@@ -64,12 +66,20 @@ def test_a_trail_ends_at_the_edge_of_the_detector():
 
 def test_particles_hit_single_frames_and_do_not_change_the_noise_of_other_pixels():
     quiet = take(build(EMPTY), turning(*HERCULES))
-    rough = EMPTY._replace(upsets_per_frame=20.0, trails_per_frame=3.0, particle_electrons=(3e3, 3e4))
+    rough = changed(
+        EMPTY,
+        {
+            "artefacts.upsets_per_frame": 20.0,
+            "artefacts.trails_per_frame": 3.0,
+            "artefacts.particle_weakest": 3000.0,
+            "artefacts.particle_strongest": 30000.0,
+        },
+    )
     device = build(rough)
     one, two = take(device, turning(*HERCULES)), take(device, turning(*HERCULES), seed=10)
-    changed = one != quiet
-    assert 20 < changed.sum() < 3000
-    assert (one[changed].astype(int) - quiet[changed]).min() > -40  # charge is added; the rest is noise
+    hit = one != quiet
+    assert 20 < hit.sum() < 3000
+    assert (one[hit].astype(int) - quiet[hit]).min() > -40  # charge is added; the rest is noise
     bright = one > 150
     assert bright.sum() > 15
     assert (bright & (two > 150)).sum() < 0.1 * bright.sum()
@@ -78,15 +88,30 @@ def test_particles_hit_single_frames_and_do_not_change_the_noise_of_other_pixels
 
 def test_the_numbers_of_particles():
     """400 frames: the mean number within 4 sigma; lengths and charges within their limits."""
-    params = EMPTY._replace(upsets_per_frame=2.0, particle_electrons=(1e3, 4e3))
+    params = changed(
+        EMPTY,
+        {
+            "artefacts.upsets_per_frame": 2.0,
+            "artefacts.particle_weakest": 1000.0,
+            "artefacts.particle_strongest": 4000.0,
+        },
+    )
     rng = np.random.default_rng(3)
-    charge = [hits.of_frame(params, rng).electrons.sum() for _ in range(400)]
+    charge = [hits.of_frame(params.artefacts, params.detector, rng).electrons.sum() for _ in range(400)]
     mean = 3e3 / np.log(4.0)  # of what is even in the logarithm
     square = 0.5 * (16e6 - 1e6) / np.log(4.0)
     assert np.mean(charge) == pytest.approx(2.0 * mean, abs=4.0 * np.sqrt(2.0 * square / 400) + 0.01 * mean)
-    params = EMPTY._replace(trails_per_frame=5.0, trail_longest_px=50.0, particle_electrons=(100.0, 101.0))
+    params = changed(
+        EMPTY,
+        {
+            "artefacts.trails_per_frame": 5.0,
+            "artefacts.trail_longest": 50.0,
+            "artefacts.particle_weakest": 100.0,
+            "artefacts.particle_strongest": 101.0,
+        },
+    )
     for _ in range(20):
-        assert hits.of_frame(params, rng).electrons.max() <= 101.0 * np.sqrt(2.0)
+        assert hits.of_frame(params.artefacts, params.detector, rng).electrons.max() <= 101.0 * np.sqrt(2.0)
 
 
 def test_stills_take_hits():
@@ -159,18 +184,29 @@ def test_satellites_cross_the_field_as_streaks_of_their_own():
 
 
 def test_objects_enter_and_leave_and_many_do_not_disturb_the_stars():
-    crowd = EMPTY._replace(moving_objects=4000, false_object_magnitudes=(2.0, 2.5))
+    crowd = changed(
+        EMPTY,
+        {"artefacts.moving_objects": 4000, "artefacts.false_brightest": 2.0, "artefacts.false_faintest": 2.5},
+    )
     one, two = (take(build(crowd), turning(*HERCULES), t_s=T_S + t) for t in (0.0, 0.4))
     assert (one > 60).sum() > 20
     assert ((one > 60) & (two > 60)).sum() < 0.5 * (one > 60).sum()
     # the stars, their brightness and the bad pixels of a run are as without
-    with_them, without = build(PARAMS._replace(moving_objects=50)), build(PARAMS)
+    with_them, without = build(changed(PARAMS, {"artefacts.moving_objects": 50})), build(PARAMS)
     np.testing.assert_array_equal(with_them.sky.flux, without.sky.flux)
     np.testing.assert_array_equal(with_them.bad_pixels.hot, without.bad_pixels.hot)
 
 
 def test_hot_pixels_trail_down_their_column():
-    smeared = EMPTY._replace(hot_pixels=40, hot_pixel_rates=(2e5, 2.0001e5), hot_pixel_smear=0.3)
+    smeared = changed(
+        EMPTY,
+        {
+            "artefacts.hot_pixels": 40,
+            "artefacts.hot_pixel_weakest": 200000.0,
+            "artefacts.hot_pixel_strongest": 200010.0,
+            "artefacts.hot_pixel_smear": 0.3,
+        },
+    )
     device = build(smeared)
     short = CameraCommand(T_S, 0.01, 24.0)
     mean = np.mean([take(device, turning(200.0, 45.0), seed, short) for seed in range(60)], axis=0)
@@ -190,7 +226,7 @@ def test_hot_pixels_trail_down_their_column():
 
 def test_stray_light_is_brighter_on_the_side_of_the_sun():
     """Outside the exclusion angle: a plane whose slope is the gradient, its mean that of even stray light."""
-    uneven = EMPTY._replace(stray_gradient=0.5)
+    uneven = changed(EMPTY, {"stray_light.gradient": 0.5})
     trajectory = turning(218.0, 45.0)
     images = [
         np.mean([take(build(p), trajectory, seed) for seed in range(8)], axis=0) for p in (EMPTY, uneven)

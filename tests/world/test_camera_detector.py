@@ -1,8 +1,10 @@
 """The noise of the detector against its exact distribution."""
 
+from dataclasses import replace
+
+import camera_bench
 import numpy as np
 import pytest
-from camera_bench import CLEAN
 from scipy import stats
 
 from shefex_nav.world.camera import detector
@@ -10,17 +12,20 @@ from shefex_nav.world.camera import detector
 N_PIXELS = 659 * 493
 
 
-def reference_distribution(params, gain_db, mean):
+CLEAN = camera_bench.CLEAN.detector
+AT_24, AT_0 = detector.electronics(CLEAN, 24.0), detector.electronics(CLEAN, 0.0)
+
+
+def reference_distribution(electronics, mean):
     """P(grey <= k) as the plain double sum over electron counts and read noise."""
-    well = int(params.full_well_electrons)
+    well = int(electronics.full_well)
     n = np.arange(0, min(well, int(mean + 12 * np.sqrt(mean) + 60)) + 1)
     probability = stats.poisson.pmf(n, mean)
     probability[-1] += stats.poisson.sf(n[-1], mean)
-    per_dn = detector.electrons_per_dn(params, gain_db)
-    edges = (np.arange(255) + 0.5 - params.black_level_dn) * per_dn
-    cdf = (
-        probability[:, None] * stats.norm.cdf(edges[None] - n[:, None], scale=params.read_noise_electrons)
-    ).sum(0)
+    edges = (np.arange(255) + 0.5 - electronics.black_level) * electronics.electrons_per_dn
+    cdf = (probability[:, None] * stats.norm.cdf(edges[None] - n[:, None], scale=electronics.read_noise)).sum(
+        0
+    )
     return np.append(cdf, 1.0)
 
 
@@ -33,21 +38,21 @@ def reference_distribution(params, gain_db, mean):
         (700.0, 24.0, {}),
         (9000.0, 0.0, {}),
         (29800.0, 0.0, {}),  # part of the pixels reach the full well
-        (300.0, 24.0, {"full_well_electrons": 310.0}),
+        (300.0, 24.0, {"full_well": 310.0}),
         (1e6, 24.0, {}),
-        (20.0, 24.0, {"black_level_dn": 0.0}),  # clipped below
-        (20.0, 24.0, {"read_noise_electrons": 1.0}),
+        (20.0, 24.0, {"black_level": 0.0}),  # clipped below
+        (20.0, 24.0, {"read_noise": 1.0}),
     ],
 )
 def test_distribution_against_the_double_sum(mean, gain_db, changes):
-    params = CLEAN._replace(**changes)
-    cdf = detector.grey_distribution(params, gain_db, mean)
-    np.testing.assert_allclose(cdf, reference_distribution(params, gain_db, mean), atol=1e-12)
+    electronics = detector.electronics(replace(CLEAN, **changes), gain_db)
+    cdf = detector.grey_distribution(electronics, mean)
+    np.testing.assert_allclose(cdf, reference_distribution(electronics, mean), atol=1e-12)
 
 
 def test_gain_in_decibels():
-    assert detector.electrons_per_dn(CLEAN, 0.0) == 118.0
-    assert detector.electrons_per_dn(CLEAN, 24.0) == pytest.approx(7.4, abs=0.05)
+    assert AT_0.electrons_per_dn == 118.0
+    assert AT_24.electrons_per_dn == pytest.approx(7.4, abs=0.05)
 
 
 def chi_square(counts, probabilities):
@@ -65,7 +70,7 @@ def chi_square(counts, probabilities):
 def test_background_follows_its_exact_distribution_into_the_tails(mean, gain_db, seed):
     """65 million pixels: cells rounded to 2^-16 would miss by hundreds of chi-square units."""
     rng = np.random.default_rng(seed)
-    cdf = detector.grey_distribution(CLEAN, gain_db, mean)
+    cdf = detector.grey_distribution(detector.electronics(CLEAN, gain_db), mean)
     probabilities = np.diff(cdf, prepend=0.0)
     counts = np.zeros(256, dtype=np.int64)
     for _ in range(200):
@@ -81,7 +86,7 @@ def test_background_follows_its_exact_distribution_into_the_tails(mean, gain_db,
 
 @pytest.mark.parametrize(("mean", "gain_db"), [(20.0, 24.0), (700.0, 24.0), (5e6, 24.0), (9000.0, 0.0)])
 def test_cells_and_fractions_make_up_the_distribution_of_pairs(mean, gain_db):
-    cdf = detector.grey_distribution(CLEAN, gain_db, mean)
+    cdf = detector.grey_distribution(detector.electronics(CLEAN, gain_db), mean)
     cells = detector.cells(cdf)
     probability = np.diff(cdf, prepend=0.0)
     is_marker = cells.table == cells.marker
@@ -94,7 +99,7 @@ def test_cells_and_fractions_make_up_the_distribution_of_pairs(mean, gain_db):
 def test_background_pixels_are_independent():
     """Correlation between neighbours along and across the rows, and between frames: 4.5 sigma."""
     rng = np.random.default_rng(3)
-    cdf = detector.grey_distribution(CLEAN, 24.0, 20.0)
+    cdf = detector.grey_distribution(AT_24, 20.0)
     images = np.array(
         [detector.background(N_PIXELS, detector.cells(cdf), rng) for _ in range(20)], dtype=float
     )
@@ -109,25 +114,25 @@ def test_single_pixels_follow_the_same_distribution():
     """The few pixels with starlight are drawn another way: same law."""
     rng = np.random.default_rng(4)
     for mean in (0.0, 20.0, 400.0, 1750.0):
-        grey = detector.digitise(CLEAN, 24.0, np.full(400_000, mean), rng)
-        probabilities = np.diff(detector.grey_distribution(CLEAN, 24.0, mean), prepend=0.0)
+        grey = detector.digitise(AT_24, np.full(400_000, mean), rng)
+        probabilities = np.diff(detector.grey_distribution(AT_24, mean), prepend=0.0)
         assert chi_square(np.bincount(grey, minlength=256), probabilities) > 1e-3
 
 
 def test_saturation():
     rng = np.random.default_rng(5)
-    grey = detector.digitise(CLEAN, 24.0, np.array([5e3, 1e5, 1e12]), rng)
+    grey = detector.digitise(AT_24, np.array([5e3, 1e5, 1e12]), rng)
     assert list(grey) == [255, 255, 255]
     # at 0 dB the full well ends at 30000/118 + 16 = 270 > 255; a small well shows as a plateau below
-    small = CLEAN._replace(full_well_electrons=1000.0)
-    grey = detector.digitise(small, 24.0, np.full(10_000, 1e6), rng)
+    small = AT_24._replace(full_well=1000.0)
+    grey = detector.digitise(small, np.full(10_000, 1e6), rng)
     assert grey.mean() == pytest.approx(1000.0 / 7.446 + 16.0, abs=0.1)
-    cdf = detector.grey_distribution(CLEAN, 24.0, 5e6)
+    cdf = detector.grey_distribution(AT_24, 5e6)
     assert np.all(detector.background(1001, detector.cells(cdf), rng) == 255)
 
 
 def test_same_seed_same_noise():
-    cdf = detector.grey_distribution(CLEAN, 24.0, 20.0)
+    cdf = detector.grey_distribution(AT_24, 20.0)
     first = detector.background(N_PIXELS, detector.cells(cdf), np.random.default_rng(7))
     again = detector.background(N_PIXELS, detector.cells(cdf), np.random.default_rng(7))
     other = detector.background(N_PIXELS, detector.cells(cdf), np.random.default_rng(8))
@@ -138,36 +143,36 @@ def test_same_seed_same_noise():
 
 # --- more than 8 bits ---
 
-TWELVE = CLEAN._replace(
-    bits=12, read_noise_electrons=50.0, full_well_electrons=65e3, electrons_per_dn=16.0, black_level_dn=32.0
-)
+TWELVE = detector.Electronics(50.0, 65e3, 16.0, 32.0, 12)
 SIXTEEN = TWELVE._replace(bits=16, electrons_per_dn=1.0)
 
 
-def exact(params, mean):
+def exact(electronics, mean):
     """P(grey = k) by the double sum, for the few grey values that occur."""
     n = np.arange(max(0, int(mean - 9 * np.sqrt(mean) - 30)), int(mean + 9 * np.sqrt(mean) + 30))
     probability = stats.poisson.pmf(n, mean)
     probability /= probability.sum()  # scipy's are 4e-12 off
-    edges = (np.arange(2**params.bits - 1) + 0.5 - params.black_level_dn) * params.electrons_per_dn
-    used = np.flatnonzero(np.abs(edges - mean) < 12 * np.sqrt(mean + params.read_noise_electrons**2))
+    edges = (
+        np.arange(2**electronics.bits - 1) + 0.5 - electronics.black_level
+    ) * electronics.electrons_per_dn
+    used = np.flatnonzero(np.abs(edges - mean) < 12 * np.sqrt(mean + electronics.read_noise**2))
     cdf = np.where(edges < mean, 0.0, 1.0)
-    deviation = (edges[used] - n[:, None]) / params.read_noise_electrons
+    deviation = (edges[used] - n[:, None]) / electronics.read_noise
     cdf[used] = probability @ stats.norm.cdf(deviation)
     return np.diff(np.append(cdf, 1.0), prepend=0.0)
 
 
-@pytest.mark.parametrize(("params", "mean"), [(TWELVE, 6100.0), (TWELVE, 40.0), (SIXTEEN, 6100.0)])
-def test_distribution_of_more_grey_values(params, mean):
-    found = np.diff(detector.grey_distribution(params, 0.0, mean), prepend=0.0)
-    np.testing.assert_allclose(found, exact(params, mean), atol=1e-12)
+@pytest.mark.parametrize(("electronics", "mean"), [(TWELVE, 6100.0), (TWELVE, 40.0), (SIXTEEN, 6100.0)])
+def test_distribution_of_more_grey_values(electronics, mean):
+    found = np.diff(detector.grey_distribution(electronics, mean), prepend=0.0)
+    np.testing.assert_allclose(found, exact(electronics, mean), atol=1e-12)
 
 
-@pytest.mark.parametrize(("params", "together"), [(TWELVE, 2), (SIXTEEN, 1)])
-def test_background_of_more_grey_values_is_exact_into_the_tails(params, together):
+@pytest.mark.parametrize(("electronics", "together"), [(TWELVE, 2), (SIXTEEN, 1)])
+def test_background_of_more_grey_values_is_exact_into_the_tails(electronics, together):
     """84 million pixels of IMPA's background, in pairs or one by one, and both tails beyond 5 sigma."""
-    rng, levels = np.random.default_rng(21), 2**params.bits
-    cdf = detector.grey_distribution(params, 0.0, 6100.0)
+    rng, levels = np.random.default_rng(21), 2**electronics.bits
+    cdf = detector.grey_distribution(electronics, 6100.0)
     cells = detector.cells(cdf)
     assert cells.together == together
     counts = np.zeros(levels, dtype=np.int64)
@@ -188,7 +193,7 @@ def test_background_of_more_grey_values_is_exact_into_the_tails(params, together
 
 
 def test_cells_of_single_grey_values_make_up_the_distribution():
-    cdf = detector.grey_distribution(SIXTEEN, 0.0, 6100.0)
+    cdf = detector.grey_distribution(SIXTEEN, 6100.0)
     cells = detector.cells(cdf)
     is_marker = cells.table == cells.marker
     made = np.bincount(cells.table[~is_marker], minlength=65536) / 65536
@@ -199,10 +204,10 @@ def test_cells_of_single_grey_values_make_up_the_distribution():
 
 def test_many_electrons_are_drawn_with_the_moments_and_the_tail_of_poisson():
     """Just above the limit, next to no read noise: 20 million draws against Poisson(1000)."""
-    params = SIXTEEN._replace(read_noise_electrons=1e-3, black_level_dn=0.0)
+    electronics = SIXTEEN._replace(read_noise=1e-3, black_level=0.0)
     mean, n, rng = detector.MANY_ELECTRONS, 20_000_000, np.random.default_rng(5)
     grey = np.concatenate(
-        [detector.digitise(params, 0.0, np.full(n // 10, mean), rng).astype(float) for _ in range(10)]
+        [detector.digitise(electronics, np.full(n // 10, mean), rng).astype(float) for _ in range(10)]
     )
     assert grey.mean() == pytest.approx(mean, abs=4.0 * np.sqrt(mean / n))
     assert grey.var() == pytest.approx(mean, rel=4.0 * np.sqrt(2.0 / n) + 1.5e-3)  # rounding: 1/12; skewness
@@ -219,7 +224,7 @@ def test_many_electrons_are_drawn_with_the_moments_and_the_tail_of_poisson():
 def test_many_and_few_electrons_follow_the_exact_distribution():
     rng = np.random.default_rng(6)
     for mean in (200.0, 1500.0, 6100.0, 20e3):
-        grey = detector.digitise(TWELVE, 0.0, np.full(2_000_000, mean), rng)
+        grey = detector.digitise(TWELVE, np.full(2_000_000, mean), rng)
         assert grey.dtype == np.uint16
-        cdf = detector.grey_distribution(TWELVE, 0.0, mean)
+        cdf = detector.grey_distribution(TWELVE, mean)
         assert chi_square(np.bincount(grey, minlength=4096), np.diff(cdf, prepend=0.0)) > 1e-3

@@ -10,13 +10,14 @@ from shefex_nav.environment.stars import silicon_magnitude
 from shefex_nav.geometry import pinhole, rotation
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.records import CameraCommand
+from shefex_nav.settings import changed
 from shefex_nav.world import camera
 from shefex_nav.world.camera import camera as stages
 from shefex_nav.world.camera import detector, motion
 
 COMMAND = CameraCommand(T_S, 0.05, 24.0)
 HERCULES = (110.0, 50.0)  # azimuth, elevation [deg] of free sky
-PER_DN = detector.electrons_per_dn(PARAMS, 24.0)
+PER_DN = detector.electronics(PARAMS.detector, 24.0).electrons_per_dn
 
 
 def take(device, trajectory, seed=9, command=COMMAND):
@@ -38,9 +39,9 @@ def test_true_attitude_includes_the_mounting_error():
     omega_c = np.array([1.0, 0.5, 2.0]) * DEG
     trajectory = turning(*HERCULES, omega_c)
     _, truth = take(device, trajectory)
-    nominal = rotation.quat_multiply(trajectory.q_ib[10], rotation.quat_from_dcm(PARAMS.C_bc))
+    nominal = rotation.quat_multiply(trajectory.q_ib[10], rotation.quat_from_dcm(PARAMS.mounting.C_bc))
     error_c = rotation.rotvec_between(nominal, truth.q_ic)  # sample 10 is the middle of the exposure
-    mounting = rotation.rotvec_between(rotation.quat_from_dcm(PARAMS.C_bc), device.q_bc)
+    mounting = rotation.rotvec_between(rotation.quat_from_dcm(PARAMS.mounting.C_bc), device.q_bc)
     np.testing.assert_allclose(error_c, mounting, atol=1e-10)
     assert truth.rate == pytest.approx(np.linalg.norm(omega_c))
 
@@ -68,7 +69,7 @@ def isolated(truth, catalogue, low, high):
     """Listed stars between two V magnitudes, 8 px inside the frame, without a rendered neighbour within
     12 px: rows of the catalogue and positions."""
     rows, positions = [], []
-    rendered_i = catalogue.u_i[catalogue.vmag <= PARAMS.render_vmag]
+    rendered_i = catalogue.u_i[catalogue.vmag <= PARAMS.stars.faintest]
     for hip, xy in zip(truth.hip, truth.xy_px, strict=True):
         row = np.flatnonzero(catalogue.hip == hip)[0]
         near = np.count_nonzero(rendered_i @ catalogue.u_i[row] > np.cos(12 * 9.9e-6 / 24.95e-3))
@@ -220,7 +221,9 @@ def test_sun_in_the_exclusion_angle():
 
 def test_bright_limb_and_dark_limb():
     """Towards the Sun the limb 10 deg below the boresight blinds; on the night side it does not."""
-    only_earth = PARAMS._replace(baffle_rad=-1.0, sun_exclusion_rad=-np.pi)  # the Sun gives no stray light
+    only_earth = changed(
+        PARAMS, {"stray_light.baffle": -1.0, "stray_light.sun_exclusion": -np.pi}
+    )  # the Sun gives no stray light
     bright, truth = take(build(only_earth), turning(308.0, 5.0))
     assert np.degrees(truth.limb_angle) < 20.0
     assert not truth.exclusion_met
@@ -230,7 +233,7 @@ def test_bright_limb_and_dark_limb():
 
 
 def test_no_stars_through_the_earth():
-    no_stray = CLEAN._replace(stray_rate=0.0, direct_rate=0.0)
+    no_stray = changed(CLEAN, {"stray_light.rate_at_exclusion": 0.0, "stray_light.direct_rate": 0.0})
     frame, truth = take(build(no_stray), turning(110.0, -60.0))
     assert truth.limb_angle < 0.0
     assert len(truth.hip) == 0
@@ -239,7 +242,7 @@ def test_no_stars_through_the_earth():
 
 def test_crescent_moon_in_the_frame():
     """Three days after new Moon: a thin saturated crescent, 23 px across, at azimuth 273, elevation 13."""
-    no_stray = CLEAN._replace(stray_rate=0.0, direct_rate=0.0)
+    no_stray = changed(CLEAN, {"stray_light.rate_at_exclusion": 0.0, "stray_light.direct_rate": 0.0})
     frame, _ = take(build(no_stray), turning(274.0, 13.0), command=CameraCommand(T_S, 0.002, 24.0))
     rows, columns = np.nonzero(frame.image_dn == 255)
     assert 15 < max(np.ptp(rows), np.ptp(columns)) <= 24
@@ -247,29 +250,56 @@ def test_crescent_moon_in_the_frame():
 
 
 def test_hot_and_dead_pixels_show_and_the_map_holds_those_known():
-    device = build(PARAMS._replace(hot_pixel_rates=(3e4, 1e5), false_objects=0))
+    device = build(
+        changed(
+            PARAMS,
+            {
+                "artefacts.hot_pixel_weakest": 30000.0,
+                "artefacts.hot_pixel_strongest": 100000.0,
+                "artefacts.false_objects": 0,
+            },
+        )
+    )
     trajectory = turning(200.0, 45.0)
     images = [take(device, trajectory, seed)[0].image_dn for seed in range(12)]
     rows, columns = device.bad_pixel_map.T
     median = np.median(images, axis=0)
     known = median[rows, columns]
-    assert np.count_nonzero(known > 200) >= PARAMS.hot_pixels - 3  # a few may lie beside each other
-    unknown = device.bad_pixels.hot[PARAMS.hot_pixels :]
+    assert np.count_nonzero(known > 200) >= PARAMS.artefacts.hot_pixels - 3  # a few may lie beside each other
+    unknown = device.bad_pixels.hot[PARAMS.artefacts.hot_pixels :]
     assert np.all(median.ravel()[unknown] > 200)
     dead = np.array(images).reshape(12, -1)[:, device.bad_pixels.dead]
-    assert dead.mean() == pytest.approx(PARAMS.black_level_dn, abs=4 * 2.2 / np.sqrt(120))
+    assert dead.mean() == pytest.approx(PARAMS.detector.black_level, abs=4 * 2.2 / np.sqrt(120))
 
 
 def test_false_objects_stay_in_the_sky_and_spikes_do_not():
     """Bright pixels of two frames of one run: the same for false objects, others for spikes."""
-    many = CLEAN._replace(false_objects=20_000, false_object_magnitudes=(3.0, 3.5), render_vmag=-5.0)
+    many = changed(
+        CLEAN,
+        {
+            "artefacts.false_objects": 20000,
+            "artefacts.false_brightest": 3.0,
+            "artefacts.false_faintest": 3.5,
+            "stars.faintest": -5.0,
+        },
+    )
     device = build(many)
     one, truth = take(device, turning(*HERCULES), 1)
     two, _ = take(device, turning(*HERCULES), 2)
     assert len(truth.hip) == 0
     bright = (one.image_dn > 60) & (two.image_dn > 60)
     assert bright.sum() > 0.9 * (one.image_dn > 60).sum() > 100
-    spiky = build(CLEAN._replace(spikes_per_frame=30.0, false_object_magnitudes=(3.0, 3.5), render_vmag=-5.0))
+    spiky = build(
+        changed(
+            CLEAN,
+            {
+                "artefacts.spikes_per_frame": 30.0,
+                "artefacts.false_brightest": 3.0,
+                "artefacts.false_faintest": 3.5,
+                "stars.faintest": -5.0,
+            },
+        )
+    )
     one, _ = take(spiky, turning(*HERCULES), 1)
     two, _ = take(spiky, turning(*HERCULES), 2)
     assert (one.image_dn > 60).sum() > 100

@@ -8,11 +8,13 @@ from scipy.special import ndtr
 from shefex_nav.geometry import pinhole, rotation, streak
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_start_s, row_times
 from shefex_nav.records import CameraCommand
-from shefex_nav.reproduce.stills import Electronics, StillCamera, still
+from shefex_nav.reproduce.stills import StillCamera, still
+from shefex_nav.settings import changed
 from shefex_nav.world import camera
 from shefex_nav.world.camera import camera as stages
 from shefex_nav.world.camera import motion, render
 from shefex_nav.world.camera import shutter as shutters
+from shefex_nav.world.camera.detector import Electronics
 
 HOLE = pinhole.pinhole(96, 128, 2889.0)
 SIGMA, ELECTRONS = 1.1, 1e5
@@ -131,17 +133,19 @@ HERCULES = (110.0, 50.0)
 
 
 def test_times_of_a_rolling_frame():
-    device = build(CLEAN._replace(line_s=LINE_S))
+    device = build(changed(CLEAN, {"detector.shutter": "rolling", "detector.line_time": LINE_S}))
     frame, truth = camera.expose(device, COMMAND, turning(*HERCULES), 3, T_S, np.random.default_rng(1))
     assert frame.line_s == LINE_S
     assert frame.t_valid_s == truth.t_valid_s == pytest.approx(T_S + 0.025 + 246 * LINE_S)
-    assert frame.t_available_s == pytest.approx(T_S + 0.05 + 492 * LINE_S + CLEAN.readout_s)
+    assert frame.t_available_s == pytest.approx(T_S + 0.05 + 492 * LINE_S + CLEAN.detector.readout)
 
 
 @pytest.mark.parametrize("line_s", [0.0, LINE_S])
 def test_frames_follow_the_attitude_as_it_was(line_s, monkeypatch):
     """A rate that changes: the light's centre against the mean place while the row of the star is open."""
-    device = build(CLEAN._replace(line_s=line_s, render_vmag=5.0))
+    device = build(
+        changed(CLEAN, {"detector.shutter": "rolling", "detector.line_time": line_s, "stars.faintest": 5.0})
+    )
     trajectory, kept = accelerated(), {}
 
     def read_out(device, background, slope, command, rng):
@@ -183,7 +187,7 @@ def accelerated():
     for k in range(1, len(trajectory.t_s)):
         middle_s = trajectory.t_s[k] - T_S - 0.00125
         rate_c = np.array([8.0, 6.0, 0.0]) * DEG * (1.0 - 20.0 * middle_s)
-        omega_b[k] = CLEAN.C_bc @ rate_c
+        omega_b[k] = CLEAN.mounting.C_bc @ rate_c
         q.append(rotation.quat_multiply(q[-1], rotation.quat_from_rotvec(omega_b[k] / 400.0)))
     return trajectory._replace(q_ib=np.array(q), omega_ib_b=omega_b)
 
@@ -207,7 +211,7 @@ def test_rates_in_a_frame_are_those_of_its_samples(line_s):
 
 
 def test_rolling_exposures_end_with_the_last_row():
-    device = build(CLEAN._replace(line_s=LINE_S))
+    device = build(changed(CLEAN, {"detector.shutter": "rolling", "detector.line_time": LINE_S}))
     with pytest.raises(ValueError, match="outside the trajectory"):
         camera.expose(device, COMMAND, turning(*HERCULES), 0, T_S + 0.42, np.random.default_rng(1))
     camera.expose(device, COMMAND, turning(*HERCULES), 0, T_S + 0.40, np.random.default_rng(1))
@@ -215,7 +219,7 @@ def test_rolling_exposures_end_with_the_last_row():
 
 def test_rolling_frames_overlap_and_come_in_their_order():
     """Every 60 ms a frame of which the last row closes after 100 ms; none that the trajectory would cut."""
-    device = build(CLEAN._replace(line_s=LINE_S))
+    device = build(changed(CLEAN, {"detector.shutter": "rolling", "detector.line_time": LINE_S}))
     trajectory = turning(*HERCULES)
     shutter = shutters.Shutter(device, trajectory, every=6, last_s=1e9, rng=np.random.default_rng(1))
     arrived = []

@@ -1,5 +1,7 @@
 """Mounting, calibration errors, stray light, and what the Earth hides."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from camera_bench import DEG, PARAMS, sky
@@ -11,39 +13,42 @@ from shefex_nav.world.camera import sky as sources
 
 def test_mounting_errors_have_the_given_size_about_each_axis():
     rng = np.random.default_rng(1)
-    nominal = rotation.quat_from_dcm(PARAMS.C_bc)
+    nominal = rotation.quat_from_dcm(PARAMS.mounting.C_bc)
+    loose = replace(PARAMS.mounting, error=1e-3)
     errors = np.array(
-        [rotation.rotvec_between(nominal, optics.true_mounting(PARAMS.C_bc, 1e-3, rng)) for _ in range(2000)]
+        [rotation.rotvec_between(nominal, optics.true_mounting(loose, rng)) for _ in range(2000)]
     )
     np.testing.assert_allclose(errors.std(axis=0), 1e-3, rtol=0.06)  # 3.8 sigma of 2000 draws
     np.testing.assert_allclose(errors.mean(axis=0), 0.0, atol=1e-4)
 
 
 def test_boresight_looks_along_body_y_and_rows_along_the_roll_axis():
-    q_bc = optics.true_mounting(PARAMS.C_bc, 0.0, np.random.default_rng(1))
+    q_bc = optics.true_mounting(replace(PARAMS.mounting, error=0.0), np.random.default_rng(1))
     np.testing.assert_allclose(rotation.quat_rotate(q_bc, np.array([0.0, 0.0, 1.0])), [0, 1, 0], atol=1e-12)
     np.testing.assert_allclose(rotation.quat_rotate(q_bc, np.array([1.0, 0.0, 0.0])), [1, 0, 0], atol=1e-12)
 
 
 def test_calibration_errors():
-    cameras = [optics.true_pinhole(PARAMS, np.random.default_rng(seed)) for seed in range(500)]
+    cameras = [
+        optics.true_pinhole(PARAMS.optics, PARAMS.detector, np.random.default_rng(seed))
+        for seed in range(500)
+    ]
     focal = np.array([camera.focal_length_px for camera in cameras]) / (24.95e-3 / 9.9e-6) - 1.0
     centre = np.array([(camera.cx_px, camera.cy_px) for camera in cameras]) - [329.0, 246.0]
     assert focal.std() == pytest.approx(1e-4, rel=0.13)  # 4 sigma of 500 draws
     np.testing.assert_allclose(centre.std(axis=0), 0.3, rtol=0.13)
-    nominal = optics.true_pinhole(
-        PARAMS._replace(sigma_focal_length=0.0, sigma_principal_point_px=0.0), np.random.default_rng(1)
-    )
+    exact = replace(PARAMS.optics, focal_length_error=0.0, principal_point_error=0.0)
+    nominal = optics.true_pinhole(exact, PARAMS.detector, np.random.default_rng(1))
     fov = 2 * np.degrees(np.arctan(0.5 * np.array([659, 493]) / nominal.focal_length_px))
     np.testing.assert_allclose(fov, [14.87, 11.15], atol=0.05)  # the paper's, with f = 25 mm
 
 
 def test_stray_light_over_the_angle_to_the_sun():
     def sun(degrees):
-        return optics.stray_light(degrees * DEG, 90 * DEG, 50 * DEG, PARAMS)
+        return optics.stray_light(degrees * DEG, 90 * DEG, 50 * DEG, PARAMS.stray_light)
 
-    assert sun(90.0) == pytest.approx(PARAMS.stray_rate)
-    assert sun(85.0) == pytest.approx(10.0 * PARAMS.stray_rate)
+    assert sun(90.0) == pytest.approx(PARAMS.stray_light.rate_at_exclusion)
+    assert sun(85.0) == pytest.approx(10.0 * PARAMS.stray_light.rate_at_exclusion)
     assert sun(115.0) * 0.05 < 0.001  # electrons per frame: nothing
     angles = np.linspace(0.0, 180.0, 721)
     rates = np.array([sun(angle) for angle in angles])
@@ -88,15 +93,15 @@ def test_the_earth_hides_what_is_below_its_limb():
 
 
 def test_bad_pixels_and_what_is_known_of_them():
-    defects = artefacts.bad_pixels(PARAMS, np.random.default_rng(3))
-    assert len(defects.hot) == PARAMS.hot_pixels + PARAMS.unknown_bad_pixels
-    assert len(defects.known) == PARAMS.hot_pixels + PARAMS.dead_pixels
+    defects = artefacts.bad_pixels(PARAMS.artefacts, PARAMS.detector, np.random.default_rng(3))
+    assert len(defects.hot) == PARAMS.artefacts.hot_pixels + PARAMS.artefacts.unknown_bad_pixels
+    assert len(defects.known) == PARAMS.artefacts.hot_pixels + PARAMS.artefacts.dead_pixels
     known = set(map(tuple, defects.known))
     assert len(known) == len(defects.known)
-    listed = [tuple(divmod(pixel, PARAMS.width_px)) in known for pixel in defects.hot]
-    assert sum(listed) == PARAMS.hot_pixels
-    assert not any(listed[PARAMS.hot_pixels :])
-    assert all(tuple(divmod(pixel, PARAMS.width_px)) in known for pixel in defects.dead)
+    listed = [tuple(divmod(pixel, PARAMS.detector.columns)) in known for pixel in defects.hot]
+    assert sum(listed) == PARAMS.artefacts.hot_pixels
+    assert not any(listed[PARAMS.artefacts.hot_pixels :])
+    assert all(tuple(divmod(pixel, PARAMS.detector.columns)) in known for pixel in defects.dead)
     assert np.all((defects.hot_rate >= 2e3) & (defects.hot_rate <= 1e5))
 
 

@@ -140,7 +140,7 @@ def test_attitudes_between_samples():
     """540 deg/s about one axis and 20 about another: the constant-rate motion, exactly."""
     omega_c = np.array([540.0, 20.0, -30.0]) * DEG
     trajectory = turning(110.0, 50.0, omega_c)
-    q_bc = rotation.quat_from_dcm(PARAMS.C_bc)
+    q_bc = rotation.quat_from_dcm(PARAMS.mounting.C_bc)
     times_s = T_S + np.array([0.0, 0.00113, 0.0491, 0.3337, 0.5])
     C_ci = np.empty((5, 3, 3))
     motion.attitudes_at(trajectory.q_ib, q_bc, (times_s - T_S) * 400.0, C_ci)

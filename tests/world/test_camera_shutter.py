@@ -8,9 +8,13 @@ from camera_bench import CLEAN, T_S, build, turning
 
 from shefex_nav.geometry.shutter import duration_s, row_times
 from shefex_nav.records import CameraCommand
+from shefex_nav.settings import changed
 from shefex_nav.world.camera import shutter as shutters
 
-KINDS = {"global": CLEAN, "rolling": CLEAN._replace(line_s=0.05 / 493)}
+KINDS = {
+    "global": CLEAN,
+    "rolling": changed(CLEAN, {"detector.shutter": "rolling", "detector.line_time": 0.05 / 493}),
+}
 LAST_S = T_S + 2.0
 LAST = 260  # tick, with which the trajectory ends
 ENDS_S = [T_S + 0.01 * n for n in range(1, LAST + 1)]
@@ -40,8 +44,8 @@ def taken(params, every, is_ahead):
     trajectory = turning(110.0, 50.0, duration_s=0.01 * LAST)
 
     def take(device, command, trajectory, number, t_start_s, rng):
-        times = row_times(command.exposure_s, params.line_s, params.height_px)
-        end_s = t_start_s + duration_s(times) + params.readout_s
+        times = row_times(command.exposure_s, params.detector.line_s, params.detector.rows)
+        end_s = t_start_s + duration_s(times) + params.detector.readout
         return Taken(end_s, number, t_start_s, command, rng.random()), None
 
     rng = np.random.default_rng(1)
@@ -80,7 +84,9 @@ def test_pictures_taken_ahead_of_time_are_those_of_their_ticks(kind, every):
     assert len({command.t_s for command in commands}) > 5
     assert max(available_s for _, available_s, *_ in expected) <= LAST_S
     # not even a picture without an exposure would be read out in time from then on
-    assert over == next(n for n in range(0, LAST, every) if T_S + 0.01 * n + params.readout_s > LAST_S + 1e-6)
+    assert over == next(
+        n for n in range(0, LAST, every) if T_S + 0.01 * n + params.detector.readout > LAST_S + 1e-6
+    )
 
 
 def test_a_command_that_comes_too_late_for_a_picture_is_refused():

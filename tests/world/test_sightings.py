@@ -24,7 +24,7 @@ MODEL = sightings.SightingModel(
     mean_offset_dn=0.5,
 )
 HOLE = pinhole(659, 493, 24.95e-3 / 9.9e-6)
-CAMERA = SimpleNamespace(pinhole=HOLE, params=SimpleNamespace(width_px=659, height_px=493, bits=8))
+CAMERA = SimpleNamespace(pinhole=HOLE, settings=SimpleNamespace(detector=SimpleNamespace(bits=8)))
 SEED_SIGMA = 5.5
 CONFIDENCE = 1e-5  # of a false alarm, each test
 
@@ -173,7 +173,7 @@ def test_a_streak_over_the_border_is_not_found():
 def accelerating(alpha, middle_s):
     """Trajectory that turns about the camera's x axis, alpha [rad/s^2]; middle_s after its start it rests."""
     still = turning(110.0, 50.0)
-    t_s, about_b = still.t_s - still.t_s[0] - middle_s, CLEAN.C_bc @ np.array([1.0, 0.0, 0.0])
+    t_s, about_b = still.t_s - still.t_s[0] - middle_s, CLEAN.mounting.C_bc @ np.array([1.0, 0.0, 0.0])
     turns = [rotation.quat_from_rotvec(0.5 * alpha * t**2 * about_b) for t in t_s]
     q_ib = [rotation.quat_multiply(q, turn) for q, turn in zip(still.q_ib, turns, strict=True)]
     return still._replace(q_ib=np.array(q_ib), omega_ib_b=alpha * t_s[:, None] * about_b)

@@ -197,7 +197,7 @@ def _matched(row, fix, film, scene, camera, params):
     hip, xy_px, electrons = scene
     seen = fix.detections
     with_others = row % OTHERS_EVERY == 0
-    size = np.array([camera.params.width_px, camera.params.height_px])
+    size = np.array([camera.pinhole.width_px, camera.pinhole.height_px])
     room = np.sort(electrons)[::-1][int(ROOM * params.detect.max_objects) :].max(initial=0.0)
     apart = np.linalg.norm(seen.xy_px[:, None] - xy_px[None], axis=2)  # (objects, sources)
     rows, stars = [], []

@@ -1,5 +1,5 @@
 """The star camera: the sky through a lens onto a detector with a global or a rolling shutter."""
 
-from shefex_nav.world.camera.camera import Camera, CameraParams, expose, init
+from shefex_nav.world.camera.camera import Camera, expose, init
 
-__all__ = ["Camera", "CameraParams", "expose", "init"]
+__all__ = ["Camera", "expose", "init"]

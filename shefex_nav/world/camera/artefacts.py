@@ -1,6 +1,6 @@
 """What is in the frames besides catalogue stars: bad pixels, false objects, planets.
 
-In: the settable numbers of `CameraParams` and a random generator. Out: lists drawn once per run (bad
+In: settings of the camera (Artefacts, Detector) and a random generator. Out: lists drawn once per run (bad
 pixels, objects that are in no catalogue) or per frame (spikes).
 """
 
@@ -31,51 +31,58 @@ class BadPixels(NamedTuple):
     known: np.ndarray  # (k, 2) row, column of those found before flight
 
 
-def bad_pixels(params, rng):
+def bad_pixels(settings, detector, rng):
     """Draw the detector's defects; the last `unknown_bad_pixels` hot ones appeared after the calibration.
 
-    Their dark currents are spread evenly in the logarithm over `hot_pixel_rates`. A part of the charge of
-    each, `hot_pixel_smear`, stays behind when its column is moved to the read-out.
+    Their dark currents are spread evenly in the logarithm from `hot_pixel_weakest` to `hot_pixel_strongest`.
+    A part of the charge of each, `hot_pixel_smear`, stays behind when its column is moved to the read-out.
     """
-    n_hot = params.hot_pixels + params.unknown_bad_pixels
-    pixels = rng.choice(params.width_px * params.height_px, n_hot + params.dead_pixels, replace=False)
+    n_hot = settings.hot_pixels + settings.unknown_bad_pixels
+    n_pixels = detector.columns * detector.rows
+    pixels = rng.choice(n_pixels, n_hot + settings.dead_pixels, replace=False)
     hot, dead = pixels[:n_hot], pixels[n_hot:]
-    rates = exp(rng.uniform(*log(params.hot_pixel_rates), n_hot))
-    known = np.sort(np.concatenate([hot[: params.hot_pixels], dead]))
-    rows_columns = np.column_stack(np.divmod(known, params.width_px))
-    smeared, smeared_rate = _smear(params, hot, rates)
-    return BadPixels(hot, (1.0 - params.hot_pixel_smear) * rates, dead, smeared, smeared_rate, rows_columns)
+    rates = exp(rng.uniform(*log((settings.hot_pixel_weakest, settings.hot_pixel_strongest)), n_hot))
+    known = np.sort(np.concatenate([hot[: settings.hot_pixels], dead]))
+    rows_columns = np.column_stack(np.divmod(known, detector.columns))
+    smear = settings.hot_pixel_smear
+    smeared, smeared_rate = _smear(smear, detector, hot, rates)
+    return BadPixels(hot, (1.0 - smear) * rates, dead, smeared, smeared_rate, rows_columns)
 
 
-def _smear(params, hot, rates):
+def _smear(smear, detector, hot, rates):
     """Pixels that follow hot ones in their columns, and their share of the rates: falls off exponentially."""
-    if params.hot_pixel_smear == 0.0:
+    if smear == 0.0:
         return np.empty(0, np.int64), np.empty(0)
     behind = np.arange(1, int(5.0 * SMEAR_PX) + 1)
     share = exp(-behind / SMEAR_PX)
-    pixels = hot[:, None] + params.width_px * behind
-    charge = params.hot_pixel_smear * rates[:, None] * share / share.sum()
-    inside = pixels < params.width_px * params.height_px
+    pixels = hot[:, None] + detector.columns * behind
+    charge = smear * rates[:, None] * share / share.sum()
+    inside = pixels < detector.columns * detector.rows
     return pixels[inside], charge[inside]
 
 
-def false_objects(params, rng):
+def false_objects(settings, rng):
     """Point sources on the whole sky that no catalogue lists: directions (n, 3), magnitudes (n,)."""
-    u_i = rng.standard_normal((params.false_objects, 3))
+    u_i = rng.standard_normal((settings.false_objects, 3))
     u_i /= np.linalg.norm(u_i, axis=1, keepdims=True)
-    return u_i, rng.uniform(*params.false_object_magnitudes, params.false_objects)
+    return u_i, magnitudes(settings, settings.false_objects, rng)
 
 
-def spikes(params, rng):
+def magnitudes(settings, n, rng):
+    """Magnitudes of n objects that no catalogue lists: (n,)."""
+    return rng.uniform(settings.false_brightest, settings.false_faintest, n)
+
+
+def spikes(settings, detector, rng):
     """Spots of one frame that are no stars (debris, particle hits): positions (n, 2) px, magnitudes (n,).
 
     Their number is Poisson distributed; they sit still for the exposure.
     """
-    n = rng.poisson(params.spikes_per_frame)
+    n = rng.poisson(settings.spikes_per_frame)
     if n == 0:
         return np.empty((0, 2)), np.empty(0)
-    xy_px = rng.uniform([-0.5, -0.5], [params.width_px - 0.5, params.height_px - 0.5], (n, 2))
-    return xy_px, rng.uniform(*params.false_object_magnitudes, n)
+    xy_px = rng.uniform([-0.5, -0.5], [detector.columns - 0.5, detector.rows - 0.5], (n, 2))
+    return xy_px, magnitudes(settings, n, rng)
 
 
 def planet_magnitudes(bodies):

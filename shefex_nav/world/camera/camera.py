@@ -1,4 +1,4 @@
-"""One star camera of one run: its parameters, its true calibration, and `expose`, which takes a picture.
+"""One star camera of one run: its settings, its true calibration, and `expose`, which takes a picture.
 
 In: the star tracker's command, the true trajectory, the sky. Out: a `Frame` and what it really
 showed, `FrameTruth`. Defaults of the SHEFEX-2 mission are those of its star tracker (Prosilica EC655 behind
@@ -24,63 +24,17 @@ from shefex_nav.geometry.pinhole import Pinhole, pixels, unit_vectors
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_times
 from shefex_nav.records import Frame, FrameTruth
 from shefex_nav.world.camera import artefacts, detector, hits, moon, motion, movers, optics, render, sky
+from shefex_nav.world.camera_settings import StarCamera
 
 TRUTH_VMAG = 5.5  # FrameTruth lists stars down to here: the depth of an on-board catalogue
 FAINT = 0.05  # light below this fraction of the noise is not drawn: the wings of spots, whole faint sources
 BACKGROUND_STEP = 0.01  # electrons, to which the mean is rounded: frames under one sky share their table
 
 
-class CameraParams(NamedTuple):
-    """Design and tolerances of the camera; `init` draws the true camera from them."""
-
-    width_px: int
-    height_px: int
-    pixel_m: float
-    focal_length_m: float
-    C_bc: np.ndarray  # (3, 3) nominal mounting
-    sigma_mounting_rad: float  # each axis
-    sigma_focal_length: float  # relative
-    sigma_principal_point_px: float  # each axis
-    zero_magnitude_flux: float  # electrons/s from a star of magnitude 0 in the silicon band
-    sigma_psf_px: float
-    background_rate: float  # electrons/s and pixel: dark current and sky
-    read_noise_electrons: float  # > 0
-    full_well_electrons: float
-    electrons_per_dn: float  # at 0 dB
-    black_level_dn: float
-    readout_s: float  # end of exposure to frame in the computer's memory
-    render_vmag: float  # fainter stars are left out
-    sigma_magnitude: float  # of each star's brightness against the catalogue
-    hot_pixels: int
-    hot_pixel_rates: tuple  # (least, most) electrons/s
-    dead_pixels: int
-    unknown_bad_pixels: int  # hot pixels that the flight software's list lacks, besides the above
-    false_objects: int  # on the whole sky
-    spikes_per_frame: float  # mean number
-    false_object_magnitudes: tuple  # (brightest, faintest), of false objects and spikes
-    sun_exclusion_rad: float  # boresight to Sun
-    earth_exclusion_rad: float  # boresight to limb
-    baffle_rad: float  # half angle beyond which no light reaches the lens directly
-    stray_rate: float  # electrons/s and pixel at an exclusion angle
-    stray_decade_rad: float  # angle over which stray light grows tenfold
-    direct_rate: float  # electrons/s and pixel with Sun or day side within the baffle
-    bits: int = 8  # of a grey value
-    band: str = "silicon"  # in which the stars shine: that of a bare detector, or 'V', the catalogue's
-    line_s: float = 0.0  # from the start of one row to the start of the next; 0: global shutter
-    hot_pixel_smear: float = 0.0  # part of a hot pixel's charge that the following pixels of its column get
-    upsets_per_frame: float = 0.0  # mean number of particles that hit a pixel or a few
-    trails_per_frame: float = 0.0  # mean number of particles that fly along the detector
-    particle_electrons: tuple = (500.0, 20e3)  # (least, most) of an upset, and of a trail for each pixel
-    trail_longest_px: float = 100.0
-    moving_objects: int = 0  # satellites and debris on the whole sky, as bright as false objects
-    moving_rates: tuple = (1.7e-3, 35e-3)  # (slowest, fastest) rad/s
-    stray_gradient: float = 0.0  # of stray light: half a diagonal nearer to the Sun against the middle
-
-
 class Camera(NamedTuple):
     """The camera of one run, the same for every frame; only `bad_pixel_map` may be known on board."""
 
-    params: CameraParams
+    settings: StarCamera  # design and tolerances, from which `init` draws the rest
     pinhole: Pinhole  # true
     q_bc: np.ndarray  # (4,) true mounting
     psf: render.Psf
@@ -95,50 +49,52 @@ class Camera(NamedTuple):
     light: render.Light  # work memory of `expose`
 
 
-def init(params, catalogue, bodies, earth, rng):
+def init(settings, catalogue, bodies, earth, rng):
     """Draw the true camera of a run: mounting, calibration, brightness of the stars, defects.
 
     Parameters
     ----------
-    params : CameraParams
+    settings : camera_settings.StarCamera
     catalogue : StarCatalogue at the epoch of the mission (`stars.at_epoch`)
     bodies : SkyBodies
     earth : EarthRotation
     rng : np.random.Generator for everything that stays the same during the run
     """
-    q_bc = optics.true_mounting(params.C_bc, params.sigma_mounting_rad, rng)
-    pinhole = optics.true_pinhole(params, rng)
-    defects = artefacts.bad_pixels(params, rng)
-    false_u_i, false_magnitudes = artefacts.false_objects(params, rng)
-    seen = catalogue.vmag <= params.render_vmag
+    lens, sensor, stars, others = settings.optics, settings.detector, settings.stars, settings.artefacts
+    q_bc = optics.true_mounting(settings.mounting, rng)
+    pinhole = optics.true_pinhole(lens, sensor, rng)
+    defects = artefacts.bad_pixels(others, sensor, rng)
+    false_u_i, false_magnitudes = artefacts.false_objects(others, rng)
+    seen = catalogue.vmag <= stars.faintest
     vmag, bv = catalogue.vmag[seen], catalogue.bv[seen]
-    in_band = silicon_magnitude(vmag, bv) if params.band == "silicon" else vmag
-    magnitudes = in_band + params.sigma_magnitude * rng.standard_normal(len(vmag))
+    in_band = silicon_magnitude(vmag, bv) if stars.band == "silicon" else vmag
+    magnitudes = in_band + stars.brightness_error * rng.standard_normal(len(vmag))
     sources = sky.ordered(
         u_i=np.concatenate([catalogue.u_i[seen], false_u_i]),
-        flux=_flux(params, np.concatenate([magnitudes, false_magnitudes])),
+        flux=_flux(lens, np.concatenate([magnitudes, false_magnitudes])),
         hip=np.concatenate([catalogue.hip[seen], np.zeros(len(false_magnitudes), dtype=np.int64)]),
         is_listed=np.concatenate([vmag <= TRUTH_VMAG, np.zeros(len(false_magnitudes), dtype=bool)]),
     )
     # last, so that all else is as without them
-    moving_magnitudes = rng.uniform(*params.false_object_magnitudes, params.moving_objects)
-    moving = movers.draw(params.moving_objects, params.moving_rates, _flux(params, moving_magnitudes), rng)
+    moving_flux = _flux(lens, artefacts.magnitudes(others, others.moving_objects, rng))
+    moving_rates = others.moving_slowest, others.moving_fastest
+    moving = movers.draw(others.moving_objects, moving_rates, moving_flux, rng)
     return Camera(
-        params=params,
+        settings=settings,
         pinhole=pinhole,
         q_bc=q_bc,
-        psf=render.gaussian_psf(params.sigma_psf_px),
+        psf=render.gaussian_psf(lens.psf_sigma),
         sky=sources,
         bodies=bodies,
         planets=sky.Planets(
-            np.ascontiguousarray(bodies.planet_r_i), _flux(params, artefacts.planet_magnitudes(bodies))
+            np.ascontiguousarray(bodies.planet_r_i), _flux(lens, artefacts.planet_magnitudes(bodies))
         ),
-        full_moon_flux=float(_flux(params, artefacts.full_moon_magnitude(bodies))),
+        full_moon_flux=float(_flux(lens, artefacts.full_moon_magnitude(bodies))),
         earth=earth,
         movers=moving,
         bad_pixels=defects,
         bad_pixel_map=defects.known,
-        light=render.darkness(params.width_px * params.height_px),
+        light=render.darkness(sensor.columns * sensor.rows),
     )
 
 
@@ -158,18 +114,18 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
     -------
     Frame, FrameTruth
     """
-    params, exposure_s = camera.params, command.exposure_s
-    times = row_times(exposure_s, params.line_s, params.height_px)
+    sensor, exposure_s = camera.settings.detector, command.exposure_s
+    times = row_times(exposure_s, sensor.line_s, sensor.rows)
     t_valid_s, t_end_s = t_start_s + instant_after_s(times), t_start_s + duration_s(times)
     if t_start_s < trajectory.t_s[0] or t_end_s > trajectory.t_s[-1]:
         raise ValueError(f"exposure from {t_start_s:.4f} s to {t_end_s:.4f} s is outside the trajectory")
     move = motion.during(camera.pinhole, trajectory, camera.q_bc, t_valid_s, times, camera.psf.step_px)
     boresight_i, C_ei = move.C_ci[2], np.ascontiguousarray(frames.dcm_ie(camera.earth, t_valid_s).T)
     sun_angle, limb_angle, stray = surroundings(camera, boresight_i, move.r_i, C_ei)
-    background = (params.background_rate + stray) * exposure_s
+    background = (sensor.background + stray) * exposure_s
     background = BACKGROUND_STEP * round(background / BACKGROUND_STEP)
     slope = _slope(camera, move.C_ci, stray * exposure_s)
-    least = FAINT * np.sqrt(params.read_noise_electrons**2 + background)
+    least = FAINT * np.sqrt(sensor.read_noise**2 + background)
     hip, xy_px = _add_sky(camera, move, C_ei, least)
     _add_movers(camera, move, C_ei, t_valid_s, least)
     _add_spikes(camera, exposure_s, least, rng)
@@ -177,30 +133,34 @@ def expose(camera, command, trajectory, number, t_start_s, rng):
     image_dn = _read_out(camera, background, slope, command, rng)
     render.darken(camera.light)
 
-    frame = frame_of(params, command, number, (t_start_s, t_valid_s, t_end_s), image_dn)
+    frame = frame_of(sensor, command, number, (t_start_s, t_valid_s, t_end_s), image_dn)
     q_ic = rotation.quat_from_dcm(np.ascontiguousarray(move.C_ci.T))
-    return frame, truth_of(frame, params, (q_ic, move.rate), (sun_angle, limb_angle), hip, xy_px)
+    angles = sun_angle, limb_angle
+    return frame, truth_of(frame, camera.settings.stray_light, (q_ic, move.rate), angles, hip, xy_px)
 
 
-def frame_of(params, command, number, times_s, image_dn):
-    """Frame of a camera; times_s: the first row opens, the instant, the last row closes."""
+def frame_of(sensor, command, number, times_s, image_dn):
+    """Frame of a detector.
+
+    sensor : camera_settings.Detector;  times_s : the first row opens, the instant, the last row closes
+    """
     t_start_s, t_valid_s, t_end_s = times_s
     return Frame(
         number=number,
         t_start_s=t_start_s,
         t_valid_s=t_valid_s,
-        t_available_s=t_end_s + params.readout_s,
+        t_available_s=t_end_s + sensor.readout,
         exposure_s=command.exposure_s,
         gain_db=command.gain_db,
         image_dn=image_dn,
-        line_s=params.line_s,
-        bits=params.bits,
+        line_s=sensor.line_s,
+        bits=sensor.bits,
     )
 
 
-def truth_of(frame, params, motion, angles, hip, xy_px):
+def truth_of(frame, stray, motion, angles, hip, xy_px):
     """FrameTruth of a Frame: attitude and rate, angles of the boresight to Sun and limb, listed stars and
-    their places."""
+    their places. stray : settings of stray light"""
     (q_ic, rate), (sun_angle, limb_angle) = motion, angles
     return FrameTruth(
         number=frame.number,
@@ -209,21 +169,26 @@ def truth_of(frame, params, motion, angles, hip, xy_px):
         rate=rate,
         sun_angle=sun_angle,
         limb_angle=limb_angle,
-        exclusion_met=sun_angle >= params.sun_exclusion_rad and limb_angle >= params.earth_exclusion_rad,
+        exclusion_met=sun_angle >= stray.sun_exclusion and limb_angle >= stray.earth_exclusion,
         hip=hip,
         xy_px=xy_px,
     )
 
 
-def _flux(params, magnitudes):
+def _flux(lens, magnitudes):
     """Electrons/s of silicon magnitudes."""
-    return params.zero_magnitude_flux * power(10.0, -0.4 * magnitudes)
+    return lens.zero_magnitude_flux * power(10.0, -0.4 * magnitudes)
+
+
+def _corner_angle(hole):
+    """Angle from the middle of a picture to its corner, rad."""
+    return atan(0.5 * hypot(hole.width_px, hole.height_px) / hole.focal_length_px)
 
 
 def surroundings(camera, boresight_i, r_i, C_ei):
     """Angles of the boresight to Sun and limb [rad], and the stray light [electrons/s and pixel]."""
     sun_angle, limb_angle, sunlight = aimed(boresight_i, r_i, C_ei, camera.bodies.sun_u_i)
-    return sun_angle, limb_angle, stray_rate(camera.params, sun_angle, limb_angle, sunlight)
+    return sun_angle, limb_angle, stray_rate(camera.settings.stray_light, sun_angle, limb_angle, sunlight)
 
 
 @kernel
@@ -234,19 +199,19 @@ def aimed(boresight_i, r_i, C_ei, sun_u_i):
     return sun_angle, limb_angle, optics.limb_sunlight(boresight_i, r_i, sun_u_i)
 
 
-def stray_rate(params, sun_angle, limb_angle, sunlight):
+def stray_rate(settings, sun_angle, limb_angle, sunlight):
     """Stray light [electrons/s and pixel] where the boresight is `aimed` so."""
-    sun_rate = optics.stray_light(sun_angle, params.sun_exclusion_rad, params.baffle_rad, params)
+    sun_rate = optics.stray_light(sun_angle, settings.sun_exclusion, settings.baffle, settings)
     # the exclusion angle to the limb is less than the baffle's: light past its edge is in the exponential
-    earth_rate = optics.stray_light(limb_angle, params.earth_exclusion_rad, 0.0, params)
+    earth_rate = optics.stray_light(limb_angle, settings.earth_exclusion, 0.0, settings)
     return sun_rate + sunlight * earth_rate
 
 
 def _add_sky(camera, move, C_ei, least):
     """Draw stars, false objects, planets and Moon; returns (hip, xy_px) of the listed stars in the frame."""
-    params, hole, psf = camera.params, camera.pinhole, camera.psf
+    hole, psf = camera.pinhole, camera.psf
     times, r_i = move.path.times, move.r_i
-    half_diagonal = atan(0.5 * hypot(params.width_px, params.height_px) / hole.focal_length_px)
+    half_diagonal = _corner_angle(hole)
     cone = min(pi, half_diagonal + 0.5 * move.rate * duration_s(times) + 0.005)  # rad; spot and aberration
     observer_v_i = camera.bodies.earth_v_i + move.v_i
     view = sky.View(move.C_ci[2], cone, r_i, observer_v_i, move.omega_ib_i, C_ei)
@@ -263,16 +228,16 @@ def _add_sky(camera, move, C_ei, least):
 
     xy_px = pixels(hole, u_i @ move.C_ci.T)
     x, y = xy_px.T  # NaN behind the camera is inside of nothing
-    inside = (x >= -0.5) & (x <= params.width_px - 0.5) & (y >= -0.5) & (y <= params.height_px - 0.5)
+    inside = (x >= -0.5) & (x <= hole.width_px - 0.5) & (y >= -0.5) & (y <= hole.height_px - 0.5)
     listed = inside & (hip > 0)
     return hip[listed], xy_px[listed]
 
 
 def _add_spikes(camera, exposure_s, least, rng):
     """Draw the spots of this frame that sit still on the detector."""
-    xy_px, magnitudes = artefacts.spikes(camera.params, rng)
+    xy_px, magnitudes = artefacts.spikes(camera.settings.artefacts, camera.settings.detector, rng)
     if len(xy_px):
-        electrons = _flux(camera.params, magnitudes) * exposure_s
+        electrons = _flux(camera.settings.optics, magnitudes) * exposure_s
         u_c = unit_vectors(camera.pinhole, xy_px)
         still = motion.at_rest(np.eye(3))
         render.add_points(camera.light, camera.pinhole, camera.psf, still, u_c, electrons, least)
@@ -282,8 +247,8 @@ def _add_movers(camera, move, C_ei, t_valid_s, least):
     """Draw satellites and debris."""
     if not len(camera.movers.rate):
         return
-    hole, half_s, params = camera.pinhole, 0.5 * duration_s(move.path.times), camera.params
-    cone = atan(0.5 * hypot(params.width_px, params.height_px) / hole.focal_length_px)
+    hole, half_s = camera.pinhole, 0.5 * duration_s(move.path.times)
+    cone = _corner_angle(hole)
     cone += move.rate * half_s + 0.005  # rad; spot
     rows = movers.near(camera.movers, t_valid_s, move.C_ci[2], cone, half_s)
     some = movers.Movers(*(column[rows] for column in camera.movers))
@@ -298,45 +263,46 @@ def _add_movers(camera, move, C_ei, t_valid_s, least):
 
 def _add_charges(camera, exposure_s, rng):
     """Add the charge of particles and what hot pixels leave behind in their columns."""
-    params, defects = camera.params, camera.bad_pixels
+    settings, defects = camera.settings.artefacts, camera.bad_pixels
     if len(defects.smeared):
         render.add_charge(camera.light, defects.smeared, defects.smeared_rate * exposure_s)
-    if params.upsets_per_frame or params.trails_per_frame:
+    if settings.upsets_per_frame or settings.trails_per_frame:
         # a generator of its own: what they draw must not change the noise of the pixels
-        hits.add_hits(camera.light, hits.of_frame(params, rng.spawn(1)[0]))
+        hits.add_hits(camera.light, hits.of_frame(settings, camera.settings.detector, rng.spawn(1)[0]))
 
 
 def _slope(camera, C_ci, stray):
     """What stray light adds to the mean background of each pixel (rows * columns,); None: it is even.
 
-    It grows towards the Sun's side of the detector, by `stray_gradient` in half a diagonal.
+    It grows towards the Sun's side of the detector, by `gradient` in half a diagonal.
     """
-    params, hole = camera.params, camera.pinhole
-    if params.stray_gradient == 0.0 or stray == 0.0:
+    gradient, hole = camera.settings.stray_light.gradient, camera.pinhole
+    if gradient == 0.0 or stray == 0.0:
         return None
     toward = C_ci[:2] @ camera.bodies.sun_u_i
     toward = toward / max(hypot(*toward), 1e-12)
-    x, y = np.arange(params.width_px) - hole.cx_px, np.arange(params.height_px) - hole.cy_px
-    half_diagonal = 0.5 * hypot(params.width_px, params.height_px)
+    x, y = np.arange(hole.width_px) - hole.cx_px, np.arange(hole.height_px) - hole.cy_px
+    half_diagonal = 0.5 * hypot(hole.width_px, hole.height_px)
     along = (y[:, None] * toward[1] + x * toward[0]) / half_diagonal
-    return stray * np.maximum(params.stray_gradient * along, -1.0).ravel()
+    return stray * np.maximum(gradient * along, -1.0).ravel()
 
 
 def _read_out(camera, background, slope, command, rng):
     """Grey values of the whole frame: (rows, columns) uint8 or uint16."""
-    params, defects = camera.params, camera.bad_pixels
+    hole, defects = camera.pinhole, camera.bad_pixels
+    electronics = detector.electronics(camera.settings.detector, command.gain_db)
     n_hot, n_dead = len(defects.hot), len(defects.dead)
     lit = render.lit_pixels(camera.light)
     pixels = np.concatenate([lit, defects.hot, defects.dead])
     if slope is None:
-        cells = detector.background_cells(params, command.gain_db, background)
-        grey = detector.background(params.width_px * params.height_px, cells, rng)
+        cells = detector.background_cells(electronics, background)
+        grey = detector.background(hole.width_px * hole.height_px, cells, rng)
         level = background
     else:  # no two pixels are alike
-        grey = detector.digitise(params, command.gain_db, background + slope, rng)
+        grey = detector.digitise(electronics, background + slope, rng)
         level = background + slope[pixels]
     mean = level + camera.light.electrons[pixels]
     mean[len(lit) : len(lit) + n_hot] += defects.hot_rate * command.exposure_s
     mean[len(mean) - n_dead :] = 0.0
-    grey[pixels] = detector.digitise(params, command.gain_db, mean, rng)  # the last entry of a pixel holds
-    return grey.reshape(params.height_px, params.width_px)
+    grey[pixels] = detector.digitise(electronics, mean, rng)  # the last entry of a pixel holds
+    return grey.reshape(hole.height_px, hole.width_px)

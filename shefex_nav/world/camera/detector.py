@@ -51,36 +51,36 @@ class Cells(NamedTuple):
 
 
 class Electronics(NamedTuple):
-    """What shapes the noise."""
+    """What shapes the noise: a detector at a gain of its amplifier."""
 
-    bits: int  # of a grey value
-    read_noise: float  # electrons
+    read_noise: float  # electrons, > 0
     full_well: float  # electrons
-    per_dn: float  # electrons for one grey value
+    electrons_per_dn: float  # for one grey value
     black_level: float  # grey values
+    bits: int = 8  # of a grey value
 
 
-def electrons_per_dn(params, gain_db):
-    """Electrons for one grey value at an amplifier gain in dB (20 log10 of the amplitude)."""
-    return params.electrons_per_dn * 10.0 ** (-gain_db / 20.0)
+def electronics(settings, gain_db):
+    """Electronics at an amplifier gain in dB (20 log10 of the amplitude). camera_settings.Detector"""
+    return Electronics(
+        settings.read_noise,
+        settings.full_well,
+        settings.conversion * 10.0 ** (-gain_db / 20.0),
+        settings.black_level,
+        settings.bits,
+    )
 
 
-def largest_dn(params):
-    """Largest grey value."""
-    return 2**params.bits - 1
-
-
-def digitise(params, gain_db, mean_electrons, rng):
+def digitise(electronics, mean_electrons, rng):
     """Noisy grey values of pixels drawn one by one. (n,) mean electrons -> (n,) uint8 or uint16."""
-    bounded = np.minimum(mean_electrons, 10.0 * params.full_well_electrons)  # far beyond it all look alike
-    pixel, few = np.uint8 if params.bits == 8 else np.uint16, bounded < MANY_ELECTRONS
-    electronics = _electronics(params, gain_db)
-    _, read_noise, full_well, per_dn, black_level = electronics
+    read_noise, full_well, per_dn, black_level, bits = electronics
+    bounded = np.minimum(mean_electrons, 10.0 * full_well)  # far beyond it all look alike
+    pixel, few = np.uint8 if bits == 8 else np.uint16, bounded < MANY_ELECTRONS
     if np.count_nonzero(~few) < WORTH_A_CALL:
         collected = np.minimum(rng.poisson(bounded), full_well)
         amplified = collected + read_noise * rng.standard_normal(len(collected))
         grey = np.floor(amplified / per_dn + black_level + 0.5)
-        return np.clip(grey, 0.0, largest_dn(params)).astype(pixel)
+        return np.clip(grey, 0.0, 2.0**bits - 1.0).astype(pixel)
     collected, grey = np.empty(len(bounded)), np.empty(len(bounded), dtype=pixel)
     collected[few] = rng.poisson(bounded[few])
     _digitise_kernel(bounded, collected, rng, tuple(electronics), grey)
@@ -90,7 +90,7 @@ def digitise(params, gain_db, mean_electrons, rng):
 @kernel
 def _digitise_kernel(mean, collected, rng, electronics, grey):
     """Grey values; the charge of pixels with many electrons is drawn here, that of the others collected."""
-    bits, read_noise, full_well, per_dn, black_level = electronics
+    read_noise, full_well, per_dn, black_level, bits = electronics
     largest = 2.0**bits - 1.0
     for k in range(mean.size):
         electrons = collected[k]
@@ -102,24 +102,11 @@ def _digitise_kernel(mean, collected, rng, electronics, grey):
         grey[k] = int(min(max(value, 0.0), largest))
 
 
-def grey_distribution(params, gain_db, mean_electrons):
+def grey_distribution(electronics, mean_electrons):
     """P(grey value <= k) of a pixel with the given mean electrons: (2^bits,)."""
-    return _distribution(_electronics(params, gain_db), mean_electrons)
-
-
-def _electronics(params, gain_db):
-    """Electronics at an amplifier gain in dB."""
-    per_dn = electrons_per_dn(params, gain_db)
-    return Electronics(
-        params.bits, params.read_noise_electrons, params.full_well_electrons, per_dn, params.black_level_dn
-    )
-
-
-def _distribution(electronics, mean):
-    """P(grey value <= k): (2^bits,)."""
-    bits, *rest = electronics
+    *rest, bits = electronics
     cdf, certain = np.zeros(2**bits), np.zeros(2**bits)
-    _distribution_kernel(mean, *rest, cdf, certain)
+    _distribution_kernel(mean_electrons, *rest, cdf, certain)
     cdf += np.cumsum(certain)
     cdf[-1] = 1.0
     return np.minimum(np.maximum.accumulate(cdf), 1.0)  # against rounding
@@ -172,14 +159,10 @@ def _add_count(n, probability, read_noise, per_dn, black_level, cdf, certain):
         cdf[k] += probability * 0.5 * erfc(-deviation / sqrt(2.0))
 
 
-def background_cells(params, gain_db, mean_electrons):
-    """Cells of pixels with the given mean electrons; those asked for last are kept."""
-    return _background_cells(_electronics(params, gain_db), mean_electrons)
-
-
 @lru_cache(maxsize=4)
-def _background_cells(electronics, mean_electrons):
-    return cells(_distribution(electronics, mean_electrons))
+def background_cells(electronics, mean_electrons):
+    """Cells of pixels with the given mean electrons; those asked for last are kept."""
+    return cells(grey_distribution(electronics, mean_electrons))
 
 
 def cells(cdf):

@@ -87,20 +87,21 @@ def joined(hits):
     return Hits(np.concatenate([h.pixel for h in hits]), np.concatenate([h.electrons for h in hits]))
 
 
-def of_frame(params, rng):
-    """Draw the particles of one frame, anywhere on the detector. CameraParams, Generator -> Hits.
+def of_frame(settings, detector, rng):
+    """Draw the particles of one frame, anywhere on the detector. Artefacts, Detector, Generator -> Hits.
 
     Their numbers are Poisson distributed, charges and lengths spread evenly in the logarithm.
     """
-    if params.upsets_per_frame == 0.0 and params.trails_per_frame == 0.0:
+    if settings.upsets_per_frame == 0.0 and settings.trails_per_frame == 0.0:
         return NO_HITS
-    size, weight = np.array([params.width_px, params.height_px]), log(params.particle_electrons)
-    n = rng.poisson(params.upsets_per_frame)
+    size = np.array([detector.columns, detector.rows])
+    weight = log((settings.particle_weakest, settings.particle_strongest))
+    n = rng.poisson(settings.upsets_per_frame)
     places = rng.uniform(-0.5, size - 0.5, (n, 2))
     found = [upsets(*size, places, exp(rng.uniform(*weight, n)))]
-    for _ in range(rng.poisson(params.trails_per_frame)):
+    for _ in range(rng.poisson(settings.trails_per_frame)):
         start, angle = rng.uniform(-0.5, size - 0.5), rng.uniform(0.0, 2.0 * np.pi)
-        length_px = math.exp(rng.uniform(0.0, math.log(params.trail_longest_px)))
+        length_px = math.exp(rng.uniform(0.0, math.log(settings.trail_longest)))
         end = start + length_px * np.array([np.cos(angle), np.sin(angle)])
         found.append(trail(*size, start, end, math.exp(rng.uniform(*weight))))
     return joined(found)

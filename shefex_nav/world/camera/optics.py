@@ -14,17 +14,17 @@ from shefex_nav.geometry import pinhole, rotation, wgs84
 TWILIGHT = 0.02  # brightness of the limb at sunrise as a fraction of the one under a high Sun [E]
 
 
-def true_mounting(C_bc, sigma_rad, rng):
-    """q_bc with a small random rotation, C_bc exp(phi), phi ~ N(0, sigma^2) about each camera axis."""
-    phi = sigma_rad * rng.standard_normal(3)
-    return rotation.quat_multiply(rotation.quat_from_dcm(C_bc), rotation.quat_from_rotvec(phi))
+def true_mounting(mounting, rng):
+    """q_bc with a small random rotation, C_bc exp(phi), phi ~ N(0, error^2) about each camera axis."""
+    phi = mounting.error * rng.standard_normal(3)
+    return rotation.quat_multiply(rotation.quat_from_dcm(mounting.C_bc), rotation.quat_from_rotvec(phi))
 
 
-def true_pinhole(params, rng):
+def true_pinhole(optics, detector, rng):
     """Pinhole with random errors of focal length and principal point."""
-    focal_length = params.focal_length_m * (1.0 + params.sigma_focal_length * rng.standard_normal())
-    nominal = pinhole.pinhole(params.width_px, params.height_px, focal_length / params.pixel_m)
-    dx, dy = params.sigma_principal_point_px * rng.standard_normal(2)
+    focal_length = optics.focal_length * (1.0 + optics.focal_length_error * rng.standard_normal())
+    nominal = pinhole.pinhole(detector.columns, detector.rows, focal_length / detector.pixel_size)
+    dx, dy = optics.principal_point_error * rng.standard_normal(2)
     return nominal._replace(cx_px=nominal.cx_px + dx, cy_px=nominal.cy_px + dy)
 
 
@@ -46,13 +46,13 @@ def limb_sunlight(boresight_i, r_i, sun_u_i):
     return 0.5 * (sin_elevation + np.hypot(sin_elevation, 2.0 * TWILIGHT))
 
 
-def stray_light(angle, exclusion, baffle, params):
+def stray_light(angle, exclusion, baffle, settings):
     """Electrons per second and pixel from a source at `angle` [rad] from the boresight.
 
-    `params.stray_rate` at the exclusion angle; ten times more (less) for every `params.stray_decade_rad`
-    inside (outside) it; below the baffle's half angle the lens itself is lit: `params.direct_rate`.
+    `rate_at_exclusion` of the settings (StrayLight) at the exclusion angle; ten times more (less) for every
+    `tenfold_angle` inside (outside) it; below the baffle's half angle the lens itself is lit: `direct_rate`.
     """
     if angle <= baffle:
-        return params.direct_rate
-    decades = (exclusion - angle) / params.stray_decade_rad
-    return min(params.direct_rate, params.stray_rate * 10.0**decades)
+        return settings.direct_rate
+    decades = (exclusion - angle) / settings.tenfold_angle
+    return min(settings.direct_rate, settings.rate_at_exclusion * 10.0**decades)

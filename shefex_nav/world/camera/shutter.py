@@ -55,10 +55,10 @@ class Shutter:
             self.command = self.commands.pop(0)
         if self.command is None or n % self.every:
             return
-        params = self.camera.params
-        self.is_over = now_s + params.readout_s > self.last_s + SAME_S
-        frame_s = duration_s(row_times(self.command.exposure_s, params.line_s, params.height_px))
-        if now_s + frame_s + params.readout_s > self.last_s + SAME_S:
+        detector = self.camera.settings.detector
+        self.is_over = now_s + detector.readout > self.last_s + SAME_S
+        frame_s = duration_s(row_times(self.command.exposure_s, detector.line_s, detector.rows))
+        if now_s + frame_s + detector.readout > self.last_s + SAME_S:
             return
         if now_s + frame_s <= self.end_s:
             self.waiting.append(

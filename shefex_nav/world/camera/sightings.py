@@ -102,7 +102,7 @@ def sight(model, camera, film, scene, rng, limits):
     -------
     Sighting, brightest object first
     """
-    hole, most_dn = camera.pinhole, 2.0**camera.params.bits - 1.0
+    hole, most_dn = camera.pinhole, 2.0**camera.settings.detector.bits - 1.0
     mean_dn = min(film.mean_dn + model.mean_offset_dn, most_dn)
     if mean_dn >= limits.full_dn:
         return Sighting(NOTHING, np.zeros(0, dtype=np.int64), float(mean_dn))

@@ -107,19 +107,20 @@ def look(camera, command, trajectory, number, t_start_s):
     (hip (n,), xy_px (n, 2), electrons (n,)) of all sources on the detector, of any brightness, where their
     light falls in the mean
     """
-    params, exposure_s = camera.params, command.exposure_s
-    times = row_times(exposure_s, params.line_s, params.height_px)
+    settings, exposure_s = camera.settings, command.exposure_s
+    line_s = settings.detector.line_s
+    times = row_times(exposure_s, line_s, settings.detector.rows)
     t_valid_s, t_end_s = t_start_s + instant_after_s(times), t_start_s + duration_s(times)
     heaven = camera.sky, camera.planets, camera.bodies.earth_v_i, camera.bodies.sun_u_i
-    shot = t_valid_s, exposure_s, params.line_s == 0.0, camera.psf.width_px
+    shot = t_valid_s, exposure_s, line_s == 0.0, camera.psf.width_px
     (q_ic, rate, omega_c), aim, listed, scene = _look(
         camera.pinhole, motion.states(trajectory), camera.q_bc,
         motion.samples(trajectory.t_s, t_valid_s, times), camera.earth, heaven, shot,
     )  # fmt: skip
-    background = (params.background_rate + stray_rate(params, *aim)) * exposure_s
-    film = _film(params, command, omega_c, background, scene[2].sum())
-    frame = frame_of(params, command, number, (t_start_s, t_valid_s, t_end_s), NO_PICTURE)
-    truth = truth_of(frame, params, (q_ic, rate), aim[:2], *listed)
+    background = (settings.detector.background + stray_rate(settings.stray_light, *aim)) * exposure_s
+    film = _film(settings, command, omega_c, background, scene[2].sum())
+    frame = frame_of(settings.detector, command, number, (t_start_s, t_valid_s, t_end_s), NO_PICTURE)
+    truth = truth_of(frame, settings.stray_light, (q_ic, rate), aim[:2], *listed)
     return frame, truth, film, scene
 
 
@@ -186,14 +187,15 @@ def _bent(hole, path_ci, C_ci, xy_px):
     return out
 
 
-def _film(params, command, omega_c, background, starlight):
+def _film(settings, command, omega_c, background, starlight):
     """Exposure with a background in electrons a pixel, and the light of all stars."""
-    per_dn = params.electrons_per_dn / 10.0 ** (command.gain_db / 20.0)
-    spread = starlight / (params.width_px * params.height_px)
-    mean_dn = min(params.black_level_dn + (background + spread) / per_dn, 2.0**params.bits - 1.0)
+    detector = settings.detector
+    per_dn = detector.conversion / 10.0 ** (command.gain_db / 20.0)
+    spread = starlight / (detector.columns * detector.rows)
+    mean_dn = min(detector.black_level + (background + spread) / per_dn, 2.0**detector.bits - 1.0)
     return Exposure(
-        psf_sigma_px=params.sigma_psf_px,
-        noise_electrons=sqrt(params.read_noise_electrons**2 + background + per_dn**2 / 12.0),
+        psf_sigma_px=settings.optics.psf_sigma,
+        noise_electrons=sqrt(detector.read_noise**2 + background + per_dn**2 / 12.0),
         exposure_s=command.exposure_s,
         omega_c=omega_c,
         electrons_per_dn=per_dn,
