@@ -112,13 +112,12 @@ def _received(scenario, flight, earth, wrong, rng):
 
     wrong : of its faults; rng : by the name of a stream
     """
-    given, satellites = params_gps.gps_params(scenario), constellation(scenario)
-    said = gps.measure(
-        given, flight.trajectory, flight.events, earth, satellites, rng("gps"), rng("gps_errors")
-    )
-    fixes = gps.told(faults.gps(wrong, said.fixes), scenario.gps.fix)
+    receiver, start_s = params_gps.receiver(scenario), yuma.gps_seconds(scenario.mission.epoch)
+    rngs, satellites = (rng("gps"), rng("gps_errors")), constellation(scenario)
+    said = gps.measure(receiver, flight.trajectory, flight.events, earth, satellites, start_s, *rngs)
+    fixes = gps.told(faults.gps(wrong, said.fixes), receiver.fix)
     ranges = faults.gps_ranges(wrong, said.ranges, said.antenna)
-    return [gps.stamped(one, scenario.gps.clock_offset) for one in (fixes, ranges)]
+    return [gps.stamped(one, receiver.clock_offset) for one in (fixes, ranges)]
 
 
 def settled(scenario, flight=None):

@@ -27,12 +27,13 @@ _KEY = "setting"
 class Setting(NamedTuple):
     """How one value is written in a scenario."""
 
-    kind: str  # quantity, number, count, choice, switch, section
+    kind: str  # quantity, number, count, choice, switch, text, section
     help: str
     default: Any  # as people write it; REQUIRED: it must be given
     unit: str = ""  # SI, of a quantity
     example: str = ""
     limits: tuple = ()  # (name, value) of bounds and the like, as `scenario.quantity` takes them
+    key: str | None = None  # in the scenario, where the name of the attribute is a word of Python
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -63,7 +64,7 @@ def declared(cls):
     return {one.name: (types[one.name], one.metadata[_KEY]) for one in fields(cls)}
 
 
-def quantity(unit, example, help, default=REQUIRED, **limits):
+def quantity(unit, example, help, default=REQUIRED, *, key=None, **limits):
     """A value with a unit, or a tuple of such: a float in `unit`, which is SI; ValueError if it is not.
 
     limits : positive, non_negative, at_least, at_most (as written), words: ((word, value), ...) that may
@@ -72,7 +73,7 @@ def quantity(unit, example, help, default=REQUIRED, **limits):
     others = [word for word in re.findall(r"[A-Za-z%]+", unit) if word not in SI]
     if others:
         raise ValueError(f"unit '{unit}': '{others[0]}' is not SI; people may write it, programs count in SI")
-    return _field(Setting("quantity", help, default, unit, example, tuple(limits.items())))
+    return _field(Setting("quantity", help, default, unit, example, tuple(limits.items()), key))
 
 
 def number(example, help, default=REQUIRED, **limits):
@@ -95,8 +96,13 @@ def switch(help, default=REQUIRED):
     return _field(Setting("switch", help, default))
 
 
+def text(help, default=REQUIRED):
+    """Any text."""
+    return _field(Setting("text", help, default))
+
+
 def section(help="", default=REQUIRED):
-    """Settings of their own; {} as the default: theirs, None: left out if it is not given."""
+    """Settings of their own, or a tuple of such; {} as the default: theirs, None: left out if not given."""
     return _field(Setting("section", help, default))
 
 

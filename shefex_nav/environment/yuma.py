@@ -29,10 +29,10 @@ FIELDS = (  # attribute, name in the file, lowest and highest value allowed
     ("prn", "ID", 1, 63),
     ("health", "Health", 0, 255),
     ("eccentricity", "Eccentricity", 0.0, 0.5),
-    ("time_s", "Time of Applicability(s)", 0.0, WEEK_S),
+    ("time", "Time of Applicability(s)", 0.0, WEEK_S),
     ("inclination", "Orbital Inclination(rad)", 0.0, np.pi),
     ("node_rate", "Rate of Right Ascen(r/s)", -1e-6, 1e-6),
-    ("root_a", "SQRT(A) (m 1/2)", 2600.0, 7000.0),
+    ("root_semi_major_axis", "SQRT(A) (m 1/2)", 2600.0, 7000.0),
     ("node", "Right Ascen at Week(rad)", -7.0, 7.0),
     ("perigee", "Argument of Perigee(rad)", -7.0, 7.0),
     ("anomaly", "Mean Anom(rad)", -7.0, 7.0),
@@ -67,13 +67,13 @@ class Almanac(NamedTuple):
     prn: np.ndarray  # int
     health: np.ndarray  # int, 0 = good
     eccentricity: np.ndarray
-    time_s: np.ndarray  # s of the week, to which the elements belong
+    time: np.ndarray  # s of the week, to which the elements belong
     inclination: np.ndarray  # rad
     node_rate: np.ndarray  # rad/s, inertial
-    root_a: np.ndarray  # sqrt(m), of the semi-major axis
+    root_semi_major_axis: np.ndarray  # sqrt(m)
     node: np.ndarray  # rad, longitude of the ascending node at the beginning of the week
     perigee: np.ndarray  # rad
-    anomaly: np.ndarray  # rad, mean anomaly at time_s
+    anomaly: np.ndarray  # rad, mean anomaly at `time`
     week: np.ndarray  # int, as in the file
 
 
@@ -194,16 +194,16 @@ def full_week(week, gps_s):
 def age_s(almanac, epoch_utc):
     """How much later than the almanac's reference times an instant is, (n,) s; negative before them."""
     gps_s = gps_seconds(epoch_utc)
-    return gps_s - (full_week(almanac.week, gps_s) * WEEK_S + almanac.time_s)
+    return gps_s - (full_week(almanac.week, gps_s) * WEEK_S + almanac.time)
 
 
 def constellation(almanac, epoch_utc):
     """Constellation of the healthy satellites of an Almanac, t = 0 at a UTC instant."""
     elapsed_s = age_s(almanac, epoch_utc)
     node_rate = almanac.node_rate - OMEGA_GPS
-    a = almanac.root_a**2
+    a = almanac.root_semi_major_axis**2
     mean_motion = np.sqrt(GM_GPS / (a * a * a))
-    node = almanac.node + node_rate * elapsed_s - OMEGA_GPS * almanac.time_s
+    node = almanac.node + node_rate * elapsed_s - OMEGA_GPS * almanac.time
     latitude = almanac.perigee + almanac.anomaly + mean_motion * elapsed_s
     good = almanac.health == 0
     return Constellation(

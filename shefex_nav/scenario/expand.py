@@ -13,7 +13,7 @@ from shefex_nav.scenario import rasp, tables
 from shefex_nav.scenario.dispersions import ColumnOfFile
 from shefex_nav.scenario.document import BadText, Mark, dotted, parse
 from shefex_nav.scenario.files import Unreadable, read_text
-from shefex_nav.scenario.params_gps import ALMANAC_KEYS, ALMANAC_UNITS
+from shefex_nav.scenario.gps import ALMANAC_UNITS
 from shefex_nav.scenario.quantity import describe
 from shefex_nav.scenario.tables import BadTable, NoColumn
 
@@ -159,10 +159,9 @@ def _expand_almanac(tree, places, texts):
         return BadTable([(Mark(name, line, column), words) for line, column, words in error.errors]).errors
     texts[name] = text
     gps[ALMANAC], marks = {}, {(): here}
-    for key, field in ALMANAC_KEYS.items():
-        column = [satellite[field] for satellite in satellites]
-        unit = ALMANAC_UNITS.get(key)
-        whole = field in yuma.WHOLE
+    for key in yuma.Almanac._fields:
+        column = [satellite[key] for satellite in satellites]
+        unit, whole = ALMANAC_UNITS.get(key), key in yuma.WHOLE
         gps[ALMANAC][key] = [
             f"{item.text} {unit}" if unit else int(item.value) if whole else item.value for item in column
         ]

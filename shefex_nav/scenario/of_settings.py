@@ -10,7 +10,7 @@ from pydantic_core import PydanticUndefined
 
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.quantity import Count, Number, Quantity
-from shefex_nav.settings import REQUIRED, Settings, declared
+from shefex_nav.settings import REQUIRED, declared
 
 
 class Section(Block):
@@ -37,12 +37,13 @@ def __getattr__(name):
 def settings(cls, block):
     """Settings with the values of a section that has been read."""
     values = {}
-    for name, (annotation, _) in declared(cls).items():
+    for name, (annotation, setting) in declared(cls).items():
         value, kind = getattr(block, name), _without_none(annotation)
-        is_section = isinstance(kind, type) and issubclass(kind, Settings)
-        if isinstance(value, list):
-            value = tuple(value)
-        values[name] = settings(kind, value) if is_section and value is not None else value
+        if setting.kind == "section" and isinstance(value, list):
+            value = tuple(settings(get_args(kind)[0], one) for one in value)
+        elif setting.kind == "section" and value is not None:
+            value = settings(kind, value)
+        values[name] = tuple(value) if isinstance(value, list) else value
     return cls(**values)
 
 
@@ -51,10 +52,10 @@ def _field(annotation, setting):
     kind, given = _without_none(annotation), setting.default
     default = PydanticUndefined if given is REQUIRED else given
     if setting.kind == "section":
-        factory = section(kind) if given == {} else None
-        how = {"default_factory": factory} if factory else {"default": default, "validate_default": True}
-        return _optional(section(kind), annotation), Field(description=setting.help or None, **how)
-    if setting.kind in ("choice", "switch"):
+        own = _several(kind, "", lambda _: section(get_args(kind)[0] if get_args(kind) else kind))
+        how = {"default_factory": own} if given == {} else {"default": default, "validate_default": True}
+        return _optional(own, annotation), Field(description=setting.help or None, **how)
+    if setting.kind in ("choice", "switch", "text"):
         own = StrictBool if setting.kind == "switch" else kind
         return own, Field(default=default, description=setting.help or None)
     limits = dict(setting.limits)
@@ -66,7 +67,7 @@ def _field(annotation, setting):
         return (Number if setting.kind == "number" else Count)(example, setting.help, **limits)
 
     own = _several(kind, setting.example, one)
-    return _optional(own, annotation), Field(default=default, min_length=fewest)
+    return _optional(own, annotation), Field(default=default, min_length=fewest, alias=setting.key)
 
 
 def _several(kind, example, one):

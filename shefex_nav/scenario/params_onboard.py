@@ -8,10 +8,9 @@ otherwise.
 import numpy as np
 
 from shefex_nav.clock import IMU_HZ
-from shefex_nav.scenario import aboard, params_filter
+from shefex_nav.scenario import aboard, params_filter, params_gps
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.params import mounting
-from shefex_nav.scenario.params_gps import clock_densities
 from shefex_nav.scenario.told import as_told
 
 SLANT_IONOSPHERE = 6.0  # m [E], at mid elevation
@@ -177,7 +176,7 @@ def nav_params(scenario):
     navigation, sensors = scenario.navigation, scenario.navigation.sensors
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     integrity = params_filter.integrity_params(scenario, 1.0 / IMU_HZ, coarse_if_silent=False)
-    white, walk = clock_densities(scenario.gps.clock)
+    white, walk = params_gps.clock(scenario).densities
     return NavParams(
         imu=_imu_model(scenario),
         sigma_gyro_bias=_given(sensors.gyro_bias, float(np.hypot(gyro.bias, gyro.in_run_bias))),

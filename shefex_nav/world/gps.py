@@ -6,11 +6,11 @@ not lost in the spin (`gps_receiver`: nor limited, nor to be acquired again). Ra
 satellites go through the least-squares solution with a receiver clock, linear about the truth, so that their
 scatter has the covariance which the receiver reports::
 
-    R_r_e = A (sigma_range^2 I + Sigma) A^T,   A = (H^T H)^-1 H^T,   H = [-u_e^T, 1],   likewise R_v_e
+    R_r_e = A (range_noise^2 I + Sigma) A^T,   A = (H^T H)^-1 H^T,   H = [-u_e^T, 1],   likewise R_v_e
 
 (Groves, Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems, 2nd ed., section 9.4.3).
 Sigma are the variances of the errors that last (`gps_errors`); unless they are asked for, ionosphere,
-troposphere and orbits are in sigma_range, which is white in time. The pseudoranges and range rates
+troposphere and orbits are in range_noise, which is white in time. The pseudoranges and range rates
 (`gps_channels`) have the very same errors.
 """
 
@@ -26,37 +26,6 @@ from shefex_nav.records import GpsFix, GpsRanges
 from shefex_nav.world import gps_channels, gps_errors, gps_receiver
 
 MIN_SATELLITES = 4  # position and receiver clock
-
-
-class Outage(NamedTuple):
-    """No solution from an event on, for a time drawn between two limits."""
-
-    event: str  # name of the Event; if it does not happen there is no outage
-    shortest_s: float
-    longest_s: float
-
-
-class GpsParams(NamedTuple):
-    """Receiver, antenna and how the flight disturbs them."""
-
-    l_ba_b: np.ndarray  # (3,) m, IMU to antenna
-    latency_s: float  # from the instant measured to the fix in the on-board computer
-    sigma_range: float  # m, range to one satellite, all causes
-    sigma_range_rate: float  # m/s
-    elevation_mask: float  # rad; a signal below it must pass above lowest_height
-    lowest_height: float  # m above the ellipsoid, of the path of such a signal
-    blind_nose: float  # rad, half angle of the cone about the nose in which the antenna receives nothing
-    blind_tail: float  # rad, the same about the tail
-    max_pdop: float  # no solution above it
-    spin_threshold: float  # rad/s, roll rate from which reception suffers
-    spin_loss: float  # probability, per fix and satellite, that it is not tracked in the spin
-    spin_noise_factor: float  # on both sigmas in the spin
-    outages: tuple[Outage, ...]
-    errors: gps_errors.ErrorParams | None = None  # that last; None: all is in sigma_range
-    clock: gps_errors.ClockParams = gps_errors.ClockParams()
-    only: tuple[gps_receiver.Only, ...] = ()
-    reacquisition: gps_receiver.Reacquisition | None = None
-    rate: float = 1.0  # Hz, of the fixes; a divisor of 100
 
 
 class Antenna(NamedTuple):
@@ -88,16 +57,17 @@ class GpsData(NamedTuple):
     antenna: Antenna
 
 
-def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
+def measure(settings, trajectory, events, earth, constellation, gps_start_s, rng, rng_errors):
     """Fixes and ranges along a trajectory.
 
     Parameters
     ----------
-    params : GpsParams
+    settings : gps_settings.Gps
     trajectory : Trajectory
-    events : sequence of Event; those named by `params.outages` interrupt the solution
+    events : sequence of Event; those named by `settings.outages` interrupt the solution
     earth : EarthRotation
     constellation : environment.gnss.Constellation
+    gps_start_s : s, GPS time of mission time zero
     rng : Generator of noise, spin and outages; as many numbers are drawn whatever is visible, so each
         satellite keeps its errors
     rng_errors : Generator of errors that last, clock and reacquisition
@@ -106,33 +76,33 @@ def measure(params, trajectory, events, earth, constellation, rng, rng_errors):
     -------
     GpsData
     """
-    antenna = antenna_states(trajectory, earth, params.l_ba_b, params.rate)
+    antenna = antenna_states(trajectory, earth, settings.antenna.lever_arm, settings.rate)
     t_s, prn = antenna.t_s, gnss.numbers(constellation)
     u_e = gnss.lines_of_sight_e(antenna.r_ea_e, gnss.positions_e(constellation, t_s))
     white = rng.standard_normal((2, *u_e.shape[:2]))
     fortune = rng.random(u_e.shape[:2])
-    reasons = outage_reasons(params.outages, events, t_s, rng.random(len(params.outages)))
+    reasons = outage_reasons(settings.outages, events, t_s, rng.random(len(settings.outages)))
     fractions = rng_errors.random(u_e.shape[:2])
-    clock = gps_errors.clock(params.clock, t_s, rng_errors)
+    clock = gps_errors.clock(settings.clock, t_s, rng_errors)
 
-    spinning = np.abs(antenna.roll_rate) > params.spin_threshold
+    spinning = np.abs(antenna.roll_rate) > settings.spin.threshold
     lit = np.array([not reason for reason in reasons])[:, None]
-    present = visible(params, antenna, u_e)
-    if params.reacquisition is not None:
-        present = gps_receiver.reacquired(present & lit, t_s, params.reacquisition, fractions)
-    tracked = present & ~(spinning[:, None] & (fortune < params.spin_loss))
-    tracked = gps_receiver.limited(tracked, t_s, params.only, prn, u_e)
+    present = visible(settings, antenna, u_e)
+    if settings.reacquisition is not None:
+        present = gps_receiver.reacquired(present & lit, t_s, settings.reacquisition, fractions)
+    tracked = present & ~(spinning[:, None] & (fortune < settings.spin.loss))
+    tracked = gps_receiver.limited(tracked, t_s, settings.only, prn, u_e)
 
-    factor = np.where(spinning, params.spin_noise_factor, 1.0)
-    sigmas = np.stack([params.sigma_range * factor, params.sigma_range_rate * factor])
+    factor = np.where(spinning, settings.spin.noise_factor, 1.0)
+    sigmas = np.stack([settings.range_noise * factor, settings.range_rate_noise * factor])
     lasting = None
-    if params.errors is not None:
-        lasting = gps_errors.range_errors(params.errors, t_s, antenna.r_ea_e, u_e, rng_errors)
-    fixes = _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons)
+    if settings.errors:
+        lasting = gps_errors.range_errors(settings.errors, gps_start_s, t_s, antenna.r_ea_e, u_e, rng_errors)
+    fixes = _fixes(settings, antenna, u_e, tracked, white, sigmas, lasting, reasons)
     errors = sigmas[..., None] * white + (0.0 if lasting is None else lasting.error)
     geometry = gps_channels.geometry(constellation, t_s, antenna.r_ea_e, antenna.v_ea_e)
     reception = gps_channels.Reception(t_s, prn, tracked & lit, reasons)
-    ranges = gps_channels.ranges(geometry, clock, errors, sigmas, reception, params.latency_s)
+    ranges = gps_channels.ranges(geometry, clock, errors, sigmas, reception, settings.latency)
     return GpsData(fixes, ranges, antenna)
 
 
@@ -143,7 +113,7 @@ def stamped(messages, offset_s):
     return [message._replace(t_valid_s=message.t_valid_s + offset_s) for message in messages]
 
 
-def _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons):
+def _fixes(settings, antenna, u_e, tracked, white, sigmas, lasting, reasons):
     """GpsFix of every epoch: errors and covariance by least squares. -> list"""
     pdop, cofactor, per_sigma = solve(u_e, tracked, white)
     error, R = sigmas[..., None] * per_sigma, sigmas[..., None, None] ** 2 * cofactor
@@ -152,7 +122,7 @@ def _fixes(params, antenna, u_e, tracked, white, sigmas, lasting, reasons):
         R = R + spread(u_e, tracked, lasting.variance)
     r_ea_e, v_ea_e = antenna.r_ea_e + error[0], antenna.v_ea_e + error[1]
     return [
-        _fix(params, float(t), Solution(r, v, R_r, R_v, int(n), float(dop)), reason)
+        _fix(settings, float(t), Solution(r, v, R_r, R_v, int(n), float(dop)), reason)
         for t, r, v, R_r, R_v, n, dop, reason in zip(
             antenna.t_s, r_ea_e, v_ea_e, R[0], R[1], tracked.sum(axis=1), pdop, reasons, strict=True
         )
@@ -187,13 +157,14 @@ def antenna_states(trajectory, earth, l_ba_b, rate=1.0):
     return Antenna(seconds, r_ea_e, v_ea_e, nose_e, trajectory.omega_ib_b[samples, 0])
 
 
-def visible(params, antenna, u_e):
+def visible(settings, antenna, u_e):
     """Whether a satellite's signal passes the Earth and meets the antenna. (m, n, 3) -> (m, n) bool."""
-    clears_earth = (gnss.elevation(antenna.r_ea_e, u_e) >= params.elevation_mask) | (
-        gnss.lowest_height(antenna.r_ea_e, u_e) >= params.lowest_height
+    clears_earth = (gnss.elevation(antenna.r_ea_e, u_e) >= settings.elevation_mask) | (
+        gnss.lowest_height(antenna.r_ea_e, u_e) >= settings.lowest_ray_height
     )
     to_nose = arccos(np.clip(np.einsum("mnk,mk->mn", u_e, antenna.nose_e), -1.0, 1.0))
-    return clears_earth & (to_nose >= params.blind_nose) & (to_nose <= np.pi - params.blind_tail)
+    nose, tail = settings.antenna.blind_nose, np.pi - settings.antenna.blind_tail
+    return clears_earth & (to_nose >= nose) & (to_nose <= tail)
 
 
 def solve(u_e, tracked, errors):
@@ -267,7 +238,7 @@ def outage_reasons(outages, events, t_s, fractions):
     """
     reasons = [""] * len(t_s)
     for outage, fraction in zip(outages, fractions, strict=True):
-        duration_s = outage.shortest_s + fraction * (outage.longest_s - outage.shortest_s)
+        duration_s = outage.shortest + fraction * (outage.longest - outage.shortest)
         for event in events:
             if event.name == outage.event:
                 for k in np.flatnonzero((t_s >= event.t_s) & (t_s < event.t_s + duration_s)):
@@ -275,20 +246,20 @@ def outage_reasons(outages, events, t_s, fractions):
     return reasons
 
 
-def _fix(params, t_s, solution, reason):
+def _fix(settings, t_s, solution, reason):
     """GpsFix of a Solution, without it if there is a reason against it."""
     if reason:
         solution = solution._replace(n_satellites=0, pdop=np.nan)
     elif solution.n_satellites < MIN_SATELLITES:
         reason = f"{solution.n_satellites} satellites tracked"
-    elif solution.pdop > params.max_pdop:
+    elif solution.pdop > settings.max_pdop:
         reason = f"pdop {solution.pdop:.0f}"
     if reason:
         places, covariances = np.full((2, 3), np.nan), np.full((2, 3, 3), np.nan)
         solution = Solution(*places, *covariances, solution.n_satellites, solution.pdop)
     return GpsFix(
         t_valid_s=t_s,
-        t_available_s=t_s + params.latency_s,
+        t_available_s=t_s + settings.latency,
         valid=not reason,
         r_ea_e=solution.r_ea_e,
         v_ea_e=solution.v_ea_e,

@@ -25,29 +25,6 @@ from shefex_nav.world import noise
 COMMON_SHARE = 0.5  # [E] of the variance left by the ionosphere's model: an error of all satellites alike
 
 
-class ClockParams(NamedTuple):
-    """Oscillator of the receiver, times the speed of light."""
-
-    sigma_bias: float = 0.0  # m, at the start
-    sigma_drift: float = 0.0  # m/s, at the start
-    white: float = 0.0  # m^2/s, S_f
-    walk: float = 0.0  # m^2/s^3, S_g
-
-
-class ErrorParams(NamedTuple):
-    """Errors of ranges that last; all standard deviations."""
-
-    gps_start_s: float = 0.0  # GPS time of t = 0
-    satellite: float = 0.0  # m, clock and orbit of a satellite, constant
-    satellite_rate: float = 0.0  # m/s, by which that changes
-    alpha: tuple = (0.0, 0.0, 0.0, 0.0)  # of the broadcast ionosphere
-    beta: tuple = (0.0, 0.0, 0.0, 0.0)
-    ionosphere: float = 0.0  # share of the ionosphere's delay that is left
-    troposphere: float = 0.0  # share of the troposphere's
-    multipath: float = 0.0  # m, first-order Gauss-Markov
-    multipath_time_s: float = 1.0
-
-
 class RangeErrors(NamedTuple):
     """Errors of n satellites at m epochs, and their variance as a receiver would give it.
 
@@ -58,10 +35,20 @@ class RangeErrors(NamedTuple):
     variance: np.ndarray  # (2, m, n)
 
 
-def range_errors(params, t_s, r_ea_e, u_e, rng):
+def range_errors(settings, gps_start_s, t_s, r_ea_e, u_e, rng):
     """Errors that last, of every satellite at every epoch.
 
-    ErrorParams, (m,) s equally spaced, (m, 3) m antenna, (m, n, 3) lines of sight, Generator -> RangeErrors
+    Parameters
+    ----------
+    settings : gps_settings.RangeErrors
+    gps_start_s : s, GPS time of mission time zero
+    t_s : (m,) s, equally spaced
+    r_ea_e, u_e : (m, 3) m, antenna; (m, n, 3) lines of sight
+    rng : Generator
+
+    Returns
+    -------
+    RangeErrors
     """
     m, n = u_e.shape[:2]
     satellite = rng.standard_normal((2, n))
@@ -69,48 +56,49 @@ def range_errors(params, t_s, r_ea_e, u_e, rng):
     white = rng.standard_normal((m, n))
 
     elapsed_s = (t_s - t_s[0])[:, None]
-    drift = params.satellite_rate * satellite[1]
-    error = params.satellite * satellite[0] + drift * elapsed_s
+    drawn = settings.satellite
+    constant, change = (drawn.range, drawn.rate) if drawn else (0.0, 0.0)
+    drift = change * satellite[1]
+    error = constant * satellite[0] + drift * elapsed_s
     rate = np.broadcast_to(drift, (m, n)).copy()
-    variance = np.broadcast_to(params.satellite**2 + (params.satellite_rate * elapsed_s) ** 2, (m, n)).copy()
-    rate_variance = np.full((m, n), params.satellite_rate**2)
+    variance = np.broadcast_to(constant**2 + (change * elapsed_s) ** 2, (m, n)).copy()
+    rate_variance = np.full((m, n), change**2)
 
-    left = np.sqrt(COMMON_SHARE) * common + np.sqrt(1.0 - COMMON_SHARE) * own
-    for share, delay, factor, sign in (
-        (params.ionosphere, ionospheric_delay, left, -1.0),
-        (params.troposphere, tropospheric_delay, of_air, 1.0),
-    ):
-        if share > 0.0:
-            D = share * delay(params, t_s, r_ea_e, u_e)
-            D_rate = np.gradient(D, t_s, axis=0) if m > 1 else np.zeros_like(D)
-            error, rate = error + D * factor, rate + sign * D_rate * factor
-            variance, rate_variance = variance + D**2, rate_variance + D_rate**2
+    delays = []  # what is left of each, its factor, and its sign in the range rate
+    if settings.ionosphere:
+        left = np.sqrt(COMMON_SHARE) * common + np.sqrt(1.0 - COMMON_SHARE) * own
+        delay = ionospheric_delay(settings.ionosphere, gps_start_s + t_s, r_ea_e, u_e)
+        delays.append((settings.ionosphere.residual * delay, left, -1.0))
+    if settings.troposphere:
+        delay = settings.troposphere.residual * tropospheric_delay(r_ea_e, u_e)
+        delays.append((delay, of_air, 1.0))
+    for D, factor, sign in delays:
+        D_rate = np.gradient(D, t_s, axis=0) if m > 1 else np.zeros_like(D)
+        error, rate = error + D * factor, rate + sign * D_rate * factor
+        variance, rate_variance = variance + D**2, rate_variance + D_rate**2
 
-    if params.multipath > 0.0:
+    if settings.multipath:
         step_s = t_s[1] - t_s[0] if m > 1 else 1.0
-        correlation = math.exp(-step_s / params.multipath_time_s)
-        error = error + params.multipath * noise.gauss_markov(correlation, white)
-        variance = variance + params.multipath**2
+        correlation = math.exp(-step_s / settings.multipath.time)
+        error = error + settings.multipath.range * noise.gauss_markov(correlation, white)
+        variance = variance + settings.multipath.range**2
     return RangeErrors(np.stack([error, rate]), np.stack([variance, rate_variance]))
 
 
-def ionospheric_delay(params, t_s, r_ea_e, u_e):
-    """Delay of the code at L1 by the broadcast model, less what of the layer is below: (m, n) m."""
+def ionospheric_delay(settings, gps_s, r_ea_e, u_e):
+    """Delay of the code at L1 by the broadcast model, less what of the layer is below: (m, n) m.
+
+    settings : gps_settings.Ionosphere;  gps_s : (m,) s, GPS time;  r_ea_e, u_e : (m, 3) m, (m, n, 3)
+    """
     latitude, longitude, height = geodetic(r_ea_e)
     elevation, azimuth = gnss.elevation(r_ea_e, u_e), azimuths(latitude, longitude, u_e)
     ground = ionosphere.klobuchar(
-        params.alpha,
-        params.beta,
-        latitude,
-        longitude,
-        elevation,
-        azimuth,
-        params.gps_start_s + t_s[:, None],
+        settings.alpha, settings.beta, latitude, longitude, elevation, azimuth, gps_s[:, None]
     )
     return ground * ionosphere.slant_share(np.maximum(height, 0.0), elevation)
 
 
-def tropospheric_delay(params, t_s, r_ea_e, u_e):
+def tropospheric_delay(r_ea_e, u_e):
     """Delay in the air: (m, n) m. Rays that the Earth blocks have no meaning, but a bound."""
     _, _, height = geodetic(r_ea_e)
     lowest = np.maximum(gnss.lowest_height(r_ea_e, u_e), 0.0)
@@ -130,15 +118,15 @@ def azimuths(latitude, longitude, u_e):
     return arctan2(east, north)
 
 
-def clock(params, t_s, rng):
-    """Bias and drift of the receiver's clock. ClockParams, (m,) s, Generator -> (m,) m, (m,) m/s."""
+def clock(settings, t_s, rng):
+    """Bias and drift of the receiver's clock. gps_settings.Clock, (m,) s, Generator -> (m,) m, (m,) m/s."""
     start, white = rng.standard_normal(2), rng.standard_normal((len(t_s), 2))
     bias, drift = np.empty(len(t_s)), np.empty(len(t_s))
-    b, d = params.sigma_bias * start[0], params.sigma_drift * start[1]
+    b, d = np.array(settings.sigmas) * start
     for k in range(len(t_s)):
         if k:
             T = t_s[k] - t_s[k - 1]
-            w_b, w_d = factor(clock_noise(params.white, params.walk, T)) @ white[k]
+            w_b, w_d = factor(clock_noise(*settings.densities, T)) @ white[k]
             b, d = b + d * T + w_b, d + w_d
         bias[k], drift[k] = b, d
     return bias, drift

@@ -3,29 +3,11 @@
 A solution that freezes, and other faults: `world.faults`.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from shefex_nav.clock import SAME_S
 
 LONG = 0.9  # of the time that the best satellite is tracked, for one that counts as tracked long
-
-
-class Only(NamedTuple):
-    """No more than some satellites for a time."""
-
-    from_s: float
-    until_s: float
-    satellites: int  # far apart, of those that are tracked longest; prn decides where it is not empty
-    prn: tuple[int, ...] = ()
-
-
-class Reacquisition(NamedTuple):
-    """How long a signal must be there, after it was not, before it is tracked."""
-
-    shortest_s: float
-    longest_s: float
 
 
 def reacquired(present, t_s, reacquisition, fractions):
@@ -35,14 +17,14 @@ def reacquired(present, t_s, reacquisition, fractions):
     ----------
     present : (m, n) bool, signals that could be tracked
     t_s : (m,) s
-    reacquisition : Reacquisition
+    reacquisition : gps_settings.Reacquisition
     fractions : (m, n) in [0, 1), where the time lies that a signal coming back at an epoch needs
 
     Returns
     -------
     (m, n) bool; what is there at the first epoch is tracked at once
     """
-    wait_s = reacquisition.shortest_s + fractions * (reacquisition.longest_s - reacquisition.shortest_s)
+    wait_s = reacquisition.shortest + fractions * (reacquisition.longest - reacquisition.shortest)
     tracked = np.zeros_like(present)
     ready_s, before = np.full(present.shape[1], -np.inf), present[0]
     for k, now in enumerate(present):
@@ -54,7 +36,7 @@ def reacquired(present, t_s, reacquisition, fractions):
 
 
 def limited(tracked, t_s, limits, prn, u_e):
-    """The same without the satellites that `limits`, a sequence of Only, leave out.
+    """The same without the satellites that `limits`, a sequence of gps_settings.Only, leave out.
 
     tracked : (m, n) bool;  prn : (n,);  u_e : (m, n, 3) lines of sight -> (m, n) bool
     """
@@ -66,7 +48,7 @@ def limited(tracked, t_s, limits, prn, u_e):
         if limit.prn:
             kept = np.isin(prn, limit.prn)
         else:
-            kept = apart(tracked[during].sum(axis=0), limit.satellites, u_e[during].mean(axis=0))
+            kept = apart(tracked[during].sum(axis=0), limit.satellites or 0, u_e[during].mean(axis=0))
         tracked[during] &= kept
     return tracked
 
@@ -90,5 +72,5 @@ def apart(seconds, count, u_e):
 
 
 def _during(t_s, span):
-    """(m,) bool: epochs from from_s on and before until_s."""
-    return (t_s >= span.from_s - SAME_S) & (t_s < span.until_s - SAME_S)
+    """(m,) bool: epochs from start on and before end."""
+    return (t_s >= span.start - SAME_S) & (t_s < span.end - SAME_S)

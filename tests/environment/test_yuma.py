@@ -38,7 +38,7 @@ def test_reading_what_is_written():
     found = yuma.read(text(prn=7) + "\n" + text(health=63, e="0.2E-1"))
     assert found.prn.tolist() == [1, 7] and found.health.tolist() == [63, 0]
     np.testing.assert_array_equal(found.eccentricity, [0.02, 0.01102590561])
-    assert found.root_a[0] == 5153.642090 and found.node_rate[1] == -0.7737465154e-8
+    assert found.root_semi_major_axis[0] == 5153.642090 and found.node_rate[1] == -0.7737465154e-8
     assert found.week.tolist() == [669, 669]
     assert yuma.constellation(found, EPOCH).prn.tolist() == [7]  # the other one is not healthy
 
@@ -169,8 +169,8 @@ def test_nominal_slots_as_an_almanac_are_the_nominal_constellation():
     slots = yuma.almanac(
         {
             "prn": np.arange(1, 25), "health": np.zeros(24), "eccentricity": np.zeros(24),
-            "time_s": np.full(24, week_s), "inclination": np.full(24, gnss.INCLINATION),
-            "node_rate": np.full(24, gnss.NODE_RATE), "root_a": np.full(24, np.sqrt(26559.7e3)),
+            "time": np.full(24, week_s), "inclination": np.full(24, gnss.INCLINATION),
+            "node_rate": np.full(24, gnss.NODE_RATE), "root_semi_major_axis": np.full(24, np.sqrt(26559.7e3)),
             "node": nodes + yuma.OMEGA_GPS * week_s, "perigee": np.zeros(24),
             "anomaly": np.deg2rad(gnss.SLOTS_DEG.ravel()), "week": np.full(24, 703),
         }

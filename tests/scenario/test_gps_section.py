@@ -40,8 +40,8 @@ def scenario(folder, gps):
 
 def test_default_has_nominal_satellites_and_errors_that_do_not_last():
     default = load(DEFAULT)
-    params = params_gps.gps_params(default)
-    assert (params.errors, params.only, params.reacquisition) == (None, (), None)
+    receiver = params_gps.receiver(default)
+    assert (bool(receiver.errors), receiver.only, receiver.reacquisition) == (False, (), None)
     nominal = gnss.nominal_24("2012-06-22T19:18:00Z")
     np.testing.assert_array_equal(prepare.constellation(default).node, nominal.node)
     nav = params_onboard.nav_params(default)

@@ -44,7 +44,7 @@ def same(one, two):
 
 
 def of_world(scenario):
-    makers = (params_gps.gps_params, params.star_camera, params.flight_params)
+    makers = (params_gps.receiver, params.star_camera, params.flight_params)
     true = scenario.imu.model_dump(), scenario.pad_alignment.model_dump(), scenario.gps.clock_offset
     return (*(make(scenario) for make in makers), *true)
 

@@ -7,6 +7,7 @@ from range_solution import solved_position, solved_velocity
 from test_gps_ranges import PARAMS, measure
 
 from shefex_nav.geometry import wgs84
+from shefex_nav.settings import changed
 from shefex_nav.world import faults
 
 START_S, END_S = 35.0, 45.0  # of the fault; at least five satellites throughout
@@ -16,7 +17,7 @@ RATE_N = np.array([2.0, -1.0, 0.5])
 
 @pytest.fixture(scope="module")
 def data():
-    return measure(PARAMS._replace(spin_loss=0.0, outages=()), synthetic.fly())
+    return measure(changed(PARAMS, {"spin.loss": 0.0, "outages": ()}), synthetic.fly())
 
 
 def north_east_down(moved_e, r_e):

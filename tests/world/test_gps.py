@@ -1,5 +1,7 @@
 """GPS fixes: the antenna's true state, who is visible, consistency of noise and covariance, outages, spin."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import synthetic_trajectory as synthetic
@@ -8,25 +10,36 @@ from scipy import stats
 
 from shefex_nav.environment import gnss
 from shefex_nav.geometry import frames, rotation
-from shefex_nav.world import gps, imu, noise
+from shefex_nav.settings import changed
+from shefex_nav.world import gps, gps_settings, imu, noise
 
+GPS_START_S = 500_000.0
 CONSTELLATION = gnss.nominal_24("2012-06-22T19:18:00Z")
-PARAMS = gps.GpsParams(
-    l_ba_b=np.array([0.6, 0.05, -0.03]),
-    latency_s=0.2,
-    sigma_range=1.5,
-    sigma_range_rate=0.05,
+NO_ERRORS = gps_settings.RangeErrors(satellite=None, ionosphere=None, troposphere=None, multipath=None)
+PARAMS = gps_settings.Gps(
+    rate=1.0,
+    fix="full",
+    latency=0.2,
+    clock_offset=0.0,
+    range_noise=1.5,
+    range_rate_noise=0.05,
     elevation_mask=np.deg2rad(5.0),
-    lowest_height=50e3,
-    blind_nose=np.deg2rad(30.0),
-    blind_tail=np.deg2rad(30.0),
+    lowest_ray_height=50e3,
     max_pdop=10.0,
-    spin_threshold=np.deg2rad(90.0),
-    spin_loss=0.2,
-    spin_noise_factor=2.0,
-    outages=(gps.Outage("lift_off", 0.0, 2.0), gps.Outage("burn_out_1", 3.0, 20.0)),
+    antenna=gps_settings.Antenna(
+        lever_arm=(0.6, 0.05, -0.03), blind_nose=np.deg2rad(30.0), blind_tail=np.deg2rad(30.0)
+    ),
+    spin=gps_settings.Spin(threshold=np.deg2rad(90.0), loss=0.2, noise_factor=2.0),
+    outages=(
+        gps_settings.GpsOutage(event="lift_off", shortest=0.0, longest=2.0),
+        gps_settings.GpsOutage(event="burn_out_1", shortest=3.0, longest=20.0),
+    ),
+    clock=gps_settings.Clock(bias=0.0, drift=0.0, h_0=0.0, h_minus_2=0.0),
+    errors=NO_ERRORS,
+    only=(),
+    reacquisition=None,
 )
-CALM = PARAMS._replace(outages=(), spin_threshold=np.inf)
+CALM = changed(PARAMS, {"outages": (), "spin.threshold": np.inf})
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +49,7 @@ def flight():
 
 def received(params, flight, seed=1, events=synthetic.EVENTS):
     rngs = noise.generator(seed, "gps"), noise.generator(seed, "gps_errors")
-    return gps.measure(params, flight, events, synthetic.EARTH, CONSTELLATION, *rngs)
+    return gps.measure(params, flight, events, synthetic.EARTH, CONSTELLATION, GPS_START_S, *rngs)
 
 
 def measure(params, flight, seed=1, events=synthetic.EVENTS):
@@ -62,8 +75,8 @@ def test_a_start_between_seconds_keeps_to_whole_seconds():
 @pytest.mark.parametrize("rate", [4.0, 20.0])
 def test_a_faster_receiver_measures_in_between_too(flight, rate):
     """Every fix is of the truth at its instant; those of one receiver on whole seconds are as before."""
-    antenna = gps.antenna_states(flight, synthetic.EARTH, PARAMS.l_ba_b, rate)
-    slow = gps.antenna_states(flight, synthetic.EARTH, PARAMS.l_ba_b)
+    antenna = gps.antenna_states(flight, synthetic.EARTH, PARAMS.antenna.lever_arm, rate)
+    slow = gps.antenna_states(flight, synthetic.EARTH, PARAMS.antenna.lever_arm)
     assert len(antenna.t_s) == rate * (len(slow.t_s) - 1) + 1
     np.testing.assert_allclose(np.diff(antenna.t_s), 1.0 / rate, atol=1e-12)
     for name in ("r_ea_e", "v_ea_e", "t_s"):
@@ -71,7 +84,7 @@ def test_a_faster_receiver_measures_in_between_too(flight, rate):
     step = 0.5 / rate * (antenna.v_ea_e[1:] + antenna.v_ea_e[:-1])  # trapezoidal rule
     calm = antenna.t_s[1:] < -1.0  # at rest on the pad
     np.testing.assert_allclose(np.diff(antenna.r_ea_e, axis=0)[calm], step[calm], atol=1e-6)
-    fixes = measure(CALM._replace(rate=rate), flight)
+    fixes = measure(replace(CALM, rate=rate), flight)
     assert [fix.t_valid_s for fix in fixes] == antenna.t_s.tolist()
 
 
@@ -102,8 +115,8 @@ def test_antenna_velocity_is_the_derivative_of_its_position(flight):
 
 def test_errors_are_as_large_as_the_receiver_reports(flight):
     """40 runs with spin degradation, about 2000 fixes: chi-square at 99.9 % of position and of velocity."""
-    params = PARAMS._replace(outages=())
-    antenna = gps.antenna_states(flight, synthetic.EARTH, params.l_ba_b)
+    params = replace(PARAMS, outages=())
+    antenna = gps.antenna_states(flight, synthetic.EARTH, params.antenna.lever_arm)
     position, velocity, n = 0.0, 0.0, 0
     for seed in range(40):
         for k, fix in enumerate(measure(params, flight, seed)):
@@ -120,7 +133,7 @@ def test_errors_are_as_large_as_the_receiver_reports(flight):
 
 def test_position_and_velocity_errors_are_independent_of_each_other_and_in_time(flight):
     """Correlation of errors along z over 40 runs, of one fix and from second to second: 99.9 % bounds."""
-    antenna = gps.antenna_states(flight, synthetic.EARTH, CALM.l_ba_b)
+    antenna = gps.antenna_states(flight, synthetic.EARTH, CALM.antenna.lever_arm)
     runs = [measure(CALM, flight, seed) for seed in range(40)]
     dr = np.array([[fix.r_ea_e - r for fix, r in zip(run, antenna.r_ea_e, strict=True)] for run in runs])
     dv = np.array([[fix.v_ea_e - v for fix, v in zip(run, antenna.v_ea_e, strict=True)] for run in runs])
@@ -159,11 +172,11 @@ def test_fixes_at_all_heights(height):
 
 def test_satellites_below_the_horizon_count_in_space_only():
     """Omnidirectional antenna: the dip of 13 degrees at 177 km adds satellites; at 10 m the mask holds."""
-    omni = CALM._replace(blind_nose=0.0, blind_tail=0.0)
+    omni = changed(CALM, {"antenna.blind_nose": 0.0, "antenna.blind_tail": 0.0})
     seen = {}
     for height in (10.0, 177e3):
         flight = synthetic.fly(start_s=-1.0, end_s=0.0, start_height=height)
-        antenna = gps.antenna_states(flight, synthetic.EARTH, omni.l_ba_b)
+        antenna = gps.antenna_states(flight, synthetic.EARTH, omni.antenna.lever_arm)
         u_e = gnss.lines_of_sight_e(antenna.r_ea_e, gnss.positions_e(CONSTELLATION, antenna.t_s))
         seen[height] = np.rad2deg(gnss.elevation(antenna.r_ea_e, u_e)[gps.visible(omni, antenna, u_e)])
     assert seen[10.0].min() >= 5.0
@@ -176,8 +189,8 @@ def test_fixes_in_orbit():
     flight = synthetic.orbit(end_s=3.0)
     fixes = measure(CALM, flight, events=())
     assert all(fix.valid and 7 <= fix.n_satellites <= 17 and fix.pdop < 4.0 for fix in fixes)
-    omni = CALM._replace(blind_nose=0.0, blind_tail=0.0)
-    antenna = gps.antenna_states(flight, synthetic.EARTH, omni.l_ba_b)
+    omni = changed(CALM, {"antenna.blind_nose": 0.0, "antenna.blind_tail": 0.0})
+    antenna = gps.antenna_states(flight, synthetic.EARTH, omni.antenna.lever_arm)
     satellites_e = gnss.positions_e(CONSTELLATION, antenna.t_s)
     u_e = gnss.lines_of_sight_e(antenna.r_ea_e, satellites_e)
     seen = gps.visible(omni, antenna, u_e)
@@ -191,21 +204,28 @@ def test_fixes_in_orbit():
 
 
 def test_antenna_is_blind_about_nose_and_tail(flight):
-    antenna = gps.antenna_states(flight, synthetic.EARTH, CALM.l_ba_b)
+    antenna = gps.antenna_states(flight, synthetic.EARTH, CALM.antenna.lever_arm)
     rng = np.random.default_rng(6)
     u_e = rng.standard_normal((len(antenna.t_s), 200, 3))
     u_e /= np.linalg.norm(u_e, axis=-1, keepdims=True)
-    params = CALM._replace(blind_nose=np.deg2rad(30.0), blind_tail=np.deg2rad(50.0), elevation_mask=-np.pi)
+    params = changed(
+        CALM,
+        {
+            "antenna.blind_nose": np.deg2rad(30.0),
+            "antenna.blind_tail": np.deg2rad(50.0),
+            "elevation_mask": -np.pi,
+        },
+    )
     cosine = np.einsum("mnk,mk->mn", u_e, antenna.nose_e)
     expected = (cosine < np.cos(np.deg2rad(30.0))) & (cosine > -np.cos(np.deg2rad(50.0)))
     np.testing.assert_array_equal(gps.visible(params, antenna, u_e), expected)
 
 
 def test_too_few_satellites_or_poor_geometry_give_no_fix_but_a_reason(flight):
-    fixes = measure(CALM._replace(blind_nose=np.deg2rad(85.0)), flight)
+    fixes = measure(changed(CALM, {"antenna.blind_nose": np.deg2rad(85.0)}), flight)
     assert all(not fix.valid and fix.reason == f"{fix.n_satellites} satellites tracked" for fix in fixes)
     assert all(np.isnan([*fix.r_ea_e, *fix.v_ea_e, fix.R_r_e[0, 0], fix.pdop]).all() for fix in fixes)
-    fixes = measure(CALM._replace(max_pdop=0.5), flight)
+    fixes = measure(replace(CALM, max_pdop=0.5), flight)
     assert all(not fix.valid and fix.reason.startswith("pdop") for fix in fixes)
     assert all(np.isnan(fix.r_ea_e).all() and fix.pdop > 0.5 for fix in fixes)
 
@@ -228,13 +248,13 @@ def test_outages_begin_with_their_event_and_last_as_drawn(flight):
 
 
 def test_no_event_no_outage(flight):
-    assert all(fix.valid for fix in measure(CALM._replace(outages=PARAMS.outages), flight, events=()))
+    assert all(fix.valid for fix in measure(replace(CALM, outages=PARAMS.outages), flight, events=()))
 
 
 def test_spin_costs_satellites_and_accuracy(flight):
     """One in five satellites goes missing (binomial, 99.9 %) and sigmas double; nothing before the spin."""
-    spin = CALM._replace(spin_threshold=PARAMS.spin_threshold)
-    noisy = spin._replace(spin_loss=0.0)
+    spin = changed(CALM, {"spin.threshold": PARAMS.spin.threshold})
+    noisy = changed(spin, {"spin.loss": 0.0})
     tracked = kept = 0
     for seed in range(20):
         for calm, lossy, coarse in zip(
@@ -243,7 +263,7 @@ def test_spin_costs_satellites_and_accuracy(flight):
             measure(noisy, flight, seed),
             strict=True,
         ):
-            spinning = synthetic.SPIN * np.clip(calm.t_valid_s, 0.0, 20.0) / 20.0 > spin.spin_threshold
+            spinning = synthetic.SPIN * np.clip(calm.t_valid_s, 0.0, 20.0) / 20.0 > spin.spin.threshold
             if spinning:
                 tracked += calm.n_satellites
                 kept += lossy.n_satellites
@@ -258,7 +278,7 @@ def test_spin_costs_satellites_and_accuracy(flight):
 def test_reproducible_and_parameters_disturb_only_what_they_mean(flight):
     fixes = numbers(measure(PARAMS, flight))
     np.testing.assert_array_equal(fixes, numbers(measure(PARAMS, flight)))
-    quiet = measure(PARAMS._replace(outages=()), flight)
+    quiet = measure(replace(PARAMS, outages=()), flight)
     valid = fixes[:, 1] == 1.0
     np.testing.assert_array_equal(fixes[valid], numbers(quiet)[valid])
 
@@ -267,7 +287,7 @@ def test_gps_parameters_leave_the_imu_alone(flight):
     """The sensors draw from streams of their own, in whatever order and from whatever parameters."""
     params = imu_with(PERFECT, gyro_random_walk=1e-5, gyro_range=9.0, accel_range=1e3)
     alone = imu.measure(params, flight, noise.generator(1, "imu"))
-    for gps_params in (PARAMS, CALM._replace(sigma_range=10.0)):
+    for gps_params in (PARAMS, replace(CALM, range_noise=10.0)):
         measure(gps_params, flight, seed=1)
         assert (
             imu.measure(params, flight, noise.generator(1, "imu")).dtheta_b.tobytes()

@@ -1,5 +1,7 @@
 """Ranges of the channels: light time, clock, errors that last, and that the fixes are made of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import synthetic_trajectory as synthetic
@@ -9,29 +11,53 @@ from scipy import stats
 from shefex_nav.environment import gnss
 from shefex_nav.environment.constants import SPEED_OF_LIGHT
 from shefex_nav.geometry import frames, wgs84
-from shefex_nav.world import gps, gps_channels, gps_errors, gps_receiver, noise
+from shefex_nav.settings import changed
+from shefex_nav.world import gps, gps_channels, gps_errors, gps_receiver, gps_settings, noise
 
+GPS_START_S = 500_000.0
 CONSTELLATION = gnss.nominal_24("2012-06-22T19:18:00Z")
-PARAMS = gps.GpsParams(
-    l_ba_b=np.array([0.6, 0.05, -0.03]),
-    latency_s=0.2,
-    sigma_range=1.5,
-    sigma_range_rate=0.05,
+C = SPEED_OF_LIGHT
+
+
+def oscillator(sigma_bias=0.0, sigma_drift=0.0, white=0.0, walk=0.0):
+    """Clock of sigmas at the start in m, m/s, and densities in m^2/s, m^2/s^3."""
+    return gps_settings.Clock(
+        bias=sigma_bias / C,
+        drift=sigma_drift / C,
+        h_0=2.0 * white / C**2,
+        h_minus_2=walk / (2.0 * np.pi**2 * C**2),
+    )
+
+
+NO_ERRORS = gps_settings.RangeErrors(satellite=None, ionosphere=None, troposphere=None, multipath=None)
+CLOCK = oscillator(300.0, 30.0, 0.009, 0.036)
+PARAMS = gps_settings.Gps(
+    rate=1.0,
+    fix="full",
+    latency=0.2,
+    clock_offset=0.0,
+    range_noise=1.5,
+    range_rate_noise=0.05,
     elevation_mask=np.deg2rad(5.0),
-    lowest_height=50e3,
-    blind_nose=0.0,
-    blind_tail=0.0,
+    lowest_ray_height=50e3,
     max_pdop=10.0,
-    spin_threshold=np.deg2rad(90.0),
-    spin_loss=0.2,
-    spin_noise_factor=2.0,
-    outages=(gps.Outage("burn_out_1", 6.0, 6.0),),
-    clock=gps_errors.ClockParams(300.0, 30.0, 0.009, 0.036),
+    antenna=gps_settings.Antenna(lever_arm=(0.6, 0.05, -0.03), blind_nose=0.0, blind_tail=0.0),
+    spin=gps_settings.Spin(threshold=np.deg2rad(90.0), loss=0.2, noise_factor=2.0),
+    outages=(gps_settings.GpsOutage(event="burn_out_1", shortest=6.0, longest=6.0),),
+    clock=CLOCK,
+    errors=NO_ERRORS,
+    only=(),
+    reacquisition=None,
 )
-ERRORS = gps_errors.ErrorParams(
-    gps_start_s=500_000.0, satellite=0.8, satellite_rate=2e-3, alpha=(1.2e-8, 1.5e-8, -6e-8, -1.2e-7),
-    beta=(9e4, 1.0e5, -6.6e4, -5.2e5), ionosphere=0.3, troposphere=0.05, multipath=0.5, multipath_time_s=30.0,
-)  # fmt: skip
+ERRORS = gps_settings.RangeErrors(
+    satellite=gps_settings.SatelliteErrors(range=0.8, rate=2e-3),
+    ionosphere=gps_settings.Ionosphere(
+        alpha=(1.2e-8, 1.5e-8, -6e-8, -1.2e-7), beta=(9e4, 1.0e5, -6.6e4, -5.2e5), residual=0.3
+    ),
+    troposphere=gps_settings.Troposphere(residual=0.05),
+    multipath=gps_settings.Multipath(range=0.5, time=30.0),
+)
+IONOSPHERE = replace(NO_ERRORS, ionosphere=ERRORS.ionosphere)
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +65,14 @@ def flight():
     return synthetic.fly()
 
 
+def limited(settings, start, end, satellites, prn=None):
+    only = gps_settings.Only(start=start, end=end, satellites=satellites, prn=prn)
+    return replace(settings, only=(only,))
+
+
 def measure(params, flight, seed=1):
     rngs = noise.generator(seed, "gps"), noise.generator(seed, "gps_errors")
-    return gps.measure(params, flight, synthetic.EVENTS, synthetic.EARTH, CONSTELLATION, *rngs)
+    return gps.measure(params, flight, synthetic.EVENTS, synthetic.EARTH, CONSTELLATION, GPS_START_S, *rngs)
 
 
 def test_light_time_in_inertial_axes():
@@ -84,8 +115,8 @@ def test_fixes_are_the_solution_of_the_ranges(flight, errors):
     The velocity is solved at the true place: lines of sight from one that is wrong by metres turn a
     satellite's 4 km/s into millimetres per second.
     """
-    antenna = gps.antenna_states(flight, synthetic.EARTH, PARAMS.l_ba_b)
-    data = measure(PARAMS._replace(errors=errors), flight)
+    antenna = gps.antenna_states(flight, synthetic.EARTH, PARAMS.antenna.lever_arm)
+    data = measure(replace(PARAMS, errors=errors or NO_ERRORS), flight)
     solved = 0
     for k, (fix, ranges) in enumerate(zip(data.fixes, data.ranges, strict=True)):
         assert (fix.t_valid_s, fix.t_available_s) == (ranges.t_valid_s, ranges.t_available_s)
@@ -102,19 +133,19 @@ def test_fixes_are_the_solution_of_the_ranges(flight, errors):
 
 
 def test_clock_and_lasting_errors_leave_the_white_ones_alone(flight):
-    plain, full = measure(PARAMS, flight), measure(PARAMS._replace(errors=ERRORS), flight)
+    plain, full = measure(PARAMS, flight), measure(replace(PARAMS, errors=ERRORS), flight)
     for a, b in zip(plain.ranges, full.ranges, strict=True):
         np.testing.assert_array_equal(a.prn, b.prn)
         np.testing.assert_array_equal(a.r_es_e, b.r_es_e)
         assert np.all(np.abs(a.pseudorange - b.pseudorange) < 15.0)
-    perfect = PARAMS._replace(clock=gps_errors.ClockParams())
+    perfect = replace(PARAMS, clock=oscillator())
     for a, b in zip(plain.fixes, measure(perfect, flight).fixes, strict=True):
         np.testing.assert_array_equal(a.r_ea_e, b.r_ea_e)  # the fix solves for the clock
 
 
 def test_clock_grows_as_its_densities_say():
     """600 clocks over 50 s: variances of bias and drift, chi-square at 99.9 %, and their correlation."""
-    params = gps_errors.ClockParams(0.0, 0.0, 0.009, 0.036)
+    params = oscillator(0.0, 0.0, 0.009, 0.036)
     rng, t_s = np.random.default_rng(3), np.arange(0.0, 51.0)
     runs = np.array([[c[-1] for c in gps_errors.clock(params, t_s, rng)] for _ in range(600)])
     T = 50.0
@@ -124,7 +155,7 @@ def test_clock_grows_as_its_densities_say():
         assert low < np.sum(runs[:, k] ** 2) / expected[k] < high
     tie = 0.036 * T**2 / 2.0 / np.sqrt(expected.prod())
     assert np.corrcoef(runs.T)[0, 1] == pytest.approx(tie, abs=0.03)
-    steps = gps_errors.clock(gps_errors.ClockParams(0.0, 7.0, 0.0, 0.0), t_s, rng)
+    steps = gps_errors.clock(oscillator(0.0, 7.0, 0.0, 0.0), t_s, rng)
     np.testing.assert_allclose(steps[0], steps[1][0] * t_s)
 
 
@@ -133,7 +164,7 @@ def of_satellites(params, seed=1, height=0.0, seconds=300):
     t_s = np.arange(float(seconds))
     r_e = np.tile(wgs84.ecef_from_geodetic(np.deg2rad(69.3), np.deg2rad(16.0), height), (seconds, 1))
     u_e = gnss.lines_of_sight_e(r_e, gnss.positions_e(CONSTELLATION, t_s))
-    errors = gps_errors.range_errors(params, t_s, r_e, u_e, np.random.default_rng(seed))
+    errors = gps_errors.range_errors(params, GPS_START_S, t_s, r_e, u_e, np.random.default_rng(seed))
     return errors, gnss.elevation(r_e, u_e)
 
 
@@ -150,37 +181,37 @@ def test_lasting_errors_have_the_variance_that_is_reported():
 
 
 def test_multipath_forgets_in_its_time_and_the_satellites_do_not():
-    only = gps_errors.ErrorParams(multipath=0.5, multipath_time_s=30.0)
+    only = replace(NO_ERRORS, multipath=ERRORS.multipath)
     e = np.concatenate([of_satellites(only, seed)[0].error[0].T for seed in range(20)])  # (480, 300)
     for lag in (1, 30):
         got = np.mean(e[:, lag:] * e[:, :-lag]) / np.mean(e**2)
         assert got == pytest.approx(np.exp(-lag / 30.0), abs=0.03)
     assert np.std(e) == pytest.approx(0.5, rel=0.05)
-    slow, _ = of_satellites(gps_errors.ErrorParams(satellite=1.0, satellite_rate=1e-2), 2)
+    slow, _ = of_satellites(
+        replace(NO_ERRORS, satellite=gps_settings.SatelliteErrors(range=1.0, rate=1e-2)), 2
+    )
     np.testing.assert_allclose(np.diff(slow.error[0], axis=0), slow.error[1][1:], atol=1e-12)
 
 
 def test_air_is_felt_on_the_ground_and_not_in_space():
-    air = gps_errors.ErrorParams(troposphere=1.0)
-    ions = ERRORS._replace(satellite=0.0, satellite_rate=0.0, troposphere=0.0, multipath=0.0)
-    for params, ground in ((air, (2.0, 25.0)), (ions, (0.3, 12.0))):
+    air = replace(NO_ERRORS, troposphere=gps_settings.Troposphere(residual=1.0))
+    for params, ground in ((air, (2.0, 25.0)), (IONOSPHERE, (0.3, 12.0))):
         low, elevation = of_satellites(params)
         up = elevation[0] > 0.1
         sigma = np.sqrt(low.variance[0, 0, up])
         assert ground[0] < sigma.min() and sigma.max() < ground[1]
     high, elevation = of_satellites(air, height=177e3)
     assert np.abs(high.error[0, 0, elevation[0] > 0.05]).max() < 1e-6
-    inside, elevation = of_satellites(ions, height=177e3)
-    above, _ = of_satellites(ions, height=1500e3)
+    inside, elevation = of_satellites(IONOSPHERE, height=177e3)
+    above, _ = of_satellites(IONOSPHERE, height=1500e3)
     up = elevation[0] > 0.3
-    ratio = np.sqrt(inside.variance[0, 0, up] / of_satellites(ions)[0].variance[0, 0, up])
+    ratio = np.sqrt(inside.variance[0, 0, up] / of_satellites(IONOSPHERE)[0].variance[0, 0, up])
     assert np.all((ratio > 0.9) & (ratio < 1.15))  # the F layer is still overhead
     assert np.sqrt(above.variance[0, 0, up]).max() < 0.02
 
 
 def test_code_and_carrier_feel_the_ionosphere_with_opposite_signs():
-    ions = ERRORS._replace(satellite=0.0, satellite_rate=0.0, troposphere=0.0, multipath=0.0)
-    errors, elevation = of_satellites(ions)
+    errors, elevation = of_satellites(IONOSPHERE)
     up = elevation[0] > 0.1
     np.testing.assert_allclose(
         np.diff(errors.error[0], axis=0)[100, up], -errors.error[1][100, up], rtol=0.05, atol=1e-6
@@ -188,34 +219,36 @@ def test_code_and_carrier_feel_the_ionosphere_with_opposite_signs():
 
 
 def test_limits_name_or_count_satellites(flight):
-    calm = PARAMS._replace(outages=(), spin_threshold=np.inf)
+    calm = changed(PARAMS, {"outages": (), "spin.threshold": np.inf})
     whole = measure(calm, flight).ranges
     seen = set(whole[20].prn.tolist())
-    two = measure(calm._replace(only=(gps_receiver.Only(5.0, 20.0, 2),)), flight)
+    two = measure(limited(calm, 5.0, 20.0, 2), flight)
     for k, ranges in enumerate(two.ranges):
         during = 5.0 <= ranges.t_valid_s < 20.0
         assert len(ranges.prn) == (2 if during else len(whole[k].prn))
         assert two.fixes[k].valid != during
     chosen = next(r for r in two.ranges if r.t_valid_s == 10.0)
     everything = next(r for r in whole if r.t_valid_s == 10.0)
-    u = everything.r_es_e - gps.antenna_states(flight, synthetic.EARTH, calm.l_ba_b).r_ea_e[20]
+    u = everything.r_es_e - gps.antenna_states(flight, synthetic.EARTH, calm.antenna.lever_arm).r_ea_e[20]
     u /= np.linalg.norm(u, axis=1)[:, None]
     pair = u[np.isin(everything.prn, chosen.prn)]
     others = np.sort((u @ u.T)[np.triu_indices(len(u), 1)])
     assert pair[0] @ pair[1] <= np.median(others)  # far apart
     named = tuple(sorted(seen))[1:4]
-    some = measure(calm._replace(only=(gps_receiver.Only(5.0, 20.0, 0, named),)), flight).ranges
+    some = measure(limited(calm, 5.0, 20.0, None, named), flight).ranges
     assert all(tuple(r.prn) == named for r in some if 5.0 <= r.t_valid_s < 20.0)
-    none = measure(calm._replace(only=(gps_receiver.Only(5.0, 20.0, 0),)), flight)
+    none = measure(limited(calm, 5.0, 20.0, 0), flight)
     assert all(r.reason == "0 satellites tracked" for r in none.ranges if 5.0 <= r.t_valid_s < 20.0)
     assert all(f.reason == "0 satellites tracked" for f in none.fixes if 5.0 <= f.t_valid_s < 20.0)
 
 
 def test_reacquisition_takes_its_time_for_each_satellite(flight):
     """After the outage from 20 s to 26 s the satellites come back one by one, 2 s to 9 s later."""
-    calm = PARAMS._replace(spin_threshold=np.inf)
+    calm = changed(PARAMS, {"spin.threshold": np.inf})
     at_once = measure(calm, flight).ranges
-    slow = measure(calm._replace(reacquisition=gps_receiver.Reacquisition(2.0, 9.0)), flight).ranges
+    slow = measure(
+        replace(calm, reacquisition=gps_settings.Reacquisition(shortest=2.0, longest=9.0)), flight
+    ).ranges
     numbers = {r.t_valid_s: len(r.prn) for r in slow}
     before, after = numbers[19.0], numbers[36.0]
     assert [numbers[t] for t in (20.0, 25.0, 26.0, 27.0)] == [0, 0, 0, 0]
@@ -226,14 +259,16 @@ def test_reacquisition_takes_its_time_for_each_satellite(flight):
             assert len(set(a.prn) - set(b.prn)) <= 2  # those that have just risen
     flags = np.array([[True, False, True, True, True, True]]).T
     t_s = np.arange(6.0)
-    got = gps_receiver.reacquired(flags, t_s, gps_receiver.Reacquisition(2.0, 2.0), np.zeros((6, 1)))
+    got = gps_receiver.reacquired(
+        flags, t_s, gps_settings.Reacquisition(shortest=2.0, longest=2.0), np.zeros((6, 1))
+    )
     assert got[:, 0].tolist() == [True, False, False, False, True, True]
 
 
 @pytest.mark.parametrize("span", [(900.0, 950.0), (-50.0, -20.0), (5.2, 5.8)])
 def test_limits_without_an_epoch_inside_change_nothing(flight, span):
     """Before the flight, after it, and between two fixes; NumPy warns of means of nothing."""
-    calm = PARAMS._replace(outages=(), spin_threshold=np.inf)
+    calm = changed(PARAMS, {"outages": (), "spin.threshold": np.inf})
     whole = measure(calm, flight).ranges
-    limited = measure(calm._replace(only=(gps_receiver.Only(*span, 2),)), flight).ranges
-    assert [r.prn.tolist() for r in limited] == [r.prn.tolist() for r in whole]
+    fewer = measure(limited(calm, *span, 2), flight).ranges
+    assert [r.prn.tolist() for r in fewer] == [r.prn.tolist() for r in whole]
