@@ -10,15 +10,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from shefex_nav.instruments import instrument
-from shefex_nav.instruments.instrument import (
-    Column,
-    DataColumn,
-    Instrument,
-    Plot,
-    Release,
-    Sampled,
-    StateBlock,
-)
+from shefex_nav.instruments.instrument import Column, DataColumn, Plot, StateBlock
 from shefex_nav.onboard.navigation.aid import Aid, Block, Renewal
 from shefex_nav.settings import Settings, number, quantity, section, switch
 
@@ -50,7 +42,7 @@ class Day(Settings):
     )
 
 
-class Barometer(Sampled):
+class Barometer(instrument.Sampled):
     """Barometer on board: static pressure."""
 
     bias: float = quantity("Pa", "100 Pa", "of the sensor, 1 sigma", non_negative=True)
@@ -88,7 +80,7 @@ class BarometerUse(Settings):
         "s", "20 s", "for how long errors of the port keep their sign", "20 s", positive=True
     )
     lag_error: float = quantity("", "20 %", "of the lag, 1 sigma", "20 %", non_negative=True, at_most="100 %")
-    release: Release = section(
+    release: instrument.Release = section(
         "when readings that contradict the filter are a new bias", {"rejections": 50, "duration": "5 s"}
     )
 
@@ -116,22 +108,9 @@ def aid(settings, use, known):
     """Aid of a filter. Barometer, BarometerUse, Known"""
     from shefex_nav.onboard.navigation import measure_barometer
 
-    port, day, release = settings.port, settings.day, use.release
-    layers = measure_barometer.of_layers(day.temperature, day.depth)
-    model = measure_barometer.Model(
-        noise=float(np.hypot(settings.noise, settings.quantum / np.sqrt(12.0))),
-        lag=settings.lag,
-        lag_error=use.lag_error,
-        port_mach=np.zeros(1) if port is None else np.array(port.mach),
-        port_coefficient=np.zeros(1) if port is None else np.array(port.coefficient),
-        port_error=0.0 if port is None else port.error,
-        flow_error=use.flow_error,
-        flow_memory=use.flow_memory,
-        day=(day.temperature, day.depth),
-        P_scale=layers,
-        up_to=use.up_to,
-        unused_mach=use.unused_mach,
-    )
+    day, release = settings.day, use.release
+    layers = measure_barometer.of_layers(day)
+    model = measure_barometer.Model(settings, use, layers)
     metres = day.pressure / measure_barometer.SURFACE_WEIGHT
     bias = np.diag([np.hypot(settings.bias, settings.drift) ** 2, metres**2])
     walk = np.array([settings.drift * np.sqrt(2.0 / settings.drift_time), 0.0])  # as which a drift starts out
@@ -191,7 +170,7 @@ def _positive(pressure):
 
 
 STATIC = "a static pressure is greater than zero"
-BAROMETER = Instrument(
+BAROMETER = instrument.Instrument(
     name="barometer",
     settings=Barometer,
     record=BarometerReading,

@@ -23,15 +23,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 
 from shefex_nav.instruments import instrument
-from shefex_nav.instruments.instrument import (
-    Column,
-    DataColumn,
-    Instrument,
-    Plot,
-    Release,
-    Sampled,
-    StateBlock,
-)
+from shefex_nav.instruments.instrument import Column, DataColumn, Plot, StateBlock
 from shefex_nav.onboard.navigation.aid import Aid, Block, Renewal, Seen
 from shefex_nav.settings import Settings, choice, quantity, section, switch
 
@@ -39,7 +31,7 @@ ANOMALY_LENGTH = 50e3  # m [E], along the path, over which the field of the crus
 NO_HEADING = 10.0  # [E] sigmas of the model by which the horizontal field must exceed it for a heading
 
 
-class Magnetometer(Sampled):
+class Magnetometer(instrument.Sampled):
     """Magnetometer on board: the Earth's field along the three body axes."""
 
     hard_iron: float = quantity(
@@ -67,7 +59,7 @@ class MagnetometerUse(Settings):
     memory: float = quantity(
         "s", "100 s", "for how long soft iron and errors of the model keep their sign", "100 s", positive=True
     )
-    release: Release = section(
+    release: instrument.Release = section(
         "when readings that contradict the filter are a new hard iron",
         {"rejections": 50, "duration": "5 s"},
     )
@@ -143,31 +135,21 @@ def _true_field(truth, k, drive):
 
 
 class Model(NamedTuple):
-    """What the filter assumes; sigmas are standard deviations."""
+    """What the filter assumes."""
 
+    settings: Magnetometer
+    use: MagnetometerUse
     harmonics: tuple  # of `magnetic_field.load`
-    sigma_n: np.ndarray  # (3,) T, of the model, north, east and down
-    noise: float  # T, each axis, white, quanta included
-    soft_iron: float  # of the field
-    memory: float  # s, for how long soft iron and the error of the model keep their sign
-    heading: bool  # one row, the heading, in place of three
+    sigma_n: np.ndarray  # (3,) T, of the harmonics, north, east and down, 1 sigma
 
 
 def aid(settings, use, known):
     """Aid of a filter. Magnetometer, MagnetometerUse, Known"""
     from shefex_nav.environment import magnetic_field
 
-    heading, release = use.rows == "heading", use.release
-    model = Model(
-        magnetic_field.load(known.year),
-        magnetic_field.sigma_n(known.year),
-        float(np.hypot(settings.noise, settings.quantum / np.sqrt(12.0))),
-        float(np.hypot(settings.soft_iron, use.model_error)),
-        use.memory,
-        heading,
-    )
+    model = Model(settings, use, magnetic_field.load(known.year), magnetic_field.sigma_n(known.year))
     # what is off in heading by the same angle need be no hard iron: of heading alone nothing is ever believed
-    renewal = Renewal("hard_iron", 1e-4, release.rejections, release.duration, "new hard iron")
+    renewal = Renewal("hard_iron", 1e-4, use.release.rejections, use.release.duration, "new hard iron")
     block = Block("hard_iron", settings.hard_iron**2 * np.eye(3), np.zeros(3))
     return Aid(
         MAGNETOMETER.name,
@@ -175,7 +157,7 @@ def aid(settings, use, known):
         partial(expect, model),
         (block,),
         unfit=partial(unfit, model),
-        renewal=None if heading else renewal,
+        renewal=None if use.rows == "heading" else renewal,
     )
 
 
@@ -183,18 +165,21 @@ def expect(model, here, reading):
     """Seen of a reading, three rows in T, or one in rad of a heading. Model, aiding.Here"""
     from shefex_nav.geometry import rotation
 
+    settings, use = model.settings, model.use
+    noise = float(np.hypot(settings.noise, settings.quantum / np.sqrt(12.0)))
+    share = float(np.hypot(settings.soft_iron, use.model_error))
     b_b, C_bn, horizontal = field(model, here)
     iron, H = here.value("hard_iron"), here.rows(3)
     H[:, here.columns("attitude")] = rotation.skew(b_b)
     H[:, here.columns("hard_iron")] = np.eye(3)
     lasting = C_bn @ np.diag(model.sigma_n**2) @ C_bn.T
-    lasting = lasting + (model.soft_iron**2 * float(b_b @ b_b)) * np.eye(3)
-    z, R = reading.field_b - iron - b_b, model.noise**2 * np.eye(3)
-    if not model.heading:
-        return Seen(z, H, R, ((lasting, model.memory),))
+    lasting = lasting + (share**2 * float(b_b @ b_b)) * np.eye(3)
+    z, R = reading.field_b - iron - b_b, noise**2 * np.eye(3)
+    if use.rows == "field":
+        return Seen(z, H, R, ((lasting, use.memory),))
     e = np.cross(C_bn[:, 2], b_b) / horizontal**2
     own, shared = np.array([[e @ R @ e]]), np.array([[e @ lasting @ e]])
-    return Seen(np.array([e @ z]), (e @ H)[None], own, ((shared, model.memory),))
+    return Seen(np.array([e @ z]), (e @ H)[None], own, ((shared, use.memory),))
 
 
 def field(model, here):
@@ -210,7 +195,7 @@ def unfit(model, here, reading):
     """Why a reading is not to be used; '' if it may."""
     if reading.at_limit:
         return "not used: the sensor is at an end of its range"
-    if model.heading and field(model, here)[2] < NO_HEADING * model.sigma_n.max():
+    if model.use.rows == "heading" and field(model, here)[2] < NO_HEADING * model.sigma_n.max():
         return "not used: the horizontal field is too weak for a heading"
     return ""
 
@@ -225,7 +210,7 @@ def check(settings, use, year):
         yield ("mission", "epoch"), words
 
 
-MAGNETOMETER = Instrument(
+MAGNETOMETER = instrument.Instrument(
     name="magnetometer",
     settings=Magnetometer,
     record=MagnetometerReading,

@@ -1,5 +1,6 @@
 """Barometer and fixes without height in the filter: Jacobians, what lasts, limits of use, a new bias."""
 
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from types import SimpleNamespace
@@ -12,7 +13,8 @@ from unpacked import correct
 from shefex_nav.environment import atmosphere
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.instruments import state_sizes
-from shefex_nav.instruments.barometer import BarometerReading
+from shefex_nav.instruments.barometer import Barometer, BarometerReading, BarometerUse, Day, Port
+from shefex_nav.instruments.instrument import Release
 from shefex_nav.onboard.navigation import aiding, fusion, integrity_gps, measure_barometer, measurements
 from shefex_nav.onboard.navigation.aid import Aid, Block, Renewal
 from shefex_nav.onboard.navigation.state import NavState, layout, pack
@@ -23,20 +25,30 @@ EARTH = frames.EarthRotation(
 )
 SITE = np.deg2rad(67.89), np.deg2rad(21.1)
 STEP = np.concatenate([np.repeat([1.0, 1e-2, 1e-5, 1e-4, 1e-2], 3), [1.0, 1.0], np.full(8, 1e-5)])
-BAROMETER = measure_barometer.Model(
+SETTINGS = Barometer(
+    rate=10.0,
+    latency=0.0,
+    bias=100.0,
+    drift=0.0,
+    drift_time=300.0,
     noise=5.0,
     lag=0.05,
-    lag_error=0.2,
-    port_mach=np.array([0.0, 1.0, 2.0]),
-    port_coefficient=np.array([0.0, 0.02, 0.01]),
-    port_error=0.25,
-    flow_error=0.005,
-    flow_memory=20.0,
-    day=(8.0, 8e3),
-    P_scale=measure_barometer.of_layers(8.0, 8e3),
+    quantum=0.0,
+    lowest=0.0,
+    highest=1.2e5,
+    port=Port(mach=(0.0, 1.0, 2.0), coefficient=(0.0, 0.02, 0.01), error=0.25),
+    day=Day(pressure=800.0, temperature=8.0, depth=8e3),
+)
+USE = BarometerUse(
+    used=True,
     up_to=30e3,
     unused_mach=(0.8, 1.3),
+    flow_error=0.005,
+    flow_memory=20.0,
+    lag_error=0.2,
+    release=Release(rejections=5, duration=0.4),
 )
+BAROMETER = measure_barometer.Model(SETTINGS, USE, measure_barometer.of_layers(SETTINGS.day))
 
 
 def aid_of(model):
@@ -78,7 +90,7 @@ def reading_of(state, pressure=0.0, order=LAYOUT, model=BAROMETER):
 @pytest.mark.parametrize("height", [-50.0, 300.0, 5000.0, 11_500.0, 25_000.0])
 def test_the_jacobian_is_what_perturbing_the_state_gives(height):
     """But for what the flow does: the part of q at the port is taken from the state, its Jacobian is not."""
-    state, model = state_at(height), BAROMETER._replace(port_coefficient=np.zeros(3))
+    state, model = state_at(height), BAROMETER._replace(settings=replace(SETTINGS, port=None))
     _, H, _ = reading_of(state, model=model)
     for k in range(LAYOUT.n):
         e = np.zeros(LAYOUT.n)
@@ -104,6 +116,7 @@ def test_the_reading_of_a_known_place_leaves_no_innovation():
 def test_layers_of_a_day_that_goes_with_itself():
     """Covariance of the means of the layers over 4000 days, to four of its own standard deviations."""
     rng, step, depth = np.random.default_rng(2), 50.0, 8e3
+    hot = Day(pressure=0.0, temperature=measure_barometer.SURFACE_TEMPERATURE, depth=depth)
     n = round(measure_barometer.LAST_TOP / step)
     keeps = np.exp(-step / depth)
     s, days = np.empty((4000, n)), rng.standard_normal((4000, n))
@@ -112,13 +125,13 @@ def test_layers_of_a_day_that_goes_with_itself():
         s[:, k] = keeps * s[:, k - 1] + np.sqrt(1.0 - keeps**2) * days[:, k]
     edges = (np.array([*measure_barometer.LAYERS, measure_barometer.LAST_TOP]) / step).astype(int)
     means = np.column_stack([s[:, a:b].mean(axis=1) for a, b in pairwise(edges)])
-    P = measure_barometer.of_layers(measure_barometer.SURFACE_TEMPERATURE, depth)
+    P = measure_barometer.of_layers(hot)
     scatter = np.sqrt((np.outer(np.diag(P), np.diag(P)) + P**2) / 4000.0)
     assert np.abs((np.cov(means.T) - P) / scatter).max() < 4.0
     for height in (500.0, 7500.0, 26_000.0):  # and of what the means leave at a height
         cell, layer = round(height / step), np.searchsorted(edges * step, height, side="right") - 1
         left = step * (s[:, edges[layer] : cell].sum(axis=1) - (cell - edges[layer]) * means[:, layer])
-        told = measure_barometer._left((measure_barometer.SURFACE_TEMPERATURE, depth), height)
+        told = measure_barometer._left(hot, height)
         assert np.var(left) == pytest.approx(told, rel=0.1)
 
 
@@ -127,8 +140,8 @@ def test_errors_that_last_make_a_reading_count_less_but_pass_the_gate_alike():
     _, _, R = reading_of(state)
     nav = SimpleNamespace(earth=EARTH, layout=LAYOUT, history=SimpleNamespace(x=pack(state)))
     counted = aiding.sensor(AID).counted(nav, BarometerReading(state.t_s, state.t_s, 0.0), R, 0.1)
-    slow = np.exp(-0.1 / BAROMETER.flow_memory)
-    assert R[0, 0] > BAROMETER.noise**2
+    slow = np.exp(-0.1 / USE.flow_memory)
+    assert R[0, 0] > SETTINGS.noise**2
     assert counted[0, 0] > 10.0 * R[0, 0]
     assert counted[0, 0] < (1.0 + slow) / (1.0 - slow) * R[0, 0]
 

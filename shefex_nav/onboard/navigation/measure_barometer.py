@@ -16,7 +16,7 @@ crosses a `LEFT_DEPTH` of air, warmth that has no states for the flight.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,20 +33,11 @@ AT_REST = 0.1  # m/s, slower is standing still
 
 
 class Model(NamedTuple):
-    """What the filter assumes of a barometer; sigmas are standard deviations."""
+    """What the filter assumes of a barometer."""
 
-    noise: float  # Pa, white, quanta included
-    lag: float  # s
-    lag_error: float  # of the lag, as a share of it
-    port_mach: np.ndarray  # (k,)
-    port_coefficient: np.ndarray  # (k,) part of the dynamic pressure at the port
-    port_error: float  # of the coefficient, as a share of it
-    flow_error: float  # part of the dynamic pressure, besides
-    flow_memory: float  # s
-    day: tuple  # temperature K, depth m, as in `of_layers`
+    settings: Any  # instruments.barometer.Barometer
+    use: Any  # BarometerUse
     P_scale: np.ndarray  # (8, 8) covariance of the warmth of the layers at the start, `of_layers`
-    up_to: float  # m, not used above
-    unused_mach: tuple  # Mach numbers between which it is not used
 
 
 class Air(NamedTuple):
@@ -58,15 +49,16 @@ class Air(NamedTuple):
     dynamic_pressure: float  # Pa
 
 
-def of_layers(temperature, depth):
-    """Covariance of the mean warmth of the layers, for a temperature of the day in K that goes with itself
-    over `depth` (first-order Gauss-Markov in height): (8, 8)
+def of_layers(day):
+    """Covariance of the mean warmth of the layers on a Day of the barometer: (8, 8)
+
+    Its temperature goes with itself over a depth (first-order Gauss-Markov in height).
 
     Over a layer of t = x depth the mean has the variance 2 s^2 x^-2 (x - 1 + exp(-x)); the mean of one from a
     to b goes with that of a higher one from c to d as the integral of exp(-(v - u)/depth) over both.
     """
-    edges = np.array([*LAYERS, LAST_TOP]) / depth
-    x, s2 = np.diff(edges), (temperature / SURFACE_TEMPERATURE) ** 2
+    edges = np.array([*LAYERS, LAST_TOP]) / day.depth
+    x, s2 = np.diff(edges), (day.temperature / SURFACE_TEMPERATURE) ** 2
     P = np.diag(2.0 * s2 * (x - 1.0 + np.exp(-x)) / x**2)
     for j in range(1, len(x)):
         for i in range(j):
@@ -92,6 +84,12 @@ def thicknesses(height):
     return parts
 
 
+def at_port(model, mach):
+    """Part of the dynamic pressure that the port adds, as calibrated. Model, Mach number"""
+    port = model.settings.port
+    return 0.0 if port is None else float(np.interp(mach, port.mach, port.coefficient))
+
+
 class Expected(NamedTuple):
     """A reading as the filter expects it."""
 
@@ -103,13 +101,13 @@ class Expected(NamedTuple):
 
 def expected(model, air, bias, warmth):
     """Expected. Model, Air, values of the blocks baro_bias (2,) and baro_scale (8,)"""
-    felt = air.height - model.lag * air.climb
+    felt = air.height - model.settings.lag * air.climb
     parts = thicknesses(felt)
     level = felt - bias[1] - float(warmth @ parts)
     density, pressure, _, _ = atmosphere.us76(level)
     g = atmosphere.G_0 * (atmosphere.EARTH_RADIUS / (atmosphere.EARTH_RADIUS + level)) ** 2
     layer = max(int(np.searchsorted(LAYERS, felt, side="right")) - 1, 0)
-    flow = float(np.interp(air.mach, model.port_mach, model.port_coefficient)) * air.dynamic_pressure
+    flow = at_port(model, air.mach) * air.dynamic_pressure
     return Expected(pressure + bias[0] + flow, -density * g, parts, 1.0 - float(warmth[layer]))
 
 
@@ -120,12 +118,13 @@ def expect(model, here, reading):
     told, H = expected(model, around, here.value("baro_bias"), known), here.rows(1)
     steep = told.slope * told.stretch
     H[0, here.columns("position")] = steep * here.up_i
-    H[0, here.columns("velocity")] = -model.lag * steep * here.up_i
+    H[0, here.columns("velocity")] = -model.settings.lag * steep * here.up_i
     H[0, here.columns("baro_bias")] = 1.0, -told.slope
     if warmth is not None:
         H[0, here.columns("baro_scale")] = -told.slope * told.parts
     shared = tuple((np.array([[v]]), lasts_s) for v, lasts_s in lasting(model, around, told, warmth is None))
-    return Seen(np.array([reading.pressure - told.pressure]), H, np.array([[model.noise**2]]), shared)
+    noise = math.hypot(model.settings.noise, model.settings.quantum / math.sqrt(12.0))
+    return Seen(np.array([reading.pressure - told.pressure]), H, np.array([[noise**2]]), shared)
 
 
 def lasting(model, air, told, warmth_too):
@@ -133,12 +132,13 @@ def lasting(model, air, told, warmth_too):
 
     warmth_too : whether that of the layers is none
     """
-    flow = float(np.interp(air.mach, model.port_mach, model.port_coefficient)) * model.port_error
+    settings, use = model.settings, model.use
+    flow = at_port(model, air.mach) * settings.port.error if settings.port else 0.0
     layers_s = min(LEFT_DEPTH / max(abs(air.climb), AT_REST), FOR_EVER_S)
     parts = [
-        ((math.hypot(flow, model.flow_error) * air.dynamic_pressure) ** 2, model.flow_memory),
-        ((told.slope * model.lag_error * model.lag * air.climb) ** 2, model.flow_memory),
-        (told.slope**2 * _left(model.day, air.height), layers_s),
+        ((math.hypot(flow, use.flow_error) * air.dynamic_pressure) ** 2, use.flow_memory),
+        ((told.slope * use.lag_error * settings.lag * air.climb) ** 2, use.flow_memory),
+        (told.slope**2 * _left(settings.day, air.height), layers_s),
     ]
     if warmth_too:
         parts.append((told.slope**2 * float(told.parts @ model.P_scale @ told.parts), FOR_EVER_S))
@@ -146,14 +146,14 @@ def lasting(model, air, told, warmth_too):
 
 
 def _left(day, height):
-    """What the layers leave of the height of a pressure: variance in m^2, for a day as in `of_layers`.
+    """What the layers leave of the height of a pressure: variance in m^2, on a Day.
 
     Over the lower part x of a layer t the warmth adds up to I(x), of which the mean of the layer says
     x I(t)/t; with V = var I = 2 s^2 L^2 (x/L - 1 + exp(-x/L)) and the stationary increments of I
 
         var = V(x) - (x/t) (V(x) + V(t) - V(t - x)) + (x/t)^2 V(t).
     """
-    temperature, depth = day
+    depth = day.depth
     layer = max(int(np.searchsorted(LAYERS, height, side="right")) - 1, 0)
     top = LAYERS[layer + 1] if layer + 1 < len(LAYERS) else LAST_TOP
     t = float(top - LAYERS[layer])
@@ -164,7 +164,7 @@ def _left(day, height):
 
     share = x / t
     bridge = grown(x) - share * (grown(x) + grown(t) - grown(t - x)) + share**2 * grown(t)
-    return max((temperature / SURFACE_TEMPERATURE * depth) ** 2 * bridge, 0.0)
+    return max((day.temperature / SURFACE_TEMPERATURE * depth) ** 2 * bridge, 0.0)
 
 
 def unfit(model, here, reading):
@@ -172,9 +172,9 @@ def unfit(model, here, reading):
     if reading.at_limit:
         return "not used: the sensor is at an end of its range"
     around = air(here)
-    if around.height > model.up_to:
-        return f"not used: above {1e-3 * model.up_to:g} km"
-    low, high = model.unused_mach
+    if around.height > model.use.up_to:
+        return f"not used: above {1e-3 * model.use.up_to:g} km"
+    low, high = model.use.unused_mach
     if low < around.mach < high:
         return f"not used: Mach {around.mach:.2f}, shocks cross the port"
     return ""
