@@ -16,4 +16,11 @@ results.parquet
     One row a run, sorted by run (`table.row`).
 
 Everything but what was measured with a clock depends on scenario, root seed and number of the run alone.
+
+plan, draws, flight              what all runs have in common; what run k draws; one run
+engine, cluster, store, table    runs handed to workers; one file a run; one table
+results, statistics, over_time, sensitivity, convergence     what they mean
+parts, summary, page, figures    printed; one HTML page
+repeating                        one run again
+characterise/                    the statistical star tracker, fitted to rendered runs and judged on others
 """

@@ -1,1 +1,13 @@
-"""Scenario files in human units -> checked models -> parameters in SI."""
+"""Scenario files in human units -> checked models -> settings in SI.
+
+quantity, block, of_settings     values with units; sections; sections made of classes of settings
+schema, mission, vehicle, ...     the sections of a scenario
+aboard, plugged                  the sections of instruments; plug-ins that a scenario names
+shipped, files, document         which file a name means; its text; its tree with places
+layers, load, expand             files that extend each other; reading one; tables in files of their own
+overriding, fields, partial      --set; fields by their path
+checks*                          sections against each other
+params*, told, wanted_states     what world and computer get; what the computer is told otherwise; its states
+disperse, drawn, laws            what a campaign draws
+messages, suggest, kind, moved   words about what is wrong
+"""

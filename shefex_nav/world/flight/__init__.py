@@ -1,1 +1,13 @@
-"""Six degrees of freedom from the pad to the ground."""
+"""Six degrees of freedom from the pad to the ground.
+
+params              what is flown: vehicle, programme, start, air
+timeline            its moments, in order
+start               on the rail, in orbit, on the ground
+fly                 flies section after section
+integrate           one section: `runge_kutta` with the equations of `dynamics`
+vehicle, aerodynamics, devices   mass and inertia; forces; spin motors, yo-yo, cold gas, parachute
+surroundings        Earth, air, wind
+control             cold gas along the path of `attitude_program`
+events, record      what happened; the record of the flight
+scene, lookup       values of the flight for the kernels
+"""
