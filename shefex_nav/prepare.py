@@ -16,7 +16,6 @@ from shefex_nav.scenario import (
     aboard,
     load,
     params,
-    params_faults,
     params_gps,
     params_onboard,
     plugged,
@@ -26,6 +25,7 @@ from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.told import as_told
 from shefex_nav.world import camera, faults, gps, imu, noise, pad
+from shefex_nav.world.fault_settings import Faults
 from shefex_nav.world.flight import fly
 from shefex_nav.world.settings import Imu, PadAlignment
 
@@ -45,7 +45,7 @@ class World(NamedTuple):
     camera: camera.Camera
     computer: onboard.ComputerParams
     gps_ranges: list
-    faults: faults.Faults
+    faults: Faults
     imu_biases: np.ndarray | None = None  # (N, 6) rad/s, m/s^2, if they are wanted
     measured: dict = {}  # noqa: RUF012 a default is not changed; name of an instrument -> instrument.Measured
 
@@ -85,7 +85,7 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
     if flight is None:
         flight = fly_vehicle(scenario, seed, brief=brief)
     scenario = settled(scenario, flight if brief else None)
-    trajectory, wrong = flight.trajectory, params_faults.faults(scenario)
+    trajectory, wrong = flight.trajectory, settings(Faults, scenario.faults)
     imu_biases = np.empty((len(trajectory.t_s), 6)) if biases else None
     measured = imu.measure(settings(Imu, scenario.imu), trajectory, rng("imu"), imu_biases, wrong.imu)
     true_camera = camera.init(params.star_camera(scenario), at_epoch, bodies, earth, rng("camera_errors"))

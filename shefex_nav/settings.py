@@ -101,9 +101,12 @@ def text(help, default=REQUIRED):
     return _field(Setting("text", help, default))
 
 
-def section(help="", default=REQUIRED):
-    """Settings of their own, or a tuple of such; {} as the default: theirs, None: left out if not given."""
-    return _field(Setting("section", help, default))
+def section(help="", default=REQUIRED, *, by=None):
+    """Settings of their own, or a tuple of such; {} as the default: theirs, None: left out if not given.
+
+    by : name of the choice that tells several classes of settings apart, `tuple[Jump | Drift, ...]`
+    """
+    return _field(Setting("section", help, default, limits=(("by", by),) if by else ()))
 
 
 def _field(setting):

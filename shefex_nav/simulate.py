@@ -114,7 +114,7 @@ class CameraLink(NamedTuple):
 
 def _star_camera(world, scenario, seed, computer, step, ends_s):
     """CameraLink of a run; pictures, if there are any, are searched by `step`. ends_s : (n,) of its ticks"""
-    line, take = faults.StarLine(world.faults.stars, noise.generator(seed, "faults")), camera.expose
+    line, take = faults.StarLine(world.faults.star_tracker, noise.generator(seed, "faults")), camera.expose
     is_statistical = statistical.is_wanted(scenario)
     if is_statistical:
         sight = statistical.Statistical(scenario, world, computer.tracker, seed, line)

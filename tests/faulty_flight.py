@@ -70,8 +70,10 @@ def fly(name, *overrides, seed=1, until_s=np.inf):
     """Fly a scenario of the package."""
     scenario = load.load(SCENARIOS / f"{name}.yaml", overrides)
     world = prepare.build_world(scenario, seed)
-    line = faults.StarLine(world.faults.stars, noise.generator(seed, "faults"))
-    stars = [line.fix(fix) for fix in star_fixes(world, seed) if not blinded(world.faults.stars, fix)][::-1]
+    line = faults.StarLine(world.faults.star_tracker, noise.generator(seed, "faults"))
+    stars = [line.fix(fix) for fix in star_fixes(world, seed) if not blinded(world.faults.star_tracker, fix)][
+        ::-1
+    ]
     gps = sorted(world.gps_fixes, key=lambda fix: fix.t_available_s, reverse=True)
     nav = fusion.start(world.computer.nav, world.alignment, world.earth)
     rows, gates, health = [], [], []
@@ -125,4 +127,4 @@ def star_fixes(world, seed):
 
 def blinded(star_faults, fix):
     """Whether a white picture takes the place of a fix."""
-    return any(f.kind == "blinded" and f.start_s <= fix.t_valid_s < f.end_s for f in star_faults)
+    return any(f.fault == "blinded" and f.start <= fix.t_valid_s < f.end for f in star_faults)

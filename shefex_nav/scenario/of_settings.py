@@ -3,18 +3,20 @@
 import types
 from functools import cache
 from importlib import import_module
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Union, get_args, get_origin
 
 from pydantic import Field, StrictBool, create_model
 from pydantic_core import PydanticUndefined
 
-from shefex_nav.scenario.block import Block
+from shefex_nav.scenario.block import Block, kinds
 from shefex_nav.scenario.quantity import Count, Number, Quantity
-from shefex_nav.settings import REQUIRED, declared
+from shefex_nav.settings import REQUIRED, Settings, declared
 
 
 class Section(Block):
     """A section of a scenario that follows from a class of settings."""
+
+    SETTINGS: ClassVar[type[Settings]]
 
 
 @cache
@@ -22,6 +24,7 @@ def section(cls):
     """Section of a class of settings: a Block with the same keys, units, bounds and defaults."""
     fields = {name: _field(annotation, setting) for name, (annotation, setting) in declared(cls).items()}
     made = create_model(cls.__name__, __base__=Section, __module__=__name__, __doc__=cls.__doc__, **fields)
+    made.SETTINGS = cls
     made.__qualname__ = f"{cls.__module__}:{cls.__qualname__}".replace(".", "/")
     return made
 
@@ -40,7 +43,7 @@ def settings(cls, block):
     for name, (annotation, setting) in declared(cls).items():
         value, kind = getattr(block, name), _without_none(annotation)
         if setting.kind == "section" and isinstance(value, list):
-            value = tuple(settings(get_args(kind)[0], one) for one in value)
+            value = tuple(settings(type(one).SETTINGS, one) for one in value)
         elif setting.kind == "section" and value is not None:
             value = settings(kind, value)
         values[name] = tuple(value) if isinstance(value, list) else value
@@ -52,7 +55,10 @@ def _field(annotation, setting):
     kind, given = _without_none(annotation), setting.default
     default = PydanticUndefined if given is REQUIRED else given
     if setting.kind == "section":
-        own = _several(kind, "", lambda _: section(get_args(kind)[0] if get_args(kind) else kind))
+        one = get_args(kind)[0] if get_origin(kind) is tuple else kind
+        by = dict(setting.limits).get("by")
+        own = kinds(by, *(section(each) for each in get_args(one))) if by else section(one)
+        own = _several(kind, "", lambda _: own)
         how = {"default_factory": own} if given == {} else {"default": default, "validate_default": True}
         return _optional(own, annotation), Field(description=setting.help or None, **how)
     if setting.kind in ("choice", "switch", "text"):

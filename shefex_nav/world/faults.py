@@ -14,79 +14,50 @@ from shefex_nav.clock import SAME_S, SAMPLES_PER_TICK
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Event, GpsRanges, Reason
 from shefex_nav.world import gps_channels
+from shefex_nav.world.fault_settings import (
+    AccelerometerBias,
+    AccelerometerScale,
+    AxisFault,
+    Bias,
+    Blinded,
+    Dead,
+    Delay,
+    Dropout,
+    Freeze,
+    GyroBias,
+    GyroScale,
+    Jump,
+    Outage,
+    Repeat,
+    Stuck,
+)
 
-AXES = "xyz"
 OF_CHANNELS = (
     "prn", "pseudorange", "range_rate", "r_es_e", "v_es_e", "sigma_range", "sigma_range_rate"
 )  # fmt: skip
 
 
-FELT = "bias", "scale"  # faults of a sensor, before end of range and quanta
-SENT = "stuck", "dead", "dropout", "repeat"  # of what the unit sends
-
-
-class ImuFault(NamedTuple):
-    """One fault of the inertial measurement unit."""
-
-    kind: str  # stuck: one axis repeats its last reading; dead: it reads zero; dropout: no samples at all;
-    # repeat: the last block of samples again and again; bias, scale: one axis reads too much
-    start_s: float
-    end_s: float
-    sensor: str = ""  # gyro or accelerometer; empty: the whole unit
-    axis: int = 0
-    error: float = 0.0  # bias: rad/s or m/s^2; scale: relative
-
-
-class GpsFault(NamedTuple):
-    """One fault of the GPS receiver."""
-
-    kind: str  # outage; freeze: the last solution again and again; jump, drift: of the position;
-    # delay: of the arrival
-    start_s: float
-    end_s: float
-    moved_n: np.ndarray = np.zeros(3)  # (3,) north, east, down: jump m, drift m/s
-    velocity_too: bool = False  # drift: the velocity that is reported contains it
-    time_stands: bool = False  # freeze: the time of validity is repeated too
-    later_s: float = 0.0  # delay: s
-    stamped_late: bool = False  # delay: the time of validity is late, too
-
-
-class StarFault(NamedTuple):
-    """One fault of the star camera or of its software."""
-
-    kind: str  # bias; wrong_fixes; blinded: light falls into the camera, pictures are white
-    start_s: float
-    end_s: float
-    bias_c: np.ndarray = np.zeros(3)  # (3,) rad, camera axes
-    every: int = 1  # wrong_fixes: the first that would have been good and every so-manieth after it
-    smallest: float = 0.0  # rad, by which a fix is wrong; the logarithm of the angle is drawn evenly
-    largest: float = 0.0
-
-
-class Faults(NamedTuple):
-    """All faults of a mission."""
-
-    imu: tuple[ImuFault, ...] = ()
-    gps: tuple[GpsFault, ...] = ()
-    stars: tuple[StarFault, ...] = ()
+FELT = GyroBias, GyroScale, AccelerometerBias, AccelerometerScale  # of a sensor, before range and quanta
+SENT = Stuck, Dead, Dropout, Repeat  # of what the unit sends
 
 
 def _within(fault, t_s):
     """Whether a fault acts at t_s; its end does not belong to it."""
-    return (t_s > fault.start_s - SAME_S) & (t_s < fault.end_s - SAME_S)
+    return (t_s > fault.start - SAME_S) & (t_s < fault.end - SAME_S)
 
 
 def imu_felt(faults, t_s, dtheta_b, dv_b):
     """What the sensors of a faulty unit feel, in place: wrong bias and scale, before range and quanta.
 
-    tuple of ImuFault; (N,) s, ends of the samples; (N, 3) rad, (N, 3) m/s without end of range and quanta
+    tuple of fault_settings.Imu; (N,) s, ends of the samples; (N, 3) rad, (N, 3) m/s, not limited, not counted
     """
     dt_s = _sample_s(t_s)
     for fault, rows, increments, _ in _acting(faults, FELT, t_s, (dtheta_b, dv_b)):
-        if fault.kind == "bias":
-            increments[rows, fault.axis] += fault.error * dt_s
-        else:
-            increments[rows, fault.axis] *= 1.0 + fault.error
+        match fault:
+            case GyroBias(rate=error) | AccelerometerBias(acceleration=error):
+                increments[rows, fault.k] += error * dt_s
+            case GyroScale() | AccelerometerScale():
+                increments[rows, fault.k] *= 1.0 + fault.factor
 
 
 def imu_sent(faults, t_s, dtheta_b, dv_b, at_range):
@@ -94,7 +65,7 @@ def imu_sent(faults, t_s, dtheta_b, dv_b, at_range):
 
     Parameters
     ----------
-    faults : tuple of ImuFault
+    faults : tuple of fault_settings.Imu
     t_s : (N,) s, ends of the samples
     dtheta_b, dv_b : (N, 3) rad, m/s, within the range and in whole quanta
     at_range : pair of (N, 3) bool, of gyros and accelerometers: the reading is at the end of its range
@@ -105,16 +76,15 @@ def imu_sent(faults, t_s, dtheta_b, dv_b, at_range):
     """
     missing = np.zeros(len(t_s), dtype=bool) if faults else None
     for fault, rows, increments, flags in _acting(faults, SENT, t_s, (dtheta_b, dv_b), at_range):
-        if fault.kind == "stuck":
-            increments[rows, fault.axis] = increments[rows[0] - 1, fault.axis]
-            flags[rows, fault.axis] = flags[rows[0] - 1, fault.axis]
-        elif fault.kind == "dead":
-            increments[rows, fault.axis] = 0.0
-            flags[rows, fault.axis] = False
-        elif fault.kind == "dropout":
-            missing[rows] = True
-        else:
-            _repeat_block(rows, dtheta_b, dv_b, *at_range)
+        match fault:
+            case Stuck(k=k):
+                increments[rows, k], flags[rows, k] = increments[rows[0] - 1, k], flags[rows[0] - 1, k]
+            case Dead(k=k):
+                increments[rows, k], flags[rows, k] = 0.0, False
+            case Dropout():
+                missing[rows] = True
+            case Repeat():
+                _repeat_block(rows, dtheta_b, dv_b, *at_range)
     return missing
 
 
@@ -124,8 +94,8 @@ def _acting(faults, kinds, t_s, increments, flags=(None, None)):
     for fault in faults:
         rows = np.flatnonzero(_within(fault, begin_s))  # samples that begin within the fault
         rows = rows[rows > 0]
-        if fault.kind in kinds and len(rows):
-            triad = 0 if fault.sensor == "gyro" else 1
+        if isinstance(fault, kinds) and len(rows):
+            triad = 0 if getattr(fault, "sensor", "") == "gyro" else 1
             yield fault, rows, increments[triad], flags[triad]
 
 
@@ -145,7 +115,7 @@ def _repeat_block(rows, *columns):
 
 
 def gps(faults, fixes):
-    """The fixes with their faults. tuple of GpsFault, list of GpsFix -> list of GpsFix"""
+    """The fixes with their faults. tuple of fault_settings.Gps, list of GpsFix -> list of GpsFix"""
     for fault in faults:
         changed, last = [], None
         for fix in fixes:
@@ -168,7 +138,7 @@ def gps_ranges(faults, messages, antenna):
 
     Parameters
     ----------
-    faults : tuple of GpsFault
+    faults : tuple of fault_settings.Gps
     messages : list of GpsRanges
     antenna : gps.Antenna, where it was at each of them
 
@@ -200,18 +170,18 @@ class _Heard(NamedTuple):
 
 
 def _ranges_fault(fault, heard, last):
-    """Ranges under a fault. GpsFault, _Heard, the last one with ranges before it or None -> _Heard"""
+    """Ranges under a fault. fault_settings.Gps, _Heard, the last with ranges before it or None -> _Heard"""
     message = heard.message
-    if fault.kind == "freeze":
+    if isinstance(fault, Freeze):
         if last is None:
             return heard
-        t_valid_s = last.message.t_valid_s if fault.time_stands else message.t_valid_s
+        t_valid_s = last.message.t_valid_s if fault.time == "stands" else message.t_valid_s
         message = last.message._replace(t_valid_s=t_valid_s, t_available_s=message.t_available_s)
         return last._replace(message=message)
-    if fault.kind == "outage":
+    if isinstance(fault, Outage):
         message = message._replace(**{name: getattr(message, name)[:0] for name in OF_CHANNELS})
         return heard._replace(message=message._replace(reason="outage"))
-    if fault.kind == "delay":
+    if isinstance(fault, Delay):
         return heard._replace(message=_delayed(fault, message))
     moved_e, faster_e = _moved(fault, heard.r_ea_e, message.t_valid_s)
     there = _Heard(message, heard.r_ea_e + moved_e, heard.v_ea_e + faster_e)
@@ -233,32 +203,33 @@ def _ranges_fault(fault, heard, last):
 def _moved(fault, r_ea_e, t_s):
     """By how much a jump or drift changes position and velocity at a time: (3,) m, (3,) m/s, frame e."""
     latitude, longitude, _ = wgs84.geodetic_from_ecef(r_ea_e)
-    moved_e = wgs84.dcm_en(latitude, longitude) @ fault.moved_n
-    if fault.kind == "jump":
-        return moved_e, np.zeros(3)
-    return (t_s - fault.start_s) * moved_e, moved_e if fault.velocity_too else np.zeros(3)
+    C_en, none = wgs84.dcm_en(latitude, longitude), np.zeros(3)
+    if isinstance(fault, Jump):
+        return C_en @ np.array(fault.position), none
+    rate_e = C_en @ np.array(fault.rate)
+    return (t_s - fault.start) * rate_e, rate_e if fault.velocity_too else none
 
 
 def _delayed(fault, message):
     """A GpsFix or GpsRanges that comes later. -> the same kind"""
-    t_valid_s = message.t_valid_s + (fault.later_s if fault.stamped_late else 0.0)
-    return message._replace(t_valid_s=t_valid_s, t_available_s=message.t_available_s + fault.later_s)
+    t_valid_s = message.t_valid_s + (fault.by if fault.time == "late" else 0.0)
+    return message._replace(t_valid_s=t_valid_s, t_available_s=message.t_available_s + fault.by)
 
 
 def _gps_fault(fault, fix, last):
-    """A fix under a fault. GpsFault, GpsFix, the last valid GpsFix without it or None -> GpsFix"""
-    if fault.kind == "freeze":
+    """A fix under a fault. fault_settings.Gps, GpsFix, the last valid GpsFix without it or None -> GpsFix"""
+    if isinstance(fault, Freeze):
         if last is None:
             return fix
-        t_valid_s = last.t_valid_s if fault.time_stands else fix.t_valid_s
+        t_valid_s = last.t_valid_s if fault.time == "stands" else fix.t_valid_s
         return last._replace(t_valid_s=t_valid_s, t_available_s=fix.t_available_s)
-    if fault.kind == "outage":
+    if isinstance(fault, Outage):
         nothing, unknown = np.full(3, np.nan), np.full((3, 3), np.nan)
         return fix._replace(
             valid=False, r_ea_e=nothing, v_ea_e=nothing, R_r_e=unknown, R_v_e=unknown, n_satellites=0,
             pdop=np.nan, reason="outage",
         )  # fmt: skip
-    if fault.kind == "delay":
+    if isinstance(fault, Delay):
         return _delayed(fault, fix)
     if not fix.valid:
         return fix
@@ -269,7 +240,7 @@ def _gps_fault(fault, fix, last):
 class StarLine:
     """The line between star camera, star tracker and navigation, with the faults on it.
 
-    faults : tuple of StarFault
+    faults : tuple of fault_settings.Stars
     rng : Generator of the wrong fixes
     """
 
@@ -279,7 +250,7 @@ class StarLine:
 
     def blinds(self, t_s):
         """Whether light falls into the camera at a time."""
-        return any(fault.kind == "blinded" and _within(fault, t_s) for fault in self.faults)
+        return any(isinstance(fault, Blinded) and _within(fault, t_s) for fault in self.faults)
 
     def picture(self, frame):
         """A Frame as it reaches the star tracker."""
@@ -293,10 +264,11 @@ class StarLine:
         if fix.reason != Reason.NONE and not len(fix.stars.hip):
             return fix
         for k, fault in enumerate(self.faults):
-            if fault.kind == "blinded" or not _within(fault, fix.t_valid_s):
+            if isinstance(fault, Blinded) or not _within(fault, fix.t_valid_s):
                 continue
-            turned_c = fault.bias_c
-            if fault.kind == "wrong_fixes":
+            if isinstance(fault, Bias):
+                turned_c = np.array(fault.angles)
+            else:
                 if fix.reason != Reason.NONE:
                     continue
                 self.good[k] += 1
@@ -332,8 +304,11 @@ def _turned(fix, turned_c):
 def events(faults, trajectory, earth):
     """Begin and end of every fault within the flight: list of Event, by time."""
     t_s, found = trajectory.t_s, []
-    for name, fault, detail in _named(faults):
-        for suffix, at_s, text in (("", fault.start_s, detail), ("_end", fault.end_s, "")):
+    prefixed = [(_imu_name(fault), fault) for fault in faults.imu]
+    prefixed += [(f"gps_{fault.name}", fault) for fault in faults.gps]
+    prefixed += [(f"star_tracker_{fault.name}", fault) for fault in faults.star_tracker]
+    for name, fault in prefixed:
+        for suffix, at_s, text in (("", fault.start, fault.words), ("_end", fault.end, "")):
             if t_s[0] <= at_s <= t_s[-1]:
                 k = min(int(np.searchsorted(t_s, at_s - SAME_S)), len(t_s) - 1)
                 r_e, _ = frames.ecef_from_inertial(earth, t_s[k], trajectory.r_i[k], trajectory.v_i[k])
@@ -342,24 +317,5 @@ def events(faults, trajectory, earth):
     return sorted(found, key=lambda event: event.t_s)
 
 
-def _named(faults):
-    """(name, fault, detail) of every fault."""
-    for fault in faults.imu:
-        axis = f"{fault.sensor}_{AXES[fault.axis]}" if fault.sensor else "imu"
-        bias = f"{np.degrees(fault.error):g} deg/s" if fault.sensor == "gyro" else f"{fault.error:g} m/s^2"
-        words = {"bias": bias, "scale": f"{1e6 * fault.error:g} ppm"}
-        yield f"{axis}_{fault.kind}", fault, words.get(fault.kind, "")
-    for fault in faults.gps:
-        north, east, down = fault.moved_n
-        words = f"{north:g}, {east:g}, {down:g} {'m' if fault.kind == 'jump' else 'm/s'} north, east, down"
-        delay = f"{fault.later_s:g} s{', stamped late' if fault.stamped_late else ''}"
-        known = {"jump": words, "drift": words, "delay": delay}
-        yield f"gps_{fault.kind}", fault, known.get(fault.kind, "")
-    for fault in faults.stars:
-        words = ""
-        if fault.kind == "wrong_fixes":
-            low, high = np.degrees([fault.smallest, fault.largest])
-            words = f"every {fault.every}th fix by {low:g} to {high:g} deg"
-        elif fault.kind == "bias":
-            words = ", ".join(f"{angle:g}" for angle in np.degrees(fault.bias_c)) + " deg, camera axes"
-        yield f"star_tracker_{fault.kind}", fault, words
+def _imu_name(fault):
+    return fault.name if isinstance(fault, AxisFault) else f"imu_{fault.name}"

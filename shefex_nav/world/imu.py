@@ -73,7 +73,7 @@ def measure(settings, trajectory, rng, biases=None, wrong=()):
     rng : Generator; the order of the draws does not depend on `settings`
     biases : (N, 6), written if it is given: sum of turn-on and in-run bias of gyros and accelerometers in
         each sample, rad/s, m/s^2; in row 0, before the first, that of the first
-    wrong : tuple of faults.ImuFault
+    wrong : tuple of fault_settings.Imu
 
     Returns
     -------

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from broken import DEFAULT, the_message
 
+from shefex_nav.onboard.navigation import measure_barometer
 from shefex_nav.scenario import params_onboard
 from shefex_nav.scenario.load import load
 
@@ -26,8 +27,8 @@ def test_the_filter_assumes_what_the_sensor_is_said_to_have():
     (aid,) = params_onboard.nav_params(load(DEFAULT, [more, STATES])).aids
     (model,), (of_bias, of_scale) = aid.expect.args, aid.blocks
     np.testing.assert_allclose(of_bias.walk, [20.0 * np.sqrt(2.0 / 200.0), 0.0])
-    assert model.noise == pytest.approx(np.hypot(5.0, 12.0 / np.sqrt(12.0)))
-    assert model.lag == pytest.approx(0.03)
+    assert measure_barometer.white(model) == pytest.approx(np.hypot(5.0, 12.0 / np.sqrt(12.0)))
+    assert model.settings.lag == pytest.approx(0.03)
     bias, metres = np.sqrt(np.diag(of_bias.P))
     assert bias == pytest.approx(np.hypot(100.0, 20.0))
     assert metres == pytest.approx(800.0 / (1.225 * 9.80665))

@@ -5,7 +5,8 @@ import pytest
 from broken import DEFAULT, TEXT, check_one_message
 
 from shefex_nav.scenario.load import load
-from shefex_nav.scenario.params_faults import faults
+from shefex_nav.scenario.of_settings import settings
+from shefex_nav.world.fault_settings import Faults
 
 GOOD = """
 faults:
@@ -28,27 +29,31 @@ faults:
 """
 
 
+def faults(scenario):
+    return settings(Faults, scenario.faults)
+
+
 def test_without_the_section_nothing_goes_wrong():
-    assert faults(load(DEFAULT)) == ((), (), ())
+    assert faults(load(DEFAULT)) == Faults(imu=(), gps=(), star_tracker=())
 
 
 def test_faults_are_read_in_si(tmp_path):
     path = tmp_path / "faulty.yaml"
     path.write_text(TEXT + GOOD, encoding="utf-8")
-    imu, gps, stars = faults(load(path))
-    assert [fault.kind for fault in imu[:3]] == ["stuck", "dead", "dropout"]
-    assert [(f.kind, f.sensor, f.axis) for f in imu[3:]] == [
-        ("bias", "gyro", 0), ("scale", "gyro", 0), ("bias", "accelerometer", 2), ("scale", "accelerometer", 1)
-    ]  # fmt: skip
-    errors = [np.radians(0.1), -0.02, -5e-3 * 9.80665, 300e-6]
-    assert [f.error for f in imu[3:]] == pytest.approx(errors)
-    assert (imu[0].sensor, imu[0].axis, imu[0].start_s, imu[0].end_s) == ("gyro", 1, 300.0, 310.0)
-    assert (imu[1].sensor, imu[1].axis) == ("accelerometer", 0)
-    assert [fault.kind for fault in gps] == ["freeze", "jump", "drift", "delay"]
-    assert (gps[3].later_s, gps[3].stamped_late, gps[2].stamped_late) == (pytest.approx(0.3), True, False)
-    assert np.array_equal(gps[1].moved_n, [300.0, 0.0, 0.0]) and gps[2].velocity_too
+    wrong = faults(load(path))
+    imu, gps, stars = wrong.imu, wrong.gps, wrong.star_tracker
+    assert [fault.name for fault in imu] == [
+        *("gyro_y_stuck", "accelerometer_x_dead", "dropout", "gyro_x_bias", "gyro_x_scale"),
+        *("accelerometer_z_bias", "accelerometer_y_scale"),
+    ]
+    errors = [imu[3].rate, imu[4].factor, imu[5].acceleration, imu[6].factor]
+    assert errors == pytest.approx([np.radians(0.1), -0.02, -5e-3 * 9.80665, 300e-6])
+    assert (imu[0].start, imu[0].end) == (300.0, 310.0)
+    assert [fault.fault for fault in gps] == ["freeze", "jump", "drift", "delay"]
+    assert (gps[3].by, gps[3].time) == (pytest.approx(0.3), "late")
+    assert gps[1].position == (300.0, 0.0, 0.0) and gps[2].velocity_too
     assert (stars[0].every, stars[0].smallest) == (10, pytest.approx(np.radians(0.5)))
-    assert stars[1].bias_c == pytest.approx([np.radians(0.1), 0.0, 0.0])
+    assert stars[1].angles == pytest.approx([np.radians(0.1), 0.0, 0.0])
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import synthetic_trajectory as synthetic
+from fault_kinds import imu_fault, wrong_reading
 from imu_settings import PERFECT, imu_with
 from test_imu import REAL
 
-from shefex_nav.world import faults, imu, noise
-from shefex_nav.world.faults import ImuFault
+from shefex_nav.world import imu, noise
 
 DT_S = 1.0 / synthetic.RATE_HZ
 NAMES = {"gyro": ("dtheta_b", "gyro"), "accelerometer": ("dv_b", "accel")}  # increments, of `imu_with`
@@ -33,7 +33,7 @@ def readings(data, sensor):
 @pytest.mark.parametrize("axis", [0, 2])
 def test_a_wrong_bias_is_added(flight, sensor, error, axis):
     good = measure(REAL, flight)
-    bad = measure(REAL, flight, ImuFault("bias", *BOOST, sensor, axis, error))
+    bad = measure(REAL, flight, wrong_reading("bias", sensor, axis, *BOOST, error))
     expected = np.zeros((len(flight.t_s), 3))
     expected[ROWS, axis] = error * DT_S
     quantum = getattr(REAL, sensor).quantum
@@ -48,7 +48,8 @@ def test_a_wrong_bias_is_added(flight, sensor, error, axis):
 @pytest.mark.parametrize("error", [0.1, -0.05])
 def test_a_wrong_scale_reads_more_by_its_factor(flight, sensor, error):
     good, bad = (
-        measure(PERFECT, flight, *wrong) for wrong in ((), (ImuFault("scale", *BOOST, sensor, 0, error),))
+        measure(PERFECT, flight, *wrong)
+        for wrong in ((), (wrong_reading("scale", sensor, 0, *BOOST, error),))
     )
     expected = readings(good, sensor).copy()
     assert expected[ROWS, 0].min() > 0.0
@@ -67,7 +68,7 @@ def test_what_exceeds_the_range_is_held_counted_and_flagged(flight, kind, sensor
     good = measure(params, flight)
     assert not good.saturated.any()
     error = 1.0 if kind == "scale" else 0.6 * full / DT_S
-    bad = measure(params, flight, ImuFault(kind, *BOOST, sensor, 0, error))
+    bad = measure(params, flight, wrong_reading(kind, sensor, 0, *BOOST, error))
     counts = readings(bad, sensor) / (full / 1000.5)
     np.testing.assert_allclose(counts, np.rint(counts), atol=1e-6)
     assert np.abs(counts).max() <= 1001
@@ -82,11 +83,12 @@ def test_what_exceeds_the_range_is_held_counted_and_flagged(flight, kind, sensor
 def test_flags_go_with_the_readings_that_are_sent(flight, kind):
     """An accelerometer at the end of its range from ignition on; the fault ends with the burn still on."""
     params = imu_with(PERFECT, accel_range=40.0)
-    fault = ImuFault(kind, *BOOST) if kind == "repeat" else ImuFault(kind, *BOOST, "accelerometer", 0)
+    what = {} if kind == "repeat" else {"sensor": "accelerometer", "axis": "x"}
+    fault = imu_fault(kind, *BOOST, **what)
     good, bad = measure(params, flight), measure(params, flight, fault)
     assert good.saturated[ROWS].all()
     assert np.all(bad.saturated[ROWS] == (kind != "dead"))
-    before = ImuFault(kind, -5.0, 5.0, *fault[3:])  # repeats readings of the pad
+    before = imu_fault(kind, -5.0, 5.0, **what)  # repeats readings of the pad
     bad = measure(params, flight, before)
     assert not bad.saturated[2001:6001].any() and bad.saturated[ROWS].all()
 
@@ -94,8 +96,8 @@ def test_flags_go_with_the_readings_that_are_sent(flight, kind):
 def test_a_stuck_axis_repeats_what_a_faulty_sensor_sent(flight):
     """Wrong scale, then stuck: a whole number of counts within the range, whichever stands first."""
     wrong = (
-        ImuFault("scale", 0.0, 15.0, "accelerometer", 0, 0.5),
-        ImuFault("stuck", *BOOST, "accelerometer", 0),
+        wrong_reading("scale", "accelerometer", 0, 0.0, 15.0, 0.5),
+        imu_fault("stuck", *BOOST, sensor="accelerometer", axis="x"),
     )
     params = imu_with(PERFECT, accel_range=80.0, accel_quantum=0.003)
     one, other = measure(params, flight, *wrong), measure(params, flight, *wrong[::-1])
@@ -108,7 +110,7 @@ def test_a_stuck_axis_repeats_what_a_faulty_sensor_sent(flight):
 def test_a_fault_moves_nothing_else(flight):
     """Not a bit before it, none of the draws, and no other axis."""
     good = measure(REAL, flight)
-    bad = measure(REAL, flight, ImuFault("scale", *BOOST, "gyro", 1, 0.5))
+    bad = measure(REAL, flight, wrong_reading("scale", "gyro", 1, *BOOST, 0.5))
     assert np.array_equal(good.dv_b, bad.dv_b)
     assert np.array_equal(good.dtheta_b[:, [0, 2]], bad.dtheta_b[:, [0, 2]])
     assert np.array_equal(good.dtheta_b[: ROWS.start], bad.dtheta_b[: ROWS.start])
@@ -116,10 +118,12 @@ def test_a_fault_moves_nothing_else(flight):
 
 
 def test_events_name_unit_and_size():
-    one = faults.Faults((ImuFault("bias", 1.0, 2.0, "accelerometer", 2, -0.05),
-                         ImuFault("scale", 1.0, 2.0, "accelerometer", 0, 0.01),
-                         ImuFault("bias", 1.0, 2.0, "gyro", 1, np.radians(0.1))))  # fmt: skip
-    assert [(name, words) for name, _, words in faults._named(one)] == [
+    some = (
+        wrong_reading("bias", "accelerometer", 2, 1.0, 2.0, -0.05),
+        wrong_reading("scale", "accelerometer", 0, 1.0, 2.0, 0.01),
+        wrong_reading("bias", "gyro", 1, 1.0, 2.0, np.radians(0.1)),
+    )
+    assert [(fault.name, fault.words) for fault in some] == [
         ("accelerometer_z_bias", "-0.05 m/s^2"),
         ("accelerometer_x_scale", "10000 ppm"),
         ("gyro_y_bias", "0.1 deg/s"),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import synthetic_trajectory as synthetic
+from fault_kinds import gps_fault
 from range_solution import solved_position, solved_velocity
 from test_gps_ranges import PARAMS, measure
 
@@ -36,10 +37,18 @@ def displacements(data, ranges):
 @pytest.mark.parametrize(
     ("fault", "position", "velocity"),
     [
-        (faults.GpsFault("jump", START_S, END_S, MOVED_N), lambda _: MOVED_N, 0.0 * RATE_N),
-        (faults.GpsFault("jump", START_S, END_S, 100.0 * MOVED_N), lambda _: 100.0 * MOVED_N, 0.0 * RATE_N),
-        (faults.GpsFault("drift", START_S, END_S, RATE_N), lambda s: s * RATE_N, 0.0 * RATE_N),
-        (faults.GpsFault("drift", START_S, END_S, RATE_N, velocity_too=True), lambda s: s * RATE_N, RATE_N),
+        (gps_fault("jump", START_S, END_S, position=tuple(MOVED_N)), lambda _: MOVED_N, 0.0 * RATE_N),
+        (
+            gps_fault("jump", START_S, END_S, position=tuple(100.0 * MOVED_N)),
+            lambda _: 100.0 * MOVED_N,
+            0.0 * RATE_N,
+        ),
+        (gps_fault("drift", START_S, END_S, rate=tuple(RATE_N)), lambda s: s * RATE_N, 0.0 * RATE_N),
+        (
+            gps_fault("drift", START_S, END_S, rate=tuple(RATE_N), velocity_too=True),
+            lambda s: s * RATE_N,
+            RATE_N,
+        ),
     ],
 )
 def test_the_solution_of_the_ranges_is_displaced(data, fault, position, velocity):
@@ -56,7 +65,7 @@ def test_the_solution_of_the_ranges_is_displaced(data, fault, position, velocity
 
 
 def test_ranges_and_fixes_are_displaced_alike(data):
-    fault = faults.GpsFault("drift", START_S, END_S, 10.0 * RATE_N, velocity_too=True)
+    fault = gps_fault("drift", START_S, END_S, rate=tuple(10.0 * RATE_N), velocity_too=True)
     ranges = faults.gps_ranges((fault,), data.ranges, data.antenna)
     fixes = faults.gps((fault,), data.fixes)
     for fix, before, now, good in zip(fixes, data.ranges, ranges, data.fixes, strict=True):
@@ -65,8 +74,8 @@ def test_ranges_and_fixes_are_displaced_alike(data):
 
 
 def test_faults_add_up_and_a_frozen_set_is_displaced_from_where_it_was_measured(data):
-    freeze = faults.GpsFault("freeze", START_S, END_S)
-    jump = faults.GpsFault("jump", START_S, END_S, 100.0 * MOVED_N)
+    freeze = gps_fault("freeze", START_S, END_S)
+    jump = gps_fault("jump", START_S, END_S, position=tuple(100.0 * MOVED_N))
     frozen = faults.gps_ranges((freeze,), data.ranges, data.antenna)
     both = faults.gps_ranges((freeze, jump, jump), data.ranges, data.antenna)
     k = next(k for k, one in enumerate(data.ranges) if one.t_valid_s == START_S - 1.0)
@@ -79,7 +88,7 @@ def test_faults_add_up_and_a_frozen_set_is_displaced_from_where_it_was_measured(
 
 
 def test_to_first_order_it_is_minus_the_line_of_sight_times_the_displacement(data):
-    fault = faults.GpsFault("jump", START_S, END_S, MOVED_N)
+    fault = gps_fault("jump", START_S, END_S, position=tuple(MOVED_N))
     ranges = faults.gps_ranges((fault,), data.ranges, data.antenna)
     for before, now, r_e in zip(data.ranges, ranges, data.antenna.r_ea_e, strict=True):
         if not START_S <= now.t_valid_s < END_S:

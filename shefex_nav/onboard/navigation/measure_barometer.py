@@ -84,6 +84,11 @@ def thicknesses(height):
     return parts
 
 
+def white(model):
+    """Standard deviation of the white noise of a reading, quanta included, Pa. Model"""
+    return math.hypot(model.settings.noise, model.settings.quantum / math.sqrt(12.0))
+
+
 def at_port(model, mach):
     """Part of the dynamic pressure that the port adds, as calibrated. Model, Mach number"""
     port = model.settings.port
@@ -123,8 +128,8 @@ def expect(model, here, reading):
     if warmth is not None:
         H[0, here.columns("baro_scale")] = -told.slope * told.parts
     shared = tuple((np.array([[v]]), lasts_s) for v, lasts_s in lasting(model, around, told, warmth is None))
-    noise = math.hypot(model.settings.noise, model.settings.quantum / math.sqrt(12.0))
-    return Seen(np.array([reading.pressure - told.pressure]), H, np.array([[noise**2]]), shared)
+    R = np.array([[white(model) ** 2]])
+    return Seen(np.array([reading.pressure - told.pressure]), H, R, shared)
 
 
 def lasting(model, air, told, warmth_too):
