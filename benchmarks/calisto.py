@@ -13,7 +13,7 @@ from rocketpy.mathutils.vector_matrix import Matrix
 
 from shefex_nav.environment import gravity
 from shefex_nav.environment.atmosphere import us76
-from shefex_nav.world.flight import params
+from shefex_nav.world.flight import params, settings
 
 LATITUDE, LONGITUDE, ELEVATION = 32.990254, -106.974998, 1400.0  # deg, deg, m: Spaceport America
 RAIL_LENGTH, INCLINATION, HEADING = 5.2, 85.0, 0.0  # m, deg, deg
@@ -126,14 +126,14 @@ def flight_params(calisto, *, wind=True, field="j2", damping_at_s=np.inf):
         gravity=gravity.load(field),
         air=params.Air(table=np.zeros((0, 4)), density_factor=1.0),
         wind=np.array(WIND) if wind else np.zeros((0, 3)),
-        start=params.LaunchSite(
+        start=settings.Launch(
             latitude=np.radians(LATITUDE),
             longitude=np.radians(LONGITUDE),
-            height_m=ELEVATION,
+            height=ELEVATION,
             azimuth=np.radians(HEADING),
             elevation=np.radians(INCLINATION),
             roll=0.0,
-            rail_length_m=_travel_on_rail(calisto),
+            rail_length=_travel_on_rail(calisto),
         ),
         C_bc=np.eye(3),
         imu_b=np.array([-station(calisto.center_of_dry_mass_position), 0.0, 0.0]),

@@ -11,6 +11,7 @@ import json
 import os
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import replace
 from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
@@ -47,8 +48,10 @@ def dispersed(params, sigmas, rng):
     def draw(name, size=None):
         return one[name] * rng.standard_normal(size)
 
-    start = params.start._replace(
-        elevation=params.start.elevation + draw("elevation"), azimuth=params.start.azimuth + draw("azimuth")
+    start = replace(
+        params.start,
+        elevation=params.start.elevation + draw("elevation"),
+        azimuth=params.start.azimuth + draw("azimuth"),
     )
     drag, cant = 1.0 + draw("drag"), draw("cant")
     air = params.air._replace(density_factor=params.air.density_factor * (1.0 + draw("density")))

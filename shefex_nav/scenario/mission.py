@@ -9,7 +9,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from shefex_nav.scenario.block import Block, tagged
+from shefex_nav.scenario.of_settings import section
 from shefex_nav.scenario.quantity import Count, Number, Quantity, Time, quoted, refuse
+from shefex_nav.world.flight import settings
 
 EPOCH_EXAMPLE = "2012-06-22T19:18:00Z"
 
@@ -107,48 +109,4 @@ def _wind_form(value: Any):
 Wind = tagged(_wind_form, {"none": Literal["none"], "file": WindFile, "height": WindTable})
 
 
-class Launch(Block):
-    """Where the vehicle stands, and the rail."""
-
-    latitude: Quantity("rad", "69.2942 deg", "geodetic, WGS 84", at_least="-90 deg", at_most="90 deg")
-    longitude: Quantity("rad", "16.0190 deg", "east of Greenwich", at_least="-180 deg", at_most="360 deg")
-    height: Quantity("m", "10 m", "of the IMU above the ellipsoid", at_least="-500 m", at_most="9 km")
-    azimuth: Quantity(
-        "rad", "352 deg", "of the rail, north over east", at_least="-360 deg", at_most="360 deg"
-    )
-    elevation: Quantity("rad", "88 deg", "of the rail", at_least="45 deg", at_most="90 deg")
-    roll: Quantity(
-        "rad", "0 deg", "about the roll axis; 0: body y is horizontal, to the right along the azimuth"
-    )
-    rail_length: Quantity("m", "12 m", "travel until the vehicle is free", positive=True)
-
-
-class Ground(Block):
-    """Where a vehicle stands still for the whole time, with the sky above it.
-
-    Its weight stays: `navigation.states` should have gyro_g_sensitivity, accel_scale and accel_misalignment.
-    """
-
-    latitude: Quantity("rad", "48.1 deg", "geodetic, WGS 84", at_least="-90 deg", at_most="90 deg")
-    longitude: Quantity("rad", "11.3 deg", "east of Greenwich", at_least="-180 deg", at_most="360 deg")
-    height: Quantity("m", "600 m", "of the IMU above the ellipsoid", at_least="-500 m", at_most="9 km")
-    azimuth: Quantity(
-        "rad", "90 deg", "of the roll axis, north over east", at_least="-360 deg", at_most="360 deg"
-    )
-    elevation: Quantity("rad", "0 deg", "of the roll axis", at_least="-90 deg", at_most="90 deg")
-    roll: Quantity(
-        "rad", "-90 deg", "about the roll axis; 0: body y is horizontal, to the right along the azimuth"
-    )
-
-
-class Orbit(Block):
-    """Osculating elements at the start; the roll axis then points along the velocity, body z down."""
-
-    perigee_height: Quantity("m", "500 km", "above the equatorial radius", at_least="80 km")
-    apogee_height: Quantity("m", "520 km", "above the equatorial radius", at_most="100000 km")
-    inclination: Quantity("rad", "97.4 deg", "to the equator", at_least="0 deg", at_most="180 deg")
-    node: Quantity(
-        "rad", "30 deg", "right ascension of the ascending node", at_least="-360 deg", at_most="360 deg"
-    )
-    perigee: Quantity("rad", "0 deg", "argument of perigee", at_least="-360 deg", at_most="360 deg")
-    anomaly: Quantity("rad", "0 deg", "true anomaly", at_least="-360 deg", at_most="360 deg")
+Launch, Ground, Orbit = (section(one) for one in (settings.Launch, settings.Ground, settings.Orbit))

@@ -21,6 +21,7 @@ def flight_params(scenario):
     from shefex_nav.world.flight import params as flight
 
     vehicle, payload = scenario.vehicle, scenario.vehicle.payload
+    site = scenario.orbit or scenario.launch or scenario.ground
     return flight.FlightParams(
         t_start_s=scenario.mission.start,
         time_limit_s=scenario.mission.time_limit,
@@ -28,7 +29,7 @@ def flight_params(scenario):
         gravity=gravity.load(scenario.earth.gravity, scenario.earth.gravity_degree),
         air=flight.Air(air_table(scenario), scenario.atmosphere.density),
         wind=wind(scenario.wind),
-        start=_start(scenario),
+        start=settings(type(site).SETTINGS, site),
         C_bc=mounting(scenario),
         imu_b=np.array(vehicle.imu),
         payload=params_vehicle.part(payload),
@@ -36,28 +37,17 @@ def flight_params(scenario):
         tilt=np.array(payload.principal_axis_tilt),
         payload_aerodynamics=params_vehicle.aerodynamics(payload.aerodynamics),
         stages=tuple(params_vehicle.stage(name, stage) for name, stage in vehicle.stages.items()),
-        spin_motors=params_vehicle.spin_motors(vehicle.spin_motors),
-        yo_yo=params_vehicle.yo_yo(vehicle.yo_yo),
-        cold_gas=params_vehicle.cold_gas(vehicle.cold_gas),
-        parachute=params_vehicle.parachute(vehicle.parachute),
+        spin_motors=_device(vehicle.spin_motors),
+        yo_yo=_device(vehicle.yo_yo),
+        cold_gas=_device(vehicle.cold_gas),
+        parachute=_device(vehicle.parachute),
         attitude=flight.FLOWN if scenario.attitude == "flown" else flight.PRESCRIBED,
         programme=tuple(params_vehicle.task(name, task) for name, task in scenario.tasks),
     )
 
 
-def _start(scenario):
-    """LaunchSite, GroundSite or Orbit."""
-    from shefex_nav.world.flight import params as flight
-
-    if scenario.orbit is not None:
-        orbit = scenario.orbit
-        angles = (orbit.inclination, orbit.node, orbit.perigee, orbit.anomaly)
-        return flight.Orbit(orbit.perigee_height, orbit.apogee_height, *angles)
-    site = scenario.launch or scenario.ground
-    place = (site.latitude, site.longitude, site.height, site.azimuth, site.elevation, site.roll)
-    if scenario.ground is not None:
-        return flight.GroundSite(*place)
-    return flight.LaunchSite(*place, site.rail_length)
+def _device(block):
+    return None if block is None else settings(type(block).SETTINGS, block)
 
 
 def wind(section):

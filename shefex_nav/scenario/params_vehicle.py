@@ -103,49 +103,6 @@ def aerodynamics(block):
     )
 
 
-def spin_motors(block):
-    """flight.SpinMotors, None for None."""
-    return None if block is None else flight.SpinMotors(block.at, block.duration, block.torque)
-
-
-def yo_yo(block):
-    """flight.YoYo, None for None."""
-    return None if block is None else flight.YoYo(block.at, block.mass, block.cord_length, block.radius)
-
-
-def cold_gas(block):
-    """flight.ColdGas, None for None."""
-    if block is None:
-        return None
-    reference = block.reference
-    return flight.ColdGas(
-        torque=np.array(block.torque),
-        arm_m=np.array(block.arm),
-        isp_s=block.specific_impulse,
-        propellant_kg=block.propellant,
-        period_s=block.period,
-        dead_band_angle=np.array(block.dead_band_angle),
-        dead_band_rate=np.array(block.dead_band_rate),
-        bandwidth=block.bandwidth,
-        reference=flight.AttitudeReference(
-            reference.misalignment, reference.drift, reference.roll_scale_factor
-        ),
-    )
-
-
-def parachute(block):
-    """flight.Parachute, None for None."""
-    if block is None:
-        return None
-    return flight.Parachute(
-        height_m=-np.inf if block.height is None else block.height,
-        t_s=np.inf if block.at is None else block.at,
-        drag_area_m2=block.drag_area,
-        inflation_s=block.inflation,
-        station_m=block.station,
-    )
-
-
 def task(name, block):
     """The flight's task of a task in the programme."""
     return _TASKS[type(block)]((name, block.start, block.end), block)

@@ -7,10 +7,11 @@ from pydantic import Field
 
 from shefex_nav.scenario.aerodynamics import Aerodynamics
 from shefex_nav.scenario.block import Block
-from shefex_nav.scenario.devices import ColdGas, Parachute, SpinMotors, YoYo
 from shefex_nav.scenario.motor import Motor, Propellant
+from shefex_nav.scenario.of_settings import section
 from shefex_nav.scenario.programme import Name
 from shefex_nav.scenario.quantity import Quantity, Time, Vector
+from shefex_nav.world.flight import settings
 
 
 class RigidPart(Block):
@@ -66,7 +67,7 @@ class Vehicle(Block):
     imu: Vector("m", "-2 m", "IMU from the nose tip, body axes (x to the nose)")
     payload: Payload
     stages: dict[Name, Stage] = Field(description="by name, in the order in which they burn; may be {}")
-    spin_motors: SpinMotors | None = None
-    yo_yo: YoYo | None = None
-    cold_gas: ColdGas | None = None
-    parachute: Parachute | None = None
+    spin_motors: section(settings.SpinMotors) | None = None
+    yo_yo: section(settings.YoYo) | None = None
+    cold_gas: section(settings.ColdGas) | None = None
+    parachute: section(settings.Parachute) | None = None

@@ -32,7 +32,7 @@ def bodies():
 
 
 MAY_BE_NONE = (
-    *("parachute", "payload_aerodynamics", "south_magnitude", "run_length"),
+    *("parachute", "height", "at", "payload_aerodynamics", "south_magnitude", "run_length"),
     *("satellite", "ionosphere", "troposphere", "multipath", "reacquisition", "line_time"),
 )
 

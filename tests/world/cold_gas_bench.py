@@ -7,20 +7,20 @@ import numpy as np
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.world.flight import attitude_program, control
-from shefex_nav.world.flight.params import AttitudeReference, ColdGas
+from shefex_nav.world.flight.settings import AttitudeReference, ColdGas
 
 DEG = np.pi / 180.0
 
 COLD_GAS = ColdGas(
-    torque=np.array([5.0, 60.0, 60.0]),
-    arm_m=np.array([0.5, 2.0, 2.0]),
-    isp_s=68.0,
-    propellant_kg=8.0,
-    period_s=0.02,
-    dead_band_angle=np.array([0.3, 0.2, 0.2]) * DEG,
-    dead_band_rate=np.array([0.15, 0.1, 0.1]) * DEG,
+    torque=(5.0, 60.0, 60.0),
+    arm=(0.5, 2.0, 2.0),
+    specific_impulse=68.0,
+    propellant=8.0,
+    period=0.02,
+    dead_band_angle=(0.3 * DEG, 0.2 * DEG, 0.2 * DEG),
+    dead_band_rate=(0.15 * DEG, 0.1 * DEG, 0.1 * DEG),
     bandwidth=0.5,
-    reference=AttitudeReference(0.2 * DEG, 10.0 * DEG / 3600.0, 20e-6),
+    reference=AttitudeReference(misalignment=0.2 * DEG, drift=10.0 * DEG / 3600.0, roll_scale_factor=20e-6),
 )
 STACK = np.array([177.0, 3100.0, 3100.0])  # kg m^2, second stage full
 EMPTY = np.array([68.0, 1690.0, 1690.0])  # and burnt out
@@ -81,7 +81,7 @@ def state(q_ib=(1.0, 0.0, 0.0, 0.0), omega_b=(0.0, 0.0, 0.0)):
 
 def steer(x, law, follow, inertia, seconds, cold_gas=COLD_GAS, q_wanted=None, rng=None):
     """Fly a `RateLaw` from its start for some seconds, (19,) x in place -> Run."""
-    n = round(seconds / cold_gas.period_s)
+    n = round(seconds / cold_gas.period)
     steering = control.start(cold_gas, rng, n)._replace(follow=follow, law=law)
     steering.next_s[0] = steering.clock[0] = law.t_0
     steering.q_wanted[:] = control.believed(steering, x[6:10]) if q_wanted is None else q_wanted

@@ -13,6 +13,7 @@ import numpy as np
 from shefex_nav.environment import gravity
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.world.flight import params as p
+from shefex_nav.world.flight import settings as s
 from shefex_nav.world.flight.fly import fly
 
 DEG = np.pi / 180.0
@@ -27,7 +28,15 @@ EARTH = EarthRotation(
     7.292115146706979e-5,
 )
 
-SITE = p.LaunchSite(69.2942 * DEG, 16.0190 * DEG, 10.0, 352.0 * DEG, 86.43 * DEG, 0.0, 10.0)
+SITE = s.Launch(
+    latitude=69.2942 * DEG,
+    longitude=16.0190 * DEG,
+    height=10.0,
+    azimuth=352.0 * DEG,
+    elevation=86.43 * DEG,
+    roll=0.0,
+    rail_length=10.0,
+)
 
 MACH = np.array([0.0, 0.6, 0.9, 1.05, 1.2, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0])
 
@@ -108,16 +117,16 @@ S44 = p.Stage(
     aerodynamics=UPPER,
 )
 
-COLD_GAS = p.ColdGas(
-    torque=np.array([5.0, 60.0, 60.0]),
-    arm_m=np.array([0.5, 2.0, 2.0]),
-    isp_s=68.0,
-    propellant_kg=8.0,
-    period_s=0.02,
-    dead_band_angle=np.full(3, 0.2 * DEG),
-    dead_band_rate=np.full(3, 0.1 * DEG),
+COLD_GAS = s.ColdGas(
+    torque=(5.0, 60.0, 60.0),
+    arm=(0.5, 2.0, 2.0),
+    specific_impulse=68.0,
+    propellant=8.0,
+    period=0.02,
+    dead_band_angle=(0.2 * DEG,) * 3,
+    dead_band_rate=(0.1 * DEG,) * 3,
     bandwidth=1.0,
-    reference=p.AttitudeReference(0.2 * DEG, 10.0 * DEG / 3600.0, 20e-6),
+    reference=s.AttitudeReference(misalignment=0.2 * DEG, drift=10.0 * DEG / 3600.0, roll_scale_factor=20e-6),
 )
 
 PROGRAMME = (
@@ -147,8 +156,8 @@ PARAMS = p.FlightParams(
     tilt=np.zeros(2),
     payload_aerodynamics=None,
     stages=(S40, S44),
-    spin_motors=p.SpinMotors(384.0, 2.0, 213.6),
-    yo_yo=p.YoYo(219.0, 2.0, 5.82, 0.505),
+    spin_motors=s.SpinMotors(at=384.0, duration=2.0, torque=213.6),
+    yo_yo=s.YoYo(at=219.0, mass=2.0, cord_length=5.82, radius=0.505),
     cold_gas=COLD_GAS,
     parachute=None,
     attitude=p.FLOWN,

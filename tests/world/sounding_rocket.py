@@ -1,10 +1,13 @@
 """Small vehicles for tests, all assumed: a sounding rocket of one stage, a satellite, a box that stands."""
 
+from dataclasses import replace
+
 import numpy as np
 from shefex2 import C_BC, COLD_GAS, DEG, MACH, PARAMS, STACK, column, grain, motor
 
 from shefex_nav.environment import gravity
 from shefex_nav.world.flight import params as p
+from shefex_nav.world.flight import settings as s
 
 ROCKET_AERO = STACK._replace(
     area_m2=0.0995,
@@ -38,13 +41,21 @@ STAGE = p.Stage(
     tip_off=np.zeros(2),
     aerodynamics=ROCKET_AERO,
 )
-GAS = COLD_GAS._replace(torque=np.array([1.0, 8.0, 8.0]), arm_m=np.array([0.17, 1.0, 1.0]), propellant_kg=1.0)
+GAS = replace(COLD_GAS, torque=(1.0, 8.0, 8.0), arm=(0.17, 1.0, 1.0), propellant=1.0)
 ROCKET = PARAMS._replace(
     t_start_s=-1.0,
     time_limit_s=1500.0,
     sample_rate_hz=100.0,
     gravity=gravity.load("j2"),
-    start=p.LaunchSite(67.89 * DEG, 21.1 * DEG, 300.0, 350.0 * DEG, 86.0 * DEG, 0.3, 8.0),
+    start=s.Launch(
+        latitude=67.89 * DEG,
+        longitude=21.1 * DEG,
+        height=300.0,
+        azimuth=350.0 * DEG,
+        elevation=86.0 * DEG,
+        roll=0.3,
+        rail_length=8.0,
+    ),
     imu_b=np.array([-1.0, 0.02, -0.03]),
     payload=p.Part(95.0, 1.2, 1.3, 42.0),
     payload_aerodynamics=PAYLOAD_AERO,
@@ -52,7 +63,7 @@ ROCKET = PARAMS._replace(
     spin_motors=None,
     yo_yo=None,
     cold_gas=GAS,
-    parachute=p.Parachute(4000.0, np.inf, 20.0, 2.0, 0.3),
+    parachute=s.Parachute(height=4000.0, at=None, drag_area=20.0, inflation=2.0, station=0.3),
     programme=(),
 )
 SATELLITE = PARAMS._replace(
@@ -61,7 +72,14 @@ SATELLITE = PARAMS._replace(
     sample_rate_hz=10.0,
     gravity=gravity.load("point"),
     air=p.Air(np.zeros((0, 4)), 0.0),
-    start=p.Orbit(400e3, 900e3, 63.0 * DEG, 40.0 * DEG, 70.0 * DEG, 20.0 * DEG),
+    start=s.Orbit(
+        perigee_height=400e3,
+        apogee_height=900e3,
+        inclination=63.0 * DEG,
+        node=40.0 * DEG,
+        perigee=70.0 * DEG,
+        anomaly=20.0 * DEG,
+    ),
     C_bc=C_BC,
     imu_b=np.array([-0.4, 0.1, 0.05]),
     payload=p.Part(80.0, 0.5, 8.0, 11.0),
@@ -69,14 +87,21 @@ SATELLITE = PARAMS._replace(
     stages=(),
     spin_motors=None,
     yo_yo=None,
-    cold_gas=GAS._replace(
-        torque=np.full(3, 0.05), arm_m=np.full(3, 0.3), bandwidth=0.1, dead_band_rate=np.full(3, 0.05 * DEG)
+    cold_gas=replace(
+        GAS, torque=(0.05,) * 3, arm=(0.3,) * 3, bandwidth=0.1, dead_band_rate=(0.05 * DEG,) * 3
     ),
     programme=(),
 )
 BOX = SATELLITE._replace(
     time_limit_s=20.0,
     sample_rate_hz=100.0,
-    start=p.GroundSite(48.0 * DEG, 11.0 * DEG, 500.0, 90.0 * DEG, 30.0 * DEG, 0.0),
+    start=s.Ground(
+        latitude=48.0 * DEG,
+        longitude=11.0 * DEG,
+        height=500.0,
+        azimuth=90.0 * DEG,
+        elevation=30.0 * DEG,
+        roll=0.0,
+    ),
     cold_gas=None,
 )

@@ -17,7 +17,8 @@ from shefex_nav.environment.gravity import J2_WGS84, gravity_e
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.world.flight import devices, surroundings
-from shefex_nav.world.flight.params import Part, YoYo
+from shefex_nav.world.flight.params import Part
+from shefex_nav.world.flight.settings import YoYo
 
 LONG = 600.0  # s
 SPIN = 2.0 * np.pi * 1.5  # rad/s
@@ -190,7 +191,9 @@ def test_spin_motors_give_their_impulse():
 def test_yo_yo_conserves_energy_and_momentum_of_vehicle_and_masses():
     mass, radius = 2.0, 0.5
     length = 0.9 * np.sqrt(radius**2 + BODY.inertia_roll / mass)
-    row = devices.yo_yo_row(YoYo(1.2345, mass, length, radius), SPIN, BODY.inertia_roll)
+    row = devices.yo_yo_row(
+        YoYo(at=1.2345, mass=mass, cord_length=length, radius=radius), SPIN, BODY.inertia_roll
+    )
     c = body(imu=AT_CG, yo_yo=row)
     x, rows = propagate(state(FAR, omega_b=(SPIN, 0.0, 0.0)), 5.0, c, dt=2.5e-3)
     t = np.arange(len(rows)) * 2.5e-3

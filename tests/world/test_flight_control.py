@@ -1,12 +1,14 @@
 """The cold-gas control in a closed loop with Euler's equations: what it reaches and what it costs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cold_gas_bench import COLD_GAS, DEG, EMPTY, STACK, state, steer, still
 
 from shefex_nav.geometry import rotation
 from shefex_nav.world.flight import attitude_program, control
-from shefex_nav.world.flight.params import AttitudeReference
+from shefex_nav.world.flight.settings import AttitudeReference
 
 SPIN = 1.5 * 2.0 * np.pi  # rad/s
 PER_TORQUE = 1.0 / (2.0 * 68.0 * 9.80665)  # kg/s of gas for a torque of 1 N m about y or z
@@ -31,9 +33,7 @@ def off_target(x, target):
 def test_creeping_and_nutation_decay_with_the_bandwidth(spin):
     # valves fast enough to stand for a continuous torque; no dead bands
     a, lean = 0.4, 0.3 * DEG
-    quick = COLD_GAS._replace(
-        period_s=1e-3, dead_band_angle=np.zeros(3), dead_band_rate=np.zeros(3), bandwidth=a
-    )
+    quick = replace(COLD_GAS, period=1e-3, dead_band_angle=(0.0,) * 3, dead_band_rate=(0.0,) * 3, bandwidth=a)
     x = state(rotation.quat_from_rotvec(np.array([0.0, 0.0, lean])), (spin, 0.0, 0.0))
     follow = control.AXIS if spin else control.ATTITUDE
     run = steer(x, still(0.0, 20.0), follow, STACK, 20.0, quick, q_wanted=np.array([1.0, 0.0, 0.0, 0.0]))
@@ -83,7 +83,7 @@ def test_nutation_is_damped_on_the_way():
 def test_far_off_and_spinning_it_comes_back(bandwidth):
     # 30 degrees ask for much more torque than there is
     x = state(rotation.quat_from_rotvec(np.array([0.0, 30.0 * DEG, 0.0])), (SPIN, 0.0, 0.0))
-    strong = COLD_GAS._replace(bandwidth=bandwidth)
+    strong = replace(COLD_GAS, bandwidth=bandwidth)
     run = steer(
         x, still(0.0, 120.0), control.AXIS, STACK, 120.0, strong, q_wanted=np.array([1.0, 0.0, 0.0, 0.0])
     )
@@ -93,7 +93,7 @@ def test_far_off_and_spinning_it_comes_back(bandwidth):
 
 def test_damping_takes_the_transverse_rate_and_leaves_the_spin():
     x = state(omega_b=(SPIN, 0.06, -0.04))
-    run = steer(x, still(0.0, 5.0), control.RATES, STACK, 5.0, COLD_GAS._replace(bandwidth=1.0))
+    run = steer(x, still(0.0, 5.0), control.RATES, STACK, 5.0, replace(COLD_GAS, bandwidth=1.0))
     assert np.hypot(x[11], x[12]) < 0.15 * DEG
     assert x[10] == pytest.approx(SPIN, rel=1e-9)
     assert np.isnan(run.error).all()  # nothing is wanted of the attitude
@@ -186,13 +186,13 @@ def test_torque_is_what_changes_the_angular_momentum():
     run = steer(x, still(0.0, 10.0), control.ATTITUDE, EMPTY, 10.0)
     impulse = run.torque[:, 0].sum() * 0.02
     assert EMPTY[0] * (x[10] - run.omega_b[0, 0]) == pytest.approx(impulse, abs=1e-3)
-    gas = np.abs(run.torque).sum(axis=0) * 0.02 / (COLD_GAS.arm_m * 68.0 * 9.80665)
+    gas = np.abs(run.torque).sum(axis=0) * 0.02 / (np.array(COLD_GAS.arm) * 68.0 * 9.80665)
     assert run.gas_kg == pytest.approx(gas.sum(), rel=1e-12)
 
 
 def test_an_empty_tank_pushes_no_more():
     x = state(omega_b=(0.0, 5.0 * DEG, 0.0))
-    run = steer(x, still(0.0, 10.0), control.ATTITUDE, EMPTY, 10.0, COLD_GAS._replace(propellant_kg=0.03))
+    run = steer(x, still(0.0, 10.0), control.ATTITUDE, EMPTY, 10.0, replace(COLD_GAS, propellant=0.03))
     assert run.gas_kg == pytest.approx(0.03, rel=1e-12)
     assert np.abs(run.torque[-100:]).max() == 0.0
     assert 1.0 * DEG < x[11] < 5.0 * DEG
@@ -208,7 +208,7 @@ def test_reference_errors_move_the_attitude_that_is_held():
         control.ATTITUDE,
         EMPTY,
         100.0,
-        COLD_GAS._replace(reference=error),
+        replace(COLD_GAS, reference=error),
         q_wanted=np.array([1.0, 0.0, 0.0, 0.0]),
         rng=np.random.default_rng(8),
     )
@@ -221,9 +221,12 @@ def test_reference_errors_move_the_attitude_that_is_held():
 def test_a_misaligned_reference_does_not_make_a_spinning_vehicle_burn_gas():
     # the axis it believes in wobbles with the spin: nothing to be done about it, and the spin axis is steered
     error = AttitudeReference(misalignment=1.0 * DEG, drift=0.0, roll_scale_factor=0.0)
-    skew = COLD_GAS._replace(reference=error)
+    skew = replace(COLD_GAS, reference=error)
     used = []
-    for cold_gas in (COLD_GAS._replace(reference=AttitudeReference(0.0, 0.0, 0.0)), skew):
+    for cold_gas in (
+        replace(COLD_GAS, reference=AttitudeReference(misalignment=0.0, drift=0.0, roll_scale_factor=0.0)),
+        skew,
+    ):
         x = state(omega_b=(SPIN, 0.0, 0.0))
         misalignment = control.start(cold_gas, np.random.default_rng(8), 0).misalignment
         law, target = turn(42.0 * DEG, 75.0, rotation.quat_from_rotvec(misalignment))

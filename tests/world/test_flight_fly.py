@@ -1,5 +1,7 @@
 """The chain of sections: staging, devices, other starts than a launch, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from shefex2 import COLD_GAS, DEG, EARTH, PARAMS, PRESCRIBED, PROGRAMME, S40, S44
@@ -9,6 +11,7 @@ from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Phase
 from shefex_nav.world.flight import params as p
 from shefex_nav.world.flight.fly import FlightError, fly
+from shefex_nav.world.flight.settings import YoYo
 
 SEPARATING = STAGE._replace(t_separation_s=60.0, separation_impulse=400.0, tip_off=np.array([0.05, -0.08]))
 
@@ -47,7 +50,7 @@ def test_a_rocket_with_a_parachute_that_opens_by_height():
 
 
 def test_a_parachute_that_opens_at_a_time():
-    chute = ROCKET.parachute._replace(height_m=-np.inf, t_s=230.0)
+    chute = replace(ROCKET.parachute, height=None, at=230.0)
     trajectory, events, _ = flown(ROCKET._replace(parachute=chute))
     assert events["parachute"].t_s == 230.0 < events["impact"].t_s
     assert trajectory.phase[before_and_after(trajectory, 230.0)[1]] == Phase.PARACHUTE
@@ -166,17 +169,17 @@ def test_a_box_on_the_ground_stands_still():
 
 def test_an_empty_tank_is_an_event():
     tasks = (p.Turn("turn", 70.0, 110.0, 1.0, 0.5, 110.0),)
-    little = ROCKET._replace(stages=(SEPARATING,), programme=tasks, cold_gas=GAS._replace(propellant_kg=0.02))
+    little = ROCKET._replace(stages=(SEPARATING,), programme=tasks, cold_gas=replace(GAS, propellant=0.02))
     _, events, control = flown(little)
     assert 70.0 < events["cold_gas_empty"].t_s < 110.0
     assert control.propellant_kg[-1] == pytest.approx(0.02, rel=1e-9)
     assert np.all(control.torque_b[control.t_s > events["cold_gas_empty"].t_s + 0.1] == 0.0)
-    _, events, _ = flown(little._replace(cold_gas=GAS._replace(propellant_kg=5.0)))
+    _, events, _ = flown(little._replace(cold_gas=replace(GAS, propellant=5.0)))
     assert "cold_gas_empty" not in events
 
 
 def test_the_yo_yo_works_while_a_task_is_flown_too():
-    yo_yo = p.YoYo(100.0, 0.3, 4.0, 0.178)
+    yo_yo = YoYo(at=100.0, mass=0.3, cord_length=4.0, radius=0.178)
     tasks = (p.Damp("damping", 95.0, 105.0),)
     trajectory, events, _ = flown(ROCKET._replace(yo_yo=yo_yo, programme=tasks))
     i, _ = before_and_after(trajectory, 100.0)
@@ -206,7 +209,10 @@ STEERED = ROCKET._replace(stages=(SEPARATING,), programme=(p.Hold("hold", 100.0,
             STEERED._replace(programme=(p.Hold("hold", 500.0, 1400.0),), parachute=None),
             "ground .* before hold",
         ),
-        (ROCKET._replace(yo_yo=p.YoYo(0.0, 0.3, 4.0, 0.2)), "yo-yo .* does not spin"),
+        (
+            ROCKET._replace(yo_yo=YoYo(at=0.0, mass=0.3, cord_length=4.0, radius=0.2)),
+            "yo-yo .* does not spin",
+        ),
         (
             STEERED._replace(attitude=p.PRESCRIBED, programme=(p.Point("slew", 70.0, 80.0, 0.0, 0.5, 0.0),)),
             "spins with .* when slew",
@@ -253,9 +259,9 @@ def tasks_with(name, **changes):
         (PARAMS._replace(programme=tasks_with("pointing", ramp_s=70.0)), "ramp_s .* does not fit twice"),
         (PARAMS._replace(t_start_s=1.0), "after lift-off"),
         (PARAMS._replace(time_limit_s=380.0), "entry_slew_end .* after time_limit_s"),
-        (PARAMS._replace(cold_gas=COLD_GAS._replace(bandwidth=30.0)), "too slow for a bandwidth"),
+        (PARAMS._replace(cold_gas=replace(COLD_GAS, bandwidth=30.0)), "too slow for a bandwidth"),
         (PARAMS._replace(time_limit_s=-20.0), "time_limit_s"),
-        (PARAMS._replace(yo_yo=PARAMS.yo_yo._replace(t_s=-5.0)), "yo_yo .* before the start"),
+        (PARAMS._replace(yo_yo=replace(PARAMS.yo_yo, at=-5.0)), "yo_yo .* before the start"),
         (BOX._replace(stages=(STAGE,)), "stands on the ground"),
         (ROCKET._replace(stages=(STAGE._replace(t_ignition_s=-0.5),)), "ignition at -0.5 s"),
         (SATELLITE._replace(payload_aerodynamics=None), "no aerodynamic coefficients"),

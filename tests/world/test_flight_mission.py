@@ -124,7 +124,9 @@ def test_at_rest_on_the_pad():
     C_eb = None
     for k in (0, 1234, last - 1):
         r_e, v_e = frames.ecef_from_inertial(EARTH, trajectory.t_s[k], trajectory.r_i[k], trajectory.v_i[k])
-        assert np.allclose(r_e, wgs84.ecef_from_geodetic(*SITE[:3]), atol=1e-8)
+        assert np.allclose(
+            r_e, wgs84.ecef_from_geodetic(SITE.latitude, SITE.longitude, SITE.height), atol=1e-8
+        )
         assert np.linalg.norm(v_e) < 1e-9
         C_eb = frames.dcm_ie(EARTH, trajectory.t_s[k]).T @ rotation.dcm_from_quat(trajectory.q_ib[k])
         # reaction to gravity: upwards, as long as WGS 84 normal gravity but for the anomaly of the place
@@ -241,7 +243,7 @@ def test_yo_yo_and_spin_motors_change_the_spin_as_they_should():
     spin = flight.trajectory.omega_ib_b[:, 0]
     before, after = spin[sample(218.9)], spin[sample(221.0)]
     row = devices.yo_yo_row(PARAMS.yo_yo, before, 68.0)
-    k, l2 = row[3] * PARAMS.yo_yo.radius_m**2, PARAMS.yo_yo.cord_length_m**2
+    k, l2 = row[3] * PARAMS.yo_yo.radius**2, PARAMS.yo_yo.cord_length**2
     assert after == pytest.approx(before * (k - l2) / (k + l2), abs=1e-5)
     assert 0.0 < after < 5.0 * DEG  # the cold gas does the rest
     assert events["yo_yo_off"].t_s - 219.0 == pytest.approx(5.82 / (0.505 * before), rel=1e-5)
@@ -274,7 +276,7 @@ def test_cold_gas_holds_what_was_wanted():
     assert used["pointing"] < 0.05
     assert history.propellant_kg[-1] < 3.5
     assert np.all(np.diff(history.propellant_kg) >= 0.0)
-    assert len(history.t_s) == round(sum(task.t_1 - task.t_0 for task in PROGRAMME) / COLD_GAS.period_s)
+    assert len(history.t_s) == round(sum(task.t_1 - task.t_0 for task in PROGRAMME) / COLD_GAS.period)
     # the camera works below 2 deg/s; valves rest nearly all of the time
     pointing = slice(sample(252.0), sample(372.0))
     assert np.linalg.norm(flight.trajectory.omega_ib_b[pointing], axis=1).max() < 0.3 * DEG

@@ -98,7 +98,7 @@ def none():
 
 
 def start(cold_gas, rng, n_ticks):
-    """The control of a flight from `params.ColdGas`, with room for n_ticks in its history.
+    """The control of a flight from its ColdGas, with room for n_ticks in its history.
 
     rng draws the errors of the attitude reference, always seven numbers; None: it has no errors.
     """
@@ -106,10 +106,10 @@ def start(cold_gas, rng, n_ticks):
     gas, error = cold_gas, cold_gas.reference
     torque_open = np.array(gas.torque, dtype=float)
     return none()._replace(
-        period=float(gas.period_s),
-        propellant=np.array([0.0, gas.propellant_kg]),
+        period=float(gas.period),
+        propellant=np.array([0.0, gas.propellant]),
         torque_open=torque_open,
-        flow=torque_open / (np.asarray(gas.arm_m, dtype=float) * gas.isp_s * STANDARD_GRAVITY),
+        flow=torque_open / (np.asarray(gas.arm, dtype=float) * gas.specific_impulse * STANDARD_GRAVITY),
         dead_angle=np.array(gas.dead_band_angle, dtype=float),
         dead_rate=np.array(gas.dead_band_rate, dtype=float),
         bandwidth=float(gas.bandwidth),

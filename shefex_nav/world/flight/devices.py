@@ -39,15 +39,15 @@ def yo_yo_acceleration(yo_yo, t_s):
 
 
 def yo_yo_row(yo_yo, spin, i_roll):
-    """(4,) release s, off s, spin at release rad/s, K/R^2 of a `params.YoYo` released at a spin; None: never.
+    """(4,) release s, off s, spin at release rad/s, K/R^2 of a YoYo released at a spin; None: never.
 
     i_roll: kg m^2 of the vehicle about its roll axis, without the masses.
     """
     if yo_yo is None:
         return np.array([NEVER, NEVER, 0.0, 2.0])
-    unwinding_s = yo_yo.cord_length_m / (yo_yo.radius_m * abs(spin))
-    k = 1.0 + i_roll / (yo_yo.mass_kg * yo_yo.radius_m**2)
-    return np.array([yo_yo.t_s, yo_yo.t_s + unwinding_s, float(spin), k])
+    unwinding_s = yo_yo.cord_length / (yo_yo.radius * abs(spin))
+    k = 1.0 + i_roll / (yo_yo.mass * yo_yo.radius**2)
+    return np.array([yo_yo.at, yo_yo.at + unwinding_s, float(spin), k])
 
 
 def spin_left(row):
@@ -62,7 +62,7 @@ def spin_motor_rows(spin_motors):
     if spin_motors is None:
         return np.zeros((0, 3))
     m = spin_motors
-    return np.array([[m.t_s, m.t_s + m.duration_s, m.torque]], dtype=float)
+    return np.array([[m.at, m.at + m.duration, m.torque]], dtype=float)
 
 
 def parachute_row(parachute, t_open=NEVER):
@@ -70,7 +70,7 @@ def parachute_row(parachute, t_open=NEVER):
     if parachute is None:
         return np.array([NEVER, 1.0, 0.0, 0.0, 0.0])
     p = parachute
-    return np.array([min(p.t_s, t_open), p.inflation_s, p.drag_area_m2, p.station_m, 0.0], dtype=float)
+    return np.array([min(p.opens_at, t_open), p.inflation, p.drag_area, p.station, 0.0], dtype=float)
 
 
 def kick(x, C_ib, speed, rate_b, lever_b):

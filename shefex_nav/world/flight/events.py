@@ -9,7 +9,7 @@ import numpy as np
 from shefex_nav.geometry import frames
 from shefex_nav.records import Event, Phase
 from shefex_nav.world.flight import params as p
-from shefex_nav.world.flight import timeline
+from shefex_nav.world.flight import settings, timeline
 
 LEVELS = (("entry", 100e3), ("altitude_60km", 60e3), ("altitude_20km", 20e3))  # m, on the way down
 
@@ -29,9 +29,9 @@ def between(t_s, t_0, t_1):
 
 def phases(params, t_s, stage, instants):
     """(N,) int8 `Phase` at t_s (N,). stage: (N,) as of `burning`; instants: {event: s}."""
-    if isinstance(params.start, p.GroundSite):
+    if isinstance(params.start, settings.Ground):
         return np.full(len(t_s), Phase.GROUND, dtype=np.int8)
-    launch = isinstance(params.start, p.LaunchSite)
+    launch = isinstance(params.start, settings.Launch)
     out = np.full(len(t_s), Phase.COAST if launch else Phase.ORBIT, dtype=np.int8)
     if launch:
         out[between(t_s, -np.inf, instants["lift_off"])] = Phase.PAD
@@ -49,7 +49,7 @@ def phases(params, t_s, stage, instants):
 def found(params, t_s, height, dynamic_pressure, landed):
     """{event: s} of what shows in the samples alone: apogee, heights on the way down, greatest pressure."""
     instants, after = {}, t_s[0]
-    launch = isinstance(params.start, p.LaunchSite)
+    launch = isinstance(params.start, settings.Launch)
     if launch:
         k = int(np.argmax(height))
         # vertical speed from the heights either side of the top sample, zero in between

@@ -15,7 +15,17 @@ from shefex_nav.errors import UserError
 from shefex_nav.geometry import rotation
 from shefex_nav.records import Trajectory
 from shefex_nav.world.flight import attitude_program as attitude
-from shefex_nav.world.flight import control, devices, dynamics, events, start, surroundings, timeline, vehicle
+from shefex_nav.world.flight import (
+    control,
+    devices,
+    dynamics,
+    events,
+    settings,
+    start,
+    surroundings,
+    timeline,
+    vehicle,
+)
 from shefex_nav.world.flight import params as p
 from shefex_nav.world.flight.integrate import STOP, T_END, TOLERANCE, Samples, Vehicle, integrate
 from shefex_nav.world.flight.record import split
@@ -63,7 +73,7 @@ def fly(params, earth, rng=None):
     world, q_eb = start.surround(params, earth)
     dt = 1.0 / params.sample_rate_hz
     rows = np.zeros((int(np.floor((params.time_limit_s - params.t_start_s) / dt + 1e-6)) + 1, dynamics.ROW))
-    if isinstance(params.start, p.GroundSite):
+    if isinstance(params.start, settings.Ground):
         start.stand(params, world, q_eb, params.payload.mass_kg, rows, params.time_limit_s + dt)
         return _record(params, earth, rows, {}, None, False)
     steering = control.none() if params.cold_gas is None else _steering(params, rng)
@@ -73,7 +83,7 @@ def fly(params, earth, rng=None):
     if params.cold_gas is not None and params.programme and params.attitude == p.FLOWN:
         h = steering.history[: steering.count[0]]
         history = ControlHistory(h[:, 0].copy(), h[:, 1:4].copy(), h[:, 4:7].copy(), h[:, 7].copy())
-        empty = h[:, 7] >= params.cold_gas.propellant_kg * (1.0 - 1e-12)
+        empty = h[:, 7] >= params.cold_gas.propellant * (1.0 - 1e-12)
         if empty.any():
             run.instants["cold_gas_empty"] = h[np.argmax(empty), 0]
     return _record(params, earth, rows[: run.k], run.instants, history, run.landed)
@@ -82,7 +92,7 @@ def fly(params, earth, rng=None):
 def _at_the_start(params, world, q_eb, rows, steering):
     """The run at lift-off, the time on the pad behind it, or in orbit: `_Run`."""
     vehicles = configurations(params)
-    if isinstance(params.start, p.Orbit):
+    if isinstance(params.start, settings.Orbit):
         t_start = float(params.t_start_s)
         x = start.orbit(params, lever(vehicles[0], t_start))
         return _Run(params, world, rows, vehicles, steering, _Begin(x, t_start, 0, dynamics.FREE))
@@ -107,7 +117,7 @@ def configurations(params):
         out.append(vehicle.configure([params.payload], None, params, params.payload_aerodynamics))
     motors = devices.spin_motor_rows(params.spin_motors)
     t_0, t_1 = timeline.prescribed(params)
-    if params.spin_motors is not None and t_0 - EPS <= params.spin_motors.t_s < t_1 - EPS:
+    if params.spin_motors is not None and t_0 - EPS <= params.spin_motors.at < t_1 - EPS:
         motors = devices.spin_motor_rows(None)  # the attitude happens as told
     parachute, none = devices.parachute_row(params.parachute), devices.yo_yo_row(None, 0.0, 1.0)
     return tuple(c._replace(spin_motors=motors, parachute=parachute, yo_yo=none) for c in out)
@@ -135,7 +145,7 @@ def _mass_row(configuration, t_s):
 def _steering(params, rng):
     """The control, with room for the ticks of all tasks."""
     seconds = [task.t_1 - task.t_0 for task in params.programme]
-    ticks = sum(int(s / params.cold_gas.period_s) + 3 for s in seconds) + 3  # and where sections are cut
+    ticks = sum(int(s / params.cold_gas.period) + 3 for s in seconds) + 3  # and where sections are cut
     return control.start(params.cold_gas, rng, ticks)
 
 
@@ -161,8 +171,7 @@ class _Run:
         self.unsteered = control.none()
         self.wanted_until = -np.inf  # s, up to when the control's wanted attitude has been carried on
         self.gathered = 0  # samples whose drift the attitude reference has gathered
-        by_height = params.parachute is not None and np.isfinite(params.parachute.height_m)
-        self.stop_height = float(params.parachute.height_m) if by_height else -np.inf
+        self.stop_height = -np.inf if params.parachute is None else params.parachute.opens_below
 
     def to_the_end(self):
         """Fly through all moments until the ground or the time limit."""
@@ -170,7 +179,7 @@ class _Run:
             self._until(moment.t_s, moment.name)
             self._do(moment, self.moments[n + 1 :])
         self._until(self.params.time_limit_s + 0.5 / self.params.sample_rate_hz, None)  # with its sample
-        if isinstance(self.params.start, p.LaunchSite) and not self.landed:
+        if isinstance(self.params.start, settings.Launch) and not self.landed:
             limit = self.params.time_limit_s
             raise FlightError(
                 f"the vehicle is still in the air at the time limit, {limit:g} s; mission.time_limit has to "
@@ -361,7 +370,7 @@ def _record(params, earth, rows, instants, history, landed):
     t_s = params.t_start_s + np.arange(len(rows)) / params.sample_rate_hz
     *motion, (mass, mach, pressure, thrust, height, attack) = split(rows)
     stage = events.burning(params, t_s)
-    if not isinstance(params.start, p.GroundSite):
+    if not isinstance(params.start, settings.Ground):
         for burn in timeline.burns(params):
             instants[f"burn_out_{burn.number}"] = burn.t_1
         instants |= events.found(params, t_s, height, pressure, landed)

@@ -8,6 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.world.flight.settings import (
+    ColdGas,
+    Ground,
+    Launch,
+    Orbit,
+    Parachute,
+    SpinMotors,
+    YoYo,
+)
+
 FLOWN, PRESCRIBED = 0, 1  # attitude by the cold-gas system, or as the programme says
 
 
@@ -75,94 +85,11 @@ class Stage(NamedTuple):
     aerodynamics: Aerodynamics  # while this stage is the lowest one attached
 
 
-class SpinMotors(NamedTuple):
-    """Small motors that turn the vehicle about its roll axis."""
-
-    t_s: float
-    duration_s: float
-    torque: float  # N m, positive: positive roll rate
-
-
-class YoYo(NamedTuple):
-    """Two masses on cords, wound around the vehicle, that take its spin away."""
-
-    t_s: float  # release
-    mass_kg: float  # both masses together
-    cord_length_m: float  # of each
-    radius_m: float  # of the vehicle where they are wound up
-
-
-class AttitudeReference(NamedTuple):
-    """Errors of the attitude by which the cold-gas system steers, one standard deviation."""
-
-    misalignment: float  # rad, each axis, constant
-    drift: float  # rad/s, each axis, constant
-    roll_scale_factor: float
-
-
-class ColdGas(NamedTuple):
-    """Attitude control by cold gas: valves that are open or shut, working in pairs as pure couples."""
-
-    torque: np.ndarray  # (3,) N m about x, y, z while a pair is open
-    arm_m: np.ndarray  # (3,) m, torque per thrust
-    isp_s: float
-    propellant_kg: float
-    period_s: float  # of the controller, and the shortest opening
-    dead_band_angle: np.ndarray  # (3,) rad
-    dead_band_rate: np.ndarray  # (3,) rad/s
-    bandwidth: float  # rad/s
-    reference: AttitudeReference
-
-
-class Parachute(NamedTuple):
-    """A parachute; opens on the way down through a height, or at a time."""
-
-    height_m: float  # -inf: by time
-    t_s: float  # inf: by height
-    drag_area_m2: float  # C_D A when full
-    inflation_s: float
-    station_m: float  # where its lines are fixed
-
-
 class Air(NamedTuple):
     """The air: a table, or the US Standard Atmosphere 1976 where the table is empty."""
 
     table: np.ndarray  # (n, 4) height m, ln(density), ln(pressure), speed of sound m/s; (0, 4): US76
     density_factor: float
-
-
-class LaunchSite(NamedTuple):
-    """Where the IMU waits on the pad, and the rail."""
-
-    latitude: float  # rad, geodetic
-    longitude: float  # rad
-    height_m: float  # above the ellipsoid
-    azimuth: float  # rad from north over east, of the rail
-    elevation: float  # rad above the horizontal
-    roll: float  # rad about the roll axis; 0: body y horizontal, to the right when looking along the azimuth
-    rail_length_m: float
-
-
-class GroundSite(NamedTuple):
-    """Where a vehicle stands that never leaves; as `LaunchSite`."""
-
-    latitude: float
-    longitude: float
-    height_m: float
-    azimuth: float
-    elevation: float
-    roll: float
-
-
-class Orbit(NamedTuple):
-    """Osculating elements at t_start_s, inertial; the body then looks along the velocity, z axis down."""
-
-    perigee_height_m: float  # above the equatorial radius
-    apogee_height_m: float
-    inclination: float  # rad
-    node: float  # rad, right ascension
-    perigee: float  # rad, argument
-    anomaly: float  # rad, true
 
 
 class Damp(NamedTuple):
@@ -243,7 +170,7 @@ class FlightParams(NamedTuple):
     gravity: tuple  # environment.gravity.GravityModel
     air: Air
     wind: np.ndarray  # (m, 3) height m, north m/s, east m/s; (0, 3): none
-    start: LaunchSite | GroundSite | Orbit
+    start: Launch | Ground | Orbit
     C_bc: np.ndarray  # (3, 3) nominal mounting of the star camera
     imu_b: np.ndarray  # (3,) m, IMU from the nose tip, body axes
     payload: Part

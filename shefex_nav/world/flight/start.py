@@ -8,8 +8,7 @@ import numpy as np
 
 from shefex_nav.environment.gravity import gravity_e
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.world.flight import params as p
-from shefex_nav.world.flight import surroundings
+from shefex_nav.world.flight import settings, surroundings
 from shefex_nav.world.flight.dynamics import AUX, STATE
 
 NOWHERE = surroundings.Rail(np.array([wgs84.A, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]), 0.0)
@@ -17,20 +16,20 @@ NOWHERE = surroundings.Rail(np.array([wgs84.A, 0.0, 0.0]), np.array([1.0, 0.0, 0
 
 def surround(params, earth):
     """(World, q_eb on the ground); the attitude is None for a vehicle in orbit."""
-    rail, q_eb = (NOWHERE, None) if isinstance(params.start, p.Orbit) else _rail(params.start)
+    rail, q_eb = (NOWHERE, None) if isinstance(params.start, settings.Orbit) else _rail(params.start)
     return surroundings.surround(params.gravity, earth, rail, params.air, params.wind), q_eb
 
 
 def _rail(site):
-    """Rail and q_eb of what stands on a LaunchSite or a GroundSite, where it has no length."""
+    """Rail and q_eb of what stands on a Launch site or on the Ground, where it has no length."""
     C_el = wgs84.dcm_el(site.latitude, site.longitude)
     ca, sa = np.cos(site.azimuth), np.sin(site.azimuth)
     ce, se = np.cos(site.elevation), np.sin(site.elevation)
     nose_l, right_l = np.array([sa * ce, ca * ce, se]), np.array([ca, -sa, 0.0])
     C_lb = np.stack([nose_l, right_l, np.cross(nose_l, right_l)], axis=1)
     C_eb = C_el @ C_lb @ rotation.dcm_from_rotvec(np.array([site.roll, 0.0, 0.0]))
-    r_e = wgs84.ecef_from_geodetic(site.latitude, site.longitude, site.height_m)
-    length = float(site.rail_length_m) if isinstance(site, p.LaunchSite) else 0.0
+    r_e = wgs84.ecef_from_geodetic(site.latitude, site.longitude, site.height)
+    length = float(site.rail_length) if isinstance(site, settings.Launch) else 0.0
     return surroundings.Rail(r_e, np.ascontiguousarray(C_eb[:, 0]), length), rotation.quat_from_dcm(C_eb)
 
 
@@ -45,7 +44,7 @@ def stand(params, world, q_eb, mass, rows, until_s):
     f_e = np.cross(omega_e, np.cross(omega_e, r_e)) - gravity_e(world.gravity, r_e)
     omega_b, f_b = C_eb.T @ omega_e, C_eb.T @ f_e
     aux = np.zeros(AUX)
-    aux[:4], aux[7] = (*f_b, mass), params.start.height_m
+    aux[:4], aux[7] = (*f_b, mass), params.start.height
     n = int(np.ceil((until_s - params.t_start_s) / dt - 1e-6))  # samples before until_s
     t_s = np.append(params.t_start_s + dt * np.arange(min(n, len(rows))), until_s)
     since_s = np.diff(t_s, prepend=t_s[0])
@@ -67,7 +66,7 @@ def orbit(params, lever_b):
     inertial space. Elements: Montenbruck & Gill, Satellite Orbits, section 2.2.
     """
     o = params.start
-    perigee, apogee = wgs84.A + o.perigee_height_m, wgs84.A + o.apogee_height_m
+    perigee, apogee = wgs84.A + o.perigee_height, wgs84.A + o.apogee_height
     eccentricity, p_m = (apogee - perigee) / (apogee + perigee), 2.0 * apogee * perigee / (apogee + perigee)
     C_ip = (
         rotation.dcm_from_rotvec(np.array([0.0, 0.0, o.node]))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.world.flight import params as p
+from shefex_nav.world.flight import settings
 
 EPS = 1e-9  # s, instants closer than this are one
 LOOP = 0.5  # bandwidth times period up to which a sampled double pole is well damped
@@ -62,7 +63,7 @@ def _planned(params):
 
     The first ignition of a launch is left out: it belongs to the time on the rail.
     """
-    launch = isinstance(params.start, p.LaunchSite)
+    launch = isinstance(params.start, settings.Launch)
     found = [
         Moment(burn.t_0, Kind.IGNITION, burn.number, f"ignition_{burn.number}")
         for burn in burns(params)[1 if launch else 0 :]
@@ -74,11 +75,11 @@ def _planned(params):
         found.append(Moment(task.t_0, Kind.BEGIN, n, f"{task.name}_start"))
         found.append(Moment(task.t_1, Kind.END, n, f"{task.name}_end"))
     if params.yo_yo is not None:
-        found.append(Moment(params.yo_yo.t_s, Kind.YO_YO, 0, "yo_yo_release"))
+        found.append(Moment(params.yo_yo.at, Kind.YO_YO, 0, "yo_yo_release"))
     if params.spin_motors is not None:
-        found.append(Moment(params.spin_motors.t_s, Kind.SPIN_MOTORS, 0, "spin_motors"))
-    if params.parachute is not None and np.isfinite(params.parachute.t_s):
-        found.append(Moment(params.parachute.t_s, Kind.PARACHUTE, 0, "parachute"))
+        found.append(Moment(params.spin_motors.at, Kind.SPIN_MOTORS, 0, "spin_motors"))
+    if params.parachute is not None and params.parachute.at is not None:
+        found.append(Moment(params.parachute.at, Kind.PARACHUTE, 0, "parachute"))
     return sorted(found, key=lambda moment: (moment.t_s, moment.kind))
 
 
@@ -91,7 +92,7 @@ def prescribed(params):
 
 def check(params):
     """Refuse parameters that contradict each other: ValueError."""
-    launch, ground = isinstance(params.start, p.LaunchSite), isinstance(params.start, p.GroundSite)
+    launch, ground = isinstance(params.start, settings.Launch), isinstance(params.start, settings.Ground)
     if not params.t_start_s < params.time_limit_s:
         raise ValueError(
             f"time_limit_s, {params.time_limit_s} s, is not after t_start_s, {params.t_start_s} s"
@@ -109,9 +110,9 @@ def check(params):
     if launch and late:
         raise ValueError(f"{late[0].name} at {late[0].t_s} s is after time_limit_s, {params.time_limit_s} s")
     for name, t_s in (
-        ("yo_yo", params.yo_yo and params.yo_yo.t_s),
-        ("spin_motors", params.spin_motors and params.spin_motors.t_s),
-        ("parachute", params.parachute and params.parachute.t_s),
+        ("yo_yo", params.yo_yo and params.yo_yo.at),
+        ("spin_motors", params.spin_motors and params.spin_motors.at),
+        ("parachute", params.parachute and params.parachute.at),
     ):
         if t_s is not None and t_s < (0.0 if launch else params.t_start_s):
             raise ValueError(f"{name} ({t_s} s) is before the start of the flight")
@@ -132,7 +133,7 @@ def _check_stages(params, earliest):
             )
         gone, below = stage.t_separation_s, f"the separation of {stage.name}"
     alone = not params.stages or np.isfinite(params.stages[-1].t_separation_s)
-    if alone and params.payload_aerodynamics is None and not isinstance(params.start, p.GroundSite):
+    if alone and params.payload_aerodynamics is None and not isinstance(params.start, settings.Ground):
         raise ValueError("the payload flies alone and has no aerodynamic coefficients")
 
 
@@ -141,9 +142,9 @@ def _check_programme(params, earliest):
     tasks = params.programme
     if tasks and params.attitude == p.FLOWN and params.cold_gas is None:
         raise ValueError("the programme is to be flown, and there is no cold gas")
-    if params.cold_gas is not None and params.cold_gas.bandwidth * params.cold_gas.period_s > LOOP:
+    if params.cold_gas is not None and params.cold_gas.bandwidth * params.cold_gas.period > LOOP:
         raise ValueError(
-            f"the valves work every {params.cold_gas.period_s} s: too slow for a bandwidth of "
+            f"the valves work every {params.cold_gas.period} s: too slow for a bandwidth of "
             f"{params.cold_gas.bandwidth} rad/s, whose product must not exceed {LOOP}"
         )
     if tasks and tasks[0].t_0 < earliest:

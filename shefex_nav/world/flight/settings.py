@@ -1,0 +1,134 @@
+"""Settings of a flight: where it starts, what turns and slows the vehicle besides its motors.
+
+All times count from lift-off.
+"""
+
+from math import inf
+
+from shefex_nav.settings import Settings, quantity, section
+
+
+class Launch(Settings):
+    """Where the vehicle stands, and the rail."""
+
+    latitude: float = quantity("rad", "69.2942 deg", "geodetic, WGS 84", at_least="-90 deg", at_most="90 deg")
+    longitude: float = quantity(
+        "rad", "16.0190 deg", "east of Greenwich", at_least="-180 deg", at_most="360 deg"
+    )
+    height: float = quantity("m", "10 m", "of the IMU above the ellipsoid", at_least="-500 m", at_most="9 km")
+    azimuth: float = quantity(
+        "rad", "352 deg", "of the rail, north over east", at_least="-360 deg", at_most="360 deg"
+    )
+    elevation: float = quantity("rad", "88 deg", "of the rail", at_least="45 deg", at_most="90 deg")
+    roll: float = quantity(
+        "rad", "0 deg", "about the roll axis; 0: body y is horizontal, to the right along the azimuth"
+    )
+    rail_length: float = quantity("m", "12 m", "travel until the vehicle is free", positive=True)
+
+
+class Ground(Settings):
+    """Where a vehicle stands still for the whole time, with the sky above it.
+
+    Its weight stays: `navigation.states` should have gyro_g_sensitivity, accel_scale and accel_misalignment.
+    """
+
+    latitude: float = quantity("rad", "48.1 deg", "geodetic, WGS 84", at_least="-90 deg", at_most="90 deg")
+    longitude: float = quantity(
+        "rad", "11.3 deg", "east of Greenwich", at_least="-180 deg", at_most="360 deg"
+    )
+    height: float = quantity(
+        "m", "600 m", "of the IMU above the ellipsoid", at_least="-500 m", at_most="9 km"
+    )
+    azimuth: float = quantity(
+        "rad", "90 deg", "of the roll axis, north over east", at_least="-360 deg", at_most="360 deg"
+    )
+    elevation: float = quantity("rad", "0 deg", "of the roll axis", at_least="-90 deg", at_most="90 deg")
+    roll: float = quantity(
+        "rad", "-90 deg", "about the roll axis; 0: body y is horizontal, to the right along the azimuth"
+    )
+
+
+class Orbit(Settings):
+    """Osculating elements at the start; the roll axis then points along the velocity, body z down."""
+
+    perigee_height: float = quantity("m", "500 km", "above the equatorial radius", at_least="80 km")
+    apogee_height: float = quantity("m", "520 km", "above the equatorial radius", at_most="100000 km")
+    inclination: float = quantity("rad", "97.4 deg", "to the equator", at_least="0 deg", at_most="180 deg")
+    node: float = quantity(
+        "rad", "30 deg", "right ascension of the ascending node", at_least="-360 deg", at_most="360 deg"
+    )
+    perigee: float = quantity("rad", "0 deg", "argument of perigee", at_least="-360 deg", at_most="360 deg")
+    anomaly: float = quantity("rad", "0 deg", "true anomaly", at_least="-360 deg", at_most="360 deg")
+
+
+class SpinMotors(Settings):
+    """Small motors that turn the vehicle about its roll axis."""
+
+    at: float = quantity("s", "384 s", "ignition")
+    duration: float = quantity("s", "2 s", "how long they burn", positive=True)
+    torque: float = quantity("N m", "200 N m", "about the roll axis; positive: positive roll rate")
+
+
+class YoYo(Settings):
+    """Two masses on cords, wound around the vehicle, that take its spin away."""
+
+    at: float = quantity("s", "219 s", "release")
+    mass: float = quantity(
+        "kg", "2 kg", "both masses together, not part of the payload's mass", positive=True
+    )
+    cord_length: float = quantity("m", "5 m", "of each", positive=True)
+    radius: float = quantity("m", "0.5 m", "of the vehicle where they are wound up", positive=True)
+
+
+class AttitudeReference(Settings):
+    """Errors of the attitude by which the cold-gas system steers; the filter does not steer. 1 sigma."""
+
+    misalignment: float = quantity("rad", "0.2 deg", "about each axis, constant", non_negative=True)
+    drift: float = quantity("rad/s", "10 deg/h", "about each axis", non_negative=True)
+    roll_scale_factor: float = quantity("", "100 ppm", "of the roll rate", non_negative=True)
+
+
+class ColdGas(Settings):
+    """Attitude control by cold gas: pairs of valves that are open or shut and give pure couples."""
+
+    torque: tuple[float, float, float] = quantity(
+        "N m", "60 N m", "of an open pair, about x, y, z", positive=True
+    )
+    arm: tuple[float, float, float] = quantity(
+        "m", "2 m", "torque over thrust of a pair, about x, y, z", positive=True
+    )
+    specific_impulse: float = quantity("s", "68 s", "of the gas", positive=True)
+    propellant: float = quantity(
+        "kg", "8 kg", "gas in the tank, part of the payload's mass, which stays as it is", positive=True
+    )
+    period: float = quantity(
+        "s", "20 ms", "of the controller; the shortest opening", at_least="2.5 ms", at_most="1 s"
+    )
+    dead_band_angle: tuple[float, float, float] = quantity(
+        "rad", "0.2 deg", "errors that are left alone, about x, y, z", non_negative=True
+    )
+    dead_band_rate: tuple[float, float, float] = quantity(
+        "rad/s", "0.1 deg/s", "rates that are left alone", non_negative=True
+    )
+    bandwidth: float = quantity("rad/s", "1 rad/s", "of the control loop", positive=True, at_most="100 rad/s")
+    reference: AttitudeReference = section()
+
+
+class Parachute(Settings):
+    """A parachute; opens on the way down through a height, or at a time."""
+
+    height: float | None = quantity("m", "5 km", "above the ellipsoid, on the way down", None, positive=True)
+    at: float | None = quantity("s", "300 s", "when it opens, if not by its height", None)
+    drag_area: float = quantity("m2", "12 m2", "drag coefficient times area when it is full", positive=True)
+    inflation: float = quantity("s", "2 s", "time in which it fills", positive=True)
+    station: float = quantity("m", "1.5 m", "where its lines are fixed", non_negative=True)
+
+    @property
+    def opens_below(self):
+        """Height on the way down, m; -inf: it opens at a time."""
+        return -inf if self.height is None else self.height
+
+    @property
+    def opens_at(self):
+        """Time, s; inf: it opens at a height."""
+        return inf if self.at is None else self.at
