@@ -17,7 +17,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
-from shefex_nav.onboard.navigation import fusion, mean_rate, search, sensors, strapdown
+from shefex_nav.onboard.navigation import fusion, mean_rate, search, strapdown
 from shefex_nav.onboard.navigation import ticks as filter_ticks
 from shefex_nav.onboard.navigation.state import ATT, X_MOUNTING, X_Q, X_R, X_V, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
@@ -173,12 +173,7 @@ def update_filter(nav, ticks, gps_fixes, star_fixes, telemetry=RECORDS):
     -------
     list of GateResult and NavHealth, then what the telemetry hands over
     """
-    outputs = []
-    arrivals = sensors.gps_arrivals(nav.params, gps_fixes) + sensors.star_arrivals(nav, star_fixes)
-    if arrivals:
-        outputs += fusion.fuse(nav, arrivals)
-        if instead := sensors.attitudes_instead(nav, arrivals, outputs):
-            outputs += fusion.fuse(nav, instead)
+    outputs = fusion.take(nav, gps_fixes, star_fixes) if len(gps_fixes) or len(star_fixes) else []
     outputs += nav.watch.changes()
     outputs += telemetry.now(nav, ticks)
     return outputs

@@ -277,7 +277,7 @@ def replayed(nav, schedule):
 
 def carry(nav):
     """Before ticks are forgotten: the share of process noise, where it is followed, goes with them."""
-    nav.noise.share.carry(nav, nav.history.newest - (len(nav.history) - 1))
+    nav.noise.share.carry(nav, nav.history.oldest)
 
 
 def _learn(nav, now, z, H, S, name, fate):
