@@ -21,7 +21,7 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensor import Admitted
+from shefex_nav.onboard.navigation.sensor import Admitted, Innovation
 from shefex_nav.records import GateResult, Reason
 
 ACCEPTED = (Fate.USED, Fate.RESET)
@@ -60,10 +60,11 @@ def decide(nav, now, z, H, R, measurement):
     -> Measurement, GateResult, whether another fix has confirmed it
     """
     name, sensor = measurement.sensor, nav.sensors[measurement.sensor]
-    S, nis = eskf.innovation(now.P, z, H, R)
+    innovation = Innovation(z, H, R, *eskf.innovation(now.P, z, H, R))
+    S, nis = innovation.S, innovation.nis
     if nav.judged is not None:
         nav.judged(name, S, nis)
-    verdict = _verdict(nav, now, z, R, S, nis, measurement)
+    verdict = _verdict(nav, now, innovation, measurement)
     attitude = _attitude(nav, now, z, R, measurement, verdict.fate)
     found = _gyros_wrong(nav, now, *attitude, verdict.fate) if attitude else None
     _tell(nav, nav.history.ends_s[-1], name, Fate.USED if found else verdict.fate, verdict.note)
@@ -71,12 +72,12 @@ def decide(nav, now, z, H, R, measurement):
         verdict = _find_again(nav, now, verdict, found, measurement, attitude[0])
         nav.bank.explained(nav, "star_tracker")
     else:
-        verdict = adaptation.weigh(nav, now, z, H, R, S, nis, measurement, verdict)
+        verdict = adaptation.weigh(nav, now, innovation, measurement, verdict)
         verdict = _doubted(nav, now, z, nis, name, verdict)
         verdict = nav.bank.take(nav, now, z, R, S, measurement, verdict)
     grown = isinstance(verdict.admitted, Grown)  # the model was at fault, the measurement was used
     nav.watch.constants_seen(nav, now, name, z, H, S, Fate.USED if grown else verdict.fate)
-    result = _result(nav, z, S, nis, measurement, verdict)
+    result = _result(nav, innovation, measurement, verdict)
     believed = verdict.fate == Fate.RESET and not grown and sensor.confirmed is not None
     confirmed = not verdict.alone or believed
     decided = measurement._replace(
@@ -86,8 +87,9 @@ def decide(nav, now, z, H, R, measurement):
     return decided, result, confirmed
 
 
-def _verdict(nav, now, z, R, S, nis, measurement):
+def _verdict(nav, now, innovation, measurement):
     """Verdict by the gate, by the record of the sensor, and by the means of its innovations."""
+    z, _, R, S, nis = innovation
     name, fix, sensor = measurement.sensor, measurement.fix, nav.sensors[measurement.sensor]
     nav.watch.far = nav.health[name].far
     limit, alone = nav.limits[len(z)], sensor.alone is None or sensor.alone(nav, S)
@@ -183,8 +185,9 @@ def _doubted(nav, now, z, nis, name, verdict):
     return verdict
 
 
-def _result(nav, z, S, nis, measurement, verdict):
+def _result(nav, innovation, measurement, verdict):
     """GateResult for the log."""
+    z, _, _, S, nis = innovation
     name, fix, note, limit = measurement.sensor, measurement.fix, verdict.note, nav.limits[len(z)]
     if verdict.rows is not None:
         rows, refused = verdict.rows, _rejected(nav.sensors[name], fix, verdict.rows)
