@@ -14,7 +14,8 @@ from operator import attrgetter
 
 import numpy as np
 
-from shefex_nav.log.topics import EQUAL, Field, LogError
+from shefex_nav.log.fields import EQUAL, Field
+from shefex_nav.log.topics import LogError
 
 PACKAGE = "shefex"
 _TIMESTAMP = Field("timestamp_ns", "", "sfixed64", (), "UTC, since 1970 [ns]")

@@ -17,7 +17,7 @@ import numpy as np
 from shefex_nav.clock import SAME_S
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import frames, rotation, shutter, wgs84
-from shefex_nav.onboard.navigation import fusion, mean_rate, search, sensors, strapdown
+from shefex_nav.onboard.navigation import fusion, mean_rate, search, strapdown
 from shefex_nav.onboard.navigation import ticks as filter_ticks
 from shefex_nav.onboard.navigation.state import ATT, X_MOUNTING, X_Q, X_R, X_V, NavParams
 from shefex_nav.onboard.startracker import tracker as star_tracker
@@ -173,12 +173,7 @@ def update_filter(nav, ticks, gps_fixes, star_fixes, telemetry=RECORDS):
     -------
     list of GateResult and NavHealth, then what the telemetry hands over
     """
-    outputs = []
-    arrivals = sensors.gps_arrivals(nav.params, gps_fixes) + sensors.star_arrivals(nav, star_fixes)
-    if arrivals:
-        outputs += fusion.fuse(nav, arrivals)
-        if instead := sensors.attitudes_instead(nav, arrivals, outputs):
-            outputs += fusion.fuse(nav, instead)
+    outputs = fusion.take(nav, gps_fixes, star_fixes) if len(gps_fixes) or len(star_fixes) else []
     outputs += nav.watch.changes()
     outputs += telemetry.now(nav, ticks)
     return outputs
@@ -261,29 +256,26 @@ def _surroundings(computer, index, t_valid_s):
 
     Computer, index of the tick nearest to it, time -> C_bc, C_ic, Context
     """
-    params, history, near_s = computer.params, computer.nav.history, computer.nav.history.ends_s[index]
-    place = history.place(index)
-    _, dt_s, n, vibration = history.numbers[place].tolist()
+    params, history = computer.params, computer.nav.history
     v_i, C_bc, C_ic, *angles = _sight(
-        history.xs[place], history.increments[place], int(n), dt_s, vibration, params.nav.C_bc,
-        t_valid_s - near_s, near_s, *computer.earth, params.sun_i,
-    )  # fmt: skip
+        history.arrays, history.place(index), params.nav.C_bc, t_valid_s, computer.earth, params.sun_i
+    )
     return C_bc, C_ic, star_tracker.Context(v_i + params.tracker.earth_velocity_i, *angles)
 
 
 @kernel
-def _sight(
-    x, increments, n, dt_s, vibration, C_bc_nominal, later_s, t_s, C_iq, C_re, angle_0, rate, sun_i
-):  # fmt: skip
-    """Velocity, mounting, attitude `later_s` after t_s; rate, angles of the boresight to Sun and limb.
+def _sight(memory, place, C_bc_nominal, t_valid_s, earth, sun_i):
+    """Velocity, mounting, attitude at t_valid_s; rate, angles of the boresight to Sun and limb.
 
-    x, increments, n, dt_s, vibration : of the tick that ends at t_s;  C_iq ... rate : EarthRotation
+    memory : prediction.Memory;  place : in it, of the tick that ends nearest to t_valid_s
     """
-    omega_b = strapdown.felt_packed(x, increments, n, dt_s, vibration, n * dt_s)[:3]
+    x, t_s, dt_s = memory.xs[place], memory.numbers[place, 0], memory.numbers[place, 1]
+    n, vibration = int(memory.numbers[place, 2]), memory.numbers[place, 3]
+    omega_b = strapdown.felt_packed(x, memory.increments[place], n, dt_s, vibration, n * dt_s)[:3]
     C_bc = rotation.dcm_from_rotvec(x[X_MOUNTING]) @ C_bc_nominal
-    turned = rotation.dcm_from_rotvec(omega_b * later_s)
+    turned = rotation.dcm_from_rotvec(omega_b * (t_valid_s - t_s))
     C_ic = rotation.dcm_from_quat(x[X_Q]) @ turned @ C_bc
-    C_ei = np.ascontiguousarray(frames.dcm_ie(frames.EarthRotation(C_iq, C_re, angle_0, rate), t_s).T)
+    C_ei = np.ascontiguousarray(frames.dcm_ie(earth, t_s).T)
     boresight_i = np.ascontiguousarray(C_ic[:, 2])
     sun_angle = acos(min(1.0, max(-1.0, boresight_i @ sun_i)))
     limb_angle = wgs84.limb_angle(C_ei @ x[X_R], C_ei @ boresight_i)

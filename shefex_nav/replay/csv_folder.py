@@ -11,7 +11,7 @@ MOST_SATELLITES = 100  # that can be in view of one antenna; more is nonsense
 
 
 def read(data, files):
-    """Series of a schema.CsvData and the paths of its files.
+    """Series of a schema_data.CsvData and the paths of its files.
 
     -> ImuSeries, GnssSeries, TruthSeries or None, {instrument: ReadingSeries}
     """

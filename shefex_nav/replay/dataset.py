@@ -92,7 +92,7 @@ def _ascending(one):
 def increments(imu, data):
     """Increments of an ImuSeries, in body axes.
 
-    data : schema.DataBlock: axes, kind of the samples, gaps that are bridged by interpolation
+    data : schema_data.DataBlock: axes, kind of the samples, gaps that are bridged by interpolation
     """
     turn, gain = (body_axes(values, data.axes) for values in (imu.gyro, imu.accelerometer))
     dt_s = np.diff(imu.t_s)

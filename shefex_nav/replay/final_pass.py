@@ -69,7 +69,7 @@ class Whole(History):
     def __init__(self, final, P, aids=()):
         self.numbers, self.increments, self.extra = final.numbers, final.increments, final.extra
         self.ends_s = final.numbers[:, 0].tolist()
-        self.measurements, self.newest = final.measurements, len(self.ends_s) - 1
+        self.measurements, self.oldest, self.newest = final.measurements, 0, len(self.ends_s) - 1
         self.x, self.P, self.position_s = final.xs[0].copy(), P.copy(), -np.inf
         self.used_s = dict.fromkeys(aids, -np.inf)
 

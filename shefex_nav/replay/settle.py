@@ -7,7 +7,7 @@ begins there.
 
 import numpy as np
 
-from shefex_nav.onboard.navigation import fusion, sensors
+from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.hypotheses import Bank, is_wide
 from shefex_nav.records import GpsFix, row
 from shefex_nav.replay import params
@@ -77,7 +77,7 @@ def mixtures(bank, blocks, received):
         for member in bank.members:
             fusion.advance(member.nav, block)
             if arrived:
-                fusion.fuse(member.nav, sensors.gps_arrivals(member.nav.params, arrived))
+                fusion.take(member.nav, arrived, [])
         if any(isinstance(one, GpsFix) for one in arrived):
             bank.prune()
             yield bank.mixture()

@@ -22,6 +22,7 @@ from shefex_nav.log.run_data import RunData, RunDataBuilder
 from shefex_nav.onboard.driving import drive
 from shefex_nav.onboard.navigation import adaptation, covariance, integrity_imu, solution
 from shefex_nav.onboard.navigation.blocks import CONTAINED
+from shefex_nav.onboard.navigation.prediction import Memory
 from shefex_nav.onboard.navigation.state import ATT, X_R
 from shefex_nav.onboard.navigation.strapdown import BEFORE
 from shefex_nav.onboard.telemetry import COVARIANCE_TICKS, Columns
@@ -57,16 +58,7 @@ class Smoothed(NamedTuple):
 class Chunk(NamedTuple):
     """Ticks 0 ... m - 1 of a solution, as `solution.tell` and `covariance.tell` read a History."""
 
-    numbers: np.ndarray
-    increments: np.ndarray
-    extra: np.ndarray
-    xs: np.ndarray  # (m, X)
-    Ps: np.ndarray  # (m, n, n)
-
-    @property
-    def arrays(self):
-        """As of a History."""
-        return tuple(self)
+    arrays: Memory
 
 
 def run(recording, progress=lambda share: None):
@@ -302,8 +294,8 @@ def told(nav, final, nodes, xs, wanted):
             np.take(wanted.whole, nearest, axis=0, out=Ps, mode="clip")
         Ps[:, :9, :9] = wanted.nine[nodes.ends[ticks]]
         of_ticks = (array[ticks] for array in (final.numbers, final.increments, final.extra))
-        chunk = Chunk(*of_ticks, xs[nodes.ends[ticks]], Ps)
-        here = nav._replace(history=chunk)
+        at_ticks = xs[nodes.ends[ticks]]
+        here = nav._replace(history=Chunk(Memory(*of_ticks, at_ticks, Ps, at_ticks[-1], Ps[-1])))
         solution.tell(here, range(len(ticks)), False, rows[first - 1 : first - 1 + len(ticks)])
         tenth = ticks[ticks % COVARIANCE_TICKS == 0]
         if len(tenth):

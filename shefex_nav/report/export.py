@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.instruments import TABLE
-from shefex_nav.log.topics import EQUAL, of_record
+from shefex_nav.log.fields import EQUAL
+from shefex_nav.log.topics import of_record
 from shefex_nav.records import (
     CameraCommand,
     ControlSample,

@@ -240,7 +240,7 @@ def measured_motion(state):
 
 def test_the_sensors_are_inverted():
     state = state_with_errors(ALL.names)
-    omega_b, f_b = calibration.motion(state, np.concatenate([SPIN, FORCE]) * DT, DT, VIBRATION)
+    omega_b, f_b = calibration.motion(pack(state), np.concatenate([SPIN, FORCE]) * DT, DT, VIBRATION)
     np.testing.assert_allclose(omega_b, measured_motion(state)[0], rtol=1e-12)
     np.testing.assert_allclose(f_b, measured_motion(state)[1], rtol=1e-12)
 
@@ -248,7 +248,7 @@ def test_the_sensors_are_inverted():
 @pytest.mark.parametrize("order", [ALL, ROLL], ids=["all", "roll column"])
 def test_jacobians_of_the_corrected_motion(order):
     state = state_with_errors(order.names)
-    J_omega, J_f = calibration.jacobians(order, state, *measured_motion(state), VIBRATION)
+    J_omega, J_f = calibration.jacobians(order, pack(state), *measured_motion(state), VIBRATION)
     for name, j, step in each_error(order):
         up = measured_motion(correct(order, state, unit(order, j, step)))
         down = measured_motion(correct(order, state, unit(order, j, -step)))

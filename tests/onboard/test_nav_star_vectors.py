@@ -221,7 +221,7 @@ def test_a_camera_that_is_knocked_is_admitted_with_single_stars_too():
 def test_what_one_wrong_star_could_do():
     """Against the largest effect of random innovations on the rim of each star's gate."""
     nav, _ = started()
-    tick, limit = nav.history[-1], nav.limit(2)
+    tick, limit = nav.history[-1], nav.limits[2]
     stars = seen(STATES[round(tick.t_s * 100)], places(np.random.default_rng(5), 3))
     _, H, R = measure_stars.star_vectors(nav.layout, tick.state, frame_of(tick.t_s, stars), C_BC, 0.0)
     S = H @ tick.P @ H.T + R

@@ -5,7 +5,7 @@ import pytest
 from scipy.io import savemat
 
 from shefex_nav.geometry import wgs84
-from shefex_nav.replay import csv_folder, kf_gins, navego, schema, series, table
+from shefex_nav.replay import csv_folder, kf_gins, navego, schema_data, series, table
 from shefex_nav.replay.table import DataError
 
 IMU = "t_ms,wx,wy,wz,fx,fy,fz\n# a comment\n0,1,2,3,0.1,0.2,-1\n\n5,4,5,6,0.3,0.4,-1.5\n"
@@ -31,7 +31,7 @@ def read_csv(folder, imu=IMU, gnss=FIXES, columns=COLUMNS, gnss_columns=GNSS, tr
     if truth is not None:
         (folder / "truth.csv").write_text(truth, encoding="utf-8")
         files["truth"] = str(folder / "truth.csv")
-    data = schema.CsvData(format="csv", imu=columns, gnss=gnss_columns, truth=truth_columns)
+    data = schema_data.CsvData(format="csv", imu=columns, gnss=gnss_columns, truth=truth_columns)
     return csv_folder.read(data, files)[:3]
 
 

@@ -15,7 +15,7 @@ from shefex_nav import records as rec
 from shefex_nav.log.drawings import FramePolicy
 from shefex_nav.log.writer import LogWriter
 from shefex_nav.report import metrics, viewer
-from shefex_nav.report.viewer import counts, layout, legend, recording, sensors
+from shefex_nav.report.viewer import counts, layout, legend, pages, recording, sensors
 from shefex_nav.report.viewer.sender import GREEN, NAMELESS, Sender
 from shefex_nav.scenario import load
 
@@ -158,11 +158,11 @@ def test_errors_beyond_the_scale_are_told(log):
     largest = np.abs(np.hstack([errors.position_i, errors.velocity_i, np.degrees(errors.attitude_b)])).max(
         axis=0
     )
-    for (limit, words), most in zip(layout._error_limits(data), largest, strict=True):
+    for (limit, words), most in zip(pages._error_limits(data), largest, strict=True):
         assert words == (f"; peak {most:.2g} is cut off" if most > limit else "")
     spike = data.nav.r_i.copy()
     spike[5] += 1e4
-    (_, words), *_ = layout._error_limits(data._replace(nav=data.nav._replace(r_i=spike)))
+    (_, words), *_ = pages._error_limits(data._replace(nav=data.nav._replace(r_i=spike)))
     assert words == "; peak 1e+04 is cut off"
 
 
@@ -189,7 +189,7 @@ def test_names_of_states_are_whole_or_not_there(tmp_path):
 
 @pytest.mark.parametrize(("value", "limit"), [(0.7, 1.2), (1.3, 2.4), (2.5, 6.0), (7.0, 12.0), (0.0, 1.2e-6)])
 def test_scales_contain_their_values(value, limit):
-    assert layout._largest(np.array([-value, np.nan, 0.5 * value])) == pytest.approx(limit)
+    assert pages._largest(np.array([-value, np.nan, 0.5 * value])) == pytest.approx(limit)
 
 
 def with_limit(data, scenario, most):
@@ -206,11 +206,11 @@ def test_a_table_of_detections_that_is_full_is_told(log, default_scenario):
     cut, roomy = (with_limit(data, default_scenario, limit) for limit in (most, most + 1))
     full = counts.limit(cut)
     assert full == (most, np.count_nonzero(found == most), len(found))
-    assert layout._stars_title(cut).endswith(f"; {most} at most")
+    assert pages._stars_title(cut).endswith(f"; {most} at most")
     (words,) = legend._at_most(full)
     assert f"{full.reached} of {full.frames} frames" in words and f"No more than {most} objects" in words
     assert counts.limit(roomy) == (most + 1, 0, len(found))
-    assert "at most" not in layout._stars_title(roomy)
+    assert "at most" not in pages._stars_title(roomy)
     assert "No frame had so many" in legend._at_most(counts.limit(roomy))[0]
     assert counts.limit(data) is None and legend._at_most(None) == ()  # the made-up mission has no scenario
 
@@ -219,7 +219,7 @@ def test_the_text_about_the_star_tracker_is_seen_at_once(log, tmp_path):
     """No view but the kinds of pictures shares its place with others."""
     data = recording.read(log)
     has = layout.content(data, ["star_tracker/image"])
-    page = layout._star_tracker(data, layout.scene(data.truth.r_i), has)
+    page = pages._star_tracker(data, layout.scene(data.truth.r_i), has)
 
     def shown(part):
         parts = [] if isinstance(part, rrb.View) else part.contents
@@ -241,7 +241,7 @@ def test_without_truth_there_are_no_empty_plots_of_errors(log, errors):
     """Nor a panel of a camera that saw nothing; what is left are paths, levels and what was refused."""
     data = recording.read(log)
     has = layout.content(data, [], errors)._replace(stars=False)
-    for make in (layout._overview, layout._navigation):
+    for make in (pages._overview, pages._navigation):
         shown = origins(make(data, layout.scene(data.truth.r_i), has))
         assert any(name.startswith("plots/errors") for name in shown) == errors
         assert "stars" not in shown

@@ -75,28 +75,28 @@ class Noise:
         return self.sensors.get(name, 1.0)
 
 
-def weigh(nav, now, z, H, R, S, nis, measurement, verdict):
+def weigh(nav, now, innovation, measurement, verdict):
     """Verdict on a new measurement, when the filter has asked itself whether its own model is right.
 
-    nav : Filter;  now : Moment;  z, H, R, S, nis : of the measurement;  verdict : gate.Verdict of the gate
+    nav : Filter;  now : Moment;  innovation : sensor.Innovation;  verdict : gate.Verdict of the gate
     -> gate.Verdict, the same unless the model is found wrong
     """
     noise, name = nav.noise, measurement.sensor
     if noise.share is not None:
-        _learn(nav, now, z, H, S, name, verdict.fate)
+        _learn(nav, now, innovation, name, verdict.fate)
     if name not in JUDGED or nav.watch.imu_blind or verdict.fate in (Fate.HELD, Fate.DOUBTED):
         return verdict
-    whitened = eskf.whitened(z, S)
+    whitened = eskf.whitened(innovation.z, innovation.S)
     noise.recent.setdefault(name, deque(maxlen=RECENT)).append(whitened)
     if name == "gps_velocity":
         _rest(nav, measurement.fix)
     if verdict.fate == Fate.RESET:
-        if name == "gps_position" and integrity_watch.is_back(nav.watch.moved, z):
+        if name == "gps_position" and integrity_watch.is_back(nav.watch.moved, innovation.z):
             return verdict  # it was the receiver
         return _second_reset(nav, now, name, verdict)
     if now.vibration > 0.0 or verdict.fate != Fate.USED or name not in WATCHED:
         return verdict
-    return _windows(nav, now, whitened, R, S, name, verdict)
+    return _windows(nav, now, whitened, innovation.R, innovation.S, name, verdict)
 
 
 def _second_reset(nav, now, name, verdict):
@@ -277,11 +277,12 @@ def replayed(nav, schedule):
 
 def carry(nav):
     """Before ticks are forgotten: the share of process noise, where it is followed, goes with them."""
-    nav.noise.share.carry(nav, nav.history.newest - (len(nav.history) - 1))
+    nav.noise.share.carry(nav, nav.history.oldest)
 
 
-def _learn(nav, now, z, H, S, name, fate):
+def _learn(nav, now, innovation, name, fate):
     """What a measurement says of the share of process noise; the factor when there are enough."""
+    z, H, _, S, _ = innovation
     noise, share, number = nav.noise, nav.noise.share, nav.history.number(now.k)
     if fate not in (Fate.USED, Fate.RESET) or H.shape[0] == 0:
         return

@@ -33,7 +33,6 @@ from shefex_nav.onboard.navigation.state import (
     X_GS,
     X_RECTIFIED,
     X_ROLL,
-    pack,
 )
 
 OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # order of misalignments
@@ -108,17 +107,19 @@ def shaken(x, vibration):
     return out
 
 
-def motion(state, increments, duration_s, vibration):
+def motion(x, increments, duration_s, vibration):
     """Mean rate and specific force of increments summed over a duration, estimated errors taken out.
 
-    NavState, (6,) rad and m/s, s, level of vibration -> omega_ib_b (3,) rad/s, f_b (3,) m/s^2
+    (X,) packed nominal values, (6,) rad and m/s, s, level of vibration
+    -> omega_ib_b (3,) rad/s, f_b (3,) m/s^2
     """
-    x = shaken(pack(state), vibration)
-    free = correct_increments(x, np.reshape(increments, (1, 6)), duration_s)[0] / duration_s
+    free = (
+        correct_increments(shaken(x, vibration), np.reshape(increments, (1, 6)), duration_s)[0] / duration_s
+    )
     return free[:3], free[3:]
 
 
-def jacobians(layout, state, omega_b, f_b, vibration):
+def jacobians(layout, x, omega_b, f_b, vibration):
     """How the corrected rate and specific force move with the errors of the estimates.
 
     truth = estimate (+) dx:   omega_ib_b(true) - omega_ib_b(estimated) = J_omega dx, likewise f_b
@@ -126,7 +127,7 @@ def jacobians(layout, state, omega_b, f_b, vibration):
     Parameters
     ----------
     layout : Layout
-    state : NavState
+    x : (X,) packed nominal values
     omega_b, f_b : (3,) rad/s, m/s^2, corrected
     vibration : level at that time
 
@@ -135,7 +136,7 @@ def jacobians(layout, state, omega_b, f_b, vibration):
     J_omega, J_f : (3, n)
     """
     omega_b, f_b = np.ascontiguousarray(omega_b), np.ascontiguousarray(f_b)
-    return jacobians_packed(layout.at, layout.n, pack(state), omega_b, f_b, vibration)
+    return jacobians_packed(layout.at, layout.n, x, omega_b, f_b, vibration)
 
 
 @kernel

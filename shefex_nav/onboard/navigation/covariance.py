@@ -3,6 +3,8 @@
 A kernel writes each as a row of numbers, which are read as one record or, many, as a record of arrays.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shefex_nav.compiled import kernel
@@ -24,6 +26,14 @@ from shefex_nav.records import NavCovariance
 FOUR = np.array([X_BG, X_BA, X_ROLL, X_MOUNTING.start])  # calibrations that always have a name, packed places
 # where a row holds P, the four, their sigmas, and behind them the blocks of choice; the time comes first
 P_AT, FOUR_AT, SIGMA_AT, CHOICE_AT = 1, 1 + PVA.stop**2, 13 + PVA.stop**2, 25 + PVA.stop**2
+
+
+class Added(NamedTuple):
+    """What is reported on top of the covariance of the filter."""
+
+    gravity: float  # m/s^2, sigma that the estimate of the accelerometer bias contains
+    accel_vibration: float  # m/s rms, swinging of the sensors while the strongest motor burns
+    gyro_vibration: float  # rad rms, likewise
 
 
 def width(layout):
@@ -56,10 +66,8 @@ def tell(nav, ticks, rows):
     fusion.Filter; range of their numbers, as `History` counts them; rows (m, `width`)
     """
     history, layout, model = nav.history, nav.layout, nav.params.imu
-    _tell(
-        layout.at, ticks.start, ticks.step, history.numbers, history.xs, history.Ps, layout.nominal,
-        model.gravity, model.accel_vibration, model.gyro_vibration, rows,
-    )  # fmt: skip
+    added = Added(model.gravity, model.accel_vibration, model.gyro_vibration)
+    _tell(layout.at, layout.nominal, ticks.start, ticks.step, history.arrays, added, rows)
 
 
 def columns(layout, rows):
@@ -94,16 +102,16 @@ def as_reported(P, accel_swing, gyro_swing):
 
 
 @kernel
-def _tell(at, first, step, numbers, xs, Ps, nominal, gravity, accel_vibration, gyro_vibration, rows):
+def _tell(at, nominal, first, step, memory, added, rows):
     """Rows of NavCovariance of ticks of a History: rows (m, `width`) is written.
 
-    at, nominal : of Layout;  first, step : numbers of the ticks
-    gravity : sigma that the estimate of the accelerometer bias contains
+    at, nominal : of Layout;  first, step : numbers of the ticks;  memory : prediction.Memory;  added : Added
     """
+    numbers, xs, Ps = memory.numbers, memory.xs, memory.Ps
     for j in range(len(rows)):
         place, row = (first + j * step) % len(numbers), rows[j]
         vibration, x = numbers[place, 3], xs[place]
-        P = as_reported(Ps[place], vibration * accel_vibration, vibration * gyro_vibration)
+        P = as_reported(Ps[place], vibration * added.accel_vibration, vibration * added.gyro_vibration)
         row[0] = numbers[place, 0]
         for i in range(PVA.stop):
             for k in range(PVA.stop):
@@ -115,7 +123,7 @@ def _tell(at, first, step, numbers, xs, Ps, nominal, gravity, accel_vibration, g
                 sigma = np.nan
                 if blocks[m] >= 0:
                     variance = P[blocks[m] + i, blocks[m] + i]
-                    sigma = np.sqrt(variance + gravity**2 if blocks[m] == BA.start else variance)
+                    sigma = np.sqrt(variance + added.gravity**2 if blocks[m] == BA.start else variance)
                 row[SIGMA_AT + 3 * m + i] = sigma
         n = P.shape[0]
         for k in range(BA.stop, n):

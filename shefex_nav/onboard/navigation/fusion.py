@@ -26,18 +26,18 @@ from shefex_nav.onboard.navigation import (
     integrity_bank,
     integrity_gps,
     integrity_learnt,
+    integrity_protection,
     integrity_watch,
     measurements,
     prediction,
     reset,
-    slopes,
     unknown_attitude,
 )
 from shefex_nav.onboard.navigation.history import History, Moment, Tick
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.recorded import Correction, Interval
 from shefex_nav.onboard.navigation.sensor import Measurement
-from shefex_nav.onboard.navigation.sensors import contents, straightened, table, unfit, without_solution
+from shefex_nav.onboard.navigation.sensors import arrivals, attitudes_instead, contents, straightened, table
 from shefex_nav.onboard.navigation.state import (
     ATT,
     X_Q,
@@ -64,7 +64,7 @@ class Filter(NamedTuple):
     sensors: dict  # name -> sensor.Sensor, in the order in which measurements of one instant have their turn
     constants: prediction.Constants
     kalman: Any  # of `eskf.engine`, whose type takes seconds to import
-    limits: dict  # degrees of freedom -> limit of the gate, as far as needed yet
+    limits: integrity.Limits  # of the gate
     history: History
     health: dict  # sensor -> integrity.Health
     recorder: Callable | None
@@ -72,16 +72,6 @@ class Filter(NamedTuple):
     noise: adaptation.Noise  # that is larger than told, likewise
     bank: integrity_bank.Bank  # of windows over innovations, likewise
     judged: Callable | None = None  # of the sensor, S (m, m) and the NIS of every measurement at the gate
-
-    def limit(self, dof, probability=None):
-        """What a normalised innovation squared may be, chi-square with so many degrees of freedom.
-
-        probability : of exceeding it; None: that of the gate
-        """
-        key = dof if probability is None else (dof, probability)
-        if key not in self.limits:
-            self.limits[key] = integrity.chi_square_limit(probability or self.params.gate_probability, dof)
-        return self.limits[key]
 
 
 def start(params, alignment, earth, recorder=None, judged=None):
@@ -109,7 +99,7 @@ def start(params, alignment, earth, recorder=None, judged=None):
         sensors=known,
         constants=prediction.constants(order, error_model.record(params), earth, params.blocks),
         kalman=eskf.engine(order),
-        limits={},
+        limits=integrity.Limits(params.gate_probability),
         history=History(Tick(state.t_s, pack(state), P, None), params.aid_names),
         health={name: integrity.HEALTHY for name in known},
         recorder=recorder,
@@ -159,13 +149,33 @@ def _forget(nav, t_s):
     history.forget_until(t_s)
 
 
-def fuse(nav, arrivals):
+def take(nav, received, star_fixes):
+    """Take in what has arrived: `fuse`, and of stars that were not used one by one the attitude.
+
+    Parameters
+    ----------
+    nav : Filter, advanced to the present tick
+    received : sequence of GpsFix, GpsRanges and readings of instruments
+    star_fixes : sequence of StarFix, also those that hold nothing for the filter
+
+    Returns
+    -------
+    list of GateResult, one for each measurement
+    """
+    taken = arrivals(nav, received, star_fixes)
+    results = fuse(nav, taken) if taken else []
+    if instead := attitudes_instead(nav, taken, results):
+        results += fuse(nav, instead)
+    return results
+
+
+def fuse(nav, arrived):
     """Take measurements into the filter.
 
     Parameters
     ----------
     nav : Filter, advanced to the present tick
-    arrivals : list of (arrival, fix), the first of `sensors.ARRIVALS`: 'gps' with a GpsFix, 'gps_ranges' with
+    arrived : list of (arrival, fix), the first of `sensors.ARRIVALS`: 'gps' with a GpsFix, 'gps_ranges' with
         GpsRanges, 'star_tracker' with a StarFix that has an attitude, 'star_vectors' with one that has stars
 
     Returns
@@ -173,8 +183,9 @@ def fuse(nav, arrivals):
     list of GateResult, one for each measurement
     """
     history, results = nav.history, []
-    earliest, turn = len(history), partial(_turn, list(nav.sensors))
-    for arrival, fix in arrivals:
+    last, turn = history.newest - history.oldest, partial(_turn, list(nav.sensors))
+    earliest = last + 1
+    for arrival, fix in arrived:
         fix = gps_told.understood(nav.params.gps_told, fix)
         index = history.within(fix.t_valid_s)
         names, fix = _worth_trying(nav, arrival, fix, index, results)
@@ -183,8 +194,8 @@ def fuse(nav, arrivals):
             queue = [*history.measurements[index], *new]
             history.measurements[index] = tuple(sorted(queue, key=turn))
             earliest = min(earliest, index)
-    if earliest < len(history):
-        _way(nav, earliest, len(history) - 1, results)
+    if earliest <= last:
+        _way(nav, earliest, last, results)
     nav.watch.protect(nav.earth, history)
     return results
 
@@ -194,8 +205,8 @@ def _worth_trying(nav, arrival, fix, index, results):
 
     Results of those that are not are added.
     """
-    now_s, names = nav.history.ends_s[-1], contents(arrival, fix)
-    reason = without_solution(arrival, fix) or unfit(nav, names[0], index, fix)
+    now_s = nav.history.ends_s[-1]
+    names, reason = contents(nav, arrival, index, fix)
     if reason:
         results.append(_unused(now_s, fix, names[0], reason))
         nav.watch.tell(now_s, "gps" if arrival.startswith("gps") else arrival, reason)
@@ -218,7 +229,7 @@ def _whereabouts(nav, index):
     history, t_s = nav.history, nav.history.ends_s[index]
     place = history.place(index)
     x, P = history.xs[place], history.Ps[place]
-    r_i, v_i = nav.watch.path.at(history.number(index), t_s, x)
+    r_i, v_i = nav.watch.path.at(history.oldest + index, t_s, x)
     r_e, v_e = frames.ecef_from_inertial(nav.earth, t_s, r_i, v_i)
     f_b = Moment(history, index, history.length_s(index)).felt_with(x)[3:]
     return integrity_gps.whereabouts(t_s, r_e, v_e, P, f_b)
@@ -249,7 +260,7 @@ def _way(nav, first, last, results, recorder=None):
     history = nav.history
     history.go_to(first - 1)
     if recorder is None:
-        nav.watch.back_to(history.number(first - 1))
+        nav.watch.back_to(history.oldest + first - 1)
     if nav.params.lasting_share:
         history.position_s = history.position_before(first)
     if nav.params.aids:
@@ -274,7 +285,7 @@ def _way(nav, first, last, results, recorder=None):
 def _travel(nav, first, begin_s, last, end_s, recorder):
     """From an instant of the tick `first` to one of the tick `last`; s from the start of each."""
     history = nav.history
-    way = history.number(first), begin_s, history.number(last), end_s
+    way = history.oldest + first, begin_s, history.oldest + last, end_s
     if recorder is None:
         prediction.travel(nav.constants, history.arrays, *way)
         return
@@ -328,7 +339,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
         after = now.state, history.P.copy(), cut
         recorder(Correction(now.t_s, measurement.sensor, fix, fate, before, P, prior, z, H, R, dx, G, *after))
     elif fate != Fate.DOUBTED:
-        nav.watch.corrected(history.number(index), history.number(0), now.t_s, x, history.x)
+        nav.watch.corrected(history.oldest + index, history.oldest, now.t_s, x, history.x)
         if measurement.sensor in integrity_watch.VELOCITIES:
             nav.watch.learnt.moving(now.t_s, history.x)
     if pending and fate != Fate.DOUBTED:
@@ -372,4 +383,5 @@ def _used(nav, now, measurement, P, prior, H, R, confirmed):
     fix, name = measurement.fix, measurement.sensor
     whole = name == "star_vectors" and fix.reason == Reason.NONE  # as good as the attitude
     nav.watch.used("star_tracker" if whole else name, fix.t_valid_s, nav.history.ends_s[-1])
-    nav.watch.used_now.append((now.t_s, slopes.slope(nav, now, measurement, P, prior, H, R, confirmed)))
+    slope = integrity_protection.of_measurement(nav, now, measurement, P, prior, H, R, confirmed)
+    nav.watch.used_now.append((now.t_s, slope))

@@ -21,7 +21,7 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.sensor import Admitted
+from shefex_nav.onboard.navigation.sensor import Admitted, Innovation
 from shefex_nav.records import GateResult, Reason
 
 ACCEPTED = (Fate.USED, Fate.RESET)
@@ -60,10 +60,11 @@ def decide(nav, now, z, H, R, measurement):
     -> Measurement, GateResult, whether another fix has confirmed it
     """
     name, sensor = measurement.sensor, nav.sensors[measurement.sensor]
-    S, nis = eskf.innovation(now.P, z, H, R)
+    innovation = Innovation(z, H, R, *eskf.innovation(now.P, z, H, R))
+    S, nis = innovation.S, innovation.nis
     if nav.judged is not None:
         nav.judged(name, S, nis)
-    verdict = _verdict(nav, now, z, R, S, nis, measurement)
+    verdict = _verdict(nav, now, innovation, measurement)
     attitude = _attitude(nav, now, z, R, measurement, verdict.fate)
     found = _gyros_wrong(nav, now, *attitude, verdict.fate) if attitude else None
     _tell(nav, nav.history.ends_s[-1], name, Fate.USED if found else verdict.fate, verdict.note)
@@ -71,12 +72,12 @@ def decide(nav, now, z, H, R, measurement):
         verdict = _find_again(nav, now, verdict, found, measurement, attitude[0])
         nav.bank.explained(nav, "star_tracker")
     else:
-        verdict = adaptation.weigh(nav, now, z, H, R, S, nis, measurement, verdict)
+        verdict = adaptation.weigh(nav, now, innovation, measurement, verdict)
         verdict = _doubted(nav, now, z, nis, name, verdict)
         verdict = nav.bank.take(nav, now, z, R, S, measurement, verdict)
     grown = isinstance(verdict.admitted, Grown)  # the model was at fault, the measurement was used
     nav.watch.constants_seen(nav, now, name, z, H, S, Fate.USED if grown else verdict.fate)
-    result = _result(nav, z, S, nis, measurement, verdict)
+    result = _result(nav, innovation, measurement, verdict)
     believed = verdict.fate == Fate.RESET and not grown and sensor.confirmed is not None
     confirmed = not verdict.alone or believed
     decided = measurement._replace(
@@ -86,11 +87,12 @@ def decide(nav, now, z, H, R, measurement):
     return decided, result, confirmed
 
 
-def _verdict(nav, now, z, R, S, nis, measurement):
+def _verdict(nav, now, innovation, measurement):
     """Verdict by the gate, by the record of the sensor, and by the means of its innovations."""
+    z, _, R, S, nis = innovation
     name, fix, sensor = measurement.sensor, measurement.fix, nav.sensors[measurement.sensor]
     nav.watch.far = nav.health[name].far
-    limit, alone = nav.limit(len(z)), sensor.alone is None or sensor.alone(nav, S)
+    limit, alone = nav.limits[len(z)], sensor.alone is None or sensor.alone(nav, S)
     rows, passed = _passed(nav, S, z, sensor.rows) if sensor.rows else (None, nis <= limit)
     before = nav.health[name]
     if name == "gps_position" and _receiver_is_doubtful(nav, fix):
@@ -98,7 +100,7 @@ def _verdict(nav, now, z, R, S, nis, measurement):
     trial = None if passed and alone and not before.rejected else sensor.trial(nav, now, z, R, fix)
     judged = 0.0 if passed else np.inf
     fate, nav.health[name] = integrity.judge(nav.health[name], trial, judged, limit, fix.t_valid_s, alone)
-    if fate == Fate.REJECTED and (before.far or nis > nav.limit(len(z), FAR)):
+    if fate == Fate.REJECTED and (before.far or nis > nav.limits[len(z), FAR]):
         nav.health[name] = nav.health[name]._replace(far=True)
     admitted = sensor.admits(nav, z) if fate == Fate.RESET and sensor.admits else None
     if name == integrity_watch.DRIFTS:
@@ -106,7 +108,7 @@ def _verdict(nav, now, z, R, S, nis, measurement):
     note = NOTES.get(fate, sensor.reset_note)
     if fate == Fate.RESET and admitted is not None:
         note += ", or the camera has moved"
-    narrow = fate == Fate.USED and nis > nav.limit(len(z), SURPRISING)
+    narrow = fate == Fate.USED and nis > nav.limits[len(z), SURPRISING]
     insisted = fate in ACCEPTED and before.rejected > 0 and _insists(name, before, trial.evidence, narrow)
     return Verdict(fate, rows, admitted, note, alone, insisted=insisted)
 
@@ -178,18 +180,19 @@ def _doubted(nav, now, z, nis, name, verdict):
         return verdict._replace(doubts=integrity_learnt.by_velocity(nav, now, z))
     if verdict.fate == Fate.RESET and name == "gps_position" and verdict.admitted is None:
         watch.position_believed(z)
-    if verdict.fate == Fate.USED and not verdict.alone and nis > nav.limit(len(z), SURPRISING):
+    if verdict.fate == Fate.USED and not verdict.alone and nis > nav.limits[len(z), SURPRISING]:
         return verdict._replace(doubts=integrity_learnt.by_surprise(nav, now, nis / len(z)))
     return verdict
 
 
-def _result(nav, z, S, nis, measurement, verdict):
+def _result(nav, innovation, measurement, verdict):
     """GateResult for the log."""
-    name, fix, note, limit = measurement.sensor, measurement.fix, verdict.note, nav.limit(len(z))
+    z, _, _, S, nis = innovation
+    name, fix, note, limit = measurement.sensor, measurement.fix, verdict.note, nav.limits[len(z)]
     if verdict.rows is not None:
         rows, refused = verdict.rows, _rejected(nav.sensors[name], fix, verdict.rows)
         note = "; ".join(filter(None, (note, f"rejected: {', '.join(refused)}")))
-        z, limit = z[rows], nav.limit(int(rows.sum()))
+        z, limit = z[rows], nav.limits[int(rows.sum())]
         nis = eskf.normalised(S[np.ix_(rows, rows)], z)
     accepted = verdict.fate in ACCEPTED
     return GateResult(nav.history.ends_s[-1], fix.t_valid_s, name, len(z), nis, limit, accepted, note, z)
@@ -198,7 +201,7 @@ def _result(nav, z, S, nis, measurement, verdict):
 def _tell(nav, now_s, name, fate, note):
     """Let the log know what is thought of a sensor, if that has changed; one rejected fix changes nothing."""
     if fate == Fate.USED:
-        nav.watch.tell(now_s, name, integrity_watch.settled(nav.watch, name))
+        nav.watch.believed(now_s, name)
     elif fate in (Fate.DOUBTED, Fate.RESET):
         nav.watch.tell(now_s, name, note)
     elif integrity_watch.contradicts(name, nav.health[name]):
@@ -253,7 +256,7 @@ def _passed(nav, S, z, size):
 
     rows : (m,) bool; None if all pass, or not most of them
     """
-    limit, rows = nav.limit(size), np.empty(len(z), dtype=bool)
+    limit, rows = nav.limits[size], np.empty(len(z), dtype=bool)
     for first in range(0, len(z), size):
         group = slice(first, first + size)
         rows[group] = eskf.normalised(S[group, group], z[group]) <= limit

@@ -32,24 +32,36 @@ class Tick(NamedTuple):
         return unpack(self.t_s, self.x)
 
 
+class Samples(NamedTuple):
+    """IMU samples of some ticks, one after the other."""
+
+    increments: np.ndarray  # (N, 6) rad and m/s, as measured
+    dt_s: np.ndarray  # (N,) of each
+    end_s: float  # mission time at which the last one ends
+    vibration: float  # largest level
+    doubtful: bool  # whether a gyro is not trusted in one of the ticks
+
+
 class History:
     """Ticks, oldest first, at least one.
 
     ends_s : deque of the mission times at which they end
     measurements : deque of tuples, what is valid within each, in the order of their instants
-    newest : number of the last tick
+    oldest, newest : numbers of the first and of the last tick
     x, P : (X,), (n, n) of the instant that has been reached: the end of the last tick, but for `fusion` on
         its way
     numbers : (size, 4) mission time of the end [s], s of a sample, number of samples, vibration
     increments : (size, 2 + samples, 6) of ImuWindow;  extra : (size, 2, 3) likewise
     xs, Ps : (size, X), (size, n, n)
+    arrays : these and x, P as `prediction.travel` takes them, Memory
     position_s : of the last position fix that was used before the instant that has been reached; kept where
         position fixes have errors that last;  used_s : likewise of each aid (`aiding`)
     """
 
     def __init__(self, tick, aids=()):
         """tick : the first;  aids : names of the sensors of `used_s`"""
-        self.ends_s, self.measurements, self.newest = deque([tick.t_s]), deque([()]), 0
+        self.ends_s, self.measurements = deque([tick.t_s]), deque([()])
+        self.oldest = self.newest = 0
         self.x, self.P = tick.x.copy(), tick.P.copy()
         self.position_s = self._gone_position_s = -np.inf
         self.used_s = dict.fromkeys(aids, -np.inf)
@@ -67,6 +79,7 @@ class History:
         self.numbers, self.extra = np.zeros((size, 4)), np.zeros((size, 2, 3))
         self.increments = np.zeros((size, BEFORE + samples, 6))
         self.xs, self.Ps = np.empty((size, *self.x.shape)), np.empty((size, *self.P.shape))
+        self.arrays = Memory(self.numbers, self.increments, self.extra, self.xs, self.Ps, self.x, self.P)
 
     def __len__(self):
         return len(self.ends_s)
@@ -78,7 +91,7 @@ class History:
 
     def number(self, k):
         """Number of tick k since the start."""
-        return self.newest - (len(self.ends_s) - 1 - k if k >= 0 else -1 - k)
+        return self.oldest + k if k >= 0 else self.newest + 1 + k
 
     def place(self, k):
         """Where tick k stands in the arrays."""
@@ -93,10 +106,31 @@ class History:
         increments = self.increments[place, : BEFORE + int(n)].copy()
         return ImuWindow(self.ends_s[k], dt_s, increments, vibration, self.extra[place].copy())
 
-    @property
-    def arrays(self):
-        """As `prediction.travel` takes them: Memory."""
-        return Memory(self.numbers, self.increments, self.extra, self.xs, self.Ps, self.x, self.P)
+    def samples(self, begin_s, end_s):
+        """The IMU samples of the ticks that an interval touches: Samples; None if it is not covered."""
+        if not begin_s < end_s <= self.ends_s[-1] + SAME_S:
+            return None
+        places, first_s, last_s = [], np.inf, 0.0
+        for k in range(len(self.ends_s) - 1, -1, -1):
+            place = self.place(k)
+            if self.ends_s[k] <= begin_s or self.numbers[place, 2] == 0:
+                break
+            first_s = self.ends_s[k] - self.length_s(k)
+            if first_s < end_s:
+                last_s = last_s if places else self.ends_s[k]
+                places.insert(0, place)
+        if not places or first_s > begin_s + SAME_S:
+            return None
+        counts = self.numbers[places, 2].astype(np.int64)
+        return Samples(
+            np.concatenate(
+                [self.increments[k, BEFORE : BEFORE + n] for k, n in zip(places, counts, strict=True)]
+            ),
+            np.repeat(self.numbers[places, 1], counts),
+            last_s,
+            float(self.numbers[places, 3].max()),
+            bool(self.extra[places, 0].any()),
+        )
 
     def length_s(self, k):
         """Duration of tick k."""
@@ -141,6 +175,7 @@ class History:
         ends_s, measurements = self.ends_s, self.measurements
         while len(ends_s) > 1 and ends_s[1] <= t_s:
             ends_s.popleft()
+            self.oldest += 1
             if gone := measurements.popleft():
                 self._gone_position_s = _last_of("gps_position", gone, self._gone_position_s)
                 for sensor, before_s in self._gone_used_s.items():
@@ -223,9 +258,8 @@ class Moment:
         exposure_s : s -> (3,) rad, body axes; nothing where the memory does not cover the exposure
         """
         history = self.history
-        first = history.newest - (len(history.ends_s) - 1)
-        arrays = history.numbers, history.increments
-        return _bend(*arrays, first, history.newest, self.t_s, 0.5 * exposure_s)
+        arrays, ticks = (history.numbers, history.increments), (history.oldest, history.newest)
+        return _bend(*arrays, *ticks, self.t_s, 0.5 * exposure_s)
 
     @property
     def felt(self):

@@ -79,6 +79,22 @@ def chi_square_limit(probability, dof):
     return float(chdtri(dof, probability))
 
 
+class Limits(dict):
+    """What a normalised innovation squared may be, by degrees of freedom: chi-square, as far as needed yet.
+
+    limits[dof] is exceeded with the probability of the gate, limits[dof, probability] with another one.
+    """
+
+    def __init__(self, probability):
+        super().__init__()
+        self.probability = probability
+
+    def __missing__(self, key):
+        dof, probability = key if isinstance(key, tuple) else (key, self.probability)
+        self[key] = chi_square_limit(probability, dof)
+        return self[key]
+
+
 def judge(health, trial, nis, limit, t_valid_s, alone=True):
     """Fate of a measurement.
 

@@ -3,11 +3,17 @@
 **Repeated fixes.** A measurement has noise, so two fixes that agree to the last bit are one fix sent twice,
 unless the last bit is coarse. Stale: valid at the instant of one that was here before. Frozen: the position
 of one that was here before, with a new time, although the vehicle has moved meanwhile further than a fix is
-uncertain, or faster; or likewise its velocity. Whether it has moved, the inertial sensors say alone
-(`raw_path`): repeated fixes would hold a filter that believes them. To the uncertainty of a fix comes what
-the inertial sensors may be wrong by since: 3 sigma of their velocity and of the acceleration that follows
-from them. Neither reaches the gate, so a frozen receiver neither corrects the filter nor counts as
-contradiction. A coarse receiver at rest may well repeat itself.
+uncertain, or faster; or likewise its velocity. Whether it has moved, the inertial sensors say alone: repeated
+fixes would hold a filter that believes them. So it is the path on which the filter would have gone on from
+any instant without later corrections, `RawPath`,
+
+    r_raw(t) = r(t) - sum of (dr_k + (t - t_k) dv_k),   v_raw(t) = v(t) - sum of dv_k
+
+over the corrections dr_k, dv_k of position and velocity at the instants t_k, inertial axes. Only differences
+of it mean something. What gravity changes along a path that is corrected is left out: 1.5e-6/s^2 of a
+correction. To the uncertainty of a fix comes what the inertial sensors may be wrong by since: 3 sigma of
+their velocity and of the acceleration that follows from them. Neither reaches the gate, so a frozen receiver
+neither corrects the filter nor counts as contradiction. A coarse receiver at rest may well repeat itself.
 
 **Slow drift.** A position that runs away slowly takes the filter with it and passes every gate; but the
 filter lags behind, being held back by inertial sensors and GPS velocity, so the innovations keep their sign.
@@ -35,7 +41,7 @@ import numpy as np
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.measurements import level_axes
-from shefex_nav.onboard.navigation.state import ATT, BA, VEL
+from shefex_nav.onboard.navigation.state import ATT, BA, VEL, X_R, X_V
 from shefex_nav.records import GpsFix, GpsRanges
 
 SAYS = {  # sensor and field of where and how fast, and what the first is called
@@ -59,6 +65,39 @@ class Drift(NamedTuple):
 
 
 QUIET = Drift(np.zeros((len(WINDOWS), 3)), np.zeros(len(WINDOWS)), False)
+
+
+class Sums(NamedTuple):
+    """Corrections until the end of a tick."""
+
+    number: int  # of the tick
+    dr: np.ndarray  # (3,) m, sum of dr_k - t_k dv_k
+    dv: np.ndarray  # (3,) m/s
+
+
+class RawPath:
+    """The path of the filter without its corrections; changed in place, kept as far back as it may go."""
+
+    def __init__(self):
+        self.sums = deque([Sums(-1, np.zeros(3), np.zeros(3))])
+
+    def back_to(self, number):
+        """The filter goes back to the end of a tick: corrections after it are not made yet."""
+        while self.sums[-1].number > number:
+            self.sums.pop()
+
+    def corrected(self, number, oldest, t_s, x_before, x_after):
+        """The filter has corrected its packed values at t_s in a tick; `oldest`: first it may go back to."""
+        last, dv = self.sums[-1], x_after[X_V] - x_before[X_V]
+        dr = x_after[X_R] - x_before[X_R] - t_s * dv
+        self.sums.append(Sums(number, last.dr + dr, last.dv + dv))
+        while self.sums[1].number <= oldest:
+            self.sums.popleft()
+
+    def at(self, number, t_s, x):
+        """Position (3,) m and velocity (3,) m/s of the raw path at the end of a tick, inertial axes."""
+        sums = next((one for one in reversed(self.sums) if one.number <= number), self.sums[0])
+        return x[X_R] - sums.dr - t_s * sums.dv, x[X_V] - sums.dv
 
 
 class Whereabouts(NamedTuple):

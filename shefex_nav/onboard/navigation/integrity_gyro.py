@@ -95,6 +95,17 @@ def sensed_error(params):
     return float(max(params.imu.gyro_g_sensitivity, np.abs(known).max()))
 
 
+class StarSight(NamedTuple):
+    """A star fix and the filter at its instant, before the update."""
+
+    t_s: float
+    x: np.ndarray  # (X,) packed values of the filter
+    P: np.ndarray  # (n, n)
+    z: np.ndarray  # (3,) rad, residual in body axes
+    R: np.ndarray  # (3, 3) rad^2
+    f_b: np.ndarray  # (3,) m/s^2, specific force
+
+
 class GyroWatch:
     """Memory, changed in place.
 
@@ -167,7 +178,7 @@ class GyroWatch:
         if self.n == ROWS:
             self.n = ROWS // 2
             self.rows[: self.n] = self.rows[ROWS - self.n :]
-        _remember(self.rows, self.n, self.turned[-1][1], t_s, x, z, R, P, f_b)
+        _remember(self.rows, self.n, self.turned[-1][1], StarSight(t_s, x, P, z, R, f_b))
         self.n += 1
         noise = self.noise
         if turned**2 > noise[4]:
@@ -226,25 +237,25 @@ def _corrected(A, x_before, x_after):
 
 
 @kernel
-def _remember(rows, n, A, t_s, x, z, R, P, f_b):
-    """Write row n. x, P : packed values, (n, n) of the filter"""
-    q_ib, camera = x[X_Q], _camera(x)
+def _remember(rows, n, A, seen):
+    """Write row n. A : (4,) all corrections of the attitude so far;  seen : StarSight"""
+    z, q_ib, camera = seen.z, seen.x[X_Q], _camera(seen.x)
     C_ib, inverse = rotation.dcm_from_quat(q_ib), rotation.quat_conjugate(camera)
     before = rotation.quat_multiply(rotation.quat_multiply(camera, rotation.quat_from_rotvec(z)), inverse)
-    R_i, P_i = C_ib @ R @ C_ib.T, C_ib @ np.ascontiguousarray(P[BG, BG]) @ C_ib.T
+    R_i, P_i = C_ib @ seen.R @ C_ib.T, C_ib @ np.ascontiguousarray(seen.P[BG, BG]) @ C_ib.T
     row = rows[n]
-    row[T] = t_s
+    row[T] = seen.t_s
     row[Q_E] = rotation.quat_multiply(before, A)
     row[R_I], row[P_BG] = R_i.ravel(), P_i.ravel()
     row[PATH] = row[PUSH] = row[PATH_STARS] = 0.0
     row[Q_STARS] = rotation.quat_multiply(q_ib, rotation.quat_from_rotvec(z))
     if n > 0:
-        row[PUSH] = rows[n - 1, PUSH] + (t_s - rows[n - 1, T]) * np.sqrt((f_b**2).sum())
+        row[PUSH] = rows[n - 1, PUSH] + (seen.t_s - rows[n - 1, T]) * np.sqrt((seen.f_b**2).sum())
         turned = rotation.quat_multiply(rotation.quat_conjugate(rows[n - 1, Q_IB]), q_ib)
         v = rotation.rotvec_from_quat(turned)
         row[PATH] = rows[n - 1, PATH] + np.sqrt((v**2).sum())
-        seen = rotation.quat_multiply(rotation.quat_conjugate(rows[n - 1, Q_STARS]), row[Q_STARS])
-        u = rotation.rotvec_from_quat(seen)
+        by_stars = rotation.quat_multiply(rotation.quat_conjugate(rows[n - 1, Q_STARS]), row[Q_STARS])
+        u = rotation.rotvec_from_quat(by_stars)
         row[PATH_STARS] = rows[n - 1, PATH_STARS] + np.sqrt((u**2).sum())
     row[Q_IB] = q_ib
 
@@ -276,14 +287,19 @@ def _covariance(rows, f, l, noise):
 
 
 @inner
-def _steady(rows, first, middle, last, share, D, D_middle, noise, limits):
+def _steady(rows, first, middle, last, noise, limits):
     """Whether D grows steadily: both halves are significant, and the first is its share of the whole."""
-    rest = _between(rows, middle, last)
+    D, D_middle, rest = (
+        _between(rows, first, last),
+        _between(rows, first, middle),
+        _between(rows, middle, last),
+    )
     if D_middle @ np.linalg.solve(_covariance(rows, first, middle, noise), D_middle) < limits[3]:
         return False
     if rest @ np.linalg.solve(_covariance(rows, middle, last, noise), rest) < limits[3]:
         return False
     T_s = rows[last, T] - rows[first, T]
+    share = (rows[middle, T] - rows[first, T]) / T_s
     white = noise[0] * T_s * share * (1.0 - share) + noise[1] + SLACK**2 * (D**2).sum()
     white += _lasting(rows, first, last, noise)
     of_fixes = (1.0 - share) ** 2 * rows[first, R_I] + rows[middle, R_I] + share**2 * rows[last, R_I]
@@ -310,13 +326,12 @@ def _compare(rows, n, baselines_s, noise, limits):
         middle = first
         while rows[middle, T] - rows[first, T] < 0.5 * T_all - SAME_S:
             middle += 1
-        share = (rows[middle, T] - rows[first, T]) / T_all
-        if share > 0.6:
+        if (rows[middle, T] - rows[first, T]) / T_all > 0.6:
             continue
-        D, D_middle = _between(rows, first, last), _between(rows, first, middle)
+        D = _between(rows, first, last)
         S = _covariance(rows, first, last, noise)
         far = D @ np.linalg.solve(S, D)
-        if far > limits[0] and _steady(rows, first, middle, last, share, D, D_middle, noise, limits):
+        if far > limits[0] and _steady(rows, first, middle, last, noise, limits):
             C_ib = rotation.dcm_from_quat(rows[last, Q_IB])
             S_b = C_ib.T @ S @ C_ib
             return WRONG, C_ib.T @ D / T_all, np.sqrt(np.diag(S_b)) / T_all

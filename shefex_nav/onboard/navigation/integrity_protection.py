@@ -42,6 +42,8 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.onboard.navigation import protected
+from shefex_nav.onboard.navigation.grown import Grown
+from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.protected import (
     ATTITUDE,
     BODY,
@@ -266,6 +268,35 @@ def slope_of_rows(P_before, P_after, limit, H, R, size, axes, confirmed=False):
     """
     H, R = np.ascontiguousarray(H), np.ascontiguousarray(R)
     return Slope(False, _slope_of_rows(P_before, P_after, limit, H, R, size, confirmed, axes))
+
+
+def of_measurement(nav, now, measurement, P, prior, H, R, confirmed):
+    """Slope of a measurement that has just been used: by how its sensor is gated, not by which it is.
+
+    Star fixes alone are known by name, for what they mislead is attitude and mounting together.
+
+    nav : Filter;  now : Moment, after it;  measurement : as decided
+    P, prior : (n, n) before it, and after a reset forgot, or the same
+    H, R : (m, n), (m, m) of the rows used;  confirmed : whether another fix agrees with it
+    """
+    name, limit = measurement.sensor, nav.limits[len(R)]
+    rows, axes = nav.sensors[name].rows, nav.watch.level_axes(nav.earth, now.t_s, now.x)
+    grown = isinstance(measurement.admitted, Grown)  # no fix has confirmed it
+    agreed = confirmed or (measurement.fate == Fate.RESET and not grown)  # `judge`: its rejected fixes agree
+    if name == "star_vectors":
+        found = slope_of_vectors(nav.layout, prior, now.P, nav.limits[2], H, R, axes)
+    elif name == "star_tracker":
+        found = slope_of_stars(prior, now.P, limit, H, R, confirmed, axes)
+    elif rows:
+        found = slope_of_rows(prior, now.P, nav.limits[rows], H, R, rows, axes, agreed)
+    else:
+        found = slope(prior, now.P, limit, axes, agreed)
+        block = nav.layout.places.get(nav.sensors[name].block)
+        if len(R) == 3 and block in (POS, VEL) and prior is P:
+            bound(found, P, H, R, limit, block.start, axes)
+    if prior is not P:
+        found.table[BEFORE] = protected.sigmas(P, axes)
+    return found
 
 
 def after_fixes(level, found, now_s, P_now, axes):

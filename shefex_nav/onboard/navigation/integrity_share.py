@@ -49,9 +49,8 @@ class Share:
     def carry(self, nav, number):
         """On to a tick of the History that is not older than the one reached."""
         history = nav.history
-        oldest = history.newest - (len(history) - 1)
-        if number <= self.number or self.number < oldest:
-            self.number = max(self.number, oldest)
+        if number <= self.number or self.number < history.oldest:
+            self.number = max(self.number, history.oldest)
             return
         x, xs, Ps = history.xs[self.number % len(history.xs)].copy(), *map(np.empty_like, history.arrays[3:5])
         memory = history.arrays._replace(xs=xs, Ps=Ps, x=x, P=self.P)

@@ -15,7 +15,6 @@ from shefex_nav.onboard.navigation import (
     integrity_learnt,
     integrity_protection,
     protected,
-    raw_path,
 )
 from shefex_nav.onboard.navigation.state import ReleaseRule
 from shefex_nav.records import Doubt, NavHealth
@@ -68,7 +67,7 @@ class Watch:
         self.disputed = 0.0  # rad, between stars and gyros, of which nothing says which is wrong
         self.distrusted = False  # whether the gyros say what cannot be relied on
         self.gps = integrity_gps.memory()
-        self.path = raw_path.RawPath()
+        self.path = integrity_gps.RawPath()
         self.constants = integrity_constants.Constants()
         self.far = False  # whether its sensor's rejected fixes before the one that is judged were far off
         self.alarms = {}  # of `integrity_bank`: group of sensors -> s, since when
@@ -223,6 +222,20 @@ class Watch:
         of_position = jumps or self.moved is not None
         return (ONLY_ATTITUDE if of_attitude else 0) | (ONLY_POSITION if of_position else 0)
 
+    def believed(self, t_s, sensor):
+        """A sensor is used: it is healthy, but for what its earlier fixes have left in doubt."""
+        self.tell(t_s, sensor, self._left(sensor))
+
+    def _left(self, sensor):
+        """What is left to say of a sensor that is used; '' if nothing is."""
+        if sensor == "gps_position" and self.moved is not None:
+            return f"disputed: it or the filter was wrong by {np.linalg.norm(self.moved):.3g} m"
+        if sensor == "gps_velocity" and self.step is not None:
+            return f"disputed: it or the accelerometers were wrong by {np.linalg.norm(self.step):.2g} m/s"
+        if sensor == "star_tracker" and self.disputed > 0.0:
+            return f"disputed: it or the gyros are wrong by {np.degrees(self.disputed):.2g} deg"
+        return ""
+
     def tell(self, t_s, source, reason):
         """A source is healthy, reason '', or not; it is said once, and again when the kind of reason changes.
 
@@ -254,17 +267,6 @@ def is_back(step, z):
     if step is None or len(step) != len(z):
         return False
     return bool(np.linalg.norm(step + z) < BACK * np.linalg.norm(step))
-
-
-def settled(watch, name):
-    """What is left to say of a sensor that is used. Watch, str -> str"""
-    if name == "gps_position" and watch.moved is not None:
-        return f"disputed: it or the filter was wrong by {np.linalg.norm(watch.moved):.3g} m"
-    if name == "gps_velocity" and watch.step is not None:
-        return f"disputed: it or the accelerometers were wrong by {np.linalg.norm(watch.step):.2g} m/s"
-    if name == "star_tracker" and watch.disputed > 0.0:
-        return f"disputed: it or the gyros are wrong by {np.degrees(watch.disputed):.2g} deg"
-    return ""
 
 
 def reason(name, health):

@@ -8,18 +8,17 @@ remainder is carried on, only the two ends are left.
 
 import numpy as np
 
-from shefex_nav.clock import SAME_S
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import calibration
 
 
-def body_rate(nav, state, begin_s, end_s):
-    """Mean of omega_ib_b over an interval, corrected with the estimates of `state`.
+def body_rate(nav, x, begin_s, end_s):
+    """Mean of omega_ib_b over an interval, corrected with estimates.
 
     Parameters
     ----------
     nav : fusion.Filter, advanced to the present tick
-    state : NavState, whose estimated gyro errors are taken out
+    x : (X,) packed nominal values, whose estimated gyro errors are taken out
     begin_s, end_s : mission times
 
     Returns
@@ -28,47 +27,30 @@ def body_rate(nav, state, begin_s, end_s):
     f_b : (3,) m/s^2, likewise
     noise : float, (rad/s)^2, variance on each axis of what is no state of the filter
     """
-    ticks = _ticks(nav.history, begin_s, end_s)
-    if not ticks:
+    samples = nav.history.samples(begin_s, end_s)
+    if samples is None:
         return np.full(3, np.nan), np.full(3, np.nan), np.inf
-    increments = np.concatenate([imu.increments[-imu.n :] for imu in ticks])
-    dt_s = np.concatenate([np.full(imu.n, imu.dt_s) for imu in ticks])
-    ends_s = ticks[-1].t_end_s - (np.cumsum(dt_s[::-1])[::-1] - dt_s)
+    dt_s = samples.dt_s
+    ends_s = samples.end_s - (np.cumsum(dt_s[::-1])[::-1] - dt_s)
     weight = np.clip((np.minimum(ends_s, end_s) - np.maximum(ends_s - dt_s, begin_s)) / dt_s, 0.0, 1.0)
     duration_s = dt_s @ weight
-    vibration = max(imu.vibration for imu in ticks)
-    omega_b, f_b = calibration.motion(state, weight @ increments, duration_s, vibration)
-    doubtful = any(imu.extra[0].any() for imu in ticks)
-    noise = _noise(nav.params.imu, omega_b, f_b, vibration, doubtful, duration_s)
+    omega_b, f_b = calibration.motion(x, weight @ samples.increments, duration_s, samples.vibration)
+    noise = _noise(nav.params.imu, omega_b, f_b, samples, duration_s)
     return omega_b, f_b, noise
 
 
-def _ticks(history, begin_s, end_s):
-    """ImuWindow of the ticks that an interval touches, oldest first; none where one of them is missing."""
-    if not begin_s < end_s <= history.ends_s[-1] + SAME_S:
-        return []
-    ticks = []
-    for k in range(len(history) - 1, -1, -1):
-        if history.ends_s[k] <= begin_s or (window := history.imu(k)) is None:
-            break
-        if window.t_end_s - window.length_s < end_s:
-            ticks.append(window)
-    covered = ticks and ticks[-1].t_end_s - ticks[-1].length_s <= begin_s + SAME_S
-    return ticks[::-1] if covered else []
-
-
-def _noise(model, omega_b, f_b, vibration, doubtful, duration_s):
+def _noise(model, omega_b, f_b, samples, duration_s):
     """Variance of the mean rate on each axis from what the filter counts as noise, (rad/s)^2.
 
     `error_model.noise_densities` has the same errors as densities: here those that keep their sign over the
     interval count in full, and those that swing by the angle they leave between its ends.
     """
-    variance = model.gyro_random_walk**2 / duration_s
+    vibration, variance = samples.vibration, model.gyro_random_walk**2 / duration_s
     variance += (model.gyro_quantum**2 / 6.0 + 2.0 * (vibration * model.gyro_vibration) ** 2) / duration_s**2
     variance += model.gyro_cross**2 * (omega_b[1] ** 2 + omega_b[2] ** 2)
     variance += model.gyro_g_sensitivity**2 * (f_b @ f_b)
     variance += (model.gyro_rectification * vibration**2) ** 2
-    if doubtful:  # a gyro that is not trusted
+    if samples.doubtful:
         variance += model.saturated_rate**2
     return float(variance)
 
@@ -92,11 +74,11 @@ def camera_rate(nav, tick, C_bc, begin_s, end_s):
     omega_c : (3,) rad/s
     P_omega_c : (3, 3) (rad/s)^2; both None where the filter's memory does not cover the interval
     """
-    omega_b, f_b, noise = body_rate(nav, tick.state, begin_s, end_s)
+    omega_b, f_b, noise = body_rate(nav, tick.x, begin_s, end_s)
     if not np.isfinite(omega_b.sum()):
         return None, None
     vibration = 0.0 if tick.imu is None else tick.imu.vibration
-    H, _ = calibration.jacobians(nav.layout, tick.state, omega_b, f_b, vibration)
+    H, _ = calibration.jacobians(nav.layout, tick.x, omega_b, f_b, vibration)
     if mounting := nav.layout.places["mounting"]:
         H[:, mounting] = rotation.skew(omega_b)
     P_b = H @ tick.P @ H.T + noise * np.eye(3)

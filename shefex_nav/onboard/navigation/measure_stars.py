@@ -47,13 +47,9 @@ def star_vectors(layout, state, fix, C_bc, sigma_floor):
     """
     mounting = layout.places["mounting"]
     first = -1 if mounting is None else mounting.start
-    stars, m = fix.stars, len(fix.stars.hip)
-    H, R = np.zeros((2 * m, layout.n)), np.zeros((2 * m, 2 * m))
-    z = _star_vectors(
-        state.q_ib, np.array(state.mounting), np.ascontiguousarray(stars.u_c), stars.P_u, stars.u_i,
-        stars.t_seen_s, stars.P_omega_c, stars.sigma_focal, C_bc, sigma_floor, first, H, R,
-    )  # fmt: skip
-    return z, H, R
+    stars = fix.stars._replace(u_c=np.ascontiguousarray(fix.stars.u_c))
+    turns = state.q_ib, np.array(state.mounting), C_bc
+    return _star_vectors(*turns, stars, sigma_floor, layout.n, first)
 
 
 def turned_back(stars, turn_c, P):
@@ -68,9 +64,10 @@ def turned_back(stars, turn_c, P):
 
 
 @kernel
-def _star_vectors(q_ib, mounting, u_c, P_u, u_i, t_s, P_omega, sigma_focal, C_bc, sigma_floor, first, H, R):
-    """`star_vectors` of its parts; first: error of the mounting, -1 if it is none. H, R are written."""
-    m = u_c.shape[0]
+def _star_vectors(q_ib, mounting, C_bc, stars, sigma_floor, n, first):
+    """`star_vectors` of its parts; n : errors;  first : error of the mounting, -1 if it is none."""
+    u_c, m = stars.u_c, stars.u_c.shape[0]
+    H, R = np.zeros((2 * m, n)), np.zeros((2 * m, 2 * m))
     C_bi = np.ascontiguousarray(rotation.dcm_from_quat(q_ib).T)
     C_cb = np.ascontiguousarray(C_bc.T)
     C_m = np.ascontiguousarray(rotation.dcm_from_rotvec(mounting).T)
@@ -79,7 +76,7 @@ def _star_vectors(q_ib, mounting, u_c, P_u, u_i, t_s, P_omega, sigma_focal, C_bc
     z, A, F = np.empty(2 * m), np.empty((2 * m, 3)), np.empty((2 * m, 1))
     for k in range(m):
         two = slice(2 * k, 2 * k + 2)
-        u_b = C_bi @ np.ascontiguousarray(u_i[k])
+        u_b = C_bi @ np.ascontiguousarray(stars.u_i[k])
         w_b = C_m @ u_b
         EC = E[k] @ C_cb
         z[two] = -(EC @ w_b)
@@ -89,9 +86,9 @@ def _star_vectors(q_ib, mounting, u_c, P_u, u_i, t_s, P_omega, sigma_focal, C_bc
             H[two, first : first + 3] = EC @ rotation.skew(w_b) @ J_m
         A[two] = E[k] @ rotation.skew(u_c[k])
         F[two, 0] = -u_c[k, 2] * E[k, :, 2]  # u = n/|n|: n outwards is all of n but the boresight
-        R[two, two] = P_u[k]
+        R[two, two] = stars.P_u[k]
     T = np.empty((2 * m, 3))
     for i in range(2 * m):
-        T[i] = t_s[i // 2] * A[i]
-    R += T @ P_omega @ T.T + sigma_floor**2 * (A @ A.T) + sigma_focal**2 * (F @ F.T)
-    return z
+        T[i] = stars.t_seen_s[i // 2] * A[i]
+    R += T @ stars.P_omega_c @ T.T + sigma_floor**2 * (A @ A.T) + stars.sigma_focal**2 * (F @ F.T)
+    return z, H, R

@@ -67,21 +67,22 @@ def antenna(layout, x, t_s, earth, l_ba_b, felt, vibration):
     ----------
     Groves, 2nd ed., section 14.3.1.
     """
-    motion, J = np.empty((2, 3)), np.empty((2, 3, layout.n))
-    _antenna(layout.at, x, t_s, *earth, l_ba_b, felt, vibration, motion, J)
+    motion, J = _antenna(layout.at, layout.n, x, t_s, earth, l_ba_b, felt, vibration)
     return Antenna(motion[0], motion[1], J[0], J[1])
 
 
 @kernel
-def _antenna(at, x, t_s, C_iq, C_re, angle_0, rate, l_ba_b, felt, vibration, motion, J):
-    """`antenna` with the fields of its tuples; motion (2, 3) and J (2, 3, n) are written."""
-    earth, n = frames.EarthRotation(C_iq, C_re, angle_0, rate), J.shape[2]
+def _antenna(at, n, x, t_s, earth, l_ba_b, felt, vibration):
+    """`antenna` with the fields of the Layout. -> motion (2, 3), J (2, 3, n)"""
+    motion, J = np.empty((2, 3)), np.empty((2, 3, n))
     J_omega, J_f = calibration.jacobians_packed(at, n, x, felt[:3], felt[3:], vibration)
     zero, turn = (0.0, 0.0, 0.0), t3.vector(frames.omega_ie_i(earth), 0)
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
     C = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
     omega, delay, r_i = t3.vector(felt, 0), x[X_LATENCY], t3.vector(x, X_R.start)
-    g = t3.plus(gravity_i(r_i, angle_0 + rate * t_s, C_iq, C_re), 1.0, t3.vector(x, X_GRAVITY))
+    g = t3.plus(
+        gravity_i(r_i, earth.angle_0 + earth.rate * t_s, earth.C_iq, earth.C_re), 1.0, t3.vector(x, X_GRAVITY)
+    )
     arm = t3.plus(t3.vector(l_ba_b, 0), 1.0, t3.vector(x, X_LEVER.start))
     swing = t3.cross(omega, arm)
     f = t3.plus(t3.vector(felt, 3), 1.0, t3.cross(omega, swing))
@@ -108,6 +109,7 @@ def _antenna(at, x, t_s, C_iq, C_re, angle_0, rate, l_ba_b, felt, vibration, mot
         dr, dv = t3.turned(C_ei, dr), t3.turned(C_ei, dv)
         for i in range(3):
             J[0, i, j], J[1, i, j] = dr[i], dv[i]
+    return motion, J
 
 
 @inner(forceinline=True)
@@ -214,22 +216,22 @@ def star_attitude(layout, x, fix, C_bc, sigma_floor):
     ----------
     Markley & Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, section 6.2.
     """
-    z, H, R = np.empty(3), np.zeros((3, layout.n)), np.empty((3, 3))
-    _star_attitude(x, fix.q_ic, fix.P_c, C_bc, sigma_floor, layout.at[MOUNTING], z, H, R)
-    return z, H, R
+    return _star_attitude(x, fix.q_ic, fix.P_c, C_bc, sigma_floor, layout.n, layout.at[MOUNTING])
 
 
 @kernel
-def _star_attitude(x, q_ic, P_c, C_bc, sigma_floor, first, z, H, R):
-    """`star_attitude` of its parts; first: error of the mounting, -1 if it is none. z, H, R are written."""
+def _star_attitude(x, q_ic, P_c, C_bc, sigma_floor, n, first):
+    """`star_attitude` of its parts; n : errors;  first : error of the mounting, -1 if it is none."""
+    H = np.zeros((3, n))
     mounting = x[X_MOUNTING]
     q_mounting = rotation.quat_from_rotvec(mounting)
     q_predicted = rotation.quat_multiply(x[X_Q], q_mounting)
     q_measured = rotation.quat_multiply(q_ic, rotation.quat_from_dcm(np.ascontiguousarray(C_bc.T)))
-    z[:] = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(q_predicted), q_measured))
+    z = rotation.rotvec_from_quat(rotation.quat_multiply(rotation.quat_conjugate(q_predicted), q_measured))
     H[:, ATT] = rotation.dcm_from_quat(q_mounting).T
     if first >= 0:
         H[:, first : first + 3] = right_jacobian(mounting)
-    R[:] = C_bc @ P_c @ C_bc.T
+    R = C_bc @ P_c @ C_bc.T
     for i in range(3):
         R[i, i] += sigma_floor**2
+    return z, H, R

@@ -4,7 +4,7 @@ Tick by tick all filters of the Bank get the same; the one with most weight stan
 tracker. What is told is the mixture of all. Once they agree, one filter goes on from there.
 """
 
-from shefex_nav.onboard.navigation import fusion, sensors, ticks
+from shefex_nav.onboard.navigation import fusion, ticks
 from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.hypotheses import Bank, is_wide
 from shefex_nav.onboard.navigation.state import BG
@@ -33,12 +33,7 @@ def fuse(bank, gps_fixes, star_fixes):
     """Give all filters what has arrived. -> list of GateResult of the one that is best afterwards"""
     said = {}
     for member in bank.members:
-        nav = member.nav
-        arrivals = sensors.gps_arrivals(nav.params, gps_fixes) + sensors.star_arrivals(nav, star_fixes)
-        results = fusion.fuse(nav, arrivals) if arrivals else []
-        if instead := sensors.attitudes_instead(nav, arrivals, results):
-            results += fusion.fuse(nav, instead)
-        said[member.number] = results
+        said[member.number] = fusion.take(member.nav, gps_fixes, star_fixes)
     bank.prune()
     return said[bank.best_member.number]
 

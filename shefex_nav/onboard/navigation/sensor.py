@@ -30,6 +30,16 @@ class Measurement(NamedTuple):
     grown: float = 1.0  # factor of the noise of its sensor, standard deviation
 
 
+class Innovation(NamedTuple):
+    """What a measurement says against the filter, at its instant."""
+
+    z: np.ndarray  # (m,)
+    H: np.ndarray  # (m, n)
+    R: np.ndarray  # (m, m)
+    S: np.ndarray  # (m, m) covariance of z
+    nis: float  # z^T S^-1 z
+
+
 class Trial(NamedTuple):
     """What decides whether a sensor that contradicts the filter is believed after all."""
 

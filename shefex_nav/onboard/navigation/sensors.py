@@ -158,7 +158,7 @@ def _gps_position_trial(nav, now, z, R, fix):
     trial = _gps_trial(nav, now, z, R, fix)
     if not integrity_watch.jumped(nav.health):
         return trial
-    limit = nav.limit(3)
+    limit = nav.limits[3]
 
     def steady(first, later):
         return integrity.offsets_agree(first, later, limit)
@@ -186,8 +186,8 @@ def _star_trial(nav, now, z, R, fix):
     used = nav.health["star_tracker"].used
     rule = params.release_star if used else params.release_star_first
     state = now.state
-    P_rate = rate_covariance(nav.layout, state, now.P, *now.felt, now.vibration)
-    limit = nav.limit(3)
+    P_rate = rate_covariance(nav.layout, now.x, now.P, *now.felt, now.vibration)
+    limit = nav.limits[3]
 
     noise = (nav.noise.gyro * params.imu.gyro_random_walk) ** 2 + now.imu.extra[0].max()
 
@@ -210,7 +210,7 @@ def _hip(fix):
 def _vectors_alone(nav, S):
     """While the gate stops every star that is off by as much as matters."""
     pairs = np.array([S[k : k + 2, k : k + 2] for k in range(0, len(S), 2)])
-    return bool(np.linalg.eigvalsh(pairs).max() < nav.watch.params.wrong_star_fix**2 / nav.limit(2))
+    return bool(np.linalg.eigvalsh(pairs).max() < nav.watch.params.wrong_star_fix**2 / nav.limits[2])
 
 
 def _star_confirmed(nav, now, fix):
@@ -222,7 +222,7 @@ def _star_alone(nav, S):
     """Once stars have been used, and while the gate stops every fix that is wrong by as much as matters."""
     if not nav.health["star_tracker"].used:
         return False
-    most = nav.watch.params.wrong_star_fix**2 / nav.limit(len(S))  # of the variance along any axis
+    most = nav.watch.params.wrong_star_fix**2 / nav.limits[len(S)]  # of the variance along any axis
     trace = S[0, 0] + S[1, 1] + S[2, 2]  # exceeds every eigenvalue
     return bool(trace < most or np.linalg.eigvalsh(S)[-1] < most)
 
@@ -233,9 +233,9 @@ def _star_admits(nav, z):
     return angle if used > 1 and angle < MOVED_CAMERA else None
 
 
-def rate_covariance(layout, state, P, omega_b, f_b, vibration):
+def rate_covariance(layout, x, P, omega_b, f_b, vibration):
     """Covariance of the corrected rate by the estimates of the gyro errors: (3, 3) rad^2/s^2."""
-    J_omega, _ = calibration.jacobians(layout, state, omega_b, f_b, vibration)
+    J_omega, _ = calibration.jacobians(layout, x, omega_b, f_b, vibration)
     return J_omega @ P @ J_omega.T
 
 
@@ -282,29 +282,32 @@ def table(params):
     return SENSORS | {aid.name: aiding.sensor(aid) for aid in params.aids}
 
 
-def gps_arrivals(params, messages):
-    """What the filter takes of what is received: of GPS the fixes if it is coupled loosely, the ranges if
-    tightly; readings of its aids.
+def arrivals(nav, received, star_fixes):
+    """What the filter takes of what has arrived, what is received first.
 
-    NavParams, sequence of GpsFix, GpsRanges and readings of instruments -> list of (arrival, fix)
+    fusion.Filter, sequence of GpsFix, GpsRanges and readings of instruments, of StarFix
+    -> list of (arrival, fix)
     """
-    arrivals = {GpsRanges: "gps_ranges"} if params.gps == "tight" else {GpsFix: "gps"}
+    return _of_received(nav.params, received) + _of_stars(nav, star_fixes)
+
+
+def _of_received(params, messages):
+    """Of GPS the fixes, or the ranges if it is coupled tightly; readings of aids. -> as `arrivals`"""
+    named = {GpsRanges: "gps_ranges"} if params.gps == "tight" else {GpsFix: "gps"}
     aids = {aid.record: aid for aid in params.aids}
-    arrivals |= {record: aid.name for record, aid in aids.items()}
+    named |= {record: aid.name for record, aid in aids.items()}
     return [
-        (arrivals[type(one)], one)
+        (named[type(one)], one)
         for one in messages
-        if type(one) in arrivals and (type(one) not in aids or aiding.holds(aids[type(one)], one))
+        if type(one) in named and (type(one) not in aids or aiding.holds(aids[type(one)], one))
     ]
 
 
-def star_arrivals(nav, fixes):
-    """What the filter takes of StarFix: the attitude, or each star by itself.
+def _of_stars(nav, fixes):
+    """Of a StarFix the attitude, or each star by itself. -> as `arrivals`
 
     Before stars have been used for the first time it is the attitude in any case: one fix is compared with
     another one there, and single stars have been named with the filter's own prediction.
-
-    fusion.Filter, sequence of StarFix -> list of (arrival, fix)
     """
     solved = [("star_tracker", fix) for fix in fixes if fix.reason == Reason.NONE]
     if nav.params.stars == "attitude" or not nav.health["star_tracker"].used:
@@ -312,15 +315,15 @@ def star_arrivals(nav, fixes):
     return [("star_vectors", fix) for fix in fixes if fix.reason == Reason.NONE or len(fix.stars.hip)]
 
 
-def attitudes_instead(nav, arrivals, results):
+def attitudes_instead(nav, taken, results):
     """Attitudes of frames of which not one star was used, so that it shows whether they insist.
 
     A star that is used ends what attitudes may have said against the filter.
 
-    arrivals : as they were fused;  results : list in which their GateResult are
+    taken : `arrivals` that were fused;  results : list in which their GateResult are
     -> list of (arrival, fix)
     """
-    fixes = {fix.t_valid_s: fix for arrival, fix in arrivals if arrival == "star_vectors"}
+    fixes = {fix.t_valid_s: fix for arrival, fix in taken if arrival == "star_vectors"}
     instead = []
     for result in results if fixes else ():
         if result.sensor != "star_vectors":
@@ -336,14 +339,18 @@ def attitudes_instead(nav, arrivals, results):
     return instead
 
 
-def contents(arrival, fix):
-    """Names of the measurements that an arrival holds; receivers that give no velocity leave it NaN."""
-    if arrival == "gps" and np.isnan(fix.v_ea_e[0]):
-        return ("gps_position",)
-    return ARRIVALS.get(arrival, (arrival,))
+def contents(nav, arrival, index, fix):
+    """Names of the measurements that an arrival holds, and why they are not to be used, '' if they may.
+
+    fusion.Filter; of `arrivals`; of the tick in the History in which the fix lies, or None; the fix
+    """
+    names = ARRIVALS.get(arrival, (arrival,))
+    if arrival == "gps" and np.isnan(fix.v_ea_e[0]):  # receivers that give no velocity leave it NaN
+        names = ("gps_position",)
+    return names, _without_solution(arrival, fix) or _unfit(nav, names[0], index, fix)
 
 
-def without_solution(arrival, fix):
+def _without_solution(arrival, fix):
     """Why a fix holds no measurement, '' if it does."""
     if arrival == "gps_ranges":
         return "" if len(fix.prn) else f"no ranges: {fix.reason}"
@@ -352,7 +359,7 @@ def without_solution(arrival, fix):
     return f"no fix: {fix.reason}" if arrival == "gps" and not fix.valid else ""
 
 
-def unfit(nav, name, index, fix):
+def _unfit(nav, name, index, fix):
     """Why a measurement is not to be used where the vehicle was in tick `index`, if any; '' if it may."""
     judge = nav.sensors[name].unfit
     if judge is None or index is None:

@@ -5,6 +5,7 @@ solution as a row of numbers, which are read as one record or, many of them, as 
 """
 
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,6 +49,23 @@ NO_DOUBT = float(Doubt.NONE)
 WIDTH = DOUBT + len(QUANTITIES)
 
 
+class Noise(NamedTuple):
+    """Errors of the inertial sensors that a sample has and the state has not."""
+
+    random_walk: float  # rad/sqrt(s), of the gyros
+    quantum: float  # rad, of the gyros
+    accel_vibration: float  # m/s rms, swinging of the sensors while the strongest motor burns
+    gyro_vibration: float  # rad rms, likewise
+
+
+class Bounds(NamedTuple):
+    """What decides whether a solution is to be used."""
+
+    level: integrity_protection.Level
+    wanted: integrity_protection.Requirement
+    graver: np.ndarray  # (3,) Doubt that there is in any case, or NONE
+
+
 def solution(nav):
     """NavSolution of the last tick of a running filter."""
     newest = nav.history.newest
@@ -72,14 +90,11 @@ def tell(nav, ticks, imu_blind, rows):
         that of now: nothing may have arrived since the first of them.
     rows : (m, WIDTH) is written
     """
-    numbers, increments, _, xs, Ps = nav.history.arrays[:5]
-    model, level, wanted = nav.params.imu, nav.watch.level, nav.watch.params.wanted
-    _tell(
-        nav.layout.at, ticks.start, ticks.step, numbers, increments, xs, Ps,
-        model.gyro_random_walk, model.gyro_quantum, model.accel_vibration, model.gyro_vibration,
-        *nav.earth, *level, *wanted,
-        nav.health["star_tracker"].used > 0, nav.watch.graver_doubts(nav.health, imu_blind), rows,
-    )  # fmt: skip
+    model, watch = nav.params.imu, nav.watch
+    noise = Noise(model.gyro_random_walk, model.gyro_quantum, model.accel_vibration, model.gyro_vibration)
+    bounds = Bounds(watch.level, watch.params.wanted, watch.graver_doubts(nav.health, imu_blind))
+    _tell(nav.layout.at, ticks.start, ticks.step, nav.history.arrays, noise, nav.earth, bounds, rows)
+    rows[:, AIDED] = nav.health["star_tracker"].used > 0
 
 
 def _solution(row):
@@ -110,31 +125,24 @@ def columns(rows):
 
 
 @kernel
-def _tell(
-    at, first, step, numbers, increments, xs, Ps, random_walk, quantum, accel_vibration, gyro_vibration,
-    C_iq, C_re, angle_0, rate, w, before, since_s, limits, k, aided, graver, out,
-):  # fmt: skip
+def _tell(at, first, step, memory, noise, earth, bounds, out):
     """`_derive`, protection levels, time and whether to be trusted of ticks of a History: out (m, WIDTH).
 
-    first, step : numbers of the ticks;  w, before, since_s : of a Level;  limits, k : of the Requirement
-    aided : by stars;  graver : (3,) Doubt there is in any case, or NONE
+    first, step : numbers of the ticks;  memory : prediction.Memory;  noise : Noise;  bounds : Bounds
     """
+    numbers, Ps, level, wanted = memory.numbers, memory.Ps, bounds.level, bounds.wanted
     axes, known, sigma = np.empty((4, 3)), np.empty(protected.N_FOLLOWED), np.empty(protected.N_TOLD)
     for j in range(len(out)):
         place = (first + j * step) % len(numbers)
-        dt_s, vibration = numbers[place, 1], numbers[place, 3]
-        swings = accel_vibration * vibration, gyro_vibration * vibration
-        _derive(
-            at, numbers[place, 0], xs[place], as_reported(Ps[place], swings[0], swings[1]),
-            increments[place, BEFORE - 1 + int(numbers[place, 2])], dt_s, vibration, random_walk, quantum,
-            C_iq, C_re, angle_0, rate, out[j], axes,
-        )  # fmt: skip
+        vibration = numbers[place, 3]
+        swings = noise.accel_vibration * vibration, noise.gyro_vibration * vibration
+        P = as_reported(Ps[place], swings[0], swings[1])
+        _derive(at, memory, place, P, noise, earth, out[j], axes)
         _sigmas(Ps[place], axes, swings, known, sigma)
-        dt_s, told = numbers[place, 0] - since_s, out[j, LEVEL:T_S]
-        integrity_protection.levels(w, before, dt_s, k, known, sigma, told)
+        dt_s, told = numbers[place, 0] - level.t_s, out[j, LEVEL:T_S]
+        integrity_protection.levels(level.w, level.sigma, dt_s, wanted.k, known, sigma, told)
         out[j, T_S] = numbers[place, 0]
-        out[j, AIDED] = aided
-        integrity_protection.doubts(told, limits, graver, out[j, DOUBT:WIDTH])
+        integrity_protection.doubts(told, wanted.limits, bounds.graver, out[j, DOUBT:WIDTH])
 
 
 @inner
@@ -153,20 +161,17 @@ def _sigmas(P, axes, swings, known, sigma):
 
 
 @inner
-def _derive(
-    at, t_s, x, P, sample, dt_s, vibration, random_walk, quantum, C_iq, C_re, angle_0, rate, out, axes
-):  # fmt: skip
+def _derive(at, memory, place, P, noise, earth, out, axes):
     """Quantities derived from the state, and their sigmas, in the places of FIELDS.
 
     The angles are those of the velocity against the air, with sigmas of pi at most; the rate is the mean of
     the last sample.
 
-    at : of Layout;  t_s, x, P : of the state;  C_iq ... rate : EarthRotation
-    sample, dt_s, vibration : (6,) the last increments, s, level of the tick
-    random_walk, quantum : rad/sqrt(s), rad, of the gyros
+    at : of Layout;  memory, place : prediction.Memory and the tick's place in it;  P : (n, n), as reported
     out, axes : (N_OUT,) and that of `protected.level_axes` are written
     """
-    earth = frames.EarthRotation(C_iq, C_re, angle_0, rate)
+    t_s, dt_s, vibration = memory.numbers[place, 0], memory.numbers[place, 1], memory.numbers[place, 3]
+    x, sample = memory.xs[place], memory.increments[place, BEFORE - 1 + int(memory.numbers[place, 2])]
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
     turn = t3.vector(frames.omega_ie_i(earth), 0)
     C_ib = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
@@ -194,9 +199,9 @@ def _derive(
     felt = np.array(dtheta + dv) / dt_s
     J_omega, _ = jacobians_packed(at, P.shape[0], x, felt[:3], felt[3:], vibration)
     # of one increment: white noise, and rounding to whole quanta at both of its ends (variance q^2/12 each)
-    noise = (random_walk**2 * dt_s + quantum**2 / 6.0) / dt_s**2
+    white = (noise.random_walk**2 * dt_s + noise.quantum**2 / 6.0) / dt_s**2
     for k in range(3):
-        out[S_OMEGA + k] = np.sqrt(_variance(J_omega[k], P, ATT.stop) + noise)
+        out[S_OMEGA + k] = np.sqrt(_variance(J_omega[k], P, ATT.stop) + white)
 
 
 @inner

@@ -28,6 +28,7 @@ PHASES = {  # lightness alone tells neighbours apart
 }  # fmt: skip
 _DARK = {Phase.BOOST, Phase.POINTING, Phase.DESCENT}  # white letters on these
 
+RIGHT, BOTTOM = 0.15, 0.55  # inches, margins of a figure
 WIDTH = 11.0  # inches: on a page of 1280 px letters are a little larger than in print
 _FEW_DOTS = 200
 _DIGITS = re.compile(rb"(\.\d\d)\d+")  # of coordinates in 1/72 inch, where two are plenty
@@ -103,14 +104,14 @@ def title(figure, text):
     figure.text(0.01, y, text, ha="left", va="top", fontsize=14, fontweight="bold")
 
 
-def grid(figure, heights, *, columns=1, gap=0.24, left=1.02, right=0.15, top=0.5, bottom=0.55, between=0.85):
+def grid(figure, heights, *, columns=1, gap=0.24, left=1.02, top=0.5, between=0.85):
     """GridSpec with everything in inches: heights of the rows, gaps, margins."""
     width, height = figure.get_size_inches()
-    each = (width - left - right - (columns - 1) * between) / columns
+    each = (width - left - RIGHT - (columns - 1) * between) / columns
     mean = float(np.mean(heights))
     return figure.add_gridspec(
         len(heights), columns, height_ratios=heights, hspace=gap / mean, wspace=between / each,
-        left=left / width, right=1.0 - right / width, top=1.0 - top / height, bottom=bottom / height,
+        left=left / width, right=1.0 - RIGHT / width, top=1.0 - top / height, bottom=BOTTOM / height,
     )  # fmt: skip
 
 
@@ -132,7 +133,7 @@ def panels(data, n, text, *, columns=1, height=1.75, heads=None, spans_s=None):
     has_phases = len(data.truth.t_s) > 0
     heights = [0.24] * has_phases + [height] * n
     gap, top = 0.24, 0.5 + (0.28 if heads else 0.0)
-    drawn = figure(top + 0.55 + sum(heights) + gap * (len(heights) - 1))
+    drawn = figure(top + BOTTOM + sum(heights) + gap * (len(heights) - 1))
     spec = grid(drawn, heights, columns=columns, gap=gap, top=top)
     rows = np.empty((n, columns), dtype=object)
     for c in range(columns):

@@ -103,13 +103,15 @@ def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):
     """
     import rerun as rr
 
+    from shefex_nav.report.viewer import pages
+
     runs = [read(log) for log in logs] if runs is None else runs
     first, others = runs[0], names(runs)[1:]
     stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(first))
     shown = scene(first)
     seen = layout.scene(world.path(shown))
     has = layout.content(shown, drawings.kept_pictures(logs[0]), bool(len(first.truth.t_s)))
-    stream.save(rrd_path, default_blueprint=layout.blueprint(shown, seen, has, page=page))
+    stream.save(rrd_path, default_blueprint=pages.blueprint(shown, seen, has, page=page))
     fill(stream, logs[0], first)
     sender, words = Sender(stream, first.mission.epoch_utc), []
     for data, name, (word, colour) in zip(runs[1:], others, cycle(OVERLAY.items()), strict=False):
