@@ -262,28 +262,26 @@ def _surroundings(computer, index, t_valid_s):
     Computer, index of the tick nearest to it, time -> C_bc, C_ic, Context
     """
     params, history, near_s = computer.params, computer.nav.history, computer.nav.history.ends_s[index]
-    place = history.place(index)
-    _, dt_s, n, vibration = history.numbers[place].tolist()
     v_i, C_bc, C_ic, *angles = _sight(
-        history.xs[place], history.increments[place], int(n), dt_s, vibration, params.nav.C_bc,
-        t_valid_s - near_s, near_s, *computer.earth, params.sun_i,
+        history.xs[history.place(index)], history.imu(index), params.nav.C_bc, t_valid_s - near_s, near_s,
+        computer.earth, params.sun_i,
     )  # fmt: skip
     return C_bc, C_ic, star_tracker.Context(v_i + params.tracker.earth_velocity_i, *angles)
 
 
 @kernel
-def _sight(
-    x, increments, n, dt_s, vibration, C_bc_nominal, later_s, t_s, C_iq, C_re, angle_0, rate, sun_i
-):  # fmt: skip
+def _sight(x, imu, C_bc_nominal, later_s, t_s, earth, sun_i):
     """Velocity, mounting, attitude `later_s` after t_s; rate, angles of the boresight to Sun and limb.
 
-    x, increments, n, dt_s, vibration : of the tick that ends at t_s;  C_iq ... rate : EarthRotation
+    x, imu : of the tick that ends at t_s, an ImuWindow;  earth : EarthRotation
     """
-    omega_b = strapdown.felt_packed(x, increments, n, dt_s, vibration, n * dt_s)[:3]
+    n, dt_s = imu.increments.shape[0] - strapdown.BEFORE, imu.dt_s
+    motion = strapdown.felt_packed(x, imu.increments, n, dt_s, imu.vibration, imu.drive, n * dt_s)
+    omega_b = motion[:3]
     C_bc = rotation.dcm_from_rotvec(x[X_MOUNTING]) @ C_bc_nominal
     turned = rotation.dcm_from_rotvec(omega_b * later_s)
     C_ic = rotation.dcm_from_quat(x[X_Q]) @ turned @ C_bc
-    C_ei = np.ascontiguousarray(frames.dcm_ie(frames.EarthRotation(C_iq, C_re, angle_0, rate), t_s).T)
+    C_ei = np.ascontiguousarray(frames.dcm_ie(earth, t_s).T)
     boresight_i = np.ascontiguousarray(C_ic[:, 2])
     sun_angle = acos(min(1.0, max(-1.0, boresight_i @ sun_i)))
     limb_angle = wgs84.limb_angle(C_ei @ x[X_R], C_ei @ boresight_i)

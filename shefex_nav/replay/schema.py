@@ -14,6 +14,7 @@ from pydantic_core import PydanticCustomError, core_schema
 from shefex_nav.clock import SAMPLES_PER_TICK
 from shefex_nav.instruments import BUILT_IN
 from shefex_nav.instruments.instrument import Instrument
+from shefex_nav.onboard.navigation.blocks import STATES
 from shefex_nav.replay.schema_alignment import ALIGNMENTS
 from shefex_nav.scenario import aboard
 from shefex_nav.scenario.block import Block, tagged
@@ -318,16 +319,7 @@ class ReplayImu(Block):
 RELEASE = Release(rejections=5, duration="4 s")
 
 
-STATES = (  # blocks that are no instrument's
-    "gyro_roll_column",
-    "gyro_scale",
-    "gyro_misalignment",
-    "gyro_g_sensitivity",
-    "accel_scale",
-    "accel_misalignment",
-    "lever_arm",
-    "gps_latency",
-)
+OF_DATA = tuple(state.name for state in STATES if state.of_data)
 
 
 class ReplayNavigation(Navigation):
@@ -402,7 +394,7 @@ class ReplayBase(Block):
 
 def model(provided=()):
     """ReplayScenario with sections for each instrument. provided : by its plug-ins"""
-    whole = aboard.complete(provided, ReplayBase, ReplayNavigation, core=STATES)
+    whole = aboard.complete(provided, ReplayBase, ReplayNavigation, core=OF_DATA)
     return _with_data(whole, tuple(formats(provided).items()))
 
 

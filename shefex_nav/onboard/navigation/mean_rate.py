@@ -37,7 +37,8 @@ def body_rate(nav, state, begin_s, end_s):
     weight = np.clip((np.minimum(ends_s, end_s) - np.maximum(ends_s - dt_s, begin_s)) / dt_s, 0.0, 1.0)
     duration_s = dt_s @ weight
     vibration = max(imu.vibration for imu in ticks)
-    omega_b, f_b = calibration.motion(state, weight @ increments, duration_s, vibration)
+    drive = np.mean([imu.drive for imu in ticks], axis=0)
+    omega_b, f_b = calibration.motion(state, weight @ increments, duration_s, vibration, drive)
     doubtful = any(imu.extra[0].any() for imu in ticks)
     noise = _noise(nav.params.imu, omega_b, f_b, vibration, doubtful, duration_s)
     return omega_b, f_b, noise
@@ -95,8 +96,10 @@ def camera_rate(nav, tick, C_bc, begin_s, end_s):
     omega_b, f_b, noise = body_rate(nav, tick.state, begin_s, end_s)
     if not np.isfinite(omega_b.sum()):
         return None, None
-    vibration = 0.0 if tick.imu is None else tick.imu.vibration
-    H, _ = calibration.jacobians(nav.layout, tick.state, omega_b, f_b, vibration)
+    vibration, drive = (
+        (0.0, calibration.NO_DRIVE) if tick.imu is None else (tick.imu.vibration, tick.imu.drive)
+    )
+    H, _ = calibration.jacobians(nav.layout, tick.state, omega_b, f_b, vibration, drive)
     if mounting := nav.layout.places["mounting"]:
         H[:, mounting] = rotation.skew(omega_b)
     P_b = H @ tick.P @ H.T + noise * np.eye(3)

@@ -14,11 +14,11 @@ from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import integrity_protection, protected
 from shefex_nav.onboard.navigation.calibration import (
     accel_inverse,
+    acting,
     free_increment,
     g_sensitivity,
     gyro_inverse,
     jacobians_packed,
-    shaken,
 )
 from shefex_nav.onboard.navigation.covariance import as_reported
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
@@ -75,7 +75,7 @@ def tell(nav, ticks, imu_blind, rows):
     numbers, increments, _, xs, Ps = nav.history.arrays[:5]
     model, level, wanted = nav.params.imu, nav.watch.level, nav.watch.params.wanted
     _tell(
-        nav.layout.at, ticks.start, ticks.step, numbers, increments, xs, Ps,
+        nav.layout.at, ticks.start, ticks.step, numbers, increments, nav.history.drives, xs, Ps,
         model.gyro_random_walk, model.gyro_quantum, model.accel_vibration, model.gyro_vibration,
         *nav.earth, *level, *wanted,
         nav.health["star_tracker"].used > 0, nav.watch.graver_doubts(nav.health, imu_blind), rows,
@@ -111,7 +111,8 @@ def columns(rows):
 
 @kernel
 def _tell(
-    at, first, step, numbers, increments, xs, Ps, random_walk, quantum, accel_vibration, gyro_vibration,
+    at, first, step, numbers, increments, drives, xs, Ps,
+    random_walk, quantum, accel_vibration, gyro_vibration,
     C_iq, C_re, angle_0, rate, w, before, since_s, limits, k, aided, graver, out,
 ):  # fmt: skip
     """`_derive`, protection levels, time and whether to be trusted of ticks of a History: out (m, WIDTH).
@@ -126,8 +127,8 @@ def _tell(
         swings = accel_vibration * vibration, gyro_vibration * vibration
         _derive(
             at, numbers[place, 0], xs[place], as_reported(Ps[place], swings[0], swings[1]),
-            increments[place, BEFORE - 1 + int(numbers[place, 2])], dt_s, vibration, random_walk, quantum,
-            C_iq, C_re, angle_0, rate, out[j], axes,
+            increments[place, BEFORE - 1 + int(numbers[place, 2])], dt_s, vibration, drives[place],
+            random_walk, quantum, C_iq, C_re, angle_0, rate, out[j], axes,
         )  # fmt: skip
         _sigmas(Ps[place], axes, swings, known, sigma)
         dt_s, told = numbers[place, 0] - since_s, out[j, LEVEL:T_S]
@@ -154,7 +155,7 @@ def _sigmas(P, axes, swings, known, sigma):
 
 @inner
 def _derive(
-    at, t_s, x, P, sample, dt_s, vibration, random_walk, quantum, C_iq, C_re, angle_0, rate, out, axes
+    at, t_s, x, P, sample, dt_s, vibration, drive, random_walk, quantum, C_iq, C_re, angle_0, rate, out, axes
 ):  # fmt: skip
     """Quantities derived from the state, and their sigmas, in the places of FIELDS.
 
@@ -162,7 +163,7 @@ def _derive(
     the last sample.
 
     at : of Layout;  t_s, x, P : of the state;  C_iq ... rate : EarthRotation
-    sample, dt_s, vibration : (6,) the last increments, s, level of the tick
+    sample, dt_s, vibration, drive : (6,) the last increments, s, of the tick
     random_walk, quantum : rad/sqrt(s), rad, of the gyros
     out, axes : (N_OUT,) and that of `protected.level_axes` are written
     """
@@ -189,10 +190,10 @@ def _derive(
         out[S_V + k] = np.sqrt(_variance(g, P, 0))
         out[S_ATT + k] = np.sqrt(P[ATT.start + k, ATT.start + k])
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
-    dtheta, dv = free_increment(shaken(x, vibration), M, A, G, sample.reshape(1, 6), 0, dt_s)
+    dtheta, dv = free_increment(acting(x, vibration, drive), M, A, G, sample.reshape(1, 6), 0, dt_s)
     out[OMEGA], out[OMEGA + 1], out[OMEGA + 2] = t3.scaled(1.0 / dt_s, dtheta)
     felt = np.array(dtheta + dv) / dt_s
-    J_omega, _ = jacobians_packed(at, P.shape[0], x, felt[:3], felt[3:], vibration)
+    J_omega, _ = jacobians_packed(at, P.shape[0], x, felt[:3], felt[3:], vibration, drive)
     # of one increment: white noise, and rounding to whole quanta at both of its ends (variance q^2/12 each)
     noise = (random_walk**2 * dt_s + quantum**2 / 6.0) / dt_s**2
     for k in range(3):
