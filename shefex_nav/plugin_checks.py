@@ -27,6 +27,7 @@ TAKEN = frozenset(
     "gps_errors sightings gyro accelerometer ".split()
 )
 PREFIXES = ("gps", "star")  # of what the filter tells apart by it
+FASTEST = 10.0  # 1/s, law of a block of states: slow against a tick
 
 
 def problem(one):
@@ -109,6 +110,8 @@ def _block(one, settings):
         raise CodeError(
             f"{words}: P, walk and F have shapes {found}; {size} errors need (n, n), (n,), (n, n)"
         )
+    if block.F is not None and not np.abs(block.F).max() <= FASTEST:
+        raise CodeError(f"{words}: elements of F must be at most {FASTEST:g} /s, got {block.F.tolist()}")
     if block.drives is None:
         return block
     return block._replace(drives=partial(_drives, words, size, block.drives))

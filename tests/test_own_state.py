@@ -144,6 +144,7 @@ def test_what_is_wrong_with_its_description_is_one_line(tmp_path, code, old, new
 FAULTS = (  # likewise, of what shows when it flies only
     ('Block("gyro_drift"', 'Block("drift"', "block must give a Block of that name"),
     ("np.eye(3), walk", "np.eye(2), walk", "P, walk and F have shapes [(2, 2), (3,)]"),
+    ("walk=np", "F=-20.0 * np.eye(3), walk=np", "elements of F must be at most 10 /s"),
     ("    return Block(", "    settings.nothing\n    return Block(", "has no attribute 'nothing'"),
     ("np.zeros((3, 3))])", "np.zeros((2, 3))])", "must give numbers, shape (6, 3)"),
     ("since_s * np.eye(3)", "np.nan * np.eye(3)", "must give numbers, shape (6, 3)"),

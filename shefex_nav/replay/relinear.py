@@ -18,11 +18,11 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import error_model, fusion, prediction, reset
-from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S
+from shefex_nav.onboard.navigation import error_model, fusion, laws, prediction, reset
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.prediction import SIZES, TOP
+from shefex_nav.onboard.navigation.laws import FIELD_TIME_S, SIZES
+from shefex_nav.onboard.navigation.prediction import TOP
 from shefex_nav.onboard.navigation.state import (
     ATT,
     BA,
@@ -288,13 +288,13 @@ def carried(constants, top, e, T, out):
         out[at[CLOCK]] += T * e[at[CLOCK] + 1]
     fade(at, constants.model[0], T, out)
     if m > 0:
-        out[n - m :] = prediction.transition(constants.F, T) @ e[n - m :]
+        out[n - m :] = laws.transition(constants.F, T) @ e[n - m :]
 
 
 @inner(forceinline=True)
 def fade(at, model, T, vector):
     """What is left of errors that fade, in place."""
-    for block, time_s, _ in error_model.fading(model):
+    for block, time_s, _ in laws.fading(model):
         if at[block] >= 0:
             left = np.exp(-T / time_s)
             for k in range(at[block], at[block] + SIZES[block]):
@@ -348,7 +348,7 @@ def other_noise(constants, walks, T, vector, out):
         both = drift * T**2 / 2.0
         out[c] -= (white * T + drift * T**3 / 3.0) * vector[c] + both * vector[c + 1]
         out[c + 1] -= both * vector[c] + drift * T * vector[c + 1]
-    for block, time_s, sigma in error_model.fading(model):
+    for block, time_s, sigma in laws.fading(model):
         if at[block] >= 0:
             left = np.exp(-T / time_s)
             for k in range(at[block], at[block] + SIZES[block]):
@@ -362,7 +362,7 @@ def _outer_noise(constants, T, vector, out):
     walks, F = constants.walks, constants.F
     m, last = walks.shape[0], out.shape[0] - walks.shape[0]
     if F.shape[0] > 0:
-        Q = prediction.law_noise(prediction.transition(F, T), walks, T)
+        Q = laws.law_noise(laws.transition(F, T), walks, T)
         out[last:] -= Q @ vector[last:]
         return
     for k in range(m):

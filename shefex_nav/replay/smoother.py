@@ -23,8 +23,9 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.navigation import error_model, prediction
-from shefex_nav.onboard.navigation.prediction import SIZES, TOP, Workspace
+from shefex_nav.onboard.navigation import laws, prediction
+from shefex_nav.onboard.navigation.laws import SIZES
+from shefex_nav.onboard.navigation.prediction import TOP, Workspace
 from shefex_nav.onboard.navigation.state import BG, CLOCK, corrected
 from shefex_nav.replay.relinear import carried, copy, fade, other_noise
 
@@ -135,7 +136,7 @@ def _back(constants, intervals, durations, first, last, vector, lambdas):
             before[at[CLOCK] + 1] += T * vector[at[CLOCK]]
         fade(at, constants.model[0], T, before)
         if m > 0:
-            before[n - m :] = prediction.transition(constants.F, T).T @ before[n - m :]
+            before[n - m :] = laws.transition(constants.F, T).T @ before[n - m :]
         for k in range(TOP):
             for i in range(n):
                 before[i] += top[k, i] * vector[k]
@@ -200,11 +201,11 @@ def _matrix_back(constants, top, T, matrix, M, U):
             matrix[i, clock + 1] += T * matrix[i, clock]
         for j in range(n):
             matrix[clock + 1, j] += T * matrix[clock, j]
-    for block, time_s, _ in error_model.fading(constants.model[0]):
+    for block, time_s, _ in laws.fading(constants.model[0]):
         if at[block] >= 0:
             _faded(matrix, at[block], SIZES[block], np.exp(-T / time_s))
     if m > 0:
-        D = prediction.transition(F, T)
+        D = laws.transition(F, T)
         matrix[n - m :] = D.T @ matrix[n - m :]
         matrix[:, n - m :] = np.ascontiguousarray(matrix[:, n - m :]) @ D
     copy(top, M)

@@ -2,8 +2,8 @@
 
 Apart from `state`, so that a scenario can be checked without a compiler. `STATES` is that of the program: one
 entry for each block, in the order of the errors. The rest of a block is compiled: `calibration` takes its
-estimate out of the increments of the IMU, `error_model.fading` and `prediction` let it change by itself,
-`measurements` have what a sensor sees of it.
+estimate out of the increments of the IMU, `laws` let it change by itself, `measurements` have what a sensor
+sees of it.
 
 Blocks from outside (`Block`) stand behind all of these, in the errors and in the packed values. Instruments
 bring them along with their measurements; plug-ins may bring one by itself (`OwnState`).

@@ -30,12 +30,9 @@ from shefex_nav.geometry import triples as t3
 from shefex_nav.geometry import wgs84
 from shefex_nav.onboard.navigation.blocks import DURATION, GYROS, SHAKEN, WEIGHTS
 from shefex_nav.onboard.navigation.calibration import DRIVERS
-from shefex_nav.onboard.navigation.state import ATT, BA, BG, GRAVITY, POS, RANGE_BIAS, VEL
+from shefex_nav.onboard.navigation.laws import FIELD_TIME_S
+from shefex_nav.onboard.navigation.state import ATT, BA, BG, GRAVITY, POS, VEL
 
-# Memory of what J2 leaves out of gravity, along a flight. Over 800 km anywhere on the Earth the rest of EGM96
-# (degree 12) changes by as much as a Gauss-Markov process with a correlation length of 4900 km: 3000 s
-# at 1.6 km/s over the ground. It is smoother than such a process: over less it changes even less.
-FIELD_TIME_S = 3000.0
 SPARE = 8  # rows of a `record` for noise that is found to be other than told
 
 
@@ -337,18 +334,6 @@ def _left_out(model, rate, across_rate):
     density, white = 2.0 * model.gravity**2 * model.gravity_time_s, model.accel_random_walk**2
     bias_walk = model.accel_bias_walk**2 + model.gravity**2 * (2.0 / FIELD_TIME_S + held * rate)
     return white + (1.0 - held_along) * density, white + (1.0 - held) * density, bias_walk
-
-
-@inner(forceinline=True)
-def fading(model):
-    """Blocks of first-order Gauss-Markov processes: index in Layout.at, time [s] and sigma in the long run.
-
-    model : row of a `record`
-    """
-    return (
-        (RANGE_BIAS, model.range_bias_time_s, model.range_bias_sigma),
-        (GRAVITY, FIELD_TIME_S, model.gravity_sigma),
-    )
 
 
 @inner

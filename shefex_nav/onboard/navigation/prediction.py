@@ -2,7 +2,7 @@
 
     x <- strapdown(x),   P <- Phi P Phi^T + Q
 
-Of Phi only the rows of position, velocity and attitude, the clock and what fades (`error_model.fading`)
+Of Phi only the rows of position, velocity and attitude, the clock and what fades (`laws`)
 differ from the identity, and only the errors of the IMU drive the first nine: the products run over those.
 Blocks from outside (`blocks.Block`) may have a law of their own, and may drive the first nine: then the
 products run over all errors.
@@ -15,18 +15,17 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames
 from shefex_nav.geometry import triples as t3
-from shefex_nav.onboard.navigation import error_model, strapdown, unknown_attitude
-from shefex_nav.onboard.navigation.blocks import STATES, WEIGHTS
+from shefex_nav.onboard.navigation import error_model, laws, strapdown, unknown_attitude
+from shefex_nav.onboard.navigation.blocks import WEIGHTS
 from shefex_nav.onboard.navigation.calibration import accel_inverse, g_sensitivity, gyro_inverse
+from shefex_nav.onboard.navigation.laws import SIZES
 from shefex_nav.onboard.navigation.state import (
     BA,
     BG,
     CLOCK,
     GRAVITY,
     N_CORE,
-    NOMINAL,
     PVA,
-    X_CLOCK,
     X_GRAVITY,
     X_Q,
     X_R,
@@ -35,10 +34,7 @@ from shefex_nav.onboard.navigation.state import (
 )
 from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, gravity_i
 
-SIZES = np.array([state.size for state in STATES])
-STARTS = np.array([NOMINAL[state.name].start for state in STATES])  # of packed values
 TOP = PVA.stop  # rows of Phi that the strapdown makes
-TERMS = 8  # of the series of exp(F T): with |F| T below 0.1 the rest is below 1e-14
 
 
 class Constants(NamedTuple):
@@ -224,26 +220,15 @@ def _growth(constants, n, x, imu, begin_s, end_s):
     Phi[:TOP] = work.top
     if at[CLOCK] >= 0:
         Phi[at[CLOCK], at[CLOCK] + 1] = T
-    for block, time_s, _ in error_model.fading(model[0]):
+    for block, time_s, _ in laws.fading(model[0]):
         if at[block] >= 0:
             for i in range(at[block], at[block] + SIZES[block]):
                 Phi[i, i] = np.exp(-T / time_s)
     m = constants.F.shape[0]
     if m > 0:
-        Phi[n - m :, n - m :] = transition(constants.F, T)
+        Phi[n - m :, n - m :] = laws.transition(constants.F, T)
     carry_covariance(constants, model[row], Q, work, bias_walk, T)
     return Phi, Q
-
-
-@inner
-def transition(F, T):
-    """exp(F T) by its series. (m, m) 1/s, s -> (m, m)"""
-    m = F.shape[0]
-    Phi, term = np.eye(m), np.eye(m)
-    for k in range(1, TERMS):
-        term = term @ F * (T / k)
-        Phi += term
-    return Phi
 
 
 @inner
@@ -273,7 +258,7 @@ def interval(constants, noise, x, imu, begin_s, end_s, work):
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     error_model.begin(responses, at, G)
     u, u_r, angle, speed = strapdown.travel(x, imu, begin_s, end_s, g, responses)
-    _drift(x, noise, constants.F, T)
+    laws.drift(x, noise, constants.F, T)
     q_after = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
     C_bi = t3.transposed(t3.dcm_from_quat(q_after))
     for k in range(WEIGHTS):
@@ -291,17 +276,6 @@ def interval(constants, noise, x, imu, begin_s, end_s, work):
     along, across, bias_walk = error_model.noise_densities(noise, imu.vibration, share, T, angle, speed)
     error_model.process_noise(top, along, across, imu.extra, C, T, Q)
     return bias_walk, angle, speed
-
-
-@inner(forceinline=True)
-def _drift(x, model, F, T):
-    """Packed values of what changes by itself, clock, what fades and what has a law, after T, in place."""
-    x[X_CLOCK] += T * x[X_CLOCK + 1]
-    for block, time_s, _ in error_model.fading(model):
-        x[STARTS[block] : STARTS[block] + SIZES[block]] *= np.exp(-T / time_s)
-    if F.shape[0] > 0:
-        last = x.shape[0] - F.shape[0]
-        x[last:] = transition(F, T) @ x[last:]
 
 
 @inner
@@ -334,36 +308,11 @@ def carry_covariance(constants, noise, P, work, bias_walk, T):
         P[BG.start + i, BG.start + i] += noise.gyro_bias_walk**2 * T
         P[BA.start + i, BA.start + i] += bias_walk * T
     if at[CLOCK] >= 0:
-        _clock(P, at[CLOCK], noise.clock_white**2, noise.clock_walk**2, T)
-    for block, time_s, sigma in error_model.fading(noise):
+        laws.clock(P, at[CLOCK], noise.clock_white**2, noise.clock_walk**2, T)
+    for block, time_s, sigma in laws.fading(noise):
         if at[block] >= 0:
-            _wander(P, at[block], SIZES[block], np.exp(-T / time_s), sigma)
-    _grow(P, constants.walks, constants.F, T)
-
-
-@inner(forceinline=True)
-def _grow(P, walks, F, T):
-    """Rows and columns of the last errors, those from outside, after T, in place.
-
-    Their noise by the trapezoidal rule: T/2 (Phi W Phi^T + W), W the densities.
-    """
-    m, n = walks.shape[0], P.shape[0]
-    if F.shape[0] == 0:
-        for k in range(m):
-            P[n - m + k, n - m + k] += walks[k] * T
-        return
-    Phi = transition(F, T)
-    rows = Phi @ P[n - m :]
-    P[n - m :] = rows
-    P[:, n - m :] = rows.T
-    own = np.ascontiguousarray(rows[:, n - m :]) @ Phi.T + law_noise(Phi, walks, T)
-    P[n - m :, n - m :] = 0.5 * (own + own.T)
-
-
-@inner
-def law_noise(Phi, walks, T):
-    """Covariance that the walks of errors with a law have brought in after T. (m, m), (m,), s -> (m, m)"""
-    return 0.5 * T * ((Phi * walks) @ Phi.T + np.diag(walks))
+            laws.wander(P, at[block], SIZES[block], np.exp(-T / time_s), sigma)
+    laws.grow(P, constants.walks, constants.F, T)
 
 
 @inner(forceinline=True)
@@ -379,33 +328,3 @@ def _nine_sums(A, top, Q, i, j, drivers):
         d, e, f = d + y * u, e + y * v, f + y * w
         g, h, m = g + z * u, h + z * v, m + z * w
     return a, b, c, d, e, f, g, h, m
-
-
-@inner
-def _clock(P, c, white, walk, T):
-    """The rows and columns of the receiver's clock, bias at c and drift behind it, after T, in place.
-
-    White frequency noise of density a^2 = `white` and a random walk of frequency of density b^2 = `walk` give
-    its bias a^2 T + b^2 T^3/3, its drift b^2 T, the two together b^2 T^2/2 (Brown & Hwang, Introduction to
-    Random Signals and Applied Kalman Filtering, 4th ed., section 9.3).
-    """
-    n = P.shape[0]
-    for j in range(n):
-        P[c, j] += T * P[c + 1, j]
-    for j in range(n):
-        P[j, c] += T * P[j, c + 1]
-    P[c, c] += white * T + walk * T**3 / 3.0
-    P[c, c + 1] += walk * T**2 / 2.0
-    P[c + 1, c] = P[c, c + 1]
-    P[c + 1, c + 1] += walk * T
-
-
-@inner
-def _wander(P, first, size, left, sigma):
-    """Rows and columns of a first-order Gauss-Markov process of which a part `left` is left, in place."""
-    for i in range(first, first + size):
-        for j in range(P.shape[0]):
-            P[i, j] *= left
-        for j in range(P.shape[0]):
-            P[j, i] *= left
-        P[i, i] += sigma**2 * (1.0 - left * left)
