@@ -1,4 +1,4 @@
-"""What is wrong with an instrument of a plug-in: with its description, or with what its code does in flight.
+"""What is wrong with an instrument or a block of states of a plug-in: its description, or what its code does.
 
 Instruments that come with the program are not looked at: an exception of theirs is a fault of the program.
 """
@@ -11,8 +11,8 @@ import numpy as np
 from shefex_nav import instruments
 from shefex_nav.errors import CodeError
 from shefex_nav.instruments.instrument import Column, DataColumn, Plot, Sampled, StateBlock
-from shefex_nav.onboard.navigation.blocks import CORE_BLOCKS, OPTIONAL
-from shefex_nav.settings import declared
+from shefex_nav.onboard.navigation.blocks import CORE_BLOCKS, OPTIONAL, Block
+from shefex_nav.settings import Settings, declared
 
 TIMES = ("t_valid_s", "t_available_s")
 # names that mean something else: sections, topics, tables and figures, sensors and streams of the program
@@ -27,6 +27,7 @@ TAKEN = frozenset(
     "gps_errors sightings gyro accelerometer ".split()
 )
 PREFIXES = ("gps", "star")  # of what the filter tells apart by it
+FASTEST = 10.0  # 1/s, law of a block of states: slow against a tick
 
 
 def problem(one):
@@ -64,13 +65,65 @@ def _problem_of_parts(one):
             )
         if hint.__origin__ is np.ndarray and not column.shape:
             return f"field {field} of its record is an array: give its shape, Column(unit, help, (3,))"
-    others = {part.name for other in instruments.BUILT_IN.values() for part in other.states}
     for block in one.states:
-        if block.name in CORE_BLOCKS or block.name in OPTIONAL or block.name in others:
+        if _is_taken(block.name):
             return f"there is a block of states '{block.name}' already; give yours another name"
     unknown = [key for key in one.told if key not in declared(one.settings)]
     unknown += [column.field for column in one.data if column.field not in one.record._fields]
     return f"there is no '{unknown[0]}' in it" if unknown else ""
+
+
+def _is_taken(name):
+    """Whether a block of states that comes with the program has a name."""
+    others = {part.name for other in instruments.BUILT_IN.values() for part in other.states}
+    return name in CORE_BLOCKS or name in OPTIONAL or name in others
+
+
+def problem_of_state(one):
+    """What is wrong with the description of an OwnState; '' if nothing is."""
+    if not one.name.isidentifier() or not one.name.islower():
+        return "its name must be lower case with underscores, such as 'gyro_drift'"
+    if _is_taken(one.name) or one.name in instruments.BUILT_IN:
+        return "the program has that name already; take another"
+    if not isinstance(one.size, int) or one.size < 1:
+        return f"its size must be a number of errors, got {one.size!r}"
+    if not (isinstance(one.settings, type) and issubclass(one.settings, Settings)):
+        return f"settings must be a class of Settings, got {one.settings!r}"
+    return "" if callable(one.block) else f"its block must be a function, got {one.block!r}"
+
+
+def checked_state(one):
+    """An OwnState whose functions say with CodeError what is wrong with what they do."""
+    return one._replace(block=partial(_block, one))
+
+
+def _block(one, settings):
+    """As OwnState.block."""
+    words = f"block of states '{one.name}'"
+    block = _called(f"{words}: block", one.block, settings)
+    if not isinstance(block, Block) or block.name != one.name:
+        raise CodeError(f"{words}: block must give a Block of that name, got {block!r}")
+    size = one.size
+    found = [np.shape(part) for part in (block.P, block.walk)]
+    found += [] if block.F is None else [np.shape(block.F)]
+    if found != [(size, size), (size,), (size, size)][: len(found)]:
+        raise CodeError(
+            f"{words}: P, walk and F have shapes {found}; {size} errors need (n, n), (n,), (n, n)"
+        )
+    if block.F is not None and not np.abs(block.F).max() <= FASTEST:
+        raise CodeError(f"{words}: elements of F must be at most {FASTEST:g} /s, got {block.F.tolist()}")
+    if block.drives is None:
+        return block
+    return block._replace(drives=partial(_drives, words, size, block.drives))
+
+
+def _drives(words, size, drives, felt):
+    """As Block.drives."""
+    words = f"{words}: drives, T{felt.t_s:+.2f} s"
+    found = _called(words, drives, felt)
+    if np.shape(found) != (6, size) or not np.isfinite(found).all():
+        raise CodeError(f"{words}: must give numbers, shape (6, {size}), got {found!r}")
+    return found
 
 
 def checked(one):

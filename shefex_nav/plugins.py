@@ -3,8 +3,9 @@
     plugins: [my_altimeter.py]      # beside the scenario that says so
     plugins: [their-package]        # its entry point in the group `shefex_nav.plugins`
 
-A plug-in says in `PROVIDES` what it adds: instruments (`instruments.instrument.Instrument`), and ways to
-detect spots, find their centres and identify stars (`Method`). Nothing is replaced: a name that is taken is
+A plug-in says in `PROVIDES` what it adds: instruments (`instruments.instrument.Instrument`), blocks of
+states of the filter (`onboard.navigation.blocks.OwnState`), and ways to detect spots, find their centres and
+identify stars (`Method`). Nothing is replaced: a name that is taken is
 an error. A scenario is a file that is passed around, so one that names a Python file runs it only with
 consent: `--trust`, or `Scenario.load(..., trust=True)`, gives it for that file as it is, and it is kept for
 its content (SHA-256). A package has been installed on purpose and needs none.
@@ -22,6 +23,7 @@ from typing import Any, NamedTuple
 from shefex_nav import instruments, plugin_checks
 from shefex_nav.errors import UserError
 from shefex_nav.instruments.instrument import Instrument
+from shefex_nav.onboard.navigation.blocks import OwnState
 
 GROUP = "shefex_nav.plugins"
 CONSENT = "SHEFEX_NAV_TRUST"  # environment variable of consents given in this process, for those it starts
@@ -84,7 +86,7 @@ def is_file(name):
 
 
 def load(name, sha256=None, trust=False):
-    """What a plug-in provides: Plugin, tuple of Instrument and Method.
+    """What a plug-in provides: Plugin, tuple of Instrument, OwnState and Method.
 
     name : path of a file, or name of an entry point
     sha256 : that its source must have; None: any
@@ -121,7 +123,8 @@ def load(name, sha256=None, trust=False):
 def _brought(one, plugin):
     """What a plug-in provides, as the program keeps it."""
     one = one._replace(plugin=plugin)
-    return plugin_checks.checked(one) if isinstance(one, Instrument) else one
+    watch = {Instrument: plugin_checks.checked, OwnState: plugin_checks.checked_state}.get(type(one))
+    return one if watch is None else watch(one)
 
 
 def _ask(name, path, sha256, trust):
@@ -178,10 +181,10 @@ def _provided(module, name):
     if not isinstance(provided, list | tuple) or not provided:
         raise PluginError(f"'{name}' provides nothing; end it with PROVIDES = [YOUR_INSTRUMENT]")
     for one in provided:
-        if not isinstance(one, Instrument | Method):
-            raise PluginError(f"'{name}': {one!r} in PROVIDES is neither an Instrument nor a Method")
-        problem = plugin_checks.problem(one) if isinstance(one, Instrument) else _problem_of_method(one)
-        if problem:
+        if not isinstance(one, Instrument | OwnState | Method):
+            words = "is neither an Instrument nor an OwnState nor a Method"
+            raise PluginError(f"'{name}': {one!r} in PROVIDES {words}")
+        if problem := _PROBLEM[type(one)](one):
             raise PluginError(f"'{name}': '{one.name}': {problem}")
     return provided
 
@@ -193,6 +196,13 @@ def _problem_of_method(one):
     if one.name in _built_in(one.step):
         return f"there is a way of {one.step} of that name already, of the program"
     return "" if callable(one.function) else f"its function must be one, got {one.function!r}"
+
+
+_PROBLEM = {
+    Instrument: plugin_checks.problem,
+    OwnState: plugin_checks.problem_of_state,
+    Method: _problem_of_method,
+}
 
 
 def _built_in(step):
@@ -211,6 +221,8 @@ def activate(provided):
         if isinstance(one, Method):
             _table(one.step)[one.name] = one.function
             _ADDED.setdefault(one.step, set()).add(one.name)
+        elif isinstance(one, OwnState):
+            instruments.OWN_STATES[one.name] = one
         else:
             instruments.TABLE[one.name] = one
 

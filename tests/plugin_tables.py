@@ -10,7 +10,14 @@ from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 @contextmanager
 def restored():
     """Tables as they were before."""
-    tables = instruments.TABLE, IDENTIFIERS, CENTROIDS, plugins._LOADED, plugins._ADDED
+    tables = (
+        instruments.TABLE,
+        instruments.OWN_STATES,
+        IDENTIFIERS,
+        CENTROIDS,
+        plugins._LOADED,
+        plugins._ADDED,
+    )
     kept = [dict(one) for one in tables]
     try:
         yield

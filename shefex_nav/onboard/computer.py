@@ -271,7 +271,8 @@ def _sight(memory, place, C_bc_nominal, t_valid_s, earth, sun_i):
     """
     x, t_s, dt_s = memory.xs[place], memory.numbers[place, 0], memory.numbers[place, 1]
     n, vibration = int(memory.numbers[place, 2]), memory.numbers[place, 3]
-    omega_b = strapdown.felt_packed(x, memory.increments[place], n, dt_s, vibration, n * dt_s)[:3]
+    drive = memory.drives[place]
+    omega_b = strapdown.felt_packed(x, memory.increments[place], n, dt_s, vibration, drive, n * dt_s)[:3]
     C_bc = rotation.dcm_from_rotvec(x[X_MOUNTING]) @ C_bc_nominal
     turned = rotation.dcm_from_rotvec(omega_b * (t_valid_s - t_s))
     C_ic = rotation.dcm_from_quat(x[X_Q]) @ turned @ C_bc

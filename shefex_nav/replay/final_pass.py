@@ -19,8 +19,8 @@ from shefex_nav.onboard.navigation.state import X_Q
 class Keeping(History):
     """A filter's memory that keeps what leaves it, in the order in which it came: see `Final`."""
 
-    def __init__(self, tick, aids=()):
-        super().__init__(tick, aids)
+    def __init__(self, tick, aids=(), driving=0):
+        super().__init__(tick, aids, driving)
         self._pieces, self._measurements = [], []
 
     def forget_until(self, t_s):
@@ -35,7 +35,7 @@ class Keeping(History):
         """Keep the oldest ticks."""
         if count:
             places = [self.place(k) for k in range(count)]
-            arrays = self.numbers, self.increments, self.extra, self.xs
+            arrays = self.numbers, self.increments, self.extra, self.xs, self.drives
             self._pieces.append([array[places] for array in arrays])
             self._measurements.extend(self.measurements[k] for k in range(count))
 
@@ -49,8 +49,8 @@ class Keeping(History):
         for piece in columns[1]:
             increments[at : at + len(piece), : piece.shape[1]] = piece
             at += len(piece)
-        numbers, extra, xs = (np.concatenate(columns[k]) for k in (0, 2, 3))
-        return Final(numbers, increments, extra, xs, self._measurements)
+        numbers, extra, xs, drives = (np.concatenate(columns[k]) for k in (0, 2, 3, 4))
+        return Final(numbers, increments, extra, xs, self._measurements, drives)
 
 
 class Final(NamedTuple):
@@ -61,6 +61,7 @@ class Final(NamedTuple):
     extra: np.ndarray  # (N + 1, 2, 3)
     xs: np.ndarray  # (N + 1, X) packed values at the ends of the ticks, all measurements taken in
     measurements: list  # of tuples of sensors.Measurement, those valid within each tick
+    drives: np.ndarray  # (N + 1, 6, m)
 
 
 class Whole(History):
@@ -68,6 +69,7 @@ class Whole(History):
 
     def __init__(self, final, P, aids=()):
         self.numbers, self.increments, self.extra = final.numbers, final.increments, final.extra
+        self.drives = final.drives
         self.ends_s = final.numbers[:, 0].tolist()
         self.measurements, self.oldest, self.newest = final.measurements, 0, len(self.ends_s) - 1
         self.x, self.P, self.position_s = final.xs[0].copy(), P.copy(), -np.inf

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from shefex_nav.onboard.navigation.blocks import Beforehand, known_sigmas
 from shefex_nav.onboard.navigation.state import NavParams
 from shefex_nav.scenario import aboard, params_filter
 
@@ -10,11 +11,12 @@ def nav_params(scenario, dt_s):
     """NavParams of a ReplayScenario whose IMU samples last dt_s: no star camera, no motors."""
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     integrity = params_filter.integrity_params(scenario, dt_s, coarse_if_silent=True)
+    told = _beforehand(scenario)
     return NavParams(
-        imu=params_filter.imu_model(scenario, gravity=scenario.navigation.gravity_error),
+        imu=params_filter.imu_model(scenario, told),
         sigma_gyro_bias=float(np.hypot(gyro.bias, gyro.in_run_bias)),
         sigma_accel_bias=float(np.hypot(accelerometer.bias, accelerometer.in_run_bias)),
-        sigma_blocks=_sigma_blocks(scenario),
+        sigma_blocks=known_sigmas(scenario.navigation.states, told),
         l_ba_b=np.array(scenario.gnss.lever_arm),
         C_bc=np.eye(3),
         **params_filter.common(scenario, integrity),
@@ -24,11 +26,15 @@ def nav_params(scenario, dt_s):
     )
 
 
-def _sigma_blocks(scenario):
-    """What is known at the start of the optional blocks that are on: name -> (size,) sigma."""
+def _beforehand(scenario):
+    """Beforehand of a ReplayScenario."""
     gyro, sensors = scenario.imu.gyro, scenario.navigation.sensors
-    known = params_filter.calibration_sigmas(scenario.imu, gyro.scale_factor_roll, gyro.misalignment) | {
-        "lever_arm": (sensors.lever_arm_error,) * 3,
-        "gps_latency": (sensors.gps_latency_error,),
-    }
-    return aboard.sigma_blocks(known, scenario.navigation.states)
+    return Beforehand(
+        gyro=gyro,
+        accelerometer=scenario.imu.accelerometer,
+        gyro_roll=gyro.scale_factor_roll,
+        gyro_misalignment=gyro.misalignment,
+        gravity=scenario.navigation.gravity_error,
+        lever_arm=sensors.lever_arm_error,
+        gps_latency=sensors.gps_latency_error,
+    )

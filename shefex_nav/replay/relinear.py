@@ -18,19 +18,17 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import rotation
-from shefex_nav.onboard.navigation import error_model, fusion, prediction, reset
-from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S
+from shefex_nav.onboard.navigation import error_model, fusion, laws, prediction, reset
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
-from shefex_nav.onboard.navigation.prediction import SIZES, TOP
+from shefex_nav.onboard.navigation.laws import FIELD_TIME_S, SIZES
+from shefex_nav.onboard.navigation.prediction import TOP
 from shefex_nav.onboard.navigation.state import (
     ATT,
     BA,
     BG,
     CLOCK,
-    GRAVITY,
     POS,
-    RANGE_BIAS,
     VEL,
     X_GRAVITY,
     X_Q,
@@ -136,7 +134,7 @@ def forward(nav, whole, nodes, trajectory, start, intervals, second=False):
     updates, covariances = {}, {0: P_0}
     nav = nav._replace(history=whole)
     whole.position_s, whole.used_s = -np.inf, dict.fromkeys(whole.used_s, -np.inf)
-    samples = Samples(whole.numbers, whole.increments, whole.extra, nodes.ticks, nodes.parts_s)
+    samples = Samples(whole.numbers, whole.increments, whole.extra, whole.drives, nodes.ticks, nodes.parts_s)
     about = About(nav.layout.nominal, *trajectory)
     for node in [*sorted(nodes.seen), m]:
         _follow(nav.constants, samples, about, (reached, node), mean, P, intervals)
@@ -217,6 +215,7 @@ class Samples(NamedTuple):
     numbers: np.ndarray  # (N + 1, 4)
     increments: np.ndarray  # (N + 1, 2 + samples, 6)
     extra: np.ndarray  # (N + 1, 2, 3)
+    drives: np.ndarray  # (N + 1, 6, m)
     ticks: np.ndarray  # (m,) as of Nodes
     parts_s: np.ndarray  # (m, 2)
 
@@ -238,7 +237,7 @@ def _follow(constants, samples, about, between, mean, P, intervals):
     """
     n, xs, numbers, model = P.shape[0], about.xs, samples.numbers, constants.model
     work, d, x, moved = prediction.workspace(n), np.empty(n), np.empty(xs.shape[1]), np.empty(n)
-    top, Q = work[4], work[5]
+    top, Q = work.top, work.Q
     for j in range(between[0], between[1]):
         k, begin_s, end_s = samples.ticks[j], samples.parts_s[j, 0], samples.parts_s[j, 1]
         T, own = end_s - begin_s, samples.increments[k, : BEFORE + int(numbers[k, 2])]
@@ -246,14 +245,15 @@ def _follow(constants, samples, about, between, mean, P, intervals):
         for i in range(3):
             x[X_GRAVITY + i] += about.more[j, i]
         row = error_model.valid(model, numbers[k, 0])
-        imu = ImuWindow(numbers[k, 0], numbers[k, 1], own, numbers[k, 3], samples.extra[k])
+        extra, drive = samples.extra[k], samples.drives[k]
+        imu = ImuWindow(numbers[k, 0], numbers[k, 1], own, numbers[k, 3], extra, drive)
         walk, _, _ = prediction.interval(constants, model[row], x, imu, begin_s, end_s, work)
         prediction.carry_covariance(constants, model[row], P, work, walk, T)
         left = np.exp(-T / FIELD_TIME_S)
         for i in range(3):
             x[X_GRAVITY + i] = left * xs[j, X_GRAVITY + i]
         _difference(x, xs[j + 1], about.nominal, d)
-        carried(constants.at, model[0], top, mean, T, moved)
+        carried(constants, top, mean, T, moved)
         for i in range(n):
             mean[i] = moved[i] - d[i]
         _turn(d, top, Q, mean, P)
@@ -274,9 +274,9 @@ def copy(matrix, out):
 
 
 @inner
-def carried(at, model, top, e, T, out):
+def carried(constants, top, e, T, out):
     """Phi e: errors after an interval. (n,), written to out (n,)"""
-    n = e.shape[0]
+    n, at, m = e.shape[0], constants.at, constants.F.shape[0]
     for i in range(0, TOP, 3):  # sums side by side, none of which waits for another
         a, b, c = 0.0, 0.0, 0.0
         for k in range(n):
@@ -286,20 +286,19 @@ def carried(at, model, top, e, T, out):
         out[k] = e[k]
     if at[CLOCK] >= 0:
         out[at[CLOCK]] += T * e[at[CLOCK] + 1]
-    fade(at, model, T, out)
+    fade(at, constants.model[0], T, out)
+    if m > 0:
+        out[n - m :] = laws.transition(constants.F, T) @ e[n - m :]
 
 
 @inner(forceinline=True)
 def fade(at, model, T, vector):
     """What is left of errors that fade, in place."""
-    if at[RANGE_BIAS] >= 0:
-        left = np.exp(-T / model.range_bias_time_s)
-        for k in range(at[RANGE_BIAS], at[RANGE_BIAS] + SIZES[RANGE_BIAS]):
-            vector[k] *= left
-    if at[GRAVITY] >= 0:
-        left = np.exp(-T / FIELD_TIME_S)
-        for k in range(at[GRAVITY], at[GRAVITY] + 3):
-            vector[k] *= left
+    for block, time_s, _ in laws.fading(model):
+        if at[block] >= 0:
+            left = np.exp(-T / time_s)
+            for k in range(at[block], at[block] + SIZES[block]):
+                vector[k] *= left
 
 
 @inner
@@ -349,15 +348,22 @@ def other_noise(constants, walks, T, vector, out):
         both = drift * T**2 / 2.0
         out[c] -= (white * T + drift * T**3 / 3.0) * vector[c] + both * vector[c + 1]
         out[c + 1] -= both * vector[c] + drift * T * vector[c + 1]
-    if at[RANGE_BIAS] >= 0:
-        left = np.exp(-T / model.range_bias_time_s)
-        for k in range(at[RANGE_BIAS], at[RANGE_BIAS] + SIZES[RANGE_BIAS]):
-            out[k] -= model.range_bias_sigma**2 * (1.0 - left * left) * vector[k]
-    if at[GRAVITY] >= 0:
-        left = np.exp(-T / FIELD_TIME_S)
-        for k in range(at[GRAVITY], at[GRAVITY] + 3):
-            out[k] -= model.gravity_sigma**2 * (1.0 - left * left) * vector[k]
-    others = constants.walks
-    for k in range(others.shape[0]):
-        i = out.shape[0] - others.shape[0] + k
-        out[i] -= others[k] * T * vector[i]
+    for block, time_s, sigma in laws.fading(model):
+        if at[block] >= 0:
+            left = np.exp(-T / time_s)
+            for k in range(at[block], at[block] + SIZES[block]):
+                out[k] -= sigma**2 * (1.0 - left * left) * vector[k]
+    _outer_noise(constants, T, vector, out)
+
+
+@inner(forceinline=True)
+def _outer_noise(constants, T, vector, out):
+    """The same of the last errors, those from outside."""
+    walks, F = constants.walks, constants.F
+    m, last = walks.shape[0], out.shape[0] - walks.shape[0]
+    if F.shape[0] > 0:
+        Q = laws.law_noise(laws.transition(F, T), walks, T)
+        out[last:] -= Q @ vector[last:]
+        return
+    for k in range(m):
+        out[last + k] -= walks[k] * T * vector[last + k]

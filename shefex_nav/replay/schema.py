@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, PrivateAttr, create_model
 
 from shefex_nav.clock import SAMPLES_PER_TICK
+from shefex_nav.onboard.navigation.blocks import STATES
 from shefex_nav.replay.schema_alignment import ALIGNMENTS
 from shefex_nav.replay.schema_data import formats
 from shefex_nav.scenario import aboard
@@ -121,16 +122,7 @@ class ReplayImu(Block):
 RELEASE = Release(rejections=5, duration="4 s")
 
 
-STATES = (  # blocks that are no instrument's
-    "gyro_roll_column",
-    "gyro_scale",
-    "gyro_misalignment",
-    "gyro_g_sensitivity",
-    "accel_scale",
-    "accel_misalignment",
-    "lever_arm",
-    "gps_latency",
-)
+OF_DATA = tuple(state.name for state in STATES if state.of_data)
 
 
 class ReplayNavigation(Navigation):
@@ -205,7 +197,7 @@ class ReplayBase(Block):
 
 def model(provided=()):
     """ReplayScenario with sections for each instrument. provided : by its plug-ins"""
-    whole = aboard.complete(provided, ReplayBase, ReplayNavigation, core=STATES)
+    whole = aboard.complete(provided, ReplayBase, ReplayNavigation, core=OF_DATA)
     return _with_data(whole, tuple(formats(provided).items()))
 
 

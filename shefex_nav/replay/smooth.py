@@ -21,7 +21,7 @@ from shefex_nav.geometry import frames
 from shefex_nav.log.run_data import RunData, RunDataBuilder
 from shefex_nav.onboard.driving import drive
 from shefex_nav.onboard.navigation import adaptation, covariance, integrity_imu, solution
-from shefex_nav.onboard.navigation.blocks import CONTAINED
+from shefex_nav.onboard.navigation.blocks import CONTAINED, STATES
 from shefex_nav.onboard.navigation.prediction import Memory
 from shefex_nav.onboard.navigation.state import ATT, X_R
 from shefex_nav.onboard.navigation.strapdown import BEFORE
@@ -36,14 +36,7 @@ MOVES = np.radians(2.0)  # [E] a pass is off by some half of the square of what 
 MOST_PASSES = 6
 FILTER_SHARE = 0.3  # of the time, roughly
 FIELD_ERROR = 2e-6 * STANDARD_GRAVITY  # [E] m/s^2, of the field that is known after the flight
-LASTING = (  # blocks of errors that last for the whole flight
-    "gyro_scale",
-    "gyro_misalignment",
-    "gyro_g_sensitivity",
-    "accel_scale",
-    "accel_misalignment",
-    "accel_rectification",
-)
+LASTING = tuple(state.name for state in STATES if state.lasts)
 
 
 class Smoothed(NamedTuple):
@@ -148,7 +141,8 @@ def forward(recording, progress=lambda share: None):
         raise ValueError("the filter runs in the on-board field; a better one is for `backward`")
     blocks, said = recording.data.imu, RunDataBuilder(recording.data.mission)
     nav, columns = rerun.start(recording), Columns(1)
-    nav = nav._replace(history=final_pass.Keeping(nav.history[0], nav.params.aid_names))
+    driving = nav.history.drives.shape[2]
+    nav = nav._replace(history=final_pass.Keeping(nav.history[0], nav.params.aid_names, driving))
     done, end, before = 0, len(blocks.t_valid_s), _axes(nav)
     states = np.zeros((end + 1, 6), dtype=int)
     for k, _, outputs in drive(nav, blocks, recording.gps, recording.stars, columns):
@@ -294,8 +288,9 @@ def told(nav, final, nodes, xs, wanted):
             np.take(wanted.whole, nearest, axis=0, out=Ps, mode="clip")
         Ps[:, :9, :9] = wanted.nine[nodes.ends[ticks]]
         of_ticks = (array[ticks] for array in (final.numbers, final.increments, final.extra))
-        at_ticks = xs[nodes.ends[ticks]]
-        here = nav._replace(history=Chunk(Memory(*of_ticks, at_ticks, Ps, at_ticks[-1], Ps[-1])))
+        at_ticks, drives = xs[nodes.ends[ticks]], final.drives[ticks]
+        memory = Memory(*of_ticks, at_ticks, Ps, at_ticks[-1], Ps[-1], drives)
+        here = nav._replace(history=Chunk(memory))
         solution.tell(here, range(len(ticks)), False, rows[first - 1 : first - 1 + len(ticks)])
         tenth = ticks[ticks % COVARIANCE_TICKS == 0]
         if len(tenth):

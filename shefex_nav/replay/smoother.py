@@ -23,10 +23,10 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.navigation import prediction
-from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S
-from shefex_nav.onboard.navigation.prediction import SIZES, TOP
-from shefex_nav.onboard.navigation.state import BG, CLOCK, GRAVITY, RANGE_BIAS, corrected
+from shefex_nav.onboard.navigation import laws, prediction
+from shefex_nav.onboard.navigation.laws import SIZES
+from shefex_nav.onboard.navigation.prediction import TOP, Workspace
+from shefex_nav.onboard.navigation.state import BG, CLOCK, corrected
 from shefex_nav.replay.relinear import carried, copy, fade, other_noise
 
 
@@ -107,13 +107,13 @@ def _errors(nav, passed, durations, lambdas, between):
 @kernel
 def _forth(constants, intervals, durations, first, last, e):
     """Errors from node `first` to `last`: e (m + 1, n), written over the lambdas, which stand in it."""
-    n, model = e.shape[1], constants.model[0]
+    n = e.shape[1]
     vector = np.empty(n)
     for j in range(first, last):
         T = durations[j]
         for i in range(n):
             vector[i] = e[j + 1, i]
-        carried(constants.at, model, intervals.tops[j], e[j], T, e[j + 1])
+        carried(constants, intervals.tops[j], e[j], T, e[j + 1])
         for i in range(n):
             e[j + 1, i] -= intervals.jumps[j, i]
         for i in range(TOP):
@@ -125,7 +125,7 @@ def _forth(constants, intervals, durations, first, last, e):
 @kernel
 def _back(constants, intervals, durations, first, last, vector, lambdas):
     """lambda <- Phi^T lambda from node `last` to `first`, in place; `lambdas` at the ends of intervals."""
-    n, at = vector.shape[0], constants.at
+    n, at, m = vector.shape[0], constants.at, constants.F.shape[0]
     before = np.empty(n)
     for j in range(last - 1, first - 1, -1):
         T, top = durations[j], intervals.tops[j]
@@ -135,6 +135,8 @@ def _back(constants, intervals, durations, first, last, vector, lambdas):
         if at[CLOCK] >= 0:
             before[at[CLOCK] + 1] += T * vector[at[CLOCK]]
         fade(at, constants.model[0], T, before)
+        if m > 0:
+            before[n - m :] = laws.transition(constants.F, T).T @ before[n - m :]
         for k in range(TOP):
             for i in range(n):
                 before[i] += top[k, i] * vector[k]
@@ -150,14 +152,14 @@ def _filtered(constants, intervals, durations, between, P, first_rows, wanted):
     """
     first, last = between
     rows, whole, walks, noise = wanted.rows, wanted.whole, intervals.walks, constants.model[0]
-    gyro, accel, by_gyro, by_accel, _, _, A = prediction.workspace(P.shape[0])
+    room = prediction.workspace(P.shape[0])
     for j in range(first, last):
         copy(P[:TOP], first_rows[j - first])
         if rows[j] >= 0:
             copy(P, whole[rows[j]])
         if j + 1 == last:
             break
-        work = gyro, accel, by_gyro, by_accel, intervals.tops[j], intervals.noises[j], A
+        work = Workspace(room.responses, intervals.tops[j], intervals.noises[j], room.product)
         prediction.carry_covariance(constants, noise, P, work, walks[j, 1], durations[j])
         for i in range(BG.start, BG.stop):  # as it was then, which may be another row of the model
             P[i, i] += (walks[j, 0] - noise.gyro_bias_walk**2) * durations[j]
@@ -172,7 +174,7 @@ def _spread(constants, intervals, durations, between, matrix, first_rows, wanted
     n, (first, last), rows, whole = matrix.shape[0], between, wanted.rows, wanted.whole
     M, U, R = np.empty((TOP, n)), np.empty((TOP, n)), np.empty((TOP, n))
     for j in range(last - 1, first - 1, -1):
-        _matrix_back(constants.at, constants.model[0], intervals.tops[j], durations[j], matrix, M, U)
+        _matrix_back(constants, intervals.tops[j], durations[j], matrix, M, U)
         if not wanted.ends[j]:
             continue
         _nine_smoothed(first_rows[j - first], matrix, R, wanted.nine[j])
@@ -185,23 +187,27 @@ def _spread(constants, intervals, durations, between, matrix, first_rows, wanted
 
 
 @inner
-def _matrix_back(at, model, top, T, matrix, M, U):
+def _matrix_back(constants, top, T, matrix, M, U):
     """Lambda <- Phi^T Lambda Phi, in place, exactly symmetric.
 
-    Phi is D = diag(I, what clock, range errors and gravity do) and behind it the first rows, I + M: with
+    Phi is D = diag(I, what clock, fading errors and laws do) and behind it the first rows, I + M: with
     L = D^T Lambda D it is L + U^T M + M^T U, U = L[:9] + L[:9, :9] M/2. Three terms at a time: each time that
     a row of the matrix is gone through it is loaded and stored.
     """
-    n, clock = matrix.shape[0], at[CLOCK]
+    n, at, F = matrix.shape[0], constants.at, constants.F
+    clock, m = at[CLOCK], F.shape[0]
     if clock >= 0:
         for i in range(n):
             matrix[i, clock + 1] += T * matrix[i, clock]
         for j in range(n):
             matrix[clock + 1, j] += T * matrix[clock, j]
-    if at[RANGE_BIAS] >= 0:
-        _faded(matrix, at[RANGE_BIAS], SIZES[RANGE_BIAS], np.exp(-T / model.range_bias_time_s))
-    if at[GRAVITY] >= 0:
-        _faded(matrix, at[GRAVITY], 3, np.exp(-T / FIELD_TIME_S))
+    for block, time_s, _ in laws.fading(constants.model[0]):
+        if at[block] >= 0:
+            _faded(matrix, at[block], SIZES[block], np.exp(-T / time_s))
+    if m > 0:
+        D = laws.transition(F, T)
+        matrix[n - m :] = D.T @ matrix[n - m :]
+        matrix[:, n - m :] = np.ascontiguousarray(matrix[:, n - m :]) @ D
     copy(top, M)
     for i in range(TOP):
         M[i, i] -= 1.0

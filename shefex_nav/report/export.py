@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav.instruments import TABLE
+from shefex_nav.instruments import TABLE, outer_states
 from shefex_nav.log.fields import EQUAL
 from shefex_nav.log.topics import of_record
+from shefex_nav.onboard.navigation.blocks import STATES
 from shefex_nav.records import (
     CameraCommand,
     ControlSample,
@@ -157,11 +158,41 @@ def _elements(topic, source, counted):
         if field is not None:
             values = _column(field, _values(source, field.source))
             columns.append(Column(name, np.repeat(values, lengths), field.comment))
+    if counted == "estimates":
+        columns += _blocks(_values(source, "states"), lengths)
     for field in topic.fields:
         own = field.source.startswith("stars.") == counted.startswith("stars.")
         if field.shape and field.shape[0] == -1 and own:
             columns += _of_elements(field, _values(source, field.source), lengths)
     return columns
+
+
+def _blocks(states, lengths):
+    """Which error each element of a NavCovariance is: columns of the block and of the unit.
+
+    states : names of the blocks of each record;  lengths : numbers of elements
+    """
+    named = {key: _errors_of(*key) for key in set(zip(states, lengths, strict=True))}
+    rows = [row for key in zip(states, lengths, strict=True) for row in named[key]]
+    return [
+        Column("block", np.array([name for name, _ in rows], dtype=str), "of states, that it is an error of"),
+        Column("unit", np.array([unit for _, unit in rows], dtype=str), "of its estimate and its sigma"),
+    ]
+
+
+def _errors_of(names, length):
+    """(block, unit) of each of the errors of some blocks, `length` in all: list.
+
+    A block of a plug-in that is not loaded has what the others leave, and no unit; no names, no blocks.
+    """
+    known, found = {block.name: block for block in (*STATES, *outer_states())}, []
+    blocks = [(name, known.get(name)) for name in names.split()]
+    left = length - sum(block.size for _, block in blocks if block is not None)
+    for name, block in blocks:
+        units = [""] if block is None else block.unit.split(", ")
+        size = left if block is None else block.size
+        found += [(name, units[min(k, len(units) - 1)]) for k in range(size)]
+    return (found + [("", "")] * length)[:length]
 
 
 def _of_elements(field, rows, lengths):

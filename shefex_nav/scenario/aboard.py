@@ -1,19 +1,19 @@
 """Instruments in a scenario: their sections, what contradicts them, and what world and filter get of them.
 
 `navigation.<name>` says how the filter uses an instrument; `navigation.told.<name>` what the computer is told
-of it in the place of the truth.
+of it in the place of the truth. Of a block of states that a plug-in brings by itself `navigation.<name>` has
+what is known.
 """
 
 from functools import cache
 from typing import Literal, get_args
 
-import numpy as np
 from pydantic import Field, create_model
 
 from shefex_nav.clock import TICK_HZ
-from shefex_nav.instruments import BUILT_IN, TABLE
+from shefex_nav.instruments import BUILT_IN, OWN_STATES, TABLE
 from shefex_nav.instruments.instrument import Instrument, Known
-from shefex_nav.onboard.navigation.blocks import OPTIONAL
+from shefex_nav.onboard.navigation.blocks import OPTIONAL, OwnState
 from shefex_nav.plugins import STEPS, Method
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.of_settings import section, settings
@@ -26,14 +26,15 @@ _MADE = {}  # models by their qualified names
 def complete(provided, base, navigation, told=None, core=tuple(OPTIONAL)):
     """Model of a kind of scenario with a section for each instrument.
 
-    provided : what plug-ins provide, Instrument and Method, beside what comes with the program
+    provided : what plug-ins provide, Instrument, OwnState and Method, beside what comes with the program
     base : Block of the scenario, with a field `navigation`
     navigation : Block of that section, whose field `states` is given the names of all blocks
     told : Block of navigation.told, if there is one
     core : names of the blocks that are no instrument's
     """
     own = [one for one in provided if isinstance(one, Instrument)]
-    whole = _complete((*BUILT_IN.values(), *own), base, navigation, told, core)
+    states = tuple(one for one in provided if isinstance(one, OwnState))
+    whole = _complete((*BUILT_IN.values(), *own), states, base, navigation, told, core)
     for one in provided:
         if isinstance(one, Method) and STEPS[one.step][0][0] in whole.model_fields:
             whole = _with_word(whole, STEPS[one.step][0], one.name)
@@ -61,7 +62,7 @@ def _with_word(model, path, word):
 
 
 @cache
-def _complete(instruments, base, navigation, told, core):
+def _complete(instruments, own_states, base, navigation, told, core):
     words = {one.name: one.name.replace("_", " ") for one in instruments}
     own = {
         one.name: (
@@ -74,7 +75,10 @@ def _complete(instruments, base, navigation, told, core):
         for one in instruments
         if one.use
     }
-    states = Literal[(*core, *(block.name for one in instruments for block in one.states))]
+    for one in own_states:
+        own[one.name] = (section(one.settings) | None, Field(default=None, description=one.label))
+    of_instruments = (block.name for one in instruments for block in one.states)
+    states = Literal[(*core, *of_instruments, *(one.name for one in own_states))]
     own["states"] = navigation.states_field(states)
     if told is not None:
         parts = {
@@ -85,22 +89,22 @@ def _complete(instruments, base, navigation, told, core):
             for one in instruments
             if one.told
         }
-        whole = _model(told, parts, instruments)
+        whole = _model(told, parts, instruments, own_states)
         own["told"] = (whole, Field(default_factory=whole, description=told.HELP))
     sections = {
         one.name: (section(one.settings) | None, Field(default=None, description=LEFT_OUT))
         for one in instruments
     }
-    given, whole = base.model_fields["navigation"], _model(navigation, own, instruments)
+    given, whole = base.model_fields["navigation"], _model(navigation, own, instruments, own_states)
     how = {} if given.is_required() else {"default_factory": whole}
     fields = {"navigation": (whole, Field(description=given.description, **how)), **sections}
-    return _model(base, fields, instruments)
+    return _model(base, fields, instruments, own_states)
 
 
-def _model(base, fields, instruments):
+def _model(base, fields, instruments, own_states):
     made = create_model(base.NAME, __base__=base, __module__=__name__, __doc__=base.__doc__, **fields)
-    made.INSTRUMENTS = instruments
-    made.__qualname__ = f"{base.NAME}:{','.join(one.name for one in instruments)}"
+    made.INSTRUMENTS, made.OWN_STATES = instruments, own_states
+    made.__qualname__ = f"{base.NAME}:{','.join(one.name for one in (*instruments, *own_states))}"
     _MADE[made.__qualname__] = made
     return made
 
@@ -121,8 +125,25 @@ def table_of(scenario):
 
 
 def activate(scenario):
-    """Let this process know the instruments of a scenario, in the place of others of the same names."""
+    """Let this process know the instruments and states of a scenario, in the place of others so named."""
     TABLE.update({one.name: one for one in table_of(scenario)})
+    OWN_STATES.update({state.name: state for state, _ in own_states(scenario)})
+
+
+def own_states(scenario):
+    """Blocks of states that plug-ins of a scenario bring by themselves.
+
+    Iterator of (blocks.OwnState, its settings; None if they are not given)
+    """
+    for state in getattr(type(scenario), "OWN_STATES", ()):
+        given = getattr(scenario.navigation, state.name)
+        yield state, None if given is None else settings(state.settings, given)
+
+
+def own_blocks(scenario):
+    """Those that the filter of a scenario estimates: tuple of blocks.Block."""
+    states = scenario.navigation.states
+    return tuple(state.block(known) for state, known in own_states(scenario) if state.name in states)
 
 
 def instruments(scenario):
@@ -200,6 +221,10 @@ def of_sensors(scenario):
             yield ("navigation", "states"), f"{missing[0].why}; write [{names}]"
         if one.check is not None:
             yield from one.check(given, use, year(scenario))
+    for state, known in own_states(scenario):
+        if states != AUTOMATIC and state.name in states and known is None:
+            words = f"what is known of '{state.name}' at the start? Give section navigation.{state.name}"
+            yield ("navigation", "states", states.index(state.name)), words
 
 
 def _of_none(one, states):
@@ -208,8 +233,3 @@ def _of_none(one, states):
         if states != AUTOMATIC and block.name in states:
             words = f"'{block.name}' is of a {one.name}: give section {one.name}, or leave it out"
             yield ("navigation", "states", states.index(block.name)), words
-
-
-def sigma_blocks(known, states):
-    """Of those blocks that are no instrument's: {name: (size,) sigma at the start}."""
-    return {name: np.array(known[name]) for name in states if name in known}

@@ -6,6 +6,7 @@ they have besides, vibration, star camera and GPS receiver, goes on top.
 
 import numpy as np
 
+from shefex_nav.onboard.navigation.blocks import left_as_noise
 from shefex_nav.records import QUANTITIES
 from shefex_nav.scenario import aboard
 
@@ -21,6 +22,7 @@ def common(scenario, integrity):
         "release_star": _rule(navigation.release.star_fix),
         "gps_agreement": navigation.gps_agreement,
         "states": aboard.estimated(scenario),
+        "own_blocks": aboard.own_blocks(scenario),
         "integrity": integrity,
     }
 
@@ -78,7 +80,7 @@ def _missed(scenario):
     return np.array([most, scenario.navigation.saturated_acceleration])
 
 
-def imu_model(scenario, **others):
+def imu_model(scenario, told, **others):
     """ImuModel: errors that are no states of the filter, from the data sheet of the IMU.
 
     A bias that wanders with sigma and correlation time tau (Gauss-Markov) starts out as a random walk of
@@ -88,16 +90,14 @@ def imu_model(scenario, **others):
     misalignments athwart it; that of the roll axis is left only if its rate across stays in one body axis.
     Errors whose block is estimated are left out.
 
+    told : blocks.Beforehand
     others : fields that follow from something else, or are given otherwise
     """
     from shefex_nav.onboard.navigation.state import ImuModel
 
-    def left(name, value):
-        return 0.0 if name in scenario.navigation.states else value
-
     navigation, gyro, accelerometer = scenario.navigation, scenario.imu.gyro, scenario.imu.accelerometer
-    scale_factor = left("gyro_scale", gyro.scale_factor)
-    misalignment = left("gyro_misalignment", gyro.misalignment)
+    left = left_as_noise(navigation.states, told)
+    scale_factor, misalignment = left["gyro_scale"], left["gyro_misalignment"]
     cross2 = (scale_factor**2 + 2.0 * misalignment**2) / 3.0
     fields = {
         "gyro_random_walk": gyro.random_walk,
@@ -106,41 +106,25 @@ def imu_model(scenario, **others):
         "spun_along": misalignment**2 / cross2 if cross2 else 0.0,
         "spun_across": 0.25 * (scale_factor**2 + misalignment**2) / cross2 if cross2 else 0.0,
         "manoeuvre_angle": navigation.manoeuvre_angle,
-        "gyro_g_sensitivity": left("gyro_g_sensitivity", gyro.g_sensitivity),
+        "gyro_g_sensitivity": left["gyro_g_sensitivity"],
         "gyro_rectification": 0.0,
         "gyro_vibration": 0.0,
         "gyro_quantum": gyro.quantum,
         "accel_random_walk": accelerometer.random_walk,
         "accel_bias_walk": float(accelerometer.in_run_bias * np.sqrt(2.0 / accelerometer.in_run_bias_time)),
-        "accel_scale": left("accel_scale", accelerometer.scale_factor),
-        "accel_misalignment": left("accel_misalignment", accelerometer.misalignment),
-        "accel_rectification": 0.0,
+        "accel_scale": left["accel_scale"],
+        "accel_misalignment": left["accel_misalignment"],
+        "accel_rectification": left["accel_rectification"],
         "accel_vibration": 0.0,
         "thrust_threshold": navigation.thrust_threshold,
         "shake_threshold": np.inf,
         "thrust_time_s": navigation.thrust_memory,
-        "gravity": left("gravity", navigation.gravity_error),
+        "gravity": left["gravity"],
         "gravity_time_s": navigation.gravity_memory,
         "saturated_rate": navigation.saturated_rate,
         "accel_quantum": accelerometer.quantum,
     }
     return ImuModel(**fields | others)
-
-
-def calibration_sigmas(imu, roll, misalignment):
-    """Sigma at the start of the blocks that calibrate the IMU: name -> tuple.
-
-    roll, misalignment : of the gyros, initial uncertainty of scale factor along and of the axes across
-    """
-    gyro, accelerometer = imu.gyro, imu.accelerometer
-    return {
-        "gyro_roll_column": (roll, misalignment, misalignment),
-        "gyro_scale": (roll, gyro.scale_factor, gyro.scale_factor),
-        "gyro_misalignment": (misalignment,) * 6,
-        "gyro_g_sensitivity": (gyro.g_sensitivity,) * 9,
-        "accel_scale": (accelerometer.scale_factor,) * 3,
-        "accel_misalignment": (accelerometer.misalignment,) * 6,
-    }
 
 
 def _rule(release):

@@ -8,6 +8,7 @@ otherwise.
 import numpy as np
 
 from shefex_nav.clock import IMU_HZ
+from shefex_nav.onboard.navigation.blocks import Beforehand, known_sigmas
 from shefex_nav.scenario import aboard, params_filter, params_gps
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.params import mounting
@@ -177,13 +178,14 @@ def nav_params(scenario):
     gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     integrity = params_filter.integrity_params(scenario, 1.0 / IMU_HZ, coarse_if_silent=False)
     white, walk = params_gps.clock(scenario).densities
+    told = _beforehand(scenario)
     return NavParams(
-        imu=_imu_model(scenario),
+        imu=_imu_model(scenario, told),
         sigma_gyro_bias=_given(sensors.gyro_bias, float(np.hypot(gyro.bias, gyro.in_run_bias))),
         sigma_accel_bias=_given(
             sensors.accelerometer_bias, float(np.hypot(accelerometer.bias, accelerometer.in_run_bias))
         ),
-        sigma_blocks=_sigma_blocks(scenario),
+        sigma_blocks=known_sigmas(navigation.states, told),
         l_ba_b=np.array(_given(sensors.lever_arm, scenario.gps.antenna.lever_arm)),
         C_bc=mounting(scenario),
         **params_filter.common(scenario, integrity),
@@ -217,25 +219,22 @@ def _gps_told(scenario):
     )
 
 
-def _sigma_blocks(scenario):
-    """What is known at the start of the optional blocks that are on: name -> (size,) sigma."""
-    from shefex_nav.onboard.navigation.blocks import OPTIONAL
-
-    sensors = scenario.navigation.sensors
-    gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
-    roll = _given(sensors.gyro_scale_factor_roll, gyro.scale_factor_roll)
-    misalignment = _given(sensors.gyro_misalignment, gyro.misalignment)
-    rectified = accelerometer.vibration_rectification * _strongest(scenario.imu.vibration) ** 2
-    known = params_filter.calibration_sigmas(scenario.imu, roll, misalignment) | {
-        "accel_rectification": (rectified,) * 3,
-        "gravity": (scenario.navigation.gravity_error,) * 3,
-        "mounting": (_given(sensors.camera_mounting, _boresight_error(scenario)),) * 3,
-        "lever_arm": (sensors.lever_arm_error,) * 3,
-        "clock": (sensors.clock_bias, sensors.clock_drift),
-        "gps_latency": (sensors.gps_latency_error,),
-        "range_bias": (_range_bias(scenario),) * OPTIONAL["range_bias"],
-    }
-    return aboard.sigma_blocks(known, scenario.navigation.states)
+def _beforehand(scenario):
+    """Beforehand of a Scenario."""
+    sensors, imu = scenario.navigation.sensors, scenario.imu
+    return Beforehand(
+        gyro=imu.gyro,
+        accelerometer=imu.accelerometer,
+        gyro_roll=_given(sensors.gyro_scale_factor_roll, imu.gyro.scale_factor_roll),
+        gyro_misalignment=_given(sensors.gyro_misalignment, imu.gyro.misalignment),
+        rectified=imu.accelerometer.vibration_rectification * _strongest(imu.vibration) ** 2,
+        gravity=scenario.navigation.gravity_error,
+        mounting=_given(sensors.camera_mounting, _boresight_error(scenario)),
+        lever_arm=sensors.lever_arm_error,
+        clock=(sensors.clock_bias, sensors.clock_drift),
+        gps_latency=sensors.gps_latency_error,
+        range_bias=_range_bias(scenario),
+    )
 
 
 def _range_bias(scenario):
@@ -288,8 +287,8 @@ def _given(override, value):
     return value if override is None else override
 
 
-def _imu_model(scenario):
-    """ImuModel of a scenario.
+def _imu_model(scenario, told):
+    """ImuModel of a Scenario and its Beforehand.
 
     Vibration is that of the strongest motor; `NavParams.motors` has what the others do of it.
     """
@@ -304,9 +303,7 @@ def _imu_model(scenario):
         "accel_vibration": swing,
         "shake_threshold": _shake_threshold(vibration),
     }
-    if "accel_rectification" not in scenario.navigation.states:
-        others["accel_rectification"] = accelerometer.vibration_rectification * strongest**2
-    return params_filter.imu_model(scenario, **others)
+    return params_filter.imu_model(scenario, told, **others)
 
 
 def _shake_threshold(vibration):

@@ -7,6 +7,7 @@ from pydantic_core import PydanticCustomError
 
 from shefex_nav import plugins
 from shefex_nav.instruments.instrument import Instrument
+from shefex_nav.onboard.navigation.blocks import OwnState
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.quantity import QuantitySpec
@@ -50,7 +51,11 @@ def _problem(one, taken):
     """What is wrong with something that a plug-in provides; '' if nothing is. taken : names of others"""
     if one.name in taken:
         return f"there is a '{one.name}' already, of another plug-in of this scenario"
-    for cls in (one.settings, one.use) if isinstance(one, Instrument) else ():
+    from shefex_nav.scenario.onboard import Navigation  # which needs this module
+
+    if isinstance(one, OwnState) and one.name in Navigation.model_fields:
+        return f"navigation.{one.name} is a setting of the program; give the block of states another name"
+    for cls in _settings_of(one):
         for key, (_, setting) in declared(cls).items() if cls is not None else ():
             try:
                 if setting.kind == "quantity":
@@ -61,6 +66,13 @@ def _problem(one, taken):
             except (PydanticCustomError, TypeError, ValueError) as error:
                 return f"setting {key} of {cls.__name__}: its example or default: {error}"
     return ""
+
+
+def _settings_of(one):
+    """Classes of settings of something that a plug-in provides."""
+    if isinstance(one, OwnState):
+        return (one.settings,)
+    return (one.settings, one.use) if isinstance(one, Instrument) else ()
 
 
 def loaded(tree, places, trust=False):

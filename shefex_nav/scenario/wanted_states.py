@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.onboard.navigation.blocks import ANGLE, DURATION, SPEED, STATES, Beforehand
 from shefex_nav.scenario import aboard, weight
 
 WINDOW_S = 60.0  # [E] three times the filter's memory of thrust: an error that lasts longer is no noise
@@ -81,23 +82,13 @@ def effects(scenario, moved, events, end_s):
     -------
     list of Effect
     """
-    gyro, accelerometer = scenario.imu.gyro, scenario.imu.accelerometer
     turned, pushed = _responses(moved, moved.omega_b), _responses(moved, moved.f_b)
-    scale = np.array([gyro.scale_factor_roll, gyro.scale_factor, gyro.scale_factor])
-    of_scale, of_axes = np.diag(scale), gyro.misalignment * (1.0 - np.eye(3))
-    roll = np.zeros((3, 3))
-    roll[:, 0] = (of_scale + of_axes)[:, 0]
-    weights = {
-        "gyro_roll_column": (turned, roll),
-        "gyro_scale": (turned, of_scale),
-        "gyro_misalignment": (turned, of_axes),
-        "gyro_g_sensitivity": (pushed, np.full((3, 3), gyro.g_sensitivity)),
-        "accel_scale": (pushed, accelerometer.scale_factor * np.eye(3)),
-        "accel_misalignment": (pushed, accelerometer.misalignment * (1.0 - np.eye(3))),
+    sigmas, dt_s = _sigmas(scenario.imu), moved.dt_s
+    sizes = {
+        name: _worst(turned if by_rate else pushed, sigma, dt_s) for name, (by_rate, sigma) in sigmas.items()
     }
-    dt_s = moved.dt_s
-    sizes = {name: _worst(*one, dt_s) for name, one in weights.items()}
-    across = [_worst(turned, np.where(roll, 0.0, sigma), dt_s) for sigma in (of_scale, of_axes)]
+    (_, roll), *both = (sigmas[name] for name in GYROS)
+    across = [_worst(turned, np.where(roll, 0.0, sigma), dt_s) for _, sigma in both]
     sizes["accel_rectification"] = _rectified(scenario, moved)
     sizes["gravity"] = scenario.navigation.gravity_error * WINDOW_S
     noises = {name: _noise(scenario, name) for name in sizes}
@@ -116,6 +107,19 @@ def effects(scenario, moved, events, end_s):
             why[name] = f"{where} for {lasts_s:.0f} s: a bias"
     found = [Effect(name, name in on, sizes[name], noises[name], _unit(name), why[name]) for name in sizes]
     return found + _of_others(scenario)
+
+
+def _sigmas(imu):
+    """{block: (whether it goes with rates, (3, 3) sigma of what axis i sees per unit along j)} of the IMU."""
+    told, out = Beforehand(imu.gyro, imu.accelerometer, imu.gyro.scale_factor_roll, imu.gyro.misalignment), {}
+    for state in STATES:
+        if state.drives and state.drives[0].weight != DURATION:
+            by_rate = state.drives[0].weight < SPEED
+            sigma, first = np.zeros((3, 3)), ANGLE if by_rate else SPEED
+            for drive, value in zip(state.drives, state.known(told), strict=True):
+                sigma[drive.axis, drive.weight - first] = value
+            out[state.name] = by_rate, sigma
+    return out
 
 
 def _responses(moved, felt_b):
@@ -183,4 +187,7 @@ def _of_others(scenario):
     for instrument, _, _ in aboard.used(scenario):
         for block in instrument.states:
             found.append(Effect(block.name, True, np.nan, np.nan, block.unit, block.why))
+    for state, known in aboard.own_states(scenario):
+        words = f"navigation.{state.name} is given" if known else f"there is no navigation.{state.name}"
+        found.append(Effect(state.name, known is not None, np.nan, np.nan, state.unit, words))
     return found

@@ -44,7 +44,7 @@ def test_a_gain_that_teaches_nothing():
     P, H, R = A @ A.T, rng.standard_normal((3, ORDER.n)), np.eye(3)
     learnt, x, after = integrity_learnt.places(ORDER), NAV.history.x.copy(), np.empty_like(P)
     z = 1e-6 * rng.standard_normal(3)
-    dx, _ = integrity_learnt.update_without(ORDER, P, z, H, R, x, after)
+    dx, _ = integrity_learnt.update_without(ORDER, P, (z, H, R), x, after)
     assert not dx[learnt].any() and dx[~learnt].any()
     assert np.allclose(after[np.ix_(learnt, learnt)], P[np.ix_(learnt, learnt)])
     optimal = P - P @ H.T @ np.linalg.solve(H @ P @ H.T + R, H @ P)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 import slow_strapdown
-from navigation_flight import C_BC, DT, EARTH, PARAMS, antenna_of, fly
+from navigation_flight import C_BC, DT, EARTH, PARAMS, fly
+from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from unpacked import correct, propagate, star_attitude, window
 
@@ -29,8 +30,23 @@ from shefex_nav.onboard.navigation.state import (
 from shefex_nav.records import GpsFix, StarFix
 
 DRIFT = Block("drift", np.diag([4.0, 9.0]), np.array([0.3, 0.0]))  # of an instrument, one that wanders
+COEFFICIENTS = np.array(  # rad/s and m/s^2 for each unit of the two errors of OWN
+    [[0.5, 0.0], [-0.2, 0.3], [0.1, 1.0], [20.0, -3.0], [4.0, 0.0], [0.0, 7.0]]
+)
+OWN = Block(  # of a plug-in: one error decays into the other, and both drive increments
+    "own",
+    np.diag([1.0, 4.0]),
+    np.array([0.2, 0.1]),
+    F=np.array([[-0.5, 1.5], [0.0, -0.2]]),
+    drives=lambda felt: COEFFICIENTS,
+)
+DRIVE = np.hstack([np.zeros((6, DRIFT.size)), COEFFICIENTS])
 ALL = layout((*tuple(OPTIONAL)[1:], "drift"), (DRIFT,))  # the roll column is part of the next two
 ROLL = layout(("gyro_roll_column", "gyro_g_sensitivity", "accel_misalignment", "lever_arm"))
+OUTSIDE = layout(
+    ("gyro_roll_column", "gyro_g_sensitivity", "accel_scale", "clock", "drift", "own"), (DRIFT, OWN)
+)
+ORDERS = pytest.mark.parametrize("order", [ALL, ROLL, OUTSIDE], ids=["all", "roll column", "outside"])
 STEPS = {
     "position": 10.0,
     "velocity": 0.1,
@@ -51,6 +67,7 @@ STEPS = {
     "gps_latency": 1e-4,
     "range_bias": 1.0,
     "drift": 1.0,
+    "own": 1e-3,
 }
 RNG = np.random.default_rng(11)  # anew in each test: conftest.own_numbers
 BLOCKS, STATES = fly(0.3)
@@ -69,6 +86,8 @@ def state_with_errors(names, latency_s=0.0, t_s=123.4):
     blocks = {name: small.get(name, 5e-4) * RNG.standard_normal(OPTIONAL[name]) for name in own}
     if "drift" in names:
         blocks["others"] = RNG.standard_normal(DRIFT.size)
+    if "own" in names:
+        blocks["others"] = np.concatenate([blocks["others"], 1e-3 * RNG.standard_normal(OWN.size)])
     if "gps_latency" in names:
         blocks["gps_latency"] = np.array([latency_s])
     return NavState(
@@ -101,17 +120,28 @@ def error_between(order, estimate, truth):
     dx[POS], dx[VEL] = truth.r_i - estimate.r_i, truth.v_i - estimate.v_i
     dx[ATT] = rotation.rotvec_between(estimate.q_ib, truth.q_ib)
     for name in ("gyro_bias", "accel_bias", *order.names):
-        field = "others" if name == "drift" else name
-        dx[order.places[name]] = getattr(truth, field) - getattr(estimate, field)
+        value = order.values[name]
+        dx[order.places[name]] = pack(truth)[value] - pack(estimate)[value]
     return dx
+
+
+def drive_of(order):
+    """What blocks from outside drive in all ticks."""
+    return DRIVE if "own" in order.names else calibration.NO_DRIVE
+
+
+def driven(order, state):
+    """Error of rate and specific force by blocks from outside: (3,) rad/s, (3,) m/s^2."""
+    error = COEFFICIENTS @ state.others[-OWN.size :] if "own" in order.names else np.zeros(6)
+    return error[:3], error[3:]
 
 
 def constants_of(order):
     """What a prediction with some blocks needs."""
-    return prediction.constants(order, NOISE, EARTH, (DRIFT,))
+    return prediction.constants(order, NOISE, EARTH, (DRIFT, OWN))
 
 
-@pytest.mark.parametrize("order", [ALL, ROLL], ids=["all", "roll column"])
+@ORDERS
 @pytest.mark.parametrize(("begin_s", "end_s"), [(0.0, 0.01), (0.0013, 0.0087)])
 def test_transition_of_every_block_is_the_derivative_of_the_strapdown(order, begin_s, end_s):
     """Central differences, each pair of blocks to 1e-6 of its largest element.
@@ -119,14 +149,18 @@ def test_transition_of_every_block_is_the_derivative_of_the_strapdown(order, beg
     In the gravity gradient the oblateness is left out: 0.3 % of that block.
     """
     state, T = state_with_errors(order.names), end_s - begin_s
-    imu = window(BLOCKS[11], window(BLOCKS[10]))
+    imu = window(BLOCKS[11], window(BLOCKS[10]))._replace(drive=drive_of(order))
 
     def end(start):
         r_i, v_i, q_ib = propagate(start, imu, begin_s, end_s, EARTH)
         clock = start.clock + np.array([start.clock[1] * T, 0.0])
         decayed = start.range_bias * np.exp(-T / CLOCK["range_bias_time_s"])
         gravity = start.gravity * np.exp(-T / error_model.FIELD_TIME_S)
-        return start._replace(r_i=r_i, v_i=v_i, q_ib=q_ib, clock=clock, range_bias=decayed, gravity=gravity)
+        others = start.others.copy()
+        if "own" in order.names:
+            others[-OWN.size :] = expm(OWN.F * T) @ others[-OWN.size :]
+        own = {"clock": clock, "range_bias": decayed, "gravity": gravity, "others": others}
+        return start._replace(r_i=r_i, v_i=v_i, q_ib=q_ib, **own)
 
     nominal = end(state)
     Phi, _ = prediction.growth(constants_of(order), order, state, imu, begin_s, end_s)
@@ -222,8 +256,9 @@ def test_noise_of_receiver_and_field_grows_as_said():
     )
 
 
-def measured_motion(state):
+def measured_motion(state, order=ALL):
     """Rate and specific force for which sensors with the errors of `state` measure SPIN and FORCE."""
+    of_rate, of_force = driven(order, state)
 
     def response(scale, misalignment):
         A = np.diag(1.0 + scale)
@@ -233,36 +268,40 @@ def measured_motion(state):
     gyro = response(state.gyro_scale, state.gyro_misalignment)
     gyro += np.outer(state.gyro_roll_column, [1.0, 0.0, 0.0])
     bias = state.accel_bias + VIBRATION**2 * state.accel_rectification
-    f_b = np.linalg.solve(response(state.accel_scale, state.accel_misalignment), FORCE - bias)
+    accel = response(state.accel_scale, state.accel_misalignment)
+    f_b = np.linalg.solve(accel, FORCE - of_force - bias)
     pull = state.gyro_g_sensitivity.reshape(3, 3) @ f_b
-    return np.linalg.solve(gyro, SPIN - state.gyro_bias - pull), f_b
+    return np.linalg.solve(gyro, SPIN - of_rate - state.gyro_bias - pull), f_b
 
 
-def test_the_sensors_are_inverted():
-    state = state_with_errors(ALL.names)
-    omega_b, f_b = calibration.motion(pack(state), np.concatenate([SPIN, FORCE]) * DT, DT, VIBRATION)
-    np.testing.assert_allclose(omega_b, measured_motion(state)[0], rtol=1e-12)
-    np.testing.assert_allclose(f_b, measured_motion(state)[1], rtol=1e-12)
+@ORDERS
+def test_the_sensors_are_inverted(order):
+    state = state_with_errors(order.names)
+    measured = np.concatenate([SPIN, FORCE]) * DT
+    omega_b, f_b = calibration.motion(pack(state), measured, DT, VIBRATION, drive_of(order))
+    np.testing.assert_allclose(omega_b, measured_motion(state, order)[0], rtol=1e-12)
+    np.testing.assert_allclose(f_b, measured_motion(state, order)[1], rtol=1e-12)
 
 
-@pytest.mark.parametrize("order", [ALL, ROLL], ids=["all", "roll column"])
+@ORDERS
 def test_jacobians_of_the_corrected_motion(order):
     state = state_with_errors(order.names)
-    J_omega, J_f = calibration.jacobians(order, pack(state), *measured_motion(state), VIBRATION)
+    here = measured_motion(state, order)
+    J_omega, J_f = calibration.jacobians(order, pack(state), *here, VIBRATION, drive_of(order))
     for name, j, step in each_error(order):
-        up = measured_motion(correct(order, state, unit(order, j, step)))
-        down = measured_motion(correct(order, state, unit(order, j, -step)))
+        up = measured_motion(correct(order, state, unit(order, j, step)), order)
+        down = measured_motion(correct(order, state, unit(order, j, -step)), order)
         for k, J in enumerate((J_omega, J_f)):
             slope = (up[k] - down[k]) / (2.0 * step)
             assert np.abs(slope - J[:, j]).max() <= 1e-6 * np.abs(J[:, j]).max() + 1e-14 / step, (name, j)
 
 
-def antenna(state):
+def antenna(state, order=ALL):
     """Position and velocity of the antenna in e when a fix of the state's time was really taken.
 
     From the motion of the point: constant rate and specific force, differences in time.
     """
-    omega_b, f_b = measured_motion(state)
+    omega_b, f_b = measured_motion(state, order)
     a_i = measurements_gravity(state) + Rotation.from_quat(rotation.xyzw(state.q_ib)).apply(f_b)
 
     def place(dt):
@@ -282,9 +321,9 @@ def measurements_gravity(state):
     return C_ie @ gravity_j2_e(C_ie.T @ state.r_i)
 
 
-def fixes_of(state):
+def fixes_of(state, order=ALL):
     """What GPS and star tracker without noise measure."""
-    r_e, v_e = antenna(state)
+    r_e, v_e = antenna(state, order)
     gps = GpsFix(state.t_s, state.t_s, True, r_e, v_e, 4.0 * np.eye(3), 0.01 * np.eye(3), 9, 2.0, "")
     C_bc = rotation.dcm_from_rotvec(state.mounting) @ C_BC
     q_ic = rotation.quat_from_dcm(rotation.dcm_from_quat(state.q_ib) @ C_bc)
@@ -294,7 +333,9 @@ def fixes_of(state):
 
 def linearised(order, state, fixes):
     """(z, H, R) of position, velocity, attitude."""
-    a = antenna_of(order, state, EARTH, ARM, *measured_motion(state), VIBRATION)
+    motion = np.concatenate(measured_motion(state, order))
+    here = pack(state), state.t_s, EARTH, ARM, motion, VIBRATION, drive_of(order)
+    a = measurements.antenna(order, *here)
     return (
         measurements.gps_position(fixes[0], a),
         measurements.gps_velocity(fixes[0], a),
@@ -302,29 +343,31 @@ def linearised(order, state, fixes):
     )
 
 
-@pytest.mark.parametrize("order", [ALL, ROLL], ids=["all", "roll column"])
+@ORDERS
 def test_measurements_move_with_the_truth_as_their_jacobians_say(order):
     """truth = estimate (+) dx: the fix moves, differentiated from the motion of the antenna.
 
     Hence its rounding: 1e-9 m of 6e6 m, by 1e-4 s in the velocity. 20 us of latency: hardly any turn.
     """
     state = state_with_errors(order.names, 2e-5)
-    here = linearised(order, state, fixes_of(state))
+    here = linearised(order, state, fixes_of(state, order))
     for k, (z, H, _) in enumerate(here):
         assert np.abs(z).max() < (1e-8, 2e-4, 1e-14)[k]
         for name, j, step in each_error(order):
-            up = linearised(order, state, fixes_of(correct(order, state, unit(order, j, step))))[k][0]
-            down = linearised(order, state, fixes_of(correct(order, state, unit(order, j, -step))))[k][0]
+            up = linearised(order, state, fixes_of(correct(order, state, unit(order, j, step)), order))[k][0]
+            down = linearised(order, state, fixes_of(correct(order, state, unit(order, j, -step)), order))[k][
+                0
+            ]
             rounding = (4e-9, 4e-5, 2e-15)[k] / step
             scale = np.abs(H[:, j]).max() if k < 2 else np.abs(H).max()
             assert np.abs((up - down) / (2.0 * step) - H[:, j]).max() <= 1e-6 * scale + rounding, (k, name, j)
 
 
-@pytest.mark.parametrize("order", [ALL, ROLL], ids=["all", "roll column"])
+@ORDERS
 def test_jacobians_against_their_own_innovations(order):
     """The estimate moves, the fix stays; without rounding of a differentiated position: to 1e-6."""
     state = state_with_errors(order.names, 2e-3)
-    fixes = fixes_of(state)
+    fixes = fixes_of(state, order)
     here = linearised(order, state, fixes)
     for name, j, step in each_error(order):
         up = linearised(order, correct(order, state, unit(order, j, step)), fixes)

@@ -10,6 +10,7 @@ from navigation_flight import PARAMS
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import error_model
+from shefex_nav.onboard.navigation.blocks import Beforehand
 from shefex_nav.onboard.navigation.state import ImuModel
 from shefex_nav.scenario import params_filter
 
@@ -95,7 +96,9 @@ def test_the_shares_are_those_of_the_scenario():
     from shefex_nav.scenario import load
 
     scenario = load.load(str(Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"))
-    model, gyro = params_filter.imu_model(scenario), scenario.imu.gyro
+    gyro = scenario.imu.gyro
+    told = Beforehand(gyro, scenario.imu.accelerometer, gyro.scale_factor_roll, gyro.misalignment)
+    model = params_filter.imu_model(scenario, told)
     assert (gyro.scale_factor, gyro.misalignment) == pytest.approx((SCALE, MISALIGNED))
     assert model.gyro_cross**2 * model.spun_along == pytest.approx(MISALIGNED**2)
     assert model.gyro_cross**2 * model.spun_across == pytest.approx((SCALE**2 + MISALIGNED**2) / 4.0)

@@ -12,6 +12,7 @@ import numpy as np
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.onboard import computer as onboard
 from shefex_nav.onboard.navigation import error_model, eskf, measurements, prediction, strapdown
+from shefex_nav.onboard.navigation.blocks import WEIGHTS
 from shefex_nav.onboard.navigation.history import History, Tick
 from shefex_nav.onboard.navigation.state import (
     X_Q,
@@ -72,16 +73,16 @@ def propagate(state, imu, begin_s, end_s, earth):
 
 def integrate(state, imu, begin_s, end_s, g_i):
     """`propagate` under a given gravitation (3,) m/s^2, by `strapdown.travel`."""
-    x, none = pack(state), np.zeros(error_model.WEIGHTS, dtype=bool)
-    nothing = np.empty((0, 3, 3, 3)), np.empty((0, 2, 3, 3))
-    part = imu.increments, imu.dt_s, imu.vibration, begin_s, end_s
-    strapdown.travel(x, *part, tuple(g_i), none, none, *nothing)
+    x, none = pack(state), np.zeros(WEIGHTS, dtype=bool)
+    nothing = error_model.Responses(none, none, np.empty((0, 3, 3, 3)), np.empty((0, 2, 3, 3)))
+    strapdown.travel(x, imu, begin_s, end_s, tuple(g_i), nothing)
     return x[X_R], x[X_V], x[X_Q]
 
 
 def felt(state, imu, at_s):
     """Corrected rate and specific force, (3,) rad/s, (3,) m/s^2: means of the sample in which at_s lies."""
-    found = strapdown.felt_packed(pack(state), imu.increments, imu.n, imu.dt_s, imu.vibration, at_s)
+    how = imu.increments, imu.n, imu.dt_s, imu.vibration, imu.drive
+    found = strapdown.felt_packed(pack(state), *how, at_s)
     return found[:3], found[3:]
 
 
@@ -102,7 +103,7 @@ class Corrected(NamedTuple):
 def update(kalman, order, state, P, z, H, R):
     """`eskf.update_packed`. -> Corrected"""
     x, P_after = pack(state), np.empty(P.shape)
-    dx, G = eskf.update_packed(kalman, order, P, z, H, R, x, P_after)
+    dx, G = eskf.update_packed(kalman, order, P, (z, H, R), x, P_after)
     return Corrected(unpack(state.t_s, x), P_after, dx, G)
 
 

@@ -10,6 +10,7 @@ from scipy.stats import chi2
 
 from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation import adaptation, integrity_imu
+from shefex_nav.onboard.navigation.blocks import Block
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.onboard.navigation.state import N_NOMINAL, unpack
@@ -63,8 +64,23 @@ def slow_steps(recording, nav, final, nodes, xs):
     return steps
 
 
-def test_equals_the_slow_reference_and_rts(recording):
+def with_a_block_from_outside(recording):
+    """The Recording with one that drives increments and has a law of its own; smoothed with these states."""
+
+    def drives(felt):
+        return np.vstack([np.outer(felt.omega_b, [1.0, 0.0]), np.outer(felt.f_b, [0.3, 1.0])])
+
+    F = np.array([[-0.1, 0.05], [0.0, -0.02]])
+    outer = Block("outer", 1e-8 * np.eye(2), np.array([1e-5, 2e-5]), F, drives)
+    params = recording.params
+    params = params._replace(states=(*params.states, "outer"), own_blocks=(outer,))
+    return recording._replace(params=params, gravity=None)
+
+
+@pytest.mark.parametrize("outside", [False, True], ids=["of the program", "from outside"])
+def test_equals_the_slow_reference_and_rts(recording, outside):
     """Dense matrices, step by step, over the same nodes: the adjoint, and RTS with inverses."""
+    recording = with_a_block_from_outside(recording) if outside else recording
     after, nav, final, nodes, whole = prepared(recording)
     xs, n = nodes.xs, nav.layout.n
     trajectory = relinear.Trajectory(xs, smooth.known_field(after, nodes, final, xs))
@@ -289,7 +305,8 @@ def test_readings_at_the_end_of_their_range_are_wrong_and_those_after_them_are_n
     states = np.zeros((ticks + 1, 6), dtype=int)
     states[5:, 3], states[8:, 1] = integrity_imu.SATURATED, integrity_imu.STUCK
     rules = np.array([[np.inf, np.inf], [10.0, 100.0], [1.0, 7.0], [0.5, 50.0], [10.0, 50.0]])
-    final = final_pass.Final(numbers, increments, extra, np.zeros((ticks + 1, N_NOMINAL)), [()] * (ticks + 1))
+    xs, drives = np.zeros((ticks + 1, N_NOMINAL)), np.zeros((ticks + 1, 6, 0))
+    final = final_pass.Final(numbers, increments, extra, xs, [()] * (ticks + 1), drives)
     found = smooth.without_hedging(final, states, np.zeros(ticks, dtype=bool), rules).extra
     variance = 0.01 * found[:, 1, 0]
     assert np.isclose(variance[5] + variance[6], (50.0 * 0.02) ** 2)  # the same sign for 20 ms

@@ -93,6 +93,8 @@ def test_what_differs_in_length_has_a_row_for_each_element(data, written):
     np.testing.assert_array_equal(column(ranges, "element")[first], np.arange(first.sum()) + 1)
     states = written["nav_states"]
     assert states.num_rows == 6 * len(data.covariance.t_s)
+    assert column(states, "block").tolist()[:6] == ["gyro_roll_column"] * 3 + ["mounting"] * 3
+    assert column(states, "unit").tolist()[:6] == [""] * 3 + ["rad"] * 3
 
 
 def test_stars_used_by_themselves_have_a_table_of_their_own(data):

@@ -8,22 +8,20 @@ so that an error of the estimates (truth = estimate (+) error) changes the corre
 
     d dv     = -A_a^-1 (db_a T + dA_a dv)
     d dtheta = -A_g^-1 (db_g T + dA_g dtheta + dG dv + G d dv).
+
+Which column of these an error of a block is, `blocks.Drive` says. Blocks of instruments and plug-ins that
+drive increments are biases with coefficients that are constant in a tick: `drive` (6, m), rad/s and m/s^2 per
+unit of each of the last m errors; (6, 0) where none drives.
 """
 
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import triples as t3
+from shefex_nav.onboard.navigation.blocks import GYROS, SHAKEN, STATES
 from shefex_nav.onboard.navigation.state import (
-    A_MISALIGN,
-    A_RECTIFIED,
-    A_SCALE,
     BA,
     BG,
-    G_MISALIGN,
-    G_SCALE,
-    G_SENSE,
-    ROLL_COLUMN,
     X_AM,
     X_AS,
     X_BA,
@@ -35,7 +33,9 @@ from shefex_nav.onboard.navigation.state import (
     X_ROLL,
 )
 
-OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))  # order of misalignments
+# of each error of `blocks.STATES` that drives increments: block, number in it, triad, weight, axis
+DRIVERS = np.array([(k, n, *drive) for k, one in enumerate(STATES) for n, drive in enumerate(one.drives)])
+NO_DRIVE = np.zeros((6, 0))
 
 
 @inner(forceinline=True)
@@ -99,27 +99,34 @@ def correct_increments(x, increments, duration_s):
 
 
 @kernel
-def shaken(x, vibration):
-    """The packed values with the accelerometer bias as it is under a level of vibration. (X,), float"""
-    out = x.copy()
+def acting(x, vibration, drive):
+    """The packed values with the biases of gyros and accelerometers as they act in a tick.
+
+    (X,), level of vibration, (6, m) -> (X,)
+    """
+    out, m = x.copy(), drive.shape[1]
     for i in range(3):
         out[X_BA + i] += vibration**2 * x[X_RECTIFIED + i]
+    for k in range(m):
+        value = x[x.shape[0] - m + k]
+        for i in range(3):
+            out[X_BG + i] += drive[i, k] * value
+            out[X_BA + i] += drive[3 + i, k] * value
     return out
 
 
-def motion(x, increments, duration_s, vibration):
+def motion(x, increments, duration_s, vibration, drive=NO_DRIVE):
     """Mean rate and specific force of increments summed over a duration, estimated errors taken out.
 
-    (X,) packed nominal values, (6,) rad and m/s, s, level of vibration
+    (X,) packed nominal values, (6,) rad and m/s, s, level of vibration, (6, m)
     -> omega_ib_b (3,) rad/s, f_b (3,) m/s^2
     """
-    free = (
-        correct_increments(shaken(x, vibration), np.reshape(increments, (1, 6)), duration_s)[0] / duration_s
-    )
+    whole = np.reshape(increments, (1, 6))
+    free = correct_increments(acting(x, vibration, drive), whole, duration_s)[0] / duration_s
     return free[:3], free[3:]
 
 
-def jacobians(layout, x, omega_b, f_b, vibration):
+def jacobians(layout, x, omega_b, f_b, vibration, drive=NO_DRIVE):
     """How the corrected rate and specific force move with the errors of the estimates.
 
     truth = estimate (+) dx:   omega_ib_b(true) - omega_ib_b(estimated) = J_omega dx, likewise f_b
@@ -129,42 +136,41 @@ def jacobians(layout, x, omega_b, f_b, vibration):
     layout : Layout
     x : (X,) packed nominal values
     omega_b, f_b : (3,) rad/s, m/s^2, corrected
-    vibration : level at that time
+    vibration, drive : of the tick
 
     Returns
     -------
     J_omega, J_f : (3, n)
     """
     omega_b, f_b = np.ascontiguousarray(omega_b), np.ascontiguousarray(f_b)
-    return jacobians_packed(layout.at, layout.n, x, omega_b, f_b, vibration)
+    return jacobians_packed(layout.at, layout.n, x, omega_b, f_b, vibration, drive)
 
 
 @kernel
-def jacobians_packed(at, n, x, omega_b, f_b, vibration):
+def jacobians_packed(at, n, x, omega_b, f_b, vibration, drive):
     """`jacobians` with the fields of the Layout and the packed nominal values."""
     M, A, G = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     t3.store(M, gyro_inverse(x))
     t3.store(A, accel_inverse(x))
     t3.store(G, g_sensitivity(x))
+    weights = 1.0, omega_b[0], omega_b[1], omega_b[2], f_b[0], f_b[1], f_b[2]
     J_omega, J_f = np.zeros((3, n)), np.zeros((3, n))
     for i in range(3):
         J_omega[:, BG.start + i] = -M[:, i]
         J_f[:, BA.start + i] = -A[:, i]
-        if at[ROLL_COLUMN] >= 0:
-            J_omega[:, at[ROLL_COLUMN] + i] = -omega_b[0] * M[:, i]
-        if at[G_SCALE] >= 0:
-            J_omega[:, at[G_SCALE] + i] = -omega_b[i] * M[:, i]
-        if at[A_RECTIFIED] >= 0:
-            J_f[:, at[A_RECTIFIED] + i] = -(vibration**2) * A[:, i]
-        if at[A_SCALE] >= 0:
-            J_f[:, at[A_SCALE] + i] = -f_b[i] * A[:, i]
-        if at[G_SENSE] >= 0:
-            for j in range(3):
-                J_omega[:, at[G_SENSE] + 3 * i + j] = -f_b[j] * M[:, i]
-    for k, (i, j) in enumerate(OFF_DIAGONAL):
-        if at[G_MISALIGN] >= 0:
-            J_omega[:, at[G_MISALIGN] + k] = -omega_b[j] * M[:, i]
-        if at[A_MISALIGN] >= 0:
-            J_f[:, at[A_MISALIGN] + k] = -f_b[j] * A[:, i]
+    for row in range(DRIVERS.shape[0]):
+        block, number, triad, weight, axis = DRIVERS[row]
+        if at[block] < 0:
+            continue
+        if triad == GYROS:
+            J_omega[:, at[block] + number] = -weights[weight] * M[:, axis]
+        else:
+            size = vibration**2 if triad == SHAKEN else weights[weight]
+            J_f[:, at[block] + number] = -size * A[:, axis]
+    m = drive.shape[1]
+    for k in range(m):
+        for i in range(3):
+            J_omega[:, n - m + k] -= drive[i, k] * M[:, i]
+            J_f[:, n - m + k] -= drive[3 + i, k] * A[:, i]
     J_omega -= M @ G @ J_f
     return J_omega, J_f

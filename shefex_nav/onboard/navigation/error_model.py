@@ -18,38 +18,31 @@ misalignment of the gyros, a gain of velocity for those of the accelerometers an
     d dtheta = -(T, dtheta_x, dtheta_y, dtheta_z, dv_x, dv_y, dv_z) e,    d dv = -(T, dv_x, dv_y, dv_z) e
 
 So one response (to every direction e) is accumulated for each weight that is needed, and every column of Phi
-is a response times a direction.
+is a response times a direction. Which, the table of `blocks` says.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.compiled import inner, rows
 from shefex_nav.geometry import triples as t3
 from shefex_nav.geometry import wgs84
-from shefex_nav.onboard.navigation.calibration import OFF_DIAGONAL
-from shefex_nav.onboard.navigation.state import (
-    A_MISALIGN,
-    A_RECTIFIED,
-    A_SCALE,
-    ATT,
-    BA,
-    BG,
-    G_MISALIGN,
-    G_SCALE,
-    G_SENSE,
-    GRAVITY,
-    POS,
-    ROLL_COLUMN,
-    VEL,
-)
+from shefex_nav.onboard.navigation.blocks import DURATION, GYROS, SHAKEN, WEIGHTS
+from shefex_nav.onboard.navigation.calibration import DRIVERS
+from shefex_nav.onboard.navigation.laws import FIELD_TIME_S
+from shefex_nav.onboard.navigation.state import ATT, BA, BG, GRAVITY, POS, VEL
 
-# Memory of what J2 leaves out of gravity, along a flight. Over 800 km anywhere on the Earth the rest of EGM96
-# (degree 12) changes by as much as a Gauss-Markov process with a correlation length of 4900 km: 3000 s
-# at 1.6 km/s over the ground. It is smoother than such a process: over less it changes even less.
-FIELD_TIME_S = 3000.0
-DURATION, ANGLE, SPEED = 0, 1, 4  # first of the weights of each kind
-WEIGHTS = 7
 SPARE = 8  # rows of a `record` for noise that is found to be other than told
+
+
+class Responses(NamedTuple):
+    """What errors of the increments have done since the start of an interval, and which of it is wanted."""
+
+    by_gyro: np.ndarray  # (7,) bool, weights whose responses are wanted (`needed`)
+    by_accel: np.ndarray  # (7,) bool
+    gyro: np.ndarray  # (7, 3, 3, 3) for each weight w: of r, v, psi, to e in d dtheta = -w e
+    accel: np.ndarray  # (7, 2, 3, 3) for each weight w: of r, v, to e in d dv = -w e
 
 
 @inner(forceinline=True)
@@ -76,10 +69,11 @@ def derivatives(T, dtheta, dv, B, b):
 
 
 @inner(forceinline=True)
-def carry_all(by_gyro, by_accel, gyro, accel, m, weights, piece, C, u, u_r):
+def carry_all(responses, m, weights, piece, C, u, u_r):
     """Carry the responses of all weights that are wanted over a part, in place.
 
-    piece : of `strapdown.cut`;  C : C_ib at its start;  weights : (7,) and m written;  others as in `carry`
+    responses : Responses;  m : (4, 3, 3) and weights : (7,) are written
+    piece : of `strapdown.cut`;  C : C_ib at its start;  u, u_r : as in `carry`
     """
     T, dtheta, dv, B, b = piece[0], piece[1], piece[2], piece[3], piece[4]
     J, D, D_r, J_r = derivatives(T, dtheta, dv, B, b)
@@ -89,6 +83,7 @@ def carry_all(by_gyro, by_accel, gyro, accel, m, weights, piece, C, u, u_r):
     t3.store(m[3], t3.product(C, J_r))
     weights[0], weights[1], weights[2], weights[3] = T, dtheta[0], dtheta[1], dtheta[2]
     weights[4], weights[5], weights[6] = dv
+    by_gyro, by_accel, gyro, accel = responses
     for k in range(WEIGHTS):
         if by_gyro[k]:
             carry(gyro, k, T, u, u_r, weights[k], m)
@@ -100,7 +95,7 @@ def carry_all(by_gyro, by_accel, gyro, accel, m, weights, piece, C, u, u_r):
 def carry(gyro, k, T, u, u_r, w, m):
     """Carry the response of weight k over a part, in place.
 
-    gyro : (7, 3, 3, 3) for each weight: of r, v, psi, to e in d dtheta = -w e
+    gyro : of Responses
     u, u_r : velocity and distance gained in the part, inertial axes
     m : (4, 3, 3) J, D, D_r, J_r of the part, their left side turned to inertial axes
     """
@@ -118,7 +113,7 @@ def carry(gyro, k, T, u, u_r, w, m):
 
 @inner(forceinline=True)
 def carry_force(accel, k, T, w, m):
-    """The same for accel (7, 2, 3, 3), of r, v, to e in d dv = -w e."""
+    """The same for `accel` of Responses."""
     for i in range(3):
         for j in range(3):
             accel[k, 0, i, j] += T * accel[k, 1, i, j] - w * m[3, i, j]
@@ -126,21 +121,27 @@ def carry_force(accel, k, T, w, m):
 
 
 @inner(forceinline=True)
-def needed(at, G, gyro, accel):
-    """Mark the weights that have a column. gyro, accel : (7,) bool, written; G : nine numbers."""
+def begin(responses, at, G):
+    """Mark the weights that have a column, and set their responses to zero.
+
+    responses : Responses, written;  at : of Layout;  G : nine numbers
+    """
+    by_gyro, by_accel, gyro, accel = responses
     couples = False  # the gyros feel the corrected specific force
     for k in range(9):
         couples = couples or G[k] != 0.0
-    forces = at[A_SCALE] >= 0 or at[A_MISALIGN] >= 0
-    angles = at[G_SCALE] >= 0 or at[G_MISALIGN] >= 0
     for k in range(WEIGHTS):
-        gyro[k] = k == DURATION
-        accel[k] = k == DURATION
-        if ANGLE <= k < SPEED:
-            gyro[k] = angles or (k == ANGLE and at[ROLL_COLUMN] >= 0)
-        if k >= SPEED:
-            gyro[k] = at[G_SENSE] >= 0 or (forces and couples)
-            accel[k] = forces
+        by_gyro[k] = by_accel[k] = k == DURATION
+    for row in range(DRIVERS.shape[0]):
+        block, _, triad, weight, _ = DRIVERS[row]
+        if at[block] >= 0:
+            by_gyro[weight] = by_gyro[weight] or triad == GYROS or couples
+            by_accel[weight] = by_accel[weight] or triad != GYROS
+    for k in range(WEIGHTS):
+        if by_gyro[k]:
+            gyro[k] = 0.0
+        if by_accel[k]:
+            accel[k] = 0.0
 
 
 @inner(forceinline=True)
@@ -157,41 +158,43 @@ def _put(top, column, response, k, sign, direction, i):
 
 
 @inner
-def put_calibration(top, at, gyro, accel, M, A, MGA):
+def put_imu(top, at, responses, triads, vibration, drive):
     """Add the columns of all errors of the IMU to the first rows of Phi, in place.
 
-    top : (9, n);  gyro, accel : as in `carry`, of r, v in i, theta in b
-    M, A : (3, 3) inverses of the triads;  MGA : M G A, rate by specific force
+    top : (9, n);  at : of Layout;  responses : Responses of r, v in i, theta in b
+    triads : (3, 3, 3) inverses M, A of the triads, and M G A, rate by specific force
+    vibration, drive : of the ImuWindow
     """
+    gyro, accel = responses.gyro, responses.accel
+    M, A, MGA = triads[0], triads[1], triads[2]
     for i in range(3):
         _put(top, BG.start + i, gyro, DURATION, 1.0, M, i)
         _put(top, BA.start + i, accel, DURATION, 1.0, A, i)
         _put(top, BA.start + i, gyro, DURATION, -1.0, MGA, i)
-        if at[ROLL_COLUMN] >= 0:
-            _put(top, at[ROLL_COLUMN] + i, gyro, ANGLE, 1.0, M, i)
-        if at[G_SCALE] >= 0:
-            _put(top, at[G_SCALE] + i, gyro, ANGLE + i, 1.0, M, i)
-        if at[A_SCALE] >= 0:
-            _put(top, at[A_SCALE] + i, accel, SPEED + i, 1.0, A, i)
-            _put(top, at[A_SCALE] + i, gyro, SPEED + i, -1.0, MGA, i)
-        if at[G_SENSE] >= 0:
-            for j in range(3):
-                _put(top, at[G_SENSE] + 3 * i + j, gyro, SPEED + j, 1.0, M, i)
-    for k, (i, j) in enumerate(OFF_DIAGONAL):
-        if at[G_MISALIGN] >= 0:
-            _put(top, at[G_MISALIGN] + k, gyro, ANGLE + j, 1.0, M, i)
-        if at[A_MISALIGN] >= 0:
-            _put(top, at[A_MISALIGN] + k, accel, SPEED + j, 1.0, A, i)
-            _put(top, at[A_MISALIGN] + k, gyro, SPEED + j, -1.0, MGA, i)
+    for row in range(DRIVERS.shape[0]):
+        block, number, triad, weight, axis = DRIVERS[row]
+        if at[block] < 0:
+            continue
+        column = at[block] + number
+        if triad == GYROS:
+            _put(top, column, gyro, weight, 1.0, M, axis)
+        elif triad == SHAKEN:
+            _add_column(top, column, vibration**2, BA.start + axis)
+        else:
+            _put(top, column, accel, weight, 1.0, A, axis)
+            _put(top, column, gyro, weight, -1.0, MGA, axis)
+    m = drive.shape[1]
+    for k in range(m):
+        for i in range(3):
+            _add_column(top, top.shape[1] - m + k, drive[i, k], BG.start + i)
+            _add_column(top, top.shape[1] - m + k, drive[3 + i, k], BA.start + i)
 
 
 @inner(forceinline=True)
-def put_rectification(top, at, vibration):
-    """Add the columns of rectified vibration: those of the accelerometer bias by its power, in place."""
-    if at[A_RECTIFIED] >= 0:
-        for i in range(3):
-            for row in range(9):
-                top[row, at[A_RECTIFIED] + i] += vibration**2 * top[row, BA.start + i]
+def _add_column(top, column, factor, other):
+    """Add another column of the first rows of Phi, times a factor, to one of them."""
+    for row in range(top.shape[0]):
+        top[row, column] += factor * top[row, other]
 
 
 @inner(forceinline=True)

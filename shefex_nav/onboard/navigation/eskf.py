@@ -95,7 +95,7 @@ def whole(dx, P, updated):
     return updated
 
 
-def update_packed(kalman, layout, P, z, H, R, x, P_after, share=whole):
+def update_packed(kalman, layout, P, measured, x, P_after, share=whole):
     """Nominal state and covariance after a measurement.
 
     After the estimated error is taken into the nominal state, the attitude error refers to new body axes:
@@ -106,7 +106,7 @@ def update_packed(kalman, layout, P, z, H, R, x, P_after, share=whole):
     kalman : `engine`
     layout : Layout
     P : (n, n)
-    z, H, R : (m,), (m, n), (m, m)
+    measured : z, H, R, (m,), (m, n), (m, m)
     x : (X,) packed nominal values, changed in place
     P_after : (n, n) is written
     share : (dx, P, updated) -> covariance after a share of dx, which it changes in place, is taken
@@ -116,6 +116,7 @@ def update_packed(kalman, layout, P, z, H, R, x, P_after, share=whole):
     dx : (n,) the estimated error that was taken into the state
     G : (3, 3) by which the attitude error was turned into the new body axes
     """
+    z, H, R = measured
     kalman.P = P
     kalman.x = kalman.no_error
     kalman.update(z.reshape(-1, 1), R=R, H=H)

@@ -22,6 +22,7 @@ from shefex_nav.onboard.navigation import (
     eskf,
     gate,
     gps_told,
+    imu_drive,
     integrity,
     integrity_bank,
     integrity_gps,
@@ -92,15 +93,17 @@ def start(params, alignment, earth, recorder=None, judged=None):
     """
     order, known = layout(params.states, params.blocks), table(params)
     state, P = initial(params, order, alignment)
+    constants = prediction.constants(order, error_model.record(params), earth, params.blocks)
+    first = Tick(state.t_s, pack(state), P, None)
     return Filter(
         params=params,
         layout=order,
         earth=earth,
         sensors=known,
-        constants=prediction.constants(order, error_model.record(params), earth, params.blocks),
+        constants=constants,
         kalman=eskf.engine(order),
         limits=integrity.Limits(params.gate_probability),
-        history=History(Tick(state.t_s, pack(state), P, None), params.aid_names),
+        history=History(first, params.aid_names, constants.driving),
         health={name: integrity.HEALTHY for name in known},
         recorder=recorder,
         watch=integrity_watch.start(params),
@@ -120,6 +123,8 @@ def advance(nav, block):
     place = history.make_room(n)
     readings = history.increments[place, BEFORE : BEFORE + n]
     nav.watch.screen(block, readings, history.extra[place])
+    if nav.constants.driving:
+        history.drives[place] = imu_drive.coefficients(nav, readings, now_s, block.dt_s)
     new = history.newest + 1
     prediction.enter(nav.constants, history.arrays, new, nav.params.motors, now_s, block.dt_s, n)
     history.extend([now_s])
@@ -327,7 +332,7 @@ def _apply(nav, index, at_s, measurement, results, recorder):
             history.x[: ATT.start] += bent[: ATT.start]
         whole = bent is not None or measurement.sensor.startswith("star")
         share = eskf.whole if whole else unknown_attitude.take_share
-        given = prior, z, H, R, history.x, history.P, share
+        given = prior, (z, H, R), history.x, history.P, share
         if measurement.teaches:
             dx, G = eskf.update_packed(nav.kalman, nav.layout, *given)
         else:

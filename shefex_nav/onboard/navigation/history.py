@@ -40,6 +40,7 @@ class Samples(NamedTuple):
     end_s: float  # mission time at which the last one ends
     vibration: float  # largest level
     doubtful: bool  # whether a gyro is not trusted in one of the ticks
+    drive: np.ndarray  # (6, m) of ImuWindow, mean of the ticks
 
 
 class History:
@@ -51,15 +52,15 @@ class History:
     x, P : (X,), (n, n) of the instant that has been reached: the end of the last tick, but for `fusion` on
         its way
     numbers : (size, 4) mission time of the end [s], s of a sample, number of samples, vibration
-    increments : (size, 2 + samples, 6) of ImuWindow;  extra : (size, 2, 3) likewise
+    increments : (size, 2 + samples, 6) of ImuWindow;  extra, drives : (size, 2, 3), (size, 6, m) likewise
     xs, Ps : (size, X), (size, n, n)
     arrays : these and x, P as `prediction.travel` takes them, Memory
     position_s : of the last position fix that was used before the instant that has been reached; kept where
         position fixes have errors that last;  used_s : likewise of each aid (`aiding`)
     """
 
-    def __init__(self, tick, aids=()):
-        """tick : the first;  aids : names of the sensors of `used_s`"""
+    def __init__(self, tick, aids=(), driving=0):
+        """tick : the first;  aids : names of the sensors of `used_s`;  driving : m of the ImuWindows"""
         self.ends_s, self.measurements = deque([tick.t_s]), deque([()])
         self.oldest = self.newest = 0
         self.x, self.P = tick.x.copy(), tick.P.copy()
@@ -67,19 +68,22 @@ class History:
         self.used_s = dict.fromkeys(aids, -np.inf)
         self._gone_used_s = self.used_s.copy()
         samples = 0 if tick.imu is None else tick.imu.n
-        self._allocate(2, samples)
+        self._allocate(2, samples, driving)
         self.numbers[0] = tick.t_s, 1.0, 0, 0.0
         if tick.imu is not None:
             self.numbers[0, 1:] = tick.imu.dt_s, samples, tick.imu.vibration
             self.increments[0], self.extra[0] = tick.imu.increments, tick.imu.extra
+            self.drives[0] = tick.imu.drive
         self.xs[0], self.Ps[0] = tick.x, tick.P
 
-    def _allocate(self, size, samples):
+    def _allocate(self, size, samples, driving):
         """Make the arrays."""
         self.numbers, self.extra = np.zeros((size, 4)), np.zeros((size, 2, 3))
-        self.increments = np.zeros((size, BEFORE + samples, 6))
+        self.increments, self.drives = np.zeros((size, BEFORE + samples, 6)), np.zeros((size, 6, driving))
         self.xs, self.Ps = np.empty((size, *self.x.shape)), np.empty((size, *self.P.shape))
-        self.arrays = Memory(self.numbers, self.increments, self.extra, self.xs, self.Ps, self.x, self.P)
+        self.arrays = Memory(
+            self.numbers, self.increments, self.extra, self.xs, self.Ps, self.x, self.P, self.drives
+        )
 
     def __len__(self):
         return len(self.ends_s)
@@ -104,7 +108,8 @@ class History:
         if n == 0:
             return None
         increments = self.increments[place, : BEFORE + int(n)].copy()
-        return ImuWindow(self.ends_s[k], dt_s, increments, vibration, self.extra[place].copy())
+        extra, drive = self.extra[place].copy(), self.drives[place].copy()
+        return ImuWindow(self.ends_s[k], dt_s, increments, vibration, extra, drive)
 
     def samples(self, begin_s, end_s):
         """The IMU samples of the ticks that an interval touches: Samples; None if it is not covered."""
@@ -130,6 +135,7 @@ class History:
             last_s,
             float(self.numbers[places, 3].max()),
             bool(self.extra[places, 0].any()),
+            self.drives[places].mean(axis=0),
         )
 
     def length_s(self, k):
@@ -156,13 +162,13 @@ class History:
 
     def _grow(self, size, samples):
         """Larger arrays."""
-        before = self.numbers, self.increments, self.extra, self.xs, self.Ps
+        before = self.numbers, self.increments, self.extra, self.xs, self.Ps, self.drives
         old = [self.place(k) for k in range(len(self))]
-        self._allocate(size, samples)
+        self._allocate(size, samples, self.drives.shape[2])
         new = [self.place(k) for k in range(len(self))]
         self.numbers[new], self.extra[new] = before[0][old], before[2][old]
         self.increments[new, : before[1].shape[1]] = before[1][old]
-        self.xs[new], self.Ps[new] = before[3][old], before[4][old]
+        self.xs[new], self.Ps[new], self.drives[new] = before[3][old], before[4][old], before[5][old]
 
     def extend(self, ends_s):
         """The next ticks, which end at the times of a list, have been filled in."""
@@ -262,6 +268,11 @@ class Moment:
         return _bend(*arrays, *ticks, self.t_s, 0.5 * exposure_s)
 
     @property
+    def drive(self):
+        """Of the ImuWindow of the tick, not copied."""
+        return self.history.drives[self.history.place(self.k)]
+
+    @property
     def felt(self):
         """Corrected rate and specific force: means of the sample, omega_ib_b (3,) rad/s, f_b (3,) m/s^2."""
         felt = self.felt_packed
@@ -276,7 +287,9 @@ class Moment:
         """`felt_packed`, corrected with the estimates of other packed values."""
         history, place = self.history, self.history.place(self.k)
         _, dt_s, n, vibration = history.numbers[place].tolist()
-        return felt_packed(x, history.increments[place], int(n), dt_s, vibration, self.at_s)
+        return felt_packed(
+            x, history.increments[place], int(n), dt_s, vibration, history.drives[place], self.at_s
+        )
 
 
 @kernel

@@ -48,6 +48,7 @@ import numpy as np
 from shefex_nav.compiled import kernel
 from shefex_nav.geometry import rotation, wgs84
 from shefex_nav.onboard.navigation import eskf
+from shefex_nav.onboard.navigation.blocks import STATES
 from shefex_nav.onboard.navigation.state import (
     ATT,
     NOMINAL,
@@ -58,21 +59,7 @@ from shefex_nav.onboard.navigation.state import (
 )
 from shefex_nav.onboard.navigation.unknown_attitude import UNKNOWN2
 
-LEARNT = (
-    "gyro_bias",
-    "accel_bias",
-    "gyro_roll_column",
-    "gyro_scale",
-    "gyro_misalignment",
-    "gyro_g_sensitivity",
-    "accel_scale",
-    "accel_misalignment",
-    "accel_rectification",
-    "gravity",
-    "mounting",
-    "lever_arm",
-    "gps_latency",
-)
+LEARNT = ("gyro_bias", "accel_bias", *(state.name for state in STATES if state.learnt))
 PROVEN_S = 10.0  # [E] a wrong gyro is found within so long, or it is too small for the stars to find
 LINEAR = np.radians(1.0)  # [E] below, a wrong mounting may be left to the filter, which is linear
 SPLIT = "split"  # key of what is doubted of mounting and attitude, but not of their sum
@@ -218,9 +205,9 @@ def places(layout):
     return learnt
 
 
-def update_without(layout, P, z, H, R, x, P_after, share=eskf.whole):
+def update_without(layout, P, measured, x, P_after, share=eskf.whole):
     """`eskf.update_packed` by which nothing is learnt: zero gain of the errors of `places`."""
-    dx, updated = _consider(P, z, H, R, places(layout))
+    dx, updated = _consider(P, *measured, places(layout))
     return dx, eskf.take_in(x, dx, layout.nominal, share(dx, P, updated), P_after)
 
 

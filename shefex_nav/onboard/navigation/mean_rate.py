@@ -34,7 +34,8 @@ def body_rate(nav, x, begin_s, end_s):
     ends_s = samples.end_s - (np.cumsum(dt_s[::-1])[::-1] - dt_s)
     weight = np.clip((np.minimum(ends_s, end_s) - np.maximum(ends_s - dt_s, begin_s)) / dt_s, 0.0, 1.0)
     duration_s = dt_s @ weight
-    omega_b, f_b = calibration.motion(x, weight @ samples.increments, duration_s, samples.vibration)
+    increments, drive = weight @ samples.increments, samples.drive
+    omega_b, f_b = calibration.motion(x, increments, duration_s, samples.vibration, drive)
     noise = _noise(nav.params.imu, omega_b, f_b, samples, duration_s)
     return omega_b, f_b, noise
 
@@ -77,8 +78,10 @@ def camera_rate(nav, tick, C_bc, begin_s, end_s):
     omega_b, f_b, noise = body_rate(nav, tick.x, begin_s, end_s)
     if not np.isfinite(omega_b.sum()):
         return None, None
-    vibration = 0.0 if tick.imu is None else tick.imu.vibration
-    H, _ = calibration.jacobians(nav.layout, tick.x, omega_b, f_b, vibration)
+    vibration, drive = (
+        (0.0, calibration.NO_DRIVE) if tick.imu is None else (tick.imu.vibration, tick.imu.drive)
+    )
+    H, _ = calibration.jacobians(nav.layout, tick.x, omega_b, f_b, vibration, drive)
     if mounting := nav.layout.places["mounting"]:
         H[:, mounting] = rotation.skew(omega_b)
     P_b = H @ tick.P @ H.T + noise * np.eye(3)

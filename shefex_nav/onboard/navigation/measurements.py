@@ -41,7 +41,7 @@ class Antenna(NamedTuple):
     J_v: np.ndarray  # (3, n)
 
 
-def antenna(layout, x, t_s, earth, l_ba_b, felt, vibration):
+def antenna(layout, x, t_s, earth, l_ba_b, felt, vibration, drive=calibration.NO_DRIVE):
     """Where the GPS antenna is at the instant that a fix with the time of the state belongs to.
 
     r_ea_e = C_ei (r_i + C_ib l),   v_ea_e = C_ei (v_i + C_ib (omega_ib_b x l) - omega_ie_i x (r_i + C_ib l)),
@@ -57,7 +57,7 @@ def antenna(layout, x, t_s, earth, l_ba_b, felt, vibration):
     earth : EarthRotation
     l_ba_b : (3,) m, IMU to antenna, nominal
     felt : (6,) omega_ib_b and f_b, rad/s, m/s^2, corrected for the estimated errors of the IMU
-    vibration : level with which they were corrected
+    vibration, drive : of the tick, with which they were corrected
 
     Returns
     -------
@@ -67,15 +67,15 @@ def antenna(layout, x, t_s, earth, l_ba_b, felt, vibration):
     ----------
     Groves, 2nd ed., section 14.3.1.
     """
-    motion, J = _antenna(layout.at, layout.n, x, t_s, earth, l_ba_b, felt, vibration)
+    motion, J = _antenna(layout.at, layout.n, x, t_s, earth, l_ba_b, felt, vibration, drive)
     return Antenna(motion[0], motion[1], J[0], J[1])
 
 
 @kernel
-def _antenna(at, n, x, t_s, earth, l_ba_b, felt, vibration):
+def _antenna(at, n, x, t_s, earth, l_ba_b, felt, vibration, drive):
     """`antenna` with the fields of the Layout. -> motion (2, 3), J (2, 3, n)"""
     motion, J = np.empty((2, 3)), np.empty((2, 3, n))
-    J_omega, J_f = calibration.jacobians_packed(at, n, x, felt[:3], felt[3:], vibration)
+    J_omega, J_f = calibration.jacobians_packed(at, n, x, felt[:3], felt[3:], vibration, drive)
     zero, turn = (0.0, 0.0, 0.0), t3.vector(frames.omega_ie_i(earth), 0)
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
     C = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))

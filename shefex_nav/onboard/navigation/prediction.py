@@ -2,8 +2,10 @@
 
     x <- strapdown(x),   P <- Phi P Phi^T + Q
 
-Of Phi only the rows of position, velocity and attitude, the clock and the range errors of the receiver
+Of Phi only the rows of position, velocity and attitude, the clock and what fades (`laws`)
 differ from the identity, and only the errors of the IMU drive the first nine: the products run over those.
+Blocks from outside (`blocks.Block`) may have a law of their own, and may drive the first nine: then the
+products run over all errors.
 """
 
 from typing import NamedTuple
@@ -13,29 +15,25 @@ import numpy as np
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames
 from shefex_nav.geometry import triples as t3
-from shefex_nav.onboard.navigation import error_model, strapdown, unknown_attitude
+from shefex_nav.onboard.navigation import error_model, laws, strapdown, unknown_attitude
+from shefex_nav.onboard.navigation.blocks import WEIGHTS
 from shefex_nav.onboard.navigation.calibration import accel_inverse, g_sensitivity, gyro_inverse
-from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S, WEIGHTS
+from shefex_nav.onboard.navigation.laws import SIZES
 from shefex_nav.onboard.navigation.state import (
     BA,
     BG,
     CLOCK,
     GRAVITY,
     N_CORE,
-    OPTIONAL,
     PVA,
-    RANGE_BIAS,
-    X_CLOCK,
     X_GRAVITY,
     X_Q,
     X_R,
-    X_RANGE,
     X_V,
     pack,
 )
 from shefex_nav.onboard.navigation.strapdown import BEFORE, ImuWindow, gravity_i
 
-SIZES = np.array(list(OPTIONAL.values()))
 TOP = PVA.stop  # rows of Phi that the strapdown makes
 
 
@@ -44,14 +42,25 @@ class Constants(NamedTuple):
 
     at: np.ndarray  # of Layout
     model: np.ndarray  # `error_model.record`
-    walks: np.ndarray  # (m,) variance a second of the last errors, those of instruments
+    walks: np.ndarray  # (m,) variance a second of the last errors, those from outside
+    F: np.ndarray  # (m, m) 1/s, their law; (0, 0): they are constant but for the walks
+    driving: int  # m if one of them drives increments, else 0
     earth: frames.EarthRotation
 
 
 def constants(layout, model, earth, blocks=()):
-    """Constants. Layout, `error_model.record`, EarthRotation, blocks.Block of instruments"""
-    walks = [block.walk**2 for block in blocks if block.name in layout.names]
-    return Constants(layout.at, model, np.concatenate([np.empty(0), *walks]), earth)
+    """Constants. Layout, `error_model.record`, EarthRotation, blocks.Block from outside"""
+    blocks = [block for block in blocks if block.name in layout.names]
+    walks = np.concatenate([np.empty(0), *(block.walk**2 for block in blocks)])
+    F, k = np.zeros((0, 0)), 0
+    if any(block.F is not None for block in blocks):
+        F = np.zeros((len(walks), len(walks)))
+    for block in blocks:
+        if block.F is not None:
+            F[k : k + block.size, k : k + block.size] = block.F
+        k += block.size
+    driving = len(walks) if any(block.drives is not None for block in blocks) else 0
+    return Constants(layout.at, model, walks, F, driving, earth)
 
 
 class Memory(NamedTuple):
@@ -64,6 +73,16 @@ class Memory(NamedTuple):
     Ps: np.ndarray  # (size, n, n)
     x: np.ndarray  # (X,) of the instant that has been reached
     P: np.ndarray  # (n, n) likewise
+    drives: np.ndarray  # (size, 6, m) of ImuWindow
+
+
+class Workspace(NamedTuple):
+    """Arrays that an interval is worked out in."""
+
+    responses: error_model.Responses
+    top: np.ndarray  # (9, n) first rows of Phi
+    Q: np.ndarray  # (9, 9) of the first errors
+    product: np.ndarray  # (9, n)
 
 
 class Growth(NamedTuple):
@@ -101,7 +120,7 @@ def advance(constants, x, t_s, P, imu, begin_s, end_s):
     x, P = x.copy(), P.copy()
     numbers = np.array([[t_s - begin_s + imu.length_s, imu.dt_s, imu.n, imu.vibration]])
     increments, extra = imu.increments[None], imu.extra[None]
-    memory = Memory(numbers, increments, extra, x[None].copy(), P[None].copy(), x, P)
+    memory = Memory(numbers, increments, extra, x[None].copy(), P[None].copy(), x, P, imu.drive[None])
     travel(constants, memory, 0, begin_s, 0, end_s)
     return x, P
 
@@ -131,7 +150,8 @@ def _through(constants, memory, first, begin_s, last, end_s, work):
         until_s = end_s if number == last and end_s < length_s else length_s
         if until_s > begin_s:
             extra = memory.extra[k]
-            imu = ImuWindow(numbers[k, 0], h, memory.increments[k, : BEFORE + n], numbers[k, 3], extra)
+            own, drive = memory.increments[k, : BEFORE + n], memory.drives[k]
+            imu = ImuWindow(numbers[k, 0], h, own, numbers[k, 3], extra, drive)
             row = error_model.valid(model, numbers[k, 0])
             bias_walk, angle, speed = interval(constants, model[row], x, imu, begin_s, until_s, work)
             carry_covariance(constants, model[row], P, work, bias_walk, until_s - begin_s)
@@ -182,15 +202,12 @@ def enter(constants, memory, number, motors, t_end_s, dt_s, n, work=None):
 
 @inner
 def workspace(n):
-    """Responses to errors, which of them are wanted, rows of Phi and Q, a product: see `interval`.
-
-    Responses that nobody wants are multiplied by zero: they must be numbers.
-    """
-    return (
-        np.zeros((WEIGHTS, 3, 3, 3)), np.zeros((WEIGHTS, 2, 3, 3)),
+    """Workspace for n errors. Responses that are not wanted are multiplied by zero: they must be numbers."""
+    responses = error_model.Responses(
         np.empty(WEIGHTS, np.bool_), np.empty(WEIGHTS, np.bool_),
-        np.empty((TOP, n)), np.empty((TOP, TOP)), np.empty((TOP, n)),
+        np.zeros((WEIGHTS, 3, 3, 3)), np.zeros((WEIGHTS, 2, 3, 3)),
     )  # fmt: skip
+    return Workspace(responses, np.empty((TOP, n)), np.empty((TOP, TOP)), np.empty((TOP, n)))
 
 
 @kernel
@@ -200,15 +217,16 @@ def _growth(constants, n, x, imu, begin_s, end_s):
     at, model = constants.at, constants.model
     row = error_model.valid(model, imu.t_end_s)
     bias_walk, _, _ = interval(constants, model[row], x, imu, begin_s, end_s, work)
-    Phi[:TOP] = work[4]
+    Phi[:TOP] = work.top
     if at[CLOCK] >= 0:
         Phi[at[CLOCK], at[CLOCK] + 1] = T
-    if at[RANGE_BIAS] >= 0:
-        for i in range(at[RANGE_BIAS], at[RANGE_BIAS] + SIZES[RANGE_BIAS]):
-            Phi[i, i] = np.exp(-T / model[0].range_bias_time_s)
-    if at[GRAVITY] >= 0:
-        for i in range(at[GRAVITY], at[GRAVITY] + 3):
-            Phi[i, i] = np.exp(-T / FIELD_TIME_S)
+    for block, time_s, _ in laws.fading(model[0]):
+        if at[block] >= 0:
+            for i in range(at[block], at[block] + SIZES[block]):
+                Phi[i, i] = np.exp(-T / time_s)
+    m = constants.F.shape[0]
+    if m > 0:
+        Phi[n - m :, n - m :] = laws.transition(constants.F, T)
     carry_covariance(constants, model[row], Q, work, bias_walk, T)
     return Phi, Q
 
@@ -218,12 +236,18 @@ def interval(constants, noise, x, imu, begin_s, end_s, work):
     """Strapdown and error model of the part begin_s ... end_s of a tick.
 
     noise : row of `Constants.model`;  imu : ImuWindow.  x (X,) at begin_s is carried on in place. Of the
-    workspace are written: (9, n) first rows of Phi; (9, 9) Q of them.
+    Workspace `top` and `Q` are written.
 
     -> m^2/s^5, random walk of the accelerometer bias; rad, m/s, sums of the corrected increments
     """
-    gyro, accel, by_gyro, by_accel, top, Q, _ = work
-    at, earth, h, vibration = constants.at, constants.earth, imu.dt_s, imu.vibration
+    responses, top, Q, at, earth, h = (
+        work.responses,
+        work.top,
+        work.Q,
+        constants.at,
+        constants.earth,
+        imu.dt_s,
+    )
     length_s = h * (imu.increments.shape[0] - BEFORE)
     t_s = imu.t_end_s - length_s + begin_s
     r, v, T = t3.vector(x, X_R.start), t3.vector(x, X_V.start), end_s - begin_s
@@ -232,57 +256,38 @@ def interval(constants, noise, x, imu, begin_s, end_s, work):
     g = gravity_i(t3.plus(r, 0.5 * T, v), angle_0 + rate * (t_s + 0.5 * T), earth.C_iq, earth.C_re)
     g = t3.plus(g, 1.0, t3.vector(x, X_GRAVITY))
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
-    error_model.needed(at, G, by_gyro, by_accel)
-    for k in range(WEIGHTS):
-        if by_gyro[k]:
-            gyro[k] = 0.0
-        if by_accel[k]:
-            accel[k] = 0.0
-    u, u_r, angle, speed = strapdown.travel(
-        x, imu.increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gyro, accel
-    )
-    _drift(x, noise, T)
+    error_model.begin(responses, at, G)
+    u, u_r, angle, speed = strapdown.travel(x, imu, begin_s, end_s, g, responses)
+    laws.drift(x, noise, constants.F, T)
     q_after = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
     C_bi = t3.transposed(t3.dcm_from_quat(q_after))
     for k in range(WEIGHTS):
-        if by_gyro[k]:
-            t3.store(gyro[k, 2], t3.product(C_bi, t3.matrix(gyro[k, 2])))
+        if responses.by_gyro[k]:
+            t3.store(responses.gyro[k, 2], t3.product(C_bi, t3.matrix(responses.gyro[k, 2])))
     top[:] = 0.0
     error_model.put_motion(top, r, u, u_r, C, C_bi, T)
     error_model.put_gravity(top, at, T)
-    _put_imu(top, at, gyro, accel, M, A, G, vibration)
-    along, across, bias_walk = error_model.noise_densities(noise, vibration, T / length_s, T, angle, speed)
-    error_model.process_noise(top, along, across, imu.extra, C, T, Q)
-    return bias_walk, angle, speed
-
-
-@inner(forceinline=True)
-def _drift(x, model, T):
-    """Packed values of what changes by itself, clock, range errors and gravity, after T, in place."""
-    x[X_CLOCK] += T * x[X_CLOCK + 1]
-    x[X_RANGE] *= np.exp(-T / model.range_bias_time_s)
-    x[X_GRAVITY : X_GRAVITY + 3] *= np.exp(-T / FIELD_TIME_S)
-
-
-@inner(forceinline=True)
-def _put_imu(top, at, gyro, accel, M, A, G, vibration):
-    """Columns of the errors of the IMU; M, A, G : nine numbers each."""
     triads = np.empty((3, 3, 3))
     t3.store(triads[0], M)
     t3.store(triads[1], A)
     t3.store(triads[2], t3.product(M, t3.product(G, A)))
-    error_model.put_calibration(top, at, gyro, accel, triads[0], triads[1], triads[2])
-    error_model.put_rectification(top, at, vibration)
+    error_model.put_imu(top, at, responses, triads, imu.vibration, imu.drive)
+    share = T / length_s
+    along, across, bias_walk = error_model.noise_densities(noise, imu.vibration, share, T, angle, speed)
+    error_model.process_noise(top, along, across, imu.extra, C, T, Q)
+    return bias_walk, angle, speed
 
 
 @inner
 def carry_covariance(constants, noise, P, work, bias_walk, T):
     """P <- Phi P Phi^T + Q, in place, exactly symmetric; noise, work: as of `interval`."""
-    top, Q, A, at, walks = work[4], work[5], work[6], constants.at, constants.walks
-    n, drivers = P.shape[0], N_CORE
+    top, Q, A, at, n = work.top, work.Q, work.product, constants.at, P.shape[0]
+    drivers = N_CORE
     for k in range(GRAVITY + 1):
         if at[k] >= 0:
             drivers += SIZES[k]
+    if constants.driving > 0:
+        drivers = n
     for i in range(TOP):
         A[i] = 0.0
         for k in range(drivers):
@@ -303,15 +308,11 @@ def carry_covariance(constants, noise, P, work, bias_walk, T):
         P[BG.start + i, BG.start + i] += noise.gyro_bias_walk**2 * T
         P[BA.start + i, BA.start + i] += bias_walk * T
     if at[CLOCK] >= 0:
-        _clock(P, at[CLOCK], noise.clock_white**2, noise.clock_walk**2, T)
-    if at[RANGE_BIAS] >= 0:
-        left = np.exp(-T / noise.range_bias_time_s)
-        _wander(P, at[RANGE_BIAS], SIZES[RANGE_BIAS], left, noise.range_bias_sigma)
-    if at[GRAVITY] >= 0:
-        _wander(P, at[GRAVITY], 3, np.exp(-T / FIELD_TIME_S), noise.gravity_sigma)
-    for k in range(walks.shape[0]):
-        i = n - walks.shape[0] + k
-        P[i, i] += walks[k] * T
+        laws.clock(P, at[CLOCK], noise.clock_white**2, noise.clock_walk**2, T)
+    for block, time_s, sigma in laws.fading(noise):
+        if at[block] >= 0:
+            laws.wander(P, at[block], SIZES[block], np.exp(-T / time_s), sigma)
+    laws.grow(P, constants.walks, constants.F, T)
 
 
 @inner(forceinline=True)
@@ -327,33 +328,3 @@ def _nine_sums(A, top, Q, i, j, drivers):
         d, e, f = d + y * u, e + y * v, f + y * w
         g, h, m = g + z * u, h + z * v, m + z * w
     return a, b, c, d, e, f, g, h, m
-
-
-@inner
-def _clock(P, c, white, walk, T):
-    """The rows and columns of the receiver's clock, bias at c and drift behind it, after T, in place.
-
-    White frequency noise of density a^2 = `white` and a random walk of frequency of density b^2 = `walk` give
-    its bias a^2 T + b^2 T^3/3, its drift b^2 T, the two together b^2 T^2/2 (Brown & Hwang, Introduction to
-    Random Signals and Applied Kalman Filtering, 4th ed., section 9.3).
-    """
-    n = P.shape[0]
-    for j in range(n):
-        P[c, j] += T * P[c + 1, j]
-    for j in range(n):
-        P[j, c] += T * P[j, c + 1]
-    P[c, c] += white * T + walk * T**3 / 3.0
-    P[c, c + 1] += walk * T**2 / 2.0
-    P[c + 1, c] = P[c, c + 1]
-    P[c + 1, c + 1] += walk * T
-
-
-@inner
-def _wander(P, first, size, left, sigma):
-    """Rows and columns of a first-order Gauss-Markov process of which a part `left` is left, in place."""
-    for i in range(first, first + size):
-        for j in range(P.shape[0]):
-            P[i, j] *= left
-        for j in range(P.shape[0]):
-            P[j, i] *= left
-        P[i, i] += sigma**2 * (1.0 - left * left)

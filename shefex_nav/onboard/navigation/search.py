@@ -52,4 +52,5 @@ def teller(bank):
     P[:KNOWN] = 0.0
     P[:, :KNOWN] = 0.0
     P[:KNOWN, :KNOWN] = mixture.about_best
-    return best._replace(history=History(Tick(tick.t_s, tick.x, P, tick.imu)))
+    driving = best.history.drives.shape[2]
+    return best._replace(history=History(Tick(tick.t_s, tick.x, P, tick.imu), driving=driving))

@@ -31,7 +31,7 @@ MOVED_CAMERA = np.radians(1.0)  # [E] by more than this a mounting does not give
 def _antenna(nav, now):
     """Antenna of the receiver at a Moment."""
     arm, felt = nav.params.l_ba_b, now.felt_packed
-    return measurements.antenna(nav.layout, now.x, now.t_s, nav.earth, arm, felt, now.vibration)
+    return measurements.antenna(nav.layout, now.x, now.t_s, nav.earth, arm, felt, now.vibration, now.drive)
 
 
 def _gps_position(nav, now, fix):
@@ -186,7 +186,7 @@ def _star_trial(nav, now, z, R, fix):
     used = nav.health["star_tracker"].used
     rule = params.release_star if used else params.release_star_first
     state = now.state
-    P_rate = rate_covariance(nav.layout, now.x, now.P, *now.felt, now.vibration)
+    P_rate = rate_covariance(nav.layout, now)
     limit = nav.limits[3]
 
     noise = (nav.noise.gyro * params.imu.gyro_random_walk) ** 2 + now.imu.extra[0].max()
@@ -233,10 +233,10 @@ def _star_admits(nav, z):
     return angle if used > 1 and angle < MOVED_CAMERA else None
 
 
-def rate_covariance(layout, x, P, omega_b, f_b, vibration):
-    """Covariance of the corrected rate by the estimates of the gyro errors: (3, 3) rad^2/s^2."""
-    J_omega, _ = calibration.jacobians(layout, x, omega_b, f_b, vibration)
-    return J_omega @ P @ J_omega.T
+def rate_covariance(layout, now):
+    """Covariance of the corrected rate of a Moment by the estimates of the gyro errors: (3, 3) rad^2/s^2."""
+    J_omega, _ = calibration.jacobians(layout, now.x, *now.felt, now.vibration, now.drive)
+    return J_omega @ now.P @ J_omega.T
 
 
 SENSORS = {

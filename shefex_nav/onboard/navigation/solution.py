@@ -15,11 +15,11 @@ from shefex_nav.geometry import triples as t3
 from shefex_nav.onboard.navigation import integrity_protection, protected
 from shefex_nav.onboard.navigation.calibration import (
     accel_inverse,
+    acting,
     free_increment,
     g_sensitivity,
     gyro_inverse,
     jacobians_packed,
-    shaken,
 )
 from shefex_nav.onboard.navigation.covariance import as_reported
 from shefex_nav.onboard.navigation.state import ATT, POS, VEL, X_Q, X_R, X_V
@@ -171,6 +171,7 @@ def _derive(at, memory, place, P, noise, earth, out, axes):
     out, axes : (N_OUT,) and that of `protected.level_axes` are written
     """
     t_s, dt_s, vibration = memory.numbers[place, 0], memory.numbers[place, 1], memory.numbers[place, 3]
+    drive = memory.drives[place]
     x, sample = memory.xs[place], memory.increments[place, BEFORE - 1 + int(memory.numbers[place, 2])]
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
     turn = t3.vector(frames.omega_ie_i(earth), 0)
@@ -194,10 +195,10 @@ def _derive(at, memory, place, P, noise, earth, out, axes):
         out[S_V + k] = np.sqrt(_variance(g, P, 0))
         out[S_ATT + k] = np.sqrt(P[ATT.start + k, ATT.start + k])
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
-    dtheta, dv = free_increment(shaken(x, vibration), M, A, G, sample.reshape(1, 6), 0, dt_s)
+    dtheta, dv = free_increment(acting(x, vibration, drive), M, A, G, sample.reshape(1, 6), 0, dt_s)
     out[OMEGA], out[OMEGA + 1], out[OMEGA + 2] = t3.scaled(1.0 / dt_s, dtheta)
     felt = np.array(dtheta + dv) / dt_s
-    J_omega, _ = jacobians_packed(at, P.shape[0], x, felt[:3], felt[3:], vibration)
+    J_omega, _ = jacobians_packed(at, P.shape[0], x, felt[:3], felt[3:], vibration, drive)
     # of one increment: white noise, and rounding to whole quanta at both of its ends (variance q^2/12 each)
     white = (noise.random_walk**2 * dt_s + noise.quantum**2 / 6.0) / dt_s**2
     for k in range(3):

@@ -5,10 +5,9 @@ Nominal states are carried by the strapdown; the covariance belongs to their err
     truth = estimate (+) error:   r = r^ + dr,   q_ib = q_ib^ * exp(dtheta_b),   b = b^ + db, ...
 
 Fifteen errors are always there (the slices below); further blocks are switched on by name. `layout` is the
-only place where the order of the errors is settled, `NOMINAL` where that of the packed nominal values is. To
-add a block: a line in `blocks.OPTIONAL`, a field in `NavState`, its columns in `error_model.transition` (if
-it drives the others) or in the measurements that see it, its initial sigma in `scenario.params_onboard`. The
-blocks of instruments (`blocks.Block`) are not known here: their errors and values stand behind all others.
+only place where the order of the errors is settled, `NOMINAL` where that of the packed nominal values is;
+both follow the table of `blocks`. Blocks of instruments and plug-ins (`blocks.Block`) are not known here:
+their errors and values stand behind all others.
 
 What the sensors of the IMU measure, with the blocks of their errors::
 
@@ -19,6 +18,7 @@ What the sensors of the IMU measure, with the blocks of their errors::
 V is the level of vibration, by that of the strongest motor.
 """
 
+from collections import namedtuple
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,8 +39,10 @@ PVA = slice(0, 9)  # position, velocity, attitude
 CORE = {"position": POS, "velocity": VEL, "attitude": ATT, "gyro_bias": BG, "accel_bias": BA}
 
 # index of a block in `Layout.at`
-ROLL_COLUMN, G_SCALE, G_MISALIGN, G_SENSE, A_SCALE, A_MISALIGN, A_RECTIFIED, GRAVITY = range(8)
-MOUNTING, LEVER, CLOCK, LATENCY, RANGE_BIAS = range(8, 13)
+ROLL_COLUMN, GRAVITY, MOUNTING, LEVER, CLOCK, LATENCY, RANGE_BIAS = map(
+    list(OPTIONAL).index,
+    ("gyro_roll_column", "gravity", "mounting", "lever_arm", "clock", "gps_latency", "range_bias"),
+)
 
 NOMINAL = {}  # place of every value in the packed nominal state, whether its error is estimated or not
 for _name, _size in {
@@ -75,7 +77,7 @@ def layout(names=DEFAULT_STATES, blocks=()):
     """Layout of the core and the named blocks; LayoutError if they do not exist or do not go together.
 
     names : of OPTIONAL and of `blocks`
-    blocks : blocks.Block of instruments, of which those that are not named are off
+    blocks : blocks.Block of instruments and plug-ins, of which those that are not named are off
     """
     names = checked(names, [block.name for block in blocks])
     sizes = OPTIONAL | {block.name: block.size for block in blocks}
@@ -97,49 +99,28 @@ def layout(names=DEFAULT_STATES, blocks=()):
     return Layout(ordered, n, places, at, nominal, values)
 
 
-_NOTHING = {size: np.zeros(size) for size in OPTIONAL.values()}
-for _zeros in _NOTHING.values():
+NavState = namedtuple(
+    "NavState",
+    ("t_s", *NOMINAL, "others"),
+    defaults=(*(np.zeros(size) for size in OPTIONAL.values()), np.empty(0)),
+)
+NavState.__doc__ = """Nominal state at one instant; what is not estimated keeps its value.
+
+t_s : mission time [s];  r_i, v_i : (3,) m, m/s;  q_ib : (4,);  gyro_bias, accel_bias : (3,) rad/s, m/s^2
+the blocks of `blocks.STATES`, each (size,) in its unit, zero unless given. To be added to nominal values:
+    lever_arm, gravity (to that of the on-board field); C_bc = exp(skew(mounting)) C_bc(nominal)
+others : of the blocks of instruments and plug-ins that are on, one after the other
+"""
+for _zeros in NavState._field_defaults.values():
     _zeros.setflags(write=False)
-
-
-class NavState(NamedTuple):
-    """Nominal state at one instant; what is not estimated keeps its value."""
-
-    t_s: float
-    r_i: np.ndarray  # (3,) m
-    v_i: np.ndarray  # (3,) m/s
-    q_ib: np.ndarray  # (4,)
-    gyro_bias: np.ndarray  # (3,) rad/s
-    accel_bias: np.ndarray  # (3,) m/s^2
-    gyro_roll_column: np.ndarray = _NOTHING[3]  # this and all below as in OPTIONAL
-    mounting: np.ndarray = _NOTHING[3]  # (3,) rad; C_bc = exp(skew(mounting)) C_bc(nominal)
-    gyro_scale: np.ndarray = _NOTHING[3]
-    gyro_misalignment: np.ndarray = _NOTHING[6]
-    gyro_g_sensitivity: np.ndarray = _NOTHING[9]
-    accel_scale: np.ndarray = _NOTHING[3]
-    accel_misalignment: np.ndarray = _NOTHING[6]
-    lever_arm: np.ndarray = _NOTHING[3]  # (3,) m, to be added to the nominal one
-    clock: np.ndarray = _NOTHING[2]
-    gps_latency: np.ndarray = _NOTHING[1]  # (1,) s
-    range_bias: np.ndarray = _NOTHING[32]
-    accel_rectification: np.ndarray = _NOTHING[3]
-    gravity: np.ndarray = _NOTHING[3]  # (3,) m/s^2, inertial axes, to be added to that of the on-board field
-    others: np.ndarray = np.empty(0)  # of the blocks of instruments that are on, one after the other
 
 
 def pack(state):
     """The nominal values of a NavState as one array for kernels, in the order of NOMINAL: (X,)."""
-    return np.concatenate(
-        [
-            state.r_i, state.v_i, state.q_ib, state.gyro_bias, state.accel_bias, state.gyro_roll_column,
-            state.gyro_scale, state.gyro_misalignment, state.gyro_g_sensitivity, state.accel_scale,
-            state.accel_misalignment, state.accel_rectification, state.gravity, state.mounting,
-            state.lever_arm, state.clock, state.gps_latency, state.range_bias, state.others,
-        ]
-    )  # fmt: skip
+    return np.concatenate(state[1:])
 
 
-_SLICES = [NOMINAL[name] for name in NavState._fields[1:-1]] + [slice(N_NOMINAL, None)]
+_SLICES = [*NOMINAL.values(), slice(N_NOMINAL, None)]
 
 
 def unpack(t_s, x):
@@ -151,7 +132,7 @@ class ImuModel(NamedTuple):
     """What the filter assumes of the inertial sensors beyond its states; all are numbers.
 
     Errors that are no states enter as noise (`error_model.noise_densities` says how). An error whose block is
-    estimated must not be counted here as well: `scenario.params_onboard` leaves it out.
+    estimated must not be counted here as well: `blocks.left_as_noise` leaves it out.
     """
 
     gyro_random_walk: float  # rad/sqrt(s)
@@ -215,6 +196,7 @@ class NavParams(NamedTuple):
     stars: str = "attitude"  # stars by the attitude of each frame; "vectors": each star by itself
     gps_told: GpsTold = NOTHING_TOLD  # of the receiver, beyond what its messages say themselves
     aids: tuple = ()  # of aid.Aid, instruments that the filter uses besides GPS and stars
+    own_blocks: tuple = ()  # of blocks.Block, those that plug-ins bring without an instrument
 
     @property
     def aid_names(self):
@@ -223,8 +205,8 @@ class NavParams(NamedTuple):
 
     @property
     def blocks(self):
-        """Blocks of all aids: tuple of blocks.Block."""
-        return tuple(block for aid in self.aids for block in aid.blocks)
+        """Blocks of all aids and of plug-ins: tuple of blocks.Block."""
+        return (*(block for aid in self.aids for block in aid.blocks), *self.own_blocks)
 
 
 def initial(params, order, alignment):

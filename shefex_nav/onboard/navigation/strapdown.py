@@ -28,12 +28,13 @@ from shefex_nav.geometry import triples as t3
 from shefex_nav.geometry import wgs84
 from shefex_nav.onboard.navigation import error_model
 from shefex_nav.onboard.navigation.calibration import (
+    NO_DRIVE,
     accel_inverse,
+    acting,
     correct_increments,
     free_increment,
     g_sensitivity,
     gyro_inverse,
-    shaken,
 )
 from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V
 
@@ -50,6 +51,7 @@ class ImuWindow(NamedTuple):
     increments: np.ndarray  # (2 + n, 6) rad and m/s, as measured
     vibration: float  # level, 0: no motor burns, 1: the strongest motor
     extra: np.ndarray = NO_EXTRA  # (2, 3) white noise of more, body axes: rad^2/s, m^2/s^3
+    drive: np.ndarray = NO_DRIVE  # (6, m) what the last m errors drive, as in `calibration`
 
     @property
     def dtheta_b(self):
@@ -126,29 +128,29 @@ def gravity_i(r, angle, C_iq, C_re):
 
 
 @inner
-def travel(x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gyro, accel):
+def travel(x, imu, begin_s, end_s, g, responses):
     """Carry packed values through a part of a window, and with them the responses to errors of the IMU.
 
     Parameters
     ----------
     x : (X,) packed nominal state at begin_s; position, velocity and attitude are written
-    increments : (2 + n, 6) of an ImuWindow;  h : s, of each sample;  vibration : level
+    imu : ImuWindow
     begin_s, end_s : s from the start of the window
     g : m/s^2, three numbers, inertial axes
-    by_gyro, by_accel : (7,) bool, weights whose responses are wanted (`error_model.needed`)
-    gyro, accel : (7, 3, 3, 3), (7, 2, 3, 3) as in `error_model.carry`, changed
+    responses : error_model.Responses, changed
 
     Returns
     -------
     u, u_r : velocity and distance gained against free fall, inertial axes
     angle, speed : sums of the corrected increments, rad, m/s
     """
+    increments, h = imu.increments, imu.dt_s
     M, A, G = gyro_inverse(x), accel_inverse(x), g_sensitivity(x)
     r, v = t3.vector(x, X_R.start), t3.vector(x, X_V.start)
     q = x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]
     u_sum = u_r_sum = angle = speed = (0.0, 0.0, 0.0)
     m, weights = np.empty((4, 3, 3)), np.empty(error_model.WEIGHTS)
-    known = shaken(x, vibration)
+    known = acting(x, imu.vibration, imu.drive)
     last = free_increment(known, M, A, G, increments, 0, h)
     before = free_increment(known, M, A, G, increments, 1, h)
     for n in range(BEFORE, increments.shape[0]):
@@ -159,8 +161,8 @@ def travel(x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gy
             T, dtheta, dv, _, _, phi, s, s_r = piece
             C = t3.dcm_from_quat(q)
             u, u_r = t3.turned(C, s), t3.turned(C, s_r)
-            if by_gyro[0]:
-                error_model.carry_all(by_gyro, by_accel, gyro, accel, m, weights, piece, C, u, u_r)
+            if responses.by_gyro[0]:
+                error_model.carry_all(responses, m, weights, piece, C, u, u_r)
             u_r_sum, u_sum = t3.plus(t3.plus(u_r_sum, T, u_sum), 1.0, u_r), t3.plus(u_sum, 1.0, u)
             angle, speed = t3.plus(angle, 1.0, dtheta), t3.plus(speed, 1.0, dv)
             r = t3.plus(t3.plus(t3.plus(r, T, v), 1.0, u_r), 0.5 * T * T, g)
@@ -173,12 +175,13 @@ def travel(x, increments, h, vibration, begin_s, end_s, g, by_gyro, by_accel, gy
 
 
 @kernel
-def felt_packed(x, increments, n, dt_s, vibration, at_s):
+def felt_packed(x, increments, n, dt_s, vibration, drive, at_s):
     """Corrected rate and specific force with packed values: means of the sample in which at_s lies.
 
-    increments : of a window of n samples of dt_s;  at_s : s from its start -> (6,) rad/s, m/s^2
+    increments, dt_s, vibration, drive : of an ImuWindow of n samples;  at_s : s from its start
+    -> (6,) rad/s, m/s^2
     """
     k = BEFORE - 1 + min(max(int(np.ceil(at_s / dt_s - 1e-6)), 1), n)
-    out = correct_increments(shaken(x, vibration), increments[k : k + 1], dt_s)[0]
+    out = correct_increments(acting(x, vibration, drive), increments[k : k + 1], dt_s)[0]
     out /= dt_s
     return out
