@@ -15,21 +15,15 @@ def tables(parts):
 def _shown(part):
     """What a Part looks like: rich objects."""
     from rich import box
-    from rich.table import Table
     from rich.text import Text
 
     from shefex_nav.campaign.parts import Command
+    from shefex_nav.report import columns
 
     if part.rows:
-        table = Table(
-            title=part.title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD,
-            show_header=bool(part.heads),
-        )  # fmt: skip
-        for name in part.heads or [""] * len(part.rows[0]):
-            table.add_column(name.lstrip(">"), justify="right" if name.startswith(">") else "left")
-        for row in part.rows:
-            table.add_row(*(_cell(cell) for cell in row))
-        yield table
+        heads, look = part.heads or [""] * len(part.rows[0]), {"title_style": "bold", "box": box.SIMPLE_HEAD}
+        rows = (map(_cell, row) for row in part.rows)
+        yield columns.table(part.title, heads, rows, show_header=bool(part.heads), **look)
     else:
         yield Text(part.title, style="bold")
     for line in part.lines:

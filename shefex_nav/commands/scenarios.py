@@ -67,22 +67,19 @@ def _show(folder, found, units, json):
         listed = {key: [one._asdict() for one in several] for key, several in named.items()}
         print_json({"folder": folder, **listed})
         return
-    from rich.table import Table
+    from shefex_nav.report import columns
 
-    table = Table(title=f"in {folder}", title_justify="left")
-    table.add_column("scenario", no_wrap=True)
-    table.add_column("command", no_wrap=True)
-    table.add_column("what it is")
-    for one in found:
-        table.add_row(one.name, one.command, one.description)
-    of_units = Table(title="instruments, for example for imu: {use: ln_200s}", title_justify="left")
-    for column in ("instrument", "section", "grade", "unit"):
-        of_units.add_column(column, no_wrap=True)
-    for one in units:
-        of_units.add_row(one.name, one.instrument, one.grade, one.unit)
+    rows = ((one.name, one.command, one.description) for one in found)
+    table = columns.table(f"in {folder}", ("scenario", "command", "what it is"), rows, no_wrap=True)
+    table.columns[-1].no_wrap = False
+    title, heads = (
+        "instruments, for example for imu: {use: ln_200s}",
+        ("instrument", "section", "grade", "unit"),
+    )
+    rows = ((one.name, one.instrument, one.grade, one.unit) for one in units)
     console = stdout(130)
     console.print(table)
-    console.print(of_units)
+    console.print(columns.table(title, heads, rows, no_wrap=True))
 
 
 def _copy(sources, folder):

@@ -1,8 +1,7 @@
 """What smoothing a flight has changed: as an object for other programs, as a table for people."""
 
-from rich.table import Table
-
 from shefex_nav.replay import compare
+from shefex_nav.report import columns
 
 DOF = 9  # of the NEES of position, velocity and attitude
 TOO_SURE = 2.0  # [E] times as much as is expected: a remark
@@ -43,11 +42,10 @@ def table(summary):
     """rich Table: filtered and smoothed RMS by part of the flight."""
     what = "RMS errors in m, m/s and deg, filtered -> smoothed"
     title = f"{summary['scenario']}, seed {summary['seed']}: {what}"
-    found = Table(title=title, title_justify="left")
-    found.add_column("part", no_wrap=True)
-    found.add_column("from T, s", justify="right", no_wrap=True)
-    for heading in ("position", "velocity", "attitude", "NEES of 9"):
-        found.add_column(heading, justify="right")
+    heads = ("part", ">from T, s", ">position", ">velocity", ">attitude", ">NEES of 9")
+    found = columns.table(title, heads)
+    for column in found.columns[:2]:
+        column.no_wrap = True
     for row in summary["parts"]:
         cells = [f"{row['from_s']:+.1f}"]
         for name, digits in (("position_m", 2), ("velocity_m_s", 3), ("attitude_deg", 4)):

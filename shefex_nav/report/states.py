@@ -5,6 +5,7 @@ In: what `prepare.wanted` says of a scenario that leaves the choice to the progr
 
 import math
 
+from shefex_nav.report import columns
 from shefex_nav.scenario.wanted_states import SWAMPS, WINDOW_S
 
 COLUMNS = ("block of states", "its error moves", "noise makes", "estimated", "because")
@@ -12,19 +13,19 @@ COLUMNS = ("block of states", "its error moves", "noise makes", "estimated", "be
 
 def table(effects):
     """rich Table of a list of wanted_states.Effect."""
-    from rich.table import Table
-
     title = (
         f"navigation.states: automatic. 1 sigma, in the worst {WINDOW_S:g} s of the planned flight; "
         f"estimated from {SWAMPS:g} times the noise on"
     )
-    made = Table(title=title, title_justify="left")
-    for name in COLUMNS:
-        made.add_column(name, no_wrap=True)
-    for one in effects:
-        sizes = (_size(one.effect, one.unit), _size(one.noise, one.unit))
-        made.add_row(one.block, *sizes, "yes" if one.on else "no", one.why)
-    return made
+    rows = (
+        (one.block, *(_size(size, one.unit) for size in (one.effect, one.noise)), _yes(one.on), one.why)
+        for one in effects
+    )
+    return columns.table(title, COLUMNS, rows, no_wrap=True)
+
+
+def _yes(on):
+    return "yes" if on else "no"
 
 
 def _size(value, unit):

@@ -11,6 +11,8 @@ from shefex_nav.reproduce import bright_methods as methods
 from shefex_nav.reproduce import imaging, imaging_figures
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.published import BRIGHT
+from shefex_nav.reproduce.rows import count, share
+from shefex_nav.reproduce.stills import random_attitude
 
 SITUATIONS = {  # name -> catalogue stars at least, false stars
     "no_false_star": (3, 0),
@@ -33,12 +35,10 @@ def measure_counts(samples, seed):
 
 def conclude_counts(results):
     counts, _ = results[0]
-    rows = []
-    for magnitudes, published in BRIGHT["catalogue_counts"].items():
-        same = counts[magnitudes] == published
-        why = "" if same else "another edition of the catalogue"
-        rows.append(Row("stars", f"Hp {magnitudes}", published, counts[magnitudes], None, same, why))
-    return rows
+    return [
+        count("stars", f"Hp {magnitudes}", published, counts[magnitudes], "another edition of the catalogue")
+        for magnitudes, published in BRIGHT["catalogue_counts"].items()
+    ]
 
 
 def draw_counts(figure, results, rows):
@@ -66,7 +66,7 @@ def measure_brightest(samples, seed):
     rng, stars = np.random.default_rng(seed), fields.pairs()[0].stars
     table = np.full((samples, 3), np.nan)
     for k in range(samples):
-        rows, _ = fields.in_view(stars, fields.random_attitude(rng), False)
+        rows, _ = fields.in_view(stars, random_attitude(rng), False)
         magnitudes = np.sort(stars.vmag[rows])[: BRIGHT["protocol"]["brightest_used"]]
         table[k, 0] = len(rows)
         if len(rows) >= 4:
@@ -110,9 +110,7 @@ def conclude_brightest(results):
         )
     )  # fmt: skip
     k_bright = int((seen[:, 1] < BRIGHT["protocol"]["reference_star_mag"]).sum())
-    low, high = intervals.proportion(k_bright, k_four)
-    rows.append(Row("a reference star, Hp < 3", "'most'", None, k_bright / k_four, (low, high), None, ""))
-    return [*rows, _pair_row()]
+    return [*rows, share("a reference star, Hp < 3", "'most'", k_bright, k_four), _pair_row()]
 
 
 PAIRS = 44234  # section 4.2.2, of the 1604 stars of the Bright Star Catalogue
@@ -128,8 +126,7 @@ def _pair_row():
         "these are the 1604 brightest of Hipparcos, the paper's those of the Bright Star Catalogue, which "
         "lists the parts of some doubles and has other magnitudes"
     )
-    agrees = n_pairs == PAIRS
-    return Row("pairs within 20 deg", "1604 stars", PAIRS, n_pairs, None, agrees, "" if agrees else why)
+    return count("pairs within 20 deg", "1604 stars", PAIRS, n_pairs, why)
 
 
 def draw_brightest(figure, results, rows):

@@ -13,10 +13,11 @@ import numpy as np
 
 from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import pinhole, pixels, unit_vectors
-from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise
+from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker import catalogue
-from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
+from shefex_nav.reproduce.identification import IDENTIFY
 from shefex_nav.reproduce.published import BRIGHT
+from shefex_nav.reproduce.stills import random_attitude
 
 ARCSEC = np.pi / 180.0 / 3600.0
 EPOCH = 2012.5  # the flight of ZY-3
@@ -35,18 +36,13 @@ MAGNITUDE_SIGMA = BRIGHT["protocol"]["magnitude_sigma"]
 # A star that looks brighter than this is brighter than magnitude 3 beyond three standard deviations.
 REFERENCE = BRIGHT["protocol"]["reference_star_mag"] - 3.0 * MAGNITUDE_SIGMA
 
-PARAMS = IdentifyParams(
+PARAMS = IDENTIFY._replace(
     method="",
     camera=CAMERA,
     tolerance=TOLERANCE,
     max_centroids=BRIGHT["protocol"]["brightest_used"],
-    min_stars=4,
     sigma_px=SIGMA_PX,
-    gate_sigma=4.5,
-    detection_probability=0.9,
-    magnitude_margin=0.3,
     magnitude_sigma=MAGNITUDE_SIGMA,
-    false_alarm=1e-7,
     reference_flux=10.0 ** (-0.4 * REFERENCE),
 )
 
@@ -81,11 +77,6 @@ def pairs():
     diagonal = 2.0 * np.arctan(half_diagonal / CAMERA.focal_length_px)
     side = np.radians(BRIGHT["camera"]["fov_deg"][0])
     return catalogue.pair_table(stars, side), catalogue.pair_table(stars, diagonal)
-
-
-def random_attitude(rng):
-    """Quaternion of an attitude, all equally likely. (4,)"""
-    return quat_normalise(rng.standard_normal(4))
 
 
 def in_view(stars, q_ic, is_round):

@@ -20,6 +20,7 @@ from shefex_nav.reproduce import bright_methods as methods
 from shefex_nav.reproduce import imaging
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.published import BRIGHT
+from shefex_nav.reproduce.stills import random_attitude
 from shefex_nav.world.camera import motion, render
 
 LEAST_STARS = 6  # brighter than 5, in every image of the paper
@@ -54,9 +55,9 @@ def draw_frame(rng):
     """A frame with enough stars: image (rows, columns) uint16, true attitude q_ic."""
     u_i, magnitude = sky()
     bright = fields.pairs()[0].stars
-    q_ic = fields.random_attitude(rng)
+    q_ic = random_attitude(rng)
     while len(fields.in_view(bright, q_ic, False)[0]) < LEAST_STARS:
-        q_ic = fields.random_attitude(rng)
+        q_ic = random_attitude(rng)
     off = np.clip(rng.normal(0.0, MAGNITUDE_SCATTER, len(magnitude)), -MAGNITUDE_LIMIT, MAGNITUDE_LIMIT)
     C_ci = np.ascontiguousarray(dcm_from_quat(q_ic).T)
     camera, psf = fields.CAMERA, render.gaussian_psf(PSF_SIGMA_PX)
@@ -135,8 +136,7 @@ def conclude_table4(results):
     share, interval = n_false.mean() / fields.PARAMS.max_centroids, None
     if len(n_false) > 1:
         interval = tuple(v / fields.PARAMS.max_centroids for v in intervals.mean(n_false))
-    quantity = "false stars among the ten brightest"
-    rows = [Row(quantity, condition, None, float(share), interval, None, "")]
+    rows = [Row("false stars among the ten brightest", condition, None, float(share), interval)]
     for method, codes in zip(methods.METHODS, outcome, strict=True):
         if method in published:
             rows += methods.outcome_rows(condition, method, codes, published[method], 1000)

@@ -8,9 +8,10 @@ import numpy as np
 from shefex_nav.onboard.startracker.identify import bayes, brightness, pyramid, voting
 from shefex_nav.records import Reason
 from shefex_nav.report import intervals
+from shefex_nav.reproduce import rows
 from shefex_nav.reproduce.bright_fields import VOTING_TOLERANCE
 from shefex_nav.reproduce.experiment import Row
-from shefex_nav.reproduce.verdict import POINTS, judgement
+from shefex_nav.reproduce.verdict import POINTS
 
 SUCCESS, FAILED, WRONG = 0, 1, 2
 REPEATS = 3
@@ -130,22 +131,19 @@ def attempt(params, tables, field):
 
 def share_row(quantity, condition, published, k, n, n_published, why):
     """A share beside a published one, which has a sampling error too; they agree if the intervals meet."""
-    low, high = intervals.proportion(k, n)
-    judged = None, ""
-    if published is not None:
-        least, most = intervals.proportion(round(published * n_published), n_published)
-        judged = judgement(k / n, (low, high), why, least=least, most=most, resolves=POINTS, refuted=True)
-    return Row(quantity, condition, published, k / n, (low, high), *judged)
+    least, most = intervals.proportion(round(published * n_published), n_published)
+    criterion = {"least": least, "most": most, "resolves": POINTS, "refuted": True}
+    return rows.judged_share(quantity, condition, published, k, n, why, **criterion)
 
 
 def outcome_rows(condition, method, codes, published, n_published):
     """Success, failed and wrong of one of the paper's methods."""
     shares = (published["success"], published["failed"] / n_published, published["wrong"] / n_published)
-    rows = []
+    found = []
     for code, (outcome, share) in enumerate(zip(OUTCOMES, shares, strict=True)):
         k, why = int((codes == code).sum()), reason(condition, method)
-        rows.append(share_row(f"{method}: {outcome}", condition, share, k, len(codes), n_published, why))
-    return rows
+        found.append(share_row(f"{method}: {outcome}", condition, share, k, len(codes), n_published, why))
+    return found
 
 
 def own_rows(condition, method, codes, n_stars):
@@ -154,8 +152,8 @@ def own_rows(condition, method, codes, n_stars):
     k_success, k_wrong = int((possible == SUCCESS).sum()), int((codes == WRONG).sum())
     four = f"{condition}, four catalogue stars"
     return [
-        share_row(f"{method}: success", four, None, k_success, len(possible), None, ""),
-        share_row(f"{method}: wrong", condition, None, k_wrong, len(codes), None, ""),
+        rows.share(f"{method}: success", four, k_success, len(possible)),
+        rows.share(f"{method}: wrong", condition, k_wrong, len(codes)),
     ]
 
 
@@ -165,41 +163,23 @@ def time_rows(condition, chunk_seconds, published):
     chunk_seconds : (chunks, methods) mean over the fields of each chunk
     """
     rng, names = np.random.default_rng(0), list(METHODS)
-    base, rows = names.index("brightness_referenced"), []
-    rows.append(
-        Row(
-            "brightness_referenced: mean time [ms]", condition, None,
-            float(1e3 * chunk_seconds[:, base].mean()), None, None, "",
-        )
-    )  # fmt: skip
+    base = names.index("brightness_referenced")
+    mean_ms = float(1e3 * chunk_seconds[:, base].mean())
+    found = [Row("brightness_referenced: mean time [ms]", condition, None, mean_ms)]
     for m, method in enumerate(names):
         if m == base:
             continue
         columns = chunk_seconds[:, m], chunk_seconds[:, base]
         measured = float(_ratio(*columns))
         interval = intervals.bootstrap(_ratio, columns, rng) if len(chunk_seconds) > 1 else None
-        wanted = (
-            published[method]["ms"] / published["brightness_referenced"]["ms"]
-            if method in published
-            else None
-        )
-        judged = None, ""
-        if wanted is not None:  # the order, not the factor
-            judged = judgement(
-                measured, interval, TIME_REASON, least=np.nextafter(1.0, 2.0), resolves=TIME_RESOLVES
-            )
         quantity = f"{method}: mean time over brightness_referenced's"
-        rows.append(
-            Row(
-                quantity,
-                condition,
-                wanted,
-                measured,
-                interval,
-                *judged,
-            )
-        )
-    return rows
+        if method not in published:
+            found.append(Row(quantity, condition, None, measured, interval))
+            continue
+        wanted = published[method]["ms"] / published["brightness_referenced"]["ms"]
+        criterion = {"least": np.nextafter(1.0, 2.0), "resolves": TIME_RESOLVES}  # the order, not the factor
+        found.append(rows.judged(quantity, condition, wanted, measured, interval, TIME_REASON, **criterion))
+    return found
 
 
 def _ratio(above, below):

@@ -11,16 +11,16 @@ from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS, pyramid
-from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.records import FrameTruth, Reason, StarFix
 from shefex_nav.report import intervals
-from shefex_nav.reproduce import imaging_figures
+from shefex_nav.reproduce import identification, imaging_figures
 from shefex_nav.reproduce.experiment import Experiment, Row
 from shefex_nav.reproduce.imaging import DETECT, SPACE, all_stars
 from shefex_nav.reproduce.published import SHEFEX
-from shefex_nav.reproduce.shefex_field import CAMERA, FIELD, MERGE, YEAR, flown_pairs, random_attitude
-from shefex_nav.reproduce.stills import electrons, still
-from shefex_nav.reproduce.verdict import POINTS, judgement
+from shefex_nav.reproduce.rows import judged, share
+from shefex_nav.reproduce.shefex_field import CAMERA, FIELD, MERGE, YEAR, flown_pairs
+from shefex_nav.reproduce.stills import electrons, random_attitude, still
+from shefex_nav.reproduce.verdict import POINTS
 
 WRONG = np.radians(0.5)
 GROUND = SPACE._replace(background_electrons=700.0 * 0.05, zero_magnitude_electrons=0.7 * 2.5e6 * 0.05)
@@ -31,19 +31,7 @@ PLACES = ("space", "ground")
 WAYS = ("as published", "default")
 FRAME_S = 0.1
 COS_ERROR = SHEFEX["identification"]["cos_error"]
-IDENTIFY = IdentifyParams(
-    method="bayes",
-    camera=CAMERA,
-    tolerance=np.radians(0.018),
-    max_centroids=15,
-    min_stars=4,
-    sigma_px=0.2,
-    gate_sigma=4.5,
-    detection_probability=0.9,
-    magnitude_margin=0.3,
-    magnitude_sigma=0.3,
-    false_alarm=1e-7,
-)
+IDENTIFY = identification.IDENTIFY._replace(camera=CAMERA, tolerance=np.radians(0.018))
 
 
 @cache
@@ -148,23 +136,12 @@ def conclude_end_to_end(results):
         else:  # frames of one direction show the same stars: the directions are what was drawn
             shares = [(chunk[:, column] == 1).mean() for chunk in results]
             ci95 = intervals.mean(np.array(shares)) if len(shares) > 1 else None
-        measured = float(is_solved.mean())
-        judged = None, ""
-        if goal is not None:
-            judged = judgement(measured, ci95, WHY_FEWER, least=goal, resolves=POINTS, refuted=True)
-        rows.append(
-            Row(
-                "success; agrees when not below the published one",
-                condition,
-                goal,
-                measured,
-                ci95,
-                *judged,
-            )
+        row = Row(
+            "success; agrees when not below the published one", condition, goal, float(is_solved.mean()), ci95
         )
-        wrong = int((verdicts[:, column] == -1).sum())
-        interval = intervals.proportion(wrong, n)
-        rows.append(Row("share of wrong attitudes", condition, None, wrong / n, interval, None, ""))
+        if goal is not None:
+            row = judged(*row[:5], WHY_FEWER, least=goal, resolves=POINTS, refuted=True)
+        rows += [row, share("share of wrong attitudes", condition, (verdicts[:, column] == -1).sum(), n)]
     return rows
 
 

@@ -16,11 +16,10 @@ class Row(NamedTuple):
     condition: str
     published: float | None  # None where the paper gives no figure
     measured: float
-    ci95: tuple[float, float] | None  # None where the measurement has no sampling error (a count)
-    agrees: (
-        bool | None
-    )  # None where there is nothing to agree with, or the sample cannot tell (`verdict.judgement`)
-    why: str  # of a disagreement or of a verdict that was left open; else empty
+    ci95: tuple[float, float] | None = None  # None where the measurement has no sampling error (a count)
+    # None where there is nothing to agree with, or the sample cannot tell (`verdict.judgement`)
+    agrees: bool | None = None
+    why: str = ""  # of a disagreement or of a verdict that was left open
 
 
 class Experiment(NamedTuple):

@@ -11,15 +11,11 @@ from shefex_nav.geometry.rotation import quat_from_rotvec
 from shefex_nav.onboard.startracker import background, scan
 from shefex_nav.onboard.startracker.detect import DetectParams, detect, rules
 from shefex_nav.report import intervals
-from shefex_nav.reproduce.experiment import Row
+from shefex_nav.reproduce import rows
 from shefex_nav.reproduce.published import BRIGHT, SHEFEX
-from shefex_nav.reproduce.shefex_field import (
-    CAMERA,
-    in_view,
-    random_attitude,
-)
-from shefex_nav.reproduce.stills import StillCamera, electrons, still
-from shefex_nav.reproduce.verdict import POINTS, judgement
+from shefex_nav.reproduce.shefex_field import CAMERA, in_view
+from shefex_nav.reproduce.stills import StillCamera, electrons, random_attitude, still
+from shefex_nav.reproduce.verdict import POINTS
 from shefex_nav.world.camera.detector import Electronics
 
 # the camera of the mission at 24 dB and 50 ms: see scenarios/shefex2_andoya.yaml
@@ -121,45 +117,17 @@ def conclude_scan(results):
     measured = float(np.median(ratio))
     interval = intervals.percentile(ratio, 50.0)
     least, most = RATIO_RANGE
-    judged = judgement(measured, interval, WHY_RATIO, least=least, most=most, resolves=0.5 * (most - least))
+    criterion = {"least": least, "most": most, "resolves": 0.5 * (most - least)}
     condition = f"{OBJECTS} objects, median of frames"
+    quantity = "time of maximum search over sequential scan"
     whole = (maximum + before) / (sequential + before)
-    n = len(same)
     return [
-        Row(
-            "time of maximum search over sequential scan",
-            condition,
-            RATIO,
-            measured,
-            interval,
-            *judged,
-        ),
-        _row("sequential scan [ms]", condition, 1e3 * sequential),
-        _row("maximum search [ms]", condition, 1e3 * maximum),
-        _row("the same ratio with background and noise of the frame", condition, whole),
-        Row(
-            "frames with the same objects by both",
-            condition,
-            None,
-            float(same.mean()),
-            intervals.proportion(int(same.sum()), n),
-            None,
-            "",
-        ),
+        rows.judged(quantity, condition, RATIO, measured, interval, WHY_RATIO, **criterion),
+        rows.median("sequential scan [ms]", condition, 1e3 * sequential),
+        rows.median("maximum search [ms]", condition, 1e3 * maximum),
+        rows.median("the same ratio with background and noise of the frame", condition, whole),
+        rows.share("frames with the same objects by both", condition, same.sum(), len(same)),
     ]
-
-
-def _row(quantity, condition, values):
-    """Row of a median that has nothing published beside it."""
-    return Row(
-        quantity,
-        condition,
-        None,
-        float(np.median(values)),
-        intervals.percentile(values, 50.0),
-        None,
-        "",
-    )
 
 
 # --- bright-centroids ---
@@ -227,21 +195,14 @@ def conclude_centroids(results):
     left = scatter(distance[:, :-1])
     smoother = left[:, 0] < left[:, 1]
     condition = f"{IMAGES} images of a star of V {VMAG:g}"
-    share, interval = float(smoother.mean()), intervals.proportion(int(smoother.sum()), len(smoother))
-    judged = judgement(share, interval, WHY_ROUGHER, least=np.nextafter(0.5, 1.0), resolves=POINTS)
-    rows = [
-        Row(
-            "tracks on which the centre of mass has the higher r^2",
-            condition + ", published: one track",
-            1.0,
-            share,
-            interval,
-            *judged,
-        )
-    ]
-    for m, method in enumerate(TRACK_CENTROIDS):
-        rows.append(_row(f"1 - r^2, {method.replace('_', ' ')}", condition, left[:, m]))
-    for m, method in enumerate(TRACK_CENTROIDS):
+    quantity, one = "tracks on which the centre of mass has the higher r^2", ", published: one track"
+    given = 1.0, int(smoother.sum()), len(smoother), WHY_ROUGHER
+    criterion = {"least": np.nextafter(0.5, 1.0), "resolves": POINTS}
+    found = [rows.judged_share(quantity, condition + one, *given, **criterion)]
+    names = [method.replace("_", " ") for method in TRACK_CENTROIDS]
+    for m, name in enumerate(names):
+        found.append(rows.median(f"1 - r^2, {name}", condition, left[:, m]))
+    for m, name in enumerate(names):
         error = np.sqrt(((distance[:, m] - distance[:, -1]) ** 2).mean(axis=1))
-        rows.append(_row(f"error along the track [px rms], {method.replace('_', ' ')}", condition, error))
-    return rows
+        found.append(rows.median(f"error along the track [px rms], {name}", condition, error))
+    return found

@@ -3,13 +3,7 @@
 import numpy as np
 
 from shefex_nav.reproduce.imaging import TRACK_CENTROIDS
-
-COLOURS = ("#1f5fa8", "#d1622b", "#5f9e3f")
-
-
-def _tidy(axis):
-    axis.grid(True, which="major", color="0.9", lw=0.6)
-    axis.spines[["top", "right"]].set_visible(False)
+from shefex_nav.reproduce.picture import COLOURS, tidy
 
 
 def draw_scan(figure, results, rows):
@@ -27,7 +21,7 @@ def draw_scan(figure, results, rows):
         f"ratio {rows[0].measured:.1f}, published {rows[0].published:.1f}", loc="left", fontsize=10
     )
     axis.legend(frameon=False)
-    _tidy(axis)
+    tidy(axis)
 
 
 def draw_centroids(figure, results, _rows):
@@ -46,7 +40,7 @@ def draw_centroids(figure, results, _rows):
     for axis in (left, right):
         axis.set_xlabel("image")
         axis.legend(frameon=False, fontsize=9)
-        _tidy(axis)
+        tidy(axis)
 
 
 def draw_end_to_end(figure, _results, rows):
@@ -63,4 +57,4 @@ def draw_end_to_end(figure, _results, rows):
     axis.set_yticks(range(len(rows)), [row.condition for row in rows], fontsize=9)
     axis.invert_yaxis()
     axis.set_xlabel("success [%]; bar: published as 'more than'")
-    _tidy(axis)
+    tidy(axis)

@@ -4,7 +4,7 @@ from shefex_nav.reproduce import impa_figures, impa_flight, impa_tables
 from shefex_nav.reproduce.experiment import Experiment
 
 # what makes the results of the campaign, besides the world and the software on board
-KEPT = ("impa_field", "impa_methods", "impa_flight", "imaging", "stills", "published")
+KEPT = ("impa_field", "impa_methods", "impa_flight", "identification", "imaging", "stills", "published")
 SAMPLES = 26000  # as in the paper, both shutters and both cases each; and 200 at rest
 CHUNK = 20
 BRIEF = 20  # where the campaign is one of all experiments

@@ -12,12 +12,12 @@ import numpy as np
 
 from shefex_nav.onboard.startracker import multipole_chain
 from shefex_nav.records import Reason
-from shefex_nav.report import intervals
 from shefex_nav.reproduce import impa_field as field
 from shefex_nav.reproduce import impa_flight as flight
 from shefex_nav.reproduce import impa_methods as methods
-from shefex_nav.reproduce.experiment import Experiment, Row
+from shefex_nav.reproduce.experiment import Experiment
 from shefex_nav.reproduce.published import IMPA
+from shefex_nav.reproduce.rows import share
 from shefex_nav.reproduce.stills import still
 
 SHUTTER = "global_shutter"
@@ -112,18 +112,10 @@ def conclude(results):
         published = IMPA["success_percent_by_images"][setting.case][SHUTTER][IMAGES]
         for r, rate in enumerate(IMPA["protocol"]["rates_deg_s"]):
             here = found[:, r, s]
-            k, n = int((here > 0).sum()), len(here)
             condition = f"{setting.case.replace('_', ' ')}, {setting.words}, {rate:g} deg/s"
-            interval = intervals.proportion(k, n)
-            rows.append(
-                Row("success within 2 images", condition, published[1 + r] / 100.0, k / n, interval, None, "")
-            )
-    n_wrong = int((found < 0).sum())
-    interval = intervals.proportion(n_wrong, found.size)
-    return [
-        *rows,
-        Row("share of wrong attitudes", "all settings", None, n_wrong / found.size, interval, None, ""),
-    ]
+            of_paper = published[1 + r] / 100.0
+            rows.append(share("success within 2 images", condition, (here > 0).sum(), len(here), of_paper))
+    return [*rows, share("share of wrong attitudes", "all settings", (found < 0).sum(), found.size)]
 
 
 def draw(figure, results, rows):

@@ -5,8 +5,9 @@ from scipy import stats
 
 from shefex_nav.report import intervals
 from shefex_nav.reproduce.experiment import Row
+from shefex_nav.reproduce.picture import legend_below, tidy
 from shefex_nav.reproduce.published import IMPA, IMPA_KURTOSIS
-from shefex_nav.reproduce.verdict import judgement
+from shefex_nav.reproduce.rows import judged, near, share
 
 KINDS = (
     "global_shutter",
@@ -83,24 +84,20 @@ def _published_rows(kind, rate, rows):
         errors = mine[:, COLUMNS.index("x") + axis]
         goal = IMPA["centroid_error_std_px"][table][name][r]
         std, interval = float(errors.std(ddof=1)), intervals.rms(errors - errors.mean())
-        margin = MARGIN * goal
-        judged = judgement(std, interval, WHY[kind], least=goal - margin, most=goal + margin, resolves=margin)
         quantity = f"std, {name} [px]; agrees within 25 %"
-        out.append(Row(quantity, condition, goal, std, interval, *judged))
+        out.append(near(quantity, condition, goal, std, interval, WHY[kind], MARGIN * goal))
         mean, skewness, kurtosis = errors.mean(), stats.skew(errors), stats.kurtosis(errors, fisher=False)
         out.append(_info(f"mean, {name} [px]", condition, mean, intervals.mean(errors)))
         out.append(_info(f"skewness, {name}", condition, skewness))
         out.append(_info(f"kurtosis, {name}", condition, kurtosis, None, IMPA_KURTOSIS[table][name][r]))
     at = (column(rows, "kind") == KINDS.index(kind)) & (column(rows, "rate_deg_s") == rate)
-    n_none = int(at.sum()) - len(mine)
-    share = n_none / max(at.sum(), 1)
-    out.append(_info("clusters at no star", condition, share, intervals.proportion(n_none, int(at.sum()))))
+    out.append(share("clusters at no star", condition, at.sum() - len(mine), at.sum()))
     return out
 
 
 def _info(quantity, condition, value, interval=None, published=None):
     """A row without a verdict."""
-    return Row(quantity, condition, published, float(value), interval, None, "")
+    return Row(quantity, condition, published, float(value), interval)
 
 
 def _own_rows(kind, rate, mine):
@@ -116,18 +113,18 @@ def _own_rows(kind, rate, mine):
             std, interval = float(errors.std(ddof=1)), intervals.rms(errors - errors.mean())
             strict = kind == "ours_rolling" and rate == RATES[-1]
             most = OWN_GOAL_PX if strict else goal
-            judged = judgement(std, interval, WHY_OWN, most=most, resolves=MARGIN * most)
             quantity = f"ours: std, {name} [px]; agrees if " + ("under 0.2" if strict else "below")
-            out.append(Row(quantity, condition, goal, std, interval, *judged))
+            criterion = {"most": most, "resolves": MARGIN * most}
+            out.append(judged(quantity, condition, goal, std, interval, WHY_OWN, **criterion))
     whole = column(mine, "inside") == 1.0
     faint = ~seen & whole & (column(mine, "snr") > SNR)
     groups = (("fainter, SNR over 15", faint, True), ("brighter", seen & whole, False))
-    for what, group, judged in groups:
-        out += _bound_rows(mine[group], f"{words}, {int(group.sum())} stars, {what}", judged)
+    for what, group, has_goal in groups:
+        out += _bound_rows(mine[group], f"{words}, {int(group.sum())} stars, {what}", has_goal)
     return out
 
 
-def _bound_rows(mine, condition, judged):
+def _bound_rows(mine, condition, has_goal):
     """Ratio of the errors to the bound along and across, and the normalised squared error."""
     if len(mine) < LEAST:
         return []
@@ -136,11 +133,11 @@ def _bound_rows(mine, condition, judged):
         normal = column(mine, name) / np.sqrt(column(mine, "least_" + name))
         ratio, interval = float(np.sqrt((normal**2).mean())), intervals.rms(normal)
         quantity = f"ours: error {name} the streak over the Cramer-Rao bound"
-        found = None, ""
-        if judged:
-            quantity += "; goal 1.3"
-            found = judgement(ratio, interval, WHY_BOUND, most=BOUND_GOAL, resolves=BOUND_GOAL - 1.0)
-        out.append(Row(quantity, condition, None, ratio, interval, *found))
+        if has_goal:
+            given, criterion = (None, ratio, interval), {"most": BOUND_GOAL, "resolves": BOUND_GOAL - 1.0}
+            out.append(judged(f"{quantity}; goal 1.3", condition, *given, WHY_OWN, **criterion))
+        else:
+            out.append(_info(quantity, condition, ratio, interval))
     nes = column(mine, "nes") / 2.0
     out.append(
         _info("ours: normalised squared error per axis (1: as the covariance says)", condition, nes.mean(),
@@ -149,7 +146,6 @@ def _bound_rows(mine, condition, judged):
     return out
 
 
-WHY_BOUND = "not explained"
 SHOWN_PX = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # on the axis
 STYLES = {
     "global_shutter": ("#1f5fa8", "o-", "IMPA, global"),
@@ -184,8 +180,6 @@ def draw(figure, results, _rows):
         axis.set_xticks(RATES)
         axis.set_xlabel("rate [deg/s]")
         axis.set_title(f"{name} (stars that the published threshold detects)", loc="left", fontsize=10)
-        axis.grid(True, color="0.9", lw=0.6)
-        axis.spines[["top", "right"]].set_visible(False)
+        tidy(axis)
     axes[0].set_ylabel("standard deviation of the centroid error [px]")
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    legend_below(figure, axes[0], 3)

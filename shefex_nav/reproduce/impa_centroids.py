@@ -15,7 +15,7 @@ from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker import best_attitude, multipole_chain
 from shefex_nav.onboard.startracker import clusters as cluster
 from shefex_nav.onboard.startracker.compensate import FORMS
-from shefex_nav.reproduce import impa_bound, impa_centroid_tables
+from shefex_nav.reproduce import impa, impa_bound, impa_centroid_tables
 from shefex_nav.reproduce import impa_field as field
 from shefex_nav.reproduce import impa_flight as flight
 from shefex_nav.reproduce import impa_methods as methods
@@ -121,10 +121,7 @@ def measure(samples, seed, first):
 
 
 # what makes the results or says what a stored number means
-KEPT = (
-    *("impa_field", "impa_methods", "impa_flight", "imaging", "stills", "published"),
-    *("impa_centroids", "impa_centroid_tables", "impa_bound"),
-)
+KEPT = (*impa.KEPT, "impa_centroids", "impa_centroid_tables", "impa_bound")
 
 EXPERIMENTS = {
     "impa-centroids": Experiment(
@@ -136,15 +133,6 @@ EXPERIMENTS = {
         conclude=impa_centroid_tables.conclude,
         draw=impa_centroid_tables.draw,
         designed=True,
-        kept=(
-            "impa_field",
-            "impa_methods",
-            "impa_flight",
-            "stills",
-            "published",
-            "impa_centroids",
-            "impa_centroid_tables",
-            "impa_bound",
-        ),
+        kept=KEPT,
     ),
 }

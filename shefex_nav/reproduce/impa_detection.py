@@ -19,16 +19,17 @@ from scipy import integrate, optimize
 from scipy.special import erf, log_ndtr
 
 from shefex_nav.geometry.pinhole import unit_vectors
-from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise
+from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.streak import place_at
 from shefex_nav.onboard.startracker import clusters
 from shefex_nav.report import intervals
 from shefex_nav.reproduce import impa_field as field
 from shefex_nav.reproduce import impa_methods as methods
 from shefex_nav.reproduce.experiment import Experiment, Row
+from shefex_nav.reproduce.picture import COLOURS, tidy
 from shefex_nav.reproduce.published import IMPA
-from shefex_nav.reproduce.stills import electrons, still
-from shefex_nav.reproduce.verdict import judgement
+from shefex_nav.reproduce.rows import near
+from shefex_nav.reproduce.stills import electrons, random_attitude, still
 
 RATES = tuple(float(rate) for rate in IMPA["protocol"]["rates_deg_s"])
 BETAS = (30.0, 60.0, 90.0)  # deg [E]
@@ -85,7 +86,7 @@ def frame_of(rate_deg_s, beta_deg, rng):
     alpha = np.arccos(np.clip(u_c @ axis, -1.0, 1.0))
     model = model_magnitude(rate_deg_s, alpha)
     vmag = model + rng.uniform(*SPREAD, N_STARS)
-    q_ic = quat_normalise(rng.standard_normal(4))
+    q_ic = random_attitude(rng)
     light = electrons(camera, vmag)
     image, _ = still(camera, u_c @ dcm_from_quat(q_ic).T, light, q_ic, rng, omega_c=omega_c)
     published = clusters.find(methods.CHAIN.clusters, image).xy_px
@@ -140,7 +141,7 @@ def conclude(results):
     width = 1.0 / streak_share(field.PSF_SIGMA_PX)
     rows = [
         Row("width of a streak, r_psf [px]", f"Gaussian of {field.PSF_SIGMA_PX:g} px", R_PSF, width, None,
-            bool(abs(width - R_PSF) < 0.01), "")
+            bool(abs(width - R_PSF) < 0.01))
     ]  # fmt: skip
     for m, method in enumerate(METHODS):
         for b, beta in enumerate(BETAS):
@@ -152,31 +153,30 @@ def conclude(results):
                 if len(difference) > 1 and np.isfinite(value):
                     interval = intervals.bootstrap(half_found, columns, rng, resamples=200)
                     interval = tuple(model + end for end in interval)
-                judged = None, ""
-                quantity = f"{method}: faintest magnitude found in half the cases"
-                if method == "published":
-                    quantity += " beside the model; agrees within 0.3"
-                    judged = judgement(
-                        model + value, interval, WHY, least=model - TOLERANCE, most=model + TOLERANCE,
-                        resolves=TOLERANCE,
-                    )  # fmt: skip
                 condition = f"{rate:g} deg/s, axis {beta:g} deg from the boresight"
-                goal = model if method == "published" else None
-                rows.append(Row(quantity, condition, goal, model + value, interval, *judged))
+                quantity, given = f"{method}: faintest magnitude found in half the cases", (value, interval)
+                rows.append(_row(quantity, condition, model, *given, has_goal=method == "published"))
     return rows
+
+
+def _row(quantity, condition, model, value, interval, *, has_goal):
+    """Row of a magnitude, `value` fainter than the model's; the published threshold is to agree with it."""
+    if not has_goal:
+        return Row(quantity, condition, None, model + value, interval)
+    quantity += " beside the model; agrees within 0.3"
+    return near(quantity, condition, model, model + value, interval, WHY, TOLERANCE)
 
 
 def draw(figure, _results, rows):
     """As figure 12: the model as lines, the simulation as points with intervals; ours beside."""
     figure.set_size_inches(8.5, 5.5)
     axis = figure.subplots()
-    colours = ("#1f5fa8", "#d1622b", "#5f9e3f")
     rate = np.linspace(0.3, 5.2, 200)
-    for beta, colour in zip(BETAS, colours, strict=True):
+    for beta, colour in zip(BETAS, COLOURS, strict=False):
         model = model_magnitude(rate, np.radians(beta) - HALF_FIELD)
         axis.plot(rate, np.minimum(model, FAINTEST_SHOWN), color=colour, lw=1.2, label=f"model, {beta:g} deg")
     for method, style in zip(METHODS, ("o", "s"), strict=True):
-        for beta, colour in zip(BETAS, colours, strict=True):
+        for beta, colour in zip(BETAS, COLOURS, strict=False):
             mine = [row for row in rows if row.quantity.startswith(method)]
             mine = [row for row in mine if row.condition.endswith(f"axis {beta:g} deg from the boresight")]
             values = np.array([row.measured for row in mine])
@@ -189,8 +189,7 @@ def draw(figure, _results, rows):
     axis.set_ylim(top=axis.get_ylim()[1] + 1.2)  # room for the legend
     axis.set_xlabel("rate [deg/s]")
     axis.set_ylabel("faintest magnitude found in half the cases")
-    axis.grid(True, color="0.9", lw=0.6)
-    axis.spines[["top", "right"]].set_visible(False)
+    tidy(axis)
     axis.legend(
         loc="upper right",
         frameon=False,

@@ -4,18 +4,14 @@ import numpy as np
 
 from shefex_nav.report import intervals
 from shefex_nav.reproduce import impa_tables as tables
+from shefex_nav.reproduce import picture
 from shefex_nav.reproduce.impa_field import SHUTTERS
 from shefex_nav.reproduce.impa_flight import CASES, SITUATIONS
+from shefex_nav.reproduce.picture import legend_below, tidy
 from shefex_nav.reproduce.published import IMPA
 
-COLOURS = {"best_case": "#1f5fa8", "worst_case": "#d1622b", "hits in the frame": "#5f9e3f"}
+COLOURS = dict(zip(SITUATIONS, picture.COLOURS, strict=False))
 SHOWN_RATE = 3.0  # of figure 16
-
-
-def tidy(axis):
-    """The look of all figures."""
-    axis.grid(True, which="major", color="0.9", lw=0.6)
-    axis.spines[["top", "right"]].set_visible(False)
 
 
 def draw_images(figure, results, _rows):
@@ -40,8 +36,7 @@ def draw_images(figure, results, _rows):
             tidy(axis)
     for axis in axes[:, 0]:
         axis.set_ylabel("successful simulations [%]")
-    handles, labels = axes[1, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    legend_below(figure, axes[1, 0], 4)
 
 
 def _success_by_images(axis, found, s, c):
@@ -122,5 +117,4 @@ def draw_attitude(figure, _results, rows):
         axis.set_xlabel("rate [deg/s]")
     for axis in axes[:, 0]:
         axis.set_ylabel("standard deviation [arcsec]")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    legend_below(figure, axes[0, 0], 3)

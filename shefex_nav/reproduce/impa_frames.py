@@ -16,6 +16,7 @@ from shefex_nav.reproduce import impa_field as field
 from shefex_nav.reproduce import impa_flight as flight
 from shefex_nav.reproduce import impa_methods as methods
 from shefex_nav.reproduce.experiment import Experiment, Row
+from shefex_nav.reproduce.picture import legend_below
 from shefex_nav.reproduce.published import IMPA
 
 RATES = (0.0, 2.0, 5.0)  # deg/s
@@ -121,7 +122,7 @@ def conclude(results):
 def _share(quantity, condition, k, n):
     """Row of k in n, which the paper does not give."""
     interval = intervals.proportion(int(k), int(n))
-    return Row(quantity, condition, None, 100.0 * k / n, tuple(100.0 * x for x in interval), None, "")
+    return Row(quantity, condition, None, 100.0 * k / n, tuple(100.0 * x for x in interval))
 
 
 def draw(figure, results, rows):
@@ -152,8 +153,7 @@ def draw(figure, results, rows):
         shutter = field.SHUTTERS[k // len(RATES)].replace("_", " ")
         rate = RATES[k % len(RATES)]
         ax.set_title(f"{rate:g} deg/s, {shutter}\nof {len(one.stars_px)} stars: {counts}", fontsize=10)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=10)
+    legend_below(figure, axes[0, 0], 3, frameon=True, fontsize=10)
     figure.suptitle(
         "One field at three rates, 0.2 s a row (the middle of the frame, counts of the whole). "
         "Marks: where the object is in the middle of the exposure; without outline: fainter stars, mostly.",

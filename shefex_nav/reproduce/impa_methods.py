@@ -16,9 +16,8 @@ from shefex_nav.geometry.streak import velocity
 from shefex_nav.onboard.startracker import multipole_chain, objects, streaks, tracker
 from shefex_nav.onboard.startracker.clusters import ClusterParams
 from shefex_nav.onboard.startracker.compensate import CompensateParams
-from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.records import Reason
-from shefex_nav.reproduce import imaging
+from shefex_nav.reproduce import identification, imaging
 from shefex_nav.reproduce import impa_field as field
 from shefex_nav.reproduce.published import IMPA
 from shefex_nav.world.camera import hits
@@ -32,18 +31,13 @@ CHAIN = multipole_chain.ChainParams(
     CompensateParams(10.0),  # v* [E]
     float(IMPA["camera"]["fusion_distance_px"]),
 )
-IDENTIFY = IdentifyParams(
+IDENTIFY = identification.IDENTIFY._replace(
     method="multipole",
     camera=field.CAMERA,
     tolerance=IMPA["protocol"]["tolerance_arcsec"] * ARCSEC,
     max_centroids=200,
     min_stars=IMPA["protocol"]["accept_stars"],
-    sigma_px=0.3,  # this and what follows is of the verification, which the paper does not have
-    gate_sigma=4.5,
-    detection_probability=0.9,
-    magnitude_margin=0.3,
-    magnitude_sigma=0.3,
-    false_alarm=1e-7,
+    sigma_px=0.3,  # of the verification, which the paper does not have
     zero_flux=ZERO_FLUX_DN,
     magnitude_tolerance=0.7,  # eps_m is not given [E]
 )
@@ -61,22 +55,9 @@ SUCCESS = IMPA["protocol"]["success_arcsec"] * ARCSEC  # of each cross-boresight
 @cache
 def own():
     """Settings of our tracker for the paper's camera: TrackerParams."""
-    identify = IDENTIFY._replace(
-        method="bayes", max_centroids=15, min_stars=4, sigma_px=0.2, zero_flux=np.nan
-    )
-    return tracker.TrackerParams(
-        catalogue=None,
-        detect=DETECT,
-        identify=identify,
-        exposure=None,
-        earth_velocity_i=np.zeros(3),  # no aberration in the paper's sky
-        centroid_floor_px=0.03,
-        outlier_sigma=4.0,
-        latency_s=0.0,
-        max_rate=np.inf,
-        sun_exclusion=0.0,
-        limb_exclusion=-np.inf,
-    )
+    ours, paper = identification.IDENTIFY, IDENTIFY
+    identify = ours._replace(camera=paper.camera, tolerance=paper.tolerance)
+    return identification.tracker_params(DETECT, identify)
 
 
 class False50(NamedTuple):

@@ -7,12 +7,13 @@ beyond that, or with the error about the boresight beyond 0.5 deg.
 import numpy as np
 
 from shefex_nav.report import intervals
+from shefex_nav.reproduce import rows
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.impa_field import SHUTTERS
 from shefex_nav.reproduce.impa_flight import CASES, SITUATIONS
 from shefex_nav.reproduce.impa_methods import ACCEPTANCES
 from shefex_nav.reproduce.published import IMPA
-from shefex_nav.reproduce.verdict import POINTS, judgement
+from shefex_nav.reproduce.verdict import POINTS
 
 IMAGES = tuple(IMPA["success_percent_by_images"][CASES[0]][SHUTTERS[0]])
 RATES = (0.0, *(float(rate) for rate in IMPA["protocol"]["rates_deg_s"]))
@@ -53,7 +54,7 @@ def wrong(given, error_arcsec):
 def conclude_images(results):
     """Tables 8, 9, 12, 13; the wrong ones; the same of ours."""
     found = stack(results)
-    rows = []
+    out = []
     for c, case in enumerate(CASES):
         for s, shutter in enumerate(SHUTTERS):
             table = IMPA["success_percent_by_images"][case][shutter]
@@ -63,23 +64,21 @@ def conclude_images(results):
                     if len(here):
                         condition = f"{_words(case)}, {_words(shutter)}, {rate:g} deg/s"
                         share = table[images][r] / 100.0
-                        rows.append(_images_row(here, images, condition, share, WHY_IMAGES[case]))
-    return rows + _wrong_rows(found) + own_rows(found)
+                        out.append(_images_row(here, images, condition, share, WHY_IMAGES[case]))
+    return out + _wrong_rows(found) + own_rows(found)
 
 
 def _images_row(published, images, condition, share, why):
     """One cell of the tables."""
     done = (published[:, 0] > 0) & (published[:, 0] <= images) & good(published[:, 1:])
-    k, n = int(done.sum()), len(done)
-    interval = intervals.proportion(k, n)
-    judged = judgement(k / n, interval, why, least=share - POINTS, resolves=POINTS)
     quantity = f"IMPA: success within {images} images; agrees if not 10 points below"
-    return Row(quantity, condition, share, k / n, interval, *judged)
+    given, criterion = (int(done.sum()), len(done), why), {"least": share - POINTS, "resolves": POINTS}
+    return rows.judged_share(quantity, condition, share, *given, **criterion)
 
 
 def _wrong_rows(found):
     """Wrong attitudes of all frames flown."""
-    rows = []
+    out = []
     for s, shutter in enumerate(SHUTTERS):
         frames = int(found["flown"][:, s].sum())
         for c, case in enumerate(CASES):
@@ -89,17 +88,17 @@ def _wrong_rows(found):
                 across, about = wrong(published[:, 0] > 0, published[:, 1:])
                 why = WHY_WRONG[case] if acceptance == "as published" else NOT_EXPLAINED
                 quantity = f"IMPA {acceptance}: wrong across the boresight [attitudes]; agrees if none"
-                rows.append(_count_row(quantity, condition, across, 0.0, why))
+                out.append(_count_row(quantity, condition, across, 0.0, why))
                 quantity = f"IMPA {acceptance}: wrong about the boresight [attitudes]"
-                rows.append(_count_row(quantity, condition, about, None, why))
+                out.append(_count_row(quantity, condition, about, None, why))
         for k, situation in enumerate(SITUATIONS):
             own = found["own"][:, s, k].reshape(-1, 7)
             across, about = wrong(own[:, 0] > 0, own[:, 1:4])
             condition = f"{_words(situation)}, {_words(shutter)}, {len(own)} frames"
             for what, which in (("across", across), ("about", about)):
                 quantity = f"ours: wrong {what} the boresight [attitudes]; agrees if none"
-                rows.append(_count_row(quantity, condition, which, None, NOT_EXPLAINED, goal=True))
-    return rows
+                out.append(_count_row(quantity, condition, which, None, NOT_EXPLAINED, goal=True))
+    return out
 
 
 def _count_row(quantity, condition, which, published, why, goal=False):
@@ -124,7 +123,7 @@ WHY_WRONG = {
 
 def own_rows(found):
     """Ours: success within two images, beside the paper's own for two."""
-    rows = []
+    out = []
     for s, shutter in enumerate(SHUTTERS):
         for k, situation in enumerate(SITUATIONS):
             for r, rate in enumerate((*RATES, FAST)):
@@ -132,23 +131,23 @@ def own_rows(found):
                 if not len(own):
                     continue
                 done = (good(own[..., 1:4]) & (own[..., 0] > 0)).any(axis=1)
-                n_done, n = int(done.sum()), len(done)
-                interval = intervals.proportion(n_done, n)
-                share, judged, quantity = None, (None, ""), "ours: success within 2 images"
+                given, quantity = (int(done.sum()), len(done)), "ours: success within 2 images"
+                condition = f"{_words(situation)}, {_words(shutter)}, {rate:g} deg/s"
                 if rate < FAST and situation in CASES:
                     share = IMPA["success_percent_by_images"][situation][shutter][2][r] / 100.0
                     goal = OWN_GOALS[situation] if rate == RATES[-1] else share
-                    judged = judgement(n_done / n, interval, NOT_EXPLAINED, least=goal, resolves=POINTS)
                     quantity += f"; agrees if at least {100.0 * goal:g} %"
-                condition = f"{_words(situation)}, {_words(shutter)}, {rate:g} deg/s"
-                rows.append(Row(quantity, condition, share, n_done / n, interval, *judged))
-    return rows
+                    why, criterion = NOT_EXPLAINED, {"least": goal, "resolves": POINTS}
+                    out.append(rows.judged_share(quantity, condition, share, *given, why, **criterion))
+                else:
+                    out.append(rows.share(quantity, condition, *given))
+    return out
 
 
 def conclude_attitude(results):
     """Tables 6, 7, 10, 11: standard deviations of the right attitudes; ours against half of them."""
     found = stack(results)
-    rows = []
+    out = []
     for c, case in enumerate(CASES):
         for s, shutter in enumerate(SHUTTERS):
             for r, rate in enumerate(RATES):
@@ -162,22 +161,20 @@ def conclude_attitude(results):
                 ):
                     is_good = (codes > 0) & good(errors)
                     if name == "ours":
-                        rows += _sigma_rows(condition, errors[is_good] / own[is_good, 4:7])
+                        out += _sigma_rows(condition, errors[is_good] / own[is_good, 4:7])
                     errors = errors[is_good]
-                    rows += _std_rows(name, condition, errors, _published_std(case, shutter, r), rate)
-    return rows
+                    out += _std_rows(name, condition, errors, _published_std(case, shutter, r), rate)
+    return out
 
 
 def _sigma_rows(condition, normal):
     """Whether the covariances of our attitudes cover their errors, axis by axis. (n, 3)"""
-    rows = []
+    out, criterion = [], {"most": COVERED, "resolves": (STD_MARGIN - 1.0) * COVERED, "refuted": True}
     for axis in range(3 if len(normal) > 1 else 0):
         ratio, interval = float(np.sqrt((normal[:, axis] ** 2).mean())), intervals.rms(normal[:, axis])
-        margin = (STD_MARGIN - 1.0) * COVERED
-        judged = judgement(ratio, interval, NOT_EXPLAINED, most=COVERED, resolves=margin, refuted=True)
         quantity = f"ours: {AXES[axis]} error over its sigma, RMS; agrees if {COVERED:g} is possible"
-        rows.append(Row(quantity, condition, None, ratio, interval, *judged))
-    return rows
+        out.append(rows.judged(quantity, condition, None, ratio, interval, NOT_EXPLAINED, **criterion))
+    return out
 
 
 def _published_std(case, shutter, r):
@@ -188,14 +185,12 @@ def _published_std(case, shutter, r):
 
 def _std_rows(name, condition, errors, published, rate):
     """Rows of the three axes."""
-    rows = []
+    out = []
     if len(errors) < 2:
-        return rows
+        return out
     for axis, value in enumerate(published):
-        std, interval = (
-            float(errors[:, axis].std(ddof=1)),
-            intervals.rms(errors[:, axis] - errors[:, axis].mean()),
-        )
+        std = float(errors[:, axis].std(ddof=1))
+        interval = intervals.rms(errors[:, axis] - errors[:, axis].mean())
         quantity, most = f"{name}: std of {AXES[axis]} [arcsec]", value
         if name == "IMPA":
             most = STD_MARGIN * value
@@ -205,10 +200,9 @@ def _std_rows(name, condition, errors, published, rate):
             quantity += "; agrees if under half"
         else:
             quantity += "; agrees if below"
-        margin = (STD_MARGIN - 1.0) * most
-        judged = judgement(std, interval, NOT_EXPLAINED, most=most, resolves=margin, refuted=name == "IMPA")
-        rows.append(Row(quantity, condition, value, std, interval, *judged))
-    return rows
+        criterion = {"most": most, "resolves": (STD_MARGIN - 1.0) * most, "refuted": name == "IMPA"}
+        out.append(rows.judged(quantity, condition, value, std, interval, NOT_EXPLAINED, **criterion))
+    return out
 
 
 def _words(name):

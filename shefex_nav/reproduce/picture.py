@@ -1,5 +1,19 @@
 """The figure of an experiment as a PNG file; matplotlib is imported when a figure is drawn, not before."""
 
+COLOURS = ("#1f5fa8", "#d1622b", "#5f9e3f", "#9c4f96", "#8c6d31")
+
+
+def tidy(axis):
+    """The look of all figures."""
+    axis.grid(True, color="0.9", lw=0.6)
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def legend_below(figure, axis, ncols, **look):
+    """Legend of what one of the axes has, below all of them."""
+    look = {"frameon": False, "fontsize": 9} | look
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=ncols, **look)
+
 
 def draw(experiment, outcome, path):
     """Draw an experiment into a file, over an older figure of the same name."""

@@ -11,6 +11,7 @@ from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.calibrate import calibrate
 from shefex_nav.report import intervals
+from shefex_nav.reproduce import rows
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.published import SHEFEX
 from shefex_nav.reproduce.shefex_field import (
@@ -24,9 +25,9 @@ from shefex_nav.reproduce.shefex_field import (
     flown,
     flown_pairs,
     match,
-    random_attitude,
 )
-from shefex_nav.reproduce.verdict import TOO_FEW, judgement
+from shefex_nav.reproduce.stills import random_attitude
+from shefex_nav.reproduce.verdict import TOO_FEW
 from shefex_nav.solve.camera import Camera, undistort
 from shefex_nav.solve.centroids import solve_centroids
 
@@ -121,8 +122,8 @@ def conclude_attitude(results):
         _crossing_row(errors[:, 1], percentiles, "97.5th percentile, all stars known", thin),
         _crossing_row(identified, three_sigma, "3 sigma, stars as identified", stricter),
         _crossing_row(errors[:, 1], three_sigma, "3 sigma, all stars known", stricter),
-        _exactly("axes whose error rises steadily", "figure 10", 3, rising, thin),
-        _exactly("of roll and pitch, above 0.1 deg", where, 0, critical, thin),
+        rows.count("axes whose error rises steadily", "figure 10", 3, rising, thin),
+        rows.count("of roll and pitch, above 0.1 deg", where, 0, critical, thin),
         _ratio_row(identified[:, AT]),
         *(_percentile_row(identified[:, AT, axis], axis, fewer) for axis in range(3)),
         *(_identified_row(identified, e) for e in (AT, len(ERRORS_PX) - 1)),
@@ -151,10 +152,8 @@ def _crossing_row(errors, what, condition, why):
     if len(yaw) > 1 and np.isfinite(measured):
         rng = np.random.default_rng(BOOTSTRAP_SEED)
         interval = intervals.bootstrap(lambda x: crossing(what(x)), [yaw], rng, resamples=RESAMPLES)
-    least, most = CROSSING_PX - NEAR_PX, CROSSING_PX + NEAR_PX
-    judged = judgement(measured, interval, why, least=least, most=most, resolves=NEAR_PX)
     quantity = "centroid error where yaw passes 0.1 deg [px]"
-    return Row(quantity, condition, CROSSING_PX, measured, interval, *judged)
+    return rows.near(quantity, condition, CROSSING_PX, measured, interval, why, NEAR_PX)
 
 
 def _percentile_row(values, axis, why):
@@ -162,23 +161,18 @@ def _percentile_row(values, axis, why):
     values = np.abs(values[np.isfinite(values)])
     measured = float(np.percentile(values, PERCENTILE)) if len(values) else np.nan
     interval = intervals.percentile(values, PERCENTILE) if len(values) else None
-    published, judged = None, (None, "")
-    if AXES[axis] == "yaw":
-        published = LIMIT_DEG
-        near = published * NEAR_PX / CROSSING_PX
-        least, most = published - near, published + near
-        judged = judgement(measured, interval, why, least=least, most=most, resolves=near)
     quantity = f"97.5th percentile of the {AXES[axis]} error [deg]"
     condition = f"centroid error {CROSSING_PX} px"
-    return Row(quantity, condition, published, measured, interval, *judged)
+    if AXES[axis] != "yaw":
+        return Row(quantity, condition, None, measured, interval)
+    margin = LIMIT_DEG * NEAR_PX / CROSSING_PX
+    return rows.near(quantity, condition, LIMIT_DEG, measured, interval, why, margin)
 
 
 def _identified_row(errors, e):
     """Share of the attitudes that the pyramid identified."""
-    n_ok = int(np.isfinite(errors[:, e, 0]).sum())
     condition = f"cosError 5.5e-5, centroid error {ERRORS_PX[e]:g} px"
-    interval = intervals.proportion(n_ok, len(errors))
-    return Row("identified", condition, None, n_ok / len(errors), interval, None, "")
+    return rows.share("identified", condition, np.isfinite(errors[:, e, 0]).sum(), len(errors))
 
 
 def _ratio_row(errors):
@@ -193,14 +187,8 @@ def _ratio_row(errors):
         return Row(quantity, condition, 10, np.nan, None, None, TOO_FEW)
     rng = np.random.default_rng(BOOTSTRAP_SEED)
     interval = intervals.bootstrap(ratio, [errors], rng, resamples=RESAMPLES)
-    measured, why = ratio(errors), "not explained"
-    judged = judgement(measured, interval, why, least=10.0, most=100.0, resolves=RATIO_RESOLVES, refuted=True)
-    return Row(quantity, condition, 10, measured, interval, *judged)
-
-
-def _exactly(quantity, condition, published, measured, why):
-    agrees = measured == published
-    return Row(quantity, condition, published, measured, None, agrees, "" if agrees else why)
+    given, criterion = (10, ratio(errors), interval, "not explained"), {"least": 10.0, "most": 100.0}
+    return rows.judged(quantity, condition, *given, **criterion, resolves=RATIO_RESOLVES, refuted=True)
 
 
 # --- shefex-calibration ---
@@ -284,30 +272,29 @@ def conclude_calibration(results):
     """What the calibration finds of the true camera."""
     frames = [frame for chunk in results for frame in chunk]
     named = [frame for frame in frames if frame is not None]
-    share, interval = len(named) / len(frames), intervals.proportion(len(named), len(frames))
-    condition = "with the nominal focal length, 25.00 mm"
-    rows = [Row("frames identified", condition, None, share, interval, None, "")]
     n_wrong = sum(frame[2] for frame in named)
-    rows.append(Row("stars named wrongly [stars]", f"in {len(named)} frames", None, n_wrong, None, None, ""))
+    condition = "with the nominal focal length, 25.00 mm"
+    table = [
+        rows.share("frames identified", condition, len(named), len(frames)),
+        Row("stars named wrongly [stars]", f"in {len(named)} frames", None, n_wrong),
+    ]
     condition = f"{len(named)} frames; nominal 25.00, true {TRUE_MM} mm"
     try:
         result = calibrated(frames)
     except ValueError as error:
-        return [*rows, Row("focal length [mm]", condition, TRUE_MM, np.nan, None, False, str(error))]
+        return [*table, Row("focal length [mm]", condition, TRUE_MM, np.nan, None, False, str(error))]
     f_mm, sigma = result.camera.focal_length_px * PIXEL_MM, result.sigma
     half = 1.96 * sigma["focal_length_px"] * PIXEL_MM
     interval, why = (f_mm - half, f_mm + half), f"{len(named)} frames determine it to {half:.3f} mm (95 %)"
-    least, most = TRUE_MM - ACCURACY_MM, TRUE_MM + ACCURACY_MM
-    judged = judgement(f_mm, interval, why, least=least, most=most, resolves=ACCURACY_MM)
-    rows.append(Row("focal length [mm]", condition, TRUE_MM, f_mm, interval, *judged))
+    table.append(rows.near("focal length [mm]", condition, TRUE_MM, f_mm, interval, why, ACCURACY_MM))
     found = (result.camera.cx_px, result.camera.cy_px, result.distortion[0])
     true = (TRUE_CAMERA.cx_px, TRUE_CAMERA.cy_px, TRUE_K1)
     for name, value, truth in zip(("cx_px", "cy_px", "k1"), found, true, strict=True):
         ends = (value - 1.96 * sigma[name], value + 1.96 * sigma[name])
-        rows.append(Row(name, f"true value {truth:g}", None, float(value), ends, None, ""))
-    chi = np.sqrt(result.chi2 / result.dof)
-    rows.append(Row("residuals over their expectation (RMS)", "all frames", None, float(chi), None, None, ""))
-    return rows + _scatter_rows(frames)
+        table.append(Row(name, f"true value {truth:g}", None, float(value), ends))
+    chi = float(np.sqrt(result.chi2 / result.dof))
+    table.append(Row("residuals over their expectation (RMS)", "all frames", None, chi))
+    return table + _scatter_rows(frames)
 
 
 def _scatter_rows(frames):
@@ -317,4 +304,4 @@ def _scatter_rows(frames):
         return []
     errors = np.array([calibrated(block).camera.focal_length_px * PIXEL_MM - TRUE_MM for block in blocks])
     rms, condition = float(np.sqrt(np.mean(errors**2))), f"{len(blocks)} calibrations of {BLOCK} frames each"
-    return [Row("error of the focal length, RMS [mm]", condition, None, rms, intervals.rms(errors), None, "")]
+    return [Row("error of the focal length, RMS [mm]", condition, None, rms, intervals.rms(errors))]

@@ -11,11 +11,12 @@ import numpy as np
 
 from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import pinhole, pixels, unit_vectors
-from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise
+from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.identify import pyramid
-from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
+from shefex_nav.reproduce.identification import IDENTIFY
 from shefex_nav.reproduce.published import SHEFEX
+from shefex_nav.reproduce.stills import random_attitude
 
 YEAR = 2011.5  # of the paper
 CAMERA = pinhole(
@@ -34,18 +35,8 @@ COMBINED = catalogue.CatalogueParams(
 )
 MAX_CENTROIDS = SHEFEX["identification"]["max_centroids"]
 MIN_STARS = 4
-PYRAMID = IdentifyParams(
-    method="pyramid",
-    camera=CAMERA,
-    tolerance=0.0,  # cos_error stands in its place; what follows it here is of the verification, which is off
-    max_centroids=MAX_CENTROIDS,
-    min_stars=MIN_STARS,
-    sigma_px=0.15,
-    gate_sigma=4.5,
-    detection_probability=0.9,
-    magnitude_margin=0.3,
-    magnitude_sigma=0.3,
-    false_alarm=1e-7,
+PYRAMID = IDENTIFY._replace(  # cos_error stands in the place of its tolerance; nothing is verified
+    method="pyramid", camera=CAMERA, max_centroids=MAX_CENTROIDS, min_stars=MIN_STARS
 )
 
 
@@ -68,11 +59,6 @@ def flown():
 def flown_pairs():
     """Its pairs: StarPairs."""
     return catalogue.pair_table(flown(), FIELD)
-
-
-def random_attitude(rng):
-    """Uniform over all rotations. Generator -> (4,)."""
-    return quat_normalise(rng.standard_normal(4))
 
 
 def in_view(u_i, q_ic):

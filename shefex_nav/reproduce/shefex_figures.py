@@ -5,14 +5,9 @@ import numpy as np
 from shefex_nav.report import intervals
 from shefex_nav.reproduce import shefex_attitude as attitude
 from shefex_nav.reproduce import shefex_stars as stars
+from shefex_nav.reproduce.picture import COLOURS, tidy
 
 STYLES = ("o-", "s-", "^-", "D-", "v-")
-COLOURS = ("#1f5fa8", "#d1622b", "#5f9e3f", "#9c4f96", "#8c6d31")
-
-
-def _tidy(axis):
-    axis.grid(True, which="major", color="0.9", lw=0.6)
-    axis.spines[["top", "right"]].set_visible(False)
 
 
 def draw_catalogue(figure, _results, _rows):
@@ -34,7 +29,7 @@ def draw_catalogue(figure, _results, _rows):
         axis.set_ylim(-90.0, 90.0)
         axis.set_xticks(range(0, 361, 60))
         axis.set_yticks(range(-90, 91, 30))
-        _tidy(axis)
+        tidy(axis)
     axis.set_xlabel("right ascension [deg]")
 
 
@@ -57,7 +52,7 @@ def draw_cos_error(figure, results, _rows):
         axis.set_xlabel("cosError")
         axis.axvline(stars.COS_ERRORS[stars.CHOSEN], color="0.5", lw=0.9, ls=":")
         axis.legend(title="centroid error", frameon=False, fontsize=9)
-        _tidy(axis)
+        tidy(axis)
     left.set_title("as figure 7", loc="left", fontsize=10)
     right.set_title("as figure 8; dotted: the cosError chosen there", loc="left", fontsize=10)
 
@@ -79,7 +74,7 @@ def draw_spikes(figure, results, _rows):
     axis.set_xlim(0, stars.SPIKES[-1])
     axis.set_ylim(bottom=0.0)
     axis.legend(title="cosError", frameon=False, fontsize=9)
-    _tidy(axis)
+    tidy(axis)
 
 
 def draw_attitude(figure, results, _rows):
@@ -105,7 +100,7 @@ def draw_attitude(figure, results, _rows):
     )
     axis.set_xlim(0.0, attitude.ERRORS_PX[-1])
     axis.legend(frameon=False, fontsize=9)
-    _tidy(axis)
+    tidy(axis)
 
 
 def draw_calibration(figure, results, _rows):
@@ -134,8 +129,8 @@ def draw_calibration(figure, results, _rows):
     left.set_xlabel("frames")
     left.set_ylabel("focal length [mm]")
     left.set_title("estimate, 95 %; grey: true value ± 0.01 mm", loc="left", fontsize=10)
-    _tidy(left)
-    _tidy(right)
+    tidy(left)
+    tidy(right)
 
 
 def _residuals(axis, frames):

@@ -14,14 +14,16 @@ from shefex_nav.geometry.shutter import row_times
 from shefex_nav.onboard.startracker import exposure, objects, streaks, tracker
 from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.records import Reason
-from shefex_nav.report import intervals
 from shefex_nav.reproduce import end_to_end
-from shefex_nav.reproduce.experiment import Experiment, Row
+from shefex_nav.reproduce.experiment import Experiment
+from shefex_nav.reproduce.identification import tracker_params
 from shefex_nav.reproduce.imaging import DETECT, SPACE
+from shefex_nav.reproduce.picture import tidy
 from shefex_nav.reproduce.published import SHEFEX
-from shefex_nav.reproduce.shefex_field import CAMERA, random_attitude
-from shefex_nav.reproduce.stills import electrons, still
-from shefex_nav.reproduce.verdict import POINTS, judgement
+from shefex_nav.reproduce.rows import judged_share, median, share
+from shefex_nav.reproduce.shefex_field import CAMERA
+from shefex_nav.reproduce.stills import electrons, random_attitude, still
+from shefex_nav.reproduce.verdict import POINTS
 
 RATES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)  # deg/s
 WAYS = ("as published", "ours")
@@ -30,19 +32,7 @@ NOMINAL_S = 0.05  # exposure of SPACE
 RATE_ERROR = np.radians(0.02)
 LEAST_STARS = 4
 CONTROL = exposure.ExposureParams(0.05, 0.035, 0.05, 0.002, 24.0, 100.0, 4, 4, 1)  # as in the scenario
-OWN = tracker.TrackerParams(
-    catalogue=None,
-    detect=DETECT,
-    identify=end_to_end.IDENTIFY,
-    exposure=CONTROL,
-    earth_velocity_i=np.zeros(3),
-    centroid_floor_px=0.03,
-    outlier_sigma=4.0,
-    latency_s=0.0,
-    max_rate=np.inf,
-    sun_exclusion=0.0,
-    limb_exclusion=-np.inf,
-)
+OWN = tracker_params(DETECT, end_to_end.IDENTIFY, CONTROL)
 MOSTLY, OWN_GOAL = 0.5, 0.9
 GOOD_S = tuple(1e-3 * ms for ms in SHEFEX["exposure_control"]["good_range_ms"])
 
@@ -136,18 +126,14 @@ def conclude(results):
                     judged = (which is enough) == (way == "as published")  # ours: all that were taken
                     rows.append(_success_row(way, rate, words, verdicts[which, w, r] == 1, judged))
         n_wrong, n = int((verdicts[:, w] == -1).sum()), verdicts[:, w].size
-        interval = intervals.proportion(n_wrong, n)
-        agrees = n_wrong == 0 if way == "ours" else None
-        why = WHY_OWN if agrees is False else ""
-        rows.append(
-            Row(f"{way}: share of wrong attitudes", "all rates", None, n_wrong / n, interval, agrees, why)
-        )
+        row = share(f"{way}: share of wrong attitudes", "all rates", n_wrong, n)
+        if way == "ours":
+            row = row._replace(agrees=n_wrong == 0, why=WHY_OWN if n_wrong else "")
+        rows.append(row)
         at = exposures[:, w]
         inside = int(((at >= GOOD_S[0] - 1e-9) & (at <= GOOD_S[1] + 1e-9)).sum())
-        interval = intervals.percentile(1e3 * at, 50.0)
         condition = f"all rates; {inside} of {at.size} in the published range of 35 to 50 ms"
-        rows.append(Row(f"{way}: exposure, median [ms]", condition, None, 1e3 * float(np.median(at)),
-                        interval, None, ""))  # fmt: skip
+        rows.append(median(f"{way}: exposure, median [ms]", condition, 1e3 * at))
     return rows
 
 
@@ -155,18 +141,17 @@ def _success_row(way, rate, words, solved, judged):
     """Success of one chain at one rate; most is more than a half, rarely is less."""
     quantity, least, most = f"{way}: success", None, 1.0
     limits = SHEFEX["identification"]
-    measured, interval = float(solved.mean()), intervals.proportion(int(solved.sum()), len(solved))
     if way == "as published" and judged and rate <= limits["identified_up_to_deg_s"]:
         least, quantity = np.nextafter(MOSTLY, 1.0), quantity + "; published: most"
     elif way == "as published" and judged and rate > limits["rarely_above_deg_s"]:
         least, most, quantity = 0.0, np.nextafter(MOSTLY, 0.0), quantity + "; published: rarely"
     elif way == "ours" and judged and rate == RATES[-1]:
         least, quantity = OWN_GOAL, quantity + "; agrees if at least 90 %"
-    agrees, why = None, ""
-    if least is not None:
-        why = WHY_OWN if way == "ours" else WHY_PUBLISHED
-        agrees, why = judgement(measured, interval, why, least=least, most=most, resolves=POINTS)
-    return Row(quantity, f"{rate:g} deg/s, {words}", None, measured, interval, agrees, why)
+    condition, k, n = f"{rate:g} deg/s, {words}", int(solved.sum()), len(solved)
+    if least is None:
+        return share(quantity, condition, k, n)
+    why, criterion = WHY_OWN if way == "ours" else WHY_PUBLISHED, {"least": least, "most": most}
+    return judged_share(quantity, condition, None, k, n, why, **criterion, resolves=POINTS)
 
 
 WHY_PUBLISHED = (
@@ -196,8 +181,7 @@ def draw(figure, results, rows):
     axis.set_ylim(0.0, 103.0)
     axis.set_xlabel("rate [deg/s]")
     axis.set_ylabel("frames with a right attitude [%]")
-    axis.grid(True, color="0.9", lw=0.6)
-    axis.spines[["top", "right"]].set_visible(False)
+    tidy(axis)
     axis.legend(frameon=False, fontsize=9)
 
 

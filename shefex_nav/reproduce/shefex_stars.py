@@ -15,6 +15,7 @@ from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.report import intervals
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.published import SHEFEX
+from shefex_nav.reproduce.rows import count, share
 from shefex_nav.reproduce.shefex_field import (
     COMBINED,
     FIELD,
@@ -26,8 +27,8 @@ from shefex_nav.reproduce.shefex_field import (
     flown_pairs,
     in_view,
     match,
-    random_attitude,
 )
+from shefex_nav.reproduce.stills import random_attitude
 
 CATALOGUES = {  # name -> settings; 5.2, 5.4 and 5.75 are the magnitudes of section 3.3
     "asymmetric": COMBINED._replace(kind="asymmetric", max_magnitude=5.2, south_magnitude=5.4),
@@ -76,11 +77,8 @@ def conclude_catalogue(results):
     rows = _count_rows(build_catalogues())
     for name in CATALOGUES:
         n_stars = np.concatenate([one[name] for one in results])
-        few = int((n_stars < MIN_STARS).sum())
-        interval = intervals.proportion(few, len(n_stars))
-        rows.append(
-            Row("fields with fewer than four stars", name, None, few / len(n_stars), interval, None, "")
-        )
+        few = (n_stars < MIN_STARS).sum()
+        rows.append(share("fields with fewer than four stars", name, few, len(n_stars)))
     return rows
 
 
@@ -107,16 +105,14 @@ def _count_rows(built):
     )
     faint_uniform = _between(built["uniform"], 5.25, 5.75)
     as_written = "combined, filled from the asymmetric one as the text says"
-    size = f"uniform, {stars} stars of V <= 5.75"
+    size, filled = f"uniform, {stars} stars of V <= 5.75", "asymmetric: V 5.2 north, 5.4 south"
     return [
-        _count("stars", "combined; the size is given", stars, len(built["combined"].hip), 0.0, ""),
-        _count("pairs", "combined, filled from V <= 5.75", n_pairs, pairs["combined"], NEAR, ""),
-        _count("pairs", as_written, n_pairs, pairs[thinned], NEAR, uneven),
-        Row("pairs", "uniform", None, pairs["uniform"], None, None, ""),
-        _count(
-            "stars with V 5.2 ... 5.4", "asymmetric: V 5.2 north, 5.4 south", 180, faint, ABOUT, somewhere
-        ),
-        _count("stars with V 5.25 ... 5.75", size, 450, faint_uniform, ABOUT, depth),
+        count("stars", "combined; the size is given", stars, len(built["combined"].hip), ""),
+        count("pairs", "combined, filled from V <= 5.75", n_pairs, pairs["combined"], "", NEAR),
+        count("pairs", as_written, n_pairs, pairs[thinned], uneven, NEAR),
+        Row("pairs", "uniform", None, pairs["uniform"]),
+        count("stars with V 5.2 ... 5.4", filled, 180, faint, somewhere, ABOUT),
+        count("stars with V 5.25 ... 5.75", size, 450, faint_uniform, depth, ABOUT),
     ]
 
 
@@ -126,11 +122,6 @@ def _uniform(limit):
 
 def _between(stars, bright, faint):
     return int(((stars.vmag > bright) & (stars.vmag <= faint)).sum())
-
-
-def _count(quantity, condition, published, measured, tolerance, why):
-    agrees = bool(abs(measured - published) <= tolerance * published)
-    return Row(quantity, condition, published, measured, None, agrees, "" if agrees else why)
 
 
 # --- shefex-cos-error ---
@@ -185,10 +176,10 @@ def conclude_cos_error(results):
     quickest = "steps of the centroid error that move the quickest cosError up"
     lower = "steps of the centroid error that lower the success"
     rows = [
-        _curves("curves whose time has a minimum between the ends", "figure 7", n_curves, inner, flat),
-        _curves(quickest, "figure 7", n_steps, moves, "near its minimum a curve is flat: scatter decides"),
-        _curves("curves that rise", window, n_curves, rises, f"{against} {max(-up.min(), 0.0):.2g}"),
-        _curves(lower, window, n_steps, order, f"{against} {max(down.max(), 0.0):.2g}"),
+        count("curves whose time has a minimum between the ends", "figure 7", n_curves, inner, flat),
+        count(quickest, "figure 7", n_steps, moves, "near its minimum a curve is flat: scatter decides"),
+        count("curves that rise", window, n_curves, rises, f"{against} {max(-up.min(), 0.0):.2g}"),
+        count(lower, window, n_steps, order, f"{against} {max(down.max(), 0.0):.2g}"),
     ]
     return rows + _rows_at_chosen(verdict, seconds)
 
@@ -198,12 +189,11 @@ def _rows_at_chosen(verdict, seconds):
     n, rows = len(verdict), []
     conditions = [f"cosError 5.5e-5, centroid error {error_px:g} px" for error_px in CENTROID_ERRORS_PX]
     for e, condition in enumerate(conditions):
-        right = int((verdict[:, e, CHOSEN] == RIGHT).sum())
-        rows.append(Row("success", condition, None, right / n, intervals.proportion(right, n), None, ""))
+        rows.append(share("success", condition, (verdict[:, e, CHOSEN] == RIGHT).sum(), n))
     for e, condition in enumerate(conditions):
         ms = 1e3 * seconds[:, e, CHOSEN]
         interval = intervals.mean(ms) if n > 1 else None
-        rows.append(Row("mean time [ms]", condition, None, float(ms.mean()), interval, None, ""))
+        rows.append(Row("mean time [ms]", condition, None, float(ms.mean()), interval))
     return rows
 
 
@@ -226,11 +216,6 @@ def _optimum(mean):
     return np.array(out)
 
 
-def _curves(quantity, condition, published, measured, why):
-    agrees = measured == published
-    return Row(quantity, condition, published, measured, None, agrees, "" if agrees else why)
-
-
 # --- shefex-spikes ---
 
 
@@ -251,8 +236,7 @@ def measure_spikes(samples, seed):
 def conclude_spikes(results):
     """What the text says about figure 9."""
     wrong = np.concatenate(results) == WRONG_ONE
-    n, rate = len(wrong), wrong.mean(axis=0)
-    n_curves = len(SPIKE_COS_ERRORS)
+    n, n_curves = len(wrong), len(SPIKE_COS_ERRORS)
     rising = [_rises(wrong[:, :, c]) for c in range(n_curves)]
     flat = [
         f"{wrong[:, :, c].sum()} at {cos_error:g}"
@@ -263,15 +247,13 @@ def conclude_spikes(results):
     above = int((np.diff(wrong.sum(axis=(0, 1))) > 0).sum())
     total = f"of {n * len(SPIKES)} fields wrong: {', '.join(str(k) for k in wrong.sum(axis=(0, 1)))}"
     rows = [
-        _curves("curves that rise with the number of spikes", "figure 9", n_curves, sum(rising), few),
-        _curves("steps of cosError that raise the wrong ones", "figure 9", n_curves - 1, above, total),
+        count("curves that rise with the number of spikes", "figure 9", n_curves, sum(rising), few),
+        count("steps of cosError that raise the wrong ones", "figure 9", n_curves - 1, above, total),
     ]
     for c, cos_error in enumerate(SPIKE_COS_ERRORS):
         for s in (0, len(SPIKES) // 2, len(SPIKES) - 1):
             condition = f"cosError {cos_error:g}, {SPIKES[s]} spikes"
-            interval = intervals.proportion(int(wrong[:, s, c].sum()), n)
-            quantity = "share of wrong identifications"
-            rows.append(Row(quantity, condition, None, float(rate[s, c]), interval, None, ""))
+            rows.append(share("share of wrong identifications", condition, wrong[:, s, c].sum(), n))
     return rows
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.geometry.pinhole import Pinhole, pixels
-from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise
 from shefex_nav.geometry.shutter import RowTimes, instant_after_s
 from shefex_nav.world.camera import detector, motion, render
 from shefex_nav.world.camera.hits import NO_HITS, add_hits
@@ -27,6 +27,11 @@ class StillCamera(NamedTuple):
     background_electrons: float  # per pixel and exposure
     zero_magnitude_electrons: float  # of the exposure of a row, from a star of magnitude 0
     times: RowTimes | None = None  # needed when the camera turns
+
+
+def random_attitude(rng):
+    """Quaternion of an attitude, all equally likely. Generator -> (4,)"""
+    return quat_normalise(rng.standard_normal(4))
 
 
 def electrons(camera, magnitudes):

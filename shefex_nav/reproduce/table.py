@@ -4,9 +4,9 @@ from math import floor, isfinite, log10
 
 from rich.console import Group
 from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
+from shefex_nav.report import columns
 from shefex_nav.reproduce.verdict import is_open
 
 
@@ -22,14 +22,11 @@ def as_numbers(name, outcome):
 
 
 def _row_as_numbers(row):
-    return {
-        "quantity": row.quantity,
-        "condition": row.condition,
+    return row._asdict() | {
         "published": _finite(row.published),
         "measured": _finite(row.measured),
         "ci95": None if row.ci95 is None else [_finite(end) for end in row.ci95],
         "agrees": None if row.agrees is None else bool(row.agrees),
-        "why": row.why,
     }
 
 
@@ -40,12 +37,10 @@ def _finite(value):
 def experiment_table(name, experiment, outcome):
     """Table of published against measured, the reasons of disagreements below it: rich renderable."""
     title = f"{name}: {experiment.title}"
-    table = Table(title=title, title_justify="left", title_style="bold")
-    table.add_column("quantity")
-    table.add_column("condition")
-    for heading in ("published", "measured", "95 % interval"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("agrees", no_wrap=True)
+    heads = ("quantity", "condition", ">published", ">measured", ">95 % interval", "agrees")
+    table = columns.table(title, heads, title_style="bold")
+    for column in table.columns[2:]:
+        column.no_wrap = True
     notes = list(dict.fromkeys(row.why for row in outcome.rows if row.why))  # each reason once
     for row in outcome.rows:
         step = None if row.ci95 is None else row.ci95[1] - row.ci95[0]

@@ -2,7 +2,7 @@
 
 from math import degrees
 
-from rich.table import Table
+from shefex_nav.report import columns
 
 QUANTITIES = ("position, m", "velocity, m/s", "attitude, deg")
 
@@ -22,9 +22,8 @@ def as_numbers(scenario, first, seeds, ratios):
 def table(ratios, seeds):
     """rich Table of `over_bound.ratios` of so many runs."""
     title = f"rms error of {seeds} runs and the posterior Cramer-Rao bound, 3D"
-    found = Table(title=title, title_justify="left")
-    for name in ("phase", "", "error", "reported sigma", "bound", "error/bound", "gravity known"):
-        found.add_column(name, justify="left" if name in ("phase", "") else "right", no_wrap=True)
+    heads = ("phase", "", ">error", ">reported sigma", ">bound", ">error/bound", ">gravity known")
+    found = columns.table(title, heads, no_wrap=True)
     for phase, values in ratios.items():
         for q, quantity in enumerate(QUANTITIES):
             sizes = [float(values[key][q]) for key in ("error", "sigma", "bound")]

@@ -1,7 +1,6 @@
 """Statistics of a study of many seeds: as an object for other programs, as a table for people."""
 
-from rich.table import Table
-
+from shefex_nav.report import columns
 from shefex_nav.verify import flown
 
 CONTAINED, ONE_FIELD = "3 sigma ", ", one field"  # of `nees.Verdict.what`
@@ -60,9 +59,8 @@ def rows(verdicts):
 
 def table(title, verdicts):
     """rich Table of a list of nees.Verdict."""
-    found = Table(title=title, title_justify="left")
-    for name in ("statistic", "value", "low", "high", "samples", ""):
-        found.add_column(name, justify="left" if name in ("statistic", "") else "right", no_wrap=True)
+    heads = ("statistic", ">value", ">low", ">high", ">samples", "")
+    found = columns.table(title, heads, no_wrap=True)
     for words, one in rows(verdicts):
         numbers = [f"{value:.4f}" for value in (one.value, one.low, one.high)]
         found.add_row(words, *numbers, str(one.samples), "" if one.good else _mark(one))

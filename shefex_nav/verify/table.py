@@ -1,7 +1,8 @@
 """The table of a comparison, for people."""
 
-from rich.table import Table
 from rich.text import Text
+
+from shefex_nav.report import columns
 
 GROUPS = {
     "latitude, longitude": ("latitude", "longitude"),
@@ -14,14 +15,10 @@ GROUPS = {
 def comparison_table(flown):
     """rich Table of the cases flown; of axes that belong together, the worst is shown."""
     simulators = sorted({name for one in flown for c in one.comparisons.values() for name in c.against})
-    table = Table(title="Largest difference from each simulator", title_justify="left")
-    for title in ("case", "quantity", "unit"):
-        table.add_column(title, no_wrap=title != "case")
-    for name in simulators:
-        table.add_column(name, justify="right", no_wrap=True)
-    for title in ("among them", "allowed"):
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("")
+    numbers = (f">{name}" for name in (*simulators, "among them", "allowed"))
+    heads = ("case", "quantity", "unit", *numbers, "")
+    table = columns.table("Largest difference from each simulator", heads, no_wrap=True)
+    table.columns[0].no_wrap = False
     for one in flown:
         for k, (name, comparison) in enumerate(_lines(one.comparisons)):
             differences = (_number(comparison.against.get(s)) for s in simulators)

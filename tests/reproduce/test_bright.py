@@ -8,7 +8,9 @@ import pytest
 from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.onboard.startracker.identify.verify import Identification, nothing
 from shefex_nav.records import Reason
-from shefex_nav.reproduce import bright, bright_fields, bright_frames, bright_methods
+from shefex_nav.report import intervals
+from shefex_nav.reproduce import bright, bright_fields, bright_frames, bright_methods, rows
+from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.verdict import is_open
 
 SEED = np.random.SeedSequence(5)
@@ -87,7 +89,7 @@ def test_shares_agree_when_their_intervals_meet():
     assert row(0.0118, 124).agrees and row(0.0118, 124).why == ""
     assert row(0.0118, 30).agrees is False and row(0.0118, 30).why == "because"
     assert row(0.0, 2).agrees and not row(0.0, 20).agrees
-    assert bright_methods.share_row("q", "c", None, 3, 10, None, "").agrees is None
+    assert rows.share("q", "c", 3, 10) == Row("q", "c", None, 0.3, intervals.proportion(3, 10), None, "")
 
 
 def test_every_published_method_has_a_reason_ready():

@@ -1,28 +1,24 @@
 """What was fitted, and how it was judged, as tables in a terminal."""
 
-from rich.table import Table
+from shefex_nav.report import columns
 
 
 def parameters(content):
     """rich Table of what was fitted. content : of the file, as in running.Result"""
-    table = Table("parameter", "value", title="Fitted", title_justify="left")
-    for part in ("sightings", "identification"):
-        for name, value in content[part].items():
-            table.add_row(name, _words(name, value))
-    return table
+    parts = (content[part].items() for part in ("sightings", "identification"))
+    rows = ((name, _words(name, value)) for part in parts for name, value in part)
+    return columns.table("Fitted", ("parameter", "value"), rows)
 
 
 def tests(judged):
     """rich Table of a list of judge.Test."""
-    table = Table(title="On runs that were not fitted", title_justify="left")
-    for name in ("figure", "value", "+-", "limits", "samples", ""):
-        table.add_column(name, justify="left" if name in ("figure", "") else "right")
-    for test in judged:
-        limits = f"{test.low:g} ... {test.high:g}"
-        table.add_row(
-            test.what, f"{test.value:.3f}", f"{test.error:.3f}", limits, str(test.samples), _verdict(test)
-        )
-    return table
+    heads = ("figure", ">value", ">+-", ">limits", ">samples", "")
+    return columns.table("On runs that were not fitted", heads, map(_row, judged))
+
+
+def _row(test):
+    limits = f"{test.low:g} ... {test.high:g}"
+    return test.what, f"{test.value:.3f}", f"{test.error:.3f}", limits, str(test.samples), _verdict(test)
 
 
 def _verdict(test):

@@ -1,5 +1,6 @@
 """The study in a terminal: requirements, totals of each level, worst cells, what could not be noticed."""
 
+from shefex_nav.report import columns
 from shefex_nav.verify.robustness import cells, design, require
 
 WORST = 20  # cells that are shown
@@ -98,36 +99,20 @@ def tables(records):
 
 
 def _table(title, names, rows):
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left")
-    for name in names:
-        table.add_column(name, no_wrap=True)
-    for name in HEADS:
-        table.add_column(name, justify="right")
-    for levels, numbers in rows:
-        table.add_row(*levels, *numbers)
+    heads = (*names, *(f">{name}" for name in HEADS))
+    table = columns.table(title, heads, ((*levels, *numbers) for levels, numbers in rows))
+    for column in table.columns[: len(names)]:
+        column.no_wrap = True
     return table
 
 
 def _requirements(records):
-    from rich.table import Table
-
     judged = require.judge(records)
-    table = Table(title=require.in_short(judged), title_justify="left", show_lines=True)
-    for name in ("", "required", "found"):
-        table.add_column(name)
-    for one in judged:
-        table.add_row(f"{one.name}: {verdict(one)}", one.words, one.found)
-    return table
+    rows = ((f"{one.name}: {verdict(one)}", one.words, one.found) for one in judged)
+    return columns.table(require.in_short(judged), ("", "required", "found"), rows, show_lines=True)
 
 
 def _undetectable(rows):
-    from rich.table import Table
-
-    table = Table(title="misled before, or without, being detectable", title_justify="left")
-    for name in rows[0]:
-        table.add_column(name, justify="right" if name in ("flights", "seconds") else "left")
-    for one in rows:
-        table.add_row(*(str(value) for value in one.values()))
-    return table
+    heads = [f">{name}" if name in ("flights", "seconds") else name for name in rows[0]]
+    texts = (map(str, one.values()) for one in rows)
+    return columns.table("misled before, or without, being detectable", heads, texts)
