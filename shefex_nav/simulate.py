@@ -78,13 +78,12 @@ def _tick(computer, world, blocks, n, schedule, link, telemetry):
     frames = [link.line.picture(frame) for frame, _ in pictures]
     if link.has_pictures:
         yield from frames
-    clock = Stopwatch(link.step)
-    chain = link.line.chain(clock.step)
-    how = {"chain": chain, "context": link.context, "telemetry": telemetry}
+    how = {"chain": link.chain, "context": link.context, "telemetry": telemetry}
     computer, outputs = onboard.update(computer, arrived, frames, **how)
     yield from outputs
+    durations_s = link.clock.read()
     if link.has_pictures:
-        for frame, duration_s in zip(frames, clock.durations_s, strict=True):
+        for frame, duration_s in zip(frames, durations_s, strict=True):
             yield ComputeTime(now_s, frame.number, duration_s)
     link.shutter.tick(n, now_s, [record for record in outputs if isinstance(record, CameraCommand)])
     return computer
@@ -107,7 +106,8 @@ class CameraLink(NamedTuple):
 
     shutter: Shutter
     line: faults.StarLine
-    step: Callable  # `star_tracker.step`, or what stands for it
+    chain: Callable  # `star_tracker.step`, or what stands for it, with the faults of its fixes
+    clock: "Stopwatch"  # of it, without the faults
     context: Callable  # of `onboard.update`
     has_pictures: bool
 
@@ -130,7 +130,8 @@ def _star_camera(world, scenario, seed, computer, step, ends_s):
         take=take,
     )
     context = onboard.brief_context if brief else onboard.star_context
-    return CameraLink(shutter, line, step, context, not is_statistical)
+    clock = Stopwatch(step)
+    return CameraLink(shutter, line, line.chain(clock.step), clock, context, not is_statistical)
 
 
 class Schedule:
@@ -276,3 +277,8 @@ class Stopwatch:
         result = self.function(*arguments)
         self.durations_s.append(time.perf_counter() - begin)
         return result
+
+    def read(self):
+        """Durations [s] of the calls since it was read the last time: list."""
+        durations_s, self.durations_s = self.durations_s, []
+        return durations_s
