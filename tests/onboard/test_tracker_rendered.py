@@ -8,10 +8,11 @@ from shefex_nav.environment import ephemeris, stars
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.onboard.startracker import tracker
 from shefex_nav.records import Reason
+from shefex_nav.settings import changed
 from shefex_nav.world import camera
 
 # The principal point shifts all attitudes alike, which is a matter of the mounting; leave it out.
-PARAMS = camera_bench.PARAMS._replace(sigma_principal_point_px=0.0)
+CAMERA = changed(camera_bench.PARAMS, {"optics.principal_point_error": 0.0})
 
 
 def run(params, n_frames, rates, seed, **identify):
@@ -52,7 +53,7 @@ def run(params, n_frames, rates, seed, **identify):
 
 def test_attitudes_and_their_covariance():
     """0 to 2 deg/s. Measured on 1440 frames of 8 cameras: 99.6 per cent solved, 2.8 ... 3.0."""
-    reasons, errors, normalised = run(PARAMS, 60, [0.0, 1.0 * DEG, 2.0 * DEG], seed=1)
+    reasons, errors, normalised = run(CAMERA, 60, [0.0, 1.0 * DEG, 2.0 * DEG], seed=1)
     assert reasons.count(Reason.NONE) >= 58
     assert np.abs(errors).max() < 0.1 * DEG
     assert (np.sqrt((errors**2).mean(axis=0)) < [10e-6, 10e-6, 150e-6]).all()
@@ -62,7 +63,7 @@ def test_attitudes_and_their_covariance():
 
 def test_many_false_objects():
     """Fifteen spikes as bright as V = 2 ... 6 in every frame: fewer attitudes, none wrong."""
-    params = PARAMS._replace(spikes_per_frame=15.0, false_object_magnitudes=(2.0, 6.0))
+    params = changed(CAMERA, {"artefacts.spikes_per_frame": 15.0, "artefacts.false_brightest": 2.0})
     reasons, errors, _ = run(params, 40, [1.0 * DEG], seed=2, max_centroids=20)
     assert np.abs(errors).max() < 0.1 * DEG
     assert reasons.count(Reason.NONE) >= 34
@@ -70,7 +71,7 @@ def test_many_false_objects():
 
 def test_sun_in_the_baffle():
     _, bodies, _ = camera_bench.sky()
-    bench = camera_bench.build(PARAMS)
+    bench = camera_bench.build(CAMERA)
     ready = tracker.init(TRACKER, stars.load_catalogue(8.0), ephemeris.julian_year(camera_bench.EPOCH))
     state, command = tracker.start(ready, camera_bench.T_S)
     trajectory = camera_bench.turning(300.0, 40.0)
