@@ -61,7 +61,7 @@ def objects_of(sigma_px, case, seed):
         u_i, light = flight.near_stars(camera, q_ic)
         image = still(camera, u_i, light, q_ic, rng, omega_c=case.omega_c)[0]
         clusters, fused = multipole_chain.objects(
-            methods.DETECT, field.ELECTRONS_PER_DN, field.times(SHUTTER), clusters, image
+            methods.DETECT, methods.MODEL, field.times(SHUTTER), clusters, image
         )
     return fused
 

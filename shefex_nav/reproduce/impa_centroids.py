@@ -57,8 +57,8 @@ def published_errors(times, first, second, stars):
     star : (m,) row of Truth of each fused cluster, -1 for none
     errors : (3, m, 2) px; compensated as in FORMS, and not compensated
     """
-    detection, settings = methods.DETECT, methods.DETECT.run_length
-    one, two = (cluster.find(detection, field.ELECTRONS_PER_DN, image) for image in (first, second))
+    settings = methods.DETECT.run_length
+    one, two = (cluster.find(methods.DETECT, methods.MODEL, image) for image in (first, second))
     rows, shift_px = multipole_chain.fused(settings, one, two, second.shape)
     moved = [multipole_chain.compensated(settings, times, two, rows, shift_px, form) for form in FORMS]
     places = [*(streaks.xy_px for streaks in moved), two.xy_px[rows]]

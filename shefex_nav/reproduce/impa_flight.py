@@ -70,7 +70,7 @@ def simulate(shutter, case, seed, most_images=MOST_IMAGES):
                 own[k, number] = _own_result(methods.own_attitude(detections, motion), truth)
         if most_images:
             clusters, fused = methods.multipole_chain.objects(
-                methods.DETECT, field.ELECTRONS_PER_DN, times, clusters, image
+                methods.DETECT, methods.MODEL, times, clusters, image
             )
         if most_images and number > 0:
             for k, detections in enumerate((fused, methods.with_false(fused, false, case.omega_c))):

@@ -47,7 +47,7 @@ def sheet(shutter, case, seed):
     for number in range(2):
         image = flight.frame(shutter, case, number, noise)
         clusters, fused = methods.multipole_chain.objects(
-            methods.DETECT, field.ELECTRONS_PER_DN, times, clusters, image
+            methods.DETECT, methods.MODEL, times, clusters, image
         )
     motion = methods.streaks.Motion(omega_c, P_omega_c, times)
     ours = methods.streaks_of(image, omega_c, P_omega_c, times)

@@ -28,6 +28,7 @@ EXPOSURE_S, SIGMA_PX, ELECTRONS_PER_DN = 0.2, 1.1, 16.0
 GLOBAL, ROLLING = row_times(EXPOSURE_S, 0.0, 1024), row_times(EXPOSURE_S, EXPOSURE_S / 1024, 1024)
 SETTINGS = replace(DETECT, saturation=4063.0)
 ZERO_DN = 7.3e6 * EXPOSURE_S / ELECTRONS_PER_DN
+MODEL = CameraModel(CAMERA, electrons_per_dn=ELECTRONS_PER_DN, zero_flux=ZERO_DN)
 
 
 def add_streak(electrons, times, omega_c, xy_px, rate_electrons_s):
@@ -67,13 +68,9 @@ MAGNITUDES = np.linspace(1.0, 2.4, len(PLACES))
 def two_frames(rng, times, omega_c):
     """Detections of the second of two contiguous frames, where the stars are at PLACES at its instant."""
     before = np.array([place_at(CAMERA, omega_c, x, y, -EXPOSURE_S) for x, y in PLACES])
-    clusters, nothing = objects(
-        SETTINGS, ELECTRONS_PER_DN, times, None, frame(rng, times, omega_c, before, MAGNITUDES)
-    )
+    clusters, nothing = objects(SETTINGS, MODEL, times, None, frame(rng, times, omega_c, before, MAGNITUDES))
     assert len(nothing.flux_dn) == 0
-    return objects(
-        SETTINGS, ELECTRONS_PER_DN, times, clusters, frame(rng, times, omega_c, PLACES, MAGNITUDES)
-    )
+    return objects(SETTINGS, MODEL, times, clusters, frame(rng, times, omega_c, PLACES, MAGNITUDES))
 
 
 def offsets(detections):
@@ -115,11 +112,9 @@ def test_what_the_border_cuts_is_no_star():
     omega_c = np.array([0.0, -3.0 * DEG, 0.0])  # to the right
     rng, xy_px = np.random.default_rng(3), np.array([[1015.0, 500.0], [600.0, 500.0]])
     before = np.array([place_at(CAMERA, omega_c, x, y, -EXPOSURE_S) for x, y in xy_px])
-    clusters, _ = objects(
-        SETTINGS, ELECTRONS_PER_DN, GLOBAL, None, frame(rng, GLOBAL, omega_c, before, [2.0, 2.0])
-    )
+    clusters, _ = objects(SETTINGS, MODEL, GLOBAL, None, frame(rng, GLOBAL, omega_c, before, [2.0, 2.0]))
     clusters, detections = objects(
-        SETTINGS, ELECTRONS_PER_DN, GLOBAL, clusters, frame(rng, GLOBAL, omega_c, xy_px, [2.0, 2.0])
+        SETTINGS, MODEL, GLOBAL, clusters, frame(rng, GLOBAL, omega_c, xy_px, [2.0, 2.0])
     )
     assert len(clusters.energy_dn) == 2 and len(detections.flux_dn) == 1
     np.testing.assert_allclose(detections.xy_px[0], [600.0, 500.0], atol=0.4)
@@ -129,10 +124,10 @@ def test_an_object_of_one_frame_only_is_dropped():
     """A particle hit is not in the frame before."""
     rng, omega_c = np.random.default_rng(4), np.zeros(3)
     image = frame(rng, GLOBAL, omega_c, PLACES[:3], MAGNITUDES[:3])
-    clusters, _ = objects(SETTINGS, ELECTRONS_PER_DN, GLOBAL, None, image)
+    clusters, _ = objects(SETTINGS, MODEL, GLOBAL, None, image)
     hit = image.copy()
     hit[620:622, 700:703] += 800
-    clusters, detections = objects(SETTINGS, ELECTRONS_PER_DN, GLOBAL, clusters, hit)
+    clusters, detections = objects(SETTINGS, MODEL, GLOBAL, clusters, hit)
     assert len(clusters.energy_dn) == 4 and len(detections.flux_dn) == 3
 
 
@@ -142,7 +137,6 @@ def test_an_attitude_from_two_frames(rate_deg_s, times):
     limit = replace(CATALOGUE, merge_radius=3.0 / CAMERA.focal_length_px)
     field = 2.0 * np.arctan(np.hypot(512.0, 512.0) / CAMERA.focal_length_px)
     pairs = catalogue.pair_table(catalogue.build(limit, all_stars(), 2000.0), field)
-    camera = CameraModel(CAMERA, zero_flux=ZERO_DN)
     settings = replace(
         IDENTIFY,
         method="multipole", tolerance=100.0 / 3600.0 * DEG, most_centroids=200, fewest_stars=5,
@@ -162,12 +156,12 @@ def test_an_attitude_from_two_frames(rate_deg_s, times):
         with np.errstate(invalid="ignore"):
             near = ((xy_px > -40.0) & (xy_px < 1063.0)).all(axis=1)
         image = frame(rng, times, omega_c, xy_px[near], sky.vmag[near])
-        clusters, detections = objects(SETTINGS, ELECTRONS_PER_DN, times, clusters, image)
+        clusters, detections = objects(SETTINGS, MODEL, times, clusters, image)
     for published in (True, False):
-        found, q_found = attitude(settings, camera, pairs, detections, published)
+        found, q_found = attitude(settings, MODEL, pairs, detections, published)
         assert found.reason == Reason.NONE and (found.star >= 0).sum() >= 5
         error = np.abs(rotvec_between(q_found, q_ic)) / DEG
         assert (error < [0.1, 0.1, 0.5]).all()
     few = type(detections)(*(column[:4] for column in detections))
-    found, q_found = attitude(settings, camera, pairs, few)
+    found, q_found = attitude(settings, MODEL, pairs, few)
     assert found.reason == Reason.TOO_FEW_STARS and np.isnan(q_found).all()

@@ -7,16 +7,17 @@ plus fainter ones where the sky would be empty. Stars that the camera cannot sep
 centre of light.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import at_epoch, photocentres, select
 from shefex_nav.onboard.startracker import kvector, tables
+from shefex_nav.onboard.startracker.settings import Catalogue
+from shefex_nav.settings import declared
 
-KINDS = ("magnitude_limited", "asymmetric", "uniform", "combined")
-SYSTEMS = ("V", "Hp")
+KINDS, SYSTEMS = (get_args(declared(Catalogue)[name][0]) for name in ("kind", "system"))
 
 
 class OnboardCatalogue(NamedTuple):
@@ -49,7 +50,7 @@ def build(settings, catalogue, julian_year, inclusive=True):
 
     Parameters
     ----------
-    settings : settings.Catalogue
+    settings : Catalogue
     catalogue : StarCatalogue, deeper than the limits: faint neighbours shift the light of bright stars
     julian_year : float, epoch of the positions
     inclusive : bool, a star of exactly the limit belongs to the catalogue
@@ -87,7 +88,7 @@ def pool(settings, catalogue, inclusive=True):
 
     Parameters
     ----------
-    settings : settings.Catalogue
+    settings : Catalogue
     catalogue : StarCatalogue
     inclusive : as of `build`
 
@@ -113,7 +114,7 @@ def pool(settings, catalogue, inclusive=True):
 
 
 def limits(settings, u_i):
-    """Limit of magnitude at each direction. settings.Catalogue, (n, 3) -> (n,)."""
+    """Limit of magnitude at each direction. Catalogue, (n, 3) -> (n,)."""
     south = settings.faintest_south
     if south is None:
         if settings.kind == "asymmetric":

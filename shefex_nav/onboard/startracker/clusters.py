@@ -46,13 +46,13 @@ class Clusters(NamedTuple):
     noise_dn: float  # standard deviation of a pixel, from neighbours that differ by less than tau_pre
 
 
-def find(settings, electrons_per_dn, image_dn):
+def find(settings, camera, image_dn):
     """Clusters of a frame.
 
     Parameters
     ----------
     settings : Detection; tau_pre is the threshold of its run_length
-    electrons_per_dn : float, as of CameraModel
+    camera : CameraModel; of it `electrons_per_dn`
     image_dn : (rows, columns) uint8 or uint16
 
     Returns
@@ -69,7 +69,7 @@ def find(settings, electrons_per_dn, image_dn):
             f"image: expected grey values of shape (rows, columns), uint8 or uint16, "
             f"got {image_dn.dtype} of shape {image_dn.shape}"
         )
-    window, tau_pre_dn = settings.run_length.window, settings.run_length.threshold / electrons_per_dn
+    window, tau_pre_dn = settings.run_length.window, settings.run_length.threshold / camera.electrons_per_dn
     shift = int(window).bit_length() - 1
     if window != 1 << max(shift, 0):
         raise ValueError(f"moving average: a window of {window} pixels is not a power of two")

@@ -6,7 +6,7 @@ q-method on the recognised stars.
 
     clusters = None
     for frame in frames:
-        clusters, detections = objects(detection, electrons_per_dn, times, clusters, frame.image_dn)
+        clusters, detections = objects(detection, camera, times, clusters, frame.image_dn)
         found, q_ic = attitude(identification, camera, pairs, detections)
 """
 
@@ -20,13 +20,13 @@ from shefex_nav.onboard.startracker.identify import multipole
 from shefex_nav.records import Detections, Reason
 
 
-def objects(settings, electrons_per_dn, times, previous, image_dn):
+def objects(settings, camera, times, previous, image_dn):
     """Objects of a frame that were in the frame before as well and are whole, at the frame's instant.
 
     Parameters
     ----------
     settings : Detection
-    electrons_per_dn : float, as of CameraModel
+    camera : CameraModel; of it `electrons_per_dn`
     times : RowTimes of the frame
     previous : Clusters of the frame before, None if there is none
     image_dn : (rows, columns) uint8 or uint16
@@ -36,7 +36,7 @@ def objects(settings, electrons_per_dn, times, previous, image_dn):
     clusters : Clusters, `previous` of the next frame
     detections : Detections, brightest first; none without a frame before. flux_dn is per exposure of a row
     """
-    clusters = find(settings, electrons_per_dn, image_dn)
+    clusters = find(settings, camera, image_dn)
     if previous is None:
         return clusters, _nothing()
     rows, shift_px = fused(settings.run_length, previous, clusters, image_dn.shape)

@@ -117,9 +117,7 @@ def _by_run_length(settings, camera, memory, frame):
 
     previous = memory.clusters if follows(memory, frame) else None
     times = row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
-    clusters, detections = multipole_chain.objects(
-        settings, camera.electrons_per_dn, times, previous, frame.image_dn
-    )
+    clusters, detections = multipole_chain.objects(settings, camera, times, previous, frame.image_dn)
     statistics = FrameStatistics(clusters.mean_dn, clusters.background_dn, clusters.noise_dn)
     kept = Memory(frame.t_valid_s, frame.exposure_s, clusters)
     t_s = frame.line_s * (detections.xy_px[:, 1] - times.middle_row)

@@ -54,27 +54,20 @@ def verify(settings, camera, stars, u_c, flux, star):
     -------
     Identification
     """
+    hole, error = camera.pinhole, settings.centroid_error
     matched, distance2, n_missing = _extend_kernel(
-        camera.pinhole,
+        hole,
         stars.u_i,
         stars.vmag,
         u_c,
         star,
-        settings.gate_sigma * settings.centroid_error,
+        settings.gate_sigma * error,
         settings.magnitude_margin,
         settings.fewest_stars,
     )
     if n_missing < 0:
         return nothing(len(star), Reason.RESIDUALS)
-    odds = log_odds(
-        camera.pinhole,
-        settings.centroid_error,
-        settings.detection_probability,
-        u_c,
-        matched,
-        distance2,
-        n_missing,
-    )
+    odds = log_odds(hole, error, settings.detection_probability, u_c, matched, distance2, n_missing)
     odds += brightness_odds(settings.magnitude_error, stars.vmag, flux, matched)
     reason = Reason.NONE if odds > -math.log(settings.false_alarm) else Reason.AMBIGUOUS
     return Identification(matched, int(reason), float(odds))
