@@ -23,12 +23,11 @@ from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import pinhole, pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise, rotvec_between
 from shefex_nav.onboard.startracker import tracker as star_tracker
-from shefex_nav.onboard.startracker.catalogue import CatalogueParams
-from shefex_nav.onboard.startracker.exposure import ExposureParams
-from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.records import Frame, Reason
 from shefex_nav.reproduce import imaging
+from shefex_nav.reproduce.settings import STAR_TRACKER
 from shefex_nav.reproduce.stills import StillCamera, electrons, still
+from shefex_nav.settings import changed
 from shefex_nav.world.camera.detector import Electronics
 
 PER_DN, SIGMA_PX, READ_DN, BACKGROUND_DN = 4.0, 1.0, 2.0, 10.0
@@ -49,32 +48,20 @@ BORDER_PX = 4.0  # stars nearer to the border are cut off, and what is cut off i
 
 def params(method, centroid, scan):
     """TrackerParams of the camera on the bench."""
-    focal_px = CAMERA.pinhole.focal_length_px
-    return star_tracker.TrackerParams(
-        catalogue=CatalogueParams("magnitude_limited", DEPTH, 3.0 / focal_px, 4.5, 2023),
-        detect=imaging.DETECT._replace(scan=scan, centroid=centroid, electrons_per_dn=PER_DN),
-        identify=IdentifyParams(
-            method=method,
-            camera=CAMERA.pinhole,
-            tolerance=np.radians(0.018),
-            max_centroids=15,
-            min_stars=4,
-            sigma_px=0.15,
-            gate_sigma=4.5,
-            detection_probability=0.9,
-            magnitude_margin=0.3,
-            magnitude_sigma=0.2,
-            false_alarm=1e-7,
-        ),
-        exposure=ExposureParams(0.05, 0.035, 0.05, 0.002, 0.0, 100.0, 4, 4, 1),
-        earth_velocity_i=np.zeros(3),
-        centroid_floor_px=0.02,
-        outlier_sigma=4.5,
-        latency_s=0.0,
-        max_rate=np.inf,
-        sun_exclusion=0.0,
-        limb_exclusion=0.0,
-    )
+    known = imaging.MODEL._replace(pinhole=CAMERA.pinhole, electrons_per_dn=PER_DN)
+    changes = {
+        "centroid_floor": 0.02,
+        "outlier_sigma": 4.5,
+        "exposure.gain": 0.0,
+        "detection.scan": scan,
+        "detection.centroid": centroid,
+        "catalogue.faintest": DEPTH,
+        "catalogue.merge_radius": 3.0 / CAMERA.pinhole.focal_length_px,
+        "identification.method": method,
+        "identification.centroid_error": 0.15,
+        "identification.magnitude_error": 0.2,
+    }
+    return star_tracker.TrackerParams(changed(STAR_TRACKER, changes), known, np.zeros(3))
 
 
 def cramer_rao(xy_px, light):

@@ -56,7 +56,7 @@ def one_field(bench, rate, rolling, sigma, rng):
     electrons = bench.zero_electrons * 10.0 ** (-0.4 * V)
     image = frame(bench, motion, xy_px, electrons, rng)
     motion = motion._replace(omega_c=omega_c + sigma * rng.normal(size=3))
-    found, _ = detect_streaks(params, bench.camera, image, motion)
+    found, _ = detect_streaks(params, bench.model, image, motion)
     k = match(found.xy_px, xy_px, REACH_PX)
     turning = Turning(bench.camera, omega_c, motion.P_omega_c, motion.times)
     rows, path, size = [], np.empty(NUMBERS), np.array([bench.camera.width_px, bench.camera.height_px])
@@ -76,9 +76,9 @@ def one_field(bench, rate, rolling, sigma, rng):
     n_false = int((match(xy_px, found.xy_px, REACH_PX) < 0).sum()) if len(xy_px) else len(found.flux_dn)
     near = found.xy_px[:20] + 0.5 * rng.normal(size=(min(20, len(found.xy_px)), 2))
     P_px = np.tile(0.25 * np.eye(2), (len(near), 1, 1))
-    ms = timed(lambda: detect_streaks(params, bench.camera, image, motion))
-    ms_near = timed(lambda: detect_near(params, bench.camera, image, motion, near, P_px))
-    empty, _ = detect_streaks(params, bench.camera, digitise(bench, dark(bench), rng), motion)
+    ms = timed(lambda: detect_streaks(params, bench.model, image, motion))
+    ms_near = timed(lambda: detect_near(params, bench.model, image, motion, near, P_px))
+    empty, _ = detect_streaks(params, bench.model, digitise(bench, dark(bench), rng), motion)
     return np.array(rows).reshape(-1, 8), n_false, len(empty.flux_dn), ms, ms_near
 
 

@@ -74,11 +74,6 @@ def models(scenario):
     )
 
 
-def limits(detect):
-    """sightings.Limits of the DetectParams of a star tracker."""
-    return sightings.Limits(detect.max_objects, detect.saturation_dn, detect.seed_sigma)
-
-
 class Statistical:
     """Star camera and star tracker of one run.
 
@@ -90,10 +85,11 @@ class Statistical:
 
     def __init__(self, scenario, world, tracker, seed, line):
         self.sightings, self.search = models(scenario)
-        merge_radius = tracker.params.catalogue.merge_radius
+        settings = tracker.params.settings
+        merge_radius = settings.catalogue.merge_radius
         self.camera = undrawn.catalogued(tracker.pairs.stars, world.camera, merge_radius)
         self.line, self.rng = line, noise.generator(seed, "sightings")
-        self.max_rate, self.limits = tracker.params.max_rate, limits(tracker.params.detect)
+        self.highest_rate, self.detection = settings.highest_rate, settings.detection
         hip = tracker.pairs.stars.hip
         self.by_hip = np.argsort(hip, kind="stable")
         self.sorted_hip, self.known = hip[self.by_hip], self.search.stars.tolist()
@@ -104,7 +100,9 @@ class Statistical:
         """A frame without pixels and its truth, as `camera.expose`."""
         frame, truth, film, scene = undrawn.look(self.camera, command, trajectory, number, t_start_s)
         self._check_rate(truth)
-        self.seen[number] = sightings.sight(self.sightings, self.camera, film, scene, self.rng, self.limits)
+        self.seen[number] = sightings.sight(
+            self.sightings, self.camera, film, scene, self.rng, self.detection
+        )
         return frame, truth
 
     def step(self, tracker, state, frame, context):
@@ -128,14 +126,15 @@ class Statistical:
         """(Identification, fewest stars that make an attitude, chance that it is wrong), by fitted shares."""
         rng, search = self.rng, self.search
         is_first = frame.t_valid_s - self.fixed_s > LOST_S
-        least = MIN_TRACKED if tracker.params.track else tracker.params.identify.min_stars
+        settings = tracker.params.settings.identification
+        least = MIN_TRACKED if settings.tracking else settings.fewest_stars
         star = np.full(len(sighting.hip), -1, dtype=np.int64)
         candidates = np.flatnonzero(sighting.hip > 0)
         chance, names = rng.random(), rng.random(len(candidates))
         if len(candidates) < least:
             return Identification(star, int(Reason.TOO_FEW_STARS), np.nan), least, 0.0
         row = bisect_right(self.known, len(candidates)) - 1
-        if row < 0 and not context.rate > self.max_rate:  # faster, it gives no attitude anyway
+        if row < 0 and not context.rate > self.highest_rate:  # faster, it gives no attitude anyway
             raise OutsideModelError(
                 f"the frame at T{frame.t_valid_s:+.2f} s shows {len(candidates)} stars of the catalogue; the "
                 f"statistics of the star tracker begin at {search.stars[0]}: fly with frames: rendered, or "
@@ -164,7 +163,7 @@ class Statistical:
 
     def _check_rate(self, truth):
         """Refuse a frame that is slow enough for an attitude and faster than any that was characterised."""
-        if self.search.fastest < truth.rate <= self.max_rate:
+        if self.search.fastest < truth.rate <= self.highest_rate:
             found, limit = np.degrees(truth.rate), np.degrees(self.search.fastest)
             raise OutsideModelError(
                 f"the camera turns at {found:.3g} deg/s at T{truth.t_valid_s:+.2f} s; the statistics of the "

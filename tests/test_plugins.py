@@ -24,17 +24,19 @@ OWN = (
 )
 ALTIMETER = "radar_altimeter: {rate: 5 Hz, bias: 1 m, noise: 2 m}"
 METHODS = """
+from dataclasses import replace
+
 from shefex_nav.onboard.startracker import centroid
 from shefex_nav.onboard.startracker.identify import bayes
 from shefex_nav.plugins import Method
 
 
-def identify(params, pairs, u_c, flux, P_px=None):
-    return bayes.identify(params._replace(min_stars=5), pairs, u_c, flux, P_px)
+def identify(settings, camera, pairs, u_c, flux, P_px=None):
+    return bayes.identify(replace(settings, fewest_stars=5), camera, pairs, u_c, flux, P_px)
 
 
-def centres(params, image_dn, table):
-    return centroid.weighted(table, 1.0 / params.electrons_per_dn)
+def centres(settings, camera, image_dn, table):
+    return centroid.weighted(table, 1.0 / camera.electrons_per_dn)
 
 
 PROVIDES = [Method("identification", "five_stars", identify), Method("centroid", "as_scanned", centres)]

@@ -1,5 +1,6 @@
 """The route: what is told of a mission does not change the mission."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -194,11 +195,13 @@ def switched(still, monkeypatch, on_us, off_us, readout_us):
         simulate.star_tracker, "start",
         lambda tracker, now_s: (start(tracker, now_s)[0], CameraCommand(now_s, 1e-6 * EXPOSURE_US, 0.0)),
     )  # fmt: skip
-    computer = world.computer._replace(tracker_on_s=1e-6 * on_us, tracker_off_s=1e-6 * off_us)
-    camera_settings = changed(
+    tracker = world.computer.tracker
+    settings = replace(tracker.settings, on=1e-6 * on_us, off=1e-6 * off_us)
+    computer = world.computer._replace(tracker=tracker._replace(settings=settings))
+    of_camera = changed(
         world.camera.settings, {"detector.readout": 1e-6 * readout_us, "detector.shutter": "global"}
     )
-    world = world._replace(computer=computer, camera=world.camera._replace(settings=camera_settings))
+    world = world._replace(computer=computer, camera=world.camera._replace(settings=of_camera))
     return list(simulate.route(world, scenario, SEED, until_s=2.2, step=step))
 
 

@@ -133,7 +133,8 @@ def test_ticks_one_by_one_give_the_same_fixes(scenarios, worlds, runs, monkeypat
 
 def tracker(track=True):
     stars = SimpleNamespace(hip=np.array([30, 10, 20, 40]))
-    params = SimpleNamespace(track=track, identify=SimpleNamespace(min_stars=4))
+    identification = SimpleNamespace(tracking=track, fewest_stars=4)
+    params = SimpleNamespace(settings=SimpleNamespace(identification=identification))
     return SimpleNamespace(params=params, pairs=SimpleNamespace(stars=stars))
 
 
@@ -149,7 +150,7 @@ def chain(**search):
         fastest=0.03,
     )._replace(**search)
     one = statistical.Statistical.__new__(statistical.Statistical)
-    one.search, one.rng, one.max_rate, one.fixed_s = model, np.random.default_rng(1), 0.04, -np.inf
+    one.search, one.rng, one.highest_rate, one.fixed_s = model, np.random.default_rng(1), 0.04, -np.inf
     hip = tracker().pairs.stars.hip
     one.by_hip = np.argsort(hip)
     one.sorted_hip, one.known = hip[one.by_hip], model.stars.tolist()

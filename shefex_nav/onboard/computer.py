@@ -32,8 +32,6 @@ class ComputerParams(NamedTuple):
 
     nav: NavParams
     tracker: star_tracker.TrackerParams
-    tracker_on_s: float  # s from lift-off, camera and star tracker are switched on
-    tracker_off_s: float  # and off
     sun_i: np.ndarray  # (3,) unit vector to the Sun, constant within the mission
 
 
@@ -184,8 +182,8 @@ def is_on(params, now_s):
 
     ComputerParams; s, scalar or (n,) -> bool, likewise
     """
-    late_s = now_s + SAME_S
-    return (params.tracker_on_s <= late_s) & (late_s < params.tracker_off_s)
+    settings, late_s = params.tracker.settings, now_s + SAME_S
+    return settings.enabled & (settings.on <= late_s) & (late_s < settings.off)
 
 
 def last_on_s(params, ends_s):

@@ -153,7 +153,9 @@ def measure_table3(samples, seed):
     rng, tables = np.random.default_rng(seed), fields.pairs()
     stars = tables[0].stars
     warm = fields.draw_field(np.random.default_rng(0), stars, least=6, n_false=1, is_round=False)
-    methods.attempt(fields.PARAMS, tables, warm)  # compiles, and fetches the tables into the cache
+    methods.attempt(
+        fields.IDENTIFY, fields.REFERENCE_FLUX, tables, warm
+    )  # compiles, and fetches the tables into the cache
     results = {}
     for shape in SHAPES:
         n_stars = np.zeros((len(SITUATIONS), samples), dtype=np.int16)
@@ -164,7 +166,9 @@ def measure_table3(samples, seed):
                 is_round = shape == "round"
                 field = fields.draw_field(rng, stars, least=least, n_false=n_false, is_round=is_round)
                 n_stars[s, k] = (field.star >= 0).sum()
-                outcome[s, :, k], seconds[s, :, k] = methods.attempt(fields.PARAMS, tables, field)
+                outcome[s, :, k], seconds[s, :, k] = methods.attempt(
+                    fields.IDENTIFY, fields.REFERENCE_FLUX, tables, field
+                )
         results[shape] = n_stars, outcome, seconds
     return results
 

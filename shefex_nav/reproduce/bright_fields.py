@@ -6,6 +6,7 @@ camera would see two (7 of the 1471). The text says 20 x 20 deg, but its counts 
 far from those of a square field and near those of a round one 20 deg across, so both shapes are drawn.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -15,8 +16,9 @@ from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import pinhole, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker import catalogue
-from shefex_nav.reproduce.identification import IDENTIFY
+from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.reproduce.published import BRIGHT
+from shefex_nav.reproduce.settings import STAR_TRACKER
 from shefex_nav.reproduce.stills import random_attitude
 
 ARCSEC = np.pi / 180.0 / 3600.0
@@ -36,15 +38,15 @@ MAGNITUDE_SIGMA = BRIGHT["protocol"]["magnitude_sigma"]
 # A star that looks brighter than this is brighter than magnitude 3 beyond three standard deviations.
 REFERENCE = BRIGHT["protocol"]["reference_star_mag"] - 3.0 * MAGNITUDE_SIGMA
 
-PARAMS = IDENTIFY._replace(
-    method="",
-    camera=CAMERA,
+IDENTIFY = replace(
+    STAR_TRACKER.identification,
     tolerance=TOLERANCE,
-    max_centroids=BRIGHT["protocol"]["brightest_used"],
-    sigma_px=SIGMA_PX,
-    magnitude_sigma=MAGNITUDE_SIGMA,
-    reference_flux=10.0 ** (-0.4 * REFERENCE),
+    most_centroids=BRIGHT["protocol"]["brightest_used"],
+    centroid_error=SIGMA_PX,
+    magnitude_error=MAGNITUDE_SIGMA,
 )
+MODEL = CameraModel(CAMERA)
+REFERENCE_FLUX = 10.0 ** (-0.4 * REFERENCE)
 
 
 class Field(NamedTuple):
@@ -57,16 +59,9 @@ class Field(NamedTuple):
 
 def on_board(system="Hp", limit=BRIGHT["camera"]["catalogue_mag"], merge_px=MERGE_PX):
     """Stars brighter than the limit, as the paper counts them. -> OnboardCatalogue."""
-    params = catalogue.CatalogueParams(
-        kind="magnitude_limited",
-        max_magnitude=limit,
-        merge_radius=merge_px / CAMERA.focal_length_px,
-        keep_magnitude=0.0,
-        n_stars=0,
-        magnitude_system=system,
-        inclusive=False,
-    )
-    return catalogue.build(params, load_catalogue(99.0), EPOCH)
+    merge = merge_px / CAMERA.focal_length_px
+    settings = replace(STAR_TRACKER.catalogue, system=system, faintest=limit, merge_radius=merge)
+    return catalogue.build(settings, load_catalogue(99.0), EPOCH, inclusive=False)
 
 
 @lru_cache(maxsize=1)

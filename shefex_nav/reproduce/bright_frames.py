@@ -6,6 +6,7 @@ engineering values [E], 12-bit grey values among them, with which its accuracy i
 stars to magnitude 5 are off by 5 arcsec (3 sigma).
 """
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -13,13 +14,14 @@ import numpy as np
 from shefex_nav.environment.stars import at_epoch, load_catalogue
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.report import intervals
 from shefex_nav.reproduce import bright_fields as fields
 from shefex_nav.reproduce import bright_methods as methods
-from shefex_nav.reproduce import imaging
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.published import BRIGHT
+from shefex_nav.reproduce.settings import STAR_TRACKER
 from shefex_nav.reproduce.stills import random_attitude
 from shefex_nav.world.camera import motion, render
 
@@ -33,13 +35,11 @@ PSF_SIGMA_PX = 1.0  # [E]
 BACKGROUND_ELECTRONS, READ_NOISE_ELECTRONS = 100.0, 20.0  # [E]
 ELECTRONS_PER_DN, BLACK_LEVEL_DN, LARGEST_DN = 15.0, 40.0, 4095  # 12 bits; V = 1 is on the edge [E]
 
-DETECT = imaging.DETECT._replace(
-    tile_px=64,
-    max_objects=60,
-    saturation_dn=LARGEST_DN,
-    electrons_per_dn=ELECTRONS_PER_DN,
-    psf_sigma_px=PSF_SIGMA_PX,
-)
+DETECT = replace(STAR_TRACKER.detection, tile=64, most_objects=60, saturation=float(LARGEST_DN))
+MODEL = CameraModel(fields.CAMERA, electrons_per_dn=ELECTRONS_PER_DN, psf_sigma=PSF_SIGMA_PX)
+# of the identification in frames: their magnitudes are worse than in table 3
+IDENTIFY = replace(fields.IDENTIFY, magnitude_error=MAGNITUDE_SCATTER)
+REFERENCE_FLUX = 10.0 ** (-0.4 * (BRIGHT["protocol"]["reference_star_mag"] - MAGNITUDE_LIMIT))
 SAME_PX = 2.0  # a detection this near to a star is that star
 
 
@@ -87,7 +87,7 @@ def read_out(electrons, rng):
 
 def detected_field(image_dn, q_ic):
     """What the detection makes of a frame: Field, with the star that each detection really is."""
-    found, _ = detect(DETECT, image_dn)
+    found, _ = detect(DETECT, MODEL, image_dn)
     stars = fields.pairs()[0].stars
     rows, xy_px = fields.in_view(stars, q_ic, False)
     star = np.full(len(found.xy_px), -1, dtype=np.int64)
@@ -98,14 +98,6 @@ def detected_field(image_dn, q_ic):
             star[nearest] = row
     flux = found.flux_dn * ELECTRONS_PER_DN / ZERO_MAGNITUDE_ELECTRONS
     return fields.Field(unit_vectors(fields.CAMERA, found.xy_px), flux, star)
-
-
-def params():
-    """Settings of the identification for frames: their magnitudes are worse than in table 3."""
-    return fields.PARAMS._replace(
-        magnitude_sigma=MAGNITUDE_SCATTER,
-        reference_flux=10.0 ** (-0.4 * (BRIGHT["protocol"]["reference_star_mag"] - MAGNITUDE_LIMIT)),
-    )
 
 
 def measure_table4(samples, seed):
@@ -120,11 +112,11 @@ def measure_table4(samples, seed):
     outcome = np.zeros((len(methods.METHODS), samples), dtype=np.int8)
     seconds, n_false = np.zeros(outcome.shape), np.zeros(samples, dtype=np.int16)
     warm = detected_field(*draw_frame(np.random.default_rng(0)))
-    methods.attempt(params(), tables, warm)
+    methods.attempt(IDENTIFY, REFERENCE_FLUX, tables, warm)
     for k in range(samples):
         field = detected_field(*draw_frame(rng))
-        n_false[k] = (field.star[: fields.PARAMS.max_centroids] < 0).sum()
-        outcome[:, k], seconds[:, k] = methods.attempt(params(), tables, field)
+        n_false[k] = (field.star[: IDENTIFY.most_centroids] < 0).sum()
+        outcome[:, k], seconds[:, k] = methods.attempt(IDENTIFY, REFERENCE_FLUX, tables, field)
     return outcome, seconds, n_false
 
 
@@ -133,9 +125,9 @@ def conclude_table4(results):
     seconds = np.array([result[1].mean(axis=1) for result in results])
     condition, published = "rendered frames", BRIGHT["table4"]
     n_false = np.concatenate([result[2] for result in results])
-    share, interval = n_false.mean() / fields.PARAMS.max_centroids, None
+    share, interval = n_false.mean() / IDENTIFY.most_centroids, None
     if len(n_false) > 1:
-        interval = tuple(v / fields.PARAMS.max_centroids for v in intervals.mean(n_false))
+        interval = tuple(v / IDENTIFY.most_centroids for v in intervals.mean(n_false))
     rows = [Row("false stars among the ten brightest", condition, None, float(share), interval)]
     for method, codes in zip(methods.METHODS, outcome, strict=True):
         if method in published:

@@ -1,5 +1,6 @@
 """The methods that BRIGHT compares, and ours; how they are judged, and the rows of tables 3 and 4."""
 
+from dataclasses import replace
 from functools import partial
 from time import perf_counter
 
@@ -9,7 +10,7 @@ from shefex_nav.onboard.startracker.identify import bayes, brightness, pyramid, 
 from shefex_nav.records import Reason
 from shefex_nav.report import intervals
 from shefex_nav.reproduce import rows
-from shefex_nav.reproduce.bright_fields import VOTING_TOLERANCE
+from shefex_nav.reproduce.bright_fields import MODEL, VOTING_TOLERANCE
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.verdict import POINTS
 
@@ -19,9 +20,9 @@ TIME_RESOLVES = 0.25  # of a ratio of times beside one: what tells which is the 
 OUTCOMES = ("success", "failed", "wrong")
 
 
-def voting_3_epsilon(params, pairs, u_c, flux):
+def voting_3_epsilon(settings, camera, pairs, u_c, flux):
     """Voting with the wider tolerance that the paper gives it."""
-    return voting.match(params._replace(tolerance=VOTING_TOLERANCE), pairs, u_c, flux)
+    return voting.match(replace(settings, tolerance=VOTING_TOLERANCE), camera, pairs, u_c, flux)
 
 
 # BRIGHT's pyramid must also believe a triangle: with three true stars it is never at a loss.
@@ -32,10 +33,10 @@ PUBLISHED = {
 }
 
 
-def default_of_ten(params, pairs, u_c, flux):
+def default_of_ten(settings, camera, pairs, u_c, flux):
     """Our default with no more than the paper's methods have: the ten brightest detections."""
-    n = params.max_centroids
-    return bayes.identify(params, pairs, u_c[:n], flux[:n])
+    n = settings.most_centroids
+    return bayes.identify(settings, camera, pairs, u_c[:n], flux[:n])
 
 
 OWN = {
@@ -101,7 +102,7 @@ def judge(found, star):
     return SUCCESS if (found.star[known] == star[: len(known)][known]).all() else WRONG
 
 
-def attempt(params, tables, field):
+def attempt(settings, reference_flux, tables, field):
     """Try each of METHODS on one field.
 
     The time is the shortest of REPEATS calls: what else the machine does comes and goes, and no method pays
@@ -109,7 +110,8 @@ def attempt(params, tables, field):
 
     Parameters
     ----------
-    params : IdentifyParams
+    settings : Identification
+    reference_flux : float, as of `brightness.match`
     tables : StarPairs of the paper's methods, and of ours
     field : Field
 
@@ -121,9 +123,10 @@ def attempt(params, tables, field):
     outcome, seconds = np.zeros(len(METHODS), dtype=np.int8), np.full(len(METHODS), np.inf)
     for m, (name, method) in enumerate(METHODS.items()):
         pairs = tables[0 if name in PUBLISHED else 1]
+        more = {"reference_flux": reference_flux} if method is brightness.match else {}
         for _ in range(REPEATS):
             began = perf_counter()
-            found = method(params, pairs, field.u_c, field.flux)
+            found = method(settings, MODEL, pairs, field.u_c, field.flux, **more)
             seconds[m] = min(seconds[m], perf_counter() - began)
         outcome[m] = judge(found, field.star)
     return outcome, seconds

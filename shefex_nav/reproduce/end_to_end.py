@@ -1,5 +1,6 @@
 """SHEFEX 4 and 5: the whole chain on rendered frames, in space, on the ground, in the night-sky scenario."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,11 +14,12 @@ from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS, pyramid
 from shefex_nav.records import FrameTruth, Reason, StarFix
 from shefex_nav.report import intervals
-from shefex_nav.reproduce import identification, imaging_figures
+from shefex_nav.reproduce import imaging_figures
 from shefex_nav.reproduce.experiment import Experiment, Row
-from shefex_nav.reproduce.imaging import DETECT, SPACE, all_stars
+from shefex_nav.reproduce.imaging import DETECT, MODEL, SPACE, all_stars
 from shefex_nav.reproduce.published import SHEFEX
 from shefex_nav.reproduce.rows import judged, share
+from shefex_nav.reproduce.settings import STAR_TRACKER
 from shefex_nav.reproduce.shefex_field import CAMERA, FIELD, MERGE, YEAR, flown_pairs
 from shefex_nav.reproduce.stills import electrons, random_attitude, still
 from shefex_nav.reproduce.verdict import POINTS
@@ -31,14 +33,14 @@ PLACES = ("space", "ground")
 WAYS = ("as published", "default")
 FRAME_S = 0.1
 COS_ERROR = SHEFEX["identification"]["cos_error"]
-IDENTIFY = identification.IDENTIFY._replace(camera=CAMERA, tolerance=np.radians(0.018))
+IDENTIFY = STAR_TRACKER.identification
 
 
 @cache
 def default_pairs():
     """Pairs of the default on-board catalogue."""
-    params = catalogue.CatalogueParams("magnitude_limited", 5.5, 1.5 * MERGE, 4.5, 2023)
-    return catalogue.pair_table(catalogue.build(params, load_catalogue(8.0), YEAR), FIELD)
+    settings = replace(STAR_TRACKER.catalogue, merge_radius=1.5 * MERGE)
+    return catalogue.pair_table(catalogue.build(settings, load_catalogue(8.0), YEAR), FIELD)
 
 
 def sky_of(rng):
@@ -52,17 +54,17 @@ def sky_of(rng):
 
 def solve_frame(image, way):
     """Attitude of a frame by one of the two chains: q_ic, or None."""
-    params = DETECT._replace(centroid="weighted") if way == "as published" else DETECT
-    found, _ = detect(params, image)
+    settings = replace(DETECT, centroid="weighted") if way == "as published" else DETECT
+    found, _ = detect(settings, MODEL, image)
     u_c = unit_vectors(CAMERA, found.xy_px)
     if way == "as published":
         pairs = flown_pairs()
-        result = pyramid.match(IDENTIFY._replace(cos_error=COS_ERROR), pairs, u_c, found.flux_dn)
+        result = pyramid.match(IDENTIFY, MODEL, pairs, u_c, found.flux_dn, COS_ERROR)
     else:
         pairs = default_pairs()
-        result = IDENTIFIERS["bayes"](IDENTIFY, pairs, u_c, found.flux_dn)
+        result = IDENTIFIERS["bayes"](IDENTIFY, MODEL, pairs, u_c, found.flux_dn)
     known = result.star >= 0
-    if result.reason != Reason.NONE or known.sum() < IDENTIFY.min_stars:
+    if result.reason != Reason.NONE or known.sum() < IDENTIFY.fewest_stars:
         return None
     variance = 0.5 * np.trace(found.P_px[known], axis1=1, axis2=2)
     return esoq2(u_c[known], pairs.stars.u_i[result.star[known]], np.sqrt(variance + 0.03**2))

@@ -1,7 +1,8 @@
 """SHEFEX 3.2 and BRIGHT figure 1: scanning a frame, and the centroids of a star that moves."""
 
 import time
-from functools import cache
+from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -9,10 +10,12 @@ from shefex_nav.environment.stars import load_catalogue, silicon_magnitude
 from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.geometry.rotation import quat_from_rotvec
 from shefex_nav.onboard.startracker import background, scan
-from shefex_nav.onboard.startracker.detect import DetectParams, detect, rules
+from shefex_nav.onboard.startracker.camera import CameraModel
+from shefex_nav.onboard.startracker.detect import by_fit, by_interpolation, by_mass, detect, rules
 from shefex_nav.report import intervals
 from shefex_nav.reproduce import rows
 from shefex_nav.reproduce.published import BRIGHT, SHEFEX
+from shefex_nav.reproduce.settings import STAR_TRACKER
 from shefex_nav.reproduce.shefex_field import CAMERA, in_view
 from shefex_nav.reproduce.stills import StillCamera, electrons, random_attitude, still
 from shefex_nav.reproduce.verdict import POINTS
@@ -21,18 +24,8 @@ from shefex_nav.world.camera.detector import Electronics
 # the camera of the mission at 24 dB and 50 ms: see scenarios/shefex2_andoya.yaml
 PER_DN = 118.0 * 10.0 ** (-24.0 / 20.0)
 SPACE = StillCamera(CAMERA, 0.8, Electronics(16.0, 30e3, PER_DN, 16.0), 400.0 * 0.05, 2.5e6 * 0.05)
-DETECT = DetectParams(
-    bad_pixels=np.zeros((0, 2), dtype=np.int64),
-    tile_px=72,
-    seed_sigma=5.5,
-    grow_sigma=3.5,
-    min_pixels=5,
-    max_pixels=400,
-    max_peak_fraction=0.75,
-    max_objects=40,
-    saturation_dn=255,
-    electrons_per_dn=PER_DN,
-)
+DETECT = STAR_TRACKER.detection
+MODEL = CameraModel(CAMERA, electrons_per_dn=PER_DN)
 
 
 @cache
@@ -76,11 +69,11 @@ def measure_scan(samples, seed):
     """For each frame: seconds of the two scans, of the steps before them, and whether the tables agree."""
     rng = np.random.default_rng(seed)
     out = np.empty((samples, 4))
-    chosen = rules(DETECT._replace(max_objects=OBJECTS))
+    chosen = rules(replace(DETECT, most_objects=OBJECTS))
     for k in range(samples + 1):  # the first one compiles
         image = frame_of(rng, OBJECTS)
         blocks = background.block_sums(image)
-        level, sigma, _ = background.tile_statistics(blocks, DETECT.tile_px)
+        level, sigma, _ = background.tile_statistics(blocks, DETECT.tile)
         seconds, tables = np.full((REPEATS, 3), np.inf), []
         for repeat in range(REPEATS):
             for s, method in enumerate(SCANS):
@@ -91,7 +84,7 @@ def measure_scan(samples, seed):
                 if repeat == 0:
                     tables.append(table)
             begin = time.perf_counter()
-            background.tile_statistics(background.block_sums(image), DETECT.tile_px)
+            background.tile_statistics(background.block_sums(image), DETECT.tile)
             seconds[repeat, 2] = time.perf_counter() - begin
         same = same_objects(*tables)
         out[k - 1] = (*np.median(seconds, axis=0), same)
@@ -136,7 +129,11 @@ IMAGES = 50
 VMAG = 2.9
 ROI_PX = 5
 STEPS_PX = (0.1, 1.0)  # from image to image, drawn evenly [E]
-TRACK_CENTROIDS = ("centre_of_mass", "gaussian_interpolation", "fit")
+TRACK_CENTROIDS = {
+    "centre_of_mass": partial(by_mass, roi_px=ROI_PX),
+    "gaussian_interpolation": partial(by_interpolation, roi_px=ROI_PX),
+    "fit": by_fit,
+}
 # [E] the paper tells neither the width of the spots nor the noise: those of the SHEFEX camera
 TRACKER = StillCamera(
     pinhole(
@@ -158,15 +155,15 @@ def track(rng):
     across = np.array([-np.sin(angle), np.cos(angle), 0.0])
     f, light = TRACKER.pinhole.focal_length_px, electrons(TRACKER, [VMAG])
     distance = np.empty((len(TRACK_CENTROIDS) + 1, IMAGES))
-    params = DETECT._replace(psf_sigma_px=TRACKER.sigma_psf_px, roi_px=ROI_PX)
+    camera = MODEL._replace(pinhole=TRACKER.pinhole, psf_sigma=TRACKER.sigma_psf_px)
     middle = np.array([TRACKER.pinhole.cx_px, TRACKER.pinhole.cy_px])
     begin_px = rng.uniform(2.0, 8.0)
     for k in range(IMAGES):
         q_ic = quat_from_rotvec(-across * np.arctan((begin_px + k * step_px) / f))
         image, xy_px = still(TRACKER, np.array([[0.0, 0.0, 1.0]]), light, q_ic, rng)
         distance[-1, k] = np.linalg.norm(xy_px[0] - middle)
-        for m, method in enumerate(TRACK_CENTROIDS):
-            found, _ = detect(params._replace(centroid=method), image)
+        for m, centres in enumerate(TRACK_CENTROIDS.values()):
+            found, _ = detect(DETECT, camera, image, centres)
             distance[m, k] = np.linalg.norm(found.xy_px[0] - middle)
     return distance
 

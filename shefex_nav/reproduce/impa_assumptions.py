@@ -6,6 +6,7 @@ own acceptance verified, the same attitudes, directions and noise seeds for all.
 are not chosen here: this says what the differences to the published tables are made of.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -59,7 +60,9 @@ def objects_of(sigma_px, case, seed):
         q_ic = field.attitude_at(case, number)
         u_i, light = flight.near_stars(camera, q_ic)
         image = still(camera, u_i, light, q_ic, rng, omega_c=case.omega_c)[0]
-        clusters, fused = multipole_chain.objects(methods.CHAIN, field.times(SHUTTER), clusters, image)
+        clusters, fused = multipole_chain.objects(
+            methods.DETECT, methods.MODEL, field.times(SHUTTER), clusters, image
+        )
     return fused
 
 
@@ -79,11 +82,10 @@ def outcome(setting, fused, case, false_seed):
     if setting.case == WORST:
         false = false_objects(setting, fused, np.random.default_rng(false_seed))
         fused = methods.with_false(fused, false, case.omega_c)
-    params = methods.IDENTIFY._replace(
-        magnitude_tolerance=setting.magnitude_tolerance,
-        zero_flux=methods.ZERO_FLUX_DN * 10.0 ** (-0.4 * setting.brighter_mag),
-    )
-    found, q_ic = multipole_chain.attitude(params, field.pairs(False), fused)
+    settings = replace(methods.IDENTIFY, magnitude_tolerance=setting.magnitude_tolerance)
+    zero_flux = methods.ZERO_FLUX_DN * 10.0 ** (-0.4 * setting.brighter_mag)
+    camera = methods.MODEL._replace(zero_flux=zero_flux)
+    found, q_ic = multipole_chain.attitude(settings, camera, field.pairs(False), fused)
     if found.reason != Reason.NONE:
         return 0
     error = methods.error_of(q_ic, field.attitude_at(case, IMAGES - 1))

@@ -57,10 +57,10 @@ def published_errors(times, first, second, stars):
     star : (m,) row of Truth of each fused cluster, -1 for none
     errors : (3, m, 2) px; compensated as in FORMS, and not compensated
     """
-    one, two = (cluster.find(methods.CHAIN.clusters, image) for image in (first, second))
-    rows, shift_px = multipole_chain.fused(methods.CHAIN, one, two, second.shape)
-    settings = [methods.CHAIN.compensation._replace(form=form) for form in FORMS]
-    moved = [multipole_chain.compensated(one_way, times, two, rows, shift_px) for one_way in settings]
+    settings = methods.DETECT.run_length
+    one, two = (cluster.find(methods.DETECT, methods.MODEL, image) for image in (first, second))
+    rows, shift_px = multipole_chain.fused(settings, one, two, second.shape)
+    moved = [multipole_chain.compensated(settings, times, two, rows, shift_px, form) for form in FORMS]
     places = [*(streaks.xy_px for streaks in moved), two.xy_px[rows]]
     star = nearest(places[0], stars.xy_px)
     return star, np.array(places) - stars.xy_px[star]

@@ -89,7 +89,7 @@ def frame_of(rate_deg_s, beta_deg, rng):
     q_ic = random_attitude(rng)
     light = electrons(camera, vmag)
     image, _ = still(camera, u_c @ dcm_from_quat(q_ic).T, light, q_ic, rng, omega_c=omega_c)
-    published = clusters.find(methods.CHAIN.clusters, image).xy_px
+    published = clusters.find(methods.DETECT, methods.MODEL, image).xy_px
     gyro = omega_c + field.RATE_ERROR * rng.standard_normal(3)
     ours = methods.streaks_of(image, gyro, field.RATE_ERROR**2 * np.eye(3), camera.times).xy_px
     found = [[near_path(place, omega_c, xy) for xy in xy_px] for place in (published, ours)]

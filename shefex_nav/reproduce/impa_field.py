@@ -10,6 +10,7 @@ has 10 T + 2 vertices and 20 T faces, never 200. The rotation about the boresigh
 the golden angle [E].
 """
 
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ from shefex_nav.geometry.rotation import quat_from_dcm, quat_from_rotvec, quat_m
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.reproduce.published import IMPA
+from shefex_nav.reproduce.settings import STAR_TRACKER
 from shefex_nav.reproduce.stills import StillCamera
 from shefex_nav.world.camera.detector import Electronics
 
@@ -87,12 +89,12 @@ def pairs(merged):
 
     2851 stars: Hipparcos has no more, the paper's 3349 cannot be had from it with any of its magnitudes.
     """
-    params = catalogue.CatalogueParams(
-        "magnitude_limited", SETTINGS["catalogue_mag"], MERGE if merged else 0.0, 0.0, 0
+    settings = replace(
+        STAR_TRACKER.catalogue, faintest=SETTINGS["catalogue_mag"], merge_radius=MERGE if merged else 0.0
     )
     sky = load_catalogue(SETTINGS["simulated_mag"])
     sky = sky._replace(bv=np.full(len(sky.vmag), np.nan))  # the simulated light knows no colour
-    return catalogue.pair_table(catalogue.build(params, sky, EPOCH), FIELD)
+    return catalogue.pair_table(catalogue.build(settings, sky, EPOCH), FIELD)
 
 
 @cache

@@ -69,7 +69,9 @@ def simulate(shutter, case, seed, most_images=MOST_IMAGES):
             for k, detections in enumerate(lists):
                 own[k, number] = _own_result(methods.own_attitude(detections, motion), truth)
         if most_images:
-            clusters, fused = methods.multipole_chain.objects(methods.CHAIN, times, clusters, image)
+            clusters, fused = methods.multipole_chain.objects(
+                methods.DETECT, methods.MODEL, times, clusters, image
+            )
         if most_images and number > 0:
             for k, detections in enumerate((fused, methods.with_false(fused, false, case.omega_c))):
                 if published[k, :, 0].all():

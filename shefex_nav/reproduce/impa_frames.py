@@ -47,7 +47,9 @@ def sheet(shutter, case, seed):
     times, clusters = field.times(shutter), None
     for number in range(2):
         image = flight.frame(shutter, case, number, noise)
-        clusters, fused = methods.multipole_chain.objects(methods.CHAIN, times, clusters, image)
+        clusters, fused = methods.multipole_chain.objects(
+            methods.DETECT, methods.MODEL, times, clusters, image
+        )
     motion = methods.streaks.Motion(omega_c, P_omega_c, times)
     ours = methods.streaks_of(image, omega_c, P_omega_c, times)
     stars_px = catalogue_stars(case)

@@ -5,6 +5,7 @@ believed as published. Ours: one frame, streaks found along the motion that the 
 identification and the attitude of largest likelihood, all with the covariance of each streak.
 """
 
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -14,39 +15,40 @@ from shefex_nav.compiled import kernel
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.geometry.streak import velocity
 from shefex_nav.onboard.startracker import multipole_chain, objects, streaks, tracker
-from shefex_nav.onboard.startracker.clusters import ClusterParams
-from shefex_nav.onboard.startracker.compensate import CompensateParams
+from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.records import Reason
-from shefex_nav.reproduce import identification, imaging
 from shefex_nav.reproduce import impa_field as field
 from shefex_nav.reproduce.published import IMPA
+from shefex_nav.reproduce.settings import STAR_TRACKER
 from shefex_nav.world.camera import hits
 
 ARCSEC = np.radians(1.0 / 3600.0)
 ZERO_FLUX_DN = field.ZERO_MAGNITUDE / field.ELECTRONS_PER_DN
 SATURATION_DN = int(field.FULL_WELL / field.ELECTRONS_PER_DN + field.BLACK_LEVEL_DN)
-TAU_DN = IMPA["camera"]["tau_pre_electrons"] / field.ELECTRONS_PER_DN
-CHAIN = multipole_chain.ChainParams(
-    ClusterParams(TAU_DN, SATURATION_DN),
-    CompensateParams(10.0),  # v* [E]
-    float(IMPA["camera"]["fusion_distance_px"]),
+DETECT = replace(
+    STAR_TRACKER.detection,
+    tile=64,
+    most_objects=100,
+    saturation=float(SATURATION_DN),
+    run_length=replace(
+        STAR_TRACKER.detection.run_length,  # with the window and v* of the scenario [E]
+        threshold=IMPA["camera"]["tau_pre_electrons"],
+        fusion_distance=float(IMPA["camera"]["fusion_distance_px"]),
+    ),
 )
-IDENTIFY = identification.IDENTIFY._replace(
+IDENTIFY = replace(
+    STAR_TRACKER.identification,  # eps_m is not given [E]; the paper does not have the verification
     method="multipole",
-    camera=field.CAMERA,
     tolerance=IMPA["protocol"]["tolerance_arcsec"] * ARCSEC,
-    max_centroids=200,
-    min_stars=IMPA["protocol"]["accept_stars"],
-    sigma_px=0.3,  # of the verification, which the paper does not have
-    zero_flux=ZERO_FLUX_DN,
-    magnitude_tolerance=0.7,  # eps_m is not given [E]
+    most_centroids=200,
+    fewest_stars=IMPA["protocol"]["accept_stars"],
+    centroid_error=0.3,
 )
-DETECT = imaging.DETECT._replace(
-    tile_px=64,
-    max_objects=100,
-    saturation_dn=SATURATION_DN,
+MODEL = CameraModel(
+    field.CAMERA,
     electrons_per_dn=field.ELECTRONS_PER_DN,
-    psf_sigma_px=field.PSF_SIGMA_PX,
+    psf_sigma=field.PSF_SIGMA_PX,
+    zero_flux=ZERO_FLUX_DN,
 )
 N_FALSE = IMPA["protocol"]["false_objects_worst_case"]
 SUCCESS = IMPA["protocol"]["success_arcsec"] * ARCSEC  # of each cross-boresight error
@@ -55,9 +57,9 @@ SUCCESS = IMPA["protocol"]["success_arcsec"] * ARCSEC  # of each cross-boresight
 @cache
 def own():
     """Settings of our tracker for the paper's camera: TrackerParams."""
-    ours, paper = identification.IDENTIFY, IDENTIFY
-    identify = ours._replace(camera=paper.camera, tolerance=paper.tolerance)
-    return identification.tracker_params(DETECT, identify)
+    identify = replace(STAR_TRACKER.identification, tolerance=IDENTIFY.tolerance)
+    settings = replace(STAR_TRACKER, detection=DETECT, identification=identify)
+    return tracker.TrackerParams(settings, MODEL, np.zeros(3))  # no aberration in the paper's sky
 
 
 class False50(NamedTuple):
@@ -121,7 +123,7 @@ def published_attitudes(detections):
 
     Where the paper's check phase lets nothing pass there is nothing to verify either.
     """
-    results = multipole_chain.attitudes(IDENTIFY, field.pairs(False), detections)
+    results = multipole_chain.attitudes(IDENTIFY, MODEL, field.pairs(False), detections)
     published, verified = (q_ic if found.reason == Reason.NONE else None for found, q_ic in results)
     return verified, published
 
@@ -129,7 +131,7 @@ def published_attitudes(detections):
 def streaks_of(image_dn, omega_c, P_omega_c, times):
     """Our detections in one frame: Detections."""
     motion = streaks.Motion(omega_c, P_omega_c, times)
-    return streaks.detect_streaks(DETECT, field.CAMERA, image_dn, motion)[0]
+    return streaks.detect_streaks(DETECT, MODEL, image_dn, motion)[0]
 
 
 def own_attitude(detections, motion):

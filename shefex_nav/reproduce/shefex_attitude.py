@@ -1,5 +1,6 @@
 """SHEFEX sections 3.4.1 and 4: attitude error against centroid error, and the calibration of the camera."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,6 +15,7 @@ from shefex_nav.report import intervals
 from shefex_nav.reproduce import rows
 from shefex_nav.reproduce.experiment import Row
 from shefex_nav.reproduce.published import SHEFEX
+from shefex_nav.reproduce.settings import STAR_TRACKER
 from shefex_nav.reproduce.shefex_field import (
     CAMERA,
     MAX_CENTROIDS,
@@ -208,8 +210,8 @@ BLOCK = 50  # frames of one calibration when its scatter is looked at
 @cache
 def _sky():
     """The stars that the camera sees and the identification knows: OnboardCatalogue."""
-    params = catalogue.CatalogueParams("magnitude_limited", MAX_MAGNITUDE, MERGE, 0.0, 0)
-    return catalogue.build(params, load_catalogue(8.0), YEAR)
+    settings = replace(STAR_TRACKER.catalogue, faintest=MAX_MAGNITUDE, merge_radius=MERGE)
+    return catalogue.build(settings, load_catalogue(8.0), YEAR)
 
 
 def measure_calibration(samples, seed):

@@ -4,6 +4,7 @@ As in section 3.4.1 of the paper: random attitudes, the catalogue stars in the f
 and a centroid error on each; then the pyramid with a constant tolerance of the cosine, nothing verified.
 """
 
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -13,9 +14,10 @@ from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import pinhole, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker import catalogue
+from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.identify import pyramid
-from shefex_nav.reproduce.identification import IDENTIFY
 from shefex_nav.reproduce.published import SHEFEX
+from shefex_nav.reproduce.settings import STAR_TRACKER
 from shefex_nav.reproduce.stills import random_attitude
 
 YEAR = 2011.5  # of the paper
@@ -26,18 +28,18 @@ CAMERA = pinhole(
 )
 FIELD = np.radians(SHEFEX["camera"]["fov_diag_deg"])  # the longest angle of the pair table
 MERGE = 2.0 / CAMERA.focal_length_px  # rad, closer stars are one spot
-COMBINED = catalogue.CatalogueParams(
+COMBINED = replace(
+    STAR_TRACKER.catalogue,
     kind="combined",
-    max_magnitude=5.75,  # the faintest that the paper mentions in its uniform catalogue
+    faintest=5.75,  # the faintest that the paper mentions in its uniform catalogue
     merge_radius=MERGE,
-    keep_magnitude=SHEFEX["catalogue"]["keep_all_to_mag"],
-    n_stars=SHEFEX["catalogue"]["stars"],
+    keep_to=SHEFEX["catalogue"]["keep_all_to_mag"],
+    size=SHEFEX["catalogue"]["stars"],
 )
 MAX_CENTROIDS = SHEFEX["identification"]["max_centroids"]
 MIN_STARS = 4
-PYRAMID = IDENTIFY._replace(  # cos_error stands in the place of its tolerance; nothing is verified
-    method="pyramid", camera=CAMERA, max_centroids=MAX_CENTROIDS, min_stars=MIN_STARS
-)
+PYRAMID = replace(STAR_TRACKER.identification, method="pyramid", most_centroids=MAX_CENTROIDS)
+MODEL = CameraModel(CAMERA)
 
 
 class Field(NamedTuple):
@@ -90,5 +92,4 @@ def directions(field, error_px):
 
 def match(pairs, u_c, cos_error):
     """Rows of the catalogue, -1 where unidentified. StarPairs, (n, 3) brightest first, float -> (n,)."""
-    params = PYRAMID._replace(cos_error=float(cos_error))
-    return pyramid.match(params, pairs, u_c, np.ones(len(u_c))).star
+    return pyramid.match(PYRAMID, MODEL, pairs, u_c, np.ones(len(u_c)), cos_error).star

@@ -6,6 +6,8 @@ SETTLING ones is judged. The published chain is that of `shefex-end-to-end`: seq
 centroids, the pyramid as published. Ours knows the rate to 0.02 deg/s (1 sigma) on each axis.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from shefex_nav.geometry.pinhole import pixels
@@ -16,11 +18,11 @@ from shefex_nav.onboard.startracker.detect import detect
 from shefex_nav.records import Reason
 from shefex_nav.reproduce import end_to_end
 from shefex_nav.reproduce.experiment import Experiment
-from shefex_nav.reproduce.identification import tracker_params
-from shefex_nav.reproduce.imaging import DETECT, SPACE
+from shefex_nav.reproduce.imaging import DETECT, MODEL, SPACE
 from shefex_nav.reproduce.picture import tidy
 from shefex_nav.reproduce.published import SHEFEX
 from shefex_nav.reproduce.rows import judged_share, median, share
+from shefex_nav.reproduce.settings import STAR_TRACKER
 from shefex_nav.reproduce.shefex_field import CAMERA
 from shefex_nav.reproduce.stills import electrons, random_attitude, still
 from shefex_nav.reproduce.verdict import POINTS
@@ -31,8 +33,8 @@ SETTLING = 8  # the whole range of exposures in steps of 2 ms
 NOMINAL_S = 0.05  # exposure of SPACE
 RATE_ERROR = np.radians(0.02)
 LEAST_STARS = 4
-CONTROL = exposure.ExposureParams(0.05, 0.035, 0.05, 0.002, 24.0, 100.0, 4, 4, 1)  # as in the scenario
-OWN = tracker_params(DETECT, end_to_end.IDENTIFY, CONTROL)
+CONTROL = STAR_TRACKER.exposure
+OWN = tracker.TrackerParams(STAR_TRACKER, MODEL, np.zeros(3))
 MOSTLY, OWN_GOAL = 0.5, 0.9
 GOOD_S = tuple(1e-3 * ms for ms in SHEFEX["exposure_control"]["good_range_ms"])
 
@@ -50,9 +52,9 @@ def camera_at(exposure_s):
 def found_by(way, image, motion):
     """Detections and mean grey value of a frame."""
     if way == "as published":
-        found, seen = detect(DETECT._replace(centroid="weighted"), image)
+        found, seen = detect(replace(DETECT, centroid="weighted"), MODEL, image)
     else:
-        found, seen = streaks.detect_streaks(DETECT, CAMERA, image, motion)
+        found, seen = streaks.detect_streaks(DETECT, MODEL, image, motion)
     return found, seen.mean_dn
 
 
@@ -69,7 +71,7 @@ def solved_by(way, image, found, motion):
 def fly(way, sky, q_ic, omega_c, known_omega_c, rng):
     """Verdict (1 solved, 0 not, -1 wrong) of the frame after settling, and its exposure [s]."""
     u_i, magnitudes = sky
-    exposure_s = CONTROL.start_s
+    exposure_s = CONTROL.start
     for number in range(SETTLING + 1):
         camera = camera_at(exposure_s)
         q_now = quat_multiply(q_ic, quat_from_rotvec(omega_c * (number - SETTLING) * end_to_end.FRAME_S))

@@ -5,6 +5,7 @@ are held against: a count of catalogues or curves that do what is said, so that 
 """
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,10 +32,10 @@ from shefex_nav.reproduce.shefex_field import (
 from shefex_nav.reproduce.stills import random_attitude
 
 CATALOGUES = {  # name -> settings; 5.2, 5.4 and 5.75 are the magnitudes of section 3.3
-    "asymmetric": COMBINED._replace(kind="asymmetric", max_magnitude=5.2, south_magnitude=5.4),
-    "uniform": COMBINED._replace(kind="uniform"),
+    "asymmetric": replace(COMBINED, kind="asymmetric", faintest=5.2, faintest_south=5.4),
+    "uniform": replace(COMBINED, kind="uniform"),
     "combined": COMBINED,
-    "combined, from the asymmetric": COMBINED._replace(max_magnitude=5.2, south_magnitude=5.4),
+    "combined, from the asymmetric": replace(COMBINED, faintest=5.2, faintest_south=5.4),
 }
 NEAR = 0.08  # relative: a count whose recipe is not published
 ABOUT = 0.2  # relative: what the paper gives as 'about'
@@ -117,7 +118,7 @@ def _count_rows(built):
 
 
 def _uniform(limit):
-    return catalogue.build(CATALOGUES["uniform"]._replace(max_magnitude=limit), load_catalogue(8.0), YEAR)
+    return catalogue.build(replace(CATALOGUES["uniform"], faintest=limit), load_catalogue(8.0), YEAR)
 
 
 def _between(stars, bright, faint):

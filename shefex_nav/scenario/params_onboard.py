@@ -11,6 +11,7 @@ from shefex_nav.clock import IMU_HZ
 from shefex_nav.onboard.navigation.blocks import Beforehand, known_sigmas
 from shefex_nav.scenario import aboard, params_filter, params_gps
 from shefex_nav.scenario.block import AUTOMATIC
+from shefex_nav.scenario.of_settings import settings
 from shefex_nav.scenario.params import mounting
 from shefex_nav.scenario.told import as_told
 
@@ -26,20 +27,37 @@ def nominal_camera(scenario):
     return pinhole(detector.columns, detector.rows, optics.focal_length / detector.pixel_size)
 
 
+def camera_model(scenario, bad_pixels):
+    """CameraModel of a scenario; bad_pixels : (n, 2) row, column of the pixels found bad before flight."""
+    from shefex_nav.onboard.startracker.camera import CameraModel
+
+    optics, stray_light = scenario.star_camera.optics, scenario.star_camera.stray_light
+    exposure, per_dn = scenario.star_tracker.exposure, electrons_per_dn(scenario)
+    return CameraModel(
+        pinhole=nominal_camera(scenario),
+        bad_pixels=np.asarray(bad_pixels, dtype=np.int64),
+        electrons_per_dn=per_dn,
+        psf_sigma=optics.psf_sigma,
+        zero_flux=optics.zero_magnitude_flux * exposure.longest / per_dn,
+        focal_length_error=optics.focal_length_error,
+        sun_exclusion=stray_light.sun_exclusion,
+        earth_exclusion=stray_light.earth_exclusion,
+    )
+
+
+def electrons_per_dn(scenario):
+    """Charge for one grey value at the gain that is set."""
+    gain = 10.0 ** (scenario.star_tracker.exposure.gain / 20.0)
+    return scenario.star_camera.detector.conversion / gain
+
+
 def computer_params(scenario, bodies, bad_pixels):
-    """ComputerParams of a scenario, with the SkyBodies of the epoch; `bad_pixels` as in `tracker_params`.
-
-    A star tracker that is not enabled is switched on never.
-    """
+    """ComputerParams of a scenario, with the SkyBodies of the epoch; `bad_pixels` as in `camera_model`."""
     from shefex_nav.onboard.computer import ComputerParams
-
-    tracker = scenario.star_tracker
 
     return ComputerParams(
         nav=nav_params(scenario),
         tracker=tracker_params(scenario, bodies.earth_v_i, bad_pixels),
-        tracker_on_s=tracker.on if tracker.enabled else np.inf,
-        tracker_off_s=tracker.off,
         sun_i=bodies.sun_u_i,
     )
 
@@ -51,119 +69,16 @@ def tracker_params(scenario, earth_velocity_i, bad_pixels):
     ----------
     scenario : Scenario
     earth_velocity_i : (3,) m/s, barycentric velocity of the Earth at the epoch
-    bad_pixels : (n, 2) row, column of the pixels found bad before flight
+    bad_pixels : as in `camera_model`
     """
-    from shefex_nav.onboard.startracker.catalogue import CatalogueParams
+    from shefex_nav.onboard.startracker.settings import StarTracker
     from shefex_nav.onboard.startracker.tracker import TrackerParams
 
-    scenario = as_told(scenario)
-    tracker, catalogue = scenario.star_tracker, scenario.star_tracker.catalogue
     return TrackerParams(
-        catalogue=CatalogueParams(
-            kind=catalogue.kind,
-            max_magnitude=catalogue.faintest,
-            merge_radius=catalogue.merge_radius,
-            keep_magnitude=catalogue.keep_to,
-            n_stars=catalogue.size,
-            magnitude_system=catalogue.system,
-            south_magnitude=catalogue.faintest_south,
-        ),
-        detect=_detect_params(scenario, bad_pixels),
-        track=tracker.identification.tracking,
-        vectors=scenario.navigation.stars == "vectors",
-        identify=_identify_params(scenario),
-        run_length=_run_length(scenario) if tracker.detection.scan == "run_length" else None,
-        exposure=_exposure_params(tracker.exposure),
+        settings=settings(StarTracker, scenario.star_tracker),
+        camera=camera_model(as_told(scenario), bad_pixels),
         earth_velocity_i=earth_velocity_i,
-        centroid_floor_px=tracker.centroid_floor,
-        sigma_focal=scenario.star_camera.optics.focal_length_error,
-        outlier_sigma=tracker.outlier_sigma,
-        latency_s=tracker.latency,
-        max_rate=tracker.highest_rate,
-        sun_exclusion=scenario.star_camera.stray_light.sun_exclusion,
-        limb_exclusion=scenario.star_camera.stray_light.earth_exclusion,
-    )
-
-
-def _detect_params(scenario, bad_pixels):
-    from shefex_nav.onboard.startracker.detect import DetectParams
-
-    detection = scenario.star_tracker.detection
-    return DetectParams(
-        bad_pixels=np.asarray(bad_pixels, dtype=np.int64),
-        tile_px=detection.tile,
-        seed_sigma=detection.seed_sigma,
-        grow_sigma=detection.grow_sigma,
-        min_pixels=detection.fewest_pixels,
-        max_pixels=detection.most_pixels,
-        max_peak_fraction=detection.largest_peak,
-        max_objects=detection.most_objects,
-        saturation_dn=int(detection.saturation),
-        scan=detection.scan,
-        centroid=detection.centroid,
-        electrons_per_dn=electrons_per_dn(scenario),
-        psf_sigma_px=scenario.star_camera.optics.psf_sigma,
-    )
-
-
-def electrons_per_dn(scenario):
-    """Charge for one grey value at the gain that is set."""
-    gain = 10.0 ** (scenario.star_tracker.exposure.gain / 20.0)
-    return scenario.star_camera.detector.conversion / gain
-
-
-def _run_length(scenario):
-    """ChainParams of the clusters."""
-    from shefex_nav.onboard.startracker.clusters import ClusterParams
-    from shefex_nav.onboard.startracker.compensate import CompensateParams
-    from shefex_nav.onboard.startracker.multipole_chain import ChainParams
-
-    detection = scenario.star_tracker.detection
-    settings = detection.run_length
-    return ChainParams(
-        ClusterParams(
-            settings.threshold / electrons_per_dn(scenario), int(detection.saturation), settings.window
-        ),
-        CompensateParams(settings.slowest),
-        settings.fusion_distance,
-    )
-
-
-def _identify_params(scenario):
-    from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
-
-    identification, camera = scenario.star_tracker.identification, nominal_camera(scenario)
-    zero_electrons = scenario.star_camera.optics.zero_magnitude_flux * scenario.star_tracker.exposure.longest
-    return IdentifyParams(
-        method=identification.method,
-        camera=camera,
-        tolerance=identification.tolerance,
-        max_centroids=identification.most_centroids,
-        min_stars=identification.fewest_stars,
-        sigma_px=identification.centroid_error,
-        gate_sigma=identification.gate_sigma,
-        detection_probability=identification.detection_probability,
-        magnitude_margin=identification.magnitude_margin,
-        magnitude_sigma=identification.magnitude_error,
-        false_alarm=identification.false_alarm,
-        zero_flux=zero_electrons / electrons_per_dn(scenario),
-        magnitude_tolerance=identification.magnitude_tolerance,
-    )
-
-
-def _exposure_params(exposure):
-    from shefex_nav.onboard.startracker.exposure import ExposureParams
-
-    return ExposureParams(
-        start_s=exposure.start,
-        min_s=exposure.shortest,
-        max_s=exposure.longest,
-        step_s=exposure.step,
-        gain_db=exposure.gain,
-        max_mean_dn=exposure.brightest_mean,
-        min_objects=exposure.fewest_objects,
-        saturated_objects=exposure.saturated_objects,
-        saturated_pixels=exposure.saturated_pixels,
+        vectors=scenario.navigation.stars == "vectors",
     )
 
 

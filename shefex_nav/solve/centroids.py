@@ -17,10 +17,11 @@ from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
 from shefex_nav.geometry.rotation import quat_conjugate
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import esoq2
+from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes
 from shefex_nav.onboard.startracker.identify.ellipses import checked, ellipses_of
-from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
 from shefex_nav.onboard.startracker.likelihood import misfit_factor, refine
+from shefex_nav.onboard.startracker.settings import Catalogue, Identification
 from shefex_nav.onboard.startracker.tables import Pairs, Stars
 from shefex_nav.records import Reason
 from shefex_nav.solve import given
@@ -120,7 +121,7 @@ def _by_default(ready, xy_px, flux, P_px, prediction):
 
 
 @kernel
-def _solve_kernel(stars, index, hips, settings, xy_px, flux, prediction, ellipses=None):
+def _solve_kernel(stars, index, hips, numbers, xy_px, flux, prediction, ellipses=None):
     """Sort by brightness, solve, name the stars in the order of the input.
 
     flux : (n,), or (0,) where nothing is known of it
@@ -150,7 +151,7 @@ def _solve_kernel(stars, index, hips, settings, xy_px, flux, prediction, ellipse
             ordered[k, 0], ordered[k, 1] = xy_px[order[k], 0], xy_px[order[k], 1]
             magnitude[k] = -2.5 * np.log10(flux[order[k]])
     reason, star, q_ci, P_c, _, wrong, _, _ = bayes.solve_kernel(
-        stars, index, settings, ordered, magnitude, has_flux, prediction, ellipses
+        stars, index, numbers, ordered, magnitude, has_flux, prediction, ellipses
     )
     for k in range(n):
         if star[k] >= 0:
@@ -161,7 +162,7 @@ def _solve_kernel(stars, index, hips, settings, xy_px, flux, prediction, ellipse
 def _solve_uneven(tables, xy_px, flux, prior, P_px):
     """`_solve_kernel` of centroids with a covariance each."""
     order = np.argsort(-flux, kind="stable") if len(flux) else np.arange(len(xy_px))
-    ellipses = ellipses_of(P_px[order], tables[-1].sigma_px)
+    ellipses = ellipses_of(P_px[order], tables[-1].centroid_error)
     flux = flux[order] if len(flux) else flux
     reason, in_order, *found = _solve_kernel(*tables, xy_px[order], flux, prior, ellipses)
     hip = np.empty_like(in_order)
@@ -195,8 +196,8 @@ class _Ready(NamedTuple):
     """All that does not change from frame to frame."""
 
     sky: _Sky
-    settings: bayes.Settings
-    tables: tuple  # Stars, Pairs, (n,) Hipparcos numbers, settings: as `_solve_kernel` takes them
+    numbers: bayes.Numbers
+    tables: tuple  # Stars, Pairs, (n,) Hipparcos numbers, Numbers: as `_solve_kernel` takes them
 
 
 def _ready_for(camera, *numbers_given):
@@ -219,12 +220,12 @@ def _ready(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, fal
     if not 0.0 < false_limit < 1.0:
         raise ValueError(f"false_limit: expected a probability between 0 and 1, got {false_limit!r}")
     sky = _sky(camera, epoch, max_magnitude)
-    settings = bayes.Settings(
+    numbers = bayes.Numbers(
         float(camera.width_px), float(camera.height_px), sky.pinhole.focal_length_px,
         sky.pinhole.cx_px, sky.pinhole.cy_px, bayes.BORDER_PX + sky.displaced_px,
         float(centroid_sigma_px), float(magnitude_sigma), float(false_limit), bayes.MIN_STARS, bayes.BUDGET,
     )  # fmt: skip
-    return _Ready(sky, settings, (sky.stars, sky.index, sky.hip, settings))
+    return _Ready(sky, numbers, (sky.stars, sky.index, sky.hip, numbers))
 
 
 @lru_cache(maxsize=8)
@@ -246,14 +247,16 @@ def _sky(camera, epoch, max_magnitude):
     field = 2.0 * np.arctan((np.hypot(*(corners - [cx, cy]).T).max() + displaced) / pinhole.focal_length_px)
     sky = load_catalogue(8.0)
     depth = _depth(np.sort(sky.vmag), float(max_magnitude), pinhole)
-    params = catalogue.CatalogueParams(
+    settings = Catalogue(
         kind="magnitude_limited",
-        max_magnitude=depth,
+        system="V",
+        faintest=depth,
+        faintest_south=None,
         merge_radius=MERGE_PX / pinhole.focal_length_px,
-        keep_magnitude=0.0,
-        n_stars=0,
+        keep_to=0.0,
+        size=0,
     )
-    stars = catalogue.build(params, sky, float(epoch))
+    stars = catalogue.build(settings, sky, float(epoch))
     try:
         pairs = catalogue.pair_table(stars, 1.03 * field)  # the focal length may be a little shorter
     except ValueError:
@@ -282,22 +285,22 @@ def _complain(reason):
         raise ValueError("flux: expected finite positive values")
 
 
-def _identify_params(method, ready, zero_flux):
-    """IdentifyParams of a method, with the errors that the user says."""
-    settings = ready.settings
-    return IdentifyParams(
+def _identification(method, ready):
+    """Settings of a method, with the errors that the user says."""
+    numbers = ready.numbers
+    return Identification(
         method=method,
-        camera=ready.sky.pinhole,
-        tolerance=3.0 * np.sqrt(2.0) * settings.sigma_px / ready.sky.pinhole.focal_length_px,
-        max_centroids=200 if method == "multipole" else 15,  # the others build triangles
-        min_stars=4,
-        sigma_px=settings.sigma_px,
+        tracking=False,
+        tolerance=3.0 * np.sqrt(2.0) * numbers.centroid_error / numbers.focal_px,
+        most_centroids=200 if method == "multipole" else 15,  # the others build triangles
+        fewest_stars=4,
+        centroid_error=numbers.centroid_error,
         gate_sigma=4.5,
         detection_probability=0.9,
         magnitude_margin=0.3,
-        magnitude_sigma=settings.magnitude_sigma,
-        false_alarm=settings.false_limit,
-        zero_flux=zero_flux,
+        magnitude_error=numbers.magnitude_error,
+        magnitude_tolerance=0.7,  # eps_m of the multipole method is not given [E]
+        false_alarm=numbers.false_alarm,
     )
 
 
@@ -310,7 +313,7 @@ def _by_method(method, ready, xy_px, flux, P_px, zero_flux, prediction):
     if method not in IDENTIFIERS:
         known = ", ".join(["default", *IDENTIFIERS])
         raise ValueError(f"method: {method!r} is not known; choose from: {known}")
-    pinhole, settings = ready.sky.pinhole, ready.settings
+    pinhole, sigma_px = ready.sky.pinhole, ready.numbers.centroid_error
     if not (np.abs(xy_px) <= FARTHEST_PX).all():
         _complain(BAD_PLACE)
     if flux is not None and not (np.isfinite(flux) & (flux > 0.0)).all():
@@ -320,10 +323,15 @@ def _by_method(method, ready, xy_px, flux, P_px, zero_flux, prediction):
         raise ValueError("method: 'multipole' compares magnitudes; it needs flux and a positive zero_flux")
     brightness = np.ones(len(xy_px)) if flux is None else flux
     order = np.argsort(-brightness, kind="stable")
-    f, params = pinhole.focal_length_px, _identify_params(method, ready, zero_flux)
+    camera = CameraModel(pinhole, zero_flux=zero_flux)
     u_c = unit_vectors(pinhole, xy_px[order])
     found = IDENTIFIERS[method](
-        params, ready.sky.pairs, u_c, brightness[order], None if P_px is None else P_px[order]
+        _identification(method, ready),
+        camera,
+        ready.sky.pairs,
+        u_c,
+        brightness[order],
+        None if P_px is None else P_px[order],
     )
     hip = np.zeros(len(xy_px), dtype=np.int64)
     if found.reason != Reason.NONE:
@@ -332,8 +340,8 @@ def _by_method(method, ready, xy_px, flux, P_px, zero_flux, prediction):
     known = found.star >= 0
     hip[order[known]] = ready.sky.hip[found.star[known]]
     k, v_i = int(known.sum()), ready.sky.pairs.stars.u_i[found.star[known]]
-    ordinary = np.tile(np.eye(2) * settings.sigma_px**2, (k, 1, 1))
-    q_ic = esoq2(u_c[known], v_i, np.full(k, settings.sigma_px / f))
+    ordinary = np.tile(np.eye(2) * sigma_px**2, (k, 1, 1))
+    q_ic = esoq2(u_c[known], v_i, np.full(k, sigma_px / pinhole.focal_length_px))
     errors = ordinary if P_px is None else P_px[order[known]]
     q_ic, P_c, chi2 = refine(pinhole, q_ic, xy_px[order[known]], v_i, errors)
     if not np.isfinite(q_ic.sum() + P_c.sum() + chi2):

@@ -12,13 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.onboard.startracker.detect import DetectParams, detect
+from shefex_nav.onboard.startracker.camera import CameraModel
+from shefex_nav.onboard.startracker.detect import detect
+from shefex_nav.onboard.startracker.settings import Detection
 
 LARGEST_PX = 2048  # of the longer side; larger pictures are binned
 TILE_PX = 24  # of the background
 BLACK_DN, NOISE_DN, WHITE_DN = 20.0, 3.0, 255.0  # of the 8-bit frame
 APERTURE_PX = 1.0  # beyond the radius of an object, for its brightness
-MAX_OBJECTS = 1000
 RING_PX = (2.0, 5.5)  # around an object and its radius; a star has the sky there
 RING_SIGMA, RING_SHARE = 5.0, 0.25  # a pixel is not sky beyond this noise; so many of them may be
 EDGE_SIGMA = 8.0  # of the noise: neighbouring tiles that differ by more have something before the sky
@@ -26,16 +27,18 @@ EDGE_TILES = 6  # so far from such an edge there may be gaps in it
 ABOVE_SIGMA = 5.0  # of the noise, the peak of a star over the brightest tile there
 FLAT_SIGMA = 0.3  # grey steps, noise of a picture without any: rounding hides it
 
-PARAMS = DetectParams(
-    bad_pixels=np.zeros((0, 2), dtype=np.int64),
-    tile_px=72,
+DETECTION = Detection(
+    scan="sequential",
+    centroid="fit",
+    tile=72,
     seed_sigma=5.5,
     grow_sigma=3.5,
-    min_pixels=5,
-    max_pixels=600,
-    max_peak_fraction=0.85,
-    max_objects=MAX_OBJECTS,
-    saturation_dn=255,
+    fewest_pixels=5,
+    most_pixels=600,
+    largest_peak=0.85,
+    most_objects=1000,
+    saturation=255.0,
+    run_length=None,
 )
 
 
@@ -57,7 +60,7 @@ def find(grey):
         grey = binned(grey, binning)
     flat, noise, sky = flatten(grey)
     frame = np.clip(np.rint(BLACK_DN + NOISE_DN / noise * flat), 0.0, WHITE_DN).astype(np.uint8)
-    found, _ = detect(PARAMS, frame)
+    found, _ = detect(DETECTION, CameraModel(), frame)
     radius_px = np.sqrt(found.n_pixels / np.pi)
     flux = aperture(flat, found.xy_px, radius_px + APERTURE_PX)
     lonely = crowding(flat, found.xy_px, radius_px, RING_SIGMA * noise) < RING_SHARE

@@ -72,7 +72,7 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
         pinhole = Pinhole(*size_px, lens.focal_px, *camera.principal_point_px)
         xy_px = undistort(pinhole, np.array(camera.distortion), np.ascontiguousarray(xy_px))
     P_c, log_price = price(fit, size_px, log_focal_range)
-    settings = bayes.Settings(
+    numbers = bayes.Numbers(
         float(size_px[0]), float(size_px[1]), lens.focal_px, *camera.principal_point_px, bayes.BORDER_PX,
         QUIET_PX if fit.noise_px < LIMIT_PX else NOISY_PX, MAGNITUDE_SIGMA,
         FALSE_LIMIT * np.exp(-log_price), MIN_MATCHED, BUDGET,
@@ -86,7 +86,7 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
         if len(seen.hip) < MIN_MATCHED:
             break
         pairs = pair_table(OnboardCatalogue(seen.hip, seen.u_i, seen.vmag), diameter)
-        found = bayes.solve_kernel(*pairs.quick, settings, xy_px, mag, True, prediction)
+        found = bayes.solve_kernel(*pairs.quick, numbers, xy_px, mag, True, prediction)
         found = bayes.Solution(*found)
         n, rivalled = int((found.star >= 0).sum()), found.reason == bayes.AMBIGUOUS or best.is_rivalled
         chance = bounded(found.false_probability, log_price)

@@ -8,70 +8,94 @@ from scipy.special import erf
 from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import pinhole, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise
-from shefex_nav.onboard.startracker import catalogue, tracker
-from shefex_nav.onboard.startracker.detect import DetectParams
-from shefex_nav.onboard.startracker.exposure import ExposureParams
-from shefex_nav.onboard.startracker.identify.verify import IdentifyParams
+from shefex_nav.onboard.startracker import tracker
+from shefex_nav.onboard.startracker.camera import CameraModel
+from shefex_nav.onboard.startracker.settings import (
+    Catalogue,
+    Detection,
+    ExposureControl,
+    Identification,
+    RunLength,
+    StarTracker,
+)
+from shefex_nav.settings import changed
 
 YEAR = 2012.47
 CAMERA = pinhole(659, 493, 24.95e-3 / 9.9e-6)  # SHEFEX-2: calibrated focal length over pixel size
 DEG = np.pi / 180.0
 
-CATALOGUE = catalogue.CatalogueParams(
+CATALOGUE = Catalogue(
     kind="magnitude_limited",
-    max_magnitude=5.5,
+    system="V",
+    faintest=5.5,
+    faintest_south=None,
     merge_radius=3.0 / CAMERA.focal_length_px,
-    keep_magnitude=4.5,
-    n_stars=2023,
+    keep_to=4.5,
+    size=2023,
 )
-DETECT = DetectParams(
-    bad_pixels=np.zeros((0, 2), dtype=np.int64),
-    tile_px=72,
+DETECT = Detection(
+    scan="sequential",
+    centroid="fit",
+    tile=72,
     seed_sigma=5.5,
     grow_sigma=3.5,
-    min_pixels=5,
-    max_pixels=400,
-    max_peak_fraction=0.75,
-    max_objects=40,
-    saturation_dn=255,
+    fewest_pixels=5,
+    most_pixels=400,
+    largest_peak=0.75,
+    most_objects=40,
+    saturation=255.0,
+    run_length=RunLength(threshold=500.0, window=256, slowest=10.0, fusion_distance=2.0),
 )
-IDENTIFY = IdentifyParams(
+IDENTIFY = Identification(
     method="pyramid",
-    camera=CAMERA,
+    tracking=False,
     tolerance=0.018 * DEG,
-    max_centroids=15,
-    min_stars=4,
-    sigma_px=0.25,
+    most_centroids=15,
+    fewest_stars=4,
+    centroid_error=0.25,
     gate_sigma=4.5,
     detection_probability=0.9,
     magnitude_margin=0.3,
-    magnitude_sigma=0.3,
+    magnitude_error=0.3,
+    magnitude_tolerance=0.7,
     false_alarm=1e-7,
 )
-EXPOSURE = ExposureParams(
-    start_s=0.050,
-    min_s=0.035,
-    max_s=0.050,
-    step_s=0.002,
-    gain_db=24.0,
-    max_mean_dn=100.0,
-    min_objects=4,
+EXPOSURE = ExposureControl(
+    start=0.050,
+    shortest=0.035,
+    longest=0.050,
+    step=0.002,
+    gain=24.0,
+    brightest_mean=100.0,
+    fewest_objects=4,
     saturated_objects=4,
     saturated_pixels=1,
 )
+MODEL = CameraModel(CAMERA, sun_exclusion=90.0 * DEG, earth_exclusion=45.0 * DEG)
 TRACKER = tracker.TrackerParams(
-    catalogue=CATALOGUE,
-    detect=DETECT,
-    identify=IDENTIFY,
-    exposure=EXPOSURE,
+    settings=StarTracker(
+        enabled=True,
+        on=0.0,
+        off=np.inf,
+        rate=10.0,
+        latency=0.020,
+        highest_rate=2.5 * DEG,
+        centroid_floor=0.03,
+        outlier_sigma=4.0,
+        exposure=EXPOSURE,
+        detection=DETECT,
+        catalogue=CATALOGUE,
+        identification=IDENTIFY,
+    ),
+    camera=MODEL,
     earth_velocity_i=np.array([-29000.0, 1000.0, 500.0]),
-    centroid_floor_px=0.03,
-    outlier_sigma=4.0,
-    latency_s=0.020,
-    max_rate=2.5 * DEG,
-    sun_exclusion=90.0 * DEG,
-    limb_exclusion=45.0 * DEG,
 )
+
+
+def tracker_with(params, **values):
+    """TrackerParams with other settings: {"identification.method": ...}, keys with `__` for the dot."""
+    dotted = {name.replace("__", "."): value for name, value in values.items()}
+    return params._replace(settings=changed(params.settings, dotted))
 
 
 @cache

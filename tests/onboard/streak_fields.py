@@ -4,10 +4,12 @@ Light of a small step of the path falls as a Gaussian spot, integrated over each
 open during that step, for the part of the step for which they are open.
 """
 
+from dataclasses import replace
 from math import erf, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from star_fields import DETECT
 
 from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import load_catalogue
@@ -15,7 +17,7 @@ from shefex_nav.geometry.pinhole import Pinhole, pinhole, pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise
 from shefex_nav.geometry.shutter import row_start_s, row_times
 from shefex_nav.geometry.streak import place_at
-from shefex_nav.onboard.startracker.detect import DetectParams
+from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.streaks import Motion
 
 DEG = np.pi / 180.0
@@ -34,6 +36,11 @@ class Bench(NamedTuple):
     electrons_per_dn: float
     black_dn: float
     bits: int
+
+    @property
+    def model(self):
+        """The camera as the detection knows it."""
+        return CameraModel(self.camera, electrons_per_dn=self.electrons_per_dn, psf_sigma=self.sigma_px)
 
     @property
     def saturation_dn(self):
@@ -55,20 +62,8 @@ SHEFEX = Bench(
 
 def detect_params(bench, **changes):
     """Settings of the detection for a camera."""
-    params = DetectParams(
-        bad_pixels=np.zeros((0, 2), dtype=np.int64),
-        tile_px=96,
-        seed_sigma=5.5,
-        grow_sigma=3.5,
-        min_pixels=5,
-        max_pixels=400,
-        max_peak_fraction=0.75,
-        max_objects=100,
-        saturation_dn=bench.saturation_dn,
-        electrons_per_dn=bench.electrons_per_dn,
-        psf_sigma_px=bench.sigma_px,
-    )
-    return params._replace(**changes)
+    settings = replace(DETECT, tile=96, most_objects=100, saturation=float(bench.saturation_dn))
+    return replace(settings, **changes)
 
 
 def times_of(bench, rolling):

@@ -1,9 +1,11 @@
 """Identification by odds against chance: its parts against slow references, and random fields."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import betaln, logsumexp
-from star_fields import CAMERA, IDENTIFY, centroid_list, random_attitude, ready_tracker
+from star_fields import CAMERA, IDENTIFY, MODEL, centroid_list, random_attitude, ready_tracker
 
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, dcm_from_rotvec, rotvec_between
@@ -11,7 +13,7 @@ from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes, evidence, lever, odds, screen, search
 from shefex_nav.records import Reason
 
-PARAMS = IDENTIFY._replace(sigma_px=0.15, magnitude_sigma=0.2)
+PARAMS = replace(IDENTIFY, centroid_error=0.15, magnitude_error=0.2)
 WRONG = np.radians(0.5)
 AT_REST = lever.no_lever(1.0)
 NO_PRIOR = evidence.Prior(False, np.eye(3), np.zeros((3, 3)))
@@ -187,7 +189,7 @@ def statistics(seed, n_frames, **options):
     for _ in range(n_frames):
         q_ic = random_attitude(rng)
         u_c, flux, star = centroid_list(rng, pairs.stars, q_ic, **options)
-        found = IDENTIFIERS["bayes"](PARAMS, pairs, u_c, flux)
+        found = IDENTIFIERS["bayes"](PARAMS, MODEL, pairs, u_c, flux)
         possible += (star >= 0).sum() >= 4
         known = found.star >= 0
         if found.reason != Reason.NONE:
@@ -221,7 +223,7 @@ def test_noise_is_never_a_star_field():
         n = int(rng.integers(6, 25))
         u_c = unit_vectors(CAMERA, rng.uniform([0.0, 0.0], [658.0, 492.0], (n, 2)))
         flux = np.sort(10.0 ** rng.uniform(-2.2, 0.0, n))[::-1].copy()
-        found = bayes.identify(PARAMS, pairs, u_c, flux)
+        found = bayes.identify(PARAMS, MODEL, pairs, u_c, flux)
         assert found.reason == Reason.NO_MATCH
         assert (found.star == -1).all()
 
@@ -232,13 +234,13 @@ def test_mirrored_sky_is_not_accepted():
     for _ in range(50):
         u_c, flux, _ = centroid_list(rng, pairs.stars, random_attitude(rng), 0, noise_px=0.0)
         mirrored = np.ascontiguousarray(u_c * [-1.0, 1.0, 1.0])
-        assert bayes.identify(PARAMS, pairs, mirrored, flux).reason != Reason.NONE
+        assert bayes.identify(PARAMS, MODEL, pairs, mirrored, flux).reason != Reason.NONE
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3])
 def test_too_few_detections(n):
     u_c = unit_vectors(CAMERA, np.random.default_rng(6).uniform(0.0, 400.0, (n, 2)))
-    found = bayes.identify(PARAMS, ready_tracker().pairs, u_c, np.ones(n))
+    found = bayes.identify(PARAMS, MODEL, ready_tracker().pairs, u_c, np.ones(n))
     assert found.reason == Reason.TOO_FEW_STARS
     assert len(found.star) == n
 
@@ -248,12 +250,12 @@ def test_work_is_bounded():
     stars, pairs = stars_and_pairs()
     rng = np.random.default_rng(8)
     for n in (12, 40, 200):
-        settings = bayes.Settings(
+        numbers = bayes.Numbers(
             659.0, 493.0, CAMERA.focal_length_px, CAMERA.cx_px, CAMERA.cy_px, 5.0, 0.15, 0.2, 1e-7, 4, 250_000
         )
         xy = rng.uniform([0.0, 0.0], [658.0, 492.0], (n, 2))
         found = bayes.Solution(
-            *bayes.solve_kernel(stars, pairs, settings, xy, np.sort(rng.random(n)), True, bayes.NO_PREDICTION)
+            *bayes.solve_kernel(stars, pairs, numbers, xy, np.sort(rng.random(n)), True, bayes.NO_PREDICTION)
         )
         assert found.reason == Reason.NO_MATCH and len(found.star) == n
         assert found.work < 300_000

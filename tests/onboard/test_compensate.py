@@ -1,13 +1,16 @@
 """Equations (5) to (22) of the Improved Multi-Poles paper: streaks of points, for which they are exact."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from star_fields import DETECT
 
 from shefex_nav.geometry.shutter import row_start_s, row_times
-from shefex_nav.onboard.startracker.compensate import CompensateParams, compensate
+from shefex_nav.onboard.startracker.compensate import compensate
 
 TIMES = row_times(0.2, 0.2 / 1024, 1024)  # the paper's T_exp = t_l n_row
-PARAMS = CompensateParams(v_star_px_s=10.0)
+SETTINGS = replace(DETECT.run_length, slowest=10.0)
 SIGMA = np.full((1, 2), 0.1)
 VELOCITIES = [(vx, vy) for vx in (-240.0, -30.0, 0.0, 60.0) for vy in (-250.0, -20.0, 0.0, 250.0)]
 
@@ -30,7 +33,7 @@ def test_points_are_put_where_they_were(velocity, row, times):
     xy_px = np.array([400.0, min(row, 2.0 * times.middle_row)])
     middle, extent, seen_s = point_streak(times, xy_px, velocity)
     shift = np.array(velocity) * times.exposure_s
-    found = compensate(PARAMS, times, middle[None], extent[None], shift[None], SIGMA)
+    found = compensate(SETTINGS, times, middle[None], extent[None], shift[None], SIGMA)
     np.testing.assert_allclose(found.xy_px[0], xy_px, atol=1e-9)
     np.testing.assert_allclose(found.velocity_px_s[0], velocity, atol=1e-9)
     np.testing.assert_allclose(found.seen_s[0], seen_s, rtol=1e-12)
@@ -40,21 +43,20 @@ def test_implicit_form_solves_equation_22_as_printed():
     for velocity in ((100.0, 250.0), (100.0, -250.0)):
         middle, extent, _ = point_streak(TIMES, (300.0, 1000.0), velocity)
         shift = 0.2 * np.array([velocity])
-        params = PARAMS._replace(form="implicit")
-        found = compensate(params, TIMES, middle[None], extent[None], shift, SIGMA)
+        found = compensate(SETTINGS, TIMES, middle[None], extent[None], shift, SIGMA, "implicit")
         late_s = TIMES.line_s * (TIMES.middle_row - found.xy_px[0, 1])
         np.testing.assert_allclose(found.xy_px[0] - middle, np.array(velocity) * late_s, rtol=1e-12)
-        explicit = compensate(PARAMS, TIMES, middle[None], extent[None], shift, SIGMA)
+        explicit = compensate(SETTINGS, TIMES, middle[None], extent[None], shift, SIGMA)
         assert 1.0 < abs(found.xy_px[0, 1] - explicit.xy_px[0, 1]) < 1.5  # "up to 1.3 px"
     with pytest.raises(ValueError, match="explicit, implicit"):
-        compensate(PARAMS._replace(form="exact"), TIMES, middle[None], extent[None], shift, SIGMA)
+        compensate(SETTINGS, TIMES, middle[None], extent[None], shift, SIGMA, "exact")
 
 
 def test_signs_with_and_against_the_rows():
     """Equations (11) and (14) in numbers: 50 rows in 0.2 s + 50 t_l, or in 0.2 s - 50 t_l."""
     for sign, seen in ((1.0, 0.2 + 50 * TIMES.line_s), (-1.0, 0.2 - 50 * TIMES.line_s)):
         shift = np.array([[-8.0, sign * 50.0]])
-        found = compensate(PARAMS, TIMES, np.array([[1.0, 2.0]]), np.array([[8, 50]]), shift, SIGMA)
+        found = compensate(SETTINGS, TIMES, np.array([[1.0, 2.0]]), np.array([[8, 50]]), shift, SIGMA)
         np.testing.assert_allclose(found.velocity_px_s[0], [-8.0 / seen, sign * 50.0 / seen])
 
 
@@ -62,7 +64,7 @@ def test_below_v_star_nothing_moves():
     """A bright star at rest is six pixels wide and its shift is noise; a streak along x has no y."""
     xy_px, extent = np.array([[500.0, 900.0], [500.0, 900.0]]), np.array([[6, 6], [40, 3]])
     found = compensate(
-        PARAMS, TIMES, xy_px, extent, np.array([[0.1, -0.2], [40.0, 0.3]]), np.tile(SIGMA, (2, 1))
+        SETTINGS, TIMES, xy_px, extent, np.array([[0.1, -0.2], [40.0, 0.3]]), np.tile(SIGMA, (2, 1))
     )
     np.testing.assert_array_equal(found.xy_px[0], xy_px[0])
     np.testing.assert_array_equal(found.velocity_px_s[:, 1], 0.0)
@@ -73,7 +75,7 @@ def test_no_star_makes_a_streak_longer_than_the_rows_allow():
     """Against the rows dk t_l < T_exp always; a scratch over all rows of a slow detector is not a star."""
     times = row_times(0.05, 1e-3, 100)
     found = compensate(
-        PARAMS, times, np.array([[50.0, 50.0]]), np.array([[0, 60]]), np.array([[0.0, -9.0]]), SIGMA
+        SETTINGS, times, np.array([[50.0, 50.0]]), np.array([[0, 60]]), np.array([[0.0, -9.0]]), SIGMA
     )
     assert np.isnan(found.xy_px).all()
 
@@ -82,12 +84,12 @@ def test_covariance_is_of_noise_ends_and_the_way_carried():
     shift = np.array([[30.0, 40.0]])
     spread = {}
     for row in (511.5, 800.0, 1020.0):
-        found = compensate(PARAMS, TIMES, np.array([[5.0, row]]), np.array([[30, 40]]), shift, SIGMA)
+        found = compensate(SETTINGS, TIMES, np.array([[5.0, row]]), np.array([[30, 40]]), shift, SIGMA)
         spread[row] = found.P_px[0]
         np.testing.assert_allclose(found.P_px[0], found.P_px[0].T)
     value, vector = np.linalg.eigh(spread[511.5])
     np.testing.assert_allclose(value[0], 0.01)  # across: the noise alone
     np.testing.assert_allclose(np.abs(vector[:, 1]), [0.6, 0.8])  # along the streak
     assert np.trace(spread[511.5]) < np.trace(spread[800.0]) < np.trace(spread[1020.0])
-    rest = compensate(PARAMS, TIMES, np.array([[5.0, 1020.0]]), np.array([[6, 6]]), np.zeros((1, 2)), SIGMA)
+    rest = compensate(SETTINGS, TIMES, np.array([[5.0, 1020.0]]), np.array([[6, 6]]), np.zeros((1, 2)), SIGMA)
     np.testing.assert_allclose(rest.P_px[0], 0.01 * np.eye(2))  # at rest there is nothing to carry

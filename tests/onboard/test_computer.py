@@ -1,7 +1,5 @@
 """The executive: what runs when, and what comes out; its star tracker is a stand-in with known fixes."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from navigation_flight import (
@@ -15,6 +13,8 @@ from navigation_flight import (
     star_fix,
     state_at,
 )
+from star_fields import TRACKER as STAR_TRACKER
+from star_fields import tracker_with
 from unpacked import tick
 
 from shefex_nav.geometry import frames, rotation, wgs84
@@ -25,9 +25,7 @@ from shefex_nav.records import CameraCommand, Frame, GateResult, NavCovariance, 
 BLOCKS, STATES = fly(3.0)
 SUN_I = np.array([0.0, 0.6, 0.8])
 EARTH_VELOCITY_I = np.array([-2.9e4, 3e3, 1e3])
-TRACKER = SimpleNamespace(
-    earth_velocity_i=EARTH_VELOCITY_I, exposure=SimpleNamespace(start_s=0.05, gain_db=0.0)
-)
+TRACKER = star_tracker.TrackerParams(STAR_TRACKER.settings, STAR_TRACKER.camera, EARTH_VELOCITY_I)
 
 
 class Chain:
@@ -59,7 +57,7 @@ def frame(number, t_s):
 def fly_computer(gps=(), frames_taken=(), on_s=0.5, off_s=2.0, chain=None):
     """[(time of the tick, records)] of a flight of 3 s."""
     chain = chain or Chain()
-    params = computer.ComputerParams(PARAMS, TRACKER, on_s, off_s, SUN_I)
+    params = computer.ComputerParams(PARAMS, tracker_with(TRACKER, on=on_s, off=off_s), SUN_I)
     state = computer.start(params, alignment(STATES[0]), EARTH, None, 2012.5)
     ticks = []
     for block in BLOCKS:

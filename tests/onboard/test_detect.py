@@ -1,9 +1,11 @@
 """Detection: statistics, objects and centroids against frames whose content is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import ndimage
-from star_fields import DETECT, digitise, signal, spot
+from star_fields import DETECT, MODEL, digitise, signal, spot
 
 from shefex_nav.onboard.startracker.background import block_sums, repair, tile_statistics
 from shefex_nav.onboard.startracker.detect import detect
@@ -43,8 +45,8 @@ def test_a_frame_of_16_bits_gives_what_its_8_bits_give():
     for x, y in rng.uniform([20, 20], [640, 470], (30, 2)):
         spot(light, x, y, signal(3.5))
     image = digitise(rng, light)
-    narrow, narrow_statistics = detect(DETECT, image)
-    wide, wide_statistics = detect(DETECT, image.astype(np.uint16))
+    narrow, narrow_statistics = detect(DETECT, MODEL, image)
+    wide, wide_statistics = detect(DETECT, MODEL, image.astype(np.uint16))
     np.testing.assert_allclose(wide_statistics, narrow_statistics, rtol=1e-12)
     for a, b in zip(wide, narrow, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12)
@@ -57,7 +59,7 @@ def test_a_bright_frame_of_16_bits():
     for x, y in [(100.2, 50.7), (400.0, 300.4)]:
         spot(light, x, y, 4e5)
     image = np.minimum(rng.poisson(light + 2500.0) * 10 + 5000, 65535).astype(np.uint16)
-    found, statistics = detect(DETECT._replace(saturation_dn=65535), image)
+    found, statistics = detect(replace(DETECT, saturation=65535.0), MODEL, image)
     assert statistics.background_dn == pytest.approx(30000.0, rel=1e-3)
     assert statistics.noise_dn == pytest.approx(500.0, rel=0.02)
     np.testing.assert_array_equal(found.n_saturated[:2] > 0, True)
@@ -68,13 +70,13 @@ def test_a_bright_frame_of_16_bits():
 @pytest.mark.parametrize("image", [np.zeros(SHAPE), np.zeros((4, 5, 3), np.uint8)])
 def test_other_frames_are_refused(image):
     with pytest.raises(ValueError, match="uint8 or uint16"):
-        detect(DETECT, image)
+        detect(DETECT, MODEL, image)
 
 
 def test_objects_of_a_dark_frame():
     """Every block of a noise frame is a trial of a 5.5 sigma threshold: almost none may be an object."""
     rng = np.random.default_rng(3)
-    count = sum(len(detect(DETECT, digitise(rng, np.zeros(SHAPE)))[0].flux_dn) for _ in range(20))
+    count = sum(len(detect(DETECT, MODEL, digitise(rng, np.zeros(SHAPE)))[0].flux_dn) for _ in range(20))
     assert count <= 8  # measured: 0.07 a frame; Poisson 1.4, 8 has a probability of 1e-4
 
 
@@ -97,7 +99,7 @@ def test_centroids(sigma_px, streak_px, vmag, limit_px):
     true_px = np.column_stack([xx.ravel(), yy.ravel()]) + rng.uniform(-3.0, 3.0, (96, 2))
     for x, y in true_px:
         spot(light, x, y, signal(vmag), sigma_px, streak_px, rng.uniform(0.0, np.pi))
-    found, _ = detect(DETECT._replace(max_objects=200), digitise(rng, light))
+    found, _ = detect(replace(DETECT, most_objects=200), MODEL, digitise(rng, light))
     distance = np.linalg.norm(found.xy_px[:, None] - true_px[None], axis=2)
     assert (distance.min(axis=0) < 1.5).all()  # every star, and a streak is one object:
     assert len(found.flux_dn) <= 98
@@ -114,7 +116,7 @@ def test_table_is_sorted_and_keeps_the_brightest():
     for m, x, y in zip(vmag, xx.ravel(), yy.ravel(), strict=True):
         spot(light, x, y, signal(m))
     image = digitise(rng, light)
-    found, _ = detect(DETECT._replace(max_objects=10), image)
+    found, _ = detect(replace(DETECT, most_objects=10), MODEL, image)
     assert len(found.flux_dn) == 10
     assert (np.diff(found.flux_dn) <= 0.0).all()
     brightest = np.column_stack([xx.ravel(), yy.ravel()])[np.argsort(vmag)[:10]]
@@ -136,7 +138,7 @@ def test_known_bad_pixels_are_taken_out():
     untouched = np.ones(SHAPE, dtype=bool)
     untouched[bad[:, 0], bad[:, 1]] = False
     np.testing.assert_array_equal(repaired[untouched], image[untouched])
-    assert len(detect(DETECT._replace(bad_pixels=bad), image)[0].flux_dn) <= 1
+    assert len(detect(DETECT, MODEL._replace(bad_pixels=bad), image)[0].flux_dn) <= 1
 
 
 def test_what_is_no_star_is_left_out():
@@ -147,6 +149,6 @@ def test_what_is_no_star_is_left_out():
     yy, xx = np.mgrid[: SHAPE[0], : SHAPE[1]]
     light[(xx - 450) ** 2 + (yy - 250) ** 2 < 18**2] += 2000.0  # the Moon is 27 px across
     spot(light, 200.0, 300.0, signal(2.0))
-    found, _ = detect(DETECT, digitise(rng, light))
+    found, _ = detect(DETECT, MODEL, digitise(rng, light))
     strong = found.flux_dn > 200.0
     np.testing.assert_allclose(found.xy_px[strong], [[200.0, 300.0]], atol=0.1)

@@ -1,9 +1,11 @@
 """Identification with an error ellipse for each centroid: against plain formulas, and fields of streaks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from star_fields import CAMERA, IDENTIFY, centroid_list, random_attitude, ready_tracker
+from star_fields import CAMERA, IDENTIFY, MODEL, centroid_list, random_attitude, ready_tracker
 
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, dcm_from_rotvec, rotvec_between
@@ -21,7 +23,7 @@ from shefex_nav.onboard.startracker.likelihood import refine
 from shefex_nav.records import Reason
 
 SIGMA = 0.15
-PARAMS = IDENTIFY._replace(sigma_px=SIGMA, magnitude_sigma=0.2)
+PARAMS = replace(IDENTIFY, centroid_error=SIGMA, magnitude_error=0.2)
 WRONG = np.radians(0.5)
 MIDDLE = np.array([CAMERA.cx_px, CAMERA.cy_px])
 
@@ -233,10 +235,10 @@ def outcome(rng, n_fields, n_false, told=lambda P: P, near=False, **options):
         if near:
             q_ci = q_ic * [1.0, -1.0, -1.0, -1.0]
             found, _ = bayes.identify_near(
-                PARAMS, pairs, u_c, flux, (q_ci, np.eye(3) * np.radians(0.05) ** 2), said
+                PARAMS, MODEL, pairs, u_c, flux, (q_ci, np.eye(3) * np.radians(0.05) ** 2), said
             )
         else:
-            found = IDENTIFIERS["bayes"](PARAMS, pairs, u_c, flux, said)
+            found = IDENTIFIERS["bayes"](PARAMS, MODEL, pairs, u_c, flux, said)
         known = found.star >= 0
         possible += (star >= 0).sum() >= 5
         if found.reason == Reason.NONE:
@@ -263,8 +265,10 @@ def test_circles_of_the_usual_size_are_as_none():
     for _ in range(100):
         q_ic = random_attitude(rng)
         u_c, flux, _ = centroid_list(rng, pairs.stars, q_ic, 5)
-        plain = bayes.identify(PARAMS, pairs, u_c, flux)
-        told = bayes.identify(PARAMS, pairs, u_c, flux, np.tile(np.eye(2) * SIGMA**2, (len(flux), 1, 1)))
+        plain = bayes.identify(PARAMS, MODEL, pairs, u_c, flux)
+        told = bayes.identify(
+            PARAMS, MODEL, pairs, u_c, flux, np.tile(np.eye(2) * SIGMA**2, (len(flux), 1, 1))
+        )
         same += plain.reason == told.reason and (plain.star == told.star).all()
         if plain.reason == told.reason == Reason.NONE and (plain.star == told.star).all():
             assert told.log_odds == pytest.approx(plain.log_odds, abs=0.2)  # where Newton stops
@@ -300,7 +304,7 @@ def test_false_detections_with_any_covariance_are_never_a_star_field(size):
         n = int(rng.integers(6, 60))
         u_c = unit_vectors(CAMERA, rng.uniform([0.0, 0.0], [658.0, 492.0], (n, 2)))
         flux = np.sort(10.0 ** rng.uniform(-2.2, 0.0, n))[::-1].copy()
-        found = bayes.identify(PARAMS, pairs, u_c, flux, size * covariances(rng, n))
+        found = bayes.identify(PARAMS, MODEL, pairs, u_c, flux, size * covariances(rng, n))
         assert found.reason == Reason.NO_MATCH
         assert (found.star == -1).all()
 
@@ -323,8 +327,8 @@ def test_what_is_no_covariance_is_refused(bad):
     xy, flux, P, _, q_ic = streaks(rng, 3)
     P[2] = bad
     with pytest.raises(ValueError, match="P_px"):
-        bayes.identify(PARAMS, pairs, unit_vectors(CAMERA, xy), flux, P)
+        bayes.identify(PARAMS, MODEL, pairs, unit_vectors(CAMERA, xy), flux, P)
     with pytest.raises(ValueError, match="P_px"):
-        bayes.identify_near(PARAMS, pairs, unit_vectors(CAMERA, xy), flux, (q_ic, np.eye(3)), P)
+        bayes.identify_near(PARAMS, MODEL, pairs, unit_vectors(CAMERA, xy), flux, (q_ic, np.eye(3)), P)
     with pytest.raises(ValueError, match="shape"):
-        bayes.identify(PARAMS, pairs, unit_vectors(CAMERA, xy), flux, P[:-1])
+        bayes.identify(PARAMS, MODEL, pairs, unit_vectors(CAMERA, xy), flux, P[:-1])

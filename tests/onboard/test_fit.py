@@ -1,9 +1,11 @@
 """The fitted centroid against its bound, its covariance against its errors, and what may disturb it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import erf
-from star_fields import DETECT, digitise, spot
+from star_fields import DETECT, MODEL, digitise, spot
 
 from shefex_nav.onboard.startracker import scan, shape
 from shefex_nav.onboard.startracker.background import block_sums, tile_statistics
@@ -12,7 +14,8 @@ from shefex_nav.onboard.startracker.spot import Picture
 
 SHAPE = (493, 659)
 PER_DN, READ, BACKGROUND = 4.0, 8.0, 40.0  # electrons
-PARAMS = DETECT._replace(max_objects=200, electrons_per_dn=PER_DN)
+SETTINGS = replace(DETECT, most_objects=200)
+KNOWN = MODEL._replace(electrons_per_dn=PER_DN)
 
 
 def grid_frame(seed, electrons, sigma_px=1.0, streak_px=0.0):
@@ -27,12 +30,12 @@ def grid_frame(seed, electrons, sigma_px=1.0, streak_px=0.0):
     return digitise(rng, light, BACKGROUND, READ, PER_DN, 10.0), true_px
 
 
-def errors(params, seeds, electrons, **star):
+def errors(settings, seeds, electrons, **star):
     """Errors (n, 2) and normalised squared errors (n,) of all stars of some frames; every one is found."""
     all_errors, nees = [], []
     for seed in seeds:
         image, true_px = grid_frame(seed, electrons, **star)
-        found, _ = detect(params, image)
+        found, _ = detect(settings, KNOWN, image)
         distance = np.linalg.norm(found.xy_px[:, None] - true_px[None], axis=2)
         assert (distance.min(axis=0) < 1.5).all()
         k = distance.argmin(axis=0)
@@ -63,7 +66,7 @@ def bound(xy_px, light, sigma_px=1.0):
 
 @pytest.mark.parametrize("electrons", [600.0, 1500.0, 5000.0])
 def test_the_fit_is_near_the_bound_and_knows_it(electrons):
-    error, nees = errors(PARAMS, range(4), electrons)
+    error, nees = errors(SETTINGS, range(4), electrons)
     variance = np.mean([bound(place, electrons) for place in grid_frame(0, electrons)[1]])
     n = error.size  # 768: 1.15 is 5 sigma above the bound; no unbiased estimate is far below it
     assert 0.93 < np.sqrt((error**2).mean() / variance) < 1.15
@@ -77,7 +80,7 @@ def test_saturated_stars_are_among_the_best():
     electrons[::8] = 300000.0
     frames = [grid_frame(seed, electrons) for seed in range(3)]
     for image, true_px in frames:
-        found, _ = detect(PARAMS, image)
+        found, _ = detect(SETTINGS, KNOWN, image)
         distance = np.linalg.norm(found.xy_px[:, None] - true_px[None], axis=2)
         k = distance.argmin(axis=0)
         assert (found.n_saturated[k[::4]] > 4).all()
@@ -91,10 +94,10 @@ def test_saturated_stars_are_among_the_best():
 @pytest.mark.parametrize("electrons", [1000.0, 3000.0])
 def test_streaks_have_no_bias_and_a_larger_covariance(electrons):
     """4.4 px, as at 2 deg/s in 50 ms."""
-    error, nees = errors(PARAMS, range(3), electrons, sigma_px=0.8, streak_px=4.4)
+    error, nees = errors(SETTINGS, range(3), electrons, sigma_px=0.8, streak_px=4.4)
     assert (np.abs(error.mean(axis=0)) < 4.0 * np.sqrt((error**2).mean() / len(error))).all()
     assert 1.0 < nees.mean() < 2.4
-    still, _ = errors(PARAMS, range(3), electrons, sigma_px=0.8)
+    still, _ = errors(SETTINGS, range(3), electrons, sigma_px=0.8)
     assert (error**2).mean() > 2.0 * (still**2).mean()
 
 
@@ -103,8 +106,8 @@ def test_the_shape_is_measured(sigma_px, streak_px):
     image, _ = grid_frame(5, 4000.0, sigma_px=sigma_px, streak_px=streak_px)
     blocks = block_sums(image)
     background, sigma, _ = tile_statistics(blocks, 72)
-    table = scan.sequential(image, blocks, background, sigma, rules(PARAMS))
-    seen, _ = shape.measure(Picture(image, PARAMS.bad_pixels, 255, 1.0 / PER_DN), table, 1.0)
+    table = scan.sequential(image, blocks, background, sigma, rules(SETTINGS))
+    seen, _ = shape.measure(Picture(image, KNOWN.bad_pixels, 255, 1.0 / PER_DN), table, 1.0)
     length = np.hypot(seen.streak_x, seen.streak_y)
     assert seen.sigma_px == pytest.approx(sigma_px, rel=0.1)
     assert length == pytest.approx(streak_px, rel=0.1, abs=sigma_px)  # noise makes a round spot longish
@@ -119,7 +122,7 @@ def test_a_neighbour_does_not_pull():
         spot(light, x, y, 2000.0)
         spot(light, x + 9.0, y + 1.0, 20000.0)
         places.append((x, y))
-    found, _ = detect(PARAMS, digitise(rng, light, BACKGROUND, READ, PER_DN, 10.0))
+    found, _ = detect(SETTINGS, KNOWN, digitise(rng, light, BACKGROUND, READ, PER_DN, 10.0))
     distance = np.linalg.norm(found.xy_px[:, None] - np.array(places)[None], axis=2)
     error = (found.xy_px[distance.argmin(axis=0)] - places)[distance.min(axis=0) < 1.5]
     assert len(error) >= 38
@@ -136,7 +139,7 @@ def test_an_unresolved_pair_is_doubted():
         spot(light, 50.0 + 45.0 * k, 300.0, 6000.0)
     spot(light, 320.0, 200.0, 6000.0)
     spot(light, 323.0, 200.5, 3000.0)
-    found, _ = detect(PARAMS, digitise(rng, light, BACKGROUND, READ, PER_DN, 10.0))
+    found, _ = detect(SETTINGS, KNOWN, digitise(rng, light, BACKGROUND, READ, PER_DN, 10.0))
     pair = np.linalg.norm(found.xy_px - [321.0, 200.2], axis=1).argmin()
     sigma = np.sqrt(np.trace(found.P_px, axis1=1, axis2=2) / 2.0)
     assert sigma[pair] > 3.0 * np.median(sigma[:20])

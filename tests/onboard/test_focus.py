@@ -1,8 +1,10 @@
 """Spots narrower than a pixel: where they are and how well that is known, at any place within the pixel."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from star_fields import DETECT, digitise, signal, spot
+from star_fields import DETECT, MODEL, digitise, signal, spot
 
 from shefex_nav.onboard.startracker import scan, shape
 from shefex_nav.onboard.startracker import spot as star_light
@@ -10,7 +12,8 @@ from shefex_nav.onboard.startracker.background import block_sums, tile_statistic
 from shefex_nav.onboard.startracker.detect import detect, rules
 
 PER_DN = 7.4  # electrons, as `digitise` has it
-PARAMS = DETECT._replace(max_objects=200, electrons_per_dn=PER_DN, psf_sigma_px=0.8)
+SETTINGS = replace(DETECT, most_objects=200)
+KNOWN = MODEL._replace(electrons_per_dn=PER_DN, psf_sigma=0.8)
 WIDTHS = [0.45, 0.5, 0.55, 0.6, 0.7, 0.9]
 
 
@@ -27,9 +30,9 @@ def frame(rng, vmag, sigma_px, columns, streak_px=0.0, angle=0.0):
     return digitise(rng, light), true_px
 
 
-def found(image, true_px, params=PARAMS):
+def found(image, true_px, camera=KNOWN):
     """Errors (n, 2), normalised squared errors (n,), whether saturated (n,); every star is found."""
-    seen, _ = detect(params, image)
+    seen, _ = detect(SETTINGS, camera, image)
     distance = np.linalg.norm(seen.xy_px[:, None] - true_px[None], axis=2)
     assert (distance.min(axis=0) < 1.0).all()
     k = distance.argmin(axis=0)
@@ -40,14 +43,14 @@ def found(image, true_px, params=PARAMS):
 
 def picture_of(image):
     """Picture without bad pixels."""
-    return star_light.Picture(image, PARAMS.bad_pixels, 255, 1.0 / PER_DN)
+    return star_light.Picture(image, KNOWN.bad_pixels, 255, 1.0 / PER_DN)
 
 
 def table_of(image):
     """Objects of a frame."""
     blocks = block_sums(image)
     background, sigma, _ = tile_statistics(blocks, 72)
-    return scan.sequential(image, blocks, background, sigma, rules(PARAMS))
+    return scan.sequential(image, blocks, background, sigma, rules(SETTINGS))
 
 
 @pytest.mark.parametrize("sigma_px", WIDTHS)
@@ -154,7 +157,7 @@ def test_a_bad_pixel_in_a_star_says_nothing(sigma_px):
         image, true_px = frame(rng, np.tile([2.5, 4.0, 4.5, 5.0], 20), sigma_px, 10)
         bad = np.rint(true_px).astype(np.int64)[:, ::-1] + rng.integers(-1, 2, (80, 2))
         image[tuple(bad.T)] = rng.choice([0, 255], 80)
-        nees.append(found(image, true_px, PARAMS._replace(bad_pixels=bad))[1])
+        nees.append(found(image, true_px, KNOWN._replace(bad_pixels=bad))[1])
     nees = np.concatenate(nees)
     assert abs(nees.mean() - 2.0) < 4.0 * 2.0 / np.sqrt(len(nees))
 

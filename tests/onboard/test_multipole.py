@@ -1,31 +1,49 @@
 """Improved Multi-Poles: the two phases against sets of pairs, what it solves, and right or nothing."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from slow_identify import Sky, angle
-from star_fields import CATALOGUE, DEG, IDENTIFY, all_stars, centroid_list, random_attitude, ready_tracker
+from star_fields import (
+    CATALOGUE,
+    DEG,
+    IDENTIFY,
+    MODEL,
+    all_stars,
+    centroid_list,
+    random_attitude,
+    ready_tracker,
+)
 
 from shefex_nav.geometry.pinhole import pinhole, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, rotvec_between
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import davenport
+from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.identify import multipole
 from shefex_nav.records import Reason
 
-SHEFEX = IDENTIFY._replace(
-    method="multipole", min_stars=5, max_centroids=60, tolerance=3e-4, zero_flux=1.0, magnitude_tolerance=0.5
+SHEFEX = replace(
+    IDENTIFY,
+    method="multipole",
+    fewest_stars=5,
+    most_centroids=60,
+    tolerance=3e-4,
+    magnitude_tolerance=0.5,
 )
+SHEFEX_MODEL = MODEL._replace(zero_flux=1.0)
 CAMERA = pinhole(1024, 1024, 52e-3 / 18e-6)  # the paper's
-PAPER = SHEFEX._replace(
-    camera=CAMERA,
+PAPER = replace(
+    SHEFEX,
     tolerance=100.0 / 3600.0 * DEG,
-    max_centroids=200,
-    sigma_px=0.5,
+    most_centroids=200,
+    centroid_error=0.5,
     detection_probability=0.7,
     magnitude_tolerance=0.7,
 )
+PAPER_MODEL = CameraModel(CAMERA, zero_flux=1.0)
 
 
 # ------------------------------------------------------------------------------- the slow reference
@@ -34,17 +52,17 @@ PAPER = SHEFEX._replace(
 class SlowMultipole:
     """Section 5 of the paper with sets and dictionaries; magnitudes as in equation (32)."""
 
-    def __init__(self, params, pairs, u_c, flux):
-        self.params, self.sky, self.u_c = params, Sky(pairs), u_c
-        self.vmag, self.magnitude = pairs.stars.vmag, -2.5 * np.log10(flux / params.zero_flux)
+    def __init__(self, settings, pairs, u_c, flux):
+        self.settings, self.sky, self.u_c = settings, Sky(pairs), u_c
+        self.vmag, self.magnitude = pairs.stars.vmag, -2.5 * np.log10(flux)
         self.n, self.lists = len(flux), {}
 
     def pairs_of(self, i, j):
         """Ordered pairs (star of i, star of j): the angle (37) and both magnitudes (38)."""
-        tolerance = self.params.magnitude_tolerance
+        tolerance = self.settings.magnitude_tolerance
         return {
             (a, b)
-            for a, b in self.sky.ways(angle(self.u_c[i], self.u_c[j]), self.params.tolerance)
+            for a, b in self.sky.ways(angle(self.u_c[i], self.u_c[j]), self.settings.tolerance)
             if abs(self.vmag[a] - self.magnitude[i]) < tolerance
             and abs(self.vmag[b] - self.magnitude[j]) < tolerance
         }
@@ -83,7 +101,7 @@ class SlowMultipole:
                 for k, name in both.items():
                     if list(both.values()).count(name) == 1:
                         star[k] = name
-                if (star >= 0).sum() >= self.params.min_stars:
+                if (star >= 0).sum() >= self.settings.fewest_stars:
                     yield star
 
 
@@ -126,7 +144,8 @@ def test_detections_in_any_order():
     u_c, flux = np.ascontiguousarray(u_c[order]), flux[order]
     expected = list(SlowMultipole(SHEFEX, pairs, u_c, flux).candidates())
     assert len(expected) > 2
-    np.testing.assert_array_equal(list(multipole._candidates(SHEFEX, pairs, u_c, flux)), expected)
+    found = list(multipole._candidates(SHEFEX, SHEFEX_MODEL, pairs, u_c, flux))
+    np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.parametrize("n_false", [0, 30, 60])
@@ -135,10 +154,11 @@ def test_both_are_match_and_identify(n_false):
     rng, n_refused = np.random.default_rng(100 + n_false), 0
     for _ in range(40):
         _, u_c, flux, _ = paper_field(rng, n_false, 4.5)
-        params = PAPER._replace(min_stars=4)
-        found = multipole.both(params, paper_pairs(), u_c, flux)
+        settings = replace(PAPER, fewest_stars=4)
+        found = multipole.both(settings, PAPER_MODEL, paper_pairs(), u_c, flux)
         expected = [
-            method(params, paper_pairs(), u_c, flux) for method in (multipole.match, multipole.identify)
+            method(settings, PAPER_MODEL, paper_pairs(), u_c, flux)
+            for method in (multipole.match, multipole.identify)
         ]
         for one, other in zip(found, expected, strict=True):
             np.testing.assert_array_equal(one.star, other.star)
@@ -154,7 +174,7 @@ def test_both_phases_against_sets():
         u_c, flux, _ = shefex_field(seed, n_false, noise_px=0.3)
         slow = SlowMultipole(SHEFEX, pairs, u_c, flux)
         expected = list(slow.candidates())
-        found = list(multipole._candidates(SHEFEX, pairs, u_c, flux))
+        found = list(multipole._candidates(SHEFEX, SHEFEX_MODEL, pairs, u_c, flux))
         np.testing.assert_array_equal(found, expected)
         n_candidates += len(expected)
     assert n_candidates > 20
@@ -198,8 +218,7 @@ def test_names_in_common():
 
 
 def test_magnitudes_are_those_of_equation_32():
-    params = SHEFEX._replace(zero_flux=7.3e6 * 0.2)
-    np.testing.assert_allclose(multipole.magnitudes(params, [7.3e6 * 0.2, 7.3e6 * 0.002]), [0.0, 5.0])
+    np.testing.assert_allclose(multipole.magnitudes(7.3e6 * 0.2, [7.3e6 * 0.2, 7.3e6 * 0.002]), [0.0, 5.0])
 
 
 @pytest.mark.parametrize("zero_flux", [np.nan, 0.0, -1.0])
@@ -207,7 +226,7 @@ def test_without_a_zero_point_it_says_so(zero_flux):
     u_c, flux, _ = shefex_field(1, 0)
     for method in (multipole.match, multipole.identify):
         with pytest.raises(ValueError, match="flux of magnitude 0"):
-            method(SHEFEX._replace(zero_flux=zero_flux), ready_tracker().pairs, u_c, flux)
+            method(SHEFEX, MODEL._replace(zero_flux=zero_flux), ready_tracker().pairs, u_c, flux)
 
 
 # ------------------------------------------------------------------------------- the paper's camera
@@ -216,7 +235,7 @@ def test_without_a_zero_point_it_says_so(zero_flux):
 @cache
 def paper_pairs():
     """Pairs of the stars to V 5.5 in the paper's field of view."""
-    limit = CATALOGUE._replace(merge_radius=3.0 / CAMERA.focal_length_px)
+    limit = replace(CATALOGUE, merge_radius=3.0 / CAMERA.focal_length_px)
     stars = catalogue.build(limit, all_stars(), 2000.0)
     return catalogue.pair_table(stars, 2.0 * np.arctan(np.hypot(512.0, 512.0) / CAMERA.focal_length_px))
 
@@ -261,7 +280,7 @@ def test_solves_most_of_the_paper_s_fields(faintest, n_false, share):
     outcomes = []
     for _ in range(100):
         q_ic, u_c, flux, _ = paper_field(rng, n_false, faintest)
-        outcomes.append(outcome(multipole.identify(PAPER, paper_pairs(), u_c, flux), q_ic, u_c))
+        outcomes.append(outcome(multipole.identify(PAPER, PAPER_MODEL, paper_pairs(), u_c, flux), q_ic, u_c))
     assert outcomes.count(-1) == 0
     assert outcomes.count(1) >= 100 * share
 
@@ -273,7 +292,7 @@ def test_none_wrong_of_many(faintest, n_false):
     rng = np.random.default_rng(1000 + int(10 * faintest) + n_false)
     for _ in range(1000):
         q_ic, u_c, flux, _ = paper_field(rng, n_false, faintest)
-        assert outcome(multipole.identify(PAPER, paper_pairs(), u_c, flux), q_ic, u_c) >= 0
+        assert outcome(multipole.identify(PAPER, PAPER_MODEL, paper_pairs(), u_c, flux), q_ic, u_c) >= 0
 
 
 def test_noise_and_mirrored_skies_are_not_accepted():
@@ -283,30 +302,30 @@ def test_noise_and_mirrored_skies_are_not_accepted():
         n = int(rng.integers(6, 40))
         u_c = unit_vectors(CAMERA, rng.uniform(0.0, 1023.0, (n, 2)))
         flux = 10.0 ** (-0.4 * np.sort(rng.choice(vmag, n)))
-        found = multipole.identify(PAPER, paper_pairs(), u_c, flux)
+        found = multipole.identify(PAPER, PAPER_MODEL, paper_pairs(), u_c, flux)
         assert found.reason != Reason.NONE and (found.star == -1).all()
     for _ in range(20):
         _, u_c, flux, _ = paper_field(rng, 0)
         mirrored = np.ascontiguousarray(u_c * [-1.0, 1.0, 1.0])
-        assert multipole.identify(PAPER, paper_pairs(), mirrored, flux).reason != Reason.NONE
+        assert multipole.identify(PAPER, PAPER_MODEL, paper_pairs(), mirrored, flux).reason != Reason.NONE
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 4])
 def test_too_few_detections(n):
     u_c = unit_vectors(CAMERA, np.random.default_rng(6).uniform(0.0, 400.0, (n, 2)))
     for method in (multipole.match, multipole.identify):
-        found = method(PAPER, paper_pairs(), u_c, np.ones(n))
+        found = method(PAPER, PAPER_MODEL, paper_pairs(), u_c, np.ones(n))
         assert found.reason == Reason.TOO_FEW_STARS and len(found.star) == n
 
 
 def test_coincident_and_equal_detections():
     u_c = unit_vectors(CAMERA, np.repeat([[100.0, 100.0], [300.0, 200.0]], 5, axis=0))
     flux = np.full(10, 10.0 ** (-0.4 * 4.0))
-    assert multipole.identify(PAPER, paper_pairs(), u_c, flux).reason != Reason.NONE
+    assert multipole.identify(PAPER, PAPER_MODEL, paper_pairs(), u_c, flux).reason != Reason.NONE
 
 
 def test_only_the_brightest_are_looked_at():
     rng = np.random.default_rng(8)
     _, u_c, flux, _ = paper_field(rng, 0)
-    found = multipole.match(PAPER._replace(max_centroids=12), paper_pairs(), u_c, flux)
+    found = multipole.match(replace(PAPER, most_centroids=12), PAPER_MODEL, paper_pairs(), u_c, flux)
     assert len(found.star) == len(flux) and (found.star[12:] == -1).all()

@@ -1,11 +1,12 @@
 """The published chain on rendered streaks: signs, one instant, flux, and an attitude from two frames."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.special import erf
-from star_fields import CATALOGUE, DEG, IDENTIFY, all_stars
+from star_fields import CATALOGUE, DEG, DETECT, IDENTIFY, all_stars
 
 from shefex_nav.geometry.pinhole import pinhole, pixels
 from shefex_nav.geometry.rotation import (
@@ -18,16 +19,16 @@ from shefex_nav.geometry.rotation import (
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.geometry.streak import place_at, seen_from_to
 from shefex_nav.onboard.startracker import catalogue
-from shefex_nav.onboard.startracker.clusters import ClusterParams
-from shefex_nav.onboard.startracker.compensate import CompensateParams
-from shefex_nav.onboard.startracker.multipole_chain import ChainParams, attitude, objects
+from shefex_nav.onboard.startracker.camera import CameraModel
+from shefex_nav.onboard.startracker.multipole_chain import attitude, objects
 from shefex_nav.records import Reason
 
 CAMERA = pinhole(1024, 1024, 52e-3 / 18e-6)  # the paper's, with its exposure
 EXPOSURE_S, SIGMA_PX, ELECTRONS_PER_DN = 0.2, 1.1, 16.0
 GLOBAL, ROLLING = row_times(EXPOSURE_S, 0.0, 1024), row_times(EXPOSURE_S, EXPOSURE_S / 1024, 1024)
-PARAMS = ChainParams(ClusterParams(500.0 / ELECTRONS_PER_DN, 4063), CompensateParams(10.0))
+SETTINGS = replace(DETECT, saturation=4063.0)
 ZERO_DN = 7.3e6 * EXPOSURE_S / ELECTRONS_PER_DN
+MODEL = CameraModel(CAMERA, electrons_per_dn=ELECTRONS_PER_DN, zero_flux=ZERO_DN)
 
 
 def add_streak(electrons, times, omega_c, xy_px, rate_electrons_s):
@@ -67,9 +68,9 @@ MAGNITUDES = np.linspace(1.0, 2.4, len(PLACES))
 def two_frames(rng, times, omega_c):
     """Detections of the second of two contiguous frames, where the stars are at PLACES at its instant."""
     before = np.array([place_at(CAMERA, omega_c, x, y, -EXPOSURE_S) for x, y in PLACES])
-    clusters, nothing = objects(PARAMS, times, None, frame(rng, times, omega_c, before, MAGNITUDES))
+    clusters, nothing = objects(SETTINGS, MODEL, times, None, frame(rng, times, omega_c, before, MAGNITUDES))
     assert len(nothing.flux_dn) == 0
-    return objects(PARAMS, times, clusters, frame(rng, times, omega_c, PLACES, MAGNITUDES))
+    return objects(SETTINGS, MODEL, times, clusters, frame(rng, times, omega_c, PLACES, MAGNITUDES))
 
 
 def offsets(detections):
@@ -111,8 +112,10 @@ def test_what_the_border_cuts_is_no_star():
     omega_c = np.array([0.0, -3.0 * DEG, 0.0])  # to the right
     rng, xy_px = np.random.default_rng(3), np.array([[1015.0, 500.0], [600.0, 500.0]])
     before = np.array([place_at(CAMERA, omega_c, x, y, -EXPOSURE_S) for x, y in xy_px])
-    clusters, _ = objects(PARAMS, GLOBAL, None, frame(rng, GLOBAL, omega_c, before, [2.0, 2.0]))
-    clusters, detections = objects(PARAMS, GLOBAL, clusters, frame(rng, GLOBAL, omega_c, xy_px, [2.0, 2.0]))
+    clusters, _ = objects(SETTINGS, MODEL, GLOBAL, None, frame(rng, GLOBAL, omega_c, before, [2.0, 2.0]))
+    clusters, detections = objects(
+        SETTINGS, MODEL, GLOBAL, clusters, frame(rng, GLOBAL, omega_c, xy_px, [2.0, 2.0])
+    )
     assert len(clusters.energy_dn) == 2 and len(detections.flux_dn) == 1
     np.testing.assert_allclose(detections.xy_px[0], [600.0, 500.0], atol=0.4)
 
@@ -121,24 +124,25 @@ def test_an_object_of_one_frame_only_is_dropped():
     """A particle hit is not in the frame before."""
     rng, omega_c = np.random.default_rng(4), np.zeros(3)
     image = frame(rng, GLOBAL, omega_c, PLACES[:3], MAGNITUDES[:3])
-    clusters, _ = objects(PARAMS, GLOBAL, None, image)
+    clusters, _ = objects(SETTINGS, MODEL, GLOBAL, None, image)
     hit = image.copy()
     hit[620:622, 700:703] += 800
-    clusters, detections = objects(PARAMS, GLOBAL, clusters, hit)
+    clusters, detections = objects(SETTINGS, MODEL, GLOBAL, clusters, hit)
     assert len(clusters.energy_dn) == 4 and len(detections.flux_dn) == 3
 
 
 @pytest.mark.parametrize("rate_deg_s, times", [(0.0, ROLLING), (1.0, GLOBAL), (2.0, ROLLING)])
 def test_an_attitude_from_two_frames(rate_deg_s, times):
     """The real sky to 6.5, those to 5.5 on board: towards Orion, where it is rich enough."""
-    limit = CATALOGUE._replace(merge_radius=3.0 / CAMERA.focal_length_px)
+    limit = replace(CATALOGUE, merge_radius=3.0 / CAMERA.focal_length_px)
     field = 2.0 * np.arctan(np.hypot(512.0, 512.0) / CAMERA.focal_length_px)
     pairs = catalogue.pair_table(catalogue.build(limit, all_stars(), 2000.0), field)
-    params = IDENTIFY._replace(
-        method="multipole", camera=CAMERA, tolerance=100.0 / 3600.0 * DEG, max_centroids=200, min_stars=5,
-        sigma_px=0.5, detection_probability=0.7, zero_flux=ZERO_DN,
+    settings = replace(
+        IDENTIFY,
+        method="multipole", tolerance=100.0 / 3600.0 * DEG, most_centroids=200, fewest_stars=5,
+        centroid_error=0.5, detection_probability=0.7,
     )  # fmt: skip
-    sky = catalogue.build(limit._replace(max_magnitude=6.5, merge_radius=0.0), all_stars(), 2000.0)
+    sky = catalogue.build(replace(limit, faintest=6.5, merge_radius=0.0), all_stars(), 2000.0)
     omega_c = rate_deg_s * DEG * np.array([0.6, 0.0, 0.8])
     rng = np.random.default_rng(5)
     orion_i = sky.u_i[sky.hip == 26311][0]  # epsilon Orionis
@@ -152,12 +156,12 @@ def test_an_attitude_from_two_frames(rate_deg_s, times):
         with np.errstate(invalid="ignore"):
             near = ((xy_px > -40.0) & (xy_px < 1063.0)).all(axis=1)
         image = frame(rng, times, omega_c, xy_px[near], sky.vmag[near])
-        clusters, detections = objects(PARAMS, times, clusters, image)
+        clusters, detections = objects(SETTINGS, MODEL, times, clusters, image)
     for published in (True, False):
-        found, q_found = attitude(params, pairs, detections, published)
+        found, q_found = attitude(settings, MODEL, pairs, detections, published)
         assert found.reason == Reason.NONE and (found.star >= 0).sum() >= 5
         error = np.abs(rotvec_between(q_found, q_ic)) / DEG
         assert (error < [0.1, 0.1, 0.5]).all()
     few = type(detections)(*(column[:4] for column in detections))
-    found, q_found = attitude(params, pairs, few)
+    found, q_found = attitude(settings, MODEL, pairs, few)
     assert found.reason == Reason.TOO_FEW_STARS and np.isnan(q_found).all()

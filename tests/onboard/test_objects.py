@@ -4,26 +4,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from star_fields import IDENTIFY, all_stars, random_attitude, ready_tracker
+from star_fields import IDENTIFY, MODEL, TRACKER, all_stars, random_attitude, ready_tracker, tracker_with
 
 from shefex_nav.environment.stars import aberrate
 from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import pinhole, pixels, unit_vectors
 from shefex_nav.onboard.startracker import objects, tracker
-from shefex_nav.onboard.startracker.detect import DetectParams
 from shefex_nav.onboard.startracker.identify.bayes import identify_near
 from shefex_nav.records import Frame, Reason, Scan
 
 CAMERA = pinhole(659, 493, 2520.2)
-DETECT = DetectParams(np.zeros((0, 2), dtype=np.int64), 72, 5.5, 3.5, 5, 400, 0.75, 40, 255)
-PARAMS = SimpleNamespace(
-    detect=DETECT,
-    identify=SimpleNamespace(camera=CAMERA),
-    earth_velocity_i=np.array([2.0e4, -1.0e4, 1.5e4]),
-    centroid_floor_px=0.03,
-    track=True,
-    max_rate=1.0,
-    run_length=None,
+PARAMS = tracker_with(TRACKER, highest_rate=1.0, identification__tracking=True)._replace(
+    camera=MODEL._replace(pinhole=CAMERA), earth_velocity_i=np.array([2.0e4, -1.0e4, 1.5e4])
 )
 Q_IC = rotation.quat_normalise(np.array([0.3, -0.5, 0.7, 0.2]))
 RATE = np.array([0.02, -0.05, 0.1])
@@ -75,7 +67,7 @@ def test_covariance_of_a_predicted_place_is_that_of_turned_cameras():
     )
     for k in range(len(xy_px)):
         found = np.cov(seen[:, k].T)
-        expected = P_px[k] - PARAMS.centroid_floor_px**2 * np.eye(2)
+        expected = P_px[k] - PARAMS.settings.centroid_floor**2 * np.eye(2)
         np.testing.assert_allclose(found, expected, atol=0.1 * np.trace(expected))
 
 
@@ -112,7 +104,7 @@ def test_a_prediction_is_narrow_in_all_axes():
 
 @pytest.mark.parametrize("scan", ["sequential", "maximum", "streaks"])
 def test_without_a_rate_a_frame_is_searched_for_spots(scan):
-    params = SimpleNamespace(**{**vars(PARAMS), "detect": DETECT._replace(scan=scan)})
+    params = tracker_with(PARAMS, detection__scan=scan)
     (found,) = objects.searches(params, stars(), None, sky(), tracker.NO_CONTEXT)
     assert found.scan == (Scan.MAXIMUM if scan == "maximum" else Scan.SEQUENTIAL)
     assert found.at_instant
@@ -132,10 +124,10 @@ def test_frames_follow_each_other_without_a_gap():
 @pytest.mark.parametrize("n_false", [0, 200])
 def test_a_wrong_prediction_confirms_nothing_by_looking_only_where_it_predicts(n_false):
     """Predictions 0.3 to 3 deg off, as narrow as they may be; whatever is in their windows is taken."""
-    rng, camera, pairs = np.random.default_rng(7), IDENTIFY.camera, ready_tracker().pairs
+    rng, camera, pairs = np.random.default_rng(7), MODEL.pinhole, ready_tracker().pairs
     sky = all_stars()
     sky_i, vmag = sky.u_i[sky.vmag <= 6.0], sky.vmag[sky.vmag <= 6.0]
-    params = SimpleNamespace(identify=IDENTIFY, earth_velocity_i=np.zeros(3), centroid_floor_px=0.03)
+    params = TRACKER._replace(earth_velocity_i=np.zeros(3))
     sigma = 0.97 * objects.NARROW_PX / camera.focal_length_px
     P_c = np.diag([sigma, sigma, 3.0 * sigma]) ** 2
     n_lists = 0
@@ -155,7 +147,7 @@ def test_a_wrong_prediction_confirms_nothing_by_looking_only_where_it_predicts(n
         u_c = unit_vectors(camera, np.ascontiguousarray(xy_px[rows]))
         P_px = np.tile(0.08**2 * np.eye(2), (len(rows), 1, 1))
         prediction = rotation.quat_conjugate(told), P_c
-        found, _ = identify_near(IDENTIFY, pairs, u_c, 10.0 ** (-0.4 * mag[rows]), prediction, P_px)
+        found, _ = identify_near(IDENTIFY, MODEL, pairs, u_c, 10.0 ** (-0.4 * mag[rows]), prediction, P_px)
         if found.reason == Reason.NONE:
             known = found.star >= 0
             seen_px = pixels(camera, pairs.stars.u_i[found.star[known]] @ rotation.dcm_from_quat(q_ic))
@@ -165,7 +157,7 @@ def test_a_wrong_prediction_confirms_nothing_by_looking_only_where_it_predicts(n
 
 def in_view(sky_i, vmag, q_ic, n_false, rng):
     """Places and magnitudes of the stars of a frame, and of false objects."""
-    camera = IDENTIFY.camera
+    camera = MODEL.pinhole
     xy_px = pixels(camera, np.ascontiguousarray(sky_i @ rotation.dcm_from_quat(q_ic)))
     size = np.array([camera.width_px, camera.height_px]) - 1.0
     inside = np.flatnonzero(((xy_px > 0.0) & (xy_px < size)).all(axis=1))

@@ -1,5 +1,6 @@
 """Pyramid identification on lists of centroids from all over the sky: right or nothing."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -10,6 +11,7 @@ from star_fields import (
     CATALOGUE,
     DEG,
     IDENTIFY,
+    MODEL,
     YEAR,
     all_stars,
     centroid_list,
@@ -36,7 +38,7 @@ def statistics(seed, n_frames, **field):
         q_ic = random_attitude(rng)
         u_c, flux, star = centroid_list(rng, pairs.stars, q_ic, **field)
         possible += (star >= 0).sum() >= 4
-        found = pyramid.identify(IDENTIFY, pairs, u_c, flux)
+        found = pyramid.identify(IDENTIFY, MODEL, pairs, u_c, flux)
         known = found.star >= 0
         if found.reason != Reason.NONE:
             assert not known.any()
@@ -70,7 +72,7 @@ def test_noise_is_never_a_star_field():
         n = int(rng.integers(6, 25))
         u_c = unit_vectors(CAMERA, rng.uniform([0.0, 0.0], [658.0, 492.0], (n, 2)))
         flux = np.sort(10.0 ** rng.uniform(-2.2, 0.0, n))[::-1].copy()
-        found = pyramid.identify(IDENTIFY, pairs, u_c, flux)
+        found = pyramid.identify(IDENTIFY, MODEL, pairs, u_c, flux)
         assert found.reason in (Reason.NO_MATCH, Reason.AMBIGUOUS, Reason.RESIDUALS)
         assert (found.star == -1).all()
 
@@ -82,13 +84,13 @@ def test_mirrored_sky_is_not_accepted():
     for _ in range(100):
         u_c, flux, _ = centroid_list(rng, pairs.stars, random_attitude(rng), 0, noise_px=0.0)
         mirrored = np.ascontiguousarray(u_c * [-1.0, 1.0, 1.0])
-        assert pyramid.identify(IDENTIFY, pairs, mirrored, flux).reason != Reason.NONE
+        assert pyramid.identify(IDENTIFY, MODEL, pairs, mirrored, flux).reason != Reason.NONE
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3])
 def test_too_few_detections(n):
     u_c = unit_vectors(CAMERA, np.random.default_rng(6).uniform(0.0, 400.0, (n, 2)))
-    found = pyramid.identify(IDENTIFY, ready_tracker().pairs, u_c, np.ones(n))
+    found = pyramid.identify(IDENTIFY, MODEL, ready_tracker().pairs, u_c, np.ones(n))
     assert found.reason == Reason.TOO_FEW_STARS
     assert len(found.star) == n
 
@@ -96,7 +98,7 @@ def test_too_few_detections(n):
 def test_coincident_and_equal_detections():
     """The same spot many times, and stars of the same brightness: nothing breaks, nothing is found."""
     u_c = unit_vectors(CAMERA, np.repeat([[100.0, 100.0], [300.0, 200.0]], 5, axis=0))
-    found = pyramid.identify(IDENTIFY, ready_tracker().pairs, u_c, np.ones(10))
+    found = pyramid.identify(IDENTIFY, MODEL, ready_tracker().pairs, u_c, np.ones(10))
     assert found.reason != Reason.NONE
 
 
@@ -108,7 +110,7 @@ def test_wrong_focal_length_finds_little_and_nothing_wrong():
         u_c, flux, _ = centroid_list(rng, pairs.stars, q_ic, 1)
         u_c = np.ascontiguousarray(u_c * [1.005, 1.005, 1.0])
         u_c /= np.linalg.norm(u_c, axis=1, keepdims=True)
-        found = pyramid.identify(IDENTIFY, pairs, u_c, flux)
+        found = pyramid.identify(IDENTIFY, MODEL, pairs, u_c, flux)
         known = found.star >= 0
         if found.reason == Reason.NONE:
             q = esoq2(u_c[known], pairs.stars.u_i[found.star[known]], np.ones(known.sum()))
@@ -144,7 +146,7 @@ def reference(params, pairs, u_c):
 
 
 def small_pairs():
-    stars = catalogue.build(CATALOGUE._replace(max_magnitude=4.6), all_stars(), YEAR)
+    stars = catalogue.build(replace(CATALOGUE, faintest=4.6), all_stars(), YEAR)
     return catalogue.pair_table(stars, 18.6 * DEG)
 
 
@@ -152,13 +154,13 @@ def small_pairs():
 def test_match_against_sets_of_pairs(tolerance, n_false):
     """Also with a tolerance so wide that triangles and pyramids are ambiguous."""
     rng = np.random.default_rng(71)
-    pairs, params = small_pairs(), IDENTIFY._replace(tolerance=tolerance, max_centroids=7)
+    pairs, params = small_pairs(), replace(IDENTIFY, tolerance=tolerance, most_centroids=7)
     for _ in range(12):
         u_c, flux, star = centroid_list(rng, pairs.stars, random_attitude(rng), n_false)
         u_c, flux, star = u_c[:7], flux[:7], star[:7]
         if len(star) < 4:
             continue
-        found, expected = pyramid.match(params, pairs, u_c, flux), reference(params, pairs, u_c)
+        found, expected = pyramid.match(params, MODEL, pairs, u_c, flux), reference(params, pairs, u_c)
         if expected is None:
             assert found.reason == Reason.NO_MATCH and (found.star == -1).all()
         else:
@@ -178,14 +180,14 @@ def test_a_triangle_is_believed_only_on_demand():
     n_right = 0
     for _ in range(20):
         u_c, flux, star = three_stars(rng, pairs)
-        assert pyramid.match(IDENTIFY, pairs, u_c, flux).reason == Reason.TOO_FEW_STARS
-        found = pyramid.match(IDENTIFY, pairs, u_c, flux, accept_triangle=True)
+        assert pyramid.match(IDENTIFY, MODEL, pairs, u_c, flux).reason == Reason.TOO_FEW_STARS
+        found = pyramid.match(IDENTIFY, MODEL, pairs, u_c, flux, accept_triangle=True)
         if found.reason == Reason.NONE:
             n_right += (found.star == star).all()
     assert n_right >= 18
     u_c, flux, star = three_stars(rng, pairs)  # with a fourth that is none of the catalogue
     u_c = np.vstack([u_c, unit_vectors(CAMERA, np.array([[333.0, 222.0]]))])
-    found = pyramid.match(IDENTIFY, pairs, u_c, np.append(flux, flux[-1] / 2), accept_triangle=True)
+    found = pyramid.match(IDENTIFY, MODEL, pairs, u_c, np.append(flux, flux[-1] / 2), accept_triangle=True)
     assert found.reason == Reason.NONE
     np.testing.assert_array_equal(found.star, [*star, -1])
 
@@ -204,8 +206,7 @@ def test_constant_tolerance_of_the_cosine():
     fields = [field for field in fields if len(field[2]) >= 4]
 
     def solved(cos_error):
-        params = IDENTIFY._replace(cos_error=cos_error)
-        results = [pyramid.match(params, pairs, u_c, flux) for u_c, flux, _ in fields]
+        results = [pyramid.match(IDENTIFY, MODEL, pairs, u_c, flux, cos_error) for u_c, flux, _ in fields]
         return sum(found.reason == Reason.NONE for found in results)
 
     assert solved(5.5e-5) >= 0.97 * len(fields)
@@ -218,5 +219,5 @@ def test_angles_outside_the_table_match_nothing():
         CAMERA._replace(focal_length_px=600.0), np.array([[0, 0], [658, 0], [0, 492], [658, 492]], float)
     )
     for method in (pyramid.identify, pyramid.match):
-        found = method(IDENTIFY, ready_tracker().pairs, u_c, np.ones(4))
+        found = method(IDENTIFY, MODEL, ready_tracker().pairs, u_c, np.ones(4))
         assert found.reason == Reason.NO_MATCH and (found.star == -1).all()

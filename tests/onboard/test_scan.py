@@ -1,10 +1,12 @@
 """The two scans, and the published centroids."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import ndimage
-from star_fields import DETECT, digitise, signal, spot
-from test_fit import PARAMS, SHAPE, errors
+from star_fields import DETECT, MODEL, digitise, signal, spot
+from test_fit import KNOWN, SETTINGS, SHAPE, errors
 
 from shefex_nav.onboard.startracker import scan
 from shefex_nav.onboard.startracker.background import block_sums, tile_statistics
@@ -21,7 +23,7 @@ def frame(seed, n_stars=25):
 
 def scanned(method, image, params):
     blocks = block_sums(image)
-    background, sigma, _ = tile_statistics(blocks, params.tile_px)
+    background, sigma, _ = tile_statistics(blocks, params.tile)
     return method(image, blocks, background, sigma, rules(params))
 
 
@@ -29,7 +31,7 @@ def scanned(method, image, params):
 def test_objects_are_the_connected_regions_above_the_threshold(method):
     """Against scipy's labels, with one tile for the whole frame."""
     image = frame(20)
-    params = DETECT._replace(tile_px=660, max_objects=200, max_peak_fraction=1.0)
+    params = replace(DETECT, tile=660, most_objects=200, largest_peak=1.0)
     blocks = block_sums(image).astype(np.int64)
     background, sigma, _ = tile_statistics(block_sums(image), 660)
     labels, n = ndimage.label(blocks > np.floor(background + 3.5 * sigma)[0, 0], np.ones((3, 3)))
@@ -51,9 +53,9 @@ def test_objects_are_the_connected_regions_above_the_threshold(method):
 def test_maximum_search_stops_at_the_length_of_its_table():
     """... with the highest peaks, while the sequential scan keeps the brightest objects."""
     image = frame(21)
-    few = DETECT._replace(max_objects=8)
+    few = replace(DETECT, most_objects=8)
     peaks = scanned(scan.maximum_search, image, few)
-    everything = scanned(scan.sequential, image, DETECT._replace(max_objects=200))
+    everything = scanned(scan.sequential, image, replace(DETECT, most_objects=200))
     assert len(peaks) == 8
     np.testing.assert_allclose(
         scanned(scan.sequential, image, few)[:, scan.FLUX], everything[:8, scan.FLUX], rtol=1e-12
@@ -64,7 +66,7 @@ def test_maximum_search_stops_at_the_length_of_its_table():
 @pytest.mark.parametrize("name", ["scan", "centroid"])
 def test_unknown_methods_are_refused(name):
     with pytest.raises(ValueError, match=f"{name}: 'guess' is not known; choose from: "):
-        detect(DETECT._replace(**{name: "guess"}), np.zeros(SHAPE, np.uint8))
+        detect(replace(DETECT, **{name: "guess"}), MODEL, np.zeros(SHAPE, np.uint8))
 
 
 @pytest.mark.parametrize(
@@ -73,7 +75,7 @@ def test_unknown_methods_are_refused(name):
 )
 def test_published_centroids(method, limit_px):
     """3000 electrons in spots of 1 px, bound 0.026 px: no bias, and a covariance that is not far off."""
-    error, nees = errors(PARAMS._replace(centroid=method), range(2), 3000.0)
+    error, nees = errors(replace(SETTINGS, centroid=method), range(2), 3000.0)
     assert np.sqrt((error**2).mean()) < limit_px
     assert (np.abs(error.mean(axis=0)) < 4.0 * limit_px / np.sqrt(len(error))).all()
     assert 1.3 < nees.mean() < 3.5
@@ -81,8 +83,7 @@ def test_published_centroids(method, limit_px):
 
 def test_centre_of_mass_against_its_formula():
     image = frame(22)
-    params = DETECT._replace(centroid="centre_of_mass", roi_px=7)
-    found, _ = detect(params, image)
+    found, _ = detect(replace(DETECT, centroid="centre_of_mass"), MODEL, image)
     background = tile_statistics(block_sums(image), 72)[0] / 9.0
     x, y = found.xy_px[0]
     r_0, c_0 = int(y) - 4, int(x) - 4
@@ -103,6 +104,6 @@ def test_interpolation_of_a_spot_without_noise():
         image = np.rint(light / 4.0 + 100.0 + np.random.default_rng(1).normal(0, 1, (61, 61))).astype(
             np.uint16
         )
-        params = PARAMS._replace(centroid="gaussian_interpolation", saturation_dn=65535, tile_px=60)
-        found, _ = detect(params, image)
+        settings = replace(SETTINGS, centroid="gaussian_interpolation", saturation=65535.0, tile=60)
+        found, _ = detect(settings, KNOWN, image)
         np.testing.assert_allclose(found.xy_px[0], [30.0 + offset, 30.0], atol=0.035)

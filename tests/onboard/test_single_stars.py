@@ -6,6 +6,7 @@ from star_fields import (
     CAMERA,
     DEG,
     EXPOSURE,
+    MODEL,
     TRACKER,
     digitise,
     random_attitude,
@@ -13,6 +14,7 @@ from star_fields import (
     signal,
     spot,
     stars_in_frame,
+    tracker_with,
 )
 
 from shefex_nav.environment.stars import aberrate
@@ -23,8 +25,12 @@ from shefex_nav.records import Detections, Frame, Reason
 
 ARCSEC = DEG / 3600.0
 VELOCITY = np.array([-29500.0, 3000.0, 1500.0])  # m/s
-IDENTIFY = TRACKER.identify._replace(method="bayes", zero_flux=1e6, magnitude_tolerance=1.0)
-PARAMS = TRACKER._replace(track=True, vectors=True, identify=IDENTIFY)
+PARAMS = tracker_with(
+    TRACKER._replace(camera=MODEL._replace(zero_flux=1e6), vectors=True),
+    identification__method="bayes",
+    identification__tracking=True,
+    identification__magnitude_tolerance=1.0,
+)
 NOISE_PX = 0.1
 ELECTRONS_PER_DN = 7.4  # of the frames
 
@@ -176,11 +182,11 @@ def rendered(rng, q_ic, rows, xy_px, params, sigma=20.0 * ARCSEC):
     light = np.zeros((CAMERA.height_px, CAMERA.width_px))
     for row, (x, y) in zip(rows, xy_px, strict=True):
         spot(light, x, y, signal(seen_sky().vmag[row]))
-    zero_flux = signal(0.0, EXPOSURE.max_s) / ELECTRONS_PER_DN
-    params = params._replace(identify=params.identify._replace(zero_flux=zero_flux))
+    zero_flux = signal(0.0, EXPOSURE.longest) / ELECTRONS_PER_DN
+    params = params._replace(camera=params.camera._replace(zero_flux=zero_flux))
     ready = ready_tracker()._replace(params=params)
     state, _ = tracker.start(ready, 0.9)
-    frame = Frame(0, 1.0, 1.025, 1.065, 0.05, EXPOSURE.gain_db, digitise(rng, light))
+    frame = Frame(0, 1.0, 1.025, 1.065, 0.05, EXPOSURE.gain, digitise(rng, light))
     return tracker.step(ready, state, frame, predicted(rng, q_ic, sigma))[1]
 
 
@@ -193,8 +199,8 @@ def test_frames_with_one_and_two_stars(count):
     """
     from scipy.stats import chi2
 
-    detect = PARAMS.detect._replace(electrons_per_dn=ELECTRONS_PER_DN, psf_sigma_px=0.8)
-    params = PARAMS._replace(centroid_floor_px=1e-3, detect=detect)
+    camera = PARAMS.camera._replace(electrons_per_dn=ELECTRONS_PER_DN, psf_sigma=0.8)
+    params = tracker_with(PARAMS._replace(camera=camera), centroid_floor=1e-3)
     rng = np.random.default_rng(30 + count)
     total = dof = frames = 0
     while frames < 30:
@@ -234,14 +240,14 @@ def test_solved_frames_give_the_stars_of_their_attitude():
 def test_a_camera_that_turns_too_fast_gives_no_stars():
     rng = np.random.default_rng(34)
     q_ic, rows, xy_px = field(rng, 6)
-    fix = rendered(rng, q_ic, rows[:1], xy_px[:1], PARAMS._replace(max_rate=-1.0))
+    fix = rendered(rng, q_ic, rows[:1], xy_px[:1], tracker_with(PARAMS, highest_rate=-1.0))
     assert np.isnan(predicted(rng, q_ic, 1e-4).rate) and len(fix.stars.hip)  # an unknown rate is not too high
-    params = PARAMS._replace(max_rate=1.0 * DEG)
+    params = tracker_with(PARAMS, highest_rate=1.0 * DEG)
     ready = ready_tracker()._replace(params=params)
     state, _ = tracker.start(ready, 0.9)
     light = np.zeros((CAMERA.height_px, CAMERA.width_px))
     spot(light, *xy_px[0], signal(2.0))
-    frame = Frame(0, 1.0, 1.025, 1.065, 0.05, EXPOSURE.gain_db, digitise(rng, light))
+    frame = Frame(0, 1.0, 1.025, 1.065, 0.05, EXPOSURE.gain, digitise(rng, light))
     context = predicted(rng, q_ic, 20.0 * ARCSEC)._replace(rate=2.0 * DEG)
     fix = tracker.step(ready, state, frame, context)[1]
     assert fix.reason == Reason.SMEARED and not len(fix.stars.hip)

@@ -50,9 +50,9 @@ def test_any_rate_ends(bench, what):
                 times = row_times(bench.exposure_s * rng.choice([0.2, 1.0]), line_s, bench.camera.height_px)
                 omega_c = rate * DEG * np.array(axis) / np.linalg.norm(axis)
                 motion = Motion(omega_c, (0.01 * DEG) ** 2 * np.eye(3), times)
-                found, statistics = detect_streaks(params, bench.camera, image, motion)
+                found, statistics = detect_streaks(params, bench.model, image, motion)
                 P_px = np.tile(10.0 ** rng.uniform(-2.0, 4.0) * np.eye(2), (len(places), 1, 1))
-                near, _ = detect_near(params, bench.camera, image, motion, places, P_px)
+                near, _ = detect_near(params, bench.model, image, motion, places, P_px)
                 assert is_sound(found)
                 assert is_sound(near)
                 assert np.isfinite(statistics).all()
@@ -73,7 +73,7 @@ def test_at_134_deg_per_s_with_the_rows_there_is_nothing_and_against_them_stars(
     for x, y in places:
         add_star(light, SHEFEX, times, omega_c, x, y, 3e5, step_px=0.5)
     image = digitise(SHEFEX, light, rng)
-    found, _ = detect_streaks(detect_params(SHEFEX), SHEFEX.camera, image, Motion(omega_c, None, times))
+    found, _ = detect_streaks(detect_params(SHEFEX), SHEFEX.model, image, Motion(omega_c, None, times))
     k = match(found.xy_px, places, 1.5)
     assert least <= (k >= 0).sum() <= len(found.flux_dn) <= most
 

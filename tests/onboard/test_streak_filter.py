@@ -153,12 +153,12 @@ def test_as_many_false_objects_as_wanted(bench, rate, frames):
     """Frames of pure noise: the count is Poisson's with the wanted number, known to 40 per cent [E]."""
     rng = np.random.default_rng(5)
     wanted, count = 3.0, 0
-    params = detect_params(bench, max_objects=300)
+    params = detect_params(bench, most_objects=300)
     for k in range(frames):
         direction = rng.normal(size=3)
         omega_c = rate * DEG * direction / np.linalg.norm(direction)
         image = digitise(bench, dark(bench), rng)
-        found, _ = detect_streaks(params, bench.camera, image, motion_of(bench, omega_c, k % 2 == 1), wanted)
+        found, _ = detect_streaks(params, bench.model, image, motion_of(bench, omega_c, k % 2 == 1), wanted)
         count += len(found.flux_dn)
     low, high = poisson.ppf([0.001, 0.999], np.array([0.6, 1.5]) * wanted * frames)
     assert low <= count <= high

@@ -22,9 +22,12 @@ from shefex_nav.onboard.startracker.streaks import detect_near, detect_streaks
 REACH_PX = 12.0
 
 
-def measured(bench, params, seed, frames, electrons, rate, rolling=False, sigma=0.0, boresight=0.5):
-    """Errors along and across (n, 2), normalised squared errors (n,), and how many of how many were found."""
-    rng = np.random.default_rng(seed)
+def measured(bench, params, seed, frames, electrons, rate, rolling=False, sigma=0.0, boresight=0.5, **known):
+    """Errors along and across (n, 2), normalised squared errors (n,), and how many of how many were found.
+
+    known : what the detection knows of the camera, where it is not so
+    """
+    rng, camera = np.random.default_rng(seed), bench.model._replace(**known)
     errors, nees, n = [], [], 0
     for _ in range(frames):
         direction = rng.normal(size=3) * [1.0, 1.0, boresight]
@@ -32,8 +35,8 @@ def measured(bench, params, seed, frames, electrons, rate, rolling=False, sigma=
         motion = motion_of(bench, omega_c, rolling, sigma)
         places = grid_places(bench, rng, 128 if bench is IMPA else 64)
         image = frame(bench, motion, places, electrons, rng)
-        known = motion._replace(omega_c=omega_c + sigma * rng.normal(size=3))
-        found, _ = detect_streaks(params, bench.camera, image, known)
+        told = motion._replace(omega_c=omega_c + sigma * rng.normal(size=3))
+        found, _ = detect_streaks(params, camera, image, told)
         k = match(found.xy_px, places, REACH_PX)
         n += len(places)
         for place, row in zip(places[k >= 0], k[k >= 0], strict=True):
@@ -78,7 +81,7 @@ def bound(bench, omega_c, electrons, place):
 )
 def test_the_fit_is_at_the_bound_and_knows_it(bench, rate, electrons):
     """Matched signal-to-noise ratios of 17, 16 and 18."""
-    params = detect_params(bench, max_objects=300)
+    params = detect_params(bench, most_objects=300)
     error, nees, found, n = measured(bench, params, 1, 3, electrons, rate, boresight=0.0)
     assert found >= 0.985 * n
     omega_c = rate * DEG * np.array([0.6, 0.8, 0.0])
@@ -93,16 +96,18 @@ def test_the_fit_is_at_the_bound_and_knows_it(bench, rate, electrons):
 
 @pytest.mark.parametrize("sigma_factor", [0.9, 1.1])
 def test_a_wrong_width_does_not_spoil_the_covariance(sigma_factor):
-    params = detect_params(IMPA, max_objects=300, psf_sigma_px=sigma_factor * IMPA.sigma_px)
+    params = detect_params(IMPA, most_objects=300)
     for electrons in (14e3, 400e3):
-        _, nees, found, n = measured(IMPA, params, 2, 2, electrons, 5.0)
+        _, nees, found, n = measured(
+            IMPA, params, 2, 2, electrons, 5.0, psf_sigma=sigma_factor * IMPA.sigma_px
+        )
         assert found >= 0.985 * n
         assert 0.7 < nees.mean() < 1.4
 
 
 def test_an_error_of_the_rate_moves_places_by_its_lever():
     """Rolling shutter: a star in the first row is seen 0.1 s before the instant; 20 independent rates."""
-    params = detect_params(SHEFEX, max_objects=300)
+    params = detect_params(SHEFEX, most_objects=300)
     _, nees, found, n = measured(SHEFEX, params, 3, 20, 20e3, 5.0, rolling=True, sigma=0.1 * DEG)
     assert found >= 0.985 * n
     assert 0.5 < nees.mean() < 1.6  # three common errors a frame: 60 in all
@@ -120,7 +125,7 @@ def test_places_are_those_of_the_instant(rolling):
 
 def test_at_rest_and_about_the_boresight():
     """Spots; and streaks whose length and direction change over the frame, with spots in the middle."""
-    params = detect_params(IMPA, max_objects=300)
+    params = detect_params(IMPA, most_objects=300)
     _, nees, found, n = measured(IMPA, params, 5, 2, 30e3, 0.0)
     assert found == n
     assert 0.75 < nees.mean() < 1.3
@@ -128,7 +133,7 @@ def test_at_rest_and_about_the_boresight():
     motion = motion_of(IMPA, [0.0, 0.0, 8.0 * DEG])
     places = grid_places(IMPA, rng)
     image = frame(IMPA, motion, places, 40e3, rng)
-    found, _ = detect_streaks(params, IMPA.camera, image, motion)
+    found, _ = detect_streaks(params, IMPA.model, image, motion)
     k = match(found.xy_px, places, 6.0)
     assert (k >= 0).all()
     error = found.xy_px[k] - places
@@ -138,12 +143,12 @@ def test_at_rest_and_about_the_boresight():
 
 def test_covariances_are_positive_definite_at_the_border_too():
     rng = np.random.default_rng(7)
-    params = detect_params(SHEFEX, max_objects=300)
+    params = detect_params(SHEFEX, most_objects=300)
     for k in range(6):
         motion = motion_of(SHEFEX, rng.normal(size=3) * 4.0 * DEG, rolling=k % 2 == 1)
         places = rng.uniform([-10.0, -10.0], [669.0, 503.0], (150, 2))
         image = frame(SHEFEX, motion, places, 10.0 ** rng.uniform(2.8, 5.0, 150), rng)
-        found, _ = detect_streaks(params, SHEFEX.camera, image, motion)
+        found, _ = detect_streaks(params, SHEFEX.model, image, motion)
         assert len(found.flux_dn) > 40
         assert (np.linalg.eigvalsh(found.P_px) > 0.0).all()
         assert (np.diff(found.flux_dn) <= 0.0).all()
@@ -159,7 +164,7 @@ def test_a_streak_cut_by_the_border_knows_it():
             -4, 4, (25, 2)
         )
         image = frame(IMPA, motion, places, 60e3, rng)
-        found, _ = detect_streaks(detect_params(IMPA), IMPA.camera, image, motion)
+        found, _ = detect_streaks(detect_params(IMPA), IMPA.model, image, motion)
         k = match(found.xy_px, places, REACH_PX)
         for e, P in zip(found.xy_px[k[k >= 0]] - places[k >= 0], found.P_px[k[k >= 0]], strict=True):
             nees.append(0.5 * e @ np.linalg.solve(P, e))
@@ -209,14 +214,14 @@ def test_what_does_not_move_as_a_star_is_refused(kind, most):
         omega_c = {"spot": 0.0 * OMEGA, "turned 10": turned(OMEGA, 10), "turned 90": turned(OMEGA, 90)}
         for x, y in places:
             add_star(light, IMPA, motion.times, omega_c.get(kind, factor * OMEGA), x, y, factor * electrons)
-    found, _ = detect_streaks(detect_params(IMPA), IMPA.camera, digitise(IMPA, light, rng), motion)
+    found, _ = detect_streaks(detect_params(IMPA), IMPA.model, digitise(IMPA, light, rng), motion)
     passed = (match(found.xy_px, places, 30.0) >= 0).sum()
     assert passed <= most * len(places)
 
 
 def test_true_stars_are_kept():
     """None of the questions costs more than 1.5 per cent of the stars of ratio 8 to 500."""
-    params = detect_params(IMPA, max_objects=300)
+    params = detect_params(IMPA, most_objects=300)
     found, n = 0, 0
     for seed, electrons in enumerate([11e3, 25e3, 100e3, 1e6]):
         _, _, now, of = measured(IMPA, params, 20 + seed, 2, electrons, 5.0, rolling=True)
@@ -231,7 +236,7 @@ def test_a_hit_on_a_streak_does_not_cost_the_star():
         add_star(light, IMPA, motion.times, OMEGA, x, y, 60e3)
     vx, vy = velocity(IMPA.camera, OMEGA, 511.0, 511.0)
     hits(light, places + 0.04 * np.array([vx, vy]), 15e3, 1)
-    found, _ = detect_streaks(detect_params(IMPA), IMPA.camera, digitise(IMPA, light, rng), motion)
+    found, _ = detect_streaks(detect_params(IMPA), IMPA.model, digitise(IMPA, light, rng), motion)
     k = match(found.xy_px, places, 3.0)
     assert (k >= 0).mean() > 0.95
     error = found.xy_px[k[k >= 0]] - places[k >= 0]
@@ -246,7 +251,7 @@ def test_two_streaks_that_overlap_are_both_found():
     second = first + np.array([7.0, 15.0])
     electrons = np.repeat([200e3, 50e3], len(first))
     image = frame(IMPA, motion, np.vstack([first, second]), electrons, rng)
-    found, _ = detect_streaks(detect_params(IMPA), IMPA.camera, image, motion)
+    found, _ = detect_streaks(detect_params(IMPA), IMPA.model, image, motion)
     places = np.vstack([first, second])
     k = match(found.xy_px, places, 3.0)
     assert (k >= 0).all()
@@ -261,10 +266,10 @@ def test_near_predictions_it_finds_the_same():
     places = grid_places(IMPA, rng)
     image = frame(IMPA, motion, places[:-8], 40e3, rng)  # nothing at the last eight
     params = detect_params(IMPA)
-    whole, statistics = detect_streaks(params, IMPA.camera, image, motion)
+    whole, statistics = detect_streaks(params, IMPA.model, image, motion)
     predicted = places + rng.normal(size=places.shape)
     near, strips = detect_near(
-        params, IMPA.camera, image, motion, predicted, np.tile(np.eye(2), (len(places), 1, 1))
+        params, IMPA.model, image, motion, predicted, np.tile(np.eye(2), (len(places), 1, 1))
     )
     k, j = match(near.xy_px, places, 6.0), match(whole.xy_px, places, 6.0)
     assert (k[:-8] >= 0).all()
@@ -282,7 +287,7 @@ def test_without_predictions_nothing_is_found():
     image = digitise(SHEFEX, dark(SHEFEX), np.random.default_rng(13))
     motion = motion_of(SHEFEX, OMEGA)
     found, _ = detect_near(
-        detect_params(SHEFEX), SHEFEX.camera, image, motion, np.zeros((0, 2)), np.zeros((0, 2, 2))
+        detect_params(SHEFEX), SHEFEX.model, image, motion, np.zeros((0, 2)), np.zeros((0, 2, 2))
     )
     assert found.xy_px.shape == (0, 2)
     assert found.P_px.shape == (0, 2, 2)
@@ -295,7 +300,7 @@ def test_saturated_and_bad_pixels_have_no_weight():
     assert (image == 255).sum() > 4 * len(places)
     bad = rng.integers([0, 0], image.shape, (3000, 2))
     image[bad[:, 0], bad[:, 1]] = 255
-    found, _ = detect_streaks(detect_params(SHEFEX, bad_pixels=bad), SHEFEX.camera, image, motion)
+    found, _ = detect_streaks(detect_params(SHEFEX), SHEFEX.model._replace(bad_pixels=bad), image, motion)
     k = match(found.xy_px, places, 1.0)
     assert (k >= 0).mean() > 0.95
     assert np.sqrt(((found.xy_px[k[k >= 0]] - places[k >= 0]) ** 2).mean()) < 0.05
@@ -307,13 +312,13 @@ def test_what_cannot_be_is_refused():
     image = np.zeros((493, 659), dtype=np.uint8)
     params = detect_params(SHEFEX)
     with pytest.raises(ValueError, match="expected uint8 or uint16"):
-        detect_streaks(params, SHEFEX.camera, image.astype(float), motion)
+        detect_streaks(params, SHEFEX.model, image.astype(float), motion)
     with pytest.raises(ValueError, match="of shape"):
-        detect_streaks(params, SHEFEX.camera, image[:-1], motion)
+        detect_streaks(params, SHEFEX.model, image[:-1], motion)
     with pytest.raises(ValueError, match="not finite"):
-        detect_streaks(params, SHEFEX.camera, image, motion._replace(omega_c=np.array([np.nan, 0.0, 0.0])))
+        detect_streaks(params, SHEFEX.model, image, motion._replace(omega_c=np.array([np.nan, 0.0, 0.0])))
     with pytest.raises(ValueError, match="predictions"):
-        detect_near(params, SHEFEX.camera, image, motion, np.zeros((3, 2)), np.zeros((2, 2, 2)))
+        detect_near(params, SHEFEX.model, image, motion, np.zeros((3, 2)), np.zeros((2, 2, 2)))
 
 
 def test_the_renderer_of_these_tests_draws_the_path():

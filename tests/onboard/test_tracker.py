@@ -12,6 +12,7 @@ from star_fields import (
     ready_tracker,
     sky_frame,
     stars_in_frame,
+    tracker_with,
 )
 
 from shefex_nav.environment.stars import aberrate
@@ -26,7 +27,7 @@ CONTEXT = tracker.NO_CONTEXT._replace(velocity_i=VELOCITY)
 
 
 def frame(image_dn, number=0, exposure_s=0.05):
-    return Frame(number, 1.0, 1.0 + 0.5 * exposure_s, 1.065, exposure_s, EXPOSURE.gain_db, image_dn)
+    return Frame(number, 1.0, 1.0 + 0.5 * exposure_s, 1.065, exposure_s, EXPOSURE.gain, image_dn)
 
 
 def process(image_dn, context=CONTEXT):
@@ -78,8 +79,8 @@ def test_the_record_of_a_solved_frame():
     state, fix, command = process(sky_frame(rng, seen_sky(), q_ic))
     assert fix.reason == Reason.NONE
     assert (fix.number, fix.t_valid_s, fix.exposure_s) == (0, 1.025, 0.05)
-    assert fix.t_available_s == pytest.approx(1.065 + TRACKER.latency_s)
-    assert command == (fix.t_available_s, 0.05, EXPOSURE.gain_db)
+    assert fix.t_available_s == pytest.approx(1.065 + TRACKER.settings.latency)
+    assert command == (fix.t_available_s, 0.05, EXPOSURE.gain)
     assert state.exposure_s == 0.05
     rows, xy_px = stars_in_frame(seen_sky(), q_ic)
     place = dict(zip(ready_tracker().pairs.stars.hip[rows], xy_px, strict=True))
@@ -126,7 +127,7 @@ def test_reason_for_an_empty_frame(changed, expected):
     _, fix, command = process(image_dn, CONTEXT._replace(**changed))
     assert fix.reason == expected
     assert fix.flag_no_stars and not fix.flag_saturated
-    assert command.exposure_s == EXPOSURE.max_s
+    assert command.exposure_s == EXPOSURE.longest
 
 
 def test_no_attitude_faster_than_the_tracker_is_made_for():
@@ -168,7 +169,7 @@ def test_pure_noise_and_gradients_give_no_attitude():
 
 def agreed(stars, rows, xy_px):
     """n_used, q_ic, P_c, residual_px of named objects, each known to 0.05 px; the stars seen from rest."""
-    n, params = len(rows), TRACKER._replace(centroid_floor_px=0.0)
+    n, params = len(rows), tracker_with(TRACKER, centroid_floor=0.0)
     nothing, P_px = np.zeros(n, dtype=np.int64), np.tile(0.05**2 * np.eye(2), (n, 1, 1))
     found = Detections(xy_px, np.ones(n), nothing, nothing, P_px)
     return best_attitude.of_named(params, stars, rows, found, np.zeros(3), 4)[:4]
@@ -209,7 +210,7 @@ def test_exposure_follows_the_flags_over_frames():
 
 
 def test_unknown_method_is_refused_at_once():
-    params = TRACKER._replace(identify=TRACKER.identify._replace(method="astrology"))
+    params = tracker_with(TRACKER, identification__method="astrology")
     with pytest.raises(ValueError, match="astrology"):
         tracker.init(params, all_stars(), 2012.47)
 
@@ -240,8 +241,8 @@ def test_database_covers_the_diagonal_of_the_field():
 def tracking(image_dn, q_ic, sigma):
     """StarFix of a frame with a predicted attitude."""
     ready = ready_tracker()
-    identify = TRACKER.identify._replace(method="bayes")
-    ready = ready._replace(params=TRACKER._replace(track=True, identify=identify))
+    params = tracker_with(TRACKER, identification__method="bayes", identification__tracking=True)
+    ready = ready._replace(params=params)
     state, _ = tracker.start(ready, 0.9)
     context = CONTEXT._replace(q_ic=q_ic, P_c=sigma**2 * np.eye(3))
     return tracker.step(ready, state, frame(image_dn), context)[1]

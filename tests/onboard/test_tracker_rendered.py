@@ -2,7 +2,7 @@
 
 import camera_bench
 import numpy as np
-from star_fields import DEG, TRACKER
+from star_fields import DEG, TRACKER, tracker_with
 
 from shefex_nav.environment import ephemeris, stars
 from shefex_nav.geometry.rotation import rotvec_between
@@ -15,17 +15,16 @@ from shefex_nav.world import camera
 CAMERA = changed(camera_bench.PARAMS, {"optics.principal_point_error": 0.0})
 
 
-def run(params, n_frames, rates, seed, **identify):
+def run(params, n_frames, rates, seed, **settings):
     """Reasons, attitude errors, normalised squared errors over skies that the exclusion angles leave free."""
     rng = np.random.default_rng(seed)
     _, bodies, _ = camera_bench.sky()
     bench = camera_bench.build(params, seed)
-    settings = TRACKER._replace(
-        detect=TRACKER.detect._replace(bad_pixels=bench.bad_pixel_map.astype(np.int64)),
-        identify=TRACKER.identify._replace(**identify),
+    known = tracker_with(TRACKER, **settings)._replace(
+        camera=TRACKER.camera._replace(bad_pixels=bench.bad_pixel_map.astype(np.int64)),
         earth_velocity_i=bodies.earth_v_i,
     )
-    ready = tracker.init(settings, stars.load_catalogue(8.0), ephemeris.julian_year(camera_bench.EPOCH))
+    ready = tracker.init(known, stars.load_catalogue(8.0), ephemeris.julian_year(camera_bench.EPOCH))
     state, command = tracker.start(ready, camera_bench.T_S)
     reasons, errors, normalised = [], [], []
     while len(reasons) < n_frames:
@@ -64,7 +63,7 @@ def test_attitudes_and_their_covariance():
 def test_many_false_objects():
     """Fifteen spikes as bright as V = 2 ... 6 in every frame: fewer attitudes, none wrong."""
     params = changed(CAMERA, {"artefacts.spikes_per_frame": 15.0, "artefacts.false_brightest": 2.0})
-    reasons, errors, _ = run(params, 40, [1.0 * DEG], seed=2, max_centroids=20)
+    reasons, errors, _ = run(params, 40, [1.0 * DEG], seed=2, identification__most_centroids=20)
     assert np.abs(errors).max() < 0.1 * DEG
     assert reasons.count(Reason.NONE) >= 34
 

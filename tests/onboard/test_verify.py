@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from star_fields import CAMERA, IDENTIFY, centroid_list, random_attitude, ready_tracker, stars_in_frame
+from star_fields import CAMERA, IDENTIFY, MODEL, centroid_list, random_attitude, ready_tracker, stars_in_frame
 
 from shefex_nav.geometry.pinhole import pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat
@@ -43,7 +43,7 @@ def test_match_against_brute_force():
 
 def test_four_stars_that_are_all_there_is_are_enough():
     _, u_c, flux, star = true_field(2, 4)
-    found = verify(IDENTIFY, ready_tracker().pairs.stars, u_c, flux, star)
+    found = verify(IDENTIFY, MODEL, ready_tracker().pairs.stars, u_c, flux, star)
     assert found.reason == Reason.NONE
     assert found.log_odds > np.log(1e7)
 
@@ -52,14 +52,14 @@ def test_four_stars_among_many_bright_missing_ones_are_not():
     """Four right stars of a rich field whose brighter stars are not seen look like chance."""
     _, u_c, flux, star = true_field(3, 25)
     keep = slice(21, 25)
-    found = verify(IDENTIFY, ready_tracker().pairs.stars, u_c[keep], flux[keep], star[keep])
+    found = verify(IDENTIFY, MODEL, ready_tracker().pairs.stars, u_c[keep], flux[keep], star[keep])
     assert found.reason == Reason.AMBIGUOUS
 
 
 def test_extra_stars_are_found_from_four():
     _, u_c, flux, star = true_field(4, 20)
     first = np.where(np.arange(20) < 4, star, -1)
-    found = verify(IDENTIFY, ready_tracker().pairs.stars, u_c, flux, first)
+    found = verify(IDENTIFY, MODEL, ready_tracker().pairs.stars, u_c, flux, first)
     assert found.reason == Reason.NONE
     np.testing.assert_array_equal(found.star, star)
 
@@ -68,7 +68,7 @@ def test_one_wrong_star_in_the_identification():
     _, u_c, flux, star = true_field(5, 12)
     wrong = star.copy()
     wrong[3] = (star[3] + 700) % 2000
-    assert verify(IDENTIFY, ready_tracker().pairs.stars, u_c, flux, wrong).reason == Reason.RESIDUALS
+    assert verify(IDENTIFY, MODEL, ready_tracker().pairs.stars, u_c, flux, wrong).reason == Reason.RESIDUALS
 
 
 def test_odds_count_what_they_should():
@@ -76,11 +76,11 @@ def test_odds_count_what_they_should():
     rng = np.random.default_rng(6)
     u_c = unit_vectors(CAMERA, rng.uniform([0.0, 0.0], [658.0, 492.0], (8, 2)))
     star, zero = np.arange(8), np.zeros(8)
-    settings = (CAMERA, IDENTIFY.sigma_px, IDENTIFY.detection_probability)
+    settings = (CAMERA, IDENTIFY.centroid_error, IDENTIFY.detection_probability)
     base = log_odds(*settings, u_c, star, zero, 0)
     assert log_odds(*settings, u_c, star, zero, 3) - base == pytest.approx(3.0 * np.log(0.1))
     off = np.zeros(8)
-    off[2] = (2.0 * IDENTIFY.sigma_px) ** 2
+    off[2] = (2.0 * IDENTIFY.centroid_error) ** 2
     assert log_odds(*settings, u_c, star, off, 0) - base == pytest.approx(-2.0)
     # faint unknown detections behind them cost no more than the choice of where to stop, ln(n)
     u_more = unit_vectors(CAMERA, np.vstack([pixels(CAMERA, u_c), rng.uniform(0.0, 490.0, (22, 2))]))
@@ -116,9 +116,9 @@ def test_brightness_speaks_for_the_right_stars():
     """The same geometry with shuffled brightness is less likely, and a dimmer exposure changes nothing."""
     _, u_c, flux, star = true_field(7, 9)
     stars = ready_tracker().pairs.stars
-    right = verify(IDENTIFY, stars, u_c, flux, star).log_odds
-    assert verify(IDENTIFY, stars, u_c, 0.01 * flux, star).log_odds == pytest.approx(right)
-    assert verify(IDENTIFY, stars, u_c, flux[::-1].copy(), star).log_odds < right - 5.0
+    right = verify(IDENTIFY, MODEL, stars, u_c, flux, star).log_odds
+    assert verify(IDENTIFY, MODEL, stars, u_c, 0.01 * flux, star).log_odds == pytest.approx(right)
+    assert verify(IDENTIFY, MODEL, stars, u_c, flux[::-1].copy(), star).log_odds < right - 5.0
 
 
 def test_attitude_from_detections_alone_is_not_needed():
@@ -128,6 +128,6 @@ def test_attitude_from_detections_alone_is_not_needed():
     for first in ([0, 1, 2, 3], [11, 12, 13, 14], [0, 5, 10, 14]):
         given = np.full(15, -1)
         given[first] = star[first]
-        assert verify(IDENTIFY, stars, u_c, flux, given).reason == Reason.NONE
+        assert verify(IDENTIFY, MODEL, stars, u_c, flux, given).reason == Reason.NONE
     predicted = np.ascontiguousarray(stars.u_i[star] @ dcm_from_quat(q_ic))
     assert np.abs(pixels(CAMERA, predicted) - pixels(CAMERA, u_c)).max() < 1.0

@@ -1,11 +1,12 @@
 """Geometric voting: the two votes, the cluster, and right or nothing where it flies."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pytest
 from slow_identify import Sky, angle
-from star_fields import CAMERA, DEG, IDENTIFY, centroid_list, random_attitude, ready_tracker
+from star_fields import CAMERA, DEG, IDENTIFY, MODEL, centroid_list, random_attitude, ready_tracker
 
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import rotvec_between
@@ -69,7 +70,7 @@ def test_match_names_the_right_stars():
     pairs, n_named = ready_tracker().pairs, 0
     for seed in range(20):
         u_c, flux, star, _ = field(100 + seed, 1, least=8, noise_px=0.01)
-        found = voting.match(IDENTIFY._replace(tolerance=5e-5), pairs, u_c, flux)
+        found = voting.match(replace(IDENTIFY, tolerance=5e-5), MODEL, pairs, u_c, flux)
         known = found.star >= 0
         assert found.reason == Reason.NONE
         np.testing.assert_array_equal(found.star[known], star[known])
@@ -86,7 +87,7 @@ def test_solves_most_of_what_can_be_solved(n_false, share):
         q_ic = random_attitude(rng)
         u_c, flux, star = centroid_list(rng, pairs.stars, q_ic, n_false)
         possible += (star >= 0).sum() >= 4
-        found = voting.identify(IDENTIFY, pairs, u_c, flux)
+        found = voting.identify(IDENTIFY, MODEL, pairs, u_c, flux)
         known = found.star >= 0
         if found.reason == Reason.NONE:
             solved += 1
@@ -100,24 +101,24 @@ def test_noise_and_mirrored_skies_are_not_accepted():
     for _ in range(150):
         n = int(rng.integers(6, 25))
         u_c = unit_vectors(CAMERA, rng.uniform([0.0, 0.0], [658.0, 492.0], (n, 2)))
-        found = voting.identify(IDENTIFY, pairs, u_c, np.ones(n))
+        found = voting.identify(IDENTIFY, MODEL, pairs, u_c, np.ones(n))
         assert found.reason in (Reason.NO_MATCH, Reason.AMBIGUOUS, Reason.RESIDUALS)
         assert (found.star == -1).all()
     for seed in range(60):
         u_c, flux, _, _ = field(500 + seed, 0, noise_px=0.0)
         mirrored = np.ascontiguousarray(u_c * [-1.0, 1.0, 1.0])
-        assert voting.identify(IDENTIFY, pairs, mirrored, flux).reason != Reason.NONE
+        assert voting.identify(IDENTIFY, MODEL, pairs, mirrored, flux).reason != Reason.NONE
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3])
 def test_too_few_detections(n):
     u_c = unit_vectors(CAMERA, np.random.default_rng(6).uniform(0.0, 400.0, (n, 2)))
-    found = voting.identify(IDENTIFY, ready_tracker().pairs, u_c, np.ones(n))
+    found = voting.identify(IDENTIFY, MODEL, ready_tracker().pairs, u_c, np.ones(n))
     assert found.reason == Reason.TOO_FEW_STARS and len(found.star) == n
-    reason = voting.match(IDENTIFY, ready_tracker().pairs, u_c, np.ones(n)).reason
+    reason = voting.match(IDENTIFY, MODEL, ready_tracker().pairs, u_c, np.ones(n)).reason
     assert reason == (Reason.TOO_FEW_STARS if n < 3 else Reason.NO_MATCH)
 
 
 def test_coincident_and_equal_detections():
     u_c = unit_vectors(CAMERA, np.repeat([[100.0, 100.0], [300.0, 200.0]], 5, axis=0))
-    assert voting.identify(IDENTIFY, ready_tracker().pairs, u_c, np.ones(10)).reason != Reason.NONE
+    assert voting.identify(IDENTIFY, MODEL, ready_tracker().pairs, u_c, np.ones(10)).reason != Reason.NONE

@@ -1,6 +1,7 @@
 """The log of a short flight: real on-board computer over noisy fixes, truth beside it."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -146,7 +147,8 @@ def _fly(params, flight, options):
     start = alignment(flight[1][0], rng)
     gps, stars = fixes(flight, params, options, rng)
     nav = fusion.start(params, start, EARTH)
-    switched_off = computer.ComputerParams(params, None, np.inf, np.inf, np.zeros(3))
+    off = SimpleNamespace(settings=SimpleNamespace(enabled=False, on=0.0, off=0.0))
+    switched_off = computer.ComputerParams(params, off, np.zeros(3))
     onboard = computer.Computer(switched_off, EARTH, nav, None, None, tuple(stars), 0)
     noise = np.random.default_rng(options.seed + 100)
     yield start

@@ -15,7 +15,7 @@ def test_filter_and_star_tracker_are_told(overrides, way):
     assert params_onboard.nav_params(scenario).stars == way
     bodies = ephemeris.sky_bodies("2012-06-22T19:18:00")
     tracker = params_onboard.tracker_params(scenario, bodies.earth_v_i, np.zeros((0, 2), dtype=np.int64))
-    assert tracker.vectors == (way == "vectors") and tracker.track
+    assert tracker.vectors == (way == "vectors") and tracker.settings.identification.tracking
 
 
 def test_single_stars_need_a_prediction():

@@ -38,8 +38,8 @@ def scene(n, electrons, xy=(200.0, 300.0), hip=7):
 
 
 def sight(film, stars, seed=0, most=10**6, model=MODEL):
-    limits = sightings.Limits(most, 255, SEED_SIGMA)
-    return sightings.sight(model, CAMERA, film, stars, np.random.default_rng(seed), limits)
+    detection = SimpleNamespace(most_objects=most, saturation=255.0, seed_sigma=SEED_SIGMA)
+    return sightings.sight(model, CAMERA, film, stars, np.random.default_rng(seed), detection)
 
 
 def within(mean_square_ratio, n):

@@ -129,20 +129,20 @@ def collect(scenario, seed):
     if not records:
         raise FitError("the star tracker takes no picture: is it on before the mission's end?")
     tracker = records[0][0].tracker
-    merge_radius = tracker.params.catalogue.merge_radius
-    camera = undrawn.catalogued(tracker.pairs.stars, world.camera, merge_radius)
-    gain, rng = tracker.params.exposure.gain_db, noise.generator(seed, "sightings")
+    settings = tracker.params.settings
+    camera = undrawn.catalogued(tracker.pairs.stars, world.camera, settings.catalogue.merge_radius)
+    gain, rng = settings.exposure.gain, noise.generator(seed, "sightings")
     frames, sources, searches, fixed_s = [], [], [], -np.inf
     for row, (taken, fix, truth) in enumerate(records):
         start_s = fix.t_valid_s - 0.5 * fix.exposure_s
         command = CameraCommand(start_s, fix.exposure_s, gain)
         _, _, film, scene = undrawn.look(camera, command, world.flight.trajectory, fix.number, start_s)
-        found, stars = _matched(row, fix, film, scene, camera, tracker.params)
+        found, stars = _matched(row, fix, film, scene, camera, settings)
         sources += found
         first = fix.t_valid_s - fixed_s > LOST_S
         good = fix.reason == Reason.NONE
         fixed_s = fix.t_valid_s if good else fixed_s
-        if not taken.context.rate > tracker.params.max_rate:
+        if not taken.context.rate > settings.highest_rate:
             times = THIN_FIRST if first else int(row % THIN_EVERY == 0)
             searches += _searched(taken, truth, stars, first, times, rng)
         counts = _counts(fix.detections, film, scene)
@@ -189,7 +189,7 @@ def _error(q_ic, truth, good):
     return rotvec_between(q_ic[None], truth.q_ic[None])[0] if good else np.full(3, np.nan)
 
 
-def _matched(row, fix, film, scene, camera, params):
+def _matched(row, fix, film, scene, camera, settings):
     """What became of the sources of one frame.
 
     -> rows of Sources; rows of the objects that are stars of the catalogue
@@ -198,7 +198,7 @@ def _matched(row, fix, film, scene, camera, params):
     seen = fix.detections
     with_others = row % OTHERS_EVERY == 0
     size = np.array([camera.pinhole.width_px, camera.pinhole.height_px])
-    room = np.sort(electrons)[::-1][int(ROOM * params.detect.max_objects) :].max(initial=0.0)
+    room = np.sort(electrons)[::-1][int(ROOM * settings.detection.most_objects) :].max(initial=0.0)
     apart = np.linalg.norm(seen.xy_px[:, None] - xy_px[None], axis=2)  # (objects, sources)
     rows, stars = [], []
     for k in np.flatnonzero((hip > 0) | with_others):
@@ -207,7 +207,7 @@ def _matched(row, fix, film, scene, camera, params):
         if q < FAINT_Q:
             continue
         terms = sightings.terms(along, across, electrons[k], film.noise_electrons)
-        seed_sigma = params.detect.seed_sigma
+        seed_sigma = settings.detection.seed_sigma
         features = sightings.features(along, across, electrons[k], film.noise_electrons, seed_sigma)
         brighter = (electrons > electrons[k]) & (np.abs(xy_px - xy_px[k]).max(axis=1) < LONELY_PX)
         clear = electrons[k] > room and not brighter.any()
@@ -218,7 +218,7 @@ def _matched(row, fix, film, scene, camera, params):
             turn = np.array([[ex, ey], [-ey, ex]])
             error = turn @ (seen.xy_px[j] - xy_px[k])
             reported = np.diag(turn @ seen.P_px[j] @ turn.T)
-            saturated = bool(seen.n_saturated[j] > params.exposure.saturated_pixels)
+            saturated = bool(seen.n_saturated[j] > settings.exposure.saturated_pixels)
             named = bool(hip[k] > 0 and fix.hip[j] == hip[k])
             stars += [j] if hip[k] > 0 else []
         border = sightings.margin_px(xy_px[k], spot, size)

@@ -26,7 +26,7 @@ PRIOR_DOF = 10.0  # weight of the expected variance of the centroids against the
 class Criteria(NamedTuple):
     """By what the stars of a frame are judged."""
 
-    floor_px: float  # error of any centroid, per axis, beside the one that it is said to have
+    centroid_floor: float  # px, error of any centroid, per axis, beside the one that it is said to have
     outlier_sigma: float  # a star that is further from where the others put it is left out
     least: int  # fewest stars that make an attitude
     spots: bool  # no streaks: only a misfit that is more than chance makes changes the covariance
@@ -34,13 +34,13 @@ class Criteria(NamedTuple):
 
 def centroid_covariance(params, detections):
     """Covariance of each centroid, (n, 2, 2) px^2: noise, and what is wrong with every one."""
-    return detections.P_px + params.centroid_floor_px**2 * np.eye(2)
+    return detections.P_px + params.settings.centroid_floor**2 * np.eye(2)
 
 
 def focal_covariance(params, xy_px):
     """What the error of the focal length does to each place, (n, 2, 2) px^2, for stars one by one."""
-    offset_px = xy_px - np.array([params.identify.camera.cx_px, params.identify.camera.cy_px])
-    return params.sigma_focal**2 * offset_px[:, :, None] * offset_px[:, None, :]
+    offset_px = xy_px - np.array([params.camera.pinhole.cx_px, params.camera.pinhole.cy_px])
+    return params.camera.focal_length_error**2 * offset_px[:, :, None] * offset_px[:, None, :]
 
 
 def with_rate(params, detections, P_px, rate):
@@ -48,7 +48,7 @@ def with_rate(params, detections, P_px, rate):
     if rate is None:
         return P_px
     t_s, P_omega = rate
-    S = t_s[:, None, None] * turn_jacobians(params.identify.camera, detections.xy_px)
+    S = t_s[:, None, None] * turn_jacobians(params.camera.pinhole, detections.xy_px)
     return P_px + S @ P_omega @ S.transpose(0, 2, 1)
 
 
@@ -82,12 +82,13 @@ def of_named(params, stars, star, detections, velocity_i, least, rate=None):
     StarVectors of the stars used
     """
     t_s, P_omega = (np.zeros(len(star)), np.zeros((3, 3))) if rate is None else rate
-    criteria = params.centroid_floor_px, params.outlier_sigma, least, rate is None
+    settings, camera = params.settings, params.camera
+    criteria = settings.centroid_floor, settings.outlier_sigma, least, rate is None
     *solution, used, u_c, P_u, seen_i, t_s, P_omega = _named_kernel(
-        params.identify.camera, criteria, stars.u_i, star, detections.xy_px, detections.P_px, velocity_i,
-        (t_s, P_omega, params.sigma_focal),
+        camera.pinhole, criteria, stars.u_i, star, detections.xy_px, detections.P_px, velocity_i,
+        (t_s, P_omega, camera.focal_length_error),
     )  # fmt: skip
-    vectors = StarVectors(stars.hip[star[used]], u_c, P_u, seen_i, t_s, P_omega, params.sigma_focal)
+    vectors = StarVectors(stars.hip[star[used]], u_c, P_u, seen_i, t_s, P_omega, camera.focal_length_error)
     return *solution, vectors
 
 
@@ -104,7 +105,7 @@ def _named_kernel(camera, criteria, u_i, star, xy_px, P_px, velocity_i, common):
     xy_px, P_px, t_s = xy_px[rows], P_px[rows], common.t_s[rows]
     for k in range(len(rows)):
         for i in range(2):
-            P_px[k, i, i] += criteria.floor_px**2
+            P_px[k, i, i] += criteria.centroid_floor**2
     u_c, seen_i = unit_vectors(camera, xy_px), aberrate(u_i[star[rows]], velocity_i)
     n_used, q_ic, P_c, residual_px, used, misfit = _solve_kernel(
         camera, criteria, u_c, seen_i, P_px, CommonErrors(t_s, common.P_omega, sigma_focal)

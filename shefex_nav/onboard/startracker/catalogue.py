@@ -7,29 +7,17 @@ plus fainter ones where the sky would be empty. Stars that the camera cannot sep
 centre of light.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import numpy as np
 
 from shefex_nav.compiled import kernel
 from shefex_nav.environment.stars import at_epoch, photocentres, select
 from shefex_nav.onboard.startracker import kvector, tables
+from shefex_nav.onboard.startracker.settings import Catalogue
+from shefex_nav.settings import declared
 
-KINDS = ("magnitude_limited", "asymmetric", "uniform", "combined")
-SYSTEMS = ("V", "Hp")
-
-
-class CatalogueParams(NamedTuple):
-    """Which stars fly."""
-
-    kind: str  # one of KINDS
-    max_magnitude: float  # of the catalogue, or of the pool that it is thinned from
-    merge_radius: float  # rad, closer stars are one point of light; 0: none are merged
-    keep_magnitude: float  # 'combined': all stars to here are kept
-    n_stars: int  # 'uniform' and 'combined': size
-    magnitude_system: str = "V"  # of all magnitudes here and in the catalogue: Johnson V or Hipparcos Hp
-    inclusive: bool = True  # a star of exactly the limit belongs to the catalogue
-    south_magnitude: float | None = None  # limit south of the equator where it differs; 'asymmetric' needs it
+KINDS, SYSTEMS = (get_args(declared(Catalogue)[name][0]) for name in ("kind", "system"))
 
 
 class OnboardCatalogue(NamedTuple):
@@ -37,7 +25,7 @@ class OnboardCatalogue(NamedTuple):
 
     hip: np.ndarray  # (n,) int64 Hipparcos number of the brightest star of each entry
     u_i: np.ndarray  # (n, 3) unit vectors at the epoch, without aberration
-    vmag: np.ndarray  # (n,) magnitude of the summed light; V unless CatalogueParams asked for Hp
+    vmag: np.ndarray  # (n,) magnitude of the summed light; V unless the settings ask for Hp
     epoch: float = np.nan  # Julian year of u_i
 
 
@@ -57,14 +45,15 @@ class StarPairs(NamedTuple):
     second_vmag: np.ndarray  # (m,) magnitude of `second`
 
 
-def build(params, catalogue, julian_year):
+def build(settings, catalogue, julian_year, inclusive=True):
     """On-board catalogue of the given kind.
 
     Parameters
     ----------
-    params : CatalogueParams
+    settings : Catalogue
     catalogue : StarCatalogue, deeper than the limits: faint neighbours shift the light of bright stars
     julian_year : float, epoch of the positions
+    inclusive : bool, a star of exactly the limit belongs to the catalogue
 
     Returns
     -------
@@ -74,15 +63,15 @@ def build(params, catalogue, julian_year):
     ------
     ValueError : a kind or magnitude system that does not exist, or a size that cannot be had
     """
-    if params.kind not in KINDS:
-        raise ValueError(f"unknown star catalogue {params.kind!r}; choose from: {', '.join(KINDS)}")
-    stars, magnitude = pool(params, at_epoch(catalogue, julian_year))
+    if settings.kind not in KINDS:
+        raise ValueError(f"unknown star catalogue {settings.kind!r}; choose from: {', '.join(KINDS)}")
+    stars, magnitude = pool(settings, at_epoch(catalogue, julian_year), inclusive)
     rows = np.arange(len(magnitude))
-    if params.kind == "uniform":
-        rows = spread_rows(stars.u_i, 0, params.n_stars)
-    elif params.kind == "combined":
-        n_keep = int((magnitude <= params.keep_magnitude).sum())
-        rows = spread_rows(stars.u_i, n_keep, params.n_stars)
+    if settings.kind == "uniform":
+        rows = spread_rows(stars.u_i, 0, settings.size)
+    elif settings.kind == "combined":
+        n_keep = int((magnitude <= settings.keep_to).sum())
+        rows = spread_rows(stars.u_i, n_keep, settings.size)
     return OnboardCatalogue(
         stars.hip[rows].astype(np.int64),
         np.ascontiguousarray(stars.u_i[rows]),
@@ -91,7 +80,7 @@ def build(params, catalogue, julian_year):
     )
 
 
-def pool(params, catalogue):
+def pool(settings, catalogue, inclusive=True):
     """Stars within the limits of magnitude, merged where they are too close: those that a catalogue may hold.
 
     An entry begins with a star that is itself within the limit of its hemisphere. In the Hp system the few
@@ -99,38 +88,39 @@ def pool(params, catalogue):
 
     Parameters
     ----------
-    params : CatalogueParams
+    settings : Catalogue
     catalogue : StarCatalogue
+    inclusive : as of `build`
 
     Returns
     -------
     stars : StarCatalogue, brightest first
-    magnitude : (n,) of the summed light in the system of params
+    magnitude : (n,) of the summed light in the system of the settings
     """
-    if params.magnitude_system not in SYSTEMS:
+    if settings.system not in SYSTEMS:
         choice = " or ".join(SYSTEMS)
-        raise ValueError(f"unknown magnitude system {params.magnitude_system!r}; choose {choice}")
-    column = "vmag" if params.magnitude_system == "V" else "hpmag"
+        raise ValueError(f"unknown magnitude system {settings.system!r}; choose {choice}")
+    column = "vmag" if settings.system == "V" else "hpmag"
     catalogue = select(catalogue, ~np.isnan(getattr(catalogue, column)))
     own = getattr(catalogue, column)
-    limit = limits(params, catalogue.u_i)
-    within = own <= limit if params.inclusive else own < limit
+    limit = limits(settings, catalogue.u_i)
+    within = own <= limit if inclusive else own < limit
     if not within.any():
-        raise ValueError(f"no star is as bright as {params.max_magnitude} ({params.magnitude_system})")
-    stars = photocentres(catalogue, catalogue.vmag[within].max(), params.merge_radius)
+        raise ValueError(f"no star is as bright as {settings.faintest} ({settings.system})")
+    stars = photocentres(catalogue, catalogue.vmag[within].max(), settings.merge_radius)
     stars = select(stars, np.isin(stars.hip, catalogue.hip[within]))
     stars = select(stars, np.argsort(getattr(stars, column), kind="stable"))
     return stars, getattr(stars, column)
 
 
-def limits(params, u_i):
-    """Limit of magnitude at each direction. CatalogueParams, (n, 3) -> (n,)."""
-    south = params.south_magnitude
+def limits(settings, u_i):
+    """Limit of magnitude at each direction. Catalogue, (n, 3) -> (n,)."""
+    south = settings.faintest_south
     if south is None:
-        if params.kind == "asymmetric":
-            raise ValueError("an asymmetric star catalogue needs a south_magnitude")
-        south = params.max_magnitude
-    return np.where(u_i[:, 2] < 0.0, south, params.max_magnitude)
+        if settings.kind == "asymmetric":
+            raise ValueError("an asymmetric star catalogue needs faintest_south")
+        south = settings.faintest
+    return np.where(u_i[:, 2] < 0.0, south, settings.faintest)
 
 
 def spread_rows(u_i, n_keep, n_stars):

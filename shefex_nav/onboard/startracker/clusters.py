@@ -5,7 +5,7 @@ In: one frame. Out: `Clusters`, brightest first, and which of them are the same 
     zigzag moving average -> pixels above it by tau_pre -> runs along the rows -> touching runs are a cluster,
     a single pixel is none -> energy-weighted centroid (equations 1 and 2)
 
-The background of a pixel is the mean of the `window_px` pixels before it on a way that runs through the rows
+The background of a pixel is the mean of the `window` pixels before it on a way that runs through the rows
 in turn from left to right and from right to left, so that the way never jumps. A star must not be its own
 background: ahead of it the average knows nothing of it, but within and behind it, for a window's length, its
 light would lift the threshold (a star of magnitude 0 by more than tau_pre itself, and the trail lies on the
@@ -24,14 +24,6 @@ from shefex_nav.compiled import inner, kernel
 CLIP = 0.25  # of tau_pre: how far a pixel may pull the average [E]
 CUT_PX = 0.36  # error of a centroid cut at the threshold, over the root of its number of pixels; measured [E]
 SAMPLED_ROWS = 8  # every so many rows the noise is measured
-
-
-class ClusterParams(NamedTuple):
-    """Settings of the search."""
-
-    tau_pre_dn: float  # a pixel this far above the background belongs to an object
-    saturation_dn: int  # grey value of a saturated pixel
-    window_px: int = 256  # of the moving average, a power of two; the paper gives none [E]
 
 
 class Clusters(NamedTuple):
@@ -54,12 +46,13 @@ class Clusters(NamedTuple):
     noise_dn: float  # standard deviation of a pixel, from neighbours that differ by less than tau_pre
 
 
-def find(params, image_dn):
+def find(settings, camera, image_dn):
     """Clusters of a frame.
 
     Parameters
     ----------
-    params : ClusterParams
+    settings : Detection; tau_pre is the threshold of its run_length
+    camera : CameraModel; of it `electrons_per_dn`
     image_dn : (rows, columns) uint8 or uint16
 
     Returns
@@ -76,19 +69,20 @@ def find(params, image_dn):
             f"image: expected grey values of shape (rows, columns), uint8 or uint16, "
             f"got {image_dn.dtype} of shape {image_dn.shape}"
         )
-    shift = int(params.window_px).bit_length() - 1
-    if params.window_px != 1 << max(shift, 0):
-        raise ValueError(f"moving average: a window of {params.window_px} pixels is not a power of two")
-    if not params.tau_pre_dn > 0.0:
-        raise ValueError(f"tau_pre must be positive, got {params.tau_pre_dn}")
-    clip_dn = max(1, round(CLIP * params.tau_pre_dn))
+    window, tau_pre_dn = settings.run_length.window, settings.run_length.threshold / camera.electrons_per_dn
+    shift = int(window).bit_length() - 1
+    if window != 1 << max(shift, 0):
+        raise ValueError(f"moving average: a window of {window} pixels is not a power of two")
+    if not tau_pre_dn > 0.0:
+        raise ValueError(f"tau_pre must be positive, got {tau_pre_dn}")
+    clip_dn = max(1, round(CLIP * tau_pre_dn))
     first_level = int(np.median(image_dn[0]))
     pixels, energy_dn, statistics = _bright_pixels_kernel(
-        image_dn, shift, float(params.tau_pre_dn), clip_dn, first_level
+        image_dn, shift, float(tau_pre_dn), clip_dn, first_level
     )
     label, n = _clusters_kernel(*runs(pixels))
     noise_dn = statistics[2]
-    table = _measure_kernel(image_dn, int(params.saturation_dn), pixels, energy_dn, noise_dn, label, n)
+    table = _measure_kernel(image_dn, int(settings.saturation), pixels, energy_dn, noise_dn, label, n)
     return Clusters(*table, *statistics)
 
 

@@ -28,13 +28,6 @@ END_PX = 0.18  # 1 sigma of a centroid along the streak: each end is a pixel or 
 EXTENT_PX = 2.0  # RMS of what the extents are too long or too short; measured [E]
 
 
-class CompensateParams(NamedTuple):
-    """Settings of the compensation."""
-
-    v_star_px_s: float  # v*, below which a component of the velocity is none: the extent is the spot's [E]
-    form: str = "explicit"  # equation (22) with c_z; "implicit": with the compensated c~_z, as it is printed
-
-
 class Streaks(NamedTuple):
     """Objects at the frame's instant."""
 
@@ -44,7 +37,7 @@ class Streaks(NamedTuple):
     P_px: np.ndarray  # (n, 2, 2) px^2
 
 
-def compensate(params, times, xy_px, extent_px, shift_px, sigma_px):
+def compensate(settings, times, xy_px, extent_px, shift_px, sigma_px, form="explicit"):
     """Velocities of streaks, and their places at the frame's instant.
 
     With c_z the centroid as measured, equation (22) is right for a constant velocity; with c~_z the time is
@@ -57,7 +50,7 @@ def compensate(params, times, xy_px, extent_px, shift_px, sigma_px):
 
     Parameters
     ----------
-    params : CompensateParams
+    settings : RunLength; v* is its slowest
     times : RowTimes
     xy_px : (n, 2) centroids
     extent_px : (n, 2) last less first column and last less first row of each: L_y and L_z over the pixel's
@@ -65,20 +58,21 @@ def compensate(params, times, xy_px, extent_px, shift_px, sigma_px):
     shift_px : (n, 2) of the centroids since the frame before, one exposure earlier: second less first, where
         equation (3) is printed the other way round
     sigma_px : (n, 2) standard deviation of the centroids
+    form : of equation (22): "explicit", with c_z; "implicit", with the compensated c~_z, as it is printed
 
     Returns
     -------
     Streaks
     """
-    if params.form not in FORMS:
-        raise ValueError(f"compensation: {params.form!r} is not known; choose from: {', '.join(FORMS)}")
+    if form not in FORMS:
+        raise ValueError(f"compensation: {form!r} is not known; choose from: {', '.join(FORMS)}")
     shift_px = np.asarray(shift_px, dtype=float)
-    sign = np.where(np.abs(shift_px) >= params.v_star_px_s * times.exposure_s, np.sign(shift_px), 0.0)
+    sign = np.where(np.abs(shift_px) >= settings.slowest * times.exposure_s, np.sign(shift_px), 0.0)
     seen_s = times.exposure_s + sign[:, 1] * extent_px[:, 1] * times.line_s  # equations (11) to (15)
     seen_s = np.where(seen_s > 0.0, seen_s, np.nan)  # against the rows, longer than any star can be
     velocity = sign * extent_px / seen_s[:, None]  # (16) and (17), s_z put in
     late_s = times.line_s * (times.middle_row - xy_px[:, 1])  # (22)
-    if params.form == "implicit":
+    if form == "implicit":
         late_s = late_s / (1.0 + velocity[:, 1] * times.line_s)
     wrong = np.where(sign != 0.0, EXTENT_PX / seen_s[:, None], shift_px / times.exposure_s)
     P_px = _covariance(velocity, wrong * late_s[:, None], sigma_px)

@@ -18,26 +18,8 @@ from shefex_nav.onboard.startracker.background import block_sums, medians, repai
 from shefex_nav.onboard.startracker.spot import Picture
 from shefex_nav.records import Detections
 
+ROI_PX = 7  # side of the region of interest of centre of mass and interpolation, odd
 SCANS = {"sequential": scan.sequential, "maximum": scan.maximum_search}
-
-
-class DetectParams(NamedTuple):
-    """Settings of the detection."""
-
-    bad_pixels: np.ndarray  # (n, 2) int64 row, column of pixels known to be bad
-    tile_px: int  # background and noise are taken in square tiles of this side
-    seed_sigma: float  # an object starts where a block is this far above the background
-    grow_sigma: float  # and grows while blocks are this far above it
-    min_pixels: int  # smaller objects are noise
-    max_pixels: int  # larger ones are no stars
-    max_peak_fraction: float  # of the light in one pixel; more is a hot pixel, the lens cannot do it
-    max_objects: int  # length of the table
-    saturation_dn: int  # grey value of a saturated pixel
-    scan: str = "sequential"  # or "maximum"; "streaks" and "run_length" are ways of `objects`
-    centroid: str = "fit"  # or "weighted", "centre_of_mass", "gaussian_interpolation"
-    electrons_per_dn: float = np.inf  # of camera and gain; infinite: not known, no shot noise of the stars
-    psf_sigma_px: float = 1.0  # width of a spot, where the frame does not show it (interpolation: anywhere)
-    roi_px: int = 7  # side of the region of interest of centre of mass and interpolation, odd
 
 
 class FrameStatistics(NamedTuple):
@@ -48,17 +30,19 @@ class FrameStatistics(NamedTuple):
     noise_dn: float  # standard deviation of one pixel, median over the tiles
 
 
-def detect(params, image_dn):
+def detect(settings, camera, image_dn, centres=None):
     """Objects in a frame.
 
     Parameters
     ----------
-    params : DetectParams
-    image_dn : (rows, columns) uint8 or uint16; saturation_dn in the same grey values
+    settings : Detection
+    camera : CameraModel
+    image_dn : (rows, columns) uint8 or uint16; settings.saturation in the same grey values
+    centres : function in the place of that of CENTROIDS which the settings name
 
     Returns
     -------
-    Detections, brightest first, at most params.max_objects
+    Detections, brightest first, at most settings.most_objects
     FrameStatistics
     """
     image_dn = np.ascontiguousarray(image_dn)
@@ -67,11 +51,12 @@ def detect(params, image_dn):
             f"image: expected grey values of shape (rows, columns), uint8 or uint16, "
             f"got {image_dn.dtype} of shape {image_dn.shape}"
         )
-    image_dn = repair(image_dn, params.bad_pixels)
+    image_dn = repair(image_dn, camera.bad_pixels)
     blocks = block_sums(image_dn)
-    background, sigma, mean_dn = tile_statistics(blocks, params.tile_px)
-    table = _named("scan", SCANS, params.scan)(image_dn, blocks, background, sigma, rules(params))
-    xy_px, flux_dn, P_px = _named("centroid", CENTROIDS, params.centroid)(params, image_dn, table)
+    background, sigma, mean_dn = tile_statistics(blocks, settings.tile)
+    table = _named("scan", SCANS, settings.scan)(image_dn, blocks, background, sigma, rules(settings))
+    centres = centres or _named("centroid", CENTROIDS, settings.centroid)
+    xy_px, flux_dn, P_px = centres(settings, camera, image_dn, table)
     statistics = FrameStatistics(mean_dn, *medians(background, sigma))
     detections = Detections(*_brightest_first(table, xy_px, flux_dn, P_px))
     return detections, statistics
@@ -91,17 +76,17 @@ def _brightest_first(table, xy_px, flux_dn, P_px):
     return xy_sorted, flux_dn[order], n_pixels, n_saturated, P_sorted
 
 
-def rules(params):
-    """The settings of a scan."""
+def rules(settings):
+    """The settings of a scan, in the types of its kernel."""
     return (
-        int(params.tile_px),
-        float(params.seed_sigma),
-        float(params.grow_sigma),
-        int(params.min_pixels),
-        int(params.max_pixels),
-        float(params.max_peak_fraction),
-        int(params.saturation_dn),
-        int(params.max_objects),
+        int(settings.tile),
+        float(settings.seed_sigma),
+        float(settings.grow_sigma),
+        int(settings.fewest_pixels),
+        int(settings.most_pixels),
+        float(settings.largest_peak),
+        int(settings.saturation),
+        int(settings.most_objects),
     )
 
 
@@ -112,32 +97,32 @@ def _named(what, methods, name):
     return methods[name]
 
 
-def _by_fit(params, image_dn, table):
+def by_fit(settings, camera, image_dn, table):
     """Place, flux and covariance of the objects by fitting the star shape of the frame."""
-    bad_pixels = np.ascontiguousarray(params.bad_pixels, dtype=np.int64)
-    picture = Picture(image_dn, bad_pixels, int(params.saturation_dn), 1.0 / params.electrons_per_dn)
-    return fit.centroids(picture, table, float(params.psf_sigma_px))
+    bad_pixels = np.ascontiguousarray(camera.bad_pixels, dtype=np.int64)
+    picture = Picture(image_dn, bad_pixels, int(settings.saturation), 1.0 / camera.electrons_per_dn)
+    return fit.centroids(picture, table, float(camera.psf_sigma))
 
 
-def _by_scan(params, image_dn, table):
+def by_scan(settings, camera, image_dn, table):
     """... as the scan found them."""
-    return centroid.weighted(table, 1.0 / params.electrons_per_dn)
+    return centroid.weighted(table, 1.0 / camera.electrons_per_dn)
 
 
-def _by_mass(params, image_dn, table):
+def by_mass(settings, camera, image_dn, table, roi_px=ROI_PX):
     """... by centre of mass."""
-    return centroid.centre_of_mass(image_dn, table, int(params.roi_px), 1.0 / params.electrons_per_dn)
+    return centroid.centre_of_mass(image_dn, table, roi_px, 1.0 / camera.electrons_per_dn)
 
 
-def _by_interpolation(params, image_dn, table):
+def by_interpolation(settings, camera, image_dn, table, roi_px=ROI_PX):
     """... by Gaussian interpolation."""
-    electron, sigma = 1.0 / params.electrons_per_dn, float(params.psf_sigma_px)
-    return centroid.gaussian_interpolation(image_dn, table, int(params.roi_px), sigma, electron)
+    electron, sigma = 1.0 / camera.electrons_per_dn, float(camera.psf_sigma)
+    return centroid.gaussian_interpolation(image_dn, table, roi_px, sigma, electron)
 
 
 CENTROIDS = {
-    "fit": _by_fit,
-    "weighted": _by_scan,
-    "centre_of_mass": _by_mass,
-    "gaussian_interpolation": _by_interpolation,
+    "fit": by_fit,
+    "weighted": by_scan,
+    "centre_of_mass": by_mass,
+    "gaussian_interpolation": by_interpolation,
 }

@@ -6,36 +6,27 @@ q-method on the recognised stars.
 
     clusters = None
     for frame in frames:
-        clusters, detections = objects(params, times, clusters, frame.image_dn)
-        found, q_ic = attitude(identify_params, pairs, detections)
+        clusters, detections = objects(detection, camera, times, clusters, frame.image_dn)
+        found, q_ic = attitude(identification, camera, pairs, detections)
 """
-
-from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.onboard.startracker.attitude import davenport
-from shefex_nav.onboard.startracker.clusters import ClusterParams, find, fuse
-from shefex_nav.onboard.startracker.compensate import CompensateParams, compensate
+from shefex_nav.onboard.startracker.clusters import find, fuse
+from shefex_nav.onboard.startracker.compensate import compensate
 from shefex_nav.onboard.startracker.identify import multipole
 from shefex_nav.records import Detections, Reason
 
 
-class ChainParams(NamedTuple):
-    """Settings of the first half."""
-
-    clusters: ClusterParams
-    compensation: CompensateParams
-    fusion_distance_px: float = 2.0  # d_f
-
-
-def objects(params, times, previous, image_dn):
+def objects(settings, camera, times, previous, image_dn):
     """Objects of a frame that were in the frame before as well and are whole, at the frame's instant.
 
     Parameters
     ----------
-    params : ChainParams
+    settings : Detection
+    camera : CameraModel; of it `electrons_per_dn`
     times : RowTimes of the frame
     previous : Clusters of the frame before, None if there is none
     image_dn : (rows, columns) uint8 or uint16
@@ -45,15 +36,19 @@ def objects(params, times, previous, image_dn):
     clusters : Clusters, `previous` of the next frame
     detections : Detections, brightest first; none without a frame before. flux_dn is per exposure of a row
     """
-    clusters = find(params.clusters, image_dn)
+    clusters = find(settings, camera, image_dn)
     if previous is None:
         return clusters, _nothing()
-    return clusters, detections(params, times, clusters, *fused(params, previous, clusters, image_dn.shape))
+    rows, shift_px = fused(settings.run_length, previous, clusters, image_dn.shape)
+    return clusters, detections(settings.run_length, times, clusters, rows, shift_px)
 
 
-def fused(params, previous, clusters, shape):
-    """Clusters that were in the frame before and are not cut off: rows (m,), shift_px (m, 2) since then."""
-    found = fuse(previous, clusters, params.fusion_distance_px)
+def fused(settings, previous, clusters, shape):
+    """Clusters that were in the frame before and are not cut off: rows (m,), shift_px (m, 2) since then.
+
+    settings : RunLength
+    """
+    found = fuse(previous, clusters, settings.fusion_distance)
     whole = found[~at_border(clusters, shape)[found[:, 1]]]
     return whole[:, 1], clusters.xy_px[whole[:, 1]] - previous.xy_px[whole[:, 0]]
 
@@ -64,12 +59,12 @@ def at_border(clusters, shape):
     return (first == 0) | (clusters.last_row == shape[0] - 1) | (clusters.last_column == shape[1] - 1)
 
 
-def detections(params, times, clusters, rows, shift_px):
+def detections(settings, times, clusters, rows, shift_px):
     """Some clusters at the frame's instant.
 
     Parameters
     ----------
-    params : ChainParams
+    settings : RunLength
     times : RowTimes
     clusters : Clusters
     rows : (m,) of clusters
@@ -79,7 +74,7 @@ def detections(params, times, clusters, rows, shift_px):
     -------
     Detections
     """
-    streaks = compensated(params.compensation, times, clusters, rows, shift_px)
+    streaks = compensated(settings, times, clusters, rows, shift_px)
     flux_dn = clusters.energy_dn[rows] * times.exposure_s / streaks.seen_s
     order = np.argsort(-flux_dn, kind="stable")
     order = order[np.isfinite(streaks.xy_px[order].sum(axis=1))]  # no star makes the others
@@ -93,11 +88,12 @@ def detections(params, times, clusters, rows, shift_px):
     )
 
 
-def compensated(params, times, clusters, rows, shift_px):
+def compensated(settings, times, clusters, rows, shift_px, form="explicit"):
     """`compensate` of some clusters, as `detections`: Streaks."""
     columns = clusters.last_column[rows] - clusters.first_column[rows]
     extent_px = np.column_stack((columns, clusters.last_row[rows] - clusters.first_row[rows]))
-    return compensate(params, times, clusters.xy_px[rows], extent_px, shift_px, clusters.sigma_px[rows])
+    sigma_px = clusters.sigma_px[rows]
+    return compensate(settings, times, clusters.xy_px[rows], extent_px, shift_px, sigma_px, form)
 
 
 def _nothing():
@@ -106,12 +102,13 @@ def _nothing():
     return Detections(np.zeros((0, 2)), np.zeros(0), none, none, np.zeros((0, 2, 2)))
 
 
-def attitude(params, pairs, detections, published=False):
+def attitude(settings, camera, pairs, detections, published=False):
     """Identify a list of objects and find the attitude.
 
     Parameters
     ----------
-    params : IdentifyParams
+    settings : Identification
+    camera : CameraModel
     pairs : StarPairs; the attitude is that of `pairs.stars.u_i`, without aberration
     detections : Detections, brightest first
     published : bool, believe the check phase as the paper does; otherwise it is verified
@@ -121,15 +118,15 @@ def attitude(params, pairs, detections, published=False):
     found : Identification
     q_ic : (4,) by the q-method, all stars alike; NaN when nothing was recognised
     """
-    u_c = unit_vectors(params.camera, detections.xy_px)
+    u_c = unit_vectors(camera.pinhole, detections.xy_px)
     method = multipole.match if published else multipole.identify
-    return _with_attitude(pairs, u_c, method(params, pairs, u_c, detections.flux_dn))
+    return _with_attitude(pairs, u_c, method(settings, camera, pairs, u_c, detections.flux_dn))
 
 
-def attitudes(params, pairs, detections):
+def attitudes(settings, camera, pairs, detections):
     """`attitude` believed as published and verified, in the time of one of them: two pairs of results."""
-    u_c = unit_vectors(params.camera, detections.xy_px)
-    found = multipole.both(params, pairs, u_c, detections.flux_dn)
+    u_c = unit_vectors(camera.pinhole, detections.xy_px)
+    found = multipole.both(settings, camera, pairs, u_c, detections.flux_dn)
     return tuple(_with_attitude(pairs, u_c, one) for one in found)
 
 

@@ -13,6 +13,7 @@ frame before, whose exposure must end where this one begins.
 """
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -70,15 +71,16 @@ def searches(params, stars, memory, frame, context):
     ------
     Found
     """
-    is_slow = not context.rate > params.max_rate  # faster, nothing that is found becomes an attitude
-    if params.detect.scan == STREAKS and is_slow and rate_is_known(params.identify.camera, frame, context):
+    settings, camera = params.settings.detection, params.camera
+    is_slow = not context.rate > params.settings.highest_rate  # faster, nothing becomes an attitude
+    if settings.scan == STREAKS and is_slow and rate_is_known(camera.pinhole, frame, context):
         yield from _along_streaks(params, stars, frame, context)
         return
-    if params.detect.scan == RUN_LENGTH:
-        yield _by_run_length(params.run_length, params.identify.camera, memory, frame)
+    if settings.scan == RUN_LENGTH:
+        yield _by_run_length(settings, camera, memory, frame)
         return
-    spots = params.detect._replace(scan="sequential") if params.detect.scan == STREAKS else params.detect
-    detections, statistics = detect(spots, frame.image_dn)
+    spots = replace(settings, scan="sequential") if settings.scan == STREAKS else settings
+    detections, statistics = detect(spots, camera, frame.image_dn)
     yield Found(detections, statistics, int(SPOTS[spots.scan]), frame.line_s == 0.0)
 
 
@@ -86,16 +88,16 @@ def _along_streaks(params, stars, frame, context):
     """Around the predicted places, if they are known; then in the whole frame."""
     from shefex_nav.onboard.startracker import streaks
 
-    camera = params.identify.camera
+    settings, camera, hole = params.settings.detection, params.camera, params.camera.pinhole
     times = row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
     motion = streaks.Motion(context.omega_c, context.P_omega_c, times)
-    if params.track and is_narrow(camera, context):
+    if params.settings.identification.tracking and is_narrow(hole, context):
         xy_px, P_px = predicted(params, stars, context)
         if len(xy_px) >= FEWEST:
-            near = streaks.detect_near(params.detect, camera, frame.image_dn, motion, xy_px, P_px)
-            yield Found(*near, int(Scan.STREAKS_NEAR), True, rate=rate_of(camera, motion, near[0]))
-    whole = streaks.detect_streaks(params.detect, camera, frame.image_dn, motion)
-    yield Found(*whole, int(Scan.STREAKS), True, rate=rate_of(camera, motion, whole[0]))
+            near = streaks.detect_near(settings, camera, frame.image_dn, motion, xy_px, P_px)
+            yield Found(*near, int(Scan.STREAKS_NEAR), True, rate=rate_of(hole, motion, near[0]))
+    whole = streaks.detect_streaks(settings, camera, frame.image_dn, motion)
+    yield Found(*whole, int(Scan.STREAKS), True, rate=rate_of(hole, motion, whole[0]))
 
 
 def rate_of(camera, motion, detections):
@@ -104,8 +106,8 @@ def rate_of(camera, motion, detections):
     return middles_seen(camera, motion.times, motion.omega_c, detections.xy_px), P_omega_c
 
 
-def _by_run_length(chain, camera, memory, frame):
-    """Clusters of this frame that were in the frame before. ChainParams, Pinhole, Memory, Frame -> Found
+def _by_run_length(settings, camera, memory, frame):
+    """Clusters of this frame that were in the frame before. Detection, CameraModel, Memory, Frame -> Found
 
     The extents of all streaks are too long or too short by much the same, which moves all stars as a wrong
     rate does.
@@ -115,11 +117,11 @@ def _by_run_length(chain, camera, memory, frame):
 
     previous = memory.clusters if follows(memory, frame) else None
     times = row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
-    clusters, detections = multipole_chain.objects(chain, times, previous, frame.image_dn)
+    clusters, detections = multipole_chain.objects(settings, camera, times, previous, frame.image_dn)
     statistics = FrameStatistics(clusters.mean_dn, clusters.background_dn, clusters.noise_dn)
     kept = Memory(frame.t_valid_s, frame.exposure_s, clusters)
     t_s = frame.line_s * (detections.xy_px[:, 1] - times.middle_row)
-    sigma = EXTENT_PX / (frame.exposure_s * camera.focal_length_px)
+    sigma = EXTENT_PX / (frame.exposure_s * camera.pinhole.focal_length_px)
     return Found(detections, statistics, int(Scan.RUN_LENGTH), True, kept, (t_s, sigma**2 * np.eye(3)))
 
 
@@ -166,7 +168,7 @@ def predicted(params, stars, context):
     xy_px : (m, 2)
     P_px : (m, 2, 2) px^2, covariance of each place
     """
-    camera = params.identify.camera
+    camera = params.camera.pinhole
     C_ci = dcm_from_quat(context.q_ic).T
     half_diagonal_px = 0.5 * np.hypot(camera.width_px, camera.height_px)
     cosine = math.cos(math.atan((half_diagonal_px + OUTSIDE_PX) / camera.focal_length_px))
@@ -179,5 +181,5 @@ def predicted(params, stars, context):
     )
     inside = inside.all(axis=1)
     H = turn_jacobians(camera, xy_px[inside])
-    P_px = H @ context.P_c @ H.transpose(0, 2, 1) + params.centroid_floor_px**2 * np.eye(2)
+    P_px = H @ context.P_c @ H.transpose(0, 2, 1) + params.settings.centroid_floor**2 * np.eye(2)
     return xy_px[inside], P_px

@@ -58,7 +58,7 @@ def identify(params, stars, detections, P_px, context, rate=None):
 
     Parameters
     ----------
-    params : TrackerParams; identify.zero_flux is that of the frame's exposure, NaN: brightness says nothing
+    params : TrackerParams; camera.zero_flux is that of the frame's exposure, NaN: brightness says nothing
     stars : OnboardCatalogue
     detections : Detections
     P_px : (n, 2, 2) px^2, covariance of each centroid by itself
@@ -74,7 +74,7 @@ def identify(params, stars, detections, P_px, context, rate=None):
     star = np.full(len(detections.xy_px), -1, dtype=np.int64)
     if not len(star) or context.q_ic is None or not np.isfinite(context.q_ic.sum() + context.P_c.sum()):
         return star, NO_STARS, False
-    camera = params.identify.camera
+    camera = params.camera.pinhole
     rows, seen_i, xy_px = _ahead(params, stars, context)
     H, S_rate = _turns(camera, xy_px, detections, rate)
     S = H @ context.P_c @ H.transpose(0, 2, 1) + (P_px + S_rate)[:, None]  # (n, m, 2, 2)
@@ -95,14 +95,14 @@ def identify(params, stars, detections, P_px, context, rate=None):
         P_px[k],
         np.ascontiguousarray(seen_i[s]),
         _of(rate, k),
-        params.sigma_focal,
+        params.camera.focal_length_error,
     )
     return star, found, False
 
 
 def _ahead(params, stars, context):
     """Stars of the catalogue around the predicted field: rows (m,), apparent directions, places [px]."""
-    camera = params.identify.camera
+    camera = params.camera.pinhole
     C_ci = dcm_from_quat(context.q_ic).T
     half_px = 0.5 * np.hypot(camera.width_px, camera.height_px)
     angle = 1.5 * math.atan(half_px / camera.focal_length_px)  # beyond the border, for a wide prior
@@ -124,13 +124,13 @@ def _turns(camera, xy_px, detections, rate):
 
 def _bright_as(params, vmag, detections):
     """Whether each object is as bright as each star, (n, m); a saturated one may be brighter than seen."""
-    settings = params.identify
-    if not np.isfinite(settings.zero_flux):
+    tolerance, zero_flux = params.settings.identification.magnitude_tolerance, params.camera.zero_flux
+    if not np.isfinite(zero_flux):
         return np.ones((len(detections.flux_dn), len(vmag)), dtype=bool)
-    magnitude = -2.5 * log10(detections.flux_dn / settings.zero_flux)
+    magnitude = -2.5 * log10(detections.flux_dn / zero_flux)
     fainter = magnitude[:, None] - vmag
     saturated = (np.asarray(detections.n_saturated) > 0)[:, None]
-    return (fainter > -settings.magnitude_tolerance) & ((fainter < settings.magnitude_tolerance) | saturated)
+    return (fainter > -tolerance) & ((fainter < tolerance) | saturated)
 
 
 def _one_attitude(P_c, H, d, P_px, rate):

@@ -70,26 +70,25 @@ class Motion(NamedTuple):
     times: RowTimes
 
 
-def detect_streaks(params, camera, image_dn, motion, false_objects=FALSE_OBJECTS):
+def detect_streaks(settings, camera, image_dn, motion, false_objects=FALSE_OBJECTS):
     """Stars in a frame of a turning camera.
 
     Parameters
     ----------
-    params : DetectParams; of it bad_pixels, tile_px, saturation_dn, electrons_per_dn, psf_sigma_px and
-        max_objects
-    camera : Pinhole of the whole image
+    settings : Detection; of it tile, saturation and most_objects
+    camera : CameraModel
     image_dn : (rows, columns) uint8 or uint16
     motion : Motion
     false_objects : float, wanted number of objects in a frame that are noise
 
     Returns
     -------
-    Detections, brightest first, at most params.max_objects; places at the instant, some outside the frame
+    Detections, brightest first, at most settings.most_objects; places at the instant, some outside the frame
     FrameStatistics
     """
-    picture, turning, spot = _checked(params, camera, image_dn, motion)
-    sums, level, mean_dn = level_of(picture.image_dn, picture.bad, params.tile_px)
-    sigma = float(params.psf_sigma_px)
+    picture, turning, spot = _checked(settings, camera, image_dn, motion)
+    sums, level, mean_dn = level_of(picture.image_dn, picture.bad, settings.tile)
+    sigma = float(camera.psf_sigma)
     seen = looks(turning, sigma)
     fitted = np.empty((0, COLUMNS))
     if seen.density > 0.0:
@@ -100,17 +99,17 @@ def detect_streaks(params, camera, image_dn, motion, false_objects=FALSE_OBJECTS
         field = Field(picture, turning, level, k * noise, memory_of(MOST_PIXELS))
         fitted = fit_field(field, spot, found)
     statistics = FrameStatistics(mean_dn, float(np.median(level.background)), float(np.median(level.noise)))
-    return _detections(fitted, params.max_objects), statistics
+    return _detections(fitted, settings.most_objects), statistics
 
 
-def detect_near(params, camera, image_dn, motion, xy_px, P_px, false_objects=FALSE_NEAR):
+def detect_near(settings, camera, image_dn, motion, xy_px, P_px, false_objects=FALSE_NEAR):
     """Stars near predicted places only, for tracking.
 
     Each is searched SEARCH_SIGMAS around its prediction, against the background of the strips beside it.
 
     Parameters
     ----------
-    params, camera, image_dn, motion : as `detect_streaks`
+    settings, camera, image_dn, motion : as `detect_streaks`
     xy_px : (m, 2) predicted places at the instant
     P_px : (m, 2, 2) px^2, their covariances
     false_objects : float, wanted number of objects, over all predictions, that are noise
@@ -120,21 +119,21 @@ def detect_near(params, camera, image_dn, motion, xy_px, P_px, false_objects=FAL
     Detections, brightest first: the predictions that were found
     FrameStatistics, of the strips; the mean of every MEAN_EVERY-th row of the frame
     """
-    picture, turning, spot = _checked(params, camera, image_dn, motion)
+    picture, turning, spot = _checked(settings, camera, image_dn, motion)
     xy_px, P_px = np.ascontiguousarray(xy_px, dtype=float), np.ascontiguousarray(P_px, dtype=float)
     if xy_px.ndim != 2 or xy_px.shape[1] != 2 or P_px.shape != (len(xy_px), 2, 2):
         raise ValueError(f"predictions: expected (m, 2) and (m, 2, 2), got {xy_px.shape} and {P_px.shape}")
     fitted, level, noise = fit_near(picture, turning, spot, xy_px, P_px, float(false_objects))
     statistics = FrameStatistics(float(picture.image_dn[::MEAN_EVERY].mean()), level, noise)
-    return _detections(fitted, params.max_objects), statistics
+    return _detections(fitted, settings.most_objects), statistics
 
 
-def _checked(params, camera, image_dn, motion):
+def _checked(settings, camera, image_dn, motion):
     """Picture, Turning and Spot, in the types of the kernels."""
-    image_dn = np.ascontiguousarray(image_dn)
-    if image_dn.dtype not in (np.uint8, np.uint16) or image_dn.shape != (camera.height_px, camera.width_px):
+    image_dn, hole = np.ascontiguousarray(image_dn), camera.pinhole
+    if image_dn.dtype not in (np.uint8, np.uint16) or image_dn.shape != (hole.height_px, hole.width_px):
         raise ValueError(
-            f"image: expected uint8 or uint16 of shape {(camera.height_px, camera.width_px)}, "
+            f"image: expected uint8 or uint16 of shape {(hole.height_px, hole.width_px)}, "
             f"got {image_dn.dtype} of shape {image_dn.shape}"
         )
     omega_c = np.ascontiguousarray(motion.omega_c, dtype=float)
@@ -143,9 +142,9 @@ def _checked(params, camera, image_dn, motion):
         raise ValueError(f"motion: expected a rate (3,) and (3, 3), got {omega_c.shape}, {P_omega_c.shape}")
     if not np.isfinite(omega_c.sum() + P_omega_c.sum()):
         raise ValueError("motion: the rate or its covariance is not finite")
-    picture = Picture(image_dn, bad_map(*image_dn.shape, params.bad_pixels), int(params.saturation_dn))
-    spot = Spot(np.sqrt(float(params.psf_sigma_px) ** 2 + PIXEL_VARIANCE), 1.0 / params.electrons_per_dn)
-    return picture, Turning(camera, omega_c, P_omega_c, motion.times), spot
+    picture = Picture(image_dn, bad_map(*image_dn.shape, camera.bad_pixels), int(settings.saturation))
+    spot = Spot(np.sqrt(float(camera.psf_sigma) ** 2 + PIXEL_VARIANCE), 1.0 / camera.electrons_per_dn)
+    return picture, Turning(hole, omega_c, P_omega_c, motion.times), spot
 
 
 def _clip(k, longest_px, sigma_px):
@@ -154,9 +153,9 @@ def _clip(k, longest_px, sigma_px):
     return CLIP_PART * k * np.sqrt(1.5 * steps) if steps > SPOT_STEPS else np.inf
 
 
-def _detections(fitted, max_objects):
+def _detections(fitted, most_objects):
     """Records of the fitted stars, brightest first."""
-    fitted = fitted[np.argsort(-fitted[:, FLUX], kind="mergesort")][:max_objects]
+    fitted = fitted[np.argsort(-fitted[:, FLUX], kind="mergesort")][:most_objects]
     P_px = np.empty((len(fitted), 2, 2))
     P_px[:, 0, 0], P_px[:, 1, 1] = fitted[:, XX], fitted[:, YY]
     P_px[:, 0, 1] = P_px[:, 1, 0] = fitted[:, XY]

@@ -19,12 +19,13 @@ from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import quat_conjugate
 from shefex_nav.onboard.startracker import best_attitude, objects, single
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
-from shefex_nav.onboard.startracker.catalogue import CatalogueParams, StarPairs
-from shefex_nav.onboard.startracker.detect import DetectParams
-from shefex_nav.onboard.startracker.exposure import ExposureParams, flags, next_exposure
+from shefex_nav.onboard.startracker.camera import CameraModel
+from shefex_nav.onboard.startracker.catalogue import StarPairs
+from shefex_nav.onboard.startracker.exposure import flags, next_exposure
 from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED, identify_near
-from shefex_nav.onboard.startracker.identify.verify import Identification, IdentifyParams
+from shefex_nav.onboard.startracker.identify.verify import Identification
+from shefex_nav.onboard.startracker.settings import StarTracker
 from shefex_nav.records import NO_STARS, CameraCommand, Reason, StarFix
 
 NO_ATTITUDE = np.full(4, np.nan)
@@ -33,22 +34,11 @@ NO_SOLUTION = NO_ATTITUDE, NO_COVARIANCE, np.nan
 
 
 class TrackerParams(NamedTuple):
-    """Settings of the star tracker; the nominal camera is identify.camera."""
+    """Settings of the star tracker, and what it knows of its camera and of the mission."""
 
-    catalogue: CatalogueParams
-    detect: DetectParams
-    identify: IdentifyParams  # its zero_flux is that of the longest exposure
-    exposure: ExposureParams
+    settings: StarTracker
+    camera: CameraModel  # its zero_flux is that of the longest exposure
     earth_velocity_i: np.ndarray  # (3,) m/s, of the Earth relative to the solar-system barycentre
-    centroid_floor_px: float  # independent error of every star that no pixel's noise tells: lens, catalogue
-    outlier_sigma: float  # a star further than this from the attitude of the others is left out
-    latency_s: float  # from the frame in memory to the attitude
-    max_rate: float  # rad/s, frames taken faster give no attitude
-    sun_exclusion: float  # rad
-    limb_exclusion: float  # rad
-    track: bool = False  # identify near the predicted attitude first
-    sigma_focal: float = 0.0  # relative error of the focal length that the calibration left
-    run_length: Any = None  # multipole_chain.ChainParams, for detect.scan 'run_length'
     vectors: bool = False  # near the predicted attitude, one or two stars are given as well
 
 
@@ -95,16 +85,17 @@ def init(params, catalogue, julian_year):
     -------
     Tracker
     """
-    if params.identify.method not in IDENTIFIERS:
-        raise ValueError(f"unknown star identification {params.identify.method!r}")
-    if params.track and params.identify.method != "bayes":
-        raise ValueError(f"star identification {params.identify.method!r} cannot use a prediction")
-    if params.detect.scan not in objects.WAYS:
-        raise ValueError(f"unknown scan {params.detect.scan!r}; choose from: {', '.join(objects.WAYS)}")
-    camera = params.identify.camera
+    settings, camera = params.settings, params.camera.pinhole
+    method, scan = settings.identification.method, settings.detection.scan
+    if method not in IDENTIFIERS:
+        raise ValueError(f"unknown star identification {method!r}")
+    if settings.identification.tracking and method != "bayes":
+        raise ValueError(f"star identification {method!r} cannot use a prediction")
+    if scan not in objects.WAYS:
+        raise ValueError(f"unknown scan {scan!r}; choose from: {', '.join(objects.WAYS)}")
     half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
     field = 2.0 * math.atan(half_diagonal / camera.focal_length_px)
-    return Tracker(params, _pairs(params.catalogue, _Same(catalogue), julian_year, field))
+    return Tracker(params, _pairs(settings.catalogue, _Same(catalogue), julian_year, field))
 
 
 class _Same:
@@ -121,15 +112,15 @@ class _Same:
 
 
 @lru_cache(maxsize=1)  # a campaign asks for the same ones every time
-def _pairs(params, same, julian_year, field):
-    """StarPairs of a CatalogueParams, the _Same of a catalogue, year and field of view [rad]."""
-    return onboard_catalogue.pair_table(onboard_catalogue.build(params, same.catalogue, julian_year), field)
+def _pairs(settings, same, julian_year, field):
+    """StarPairs of settings.Catalogue, the _Same of a catalogue, year and field of view [rad]."""
+    return onboard_catalogue.pair_table(onboard_catalogue.build(settings, same.catalogue, julian_year), field)
 
 
 def start(tracker, t_s):
     """(state, command) with which the camera is switched on. Tracker, s -> TrackerState, CameraCommand."""
-    exposure = tracker.params.exposure
-    return TrackerState(exposure.start_s), CameraCommand(t_s, exposure.start_s, exposure.gain_db)
+    exposure = tracker.params.settings.exposure
+    return TrackerState(exposure.start), CameraCommand(t_s, exposure.start, exposure.gain)
 
 
 def step(tracker, state, frame, context):
@@ -159,8 +150,8 @@ def step(tracker, state, frame, context):
 def of_exposure(tracker, exposure_s):
     """The tracker for frames of an exposure: how much light a star gives. Tracker, s -> Tracker"""
     params = tracker.params
-    zero_flux = params.identify.zero_flux * exposure_s / params.exposure.max_s
-    return tracker._replace(params=params._replace(identify=params.identify._replace(zero_flux=zero_flux)))
+    zero_flux = params.camera.zero_flux * exposure_s / params.settings.exposure.longest
+    return tracker._replace(params=params._replace(camera=params.camera._replace(zero_flux=zero_flux)))
 
 
 def concluded(tracker, state, frame, context, seen, result):
@@ -177,15 +168,16 @@ def concluded(tracker, state, frame, context, seen, result):
     as `step`
     """
     params, (found, reason, solution, stars) = tracker.params, result
+    settings = params.settings
     detections, mean_dn = seen.detections, seen.statistics.mean_dn
-    if context.rate > params.max_rate or not seen.at_instant:  # an unknown rate is NaN, not too high
+    if context.rate > settings.highest_rate or not seen.at_instant:  # an unknown rate is NaN, not too high
         stars = NO_STARS
         if reason == Reason.NONE:
             reason, solution = Reason.SMEARED, NO_SOLUTION
     elif params.vectors and reason in single.UNSOLVED:
         exposed = of_exposure(tracker, frame.exposure_s)
         found, reason, stars = _single(exposed, detections, context, seen.rate, reason)
-    flag_saturated, flag_no_stars = flags(params.exposure, mean_dn, detections)
+    flag_saturated, flag_no_stars = flags(settings.exposure, mean_dn, detections)
     is_known = (found.star >= 0) & (found.reason == Reason.NONE)  # an ambiguous match names no star
     hip = np.where(is_known, tracker.pairs.stars.hip[found.star], 0)
     q_ic, P_c, residual_px = solution
@@ -194,7 +186,7 @@ def concluded(tracker, state, frame, context, seen, result):
     fix = StarFix(
         number=frame.number,
         t_valid_s=frame.t_valid_s,
-        t_available_s=frame.t_available_s + params.latency_s,
+        t_available_s=frame.t_available_s + settings.latency,
         reason=int(reason),
         q_ic=q_ic,
         P_c=P_c,
@@ -208,8 +200,8 @@ def concluded(tracker, state, frame, context, seen, result):
         scan=seen.scan,
         stars=stars,
     )
-    exposure_s = next_exposure(params.exposure, state.exposure_s, flag_saturated, flag_no_stars)
-    command = CameraCommand(fix.t_available_s, exposure_s, params.exposure.gain_db)
+    exposure_s = next_exposure(settings.exposure, state.exposure_s, flag_saturated, flag_no_stars)
+    command = CameraCommand(fix.t_available_s, exposure_s, settings.exposure.gain)
     return TrackerState(exposure_s, seen.memory), fix, command
 
 
@@ -235,7 +227,7 @@ def attitude(tracker, detections, context, rate=None):
 def _attitude(tracker, detections, context, rate):
     """`attitude`, and the StarVectors of the stars that make it."""
     params = tracker.params
-    u_c = unit_vectors(params.identify.camera, detections.xy_px)
+    u_c = unit_vectors(params.camera.pinhole, detections.xy_px)
     P_px = best_attitude.centroid_covariance(params, detections)
     ellipses = best_attitude.with_rate(params, detections, P_px, rate)
     found, least = _identify(tracker, u_c, detections.flux_dn, context, ellipses)
@@ -279,23 +271,23 @@ def _single(tracker, detections, context, rate, reason):
 
 def _identify(tracker, u_c, flux, context, P_px):
     """(Identification, fewest stars that make an attitude)."""
-    params = tracker.params
-    if params.track and context.q_ic is not None and np.isfinite(context.q_ic.sum() + context.P_c.sum()):
+    params, settings = tracker.params, tracker.params.settings.identification
+    if settings.tracking and context.q_ic is not None and np.isfinite(context.q_ic.sum() + context.P_c.sum()):
         prediction = quat_conjugate(context.q_ic), context.P_c
-        found, tracked = identify_near(params.identify, tracker.pairs, u_c, flux, prediction, P_px)
-        return found, MIN_TRACKED if tracked else params.identify.min_stars
-    identify = IDENTIFIERS[params.identify.method]
-    return identify(params.identify, tracker.pairs, u_c, flux, P_px), params.identify.min_stars
+        found, tracked = identify_near(settings, params.camera, tracker.pairs, u_c, flux, prediction, P_px)
+        return found, MIN_TRACKED if tracked else settings.fewest_stars
+    identify = IDENTIFIERS[settings.method]
+    return identify(settings, params.camera, tracker.pairs, u_c, flux, P_px), settings.fewest_stars
 
 
 def explain(params, reason, mean_dn, context):
     """The most telling reason for a frame without attitude; comparisons with NaN are False."""
-    if context.sun_angle < params.sun_exclusion:
+    if context.sun_angle < params.camera.sun_exclusion:
         return Reason.SUN_EXCLUSION
-    if context.limb_angle < params.limb_exclusion:
+    if context.limb_angle < params.camera.earth_exclusion:
         return Reason.EARTH_EXCLUSION
-    if mean_dn > params.exposure.max_mean_dn:
+    if mean_dn > params.settings.exposure.brightest_mean:
         return Reason.SATURATED
-    if context.rate > params.max_rate:
+    if context.rate > params.settings.highest_rate:
         return Reason.SMEARED
     return reason

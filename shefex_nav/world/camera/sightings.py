@@ -72,14 +72,6 @@ class Sighting(NamedTuple):
     mean_dn: float  # mean grey value of the frame
 
 
-class Limits(NamedTuple):
-    """Settings of the detection."""
-
-    most: int  # length of the table of objects; the brightest are kept
-    full_dn: float  # grey value of a saturated pixel: a frame that is as bright on average shows no stars
-    seed_sigma: float  # a search begins where a sum is so far above the background
-
-
 class Chances(NamedTuple):
     """Random numbers of one frame for each source, and what they are used with."""
 
@@ -87,7 +79,7 @@ class Chances(NamedTuple):
     uniform: np.ndarray  # (n,)
 
 
-def sight(model, camera, film, scene, rng, limits):
+def sight(model, camera, film, scene, rng, detection):
     """What the detection finds, and where it says it is.
 
     Parameters
@@ -96,7 +88,8 @@ def sight(model, camera, film, scene, rng, limits):
     camera : Camera
     film, scene : Exposure, (hip, xy_px, electrons) of `undrawn.look`
     rng : Generator
-    limits : Limits
+    detection : its settings: the brightest `most_objects` are kept; a search begins `seed_sigma` above the
+        background; a frame whose mean is the grey value of `saturation` or more shows no stars
 
     Returns
     -------
@@ -104,13 +97,13 @@ def sight(model, camera, film, scene, rng, limits):
     """
     hole, most_dn = camera.pinhole, 2.0**camera.settings.detector.bits - 1.0
     mean_dn = min(film.mean_dn + model.mean_offset_dn, most_dn)
-    if mean_dn >= limits.full_dn:
+    if mean_dn >= detection.saturation:
         return Sighting(NOTHING, np.zeros(0, dtype=np.int64), float(mean_dn))
     chances = Chances(rng.standard_normal((len(scene[0]), 2)), rng.random(len(scene[0])))
     clutter = rng.poisson(model.clutter[0] + model.clutter[1] * broken(turned_px(hole, film)))
     places = rng.random((clutter, 2))
     hip, *detections = _sight_kernel(
-        model, hole, film, scene, chances, places, limits.seed_sigma, limits.most
+        model, hole, film, scene, chances, places, detection.seed_sigma, detection.most_objects
     )
     return Sighting(Detections(*detections), hip, float(mean_dn))
 

@@ -52,8 +52,8 @@ TOO_FEW_STARS, NO_MATCH = int(Reason.TOO_FEW_STARS), int(Reason.NO_MATCH)
 AMBIGUOUS, RESIDUALS = int(Reason.AMBIGUOUS), int(Reason.RESIDUALS)
 
 
-class Settings(NamedTuple):
-    """What is said of the camera; plain numbers, passed on to compiled code."""
+class Numbers(NamedTuple):
+    """Camera and settings as plain numbers, passed on to compiled code."""
 
     width_px: float
     height_px: float
@@ -61,10 +61,10 @@ class Settings(NamedTuple):
     cx_px: float
     cy_px: float
     border_px: float
-    sigma_px: float
-    magnitude_sigma: float
-    false_limit: float
-    min_stars: int
+    centroid_error: float
+    magnitude_error: float
+    false_alarm: float
+    fewest_stars: int
     budget: int
 
 
@@ -81,30 +81,31 @@ class Solution(NamedTuple):
     tracked: bool  # found near the prediction
 
 
-def identify(params, pairs, u_c, flux, P_px=None):
+def identify(settings, camera, pairs, u_c, flux, P_px=None):
     """Identify the stars of one frame without any idea of the attitude.
 
     Parameters
     ----------
-    params : IdentifyParams
+    settings : Identification
+    camera : CameraModel
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera
     flux : (n,) brightness, descending
-    P_px : (n, 2, 2) px^2, covariance of each centroid; None: params.sigma_px for all
+    P_px : (n, 2, 2) px^2, covariance of each centroid; None: settings.centroid_error for all
 
     Returns
     -------
     Identification
     """
-    return _identify(params, pairs, u_c, flux, NO_PREDICTION, P_px)[0]
+    return _identify(settings, camera, pairs, u_c, flux, NO_PREDICTION, P_px)[0]
 
 
-def identify_near(params, pairs, u_c, flux, prediction, P_px=None):
+def identify_near(settings, camera, pairs, u_c, flux, prediction, P_px=None):
     """Identify the stars of one frame, first near a predicted attitude, then without.
 
     Parameters
     ----------
-    params, pairs, u_c, flux, P_px : as in `identify`
+    settings, camera, pairs, u_c, flux, P_px : as in `identify`
     prediction : (q_ci, P_c), attitude and covariance (3, 3) [rad^2] of its error in camera axes
 
     Returns
@@ -112,32 +113,32 @@ def identify_near(params, pairs, u_c, flux, prediction, P_px=None):
     Identification
     tracked : bool, the prediction was confirmed; MIN_TRACKED stars are enough then
     """
-    return _identify(params, pairs, u_c, flux, (True, *prediction), P_px)
+    return _identify(settings, camera, pairs, u_c, flux, (True, *prediction), P_px)
 
 
-def _identify(params, pairs, u_c, flux, prediction, P_px):
+def _identify(settings, camera, pairs, u_c, flux, prediction, P_px):
     """(Identification, whether the prediction was confirmed)."""
-    camera = params.camera
-    settings = Settings(
-        float(camera.width_px),
-        float(camera.height_px),
-        float(camera.focal_length_px),
-        float(camera.cx_px),
-        float(camera.cy_px),
+    hole = camera.pinhole
+    numbers = Numbers(
+        float(hole.width_px),
+        float(hole.height_px),
+        float(hole.focal_length_px),
+        float(hole.cx_px),
+        float(hole.cy_px),
         BORDER_PX,
-        float(params.sigma_px),
-        float(params.magnitude_sigma),
-        float(params.false_alarm),
-        max(int(params.min_stars), MIN_STARS),
+        float(settings.centroid_error),
+        float(settings.magnitude_error),
+        float(settings.false_alarm),
+        max(int(settings.fewest_stars), MIN_STARS),
         BUDGET,
     )
     magnitude = -2.5 * log10(flux)
-    frame = pixels(camera, u_c), magnitude, True
+    frame = pixels(hole, u_c), magnitude, True
     if P_px is None:
-        found = Solution(*solve_kernel(*pairs.quick, settings, *frame, prediction))
+        found = Solution(*solve_kernel(*pairs.quick, numbers, *frame, prediction))
     else:
-        ellipses = ellipses_of(checked(P_px, len(u_c)), settings.sigma_px)
-        found = Solution(*solve_kernel(*pairs.quick, settings, *frame, prediction, ellipses))
+        ellipses = ellipses_of(checked(P_px, len(u_c)), numbers.centroid_error)
+        found = Solution(*solve_kernel(*pairs.quick, numbers, *frame, prediction, ellipses))
     return Identification(found.star, int(found.reason), float(found.log_odds)), found.tracked
 
 
@@ -145,19 +146,19 @@ NO_PREDICTION = (False, np.array([1.0, 0.0, 0.0, 0.0]), np.zeros((3, 3)))
 
 
 @kernel
-def solve_kernel(stars, pairs, settings, xy_px, magnitude, has_flux, prediction, ellipses=None):
+def solve_kernel(stars, pairs, numbers, xy_px, magnitude, has_flux, prediction, ellipses=None):
     """Attitude of one frame; detections brightest first, if there is a flux.
 
     Parameters
     ----------
     stars, pairs : Stars, Pairs
-    settings : Settings
+    numbers : Numbers
     xy_px : (n, 2) of an ideal pinhole
     magnitude : (n,) -2.5 log10 flux
     has_flux : bool
     prediction : (bool, (4,), (3, 3) rad^2) whether there is one, its q_ci, covariance of its error in camera
         axes; NO_PREDICTION where there is none
-    ellipses : Ellipses of the centroids; None: settings.sigma_px for all
+    ellipses : Ellipses of the centroids; None: numbers.centroid_error for all
 
     Returns
     -------
@@ -166,28 +167,28 @@ def solve_kernel(stars, pairs, settings, xy_px, magnitude, has_flux, prediction,
     has_prediction, q_ci, P_c = prediction
     n = min(xy_px.shape[0], MAX_DETECTIONS)
     scene = Scene(
-        xy_px[:n], magnitude[:n], has_flux, settings.width_px, settings.height_px, settings.focal_px,
-        settings.cx_px, settings.cy_px, settings.border_px, settings.sigma_px, settings.magnitude_sigma,
+        xy_px[:n], magnitude[:n], has_flux, numbers.width_px, numbers.height_px, numbers.focal_px,
+        numbers.cx_px, numbers.cy_px, numbers.border_px, numbers.centroid_error, numbers.magnitude_error,
         ellipses,
     )  # fmt: skip
-    threshold = np.log(CHANCE / settings.false_limit)
-    strict = -np.log(settings.false_limit)  # CHANCE is that of searches without a prediction
+    threshold = np.log(CHANCE / numbers.false_alarm)
+    strict = -np.log(numbers.false_alarm)  # CHANCE is that of searches without a prediction
     prior = Prior(has_prediction, dcm_from_quat(q_ci), P_c)
     is_narrow = max(P_c[0, 0], P_c[1, 1], P_c[2, 2]) < NARROW**2
-    least = MIN_TRACKED if is_narrow else settings.min_stars
+    least = MIN_TRACKED if is_narrow else numbers.fewest_stars
     seen = Seen(detection_table(scene), scene.xy_px, ellipses)
     tracked = Task(stars, scene, prior, seen, new_best(n), new_view(), least, strict)
     work = 0
     if has_prediction and n >= least and np.isfinite(q_ci.sum() + P_c.sum()):
-        work = track(tracked, settings.budget // 4)
-        found = conclude(tracked, settings, xy_px.shape[0], work, True)
+        work = track(tracked, numbers.budget // 4)
+        found = conclude(tracked, numbers, xy_px.shape[0], work, True)
         if found[0] == 0:
             return found
     nothing = Prior(False, prior.C_ci, P_c)
-    lost = Task(stars, scene, nothing, seen, new_best(n), tracked.room, settings.min_stars, threshold)
-    if n >= settings.min_stars:
-        work += lost_in_space(lost, pairs, settings.budget - work)
-    return conclude(lost, settings, xy_px.shape[0], work, False)
+    lost = Task(stars, scene, nothing, seen, new_best(n), tracked.room, numbers.fewest_stars, threshold)
+    if n >= numbers.fewest_stars:
+        work += lost_in_space(lost, pairs, numbers.budget - work)
+    return conclude(lost, numbers, xy_px.shape[0], work, False)
 
 
 @inner
@@ -198,14 +199,18 @@ def new_best(n):
 
 
 @inner
-def conclude(task, settings, n, work, tracked):
+def conclude(task, numbers, n, work, tracked):
     """Reason, and the attitude if it is certain."""
     best = task.best
     star = np.full(n, -1, dtype=np.int64)
-    if best.score[2] < 4.0 and best.score[5] > NOISY * settings.sigma_px and margin(task) >= task.threshold:
+    if (
+        best.score[2] < 4.0
+        and best.score[5] > NOISY * numbers.centroid_error
+        and margin(task) >= task.threshold
+    ):
         best.trial_C[:] = best.C  # is it the focal length?
-        gate_px = WIDE_GATE * settings.sigma_px
-        look(task, settings.focal_px, gate_px, no_lever(gate_px), True)
+        gate_px = WIDE_GATE * numbers.centroid_error
+        look(task, numbers.focal_px, gate_px, no_lever(gate_px), True)
     odds, rival = best.score[0], best.score[1]
     wrong = min(
         (1.0 if tracked else CHANCE) * np.exp(-odds) + (np.exp(rival - odds) if rival > 0.0 else 0.0), 1.0
@@ -215,7 +220,7 @@ def conclude(task, settings, n, work, tracked):
     if reason != 0:
         return reason, star, np.full(4, np.nan), np.full((3, 3), np.nan), odds, wrong, work, tracked
     star[: len(best.star)] = best.star
-    variance = settings.sigma_px**2
+    variance = numbers.centroid_error**2
     variance *= misfit_factor(best.score[3] / variance, 2 * k - n_par, PRIOR_DOF)
     P_c = np.empty((3, 3))
     for c in range(3):

@@ -40,58 +40,60 @@ class Light(NamedTuple):
     reference_flux: float  # M_t
 
 
-def match(params, pairs, u_c, flux):
+def match(settings, camera, pairs, u_c, flux, reference_flux=np.inf):
     """The paper's own algorithm with its own acceptance; nothing is verified.
 
     Parameters
     ----------
-    params : IdentifyParams; of it `cos_error` or else `tolerance`, `max_centroids`, `magnitude_sigma` and
-        `reference_flux`
+    settings : Identification; of it `tolerance`, `most_centroids` and `magnitude_error`
+    camera : CameraModel, not used
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera
     flux : (n,) brightness, descending
+    reference_flux : float, a star with more is surely brighter than REFERENCE_MAGNITUDE
 
     Returns
     -------
     Identification, its log_odds NaN: nobody has asked
     """
-    n = min(len(flux), params.max_centroids)
+    n = min(len(flux), settings.most_centroids)
     if n < 3:
         return nothing(len(flux), Reason.TOO_FEW_STARS)
     star = np.full(len(flux), -1, dtype=np.int64)
-    limits = float(params.tolerance), float(params.cos_error)
-    reason = _match_kernel(table(pairs), _light(params, pairs, flux[:n]), u_c[:n], *limits, 0, star[:n])
+    light = _light(settings, pairs, flux[:n], reference_flux)
+    reason = _match_kernel(table(pairs), light, u_c[:n], float(settings.tolerance), 0, star[:n])
     return Identification(star, reason, np.nan)
 
 
-def identify(params, pairs, u_c, flux, P_px=None):
+def identify(settings, camera, pairs, u_c, flux, P_px=None, reference_flux=np.inf):
     """Identify the stars of one frame without any idea of the attitude: right or nothing.
 
-    Without a `reference_flux` in params there is no reference-star mode: grey values have no magnitude.
+    Without a `reference_flux` there is no reference-star mode: grey values have no magnitude.
 
     Parameters
     ----------
-    params : IdentifyParams
+    settings : Identification
+    camera : CameraModel
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera
     flux : (n,) brightness, descending
     P_px : ignored; the published method knows one tolerance for all centroids
+    reference_flux : as of `match`
 
     Returns
     -------
     Identification
     """
-    n = min(len(flux), params.max_centroids)
-    if n < params.min_stars:
+    n = min(len(flux), settings.most_centroids)
+    if n < settings.fewest_stars:
         return nothing(len(flux), Reason.TOO_FEW_STARS)
-    limits = float(params.tolerance), float(params.cos_error)
-    light = _light(params, pairs, flux[:n])
+    light, tolerance = _light(settings, pairs, flux[:n], reference_flux), float(settings.tolerance)
     best = nothing(len(flux), Reason.NO_MATCH)
     for skip in range(MAX_CANDIDATES):
         star = np.full(len(flux), -1, dtype=np.int64)
-        if _match_kernel(table(pairs), light, u_c[:n], *limits, skip, star[:n]) != Reason.NONE:
+        if _match_kernel(table(pairs), light, u_c[:n], tolerance, skip, star[:n]) != Reason.NONE:
             break
-        found = verify(params, pairs.stars, u_c, flux, star)
+        found = verify(settings, camera, pairs.stars, u_c, flux, star)
         if found.reason == Reason.NONE:
             return found
         if best.reason != Reason.AMBIGUOUS:
@@ -99,15 +101,15 @@ def identify(params, pairs, u_c, flux, P_px=None):
     return best
 
 
-def _light(params, pairs, flux):
+def _light(settings, pairs, flux, reference_flux):
     """Light of one frame."""
-    gamma = GAMMA_SIGMAS * params.magnitude_sigma
+    gamma = GAMMA_SIGMAS * settings.magnitude_error
     return Light(
         pairs.first_vmag,
         pairs.second_vmag,
         np.asarray(flux, dtype=np.float64),
         float(10.0 ** (0.4 * gamma)),
-        float(params.reference_flux),
+        float(reference_flux),
     )
 
 
@@ -252,9 +254,9 @@ def _four_star_mode(table, light, sides, room, skip, star):
 
 
 @kernel
-def _match_kernel(table, light, u_c, tolerance, cos_error, skip, star):
+def _match_kernel(table, light, u_c, tolerance, skip, star):
     """Figure 6: write the candidate after `skip` others to `star`; the reason."""
-    sides = new_sides(u_c, tolerance, cos_error)
+    sides = new_sides(u_c, tolerance, 0.0)
     head = np.full(table.u_i.shape[0], -1, dtype=np.int64)
     triples = np.empty((MAX_TRIPLES, 3), dtype=np.int64)
     if len(light.flux) == 3:

@@ -53,7 +53,7 @@ def fits_badly(task, n, n_matched, n_par):
     dof = 2.0 * n_matched - n_par
     spread = 2.0 / (9.0 * dof)
     limit = dof * (1.0 - spread + RESIDUAL_QUANTILE * np.sqrt(spread)) ** 3
-    return best.sum() > KEPT_SHARE * limit * (NOISE_SCALES[-1] * task.scene.sigma_px) ** 2
+    return best.sum() > KEPT_SHARE * limit * (NOISE_SCALES[-1] * task.scene.centroid_error) ** 2
 
 
 @inner

@@ -19,10 +19,10 @@ from shefex_nav.onboard.startracker.skygrid import cell_of
 MAX_STARS = 160  # predicted in one frame; more than four times the usual field
 OUTSIDE_PX = 2.0  # a star just beyond the border may still be a detection
 BLEND_PX = 8.0  # a star nearer than this to a brighter one may be part of its spot
-WIDE_GATE = 14.0  # sigma_px, for the first adjustment; holds the largest of NOISE_SCALES
+WIDE_GATE = 14.0  # centroid errors, for the first adjustment; holds the largest of NOISE_SCALES
 GATE = 4.5  # of the noise seen in the frame
 SETTLED = 0.2  # of the noise: a smaller step is the last
-NOISE_SCALES = (1.0, 1.8, 3.4)  # times sigma_px, and how likely each is
+NOISE_SCALES = (1.0, 1.8, 3.4)  # times the centroid error, and how likely each is
 NOISE_WEIGHTS = (0.45, 0.28, 0.27)
 TAIL_SHARE, TAIL_SCALE = 0.06, 4.0  # of the centroids have an error this much larger: double stars
 SEEN, UNSEEN = 3.0, 0.5  # Beta prior of the share of the stars that are detected: 86 %, but open
@@ -49,8 +49,8 @@ class Scene(NamedTuple):
     cx_px: float
     cy_px: float
     border_px: float  # a predicted star nearer to the border may be missing
-    sigma_px: float  # error of an ordinary centroid, per axis
-    magnitude_sigma: float
+    centroid_error: float  # px, of an ordinary centroid, per axis
+    magnitude_error: float
     ellipses: Ellipses | None  # of the detections; None: all round
 
 
@@ -287,7 +287,7 @@ def noise_seen(scene, view, n):
             distance2[m] = view.distance2[s]
             m += 1
     seen = np.sqrt(np.median(distance2[:m]) / 1.386) if m > 0 else 0.0  # 2 ln 2: median of chi^2_2
-    return min(max(seen, scene.sigma_px), NOISE_SCALES[-1] * scene.sigma_px)
+    return min(max(seen, scene.centroid_error), NOISE_SCALES[-1] * scene.centroid_error)
 
 
 @inner
@@ -301,8 +301,8 @@ def _all_within(view, n, gate_px):
 
 @inner
 def after_first(scene, ellipses, gate_px):
-    """Gate of the second step of `adjust`: with ellipses, the first one was no multiple of sigma_px."""
-    wide_px = WIDE_GATE * scene.sigma_px
+    """Gate of the second step of `adjust`: the first one, with ellipses, was no multiple of the error."""
+    wide_px = WIDE_GATE * scene.centroid_error
     return min(gate_px, wide_px) if ellipses is None else wide_px
 
 
@@ -314,7 +314,7 @@ def adjust(stars, scene, trial, view, gate_px, lever, min_stars):
     hold min_stars is no fit.
     """
     C, focal_px, n_par = trial
-    noise_px = NOISE_SCALES[-1] * scene.sigma_px
+    noise_px = NOISE_SCALES[-1] * scene.centroid_error
     L, log_det, n = np.zeros((4, 4)), -np.inf, 0
     for step in range(4):
         n = predict(stars, scene, C, focal_px, view)

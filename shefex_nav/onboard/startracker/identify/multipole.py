@@ -62,9 +62,8 @@ class Accepted(NamedTuple):
     is_known: np.ndarray  # (n,) bool, whose A has been found
 
 
-def magnitudes(params, flux):
-    """Magnitude of each flux, equation (32). IdentifyParams, (n,) -> (n,); ValueError without zero_flux."""
-    zero_flux = params.zero_flux
+def magnitudes(zero_flux, flux):
+    """Magnitude of each flux, equation (32). float, (n,) -> (n,); ValueError without zero_flux."""
     if not zero_flux > 0.0:
         raise ValueError(f"star identification 'multipole' needs the flux of magnitude 0, not {zero_flux}")
     return -2.5 * log10(np.asarray(flux, dtype=np.float64) / zero_flux)
@@ -116,13 +115,14 @@ def packed(pairs):
     return star.view(np.dtype("<u4")).ravel()
 
 
-def match(params, pairs, u_c, flux):
+def match(settings, camera, pairs, u_c, flux):
     """The paper's own algorithm with its own acceptance; nothing is verified.
 
     Parameters
     ----------
-    params : IdentifyParams; of it `tolerance` (eps_theta) or `cos_error`, `min_stars` (t*), `max_centroids`,
-        `zero_flux` and `magnitude_tolerance` (eps_m)
+    settings : Identification; of it `tolerance` (eps_theta), `fewest_stars` (t*), `most_centroids` and
+        `magnitude_tolerance` (eps_m)
+    camera : CameraModel; of it `zero_flux`
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera, brightest detection first
     flux : (n,)
@@ -131,25 +131,25 @@ def match(params, pairs, u_c, flux):
     -------
     Identification, its log_odds NaN: nobody has asked
     """
-    return _believed(params, flux, next(_candidates(params, pairs, u_c, flux), None))
+    return _believed(settings, flux, next(_candidates(settings, camera, pairs, u_c, flux), None))
 
 
-def _believed(params, flux, star):
+def _believed(settings, flux, star):
     """Identification of recognised stars as they are; None: there are none."""
     if star is None:
-        few = min(len(flux), params.max_centroids) < params.min_stars
+        few = min(len(flux), settings.most_centroids) < settings.fewest_stars
         return nothing(len(flux), Reason.TOO_FEW_STARS if few else Reason.NO_MATCH)
     return Identification(star, NONE, np.nan)
 
 
-def identify(params, pairs, u_c, flux, P_px=None):
+def identify(settings, camera, pairs, u_c, flux, P_px=None):
     """Identify the stars of one frame without any idea of the attitude: right or nothing.
 
     What the check phase recognises is verified against the whole field; where that fails, the poles go on.
 
     Parameters
     ----------
-    params : IdentifyParams, as `match`
+    settings, camera : as of `match`
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera
     flux : (n,) brightness, descending
@@ -163,28 +163,28 @@ def identify(params, pairs, u_c, flux, P_px=None):
     ------
     ValueError : no zero_flux
     """
-    return both(params, pairs, u_c, flux)[1]
+    return both(settings, camera, pairs, u_c, flux)[1]
 
 
-def both(params, pairs, u_c, flux):
+def both(settings, camera, pairs, u_c, flux):
     """What `match` and `identify` find, with one search: the first candidate of the second is the first's.
 
     Parameters
     ----------
-    params, pairs, u_c, flux : as `match`
+    settings, camera, pairs, u_c, flux : as `match`
 
     Returns
     -------
     published, verified : Identification
     """
-    candidates = _candidates(params, pairs, u_c, flux)
+    candidates = _candidates(settings, camera, pairs, u_c, flux)
     first = next(candidates, None)
-    published = _believed(params, flux, first)
+    published = _believed(settings, flux, first)
     if first is None:
         return published, published
     best = nothing(len(flux), Reason.NO_MATCH)
     for star in chain([first], islice(candidates, MAX_CANDIDATES - 1)):
-        found = verify(params, pairs.stars, u_c, flux, star)
+        found = verify(settings, camera, pairs.stars, u_c, flux, star)
         if found.reason == Reason.NONE:
             return published, found
         if best.reason != Reason.AMBIGUOUS:
@@ -192,18 +192,18 @@ def both(params, pairs, u_c, flux):
     return published, best
 
 
-def _candidates(params, pairs, u_c, flux):
+def _candidates(settings, camera, pairs, u_c, flux):
     """Recognised stars, (len(flux),) int64 with -1, of each two poles that pass the check."""
-    n = min(len(flux), params.max_centroids)
-    magnitude = magnitudes(params, flux[:n])
-    if n < params.min_stars:
+    n = min(len(flux), settings.most_centroids)
+    magnitude = magnitudes(camera.zero_flux, flux[:n])
+    if n < settings.fewest_stars:
         return
     sky = table(pairs), packed(pairs)
-    light = light_of(pairs.stars.vmag, magnitude, params.magnitude_tolerance)
-    sides = new_sides(u_c[:n], float(params.tolerance), float(params.cos_error))
+    light = light_of(pairs.stars.vmag, magnitude, settings.magnitude_tolerance)
+    sides = new_sides(u_c[:n], float(settings.tolerance), 0.0)
     votes = new_votes(n, len(pairs.stars.vmag), len(sky[1]))
     accepted = Accepted(np.full((n, n), -1, dtype=np.int64), np.zeros(n, dtype=np.bool_))
-    least, begin = int(params.min_stars), 0
+    least, begin = int(settings.fewest_stars), 0
     while begin >= 0:
         star = np.full(len(flux), -1, dtype=np.int64)
         begin = _next_kernel(sky, light, sides, votes, least, accepted, begin, star[:n])

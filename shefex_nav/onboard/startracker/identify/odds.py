@@ -99,7 +99,7 @@ def place_odds(scene, view, n, log_det, n_par):
     first_data = np.log(DEEPER / n_det)
     total = -np.inf
     for q in range(len(NOISE_SCALES)):
-        variance = (NOISE_SCALES[q] * scene.sigma_px) ** 2
+        variance = (NOISE_SCALES[q] * scene.centroid_error) ** 2
         tail = TAIL_SCALE**2 * variance
         volume = 0.5 * n_par * np.log(2.0 * np.pi * variance) - 0.5 * log_det
         sum_log, k, best = 0.0, 0, -np.inf
@@ -174,7 +174,7 @@ def brightness_odds(stars, scene, view, n, zero):
     """
     if not scene.has_flux:
         return 0.0
-    sigma, total, m = scene.magnitude_sigma, 0.0, 0
+    sigma, total, m = scene.magnitude_error, 0.0, 0
     peak = 1.0 / (np.sqrt(2.0 * np.pi) * sigma)
     for s in range(n):
         if view.det[s] >= 0:

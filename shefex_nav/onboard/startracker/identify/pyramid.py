@@ -31,7 +31,7 @@ def cos_error(factor, field, centroid_error_px, rad_per_px):
     return factor * abs(np.cos(field) - np.cos(field - centroid_error_px * rad_per_px))
 
 
-def match(params, pairs, u_c, flux, accept_triangle=False):
+def match(settings, camera, pairs, u_c, flux, cos_error=0.0, accept_triangle=False):
     """The paper's own algorithm with its own acceptance; nothing is verified.
 
     The first triad in smart order on which exactly one pyramid stands is believed. With accept_triangle, as
@@ -40,31 +40,34 @@ def match(params, pairs, u_c, flux, accept_triangle=False):
 
     Parameters
     ----------
-    params : IdentifyParams; of it `cos_error` or else `tolerance`, and `max_centroids`
+    settings : Identification; of it `tolerance` and `most_centroids`
+    camera : CameraModel, not used
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera, brightest detection first
     flux : (n,)
+    cos_error : float, > 0: constant tolerance of the cosine of an angle, in place of `tolerance`
     accept_triangle : bool
 
     Returns
     -------
     Identification, its log_odds NaN: nobody has asked
     """
-    n = min(len(flux), params.max_centroids)
+    n = min(len(flux), settings.most_centroids)
     if n < (3 if accept_triangle else 4):
         return nothing(len(flux), Reason.TOO_FEW_STARS)
     star = np.full(len(flux), -1, dtype=np.int64)
-    limits = float(params.tolerance), float(params.cos_error)
+    limits = float(settings.tolerance), float(cos_error)
     reason = _match_kernel(table(pairs), u_c[:n], *limits, bool(accept_triangle), star[:n])
     return Identification(star, reason, np.nan)
 
 
-def identify(params, pairs, u_c, flux, P_px=None):
+def identify(settings, camera, pairs, u_c, flux, P_px=None):
     """Identify the stars of one frame without any idea of the attitude.
 
     Parameters
     ----------
-    params : IdentifyParams
+    settings : Identification
+    camera : CameraModel
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera
     flux : (n,) brightness, descending; the pyramid uses the order alone
@@ -74,18 +77,17 @@ def identify(params, pairs, u_c, flux, P_px=None):
     -------
     Identification
     """
-    n = min(len(flux), params.max_centroids)
-    if n < params.min_stars:
+    n = min(len(flux), settings.most_centroids)
+    if n < settings.fewest_stars:
         return nothing(len(flux), Reason.TOO_FEW_STARS)
-    limits = float(params.tolerance), float(params.cos_error)
     best = nothing(len(flux), Reason.NO_MATCH)
     begin, n_triads = 0, n * (n - 1) * (n - 2) // 6
     while begin < n_triads:
-        begin, rows, n_rows = _pyramid_kernel(table(pairs), u_c[:n], *limits, begin)
+        begin, rows, n_rows = _pyramid_kernel(table(pairs), u_c[:n], float(settings.tolerance), begin)
         for row in rows[:n_rows]:
             star = np.full(len(flux), -1, dtype=np.int64)
             star[:n] = row
-            found = verify(params, pairs.stars, u_c, flux, star)
+            found = verify(settings, camera, pairs.stars, u_c, flux, star)
             if found.reason == Reason.NONE:
                 return found
             if best.reason != Reason.AMBIGUOUS:
@@ -181,7 +183,7 @@ def _base_triangles(table, sides, triad, head, triangles):
 
 
 @kernel
-def _pyramid_kernel(table, u_c, tolerance, cos_error, begin):
+def _pyramid_kernel(table, u_c, tolerance, begin):
     """Go through the triads from number `begin` on until one of them carries confirmed pyramids.
 
     Returns
@@ -190,7 +192,7 @@ def _pyramid_kernel(table, u_c, tolerance, cos_error, begin):
     rows : (MAX_PYRAMIDS, n) int64, star of each detection or -1
     n_rows : int
     """
-    sides = new_sides(u_c, tolerance, cos_error)
+    sides = new_sides(u_c, tolerance, 0.0)
     rows = np.empty((MAX_PYRAMIDS, u_c.shape[0]), dtype=np.int64)
     triangles = np.empty((MAX_TRIANGLES, 3), dtype=np.int64)
     head = np.full(table.u_i.shape[0], -1, dtype=np.int64)

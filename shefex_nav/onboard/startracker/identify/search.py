@@ -27,7 +27,7 @@ from shefex_nav.onboard.startracker.identify.screen import (
 from shefex_nav.onboard.startracker.tables import Stars
 
 PAIR_GATE = 3.0  # sigma of the angle of a pair
-MAGNITUDE_GATE = 3.2  # magnitude_sigma, of a difference of brightness
+MAGNITUDE_GATE = 3.2  # magnitude errors, of a difference of brightness
 WIDER = 2.2  # times that gate, in a pass that takes nothing for granted
 SHORT_PX = 50.0  # closer detections say little about the attitude
 BLOCK, LARGEST_BLOCK = 1.5, 40  # times n: pairs of about the same brightness, of which the cheaper go first
@@ -41,7 +41,7 @@ SAME_TRACE = 2.9999  # of the rotation between two attitudes that are one: 0.6 d
 class Pass(NamedTuple):
     """One way through all pairs of detections."""
 
-    noise: float  # times sigma_px
+    noise: float  # times the centroid error
     focal: float  # times the nominal focal length
     patience: int  # bright stars that may be missing before the first further one is found
     convincing: int  # further stars that are worth a closer look, however many fainter ones are missing
@@ -156,11 +156,11 @@ def window(pairs, u_c, i, j, tolerance):
 def try_pair(task, pairs, u_c, i, j, begin, end, way):
     """The catalogue pairs begin ... end as the detections i and j; work."""
     stars, scene, best = task.stars, task.scene, task.best
-    sigma_px, focal_px = way.noise * scene.sigma_px, way.focal * scene.focal_px
+    sigma_px, focal_px = way.noise * scene.centroid_error, way.focal * scene.focal_px
     T = triad(u_c[i, 0], u_c[i, 1], u_c[i, 2], u_c[j, 0], u_c[j, 1], u_c[j, 2])
     lever = lever_of(scene, scene.ellipses, i, j, sigma_px)
     frame = frame_of(scene, focal_px, way.patience, way.convincing)
-    width = MAGNITUDE_GATE * scene.magnitude_sigma * (WIDER if way.is_wide else 1.0)
+    width = MAGNITUDE_GATE * scene.magnitude_error * (WIDER if way.is_wide else 1.0)
     if not scene.has_flux:
         width = np.inf
     fainter = scene.mag[j] - scene.mag[i]
@@ -210,7 +210,9 @@ def costs_of(scene, order):
 @inner
 def tolerance_of(task, way):
     """Tolerance [rad] of the angle of a pair of ordinary stars."""
-    return PAIR_GATE * np.sqrt(2.0) * way.noise * task.scene.sigma_px / (way.focal * task.scene.focal_px)
+    return (
+        PAIR_GATE * np.sqrt(2.0) * way.noise * task.scene.centroid_error / (way.focal * task.scene.focal_px)
+    )
 
 
 @inner

@@ -27,7 +27,7 @@ from shefex_nav.onboard.startracker.identify.search import (
 from shefex_nav.onboard.startracker.skygrid import cell_of
 
 MAX_PROPOSALS = 512  # detections near their predicted places; with more, the prediction is no help
-NOISES = (1.1, 3.4)  # times sigma_px, one after the other
+NOISES = (1.1, 3.4)  # times the centroid error, one after the other
 CONVINCING = 3  # further stars are worth a closer look
 PATIENCE = 6  # bright stars that may be missing before the first further one is found
 
@@ -79,7 +79,7 @@ def try_proposals(task, u_c, p, q, noise):
     """The attitude that makes two proposals true, if they agree; work."""
     stars, scene = task.stars, task.scene
     i, a, j, b = p[0], p[1], q[0], q[1]
-    sigma_px, focal_px = noise * scene.sigma_px, scene.focal_px
+    sigma_px, focal_px = noise * scene.centroid_error, scene.focal_px
     seen, true = angle_between(u_c, i, u_c, j), angle_between(stars.u_i, a, stars.u_i, b)
     if seen * focal_px < SHORT_PX:
         return 1
@@ -105,7 +105,7 @@ def track(task, budget):
     work = 0
     u_c = directions(task.scene, task.scene.focal_px)
     for noise in NOISES:
-        found = propose(task.stars, task.scene, task.prior, noise * task.scene.sigma_px)
+        found = propose(task.stars, task.scene, task.prior, noise * task.scene.centroid_error)
         for p in range(found.shape[0]):
             for q in range(p):
                 if found[p, 0] == found[q, 0] or found[p, 1] == found[q, 1] or work > budget:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
-from shefex_nav.geometry.pinhole import Pinhole, pixels
+from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.onboard.startracker.attitude import covariance, esoq2
 from shefex_nav.records import Reason
@@ -19,26 +19,6 @@ FIRST_GATE = 3.0  # times the gate: four stars in one corner say little about th
 MAGNITUDE_RANGE = 4.0  # mag, spread of the stars that a frame shows
 MUTE_SHARE = 0.2  # of the stars, whose brightness is not to be trusted [E]
 BORDER_PX = 5.0  # a predicted star nearer to the border may be missing
-
-
-class IdentifyParams(NamedTuple):
-    """Settings of the identification."""
-
-    method: str  # key of IDENTIFIERS
-    camera: Pinhole  # nominal
-    tolerance: float  # rad, of the angle between two detections; about three standard deviations
-    max_centroids: int  # the brightest ones, of which triangles are built
-    min_stars: int  # identified stars without which there is no attitude; at least 4
-    sigma_px: float  # centroid error per axis of an ordinary star
-    gate_sigma: float  # a detection further from its star than this many sigma_px is not that star
-    detection_probability: float  # of a star brighter than the faintest identified one
-    magnitude_margin: float  # such a star is brighter by at least this; passband and variable stars
-    magnitude_sigma: float  # of the brightness of an identified star: passband, variability, noise
-    false_alarm: float  # accepted probability that a verified attitude is chance
-    cos_error: float = 0.0  # > 0: constant tolerance of the cosine of an angle, in place of `tolerance`
-    reference_flux: float = np.inf  # a star with more is surely brighter than magnitude 3 ('brightness')
-    zero_flux: float = np.nan  # of a star of magnitude 0, in the unit of the fluxes ('multipole')
-    magnitude_tolerance: float = 0.7  # of a measured against a catalogued magnitude ('multipole') [E]
 
 
 class Identification(NamedTuple):
@@ -54,7 +34,7 @@ def nothing(n, reason):
     return Identification(np.full(n, -1, dtype=np.int64), int(reason), -np.inf)
 
 
-def verify(params, stars, u_c, flux, star):
+def verify(settings, camera, stars, u_c, flux, star):
     """Extend a first identification to the field and decide whether to believe it.
 
     The attitude of the identified stars predicts where all catalogue stars are; detections near a prediction
@@ -63,7 +43,8 @@ def verify(params, stars, u_c, flux, star):
 
     Parameters
     ----------
-    params : IdentifyParams
+    settings : Identification
+    camera : CameraModel
     stars : OnboardCatalogue
     u_c : (n, 3) unit vectors, brightest detection first
     flux : (n,) any unit
@@ -73,28 +54,27 @@ def verify(params, stars, u_c, flux, star):
     -------
     Identification
     """
+    hole, error = camera.pinhole, settings.centroid_error
     matched, distance2, n_missing = _extend_kernel(
-        params.camera,
+        hole,
         stars.u_i,
         stars.vmag,
         u_c,
         star,
-        params.gate_sigma * params.sigma_px,
-        params.magnitude_margin,
-        params.min_stars,
+        settings.gate_sigma * error,
+        settings.magnitude_margin,
+        settings.fewest_stars,
     )
     if n_missing < 0:
         return nothing(len(star), Reason.RESIDUALS)
-    odds = log_odds(
-        params.camera, params.sigma_px, params.detection_probability, u_c, matched, distance2, n_missing
-    )
-    odds += brightness_odds(params.magnitude_sigma, stars.vmag, flux, matched)
-    reason = Reason.NONE if odds > -math.log(params.false_alarm) else Reason.AMBIGUOUS
+    odds = log_odds(hole, error, settings.detection_probability, u_c, matched, distance2, n_missing)
+    odds += brightness_odds(settings.magnitude_error, stars.vmag, flux, matched)
+    reason = Reason.NONE if odds > -math.log(settings.false_alarm) else Reason.AMBIGUOUS
     return Identification(matched, int(reason), float(odds))
 
 
 @kernel
-def log_odds(camera, sigma_px, detection_probability, u_c, star, distance2, n_missing):
+def log_odds(camera, centroid_error, detection_probability, u_c, star, distance2, n_missing):
     """Natural logarithm of the odds of an attitude against chance.
 
     Chance: k detections anywhere on the detector, area A, so k / A of them per pixel. The attitude: an
@@ -111,7 +91,7 @@ def log_odds(camera, sigma_px, detection_probability, u_c, star, distance2, n_mi
     Parameters
     ----------
     camera : Pinhole
-    sigma_px : float, centroid error per axis
+    centroid_error : float, px per axis
     detection_probability : float, p
     u_c : (n, 3) unit vectors, brightest first
     star : (n,) int64, -1 where unidentified
@@ -119,7 +99,7 @@ def log_odds(camera, sigma_px, detection_probability, u_c, star, distance2, n_mi
     n_missing : int, predicted bright stars that were not detected
     """
     known = np.flatnonzero(star >= 0)
-    P = covariance(u_c[known], np.full(len(known), sigma_px / camera.focal_length_px))
+    P = covariance(u_c[known], np.full(len(known), centroid_error / camera.focal_length_px))
     det_P = (
         P[0, 0] * (P[1, 1] * P[2, 2] - P[1, 2] * P[2, 1])
         - P[0, 1] * (P[1, 0] * P[2, 2] - P[1, 2] * P[2, 0])
@@ -127,18 +107,18 @@ def log_odds(camera, sigma_px, detection_probability, u_c, star, distance2, n_mi
     )
     attitude = 0.5 * np.log((2.0 * np.pi) ** 3 * det_P) - np.log(8.0 * np.pi**2)
     area = camera.width_px * camera.height_px
-    peak = np.log(detection_probability * area / (2.0 * np.pi * sigma_px**2))
+    peak = np.log(detection_probability * area / (2.0 * np.pi * centroid_error**2))
     total, n_known, best = 0.0, 0, -np.inf
     for k in range(len(star)):
         if star[k] >= 0:
-            total += peak - distance2[k] / (2.0 * sigma_px**2)
+            total += peak - distance2[k] / (2.0 * centroid_error**2)
             n_known += 1
         best = max(best, total - n_known * np.log(k + 1.0))
     return attitude + best - np.log(len(star)) + n_missing * np.log(1.0 - detection_probability)
 
 
 @kernel
-def brightness_odds(magnitude_sigma, vmag, flux, star):
+def brightness_odds(magnitude_error, vmag, flux, star):
     """Logarithm of the odds that these brightnesses belong to these stars.
 
     The zero point is free and is taken as the median. Against chance, where magnitudes spread over
@@ -147,21 +127,21 @@ def brightness_odds(magnitude_sigma, vmag, flux, star):
 
     Parameters
     ----------
-    magnitude_sigma : float, of the brightness of an identified star
+    magnitude_error : float, of the brightness of an identified star
     vmag : magnitudes of the catalogue
     flux : (n,) any unit
     star : (n,) int64 row of the catalogue, -1 where unidentified
     """
     known = np.flatnonzero(star >= 0)
     difference = vmag[star[known]] + 2.5 * np.log10(flux[known])
-    difference = (difference - np.median(difference)) / magnitude_sigma
-    peak = MAGNITUDE_RANGE / (np.sqrt(2.0 * np.pi) * magnitude_sigma)
+    difference = (difference - np.median(difference)) / magnitude_error
+    peak = MAGNITUDE_RANGE / (np.sqrt(2.0 * np.pi) * magnitude_error)
     each = np.log((1.0 - MUTE_SHARE) * peak * np.exp(-0.5 * difference**2) + MUTE_SHARE)
     return each.sum() - np.log(peak * np.sqrt(len(known)))
 
 
 @kernel
-def _extend_kernel(camera, u_i, vmag, u_c, star, gate_px, magnitude_margin, min_stars):
+def _extend_kernel(camera, u_i, vmag, u_c, star, gate_px, magnitude_margin, fewest_stars):
     """Attitude and matches in turn, from a wide gate to the final one.
 
     Returns
@@ -173,7 +153,7 @@ def _extend_kernel(camera, u_i, vmag, u_c, star, gate_px, magnitude_margin, min_
     matched, distance2, n_missing = star, np.empty(0), 0
     for widening in (FIRST_GATE, 1.0, 1.0):
         known = np.flatnonzero(matched >= 0)
-        if len(known) < min_stars:
+        if len(known) < fewest_stars:
             return matched, distance2, -1
         q_ic = esoq2(u_c[known], u_i[matched[known]], np.ones(len(known)))
         matched, distance2, n_missing = _match_kernel(
@@ -184,7 +164,7 @@ def _extend_kernel(camera, u_i, vmag, u_c, star, gate_px, magnitude_margin, min_
         n_known += matched[k] >= 0
         if star[k] >= 0 and matched[k] != star[k]:
             return matched, distance2, -1
-    return matched, distance2, n_missing if n_known >= min_stars else -1
+    return matched, distance2, n_missing if n_known >= fewest_stars else -1
 
 
 @inner

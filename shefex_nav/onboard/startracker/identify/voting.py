@@ -24,12 +24,13 @@ LEAST_CLUSTER = 3
 NONE = int(Reason.NONE)
 
 
-def match(params, pairs, u_c, flux):
+def match(settings, camera, pairs, u_c, flux):
     """The papers' own algorithm with its own acceptance; nothing is verified.
 
     Parameters
     ----------
-    params : IdentifyParams; of it `cos_error` or else `tolerance` (the papers' 3 epsilon), `max_centroids`
+    settings : Identification; of it `tolerance` (the papers' 3 epsilon) and `most_centroids`
+    camera : CameraModel, not used
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera, brightest detection first
     flux : (n,)
@@ -38,23 +39,23 @@ def match(params, pairs, u_c, flux):
     -------
     Identification, its log_odds NaN: nobody has asked
     """
-    n = min(len(flux), params.max_centroids)
+    n = min(len(flux), settings.most_centroids)
     if n < LEAST_CLUSTER:
         return nothing(len(flux), Reason.TOO_FEW_STARS)
     star = np.full(len(flux), -1, dtype=np.int64)
-    limits = float(params.tolerance), float(params.cos_error)
-    n_cluster = _match_kernel(table(pairs), u_c[:n], *limits, star[:n])
+    n_cluster = _match_kernel(table(pairs), u_c[:n], float(settings.tolerance), star[:n])
     if n_cluster < LEAST_CLUSTER:
         return nothing(len(flux), Reason.NO_MATCH)
     return Identification(star, NONE, np.nan)
 
 
-def identify(params, pairs, u_c, flux, P_px=None):
+def identify(settings, camera, pairs, u_c, flux, P_px=None):
     """Identify the stars of one frame without any idea of the attitude: right or nothing.
 
     Parameters
     ----------
-    params : IdentifyParams
+    settings : Identification
+    camera : CameraModel
     pairs : StarPairs
     u_c : (n, 3) unit vectors in the camera
     flux : (n,) brightness, descending
@@ -64,12 +65,12 @@ def identify(params, pairs, u_c, flux, P_px=None):
     -------
     Identification
     """
-    if min(len(flux), params.max_centroids) < params.min_stars:
+    if min(len(flux), settings.most_centroids) < settings.fewest_stars:
         return nothing(len(flux), Reason.TOO_FEW_STARS)
-    found = match(params, pairs, u_c, flux)
-    if (found.star >= 0).sum() < params.min_stars:
+    found = match(settings, camera, pairs, u_c, flux)
+    if (found.star >= 0).sum() < settings.fewest_stars:
         return nothing(len(flux), Reason.NO_MATCH)
-    found = verify(params, pairs.stars, u_c, flux, found.star)
+    found = verify(settings, camera, pairs.stars, u_c, flux, found.star)
     return found if found.reason == Reason.NONE else nothing(len(flux), found.reason)
 
 
@@ -127,9 +128,9 @@ def cluster(agree):
 
 
 @kernel
-def _match_kernel(table, u_c, tolerance, cos_error, star):
+def _match_kernel(table, u_c, tolerance, star):
     """Write the identities of the cluster to `star`; how many they are."""
-    sides = new_sides(u_c, tolerance, cos_error)
+    sides = new_sides(u_c, tolerance, 0.0)
     votes = first_vote(table, sides)
     identity = np.empty(u_c.shape[0], dtype=np.int64)
     for i in range(len(identity)):

@@ -1,0 +1,70 @@
+"""Settings of the star tracker that the experiments begin with; each changes what its paper gives."""
+
+from math import inf, radians
+
+from shefex_nav.onboard.startracker.settings import (
+    Catalogue,
+    Detection,
+    ExposureControl,
+    Identification,
+    RunLength,
+    StarTracker,
+)
+
+STAR_TRACKER = StarTracker(  # exposure and detection: see scenarios/shefex2_andoya.yaml
+    enabled=True,
+    on=0.0,
+    off=inf,
+    rate=10.0,
+    latency=0.0,
+    highest_rate=inf,
+    centroid_floor=0.03,
+    outlier_sigma=4.0,
+    exposure=ExposureControl(
+        start=0.05,
+        shortest=0.035,
+        longest=0.05,
+        step=0.002,
+        gain=24.0,
+        brightest_mean=100.0,
+        fewest_objects=4,
+        saturated_objects=4,
+        saturated_pixels=1,
+    ),
+    detection=Detection(
+        scan="sequential",
+        centroid="fit",
+        tile=72,
+        seed_sigma=5.5,
+        grow_sigma=3.5,
+        fewest_pixels=5,
+        most_pixels=400,
+        largest_peak=0.75,
+        most_objects=40,
+        saturation=255.0,
+        run_length=RunLength(threshold=500.0, window=256, slowest=10.0, fusion_distance=2.0),
+    ),
+    catalogue=Catalogue(
+        kind="magnitude_limited",
+        system="V",
+        faintest=5.5,
+        faintest_south=None,
+        merge_radius=0.0,
+        keep_to=4.5,
+        size=2023,
+    ),
+    identification=Identification(
+        method="bayes",
+        tracking=False,
+        tolerance=radians(0.018),
+        most_centroids=15,
+        fewest_stars=4,
+        centroid_error=0.2,
+        gate_sigma=4.5,
+        detection_probability=0.9,
+        magnitude_margin=0.3,
+        magnitude_error=0.3,
+        magnitude_tolerance=0.7,
+        false_alarm=1e-7,
+    ),
+)
