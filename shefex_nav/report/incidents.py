@@ -7,6 +7,7 @@ import numpy as np
 
 from shefex_nav.records import QUANTITIES, Doubt, Reason, protected
 from shefex_nav.report import metrics, trust
+from shefex_nav.report.pairing import stretches
 
 _TOGETHER_S = (
     2.5  # refusals of one sensor, or doubts about one quantity, that are not farther apart are one incident
@@ -98,10 +99,7 @@ def _imu(data):
 
 def _runs(t_s, flags):
     """(first, last or None at the end of the samples) of every run of flagged samples."""
-    if not len(t_s) or not np.any(flags):
-        return
-    changed = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, dtype=np.int8), [0]])))
-    for a, b in zip(changed[::2], changed[1::2], strict=True):
+    for a, b in stretches(flags):
         yield float(t_s[a]), None if b == len(t_s) else float(t_s[b])
 
 

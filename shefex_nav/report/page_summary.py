@@ -75,14 +75,8 @@ def judge(run):
         return requirements.judge(stated, run.summary), "of the scenario"
     if "attitude" in run.limits.limits and run.summary["navigation"]["at_entry"]:
         limit = float(f"{np.degrees(run.limits.limits['attitude']):.12g}")
-
-        def get(path):
-            value = run.summary
-            for key in path.split("."):
-                value = value.get(key) if isinstance(value, dict) else None
-            return value
-
-        return requirements.judge_figures({"attitude_at_entry": limit}, get), "of requirements.attitude"
+        figures = requirements.figures_of(run.summary)
+        return requirements.judge_figures({"attitude_at_entry": limit}, figures), "of requirements.attitude"
     return [], ""
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from shefex_nav.report.nees import nees as normalised
 from shefex_nav.verify import nees
 from shefex_nav.verify.flown import BLOCKS, PHASES
 
@@ -11,12 +12,9 @@ TITLES = {"gyro_bias": "gyro bias", "accel_bias": "accelerometer bias"}
 
 
 def _figure(width, height):
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 def _tidy(axis, t_s, phase):
@@ -47,7 +45,7 @@ def draw_nees(runs, path):
     t_s, phase = runs[0].t_s[:m], runs[0].phase[:m]
     low, high = nees.nis_interval(3 * len(runs), 0.95)
     for axis, (name, block) in zip(figure.subplots(len(BLOCKS), 1, sharex=True), BLOCKS.items(), strict=True):
-        mean = np.mean([nees.nees(run.errors[:m, block], run.P[:m, block, block]) for run in runs], axis=0)
+        mean = np.mean([normalised(run.errors[:m, block], run.P[:m, block, block]) for run in runs], axis=0)
         axis.axhspan(low, high, color="0.88", lw=0)
         axis.plot(t_s, mean / 3.0, color="#1f5fa8", lw=1.0)
         axis.axhline(1.0, color="0.4", lw=0.8)

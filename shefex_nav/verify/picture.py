@@ -25,12 +25,10 @@ COLOURS = {
 
 def draw(flown, path):
     """Draw the cases flown into a file; its ending decides on the format."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     height = 1.25 + 1.35 * len(flown)
     figure = Figure(figsize=(15.0, height), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(len(flown), len(PANELS), squeeze=False)
     shown = set()
     for row, one in zip(axes, flown, strict=True):

@@ -232,8 +232,7 @@ def _ranges_fault(fault, heard, last):
 
 def _moved(fault, r_ea_e, t_s):
     """By how much a jump or drift changes position and velocity at a time: (3,) m, (3,) m/s, frame e."""
-    latitude, longitude, _ = wgs84.geodetic_from_ecef(r_ea_e)
-    moved_e = wgs84.dcm_en(latitude, longitude) @ fault.moved_n
+    moved_e = wgs84.level_axes(r_ea_e) @ fault.moved_n
     if fault.kind == "jump":
         return moved_e, np.zeros(3)
     return (t_s - fault.start_s) * moved_e, moved_e if fault.velocity_too else np.zeros(3)

@@ -14,6 +14,7 @@ import numpy as np
 
 from shefex_nav.records import Phase
 from shefex_nav.report import scale
+from shefex_nav.report.pairing import stretches
 
 BLACK, GREY = "#000000", "#767676"
 ORANGE, SKY, GREEN, YELLOW = "#e69f00", "#56b4e9", "#009e73", "#f0e442"
@@ -320,12 +321,8 @@ def cut_off(axes, values, unit):
 
 def spans(t_s, flags):
     """Intervals in which samples are flagged: list of (start, length) for broken_barh. (n,), (n,) bool"""
-    if not len(t_s) or not np.any(flags):
-        return []
     step = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
-    changed = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, dtype=np.int8), [0]])))
-    starts, ends = changed[::2], changed[1::2]
-    return [(float(t_s[a]), float(t_s[b - 1] - t_s[a]) + step) for a, b in zip(starts, ends, strict=True)]
+    return [(float(t_s[a]), float(t_s[b - 1] - t_s[a]) + step) for a, b in stretches(flags)]
 
 
 @styled
