@@ -1,6 +1,7 @@
 """What went wrong in a run, and when: one list out of all the places of a log that say so."""
 
 from collections import Counter
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -110,16 +111,13 @@ def _stars(data):
     wrong = errors.t_s[np.linalg.norm(errors.rotation_c, axis=1) > metrics.WRONG_ANGLE]
     for t_s in wrong.tolist():
         yield Incident(t_s, t_s, "wrong star fix, given as good")
-    run = []
-    for fix in data.star_fixes:
-        bad = fix.number in window and fix.reason != Reason.NONE
-        if run and (not bad or fix.reason != run[-1].reason):
-            yield _without(run)
-            run = []
+    for (bad, _), fixes in groupby(data.star_fixes, lambda fix: (_is_bad(fix, window), fix.reason)):
         if bad:
-            run.append(fix)
-    if run:
-        yield _without(run)
+            yield _without(list(fixes))
+
+
+def _is_bad(fix, window):
+    return fix.number in window and fix.reason != Reason.NONE
 
 
 def _without(fixes):

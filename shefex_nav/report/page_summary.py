@@ -5,7 +5,7 @@ import platform
 import numpy as np
 
 from shefex_nav.records import QUANTITIES
-from shefex_nav.report import html, requirements
+from shefex_nav.report import html, requirements, table
 from shefex_nav.report.html import element
 
 _MOST_INCIDENTS = 40
@@ -151,7 +151,7 @@ def _usable_tile(quantity, one):
 
 
 def _number(value, digits, unit):
-    return _DASH if value is None else f"{value:,.{digits}f}{' ' if unit else ''}{unit}".replace(",", " ")
+    return _DASH if value is None else table.number(value, digits, unit)
 
 
 def _star_tile(star):

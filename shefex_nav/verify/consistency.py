@@ -144,22 +144,23 @@ def averages(run):
 
 def judge_nees(runs, histories, rng):
     """Verdict of each block and phase: mean over runs of the time-averaged NEES, per degree of freedom."""
-    return _judge_averages(runs, histories.averages, nees.mean_interval, "", rng)
+    expected = {key: averaged / 3.0 for key, averaged in histories.averages.items()}
+    return _judge_averages(runs, expected, 1.0, nees.mean_interval, "", rng)
 
 
 def judge_in_one_field(runs, common, rng):
     """`judge_nees` by runs that have the field of gravity in common, of `in_one_field`."""
-    return _judge_averages(runs, common, nees.one_draw_interval, ", one field", rng)
+    return _judge_averages(runs, common, 3.0, nees.one_draw_interval, ", one field", rng)
 
 
-def _judge_averages(runs, expected, interval, words, rng):
-    """Verdicts by what is expected of each block and phase, as `interval` takes it."""
+def _judge_averages(runs, expected, dof, interval, words, rng):
+    """Verdicts by what is expected of each block and phase, as `interval` takes it, over its dof."""
     each, verdicts = [averages(run) for run in runs], []
     for (block, phase), histories in expected.items():
         values = [one[block, phase] for one in each if (block, phase) in one]
-        ends = interval(histories, len(values), NEES_PROBABILITY, rng)
-        value, low, high = (float(one) / 3.0 for one in (np.mean(values), *ends))
-        verdicts.append(nees.Verdict(f"NEES {block}, {PHASES[phase]}{words}", value, low, high, len(values)))
+        ends = (end / dof for end in interval(histories, len(values), NEES_PROBABILITY, rng))
+        what = f"NEES {block}, {PHASES[phase]}{words}"
+        verdicts.append(nees.Verdict(what, float(np.mean(values)) / 3.0, *ends, len(values)))
     return verdicts
 
 

@@ -29,6 +29,8 @@ PHASES = {  # lightness alone tells neighbours apart
 }  # fmt: skip
 _DARK = {Phase.BOOST, Phase.POINTING, Phase.DESCENT}  # white letters on these
 
+QUANTITIES = (("position", "m", 1.0), ("velocity", "m/s", 1.0), ("attitude", "deg", 180.0 / np.pi))
+TITLES = {"gyro_bias": "gyro bias", "accel_bias": "accelerometer bias"}  # of blocks of errors
 WIDTH = 11.0  # inches: on a page of 1280 px letters are a little larger than in print
 _FEW_DOTS = 200
 _DIGITS = re.compile(rb"(\.\d\d)\d+")  # of coordinates in 1/72 inch, where two are plenty
@@ -96,6 +98,13 @@ def figure(height, width=WIDTH):
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height))
+
+
+def constrained(width, height):
+    """An empty Figure whose axes find their places by themselves, sizes in inches."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 def title(figure, text):

@@ -86,12 +86,11 @@ def _random(request, k):
 
 def warm_up(waiting):
     """Compile what is not compiled yet: workers would do so all at once."""
-    from shefex_nav import warmup
+    from shefex_nav import runs
     from shefex_nav.scenario import load
-    from shefex_nav.scenario.choices import choices
 
     for name in dict.fromkeys(job.scenario for job in waiting):
-        warmup.get_ready({"command=run", *choices(load.load(name))})
+        runs.get_ready(load.load(name))
 
 
 def fly(waiting, workers, take):
