@@ -9,7 +9,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from shefex_nav.verify.robustness import cover, design
+import covering_array
+
+from shefex_nav.verify.robustness import design
 
 CELLS, SEED = 400, 20120622
 PATH = Path(design.__file__).parent / design.FILE
@@ -17,7 +19,7 @@ PATH = Path(design.__file__).parent / design.FILE
 
 def text():
     """Contents of the file."""
-    table = cover.array(design.FACTORS, design.possible, CELLS, SEED)
+    table = covering_array.array(design.FACTORS, design.possible, CELLS, SEED)
     head = ["cell", *design.FACTORS]
     rows = [[str(k), *(row[name] for name in design.FACTORS)] for k, row in enumerate(table)]
     return "\n".join(",".join(row) for row in [head, *rows]) + "\n"

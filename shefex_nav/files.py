@@ -1,7 +1,12 @@
 """Files that are whole or not there, also after a power failure."""
 
+import hashlib
 import os
+import zlib
 from contextlib import contextmanager
+from zipfile import BadZipFile
+
+import numpy as np
 
 
 def part(path):
@@ -31,6 +36,29 @@ def put(path, content):
     """Write bytes or text to a file. Its name is safe on the disk after `settle` of its folder."""
     with whole(path) as half:
         half.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+UNREADABLE = OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile, zlib.error  # of `arrays`
+
+
+def arrays(path, names=None):
+    """Arrays of an .npz file: {name: array}, or those named alone; nothing in it is run."""
+    with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
+        return {name: archive[name] for name in names or archive.files}
+
+
+def put_arrays(path, content):
+    """Write {name: array} as a compressed .npz file."""
+    with whole(path) as half, half.open("wb") as file:
+        np.savez_compressed(file, **content)
+
+
+def digest(paths, root):
+    """Fingerprint of files: their places below `root` and what is in them. -> 16 hexadecimal digits"""
+    total = hashlib.sha256()
+    for path in sorted(paths):
+        total.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    return total.hexdigest()[:16]
 
 
 def settle(folder):

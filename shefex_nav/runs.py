@@ -50,6 +50,14 @@ def earliest_end(scenario):
     return scenario.mission.start + 1.0 / thinning.LOWEST_HZ
 
 
+def get_ready(scenario):
+    """Compile what flying a Scenario needs and is not compiled yet."""
+    from shefex_nav import warmup
+    from shefex_nav.scenario.choices import choices
+
+    warmup.get_ready({"command=run", *choices(scenario)})
+
+
 def fly(
     scenario,
     seed=1,
@@ -82,14 +90,13 @@ def fly(
     ValueError for what is no scenario, seed or time.
     """
     _check(scenario, seed, until_s)
-    from shefex_nav import prepare, simulate, warmup
+    from shefex_nav import prepare, simulate
     from shefex_nav.report import programme
-    from shefex_nav.scenario.choices import choices
 
     folder = None if log else Folder()
     path = Path(log) if log else folder.path / LOG_NAME
     began = time.perf_counter()
-    warmup.get_ready({"command=run", *choices(scenario)})
+    get_ready(scenario)
     scenario = prepare.settled(scenario)
     world = prepare.build_world(scenario, seed)
     told(programme.warnings(scenario, programme.of_flight(world.flight)))

@@ -10,18 +10,10 @@ from shefex_nav.report.figures import style
 from shefex_nav.report.figures.style import BLUE, GREY, RED
 
 FAINT = "0.87"
-QUANTITIES = (("position", "m", 1.0), ("velocity", "m/s", 1.0), ("attitude", "deg", 180.0 / np.pi))
-TITLES = {"gyro_bias": "gyro bias", "accel_bias": "accelerometer bias"}
 MOST_BARS = 8
 MOST_PANELS = 9
 FEW_RUNS = 40  # of fewer, each is drawn
 FIRST_SHOWN = 10  # number of runs from which estimates are worth looking at
-
-
-def _figure(width, height):
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained")
 
 
 def _title(figure, text):
@@ -34,9 +26,9 @@ def draw_errors(series):
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    figure = _figure(14.0, 9.0)
+    figure = style.constrained(14.0, 9.0)
     axes = figure.subplots(3, 3, sharex=True)
-    for q, (name, unit, factor) in enumerate(QUANTITIES):
+    for q, (name, unit, factor) in enumerate(style.QUANTITIES):
         block = over_time.BLOCKS.index(name)
         for k, axis in enumerate(axes[:, q]):
             errors = factor * series.errors[:, :, block, k]
@@ -95,9 +87,9 @@ def draw_nees(series):
     panels = []
     for b, name in enumerate(over_time.BLOCKS):
         words = "" if name in over_time.CORRELATED else ", without the correlations of its axes"
-        panels.append((f"NEES, {TITLES.get(name, name)}{words}", found.mean[:, b], found))
+        panels.append((f"NEES, {style.TITLES.get(name, name)}{words}", found.mean[:, b], found))
     panels += [(f"NIS, {name.replace('_', ' ')}", one.mean, one) for name, one in innovations.items()]
-    figure = _figure(11.0, 1.0 + 1.8 * len(panels))
+    figure = style.constrained(11.0, 1.0 + 1.8 * len(panels))
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
     for axis, (title, mean, one) in zip(axes, panels, strict=True):
         known = np.isfinite(mean)
@@ -117,7 +109,7 @@ def draw_nees(series):
 def draw_containment(series):
     """Share of the runs inside 3 sigma over time, axis by axis."""
     found = over_time.contained(series)
-    figure = _figure(11.0, 10.0)
+    figure = style.constrained(11.0, 10.0)
     for b, (axis, name) in enumerate(zip(figure.subplots(5, 1, sharex=True), over_time.BLOCKS, strict=True)):
         axis.fill_between(series.t_s, found.low, found.high, color=FAINT, lw=0, step="mid")
         for k, name_of_axis in enumerate(over_time.AXES):
@@ -126,7 +118,7 @@ def draw_containment(series):
         axis.axhline(over_time.inside_probability(), color=GREY, lw=0.8)
         low = min(np.nanmin(found.share[:, b]), np.nanmin(found.low))
         axis.set_ylim(max(0.0, low - 0.25 * (1.0 - low) - 0.005), 1.005)
-        axis.set_title(TITLES.get(name, name), loc="left", fontsize=10)
+        axis.set_title(style.TITLES.get(name, name), loc="left", fontsize=10)
         axis.set_ylabel("share")
         if b == 0:
             axis.legend(ncols=3, frameon=False, fontsize=9, loc="lower left")
@@ -141,7 +133,7 @@ def draw_ellipses(campaign):
     found = statistics.ellipses(campaign)
     if not found:
         return None
-    figure = _figure(6.5 * len(found), 6.5)
+    figure = style.constrained(6.5 * len(found), 6.5)
     for axis, one in zip(np.atleast_1d(figure.subplots(1, len(found))), found, strict=True):
         north, east = one.offsets_km[:, 0], one.offsets_km[:, 1]
         axis.plot(east, north, ".", color=BLUE, ms=7, alpha=0.5, mew=0)
@@ -184,7 +176,7 @@ def draw_convergence(campaign):
     if not panels:
         return None
     rows = -(-len(panels) // 3)
-    figure = _figure(13.0, 0.6 + 2.8 * rows)
+    figure = style.constrained(13.0, 0.6 + 2.8 * rows)
     axes = figure.subplots(rows, 3, squeeze=False).ravel()
     for axis in axes[len(panels) :]:
         axis.remove()
@@ -215,7 +207,7 @@ def draw_sensitivity(campaign):
         return None
     columns = min(len(panels), 3)
     rows = -(-len(panels) // columns)
-    figure = _figure(5.5 * columns, 0.6 + 2.9 * rows)
+    figure = style.constrained(5.5 * columns, 0.6 + 2.9 * rows)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for axis in axes[len(panels) :]:
         axis.remove()

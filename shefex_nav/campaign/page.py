@@ -1,7 +1,5 @@
 """The report of a campaign to hand over: one HTML page with everything in it, made as that of a run is."""
 
-from importlib.resources import files
-
 from shefex_nav.campaign import figures
 from shefex_nav.campaign.parts import Command, Loud, parts
 from shefex_nav.files import put
@@ -34,17 +32,11 @@ def page(campaign, series):
     sections += [(f"part-{k}", part.title, _content(part)) for k, part in enumerate(others)]
     sections.append(("figures", "Figures", [_picture(*one) for one in figures.draw(campaign, series)]))
     sections.append(("scenario", "Scenario", [element("pre", campaign.head["source"])]))
-    links = [element("li", element("a", heading, href=f"#{name}")) for name, heading, _ in sections]
-    contents = element("nav", element("ol", *links), aria_label="Contents")
     versions = ", ".join(f"{name} {version}" for name, version in campaign.head["versions"].items())
-    return html.document(
+    return html.page(
         f"{first.title}: report of a campaign",
-        (files("shefex_nav") / "report" / "page.css").read_text(),
-        header=html.join([element("h1", f"Campaign {first.title}"), contents]),
-        main=html.join(
-            element("section", element("h2", heading), html.join(content), id=name)
-            for name, heading, content in sections
-        ),
+        header=[element("h1", f"Campaign {first.title}")],
+        sections=sections,
         footer=f"Results of {campaign.folder}, digest {campaign.digest}. Flown with {versions}.",
     )
 

@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
+from shefex_nav import files
+
 FORMAT = 1  # of the folder
 BLOCKS = ("attitude", "velocity", "position", "gyro_bias", "accel_bias")  # of a series, in this order
 PACKAGE = Path(__file__).parents[1]
@@ -85,7 +87,4 @@ def versions():
 @cache
 def _contents(folder, *patterns):
     """Digest of the names and contents of the files in `folder` that fit a pattern."""
-    total = hashlib.sha256()
-    for path in sorted(path for pattern in patterns for path in folder.glob(pattern)):
-        total.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
-    return total.hexdigest()[:16]
+    return files.digest((path for pattern in patterns for path in folder.glob(pattern)), folder)

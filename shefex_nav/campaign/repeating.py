@@ -32,11 +32,7 @@ class Repeated(NamedTuple):
             "run": self.run,
             "same": self.same,
             "differences": {name: list(values) for name, values in self.differences.items()},
-            "status": self.record["status"],
-            "reason": self.record["reason"],
-            "seed": self.record["seed"],
-            "draws": self.record["draws"],
-            "summary": self.record["summary"],
+            **{name: self.record[name] for name in ("status", "reason", "seed", "draws", "summary")},
             "log": self.log,
         }
 

@@ -6,14 +6,13 @@ campaign.draws["vehicle.payload.mass"], campaign.series(12)["t_s"], campaign.sum
 """
 
 import re
-import zlib
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
 
+from shefex_nav import files
 from shefex_nav.campaign import store, table, units
 from shefex_nav.report import requirements
 
@@ -192,11 +191,10 @@ class Campaign:
     def _series(self, run, names=None):
         path = self.folder / "runs" / f"{int(run):0{store.DIGITS}d}.npz"
         try:
-            with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
-                return {name: archive[name] for name in names or archive.files}
+            return files.arrays(path, names)
         except FileNotFoundError:
             raise KeyError(self._without_series(run, path)) from None
-        except (OSError, ValueError, EOFError, BadZipFile, zlib.error) as error:
+        except files.UNREADABLE as error:
             raise KeyError(f"{path} cannot be read: {error}") from None
 
     def _without_series(self, run, path):

@@ -211,11 +211,10 @@ def _named(runs, most=10):
 
 def compile_kernels(scenario, show):
     """Compile what is not compiled yet: workers would do so all at once and get into each other's way."""
-    from shefex_nav import simulate, warmup
-    from shefex_nav.scenario.choices import choices
+    from shefex_nav import runs, simulate
 
     show.say("Getting ready")
-    warmup.get_ready({"command=run", *choices(scenario)})
+    runs.get_ready(scenario)
     simulate.warm_up(scenario)
 
 

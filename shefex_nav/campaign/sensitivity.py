@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.campaign import r_squared, spearman
-from shefex_nav.campaign.over_time import holm
-from shefex_nav.campaign.statistics import ENTRY
+from shefex_nav.campaign.over_time import holm, with_holm
+from shefex_nav.campaign.statistics import ATTITUDE, ENTRY
 
 RUNS_PER_FEATURE = 5  # a regression on fewer finds what is not there
 CONFIDENCE = 0.95
@@ -20,10 +20,8 @@ FEWEST = 8  # runs of which a correlation is worth a test
 SIGNIFICANT = 0.05
 SAME = 1e-10  # share of a feature's variance that the others leave, below which it is one of them again
 OUTCOMES = (  # name, columns (their norm if several), keeps its sign
-    ("attitude x at entry", (f"{ENTRY}.attitude_error_deg.0",)),
-    ("attitude y at entry", (f"{ENTRY}.attitude_error_deg.1",)),
-    ("attitude z at entry", (f"{ENTRY}.attitude_error_deg.2",)),
-    ("attitude at entry, size", tuple(f"{ENTRY}.attitude_error_deg.{k}" for k in range(3))),
+    *((f"attitude {axis} at entry", (column,)) for axis, column in zip("xyz", ATTITUDE, strict=True)),
+    ("attitude at entry, size", ATTITUDE),
     ("position at entry, size", (f"{ENTRY}.position_error_m",)),
     ("velocity at entry, size", (f"{ENTRY}.velocity_error_m_s",)),
     ("attitude, rms of the run", ("summary.navigation.attitude_error_deg.rms",)),
@@ -141,9 +139,7 @@ def ranks(found, features):
                 sides.append(ranked[key])
             if all(side is not None for side in sides):
                 result.append(Rank(name, feature.name, *spearman.correlation(*sides), 1.0, n))
-    corrected = holm([one.p for one in result])
-    result = [one._replace(p_holm=float(p)) for one, p in zip(result, corrected, strict=True)]
-    return sorted(result, key=lambda one: (one.p, -abs(one.rho)))
+    return sorted(with_holm(result), key=lambda one: (one.p, -abs(one.rho)))
 
 
 def regress(outcome, values, features):

@@ -16,6 +16,7 @@ QUANTILES = (50.0, 95.0, 99.0)
 CONFIDENCE = 0.95
 FLAT = 1e-9  # km; a dispersion below this is none
 ENTRY = "summary.navigation.at_entry"
+ATTITUDE = tuple(f"{ENTRY}.attitude_error_deg.{k}" for k in range(3))  # columns, axis by axis
 PLACE = ("latitude_deg", "longitude_deg", "altitude_km")
 
 
@@ -94,10 +95,8 @@ class Ellipse(NamedTuple):
 
 # (name, column or columns whose largest size counts, unit)
 ERRORS = (
-    ("attitude x at entry", (f"{ENTRY}.attitude_error_deg.0",), "deg"),
-    ("attitude y at entry", (f"{ENTRY}.attitude_error_deg.1",), "deg"),
-    ("attitude z at entry", (f"{ENTRY}.attitude_error_deg.2",), "deg"),
-    ("attitude at entry, worst axis", tuple(f"{ENTRY}.attitude_error_deg.{k}" for k in range(3)), "deg"),
+    *((f"attitude {axis} at entry", (column,), "deg") for axis, column in zip("xyz", ATTITUDE, strict=True)),
+    ("attitude at entry, worst axis", ATTITUDE, "deg"),
     ("position at entry", (f"{ENTRY}.position_error_m",), "m"),
     ("velocity at entry", (f"{ENTRY}.velocity_error_m_s",), "m/s"),
     ("attitude, rms of the run", ("summary.navigation.attitude_error_deg.rms",), "deg"),

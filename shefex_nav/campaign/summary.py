@@ -27,21 +27,18 @@ def summary_object(campaign):
         "lost": len(campaign.lost),
         "succeeded": succeeded,
         "failed": len(campaign) - succeeded,
-        "requirements": [
-            {
-                "name": one.name,
-                "limit": one.limit,
-                "unit": one.unit,
-                "passed": one.passed,
-                "of": one.of,
-                "ci95": None if one.ci95 is None else list(one.ci95),
-            }
-            for one in statistics.successes(campaign)
-        ],
+        "requirements": [_requirement(one) for one in statistics.successes(campaign)],
         "integrity": integrity.summary(campaign),
         "wall_s": campaign.wall_s,
         "results_digest": campaign.digest,
     }
+
+
+def _requirement(success):
+    """A statistics.Success, without what is not measured."""
+    found = success._asdict() | {"ci95": None if success.ci95 is None else list(success.ci95)}
+    del found["without"]
+    return found
 
 
 def of_nothing(head, lost, digest):

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.commands import options
 from shefex_nav.commands.options import DispersedScenario, OverwriteOut, RootSeed, Workers
 from shefex_nav.commands.output_files import OR_FORCE, check_place
 from shefex_nav.commands.printing import print_json, say, stdout
@@ -26,10 +27,7 @@ def characterise(
         Path | None,
         typer.Option(metavar="DIR", help="Keep the rendered runs here; what is there is not flown again."),
     ] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override one value, as of shefex-nav run."),
-    ] = None,
+    overrides: options.overrides("Override one value, as of shefex-nav run.") = None,
     force: OverwriteOut = False,
     json: Annotated[bool, typer.Option("--json", help="Print the file's content on stdout.")] = False,
 ):

@@ -15,15 +15,15 @@ Log = Annotated[Path, typer.Argument(help="Log of a run (MCAP); logs of killed r
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
 RootSeed = Annotated[int, typer.Option(min=0, help="Root of all randomness.")]
 FirstSeed = Annotated[int, typer.Option(min=0, help="Seed of the first; the others follow.")]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="KEY=VALUE", help="Override one value, e.g. --set star_tracker.rate='5 Hz'."
-    ),
-]
-StudyOverrides = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override one value.")
-]
+
+
+def overrides(help):
+    """Type of the option --set, with its help."""
+    return Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help=help)]
+
+
+Overrides = overrides("Override one value, e.g. --set star_tracker.rate='5 Hz'.")
+StudyOverrides = overrides("Override one value.")
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes on this machine; default one a core.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 OverwriteOut = Annotated[bool, typer.Option("--force", help="Overwrite the file given with --out.")]

@@ -33,3 +33,26 @@ def progress_bar(*columns):
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         yield progress
+
+
+@contextmanager
+def counter(total, tell, done=0):
+    """Gives a function of words that counts one more: on a bar on stderr, or by `tell` where that is no
+    terminal.
+
+    tell : function of how many are done, and of the words
+    """
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+    columns = BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"), TimeRemainingColumn()
+    with progress_bar(*columns) as progress:
+        task = progress.add_task("", total=total, completed=done)
+
+        def count(words):
+            nonlocal done
+            done += 1
+            progress.update(task, completed=done, description=words)
+            if progress.disable:
+                tell(done, words)
+
+        yield count

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.commands import options
 from shefex_nav.commands.options import Json, mission_time
 from shefex_nav.commands.output_files import check_place
 from shefex_nav.commands.printing import print_json, stdout
@@ -26,12 +27,7 @@ def replay(
         str | None, typer.Option("--from", help="Statistics from this mission time on, e.g. 60s.")
     ] = None,
     log: Annotated[Path | None, typer.Option(help="Write a log (.mcap) for report and view.")] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Override one value, e.g. --set gnss.latency='0.1 s'."
-        ),
-    ] = None,
+    overrides: options.overrides("Override one value, e.g. --set gnss.latency='0.1 s'.") = None,
     json: Json = False,
 ):
     """Run the on-board navigation over external data, or over a log with another configuration."""

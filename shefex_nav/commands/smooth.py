@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from shefex_nav.commands import options
 from shefex_nav.commands.options import Json, Log
 from shefex_nav.commands.output_files import check_place
 from shefex_nav.commands.printing import print_json, progress_bar, say, stdout
@@ -19,12 +20,7 @@ SUFFIX = ".smoothed.mcap"
 def smooth(
     log: Log,
     out: Annotated[Path | None, typer.Option(help="Log to write; default <log>.smoothed.mcap.")] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Configure the filter otherwise: navigation.<key>=value."
-        ),
-    ] = None,
+    overrides: options.overrides("Configure the filter otherwise: navigation.<key>=value.") = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file that is written.")] = False,
     json: Json = False,
 ):

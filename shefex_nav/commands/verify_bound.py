@@ -32,11 +32,10 @@ def bound(
     if over_bound.left_out(loaded):
         words = f"{scenario} has errors that the bound does not know: {over_bound.left_out(loaded)}"
         raise typer.BadParameter(words, param_hint="SCENARIO")
-    from shefex_nav import warmup
-    from shefex_nav.scenario.choices import choices
+    from shefex_nav import runs
     from shefex_nav.verify import bound_table
 
-    warmup.get_ready({"command=run", *choices(loaded)})
+    runs.get_ready(loaded)
     found = over_bound.curves(*over_bound.flights(loaded, range(first, first + seeds), say))
     ratios = over_bound.ratios(found)
     if json:

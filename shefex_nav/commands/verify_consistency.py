@@ -10,7 +10,7 @@ import typer
 
 from shefex_nav.commands.options import FirstSeed, Json, Scenario, StudyOverrides, Workers
 from shefex_nav.commands.output_files import check_picture, make_folder
-from shefex_nav.commands.printing import print_json, progress_bar, say, stdout
+from shefex_nav.commands.printing import counter, print_json, say, stdout
 
 
 def consistency(
@@ -65,35 +65,22 @@ def _study(scenario, overrides, keep, turn_field):
     from shefex_nav.scenario import load
 
     loaded = load.load(scenario, overrides)
-    from shefex_nav import warmup
-    from shefex_nav.scenario.choices import choices
+    from shefex_nav import runs
     from shefex_nav.verify import study
 
     study.check(loaded)
     if keep is not None:
         make_folder(keep, "--keep")
-    warmup.get_ready({"command=run", *choices(loaded)})
+    runs.get_ready(loaded)
     return study.of_scenario(loaded, None if keep is None else str(keep), turn_field=turn_field)
 
 
 def _watched(asked, chosen, histories, workers):
     """`study.run` with a bar on stderr, or with lines where that is no terminal."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-
     from shefex_nav.verify import study
 
-    total, done = len(chosen) + 1, 0
-    columns = BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"), TimeRemainingColumn()
-    with progress_bar(*columns) as progress:
-        task = progress.add_task("", total=total)
-
-        def note(words):
-            nonlocal done
-            done += 1
-            progress.update(task, advance=1, description=words)
-            if progress.disable:
-                say(f"{words}, {done} of {total} done")
-
+    total = len(chosen) + 1
+    with counter(total, lambda done, words: say(f"{words}, {done} of {total} done")) as note:
         try:
             return study.run(asked, chosen, histories=histories, workers=workers, note=note)
         except KeyboardInterrupt:

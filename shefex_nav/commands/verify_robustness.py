@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from shefex_nav.commands.options import Json, StudyOverrides, Workers
-from shefex_nav.commands.printing import print_json, progress_bar, say, stdout
+from shefex_nav.commands.printing import counter, print_json, say, stdout
 
 
 def robustness(
@@ -86,27 +86,25 @@ def _fly(waiting, workers, kept):
 
     waiting : list of flight.Job, those among them whose flights the store.Store `kept` has as well
     """
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-
     from shefex_nav.verify.robustness import require, running
 
     missing, total = kept.missing(waiting), len(waiting)
     if not missing:
         return False
     running.warm_up(missing)
-    done, said = total - len(missing), 0
-    columns = BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"), TimeRemainingColumn()
-    with progress_bar(*columns) as progress:
-        task = progress.add_task("", total=total, completed=done)
+    said = 0
+
+    def tell(done, _):
+        nonlocal said
+        if done * 20 // total > said:
+            said = done * 20 // total
+            say(f"{done} of {require.counted(total, 'flight')} done")
+
+    with counter(total, tell, total - len(missing)) as count:
 
         def take(record):
-            nonlocal done, said
             kept.keep(record)
-            done += 1
-            progress.update(task, completed=done, description=f"cell {record['cell']}")
-            if progress.disable and done * 20 // total > said:
-                said = done * 20 // total
-                say(f"{done} of {require.counted(total, 'flight')} done")
+            count(f"cell {record['cell']}")
 
         try:
             running.fly(missing, workers, take)

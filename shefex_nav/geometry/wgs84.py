@@ -60,6 +60,12 @@ def dcm_en(latitude, longitude):
     return rows((-sp * cl, -sl, -cp * cl), (-sp * sl, cl, -cp * sl), (cp, 0.0, -sp))
 
 
+def level_axes(r_e):
+    """C_en at a position (3,) m, frame e: (3, 3)."""
+    latitude, longitude, _ = geodetic_from_ecef(r_e)
+    return dcm_en(latitude, longitude)
+
+
 @kernel
 def dcm_el(latitude, longitude):
     """C_el: components in east-north-up at the launch site to components in e. rad -> (3, 3)."""

@@ -6,7 +6,7 @@ run gives what `reader.read` gives from its log.
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, get_args, get_origin
 
 import numpy as np
 
@@ -72,25 +72,10 @@ class RunData(NamedTuple):
         return math.nan if self.until_s is None else self.until_s
 
 
-ARRAYS = {
-    TruthSample: "truth",
-    ControlSample: "control",
-    ImuBlock: "imu",
-    NavSolution: "nav",
-    NavCovariance: "covariance",
-    Frame: "frames",
-    CameraCommand: "commands",
-    Timing: "timing",
-}
-LISTS = {
-    GpsFix: "gps",
-    GpsRanges: "gps_ranges",
-    StarFix: "star_fixes",
-    FrameTruth: "frame_truths",
-    GateResult: "gates",
-    NavHealth: "health",
-    Event: "events",
-}
+_KINDS = RunData.__annotations__
+_OF_ARRAYS = ("truth", "control", "imu", "nav", "covariance", "frames", "commands")
+ARRAYS = {_KINDS[name]: name for name in _OF_ARRAYS} | {Timing: "timing"}
+LISTS = {get_args(kind)[0]: name for name, kind in _KINDS.items() if get_origin(kind) is list}
 _STACK_ROWS = 4096  # records of one type that wait to be made arrays, which take a tenth of their memory
 
 

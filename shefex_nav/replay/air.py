@@ -52,7 +52,7 @@ def highest(readings, alignment, data):
 def _sigma_height(earth, data, k, j):
     """1 sigma of the height [m] at sample k of the solution, j of the covariances."""
     r_e, t_s = data.nav.r_e[k], data.nav.t_s[k]
-    up_e = -wgs84.dcm_en(*wgs84.geodetic_from_ecef(r_e)[:2])[:, 2]
+    up_e = -wgs84.level_axes(r_e)[:, 2]
     up_i = frames.dcm_ie(earth, t_s) @ up_e
     return float(np.sqrt(up_i @ data.covariance.P[j][POS, POS] @ up_i))
 

@@ -130,8 +130,7 @@ def course(scenario, data, earth):
 def alignment(t_s, r_i, v_i, q_ib, earth, sigma_r, sigma_v, P_n):
     """Alignment with the covariance of the attitude given about north, east and down, (3, 3) rad^2."""
     C_ie = frames.dcm_ie(earth, t_s)
-    latitude, longitude, _ = wgs84.geodetic_from_ecef(C_ie.T @ r_i)
-    C_bn = rotation.dcm_from_quat(q_ib).T @ C_ie @ wgs84.dcm_en(latitude, longitude)
+    C_bn = rotation.dcm_from_quat(q_ib).T @ C_ie @ wgs84.level_axes(C_ie.T @ r_i)
     return Alignment(t_s, r_i, v_i, q_ib, sigma_r, sigma_v, C_bn @ P_n @ C_bn.T)
 
 

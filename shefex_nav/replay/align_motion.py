@@ -29,7 +29,7 @@ def course(scenario, data, earth, alignment_of):
         raise DataError("alignment: a course needs the velocity of GNSS, which these data do not have")
     fastest = 0.0
     for earlier, later in pairwise(fixes):
-        speed, sigma = _ground_speed(later)
+        _, speed, sigma = over_ground(later)
         fastest = max(fastest, speed)
         if later.t_valid_s - earlier.t_valid_s > LONGEST_S:
             continue
@@ -44,19 +44,14 @@ def course(scenario, data, earth, alignment_of):
     raise DataError(f"alignment: no course from {scenario.mission.start:g} s on: {words} m/s")
 
 
-def _level(fix):
-    """C_en at a fix."""
-    latitude, longitude, _ = wgs84.geodetic_from_ecef(fix.r_ea_e)
-    return wgs84.dcm_en(latitude, longitude)
-
-
-def _ground_speed(fix):
-    """Speed along the ground [m/s], and 1 sigma of the course [rad]."""
-    C_en = _level(fix)
+def over_ground(fix):
+    """Velocity of a fix north, east, down (3,) m/s, its speed along the ground [m/s], and 1 sigma of its
+    course [rad]."""
+    C_en = wgs84.level_axes(fix.r_ea_e)
     v_n, R_n = C_en.T @ fix.v_ea_e, C_en.T @ fix.R_v_e @ C_en
     speed = float(np.hypot(v_n[0], v_n[1]))
     across = np.array([-v_n[1], v_n[0], 0.0]) / max(speed, 1e-9)
-    return speed, float(np.sqrt(across @ R_n @ across) / max(speed, 1e-9))
+    return v_n, speed, float(np.sqrt(across @ R_n @ across) / max(speed, 1e-9))
 
 
 def _at(scenario, imu, earth, earlier, later, alignment_of):
@@ -65,7 +60,7 @@ def _at(scenario, imu, earth, earlier, later, alignment_of):
     begin, end = (int(np.argmin(np.abs(imu.t_s - fix.t_valid_s))) for fix in (earlier, later))
     t_s, span_s = float(imu.t_s[end]), float(imu.t_s[end] - imu.t_s[begin])
     f_b, turned = _mean_force(imu, begin, end)
-    C_en = _level(later)
+    C_en = wgs84.level_axes(later.r_ea_e)
     g_n = C_en.T @ gravity.normal_gravity_e(later.r_ea_e)
     dv_n = C_en.T @ (later.v_ea_e - earlier.v_ea_e)
     coriolis_n = C_en.T @ (2.0 * np.cross([0.0, 0.0, wgs84.OMEGA], later.v_ea_e))
@@ -82,7 +77,7 @@ def _at(scenario, imu, earth, earlier, later, alignment_of):
     r_i, v_i = frames.inertial_from_ecef(earth, t_s, r_e, C_en @ moved)
     q_ib = rotation.quat_from_dcm(frames.dcm_ie(earth, t_s) @ C_en @ C_nb)
     level = _level_sigma(scenario, earlier, later, span_s, turned)
-    P_n = np.diag([level, level, np.hypot(settings.sideslip, _ground_speed(later)[1])]) ** 2
+    P_n = np.diag([level, level, np.hypot(settings.sideslip, over_ground(later)[2])]) ** 2
     sigma_r, sigma_v = (float(np.sqrt(np.linalg.eigvalsh(R)[-1])) for R in (later.R_r_e, later.R_v_e))
     return alignment_of(t_s, r_i, v_i, q_ib, earth, sigma_r, sigma_v, P_n)
 

@@ -23,6 +23,7 @@ import numpy as np
 from shefex_nav.compiled import kernel
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import rotation, wgs84
+from shefex_nav.replay.align_motion import over_ground
 from shefex_nav.replay.table import DataError
 
 MOST_S = 3.0  # [E] largest offset that is looked for
@@ -215,14 +216,10 @@ def _speed(fix):
 
 def _course(fix):
     """Course over the ground [rad] and its sigma; None if there is none."""
-    latitude, longitude, _ = wgs84.geodetic_from_ecef(fix.r_ea_e)
-    C_en = wgs84.dcm_en(latitude, longitude)
-    v_n, R_n = C_en.T @ fix.v_ea_e, C_en.T @ fix.R_v_e @ C_en
-    speed = float(np.hypot(v_n[0], v_n[1]))
+    v_n, speed, sigma = over_ground(fix)
     if speed < SLOW or abs(v_n[2]) > STEEP * speed:
         return None
-    across = np.array([-v_n[1], v_n[0]]) / speed
-    return float(np.arctan2(v_n[1], v_n[0])), float(np.sqrt(across @ R_n[:2, :2] @ across) / speed)
+    return float(np.arctan2(v_n[1], v_n[0])), sigma
 
 
 def _misfit(said, sigma, felt):

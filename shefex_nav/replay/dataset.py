@@ -154,8 +154,7 @@ def fixes(gnss, settings):
     )
     count, out = np.zeros(len(gnss.t_s)) if gnss.satellites is None else gnss.satellites, []
     for k in _chosen(gnss.t_s, settings).tolist():
-        latitude, longitude, _ = wgs84.geodetic_from_ecef(gnss.r_e[k])
-        C_en = wgs84.dcm_en(latitude, longitude)
+        C_en = wgs84.level_axes(gnss.r_e[k])
         has_velocity, reason = gnss.v_e is not None, _unusable(gnss, k, settings.fewest_satellites)
         valid = not reason
         nothing, unknown = np.full(3, np.nan), np.full((3, 3), np.nan)

@@ -158,7 +158,7 @@ def _otherwise(track, declared):
 
 def _level_axes(r_e):
     """C_en at positions (n, 3) m: (n, 3, 3)."""
-    return np.array([wgs84.dcm_en(*wgs84.geodetic_from_ecef(place)[:2]) for place in r_e])
+    return np.array([wgs84.level_axes(place) for place in r_e])
 
 
 # truth
@@ -298,7 +298,7 @@ def _specific_forces(data, g):
         rows = np.clip(np.searchsorted(truth.t_s, [*ends_s, ends_s.mean()]), 0, len(truth.t_s) - 1)
         C_first, C_last, C_nb = (euler.dcm_from_euler(*truth.angles[k]) for k in rows)
         v_e = np.array([np.interp(ends_s, truth.t_s, column) for column in truth.v_e.T])
-        C_en = wgs84.dcm_en(*wgs84.geodetic_from_ecef(truth.r_e[rows[2]])[:2])
+        C_en = wgs84.level_axes(truth.r_e[rows[2]])
         coriolis_e = 2.0 * np.cross([0.0, 0.0, wgs84.OMEGA], v_e.mean(axis=1))
         true = C_nb.T @ (C_en.T @ (np.diff(v_e, axis=1)[:, 0] / SECOND_S + coriolis_e) - [0.0, 0.0, g])
         steady = np.trace(C_first.T @ C_last) > 1.0 + 2.0 * np.cos(MOST_TURN)
@@ -342,8 +342,7 @@ def _rest_end(fixes):
 
 def _upward(fix):
     """Cosine of the angle between the velocity of a fix and up."""
-    latitude, longitude, _ = wgs84.geodetic_from_ecef(fix.r_ea_e)
-    return float(-wgs84.dcm_en(latitude, longitude)[:, 2] @ fix.v_ea_e / np.linalg.norm(fix.v_ea_e))
+    return float(-wgs84.level_axes(fix.r_ea_e)[:, 2] @ fix.v_ea_e / np.linalg.norm(fix.v_ea_e))
 
 
 def _side(u_b):

@@ -12,8 +12,7 @@ def alignment(found, earth, method, since_s):
     since_s : time of the alignment that was too uncertain to start from [s]; None if there was none
     """
     C_ie = frames.dcm_ie(earth, found.t_valid_s)
-    latitude, longitude, _ = wgs84.geodetic_from_ecef(C_ie.T @ found.r_i)
-    C_nb = (C_ie @ wgs84.dcm_en(latitude, longitude)).T @ rotation.dcm_from_quat(found.q_ib)
+    C_nb = (C_ie @ wgs84.level_axes(C_ie.T @ found.r_i)).T @ rotation.dcm_from_quat(found.q_ib)
     sigma = np.sqrt(np.diag(C_nb @ found.P_theta_b @ C_nb.T))
     roll, pitch, heading = np.degrees(euler.euler_from_dcm(C_nb)).tolist()
     with_bias = len(found.gyro_bias) > 0

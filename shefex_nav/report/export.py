@@ -14,49 +14,35 @@ import numpy as np
 
 from shefex_nav.instruments import TABLE, outer_states
 from shefex_nav.log.fields import EQUAL
+from shefex_nav.log.run_data import ARRAYS, LISTS
 from shefex_nav.log.topics import of_record
 from shefex_nav.onboard.navigation.blocks import STATES
-from shefex_nav.records import (
-    CameraCommand,
-    ControlSample,
-    Event,
-    Frame,
-    FrameTruth,
-    GateResult,
-    GpsFix,
-    GpsRanges,
-    ImuBlock,
-    NavCovariance,
-    NavHealth,
-    NavSolution,
-    StarFix,
-    TruthSample,
-)
 
 KINDS = ("csv", "parquet")
 COLUMNS = "columns.csv"
-_SOURCES = {  # table -> record and field of RunData
-    "truth": (TruthSample, "truth"),
-    "attitude_control": (ControlSample, "control"),
-    "imu": (ImuBlock, "imu"),
-    "gps": (GpsFix, "gps"),
-    "gps_ranges": (GpsRanges, "gps_ranges"),
-    "frames": (Frame, "frames"),
-    "frame_truth": (FrameTruth, "frame_truths"),
-    "camera_commands": (CameraCommand, "commands"),
-    "star_fixes": (StarFix, "star_fixes"),
-    "nav": (NavSolution, "nav"),
-    "nav_covariance": (NavCovariance, "covariance"),
-    "gates": (GateResult, "gates"),
-    "health": (NavHealth, "health"),
-    "events": (Event, "events"),
+_SOURCES = {  # table -> field of RunData
+    "truth": "truth",
+    "attitude_control": "control",
+    "imu": "imu",
+    "gps": "gps",
+    "gps_ranges": "gps_ranges",
+    "frames": "frames",
+    "frame_truth": "frame_truths",
+    "camera_commands": "commands",
+    "star_fixes": "star_fixes",
+    "nav": "nav",
+    "nav_covariance": "covariance",
+    "gates": "gates",
+    "health": "health",
+    "events": "events",
 }
+_RECORDS = {field: record for record, field in (ARRAYS | LISTS).items()}
 _PER_ELEMENT = {  # tables of what has a length of its own: name, and an attribute that has it
-    GpsRanges: (("gps_ranges", "prn"),),
-    StarFix: (("star_fix_objects", "hip"), ("star_vectors", "stars.hip")),
-    FrameTruth: (("frame_truth_stars", "hip"),),
-    GateResult: (("gate_innovations", "innovation"),),
-    NavCovariance: (("nav_states", "estimates"),),
+    "gps_ranges": (("gps_ranges", "prn"),),
+    "star_fixes": (("star_fix_objects", "hip"), ("star_vectors", "stars.hip")),
+    "frame_truth": (("frame_truth_stars", "hip"),),
+    "gates": (("gate_innovations", "innovation"),),
+    "nav_covariance": (("nav_states", "estimates"),),
 }
 _SAMPLES = ("dtheta_b_rad", "dv_b_m_s")  # a vector in each row
 
@@ -72,11 +58,11 @@ class Column(NamedTuple):
 def tables(data):
     """Tables of a RunData: {name: list of Column}; those without a row are left out."""
     out = {}
-    for name, (record, field) in _SOURCES.items():
-        topic, source = of_record(record), getattr(data, field)
-        if record is not GpsRanges:
+    for name, field in _SOURCES.items():
+        topic, source = of_record(_RECORDS[field]), getattr(data, field)
+        if name != "gps_ranges":
             out[name] = _table(topic, source)
-        for inner, counted in _PER_ELEMENT.get(record, ()):
+        for inner, counted in _PER_ELEMENT.get(name, ()):
             out[inner] = _elements(topic, source, counted)
     out |= {name: _table(of_record(one.record), data.readings[name]) for name, one in TABLE.items()}
     out |= _errors(data)

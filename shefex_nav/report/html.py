@@ -2,6 +2,7 @@
 
 import base64
 from html import escape
+from importlib.resources import files
 from typing import NamedTuple
 
 
@@ -56,6 +57,21 @@ def picture(svg, name, alt, caption, size_inches):
     source = "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
     image = Safe(f'<img src="{source}" alt="{escape(alt, quote=True)}" width="{width}" height="{height}">')
     return element("figure", image, element("figcaption", caption), id=f"figure-{name}")
+
+
+def page(title, *, header, sections, footer):
+    """A report: str.
+
+    header : what stands above its table of contents;  sections : of name, heading, list of contents
+    """
+    links = [element("li", element("a", heading, href=f"#{name}")) for name, heading, _ in sections]
+    contents = element("nav", element("ol", *links), aria_label="Contents")
+    main = (
+        element("section", element("h2", heading), join(content), id=name)
+        for name, heading, content in sections
+    )
+    style = (files("shefex_nav") / "report" / "page.css").read_text()
+    return document(title, style, header=join([*header, contents]), main=join(main), footer=footer)
 
 
 def document(title, style, *, header, main, footer):

@@ -1,12 +1,14 @@
 """What went wrong in a run, and when: one list out of all the places of a log that say so."""
 
 from collections import Counter
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.records import QUANTITIES, Doubt, Reason, protected
 from shefex_nav.report import metrics, trust
+from shefex_nav.report.pairing import stretches
 
 _TOGETHER_S = (
     2.5  # refusals of one sensor, or doubts about one quantity, that are not farther apart are one incident
@@ -98,10 +100,7 @@ def _imu(data):
 
 def _runs(t_s, flags):
     """(first, last or None at the end of the samples) of every run of flagged samples."""
-    if not len(t_s) or not np.any(flags):
-        return
-    changed = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, dtype=np.int8), [0]])))
-    for a, b in zip(changed[::2], changed[1::2], strict=True):
+    for a, b in stretches(flags):
         yield float(t_s[a]), None if b == len(t_s) else float(t_s[b])
 
 
@@ -112,16 +111,13 @@ def _stars(data):
     wrong = errors.t_s[np.linalg.norm(errors.rotation_c, axis=1) > metrics.WRONG_ANGLE]
     for t_s in wrong.tolist():
         yield Incident(t_s, t_s, "wrong star fix, given as good")
-    run = []
-    for fix in data.star_fixes:
-        bad = fix.number in window and fix.reason != Reason.NONE
-        if run and (not bad or fix.reason != run[-1].reason):
-            yield _without(run)
-            run = []
+    for (bad, _), fixes in groupby(data.star_fixes, lambda fix: (_is_bad(fix, window), fix.reason)):
         if bad:
-            run.append(fix)
-    if run:
-        yield _without(run)
+            yield _without(list(fixes))
+
+
+def _is_bad(fix, window):
+    return fix.number in window and fix.reason != Reason.NONE
 
 
 def _without(fixes):

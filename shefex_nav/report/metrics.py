@@ -36,6 +36,7 @@ from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.records import Reason
 from shefex_nav.report import flight, local_level, programme, trust
 from shefex_nav.report.configured import configured
+from shefex_nav.report.nees import nees
 from shefex_nav.report.pairing import pointing_error, same_times
 from shefex_nav.report.track import earth_fixed
 
@@ -229,7 +230,7 @@ def by_rate(data, errors):
             continue
         rotation = errors.rotation_c[fixed & ~wrong]
         P_c = [covariances[k] for k in errors.number[fixed & ~wrong].tolist()]
-        nees = [e @ np.linalg.solve(P, e) for e, P in zip(rotation - mean, P_c, strict=True)]
+        squares = [e @ np.linalg.solve(P, e) for e, P in zip(rotation - mean, P_c, strict=True)]
         result.append(
             {
                 "from_deg_s": low,
@@ -239,7 +240,7 @@ def by_rate(data, errors):
                 "wrong": int((fixed & wrong).sum()),
                 "cross_axis_rms_arcsec": _rms(rotation[:, :2].ravel()) * _ARCSEC,
                 "boresight_rms_arcsec": _rms(rotation[:, 2]) * _ARCSEC,
-                "nees": float(np.mean(nees)) if nees else None,
+                "nees": float(np.mean(squares)) if squares else None,
             }
         )
     return result
@@ -273,7 +274,7 @@ def _at_entry(data, errors, t_s, height):
     if not len(k):
         return None
     k = k[0]
-    times, nees, sigma = normalised_errors(data, errors)
+    times, squares, sigma = normalised_errors(data, errors)
     before = np.flatnonzero(times <= t_s + SAME_S)
     known = before[-1] if len(before) else None
     return {
@@ -285,7 +286,7 @@ def _at_entry(data, errors, t_s, height):
         "position_sigma_m": None if known is None else float(np.linalg.norm(sigma[known, :3])),
         "velocity_sigma_m_s": None if known is None else float(np.linalg.norm(sigma[known, 3:6])),
         "attitude_sigma_deg": None if known is None else np.degrees(sigma[known, 6:]).tolist(),
-        "nees": None if known is None else float(nees[known]),
+        "nees": None if known is None else float(squares[known]),
     }
 
 
@@ -294,11 +295,7 @@ def normalised_errors(data, errors):
     i, j = same_times(errors.t_s, data.covariance.t_s)
     x = np.hstack([errors.position_i[i], errors.velocity_i[i], errors.attitude_b[i]])
     P = data.covariance.P[j]
-    sigma = np.sqrt(np.einsum("kii->ki", P))
-    scaled = P / (sigma[:, :, None] * sigma[:, None, :])  # correlations: metres and radians in one matrix
-    z = x / sigma
-    nees = np.einsum("ki,ki->k", z, np.linalg.solve(scaled, z[:, :, None])[:, :, 0])
-    return errors.t_s[i], nees, sigma
+    return errors.t_s[i], nees(x, P), np.sqrt(np.einsum("kii->ki", P))
 
 
 def _nees_summary(data, errors, end_s):
@@ -306,10 +303,10 @@ def _nees_summary(data, errors, end_s):
     nothing = {"mean": None, "dof": NEES_DOF, "samples": 0}
     if not accepted:
         return nothing
-    t_s, nees, _ = normalised_errors(data, errors)
+    t_s, squares, _ = normalised_errors(data, errors)
     since_s = t_s - data.mission.start_s
     is_second = np.abs(since_s - np.round(since_s)) <= SAME_S
-    chosen = nees[is_second & (t_s >= accepted[0]) & (t_s <= end_s)]
+    chosen = squares[is_second & (t_s >= accepted[0]) & (t_s <= end_s)]
     if not len(chosen):
         return nothing
     return {"mean": float(chosen.mean()), "dof": NEES_DOF, "samples": len(chosen)}

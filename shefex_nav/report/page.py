@@ -4,7 +4,6 @@ No network, no scripts: figures are SVG texts inside the page, letters in them a
 then sections in the order of the route from the flight to the solution, the scenario and the versions last.
 """
 
-from importlib.resources import files
 from typing import NamedTuple
 
 from shefex_nav.files import put
@@ -59,11 +58,10 @@ def page(data, log=None):
     sections.append(("numbers", "All numbers of the run", [_numbers(run.summary)]))
     sections.append(("scenario", "Scenario and versions", page_summary.origin(run)))
     title = f"{data.mission.scenario}, seed {data.mission.seed}"
-    return html.document(
+    return html.page(
         f"{title}: report of a run",
-        (files("shefex_nav") / "report" / "page.css").read_text(),
-        header=html.join([element("h1", title), page_summary.lead(run), _contents(sections)]),
-        main=html.join(_section(*section) for section in sections),
+        header=[element("h1", title), page_summary.lead(run)],
+        sections=sections,
         footer=f"Report of {run.log}, made by shefex_nav {_version()}.",
     )
 
@@ -79,15 +77,6 @@ def _digest(log):
 
     with open(log, "rb") as file:
         return file_digest(file, "sha256").hexdigest()
-
-
-def _contents(sections):
-    links = [element("li", element("a", heading, href=f"#{name}")) for name, heading, _ in sections]
-    return element("nav", element("ol", *links), aria_label="Contents")
-
-
-def _section(name, heading, parts):
-    return element("section", element("h2", heading), html.join(parts), id=name)
 
 
 def _figures(data):

@@ -5,7 +5,7 @@ import platform
 import numpy as np
 
 from shefex_nav.records import QUANTITIES
-from shefex_nav.report import html, requirements
+from shefex_nav.report import html, requirements, table
 from shefex_nav.report.html import element
 
 _MOST_INCIDENTS = 40
@@ -75,14 +75,8 @@ def judge(run):
         return requirements.judge(stated, run.summary), "of the scenario"
     if "attitude" in run.limits.limits and run.summary["navigation"]["at_entry"]:
         limit = float(f"{np.degrees(run.limits.limits['attitude']):.12g}")
-
-        def get(path):
-            value = run.summary
-            for key in path.split("."):
-                value = value.get(key) if isinstance(value, dict) else None
-            return value
-
-        return requirements.judge_figures({"attitude_at_entry": limit}, get), "of requirements.attitude"
+        figures = requirements.figures_of(run.summary)
+        return requirements.judge_figures({"attitude_at_entry": limit}, figures), "of requirements.attitude"
     return [], ""
 
 
@@ -157,7 +151,7 @@ def _usable_tile(quantity, one):
 
 
 def _number(value, digits, unit):
-    return _DASH if value is None else f"{value:,.{digits}f}{' ' if unit else ''}{unit}".replace(",", " ")
+    return _DASH if value is None else table.number(value, digits, unit)
 
 
 def _star_tile(star):

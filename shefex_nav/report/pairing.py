@@ -1,4 +1,4 @@
-"""Records of one instant, found in two sorted arrays of times."""
+"""Records of one instant, found in two sorted arrays of times; samples of one kind that follow each other."""
 
 import numpy as np
 
@@ -13,6 +13,12 @@ def same_times(t_a, t_b):
     k = np.searchsorted(t_b, t_a - SAME_S).clip(0, len(t_b) - 1)
     both = np.abs(t_b[k] - t_a) <= SAME_S
     return np.flatnonzero(both), k[both]
+
+
+def stretches(flags):
+    """Runs of flagged samples: list of (first, end), the end behind the last one. (n,) bool"""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, dtype=np.int8), [0]]))).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def phase_at(truth, t_s):

@@ -134,13 +134,19 @@ def judge(requirements, summary):
     -> list of Judged, of those that are required, in the order of MEASURES
     """
 
+    return judge_figures(limits(requirements), figures_of(summary))
+
+
+def figures_of(summary):
+    """Function that gives the value at a dotted path of a summary, None if there is none."""
+
     def get(path):
         value = summary
         for key in path.split("."):
             value = value.get(key) if isinstance(value, dict) else None
         return value
 
-    return judge_figures(limits(requirements), get)
+    return get
 
 
 def limits(requirements):

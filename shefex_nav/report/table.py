@@ -26,12 +26,13 @@ TOO_SURE = 2.0  # NEES over its degrees of freedom from which on it is said in w
 FAST_DEG_S = 3.0  # beyond this a star tracker is made for turns
 
 
-def _text(value, digits, unit=""):
+def number(value, digits, unit=""):
+    """A figure with its unit, for people; '-' of None."""
     return "-" if value is None else f"{value:,.{digits}f}{' ' if unit else ''}{unit}".replace(",", " ")
 
 
 def _pair(values, digits, unit):
-    return f"{_text(values['rms'], digits, unit)} rms, {_text(values['max'], digits, unit)} max"
+    return f"{number(values['rms'], digits, unit)} rms, {number(values['max'], digits, unit)} max"
 
 
 def summary_table(summary, judged=()):
@@ -84,16 +85,16 @@ def _requirement_rows(judged, is_part):
 def _flight_rows(flight, *, stood):
     estimated = flight["of"] == "solution"
     if flight["climbs_at_km"] is not None:
-        yield "height at the end", f"{_text(flight['climbs_at_km'], 1, 'km')}, no apogee before it"
+        yield "height at the end", f"{number(flight['climbs_at_km'], 1, 'km')}, no apogee before it"
     for name, key, digits, unit in _FLOWN:
         if flight[key] is not None:
-            yield name, _text(flight[key], digits, unit)
+            yield name, number(flight[key], digits, unit)
     if stood and flight["max_speed_m_s"] is None:
         yield "motion", "none beyond the errors" if estimated else "none, it stands on the ground"
     if stood and estimated:
         yield "as estimated", "there is no truth"
     for event in flight["events"]:
-        yield _event(event["name"]), f"T{event['t_s']:+.1f} s, {_text(event['altitude_km'], 1, 'km')}"
+        yield _event(event["name"]), f"T{event['t_s']:+.1f} s, {number(event['altitude_km'], 1, 'km')}"
 
 
 def _event(name):
@@ -104,7 +105,7 @@ def _event(name):
 
 
 def _control_rows(control):
-    yield "cold gas used", _text(control["propellant_kg"], 2, "kg")
+    yield "cold gas used", number(control["propellant_kg"], 2, "kg")
     yield "pointing error while pointing", _pair(control["pointing_error_deg"], 2, "deg")
 
 
@@ -121,12 +122,12 @@ def _star_rows(star):
         reasons = (f"{reason.replace('_', ' ')} {count}" for reason, count in star["no_fix"].items())
         yield "no fix", ", ".join(reasons)
     error = star["error_arcsec"]
-    yield "error across the boresight", _text(error["cross_axis_rms"], 1, '" rms')
-    yield "error about the boresight", _text(error["boresight_rms"], 1, '" rms')
+    yield "error across the boresight", number(error["cross_axis_rms"], 1, '" rms')
+    yield "error about the boresight", number(error["boresight_rms"], 1, '" rms')
     chain = star["chain_ms"]
     yield (
         "time per frame",
-        f"{_text(chain['median'], 2, 'ms')} median, 99 % below {_text(chain['p99'], 2, 'ms')}",
+        f"{number(chain['median'], 2, 'ms')} median, 99 % below {number(chain['p99'], 2, 'ms')}",
     )
 
 
@@ -151,8 +152,8 @@ def _navigation_rows(navigation):
         yield (
             f"at {entry['altitude_km']:.0f} km, T{entry['t_s']:+.1f} s",
             (
-                f"{_text(entry['position_error_m'], 1, 'm')}, "
-                f"{_text(entry['velocity_error_m_s'], 3, 'm/s')}, "
+                f"{number(entry['position_error_m'], 1, 'm')}, "
+                f"{number(entry['velocity_error_m_s'], 3, 'm/s')}, "
                 f"attitude x, y, z {axes} deg"
             ),
         )
@@ -274,10 +275,10 @@ def _level_rows(navigation):
 def _run_rows(summary):
     since = summary["simulated_from_s"]
     span = "" if since is None else f", from T{since:+.1f} s to T{since + summary['simulated_s']:+.1f} s"
-    yield "simulated", _text(summary["simulated_s"], 1, "s") + span
+    yield "simulated", number(summary["simulated_s"], 1, "s") + span
     if summary["wall_s"] is not None:
-        factor = _text(summary["real_time_factor"], 0)
-        yield "took", f"{_text(summary['wall_s'], 1, 's')}, {factor} x real time"
+        factor = number(summary["real_time_factor"], 0)
+        yield "took", f"{number(summary['wall_s'], 1, 's')}, {factor} x real time"
     if summary["ended_early"]:
         yield "ended early", Text("the log is cut off; everything above is up to then", style="bold yellow")
     if summary["until_s"] is not None:

@@ -24,10 +24,9 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.geometry.rotation import rotvec_between
 from shefex_nav.records import QUANTITIES, Doubt, protected
 from shefex_nav.report import local_level
-from shefex_nav.report.pairing import same_times
+from shefex_nav.report.pairing import same_times, stretches
 
 TIME_TO_ALERT_S = 1.0  # [E] an error that is over sooner has misled nobody
-SHOWN = (("position", "m"), ("velocity", "m/s"), ("attitude", "deg"))
 UNITS = {"position": ("m", 1.0), "velocity": ("m_s", 1.0), "attitude": ("deg", math.degrees(1.0))}  # of SI
 
 
@@ -76,9 +75,8 @@ def compare(data):
 def misleading(one):
     """Where a quantity is misleading, (M,) bool, and how many times it becomes so. Compared"""
     over = one.usable & (one.error > one.level).any(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], over.astype(np.int8), [0]])))
     marks, events = np.zeros(len(over), dtype=bool), 0
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
+    for first, end in stretches(over):
         if one.t_s[end - 1] - one.t_s[first] > TIME_TO_ALERT_S + SAME_S:
             marks[first:end] = True
             events += 1

@@ -6,20 +6,18 @@ of the chunk. A file that says anything else, or that cannot be read, is refused
 not mix. Files are plain NumPy archives without pickled objects, so that reading a foreign one runs nothing.
 """
 
-import hashlib
 import json
 import os
-import zipfile
-from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from shefex_nav import __version__
+from shefex_nav import __version__, files
 from shefex_nav.errors import UserError
 
 HEAD = "head"  # name of the array that holds the fingerprint
+PACKAGE = Path(__file__).parents[1]
 WORLD = ("clock.py", "records.py", "compiled", "geometry", "environment", "world", "onboard", "data")
 
 
@@ -44,10 +42,9 @@ class Store(NamedTuple):
         if not path.exists():
             return None
         try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-                head = json.loads(str(archive[HEAD]))
-                result = {name: archive[name] for name in archive.files if name != HEAD}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            result = files.arrays(path)
+            head = json.loads(str(result.pop(HEAD)))
+        except files.UNREADABLE:
             words = "is damaged, or no file of results; move it away to measure it again"
             raise StoreError(f"{path} {words}") from None
         wanted = self.head | {"chunk": number, "samples": size}
@@ -111,12 +108,7 @@ def store(experiment, seed, folder):
 
 def code_digest(modules):
     """Fingerprint of what makes the results: these modules, the world, the software on board."""
-    package = files("shefex_nav")
-    own = [Path(str(package / "reproduce" / f"{name}.py")) for name in modules]
-    roots = [Path(str(package / name)) for name in WORLD]
+    own = [PACKAGE / "reproduce" / f"{name}.py" for name in modules]
+    roots = [PACKAGE / name for name in WORLD]
     every = [file for root in roots for file in (root.rglob("*") if root.is_dir() else [root])]
-    digest = hashlib.sha256()
-    for path in sorted(own + [file for file in every if file.is_file() and "__pycache__" not in file.parts]):
-        if path.suffix in (".py", ".gz", ".csv"):
-            digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()[:16]
+    return files.digest([*own, *(file for file in every if file.suffix in (".py", ".gz", ".csv"))], PACKAGE)

@@ -1,5 +1,7 @@
 """The figure of an experiment as a PNG file; matplotlib is imported when a figure is drawn, not before."""
 
+from shefex_nav.report.figures import style
+
 COLOURS = ("#1f5fa8", "#d1622b", "#5f9e3f", "#9c4f96", "#8c6d31")
 
 
@@ -17,10 +19,6 @@ def legend_below(figure, axis, ncols, **look):
 
 def draw(experiment, outcome, path):
     """Draw an experiment into a file, over an older figure of the same name."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = style.constrained(9.0, 6.0)
     experiment.draw(figure, outcome.results, outcome.rows)
     figure.savefig(path, dpi=120, metadata={"Software": None})  # no version: same figure, same bytes

@@ -7,6 +7,7 @@ from numbers import Real
 import numpy as np
 
 from shefex_nav.compiled import kernel
+from shefex_nav.geometry.pinhole import Pinhole
 
 UNDISTORT_STEPS = 20
 
@@ -38,6 +39,21 @@ class Camera:
         if self.distortion is not None:
             values = numbers("Camera.distortion", self.distortion, (5,))
             object.__setattr__(self, "distortion", tuple(float(v) for v in values))
+
+
+def pinhole_of(camera):
+    """Pinhole of a Camera, without its distortion."""
+    return Pinhole(
+        camera.width_px, camera.height_px, float(camera.focal_length_px), *camera.principal_point_px
+    )
+
+
+def undistorted(camera, xy_px):
+    """Pixels of `pinhole_of` a Camera from those of the Camera. (n, 2) -> (n, 2), float"""
+    xy_px = np.ascontiguousarray(xy_px, dtype=float)
+    if camera.distortion is None:
+        return xy_px
+    return undistort(pinhole_of(camera), np.array(camera.distortion), xy_px)
 
 
 @kernel

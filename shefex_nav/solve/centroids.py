@@ -25,7 +25,7 @@ from shefex_nav.onboard.startracker.settings import Catalogue, Identification
 from shefex_nav.onboard.startracker.tables import Pairs, Stars
 from shefex_nav.records import Reason
 from shefex_nav.solve import given
-from shefex_nav.solve.camera import Camera, undistort
+from shefex_nav.solve.camera import Camera, pinhole_of, undistorted
 
 MERGE_PX = 2.0  # closer stars are one point of light
 REASONS = {int(reason): reason.name.lower() for reason in Reason}
@@ -89,21 +89,19 @@ def solve_centroids(
     StarSolution; a frame that cannot be solved is not an error
     """
     ready = _ready_for(camera, epoch, max_magnitude, centroid_sigma_px, magnitude_sigma, false_limit)
-    centroids = _of_pinhole(ready.sky.pinhole, camera, xy_px, flux, centroid_covariance_px)
+    centroids = _of_pinhole(camera, xy_px, flux, centroid_covariance_px)
     if method not in ("default", "bayes"):
         return _by_method(method, ready, *centroids, zero_flux, prediction)
     return _by_default(ready, *centroids, prediction)
 
 
-def _of_pinhole(pinhole, camera, xy_px, flux, P_px):
+def _of_pinhole(camera, xy_px, flux, P_px):
     """Checked centroids (n, 2) without the distortion, brightness (n,) or None, covariances or None."""
     xy_px = given.places(xy_px)
     flux = None if flux is None else given.fluxes(flux, len(xy_px))
     if P_px is not None:
         P_px = checked(P_px, len(xy_px), "centroid_covariance_px")
-    if camera.distortion is not None:
-        xy_px = undistort(pinhole, np.array(camera.distortion), xy_px)
-    return xy_px, flux, P_px
+    return undistorted(camera, xy_px), flux, P_px
 
 
 def _by_default(ready, xy_px, flux, P_px, prediction):
@@ -236,15 +234,12 @@ def _sky(camera, epoch, max_magnitude):
         raise ValueError(f"epoch: expected a Julian year between 1900 and 2200, got {epoch!r}")
     if not -2.0 < max_magnitude <= 8.0:
         raise ValueError(f"max_magnitude: expected V between -2 and 8, got {max_magnitude!r}")
-    cx, cy = camera.principal_point_px
-    pinhole = Pinhole(camera.width_px, camera.height_px, float(camera.focal_length_px), cx, cy)
+    pinhole = pinhole_of(camera)
     right, bottom = camera.width_px - 0.5, camera.height_px - 0.5
     corners = np.array([[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]])
-    displaced = 0.0
-    if camera.distortion is not None:
-        ideal = undistort(pinhole, np.array(camera.distortion), corners)
-        displaced = float(np.abs(ideal - corners).max())
-    field = 2.0 * np.arctan((np.hypot(*(corners - [cx, cy]).T).max() + displaced) / pinhole.focal_length_px)
+    displaced = float(np.abs(undistorted(camera, corners) - corners).max())
+    farthest_px = np.hypot(*(corners - camera.principal_point_px).T).max() + displaced
+    field = 2.0 * np.arctan(farthest_px / pinhole.focal_length_px)
     sky = load_catalogue(8.0)
     depth = _depth(np.sort(sky.vmag), float(max_magnitude), pinhole)
     settings = Catalogue(

@@ -16,11 +16,10 @@ import numpy as np
 
 from shefex_nav import warmup
 from shefex_nav.environment.stars import select
-from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.geometry.rotation import quat_from_dcm
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
 from shefex_nav.solve import field, lens, patterns, picture, proof, triangles
-from shefex_nav.solve.camera import Camera, undistort
+from shefex_nav.solve.camera import Camera, undistorted
 
 FOV_DEG = (6.5, 32.0)  # horizontal, when nothing is said about it
 FOV_TOLERANCE = 1.2  # factor either way, of a field of view that is given
@@ -152,7 +151,7 @@ def solve_picture(seen, *, camera=None, fov_deg=None, epoch=None):
     found = field.find(seen.grey)
     xy_px = found.xy_px
     if camera is not None:
-        xy_px = _ideal(camera, xy_px)
+        xy_px = _centred(camera, xy_px)
     search = _Search(size_px, focal_range, year, camera is None)
     solved, reason = _solve(xy_px[found.in_sky], found.flux[found.in_sky], search, clock)
     if solved is None and not found.in_sky.all():
@@ -203,13 +202,10 @@ def _year(epoch, taken):
     return float(epoch)
 
 
-def _ideal(camera, xy_px):
+def _centred(camera, xy_px):
     """Pixels of an ideal camera with its axis in the middle of the picture, from those of a given camera."""
-    cx, cy = camera.principal_point_px
-    if camera.distortion is not None and len(xy_px):
-        pinhole = Pinhole(camera.width_px, camera.height_px, float(camera.focal_length_px), cx, cy)
-        xy_px = undistort(pinhole, np.array(camera.distortion), np.ascontiguousarray(xy_px, dtype=float))
-    return xy_px - [cx, cy] + lens.middle((camera.width_px, camera.height_px))
+    size_px = camera.width_px, camera.height_px
+    return undistorted(camera, xy_px) - camera.principal_point_px + lens.middle(size_px)
 
 
 def _solve(xy_px, flux, search, clock):
@@ -320,7 +316,7 @@ def _pointing(at, size_px, camera):
     (cx, cy), right, bottom = lens.middle(size_px), size_px[0] - 0.5, size_px[1] - 0.5
     marks = np.array([[cx, cy], [cx, cy - 1.0], [-0.5, cy], [right, cy], [cx, -0.5], [cx, bottom]])
     if camera is not None:
-        marks = _ideal(camera, marks)
+        marks = _centred(camera, marks)
     optics = proof.camera_of(at, size_px)
     u_i = lens.directions(optics, marks) @ at.C_ci
     centre, up = u_i[0], u_i[1]

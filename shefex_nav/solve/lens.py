@@ -12,7 +12,7 @@ import numpy as np
 from shefex_nav.geometry.pinhole import Pinhole, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_rotvec
 from shefex_nav.geometry.streak import turn_jacobians
-from shefex_nav.solve.camera import undistort
+from shefex_nav.solve.camera import pinhole_of, undistorted
 
 GATES = (0.008, 0.005, 0.0035, 0.0025, 0.0018, 0.0018)  # of the picture's diagonal: from proposal to fit
 LEAST_GATE_PX = 1.5
@@ -155,10 +155,4 @@ def step_of(lens, ideal, residual_px, noise_px, distorted):
 
 def directions(camera, xy_px):
     """Unit vectors of pixels in camera axes. Camera, (n, 2) -> (n, 3)."""
-    pinhole = Pinhole(
-        camera.width_px, camera.height_px, float(camera.focal_length_px), *camera.principal_point_px
-    )
-    xy_px = np.ascontiguousarray(xy_px, dtype=float)
-    if camera.distortion is not None:
-        xy_px = undistort(pinhole, np.array(camera.distortion), xy_px)
-    return unit_vectors(pinhole, xy_px)
+    return unit_vectors(pinhole_of(camera), undistorted(camera, xy_px))

@@ -13,12 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.environment.stars import select
-from shefex_nav.geometry.pinhole import Pinhole
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_from_dcm, rotvec_from_quat
 from shefex_nav.onboard.startracker.catalogue import OnboardCatalogue, pair_table
 from shefex_nav.onboard.startracker.identify import bayes
 from shefex_nav.onboard.startracker.identify.screen import MAX_DETECTIONS
-from shefex_nav.solve.camera import Camera, undistort
+from shefex_nav.solve.camera import Camera, undistorted
 
 LEAST_PROBABILITY = 1e-300  # smaller ones are not told apart
 FALSE_LIMIT = 1e-7  # accepted probability that a solution is chance
@@ -67,17 +66,14 @@ def prove(fit, sky, xy_px, flux, size_px, log_focal_range):
     """
     lens = fit.lens
     camera = camera_of(lens, size_px)
-    xy_px, flux = xy_px[:MAX_DETECTIONS], flux[:MAX_DETECTIONS]
-    if camera.distortion is not None:
-        pinhole = Pinhole(*size_px, lens.focal_px, *camera.principal_point_px)
-        xy_px = undistort(pinhole, np.array(camera.distortion), np.ascontiguousarray(xy_px))
+    xy_px, flux = undistorted(camera, xy_px[:MAX_DETECTIONS]), flux[:MAX_DETECTIONS]
     P_c, log_price = price(fit, size_px, log_focal_range)
     numbers = bayes.Numbers(
         float(size_px[0]), float(size_px[1]), lens.focal_px, *camera.principal_point_px, bayes.BORDER_PX,
         QUIET_PX if fit.noise_px < LIMIT_PX else NOISY_PX, MAGNITUDE_SIGMA,
         FALSE_LIMIT * np.exp(-log_price), MIN_MATCHED, BUDGET,
     )  # fmt: skip
-    xy_px, mag = np.ascontiguousarray(xy_px), -2.5 * np.log10(flux)
+    mag = -2.5 * np.log10(flux)
     prediction = (True, quat_from_dcm(lens.C_ci), P_c)
     diameter = 2.0 * np.arctan(0.5 * np.hypot(*size_px) / lens.focal_px) + MARGIN
     best = Proof(False, False, 0, 1.0)

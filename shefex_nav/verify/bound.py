@@ -271,15 +271,16 @@ def _swing_of_antenna(flight, rms, dt_s):
     arm.
     """
     params = flight.imu
-    density = (params.vibration.angular * rms) ** 2 / (
-        params.vibration.highest_frequency - params.vibration.lowest_frequency
-    )
+    density = (params.vibration.angular * rms) ** 2 / world_imu.bandwidth(params)
     rate2 = 0.5 * density / dt_s
     return swing(params, rms, dt_s) ** 2 + rate2 * float(flight.l_ba_b @ flight.l_ba_b) * 2.0 / 3.0
 
 
 def sigmas(bound):
     """Root of the trace of each covariance: (m,) m, m/s, rad."""
-    return tuple(
-        np.sqrt(np.einsum("kii->k", P)) for P in (bound.position_i, bound.velocity_i, bound.attitude_b)
-    )
+    return tuple(map(root_of_trace, (bound.position_i, bound.velocity_i, bound.attitude_b)))
+
+
+def root_of_trace(P):
+    """(m, 3, 3) -> (m,)"""
+    return np.sqrt(np.einsum("kii->k", P))

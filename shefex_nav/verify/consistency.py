@@ -13,6 +13,7 @@ from shefex_nav import prepare
 from shefex_nav.onboard.navigation import state
 from shefex_nav.onboard.navigation.error_model import FIELD_TIME_S
 from shefex_nav.onboard.navigation.state import ATT, BA, VEL
+from shefex_nav.report.nees import nees as normalised
 from shefex_nav.verify import flown, linear, nees
 from shefex_nav.verify.flown import BLOCKS, N_CORE, PHASES
 
@@ -92,7 +93,7 @@ def simulate(P, steps, t_s, phase, extra, *, number=HISTORIES, rng):
             continue
         counts[phase[k]] += 1
         for name, block in BLOCKS.items():
-            sums[name, int(phase[k])] += nees.nees(errors[block].T, P_k[block, block][None])
+            sums[name, int(phase[k])] += normalised(errors[block].T, P_k[block, block][None])
     averaged = {key: total / counts[key[1]] for key, total in sums.items() if counts[key[1]] > 0}
     return Histories(averaged, np.array(covariances), {})
 
@@ -134,7 +135,7 @@ def averages(run):
     """Time-averaged NEES of one Run: (block, phase) -> float."""
     result = {}
     for name, block in BLOCKS.items():
-        values = nees.nees(run.errors[:, block], run.P[:, block, block])
+        values = normalised(run.errors[:, block], run.P[:, block, block])
         for p in range(len(PHASES)):
             if np.any(run.phase == p):
                 result[name, p] = float(values[run.phase == p].mean())
@@ -143,25 +144,23 @@ def averages(run):
 
 def judge_nees(runs, histories, rng):
     """Verdict of each block and phase: mean over runs of the time-averaged NEES, per degree of freedom."""
-    each = [averages(run) for run in runs]
-    verdicts = []
-    for key, expected in histories.averages.items():
-        values = [one[key] for one in each if key in one]
-        low, high = nees.mean_interval(expected / 3.0, len(values), NEES_PROBABILITY, rng)
-        what = f"NEES {key[0]}, {PHASES[key[1]]}"
-        verdicts.append(nees.Verdict(what, float(np.mean(values)) / 3.0, low, high, len(values)))
-    return verdicts
+    expected = {key: averaged / 3.0 for key, averaged in histories.averages.items()}
+    return _judge_averages(runs, expected, 1.0, nees.mean_interval, "", rng)
 
 
 def judge_in_one_field(runs, common, rng):
     """`judge_nees` by runs that have the field of gravity in common, of `in_one_field`."""
+    return _judge_averages(runs, common, 3.0, nees.one_draw_interval, ", one field", rng)
+
+
+def _judge_averages(runs, expected, dof, interval, words, rng):
+    """Verdicts by what is expected of each block and phase, as `interval` takes it, over its dof."""
     each, verdicts = [averages(run) for run in runs], []
-    for key, expected in common.items():
-        values = [one[key] for one in each if key in one]
-        low, high = nees.one_draw_interval(expected, len(values), NEES_PROBABILITY, rng)
-        what = f"NEES {key[0]}, {PHASES[key[1]]}, one field"
-        value, low, high = (float(one) / 3.0 for one in (np.mean(values), low, high))
-        verdicts.append(nees.Verdict(what, value, low, high, len(values)))
+    for (block, phase), histories in expected.items():
+        values = [one[block, phase] for one in each if (block, phase) in one]
+        ends = (end / dof for end in interval(histories, len(values), NEES_PROBABILITY, rng))
+        what = f"NEES {block}, {PHASES[phase]}{words}"
+        verdicts.append(nees.Verdict(what, float(np.mean(values)) / 3.0, *ends, len(values)))
     return verdicts
 
 

@@ -2,21 +2,12 @@
 
 import numpy as np
 
+from shefex_nav.report.figures import style
+from shefex_nav.report.nees import nees as normalised
 from shefex_nav.verify import nees
 from shefex_nav.verify.flown import BLOCKS, PHASES
 
 COLOURS = ("#d1622b", "#8c6d31", "#1f5fa8", "#5f9e3f")  # of the phases
-QUANTITIES = (("position", "m", 1.0), ("velocity", "m/s", 1.0), ("attitude", "deg", 180.0 / np.pi))
-TITLES = {"gyro_bias": "gyro bias", "accel_bias": "accelerometer bias"}
-
-
-def _figure(width, height):
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
 
 
 def _tidy(axis, t_s, phase):
@@ -42,18 +33,18 @@ def draw_nees(runs, path):
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    figure = _figure(11.0, 11.5)
+    figure = style.constrained(11.0, 11.5)
     m = min(len(run.t_s) for run in runs)
     t_s, phase = runs[0].t_s[:m], runs[0].phase[:m]
     low, high = nees.nis_interval(3 * len(runs), 0.95)
     for axis, (name, block) in zip(figure.subplots(len(BLOCKS), 1, sharex=True), BLOCKS.items(), strict=True):
-        mean = np.mean([nees.nees(run.errors[:m, block], run.P[:m, block, block]) for run in runs], axis=0)
+        mean = np.mean([normalised(run.errors[:m, block], run.P[:m, block, block]) for run in runs], axis=0)
         axis.axhspan(low, high, color="0.88", lw=0)
         axis.plot(t_s, mean / 3.0, color="#1f5fa8", lw=1.0)
         axis.axhline(1.0, color="0.4", lw=0.8)
         axis.set_ylim(0.0, max(2.0, 1.1 * np.nanpercentile(mean / 3.0, 99.5)))
         axis.set_ylabel("NEES / 3")
-        axis.set_title(TITLES.get(name, name), loc="left", fontsize=11)
+        axis.set_title(style.TITLES.get(name, name), loc="left", fontsize=11)
         _tidy(axis, t_s, phase)
     axis.set_xlabel("time from lift-off [s]")
     figure.suptitle(f"Normalised squared error, mean of {len(runs)} runs", x=0.01, ha="left", fontsize=13)
@@ -67,12 +58,12 @@ def draw_bound(found, path, *, runs):
 
     found : dict name of a filter -> over_bound.Curves, the first with its reported sigma;  runs : how many
     """
-    figure = _figure(14.0, 9.0)
+    figure = style.constrained(14.0, 9.0)
     axes = figure.subplots(2, 3, sharex=True, height_ratios=(2, 1))
     colours = ("#1f5fa8", "#d1622b", "#9c4f96")
     first = next(iter(found.values()))
     t_s = first.t_s
-    for q, (name, unit, factor) in enumerate(QUANTITIES):
+    for q, (name, unit, factor) in enumerate(style.QUANTITIES):
         top, bottom = axes[0, q], axes[1, q]
         bound = first.bound[:, q]
         top.fill_between(t_s, 1e-9, factor * bound, color="0.87", lw=0)

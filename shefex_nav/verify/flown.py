@@ -9,7 +9,6 @@ was flown gives the very same result that it gave in flight.
 import json
 from operator import attrgetter
 from typing import NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -74,14 +73,12 @@ def save(path, fixes, head):
         "hip": np.concatenate([fix.hip for fix in fixes] + [np.zeros(0, dtype=np.int64)]),
         "xy_px": np.concatenate([fix.detections.xy_px for fix in fixes] + [np.zeros((0, 2))]),
     }
-    with files.whole(path) as half, half.open("wb") as file:
-        np.savez_compressed(file, **arrays)
+    files.put_arrays(path, arrays)
 
 
 def made_by(path):
     """The head of a file of fixes: what made it. Path -> dict"""
-    with np.load(path, allow_pickle=False) as archive:
-        return json.loads(str(archive["head"]))
+    return json.loads(str(files.arrays(path, ("head",))["head"]))
 
 
 def told(paths):
@@ -96,10 +93,9 @@ def load(path, head=None):
     head : what must have made them, those keys of the file that matter; None: whatever
     """
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            kept = {name: archive[name] for name in archive.files}
+        kept = files.arrays(path)
         found = json.loads(str(kept["head"]))
-    except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
+    except files.UNREADABLE as error:
         raise FlownError(f"{path}: no file of star fixes, or a damaged one; remove it") from error
     kept.setdefault("exposure_s", np.full(len(kept["number"]), np.nan))  # as of older files
     other = {key: found.get(key) for key, value in (head or {}).items() if found.get(key) != value}

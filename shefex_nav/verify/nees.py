@@ -38,14 +38,6 @@ class Common(NamedTuple):
     same: np.ndarray  # (k,) c^T P^-1 c
 
 
-def nees(errors, P):
-    """Normalised squared errors: (..., m), (..., m, m) -> (...)."""
-    sigma = np.sqrt(np.einsum("...ii->...i", P))
-    scaled = P / (sigma[..., :, None] * sigma[..., None, :])  # correlations: no trouble with units
-    normal = errors / sigma
-    return np.einsum("...i,...i->...", normal, np.linalg.solve(scaled, normal[..., None])[..., 0])
-
-
 def mean_interval(per_history, n, probability, rng):
     """Interval that holds the mean over n runs with a probability, each run being like one of the histories.
 
@@ -63,9 +55,7 @@ def mean_interval(per_history, n, probability, rng):
     means = np.empty(RESAMPLED)
     for k in range(0, RESAMPLED, 500):
         means[k : k + 500] = per_history[rng.integers(len(per_history), size=(500, n))].mean(axis=1)
-    tail = 0.5 * (1.0 - probability)
-    low, high = np.quantile(means, [tail, 1.0 - tail])
-    return float(low), float(high)
+    return _middle(means, probability)
 
 
 def one_draw_interval(common, n, probability, rng):
@@ -85,6 +75,11 @@ def one_draw_interval(common, n, probability, rng):
     for k, j in enumerate(rng.integers(len(same), size=RESAMPLED)):
         runs = rng.integers(len(own), size=n)
         means[k] = own[runs].mean() + 2.0 * cross[runs, j].mean() + same[j]
+    return _middle(means, probability)
+
+
+def _middle(means, probability):
+    """Interval that holds a share of the means (m,)."""
     tail = 0.5 * (1.0 - probability)
     low, high = np.quantile(means, [tail, 1.0 - tail])
     return float(low), float(high)

@@ -5,6 +5,8 @@ matplotlib is imported when a picture is drawn, not before.
 
 import numpy as np
 
+from shefex_nav.report.figures import style
+
 PANELS = (
     ("altitude", ("altitude",)),
     ("attitude", ("yaw", "pitch", "roll")),
@@ -25,12 +27,8 @@ COLOURS = {
 
 def draw(flown, path):
     """Draw the cases flown into a file; its ending decides on the format."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     height = 1.25 + 1.35 * len(flown)
-    figure = Figure(figsize=(15.0, height), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = style.constrained(15.0, height)
     axes = figure.subplots(len(flown), len(PANELS), squeeze=False)
     shown = set()
     for row, one in zip(axes, flown, strict=True):
@@ -65,8 +63,8 @@ def _panel(axis, comparisons):
     for name, line in lines.items():
         axis.plot(t_s, np.maximum(line, low), lw=1.1, color=COLOURS.get(name, "0.3"))
     dots = np.isnan(allowed).any()
-    style = {"ls": "none", "marker": "v", "ms": 5} if dots else {"ls": (0, (4, 3)), "lw": 0.9}
-    axis.plot(t_s, allowed, color="0.25", **style)
+    look = {"ls": "none", "marker": "v", "ms": 5} if dots else {"ls": (0, (4, 3)), "lw": 0.9}
+    axis.plot(t_s, allowed, color="0.25", **look)
     axis.set_ylabel(comparisons[0].quantity.unit, fontsize=8)
     axis.set_xlim(t_s[0], t_s[-1])
     axis.grid(True, color="0.93", lw=0.6)

@@ -27,7 +27,7 @@ from shefex_nav.geometry import frames, wgs84
 from shefex_nav.world.noise import gauss_markov
 
 DAY_STEP, DAY_TOP = 100.0, 60e3  # m, of the table of a day; above it the day has the temperature of the model
-SURFACE_PRESSURE, SURFACE_DENSITY = 101325.0, 1.225  # Pa, kg/m^3, of the Standard at sea level
+SURFACE_DENSITY = 1.225  # kg/m^3, of the Standard at sea level
 SURFACE_TEMPERATURE = 288.15  # K
 
 

@@ -202,8 +202,7 @@ def _ranges_fault(fault, heard, last):
 
 def _moved(fault, r_ea_e, t_s):
     """By how much a jump or drift changes position and velocity at a time: (3,) m, (3,) m/s, frame e."""
-    latitude, longitude, _ = wgs84.geodetic_from_ecef(r_ea_e)
-    C_en, none = wgs84.dcm_en(latitude, longitude), np.zeros(3)
+    C_en, none = wgs84.level_axes(r_ea_e), np.zeros(3)
     if isinstance(fault, Jump):
         return C_en @ np.array(fault.position), none
     rate_e = C_en @ np.array(fault.rate)

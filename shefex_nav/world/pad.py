@@ -42,8 +42,7 @@ def align(settings, trajectory, earth, rng):
     else:
         r_i, v_i = frames.inertial_from_ecef(earth, t_s, r_e - error_r, v_e - error_v)
 
-    latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
-    C_in = frames.dcm_ie(earth, t_s) @ wgs84.dcm_en(latitude, longitude)
+    C_in = frames.dcm_ie(earth, t_s) @ wgs84.level_axes(r_e)
     sigma_n = np.array([settings.level, settings.level, settings.azimuth])
     if np.isinf(settings.azimuth):  # anything within half a turn, from the same draw
         sigma_n[2], error_n[2] = UNKNOWN, np.sqrt(3.0) * erf(error_n[2] / np.sqrt(2.0))

@@ -138,8 +138,8 @@ def test_the_fingerprint_follows_the_code(monkeypatch, tmp_path):
     copy = tmp_path / "shefex_nav"
     for name in ("reproduce/keep.py", "reproduce/engine.py", "onboard/startracker/streaks.py", "records.py"):
         (copy / name).parent.mkdir(parents=True, exist_ok=True)
-        (copy / name).write_bytes((keep.files("shefex_nav") / name).read_bytes())
-    monkeypatch.setattr(keep, "files", lambda package: copy)
+        (copy / name).write_bytes((keep.PACKAGE / name).read_bytes())
+    monkeypatch.setattr(keep, "PACKAGE", copy)
     monkeypatch.setattr(keep, "WORLD", ("records.py", "onboard"))
     before = keep.code_digest(("keep",))
     assert before == keep.code_digest(("keep",)) != keep.code_digest(("keep", "engine"))

@@ -9,6 +9,7 @@ from shefex_nav import prepare
 from shefex_nav.onboard.navigation.fusion import Correction, Interval
 from shefex_nav.onboard.navigation.integrity import Fate
 from shefex_nav.records import Detections, StarFix, Trajectory
+from shefex_nav.report.nees import nees as normalised
 from shefex_nav.scenario import load
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import consistency, flown, linear, nees
@@ -262,5 +263,5 @@ def group_in_one_field(P, steps, times_s, number, rng):
         K = linear.gain(P, update.H, update.R)
         errors -= K @ (update.H @ errors + 5.0 * rng.standard_normal((3, number)))
         P = known.P
-        total += nees.nees(errors[N - 3 : N].T, P[N - 3 : N, N - 3 : N][None]).mean()
+        total += normalised(errors[N - 3 : N].T, P[N - 3 : N, N - 3 : N][None]).mean()
     return total / len(times_s)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from shefex_nav.report.nees import nees as normalised
 from shefex_nav.verify import nees
 
 
@@ -12,7 +13,7 @@ def test_nees_is_the_squared_error_in_units_of_its_covariance():
     A = rng.standard_normal((3, 3)) * np.array([[1e3], [1.0], [1e-6]])  # units far apart
     errors = rng.standard_normal((5, 3)) @ A.T
     expected = [e @ np.linalg.inv(A).T @ np.linalg.inv(A) @ e for e in errors]
-    assert nees.nees(errors, (A @ A.T)[None]) == pytest.approx(expected, rel=1e-6)
+    assert normalised(errors, (A @ A.T)[None]) == pytest.approx(expected, rel=1e-6)
 
 
 def test_interval_of_a_mean_of_independent_epochs_is_that_of_chi_square():

@@ -168,7 +168,7 @@ def test_nees_in_whatever_units():
     A = rng.standard_normal((9, 9)) * np.array([10.0] * 3 + [0.1] * 3 + [1e-5] * 3)[:, None]
     P, error = A @ A.T, A @ rng.standard_normal(9)
     white = np.linalg.solve(A, error)
-    assert levels.nees(P[None], error[None])[0] == pytest.approx(white @ white, rel=1e-6)
+    assert levels.nees(error[None], P[None])[0] == pytest.approx(white @ white, rel=1e-6)
 
 
 def test_alarms_are_statements_against_healthy_sensors():

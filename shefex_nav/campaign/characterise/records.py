@@ -7,7 +7,6 @@ fitted file names all of them.
 """
 
 import json
-import zipfile
 from typing import NamedTuple
 
 import numpy as np
@@ -62,12 +61,10 @@ class Records:
     def read(self, run):
         """Flown of a run that is kept; None if it is not, or cannot be read."""
         try:
-            with self._path(run).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-                parts = [
-                    kind(*(file[f"{part}.{name}"] for name in kind._fields)) for part, kind in PARTS.items()
-                ]
-                return Flown(run, Collected(*parts), *json.loads(str(file["about"])))
-        except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile):
+            file = files.arrays(self._path(run))
+            parts = [kind(*(file[f"{part}.{name}"] for name in kind._fields)) for part, kind in PARTS.items()]
+            return Flown(run, Collected(*parts), *json.loads(str(file["about"])))
+        except files.UNREADABLE:
             return None
 
     def keep(self, flown):
@@ -79,8 +76,7 @@ class Records:
         }
         about = np.array(json.dumps([flown.settings, flown.code]))
         try:
-            with files.whole(self._path(flown.run)) as part, part.open("wb") as file:
-                np.savez_compressed(file, about=about, **columns)
+            files.put_arrays(self._path(flown.run), {"about": about, **columns})
             files.settle(self.folder)
         except OSError as error:
             raise RecordsError(f"{self.folder}: {error.strerror or error}") from None

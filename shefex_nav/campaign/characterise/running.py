@@ -75,9 +75,8 @@ def characterise(scenario, runs, seed, *, workers=None, folder=None, done=lambda
 
 def _rendered(scenario, plan, jobs, workers, records, done):
     """([Flown] by run, [Failed], [Lost]); what is kept is not flown."""
-    from shefex_nav import simulate, warmup
+    from shefex_nav import runs, simulate
     from shefex_nav.campaign.characterise.fit import FitError
-    from shefex_nav.scenario.choices import choices
 
     kept = {} if records is None else {run: records.read(run) for run in range(len(jobs))}
     kept = {run: one for run, one in kept.items() if one is not None}
@@ -85,7 +84,7 @@ def _rendered(scenario, plan, jobs, workers, records, done):
     if kept:
         done(f"{len(kept)} of {len(jobs)} rendered runs are kept in {records.folder}")
     if missing:
-        warmup.get_ready({"command=run", *choices(scenario)})
+        runs.get_ready(scenario)
         simulate.warm_up(scenario)  # compiles; workers that compiled together would get into each other's way
     keep = (lambda one: None) if records is None else records.keep
     results, failed, lost = flying.fly(plan, workers, flying.rendered, missing, done, "rendered", keep)

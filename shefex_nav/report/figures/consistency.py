@@ -6,6 +6,7 @@ from shefex_nav.records import QUANTITIES, protected
 from shefex_nav.report import metrics, trust
 from shefex_nav.report.configured import configured
 from shefex_nav.report.figures import style
+from shefex_nav.report.nees import nees as normalised
 
 LEVEL = 0.95  # of the bounds
 _BLOCKS = (("position", slice(0, 3)), ("velocity", slice(3, 6)), ("attitude", slice(6, 9)))
@@ -27,13 +28,8 @@ def nees_of_blocks(data):
     i, j = metrics.same_times(errors.t_s, data.covariance.t_s)
     x = np.hstack([errors.position_i[i], errors.velocity_i[i], errors.attitude_b[i]])
     P = data.covariance.P[j]
-    out = {}
-    for name, block in (*_BLOCKS, ("all", slice(0, 9))):
-        sigma = np.sqrt(np.einsum("kii->ki", P[:, block, block]))
-        correlation = P[:, block, block] / (sigma[:, :, None] * sigma[:, None, :])
-        z = x[:, block] / sigma
-        out[name] = np.einsum("ki,ki->k", z, np.linalg.solve(correlation, z[:, :, None])[:, :, 0])
-    return errors.t_s[i], out
+    blocks = (*_BLOCKS, ("all", slice(0, 9)))
+    return errors.t_s[i], {name: normalised(x[:, block], P[:, block, block]) for name, block in blocks}
 
 
 @style.styled

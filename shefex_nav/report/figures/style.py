@@ -14,6 +14,7 @@ import numpy as np
 
 from shefex_nav.records import Phase
 from shefex_nav.report import scale
+from shefex_nav.report.pairing import stretches
 
 BLACK, GREY = "#000000", "#767676"
 ORANGE, SKY, GREEN, YELLOW = "#e69f00", "#56b4e9", "#009e73", "#f0e442"
@@ -28,6 +29,8 @@ PHASES = {  # lightness alone tells neighbours apart
 }  # fmt: skip
 _DARK = {Phase.BOOST, Phase.POINTING, Phase.DESCENT}  # white letters on these
 
+QUANTITIES = (("position", "m", 1.0), ("velocity", "m/s", 1.0), ("attitude", "deg", 180.0 / np.pi))
+TITLES = {"gyro_bias": "gyro bias", "accel_bias": "accelerometer bias"}  # of blocks of errors
 RIGHT, BOTTOM = 0.15, 0.55  # inches, margins of a figure
 WIDTH = 11.0  # inches: on a page of 1280 px letters are a little larger than in print
 _FEW_DOTS = 200
@@ -96,6 +99,13 @@ def figure(height, width=WIDTH):
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height))
+
+
+def constrained(width, height):
+    """An empty Figure whose axes find their places by themselves, sizes in inches."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 def title(figure, text):
@@ -321,12 +331,8 @@ def cut_off(axes, values, unit):
 
 def spans(t_s, flags):
     """Intervals in which samples are flagged: list of (start, length) for broken_barh. (n,), (n,) bool"""
-    if not len(t_s) or not np.any(flags):
-        return []
     step = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
-    changed = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, dtype=np.int8), [0]])))
-    starts, ends = changed[::2], changed[1::2]
-    return [(float(t_s[a]), float(t_s[b - 1] - t_s[a]) + step) for a, b in zip(starts, ends, strict=True)]
+    return [(float(t_s[a]), float(t_s[b - 1] - t_s[a]) + step) for a, b in stretches(flags)]
 
 
 @styled

@@ -6,7 +6,6 @@ figures of `metrics`. Other logs are drawn over the first one: their paths and t
 their own.
 """
 
-import hashlib
 import os
 from itertools import cycle
 from pathlib import Path
@@ -14,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from shefex_nav import __version__
-from shefex_nav.files import whole
+from shefex_nav.files import digest, whole
 from shefex_nav.log import reader
 from shefex_nav.records import Phase, TruthSample
 from shefex_nav.report import metrics
@@ -88,11 +87,8 @@ def kept(log, data=None):
 
 def _program():
     """Digest of what makes recordings: the source files of `report` and `log`."""
-    report = Path(__file__).parents[1]
-    total = hashlib.sha256()
-    for path in sorted([*report.rglob("*.py"), *(report.parent / "log").glob("*.py")]):
-        total.update(path.read_bytes())
-    return total.hexdigest()[:16]
+    package = Path(__file__).parents[2]
+    return digest([*(package / "report").rglob("*.py"), *(package / "log").glob("*.py")], package)
 
 
 def build(logs, rrd_path, runs=None, *, page=layout.OVERVIEW):

@@ -93,7 +93,7 @@ def _after_innovations(kept, t_s):
 
 def _quantity(one, t_s):
     """Of one quantity: dict."""
-    long = [pair for pair in levels.stretches(one.beyond & one.usable, t_s) if _lasts(pair, t_s) > ALERT_S]
+    long = [pair for pair in levels.stretches(one.beyond & one.usable) if _lasts(pair, t_s) > ALERT_S]
     return {
         "usable_s": float(STEP_S * one.usable.sum()),
         "misleading_s": float(sum(_lasts(pair, t_s) for pair in long)),
@@ -138,7 +138,7 @@ def _alarm(read, healthy, name, noticed, window, named, doubts):
     anyway = (one.doubt[:n] == Doubt.LEVEL) & ~other.usable[:n] & (other.doubt[:n] == Doubt.LEVEL)
     told = ~one.usable[:n] & (blamed | anyway | np.isin(one.doubt[:n], list(doubts)))
     found = {"beyond_s": 0.0, "late_s": 0.0, "undetected_s": 0.0, "wrong_words": 0, "after_s": None}
-    for pair in levels.stretches(beyond, t_s):
+    for pair in levels.stretches(beyond):
         found["beyond_s"] += _lasts(pair, t_s)
         begun = [t_d for begin_s, t_d in noticed if begin_s <= t_s[pair[0]] + STEP_S]
         detectable_s = None if None in begun else max(begun, default=None)

@@ -1,4 +1,4 @@
-"""The table of cells: which level of each factor every cell has. `cover` made it, a test proves what it says.
+"""The table of cells: which level of each factor every cell has. benchmarks/robustness_design.py made it.
 
 The file has a row a cell, in the order in which they are to be flown: any number of them from the first on is
 spread over all levels.

@@ -35,34 +35,26 @@ class Told(NamedTuple):
     residuals: float = 1.0  # factor on noises that are told: the NEES is required at 0.3 to 3
 
 
-def _noise(factor):
-    """Random walks of gyros and accelerometers."""
-    rows = ("gyro.random_walk", "rad/sqrt(s)"), ("accelerometer.random_walk", "m/s/sqrt(s)")
-    return lambda scenario: _scaled(scenario, rows, factor)
+NOISE = ("gyro.random_walk", "rad/sqrt(s)"), ("accelerometer.random_walk", "m/s/sqrt(s)")
+BIAS = (
+    ("gyro.bias", "rad/s"), ("gyro.in_run_bias", "rad/s"),
+    ("accelerometer.bias", "m/s2"), ("accelerometer.in_run_bias", "m/s2"),
+)  # fmt: skip
+SCALE = ("gyro.scale_factor_roll", "ppm"), ("gyro.scale_factor", "ppm"), ("accelerometer.scale_factor", "ppm")
 
 
-def _bias(factor):
-    rows = (
-        ("gyro.bias", "rad/s"), ("gyro.in_run_bias", "rad/s"),
-        ("accelerometer.bias", "m/s2"), ("accelerometer.in_run_bias", "m/s2"),
-    )  # fmt: skip
-    return lambda scenario: _scaled(scenario, rows, factor)
+def _scaled(rows, factor):
+    """Settings of the IMU and their units, told `factor` times as large."""
 
+    def settings(scenario):
+        found = []
+        for path, unit in rows:
+            triad, name = path.split(".")
+            value = factor * getattr(getattr(scenario.imu, triad), name) * (1e6 if unit == "ppm" else 1.0)
+            found.append(f"{TO}imu.{path}={value:.12g} {unit}")
+        return found
 
-def _scale(factor):
-    rows = (
-        ("gyro.scale_factor_roll", "ppm"), ("gyro.scale_factor", "ppm"), ("accelerometer.scale_factor", "ppm")
-    )  # fmt: skip
-    return lambda scenario: _scaled(scenario, rows, factor)
-
-
-def _scaled(scenario, rows, factor):
-    found = []
-    for path, unit in rows:
-        triad, name = path.split(".")
-        value = factor * getattr(getattr(scenario.imu, triad), name) * (1e6 if unit == "ppm" else 1.0)
-        found.append(f"{TO}imu.{path}={value:.12g} {unit}")
-    return found
+    return settings
 
 
 def _arm(factor):
@@ -86,27 +78,18 @@ def _mounting(sigmas):
     return settings
 
 
-def _shaken(factor):
-    def settings(scenario):
-        vibration = scenario.imu.vibration
-        boost = ", ".join(f"{factor * level:.9g} m/s2" for level in vibration.boost)
-        return [f"imu.vibration.boost=[{boost}]", f"imu.vibration.coast={factor * vibration.coast:.9g} m/s2"]
-
-    return settings
-
-
 TOLD = {
     "right": Told("everything rightly", RIGHT),
-    "noise_0.2": Told("noise of the IMU 0.2 times", BEYOND, _noise(0.2), residuals=0.2),
-    "noise_0.5": Told("noise of the IMU 0.5 times", SHOWS, _noise(0.5), residuals=0.5),
-    "noise_2": Told("noise of the IMU 2 times", SHOWS, _noise(2.0), residuals=2.0),
-    "noise_10": Told("noise of the IMU 10 times", BEYOND, _noise(10.0), residuals=10.0),
-    "bias_0.2": Told("biases of the IMU 0.2 times", BEYOND, _bias(0.2)),
-    "bias_0.5": Told("biases of the IMU 0.5 times", CONSTANT, _bias(0.5)),
-    "bias_2": Told("biases of the IMU 2 times", CONSTANT, _bias(2.0)),
-    "bias_10": Told("biases of the IMU 10 times", BEYOND, _bias(10.0)),
-    "scale_0.2": Told("scale factors of the IMU 0.2 times", BEYOND, _scale(0.2)),
-    "scale_0.5": Told("scale factors of the IMU 0.5 times", CONSTANT, _scale(0.5)),
+    "noise_0.2": Told("noise of the IMU 0.2 times", BEYOND, _scaled(NOISE, 0.2), residuals=0.2),
+    "noise_0.5": Told("noise of the IMU 0.5 times", SHOWS, _scaled(NOISE, 0.5), residuals=0.5),
+    "noise_2": Told("noise of the IMU 2 times", SHOWS, _scaled(NOISE, 2.0), residuals=2.0),
+    "noise_10": Told("noise of the IMU 10 times", BEYOND, _scaled(NOISE, 10.0), residuals=10.0),
+    "bias_0.2": Told("biases of the IMU 0.2 times", BEYOND, _scaled(BIAS, 0.2)),
+    "bias_0.5": Told("biases of the IMU 0.5 times", CONSTANT, _scaled(BIAS, 0.5)),
+    "bias_2": Told("biases of the IMU 2 times", CONSTANT, _scaled(BIAS, 2.0)),
+    "bias_10": Told("biases of the IMU 10 times", BEYOND, _scaled(BIAS, 10.0)),
+    "scale_0.2": Told("scale factors of the IMU 0.2 times", BEYOND, _scaled(SCALE, 0.2)),
+    "scale_0.5": Told("scale factors of the IMU 0.5 times", CONSTANT, _scaled(SCALE, 0.5)),
     "gps_noise_0.5": Told("the receiver reports half its noise", SHOWS, reported=0.5, residuals=0.5),
     "gps_noise_3": Told("the receiver reports 3 times its noise", BEYOND, reported=3.0, residuals=3.0),
     "arm_2": Told("lever arm of the antenna 2 times", CONSTANT, _arm(2.0)),
@@ -126,4 +109,6 @@ def imu_settings(grade):
 
 def shaken(scenario, factor):
     """KEY=VALUE of a world that shakes more than the computer is told: list."""
-    return _shaken(factor)(scenario)
+    vibration = scenario.imu.vibration
+    boost = ", ".join(f"{factor * level:.9g} m/s2" for level in vibration.boost)
+    return [f"imu.vibration.boost=[{boost}]", f"imu.vibration.coast={factor * vibration.coast:.9g} m/s2"]

@@ -38,7 +38,8 @@ class Window(NamedTuple):
     end_s: float
 
 
-def _axis(rng):
+def any_axis(rng):
+    """Letter of an axis."""
     return "xyz"[int(rng.integers(3))]
 
 
@@ -46,14 +47,10 @@ def _sign(rng):
     return 1.0 if rng.random() < 0.5 else -1.0
 
 
-def _direction(rng, size):
-    """Vector (3,) of a length, in a random direction."""
+def along(rng, size, unit):
+    """Vector of a length, in a random direction, as a scenario has it."""
     u = rng.standard_normal(3)
-    return size * u / np.linalg.norm(u)
-
-
-def _vector(values, unit):
-    return "[" + ", ".join(f"{value:.9g} {unit}" for value in values) + "]"
+    return "[" + ", ".join(f"{value:.9g} {unit}" for value in size * u / np.linalg.norm(u)) + "]"
 
 
 def _beyond_range(triad, unit):
@@ -65,13 +62,13 @@ def _beyond_range(triad, unit):
         if not np.isfinite(most):
             most = np.radians(2000.0) if name == "gyro" else 400.0
         size = f"{_sign(rng) * 2.5 * most:.9g} {unit}"
-        return {"fault": f"{name}_bias", "axis": _axis(rng), key: size}
+        return {"fault": f"{name}_bias", "axis": any_axis(rng), key: size}
 
     return fault
 
 
 def _stuck(rng, kind, sensor):
-    return {"fault": kind, "sensor": sensor, "axis": _axis(rng)}
+    return {"fault": kind, "sensor": sensor, "axis": any_axis(rng)}
 
 
 def _biased(scenario, rng, sensor, sigmas):
@@ -79,7 +76,7 @@ def _biased(scenario, rng, sensor, sigmas):
     triad, key = getattr(scenario.imu, sensor), "rate" if sensor == "gyro" else "acceleration"
     size = _sign(rng) * sigmas * float(np.hypot(triad.bias, triad.in_run_bias))
     unit = "rad/s" if sensor == "gyro" else "m/s2"
-    return {"fault": f"{sensor}_bias", "axis": _axis(rng), key: f"{size:.9g} {unit}"}
+    return {"fault": f"{sensor}_bias", "axis": any_axis(rng), key: f"{size:.9g} {unit}"}
 
 
 def _scaled(scenario, rng, sigmas):
@@ -88,16 +85,16 @@ def _scaled(scenario, rng, sigmas):
 
 
 def _drift(rng, rate, velocity_too):
-    row = {"fault": "drift", "rate": _vector(_direction(rng, rate), "m/s")}
+    row = {"fault": "drift", "rate": along(rng, rate, "m/s")}
     return row | ({"velocity_too": True} if velocity_too else {})
 
 
 def _jump(rng, size):
-    return {"fault": "jump", "position": _vector(_direction(rng, size), "m")}
+    return {"fault": "jump", "position": along(rng, size, "m")}
 
 
 def _turned_stars(rng):
-    return {"fault": "bias", "angles": _vector(_direction(rng, 0.2), "deg")}
+    return {"fault": "bias", "angles": along(rng, 0.2, "deg")}
 
 
 LONG, SHORT = (10.0, 30.0), (0.05, 0.05)

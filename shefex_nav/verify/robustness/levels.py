@@ -6,6 +6,8 @@ import numpy as np
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import QUANTITIES, protected
+from shefex_nav.report import pairing
+from shefex_nav.report.nees import nees
 
 
 class Quantity(NamedTuple):
@@ -49,7 +51,7 @@ def read(kept):
     for name in QUANTITIES:
         said = protected(solution, name)
         quantities[name] = Quantity(along[name], said.level[:n], ~said.do_not_use[:n], said.doubt[:n])
-    return Flown(t_s, quantities, nees(kept.covariance.P[:n], error))
+    return Flown(t_s, quantities, nees(error, kept.covariance.P[:n]))
 
 
 def _along_axes(earth, truth, solution, n):
@@ -60,23 +62,13 @@ def _along_axes(earth, truth, solution, n):
     position, velocity = np.empty((n, 2)), np.empty((n, 2))
     for k in range(n):
         r_e, v_e = frames.ecef_from_inertial(earth, truth.t_s[k], truth.r_i[k], truth.v_i[k])
-        latitude, longitude, _ = wgs84.geodetic_from_ecef(r_e)
-        C_ne = wgs84.dcm_en(latitude, longitude).T
+        C_ne = wgs84.level_axes(r_e).T
         for row, of_earth in ((position, r_e - solution.r_e[k]), (velocity, v_e - solution.v_e[k])):
             north, east, down = C_ne @ of_earth
             row[k] = np.hypot(north, east), abs(down)
     return {"position": position, "velocity": velocity}
 
 
-def nees(P, error):
-    """Normalised errors squared: (n, 9, 9), (n, 9) -> (n,)."""
-    sigma = np.sqrt(np.einsum("kii->ki", P))
-    scaled = P / (sigma[:, :, None] * sigma[:, None, :])  # metres and radians in one matrix
-    z = error / sigma
-    return np.einsum("ki,ki->k", z, np.linalg.solve(scaled, z[:, :, None])[:, :, 0])
-
-
-def stretches(flags, t_s):
-    """Begin and end of each run of True: list of (first, last) indices; t_s : (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, dtype=int), [0]])))
-    return [(int(first), int(last) - 1) for first, last in zip(edges[::2], edges[1::2], strict=True)]
+def stretches(flags):
+    """Begin and end of each run of True: list of (first, last) indices."""
+    return [(first, end - 1) for first, end in pairing.stretches(flags)]

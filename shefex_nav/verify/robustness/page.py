@@ -1,7 +1,5 @@
 """The study as one HTML page: requirements, pictures, all cells, what could not be noticed."""
 
-from importlib.resources import files
-
 from shefex_nav.files import put
 from shefex_nav.report import html
 from shefex_nav.report.html import element
@@ -35,34 +33,21 @@ def page(head, records):
         ("undetectable", "Misled before, or without, being detectable", [_undetectable(records)]),
         ("cells", "All cells", [_cells(cells.table(records))]),
     ]
-    links = [element("li", element("a", heading, href=f"#{name}")) for name, heading, _ in sections]
     title = "Robustness: " + ", ".join(head["scenarios"])
-    return html.document(
+    return html.page(
         title,
-        (files("shefex_nav") / "report" / "page.css").read_text(),
-        header=html.join(
-            [element("h1", title), element("nav", element("ol", *links), aria_label="Contents")]
-        ),
-        main=html.join(
-            element("section", element("h2", heading), html.join(content), id=name)
-            for name, heading, content in sections
-        ),
+        header=[element("h1", title)],
+        sections=sections,
         footer=", ".join(f"{name} {value}" for name, value in head.items() if name != "scenarios"),
     )
 
 
 def _requirements(judged):
-    rows = [
-        (
-            one.name,
-            one.words,
-            element("strong", f"{show.verdict(one)}: ") if one.good is False else "",
-            one.found,
-        )
-        for one in judged
-    ]
-    found = [(name, words, html.join([verdict, text])) for name, words, verdict, text in rows]
-    return html.table("", ("requirement", "required", "found"), found)
+    rows = []
+    for one in judged:
+        verdict = element("strong", f"{show.verdict(one)}: ") if one.good is False else ""
+        rows.append((one.name, one.words, html.join([verdict, one.found])))
+    return html.table("", ("requirement", "required", "found"), rows)
 
 
 def _level(records, name):

@@ -28,32 +28,31 @@ def _values(flown, key, names):
     }
 
 
+@style.styled
 def _map(flown, key, label, colours):
     """What happens over what is told wrongly, and rockets with grades over phases."""
-    with _styled():
-        from matplotlib.colors import LogNorm, Normalize
-        from matplotlib.figure import Figure
+    from matplotlib.colors import LogNorm, Normalize
 
-        figure = Figure(figsize=(style.WIDTH, 6.6), layout="constrained")
-        left, right = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
-        flown = [record | {"unit": f"{record['rocket']}, {record['grade']}"} for record in flown]
-        for axes, names in ((left, ("happens", "told")), (right, ("unit", "phase"))):
-            values = _values(flown, key, names)
-            rows, columns = (_ordered({pair[k] for pair in values}) for k in (0, 1))
-            grid = np.full((len(rows), len(columns)), np.nan)
-            for (one, other), value in values.items():
-                grid[rows.index(one), columns.index(other)] = value
-            most = max(np.nanmax(grid), 1e-9)
-            norm = Normalize(0.0, most)
-            if key == "largest_ratio":  # 1 is the middle
-                norm, grid = LogNorm(1.0 / max(most, 2.0), max(most, 2.0)), np.maximum(grid, 1e-6)
-            axes.set_facecolor("#dddddd")
-            mesh = axes.imshow(grid, cmap=colours, norm=norm, aspect="auto")
-            axes.set_xticks(range(len(columns)), columns, rotation=60, ha="right", fontsize=7.5)
-            axes.set_yticks(range(len(rows)), rows, fontsize=7.5)
-            axes.grid(False)
-            figure.colorbar(mesh, ax=axes, label=label, shrink=0.7)
-        return figure
+    figure = style.constrained(style.WIDTH, 6.6)
+    left, right = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
+    flown = [record | {"unit": f"{record['rocket']}, {record['grade']}"} for record in flown]
+    for axes, names in ((left, ("happens", "told")), (right, ("unit", "phase"))):
+        values = _values(flown, key, names)
+        rows, columns = (_ordered({pair[k] for pair in values}) for k in (0, 1))
+        grid = np.full((len(rows), len(columns)), np.nan)
+        for (one, other), value in values.items():
+            grid[rows.index(one), columns.index(other)] = value
+        most = max(np.nanmax(grid), 1e-9)
+        norm = Normalize(0.0, most)
+        if key == "largest_ratio":  # 1 is the middle
+            norm, grid = LogNorm(1.0 / max(most, 2.0), max(most, 2.0)), np.maximum(grid, 1e-6)
+        axes.set_facecolor("#dddddd")
+        mesh = axes.imshow(grid, cmap=colours, norm=norm, aspect="auto")
+        axes.set_xticks(range(len(columns)), columns, rotation=60, ha="right", fontsize=7.5)
+        axes.set_yticks(range(len(rows)), rows, fontsize=7.5)
+        axes.grid(False)
+        figure.colorbar(mesh, ax=axes, label=label, shrink=0.7)
+    return figure
 
 
 def _ordered(levels):
@@ -62,48 +61,38 @@ def _ordered(levels):
     return sorted(levels, key=lambda level: (order.index(level) if level in order else len(order), level))
 
 
+@style.styled
 def _nees(flown):
-    with _styled():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(style.WIDTH, 4.2), layout="constrained")
-        axes = figure.subplots()
-        axes.axhspan(*require.NEES, color="#e4e4e4")
-        found = cells.grouped(flown, "told", "cell")
-        names, colours = _ordered({key[0] for key in found}), (style.BLUE, style.RED)
-        order = sorted(found, key=lambda key: (names.index(key[0]), key[1]))
-        for k, key in enumerate(order):
-            spread = cells.of_cell(found[key])["nees_healthy_end"]
-            if spread["mean"] is None:
-                continue
-            colour = colours[names.index(key[0]) % 2]
-            axes.plot([k, k], [spread["p5"], spread["p95"]], color=colour, linewidth=0.8)
-            axes.plot([k], [spread["mean"]], ".", color=colour, markersize=4)
-        middles = [np.mean([k for k, key in enumerate(order) if key[0] == name]) for name in names]
-        axes.set_xticks(middles, names, rotation=60, ha="right", fontsize=8)
-        axes.set(yscale="log", ylabel="NEES", title="NEES at the end, nothing happens")
-        return figure
+    figure = style.constrained(style.WIDTH, 4.2)
+    axes = figure.subplots()
+    axes.axhspan(*require.NEES, color="#e4e4e4")
+    found = cells.grouped(flown, "told", "cell")
+    names, colours = _ordered({key[0] for key in found}), (style.BLUE, style.RED)
+    order = sorted(found, key=lambda key: (names.index(key[0]), key[1]))
+    for k, key in enumerate(order):
+        spread = cells.of_cell(found[key])["nees_healthy_end"]
+        if spread["mean"] is None:
+            continue
+        colour = colours[names.index(key[0]) % 2]
+        axes.plot([k, k], [spread["p5"], spread["p95"]], color=colour, linewidth=0.8)
+        axes.plot([k], [spread["mean"]], ".", color=colour, markersize=4)
+    middles = [np.mean([k for k, key in enumerate(order) if key[0] == name]) for name in names]
+    axes.set_xticks(middles, names, rotation=60, ha="right", fontsize=8)
+    axes.set(yscale="log", ylabel="NEES", title="NEES at the end, nothing happens")
+    return figure
 
 
+@style.styled
 def _alarms(flown):
-    with _styled():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(style.WIDTH, 3.6), layout="constrained")
-        axes, found = figure.subplots(), {}
-        for record in flown:
-            for alarm in record["fault"]["alarm"].values() if record["fault"] else ():
-                if alarm["after_s"] is not None:
-                    found.setdefault(record["happens"], []).append(max(alarm["after_s"], 0.02))
-        for k, (_, seconds) in enumerate(sorted(found.items())):
-            axes.plot(seconds, np.full(len(seconds), k), "|", color=style.BLUE, markersize=9)
-        axes.axvline(1.0, color=style.RED, linestyle="--")
-        axes.set_yticks(range(len(found)), sorted(found), fontsize=8)
-        axes.set(xscale="log", xlabel="s", title="Time to alarm")
-        return figure
-
-
-def _styled():
-    from matplotlib import rc_context
-
-    return rc_context(style.STYLE)
+    figure = style.constrained(style.WIDTH, 3.6)
+    axes, found = figure.subplots(), {}
+    for record in flown:
+        for alarm in record["fault"]["alarm"].values() if record["fault"] else ():
+            if alarm["after_s"] is not None:
+                found.setdefault(record["happens"], []).append(max(alarm["after_s"], 0.02))
+    for k, (_, seconds) in enumerate(sorted(found.items())):
+        axes.plot(seconds, np.full(len(seconds), k), "|", color=style.BLUE, markersize=9)
+    axes.axvline(1.0, color=style.RED, linestyle="--")
+    axes.set_yticks(range(len(found)), sorted(found), fontsize=8)
+    axes.set(xscale="log", xlabel="s", title="Time to alarm")
+    return figure

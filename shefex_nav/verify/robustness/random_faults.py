@@ -17,6 +17,8 @@ from shefex_nav.verify.robustness.happenings import (
     REPEATED_FIX,
     REPEATS,
     STARS,
+    along,
+    any_axis,
 )
 
 NAME = "random"  # in the place of the level of what happens
@@ -33,15 +35,6 @@ class Kind(NamedTuple):
     make: object  # function of Scenario, Generator, size in sigma -> fault without times
 
 
-def _axis(rng):
-    return "xyz"[int(rng.integers(3))]
-
-
-def _along(rng, size, unit):
-    u = rng.standard_normal(3)
-    return "[" + ", ".join(f"{one:.9g} {unit}" for one in size * u / np.linalg.norm(u)) + "]"
-
-
 def _signed(rng, size):
     return size if rng.random() < 0.5 else -size
 
@@ -49,7 +42,7 @@ def _signed(rng, size):
 def _dead_or_stuck(name):
     def make(scenario, rng, size):
         sensor = ("gyro", "accelerometer")[int(rng.integers(2))]
-        return {"fault": name, "sensor": sensor, "axis": _axis(rng)}
+        return {"fault": name, "sensor": sensor, "axis": any_axis(rng)}
 
     return make
 
@@ -59,7 +52,7 @@ def _bias(sensor, key, unit):
         triad = getattr(scenario.imu, sensor)
         told = float(np.hypot(triad.bias, triad.in_run_bias))
         return {
-            "fault": f"{sensor}_bias", "axis": _axis(rng), key: f"{_signed(rng, size * told):.9g} {unit}"
+            "fault": f"{sensor}_bias", "axis": any_axis(rng), key: f"{_signed(rng, size * told):.9g} {unit}"
         }  # fmt: skip
 
     return make
@@ -67,7 +60,7 @@ def _bias(sensor, key, unit):
 
 def _scale(sensor):
     def make(scenario, rng, size):
-        axis, triad = _axis(rng), getattr(scenario.imu, sensor)
+        axis, triad = any_axis(rng), getattr(scenario.imu, sensor)
         told = triad.scale_factor_roll if sensor == "gyro" and axis == "x" else triad.scale_factor
         return {
             "fault": f"{sensor}_scale",
@@ -79,11 +72,11 @@ def _scale(sensor):
 
 
 def _jump(scenario, rng, size):
-    return {"fault": "jump", "position": _along(rng, size * scenario.gps.range_noise, "m")}
+    return {"fault": "jump", "position": along(rng, size * scenario.gps.range_noise, "m")}
 
 
 def _drift(scenario, rng, size):
-    row = {"fault": "drift", "rate": _along(rng, size * scenario.gps.range_rate_noise, "m/s")}
+    row = {"fault": "drift", "rate": along(rng, size * scenario.gps.range_rate_noise, "m/s")}
     return row | {"velocity_too": bool(rng.random() < 0.5)}
 
 
@@ -96,7 +89,7 @@ def _wrong(scenario, rng, size):
 
 def _turned(scenario, rng, size):
     angle = min(size * scenario.star_camera.mounting.error, np.pi)
-    return {"fault": "bias", "angles": _along(rng, angle, "rad")}
+    return {"fault": "bias", "angles": along(rng, angle, "rad")}
 
 
 def _freeze(scenario, rng, size):

@@ -1,12 +1,13 @@
 """Flights to workers and back, in the order of the design: after any number of them all levels have met."""
 
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, wait
+from concurrent.futures import BrokenExecutor
+from contextlib import closing
 from typing import NamedTuple
 
 from shefex_nav.compiled.target import ONE_THREAD
 from shefex_nav.errors import UserError
 from shefex_nav.verify.robustness import design, flight, random_faults
-from shefex_nav.workers import Pool, cores, environment, undisturbed
+from shefex_nav.workers import cores, each, environment
 
 
 class Request(NamedTuple):
@@ -85,12 +86,11 @@ def _random(request, k):
 
 def warm_up(waiting):
     """Compile what is not compiled yet: workers would do so all at once."""
-    from shefex_nav import warmup
+    from shefex_nav import runs
     from shefex_nav.scenario import load
-    from shefex_nav.scenario.choices import choices
 
     for name in dict.fromkeys(job.scenario for job in waiting):
-        warmup.get_ready({"command=run", *choices(load.load(name))})
+        runs.get_ready(load.load(name))
 
 
 def fly(waiting, workers, take):
@@ -98,24 +98,14 @@ def fly(waiting, workers, take):
 
     waiting : list of flight.Job;  workers : int or None, one a core
     """
-    left, flying = list(reversed(waiting)), set()
-    pool = Pool(min(workers or cores(), max(1, len(left))))
+    calls = {number: (job,) for number, job in enumerate(waiting)}
+    done = each(flight.fly, calls, min(workers or cores(), max(1, len(waiting))))
     try:
-        with environment(dict.fromkeys(ONE_THREAD, "1")):
-            while left or flying:
-                while left and len(flying) < 2 * (workers or cores()):
-                    flying.add(pool.submit(flight.fly, left.pop()))
-                over, flying = wait(flying, return_when=FIRST_COMPLETED)
-                for future in over:
-                    take(future.result())
+        with environment(dict.fromkeys(ONE_THREAD, "1")), closing(done):
+            for _, record in done:
+                take(record)
     except BrokenExecutor:
-        pool.abandon()
         raise RobustnessError(
             "a worker process was killed, perhaps for want of memory; what is done is kept in --out FOLDER, "
             "--resume goes on"
         ) from None
-    except BaseException:
-        with undisturbed():
-            pool.stop(at_once=True)
-        raise
-    pool.stop()

@@ -4,14 +4,12 @@ A line is on the disk before its flight counts as done; half a line, of a proces
 away when the study goes on.
 """
 
-import hashlib
 import json
 import os
 from pathlib import Path
 
-from shefex_nav import __version__
 from shefex_nav.errors import UserError
-from shefex_nav.files import put, settle
+from shefex_nav.files import digest, put, settle
 
 HEAD, FLIGHTS, PAGE = "robustness.json", "flights.jsonl", "robustness.html"
 PACKAGE = Path(__file__).parents[2]
@@ -22,12 +20,8 @@ class StoreError(UserError):
 
 
 def code_digest():
-    """Digest of the program: a study is of one program. -> 16 hexadecimal digits"""
-    total = hashlib.sha256(__version__.encode())
-    for path in sorted(PACKAGE.glob("**/*")):
-        if path.suffix in (".py", ".csv"):
-            total.update(path.relative_to(PACKAGE).as_posix().encode() + path.read_bytes())
-    return total.hexdigest()[:16]
+    """Digest of the program: a study is of one program."""
+    return digest((path for path in PACKAGE.glob("**/*") if path.suffix in (".py", ".csv")), PACKAGE)
 
 
 def head(request):
