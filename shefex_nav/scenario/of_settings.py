@@ -53,7 +53,7 @@ def _field(annotation, setting):
     if setting.kind == "section":
         factory = section(kind) if given == {} else None
         how = {"default_factory": factory} if factory else {"default": default, "validate_default": True}
-        return _optional(section(kind), annotation), Field(description=setting.help, **how)
+        return _optional(section(kind), annotation), Field(description=setting.help or None, **how)
     if setting.kind in ("choice", "switch"):
         own = StrictBool if setting.kind == "switch" else kind
         return own, Field(default=default, description=setting.help)

@@ -43,8 +43,8 @@ def random_state(t_s=123.4):
         rotation.quat_normalise(RNG.standard_normal(4)),
         1e-4 * RNG.standard_normal(3),
         0.01 * RNG.standard_normal(3),
-        3e-4 * RNG.standard_normal(3),
-        2e-3 * RNG.standard_normal(3),
+        gyro_roll_column=3e-4 * RNG.standard_normal(3),
+        mounting=2e-3 * RNG.standard_normal(3),
     )
 
 
