@@ -1,7 +1,7 @@
 """Sections of the default scenario as the parameters of the stages."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from shefex_nav.environment import ephemeris
 from shefex_nav.scenario import params, params_gps, params_onboard
 from shefex_nav.scenario.load import load
 from shefex_nav.scenario.of_settings import settings
+from shefex_nav.settings import Settings
 from shefex_nav.world.settings import Imu
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -40,15 +41,21 @@ def is_number(value):
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
+def is_record(value):
+    return hasattr(value, "_fields") or isinstance(value, Settings)
+
+
 def assert_plain(record):
     """Numbers, texts, arrays and records of them: nothing of the scenario's own types gets into a stage."""
-    for name, value in zip(record._fields, record, strict=True):
-        if hasattr(value, "_fields"):
+    names = [field.name for field in fields(record)] if is_dataclass(record) else record._fields
+    for name in names:
+        value = getattr(record, name)
+        if is_record(value):
             assert_plain(value)
         elif isinstance(value, tuple):
-            assert all(is_number(item) or isinstance(item, str) or hasattr(item, "_fields") for item in value)
+            assert all(is_number(item) or isinstance(item, str) or is_record(item) for item in value)
             for item in value:
-                if hasattr(item, "_fields"):
+                if is_record(item):
                     assert_plain(item)
         elif isinstance(value, dict):
             assert all(item.dtype == np.float64 for item in value.values()), name
