@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shefex_nav.clock import IMU_HZ
-from shefex_nav.settings import Settings, count, quantity, switch
+from shefex_nav.onboard.navigation.settings import Release as Release  # of those that are believed after all
+from shefex_nav.settings import Settings, quantity, switch
 
 
 class Truth(NamedTuple):
@@ -111,13 +112,6 @@ class Instrument(NamedTuple):
     caption: str = ""  # of the figure
     errors_last: bool = False  # one reading is judged with the variance of errors that it shares with others
     plugin: Any = None  # plugins.Plugin that brought it; None: it comes with the program
-
-
-class Release(Settings):
-    """When a sensor that contradicts the filter is believed after all."""
-
-    rejections: int = count("3", "one after the other, that agree with each other", at_least=2)
-    duration: float = quantity("s", "2 s", "from the first to the last of them", non_negative=True)
 
 
 class Use(Settings):

@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, PrivateAttr, create_model
 
 from shefex_nav.clock import SAMPLES_PER_TICK
+from shefex_nav.onboard.navigation import settings
 from shefex_nav.onboard.navigation.blocks import STATES
 from shefex_nav.replay.schema_alignment import ALIGNMENTS
 from shefex_nav.replay.schema_data import formats
@@ -17,7 +18,8 @@ from shefex_nav.scenario import aboard
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.messages import close
 from shefex_nav.scenario.mission import Epoch
-from shefex_nav.scenario.onboard import Navigation, Release, Releases
+from shefex_nav.scenario.of_settings import section
+from shefex_nav.scenario.onboard import Navigation
 from shefex_nav.scenario.plugged import PLUGINS, Plugins
 from shefex_nav.scenario.quantity import (
     Count,
@@ -119,7 +121,8 @@ class ReplayImu(Block):
     accelerometer: ReplayAccelerometer
 
 
-RELEASE = Release(rejections=5, duration="4 s")
+Releases = section(settings.Releases)
+RELEASE = section(settings.Release)(rejections=5, duration="4 s")
 
 
 OF_DATA = tuple(state.name for state in STATES if state.of_data)

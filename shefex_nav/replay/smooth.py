@@ -126,7 +126,7 @@ def knowing_the_field(recording):
     params = recording.params
     if "gravity" in params.states:
         known = params.sigma_blocks | {"gravity": np.full(3, FIELD_ERROR)}
-        params = params._replace(sigma_blocks=known, gravity_sigma=FIELD_ERROR)
+        params = params._replace(sigma_blocks=known, gravity_error=FIELD_ERROR)
     else:
         params = params._replace(imu=params.imu._replace(gravity=FIELD_ERROR))
     return recording._replace(field=gravity.load(*recording.gravity), params=params)

@@ -7,20 +7,17 @@ they have besides, vibration, star camera and GPS receiver, goes on top.
 import numpy as np
 
 from shefex_nav.onboard.navigation.blocks import left_as_noise
+from shefex_nav.onboard.navigation.settings import Navigation
 from shefex_nav.records import QUANTITIES
 from shefex_nav.scenario import aboard
+from shefex_nav.scenario.of_settings import settings
 
 
 def common(scenario, integrity):
     """Fields of NavParams that follow from section `navigation` alone. Scenario, IntegrityParams -> dict"""
-    navigation = scenario.navigation
-    return {
-        "gate_probability": navigation.gate_probability,
-        "star_sigma_floor": navigation.star_fix_floor,
-        "release_gps": _rule(navigation.release.gps),
-        "release_star_first": _rule(navigation.release.first_star_fix),
-        "release_star": _rule(navigation.release.star_fix),
-        "gps_agreement": navigation.gps_agreement,
+    navigation = settings(Navigation, scenario.navigation)
+    keys = ("gate_probability", "star_fix_floor", "release", "gps_agreement", "gps", "stars")
+    return {name: getattr(navigation, name) for name in keys} | {
         "states": aboard.estimated(scenario),
         "own_blocks": aboard.own_blocks(scenario),
         "integrity": integrity,
@@ -40,7 +37,8 @@ def integrity_params(scenario, dt_s, coarse_if_silent):
     """
     from shefex_nav.onboard.navigation import integrity_imu, integrity_watch
 
-    navigation, section = scenario.navigation, scenario.navigation.integrity
+    navigation = settings(Navigation, scenario.navigation)
+    integrity = navigation.integrity
     triads = (scenario.imu.gyro, scenario.imu.accelerometer)
     repeats = [
         np.inf
@@ -53,12 +51,12 @@ def integrity_params(scenario, dt_s, coarse_if_silent):
             repeats=np.array(repeats),
             range=np.array([triad.range for triad in triads]),
             wrong=np.array([navigation.saturated_rate, navigation.saturated_acceleration]),
-            change=np.array([section.angular_acceleration, section.thrust_change]),
+            change=np.array([integrity.angular_acceleration, integrity.thrust_change]),
             missed=_missed(scenario),
         ),
         wanted=_requirement(scenario.requirements),
-        wrong_star_fix=section.wrong_star_fix,
-        release_gps_jump=_rule(section.gps_jump),
+        wrong_star_fix=integrity.wrong_star_fix,
+        gps_jump=integrity.gps_jump,
     )
 
 
@@ -125,9 +123,3 @@ def imu_model(scenario, told, **others):
         "accel_quantum": accelerometer.quantum,
     }
     return ImuModel(**fields | others)
-
-
-def _rule(release):
-    from shefex_nav.onboard.navigation.state import ReleaseRule
-
-    return ReleaseRule(release.rejections, release.duration)

@@ -111,10 +111,8 @@ def nav_params(scenario):
         range_bias_sigma=_range_bias(scenario),
         range_bias_time_s=sensors.range_bias_time,
         lasting_share=_lasting_share(scenario),
-        gravity_sigma=navigation.gravity_error,
-        gps=navigation.gps,
+        gravity_error=navigation.gravity_error,
         aids=aboard.aids(scenario),
-        stars=navigation.stars,
         gps_told=of_gps,
     )
 

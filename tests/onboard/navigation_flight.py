@@ -10,7 +10,8 @@ from unpacked import felt, propagate, window
 
 from shefex_nav.geometry import frames, rotation
 from shefex_nav.onboard.navigation import measurements
-from shefex_nav.onboard.navigation.state import ImuModel, NavParams, NavState, ReleaseRule, pack
+from shefex_nav.onboard.navigation.settings import Release, Releases
+from shefex_nav.onboard.navigation.state import ImuModel, NavParams, NavState, pack
 from shefex_nav.records import Alignment, GpsFix, ImuBlock, StarFix
 
 EARTH = frames.EarthRotation(np.eye(3), np.eye(3), 1.234, 7.292115e-5)
@@ -51,10 +52,12 @@ PARAMS = NavParams(
     l_ba_b=np.array([0.6, 0.05, -0.03]),
     C_bc=C_BC,
     gate_probability=1e-4,
-    star_sigma_floor=0.0,
-    release_gps=ReleaseRule(4, 3.0),
-    release_star_first=ReleaseRule(2, 0.0),
-    release_star=ReleaseRule(20, 1.9),
+    star_fix_floor=0.0,
+    release=Releases(
+        gps=Release(rejections=4, duration=3.0),
+        first_star_fix=Release(rejections=2, duration=0.0),
+        star_fix=Release(rejections=20, duration=1.9),
+    ),
     gps_agreement=20.0,
     history_s=0.6,
     motors=np.array([[0.0, 1.0]]),

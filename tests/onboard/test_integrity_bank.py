@@ -9,7 +9,7 @@ from shefex_nav.onboard.navigation.grown import grown
 from shefex_nav.onboard.navigation.integrity import HEALTHY, Fate
 from shefex_nav.onboard.navigation.integrity_bank import CALM, WINDOWS, Stream, _worst, limits
 from shefex_nav.onboard.navigation.sensor import Trial
-from shefex_nav.onboard.navigation.state import ReleaseRule
+from shefex_nav.onboard.navigation.settings import Release
 from shefex_nav.records import Doubt, GpsFix
 
 SECONDS, FROM_S = 70, 30
@@ -329,7 +329,7 @@ def position(z):
 
 @pytest.mark.parametrize("z, fate", [([28.0, 3.0, 1.0], Fate.REJECTED), ([2.0, -3.0, 1.0], Fate.USED)])
 def test_a_position_refused_before_is_no_better_in_a_wider_gate(z, fate):
-    rule = ReleaseRule(30, 29.0)
+    rule = Release(rejections=30, duration=29.0)
     refused = HEALTHY._replace(used=5, rejected=2, t_first_s=1.0, in_a_row=2)
     refused = refused._replace(evidence=position([30.0, 0.0, 0.0]), first=position([31.0, 0.0, 0.0]))
     trial = Trial(rule, position(z), lambda *_: True, lambda *_: True, integrity.offset_remains)

@@ -75,7 +75,7 @@ ARM = PARAMS.l_ba_b
 VIBRATION = 0.7  # level at which the motion is measured
 SPIN, FORCE = np.array([9.4, 0.2, -0.1]), np.array([60.0, 1.0, -2.0])  # as the sensors measure them
 CLOCK = {"clock_white": 0.1, "clock_walk": 0.2, "range_bias_sigma": 3.0, "range_bias_time_s": 100.0}
-CLOCK["gravity_sigma"] = 2e-4
+CLOCK["gravity_error"] = 2e-4
 NOISE = error_model.record(PARAMS._replace(**CLOCK))
 
 
@@ -252,7 +252,7 @@ def test_noise_of_receiver_and_field_grows_as_said():
     np.testing.assert_allclose(np.diag(P)[r], CLOCK["range_bias_sigma"] ** 2 * share, rtol=1e-9)
     share = 1.0 - np.exp(-2.0 * T / error_model.FIELD_TIME_S)
     np.testing.assert_allclose(
-        np.diag(P)[order.places["gravity"]], CLOCK["gravity_sigma"] ** 2 * share, rtol=1e-9
+        np.diag(P)[order.places["gravity"]], CLOCK["gravity_error"] ** 2 * share, rtol=1e-9
     )
 
 

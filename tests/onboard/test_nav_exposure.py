@@ -69,7 +69,7 @@ def mean_turn():
 NAV = SimpleNamespace(
     layout=layout(()),
     params=SimpleNamespace(
-        C_bc=C_BC, star_sigma_floor=0.0, imu=SimpleNamespace(gyro_random_walk=8e-6, gyro_quantum=5e-7)
+        C_bc=C_BC, star_fix_floor=0.0, imu=SimpleNamespace(gyro_random_walk=8e-6, gyro_quantum=5e-7)
     ),
 )
 

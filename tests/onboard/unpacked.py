@@ -41,7 +41,7 @@ NO_P = np.zeros((CORE.n, CORE.n))
 def noise_of(model):
     """What kernels take for an ImuModel alone."""
     receiver = {"clock_white": 0.0, "clock_walk": 0.0, "range_bias_sigma": 0.0, "range_bias_time_s": np.inf}
-    return error_model.record(SimpleNamespace(imu=model, gravity_sigma=0.0, **receiver))
+    return error_model.record(SimpleNamespace(imu=model, gravity_error=0.0, **receiver))
 
 
 NO_NOISE = noise_of(QUIET)

@@ -167,7 +167,7 @@ def _rows(nav, step):
     """z, H, R of a Seen about the trajectory."""
     if step.star is not None:
         params = nav.params
-        return star_attitude(nav.layout, step.x, step.star, params.C_bc, params.star_sigma_floor)
+        return star_attitude(nav.layout, step.x, step.star, params.C_bc, params.star_fix_floor)
     d, H = difference(nav.layout, step.x_then, step.x), step.H.copy()
     H[:, ATT] = H[:, ATT] @ np.linalg.inv(right_jacobian(d[ATT]))
     return step.z - step.H @ d, H, step.R

@@ -15,7 +15,8 @@ import numpy as np
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.onboard.navigation.measurements import lasting_factor
 from shefex_nav.onboard.navigation.sensor import Sensor, Trial, never
-from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V, ReleaseRule
+from shefex_nav.onboard.navigation.settings import Release
+from shefex_nav.onboard.navigation.state import X_Q, X_R, X_V
 
 SIGMAS = 3.0  # of the noise, within which two readings agree
 
@@ -147,7 +148,7 @@ def _unfit(aid, nav, t_s, x, reading):
 def _trial(aid, nav, now, z, R, reading):
     """Readings that are off by the same amount again and again are those of a new bias."""
     seen = aid.expect(Here(nav.layout, nav.earth, now.t_s, now.x), reading)
-    rule = ReleaseRule(aid.renewal.rejections, aid.renewal.duration_s)
+    rule = Release(rejections=aid.renewal.rejections, duration=aid.renewal.duration_s)
     return Trial(rule, Offset(reading.t_valid_s, z, seen.R.diagonal()), offsets_agree)
 
 

@@ -385,7 +385,7 @@ def record(params, more=SPARE):
     The first is what NavParams say; `more` rows have room for what the filter finds out (`adaptation`): a row
     counts in the ticks that end after its `from_s`.
     """
-    others = ("clock_white", "clock_walk", "range_bias_sigma", "range_bias_time_s", "gravity_sigma")
+    others = ("clock_white", "clock_walk", "range_bias_sigma", "range_bias_time_s", "gravity_error")
     values = params.imu._asdict() | {name: getattr(params, name) for name in others} | {"from_s": -np.inf}
     one = tuple(values.values())
     model = np.array([one] * (1 + more), dtype=rows([(name, float) for name in values]))

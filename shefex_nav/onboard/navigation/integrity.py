@@ -120,7 +120,7 @@ def judge(health, trial, nis, limit, t_valid_s, alone=True):
     else:
         rejected, t_first_s, first = 1, t_valid_s, trial.evidence
     rule = trial.rule
-    if rejected >= rule.count and t_valid_s - t_first_s >= rule.duration_s - SAME_S:
+    if rejected >= rule.rejections and t_valid_s - t_first_s >= rule.duration - SAME_S:
         return Fate.RESET, Health(health.used + 1, 0, np.nan, None)
     in_a_row = health.in_a_row + 1
     return Fate.REJECTED, Health(

@@ -16,7 +16,7 @@ from shefex_nav.onboard.navigation import (
     integrity_protection,
     protected,
 )
-from shefex_nav.onboard.navigation.state import ReleaseRule
+from shefex_nav.onboard.navigation.settings import Release
 from shefex_nav.records import Doubt, NavHealth
 
 CONTRADICTIONS = 3  # [E] rejected fixes in a row that agree with each other
@@ -40,14 +40,14 @@ class IntegrityParams(NamedTuple):
     imu: integrity_imu.ImuRules
     wanted: integrity_protection.Requirement
     wrong_star_fix: float  # rad, smallest error of a star fix that must be noticed
-    release_gps_jump: ReleaseRule  # of a GPS position that contradicts the filter while its velocity does not
+    gps_jump: Release  # of a GPS position that contradicts the filter while its velocity does not
 
 
 DEFAULT = IntegrityParams(
     imu=integrity_imu.NO_RULES,
     wanted=integrity_protection.requirement(100.0, 1.0, np.radians(0.17), 1e-5),
     wrong_star_fix=np.radians(0.5),
-    release_gps_jump=ReleaseRule(30, 29.0),
+    gps_jump=Release(rejections=30, duration=29.0),
 )
 
 

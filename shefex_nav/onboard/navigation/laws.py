@@ -26,7 +26,7 @@ def fading(model):
     """
     return (
         (RANGE_BIAS, model.range_bias_time_s, model.range_bias_sigma),
-        (GRAVITY, FIELD_TIME_S, model.gravity_sigma),
+        (GRAVITY, FIELD_TIME_S, model.gravity_error),
     )
 
 

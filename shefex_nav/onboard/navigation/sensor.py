@@ -8,7 +8,7 @@ import numpy as np
 from shefex_nav.onboard.navigation import integrity
 from shefex_nav.onboard.navigation.grown import Grown
 from shefex_nav.onboard.navigation.history import Moment
-from shefex_nav.onboard.navigation.state import ReleaseRule
+from shefex_nav.onboard.navigation.settings import Release
 
 Fix = Any  # a record with t_valid_s: GpsFix, GpsRanges, StarFix, or a reading of an instrument
 Agree = Callable[[integrity.Evidence, integrity.Evidence], bool]
@@ -43,7 +43,7 @@ class Innovation(NamedTuple):
 class Trial(NamedTuple):
     """What decides whether a sensor that contradicts the filter is believed after all."""
 
-    rule: ReleaseRule
+    rule: Release
     evidence: integrity.Evidence | None  # what is kept of the fix if it is rejected
     agree: Agree  # the earlier evidence with this
     steady: Agree | None = None  # the first with this; None: always
@@ -90,4 +90,4 @@ class Sensor(NamedTuple):
 
 def never(nav, now, z, R, fix):
     """Trial of a sensor that is never believed against the gate."""
-    return Trial(ReleaseRule(np.inf, np.inf), None, None)
+    return Trial(Release(rejections=np.inf, duration=np.inf), None, None)

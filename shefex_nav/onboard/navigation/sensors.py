@@ -20,7 +20,8 @@ from shefex_nav.onboard.navigation import (
 )
 from shefex_nav.onboard.navigation.history import Moment
 from shefex_nav.onboard.navigation.sensor import Sensor, Trial
-from shefex_nav.onboard.navigation.state import POS, VEL, X_Q, ReleaseRule
+from shefex_nav.onboard.navigation.settings import Release
+from shefex_nav.onboard.navigation.state import POS, VEL, X_Q
 from shefex_nav.records import GpsFix, GpsRanges, Reason
 
 BEND_SHARE = 0.2  # [E] of the bend, that it may be wrong by: not all light of a streak counts alike
@@ -107,12 +108,12 @@ def _turned_back(q_ic, P_c, bend_c, noise):
 
 def _star_attitude(nav, now, fix):
     params = nav.params
-    return measurements.star_attitude(nav.layout, now.x, fix, params.C_bc, params.star_sigma_floor)
+    return measurements.star_attitude(nav.layout, now.x, fix, params.C_bc, params.star_fix_floor)
 
 
 def _star_vectors(nav, now, fix):
     params = nav.params
-    return measure_stars.star_vectors(nav.layout, now.state, fix, params.C_bc, params.star_sigma_floor)
+    return measure_stars.star_vectors(nav.layout, now.state, fix, params.C_bc, params.star_fix_floor)
 
 
 def vibration_variance(params, now):
@@ -150,7 +151,7 @@ def _gps_trial(nav, now, z, R, fix):
         return integrity.gps_fixes_agree(earlier.fix, later.fix, slack)
 
     z_e = measurements.level_axes(fix) @ z if fix.horizontal else z
-    return Trial(nav.params.release_gps, integrity.GpsEvidence(fix, z_e, now.P[POS, POS].copy()), agree)
+    return Trial(nav.params.release.gps, integrity.GpsEvidence(fix, z_e, now.P[POS, POS].copy()), agree)
 
 
 def _gps_position_trial(nav, now, z, R, fix):
@@ -163,7 +164,7 @@ def _gps_position_trial(nav, now, z, R, fix):
     def steady(first, later):
         return integrity.offsets_agree(first, later, limit)
 
-    rule = nav.watch.params.release_gps_jump
+    rule = nav.watch.params.gps_jump
     return trial._replace(rule=rule, steady=steady, still=integrity.offset_remains)
 
 
@@ -173,7 +174,7 @@ def _range_trial(nav, now, z, R, fix):
     def agree(earlier, later):
         return measure_ranges.ranges_agree(earlier, later, slack)
 
-    return Trial(nav.params.release_gps, fix, agree)
+    return Trial(nav.params.release.gps, fix, agree)
 
 
 def _satellites(fix):
@@ -184,7 +185,7 @@ def _satellites(fix):
 def _star_trial(nav, now, z, R, fix):
     params = nav.params
     used = nav.health["star_tracker"].used
-    rule = params.release_star if used else params.release_star_first
+    rule = params.release.star_fix if used else params.release.first_star_fix
     state = now.state
     P_rate = rate_covariance(nav.layout, now)
     limit = nav.limits[3]
@@ -199,7 +200,7 @@ def _star_trial(nav, now, z, R, fix):
 
 def _vectors_trial(nav, now, z, R, fix):
     """Single stars never insist: what contradicts them is left to the attitudes, which stand alone."""
-    return Trial(ReleaseRule(2, np.inf), None, lambda earlier, later: False)
+    return Trial(Release(rejections=2, duration=np.inf), None, lambda earlier, later: False)
 
 
 def _hip(fix):

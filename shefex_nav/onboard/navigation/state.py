@@ -28,6 +28,7 @@ from shefex_nav.geometry import rotation
 from shefex_nav.onboard.navigation.blocks import DEFAULT_STATES, OPTIONAL, checked
 from shefex_nav.onboard.navigation.gps_told import NOTHING as NOTHING_TOLD
 from shefex_nav.onboard.navigation.gps_told import GpsTold
+from shefex_nav.onboard.navigation.settings import Releases
 
 POS = slice(0, 3)  # dr_i [m]
 VEL = slice(3, 6)  # dv_i [m/s]
@@ -160,13 +161,6 @@ class ImuModel(NamedTuple):
     accel_quantum: float = 0.0  # m/s, smallest increment
 
 
-class ReleaseRule(NamedTuple):
-    """When a sensor that contradicts the filter is believed after all."""
-
-    count: int  # consecutive rejections
-    duration_s: float  # from the first to the last of them
-
-
 class NavParams(NamedTuple):
     """Parameters of the navigation filter."""
 
@@ -177,10 +171,8 @@ class NavParams(NamedTuple):
     l_ba_b: np.ndarray  # (3,) m, IMU to GPS antenna
     C_bc: np.ndarray  # (3, 3) nominal mounting of the star camera
     gate_probability: float  # of rejecting a good measurement
-    star_sigma_floor: float  # rad, each axis: errors of a star fix that its covariance does not know
-    release_gps: ReleaseRule
-    release_star_first: ReleaseRule  # before the first star fix has been used
-    release_star: ReleaseRule  # afterwards
+    star_fix_floor: float  # rad, each axis: errors of a star fix that its covariance does not know
+    release: Releases  # when sensors that contradict the filter are believed after all
     gps_agreement: float  # m per second between two fixes, for the check of fixes against each other
     history_s: float  # how far back a measurement may lie
     motors: np.ndarray  # (n, 2) in order of burning: s from when it may burn, vibration by the strongest's
@@ -189,7 +181,7 @@ class NavParams(NamedTuple):
     clock_walk: float = 0.0  # m/s/sqrt(s), random walk of its frequency
     range_bias_sigma: float = 0.0  # m, of the block range_bias in the long run
     range_bias_time_s: float = np.inf  # its correlation time
-    gravity_sigma: float = 0.0  # m/s^2, each axis, of the block gravity in the long run
+    gravity_error: float = 0.0  # m/s^2, each axis, of the block gravity in the long run
     gps: str = "loose"  # GPS by its fixes; "tight": by the ranges of its channels
     lasting_share: float = 0.0  # of the variance of a position fix: errors that last range_bias_time_s
     integrity: Any = None  # integrity_watch.IntegrityParams; None: nothing is expected of IMU and solution
