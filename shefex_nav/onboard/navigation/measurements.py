@@ -41,6 +41,14 @@ class Antenna(NamedTuple):
     J_v: np.ndarray  # (3, n)
 
 
+class Felt(NamedTuple):
+    """What the IMU feels in a tick."""
+
+    felt: np.ndarray  # (6,) omega_ib_b and f_b, rad/s, m/s^2, corrected
+    vibration: float
+    drive: np.ndarray  # (6, m)
+
+
 def antenna(layout, x, t_s, earth, l_ba_b, felt, vibration, drive=calibration.NO_DRIVE):
     """Where the GPS antenna is at the instant that a fix with the time of the state belongs to.
 
@@ -67,15 +75,15 @@ def antenna(layout, x, t_s, earth, l_ba_b, felt, vibration, drive=calibration.NO
     ----------
     Groves, 2nd ed., section 14.3.1.
     """
-    motion, J = _antenna(layout.at, layout.n, x, t_s, earth, l_ba_b, felt, vibration, drive)
+    motion, J = _antenna(layout.at, layout.n, x, t_s, earth, l_ba_b, Felt(felt, vibration, drive))
     return Antenna(motion[0], motion[1], J[0], J[1])
 
 
 @kernel
-def _antenna(at, n, x, t_s, earth, l_ba_b, felt, vibration, drive):
-    """`antenna` with the fields of the Layout. -> motion (2, 3), J (2, 3, n)"""
-    motion, J = np.empty((2, 3)), np.empty((2, 3, n))
-    J_omega, J_f = calibration.jacobians_packed(at, n, x, felt[:3], felt[3:], vibration, drive)
+def _antenna(at, n, x, t_s, earth, l_ba_b, now):
+    """`antenna` with the fields of the Layout; now : Felt. -> motion (2, 3), J (2, 3, n)"""
+    motion, J, felt = np.empty((2, 3)), np.empty((2, 3, n)), now.felt
+    J_omega, J_f = calibration.jacobians_packed(at, n, x, felt[:3], felt[3:], now.vibration, now.drive)
     zero, turn = (0.0, 0.0, 0.0), t3.vector(frames.omega_ie_i(earth), 0)
     C_ei = t3.transposed(t3.matrix(frames.dcm_ie(earth, t_s)))
     C = t3.dcm_from_quat((x[X_Q.start], x[X_Q.start + 1], x[X_Q.start + 2], x[X_Q.start + 3]))
