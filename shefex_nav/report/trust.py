@@ -27,6 +27,7 @@ from shefex_nav.report import local_level
 from shefex_nav.report.pairing import same_times, stretches
 
 TIME_TO_ALERT_S = 1.0  # [E] an error that is over sooner has misled nobody
+SHOWN = (("position", "m"), ("velocity", "m/s"), ("attitude", "deg"))
 UNITS = {"position": ("m", 1.0), "velocity": ("m_s", 1.0), "attitude": ("deg", math.degrees(1.0))}  # of SI
 
 
