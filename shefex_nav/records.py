@@ -202,6 +202,7 @@ class Scan(IntEnum):
     STREAKS = 3  # in the whole frame, along the streaks that the rate of the camera makes
     STREAKS_NEAR = 4  # likewise, around the places where stars are predicted
     RUN_LENGTH = 5  # clusters of this frame and the one before
+    OTHER = 6  # as spots, by a method of a plug-in
 
 
 class Detections(NamedTuple):

@@ -12,6 +12,7 @@ import pytest
 
 from shefex_nav import instruments, plugin_checks, plugins, prepare
 from shefex_nav.log import reader, topics
+from shefex_nav.records import Reason, Scan
 from shefex_nav.report import figures
 from shefex_nav.scenario.load import ScenarioError, load, load_text
 from shefex_nav.scenario.schema import Scenario
@@ -26,7 +27,7 @@ ALTIMETER = "radar_altimeter: {rate: 5 Hz, bias: 1 m, noise: 2 m}"
 METHODS = """
 from dataclasses import replace
 
-from shefex_nav.onboard.startracker import centroid
+from shefex_nav.onboard.startracker import centroid, scan
 from shefex_nav.onboard.startracker.identify import bayes
 from shefex_nav.plugins import Method
 
@@ -39,7 +40,15 @@ def centres(settings, camera, image_dn, table):
     return centroid.weighted(table, 1.0 / camera.electrons_per_dn)
 
 
-PROVIDES = [Method("identification", "five_stars", identify), Method("centroid", "as_scanned", centres)]
+def search(image_dn, blocks, background, sigma, rules):
+    return scan.maximum_search(image_dn, blocks, background, sigma, rules)
+
+
+PROVIDES = [
+    Method("identification", "five_stars", identify),
+    Method("centroid", "as_scanned", centres),
+    Method("scan", "brightest_first", search),
+]
 """
 
 
@@ -249,7 +258,7 @@ def test_methods_of_a_file_in_a_campaign_with_two_workers(tmp_path, command):
     path.write_text(
         "# Sky.\nextends: night_sky.yaml\nplugins: [methods.py]\n"
         "mission: {name: sky, time_limit: 3 s}\n"
-        "star_tracker:\n  off: 3 s\n  detection: {centroid: as_scanned}\n"
+        "star_tracker:\n  off: 3 s\n  detection: {scan: brightest_first, centroid: as_scanned}\n"
         "  identification: {method: five_stars, tracking: false}\n"
     )
     done = command(
@@ -258,5 +267,9 @@ def test_methods_of_a_file_in_a_campaign_with_two_workers(tmp_path, command):
     assert done.code == 0, done.err
     assert json.loads(done.out)["runs"]
     assert load(str(path)).star_tracker.identification.method == "five_stars"
+    flown = command("run", path, "--trust", "--until", "2.5s", "--seed", 1, "--out", tmp_path / "sky.mcap")
+    assert flown.code == 0, flown.err
+    fixes = reader.read(tmp_path / "sky.mcap").star_fixes
+    assert {fix.scan for fix in fixes} == {Scan.OTHER} and any(fix.reason == Reason.NONE for fix in fixes)
     path.write_text(path.read_text().replace("five_stars", "four_stars"))
     assert "'four_stars' is not known; choose from: bayes, " in message(path)

@@ -27,13 +27,17 @@ from shefex_nav.onboard.startracker.detect import SCANS, FrameStatistics, detect
 from shefex_nav.records import Scan
 
 STREAKS, RUN_LENGTH = "streaks", "run_length"
-WAYS = (*SCANS, STREAKS, RUN_LENGTH)
 SPOTS = {"sequential": Scan.SEQUENTIAL, "maximum": Scan.MAXIMUM}
 KNOWN_PX = 1.0  # a rate is known if its error moves no star by more in half of the frame [E]
 NARROW_PX = 4.0  # a prediction is narrow if its error moves no star in the frame by more, 1 sigma [E]
 FEWEST = 3  # predicted stars that are worth looking at
 OUTSIDE_PX = 2.0  # a star predicted just beyond the border may be inside
 CONTIGUOUS = 1e-3  # of the exposure: gap between two frames that is none
+
+
+def ways():
+    """Names of the ways to search a frame, those of plug-ins among them."""
+    return (*SCANS, STREAKS, RUN_LENGTH)
 
 
 class Found(NamedTuple):
@@ -81,7 +85,7 @@ def searches(params, stars, memory, frame, context):
         return
     spots = replace(settings, scan="sequential") if settings.scan == STREAKS else settings
     detections, statistics = detect(spots, camera, frame.image_dn)
-    yield Found(detections, statistics, int(SPOTS[spots.scan]), frame.line_s == 0.0)
+    yield Found(detections, statistics, int(SPOTS.get(spots.scan, Scan.OTHER)), frame.line_s == 0.0)
 
 
 def _along_streaks(params, stars, frame, context):

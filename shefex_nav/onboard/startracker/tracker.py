@@ -91,8 +91,8 @@ def init(params, catalogue, julian_year):
         raise ValueError(f"unknown star identification {method!r}")
     if settings.identification.tracking and method != "bayes":
         raise ValueError(f"star identification {method!r} cannot use a prediction")
-    if scan not in objects.WAYS:
-        raise ValueError(f"unknown scan {scan!r}; choose from: {', '.join(objects.WAYS)}")
+    if scan not in (ways := objects.ways()):
+        raise ValueError(f"unknown scan {scan!r}; choose from: {', '.join(ways)}")
     half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
     field = 2.0 * math.atan(half_diagonal / camera.focal_length_px)
     return Tracker(params, _pairs(settings.catalogue, _Same(catalogue), julian_year, field))
