@@ -79,7 +79,7 @@ def with_kept_stars(scenario, world, job):
     from shefex_nav.world import faults, imu, noise
 
     line = faults.StarLine(world.faults.stars, noise.generator(job["seed"], "faults"))
-    white = [(one.start_s, one.end_s) for one in world.faults.stars if one.kind == "blinded"]
+    white = [(one.start, one.end) for one in world.faults.star_tracker if one.fault == "blinded"]
     if scenario.navigation.stars != "attitude":
         raise ValueError("kept fixes have no single stars: navigation.stars must be attitude")
     fixes = flown.load(Path(job["stars"]) / f"fixes-{job['seed']:04d}.npz", MADE_FOR)

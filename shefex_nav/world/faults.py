@@ -279,7 +279,7 @@ class StarLine:
 
     def chain(self, step):
         """`step(...) -> state, fix, command`, the chain of the star tracker, with the faults of its fixes."""
-        if all(fault.kind == "blinded" for fault in self.faults):
+        if all(isinstance(fault, Blinded) for fault in self.faults):
             return step
 
         def faulty(*arguments):
