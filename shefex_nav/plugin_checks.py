@@ -103,15 +103,30 @@ def _block(one, settings):
     block = _called(f"{words}: block", one.block, settings)
     if not isinstance(block, Block) or block.name != one.name:
         raise CodeError(f"{words}: block must give a Block of that name, got {block!r}")
-    size = one.size
-    found = [np.shape(part) for part in (block.P, block.walk)]
-    found += [] if block.F is None else [np.shape(block.F)]
+    return _checked_block(words, one.size, block)
+
+
+def _checked_block(words, size, block):
+    """A Block of so many errors, its arrays as numbers; CodeError says what is wrong with it."""
+    given = {"P": block.P, "walk": block.walk} | ({} if block.F is None else {"F": block.F})
+    try:
+        arrays = {name: np.asarray(part, np.float64) for name, part in given.items()}
+    except (TypeError, ValueError):
+        raise CodeError(f"{words}: P, walk and F must be numbers, got {list(given.values())!r}") from None
+    found = [array.shape for array in arrays.values()]
     if found != [(size, size), (size,), (size, size)][: len(found)]:
         raise CodeError(
             f"{words}: P, walk and F have shapes {found}; {size} errors need (n, n), (n,), (n, n)"
         )
-    if block.F is not None and not np.abs(block.F).max() <= FASTEST:
-        raise CodeError(f"{words}: elements of F must be at most {FASTEST:g} /s, got {block.F.tolist()}")
+    P, walk = arrays["P"], arrays["walk"]
+    if not (np.isfinite(P).all() and np.allclose(P, P.T) and np.linalg.eigvalsh(P)[0] >= -1e-9 * np.trace(P)):
+        raise CodeError(f"{words}: P must be a covariance, got {P.tolist()}")
+    if not (np.isfinite(walk).all() and (walk >= 0.0).all()):
+        raise CodeError(f"{words}: walk must not be negative, got {walk.tolist()}")
+    if "F" in arrays and not np.abs(arrays["F"]).sum(axis=1).max() <= FASTEST:
+        rows = f"elements of a row of F must add up to at most {FASTEST:g} /s"
+        raise CodeError(f"{words}: {rows}, got {arrays['F'].tolist()}")
+    block = block._replace(**arrays)
     if block.drives is None:
         return block
     return block._replace(drives=partial(_drives, words, size, block.drives))
@@ -121,9 +136,11 @@ def _drives(words, size, drives, felt):
     """As Block.drives."""
     words = f"{words}: drives, T{felt.t_s:+.2f} s"
     found = _called(words, drives, felt)
-    if np.shape(found) != (6, size) or not np.isfinite(found).all():
-        raise CodeError(f"{words}: must give numbers, shape (6, {size}), got {found!r}")
-    return found
+    if np.shape(found) != (6, size):
+        raise CodeError(f"{words}: must give numbers, shape (6, {size}), got shape {np.shape(found)}")
+    if not np.isfinite(found).all():
+        raise CodeError(f"{words}: must give numbers, shape (6, {size}), some are not finite")
+    return np.asarray(found, np.float64)
 
 
 def checked(one):
@@ -166,7 +183,10 @@ def _aid(one, given, use, known):
         for key in ("holds", "unfit")
         if getattr(aid, key) is not None
     }
-    return aid._replace(expect=partial(_expect, words, aid.expect), **judges)
+    blocks = tuple(
+        _checked_block(f"{words}: block of states '{block.name}'", block.size, block) for block in aid.blocks
+    )
+    return aid._replace(expect=partial(_expect, words, aid.expect), blocks=blocks, **judges)
 
 
 def _expect(words, expect, here, reading):

@@ -179,7 +179,9 @@ def _provided(module, name):
     """What a module provides, checked."""
     provided = getattr(module, "PROVIDES", None)
     if not isinstance(provided, list | tuple) or not provided:
-        raise PluginError(f"'{name}' provides nothing; end it with PROVIDES = [YOUR_INSTRUMENT]")
+        raise PluginError(
+            f"'{name}' provides nothing; end it with PROVIDES = [...], a list of what it brings"
+        )
     for one in provided:
         if not isinstance(one, Instrument | OwnState | Method):
             words = "is neither an Instrument nor an OwnState nor a Method"

@@ -143,12 +143,29 @@ def test_what_is_wrong_with_its_description_is_one_line(tmp_path, code, old, new
 
 FAULTS = (  # likewise, of what shows when it flies only
     ('Block("gyro_drift"', 'Block("drift"', "block must give a Block of that name"),
+    ("settings.drift**2 * np.eye(3)", "-np.eye(3)", "P must be a covariance, got [[-1.0"),
+    ("settings.drift**2 * np.eye(3)", "np.full((3, 3), np.nan)", "P must be a covariance"),
+    ("walk=np.zeros(3)", "walk=-np.ones(3)", "walk must not be negative"),
+    ("walk=np.zeros(3)", "walk='none'", "must be numbers"),
     ("np.eye(3), walk", "np.eye(2), walk", "P, walk and F have shapes [(2, 2), (3,)]"),
-    ("walk=np", "F=-20.0 * np.eye(3), walk=np", "elements of F must be at most 10 /s"),
+    ("walk=np", "F=-20.0 * np.eye(3), walk=np", "elements of a row of F must add up to at most 10 /s"),
     ("    return Block(", "    settings.nothing\n    return Block(", "has no attribute 'nothing'"),
     ("np.zeros((3, 3))])", "np.zeros((2, 3))])", "must give numbers, shape (6, 3)"),
     ("since_s * np.eye(3)", "np.nan * np.eye(3)", "must give numbers, shape (6, 3)"),
 )
+
+
+def test_check_asks_for_the_block(tmp_path, code, command):
+    code.write_text(code.read_text().replace("walk=np.zeros(3)", "walk=-np.ones(3)"))
+    done = command("check", scenario(tmp_path), "--trust")
+    assert done.code == 2 and "block of states 'gyro_drift': walk must not be negative" in done.err
+
+
+def test_two_blocks_of_one_name_are_refused(tmp_path, code):
+    text = code.read_text()
+    one = text[text.index("OwnState(", text.index("PROVIDES")) : text.rindex("]")]
+    code.write_text(text.replace(one, f"{one}, {one}"))
+    assert "there is a 'gyro_drift' already" in message(scenario(tmp_path))
 
 
 def test_code_that_goes_wrong_in_flight_is_named(tmp_path, code, command):

@@ -148,6 +148,9 @@ WRONG = (  # text of the file, what stands in its place, what is said
 
 
 FAULTS = (  # likewise, of what shows when it flies only
+    ("np.zeros(1))", "np.zeros(1), F=np.array([[-50.0]]))", "must add up to at most 10 /s"),
+    ("np.zeros(1))", "np.zeros(1), drives=lambda felt: felt.nothing)", "has no attribute 'nothing'"),
+    ("np.zeros(1))", "np.zeros(1), drives=lambda felt: np.zeros((6, 2)))", "shape (6, 1), got shape (6, 2)"),
     ("    return Measured(", "    settings.nothing\n    return Measured(", "has no attribute 'nothing'"),
     (
         "flight.t_s[k], height)",

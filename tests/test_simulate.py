@@ -46,7 +46,8 @@ def test_the_warming_picture_looks_up_and_away_from_the_sun():
     )
     C_bc = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     for sun_i in (-up_i, np.array([0.8, 0.0, 0.6]), wgs84.perpendicular(up_i)):
-        camera = SimpleNamespace(bodies=SimpleNamespace(sun_u_i=sun_i), params=SimpleNamespace(C_bc=C_bc))
+        settings = SimpleNamespace(mounting=SimpleNamespace(C_bc=C_bc))
+        camera = SimpleNamespace(bodies=SimpleNamespace(sun_u_i=sun_i), settings=settings)
         held = simulate.looking_up(trajectory, camera)
         assert len(held.t_s) == 400 and not held.omega_ib_b.any()
         boresight_i = rotation.dcm_from_quat(held.q_ib[0]) @ C_bc[:, 2]

@@ -140,6 +140,13 @@ def own_states(scenario):
         yield state, None if given is None else settings(state.settings, given)
 
 
+def check_own_blocks(scenario):
+    """Ask every block of states of a plug-in what is known of it; CodeError if that goes wrong."""
+    for state, known in own_states(scenario):
+        if known is not None:
+            state.block(known)
+
+
 def own_blocks(scenario):
     """Those that the filter of a scenario estimates: tuple of blocks.Block."""
     states = scenario.navigation.states

@@ -47,10 +47,15 @@ def pinned(scenario):
     return tuple((one.file, one.sha256) for one in scenario.plugins)
 
 
+def _names(one):
+    """Names that something which a plug-in provides takes: its own, and those of its blocks of states."""
+    return {one.name, *(block.name for block in getattr(one, "states", ()))}
+
+
 def _problem(one, taken):
     """What is wrong with something that a plug-in provides; '' if nothing is. taken : names of others"""
-    if one.name in taken:
-        return f"there is a '{one.name}' already, of another plug-in of this scenario"
+    if twice := sorted(_names(one) & taken):
+        return f"there is a '{twice[0]}' already, of a plug-in of this scenario"
     from shefex_nav.scenario.onboard import Navigation  # which needs this module
 
     if isinstance(one, OwnState) and one.name in Navigation.model_fields:
@@ -90,8 +95,11 @@ def loaded(tree, places, trust=False):
         except plugins.PluginError as error:
             found.append((places.value((KEY, k)), f"{dotted((KEY, k))}: {error}"))
             continue
-        taken = {other.name for other in provided}
-        problem = next((words for each in more if (words := _problem(each, taken))), "")
+        taken = {name for other in provided for name in _names(other)}
+        problem = ""
+        for each in more:
+            problem = problem or _problem(each, taken)
+            taken |= _names(each)
         if problem:
             found.append((places.value((KEY, k)), f"{dotted((KEY, k))}: '{name}': {problem}"))
             continue

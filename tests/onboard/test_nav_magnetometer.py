@@ -1,5 +1,7 @@
 """Magnetometer in the filter: Jacobians of three axes and of the heading, hard iron, limits of use."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from navigation_flight import MODEL, PARAMS
@@ -26,11 +28,11 @@ SENSOR = Magnetometer(
 )
 
 
-def aid_of(rows):
+def aid_of(rows, sensor=SENSOR):
     """Aid of a filter that uses the three axes, or the heading alone."""
     release = Release(rejections=5, duration=0.4)
     use = MagnetometerUse(used=True, rows=rows, model_error=0.0, memory=100.0, release=release)
-    return magnetometer.aid(SENSOR, use, Known(2025.5, np.zeros(3)))
+    return magnetometer.aid(sensor, use, Known(2025.5, np.zeros(3)))
 
 
 FIELD, HEADING = aid_of("field"), aid_of("heading")
@@ -192,3 +194,11 @@ def test_a_field_that_jumps_is_a_new_hard_iron():
     assert results[-1].accepted
     assert abs(np.degrees(rotation.rotvec_between(nav.history[-1].state.q_ib, q_ib)[2])) < 1.0
     assert np.abs(nav.history[-1].state.others - IRON - [2e-5, 0.0, 0.0]).max() < 1e-6
+
+
+def test_quanta_are_white_noise_of_a_twelfth_of_their_square():
+    state = state_at()
+    coarse = aid_of("field", replace(SENSOR, quantum=1.5e-7))
+    reading = MagnetometerReading(state.t_s, state.t_s, np.zeros(3))
+    R = coarse.expect(here(state), reading).R
+    np.testing.assert_allclose(R, (SENSOR.noise**2 + 1.5e-7**2 / 12.0) * np.eye(3), rtol=1e-12)

@@ -29,13 +29,13 @@ def test_there_is_none_unless_it_is_given():
 
 def test_the_filter_assumes_what_the_sensor_is_said_to_have():
     aid, model = of_filter(section(soft_iron="0.3 %", quantum="150 nT"), STATES)
-    assert model.noise == pytest.approx(np.hypot(50e-9, 150e-9 / np.sqrt(12.0)))
-    assert model.soft_iron == pytest.approx(3e-3)
+    sensor = model.settings
+    assert (sensor.noise, sensor.quantum, sensor.soft_iron) == pytest.approx((50e-9, 150e-9, 3e-3))
     np.testing.assert_allclose(aid.blocks[0].P, 500e-9**2 * np.eye(3))
     np.testing.assert_allclose(model.sigma_n, magnetic_field.sigma_n(2012.47), rtol=1e-3)
-    assert not model.heading and aid.renewal is not None
+    assert model.use.rows == "field" and aid.renewal is not None
     aid, model = of_filter(section(), STATES, "navigation.magnetometer.rows=heading")
-    assert model.heading and aid.renewal is None
+    assert model.use.rows == "heading" and aid.renewal is None
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """The bound: its matrices against perturbed flights and measurements, and against a filter that knows all."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from imu_settings import PERFECT, imu_with
@@ -22,7 +24,8 @@ QUIET = imu_with(PERFECT, vibration_boost=(0.0,))
 class Camera:
     """Tolerances of a camera, all zero."""
 
-    sigma_mounting_rad = sigma_principal_point_px = sigma_focal_length = 0.0
+    mounting = SimpleNamespace(error=0.0)
+    optics = SimpleNamespace(principal_point_error=0.0, focal_length_error=0.0)
 
 
 def increments(duration_s):
