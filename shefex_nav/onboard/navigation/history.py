@@ -116,16 +116,18 @@ class History:
         if not begin_s < end_s <= self.ends_s[-1] + SAME_S:
             return None
         places, first_s, last_s = [], np.inf, 0.0
-        for k in range(len(self.ends_s) - 1, -1, -1):
-            place = self.place(k)
-            if self.ends_s[k] <= begin_s or self.numbers[place, 2] == 0:
+        for number in range(self.newest, self.oldest - 1, -1):
+            place = number % len(self.numbers)
+            tick_end_s, dt_s, n, _ = self.numbers[place].tolist()
+            if tick_end_s <= begin_s or n == 0.0:
                 break
-            first_s = self.ends_s[k] - self.length_s(k)
+            first_s = tick_end_s - n * dt_s
             if first_s < end_s:
-                last_s = last_s if places else self.ends_s[k]
-                places.insert(0, place)
+                last_s = last_s if places else tick_end_s
+                places.append(place)
         if not places or first_s > begin_s + SAME_S:
             return None
+        places.reverse()
         counts = self.numbers[places, 2].astype(np.int64)
         return Samples(
             np.concatenate(
