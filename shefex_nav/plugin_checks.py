@@ -28,6 +28,7 @@ TAKEN = frozenset(
 )
 PREFIXES = ("gps", "star")  # of what the filter tells apart by it
 FASTEST = 10.0  # 1/s, law of a block of states: slow against a tick
+ROUNDING = 1e-9  # of a covariance, in the trace of it
 
 
 def problem(one):
@@ -108,25 +109,17 @@ def _block(one, settings):
 
 def _checked_block(words, size, block):
     """A Block of so many errors, its arrays as numbers; CodeError says what is wrong with it."""
-    given = {"P": block.P, "walk": block.walk} | ({} if block.F is None else {"F": block.F})
-    try:
-        arrays = {name: np.asarray(part, np.float64) for name, part in given.items()}
-    except (TypeError, ValueError):
-        raise CodeError(f"{words}: P, walk and F must be numbers, got {list(given.values())!r}") from None
-    found = [array.shape for array in arrays.values()]
-    if found != [(size, size), (size,), (size, size)][: len(found)]:
-        raise CodeError(
-            f"{words}: P, walk and F have shapes {found}; {size} errors need (n, n), (n,), (n, n)"
-        )
-    P, walk = arrays["P"], arrays["walk"]
-    if not (np.isfinite(P).all() and np.allclose(P, P.T) and np.linalg.eigvalsh(P)[0] >= -1e-9 * np.trace(P)):
+    P, walk = _numbers(f"{words}: P", block.P, (size, size)), _numbers(f"{words}: walk", block.walk, (size,))
+    F = None if block.F is None else _numbers(f"{words}: F", block.F, (size, size))
+    slack = ROUNDING * np.trace(P)
+    if not (np.abs(P - P.T).max() <= slack and np.linalg.eigvalsh(P)[0] >= -slack):
         raise CodeError(f"{words}: P must be a covariance, got {P.tolist()}")
-    if not (np.isfinite(walk).all() and (walk >= 0.0).all()):
+    if (walk < 0.0).any():
         raise CodeError(f"{words}: walk must not be negative, got {walk.tolist()}")
-    if "F" in arrays and not np.abs(arrays["F"]).sum(axis=1).max() <= FASTEST:
+    if F is not None and np.abs(F).sum(axis=1).max() > FASTEST:
         rows = f"elements of a row of F must add up to at most {FASTEST:g} /s"
-        raise CodeError(f"{words}: {rows}, got {arrays['F'].tolist()}")
-    block = block._replace(**arrays)
+        raise CodeError(f"{words}: {rows}, got {F.tolist()}")
+    block = block._replace(P=P, walk=walk, F=F)
     if block.drives is None:
         return block
     return block._replace(drives=partial(_drives, words, size, block.drives))
@@ -135,12 +128,19 @@ def _checked_block(words, size, block):
 def _drives(words, size, drives, felt):
     """As Block.drives."""
     words = f"{words}: drives, T{felt.t_s:+.2f} s"
-    found = _called(words, drives, felt)
-    if np.shape(found) != (6, size):
-        raise CodeError(f"{words}: must give numbers, shape (6, {size}), got shape {np.shape(found)}")
-    if not np.isfinite(found).all():
-        raise CodeError(f"{words}: must give numbers, shape (6, {size}), some are not finite")
-    return np.asarray(found, np.float64)
+    return _numbers(words, _called(words, drives, felt), (6, size))
+
+
+def _numbers(words, value, shape):
+    """A value of the plug-in as an array of finite numbers. words : what it is"""
+    try:
+        array = np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        raise CodeError(f"{words} must be numbers, got {value!r}") from None
+    if array.shape != shape or not np.isfinite(array).all():
+        got = "some that are not finite" if array.shape == shape else f"shape {array.shape}"
+        raise CodeError(f"{words} must be numbers, shape {shape}, got {got}")
+    return array
 
 
 def checked(one):

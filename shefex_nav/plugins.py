@@ -5,10 +5,10 @@
 
 A plug-in says in `PROVIDES` what it adds: instruments (`instruments.instrument.Instrument`), blocks of
 states of the filter (`onboard.navigation.blocks.OwnState`), and ways to detect spots, find their centres and
-identify stars (`Method`). Nothing is replaced: a name that is taken is
-an error. A scenario is a file that is passed around, so one that names a Python file runs it only with
-consent: `--trust`, or `Scenario.load(..., trust=True)`, gives it for that file as it is, and it is kept for
-its content (SHA-256). A package has been installed on purpose and needs none.
+identify stars (`Method`). Nothing is replaced: a name that is taken is an error. A scenario is a file that is
+passed around, so one that names a Python file runs it only with consent: `--trust`, or
+`Scenario.load(..., trust=True)`, gives it for that file as it is, and it is kept for its content (SHA-256).
+A package has been installed on purpose and needs none.
 """
 
 import hashlib

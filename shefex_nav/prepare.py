@@ -27,7 +27,6 @@ from shefex_nav.scenario.told import as_told
 from shefex_nav.world import camera, faults, gps, imu, noise, pad
 from shefex_nav.world.fault_settings import Faults
 from shefex_nav.world.flight import fly
-from shefex_nav.world.settings import Imu, PadAlignment
 
 BRIEF_S = 5.0  # of a flight that nobody waits for
 PLANNED = 1  # seed of the planned flight
@@ -85,9 +84,9 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
     if flight is None:
         flight = fly_vehicle(scenario, seed, brief=brief)
     scenario = settled(scenario, flight if brief else None)
-    trajectory, wrong = flight.trajectory, settings(Faults, scenario.faults)
+    trajectory, wrong = flight.trajectory, settings(scenario.faults)
     imu_biases = np.empty((len(trajectory.t_s), 6)) if biases else None
-    measured = imu.measure(settings(Imu, scenario.imu), trajectory, rng("imu"), imu_biases, wrong.imu)
+    measured = imu.measure(settings(scenario.imu), trajectory, rng("imu"), imu_biases, wrong.imu)
     true_camera = camera.init(params.star_camera(scenario), at_epoch, bodies, earth, rng("camera_errors"))
     fixes, ranges = _received(scenario, flight, earth, wrong.gps, rng)
     events = [*flight.events, *faults.events(wrong, trajectory, earth)]
@@ -95,7 +94,7 @@ def build_world(scenario, seed, *, brief=False, flight=None, biases=False):
         earth=earth,
         catalogue=catalogue,
         flight=flight._replace(events=tuple(sorted(events, key=lambda event: event.t_s))),
-        alignment=pad.align(settings(PadAlignment, scenario.pad_alignment), trajectory, earth, rng("pad")),
+        alignment=pad.align(settings(scenario.pad_alignment), trajectory, earth, rng("pad")),
         imu=measured,
         gps_fixes=fixes,
         gps_ranges=ranges,
@@ -154,7 +153,7 @@ def measured_by_instruments(scenario, seed, trajectory, earth):
     truth = Truth(trajectory, earth, aboard.year(scenario), sun_i, params.air_table(scenario))
     streams = {one.name: noise.key_of(one.name) if one.stream is None else one.stream for one, _ in found}
     return {
-        one.name: one.measure(settings(one.settings, given), truth, noise.generator(seed, streams[one.name]))
+        one.name: one.measure(settings(given), truth, noise.generator(seed, streams[one.name]))
         for one, given in found
     }
 
@@ -215,5 +214,5 @@ def true_biases(scenario, seed, trajectory):
     The instrument is asked again, with the same random numbers.
     """
     biases = np.empty((len(trajectory.t_s), 6))
-    imu.measure(settings(Imu, scenario.imu), trajectory, noise.generator(seed, "imu"), biases)
+    imu.measure(settings(scenario.imu), trajectory, noise.generator(seed, "imu"), biases)
     return biases

@@ -86,7 +86,7 @@ def count(example, help, default=REQUIRED, **limits):
     return _field(Setting("count", help, default, "", example, tuple(limits.items())))
 
 
-def choice(help, default=REQUIRED):
+def choice(help="", default=REQUIRED):
     """One of the words of its Literal type."""
     return _field(Setting("choice", help, default))
 

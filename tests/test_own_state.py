@@ -142,16 +142,22 @@ def test_what_is_wrong_with_its_description_is_one_line(tmp_path, code, old, new
 
 
 FAULTS = (  # likewise, of what shows when it flies only
+    # variances of 1e-12: symmetry counts by their size
+    (
+        "settings.drift**2 * np.eye(3)",
+        "settings.drift**2 * np.triu(np.ones((3, 3)))",
+        "P must be a covariance",
+    ),
     ('Block("gyro_drift"', 'Block("drift"', "block must give a Block of that name"),
     ("settings.drift**2 * np.eye(3)", "-np.eye(3)", "P must be a covariance, got [[-1.0"),
-    ("settings.drift**2 * np.eye(3)", "np.full((3, 3), np.nan)", "P must be a covariance"),
+    ("settings.drift**2 * np.eye(3)", "np.full((3, 3), np.nan)", "P must be numbers, shape (3, 3), got some"),
     ("walk=np.zeros(3)", "walk=-np.ones(3)", "walk must not be negative"),
-    ("walk=np.zeros(3)", "walk='none'", "must be numbers"),
-    ("np.eye(3), walk", "np.eye(2), walk", "P, walk and F have shapes [(2, 2), (3,)]"),
+    ("walk=np.zeros(3)", "walk='none'", "walk must be numbers, got 'none'"),
+    ("np.eye(3), walk", "np.eye(2), walk", "P must be numbers, shape (3, 3), got shape (2, 2)"),
     ("walk=np", "F=-20.0 * np.eye(3), walk=np", "elements of a row of F must add up to at most 10 /s"),
     ("    return Block(", "    settings.nothing\n    return Block(", "has no attribute 'nothing'"),
-    ("np.zeros((3, 3))])", "np.zeros((2, 3))])", "must give numbers, shape (6, 3)"),
-    ("since_s * np.eye(3)", "np.nan * np.eye(3)", "must give numbers, shape (6, 3)"),
+    ("np.zeros((3, 3))])", "np.zeros((2, 3))])", "must be numbers, shape (6, 3)"),
+    ("since_s * np.eye(3)", "np.nan * np.eye(3)", "must be numbers, shape (6, 3)"),
 )
 
 

@@ -137,7 +137,7 @@ def own_states(scenario):
     """
     for state in getattr(type(scenario), "OWN_STATES", ()):
         given = getattr(scenario.navigation, state.name)
-        yield state, None if given is None else settings(state.settings, given)
+        yield state, None if given is None else settings(given)
 
 
 def check_own_blocks(scenario):
@@ -165,9 +165,9 @@ def used(scenario):
     for one, given in instruments(scenario):
         if one.aid is None:
             continue
-        use = settings(one.use, getattr(scenario.navigation, one.name))
+        use = settings(getattr(scenario.navigation, one.name))
         if use.used:
-            yield one, settings(one.settings, given), use
+            yield one, settings(given), use
 
 
 def aids(scenario):

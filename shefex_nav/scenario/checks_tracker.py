@@ -3,7 +3,6 @@
 from shefex_nav.clock import TICK_HZ
 from shefex_nav.scenario.checks_flight import seconds
 from shefex_nav.scenario.of_settings import settings
-from shefex_nav.world.camera_settings import Detector
 
 SPOTS = ("sequential", "maximum")  # scans that take a star for a spot at rest
 CENTROIDS = {"streaks": "fit", "run_length": "weighted"}  # what a scan brings along
@@ -155,7 +154,7 @@ def _catalogue_and_latency(scenario):
         yield ("navigation", "stars"), words
     if catalogue.kind == "combined" and catalogue.keep_to > catalogue.faintest:
         yield ("star_tracker", "catalogue", "keep_to"), "must not be fainter than faintest"
-    rows_s = settings(Detector, camera.detector).line_s * (camera.detector.rows - 1)
+    rows_s = settings(camera.detector).line_s * (camera.detector.rows - 1)
     star_delay = tracker.exposure.longest + rows_s + camera.detector.readout + tracker.latency
     delay, name = max((scenario.gps.latency, "GPS fix"), (star_delay, "star fix"))
     if delay >= navigation.history:

@@ -37,17 +37,17 @@ def __getattr__(name):
     return section(getattr(import_module(module), cls))
 
 
-def settings(cls, block):
+def settings(block):
     """Settings with the values of a section that has been read."""
     values = {}
-    for name, (annotation, setting) in declared(cls).items():
-        value, kind = getattr(block, name), _without_none(annotation)
+    for name, (_, setting) in declared(block.SETTINGS).items():
+        value = getattr(block, name)
         if setting.kind == "section" and isinstance(value, list):
-            value = tuple(settings(type(one).SETTINGS, one) for one in value)
+            value = tuple(settings(one) for one in value)
         elif setting.kind == "section" and value is not None:
-            value = settings(kind, value)
+            value = settings(value)
         values[name] = tuple(value) if isinstance(value, list) else value
-    return cls(**values)
+    return block.SETTINGS(**values)
 
 
 def _field(annotation, setting):
@@ -58,7 +58,7 @@ def _field(annotation, setting):
         one = get_args(kind)[0] if get_origin(kind) is tuple else kind
         by = dict(setting.limits).get("by")
         own = kinds(by, *(section(each) for each in get_args(one))) if by else section(one)
-        own = _several(kind, "", lambda _: own)
+        own = list[own] if get_origin(kind) is tuple else own
         how = {"default_factory": own} if given == {} else {"default": default, "validate_default": True}
         return _optional(own, annotation), Field(description=setting.help or None, **how)
     if setting.kind in ("choice", "switch", "text"):

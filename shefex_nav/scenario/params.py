@@ -11,7 +11,6 @@ import numpy as np
 
 from shefex_nav.clock import IMU_HZ
 from shefex_nav.scenario.of_settings import settings
-from shefex_nav.world.camera_settings import Mounting, StarCamera
 
 
 def flight_params(scenario):
@@ -29,7 +28,7 @@ def flight_params(scenario):
         gravity=gravity.load(scenario.earth.gravity, scenario.earth.gravity_degree),
         air=flight.Air(air_table(scenario), scenario.atmosphere.density),
         wind=wind(scenario.wind),
-        start=settings(type(site).SETTINGS, site),
+        start=settings(site),
         C_bc=mounting(scenario),
         imu_b=np.array(vehicle.imu),
         payload=params_vehicle.part(payload),
@@ -47,7 +46,7 @@ def flight_params(scenario):
 
 
 def _device(block):
-    return None if block is None else settings(type(block).SETTINGS, block)
+    return None if block is None else settings(block)
 
 
 def wind(section):
@@ -96,9 +95,9 @@ def _place(scenario):
 
 def mounting(scenario):
     """Nominal C_bc of the star camera (3, 3), its axes as columns."""
-    return settings(Mounting, scenario.star_camera.mounting).C_bc
+    return settings(scenario.star_camera.mounting).C_bc
 
 
 def star_camera(scenario):
     """StarCamera, the settings of the camera of a scenario."""
-    return settings(StarCamera, scenario.star_camera)
+    return settings(scenario.star_camera)

@@ -7,7 +7,6 @@ they have besides, vibration, star camera and GPS receiver, goes on top.
 import numpy as np
 
 from shefex_nav.onboard.navigation.blocks import left_as_noise
-from shefex_nav.onboard.navigation.settings import Navigation
 from shefex_nav.records import QUANTITIES
 from shefex_nav.scenario import aboard
 from shefex_nav.scenario.of_settings import settings
@@ -15,7 +14,7 @@ from shefex_nav.scenario.of_settings import settings
 
 def common(scenario, integrity):
     """Fields of NavParams that follow from section `navigation` alone. Scenario, IntegrityParams -> dict"""
-    navigation = settings(Navigation, scenario.navigation)
+    navigation = settings(scenario.navigation)
     keys = ("gate_probability", "star_fix_floor", "release", "gps_agreement", "gps", "stars")
     return {name: getattr(navigation, name) for name in keys} | {
         "states": aboard.estimated(scenario),
@@ -37,7 +36,7 @@ def integrity_params(scenario, dt_s, coarse_if_silent):
     """
     from shefex_nav.onboard.navigation import integrity_imu, integrity_watch
 
-    navigation = settings(Navigation, scenario.navigation)
+    navigation = settings(scenario.navigation)
     integrity = navigation.integrity
     triads = (scenario.imu.gyro, scenario.imu.accelerometer)
     repeats = [

@@ -1,17 +1,16 @@
 """The section `gps` of a scenario -> the settings of the simulated receiver, and its satellites."""
 
 from shefex_nav.scenario.of_settings import settings
-from shefex_nav.world.gps_settings import Clock, Gps
 
 
 def receiver(scenario):
     """gps_settings.Gps of a scenario."""
-    return settings(Gps, scenario.gps)
+    return settings(scenario.gps)
 
 
 def clock(scenario):
     """gps_settings.Clock of a scenario."""
-    return settings(Clock, scenario.gps.clock)
+    return settings(scenario.gps.clock)
 
 
 def almanac(scenario):

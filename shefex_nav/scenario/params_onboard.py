@@ -71,11 +71,10 @@ def tracker_params(scenario, earth_velocity_i, bad_pixels):
     earth_velocity_i : (3,) m/s, barycentric velocity of the Earth at the epoch
     bad_pixels : as in `camera_model`
     """
-    from shefex_nav.onboard.startracker.settings import StarTracker
     from shefex_nav.onboard.startracker.tracker import TrackerParams
 
     return TrackerParams(
-        settings=settings(StarTracker, scenario.star_tracker),
+        settings=settings(scenario.star_tracker),
         camera=camera_model(as_told(scenario), bad_pixels),
         earth_velocity_i=earth_velocity_i,
         vectors=scenario.navigation.stars == "vectors",

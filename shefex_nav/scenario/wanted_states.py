@@ -163,7 +163,8 @@ def _noise(scenario, block):
 def _words(block, size, noise, on):
     """Why a block is estimated or not; `on` : all that are."""
     if size > SWAMPS * noise and block not in on:
-        return f"{' and '.join(name for name in GYROS if name in on)} stand for it"
+        names = [name for name in GYROS if name in on]
+        return f"{' and '.join(names)} {'stands' if len(names) == 1 else 'stand'} for it"
     return f"{size / noise:.3g} times the noise" if noise else "there is no noise"
 
 

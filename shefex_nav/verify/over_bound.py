@@ -10,7 +10,6 @@ from shefex_nav.scenario import params
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import bound, bound_model
 from shefex_nav.verify.flown import ATT, PHASES, POS, VEL
-from shefex_nav.world.settings import Imu
 
 SETTLED_S = 10.0  # a phase's first seconds are left out of its ratio: the filter converges
 QUANTITIES = (POS, VEL, ATT)
@@ -63,7 +62,7 @@ def flight_of(scenario, world, fixes):
         world.alignment,
         world.gps_fixes,
         fixes,
-        settings(Imu, scenario.imu),
+        settings(scenario.imu),
         params.star_camera(scenario),
         np.array(scenario.gps.antenna.lever_arm),
     )

@@ -13,8 +13,8 @@ from shefex_nav.settings import Settings, choice, count, number, quantity, secti
 class Mounting(Settings):
     """How the camera sits in the vehicle: two directions in body axes (x to the nose)."""
 
-    boresight: tuple[float, float, float] = number(("0", "1", "0"), "that it looks along")
-    image_right: tuple[float, float, float] = number(("1", "0", "0"), "to the right in the picture")
+    boresight: tuple[float, float, float] = number(("0", "1", "0"), "direction of the boresight")
+    image_right: tuple[float, float, float] = number(("1", "0", "0"), "direction of image right")
     error: float = quantity("rad", "0.02 deg", "unknown rotation about each axis, 1 sigma", non_negative=True)
 
     @property

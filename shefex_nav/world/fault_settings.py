@@ -43,14 +43,14 @@ class AxisFault(Fault):
 class Stuck(AxisFault):
     """One axis repeats its last reading."""
 
-    fault: Literal["stuck"] = choice("")
+    fault: Literal["stuck"] = choice()
     sensor: Literal["gyro", "accelerometer"] = choice("which triad")
 
 
 class Dead(AxisFault):
     """One axis reads exactly zero."""
 
-    fault: Literal["dead"] = choice("")
+    fault: Literal["dead"] = choice()
     sensor: Literal["gyro", "accelerometer"] = choice("which triad")
 
 
@@ -58,7 +58,7 @@ class GyroBias(AxisFault):
     """The bias of one gyro is another than before."""
 
     sensor = "gyro"
-    fault: Literal["gyro_bias"] = choice("")
+    fault: Literal["gyro_bias"] = choice()
     rate: float = quantity("rad/s", "0.1 deg/s", "that is added to what it reads")
 
     @property
@@ -71,7 +71,7 @@ class GyroScale(AxisFault):
     """The scale factor of one gyro is another than before."""
 
     sensor = "gyro"
-    fault: Literal["gyro_scale"] = choice("")
+    fault: Literal["gyro_scale"] = choice()
     factor: float = quantity("", "1 %", "by which it reads more")
 
     @property
@@ -84,7 +84,7 @@ class AccelerometerBias(AxisFault):
     """The bias of one accelerometer is another than before."""
 
     sensor = "accelerometer"
-    fault: Literal["accelerometer_bias"] = choice("")
+    fault: Literal["accelerometer_bias"] = choice()
     acceleration: float = quantity("m/s2", "5 mgee", "that is added to what it reads")
 
     @property
@@ -97,7 +97,7 @@ class AccelerometerScale(AxisFault):
     """The scale factor of one accelerometer is another than before."""
 
     sensor = "accelerometer"
-    fault: Literal["accelerometer_scale"] = choice("")
+    fault: Literal["accelerometer_scale"] = choice()
     factor: float = quantity("", "1 %", "by which it reads more")
     words = GyroScale.words
 
@@ -105,32 +105,32 @@ class AccelerometerScale(AxisFault):
 class Dropout(Fault):
     """The unit does not answer."""
 
-    fault: Literal["dropout"] = choice("")
+    fault: Literal["dropout"] = choice()
 
 
 class Repeat(Fault):
     """The unit sends its last block of samples again and again."""
 
-    fault: Literal["repeat"] = choice("")
+    fault: Literal["repeat"] = choice()
 
 
 class Outage(Fault):
     """No solution."""
 
-    fault: Literal["outage"] = choice("")
+    fault: Literal["outage"] = choice()
 
 
 class Freeze(Fault):
     """The receiver repeats its last position and velocity, whatever it receives."""
 
-    fault: Literal["freeze"] = choice("")
+    fault: Literal["freeze"] = choice()
     time: Literal["runs", "stands"] = choice("whether the time of the fix goes on", "runs")
 
 
 class Jump(Fault):
     """The position is off by a constant vector; the ranges are those of an antenna there."""
 
-    fault: Literal["jump"] = choice("")
+    fault: Literal["jump"] = choice()
     position: tuple[float, float, float] = quantity("m", "300 m", "north, east, down")
 
     @property
@@ -142,7 +142,7 @@ class Jump(Fault):
 class Drift(Fault):
     """The position runs away; the ranges are those of an antenna that does."""
 
-    fault: Literal["drift"] = choice("")
+    fault: Literal["drift"] = choice()
     rate: tuple[float, float, float] = quantity("m/s", "2 m/s", "north, east, down")
     velocity_too: bool = switch("the reported velocity and the range rates contain the drift", default=False)
 
@@ -155,7 +155,7 @@ class Drift(Fault):
 class Delay(Fault):
     """Fixes and ranges arrive later than usual."""
 
-    fault: Literal["delay"] = choice("")
+    fault: Literal["delay"] = choice()
     by: float = quantity("s", "0.5 s", "on top of the latency", positive=True, at_most="60 s")
     time: Literal["right", "late"] = choice(
         "whether the time of the fix is that of its instant or late by as much", "right"
@@ -170,7 +170,7 @@ class Delay(Fault):
 class Bias(Fault):
     """Every star fix is turned by the same angles."""
 
-    fault: Literal["bias"] = choice("")
+    fault: Literal["bias"] = choice()
     angles: tuple[float, float, float] = quantity(
         "rad", "0.1 deg", "about the axes of the camera: right, down, boresight"
     )
@@ -184,7 +184,7 @@ class Bias(Fault):
 class WrongFixes(Fault):
     """Star fixes that are good but for their attitude: the first, and one in `every` after it."""
 
-    fault: Literal["wrong_fixes"] = choice("")
+    fault: Literal["wrong_fixes"] = choice()
     every: int = count("10", "of the solved frames; 1: all of them", positive=True)
     smallest: float = quantity("rad", "0.5 deg", "by which a fix is wrong", positive=True, at_most="180 deg")
     largest: float = quantity(
@@ -202,7 +202,7 @@ class WrongFixes(Fault):
 class Blinded(Fault):
     """Light falls into the star camera: every picture is white."""
 
-    fault: Literal["blinded"] = choice("")
+    fault: Literal["blinded"] = choice()
 
 
 Imu = Stuck | Dead | Dropout | Repeat | GyroBias | GyroScale | AccelerometerBias | AccelerometerScale

@@ -1,5 +1,6 @@
 """Star fields of the SHEFEX-2 camera for the tests of the star tracker: lists of centroids, and frames."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,80 +11,22 @@ from shefex_nav.geometry.pinhole import pinhole, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise
 from shefex_nav.onboard.startracker import tracker
 from shefex_nav.onboard.startracker.camera import CameraModel
-from shefex_nav.onboard.startracker.settings import (
-    Catalogue,
-    Detection,
-    ExposureControl,
-    Identification,
-    RunLength,
-    StarTracker,
-)
+from shefex_nav.reproduce.settings import STAR_TRACKER
 from shefex_nav.settings import changed
 
 YEAR = 2012.47
 CAMERA = pinhole(659, 493, 24.95e-3 / 9.9e-6)  # SHEFEX-2: calibrated focal length over pixel size
 DEG = np.pi / 180.0
 
-CATALOGUE = Catalogue(
-    kind="magnitude_limited",
-    system="V",
-    faintest=5.5,
-    faintest_south=None,
-    merge_radius=3.0 / CAMERA.focal_length_px,
-    keep_to=4.5,
-    size=2023,
-)
-DETECT = Detection(
-    scan="sequential",
-    centroid="fit",
-    tile=72,
-    seed_sigma=5.5,
-    grow_sigma=3.5,
-    fewest_pixels=5,
-    most_pixels=400,
-    largest_peak=0.75,
-    most_objects=40,
-    saturation=255.0,
-    run_length=RunLength(threshold=500.0, window=256, slowest=10.0, fusion_distance=2.0),
-)
-IDENTIFY = Identification(
-    method="pyramid",
-    tracking=False,
-    tolerance=0.018 * DEG,
-    most_centroids=15,
-    fewest_stars=4,
-    centroid_error=0.25,
-    gate_sigma=4.5,
-    detection_probability=0.9,
-    magnitude_margin=0.3,
-    magnitude_error=0.3,
-    magnitude_tolerance=0.7,
-    false_alarm=1e-7,
-)
-EXPOSURE = ExposureControl(
-    start=0.050,
-    shortest=0.035,
-    longest=0.050,
-    step=0.002,
-    gain=24.0,
-    brightest_mean=100.0,
-    fewest_objects=4,
-    saturated_objects=4,
-    saturated_pixels=1,
-)
+CATALOGUE = replace(STAR_TRACKER.catalogue, merge_radius=3.0 / CAMERA.focal_length_px)
+DETECT, EXPOSURE = STAR_TRACKER.detection, STAR_TRACKER.exposure
+IDENTIFY = replace(STAR_TRACKER.identification, method="pyramid", centroid_error=0.25)
 MODEL = CameraModel(CAMERA, sun_exclusion=90.0 * DEG, earth_exclusion=45.0 * DEG)
 TRACKER = tracker.TrackerParams(
-    settings=StarTracker(
-        enabled=True,
-        on=0.0,
-        off=np.inf,
-        rate=10.0,
+    settings=replace(
+        STAR_TRACKER,
         latency=0.020,
         highest_rate=2.5 * DEG,
-        centroid_floor=0.03,
-        outlier_sigma=4.0,
-        exposure=EXPOSURE,
-        detection=DETECT,
         catalogue=CATALOGUE,
         identification=IDENTIFY,
     ),

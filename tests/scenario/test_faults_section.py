@@ -30,7 +30,7 @@ faults:
 
 
 def faults(scenario):
-    return settings(Faults, scenario.faults)
+    return settings(scenario.faults)
 
 
 def test_without_the_section_nothing_goes_wrong():

@@ -14,7 +14,6 @@ from shefex_nav.scenario import params, params_gps, params_onboard
 from shefex_nav.scenario.load import load
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.settings import Settings, declared
-from shefex_nav.world.settings import Imu
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 DEG = math.pi / 180.0
@@ -95,7 +94,7 @@ def test_mounting_is_a_right_handed_frame(scenario):
 
 def test_units_of_the_imu(scenario):
     """Data-sheet units converted by hand."""
-    imu = settings(Imu, scenario.imu)
+    imu = settings(scenario.imu)
     assert imu.gyro.bias == pytest.approx(0.5 * DEG / 3600.0)
     assert imu.gyro.random_walk == pytest.approx(0.03 * DEG / 60.0)
     assert imu.gyro.g_sensitivity == pytest.approx(0.5 * DEG / 3600.0 / G)
@@ -105,8 +104,8 @@ def test_units_of_the_imu(scenario):
     assert imu.accelerometer.vibration_rectification == pytest.approx(20e-6 * G / G**2)
     np.testing.assert_allclose(imu.vibration.boost, [7.0 * G, 3.5 * G])
     free = load(SCENARIOS / "shefex2_andoya.yaml", ["imu.gyro.range=unlimited", "imu.gyro.quantum=off"])
-    assert settings(Imu, free.imu).gyro.range == math.inf
-    assert settings(Imu, free.imu).gyro.quantum == 0.0
+    assert settings(free.imu).gyro.range == math.inf
+    assert settings(free.imu).gyro.quantum == 0.0
 
 
 def test_gps_outages(scenario):
@@ -122,7 +121,7 @@ def test_gps_outages(scenario):
 
 
 def test_filter_knows_the_data_sheets(scenario):
-    nav, imu = params_onboard.nav_params(scenario), settings(Imu, scenario.imu)
+    nav, imu = params_onboard.nav_params(scenario), settings(scenario.imu)
     assert nav.sigma_gyro_bias == pytest.approx(math.hypot(imu.gyro.bias, imu.gyro.in_run_bias))
     np.testing.assert_allclose(nav.sigma_blocks["gyro_roll_column"], [30e-6, 5e-5, 5e-5])
     assert nav.imu.gyro_random_walk == imu.gyro.random_walk
@@ -144,7 +143,7 @@ def test_filter_expects_the_vibration_that_the_imu_reports(scenario):
     from shefex_nav.world.imu import measure
 
     n = 40_001
-    quiet = replace(PERFECT, vibration=settings(Imu, scenario.imu).vibration)
+    quiet = replace(PERFECT, vibration=settings(scenario.imu).vibration)
     none = np.zeros((n, 3))
     trajectory = Trajectory(
         t_s=np.arange(n) / 400.0,
@@ -177,7 +176,7 @@ def test_overrides_of_what_the_filter_knows():
             "navigation.sensors.lever_arm=[1 m, 2 m, 3 m]",
         ],
     )
-    nav, imu = params_onboard.nav_params(changed), settings(Imu, changed.imu)
+    nav, imu = params_onboard.nav_params(changed), settings(changed.imu)
     assert nav.sigma_gyro_bias == pytest.approx(3.0 * DEG / 3600.0)
     np.testing.assert_allclose(nav.sigma_blocks["gyro_roll_column"], [1e-3, 1e-3, 1e-3])
     assert nav.imu.gyro_random_walk == pytest.approx(DEG / 60.0)
@@ -186,7 +185,7 @@ def test_overrides_of_what_the_filter_knows():
     assert nav.sigma_blocks["mounting"][0] == pytest.approx(0.1 * DEG)
     np.testing.assert_allclose(nav.l_ba_b, [1.0, 2.0, 3.0])
     unchanged = load(SCENARIOS / "shefex2_andoya.yaml")
-    assert imu == settings(Imu, unchanged.imu)  # the sensors stay as they are
+    assert imu == settings(unchanged.imu)  # the sensors stay as they are
 
 
 def test_filter_knows_which_motor_may_burn(scenario):

@@ -15,7 +15,6 @@ from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import consistency, flown, linear, nees
 from shefex_nav.verify.flown import PHASES, Run
 from shefex_nav.world import imu, noise
-from shefex_nav.world.settings import Imu
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
 N = 15
@@ -101,7 +100,7 @@ def test_true_biases_are_those_of_the_instrument():
     off += ["imu.vibration.boost=[0 gee, 0 gee]", "imu.vibration.coast=0 gee"]
     trajectory = at_rest(5)
     scenario = load.load(str(SCENARIO), off)
-    read = imu.measure(settings(Imu, scenario.imu), trajectory, noise.generator(7, "imu"))
+    read = imu.measure(settings(scenario.imu), trajectory, noise.generator(7, "imu"))
     true = prepare.true_biases(load.load(str(SCENARIO)), 7, trajectory)
     assert true[1:, :3] == pytest.approx(read.dtheta_b[1:] * 400.0, rel=1e-9)
     assert true[1:, 3:] == pytest.approx(read.dv_b[1:] * 400.0, rel=1e-9)

@@ -33,11 +33,11 @@ EACH = pytest.mark.parametrize("one", list(instruments.BUILT_IN.values()), ids=l
 
 
 def settings_of(one):
-    return settings(one.settings, section(one.settings).model_validate(GIVEN[one.name]))
+    return settings(section(one.settings).model_validate(GIVEN[one.name]))
 
 
 def use_of(one):
-    return settings(one.use, section(one.use)())
+    return settings(section(one.use)())
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,9 @@
-"""Blocks of errors that a scenario may switch on: a table, and what plug-ins and instruments add to it.
+"""Blocks of errors that a scenario may switch on.
 
-Apart from `state`, so that a scenario can be checked without a compiler. `STATES` is that of the program: one
-entry for each block, in the order of the errors. The rest of a block is compiled: `calibration` takes its
-estimate out of the increments of the IMU, `laws` let it change by itself, `measurements` have what a sensor
-sees of it.
+`STATES` is the table of the program's blocks, in the order of the errors. It is apart from `state`, so that a
+scenario can be checked without a compiler. Three compiled files do the rest: `calibration` takes the estimate
+of a block out of the increments of the IMU, `laws` says how it changes by itself, `measurements` what a
+sensor sees of it.
 
 Blocks from outside (`Block`) stand behind all of these, in the errors and in the packed values. Instruments
 bring them along with their measurements; plug-ins may bring one by itself (`OwnState`).
@@ -45,7 +45,7 @@ class Beforehand(NamedTuple):
 
 
 class State(NamedTuple):
-    """A block of errors, and all that differs from one to another."""
+    """A block of errors of the program."""
 
     name: str
     size: int
@@ -183,8 +183,8 @@ class Block(NamedTuple):
     """
 
     name: str
-    P: np.ndarray  # (size, size) covariance at the start
-    walk: np.ndarray  # (size,) density of a random walk, in the unit of the error per sqrt(s); 0: none
+    P: np.ndarray  # (size, size) covariance at the start, symmetric, no variance below zero
+    walk: np.ndarray  # (size,) density of a random walk, in the unit of the error per sqrt(s), >= 0; 0: none
     F: np.ndarray | None = None  # (size, size) 1/s; None: 0, the errors are constant but for the random walk
     drives: Callable[[ImuMean], np.ndarray] | None = None  # -> (6, size); None: they drive nothing
 
