@@ -20,8 +20,8 @@ from shefex_nav.environment import ephemeris, stars
 from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import pinhole
 from shefex_nav.geometry.shutter import row_times
+from shefex_nav.papers.stills import StillCamera, electrons, still
 from shefex_nav.records import CameraCommand, Trajectory
-from shefex_nav.reproduce.stills import StillCamera, electrons, still
 from shefex_nav.scenario import load, params
 from shefex_nav.settings import changed
 from shefex_nav.world import camera

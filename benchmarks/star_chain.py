@@ -23,10 +23,10 @@ from shefex_nav.environment.stars import load_catalogue
 from shefex_nav.geometry.pinhole import pinhole, pixels
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise, rotvec_between
 from shefex_nav.onboard.startracker import tracker as star_tracker
+from shefex_nav.papers.settings import STAR_TRACKER
+from shefex_nav.papers.shefex2 import frames as imaging
+from shefex_nav.papers.stills import StillCamera, electrons, still
 from shefex_nav.records import Frame, Reason
-from shefex_nav.reproduce import imaging
-from shefex_nav.reproduce.settings import STAR_TRACKER
-from shefex_nav.reproduce.stills import StillCamera, electrons, still
 from shefex_nav.settings import changed
 from shefex_nav.world.camera.detector import Electronics
 

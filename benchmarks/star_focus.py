@@ -20,8 +20,8 @@ from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise, rotvec_b
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.onboard.startracker.fit import UNFITTED_PX
+from shefex_nav.papers.stills import StillCamera, electrons, still
 from shefex_nav.records import Frame, Reason
-from shefex_nav.reproduce.stills import StillCamera, electrons, still
 from shefex_nav.scenario.load import load
 from shefex_nav.scenario.params_onboard import nominal_camera, tracker_params
 from shefex_nav.world.camera.detector import electronics as electronics_at

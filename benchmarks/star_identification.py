@@ -21,12 +21,11 @@ from peers.run import PEERS, Unavailable, run, write_fields
 from star_fields import CUT, EPOCH
 
 from shefex_nav.geometry.rotation import rotvec_between
-from shefex_nav.onboard.startracker.identify import IDENTIFIERS
-from shefex_nav.solve.centroids import solve_centroids
+from shefex_nav.solve.centroids import METHODS, solve_centroids
 
 CASES = {**star_fields.CASES, **streak_fields.CASES}
 WRONG = np.radians(0.5)
-OURS = ["default", *(name for name in IDENTIFIERS if name != "bayes")]  # the default is bayes
+OURS = ["default", *(name for name in METHODS if name != "bayes")]  # the default is bayes
 WARM_UP = 20
 SPARSE = ("0 false", "15 false", "tracking, 0.05 deg off")  # cases shown by number of stars
 QUANTILES = {"median": 50, "p95": 95, "p99": 99, "max": 100}

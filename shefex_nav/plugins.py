@@ -4,11 +4,12 @@
     plugins: [their-package]        # its entry point in the group `shefex_nav.plugins`
 
 A plug-in says in `PROVIDES` what it adds: instruments (`instruments.instrument.Instrument`), blocks of
-states of the filter (`onboard.navigation.blocks.OwnState`), and ways to detect spots, find their centres and
-identify stars (`Method`). Nothing is replaced: a name that is taken is an error. A scenario is a file that is
-passed around, so one that names a Python file runs it only with consent: `--trust`, or
-`Scenario.load(..., trust=True)`, gives it for that file as it is, and it is kept for its content (SHA-256).
-A package has been installed on purpose and needs none.
+states of the filter (`onboard.navigation.blocks.OwnState`), and ways to search frames, detect spots, find
+their centres and identify stars (`Method`). The methods of the papers are added in the same way (BUNDLED).
+Nothing is replaced: a name that is taken is an error. A scenario is a file that is passed around, so one that
+names a Python file runs it only with consent: `--trust`, or `Scenario.load(..., trust=True)`, gives it for
+that file as it is, and it is kept for its content (SHA-256). A package has been installed on purpose and
+needs none.
 """
 
 import hashlib
@@ -18,12 +19,13 @@ import traceback
 import types
 from contextlib import contextmanager
 from importlib import import_module, util
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from shefex_nav import instruments, plugin_checks
 from shefex_nav.errors import UserError
 from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.onboard.navigation.blocks import OwnState
+from shefex_nav.onboard.startracker.methods import STEPS, Method, ways
 
 GROUP = "shefex_nav.plugins"
 CONSENT = "SHEFEX_NAV_TRUST"  # environment variable of consents given in this process, for those it starts
@@ -35,31 +37,6 @@ class PluginError(UserError):
 
 class NotTrusted(PluginError):
     """A file that nobody has given consent to."""
-
-
-class Method(NamedTuple):
-    """A way to do one step of the star tracker chain, chosen by its name in the scenario."""
-
-    step: str  # of STEPS
-    name: str
-    function: Any  # with the signature of those beside it
-    plugin: Any = None  # Plugin that brought it
-
-
-STEPS = {  # step -> where in a scenario it is chosen, module and table of those that come with the program
-    "identification": (
-        ("star_tracker", "identification", "method"),
-        "shefex_nav.onboard.startracker.identify:IDENTIFIERS",
-    ),
-    "scan": (
-        ("star_tracker", "detection", "scan"),
-        "shefex_nav.onboard.startracker.detect:SCANS",
-    ),
-    "centroid": (
-        ("star_tracker", "detection", "centroid"),
-        "shefex_nav.onboard.startracker.detect:CENTROIDS",
-    ),
-}
 
 
 class Plugin(NamedTuple):
@@ -76,7 +53,6 @@ class Plugin(NamedTuple):
 
 
 _LOADED = {}  # sha256 -> (Plugin, tuple of what it provides)
-_ADDED = {}  # step -> names of the ways that plug-ins have added
 _EVERY = []  # not empty: within `trusting`
 
 
@@ -195,7 +171,7 @@ def _problem_of_method(one):
     """What is wrong with a Method; '' if nothing is."""
     if one.step not in STEPS:
         return f"there is no step '{one.step}'; choose from: {', '.join(STEPS)}"
-    if one.name in _built_in(one.step):
+    if one.name in BUILT_IN[STEPS[one.step].path]:
         return f"there is a way of {one.step} of that name already, of the program"
     return "" if callable(one.function) else f"its function must be one, got {one.function!r}"
 
@@ -207,22 +183,11 @@ _PROBLEM = {
 }
 
 
-def _built_in(step):
-    """Names of the ways of a step that come with the program."""
-    return {name for name, value in _table(step).items() if name not in _ADDED.get(step, ())}
-
-
-def _table(step):
-    module, _, name = STEPS[step][1].partition(":")
-    return getattr(import_module(module), name)
-
-
 def activate(provided):
     """Put what plug-ins provide into the tables of this process, in the place of what others had there."""
     for one in provided:
         if isinstance(one, Method):
-            _table(one.step)[one.name] = one.function
-            _ADDED.setdefault(one.step, set()).add(one.name)
+            STEPS[one.step].ways()[one.name] = one.function
         elif isinstance(one, OwnState):
             instruments.OWN_STATES[one.name] = one
         else:
@@ -273,3 +238,9 @@ def _kept_in():
     """File of the consents."""
     base = os.environ.get("XDG_CONFIG_HOME") or os.path.join(os.path.expanduser("~"), ".config")
     return os.path.join(base, "shefex_nav", "trusted")
+
+
+BUNDLED = "shefex2", "bright", "impa"  # papers whose methods come with the program
+for _paper in BUNDLED:
+    activate(import_module(f"shefex_nav.papers.{_paper}.methods").PROVIDES)
+BUILT_IN = {step.path: frozenset(ways(step.path)) for step in STEPS.values()}  # names at a key of a scenario

@@ -3,8 +3,7 @@
 from contextlib import contextmanager
 
 from shefex_nav import instruments, plugins
-from shefex_nav.onboard.startracker.detect import CENTROIDS
-from shefex_nav.onboard.startracker.identify import IDENTIFIERS
+from shefex_nav.onboard.startracker.methods import STEPS
 
 
 @contextmanager
@@ -13,10 +12,8 @@ def restored():
     tables = (
         instruments.TABLE,
         instruments.OWN_STATES,
-        IDENTIFIERS,
-        CENTROIDS,
         plugins._LOADED,
-        plugins._ADDED,
+        *(step.ways() for step in STEPS.values()),
     )
     kept = [dict(one) for one in tables]
     try:

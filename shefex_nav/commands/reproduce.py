@@ -15,7 +15,7 @@ import typer
 
 from shefex_nav.commands.options import Json, Seed
 from shefex_nav.commands.printing import print_json, progress_bar, say, stdout
-from shefex_nav.reproduce import registry
+from shefex_nav.papers import registry
 
 OUT = Path("logs/reproduce")
 
@@ -65,7 +65,7 @@ def reproduce(
         outcome = _run(one, size, seed, out, folder, show=not json)
         done.append((one, outcome))
     if json:
-        from shefex_nav.reproduce.table import as_numbers
+        from shefex_nav.papers.table import as_numbers
 
         objects = [as_numbers(one, outcome) for one, outcome in done]
         print_json({"experiments": objects} if name == "all" else objects[0])
@@ -73,8 +73,8 @@ def reproduce(
 
 def _run(name, samples, seed, out, keep, show):
     """One experiment: measure, draw, and show the table if wanted. Outcome."""
-    from shefex_nav.reproduce import picture, table
-    from shefex_nav.reproduce.keep import StoreError
+    from shefex_nav.papers import picture, table
+    from shefex_nav.papers.keep import StoreError
 
     experiment = registry.load(name)
     samples = samples or experiment.samples
@@ -95,9 +95,9 @@ def _watched(experiment, samples, seed, folder):
     """Run with a progress bar on stderr, or with lines where that is no terminal."""
     from rich.progress import BarColumn, MofNCompleteColumn, TimeRemainingColumn
 
-    from shefex_nav.reproduce import engine
-    from shefex_nav.reproduce import keep as keeping
-    from shefex_nav.reproduce.progress import lines
+    from shefex_nav.papers import engine
+    from shefex_nav.papers import keep as keeping
+    from shefex_nav.papers.progress import lines
 
     store = None if folder is None else keeping.store(experiment, seed, folder)
     with progress_bar(BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as progress:

@@ -14,7 +14,7 @@ from shefex_nav.clock import TICK_HZ
 from shefex_nav.instruments import BUILT_IN, OWN_STATES, TABLE
 from shefex_nav.instruments.instrument import Instrument, Known
 from shefex_nav.onboard.navigation.blocks import OPTIONAL, OwnState
-from shefex_nav.plugins import STEPS, Method
+from shefex_nav.onboard.startracker.methods import STEPS, Method
 from shefex_nav.scenario.block import AUTOMATIC
 from shefex_nav.scenario.of_settings import section, settings
 from shefex_nav.scenario.told import part_of
@@ -36,8 +36,8 @@ def complete(provided, base, navigation, told=None, core=tuple(OPTIONAL)):
     states = tuple(one for one in provided if isinstance(one, OwnState))
     whole = _complete((*BUILT_IN.values(), *own), states, base, navigation, told, core)
     for one in provided:
-        if isinstance(one, Method) and STEPS[one.step][0][0] in whole.model_fields:
-            whole = _with_word(whole, STEPS[one.step][0], one.name)
+        if isinstance(one, Method) and STEPS[one.step].path[0] in whole.model_fields:
+            whole = _with_word(whole, STEPS[one.step].path, one.name)
     return whole
 
 

@@ -18,15 +18,17 @@ from shefex_nav.geometry.rotation import quat_conjugate
 from shefex_nav.onboard.startracker import catalogue
 from shefex_nav.onboard.startracker.attitude import esoq2
 from shefex_nav.onboard.startracker.camera import CameraModel
-from shefex_nav.onboard.startracker.identify import IDENTIFIERS, bayes
+from shefex_nav.onboard.startracker.identify import bayes
 from shefex_nav.onboard.startracker.identify.ellipses import checked, ellipses_of
 from shefex_nav.onboard.startracker.likelihood import misfit_factor, refine
 from shefex_nav.onboard.startracker.settings import Catalogue, Identification
 from shefex_nav.onboard.startracker.tables import Pairs, Stars
+from shefex_nav.plugins import STEPS
 from shefex_nav.records import Reason
 from shefex_nav.solve import given
 from shefex_nav.solve.camera import Camera, pinhole_of, undistorted
 
+METHODS = STEPS["identification"].ways()  # those of papers and plug-ins among them
 MERGE_PX = 2.0  # closer stars are one point of light
 REASONS = {int(reason): reason.name.lower() for reason in Reason}
 NO_FLUX = np.zeros(0)
@@ -73,7 +75,7 @@ def solve_centroids(
     flux : (n,) brightness in any unit, or None
     camera : Camera
     epoch : float, Julian year, e.g. 2012.47
-    method : 'default' or a key of IDENTIFIERS
+    method : 'default' or another of METHODS
     max_magnitude : float, V of the faintest catalogue stars to use; wide fields need fewer and use fewer
     centroid_sigma_px : float, standard deviation of a centroid per axis
     magnitude_sigma : float, scatter of -2.5 log10 flux against V
@@ -305,8 +307,8 @@ def _by_method(method, ready, xy_px, flux, P_px, zero_flux, prediction):
         raise ValueError(
             f"prediction: method {method!r} cannot use one; expected None, or the default method"
         )
-    if method not in IDENTIFIERS:
-        known = ", ".join(["default", *IDENTIFIERS])
+    if method not in METHODS:
+        known = ", ".join(["default", *METHODS])
         raise ValueError(f"method: {method!r} is not known; choose from: {known}")
     pinhole, sigma_px = ready.sky.pinhole, ready.numbers.centroid_error
     if not (np.abs(xy_px) <= FARTHEST_PX).all():
@@ -320,7 +322,7 @@ def _by_method(method, ready, xy_px, flux, P_px, zero_flux, prediction):
     order = np.argsort(-brightness, kind="stable")
     camera = CameraModel(pinhole, zero_flux=zero_flux)
     u_c = unit_vectors(pinhole, xy_px[order])
-    found = IDENTIFIERS[method](
+    found = METHODS[method](
         _identification(method, ready),
         camera,
         ready.sky.pairs,

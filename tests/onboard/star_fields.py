@@ -11,7 +11,7 @@ from shefex_nav.geometry.pinhole import pinhole, pixels, unit_vectors
 from shefex_nav.geometry.rotation import dcm_from_quat, quat_normalise
 from shefex_nav.onboard.startracker import tracker
 from shefex_nav.onboard.startracker.camera import CameraModel
-from shefex_nav.reproduce.settings import STAR_TRACKER
+from shefex_nav.papers.settings import STAR_TRACKER
 from shefex_nav.settings import changed
 
 YEAR = 2012.47

@@ -11,6 +11,7 @@ from shefex_nav.geometry import rotation
 from shefex_nav.geometry.pinhole import pinhole, pixels, unit_vectors
 from shefex_nav.onboard.startracker import objects, tracker
 from shefex_nav.onboard.startracker.identify.bayes import identify_near
+from shefex_nav.papers.impa.methods import search
 from shefex_nav.records import Frame, Reason, Scan
 
 CAMERA = pinhole(659, 493, 2520.2)
@@ -114,11 +115,11 @@ def test_without_a_rate_a_frame_is_searched_for_spots(scan):
 
 def test_frames_follow_each_other_without_a_gap():
     first, second = sky(t_s=1.0), sky(t_s=1.05)
-    memory = objects.Memory(first.t_valid_s, first.exposure_s, None)
-    assert objects.follows(memory, second)
-    assert not objects.follows(memory, sky(t_s=1.1))  # one is missing
-    assert not objects.follows(memory, second._replace(exposure_s=0.04))
-    assert not objects.follows(None, second)
+    memory = search.Memory(first.t_valid_s, first.exposure_s, None)
+    assert search.follows(memory, second)
+    assert not search.follows(memory, sky(t_s=1.1))  # one is missing
+    assert not search.follows(memory, second._replace(exposure_s=0.04))
+    assert not search.follows(None, second)
 
 
 @pytest.mark.parametrize("n_false", [0, 200])

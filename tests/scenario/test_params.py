@@ -220,7 +220,7 @@ def test_methods_offered_are_methods_flown(scenario):
     """The choices of the schema are those of the star tracker."""
     from typing import get_args
 
-    from shefex_nav.onboard.startracker.identify import IDENTIFIERS
     from shefex_nav.onboard.startracker.settings import Identification
+    from shefex_nav.solve.centroids import METHODS
 
-    assert set(get_args(declared(Identification)["method"][0])) == set(IDENTIFIERS)
+    assert set(get_args(declared(Identification)["method"][0])) == set(METHODS)

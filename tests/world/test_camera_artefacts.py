@@ -8,8 +8,8 @@ from scipy.special import ndtr
 from shefex_nav.geometry import pinhole
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.shutter import row_times
+from shefex_nav.papers.stills import StillCamera, still
 from shefex_nav.records import CameraCommand
-from shefex_nav.reproduce.stills import StillCamera, still
 from shefex_nav.settings import changed
 from shefex_nav.world import camera
 from shefex_nav.world.camera import hits, motion, movers

@@ -7,8 +7,8 @@ from scipy.special import ndtr
 
 from shefex_nav.geometry import pinhole, rotation, streak
 from shefex_nav.geometry.shutter import duration_s, instant_after_s, row_start_s, row_times
+from shefex_nav.papers.stills import StillCamera, still
 from shefex_nav.records import CameraCommand
-from shefex_nav.reproduce.stills import StillCamera, still
 from shefex_nav.settings import changed
 from shefex_nav.world import camera
 from shefex_nav.world.camera import camera as stages

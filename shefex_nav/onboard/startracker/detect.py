@@ -5,7 +5,7 @@ that of the SHEFEX-2 star tracker (section 3.2), one file a step:
 
     frame -> background: bad pixels out, sums of 3x3 pixels, level and noise in tiles
           -> scan: objects above the threshold, in one pass or by searching the maximum
-          -> centroid (published methods) or shape and fit (default): place and covariance of each
+          -> shape and fit, or centroid of the scan: place and covariance of each
 """
 
 from typing import NamedTuple
@@ -18,7 +18,6 @@ from shefex_nav.onboard.startracker.background import block_sums, medians, repai
 from shefex_nav.onboard.startracker.spot import Picture
 from shefex_nav.records import Detections
 
-ROI_PX = 7  # side of the region of interest of centre of mass and interpolation, odd
 SCANS = {"sequential": scan.sequential, "maximum": scan.maximum_search}
 
 
@@ -109,20 +108,4 @@ def by_scan(settings, camera, image_dn, table):
     return centroid.weighted(table, 1.0 / camera.electrons_per_dn)
 
 
-def by_mass(settings, camera, image_dn, table, roi_px=ROI_PX):
-    """... by centre of mass."""
-    return centroid.centre_of_mass(image_dn, table, roi_px, 1.0 / camera.electrons_per_dn)
-
-
-def by_interpolation(settings, camera, image_dn, table, roi_px=ROI_PX):
-    """... by Gaussian interpolation."""
-    electron, sigma = 1.0 / camera.electrons_per_dn, float(camera.psf_sigma)
-    return centroid.gaussian_interpolation(image_dn, table, roi_px, sigma, electron)
-
-
-CENTROIDS = {
-    "fit": by_fit,
-    "weighted": by_scan,
-    "centre_of_mass": by_mass,
-    "gaussian_interpolation": by_interpolation,
-}
+CENTROIDS = {"fit": by_fit, "weighted": by_scan}

@@ -8,8 +8,7 @@ star looks like at every place: then faint stars are found at rates at which no 
 their places are those of one instant whatever the shutter did. With a narrow prediction of the attitude the
 places of the stars are known too and only those are looked at; if they do not show the stars, the whole
 frame is. Without a rate a frame is searched for spots, which is right for a camera that is nearly at rest.
-By run lengths (`multipole_chain`, as published), streaks tell their own motion; its direction comes from the
-frame before, whose exposure must end where this one begins.
+Other searches are added to `SEARCHES`.
 """
 
 import math
@@ -23,21 +22,14 @@ from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.geometry.streak import middles_seen, turn_jacobian, turn_jacobians
-from shefex_nav.onboard.startracker.detect import SCANS, FrameStatistics, detect
+from shefex_nav.onboard.startracker.detect import SCANS, detect
 from shefex_nav.records import Scan
 
-STREAKS, RUN_LENGTH = "streaks", "run_length"
 SPOTS = {"sequential": Scan.SEQUENTIAL, "maximum": Scan.MAXIMUM}
 KNOWN_PX = 1.0  # a rate is known if its error moves no star by more in half of the frame [E]
 NARROW_PX = 4.0  # a prediction is narrow if its error moves no star in the frame by more, 1 sigma [E]
 FEWEST = 3  # predicted stars that are worth looking at
 OUTSIDE_PX = 2.0  # a star predicted just beyond the border may be inside
-CONTIGUOUS = 1e-3  # of the exposure: gap between two frames that is none
-
-
-def ways():
-    """Names of the ways to search a frame, those of plug-ins among them."""
-    return (*SCANS, STREAKS, RUN_LENGTH)
 
 
 class Found(NamedTuple):
@@ -47,17 +39,9 @@ class Found(NamedTuple):
     statistics: Any  # FrameStatistics
     scan: int  # Scan
     at_instant: bool  # the places are those of the frame's instant
-    memory: Any = None  # Memory for the next frame
+    memory: Any = None  # what the same search is given with the next frame
     # (t_s (n,), P_omega (3, 3)): when each was seen, and of the rate that brought them to one instant
     rate: Any = None
-
-
-class Memory(NamedTuple):
-    """What the next frame may need of this one."""
-
-    t_valid_s: float
-    exposure_s: float
-    clusters: Any  # Clusters
 
 
 def searches(params, stars, memory, frame, context):
@@ -67,7 +51,7 @@ def searches(params, stars, memory, frame, context):
     ----------
     params : TrackerParams
     stars : the stars on board, `StarPairs.stars`
-    memory : Memory of the frame before, or None
+    memory : Found.memory of the frame before, or None
     frame : Frame
     context : Context
 
@@ -75,17 +59,28 @@ def searches(params, stars, memory, frame, context):
     ------
     Found
     """
-    settings, camera = params.settings.detection, params.camera
-    is_slow = not context.rate > params.settings.highest_rate  # faster, nothing becomes an attitude
-    if settings.scan == STREAKS and is_slow and rate_is_known(camera.pinhole, frame, context):
-        yield from _along_streaks(params, stars, frame, context)
-        return
-    if settings.scan == RUN_LENGTH:
-        yield _by_run_length(settings, camera, memory, frame)
-        return
-    spots = replace(settings, scan="sequential") if settings.scan == STREAKS else settings
-    detections, statistics = detect(spots, camera, frame.image_dn)
+    search = SEARCHES.get(params.settings.detection.scan, as_spots)
+    yield from search(params, stars, memory, frame, context)
+
+
+def as_spots(params, stars, memory, frame, context):
+    """By one of SCANS, the sequential one if another search is set. As `searches`."""
+    settings = params.settings.detection
+    spots = settings if settings.scan in SCANS else replace(settings, scan="sequential")
+    detections, statistics = detect(spots, params.camera, frame.image_dn)
     yield Found(detections, statistics, int(SPOTS.get(spots.scan, Scan.OTHER)), frame.line_s == 0.0)
+
+
+def along_streaks(params, stars, memory, frame, context):
+    """Along streaks if the rate is known and low enough for an attitude, else as spots. As `searches`."""
+    is_slow = not context.rate > params.settings.highest_rate  # an unknown rate is NaN
+    if is_slow and rate_is_known(params.camera.pinhole, frame, context):
+        yield from _along_streaks(params, stars, frame, context)
+    else:
+        yield from as_spots(params, stars, memory, frame, context)
+
+
+SEARCHES = {"streaks": along_streaks}  # and as spots
 
 
 def _along_streaks(params, stars, frame, context):
@@ -108,32 +103,6 @@ def rate_of(camera, motion, detections):
     """What detections that a rate has brought to one instant owe to it: `Found.rate`."""
     P_omega_c = np.zeros((3, 3)) if motion.P_omega_c is None else motion.P_omega_c
     return middles_seen(camera, motion.times, motion.omega_c, detections.xy_px), P_omega_c
-
-
-def _by_run_length(settings, camera, memory, frame):
-    """Clusters of this frame that were in the frame before. Detection, CameraModel, Memory, Frame -> Found
-
-    The extents of all streaks are too long or too short by much the same, which moves all stars as a wrong
-    rate does.
-    """
-    from shefex_nav.onboard.startracker import multipole_chain
-    from shefex_nav.onboard.startracker.compensate import EXTENT_PX
-
-    previous = memory.clusters if follows(memory, frame) else None
-    times = row_times(frame.exposure_s, frame.line_s, frame.image_dn.shape[0])
-    clusters, detections = multipole_chain.objects(settings, camera, times, previous, frame.image_dn)
-    statistics = FrameStatistics(clusters.mean_dn, clusters.background_dn, clusters.noise_dn)
-    kept = Memory(frame.t_valid_s, frame.exposure_s, clusters)
-    t_s = frame.line_s * (detections.xy_px[:, 1] - times.middle_row)
-    sigma = EXTENT_PX / (frame.exposure_s * camera.pinhole.focal_length_px)
-    return Found(detections, statistics, int(Scan.RUN_LENGTH), True, kept, (t_s, sigma**2 * np.eye(3)))
-
-
-def follows(memory, frame):
-    """Whether a frame's exposure begins where that of the one before ended. Memory or None, Frame -> bool."""
-    if memory is None or memory.exposure_s != frame.exposure_s:
-        return False
-    return abs(frame.t_valid_s - memory.t_valid_s - frame.exposure_s) < CONTIGUOUS * frame.exposure_s
 
 
 def rate_is_known(camera, frame, context):

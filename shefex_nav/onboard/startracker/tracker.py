@@ -17,7 +17,7 @@ import numpy as np
 
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import quat_conjugate
-from shefex_nav.onboard.startracker import best_attitude, objects, single
+from shefex_nav.onboard.startracker import best_attitude, methods, objects, single
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.catalogue import StarPairs
@@ -69,7 +69,7 @@ class TrackerState(NamedTuple):
     """What the chain remembers from frame to frame."""
 
     exposure_s: float  # as commanded last
-    memory: Any = None  # objects.Memory of the frame before
+    memory: Any = None  # objects.Found.memory of the frame before
 
 
 def init(params, catalogue, julian_year):
@@ -91,8 +91,8 @@ def init(params, catalogue, julian_year):
         raise ValueError(f"unknown star identification {method!r}")
     if settings.identification.tracking and method != "bayes":
         raise ValueError(f"star identification {method!r} cannot use a prediction")
-    if scan not in (ways := objects.ways()):
-        raise ValueError(f"unknown scan {scan!r}; choose from: {', '.join(ways)}")
+    if scan not in (known := methods.ways(methods.SCAN)):
+        raise ValueError(f"unknown scan {scan!r}; choose from: {', '.join(known)}")
     half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
     field = 2.0 * math.atan(half_diagonal / camera.focal_length_px)
     return Tracker(params, _pairs(settings.catalogue, _Same(catalogue), julian_year, field))

@@ -1,0 +1,44 @@
+"""Steps of the chain that can be done in several ways, and where the ways are looked up by their names.
+
+The tables hold the default chain. What the papers bring (`papers/*/methods`) and what users bring is added to
+them (`plugins`).
+"""
+
+from importlib import import_module
+from typing import Any, NamedTuple
+
+SCAN = "star_tracker", "detection", "scan"
+
+
+class Method(NamedTuple):
+    """A way to do one step of the star tracker chain, chosen by its name in the scenario."""
+
+    step: str  # of STEPS
+    name: str
+    function: Any  # with the signature of those beside it
+    plugin: Any = None  # plugins.Plugin that brought it; None: it came with the program
+
+
+class Step(NamedTuple):
+    """A step of the chain."""
+
+    path: tuple  # of the key of the scenario that chooses
+    module: str  # of this folder
+    table: str  # in it, name -> function
+
+    def ways(self):
+        """The table itself: {name: function}."""
+        return getattr(import_module(f"shefex_nav.onboard.startracker.{self.module}"), self.table)
+
+
+STEPS = {
+    "identification": Step(("star_tracker", "identification", "method"), "identify", "IDENTIFIERS"),
+    "search": Step(SCAN, "objects", "SEARCHES"),
+    "scan": Step(SCAN, "detect", "SCANS"),
+    "centroid": Step(("star_tracker", "detection", "centroid"), "detect", "CENTROIDS"),
+}
+
+
+def ways(path):
+    """Names that may stand at a key of the scenario: tuple."""
+    return tuple(name for step in STEPS.values() if step.path == path for name in step.ways())

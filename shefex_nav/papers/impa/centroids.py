@@ -1,0 +1,136 @@
+"""IMPA tables 3 to 5: errors of the centroids at the frame's instant, and ours on the same frames.
+
+Each sample is an attitude and a direction; at each rate and with each shutter two contiguous frames are made.
+Of the second one every cluster that the fusion kept is compared with the star nearest to its compensated
+place, if there is one within SAME_PX; the same pairs make the table without compensation. Ours are compared
+with the nearest star too.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shefex_nav.geometry.pinhole import pixels
+from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.onboard.startracker import best_attitude
+from shefex_nav.papers.experiment import Experiment
+from shefex_nav.papers.impa import bound, centroid_tables, experiments, field, flight, trackers
+from shefex_nav.papers.impa.centroid_tables import COLUMNS, KINDS
+from shefex_nav.papers.impa.methods import chain
+from shefex_nav.papers.impa.methods import clusters as cluster
+from shefex_nav.papers.impa.methods.compensate import FORMS
+
+SAME_PX = 5.0  # a cluster further from every star is none, or a piece of a broken streak
+SAMPLES = 520  # each direction and attitude as evenly as can be, at five rates with two shutters
+
+
+class Truth(NamedTuple):
+    """Stars of a frame."""
+
+    xy_px: np.ndarray  # (n, 2) at the instant
+    light: np.ndarray  # (n,) electrons of a row's exposure
+
+
+def truth(shutter, case, number):
+    """What is to be seen in a frame: Truth."""
+    q_ic = field.attitude_at(case, number)
+    u_i, light = flight.near_stars(field.camera(shutter), q_ic)
+    return Truth(pixels(field.CAMERA, u_i @ dcm_from_quat(q_ic)), light)
+
+
+def nearest(xy_px, stars):
+    """Star nearest to each place, -1 beyond SAME_PX: (n,) int."""
+    if not len(xy_px) or not len(stars):
+        return np.full(len(xy_px), -1)
+    distance = np.linalg.norm(xy_px[:, None] - stars[None], axis=2)
+    row = distance.argmin(axis=1)
+    return np.where(distance.min(axis=1) < SAME_PX, row, -1)
+
+
+def published_errors(times, first, second, stars):
+    """Errors of the paper's centroids in the second of two frames.
+
+    Returns
+    -------
+    star : (m,) row of Truth of each fused cluster, -1 for none
+    errors : (3, m, 2) px; compensated as in FORMS, and not compensated
+    """
+    settings = trackers.DETECT.run_length
+    one, two = (cluster.find(trackers.DETECT, trackers.MODEL, image) for image in (first, second))
+    rows, shift_px = chain.fused(settings, one, two, second.shape)
+    moved = [chain.compensated(settings, times, two, rows, shift_px, form) for form in FORMS]
+    places = [*(streaks.xy_px for streaks in moved), two.xy_px[rows]]
+    star = nearest(places[0], stars.xy_px)
+    return star, np.array(places) - stars.xy_px[star]
+
+
+def frames_of(shutter, case, seed):
+    """Rows of one case and shutter: (m, len(COLUMNS))."""
+    noise, gyro_rng = (np.random.default_rng(s) for s in seed.spawn(2))
+    first, second = (flight.frame(shutter, case, number, noise) for number in (0, 1))
+    stars, times, camera = truth(shutter, case, 1), field.times(shutter), field.camera(shutter)
+    star, errors = published_errors(times, first, second, stars)
+    rows = []
+    kinds = ("global_shutter",) if shutter == "global_shutter" else KINDS[1:4]
+    for kind, error in zip(kinds, errors, strict=False):
+        for s, e in zip(star, error, strict=True):
+            rows.append(_row(case, kind, s, e, stars.light[s]))
+    omega_c, P_omega_c = field.gyro(case, gyro_rng)
+    found = trackers.streaks_of(second, omega_c, P_omega_c, times)
+    motion = trackers.streaks.Motion(omega_c, P_omega_c, times)
+    rate = trackers.objects.rate_of(field.CAMERA, motion, found)
+    P_px = best_attitude.with_rate(trackers.own(), found, found.P_px, rate)
+    seen = set(star[star >= 0])
+    kind = "ours_" + shutter.split("_")[0]
+    for k, s in enumerate(nearest(found.xy_px, stars.xy_px)):
+        error = found.xy_px[k] - stars.xy_px[s]
+        if s < 0:
+            rows.append(_row(case, kind, s, error, np.nan))
+            continue
+        best = bound.bound(camera, case.omega_c, P_omega_c, stars.xy_px[s], stars.light[s])
+        rows.append(_row(case, kind, s, error, stars.light[s], P_px[k], best, s in seen))
+    return rows
+
+
+def _row(case, kind, star, error, light, P_px=None, best=None, seen=True):
+    """One row of COLUMNS."""
+    row = np.full(len(COLUMNS), np.nan)
+    row[:6] = round(np.degrees(case.rate)), KINDS.index(kind), star >= 0, *error, light
+    if best is not None:
+        turned = bound.along_across(error[None], np.array([best.heading]))[0]
+        C = trackers.turn2(best.heading)
+        least, said = C.T @ best.P_px @ C, C.T @ P_px @ C
+        row[6:] = (
+            seen, best.snr, best.inside, *turned, least[0, 0], least[1, 1],
+            error @ np.linalg.solve(P_px, error), said[0, 0], said[1, 1],
+        )  # fmt: skip
+    return row
+
+
+def measure(samples, seed, first):
+    """Samples first ... of the centroids: {'rows': (m, len(COLUMNS))}."""
+    rows = []
+    for number, own in zip(range(first, first + samples), seed.spawn(samples), strict=True):
+        for rate, one in zip(field.RATES, own.spawn(len(field.RATES)), strict=True):
+            case = field.pair(rate, number)
+            for shutter, frames_seed in zip(field.SHUTTERS, one.spawn(2), strict=True):
+                rows += frames_of(shutter, case, frames_seed)
+    return {"rows": np.array(rows).reshape(-1, len(COLUMNS))}
+
+
+# what makes the results or says what a stored number means
+KEPT = (*experiments.KEPT, "impa.centroids", "impa.centroid_tables", "impa.bound")
+
+EXPERIMENTS = {
+    "impa-centroids": Experiment(
+        title="Errors of the centroids (IMPA tables 3, 4, 5; figure 14)",
+        samples=SAMPLES,
+        unit="attitudes and directions, each at five rates with both shutters",
+        chunk=5,
+        measure=measure,
+        conclude=centroid_tables.conclude,
+        draw=centroid_tables.draw,
+        designed=True,
+        kept=KEPT,
+    ),
+}

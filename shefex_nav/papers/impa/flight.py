@@ -1,0 +1,116 @@
+"""The simulations of the IMPA campaign: frames, the paper's chain and ours on the same ones.
+
+A simulation flies up to 60 contiguous frames at a constant rate and ends when the paper's chain has had its
+attitude in the best and in the worst case. The cases share the frames: the false objects of the worst one
+enter the lists after the fusion. Our tracker sees the first two frames, with and without the same false
+objects in its list, and the same two frames again with 50 hits in the picture.
+"""
+
+import numpy as np
+
+from shefex_nav.papers.impa import field, trackers
+from shefex_nav.papers.impa.published import IMPA
+from shefex_nav.papers.stills import electrons, still
+
+MOST_IMAGES = IMPA["protocol"]["max_images"]
+CASES = ("best_case", "worst_case")
+SITUATIONS = ("best_case", "worst_case", "hits in the frame")  # of ours
+OWN_FRAMES = 2
+NEAR = np.cos(0.5 * field.FIELD + np.radians(3.0))  # of the boresight: stars that are drawn
+
+
+def frame(shutter, case, number, rng):
+    """Frame `number` (0, 1, ...) of a simulation: (rows, columns) uint16."""
+    camera, q_ic = field.camera(shutter), field.attitude_at(case, number)
+    u_i, light = near_stars(camera, q_ic)
+    return still(camera, u_i, light, q_ic, rng, omega_c=case.omega_c)[0]
+
+
+def near_stars(camera, q_ic):
+    """Stars around the boresight: directions (n, 3), electrons (n,)."""
+    u_i, vmag = field.stars()
+    w, x, y, z = q_ic
+    boresight = np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
+    rows = np.flatnonzero(u_i @ boresight > NEAR)
+    return u_i[rows], electrons(camera, vmag[rows])
+
+
+def simulate(shutter, case, seed, most_images=MOST_IMAGES):
+    """One simulation.
+
+    Parameters
+    ----------
+    shutter : one of SHUTTERS
+    case : impa_field.Case
+    seed : SeedSequence
+    most_images : int, of the paper's chain; 0: ours alone
+
+    Returns
+    -------
+    published : (2, 2, 4) for each of CASES and ACCEPTANCES: images needed (0: no attitude), error about x, y,
+        z [arcsec]
+    own : (3, 2, 7) for each of SITUATIONS and frame: 1: an attitude, error, its standard deviation [arcsec]
+    flown : int, frames that the paper's chain processed
+    """
+    noise, false_rng, gyro_rng, hit_rng = (np.random.default_rng(s) for s in seed.spawn(4))
+    omega_c, P_omega_c = field.gyro(case, gyro_rng)
+    published = np.zeros((len(CASES), len(trackers.ACCEPTANCES), 4))
+    own = np.zeros((len(SITUATIONS), OWN_FRAMES, 7))
+    times, clusters, number = field.times(shutter), None, 0
+    motion = trackers.streaks.Motion(omega_c, P_omega_c, times)
+    while number < max(OWN_FRAMES, most_images) and not (number >= OWN_FRAMES and published[..., 0].all()):
+        image = frame(shutter, case, number, noise)
+        truth, false = field.attitude_at(case, number), trackers.false_objects(false_rng)
+        if number < OWN_FRAMES:
+            found = trackers.streaks_of(image, omega_c, P_omega_c, times)
+            struck = trackers.streaks_of(trackers.with_hits(image, hit_rng), omega_c, P_omega_c, times)
+            lists = (found, trackers.with_false(found, false, omega_c), struck)
+            for k, detections in enumerate(lists):
+                own[k, number] = _own_result(trackers.own_attitude(detections, motion), truth)
+        if most_images:
+            clusters, fused = trackers.chain.objects(trackers.DETECT, trackers.MODEL, times, clusters, image)
+        if most_images and number > 0:
+            for k, detections in enumerate((fused, trackers.with_false(fused, false, case.omega_c))):
+                if published[k, :, 0].all():
+                    continue
+                for a, q_ic in enumerate(trackers.published_attitudes(detections)):
+                    if q_ic is not None and not published[k, a, 0]:
+                        error = trackers.error_of(q_ic, truth) / trackers.ARCSEC
+                        published[k, a] = number + 1, *error
+        number += 1
+    return published, own, number if most_images else 0
+
+
+def _own_result(found, truth):
+    if found is None:
+        return np.concatenate([[0.0], np.full(6, np.nan)])
+    q_ic, P_c = found
+    sigma = np.sqrt(np.diag(P_c))
+    return np.concatenate([[1.0], trackers.error_of(q_ic, truth) / trackers.ARCSEC, sigma / trackers.ARCSEC])
+
+
+def measure(samples, seed, first):
+    """Samples first ... of the campaign, each with both shutters.
+
+    Returns
+    -------
+    dict of arrays over the m simulations of the samples, two shutters each:
+        rate_deg_s (m,), attitude (m,), direction (m,), published (m, 2, 2, 2, 4), own
+        (m, 2, 3, 2, 7), flown (m, 2); see `simulate`. At 10 deg/s the paper's chain has not flown.
+    """
+    names = ("rate_deg_s", "attitude", "direction", "published", "own", "flown")
+    rows = {name: [] for name in names}
+    for number, own_seed in zip(range(first, first + samples), seed.spawn(samples), strict=True):
+        for case in field.cases(number):
+            images = MOST_IMAGES if case.rate < field.FAST else 0
+            seeds = own_seed.spawn(len(field.SHUTTERS))
+            done = [
+                simulate(shutter, case, one, images)
+                for shutter, one in zip(field.SHUTTERS, seeds, strict=True)
+            ]
+            rows["rate_deg_s"].append(round(float(np.degrees(case.rate)), 6))
+            rows["attitude"].append(case.attitude)
+            rows["direction"].append(case.direction)
+            for name, column in zip(("published", "own", "flown"), zip(*done, strict=True), strict=True):
+                rows[name].append(column)
+    return {name: np.array(column) for name, column in rows.items()}

@@ -1,0 +1,166 @@
+"""SHEFEX 4 and 5: the whole chain on rendered frames, in space, on the ground, in the night-sky scenario."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from shefex_nav.environment.stars import load_catalogue
+from shefex_nav.geometry.pinhole import unit_vectors
+from shefex_nav.geometry.rotation import rotvec_between
+from shefex_nav.onboard.startracker import catalogue
+from shefex_nav.onboard.startracker.attitude import esoq2
+from shefex_nav.onboard.startracker.detect import detect
+from shefex_nav.onboard.startracker.identify import IDENTIFIERS
+from shefex_nav.papers.experiment import Experiment, Row
+from shefex_nav.papers.rows import judged, share
+from shefex_nav.papers.settings import STAR_TRACKER
+from shefex_nav.papers.shefex2 import figures
+from shefex_nav.papers.shefex2.field import CAMERA, FIELD, MERGE, YEAR, flown_pairs
+from shefex_nav.papers.shefex2.frames import DETECT, MODEL, SPACE, all_stars
+from shefex_nav.papers.shefex2.methods import pyramid
+from shefex_nav.papers.shefex2.published import SHEFEX
+from shefex_nav.papers.stills import electrons, random_attitude, still
+from shefex_nav.papers.verdict import POINTS
+from shefex_nav.records import FrameTruth, Reason, StarFix
+from shefex_nav.report import intervals
+
+WRONG = np.radians(0.5)
+GROUND = SPACE._replace(background_electrons=700.0 * 0.05, zero_magnitude_electrons=0.7 * 2.5e6 * 0.05)
+FALSE_OBJECTS, FALSE_MAGNITUDES = 250, (3.0, 6.0)  # on the whole sky
+MAGNITUDE_ERROR = 0.1
+SCENARIO = "night_sky"
+PLACES = ("space", "ground")
+WAYS = ("as published", "default")
+FRAME_S = 0.1
+COS_ERROR = SHEFEX["identification"]["cos_error"]
+IDENTIFY = STAR_TRACKER.identification
+
+
+@cache
+def default_pairs():
+    """Pairs of the default on-board catalogue."""
+    settings = replace(STAR_TRACKER.catalogue, merge_radius=1.5 * MERGE)
+    return catalogue.pair_table(catalogue.build(settings, load_catalogue(8.0), YEAR), FIELD)
+
+
+def sky_of(rng):
+    """The stars with an error of their brightness, and false objects: directions, magnitudes."""
+    u_i, magnitudes = all_stars()
+    false = rng.standard_normal((FALSE_OBJECTS, 3))
+    false /= np.linalg.norm(false, axis=1, keepdims=True)
+    scattered = magnitudes + MAGNITUDE_ERROR * rng.standard_normal(len(magnitudes))
+    return np.vstack([u_i, false]), np.append(scattered, rng.uniform(*FALSE_MAGNITUDES, FALSE_OBJECTS))
+
+
+def solve_frame(image, way):
+    """Attitude of a frame by one of the two chains: q_ic, or None."""
+    settings = replace(DETECT, centroid="weighted") if way == "as published" else DETECT
+    found, _ = detect(settings, MODEL, image)
+    u_c = unit_vectors(CAMERA, found.xy_px)
+    if way == "as published":
+        pairs = flown_pairs()
+        result = pyramid.match(IDENTIFY, MODEL, pairs, u_c, found.flux_dn, COS_ERROR)
+    else:
+        pairs = default_pairs()
+        result = IDENTIFIERS["bayes"](IDENTIFY, MODEL, pairs, u_c, found.flux_dn)
+    known = result.star >= 0
+    if result.reason != Reason.NONE or known.sum() < IDENTIFY.fewest_stars:
+        return None
+    variance = 0.5 * np.trace(found.P_px[known], axis1=1, axis2=2)
+    return esoq2(u_c[known], pairs.stars.u_i[result.star[known]], np.sqrt(variance + 0.03**2))
+
+
+def verdict(q_ic, truth):
+    """1 solved, 0 not solved, -1 wrong."""
+    if q_ic is None:
+        return 0
+    return 1 if np.linalg.norm(rotvec_between(q_ic, truth)) < WRONG else -1
+
+
+def measure_end_to_end(samples, seed):
+    """Verdicts: (samples, 5) space and ground by both chains, and frames of the scenario."""
+    stills_seed, night_seed = seed.spawn(2)
+    rng = np.random.default_rng(stills_seed)
+    out = np.empty((samples, len(PLACES) * len(WAYS) + 1), dtype=np.int64)
+    for k in range(samples):
+        q_ic, (u_i, magnitudes) = random_attitude(rng), sky_of(rng)
+        for p, camera in enumerate((SPACE, GROUND)):
+            image, _ = still(camera, u_i, electrons(camera, magnitudes), q_ic, rng)
+            for w, way in enumerate(WAYS):
+                out[k, len(WAYS) * p + w] = verdict(solve_frame(image, way), q_ic)
+    out[:, -1] = night(samples, night_seed)
+    return out
+
+
+def night(samples, seed):
+    """Verdicts of so many frames of the night-sky scenario, pointed anywhere above 45 deg: (samples,)."""
+    from shefex_nav import prepare, simulate
+    from shefex_nav.scenario import load, shipped
+
+    rng = np.random.default_rng(seed)
+    end_s = 1.0 + (samples + 2) * FRAME_S
+    overrides = (
+        f"mission.time_limit={end_s + 1.0:.2f} s",
+        f"star_tracker.off={end_s:.2f} s",
+        f"ground.azimuth={rng.uniform(0.0, 360.0):.2f} deg",
+        f"ground.roll={-rng.uniform(45.0, 90.0):.2f} deg",
+    )
+    scenario = load.load(shipped.files()[SCENARIO], overrides)
+    run_seed = int(rng.integers(2**31))
+    world = prepare.build_world(scenario, run_seed)
+    truths, fixes = {}, []
+    for record in simulate.route(world, scenario, run_seed):
+        if isinstance(record, FrameTruth):
+            truths[record.number] = record.q_ic
+        elif isinstance(record, StarFix):
+            fixes.append(record)
+    solved = [verdict(f.q_ic if f.reason == Reason.NONE else None, truths[f.number]) for f in fixes]
+    return np.array(solved[:samples])
+
+
+def conclude_end_to_end(results):
+    """Rows of success and wrong attitudes."""
+    verdicts = np.concatenate(results)
+    n = len(verdicts)
+    goals = SHEFEX["identification"]
+    published = (goals["success_simulated"], goals["success_night_sky"])
+    columns = [
+        (f"rendered stills, {place}, chain {way}", published[p] if w == 0 else None)
+        for p, place in enumerate(PLACES)
+        for w, way in enumerate(WAYS)
+    ]
+    columns.append((f"scenario {SCENARIO}, {len(results)} directions", published[1]))
+    rows = []
+    for column, (condition, goal) in enumerate(columns):
+        is_solved = verdicts[:, column] == 1
+        if column < len(columns) - 1:
+            ci95 = intervals.proportion(int(is_solved.sum()), n)
+        else:  # frames of one direction show the same stars: the directions are what was drawn
+            shares = [(chunk[:, column] == 1).mean() for chunk in results]
+            ci95 = intervals.mean(np.array(shares)) if len(shares) > 1 else None
+        row = Row(
+            "success; agrees when not below the published one", condition, goal, float(is_solved.mean()), ci95
+        )
+        if goal is not None:
+            row = judged(*row[:5], WHY_FEWER, least=goal, resolves=POINTS, refuted=True)
+        rows += [row, share("share of wrong attitudes", condition, (verdicts[:, column] == -1).sum(), n)]
+    return rows
+
+
+WHY_FEWER = (
+    "the attitudes are spread over the whole sky, and where fewer than four stars of the catalogue are found "
+    "no chain can solve the frame"
+)
+
+EXPERIMENTS = {
+    "shefex-end-to-end": Experiment(
+        title="Success of the whole chain on rendered frames (SHEFEX sections 4 and 5)",
+        samples=1000,
+        unit="attitudes",
+        chunk=50,
+        measure=measure_end_to_end,
+        conclude=conclude_end_to_end,
+        draw=figures.draw_end_to_end,
+    ),
+}

@@ -1,0 +1,239 @@
+"""The IMPA experiments: what they measure with, on small samples and on cases whose answer is known."""
+
+import numpy as np
+import pytest
+
+from shefex_nav.geometry.pinhole import unit_vectors
+from shefex_nav.geometry.rotation import dcm_from_quat
+from shefex_nav.geometry.streak import seen_from_to, velocity
+from shefex_nav.papers.impa import bound, detection, field, flight, tables
+from shefex_nav.papers.impa import trackers as methods
+from shefex_nav.papers.impa.published import IMPA
+from shefex_nav.papers.stills import still
+from shefex_nav.papers.verdict import is_open
+from shefex_nav.records import Detections
+
+FAST = np.radians(5.0)
+
+
+# --- the spot ---
+
+
+def test_a_streak_of_the_camera_is_as_wide_as_the_paper_says():
+    assert 1.0 / detection.streak_share(field.PSF_SIGMA_PX) == pytest.approx(3.0, abs=0.01)
+    assert detection.streak_share(0.01) == pytest.approx(1.0, abs=0.02)  # one pixel wide
+    assert 1.0 / detection.streak_share(20.0) == pytest.approx(np.sqrt(2.0 * np.pi) * 20.0, rel=1e-3)
+
+
+def test_the_rendered_streak_is_as_wide():
+    """The brightest pixels across a long streak of the renderer hold a third of its light per pixel."""
+    camera, rng = field.camera("global_shutter"), np.random.default_rng(1)
+    light = 2e5
+    u_c = unit_vectors(field.CAMERA, np.array([[500.0 + d, 500.0] for d in np.linspace(-0.45, 0.45, 10)]))
+    shares = []
+    for u in u_c:
+        q = np.array([1.0, 0.0, 0.0, 0.0])
+        image, _ = still(camera, u[None], np.array([light]), q, rng, omega_c=np.array([FAST, 0.0, 0.0]))
+        middle = image[485:516, 490:511] * 16.0 - 32.0 * 16.0 - field.BACKGROUND
+        length = 0.2 * np.hypot(*velocity(field.CAMERA, np.array([FAST, 0.0, 0.0]), 500.0, 500.0))
+        shares.append(middle.mean(axis=0).max() / (light / length))
+    assert 1.0 / np.mean(shares) == pytest.approx(3.0, abs=0.1)
+
+
+# --- the model of figure 12 ---
+
+
+def test_the_model_step_by_step():
+    """Equations (24) to (30) one after the other, with the exposure that cancels in (28)."""
+    camera, rate, alpha, exposure_s = IMPA["camera"], 3.0, np.radians(50.0), 0.2
+    length_deg = np.sin(alpha) * rate * exposure_s
+    covered = camera["psf_diameter_px"] * length_deg / (20.0 / 1024)
+    peak = camera["zero_mag_electrons_s"] * exposure_s / covered
+    expected = 2.5 * np.log10(peak / camera["tau_pre_electrons"])
+    assert detection.model_magnitude(rate, alpha) == pytest.approx(expected, abs=1e-12)
+
+
+def test_half_found_finds_the_half():
+    rng = np.random.default_rng(2)
+    difference = rng.uniform(-1.0, 2.0, 4000)
+    found = difference + 0.2 * rng.standard_normal(4000) < 0.37
+    assert detection.half_found(difference, found) == pytest.approx(0.37, abs=0.03)
+    assert np.isnan(detection.half_found(difference, found | True))
+
+
+def test_a_place_is_on_the_path_or_not():
+    omega_c, star = np.array([FAST, 0.0, 0.0]), np.array([511.5, 511.5])
+    assert detection.near_path(np.array([[511.5, 530.0]]), omega_c, star)
+    assert not detection.near_path(np.array([[515.0, 530.0], [511.5, 545.0]]), omega_c, star)
+    assert not detection.near_path(np.zeros((0, 2)), omega_c, star)
+
+
+# --- the bound ---
+
+
+@pytest.mark.parametrize("shutter", field.SHUTTERS)
+def test_the_mean_light_is_that_of_the_renderer(shutter):
+    omega_c, star, camera = np.array([0.05, -0.06, 0.02]), np.array([400.0, 700.0]), field.camera(shutter)
+    light, box = 3e5, (360, 440, 660, 740)
+    expected = light * bound.mean_light(field.CAMERA, camera.sigma_psf_px, camera.times, omega_c, star, box)
+    q_ic = np.array([0.5, 0.5, -0.5, 0.5])
+    u_i = unit_vectors(field.CAMERA, star[None]) @ dcm_from_quat(q_ic).T
+    rng, n = np.random.default_rng(3), 6
+    images = [still(camera, u_i, np.array([light]), q_ic, rng, omega_c=omega_c)[0] for _ in range(n)]
+    drawn = np.mean(images, axis=0)[660:741, 360:441] * 16.0 - 512.0 - field.BACKGROUND
+    sigma = np.sqrt((field.BACKGROUND + field.READ_NOISE**2 + expected) / n)
+    assert np.abs((drawn - expected) / sigma).max() < 5.5
+    begin_s, end_s = seen_from_to(field.CAMERA, camera.times, omega_c, *star)
+    assert expected.sum() == pytest.approx(light * (end_s - begin_s) / 0.2, rel=1e-3)
+
+
+def test_the_bound_of_a_spot_at_rest_is_the_textbooks():
+    """Faint star on a background: sigma_x^2 = 8 pi sigma^4 var / light^2 for a well-sampled Gaussian."""
+    camera = field.camera("global_shutter")
+    best = bound.bound(camera, np.zeros(3), np.zeros((3, 3)), np.array([300.2, 400.4]), 2000.0)
+    variance = field.BACKGROUND + field.READ_NOISE**2 + 256.0 / 12.0
+    expected = 8.0 * np.pi * (camera.sigma_psf_px**2 + 1.0 / 12.0) ** 2 * variance / 2000.0**2
+    assert best.P_px[0, 0] == pytest.approx(expected, rel=0.05) and best.inside
+    assert best.P_px[1, 1] == pytest.approx(expected, rel=0.05)
+
+
+def test_the_bound_is_elongated_along_the_motion_and_knows_the_rate():
+    camera, omega_c = field.camera("rolling_shutter"), np.array([0.0, -FAST, 0.0])
+    star = np.array([500.0, 950.0])
+    best = bound.bound(camera, omega_c, np.zeros((3, 3)), star, 5e4)
+    assert best.P_px[0, 0] > 2.0 * best.P_px[1, 1]
+    assert abs(best.heading) < 0.1  # a camera that turns left about -y sees stars move to the right
+    unsure = bound.bound(camera, omega_c, field.RATE_ERROR**2 * np.eye(3), star, 5e4)
+    grown = unsure.P_px[0, 0] - best.P_px[0, 0]
+    carried_s = (950.0 - 511.5) / 1024 * 0.2
+    assert grown == pytest.approx((field.RATE_ERROR * field.CAMERA.focal_length_px * carried_s) ** 2, rel=0.1)
+
+
+# --- false objects ---
+
+
+def detections(n, rng):
+    P_px = np.tile(np.diag([0.2, 0.01]), (n, 1, 1))
+    flux = np.sort(rng.uniform(1e3, 1e5, n))[::-1]
+    none = np.zeros(n, dtype=np.int64)
+    return Detections(rng.uniform(0.0, 1023.0, (n, 2)), flux, none + 20, none, P_px)
+
+
+def test_false_objects_are_in_the_list_like_streaks():
+    rng = np.random.default_rng(4)
+    found, false = detections(12, rng), methods.false_objects(rng)
+    omega_c = np.array([0.0, -FAST, 0.0])
+    mixed = methods.with_false(found, false, omega_c)
+    assert len(mixed.flux_dn) == 62 and (np.diff(mixed.flux_dn) <= 0.0).all()
+    assert all(len(column) == 62 for column in mixed)
+    for P in mixed.P_px:
+        np.testing.assert_allclose(np.linalg.eigvalsh(P), [0.01, 0.2], atol=1e-12)
+        assert abs(np.linalg.eigh(P)[1][0, 1]) > 0.95  # all move along x
+    assert len(methods.with_false(detections(0, rng), false, omega_c).flux_dn) == 50
+
+
+def test_false_objects_are_uniform_and_as_bright_as_stars():
+    rng = np.random.default_rng(5)
+    drawn = [methods.false_objects(rng) for _ in range(200)]
+    xy = np.concatenate([one.xy_px for one in drawn])
+    np.testing.assert_allclose(xy.mean(axis=0), 511.5, atol=4.0 * 1024 / np.sqrt(12 * len(xy)))
+    assert xy.min() >= -0.5 and xy.max() <= 1023.5
+    vmag, catalogue = np.concatenate([one.vmag for one in drawn]), field.pairs(False).stars.vmag
+    assert np.median(vmag) == pytest.approx(np.median(catalogue), abs=0.05)
+
+
+def test_hits_add_their_light_and_leave_the_frame_alone():
+    image = np.full((1024, 1024), 400, dtype=np.uint16)
+    struck = methods.with_hits(image, np.random.default_rng(6))
+    assert (image == 400).all() and struck.dtype == np.uint16
+    added = struck.astype(int) - 400
+    assert added.min() >= 0 and struck.max() <= methods.SATURATION_DN
+    assert 50 < (added > 0).sum() < 50 * 150
+
+
+# --- the flights ---
+
+
+@pytest.mark.parametrize("shutter", field.SHUTTERS)
+def test_ours_solves_at_5_deg_s_what_the_seed_gives_again(shutter):
+    case = field.Case(FAST, 40, 20)
+    one, again = (flight.simulate(shutter, case, np.random.SeedSequence(7), 2) for _ in range(2))
+    for a, b in zip(one, again, strict=True):
+        np.testing.assert_array_equal(a, b)
+    own = one[1]
+    assert own.shape == (3, 2, 7) and (own[..., 0] == 1.0).any(axis=1).all()
+    errors = own[own[..., 0] == 1.0][:, 1:4]
+    assert np.abs(errors[:, :2]).max() < 30.0 and np.abs(errors[:, 2]).max() < 200.0
+
+
+def test_the_papers_chain_solves_at_rest_with_two_images():
+    published, _, flown = flight.simulate(
+        "global_shutter", field.Case(0.0, 11, 0), np.random.SeedSequence(8), 3
+    )
+    assert published[0, 0, 0] == published[0, 1, 0] == 2.0 and flown <= 3
+    assert np.abs(published[0, 0, 1:3]).max() < 20.0
+
+
+def test_samples_are_the_cases_of_their_numbers():
+    assert [case.rate for case in field.cases(13)][1:] == [0.0]
+    flown = [field.cases(number)[0] for number in range(10, 15)]
+    assert [round(np.degrees(case.rate)) for case in flown] == [1, 2, 3, 4, 5]
+
+
+# --- the tables ---
+
+
+def result(images, error_arcsec, rate=5.0, own=1.0):
+    """One simulation that both shutters and cases went through alike."""
+    published = np.tile([images, *error_arcsec], (1, 2, 2, 2, 1)).astype(float)
+    mine = np.tile([own, 1.0, 2.0, 30.0, 1.0, 1.0, 20.0], (1, 2, 3, 2, 1))
+    return {
+        "rate_deg_s": np.array([rate]), "attitude": np.array([0]), "direction": np.array([0]),
+        "published": published, "own": mine, "flown": np.full((1, 2), 60),
+    }  # fmt: skip
+
+
+def find(rows, *words):
+    return [row for row in rows if all(word in f"{row.quantity} {row.condition}" for word in words)]
+
+
+def test_cells_count_the_simulations_that_were_right_in_time():
+    results = [
+        result(2, (10.0, 0.0, 50.0)), result(9, (-359.0, 359.0, 0.0)), result(2, (10.0, 361.0, 0.0)),
+        result(0, (0.0, 0.0, 0.0)),
+    ]  # fmt: skip
+    rows = tables.conclude_images(results)
+    cell = find(rows, "IMPA: success within 2 images", "best case, rolling shutter, 5 deg/s")
+    assert [row.measured for row in cell] == [0.25] and cell[0].published == pytest.approx(0.1612)
+    assert cell[0].agrees is None and is_open(cell[0])  # of four
+    many = tables.conclude_images(20 * results)
+    assert (
+        find(many, "IMPA: success within 2 images", "best case, rolling shutter, 5 deg/s")[0].agrees is True
+    )
+    ten = find(rows, "IMPA: success within 10 images", "best case, rolling shutter, 5 deg/s")[0]
+    assert ten.measured == 0.5
+    wrong = find(rows, "IMPA verified: wrong across", "best case, global")[0]
+    assert wrong.measured == 1.0 and wrong.agrees is False and wrong.why
+    assert "[attitudes]" in wrong.quantity
+    words = "as published: wrong across"
+    best, worst = (find(rows, words, f"{case} case, global")[0] for case in ("best", "worst"))
+    assert "50 false objects" in worst.why and "50 false objects" not in best.why and best.why
+    ours = find(many, "ours: success", "worst case, rolling shutter, 5 deg/s")[0]
+    assert ours.measured == 1.0 and ours.agrees is True and ours.published == pytest.approx(0.0825)
+
+
+def test_a_wrong_roll_is_reported_beside():
+    across, about = tables.wrong(
+        np.array([True, True, False]), np.array([[0, 0, 1799.0], [0, 0, 1801.0], [9e9] * 3])
+    )
+    assert not across.any() and about.tolist() == [False, True, False]
+
+
+def test_attitude_rows_hold_ours_against_half():
+    rng = np.random.default_rng(9)
+    results = [result(2, rng.normal(0.0, 5.0, 3)) for _ in range(30)]
+    rows = tables.conclude_attitude(results)
+    own = find(rows, "ours: std of roll", "best case, rolling shutter, 5 deg/s")[0]
+    assert own.measured == 0.0 and own.agrees and own.published == 184.89
+    mine = find(rows, "IMPA: std of pitch", "best case, rolling shutter, 5 deg/s")[0]
+    assert mine.published == 20.30 and mine.measured == pytest.approx(5.0, rel=0.5)
