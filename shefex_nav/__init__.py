@@ -45,7 +45,7 @@ _target.choose(_os.environ)
 
 
 _PUBLIC = {
-    "Scenario": "scenario.schema",
+    "Scenario": "scenario.load",
     "fly": "runs",
     "open_run": "runs",
     "fly_campaign": "campaign.from_python",

@@ -18,17 +18,22 @@ import sys
 import traceback
 import types
 from contextlib import contextmanager
-from importlib import import_module, util
+from functools import cache
+from importlib import util
 from typing import NamedTuple
 
 from shefex_nav import instruments, plugin_checks
 from shefex_nav.errors import UserError
 from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.onboard.navigation.blocks import OwnState
-from shefex_nav.onboard.startracker.methods import STEPS, Method, ways
+from shefex_nav.onboard.startracker import methods
+from shefex_nav.onboard.startracker.methods import STEPS, Method
 
 GROUP = "shefex_nav.plugins"
+BUNDLED = "shefex2", "bright", "impa"  # papers whose methods come with the program
 CONSENT = "SHEFEX_NAV_TRUST"  # environment variable of consents given in this process, for those it starts
+
+methods.WAITING += [f"shefex_nav.papers.{paper}.methods" for paper in BUNDLED]
 
 
 class PluginError(UserError):
@@ -171,7 +176,7 @@ def _problem_of_method(one):
     """What is wrong with a Method; '' if nothing is."""
     if one.step not in STEPS:
         return f"there is no step '{one.step}'; choose from: {', '.join(STEPS)}"
-    if one.name in BUILT_IN[STEPS[one.step].path]:
+    if one.name in _built_in()[STEPS[one.step].path]:
         return f"there is a way of {one.step} of that name already, of the program"
     return "" if callable(one.function) else f"its function must be one, got {one.function!r}"
 
@@ -183,11 +188,17 @@ _PROBLEM = {
 }
 
 
+@cache
+def _built_in():
+    """Names at the keys of a scenario that come with the program: called before plug-ins add to them."""
+    return {step.path: frozenset(methods.ways(step.path)) for step in STEPS.values()}
+
+
 def activate(provided):
     """Put what plug-ins provide into the tables of this process, in the place of what others had there."""
     for one in provided:
         if isinstance(one, Method):
-            STEPS[one.step].ways()[one.name] = one.function
+            methods.add(one)
         elif isinstance(one, OwnState):
             instruments.OWN_STATES[one.name] = one
         else:
@@ -238,9 +249,3 @@ def _kept_in():
     """File of the consents."""
     base = os.environ.get("XDG_CONFIG_HOME") or os.path.join(os.path.expanduser("~"), ".config")
     return os.path.join(base, "shefex_nav", "trusted")
-
-
-BUNDLED = "shefex2", "bright", "impa"  # papers whose methods come with the program
-for _paper in BUNDLED:
-    activate(import_module(f"shefex_nav.papers.{_paper}.methods").PROVIDES)
-BUILT_IN = {step.path: frozenset(ways(step.path)) for step in STEPS.values()}  # names at a key of a scenario

@@ -6,25 +6,44 @@ import threading
 from contextlib import contextmanager
 
 WORDS = b"\nstopping after this step; what is done is kept. Once more: at once\n"
+OWN = signal.default_int_handler, signal.SIG_DFL  # handlers that are replaced; others are in other hands
+
+
+@contextmanager
+def wishes(take=lambda asked: None, signals=(signal.SIGINT,)):
+    """A list that gets an entry with each signal.
+
+    Empty outside of the main thread, and of signals that are ignored or in other hands.
+
+    take : called with the list after each
+    """
+    asked = []
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+
+    def wish(number, frame):
+        asked.append(number)
+        take(asked)
+
+    before = {number: signal.getsignal(number) for number in signals if signal.getsignal(number) in OWN}
+    try:
+        for number in before:
+            signal.signal(number, wish)
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextmanager
 def stopping():
     """A function that says whether somebody wants the end; the second wish raises KeyboardInterrupt."""
-    wishes = []
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: False
-        return
 
-    def take(number, frame):
-        wishes.append(number)
-        if len(wishes) > 1:
+    def take(asked):
+        if len(asked) > 1:
             raise KeyboardInterrupt
         os.write(2, WORDS)  # not print: the signal may have come in the middle of one
 
-    before = {number: signal.signal(number, take) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield lambda: bool(wishes)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    with wishes(take, (signal.SIGINT, signal.SIGTERM)) as asked:
+        yield lambda: bool(asked)

@@ -57,3 +57,40 @@ def test_each_dependency_has_its_reason():
         for one in re.findall(r"[\w.-]+", line.split("|")[1])
     }
     assert {normalised(one) for one in project["dependencies"]} <= named
+
+
+def own_imports():
+    """{module of the package: modules of it that are imported anywhere in it}."""
+    paths = {}
+    for path in sorted((ROOT / "shefex_nav").rglob("*.py")):
+        paths[".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")] = path
+    found = {}
+    for module, path in paths.items():
+        nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        froms = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.level == 0]
+        named = [(node.module, f"{node.module}.{alias.name}") for node in froms for alias in node.names]
+        found[module] = {inner if inner in paths else outer for outer, inner in named} & set(paths)
+    return found
+
+
+def circle(imports):
+    """Modules that import each other in a circle, the first one at both ends; [] if there are none."""
+    done = set()
+
+    def below(module, way):
+        if module in way:
+            return [*way[way.index(module) :], module]
+        if module not in done:
+            for one in sorted(imports[module]):
+                if found := below(one, [*way, module]):
+                    return found
+            done.add(module)
+        return []
+
+    return next((found for module in imports if (found := below(module, []))), [])
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    """Not in functions either: what is put off there is a circle all the same."""
+    assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c", "b"]
+    assert circle(own_imports()) == []

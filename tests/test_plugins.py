@@ -14,8 +14,7 @@ from shefex_nav import instruments, plugin_checks, plugins, prepare
 from shefex_nav.log import reader, topics
 from shefex_nav.records import Reason, Scan
 from shefex_nav.report import figures
-from shefex_nav.scenario.load import ScenarioError, load, load_text
-from shefex_nav.scenario.schema import Scenario
+from shefex_nav.scenario.load import Scenario, ScenarioError, load, load_text
 from shefex_nav.world import noise
 
 ROOT = Path(__file__).parent.parent

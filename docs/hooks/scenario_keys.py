@@ -40,7 +40,7 @@ def on_files(files, config, **_):
 
 def text():
     """Markdown of the page."""
-    from shefex_nav.scenario.schema import Scenario
+    from shefex_nav.scenario.load import Scenario
 
     parts = [HEAD, "## Sections", COLUMNS]
     parts[-1] += "".join(f"\n{_row(key, field)}" for key, field in Scenario.keys().items())

@@ -36,8 +36,8 @@ def fly_campaign(scenario, runs, *, folder, seed=1, workers=None, engine=None, k
     were lost with their workers, which the Campaign is without; EngineError if all of them were.
     """
     from shefex_nav.campaign import progress, results, running
-    from shefex_nav.campaign.stopping import stopping
     from shefex_nav.campaign.store import Store
+    from shefex_nav.stopping import stopping
 
     if multiprocessing.parent_process() is not None:
         raise running.BadCampaign(

@@ -3,8 +3,7 @@
 import time
 from contextlib import contextmanager
 
-QUIET_S = 5.0  # at least, between two lines
-LONGEST_S = 60.0  # without one
+from shefex_nav.progress import bar, lines
 
 
 class Tally:
@@ -55,7 +54,7 @@ def duration(seconds):
 
 
 class Show:
-    """Tells people what happens."""
+    """Tells people what happens: a line for each tenth of the runs, or each minute."""
 
     def __init__(self, say, clock=time.monotonic):
         """say: called with each line."""
@@ -63,38 +62,27 @@ class Show:
 
     @contextmanager
     def bar(self, tally):
-        """Gives a function to be called after each run; it says a line for each tenth, or each minute."""
+        """Gives a function to be called after each run."""
         tally.begin()
-        shown, said_s = 10 * tally.done // tally.total, self._clock()
-
-        def note():
-            nonlocal shown, said_s
-            now, tenth = self._clock(), 10 * tally.done // tally.total
-            if tally.done < tally.total and now - said_s >= (QUIET_S if tenth > shown else LONGEST_S):
-                self.say(f"{tally.done} of {tally.total} runs, {tally.words()}")
-                shown, said_s = tenth, now
-
-        yield note
+        told = lines(tally.total, self.say, tally.done, self._clock)
+        yield lambda: told(tally.done, f"{tally.done} of {tally.total} runs, {tally.words()}")
 
 
 class TerminalShow(Show):
-    """The same with a bar, for a terminal."""
+    """The same with a bar where stderr is a terminal."""
 
     @contextmanager
     def bar(self, tally):
         """Gives a function to be called after each run."""
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
-        tally.begin()
-        columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[words]}"))
-        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        columns = BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[words]}")
+        with super().bar(tally) as told, bar(*columns) as progress:
             task = progress.add_task("fly", total=tally.total, completed=tally.done, words=tally.words())
-            yield lambda: progress.update(task, completed=tally.done, words=tally.words())
 
+            def note():
+                progress.update(task, completed=tally.done, words=tally.words())
+                if progress.disable:
+                    told()
 
-def show(say):
-    """The Show that stderr is good for."""
-    from rich.console import Console
-
-    return TerminalShow(say) if Console(stderr=True).is_terminal else Show(say)
+            yield note

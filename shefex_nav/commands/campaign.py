@@ -85,14 +85,14 @@ def _print_draws(sampler, runs, as_json):
 def _fly(request, folder):
     """Ended of a campaign."""
     from shefex_nav.campaign import running
-    from shefex_nav.campaign.progress import show
-    from shefex_nav.campaign.stopping import stopping
+    from shefex_nav.campaign.progress import TerminalShow
     from shefex_nav.campaign.store import Store
+    from shefex_nav.stopping import stopping
 
     with Store(folder) as store, stopping() as stop:
         name = request.scenario.mission.name
         say(f"{name}, {request.runs} runs, seed {request.seed} -> {folder}")
-        return running.fly(request, store, show(say), stop)
+        return running.fly(request, store, TerminalShow(say), stop)
 
 
 def _result(ended, folder, runs, as_json):

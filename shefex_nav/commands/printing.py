@@ -6,6 +6,8 @@ from contextlib import contextmanager
 
 import typer
 
+from shefex_nav.progress import bar
+
 
 def say(text):
     """A line for people, on stderr."""
@@ -25,17 +27,6 @@ def stdout(width, **more):
 
 
 @contextmanager
-def progress_bar(*columns):
-    """rich Progress on stderr, gone when it is over; nothing is drawn where that is no terminal."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        yield progress
-
-
-@contextmanager
 def counter(total, tell, done=0):
     """Gives a function of words that counts one more: on a bar on stderr, or by `tell` where that is no
     terminal.
@@ -45,7 +36,7 @@ def counter(total, tell, done=0):
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     columns = BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"), TimeRemainingColumn()
-    with progress_bar(*columns) as progress:
+    with bar(*columns) as progress:
         task = progress.add_task("", total=total, completed=done)
 
         def count(words):

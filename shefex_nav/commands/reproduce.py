@@ -3,19 +3,17 @@
 Exit codes: 0 done, also where a figure disagrees (the table says so and why), 2 bad input, 130 interrupted.
 """
 
-import signal
 import tempfile
-import threading
-from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from shefex_nav.commands.options import Json, Seed
-from shefex_nav.commands.printing import print_json, progress_bar, say, stdout
+from shefex_nav.commands.printing import print_json, say, stdout
 from shefex_nav.papers import registry
+from shefex_nav.progress import bar, lines
+from shefex_nav.stopping import wishes
 
 OUT = Path("logs/reproduce")
 
@@ -97,17 +95,20 @@ def _watched(experiment, samples, seed, folder):
 
     from shefex_nav.papers import engine
     from shefex_nav.papers import keep as keeping
-    from shefex_nav.papers.progress import lines
 
     store = None if folder is None else keeping.store(experiment, seed, folder)
-    with progress_bar(BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as progress:
+    told, done = lines(samples, say), 0
+    with bar(BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as progress:
         task = progress.add_task("measure", total=samples)
-        told = lines(samples, say) if progress.disable else partial(progress.advance, task)
-        with _interrupts() as asked:
+        with wishes(_stop) as asked:
 
             def note(n):
-                told(n)
-                if asked:  # and something took no notice
+                nonlocal done
+                done += n
+                progress.update(task, completed=done)
+                if progress.disable:
+                    told(done, f"{done} of {samples} done")
+                if asked:  # the compiler can swallow the exception and fail a little later with another one
                     raise KeyboardInterrupt
 
             try:
@@ -120,26 +121,9 @@ def _watched(experiment, samples, seed, folder):
     raise typer.Exit(130)
 
 
-@contextmanager
-def _interrupts():
-    """A list that gets an entry with each Ctrl-C, which raises KeyboardInterrupt as ever.
-
-    The compiler can swallow the exception and fail a little later with another one; the list still knows.
-    """
-    asked, before = [], signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
-        yield asked  # ignored, or in other hands
-        return
-
-    def take(number, frame):
-        asked.append(number)
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGINT, take)
-    try:
-        yield asked
-    finally:
-        signal.signal(signal.SIGINT, before)
+def _stop(asked):
+    """KeyboardInterrupt at once: a chunk may take minutes."""
+    raise KeyboardInterrupt
 
 
 def _interrupted(experiment, samples, store):

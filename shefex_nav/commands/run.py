@@ -9,7 +9,9 @@ import typer
 from shefex_nav.commands.flights import about, show_run, warn
 from shefex_nav.commands.options import Json, Overrides, OverwriteOut, Scenario, Seed, mission_time
 from shefex_nav.commands.output_files import check_file
-from shefex_nav.commands.printing import progress_bar, say
+from shefex_nav.commands.printing import say
+from shefex_nav.progress import bar
+from shefex_nav.stopping import wishes
 
 
 def run(
@@ -72,17 +74,11 @@ def _free_name(name, seed):
 
 def _interruptible(records):
     """The same records; Ctrl-C takes effect between two of them, never inside compiled code."""
-    import signal
-
-    wishes = []
-    before = signal.signal(signal.SIGINT, lambda *_: wishes.append(True))
-    try:
+    with wishes() as asked:
         for record in records:
-            if wishes:
+            if asked:
                 raise KeyboardInterrupt
             yield record
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _watched(records, start_s, end_s):
@@ -95,7 +91,7 @@ def _watched(records, start_s, end_s):
     from shefex_nav.records import Phase, TruthSample
 
     words = "T{task.fields[t_s]:+8.1f} s  {task.fields[phase]:<9} {task.fields[speed]:6.0f} x real time"
-    with progress_bar(BarColumn(), TextColumn(words)) as progress:
+    with bar(BarColumn(), TextColumn(words)) as progress:
         task = progress.add_task("fly", total=end_s - start_s, t_s=start_s, phase="", speed=0.0)
         for record in records:
             if type(record) is TruthSample and record.t_s % 1.0 < 0.005:

@@ -12,7 +12,8 @@ import typer
 from shefex_nav.commands import options
 from shefex_nav.commands.options import Json, Log
 from shefex_nav.commands.output_files import check_place
-from shefex_nav.commands.printing import print_json, progress_bar, say, stdout
+from shefex_nav.commands.printing import print_json, say, stdout
+from shefex_nav.progress import bar
 
 SUFFIX = ".smoothed.mcap"
 
@@ -65,7 +66,7 @@ def _with_bar(work):
     from shefex_nav.replay.smooth import FILTER_SHARE
 
     columns = TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()
-    with progress_bar(*columns) as progress:
+    with bar(*columns) as progress:
         task = progress.add_task("filter", total=1.0)
 
         def show(share):

@@ -211,4 +211,9 @@ def _with_data(whole, known):
     return create_model(ReplayBase.NAME, **how, data=(data, ...))
 
 
+def __getattr__(name):
+    """A model by its qualified name, as pickle asks for it in another process."""
+    return aboard.made(__name__, name)
+
+
 ReplayScenario = model()

@@ -20,14 +20,14 @@ from shefex_nav.scenario.of_settings import section, settings
 from shefex_nav.scenario.told import part_of
 
 LEFT_OUT = "left out: there is none"
-_MADE = {}  # models by their qualified names
+_MADE = {}  # models by module and qualified name
 
 
 def complete(provided, base, navigation, told=None, core=tuple(OPTIONAL)):
     """Model of a kind of scenario with a section for each instrument.
 
     provided : what plug-ins provide, Instrument, OwnState and Method, beside what comes with the program
-    base : Block of the scenario, with a field `navigation`
+    base : Block of the scenario, with a field `navigation`; its module has `made` for what it lacks
     navigation : Block of that section, whose field `states` is given the names of all blocks
     told : Block of navigation.told, if there is one
     core : names of the blocks that are no instrument's
@@ -89,34 +89,33 @@ def _complete(instruments, own_states, base, navigation, told, core):
             for one in instruments
             if one.told
         }
-        whole = _model(told, parts, instruments, own_states)
+        whole = _model(told, parts, instruments, own_states, base.__module__)
         own["told"] = (whole, Field(default_factory=whole, description=told.HELP))
     sections = {
         one.name: (section(one.settings) | None, Field(default=None, description=LEFT_OUT))
         for one in instruments
     }
-    given, whole = base.model_fields["navigation"], _model(navigation, own, instruments, own_states)
+    given = base.model_fields["navigation"]
+    whole = _model(navigation, own, instruments, own_states, base.__module__)
     how = {} if given.is_required() else {"default_factory": whole}
     fields = {"navigation": (whole, Field(description=given.description, **how)), **sections}
-    return _model(base, fields, instruments, own_states)
+    return _model(base, fields, instruments, own_states, base.__module__)
 
 
-def _model(base, fields, instruments, own_states):
-    made = create_model(base.NAME, __base__=base, __module__=__name__, __doc__=base.__doc__, **fields)
-    made.INSTRUMENTS, made.OWN_STATES = instruments, own_states
-    made.__qualname__ = f"{base.NAME}:{','.join(one.name for one in (*instruments, *own_states))}"
-    _MADE[made.__qualname__] = made
-    return made
+def _model(base, fields, instruments, own_states, module):
+    """A model with more fields, which `module` has for pickle."""
+    model = create_model(base.NAME, __base__=base, __module__=module, __doc__=base.__doc__, **fields)
+    model.INSTRUMENTS, model.OWN_STATES = instruments, own_states
+    model.__qualname__ = f"{base.NAME}:{','.join(one.name for one in (*instruments, *own_states))}"
+    _MADE[module, model.__qualname__] = model
+    return model
 
 
-def __getattr__(name):
-    """A model by its qualified name, as pickle asks for it in another process."""
-    if ":" not in name:
-        raise AttributeError(name)
-    from shefex_nav.scenario import schema  # which completes its models here
-
-    schema.model()
-    return _MADE[name]
+def made(module, name):
+    """A model of a module that has completed it, by its qualified name; AttributeError if there is none."""
+    if (module, name) not in _MADE:
+        raise AttributeError(f"module {module!r} has no attribute {name!r}")
+    return _MADE[module, name]
 
 
 def table_of(scenario):

@@ -27,6 +27,11 @@ class Mark(NamedTuple):
         return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
 
 
+def placed(mark, text):
+    """Line for the user; `--set a.b` need not name its field twice."""
+    return re.sub(r"^(--set )(\S+): \2: ", r"\1\2: ", f"{mark}: {text}")
+
+
 class Document(NamedTuple):
     """A parsed file: plain tree, and the marks of keys and values by their path from the root."""
 

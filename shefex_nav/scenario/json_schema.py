@@ -1,13 +1,12 @@
 """JSON Schema of a scenario file, for editors that complete and check while one writes."""
 
-from shefex_nav.scenario import schema
-from shefex_nav.scenario.load import EXTENDS
+from shefex_nav.scenario.load import EXTENDS, Scenario
 from shefex_nav.scenario.use import USE
 
 
 def json_schema():
     """JSON Schema of a scenario file; a file that extends another need not be complete."""
-    complete = schema.Scenario.model_json_schema()
+    complete = Scenario.model_json_schema()
     blocks = complete.pop("$defs")
     complete["properties"][EXTENDS] = {
         "type": "string",

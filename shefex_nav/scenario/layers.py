@@ -6,14 +6,13 @@ beside `use` comes on top, and so does what a file that extends this one gives.
 """
 
 import os
-import re
 from typing import NamedTuple
 
 from pydantic import ValidationError
 
 from shefex_nav.errors import UserError
 from shefex_nav.scenario import document, expand, instruments, messages, moved, plugged, shipped
-from shefex_nav.scenario.document import BadText, Mark, dotted
+from shefex_nav.scenario.document import BadText, Mark, dotted, placed
 from shefex_nav.scenario.files import Unreadable, read_text
 from shefex_nav.scenario.use import USE
 
@@ -57,11 +56,6 @@ class Named(NamedTuple):
     def line(self, words):
         """Line for the user about it."""
         return placed(self.mark, f"{self.field}: {words}")
-
-
-def placed(mark, text):
-    """Line for the user; `--set a.b` need not name its field twice."""
-    return re.sub(r"^(--set )(\S+): \2: ", r"\1\2: ", f"{mark}: {text}")
 
 
 def file_of(name, beside="", mark=None):

@@ -1,11 +1,14 @@
 """Scenario file -> `Scenario`: read, extend, override, validate; all errors at once, each with its place."""
 
 import copy
+import json
 from functools import partial
+from pathlib import PurePath
 
 from pydantic import ValidationError
 
 from shefex_nav.scenario import (
+    aboard,
     disperse,
     drawn,
     expand,
@@ -18,14 +21,61 @@ from shefex_nav.scenario import (
     schema,
 )
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
-from shefex_nav.scenario.document import Mark, dotted
+from shefex_nav.scenario.document import Mark, dotted, placed
 from shefex_nav.scenario.layers import EXTENDS, ScenarioError, Texts, file_of
+from shefex_nav.scenario.onboard import Navigation
 from shefex_nav.scenario.partial import known
 from shefex_nav.scenario.partial import validated as part_of
+from shefex_nav.scenario.told import Told
 
-__all__ = ["EXTENDS", "Pattern", "ScenarioError", "file_of", "load", "load_as", "load_text", "load_text_as"]
+__all__ = [
+    "EXTENDS",
+    "Pattern",
+    "Scenario",
+    "ScenarioError",
+    "file_of",
+    "load",
+    "load_as",
+    "load_text",
+    "load_text_as",
+]
 NOT_EXPANDED = (("gps", expand.ALMANAC), ("star_tracker", expand.MODEL))  # what a file gave, or was to give
 DISPERSIONS = "dispersions"
+
+
+class ScenarioBase(schema.Sections):
+    __doc__ = schema.Sections.__doc__
+
+    @classmethod
+    def load(cls, path, overrides=(), *, trust=False):
+        """Scenario of a YAML file, with overrides ["gps.rate=5 Hz"] or {"gps.rate": "5 Hz"}.
+
+        The name of one that comes with the package is enough: Scenario.load("shefex2_andoya").
+        In a dict, what is no text may be a number, also of NumPy, True, None, or a list or dict of such.
+        trust : consent to run the Python files that it names in `plugins`, as they are now; it is kept
+        Raises ScenarioError, which lists every error with its place.
+        """
+        if isinstance(overrides, dict):
+            told = [(key, *_yaml(value)) for key, value in overrides.items()]
+            bad = [f"{key}: {problem}" for key, _, problem in told if problem]
+            if bad:
+                raise ScenarioError(bad)
+            overrides = [f"{key}={text}" for key, text, _ in told]
+        return load(path, overrides, trust=trust)
+
+    def __reduce__(self):
+        """One with plug-ins is read again in another process: it has models of its own."""
+        return (load_text, (self.source, self.mission.name)) if self.plugins else super().__reduce__()
+
+
+def model_of(provided=()):
+    """Scenario with a section for each instrument. provided : by its plug-ins, Instrument and Method"""
+    return aboard.complete(provided, ScenarioBase, Navigation, Told)
+
+
+def __getattr__(name):
+    """A model by its qualified name, as pickle asks for it in another process."""
+    return aboard.made(__name__, name)
 
 
 def load(path, overrides=(), *, trust=False):
@@ -146,7 +196,7 @@ def _validated(tree, places, files, overrides, path, trust=False):
     if other := kind.instead_of_flight(tree, path):
         raise ScenarioError([f"{path}: {other}"])
     overriding.carry_out(overrides, tree, places, files)
-    model = schema.model(_provided(tree, places, trust))
+    model = model_of(_provided(tree, places, trust))
     others = {file: "uses" if file in files.instruments else "extends" for file in files if file != path}
     found, rated = expand.expand(tree, places, files)
     bad = list(NOT_EXPANDED) if found else []
@@ -171,7 +221,7 @@ def _validated(tree, places, files, overrides, path, trust=False):
 
 def _line_about(about, where, words):
     """A line of what `_about` says."""
-    return layers.placed(*about(where, words))
+    return placed(*about(where, words))
 
 
 def _place(places, where):
@@ -228,3 +278,29 @@ def _given(tree):
     if isinstance(tree, dict):
         return {key: _given(value) for key, value in tree.items() if value is not None}
     return [_given(item) for item in tree] if isinstance(tree, list) else tree
+
+
+def _yaml(value):
+    """Text that YAML reads as the value: a text as it is, anything else as JSON, which is YAML too.
+
+    -> text, what is wrong with the value (one of them is empty)
+    """
+    if isinstance(value, str):
+        return value, ""
+    try:
+        return json.dumps(value, allow_nan=False, default=_plain), ""
+    except (TypeError, ValueError) as error:
+        wanted = "a text with a unit, a finite number, True, None, or a list or dict of such"
+        return "", f"{value!r} cannot stand in a scenario ({error}); give {wanted}"
+
+
+def _plain(value):
+    """Numbers and arrays of NumPy as Python's own, paths as texts; TypeError for anything else."""
+    if isinstance(value, PurePath):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"of type {type(value).__name__}")
+
+
+Scenario = model_of()  # of the instruments that come with the program

@@ -10,6 +10,7 @@ from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.onboard.navigation.blocks import OwnState
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.document import dotted
+from shefex_nav.scenario.onboard import Navigation
 from shefex_nav.scenario.quantity import QuantitySpec
 from shefex_nav.settings import declared
 
@@ -56,8 +57,6 @@ def _problem(one, taken):
     """What is wrong with something that a plug-in provides; '' if nothing is. taken : names of others"""
     if twice := sorted(_names(one) & taken):
         return f"there is a '{twice[0]}' already, of a plug-in of this scenario"
-    from shefex_nav.scenario.onboard import Navigation  # which needs this module
-
     if isinstance(one, OwnState) and one.name in Navigation.model_fields:
         return f"navigation.{one.name} is a setting of the program; give the block of states another name"
     for cls in _settings_of(one):

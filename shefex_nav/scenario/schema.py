@@ -1,16 +1,13 @@
-"""The scenario: every section of a scenario file, in the order of a mission.
+"""Every section of a scenario file, in the order of a mission; `load` makes a Scenario of them.
 
 The models check single values; `checks` compares values with each other, `params` turns sections into the
 parameters of the stages. Once loaded, a quantity is a float in SI and radians.
 """
 
-import json
-from pathlib import PurePath
 from typing import Any, ClassVar, Literal
 
 from pydantic import Field, PrivateAttr
 
-from shefex_nav.scenario import aboard
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.dispersions import Campaign, Dispersions
 from shefex_nav.scenario.faults import Faults
@@ -21,11 +18,10 @@ from shefex_nav.scenario.plugged import PLUGINS, Plugins
 from shefex_nav.scenario.programme import Programme
 from shefex_nav.scenario.requirements import Requirements
 from shefex_nav.scenario.sensors import Imu, PadAlignment, StarCamera
-from shefex_nav.scenario.told import Told
 from shefex_nav.scenario.vehicle import Vehicle
 
 
-class ScenarioBase(Block):
+class Sections(Block):
     """A mission to simulate; it starts from one of launch, orbit and ground."""
 
     NAME: ClassVar[str] = "Scenario"
@@ -66,29 +62,6 @@ class ScenarioBase(Block):
     _line: Any = PrivateAttr(None)
     _place: Any = PrivateAttr(None)
 
-    @classmethod
-    def load(cls, path, overrides=(), *, trust=False):
-        """Scenario of a YAML file, with overrides ["gps.rate=5 Hz"] or {"gps.rate": "5 Hz"}.
-
-        The name of one that comes with the package is enough: Scenario.load("shefex2_andoya").
-        In a dict, what is no text may be a number, also of NumPy, True, None, or a list or dict of such.
-        trust : consent to run the Python files that it names in `plugins`, as they are now; it is kept
-        Raises ScenarioError, which lists every error with its place.
-        """
-        from shefex_nav.scenario.load import ScenarioError, load  # which need this class
-
-        if isinstance(overrides, dict):
-            told = [(key, *_yaml(value)) for key, value in overrides.items()]
-            bad = [f"{key}: {problem}" for key, _, problem in told if problem]
-            if bad:
-                raise ScenarioError(bad)
-            overrides = [f"{key}={text}" for key, text, _ in told]
-        return load(path, overrides, trust=trust)
-
-    def __reduce__(self):
-        """One with plug-ins is read again in another process: it has models of its own."""
-        return (_read_again, (self.source, self.mission.name)) if self.plugins else super().__reduce__()
-
     @property
     def source(self):
         """YAML text with `extends`, overrides and tables in it; it loads to the same scenario."""
@@ -124,40 +97,3 @@ class ScenarioBase(Block):
     def line_about(self, field, words):
         """`file:line:col: field: words` about a field, given as a path; without a place if none is known."""
         return f"{'.'.join(map(str, field))}: {words}" if self._line is None else self._line(field, words)
-
-
-def _read_again(source, name):
-    from shefex_nav.scenario.load import load_text  # which needs this module
-
-    return load_text(source, name)
-
-
-def model(provided=()):
-    """Scenario with a section for each instrument. provided : by its plug-ins, Instrument and Method"""
-    return aboard.complete(provided, ScenarioBase, Navigation, Told)
-
-
-Scenario = model()  # of the instruments that come with the program
-
-
-def _yaml(value):
-    """Text that YAML reads as the value: a text as it is, anything else as JSON, which is YAML too.
-
-    -> text, what is wrong with the value (one of them is empty)
-    """
-    if isinstance(value, str):
-        return value, ""
-    try:
-        return json.dumps(value, allow_nan=False, default=_plain), ""
-    except (TypeError, ValueError) as error:
-        wanted = "a text with a unit, a finite number, True, None, or a list or dict of such"
-        return "", f"{value!r} cannot stand in a scenario ({error}); give {wanted}"
-
-
-def _plain(value):
-    """Numbers and arrays of NumPy as Python's own, paths as texts; TypeError for anything else."""
-    if isinstance(value, PurePath):
-        return str(value)
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"of type {type(value).__name__}")

@@ -9,9 +9,8 @@ from typing import Annotated, ClassVar, get_args
 
 from pydantic import Field, create_model
 
-from shefex_nav.scenario import layers
 from shefex_nav.scenario.block import Block
-from shefex_nav.scenario.document import dotted
+from shefex_nav.scenario.document import dotted, placed
 from shefex_nav.scenario.gps import Gps
 from shefex_nav.scenario.messages import bare, field_at, is_model
 from shefex_nav.scenario.quantity import QuantitySpec
@@ -98,7 +97,7 @@ def lines(scenario):
         annotation, metadata = field_at(type(scenario), path)
         told, is_so = (_written(annotation, metadata, one) for one in (value, true))
         field = ("navigation", "told", *path)
-        yield layers.placed(scenario.place(field), f"{dotted(field)}: {told}, the truth is {is_so}")
+        yield placed(scenario.place(field), f"{dotted(field)}: {told}, the truth is {is_so}")
 
 
 def _written(annotation, metadata, value):

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from short_campaign import HereLane, fly, write
 
-from shefex_nav import files
-from shefex_nav.campaign import engine, flight, results, running, stopping, store, table
+from shefex_nav import files, stopping
+from shefex_nav.campaign import engine, flight, results, running, store, table
 from shefex_nav.compiled import target
 from shefex_nav.scenario import load
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from shefex_nav import progress
 from shefex_nav.commands.main import app
-from shefex_nav.papers import engine, keep, progress, registry
+from shefex_nav.papers import engine, keep, registry
 from shefex_nav.papers.experiment import Experiment, Row
 
 CALLS = []
@@ -221,24 +222,20 @@ def test_an_interrupt_that_the_compiler_swallows_counts(start, monkeypatch, tmp_
     assert f"interrupted; {kept} of 10 chunks are kept" in result.stderr
 
 
-def test_lines_of_progress_come_each_tenth_or_each_minute():
+def said_of_progress(total, step_s):
+    """Lines about work of which each step takes so long."""
     said, now = [], [0.0]
-    told = progress.lines(1000, said.append, clock=lambda: now[0])
-    for _ in range(1000):
-        now[0] += 30.0  # a tenth takes fifty minutes
-        told(1)
-    assert said == [f"{k} of 1000 done" for k in range(2, 1000, 2)]
-    said.clear()
-    told = progress.lines(1000, said.append, clock=lambda: now[0])
-    for _ in range(1000):
-        now[0] += 0.1
-        told(1)
-    assert said == [f"{k} of 1000 done" for k in range(100, 1000, 100)]
-    said.clear()
-    told = progress.lines(20, said.append, clock=lambda: now[0])
-    for _ in range(20):
-        told(1)
-    assert said == []  # done at once
+    told = progress.lines(total, said.append, clock=lambda: now[0])
+    for done in range(1, total + 1):
+        now[0] += step_s
+        told(done, f"{done} of {total} done")
+    return said
+
+
+def test_lines_of_progress_come_each_tenth_or_each_minute():
+    assert said_of_progress(1000, 30.0) == [f"{k} of 1000 done" for k in range(2, 1000, 2)]
+    assert said_of_progress(1000, 0.1) == [f"{k} of 1000 done" for k in range(100, 1000, 100)]
+    assert said_of_progress(20, 0.0) == []  # done at once
 
 
 def test_the_command_keeps_and_refuses(monkeypatch, tmp_path):

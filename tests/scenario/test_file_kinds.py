@@ -6,8 +6,7 @@ from broken import DEFAULT, the_message
 from shefex_nav.replay import load as replays
 from shefex_nav.replay.schema import ReplayScenario
 from shefex_nav.scenario import kind
-from shefex_nav.scenario.load import ScenarioError
-from shefex_nav.scenario.schema import Scenario
+from shefex_nav.scenario.load import Scenario, ScenarioError
 
 SCENARIOS = DEFAULT.parent
 EXAMPLE = SCENARIOS / "replay" / "csv_example.yaml"

@@ -10,8 +10,7 @@ import pytest
 
 from shefex_nav.scenario import document
 from shefex_nav.scenario.json_schema import json_schema
-from shefex_nav.scenario.load import ScenarioError, load, load_text
-from shefex_nav.scenario.schema import Scenario
+from shefex_nav.scenario.load import Scenario, ScenarioError, load, load_text
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 DEFAULT = SCENARIOS / "shefex2_andoya.yaml"

@@ -70,8 +70,8 @@ def test_every_pair_of_a_wrong_value_and_a_contradiction_is_told(tmp_path):
 
 def test_what_is_left_of_a_good_scenario_is_the_scenario():
     from shefex_nav.scenario.checks import check_what_is_known
+    from shefex_nav.scenario.load import Scenario
     from shefex_nav.scenario.partial import validated
-    from shefex_nav.scenario.schema import Scenario
 
     scenario = load(DEFAULT)
     import ruamel.yaml

@@ -9,8 +9,7 @@ from shefex_nav.instruments import state_sizes
 from shefex_nav.onboard.navigation import integrity_watch
 from shefex_nav.onboard.navigation.state import DEFAULT_STATES, OPTIONAL, initial_covariance
 from shefex_nav.scenario import params_onboard
-from shefex_nav.scenario.load import ScenarioError, load
-from shefex_nav.scenario.schema import Scenario
+from shefex_nav.scenario.load import Scenario, ScenarioError, load
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
 

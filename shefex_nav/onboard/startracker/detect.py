@@ -15,6 +15,7 @@ import numpy as np
 from shefex_nav.compiled import kernel
 from shefex_nav.onboard.startracker import centroid, fit, scan
 from shefex_nav.onboard.startracker.background import block_sums, medians, repair, tile_statistics
+from shefex_nav.onboard.startracker.methods import STEPS
 from shefex_nav.onboard.startracker.spot import Picture
 from shefex_nav.records import Detections
 
@@ -37,7 +38,7 @@ def detect(settings, camera, image_dn, centres=None):
     settings : Detection
     camera : CameraModel
     image_dn : (rows, columns) uint8 or uint16; settings.saturation in the same grey values
-    centres : function in the place of that of CENTROIDS which the settings name
+    centres : function in the place of the one that the settings name
 
     Returns
     -------
@@ -53,8 +54,8 @@ def detect(settings, camera, image_dn, centres=None):
     image_dn = repair(image_dn, camera.bad_pixels)
     blocks = block_sums(image_dn)
     background, sigma, mean_dn = tile_statistics(blocks, settings.tile)
-    table = _named("scan", SCANS, settings.scan)(image_dn, blocks, background, sigma, rules(settings))
-    centres = centres or _named("centroid", CENTROIDS, settings.centroid)
+    table = _named("scan", settings.scan)(image_dn, blocks, background, sigma, rules(settings))
+    centres = centres or _named("centroid", settings.centroid)
     xy_px, flux_dn, P_px = centres(settings, camera, image_dn, table)
     statistics = FrameStatistics(mean_dn, *medians(background, sigma))
     detections = Detections(*_brightest_first(table, xy_px, flux_dn, P_px))
@@ -89,11 +90,12 @@ def rules(settings):
     )
 
 
-def _named(what, methods, name):
-    """A method by its name."""
-    if name not in methods:
-        raise ValueError(f"{what}: {name!r} is not known; choose from: {', '.join(methods)}")
-    return methods[name]
+def _named(step, name):
+    """A way of a step by its name."""
+    known = STEPS[step].ways()
+    if name not in known:
+        raise ValueError(f"{step}: {name!r} is not known; choose from: {', '.join(known)}")
+    return known[name]
 
 
 def by_fit(settings, camera, image_dn, table):

@@ -1,13 +1,14 @@
 """Steps of the chain that can be done in several ways, and where the ways are looked up by their names.
 
 The tables hold the default chain. What the papers bring (`papers/*/methods`) and what users bring is added to
-them (`plugins`).
+them (`plugins`); the papers' when a way is first looked up, so that scenarios are read without kernels.
 """
 
 from importlib import import_module
 from typing import Any, NamedTuple
 
 SCAN = "star_tracker", "detection", "scan"
+WAITING = []  # names of modules whose PROVIDES, a list of Method, are yet to be added
 
 
 class Method(NamedTuple):
@@ -28,6 +29,9 @@ class Step(NamedTuple):
 
     def ways(self):
         """The table itself: {name: function}."""
+        while WAITING:
+            for one in import_module(WAITING.pop(0)).PROVIDES:
+                add(one)
         return getattr(import_module(f"shefex_nav.onboard.startracker.{self.module}"), self.table)
 
 
@@ -37,6 +41,11 @@ STEPS = {
     "scan": Step(SCAN, "detect", "SCANS"),
     "centroid": Step(("star_tracker", "detection", "centroid"), "detect", "CENTROIDS"),
 }
+
+
+def add(one):
+    """Put a Method into the table of its step."""
+    STEPS[one.step].ways()[one.name] = one.function
 
 
 def ways(path):

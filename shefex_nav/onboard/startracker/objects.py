@@ -22,7 +22,8 @@ from shefex_nav.geometry.pinhole import pixels
 from shefex_nav.geometry.rotation import dcm_from_quat
 from shefex_nav.geometry.shutter import row_times
 from shefex_nav.geometry.streak import middles_seen, turn_jacobian, turn_jacobians
-from shefex_nav.onboard.startracker.detect import SCANS, detect
+from shefex_nav.onboard.startracker.detect import detect
+from shefex_nav.onboard.startracker.methods import STEPS
 from shefex_nav.records import Scan
 
 SPOTS = {"sequential": Scan.SEQUENTIAL, "maximum": Scan.MAXIMUM}
@@ -59,14 +60,14 @@ def searches(params, stars, memory, frame, context):
     ------
     Found
     """
-    search = SEARCHES.get(params.settings.detection.scan, as_spots)
+    search = STEPS["search"].ways().get(params.settings.detection.scan, as_spots)
     yield from search(params, stars, memory, frame, context)
 
 
 def as_spots(params, stars, memory, frame, context):
-    """By one of SCANS, the sequential one if another search is set. As `searches`."""
+    """By a scan, the sequential one if another search is set. As `searches`."""
     settings = params.settings.detection
-    spots = settings if settings.scan in SCANS else replace(settings, scan="sequential")
+    spots = settings if settings.scan in STEPS["scan"].ways() else replace(settings, scan="sequential")
     detections, statistics = detect(spots, params.camera, frame.image_dn)
     yield Found(detections, statistics, int(SPOTS.get(spots.scan, Scan.OTHER)), frame.line_s == 0.0)
 

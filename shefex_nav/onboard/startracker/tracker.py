@@ -17,14 +17,14 @@ import numpy as np
 
 from shefex_nav.geometry.pinhole import unit_vectors
 from shefex_nav.geometry.rotation import quat_conjugate
-from shefex_nav.onboard.startracker import best_attitude, methods, objects, single
+from shefex_nav.onboard.startracker import best_attitude, objects, single
 from shefex_nav.onboard.startracker import catalogue as onboard_catalogue
 from shefex_nav.onboard.startracker.camera import CameraModel
 from shefex_nav.onboard.startracker.catalogue import StarPairs
 from shefex_nav.onboard.startracker.exposure import flags, next_exposure
-from shefex_nav.onboard.startracker.identify import IDENTIFIERS
 from shefex_nav.onboard.startracker.identify.bayes import MIN_TRACKED, identify_near
 from shefex_nav.onboard.startracker.identify.verify import Identification
+from shefex_nav.onboard.startracker.methods import SCAN, STEPS, ways
 from shefex_nav.onboard.startracker.settings import StarTracker
 from shefex_nav.records import NO_STARS, CameraCommand, Reason, StarFix
 
@@ -87,11 +87,11 @@ def init(params, catalogue, julian_year):
     """
     settings, camera = params.settings, params.camera.pinhole
     method, scan = settings.identification.method, settings.detection.scan
-    if method not in IDENTIFIERS:
+    if method not in STEPS["identification"].ways():
         raise ValueError(f"unknown star identification {method!r}")
     if settings.identification.tracking and method != "bayes":
         raise ValueError(f"star identification {method!r} cannot use a prediction")
-    if scan not in (known := methods.ways(methods.SCAN)):
+    if scan not in (known := ways(SCAN)):
         raise ValueError(f"unknown scan {scan!r}; choose from: {', '.join(known)}")
     half_diagonal = 0.5 * np.hypot(camera.width_px, camera.height_px)
     field = 2.0 * math.atan(half_diagonal / camera.focal_length_px)
@@ -276,7 +276,7 @@ def _identify(tracker, u_c, flux, context, P_px):
         prediction = quat_conjugate(context.q_ic), context.P_c
         found, tracked = identify_near(settings, params.camera, tracker.pairs, u_c, flux, prediction, P_px)
         return found, MIN_TRACKED if tracked else settings.fewest_stars
-    identify = IDENTIFIERS[settings.method]
+    identify = STEPS["identification"].ways()[settings.method]
     return identify(settings, params.camera, tracker.pairs, u_c, flux, P_px), settings.fewest_stars
 
 
