@@ -101,6 +101,15 @@ def load(name, sha256=None, trust=False):
     return _LOADED[found]
 
 
+def left_out(pins):
+    """Why plug-ins of what has been flown cannot be loaded, a text each. pins : of (name, SHA-256)"""
+    for name, sha256 in pins:
+        try:
+            load(name, sha256)
+        except PluginError as error:
+            yield str(error)
+
+
 def _brought(one, plugin):
     """What a plug-in provides, as the program keeps it."""
     one = one._replace(plugin=plugin)
@@ -215,9 +224,15 @@ def trusting():
         _EVERY.pop()
 
 
+def consent_here(sha256):
+    """Take the user's consent to run a file, for this process and those it starts."""
+    if sha256 not in os.environ.get(CONSENT, "").split(","):
+        os.environ[CONSENT] = ",".join(filter(None, (os.environ.get(CONSENT, ""), sha256)))
+
+
 def consent(sha256, path):
     """Keep the user's consent to run a file, for this process and those it starts, and for later ones."""
-    os.environ[CONSENT] = ",".join(filter(None, (os.environ.get(CONSENT, ""), sha256)))
+    consent_here(sha256)
     kept = _kept_in()
     if sha256 in _kept():
         return

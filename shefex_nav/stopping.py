@@ -6,14 +6,11 @@ import threading
 from contextlib import contextmanager
 
 WORDS = b"\nstopping after this step; what is done is kept. Once more: at once\n"
-OWN = signal.default_int_handler, signal.SIG_DFL  # handlers that are replaced; others are in other hands
 
 
 @contextmanager
 def wishes(take=lambda asked: None, signals=(signal.SIGINT,)):
-    """A list that gets an entry with each signal.
-
-    Empty outside of the main thread, and of signals that are ignored or in other hands.
+    """A list that gets an entry with each signal; none outside of the main thread.
 
     take : called with the list after each
     """
@@ -26,10 +23,8 @@ def wishes(take=lambda asked: None, signals=(signal.SIGINT,)):
         asked.append(number)
         take(asked)
 
-    before = {number: signal.getsignal(number) for number in signals if signal.getsignal(number) in OWN}
+    before = {number: signal.signal(number, wish) for number in signals}
     try:
-        for number in before:
-            signal.signal(number, wish)
         yield asked
     finally:
         for number, handler in before.items():

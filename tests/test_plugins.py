@@ -5,6 +5,7 @@ import pickle
 import re
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import plugin_tables
@@ -247,14 +248,46 @@ def test_a_log_says_which_plugin_and_is_run_again_with_it(tmp_path, command, mon
     again = command("replay", log, "--log", tmp_path / "b.mcap")
     assert again.code == 0, again.err
     np.testing.assert_array_equal(reader.read(tmp_path / "b.mcap").nav.r_i, data.nav.r_i)
-    shutil.rmtree(tmp_path / "config")  # somebody who has not given consent may look at it
+    without_consent(tmp_path, monkeypatch)  # somebody who has not given it may look at the log
+    assert "radar_altimeter" not in reader.read(log).readings
+    for shown in (command("report", log), command("export", log, "--csv", tmp_path / "tables")):
+        assert shown.code == 0 and shown.err.count("without what a plug-in brought: ") == 1, shown.err
+        assert (
+            f"{log}: without what a plug-in brought: '{tmp_path / 'radar_altimeter.py'}' is code" in shown.err
+        )
+    assert "without what" not in command("report", log, "--trust").err
+
+
+def without_consent(folder, monkeypatch):
+    """As in a process of somebody else."""
+    shutil.rmtree(folder / "config")
+    (folder / "config").mkdir()
     monkeypatch.setenv(plugins.CONSENT, "")
     plugins._LOADED.clear()
-    instruments.TABLE.pop("radar_altimeter")
-    assert "radar_altimeter" not in reader.read(log).readings
+    instruments.TABLE.pop("radar_altimeter", None)
 
 
-def test_methods_of_a_file_in_a_campaign_with_two_workers(tmp_path, command):
+def test_a_worker_of_a_cluster_has_the_consent_of_the_one_who_asks(tmp_path, monkeypatch):
+    pytest.importorskip("distributed", reason="uv sync --extra cluster")
+    from shefex_nav.campaign import cluster, flight, plan
+
+    altimeter(tmp_path)
+    briefing = cluster.Briefing(plan.of_scenario(load(str(scenario(tmp_path)), trust=True), 1, 1))
+    without_consent(tmp_path, monkeypatch)
+    for name in flight.ONE_THREAD:
+        monkeypatch.setenv(name, "1")
+    worker = SimpleNamespace(state=SimpleNamespace(nthreads=1))
+    try:
+        pickle.loads(pickle.dumps(briefing)).setup(worker)
+        pilot = flight._pilots[briefing.digest]
+        assert isinstance(pilot, flight.Pilot), pilot
+        assert pilot.pattern.scenario.radar_altimeter.noise == 2.0
+    finally:
+        flight._pilots.pop(briefing.digest, None)
+    assert not any(tmp_path.joinpath("config").rglob("trusted"))  # for this campaign only
+
+
+def test_methods_of_a_file_in_a_campaign_with_two_workers(tmp_path, command, monkeypatch):
     (tmp_path / "methods.py").write_text(METHODS)
     path = tmp_path / "sky.yaml"
     path.write_text(
@@ -268,6 +301,16 @@ def test_methods_of_a_file_in_a_campaign_with_two_workers(tmp_path, command):
     )
     assert done.code == 0, done.err
     assert json.loads(done.out)["runs"]
+    config = tmp_path / "config"
+    config.rename(tmp_path / "kept")  # somebody else looks at the results
+    config.mkdir()
+    with monkeypatch.context() as other, plugin_tables.restored():
+        other.setenv(plugins.CONSENT, "")
+        plugins._LOADED.clear()
+        shown = command("report", tmp_path / "c")
+    assert shown.code == 0 and shown.err.count("without what a plug-in brought: ") == 1, shown.err
+    shutil.rmtree(config)
+    (tmp_path / "kept").rename(config)
     assert load(str(path)).star_tracker.identification.method == "five_stars"
     flown = command("run", path, "--trust", "--until", "2.5s", "--seed", 1, "--out", tmp_path / "sky.mcap")
     assert flown.code == 0, flown.err

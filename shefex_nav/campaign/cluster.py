@@ -5,8 +5,9 @@
     shefex-nav campaign SCENARIO --runs 1000 --engine dask://127.0.0.1:8786
 
 Workers need this package with its extra, and the very same versions of Python and of what results depend on
-(`plan.versions`); no common disk. A worker that joins later, or that its nanny starts again, is told what to
-fly too, and several campaigns may use one scheduler. Runs of a worker that is killed are flown by another,
+(`plan.versions`); no common disk, but files of plug-ins where the scenario names them, to run which the
+consent of the one who asks is enough. A worker that joins later, or that its nanny starts again, is told what
+to fly too, and several campaigns may use one scheduler. Runs of a worker that is killed are flown by another,
 which is the scheduler's doing; after so many deaths as it allows (`allowed-failures`) it is the engine's.
 """
 
@@ -17,8 +18,10 @@ import uuid
 from distributed import Client
 from distributed.diagnostics.plugin import WorkerPlugin
 
+from shefex_nav import plugins
 from shefex_nav.campaign import flight
 from shefex_nav.campaign.engine import EngineError
+from shefex_nav.scenario import plugged
 
 CONNECT_S = 20.0
 AHEAD = 2  # runs that a worker has: the one that it flies and the next
@@ -31,10 +34,14 @@ class Briefing(WorkerPlugin):
 
     def __init__(self, plan):
         self.plan, self.digest = plan, plan.digest
+        pins = plugged.pinned_in(plan.source, plan.name)
+        self.trusted = [sha256 for _, sha256 in pins if plugins.is_trusted(sha256)]  # by who asks
         self.name = f"shefex_nav campaign {uuid.uuid4()}"  # one of the same name would replace another's
 
     def setup(self, worker):
         """Before the first run of a worker."""
+        for sha256 in self.trusted:
+            plugins.consent_here(sha256)
         flight.prepare_worker(self.plan, worker.state.nthreads)
 
     def teardown(self, worker):

@@ -52,7 +52,7 @@ class Counted(NamedTuple):
 
 def count(campaign):
     """Counted of each quantity: list; empty without levels."""
-    risk, found = campaign.scenario.requirements.integrity_risk, []
+    risk, found = campaign.requirements.integrity_risk, []
     for quantity in QUANTITIES:
         hours, events, over = (
             campaign.numbers(f"{WHERE}.{quantity}.{name}")

@@ -14,7 +14,9 @@ import numpy as np
 
 from shefex_nav import files
 from shefex_nav.campaign import store, table, units
-from shefex_nav.report import requirements
+from shefex_nav.report import requirements as judging
+from shefex_nav.scenario import document, plugged
+from shefex_nav.scenario.requirements import Requirements
 
 DRAW, SUMMARY, SUCCEEDED = "draw.", "summary.", "succeeded"
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
@@ -131,15 +133,29 @@ class Campaign:
         return load.load_text(self.head["source"], f"{self.folder}/campaign.json")
 
     @cached_property
+    def plugins(self):
+        """(file or name of a package, SHA-256 of its source) of each plug-in that was flown with: tuple."""
+        return plugged.pinned_in(self.head["source"], f"{self.folder}/campaign.json")
+
+    @cached_property
+    def requirements(self):
+        """What the scenario requires of a run. Its plug-ins, which may be of somebody else, are not run."""
+        tree = document.parse(self.head["source"], f"{self.folder}/campaign.json").tree
+        try:
+            return Requirements.model_validate(tree.get("requirements", {}))
+        except ValueError:  # of another version: the whole says what is wrong
+            return self.scenario.requirements
+
+    @cached_property
     def limits(self):
         """{name: limit in its unit} of what the scenario requires."""
-        return requirements.limits(self.scenario.requirements)
+        return judging.limits(self.requirements)
 
     def _judged(self):
         """(run, list of Judged) of the succeeded runs, in order."""
         for row in self.rows():
             if row["status"] == SUCCEEDED:
-                yield row["run"], requirements.judge_figures(self.limits, _figure(row))
+                yield row["run"], judging.judge_figures(self.limits, _figure(row))
 
     @cached_property
     def judgements(self):
@@ -149,8 +165,8 @@ class Campaign:
         for k, (_, judged) in enumerate(self._judged()):
             measured[k] = [one.found is not None for one in judged]
             passed[k] = [one.passed for one in judged]
-            severity[k] = requirements.severity(judged)
-        units = tuple(requirements.MEASURES[name].unit for name in self.limits)
+            severity[k] = judging.severity(judged)
+        units = tuple(judging.MEASURES[name].unit for name in self.limits)
         return Judgements(tuple(self.limits), tuple(self.limits.values()), units, measured, passed, severity)
 
     def judged(self, runs):

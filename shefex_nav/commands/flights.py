@@ -22,6 +22,14 @@ def warn(scenario, warnings):
         say(f"warning: {scenario.line_about(one.field, one.text)}")
 
 
+def tell_of_plugins(path, pins):
+    """A line for each plug-in of a log or a campaign that cannot be loaded here, as its `plugins` say."""
+    from shefex_nav import plugins
+
+    for words in plugins.left_out(pins):
+        say(f"{path}: without what a plug-in brought: {words}")
+
+
 def tell_if_cut(log, data):
     """A line for the user of a log that was not closed, or whose mission was not seen to its end."""
     if data.ended_early:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from shefex_nav.commands.flights import show_campaign, show_run, tell_if_cut
+from shefex_nav.commands.flights import show_campaign, show_run, tell_if_cut, tell_of_plugins
 from shefex_nav.commands.options import Json
 from shefex_nav.commands.output_files import check_file, check_pictures, make_folder
 from shefex_nav.commands.printing import print_json, say
@@ -47,6 +47,7 @@ def _of_run(log, html, figures, as_json):
 
     data = reader.read(log)
     tell_if_cut(log, data)
+    tell_of_plugins(log, data.mission.plugins)
     if figures is not None:
         make_folder(figures, "--figures")
     if html is not None:
@@ -69,6 +70,7 @@ def _of_campaign(folder, html, figures, as_json):
     from shefex_nav.campaign.results import open_campaign
 
     campaign = open_campaign(folder)
+    tell_of_plugins(folder, campaign.plugins)
     if figures is not None:
         make_folder(figures, "--figures")
     wanted = html is not None or figures is not None or not as_json

@@ -5,6 +5,7 @@ for each to be needed; `benchmarks/kernel_list.py` writes it from what missions 
 it, or not foreseen, is compiled when it is called.
 """
 
+import inspect
 import json
 import os
 import subprocess
@@ -71,7 +72,14 @@ def _has_no_file(entry, known):
         args = tuple(signature.decode(one) for one in entry.signature)
     except signature.UnknownType:
         return False  # the program has another kernel now: it is compiled when it is called
-    return isinstance(kernel, Kernel) and kernel.file_of(args, known) is None
+    if not isinstance(kernel, Kernel) or len(args) != n_arguments(kernel):
+        return False
+    return kernel.file_of(args, known) is None
+
+
+def n_arguments(kernel):
+    """Number of arguments of a kernel, those with defaults among them."""
+    return len(inspect.signature(kernel.py_func).parameters)
 
 
 def compile_all(wanted, processes, done=lambda kernel: None):

@@ -8,6 +8,6 @@ layers, load, expand             files that extend each other; reading one; tabl
 overriding, fields, partial      --set; fields by their path
 checks*                          sections against each other
 params*, told, wanted_states     what world and computer get; what the computer is told otherwise; its states
-disperse, drawn, laws            what a campaign draws
+disperse, drawn, laws, trying    what a campaign draws, and whether a run could fly with it
 messages, suggest, kind, moved   words about what is wrong
 """

@@ -19,6 +19,7 @@ from shefex_nav.scenario import (
     overriding,
     plugged,
     schema,
+    trying,
 )
 from shefex_nav.scenario.checks import check_what_is_known, cross_check
 from shefex_nav.scenario.document import Mark, dotted, placed
@@ -41,6 +42,7 @@ __all__ = [
 ]
 NOT_EXPANDED = (("gps", expand.ALMANAC), ("star_tracker", expand.MODEL))  # what a file gave, or was to give
 DISPERSIONS = "dispersions"
+DRAWN = Mark("drawn", 0, 0)  # place of what a run has drawn
 
 
 class ScenarioBase(schema.Sections):
@@ -174,8 +176,7 @@ class Pattern:
         tree, places = copy.deepcopy(self._tree), self._places.copy()
         for one in self.dispersed:
             fields.put(tree, one.path, drawn.applied(one, draws[one.name]))
-            mark = Mark("drawn", 0, 0)
-            places.put(one.path, {(): mark}, {(): mark})
+            places.put(one.path, {(): DRAWN}, {(): DRAWN})
         return self._validated(tree, places)
 
     def _validated(self, tree, places):
@@ -210,13 +211,31 @@ def _validated(tree, places, files, overrides, path, trust=False):
     if found:
         more = check_what_is_known(part_of(model, tree, bad), rated)
     else:
-        more = [*cross_check(scenario, rated), *disperse.resolve(model, tree, scenario.dispersions)[1]]
+        more = list(cross_check(scenario, rated))
+        more += _dispersions(tree, scenario, try_them=not more)
     found += [about(where, words) for where, words in more]
     if found:
         raise layers.sorted_error(found) from None
     scenario.keep_text(partial(_normalised, tree), files)  # which takes longer than all the rest
     scenario.keep_places(partial(_line_about, about), partial(_place, places))
     return scenario
+
+
+def _dispersions(tree, scenario, try_them):
+    """(path, text) of what is wrong with the dispersions of a scenario that was read from a tree."""
+    model, section = type(scenario), scenario.dispersions
+    dispersed, found = disperse.resolve(model, tree, section)
+    return found if found or not try_them else trying.refused(model, tree, section, dispersed, _complaint)
+
+
+def _complaint(tree):
+    """What is said first of a tree in which something is drawn; '' if it is good."""
+    tree.pop(DISPERSIONS, None)
+    try:
+        _validated(tree, messages.Places(DRAWN), Texts(), (), DRAWN.file)
+    except ScenarioError as error:
+        return error.messages[0].removeprefix(f"{DRAWN}: ")
+    return ""
 
 
 def _line_about(about, where, words):

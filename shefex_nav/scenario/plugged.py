@@ -8,6 +8,7 @@ from pydantic_core import PydanticCustomError
 from shefex_nav import plugins
 from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.onboard.navigation.blocks import OwnState
+from shefex_nav.scenario import document
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.onboard import Navigation
@@ -46,6 +47,12 @@ def relative_to(tree, folder):
 def pinned(scenario):
     """(file or name of a package, SHA-256 of its source) of each plug-in of a scenario: tuple."""
     return tuple((one.file, one.sha256) for one in scenario.plugins)
+
+
+def pinned_in(text, name):
+    """The same of a text that a log or a campaign keeps."""
+    given = document.parse(text, name).tree.get(KEY, [])
+    return tuple((one[FILE], one[HASH]) for one in given)
 
 
 def _names(one):

@@ -36,6 +36,29 @@ def test_every_listed_kernel_is_there_with_these_arguments(listed):
         signature.find(one.kernel)
 
 
+def test_every_listed_kernel_has_as_many_arguments(listed):
+    """Else `uv run python benchmarks/kernel_list.py` makes the list anew."""
+    stale = [
+        f"{one.kernel}: {len(one.signature)} arguments in the list, {number} in the program"
+        for one in listed
+        if (number := ahead.n_arguments(signature.find(one.kernel))) != len(one.signature)
+    ]
+    assert not stale
+
+
+def test_a_kernel_with_other_arguments_now_is_left_until_it_is_called(tmp_path):
+    """It cannot be compiled for those that are listed; each start would try again."""
+    code = (
+        "from shefex_nav.compiled import ahead\n"
+        f"one = next(one for one in ahead.entries() if one.kernel == {SMALL[0]!r})\n"
+        "others = [one._replace(signature=one.signature + one.signature), one._replace(signature=[])]\n"
+        "print(len(ahead.without_file([one])), ahead.without_file(others))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.stdout.split() == ["1", "[]"], done.stderr
+
+
 def test_a_mission_calls_no_kernel_that_is_not_listed(default_run, listed):
     """Else `uv run python benchmarks/kernel_list.py` makes the list anew."""
     used = [json.loads(line) for line in default_run.kernels.read_text(encoding="utf-8").splitlines()]
