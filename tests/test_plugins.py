@@ -15,7 +15,7 @@ from shefex_nav import instruments, plugin_checks, plugins, prepare
 from shefex_nav.log import reader, topics
 from shefex_nav.records import Reason, Scan
 from shefex_nav.report import figures
-from shefex_nav.scenario.load import Scenario, ScenarioError, load, load_text
+from shefex_nav.scenario.load import Pattern, Scenario, ScenarioError, load, load_text
 from shefex_nav.world import noise
 
 ROOT = Path(__file__).parent.parent
@@ -122,6 +122,18 @@ def test_a_key_of_a_plugin_is_known_only_to_the_scenarios_that_name_it(tmp_path)
     other.write_text(scenario(tmp_path).read_text().replace("plugins: [radar_altimeter.py]\n", ""))
     assert "radar_altimeter" in message(other)
     assert "radar_altimeter" not in Scenario.keys()
+
+
+def test_settings_may_be_called_like_keys_of_dispersions(tmp_path):
+    """An altimeter whose noise is called sigma."""
+    code = altimeter(tmp_path)
+    code.write_text(code.read_text().replace("noise", "sigma"))
+    path = scenario(tmp_path, more=ALTIMETER.replace("noise", "sigma"))
+    setting = "radar_altimeter.sigma"
+    loaded = load(str(path), [f"dispersions.{setting}={{uniform: [0.1 m, 0.2 m]}}"], trust=True)
+    assert list(loaded.dispersions) == [setting]
+    drawn = Pattern(loaded.source, "text").with_draws({setting: 0.15})
+    assert drawn.radar_altimeter.sigma == 2.15
 
 
 WRONG = (  # text of the file, what stands in its place, what is said

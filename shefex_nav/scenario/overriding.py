@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from shefex_nav.scenario import document, instruments, layers, moved
-from shefex_nav.scenario.dispersions import KEYS
+from shefex_nav.scenario.dispersions import KEYS, ColumnOfFile
 from shefex_nav.scenario.document import REMOVED, BadText, Mark, dotted
 from shefex_nav.scenario.use import USE
 
@@ -68,7 +68,7 @@ def _read(overrides, tree):
             found.append((mark, error.args[1]))
             continue
         found += [(mark, words) for _, words in errors]
-        told.append(_Told(mark, _parts(tree, name), value))
+        told.append(_Told(mark, _parts(tree, name, value), value))
     return told, found
 
 
@@ -89,11 +89,16 @@ def _paths(value, path):
         yield from _paths(one, (*path, key))
 
 
-def _parts(tree, name):
-    """Keys of a path; below `dispersions` the path of a field is one key, as far as there is such a one."""
+def _parts(tree, name, value):
+    """Keys of a path; below `dispersions` the path of a field is one key, as far as there is such a one.
+
+    A setting may have the name of a key of dispersions, such as sigma: then the value tells which is meant.
+    """
     parts = name.split(".")
     if parts[0] != DISPERSIONS or len(parts) < 3:
         return parts
+    if isinstance(value, dict) and not ColumnOfFile.keys().keys() & value:  # a whole dispersion
+        return [DISPERSIONS, ".".join(parts[1:])]
     given = tree.get(DISPERSIONS)
     for end in range(len(parts), 1, -1):
         key = ".".join(parts[1:end])

@@ -216,7 +216,7 @@ class QuantitySpec:
         gram = _unit("g")
         if unit.is_equivalent(gram) and target.is_equivalent(_unit("gee")):
             hint = "; g is the gram, standard gravity is written gee"
-        expected = f"{_dimension(target)} such as '{self._with_units(_NUMBER.fullmatch(str(value))[1])[0]}'"
+        expected = f"{_dimension(target)} such as '{self.example}'"  # its number is of something else
         return f"{quoted(value)} is {_dimension(unit)}, expected {expected}{hint}"
 
 

@@ -81,7 +81,8 @@ def meant(model, known, path, value=None):
     likely = difflib.get_close_matches(name, {one[-1] for one in everywhere}, n=1, cutoff=NEARLY)
     likely = likely or [one[-1] for one in everywhere if len(one) == 1 and name in one[-1].split("_")][:1]
     found = _telling(path, [one for one in everywhere if one[-1] in likely])
-    if found:
+    found = [one for one in found if len(one) == 1 or one[: len(path) - 1] == tuple(map(str, path[:-1]))]
+    if found:  # within the same section, or a section of its own: a misspelt key stands where it belongs
         return Meant(found[0], False, f"did you mean {' or '.join('.'.join(one) for one in found)}?")
     return NOTHING
 

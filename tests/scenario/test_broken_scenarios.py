@@ -330,7 +330,7 @@ BAD_OVERRIDES = {
     "star_tracker.rat=5 Hz": "--set star_tracker.rat: unknown key; did you mean 'rate'?",
     "star_traker.rate=5 Hz": "--set star_traker.rate: star_traker: unknown key; did you mean 'star_tracker'?",
     "star_tracker.rate=5 m": "--set star_tracker.rate: '5 m' is a length, "
-    "expected a frequency such as '5 Hz'",
+    "expected a frequency such as '10 Hz'",
     "star_tracker.rate=7 Hz": "--set star_tracker.rate: 7 Hz does not divide the on-board clock, 100 Hz; "
     "take 1, 2, 4, 5, 10 or 20 Hz",
     "star_tracker.rate=": "--set star_tracker.rate: expected a quantity such as '10 Hz', got nothing",
@@ -339,7 +339,7 @@ BAD_OVERRIDES = {
     "gps.antenna.lever_arm.x=1 m": "--set gps.antenna.lever_arm.x: gps.antenna.lever_arm is a list, "
     "its items are 0 to 2, got 'x'",
     "gps.antenna.lever_arm.1=1 s": "--set gps.antenna.lever_arm.1: '1 s' is a time, expected a length "
-    "such as '1 m'",
+    "such as '0.3 m'",
     "mission.name.first=x": "--set mission.name.first: mission.name is a single value, "
     "there is no 'first' in it",
     "imu=[1": "--set imu: not valid YAML: while parsing a flow sequence, expected ',' or ']', but got "

@@ -274,7 +274,7 @@ BROKEN = {
         "[5 N m, 60 N m,",
         "[@5 N, 60 N m,",
         "vehicle.cold_gas.torque.0",
-        "'5 N' is a force, expected a torque or energy such as '5 N m'",
+        "'5 N' is a force, expected a torque or energy such as '60 N m'",
     ),
     "spin motors to nowhere": (
         "torque: 213.6 N m",

@@ -6,7 +6,7 @@ import math
 import pytest
 from broken import DEFAULT, messages, the_message
 
-from shefex_nav.scenario import load
+from shefex_nav.scenario import dispersions, load
 from shefex_nav.scenario.json_schema import json_schema
 
 RAIL = "paths: [launch.elevation, launch.azimuth]"
@@ -205,7 +205,7 @@ def test_one_message_that_says_what_is_wrong(override):
 def test_a_message_names_file_line_and_field(tmp_path):
     path = tmp_path / "bad.yaml"
     path.write_text(f"extends: {DEFAULT}\ndispersions:\n  launch.height: {{normal: 1 deg}}\n")
-    words = "'1 deg' is an angle, expected a length such as '1 m'"
+    words = "'1 deg' is an angle, expected a length such as '10 m'"
     assert the_message(path) == f"{path}:3:27: dispersions.launch.height.normal: {words}"
 
 
@@ -255,6 +255,24 @@ def test_set_reaches_into_a_dispersion():
     assert pattern(base, "dispersions.launch.elevation=null").dispersed == []
     (one,) = pattern("dispersions.launch.elevation.normal=0.2 deg").dispersed
     assert one.law.sigma == 0.2
+
+
+@pytest.mark.parametrize("key", sorted(dispersions.KEYS))
+def test_a_setting_may_be_called_like_a_key_of_dispersions(key, tmp_path):
+    """--set then means the setting where its value is a dispersion, else the key of a dispersion."""
+    said = messages(DEFAULT, [f"dispersions.navigation.aa.{key}={{normal: 1 m}}"])
+    assert [line.partition(": ")[0] for line in said] == [f"--set dispersions.navigation.aa.{key}"]
+    assert "there is no 'aa' in navigation" in said[0]
+    given = "dispersions.launch.elevation={normal: 0.1 deg}"
+    said = messages(DEFAULT, [given, f"dispersions.launch.elevation.{key}={{normal: 1 m}}"])
+    assert f"there is no '{key}'" in said[0] or "is dispersed by" in said[0]
+
+
+def test_a_table_of_a_file_can_be_set(tmp_path):
+    (tmp_path / "runs.csv").write_text("elevation_deg\n86.1\n86.2\n")
+    column = f"{{file: {tmp_path / 'runs.csv'}, column: elevation_deg, unit: deg}}"
+    (one,) = pattern(f"dispersions.launch.elevation.table={column}").dispersed
+    assert one.law.values == (86.1, 86.2)
 
 
 def test_the_schema_of_editors_knows_the_section():

@@ -180,7 +180,7 @@ def test_mistakes_in_its_file_are_told_there(written):
     lines = text.splitlines()
     bias, rnge = (1 + next(k for k, one in enumerate(lines) if word in one) for word in ("bias: 1 m", "rnge"))
     assert said == (
-        f"mine.yaml:{bias}:9: gyro.bias: '1 m' is a length, expected an angular rate such as '1 deg/h'",
+        f"mine.yaml:{bias}:9: gyro.bias: '1 m' is a length, expected an angular rate such as '0.5 deg/h'",
         f"mine.yaml:{rnge}:3: accelerometer.rnge: unknown key; did you mean 'range'?",
     )
 

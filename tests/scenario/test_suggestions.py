@@ -73,6 +73,9 @@ def test_what_was_meant(override):
         ("navigation.told.star_camera.rate=5", "mounting, optics"),  # errors of GPS satellites have one, too
         ("navigation.told.star_camera.read_noise=5 electron", "mounting, optics"),  # is the world's alone
         ("log.latency=0.1 s", "rate, frames"),
+        ("vehicle.cold_gas.thrist=5 N", "torque, arm, specific_impulse, "),  # not the thrust of a motor
+        ("vehicle.payload.thrist=5 N", "mass, "),
+        ("imu.gyro.read_noize=1 deg/h", "bias, "),
         ("star_camera.rate=5 Hz", "mounting, optics, detector, "),
     ],
 )
