@@ -87,7 +87,7 @@ def test_what_dispersions_accept_a_run_can_set():
 @pytest.mark.parametrize("name", ["shefex2_andoya", "imu_faults", "rexus_like", "orbit"])
 def test_what_dispersions_accept_a_run_can_set_anywhere(name):
     accepted, refused, unfit = tried(SCENARIO_FOLDER / f"{name}.yaml")
-    assert accepted > 300 and not unfit and len(refused) < 0.15 * accepted, refused
+    assert accepted > 200 and not unfit and len(refused) < 0.15 * accepted, refused
 
 
 UNFIT = {  # dispersion: what every run says

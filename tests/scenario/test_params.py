@@ -217,10 +217,14 @@ def test_a_disabled_tracker_is_never_switched_on(bodies):
 
 
 def test_methods_offered_are_methods_flown(scenario):
-    """The choices of the schema are those of the star tracker."""
+    """The choices of the schema are those of the star tracker, with those of the papers."""
     from typing import get_args
 
-    from shefex_nav.onboard.startracker.settings import Identification
-    from shefex_nav.solve.centroids import METHODS
+    from shefex_nav.onboard.startracker import settings
+    from shefex_nav.plugins import STEPS, methods
 
-    assert set(get_args(declared(Identification)["method"][0])) == set(METHODS)
+    classes = {"identification": settings.Identification, "detection": settings.Detection}
+    for _, section, key in {step.path for step in STEPS.values()}:
+        chosen = get_args(declared(classes[section])[key][0])
+        assert sorted(chosen) == sorted(methods.ways(("star_tracker", section, key)))
+        assert len(chosen) >= 4

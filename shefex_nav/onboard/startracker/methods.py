@@ -25,14 +25,19 @@ class Step(NamedTuple):
 
     path: tuple  # of the key of the scenario that chooses
     module: str  # of this folder
-    table: str  # in it, name -> function
+    name: str  # of the table in it
+
+    @property
+    def table(self):
+        """{name: function} as it is now."""
+        return getattr(import_module(f"shefex_nav.onboard.startracker.{self.module}"), self.name)
 
     def ways(self):
-        """The table itself: {name: function}."""
+        """The same with what was waiting."""
         while WAITING:
             for one in import_module(WAITING.pop(0)).PROVIDES:
                 add(one)
-        return getattr(import_module(f"shefex_nav.onboard.startracker.{self.module}"), self.table)
+        return self.table
 
 
 STEPS = {
@@ -45,7 +50,7 @@ STEPS = {
 
 def add(one):
     """Put a Method into the table of its step."""
-    STEPS[one.step].ways()[one.name] = one.function
+    STEPS[one.step].table[one.name] = one.function
 
 
 def ways(path):
