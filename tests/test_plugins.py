@@ -13,7 +13,8 @@ import pytest
 
 from shefex_nav import instruments, plugin_checks, plugins, prepare
 from shefex_nav.log import reader, topics
-from shefex_nav.records import Reason, Scan
+from shefex_nav.onboard.startracker import tracker
+from shefex_nav.records import Frame, Reason, Scan
 from shefex_nav.report import figures
 from shefex_nav.scenario.load import Pattern, Scenario, ScenarioError, load, load_text
 from shefex_nav.world import noise
@@ -297,6 +298,48 @@ def test_a_worker_of_a_cluster_has_the_consent_of_the_one_who_asks(tmp_path, mon
     finally:
         flight._pilots.pop(briefing.digest, None)
     assert not any(tmp_path.joinpath("config").rglob("trusted"))  # for this campaign only
+
+
+SEARCH = """
+from shefex_nav.onboard.startracker import objects
+from shefex_nav.plugins import Method
+
+
+def search(params, stars, memory, frame, context):
+    for found in objects.as_spots(params, stars, memory, frame, context):
+        yield found._replace(memory=1 if memory is None else memory + 1)
+
+
+PROVIDES = [Method("search", "counting", search)]
+"""
+
+
+def test_a_search_of_a_file_is_given_what_it_kept_of_the_frame_before(tmp_path):
+    (tmp_path / "search.py").write_text(SEARCH)
+    path = scenario(tmp_path, "search.py", "star_tracker: {detection: {scan: counting}}")
+    path.write_text(path.read_text().replace("rexus_like", "night_sky"))
+    loaded = load(str(path), trust=True)
+    world = prepare.build_world(loaded, 1)
+    used = tracker.init(world.computer.tracker, world.catalogue, 2012.5)
+    (state, _), dark = (
+        tracker.start(used, 0.0),
+        np.random.default_rng(1).integers(18, 22, (493, 659), np.uint8),
+    )
+    for number in range(3):
+        assert state.memory == (number or None)
+        frame = Frame(number, 0.1 * number, 0.1 * number, 0.1 * number, 0.05, 0.0, dark)
+        state, _, _ = tracker.step(used, state, frame, tracker.NO_CONTEXT)
+    assert state.memory == 3
+
+
+@pytest.mark.parametrize(
+    ("step", "name"), [("scan", "streaks"), ("search", "maximum"), ("scan", "run_length")]
+)
+def test_a_name_at_a_key_of_the_scenario_is_taken_whatever_step_has_it(step, name, tmp_path):
+    text = SEARCH.replace('"search", "counting"', f'"{step}", "{name}"')
+    (tmp_path / "search.py").write_text(text)
+    said = message(scenario(tmp_path, "search.py", ""), trust=True)
+    assert f"'{name}': there is a way of {step} of that name already, of the program" in said
 
 
 def test_methods_of_a_file_in_a_campaign_with_two_workers(tmp_path, command, monkeypatch):
