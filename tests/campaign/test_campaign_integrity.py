@@ -24,7 +24,7 @@ def campaign(events, *, hours=1.0, risk=0.1, over=0.5, succeeded=True):
         numbers=numbers,
         runs=np.arange(n),
         succeeded=np.broadcast_to(succeeded, n),
-        scenario=SimpleNamespace(requirements=SimpleNamespace(integrity_risk=risk)),
+        requirements=SimpleNamespace(integrity_risk=risk),
     )
 
 
