@@ -3,7 +3,8 @@
 from importlib.util import find_spec
 from itertools import pairwise
 
-from shefex_nav.scenario import thrust
+from shefex_nav.scenario import surroundings, thrust
+from shefex_nav.scenario.mission import WindTable
 from shefex_nav.scenario.programme import AlignVelocity, Dwell, Turn
 
 STARTS = ("launch", "orbit", "ground")
@@ -32,14 +33,12 @@ def seconds(t_s):
 def _air(scenario):
     """Atmosphere and wind."""
     atmosphere, wind = scenario.atmosphere, scenario.wind
-    if atmosphere.model == "msis" and atmosphere.msis is None:
-        words = "is missing; msis needs it, for example 'msis: {f107: 97.7, f107_average: 127.3, ap: 4}'"
-        yield ("atmosphere", "msis"), words
+    yield from surroundings.contradictions(scenario)
     if atmosphere.model == "msis" and find_spec("pymsis") is None:
         words = "msis needs the package pymsis, which is not installed"
         words += ": pip install 'shefex-nav[msis]'; or take us76"
         yield ("atmosphere", "model"), words
-    if isinstance(wind, str):
+    if not isinstance(wind, WindTable):
         return
     for name, values in (("speed", wind.speed), ("from", wind.direction)):
         if len(values) != len(wind.height):

@@ -6,8 +6,10 @@ from pydantic import Field
 from pydantic_core import PydanticCustomError
 
 from shefex_nav import plugins
+from shefex_nav.environment import models
 from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.onboard.navigation.blocks import OwnState
+from shefex_nav.plugins import Method
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.document import dotted
 from shefex_nav.scenario.quantity import QuantitySpec
@@ -15,7 +17,7 @@ from shefex_nav.settings import declared
 
 KEY, FILE, HASH = "plugins", "file", "sha256"
 PLUGINS = (
-    "instruments and methods of your own: Python files, relative to this one, or names of installed "
+    "instruments, methods and models of your own: Python files, relative to this one, or names of installed "
     "plug-ins; a file is run with your consent only (--trust)"
 )
 
@@ -48,14 +50,16 @@ def pinned(scenario):
 
 
 def _names(one):
-    """Names that something which a plug-in provides takes: its own, and those of its blocks of states."""
-    return {one.name, *(block.name for block in getattr(one, "states", ()))}
+    """Names that something which a plug-in provides takes, each with what it is a name of: set of pairs."""
+    if isinstance(one, Instrument | OwnState):
+        return {("", name) for name in (one.name, *(block.name for block in getattr(one, "states", ())))}
+    return {(one.step if isinstance(one, Method) else type(one).__name__, one.name)}
 
 
 def _problem(one, taken):
     """What is wrong with something that a plug-in provides; '' if nothing is. taken : names of others"""
     if twice := sorted(_names(one) & taken):
-        return f"there is a '{twice[0]}' already, of a plug-in of this scenario"
+        return f"there is a '{twice[0][1]}' already, of a plug-in of this scenario"
     from shefex_nav.scenario.onboard import Navigation  # which needs this module
 
     if isinstance(one, OwnState) and one.name in Navigation.model_fields:
@@ -75,9 +79,11 @@ def _problem(one, taken):
 
 def _settings_of(one):
     """Classes of settings of something that a plug-in provides."""
-    if isinstance(one, OwnState):
+    if isinstance(one, OwnState | models.Atmosphere | models.Wind):
         return (one.settings,)
-    return (one.settings, one.use) if isinstance(one, Instrument) else ()
+    if isinstance(one, Instrument):
+        return one.settings, one.use
+    return ()
 
 
 def loaded(tree, places, trust=False):

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, PrivateAttr
 
+from shefex_nav.environment.models import BUILT_IN
 from shefex_nav.scenario import aboard
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.dispersions import Campaign, Dispersions
@@ -30,6 +31,7 @@ class ScenarioBase(Block):
 
     NAME: ClassVar[str] = "Scenario"
     EXAMPLE: ClassVar[str] = "shefex2_andoya.yaml"
+    MODELS: ClassVar[dict] = BUILT_IN  # that gravity, air and wind are chosen from: class -> by name
 
     plugins: Plugins = Field(default=(), description=PLUGINS)
     mission: Mission
@@ -133,7 +135,7 @@ def _read_again(source, name):
 
 
 def model(provided=()):
-    """Scenario with a section for each instrument. provided : by its plug-ins, Instrument and Method"""
+    """Scenario with a section for each instrument. provided : by its plug-ins (`plugins`)"""
     return aboard.complete(provided, ScenarioBase, Navigation, Told)
 
 

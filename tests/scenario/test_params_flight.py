@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.environment import ephemeris, gravity
-from shefex_nav.scenario import params
+from shefex_nav.scenario import params, surroundings
 from shefex_nav.scenario.events import possible
 from shefex_nav.scenario.load import load
 from shefex_nav.world.flight import params as flight
@@ -233,11 +233,14 @@ def test_gravity_and_air():
 
 def test_msis_is_that_of_day_and_place():
     pytest.importorskip("pymsis", reason="the extra [msis] is not installed")
-    from shefex_nav.environment import msis
+    from shefex_nav.environment import sampling
+    from shefex_nav.environment.models import BUILT_IN, Atmosphere, Msis, Site
 
     scenario = load(DEFAULT, ["atmosphere.model=msis"])
     table = params.flight_params(scenario).air.table
-    expected = msis.table("2012-06-22T19:18:00", 69.2942 * DEG, 16.0190 * DEG, 97.7, 127.3, 4.0)
+    sun = Msis(f107=97.7, f107_average=127.3, ap=4.0)
+    site = Site("2012-06-22T19:18:00", 69.2942 * DEG, 16.0190 * DEG, sun)
+    expected = sampling.air_table(BUILT_IN[Atmosphere]["msis"], site)
     np.testing.assert_array_equal(table, expected)
 
 
@@ -245,7 +248,7 @@ def test_place_below_an_orbit():
     """Argument of latitude 90 deg: as far north as the inclination allows; the node then is 90 deg behind."""
     free = ["vehicle.spin_motors=null", "vehicle.yo_yo=null", "vehicle.cold_gas=null", *NO_FLIGHT]
     scenario = load(DEFAULT, [*free, ORBIT.replace("97 deg", "60 deg"), BODY, "mission.start=0 s"])
-    latitude, longitude = params._place(scenario)
+    latitude, longitude = surroundings.place(scenario)
     assert latitude == pytest.approx(60.0 * DEG, abs=2e-3)  # precession of the pole since 2000
     angle = ephemeris.earth_rotation(scenario.mission.epoch, -0.58479, 0.0, 0.0).angle_0
     expected = (40.0 + 90.0) * DEG - angle

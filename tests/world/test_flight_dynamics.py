@@ -23,7 +23,7 @@ from shefex2 import PARAMS, S40, S44, STACK
 
 from shefex_nav.environment import gravity as fields
 from shefex_nav.environment.atmosphere import us76
-from shefex_nav.environment.gravity import gravity_e, load_egm96
+from shefex_nav.environment.gravity import gravity_e, load
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.world.flight import aerodynamics, dynamics, fly, integrate, scene, surroundings, vehicle
@@ -173,7 +173,7 @@ def test_derivative_against_whole_vectors(mode, aero, t_s):
     C_iq, C_re = (Rotation.from_rotvec(rng.normal(size=3) * s).as_matrix() for s in (1e-3, 1e-6))
     earth = EarthRotation(np.ascontiguousarray(C_iq), np.ascontiguousarray(C_re), 1.234, wgs84.OMEGA)
     wind = np.array([[0.0, 5.0, -8.0], [10e3, -30.0, 40.0], [70e3, 10.0, 60.0]])
-    around = world(load_egm96(4), earth, Air(np.zeros((0, 4)), 1.1), wind)
+    around = world(load("egm96", 4), earth, Air(np.zeros((0, 4)), 1.1), wind)
     for height in (100.0, 12e3, 60e3):
         r_e = wgs84.ecef_from_geodetic(rng.uniform(-1.5, 1.5), rng.uniform(-3, 3), height)
         r_i, v_i = frames.inertial_from_ecef(earth, t_s, r_e, rng.normal(size=3) * 500.0)

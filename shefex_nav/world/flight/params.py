@@ -169,7 +169,7 @@ class FlightParams(NamedTuple):
     sample_rate_hz: float  # of the IMU
     gravity: tuple  # environment.gravity.GravityModel
     air: Air
-    wind: np.ndarray  # (m, 3) height m, north m/s, east m/s; (0, 3): none
+    wind: np.ndarray  # (m, 1 + 2 k) height m, then north m/s, east m/s at each of the times; (0, 3): none
     start: Launch | Ground | Orbit
     C_bc: np.ndarray  # (3, 3) nominal mounting of the star camera
     imu_b: np.ndarray  # (3,) m, IMU from the nose tip, body axes
@@ -184,3 +184,4 @@ class FlightParams(NamedTuple):
     parachute: Parachute | None
     attitude: int  # FLOWN or PRESCRIBED
     programme: tuple  # of tasks in order of time
+    wind_times: tuple = (0.0,)  # (k,) s, increasing; one: the same wind always
