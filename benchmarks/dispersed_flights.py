@@ -148,7 +148,7 @@ def _shortcoming(nominal, flight):
         return "in the air at the time limit"
     if "cold_gas_empty" in names:
         return "cold gas used up"
-    late = nominal.programme and nominal.programme[-1].t_1
+    late = nominal.programme and nominal.programme[-1][1].end
     if late and late > flight.trajectory.t_s[-1]:
         return "down before the programme ended"
     return None

@@ -5,7 +5,6 @@ from itertools import pairwise
 
 from shefex_nav.scenario import surroundings, thrust
 from shefex_nav.scenario.mission import WindTable
-from shefex_nav.scenario.programme import AlignVelocity, Dwell, Turn
 
 STARTS = ("launch", "orbit", "ground")
 SAMPLED = 0.5  # bandwidth times period up to which a sampled loop is well damped
@@ -162,13 +161,13 @@ def _too_long(scenario, name, task):
 
 def _task(scenario, path, task):
     """What the kinds of tasks have of their own."""
-    if isinstance(task, Turn | AlignVelocity) and task.at is not None:
+    if task.task in ("turn", "align_velocity") and task.at is not None:
         if task.at < task.start:
             words = f"{seconds(task.at)} must not be before the task, which starts at {seconds(task.start)}"
             yield (*path, "at"), words
         else:
             yield from within(scenario, (*path, "at"), task.at)
-    if isinstance(task, Dwell):
+    if task.task == "dwell":
         yield from _dwell(path, task)
 
 

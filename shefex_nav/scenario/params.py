@@ -39,7 +39,7 @@ def flight_params(scenario):
         cold_gas=_device(vehicle.cold_gas),
         parachute=_device(vehicle.parachute),
         attitude=flight.FLOWN if scenario.attitude == "flown" else flight.PRESCRIBED,
-        programme=tuple(params_vehicle.task(name, task) for name, task in scenario.tasks),
+        programme=tuple((name, settings(task)) for name, task in scenario.tasks),
         wind_times=wind_times,
     )
 

@@ -11,6 +11,7 @@ from shefex_nav.scenario import params, surroundings
 from shefex_nav.scenario.events import possible
 from shefex_nav.scenario.load import load
 from shefex_nav.world.flight import params as flight
+from shefex_nav.world.flight import tasks
 
 DEFAULT = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
 DEG = math.pi / 180.0
@@ -160,14 +161,15 @@ def test_coefficients_over_angle_and_mach():
 
 
 def test_programme(default):
-    damp, turn, spin, point, dwell, align = default.programme
-    assert isinstance(damp, flight.Damp) and (damp.name, damp.t_0, damp.t_1) == ("damping", 65.0, 70.0)
-    assert isinstance(turn, flight.Turn) and turn.t_at_s == 149.2
+    (name, damp), *others = default.programme
+    turn, spin, point, dwell, align = (task for _, task in others)
+    assert isinstance(damp, tasks.Damp) and (name, damp.start, damp.end) == ("damping", 65.0, 70.0)
+    assert isinstance(turn, tasks.Turn) and turn.level_at == 149.2
     assert turn.elevation == pytest.approx(8.58 * DEG)
-    assert isinstance(spin, flight.Spin) and spin.rate == 0.0
-    assert isinstance(point, flight.Point) and point.azimuth == pytest.approx(115.0 * DEG)
-    assert isinstance(dwell, flight.Dwell) and dwell.ramp_s == dwell.boresight_rate == dwell.cross_rate == 0.0
-    assert isinstance(align, flight.AlignVelocity) and align.t_at_s == 405.0
+    assert isinstance(spin, tasks.SpinTo) and spin.rate == 0.0
+    assert isinstance(point, tasks.Point) and point.azimuth == pytest.approx(115.0 * DEG)
+    assert isinstance(dwell, tasks.Dwell) and dwell.boresight_rate == dwell.cross_rate == 0.0
+    assert isinstance(align, tasks.AlignVelocity) and align.at == 405.0
     other = load(
         DEFAULT,
         [
@@ -178,10 +180,10 @@ def test_programme(default):
             "programme.despin={task: hold, from: 222 s, until: 235 s}",
         ],
     )
-    _, turn, hold, _, dwell, _ = params.flight_params(other).programme
-    assert turn.t_at_s == 145.0
-    assert isinstance(hold, flight.Hold)
-    assert (dwell.cross_rate, dwell.cross_period_s, dwell.ramp_s) == (pytest.approx(0.1 * DEG), 20.0, 3.0)
+    _, turn, hold, _, dwell, _ = (task for _, task in params.flight_params(other).programme)
+    assert turn.level_at == 145.0
+    assert isinstance(hold, tasks.Hold)
+    assert (dwell.cross_rate, dwell.cross_period, dwell.ramp) == (pytest.approx(0.1 * DEG), 20.0, 3.0)
 
 
 def test_devices(default):

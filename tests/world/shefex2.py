@@ -7,13 +7,16 @@ S40: 4240 kg), take-off mass of 6.7 t, apogee 177 km, Mach 10 to 11 at the entry
 """
 
 from functools import lru_cache
+from typing import get_args
 
 import numpy as np
 
 from shefex_nav.environment import gravity
 from shefex_nav.geometry.frames import EarthRotation
+from shefex_nav.settings import declared
 from shefex_nav.world.flight import params as p
 from shefex_nav.world.flight import settings as s
+from shefex_nav.world.flight import tasks
 from shefex_nav.world.flight.fly import fly
 
 DEG = np.pi / 180.0
@@ -129,13 +132,26 @@ COLD_GAS = s.ColdGas(
     reference=s.AttitudeReference(misalignment=0.2 * DEG, drift=10.0 * DEG / 3600.0, roll_scale_factor=20e-6),
 )
 
+
+def task(kind, start, end, **values):
+    """A task of a class of `tasks`, from start to end, s."""
+    (word,) = get_args(declared(kind)["task"][0])
+    return kind(task=word, start=start, end=end, **values)
+
+
+def dwell(start, end, **rates):
+    """A Dwell without rates, but for those given."""
+    still = {"boresight_rate": 0.0, "cross_rate": 0.0, "cross_period": None, "cross_phase": 0.0, "ramp": None}
+    return task(tasks.Dwell, start, end, **still | rates)
+
+
 PROGRAMME = (
-    p.Damp("damping", 65.0, 70.0),
-    p.Turn("precession", 70.0, 145.0, 352.0 * DEG, 8.58 * DEG, 149.2),
-    p.Spin("despin", 222.0, 235.0, 0.0),
-    p.Point("slew", 235.0, 250.0, 115.0 * DEG, 52.0 * DEG, 0.0),
-    p.Dwell("pointing", 250.0, 372.0, 0.0, 0.0, 1.0, 0.0, 0.0),
-    p.AlignVelocity("entry_slew", 372.0, 384.0, 405.0),
+    ("damping", task(tasks.Damp, 65.0, 70.0)),
+    ("precession", task(tasks.Turn, 70.0, 145.0, azimuth=352.0 * DEG, elevation=8.58 * DEG, at=149.2)),
+    ("despin", task(tasks.SpinTo, 222.0, 235.0, rate=0.0)),
+    ("slew", task(tasks.Point, 235.0, 250.0, azimuth=115.0 * DEG, elevation=52.0 * DEG, roll=0.0)),
+    ("pointing", dwell(250.0, 372.0)),
+    ("entry_slew", task(tasks.AlignVelocity, 372.0, 384.0, at=405.0)),
 )
 
 # C_bc: camera x along body x, boresight along body y

@@ -23,6 +23,7 @@ from shefex_nav.world.flight import (
     settings,
     start,
     surroundings,
+    tasks,
     timeline,
     vehicle,
 )
@@ -144,7 +145,7 @@ def _mass_row(configuration, t_s):
 
 def _steering(params, rng):
     """The control, with room for the ticks of all tasks."""
-    seconds = [task.t_1 - task.t_0 for task in params.programme]
+    seconds = [task.end - task.start for _, task in params.programme]
     ticks = sum(int(s / params.cold_gas.period) + 3 for s in seconds) + 3  # and where sections are cut
     return control.start(params.cold_gas, rng, ticks)
 
@@ -256,9 +257,9 @@ class _Run:
             case Kind.SPIN_MOTORS if not len(self.configuration.spin_motors):
                 del self.instants[moment.name]
             case Kind.BEGIN if self.params.attitude == p.FLOWN:
-                self._begin(self.params.programme[moment.number])
+                self._begin(self.params.programme[moment.number][1])
             case Kind.BEGIN:
-                self._prescribe(self.params.programme[moment.number])
+                self._prescribe(*self.params.programme[moment.number])
 
     def _separate(self, stage, number, as_told):
         """Leave a stage behind; a prescribed attitude is not disturbed by it."""
@@ -300,13 +301,13 @@ class _Run:
         if following and following[0].t_s > moment.t_s:
             self.law = attitude.hold(moment.t_s, following[0].t_s, self.x[10])
 
-    def _prescribe(self, task):
+    def _prescribe(self, name, task):
         """Begin a task whose attitude is prescribed."""
         spin, row = self.x[10], _mass_row(self.configuration, self.t_s)
-        if isinstance(task, p.Point | p.Dwell) and abs(spin) > control.SPINNING:
-            raise FlightError(f"the vehicle spins with {spin:.1f} rad/s when {task.name} begins")
-        if isinstance(task, p.Damp):
-            self.law = attitude.damp(task.t_0, task.t_1, self.x[10:13], (row[3] / row[4] - 1.0) * spin)
+        if isinstance(task, tasks.Point | tasks.Dwell) and abs(spin) > control.SPINNING:
+            raise FlightError(f"the vehicle spins with {spin:.1f} rad/s when {name} begins")
+        if isinstance(task, tasks.Damp):
+            self.law = attitude.damp(task.start, task.end, self.x[10:13], (row[3] / row[4] - 1.0) * spin)
         else:
             self.law = self._rate_law(task, self.x[6:10].copy(), spin)
         self.mode = dynamics.PROGRAMMED
@@ -320,11 +321,11 @@ class _Run:
         self._gather_drift()
         control.settle(c, self.rows[self.k - self._last_revolutions() : self.k, 10:13])
         spinning = abs(x[10]) > control.SPINNING
-        if isinstance(task, p.Damp):
+        if isinstance(task, tasks.Damp):
             follow = control.RATES
-        elif isinstance(task, p.Spin):
+        elif isinstance(task, tasks.SpinTo):
             follow = control.AXIS_AND_SPIN
-        elif spinning and isinstance(task, p.Turn | p.AlignVelocity | p.Hold):
+        elif spinning and isinstance(task, tasks.Turn | tasks.AlignVelocity | tasks.Hold):
             follow = control.AXIS
         else:
             follow = control.ATTITUDE
@@ -334,7 +335,7 @@ class _Run:
             c.q_wanted[:] = control.believed(c, x[6:10].copy())
             c.owed[:] = 0.0
         spin = x[10] if follow == control.AXIS_AND_SPIN else 0.0
-        law = attitude.hold(task.t_0, task.t_1, 0.0)
+        law = attitude.hold(task.start, task.end, 0.0)
         if follow != control.RATES:
             law = self._rate_law(task, c.q_wanted.copy(), spin)
         self.steering = c._replace(follow=follow, law=law)

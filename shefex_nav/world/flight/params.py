@@ -92,75 +92,6 @@ class Air(NamedTuple):
     density_factor: float
 
 
-class Damp(NamedTuple):
-    """Damp the transverse rates and leave the spin alone."""
-
-    name: str
-    t_0: float
-    t_1: float
-
-
-class Turn(NamedTuple):
-    """Turn the roll axis to a direction in the local level frame below the place of the vehicle at t_at_s."""
-
-    name: str
-    t_0: float
-    t_1: float
-    azimuth: float  # rad from north over east
-    elevation: float  # rad
-    t_at_s: float
-
-
-class AlignVelocity(NamedTuple):
-    """Turn the roll axis along the air-relative velocity predicted for t_at_s."""
-
-    name: str
-    t_0: float
-    t_1: float
-    t_at_s: float
-
-
-class Spin(NamedTuple):
-    """Bring the spin about the roll axis to a rate."""
-
-    name: str
-    t_0: float
-    t_1: float
-    rate: float  # rad/s
-
-
-class Point(NamedTuple):
-    """Turn the star camera's boresight to a direction in the local level frame, both at t_1."""
-
-    name: str
-    t_0: float
-    t_1: float
-    azimuth: float  # rad
-    elevation: float  # rad
-    roll: float  # rad about the boresight; 0: camera x as near to the roll axis as it gets
-
-
-class Dwell(NamedTuple):
-    """Hold the attitude, but for rates that are asked for."""
-
-    name: str
-    t_0: float
-    t_1: float
-    boresight_rate: float  # rad/s, constant, about the star camera's boresight
-    cross_rate: float  # rad/s, across it, turning in the camera's axes
-    cross_period_s: float
-    cross_phase: float  # rad
-    ramp_s: float  # rates fade in after t_0 and out before t_1; 0: no rates asked for
-
-
-class Hold(NamedTuple):
-    """Hold the attitude, or the direction of the roll axis of a spinning vehicle."""
-
-    name: str
-    t_0: float
-    t_1: float
-
-
 class FlightParams(NamedTuple):
     """Everything that decides the flight."""
 
@@ -183,5 +114,5 @@ class FlightParams(NamedTuple):
     cold_gas: ColdGas | None
     parachute: Parachute | None
     attitude: int  # FLOWN or PRESCRIBED
-    programme: tuple  # of tasks in order of time
+    programme: tuple  # of (name, one of `tasks`) in order of time
     wind_times: tuple = (0.0,)  # (k,) s, increasing; one: the same wind always
