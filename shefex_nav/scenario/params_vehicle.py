@@ -4,28 +4,21 @@ import numpy as np
 
 from shefex_nav.scenario import thrust
 from shefex_nav.scenario.motor import Grain
+from shefex_nav.scenario.of_settings import settings
 from shefex_nav.world.flight import params as flight
 
 GRAIN_ROWS = 101  # a grain between them is linear to 1e-5 of its inertia
 
 
-def part(block):
-    """flight.Part of a rigid part."""
-    return flight.Part(block.mass, block.station, block.inertia_roll, block.inertia_pitch)
-
-
 def stage(name, block):
     """flight.Stage of a stage."""
-    drop = block.separation
     return flight.Stage(
         name=name,
-        dry=part(block.dry),
+        dry=settings(block.dry),
         propellant=propellant(block.propellant),
         motor=motor(block.motor, block.propellant.mass),
         t_ignition_s=block.ignition,
-        t_separation_s=np.inf if drop is None else drop.at,
-        separation_impulse=0.0 if drop is None else drop.impulse,
-        tip_off=np.zeros(2) if drop is None else np.array(drop.tip_off),
+        separation=None if block.separation is None else settings(block.separation),
         aerodynamics=aerodynamics(block.aerodynamics),
     )
 
@@ -60,10 +53,7 @@ def motor(block, propellant_mass):
         t_s=np.array(curve.t_s),
         vacuum_thrust_n=np.array(curve.thrust_n),
         exhaust_speed=curve.exhaust_speed,
-        exit_area_m2=block.exit_area,
-        exit_station_m=block.exit_station,
-        misalignment=np.array(block.misalignment),
-        offset_m=np.array(block.offset),
+        nozzle=settings(block),
     )
 
 

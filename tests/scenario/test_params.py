@@ -33,16 +33,8 @@ def bodies():
 
 MAY_BE_NONE = (
     *("parachute", "height", "at", "payload_aerodynamics", "faintest_south"),
-    *(
-        "satellite",
-        "ionosphere",
-        "troposphere",
-        "multipath",
-        "reacquisition",
-        "line_time",
-        "cross_period",
-        "ramp",
-    ),
+    *("satellite", "ionosphere", "troposphere", "multipath", "reacquisition", "line_time"),
+    *("cross_period", "ramp", "separation"),
 )
 
 

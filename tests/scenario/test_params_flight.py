@@ -50,14 +50,14 @@ def test_default_flight(default):
     assert default.start.azimuth == pytest.approx(352.0 * DEG)
     assert default.start.rail_length == 10.0
     assert [stage.name for stage in default.stages] == ["S40M", "S44"]
-    assert default.stages[1].dry.mass_kg == 200.0
-    assert [stage.t_separation_s for stage in default.stages] == [65.0, math.inf]
+    assert default.stages[1].dry.mass == 200.0
+    assert [stage.drops_at for stage in default.stages] == [65.0, math.inf]
     assert default.payload_aerodynamics is None
     assert default.parachute is None
     assert default.attitude == flight.FLOWN
     assert (default.air.table.shape, default.air.density_factor) == ((0, 4), 1.0)
     np.testing.assert_allclose(default.imu_b, [-2.2, 0.03, 0.02])
-    np.testing.assert_array_equal(default.offset_m, np.zeros(2))
+    assert default.payload.centre_of_mass_offset == (0.0, 0.0)
 
 
 def test_motor_by_its_shape(default):
@@ -88,10 +88,10 @@ def test_imperfections():
         "aerodynamics.axial_factor=110 %",
         "aerodynamics.normal_factor=90 %",
     )
-    np.testing.assert_allclose(stage.motor.misalignment, [0.1 * DEG, -0.2 * DEG])
-    np.testing.assert_allclose(stage.motor.offset_m, [1e-3, 2e-3])
-    assert stage.separation_impulse == 300.0
-    np.testing.assert_allclose(stage.tip_off, [DEG, 2.0 * DEG])
+    np.testing.assert_allclose(stage.motor.nozzle.misalignment, [0.1 * DEG, -0.2 * DEG])
+    np.testing.assert_allclose(stage.motor.nozzle.offset, [1e-3, 2e-3])
+    assert stage.separation.impulse == 300.0
+    np.testing.assert_allclose(stage.separation.tip_off, [DEG, 2.0 * DEG])
     assert stage.aerodynamics.axial[0, 0] == pytest.approx(1.1 * 0.45)
     assert stage.aerodynamics.normal_slope[0, 0] == pytest.approx(0.9 * 9.0)
     whole = load(
@@ -101,8 +101,8 @@ def test_imperfections():
             "vehicle.payload.principal_axis_tilt=[1 deg, 2 deg]",
         ],
     )
-    np.testing.assert_allclose(params.flight_params(whole).offset_m, [1e-3, 2e-3])
-    np.testing.assert_allclose(params.flight_params(whole).tilt, [DEG, 2.0 * DEG])
+    np.testing.assert_allclose(params.flight_params(whole).payload.centre_of_mass_offset, [1e-3, 2e-3])
+    np.testing.assert_allclose(params.flight_params(whole).payload.principal_axis_tilt, [DEG, 2.0 * DEG])
 
 
 def test_grain_is_a_hollow_cylinder_that_burns_outwards(default):

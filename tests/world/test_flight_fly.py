@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shefex2 import COLD_GAS, DEG, EARTH, PARAMS, PRESCRIBED, PROGRAMME, S40, S44, dwell, task
+from shefex2 import COLD_GAS, DEG, EARTH, PARAMS, PRESCRIBED, PROGRAMME, S40, S44, dwell, part, task
 from sounding_rocket import BOX, GAS, ROCKET, SATELLITE, STAGE
 
 from shefex_nav.geometry import frames, rotation, wgs84
@@ -12,9 +12,15 @@ from shefex_nav.records import Phase
 from shefex_nav.world.flight import params as p
 from shefex_nav.world.flight import tasks
 from shefex_nav.world.flight.fly import FlightError, fly
+from shefex_nav.world.flight.parts import Separation
 from shefex_nav.world.flight.settings import YoYo
 
-SEPARATING = STAGE._replace(t_separation_s=60.0, separation_impulse=400.0, tip_off=np.array([0.05, -0.08]))
+
+def dropped(stage, at):
+    return stage._replace(separation=Separation(at=at, impulse=0.0, tip_off=(0.0, 0.0)))
+
+
+SEPARATING = STAGE._replace(separation=Separation(at=60.0, impulse=400.0, tip_off=(0.05, -0.08)))
 
 
 def flown(params, rng=None):
@@ -143,7 +149,7 @@ def test_a_satellite_points_and_holds():
 def test_a_kick_motor_in_orbit_gives_what_the_rocket_equation_says():
     kick = STAGE._replace(
         t_ignition_s=20.0,
-        dry=p.Part(20.0, 1.2, 1.0, 2.0),
+        dry=part(20.0, 1.2, 1.0, 2.0),
         propellant=STAGE.propellant._replace(station_m=np.full(33, 1.2)),
     )
     trajectory, events, _ = flown(SATELLITE._replace(stages=(kick,), time_limit_s=60.0))
@@ -207,8 +213,8 @@ STEERED = ROCKET._replace(stages=(SEPARATING,), programme=(("hold", task(tasks.H
     ("params", "message"),
     [
         (PARAMS._replace(time_limit_s=420.0, sample_rate_hz=100.0), "in the air"),
-        (PARAMS._replace(payload=PARAMS.payload._replace(mass_kg=30e3), sample_rate_hz=50.0), "on the rail"),
-        (ROCKET._replace(stages=(STAGE._replace(t_separation_s=900.0),)), "before separation_1"),
+        (PARAMS._replace(payload=replace(PARAMS.payload, mass=30e3), sample_rate_hz=50.0), "on the rail"),
+        (ROCKET._replace(stages=(dropped(STAGE, 900.0),)), "before separation_1"),
         (
             STEERED._replace(programme=(("hold", task(tasks.Hold, 500.0, 1400.0)),), parachute=None),
             "ground .* before hold",
@@ -252,9 +258,9 @@ def tasks_with(name, **changes):
             PARAMS._replace(stages=(S40, S44._replace(t_ignition_s=60.0))),
             "S44.*before the separation of S40M",
         ),
-        (PARAMS._replace(stages=(S40._replace(t_separation_s=np.inf), S44)), "S44.*separation of S40M"),
-        (PARAMS._replace(stages=(S40._replace(t_separation_s=50.0), S44)), "before its burn-out"),
-        (PARAMS._replace(stages=(S40, S44._replace(t_separation_s=230.0))), "no aerodynamic coefficients"),
+        (PARAMS._replace(stages=(S40._replace(separation=None), S44)), "S44.*separation of S40M"),
+        (PARAMS._replace(stages=(dropped(S40, 50.0), S44)), "before its burn-out"),
+        (PARAMS._replace(stages=(S40, dropped(S44, 230.0))), "no aerodynamic coefficients"),
         (PARAMS._replace(stages=()), "nothing burns"),
         (PARAMS._replace(cold_gas=None), "no cold gas"),
         (

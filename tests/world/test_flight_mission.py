@@ -218,7 +218,7 @@ def test_specific_force_of_the_coast_is_that_of_the_spin():
     fired = np.flatnonzero((history.torque_b[:, 1] != 0.0) & (history.t_s > 260.0) & (history.t_s < 371.0))
     assert len(fired) > 0
     dry = combine([PARAMS.payload, S44.dry])
-    lever[0] = -dry.station_m - PARAMS.imu_b[0]
+    lever[0] = -dry.station - PARAMS.imu_b[0]
     for tick in fired:
         k = sample(history.t_s[tick]) + 3
         torque = history.torque_b[tick] / np.array([dry.inertia_roll, dry.inertia_pitch, dry.inertia_pitch])

@@ -75,7 +75,7 @@ def fly(params, earth, rng=None):
     dt = 1.0 / params.sample_rate_hz
     rows = np.zeros((int(np.floor((params.time_limit_s - params.t_start_s) / dt + 1e-6)) + 1, dynamics.ROW))
     if isinstance(params.start, settings.Ground):
-        start.stand(params, world, q_eb, params.payload.mass_kg, rows, params.time_limit_s + dt)
+        start.stand(params, world, q_eb, params.payload.mass, rows, params.time_limit_s + dt)
         return _record(params, earth, rows, {}, None, False)
     steering = control.none() if params.cold_gas is None else _steering(params, rng)
     run = _at_the_start(params, world, q_eb, rows, steering)
@@ -111,10 +111,10 @@ def configurations(params):
     """The vehicle after 0, 1, 2 ... separations: tuple of `vehicle.Configuration`."""
     stages, out = params.stages, []
     for n, stage in enumerate(stages):
-        above = [_full(other.propellant) for other in stages[n + 1 :]]
+        above = [vehicle.charge(other.propellant, -1) for other in stages[n + 1 :]]
         rigid = [params.payload, *(other.dry for other in stages[n:]), *above]
         out.append(vehicle.configure(rigid, stage, params, stage.aerodynamics))
-    if not stages or np.isfinite(stages[-1].t_separation_s):
+    if not stages or stages[-1].separation is not None:
         out.append(vehicle.configure([params.payload], None, params, params.payload_aerodynamics))
     motors = devices.spin_motor_rows(params.spin_motors)
     t_0, t_1 = timeline.prescribed(params)
@@ -122,12 +122,6 @@ def configurations(params):
         motors = devices.spin_motor_rows(None)  # the attitude happens as told
     parachute, none = devices.parachute_row(params.parachute), devices.yo_yo_row(None, 0.0, 1.0)
     return tuple(c._replace(spin_motors=motors, parachute=parachute, yo_yo=none) for c in out)
-
-
-def _full(propellant):
-    """All of a stage's propellant as a rigid part."""
-    q = propellant
-    return p.Part(q.mass_kg[-1], q.station_m[-1], q.inertia_roll[-1], q.inertia_pitch[-1])
 
 
 def lever(configuration, t_s):
@@ -265,8 +259,8 @@ class _Run:
         """Leave a stage behind; a prescribed attitude is not disturbed by it."""
         before, after = self.configuration, self.vehicles[number]
         self.configuration = after._replace(yo_yo=before.yo_yo, parachute=before.parachute)
-        speed = stage.separation_impulse / _mass_row(after, self.t_s)[1]
-        rate = np.zeros(3) if as_told else np.array([0.0, *stage.tip_off])
+        speed = stage.separation.impulse / _mass_row(after, self.t_s)[1]
+        rate = np.zeros(3) if as_told else np.array([0.0, *stage.separation.tip_off])
         devices.kick(self.x, self._C_ib(), speed, rate, lever(after, self.t_s))
 
     def _release_yo_yo(self):

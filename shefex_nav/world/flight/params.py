@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.world.flight.parts import Nozzle, Payload, RigidPart, Separation
 from shefex_nav.world.flight.settings import (
     ColdGas,
     Ground,
@@ -19,15 +20,6 @@ from shefex_nav.world.flight.settings import (
 )
 
 FLOWN, PRESCRIBED = 0, 1  # attitude by the cold-gas system, or as the programme says
-
-
-class Part(NamedTuple):
-    """A rigid part: the payload, or a stage without its propellant."""
-
-    mass_kg: float
-    station_m: float  # centre of mass
-    inertia_roll: float  # kg m^2 about the roll axis
-    inertia_pitch: float  # kg m^2 across, about its own centre of mass
 
 
 class Propellant(NamedTuple):
@@ -45,10 +37,7 @@ class Motor(NamedTuple):
     t_s: np.ndarray  # (m,) increasing from 0
     vacuum_thrust_n: np.ndarray  # (m,)
     exhaust_speed: float  # m/s, thrust in vacuum per mass flow
-    exit_area_m2: float
-    exit_station_m: float
-    misalignment: np.ndarray  # (2,) rad, thrust turned about body y and z
-    offset_m: np.ndarray  # (2,) m, thrust line off the roll axis in y and z, at the exit
+    nozzle: Nozzle
 
 
 class Aerodynamics(NamedTuple):
@@ -75,14 +64,17 @@ class Stage(NamedTuple):
     """A stage with a solid motor."""
 
     name: str
-    dry: Part
+    dry: RigidPart
     propellant: Propellant
     motor: Motor
     t_ignition_s: float
-    t_separation_s: float  # inf: stays attached
-    separation_impulse: float  # N s on what flies on, along +x
-    tip_off: np.ndarray  # (2,) rad/s about y and z, given to what flies on
+    separation: Separation | None  # None: stays attached
     aerodynamics: Aerodynamics  # while this stage is the lowest one attached
+
+    @property
+    def drops_at(self):
+        """Time, s; inf: it stays attached."""
+        return np.inf if self.separation is None else self.separation.at
 
 
 class Air(NamedTuple):
@@ -104,9 +96,7 @@ class FlightParams(NamedTuple):
     start: Launch | Ground | Orbit
     C_bc: np.ndarray  # (3, 3) nominal mounting of the star camera
     imu_b: np.ndarray  # (3,) m, IMU from the nose tip, body axes
-    payload: Part
-    offset_m: np.ndarray  # (2,) m, centre of mass off the roll axis in y and z
-    tilt: np.ndarray  # (2,) rad, roll principal axis turned about body y and z
+    payload: Payload
     payload_aerodynamics: Aerodynamics | None  # once every stage is gone; None: some stage stays
     stages: tuple  # of Stage, in order of burning
     spin_motors: SpinMotors | None

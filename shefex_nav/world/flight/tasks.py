@@ -24,11 +24,7 @@ class Turn(Task):
     task: Literal["turn"] = choice()
     azimuth: float = quantity("rad", "352 deg", "of the roll axis, north over east")
     elevation: float = quantity(
-        "rad",
-        "8.2 deg",
-        "of the roll axis above the horizontal",
-        at_least="-90 deg",
-        at_most="90 deg",
+        "rad", "8.2 deg", "of the roll axis above the horizontal", at_least="-90 deg", at_most="90 deg"
     )
     at: float | None = quantity(
         "s", "149.2 s", "the horizontal is that below the vehicle then; as a rule at the end", None

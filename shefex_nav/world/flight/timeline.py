@@ -68,8 +68,8 @@ def _planned(params):
         for burn in burns(params)[1 if launch else 0 :]
     ]
     for n, stage in enumerate(params.stages, 1):
-        if np.isfinite(stage.t_separation_s):
-            found.append(Moment(stage.t_separation_s, Kind.SEPARATION, n, f"separation_{n}"))
+        if stage.separation is not None:
+            found.append(Moment(stage.separation.at, Kind.SEPARATION, n, f"separation_{n}"))
     for n, (name, task) in enumerate(params.programme):
         found.append(Moment(task.start, Kind.BEGIN, n, f"{name}_start"))
         found.append(Moment(task.end, Kind.END, n, f"{name}_end"))
@@ -126,12 +126,12 @@ def _check_stages(params, earliest):
             raise ValueError(f"{stage.name}: the times of its thrust have to increase from 0")
         if burn.t_0 < gone:
             raise ValueError(f"{stage.name}: ignition at {burn.t_0} s is before {below} at {gone} s")
-        if stage.t_separation_s < burn.t_1:
+        if stage.drops_at < burn.t_1:
             raise ValueError(
-                f"{stage.name}: separation at {stage.t_separation_s} s is before its burn-out at {burn.t_1} s"
+                f"{stage.name}: separation at {stage.drops_at} s is before its burn-out at {burn.t_1} s"
             )
-        gone, below = stage.t_separation_s, f"the separation of {stage.name}"
-    alone = not params.stages or np.isfinite(params.stages[-1].t_separation_s)
+        gone, below = stage.drops_at, f"the separation of {stage.name}"
+    alone = not params.stages or params.stages[-1].separation is not None
     if alone and params.payload_aerodynamics is None and not isinstance(params.start, settings.Ground):
         raise ValueError("the payload flies alone and has no aerodynamic coefficients")
 
