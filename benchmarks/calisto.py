@@ -13,7 +13,7 @@ from rocketpy.mathutils.vector_matrix import Matrix
 
 from shefex_nav.environment import gravity
 from shefex_nav.environment.atmosphere import us76
-from shefex_nav.world.flight import params, settings
+from shefex_nav.world.flight import params, parts, settings
 
 LATITUDE, LONGITUDE, ELEVATION = 32.990254, -106.974998, 1400.0  # deg, deg, m: Spaceport America
 RAIL_LENGTH, INCLINATION, HEADING = 5.2, 85.0, 0.0  # m, deg, deg
@@ -137,12 +137,14 @@ def flight_params(calisto, *, wind=True, field="j2", damping_at_s=np.inf):
         ),
         C_bc=np.eye(3),
         imu_b=np.array([-station(calisto.center_of_dry_mass_position), 0.0, 0.0]),
-        payload=params.Part(
-            calisto.mass, station(calisto.center_of_mass_without_motor), calisto.I_33_without_motor,
-            calisto.I_11_without_motor,
+        payload=parts.Payload(
+            mass=calisto.mass,
+            station=station(calisto.center_of_mass_without_motor),
+            inertia_roll=calisto.I_33_without_motor,
+            inertia_pitch=calisto.I_11_without_motor,
+            centre_of_mass_offset=(0.0, 0.0),
+            principal_axis_tilt=(0.0, 0.0),
         ),
-        offset_m=np.zeros(2),
-        tilt=np.zeros(2),
         payload_aerodynamics=None,
         stages=(_stage(calisto, damping_at_s),),
         spin_motors=None,
@@ -175,8 +177,11 @@ def _stage(calisto, damping_at_s):
         inertia_roll=np.array([motor.propellant_I_33(t) for t in burn]),
         inertia_pitch=np.array([motor.propellant_I_11(t) for t in burn]),
     )
-    dry = params.Part(
-        motor.dry_mass, station(calisto.motor_center_of_dry_mass_position), motor.dry_I_33, motor.dry_I_11
+    dry = parts.RigidPart(
+        mass=motor.dry_mass,
+        station=station(calisto.motor_center_of_dry_mass_position),
+        inertia_roll=motor.dry_I_33,
+        inertia_pitch=motor.dry_I_11,
     )
     impulse = np.trapezoid(thrust, t_s)
     return params.Stage(
@@ -187,15 +192,15 @@ def _stage(calisto, damping_at_s):
             t_s=t_s,
             vacuum_thrust_n=thrust,
             exhaust_speed=impulse / left[-1],
-            exit_area_m2=0.0,  # RocketPy's thrust does not depend on the pressure of the air
-            exit_station_m=station(calisto.nozzle_position),
-            misalignment=np.zeros(2),
-            offset_m=np.zeros(2),
+            nozzle=parts.Nozzle(
+                exit_area=0.0,  # RocketPy's thrust does not depend on the pressure of the air
+                exit_station=station(calisto.nozzle_position),
+                misalignment=(0.0, 0.0),
+                offset=(0.0, 0.0),
+            ),
         ),
         t_ignition_s=0.0,
-        t_separation_s=np.inf,
-        separation_impulse=0.0,
-        tip_off=np.zeros(2),
+        separation=None,
         aerodynamics=_aerodynamics(calisto, damping_at_s),
     )
 

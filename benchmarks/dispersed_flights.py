@@ -55,19 +55,22 @@ def dispersed(params, sigmas, rng):
     )
     drag, cant = 1.0 + draw("drag"), draw("cant")
     air = params.air._replace(density_factor=params.air.density_factor * (1.0 + draw("density")))
-    payload = params.payload._replace(mass_kg=params.payload.mass_kg * (1.0 + draw("payload")))
+    payload = replace(params.payload, mass=params.payload.mass * (1.0 + draw("payload")))
     wind = _wind(params.wind, draw("wind", (len(WIND_HEIGHTS), 2)))
     stages = []
     for stage in params.stages:
         thrust = 1.0 + draw("thrust")
+        nozzle = stage.motor.nozzle
         motor = stage.motor._replace(
             vacuum_thrust_n=stage.motor.vacuum_thrust_n * thrust,
             exhaust_speed=stage.motor.exhaust_speed * thrust,  # the propellant burns in the same time
-            misalignment=stage.motor.misalignment + draw("misalignment", 2),
+            nozzle=replace(nozzle, misalignment=nozzle.misalignment + draw("misalignment", 2)),
         )
-        tip_off = stage.tip_off + draw("tip_off", 2)
+        tip_off, drop = draw("tip_off", 2), stage.separation
+        if drop is not None:
+            drop = replace(drop, tip_off=drop.tip_off + tip_off)
         aerodynamics = _aerodynamics(stage.aerodynamics, drag, cant)
-        stages.append(stage._replace(motor=motor, tip_off=tip_off, aerodynamics=aerodynamics))
+        stages.append(stage._replace(motor=motor, separation=drop, aerodynamics=aerodynamics))
     upper = params.payload_aerodynamics
     return params._replace(
         start=start,
@@ -148,7 +151,7 @@ def _shortcoming(nominal, flight):
         return "in the air at the time limit"
     if "cold_gas_empty" in names:
         return "cold gas used up"
-    late = nominal.programme and nominal.programme[-1].t_1
+    late = nominal.programme and nominal.programme[-1][1].end
     if late and late > flight.trajectory.t_s[-1]:
         return "down before the programme ended"
     return None

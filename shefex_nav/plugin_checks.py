@@ -1,4 +1,4 @@
-"""What is wrong with an instrument or a block of states of a plug-in: its description, or what its code does.
+"""What is wrong with what a plug-in brings: its description, or what its code does.
 
 Instruments that come with the program are not looked at: an exception of theirs is a fault of the program.
 """
@@ -9,6 +9,7 @@ from typing import get_type_hints
 import numpy as np
 
 from shefex_nav import instruments
+from shefex_nav.environment import models
 from shefex_nav.errors import CodeError
 from shefex_nav.instruments.instrument import Column, DataColumn, Plot, Sampled, StateBlock
 from shefex_nav.onboard.navigation.blocks import CORE_BLOCKS, OPTIONAL, Block
@@ -91,6 +92,26 @@ def problem_of_state(one):
     if not (isinstance(one.settings, type) and issubclass(one.settings, Settings)):
         return f"settings must be a class of Settings, got {one.settings!r}"
     return "" if callable(one.block) else f"its block must be a function, got {one.block!r}"
+
+
+def problem_of_model(one):
+    """What is wrong with the description of a Gravity, Atmosphere or Wind; '' if nothing is."""
+    if not one.name.isidentifier() or not one.name.islower():
+        return "its name must be lower case with underscores, such as 'my_air'"
+    if one.name in {*models.BUILT_IN[type(one)], "model", "density"}:
+        return "the program has that name already; take another"
+    function = one._fields[1]
+    if not callable(getattr(one, function)):
+        return f"its {function} must be a function, got {getattr(one, function)!r}"
+    if isinstance(one, models.Gravity):
+        return ""
+    kind, heights = one.settings, np.asarray(one.heights)
+    if kind is not None and not (isinstance(kind, type) and issubclass(kind, Settings)):
+        return f"settings must be a class of Settings, got {kind!r}"
+    numbers = heights.dtype.kind in "fi" and heights.ndim == 1 and len(heights) >= 2
+    if not numbers or not (np.diff(heights) > 0.0).all():
+        return "its heights must be two numbers or more, increasing"
+    return ""
 
 
 def checked_state(one):
@@ -204,3 +225,62 @@ def _expect(words, expect, here, reading):
             f"{words}: z and H must be numbers and the variances in R greater than zero, got {seen}"
         )
     return seen
+
+
+def checked_gravity(one):
+    """A Gravity whose function says with CodeError what is wrong with what it does."""
+    return one._replace(coefficients=partial(_coefficients, one))
+
+
+def _coefficients(one, degree):
+    """As Gravity.coefficients."""
+    words = models.words(one)
+    given = _of_type(words, models.Coefficients, _called(f"{words}: coefficients", one.coefficients, degree))
+    gm, radius = (_numbers(f"{words}: {key}", getattr(given, key), ()) for key in ("gm", "radius"))
+    n = len(np.atleast_1d(given.cosine))
+    cosine, sine = (_numbers(f"{words}: {key}", getattr(given, key), (n, n)) for key in ("cosine", "sine"))
+    if gm <= 0.0 or radius <= 0.0:
+        raise CodeError(f"{words}: gm and radius must be greater than zero, got {gm:g} and {radius:g}")
+    if n > models.HIGHEST_DEGREE + 1:
+        raise CodeError(f"{words}: degree and order are at most {models.HIGHEST_DEGREE}, got {n - 1}")
+    if abs(cosine[0, 0] - 1.0) > 1e-3:
+        raise CodeError(f"{words}: cosine[0, 0] must be 1, got {cosine[0, 0]:g}")
+    return models.Coefficients(float(gm), float(radius), cosine, sine)
+
+
+def checked_atmosphere(one):
+    """An Atmosphere whose function says with CodeError what is wrong with what it does."""
+    return one._replace(air=partial(_air, one), heights=tuple(map(float, one.heights)))
+
+
+def _air(one, heights, site):
+    """As Atmosphere.air."""
+    words = models.words(one)
+    given = _of_type(words, models.Air, _called(f"{words}: air", one.air, heights, site))
+    air = {key: value for key, value in given._asdict().items() if key != "sound" or value is not None}
+    for key in air:
+        air[key] = _numbers(f"{words}: {key}", air[key], heights.shape)
+        if (air[key] <= 0.0).any():
+            k = int(np.argmax(air[key] <= 0.0))
+            where = f"got {air[key][k]:g} at {1e-3 * heights[k]:g} km"
+            raise CodeError(f"{words}: {key} must be greater than zero, {where}; let heights end below")
+    return models.Air(**air)
+
+
+def checked_wind(one):
+    """A Wind whose function says with CodeError what is wrong with what it does."""
+    return one._replace(wind=partial(_wind, one), heights=tuple(map(float, one.heights)))
+
+
+def _wind(one, heights, t_s, site):
+    """As Wind.wind."""
+    words = models.words(one)
+    given = _called(f"{words}: wind", one.wind, heights, t_s, site)
+    return _numbers(f"{words}: north and east, T{t_s:+.2f} s,", given, (2, *heights.shape))
+
+
+def _of_type(words, kind, given):
+    """What a function gives, of the type that it must be."""
+    if not isinstance(given, kind):
+        raise CodeError(f"{words}: expected {kind.__name__}({', '.join(kind._fields)}), got {given!r}")
+    return given

@@ -4,12 +4,12 @@
     plugins: [their-package]        # its entry point in the group `shefex_nav.plugins`
 
 A plug-in says in `PROVIDES` what it adds: instruments (`instruments.instrument.Instrument`), blocks of
-states of the filter (`onboard.navigation.blocks.OwnState`), and ways to search frames, detect spots, find
-their centres and identify stars (`Method`). The methods of the papers are added in the same way (BUNDLED).
-Nothing is replaced: a name that is taken is an error. A scenario is a file that is passed around, so one that
-names a Python file runs it only with consent: `--trust`, or `Scenario.load(..., trust=True)`, gives it for
-that file as it is, and it is kept for its content (SHA-256). A package has been installed on purpose and
-needs none.
+states of the filter (`onboard.navigation.blocks.OwnState`), ways to search frames, detect spots, find their
+centres and identify stars (`Method`), fields of gravity, atmospheres and winds (`environment.models`). The
+methods of the papers are added in the same way (BUNDLED). Nothing is replaced: a name that is taken is an
+error. A scenario is a file that is passed around, so one that names a Python file runs it only with consent:
+`--trust`, or `Scenario.load(..., trust=True)`, gives it for that file as it is, and it is kept for its
+content (SHA-256). A package has been installed on purpose and needs none.
 """
 
 import hashlib
@@ -23,6 +23,7 @@ from importlib import util
 from typing import NamedTuple
 
 from shefex_nav import instruments, plugin_checks
+from shefex_nav.environment import models
 from shefex_nav.errors import UserError
 from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.onboard.navigation.blocks import OwnState
@@ -67,7 +68,7 @@ def is_file(name):
 
 
 def load(name, sha256=None, trust=False):
-    """What a plug-in provides: Plugin, tuple of Instrument, OwnState and Method.
+    """What a plug-in provides: Plugin, tuple of Instrument, OwnState, Method and models of the environment.
 
     name : path of a file, or name of an entry point
     sha256 : that its source must have; None: any
@@ -113,7 +114,7 @@ def left_out(pins):
 def _brought(one, plugin):
     """What a plug-in provides, as the program keeps it."""
     one = one._replace(plugin=plugin)
-    watch = {Instrument: plugin_checks.checked, OwnState: plugin_checks.checked_state}.get(type(one))
+    watch = _WATCHED.get(type(one))
     return one if watch is None else watch(one)
 
 
@@ -173,9 +174,9 @@ def _provided(module, name):
             f"'{name}' provides nothing; end it with PROVIDES = [...], a list of what it brings"
         )
     for one in provided:
-        if not isinstance(one, Instrument | OwnState | Method):
-            words = "is neither an Instrument nor an OwnState nor a Method"
-            raise PluginError(f"'{name}': {one!r} in PROVIDES {words}")
+        if type(one) not in _PROBLEM:
+            kinds = ", ".join(kind.__name__ for kind in _PROBLEM)
+            raise PluginError(f"'{name}': {one!r} in PROVIDES is none of {kinds}")
         if problem := _PROBLEM[type(one)](one):
             raise PluginError(f"'{name}': '{one.name}': {problem}")
     return provided
@@ -194,6 +195,14 @@ _PROBLEM = {
     Instrument: plugin_checks.problem,
     OwnState: plugin_checks.problem_of_state,
     Method: _problem_of_method,
+    **dict.fromkeys(models.BUILT_IN, plugin_checks.problem_of_model),
+}
+_WATCHED = {
+    Instrument: plugin_checks.checked,
+    OwnState: plugin_checks.checked_state,
+    models.Gravity: plugin_checks.checked_gravity,
+    models.Atmosphere: plugin_checks.checked_atmosphere,
+    models.Wind: plugin_checks.checked_wind,
 }
 
 
@@ -204,13 +213,16 @@ def _built_in():
 
 
 def activate(provided):
-    """Put what plug-ins provide into the tables of this process, in the place of what others had there."""
+    """Put what plug-ins provide into the tables of this process, in the place of what others had there.
+
+    Models of the environment are in no such table: a scenario has those of its own.
+    """
     for one in provided:
         if isinstance(one, Method):
             methods.add(one)
         elif isinstance(one, OwnState):
             instruments.OWN_STATES[one.name] = one
-        else:
+        elif isinstance(one, Instrument):
             instruments.TABLE[one.name] = one
 
 

@@ -19,6 +19,7 @@ from shefex_nav.scenario import (
     params_gps,
     params_onboard,
     plugged,
+    surroundings,
     wanted_states,
 )
 from shefex_nav.scenario.block import AUTOMATIC
@@ -150,7 +151,7 @@ def measured_by_instruments(scenario, seed, trajectory, earth):
     if not found:
         return {}
     sun_i = ephemeris.sky_bodies(scenario.mission.epoch).sun_u_i
-    truth = Truth(trajectory, earth, aboard.year(scenario), sun_i, params.air_table(scenario))
+    truth = Truth(trajectory, earth, aboard.year(scenario), sun_i, surroundings.air(scenario))
     streams = {one.name: noise.key_of(one.name) if one.stream is None else one.stream for one, _ in found}
     return {
         one.name: one.measure(settings(given), truth, noise.generator(seed, streams[one.name]))

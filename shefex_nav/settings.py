@@ -28,7 +28,7 @@ class Setting(NamedTuple):
     """How one value is written in a scenario."""
 
     kind: str  # quantity, number, count, choice, switch, text, section
-    help: str
+    help: Any  # text; of a tuple one for each item, too
     default: Any  # as people write it; REQUIRED: it must be given
     unit: str = ""  # SI, of a quantity
     example: str = ""

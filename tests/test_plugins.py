@@ -149,7 +149,7 @@ WRONG = (  # text of the file, what stands in its place, what is said
     ("class RadarAltimeter(Sampled)", "class RadarAltimeter(Use)", "settings must be a class of Sampled"),
     ("        use=Use,\n", "", "one with an aid needs a class of settings in `use`"),
     ("    t_available_s: float\n", "", "begins with t_valid_s and t_available_s"),
-    ("PROVIDES = [", "PROVIDES = [7, ", "7 in PROVIDES is neither an Instrument"),
+    ("PROVIDES = [", "PROVIDES = [7, ", "7 in PROVIDES is none of Instrument, OwnState"),
     ('name="radar_altimeter",', 'name="nees",', "that name means something else"),
     ('name="radar_altimeter",', 'name="star_finder",', "that name means something else"),
     (

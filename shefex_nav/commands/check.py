@@ -23,7 +23,7 @@ def check(
     A vehicle that is launched is flown, without its sensors: times that do not fit the flight are told, and
     errors of the IMU that last in it but are noise to the filter.
     """
-    from shefex_nav.scenario import aboard, load, told
+    from shefex_nav.scenario import aboard, load, surroundings, told
 
     loaded, differences = load.load(scenario, overrides or ()), []
     if against is not None:
@@ -35,6 +35,7 @@ def check(
 
     with about(scenario):
         aboard.check_own_blocks(loaded)
+        surroundings.check(loaded)
         loaded, effects = prepare.settled_with_effects(loaded)
         found = programme.foreseen(loaded)
     warn(loaded, found)

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.compiled import inner, kernel
+from shefex_nav.environment.models import BUILT_IN, Coefficients, Gravity
 from shefex_nav.geometry import wgs84
 
 GM_EGM96 = 3.986004415e14  # m^3/s^2
@@ -41,26 +42,20 @@ class GravityModel(NamedTuple):
     q: np.ndarray  # (n, 3) of W_jk
 
 
-def load(kind, degree=12):
-    """The field a scenario asks for: 'egm96' to degree and order 2 to 36, 'j2' or 'point'.
+def load(kind, degree=12, fields=BUILT_IN[Gravity]):
+    """GravityModel of the field a scenario asks for; fields : {name: models.Gravity}
 
-    J2 and the point mass are those of WGS 84; the degree counts for EGM96 alone.
+    egm96 has degree and order 2 to 36; j2 and the point mass are those of WGS 84, whatever the degree.
     """
-    if kind == "egm96":
-        if degree < 2:
-            raise ValueError(f"degree {degree}: EGM96 is given from degree 2 on; 'point' is the point mass")
-        return load_egm96(degree)
-    if kind not in ("j2", "point"):
-        raise ValueError(f"unknown field of gravity '{kind}': egm96, j2 or point")
-    cosine = np.zeros((3, 3)) if kind == "j2" else np.zeros((1, 1))
-    cosine[0, 0] = 1.0
-    if kind == "j2":
-        cosine[2, 0] = -J2_WGS84 / sqrt(5.0)
-    return from_normalised(wgs84.GM, wgs84.A, cosine, np.zeros_like(cosine))
+    if degree < 2:
+        raise ValueError(f"degree {degree}: a field is given from degree 2 on; 'point' is the point mass")
+    if kind not in fields:
+        raise ValueError(f"unknown field of gravity '{kind}'; choose from: {', '.join(fields)}")
+    return from_normalised(*fields[kind].coefficients(degree))
 
 
-def load_egm96(degree):
-    """EGM96 to the given degree and order, 0 (point mass) to 36."""
+def egm96(degree):
+    """Coefficients of EGM96 to the given degree and order, 0 (point mass) to 36."""
     if not 0 <= degree <= 36:
         raise ValueError(f"degree {degree}: the EGM96 table goes from 0 to 36")
     cosine, sine = np.zeros((degree + 1, degree + 1)), np.zeros((degree + 1, degree + 1))
@@ -71,7 +66,19 @@ def load_egm96(degree):
             n, m = int(row["n"]), int(row["m"])
             if n <= degree:
                 cosine[n, m], sine[n, m] = float(row["C_normalised"]), float(row["S_normalised"])
-    return from_normalised(GM_EGM96, RADIUS_EGM96, cosine, sine)
+    return Coefficients(GM_EGM96, RADIUS_EGM96, cosine, sine)
+
+
+def j2(degree):
+    """Coefficients of WGS 84 with J2 alone."""
+    cosine = np.zeros((3, 3))
+    cosine[0, 0], cosine[2, 0] = 1.0, -J2_WGS84 / sqrt(5.0)
+    return Coefficients(wgs84.GM, wgs84.A, cosine, np.zeros((3, 3)))
+
+
+def point(degree):
+    """Coefficients of the point mass of WGS 84."""
+    return Coefficients(wgs84.GM, wgs84.A, np.ones((1, 1)), np.zeros((1, 1)))
 
 
 def from_normalised(gm, radius, cosine, sine):

@@ -23,7 +23,7 @@ from shefex_nav.records import QUANTITIES, ControlSample, Event, FrameTruth, Rea
 from shefex_nav.replay import load as external_load
 from shefex_nav.replay import params as external_params
 from shefex_nav.report import local_level
-from shefex_nav.scenario import load, params_onboard
+from shefex_nav.scenario import load, params_onboard, surroundings
 
 CHANGEABLE = (  # what of a scenario may be changed after the flight
     "navigation.",
@@ -42,7 +42,7 @@ class Recording(NamedTuple):
     scenario_text: str  # with the overrides in it
     gps: dict  # tick, counted from 0 -> list of what GPS receiver and instruments said in it
     stars: dict  # likewise of StarFix, those without an attitude too
-    gravity: tuple | None  # kind and degree of the field that the scenario names; external data name none
+    gravity: Any  # GravityModel of the field that the scenario names; None: external data name none
     field: Any = None  # GravityModel that is felt instead of the on-board one; None: that of the filter
 
 
@@ -119,7 +119,7 @@ def _configuration(data, name, overrides):
         scenario = external_load.load_text(text, name, overrides)
         return external_params.nav_params(scenario, float(data.imu.dt_s[0])), scenario.source, None
     scenario = load.load_text(text, name, overrides)
-    known = scenario.earth.gravity, scenario.earth.gravity_degree
+    known = surroundings.gravity(scenario)
     scenario = prepare.settled(scenario)
     return params_onboard.nav_params(scenario), scenario.source, known
 

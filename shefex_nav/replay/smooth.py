@@ -129,7 +129,7 @@ def knowing_the_field(recording):
         params = params._replace(sigma_blocks=known, gravity_error=FIELD_ERROR)
     else:
         params = params._replace(imu=params.imu._replace(gravity=FIELD_ERROR))
-    return recording._replace(field=gravity.load(*recording.gravity), params=params)
+    return recording._replace(field=recording.gravity, params=params)
 
 
 def forward(recording, progress=lambda share: None):

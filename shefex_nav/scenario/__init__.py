@@ -3,6 +3,7 @@
 quantity, block, of_settings     values with units; sections; sections made of classes of settings
 schema, mission, vehicle, ...     the sections of a scenario
 aboard, plugged                  the sections of instruments; plug-ins that a scenario names
+surroundings                     models of gravity, air and wind
 shipped, files, document         which file a name means; its text; its tree with places
 layers, load, expand             files that extend each other; reading one; tables in files of their own
 overriding, fields, partial      --set; fields by their path

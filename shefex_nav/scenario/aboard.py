@@ -6,16 +6,18 @@ what is known.
 """
 
 from functools import cache
-from typing import Literal, get_args
+from typing import Literal
 
 from pydantic import Field, create_model
 
 from shefex_nav.clock import TICK_HZ
+from shefex_nav.environment import models
 from shefex_nav.instruments import BUILT_IN, OWN_STATES, TABLE
 from shefex_nav.instruments.instrument import Instrument, Known
 from shefex_nav.onboard.navigation.blocks import OPTIONAL, OwnState
 from shefex_nav.onboard.startracker.methods import STEPS, Method
-from shefex_nav.scenario.block import AUTOMATIC
+from shefex_nav.scenario import surroundings
+from shefex_nav.scenario.block import AUTOMATIC, with_word
 from shefex_nav.scenario.of_settings import section, settings
 from shefex_nav.scenario.told import part_of
 
@@ -26,7 +28,7 @@ _MADE = {}  # models by module and qualified name
 def complete(provided, base, navigation, told=None, core=tuple(OPTIONAL)):
     """Model of a kind of scenario with a section for each instrument.
 
-    provided : what plug-ins provide, Instrument, OwnState and Method, beside what comes with the program
+    provided : what plug-ins provide (`plugins`), beside what comes with the program
     base : Block of the scenario, with a field `navigation`; its module has `made` for what it lacks
     navigation : Block of that section, whose field `states` is given the names of all blocks
     told : Block of navigation.told, if there is one
@@ -37,28 +39,9 @@ def complete(provided, base, navigation, told=None, core=tuple(OPTIONAL)):
     whole = _complete((*BUILT_IN.values(), *own), states, base, navigation, told, core)
     for one in provided:
         if isinstance(one, Method) and STEPS[one.step].path[0] in whole.model_fields:
-            whole = _with_word(whole, STEPS[one.step].path, one.name)
-    return whole
-
-
-@cache
-def _with_word(model, path, word):
-    """A model in which the words that may stand at a path are one more."""
-    name, *rest = path
-    field = model.model_fields[name]
-    if rest:
-        kind = _with_word(field.annotation, tuple(rest), word)
-    else:
-        kind = Literal[(*get_args(field.annotation), word)]
-    given = {"default": field.default} if field.default_factory is None else {}
-    made = Field(default_factory=field.default_factory, description=field.description, **given)
-    return create_model(
-        model.__name__,
-        __base__=model,
-        __module__=model.__module__,
-        __doc__=model.__doc__,
-        **{name: (kind, made)},
-    )
+            whole = with_word(whole, STEPS[one.step].path, one.name)
+    brought = tuple(one for one in provided if type(one) in models.BUILT_IN)
+    return surroundings.complete(whole, brought) if brought and "earth" in whole.model_fields else whole
 
 
 @cache

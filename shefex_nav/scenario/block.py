@@ -1,8 +1,9 @@
 """What every section of a scenario has in common, and sections that come in several forms."""
 
+from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Tag, WithJsonSchema, create_model
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, WithJsonSchema, create_model
 
 AUTOMATIC = "automatic"  # in place of a choice that is left to the program
 
@@ -46,6 +47,36 @@ def forms(otherwise, **by_key):
     return tagged(choose, models)
 
 
+def with_field(model, path, kind, **made):
+    """A section in which one field, at a path of keys, is of another type, or is new.
+
+    kind : of the type that there was, None if it is new, gives the one that there is to be
+    made : of a new one, as pydantic.Field takes it
+    """
+    name, *rest = path
+    field = model.model_fields.get(name)
+    if rest:
+        own = with_field(field.annotation, rest, kind, **made)
+        factory = own if field.default_factory is field.annotation else field.default_factory
+    else:
+        own, factory = kind(field and field.annotation), field and field.default_factory
+    if field is None:
+        info = Field(default=None, **made)
+    else:
+        given = {"default": field.default} if factory is None else {}
+        info = Field(default_factory=factory, description=field.description, **given)
+    fields = {name: (own, info)}
+    return create_model(
+        model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **fields
+    )
+
+
+@cache
+def with_word(model, path, word):
+    """A section in which the words that may stand at a path are one more."""
+    return with_field(model, path, lambda words: Literal[(*get_args(words), word)])
+
+
 class _Unknown(Block):
     """Stands for a section whose kind is missing or misspelt."""
 
@@ -53,7 +84,12 @@ class _Unknown(Block):
 
 
 def kinds(key, *models):
-    """Type of a section of one of several kinds, told apart by the value of `key`, a Literal in each.
+    """Type of a section of one of several kinds, told apart by the value of `key`, a Literal in each."""
+    return tagged(*by_kind(key, *models))
+
+
+def by_kind(key, *models):
+    """What `tagged` takes for such kinds: function of a value that gives its tag, {kind: type}.
 
     A kind that is missing or misspelt is what is complained about, not the other keys.
     """
@@ -66,7 +102,7 @@ def kinds(key, *models):
         kind = value.get(key) if isinstance(value, dict) else None
         return f"<{kind}>" if isinstance(kind, str) and kind in known else f"<{key}>"
 
-    return tagged(choose, {**known, key: Annotated[unknown, WithJsonSchema({"not": {}})]})
+    return choose, {**known, key: Annotated[unknown, WithJsonSchema({"not": {}})]}
 
 
 def tagged(choose, models):

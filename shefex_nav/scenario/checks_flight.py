@@ -3,8 +3,8 @@
 from importlib.util import find_spec
 from itertools import pairwise
 
-from shefex_nav.scenario import thrust
-from shefex_nav.scenario.programme import AlignVelocity, Dwell, Turn
+from shefex_nav.scenario import surroundings, thrust
+from shefex_nav.scenario.mission import WindTable
 
 STARTS = ("launch", "orbit", "ground")
 SAMPLED = 0.5  # bandwidth times period up to which a sampled loop is well damped
@@ -32,14 +32,12 @@ def seconds(t_s):
 def _air(scenario):
     """Atmosphere and wind."""
     atmosphere, wind = scenario.atmosphere, scenario.wind
-    if atmosphere.model == "msis" and atmosphere.msis is None:
-        words = "is missing; msis needs it, for example 'msis: {f107: 97.7, f107_average: 127.3, ap: 4}'"
-        yield ("atmosphere", "msis"), words
+    yield from surroundings.contradictions(scenario)
     if atmosphere.model == "msis" and find_spec("pymsis") is None:
         words = "msis needs the package pymsis, which is not installed"
         words += ": pip install 'shefex-nav[msis]'; or take us76"
         yield ("atmosphere", "model"), words
-    if isinstance(wind, str):
+    if not isinstance(wind, WindTable):
         return
     for name, values in (("speed", wind.speed), ("from", wind.direction)):
         if len(values) != len(wind.height):
@@ -163,13 +161,13 @@ def _too_long(scenario, name, task):
 
 def _task(scenario, path, task):
     """What the kinds of tasks have of their own."""
-    if isinstance(task, Turn | AlignVelocity) and task.at is not None:
+    if task.task in ("turn", "align_velocity") and task.at is not None:
         if task.at < task.start:
             words = f"{seconds(task.at)} must not be before the task, which starts at {seconds(task.start)}"
             yield (*path, "at"), words
         else:
             yield from within(scenario, (*path, "at"), task.at)
-    if isinstance(task, Dwell):
+    if task.task == "dwell":
         yield from _dwell(path, task)
 
 

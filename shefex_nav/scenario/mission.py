@@ -8,9 +8,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from shefex_nav.scenario.block import Block, tagged
+from shefex_nav.environment import models
+from shefex_nav.environment.models import BUILT_IN, Gravity, Msis
+from shefex_nav.scenario.block import Block, by_kind, tagged
 from shefex_nav.scenario.of_settings import section
-from shefex_nav.scenario.quantity import Count, Number, Quantity, Time, quoted, refuse
+from shefex_nav.scenario.quantity import Count, Quantity, Time, quoted, refuse
 from shefex_nav.world.flight import settings
 
 EPOCH_EXAMPLE = "2012-06-22T19:18:00Z"
@@ -56,26 +58,18 @@ class Earth(Block):
     ut1_minus_utc: Quantity("s", "-0.58479 s", "UT1-UTC (IERS)", at_least="-0.9 s", at_most="0.9 s")
     pole_x: Quantity("rad", "0.0787 arcsec", "polar motion (IERS)", at_least="-2 arcsec", at_most="2 arcsec")
     pole_y: Quantity("rad", "0.4084 arcsec", "polar motion (IERS)", at_least="-2 arcsec", at_most="2 arcsec")
-    gravity: Literal["egm96", "j2", "point"] = Field(description="gravity that the vehicle flies in")
+    gravity: Literal[tuple(BUILT_IN[Gravity])] = Field(description="gravity that the vehicle flies in")
     gravity_degree: Count("12", "degree and order of egm96", at_least=2, at_most=36) = 12
-
-
-class Msis(Block):
-    """What the Sun does to the upper air, for NRLMSIS."""
-
-    f107: Number("97.7", "solar flux at 10.7 cm of the day before, in sfu", positive=True, at_most=500)
-    f107_average: Number("127.3", "its mean over 81 days, in sfu", positive=True, at_most=500)
-    ap: Number("4", "daily geomagnetic index", non_negative=True, at_most=400)
 
 
 class Atmosphere(Block):
     """The air."""
 
-    model: Literal["us76", "msis"] = Field(
+    model: Literal[tuple(BUILT_IN[models.Atmosphere])] = Field(
         default="us76", description="US Standard Atmosphere 1976 or NRLMSIS 2"
     )
     density: Quantity("", "100 %", "of the density of the model", positive=True, at_most="1000 %") = "100 %"
-    msis: Msis | None = Field(default=None, description="needed by msis")
+    msis: section(Msis) | None = Field(default=None, description="needed by msis")
 
 
 class WindTable(Block):
@@ -96,17 +90,24 @@ class WindFile(Block):
     )
 
 
-def _wind_form(value: Any):
-    if isinstance(value, str):
-        return "<none>"
-    return (
-        "<file>"
-        if isinstance(value, WindFile) or (isinstance(value, dict) and "file" in value)
-        else "<height>"
-    )
+def wind_type(names, *named):
+    """Type of the wind: a name, a table, or a section with the name as its `model`.
+
+    names : that may stand alone; named : models of such sections
+    """
+    choose, kinds = by_kind("model", *named) if named else (None, {})
+
+    def form(value: Any):
+        if isinstance(value, str):
+            return "<none>"
+        keys = value if isinstance(value, dict) else getattr(type(value), "model_fields", ())
+        if named and "model" in keys and "file" not in keys:
+            return choose(value)
+        return "<file>" if "file" in keys else "<height>"
+
+    return tagged(form, {"none": Literal[names], "file": WindFile, "height": WindTable, **kinds})
 
 
-Wind = tagged(_wind_form, {"none": Literal["none"], "file": WindFile, "height": WindTable})
-
+Wind = wind_type(tuple(BUILT_IN[models.Wind]))
 
 Launch, Ground, Orbit = (section(one) for one in (settings.Launch, settings.Ground, settings.Orbit))

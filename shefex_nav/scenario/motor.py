@@ -8,7 +8,9 @@ from typing import Literal
 from pydantic import Field
 
 from shefex_nav.scenario.block import Block, forms
+from shefex_nav.scenario.of_settings import section
 from shefex_nav.scenario.quantity import Number, Quantity
+from shefex_nav.world.flight import parts
 
 MassType = Quantity("kg", "814 kg", "at ignition", positive=True)
 
@@ -59,11 +61,9 @@ class PropellantFile(Block):
 Propellant = forms(("length", Grain), file=PropellantFile, table=TabulatedPropellant)
 
 
-class Nozzle(Block):
+class Nozzle(section(parts.Nozzle)):
     """What every motor has: a nozzle, and what is not perfect about its thrust."""
 
-    exit_area: Quantity("m2", "0.45 m2", "nozzle exit", positive=True)
-    exit_station: Quantity("m", "12.6 m", "nozzle exit", positive=True)
     thrust_factor: Quantity(
         "",
         "100 %",
@@ -71,14 +71,6 @@ class Nozzle(Block):
         positive=True,
         at_most="1000 %",
     ) = "100 %"
-    misalignment: tuple[
-        Quantity("rad", "0.1 deg", "thrust turned about body y", at_least="-45 deg", at_most="45 deg"),
-        Quantity("rad", "0.1 deg", "thrust turned about body z", at_least="-45 deg", at_most="45 deg"),
-    ] = ("0 deg", "0 deg")
-    offset: tuple[
-        Quantity("m", "2 mm", "thrust line off the roll axis in body y, at the exit"),
-        Quantity("m", "2 mm", "in body z"),
-    ] = ("0 mm", "0 mm")
 
 
 class ShapedMotor(Nozzle):

@@ -67,24 +67,27 @@ def _field(annotation, setting):
     limits = dict(setting.limits)
     fewest = limits.pop("fewest", None)
 
-    def one(example):
+    def one(example, help):
         if setting.kind == "quantity":
-            return Quantity(setting.unit, example, setting.help, **limits)
-        return (Number if setting.kind == "number" else Count)(example, setting.help, **limits)
+            return Quantity(setting.unit, example, help, **limits)
+        return (Number if setting.kind == "number" else Count)(example, help, **limits)
 
-    own = _several(kind, setting.example, one)
+    own = _several(kind, (setting.example, setting.help), one)
     return _optional(own, annotation), Field(default=default, min_length=fewest, alias=setting.key)
 
 
-def _several(kind, example, one):
-    """Type of a field of single values: one, a list, or a tuple of so many. one : example -> type of one"""
+def _several(kind, words, one):
+    """Type of a field of single values: one, a list, or a tuple of so many.
+
+    words : example and help, of a tuple each for all items or one for each; one : of both gives a type
+    """
     if get_origin(kind) is not tuple:
-        return one(example)
+        return one(*words)
     items = get_args(kind)
     if items[-1] is Ellipsis:
-        return list[one(example)]
-    examples = (example,) * len(items) if isinstance(example, str) else example
-    return tuple[tuple(one(example) for example in examples)]
+        return list[one(*words)]
+    each = ((text,) * len(items) if isinstance(text, str) else text for text in words)
+    return tuple[tuple(map(one, *each))]
 
 
 def _optional(own, annotation):

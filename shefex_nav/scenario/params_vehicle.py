@@ -1,32 +1,24 @@
-"""Sections of a scenario about vehicle and programme -> parameters of the flight, in SI."""
+"""Sections of a scenario about the vehicle -> parameters of the flight, in SI."""
 
 import numpy as np
 
 from shefex_nav.scenario import thrust
 from shefex_nav.scenario.motor import Grain
-from shefex_nav.scenario.programme import AlignVelocity, Damp, Dwell, Hold, Point, SpinTo, Turn
+from shefex_nav.scenario.of_settings import settings
 from shefex_nav.world.flight import params as flight
 
 GRAIN_ROWS = 101  # a grain between them is linear to 1e-5 of its inertia
 
 
-def part(block):
-    """flight.Part of a rigid part."""
-    return flight.Part(block.mass, block.station, block.inertia_roll, block.inertia_pitch)
-
-
 def stage(name, block):
     """flight.Stage of a stage."""
-    drop = block.separation
     return flight.Stage(
         name=name,
-        dry=part(block.dry),
+        dry=settings(block.dry),
         propellant=propellant(block.propellant),
         motor=motor(block.motor, block.propellant.mass),
         t_ignition_s=block.ignition,
-        t_separation_s=np.inf if drop is None else drop.at,
-        separation_impulse=0.0 if drop is None else drop.impulse,
-        tip_off=np.zeros(2) if drop is None else np.array(drop.tip_off),
+        separation=None if block.separation is None else settings(block.separation),
         aerodynamics=aerodynamics(block.aerodynamics),
     )
 
@@ -61,10 +53,7 @@ def motor(block, propellant_mass):
         t_s=np.array(curve.t_s),
         vacuum_thrust_n=np.array(curve.thrust_n),
         exhaust_speed=curve.exhaust_speed,
-        exit_area_m2=block.exit_area,
-        exit_station_m=block.exit_station,
-        misalignment=np.array(block.misalignment),
-        offset_m=np.array(block.offset),
+        nozzle=settings(block),
     )
 
 
@@ -101,32 +90,3 @@ def aerodynamics(block):
         roll_damping=row(block.roll_damping),
         roll_by_cant=row(block.roll_by_cant),
     )
-
-
-def task(name, block):
-    """The flight's task of a task in the programme."""
-    return _TASKS[type(block)]((name, block.start, block.end), block)
-
-
-def _dwell(head, block):
-    """Without rates there is no period and nothing fades."""
-    moves = block.boresight_rate != 0.0 or block.cross_rate != 0.0
-    return flight.Dwell(
-        *head,
-        boresight_rate=block.boresight_rate,
-        cross_rate=block.cross_rate,
-        cross_period_s=block.cross_period or 1.0,
-        cross_phase=block.cross_phase,
-        ramp_s=block.ramp if moves else 0.0,
-    )
-
-
-_TASKS = {
-    Damp: lambda head, b: flight.Damp(*head),
-    Turn: lambda head, b: flight.Turn(*head, b.azimuth, b.elevation, b.end if b.at is None else b.at),
-    AlignVelocity: lambda head, b: flight.AlignVelocity(*head, b.at),
-    SpinTo: lambda head, b: flight.Spin(*head, b.rate),
-    Point: lambda head, b: flight.Point(*head, b.azimuth, b.elevation, b.roll),
-    Dwell: _dwell,
-    Hold: lambda head, b: flight.Hold(*head),
-}

@@ -6,8 +6,10 @@ from pydantic import Field
 from pydantic_core import PydanticCustomError
 
 from shefex_nav import plugins
+from shefex_nav.environment import models
 from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.onboard.navigation.blocks import OwnState
+from shefex_nav.onboard.startracker.methods import Method
 from shefex_nav.scenario import document
 from shefex_nav.scenario.block import Block, tagged
 from shefex_nav.scenario.document import dotted
@@ -17,7 +19,7 @@ from shefex_nav.settings import declared
 
 KEY, FILE, HASH = "plugins", "file", "sha256"
 PLUGINS = (
-    "instruments and methods of your own: Python files, relative to this one, or names of installed "
+    "instruments, methods and models of your own: Python files, relative to this one, or names of installed "
     "plug-ins; a file is run with your consent only (--trust)"
 )
 
@@ -56,14 +58,16 @@ def pinned_in(text, name):
 
 
 def _names(one):
-    """Names that something which a plug-in provides takes: its own, and those of its blocks of states."""
-    return {one.name, *(block.name for block in getattr(one, "states", ()))}
+    """Names that something which a plug-in provides takes, each with what it is a name of: set of pairs."""
+    if isinstance(one, Instrument | OwnState):
+        return {("", name) for name in (one.name, *(block.name for block in getattr(one, "states", ())))}
+    return {(one.step if isinstance(one, Method) else type(one).__name__, one.name)}
 
 
 def _problem(one, taken):
     """What is wrong with something that a plug-in provides; '' if nothing is. taken : names of others"""
     if twice := sorted(_names(one) & taken):
-        return f"there is a '{twice[0]}' already, of a plug-in of this scenario"
+        return f"there is a '{twice[0][1]}' already, of a plug-in of this scenario"
     if isinstance(one, OwnState) and one.name in Navigation.model_fields:
         return f"navigation.{one.name} is a setting of the program; give the block of states another name"
     for cls in _settings_of(one):
@@ -81,9 +85,11 @@ def _problem(one, taken):
 
 def _settings_of(one):
     """Classes of settings of something that a plug-in provides."""
-    if isinstance(one, OwnState):
+    if isinstance(one, OwnState | models.Atmosphere | models.Wind):
         return (one.settings,)
-    return (one.settings, one.use) if isinstance(one, Instrument) else ()
+    if isinstance(one, Instrument):
+        return one.settings, one.use
+    return ()
 
 
 def loaded(tree, places, trust=False):

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, PrivateAttr
 
+from shefex_nav.environment.models import BUILT_IN
 from shefex_nav.scenario.block import Block
 from shefex_nav.scenario.dispersions import Campaign, Dispersions
 from shefex_nav.scenario.faults import Faults
@@ -26,6 +27,7 @@ class Sections(Block):
 
     NAME: ClassVar[str] = "Scenario"
     EXAMPLE: ClassVar[str] = "shefex2_andoya.yaml"
+    MODELS: ClassVar[dict] = BUILT_IN  # that gravity, air and wind are chosen from: class -> by name
 
     plugins: Plugins = Field(default=(), description=PLUGINS)
     mission: Mission

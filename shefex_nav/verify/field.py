@@ -10,6 +10,7 @@ import numpy as np
 from shefex_nav.clock import IMU_HZ
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import frames, rotation
+from shefex_nav.scenario import surroundings
 
 STEP = IMU_HZ  # samples between two evaluations of the field: a second, in which it changes by 0.1 micro gee
 
@@ -39,7 +40,7 @@ def turned(scenario, world, rng):
     Scenario, prepare.World, Generator -> prepare.World
     """
     trajectory = world.flight.trajectory
-    field = gravity.load(scenario.earth.gravity, scenario.earth.gravity_degree)
+    field = surroundings.gravity(scenario)
     t_s, difference = beyond(field, trajectory, world.earth)
     more = difference @ (rotation.dcm_from_quat(_any_rotation(rng)) - np.eye(3)).T
     dv_b = world.imu.dv_b.copy()

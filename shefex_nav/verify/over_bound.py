@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shefex_nav.clock import SAME_S
-from shefex_nav.environment import gravity
-from shefex_nav.scenario import params
+from shefex_nav.scenario import params, surroundings
 from shefex_nav.scenario.of_settings import settings
 from shefex_nav.verify import bound, bound_model
 from shefex_nav.verify.flown import ATT, PHASES, POS, VEL
@@ -48,7 +47,7 @@ def bounds(scenario, world, fixes):
     if left_out(scenario):
         raise ValueError(f"the bound does not know {left_out(scenario)}")
     flight = flight_of(scenario, world, fixes)
-    field = gravity.load(scenario.earth.gravity, scenario.earth.gravity_degree)
+    field = surroundings.gravity(scenario)
     process = bound.gravity_process(field, flight.trajectory, world.earth)
     layouts = [bound_model.sources(flight.imu, flight.camera, *one) for one in (process, (0.0, np.inf))]
     return tuple(bound.follow(flight, layout) for layout in layouts)

@@ -5,17 +5,27 @@ import sys
 import numpy as np
 import pytest
 
-from shefex_nav.environment import msis
+from shefex_nav.environment import msis, sampling
 from shefex_nav.environment.gravity import normal_gravity
+from shefex_nav.environment.models import BUILT_IN, Atmosphere, Msis, Site
 
 ANDOYA = ("2012-06-22T19:18:00Z", np.deg2rad(69.2942), np.deg2rad(16.0209))
 INDICES = (97.7, 127.3, 4.0)
+MODEL = BUILT_IN[Atmosphere]["msis"]
+
+
+def site(epoch, latitude, longitude, f107, f107_average, ap):
+    return Site(epoch, latitude, longitude, Msis(f107=f107, f107_average=f107_average, ap=ap))
+
+
+def table_of(*given):
+    return sampling.air_table(MODEL, site(*given))
 
 
 @pytest.fixture(scope="module")
 def air():
     pytest.importorskip("pymsis")
-    return msis.table(*ANDOYA, *INDICES)
+    return table_of(*ANDOYA, *INDICES)
 
 
 def at(table, height, column):
@@ -31,7 +41,7 @@ def test_layout(air):
 def test_values_of_the_model():
     pytest.importorskip("pymsis")
     # pymsis 0.13.0, NRLMSIS 2.1, Andoya at the launch of SHEFEX 2, F10.7 100 and 120: density; temperature
-    table = msis.table(*ANDOYA, 100.0, 120.0, 4.0)
+    table = table_of(*ANDOYA, 100.0, 120.0, 4.0)
     for height, density, temperature in (
         (0.0, 1.2479, 279.747),
         (10e3, 0.39614, 227.233),
@@ -61,21 +71,19 @@ def test_hydrostatic_balance(air):
 
 
 @pytest.mark.parametrize("latitude", [-80.0, 0.0, 69.3])
-def test_interpolation_between_the_rows(latitude, monkeypatch):
+def test_interpolation_between_the_rows(latitude):
     pytest.importorskip("pymsis")
-    place = (ANDOYA[0], np.deg2rad(latitude), 0.3, *INDICES)
-    coarse = msis.table(*place)
-    monkeypatch.setattr(msis, "FINE", 0.5 * msis.FINE)
-    monkeypatch.setattr(msis, "COARSE", 0.5 * msis.COARSE)
-    fine = msis.table(*place)
-    between = 0.5 * (coarse[1:] + coarse[:-1])
-    assert np.array_equal(fine[1::2, 0], between[:, 0])
-    assert np.abs(fine[1::2, 1:3] - between[:, 1:3]).max() < 1.2e-4
-    assert np.abs(fine[1::2, 3] / between[:, 3] - 1.0).max() < 1e-4
+    given = (ANDOYA[0], np.deg2rad(latitude), 0.3, *INDICES)
+    rows = table_of(*given)
+    between = 0.5 * (rows[1:] + rows[:-1])
+    exact = msis.air(between[:, 0], site(*given))
+    assert np.abs(np.log(exact.density) - between[:, 1]).max() < 1.2e-4
+    assert np.abs(np.log(exact.pressure) - between[:, 2]).max() < 1.2e-4
+    assert np.abs(np.sqrt(1.4 * exact.pressure / exact.density) / between[:, 3] - 1.0).max() < 1e-4
 
 
 def test_activity_of_the_sun_counts_high_up_only(air):
-    active = msis.table(*ANDOYA, 200.0, 200.0, 4.0)
+    active = table_of(*ANDOYA, 200.0, 200.0, 4.0)
     assert at(active, 70e3, 1) == pytest.approx(at(air, 70e3, 1), abs=1e-3)
     assert at(active, 400e3, 1) > at(air, 400e3, 1) + 0.5
 
@@ -83,4 +91,4 @@ def test_activity_of_the_sun_counts_high_up_only(air):
 def test_without_pymsis_the_message_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pymsis", None)  # what a failing import leaves
     with pytest.raises(msis.MissingModelError, match=r"shefex-nav\[msis\]"):
-        msis.table(*ANDOYA, *INDICES)
+        table_of(*ANDOYA, *INDICES)

@@ -34,6 +34,7 @@ def bodies():
 MAY_BE_NONE = (
     *("parachute", "height", "at", "payload_aerodynamics", "faintest_south"),
     *("satellite", "ionosphere", "troposphere", "multipath", "reacquisition", "line_time"),
+    *("cross_period", "ramp", "separation"),
 )
 
 
@@ -53,8 +54,9 @@ def assert_plain(record):
         if is_record(value):
             assert_plain(value)
         elif isinstance(value, tuple):
-            assert all(is_number(item) or isinstance(item, str) or is_record(item) for item in value)
-            for item in value:
+            items = [one for item in value for one in (item if type(item) is tuple else (item,))]  # pairs too
+            assert all(is_number(item) or isinstance(item, str) or is_record(item) for item in items)
+            for item in items:
                 if is_record(item):
                     assert_plain(item)
         elif isinstance(value, dict):

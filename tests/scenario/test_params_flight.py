@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from shefex_nav.environment import ephemeris, gravity
-from shefex_nav.scenario import params
+from shefex_nav.scenario import params, surroundings
 from shefex_nav.scenario.events import possible
 from shefex_nav.scenario.load import load
 from shefex_nav.world.flight import params as flight
+from shefex_nav.world.flight import tasks
 
 DEFAULT = Path(__file__).parents[2] / "scenarios" / "shefex2_andoya.yaml"
 DEG = math.pi / 180.0
@@ -49,14 +50,14 @@ def test_default_flight(default):
     assert default.start.azimuth == pytest.approx(352.0 * DEG)
     assert default.start.rail_length == 10.0
     assert [stage.name for stage in default.stages] == ["S40M", "S44"]
-    assert default.stages[1].dry.mass_kg == 200.0
-    assert [stage.t_separation_s for stage in default.stages] == [65.0, math.inf]
+    assert default.stages[1].dry.mass == 200.0
+    assert [stage.drops_at for stage in default.stages] == [65.0, math.inf]
     assert default.payload_aerodynamics is None
     assert default.parachute is None
     assert default.attitude == flight.FLOWN
     assert (default.air.table.shape, default.air.density_factor) == ((0, 4), 1.0)
     np.testing.assert_allclose(default.imu_b, [-2.2, 0.03, 0.02])
-    np.testing.assert_array_equal(default.offset_m, np.zeros(2))
+    assert default.payload.centre_of_mass_offset == (0.0, 0.0)
 
 
 def test_motor_by_its_shape(default):
@@ -87,10 +88,10 @@ def test_imperfections():
         "aerodynamics.axial_factor=110 %",
         "aerodynamics.normal_factor=90 %",
     )
-    np.testing.assert_allclose(stage.motor.misalignment, [0.1 * DEG, -0.2 * DEG])
-    np.testing.assert_allclose(stage.motor.offset_m, [1e-3, 2e-3])
-    assert stage.separation_impulse == 300.0
-    np.testing.assert_allclose(stage.tip_off, [DEG, 2.0 * DEG])
+    np.testing.assert_allclose(stage.motor.nozzle.misalignment, [0.1 * DEG, -0.2 * DEG])
+    np.testing.assert_allclose(stage.motor.nozzle.offset, [1e-3, 2e-3])
+    assert stage.separation.impulse == 300.0
+    np.testing.assert_allclose(stage.separation.tip_off, [DEG, 2.0 * DEG])
     assert stage.aerodynamics.axial[0, 0] == pytest.approx(1.1 * 0.45)
     assert stage.aerodynamics.normal_slope[0, 0] == pytest.approx(0.9 * 9.0)
     whole = load(
@@ -100,8 +101,8 @@ def test_imperfections():
             "vehicle.payload.principal_axis_tilt=[1 deg, 2 deg]",
         ],
     )
-    np.testing.assert_allclose(params.flight_params(whole).offset_m, [1e-3, 2e-3])
-    np.testing.assert_allclose(params.flight_params(whole).tilt, [DEG, 2.0 * DEG])
+    np.testing.assert_allclose(params.flight_params(whole).payload.centre_of_mass_offset, [1e-3, 2e-3])
+    np.testing.assert_allclose(params.flight_params(whole).payload.principal_axis_tilt, [DEG, 2.0 * DEG])
 
 
 def test_grain_is_a_hollow_cylinder_that_burns_outwards(default):
@@ -160,14 +161,15 @@ def test_coefficients_over_angle_and_mach():
 
 
 def test_programme(default):
-    damp, turn, spin, point, dwell, align = default.programme
-    assert isinstance(damp, flight.Damp) and (damp.name, damp.t_0, damp.t_1) == ("damping", 65.0, 70.0)
-    assert isinstance(turn, flight.Turn) and turn.t_at_s == 149.2
+    (name, damp), *others = default.programme
+    turn, spin, point, dwell, align = (task for _, task in others)
+    assert isinstance(damp, tasks.Damp) and (name, damp.start, damp.end) == ("damping", 65.0, 70.0)
+    assert isinstance(turn, tasks.Turn) and turn.level_at == 149.2
     assert turn.elevation == pytest.approx(8.58 * DEG)
-    assert isinstance(spin, flight.Spin) and spin.rate == 0.0
-    assert isinstance(point, flight.Point) and point.azimuth == pytest.approx(115.0 * DEG)
-    assert isinstance(dwell, flight.Dwell) and dwell.ramp_s == dwell.boresight_rate == dwell.cross_rate == 0.0
-    assert isinstance(align, flight.AlignVelocity) and align.t_at_s == 405.0
+    assert isinstance(spin, tasks.SpinTo) and spin.rate == 0.0
+    assert isinstance(point, tasks.Point) and point.azimuth == pytest.approx(115.0 * DEG)
+    assert isinstance(dwell, tasks.Dwell) and dwell.boresight_rate == dwell.cross_rate == 0.0
+    assert isinstance(align, tasks.AlignVelocity) and align.at == 405.0
     other = load(
         DEFAULT,
         [
@@ -178,10 +180,10 @@ def test_programme(default):
             "programme.despin={task: hold, from: 222 s, until: 235 s}",
         ],
     )
-    _, turn, hold, _, dwell, _ = params.flight_params(other).programme
-    assert turn.t_at_s == 145.0
-    assert isinstance(hold, flight.Hold)
-    assert (dwell.cross_rate, dwell.cross_period_s, dwell.ramp_s) == (pytest.approx(0.1 * DEG), 20.0, 3.0)
+    _, turn, hold, _, dwell, _ = (task for _, task in params.flight_params(other).programme)
+    assert turn.level_at == 145.0
+    assert isinstance(hold, tasks.Hold)
+    assert (dwell.cross_rate, dwell.cross_period, dwell.ramp) == (pytest.approx(0.1 * DEG), 20.0, 3.0)
 
 
 def test_devices(default):
@@ -233,11 +235,14 @@ def test_gravity_and_air():
 
 def test_msis_is_that_of_day_and_place():
     pytest.importorskip("pymsis", reason="the extra [msis] is not installed")
-    from shefex_nav.environment import msis
+    from shefex_nav.environment import sampling
+    from shefex_nav.environment.models import BUILT_IN, Atmosphere, Msis, Site
 
     scenario = load(DEFAULT, ["atmosphere.model=msis"])
     table = params.flight_params(scenario).air.table
-    expected = msis.table("2012-06-22T19:18:00", 69.2942 * DEG, 16.0190 * DEG, 97.7, 127.3, 4.0)
+    sun = Msis(f107=97.7, f107_average=127.3, ap=4.0)
+    site = Site("2012-06-22T19:18:00", 69.2942 * DEG, 16.0190 * DEG, sun)
+    expected = sampling.air_table(BUILT_IN[Atmosphere]["msis"], site)
     np.testing.assert_array_equal(table, expected)
 
 
@@ -245,7 +250,7 @@ def test_place_below_an_orbit():
     """Argument of latitude 90 deg: as far north as the inclination allows; the node then is 90 deg behind."""
     free = ["vehicle.spin_motors=null", "vehicle.yo_yo=null", "vehicle.cold_gas=null", *NO_FLIGHT]
     scenario = load(DEFAULT, [*free, ORBIT.replace("97 deg", "60 deg"), BODY, "mission.start=0 s"])
-    latitude, longitude = params._place(scenario)
+    latitude, longitude = surroundings.place(scenario)
     assert latitude == pytest.approx(60.0 * DEG, abs=2e-3)  # precession of the pole since 2000
     angle = ephemeris.earth_rotation(scenario.mission.epoch, -0.58479, 0.0, 0.0).angle_0
     expected = (40.0 + 90.0) * DEG - angle

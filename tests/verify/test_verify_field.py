@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from shefex_nav.environment import gravity
+from shefex_nav.environment.models import BUILT_IN
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Trajectory
 from shefex_nav.verify import field
@@ -36,8 +37,14 @@ def world_of(trajectory):
     return Small(**fields)
 
 
+class Fielded(SimpleNamespace):
+    """What of a scenario says which field it flies in."""
+
+    MODELS = BUILT_IN
+
+
 def scenario_with(kind, degree):
-    return SimpleNamespace(earth=SimpleNamespace(gravity=kind, gravity_degree=degree))
+    return Fielded(earth=SimpleNamespace(gravity=kind, gravity_degree=degree))
 
 
 @pytest.mark.parametrize("seed", range(3))

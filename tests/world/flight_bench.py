@@ -1,13 +1,13 @@
 """Bodies, Earths and sections of flight for tests of the equations of motion, without a mission around."""
 
 import numpy as np
-from shefex2 import PARAMS, STACK
+from shefex2 import PARAMS, STACK, part, payload
 
 from shefex_nav.environment import gravity
 from shefex_nav.geometry import wgs84
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.world.flight import attitude_program, control, dynamics, integrate, surroundings, vehicle
-from shefex_nav.world.flight.params import Air, Part
+from shefex_nav.world.flight.params import Air
 
 STILL = EarthRotation(np.eye(3), np.eye(3), 0.0, 0.0)
 TURNING = EarthRotation(np.eye(3), np.eye(3), 0.4, wgs84.OMEGA)
@@ -18,9 +18,9 @@ VACUUM = Air(np.zeros((0, 4)), 0.0)
 STANDARD = Air(np.zeros((0, 4)), 1.0)
 CALM = np.zeros((0, 3))
 FAR = np.array([2.0e7, 0.0, 0.0])  # m, where nothing is below
-BODY = Part(500.0, 3.0, 60.0, 900.0)
+BODY = part(500.0, 3.0, 60.0, 900.0)
 IMU = np.array([-2.0, 0.1, -0.05])
-AT_CG = np.array([-BODY.station_m, 0.0, 0.0])  # the centre of mass of BODY
+AT_CG = np.array([-BODY.station, 0.0, 0.0])  # the centre of mass of BODY
 IDLE = attitude_program.hold(0.0, 1.0, 0.0)
 
 
@@ -29,9 +29,9 @@ def world(field=NONE, earth=STILL, air=VACUUM, wind=CALM, rail=RAIL):
 
 
 def body(parts=(BODY,), stage=None, imu=IMU, aerodynamics=STACK, **options):
-    """Configuration of rigid parts; options: offset_m, tilt of FlightParams, or fields to replace."""
-    asymmetry = {name: np.array(options.pop(name, (0.0, 0.0))) for name in ("offset_m", "tilt")}
-    params = PARAMS._replace(imu_b=imu, **asymmetry)
+    """Configuration of rigid parts; options: offset, tilt of the whole, or fields to replace."""
+    asymmetry = {name: options.pop(name, (0.0, 0.0)) for name in ("offset", "tilt")}
+    params = PARAMS._replace(imu_b=imu, payload=payload(1.0, 1.0, 1.0, 1.0, **asymmetry))
     return vehicle.configure(parts, stage, params, aerodynamics)._replace(**options)
 
 

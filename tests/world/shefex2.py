@@ -7,12 +7,15 @@ S40: 4240 kg), take-off mass of 6.7 t, apogee 177 km, Mach 10 to 11 at the entry
 """
 
 from functools import lru_cache
+from typing import get_args
 
 import numpy as np
 
 from shefex_nav.environment import gravity
 from shefex_nav.geometry.frames import EarthRotation
+from shefex_nav.settings import declared
 from shefex_nav.world.flight import params as p
+from shefex_nav.world.flight import parts, tasks
 from shefex_nav.world.flight import settings as s
 from shefex_nav.world.flight.fly import fly
 
@@ -86,34 +89,51 @@ def grain(mass_kg, station_m, length_m, outer_m, inner_m):
     return p.Propellant(left, np.full(33, station_m), roll, pitch)
 
 
+def part(mass, station, inertia_roll, inertia_pitch):
+    return parts.RigidPart(mass=mass, station=station, inertia_roll=inertia_roll, inertia_pitch=inertia_pitch)
+
+
+def payload(mass, station, inertia_roll, inertia_pitch, offset=(0.0, 0.0), tilt=(0.0, 0.0)):
+    return parts.Payload(
+        mass=mass,
+        station=station,
+        inertia_roll=inertia_roll,
+        inertia_pitch=inertia_pitch,
+        centre_of_mass_offset=offset,
+        principal_axis_tilt=tilt,
+    )
+
+
+def nozzle(exit_area, exit_station, misalignment=(0.0, 0.0), offset=(0.0, 0.0)):
+    return parts.Nozzle(
+        exit_area=exit_area, exit_station=exit_station, misalignment=misalignment, offset=offset
+    )
+
+
 def motor(mass_kg, isp_s, burn_s, exit_area_m2, exit_station_m):
     """Rise in 0.3 s, slow decline by the ratio 0.98 to 1.10, tail-off in 4 s."""
     t_s, shape = np.array([0.0, 0.3, burn_s - 4.0, burn_s]), np.array([0.0, 1.0, 0.98 / 1.10, 0.0])
     speed = isp_s * G_0
     thrust = shape * mass_kg * speed / np.trapezoid(shape, t_s)
-    return p.Motor(t_s, thrust, speed, exit_area_m2, exit_station_m, np.zeros(2), np.zeros(2))
+    return p.Motor(t_s, thrust, speed, nozzle(exit_area_m2, exit_station_m))
 
 
 S40 = p.Stage(
     name="S40M",
-    dry=p.Part(980.0, 9.7, 190.0, 3600.0),
+    dry=part(980.0, 9.7, 190.0, 3600.0),
     propellant=grain(4240.0, 9.2, 4.4, 0.49, 0.18),
     motor=motor(4240.0, 272.0, 56.0, 0.45, 12.6),
     t_ignition_s=0.0,
-    t_separation_s=65.0,
-    separation_impulse=0.0,
-    tip_off=np.zeros(2),
+    separation=parts.Separation(at=65.0, impulse=0.0, tip_off=(0.0, 0.0)),
     aerodynamics=STACK,
 )
 S44 = p.Stage(
     name="S44",
-    dry=p.Part(200.0, 5.5, 28.0, 75.0),
+    dry=part(200.0, 5.5, 28.0, 75.0),
     propellant=grain(814.0, 5.3, 1.1, 0.49, 0.17),
     motor=motor(814.0, 282.0, 68.0, 0.35, 6.6),
     t_ignition_s=149.2,
-    t_separation_s=np.inf,
-    separation_impulse=0.0,
-    tip_off=np.zeros(2),
+    separation=None,
     aerodynamics=UPPER,
 )
 
@@ -129,13 +149,26 @@ COLD_GAS = s.ColdGas(
     reference=s.AttitudeReference(misalignment=0.2 * DEG, drift=10.0 * DEG / 3600.0, roll_scale_factor=20e-6),
 )
 
+
+def task(kind, start, end, **values):
+    """A task of a class of `tasks`, from start to end, s."""
+    (word,) = get_args(declared(kind)["task"][0])
+    return kind(task=word, start=start, end=end, **values)
+
+
+def dwell(start, end, **rates):
+    """A Dwell without rates, but for those given."""
+    still = {"boresight_rate": 0.0, "cross_rate": 0.0, "cross_period": None, "cross_phase": 0.0, "ramp": None}
+    return task(tasks.Dwell, start, end, **still | rates)
+
+
 PROGRAMME = (
-    p.Damp("damping", 65.0, 70.0),
-    p.Turn("precession", 70.0, 145.0, 352.0 * DEG, 8.58 * DEG, 149.2),
-    p.Spin("despin", 222.0, 235.0, 0.0),
-    p.Point("slew", 235.0, 250.0, 115.0 * DEG, 52.0 * DEG, 0.0),
-    p.Dwell("pointing", 250.0, 372.0, 0.0, 0.0, 1.0, 0.0, 0.0),
-    p.AlignVelocity("entry_slew", 372.0, 384.0, 405.0),
+    ("damping", task(tasks.Damp, 65.0, 70.0)),
+    ("precession", task(tasks.Turn, 70.0, 145.0, azimuth=352.0 * DEG, elevation=8.58 * DEG, at=149.2)),
+    ("despin", task(tasks.SpinTo, 222.0, 235.0, rate=0.0)),
+    ("slew", task(tasks.Point, 235.0, 250.0, azimuth=115.0 * DEG, elevation=52.0 * DEG, roll=0.0)),
+    ("pointing", dwell(250.0, 372.0)),
+    ("entry_slew", task(tasks.AlignVelocity, 372.0, 384.0, at=405.0)),
 )
 
 # C_bc: camera x along body x, boresight along body y
@@ -151,9 +184,7 @@ PARAMS = p.FlightParams(
     start=SITE,
     C_bc=C_BC,
     imu_b=np.array([-2.2, 0.03, 0.02]),
-    payload=p.Part(487.5, 2.6, 40.0, 420.0),
-    offset_m=np.zeros(2),
-    tilt=np.zeros(2),
+    payload=payload(487.5, 2.6, 40.0, 420.0),
     payload_aerodynamics=None,
     stages=(S40, S44),
     spin_motors=s.SpinMotors(at=384.0, duration=2.0, torque=213.6),

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from shefex2 import C_BC, COLD_GAS, DEG, MACH, PARAMS, STACK, column, grain, motor
+from shefex2 import C_BC, COLD_GAS, DEG, MACH, PARAMS, STACK, column, grain, motor, part, payload
 
 from shefex_nav.environment import gravity
 from shefex_nav.world.flight import params as p
@@ -32,13 +32,11 @@ PAYLOAD_AERO = p.Aerodynamics(
 )
 STAGE = p.Stage(
     name="motor",
-    dry=p.Part(150.0, 3.9, 4.0, 130.0),
+    dry=part(150.0, 3.9, 4.0, 130.0),
     propellant=grain(290.0, 3.9, 2.8, 0.17, 0.06),
     motor=motor(290.0, 235.0, 26.0, 0.06, 5.6),
     t_ignition_s=0.0,
-    t_separation_s=np.inf,
-    separation_impulse=0.0,
-    tip_off=np.zeros(2),
+    separation=None,
     aerodynamics=ROCKET_AERO,
 )
 GAS = replace(COLD_GAS, torque=(1.0, 8.0, 8.0), arm=(0.17, 1.0, 1.0), propellant=1.0)
@@ -57,7 +55,7 @@ ROCKET = PARAMS._replace(
         rail_length=8.0,
     ),
     imu_b=np.array([-1.0, 0.02, -0.03]),
-    payload=p.Part(95.0, 1.2, 1.3, 42.0),
+    payload=payload(95.0, 1.2, 1.3, 42.0),
     payload_aerodynamics=PAYLOAD_AERO,
     stages=(STAGE,),
     spin_motors=None,
@@ -82,7 +80,7 @@ SATELLITE = PARAMS._replace(
     ),
     C_bc=C_BC,
     imu_b=np.array([-0.4, 0.1, 0.05]),
-    payload=p.Part(80.0, 0.5, 8.0, 11.0),
+    payload=payload(80.0, 0.5, 8.0, 11.0),
     payload_aerodynamics=PAYLOAD_AERO,
     stages=(),
     spin_motors=None,

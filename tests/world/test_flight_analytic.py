@@ -9,7 +9,7 @@ from flight_bench import AT_CG, BODY, FAR, POINT, STANDARD, TURNING, body, propa
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 from scipy.special import gammaln, lpmv
-from shefex2 import S40, S44, STACK
+from shefex2 import S40, S44, STACK, part
 
 from shefex_nav.environment import gravity
 from shefex_nav.environment.atmosphere import us76
@@ -17,7 +17,6 @@ from shefex_nav.environment.gravity import J2_WGS84, gravity_e
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.world.flight import devices, surroundings
-from shefex_nav.world.flight.params import Part
 from shefex_nav.world.flight.settings import YoYo
 
 LONG = 600.0  # s
@@ -154,7 +153,7 @@ def test_kepler_arc(t_s):
 def test_rocket_equation_with_staging():
     # the first stage burns with the second on top, falls off, the second burns; nothing else acts
     q = S44.propellant
-    upper = Part(q.mass_kg[-1], q.station_m[-1], q.inertia_roll[-1], q.inertia_pitch[-1])
+    upper = part(q.mass_kg[-1], q.station_m[-1], q.inertia_roll[-1], q.inertia_pitch[-1])
     second = S44._replace(t_ignition_s=61.234567)
     lower = body([BODY, S40.dry, S44.dry, upper], S40)
     alone = body([BODY, S44.dry], second)
@@ -223,7 +222,7 @@ def test_parachute_comes_to_its_terminal_velocity():
     _, rows = propagate(x0, 60.0, c, still, dt=0.1)
     falling, high = -rows[-1, 3], rows[-1, 26]
     density = us76(high)[0]
-    weight = BODY.mass_kg * POINT.gm / (wgs84.A + high) ** 2
+    weight = BODY.mass * POINT.gm / (wgs84.A + high) ** 2
     assert falling == pytest.approx(np.sqrt(2.0 * weight / (density * area)), rel=2e-3)  # air gets denser
     before = rows[19]
     assert before[3] < -70.0  # still closed: it falls

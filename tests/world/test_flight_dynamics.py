@@ -1,5 +1,7 @@
 """Equations of motion: against a slow reference with whole vectors, and in cases with a known answer."""
 
+from dataclasses import astuple, replace
+
 import numpy as np
 import pytest
 from flight_bench import (
@@ -19,11 +21,11 @@ from flight_bench import (
 )
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial.transform import Rotation
-from shefex2 import PARAMS, S40, S44, STACK
+from shefex2 import PARAMS, S40, S44, STACK, part
 
 from shefex_nav.environment import gravity as fields
 from shefex_nav.environment.atmosphere import us76
-from shefex_nav.environment.gravity import gravity_e, load_egm96
+from shefex_nav.environment.gravity import gravity_e, load
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.geometry.frames import EarthRotation
 from shefex_nav.world.flight import aerodynamics, dynamics, fly, integrate, scene, surroundings, vehicle
@@ -152,11 +154,13 @@ def slow_derivative(t_s, x, mode, c, aero, around, torque):
 def crooked(aero):
     """The first stage with everything that a vehicle can have, and nothing on the axis."""
     lit = S40._replace(
-        motor=S40.motor._replace(misalignment=np.array([0.01, -0.02]), offset_m=np.array([0.03, 0.05])),
+        motor=S40.motor._replace(
+            nozzle=replace(S40.motor.nozzle, misalignment=(0.01, -0.02), offset=(0.03, 0.05))
+        ),
         aerodynamics=aero,
     )
     return body(
-        [PARAMS.payload, S40.dry], lit, aerodynamics=aero, offset_m=(0.02, -0.04), tilt=(0.03, 0.05),
+        [PARAMS.payload, S40.dry], lit, aerodynamics=aero, offset=(0.02, -0.04), tilt=(0.03, 0.05),
         spin_motors=np.array([[4.0, 6.0, 500.0], [4.5, 5.5, -100.0]]),
         yo_yo=np.array([29.0, 31.0, 2.0, 40.0]), parachute=np.array([79.0, 4.0, 30.0, 1.0, 0.0]),
     )  # fmt: skip
@@ -173,7 +177,7 @@ def test_derivative_against_whole_vectors(mode, aero, t_s):
     C_iq, C_re = (Rotation.from_rotvec(rng.normal(size=3) * s).as_matrix() for s in (1e-3, 1e-6))
     earth = EarthRotation(np.ascontiguousarray(C_iq), np.ascontiguousarray(C_re), 1.234, wgs84.OMEGA)
     wind = np.array([[0.0, 5.0, -8.0], [10e3, -30.0, 40.0], [70e3, 10.0, 60.0]])
-    around = world(load_egm96(4), earth, Air(np.zeros((0, 4)), 1.1), wind)
+    around = world(load("egm96", 4), earth, Air(np.zeros((0, 4)), 1.1), wind)
     for height in (100.0, 12e3, 60e3):
         r_e = wgs84.ecef_from_geodetic(rng.uniform(-1.5, 1.5), rng.uniform(-3, 3), height)
         r_i, v_i = frames.inertial_from_ecef(earth, t_s, r_e, rng.normal(size=3) * 500.0)
@@ -216,12 +220,12 @@ def test_drag_alone_brakes_along_the_velocity():
     sphere = STACK._replace(
         axial=0.0 * STACK.axial, normal_slope=0.0 * STACK.axial, drag=0.0 * STACK.axial + 0.5
     )
-    middle = sphere._replace(pressure_station_m=0.0 * STACK.axial + BODY.station_m, fin_cant=0.0)
+    middle = sphere._replace(pressure_station_m=0.0 * STACK.axial + BODY.station, fin_cant=0.0)
     c = body(imu=AT_CG, aerodynamics=middle)
     v_i = np.array([300.0, -200.0, 100.0])
     low = np.array([wgs84.A + 5e3, 0.0, 0.0])
     rate, aux = derivative(0.0, state(low, v_i), dynamics.FREE, c, world(air=STANDARD))
-    expected = -aux[5] * sphere.area_m2 * 0.5 / BODY.mass_kg * v_i / np.linalg.norm(v_i)
+    expected = -aux[5] * sphere.area_m2 * 0.5 / BODY.mass * v_i / np.linalg.norm(v_i)
     assert np.allclose(rate[3:6], expected, rtol=1e-12)
     assert np.allclose(rate[10:13], 0.0, atol=1e-15)
 
@@ -250,11 +254,9 @@ def test_mass_properties_between_the_rows_of_the_propellant(stage):
     for left in (0.3 * q.mass_kg[1], q.mass_kg[7], 0.77 * q.mass_kg[-1], q.mass_kg[-1]):
         k = max(0, np.searchsorted(q.mass_kg, left) - 1)
         s[0]["mass_row"] = k
-        rows = [
-            vehicle.combine([BODY, stage.dry, vehicle.Part(*(column[j] for column in q))]) for j in (k, k + 1)
-        ]
-        part = (left - q.mass_kg[k]) / (q.mass_kg[k + 1] - q.mass_kg[k])
-        mass, station, roll, pitch = (a + part * (b - a) for a, b in zip(*rows, strict=True))
+        rows = [vehicle.combine([BODY, stage.dry, part(*(column[j] for column in q))]) for j in (k, k + 1)]
+        share = (left - q.mass_kg[k]) / (q.mass_kg[k + 1] - q.mass_kg[k])
+        mass, station, roll, pitch = (a + share * (b - a) for a, b in zip(*map(astuple, rows), strict=True))
         got = vehicle.mass_properties(s[0], tables, left)
         assert np.allclose(got[:5], [mass, station, roll, pitch, pitch], rtol=1e-13)
         assert got[5] == pytest.approx(q.station_m[0], abs=1e-9)  # what burns is where the grain is
@@ -345,7 +347,7 @@ def test_impossible_vehicles_are_refused():
 
 def test_the_moment_station_does_not_matter():
     # the same forces, described about another point
-    c = body(aerodynamics=LIFTING, offset_m=(0.02, -0.04))
+    c = body(aerodynamics=LIFTING, offset=(0.02, -0.04))
     shift = 1.5
     other = c.aero._replace(
         moment_station=c.aero.moment_station + shift,
@@ -388,9 +390,9 @@ def test_rail_allows_motion_along_itself_only():
 def test_imu_is_not_the_centre_of_mass():
     omega = np.array([3.0, 0.5, -0.2])
     velocity = np.array([10.0, -20.0, 5.0])
-    lever = np.array([-BODY.station_m, 0.02, -0.01]) - IMU
+    lever = np.array([-BODY.station, 0.02, -0.01]) - IMU
     x0 = state(FAR, velocity, omega)
-    x, _ = propagate(x0, 20.0, body(offset_m=(0.02, -0.01)))
+    x, _ = propagate(x0, 20.0, body(offset=(0.02, -0.01)))
     cg_0, cg_1 = (s[0:3] + rotation.quat_rotate(s[6:10], lever) for s in (x0, x))
     v_0 = velocity + np.cross(omega, lever)
     assert np.allclose(cg_1, cg_0 + 20.0 * v_0, atol=2e-7)

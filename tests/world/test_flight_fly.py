@@ -4,16 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shefex2 import COLD_GAS, DEG, EARTH, PARAMS, PRESCRIBED, PROGRAMME, S40, S44
+from shefex2 import COLD_GAS, DEG, EARTH, PARAMS, PRESCRIBED, PROGRAMME, S40, S44, dwell, part, task
 from sounding_rocket import BOX, GAS, ROCKET, SATELLITE, STAGE
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.records import Phase
 from shefex_nav.world.flight import params as p
+from shefex_nav.world.flight import tasks
 from shefex_nav.world.flight.fly import FlightError, fly
+from shefex_nav.world.flight.parts import Separation
 from shefex_nav.world.flight.settings import YoYo
 
-SEPARATING = STAGE._replace(t_separation_s=60.0, separation_impulse=400.0, tip_off=np.array([0.05, -0.08]))
+
+def dropped(stage, at):
+    return stage._replace(separation=Separation(at=at, impulse=0.0, tip_off=(0.0, 0.0)))
+
+
+SEPARATING = STAGE._replace(separation=Separation(at=60.0, impulse=400.0, tip_off=(0.05, -0.08)))
 
 
 def flown(params, rng=None):
@@ -121,11 +128,11 @@ def test_a_satellite_starts_along_its_velocity_at_rest():
 
 
 def test_a_satellite_points_and_holds():
-    tasks = (
-        p.Point("slew", 10.0, 210.0, 1.0, 0.8, 0.2),
-        p.Dwell("pointing", 210.0, 500.0, 0.0, 0.0, 1.0, 0.0, 0.0),
+    programme = (
+        ("slew", task(tasks.Point, 10.0, 210.0, azimuth=1.0, elevation=0.8, roll=0.2)),
+        ("pointing", dwell(210.0, 500.0)),
     )
-    trajectory, events, control = flown(SATELLITE._replace(programme=tasks))
+    trajectory, events, control = flown(SATELLITE._replace(programme=programme))
     assert list(events) == ["slew_start", "slew_end", "pointing_start", "pointing_end"]
     marks = [(5.0, Phase.ORBIT), (10.0, Phase.MANOEUVRE), (300.0, Phase.POINTING), (500.1, Phase.ORBIT)]
     for t_s, phase in marks:
@@ -142,7 +149,7 @@ def test_a_satellite_points_and_holds():
 def test_a_kick_motor_in_orbit_gives_what_the_rocket_equation_says():
     kick = STAGE._replace(
         t_ignition_s=20.0,
-        dry=p.Part(20.0, 1.2, 1.0, 2.0),
+        dry=part(20.0, 1.2, 1.0, 2.0),
         propellant=STAGE.propellant._replace(station_m=np.full(33, 1.2)),
     )
     trajectory, events, _ = flown(SATELLITE._replace(stages=(kick,), time_limit_s=60.0))
@@ -168,8 +175,10 @@ def test_a_box_on_the_ground_stands_still():
 
 
 def test_an_empty_tank_is_an_event():
-    tasks = (p.Turn("turn", 70.0, 110.0, 1.0, 0.5, 110.0),)
-    little = ROCKET._replace(stages=(SEPARATING,), programme=tasks, cold_gas=replace(GAS, propellant=0.02))
+    programme = (("turn", task(tasks.Turn, 70.0, 110.0, azimuth=1.0, elevation=0.5, at=110.0)),)
+    little = ROCKET._replace(
+        stages=(SEPARATING,), programme=programme, cold_gas=replace(GAS, propellant=0.02)
+    )
     _, events, control = flown(little)
     assert 70.0 < events["cold_gas_empty"].t_s < 110.0
     assert control.propellant_kg[-1] == pytest.approx(0.02, rel=1e-9)
@@ -180,8 +189,8 @@ def test_an_empty_tank_is_an_event():
 
 def test_the_yo_yo_works_while_a_task_is_flown_too():
     yo_yo = YoYo(at=100.0, mass=0.3, cord_length=4.0, radius=0.178)
-    tasks = (p.Damp("damping", 95.0, 105.0),)
-    trajectory, events, _ = flown(ROCKET._replace(yo_yo=yo_yo, programme=tasks))
+    programme = (("damping", task(tasks.Damp, 95.0, 105.0)),)
+    trajectory, events, _ = flown(ROCKET._replace(yo_yo=yo_yo, programme=programme))
     i, _ = before_and_after(trajectory, 100.0)
     i_roll, r2 = 1.3 + 4.0, 0.178**2
     before = trajectory.omega_ib_b[i, 0]
@@ -196,17 +205,18 @@ def test_errors_of_the_reference_do_not_touch_what_is_not_steered():
     assert np.array_equal(first.r_i, second.r_i)
 
 
-STEERED = ROCKET._replace(stages=(SEPARATING,), programme=(p.Hold("hold", 100.0, 120.0),))
+SLEW = (("slew", task(tasks.Point, 70.0, 80.0, azimuth=0.0, elevation=0.5, roll=0.0)),)
+STEERED = ROCKET._replace(stages=(SEPARATING,), programme=(("hold", task(tasks.Hold, 100.0, 120.0)),))
 
 
 @pytest.mark.parametrize(
     ("params", "message"),
     [
         (PARAMS._replace(time_limit_s=420.0, sample_rate_hz=100.0), "in the air"),
-        (PARAMS._replace(payload=PARAMS.payload._replace(mass_kg=30e3), sample_rate_hz=50.0), "on the rail"),
-        (ROCKET._replace(stages=(STAGE._replace(t_separation_s=900.0),)), "before separation_1"),
+        (PARAMS._replace(payload=replace(PARAMS.payload, mass=30e3), sample_rate_hz=50.0), "on the rail"),
+        (ROCKET._replace(stages=(dropped(STAGE, 900.0),)), "before separation_1"),
         (
-            STEERED._replace(programme=(p.Hold("hold", 500.0, 1400.0),), parachute=None),
+            STEERED._replace(programme=(("hold", task(tasks.Hold, 500.0, 1400.0)),), parachute=None),
             "ground .* before hold",
         ),
         (
@@ -214,16 +224,19 @@ STEERED = ROCKET._replace(stages=(SEPARATING,), programme=(p.Hold("hold", 100.0,
             "yo-yo .* does not spin",
         ),
         (
-            STEERED._replace(attitude=p.PRESCRIBED, programme=(p.Point("slew", 70.0, 80.0, 0.0, 0.5, 0.0),)),
+            STEERED._replace(
+                attitude=p.PRESCRIBED,
+                programme=SLEW,
+            ),
             "spins with .* when slew",
         ),
         (
-            ROCKET._replace(attitude=p.PRESCRIBED, programme=(p.Hold("hold", 233.0, 236.5),)),
+            ROCKET._replace(attitude=p.PRESCRIBED, programme=(("hold", task(tasks.Hold, 233.0, 236.5)),)),
             "height of its para",
         ),
         (
             STEERED._replace(
-                attitude=p.PRESCRIBED, parachute=None, programme=(p.Hold("hold", 100.0, 900.0),)
+                attitude=p.PRESCRIBED, parachute=None, programme=(("hold", task(tasks.Hold, 100.0, 900.0)),)
             ),
             "hits the ground",
         ),
@@ -235,7 +248,7 @@ def test_flights_that_cannot_go_on(params, message):
 
 
 def tasks_with(name, **changes):
-    return tuple(t._replace(**changes) if t.name == name else t for t in PROGRAMME)
+    return tuple((one, replace(t, **changes) if one == name else t) for one, t in PROGRAMME)
 
 
 @pytest.mark.parametrize(
@@ -245,18 +258,21 @@ def tasks_with(name, **changes):
             PARAMS._replace(stages=(S40, S44._replace(t_ignition_s=60.0))),
             "S44.*before the separation of S40M",
         ),
-        (PARAMS._replace(stages=(S40._replace(t_separation_s=np.inf), S44)), "S44.*separation of S40M"),
-        (PARAMS._replace(stages=(S40._replace(t_separation_s=50.0), S44)), "before its burn-out"),
-        (PARAMS._replace(stages=(S40, S44._replace(t_separation_s=230.0))), "no aerodynamic coefficients"),
+        (PARAMS._replace(stages=(S40._replace(separation=None), S44)), "S44.*separation of S40M"),
+        (PARAMS._replace(stages=(dropped(S40, 50.0), S44)), "before its burn-out"),
+        (PARAMS._replace(stages=(S40, dropped(S44, 230.0))), "no aerodynamic coefficients"),
         (PARAMS._replace(stages=()), "nothing burns"),
         (PARAMS._replace(cold_gas=None), "no cold gas"),
         (
-            PARAMS._replace(programme=tasks_with("slew", t_0=230.0)),
+            PARAMS._replace(programme=tasks_with("slew", start=230.0)),
             "slew starts at 230.0 s, before despin ends",
         ),
-        (PARAMS._replace(programme=tasks_with("slew", t_1=235.0)), "slew ends at 235.0 s, not after"),
-        (PARAMS._replace(programme=tasks_with("pointing", cross_rate=0.01)), "pointing: .* need a ramp_s"),
-        (PARAMS._replace(programme=tasks_with("pointing", ramp_s=70.0)), "ramp_s .* does not fit twice"),
+        (PARAMS._replace(programme=tasks_with("slew", end=235.0)), "slew ends at 235.0 s, not after"),
+        (PARAMS._replace(programme=tasks_with("pointing", cross_rate=0.01)), "pointing: .* need a ramp"),
+        (
+            PARAMS._replace(programme=tasks_with("pointing", cross_rate=0.01, ramp=70.0)),
+            "ramp .* does not fit twice",
+        ),
         (PARAMS._replace(t_start_s=1.0), "after lift-off"),
         (PARAMS._replace(time_limit_s=380.0), "entry_slew_end .* after time_limit_s"),
         (PARAMS._replace(cold_gas=replace(COLD_GAS, bandwidth=30.0)), "too slow for a bandwidth"),

@@ -1,14 +1,16 @@
 """The attitude programme: each task arrives where it should, with a rate that is continuous."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from shefex2 import C_BC, DEG, EARTH
+from shefex2 import C_BC, DEG, EARTH, dwell, task
 
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.world.flight import attitude_program as attitude
-from shefex_nav.world.flight import params as p
+from shefex_nav.world.flight import tasks
 
 
 def end_attitude(law, q_0):
@@ -96,16 +98,17 @@ def test_spin_ramp():
 
 
 def test_rates_of_a_dwell_have_the_size_that_was_asked_for():
-    task = p.Dwell("pointing", 250.0, 372.0, 1.2 * DEG, 1.6 * DEG, 20.0, 0.3, 3.0)
-    law = attitude.dwell(task, C_BC)
+    rates = {"boresight_rate": 1.2 * DEG, "cross_rate": 1.6 * DEG, "cross_period": 20.0, "cross_phase": 0.3}
+    moving = dwell(250.0, 372.0, ramp=3.0, **rates)
+    law = attitude.dwell(moving, C_BC)
     middle = np.array([attitude.body_rate(law, t)[:3] for t in np.arange(260.0, 360.0, 0.5)])
     assert np.allclose(np.linalg.norm(middle, axis=1), 2.0 * DEG, rtol=1e-9)
     assert np.allclose(middle @ C_BC[:, 2], 1.2 * DEG, rtol=1e-9)
     turning = np.unwrap(np.arctan2(middle @ C_BC[:, 1], middle @ C_BC[:, 0]))
     assert np.allclose(np.diff(turning) / 0.5, 2.0 * np.pi / 20.0, rtol=1e-6)
-    for t_s in (task.t_0, task.t_1):
+    for t_s in (moving.start, moving.end):
         assert np.allclose(attitude.body_rate(law, t_s), 0.0, atol=1e-15)
-    still = attitude.dwell(task._replace(boresight_rate=0.0, cross_rate=0.0, ramp_s=0.0), C_BC)
+    still = attitude.dwell(replace(moving, boresight_rate=0.0, cross_rate=0.0), C_BC)
     assert not any(attitude.body_rate(still, 300.0))
 
 
@@ -118,30 +121,30 @@ def test_tasks_become_the_laws_that_reach_their_targets():
         assert t_s == 149.2  # the time that the task names
         return r_i, v_i
 
-    def reached(task, spin):
-        law = attitude.rate_law(task, q_0, spin, ahead, EARTH, C_BC)
+    def reached(flown, spin):
+        law = attitude.rate_law(flown, q_0, spin, ahead, EARTH, C_BC)
         assert (law.t_0, law.t_1) == (100.0, 130.0)
         assert attitude.body_rate(law, 100.0)[:3] == pytest.approx([spin, 0.0, 0.0], abs=1e-12)
         return rotation.dcm_from_quat(end_attitude(law, q_0)), attitude.body_rate(law, 130.0)[0]
 
     span = (100.0, 130.0)
-    C_ib, spin = reached(p.Turn("a", *span, 5.0, 0.2, 149.2), 9.0)
+    C_ib, spin = reached(task(tasks.Turn, *span, azimuth=5.0, elevation=0.2, at=149.2), 9.0)
     assert np.allclose(C_ib[:, 0], attitude.direction_i(EARTH, 149.2, r_i, 5.0, 0.2), atol=1e-7)
     assert spin == 9.0
-    C_ib, _ = reached(p.AlignVelocity("b", *span, 149.2), 0.0)
+    C_ib, _ = reached(task(tasks.AlignVelocity, *span, at=149.2), 0.0)
     v_air = v_i - np.cross(frames.omega_ie_i(EARTH), r_i)
     assert np.allclose(C_ib[:, 0], v_air / np.linalg.norm(v_air), atol=1e-7)
-    assert reached(p.Spin("c", *span, 2.5), 9.0)[1] == pytest.approx(2.5, abs=1e-12)
-    C_ib, spin = reached(p.Hold("d", *span), 9.0)
+    assert reached(task(tasks.SpinTo, *span, rate=2.5), 9.0)[1] == pytest.approx(2.5, abs=1e-12)
+    C_ib, spin = reached(task(tasks.Hold, *span), 9.0)
     assert np.allclose(C_ib[:, 0], rotation.dcm_from_quat(q_0)[:, 0], atol=1e-7) and spin == 9.0
     with pytest.raises(TypeError, match="no law"):
-        attitude.rate_law(p.Damp("e", *span), q_0, 0.0, ahead, EARTH, C_BC)
+        attitude.rate_law(task(tasks.Damp, *span), q_0, 0.0, ahead, EARTH, C_BC)
 
 
 def test_point_lays_the_boresight_where_it_is_told_at_its_end():
     q_0, r_i = random_attitude(np.random.default_rng(4)), np.array([2.0e6, 1.0e6, 6.1e6])
-    task = p.Point("slew", 235.0, 250.0, 115.0 * DEG, 52.0 * DEG, 0.4)
-    law = attitude.rate_law(task, q_0, 0.0, lambda t_s: (r_i + (t_s - 250.0), None), EARTH, C_BC)
+    slew = task(tasks.Point, 235.0, 250.0, azimuth=115.0 * DEG, elevation=52.0 * DEG, roll=0.4)
+    law = attitude.rate_law(slew, q_0, 0.0, lambda t_s: (r_i + (t_s - 250.0), None), EARTH, C_BC)
     C_ic = rotation.dcm_from_quat(end_attitude(law, q_0)) @ C_BC
     assert np.allclose(
         C_ic[:, 2], attitude.direction_i(EARTH, 250.0, r_i, 115.0 * DEG, 52.0 * DEG), atol=1e-7

@@ -8,7 +8,7 @@ from shefex2 import EARTH
 
 from shefex_nav.environment import gravity
 from shefex_nav.environment.atmosphere import us76
-from shefex_nav.environment.gravity import GM_EGM96, RADIUS_EGM96, gravity_e, gravity_j2_e, load_egm96
+from shefex_nav.environment.gravity import GM_EGM96, RADIUS_EGM96, gravity_e, gravity_j2_e
 from shefex_nav.geometry import frames, rotation, wgs84
 from shefex_nav.world.flight import dynamics, integrate, scene, surroundings
 from shefex_nav.world.flight.params import Air
@@ -34,7 +34,7 @@ def test_height_above_a_sphere():
 
 @pytest.mark.parametrize("degree", [0, 2, 12])
 def test_gravitation_in_two_parts_is_the_whole(degree):
-    field = load_egm96(degree)
+    field = gravity.from_normalised(*gravity.egm96(degree))
     around = world(field, EARTH)
     s, _ = scene.prepare(body(), around)
     r_e = wgs84.ecef_from_geodetic(1.2, 0.3, 1e5)
@@ -48,7 +48,7 @@ def test_gravitation_in_two_parts_is_the_whole(degree):
 def test_closed_form_is_that_of_the_field():
     assert np.allclose(surroundings.closed_form(gravity.load("j2")), [wgs84.GM, wgs84.A, gravity.J2_WGS84])
     assert np.array_equal(surroundings.closed_form(gravity.load("point"))[2:], [0.0])
-    gm, radius, j2 = surroundings.closed_form(load_egm96(12))
+    gm, radius, j2 = surroundings.closed_form(gravity.load("egm96", 12))
     assert (gm, radius) == (GM_EGM96, RADIUS_EGM96)
     assert j2 == pytest.approx(0.484165371736e-3 * np.sqrt(5.0), rel=1e-9)
     s, _ = scene.prepare(body(), world(gravity.load("j2")))
@@ -59,7 +59,7 @@ def test_closed_form_is_that_of_the_field():
 @pytest.mark.parametrize("kind", ["suborbital", "orbit"])
 def test_harmonics_linear_over_a_step_cost_no_accuracy(kind):
     """300 s through degree 12 with the largest step, against an integration that evaluates all of it."""
-    field = load_egm96(12)
+    field = gravity.load("egm96", 12)
     v_e = np.array([-2500.0, 500.0, 2000.0]) * (2.2 if kind == "orbit" else 1.0)
     r_e = wgs84.ecef_from_geodetic(1.2, 0.3, 170e3)
     r_i, v_i = frames.inertial_from_ecef(EARTH, 0.0, r_e, v_e)
@@ -115,7 +115,7 @@ def test_wind_blows_in_the_local_level(latitude):
     for height, north, east in ((-10.0, 3.0, -4.0), (5e3, 8.0, 6.0), (15e3, 6.5, 28.0), (30e3, 0.0, 40.0)):
         r_e = wgs84.ecef_from_geodetic(latitude, longitude, height)
         h, sine, cosine = surroundings.level(*WGS84, *r_e)
-        wind = surroundings.wind_e(s, tables, h, sine, cosine, r_e[0], r_e[1])
+        wind = surroundings.wind_e(s, tables, 0.0, h, sine, cosine, r_e[0], r_e[1])
         expected = wgs84.dcm_en(latitude, longitude) @ [north, east, 0.0]
         assert np.allclose(wind, expected, atol=2e-6)
 
@@ -123,14 +123,41 @@ def test_wind_blows_in_the_local_level(latitude):
 def test_a_wind_of_one_height_is_that_of_all():
     prepared = scene.prepare(body(), world(wind=np.array([[500.0, 3.0, -4.0]])))
     for height in (0.0, 500.0, 9e3):
-        wind = surroundings.wind_e(prepared.record[0], prepared.tables, height, 0.0, 1.0, 7e6, 0.0)
+        wind = surroundings.wind_e(prepared.record[0], prepared.tables, 9.0, height, 0.0, 1.0, 7e6, 0.0)
         assert wind == pytest.approx((0.0, -4.0, 3.0))  # over the equator: east is y, north is z
+
+
+def test_a_wind_changes_over_the_time():
+    """Linear in height and in time, as a table of both says; constant before the first and after the last."""
+    rows, times = (
+        np.array([[0.0, 1.0, 2.0, 3.0, 6.0, -5.0, 0.0], [1e3, 5.0, 4.0, 9.0, 8.0, 1.0, 2.0]]),
+        (0.0, 10.0, 40.0),
+    )
+    around = surroundings.surround(POINT, STILL, RAIL, STANDARD, rows, times)
+    prepared = scene.prepare(body(), around)
+    for t_s in (-5.0, 0.0, 2.5, 10.0, 25.0, 40.0, 99.0):
+        for height in (-10.0, 0.0, 250.0, 1000.0, 2000.0):
+            seen = surroundings.wind_e(prepared.record[0], prepared.tables, t_s, height, 0.0, 1.0, 7e6, 0.0)
+            at = [np.interp(height, rows[:, 0], column) for column in rows.T[1:]]
+            north, east = np.interp(t_s, times, at[0::2]), np.interp(t_s, times, at[1::2])
+            assert seen == pytest.approx((0.0, east, north), abs=1e-12)
+
+
+def test_a_wind_of_one_height_changes_over_the_time():
+    around = surroundings.surround(
+        POINT, STILL, RAIL, STANDARD, np.array([[0.0, 1.0, 2.0, 3.0, 6.0]]), (0.0, 10.0)
+    )
+    prepared = scene.prepare(body(), around)
+    seen = surroundings.wind_e(prepared.record[0], prepared.tables, 5.0, 4e3, 0.0, 1.0, 7e6, 0.0)
+    assert seen == pytest.approx((0.0, 4.0, 2.0))
 
 
 def test_unordered_tables_are_refused():
     falling = np.array([[1e3, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    with pytest.raises(ValueError, match="wind"):
+    with pytest.raises(ValueError, match="heights of the wind"):
         surroundings.surround(POINT, STILL, RAIL, STANDARD, falling)
+    with pytest.raises(ValueError, match="times of the wind"):
+        surroundings.surround(POINT, STILL, RAIL, STANDARD, np.zeros((1, 5)), (1.0, 1.0))
     air = np.array([[1e3, 0.0, 0.0, 300.0], [0.0, 0.0, 0.0, 300.0]])
     with pytest.raises(ValueError, match="air"):
         surroundings.surround(POINT, STILL, RAIL, Air(air, 1.0), CALM)

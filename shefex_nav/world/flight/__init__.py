@@ -1,6 +1,7 @@
 """Six degrees of freedom from the pad to the ground.
 
-params              what is flown: vehicle, programme, start, air
+params              what is flown: vehicle, start, air
+parts, tasks, settings   masses; the attitude programme; start and devices
 timeline            its moments, in order
 start               on the rail, in orbit, on the ground
 fly                 flies section after section

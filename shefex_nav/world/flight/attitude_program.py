@@ -16,7 +16,7 @@ import numpy as np
 
 from shefex_nav.compiled import inner, kernel
 from shefex_nav.geometry import frames, rotation, wgs84
-from shefex_nav.world.flight import params
+from shefex_nav.world.flight import tasks
 
 
 class RateLaw(NamedTuple):
@@ -139,15 +139,15 @@ def turn_to(t_0, t_1, q_ib, q_target):
 
 def dwell(task, C_bc):
     """Hold the star camera's attitude, but for the rates asked for. C_bc: (3, 3) nominal mounting."""
-    law = hold(task.t_0, task.t_1, 0.0)
-    if task.ramp_s == 0.0:
+    law = hold(task.start, task.end, 0.0)
+    if not task.moves:
         return law
     return law._replace(
         steady=task.boresight_rate * np.ascontiguousarray(C_bc[:, 2]),
         swing=task.cross_rate * np.ascontiguousarray(C_bc[:, :2].T),
-        frequency=2.0 * np.pi / float(task.cross_period_s),
+        frequency=2.0 * np.pi / float(task.cross_period or 1.0),
         phase=float(task.cross_phase),
-        ramp=float(task.ramp_s),
+        ramp=float(task.ramp),
     )
 
 
@@ -157,26 +157,26 @@ def rate_law(task, q_ib, spin, ahead, earth, C_bc):
     ahead: function of the mission time s that predicts (r_i, v_i) of the free fall. Damping has no law of
     this kind: what it leaves depends on the rates it finds, see `damp`.
     """
-    t_0, t_1 = task.t_0, task.t_1
+    t_0, t_1 = task.start, task.end
     match task:
-        case params.Turn():
-            r_i, _ = ahead(task.t_at_s)
-            target_i = direction_i(earth, task.t_at_s, r_i, task.azimuth, task.elevation)
+        case tasks.Turn():
+            r_i, _ = ahead(task.level_at)
+            target_i = direction_i(earth, task.level_at, r_i, task.azimuth, task.elevation)
             return turn_roll_axis(t_0, t_1, spin, q_ib, target_i)
-        case params.AlignVelocity():
-            r_i, v_i = ahead(task.t_at_s)
+        case tasks.AlignVelocity():
+            r_i, v_i = ahead(task.at)
             v_air_i = v_i - np.cross(frames.omega_ie_i(earth), r_i)
             return turn_roll_axis(t_0, t_1, spin, q_ib, v_air_i / np.sqrt(v_air_i @ v_air_i))
-        case params.Spin():
+        case tasks.SpinTo():
             return ramp_spin(t_0, t_1, spin, task.rate)
-        case params.Point():
+        case tasks.Point():
             r_i, _ = ahead(t_1)
             boresight_i = direction_i(earth, t_1, r_i, task.azimuth, task.elevation)
             roll_axis_i = rotation.quat_rotate(q_ib, np.array([1.0, 0.0, 0.0]))
             return turn_to(t_0, t_1, q_ib, camera_attitude(boresight_i, roll_axis_i, task.roll, C_bc))
-        case params.Dwell():
+        case tasks.Dwell():
             return dwell(task, C_bc)
-        case params.Hold():
+        case tasks.Hold():
             return hold(t_0, t_1, spin)
     raise TypeError(f"no law for {task!r}")
 

@@ -226,7 +226,7 @@ def _around(t_s, x, s, tables, fine):
     density, pressure, sound = air(s, tables, height_m)
     wx, wy, wz = 0.0, 0.0, 0.0
     if s.wind_n > 0:
-        wx, wy, wz = wind_e(s, tables, height_m, sine, cosine, ex, ey)
+        wx, wy, wz = wind_e(s, tables, t_s, height_m, sine, cosine, ex, ey)
         wx, wy, wz = to_inertial(s, turn, wx, wy, wz)
     gravitation = gx + fine[0], gy + fine[1], gz + fine[2]
     return gravitation, Around(height_m, density, pressure, sound, (wx, wy, wz))

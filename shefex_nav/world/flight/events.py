@@ -8,8 +8,7 @@ import numpy as np
 
 from shefex_nav.geometry import frames
 from shefex_nav.records import Event, Phase
-from shefex_nav.world.flight import params as p
-from shefex_nav.world.flight import settings, timeline
+from shefex_nav.world.flight import settings, tasks, timeline
 
 LEVELS = (("entry", 100e3), ("altitude_60km", 60e3), ("altitude_20km", 20e3))  # m, on the way down
 
@@ -36,11 +35,11 @@ def phases(params, t_s, stage, instants):
     if launch:
         out[between(t_s, -np.inf, instants["lift_off"])] = Phase.PAD
     down = instants.get("apogee" if launch else "entry", np.inf)
-    last = params.programme[-1].t_1 if params.programme else -np.inf
+    last = params.programme[-1][1].end if params.programme else -np.inf
     out[between(t_s, max(down, last), np.inf)] = Phase.DESCENT
-    for task in params.programme:
-        still = isinstance(task, p.Dwell | p.Hold)
-        out[between(t_s, task.t_0, task.t_1)] = Phase.POINTING if still else Phase.MANOEUVRE
+    for _, task in params.programme:
+        still = isinstance(task, tasks.Dwell | tasks.Hold)
+        out[between(t_s, task.start, task.end)] = Phase.POINTING if still else Phase.MANOEUVRE
     out[between(t_s, instants.get("parachute", np.inf), np.inf)] = Phase.PARACHUTE
     out[stage > 0] = Phase.BOOST
     return out

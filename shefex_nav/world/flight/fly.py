@@ -23,6 +23,7 @@ from shefex_nav.world.flight import (
     settings,
     start,
     surroundings,
+    tasks,
     timeline,
     vehicle,
 )
@@ -74,7 +75,7 @@ def fly(params, earth, rng=None):
     dt = 1.0 / params.sample_rate_hz
     rows = np.zeros((int(np.floor((params.time_limit_s - params.t_start_s) / dt + 1e-6)) + 1, dynamics.ROW))
     if isinstance(params.start, settings.Ground):
-        start.stand(params, world, q_eb, params.payload.mass_kg, rows, params.time_limit_s + dt)
+        start.stand(params, world, q_eb, params.payload.mass, rows, params.time_limit_s + dt)
         return _record(params, earth, rows, {}, None, False)
     steering = control.none() if params.cold_gas is None else _steering(params, rng)
     run = _at_the_start(params, world, q_eb, rows, steering)
@@ -110,10 +111,10 @@ def configurations(params):
     """The vehicle after 0, 1, 2 ... separations: tuple of `vehicle.Configuration`."""
     stages, out = params.stages, []
     for n, stage in enumerate(stages):
-        above = [_full(other.propellant) for other in stages[n + 1 :]]
+        above = [vehicle.charge(other.propellant, -1) for other in stages[n + 1 :]]
         rigid = [params.payload, *(other.dry for other in stages[n:]), *above]
         out.append(vehicle.configure(rigid, stage, params, stage.aerodynamics))
-    if not stages or np.isfinite(stages[-1].t_separation_s):
+    if not stages or stages[-1].separation is not None:
         out.append(vehicle.configure([params.payload], None, params, params.payload_aerodynamics))
     motors = devices.spin_motor_rows(params.spin_motors)
     t_0, t_1 = timeline.prescribed(params)
@@ -121,12 +122,6 @@ def configurations(params):
         motors = devices.spin_motor_rows(None)  # the attitude happens as told
     parachute, none = devices.parachute_row(params.parachute), devices.yo_yo_row(None, 0.0, 1.0)
     return tuple(c._replace(spin_motors=motors, parachute=parachute, yo_yo=none) for c in out)
-
-
-def _full(propellant):
-    """All of a stage's propellant as a rigid part."""
-    q = propellant
-    return p.Part(q.mass_kg[-1], q.station_m[-1], q.inertia_roll[-1], q.inertia_pitch[-1])
 
 
 def lever(configuration, t_s):
@@ -144,7 +139,7 @@ def _mass_row(configuration, t_s):
 
 def _steering(params, rng):
     """The control, with room for the ticks of all tasks."""
-    seconds = [task.t_1 - task.t_0 for task in params.programme]
+    seconds = [task.end - task.start for _, task in params.programme]
     ticks = sum(int(s / params.cold_gas.period) + 3 for s in seconds) + 3  # and where sections are cut
     return control.start(params.cold_gas, rng, ticks)
 
@@ -256,16 +251,16 @@ class _Run:
             case Kind.SPIN_MOTORS if not len(self.configuration.spin_motors):
                 del self.instants[moment.name]
             case Kind.BEGIN if self.params.attitude == p.FLOWN:
-                self._begin(self.params.programme[moment.number])
+                self._begin(self.params.programme[moment.number][1])
             case Kind.BEGIN:
-                self._prescribe(self.params.programme[moment.number])
+                self._prescribe(*self.params.programme[moment.number])
 
     def _separate(self, stage, number, as_told):
         """Leave a stage behind; a prescribed attitude is not disturbed by it."""
         before, after = self.configuration, self.vehicles[number]
         self.configuration = after._replace(yo_yo=before.yo_yo, parachute=before.parachute)
-        speed = stage.separation_impulse / _mass_row(after, self.t_s)[1]
-        rate = np.zeros(3) if as_told else np.array([0.0, *stage.tip_off])
+        speed = stage.separation.impulse / _mass_row(after, self.t_s)[1]
+        rate = np.zeros(3) if as_told else np.array([0.0, *stage.separation.tip_off])
         devices.kick(self.x, self._C_ib(), speed, rate, lever(after, self.t_s))
 
     def _release_yo_yo(self):
@@ -300,13 +295,13 @@ class _Run:
         if following and following[0].t_s > moment.t_s:
             self.law = attitude.hold(moment.t_s, following[0].t_s, self.x[10])
 
-    def _prescribe(self, task):
+    def _prescribe(self, name, task):
         """Begin a task whose attitude is prescribed."""
         spin, row = self.x[10], _mass_row(self.configuration, self.t_s)
-        if isinstance(task, p.Point | p.Dwell) and abs(spin) > control.SPINNING:
-            raise FlightError(f"the vehicle spins with {spin:.1f} rad/s when {task.name} begins")
-        if isinstance(task, p.Damp):
-            self.law = attitude.damp(task.t_0, task.t_1, self.x[10:13], (row[3] / row[4] - 1.0) * spin)
+        if isinstance(task, tasks.Point | tasks.Dwell) and abs(spin) > control.SPINNING:
+            raise FlightError(f"the vehicle spins with {spin:.1f} rad/s when {name} begins")
+        if isinstance(task, tasks.Damp):
+            self.law = attitude.damp(task.start, task.end, self.x[10:13], (row[3] / row[4] - 1.0) * spin)
         else:
             self.law = self._rate_law(task, self.x[6:10].copy(), spin)
         self.mode = dynamics.PROGRAMMED
@@ -320,11 +315,11 @@ class _Run:
         self._gather_drift()
         control.settle(c, self.rows[self.k - self._last_revolutions() : self.k, 10:13])
         spinning = abs(x[10]) > control.SPINNING
-        if isinstance(task, p.Damp):
+        if isinstance(task, tasks.Damp):
             follow = control.RATES
-        elif isinstance(task, p.Spin):
+        elif isinstance(task, tasks.SpinTo):
             follow = control.AXIS_AND_SPIN
-        elif spinning and isinstance(task, p.Turn | p.AlignVelocity | p.Hold):
+        elif spinning and isinstance(task, tasks.Turn | tasks.AlignVelocity | tasks.Hold):
             follow = control.AXIS
         else:
             follow = control.ATTITUDE
@@ -334,7 +329,7 @@ class _Run:
             c.q_wanted[:] = control.believed(c, x[6:10].copy())
             c.owed[:] = 0.0
         spin = x[10] if follow == control.AXIS_AND_SPIN else 0.0
-        law = attitude.hold(task.t_0, task.t_1, 0.0)
+        law = attitude.hold(task.start, task.end, 0.0)
         if follow != control.RATES:
             law = self._rate_law(task, c.q_wanted.copy(), spin)
         self.steering = c._replace(follow=follow, law=law)

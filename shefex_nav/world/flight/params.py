@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shefex_nav.world.flight.parts import Nozzle, Payload, RigidPart, Separation
 from shefex_nav.world.flight.settings import (
     ColdGas,
     Ground,
@@ -19,15 +20,6 @@ from shefex_nav.world.flight.settings import (
 )
 
 FLOWN, PRESCRIBED = 0, 1  # attitude by the cold-gas system, or as the programme says
-
-
-class Part(NamedTuple):
-    """A rigid part: the payload, or a stage without its propellant."""
-
-    mass_kg: float
-    station_m: float  # centre of mass
-    inertia_roll: float  # kg m^2 about the roll axis
-    inertia_pitch: float  # kg m^2 across, about its own centre of mass
 
 
 class Propellant(NamedTuple):
@@ -45,10 +37,7 @@ class Motor(NamedTuple):
     t_s: np.ndarray  # (m,) increasing from 0
     vacuum_thrust_n: np.ndarray  # (m,)
     exhaust_speed: float  # m/s, thrust in vacuum per mass flow
-    exit_area_m2: float
-    exit_station_m: float
-    misalignment: np.ndarray  # (2,) rad, thrust turned about body y and z
-    offset_m: np.ndarray  # (2,) m, thrust line off the roll axis in y and z, at the exit
+    nozzle: Nozzle
 
 
 class Aerodynamics(NamedTuple):
@@ -75,14 +64,17 @@ class Stage(NamedTuple):
     """A stage with a solid motor."""
 
     name: str
-    dry: Part
+    dry: RigidPart
     propellant: Propellant
     motor: Motor
     t_ignition_s: float
-    t_separation_s: float  # inf: stays attached
-    separation_impulse: float  # N s on what flies on, along +x
-    tip_off: np.ndarray  # (2,) rad/s about y and z, given to what flies on
+    separation: Separation | None  # None: stays attached
     aerodynamics: Aerodynamics  # while this stage is the lowest one attached
+
+    @property
+    def drops_at(self):
+        """Time, s; inf: it stays attached."""
+        return np.inf if self.separation is None else self.separation.at
 
 
 class Air(NamedTuple):
@@ -90,75 +82,6 @@ class Air(NamedTuple):
 
     table: np.ndarray  # (n, 4) height m, ln(density), ln(pressure), speed of sound m/s; (0, 4): US76
     density_factor: float
-
-
-class Damp(NamedTuple):
-    """Damp the transverse rates and leave the spin alone."""
-
-    name: str
-    t_0: float
-    t_1: float
-
-
-class Turn(NamedTuple):
-    """Turn the roll axis to a direction in the local level frame below the place of the vehicle at t_at_s."""
-
-    name: str
-    t_0: float
-    t_1: float
-    azimuth: float  # rad from north over east
-    elevation: float  # rad
-    t_at_s: float
-
-
-class AlignVelocity(NamedTuple):
-    """Turn the roll axis along the air-relative velocity predicted for t_at_s."""
-
-    name: str
-    t_0: float
-    t_1: float
-    t_at_s: float
-
-
-class Spin(NamedTuple):
-    """Bring the spin about the roll axis to a rate."""
-
-    name: str
-    t_0: float
-    t_1: float
-    rate: float  # rad/s
-
-
-class Point(NamedTuple):
-    """Turn the star camera's boresight to a direction in the local level frame, both at t_1."""
-
-    name: str
-    t_0: float
-    t_1: float
-    azimuth: float  # rad
-    elevation: float  # rad
-    roll: float  # rad about the boresight; 0: camera x as near to the roll axis as it gets
-
-
-class Dwell(NamedTuple):
-    """Hold the attitude, but for rates that are asked for."""
-
-    name: str
-    t_0: float
-    t_1: float
-    boresight_rate: float  # rad/s, constant, about the star camera's boresight
-    cross_rate: float  # rad/s, across it, turning in the camera's axes
-    cross_period_s: float
-    cross_phase: float  # rad
-    ramp_s: float  # rates fade in after t_0 and out before t_1; 0: no rates asked for
-
-
-class Hold(NamedTuple):
-    """Hold the attitude, or the direction of the roll axis of a spinning vehicle."""
-
-    name: str
-    t_0: float
-    t_1: float
 
 
 class FlightParams(NamedTuple):
@@ -169,13 +92,11 @@ class FlightParams(NamedTuple):
     sample_rate_hz: float  # of the IMU
     gravity: tuple  # environment.gravity.GravityModel
     air: Air
-    wind: np.ndarray  # (m, 3) height m, north m/s, east m/s; (0, 3): none
+    wind: np.ndarray  # (m, 1 + 2 k) height m, then north m/s, east m/s at each of the times; (0, 3): none
     start: Launch | Ground | Orbit
     C_bc: np.ndarray  # (3, 3) nominal mounting of the star camera
     imu_b: np.ndarray  # (3,) m, IMU from the nose tip, body axes
-    payload: Part
-    offset_m: np.ndarray  # (2,) m, centre of mass off the roll axis in y and z
-    tilt: np.ndarray  # (2,) rad, roll principal axis turned about body y and z
+    payload: Payload
     payload_aerodynamics: Aerodynamics | None  # once every stage is gone; None: some stage stays
     stages: tuple  # of Stage, in order of burning
     spin_motors: SpinMotors | None
@@ -183,4 +104,5 @@ class FlightParams(NamedTuple):
     cold_gas: ColdGas | None
     parachute: Parachute | None
     attitude: int  # FLOWN or PRESCRIBED
-    programme: tuple  # of tasks in order of time
+    programme: tuple  # of (name, one of `tasks`) in order of time
+    wind_times: tuple = (0.0,)  # (k,) s, increasing; one: the same wind always

@@ -28,7 +28,7 @@ _VECTORS = {
     "C": (3, 3),  # to work in: C_ib of the state that is looked at
 }  # fmt: skip
 # where a table begins in the flat array, and how many rows it has
-_TABLES = ("mass", "thrust", "mach", "alpha", "aero", "damping", "spin_motors", "air", "wind")
+_TABLES = ("mass", "thrust", "mach", "alpha", "aero", "damping", "spin_motors", "air", "wind", "wind_times")
 
 RECORD = rows(
     [(name, np.float64) for name in _SCALARS]
@@ -63,7 +63,8 @@ def prepare(configuration, world):
     for name in _TABLES:
         table = np.asarray(known[name], dtype=float)
         if name == "wind" and len(table) == 1:  # the same at all heights
-            table = np.array([table[0], table[0] + [1.0, 0.0, 0.0]])
+            table = np.vstack([table, table])
+            table[1, 0] += 1.0
         record[f"{name}_at"], record[f"{name}_n"] = at, len(table)
         parts.append(table.ravel())
         at += table.size

@@ -17,7 +17,8 @@ NOWHERE = surroundings.Rail(np.array([wgs84.A, 0.0, 0.0]), np.array([1.0, 0.0, 0
 def surround(params, earth):
     """(World, q_eb on the ground); the attitude is None for a vehicle in orbit."""
     rail, q_eb = (NOWHERE, None) if isinstance(params.start, settings.Orbit) else _rail(params.start)
-    return surroundings.surround(params.gravity, earth, rail, params.air, params.wind), q_eb
+    wind = params.wind, params.wind_times
+    return surroundings.surround(params.gravity, earth, rail, params.air, *wind), q_eb
 
 
 def _rail(site):

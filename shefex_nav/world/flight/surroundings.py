@@ -39,11 +39,15 @@ class World(NamedTuple):
     rail: Rail
     air: np.ndarray  # (n, 4) height m, ln(density), ln(pressure), speed of sound m/s; n = 0: US76
     density_factor: float
-    wind: np.ndarray  # (m, 3) height m, wind to north m/s, to east m/s; m = 0: none
+    wind: np.ndarray  # (m, 1 + 2 k) height m, wind to north m/s, to east m/s at each time; m = 0: none
+    wind_times: np.ndarray  # (k,) s; k = 1: always the same
 
 
-def surround(gravity, earth, rail, air, wind):
-    """World of a field, an EarthRotation, a Rail, `params.Air` and a wind (m, 3), on the WGS 84 ellipsoid."""
+def surround(gravity, earth, rail, air, wind, wind_times=(0.0,)):
+    """World of a field, an EarthRotation, a Rail, `params.Air` and a wind, on the WGS 84 ellipsoid.
+
+    wind, wind_times : (m, 1 + 2 k) and (k,), as of `params.FlightParams`
+    """
 
     def own(values):
         return np.array(values, dtype=float, order="C")
@@ -51,7 +55,7 @@ def surround(gravity, earth, rail, air, wind):
     def increasing(table, columns, what):
         table = own(table).reshape(-1, columns)
         if np.any(np.diff(table[:, 0]) <= 0.0):
-            raise ValueError(f"the heights of the {what} have to increase")
+            raise ValueError(f"the {what} have to increase")
         return table
 
     if len(air.table) == 1:
@@ -63,9 +67,10 @@ def surround(gravity, earth, rail, air, wind):
         earth=turning,
         shape=np.array([wgs84.A, wgs84.E2]),
         rail=Rail(own(rail.r_e), own(rail.direction_e), float(rail.length)),
-        air=increasing(air.table, 4, "air"),
+        air=increasing(air.table, 4, "heights of the air"),
         density_factor=float(air.density_factor),
-        wind=increasing(wind, 3, "wind"),
+        wind=increasing(wind, 1 + 2 * len(wind_times), "heights of the wind"),
+        wind_times=increasing(wind_times, 1, "times of the wind").ravel(),
     )
 
 
@@ -185,14 +190,20 @@ def air(s, tables, height_m):
 
 
 @inner(error_model="numpy", forceinline=True)
-def wind_e(s, tables, height_m, sine, cosine, x, y):
+def wind_e(s, tables, t_s, height_m, sine, cosine, x, y):
     """Wind in frame e, three numbers, m/s; constant beyond the ends of its table. s, tables: of the Scene.
 
     sine, cosine: of the geodetic latitude, with the height from `level`; x, y: m, position in frame e.
     """
-    k, part = place(tables, s.wind_at, s.wind_n, 3, height_m)
-    at = s.wind_at + 3 * k
-    north, east = mixed(tables, at + 1, 3, part), mixed(tables, at + 2, 3, part)
+    width, j, later = 1 + 2 * s.wind_times_n, 0, 0.0
+    if s.wind_times_n > 1:
+        j, later = place(tables, s.wind_times_at, s.wind_times_n, 1, t_s)
+    k, part = place(tables, s.wind_at, s.wind_n, width, height_m)
+    at = s.wind_at + width * k + 1 + 2 * j
+    north, east = mixed(tables, at, width, part), mixed(tables, at + 1, width, part)
+    if later > 0.0:
+        north += later * (mixed(tables, at + 2, width, part) - north)
+        east += later * (mixed(tables, at + 3, width, part) - east)
     across = np.sqrt(x * x + y * y)
     cl, sl = (x / across, y / across) if across > 0.0 else (1.0, 0.0)
     return -sine * cl * north - sl * east, -sine * sl * north + cl * east, cosine * north

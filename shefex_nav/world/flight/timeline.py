@@ -4,13 +4,12 @@ In: `FlightParams`. Out: the moments at which a section of the flight ends, and 
 """
 
 from enum import IntEnum
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from shefex_nav.world.flight import params as p
-from shefex_nav.world.flight import settings
+from shefex_nav.world.flight import settings, tasks
 
 EPS = 1e-9  # s, instants closer than this are one
 LOOP = 0.5  # bandwidth times period up to which a sampled double pole is well damped
@@ -69,11 +68,11 @@ def _planned(params):
         for burn in burns(params)[1 if launch else 0 :]
     ]
     for n, stage in enumerate(params.stages, 1):
-        if np.isfinite(stage.t_separation_s):
-            found.append(Moment(stage.t_separation_s, Kind.SEPARATION, n, f"separation_{n}"))
-    for n, task in enumerate(params.programme):
-        found.append(Moment(task.t_0, Kind.BEGIN, n, f"{task.name}_start"))
-        found.append(Moment(task.t_1, Kind.END, n, f"{task.name}_end"))
+        if stage.separation is not None:
+            found.append(Moment(stage.separation.at, Kind.SEPARATION, n, f"separation_{n}"))
+    for n, (name, task) in enumerate(params.programme):
+        found.append(Moment(task.start, Kind.BEGIN, n, f"{name}_start"))
+        found.append(Moment(task.end, Kind.END, n, f"{name}_end"))
     if params.yo_yo is not None:
         found.append(Moment(params.yo_yo.at, Kind.YO_YO, 0, "yo_yo_release"))
     if params.spin_motors is not None:
@@ -87,7 +86,7 @@ def prescribed(params):
     """(first s, last s) between which the attitude is prescribed; (inf, -inf) where it never is."""
     if params.attitude != p.PRESCRIBED or not params.programme:
         return np.inf, -np.inf
-    return params.programme[0].t_0, params.programme[-1].t_1
+    return params.programme[0][1].start, params.programme[-1][1].end
 
 
 def check(params):
@@ -127,41 +126,43 @@ def _check_stages(params, earliest):
             raise ValueError(f"{stage.name}: the times of its thrust have to increase from 0")
         if burn.t_0 < gone:
             raise ValueError(f"{stage.name}: ignition at {burn.t_0} s is before {below} at {gone} s")
-        if stage.t_separation_s < burn.t_1:
+        if stage.drops_at < burn.t_1:
             raise ValueError(
-                f"{stage.name}: separation at {stage.t_separation_s} s is before its burn-out at {burn.t_1} s"
+                f"{stage.name}: separation at {stage.drops_at} s is before its burn-out at {burn.t_1} s"
             )
-        gone, below = stage.t_separation_s, f"the separation of {stage.name}"
-    alone = not params.stages or np.isfinite(params.stages[-1].t_separation_s)
+        gone, below = stage.drops_at, f"the separation of {stage.name}"
+    alone = not params.stages or params.stages[-1].separation is not None
     if alone and params.payload_aerodynamics is None and not isinstance(params.start, settings.Ground):
         raise ValueError("the payload flies alone and has no aerodynamic coefficients")
 
 
 def _check_programme(params, earliest):
     """Tasks follow each other and can be flown."""
-    tasks = params.programme
-    if tasks and params.attitude == p.FLOWN and params.cold_gas is None:
+    programme = params.programme
+    if programme and params.attitude == p.FLOWN and params.cold_gas is None:
         raise ValueError("the programme is to be flown, and there is no cold gas")
     if params.cold_gas is not None and params.cold_gas.bandwidth * params.cold_gas.period > LOOP:
         raise ValueError(
             f"the valves work every {params.cold_gas.period} s: too slow for a bandwidth of "
             f"{params.cold_gas.bandwidth} rad/s, whose product must not exceed {LOOP}"
         )
-    if tasks and tasks[0].t_0 < earliest:
-        raise ValueError(f"{tasks[0].name} starts at {tasks[0].t_0} s, before the flight")
-    for task in tasks:
-        if not task.t_0 < task.t_1:
-            raise ValueError(f"{task.name} ends at {task.t_1} s, not after its start at {task.t_0} s")
-        if isinstance(task, p.Dwell):
-            rates = task.boresight_rate != 0.0 or task.cross_rate != 0.0
-            if not 0.0 <= 2.0 * task.ramp_s <= task.t_1 - task.t_0:
-                raise ValueError(f"{task.name}: ramp_s ({task.ramp_s} s) does not fit twice into the task")
-            if rates and task.ramp_s == 0.0:
-                raise ValueError(f"{task.name}: rates that are asked for need a ramp_s in which they fade in")
-            if task.cross_rate != 0.0 and not task.cross_period_s > 0.0:
-                raise ValueError(f"{task.name}: cross_rate needs a cross_period_s")
-    for before, after in pairwise(tasks):
-        if after.t_0 < before.t_1:
-            raise ValueError(
-                f"{after.name} starts at {after.t_0} s, before {before.name} ends at {before.t_1} s"
-            )
+    before, free_at = "", earliest
+    for name, task in programme:
+        if task.start < free_at:
+            other = f"{before} ends at {free_at} s" if before else "the flight"
+            raise ValueError(f"{name} starts at {task.start} s, before {other}")
+        if not task.start < task.end:
+            raise ValueError(f"{name} ends at {task.end} s, not after its start at {task.start} s")
+        if isinstance(task, tasks.Dwell) and task.moves:
+            _check_rates(name, task)
+        before, free_at = name, task.end
+
+
+def _check_rates(name, task):
+    """Rates of a dwell can fade in and out."""
+    if task.ramp is None:
+        raise ValueError(f"{name}: rates that are asked for need a ramp in which they fade in")
+    if 2.0 * task.ramp > task.end - task.start:
+        raise ValueError(f"{name}: ramp ({task.ramp} s) does not fit twice into the task")
+    if task.cross_rate != 0.0 and task.cross_period is None:
+        raise ValueError(f"{name}: cross_rate needs a cross_period")

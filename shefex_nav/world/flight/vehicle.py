@@ -16,7 +16,7 @@ from shefex_nav.geometry.rotation import dcm_from_rotvec
 from shefex_nav.world.flight import devices
 from shefex_nav.world.flight.aerodynamics import AeroTables, tables
 from shefex_nav.world.flight.lookup import mixed, place
-from shefex_nav.world.flight.params import Part
+from shefex_nav.world.flight.parts import RigidPart
 
 
 class Configuration(NamedTuple):
@@ -44,11 +44,18 @@ class Configuration(NamedTuple):
 
 
 def combine(parts):
-    """Rigid union of `params.Part`s on one axis, by the parallel-axis theorem."""
-    mass = sum(part.mass_kg for part in parts)
-    station = sum(part.mass_kg * part.station_m for part in parts) / mass
-    pitch = sum(p.inertia_pitch + p.mass_kg * (p.station_m - station) ** 2 for p in parts)
-    return Part(mass, station, sum(part.inertia_roll for part in parts), pitch)
+    """Rigid union of `parts.RigidPart`s on one axis, by the parallel-axis theorem."""
+    mass = sum(part.mass for part in parts)
+    station = sum(part.mass * part.station for part in parts) / mass
+    roll = sum(part.inertia_roll for part in parts)
+    pitch = sum(p.inertia_pitch + p.mass * (p.station - station) ** 2 for p in parts)
+    return RigidPart(mass=mass, station=station, inertia_roll=roll, inertia_pitch=pitch)
+
+
+def charge(propellant, row):
+    """RigidPart of a row of a params.Propellant."""
+    mass, station, roll, pitch = (column[row] for column in propellant)
+    return RigidPart(mass=mass, station=station, inertia_roll=roll, inertia_pitch=pitch)
 
 
 def configure(rigid_parts, stage, params, aerodynamics):
@@ -56,17 +63,17 @@ def configure(rigid_parts, stage, params, aerodynamics):
 
     Parameters
     ----------
-    rigid_parts : `params.Part`s of all that flies but the propellant of that stage; its dry part belongs here
+    rigid_parts : of all that flies but the propellant of that stage; its dry part belongs here
     stage : params.Stage or None
     params : FlightParams, for the IMU and the asymmetry of the vehicle
     aerodynamics : params.Aerodynamics
     """
     body = combine(rigid_parts)
-    table, products = _mass_table(body, stage, params.tilt)
+    table, products = _mass_table(body, stage, params.payload.principal_axis_tilt)
     return Configuration(
         mass=table,
         products=products,
-        offset=np.array(params.offset_m, dtype=float),
+        offset=np.array(params.payload.centre_of_mass_offset, dtype=float),
         imu=np.array(params.imu_b, dtype=float),
         aero=tables(aerodynamics),
         spin_motors=devices.spin_motor_rows(None),
@@ -89,15 +96,14 @@ def _mass_table(body, stage, tilt):
         left = np.array(q.mass_kg, dtype=float)
         if left[0] != 0.0 or np.any(np.diff(left) <= 0.0):
             raise ValueError(f"{stage.name}: the propellant of its table has to grow from zero")
-        rows = zip(left, q.station_m, q.inertia_roll, q.inertia_pitch, strict=True)
-        parts = [combine([body, Part(*row)]) for row in rows]
+        parts = [combine([body, charge(q, row)]) for row in range(left.size)]
     turn = dcm_from_rotvec(np.array([0.0, tilt[0], tilt[1]]))
     roll, pitch = np.array([p.inertia_roll for p in parts]), np.array([p.inertia_pitch for p in parts])
     # R diag(I_x, I_t, I_t) R^T = I_t + (I_x - I_t) e e^T with e the principal axis of roll
     axis = turn[:, 0]
     table = np.empty((left.size, 6))
-    table[:, 0], table[:, 1] = left, [p.mass_kg for p in parts]
-    table[:, 2] = [p.station_m for p in parts]
+    table[:, 0], table[:, 1] = left, [p.mass for p in parts]
+    table[:, 2] = [p.station for p in parts]
     table[:, 3:] = pitch[:, None] + np.outer(roll - pitch, axis**2)
     half = np.interp(0.5 * left[-1], left, roll - pitch)
     products = half * np.array([axis[0] * axis[1], axis[0] * axis[2], axis[1] * axis[2]])
@@ -125,9 +131,9 @@ def _motor(stage):
             )
         left = full * (1.0 - impulse / impulse[-1])
         thrust = np.column_stack([stage.t_ignition_s + t_s, force, left])
-        place = (impulse[-1] / full, float(m.exit_area_m2), float(m.exit_station_m))
-        axis = dcm_from_rotvec(np.array([0.0, m.misalignment[0], m.misalignment[1]]))[:, 0].copy()
-        offset = np.array(m.offset_m, dtype=float)
+        place = (impulse[-1] / full, float(m.nozzle.exit_area), float(m.nozzle.exit_station))
+        axis = dcm_from_rotvec(np.array([0.0, *m.nozzle.misalignment]))[:, 0].copy()
+        offset = np.array(m.nozzle.offset, dtype=float)
     return {
         "thrust": np.ascontiguousarray(thrust),
         "exhaust_speed": float(place[0]),
