@@ -15,10 +15,11 @@ from shefex_nav.clock import SAME_S
 from shefex_nav.log import reader
 from shefex_nav.log.run_data import RunData
 from shefex_nav.log.topics import ATTACHMENT, LogError
-from shefex_nav.onboard.driving import arrivals, drive
+from shefex_nav.onboard.driving import Recorded, drive
 from shefex_nav.onboard.navigation import fusion
 from shefex_nav.onboard.navigation.hypotheses import is_wide
 from shefex_nav.onboard.navigation.state import NavParams
+from shefex_nav.onboard.navigator import Navigator
 from shefex_nav.records import QUANTITIES, ControlSample, Event, FrameTruth, Reason, TruthSample, row
 from shefex_nav.replay import load as external_load
 from shefex_nav.replay import params as external_params
@@ -40,8 +41,7 @@ class Recording(NamedTuple):
     data: RunData
     params: NavParams  # of the filter that is run
     scenario_text: str  # with the overrides in it
-    gps: dict  # tick, counted from 0 -> list of what GPS receiver and instruments said in it
-    stars: dict  # likewise of StarFix, those without an attitude too
+    arrivals: Recorded  # GpsFix, GpsRanges, readings of instruments, StarFix, without an attitude too
     gravity: tuple | None  # kind and degree of the field that the scenario names; external data name none
     field: Any = None  # GravityModel that is felt instead of the on-board one; None: that of the filter
 
@@ -100,15 +100,14 @@ def of_data(data, log_path, overrides=()):
             f"{log_path}: cannot be run again with navigation.stars=vectors: its star fixes do not hold the "
             "stars by themselves; it was written by an older version"
         )
-    ticks_s = data.imu.t_valid_s
+    stars = sorted(data.star_fixes, key=lambda fix: fix.t_available_s)
     return Recording(
         path=str(log_path),
         data=data,
         params=nav_params,
         scenario_text=source,
         gravity=known,
-        gps=_merged(*(arrivals(said, ticks_s) for said in _heard(data))),
-        stars=arrivals(sorted(data.star_fixes, key=lambda fix: fix.t_available_s), ticks_s),
+        arrivals=Recorded(data.imu.t_valid_s, *_heard(data), stars),
     )
 
 
@@ -156,12 +155,6 @@ def _heard(data):
         yield [row(arrays, k) for k in range(len(arrays.t_valid_s))]
 
 
-def _merged(*parts):
-    """Dictionaries of `arrivals` as one: in each tick the records of the first come first."""
-    ticks = set().union(*parts)
-    return {k: [record for part in parts for record in part.get(k, ())] for k in ticks}
-
-
 def start(recording):
     """fusion.Filter at the alignment."""
     return fusion.start(recording.params, recording.data.alignment, recording.data.mission.earth)
@@ -169,10 +162,10 @@ def start(recording):
 
 def records(recording):
     """The records of `run`."""
-    data, nav = recording.data, start(recording)
+    data, software = recording.data, Navigator(start(recording))
     yield data.alignment
     aside = not_seen_on_board(data)[::-1]
-    for k, arrived, outputs in drive(nav, data.imu, recording.gps, recording.stars):
+    for k, arrived, outputs in drive(software, data.imu, recording.arrivals):
         block = row(data.imu, k)
         while aside and aside[-1][0] <= block.t_valid_s + SAME_S:
             yield aside.pop()[1]
