@@ -76,6 +76,7 @@ class Plugin(NamedTuple):
 
 
 _LOADED = {}  # sha256 -> (Plugin, tuple of what it provides)
+_MODULES = {}  # sha256 -> module of software
 _ADDED = {}  # step -> names of the ways that plug-ins have added
 _EVERY = []  # not empty: within `trusting`
 
@@ -93,6 +94,63 @@ def load(name, sha256=None, trust=False):
     trust : whether consent is given for the file as it is now
     """
     path, version = (name, "") if is_file(name) else _installed(name)
+    source, found = _read(name, path, sha256)
+    if found not in _LOADED:
+        plugin = Plugin(
+            os.path.basename(path) if is_file(name) else name, version, found, os.path.abspath(path)
+        )
+        if is_file(name):
+            _ask(name, path, found, trust)
+            provided = _module(plugin, source)
+        else:
+            provided = _entry(name).load()
+        _LOADED[found] = plugin, tuple(_brought(one, plugin) for one in _provided(provided, name))
+    activate(_LOADED[found][1])
+    return _LOADED[found]
+
+
+def software(name, sha256=None, trust=False):
+    """Software that somebody wrote to fly on board: Plugin, class.
+
+    name : 'file.py:Class', or 'package.module:Class' of an installed package; sha256, trust : as of `load`
+    """
+    where, _, attribute = name.rpartition(":")
+    if not where or not attribute.isidentifier():
+        raise PluginError(f"'{name}' names no class; write such as my_navigation.py:MyFilter")
+    path = where if is_file(where) else _module_file(where)
+    source, found = _read(where, path, sha256)
+    if is_file(where):
+        if found not in _MODULES:
+            _ask(where, path, found, trust)
+            plugin = Plugin(os.path.basename(path), "", found, os.path.abspath(path))
+            _MODULES[found] = _module(plugin, source)
+        module = _MODULES[found]
+    else:
+        module = import_module(where)
+    made = getattr(module, attribute, None)
+    if not callable(made):
+        known = ", ".join(key for key, value in vars(module).items() if _is_own_class(value, module))
+        raise PluginError(f"'{where}' has no class {attribute}; it has: {known or 'none'}")
+    return Plugin(name, "", found, f"{os.path.abspath(path)}:{attribute}" if is_file(where) else name), made
+
+
+def _is_own_class(value, module):
+    return isinstance(value, type) and value.__module__ == module.__name__
+
+
+def _module_file(name):
+    """File of an installed module."""
+    try:
+        spec = util.find_spec(name)
+    except (ImportError, ValueError):
+        spec = None
+    if spec is None or spec.origin is None:
+        raise PluginError(f"there is no module '{name}' installed; a file of your own ends in .py")
+    return spec.origin
+
+
+def _read(name, path, sha256):
+    """Source of a file, and its SHA-256, which must be `sha256` unless that is None."""
     try:
         with open(path, "rb") as file:
             source = file.read()
@@ -106,18 +164,7 @@ def load(name, sha256=None, trust=False):
             f"'{name}' is another file than the one that was flown: its SHA-256 is {found[:12]}..., "
             f"that was {sha256[:12]}..."
         )
-    if found not in _LOADED:
-        plugin = Plugin(
-            os.path.basename(path) if is_file(name) else name, version, found, os.path.abspath(path)
-        )
-        if is_file(name):
-            _ask(name, path, found, trust)
-            provided = _module(plugin, source)
-        else:
-            provided = _entry(name).load()
-        _LOADED[found] = plugin, tuple(_brought(one, plugin) for one in _provided(provided, name))
-    activate(_LOADED[found][1])
-    return _LOADED[found]
+    return source, found
 
 
 def _brought(one, plugin):

@@ -10,7 +10,7 @@ from bisect import bisect_right
 
 import numpy as np
 
-from shefex_nav import prepare, statistical
+from shefex_nav import prepare, software, statistical
 from shefex_nav.clock import IMU_HZ, SAME_S, SAMPLES_PER_TICK, TICK_HZ
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import rotation, wgs84
@@ -95,8 +95,12 @@ def _on_board(world, scenario, seed, step, schedule, telemetry):
         rng=noise.generator(seed, "camera_noise"),
         take=take,
     )
+    if own := software.tracker(scenario, params, world.earth):
+        step = own.step
     clock = Stopwatch(step)
-    navigation = navigator.start(params.nav, world.alignment, world.earth, telemetry)
+    navigation = software.navigation(scenario, params, world.alignment, world.earth) or navigator.start(
+        params.nav, world.alignment, world.earth, telemetry
+    )
     # statistics find single stars by the prediction, and nothing else
     predicts = not is_statistical or params.tracker.vectors
     computer = onboard.Computer(params, navigation, tracker, line.chain(clock.step), predicts)

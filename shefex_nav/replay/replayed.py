@@ -65,6 +65,7 @@ def of_log(recording, from_s, log):
     setup_s = time.perf_counter() - began
     name = f"{data.mission.scenario} (replayed)"
     mission = data.mission._replace(scenario=name, scenario_text=recording.scenario_text, version=__version__)
+    mission = mission._replace(software=recording.software)
     end_s = float(data.imu.t_valid_s[-1])
     replayed = _collect(rerun.records(recording), mission, end_s, setup_s, log, until_s=data.cut_s)
     return _summary(replayed, log, from_s, None, end_s - mission.start_s)

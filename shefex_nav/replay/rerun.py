@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shefex_nav import prepare
+from shefex_nav import prepare, software
 from shefex_nav.clock import SAME_S
+from shefex_nav.environment import ephemeris
 from shefex_nav.log import reader
 from shefex_nav.log.run_data import RunData
 from shefex_nav.log.topics import ATTACHMENT, LogError
@@ -25,6 +26,7 @@ from shefex_nav.replay import load as external_load
 from shefex_nav.replay import params as external_params
 from shefex_nav.report import local_level
 from shefex_nav.scenario import load, params_onboard
+from shefex_nav.scenario.software import flown as software_flown
 
 CHANGEABLE = (  # what of a scenario may be changed after the flight
     "navigation.",
@@ -43,6 +45,8 @@ class Recording(NamedTuple):
     scenario_text: str  # with the overrides in it
     arrivals: Recorded  # GpsFix, GpsRanges, readings of instruments, StarFix, without an attitude too
     gravity: tuple | None  # kind and degree of the field that the scenario names; external data name none
+    software: tuple = ()  # as Mission.software, of what is run
+    own: Any = None  # own_navigation.OwnNavigation that is run in the place of the filter
     field: Any = None  # GravityModel that is felt instead of the on-board one; None: that of the filter
 
 
@@ -92,7 +96,7 @@ def of_data(data, log_path, overrides=()):
             f"{log_path}: begins with an angle of the attitude that was not known; its flight can be flown "
             "again (run), its filter cannot be run again over this log"
         )
-    nav_params, source, known = _configuration(data, f"{log_path}: {ATTACHMENT}", overrides)
+    nav_params, source, known, own, running = _configuration(data, f"{log_path}: {ATTACHMENT}", overrides)
     if nav_params.stars == "vectors" and any(
         fix.reason == Reason.NONE and not len(fix.stars.hip) for fix in data.star_fixes
     ):
@@ -107,20 +111,28 @@ def of_data(data, log_path, overrides=()):
         params=nav_params,
         scenario_text=source,
         gravity=known,
+        own=own,
+        software=running,
         arrivals=Recorded(data.imu.t_valid_s, *_heard(data), stars),
     )
 
 
 def _configuration(data, name, overrides):
-    """(NavParams, scenario text, gravity) of a log: that of a mission, or of a replay of external data."""
+    """NavParams, scenario text, gravity, OwnNavigation that flies instead of the filter or None, its name.
+
+    Of the log of a mission, or of a replay of external data.
+    """
     text = data.mission.scenario_text
     if local_level.is_replay(data):
         scenario = external_load.load_text(text, name, overrides)
-        return external_params.nav_params(scenario, float(data.imu.dt_s[0])), scenario.source, None
+        return external_params.nav_params(scenario, float(data.imu.dt_s[0])), scenario.source, None, None, ()
     scenario = load.load_text(text, name, overrides)
     known = scenario.earth.gravity, scenario.earth.gravity_degree
     scenario = prepare.settled(scenario)
-    return params_onboard.nav_params(scenario), scenario.source, known
+    bodies = ephemeris.sky_bodies(scenario.mission.epoch)
+    params = params_onboard.computer_params(scenario, bodies, np.empty((0, 2)))
+    own = software.navigation(scenario, params, data.alignment, data.mission.earth)
+    return params.nav, scenario.source, known, own, software_flown(scenario)
 
 
 def _check(log_path, data):
@@ -162,10 +174,10 @@ def start(recording):
 
 def records(recording):
     """The records of `run`."""
-    data, software = recording.data, Navigator(start(recording))
+    data, flies = recording.data, recording.own or Navigator(start(recording))
     yield data.alignment
     aside = not_seen_on_board(data)[::-1]
-    for k, arrived, outputs in drive(software, data.imu, recording.arrivals):
+    for k, arrived, outputs in drive(flies, data.imu, recording.arrivals):
         block = row(data.imu, k)
         while aside and aside[-1][0] <= block.t_valid_s + SAME_S:
             yield aside.pop()[1]
