@@ -13,6 +13,7 @@ A package has been installed on purpose and needs none.
 
 import hashlib
 import os
+import shutil
 import sys
 import traceback
 import types
@@ -26,6 +27,7 @@ from shefex_nav.instruments.instrument import Instrument
 from shefex_nav.onboard.navigation.blocks import OwnState
 
 GROUP = "shefex_nav.plugins"
+LOOPBACK = "127.0.0.1", "localhost"
 CONSENT = "SHEFEX_NAV_TRUST"  # environment variable of consents given in this process, for those it starts
 
 
@@ -132,6 +134,38 @@ def software(name, sha256=None, trust=False):
         known = ", ".join(key for key, value in vars(module).items() if _is_own_class(value, module))
         raise PluginError(f"'{where}' has no class {attribute}; it has: {known or 'none'}")
     return Plugin(name, "", found, f"{os.path.abspath(path)}:{attribute}" if is_file(where) else name), made
+
+
+def program(words, sha256=None, trust=False):
+    """A program that somebody wrote to fly on board: words of its command with whole paths, SHA-256.
+
+    words : of the command; sha256, trust : as of `load`. The SHA-256 is that of the words and of the files
+    among them.
+    """
+    found = shutil.which(words[0])
+    if found is None:
+        raise PluginError(f"'{words[0]}' cannot be started: there is no such program, or it may not be run")
+    words = [os.path.abspath(found), *words[1:]]
+    total = hashlib.sha256(repr(words[1:]).encode())
+    for word in words:
+        if os.path.isfile(word):
+            with open(word, "rb") as file:
+                total.update(hashlib.sha256(file.read()).digest())
+    digest, name = total.hexdigest(), " ".join([os.path.basename(found), *words[1:]])
+    if sha256 is not None and digest != sha256:
+        raise PluginError(
+            f"'{name}' is another program than the one that was flown: its SHA-256 is {digest[:12]}..., "
+            f"that was {sha256[:12]}..."
+        )
+    _ask(name, words[0], digest, trust)
+    return words, digest
+
+
+def address(url, trust=False):
+    """NotTrusted unless a program may be talked to at an address; on this machine it may."""
+    host = url.partition("://")[2].rpartition(":")[0]
+    if host not in LOOPBACK:
+        _ask(url, url, hashlib.sha256(url.encode()).hexdigest(), trust)
 
 
 def _is_own_class(value, module):

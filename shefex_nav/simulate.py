@@ -10,7 +10,7 @@ from bisect import bisect_right
 
 import numpy as np
 
-from shefex_nav import prepare, software, statistical
+from shefex_nav import prepare, statistical
 from shefex_nav.clock import IMU_HZ, SAME_S, SAMPLES_PER_TICK, TICK_HZ
 from shefex_nav.environment import ephemeris
 from shefex_nav.geometry import rotation, wgs84
@@ -19,6 +19,8 @@ from shefex_nav.onboard import driving, navigator
 from shefex_nav.onboard.startracker import tracker as star_tracker
 from shefex_nav.onboard.telemetry import RECORDS
 from shefex_nav.records import CameraCommand, ComputeTime, ControlSample, Frame, TruthSample, row
+from shefex_nav.scenario import software
+from shefex_nav.software import flown
 from shefex_nav.world import camera, faults, imu, noise
 from shefex_nav.world.camera.shutter import Shutter
 
@@ -95,10 +97,10 @@ def _on_board(world, scenario, seed, step, schedule, telemetry):
         rng=noise.generator(seed, "camera_noise"),
         take=take,
     )
-    if own := software.tracker(scenario, params, world.earth):
+    if own := flown.tracker(scenario, params, world.earth):
         step = own.step
     clock = Stopwatch(step)
-    navigation = software.navigation(scenario, params, world.alignment, world.earth) or navigator.start(
+    navigation = flown.navigation(scenario, params, world.alignment, world.earth) or navigator.start(
         params.nav, world.alignment, world.earth, telemetry
     )
     # statistics find single stars by the prediction, and nothing else
@@ -188,7 +190,8 @@ def warm_up(scenario, world=None):
     """
     if world is None:
         world = prepare.build_world(scenario, seed=0, brief=True)
-    for _ in route(world, scenario, 0, until_s=scenario.mission.start + 1.5):
+    # software of a user's own flies once, not here
+    for _ in route(world, software.with_built_in(scenario), 0, until_s=scenario.mission.start + 1.5):
         pass
     year = catalogue_year(scenario.mission.epoch)
     tracker = star_tracker.init(world.computer.tracker, world.catalogue, year)

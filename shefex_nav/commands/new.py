@@ -20,13 +20,15 @@ class Template(NamedTuple):
     """A file that is written, and what is done with it."""
 
     file: str
-    next: tuple[str, ...]  # commands, with {file} and {name} in them
+    next: tuple[str, ...]  # commands, with {file} and {stem} in them
+    beside: tuple[str, ...] = ()  # files that it needs, which are written into the same folder
 
 
 class Kind(StrEnum):
     """What can be written."""
 
     FILTER = "filter"
+    C = "c"
     TRACKER = "tracker"
     SENSOR = "sensor"
     SCENARIO = "scenario"
@@ -34,19 +36,27 @@ class Kind(StrEnum):
 
 KINDS = {
     Kind.FILTER: Template(
-        "filter.py", ("run shefex2_andoya --set navigation.software={file}:MyFilter --trust",)
+        "filter.py", ("shefex-nav run shefex2_andoya --set navigation.software={file}:MyFilter --trust",)
+    ),
+    Kind.C: Template(
+        "strapdown.c",
+        (
+            "cc -O2 -o {stem} {file} -lm",
+            "shefex-nav run shefex2_andoya --set 'navigation.software={{command: {stem}}}' --trust",
+        ),
+        ("shefex_fsw.h",),
     ),
     Kind.TRACKER: Template(
-        "tracker.py", ("run night_sky --set star_tracker.software={file}:MyTracker --trust",)
+        "tracker.py", ("shefex-nav run night_sky --set star_tracker.software={file}:MyTracker --trust",)
     ),
     Kind.SENSOR: Template(
         "sensor.py",
         (
-            "run rexus_like --set 'plugins=[{file}]' --set 'radar_altimeter={{rate: 5 Hz, latency: 10 ms, "
-            "bias: 1 m, noise: 2 m}}' --set navigation.states=automatic --trust",
+            "shefex-nav run rexus_like --trust --set 'plugins=[{file}]' --set navigation.states=automatic"
+            " --set 'radar_altimeter={{rate: 5 Hz, latency: 10 ms, bias: 1 m, noise: 2 m}}'",
         ),
     ),
-    Kind.SCENARIO: Template("scenario.yaml", ("check {file}", "run {file}")),
+    Kind.SCENARIO: Template("scenario.yaml", ("shefex-nav check {file}", "shefex-nav run {file}")),
 }
 
 
@@ -54,7 +64,7 @@ def new(
     kind: Annotated[Kind, typer.Argument(help="What to write.")],
     file: Annotated[Path, typer.Argument(help="Where; must not exist.")],
 ):
-    """Write a filter, star tracker, sensor or scenario of your own to start from; it flies as it is."""
+    """Write software, a sensor or a scenario of your own to start from; it flies as it is."""
     template = KINDS[kind]
     ending = Path(template.file).suffix
     if file.suffix != ending:
@@ -62,11 +72,15 @@ def new(
     check_place(file, "FILE")
     text = (TEMPLATES / template.file).read_text(encoding="utf-8")
     text = text.replace("FILE", str(file)).replace("name: NAME", f"name: {file.stem}")
+    others = {file.parent / name: (TEMPLATES / name).read_text(encoding="utf-8") for name in template.beside}
+    written = {file: text} | {path: content for path, content in others.items() if not path.exists()}
     try:
-        with file.open("x", encoding="utf-8") as out:
-            out.write(text)
+        for path, content in written.items():
+            with path.open("x", encoding="utf-8") as out:
+                out.write(content)
     except OSError as error:
-        raise typer.BadParameter(f"{file}: {error.strerror}", param_hint="FILE") from None
-    say(f"wrote {file}; fly it:")
+        raise typer.BadParameter(f"{error.filename}: {error.strerror}", param_hint="FILE") from None
+    say(f"wrote {', '.join(map(str, written))}; fly it:")
+    stem = os.path.join(".", file.with_suffix(""))
     for line in template.next:
-        say(f"  shefex-nav {line.format(file=os.fspath(file))}")
+        say(f"  {line.format(file=file, stem=stem)}")

@@ -70,6 +70,10 @@ class Computer:
         received = [one for one in arrived if not isinstance(one, Frame)] if frames else arrived
         return outputs + self.navigation.update([*received, *due])
 
+    def close(self):
+        """There are no more ticks."""
+        self.navigation.close()
+
     @property
     def _is_on(self):
         """Whether camera and star tracker are switched on."""

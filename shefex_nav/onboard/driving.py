@@ -34,6 +34,9 @@ class Software(Protocol):
         -> list of records, the output of the tick
         """
 
+    def close(self):
+        """There are no more ticks."""
+
 
 class Arrivals(Protocol):
     """What comes to the software; ticks are counted from 1, tick n is the one of row n - 1."""
@@ -95,10 +98,13 @@ def drive(software, blocks, arrivals, ticks=None):
     outputs : list of records
     """
     n, end = 0, len(blocks.t_valid_s) if ticks is None else ticks
-    while n < end:
-        done, passed = software.advance(blocks, n, min(end, arrivals.next_tick(n)))
-        for k, outputs in passed:
-            yield k, [], outputs
-        n += done
-        arrived = arrivals.at(n)
-        yield n - 1, arrived, software.update(arrived)
+    try:
+        while n < end:
+            done, passed = software.advance(blocks, n, min(end, arrivals.next_tick(n)))
+            for k, outputs in passed:
+                yield k, [], outputs
+            n += done
+            arrived = arrivals.at(n)
+            yield n - 1, arrived, software.update(arrived)
+    finally:
+        software.close()

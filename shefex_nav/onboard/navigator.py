@@ -72,6 +72,9 @@ class Navigator:
         self.nav, self.bank = found, None
         return outputs + self._telemetry.now(found, self._ticks)
 
+    def close(self):
+        """There are no more ticks."""
+
     def context(self, frame, sky, predicts=True):
         """What the navigation knows about a frame: `tracker.Context`.
 

@@ -124,6 +124,11 @@ class OwnNavigation:
                 context = context._replace(q_ic=rotation.quat_from_dcm(C_ic), P_c=P_c)
         return self._with_rate(context, frame, C_bc) if predicts else context
 
+    def close(self):
+        """There are no more ticks."""
+        if end := getattr(self._software, "close", None):
+            end()
+
     def _geometry(self, context, near, C_ic, sky):
         """A Context with velocity and angles of the boresight."""
         C_ei = frames.dcm_ie(self._mission.earth, near.t_s).T
@@ -197,8 +202,8 @@ class OwnNavigation:
         """Call the software; an exception becomes a SoftwareError with its frames."""
         try:
             return getattr(self._software, function)(*given)
-        except CodeError:
-            raise
+        except CodeError as error:  # has its words already
+            raise self._error(str(error)) from error
         except Exception as error:
             raise self._error(f"failed in {function}", error) from error
 

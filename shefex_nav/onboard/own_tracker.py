@@ -55,11 +55,8 @@ class OwnTracker:
         settings = tracker.params.settings
         fix = self._fix(solved, frame, frame.t_available_s + settings.latency)
         exposure_s = state.exposure_s if solved.exposure_s is None else float(solved.exposure_s)
-        if not settings.exposure.shortest <= exposure_s <= settings.exposure.longest:
-            words = (
-                f"asked for an exposure of {exposure_s:g} s; the camera can do "
-                f"{settings.exposure.shortest:g} to {settings.exposure.longest:g} s"
-            )
+        if not 0.0 < exposure_s < 1.0 / settings.rate:
+            words = f"asked for an exposure of {exposure_s:g} s; frames come every {1.0 / settings.rate:g} s"
             raise self._error(frame.t_available_s, words)
         if solved.gain_db is not None:
             self._gain_db = float(solved.gain_db)
@@ -121,8 +118,8 @@ class OwnTracker:
         """Call the software; an exception becomes a SoftwareError with its frames."""
         try:
             return getattr(self._software, function)(*given)
-        except CodeError:
-            raise
+        except CodeError as error:  # has its words already
+            raise self._error(now_s, str(error)) from error
         except Exception as error:
             raise self._error(now_s, f"failed in {function}", error) from error
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shefex_nav import prepare, software
+from shefex_nav import prepare
 from shefex_nav.clock import SAME_S
 from shefex_nav.environment import ephemeris
 from shefex_nav.log import reader
@@ -25,8 +25,8 @@ from shefex_nav.records import QUANTITIES, ControlSample, Event, FrameTruth, Rea
 from shefex_nav.replay import load as external_load
 from shefex_nav.replay import params as external_params
 from shefex_nav.report import local_level
-from shefex_nav.scenario import load, params_onboard
-from shefex_nav.scenario.software import flown as software_flown
+from shefex_nav.scenario import load, params_onboard, software
+from shefex_nav.software import flown
 
 CHANGEABLE = (  # what of a scenario may be changed after the flight
     "navigation.",
@@ -131,8 +131,8 @@ def _configuration(data, name, overrides):
     scenario = prepare.settled(scenario)
     bodies = ephemeris.sky_bodies(scenario.mission.epoch)
     params = params_onboard.computer_params(scenario, bodies, np.empty((0, 2)))
-    own = software.navigation(scenario, params, data.alignment, data.mission.earth)
-    return params.nav, scenario.source, known, own, software_flown(scenario)
+    own = flown.navigation(scenario, params, data.alignment, data.mission.earth)
+    return params.nav, scenario.source, known, own, software.flown(scenario)
 
 
 def _check(log_path, data):
