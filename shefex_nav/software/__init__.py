@@ -12,6 +12,7 @@ mission     what software is told before the flight
 flown       from a scenario to the software that flies
 built_in    the filter of the program as such software
 messages    what goes to a program of its own and comes back, as protobuf messages
+codec       one record to bytes and back
 channels    standard input and output, TCP, UDP
 remote      a program of its own, as the simulator sees it
 serve       the other end, in Python

@@ -27,7 +27,7 @@ from shefex_nav.log import topics, wire
 from shefex_nav.log.fields import EQUAL, Topic, flag, integer, matrix, number, text, vector
 from shefex_nav.onboard import own_navigation
 from shefex_nav.onboard.startracker import tracker
-from shefex_nav.records import QUANTITIES
+from shefex_nav.software.codec import Codec
 from shefex_nav.software.mission import MissionData
 
 FORMAT = 1  # of these messages; another is refused
@@ -81,7 +81,7 @@ class Query(NamedTuple):
 
 
 class Context(NamedTuple):
-    """tracker.Context; NaN: not known."""
+    """tracker.Context; None: not known."""
 
     velocity_i: np.ndarray
     rate: float
@@ -112,15 +112,15 @@ class End(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """own_navigation.Estimate; NaN: not said."""
+    """own_navigation.Estimate; None: not said."""
 
     r_i: np.ndarray
     v_i: np.ndarray
     q_ib: np.ndarray
-    P: np.ndarray = np.full((9, 9), np.nan)
-    omega_ib_b: np.ndarray = np.full(3, np.nan)
-    gyro_bias: np.ndarray = np.full(3, np.nan)
-    accel_bias: np.ndarray = np.full(3, np.nan)
+    P: np.ndarray | None = None
+    omega_ib_b: np.ndarray | None = None
+    gyro_bias: np.ndarray | None = None
+    accel_bias: np.ndarray | None = None
     star_aided: bool = False
     do_not_use_position: bool = False
     do_not_use_velocity: bool = False
@@ -168,7 +168,7 @@ OWN = (
         integer("rows", "of the picture"),
     ),
     _message(
-        Context, "What the navigation knows of a picture; NaN: not known.",
+        Context, "What the navigation knows of a picture; what is not known is not sent.",
         vector("velocity_i", "m/s", "of the vehicle relative to the solar-system barycentre"),
         number("rate", "rad/s", "of the body"),
         number("sun_angle", "rad", "boresight to the Sun"),
@@ -182,7 +182,7 @@ OWN = (
     _message(Failed, "The software has failed.", text("words", "why")),
     _message(End, "There are no more ticks.", T_S),
     _message(
-        Estimate, "What navigation software knows at the end of a tick; NaN: not said.",
+        Estimate, "What navigation software knows at the end of a tick; None is not sent.",
         vector("r_i", "m", "position of the IMU, inertial axes"),
         vector("v_i", "m/s", "velocity, inertial axes"),
         vector("q_ib", "", "attitude, body to inertial axes, Hamilton, scalar first", 4),
@@ -198,72 +198,25 @@ OWN = (
 )  # fmt: skip
 
 
-class Codec:
-    """One record to the bytes of its message on the wire, and back.
-
-    topic : log.fields.Topic
-    """
-
-    def __init__(self, topic):
-        self._codec, self.topic = wire.codec(topic), topic
-        self._name = topic.schema.encode("ascii")
-        self._timestamp = np.zeros(1, dtype=np.int64)
-        self._class = None  # of google.protobuf, for messages that lack fields
-
-    def pack(self, record):
-        """The whole message."""
-        body = self._codec.encode([record], self._timestamp)[0]
-        return HEAD.pack(1 + len(self._name) + len(body), len(self._name)) + self._name + body
-
-    def unpack(self, body):
-        """The record of a message."""
-        if self._is_sparse(body):
-            return self._sparse(body)
-        found = self._codec.decode([body])
-        if isinstance(found, list):
-            return found[0]
-        # a Frame comes without its pixels
-        return type(found)(*(column if column is None else _first(column) for column in found))
-
-    def _is_sparse(self, body):
-        """Whether a message of fixed layout lacks fields: those are not said."""
-        return isinstance(self._codec, wire.FixedCodec) and len(body) != self._codec.size
-
-    def _sparse(self, body):
-        """Record of a message in which what is not there has the record's default, or is zero."""
-        if self._class is None:
-            self._class = wire.message_class(self.topic)
-        message = self._class.FromString(body)
-        values = dict(self.topic.record._field_defaults)
-        for field in self.topic.fields:
-            value = getattr(message, field.name)
-            if field.shape and not len(value) and field.source in values:
-                continue
-            values[field.source] = np.reshape(value, field.shape) if field.shape else value
-        return wire.assemble(self.topic.record, values)
-
-
-def _first(column):
-    """The only value of a column."""
-    return column[0].item() if column.ndim == 1 else column[0]
-
-
 @cache
 def _codecs():
-    """{type of record: Codec}, and {name: Codec}."""
-    made = [Codec(topic) for topic in (*OWN, *topics.topics()) if topic.schema not in ("ComputeTime",)]
-    return {one.topic.record: one for one in made}, {one.topic.schema: one for one in made}
+    """{type of record: (head without the length, Codec)}, and {name: Codec}."""
+    made = [Codec(topic) for topic in (*OWN, *topics.topics())]
+    heads = {one.topic.record: (one.topic.schema.encode("ascii"), one) for one in made}
+    return heads, {one.topic.schema: one for one in made}
 
 
 def pack(record):
-    """A record as the bytes of its message."""
-    return _codecs()[0][type(record)].pack(record)
+    """A record as the bytes of its message on the wire."""
+    name, codec = _codecs()[0][type(record)]
+    body = codec.encode(record)
+    return b"".join((HEAD.pack(1 + len(name) + len(body), len(name)), name, body))
 
 
 def unpack(name, body):
-    """Record of a message; None if the name is not known."""
+    """Record of a message; None if the name is not known. ValueError"""
     codec = _codecs()[1].get(name)
-    return None if codec is None else codec.unpack(body)
+    return None if codec is None else codec.decode(body)
 
 
 def split(data):
@@ -297,41 +250,24 @@ def _json(values):
 
 def estimate_to_send(estimate):
     """messages.Estimate of an own_navigation.Estimate."""
-    given = {name: value for name, value in estimate._asdict().items() if value is not None}
-    usable = zip(_DO_NOT_USE, given.pop("usable"), strict=True)
-    return Estimate(**given, **{name: not value for name, value in usable})
+    *known, usable = estimate
+    return Estimate(*known, *(not one for one in usable))
 
 
 def estimate_received(sent):
     """own_navigation.Estimate of a messages.Estimate."""
-    given = sent._asdict()
-    usable = tuple(not given.pop(name) for name in _DO_NOT_USE)
-    for name in ("P", "omega_ib_b", "gyro_bias", "accel_bias"):
-        if np.isnan(given[name]).all():
-            given[name] = None
-    return own_navigation.Estimate(**given, usable=usable)
-
-
-_DO_NOT_USE = tuple(f"do_not_use_{quantity}" for quantity in QUANTITIES)
+    *known, position, velocity, attitude = sent
+    return own_navigation.Estimate(*known, (not position, not velocity, not attitude))
 
 
 def context_to_send(context):
     """messages.Context of a tracker.Context."""
-    unknown = {"velocity_i": (3,), "q_ic": (4,), "P_c": (3, 3), "omega_c": (3,), "P_omega_c": (3, 3)}
-    values = context._asdict()
-    for name, shape in unknown.items():
-        if values[name] is None:
-            values[name] = np.full(shape, np.nan)
-    return Context(**values)
+    return Context(*context)
 
 
 def context_received(sent):
     """tracker.Context of a messages.Context."""
-    values = sent._asdict()
-    for name in ("velocity_i", "q_ic", "P_c", "omega_c", "P_omega_c"):
-        if np.isnan(values[name]).all():
-            values[name] = None
-    return tracker.Context(**values)
+    return tracker.Context(*sent)
 
 
 def proto():

@@ -1,4 +1,4 @@
-/* Flight software in C for shefex_nav: messages by standard input and output. One file, C99, no library.
+/* Flight software in C for shefex_nav: messages by standard input and output. One file, C99 and POSIX.
  *
  *     struct shefex_message in;
  *     while (shefex_receive(&in)) {
@@ -13,10 +13,17 @@
 #ifndef SHEFEX_FSW_H
 #define SHEFEX_FSW_H
 
+#ifndef _POSIX_C_SOURCE
+#define _POSIX_C_SOURCE 200112L
+#endif
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <sched.h>
 #include <stdint.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 struct shefex_message {
     char name[64];
@@ -40,7 +47,48 @@ enum {
     SHEFEX_DONE_T_S = 2
 };
 
-static int shefex_bytes(void *into, size_t size) { return fread(into, 1, size, stdin) == size; }
+static unsigned char shefex_in[1 << 16];
+static size_t shefex_in_first, shefex_in_end;
+
+/* More bytes of standard input; for a moment it is asked again and again, because who sleeps is woken late. */
+static int shefex_more(void)
+{
+    static int flags = -1;
+    if (flags < 0) {
+        flags = fcntl(0, F_GETFL);
+        fcntl(0, F_SETFL, flags | O_NONBLOCK);
+    }
+    for (int asked = 0;; asked++) {
+        ssize_t n = read(0, shefex_in, sizeof shefex_in);
+        if (n > 0) {
+            shefex_in_first = 0;
+            shefex_in_end = (size_t)n;
+            return 1;
+        }
+        if (n == 0 || (errno != EAGAIN && errno != EINTR)) return 0;
+        if (asked < 500) {
+            sched_yield();
+        } else {
+            struct pollfd wait = {0, POLLIN, 0};
+            poll(&wait, 1, -1);
+        }
+    }
+}
+
+static int shefex_bytes(void *into, size_t size)
+{
+    unsigned char *to = into;
+    while (size) {
+        if (shefex_in_first == shefex_in_end && !shefex_more()) return 0;
+        size_t n = shefex_in_end - shefex_in_first;
+        if (n > size) n = size;
+        memcpy(to, shefex_in + shefex_in_first, n);
+        shefex_in_first += n;
+        to += n;
+        size -= n;
+    }
+    return 1;
+}
 
 /* The next message; 0 when the simulator has no more. */
 static int shefex_receive(struct shefex_message *in)
@@ -176,9 +224,13 @@ static void shefex_end(void)
 
 static int shefex_send(void)
 {
-    int sent = fwrite(shefex_out, 1, shefex_used, stdout) == shefex_used && fflush(stdout) == 0;
+    for (size_t done = 0; done < shefex_used;) {
+        ssize_t n = write(1, shefex_out + done, shefex_used - done);
+        if (n < 0 && errno != EINTR) return 0;
+        if (n > 0) done += (size_t)n;
+    }
     shefex_used = 0;
-    return sent;
+    return 1;
 }
 
 #endif
